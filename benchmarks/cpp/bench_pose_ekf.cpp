@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+// One prediction and five ranges on three states, per step: a hand-written Joseph-form reference, our
+// models and filter functions, the whole PoseEkf with checks, gates and outcomes, and Orocos BFL.
+#include <benchmark/benchmark.h>
+
+#include <Eigen/Core>
+#include <memory>
+
+#include "circle.hpp"
+#include "locfuse/locfuse.hpp"
+#ifdef LOCFUSE_WITH_BFL
+#include "bfl_peer.hpp"
+#endif
+
+namespace {
+
+using locfuse::Linearization;
+using locfuse::Pose2;
+using locfuse::PoseEkf;
+
+const Circle& input() {
+  static const Circle circle;
+  return circle;
+}
+
+/// Fixed-size Eigen, written for this problem and nothing else: no checks, no gate, no outcome.
+void run_reference(const Circle& in, std::vector<double>& out) {
+  Eigen::Vector3d x(in.start[0], in.start[1], in.start[2]);
+  Eigen::Matrix3d P = Eigen::Matrix3d::Zero();
+  Eigen::Matrix3d Q = Eigen::Matrix3d::Zero();
+  const Eigen::Matrix3d I = Eigen::Matrix3d::Identity();
+  for (int i = 0; i < 3; ++i) {
+    P(i, i) = Circle::kSigmaStart[i] * Circle::kSigmaStart[i];
+    Q(i, i) = Circle::kSigmaMotion[i] * Circle::kSigmaMotion[i];
+  }
+  const double R = Circle::kSigmaRange * Circle::kSigmaRange;
+  Eigen::Matrix3d F = I;
+  Eigen::Matrix3d G = I;
+  for (std::size_t k = 0; k < Circle::kSteps; ++k) {
+    const double c = std::cos(x(2));
+    const double s = std::sin(x(2));
+    const double ux = in.u[3 * k];
+    const double uy = in.u[3 * k + 1];
+    F(0, 2) = -s * ux - c * uy;
+    F(1, 2) = c * ux - s * uy;
+    G(0, 0) = c;
+    G(0, 1) = -s;
+    G(1, 0) = s;
+    G(1, 1) = c;
+    x += Eigen::Vector3d(c * ux - s * uy, s * ux + c * uy, in.u[3 * k + 2]);
+    P = (F * P * F.transpose() + G * Q * G.transpose()).eval();
+    for (std::size_t i = 0; i < Circle::kAnchors; ++i) {
+      const double dx = x(0) - Circle::kAnchorXY[i][0];
+      const double dy = x(1) - Circle::kAnchorXY[i][1];
+      const double r = std::sqrt(dx * dx + dy * dy);
+      const Eigen::Vector3d H(dx / r, dy / r, 0.0);
+      const Eigen::Vector3d PH = P * H;
+      const Eigen::Vector3d K = PH / (H.dot(PH) + R);
+      x += K * (in.z[5 * k + i] - r);
+      const Eigen::Matrix3d A = I - K * H.transpose();
+      P = (A * P * A.transpose() + K * R * K.transpose()).eval();
+    }
+    x(2) = std::remainder(x(2), 2.0 * locfuse::kPi);
+    out[3 * k] = x(0);
+    out[3 * k + 1] = x(1);
+    out[3 * k + 2] = x(2);
+  }
+}
+
+std::shared_ptr<const locfuse::AnchorMap> anchor_map() {
+  std::vector<locfuse::Anchor> anchors;
+  for (locfuse::Id i = 0; i < Circle::kAnchors; ++i) {
+    anchors.push_back({i, {Circle::kAnchorXY[i][0], Circle::kAnchorXY[i][1], 0.0}});
+  }
+  return std::make_shared<const locfuse::AnchorMap>(anchors);
+}
+
+locfuse::PoseEstimate start_estimate(const Circle& in) {
+  const auto sigma = Eigen::Map<const Eigen::Vector3d>(Circle::kSigmaStart);
+  return {0, {in.start[0], in.start[1], in.start[2]}, sigma.cwiseAbs2().asDiagonal()};
+}
+
+// The input's noise is the same for every 5 cm step: as a random walk over distance,
+// sigma^2 = per_sqrt_m^2 * 0.05 m on average.
+locfuse::OdometryMotion::Config motion_config() {
+  locfuse::OdometryMotion::Config config;
+  const double root = std::sqrt(0.05);
+  config.sigma_longitudinal_per_sqrt_m = Circle::kSigmaMotion[0] / root;
+  config.sigma_lateral_per_sqrt_m = Circle::kSigmaMotion[1] / root;
+  config.sigma_heading_per_sqrt_m = Circle::kSigmaMotion[2] / root;
+  config.sigma_heading_per_sqrt_rad = 0.0;
+  return config;
+}
+
+/// The parts: models and filter functions, called as an estimator calls them.
+void run_functions(const Circle& in, std::vector<double>& out) {
+  const locfuse::OdometryMotion motion(motion_config());
+  const locfuse::RangeModel model({Circle::kSigmaRange, 0.0}, anchor_map(), {{0, {0, 0, 0}}});
+  const locfuse::PoseEstimate start = start_estimate(in);
+  auto belief = locfuse::GaussianBelief::of_pose(0, start.pose, start.covariance);
+  const locfuse::Slot body = belief.slot("body");
+  const locfuse::Gate gate;
+  for (std::size_t k = 0; k < Circle::kSteps; ++k) {
+    const Pose2 step{in.u[3 * k], in.u[3 * k + 1], in.u[3 * k + 2]};
+    locfuse::predict(belief, motion.propagate(belief.pose(body), step, 0.0), body);
+    for (int i = 0; i < Circle::kAnchors; ++i) {
+      const locfuse::Range z{0, 0, i, in.z[5 * k + static_cast<std::size_t>(i)], {}};
+      locfuse::update(belief, *model.linearize(belief.pose(body), z), body, gate);
+    }
+    for (int i = 0; i < 3; ++i) {
+      out[3 * k + static_cast<std::size_t>(i)] = belief.x(i);
+    }
+  }
+}
+
+/// What a user calls: checks, time, anchor look-up, gate, outcome, and the belief put back if gated.
+void run_pose_ekf(const Circle& in, std::vector<double>& out) {
+  PoseEkf::Config config;
+  config.odometry = motion_config();
+  config.range = {Circle::kSigmaRange, 0.0};
+  PoseEkf ekf(config, anchor_map(), {{0, {0, 0, 0}}}, start_estimate(in));
+  for (std::size_t k = 0; k < Circle::kSteps; ++k) {
+    const auto begin = static_cast<locfuse::Stamp>(k) * 100'000'000;
+    const locfuse::Stamp end = begin + 100'000'000;
+    ekf.on(locfuse::Increment{begin, end, {in.u[3 * k], in.u[3 * k + 1], in.u[3 * k + 2]}});
+    for (int i = 0; i < Circle::kAnchors; ++i) {
+      benchmark::DoNotOptimize(
+          ekf.on(locfuse::Range{end, 0, i, in.z[5 * k + static_cast<std::size_t>(i)], {}}));
+    }
+    for (int i = 0; i < 3; ++i) {
+      out[3 * k + static_cast<std::size_t>(i)] = ekf.belief().x(i);
+    }
+  }
+}
+
+template <class Run>
+void bench(benchmark::State& state, const Run& run) {
+  const Circle& in = input();
+  std::vector<double> out(3 * Circle::kSteps);
+  for (auto _ : state) {
+    run(in, out);
+    benchmark::DoNotOptimize(out.data());
+  }
+  state.SetItemsProcessed(state.iterations() * Circle::kSteps);
+  state.counters["rmse_m"] = in.rmse(out);
+  state.counters["us_per_step"] =
+      benchmark::Counter(static_cast<double>(state.iterations()) * Circle::kSteps * 1e-6,
+                         benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
+}
+
+BENCHMARK_CAPTURE(bench, reference_joseph, run_reference);
+BENCHMARK_CAPTURE(bench, models_and_filter, run_functions);
+BENCHMARK_CAPTURE(bench, pose_ekf_on, run_pose_ekf);
+#ifdef LOCFUSE_WITH_BFL
+BENCHMARK_CAPTURE(bench, orocos_bfl, run_bfl);
+#endif
+
+}  // namespace
+
+BENCHMARK_MAIN();

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "bindings.hpp"
+#include "locfuse/estimators/pose_ekf.hpp"
+#include "numpy.hpp"
+
+namespace py = pybind11;
+using locfuse::AnchorMap;
+using locfuse::Gate;
+using locfuse::Outcome;
+using locfuse::Pose2;
+using locfuse::PoseEkf;
+using locfuse::PoseEstimate;
+using locfuse::Range;
+using locfuse::Stamp;
+using locfuse::Tag;
+
+namespace {
+
+// Odometry since the last epoch, then every range of this one, in a single call.
+std::vector<Outcome> on_epoch(PoseEkf& ekf, Stamp begin, Stamp stamp, const Pose2& motion,
+                              const Column<locfuse::Id>& anchors, const Column<double>& ranges,
+                              locfuse::Id tag) {
+  expect_shape("anchors", anchors, anchors.size());
+  expect_shape("ranges", ranges, anchors.size());
+  std::vector<Range> epoch;
+  epoch.reserve(static_cast<std::size_t>(anchors.size()));
+  for (py::ssize_t i = 0; i < anchors.size(); ++i) {
+    epoch.push_back({stamp, tag, anchors.data()[i], ranges.data()[i], {}});
+    validate(epoch.back());  // all or nothing: before anything is fused
+  }
+  std::vector<Outcome> outcomes{ekf.on(locfuse::Increment{begin, stamp, motion})};
+  for (const Range& z : epoch) {
+    outcomes.push_back(ekf.on(z));
+  }
+  return outcomes;
+}
+
+}  // namespace
+
+void bind_estimators(py::module_& m) {
+  py::class_<PoseEstimate>(m, "PoseEstimate",
+                           "A pose at one instant [ns], with the covariance of (x, y, heading).")
+      .def(py::init([](Stamp stamp, const Pose2& pose, const locfuse::Matrix<3, 3>& covariance) {
+             return PoseEstimate{stamp, pose, covariance};
+           }),
+           py::arg("stamp"), py::arg("pose"), py::arg("covariance"))
+      .def_readonly("stamp", &PoseEstimate::stamp)
+      .def_readonly("pose", &PoseEstimate::pose)
+      .def_readonly("covariance", &PoseEstimate::covariance, "Shape (3, 3).")
+      .def("__repr__", [](const PoseEstimate& e) {
+        return "PoseEstimate(stamp=" + std::to_string(e.stamp) + ", pose=(" +
+               std::to_string(e.pose.x) + ", " + std::to_string(e.pose.y) + ", " +
+               std::to_string(e.pose.heading) + "))";
+      });
+  using Config = PoseEkf::Config;
+  py::class_<Config>(m, "PoseEkfConfig", "Noise, gates and behaviour of a PoseEkf.")
+      .def(py::init<>())
+      .def_readwrite("odometry", &Config::odometry)
+      .def_readwrite("range", &Config::range)
+      .def_readwrite("position", &Config::position)
+      .def_readwrite("gate_range", &Config::gate_range, "Probability that a good range passes.")
+      .def_readwrite("gate_position", &Config::gate_position)
+      .def_readwrite("gate_pose", &Config::gate_pose)
+      .def_readwrite("hold_s", &Config::hold_s,
+                     "How long the last motion is believed without new odometry.")
+      .def_readwrite("sigma_lost_xy_per_sqrt_s", &Config::sigma_lost_xy_per_sqrt_s)
+      .def_readwrite("sigma_lost_heading_per_sqrt_s", &Config::sigma_lost_heading_per_sqrt_s);
+  py::class_<PoseEkf>(m, "PoseEkf", R"(Extended Kalman filter over (x, y, heading) in world.
+
+Odometry predicts; ranges, positions and poses correct (ekim2020, section 2.1).
+
+Parameters
+----------
+config : PoseEkfConfig
+anchors : AnchorMap
+tags : list of Tag
+start : PoseEstimate
+
+Raises
+------
+ValueError
+    If the config is out of range or the start not finite and positive definite.
+
+Examples
+--------
+>>> import numpy as np
+>>> from locfuse import *
+>>> anchors = AnchorMap([Anchor(1, [0, 0, 2]), Anchor(2, [8, 0, 2]), Anchor(3, [4, 6, 2])])
+>>> start = PoseEstimate(0, Pose2(3, 2, 0), np.diag([0.5, 0.5, 0.1]) ** 2)
+>>> ekf = PoseEkf(PoseEkfConfig(), anchors, [Tag(0, [0, 0, 1.1])], start)
+>>> ekf.on(Increment(0, 100_000_000, Pose2(0.05, 0, 0))).verdict.name
+'FUSED'
+>>> ekf.on(Range(100_000_000, tag=0, anchor=2, range=5.4)).verdict.name
+'FUSED'
+)")
+      .def(py::init<const Config&, std::shared_ptr<AnchorMap>, std::vector<Tag>,
+                    const PoseEstimate&>(),
+           py::arg("config"), py::arg("anchors"), py::arg("tags"), py::arg("start"))
+      .def("on", py::overload_cast<const locfuse::Velocity&>(&PoseEkf::on), py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::Increment&>(&PoseEkf::on), py::arg("message"))
+      .def("on", py::overload_cast<const Range&>(&PoseEkf::on), py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::PositionFix&>(&PoseEkf::on), py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::PoseObservation&>(&PoseEkf::on),
+           py::arg("message"),
+           "Fuses one message. One that is not fused changes no bit of the estimator.")
+      .def("on_joint", &PoseEkf::on_joint, py::arg("epoch"),
+           "Fuses ranges of one stamp as one measurement: one linearization, one gate.")
+      .def("on_epoch", &on_epoch, py::arg("begin"), py::arg("stamp"), py::arg("motion"),
+           py::arg("anchors"), py::arg("ranges"), py::arg("tag") = 0,
+           "The motion from `begin` to `stamp` [ns], then the ranges (n,) [m] to the anchors (n,) at "
+           "`stamp`, in one call. Returns n + 1 outcomes.")
+      .def(
+          "fuse",
+          [](PoseEkf& ekf, Stamp stamp, const AnyLinearization& lin, const Gate& gate) {
+            if (lin.jacobian.cols() != 3) {
+              throw std::invalid_argument("the Jacobian has " +
+                                          std::to_string(lin.jacobian.cols()) +
+                                          " columns, expected 3: x, y, heading");
+            }
+            return ekf.fuse(stamp, {lin.residual, lin.jacobian, lin.noise}, gate);
+          },
+          py::arg("stamp"), py::arg("linearization"), py::arg("gate"),
+          "Fuses what a model of your own says of the pose at `stamp` [ns]: a Jacobian of m x 3. "
+          "Linearize at `estimate(stamp).pose`.")
+      .def("advance_to", &PoseEkf::advance_to, py::arg("stamp"))
+      .def("estimate", py::overload_cast<>(&PoseEkf::estimate, py::const_),
+           "The pose now: the belief carried to the end of what odometry has told.")
+      .def("estimate", py::overload_cast<Stamp>(&PoseEkf::estimate, py::const_), py::arg("stamp"),
+           "The belief carried to `stamp` [ns], which must not lie before it.")
+      .def_property_readonly("belief", &PoseEkf::belief, py::return_value_policy::copy)
+      .def_property_readonly("range_model", &PoseEkf::range_model, py::return_value_policy::copy)
+      .def_property_readonly("motion_model", &PoseEkf::motion_model, py::return_value_policy::copy)
+      .def("__copy__", [](const PoseEkf& ekf) { return ekf; }, "A snapshot.")
+      .def("__repr__", [](const PoseEkf& ekf) {
+        return "PoseEkf(at " + std::to_string(ekf.belief().stamp) + " ns)";
+      });
+}

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "bindings.hpp"
+#include "locfuse/filters/kalman.hpp"
+
+namespace py = pybind11;
+using locfuse::GaussianBelief;
+using locfuse::Gate;
+using locfuse::Outcome;
+using locfuse::Slot;
+using locfuse::SlotKind;
+using locfuse::Verdict;
+
+namespace {
+
+const char* name_of(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kFused:
+      return "fused";
+    case Verdict::kGated:
+      return "gated";
+    case Verdict::kNotModelled:
+      return "not_modelled";
+    case Verdict::kIgnored:
+      return "ignored";
+    case Verdict::kStale:
+      return "stale";
+  }
+  return "";
+}
+
+}  // namespace
+
+void bind_filters(py::module_& m) {
+  py::native_enum<Verdict>(m, "Verdict", "enum.Enum", "What became of a message.")
+      .value("FUSED", Verdict::kFused)
+      .value("GATED", Verdict::kGated)
+      .value("NOT_MODELLED", Verdict::kNotModelled)
+      .value("IGNORED", Verdict::kIgnored)
+      .value("STALE", Verdict::kStale)
+      .finalize();
+  py::class_<Outcome>(m, "Outcome", "Verdict on one message, with the numbers behind it.")
+      .def_readonly("verdict", &Outcome::verdict)
+      .def_readonly("nis", &Outcome::nis, "r' S^-1 r; NaN where nothing was compared.")
+      .def_readonly("dof", &Outcome::dof, "Rows of the innovation.")
+      .def_readonly("residual", &Outcome::residual, "First row of the innovation.")
+      .def_property_readonly("log_likelihood", &Outcome::log_likelihood, "log N(r; 0, S).")
+      .def("__repr__", [](const Outcome& outcome) {
+        return "Outcome(" + std::string(name_of(outcome.verdict)) +
+               ", nis=" + std::to_string(outcome.nis) + ", dof=" + std::to_string(outcome.dof) +
+               ")";
+      });
+  py::class_<Gate>(m, "Gate",
+                   "Chi-square gate: `probability` that a good measurement passes, 1 for no gate.")
+      .def(py::init<double>(), py::arg("probability"))
+      .def("limit", &Gate::limit, py::arg("dof"), "Largest NIS that passes.")
+      .def_property_readonly("probability", &Gate::probability);
+  py::native_enum<SlotKind>(m, "SlotKind", "enum.Enum", "What a slot of a belief holds.")
+      .value("POSE2", SlotKind::kPose2)
+      .value("POINT2", SlotKind::kPoint2)
+      .finalize();
+  py::class_<Slot>(m, "Slot", "Handle of a variable in a belief.").def_readonly("id", &Slot::id);
+  py::class_<GaussianBelief>(m, "GaussianBelief", R"(Gaussian over named slots at one stamp.
+
+Examples
+--------
+>>> import numpy as np
+>>> from locfuse import GaussianBelief, SlotKind
+>>> belief = GaussianBelief()
+>>> body = belief.add("body", SlotKind.POSE2, [0, 0, 0], np.eye(3))
+>>> lamp = belief.add("lamp", SlotKind.POINT2, [4, 3], np.eye(2))
+>>> belief.dimension
+5
+)")
+      .def(py::init<>())
+      .def_readwrite("stamp", &GaussianBelief::stamp, "Nanoseconds.")
+      .def_property_readonly("x", [](const GaussianBelief& b) { return b.x; }, "Mean, (n,).")
+      .def_property_readonly("P", [](const GaussianBelief& b) { return b.P; },
+                             "Covariance, (n, n).")
+      .def_property_readonly("dimension", &GaussianBelief::dimension)
+      .def("add", &GaussianBelief::add, py::arg("name"), py::arg("kind"), py::arg("mean"),
+           py::arg("covariance"))
+      .def("remove", &GaussianBelief::remove, py::arg("slot"))
+      .def("slot", &GaussianBelief::slot, py::arg("name"))
+      .def("pose", &GaussianBelief::pose, py::arg("slot"))
+      .def(
+          "mean",
+          [](const GaussianBelief& b, const std::vector<Slot>& slots) { return b.mean(slots); },
+          py::arg("slots"))
+      .def(
+          "marginal",
+          [](const GaussianBelief& b, const std::vector<Slot>& slots) { return b.marginal(slots); },
+          py::arg("slots"))
+      .def("__repr__", [](const GaussianBelief& b) {
+        return "GaussianBelief(stamp=" + std::to_string(b.stamp) + ", " +
+               std::to_string(b.dimension()) + " states)";
+      });
+  m.def("predict", &locfuse::predict, py::arg("belief"), py::arg("step"), py::arg("slot"),
+        "Moves the pose in `slot`: P to F P F' + Q with its cross-covariances.");
+  m.def(
+      "update",
+      [](GaussianBelief& belief, const AnyLinearization& lin, const std::vector<Slot>& slots,
+         const Gate& gate) { return locfuse::update(belief, lin, slots, gate); },
+      py::arg("belief"), py::arg("linearization"), py::arg("slots"), py::arg("gate"),
+      R"(Fuses a measurement into the belief, or gates it.
+
+Parameters
+----------
+belief : GaussianBelief
+    Updated whole or not at all.
+linearization : Linearization
+    From a model of the library or made by hand.
+slots : list of Slot
+    Variables that the Jacobian's columns stand for, in order.
+gate : Gate
+
+Raises
+------
+ValueError
+    If the slots do not match the Jacobian.
+NumericalError
+    If the innovation covariance is not positive definite or a result not finite.
+)");
+}

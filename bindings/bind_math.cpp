@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "bindings.hpp"
+#include "locfuse/math/angle.hpp"
+#include "locfuse/math/chi_squared.hpp"
+
+namespace py = pybind11;
+
+namespace {
+
+AnyLinearization make(const Eigen::VectorXd& residual, const Eigen::MatrixXd& jacobian,
+                      const Eigen::MatrixXd& noise) {
+  const Eigen::Index m = residual.size();
+  if (m == 0 || jacobian.rows() != m || noise.rows() != m || noise.cols() != m) {
+    throw std::invalid_argument(
+        "Linearization needs residual (m,), jacobian (m, n) and noise (m, m), got (" +
+        std::to_string(m) + ",), (" + std::to_string(jacobian.rows()) + ", " +
+        std::to_string(jacobian.cols()) + ") and (" + std::to_string(noise.rows()) + ", " +
+        std::to_string(noise.cols()) + ")");
+  }
+  if (!residual.allFinite() || !jacobian.allFinite() || !noise.allFinite()) {
+    throw std::invalid_argument("Linearization holds a number that is not finite");
+  }
+  if (!noise.isApprox(noise.transpose(), 1e-9) || noise.llt().info() != Eigen::Success) {
+    throw std::invalid_argument("Linearization.noise is not symmetric positive definite");
+  }
+  return {residual, jacobian, noise};
+}
+
+}  // namespace
+
+void bind_math(py::module_& m) {
+  m.def("wrap_angle", &locfuse::wrap_angle, py::arg("angle"),
+        "The same direction in [-pi, pi) [rad].");
+  m.def("chi_squared_quantile", &locfuse::chi_squared_quantile, py::arg("dof"),
+        py::arg("probability"),
+        "Value that a chi-squared variable with `dof` degrees of freedom stays below with "
+        "`probability`.\n\nRaises\n------\nValueError\n    Unless dof >= 1 and 0 <= probability <= "
+        "1.");
+  py::class_<AnyLinearization>(m, "Linearization", R"(What a measurement says about its variables.
+
+Parameters
+----------
+residual : float64 array, shape (m,)
+    z minus h(x), angle rows wrapped to [-pi, pi).
+jacobian : float64 array, shape (m, n)
+    d h / d(error state of the n local variables).
+noise : float64 array, shape (m, m)
+    R, symmetric positive definite, in the squared unit of the measurement.
+
+Raises
+------
+ValueError
+    If the shapes do not fit, a number is not finite or the noise not positive definite.
+
+Examples
+--------
+>>> import locfuse
+>>> compass = locfuse.Linearization(residual=[0.02], jacobian=[[0, 0, 1]], noise=[[0.01]])
+>>> compass.jacobian.shape
+(1, 3)
+)")
+      .def(py::init(&make), py::arg("residual"), py::arg("jacobian"), py::arg("noise"))
+      .def_readonly("residual", &AnyLinearization::residual, "z - h(x), shape (m,).")
+      .def_readonly("jacobian", &AnyLinearization::jacobian, "Shape (m, n).")
+      .def_readonly("noise", &AnyLinearization::noise, "R, shape (m, m).")
+      .def(
+          "log_likelihood", [](const AnyLinearization& lin) { return log_likelihood(lin); },
+          "log N(residual; 0, noise): the log weight of a particle.")
+      .def("__repr__", [](const AnyLinearization& lin) {
+        return "Linearization(" + std::to_string(lin.residual.size()) + " x " +
+               std::to_string(lin.jacobian.cols()) + ")";
+      });
+}

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "bindings.hpp"
+#include "locfuse/models/measurement/pose.hpp"
+#include "locfuse/models/measurement/position.hpp"
+#include "locfuse/models/measurement/range.hpp"
+#include "locfuse/models/motion/odometry.hpp"
+
+namespace py = pybind11;
+using locfuse::AnchorMap;
+using locfuse::OdometryMotion;
+using locfuse::Pose2;
+using locfuse::PoseModel;
+using locfuse::PositionModel;
+using locfuse::RangeModel;
+using locfuse::Tag;
+using Step = locfuse::Propagation<Pose2, 3>;
+
+void bind_models(py::module_& m) {
+  py::class_<Tag>(m, "Tag", "A radio on the robot, at `position` (3,) in body: forward, left, up [m].")
+      .def(py::init([](locfuse::Id id, const locfuse::Vector<3>& position) {
+             return Tag{id, position};
+           }),
+           py::arg("id"), py::arg("position"))
+      .def_readonly("id", &Tag::id)
+      .def_readonly("position", &Tag::position)
+      .def("__repr__", [](const Tag& t) { return "Tag(id=" + std::to_string(t.id) + ")"; });
+  py::class_<Step>(m, "Propagation", "What a motion model says about one step of a pose.")
+      .def_readonly("moved", &Step::moved, "f(x, u).")
+      .def_readonly("jacobian", &Step::jacobian, "F, shape (3, 3).")
+      .def_readonly("noise", &Step::noise, "Q of this step, shape (3, 3).");
+
+  using OdometryConfig = OdometryMotion::Config;
+  py::class_<OdometryConfig>(m, "OdometryConfig",
+                             "Noise of wheel odometry: a random walk over distance and turn.")
+      .def(py::init<>())
+      .def_readwrite("sigma_longitudinal_per_sqrt_m",
+                     &OdometryConfig::sigma_longitudinal_per_sqrt_m, "m / sqrt(m)")
+      .def_readwrite("sigma_lateral_per_sqrt_m", &OdometryConfig::sigma_lateral_per_sqrt_m,
+                     "m / sqrt(m)")
+      .def_readwrite("sigma_heading_per_sqrt_m", &OdometryConfig::sigma_heading_per_sqrt_m,
+                     "rad / sqrt(m)")
+      .def_readwrite("sigma_heading_per_sqrt_rad", &OdometryConfig::sigma_heading_per_sqrt_rad,
+                     "rad / sqrt(rad)")
+      .def_readwrite("sigma_xy_per_sqrt_s", &OdometryConfig::sigma_xy_per_sqrt_s, "m / sqrt(s)")
+      .def_readwrite("sigma_heading_per_sqrt_s", &OdometryConfig::sigma_heading_per_sqrt_s,
+                     "rad / sqrt(s)");
+  py::class_<OdometryMotion>(m, "OdometryMotion", "Wheel odometry; docs/models/odometry.md.")
+      .def(py::init<const OdometryConfig&>(), py::arg("config"))
+      .def("propagate", &OdometryMotion::propagate, py::arg("T_world_body"), py::arg("motion"),
+           py::arg("seconds"),
+           "Pose after `motion` (a Pose2 in the previous body frame), which took `seconds`.");
+
+  using RangeConfig = RangeModel::Config;
+  py::class_<RangeConfig>(m, "RangeConfig",
+                          "R = sigma_m^2 + (sigma_relative * distance)^2 where a range brings no "
+                          "sigma.")
+      .def(py::init<>())
+      .def_readwrite("sigma_m", &RangeConfig::sigma_m, "m")
+      .def_readwrite("sigma_relative", &RangeConfig::sigma_relative, "share of the distance");
+  py::class_<RangeModel>(m, "RangeModel",
+                         "Range from a body-fixed tag to an anchor, both in 3D; docs/models/range.md.")
+      .def(py::init<const RangeConfig&, std::shared_ptr<AnchorMap>, std::vector<Tag>>(),
+           py::arg("config"), py::arg("anchors"), py::arg("tags"))
+      .def("predict", &RangeModel::predict, py::arg("T_world_body"), py::arg("z"),
+           "Expected range [m]; None if anchor or tag is unknown.")
+      .def(
+          "linearize",
+          [](const RangeModel& model, const Pose2& pose,
+             const locfuse::Range& z) -> std::optional<AnyLinearization> {
+            const auto lin = model.linearize(pose, z);
+            return lin ? std::optional(any_size(*lin)) : std::nullopt;
+          },
+          py::arg("T_world_body"), py::arg("z"),
+          "Linearization (1 x 3); None if anchor or tag is unknown, or the tag sits on the anchor.");
+
+  using PositionConfig = PositionModel::Config;
+  py::class_<PositionConfig>(m, "PositionConfig", "Lever arm of the antenna of position fixes.")
+      .def(py::init<>())
+      .def_readwrite("antenna_forward_m", &PositionConfig::antenna_forward_m)
+      .def_readwrite("antenna_left_m", &PositionConfig::antenna_left_m);
+  py::class_<PositionModel>(m, "PositionModel",
+                            "Position of an antenna on the body; docs/models/position.md.")
+      .def(py::init<const PositionConfig&>(), py::arg("config"))
+      .def("predict", &PositionModel::predict, py::arg("T_world_body"))
+      .def(
+          "linearize",
+          [](const PositionModel& model, const Pose2& pose, const locfuse::PositionFix& z) {
+            return any_size(model.linearize(pose, z));
+          },
+          py::arg("T_world_body"), py::arg("z"), "Linearization (2 x 3).");
+  py::class_<PoseModel>(m, "PoseModel", "Pose from another localizer; docs/models/pose.md.")
+      .def(py::init<>())
+      .def("predict", &PoseModel::predict, py::arg("T_world_body"))
+      .def(
+          "linearize",
+          [](const PoseModel& model, const Pose2& pose, const locfuse::PoseObservation& z) {
+            return any_size(model.linearize(pose, z));
+          },
+          py::arg("T_world_body"), py::arg("z"), "Linearization (3 x 3).");
+}

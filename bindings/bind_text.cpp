@@ -1,0 +1,441 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <locale>
+#include <memory>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace py = pybind11;
+
+namespace {
+
+constexpr std::size_t kLongestName = 255;  // bytes; numpy pads every name to the longest
+constexpr int kNanosecondDigits = 9;
+
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+std::size_t bytes_of_code_point(char lead) {
+  const auto byte = static_cast<unsigned char>(lead);
+  if (byte < 0x80) return 1;
+  if (byte >= 0xC2 && byte < 0xE0) return 2;
+  if (byte >= 0xE0 && byte < 0xF0) return 3;
+  return byte >= 0xF0 && byte < 0xF5 ? 4 : 0;
+}
+
+/// Read one code point and step over it; false if the bytes are not UTF-8.
+bool next_code_point(const char*& at, const char* end, char32_t& code) {
+  constexpr char32_t kSmallest[] = {0, 0, 0x80, 0x800, 0x10000};
+  const std::size_t size = bytes_of_code_point(*at);
+  if (size == 0 || static_cast<std::size_t>(end - at) < size) return false;
+  const auto lead = static_cast<unsigned char>(*at);
+  code = size == 1 ? lead : lead & (0xFFU >> (size + 1));
+  for (std::size_t i = 1; i < size; ++i) {
+    const auto byte = static_cast<unsigned char>(at[i]);
+    if ((byte & 0xC0U) != 0x80U) return false;
+    code = (code << 6U) | (byte & 0x3FU);
+  }
+  at += size;
+  return code >= kSmallest[size] && code <= 0x10FFFF && (code < 0xD800 || code > 0xDFFF);
+}
+
+/// Code points of UTF-8 text, or -1 if it is something else.
+std::ptrdiff_t count_code_points(std::string_view text) {
+  std::ptrdiff_t count = 0;
+  char32_t code = 0;
+  for (const char *at = text.data(), *end = at + text.size(); at != end; ++count) {
+    if (!next_code_point(at, end, code)) return -1;
+  }
+  return count;
+}
+
+/// Bytes as they can be shown in an error message.
+std::string quoted(std::string_view text) {
+  constexpr std::size_t kLongest = 40;
+  constexpr char kHex[] = "0123456789abcdef";
+  std::string shown = "'";
+  for (const char c : text.substr(0, kLongest)) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (byte >= 0x20 && byte < 0x7F) {
+      shown += c;
+    } else {
+      shown += {'\\', 'x', kHex[byte >> 4U], kHex[byte & 15U]};
+    }
+  }
+  return shown + (text.size() > kLongest ? "...'" : "'");
+}
+
+/// std::from_chars reports underflow and overflow alike; underflow is a number all the same.
+bool parse_extreme(const char* first, const char* last, double& value) {
+  std::istringstream stream(std::string(first, last));
+  stream.imbue(std::locale::classic());
+  return static_cast<bool>(stream >> value);
+}
+
+/// Where a float64 (finite or not) that starts at `at` ends; nullptr if none does.
+const char* scan_double(const char* at, const char* end, double& value) {
+  if (end - at > 1 && *at == '+' && at[1] != '-' && at[1] != '+') ++at;
+  const auto [stop, error] = std::from_chars(at, end, value);
+  if (error == std::errc::result_out_of_range && !parse_extreme(at, stop, value)) {
+    value = std::numeric_limits<double>::infinity();
+  }
+  return error == std::errc::invalid_argument ? nullptr : stop;
+}
+
+const char* scan_finite(const char* at, const char* end, double& value) {
+  const char* stop = scan_double(at, end, value);
+  return stop != nullptr && std::isfinite(value) ? stop : nullptr;
+}
+
+/// A decimal number in parts: its digits without the point, and how many stand before it.
+struct Decimal {
+  bool negative = false;
+  const char* digits = nullptr;  ///< may contain one '.'
+  const char* digits_end = nullptr;
+  std::int64_t before_point = 0;
+};
+
+/// Where the exponent that starts at `at` ends; `at` itself if there is none.
+const char* scan_exponent(const char* at, const char* end, std::int64_t& exponent) {
+  constexpr std::int64_t kHuge = 1'000'000'000;  // beyond any text; keeps the sum from wrapping
+  exponent = 0;
+  if (at == end || (*at != 'e' && *at != 'E')) return at;
+  const char* c = at + 1;
+  const bool negative = c != end && *c == '-';
+  if (c != end && (*c == '-' || *c == '+')) ++c;
+  if (c == end || !is_digit(*c)) return at;
+  for (; c != end && is_digit(*c); ++c) exponent = std::min(kHuge, exponent * 10 + (*c - '0'));
+  if (negative) exponent = -exponent;
+  return c;
+}
+
+const char* scan_decimal(const char* at, const char* end, Decimal& decimal) {
+  decimal.negative = at != end && *at == '-';
+  if (at != end && (*at == '-' || *at == '+')) ++at;
+  decimal.digits = at;
+  while (at != end && is_digit(*at)) ++at;
+  const std::ptrdiff_t whole = at - decimal.digits;
+  std::ptrdiff_t fraction = 0;
+  if (at != end && *at == '.') {
+    const char* point = at++;
+    while (at != end && is_digit(*at)) ++at;
+    fraction = at - point - 1;
+  }
+  if (whole + fraction == 0) return nullptr;
+  decimal.digits_end = at;
+  std::int64_t exponent = 0;
+  at = scan_exponent(at, end, exponent);
+  decimal.before_point = whole + exponent;
+  return at;
+}
+
+/// Decimal seconds in nanoseconds, rounded half away from zero; false if they do not fit.
+bool to_nanoseconds(const Decimal& decimal, std::int64_t& nanoseconds) {
+  const std::uint64_t limit =
+      static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max()) + decimal.negative;
+  std::int64_t left = decimal.before_point + kNanosecondDigits;  // digits worth 1 ns or more
+  std::uint64_t magnitude = 0;
+  for (const char* c = decimal.digits; c != decimal.digits_end && left >= 0; ++c) {
+    if (*c == '.') continue;
+    const auto digit = static_cast<std::uint64_t>(*c - '0');
+    if (left-- == 0) {
+      magnitude += digit >= 5;
+    } else if (magnitude > (limit - digit) / 10) {
+      return false;
+    } else {
+      magnitude = magnitude * 10 + digit;
+    }
+  }
+  for (; left > 0 && magnitude > 0; --left) {
+    if (magnitude > limit / 10) return false;
+    magnitude *= 10;
+  }
+  if (magnitude > limit) return false;
+  nanoseconds = static_cast<std::int64_t>(decimal.negative ? 0 - magnitude : magnitude);
+  return true;
+}
+
+const char* scan_seconds(const char* at, const char* end, std::int64_t& nanoseconds) {
+  Decimal decimal;
+  const char* stop = scan_decimal(at, end, decimal);
+  return stop != nullptr && to_nanoseconds(decimal, nanoseconds) ? stop : nullptr;
+}
+
+/// One column while it grows; only the vector of its kind is in use.
+struct Column {
+  char kind = 'f';
+  std::vector<double> numbers;
+  std::vector<std::int64_t> stamps;
+  std::vector<std::string_view> names;  ///< into the text
+  std::ptrdiff_t longest_name = 1;      ///< [code points]
+};
+
+/// Reads a table in one pass. A number is read where it stands and its end must be the end of the
+/// field, so fields are not searched first; a line that does not go through is then looked at again,
+/// slowly, to say what is wrong with it.
+class TableParser {
+ public:
+  TableParser(std::string_view text, const std::string& kinds, char delimiter, std::string name)
+      : at_(text.data()), end_(at_ + text.size()), delimiter_(delimiter), name_(std::move(name)) {
+    for (const char kind : kinds) {
+      columns_.emplace_back();
+      columns_.back().kind = kind;
+    }
+  }
+
+  std::vector<Column> parse(std::int64_t first_line) {
+    for (line_ = 1; at_ != end_; ++line_) {
+      if (line_ < first_line || is_skipped()) {
+        at_ = line_end(at_);
+      } else {
+        parse_line();
+      }
+      if (at_ != end_) ++at_;  // the newline
+    }
+    return std::move(columns_);
+  }
+
+ private:
+  bool is_blank(char c) const { return c == ' ' || (c == '\t' && delimiter_ != '\t'); }
+  bool ends_line(const char* c) const {
+    return c == end_ || *c == '\n' || (*c == '\r' && (c + 1 == end_ || c[1] == '\n'));
+  }
+  bool ends_field(const char* c) const { return ends_line(c) || *c == delimiter_ || is_blank(*c); }
+  const char* skip_blanks(const char* c) const {
+    while (c != end_ && is_blank(*c)) ++c;
+    return c;
+  }
+  const char* line_end(const char* c) const {
+    const void* newline = std::memchr(c, '\n', static_cast<std::size_t>(end_ - c));
+    return newline != nullptr ? static_cast<const char*>(newline) : end_;
+  }
+  bool is_skipped() const { return *at_ == '#' || ends_line(skip_blanks(at_)); }
+
+  void parse_line() {
+    const char* const begin = at_;
+    for (std::size_t i = 0; i < columns_.size(); ++i) {
+      at_ = parse_field(columns_[i], skip_blanks(at_));
+      if (at_ == nullptr || !step_over_separator(i + 1 == columns_.size())) explain(begin);
+    }
+  }
+
+  /// Step from the end of a field to the begin of the next, or to the end of the line.
+  bool step_over_separator(bool is_last) {
+    const char* stop = skip_blanks(at_);
+    if (is_last) {
+      at_ = stop;
+      return ends_line(stop);
+    }
+    const bool is_separated = delimiter_ == ' ' ? stop != at_ : stop != end_ && *stop == delimiter_;
+    at_ = delimiter_ == ' ' ? stop : stop + 1;
+    return is_separated;
+  }
+
+  /// Read the field that starts at `at` and return its end, or nullptr if it is no value.
+  const char* parse_field(Column& column, const char* at) const {
+    if (column.kind == 't') return parse_name(column, at);
+    if (column.kind == 's') {
+      std::int64_t stamp = 0;
+      const char* stop = scan_seconds(at, end_, stamp);
+      column.stamps.push_back(stamp);
+      return stop;
+    }
+    double number = std::numeric_limits<double>::quiet_NaN();
+    const bool is_empty = column.kind == 'g' && (ends_line(at) || *at == delimiter_);
+    const char* stop = is_empty ? at : scan_finite(at, end_, number);
+    column.numbers.push_back(number);
+    return stop;
+  }
+
+  const char* parse_name(Column& column, const char* at) const {
+    const char* stop = at;
+    while (!ends_line(stop) && *stop != delimiter_ && !(delimiter_ == ' ' && *stop == '\t')) ++stop;
+    const char* const field_end = stop;
+    while (stop != at && is_blank(stop[-1])) --stop;
+    const std::string_view name(at, static_cast<std::size_t>(stop - at));
+    const std::ptrdiff_t length = name.size() > kLongestName ? -1 : count_code_points(name);
+    if (length < 0) return nullptr;
+    column.longest_name = std::max(column.longest_name, length);
+    column.names.push_back(name);
+    return field_end;
+  }
+
+  [[noreturn]] void fail(const std::string& text) const {
+    throw std::invalid_argument(name_ + ", line " + std::to_string(line_) + ": " + text);
+  }
+
+  std::string_view trimmed(const char* first, const char* last) const {
+    while (first != last && is_blank(*first)) ++first;
+    while (last != first && is_blank(last[-1])) --last;
+    return {first, static_cast<std::size_t>(last - first)};
+  }
+
+  std::vector<std::string_view> fields_of(const char* at) const {
+    const char* last = line_end(at);
+    if (last != at && last[-1] == '\r') --last;
+    std::vector<std::string_view> fields;
+    if (delimiter_ == ' ') {
+      for (at = skip_blanks(at); at < last; at = skip_blanks(at)) {
+        const char* const begin = at;
+        at = std::find_if(at, last, [this](char c) { return is_blank(c); });
+        fields.push_back(trimmed(begin, at));
+      }
+      return fields;
+    }
+    for (const char* stop = std::find(at, last, delimiter_);; stop = std::find(at, last, delimiter_)) {
+      fields.push_back(trimmed(at, stop));
+      if (stop == last) return fields;
+      at = stop + 1;
+    }
+  }
+
+  /// What is wrong with a field, empty if nothing is.
+  static std::string complaint(char kind, std::string_view field) {
+    const char *first = field.data(), *last = first + field.size();
+    if (kind == 't') {
+      if (field.size() > kLongestName) return "is longer than 255 bytes";
+      return count_code_points(field) < 0 ? "is not UTF-8 text" : "";
+    }
+    if (kind == 'g' && field.empty()) return "";
+    double number = 0.0;
+    Decimal decimal;
+    const bool is_decimal = kind == 's' && scan_decimal(first, last, decimal) == last;
+    if (!is_decimal && scan_double(first, last, number) != last) return "is not a number";
+    if (!is_decimal) return std::isfinite(number) ? "" : "is not finite";
+    std::int64_t stamp = 0;
+    return to_nanoseconds(decimal, stamp) ? "" : "does not fit into 64-bit nanoseconds";
+  }
+
+  [[noreturn]] void explain(const char* line) const {
+    const std::vector<std::string_view> fields = fields_of(line);
+    if (fields.size() != columns_.size()) {
+      fail(std::to_string(fields.size()) + " fields, expected " + std::to_string(columns_.size()));
+    }
+    for (std::size_t i = 0; i < fields.size(); ++i) {
+      const std::string text = complaint(columns_[i].kind, fields[i]);
+      if (!text.empty()) {
+        fail("column " + std::to_string(i + 1) + " (" + quoted(fields[i]) + ") " + text);
+      }
+    }
+    fail("cannot be read");
+  }
+
+  const char* at_;
+  const char* end_;
+  char delimiter_;
+  std::string name_;
+  std::int64_t line_ = 1;
+  std::vector<Column> columns_;
+};
+
+/// Hand a vector to numpy without copying it.
+template <class T>
+py::array to_numpy(std::vector<T>&& values) {
+  auto owner = std::make_unique<std::vector<T>>(std::move(values));
+  const auto size = static_cast<py::ssize_t>(owner->size());
+  T* const data = owner->data();
+  const py::capsule base(owner.get(), [](void* p) { delete static_cast<std::vector<T>*>(p); });
+  owner.release();
+  return py::array_t<T>(size, data, base);
+}
+
+py::array to_numpy(const Column& column) {
+  const py::dtype dtype("U" + std::to_string(column.longest_name));
+  py::array names(dtype, {static_cast<py::ssize_t>(column.names.size())});
+  auto* cell = static_cast<char32_t*>(names.mutable_data());
+  for (const std::string_view name : column.names) {
+    char32_t* const next = cell + column.longest_name;
+    for (const char *at = name.data(), *end = at + name.size(); at != end; ++cell) {
+      next_code_point(at, end, *cell);
+    }
+    cell = std::fill_n(cell, next - cell, U'\0');
+  }
+  return names;
+}
+
+void check_arguments(const std::string& kinds, const std::string& delimiter) {
+  if (kinds.empty() || kinds.find_first_not_of("fgst") != std::string::npos) {
+    throw std::invalid_argument("kinds is '" + kinds + "', expected letters among f, g, s, t");
+  }
+  if (delimiter.size() != 1 || std::string(",;|\t ").find(delimiter) == std::string::npos) {
+    throw std::invalid_argument("delimiter is " + quoted(delimiter) +
+                                ", expected one of ',', ';', '|', tab, space");
+  }
+}
+
+py::list parse_table(const py::bytes& text, const std::string& kinds, const std::string& delimiter,
+                     std::int64_t first_line, std::string name) {
+  check_arguments(kinds, delimiter);
+  std::vector<Column> columns;
+  TableParser parser(static_cast<std::string_view>(text), kinds, delimiter[0], std::move(name));
+  {
+    const py::gil_scoped_release release;
+    columns = parser.parse(first_line);
+  }
+  py::list arrays;
+  for (Column& column : columns) {
+    if (column.kind == 't') {
+      arrays.append(to_numpy(column));
+    } else if (column.kind == 's') {
+      arrays.append(to_numpy(std::move(column.stamps)));
+    } else {
+      arrays.append(to_numpy(std::move(column.numbers)));
+    }
+  }
+  return arrays;
+}
+
+}  // namespace
+
+void bind_text(py::module_& m) {
+  m.def("parse_table", &parse_table, py::arg("text"), py::arg("kinds"), py::arg("delimiter"),
+        py::arg("first_line"), py::arg("name"),
+        R"(Parse delimited decimal text, column by column.
+
+Blank lines and lines that start with ``#`` are skipped. Spaces and tabs around a field do not
+count. Nothing is quoted.
+
+Parameters
+----------
+text : bytes
+    UTF-8; lines end in ``\n`` or ``\r\n``.
+kinds : str
+    One letter per column: ``f`` finite float64; ``g`` the same, where an empty field is NaN;
+    ``s`` decimal seconds read exactly as int64 nanoseconds (what is below a nanosecond is rounded
+    half away from zero); ``t`` text of at most 255 bytes.
+delimiter : str
+    ``,``, ``;``, ``|``, tab, or a space for any run of spaces and tabs.
+first_line : int
+    Number of the first line to parse, from 1; those before it (a header) are passed over.
+name : str
+    Name of the text in error messages.
+
+Returns
+-------
+list of array
+    One per column, shape (rows,): float64, int64 [ns] or str.
+
+Raises
+------
+ValueError
+    If a line has too few or too many fields or a field is not of its kind; the text names the
+    line and the column, both from 1.
+
+Examples
+--------
+>>> stamp_ns, name = parse_table(b"stamp_s,tag\n1.25,left\n", "st", ",", 2, "example")
+>>> int(stamp_ns[0]), str(name[0])
+(1250000000, 'left')
+)");
+}

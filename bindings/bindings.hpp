@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <pybind11/eigen.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include "locfuse/math/linearization.hpp"
+
+/// One function per room registers what Python sees of it; module.cpp calls them in order.
+void bind_math(pybind11::module_& m);
+void bind_geometry(pybind11::module_& m);
+void bind_messages(pybind11::module_& m);
+void bind_maps(pybind11::module_& m);
+void bind_models(pybind11::module_& m);
+void bind_filters(pybind11::module_& m);
+void bind_estimators(pybind11::module_& m);
+void bind_replay(pybind11::module_& m);
+void bind_text(pybind11::module_& m);
+
+/// Linearization of any size: what Python makes and gets.
+using AnyLinearization = locfuse::Linearization<Eigen::Dynamic, Eigen::Dynamic>;
+
+template <int M, int N, int MaxM>
+AnyLinearization any_size(const locfuse::Linearization<M, N, MaxM>& lin) {
+  return {lin.residual, lin.jacobian, lin.noise};
+}

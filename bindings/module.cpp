@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "bindings.hpp"
+#include "locfuse/error.hpp"
+
+namespace py = pybind11;
+
+PYBIND11_MODULE(_core, m) {
+  m.doc() = "The C++ core of locfuse; use it through `import locfuse`.";
+  m.attr("__version__") = LOCFUSE_VERSION;
+  py::register_exception<locfuse::NumericalError>(m, "NumericalError", PyExc_ArithmeticError);
+  bind_math(m);
+  bind_geometry(m);
+  bind_messages(m);
+  bind_maps(m);
+  bind_models(m);
+  bind_filters(m);
+  bind_estimators(m);
+  bind_replay(m);
+  bind_text(m);
+}

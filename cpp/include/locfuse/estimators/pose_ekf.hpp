@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "locfuse/filters/belief.hpp"
+#include "locfuse/filters/gate.hpp"
+#include "locfuse/filters/kalman.hpp"
+#include "locfuse/filters/outcome.hpp"
+#include "locfuse/messages/message.hpp"
+#include "locfuse/models/measurement/pose.hpp"
+#include "locfuse/models/measurement/position.hpp"
+#include "locfuse/models/measurement/range.hpp"
+#include "locfuse/models/motion/odometry.hpp"
+
+namespace locfuse {
+
+/// A pose at one instant, with the covariance of (x, y, heading).
+struct PoseEstimate {
+  Stamp stamp = 0;
+  Pose2 pose;
+  Matrix<3, 3> covariance;
+};
+
+/// Extended Kalman filter over (x, y, heading) in world: odometry predicts; ranges, positions and
+/// poses correct (ekim2020, section 2.1).
+///
+/// A cheap value: copying it is a snapshot. Every `on` throws std::invalid_argument for a message
+/// that is not valid and NumericalError where numbers break. A message that is not fused, for whatever
+/// reason, changes no bit of the estimator.
+class PoseEkf {
+ public:
+  struct Config {
+    OdometryMotion::Config odometry;
+    RangeModel::Config range;
+    PositionModel::Config position;
+    double gate_range = 0.999;     ///< probability that a good range passes
+    double gate_position = 0.999;  ///< likewise for a position fix
+    double gate_pose = 0.999;      ///< likewise for a pose
+    double hold_s = 1.0;           ///< how long the last motion is believed without new odometry [s]
+    double sigma_lost_xy_per_sqrt_s = 0.5;       ///< thereafter: standing, spreading [m / sqrt(s)]
+    double sigma_lost_heading_per_sqrt_s = 0.5;  ///< [rad / sqrt(s)]
+  };
+
+  /// Largest number of ranges that `on_epoch` fuses jointly.
+  static constexpr int kMaxJoint = 32;
+
+  /// Starts from `start`. Throws std::invalid_argument on a config out of range or a start that is
+  /// not finite and positive definite.
+  PoseEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags,
+          const PoseEstimate& start);
+
+  Outcome on(const Velocity& u);
+  Outcome on(const Increment& u);
+  Outcome on(const Range& z);
+  Outcome on(const PositionFix& z);
+  Outcome on(const PoseObservation& z);
+  Outcome on(const Message& message);
+
+  /// Ranges of one instant fused as one measurement: one linearization, one gate. Those that are not
+  /// modelled are left out. All stamps must be equal; at most kMaxJoint.
+  Outcome on_joint(const std::vector<Range>& epoch);
+
+  /// Fuses what somebody else's model says of the pose at `stamp`: a Jacobian of any rows x 3.
+  Outcome fuse(Stamp stamp, const Linearization<Eigen::Dynamic, 3>& lin, const Gate& gate);
+
+  /// Carries the belief to `stamp` with what odometry says. Earlier stamps change nothing.
+  void advance_to(Stamp stamp);
+
+  /// The belief at its own stamp.
+  [[nodiscard]] PoseEstimate current() const;
+  /// The belief carried to the end of what odometry has told: the pose now.
+  [[nodiscard]] PoseEstimate estimate() const;
+  /// The belief carried to `stamp`, which must not lie before it.
+  [[nodiscard]] PoseEstimate estimate(Stamp stamp) const;
+
+  [[nodiscard]] const GaussianBelief& belief() const { return belief_; }
+  [[nodiscard]] Pose2 pose() const { return {belief_.x(0), belief_.x(1), belief_.x(2)}; }
+  [[nodiscard]] const RangeModel& range_model() const { return recipe_->range; }
+  [[nodiscard]] const OdometryMotion& motion_model() const { return recipe_->motion; }
+
+ private:
+  struct Recipe {  // what never changes, shared by all snapshots
+    Config config;
+    OdometryMotion motion;
+    OdometryMotion lost;
+    RangeModel range;
+    PositionModel position;
+    PoseModel pose;
+    Gate range_gate;
+    Gate position_gate;
+    Gate pose_gate;
+    Stamp hold;
+  };
+  struct Control {  // what odometry said last
+    Stamp begin;
+    Stamp end;     // of a told motion; of a held velocity: when it was measured
+    Pose2 motion;  // over begin to end; for a velocity per second
+    bool is_velocity;
+  };
+
+  template <class Linearize>
+  Outcome correct(Stamp stamp, const Gate& gate, const Linearize& linearize);
+  void move(const OdometryMotion& model, const Pose2& motion, Stamp stamp);
+  [[nodiscard]] Pose2 control_motion(Stamp from, Stamp to) const;
+
+  std::shared_ptr<const Recipe> recipe_;
+  GaussianBelief belief_;
+  Slot body_;
+  Control control_;
+};
+
+}  // namespace locfuse

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "locfuse/geometry/pose2.hpp"
+#include "locfuse/math/types.hpp"
+#include "locfuse/time.hpp"
+
+namespace locfuse {
+
+/// What a slot of a belief holds.
+enum class SlotKind : std::uint8_t {
+  kPose2,   ///< x, y, heading; the third row is an angle
+  kPoint2,  ///< x, y
+};
+
+[[nodiscard]] constexpr int dimension_of(SlotKind kind) { return kind == SlotKind::kPose2 ? 3 : 2; }
+
+/// Handle of a variable in a belief. An id, not an offset: removing one never invalidates another.
+struct Slot {
+  int id = 0;
+};
+
+/// Several slots in the order of a model's Jacobian columns. A view: use it as an argument only.
+class Slots {
+ public:
+  Slots(const Slot& slot) : first_(&slot), size_(1) {}                    // NOLINT: reads best
+  Slots(const std::vector<Slot>& slots) : first_(slots.data()), size_(slots.size()) {}  // NOLINT
+  [[nodiscard]] const Slot* begin() const { return first_; }
+  [[nodiscard]] const Slot* end() const { return first_ + size_; }
+
+ private:
+  const Slot* first_;
+  std::size_t size_;
+};
+
+/// Gaussian over named slots at one stamp: mean x, covariance P of the error state (positions in
+/// world, headings separately).
+///
+/// Only the functions of filters/kalman.hpp write it. Copying it is a snapshot; assigning one of the
+/// same size allocates nothing.
+class GaussianBelief {
+ public:
+  /// One pose, named `body`. Throws std::invalid_argument unless `pose` is finite and `covariance`
+  /// is symmetric positive definite.
+  static GaussianBelief of_pose(Stamp stamp, const Pose2& pose, const Matrix<3, 3>& covariance);
+
+  /// Adds an uncorrelated variable. Throws std::invalid_argument on a name that is taken, a size
+  /// that does not fit, numbers that are not finite or a covariance that is not positive definite.
+  Slot add(const std::string& name, SlotKind kind, const Eigen::Ref<const Eigen::VectorXd>& mean,
+           const Eigen::Ref<const Eigen::MatrixXd>& covariance);
+
+  /// Marginalises a variable out. Throws std::invalid_argument if it is not there.
+  void remove(Slot slot);
+
+  /// The slot of that name. Throws std::invalid_argument, listing the names there are.
+  [[nodiscard]] Slot slot(const std::string& name) const;
+
+  /// Row of the slot's first variable. Throws std::invalid_argument if it was removed.
+  [[nodiscard]] int offset(Slot slot) const { return variable(slot).offset; }
+  [[nodiscard]] SlotKind kind(Slot slot) const { return variable(slot).kind; }
+  [[nodiscard]] int dimension() const { return static_cast<int>(x.size()); }
+
+  /// Throws std::invalid_argument if the slot is no pose.
+  [[nodiscard]] Pose2 pose(Slot slot) const {
+    const Variable& v = variable(slot);
+    if (v.kind != SlotKind::kPose2) {
+      throw std::invalid_argument("slot '" + v.name + "' is no pose");
+    }
+    return {x(v.offset), x(v.offset + 1), x(v.offset + 2)};
+  }
+  /// Mean and covariance of some variables, in the order asked for.
+  [[nodiscard]] Eigen::VectorXd mean(Slots slots) const;
+  [[nodiscard]] Eigen::MatrixXd marginal(Slots slots) const;
+
+  /// Rows of all these slots, in order.
+  [[nodiscard]] std::vector<int> rows(Slots slots) const;
+  /// Rows that are angles.
+  [[nodiscard]] const std::vector<int>& angle_rows() const { return layout_->angle_rows; }
+
+  Stamp stamp = 0;
+  Eigen::VectorXd x;  ///< mean, angles wrapped
+  Eigen::MatrixXd P;  ///< covariance of the error state
+
+ private:
+  struct Variable {
+    std::string name;
+    SlotKind kind;
+    int offset;  // -1 once removed
+  };
+  struct Layout {
+    std::vector<Variable> variables;  // index is the slot's id
+    std::vector<int> angle_rows;
+  };
+  [[nodiscard]] const Variable& variable(Slot slot) const {
+    const auto id = static_cast<std::size_t>(slot.id);
+    if (id >= layout_->variables.size() || layout_->variables[id].offset < 0) {
+      throw std::invalid_argument("slot " + std::to_string(slot.id) + " is not in this belief");
+    }
+    return layout_->variables[id];
+  }
+  void lay_out(Layout layout);
+
+  std::shared_ptr<const Layout> layout_ = std::make_shared<const Layout>();  // shared by snapshots
+};
+
+}  // namespace locfuse

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <limits>
+
+#include "locfuse/math/chi_squared.hpp"
+
+namespace locfuse {
+
+/// Chi-square gate given as the probability that a good measurement passes. The limit on the NIS
+/// follows from the measurement's degrees of freedom.
+class Gate {
+ public:
+  /// Lets everything through.
+  Gate() { limits_.fill(std::numeric_limits<double>::infinity()); }
+
+  /// Throws std::invalid_argument unless 0 < probability <= 1; 1 lets everything through.
+  explicit Gate(double probability);
+
+  /// Largest NIS that passes.
+  [[nodiscard]] double limit(int dof) const {
+    return dof <= kTabled ? limits_[static_cast<std::size_t>(dof)]
+                          : chi_squared_quantile(dof, probability_);
+  }
+
+  [[nodiscard]] double probability() const { return probability_; }
+
+ private:
+  static constexpr int kTabled = 32;
+
+  double probability_ = 1.0;
+  std::array<double, kTabled + 1> limits_{};
+};
+
+}  // namespace locfuse

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <cmath>
+
+#include "locfuse/error.hpp"
+#include "locfuse/filters/belief.hpp"
+#include "locfuse/filters/gate.hpp"
+#include "locfuse/filters/outcome.hpp"
+#include "locfuse/math/linearization.hpp"
+
+/// The extended Kalman filter: the only code that changes a GaussianBelief. One algebra, templated on
+/// sizes: it runs on fixed sizes without heap where the local variables are the whole belief, and on
+/// run-time sizes otherwise. Derivation: docs/models/kalman.md.
+namespace locfuse {
+
+namespace internal {
+
+/// x += K r and Joseph's form of (I - K H) P, eq. (4) to (6) of docs/models/kalman.md, computed as
+/// A - (A H' - K R) K' with A = P - K (P H')', which costs O(n^2) per measurement row.
+/// `times_Ht(A)` is A H' where H's columns stand for some rows of the belief only.
+template <class X, class Cov, class Lin, class Cross, class S, class TimesHt>
+Outcome fuse(X& x, Cov& P, const Lin& lin, const Cross& PHt, const S& innovation, const Gate& gate,
+             const std::vector<int>& angle_rows, const TimesHt& times_Ht) {
+  Outcome outcome;
+  outcome.dof = static_cast<int>(lin.residual.size());
+  outcome.residual = lin.residual(0);
+  Cross K;
+  if constexpr (S::RowsAtCompileTime == 1) {
+    outcome.determinant = innovation(0, 0);
+    if (!(outcome.determinant > 0.0)) {
+      throw NumericalError("innovation covariance is not positive");
+    }
+    const double inverse = 1.0 / outcome.determinant;
+    outcome.nis = lin.residual(0) * lin.residual(0) * inverse;
+    K = PHt * inverse;
+  } else {
+    const Eigen::LLT<S> factor(innovation);
+    if (factor.info() != Eigen::Success) {
+      throw NumericalError("innovation covariance is not positive definite");
+    }
+    outcome.determinant = factor.matrixLLT().diagonal().array().square().prod();
+    outcome.nis = factor.matrixL().solve(lin.residual).squaredNorm();
+    K = factor.solve(PHt.transpose()).transpose();
+  }
+  if (outcome.nis > gate.limit(outcome.dof)) {
+    outcome.verdict = Verdict::kGated;
+    return outcome;
+  }
+  const typename X::PlainObject x_new = x + K * lin.residual;
+  typename Cov::PlainObject A = P - K.lazyProduct(PHt.transpose());
+  const Cross rest = times_Ht(A) - K * lin.noise;
+  A -= rest.lazyProduct(K.transpose());
+  if (!std::isfinite(x_new.sum()) || !(A.diagonal().minCoeff() > 0.0)) {
+    throw NumericalError("update would leave a belief that is not finite and positive");
+  }
+  x = x_new;
+  for (const int row : angle_rows) {
+    if (std::abs(x(row)) >= kPi) {
+      x(row) = wrap_angle(x(row));
+    }
+  }
+  P = 0.5 * (A + A.transpose());
+  outcome.verdict = Verdict::kFused;
+  return outcome;
+}
+
+[[nodiscard]] inline bool is_whole(const GaussianBelief& belief, Slots slots, int columns) {
+  if (belief.dimension() != columns) {
+    return false;
+  }
+  int next = 0;
+  for (const Slot slot : slots) {
+    if (belief.offset(slot) != next) {
+      return false;
+    }
+    next += dimension_of(belief.kind(slot));
+  }
+  return next == columns;
+}
+
+void check_columns(const GaussianBelief& belief, Slots slots, Eigen::Index columns);
+
+}  // namespace internal
+
+/// Fuses a measurement, or gates it; eq. (1) to (6) of docs/models/kalman.md.
+///
+/// `slots` are the variables that the Jacobian's columns stand for, in order. The belief is updated
+/// whole or not at all. Throws NumericalError if S is not positive definite or a result is not
+/// finite, std::invalid_argument if the slots do not match the Jacobian.
+template <int M, int N, int MaxM>
+Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slots slots,
+               const Gate& gate) {
+  using Noise = Eigen::Matrix<double, M, M, Eigen::ColMajor, MaxM, MaxM>;
+  if constexpr (N != Eigen::Dynamic) {
+    if (internal::is_whole(belief, slots, N)) {
+      using Cross = Eigen::Matrix<double, N, M, Eigen::ColMajor, N, MaxM>;
+      Eigen::Map<Vector<N>> x(belief.x.data());
+      Eigen::Map<Matrix<N, N>> P(belief.P.data());
+      const Cross PHt = P * lin.jacobian.transpose();
+      const Noise S = lin.jacobian * PHt + lin.noise;
+      return internal::fuse(x, P, lin, PHt, S, gate, belief.angle_rows(), [&](const auto& A) {
+        return Cross(A * lin.jacobian.transpose());
+      });
+    }
+  }
+  internal::check_columns(belief, slots, lin.jacobian.cols());
+  using Cross = Eigen::Matrix<double, Eigen::Dynamic, M, Eigen::ColMajor, Eigen::Dynamic, MaxM>;
+  const std::vector<int> rows = belief.rows(slots);
+  const Cross PHt = belief.P(Eigen::all, rows) * lin.jacobian.transpose();
+  const Noise S = lin.jacobian * PHt(rows, Eigen::all) + lin.noise;
+  return internal::fuse(belief.x, belief.P, lin, PHt, S, gate, belief.angle_rows(),
+                        [&](const auto& A) {
+                          return Cross(A(Eigen::all, rows) * lin.jacobian.transpose());
+                        });
+}
+
+/// Moves the pose in `slot`: mean to `step.moved`, P to F P F' + Q with its cross-covariances.
+/// Throws NumericalError, belief untouched, if a result is not finite.
+void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slot);
+
+}  // namespace locfuse

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+namespace locfuse {
+
+/// What became of a message.
+enum class Verdict : std::uint8_t {
+  kFused,        ///< it changed the belief
+  kGated,        ///< too unlikely under the belief; the belief is bit for bit what it was
+  kNotModelled,  ///< the model has nothing to say: unknown anchor or tag, no direction
+  kIgnored,      ///< the estimator does not use this kind of message
+  kStale,        ///< older than what can still be changed
+};
+
+/// Verdict on one message, with the numbers behind it. NaN and 0 dof where nothing was compared.
+struct Outcome {
+  Verdict verdict = Verdict::kIgnored;
+  int dof = 0;                                                       ///< rows of the innovation
+  double nis = std::numeric_limits<double>::quiet_NaN();          ///< r' S^-1 r
+  double residual = std::numeric_limits<double>::quiet_NaN();     ///< first row of r
+  double determinant = std::numeric_limits<double>::quiet_NaN();  ///< det S
+
+  /// log N(r; 0, S).
+  [[nodiscard]] double log_likelihood() const {
+    return -0.5 * (nis + std::log(determinant) + dof * kLogTwoPi);
+  }
+
+ private:
+  static constexpr double kLogTwoPi = 1.8378770664093453;
+};
+
+}  // namespace locfuse

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// Everything a user of the library needs.
+#include "locfuse/error.hpp"
+#include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/filters/kalman.hpp"
+#include "locfuse/maps/anchor_map.hpp"
+#include "locfuse/math/numerical_jacobian.hpp"
+#include "locfuse/messages/message.hpp"
+#include "locfuse/replay/replay.hpp"
+#include "locfuse/time.hpp"

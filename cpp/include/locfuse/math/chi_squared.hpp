@@ -1,0 +1,10 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+namespace locfuse {
+
+/// Value that a chi-squared variable with `dof` degrees of freedom stays below with `probability`.
+/// Infinity at probability 1. Throws std::invalid_argument unless dof >= 1 and 0 <= probability <= 1.
+[[nodiscard]] double chi_squared_quantile(int dof, double probability);
+
+}  // namespace locfuse

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <cmath>
+
+#include "locfuse/error.hpp"
+#include "locfuse/math/angle.hpp"
+#include "locfuse/math/types.hpp"
+
+namespace locfuse {
+
+/// What a measurement says about the variables its physics depends on. Models make it; filters,
+/// gates, association, particle weights and smoothers read it; nothing else joins them.
+///
+/// M rows of measurement, N local variables; MaxM bounds a run-time M so that it needs no heap.
+template <int M, int N, int MaxM = M>
+struct Linearization {
+  static constexpr int kJacobianStorage =
+      (M == 1 && N != 1) ? int(Eigen::RowMajor) : int(Eigen::ColMajor);
+
+  Eigen::Matrix<double, M, 1, Eigen::ColMajor, MaxM, 1> residual;     ///< z minus h(x), angles wrapped
+  Eigen::Matrix<double, M, N, kJacobianStorage, MaxM, N> jacobian;    ///< d h / d(error state)
+  Eigen::Matrix<double, M, M, Eigen::ColMajor, MaxM, MaxM> noise;     ///< R, symmetric positive definite
+};
+
+/// What a motion model says about one step of `Local`.
+template <class Local, int N>
+struct Propagation {
+  Local moved;            ///< f(x, u)
+  Matrix<N, N> jacobian;  ///< F = d f / d(error state)
+  Matrix<N, N> noise;     ///< Q of this step
+};
+
+/// Log likelihood of the measurement if the local variables are exactly where it was linearized: a
+/// particle's weight. Throws NumericalError unless R is positive definite.
+template <int M, int N, int MaxM>
+[[nodiscard]] double log_likelihood(const Linearization<M, N, MaxM>& lin) {
+  const auto factor = lin.noise.llt();
+  if (factor.info() != Eigen::Success) {
+    throw NumericalError("noise of a measurement is not positive definite");
+  }
+  const double mahalanobis_squared = factor.matrixL().solve(lin.residual).squaredNorm();
+  const double log_det = 2.0 * factor.matrixLLT().diagonal().array().log().sum();
+  const double rows = static_cast<double>(lin.residual.size());
+  return -0.5 * (mahalanobis_squared + log_det + rows * std::log(2.0 * kPi));
+}
+
+}  // namespace locfuse

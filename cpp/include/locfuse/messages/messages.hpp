@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <optional>
+
+#include "locfuse/geometry/pose2.hpp"
+#include "locfuse/math/types.hpp"
+#include "locfuse/time.hpp"
+
+/// What sensors say: plain structs. `validate` throws std::invalid_argument with the value that is
+/// wrong; estimators call it on whatever they are given.
+namespace locfuse {
+
+/// Name of an anchor, a tag or a landmark: the number that the hardware or the map gives it.
+using Id = std::int32_t;
+
+/// Wheel odometry as body velocities, held from `stamp` until the next message.
+struct Velocity {
+  Stamp stamp = 0;
+  double forward = 0.0;    ///< [m/s]
+  double turn_rate = 0.0;  ///< [rad/s], counter-clockwise
+};
+
+/// Wheel odometry as the motion driven from `begin` to `stamp`.
+///
+/// It takes effect at `begin`: a measurement taken in between sees its share of the arc.
+struct Increment {
+  Stamp begin = 0;
+  Stamp stamp = 0;
+  Pose2 motion;  ///< T_body(begin)_body(stamp): dx, dy [m], dheading [rad]
+
+  /// ekim2020 eq. (6): drive `trans` [m] along the old heading, then turn by `rot` [rad].
+  [[nodiscard]] static Increment from_trans_rot(Stamp begin, Stamp stamp, double trans, double rot) {
+    return {begin, stamp, {trans, 0.0, rot}};
+  }
+};
+
+/// Distance between a tag on the body and an anchor in the world.
+struct Range {
+  Stamp stamp = 0;
+  Id tag = 0;
+  Id anchor = 0;
+  double range = 0.0;           ///< [m]
+  std::optional<double> sigma;  ///< [m]; without it the model's own sigma is used
+};
+
+/// Position of the body (or of an antenna on it) in the world, from GPS, an RTLS, multilateration.
+struct PositionFix {
+  Stamp stamp = 0;
+  Vector<2> position = Vector<2>::Zero();       ///< [m]
+  Matrix<2, 2> covariance = Matrix<2, 2>::Zero();  ///< [m^2], positive definite
+};
+
+/// T_world_body from another localizer, such as AMCL or a scan matcher.
+struct PoseObservation {
+  Stamp stamp = 0;
+  Pose2 pose;
+  Matrix<3, 3> covariance = Matrix<3, 3>::Zero();  ///< of (x, y, heading), positive definite
+};
+
+void validate(const Velocity& message);
+void validate(const Increment& message);
+void validate(const Range& message);
+
+void validate(const PositionFix& message);
+void validate(const PoseObservation& message);
+
+}  // namespace locfuse

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "locfuse/geometry/pose2.hpp"
+#include "locfuse/maps/anchor_map.hpp"
+#include "locfuse/math/linearization.hpp"
+#include "locfuse/messages/messages.hpp"
+
+namespace locfuse {
+
+/// A radio on the robot.
+struct Tag {
+  Id id = 0;
+  Vector<3> position = Vector<3>::Zero();  ///< in body: forward, left, up [m]
+};
+
+/// Range from a body-fixed tag to an anchor, both in 3D, the robot on the plane z = 0.
+///
+/// h(x) = scale * |anchor - (p + R(theta) tag)| + offset  [m]; docs/models/range.md eq. (1).
+class RangeModel {
+ public:
+  /// R = sigma^2 + (sigma_relative * distance)^2 where the message brings no sigma of its own.
+  struct Config {
+    double sigma_m = 0.1;          ///< [m]
+    double sigma_relative = 0.0;  ///< share of the distance
+  };
+
+  /// Throws std::invalid_argument on negative sigmas, both zero, duplicate tags, no map.
+  RangeModel(const Config& config, std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags);
+
+  /// Expected measurement [m]; empty if anchor or tag is unknown.
+  [[nodiscard]] std::optional<double> predict(const Pose2& T_world_body, const Range& z) const;
+
+  /// Jacobian with respect to (x, y, theta) of T_world_body, 1x3: eq. (3). Empty if the anchor or the
+  /// tag is unknown, or the tag sits on the anchor (no direction).
+  [[nodiscard]] std::optional<Linearization<1, 3>> linearize(const Pose2& T_world_body,
+                                                             const Range& z) const {
+    const Anchor* anchor = anchors_->find(z.anchor);
+    const Tag* tag = find_tag(z.tag);
+    if (anchor == nullptr || tag == nullptr) {
+      return std::nullopt;
+    }
+    // Tag relative to the body's origin, turned into world; most robots carry it off-centre, but
+    // where they do not the trigonometry is saved.
+    double arm_x = 0.0;
+    double arm_y = 0.0;
+    if (tag->position.x() != 0.0 || tag->position.y() != 0.0) {
+      const double c = std::cos(T_world_body.heading);
+      const double s = std::sin(T_world_body.heading);
+      arm_x = c * tag->position.x() - s * tag->position.y();
+      arm_y = s * tag->position.x() + c * tag->position.y();
+    }
+    const double dx = T_world_body.x + arm_x - anchor->position.x();
+    const double dy = T_world_body.y + arm_y - anchor->position.y();
+    const double dz = tag->position.z() - anchor->position.z();
+    const double distance = std::sqrt(dx * dx + dy * dy + dz * dz);
+    if (distance < kNoDirection) {
+      return std::nullopt;
+    }
+    const double slope = anchor->scale / distance;
+    const double ux = slope * dx;
+    const double uy = slope * dy;
+    Linearization<1, 3> lin;
+    lin.residual(0) = z.range - (anchor->scale * distance + anchor->offset);
+    lin.jacobian << ux, uy, uy * arm_x - ux * arm_y;
+    lin.noise(0) = z.sigma ? *z.sigma * *z.sigma
+                           : variance_ + relative_variance_ * distance * distance;
+    return lin;
+  }
+
+  [[nodiscard]] const AnchorMap& anchors() const { return *anchors_; }
+  [[nodiscard]] const std::vector<Tag>& tags() const { return tags_; }
+
+ private:
+  static constexpr double kNoDirection = 1e-9;  // [m]
+
+  [[nodiscard]] const Tag* find_tag(Id id) const {
+    for (const Tag& tag : tags_) {
+      if (tag.id == id) {
+        return &tag;
+      }
+    }
+    return nullptr;
+  }
+
+  double variance_;
+  double relative_variance_;
+  std::shared_ptr<const AnchorMap> anchors_;
+  std::vector<Tag> tags_;
+};
+
+}  // namespace locfuse

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cmath>
+
+#include "locfuse/geometry/pose2.hpp"
+#include "locfuse/math/linearization.hpp"
+
+namespace locfuse {
+
+/// Wheel odometry: a motion in the previous body frame, with noise that grows with the distance
+/// driven and the angle turned and so does not depend on the message rate.
+///
+/// Derivation: docs/models/odometry.md.
+class OdometryMotion {
+ public:
+  /// Standard deviations of a random walk over distance and turn.
+  struct Config {
+    double sigma_longitudinal_per_sqrt_m = 0.03;  ///< [m / sqrt(m)]
+    double sigma_lateral_per_sqrt_m = 0.01;       ///< [m / sqrt(m)]
+    double sigma_heading_per_sqrt_m = 0.02;       ///< [rad / sqrt(m)]
+    double sigma_heading_per_sqrt_rad = 0.03;     ///< [rad / sqrt(rad)]
+    double sigma_xy_per_sqrt_s = 0.0;             ///< at any speed, even standing [m / sqrt(s)]
+    double sigma_heading_per_sqrt_s = 0.0;        ///< likewise [rad / sqrt(s)]
+  };
+
+  OdometryMotion() = default;
+
+  /// Throws std::invalid_argument if a sigma is negative or not finite.
+  explicit OdometryMotion(const Config& config);
+
+  /// T_world_body after `motion` (previous body frame), which took `seconds`; eq. (1) to (4).
+  [[nodiscard]] Propagation<Pose2, 3> propagate(const Pose2& T_world_body, const Pose2& motion,
+                                                double seconds) const {
+    const double c = std::cos(T_world_body.heading);
+    const double s = std::sin(T_world_body.heading);
+    const double dx = c * motion.x - s * motion.y;
+    const double dy = s * motion.x + c * motion.y;
+    const double distance = std::sqrt(dx * dx + dy * dy);
+    const double turn = std::abs(motion.heading);
+
+    Propagation<Pose2, 3> step;
+    step.moved = {T_world_body.x + dx, T_world_body.y + dy,
+                  wrap_angle(T_world_body.heading + motion.heading)};
+    step.jacobian << 1.0, 0.0, -dy, 0.0, 1.0, dx, 0.0, 0.0, 1.0;
+    const double drift = xy_per_s_ * seconds;
+    const double along = longitudinal_per_m_ * distance + drift;
+    const double across = lateral_per_m_ * distance + drift;
+    const double xy = c * s * (along - across);
+    const double heading =
+        heading_per_m_ * distance + heading_per_rad_ * turn + heading_per_s_ * seconds;
+    step.noise << c * c * along + s * s * across, xy, 0.0,  //
+        xy, s * s * along + c * c * across, 0.0,            //
+        0.0, 0.0, heading;
+    return step;
+  }
+
+ private:
+  // Variances per metre, radian and second.
+  double longitudinal_per_m_ = 0.0;
+  double lateral_per_m_ = 0.0;
+  double heading_per_m_ = 0.0;
+  double heading_per_rad_ = 0.0;
+  double xy_per_s_ = 0.0;
+  double heading_per_s_ = 0.0;
+};
+
+}  // namespace locfuse

@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/estimators/pose_ekf.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+namespace locfuse {
+namespace {
+
+/// Puts a pose belief back, bit for bit, unless the message that it was moved for was fused.
+class Transaction {
+ public:
+  explicit Transaction(GaussianBelief& belief)
+      : belief_(&belief), stamp_(belief.stamp), x_(belief.x), P_(belief.P) {}
+  Transaction(const Transaction&) = delete;
+  Transaction& operator=(const Transaction&) = delete;
+  ~Transaction() {
+    if (belief_ != nullptr) {
+      belief_->stamp = stamp_;
+      belief_->x = x_;
+      belief_->P = P_;
+    }
+  }
+  [[nodiscard]] Outcome close(const Outcome& outcome) {
+    if (outcome.verdict == Verdict::kFused) {
+      belief_ = nullptr;
+    }
+    return outcome;
+  }
+
+ private:
+  GaussianBelief* belief_;
+  Stamp stamp_;
+  Vector<3> x_;
+  Matrix<3, 3> P_;
+};
+
+double positive(const char* name, double value) {
+  if (!(std::isfinite(value) && value > 0.0)) {
+    throw std::invalid_argument(std::string(name) + " is " + std::to_string(value) +
+                                ", expected a finite number > 0");
+  }
+  return value;
+}
+
+OdometryMotion lost_motion(const PoseEkf::Config& config) {
+  OdometryMotion::Config lost = config.odometry;
+  lost.sigma_xy_per_sqrt_s = positive("sigma_lost_xy_per_sqrt_s", config.sigma_lost_xy_per_sqrt_s);
+  lost.sigma_heading_per_sqrt_s =
+      positive("sigma_lost_heading_per_sqrt_s", config.sigma_lost_heading_per_sqrt_s);
+  return OdometryMotion(lost);
+}
+
+}  // namespace
+
+PoseEkf::PoseEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
+                 std::vector<Tag> tags, const PoseEstimate& start)
+    : recipe_(std::make_shared<const Recipe>(
+          Recipe{config, OdometryMotion(config.odometry), lost_motion(config),
+                 RangeModel(config.range, std::move(anchors), std::move(tags)),
+                 PositionModel(config.position), PoseModel(), Gate(config.gate_range),
+                 Gate(config.gate_position), Gate(config.gate_pose),
+                 static_cast<Stamp>(positive("hold_s", config.hold_s) * kNanosecondsPerSecond)})),
+      belief_(GaussianBelief::of_pose(start.stamp, start.pose, start.covariance)),
+      body_(belief_.slot("body")),
+      control_{start.stamp, start.stamp, Pose2{}, true} {}
+
+template <class Linearize>
+Outcome PoseEkf::correct(Stamp stamp, const Gate& gate, const Linearize& linearize) {
+  if (stamp < belief_.stamp) {
+    return {Verdict::kStale};
+  }
+  const auto now = [&]() -> Outcome {
+    const auto lin = linearize(pose());
+    return lin ? update(belief_, *lin, body_, gate) : Outcome{Verdict::kNotModelled};
+  };
+  if (stamp == belief_.stamp) {  // nothing moves: `update` itself changes all or nothing
+    return now();
+  }
+  Transaction transaction(belief_);
+  advance_to(stamp);
+  return transaction.close(now());
+}
+
+Outcome PoseEkf::on(const Velocity& u) {
+  validate(u);
+  if (u.stamp < belief_.stamp) {
+    return {Verdict::kStale};
+  }
+  Transaction transaction(belief_);
+  advance_to(u.stamp);
+  control_ = {u.stamp, u.stamp, {u.forward, 0.0, u.turn_rate}, true};
+  return transaction.close({Verdict::kFused});
+}
+
+Outcome PoseEkf::on(const Increment& u) {
+  validate(u);
+  if (u.stamp < belief_.stamp) {
+    return {Verdict::kStale};
+  }
+  Transaction transaction(belief_);
+  advance_to(u.begin);
+  if (u.begin == u.stamp) {  // a displacement without duration
+    move(recipe_->motion, u.motion, u.stamp);
+  }
+  control_ = {u.begin, u.stamp, u.motion, false};
+  return transaction.close({Verdict::kFused});
+}
+
+Outcome PoseEkf::on(const Range& z) {
+  validate(z);
+  return correct(z.stamp, recipe_->range_gate,
+                 [&](const Pose2& pose) { return recipe_->range.linearize(pose, z); });
+}
+
+Outcome PoseEkf::on(const PositionFix& z) {
+  validate(z);
+  return correct(z.stamp, recipe_->position_gate, [&](const Pose2& pose) {
+    return std::optional(recipe_->position.linearize(pose, z));
+  });
+}
+
+Outcome PoseEkf::on(const PoseObservation& z) {
+  validate(z);
+  return correct(z.stamp, recipe_->pose_gate, [&](const Pose2& pose) {
+    return std::optional(recipe_->pose.linearize(pose, z));
+  });
+}
+
+Outcome PoseEkf::on(const Message& message) {
+  return std::visit([this](const auto& m) { return on(m); }, message);
+}
+
+Outcome PoseEkf::fuse(Stamp stamp, const Linearization<Eigen::Dynamic, 3>& lin, const Gate& gate) {
+  return correct(stamp, gate, [&](const Pose2& /*pose*/) { return std::optional(lin); });
+}
+
+Outcome PoseEkf::on_joint(const std::vector<Range>& epoch) {
+  if (epoch.empty() || epoch.size() > kMaxJoint) {
+    throw std::invalid_argument("an epoch has " + std::to_string(epoch.size()) +
+                                " ranges, expected 1 to " + std::to_string(kMaxJoint));
+  }
+  for (const Range& z : epoch) {
+    validate(z);
+    if (z.stamp != epoch.front().stamp) {
+      throw std::invalid_argument("ranges of one epoch have stamps " +
+                                  std::to_string(epoch.front().stamp) + " and " +
+                                  std::to_string(z.stamp) + " ns, expected one stamp");
+    }
+  }
+  return correct(epoch.front().stamp, recipe_->range_gate, [&](const Pose2& pose) {
+    using Joint = Linearization<Eigen::Dynamic, 3, kMaxJoint>;
+    const auto n = static_cast<Eigen::Index>(epoch.size());
+    Joint joint;
+    joint.residual.resize(n);
+    joint.jacobian.resize(n, 3);
+    joint.noise.setZero(n, n);
+    Eigen::Index rows = 0;
+    for (const Range& z : epoch) {
+      if (const std::optional<Linearization<1, 3>> lin = recipe_->range.linearize(pose, z)) {
+        joint.residual(rows) = lin->residual(0);
+        joint.jacobian.row(rows) = lin->jacobian;
+        joint.noise(rows, rows) = lin->noise(0);
+        ++rows;
+      }
+    }
+    joint.residual.conservativeResize(rows);
+    joint.jacobian.conservativeResize(rows, 3);
+    joint.noise.conservativeResize(rows, rows);
+    return rows > 0 ? std::optional(joint) : std::nullopt;
+  });
+}
+
+void PoseEkf::advance_to(Stamp stamp) {
+  if (stamp <= belief_.stamp) {
+    return;
+  }
+  const Stamp trusted = control_.end + recipe_->hold;
+  const Stamp driven = std::min(stamp, trusted);
+  if (driven > belief_.stamp) {
+    if (!control_.is_velocity && belief_.stamp < control_.end && driven > control_.end) {
+      move(recipe_->motion, control_motion(belief_.stamp, control_.end), control_.end);
+    }
+    move(recipe_->motion, control_motion(belief_.stamp, driven), driven);
+  }
+  if (stamp > belief_.stamp) {
+    move(recipe_->lost, Pose2{}, stamp);
+  }
+}
+
+Pose2 PoseEkf::control_motion(Stamp from, Stamp to) const {
+  if (control_.is_velocity) {
+    const double seconds = seconds_between(from, to);
+    return arc(control_.motion.x * seconds, 0.0, control_.motion.heading * seconds);
+  }
+  if (from == control_.begin && to == control_.end) {
+    return control_.motion;
+  }
+  if (control_.begin == control_.end) {
+    return {};  // a displacement without duration has no rate
+  }
+  return arc_share(control_.motion,
+                   seconds_between(from, to) / seconds_between(control_.begin, control_.end));
+}
+
+void PoseEkf::move(const OdometryMotion& model, const Pose2& motion, Stamp stamp) {
+  const double seconds = seconds_between(belief_.stamp, stamp);
+  predict(belief_, model.propagate(pose(), motion, seconds), body_);
+  belief_.stamp = stamp;
+}
+
+PoseEstimate PoseEkf::current() const { return {belief_.stamp, pose(), Matrix<3, 3>(belief_.P)}; }
+
+PoseEstimate PoseEkf::estimate() const { return estimate(std::max(belief_.stamp, control_.end)); }
+
+PoseEstimate PoseEkf::estimate(Stamp stamp) const {
+  if (stamp < belief_.stamp) {
+    throw std::invalid_argument("an estimate was asked for " + std::to_string(stamp) +
+                                " ns, before the belief at " + std::to_string(belief_.stamp) +
+                                " ns");
+  }
+  PoseEkf ahead = *this;
+  ahead.advance_to(stamp);
+  return ahead.current();
+}
+
+}  // namespace locfuse

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/filters/belief.hpp"
+
+#include <Eigen/Cholesky>
+#include <sstream>
+#include <stdexcept>
+#include <utility>
+
+namespace locfuse {
+
+GaussianBelief GaussianBelief::of_pose(Stamp stamp, const Pose2& pose,
+                                       const Matrix<3, 3>& covariance) {
+  GaussianBelief belief;
+  belief.stamp = stamp;
+  belief.add("body", SlotKind::kPose2, Vector<3>(pose.x, pose.y, pose.heading), covariance);
+  return belief;
+}
+
+Slot GaussianBelief::add(const std::string& name, SlotKind kind,
+                         const Eigen::Ref<const Eigen::VectorXd>& mean,
+                         const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
+  const int size = dimension_of(kind);
+  if (mean.size() != size || covariance.rows() != size || covariance.cols() != size) {
+    std::ostringstream text;
+    text << "slot '" << name << "' holds " << size << " numbers, got a mean of " << mean.size()
+         << " and a covariance of " << covariance.rows() << " x " << covariance.cols();
+    throw std::invalid_argument(text.str());
+  }
+  const bool positive = covariance.allFinite() &&
+                        covariance.isApprox(covariance.transpose(), 1e-9) &&
+                        Eigen::MatrixXd(covariance).llt().info() == Eigen::Success;
+  if (!mean.allFinite() || !positive) {
+    std::ostringstream text;
+    text << "slot '" << name << "' needs a finite mean and a symmetric positive definite "
+         << "covariance, got " << mean.transpose() << " and\n"
+         << covariance;
+    throw std::invalid_argument(text.str());
+  }
+  Layout layout = *layout_;
+  for (const Variable& variable : layout.variables) {
+    if (variable.offset >= 0 && variable.name == name) {
+      throw std::invalid_argument("there is a slot '" + name + "' already");
+    }
+  }
+  const int offset = dimension();
+  layout.variables.push_back({name, kind, offset});
+  x.conservativeResize(offset + size);
+  x.tail(size) = mean;
+  P.conservativeResize(offset + size, offset + size);
+  P.rightCols(size).setZero();
+  P.bottomRows(size).setZero();
+  P.bottomRightCorner(size, size) = covariance;
+  lay_out(std::move(layout));
+  for (const int row : angle_rows()) {
+    x(row) = wrap_angle(x(row));
+  }
+  return {static_cast<int>(layout_->variables.size()) - 1};
+}
+
+void GaussianBelief::remove(Slot slot) {
+  const int start = offset(slot);
+  const int size = dimension_of(kind(slot));
+  std::vector<int> keep;
+  for (int row = 0; row < dimension(); ++row) {
+    if (row < start || row >= start + size) {
+      keep.push_back(row);
+    }
+  }
+  x = Eigen::VectorXd(x(keep));
+  P = Eigen::MatrixXd(P(keep, keep));
+  Layout layout = *layout_;
+  layout.variables[static_cast<std::size_t>(slot.id)].offset = -1;
+  for (Variable& variable : layout.variables) {
+    if (variable.offset > start) {
+      variable.offset -= size;
+    }
+  }
+  lay_out(std::move(layout));
+}
+
+void GaussianBelief::lay_out(Layout layout) {
+  layout.angle_rows.clear();
+  for (const Variable& variable : layout.variables) {
+    if (variable.offset >= 0 && variable.kind == SlotKind::kPose2) {
+      layout.angle_rows.push_back(variable.offset + 2);
+    }
+  }
+  layout_ = std::make_shared<const Layout>(std::move(layout));
+}
+
+Slot GaussianBelief::slot(const std::string& name) const {
+  std::string known;
+  for (std::size_t id = 0; id < layout_->variables.size(); ++id) {
+    const Variable& variable = layout_->variables[id];
+    if (variable.offset < 0) {
+      continue;
+    }
+    if (variable.name == name) {
+      return {static_cast<int>(id)};
+    }
+    known += (known.empty() ? "" : ", ") + variable.name;
+  }
+  throw std::invalid_argument("no slot '" + name + "'; there are: " + known);
+}
+
+std::vector<int> GaussianBelief::rows(Slots slots) const {
+  std::vector<int> rows;
+  for (const Slot slot : slots) {
+    const int start = offset(slot);
+    for (int i = 0; i < dimension_of(kind(slot)); ++i) {
+      rows.push_back(start + i);
+    }
+  }
+  return rows;
+}
+
+Eigen::VectorXd GaussianBelief::mean(Slots slots) const { return x(rows(slots)); }
+
+Eigen::MatrixXd GaussianBelief::marginal(Slots slots) const {
+  const std::vector<int> chosen = rows(slots);
+  return P(chosen, chosen);
+}
+
+}  // namespace locfuse

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/messages/messages.hpp"
+
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <sstream>
+#include <stdexcept>
+
+namespace locfuse {
+namespace {
+
+[[noreturn]] void refuse(const char* what, double value, const char* expected) {
+  std::ostringstream text;
+  text << what << " is " << value << ", expected " << expected;
+  throw std::invalid_argument(text.str());
+}
+
+void require_finite(const char* what, double value) {
+  if (!std::isfinite(value)) {
+    refuse(what, value, "a finite number");
+  }
+}
+
+template <int N>
+void require_covariance(const char* what, const Matrix<N, N>& covariance) {
+  const bool symmetric = covariance.isApprox(covariance.transpose(), 1e-9);
+  if (!covariance.allFinite() || !symmetric || covariance.llt().info() != Eigen::Success) {
+    std::ostringstream text;
+    text << what << " is not a symmetric positive definite matrix:\n" << covariance;
+    throw std::invalid_argument(text.str());
+  }
+}
+
+}  // namespace
+
+void validate(const Velocity& message) {
+  require_finite("Velocity.forward [m/s]", message.forward);
+  require_finite("Velocity.turn_rate [rad/s]", message.turn_rate);
+}
+
+void validate(const Increment& message) {
+  require_finite("Increment.motion.x [m]", message.motion.x);
+  require_finite("Increment.motion.y [m]", message.motion.y);
+  require_finite("Increment.motion.heading [rad]", message.motion.heading);
+  if (message.stamp < message.begin) {
+    throw std::invalid_argument("Increment ends at " + std::to_string(message.stamp) +
+                                " ns, before it begins at " + std::to_string(message.begin) +
+                                " ns");
+  }
+}
+
+void validate(const Range& message) {
+  if (!std::isfinite(message.range) || message.range < 0.0) {
+    refuse("Range.range [m]", message.range, "a finite number >= 0");
+  }
+  if (message.sigma && !(std::isfinite(*message.sigma) && *message.sigma > 0.0)) {
+    refuse("Range.sigma [m]", *message.sigma, "a finite number > 0");
+  }
+}
+
+void validate(const PositionFix& message) {
+  require_finite("PositionFix.position.x [m]", message.position.x());
+  require_finite("PositionFix.position.y [m]", message.position.y());
+  require_covariance("PositionFix.covariance", message.covariance);
+}
+
+void validate(const PoseObservation& message) {
+  require_finite("PoseObservation.pose.x [m]", message.pose.x);
+  require_finite("PoseObservation.pose.y [m]", message.pose.y);
+  require_finite("PoseObservation.pose.heading [rad]", message.pose.heading);
+  require_covariance("PoseObservation.covariance", message.covariance);
+}
+
+}  // namespace locfuse

@@ -1,0 +1,389 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What to simulate: room, anchors, path, sensors, faults. The defaults are the room of ekim2020.
+
+World: x east, y north, origin in a corner of the room, metres. Body: x forward, y left.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, TypeAlias, get_args
+
+from pydantic import Field, field_validator, model_validator
+
+from locfuse.config.base import Strict
+
+Positive: TypeAlias = Annotated[float, Field(gt=0.0)]
+NonNegative: TypeAlias = Annotated[float, Field(ge=0.0)]
+Probability: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]
+Rate: TypeAlias = Annotated[float, Field(gt=0.0, le=1e6)]
+Name: TypeAlias = Annotated[str, Field(min_length=1)]
+Point2: TypeAlias = tuple[float, float]
+Point3: TypeAlias = tuple[float, float, float]
+Segment: TypeAlias = tuple[float, float, float, float]
+Source: TypeAlias = Literal["odometry", "ranges", "poses", "positions"]
+
+
+# Paths ---------------------------------------------------------------------------------------
+
+
+class Circle(Strict):
+    """Counter-clockwise without end; starts at the easternmost point, heading north."""
+
+    shape: Literal["circle"] = "circle"
+    speed_mps: Positive = 0.22
+    center_m: Point2 = (5.0, 5.0)
+    radius_m: Positive = 3.0
+
+
+class Eight(Strict):
+    """Two circles side by side that touch in the centre: left turn, right turn.
+
+    Starts in the centre, heading north, on the western circle.
+    """
+
+    shape: Literal["eight"] = "eight"
+    speed_mps: Positive = 0.22
+    center_m: Point2 = (5.0, 5.0)
+    radius_m: Positive = 2.0
+
+
+class Square(Strict):
+    """Straight sides, quarter turns in place to the left; starts south-west, heading east."""
+
+    shape: Literal["square"] = "square"
+    speed_mps: Positive = 0.22
+    turn_rate_radps: Positive = 1.0
+    center_m: Point2 = (5.0, 5.0)
+    side_m: Positive = 6.0
+
+
+class Star(Strict):
+    """Star polygon {points / (points - 1) / 2}: straight strokes, turns in place to the left.
+
+    Five points are the pentagram. Starts at the northern tip; the tips lie on `radius_m`.
+    """
+
+    shape: Literal["star"] = "star"
+    speed_mps: Positive = 0.22
+    turn_rate_radps: Positive = 1.0
+    center_m: Point2 = (5.0, 5.0)
+    radius_m: Positive = 4.0
+    points: Annotated[int, Field(ge=5)] = 5
+
+    @field_validator("points")
+    @classmethod
+    def _odd(cls, points: int) -> int:
+        if points % 2 == 0:
+            raise ValueError(f"a star of {points} points is not one stroke; expected an odd number")
+        return points
+
+
+class Waypoints(Strict):
+    """Random points of the room, one after another: turn in place the short way, drive straight.
+
+    They are drawn evenly from the room less `margin_m` at each wall, as many as the duration needs.
+    """
+
+    shape: Literal["waypoints"] = "waypoints"
+    speed_mps: Positive = 0.22
+    turn_rate_radps: Positive = 1.0
+    margin_m: NonNegative = 1.0
+
+
+Path: TypeAlias = Annotated[
+    Circle | Eight | Square | Star | Waypoints, Field(discriminator="shape")
+]
+
+
+# Sensors -------------------------------------------------------------------------------------
+
+
+class OdometrySensor(Strict):
+    """Wheel odometry, with variances that grow with the distance driven and the angle turned.
+
+    ``increments`` are motions since the row before; ``velocities`` are forward speed and turn rate
+    held until the row after.
+    """
+
+    rate_hz: Rate = 30.0
+    output: Literal["increments", "velocities"] = "increments"
+    sigma_longitudinal_per_sqrt_m: NonNegative = 0.03
+    sigma_lateral_per_sqrt_m: NonNegative = 0.0
+    sigma_heading_per_sqrt_m: NonNegative = 0.02
+    sigma_heading_per_sqrt_rad: NonNegative = 0.03
+
+    @model_validator(mode="after")
+    def _velocities_have_no_lateral_part(self) -> OdometrySensor:
+        if self.output == "velocities" and self.sigma_lateral_per_sqrt_m > 0.0:
+            raise ValueError(
+                f"sigma_lateral_per_sqrt_m is {self.sigma_lateral_per_sqrt_m}, but velocities "
+                "carry no lateral motion; set it to 0 or output to 'increments'"
+            )
+        return self
+
+
+class RangeSensor(Strict):
+    """UWB: every tag to every anchor at each epoch; sigma = hypot(sigma_m, relative * distance)."""
+
+    rate_hz: Rate = 5.0
+    sigma_m: NonNegative = 0.0
+    sigma_relative: NonNegative = 0.015
+
+
+class PoseSensor(Strict):
+    """Stand-in for another localizer such as AMCL: the true pose plus white noise.
+
+    The default is a position RMSE of 6 cm over both axes.
+    """
+
+    rate_hz: Rate = 2.0
+    sigma_xy_m: NonNegative = 0.06 / math.sqrt(2.0)
+    sigma_heading_deg: NonNegative = 2.0
+
+
+class PositionSensor(Strict):
+    """GPS-like: the true position of an antenna on the body plus white noise per axis."""
+
+    rate_hz: Rate = 1.0
+    sigma_xy_m: NonNegative = 0.5
+    antenna_forward_m: float = 0.0
+    antenna_left_m: float = 0.0
+
+
+# Faults --------------------------------------------------------------------------------------
+
+
+class Nlos(Strict):
+    """Ranges through a wall read long: gamma distributed, mean `extra_m`, deviation `sigma_m`.
+
+    A wall is [x1, y1, x2, y2] and reaches from floor to ceiling. Several walls in the way count
+    once; an anchor or tag that touches a wall is not behind it.
+    """
+
+    kind: Literal["nlos"] = "nlos"
+    walls: Annotated[list[Segment], Field(min_length=1)]
+    extra_m: Positive
+    sigma_m: NonNegative = 0.0
+
+    @field_validator("walls")
+    @classmethod
+    def _walls_have_length(cls, walls: list[Segment]) -> list[Segment]:
+        for index, (x1, y1, x2, y2) in enumerate(walls):
+            if (x1, y1) == (x2, y2):
+                raise ValueError(
+                    f"wall {index} begins and ends at ({x1}, {y1}); expected two different points"
+                )
+        return walls
+
+
+class Bias(Strict):
+    """Ranges read scale * range + offset, to one anchor or (None) to all."""
+
+    kind: Literal["bias"] = "bias"
+    anchor: Name | None = None
+    offset_m: float = 0.0
+    scale: Positive = 1.0
+
+    @model_validator(mode="after")
+    def _has_an_effect(self) -> Bias:
+        if self.offset_m == 0.0 and self.scale == 1.0:
+            raise ValueError("a bias of offset_m 0 and scale 1 changes nothing; set one of them")
+        return self
+
+
+class Outliers(Strict):
+    """Each row is, with some probability, wrong by exactly `magnitude_m`.
+
+    Ranges: longer or shorter, evenly (longer where shorter would be below zero). Poses and
+    positions: in a random direction; the heading of a pose stays as it is.
+    """
+
+    kind: Literal["outliers"] = "outliers"
+    source: Literal["ranges", "poses", "positions"] = "ranges"
+    probability: Probability
+    magnitude_m: Positive
+
+
+class Dropouts(Strict):
+    """Rows that are missing: each with `probability`, from `from_s` (inclusive) to `to_s`.
+
+    A probability alone holds all the time; an interval alone loses every row in it. The motion told
+    by a lost odometry increment is lost with it.
+    """
+
+    kind: Literal["dropouts"] = "dropouts"
+    source: Source = "ranges"
+    probability: Probability | None = None
+    from_s: NonNegative | None = None
+    to_s: NonNegative | None = None
+    anchor: Name | None = None
+
+    @model_validator(mode="after")
+    def _says_when(self) -> Dropouts:
+        if (self.from_s is None) != (self.to_s is None):
+            raise ValueError("from_s and to_s belong together; set both or none")
+        if self.from_s is None and self.probability is None:
+            raise ValueError("dropouts need a probability, or from_s and to_s, or all three")
+        if self.from_s is not None and self.to_s is not None:
+            _require_interval(self.from_s, self.to_s)
+        if self.anchor is not None and self.source != "ranges":
+            raise ValueError(
+                f"anchor is {self.anchor!r}, but {self.source} have no anchor; only ranges do"
+            )
+        return self
+
+
+class Latency(Strict):
+    """Rows arrive `delay_s` plus up to `jitter_s` (evenly distributed) after their stamp.
+
+    The stamp stays what it was; the table gains ``arrival_ns``. Several latencies add up.
+    """
+
+    kind: Literal["latency"] = "latency"
+    source: Source = "poses"
+    delay_s: NonNegative
+    jitter_s: NonNegative = 0.0
+
+
+class WheelSlip(Strict):
+    """Odometry reports its translation and rotation times these factors between two instants.
+
+    A row that is partly inside is scaled for that part, whatever the rate.
+    """
+
+    kind: Literal["wheel_slip"] = "wheel_slip"
+    from_s: NonNegative
+    to_s: NonNegative
+    translation_factor: NonNegative = 1.0
+    rotation_factor: NonNegative = 1.0
+
+    @model_validator(mode="after")
+    def _has_an_effect(self) -> WheelSlip:
+        _require_interval(self.from_s, self.to_s)
+        if self.translation_factor == 1.0 and self.rotation_factor == 1.0:
+            raise ValueError("a slip with both factors 1 changes nothing; set one of them")
+        return self
+
+
+Fault: TypeAlias = Annotated[
+    Nlos | Bias | Outliers | Dropouts | Latency | WheelSlip, Field(discriminator="kind")
+]
+
+
+def _require_interval(from_s: float, to_s: float) -> None:
+    if not from_s < to_s:
+        raise ValueError(f"from_s is {from_s} and to_s is {to_s}; expected from_s < to_s")
+
+
+# Scenario ------------------------------------------------------------------------------------
+
+
+def _paper_anchors() -> dict[Name, Point3]:
+    return {
+        "A1": (0.0, 0.0, 0.0),
+        "A2": (10.0, 0.0, 0.0),
+        "A3": (10.0, 10.0, 0.0),
+        "A4": (0.0, 10.0, 0.0),
+        "A5": (5.0, 0.0, 0.0),
+    }
+
+
+def _one_tag() -> dict[Name, Point3]:
+    return {"tag": (0.0, 0.0, 0.0)}
+
+
+class Scenario(Strict):
+    """A drive through a room and what the sensors said of it.
+
+    A sensor set to None is switched off. Faults are applied in the order in which they stand.
+    Anchors are in world, tags in body; the body moves on z = 0, and by default so do all of them,
+    as in the planar model of ekim2020 eq. (8).
+    """
+
+    room_m: tuple[Positive, Positive] = (10.0, 10.0)
+    anchors: dict[Name, Point3] = Field(default_factory=_paper_anchors)
+    tags: dict[Name, Point3] = Field(default_factory=_one_tag)
+    path: Path = Field(default_factory=Circle)
+    duration_s: Positive = 60.0
+    odometry: OdometrySensor | None = Field(default_factory=OdometrySensor)
+    ranges: RangeSensor | None = Field(default_factory=RangeSensor)
+    poses: PoseSensor | None = Field(default_factory=PoseSensor)
+    positions: PositionSensor | None = None
+    faults: list[Fault] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _sensors_have_what_they_need(self) -> Scenario:
+        if all(getattr(self, source) is None for source in get_args(Source)):
+            raise ValueError("no sensor is switched on; expected at least one")
+        if self.ranges is not None and not (self.anchors and self.tags):
+            missing = "anchors" if not self.anchors else "tags"
+            raise ValueError(f"ranges need anchors and tags, but {missing} is empty")
+        if self.odometry is not None:
+            turn = fastest_turn_radps(self.path) / self.odometry.rate_hz
+            if turn >= math.pi:
+                raise ValueError(
+                    f"between two odometry rows at {self.odometry.rate_hz} Hz the path turns "
+                    f"{turn:.3g} rad; expected less than half a turn (a higher rate_hz)"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _path_is_in_the_room(self) -> Scenario:
+        width, depth = self.room_m
+        if isinstance(self.path, Waypoints):
+            if 2.0 * self.path.margin_m >= min(width, depth):
+                raise ValueError(
+                    f"margin_m is {self.path.margin_m}, which leaves nothing of a room of "
+                    f"{width} m x {depth} m"
+                )
+            return self
+        reach_x, reach_y = _reach_m(self.path)
+        x, y = self.path.center_m
+        if not (reach_x <= x <= width - reach_x and reach_y <= y <= depth - reach_y):
+            raise ValueError(
+                f"the {self.path.shape} around ({x}, {y}) reaches {reach_x} m in x and {reach_y} m "
+                f"in y, which leaves the room of {width} m x {depth} m; shrink it or enlarge room_m"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _faults_hit_something(self) -> Scenario:
+        for index, fault in enumerate(self.faults):
+            anchor = getattr(fault, "anchor", None)
+            if anchor is not None and anchor not in self.anchors:
+                raise ValueError(
+                    f"faults.{index} ({fault.kind}) names anchor {anchor!r}; "
+                    f"expected one of {', '.join(self.anchors)}"
+                )
+            source = fault_source(fault)
+            if getattr(self, source) is None:
+                raise ValueError(
+                    f"faults.{index} ({fault.kind}) acts on {source}, which is switched off"
+                )
+        return self
+
+
+def fault_source(fault: Fault) -> Source:
+    """Return the sensor that a fault acts on."""
+    if isinstance(fault, Nlos | Bias):
+        return "ranges"
+    if isinstance(fault, WheelSlip):
+        return "odometry"
+    return fault.source
+
+
+def fastest_turn_radps(path: Path) -> float:
+    """Return the largest turn rate along a path, rad/s."""
+    if isinstance(path, Circle | Eight):
+        return path.speed_mps / path.radius_m
+    return path.turn_rate_radps
+
+
+def _reach_m(path: Circle | Eight | Square | Star) -> tuple[float, float]:
+    """Return how far a path reaches from its centre in x and in y, metres."""
+    if isinstance(path, Eight):
+        return 2.0 * path.radius_m, path.radius_m
+    if isinstance(path, Square):
+        return 0.5 * path.side_m, 0.5 * path.side_m
+    return path.radius_m, path.radius_m

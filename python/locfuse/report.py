@@ -1,0 +1,356 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One self-contained page about a run: key figures, pictures, tables, effective configuration."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from matplotlib.figure import Figure
+
+from locfuse import plot
+from locfuse.types import NANOSECONDS, RunResult
+
+__all__ = ["write_report"]
+
+_VERDICTS = ("fused", "gated", "not_modelled", "ignored", "stale")
+
+_CAPTIONS = {
+    "path": (
+        "Path",
+        "The estimated path with {sigmas:g}-sigma ellipses of its position{truth}: truth should "
+        "run inside the ellipses, and a red anchor had at least {notable:.0f} % of its ranges "
+        "rejected.",
+    ),
+    "errors": (
+        "Errors",
+        "Estimate minus truth against the {band:g}-sigma band the estimator claims: a consistent "
+        "filter leaves the band in about 0.3 % of the stamps, and a band far wider than the error "
+        "is too cautious.",
+    ),
+    "nis": (
+        "Innovations",
+        "Normalised innovation squared (NIS) of each message that was compared with a prediction: "
+        "95 % should lie inside the band; a cloud above it means too small sigmas or a wrong "
+        "model, below it too large sigmas.",
+    ),
+    "outcomes": (
+        "Rejected messages",
+        "Each row is one anchor or source and time runs to the right: pale where messages "
+        "arrived, strong where the filter turned them down, full height where it turned down all "
+        "of them.",
+    ),
+}
+
+# The policy forbids the browser to load anything: what is seen is what is in the file.
+_PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy"
+ content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
+<title>{title}</title>
+<style>
+:root {{ color-scheme: light dark; --page: #f6f7f8; --card: #ffffff; --ink: #1f2328;
+  --muted: #5b636b; --line: #d9dde1; --bad: #b04a00; --good: #00694c; }}
+@media (prefers-color-scheme: dark) {{
+  :root {{ --page: #16181b; --card: #202327; --ink: #e8eaec; --muted: #a3abb3; --line: #3a3f45;
+    --bad: #ff9a57; --good: #4fd0a6; }}
+  img {{ filter: brightness(0.92); }}
+}}
+* {{ box-sizing: border-box; }}
+body {{ margin: 0; background: var(--page); color: var(--ink);
+  font: 16px/1.5 system-ui, -apple-system, "Segoe UI", sans-serif; }}
+main {{ max-width: 1120px; margin: 0 auto; padding: 24px 16px 48px; }}
+h1 {{ font-size: 1.7rem; line-height: 1.25; margin: 0 0 4px; overflow-wrap: anywhere; }}
+h2 {{ font-size: 1.2rem; margin: 40px 0 4px; }}
+p {{ margin: 4px 0 12px; max-width: 80ch; overflow-wrap: anywhere; }}
+.quiet {{ color: var(--muted); }}
+.cards {{ display: grid; grid-template-columns: repeat(auto-fill, minmax(150px, 1fr));
+  gap: 12px; margin: 20px 0 12px; }}
+@media (min-width: 760px) {{ .cards {{ grid-template-columns: repeat(4, 1fr); }} }}
+.card {{ background: var(--card); border: 1px solid var(--line); border-radius: 8px;
+  padding: 10px 14px; }}
+.card b {{ display: block; font-size: 1.35rem; line-height: 1.3; white-space: nowrap;
+  font-variant-numeric: tabular-nums; }}
+.card span {{ display: block; color: var(--muted); font-size: 0.85rem; line-height: 1.35; }}
+.bad {{ color: var(--bad) !important; font-weight: 600; }}
+.good {{ color: var(--good) !important; font-weight: 600; }}
+.wide {{ overflow-x: auto; }}
+figure {{ margin: 8px 0 0; }}
+img {{ display: block; width: 100%; min-width: 640px; height: auto; background: #ffffff;
+  border: 1px solid var(--line); border-radius: 8px; }}
+table {{ border-collapse: collapse; background: var(--card); margin: 8px 0;
+  font-variant-numeric: tabular-nums; }}
+th, td {{ border-bottom: 1px solid var(--line); padding: 5px 14px; text-align: right;
+  white-space: nowrap; }}
+th {{ color: var(--muted); font-weight: 600; font-size: 0.88rem; }}
+th:first-child, td:first-child {{ text-align: left; }}
+summary {{ cursor: pointer; font-size: 1.2rem; font-weight: 600; margin-top: 40px; }}
+pre {{ background: var(--card); border: 1px solid var(--line); border-radius: 8px; padding: 14px;
+  overflow-x: auto; font-size: 0.85rem; }}
+</style>
+</head>
+<body>
+<main>
+{body}
+</main>
+</body>
+</html>
+"""
+
+
+def write_report(result: RunResult, out_dir: Path) -> Path:
+    """Write the pictures of a run and one page that shows them without a network.
+
+    Parameters
+    ----------
+    result : RunResult
+    out_dir : Path
+        Folder, made if absent. ``path.png``, ``nis.png``, ``outcomes.png``, ``report.html`` and,
+        with truth, ``errors.png`` are written; an ``errors.png`` of an earlier run is removed
+        where this run has none.
+
+    Returns
+    -------
+    Path
+        Of ``report.html``, which holds the pictures inside itself.
+
+    Raises
+    ------
+    ValueError
+        If the estimate is empty.
+    OSError
+        If the folder cannot be written.
+    """
+    figures: dict[str, Figure | None] = {
+        "path": plot.plot_path(result),
+        "outcomes": plot.plot_outcomes(result),
+        "errors": plot.plot_errors(result),
+        "nis": plot.plot_nis(result),
+    }
+    out_dir.mkdir(parents=True, exist_ok=True)
+    pictures: list[str] = []
+    for name, figure in figures.items():
+        file = out_dir / f"{name}.png"
+        if figure is None:
+            file.unlink(missing_ok=True)
+            pictures.append(_missing(name, result))
+        else:
+            plot.save(figure, file)
+            pictures.append(_picture(name, file, result))
+
+    title = _title(result)
+    body = "\n".join(
+        [
+            _heading(title, result),
+            _cards(result),
+            *pictures,
+            _counts_table(result),
+            _rejected_table(result),
+            _configuration(result),
+        ]
+    )
+    page = out_dir / "report.html"
+    page.write_text(_PAGE.format(title=escape(title), body=body), encoding="utf-8")
+    return page
+
+
+def _title(result: RunResult) -> str:
+    return str(result.config.get("name") or "Localization run")
+
+
+def _heading(title: str, result: RunResult) -> str:
+    description = str(result.config.get("description") or result.log.description)
+    truth = str(result.metrics.get("truth") or "")
+    if result.truth is None:
+        truth = "This run has no truth, so there are no errors and no NEES to show."
+    lines = [f"<h1>{escape(title)}</h1>"]
+    if description:
+        lines.append(f"<p>{escape(description)}</p>")
+    if truth:
+        lines.append(f'<p class="quiet">{escape(truth)}</p>')
+    return "\n".join(lines)
+
+
+def _cards(result: RunResult) -> str:
+    metrics = result.metrics
+    counts = _counts(result)
+    total = sum(sum(verdicts.values()) for verdicts in counts.values())
+    fused = sum(verdicts.get("fused", 0) for verdicts in counts.values())
+    cards: list[str] = []
+    for key, text in (
+        ("position_rmse_m", "position RMSE"),
+        ("position_p95_m", "position error, 95th percentile"),
+        ("position_max_m", "largest position error"),
+    ):
+        if metrics.get(key) is not None:
+            cards.append(_card(_number(metrics[key], "m"), escape(text)))
+    if metrics.get("heading_rmse_deg") is not None:
+        cards.append(_card(_number(metrics["heading_rmse_deg"], "deg"), "heading RMSE"))
+    if metrics.get("nees_mean") is not None:
+        cards.append(_nees_card(metrics))
+    share = f" ({fused / total:.1%})" if total else ""
+    cards.append(
+        _card(
+            f"{_integer(fused)}", f"messages fused of {_integer(total)}{share}".replace("%", " %")
+        )
+    )
+    if metrics.get("messages_per_second") is not None:
+        rate = _integer(round(float(metrics["messages_per_second"])))
+        cards.append(_card(rate, "messages per second of computing"))
+    if metrics.get("duration_s") is not None:
+        cards.append(_card(_number(metrics["duration_s"], "s"), "length of the recording"))
+    return '<div class="cards">\n' + "\n".join(cards) + "\n</div>"
+
+
+def _nees_card(metrics: Mapping[str, Any]) -> str:
+    mean, dof = float(metrics["nees_mean"]), int(metrics["nees_dof"])
+    low, high = plot.nis_band(dof)
+    if mean > high:
+        verdict = '<span class="bad">above its band: over-confident</span>'
+    elif mean < low:
+        verdict = '<span class="bad">below its band: too cautious</span>'
+    else:
+        verdict = '<span class="good">inside its band</span>'
+    text = f"mean NEES (expected {dof}; 95 % band {low:.2g} to {high:.2g}"
+    if metrics.get("nees_in_band") is not None:
+        text += f", {100 * float(metrics['nees_in_band']):.0f} % of stamps inside"
+    text += ")"
+    return _card(f"{mean:.3g}", text, verdict)
+
+
+def _card(value: str, text: str, note: str = "") -> str:
+    return f'<div class="card"><b>{value}</b><span>{text}</span>{note}</div>'
+
+
+def _picture(name: str, file: Path, result: RunResult) -> str:
+    heading, caption = _CAPTIONS[name]
+    caption = caption.format(
+        sigmas=plot.ELLIPSE_SIGMAS,
+        band=plot.BAND_SIGMAS,
+        notable=100 * plot.NOTABLE_SHARE,
+        truth="" if result.truth is None else " against truth",
+    )
+    data = base64.b64encode(file.read_bytes()).decode("ascii")
+    return (
+        f'<h2 id="{name}">{heading}</h2>\n<figure><figcaption><p class="quiet">{escape(caption)}'
+        f'</p></figcaption><div class="wide"><img alt="{escape(heading)}" '
+        f'src="data:image/png;base64,{data}"></div></figure>'
+    )
+
+
+def _missing(name: str, result: RunResult) -> str:
+    heading, _ = _CAPTIONS[name]
+    why = (
+        "This run has no truth, so the errors are unknown."
+        if result.truth is None
+        else "Truth and estimate do not overlap in time, so the errors are unknown."
+    )
+    return f'<h2 id="{name}">{heading}</h2>\n<p>{why}</p>'
+
+
+def _counts(result: RunResult) -> Mapping[str, Mapping[str, int]]:
+    counts: Mapping[str, Mapping[str, int]] = result.metrics.get("counts") or {}
+    return counts
+
+
+def _counts_table(result: RunResult) -> str:
+    counts = _counts(result)
+    present = [v for v in _VERDICTS if any(row.get(v) for row in counts.values())]
+    present += sorted({v for row in counts.values() for v in row if v not in _VERDICTS})
+    nis = result.metrics.get("nis_mean") or {}
+    head = ["source", *(v.replace("_", " ") for v in present), "total", "mean NIS", "expected NIS"]
+    rows = [
+        [
+            source,
+            *(_integer(verdicts.get(v, 0)) for v in present),
+            _integer(sum(verdicts.values())),
+            "-" if nis.get(source) is None else f"{float(nis[source]):.3g}",
+            _expected_nis(result, source),
+        ]
+        for source, verdicts in counts.items()
+    ]
+    return '<h2 id="counts">What became of the messages</h2>\n' + _table("counts", head, rows)
+
+
+def _expected_nis(result: RunResult, source: str) -> str:
+    """Return the mean number of innovation rows, which the mean NIS of a good filter equals."""
+    outcomes = result.outcomes
+    compared = (outcomes.source == source) & np.isfinite(outcomes.nis) & (outcomes.dof > 0)
+    return f"{float(outcomes.dof[compared].mean()):.3g}" if compared.any() else "-"
+
+
+def _rejected_table(result: RunResult) -> str:
+    heading = '<h2 id="rejected">Who was rejected</h2>\n'
+    rows = [row for row in plot.message_rows(result.outcomes) if row.rejected]
+    if not rows:
+        return heading + "<p>No message was rejected by the gate.</p>"
+    rows.sort(key=lambda row: -row.rejected_share)
+    origin = plot.start_ns(result)
+    cells: list[list[str]] = []
+    for row in rows:
+        stretch = plot.longest_rejected_stretch(row)
+        assert stretch is not None  # the row has rejected messages
+        first = (stretch.first_ns - origin) / NANOSECONDS
+        last = (stretch.last_ns - origin) / NANOSECONDS
+        cells.append(
+            [
+                row.label,
+                _integer(row.rejected),
+                _integer(len(row.stamp_ns)),
+                f"{100 * row.rejected_share:.1f} %",
+                f"{_integer(stretch.messages)} in a row",
+                f"{last - first:.1f} s",
+                f"{first:.1f} s to {last:.1f} s",
+            ]
+        )
+    head = ["anchor or source", "rejected", "of", "share", "longest stretch", "lasting", "from, to"]
+    return heading + _table("rejected", head, cells)
+
+
+def _configuration(result: RunResult) -> str:
+    text = yaml.safe_dump(
+        _plain(result.config), sort_keys=False, allow_unicode=True, default_flow_style=None
+    )
+    return f"<details><summary>Effective configuration</summary><pre>{escape(text)}</pre></details>"
+
+
+def _table(name: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table whose cells are escaped here, and only here."""
+    lines = ["<tr>" + "".join(f"<th>{escape(c)}</th>" for c in head) + "</tr>"]
+    lines += ["<tr>" + "".join(f"<td>{escape(c)}</td>" for c in row) + "</tr>" for row in rows]
+    body = "\n".join(lines)
+    return f'<div class="wide"><table id="{name}-table">\n{body}\n</table></div>'
+
+
+def _plain(value: Any) -> Any:
+    """Return the value built of what YAML can write: dict, list, str, number, bool, None."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    return str(value)
+
+
+def _number(value: float, unit: str) -> str:
+    """Return a figure with three significant digits, and no exponent in the usual range."""
+    magnitude = abs(float(value))
+    digits = 0 if magnitude >= 100 else 1 if magnitude >= 10 else 2 if magnitude >= 1 else 3
+    return f"{float(value):.{digits}f} {unit}"
+
+
+def _integer(value: int) -> str:
+    return f"{int(value):,}".replace(",", "\N{NARROW NO-BREAK SPACE}")

@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What goes wrong: each fault changes the table it is meant for, and nothing else.
+
+A fault draws for every row of its table, hit or not, from a generator of its own: what one fault
+does never depends on another. Rows that drop out are marked, and taken away at the end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locfuse.config.scenario import (
+    Bias,
+    Dropouts,
+    Fault,
+    Latency,
+    Nlos,
+    Outliers,
+    WheelSlip,
+    fault_source,
+)
+from locfuse.sim.sensors import point_in_world, seconds
+from locfuse.sim.trajectory import Drive
+from locfuse.types import NANOSECONDS, Columns, FloatArray, StampArray
+
+Points = Mapping[str, tuple[float, float, float]]
+Mask = NDArray[np.bool_]
+
+TOUCHING = 1e-9  # share of the line of sight; closer to an end than this is no crossing
+
+
+@dataclass(frozen=True)
+class World:
+    """What is true, for faults that depend on where things are.
+
+    Attributes
+    ----------
+    drive : Drive
+    tags : mapping of name to (x, y, z) in body, metres
+    anchors : mapping of name to (x, y, z) in world, metres
+    odometry_ns : int64 array, shape (n,)
+        Stamps between which odometry tells motions; empty without odometry.
+    """
+
+    drive: Drive
+    tags: Points
+    anchors: Points
+    odometry_ns: StampArray
+
+
+def with_faults(
+    tables: Mapping[str, Columns], faults: Sequence[Fault], world: World, rng: np.random.Generator
+) -> dict[str, Columns]:
+    """Return the tables after all faults, in their order.
+
+    Parameters
+    ----------
+    tables : mapping of sensor to columns
+        Not changed.
+    faults : sequence of Fault
+    world : World
+    rng : numpy Generator
+        Each fault gets a child of it, by its place in the sequence.
+    """
+    result = dict(tables)
+    keep = {source: np.ones(len(table["stamp_ns"]), np.bool_) for source, table in tables.items()}
+    for fault, child in zip(faults, rng.spawn(len(faults)), strict=True):
+        source = fault_source(fault)
+        if isinstance(fault, Dropouts):
+            keep[source] &= ~_dropped(result[source], fault, child)
+        else:
+            result[source] = _changed(result[source], fault, world, child)
+    return {
+        source: table
+        if keep[source].all()
+        else {name: column[keep[source]] for name, column in table.items()}
+        for source, table in result.items()
+    }
+
+
+def behind_a_wall(
+    tag: FloatArray, anchor: FloatArray, walls: Sequence[tuple[float, float, float, float]]
+) -> Mask:
+    """Return which lines of sight cross a wall.
+
+    Parameters
+    ----------
+    tag, anchor : float64 arrays, shape (n, 2)
+        x and y in world, metres.
+    walls : sequence of (x1, y1, x2, y2)
+        Metres. The ends belong to the wall; a line that runs along a wall does not cross it.
+
+    Returns
+    -------
+    bool array, shape (n,)
+    """
+    sight = anchor - tag
+    crosses = np.zeros(len(tag), np.bool_)
+    for x1, y1, x2, y2 in walls:
+        along = np.array([x2 - x1, y2 - y1])
+        to_wall = np.array([x1, y1]) - tag
+        area = _cross(sight, along)
+        parallel = area == 0.0
+        area = np.where(parallel, 1.0, area)
+        on_sight = _cross(to_wall, along) / area
+        on_wall = _cross(to_wall, sight) / area
+        crosses |= (
+            ~parallel
+            & (on_sight > TOUCHING)
+            & (on_sight < 1.0 - TOUCHING)
+            & (on_wall >= 0.0)
+            & (on_wall <= 1.0)
+        )
+    return crosses
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def _changed(
+    table: Columns,
+    fault: Nlos | Bias | Outliers | Latency | WheelSlip,
+    world: World,
+    rng: np.random.Generator,
+) -> Columns:
+    if isinstance(fault, Nlos):
+        return _nlos(table, fault, world, rng)
+    if isinstance(fault, Bias):
+        return _bias(table, fault)
+    if isinstance(fault, Outliers):
+        return _outliers(table, fault, rng)
+    if isinstance(fault, Latency):
+        return _latency(table, fault, rng)
+    return _wheel_slip(table, fault, seconds(world.odometry_ns))
+
+
+def _nlos(table: Columns, fault: Nlos, world: World, rng: np.random.Generator) -> Columns:
+    pose = world.drive.pose_at(seconds(table["stamp_ns"]))
+    tag = np.empty((len(pose), 2))
+    for name, lever in world.tags.items():
+        rows = table["tag"] == name
+        tag[rows] = point_in_world(pose[rows], lever)[:, :2]
+    anchor = np.array([world.anchors[name][:2] for name in table["anchor"].tolist()])
+    blocked = behind_a_wall(tag, anchor.reshape(-1, 2), fault.walls)
+    extra = np.full(len(pose), fault.extra_m)
+    if fault.sigma_m > 0.0:
+        # A detour is never negative: gamma, with the mean and deviation asked for.
+        shape = (fault.extra_m / fault.sigma_m) ** 2
+        extra = rng.gamma(shape, fault.extra_m / shape, size=len(pose))
+    return {**table, "range_m": np.where(blocked, table["range_m"] + extra, table["range_m"])}
+
+
+def _bias(table: Columns, fault: Bias) -> Columns:
+    biased = np.maximum(fault.scale * table["range_m"] + fault.offset_m, 0.0)
+    if fault.anchor is not None:
+        biased = np.where(table["anchor"] == fault.anchor, biased, table["range_m"])
+    return {**table, "range_m": biased}
+
+
+def _outliers(table: Columns, fault: Outliers, rng: np.random.Generator) -> Columns:
+    n = len(table["stamp_ns"])
+    hit = rng.random(n) < fault.probability
+    direction = rng.uniform(-np.pi, np.pi, n)
+    if fault.source == "ranges":
+        shorter = (direction < 0.0) & (table["range_m"] >= fault.magnitude_m)
+        error = np.where(shorter, -fault.magnitude_m, fault.magnitude_m)
+        return {**table, "range_m": np.where(hit, table["range_m"] + error, table["range_m"])}
+    x = table["x_m"] + fault.magnitude_m * np.cos(direction)
+    y = table["y_m"] + fault.magnitude_m * np.sin(direction)
+    return {
+        **table,
+        "x_m": np.where(hit, x, table["x_m"]),
+        "y_m": np.where(hit, y, table["y_m"]),
+    }
+
+
+def _dropped(table: Columns, fault: Dropouts, rng: np.random.Generator) -> Mask:
+    stamp_ns = table["stamp_ns"]
+    lost = rng.random(len(stamp_ns)) < (1.0 if fault.probability is None else fault.probability)
+    if fault.from_s is not None and fault.to_s is not None:
+        begin, end = round(fault.from_s * NANOSECONDS), round(fault.to_s * NANOSECONDS)
+        lost &= (begin <= stamp_ns) & (stamp_ns < end)
+    if fault.anchor is not None:
+        lost &= table["anchor"] == fault.anchor
+    return lost
+
+
+def _latency(table: Columns, fault: Latency, rng: np.random.Generator) -> Columns:
+    delay_s = fault.delay_s + fault.jitter_s * rng.random(len(table["stamp_ns"]))
+    delay_ns = np.rint(delay_s * NANOSECONDS).astype(np.int64)
+    return {**table, "arrival_ns": table.get("arrival_ns", table["stamp_ns"]) + delay_ns}
+
+
+def _wheel_slip(table: Columns, fault: WheelSlip, epoch: FloatArray) -> Columns:
+    if "dx_m" in table:  # motions up to the stamp, the first of which lasts no time
+        begin, end = np.concatenate([epoch[:1], epoch[:-1]]), epoch
+        parts = {"dx_m": "translation", "dy_m": "translation", "dheading_rad": "rotation"}
+    else:  # velocities from the stamp on
+        begin, end = epoch[:-1], epoch[1:]
+        parts = {"forward_mps": "translation", "turn_rate_radps": "rotation"}
+    inside = np.maximum(np.minimum(end, fault.to_s) - np.maximum(begin, fault.from_s), 0.0)
+    share = np.divide(inside, end - begin, out=np.zeros_like(end), where=end > begin)
+    factors = {
+        "translation": 1.0 + (fault.translation_factor - 1.0) * share,
+        "rotation": 1.0 + (fault.rotation_factor - 1.0) * share,
+    }
+    return {**table, **{name: factors[part] * table[name] for name, part in parts.items()}}

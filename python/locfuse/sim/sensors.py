@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What each sensor says along a drive: the geometry written out, plus the stated noise.
+
+Every function returns the columns of one table of a log. The random draws depend only on how many
+rows there are: the noise of one sensor is the same whatever its sigmas and wherever the robot is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from locfuse.config.scenario import OdometrySensor, PoseSensor, PositionSensor, RangeSensor
+from locfuse.sim.trajectory import Drive, sinc, wrap_angle
+from locfuse.types import NANOSECONDS, Columns, FloatArray, StampArray
+
+
+def stamps(rate_hz: float, duration_s: float) -> StampArray:
+    """Return the stamps of a sensor from 0 to the duration, both included.
+
+    Parameters
+    ----------
+    rate_hz, duration_s : float
+
+    Returns
+    -------
+    int64 array, shape (n,)
+        round(k * 1e9 / rate) nanoseconds.
+    """
+    ticks = np.arange(int(duration_s * rate_hz) + 2)
+    stamp_ns: StampArray = np.rint(ticks * float(NANOSECONDS) / rate_hz).astype(np.int64)
+    return np.compress(stamp_ns <= round(duration_s * NANOSECONDS), stamp_ns)
+
+
+def seconds(stamp_ns: StampArray) -> FloatArray:
+    """Return stamps as seconds, shape as given."""
+    return np.asarray(stamp_ns / NANOSECONDS, dtype=np.float64)
+
+
+def point_in_world(pose: FloatArray, point_in_body: tuple[float, float, float]) -> FloatArray:
+    """Return where a point of the body is.
+
+    Parameters
+    ----------
+    pose : float64 array, shape (n, 3)
+        x, y [m] and heading [rad].
+    point_in_body : (x, y, z)
+        Forward, left, up, metres.
+
+    Returns
+    -------
+    float64 array, shape (n, 3)
+        x, y, z in world, metres; the body moves on z = 0.
+    """
+    forward, left, up = point_in_body
+    c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+    return np.column_stack(
+        [
+            pose[:, 0] + c * forward - s * left,
+            pose[:, 1] + s * forward + c * left,
+            np.full(len(pose), up),
+        ]
+    )
+
+
+def relative_poses(pose: FloatArray) -> FloatArray:
+    """Return each pose in the body frame of the one before.
+
+    Parameters
+    ----------
+    pose : float64 array, shape (n, 3)
+        x, y [m] and heading [rad] in world.
+
+    Returns
+    -------
+    float64 array, shape (n - 1, 3)
+        dx, dy [m], dheading [rad in -pi to pi].
+    """
+    dx, dy = np.diff(pose[:, 0]), np.diff(pose[:, 1])
+    c, s = np.cos(pose[:-1, 2]), np.sin(pose[:-1, 2])
+    return np.column_stack([c * dx + s * dy, c * dy - s * dx, wrap_angle(np.diff(pose[:, 2]))])
+
+
+def forward_and_turn(motion: FloatArray) -> FloatArray:
+    """Return arc length and turn of motions: rows 1 and 3 of the SE(2) logarithm.
+
+    Parameters
+    ----------
+    motion : float64 array, shape (n, 3)
+        dx, dy [m], dheading [rad].
+
+    Returns
+    -------
+    float64 array, shape (n, 2)
+        Metres forward, radians. The lateral row, which is zero on an arc, is left out.
+    """
+    half = 0.5 * motion[:, 2]
+    forward = np.cos(half) / sinc(half) * motion[:, 0] + half * motion[:, 1]
+    return np.column_stack([forward, motion[:, 2]])
+
+
+def odometry(
+    drive: Drive, stamp_ns: StampArray, sensor: OdometrySensor, rng: np.random.Generator
+) -> Columns:
+    """Return what the wheels say between stamps.
+
+    Over an interval with a chord of d metres and a turn of a radians, in the body frame at its
+    beginning, the variances are sigma_longitudinal^2 |d|, sigma_lateral^2 |d| and
+    sigma_heading_per_sqrt_m^2 |d| + sigma_heading_per_sqrt_rad^2 |a|: over a distance they add
+    up to the same at any rate.
+
+    Parameters
+    ----------
+    drive : Drive
+    stamp_ns : int64 array, shape (n,)
+    sensor : OdometrySensor
+    rng : numpy Generator
+
+    Returns
+    -------
+    columns
+        ``increments``: n rows of dx_m, dy_m, dheading_rad since the row before; the first is zero.
+        ``velocities``: n - 1 rows of forward_mps, turn_rate_radps, held until the next stamp; what
+        holds until the last stamp is told by the row before it.
+    """
+    motion = relative_poses(drive.pose_at(seconds(stamp_ns)))
+    distance, turn = np.hypot(motion[:, 0], motion[:, 1]), np.abs(motion[:, 2])
+    variance = np.column_stack(
+        [
+            sensor.sigma_longitudinal_per_sqrt_m**2 * distance,
+            sensor.sigma_lateral_per_sqrt_m**2 * distance,
+            sensor.sigma_heading_per_sqrt_m**2 * distance
+            + sensor.sigma_heading_per_sqrt_rad**2 * turn,
+        ]
+    )
+    motion = motion + np.sqrt(variance) * rng.standard_normal(motion.shape)
+    motion[:, 2] = wrap_angle(motion[:, 2])
+    if sensor.output == "velocities":
+        rate = forward_and_turn(motion) / np.diff(seconds(stamp_ns))[:, None]
+        return {"stamp_ns": stamp_ns[:-1], "forward_mps": rate[:, 0], "turn_rate_radps": rate[:, 1]}
+    motion = np.concatenate([np.zeros((1, 3)), motion])
+    return {
+        "stamp_ns": stamp_ns,
+        "dx_m": motion[:, 0],
+        "dy_m": motion[:, 1],
+        "dheading_rad": motion[:, 2],
+    }
+
+
+def ranges(
+    drive: Drive,
+    stamp_ns: StampArray,
+    tags: Mapping[str, tuple[float, float, float]],
+    anchors: Mapping[str, tuple[float, float, float]],
+    sensor: RangeSensor,
+    rng: np.random.Generator,
+) -> Columns:
+    """Return the distance from every tag to every anchor at each stamp.
+
+    Parameters
+    ----------
+    drive : Drive
+    stamp_ns : int64 array, shape (n,)
+    tags : mapping of name to (x, y, z) in body, metres
+    anchors : mapping of name to (x, y, z) in world, metres
+    sensor : RangeSensor
+    rng : numpy Generator
+
+    Returns
+    -------
+    columns
+        n * tags * anchors rows of tag, anchor, range_m, by stamp, tag, anchor. A range that noise
+        would take below zero is zero.
+    """
+    pose = drive.pose_at(seconds(stamp_ns))
+    tag_at = np.stack([point_in_world(pose, tag) for tag in tags.values()], axis=1)
+    anchor_at = np.array(list(anchors.values()), dtype=np.float64)
+    distance = np.linalg.norm(tag_at[:, :, None, :] - anchor_at, axis=-1)
+    sigma = np.hypot(sensor.sigma_m, sensor.sigma_relative * distance)
+    measured = distance + sigma * rng.standard_normal(distance.shape)
+    names = np.meshgrid(np.array(list(tags)), np.array(list(anchors)), indexing="ij")
+    return {
+        "stamp_ns": np.repeat(stamp_ns, len(tags) * len(anchors)),
+        "tag": np.tile(names[0].ravel(), len(stamp_ns)),
+        "anchor": np.tile(names[1].ravel(), len(stamp_ns)),
+        "range_m": np.maximum(measured, 0.0).ravel(),
+    }
+
+
+def poses(
+    drive: Drive, stamp_ns: StampArray, sensor: PoseSensor, rng: np.random.Generator
+) -> Columns:
+    """Return true poses plus white noise, as if another localizer had found them.
+
+    Parameters
+    ----------
+    drive : Drive
+    stamp_ns : int64 array, shape (n,)
+    sensor : PoseSensor
+    rng : numpy Generator
+
+    Returns
+    -------
+    columns
+        n rows of x_m, y_m, heading_rad.
+    """
+    sigma_heading = np.deg2rad(sensor.sigma_heading_deg)
+    sigma = np.array([sensor.sigma_xy_m, sensor.sigma_xy_m, sigma_heading])
+    pose = drive.pose_at(seconds(stamp_ns))
+    pose = pose + sigma * rng.standard_normal(pose.shape)
+    return {
+        "stamp_ns": stamp_ns,
+        "x_m": pose[:, 0],
+        "y_m": pose[:, 1],
+        "heading_rad": wrap_angle(pose[:, 2]),
+    }
+
+
+def positions(
+    drive: Drive, stamp_ns: StampArray, sensor: PositionSensor, rng: np.random.Generator
+) -> Columns:
+    """Return true positions of the antenna plus white noise, as a GPS receiver might.
+
+    Parameters
+    ----------
+    drive : Drive
+    stamp_ns : int64 array, shape (n,)
+    sensor : PositionSensor
+    rng : numpy Generator
+
+    Returns
+    -------
+    columns
+        n rows of x_m, y_m.
+    """
+    antenna = (sensor.antenna_forward_m, sensor.antenna_left_m, 0.0)
+    point = point_in_world(drive.pose_at(seconds(stamp_ns)), antenna)[:, :2]
+    point = point + sensor.sigma_xy_m * rng.standard_normal(point.shape)
+    return {"stamp_ns": stamp_ns, "x_m": point[:, 0], "y_m": point[:, 1]}
+
+
+def truth(drive: Drive, stamp_ns: StampArray) -> Columns:
+    """Return the true poses: n rows of x_m, y_m, heading_rad.
+
+    Parameters
+    ----------
+    drive : Drive
+    stamp_ns : int64 array, shape (n,)
+    """
+    pose = drive.pose_at(seconds(stamp_ns))
+    return {
+        "stamp_ns": stamp_ns,
+        "x_m": pose[:, 0],
+        "y_m": pose[:, 1],
+        "heading_rad": pose[:, 2],
+    }

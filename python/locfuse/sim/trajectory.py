@@ -1,0 +1,239 @@
+# SPDX-License-Identifier: Apache-2.0
+"""True motion: body velocities that are constant piece by piece, and the poses they lead to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from locfuse.config.scenario import Circle, Eight, Path, Square, Star, Waypoints
+from locfuse.types import FloatArray
+
+Motion: TypeAlias = tuple[float, float, float]
+
+
+def wrap_angle(angle: ArrayLike) -> FloatArray:
+    """Return angles in [-pi, pi), radians; those already inside keep every bit."""
+    given = np.asarray(angle, dtype=np.float64)
+    turned = np.mod(given + np.pi, 2.0 * np.pi) - np.pi
+    turned = np.where(turned >= np.pi, -np.pi, turned)  # mod may round up to a full turn
+    return np.where((given >= -np.pi) & (given < np.pi), given, turned)
+
+
+def sinc(angle: ArrayLike) -> FloatArray:
+    """Return sin(angle) / angle, which is 1 at zero."""
+    given = np.asarray(angle, dtype=np.float64)
+    ratio = np.ones_like(given)
+    np.divide(np.sin(given), given, out=ratio, where=given != 0.0)
+    return ratio
+
+
+def drive_on(
+    pose: FloatArray, seconds: ArrayLike, speed: ArrayLike, turn_rate: ArrayLike
+) -> FloatArray:
+    """Return poses after driving on arcs; exact, also where the turn rate is zero.
+
+    An arc of length L and turn a has a chord of length L sinc(a / 2) in direction heading + a / 2.
+
+    Parameters
+    ----------
+    pose : float64 array, shape (..., 3)
+        x, y [m] and heading [rad] at the start.
+    seconds, speed, turn_rate : array_like, shape (...)
+        s, m/s forward, rad/s counter-clockwise.
+
+    Returns
+    -------
+    float64 array, shape (..., 3)
+        Headings are not wrapped.
+    """
+    turn = np.multiply(seconds, turn_rate)
+    chord = np.multiply(seconds, speed) * sinc(0.5 * turn)
+    direction = pose[..., 2] + 0.5 * turn
+    x = pose[..., 0] + chord * np.cos(direction)
+    y = pose[..., 1] + chord * np.sin(direction)
+    return np.stack([x, y, pose[..., 2] + turn], axis=-1)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Motions one after another; the last one goes on for ever.
+
+    Attributes
+    ----------
+    start : float64 array, shape (n,)
+        When each motion starts, seconds, strictly increasing.
+    speed : float64 array, shape (n,)
+        Forward, m/s.
+    turn_rate : float64 array, shape (n,)
+        Counter-clockwise, rad/s.
+    start_pose : float64 array, shape (n, 3)
+        x, y [m] and heading [rad] in world where each motion starts.
+
+    Raises
+    ------
+    ValueError
+        If shapes disagree, there is no motion, or the starts do not increase.
+
+    Examples
+    --------
+    >>> drive = drive_of((0.0, 0.0, 0.0), [(2.0, 0.5, 0.0)])
+    >>> drive.pose_at([0.0, 2.0]).tolist()
+    [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
+    """
+
+    start: FloatArray
+    speed: FloatArray
+    turn_rate: FloatArray
+    start_pose: FloatArray
+
+    def __post_init__(self) -> None:
+        n = len(self.start)
+        if n == 0:
+            raise ValueError("Drive has no motion, expected at least one")
+        expected = {"start": (n,), "speed": (n,), "turn_rate": (n,), "start_pose": (n, 3)}
+        for name, shape in expected.items():
+            if getattr(self, name).shape != shape:
+                found = getattr(self, name).shape
+                raise ValueError(f"Drive.{name} has shape {found}, expected {shape}")
+        if not np.all(np.diff(self.start) > 0.0):
+            row = int(np.argmin(np.diff(self.start) > 0.0)) + 1
+            raise ValueError(f"Drive.start must increase strictly; row {row} does not")
+
+    def pose_at(self, t: ArrayLike) -> FloatArray:
+        """Return the true poses at given times.
+
+        Parameters
+        ----------
+        t : array_like, shape (n,)
+            Seconds, in any order, none before the first motion.
+
+        Returns
+        -------
+        float64 array, shape (n, 3)
+            x, y [m] and heading [rad, in -pi to pi] in world.
+
+        Raises
+        ------
+        ValueError
+            If a time lies before the first motion or is not a number.
+        """
+        times = np.atleast_1d(np.asarray(t, dtype=np.float64))
+        if not np.all(times >= self.start[0]):
+            worst = float(times[~(times >= self.start[0])][0])
+            raise ValueError(f"t is {worst} s, expected at least {float(self.start[0])} s")
+        row = np.searchsorted(self.start, times, side="right") - 1
+        pose = drive_on(
+            self.start_pose[row], times - self.start[row], self.speed[row], self.turn_rate[row]
+        )
+        pose[:, 2] = wrap_angle(pose[:, 2])
+        return pose
+
+
+def drive_of(start_pose: Motion, motions: Sequence[Motion], *, repeat: int = 1) -> Drive:
+    """Return the drive that makes motions one after another, beginning at 0 s.
+
+    Parameters
+    ----------
+    start_pose : (x, y, heading)
+        Metres and radians.
+    motions : sequence of (seconds, speed, turn rate)
+        s, m/s, rad/s.
+    repeat : int
+        How often to make them; they must then lead back to the start.
+
+    Raises
+    ------
+    ValueError
+        If a motion lasts no time.
+    """
+    seconds, speed, turn_rate = np.array(motions, dtype=np.float64).reshape(-1, 3).T
+    start = np.concatenate([[0.0], np.cumsum(seconds)])
+    poses = np.empty((len(motions) + 1, 3))
+    poses[0] = start_pose
+    for k in range(len(motions)):
+        poses[k + 1] = drive_on(poses[k], seconds[k], speed[k], turn_rate[k])
+        poses[k + 1, 2] = wrap_angle(poses[k + 1, 2])
+    # Each lap starts from the same poses, so that a closed path stays closed to the last bit.
+    return Drive(
+        start=(np.arange(repeat)[:, None] * start[-1] + start[:-1]).ravel(),
+        speed=np.tile(speed, repeat),
+        turn_rate=np.tile(turn_rate, repeat),
+        start_pose=np.tile(poses[:-1], (repeat, 1)),
+    )
+
+
+def plan(
+    path: Path, room_m: tuple[float, float], duration_s: float, rng: np.random.Generator
+) -> Drive:
+    """Return the drive along a path of a scenario, long enough for its duration.
+
+    Parameters
+    ----------
+    path : Circle, Eight, Square, Star or Waypoints
+    room_m : (width, depth)
+        Where random waypoints may lie: from (0, 0) to (width, depth), less their margin.
+    duration_s : float
+    rng : numpy Generator
+        Used by random waypoints only.
+    """
+    if isinstance(path, Circle):
+        x, y = path.center_m
+        start = (x + path.radius_m, y, 0.5 * math.pi)
+        return drive_of(start, [(duration_s, path.speed_mps, path.speed_mps / path.radius_m)])
+    if isinstance(path, Eight):
+        rate = path.speed_mps / path.radius_m
+        lap = 2.0 * math.pi / rate
+        loop = [(lap, path.speed_mps, rate), (lap, path.speed_mps, -rate)]
+        return _laps((*path.center_m, 0.5 * math.pi), loop, duration_s)
+    if isinstance(path, Square):
+        x, y = (c - 0.5 * path.side_m for c in path.center_m)
+        loop = _polygon(4, path.side_m, 0.5 * math.pi, path)
+        return _laps((x, y, 0.0), loop, duration_s)
+    if isinstance(path, Star):
+        x, y = path.center_m
+        turn = math.pi * (path.points - 1) / path.points  # from one stroke to the next
+        stroke = 2.0 * path.radius_m * math.sin(0.5 * turn)
+        loop = _polygon(path.points, stroke, turn, path)
+        heading = float(wrap_angle(math.pi + 0.5 * turn))  # along the chord from the northern tip
+        return _laps((x, y + path.radius_m, heading), loop, duration_s)
+    return _random_waypoints(path, room_m, duration_s, rng)
+
+
+def _polygon(edges: int, length: float, turn: float, path: Square | Star) -> list[Motion]:
+    """Return the motions once around: an edge, a turn in place to the left, and so on."""
+    rate = path.turn_rate_radps
+    return [(length / path.speed_mps, path.speed_mps, 0.0), (turn / rate, 0.0, rate)] * edges
+
+
+def _laps(start_pose: Motion, loop: Sequence[Motion], duration_s: float) -> Drive:
+    lap_s = sum(seconds for seconds, _, _ in loop)
+    return drive_of(start_pose, loop, repeat=math.ceil(duration_s / lap_s))
+
+
+def _random_waypoints(
+    path: Waypoints, room_m: tuple[float, float], duration_s: float, rng: np.random.Generator
+) -> Drive:
+    low = np.full(2, path.margin_m)
+    high = np.array(room_m) - path.margin_m
+    position, target = rng.uniform(low, high), rng.uniform(low, high)
+    heading = math.atan2(*(target - position)[::-1])
+    begin = (float(position[0]), float(position[1]), float(wrap_angle(heading)))
+    motions: list[Motion] = []
+    elapsed = 0.0
+    while elapsed < duration_s:
+        bearing = math.atan2(*(target - position)[::-1])
+        turn = float(wrap_angle(bearing - heading))
+        steps = [
+            (abs(turn) / path.turn_rate_radps, 0.0, math.copysign(path.turn_rate_radps, turn)),
+            (math.dist(position, target) / path.speed_mps, path.speed_mps, 0.0),
+        ]
+        motions += [step for step in steps if step[0] > 0.0]
+        elapsed += steps[0][0] + steps[1][0]
+        position, target, heading = target, rng.uniform(low, high), bearing
+    return drive_of(begin, motions)

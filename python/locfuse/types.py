@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Values that the rooms hand to one another: frozen dataclasses of arrays, no behaviour beyond checks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+StampArray = NDArray[np.int64]
+Columns = Mapping[str, NDArray[Any]]
+
+NANOSECONDS = 1_000_000_000
+
+
+class LogError(ValueError):
+    """A log folder or one of its files is wrong; the text names file, line and column."""
+
+
+class ConfigError(ValueError):
+    """A configuration is wrong; the text names the key and what is allowed."""
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Poses over time in the world frame.
+
+    Attributes
+    ----------
+    stamp_ns : int64 array, shape (n,)
+        Strictly increasing stamps in nanoseconds.
+    position : float64 array, shape (n, 2)
+        x and y in metres.
+    heading : float64 array, shape (n,), or None
+        Radians in [-pi, pi); None where only positions are known.
+    covariance : float64 array, shape (n, 3, 3), or None
+        Of (x, y, heading), position error in world; None where unknown.
+    """
+
+    stamp_ns: StampArray
+    position: FloatArray
+    heading: FloatArray | None = None
+    covariance: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        n = len(self.stamp_ns)
+        expected = {"position": (n, 2), "heading": (n,), "covariance": (n, 3, 3)}
+        for name, shape in expected.items():
+            value = getattr(self, name)
+            if value is not None and value.shape != shape:
+                raise ValueError(f"Trajectory.{name} has shape {value.shape}, expected {shape}")
+        if n > 1 and not np.all(np.diff(self.stamp_ns) > 0):
+            row = int(np.argmin(np.diff(self.stamp_ns) > 0)) + 1
+            raise ValueError(f"Trajectory stamps must increase strictly; row {row} does not")
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+
+@dataclass(frozen=True)
+class Log:
+    """A recording: one table per message kind, and the geometry that goes with it.
+
+    Attributes
+    ----------
+    tables : mapping of file stem to columns
+        Stems and column names are those of the log folder (docs/log_format.md): ``odometry``,
+        ``ranges``, ``positions``, ``poses``, ``landmark_sightings``, ``scans``, ``truth``,
+        ``anchors``, ``landmarks``. ``stamp_s`` is held as ``stamp_ns`` (int64) and
+        ``arrival_s`` as ``arrival_ns``; names (tag, anchor, landmark) are arrays of str; the beams
+        of ``scans`` are one column ``ranges_m`` of shape (n, beams), NaN where there was no return;
+        everything else is float64. Absent files are absent keys.
+    tags : mapping of tag name to (x, y, z)
+        Tag positions in the body frame, metres.
+    laser : mapping or None
+        ``pose_in_body`` [x_m, y_m, heading_rad], ``angle_min_rad``, ``angle_increment_rad``,
+        ``range_min_m``, ``range_max_m``.
+    map : str or None
+        File name of a ROS map yaml.
+    """
+
+    tables: Mapping[str, Columns]
+    tags: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    laser: Mapping[str, Any] | None = None
+    map: str | None = None
+    description: str = ""
+    licence: str = ""
+
+    def __contains__(self, stem: str) -> bool:
+        return stem in self.tables
+
+    def __getitem__(self, stem: str) -> Columns:
+        return self.tables[stem]
+
+
+@dataclass(frozen=True)
+class Outcomes:
+    """What became of each message, one row per message in order of delivery.
+
+    Attributes
+    ----------
+    stamp_ns : int64 array, shape (n,)
+    source : array of str, shape (n,)
+        ``odometry``, ``ranges``, ``positions`` or ``poses``.
+    tag, anchor : arrays of str, shape (n,)
+        Names for ranges, empty strings otherwise.
+    verdict : array of str, shape (n,)
+        ``fused``, ``gated``, ``not_modelled``, ``ignored`` or ``stale``.
+    nis, log_likelihood, residual : float64 arrays, shape (n,)
+        Normalised innovation squared, log density of the innovation, and its first row in the
+        measurement's unit; NaN where nothing was compared.
+    dof : int64 array, shape (n,)
+        Rows of the innovation; 0 where nothing was compared.
+    reason : array of str, shape (n,)
+        Why a message was not fused; empty for fused ones.
+    """
+
+    stamp_ns: StampArray
+    source: NDArray[np.str_]
+    tag: NDArray[np.str_]
+    anchor: NDArray[np.str_]
+    verdict: NDArray[np.str_]
+    nis: FloatArray
+    dof: NDArray[np.int64]
+    log_likelihood: FloatArray
+    residual: FloatArray
+    reason: NDArray[np.str_]
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """One run: what was asked, what came in, what was estimated, how good it was.
+
+    Attributes
+    ----------
+    config : dict
+        The effective configuration, every default filled in.
+    log : Log
+    estimate : Trajectory
+        With heading and covariance; one row per distinct stamp.
+    truth : Trajectory or None
+        As recorded or simulated, on its own stamps.
+    outcomes : Outcomes
+    metrics : dict
+        What ``metrics.json`` holds.
+    """
+
+    config: Mapping[str, Any]
+    log: Log
+    estimate: Trajectory
+    truth: Trajectory | None
+    outcomes: Outcomes
+    metrics: Mapping[str, Any]

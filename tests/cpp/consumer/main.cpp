@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// Ranges from three anchors pull a start that is 36 cm off to the truth. Returns 0 only if they do.
+#include <cmath>
+#include <locfuse/locfuse.hpp>
+
+int main() {
+  const Eigen::Vector3d anchors[] = {{0.0, 0.0, 0.0}, {10.0, 0.0, 0.0}, {0.0, 10.0, 0.0}};
+  const Eigen::Vector2d truth(3.0, 4.0);
+
+  std::vector<locfuse::Anchor> map;
+  for (const Eigen::Vector3d& position : anchors) {
+    map.push_back({static_cast<locfuse::Id>(map.size()), position});
+  }
+  locfuse::PoseEkf ekf({}, std::make_shared<locfuse::AnchorMap>(map), {locfuse::Tag{}},
+                       {0, {3.3, 3.8, 0.0}, locfuse::Matrix<3, 3>::Identity()});
+  for (int round = 1; round <= 20; ++round) {
+    for (const locfuse::Anchor& anchor : map) {
+      locfuse::Range z;
+      z.stamp = round * 1'000'000;
+      z.anchor = anchor.id;
+      z.range = (anchor.position.head<2>() - truth).norm();
+      if (ekf.on(z).verdict != locfuse::Verdict::kFused) {
+        return 1;
+      }
+    }
+  }
+  return (ekf.pose().position() - truth).norm() < 0.02 ? 0 : 2;
+}

@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: Apache-2.0
+# cmake -D WAY=<installed|subdirectory> ... -P run.cmake: configures, builds and runs the consumer.
+function(run)
+  execute_process(COMMAND ${ARGV} COMMAND_ECHO STDOUT COMMAND_ERROR_IS_FATAL ANY)
+endfunction()
+
+file(REMOVE_RECURSE ${WORK_DIR})
+if(WAY STREQUAL "installed")
+  run(${CMAKE_COMMAND} --install ${LOCFUSE_BINARY_DIR} --prefix ${WORK_DIR}/built --component cpp)
+  file(RENAME ${WORK_DIR}/built ${WORK_DIR}/prefix) # whoever remembers the first path will fail
+  set(where -D CMAKE_PREFIX_PATH=${WORK_DIR}/prefix)
+elseif(WAY STREQUAL "subdirectory")
+  set(where -D CONSUMER_SOURCE_DIR=${LOCFUSE_SOURCE_DIR})
+else()
+  message(FATAL_ERROR "WAY is '${WAY}', expected installed or subdirectory")
+endif()
+
+run(
+  ${CMAKE_COMMAND}
+  -S ${CMAKE_CURRENT_LIST_DIR}
+  -B ${WORK_DIR}/build
+  -G ${GENERATOR}
+  -D CMAKE_BUILD_TYPE=${BUILD_TYPE}
+  -D CMAKE_CXX_COMPILER=${CXX_COMPILER}
+  -D CMAKE_CXX_FLAGS=${CXX_FLAGS}
+  ${where}
+)
+run(${CMAKE_COMMAND} --build ${WORK_DIR}/build)
+run(${WORK_DIR}/build/consumer)

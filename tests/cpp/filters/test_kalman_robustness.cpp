@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+#include <limits>
+
+#include "locfuse/filters/kalman.hpp"
+#include "support/expect.hpp"
+#include "support/random.hpp"
+
+namespace locfuse {
+namespace {
+
+using testing::is_covariance;
+using testing::Rng;
+using testing::same_bits;
+using testing::uniform;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+const double kNan = std::nan("");
+
+/// A pose alone, and the same with company: the fixed-size and the run-time code.
+std::vector<GaussianBelief> both_kinds(double variance = 1.0) {
+  const GaussianBelief alone =
+      GaussianBelief::of_pose(7, {1.0, 2.0, 3.0}, variance * Matrix<3, 3>::Identity());
+  GaussianBelief together = alone;
+  together.add("point", SlotKind::kPoint2, Vector<2>(1.0, 2.0),
+               variance * Matrix<2, 2>::Identity());
+  return {alone, together};
+}
+
+Linearization<1, 3> along_x(double residual, double noise) {
+  Linearization<1, 3> lin;
+  lin.residual << residual;
+  lin.jacobian << 1.0, 0.0, 0.0;
+  lin.noise << noise;
+  return lin;
+}
+
+Linearization<2, 3> along_xy(const Vector<2>& residual, const Matrix<2, 2>& noise) {
+  Linearization<2, 3> lin;
+  lin.residual = residual;
+  lin.jacobian << 1.0, 0.0, 0.0, 0.0, 1.0, 0.0;
+  lin.noise = noise;
+  return lin;
+}
+
+TEST(Update, gated_changes_no_bit_and_says_why) {
+  for (GaussianBelief& belief : both_kinds()) {
+    const GaussianBelief before = belief;
+    const Outcome outcome = update(belief, along_x(4.0, 1.0), belief.slot("body"), Gate(0.95));
+    EXPECT_EQ(outcome.verdict, Verdict::kGated);
+    EXPECT_NEAR(outcome.nis, 8.0, 1e-14);
+    EXPECT_EQ(outcome.dof, 1);
+    EXPECT_EQ(outcome.residual, 4.0);
+    EXPECT_TRUE(same_bits(belief, before));
+  }
+}
+
+TEST(Update, gate_divides_at_the_quantile) {
+  const double limit = std::sqrt(3.841458820694124 * 2.0);  // S = 2
+  for (GaussianBelief& belief : both_kinds()) {
+    const Slot body = belief.slot("body");
+    EXPECT_EQ(update(belief, along_x(limit + 1e-9, 1.0), body, Gate(0.95)).verdict,
+              Verdict::kGated);
+    EXPECT_EQ(update(belief, along_x(limit - 1e-9, 1.0), body, Gate(0.95)).verdict,
+              Verdict::kFused);
+  }
+}
+
+template <int M>
+void expect_breaks(const Linearization<M, 3>& lin) {
+  for (GaussianBelief& belief : both_kinds()) {
+    const GaussianBelief before = belief;
+    EXPECT_THROW(update(belief, lin, belief.slot("body"), Gate()), NumericalError);
+    EXPECT_TRUE(same_bits(belief, before));
+  }
+}
+
+TEST(Update, breaks_on_noise_that_is_none_and_changes_no_bit) {
+  expect_breaks(along_x(0.1, -2.0));
+  expect_breaks(along_x(0.1, kNan));
+  expect_breaks(along_x(0.1, kInfinity));
+  expect_breaks(along_xy({0.1, 0.1}, -2.0 * Matrix<2, 2>::Identity()));
+  expect_breaks(along_xy({0.1, 0.1}, (Matrix<2, 2>() << 1.0, 3.0, 3.0, 1.0).finished()));
+  expect_breaks(along_xy({0.1, 0.1}, (Matrix<2, 2>() << 1.0, kNan, 0.0, 1.0).finished()));
+  expect_breaks(along_xy({0.1, 0.1}, (Matrix<2, 2>() << 1.0, 0.0, kNan, 1.0).finished()));
+}
+
+TEST(Update, breaks_on_numbers_that_are_not_finite_and_changes_no_bit) {
+  expect_breaks(along_x(kNan, 1.0));
+  expect_breaks(along_x(kInfinity, 1.0));
+  expect_breaks(along_xy({0.0, kNan}, Matrix<2, 2>::Identity()));
+  Linearization<1, 3> lin = along_x(0.1, 1.0);
+  lin.jacobian(1) = kNan;
+  expect_breaks(lin);
+  lin.jacobian(1) = kInfinity;
+  expect_breaks(lin);
+}
+
+TEST(Update, refuses_shapes_that_do_not_match) {
+  using Lin = Linearization<Eigen::Dynamic, 3>;
+  const Eigen::VectorXd r = Eigen::VectorXd::Zero(2);
+  const Eigen::MatrixXd H = Eigen::MatrixXd::Ones(2, 3);
+  const Eigen::MatrixXd R = Eigen::MatrixXd::Identity(2, 2);
+  for (GaussianBelief& belief : both_kinds()) {
+    const GaussianBelief before = belief;
+    const auto refused = [&](const Lin& lin, const char* text) {
+      testing::expect_refused([&] { update(belief, lin, belief.slot("body"), Gate()); }, text);
+    };
+    refused({Eigen::VectorXd(0), Eigen::MatrixXd(0, 3), Eigen::MatrixXd(0, 0)}, "0");
+    refused({Eigen::VectorXd::Zero(3), H, R}, "3");
+    refused({r, Eigen::MatrixXd::Ones(4, 3), R}, "4 x 3");
+    refused({r, H, Eigen::MatrixXd::Identity(5, 5)}, "5 x 5");
+    refused({r, H, Eigen::MatrixXd::Ones(2, 1)}, "2 x 1");
+    EXPECT_TRUE(same_bits(belief, before));
+  }
+}
+
+TEST(Predict, breaks_on_numbers_that_are_not_finite_and_changes_no_bit) {
+  const Matrix<3, 3> I = Matrix<3, 3>::Identity();
+  for (GaussianBelief& belief : both_kinds()) {
+    const GaussianBelief before = belief;
+    const Slot body = belief.slot("body");
+    EXPECT_THROW(predict(belief, {{kNan, 0.0, 0.0}, I, I}, body), NumericalError);
+    EXPECT_THROW(predict(belief, {{0.0, 0.0, kInfinity}, I, I}, body), NumericalError);
+    EXPECT_THROW(predict(belief, {{}, kNan * I, I}, body), NumericalError);
+    EXPECT_THROW(predict(belief, {{}, I, kInfinity * I}, body), NumericalError);
+    EXPECT_TRUE(same_bits(belief, before));
+  }
+}
+
+/// 10,000 measurements of one row, with a little motion in between.
+void expect_stays_a_covariance(double variance, double noise, double walk) {
+  SCOPED_TRACE(::testing::Message() << "P " << variance << ", R " << noise << ", Q " << walk);
+  for (GaussianBelief& belief : both_kinds(variance)) {
+    Rng rng(3);
+    const Slot body = belief.slot("body");
+    for (int i = 0; i < 10'000; ++i) {
+      const double bearing = uniform(rng, -kPi, kPi);
+      Linearization<1, 3> lin;
+      lin.residual << testing::normal(rng, std::sqrt(noise));
+      lin.jacobian << std::cos(bearing), std::sin(bearing), uniform(rng, -1.0, 1.0);
+      lin.noise << noise;
+      update(belief, lin, body, Gate());
+      ASSERT_TRUE(is_covariance(belief.P)) << "update " << i << "\n" << belief.P;
+      Propagation<Pose2, 3> step{belief.pose(body), Matrix<3, 3>::Identity(),
+                                 walk * Matrix<3, 3>::Identity()};
+      step.jacobian(0, 2) = uniform(rng, -0.1, 0.1);
+      step.jacobian(1, 2) = uniform(rng, -0.1, 0.1);
+      predict(belief, step, body);
+      ASSERT_TRUE(is_covariance(belief.P)) << "prediction " << i << "\n" << belief.P;
+    }
+  }
+}
+
+TEST(Update, leaves_a_covariance_after_ten_thousand_measurements) {
+  expect_stays_a_covariance(1.0, 0.01, 1e-6);
+  expect_stays_a_covariance(1.0, 1e-8, 1e-10);
+  expect_stays_a_covariance(1e-6, 1e4, 0.0);
+}
+
+TEST(Update, leaves_a_covariance_where_measurements_are_far_better_than_the_belief) {
+  for (const double variance : {1e8, 1e10, 1e12}) {
+    expect_stays_a_covariance(variance, 1e-8, 1e-10);
+    expect_stays_a_covariance(variance, 1e-8, 1e-2);
+  }
+}
+
+}  // namespace
+}  // namespace locfuse

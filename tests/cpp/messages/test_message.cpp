@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "locfuse/messages/message.hpp"
+
+namespace locfuse {
+namespace {
+
+TEST(Message, an_increment_takes_effect_where_it_begins) {
+  const Message increment = Increment{10, 30, {1.0, 0.0, 0.0}};
+  EXPECT_EQ(effective_stamp(increment), 10);
+  EXPECT_EQ(stamp_of(increment), 30);
+}
+
+TEST(Message, everything_else_takes_effect_at_its_stamp) {
+  Velocity velocity;
+  velocity.stamp = 7;
+  Range range;
+  range.stamp = 7;
+  PositionFix fix;
+  fix.stamp = 7;
+  PoseObservation pose;
+  pose.stamp = 7;
+  for (const Message& message : std::vector<Message>{velocity, range, fix, pose}) {
+    EXPECT_EQ(effective_stamp(message), 7);
+    EXPECT_EQ(stamp_of(message), 7);
+  }
+}
+
+TEST(Increment, of_translation_and_rotation_drives_first_and_turns_then) {
+  const Increment u = Increment::from_trans_rot(1, 2, 0.5, 0.1);
+  EXPECT_EQ(u.begin, 1);
+  EXPECT_EQ(u.stamp, 2);
+  EXPECT_EQ(u.motion.x, 0.5);
+  EXPECT_EQ(u.motion.y, 0.0);
+  EXPECT_EQ(u.motion.heading, 0.1);
+}
+
+}  // namespace
+}  // namespace locfuse

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+#include <limits>
+
+#include "locfuse/messages/messages.hpp"
+#include "support/expect.hpp"
+
+namespace locfuse {
+namespace {
+
+using testing::expect_refused;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+const double kNan = std::nan("");
+
+Range range_of(double range, std::optional<double> sigma = {}) { return {0, 1, 2, range, sigma}; }
+
+TEST(Validate, passes_what_is_right) {
+  EXPECT_NO_THROW(validate(Velocity{0, -1.0, 2.0}));
+  EXPECT_NO_THROW(validate(Increment{5, 5, {1.0, 0.0, 0.0}}));
+  EXPECT_NO_THROW(validate(range_of(0.0)));
+  EXPECT_NO_THROW(validate(range_of(5.0, 1e-6)));
+  EXPECT_NO_THROW(validate(PositionFix{0, {1.0, 2.0}, Matrix<2, 2>::Identity()}));
+  EXPECT_NO_THROW(validate(PoseObservation{0, {1.0, 2.0, 3.0}, Matrix<3, 3>::Identity()}));
+}
+
+TEST(Validate, refuses_a_velocity_that_is_not_finite) {
+  expect_refused([] { validate(Velocity{0, kNan, 0.0}); }, "forward", "nan");
+  expect_refused([] { validate(Velocity{0, 0.0, -kInfinity}); }, "turn_rate", "-inf");
+}
+
+TEST(Validate, refuses_an_increment_that_is_not_finite) {
+  expect_refused([] { validate(Increment{0, 1, {kInfinity, 0.0, 0.0}}); }, "motion.x", "inf");
+  expect_refused([] { validate(Increment{0, 1, {0.0, kNan, 0.0}}); }, "motion.y", "nan");
+  expect_refused([] { validate(Increment{0, 1, {0.0, 0.0, kNan}}); }, "motion.heading", "nan");
+}
+
+TEST(Validate, refuses_an_increment_that_ends_before_it_begins) {
+  expect_refused([] { validate(Increment{20, 13, {}}); }, "20", "13");
+}
+
+TEST(Validate, refuses_a_range_that_no_radio_can_measure) {
+  expect_refused([] { validate(range_of(-1.5)); }, "Range.range", "-1.5");
+  expect_refused([] { validate(range_of(kNan)); }, "Range.range", "nan");
+  expect_refused([] { validate(range_of(kInfinity)); }, "Range.range", "inf");
+}
+
+TEST(Validate, refuses_a_range_sigma_that_is_not_positive) {
+  expect_refused([] { validate(range_of(1.0, 0.0)); }, "Range.sigma", "is 0");
+  expect_refused([] { validate(range_of(1.0, -0.25)); }, "Range.sigma", "-0.25");
+  expect_refused([] { validate(range_of(1.0, kNan)); }, "Range.sigma", "nan");
+  expect_refused([] { validate(range_of(1.0, kInfinity)); }, "Range.sigma", "inf");
+}
+
+TEST(Validate, refuses_a_position_that_is_not_finite) {
+  const Matrix<2, 2> R = Matrix<2, 2>::Identity();
+  expect_refused([&] { validate(PositionFix{0, {kNan, 0.0}, R}); }, "position.x", "nan");
+  expect_refused([&] { validate(PositionFix{0, {0.0, kInfinity}, R}); }, "position.y", "inf");
+}
+
+TEST(Validate, refuses_a_position_covariance_that_is_none) {
+  const auto with = [](double a, double b, double c, double d) {
+    validate(PositionFix{0, {0.0, 0.0}, (Matrix<2, 2>() << a, b, c, d).finished()});
+  };
+  expect_refused([&] { with(0.0, 0.0, 0.0, 0.0); }, "PositionFix.covariance");
+  expect_refused([&] { with(-4.5, 0.0, 0.0, 1.0); }, "PositionFix.covariance", "-4.5");
+  expect_refused([&] { with(1.0, 2.25, 2.25, 1.0); }, "PositionFix.covariance", "2.25");
+  expect_refused([&] { with(2.0, 0.75, -0.75, 2.0); }, "PositionFix.covariance", "-0.75");
+  expect_refused([&] { with(1.0, 0.0, 0.0, kNan); }, "PositionFix.covariance", "nan");
+}
+
+TEST(Validate, refuses_a_pose_that_is_not_finite) {
+  const Matrix<3, 3> R = Matrix<3, 3>::Identity();
+  expect_refused([&] { validate(PoseObservation{0, {kNan, 0.0, 0.0}, R}); }, "pose.x", "nan");
+  expect_refused([&] { validate(PoseObservation{0, {0.0, kNan, 0.0}, R}); }, "pose.y", "nan");
+  expect_refused(
+      [&] {
+        validate(PoseObservation{0, {0.0, 0.0, kInfinity}, R});
+      },
+      "pose.heading", "inf");
+}
+
+TEST(Validate, refuses_a_pose_covariance_that_is_none) {
+  Matrix<3, 3> R = Matrix<3, 3>::Identity();
+  R(2, 2) = -0.125;
+  expect_refused(
+      [&] {
+        validate(PoseObservation{0, {}, R});
+      },
+      "PoseObservation.covariance", "-0.125");
+  R = Matrix<3, 3>::Identity();
+  R(0, 2) = 0.375;
+  expect_refused(
+      [&] {
+        validate(PoseObservation{0, {}, R});
+      },
+      "PoseObservation.covariance", "0.375");
+}
+
+}  // namespace
+}  // namespace locfuse

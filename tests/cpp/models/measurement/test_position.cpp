@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+
+#include "locfuse/models/measurement/position.hpp"
+#include "support/jacobian.hpp"
+
+namespace locfuse {
+namespace {
+
+using testing::expect_near;
+using testing::expect_refused;
+
+TEST(PositionModel, equals_values_computed_by_hand) {
+  const PositionModel model({2.0, 1.0});
+  const Pose2 pose{10.0, 20.0, kPi / 2.0};  // antenna at (10 - 1, 20 + 2)
+  const Matrix<2, 2> R = (Matrix<2, 2>() << 0.5, 0.1, 0.1, 0.4).finished();
+  const Linearization<2, 3> lin = model.linearize(pose, {0, {9.25, 21.5}, R});
+  expect_near(model.predict(pose), Vector<2>(9.0, 22.0), 1e-14);
+  expect_near(lin.residual, Vector<2>(0.25, -0.5), 1e-14);
+  expect_near(lin.jacobian, (Matrix<2, 3>() << 1.0, 0.0, -2.0, 0.0, 1.0, -1.0).finished(), 1e-14);
+  EXPECT_EQ(lin.noise, R);
+}
+
+TEST(PositionModel, jacobian_matches_differences_with_and_without_a_lever_arm) {
+  const PositionFix z{0, {1.0, 2.0}, Matrix<2, 2>::Identity()};
+  for (const PositionModel& model : {PositionModel(), PositionModel({0.7, -0.4})}) {
+    for (const Pose2& pose : testing::poses_to_try()) {
+      const auto h = [&](const Pose2& p) { return model.predict(p); };
+      testing::expect_jacobian<2>(model.linearize(pose, z).jacobian, h, pose);
+    }
+  }
+}
+
+TEST(PositionModel, says_nothing_of_heading_without_a_lever_arm) {
+  const Linearization<2, 3> lin =
+      PositionModel().linearize({1.0, 2.0, 0.7}, {0, {1.0, 2.0}, Matrix<2, 2>::Identity()});
+  EXPECT_EQ(lin.jacobian(0, 2), 0.0);
+  EXPECT_EQ(lin.jacobian(1, 2), 0.0);
+}
+
+TEST(PositionModel, refuses_a_lever_arm_that_is_not_finite) {
+  expect_refused([] { (void)PositionModel({std::nan(""), 0.0}); }, "antenna_forward_m");
+  expect_refused([] { (void)PositionModel({0.0, std::nan("")}); }, "antenna_left_m");
+}
+
+}  // namespace
+}  // namespace locfuse

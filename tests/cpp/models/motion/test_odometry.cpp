@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+
+#include "locfuse/models/motion/odometry.hpp"
+#include "support/jacobian.hpp"
+
+namespace locfuse {
+namespace {
+
+using testing::expect_near;
+using testing::expect_pose_near;
+using testing::expect_refused;
+
+OdometryMotion::Config all_sigmas() { return {0.03, 0.01, 0.02, 0.04, 0.05, 0.06}; }
+
+TEST(OdometryMotion, moves_in_the_previous_body_frame) {
+  const Propagation<Pose2, 3> step =
+      OdometryMotion(all_sigmas()).propagate({1.0, 2.0, kPi / 2.0}, {1.0, 0.5, 0.1}, 1.0);
+  expect_pose_near(step.moved, {0.5, 3.0, kPi / 2.0 + 0.1}, 1e-15);
+}
+
+TEST(OdometryMotion, wraps_the_heading_when_turning_across_the_cut) {
+  const Propagation<Pose2, 3> step =
+      OdometryMotion(all_sigmas()).propagate({0.0, 0.0, kPi - 0.1}, {0.0, 0.0, 0.3}, 1.0);
+  expect_pose_near(step.moved, {0.0, 0.0, -kPi + 0.2}, 1e-15);
+}
+
+TEST(OdometryMotion, noise_equals_values_computed_by_hand) {
+  const OdometryMotion model(all_sigmas());
+  // 4 m ahead, 0.5 rad, 2 s.
+  const double along = 0.0009 * 4.0 + 0.0025 * 2.0;
+  const double across = 0.0001 * 4.0 + 0.0025 * 2.0;
+  const double heading = 0.0004 * 4.0 + 0.0016 * 0.5 + 0.0036 * 2.0;
+  const Pose2 motion{4.0, 0.0, -0.5};
+  expect_near(model.propagate({0.0, 0.0, 0.0}, motion, 2.0).noise,
+              Matrix<3, 3>(Vector<3>(along, across, heading).asDiagonal()), 1e-16);
+  expect_near(model.propagate({0.0, 0.0, kPi / 2.0}, motion, 2.0).noise,
+              Matrix<3, 3>(Vector<3>(across, along, heading).asDiagonal()), 1e-16);
+  const double mean = 0.5 * (along + across);
+  const double xy = 0.5 * (along - across);
+  expect_near(model.propagate({0.0, 0.0, kPi / 4.0}, motion, 2.0).noise,
+              (Matrix<3, 3>() << mean, xy, 0.0, xy, mean, 0.0, 0.0, 0.0, heading).finished(),
+              1e-16);
+}
+
+TEST(OdometryMotion, jacobian_matches_differences) {
+  const OdometryMotion model(all_sigmas());
+  testing::Rng rng(11);
+  for (const Pose2& pose : testing::poses_to_try()) {
+    const Pose2 motion = testing::random_pose(rng, 1.0);
+    const Pose2 reference = model.propagate(pose, motion, 0.1).moved;
+    const auto f = [&](const Pose2& p) {  // relative to the reference, so that no row jumps
+      return local(model.propagate(p, motion, 0.1).moved, reference);
+    };
+    testing::expect_jacobian<3>(model.propagate(pose, motion, 0.1).jacobian, f, pose);
+  }
+}
+
+TEST(OdometryMotion, noise_is_symmetric_and_positive_when_moving) {
+  const OdometryMotion model(all_sigmas());
+  testing::Rng rng(12);
+  for (const Pose2& pose : testing::poses_to_try()) {
+    const Propagation<Pose2, 3> step = model.propagate(pose, testing::random_pose(rng, 1.0), 0.1);
+    EXPECT_TRUE(testing::is_covariance(step.noise)) << step.noise;
+  }
+}
+
+TEST(OdometryMotion, noise_does_not_depend_on_the_message_rate) {
+  const OdometryMotion model(all_sigmas());
+  const Pose2 start{1.0, 2.0, 0.3};
+  const Propagation<Pose2, 3> whole = model.propagate(start, {1.0, 0.0, 0.0}, 2.0);
+  Pose2 pose = start;
+  Matrix<3, 3> noise = Matrix<3, 3>::Zero();
+  Matrix<3, 3> jacobian = Matrix<3, 3>::Identity();
+  for (int i = 0; i < 100; ++i) {
+    const Propagation<Pose2, 3> step = model.propagate(pose, {0.01, 0.0, 0.0}, 0.02);
+    pose = step.moved;
+    noise += step.noise;
+    jacobian = (step.jacobian * jacobian).eval();
+  }
+  expect_pose_near(pose, whole.moved, 1e-13);
+  expect_near(noise, whole.noise, 1e-15);
+  expect_near(jacobian, whole.jacobian, 1e-13);
+}
+
+TEST(OdometryMotion, jacobians_of_shares_chain_to_that_of_the_arc) {
+  const OdometryMotion model(all_sigmas());
+  const Pose2 start{1.0, 2.0, 3.0};
+  const Pose2 motion{0.8, -0.3, 1.2};
+  Pose2 pose = start;
+  Matrix<3, 3> jacobian = Matrix<3, 3>::Identity();
+  for (int i = 0; i < 10; ++i) {
+    const Propagation<Pose2, 3> step = model.propagate(pose, arc_share(motion, 0.1), 0.1);
+    pose = step.moved;
+    jacobian = (step.jacobian * jacobian).eval();
+  }
+  const Propagation<Pose2, 3> whole = model.propagate(start, motion, 1.0);
+  expect_pose_near(pose, whole.moved, 1e-13);
+  expect_near(jacobian, whole.jacobian, 1e-13);
+}
+
+TEST(OdometryMotion, standing_adds_only_what_grows_with_time) {
+  const OdometryMotion model(all_sigmas());
+  const Matrix<3, 3> expected = Vector<3>(0.0025 * 3.0, 0.0025 * 3.0, 0.0036 * 3.0).asDiagonal();
+  expect_near(model.propagate({0.0, 0.0, 0.0}, {}, 3.0).noise, expected, 1e-16);
+  EXPECT_TRUE(OdometryMotion(OdometryMotion::Config{}).propagate({}, {}, 3.0).noise.isZero(0.0));
+}
+
+TEST(OdometryMotion, refuses_sigmas_that_are_none) {
+  OdometryMotion::Config config;
+  const auto refused = [&](double& field, const char* name) {
+    const double kept = field;
+    field = -0.25;
+    expect_refused([&] { (void)OdometryMotion(config); }, name, "-0.25");
+    field = std::nan("");
+    expect_refused([&] { (void)OdometryMotion(config); }, name, "nan");
+    field = kept;
+  };
+  refused(config.sigma_longitudinal_per_sqrt_m, "sigma_longitudinal_per_sqrt_m");
+  refused(config.sigma_lateral_per_sqrt_m, "sigma_lateral_per_sqrt_m");
+  refused(config.sigma_heading_per_sqrt_m, "sigma_heading_per_sqrt_m");
+  refused(config.sigma_heading_per_sqrt_rad, "sigma_heading_per_sqrt_rad");
+  refused(config.sigma_xy_per_sqrt_s, "sigma_xy_per_sqrt_s");
+  refused(config.sigma_heading_per_sqrt_s, "sigma_heading_per_sqrt_s");
+}
+
+}  // namespace
+}  // namespace locfuse

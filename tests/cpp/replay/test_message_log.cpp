@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/replay/message_log.hpp"
+#include "support/expect.hpp"
+
+namespace locfuse {
+namespace {
+
+Velocity velocity(Stamp stamp, double forward) { return {stamp, forward, 0.0}; }
+
+TEST(MessageLog, a_message_arrives_when_it_takes_effect_unless_told_otherwise) {
+  MessageLog log;
+  log.add(velocity(5, 1.0));
+  log.add(Increment{6, 9, {}});
+  log.add(velocity(7, 1.0), 20);
+  ASSERT_EQ(log.arrivals().size(), 3U);
+  EXPECT_EQ(log.arrivals()[0].arrival, 5);
+  EXPECT_EQ(log.arrivals()[1].arrival, 6);
+  EXPECT_EQ(log.arrivals()[2].arrival, 20);
+}
+
+TEST(MessageLog, sorts_by_arrival_and_keeps_the_order_within_an_instant) {
+  MessageLog log;
+  log.add(velocity(1, 0.0), 30);
+  for (int i = 1; i <= 50; ++i) {
+    log.add(velocity(100 - i, i), 20);
+  }
+  log.add(velocity(3, 51.0), 10);
+  log.sort();
+  ASSERT_EQ(log.arrivals().size(), 52U);
+  EXPECT_EQ(log.arrivals().front().arrival, 10);
+  EXPECT_EQ(log.arrivals().back().arrival, 30);
+  for (int i = 1; i <= 50; ++i) {
+    const auto& message = log.arrivals()[static_cast<std::size_t>(i)].message;
+    EXPECT_EQ(std::get<Velocity>(message).forward, i);
+  }
+}
+
+TEST(MessageLog, refuses_messages_that_are_not_valid) {
+  MessageLog log;
+  testing::expect_refused([&] { log.add(Range{0, 0, 0, -2.5, {}}); }, "-2.5");
+  testing::expect_refused([&] { log.add(Increment{9, 4, {}}, 10); }, "9", "4");
+  EXPECT_TRUE(log.arrivals().empty());
+}
+
+}  // namespace
+}  // namespace locfuse

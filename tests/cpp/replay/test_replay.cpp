@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+
+#include "locfuse/replay/replay.hpp"
+#include "support/expect.hpp"
+#include "support/simulation.hpp"
+
+namespace locfuse {
+namespace {
+
+using testing::kSecond;
+using testing::same_bits;
+
+PoseEkf ekf_for(const testing::Simulation& run) {
+  return {{}, testing::hall(), testing::one_tag(), run.start};
+}
+
+/// Ranges arrive up to 0.4 s late.
+MessageLog late_log(const testing::Simulation& run) {
+  testing::Rng rng(9);
+  MessageLog log;
+  for (const Message& message : run.messages) {
+    const bool late = std::holds_alternative<Range>(message);
+    log.add(message, stamp_of(message) + (late ? testing::at(testing::uniform(rng, 0.0, 0.4)) : 0));
+  }
+  log.sort();
+  return log;
+}
+
+void expect_same(const PoseEstimate& a, const PoseEstimate& b) {
+  EXPECT_EQ(a.stamp, b.stamp);
+  EXPECT_EQ(a.pose.x, b.pose.x);
+  EXPECT_EQ(a.pose.y, b.pose.y);
+  EXPECT_EQ(a.pose.heading, b.pose.heading);
+  EXPECT_TRUE(same_bits(a.covariance, b.covariance));
+}
+
+TEST(Replay, ends_where_the_robot_is) {
+  const testing::Simulation run = testing::simulate(1, 20.0);
+  const RunLog log = replay(ekf_for(run), late_log(run), {});
+  EXPECT_EQ(log.last.stamp, 20 * kSecond);
+  EXPECT_NEAR(log.last.pose.x, run.x, 0.15);
+  EXPECT_NEAR(log.last.pose.y, run.y, 0.15);
+}
+
+TEST(Replay, estimates_strictly_increase_and_reach_from_the_start_to_the_end) {
+  const testing::Simulation run = testing::simulate(2, 20.0);
+  const RunLog log = replay(ekf_for(run), late_log(run), {});
+  ASSERT_GT(log.estimates.size(), 300U);
+  for (std::size_t i = 1; i < log.estimates.size(); ++i) {
+    ASSERT_GT(log.estimates[i].stamp, log.estimates[i - 1].stamp) << i;
+  }
+  EXPECT_EQ(log.estimates.front().stamp, 0);
+  expect_same(log.estimates.back(), log.last);
+}
+
+TEST(Replay, outcomes_are_those_of_the_sorted_log) {
+  const testing::Simulation run = testing::simulate(3, 20.0);
+  const MessageLog late = late_log(run);
+  const RunLog log = replay(ekf_for(run), late, {});
+  ASSERT_EQ(log.outcomes.size(), late.arrivals().size());
+  std::vector<std::size_t> order(log.outcomes.size());
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    order[i] = i;
+  }
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return effective_stamp(late.arrivals()[a].message) <
+           effective_stamp(late.arrivals()[b].message);
+  });
+  PoseEkf sorted = ekf_for(run);
+  for (const std::size_t index : order) {
+    const Outcome expected = sorted.on(late.arrivals()[index].message);
+    ASSERT_EQ(log.outcomes[index].verdict, expected.verdict) << index;
+    if (expected.dof > 0) {
+      ASSERT_EQ(log.outcomes[index].nis, expected.nis) << index;
+    }
+  }
+  expect_same(log.last, sorted.estimate());
+}
+
+TEST(Replay, recording_changes_no_bit_of_the_result) {
+  const testing::Simulation run = testing::simulate(4, 20.0);
+  ReplayOptions options;
+  options.record = false;
+  const RunLog quiet = replay(ekf_for(run), late_log(run), options);
+  EXPECT_TRUE(quiet.outcomes.empty());
+  EXPECT_TRUE(quiet.estimates.empty());
+  expect_same(quiet.last, replay(ekf_for(run), late_log(run), {}).last);
+}
+
+TEST(Replay, gives_the_same_bits_twice) {
+  const testing::Simulation run = testing::simulate(5, 20.0);
+  const RunLog first = replay(ekf_for(run), late_log(run), {});
+  const RunLog second = replay(ekf_for(run), late_log(run), {});
+  ASSERT_EQ(first.estimates.size(), second.estimates.size());
+  for (std::size_t i = 0; i < first.estimates.size(); ++i) {
+    expect_same(first.estimates[i], second.estimates[i]);
+  }
+  expect_same(first.last, second.last);
+}
+
+TEST(Replay, without_history_late_messages_are_stale) {
+  const testing::Simulation run = testing::simulate(6, 20.0);
+  ReplayOptions options;
+  options.history = 0;
+  const RunLog log = replay(ekf_for(run), late_log(run), options);
+  EXPECT_GT(std::count_if(log.outcomes.begin(), log.outcomes.end(),
+                          [](const Outcome& o) { return o.verdict == Verdict::kStale; }),
+            100);
+}
+
+TEST(Replay, an_empty_log_leaves_the_start) {
+  const PoseEkf start = testing::ekf_at({1.0, 2.0, 0.5});
+  const RunLog log = replay(start, MessageLog(), {});
+  EXPECT_TRUE(log.outcomes.empty());
+  ASSERT_EQ(log.estimates.size(), 1U);
+  expect_same(log.last, start.current());
+}
+
+TEST(Replay, tells_of_its_progress) {
+  MessageLog log;
+  for (Stamp stamp = 0; stamp < 40'000; ++stamp) {
+    log.add(Velocity{stamp, 0.1, 0.0});
+  }
+  std::vector<std::size_t> heard;
+  ReplayOptions options;
+  options.progress = [&](std::size_t done) { heard.push_back(done); };
+  (void)replay(testing::ekf_at({}), log, options);
+  EXPECT_EQ(heard, (std::vector<std::size_t>{16384, 32768}));
+}
+
+}  // namespace
+}  // namespace locfuse

@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/replay/timeline.hpp"
+#include "support/expect.hpp"
+#include "support/simulation.hpp"
+
+namespace locfuse {
+namespace {
+
+using testing::kSecond;
+using testing::same_bits;
+
+const auto kDeaf = [](std::size_t, const Outcome&) {};
+
+PoseEkf ekf_for(const testing::Simulation& run) {
+  return {{}, testing::hall(), testing::one_tag(), run.start};
+}
+
+/// A run with every kind of message, some at equal stamps, some that the filter will not fuse.
+testing::Simulation mixed_run(std::uint64_t seed) {
+  testing::Simulation run = testing::simulate(seed, 15.0);
+  testing::Rng rng(seed);
+  for (Stamp stamp = 0; stamp < 15 * kSecond; stamp += kSecond / 4) {
+    run.messages.push_back(PositionFix{stamp, {2.0, 0.0}, 4.0 * Matrix<2, 2>::Identity()});
+    run.messages.push_back(PoseObservation{stamp + 3, {}, 9.0 * Matrix<3, 3>::Identity()});
+    run.messages.push_back(Range{stamp, 0, 99, 1.0, {}});                               // unknown
+    run.messages.push_back(Range{stamp, 0, 1, testing::uniform(rng, 50.0, 90.0), {}});  // far off
+  }
+  run.messages.push_back(Velocity{15 * kSecond, 1.0, 0.2});
+  run.messages.push_back(Velocity{15 * kSecond, 0.5, 0.2});
+  return run;
+}
+
+/// In the order in which they arrive if each is up to `delay` late.
+std::vector<Message> shuffled(const std::vector<Message>& messages, std::uint64_t seed,
+                              Stamp delay) {
+  testing::Rng rng(seed);
+  std::vector<std::pair<Stamp, Message>> arrivals;
+  for (const Message& message : messages) {
+    const double late = testing::uniform(rng, 0.0, 1.0) < 0.5 ? 0.0 : testing::uniform(rng, 0, 1);
+    arrivals.emplace_back(effective_stamp(message) + static_cast<Stamp>(late * double(delay)),
+                          message);
+  }
+  std::stable_sort(arrivals.begin(), arrivals.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::vector<Message> order;
+  for (const auto& [arrival, message] : arrivals) {
+    order.push_back(message);
+  }
+  return order;
+}
+
+std::vector<std::size_t> order_of_effect(const std::vector<Message>& messages) {
+  std::vector<std::size_t> order(messages.size());
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    order[i] = i;
+  }
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return effective_stamp(messages[a]) < effective_stamp(messages[b]);
+  });
+  return order;
+}
+
+TEST(Timeline, late_messages_leave_the_bits_and_outcomes_of_the_sorted_log) {
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    const testing::Simulation run = mixed_run(seed);
+    const std::vector<Message> late = shuffled(run.messages, 100 + seed, kSecond / 2);
+    const std::vector<std::size_t> order = order_of_effect(late);
+    ASSERT_FALSE(std::is_sorted(order.begin(), order.end()));
+
+    PoseEkf sorted = ekf_for(run);
+    std::map<std::size_t, Outcome> expected;
+    for (const std::size_t index : order) {
+      expected[index] = sorted.on(late[index]);
+    }
+    Timeline<PoseEkf> timeline(ekf_for(run), kSecond / 2);
+    std::map<std::size_t, Outcome> heard;
+    for (const Message& message : late) {
+      timeline.on(message, [&](std::size_t index, const Outcome& o) { heard[index] = o; });
+    }
+    EXPECT_TRUE(same_bits(timeline.estimator().belief(), sorted.belief())) << "seed " << seed;
+    EXPECT_EQ(timeline.estimator().estimate().pose.x, sorted.estimate().pose.x);
+    ASSERT_EQ(heard.size(), expected.size());
+    for (const auto& [index, outcome] : expected) {
+      ASSERT_EQ(heard[index].verdict, outcome.verdict) << index;
+      ASSERT_EQ(heard[index].dof, outcome.dof) << index;
+      if (outcome.dof > 0) {
+        ASSERT_EQ(heard[index].nis, outcome.nis) << index;
+      }
+    }
+  }
+}
+
+TEST(Timeline, one_very_late_message_is_fused_where_it_belongs) {
+  const testing::Simulation run = testing::simulate(3, 5.0);
+  for (const Stamp stamp : {Stamp{0}, kSecond / 3, 2 * kSecond, 4 * kSecond + 999}) {
+    const Message late = PositionFix{stamp, {3.0, 0.0}, Matrix<2, 2>::Identity()};
+    std::vector<Message> messages = run.messages;
+    messages.push_back(late);
+    PoseEkf sorted = ekf_for(run);
+    for (const std::size_t index : order_of_effect(messages)) {
+      sorted.on(messages[index]);
+    }
+    Timeline<PoseEkf> timeline(ekf_for(run), 10 * kSecond);
+    for (const Message& message : messages) {
+      timeline.on(message, kDeaf);
+    }
+    EXPECT_TRUE(same_bits(timeline.estimator().belief(), sorted.belief())) << stamp;
+  }
+}
+
+TEST(Timeline, a_message_older_than_the_history_is_stale_and_changes_no_bit) {
+  const testing::Simulation run = testing::simulate(4, 5.0);
+  Timeline<PoseEkf> timeline(ekf_for(run), kSecond);
+  for (const Message& message : run.messages) {
+    timeline.on(message, kDeaf);
+  }
+  const Stamp newest = 5 * kSecond;
+  const GaussianBelief before = timeline.estimator().belief();
+  std::vector<std::pair<std::size_t, Verdict>> heard;
+  const auto sink = [&](std::size_t index, const Outcome& o) {
+    heard.emplace_back(index, o.verdict);
+  };
+  timeline.on(testing::range_to(0, {}, newest - kSecond - 1), sink);
+  EXPECT_EQ(heard,
+            (std::vector<std::pair<std::size_t, Verdict>>{{run.messages.size(), Verdict::kStale}}));
+  EXPECT_TRUE(same_bits(timeline.estimator().belief(), before));
+
+  heard.clear();
+  timeline.on(PositionFix{newest - kSecond, {3.0, 0.0}, Matrix<2, 2>::Identity()}, sink);
+  ASSERT_GT(heard.size(), 1U);  // just inside: it and what followed
+  EXPECT_EQ(heard.front().first, run.messages.size() + 1);
+  EXPECT_NE(heard.front().second, Verdict::kStale);
+}
+
+TEST(Timeline, the_sink_hears_again_of_what_followed_a_late_message) {
+  Timeline<PoseEkf> timeline(testing::ekf_at({}), kSecond);
+  std::vector<std::size_t> heard;
+  std::vector<double> residuals;
+  const auto sink = [&](std::size_t index, const Outcome& o) {
+    heard.push_back(index);
+    residuals.push_back(o.residual);
+  };
+  timeline.on(testing::range_to(0, {}, 100), sink);
+  timeline.on(testing::range_to(1, {}, 300, 0.2), sink);
+  timeline.on(testing::range_to(1, {}, 200, 0.2), sink);
+  EXPECT_EQ(heard, (std::vector<std::size_t>{0, 1, 2, 1}));
+  EXPECT_NEAR(residuals[1], 0.2, 1e-12);
+  EXPECT_NEAR(residuals[2], 0.2, 1e-12);
+  EXPECT_LT(residuals[3], 0.15);  // the late one has explained part of it
+}
+
+TEST(Timeline, a_late_message_that_is_not_valid_is_passed_on_and_forgotten) {
+  const testing::Simulation run = testing::simulate(5, 4.0);
+  Timeline<PoseEkf> disturbed(ekf_for(run), kSecond);
+  Timeline<PoseEkf> quiet(ekf_for(run), kSecond);
+  for (std::size_t i = 0; i < run.messages.size(); ++i) {
+    disturbed.on(run.messages[i], kDeaf);
+    quiet.on(run.messages[i], kDeaf);
+    const Stamp now = effective_stamp(run.messages[i]);
+    const Range late{now - kSecond / 3, 0, 0, -1.0, {}};
+    const Range prompt{now, 0, 0, -1.0, {}};
+    EXPECT_THROW(disturbed.on(late, kDeaf), std::invalid_argument);
+    EXPECT_THROW(disturbed.on(prompt, kDeaf), std::invalid_argument);
+    ASSERT_TRUE(same_bits(disturbed.estimator().belief(), quiet.estimator().belief())) << i;
+  }
+  const Message last = testing::range_to(0, {}, 4 * kSecond - kSecond / 2, 0.1);
+  disturbed.on(last, kDeaf);
+  quiet.on(last, kDeaf);
+  EXPECT_TRUE(same_bits(disturbed.estimator().belief(), quiet.estimator().belief()));
+}
+
+TEST(Timeline, refuses_a_negative_history) {
+  testing::expect_refused([] { Timeline<PoseEkf>(testing::ekf_at({}), -5); }, "-5");
+}
+
+}  // namespace
+}  // namespace locfuse
