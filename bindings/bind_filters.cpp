@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <pybind11/native_enum.h>
+
 #include "bindings.hpp"
 #include "locfuse/filters/kalman.hpp"
 

@@ -16,7 +16,7 @@ using Stamps = Column<Stamp>;
 
 namespace {
 
-// Adds one message per row; `arrivals` may be absent. All rows are good or none is added.
+// Adds one message per row; `arrivals` may be absent.
 template <class Make>
 void add_rows(MessageLog& log, const Stamps& stamps, const std::optional<Stamps>& arrivals,
               const Make& make) {
@@ -26,19 +26,11 @@ void add_rows(MessageLog& log, const Stamps& stamps, const std::optional<Stamps>
     expect_shape("arrival_ns", *arrivals, n);
   }
   const Stamp* arrival = arrivals ? arrivals->data() : nullptr;
-  py::ssize_t i = 0;
   const py::gil_scoped_release release;
-  MessageLog grown = log;
-  grown.reserve(log.arrivals().size() + static_cast<std::size_t>(n));
-  try {
-    for (; i < n; ++i) {
-      const Message message = make(i);
-      grown.add(message, arrival != nullptr ? arrival[i] : effective_stamp(message));
-    }
-  } catch (const std::invalid_argument& error) {
-    throw std::invalid_argument("row " + std::to_string(i) + ": " + error.what());
-  }
-  log = std::move(grown);
+  log.add_rows(static_cast<std::size_t>(n), [&](std::size_t row) -> MessageLog::Arrival {
+    const Message message = make(static_cast<py::ssize_t>(row));
+    return {arrival != nullptr ? arrival[row] : effective_stamp(message), message};
+  });
 }
 
 template <class Field>

@@ -179,11 +179,22 @@ struct Column {
   std::vector<std::int64_t> stamps;
   std::vector<std::string_view> names;  ///< into the text
   std::ptrdiff_t longest_name = 1;      ///< [code points]
+
+  std::size_t rows() const { return numbers.size() + stamps.size() + names.size(); }
+  void reserve(std::size_t rows) {
+    if (kind == 't') {
+      names.reserve(rows);
+    } else if (kind == 's') {
+      stamps.reserve(rows);
+    } else {
+      numbers.reserve(rows);
+    }
+  }
 };
 
 /// Reads a table in one pass. A number is read where it stands and its end must be the end of the
-/// field, so fields are not searched first; a line that does not go through is then looked at again,
-/// slowly, to say what is wrong with it.
+/// field, so fields are not searched first; a line that does not go through is then looked at
+/// again, slowly, to say what is wrong with it.
 class TableParser {
  public:
   TableParser(std::string_view text, const std::string& kinds, char delimiter, std::string name)
@@ -196,12 +207,12 @@ class TableParser {
 
   std::vector<Column> parse(std::int64_t first_line) {
     for (line_ = 1; at_ != end_; ++line_) {
-      if (line_ < first_line || is_skipped()) {
-        at_ = line_end(at_);
-      } else {
+      if (line_ >= first_line && !is_skipped()) {
+        if (columns_.front().rows() == 0) reserve();
         parse_line();
       }
-      if (at_ != end_) ++at_;  // the newline
+      at_ = line_end(at_);
+      if (at_ != end_) ++at_;
     }
     return std::move(columns_);
   }
@@ -211,7 +222,6 @@ class TableParser {
   bool ends_line(const char* c) const {
     return c == end_ || *c == '\n' || (*c == '\r' && (c + 1 == end_ || c[1] == '\n'));
   }
-  bool ends_field(const char* c) const { return ends_line(c) || *c == delimiter_ || is_blank(*c); }
   const char* skip_blanks(const char* c) const {
     while (c != end_ && is_blank(*c)) ++c;
     return c;
@@ -221,6 +231,13 @@ class TableParser {
     return newline != nullptr ? static_cast<const char*>(newline) : end_;
   }
   bool is_skipped() const { return *at_ == '#' || ends_line(skip_blanks(at_)); }
+
+  /// Room for the rest of the text if all lines are about as long as this one.
+  void reserve() {
+    const auto line = static_cast<std::size_t>(line_end(at_) - at_) + 1;
+    const auto rows = static_cast<std::size_t>(end_ - at_) / line;
+    for (Column& column : columns_) column.reserve(rows + rows / 16 + 1);
+  }
 
   void parse_line() {
     const char* const begin = at_;
@@ -252,7 +269,8 @@ class TableParser {
       return stop;
     }
     double number = std::numeric_limits<double>::quiet_NaN();
-    const bool is_empty = column.kind == 'g' && (ends_line(at) || *at == delimiter_);
+    const bool may_be_empty = column.kind == 'g' && delimiter_ != ' ';
+    const bool is_empty = may_be_empty && (ends_line(at) || *at == delimiter_);
     const char* stop = is_empty ? at : scan_finite(at, end_, number);
     column.numbers.push_back(number);
     return stop;
@@ -265,7 +283,7 @@ class TableParser {
     while (stop != at && is_blank(stop[-1])) --stop;
     const std::string_view name(at, static_cast<std::size_t>(stop - at));
     const std::ptrdiff_t length = name.size() > kLongestName ? -1 : count_code_points(name);
-    if (length < 0) return nullptr;
+    if (length < 0 || (name.empty() && delimiter_ == ' ')) return nullptr;
     column.longest_name = std::max(column.longest_name, length);
     column.names.push_back(name);
     return field_end;
@@ -293,7 +311,8 @@ class TableParser {
       }
       return fields;
     }
-    for (const char* stop = std::find(at, last, delimiter_);; stop = std::find(at, last, delimiter_)) {
+    while (true) {
+      const char* const stop = std::find(at, last, delimiter_);
       fields.push_back(trimmed(at, stop));
       if (stop == last) return fields;
       at = stop + 1;
@@ -320,7 +339,8 @@ class TableParser {
   [[noreturn]] void explain(const char* line) const {
     const std::vector<std::string_view> fields = fields_of(line);
     if (fields.size() != columns_.size()) {
-      fail(std::to_string(fields.size()) + " fields, expected " + std::to_string(columns_.size()));
+      const std::string found = fields.size() == 1 ? "1 field" : std::to_string(fields.size()) + " fields";
+      fail(found + ", expected " + std::to_string(columns_.size()));
     }
     for (std::size_t i = 0; i < fields.size(); ++i) {
       const std::string text = complaint(columns_[i].kind, fields[i]);
@@ -352,7 +372,7 @@ py::array to_numpy(std::vector<T>&& values) {
 
 py::array to_numpy(const Column& column) {
   const py::dtype dtype("U" + std::to_string(column.longest_name));
-  py::array names(dtype, {static_cast<py::ssize_t>(column.names.size())});
+  py::array names(dtype, static_cast<py::ssize_t>(column.names.size()));
   auto* cell = static_cast<char32_t*>(names.mutable_data());
   for (const std::string_view name : column.names) {
     char32_t* const next = cell + column.longest_name;

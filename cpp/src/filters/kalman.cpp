@@ -17,8 +17,17 @@ void internal::check_columns(const GaussianBelief& belief, Slots slots, Eigen::I
   }
 }
 
+void internal::refuse_rows(Eigen::Index residual, Eigen::Index jacobian, Eigen::Index noise,
+                           Eigen::Index noise_columns) {
+  throw std::invalid_argument("a measurement has a residual of " + std::to_string(residual) +
+                              " rows, a Jacobian of " + std::to_string(jacobian) +
+                              " rows and noise of " + std::to_string(noise) + " x " +
+                              std::to_string(noise_columns) +
+                              ", expected one number of rows, at least 1");
+}
+
 void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slot) {
-  const Vector<3> moved(step.moved.x, step.moved.y, step.moved.heading);
+  const Vector<3> moved(step.moved.x, step.moved.y, wrap_angle(step.moved.heading));
   (void)belief.pose(slot);  // throws unless it is one
   const int row = belief.offset(slot);
   const bool whole = belief.dimension() == 3;
@@ -31,8 +40,9 @@ void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slo
     throw NumericalError("prediction is not finite");
   }
   if (!whole) {
-    belief.P.middleRows<3>(row) = (step.jacobian * belief.P.middleRows<3>(row)).eval();
-    belief.P.middleCols<3>(row) = belief.P.middleRows<3>(row).transpose();
+    const Matrix<3, Eigen::Dynamic> cross = step.jacobian * belief.P.middleRows<3>(row);
+    belief.P.middleRows<3>(row) = cross;
+    belief.P.middleCols<3>(row) = cross.transpose();
   }
   P = 0.5 * (P_new + P_new.transpose());
   belief.x.segment<3>(row) = moved;

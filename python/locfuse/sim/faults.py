@@ -202,7 +202,7 @@ def _wheel_slip(table: Columns, fault: WheelSlip, epoch: FloatArray) -> Columns:
         parts = {"dx_m": "translation", "dy_m": "translation", "dheading_rad": "rotation"}
     else:  # velocities from the stamp on
         begin, end = epoch[:-1], epoch[1:]
-        parts = {"forward_mps": "translation", "turn_rate_radps": "rotation"}
+        parts = {"v_mps": "translation", "omega_radps": "rotation"}
     inside = np.maximum(np.minimum(end, fault.to_s) - np.maximum(begin, fault.from_s), 0.0)
     share = np.divide(inside, end - begin, out=np.zeros_like(end), where=end > begin)
     factors = {

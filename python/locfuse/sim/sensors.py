@@ -121,7 +121,7 @@ def odometry(
     -------
     columns
         ``increments``: n rows of dx_m, dy_m, dheading_rad since the row before; the first is zero.
-        ``velocities``: n - 1 rows of forward_mps, turn_rate_radps, held until the next stamp; what
+        ``velocities``: n - 1 rows of v_mps, omega_radps, held until the next stamp; what
         holds until the last stamp is told by the row before it.
     """
     motion = relative_poses(drive.pose_at(seconds(stamp_ns)))
@@ -138,7 +138,7 @@ def odometry(
     motion[:, 2] = wrap_angle(motion[:, 2])
     if sensor.output == "velocities":
         rate = forward_and_turn(motion) / np.diff(seconds(stamp_ns))[:, None]
-        return {"stamp_ns": stamp_ns[:-1], "forward_mps": rate[:, 0], "turn_rate_radps": rate[:, 1]}
+        return {"stamp_ns": stamp_ns[:-1], "v_mps": rate[:, 0], "omega_radps": rate[:, 1]}
     motion = np.concatenate([np.zeros((1, 3)), motion])
     return {
         "stamp_ns": stamp_ns,
@@ -203,7 +203,7 @@ def poses(
     Returns
     -------
     columns
-        n rows of x_m, y_m, heading_rad.
+        n rows of x_m, y_m, heading_rad, and the sigmas they were drawn with.
     """
     sigma_heading = np.deg2rad(sensor.sigma_heading_deg)
     sigma = np.array([sensor.sigma_xy_m, sensor.sigma_xy_m, sigma_heading])
@@ -214,6 +214,8 @@ def poses(
         "x_m": pose[:, 0],
         "y_m": pose[:, 1],
         "heading_rad": wrap_angle(pose[:, 2]),
+        "sigma_xy_m": np.full(len(pose), sensor.sigma_xy_m),
+        "sigma_heading_rad": np.full(len(pose), sigma_heading),
     }
 
 
@@ -232,12 +234,17 @@ def positions(
     Returns
     -------
     columns
-        n rows of x_m, y_m.
+        n rows of x_m, y_m and sigma_m.
     """
     antenna = (sensor.antenna_forward_m, sensor.antenna_left_m, 0.0)
     point = point_in_world(drive.pose_at(seconds(stamp_ns)), antenna)[:, :2]
     point = point + sensor.sigma_xy_m * rng.standard_normal(point.shape)
-    return {"stamp_ns": stamp_ns, "x_m": point[:, 0], "y_m": point[:, 1]}
+    return {
+        "stamp_ns": stamp_ns,
+        "x_m": point[:, 0],
+        "y_m": point[:, 1],
+        "sigma_m": np.full(len(point), sensor.sigma_xy_m),
+    }
 
 
 def truth(drive: Drive, stamp_ns: StampArray) -> Columns:

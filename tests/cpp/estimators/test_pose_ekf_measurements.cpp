@@ -137,7 +137,7 @@ TEST(PoseEkf, somebody_else_s_linearization_counts_as_much_as_its_own) {
   PoseEkf other = ekf_at(kStart);
   own.on(Velocity{0, 0.5, 0.2});
   other.on(Velocity{0, 0.5, 0.2});
-  const Range z = range_to(2, kStart, kSecond, 0.3);
+  const Range z = range_to(2, other.estimate(kSecond).pose, kSecond, 0.3);
   const Linearization<1, 3> lin = *other.range_model().linearize(other.estimate(kSecond).pose, z);
   const Outcome first = own.on(z);
   const Outcome second = other.fuse(kSecond, {lin.residual, lin.jacobian, lin.noise}, Gate(0.999));

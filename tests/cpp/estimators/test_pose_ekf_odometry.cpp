@@ -117,6 +117,14 @@ TEST(PoseEkf, increments_in_shares_have_the_covariance_of_a_straight_whole) {
   expect_near(difference, Matrix<3, 3>(Matrix<3, 3>::Zero()), 1e-16);
 }
 
+TEST(PoseEkf, an_increment_heard_of_late_counts_with_the_share_that_is_left) {
+  PoseEkf ekf = ekf_at(kStart);
+  ekf.advance_to(at(0.25));  // it stood, for all it knew
+  const Pose2 motion{1.0, 0.2, 0.8};
+  EXPECT_EQ(ekf.on(Increment{0, kSecond, motion}).verdict, Verdict::kFused);
+  expect_pose_near(ekf.estimate().pose, kStart * arc_share(motion, 0.75), 1e-15);
+}
+
 TEST(PoseEkf, translation_and_rotation_follow_equation_6_of_ekim2020) {
   PoseEkf ekf = ekf_at(kStart);
   ekf.on(Increment::from_trans_rot(0, kSecond, 0.8, 0.3));

@@ -47,7 +47,8 @@ void expect_no_trace(const Message& message, Verdict verdict) {
 TEST(PoseEkf, messages_older_than_the_belief_are_stale) {
   const Stamp old = kSecond - 1;
   expect_no_trace(Velocity{old, 1.0, 0.0}, Verdict::kStale);
-  expect_no_trace(Increment{old, 3 * kSecond, {1.0, 0.0, 0.0}}, Verdict::kStale);
+  expect_no_trace(Increment{old - 1, old, {1.0, 0.0, 0.0}}, Verdict::kStale);
+  expect_no_trace(Increment{old, old, {1.0, 0.0, 0.0}}, Verdict::kStale);
   expect_no_trace(range_to(0, kStart, old), Verdict::kStale);
   expect_no_trace(PositionFix{old, {1.0, 2.0}, kI2}, Verdict::kStale);
   expect_no_trace(PoseObservation{old, kStart, kI3}, Verdict::kStale);
@@ -71,7 +72,7 @@ TEST(PoseEkf, what_is_too_unlikely_is_gated) {
   for (const Stamp stamp : {kSecond, kSecond + 7, 2 * kSecond, 5 * kSecond}) {
     expect_no_trace(range_to(0, kStart, stamp, 20.0), Verdict::kGated);
     expect_no_trace(PositionFix{stamp, {50.0, 50.0}, 0.01 * kI2}, Verdict::kGated);
-    expect_no_trace(PoseObservation{stamp, {1.0, 2.0, -2.5}, 0.01 * kI3}, Verdict::kGated);
+    expect_no_trace(PoseObservation{stamp, {50.0, 2.0, 0.5}, 0.01 * kI3}, Verdict::kGated);
   }
 }
 
@@ -143,8 +144,8 @@ TEST(PoseEkf, linearizations_of_the_wrong_shape_are_refused) {
     const Eigen::MatrixXd none(0, 3);
     const Lin empty{Eigen::VectorXd(0), none, Eigen::MatrixXd(0, 0)};
     const Lin uneven{Vector<2>(1.0, 2.0), kI3, kI3};
-    expect_refused([&] { ekf.fuse(2 * kSecond, empty, Gate()); }, "0");
-    expect_refused([&] { ekf.fuse(2 * kSecond, uneven, Gate()); }, "2");
+    expect_refused([&] { ekf.fuse(2 * kSecond, empty, Gate()); }, "residual of 0 rows");
+    expect_refused([&] { ekf.fuse(2 * kSecond, uneven, Gate()); }, "residual of 2 rows");
   });
 }
 

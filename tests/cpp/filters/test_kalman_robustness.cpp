@@ -106,11 +106,12 @@ TEST(Update, refuses_shapes_that_do_not_match) {
     const auto refused = [&](const Lin& lin, const char* text) {
       testing::expect_refused([&] { update(belief, lin, belief.slot("body"), Gate()); }, text);
     };
-    refused({Eigen::VectorXd(0), Eigen::MatrixXd(0, 3), Eigen::MatrixXd(0, 0)}, "0");
-    refused({Eigen::VectorXd::Zero(3), H, R}, "3");
-    refused({r, Eigen::MatrixXd::Ones(4, 3), R}, "4 x 3");
-    refused({r, H, Eigen::MatrixXd::Identity(5, 5)}, "5 x 5");
-    refused({r, H, Eigen::MatrixXd::Ones(2, 1)}, "2 x 1");
+    const Eigen::MatrixXd none(0, 3);
+    refused({Eigen::VectorXd(0), none, Eigen::MatrixXd(0, 0)}, "a residual of 0 rows");
+    refused({Eigen::VectorXd::Zero(3), H, R}, "a residual of 3 rows");
+    refused({r, Eigen::MatrixXd::Ones(4, 3), R}, "a Jacobian of 4 rows");
+    refused({r, H, Eigen::MatrixXd::Identity(5, 5)}, "noise of 5 x 5");
+    refused({r, H, Eigen::MatrixXd::Ones(2, 1)}, "noise of 2 x 1");
     EXPECT_TRUE(same_bits(belief, before));
   }
 }
@@ -128,41 +129,63 @@ TEST(Predict, breaks_on_numbers_that_are_not_finite_and_changes_no_bit) {
   }
 }
 
-/// 10,000 measurements of one row, with a little motion in between.
-void expect_stays_a_covariance(double variance, double noise, double walk) {
+/// A measurement of a random direction, as ranges are.
+Linearization<1, 3> oblique(Rng& rng, double noise) {
+  const double bearing = uniform(rng, -kPi, kPi);
+  Linearization<1, 3> lin;
+  lin.residual << testing::normal(rng, std::sqrt(noise));
+  lin.jacobian << std::cos(bearing), std::sin(bearing), uniform(rng, -1.0, 1.0);
+  lin.noise << noise;
+  return lin;
+}
+
+/// A measurement of one variable, as positions are.
+Linearization<1, 3> straight(Rng& rng, double noise) {
+  Linearization<1, 3> lin = oblique(rng, noise);
+  lin.jacobian = Vector<3>::Unit(static_cast<int>(rng() % 3U)).transpose();
+  return lin;
+}
+
+/// 10,000 measurements with a little motion in between; looks at the covariance from `first` on.
+template <class Measure>
+void expect_stays_a_covariance(const Measure& measure, double variance, double noise, double walk,
+                               int first = 0) {
   SCOPED_TRACE(::testing::Message() << "P " << variance << ", R " << noise << ", Q " << walk);
   for (GaussianBelief& belief : both_kinds(variance)) {
     Rng rng(3);
     const Slot body = belief.slot("body");
     for (int i = 0; i < 10'000; ++i) {
-      const double bearing = uniform(rng, -kPi, kPi);
-      Linearization<1, 3> lin;
-      lin.residual << testing::normal(rng, std::sqrt(noise));
-      lin.jacobian << std::cos(bearing), std::sin(bearing), uniform(rng, -1.0, 1.0);
-      lin.noise << noise;
-      update(belief, lin, body, Gate());
-      ASSERT_TRUE(is_covariance(belief.P)) << "update " << i << "\n" << belief.P;
-      Propagation<Pose2, 3> step{belief.pose(body), Matrix<3, 3>::Identity(),
-                                 walk * Matrix<3, 3>::Identity()};
-      step.jacobian(0, 2) = uniform(rng, -0.1, 0.1);
-      step.jacobian(1, 2) = uniform(rng, -0.1, 0.1);
-      predict(belief, step, body);
-      ASSERT_TRUE(is_covariance(belief.P)) << "prediction " << i << "\n" << belief.P;
+      ASSERT_EQ(update(belief, measure(rng, noise), body, Gate()).verdict, Verdict::kFused);
+      ASSERT_TRUE(same_bits(belief.P, belief.P.transpose()));
+      ASSERT_TRUE(i < first || is_covariance(belief.P)) << "update " << i << "\n" << belief.P;
+      const Matrix<3, 3> Q = walk * Matrix<3, 3>::Identity();
+      predict(belief, {belief.pose(body), Matrix<3, 3>::Identity(), Q}, body);
+      ASSERT_TRUE(i < first || is_covariance(belief.P)) << "prediction " << i << "\n" << belief.P;
     }
   }
 }
 
 TEST(Update, leaves_a_covariance_after_ten_thousand_measurements) {
-  expect_stays_a_covariance(1.0, 0.01, 1e-6);
-  expect_stays_a_covariance(1.0, 1e-8, 1e-10);
-  expect_stays_a_covariance(1e-6, 1e4, 0.0);
+  expect_stays_a_covariance(oblique, 1.0, 0.01, 1e-6);
+  expect_stays_a_covariance(oblique, 1.0, 1e-8, 0.0);
+  expect_stays_a_covariance(oblique, 1e-6, 1e4, 0.0);
 }
 
 TEST(Update, leaves_a_covariance_where_measurements_are_far_better_than_the_belief) {
   for (const double variance : {1e8, 1e10, 1e12}) {
-    expect_stays_a_covariance(variance, 1e-8, 1e-10);
-    expect_stays_a_covariance(variance, 1e-8, 1e-2);
+    expect_stays_a_covariance(straight, variance, 1e-8, 0.0);
+    expect_stays_a_covariance(straight, variance, 1e-8, 1e-2);
   }
+  expect_stays_a_covariance(oblique, 1e6, 1e-8, 0.0);
+  expect_stays_a_covariance(oblique, 1e8, 1e-6, 1e-10);
+}
+
+TEST(Update, recovers_where_a_covariance_exceeds_the_digits_of_a_double) {
+  // P / R is 1e16 and more: no matrix of doubles is that long and that thin in an oblique
+  // direction. Once all directions have been measured it must be a covariance all the same.
+  expect_stays_a_covariance(oblique, 1e8, 1e-8, 0.0, 10);
+  expect_stays_a_covariance(oblique, 1e12, 1e-4, 0.0, 10);
+  expect_stays_a_covariance(oblique, 1e12, 1e-8, 1e-2, 10);
 }
 
 }  // namespace

@@ -314,11 +314,11 @@ def test_wheel_slip_scales_velocities_that_hold_inside() -> None:
 
     stamp_ns = clean["odometry"]["stamp_ns"]
     slips = (stamp_ns >= 10_000_000_000) & (stamp_ns < 12_000_000_000)
-    before, after = clean["odometry"]["forward_mps"], faulty["odometry"]["forward_mps"]
+    before, after = clean["odometry"]["v_mps"], faulty["odometry"]["v_mps"]
     np.testing.assert_allclose(after[slips], 0.0, atol=1e-15)
     np.testing.assert_array_equal(after[~slips], before[~slips])
     np.testing.assert_array_equal(
-        clean["odometry"]["turn_rate_radps"], faulty["odometry"]["turn_rate_radps"]
+        clean["odometry"]["omega_radps"], faulty["odometry"]["omega_radps"]
     )
 
 
@@ -339,7 +339,7 @@ def test_wheel_slip_adds_the_same_distance_at_any_rate(rate_hz: float, output: s
     distance = []
     for log in run(**changes), run(slip, **changes):
         table = log["odometry"]
-        moved = table["dx_m"] if output == "increments" else table["forward_mps"] / rate_hz
+        moved = table["dx_m"] if output == "increments" else table["v_mps"] / rate_hz
         distance.append(moved.sum())
 
     assert distance[1] - distance[0] == pytest.approx(0.5 * 0.5 * 4.8, abs=1e-7)

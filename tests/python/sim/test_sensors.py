@@ -99,8 +99,8 @@ def test_velocities_without_noise_are_those_of_the_arc(speed: float, turn_rate: 
 
     columns = sensors.odometry(drive, sensors.stamps(2.0, 20.0), sensor, rng())
 
-    np.testing.assert_allclose(columns["forward_mps"], speed, atol=1e-13)
-    np.testing.assert_allclose(columns["turn_rate_radps"], turn_rate, atol=1e-13)
+    np.testing.assert_allclose(columns["v_mps"], speed, atol=1e-13)
+    np.testing.assert_allclose(columns["omega_radps"], turn_rate, atol=1e-13)
 
 
 def test_velocities_tell_the_motion_after_their_stamp_until_the_last_epoch() -> None:
@@ -110,8 +110,8 @@ def test_velocities_tell_the_motion_after_their_stamp_until_the_last_epoch() -> 
     columns = sensors.odometry(drive, sensors.stamps(1.0, 3.0), sensor, rng())
 
     np.testing.assert_array_equal(columns["stamp_ns"], [0, 1_000_000_000, 2_000_000_000])
-    np.testing.assert_allclose(columns["forward_mps"], [0.5, 0.0, 0.25], atol=1e-14)
-    np.testing.assert_allclose(columns["turn_rate_radps"], [0.0, 0.4, 0.1], atol=1e-14)
+    np.testing.assert_allclose(columns["v_mps"], [0.5, 0.0, 0.25], atol=1e-14)
+    np.testing.assert_allclose(columns["omega_radps"], [0.0, 0.4, 0.1], atol=1e-14)
 
 
 def test_velocities_and_increments_of_one_seed_tell_the_same_motion() -> None:
@@ -125,8 +125,8 @@ def test_velocities_and_increments_of_one_seed_tell_the_same_motion() -> None:
     driven = drive_on(
         np.zeros((len(told), 3)),
         np.diff(sensors.seconds(stamp_ns)),
-        held["forward_mps"],
-        held["turn_rate_radps"],
+        held["v_mps"],
+        held["omega_radps"],
     )
     np.testing.assert_allclose(driven[:, 2], told[:, 2], atol=1e-15)
     # An increment's noise points along the old heading, an arc's half a turn (7 mrad) further left:
@@ -180,8 +180,8 @@ def test_velocity_errors_are_those_of_the_increments_over_the_interval(rate_hz: 
     columns = sensors.odometry(STRAIGHT, sensors.stamps(rate_hz, 4000.0), sensor, rng())
 
     per_interval = 1.0 / math.sqrt(rate_hz)
-    assert_standard_normal((columns["forward_mps"] - 1.0) / rate_hz / (0.03 * per_interval))
-    assert_standard_normal(columns["turn_rate_radps"] / rate_hz / (0.02 * per_interval))
+    assert_standard_normal((columns["v_mps"] - 1.0) / rate_hz / (0.03 * per_interval))
+    assert_standard_normal(columns["omega_radps"] / rate_hz / (0.02 * per_interval))
 
 
 # Ranges --------------------------------------------------------------------------------------

@@ -66,6 +66,9 @@ Outcome fuse(X& x, Cov& P, const Lin& lin, const Cross& PHt, const S& innovation
   return outcome;
 }
 
+[[noreturn]] void refuse_rows(Eigen::Index residual, Eigen::Index jacobian, Eigen::Index noise,
+                              Eigen::Index noise_columns);
+
 [[nodiscard]] inline bool is_whole(const GaussianBelief& belief, Slots slots, int columns) {
   if (belief.dimension() != columns) {
     return false;
@@ -82,17 +85,30 @@ Outcome fuse(X& x, Cov& P, const Lin& lin, const Cross& PHt, const S& innovation
 
 void check_columns(const GaussianBelief& belief, Slots slots, Eigen::Index columns);
 
+/// Throws std::invalid_argument unless the parts have the same number of rows, at least one.
+template <class Lin>
+void check_rows(const Lin& lin) {
+  const Eigen::Index rows = lin.residual.size();
+  if (rows < 1 || lin.jacobian.rows() != rows || lin.noise.rows() != rows ||
+      lin.noise.cols() != rows) {
+    refuse_rows(rows, lin.jacobian.rows(), lin.noise.rows(), lin.noise.cols());
+  }
+}
+
 }  // namespace internal
 
 /// Fuses a measurement, or gates it; eq. (1) to (6) of docs/models/kalman.md.
 ///
 /// `slots` are the variables that the Jacobian's columns stand for, in order. The belief is updated
 /// whole or not at all. Throws NumericalError if S is not positive definite or a result is not
-/// finite, std::invalid_argument if the slots do not match the Jacobian.
+/// finite, std::invalid_argument if the slots do not match the Jacobian or rows do not match.
 template <int M, int N, int MaxM>
 Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slots slots,
                const Gate& gate) {
   using Noise = Eigen::Matrix<double, M, M, Eigen::ColMajor, MaxM, MaxM>;
+  if constexpr (M == Eigen::Dynamic) {
+    internal::check_rows(lin);
+  }
   if constexpr (N != Eigen::Dynamic) {
     if (internal::is_whole(belief, slots, N)) {
       using Cross = Eigen::Matrix<double, N, M, Eigen::ColMajor, N, MaxM>;

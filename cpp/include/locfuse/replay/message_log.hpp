@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "locfuse/messages/message.hpp"
@@ -20,7 +22,22 @@ class MessageLog {
   /// Adds a message that arrives at `arrival` [ns]. Throws std::invalid_argument if not valid.
   void add(const Message& message, Stamp arrival);
 
-  void reserve(std::size_t n) { arrivals_.reserve(n); }
+  /// Adds make(0) to make(rows - 1), each an Arrival: all of them, or none if one is not valid
+  /// (std::invalid_argument, which names the row).
+  template <class Make>
+  void add_rows(std::size_t rows, const Make& make) {
+    const std::size_t before = arrivals_.size();
+    arrivals_.reserve(before + rows);
+    for (std::size_t row = 0; row < rows; ++row) {
+      const Arrival arrival = make(row);
+      try {
+        add(arrival.message, arrival.arrival);
+      } catch (const std::invalid_argument& error) {
+        arrivals_.resize(before);
+        throw std::invalid_argument("row " + std::to_string(row) + ": " + error.what());
+      }
+    }
+  }
 
   /// Sorts by arrival; messages of one instant stay in the order in which they were added.
   void sort();

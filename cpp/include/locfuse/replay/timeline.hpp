@@ -63,7 +63,9 @@ class Timeline {
 
   template <class Sink>
   void append(const Entry& entry, Sink& sink) {
-    if (entries_.size() % kStride == 0) {
+    const bool taken =  // by a message that came here before and was refused
+        snapshots_used_ > 0 && snapshots_[snapshots_used_ - 1].position == entries_.size();
+    if (entries_.size() % kStride == 0 && !taken) {
       take_snapshot();
     }
     sink(entry.index, estimator_.on(entry.message));

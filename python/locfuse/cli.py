@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command line: parse, call one public function, print."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+import yaml
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from locfuse import NumericalError, __version__
+from locfuse.config.load import load_config
+from locfuse.io.datasets import CONVERTERS, convert
+from locfuse.io.log_folder import read_log
+from locfuse.results import write_results
+from locfuse.reproduce import PAPERS, Claim, reproduce
+from locfuse.run import run as run_config
+
+app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
+                  help="Localization for mobile robots.")  # fmt: skip
+config_app = typer.Typer(no_args_is_help=True, help="Look at configurations.")
+app.add_typer(config_app, name="config")
+console = Console()
+
+
+def main() -> None:
+    """Run the command line; errors become one sentence and exit status 1."""
+    try:
+        app()
+    except (ValueError, NumericalError, OSError) as error:
+        print(f"locfuse: {error}", file=sys.stderr)
+        sys.exit(1)
+
+
+@contextmanager
+def _progress(what: str) -> Iterator[tuple[Progress, int]]:
+    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        yield bar, int(bar.add_task(what, total=None))
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"locfuse {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print it and stop.")
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+def run(
+    config: Annotated[Path, typer.Argument(help="YAML file, see docs/configuration.md.")],
+    log: Annotated[Path | None, typer.Option(help="Log folder, instead of the config's.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("out/run"),
+    seed: Annotated[int, typer.Option(help="Of the simulation.", min=0)] = 0,
+) -> None:
+    """Localize along a log or a simulated drive; write estimate, outcomes, metrics and a report."""
+    parsed = load_config(config)
+    recorded = None if log is None else read_log(log)
+    with _progress("messages") as (bar, task):
+        result = run_config(
+            parsed,
+            recorded,
+            base=config.parent,
+            seed=seed,
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    report = write_results(result, out)
+    for key, value in result.metrics.items():
+        if isinstance(value, float | int | None):
+            console.print(f"{key:22} {'-' if value is None else f'{value:.6g}'}")
+    console.print(f"report: {report}", soft_wrap=True)
+
+
+@app.command("convert")
+def convert_command(
+    dataset: Annotated[str, typer.Argument(help=f"One of: {', '.join(CONVERTERS)}.")],
+    source: Annotated[Path, typer.Argument(help="Folder of the recording as published.")],
+    out: Annotated[Path, typer.Argument(help="Folder for the log folder or folders.")],
+) -> None:
+    """Turn a published recording into log folders."""
+    for folder in convert(dataset, source, out):
+        console.print(str(folder), soft_wrap=True)
+
+
+@app.command("reproduce")
+def reproduce_command(
+    paper: Annotated[str, typer.Argument(help=f"One of: {', '.join(PAPERS)}.")],
+    seeds: Annotated[int, typer.Option(help="Runs per simulated experiment.", min=2)] = 100,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Also write the rows here.")
+    ] = None,
+) -> None:
+    """Run a paper's experiments and compare: claim, paper's figure, ours, required, met."""
+    with _progress("runs") as (bar, task):
+        claims = reproduce(
+            paper, seeds, lambda done, total: bar.update(task, completed=done, total=total)
+        )
+    console.print(_table(paper, seeds, claims))
+    if json_file is not None:
+        json_file.write_text(json.dumps([claim.row() for claim in claims], indent=1) + "\n")
+    if any(claim.met is False for claim in claims):
+        raise typer.Exit(1)
+
+
+@config_app.command("dump")
+def config_dump(config: Annotated[Path, typer.Argument(help="YAML file.")]) -> None:
+    """Print the effective configuration: every key with its value."""
+    text = yaml.safe_dump(load_config(config).model_dump(mode="json"), sort_keys=False)
+    print(text, end="")
+
+
+def _table(paper: str, seeds: int, claims: list[Claim]) -> Table:
+    table = Table(title=f"{paper}, {seeds} seeds: median [5 % .. 95 %]")
+    for heading in ("claim", "unit", "paper", "ours", "required", "met"):
+        table.add_column(heading, justify="left" if heading in ("claim", "unit") else "right")
+    for claim in claims:
+        spread = "" if claim.ours_low == claim.ours_high else (
+            f" [{claim.ours_low:.3g} .. {claim.ours_high:.3g}]")  # fmt: skip
+        met = {True: "yes", False: "NO", None: "skipped"}[claim.met]
+        ours = claim.note if claim.met is None else f"{claim.ours_median:.3g}{spread}"
+        paper_figure = "-" if claim.paper is None else f"{claim.paper:g}"
+        table.add_row(claim.claim, claim.unit, paper_figure, ours, claim.required, met)
+    return table

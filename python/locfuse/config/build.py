@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From checked configuration to C++ objects."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from pydantic import BaseModel
+
+from locfuse import _core
+from locfuse.config.base import nearest
+from locfuse.config.schema import Estimator, RangeError
+from locfuse.types import Columns, ConfigError
+
+
+def build_estimator_config(estimator: Estimator) -> _core.PoseEkfConfig:
+    """Return the C++ struct with every value of `estimator`."""
+    config = _core.PoseEkfConfig()
+    _fill(config, estimator)
+    return config
+
+
+def _fill(struct: Any, model: BaseModel) -> None:
+    for name in type(model).model_fields:
+        value = getattr(model, name)
+        if isinstance(value, BaseModel):
+            _fill(getattr(struct, name), value)
+        else:
+            setattr(struct, name, value)
+
+
+def build_anchors(
+    table: Columns | None, names: Sequence[str], errors: Mapping[str, RangeError]
+) -> _core.AnchorMap:
+    """Return the map of the anchors in a log.
+
+    Parameters
+    ----------
+    table : columns ``anchor``, ``x_m``, ``y_m``, ``z_m``, or None for no anchors
+    names : names in order of id
+    errors : what is known of the ranges to an anchor, by name; ``all`` for those not named
+
+    Raises
+    ------
+    ConfigError
+        If `errors` names an anchor that is not in the table.
+    """
+    known = [] if table is None else [str(name) for name in table["anchor"]]
+    for name in errors:
+        if name != "all" and name not in known:
+            raise ConfigError(f"anchors: the log has no anchor {name!r}; {nearest(name, known)}")
+    rest = errors.get("all", RangeError())
+    ids = {name: index for index, name in enumerate(names)}
+    anchors = []
+    for row, name in enumerate(known):
+        assert table is not None
+        error = errors.get(name, rest)
+        position = [float(table[axis][row]) for axis in ("x_m", "y_m", "z_m")]
+        anchors.append(_core.Anchor(ids[name], position, error.offset_m, error.scale))
+    return _core.AnchorMap(anchors)

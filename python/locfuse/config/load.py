@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From YAML text to a checked configuration."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import ValidationError
+
+from locfuse.config.schema import RunConfig
+from locfuse.types import ConfigError
+
+
+def load_config(path: str | Path) -> RunConfig:
+    """Read a run's configuration.
+
+    Parameters
+    ----------
+    path : path of a YAML file
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read, is no YAML mapping, or a key or value is not allowed: names the
+        key, the value and what is expected.
+    """
+    path = Path(path)
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read ({error})") from None
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{path}: is no YAML ({' '.join(str(error).split())})") from None
+    if data is None:
+        raise ConfigError(f"{path}: is empty; expected at least 'log' or 'simulation'")
+    return parse_config(data, str(path))
+
+
+def parse_config(data: Any, origin: str = "config") -> RunConfig:
+    """Check what YAML said.
+
+    Parameters
+    ----------
+    data : what a YAML file holds
+    origin : str
+        Named in errors.
+
+    Raises
+    ------
+    ConfigError
+        As `load_config`.
+
+    Examples
+    --------
+    >>> parse_config({"estimator": {"gate_rnge": 0.99}})
+    Traceback (most recent call last):
+    locfuse.types.ConfigError: config: estimator: unknown key 'gate_rnge'; did you mean 'gate_range'?
+    """
+    if not isinstance(data, dict):
+        raise ConfigError(f"{origin}: holds {type(data).__name__}; expected keys and values")
+    try:
+        return RunConfig.model_validate(data)
+    except ValidationError as error:
+        raise ConfigError("; ".join(_sentence(origin, e) for e in _deepest(error))) from None
+
+
+def _deepest(error: ValidationError) -> list[Any]:
+    """Return the errors of a failed union only for the branch that got furthest."""
+    errors = error.errors(include_url=False)
+    depth = {e["loc"][0] if e["loc"] else "": 0 for e in errors}
+    for e in errors:
+        key = e["loc"][0] if e["loc"] else ""
+        depth[key] = max(depth[key], len(e["loc"]))
+    return [
+        e
+        for e in errors
+        if (e["loc"][0] if e["loc"] else "") not in ("log", "start")
+        or len(e["loc"]) == depth[e["loc"][0] if e["loc"] else ""]
+    ]
+
+
+def _sentence(origin: str, error: Any) -> str:
+    where = ".".join(str(part) for part in error["loc"])
+    message = error["msg"].removeprefix("Value error, ")
+    got = error["input"]
+    value = f" (got {got!r})" if isinstance(got, str | int | float | bool) else ""
+    return f"{origin}: {where}: {message}{value}" if where else f"{origin}: {message}{value}"

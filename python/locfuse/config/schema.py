@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run is told: where the messages come from, where the robot starts, what the filter believes.
+
+The estimator's models repeat the names, bounds and defaults of the C++ structs, which own them; a
+test compares the two.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import Field, model_validator
+
+from locfuse.config.base import Strict
+from locfuse.config.scenario import Name, NonNegative, Positive, Scenario
+
+GateProbability: TypeAlias = Annotated[float, Field(gt=0.0, le=1.0)]
+Source: TypeAlias = Literal["odometry", "ranges", "positions", "poses"]
+SOURCES: tuple[Source, ...] = ("odometry", "ranges", "positions", "poses")
+
+
+class Odometry(Strict):
+    """Noise of wheel odometry; ``OdometryConfig`` in C++."""
+
+    sigma_longitudinal_per_sqrt_m: NonNegative = 0.03
+    sigma_lateral_per_sqrt_m: NonNegative = 0.01
+    sigma_heading_per_sqrt_m: NonNegative = 0.02
+    sigma_heading_per_sqrt_rad: NonNegative = 0.03
+    sigma_xy_per_sqrt_s: NonNegative = 0.0
+    sigma_heading_per_sqrt_s: NonNegative = 0.0
+
+
+class Range(Strict):
+    """Noise of ranges that bring no sigma of their own; ``RangeConfig`` in C++."""
+
+    sigma_m: NonNegative = 0.1
+    sigma_relative: NonNegative = 0.0
+
+    @model_validator(mode="after")
+    def _some_noise(self) -> Range:
+        if self.sigma_m == 0.0 and self.sigma_relative == 0.0:
+            raise ValueError("sigma_m and sigma_relative are both 0; expected at least one > 0")
+        return self
+
+
+class Position(Strict):
+    """Lever arm of the antenna of position fixes; ``PositionConfig`` in C++."""
+
+    antenna_forward_m: float = 0.0
+    antenna_left_m: float = 0.0
+
+
+class Estimator(Strict):
+    """The pose EKF; ``PoseEkfConfig`` in C++."""
+
+    odometry: Odometry = Field(default_factory=Odometry)
+    range: Range = Field(default_factory=Range)
+    position: Position = Field(default_factory=Position)
+    gate_range: GateProbability = 0.999
+    gate_position: GateProbability = 0.999
+    gate_pose: GateProbability = 0.999
+    hold_s: Positive = 1.0
+    sigma_lost_xy_per_sqrt_s: Positive = 0.5
+    sigma_lost_heading_per_sqrt_s: Positive = 0.5
+
+
+class RangeError(Strict):
+    """What ranges to an anchor read: scale * distance + offset."""
+
+    offset_m: float = 0.0
+    scale: Positive = 1.0
+
+
+class StartSigma(Strict):
+    """How well the start pose is known."""
+
+    xy_m: Positive = 0.1
+    heading_deg: Positive = 5.0
+
+
+class Dataset(Strict):
+    """A recording in its publishers' format: converter, folder, and which run of it."""
+
+    dataset: Name
+    path: Name
+    run: Name | None = None
+
+
+class RunConfig(Strict):
+    """One run, from messages to a pose.
+
+    Messages come from ``simulation``, or from ``log``: a log folder, or a dataset to convert.
+    Paths are relative to the configuration's file. ``anchors`` says what is known of the ranges to
+    an anchor, by name; ``all`` holds for those not named.
+    """
+
+    name: str = "run"
+    description: str = ""
+    log: Name | Dataset | None = None
+    simulation: Scenario | None = None
+    start: Literal["truth"] | tuple[float, float, float] = "truth"
+    start_sigma: StartSigma = Field(default_factory=StartSigma)
+    use: Annotated[list[Source], Field(min_length=1)] = Field(
+        default_factory=lambda: list(SOURCES)
+    )
+    anchors: dict[Name, RangeError] = Field(default_factory=dict)
+    estimator: Estimator = Field(default_factory=Estimator)
+    history_s: NonNegative = 2.0
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> RunConfig:
+        if self.log is not None and self.simulation is not None:
+            raise ValueError("both log and simulation are given; expected one of them")
+        return self

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether errors are as large as the estimator says: chi-square bands for NEES and NIS."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import chi2
+
+from locfuse.types import FloatArray
+
+PROBABILITY = 0.95
+
+
+def band(dof: int, count: int = 1, probability: float = PROBABILITY) -> tuple[float, float]:
+    """Return the two-sided band of the mean of `count` independent chi-square values.
+
+    The sum of N values of n degrees of freedom has N n of them (Bar-Shalom, Li and Kirubarajan,
+    2001, section 5.4.2).
+
+    Parameters
+    ----------
+    dof : int
+        Degrees of freedom of one value.
+    count : int
+        Values averaged.
+    probability : float
+        That a consistent mean lies inside.
+
+    Raises
+    ------
+    ValueError
+        If `dof` or `count` is below 1, or `probability` not inside (0, 1).
+
+    Examples
+    --------
+    >>> [round(limit, 2) for limit in band(3, 100)]
+    [2.54, 3.5]
+    """
+    if dof < 1 or count < 1:
+        raise ValueError(f"dof is {dof} and count {count}, expected at least 1")
+    if not 0.0 < probability < 1.0:
+        raise ValueError(f"probability is {probability}, expected 0 < probability < 1")
+    tail = (1.0 - probability) / 2.0
+    low, high = chi2.ppf([tail, 1.0 - tail], dof * count) / count
+    return float(low), float(high)
+
+
+def share_in_band(values: FloatArray, dof: int, probability: float = PROBABILITY) -> float:
+    """Return the share of single values inside their two-sided band; NaN if there are none."""
+    if len(values) == 0:
+        return float("nan")
+    low, high = band(dof, 1, probability)
+    return float(np.mean((values >= low) & (values <= high)))

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Estimate minus truth, at the stamps of the estimate, nothing aligned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locfuse.types import NANOSECONDS, FloatArray, StampArray, Trajectory
+
+LONGEST_GAP_S = 2.0  # truth is not interpolated over longer gaps
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Estimate minus truth where truth is known.
+
+    Attributes
+    ----------
+    row : int array, shape (n,)
+        Rows of the estimate that were compared.
+    stamp_ns : int64 array, shape (n,)
+    position : float64 array, shape (n, 2)
+        Metres, in world.
+    heading : float64 array, shape (n,), or None
+        Radians in [-pi, pi); None where truth or estimate has no heading.
+    sigma : float64 array, shape (n, 3), or None
+        Standard deviations of x, y, heading that the estimator claims.
+    nees : float64 array, shape (n,), or None
+        Normalised estimation error squared, e' P^-1 e (Bar-Shalom, Li and Kirubarajan, 2001, eq.
+        5.4.2-3), of `dof` components; None without covariance.
+    dof : int
+        3 with headings, else 2.
+    """
+
+    row: NDArray[np.intp]
+    stamp_ns: StampArray
+    position: FloatArray
+    heading: FloatArray | None
+    sigma: FloatArray | None
+    nees: FloatArray | None
+    dof: int
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+
+def interpolate(
+    track: Trajectory, stamp_ns: StampArray, longest_gap_s: float = LONGEST_GAP_S
+) -> tuple[Trajectory, NDArray[np.bool_]]:
+    """Interpolate positions linearly and headings along the shorter arc.
+
+    Parameters
+    ----------
+    track : Trajectory
+    stamp_ns : int64 array, shape (n,)
+        Strictly increasing.
+    longest_gap_s : float
+        Between rows of the track that are further apart nothing is interpolated.
+
+    Returns
+    -------
+    at : Trajectory
+        At those stamps that lie on the track; without covariance.
+    inside : bool array, shape (n,)
+        Which stamps those are.
+
+    Raises
+    ------
+    ValueError
+        If the track is empty.
+    """
+    if len(track) == 0:
+        raise ValueError("the track is empty; expected at least one pose")
+    knots = track.stamp_ns
+    after = np.searchsorted(knots, stamp_ns)
+    on = knots[np.minimum(after, len(knots) - 1)] == stamp_ns
+    before = np.maximum(np.where(on, after, after - 1), 0)
+    after = np.minimum(after, len(knots) - 1)
+    inside = (stamp_ns >= knots[0]) & (stamp_ns <= knots[-1])
+    inside &= knots[after] - knots[before] <= round(longest_gap_s * NANOSECONDS)
+    before, after, stamps = before[inside], after[inside], stamp_ns[inside]
+    # Differences first: nanoseconds since 1970 do not fit a double.
+    gap = np.maximum(knots[after] - knots[before], 1)
+    share = (stamps - knots[before]) / gap
+    start, end = track.position[before], track.position[after]
+    position = start + share[:, np.newaxis] * (end - start)
+    heading = None
+    if track.heading is not None:
+        turn = wrap(track.heading[after] - track.heading[before])
+        heading = wrap(track.heading[before] + share * turn)
+    return Trajectory(stamps, position, heading), inside
+
+
+def errors_against(estimate: Trajectory, truth: Trajectory) -> Errors:
+    """Compare an estimate with truth interpolated to its stamps.
+
+    Parameters
+    ----------
+    estimate, truth : Trajectory
+        In the same frame: nothing is aligned.
+
+    Returns
+    -------
+    Errors
+        Empty where the two do not overlap in time.
+    """
+    at, inside = interpolate(truth, estimate.stamp_ns)
+    position = estimate.position[inside] - at.position
+    heading = None
+    if at.heading is not None and estimate.heading is not None:
+        heading = wrap(estimate.heading[inside] - at.heading)
+    dof = 2 if heading is None else 3
+    sigma = nees = None
+    if estimate.covariance is not None:
+        covariance = estimate.covariance[inside]
+        sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        error = position if heading is None else np.column_stack([position, heading])
+        nees = _mahalanobis(error, covariance[:, :dof, :dof])
+    return Errors(np.flatnonzero(inside), at.stamp_ns, position, heading, sigma, nees, dof)
+
+
+def wrap(angle: FloatArray) -> FloatArray:
+    """Return angles in [-pi, pi)."""
+    turned = np.asarray(np.mod(angle + np.pi, 2.0 * np.pi) - np.pi, dtype=np.float64)
+    turned[turned >= np.pi] = -np.pi  # where the remainder rounds up to a whole turn
+    return turned
+
+
+def _mahalanobis(error: FloatArray, covariance: FloatArray) -> FloatArray:
+    if len(error) == 0:
+        return np.empty(0)
+    solved = np.linalg.solve(covariance, error[:, :, np.newaxis])[:, :, 0]
+    squared: FloatArray = np.einsum("ni,ni->n", error, solved)
+    return squared

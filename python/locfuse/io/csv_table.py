@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""CSV files with a header, plain or gzipped, read and written column by column."""
+
+from __future__ import annotations
+
+import difflib
+import gzip
+import itertools
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from locfuse._core import parse_table
+from locfuse.types import NANOSECONDS, FloatArray, LogError, StampArray
+
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+
+
+@dataclass(frozen=True)
+class CsvTable:
+    """A file whose header is read and whose rows are not yet.
+
+    Attributes
+    ----------
+    path : Path
+        For error messages.
+    data : bytes
+        The whole file, unpacked.
+    header : tuple of str
+    first_line : int
+        Line of the first row, counting from 1.
+    """
+
+    path: Path
+    data: bytes
+    header: tuple[str, ...]
+    first_line: int
+
+    def columns(self, kinds: str) -> list[NDArray[Any]]:
+        """Parse the rows; `kinds` has one letter of `parse_table` per header name."""
+        return parse(self.data, kinds, ",", self.first_line, self.path)
+
+    def error(self, row: int, text: str) -> LogError:
+        """Return the error that names the line of a row, counting rows from 0."""
+        return LogError(f"{self.path}, line {line_of_row(self.data, self.first_line, row)}: {text}")
+
+
+def parse(data: bytes, kinds: str, delimiter: str, first_line: int, path: Path) -> list[Any]:
+    """Call `parse_table`; what it refuses is a LogError."""
+    try:
+        return list(parse_table(data, kinds, delimiter, first_line, str(path)))
+    except ValueError as error:
+        raise LogError(str(error)) from error
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return a file, unpacked if its name ends in ``.gz``, without a byte order mark.
+
+    Raises
+    ------
+    LogError
+        If it is missing or cannot be read or unpacked.
+    """
+    try:
+        data = path.read_bytes()
+        data = gzip.decompress(data) if path.suffix == ".gz" else data
+    except FileNotFoundError as error:
+        raise LogError(f"{path}: no such file") from error
+    except (OSError, EOFError, zlib.error) as error:
+        raise LogError(f"{path}: cannot be read: {error}") from error
+    return data.removeprefix(BYTE_ORDER_MARK)
+
+
+def read_table(path: Path) -> CsvTable:
+    """Read a file and its header.
+
+    Raises
+    ------
+    LogError
+        If the file cannot be read, has no header, or names a column twice.
+    """
+    data = read_bytes(path)
+    line, text = next(_rows(data), (0, b""))
+    if line == 0:
+        raise LogError(f"{path}: empty file, expected a header")
+    names = tuple(part.strip() for part in text.decode("utf-8", "replace").split(","))
+    for name in names:
+        if names.count(name) > 1:
+            raise LogError(f"{path}, line {line}: column {name!r} is named twice")
+    return CsvTable(path, data, names, line + 1)
+
+
+def line_of_row(data: bytes, first_line: int, row: int) -> int:
+    """Return the line (from 1) of a row (from 0) of a table whose rows begin at `first_line`."""
+    lines = (line for line, _ in _rows(data) if line >= first_line)
+    return next(itertools.islice(lines, row, None))
+
+
+def nearest(name: str, valid: Iterable[str]) -> str:
+    """Return advice on a misspelt name: the nearest valid one, or all of them."""
+    options = list(valid)
+    found = difflib.get_close_matches(name, options, n=1, cutoff=0.5)
+    return f"did you mean {found[0]!r}?" if found else f"expected {', '.join(options)}"
+
+
+def stamp_texts(stamp_ns: StampArray) -> list[str]:
+    """Write nanoseconds as seconds with 9 decimals, exactly."""
+    return [
+        f"{'-' * (stamp < 0)}{abs(stamp) // NANOSECONDS}.{abs(stamp) % NANOSECONDS:09d}"
+        for stamp in stamp_ns.tolist()
+    ]
+
+
+def number_texts(values: FloatArray) -> list[str]:
+    """Write float64 with the fewest digits that read back as the same number; NaN is empty."""
+    return ["" if value != value else repr(value) for value in values.tolist()]
+
+
+def write_table(path: Path, header: Sequence[str], columns: Iterable[Sequence[str]]) -> None:
+    """Write columns of text as CSV."""
+    rows = map(",".join, zip(*columns, strict=True))
+    path.write_text("\n".join([",".join(header), *rows, ""]), encoding="utf-8", newline="\n")
+
+
+def _rows(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield number (from 1) and text of the lines that `parse_table` does not skip."""
+    begin, line = 0, 1
+    while begin < len(data):
+        end = data.find(b"\n", begin)
+        text = data[begin : end if end >= 0 else len(data)]
+        if text.strip() and not text.startswith(b"#"):
+            yield line, text
+        begin, line = begin + len(text) + 1, line + 1

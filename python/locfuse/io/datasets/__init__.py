@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Converters from published recordings, as their archives lay them out, to log folders."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeAlias
+
+from locfuse.io.csv_table import nearest
+from locfuse.io.datasets import ieu_gazebo, mrpt_office, plaza, tuc_labyrinth
+from locfuse.types import ConfigError
+
+Converter: TypeAlias = Callable[[Path, Path], list[Path]]
+
+CONVERTERS: dict[str, Converter] = {
+    "plaza": plaza.convert,
+    "ieu_gazebo": ieu_gazebo.convert,
+    "mrpt_office": mrpt_office.convert,
+    "tuc_labyrinth": tuc_labyrinth.convert,
+}
+
+
+def convert(name: str, source: str | Path, out: str | Path) -> list[Path]:
+    """Convert a recording to log folders.
+
+    Parameters
+    ----------
+    name : str
+        A key of `CONVERTERS`; ``-`` stands for ``_`` as well.
+    source : str or Path
+        Folder with the files as published; each converter's docstring lists them.
+    out : str or Path
+        Becomes the log folder, or holds one folder per run if the recording has several.
+
+    Returns
+    -------
+    list of Path
+        The log folders written.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such converter.
+    LogError
+        If a file is missing or holds something else, or if `out` holds another log.
+    """
+    key = name.replace("-", "_")
+    if key not in CONVERTERS:
+        raise ConfigError(f"unknown data set {name!r}; {nearest(key, CONVERTERS)}")
+    return CONVERTERS[key](Path(source), Path(out))

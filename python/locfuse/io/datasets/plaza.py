@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""CMU Plaza: a robot lawn-mower with four ranging radios, run Plaza1."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from locfuse.io.datasets.source import read_source, with_start, wrap_angle
+from locfuse.io.log_folder import write_log
+from locfuse.types import Columns, FloatArray, Log, LogError
+
+TAG = "2"  # id of the radio on the vehicle
+
+
+def convert(source: Path, out: Path) -> list[Path]:
+    """Write run Plaza1 (1933 s, 1.86 km) as a log folder.
+
+    Source: J. Djugash, B. Hamner, S. Roth, "Navigating with Ranging Radios: Five Data Sets with
+    Ground Truth", J. Field Robotics 2009; as CSV files of the matrices in GTSAM's
+    ``examples/Data/Plaza1_.mat``: ``plaza1_odometry.csv`` (t, dist, dheading),
+    ``plaza1_ranges.csv`` (t, antenna, beacon, range), ``plaza1_groundtruth.csv`` (t, x, y,
+    heading) and ``plaza1_beacons.csv`` (beacon, x, y).
+
+    Licence: openly published research data; the GTSAM repository is under BSD-2-Clause.
+
+    Quirks: planar, heights are unknown and taken as 0. The lever arm of the vehicle's radio is not
+    given and taken as zero. Ranges read 2 to 4 m long, about 0.03 m + 0.069 per metre, and pause
+    for up to 97 s. Odometry row k moves truth row k to row k + 1; it becomes the chord of an arc of
+    length dist and turn dheading, after a row of zeros at the first truth stamp. Its turns are the
+    differences of the reference headings, so dead reckoning is only 4.4 m off at the end.
+    """
+    truth = read_source(source / "plaza1_groundtruth.csv", dict(t="s", x="f", y="f", heading="f"))
+    driven = read_source(source / "plaza1_odometry.csv", dict(t="s", dist="f", dheading="f"))
+    ranges = read_source(
+        source / "plaza1_ranges.csv", dict(t="s", antenna="t", beacon="t", range="f")
+    )
+    beacons = read_source(source / "plaza1_beacons.csv", dict(beacon="t", x="f", y="f"))
+    if not np.array_equal(driven["t"], truth["t"][1:]):
+        path = source / "plaza1_odometry.csv"
+        raise LogError(f"{path}: stamps differ from those of the ground truth after its first row")
+    log = Log(
+        tables={
+            "odometry": with_start(
+                truth["t"][0], {"stamp_ns": driven["t"], **arc(driven["dist"], driven["dheading"])}
+            ),
+            "ranges": {
+                "stamp_ns": ranges["t"],
+                "tag": ranges["antenna"],
+                "anchor": ranges["beacon"],
+                "range_m": ranges["range"],
+            },
+            "truth": {
+                "stamp_ns": truth["t"],
+                "x_m": truth["x"],
+                "y_m": truth["y"],
+                "heading_rad": wrap_angle(truth["heading"]),
+            },
+            "anchors": {
+                "anchor": beacons["beacon"],
+                "x_m": beacons["x"],
+                "y_m": beacons["y"],
+                "z_m": np.zeros(len(beacons["x"])),
+            },
+        },
+        tags={TAG: (0.0, 0.0, 0.0)},
+        description="CMU Plaza1: robot lawn-mower, ranging radios, odometry, GPS/inertial truth",
+        licence="Openly published research data; GTSAM's copy is under BSD-2-Clause",
+    )
+    write_log(log, out)
+    return [out]
+
+
+def arc(length: FloatArray, turn: FloatArray) -> Columns:
+    """Return motions along circular arcs in the body frame at their beginning.
+
+    Parameters
+    ----------
+    length : float64 array, shape (n,)
+        Metres, negative backwards.
+    turn : float64 array, shape (n,)
+        Radians.
+
+    Returns
+    -------
+    columns
+        ``dx_m``, ``dy_m``, ``dheading_rad``.
+    """
+    chord = length * np.sinc(turn / (2.0 * np.pi))  # numpy's sinc(x) is sin(pi x) / (pi x)
+    return {
+        "dx_m": chord * np.cos(turn / 2.0),
+        "dy_m": chord * np.sin(turn / 2.0),
+        "dheading_rad": turn,
+    }

@@ -1,0 +1,366 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Log folders: CSV files and a ``log.yaml``; docs/log_format.md is their reference."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locfuse.io.csv_table import (
+    CsvTable,
+    nearest,
+    number_texts,
+    read_table,
+    stamp_texts,
+    write_table,
+)
+from locfuse.io.log_yaml import checked, read_log_yaml, write_log_yaml
+from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, LogError
+
+# Which headers each file may have. ranges_m stands for the beams r0, r1, ... of a scan.
+SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
+    "odometry": (
+        ("stamp_s", "dx_m", "dy_m", "dheading_rad"),
+        ("stamp_s", "v_mps", "omega_radps"),
+    ),
+    "ranges": (
+        ("stamp_s", "tag", "anchor", "range_m"),
+        ("stamp_s", "tag", "anchor", "range_m", "sigma_m"),
+    ),
+    "positions": (("stamp_s", "x_m", "y_m", "sigma_m"),),
+    "poses": (("stamp_s", "x_m", "y_m", "heading_rad", "sigma_xy_m", "sigma_heading_rad"),),
+    "landmark_sightings": (("stamp_s", "landmark", "range_m", "bearing_rad"),),
+    "scans": (("stamp_s", "ranges_m"),),
+    "truth": (("stamp_s", "x_m", "y_m"), ("stamp_s", "x_m", "y_m", "heading_rad")),
+    "anchors": (("anchor", "x_m", "y_m", "z_m"),),
+    "landmarks": (("landmark", "x_m", "y_m"), ("landmark", "x_m", "y_m", "radius_m")),
+}
+MESSAGES = ("odometry", "ranges", "positions", "poses", "landmark_sightings", "scans")
+MAY_BE_EMPTY = ("ranges", "positions", "poses", "landmark_sightings", "scans")
+INCREASING = ("odometry", "truth")  # strictly; other messages may come in any order
+NAMES = ("tag", "anchor", "landmark")
+IN_MEMORY = {"stamp_s": "stamp_ns", "arrival_s": "arrival_ns"}
+
+# Beyond these a file is in other units, or damaged.
+MAX_SPEED_MPS = 100.0
+MAX_TURN_RATE_RADPS = 100.0
+MAX_RANGE_M = 100_000.0
+
+LONGEST_NAME = 255  # bytes
+Problem = tuple[int, str]
+
+
+def read_log(folder: str | Path) -> Log:
+    """Read a log folder and check everything in it.
+
+    Messages without ``arrival_s`` are sorted by stamp; those with it stay in the order of the file.
+
+    Parameters
+    ----------
+    folder : str or Path
+
+    Returns
+    -------
+    Log
+
+    Raises
+    ------
+    LogError
+        If something is missing, unknown, not a number, out of order or out of bounds; the text
+        names the file and the line or column.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise LogError(f"{folder}: no such folder")
+    tables = {stem: _read(stem, path) for stem, path in _find_tables(folder).items()}
+    settings = _read_settings(folder)
+    _check_set(tables, settings, str(folder))
+    return Log(tables=tables, **settings)
+
+
+def write_log(log: Log, folder: str | Path) -> None:
+    """Write a log as a folder that `read_log` reads back bit for bit.
+
+    Bit for bit holds for messages sorted by stamp (or with ``arrival_ns``); the map that
+    ``log.map`` names is left to the caller. Files of the same name are replaced.
+
+    Parameters
+    ----------
+    log : Log
+    folder : str or Path
+        Made if it is missing.
+
+    Raises
+    ------
+    LogError
+        If `read_log` would refuse what was to be written, or if the folder holds log files that
+        this log would not replace. Nothing is written then.
+    """
+    folder = Path(folder)
+    settings = _settings_of(log)
+    columns = {stem: _checked_for_writing(stem, log[stem]) for stem in log.tables}
+    _check_set(columns, settings, "log")
+    names = {f"{stem}.csv" for stem in columns} | ({"log.yaml"} if settings else set())
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in sorted(folder.iterdir()):
+        if _is_log_file(path) and path.name not in names:
+            raise LogError(f"{path}: not part of the log to be written; choose another folder")
+    for stem, table in columns.items():
+        header = [name for key in table for name in _file_names(key, table)]
+        write_table(folder / f"{stem}.csv", header, _texts(table))
+    if settings:
+        write_log_yaml(folder / "log.yaml", settings)
+
+
+def _is_log_file(path: Path) -> bool:
+    return path.name.endswith((".csv", ".csv.gz")) or path.name == "log.yaml"
+
+
+def _find_tables(folder: Path) -> dict[str, Path]:
+    """Return the files of the schema that are there, in its order; refuse other CSV files."""
+    found: dict[str, Path] = {}
+    for path in sorted(folder.iterdir()):
+        stem = path.name.removesuffix(".gz").removesuffix(".csv")
+        if path.name not in (f"{stem}.csv", f"{stem}.csv.gz"):
+            continue
+        if stem not in SCHEMA:
+            raise LogError(f"{path}: unknown file; {nearest(stem, SCHEMA)}")
+        if stem in found:
+            raise LogError(f"{path}: {found[stem].name} is there too, expected one of them")
+        found[stem] = path
+    return {stem: found[stem] for stem in SCHEMA if stem in found}
+
+
+def _read_settings(folder: Path) -> dict[str, Any]:
+    path = folder / "log.yaml"
+    if not path.exists():
+        return {}
+    settings = read_log_yaml(path)
+    if "map" in settings and not (folder / settings["map"]).is_file():
+        raise LogError(f"{path}: map {settings['map']!r} is not in the folder")
+    return settings
+
+
+def _check_set(tables: Mapping[str, Columns], settings: Mapping[str, Any], where: str) -> None:
+    """Check what only the files together can get wrong."""
+    if not any(len(table["stamp_ns"]) for stem, table in tables.items() if stem in MESSAGES):
+        names = ", ".join(f"{stem}.csv" for stem in MESSAGES)
+        raise LogError(f"{where}: no message, expected rows in one of {names}")
+    if "scans" in tables and "laser" not in settings:
+        raise LogError(f"{where}: scans without geometry, expected the key laser in log.yaml")
+
+
+def _read(stem: str, path: Path) -> Columns:
+    file = read_table(path)
+    form = _form(stem, file.header, f"{path}, line {file.first_line - 1}")
+    kinds = "".join(_kind(name) for name in file.header)
+    found = dict(zip(file.header, file.columns(kinds), strict=True))
+    rows = len(next(iter(found.values())))
+    if rows == 0 and stem not in MAY_BE_EMPTY:
+        raise LogError(f"{path}: no row after the header, expected at least one")
+    table = {IN_MEMORY.get(name, name): found[name] for name in form if name in found}
+    if "ranges_m" in form:
+        beams = [found[f"r{beam}"] for beam in range(len(_beams(file.header)))]
+        table["ranges_m"] = np.stack(beams, axis=1)
+        table = {IN_MEMORY.get(name, name): table[IN_MEMORY.get(name, name)] for name in form}
+    _raise_first(_problems(stem, table), file)
+    return _sorted(stem, table)
+
+
+def _kind(name: str) -> str:
+    """Return the letter of `parse_table` for a column of a file."""
+    if name in IN_MEMORY:
+        return "s"
+    return "t" if name in NAMES else "g" if _beams((name,)) else "f"
+
+
+def _beams(header: Iterable[str]) -> list[str]:
+    return [name for name in header if re.fullmatch(r"r(0|[1-9]\d*)", name)]
+
+
+def _form(stem: str, header: Sequence[str], where: str) -> tuple[str, ...]:
+    """Return the row of the schema that a header fits in any order, with arrival_s if it has it."""
+    beams = _beams(header) if stem == "scans" else []
+    given = set(header) - set(beams) | ({"ranges_m"} if beams else set())
+    extra = ("arrival_s",) if stem in MESSAGES else ()
+    arrival = tuple(name for name in extra if name in given)
+    forms = [form + arrival for form in SCHEMA[stem]]
+    form = max(forms, key=lambda form: (len(given & set(form)), -len(set(form) - given)))
+    for name in header:
+        if name not in form and name not in beams:
+            known = [_shown(n) for n in dict.fromkeys(sum(SCHEMA[stem], ()) + extra)]
+            if name in known:
+                raise LogError(f"{where}: column {name!r} does not go with {', '.join(form)}")
+            raise LogError(f"{where}: unknown column {name!r}; {nearest(name, known)}")
+    for name in form:
+        if name not in given:
+            raise LogError(f"{where}: column {_shown(name)!r} is missing")
+    for beam in range(len(beams)):
+        if f"r{beam}" not in beams:
+            raise LogError(f"{where}: column 'r{beam}' is missing")
+    return form
+
+
+def _shown(name: str) -> str:
+    return "r0" if name == "ranges_m" else name
+
+
+def _sorted(stem: str, table: dict[str, NDArray[Any]]) -> Columns:
+    if stem not in MESSAGES or "arrival_ns" in table or np.all(np.diff(table["stamp_ns"]) >= 0):
+        return table
+    order = np.argsort(table["stamp_ns"], kind="stable")
+    return {name: values[order] for name, values in table.items()}
+
+
+def _raise_first(problems: Iterator[Problem], file: CsvTable) -> None:
+    for row, text in problems:
+        raise file.error(row, text)
+
+
+def _problems(stem: str, table: Columns) -> Iterator[Problem]:
+    """Yield what is wrong with the values of a table: the row (from 0) and the complaint."""
+    for name, values in table.items():
+        yield from _bad_values(stem, name, values)
+    for name in NAMES:
+        if stem == f"{name}s":
+            yield from _first(_repeats(table[name]), f"{name} is listed twice", table[name])
+    if stem in INCREASING:
+        for row in np.flatnonzero(np.diff(table["stamp_ns"]) <= 0) + 1:
+            before, stamp = stamp_texts(table["stamp_ns"][row - 1 : row + 1])
+            yield int(row), f"stamp_s {stamp} does not come after {before} of the row before"
+    if "arrival_ns" in table:
+        early = table["arrival_ns"] < table["stamp_ns"]
+        yield from ((int(row), "arrival_s is before stamp_s") for row in np.flatnonzero(early))
+    if "dx_m" in table:
+        yield from _bad_increments(table)
+
+
+def _bad_values(stem: str, name: str, values: NDArray[Any]) -> Iterator[Problem]:
+    if name in NAMES:
+        if stem != "landmark_sightings":
+            yield from _first(values == "", f"{name} is empty")
+        quoted = np.char.find(values, '"') >= 0
+        yield from _first(quoted, f"{name} has quotes, which are not part of the format", values)
+    elif name.startswith("sigma_") or name == "radius_m":
+        yield from _first(values <= 0.0, f"{name} is not positive", values)
+    elif name in ("range_m", "ranges_m"):
+        shape = (len(values), -1 if values.size else 1)
+        lowest = np.nan_to_num(values, nan=0.0).reshape(shape).min(axis=1)
+        highest = np.nan_to_num(values, nan=0.0).reshape(shape).max(axis=1)
+        yield from _first(lowest < 0.0, "a range is negative", lowest)
+        for row in np.flatnonzero(highest > MAX_RANGE_M):
+            yield int(row), f"a range of {highest[row]:g} m; is the file in m?"
+    elif name == "v_mps":
+        for row in np.flatnonzero(np.abs(values) > MAX_SPEED_MPS):
+            yield int(row), f"{values[row]:g} m/s; is the file in m and s?"
+    elif name == "omega_radps":
+        for row in np.flatnonzero(np.abs(values) > MAX_TURN_RATE_RADPS):
+            yield int(row), f"{values[row]:g} rad/s; is the file in rad and s?"
+
+
+def _bad_increments(table: Columns) -> Iterator[Problem]:
+    seconds = np.diff(table["stamp_ns"]) / NANOSECONDS
+    speed = np.hypot(table["dx_m"], table["dy_m"])[1:] / seconds
+    turn_rate = np.abs(table["dheading_rad"])[1:] / seconds
+    for row in np.flatnonzero(speed > MAX_SPEED_MPS):
+        yield int(row) + 1, f"{speed[row]:.4g} m/s between rows; is the file in m and s?"
+    for row in np.flatnonzero(turn_rate > MAX_TURN_RATE_RADPS):
+        yield int(row) + 1, f"{turn_rate[row]:.4g} rad/s between rows; is the file in rad and s?"
+
+
+def _first(
+    bad: NDArray[np.bool_], text: str, values: NDArray[Any] | None = None
+) -> Iterator[Problem]:
+    for row in np.flatnonzero(bad)[:1]:
+        yield int(row), text if values is None else f"{text}: {values[row]}"
+
+
+def _repeats(names: NDArray[Any]) -> NDArray[np.bool_]:
+    _, first = np.unique(names, return_index=True)
+    repeated = np.ones(len(names), dtype=np.bool_)
+    repeated[first] = False
+    return repeated
+
+
+def _settings_of(log: Log) -> dict[str, Any]:
+    settings: dict[str, Any] = {
+        "tags": dict(log.tags),
+        "laser": log.laser,
+        "map": log.map,
+        "description": log.description,
+        "licence": log.licence,
+    }
+    return checked({key: value for key, value in settings.items() if value}, "log")
+
+
+def _checked_for_writing(stem: str, table: Columns) -> Columns:
+    """Return a table in the order of its file, or raise what `read_log` would find in it."""
+    where = f"log table {stem!r}"
+    if stem not in SCHEMA:
+        raise LogError(f"{where} is unknown; {nearest(stem, SCHEMA)}")
+    header = [name for key in table for name in _file_names(key, table)]
+    form = [IN_MEMORY.get(name, name) for name in _form(stem, header, where)]
+    ordered = {name: _as_written(name, table[name], where) for name in form}
+    lengths = {name: len(values) for name, values in ordered.items()}
+    if len(set(lengths.values())) != 1:
+        raise LogError(f"{where} has columns of different length: {lengths}")
+    if lengths[form[0]] == 0 and stem not in MAY_BE_EMPTY:
+        raise LogError(f"{where} has no row, expected at least one")
+    for row, text in _problems(stem, ordered):
+        raise LogError(f"{where}, row {row}: {text}")
+    return ordered
+
+
+def _file_names(key: str, table: Columns) -> list[str]:
+    """Return what a column in memory is called in a file."""
+    if key == "ranges_m" and np.ndim(table[key]) == 2:
+        return [f"r{beam}" for beam in range(np.shape(table[key])[1])]
+    return [next((name for name, other in IN_MEMORY.items() if other == key), key)]
+
+
+def _as_written(name: str, values: NDArray[Any], where: str) -> NDArray[Any]:
+    where = f"{where}, column {name!r}"
+    values = np.asarray(values)
+    kind, dtype = (
+        ("U", "str")
+        if name in NAMES
+        else ("i", "int64")
+        if name.endswith("_ns")
+        else ("f", "float64")
+    )
+    if values.dtype.kind != kind or (kind != "U" and values.dtype.itemsize != 8):
+        raise LogError(f"{where} is an array of {values.dtype}, expected {dtype}")
+    if values.ndim != (2 if name == "ranges_m" else 1):
+        raise LogError(f"{where} has shape {values.shape}")
+    if kind == "U":
+        for text in set(values.tolist()):
+            _check_name(text, where)
+    elif kind == "f":
+        bad = np.isinf(values) if name == "ranges_m" else ~np.isfinite(values)
+        for row in np.flatnonzero(bad.reshape(len(values), -1).any(axis=1))[:1]:
+            raise LogError(f"{where}, row {row}: {values[row]} is not finite")
+    return values
+
+
+def _check_name(text: str, where: str) -> None:
+    if re.search(r'[,"\x00-\x1f]', text) or text.startswith("#") or text != text.strip(" \t"):
+        raise LogError(f"{where}: the name {text!r} cannot be written")
+    if len(text.encode("utf-8", "replace")) > LONGEST_NAME:
+        raise LogError(f"{where}: the name {text!r} is longer than {LONGEST_NAME} bytes")
+
+
+def _texts(table: Columns) -> Iterator[list[str]]:
+    """Yield the columns of a file as text."""
+    for name, values in table.items():
+        if name in NAMES:
+            yield values.tolist()
+        elif name.endswith("_ns"):
+            yield stamp_texts(values)
+        else:
+            columns: Iterable[FloatArray] = values.T if values.ndim == 2 else (values,)
+            yield from map(number_texts, columns)

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``log.yaml`` of a log folder: tags, laser, map, description and licence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from locfuse.io.csv_table import nearest, read_bytes
+from locfuse.types import LogError
+
+KEYS = ("tags", "laser", "map", "description", "licence")
+LASER_KEYS = (
+    "pose_in_body",
+    "angle_min_rad",
+    "angle_increment_rad",
+    "range_min_m",
+    "range_max_m",
+)
+
+
+class _Loader(yaml.SafeLoader):
+    """Safe YAML whose keys are texts as written (a tag may be called 2) and given once."""
+
+
+def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in node.value:
+        line = key.start_mark.line + 1
+        if not isinstance(key, yaml.ScalarNode):
+            raise LogError(f"line {line}: a key must be a name")
+        if key.value in found:
+            raise LogError(f"line {line}: key {key.value!r} is given twice")
+        found[key.value] = loader.construct_object(value, deep=True)
+    return found
+
+
+_Loader.add_constructor("tag:yaml.org,2002:map", _mapping)
+
+
+def read_log_yaml(path: Path) -> dict[str, Any]:
+    """Read the settings that `Log` holds besides its tables, checked; absent keys are absent.
+
+    Raises
+    ------
+    LogError
+        If the file cannot be read or a key is unknown, given twice or of the wrong type.
+    """
+    data = read_bytes(path)
+    try:
+        found = yaml.load(data, _Loader)
+    except yaml.YAMLError as error:
+        raise LogError(f"{path}: {' '.join(str(error).split())}") from error
+    except ValueError as error:
+        raise LogError(f"{path}, {error}") from error
+    return checked({} if found is None else found, str(path))
+
+
+def write_log_yaml(path: Path, settings: Mapping[str, Any]) -> None:
+    """Write settings as `checked` returns them."""
+    plain = {key: value for key, value in settings.items() if value}
+    if "tags" in plain:
+        plain["tags"] = {name: list(position) for name, position in plain["tags"].items()}
+    text = yaml.safe_dump(plain, sort_keys=False, allow_unicode=True, default_flow_style=None)
+    path.write_text(text, encoding="utf-8", newline="\n")
+
+
+def checked(settings: Any, where: str) -> dict[str, Any]:
+    """Return settings with numbers as float and tags as tuples, or raise LogError."""
+    _check_keys(settings, KEYS, where)
+    values = dict(settings)
+    for key in ("map", "description", "licence"):
+        if key in values and not isinstance(values[key], str):
+            raise LogError(f"{where}: {key} is {values[key]!r}, expected text")
+    if "tags" in values:
+        values["tags"] = _tags(values["tags"], where)
+    if "laser" in values:
+        values["laser"] = _laser(values["laser"], where)
+    return values
+
+
+def _check_keys(settings: Any, known: tuple[str, ...], where: str) -> None:
+    if not isinstance(settings, Mapping):
+        raise LogError(f"{where}: {settings!r}, expected keys {', '.join(known)}")
+    for key in settings:
+        if key not in known:
+            raise LogError(f"{where}: unknown key {key!r}; {nearest(str(key), known)}")
+
+
+def _tags(value: Any, where: str) -> dict[str, tuple[float, ...]]:
+    if not isinstance(value, Mapping):
+        raise LogError(f"{where}: tags is {value!r}, expected NAME: [x, y, z]")
+    return {name: _triple(at, f"{where}: tags.{name}") for name, at in value.items()}
+
+
+def _laser(value: Any, where: str) -> dict[str, Any]:
+    where = f"{where}: laser"
+    _check_keys(value, LASER_KEYS, where)
+    for key in LASER_KEYS:
+        if key not in value:
+            raise LogError(f"{where}: {key} is missing")
+    laser: dict[str, Any] = {
+        "pose_in_body": list(_triple(value["pose_in_body"], f"{where}.pose_in_body"))
+    }
+    laser |= {key: _number(value[key], f"{where}.{key}") for key in LASER_KEYS[1:]}
+    if laser["angle_increment_rad"] == 0.0:
+        raise LogError(f"{where}.angle_increment_rad is 0, expected another number")
+    if not 0.0 <= laser["range_min_m"] < laser["range_max_m"]:
+        found = f"{laser['range_min_m']:g} and {laser['range_max_m']:g}"
+        raise LogError(f"{where}: range_min_m and range_max_m are {found}, expected 0 <= min < max")
+    return laser
+
+
+def _triple(value: Any, where: str) -> tuple[float, ...]:
+    if not isinstance(value, (list, tuple)) or len(value) != 3:
+        raise LogError(f"{where} is {value!r}, expected three numbers")
+    return tuple(_number(part, where) for part in value)
+
+
+def _number(value: Any, where: str) -> float:
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not is_number or not math.isfinite(value):
+        raise LogError(f"{where} is {value!r}, expected a finite number")
+    return float(value)

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Trajectories as TUM files: ``stamp_s x y z qx qy qz qw``, one pose per line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from locfuse.io.csv_table import line_of_row, number_texts, parse, read_bytes, stamp_texts
+from locfuse.types import FloatArray, LogError, Trajectory
+
+NORM_TOLERANCE = 0.01  # files with three decimals pass
+
+
+def read_tum(path: str | Path) -> Trajectory:
+    """Read a TUM file; its poses are projected to the plane.
+
+    Position is (x, y); heading is the yaw of the quaternion, so z, roll and pitch are dropped.
+    Stamps are exact to the nanosecond. Blank lines and lines that start with ``#`` are skipped.
+
+    Parameters
+    ----------
+    path : str or Path
+        A name that ends in ``.gz`` is unpacked.
+
+    Returns
+    -------
+    Trajectory
+        With heading, without covariance.
+
+    Raises
+    ------
+    LogError
+        If the file is missing or empty, a line is not 8 finite numbers, stamps do not increase
+        strictly, or a quaternion is not of norm 1.
+    """
+    path = Path(path)
+    data = read_bytes(path)
+    stamp_ns, x, y, _z, qx, qy, qz, qw = parse(data, "sfffffff", " ", 1, path)
+    if len(stamp_ns) == 0:
+        raise LogError(f"{path}: no pose, expected lines of stamp_s x y z qx qy qz qw")
+    for row in np.flatnonzero(np.diff(stamp_ns) <= 0)[:1] + 1:
+        line = line_of_row(data, 1, row)
+        before, stamp = stamp_texts(stamp_ns[row - 1 : row + 1])
+        raise LogError(f"{path}, line {line}: stamp {stamp} does not come after {before}")
+    norm = np.sqrt(qx**2 + qy**2 + qz**2 + qw**2)
+    for row in np.flatnonzero(np.abs(norm - 1.0) > NORM_TOLERANCE)[:1]:
+        line = line_of_row(data, 1, row)
+        raise LogError(f"{path}, line {line}: quaternion of norm {norm[row]:g}, expected 1")
+    heading = np.arctan2(2.0 * (qw * qz + qx * qy), qw**2 + qx**2 - qy**2 - qz**2)
+    heading[heading >= np.pi] = -np.pi
+    return Trajectory(stamp_ns, np.column_stack([x, y]), heading)
+
+
+def write_tum(path: str | Path, trajectory: Trajectory) -> None:
+    """Write a trajectory as a TUM file, for this library's evaluation and for others'.
+
+    Stamps have 9 decimals and are exact; positions and quaternions read back as the same float64.
+    z is 0. Without a heading the quaternion is the identity: such a file reads back with heading 0.
+    Covariance is not part of the format.
+
+    Raises
+    ------
+    ValueError
+        If a position or heading is not finite.
+    """
+    x, y = trajectory.position.T
+    half = np.zeros(len(trajectory)) if trajectory.heading is None else trajectory.heading / 2.0
+    for name, values in (("x", x), ("y", y), ("heading", half)):
+        for row in np.flatnonzero(~np.isfinite(values))[:1]:
+            raise ValueError(f"{name} of pose {row} is {values[row]}, expected a finite number")
+    rows = zip(
+        stamp_texts(trajectory.stamp_ns),
+        *map(_texts, (x, y, np.sin(half), np.cos(half))),
+        strict=True,
+    )
+    lines = [f"{stamp} {px} {py} 0 0 0 {qz} {qw}\n" for stamp, px, py, qz, qw in rows]
+    Path(path).write_text("".join(lines), encoding="utf-8", newline="\n")
+
+
+def _texts(values: FloatArray) -> list[str]:
+    return number_texts(np.ascontiguousarray(values))

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The folder that a run leaves behind: numbers for programs, a report for people."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import yaml
+
+from locfuse.io.csv_table import number_texts, stamp_texts, write_table
+from locfuse.io.tum import write_tum
+from locfuse.report import write_report
+from locfuse.types import FloatArray, Outcomes, RunResult, Trajectory
+
+
+def write_results(result: RunResult, folder: str | Path) -> Path:
+    """Write everything there is to know of a run.
+
+    Parameters
+    ----------
+    result : RunResult
+    folder : path
+        Made if it is not there; files of the same name are replaced.
+
+    Returns
+    -------
+    Path
+        Of ``report.html``. Beside it: ``config.yaml`` (effective), ``estimate.tum``, ``truth.tum``
+        (at the stamps of the estimate's span, where there is truth), ``estimate.csv`` (with
+        covariance), ``outcomes.csv`` (one row per message), ``metrics.json`` and the pictures.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    text = yaml.safe_dump(dict(result.config), sort_keys=False)
+    (folder / "config.yaml").write_text(text, encoding="utf-8")
+    write_tum(folder / "estimate.tum", result.estimate)
+    if result.truth is not None:
+        write_tum(folder / "truth.tum", result.truth)
+    _write_estimate(folder / "estimate.csv", result.estimate)
+    _write_outcomes(folder / "outcomes.csv", result.outcomes)
+    metrics = json.dumps(dict(result.metrics), indent=1, allow_nan=False)
+    (folder / "metrics.json").write_text(metrics + "\n", encoding="utf-8")
+    return write_report(result, folder)
+
+
+def _write_estimate(path: Path, estimate: Trajectory) -> None:
+    assert estimate.heading is not None
+    assert estimate.covariance is not None
+    header = ["stamp_s", "x_m", "y_m", "heading_rad"]
+    columns: list[FloatArray] = [estimate.position[:, 0], estimate.position[:, 1], estimate.heading]
+    names = ("x", "y", "heading")
+    for row in range(3):
+        for column in range(row, 3):
+            header.append(f"cov_{names[row]}_{names[column]}")
+            columns.append(estimate.covariance[:, row, column])
+    write_table(path, header, [stamp_texts(estimate.stamp_ns), *map(number_texts, columns)])
+
+
+def _write_outcomes(path: Path, outcomes: Outcomes) -> None:
+    header = ["stamp_s", "source", "tag", "anchor", "verdict", "nis", "dof", "log_likelihood",
+              "residual", "reason"]  # fmt: skip
+    columns = [
+        stamp_texts(outcomes.stamp_ns),
+        outcomes.source.tolist(),
+        outcomes.tag.tolist(),
+        outcomes.anchor.tolist(),
+        outcomes.verdict.tolist(),
+        _blank_nan(outcomes.nis),
+        [str(dof) for dof in outcomes.dof.tolist()],
+        _blank_nan(outcomes.log_likelihood),
+        _blank_nan(outcomes.residual),
+        outcomes.reason.tolist(),
+    ]
+    write_table(path, header, columns)
+
+
+def _blank_nan(values: FloatArray) -> list[str]:
+    return ["" if text == "nan" else text for text in number_texts(values)]

@@ -1,0 +1,21 @@
+#!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
+# Every check that needs no test run. $1 is the folder of the Python tools.
+set -eu
+bin=$1
+step() {
+  echo "lint: $*" | cut -c1-100
+  "$@"
+}
+
+step python3 scripts/check_layers.py
+git ls-files '*.hpp' '*.cpp' | step xargs clang-format --dry-run --Werror
+git ls-files '*CMakeLists.txt' '*.cmake' | step xargs "$bin/gersemi" --check
+step "$bin/ruff" format --check --quiet .
+step "$bin/ruff" check --quiet .
+step "$bin/mypy" python/locfuse scripts
+step "$bin/codespell"
+step "$bin/lint-imports"
+step sh scripts/stubs.sh "$bin" --check
+cmake --preset dev -DCMAKE_EXPORT_COMPILE_COMMANDS=ON -DLOCFUSE_BUILD_TESTS=OFF >/dev/null
+git ls-files 'cpp/src/*.cpp' | step xargs -P 2 -n 3 clang-tidy -p build/dev --quiet

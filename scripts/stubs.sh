@@ -1,0 +1,18 @@
+#!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
+# Regenerates python/locfuse/_core.pyi, or with --check fails if it is out of date.
+set -eu
+bin=$1
+out=build/stubs
+rm -rf $out
+"$bin/pybind11-stubgen" locfuse._core --output-dir $out --numpy-array-use-type-var \
+  --exit-code >/dev/null
+"$bin/ruff" format -q --config 'line-length = 100' $out/locfuse/_core.pyi
+if [ "${2:-}" = --check ]; then
+  cmp -s $out/locfuse/_core.pyi python/locfuse/_core.pyi || {
+    echo "python/locfuse/_core.pyi is out of date: run scripts/stubs.sh $bin" >&2
+    exit 1
+  }
+else
+  cp $out/locfuse/_core.pyi python/locfuse/_core.pyi
+fi
