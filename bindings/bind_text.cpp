@@ -394,7 +394,7 @@ void check_arguments(const std::string& kinds, const std::string& delimiter) {
   }
 }
 
-py::list parse_table(const py::bytes& text, const std::string& kinds, const std::string& delimiter,
+py::typing::List<py::array> parse_table(const py::bytes& text, const std::string& kinds, const std::string& delimiter,
                      std::int64_t first_line, std::string name) {
   check_arguments(kinds, delimiter);
   std::vector<Column> columns;
@@ -403,7 +403,7 @@ py::list parse_table(const py::bytes& text, const std::string& kinds, const std:
     const py::gil_scoped_release release;
     columns = parser.parse(first_line);
   }
-  py::list arrays;
+  py::typing::List<py::array> arrays;
   for (Column& column : columns) {
     if (column.kind == 't') {
       arrays.append(to_numpy(column));

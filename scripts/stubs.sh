@@ -7,6 +7,9 @@ out=build/stubs
 rm -rf $out
 "$bin/pybind11-stubgen" locfuse._core --output-dir $out --numpy-array-use-type-var \
   --exit-code >/dev/null
+# Members of native enums come out as annotations, which type checkers do not take for members.
+sed -i -e 's/^    \([A-Z][A-Z0-9_]*\): typing.ClassVar\[.*\]$/    \1 = .../' \
+  -e '/^    @classmethod$/{N;N;/def __new__(cls, value)/d}' $out/locfuse/_core.pyi
 "$bin/ruff" format -q --config 'line-length = 100' $out/locfuse/_core.pyi
 if [ "${2:-}" = --check ]; then
   cmp -s $out/locfuse/_core.pyi python/locfuse/_core.pyi || {

@@ -13,15 +13,22 @@ from typing import Annotated
 import typer
 import yaml
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
 
 from locfuse import NumericalError, __version__
 from locfuse.config.load import load_config
 from locfuse.io.datasets import CONVERTERS, convert
 from locfuse.io.log_folder import read_log
-from locfuse.results import write_results
 from locfuse.reproduce import PAPERS, Claim, reproduce
+from locfuse.results import write_results
 from locfuse.run import run as run_config
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
@@ -41,10 +48,10 @@ def main() -> None:
 
 
 @contextmanager
-def _progress(what: str) -> Iterator[tuple[Progress, int]]:
+def _progress(what: str) -> Iterator[tuple[Progress, TaskID]]:
     columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        yield bar, int(bar.add_task(what, total=None))
+        yield bar, bar.add_task(what, total=None)
 
 
 def _version(wanted: bool) -> None:

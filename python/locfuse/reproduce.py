@@ -36,7 +36,7 @@ RECORDINGS = {
 
 @dataclass(frozen=True)
 class Claim:
-    """One row of the comparison. `met` is None where the experiment could not be run; see `note`."""
+    """One row of the comparison; `met` is None where it could not be run, and `note` says why."""
 
     id: str
     claim: str
@@ -208,7 +208,8 @@ def linearized_at_truth(config: RunConfig, log: Log, start: _core.PoseEstimate) 
         At every stamp of the truth but the first, metres.
     """
     truth = truth_of(log)
-    assert truth is not None and truth.heading is not None
+    assert truth is not None
+    assert truth.heading is not None
     estimator = config.estimator
     motion, ranges = _models(config, log)
     odometry, poses = log["odometry"], log["poses"]

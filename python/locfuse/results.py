@@ -8,6 +8,7 @@ from pathlib import Path
 
 import yaml
 
+from locfuse.eval.errors import interpolate
 from locfuse.io.csv_table import number_texts, stamp_texts, write_table
 from locfuse.io.tum import write_tum
 from locfuse.report import write_report
@@ -27,16 +28,20 @@ def write_results(result: RunResult, folder: str | Path) -> Path:
     -------
     Path
         Of ``report.html``. Beside it: ``config.yaml`` (effective), ``estimate.tum``, ``truth.tum``
-        (at the stamps of the estimate's span, where there is truth), ``estimate.csv`` (with
-        covariance), ``outcomes.csv`` (one row per message), ``metrics.json`` and the pictures.
+        (interpolated to the estimate's stamps, so any program compares the same pairs that
+        ``metrics.json`` does; only with truth), ``estimate.csv`` (with covariance),
+        ``outcomes.csv`` (one row per message), ``metrics.json`` and the pictures.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     text = yaml.safe_dump(dict(result.config), sort_keys=False)
     (folder / "config.yaml").write_text(text, encoding="utf-8")
     write_tum(folder / "estimate.tum", result.estimate)
+    (folder / "truth.tum").unlink(missing_ok=True)
     if result.truth is not None:
-        write_tum(folder / "truth.tum", result.truth)
+        at, _ = interpolate(result.truth, result.estimate.stamp_ns)
+        if len(at) > 0:
+            write_tum(folder / "truth.tum", at)
     _write_estimate(folder / "estimate.csv", result.estimate)
     _write_outcomes(folder / "outcomes.csv", result.outcomes)
     metrics = json.dumps(dict(result.metrics), indent=1, allow_nan=False)

@@ -172,9 +172,7 @@ def truth_of(log: Log) -> Trajectory | None:
     )
 
 
-def start_of(
-    config: RunConfig, truth: Trajectory | None, messages: Messages
-) -> _core.PoseEstimate:
+def start_of(config: RunConfig, truth: Trajectory | None, messages: Messages) -> _core.PoseEstimate:
     """Return where the estimator starts, and when.
 
     Raises
@@ -334,4 +332,3 @@ def _outcomes(
         residual=record.residual,
         reason=reason.astype(str),
     )
-

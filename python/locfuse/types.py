@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values that the rooms hand to one another: frozen dataclasses of arrays, no behaviour beyond checks."""
+"""Values that the rooms hand to one another: frozen dataclasses of arrays, checked, no more."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run is told: where the messages come from, where the robot starts, what the filter believes.
+"""What a run is told: where messages come from, where the robot starts, what the filter believes.
 
 The estimator's models repeat the names, bounds and defaults of the C++ structs, which own them; a
 test compares the two.
@@ -100,9 +100,7 @@ class RunConfig(Strict):
     simulation: Scenario | None = None
     start: Literal["truth"] | tuple[float, float, float] = "truth"
     start_sigma: StartSigma = Field(default_factory=StartSigma)
-    use: Annotated[list[Source], Field(min_length=1)] = Field(
-        default_factory=lambda: list(SOURCES)
-    )
+    use: Annotated[list[Source], Field(min_length=1)] = Field(default_factory=lambda: list(SOURCES))
     anchors: dict[Name, RangeError] = Field(default_factory=dict)
     estimator: Estimator = Field(default_factory=Estimator)
     history_s: NonNegative = 2.0

@@ -41,8 +41,8 @@ def band(dof: int, count: int = 1, probability: float = PROBABILITY) -> tuple[fl
     if not 0.0 < probability < 1.0:
         raise ValueError(f"probability is {probability}, expected 0 < probability < 1")
     tail = (1.0 - probability) / 2.0
-    low, high = chi2.ppf([tail, 1.0 - tail], dof * count) / count
-    return float(low), float(high)
+    low, high = (float(chi2.ppf(p, dof * count)) / count for p in (tail, 1.0 - tail))
+    return low, high
 
 
 def share_in_band(values: FloatArray, dof: int, probability: float = PROBABILITY) -> float:

@@ -38,7 +38,7 @@ def decoded() -> Path:
 
 @pytest.fixture
 def package(office: Log, tmp_path: Path) -> Path:
-    """A writable copy of the package's files, to be damaged."""
+    """Return a writable copy of the package's files, to be damaged."""
     (tmp_path / "datasets").mkdir()
     (tmp_path / "config_files" / "ro-localization").mkdir(parents=True)
     for name in (f"datasets/{NAME}.rawlog", f"datasets/{NAME}_GT.txt"):
@@ -60,7 +60,7 @@ def printed(values: np.ndarray, digits: int) -> list[str]:
 
 
 def check_stamps(stamp_ns: np.ndarray, texts: list[str]) -> None:
-    """Printed to 0.1 ms from absolute seconds in double precision, good to 2 us since 1601."""
+    """Compare with stamps printed to 0.1 ms from doubles, which count from 1601 and hold 2 us."""
     printed_ns = np.array([round(float(text) * 1e9) for text in texts])
     assert len(stamp_ns) == len(texts)
     assert np.max(np.abs(stamp_ns - printed_ns)) <= 52_000
@@ -194,7 +194,7 @@ def test_a_missing_beacon_key_is_named(package: Path) -> None:
 
 
 def grid_bytes(version: int = 3, bits: int = 8, end: int = 0x88) -> bytes:
-    """A grid map of 3 x 2 cells as MRPT lays it out."""
+    """Return a grid map of 3 x 2 cells as MRPT lays it out."""
     name = b"COccupancyGridMap2D"
     return b"".join(
         [

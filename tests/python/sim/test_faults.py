@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from support_statistics import Z, chi_squared_band
 
 from locfuse.config.scenario import Scenario
 from locfuse.sim.faults import behind_a_wall
 from locfuse.sim.scenario import simulate
 from locfuse.types import Columns, Log
+from support_statistics import Z, chi_squared_band
 
 BASE: dict[str, Any] = {"positions": {}, "duration_s": 120.0}
 

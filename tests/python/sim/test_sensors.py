@@ -7,12 +7,12 @@ import math
 
 import numpy as np
 import pytest
-from support_statistics import assert_standard_normal
 
 from locfuse.config.scenario import OdometrySensor, PoseSensor, PositionSensor, RangeSensor, Star
 from locfuse.sim import sensors
 from locfuse.sim.trajectory import drive_of, drive_on, plan, wrap_angle
 from locfuse.types import Columns, FloatArray
+from support_statistics import assert_standard_normal
 
 QUIET = OdometrySensor(
     sigma_longitudinal_per_sqrt_m=0.0,
