@@ -12,7 +12,9 @@ from typing import Annotated
 
 import typer
 import yaml
+from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -119,6 +121,9 @@ def reproduce_command(
             paper, seeds, lambda done, total: bar.update(task, completed=done, total=total)
         )
     console.print(_table(paper, seeds, claims))
+    for claim in claims:
+        if claim.met is None:
+            console.print(f"{claim.claim}: skipped: {claim.note}", soft_wrap=True, markup=False)
     if json_file is not None:
         json_file.write_text(json.dumps([claim.row() for claim in claims], indent=1) + "\n")
     if any(claim.met is False for claim in claims):
@@ -133,14 +138,21 @@ def config_dump(config: Annotated[Path, typer.Argument(help="YAML file.")]) -> N
 
 
 def _table(paper: str, seeds: int, claims: list[Claim]) -> Table:
-    table = Table(title=f"{paper}, {seeds} seeds: median [5 % .. 95 %]")
-    for heading in ("claim", "unit", "paper", "ours", "required", "met"):
-        table.add_column(heading, justify="left" if heading in ("claim", "unit") else "right")
+    title = f"{paper}, RMSE of position: median [5 %..95 %] over {seeds} seeds"
+    table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False)
+    for heading in ("claim", "paper", "ours", "required", "met"):
+        table.add_column(heading, justify="left" if heading == "claim" else "right", no_wrap=True)
     for claim in claims:
-        spread = "" if claim.ours_low == claim.ours_high else (
-            f" [{claim.ours_low:.3g} .. {claim.ours_high:.3g}]")  # fmt: skip
-        met = {True: "yes", False: "NO", None: "skipped"}[claim.met]
-        ours = claim.note if claim.met is None else f"{claim.ours_median:.3g}{spread}"
+        unit = "" if claim.unit == "1" else f" [{claim.unit}]"
         paper_figure = "-" if claim.paper is None else f"{claim.paper:g}"
-        table.add_row(claim.claim, claim.unit, paper_figure, ours, claim.required, met)
+        met = {True: "yes", False: "NO", None: "-"}[claim.met]
+        table.add_row(escape(claim.claim + unit), paper_figure, escape(_ours(claim)),
+                      claim.required, met)  # fmt: skip
     return table
+
+
+def _ours(claim: Claim) -> str:
+    if claim.ours_median is None:
+        return "skipped"
+    spread = f" [{claim.ours_low:#.3g}..{claim.ours_high:#.3g}]"
+    return f"{claim.ours_median:#.3g}" + ("" if claim.ours_low == claim.ours_high else spread)

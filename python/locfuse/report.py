@@ -14,11 +14,15 @@ import yaml
 from matplotlib.figure import Figure
 
 from locfuse import plot
+from locfuse.eval.consistency import band
+from locfuse.eval.verdicts import SUSPECT_SHARE, MessageRow, message_rows, rejected_stretches
 from locfuse.types import NANOSECONDS, RunResult
 
 __all__ = ["write_report"]
 
 _VERDICTS = ("fused", "gated", "not_modelled", "ignored", "stale")
+_LEAST_IN_BAND = 0.90  # of the stamps; below 95 %, as neighbouring stamps err alike
+_MOST_STRETCHES = 8
 
 _CAPTIONS = {
     "path": (
@@ -92,6 +96,8 @@ th, td {{ border-bottom: 1px solid var(--line); padding: 5px 14px; text-align: r
   white-space: nowrap; }}
 th {{ color: var(--muted); font-weight: 600; font-size: 0.88rem; }}
 th:first-child, td:first-child {{ text-align: left; }}
+#rejected-table th:last-child, #rejected-table td:last-child {{ text-align: left;
+  white-space: normal; min-width: 20em; }}
 summary {{ cursor: pointer; font-size: 1.2rem; font-weight: 600; margin-top: 40px; }}
 pre {{ background: var(--card); border: 1px solid var(--line); border-radius: 8px; padding: 14px;
   overflow-x: auto; font-size: 0.85rem; }}
@@ -196,14 +202,10 @@ def _cards(result: RunResult) -> str:
         cards.append(_card(_number(metrics["heading_rmse_deg"], "deg"), "heading RMSE"))
     if metrics.get("nees_mean") is not None:
         cards.append(_nees_card(metrics))
-    share = f" ({fused / total:.1%})" if total else ""
-    cards.append(
-        _card(
-            f"{_integer(fused)}", f"messages fused of {_integer(total)}{share}".replace("%", " %")
-        )
-    )
+    share = f" ({plot.percent(fused / total)})" if total else ""
+    cards.append(_card(plot.count(fused), f"messages fused of {plot.count(total)}{share}"))
     if metrics.get("messages_per_second") is not None:
-        rate = _integer(round(float(metrics["messages_per_second"])))
+        rate = plot.count(round(float(metrics["messages_per_second"])))
         cards.append(_card(rate, "messages per second of computing"))
     if metrics.get("duration_s") is not None:
         cards.append(_card(_number(metrics["duration_s"], "s"), "length of the recording"))
@@ -212,17 +214,18 @@ def _cards(result: RunResult) -> str:
 
 def _nees_card(metrics: Mapping[str, Any]) -> str:
     mean, dof = float(metrics["nees_mean"]), int(metrics["nees_dof"])
-    low, high = plot.nis_band(dof)
-    if mean > high:
-        verdict = '<span class="bad">above its band: over-confident</span>'
-    elif mean < low:
-        verdict = '<span class="bad">below its band: too cautious</span>'
+    share = float(metrics["nees_in_band"])
+    low, high = band(dof)
+    if low <= mean <= high and share >= _LEAST_IN_BAND:
+        verdict = '<span class="good">consistent</span>'
+    elif mean > dof:
+        verdict = '<span class="bad">over-confident</span>'
     else:
-        verdict = '<span class="good">inside its band</span>'
-    text = f"mean NEES (expected {dof}; 95 % band {low:.2g} to {high:.2g}"
-    if metrics.get("nees_in_band") is not None:
-        text += f", {100 * float(metrics['nees_in_band']):.0f} % of stamps inside"
-    text += ")"
+        verdict = '<span class="bad">too cautious</span>'
+    text = (
+        f"mean NEES, expected {dof}; {plot.percent(share)} of stamps inside their 95 % band "
+        f"{low:.2g} to {high:.2g}"
+    )
     return _card(f"{mean:.3g}", text, verdict)
 
 
@@ -235,7 +238,7 @@ def _picture(name: str, file: Path, result: RunResult) -> str:
     caption = caption.format(
         sigmas=plot.ELLIPSE_SIGMAS,
         band=plot.BAND_SIGMAS,
-        notable=100 * plot.NOTABLE_SHARE,
+        notable=100 * SUSPECT_SHARE,
         truth="" if result.truth is None else " against truth",
     )
     data = base64.b64encode(file.read_bytes()).decode("ascii")
@@ -270,8 +273,8 @@ def _counts_table(result: RunResult) -> str:
     rows = [
         [
             source,
-            *(_integer(verdicts.get(v, 0)) for v in present),
-            _integer(sum(verdicts.values())),
+            *(plot.count(verdicts.get(v, 0)) for v in present),
+            plot.count(sum(verdicts.values())),
             "-" if nis.get(source) is None else f"{float(nis[source]):.3g}",
             _expected_nis(result, source),
         ]
@@ -289,30 +292,37 @@ def _expected_nis(result: RunResult, source: str) -> str:
 
 def _rejected_table(result: RunResult) -> str:
     heading = '<h2 id="rejected">Who was rejected</h2>\n'
-    rows = [row for row in plot.message_rows(result.outcomes) if row.rejected]
+    rows = [row for row in message_rows(result.outcomes) if row.rejected]
     if not rows:
         return heading + "<p>No message was rejected by the gate.</p>"
     rows.sort(key=lambda row: -row.rejected_share)
     origin = plot.start_ns(result)
-    cells: list[list[str]] = []
-    for row in rows:
-        stretch = plot.longest_rejected_stretch(row)
-        assert stretch is not None  # the row has rejected messages
-        first = (stretch.first_ns - origin) / NANOSECONDS
-        last = (stretch.last_ns - origin) / NANOSECONDS
-        cells.append(
-            [
-                row.label,
-                _integer(row.rejected),
-                _integer(len(row.stamp_ns)),
-                f"{100 * row.rejected_share:.1f} %",
-                f"{_integer(stretch.messages)} in a row",
-                f"{last - first:.1f} s",
-                f"{first:.1f} s to {last:.1f} s",
-            ]
-        )
-    head = ["anchor or source", "rejected", "of", "share", "longest stretch", "lasting", "from, to"]
+    cells = [
+        [
+            row.label,
+            plot.count(row.rejected),
+            plot.count(len(row.stamp_ns)),
+            plot.percent(row.rejected_share),
+            _stretches(row, origin),
+        ]
+        for row in rows
+    ]
+    head = ["anchor or source", "rejected", "of", "share", "when, and how many in a row"]
     return heading + _table("rejected", head, cells)
+
+
+def _stretches(row: MessageRow, origin_ns: int) -> str:
+    """Return the longest stretches of rejections, in order of time."""
+    stretches = rejected_stretches(row)
+    longest = sorted(stretches, key=lambda stretch: -stretch.messages)[:_MOST_STRETCHES]
+    texts = []
+    for stretch in sorted(longest, key=lambda stretch: stretch.first_ns):
+        first = (stretch.first_ns - origin_ns) / NANOSECONDS
+        last = (stretch.last_ns - origin_ns) / NANOSECONDS
+        when = f"{first:.1f}" if stretch.messages == 1 else f"{first:.1f} to {last:.1f}"
+        texts.append(f"{when} s ({plot.count(stretch.messages)})")
+    left = len(stretches) - len(longest)
+    return ", ".join(texts) + (f" and {plot.count(left)} shorter ones" if left else "")
 
 
 def _configuration(result: RunResult) -> str:
@@ -350,7 +360,3 @@ def _number(value: float, unit: str) -> str:
     magnitude = abs(float(value))
     digits = 0 if magnitude >= 100 else 1 if magnitude >= 10 else 2 if magnitude >= 1 else 3
     return f"{float(value):.{digits}f} {unit}"
-
-
-def _integer(value: int) -> str:
-    return f"{int(value):,}".replace(",", "\N{NARROW NO-BREAK SPACE}")

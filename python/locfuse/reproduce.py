@@ -12,25 +12,24 @@ from typing import Any
 import numpy as np
 
 from locfuse import _core
-from locfuse.config.base import nearest
 from locfuse.config.load import load_config, parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
 from locfuse.run import Messages, run, start_of, to_messages, truth_of
 from locfuse.sim.scenario import simulate
-from locfuse.types import ConfigError, FloatArray, Log, LogError, RunResult, Trajectory
+from locfuse.types import ConfigError, FloatArray, Log, LogError, RunResult, Trajectory, nearest
 
 Progress = Callable[[int, int], None]
 
 PATHS = ("circle", "eight", "square", "star", "waypoints")
 RECORDINGS = {
-    "ieu_gazebo run3": ("ieu_gazebo.yaml", "run3", 0.010),
-    "ieu_gazebo straight": ("ieu_gazebo.yaml", "straight", 0.010),
-    "ieu_gazebo home": ("ieu_gazebo.yaml", "home", 0.010),
-    "mrpt_office (real)": ("mrpt_office.yaml", None, 0.15),
-    "tuc_labyrinth (real)": ("tuc_labyrinth.yaml", None, 0.08),
-    "plaza Plaza1 (real)": ("plaza.yaml", None, 0.40),
+    "ieu run3": ("ieu_gazebo.yaml", "run3", 0.010),
+    "ieu straight": ("ieu_gazebo.yaml", "straight", 0.010),
+    "ieu home": ("ieu_gazebo.yaml", "home", 0.010),
+    "office (real)": ("mrpt_office.yaml", None, 0.15),
+    "labyrinth (real)": ("tuc_labyrinth.yaml", None, 0.08),
+    "Plaza1 (real)": ("plaza.yaml", None, 0.40),
 }
 
 
@@ -72,7 +71,7 @@ def reproduce(paper: str, seeds: int, progress: Progress | None = None) -> list[
         If the paper is not known.
     """
     if paper not in PAPERS:
-        raise ConfigError(f"no paper {paper!r}; {nearest(paper, list(PAPERS))}")
+        raise ConfigError(f"no paper {paper!r}; {nearest(paper, PAPERS)}")
     return PAPERS[paper](seeds, progress or (lambda done, total: None))
 
 
@@ -143,11 +142,11 @@ def _ekim2020(seeds: int, progress: Progress) -> list[Claim]:
     for path in PATHS:
         per_seed = np.array(rmse[path])
         claims += [
-            _claim(f"room_{path}_rmse", f"room, {path}: position RMSE", "cm", 3.0,
+            _claim(f"room_{path}_rmse", f"{path}: RMSE", "cm", 3.0,
                    100.0 * per_seed, "<= 2.6", lambda v: v <= 2.6),
-            _claim(f"room_{path}_gain", f"room, {path}: pose source's RMSE / ours", "1", 2.0,
+            _claim(f"room_{path}_gain", f"{path}: pose source / ours", "1", 2.0,
                    np.array(source[path]) / per_seed, ">= 2.3", lambda v: v >= 2.3),
-            _claim(f"room_{path}_bound", f"room, {path}: ours / linearized at the truth", "1",
+            _claim(f"room_{path}_bound", f"{path}: ours / bound", "1",
                    None, per_seed / np.array(bound[path]), "<= 1.05", lambda v: v <= 1.05),
             _nees_claim(path, nees[path]),
         ]  # fmt: skip
@@ -163,8 +162,8 @@ def _nees_claim(path: str, values: list[float]) -> Claim:
     low, high = band(3, len(values))
     mean = float(np.mean(values))
     spread = np.quantile(values, [0.05, 0.95])
-    return Claim(f"room_{path}_nees", f"room, {path}: NEES at the end, mean over seeds", "1", None,
-                 mean, float(spread[0]), float(spread[1]), f"{low:.2f} .. {high:.2f}",
+    return Claim(f"room_{path}_nees", f"{path}: mean NEES", "1", None,
+                 mean, float(spread[0]), float(spread[1]), f"{low:.2f}..{high:.2f}",
                  low <= mean <= high, "mean, not median: it is what the band is of")  # fmt: skip
 
 
@@ -285,7 +284,7 @@ def _recording_claim(name: str, file: str, of_dataset: str | None, limit: float)
     """Run a ready configuration on its recording, where that is present."""
     configs = example_configs()
     required = f"<= {limit:g}"
-    claim = f"{name}: position RMSE"
+    claim = f"{name}: RMSE"
     id_ = name.split(" (")[0].replace(" ", "_") + "_rmse"
     if configs is None:
         return Claim(id_, claim, "m", None, None, None, None, required, None,

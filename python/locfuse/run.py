@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse import _core
-from locfuse.config.base import nearest
 from locfuse.config.build import build_anchors, build_estimator_config
 from locfuse.config.schema import SOURCES, Dataset, RunConfig
 from locfuse.eval.errors import interpolate
@@ -31,6 +30,7 @@ from locfuse.types import (
     RunResult,
     StampArray,
     Trajectory,
+    nearest,
 )
 
 VERDICTS = np.array([verdict.name.lower() for verdict in _core.Verdict])
@@ -154,7 +154,7 @@ def load_log(config: RunConfig, base: Path | None, seed: int) -> Log:
                                                                  Path(out) / "log")}  # fmt: skip
             name = config.log.run or next(iter(folders))
             if name not in folders:
-                raise ConfigError(f"log.run: no run {name!r}; {nearest(name, list(folders))}")
+                raise ConfigError(f"log.run: no run {name!r}; {nearest(name, folders)}")
             return read_log(folders[name])
     if config.log is not None:
         return read_log(base / config.log)

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import difflib
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,6 +24,13 @@ class LogError(ValueError):
 
 class ConfigError(ValueError):
     """A configuration is wrong; the text names the key and what is allowed."""
+
+
+def nearest(name: str, valid: Iterable[str]) -> str:
+    """Return advice on a misspelt name: the nearest valid one, or all of them."""
+    options = list(valid)
+    found = difflib.get_close_matches(name, options, n=1, cutoff=0.5)
+    return f"did you mean {found[0]!r}?" if found else f"expected {', '.join(options)}"
 
 
 @dataclass(frozen=True)

@@ -3,16 +3,11 @@
 
 from __future__ import annotations
 
-import difflib
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, model_validator
 
-
-def nearest(name: str, valid: list[str]) -> str:
-    """Return advice on a name that is not valid: the nearest one, or all there are."""
-    close = difflib.get_close_matches(name, valid, n=1)
-    return f"did you mean {close[0]!r}?" if close else f"expected one of: {', '.join(valid)}"
+from locfuse.types import nearest
 
 
 class Strict(BaseModel):
@@ -26,6 +21,6 @@ class Strict(BaseModel):
         if isinstance(data, dict):
             for key in data:
                 if key not in cls.model_fields:
-                    advice = nearest(str(key), list(cls.model_fields))
+                    advice = nearest(str(key), cls.model_fields)
                     raise ValueError(f"unknown key {key!r}; {advice}")
         return data

@@ -9,9 +9,8 @@ from typing import Any
 from pydantic import BaseModel
 
 from locfuse import _core
-from locfuse.config.base import nearest
 from locfuse.config.schema import Estimator, RangeError
-from locfuse.types import Columns, ConfigError
+from locfuse.types import Columns, ConfigError, nearest
 
 
 def build_estimator_config(estimator: Estimator) -> _core.PoseEkfConfig:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import difflib
 import gzip
 import itertools
 import zlib
@@ -98,13 +97,6 @@ def line_of_row(data: bytes, first_line: int, row: int) -> int:
     """Return the line (from 1) of a row (from 0) of a table whose rows begin at `first_line`."""
     lines = (line for line, _ in _rows(data) if line >= first_line)
     return next(itertools.islice(lines, row, None))
-
-
-def nearest(name: str, valid: Iterable[str]) -> str:
-    """Return advice on a misspelt name: the nearest valid one, or all of them."""
-    options = list(valid)
-    found = difflib.get_close_matches(name, options, n=1, cutoff=0.5)
-    return f"did you mean {found[0]!r}?" if found else f"expected {', '.join(options)}"
 
 
 def stamp_texts(stamp_ns: StampArray) -> list[str]:

@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 
 from locfuse.io.csv_table import (
     CsvTable,
-    nearest,
     number_texts,
     read_table,
     stamp_texts,
     write_table,
 )
 from locfuse.io.log_yaml import checked, read_log_yaml, write_log_yaml
-from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, LogError
+from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, LogError, nearest
 
 # Which headers each file may have. ranges_m stands for the beams r0, r1, ... of a scan.
 SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {

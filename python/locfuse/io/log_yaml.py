@@ -10,8 +10,8 @@ from typing import Any
 
 import yaml
 
-from locfuse.io.csv_table import nearest, read_bytes
-from locfuse.types import LogError
+from locfuse.io.csv_table import read_bytes
+from locfuse.types import LogError, nearest
 
 KEYS = ("tags", "laser", "map", "description", "licence")
 LASER_KEYS = (

@@ -7,9 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
 
-from locfuse.io.csv_table import nearest
 from locfuse.io.datasets import ieu_gazebo, mrpt_office, plaza, tuc_labyrinth
-from locfuse.types import ConfigError
+from locfuse.types import ConfigError, nearest
 
 Converter: TypeAlias = Callable[[Path, Path], list[Path]]
 
