@@ -13,6 +13,18 @@ from locfuse.config.schema import RunConfig
 from locfuse.types import ConfigError
 
 
+class _Loader(yaml.SafeLoader):
+    """Safe YAML that refuses a key given twice, where the first would be lost in silence."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        keys = [key.value for key, _ in node.value]
+        for key, _ in node.value:
+            if keys.count(key.value) > 1:
+                problem = f"key {key.value!r} is given twice"
+                raise yaml.constructor.ConstructorError(None, None, problem, key.start_mark)
+        return super().construct_mapping(node, deep)
+
+
 def load_config(path: str | Path) -> RunConfig:
     """Read a run's configuration.
 
@@ -28,11 +40,14 @@ def load_config(path: str | Path) -> RunConfig:
     """
     path = Path(path)
     try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        data = yaml.load(path.read_text(encoding="utf-8"), _Loader)
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read ({error})") from None
     except yaml.YAMLError as error:
-        raise ConfigError(f"{path}: is no YAML ({' '.join(str(error).split())})") from None
+        mark = getattr(error, "problem_mark", None)
+        where = f"{path}, line {mark.line + 1}" if mark is not None else f"{path}"
+        what = getattr(error, "problem", None) or " ".join(str(error).split())
+        raise ConfigError(f"{where}: is no YAML ({what})") from None
     if data is None:
         raise ConfigError(f"{path}: is empty; expected at least 'log' or 'simulation'")
     return parse_config(data, str(path))

@@ -103,7 +103,7 @@ class RunConfig(Strict):
     use: Annotated[list[Source], Field(min_length=1)] = Field(default_factory=lambda: list(SOURCES))
     anchors: dict[Name, RangeError] = Field(default_factory=dict)
     estimator: Estimator = Field(default_factory=Estimator)
-    history_s: NonNegative = 2.0
+    history_s: Annotated[float, Field(ge=0.0, le=1e9)] = 2.0
 
     @model_validator(mode="after")
     def _one_origin(self) -> RunConfig:

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from locfuse.io.datasets.source import check_map, copy_map, read_source, wrap_angle
+from locfuse.io.datasets.source import check_map, copy_map, read_source, runs_of, wrap_angle
 from locfuse.io.log_folder import write_log
 from locfuse.types import Log
 
-RUNS = ("home", "run3", "straight", "static")
 WITHOUT_MAP = ("home",)  # driven in another world
 TAG = "tag"
 LASER = {
@@ -24,7 +23,7 @@ LASER = {
 
 
 def convert(source: Path, out: Path) -> list[Path]:
-    """Write the runs home, run3, straight and static as log folders below `out`.
+    """Write each run, such as home, run3, straight and static, as a log folder below `out`.
 
     Source: CSV exports of ROS bags by Bekir Bostanci, GitHub bekirbostanci/ros_uwb_slam, and the
     map of bekirbostanci/ros_pozyx_simulation: for each run ``RUN_odom.csv`` (t, x, y, yaw, v, w),
@@ -40,12 +39,12 @@ def convert(source: Path, out: Path) -> list[Path]:
     straight ahead. The map fits every run but home.
     """
     check_map(source)
-    logs = {run: _read(source, run) for run in RUNS}
+    logs = {run: _read(source, run) for run in runs_of(source, "_odom.csv")}
     for run, log in logs.items():
         write_log(log, out / run)
         if log.map is not None:
             copy_map(source, out / run)
-    return [out / run for run in RUNS]
+    return [out / run for run in logs]
 
 
 def _read(source: Path, run: str) -> Log:

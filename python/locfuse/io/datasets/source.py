@@ -54,6 +54,20 @@ def read_source(
     return table
 
 
+def runs_of(source: Path, ending: str) -> list[str]:
+    """Return the names of the runs in a folder: what stands before `ending` in its files' names.
+
+    Raises
+    ------
+    LogError
+        If there is none.
+    """
+    names = sorted(path.name.removesuffix(ending) for path in source.glob(f"?*{ending}"))
+    if not names:
+        raise LogError(f"{source}: no file RUN{ending}, expected at least one")
+    return names
+
+
 def wrap_angle(angle: FloatArray) -> FloatArray:
     """Return angles in [-pi, pi), radians; those already inside keep every bit."""
     turned: FloatArray = np.mod(angle + np.pi, 2.0 * np.pi) - np.pi
