@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -27,10 +28,11 @@ from rich.table import Table
 
 from locfuse import NumericalError, __version__
 from locfuse.config.load import load_config
+from locfuse.eval.ape import ape
 from locfuse.io.datasets import CONVERTERS, convert
 from locfuse.io.log_folder import read_log
+from locfuse.io.tum import read_tum
 from locfuse.reproduce import PAPERS, Claim, reproduce
-from locfuse.results import write_results
 from locfuse.run import run as run_config
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
@@ -89,6 +91,8 @@ def run(
             seed=seed,
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )
+    from locfuse.results import write_results  # pictures load slowly; other commands need none
+
     report = write_results(result, out)
     for key, value in result.metrics.items():
         if isinstance(value, float | int | None):
@@ -105,6 +109,31 @@ def convert_command(
     """Turn a published recording into log folders."""
     for folder in convert(dataset, source, out):
         console.print(str(folder), soft_wrap=True)
+
+
+@app.command()
+def evaluate(
+    estimate: Annotated[Path, typer.Argument(help="TUM file.")],
+    truth: Annotated[Path, typer.Argument(help="TUM file.")],
+    align: Annotated[
+        str, typer.Option(help="none, se2 (rigid) or sim2 (with scale): moves the estimate.")
+    ] = "none",
+    max_difference_s: Annotated[
+        float, typer.Option(help="Stamps further apart are not matched.", min=0.0)
+    ] = 0.01,
+) -> None:
+    """Compare two trajectories: absolute position error at matching stamps."""
+    result = ape(read_tum(estimate), read_tum(truth), align, max_difference_s)
+    for name in ("rmse", "mean", "median", "p95", "max"):
+        console.print(f"{name + '_m':22} {getattr(result, name):.9g}")
+    console.print(f"{'matched':22} {result.matched}")
+    console.print(f"{'alignment':22} {result.alignment}")
+    if result.alignment != "none":
+        console.print(f"{'scale':22} {result.scale:.9g}")
+        console.print(f"{'rotation_deg':22} {math.degrees(result.rotation):.9g}")
+        console.print(
+            f"{'translation_m':22} {result.translation[0]:.9g} {result.translation[1]:.9g}"
+        )
 
 
 @app.command("reproduce")

@@ -4,15 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from locfuse.types import NANOSECONDS, FloatArray, Trajectory
 
-Alignment: TypeAlias = Literal["none", "se2", "sim2"]
-ALIGNMENTS: tuple[Alignment, ...] = ("none", "se2", "sim2")
+ALIGNMENTS = ("none", "se2", "sim2")
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,7 @@ class Ape:
     p95: float
     max: float
     matched: int
-    alignment: Alignment
+    alignment: str
     scale: float
     rotation: float
     translation: FloatArray
@@ -49,7 +47,7 @@ class Ape:
 def ape(
     estimate: Trajectory,
     truth: Trajectory,
-    alignment: Alignment = "none",
+    alignment: str = "none",
     max_difference_s: float = 0.01,
 ) -> Ape:
     """Match two trajectories by stamp, align if asked, and measure distances.

@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import chi2
 
+from locfuse import _core
 from locfuse.types import FloatArray
 
 PROBABILITY = 0.95
@@ -41,8 +41,8 @@ def band(dof: int, count: int = 1, probability: float = PROBABILITY) -> tuple[fl
     if not 0.0 < probability < 1.0:
         raise ValueError(f"probability is {probability}, expected 0 < probability < 1")
     tail = (1.0 - probability) / 2.0
-    low, high = (float(chi2.ppf(p, dof * count)) / count for p in (tail, 1.0 - tail))
-    return low, high
+    low, high = (_core.chi_squared_quantile(dof * count, p) for p in (tail, 1.0 - tail))
+    return low / count, high / count
 
 
 def share_in_band(values: FloatArray, dof: int, probability: float = PROBABILITY) -> float:
