@@ -107,7 +107,8 @@ Examples
            "Fuses ranges of one stamp as one measurement: one linearization, one gate.")
       .def("on_epoch", &on_epoch, py::arg("begin"), py::arg("stamp"), py::arg("motion"),
            py::arg("anchors"), py::arg("ranges"), py::arg("tag") = 0,
-           "The motion from `begin` to `stamp` [ns], then the ranges (n,) [m] to the anchors (n,) at "
+           "The motion from `begin` to `stamp` [ns], then the ranges (n,) [m] to the anchors (n,) "
+           "at "
            "`stamp`, in one call. Returns n + 1 outcomes.")
       .def(
           "fuse",
@@ -130,7 +131,8 @@ Examples
       .def_property_readonly("belief", &PoseEkf::belief, py::return_value_policy::copy)
       .def_property_readonly("range_model", &PoseEkf::range_model, py::return_value_policy::copy)
       .def_property_readonly("motion_model", &PoseEkf::motion_model, py::return_value_policy::copy)
-      .def("__copy__", [](const PoseEkf& ekf) { return ekf; }, "A snapshot.")
+      .def(
+          "__copy__", [](const PoseEkf& ekf) { return ekf; }, "A snapshot.")
       .def("__repr__", [](const PoseEkf& ekf) {
         return "PoseEkf(at " + std::to_string(ekf.belief().stamp) + " ns)";
       });

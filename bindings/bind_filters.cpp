@@ -5,8 +5,8 @@
 #include "locfuse/filters/kalman.hpp"
 
 namespace py = pybind11;
-using locfuse::GaussianBelief;
 using locfuse::Gate;
+using locfuse::GaussianBelief;
 using locfuse::Outcome;
 using locfuse::Slot;
 using locfuse::SlotKind;
@@ -75,9 +75,10 @@ Examples
 )")
       .def(py::init<>())
       .def_readwrite("stamp", &GaussianBelief::stamp, "Nanoseconds.")
-      .def_property_readonly("x", [](const GaussianBelief& b) { return b.x; }, "Mean, (n,).")
-      .def_property_readonly("P", [](const GaussianBelief& b) { return b.P; },
-                             "Covariance, (n, n).")
+      .def_property_readonly(
+          "x", [](const GaussianBelief& b) { return b.x; }, "Mean, (n,).")
+      .def_property_readonly(
+          "P", [](const GaussianBelief& b) { return b.P; }, "Covariance, (n, n).")
       .def_property_readonly("dimension", &GaussianBelief::dimension)
       .def("add", &GaussianBelief::add, py::arg("name"), py::arg("kind"), py::arg("mean"),
            py::arg("covariance"))

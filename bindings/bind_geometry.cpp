@@ -30,14 +30,16 @@ Pose2(x=1.5, y=2, heading=0.25)
       .def_readonly("heading", &Pose2::heading, "Radians.")
       .def("act", &Pose2::act, py::arg("point"), "Point (2,) in the target frame.")
       .def("inverse", [](const Pose2& pose) { return locfuse::inverse(pose); })
-      .def("__mul__", [](const Pose2& a, const Pose2& b) { return a * b; }, py::is_operator())
+      .def(
+          "__mul__", [](const Pose2& a, const Pose2& b) { return a * b; }, py::is_operator())
       .def("__repr__", [](const Pose2& p) {
         char text[96];
         std::snprintf(text, sizeof(text), "Pose2(x=%g, y=%g, heading=%g)", p.x, p.y, p.heading);
         return std::string(text);
       });
   m.def("arc", &locfuse::arc, py::arg("forward"), py::arg("left"), py::arg("turn"),
-        "Motion along the arc of a constant body twist (metres, metres, radians): SE(2) exponential.");
+        "Motion along the arc of a constant body twist (metres, metres, radians): SE(2) "
+        "exponential.");
   m.def("local", &locfuse::local, py::arg("to"), py::arg("origin"),
         "Error state (3,) that leads from `origin` to `to`, heading wrapped.");
 }

@@ -10,10 +10,10 @@ void bind_maps(py::module_& m) {
   py::class_<Anchor>(m, "Anchor",
                      "A fixed radio at `position` (3,) [m] in world; a range to it reads scale * "
                      "distance + offset [m].")
-      .def(py::init([](locfuse::Id id, const locfuse::Vector<3>& position, double offset,
-                       double scale) {
-             return Anchor{id, position, offset, scale};
-           }),
+      .def(py::init(
+               [](locfuse::Id id, const locfuse::Vector<3>& position, double offset, double scale) {
+                 return Anchor{id, position, offset, scale};
+               }),
            py::arg("id"), py::arg("position"), py::arg("offset") = Anchor{}.offset,
            py::arg("scale") = Anchor{}.scale)
       .def_readonly("id", &Anchor::id)
@@ -23,7 +23,8 @@ void bind_maps(py::module_& m) {
       .def("__repr__", [](const Anchor& a) { return "Anchor(id=" + std::to_string(a.id) + ")"; });
   py::class_<AnchorMap, std::shared_ptr<AnchorMap>>(
       m, "AnchorMap",
-      "The anchors, by id; immutable.\n\nRaises\n------\nValueError\n    On a duplicate id, a number "
+      "The anchors, by id; immutable.\n\nRaises\n------\nValueError\n    On a duplicate id, a "
+      "number "
       "that is not finite or a scale that is not positive.")
       .def(py::init<std::vector<Anchor>>(), py::arg("anchors"))
       .def_property_readonly("anchors", &AnchorMap::anchors, "All anchors in order of id.")

@@ -57,8 +57,8 @@ void bind_messages(py::module_& m) {
       .def_readonly("motion", &Increment::motion)
       .def("__repr__", [](const Increment& u) {
         std::ostringstream text;
-        text << "Increment(begin=" << u.begin << ", stamp=" << u.stamp << ", motion=("
-             << u.motion.x << ", " << u.motion.y << ", " << u.motion.heading << "))";
+        text << "Increment(begin=" << u.begin << ", stamp=" << u.stamp << ", motion=(" << u.motion.x
+             << ", " << u.motion.y << ", " << u.motion.heading << "))";
         return text.str();
       });
   py::class_<Range>(m, "Range",

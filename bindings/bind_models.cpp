@@ -16,7 +16,8 @@ using locfuse::Tag;
 using Step = locfuse::Propagation<Pose2, 3>;
 
 void bind_models(py::module_& m) {
-  py::class_<Tag>(m, "Tag", "A radio on the robot, at `position` (3,) in body: forward, left, up [m].")
+  py::class_<Tag>(m, "Tag",
+                  "A radio on the robot, at `position` (3,) in body: forward, left, up [m].")
       .def(py::init([](locfuse::Id id, const locfuse::Vector<3>& position) {
              return Tag{id, position};
            }),
@@ -57,8 +58,9 @@ void bind_models(py::module_& m) {
       .def(py::init<>())
       .def_readwrite("sigma_m", &RangeConfig::sigma_m, "m")
       .def_readwrite("sigma_relative", &RangeConfig::sigma_relative, "share of the distance");
-  py::class_<RangeModel>(m, "RangeModel",
-                         "Range from a body-fixed tag to an anchor, both in 3D; docs/models/range.md.")
+  py::class_<RangeModel>(
+      m, "RangeModel",
+      "Range from a body-fixed tag to an anchor, both in 3D; docs/models/range.md.")
       .def(py::init<const RangeConfig&, std::shared_ptr<AnchorMap>, std::vector<Tag>>(),
            py::arg("config"), py::arg("anchors"), py::arg("tags"))
       .def("predict", &RangeModel::predict, py::arg("T_world_body"), py::arg("z"),
@@ -71,7 +73,8 @@ void bind_models(py::module_& m) {
             return lin ? std::optional(any_size(*lin)) : std::nullopt;
           },
           py::arg("T_world_body"), py::arg("z"),
-          "Linearization (1 x 3); None if anchor or tag is unknown, or the tag sits on the anchor.");
+          "Linearization (1 x 3); None if anchor or tag is unknown, or the tag sits on the "
+          "anchor.");
 
   using PositionConfig = PositionModel::Config;
   py::class_<PositionConfig>(m, "PositionConfig", "Lever arm of the antenna of position fixes.")

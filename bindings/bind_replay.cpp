@@ -106,10 +106,11 @@ ValueError, names the row, and nothing is added.
              const Column<double>& turn_rate, const std::optional<Stamps>& arrival) {
             expect_shape("forward", forward, stamp.size());
             expect_shape("turn_rate", turn_rate, stamp.size());
-            add_rows(log, stamp, arrival, [&, t = stamp.data(), v = forward.data(),
-                                           w = turn_rate.data()](py::ssize_t i) -> Message {
-              return locfuse::Velocity{t[i], v[i], w[i]};
-            });
+            add_rows(log, stamp, arrival,
+                     [&, t = stamp.data(), v = forward.data(),
+                      w = turn_rate.data()](py::ssize_t i) -> Message {
+                       return locfuse::Velocity{t[i], v[i], w[i]};
+                     });
           },
           py::arg("stamp_ns"), py::arg("forward"), py::arg("turn_rate"), no_arrival)
       .def(
@@ -118,10 +119,12 @@ ValueError, names the row, and nothing is added.
              const Column<double>& motion, const std::optional<Stamps>& arrival) {
             expect_shape("begin_ns", begin, stamp.size());
             expect_shape("motion", motion, stamp.size(), 3);
-            add_rows(log, stamp, arrival, [&, b = begin.data(), t = stamp.data(),
-                                           u = motion.data()](py::ssize_t i) -> Message {
-              return locfuse::Increment{b[i], t[i], {u[3 * i], u[3 * i + 1], u[3 * i + 2]}};
-            });
+            add_rows(
+                log, stamp, arrival,
+                [&, b = begin.data(), t = stamp.data(),
+                 u = motion.data()](py::ssize_t i) -> Message {
+                  return locfuse::Increment{b[i], t[i], {u[3 * i], u[3 * i + 1], u[3 * i + 2]}};
+                });
           },
           py::arg("begin_ns"), py::arg("stamp_ns"), py::arg("motion"), no_arrival,
           "Motions (n, 3): dx, dy [m], dheading [rad] from begin_ns to stamp_ns.")
@@ -152,12 +155,13 @@ ValueError, names the row, and nothing is added.
              const Column<double>& sigma, const std::optional<Stamps>& arrival) {
             expect_shape("position", position, stamp.size(), 2);
             expect_shape("sigma", sigma, stamp.size());
-            add_rows(log, stamp, arrival, [t = stamp.data(), p = position.data(),
-                                           s = sigma.data()](py::ssize_t i) -> Message {
-              return locfuse::PositionFix{t[i],
-                                          {p[2 * i], p[2 * i + 1]},
-                                          s[i] * s[i] * locfuse::Matrix<2, 2>::Identity()};
-            });
+            add_rows(log, stamp, arrival,
+                     [t = stamp.data(), p = position.data(),
+                      s = sigma.data()](py::ssize_t i) -> Message {
+                       return locfuse::PositionFix{t[i],
+                                                   {p[2 * i], p[2 * i + 1]},
+                                                   s[i] * s[i] * locfuse::Matrix<2, 2>::Identity()};
+                     });
           },
           py::arg("stamp_ns"), py::arg("position"), py::arg("sigma"), no_arrival,
           "Positions (n, 2) [m] with one sigma [m] each.")
@@ -184,23 +188,23 @@ ValueError, names the row, and nothing is added.
            "Sorts by arrival; messages of one instant stay in the order they were added in.");
 
   py::class_<RunLog>(m, "RunLog", "What a replay leaves behind, as columns.")
-      .def_property_readonly("stamp_ns",
-                             [](const RunLog& r) {
-                               return column_of<Stamp>(r.estimates,
-                                                       [](const auto& e) { return e.stamp; });
-                             },
-                             "Stamps of the estimates, (n,).")
-      .def_property_readonly("poses", [](const RunLog& r) { return poses_of(r.estimates); },
-                             "x, y, heading, (n, 3).")
+      .def_property_readonly(
+          "stamp_ns",
+          [](const RunLog& r) {
+            return column_of<Stamp>(r.estimates, [](const auto& e) { return e.stamp; });
+          },
+          "Stamps of the estimates, (n,).")
+      .def_property_readonly(
+          "poses", [](const RunLog& r) { return poses_of(r.estimates); }, "x, y, heading, (n, 3).")
       .def_property_readonly(
           "covariances", [](const RunLog& r) { return covariances_of(r.estimates); }, "(n, 3, 3).")
-      .def_property_readonly("verdict",
-                             [](const RunLog& r) {
-                               return column_of<std::uint8_t>(r.outcomes, [](const Outcome& o) {
-                                 return static_cast<std::uint8_t>(o.verdict);
-                               });
-                             },
-                             "Index into Verdict, one per message in order of arrival.")
+      .def_property_readonly(
+          "verdict",
+          [](const RunLog& r) {
+            return column_of<std::uint8_t>(
+                r.outcomes, [](const Outcome& o) { return static_cast<std::uint8_t>(o.verdict); });
+          },
+          "Index into Verdict, one per message in order of arrival.")
       .def_property_readonly("dof",
                              [](const RunLog& r) {
                                return column_of<std::int64_t>(
@@ -210,16 +214,16 @@ ValueError, names the row, and nothing is added.
                              [](const RunLog& r) {
                                return numbers_of(r.outcomes, [](const auto& o) { return o.nis; });
                              })
-      .def_property_readonly(
-          "residual",
-          [](const RunLog& r) {
-            return numbers_of(r.outcomes, [](const auto& o) { return o.residual; });
-          })
-      .def_property_readonly(
-          "log_likelihood",
-          [](const RunLog& r) {
-            return numbers_of(r.outcomes, [](const auto& o) { return o.log_likelihood(); });
-          })
+      .def_property_readonly("residual",
+                             [](const RunLog& r) {
+                               return numbers_of(r.outcomes,
+                                                 [](const auto& o) { return o.residual; });
+                             })
+      .def_property_readonly("log_likelihood",
+                             [](const RunLog& r) {
+                               return numbers_of(r.outcomes,
+                                                 [](const auto& o) { return o.log_likelihood(); });
+                             })
       .def_readonly("last", &RunLog::last, "The estimate at the end of the log.")
       .def("__repr__", [](const RunLog& r) {
         return "RunLog(" + std::to_string(r.outcomes.size()) + " messages, " +

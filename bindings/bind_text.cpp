@@ -339,7 +339,8 @@ class TableParser {
   [[noreturn]] void explain(const char* line) const {
     const std::vector<std::string_view> fields = fields_of(line);
     if (fields.size() != columns_.size()) {
-      const std::string found = fields.size() == 1 ? "1 field" : std::to_string(fields.size()) + " fields";
+      const std::string found =
+          fields.size() == 1 ? "1 field" : std::to_string(fields.size()) + " fields";
       fail(found + ", expected " + std::to_string(columns_.size()));
     }
     for (std::size_t i = 0; i < fields.size(); ++i) {
@@ -394,8 +395,9 @@ void check_arguments(const std::string& kinds, const std::string& delimiter) {
   }
 }
 
-py::typing::List<py::array> parse_table(const py::bytes& text, const std::string& kinds, const std::string& delimiter,
-                     std::int64_t first_line, std::string name) {
+py::typing::List<py::array> parse_table(const py::bytes& text, const std::string& kinds,
+                                        const std::string& delimiter, std::int64_t first_line,
+                                        std::string name) {
   check_arguments(kinds, delimiter);
   std::vector<Column> columns;
   TableParser parser(static_cast<std::string_view>(text), kinds, delimiter[0], std::move(name));

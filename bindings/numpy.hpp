@@ -16,9 +16,9 @@ using Column = pybind11::array_t<T, pybind11::array::c_style | pybind11::array::
 template <class T>
 void expect_shape(const char* name, const Column<T>& column, pybind11::ssize_t rows,
                   pybind11::ssize_t width = 0) {
-  const bool fits = width == 0 ? column.ndim() == 1 && column.shape(0) == rows
-                               : column.ndim() == 2 && column.shape(0) == rows &&
-                                     column.shape(1) == width;
+  const bool fits = width == 0
+                        ? column.ndim() == 1 && column.shape(0) == rows
+                        : column.ndim() == 2 && column.shape(0) == rows && column.shape(1) == width;
   if (!fits) {
     std::string shape;
     for (pybind11::ssize_t i = 0; i < column.ndim(); ++i) {
