@@ -15,12 +15,17 @@ from matplotlib.figure import Figure
 
 from locfuse import plot
 from locfuse.eval.consistency import band
-from locfuse.eval.verdicts import SUSPECT_SHARE, MessageRow, message_rows, rejected_stretches
+from locfuse.eval.verdicts import (
+    SUSPECT_SHARE,
+    MessageRow,
+    message_rows,
+    rejected_stretches,
+    source_rank,
+)
 from locfuse.types import NANOSECONDS, RunResult
 
 __all__ = ["write_report"]
 
-_VERDICTS = ("fused", "gated", "not_modelled", "ignored", "stale")
 _LEAST_IN_BAND = 0.90  # of the stamps; below 95 %, as neighbouring stamps err alike
 _MOST_STRETCHES = 8
 
@@ -28,7 +33,7 @@ _CAPTIONS = {
     "path": (
         "Path",
         "The estimated path with {sigmas:g}-sigma ellipses of its position{truth}: truth should "
-        "run inside the ellipses, and a red anchor had at least {notable:.0f} % of its ranges "
+        "run inside the ellipses, and an orange anchor had at least {notable:.0f} % of its ranges "
         "rejected.",
     ),
     "errors": (
@@ -97,7 +102,14 @@ th, td {{ border-bottom: 1px solid var(--line); padding: 5px 14px; text-align: r
 th {{ color: var(--muted); font-weight: 600; font-size: 0.88rem; }}
 th:first-child, td:first-child {{ text-align: left; }}
 #rejected-table th:last-child, #rejected-table td:last-child {{ text-align: left;
-  white-space: normal; min-width: 20em; }}
+  white-space: normal; min-width: 10em; }}
+@media (max-width: 672px) {{
+  figure::after {{ content: "Swipe the picture sideways to see all of it."; color: var(--muted);
+    font-size: 0.85rem; }}
+  table {{ font-size: 0.82rem; }}
+  th, td {{ padding: 5px; }}
+  th, #rejected-table td {{ white-space: normal; font-size: inherit; }}
+}}
 summary {{ cursor: pointer; font-size: 1.2rem; font-weight: 600; margin-top: 40px; }}
 pre {{ background: var(--card); border: 1px solid var(--line); border-radius: 8px; padding: 14px;
   overflow-x: auto; font-size: 0.85rem; }}
@@ -197,7 +209,7 @@ def _cards(result: RunResult) -> str:
         ("position_max_m", "largest position error"),
     ):
         if metrics.get(key) is not None:
-            cards.append(_card(_number(metrics[key], "m"), escape(text)))
+            cards.append(_card(_number(metrics[key], "m"), text))
     if metrics.get("heading_rmse_deg") is not None:
         cards.append(_card(_number(metrics["heading_rmse_deg"], "deg"), "heading RMSE"))
     if metrics.get("nees_mean") is not None:
@@ -230,7 +242,8 @@ def _nees_card(metrics: Mapping[str, Any]) -> str:
 
 
 def _card(value: str, text: str, note: str = "") -> str:
-    return f'<div class="card"><b>{value}</b><span>{text}</span>{note}</div>'
+    text = escape(text.replace(" %", "\N{NO-BREAK SPACE}%"))
+    return f'<div class="card"><b>{escape(value)}</b><span>{text}</span>{note}</div>'
 
 
 def _picture(name: str, file: Path, result: RunResult) -> str:
@@ -266,8 +279,8 @@ def _counts(result: RunResult) -> Mapping[str, Mapping[str, int]]:
 
 def _counts_table(result: RunResult) -> str:
     counts = _counts(result)
-    present = [v for v in _VERDICTS if any(row.get(v) for row in counts.values())]
-    present += sorted({v for row in counts.values() for v in row if v not in _VERDICTS})
+    present = [v for v in plot.VERDICT_LABELS if any(row.get(v) for row in counts.values())]
+    present += sorted({v for row in counts.values() for v in row if v not in plot.VERDICT_LABELS})
     nis = result.metrics.get("nis_mean") or {}
     head = ["source", *(v.replace("_", " ") for v in present), "total", "mean NIS", "expected NIS"]
     rows = [
@@ -278,9 +291,17 @@ def _counts_table(result: RunResult) -> str:
             "-" if nis.get(source) is None else f"{float(nis[source]):.3g}",
             _expected_nis(result, source),
         ]
-        for source, verdicts in counts.items()
+        for source, verdicts in sorted(counts.items(), key=lambda item: source_rank(item[0]))
     ]
-    return '<h2 id="counts">What became of the messages</h2>\n' + _table("counts", head, rows)
+    meaning = "; ".join(
+        f"{v.replace('_', ' ')}: {plot.VERDICT_LABELS[v]}"
+        for v in present
+        if plot.VERDICT_LABELS.get(v, v) != v.replace("_", " ")
+    )
+    lines = ['<h2 id="counts">What became of the messages</h2>']
+    if meaning:
+        lines.append(f'<p class="quiet">{escape(meaning)}.</p>')
+    return "\n".join([*lines, _table("counts", head, rows)])
 
 
 def _expected_nis(result: RunResult, source: str) -> str:
@@ -300,14 +321,13 @@ def _rejected_table(result: RunResult) -> str:
     cells = [
         [
             row.label,
-            plot.count(row.rejected),
-            plot.count(len(row.stamp_ns)),
-            plot.percent(row.rejected_share),
+            f"{plot.count(row.rejected)} of {plot.count(len(row.stamp_ns))} "
+            f"({plot.percent(row.rejected_share)})",
             _stretches(row, origin),
         ]
         for row in rows
     ]
-    head = ["anchor or source", "rejected", "of", "share", "when, and how many in a row"]
+    head = ["anchor or source", "rejected", "when, and how many in a row"]
     return heading + _table("rejected", head, cells)
 
 
@@ -320,7 +340,8 @@ def _stretches(row: MessageRow, origin_ns: int) -> str:
         first = (stretch.first_ns - origin_ns) / NANOSECONDS
         last = (stretch.last_ns - origin_ns) / NANOSECONDS
         when = f"{first:.1f}" if stretch.messages == 1 else f"{first:.1f} to {last:.1f}"
-        texts.append(f"{when} s ({plot.count(stretch.messages)})")
+        text = f"{when} s ({plot.count(stretch.messages)})"
+        texts.append(text.replace(" ", "\N{NO-BREAK SPACE}"))
     left = len(stretches) - len(longest)
     return ", ".join(texts) + (f" and {plot.count(left)} shorter ones" if left else "")
 

@@ -104,21 +104,31 @@ def test_report_stays_small_for_a_hundred_thousand_messages(tmp_path: Path) -> N
     assert write_report(result, tmp_path).stat().st_size < 3_000_000
 
 
-def test_wrong_anchor_is_named_with_count_share_and_longest_stretch(tmp_path: Path) -> None:
+def test_wrong_anchor_is_named_with_count_share_and_times(tmp_path: Path) -> None:
     result = make_result(rejected={"A2": (3.0, 12.0), "A1": (0.0, 0.5)})
     table = _page(result, tmp_path).tables["rejected-table"]
 
-    assert table[1] == [
-        "anchor A2",
-        "90",
-        "200",
-        "45.0 %",
-        "90 in a row",
-        "8.9 s",
-        "3.0 s to 11.9 s",
+    assert table[1:] == [
+        ["anchor A2", "90 of 200 (45.0 %)", "3.0 to 11.9 s (90)".replace(" ", "\xa0")],
+        ["anchor A1", "5 of 200 (2.5 %)", "0.0 to 0.4 s (5)".replace(" ", "\xa0")],
     ]
-    assert table[2][:4] == ["anchor A1", "5", "200", "2.5 %"]
-    assert len(table) == 3
+
+
+def test_many_stretches_of_rejections_are_cut_to_the_longest(tmp_path: Path) -> None:
+    result = make_result(n=200, anchors=("A",))
+    verdict = np.full(200, "fused", dtype="<U16")
+    verdict[::10] = "gated"
+    verdict[101:104] = "gated"
+    outcomes = replace(result.outcomes, verdict=verdict)
+    page = _page(replace(result, outcomes=outcomes), tmp_path)
+
+    times = (
+        page.tables["rejected-table"][1][2]
+        .replace("\xa0", " ")
+        .removesuffix(" and 12 shorter ones")
+        .split(", ")
+    )
+    assert times == [*(f"{k}.0 s (1)" for k in range(7)), "10.0 to 10.3 s (4)"]
 
 
 def test_no_rejection_is_said_in_a_sentence(tmp_path: Path) -> None:
@@ -142,6 +152,7 @@ def test_counts_and_nis_of_each_source_are_in_the_table(tmp_path: Path) -> None:
     ]
     assert rows["odometry"] == ["200", "0", "200", "-", "-"]
     assert rows["poses"][-1] == "3"
+    assert list(rows) == ["odometry", "ranges", "positions", "poses"]
 
 
 def test_key_figures_are_those_of_the_metrics(tmp_path: Path) -> None:
@@ -152,20 +163,38 @@ def test_key_figures_are_those_of_the_metrics(tmp_path: Path) -> None:
     for figure in ("0.123 m", "12.3 m", "position RMSE", "1.15 deg", "123\u202f456"):
         assert figure in text
     assert "710" in text
-    assert "messages fused of 800 (88.8 %)" in text
+    assert "messages fused of 800 (88.8\xa0%)" in text
     assert "no alignment was applied" in text
 
 
 @pytest.mark.parametrize(
-    ("nees", "said"),
-    [(3.0, "inside its band"), (30.0, "over-confident"), (0.01, "too cautious")],
+    ("nees", "share", "said"),
+    [
+        (3.0, 0.95, "consistent"),
+        (30.0, 0.1, "over-confident"),
+        (7.3, 0.75, "over-confident"),  # the mean alone lies inside the band of a single stamp
+        (0.01, 0.02, "too cautious"),
+    ],
 )
-def test_nees_is_judged_against_its_band(nees: float, said: str, tmp_path: Path) -> None:
+def test_nees_is_judged_by_mean_and_share(
+    nees: float, share: float, said: str, tmp_path: Path
+) -> None:
     result = make_result()
-    metrics = {**result.metrics, "nees_mean": nees, "nees_in_band": 0.87}
+    metrics = {**result.metrics, "nees_mean": nees, "nees_in_band": share}
     text = _page(replace(result, metrics=metrics), tmp_path).text
-    assert said in text
-    assert "expected 3; 95 % band 0.22 to 9.3, 87 % of stamps inside" in text
+    numbers = f"{100 * share:.1f} % of stamps inside their 95 % band 0.22 to 9.3"
+    assert f"expected 3; {numbers} {said}" in text.replace("\xa0", " ")
+
+
+def test_a_share_of_almost_nothing_does_not_break_the_page(tmp_path: Path) -> None:
+    result = make_result()
+    metrics = {**result.metrics, "counts": {"ranges": {"fused": 1, "gated": 99_999}}}
+    assert "(<0.1\xa0%)" in _page(replace(result, metrics=metrics), tmp_path).text
+
+
+def test_verdicts_of_the_table_are_explained(tmp_path: Path) -> None:
+    result = make_result(rejected={"A2": (3.0, 12.0)})
+    assert "gated: rejected by the gate." in _page(result, tmp_path).text
 
 
 def test_without_truth_a_sentence_stands_for_the_errors(tmp_path: Path) -> None:

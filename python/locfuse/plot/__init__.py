@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures of one run: path, errors, NIS and the verdict on every message.
+
+Each function takes a `RunResult` and returns a free-standing matplotlib `Figure`; nothing touches
+pyplot or the process-wide settings. Long runs are thinned to what a picture can show, and never so
+that an extreme error or a rejected stretch disappears.
+"""
+
+from __future__ import annotations
+
+from locfuse.plot.errors import BAND_SIGMAS, plot_errors
+from locfuse.plot.nis import plot_nis
+from locfuse.plot.outcomes import plot_outcomes
+from locfuse.plot.path import ELLIPSE_SIGMAS, plot_path
+from locfuse.plot.style import save
+from locfuse.plot.text import VERDICT_LABELS, count, percent, start_ns
+
+__all__ = [
+    "BAND_SIGMAS",
+    "ELLIPSE_SIGMAS",
+    "VERDICT_LABELS",
+    "count",
+    "percent",
+    "plot_errors",
+    "plot_nis",
+    "plot_outcomes",
+    "plot_path",
+    "save",
+    "start_ns",
+]
