@@ -78,22 +78,8 @@ def parse_config(data: Any, origin: str = "config") -> RunConfig:
     try:
         return RunConfig.model_validate(data)
     except ValidationError as error:
-        raise ConfigError("; ".join(_sentence(origin, e) for e in _deepest(error))) from None
-
-
-def _deepest(error: ValidationError) -> list[Any]:
-    """Return the errors of a failed union only for the branch that got furthest."""
-    errors = error.errors(include_url=False)
-    depth = {e["loc"][0] if e["loc"] else "": 0 for e in errors}
-    for e in errors:
-        key = e["loc"][0] if e["loc"] else ""
-        depth[key] = max(depth[key], len(e["loc"]))
-    return [
-        e
-        for e in errors
-        if (e["loc"][0] if e["loc"] else "") not in ("log", "start")
-        or len(e["loc"]) == depth[e["loc"][0] if e["loc"] else ""]
-    ]
+        errors = error.errors(include_url=False)
+        raise ConfigError("; ".join(_sentence(origin, e) for e in errors)) from None
 
 
 def _sentence(origin: str, error: Any) -> str:

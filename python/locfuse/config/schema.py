@@ -7,9 +7,10 @@ test compares the two.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeAlias
+import math
+from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from locfuse.config.base import Strict
 from locfuse.config.scenario import Name, NonNegative, Positive, Scenario
@@ -86,6 +87,29 @@ class Dataset(Strict):
     run: Name | None = None
 
 
+def _origin_kind(value: Any) -> str:
+    return "dataset" if isinstance(value, dict | Dataset) else "folder"
+
+
+def _is_number(value: Any) -> bool:
+    is_real = isinstance(value, int | float) and not isinstance(value, bool)
+    return is_real and math.isfinite(value)
+
+
+def _start(value: Any) -> Any:
+    is_pose = isinstance(value, list | tuple) and len(value) == 3 and all(map(_is_number, value))
+    if value != "truth" and not is_pose:
+        raise ValueError("expected 'truth' or [x_m, y_m, heading_deg], finite numbers")
+    return value
+
+
+Origin: TypeAlias = Annotated[
+    Annotated[Name, Tag("folder")] | Annotated[Dataset, Tag("dataset")],
+    Discriminator(_origin_kind),
+]
+Start: TypeAlias = Annotated[Literal["truth"] | tuple[float, float, float], BeforeValidator(_start)]
+
+
 class RunConfig(Strict):
     """One run, from messages to a pose.
 
@@ -96,9 +120,9 @@ class RunConfig(Strict):
 
     name: str = "run"
     description: str = ""
-    log: Name | Dataset | None = None
+    log: Origin | None = None
     simulation: Scenario | None = None
-    start: Literal["truth"] | tuple[float, float, float] = "truth"
+    start: Start = "truth"
     start_sigma: StartSigma = Field(default_factory=StartSigma)
     use: Annotated[list[Source], Field(min_length=1)] = Field(default_factory=lambda: list(SOURCES))
     anchors: dict[Name, RangeError] = Field(default_factory=dict)
@@ -109,4 +133,18 @@ class RunConfig(Strict):
     def _one_origin(self) -> RunConfig:
         if self.log is not None and self.simulation is not None:
             raise ValueError("both log and simulation are given; expected one of them")
+        return self
+
+    @model_validator(mode="after")
+    def _sigmas_to_fuse_with(self) -> RunConfig:
+        for source in ("poses", "positions"):
+            sensor = getattr(self.simulation, source, None)
+            if sensor is None or source not in self.use:
+                continue
+            for key in ("sigma_xy_m", "sigma_heading_deg"):
+                if getattr(sensor, key, 1.0) == 0.0:
+                    raise ValueError(
+                        f"simulation.{source}.{key} is 0, but what is fused needs a sigma > 0; "
+                        f"set it, or leave {source!r} out of use"
+                    )
         return self

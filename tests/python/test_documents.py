@@ -1,0 +1,536 @@
+# SPDX-License-Identifier: Apache-2.0
+"""README and docs say what the code does: their code runs, their tables and links are compared."""
+
+from __future__ import annotations
+
+import contextlib
+import doctest
+import importlib
+import io
+import pkgutil
+import re
+import shlex
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import annotated_types
+import pydantic
+import pytest
+import typer.main
+import yaml
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+import locfuse
+from locfuse.cli import app
+from locfuse.config import scenario, schema
+from locfuse.config.base import Strict
+from locfuse.config.load import load_config, parse_config
+from locfuse.reproduce import PAPERS, RECORDINGS, Claim
+from locfuse.results import write_results
+from locfuse.run import run
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
+SOURCES = [
+    path
+    for folder in ("cpp", "bindings", "python/locfuse", "examples", "benchmarks")
+    for path in sorted((ROOT / folder).rglob("*"))
+    if path.suffix in (".hpp", ".cpp", ".py", ".yaml")
+]
+NOT_RUN = "<!-- not run -->"
+
+
+def name_of(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block of a page, and the line before it that is not empty."""
+
+    language: str
+    text: str
+    line: int
+    before: str
+
+
+def blocks_of(path: Path) -> Iterator[Block]:
+    language, begin, before, last = "", 0, "", ""
+    text: list[str] = []
+    for number, line in enumerate(path.read_text().splitlines(), 1):
+        if line.startswith("```"):
+            if begin:
+                yield Block(language, "\n".join(text) + "\n", begin, before)
+                begin = 0
+            else:
+                language, begin, before, text = line[3:].strip(), number, last, []
+        elif begin:
+            text.append(line)
+        if line.strip():
+            last = line
+    assert begin == 0, f"{path}: the block of line {begin} does not end"
+
+
+def prose_of(path: Path) -> str:
+    """Return a page without its fenced blocks."""
+    return re.sub(r"^```.*?^```$", "", path.read_text(), flags=re.MULTILINE | re.DOTALL)
+
+
+def table_under(path: Path, heading: str) -> list[list[str]]:
+    """Return the rows of the first table below a heading, header left out."""
+    lines = path.read_text().splitlines()
+    begin = lines.index(heading) + 1
+    rows: list[list[str]] = []
+    for line in lines[begin:]:
+        if line.startswith("#") or (rows and not line.startswith("|")):
+            break
+        if line.startswith("|"):
+            rows.append([cell.strip() for cell in line.strip("|").split("|")])
+    assert len(rows) > 2, f"{path}: no table under {heading!r}"
+    return rows[2:]
+
+
+# Code ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "page",
+    [p for p in PAGES if any(b.language == "python" for b in blocks_of(p))],
+    ids=name_of,
+)
+def test_python_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    namespace: dict[str, Any] = {"__name__": "page"}
+    for block in blocks_of(page):
+        if block.language == "python" and block.before != NOT_RUN:
+            code = "\n" * block.line + block.text  # so that a traceback names the page's line
+            with contextlib.redirect_stdout(io.StringIO()):
+                exec(compile(code, str(page), "exec"), namespace)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_yaml_blocks_are_configurations_or_log_yaml(page: Path) -> None:
+    for block in blocks_of(page):
+        if block.language == "yaml":
+            data = yaml.safe_load(block.text)
+            if not set(data) <= {"tags", "laser", "map", "description", "licence"}:
+                parse_config(data, f"{page}, line {block.line}")
+
+
+@pytest.mark.parametrize("config", sorted((ROOT / "examples/configs").glob("*.yaml")), ids=name_of)
+def test_ready_configurations_parse(config: Path) -> None:
+    load_config(config)
+
+
+def command_lines() -> list[tuple[str, str]]:
+    return [
+        (f"{name_of(page)}:{block.line}", line)
+        for page in PAGES
+        for block in blocks_of(page)
+        if block.language == "sh"
+        for line in block.text.splitlines()
+    ] + [
+        (name_of(page), text)
+        for page in PAGES
+        for text in re.findall(r"`(locfuse [^`]+)`", prose_of(page))
+    ]
+
+
+def click_of(words: list[str]) -> tuple[Any, list[str]]:
+    """Return the command that words name, and the words that are left for it."""
+    command: Any = typer.main.get_command(app)
+    while hasattr(command, "commands") and words and not words[0].startswith("-"):
+        assert words[0] in command.commands, f"no command {words[0]!r}"
+        command, words = command.commands[words[0]], words[1:]
+    return command, words
+
+
+@pytest.mark.parametrize(
+    ("where", "line"), [c for c in command_lines() if c[1].startswith("locfuse ")]
+)
+def test_command_lines_name_commands_and_options_that_exist(where: str, line: str) -> None:
+    words = shlex.split(line, comments=True)[1:]
+    if words[:1] == ["COMMAND"]:
+        return
+    command, rest = click_of(words)
+    options = {name for parameter in command.params for name in parameter.opts} | {"--help"}
+    for word in rest:
+        if word.startswith("--"):
+            assert word.split("=")[0] in options, f"{where}: no option {word}"
+
+
+def test_every_command_and_option_is_on_the_page_of_the_command_line() -> None:
+    headings = re.findall(r"^## `locfuse (.+)`$", (DOCS / "cli.md").read_text(), re.MULTILINE)
+    documented = {" ".join(w for w in h.split() if w.islower()): h for h in headings}
+    top: Any = typer.main.get_command(app)
+    commands: dict[str, Any] = {}
+    for name, command in top.commands.items():
+        nested = getattr(command, "commands", None)
+        commands |= {f"{name} {k}": v for k, v in nested.items()} if nested else {name: command}
+    assert set(documented) == set(commands)
+    for name, command in commands.items():
+        arguments = [p.name.upper() for p in command.params if p.param_type_name == "argument"]
+        assert documented[name].split() == [*name.split(), *arguments]
+        options = [p for p in command.params if p.param_type_name == "option"]
+        if not options:
+            continue
+        rows = table_under(DOCS / "cli.md", f"## `locfuse {documented[name]}`")
+        assert [row[0].strip("`") for row in rows] == [p.opts[0] for p in options]
+        for row, option in zip(rows, options, strict=True):
+            if option.default is not None:
+                assert row[1].strip("`") == str(option.default)
+
+
+def test_every_dev_command_is_documented() -> None:
+    commands = re.findall(r"^(\w+)\)$", (ROOT / "dev").read_text(), re.MULTILINE)
+    rows = table_under(DOCS / "install.md", "## On Debian 12, from a checkout")
+    assert sorted(row[0].strip("`") for row in rows) == sorted(f"./dev {c}" for c in commands)
+
+
+def modules() -> list[str]:
+    found = pkgutil.walk_packages(locfuse.__path__, "locfuse.")
+    return ["locfuse", *(m.name for m in found if m.name != "locfuse.__main__")]
+
+
+@pytest.mark.parametrize("name", modules())
+def test_doctests_run(name: str) -> None:
+    module = importlib.import_module(name)
+    runner = doctest.DocTestRunner(verbose=False)
+    for test in doctests_of(module):
+        runner.run(test)
+    assert runner.summarize(verbose=False).failed == 0
+
+
+def doctests_of(module: ModuleType) -> list[doctest.DocTest]:
+    if Path(module.__file__ or "").suffix == ".py":
+        return doctest.DocTestFinder(exclude_empty=True).find(module)
+    parser = doctest.DocTestParser()  # the finder passes over functions of an extension
+    return [
+        parser.get_doctest(value.__doc__, dict(vars(module)), f"{module.__name__}.{name}", None, 0)
+        for name, value in vars(module).items()
+        if not name.startswith("__") and value.__doc__
+    ]
+
+
+def test_the_extension_has_doctests() -> None:
+    assert sum(len(test.examples) for test in doctests_of(locfuse._core)) > 10
+
+
+def test_readme_shows_the_examples() -> None:
+    shown = {block.language: block.text for block in blocks_of(ROOT / "README.md")}
+    cpp = (ROOT / "examples/cpp/fuse_ranges.cpp").read_text()
+    assert shown["cpp"] == cpp.split("\n", 1)[1]  # but for the licence line
+    python = (ROOT / "examples/python/fuse_ranges.py").read_text()
+    first = "anchors = "
+    assert shown["python"].partition(first)[2] == python.partition(first)[2] != ""
+
+
+# Links and names -------------------------------------------------------------------------------
+
+
+def anchor_of(heading: str) -> str:
+    return re.sub(r"[\s-]+", "-", re.sub(r"[^\w\s-]", "", heading.lower()).strip())
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CHANGELOG.md"], ids=name_of)
+def test_relative_links_hit_a_file_and_a_heading(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)\s]+)\)", prose_of(page)):
+        if "://" in target:
+            continue
+        file, _, fragment = target.partition("#")
+        path = page.parent / file if file else page
+        assert path.is_file(), f"{page}: {target}"
+        if fragment:
+            headings = re.findall(r"^#+ (.+)$", prose_of(path), re.MULTILINE)
+            assert fragment in [anchor_of(h) for h in headings], f"{page}: {target}"
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CHANGELOG.md"], ids=name_of)
+def test_files_of_the_repository_that_are_named_exist(page: Path) -> None:
+    folders = "cpp|python|bindings|tests|scripts|examples|benchmarks|docs|cmake"
+    for name in re.findall(rf"`((?:{folders})/[\w./-]+)`", prose_of(page)):
+        assert (ROOT / name).exists(), f"{page}: {name}"
+
+
+def test_every_page_is_in_the_navigation_and_nothing_is_fetched() -> None:
+    site = yaml.safe_load((ROOT / "mkdocs.yml").read_text())
+
+    def leaves(item: Any) -> list[str]:
+        if isinstance(item, str):
+            return [item]
+        values = item.values() if isinstance(item, dict) else item
+        return [leaf for value in values for leaf in leaves(value)]
+
+    assert sorted(leaves(site["nav"])) == sorted(
+        str(p.relative_to(DOCS)) for p in DOCS.rglob("*.md")
+    )
+    assert site["theme"]["highlightjs"] is False
+    for page in DOCS.rglob("*.md"):
+        assert "<script" not in page.read_text()
+
+
+def equations_of(page: Path) -> list[int]:
+    """Return the numbers of the equations of a page, in order."""
+    texts = [block.text for block in blocks_of(page) if block.language == "text"]
+    return [int(n) for text in texts for n in re.findall(r"\S {2,}\((\d+)\)$", text, re.MULTILINE)]
+
+
+def citations() -> list[tuple[Path, str, int]]:
+    """Return source, page and number of every equation of our own pages that the sources cite."""
+    found = []
+    for source in SOURCES:
+        text = source.read_text()
+        pages = sorted(set(re.findall(r"docs/[\w/]+\.md", text)))
+        text = re.sub(r"ekim2020\W+eq\. \(\d+\)", "", text)
+        for first, last in re.findall(r"\beq\.\s+\((\d+)\)(?:\s+to\s+\((\d+)\))?", text):
+            assert len(pages) == 1, f"{source} cites eq. ({first}) of {pages}"
+            found += [(source, pages[0], n) for n in range(int(first), int(last or first) + 1)]
+    return found
+
+
+def test_cited_equations_exist() -> None:
+    cited = citations()
+    assert len(cited) > 5
+    for source, page, number in cited:
+        assert number in equations_of(ROOT / page), f"{source} cites {page} eq. ({number})"
+
+
+@pytest.mark.parametrize("page", sorted((DOCS / "models").glob("*.md")), ids=name_of)
+def test_equations_are_numbered_in_order(page: Path) -> None:
+    numbers = equations_of(page)
+    assert numbers == list(range(1, len(numbers) + 1)) != []
+
+
+def test_pages_that_the_sources_name_exist() -> None:
+    named = {n for s in SOURCES for n in re.findall(r"docs/[\w/]+\.md", s.read_text())}
+    assert named
+    for name in named:
+        assert (ROOT / name).is_file(), name
+
+
+def test_api_lists_exactly_the_public_names() -> None:
+    rows = table_under(DOCS / "api.md", "## Python names")
+    assert [row[0].strip("`") for row in rows] == locfuse.__all__
+
+
+def test_api_lists_functions_that_exist() -> None:
+    for row in table_under(DOCS / "api.md", "## Python functions of the rooms"):
+        module, _, name = row[0].strip("`").rpartition(".")
+        assert callable(getattr(importlib.import_module(module), name))
+
+
+def test_api_lists_exactly_the_headers() -> None:
+    include = ROOT / "cpp/include/locfuse"
+    rows = table_under(DOCS / "api.md", "## C++ headers")
+    listed = [row[0].strip("`") for row in rows]
+    assert sorted(listed) == sorted(str(p.relative_to(include)) for p in include.rglob("*.hpp"))
+    for header, row in zip(listed, rows, strict=True):
+        if header != "locfuse.hpp":
+            text = (include / header).read_text()
+            for name in re.findall(r"`(\w+)", row[1]):
+                assert re.search(rf"\b{name}\b", text), f"{header} has no {name}"
+
+
+def test_there_is_one_version() -> None:
+    cmake = (ROOT / "CMakeLists.txt").read_text()
+    match = re.search(r"VERSION (\d+\.\d+\.\d+)", cmake)
+    assert match is not None
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    assert locfuse.__version__ == match[1] == citation["version"]
+    assert f"## [{match[1]}]" in (ROOT / "CHANGELOG.md").read_text()
+
+
+# Configuration ---------------------------------------------------------------------------------
+
+CONFIGURATION = DOCS / "configuration.md"
+SECTIONS: dict[str, type[Strict]] = {
+    "## Top level": schema.RunConfig,
+    "### `log` as a data set": schema.Dataset,
+    "### `start_sigma`": schema.StartSigma,
+    "### `anchors`": schema.RangeError,
+    "## `estimator`": schema.Estimator,
+    "### `estimator.odometry`": schema.Odometry,
+    "### `estimator.range`": schema.Range,
+    "### `estimator.position`": schema.Position,
+    "## `simulation`": scenario.Scenario,
+    "### `path`, shape `circle`": scenario.Circle,
+    "### `path`, shape `eight`": scenario.Eight,
+    "### `path`, shape `square`": scenario.Square,
+    "### `path`, shape `star`": scenario.Star,
+    "### `path`, shape `waypoints`": scenario.Waypoints,
+    "### `simulation.odometry`": scenario.OdometrySensor,
+    "### `simulation.ranges`": scenario.RangeSensor,
+    "### `simulation.poses`": scenario.PoseSensor,
+    "### `simulation.positions`": scenario.PositionSensor,
+    "### Fault `nlos`": scenario.Nlos,
+    "### Fault `bias`": scenario.Bias,
+    "### Fault `outliers`": scenario.Outliers,
+    "### Fault `dropouts`": scenario.Dropouts,
+    "### Fault `latency`": scenario.Latency,
+    "### Fault `wheel_slip`": scenario.WheelSlip,
+}
+UNITS = {
+    "_per_sqrt_m": "/√m",
+    "_per_sqrt_rad": "/√rad",
+    "_per_sqrt_s": "/√s",
+    "_mps": "m/s",
+    "_radps": "rad/s",
+    "_deg": "deg",
+    "_hz": "Hz",
+    "_m": "m",
+    "_s": "s",
+}
+
+
+def fields_of(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Return the fields of a model but for the tag that its heading names."""
+    return {k: f for k, f in model.model_fields.items() if k not in ("shape", "kind")}
+
+
+def unit_of(key: str) -> str | None:
+    """Return the unit that a key spells; None if it spells none."""
+    ending = next((ending for ending in UNITS if key.endswith(ending)), None)
+    if ending is None:
+        return None
+    angle = "rad" if "heading" in key else "m"
+    return (angle if "sqrt" in ending else "") + UNITS[ending]
+
+
+def bounds_of(field: FieldInfo) -> list[str]:
+    """Return what must stand in the column of allowed values."""
+    found: list[str] = []
+
+    def look(part: Any) -> None:
+        if isinstance(part, annotated_types.Gt):
+            found.append(f"> {part.gt:g}")
+        elif isinstance(part, annotated_types.Ge):
+            found.append(f">= {part.ge:g}")
+        elif isinstance(part, annotated_types.Le):
+            found.append(f"<= {part.le:g}")
+        elif get_origin(part) is Literal:
+            found.extend(f"`{choice}`" for choice in get_args(part))
+        elif isinstance(part, FieldInfo):
+            for item in part.metadata:
+                look(item)
+        elif get_origin(part) in (Annotated, Union, UnionType):
+            for item in get_args(part):
+                look(item)
+
+    look(field.annotation)
+    look(field)
+    return found
+
+
+def same(documented: Any, value: Any) -> bool:
+    """Return whether a default is the documented one, which may be rounded to three digits."""
+    if isinstance(value, dict):
+        return set(documented) == set(value) and all(same(documented[k], value[k]) for k in value)
+    if isinstance(value, list | tuple):
+        return len(documented) == len(value) and all(map(same, documented, value))
+    if isinstance(value, float):
+        return bool(value == documented or abs(value - documented) <= 5e-3 * abs(value))
+    return bool(documented == value)
+
+
+@pytest.mark.parametrize("heading", SECTIONS)
+def test_configuration_tables_are_those_of_the_code(heading: str) -> None:
+    fields = fields_of(SECTIONS[heading])
+    rows = {row[0].strip("`"): row for row in table_under(CONFIGURATION, heading)}
+    assert list(rows) == list(fields)
+    for key, (_, default, unit, allowed, meaning) in rows.items():
+        field = fields[key]
+        where = f"{heading} {key}"
+        value = field.get_default(call_default_factory=True)
+        if field.is_required():
+            assert default == "required", where
+        elif value is None:
+            assert default == "none", where
+        elif isinstance(value, BaseModel):
+            assert SECTIONS[section_linked(default)] is type(value), where
+        else:
+            documented = yaml.safe_load(default.strip("`"))
+            assert same(documented, pydantic.TypeAdapter(Any).dump_python(value)), where
+        assert unit == unit_of(key) or (unit_of(key) is None and unit), where
+        for bound in bounds_of(field):
+            assert bound in allowed, f"{where}: {bound} is not in {allowed!r}"
+        assert meaning, where
+
+
+def section_linked(cell: str) -> str:
+    match = re.fullmatch(r"\[.+\]\(#(.+)\)", cell)
+    assert match is not None, cell
+    return next(h for h in SECTIONS if anchor_of(h.lstrip("# ")) == match[1])
+
+
+def test_every_part_of_a_configuration_has_its_table() -> None:
+    models = {
+        value
+        for module in (schema, scenario)
+        for value in vars(module).values()
+        if isinstance(value, type) and issubclass(value, Strict) and value is not Strict
+    }
+    assert set(SECTIONS.values()) == models
+
+
+# Results ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    result = run(parse_config({"simulation": {"duration_s": 5}}), seed=1)
+    folder = tmp_path_factory.mktemp("results")
+    write_results(result, folder)
+    return folder, dict(result.metrics)
+
+
+def test_files_of_a_run_are_documented(results: tuple[Path, dict[str, Any]]) -> None:
+    rows = table_under(DOCS / "results.md", "## Files")
+    assert sorted(row[0].strip("`") for row in rows) == sorted(p.name for p in results[0].iterdir())
+
+
+def test_keys_of_metrics_are_documented(results: tuple[Path, dict[str, Any]]) -> None:
+    rows = table_under(DOCS / "results.md", "## metrics.json")
+    assert [row[0].strip("`") for row in rows if row[0].strip("`") != "truth"] == [
+        key for key in results[1] if key != "truth"
+    ]
+    assert "truth" in results[1]
+
+
+@pytest.mark.parametrize("file", ["estimate.csv", "outcomes.csv"])
+def test_columns_of_results_are_documented(file: str, results: tuple[Path, dict[str, Any]]) -> None:
+    text = " ".join((DOCS / "results.md").read_text().split())
+    paragraph = text.partition(f"`{file}`: ")[2].partition(". ")[0]
+    header = (results[0] / file).read_text().split("\n", 1)[0]
+    documented = re.findall(r"`(\w+)`", paragraph)
+    assert documented == header.split(",")
+
+
+def test_rows_of_reproduce_are_documented() -> None:
+    text = (DOCS / "cli.md").read_text()
+    assert all(f"`{name}`" in text for name in Claim.__dataclass_fields__)
+    assert all(f"`{paper}`" in text for paper in PAPERS)
+
+
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_accuracy_of_recordings_is_as_documented(name: str) -> None:
+    rows = {row[0]: row for row in table_under(DOCS / "accuracy.md", "## Recordings")}
+    file, of_dataset, limit = RECORDINGS[name]
+    config = load_config(ROOT / "examples/configs" / file)
+    if of_dataset is not None:
+        assert isinstance(config.log, schema.Dataset)
+        dataset = config.log.model_copy(update={"run": of_dataset})
+        config = config.model_copy(update={"log": dataset})
+    try:
+        metrics = run(config, base=ROOT / "examples/configs").metrics
+    except locfuse.LogError as error:
+        pytest.skip(f"{name}: {error}")
+    _, _, rmse, required, nees, in_band = rows[name]
+    assert rmse == f"{metrics['position_rmse_m']:.4f} m"
+    assert required == f"<= {limit:g} m"
+    assert nees == f"{metrics['nees_mean']:.1f} ({metrics['nees_dof']})"
+    assert in_band == f"{100 * metrics['nees_in_band']:.0f} %"
