@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+
 #include "bindings.hpp"
 #include "locfuse/replay/replay.hpp"
 #include "numpy.hpp"
@@ -12,7 +14,7 @@ using locfuse::PoseEkf;
 using locfuse::PoseEstimate;
 using locfuse::RunLog;
 using locfuse::Stamp;
-using Stamps = Column<Stamp>;
+using Stamps = py::array_t<Stamp, py::array::c_style>;  // no cast: seconds as floats are refused
 
 namespace {
 
@@ -31,6 +33,14 @@ void add_rows(MessageLog& log, const Stamps& stamps, const std::optional<Stamps>
     const Message message = make(static_cast<py::ssize_t>(row));
     return {arrival != nullptr ? arrival[row] : effective_stamp(message), message};
   });
+}
+
+double checked_sigma(const char* what, double sigma) {
+  if (!(std::isfinite(sigma) && sigma > 0.0)) {
+    throw std::invalid_argument(std::string(what) + " is " + std::to_string(sigma) +
+                                ", expected a finite number > 0");
+  }
+  return sigma;
 }
 
 template <class Field>
@@ -158,9 +168,10 @@ ValueError, names the row, and nothing is added.
             add_rows(log, stamp, arrival,
                      [t = stamp.data(), p = position.data(),
                       s = sigma.data()](py::ssize_t i) -> Message {
+                       const double sd = checked_sigma("PositionFix.sigma [m]", s[i]);
                        return locfuse::PositionFix{t[i],
                                                    {p[2 * i], p[2 * i + 1]},
-                                                   s[i] * s[i] * locfuse::Matrix<2, 2>::Identity()};
+                                                   sd * sd * locfuse::Matrix<2, 2>::Identity()};
                      });
           },
           py::arg("stamp_ns"), py::arg("position"), py::arg("sigma"), no_arrival,
@@ -176,7 +187,10 @@ ValueError, names the row, and nothing is added.
             add_rows(log, stamp, arrival,
                      [t = stamp.data(), p = pose.data(), xy = sigma_xy.data(),
                       h = sigma_heading.data()](py::ssize_t i) -> Message {
-                       const locfuse::Vector<3> sigma(xy[i], xy[i], h[i]);
+                       const double sd = checked_sigma("PoseObservation.sigma_xy [m]", xy[i]);
+                       const double sd_heading =
+                           checked_sigma("PoseObservation.sigma_heading [rad]", h[i]);
+                       const locfuse::Vector<3> sigma(sd, sd, sd_heading);
                        return locfuse::PoseObservation{t[i],
                                                        {p[3 * i], p[3 * i + 1], p[3 * i + 2]},
                                                        sigma.cwiseAbs2().asDiagonal()};

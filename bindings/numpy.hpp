@@ -13,9 +13,8 @@ template <class T>
 using Column = pybind11::array_t<T, pybind11::array::c_style | pybind11::array::forcecast>;
 
 /// Throws std::invalid_argument unless `column` has shape (rows,) or (rows, width).
-template <class T>
-void expect_shape(const char* name, const Column<T>& column, pybind11::ssize_t rows,
-                  pybind11::ssize_t width = 0) {
+inline void expect_shape(const char* name, const pybind11::array& column, pybind11::ssize_t rows,
+                         pybind11::ssize_t width = 0) {
   const bool fits = width == 0
                         ? column.ndim() == 1 && column.shape(0) == rows
                         : column.ndim() == 2 && column.shape(0) == rows && column.shape(1) == width;
@@ -24,6 +23,7 @@ void expect_shape(const char* name, const Column<T>& column, pybind11::ssize_t r
     for (pybind11::ssize_t i = 0; i < column.ndim(); ++i) {
       shape += (i > 0 ? ", " : "") + std::to_string(column.shape(i));
     }
+    shape += column.ndim() == 1 ? "," : "";
     throw std::invalid_argument(std::string(name) + " has shape (" + shape + "), expected (" +
                                 std::to_string(rows) +
                                 (width == 0 ? ",)" : ", " + std::to_string(width) + ")"));

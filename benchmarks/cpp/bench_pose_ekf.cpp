@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One prediction and five ranges on three states, per step: a hand-written Joseph-form reference, our
-// models and filter functions, the whole PoseEkf with checks, gates and outcomes, and Orocos BFL.
+// One prediction and five ranges on three states, per step: a hand-written Joseph-form reference,
+// our models and filter functions, the whole PoseEkf with checks, gates and outcomes, Orocos BFL.
 #include <benchmark/benchmark.h>
 
 #include <Eigen/Core>
@@ -113,7 +113,7 @@ void run_functions(const Circle& in, std::vector<double>& out) {
   }
 }
 
-/// What a user calls: checks, time, anchor look-up, gate, outcome, and the belief put back if gated.
+/// What a user calls: checks, time, anchor look-up, gate, outcome; the belief put back if gated.
 void run_pose_ekf(const Circle& in, std::vector<double>& out) {
   PoseEkf::Config config;
   config.odometry = motion_config();

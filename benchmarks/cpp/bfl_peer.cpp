@@ -101,8 +101,8 @@ void run_bfl(const Circle& input, std::vector<double>& estimates) {
   std::vector<std::unique_ptr<BFL::AnalyticMeasurementModelGaussianUncertainty>> models;
   for (const auto& anchor : Circle::kAnchorXY) {
     densities.push_back(std::make_unique<Range>(R, anchor));
-    models.push_back(std::make_unique<BFL::AnalyticMeasurementModelGaussianUncertainty>(
-        densities.back().get()));
+    models.push_back(
+        std::make_unique<BFL::AnalyticMeasurementModelGaussianUncertainty>(densities.back().get()));
   }
   const double q0 = std::pow(Circle::kSigmaMotion[0], 2);
   const double q1 = std::pow(Circle::kSigmaMotion[1], 2);

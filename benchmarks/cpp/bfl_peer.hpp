@@ -5,5 +5,6 @@
 
 #include "circle.hpp"
 
-/// Orocos BFL's extended Kalman filter on the same input and noise. Estimates: x, y, heading a step.
+/// Orocos BFL's extended Kalman filter on the same input and noise.
+/// Estimates: x, y, heading per step.
 void run_bfl(const Circle& input, std::vector<double>& estimates);

@@ -45,9 +45,9 @@ console = Console()
 def main() -> None:
     """Run the command line; errors become one sentence and exit status 1."""
     try:
-        app()
-    except (ValueError, NumericalError, OSError) as error:
-        print(f"locfuse: {error}", file=sys.stderr)
+        app(prog_name="locfuse")
+    except (ValueError, NumericalError, OSError, MemoryError) as error:
+        print("locfuse:", *str(error).split(), file=sys.stderr)
         sys.exit(1)
 
 

@@ -46,6 +46,12 @@ double positive(const char* name, double value) {
   return value;
 }
 
+Stamp hold_of(const PoseEkf::Config& config) {
+  constexpr double kForever = 1e9;  // 32 years: end of a hold and any clock's time fit in a Stamp
+  return static_cast<Stamp>(std::min(positive("hold_s", config.hold_s), kForever) *
+                            kNanosecondsPerSecond);
+}
+
 OdometryMotion lost_motion(const PoseEkf::Config& config) {
   OdometryMotion::Config lost = config.odometry;
   lost.sigma_xy_per_sqrt_s = positive("sigma_lost_xy_per_sqrt_s", config.sigma_lost_xy_per_sqrt_s);
@@ -62,8 +68,7 @@ PoseEkf::PoseEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
           Recipe{config, OdometryMotion(config.odometry), lost_motion(config),
                  RangeModel(config.range, std::move(anchors), std::move(tags)),
                  PositionModel(config.position), PoseModel(), Gate(config.gate_range),
-                 Gate(config.gate_position), Gate(config.gate_pose),
-                 static_cast<Stamp>(positive("hold_s", config.hold_s) * kNanosecondsPerSecond)})),
+                 Gate(config.gate_position), Gate(config.gate_pose), hold_of(config)})),
       belief_(GaussianBelief::of_pose(start.stamp, start.pose, start.covariance)),
       body_(belief_.slot("body")),
       control_{start.stamp, start.stamp, Pose2{}, true} {}

@@ -6,24 +6,29 @@
 
 namespace locfuse {
 
-void internal::check_columns(const GaussianBelief& belief, Slots slots, Eigen::Index columns) {
-  Eigen::Index size = 0;
-  for (const Slot slot : slots) {
-    size += dimension_of(belief.kind(slot));
+Outcome internal::update_part(GaussianBelief& belief,
+                              const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin, Slots slots,
+                              const Gate& gate) {
+  const std::vector<int> rows = belief.rows(slots);
+  if (static_cast<Eigen::Index>(rows.size()) != lin.jacobian.cols()) {
+    throw std::invalid_argument("the Jacobian has " + std::to_string(lin.jacobian.cols()) +
+                                " columns, the slots hold " + std::to_string(rows.size()) +
+                                " variables");
   }
-  if (size != columns) {
-    throw std::invalid_argument("the Jacobian has " + std::to_string(columns) +
-                                " columns, the slots hold " + std::to_string(size) + " variables");
-  }
+  const Eigen::MatrixXd PHt = belief.P(Eigen::all, rows) * lin.jacobian.transpose();
+  const Eigen::MatrixXd S = lin.jacobian * PHt(rows, Eigen::all) + lin.noise;
+  return fuse(belief.x, belief.P, lin, PHt, S, gate, belief.angle_rows(),
+              [&](const Eigen::MatrixXd& A) {
+                return Eigen::MatrixXd(A(Eigen::all, rows) * lin.jacobian.transpose());
+              });
 }
 
 void internal::refuse_rows(Eigen::Index residual, Eigen::Index jacobian, Eigen::Index noise,
                            Eigen::Index noise_columns) {
-  throw std::invalid_argument("a measurement has a residual of " + std::to_string(residual) +
-                              " rows, a Jacobian of " + std::to_string(jacobian) +
-                              " rows and noise of " + std::to_string(noise) + " x " +
-                              std::to_string(noise_columns) +
-                              ", expected one number of rows, at least 1");
+  throw std::invalid_argument(
+      "a measurement has a residual of " + std::to_string(residual) + " rows, a Jacobian of " +
+      std::to_string(jacobian) + " rows and noise of " + std::to_string(noise) + " x " +
+      std::to_string(noise_columns) + ", expected one number of rows, at least 1");
 }
 
 void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slot) {
@@ -36,8 +41,8 @@ void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slo
   const Matrix<3, 3> FP = step.jacobian * P;
   Matrix<3, 3> P_new = step.noise;
   P_new.noalias() += FP * step.jacobian.transpose();
-  if (!std::isfinite(P_new.sum() + moved.sum())) {
-    throw NumericalError("prediction is not finite");
+  if (!std::isfinite(P_new.sum() + moved.sum()) || !(P_new.diagonal().minCoeff() > 0.0)) {
+    throw NumericalError("prediction would leave a belief that is not finite and positive");
   }
   if (!whole) {
     const Matrix<3, Eigen::Dynamic> cross = step.jacobian * belief.P.middleRows<3>(row);

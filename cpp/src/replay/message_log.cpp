@@ -2,6 +2,7 @@
 #include "locfuse/replay/message_log.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace locfuse {
 
@@ -10,10 +11,24 @@ void MessageLog::add(const Message& message, Stamp arrival) {
   arrivals_.push_back({arrival, message});
 }
 
+// Merges the runs that are in order already: a log is made of a few columns, each sorted.
 void MessageLog::sort() {
   const auto earlier = [](const Arrival& a, const Arrival& b) { return a.arrival < b.arrival; };
-  if (!std::is_sorted(arrivals_.begin(), arrivals_.end(), earlier)) {
-    std::stable_sort(arrivals_.begin(), arrivals_.end(), earlier);
+  std::vector<std::vector<Arrival>::iterator> bounds{arrivals_.begin()};
+  while (bounds.back() != arrivals_.end()) {
+    bounds.push_back(std::is_sorted_until(bounds.back(), arrivals_.end(), earlier));
+  }
+  while (bounds.size() > 2) {
+    std::vector<std::vector<Arrival>::iterator> merged;
+    for (std::size_t i = 0; i + 2 < bounds.size(); i += 2) {
+      std::inplace_merge(bounds[i], bounds[i + 1], bounds[i + 2], earlier);
+      merged.push_back(bounds[i]);
+    }
+    if (bounds.size() % 2 == 0) {  // an odd run is left over
+      merged.push_back(bounds[bounds.size() - 2]);
+    }
+    merged.push_back(bounds.back());
+    bounds = std::move(merged);
   }
 }
 

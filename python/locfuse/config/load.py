@@ -86,5 +86,5 @@ def _sentence(origin: str, error: Any) -> str:
     where = ".".join(str(part) for part in error["loc"])
     message = error["msg"].removeprefix("Value error, ")
     got = error["input"]
-    value = f" (got {got!r})" if isinstance(got, str | int | float | bool) else ""
+    value = f" (got {got!r})" if isinstance(got, str | int | float | list) else ""
     return f"{origin}: {where}: {message}{value}" if where else f"{origin}: {message}{value}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# cmake -D WAY=<installed|subdirectory> ... -P run.cmake: configures, builds and runs the consumer.
+# cmake -D WAY=<installed|as_subdirectory> ... -P run.cmake: configures, builds and runs the consumer.
 function(run)
   execute_process(COMMAND ${ARGV} COMMAND_ECHO STDOUT COMMAND_ERROR_IS_FATAL ANY)
 endfunction()
@@ -9,10 +9,10 @@ if(WAY STREQUAL "installed")
   run(${CMAKE_COMMAND} --install ${LOCFUSE_BINARY_DIR} --prefix ${WORK_DIR}/built --component cpp)
   file(RENAME ${WORK_DIR}/built ${WORK_DIR}/prefix) # whoever remembers the first path will fail
   set(where -D CMAKE_PREFIX_PATH=${WORK_DIR}/prefix)
-elseif(WAY STREQUAL "subdirectory")
+elseif(WAY STREQUAL "as_subdirectory")
   set(where -D CONSUMER_SOURCE_DIR=${LOCFUSE_SOURCE_DIR})
 else()
-  message(FATAL_ERROR "WAY is '${WAY}', expected installed or subdirectory")
+  message(FATAL_ERROR "WAY is '${WAY}', expected installed or as_subdirectory")
 endif()
 
 run(

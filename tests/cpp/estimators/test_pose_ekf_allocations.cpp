@@ -44,6 +44,19 @@ TEST(PoseEkf, allocates_nothing_per_message) {
   EXPECT_GT(fused, 2900);
 }
 
+TEST(PoseEkf, rewinding_to_a_snapshot_allocates_nothing) {
+  PoseEkf ekf = testing::ekf_at({});
+  const PoseEkf snapshot = ekf;
+  const Range z = testing::range_to(0, {}, testing::kSecond);
+  const std::size_t before = allocations();
+  for (int i = 0; i < 100; ++i) {
+    ASSERT_EQ(ekf.on(z).verdict, Verdict::kFused);
+    ekf = snapshot;
+  }
+  EXPECT_EQ(allocations(), before);
+  EXPECT_TRUE(testing::same_bits(ekf.belief(), snapshot.belief()));
+}
+
 TEST(PoseEkf, allocates_nothing_for_messages_that_are_not_fused) {
   PoseEkf ekf = testing::ekf_at({});
   const Range unknown{testing::kSecond, 0, 99, 5.0, {}};

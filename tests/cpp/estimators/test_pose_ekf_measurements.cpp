@@ -39,6 +39,20 @@ TEST(PoseEkf, a_range_pulls_as_the_textbook_says) {
   expect_textbook(ekf, before, {lin.residual, lin.jacobian, lin.noise});
 }
 
+TEST(PoseEkf, each_range_of_an_epoch_is_linearized_where_the_one_before_led) {
+  PoseEkf ekf({}, testing::hall(), testing::one_tag(),
+              {0, kStart, Matrix<3, 3>(Vector<3>(4.0, 4.0, 0.1).asDiagonal())});
+  for (const Id anchor : {0, 1, 2, 3}) {
+    const Range z = range_to(anchor, {2.0, 0.5, 0.3}, 0);
+    const GaussianBelief before = ekf.belief();
+    const Linearization<1, 3> lin = *ekf.range_model().linearize(ekf.pose(), z);
+    ASSERT_EQ(ekf.on(z).verdict, Verdict::kFused);
+    expect_textbook(ekf, before, {lin.residual, lin.jacobian, lin.noise});
+  }
+  EXPECT_NEAR(ekf.pose().x, 2.0, 0.05);
+  EXPECT_NEAR(ekf.pose().y, 0.5, 0.05);
+}
+
 TEST(PoseEkf, a_position_as_sure_as_the_belief_goes_half_way) {
   PoseEkf ekf({}, testing::hall(), {}, {0, {1.0, 2.0, 0.5}, Matrix<3, 3>::Identity()});
   EXPECT_EQ(ekf.on(PositionFix{0, {2.0, 1.0}, Matrix<2, 2>::Identity()}).verdict, Verdict::kFused);

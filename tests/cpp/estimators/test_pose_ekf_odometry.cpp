@@ -117,6 +117,47 @@ TEST(PoseEkf, increments_in_shares_have_the_covariance_of_a_straight_whole) {
   expect_near(difference, Matrix<3, 3>(Matrix<3, 3>::Zero()), 1e-16);
 }
 
+/// After 4 s on an arc of 2 m and 1.2 rad, told in `messages` pieces.
+template <class Tell>
+PoseEstimate after_an_arc(int messages, const Tell& tell) {
+  PoseEkf ekf = ekf_at(kStart, patient());
+  for (int i = 0; i < messages; ++i) {
+    tell(ekf, 4 * kSecond * i / messages, 4 * kSecond * (i + 1) / messages);
+  }
+  return ekf.estimate(4 * kSecond);
+}
+
+PoseEstimate told_in_increments(int messages) {
+  const Pose2 share = arc_share(arc(2.0, 0.0, 1.2), 1.0 / messages);
+  return after_an_arc(messages, [&](PoseEkf& ekf, Stamp begin, Stamp end) {
+    ekf.on(Increment{begin, end, share});
+  });
+}
+
+PoseEstimate told_in_velocities(int messages) {
+  return after_an_arc(messages, [](PoseEkf& ekf, Stamp begin, Stamp) {
+    ekf.on(Velocity{begin, 0.5, 0.3});
+  });
+}
+
+TEST(PoseEkf, the_same_drive_is_as_uncertain_at_any_message_rate) {
+  const PoseEstimate slow = told_in_increments(40);
+  for (const PoseEstimate& fast : {told_in_increments(4000), told_in_velocities(4000)}) {
+    expect_pose_near(fast.pose, slow.pose, 1e-12);
+    // 10 Hz sees chords instead of arcs and leaves out what heading noise does within a step.
+    EXPECT_NEAR(fast.covariance(2, 2), slow.covariance(2, 2), 1e-6);
+    const double spread = slow.covariance.cwiseAbs().maxCoeff();
+    expect_near(fast.covariance, slow.covariance, 0.003 * spread);
+  }
+}
+
+TEST(PoseEkf, an_increment_and_the_velocity_of_its_arc_leave_the_same_belief) {
+  const PoseEstimate increments = told_in_increments(80);
+  const PoseEstimate velocities = told_in_velocities(80);
+  expect_pose_near(velocities.pose, increments.pose, 1e-13);
+  expect_near(velocities.covariance, increments.covariance, 1e-14);
+}
+
 TEST(PoseEkf, an_increment_heard_of_late_counts_with_the_share_that_is_left) {
   PoseEkf ekf = ekf_at(kStart);
   ekf.advance_to(at(0.25));  // it stood, for all it knew
@@ -162,6 +203,44 @@ TEST(PoseEkf, after_an_increment_its_rate_is_held_and_then_it_stands) {
   expect_pose_near(ekf.estimate(at(1.25)).pose, kStart * arc_share(motion, 1.25), 1e-14);
   expect_pose_near(ekf.estimate(at(1.5)).pose, kStart * arc_share(motion, 1.5), 1e-14);
   expect_pose_near(ekf.estimate(9 * kSecond).pose, kStart * arc_share(motion, 1.5), 1e-14);
+}
+
+TEST(PoseEkf, spreads_from_the_end_of_the_hold_whatever_odometry_said_last) {
+  PoseEkf::Config config;
+  config.hold_s = 0.5;
+  config.odometry = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+  config.sigma_lost_xy_per_sqrt_s = 0.2;
+  config.sigma_lost_heading_per_sqrt_s = 0.3;
+  const Matrix<3, 3> per_second = Vector<3>(0.04, 0.04, 0.09).asDiagonal();
+  const auto expect_spread = [&](const PoseEkf& ekf, double lost) {
+    const PoseEstimate held = ekf.estimate(at(3.0 - lost));
+    const PoseEstimate now = ekf.estimate(at(3.0));
+    expect_pose_near(now.pose, held.pose, 1e-15);
+    expect_near(now.covariance - held.covariance, lost * per_second, 1e-14);
+    if (lost < 2.5) {
+      const Matrix<3, 3> before = ekf.estimate(at(2.9 - lost)).covariance;
+      EXPECT_NEAR(before(2, 2), held.covariance(2, 2), 1e-15);
+    }
+  };
+  PoseEkf ekf = ekf_at(kStart, config);
+  expect_spread(ekf, 2.5);  // never heard of odometry
+  ekf.on(Increment{0, kSecond, {0.5, 0.0, 0.2}});
+  expect_spread(ekf, 1.5);
+  ekf.on(Velocity{2 * kSecond, 0.5, 0.2});
+  expect_spread(ekf, 0.5);
+}
+
+TEST(PoseEkf, a_hold_longer_than_any_clock_lasts) {
+  // 1e10 s in nanoseconds exceed a Stamp: it used to be lost at once instead of never.
+  for (const double hold : {1e9, 1e10, 1e300}) {
+    PoseEkf::Config config;
+    config.hold_s = hold;
+    const Stamp now = 1'700'000'000 * kSecond;  // since 1970
+    PoseEkf ekf(config, testing::hall(), {}, {now, kStart, Matrix<3, 3>::Identity()});
+    ekf.on(Velocity{now, 0.001, 0.0});
+    EXPECT_NEAR((ekf.estimate(now + 10'000 * kSecond).pose.position() - kStart.position()).norm(),
+                10.0, 1e-9);
+  }
 }
 
 TEST(PoseEkf, drives_again_when_odometry_returns) {

@@ -68,6 +68,18 @@ TEST(PoseEkf, an_unknown_anchor_or_tag_is_not_modelled) {
   });
 }
 
+TEST(PoseEkf, an_outcome_without_comparison_has_no_numbers) {
+  PoseEkf ekf = moving();
+  for (const Outcome& outcome :
+       {ekf.on(range_to(0, kStart, 0)), ekf.on(Range{kSecond, 0, 99, 5.0, {}}),
+        ekf.on(Velocity{kSecond, 1.0, 0.0}), ekf.on(Increment{kSecond, kSecond, {}})}) {
+    EXPECT_EQ(outcome.dof, 0);
+    EXPECT_TRUE(std::isnan(outcome.nis));
+    EXPECT_TRUE(std::isnan(outcome.residual));
+    EXPECT_TRUE(std::isnan(outcome.log_likelihood()));
+  }
+}
+
 TEST(PoseEkf, what_is_too_unlikely_is_gated) {
   for (const Stamp stamp : {kSecond, kSecond + 7, 2 * kSecond, 5 * kSecond}) {
     expect_no_trace(range_to(0, kStart, stamp, 20.0), Verdict::kGated);

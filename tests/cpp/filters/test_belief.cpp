@@ -105,6 +105,18 @@ TEST(GaussianBelief, refuses_handles_it_never_gave) {
   expect_refused([&] { (void)belief.pose(belief.slot("left")); }, "no pose");
 }
 
+TEST(GaussianBelief, refuses_to_remove_what_is_not_there) {
+  GaussianBelief belief = body_and_two_points();
+  const Slot left = belief.slot("left");
+  belief.remove(left);
+  const GaussianBelief before = belief;
+  for (const Slot gone : {left, Slot{3}, Slot{-1}}) {
+    expect_refused([&] { belief.remove(gone); }, "slot " + std::to_string(gone.id));
+  }
+  EXPECT_TRUE(same_bits(belief, before));
+  EXPECT_EQ(belief.offset(belief.slot("right")), 3);
+}
+
 TEST(GaussianBelief, refuses_what_does_not_fit_and_stays_as_it_was) {
   GaussianBelief belief = body_and_two_points();
   const GaussianBelief before = belief;

@@ -66,6 +66,33 @@ TEST(Update, gate_divides_at_the_quantile) {
   }
 }
 
+/// A measurement of the whole pose; `squared` is its NIS where S = 2 I.
+template <int M>
+Linearization<M, 3> of_pose(double squared) {
+  Linearization<M, 3> lin;
+  lin.residual = std::sqrt(2.0 * squared) * Vector<3>(0.6, 0.0, 0.8);
+  lin.jacobian = Matrix<3, 3>::Identity();
+  lin.noise = Matrix<3, 3>::Identity();
+  return lin;
+}
+
+template <int M>
+void expect_gate_at(double limit) {
+  for (const GaussianBelief& start : both_kinds()) {
+    const Slot body = start.slot("body");
+    GaussianBelief belief = start;
+    EXPECT_EQ(update(belief, of_pose<M>(limit + 1e-9), body, Gate(0.95)).verdict, Verdict::kGated);
+    EXPECT_TRUE(same_bits(belief, start));
+    EXPECT_EQ(update(belief, of_pose<M>(limit - 1e-9), body, Gate(0.95)).verdict, Verdict::kFused);
+    EXPECT_FALSE(same_bits(belief, start));
+  }
+}
+
+TEST(Update, gate_knows_the_degrees_of_freedom_of_a_measurement) {
+  expect_gate_at<3>(7.814727903251179);
+  expect_gate_at<Eigen::Dynamic>(7.814727903251179);
+}
+
 template <int M>
 void expect_breaks(const Linearization<M, 3>& lin) {
   for (GaussianBelief& belief : both_kinds()) {

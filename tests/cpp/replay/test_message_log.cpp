@@ -35,6 +35,20 @@ TEST(MessageLog, sorts_by_arrival_and_keeps_the_order_within_an_instant) {
   }
 }
 
+TEST(MessageLog, takes_rows_whole_or_not_at_all_and_names_the_wrong_one) {
+  MessageLog log;
+  log.add(velocity(1, 1.0));
+  const auto row = [](std::size_t i) {
+    return MessageLog::Arrival{static_cast<Stamp>(10 + i), Range{5, 0, 0, 2.0 - double(i), {}}};
+  };
+  testing::expect_refused([&] { log.add_rows(4, row); }, "row 3", "Range.range", "-1");
+  EXPECT_EQ(log.arrivals().size(), 1U);
+  log.add_rows(3, row);
+  ASSERT_EQ(log.arrivals().size(), 4U);
+  EXPECT_EQ(log.arrivals()[3].arrival, 12);
+  EXPECT_EQ(std::get<Range>(log.arrivals()[3].message).range, 0.0);
+}
+
 TEST(MessageLog, refuses_messages_that_are_not_valid) {
   MessageLog log;
   testing::expect_refused([&] { log.add(Range{0, 0, 0, -2.5, {}}); }, "-2.5");

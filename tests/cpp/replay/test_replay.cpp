@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <future>
 
 #include "locfuse/replay/replay.hpp"
 #include "support/expect.hpp"
@@ -97,6 +98,39 @@ TEST(Replay, gives_the_same_bits_twice) {
     expect_same(first.estimates[i], second.estimates[i]);
   }
   expect_same(first.last, second.last);
+}
+
+TEST(Replay, gives_the_same_bits_on_any_number_of_threads) {
+  const testing::Simulation run = testing::simulate(7, 20.0);
+  const PoseEkf start = ekf_for(run);  // all share its models and maps
+  const MessageLog log = late_log(run);
+  const PoseEstimate alone = replay(start, log, {}).last;
+  std::vector<std::future<PoseEstimate>> together;
+  for (int i = 0; i < 4; ++i) {
+    together.push_back(std::async(std::launch::async, [&] { return replay(start, log, {}).last; }));
+  }
+  for (std::future<PoseEstimate>& one : together) {
+    expect_same(one.get(), alone);
+  }
+}
+
+TEST(Replay, records_each_stamp_once_with_all_that_was_known_of_it) {
+  const PoseEkf start = testing::ekf_at({1.0, 2.0, 0.5});
+  MessageLog log;
+  log.add(testing::range_to(0, {1.0, 2.0, 0.5}, kSecond, 0.05));
+  log.add(testing::range_to(1, {1.0, 2.0, 0.5}, kSecond, 0.05));
+  log.add(testing::range_to(2, {1.0, 2.0, 0.5}, 2 * kSecond, 0.05));
+  log.add(testing::range_to(0, {1.0, 2.0, 0.5}, 3 * kSecond, 90.0));  // gated: nothing is known
+  const RunLog run = replay(start, log, {});
+  ASSERT_EQ(run.estimates.size(), 3U);
+  PoseEkf ekf = start;
+  expect_same(run.estimates[0], ekf.current());
+  ekf.on(log.arrivals()[0].message);
+  ekf.on(log.arrivals()[1].message);
+  expect_same(run.estimates[1], ekf.current());
+  ekf.on(log.arrivals()[2].message);
+  expect_same(run.estimates[2], ekf.current());
+  expect_same(run.last, ekf.current());
 }
 
 TEST(Replay, without_history_late_messages_are_stale) {

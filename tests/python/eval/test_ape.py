@@ -114,7 +114,7 @@ def test_stamps_since_1970_are_compared_to_the_nanosecond() -> None:
 
 
 def test_nothing_to_compare_is_an_error_that_says_why() -> None:
-    with pytest.raises(ValueError, match="0 poses match within 0.01 s"):
+    with pytest.raises(ValueError, match=r"0 poses match within 0\.01 s"):
         ape(track([[0, 0]] * 3), track([[0, 0]] * 3, [100.0, 101.0, 102.0]))
     empty = track(np.empty((0, 2)))
     with pytest.raises(ValueError, match="0 poses match"):

@@ -119,7 +119,8 @@ def test_everything_is_ready_for_json() -> None:
 def test_stamps_since_1970_lose_nothing_to_rounding() -> None:
     result = make_result(n=5, error=(0.0, 0.0, 0.0))
     truth = Trajectory(
-        EPOCH_NS + np.array([0, 400_000_001], dtype=np.int64), np.array([[0.0, 0.0], [4.00000001, 0]])
+        EPOCH_NS + np.array([0, 400_000_001], dtype=np.int64),
+        np.array([[0.0, 0.0], [4.00000001, 0]]),
     )
     estimate = Trajectory(
         EPOCH_NS + np.array([1, 100_000_000], dtype=np.int64),

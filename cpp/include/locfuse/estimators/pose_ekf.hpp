@@ -27,8 +27,8 @@ struct PoseEstimate {
 /// poses correct (ekim2020, section 2.1).
 ///
 /// A cheap value: copying it is a snapshot. Every `on` throws std::invalid_argument for a message
-/// that is not valid and NumericalError where numbers break. A message that is not fused, for whatever
-/// reason, changes no bit of the estimator.
+/// that is not valid and NumericalError where numbers break. A message that is not fused, for
+/// whatever reason, changes no bit of the estimator.
 class PoseEkf {
  public:
   struct Config {
@@ -38,7 +38,7 @@ class PoseEkf {
     double gate_range = 0.999;     ///< probability that a good range passes
     double gate_position = 0.999;  ///< likewise for a position fix
     double gate_pose = 0.999;      ///< likewise for a pose
-    double hold_s = 1.0;           ///< how long the last motion is believed without new odometry [s]
+    double hold_s = 1.0;  ///< how long the last motion is believed without new odometry [s]
     double sigma_lost_xy_per_sqrt_s = 0.5;       ///< thereafter: standing, spreading [m / sqrt(s)]
     double sigma_lost_heading_per_sqrt_s = 0.5;  ///< [rad / sqrt(s)]
   };
@@ -58,8 +58,8 @@ class PoseEkf {
   Outcome on(const PoseObservation& z);
   Outcome on(const Message& message);
 
-  /// Ranges of one instant fused as one measurement: one linearization, one gate. Those that are not
-  /// modelled are left out. All stamps must be equal; at most kMaxJoint.
+  /// Ranges of one instant fused as one measurement: one linearization, one gate. Those that are
+  /// not modelled are left out. All stamps must be equal; at most kMaxJoint.
   Outcome on_joint(const std::vector<Range>& epoch);
 
   /// Fuses what somebody else's model says of the pose at `stamp`: a Jacobian of any rows x 3.

@@ -30,7 +30,7 @@ struct Slot {
 /// Several slots in the order of a model's Jacobian columns. A view: use it as an argument only.
 class Slots {
  public:
-  Slots(const Slot& slot) : first_(&slot), size_(1) {}                    // NOLINT: reads best
+  Slots(const Slot& slot) : first_(&slot), size_(1) {}  // NOLINT: reads best
   Slots(const std::vector<Slot>& slots) : first_(slots.data()), size_(slots.size()) {}  // NOLINT
   [[nodiscard]] const Slot* begin() const { return first_; }
   [[nodiscard]] const Slot* end() const { return first_ + size_; }
@@ -43,8 +43,8 @@ class Slots {
 /// Gaussian over named slots at one stamp: mean x, covariance P of the error state (positions in
 /// world, headings separately).
 ///
-/// Only the functions of filters/kalman.hpp write it. Copying it is a snapshot; assigning one of the
-/// same size allocates nothing.
+/// Only the functions of filters/kalman.hpp write it. Copying it is a snapshot; assigning one of
+/// the same size allocates nothing.
 class GaussianBelief {
  public:
   /// One pose, named `body`. Throws std::invalid_argument unless `pose` is finite and `covariance`

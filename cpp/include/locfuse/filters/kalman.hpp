@@ -10,9 +10,9 @@
 #include "locfuse/filters/outcome.hpp"
 #include "locfuse/math/linearization.hpp"
 
-/// The extended Kalman filter: the only code that changes a GaussianBelief. One algebra, templated on
-/// sizes: it runs on fixed sizes without heap where the local variables are the whole belief, and on
-/// run-time sizes otherwise. Derivation: docs/models/kalman.md.
+/// The extended Kalman filter: the only code that changes a GaussianBelief. One algebra, templated
+/// on sizes: it runs on fixed sizes without heap where the local variables are the whole belief,
+/// and on run-time sizes otherwise. Derivation: docs/models/kalman.md.
 namespace locfuse {
 
 namespace internal {
@@ -83,7 +83,10 @@ Outcome fuse(X& x, Cov& P, const Lin& lin, const Cross& PHt, const S& innovation
   return next == columns;
 }
 
-void check_columns(const GaussianBelief& belief, Slots slots, Eigen::Index columns);
+/// The update where the slots are part of the belief, or the sizes are known at run time only.
+Outcome update_part(GaussianBelief& belief,
+                    const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin, Slots slots,
+                    const Gate& gate);
 
 /// Throws std::invalid_argument unless the parts have the same number of rows, at least one.
 template <class Lin>
@@ -105,31 +108,22 @@ void check_rows(const Lin& lin) {
 template <int M, int N, int MaxM>
 Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slots slots,
                const Gate& gate) {
-  using Noise = Eigen::Matrix<double, M, M, Eigen::ColMajor, MaxM, MaxM>;
   if constexpr (M == Eigen::Dynamic) {
     internal::check_rows(lin);
   }
-  if constexpr (N != Eigen::Dynamic) {
+  if constexpr (N != Eigen::Dynamic && MaxM != Eigen::Dynamic) {
     if (internal::is_whole(belief, slots, N)) {
+      using Noise = Eigen::Matrix<double, M, M, Eigen::ColMajor, MaxM, MaxM>;
       using Cross = Eigen::Matrix<double, N, M, Eigen::ColMajor, N, MaxM>;
       Eigen::Map<Vector<N>> x(belief.x.data());
       Eigen::Map<Matrix<N, N>> P(belief.P.data());
       const Cross PHt = P * lin.jacobian.transpose();
       const Noise S = lin.jacobian * PHt + lin.noise;
-      return internal::fuse(x, P, lin, PHt, S, gate, belief.angle_rows(), [&](const auto& A) {
-        return Cross(A * lin.jacobian.transpose());
-      });
+      return internal::fuse(x, P, lin, PHt, S, gate, belief.angle_rows(),
+                            [&](const auto& A) { return Cross(A * lin.jacobian.transpose()); });
     }
   }
-  internal::check_columns(belief, slots, lin.jacobian.cols());
-  using Cross = Eigen::Matrix<double, Eigen::Dynamic, M, Eigen::ColMajor, Eigen::Dynamic, MaxM>;
-  const std::vector<int> rows = belief.rows(slots);
-  const Cross PHt = belief.P(Eigen::all, rows) * lin.jacobian.transpose();
-  const Noise S = lin.jacobian * PHt(rows, Eigen::all) + lin.noise;
-  return internal::fuse(belief.x, belief.P, lin, PHt, S, gate, belief.angle_rows(),
-                        [&](const auto& A) {
-                          return Cross(A(Eigen::all, rows) * lin.jacobian.transpose());
-                        });
+  return internal::update_part(belief, {lin.residual, lin.jacobian, lin.noise}, slots, gate);
 }
 
 /// Moves the pose in `slot`: mean to `step.moved`, P to F P F' + Q with its cross-covariances.

@@ -4,7 +4,8 @@
 namespace locfuse {
 
 /// Value that a chi-squared variable with `dof` degrees of freedom stays below with `probability`.
-/// Infinity at probability 1. Throws std::invalid_argument unless dof >= 1 and 0 <= probability <= 1.
+/// Infinity at probability 1. Throws std::invalid_argument unless dof is at least 1 and
+/// `probability` in [0, 1].
 [[nodiscard]] double chi_squared_quantile(int dof, double probability);
 
 }  // namespace locfuse

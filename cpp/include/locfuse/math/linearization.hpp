@@ -19,9 +19,9 @@ struct Linearization {
   static constexpr int kJacobianStorage =
       (M == 1 && N != 1) ? int(Eigen::RowMajor) : int(Eigen::ColMajor);
 
-  Eigen::Matrix<double, M, 1, Eigen::ColMajor, MaxM, 1> residual;     ///< z minus h(x), angles wrapped
-  Eigen::Matrix<double, M, N, kJacobianStorage, MaxM, N> jacobian;    ///< d h / d(error state)
-  Eigen::Matrix<double, M, M, Eigen::ColMajor, MaxM, MaxM> noise;     ///< R, symmetric positive definite
+  Eigen::Matrix<double, M, 1, Eigen::ColMajor, MaxM, 1> residual;  ///< z minus h(x), angles wrapped
+  Eigen::Matrix<double, M, N, kJacobianStorage, MaxM, N> jacobian;  ///< d h / d(error state)
+  Eigen::Matrix<double, M, M, Eigen::ColMajor, MaxM, MaxM> noise;   ///< R, positive definite
 };
 
 /// What a motion model says about one step of `Local`.

@@ -32,7 +32,8 @@ struct Increment {
   Pose2 motion;  ///< T_body(begin)_body(stamp): dx, dy [m], dheading [rad]
 
   /// ekim2020 eq. (6): drive `trans` [m] along the old heading, then turn by `rot` [rad].
-  [[nodiscard]] static Increment from_trans_rot(Stamp begin, Stamp stamp, double trans, double rot) {
+  [[nodiscard]] static Increment from_trans_rot(Stamp begin, Stamp stamp, double trans,
+                                                double rot) {
     return {begin, stamp, {trans, 0.0, rot}};
   }
 };
@@ -49,7 +50,7 @@ struct Range {
 /// Position of the body (or of an antenna on it) in the world, from GPS, an RTLS, multilateration.
 struct PositionFix {
   Stamp stamp = 0;
-  Vector<2> position = Vector<2>::Zero();       ///< [m]
+  Vector<2> position = Vector<2>::Zero();          ///< [m]
   Matrix<2, 2> covariance = Matrix<2, 2>::Zero();  ///< [m^2], positive definite
 };
 

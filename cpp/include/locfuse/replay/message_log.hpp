@@ -29,8 +29,8 @@ class MessageLog {
     const std::size_t before = arrivals_.size();
     arrivals_.reserve(before + rows);
     for (std::size_t row = 0; row < rows; ++row) {
-      const Arrival arrival = make(row);
       try {
+        const Arrival arrival = make(row);
         add(arrival.message, arrival.arrival);
       } catch (const std::invalid_argument& error) {
         arrivals_.resize(before);

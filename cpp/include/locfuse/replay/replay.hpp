@@ -18,8 +18,8 @@ struct RunLog {
 };
 
 struct ReplayOptions {
-  Stamp history = 2'000'000'000;  ///< how late a message may be [ns]
-  bool record = true;             ///< keep outcomes and estimates, or only `last`
+  Stamp history = 2'000'000'000;              ///< how late a message may be [ns]
+  bool record = true;                         ///< keep outcomes and estimates, or only `last`
   std::function<void(std::size_t)> progress;  ///< called with the number of messages done
 };
 

@@ -17,10 +17,9 @@ RangeModel::RangeModel(const Config& config, std::shared_ptr<const AnchorMap> an
                          std::isfinite(config.sigma_relative) && config.sigma_relative >= 0.0 &&
                          variance_ + relative_variance_ > 0.0;
   if (!sigmas_ok) {
-    throw std::invalid_argument("range.sigma_m is " + std::to_string(config.sigma_m) +
-                                " and range.sigma_relative is " +
-                                std::to_string(config.sigma_relative) +
-                                ", expected finite numbers >= 0, not both 0");
+    throw std::invalid_argument(
+        "range.sigma_m is " + std::to_string(config.sigma_m) + " and range.sigma_relative is " +
+        std::to_string(config.sigma_relative) + ", expected finite numbers >= 0, not both 0");
   }
   if (!anchors_) {
     throw std::invalid_argument("RangeModel needs an AnchorMap, got none");

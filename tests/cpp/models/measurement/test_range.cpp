@@ -110,7 +110,7 @@ TEST(RangeModel, each_anchor_and_tag_has_its_own_numbers) {
 
 TEST(RangeModel, the_message_s_own_sigma_rules_over_the_model_s) {
   const RangeModel model({0.1, 0.02}, one_anchor({0, {5.0, 0.0, 0.0}, 0.7, 2.0}), {Tag{}});
-  Range z = range_of(5.0);
+  Range z = range_of(30.0);
   EXPECT_NEAR(model.linearize({}, z)->noise(0), 0.01 + 0.01, 1e-16);  // 0.1^2 + (0.02 * 5)^2
   z.sigma = 0.3;
   EXPECT_NEAR(model.linearize({}, z)->noise(0), 0.09, 1e-16);

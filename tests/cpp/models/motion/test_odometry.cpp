@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cmath>
 
+#include "locfuse/messages/messages.hpp"
 #include "locfuse/models/motion/odometry.hpp"
 #include "support/jacobian.hpp"
 
@@ -83,6 +84,20 @@ TEST(OdometryMotion, noise_does_not_depend_on_the_message_rate) {
   expect_near(jacobian, whole.jacobian, 1e-13);
 }
 
+TEST(OdometryMotion, noise_of_a_turn_does_not_depend_on_the_message_rate) {
+  const OdometryMotion model(all_sigmas());
+  const Matrix<3, 3> whole = model.propagate({}, {0.0, 0.0, -1.5}, 2.0).noise;
+  Pose2 pose;
+  Matrix<3, 3> noise = Matrix<3, 3>::Zero();
+  for (int i = 0; i < 100; ++i) {
+    const Propagation<Pose2, 3> step = model.propagate(pose, {0.0, 0.0, -0.015}, 0.02);
+    pose = step.moved;
+    noise += step.noise;
+  }
+  EXPECT_NEAR(pose.heading, -1.5, 1e-13);
+  expect_near(noise, whole, 1e-15);
+}
+
 TEST(OdometryMotion, jacobians_of_shares_chain_to_that_of_the_arc) {
   const OdometryMotion model(all_sigmas());
   const Pose2 start{1.0, 2.0, 3.0};
@@ -97,6 +112,23 @@ TEST(OdometryMotion, jacobians_of_shares_chain_to_that_of_the_arc) {
   const Propagation<Pose2, 3> whole = model.propagate(start, motion, 1.0);
   expect_pose_near(pose, whole.moved, 1e-13);
   expect_near(jacobian, whole.jacobian, 1e-13);
+}
+
+TEST(OdometryMotion, step_is_that_of_equations_6_and_7_of_ekim2020) {
+  const double theta = 0.7;
+  const double trans = 0.5;
+  const double rot = -0.3;
+  const Pose2 motion = Increment::from_trans_rot(0, 1, trans, rot).motion;
+  const Propagation<Pose2, 3> step =
+      OdometryMotion(all_sigmas()).propagate({1.0, 2.0, theta}, motion, 0.1);
+  expect_pose_near(step.moved,
+                   {1.0 + trans * std::cos(theta), 2.0 + trans * std::sin(theta), theta + rot},
+                   1e-15);
+  Matrix<3, 3> A;
+  A << 1.0, 0.0, -trans * std::sin(theta),  //
+      0.0, 1.0, trans * std::cos(theta),    //
+      0.0, 0.0, 1.0;
+  expect_near(step.jacobian, A, 1e-15);
 }
 
 TEST(OdometryMotion, standing_adds_only_what_grows_with_time) {

@@ -26,7 +26,8 @@ class PositionModel {
   }
 
   /// Jacobian with respect to (x, y, theta) of T_world_body, 2x3.
-  [[nodiscard]] Linearization<2, 3> linearize(const Pose2& T_world_body, const PositionFix& z) const {
+  [[nodiscard]] Linearization<2, 3> linearize(const Pose2& T_world_body,
+                                              const PositionFix& z) const {
     const Vector<2> expected = predict(T_world_body);
     const Vector<2> arm = expected - T_world_body.position();
     Linearization<2, 3> lin;

@@ -26,7 +26,7 @@ class RangeModel {
  public:
   /// R = sigma^2 + (sigma_relative * distance)^2 where the message brings no sigma of its own.
   struct Config {
-    double sigma_m = 0.1;          ///< [m]
+    double sigma_m = 0.1;         ///< [m]
     double sigma_relative = 0.0;  ///< share of the distance
   };
 
@@ -36,8 +36,8 @@ class RangeModel {
   /// Expected measurement [m]; empty if anchor or tag is unknown.
   [[nodiscard]] std::optional<double> predict(const Pose2& T_world_body, const Range& z) const;
 
-  /// Jacobian with respect to (x, y, theta) of T_world_body, 1x3: eq. (3). Empty if the anchor or the
-  /// tag is unknown, or the tag sits on the anchor (no direction).
+  /// Jacobian with respect to (x, y, theta) of T_world_body, 1x3: eq. (3). Empty if the anchor or
+  /// the tag is unknown, or the tag sits on the anchor (no direction).
   [[nodiscard]] std::optional<Linearization<1, 3>> linearize(const Pose2& T_world_body,
                                                              const Range& z) const {
     const Anchor* anchor = anchors_->find(z.anchor);
@@ -68,8 +68,8 @@ class RangeModel {
     Linearization<1, 3> lin;
     lin.residual(0) = z.range - (anchor->scale * distance + anchor->offset);
     lin.jacobian << ux, uy, uy * arm_x - ux * arm_y;
-    lin.noise(0) = z.sigma ? *z.sigma * *z.sigma
-                           : variance_ + relative_variance_ * distance * distance;
+    lin.noise(0) =
+        z.sigma ? *z.sigma * *z.sigma : variance_ + relative_variance_ * distance * distance;
     return lin;
   }
 

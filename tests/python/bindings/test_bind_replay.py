@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bulk logs and replay from Python: shapes, refused rows, progress, one call against many."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import locfuse as lf
+
+STAMPS = np.arange(4, dtype=np.int64) * 100_000_000
+ONES = np.ones(4)
+IDS = np.zeros(4, dtype=np.int32)
+
+
+def make_ekf() -> lf.PoseEkf:
+    anchors = lf.AnchorMap([lf.Anchor(0, [0, 0, 0]), lf.Anchor(1, [8, 0, 0])])
+    start = lf.PoseEstimate(0, lf.Pose2(3.0, 2.0, 0.3), 0.01 * np.eye(3))
+    return lf.PoseEkf(lf.PoseEkfConfig(), anchors, [lf.Tag(0, [0, 0, 0])], start)
+
+
+def drive(rows: int = 400, seed: int = 5) -> tuple[lf.MessageLog, list[Any]]:
+    """Return a log and the same messages one by one, in order of arrival."""
+    rng = np.random.default_rng(seed)
+    log = lf.MessageLog()
+    single: list[tuple[int, int, int, Any]] = []
+    stamp = np.arange(rows, dtype=np.int64) * 50_000_000
+    motion = np.column_stack([np.full(rows, 0.01), np.zeros(rows), np.full(rows, 0.02)])
+    begin = np.maximum(stamp - 50_000_000, 0)
+    anchor = (np.arange(rows) % 2).astype(np.int32)
+    range_m = np.where(anchor == 0, 3.6, 5.4) + 0.05 * rng.standard_normal(rows)
+    log.add_increments(begin, stamp, motion)
+    log.add_ranges(stamp, np.zeros(rows, np.int32), anchor, range_m, np.full(rows, 0.1))
+    log.sort()
+    for k in range(rows):
+        u = lf.Increment(int(begin[k]), int(stamp[k]), lf.Pose2(*motion[k]))
+        single.append((int(begin[k]), 0, k, u))
+        z = lf.Range(int(stamp[k]), 0, int(anchor[k]), float(range_m[k]), 0.1)
+        single.append((int(stamp[k]), 1, k, z))
+    single.sort(key=lambda entry: entry[:3])
+    return log, [entry[3] for entry in single]
+
+
+def test_a_replay_is_the_same_as_its_messages_one_by_one() -> None:
+    log, single = drive()
+    ekf = make_ekf()
+
+    record = lf.replay(make_ekf(), log)
+    outcomes = [ekf.on(message) for message in single]
+
+    assert len(log) == len(single) == len(record.verdict)
+    assert record.last.covariance.tobytes() == ekf.estimate().covariance.tobytes()
+    assert record.last.pose.x == ekf.estimate().pose.x
+    names = [verdict.name for verdict in lf.Verdict]
+    assert [names[v] for v in record.verdict] == [o.verdict.name for o in outcomes]
+    np.testing.assert_array_equal(record.nis, [o.nis for o in outcomes])
+    np.testing.assert_array_equal(record.dof, [o.dof for o in outcomes])
+    assert (np.diff(record.stamp_ns) > 0).all()
+    assert record.poses.shape == (len(record.stamp_ns), 3)
+    assert record.covariances.shape == (len(record.stamp_ns), 3, 3)
+
+
+def test_a_replay_leaves_its_start_as_it_was() -> None:
+    ekf = make_ekf()
+    before = ekf.belief.x.tobytes(), ekf.belief.P.tobytes()
+    lf.replay(ekf, drive()[0])
+    assert (ekf.belief.x.tobytes(), ekf.belief.P.tobytes()) == before
+
+
+def test_without_record_only_the_last_estimate_is_kept() -> None:
+    log = drive()[0]
+    full, last = lf.replay(make_ekf(), log), lf.replay(make_ekf(), log, record=False)
+    assert len(last.stamp_ns) == len(last.verdict) == 0
+    assert last.last.covariance.tobytes() == full.last.covariance.tobytes()
+
+
+def test_replays_in_threads_give_the_same_bits() -> None:
+    log = drive(3000)[0]
+    expected = lf.replay(make_ekf(), log).covariances.tobytes()
+    found: list[bytes] = []
+
+    def work() -> None:
+        found.append(lf.replay(make_ekf(), log).covariances.tobytes())
+
+    threads = [threading.Thread(target=work) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == [expected] * 4
+
+
+def test_progress_is_told_and_may_raise() -> None:
+    log = drive(20_000)[0]
+    told: list[int] = []
+    lf.replay(make_ekf(), log, progress=told.append)
+    assert told == sorted(set(told))
+    assert told
+    assert told[-1] <= len(log)
+
+    def stop(done: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        lf.replay(make_ekf(), log, progress=stop)
+
+
+def test_a_negative_history_is_refused() -> None:
+    with pytest.raises(ValueError, match="history is -1 ns"):
+        lf.replay(make_ekf(), drive()[0], history=-1)
+
+
+def column(bad: float) -> np.ndarray:
+    values = ONES.copy()
+    values[2] = bad
+    return values
+
+
+ADD: dict[str, Callable[[lf.MessageLog, float], None]] = {
+    "Velocity.forward": lambda log, v: log.add_velocities(STAMPS, column(v), ONES),
+    "Velocity.turn_rate": lambda log, v: log.add_velocities(STAMPS, ONES, column(v)),
+    "Increment.motion": lambda log, v: log.add_increments(
+        STAMPS, STAMPS + 1, np.column_stack([ONES, column(v), ONES])
+    ),
+    "Range.range": lambda log, v: log.add_ranges(STAMPS, IDS, IDS, column(v)),
+    "Range.sigma": lambda log, v: log.add_ranges(STAMPS, IDS, IDS, ONES, column(v)),
+    "PositionFix.position": lambda log, v: log.add_positions(
+        STAMPS, np.column_stack([column(v), ONES]), ONES
+    ),
+    "PositionFix.(covariance|sigma)": lambda log, v: log.add_positions(
+        STAMPS, np.column_stack([ONES, ONES]), column(v)
+    ),
+    "PoseObservation.pose": lambda log, v: log.add_poses(
+        STAMPS, np.column_stack([ONES, ONES, column(v)]), ONES, ONES
+    ),
+    "PoseObservation.(covariance|sigma)": lambda log, v: log.add_poses(
+        STAMPS, np.column_stack([ONES, ONES, ONES]), ONES, column(v)
+    ),
+}
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("field", ADD)
+def test_a_row_that_is_not_valid_is_named_and_nothing_is_added(field: str, bad: float) -> None:
+    log = lf.MessageLog()
+    ADD[field](log, 0.5)
+    assert len(log) == 4
+    with pytest.raises(ValueError, match=rf"row 2: {field}"):
+        ADD[field](log, bad)
+    assert len(log) == 4
+
+
+@pytest.mark.parametrize("field", ["Range.range", "Range.sigma"])
+def test_a_negative_range_or_sigma_is_named_by_row(field: str) -> None:
+    with pytest.raises(ValueError, match=rf"row 2: {field}"):
+        ADD[field](lf.MessageLog(), -0.5)
+
+
+@pytest.mark.parametrize(
+    "field", ["PositionFix.(covariance|sigma)", "PoseObservation.(covariance|sigma)"]
+)
+def test_a_sigma_of_zero_or_less_is_named_by_row(field: str) -> None:
+    for bad in (0.0, -0.5):
+        with pytest.raises(ValueError, match=rf"row 2: {field}"):
+            ADD[field](lf.MessageLog(), bad)
+
+
+def test_columns_of_other_lengths_are_refused_with_both_shapes() -> None:
+    log = lf.MessageLog()
+    with pytest.raises(ValueError, match=r"forward has shape \(3,?\), expected \(4,\)"):
+        log.add_velocities(STAMPS, ONES[:3], ONES)
+    with pytest.raises(ValueError, match=r"motion has shape \(4, 2\), expected \(4, 3\)"):
+        log.add_increments(STAMPS, STAMPS, np.ones((4, 2)))
+    with pytest.raises(ValueError, match=r"arrival_ns has shape \(2,?\), expected \(4,\)"):
+        log.add_velocities(STAMPS, ONES, ONES, STAMPS[:2])
+    with pytest.raises(ValueError, match=r"position has shape \(4,?\)"):
+        log.add_positions(STAMPS, ONES, ONES)
+    assert len(log) == 0
+
+
+def test_stamps_that_are_not_integers_are_not_rounded_in_silence() -> None:
+    with pytest.raises((TypeError, ValueError)):
+        lf.MessageLog().add_velocities(np.array([0.5, 1.5, 2.5, 3.5]), ONES, ONES)

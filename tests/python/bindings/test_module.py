@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The extension as a whole: every public name, its version, and examples that run as written."""
+
+from __future__ import annotations
+
+import doctest
+import inspect
+import re
+
+import pytest
+
+import locfuse
+from locfuse import _core
+from support_runs import ROOT
+
+
+def test_every_name_of_the_core_but_the_parser_is_public() -> None:
+    names = {name for name in dir(_core) if not name.startswith("_")}
+    assert names - set(locfuse.__all__) == {"parse_table"}
+    assert all(hasattr(locfuse, name) for name in locfuse.__all__)
+
+
+def test_the_version_is_that_of_the_build() -> None:
+    text = (ROOT / "CMakeLists.txt").read_text(encoding="utf-8")
+    found = re.search(r"VERSION (\d+\.\d+\.\d+)", text)
+    assert found is not None
+    assert locfuse.__version__ == _core.__version__ == found[1]
+
+
+WITH_EXAMPLES = [
+    name for name in dir(_core)
+    if not name.startswith("_") and ">>>" in (inspect.getdoc(getattr(_core, name)) or "")
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WITH_EXAMPLES)
+def test_the_example_in_the_docstring_runs_as_shown(name: str) -> None:
+    text = inspect.getdoc(getattr(_core, name)) or ""
+    names = {"parse_table": _core.parse_table}
+    example = doctest.DocTestParser().get_doctest(text, names, name, None, 0)
+    assert doctest.DocTestRunner().run(example).failed == 0
+
+
+def test_the_entry_points_have_examples() -> None:
+    assert {"PoseEkf", "Linearization", "GaussianBelief", "Pose2", "parse_table"} <= set(
+        WITH_EXAMPLES
+    )
+
+
+def test_broken_numbers_are_an_arithmetic_error() -> None:
+    assert issubclass(locfuse.NumericalError, ArithmeticError)
+    assert issubclass(locfuse.ConfigError, ValueError)
+    assert issubclass(locfuse.LogError, ValueError)

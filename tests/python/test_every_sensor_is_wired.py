@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every message of the C++ variant has all its pieces in Python, and simulator and model agree."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+import locfuse as lf
+from locfuse.config.build import build_anchors
+from locfuse.config.load import parse_config
+from locfuse.config.scenario import (
+    Circle,
+    OdometrySensor,
+    PoseSensor,
+    PositionSensor,
+    RangeSensor,
+    Scenario,
+    Waypoints,
+)
+from locfuse.config.schema import SOURCES
+from locfuse.io.log_folder import MESSAGES, SCHEMA
+from locfuse.run import run, to_messages
+from locfuse.sim.scenario import simulate
+from locfuse.types import FloatArray, Log
+from support_runs import ROOT
+
+
+@dataclass(frozen=True)
+class Wiring:
+    """Where the pieces of a message are: its log file, one of its columns, its bulk entry."""
+
+    source: str
+    column: str
+    add: str
+    output: str = ""  # of the simulated odometry
+
+
+WIRING = {
+    "Velocity": Wiring("odometry", "v_mps", "add_velocities", "velocities"),
+    "Increment": Wiring("odometry", "dx_m", "add_increments", "increments"),
+    "Range": Wiring("ranges", "range_m", "add_ranges"),
+    "PositionFix": Wiring("positions", "x_m", "add_positions"),
+    "PoseObservation": Wiring("poses", "heading_rad", "add_poses"),
+}
+
+
+def variant() -> list[str]:
+    """Return the messages of the C++ variant, the one register of sensors."""
+    header = ROOT / "cpp" / "include" / "locfuse" / "messages" / "message.hpp"
+    found = re.search(r"using Message = std::variant<([^>]*)>", header.read_text(encoding="utf-8"))
+    assert found is not None
+    return [name.strip() for name in found[1].split(",")]
+
+
+def fused_by_the_estimator() -> set[str]:
+    """Return the messages that PoseEkf.on is bound for."""
+    return set(re.findall(r"message: locfuse\._core\.(\w+)", lf.PoseEkf.on.__doc__ or ""))
+
+
+def scenario(output: str = "increments") -> Scenario:
+    """Return a drive without noise, with heights and lever arms, on which every sensor is on.
+
+    Velocities are those of one arc from row to row, so their path is one; a row on which the path
+    stops driving and begins to turn would be none.
+    """
+    turning = Waypoints(speed_mps=0.7, turn_rate_radps=0.9)
+    return Scenario(
+        path=Circle(speed_mps=0.7) if output == "velocities" else turning,
+        duration_s=20.0,
+        anchors={"a": (0.0, 0.0, 2.5), "b": (10.0, 1.0, 0.2), "c": (4.0, 10.0, 1.7)},
+        tags={"front": (0.3, 0.1, 1.1), "rear": (-0.2, -0.15, 0.4)},
+        odometry=OdometrySensor(
+            output="velocities" if output == "velocities" else "increments",
+            sigma_longitudinal_per_sqrt_m=0.0,
+            sigma_heading_per_sqrt_m=0.0,
+            sigma_heading_per_sqrt_rad=0.0,
+        ),
+        ranges=RangeSensor(sigma_m=0.0, sigma_relative=0.0),
+        poses=PoseSensor(sigma_xy_m=0.0, sigma_heading_deg=0.0),
+        positions=PositionSensor(sigma_xy_m=0.0, antenna_forward_m=0.4, antenna_left_m=-0.1),
+    )
+
+
+def missing_pieces(name: str, wiring: Wiring | None) -> list[str]:
+    """Return what a message of the variant still lacks, in words."""
+    missing = []
+    if name not in lf.__all__:
+        missing.append("its class in bind_messages.cpp and locfuse.__all__")
+    if name not in fused_by_the_estimator():
+        missing.append("an on() of an estimator in bind_estimators.cpp")
+    if wiring is None:
+        return [*missing, "a row in WIRING of this test"]
+    if not hasattr(lf.MessageLog, wiring.add):
+        missing.append(f"MessageLog.{wiring.add} in bind_replay.cpp")
+    if wiring.source not in SOURCES:
+        missing.append(f"{wiring.source!r} in SOURCES of config/schema.py")
+    if wiring.source not in SCHEMA or wiring.source not in MESSAGES:
+        missing.append(f"{wiring.source!r} in SCHEMA and MESSAGES of io/log_folder.py")
+    elif not any(wiring.column in form for form in SCHEMA[wiring.source]):
+        missing.append(f"the column {wiring.column!r} in SCHEMA of io/log_folder.py")
+    if wiring.source not in Scenario.model_fields:
+        missing.append(f"the sensor {wiring.source!r} in config/scenario.py")
+        return missing
+    log = simulate(scenario(wiring.output), np.random.default_rng(0))
+    if wiring.source not in log or wiring.column not in log[wiring.source]:
+        missing.append(f"a simulator of {wiring.source!r} with the column {wiring.column!r}")
+    elif wiring.source in SOURCES:
+        messages = to_messages(noisy(log), parse_config({"use": [wiring.source]}))
+        if len(messages.log) != len(log[wiring.source]["stamp_ns"]):
+            missing.append(f"messages from the table {wiring.source!r} in run.to_messages")
+    return missing
+
+
+def noisy(log: Log) -> Log:
+    """Return the log with sigmas that a message may have; the simulated ones are zero."""
+    tables = {
+        stem: {k: np.full_like(v, 0.05) if k.startswith("sigma_") else v for k, v in table.items()}
+        for stem, table in log.tables.items()
+    }
+    return Log(tables=tables, tags=log.tags)
+
+
+@pytest.mark.parametrize("name", variant())
+def test_nothing_is_missing_for(name: str) -> None:
+    missing = missing_pieces(name, WIRING.get(name))
+    assert not missing, f"{name} lacks " + "; ".join(missing)
+
+
+def test_there_is_nothing_beside_the_variant() -> None:
+    assert fused_by_the_estimator() == set(variant()) == set(WIRING)
+    assert {wiring.source for wiring in WIRING.values()} == set(SOURCES)
+
+
+def test_a_sensor_that_nobody_wired_is_named_piece_by_piece() -> None:
+    missing = missing_pieces("LaserScan", Wiring("sonar", "echo_m", "add_echoes"))
+    assert [piece.split(" ")[-1] for piece in missing] == [
+        "locfuse.__all__", "bind_estimators.cpp", "bind_replay.cpp", "config/schema.py",
+        "io/log_folder.py", "config/scenario.py",
+    ]  # fmt: skip
+    assert "WIRING" in missing_pieces("LaserScan", None)[-1]
+
+
+@pytest.mark.parametrize("name", WIRING)
+def test_every_message_is_fused_in_a_run_of_that_source_alone(name: str) -> None:
+    wiring = WIRING[name]
+    log = noisy(simulate(scenario(wiring.output), np.random.default_rng(3)))
+    antenna = {"antenna_forward_m": 0.4, "antenna_left_m": -0.1}
+    config = parse_config({"use": [wiring.source], "estimator": {"position": antenna}})
+    counts = run(config, log).metrics["counts"]
+    assert list(counts) == [wiring.source]
+    assert counts[wiring.source].get("fused", 0) > 0.5 * len(log[wiring.source]["stamp_ns"])
+
+
+# Two derivations ------------------------------------------------------------------------------
+
+
+def poses_at(log: Log, stem: str) -> list[lf.Pose2]:
+    """Return the true pose at every row of a table."""
+    truth = log["truth"]
+    rows = np.searchsorted(truth["stamp_ns"], log[stem]["stamp_ns"])
+    np.testing.assert_array_equal(truth["stamp_ns"][rows], log[stem]["stamp_ns"])
+    columns = zip(truth["x_m"][rows], truth["y_m"][rows], truth["heading_rad"][rows], strict=True)
+    return [lf.Pose2(*pose) for pose in columns]
+
+
+def velocity_residuals(log: Log) -> FloatArray:
+    table = log["odometry"]
+    start = lf.PoseEstimate(0, poses_at(log, "odometry")[0], 0.01 * np.eye(3))
+    ekf = lf.PoseEkf(lf.PoseEkfConfig(), lf.AnchorMap([]), [], start)
+    residuals = []
+    for row, true_pose in enumerate(poses_at(log, "odometry")):
+        stamp = int(table["stamp_ns"][row])
+        residuals.append(lf.local(ekf.estimate(stamp).pose, true_pose))
+        ekf.on(lf.Velocity(stamp, table["v_mps"][row], table["omega_radps"][row]))
+    return np.array(residuals)
+
+
+def increment_residuals(log: Log) -> FloatArray:
+    table = log["odometry"]
+    motion = lf.OdometryMotion(lf.OdometryConfig())
+    poses = poses_at(log, "odometry")
+    moved = [
+        motion.propagate(pose, lf.Pose2(dx, dy, turn), 0.1).moved
+        for pose, dx, dy, turn in zip(
+            poses[:-1], table["dx_m"][1:], table["dy_m"][1:], table["dheading_rad"][1:], strict=True
+        )
+    ]
+    return np.array([lf.local(a, b) for a, b in zip(moved, poses[1:], strict=True)])
+
+
+def range_residuals(log: Log) -> FloatArray:
+    table = log["ranges"]
+    names = [str(name) for name in log["anchors"]["anchor"]]
+    tags = list(log.tags)
+    model = lf.RangeModel(
+        lf.RangeConfig(),
+        build_anchors(log["anchors"], names, {}),
+        [lf.Tag(i, list(log.tags[name])) for i, name in enumerate(tags)],
+    )
+    residuals = []
+    for row, pose in enumerate(poses_at(log, "ranges")):
+        tag, anchor = tags.index(table["tag"][row]), names.index(table["anchor"][row])
+        lin = model.linearize(pose, lf.Range(0, tag, anchor, table["range_m"][row]))
+        assert lin is not None
+        residuals.append(lin.residual)
+    return np.array(residuals)
+
+
+def position_residuals(log: Log) -> FloatArray:
+    table, config = log["positions"], lf.PositionConfig()
+    config.antenna_forward_m, config.antenna_left_m = 0.4, -0.1
+    model = lf.PositionModel(config)
+    return np.array([
+        model.linearize(pose, lf.PositionFix(0, [x, y], np.eye(2))).residual
+        for pose, x, y in zip(poses_at(log, "positions"), table["x_m"], table["y_m"], strict=True)
+    ])  # fmt: skip
+
+
+def pose_residuals(log: Log) -> FloatArray:
+    table, model = log["poses"], lf.PoseModel()
+    seen = zip(table["x_m"], table["y_m"], table["heading_rad"], strict=True)
+    return np.array([
+        model.linearize(pose, lf.PoseObservation(0, lf.Pose2(*other), np.eye(3))).residual
+        for pose, other in zip(poses_at(log, "poses"), seen, strict=True)
+    ])  # fmt: skip
+
+
+RESIDUALS: dict[str, Callable[[Log], FloatArray]] = {
+    "Velocity": velocity_residuals,
+    "Increment": increment_residuals,
+    "Range": range_residuals,
+    "PositionFix": position_residuals,
+    "PoseObservation": pose_residuals,
+}
+
+
+@pytest.mark.parametrize("name", variant())
+def test_simulator_and_model_agree_without_noise(name: str) -> None:
+    assert name in RESIDUALS, f"{name} lacks a comparison of its simulator with its model"
+    wiring = WIRING[name]
+    log = simulate(scenario(wiring.output), np.random.default_rng(6))
+
+    residuals = RESIDUALS[name](log)
+
+    assert len(residuals) >= 20
+    assert np.abs(residuals).max() < 1e-9
+    moving = np.array([(p.x, p.y, p.heading) for p in poses_at(log, wiring.source)])
+    assert np.ptp(moving, axis=0).min() > 1.0, "a robot that stands still compares little"
