@@ -8,6 +8,8 @@
 
 #include <memory>
 
+#include "support/allocation_counter.hpp"
+
 namespace {
 
 using BFL::Gaussian;
@@ -80,7 +82,7 @@ class Range : public BFL::AnalyticConditionalGaussianAdditiveNoise {
 
 }  // namespace
 
-void run_bfl(const Circle& input, std::vector<double>& estimates) {
+std::size_t run_bfl(const Circle& input, std::vector<double>& estimates) {
   ColumnVector mean(3);
   SymmetricMatrix P(3);
   SymmetricMatrix Q(3);
@@ -109,6 +111,7 @@ void run_bfl(const Circle& input, std::vector<double>& estimates) {
   ColumnVector u(3);
   ColumnVector z(1);
   double heading = input.start[2];
+  const std::size_t before = locfuse::testing::allocations();
   for (std::size_t k = 0; k < Circle::kSteps; ++k) {
     const double c = std::cos(heading);
     const double s = std::sin(heading);
@@ -131,4 +134,5 @@ void run_bfl(const Circle& input, std::vector<double>& estimates) {
       estimates[3 * k + i] = x(i + 1);
     }
   }
+  return locfuse::testing::allocations() - before;
 }

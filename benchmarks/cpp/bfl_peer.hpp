@@ -6,5 +6,5 @@
 #include "circle.hpp"
 
 /// Orocos BFL's extended Kalman filter on the same input and noise.
-/// Estimates: x, y, heading per step.
-void run_bfl(const Circle& input, std::vector<double>& estimates);
+/// Estimates: x, y, heading per step. Returns the heap allocations of the steps.
+std::size_t run_bfl(const Circle& input, std::vector<double>& estimates);

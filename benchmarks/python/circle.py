@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 import locfuse as lf
 from locfuse.types import FloatArray, StampArray
@@ -62,13 +63,37 @@ def pose_ekf() -> lf.PoseEkf:
     return lf.PoseEkf(config, anchors, [lf.Tag(0, [0.0, 0.0, 0.0])], start)
 
 
-def message_log(drive: Circle) -> lf.MessageLog:
-    """Return the drive as messages, from columns."""
+@dataclass(frozen=True)
+class Columns:
+    """A drive as a log's columns: n increments, m ranges of tag 0."""
+
+    begin_ns: StampArray
+    stamp_ns: StampArray
+    motion: FloatArray
+    range_stamp_ns: StampArray
+    tag: NDArray[np.int32]
+    anchor: NDArray[np.int32]
+    range_m: FloatArray
+
+
+def message_columns(drive: Circle) -> Columns:
+    """Return the columns of the drive's messages."""
     steps, anchors = drive.range_m.shape
+    return Columns(
+        begin_ns=drive.stamp_ns[:-1],
+        stamp_ns=drive.stamp_ns[1:],
+        motion=drive.motion,
+        range_stamp_ns=np.repeat(drive.stamp_ns[1:], anchors),
+        tag=np.zeros(drive.range_m.size, dtype=np.int32),
+        anchor=np.tile(np.arange(anchors, dtype=np.int32), steps),
+        range_m=drive.range_m.ravel(),
+    )
+
+
+def message_log(columns: Columns) -> lf.MessageLog:
+    """Return the messages in order of arrival."""
     log = lf.MessageLog()
-    log.add_increments(drive.stamp_ns[:-1], drive.stamp_ns[1:], drive.motion)
-    stamp = np.repeat(drive.stamp_ns[1:], anchors)
-    anchor = np.tile(np.arange(anchors, dtype=np.int32), steps)
-    log.add_ranges(stamp, np.zeros(len(stamp), dtype=np.int32), anchor, drive.range_m.ravel())
+    log.add_increments(columns.begin_ns, columns.stamp_ns, columns.motion)
+    log.add_ranges(columns.range_stamp_ns, columns.tag, columns.anchor, columns.range_m)
     log.sort()
     return log
