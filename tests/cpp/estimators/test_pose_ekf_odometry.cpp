@@ -205,6 +205,16 @@ TEST(PoseEkf, after_an_increment_its_rate_is_held_and_then_it_stands) {
   expect_pose_near(ekf.estimate(9 * kSecond).pose, kStart * arc_share(motion, 1.5), 1e-14);
 }
 
+TEST(PoseEkf, what_an_increment_told_and_what_is_held_of_it_are_two_steps) {
+  PoseEkf at_once = ekf_at(kStart);
+  at_once.on(Increment{0, kSecond, {1.0, 0.0, 0.6}});
+  PoseEkf in_steps = at_once;
+  at_once.advance_to(at(1.5));
+  in_steps.advance_to(kSecond);
+  in_steps.advance_to(at(1.5));
+  EXPECT_TRUE(testing::same_bits(at_once.belief(), in_steps.belief()));
+}
+
 TEST(PoseEkf, spreads_from_the_end_of_the_hold_whatever_odometry_said_last) {
   PoseEkf::Config config;
   config.hold_s = 0.5;

@@ -35,6 +35,28 @@ TEST(MessageLog, sorts_by_arrival_and_keeps_the_order_within_an_instant) {
   }
 }
 
+TEST(MessageLog, sorts_any_number_of_columns_that_are_sorted_each) {
+  for (int columns = 0; columns <= 9; ++columns) {
+    MessageLog log;
+    for (int column = 0; column < columns; ++column) {
+      for (int row = 0; row < 20; ++row) {  // all start at 0, each at a rate of its own
+        log.add(velocity(0, column), row * (column % 4 + 1));
+      }
+    }
+    log.sort();
+    ASSERT_EQ(log.arrivals().size(), static_cast<std::size_t>(20 * columns));
+    for (std::size_t i = 1; i < log.arrivals().size(); ++i) {
+      const MessageLog::Arrival& before = log.arrivals()[i - 1];
+      const MessageLog::Arrival& after = log.arrivals()[i];
+      ASSERT_LE(before.arrival, after.arrival) << columns << " columns, row " << i;
+      if (before.arrival == after.arrival) {
+        ASSERT_LT(std::get<Velocity>(before.message).forward,
+                  std::get<Velocity>(after.message).forward);
+      }
+    }
+  }
+}
+
 TEST(MessageLog, takes_rows_whole_or_not_at_all_and_names_the_wrong_one) {
   MessageLog log;
   log.add(velocity(1, 1.0));

@@ -114,6 +114,16 @@ TEST(Replay, gives_the_same_bits_on_any_number_of_threads) {
   }
 }
 
+TEST(Replay, ends_where_the_last_increment_ends) {
+  MessageLog log;
+  log.add(Increment{0, kSecond, {0.5, 0.0, 0.0}});
+  log.add(Increment{kSecond, 2 * kSecond, {1.0, 0.0, 0.0}});
+  const RunLog run = replay(testing::ekf_at({}), log, {});
+  EXPECT_EQ(run.last.stamp, 2 * kSecond);
+  EXPECT_NEAR(run.last.pose.x, 1.5, 1e-15);
+  expect_same(run.estimates.back(), run.last);
+}
+
 TEST(Replay, records_each_stamp_once_with_all_that_was_known_of_it) {
   const PoseEkf start = testing::ekf_at({1.0, 2.0, 0.5});
   MessageLog log;

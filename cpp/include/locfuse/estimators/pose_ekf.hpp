@@ -43,7 +43,7 @@ class PoseEkf {
     double sigma_lost_heading_per_sqrt_s = 0.5;  ///< [rad / sqrt(s)]
   };
 
-  /// Largest number of ranges that `on_epoch` fuses jointly.
+  /// Largest number of ranges that `on_joint` fuses.
   static constexpr int kMaxJoint = 32;
 
   /// Starts from `start`. Throws std::invalid_argument on a config out of range or a start that is
