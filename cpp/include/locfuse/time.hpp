@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <stdexcept>
+#include <string>
 
 namespace locfuse {
 
@@ -9,6 +11,18 @@ namespace locfuse {
 using Stamp = std::int64_t;
 
 inline constexpr double kNanosecondsPerSecond = 1e9;
+
+/// Stamps lie strictly between -kStampLimit and kStampLimit [ns], 146 years, so that no difference
+/// of two of them overflows.
+inline constexpr Stamp kStampLimit = Stamp{1} << 62;
+
+/// Throws std::invalid_argument unless the stamp lies within the limit.
+inline void check_stamp(Stamp stamp) {
+  if (stamp <= -kStampLimit || stamp >= kStampLimit) {
+    throw std::invalid_argument("stamp is " + std::to_string(stamp) +
+                                " ns, expected less than 2^62 ns from 0");
+  }
+}
 
 /// Seconds from `from` to `to`, negative if `to` is earlier.
 [[nodiscard]] inline double seconds_between(Stamp from, Stamp to) {

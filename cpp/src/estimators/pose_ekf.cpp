@@ -71,7 +71,9 @@ PoseEkf::PoseEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
                  Gate(config.gate_position), Gate(config.gate_pose), hold_of(config)})),
       belief_(GaussianBelief::of_pose(start.stamp, start.pose, start.covariance)),
       body_(belief_.slot("body")),
-      control_{start.stamp, start.stamp, Pose2{}, true} {}
+      control_{start.stamp, start.stamp, Pose2{}, true} {
+  check_stamp(start.stamp);
+}
 
 template <class Linearize>
 Outcome PoseEkf::correct(Stamp stamp, const Gate& gate, const Linearize& linearize) {
@@ -180,6 +182,7 @@ Outcome PoseEkf::on_joint(const std::vector<Range>& epoch) {
 }
 
 void PoseEkf::advance_to(Stamp stamp) {
+  check_stamp(stamp);
   if (stamp <= belief_.stamp) {
     return;
   }

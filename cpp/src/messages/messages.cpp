@@ -34,11 +34,14 @@ void require_covariance(const char* what, const Matrix<N, N>& covariance) {
 }  // namespace
 
 void validate(const Velocity& message) {
+  check_stamp(message.stamp);
   require_finite("Velocity.forward [m/s]", message.forward);
   require_finite("Velocity.turn_rate [rad/s]", message.turn_rate);
 }
 
 void validate(const Increment& message) {
+  check_stamp(message.begin);
+  check_stamp(message.stamp);
   require_finite("Increment.motion.x [m]", message.motion.x);
   require_finite("Increment.motion.y [m]", message.motion.y);
   require_finite("Increment.motion.heading [rad]", message.motion.heading);
@@ -50,6 +53,7 @@ void validate(const Increment& message) {
 }
 
 void validate(const Range& message) {
+  check_stamp(message.stamp);
   if (!std::isfinite(message.range) || message.range < 0.0) {
     refuse("Range.range [m]", message.range, "a finite number >= 0");
   }
@@ -59,12 +63,14 @@ void validate(const Range& message) {
 }
 
 void validate(const PositionFix& message) {
+  check_stamp(message.stamp);
   require_finite("PositionFix.position.x [m]", message.position.x());
   require_finite("PositionFix.position.y [m]", message.position.y());
   require_covariance("PositionFix.covariance", message.covariance);
 }
 
 void validate(const PoseObservation& message) {
+  check_stamp(message.stamp);
   require_finite("PoseObservation.pose.x [m]", message.pose.x);
   require_finite("PoseObservation.pose.y [m]", message.pose.y);
   require_finite("PoseObservation.pose.heading [rad]", message.pose.heading);

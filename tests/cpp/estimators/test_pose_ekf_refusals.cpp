@@ -44,6 +44,16 @@ void expect_no_trace(const Message& message, Verdict verdict) {
   expect_no_trace([&](PoseEkf& ekf) { EXPECT_EQ(ekf.on(message).verdict, verdict); });
 }
 
+TEST(PoseEkf, refuses_times_whose_differences_would_overflow) {
+  constexpr Stamp kLast = std::numeric_limits<Stamp>::max();
+  expect_no_trace([](PoseEkf& ekf) {
+    expect_refused([&] { ekf.advance_to(kLast); }, "stamp", std::to_string(kLast));
+    expect_refused([&] { (void)ekf.estimate(kStampLimit); }, "stamp");
+    expect_refused([&] { ekf.on(range_to(0, kStart, kLast)); }, "stamp");
+  });
+  EXPECT_NO_THROW((void)moving().estimate(kStampLimit - 1));
+}
+
 TEST(PoseEkf, messages_older_than_the_belief_are_stale) {
   const Stamp old = kSecond - 1;
   expect_no_trace(Velocity{old, 1.0, 0.0}, Verdict::kStale);

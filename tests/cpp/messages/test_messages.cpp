@@ -24,6 +24,20 @@ TEST(Validate, passes_what_is_right) {
   EXPECT_NO_THROW(validate(PoseObservation{0, {1.0, 2.0, 3.0}, Matrix<3, 3>::Identity()}));
 }
 
+TEST(Validate, refuses_stamps_whose_differences_would_overflow) {
+  constexpr Stamp kFirst = std::numeric_limits<Stamp>::min();
+  const Matrix<2, 2> R = Matrix<2, 2>::Identity();
+  const Matrix<3, 3> R3 = Matrix<3, 3>::Identity();
+  expect_refused([] { validate(Velocity{kStampLimit, 0.0, 0.0}); }, "stamp", "4611686018427387904");
+  expect_refused([] { validate(Increment{kFirst, 0, {}}); }, "stamp", "-9223372036854775808");
+  expect_refused([] { validate(Increment{0, kStampLimit, {}}); }, "stamp", "4611686018427387904");
+  expect_refused([] { validate(Range{-kStampLimit, 1, 2, 1.0, {}}); }, "stamp", "-46116860");
+  expect_refused([&] { validate(PositionFix{kFirst, {0.0, 0.0}, R}); }, "stamp", "-92233720");
+  expect_refused([&] { validate(PoseObservation{kFirst, {}, R3}); }, "stamp", "-92233720");
+  EXPECT_NO_THROW(validate(Velocity{kStampLimit - 1, 0.0, 0.0}));
+  EXPECT_NO_THROW(validate(Velocity{1 - kStampLimit, 0.0, 0.0}));
+}
+
 TEST(Validate, refuses_a_velocity_that_is_not_finite) {
   expect_refused([] { validate(Velocity{0, kNan, 0.0}); }, "forward", "nan");
   expect_refused([] { validate(Velocity{0, 0.0, -kInfinity}); }, "turn_rate", "-inf");

@@ -65,7 +65,8 @@ class PoseEkf {
   /// Fuses what somebody else's model says of the pose at `stamp`: a Jacobian of any rows x 3.
   Outcome fuse(Stamp stamp, const Linearization<Eigen::Dynamic, 3>& lin, const Gate& gate);
 
-  /// Carries the belief to `stamp` with what odometry says. Earlier stamps change nothing.
+  /// Carries the belief to `stamp` with what odometry says. Earlier stamps change nothing. Throws
+  /// std::invalid_argument if the stamp is beyond kStampLimit.
   void advance_to(Stamp stamp);
 
   /// The belief at its own stamp.
