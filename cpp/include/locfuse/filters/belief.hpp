@@ -81,6 +81,18 @@ class GaussianBelief {
 
   /// Rows of all these slots, in order.
   [[nodiscard]] std::vector<int> rows(Slots slots) const;
+  /// Whether these slots, in this order, are all there is, of `dimension` rows.
+  [[nodiscard]] bool is_whole(Slots slots, int dimension) const {
+    int next = 0;
+    for (const Slot slot : slots) {
+      const Variable& v = variable(slot);
+      if (v.offset != next) {
+        return false;
+      }
+      next += dimension_of(v.kind);
+    }
+    return next == dimension && x.size() == dimension;
+  }
   /// Rows that are angles.
   [[nodiscard]] const std::vector<int>& angle_rows() const { return layout_->angle_rows; }
 

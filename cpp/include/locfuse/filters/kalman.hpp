@@ -69,20 +69,6 @@ Outcome fuse(X& x, Cov& P, const Lin& lin, const Cross& PHt, const S& innovation
 [[noreturn]] void refuse_rows(Eigen::Index residual, Eigen::Index jacobian, Eigen::Index noise,
                               Eigen::Index noise_columns);
 
-[[nodiscard]] inline bool is_whole(const GaussianBelief& belief, Slots slots, int columns) {
-  if (belief.dimension() != columns) {
-    return false;
-  }
-  int next = 0;
-  for (const Slot slot : slots) {
-    if (belief.offset(slot) != next) {
-      return false;
-    }
-    next += dimension_of(belief.kind(slot));
-  }
-  return next == columns;
-}
-
 /// The update where the slots are part of the belief, or the sizes are known at run time only.
 Outcome update_part(GaussianBelief& belief,
                     const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin, Slots slots,
@@ -112,7 +98,7 @@ Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slo
     internal::check_rows(lin);
   }
   if constexpr (N != Eigen::Dynamic && MaxM != Eigen::Dynamic) {
-    if (internal::is_whole(belief, slots, N)) {
+    if (belief.is_whole(slots, N)) {
       using Noise = Eigen::Matrix<double, M, M, Eigen::ColMajor, MaxM, MaxM>;
       using Cross = Eigen::Matrix<double, N, M, Eigen::ColMajor, N, MaxM>;
       Eigen::Map<Vector<N>> x(belief.x.data());
