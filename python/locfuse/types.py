@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 StampArray = NDArray[np.int64]
@@ -24,6 +24,14 @@ class LogError(ValueError):
 
 class ConfigError(ValueError):
     """A configuration is wrong; the text names the key and what is allowed."""
+
+
+def wrap_angle(angle: ArrayLike) -> FloatArray:
+    """Return angles in [-pi, pi), radians; those already inside keep every bit."""
+    given = np.asarray(angle, dtype=np.float64)
+    turned = np.mod(given + np.pi, 2.0 * np.pi) - np.pi
+    turned = np.where(turned >= np.pi, -np.pi, turned)  # mod may round up to a full turn
+    return np.where((given >= -np.pi) & (given < np.pi), given, turned)
 
 
 def nearest(name: str, valid: Iterable[str]) -> str:

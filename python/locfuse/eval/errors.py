@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.types import NANOSECONDS, FloatArray, StampArray, Trajectory
+from locfuse.types import NANOSECONDS, FloatArray, StampArray, Trajectory, wrap_angle
 
 LONGEST_GAP_S = 2.0  # truth is not interpolated over longer gaps
 
@@ -89,8 +89,8 @@ def interpolate(
     position = start + share[:, np.newaxis] * (end - start)
     heading = None
     if track.heading is not None:
-        turn = wrap(track.heading[after] - track.heading[before])
-        heading = wrap(track.heading[before] + share * turn)
+        turn = wrap_angle(track.heading[after] - track.heading[before])
+        heading = wrap_angle(track.heading[before] + share * turn)
     return Trajectory(stamps, position, heading), inside
 
 
@@ -111,7 +111,7 @@ def errors_against(estimate: Trajectory, truth: Trajectory) -> Errors:
     position = estimate.position[inside] - at.position
     heading = None
     if at.heading is not None and estimate.heading is not None:
-        heading = wrap(estimate.heading[inside] - at.heading)
+        heading = wrap_angle(estimate.heading[inside] - at.heading)
     dof = 2 if heading is None else 3
     sigma = nees = None
     if estimate.covariance is not None:
@@ -120,13 +120,6 @@ def errors_against(estimate: Trajectory, truth: Trajectory) -> Errors:
         error = position if heading is None else np.column_stack([position, heading])
         nees = _mahalanobis(error, covariance[:, :dof, :dof])
     return Errors(np.flatnonzero(inside), at.stamp_ns, position, heading, sigma, nees, dof)
-
-
-def wrap(angle: FloatArray) -> FloatArray:
-    """Return angles in [-pi, pi)."""
-    turned = np.asarray(np.mod(angle + np.pi, 2.0 * np.pi) - np.pi, dtype=np.float64)
-    turned[turned >= np.pi] = -np.pi  # where the remainder rounds up to a whole turn
-    return turned
 
 
 def _mahalanobis(error: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from locfuse.config.scenario import OdometrySensor, PoseSensor, PositionSensor, RangeSensor
-from locfuse.sim.trajectory import Drive, sinc, wrap_angle
-from locfuse.types import NANOSECONDS, Columns, FloatArray, StampArray
+from locfuse.sim.trajectory import Drive, sinc
+from locfuse.types import NANOSECONDS, Columns, FloatArray, StampArray, wrap_angle
 
 
 def stamps(rate_hz: float, duration_s: float) -> StampArray:

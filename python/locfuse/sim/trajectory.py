@@ -12,17 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from locfuse.config.scenario import Circle, Eight, Path, Square, Star, Waypoints
-from locfuse.types import FloatArray
+from locfuse.types import FloatArray, wrap_angle
 
 Motion: TypeAlias = tuple[float, float, float]
-
-
-def wrap_angle(angle: ArrayLike) -> FloatArray:
-    """Return angles in [-pi, pi), radians; those already inside keep every bit."""
-    given = np.asarray(angle, dtype=np.float64)
-    turned = np.mod(given + np.pi, 2.0 * np.pi) - np.pi
-    turned = np.where(turned >= np.pi, -np.pi, turned)  # mod may round up to a full turn
-    return np.where((given >= -np.pi) & (given < np.pi), given, turned)
 
 
 def sinc(angle: ArrayLike) -> FloatArray:

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from locfuse.eval.errors import errors_against, interpolate, wrap
-from locfuse.types import NANOSECONDS, Trajectory
+from locfuse.eval.errors import errors_against, interpolate
+from locfuse.types import NANOSECONDS, Trajectory, wrap_angle
 from support_results import EPOCH_NS, make_result
 
 
@@ -123,7 +123,7 @@ def test_heading_errors_are_wrapped() -> None:
 
 def test_wrapped_angles_are_never_pi() -> None:
     below = np.nextafter(-np.pi, -4.0)
-    angles = wrap(np.array([np.pi, -np.pi, below, 3.0 * np.pi, 7.0, -1e-17]))
+    angles = wrap_angle(np.array([np.pi, -np.pi, below, 3.0 * np.pi, 7.0, -1e-17]))
     assert (angles >= -np.pi).all()
     assert (angles < np.pi).all()
     assert angles[[0, 1, 4]] == pytest.approx([-np.pi, -np.pi, 7.0 - 2.0 * np.pi])

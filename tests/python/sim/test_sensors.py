@@ -10,8 +10,8 @@ import pytest
 
 from locfuse.config.scenario import OdometrySensor, PoseSensor, PositionSensor, RangeSensor, Star
 from locfuse.sim import sensors
-from locfuse.sim.trajectory import drive_of, drive_on, plan, wrap_angle
-from locfuse.types import Columns, FloatArray
+from locfuse.sim.trajectory import drive_of, drive_on, plan
+from locfuse.types import Columns, FloatArray, wrap_angle
 from support_statistics import assert_standard_normal
 
 QUIET = OdometrySensor(

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from locfuse.config.scenario import Circle, Eight, Path, Square, Star, Waypoints
-from locfuse.sim.trajectory import Drive, drive_of, plan, sinc, wrap_angle
+from locfuse.sim.trajectory import Drive, drive_of, plan, sinc
+from locfuse.types import wrap_angle
 
 ROOM = (10.0, 10.0)
 PATHS: list[Path] = [Circle(), Eight(), Square(), Star(), Star(points=7), Waypoints()]

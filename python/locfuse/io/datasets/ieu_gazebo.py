@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from locfuse.io.datasets.source import check_map, copy_map, read_source, runs_of, wrap_angle
+from locfuse.io.datasets.source import check_map, copy_map, read_source, runs_of
 from locfuse.io.log_folder import write_log
-from locfuse.types import Log
+from locfuse.types import Log, wrap_angle
 
 WITHOUT_MAP = ("home",)  # driven in another world
 TAG = "tag"

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from locfuse.io.datasets.source import read_source, runs_of, with_start, wrap_angle
+from locfuse.io.datasets.source import read_source, runs_of, with_start
 from locfuse.io.log_folder import write_log
-from locfuse.types import Columns, FloatArray, Log, LogError
+from locfuse.types import Columns, FloatArray, Log, LogError, wrap_angle
 
 
 def convert(source: Path, out: Path) -> list[Path]:

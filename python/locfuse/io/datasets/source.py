@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse.io.csv_table import read_table
-from locfuse.types import Columns, FloatArray, LogError
+from locfuse.types import Columns, LogError
 
 MAP_FILES = ("map.pgm", "map.yaml")
 
@@ -66,13 +66,6 @@ def runs_of(source: Path, ending: str) -> list[str]:
     if not names:
         raise LogError(f"{source}: no file RUN{ending}, expected at least one")
     return names
-
-
-def wrap_angle(angle: FloatArray) -> FloatArray:
-    """Return angles in [-pi, pi), radians; those already inside keep every bit."""
-    turned: FloatArray = np.mod(angle + np.pi, 2.0 * np.pi) - np.pi
-    turned = np.where(turned >= np.pi, -np.pi, turned)
-    return np.where((angle >= -np.pi) & (angle < np.pi), angle, turned)
 
 
 def with_start(stamp_ns: int, increments: Columns) -> Columns:
