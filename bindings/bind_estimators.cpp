@@ -133,6 +133,9 @@ Examples
       .def_property_readonly("motion_model", &PoseEkf::motion_model, py::return_value_policy::copy)
       .def(
           "__copy__", [](const PoseEkf& ekf) { return ekf; }, "A snapshot.")
+      .def(
+          "__deepcopy__", [](const PoseEkf& ekf, const py::object& /*memo*/) { return ekf; },
+          py::arg("memo"), "A snapshot.")
       .def("__repr__", [](const PoseEkf& ekf) {
         return "PoseEkf(at " + std::to_string(ekf.belief().stamp) + " ns)";
       });

@@ -33,7 +33,7 @@ const char* name_of(Verdict verdict) {
 }  // namespace
 
 void bind_filters(py::module_& m) {
-  py::native_enum<Verdict>(m, "Verdict", "enum.Enum", "What became of a message.")
+  py::native_enum<Verdict>(m, "Verdict", "enum.IntEnum", "What became of a message.")
       .value("FUSED", Verdict::kFused)
       .value("GATED", Verdict::kGated)
       .value("NOT_MODELLED", Verdict::kNotModelled)

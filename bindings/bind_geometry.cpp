@@ -32,6 +32,14 @@ Pose2(x=1.5, y=2, heading=0.25)
       .def("inverse", [](const Pose2& pose) { return locfuse::inverse(pose); })
       .def(
           "__mul__", [](const Pose2& a, const Pose2& b) { return a * b; }, py::is_operator())
+      .def("__eq__",
+           [](const Pose2& a, const py::object& other) {
+             if (!py::isinstance<Pose2>(other)) {
+               return false;
+             }
+             const auto& b = other.cast<const Pose2&>();
+             return a.x == b.x && a.y == b.y && a.heading == b.heading;
+           })
       .def("__repr__", [](const Pose2& p) {
         char text[96];
         std::snprintf(text, sizeof(text), "Pose2(x=%g, y=%g, heading=%g)", p.x, p.y, p.heading);

@@ -18,9 +18,34 @@ using Stamps = py::array_t<Stamp, py::array::c_style>;  // no cast: seconds as f
 
 namespace {
 
+// A log that is replayed or grown without the GIL. `uses` changes under the GIL only.
+struct SharedLog {
+  MessageLog log;
+  int uses = 0;  // replays that go on, or -1 while it changes
+};
+
+// One use of a log, refused where another use goes on that it would disturb. Made before the GIL is
+// released, destroyed after it is back.
+class Use {
+ public:
+  enum class Kind { kRead, kChange };
+  Use(SharedLog& log, Kind kind) : log_(log) {
+    if (log.uses < 0 || (kind == Kind::kChange && log.uses > 0)) {
+      throw std::runtime_error("this MessageLog is in use by another call; wait until it is done");
+    }
+    log.uses = kind == Kind::kChange ? -1 : log.uses + 1;
+  }
+  ~Use() { log_.uses = log_.uses < 0 ? 0 : log_.uses - 1; }
+  Use(const Use&) = delete;
+  Use& operator=(const Use&) = delete;
+
+ private:
+  SharedLog& log_;
+};
+
 // Adds one message per row; `arrivals` may be absent.
 template <class Make>
-void add_rows(MessageLog& log, const Stamps& stamps, const std::optional<Stamps>& arrivals,
+void add_rows(SharedLog& log, const Stamps& stamps, const std::optional<Stamps>& arrivals,
               const Make& make) {
   const py::ssize_t n = stamps.size();
   expect_shape("stamp_ns", stamps, n);
@@ -28,8 +53,9 @@ void add_rows(MessageLog& log, const Stamps& stamps, const std::optional<Stamps>
     expect_shape("arrival_ns", *arrivals, n);
   }
   const Stamp* arrival = arrivals ? arrivals->data() : nullptr;
+  const Use use(log, Use::Kind::kChange);
   const py::gil_scoped_release release;
-  log.add_rows(static_cast<std::size_t>(n), [&](std::size_t row) -> MessageLog::Arrival {
+  log.log.add_rows(static_cast<std::size_t>(n), [&](std::size_t row) -> MessageLog::Arrival {
     const Message message = make(static_cast<py::ssize_t>(row));
     return {arrival != nullptr ? arrival[row] : effective_stamp(message), message};
   });
@@ -83,7 +109,7 @@ py::array_t<T> column_of(const Items& items, const Field& field) {
   return to_numpy(std::move(column), {n});
 }
 
-RunLog run(const PoseEkf& start, const MessageLog& log, Stamp history, bool record,
+RunLog run(PoseEkf start, SharedLog& log, Stamp history, bool record,
            const std::optional<std::function<void(std::size_t)>>& progress) {
   locfuse::ReplayOptions options;
   options.history = history;
@@ -94,25 +120,31 @@ RunLog run(const PoseEkf& start, const MessageLog& log, Stamp history, bool reco
       (*progress)(done);
     };
   }
+  const Use use(log, Use::Kind::kRead);
   const py::gil_scoped_release release;
-  return locfuse::replay(start, log, options);
+  return locfuse::replay(start, log.log, options);
 }
 
 }  // namespace
 
 void bind_replay(py::module_& m) {
   const auto no_arrival = py::arg("arrival_ns") = py::none();
-  py::class_<MessageLog>(m, "MessageLog", R"(Recorded messages, added as columns.
+  py::class_<SharedLog>(m, "MessageLog", R"(Recorded messages, added as columns.
 
 Every `add_...` takes arrays of equal length; `arrival_ns`, where given, is when each message
 reaches the estimator, otherwise it arrives when it takes effect. A row that is not valid raises
-ValueError, names the row, and nothing is added.
+ValueError, names the row, and nothing is added. A log that another thread adds to, sorts or
+replays raises RuntimeError; several threads may replay it at once.
 )")
       .def(py::init<>())
-      .def("__len__", [](const MessageLog& log) { return log.arrivals().size(); })
+      .def("__len__",
+           [](SharedLog& log) {
+             const Use use(log, Use::Kind::kRead);
+             return log.log.arrivals().size();
+           })
       .def(
           "add_velocities",
-          [](MessageLog& log, const Stamps& stamp, const Column<double>& forward,
+          [](SharedLog& log, const Stamps& stamp, const Column<double>& forward,
              const Column<double>& turn_rate, const std::optional<Stamps>& arrival) {
             expect_shape("forward", forward, stamp.size());
             expect_shape("turn_rate", turn_rate, stamp.size());
@@ -125,8 +157,8 @@ ValueError, names the row, and nothing is added.
           py::arg("stamp_ns"), py::arg("forward"), py::arg("turn_rate"), no_arrival)
       .def(
           "add_increments",
-          [](MessageLog& log, const Stamps& begin, const Stamps& stamp,
-             const Column<double>& motion, const std::optional<Stamps>& arrival) {
+          [](SharedLog& log, const Stamps& begin, const Stamps& stamp, const Column<double>& motion,
+             const std::optional<Stamps>& arrival) {
             expect_shape("begin_ns", begin, stamp.size());
             expect_shape("motion", motion, stamp.size(), 3);
             add_rows(
@@ -140,7 +172,7 @@ ValueError, names the row, and nothing is added.
           "Motions (n, 3): dx, dy [m], dheading [rad] from begin_ns to stamp_ns.")
       .def(
           "add_ranges",
-          [](MessageLog& log, const Stamps& stamp, const Column<Id>& tag, const Column<Id>& anchor,
+          [](SharedLog& log, const Stamps& stamp, const Column<Id>& tag, const Column<Id>& anchor,
              const Column<double>& range, const std::optional<Column<double>>& sigma,
              const std::optional<Stamps>& arrival) {
             expect_shape("tag", tag, stamp.size());
@@ -161,7 +193,7 @@ ValueError, names the row, and nothing is added.
           py::arg("sigma") = py::none(), no_arrival)
       .def(
           "add_positions",
-          [](MessageLog& log, const Stamps& stamp, const Column<double>& position,
+          [](SharedLog& log, const Stamps& stamp, const Column<double>& position,
              const Column<double>& sigma, const std::optional<Stamps>& arrival) {
             expect_shape("position", position, stamp.size(), 2);
             expect_shape("sigma", sigma, stamp.size());
@@ -178,7 +210,7 @@ ValueError, names the row, and nothing is added.
           "Positions (n, 2) [m] with one sigma [m] each.")
       .def(
           "add_poses",
-          [](MessageLog& log, const Stamps& stamp, const Column<double>& pose,
+          [](SharedLog& log, const Stamps& stamp, const Column<double>& pose,
              const Column<double>& sigma_xy, const Column<double>& sigma_heading,
              const std::optional<Stamps>& arrival) {
             expect_shape("pose", pose, stamp.size(), 3);
@@ -198,8 +230,14 @@ ValueError, names the row, and nothing is added.
           },
           py::arg("stamp_ns"), py::arg("pose"), py::arg("sigma_xy"), py::arg("sigma_heading"),
           no_arrival, "Poses (n, 3): x, y [m], heading [rad], with their sigmas.")
-      .def("sort", &MessageLog::sort, py::call_guard<py::gil_scoped_release>(),
-           "Sorts by arrival; messages of one instant stay in the order they were added in.");
+      .def(
+          "sort",
+          [](SharedLog& log) {
+            const Use use(log, Use::Kind::kChange);
+            const py::gil_scoped_release release;
+            log.log.sort();
+          },
+          "Sorts by arrival; messages of one instant stay in the order they were added in.");
 
   py::class_<RunLog>(m, "RunLog", "What a replay leaves behind, as columns.")
       .def_property_readonly(

@@ -9,7 +9,9 @@ rm -rf $out
   --exit-code >/dev/null
 # Members of native enums come out as annotations, which type checkers do not take for members.
 sed -i -e 's/^    \([A-Z][A-Z0-9_]*\): typing.ClassVar\[.*\]$/    \1 = .../' \
-  -e '/^    @classmethod$/{N;N;/def __new__(cls, value)/d}' $out/locfuse/_core.pyi
+  -e '/^    @classmethod$/{N;N;/def __new__(cls, value)/d}' \
+  -e 's/__hash__: typing.ClassVar\[None\] = None/&  # type: ignore[assignment]/' \
+  -e '/^    def __format__(self, format_spec):$/{N;d}' $out/locfuse/_core.pyi
 "$bin/ruff" format -q --config 'line-length = 100' $out/locfuse/_core.pyi
 if [ "${2:-}" = --check ]; then
   cmp -s $out/locfuse/_core.pyi python/locfuse/_core.pyi || {

@@ -122,6 +122,9 @@ class Pose2:
     >>> Pose2(1, 2, 0) * Pose2(0.5, 0, 0.25)
     Pose2(x=1.5, y=2, heading=0.25)
     """
+
+    __hash__: typing.ClassVar[None] = None  # type: ignore[assignment]
+    def __eq__(self, arg0: typing.Any) -> bool: ...
     def __init__(
         self,
         x: typing.SupportsFloat | typing.SupportsIndex = 0.0,
@@ -481,7 +484,7 @@ class PoseModel:
         """
     def predict(self, T_world_body: Pose2) -> Pose2: ...
 
-class Verdict(enum.Enum):
+class Verdict(enum.IntEnum):
     """
     What became of a message.
     """
@@ -700,6 +703,10 @@ class PoseEkf:
         """
         A snapshot.
         """
+    def __deepcopy__(self, memo: typing.Any) -> PoseEkf:
+        """
+        A snapshot.
+        """
     def __init__(
         self,
         config: PoseEkfConfig,
@@ -770,7 +777,8 @@ class MessageLog:
 
     Every `add_...` takes arrays of equal length; `arrival_ns`, where given, is when each message
     reaches the estimator, otherwise it arrives when it takes effect. A row that is not valid raises
-    ValueError, names the row, and nothing is added.
+    ValueError, names the row, and nothing is added. A log that another thread adds to, sorts or
+    replays raises RuntimeError; several threads may replay it at once.
     """
     def __init__(self) -> None: ...
     def __len__(self) -> int: ...

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -34,6 +35,7 @@ from locfuse.io.log_folder import read_log
 from locfuse.io.tum import read_tum
 from locfuse.reproduce import PAPERS, Claim, reproduce
 from locfuse.run import run as run_config
+from locfuse.types import ConfigError
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
                   help="Localization for mobile robots.")  # fmt: skip
@@ -78,11 +80,16 @@ def run(
     config: Annotated[Path, typer.Argument(help="YAML file, see docs/configuration.md.")],
     log: Annotated[Path | None, typer.Option(help="Log folder, instead of the config's.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("out/run"),
-    seed: Annotated[int, typer.Option(help="Of the simulation.", min=0)] = 0,
+    seed: Annotated[
+        int | None, typer.Option(help="Of the simulation, instead of the config's.", min=0)
+    ] = None,
 ) -> None:
     """Localize along a log or a simulated drive; write estimate, outcomes, metrics and a report."""
     parsed = load_config(config)
     recorded = None if log is None else read_log(log)
+    if log is not None:
+        parsed = parsed.model_copy(update={"log": str(log.resolve()), "simulation": None})
+    _check_folder(out)
     with _progress("messages") as (bar, task):
         result = run_config(
             parsed,
@@ -97,7 +104,20 @@ def run(
     for key, value in result.metrics.items():
         if isinstance(value, float | int | None):
             console.print(f"{key:22} {'-' if value is None else f'{value:.6g}'}")
+    for source, verdicts in result.metrics["counts"].items():
+        counts = ", ".join(f"{verdict} {count}" for verdict, count in verdicts.items())
+        console.print(f"{source:22} {counts}", highlight=False)
+    console.print(result.metrics["truth"], soft_wrap=True)
     console.print(f"report: {report}", soft_wrap=True)
+
+
+def _check_folder(out: Path) -> None:
+    """Refuse a folder that cannot be made, before the work and not after it."""
+    nearest_there = next(p for p in (out, *out.absolute().parents) if p.exists())
+    if not nearest_there.is_dir():
+        raise ConfigError(f"--out {out}: {nearest_there} is no folder")
+    if not os.access(nearest_there, os.W_OK):
+        raise ConfigError(f"--out {out}: {nearest_there} must not be written")
 
 
 @app.command("convert")
@@ -167,7 +187,7 @@ def config_dump(config: Annotated[Path, typer.Argument(help="YAML file.")]) -> N
 
 
 def _table(paper: str, seeds: int, claims: list[Claim]) -> Table:
-    title = f"{paper}, RMSE of position: median [5 %..95 %] over {seeds} seeds"
+    title = f"{paper}: ours is the median (of NEES the mean) [5 %..95 %] over {seeds} seeds"
     table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False)
     for heading in ("claim", "paper", "ours", "required", "met"):
         table.add_column(heading, justify="left" if heading == "claim" else "right", no_wrap=True)

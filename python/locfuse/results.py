@@ -71,14 +71,10 @@ def _write_outcomes(path: Path, outcomes: Outcomes) -> None:
         outcomes.tag.tolist(),
         outcomes.anchor.tolist(),
         outcomes.verdict.tolist(),
-        _blank_nan(outcomes.nis),
+        number_texts(outcomes.nis),
         [str(dof) for dof in outcomes.dof.tolist()],
-        _blank_nan(outcomes.log_likelihood),
-        _blank_nan(outcomes.residual),
+        number_texts(outcomes.log_likelihood),
+        number_texts(outcomes.residual),
         outcomes.reason.tolist(),
     ]
     write_table(path, header, columns)
-
-
-def _blank_nan(values: FloatArray) -> list[str]:
-    return ["" if text == "nan" else text for text in number_texts(values)]

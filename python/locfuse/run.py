@@ -7,6 +7,7 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from locfuse import _core
 from locfuse.config.build import build_anchors, build_estimator_config
 from locfuse.config.schema import SOURCES, Dataset, RunConfig
-from locfuse.eval.errors import interpolate
+from locfuse.eval.errors import LONGEST_GAP_S, interpolate
 from locfuse.eval.metrics import metrics
 from locfuse.io.datasets import convert
 from locfuse.io.log_folder import read_log
@@ -70,7 +71,7 @@ def run(
     log: Log | None = None,
     *,
     base: Path | None = None,
-    seed: int = 0,
+    seed: int | None = None,
     start: _core.PoseEstimate | None = None,
     progress: Progress | None = None,
 ) -> RunResult:
@@ -83,8 +84,8 @@ def run(
         Instead of what the configuration names.
     base : Path, optional
         Folder that the configuration's paths are relative to.
-    seed : int
-        Of the simulation.
+    seed : int, optional
+        Of the simulation, instead of what the configuration says.
     start : PoseEstimate, optional
         Instead of what the configuration says.
     progress : callable, optional
@@ -106,8 +107,10 @@ def run(
     >>> result.metrics["position_rmse_m"] < 0.1
     True
     """
+    if seed is not None:
+        config = config.model_copy(update={"seed": seed})
     if log is None:
-        log = load_log(config, base, seed)
+        log = load_log(config, base, config.seed)
     messages = to_messages(log, config)
     truth = truth_of(log)
     anchors = build_anchors(log.tables.get("anchors"), messages.anchor_names, config.anchors)
@@ -190,10 +193,18 @@ def start_of(config: RunConfig, truth: Trajectory | None, messages: Messages) ->
         lacks = "no truth.csv" if truth is None else "a truth.csv without headings"
         raise ConfigError(f"start is 'truth', but the log has {lacks}; "
                           "set start: [x, y, heading_deg]")  # fmt: skip
+    if int(truth.stamp_ns[0]) > messages.end_ns:
+        raise ConfigError("start is 'truth', but truth.csv begins after the last message; do all "
+                          "files count time from the same origin?")  # fmt: skip
     stamp = max(int(truth.stamp_ns[0]), messages.begin_ns)
     at, inside = interpolate(truth, np.array([stamp], dtype=np.int64))
-    if not inside[0] or at.heading is None:
+    if stamp > int(truth.stamp_ns[-1]):
         raise ConfigError("start is 'truth', but truth.csv ends before the first message")
+    if not inside[0] or at.heading is None:
+        raise ConfigError(
+            f"start is 'truth', but truth.csv has a gap of more than {LONGEST_GAP_S:g} s at the "
+            "first message; set start: [x, y, heading_deg]"
+        )
     pose = _core.Pose2(float(at.position[0, 0]), float(at.position[0, 1]), float(at.heading[0]))
     return _core.PoseEstimate(stamp, pose, covariance)
 
@@ -209,12 +220,15 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
         If nothing is left to fuse, or ranges come without anchors or tags.
     """
     tables: dict[str, Mapping[str, NDArray[Any]]] = {
-        source: log[source] for source in SOURCES if source in log and source in config.use
+        source: log[source]
+        for source in SOURCES
+        if source in log and source in config.use and len(log[source]["stamp_ns"]) > 0
     }
     if not tables:
-        present = [source for source in SOURCES if source in log]
+        present = [s for s in SOURCES if s in log and len(log[s]["stamp_ns"]) > 0]
         raise LogError(f"nothing to fuse: the log has {present or 'no messages'}, "
                        f"the config uses {list(config.use)}")  # fmt: skip
+    _check_clocks(tables)
     anchor_names, tag_names = _names(log, tables.get("ranges"))
     messages = _core.MessageLog()
     parts: list[dict[str, Any]] = []
@@ -240,6 +254,19 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
     )
 
 
+def _check_clocks(tables: Mapping[str, Mapping[str, NDArray[Any]]]) -> None:
+    """Refuse sources that are an hour or more apart: they count time from different origins."""
+    spans = sorted(
+        (int(table["stamp_ns"].min()), int(table["stamp_ns"].max()), source)
+        for source, table in tables.items()
+        if len(table["stamp_ns"]) > 0
+    )
+    for (_, end, first), (later, _, second) in pairwise(spans):
+        if later - end > 3600 * NANOSECONDS:
+            raise LogError(f"{second} begin {(later - end) / NANOSECONDS:.6g} s after {first} end; "
+                           "do all files count time from the same origin?")  # fmt: skip
+
+
 def _names(log: Log, ranges: Mapping[str, NDArray[Any]] | None) -> tuple[list[str], list[str]]:
     """Return anchor and tag names in order of id: those with a place first."""
     anchors = [str(name) for name in log["anchors"]["anchor"]] if "anchors" in log else []
@@ -251,6 +278,11 @@ def _names(log: Log, ranges: Mapping[str, NDArray[Any]] | None) -> tuple[list[st
         if not tags:
             raise LogError("the log has ranges but its log.yaml names no tags; add "
                            "'tags: {NAME: [x, y, z]}'")  # fmt: skip
+        for column, known, where in (("anchor", anchors, "anchors.csv"), ("tag", tags, "log.yaml")):
+            named = sorted(set(ranges[column].tolist()))
+            if named and not set(named) & set(known):
+                raise LogError(f"no range can be used: ranges.csv names {column}s {named}, {where} "
+                               f"names {known}")  # fmt: skip
         anchors += sorted(set(ranges["anchor"].tolist()) - set(anchors))
         tags += sorted(set(ranges["tag"].tolist()) - set(tags))
     return anchors, tags

@@ -387,3 +387,27 @@ def test_the_belief_stays_finite_and_its_variances_positive_whatever_is_said(
         assert (belief.P == belief.P.T).all()
         assert (np.diag(belief.P) > 0.0).all()
         assert -np.pi <= belief.x[2] < np.pi
+
+
+@pytest.mark.parametrize(
+    ("files", "words"),
+    [
+        ({"truth.csv": "stamp_s,x_m,y_m,heading_rad\n1000,3,2,0\n1001,3,2,0\n"},
+         ["start is 'truth'", "after the last message"]),
+        ({"log.yaml": "tags: {mast: [0, 0, 0]}\n"}, ["no range can be used", "mast"]),
+        ({"odometry.csv": "stamp_s,v_mps,omega_radps\n1700000000,0.2,0\n1700000001,0.2,0\n"},
+         ["odometry begin", "ranges end", "same origin"]),
+    ],
+)  # fmt: skip
+def test_what_would_score_without_being_used_is_refused(
+    tmp_path: Path, files: dict[str, str | None], words: list[str]
+) -> None:
+    said = run_on(tmp_path, files, "start: truth\n")
+    assert said.status == 1
+    assert all(word in said.err for word in words), said.err
+
+
+def test_yes_is_no_number(tmp_path: Path) -> None:
+    said = run_on(tmp_path, {}, CONFIG + "estimator: {range: {sigma_m: yes}}\n")
+    assert said.status == 1
+    assert "estimator.range: sigma_m is True" in said.err

@@ -57,7 +57,8 @@ void validate(const Range& message) {
   if (!std::isfinite(message.range) || message.range < 0.0) {
     refuse("Range.range [m]", message.range, "a finite number >= 0");
   }
-  if (message.sigma && !(std::isfinite(*message.sigma) && *message.sigma > 0.0)) {
+  if (message.sigma && !(std::isfinite(*message.sigma) && *message.sigma > 0.0 &&
+                         *message.sigma * *message.sigma > 0.0)) {
     refuse("Range.sigma [m]", *message.sigma, "a finite number > 0");
   }
 }

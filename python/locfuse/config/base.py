@@ -19,8 +19,10 @@ class Strict(BaseModel):
     @classmethod
     def _known_keys(cls, data: Any) -> Any:
         if isinstance(data, dict):
-            for key in data:
+            for key, value in data.items():
                 if key not in cls.model_fields:
                     advice = nearest(str(key), cls.model_fields)
                     raise ValueError(f"unknown key {key!r}; {advice}")
+                if isinstance(value, bool):  # 'yes' would otherwise count as 1
+                    raise ValueError(f"{key} is {value}, but no key takes yes or no")
         return data

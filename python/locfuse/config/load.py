@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import yaml
 from pydantic import ValidationError
 
 from locfuse.config.schema import RunConfig
-from locfuse.types import ConfigError
+from locfuse.types import ConfigError, nearest
 
 
 class _Loader(yaml.SafeLoader):
@@ -42,12 +43,16 @@ def load_config(path: str | Path) -> RunConfig:
     try:
         data = yaml.load(path.read_text(encoding="utf-8"), _Loader)
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read ({error})") from None
+        raise ConfigError(
+            f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})"
+        ) from None
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         where = f"{path}, line {mark.line + 1}" if mark is not None else f"{path}"
         what = getattr(error, "problem", None) or " ".join(str(error).split())
         raise ConfigError(f"{where}: is no YAML ({what})") from None
+    except (ValueError, RecursionError) as error:  # such as the date 2020-13-45
+        raise ConfigError(f"{path}: is no YAML ({error})") from None
     if data is None:
         raise ConfigError(f"{path}: is empty; expected at least 'log' or 'simulation'")
     return parse_config(data, str(path))
@@ -82,9 +87,34 @@ def parse_config(data: Any, origin: str = "config") -> RunConfig:
         raise ConfigError("; ".join(_sentence(origin, e) for e in errors)) from None
 
 
+_UNION_TAGS = ("folder", "dataset", "literal['truth']")
+
+
 def _sentence(origin: str, error: Any) -> str:
-    where = ".".join(str(part) for part in error["loc"])
-    message = error["msg"].removeprefix("Value error, ")
+    parts = [str(part) for part in error["loc"]]
+    if parts[:1] == ["log"]:
+        parts = ["log", *(part for part in parts[1:] if part not in _UNION_TAGS)]
+    where = ": ".join([origin, ".".join(parts)]) if parts else origin
     got = error["input"]
-    value = f" (got {got!r})" if isinstance(got, str | int | float | list) else ""
-    return f"{origin}: {where}: {message}{value}" if where else f"{origin}: {message}{value}"
+    shown = got is None or isinstance(got, str | int | float | list)
+    value = f" (got {'nothing' if got is None else repr(got)})" if shown else ""
+    return f"{where}: {_expected(error)}{value}"
+
+
+def _expected(error: Any) -> str:
+    """Return what was expected, in the words of a configuration."""
+    kind, context = error["type"], error.get("ctx", {})
+    if kind in ("model_type", "dict_type", "model_attributes_type"):
+        return "expected keys and values"
+    if kind == "list_type":
+        return "expected a list"
+    if kind == "too_short":
+        return f"expected at least {context['min_length']}"
+    if kind == "literal_error":
+        return nearest(str(error["input"]), re.findall(r"'([^']*)'", context["expected"]))
+    if kind == "union_tag_invalid":
+        valid = re.findall(r"'([^']*)'", context["expected_tags"])
+        return f"unknown {context['discriminator'].strip(chr(39))} {context['tag']!r}; " + nearest(
+            context["tag"], valid
+        )
+    return str(error["msg"]).removeprefix("Value error, ")

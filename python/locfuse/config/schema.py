@@ -127,6 +127,7 @@ class RunConfig(Strict):
     use: Annotated[list[Source], Field(min_length=1)] = Field(default_factory=lambda: list(SOURCES))
     anchors: dict[Name, RangeError] = Field(default_factory=dict)
     estimator: Estimator = Field(default_factory=Estimator)
+    seed: Annotated[int, Field(ge=0)] = 0
     history_s: Annotated[float, Field(ge=0.0, le=1e9)] = 2.0
 
     @model_validator(mode="after")

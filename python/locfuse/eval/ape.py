@@ -114,7 +114,7 @@ def associate(
     to_after = np.abs(b.stamp_ns[after] - a.stamp_ns)
     to_before = np.abs(b.stamp_ns[before] - a.stamp_ns)
     row = np.where(to_before <= to_after, before, after)
-    near = np.minimum(to_before, to_after) <= round(max_difference_s * NANOSECONDS)
+    near = np.minimum(to_before, to_after) <= max_difference_s * NANOSECONDS
     return np.flatnonzero(near), row[near]
 
 

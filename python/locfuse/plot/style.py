@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeAlias
@@ -105,4 +106,6 @@ def save(figure: Figure, path: Path) -> None:
     figure : Figure
     path : Path
     """
-    figure.savefig(path, format="png", dpi=_DPI, metadata={"Software": None})
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing")  # shown as an empty box
+        figure.savefig(path, format="png", dpi=_DPI, metadata={"Software": None})

@@ -8,6 +8,11 @@
 namespace locfuse {
 namespace {
 
+TEST(Gate, has_no_limit_for_nothing_compared) {
+  EXPECT_THROW((void)Gate(0.99).limit(0), std::invalid_argument);
+  EXPECT_THROW((void)Gate(0.99).limit(-1), std::invalid_argument);
+}
+
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 TEST(Gate, limit_is_the_quantile_of_the_degrees_of_freedom) {

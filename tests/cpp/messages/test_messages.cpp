@@ -64,6 +64,7 @@ TEST(Validate, refuses_a_range_sigma_that_is_not_positive) {
   expect_refused([] { validate(range_of(1.0, -0.25)); }, "Range.sigma", "-0.25");
   expect_refused([] { validate(range_of(1.0, kNan)); }, "Range.sigma", "nan");
   expect_refused([] { validate(range_of(1.0, kInfinity)); }, "Range.sigma", "inf");
+  expect_refused([] { validate(range_of(1.0, 1e-200)); }, "Range.sigma", "1e-200");  // R is 0
 }
 
 TEST(Validate, refuses_a_position_that_is_not_finite) {

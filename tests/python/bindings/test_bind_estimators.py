@@ -199,3 +199,12 @@ def test_a_linearization_that_is_no_measurement_is_refused() -> None:
     ):
         with pytest.raises(ValueError, match="Linearization"):
             lf.Linearization(*wrong)
+
+
+def test_a_deep_copy_is_a_snapshot() -> None:
+    ekf = lf.PoseEkf(lf.PoseEkfConfig(), lf.AnchorMap([]), [],
+                     lf.PoseEstimate(0, lf.Pose2(1, 2, 0), np.eye(3)))  # fmt: skip
+    snapshot = copy.deepcopy(ekf)
+    ekf.on(lf.Increment(0, 1_000_000_000, lf.Pose2(0.5, 0, 0)))
+    assert snapshot.estimate().pose == lf.Pose2(1, 2, 0)
+    assert ekf.estimate().pose == lf.Pose2(1.5, 2, 0)

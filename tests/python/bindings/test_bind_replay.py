@@ -186,3 +186,44 @@ def test_columns_of_other_lengths_are_refused_with_both_shapes() -> None:
 def test_stamps_that_are_not_integers_are_not_rounded_in_silence() -> None:
     with pytest.raises((TypeError, ValueError)):
         lf.MessageLog().add_velocities(np.array([0.5, 1.5, 2.5, 3.5]), ONES, ONES)
+
+
+def test_a_log_in_use_refuses_to_change() -> None:
+    """Growing a log while a replay read it, GIL released, once crashed the interpreter."""
+    rows = 40_000
+    stamp = np.arange(rows, dtype=np.int64) * 1_000_000
+    log = lf.MessageLog()
+    log.add_velocities(stamp, np.full(rows, 0.1), np.zeros(rows))
+    refused = []
+
+    def grow(done: int) -> None:
+        with pytest.raises(RuntimeError, match="in use by another call"):
+            log.add_velocities(stamp, np.full(rows, 0.1), np.zeros(rows))
+        refused.append(done)
+
+    lf.replay(make_ekf(), log, record=False, progress=grow)
+    assert refused
+    assert len(log) == rows
+    log.add_velocities(stamp[:1], np.zeros(1), np.zeros(1))  # free again
+    assert len(log) == rows + 1
+
+
+def test_several_replays_of_one_log_go_on_at_once() -> None:
+    log, _ = drive()
+    inner = []
+
+    def again(done: int) -> None:
+        inner.append(lf.replay(make_ekf(), log, record=False).last.pose)
+
+    rows = 40_000
+    stamp = 30_000_000_000 + np.arange(rows, dtype=np.int64) * 1_000_000
+    log.add_velocities(stamp, np.zeros(rows), np.zeros(rows))
+    outer = lf.replay(make_ekf(), log, record=False, progress=again)
+    assert inner
+    assert all(pose == outer.last.pose for pose in inner)
+
+
+def test_verdict_columns_compare_with_the_enumeration() -> None:
+    log, _ = drive()
+    record = lf.replay(make_ekf(), log)
+    assert np.count_nonzero(record.verdict == lf.Verdict.FUSED) > 400

@@ -18,10 +18,10 @@ class Gate {
   /// Throws std::invalid_argument unless 0 < probability <= 1; 1 lets everything through.
   explicit Gate(double probability);
 
-  /// Largest NIS that passes.
+  /// Largest NIS that passes. Throws std::invalid_argument if `dof` is below 1.
   [[nodiscard]] double limit(int dof) const {
-    return dof <= kTabled ? limits_[static_cast<std::size_t>(dof)]
-                          : chi_squared_quantile(dof, probability_);
+    return dof >= 1 && dof <= kTabled ? limits_[static_cast<std::size_t>(dof)]
+                                      : chi_squared_quantile(dof, probability_);
   }
 
   [[nodiscard]] double probability() const { return probability_; }

@@ -28,11 +28,11 @@ Outcome fuse(X& x, Cov& P, const Lin& lin, const Cross& PHt, const S& innovation
   outcome.residual = lin.residual(0);
   Cross K;
   if constexpr (S::RowsAtCompileTime == 1) {
-    outcome.determinant = innovation(0, 0);
-    if (!(outcome.determinant > 0.0)) {
+    outcome.scale = innovation(0, 0);
+    if (!(outcome.scale > 0.0)) {
       throw NumericalError("innovation covariance is not positive");
     }
-    const double inverse = 1.0 / outcome.determinant;
+    const double inverse = 1.0 / outcome.scale;
     outcome.nis = lin.residual(0) * lin.residual(0) * inverse;
     K = PHt * inverse;
   } else {
@@ -40,7 +40,7 @@ Outcome fuse(X& x, Cov& P, const Lin& lin, const Cross& PHt, const S& innovation
     if (factor.info() != Eigen::Success) {
       throw NumericalError("innovation covariance is not positive definite");
     }
-    outcome.determinant = factor.matrixLLT().diagonal().array().square().prod();
+    outcome.scale = std::exp(2.0 * factor.matrixLLT().diagonal().array().log().mean());
     outcome.nis = factor.matrixL().solve(lin.residual).squaredNorm();
     K = factor.solve(PHt.transpose()).transpose();
   }

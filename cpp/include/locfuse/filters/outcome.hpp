@@ -19,14 +19,14 @@ enum class Verdict : std::uint8_t {
 /// Verdict on one message, with the numbers behind it. NaN and 0 dof where nothing was compared.
 struct Outcome {
   Verdict verdict = Verdict::kIgnored;
-  int dof = 0;                                                    ///< rows of the innovation
-  double nis = std::numeric_limits<double>::quiet_NaN();          ///< r' S^-1 r
-  double residual = std::numeric_limits<double>::quiet_NaN();     ///< first row of r
-  double determinant = std::numeric_limits<double>::quiet_NaN();  ///< det S
+  int dof = 0;                                                 ///< rows of the innovation
+  double nis = std::numeric_limits<double>::quiet_NaN();       ///< r' S^-1 r
+  double residual = std::numeric_limits<double>::quiet_NaN();  ///< first row of r
+  double scale = std::numeric_limits<double>::quiet_NaN();     ///< det(S)^(1/dof)
 
   /// log N(r; 0, S).
   [[nodiscard]] double log_likelihood() const {
-    return -0.5 * (nis + std::log(determinant) + dof * kLogTwoPi);
+    return -0.5 * (nis + dof * (std::log(scale) + kLogTwoPi));
   }
 
  private:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from locfuse.io.datasets import ieu_gazebo, mrpt_office, plaza, tuc_labyrinth
-from locfuse.types import ConfigError, nearest
+from locfuse.types import ConfigError, LogError, nearest
 
 Converter: TypeAlias = Callable[[Path, Path], list[Path]]
 
@@ -47,4 +47,6 @@ def convert(name: str, source: str | Path, out: str | Path) -> list[Path]:
     key = name.replace("-", "_")
     if key not in CONVERTERS:
         raise ConfigError(f"unknown data set {name!r}; {nearest(key, CONVERTERS)}")
+    if not Path(source).is_dir():
+        raise LogError(f"{source}: no such folder")
     return CONVERTERS[key](Path(source), Path(out))

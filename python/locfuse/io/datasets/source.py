@@ -64,7 +64,7 @@ def runs_of(source: Path, ending: str) -> list[str]:
     """
     names = sorted(path.name.removesuffix(ending) for path in source.glob(f"?*{ending}"))
     if not names:
-        raise LogError(f"{source}: no file RUN{ending}, expected at least one")
+        raise LogError(f"{source}: no file that ends in {ending}")
     return names
 
 
