@@ -14,8 +14,9 @@ MAY_INCLUDE = {
     "messages": {"math", "geometry"},
     "maps": {"math", "geometry", "messages"},
     "models": {"math", "geometry", "messages", "maps"},
+    "frontends": {"math", "geometry", "messages", "maps"},
     "filters": {"math", "geometry"},
-    "estimators": {"math", "geometry", "messages", "maps", "models", "filters"},
+    "estimators": {"math", "geometry", "messages", "maps", "models", "frontends", "filters"},
     "replay": {"math", "geometry", "messages", "maps", "models", "filters", "estimators"},
 }
 INCLUDE = re.compile(r'^\s*#include\s+["<]([^">]+)[">]', re.MULTILINE)
