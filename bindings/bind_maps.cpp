@@ -1,10 +1,141 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <sstream>
+
 #include "bindings.hpp"
 #include "locfuse/maps/anchor_map.hpp"
+#include "locfuse/maps/distance_field.hpp"
+#include "numpy.hpp"
 
 namespace py = pybind11;
 using locfuse::Anchor;
 using locfuse::AnchorMap;
+using locfuse::Cell;
+using locfuse::DistanceField;
+using locfuse::OccupancyGrid;
+using locfuse::Pose2;
+
+namespace {
+
+std::shared_ptr<OccupancyGrid> grid_from(const Column<std::int8_t>& cells, double resolution,
+                                         const Pose2& origin) {
+  if (cells.ndim() != 2) {
+    throw std::invalid_argument("cells has " + std::to_string(cells.ndim()) +
+                                " dimensions, expected 2: (height, width)");
+  }
+  std::vector<Cell> values(static_cast<std::size_t>(cells.size()));
+  const std::int8_t* const data = cells.data();
+  std::transform(data, data + cells.size(), values.begin(),
+                 [](std::int8_t value) { return static_cast<Cell>(value); });
+  return std::make_shared<OccupancyGrid>(static_cast<int>(cells.shape(1)),
+                                         static_cast<int>(cells.shape(0)), resolution, origin,
+                                         std::move(values));
+}
+
+/// Answers for points (n, 2), as an array (n,).
+template <class Answer>
+py::array_t<double> for_points(const Column<double>& points, const Answer& answer) {
+  expect_shape("points", points, points.ndim() > 0 ? points.shape(0) : 0, 2);
+  const double* const data = points.data();
+  std::vector<double> found(static_cast<std::size_t>(points.shape(0)));
+  {
+    const py::gil_scoped_release unlocked;
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      found[i] = answer(locfuse::Vector<2>(data[2 * i], data[2 * i + 1]));
+    }
+  }
+  return to_numpy(std::move(found), {points.shape(0)});
+}
+
+void bind_grid(py::module_& m) {
+  py::class_<OccupancyGrid, std::shared_ptr<OccupancyGrid>>(
+      m, "OccupancyGrid", R"(Square cells that are free, occupied or unknown; immutable.
+
+Parameters
+----------
+cells : int8 array, shape (height, width)
+    0 free, 100 occupied, -1 unknown; row 0 has the lowest y.
+resolution : float
+    Metres per cell.
+origin : Pose2
+    Lower left corner of the grid in world.
+
+Raises
+------
+ValueError
+    On other cells, an empty grid, or numbers that are not finite.
+
+Examples
+--------
+>>> import numpy as np
+>>> from locfuse import OccupancyGrid, Pose2
+>>> OccupancyGrid(np.zeros((3, 4), dtype=np.int8), 0.05, Pose2(-1, -1, 0))
+OccupancyGrid(4 x 3 cells of 0.05 m)
+)")
+      .def(py::init(&grid_from), py::arg("cells"), py::arg("resolution"),
+           py::arg("origin") = Pose2{})
+      .def_property_readonly("width", &OccupancyGrid::width)
+      .def_property_readonly("height", &OccupancyGrid::height)
+      .def_property_readonly("resolution", &OccupancyGrid::resolution, "Metres per cell.")
+      .def_property_readonly("origin", &OccupancyGrid::origin, "T_world_grid.")
+      .def_property_readonly(
+          "cells",
+          [](const py::object& self) {
+            const auto& grid = self.cast<const OccupancyGrid&>();
+            py::array_t<std::int8_t> view({grid.height(), grid.width()},
+                                          reinterpret_cast<const std::int8_t*>(grid.cells().data()),
+                                          self);
+            view.attr("flags").attr("writeable") = false;
+            return view;
+          },
+          "int8 (height, width), a read-only view.")
+      .def("contains",
+           py::overload_cast<const locfuse::Vector<2>&>(&OccupancyGrid::contains, py::const_),
+           py::arg("point"), "Whether a point (2,) in world lies on the grid.")
+      .def("center", &OccupancyGrid::center, py::arg("column"), py::arg("row"),
+           "Centre (2,) of a cell in world [m].")
+      .def("__repr__", [](const OccupancyGrid& grid) {
+        std::ostringstream text;
+        text << "OccupancyGrid(" << grid.width() << " x " << grid.height() << " cells of "
+             << grid.resolution() << " m)";
+        return text.str();
+      });
+  py::class_<DistanceField>(m, "DistanceField",
+                            R"(Nearest occupied cell of every cell of a map, and around it.
+
+Parameters
+----------
+grid : OccupancyGrid
+margin : float
+    How far the field reaches beyond the map [m].
+
+Raises
+------
+ValueError
+    If no cell is occupied.
+)")
+      .def(py::init<std::shared_ptr<OccupancyGrid>, double>(), py::arg("grid"),
+           py::arg("margin") = 1.0)
+      .def(
+          "distance",
+          [](const DistanceField& field, const Column<double>& points) {
+            return for_points(points,
+                              [&](const locfuse::Vector<2>& p) { return field.distance(p); });
+          },
+          py::arg("points"),
+          "Distances (n,) [m] looked up for points (n, 2) in world: from the centre of the cell "
+          "that holds the point to the centre of the nearest occupied cell.")
+      .def(
+          "nearest_distance",
+          [](const DistanceField& field, const Column<double>& points) {
+            return for_points(
+                points, [&](const locfuse::Vector<2>& p) { return field.nearest(p).distance; });
+          },
+          py::arg("points"),
+          "Distances (n,) [m] from points (n, 2) to the nearest occupied centre, exact anywhere.");
+}
+
+}  // namespace
 
 void bind_maps(py::module_& m) {
   py::class_<Anchor>(m, "Anchor",
@@ -34,4 +165,5 @@ void bind_maps(py::module_& m) {
       .def("__repr__", [](const AnchorMap& map) {
         return "AnchorMap(" + std::to_string(map.anchors().size()) + " anchors)";
       });
+  bind_grid(m);
 }

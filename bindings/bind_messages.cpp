@@ -3,10 +3,13 @@
 
 #include "bindings.hpp"
 #include "locfuse/messages/messages.hpp"
+#include "numpy.hpp"
 
 namespace py = pybind11;
 using locfuse::Id;
 using locfuse::Increment;
+using locfuse::LaserGeometry;
+using locfuse::LaserScan;
 using locfuse::Pose2;
 using locfuse::PoseObservation;
 using locfuse::PositionFix;
@@ -20,6 +23,51 @@ template <class M>
 M checked(const M& message) {
   validate(message);
   return message;
+}
+
+void bind_laser(py::module_& m) {
+  py::class_<LaserGeometry, std::shared_ptr<LaserGeometry>>(
+      m, "LaserGeometry",
+      "How a 2D laser sits on the body and sees: beam i leaves at angle_min + i * angle_increment "
+      "[rad] from the laser's x axis; `pose_in_body` is T_body_laser; ranges [m].")
+      .def(py::init([](const Pose2& pose_in_body, double angle_min, double angle_increment,
+                       double range_min, double range_max) {
+             return std::make_shared<LaserGeometry>(checked(
+                 LaserGeometry{pose_in_body, angle_min, angle_increment, range_min, range_max}));
+           }),
+           py::arg("pose_in_body"), py::arg("angle_min"), py::arg("angle_increment"),
+           py::arg("range_min"), py::arg("range_max"))
+      .def_readonly("pose_in_body", &LaserGeometry::pose_in_body)
+      .def_readonly("angle_min", &LaserGeometry::angle_min)
+      .def_readonly("angle_increment", &LaserGeometry::angle_increment)
+      .def_readonly("range_min", &LaserGeometry::range_min)
+      .def_readonly("range_max", &LaserGeometry::range_max);
+  py::class_<LaserScan>(m, "LaserScan",
+                        "One turn of a 2D laser: `ranges` (beams,) [m], NaN without return. Those "
+                        "outside range_min to range_max are no returns either.")
+      .def(py::init([](Stamp stamp, std::shared_ptr<LaserGeometry> geometry,
+                       const Column<double>& ranges) {
+             expect_shape("ranges", ranges, ranges.ndim() > 0 ? ranges.shape(0) : 0);
+             return checked(LaserScan{
+                 stamp, std::move(geometry), {ranges.data(), ranges.data() + ranges.size()}});
+           }),
+           py::arg("stamp"), py::arg("geometry"), py::arg("ranges"))
+      .def_readonly("stamp", &LaserScan::stamp)
+      .def_property_readonly("geometry", [](const LaserScan& scan) { return *scan.geometry; })
+      .def_property_readonly(
+          "ranges",
+          [](const py::object& self) {
+            const auto& scan = self.cast<const LaserScan&>();
+            py::array_t<double> view(static_cast<py::ssize_t>(scan.ranges.size()),
+                                     scan.ranges.data(), self);
+            view.attr("flags").attr("writeable") = false;
+            return view;
+          },
+          "Metres (beams,), a read-only view.")
+      .def("__repr__", [](const LaserScan& scan) {
+        return "LaserScan(stamp=" + std::to_string(scan.stamp) + ", " +
+               std::to_string(scan.ranges.size()) + " beams)";
+      });
 }
 
 }  // namespace
@@ -116,4 +164,5 @@ void bind_messages(py::module_& m) {
              << ", " << z.pose.heading << "))";
         return text.str();
       });
+  bind_laser(m);
 }

@@ -3,6 +3,7 @@
 
 #include "bindings.hpp"
 #include "locfuse/replay/replay.hpp"
+#include "locfuse/replay/start.hpp"
 #include "numpy.hpp"
 
 namespace py = pybind11;
@@ -110,8 +111,9 @@ py::array_t<T> column_of(const Items& items, const Field& field) {
 }
 
 RunLog run(PoseEkf start, SharedLog& log, Stamp history, bool record,
-           const std::optional<std::function<void(std::size_t)>>& progress) {
+           const std::optional<std::function<void(std::size_t)>>& progress, std::size_t first) {
   locfuse::ReplayOptions options;
+  options.first = first;
   options.history = history;
   options.record = record;
   if (progress) {
@@ -281,9 +283,27 @@ replays raises RuntimeError; several threads may replay it at once.
         return "RunLog(" + std::to_string(r.outcomes.size()) + " messages, " +
                std::to_string(r.estimates.size()) + " estimates)";
       });
+  using Step = locfuse::StartRun::Step;
+  py::class_<Step>(m, "StartStep", "A change on the way to a start.")
+      .def_readonly("stamp", &Step::stamp, "[ns].")
+      .def_readonly("state", &Step::state);
+  py::class_<locfuse::StartRun>(m, "StartRun", "How a start went.")
+      .def_readonly("consumed", &locfuse::StartRun::consumed, "Messages used.")
+      .def_readonly("steps", &locfuse::StartRun::steps,
+                    "Whenever status or number of hypotheses changed.");
+  m.def(
+      "find_start",
+      [](locfuse::Initializer& initializer, SharedLog& log,
+         const std::vector<locfuse::LaserScan>& scans) {
+        const Use use(log, Use::Kind::kRead);
+        const py::gil_scoped_release release;
+        return locfuse::find_start(initializer, log.log, scans);
+      },
+      py::arg("initializer"), py::arg("log"), py::arg("scans"),
+      "Feeds a sorted log and scans until the initializer is ready or both end.");
   m.def("replay", &run, py::arg("start"), py::arg("log"),
         py::arg("history") = locfuse::ReplayOptions{}.history, py::arg("record") = true,
-        py::arg("progress") = py::none(),
+        py::arg("progress") = py::none(), py::arg("first") = 0,
         R"(Feeds a sorted log to a copy of an estimator; late messages are fused where they belong.
 
 Parameters
@@ -296,5 +316,7 @@ record : bool
     Keep outcomes and estimates, or only the last estimate.
 progress : callable, optional
     Told the number of messages done, now and then.
+first : int
+    Messages before it were used for the start: they keep the verdict IGNORED.
 )");
 }

@@ -14,9 +14,12 @@ void bind_math(pybind11::module_& m);
 void bind_geometry(pybind11::module_& m);
 void bind_messages(pybind11::module_& m);
 void bind_maps(pybind11::module_& m);
+void bind_scan_matching(pybind11::module_& m);
 void bind_models(pybind11::module_& m);
+void bind_multilateration(pybind11::module_& m);
 void bind_filters(pybind11::module_& m);
 void bind_estimators(pybind11::module_& m);
+void bind_initializer(pybind11::module_& m);
 void bind_replay(pybind11::module_& m);
 void bind_text(pybind11::module_& m);
 

@@ -12,9 +12,12 @@ PYBIND11_MODULE(_core, m) {
   bind_geometry(m);
   bind_messages(m);
   bind_maps(m);
+  bind_scan_matching(m);
   bind_models(m);
+  bind_multilateration(m);
   bind_filters(m);
   bind_estimators(m);
+  bind_initializer(m);
   bind_replay(m);
   bind_text(m);
 }

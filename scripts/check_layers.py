@@ -26,7 +26,9 @@ def wrong_includes() -> list[str]:
     """Return one line per include that is not allowed."""
     wrong = []
     for path in sorted([*CPP.rglob("*.hpp"), *CPP.rglob("*.cpp")]):
-        relative = path.relative_to(CPP / ("include/locfuse" if path.suffix == ".hpp" else "src"))
+        sources = CPP / "src"
+        public = not path.is_relative_to(sources)
+        relative = path.relative_to(CPP / "include/locfuse" if public else sources)
         room = relative.parts[0]
         if len(relative.parts) == 1:  # locfuse.hpp, error.hpp, time.hpp belong to no room
             continue

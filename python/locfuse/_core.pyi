@@ -12,12 +12,22 @@ import typing
 __all__: list[str] = [
     "Anchor",
     "AnchorMap",
+    "Dilution",
+    "DistanceField",
     "Gate",
     "GaussianBelief",
+    "HeadingSearch",
+    "HeadingSearchReason",
     "Increment",
+    "Initializer",
+    "InitializerConfig",
+    "LaserGeometry",
+    "LaserScan",
     "Linearization",
     "MessageLog",
+    "Multilateration",
     "NumericalError",
+    "OccupancyGrid",
     "OdometryConfig",
     "OdometryMotion",
     "Outcome",
@@ -27,22 +37,47 @@ __all__: list[str] = [
     "PoseEstimate",
     "PoseModel",
     "PoseObservation",
+    "PositionBatch",
     "PositionConfig",
     "PositionFix",
+    "PositionHypothesis",
     "PositionModel",
+    "PositionSolution",
+    "PositionStatus",
     "Propagation",
     "Range",
     "RangeConfig",
+    "RangeCulprit",
     "RangeModel",
+    "RangePosition2",
+    "RangePosition3",
     "RunLog",
+    "ScanHypothesis",
+    "ScanMatch",
+    "ScanMatchReason",
+    "ScanMatcher",
+    "ScanMatcherConfig",
+    "ScanSearch",
+    "ScanSearchReason",
+    "ScanSearchStatus",
     "Slot",
     "SlotKind",
+    "SolverComparison",
+    "StartHypothesis",
+    "StartRun",
+    "StartState",
+    "StartStatus",
+    "StartStep",
     "Tag",
     "Velocity",
     "Verdict",
     "arc",
     "chi_squared_quantile",
+    "cramer_rao",
+    "find_start",
     "local",
+    "locate",
+    "locate_batch",
     "parse_table",
     "predict",
     "replay",
@@ -262,6 +297,50 @@ class PoseObservation:
     @property
     def stamp(self) -> int: ...
 
+class LaserGeometry:
+    """
+    How a 2D laser sits on the body and sees: beam i leaves at angle_min + i * angle_increment [rad] from the laser's x axis; `pose_in_body` is T_body_laser; ranges [m].
+    """
+    def __init__(
+        self,
+        pose_in_body: Pose2,
+        angle_min: typing.SupportsFloat | typing.SupportsIndex,
+        angle_increment: typing.SupportsFloat | typing.SupportsIndex,
+        range_min: typing.SupportsFloat | typing.SupportsIndex,
+        range_max: typing.SupportsFloat | typing.SupportsIndex,
+    ) -> None: ...
+    @property
+    def angle_increment(self) -> float: ...
+    @property
+    def angle_min(self) -> float: ...
+    @property
+    def pose_in_body(self) -> Pose2: ...
+    @property
+    def range_max(self) -> float: ...
+    @property
+    def range_min(self) -> float: ...
+
+class LaserScan:
+    """
+    One turn of a 2D laser: `ranges` (beams,) [m], NaN without return. Those outside range_min to range_max are no returns either.
+    """
+    def __init__(
+        self,
+        stamp: typing.SupportsInt | typing.SupportsIndex,
+        geometry: LaserGeometry,
+        ranges: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    @property
+    def geometry(self) -> LaserGeometry: ...
+    @property
+    def ranges(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Metres (beams,), a read-only view.
+        """
+    @property
+    def stamp(self) -> int: ...
+
 class Anchor:
     """
     A fixed radio at `position` (3,) [m] in world; a range to it reads scale * distance + offset [m].
@@ -301,6 +380,380 @@ class AnchorMap:
         """
         All anchors in order of id.
         """
+
+class OccupancyGrid:
+    """
+    Square cells that are free, occupied or unknown; immutable.
+
+    Parameters
+    ----------
+    cells : int8 array, shape (height, width)
+        0 free, 100 occupied, -1 unknown; row 0 has the lowest y.
+    resolution : float
+        Metres per cell.
+    origin : Pose2
+        Lower left corner of the grid in world.
+
+    Raises
+    ------
+    ValueError
+        On other cells, an empty grid, or numbers that are not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from locfuse import OccupancyGrid, Pose2
+    >>> OccupancyGrid(np.zeros((3, 4), dtype=np.int8), 0.05, Pose2(-1, -1, 0))
+    OccupancyGrid(4 x 3 cells of 0.05 m)
+    """
+    def __init__(
+        self,
+        cells: typing.Annotated[numpy.typing.ArrayLike, numpy.int8],
+        resolution: typing.SupportsFloat | typing.SupportsIndex,
+        origin: Pose2 = ...,
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    def center(
+        self,
+        column: typing.SupportsInt | typing.SupportsIndex,
+        row: typing.SupportsInt | typing.SupportsIndex,
+    ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"]:
+        """
+        Centre (2,) of a cell in world [m].
+        """
+    def contains(
+        self, point: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"]
+    ) -> bool:
+        """
+        Whether a point (2,) in world lies on the grid.
+        """
+    @property
+    def cells(self) -> numpy.typing.NDArray[numpy.int8]:
+        """
+        int8 (height, width), a read-only view.
+        """
+    @property
+    def height(self) -> int: ...
+    @property
+    def origin(self) -> Pose2:
+        """
+        T_world_grid.
+        """
+    @property
+    def resolution(self) -> float:
+        """
+        Metres per cell.
+        """
+    @property
+    def width(self) -> int: ...
+
+class DistanceField:
+    """
+    Nearest occupied cell of every cell of a map, and around it.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+    margin : float
+        How far the field reaches beyond the map [m].
+
+    Raises
+    ------
+    ValueError
+        If no cell is occupied.
+    """
+    def __init__(
+        self, grid: OccupancyGrid, margin: typing.SupportsFloat | typing.SupportsIndex = 1.0
+    ) -> None: ...
+    def distance(
+        self, points: typing.Annotated[numpy.typing.ArrayLike, numpy.float64]
+    ) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Distances (n,) [m] looked up for points (n, 2) in world: from the centre of the cell that holds the point to the centre of the nearest occupied cell.
+        """
+    def nearest_distance(
+        self, points: typing.Annotated[numpy.typing.ArrayLike, numpy.float64]
+    ) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Distances (n,) [m] from points (n, 2) to the nearest occupied centre, exact anywhere.
+        """
+
+class HeadingSearchReason(enum.Enum):
+    """
+    Why there is a heading, or none.
+    """
+
+    FOUND = ...
+    NO_RETURNS = ...
+    OUTSIDE_MAP = ...
+
+class HeadingSearch:
+    """
+    Result of the heading search of ekim2020.
+    """
+    @property
+    def heading(self) -> float | None:
+        """
+        Of the body in world [rad], a multiple of ten degrees; None unless found.
+        """
+    @property
+    def reason(self) -> HeadingSearchReason: ...
+    @property
+    def sums(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Sums (36,) [m] of nearest distances, the body turned by 0, 10, ..., 350 degrees.
+        """
+
+class ScanMatchReason(enum.Enum):
+    """
+    How a refinement ended.
+    """
+
+    CONVERGED = ...
+    NO_CONVERGENCE = ...
+    NO_RETURNS = ...
+    OUTSIDE_MAP = ...
+    TOO_FEW_MATCHES = ...
+
+class ScanMatch:
+    """
+    Where a scan fits the map next to a guess.
+    """
+    def __repr__(self) -> str: ...
+    @property
+    def converged(self) -> bool:
+        """
+        Without it, only `reason` and `iterations` say something.
+        """
+    @property
+    def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 3]"] | None:
+        """
+        Of (x, y, heading), shape (3, 3), with the prior; None if a direction is known from neither.
+        """
+    @property
+    def explained(self) -> float:
+        """
+        Share of the returns that end at a wall.
+        """
+    @property
+    def information(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 3]"]:
+        """
+        What the scan alone says of (x, y, heading), shape (3, 3).
+        """
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def pose(self) -> Pose2:
+        """
+        T_world_body; the guess unless `converged`.
+        """
+    @property
+    def reason(self) -> ScanMatchReason: ...
+    @property
+    def rms(self) -> float:
+        """
+        Of their distances to the wall lines [m].
+        """
+    @property
+    def weak_direction(
+        self,
+    ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"] | None:
+        """
+        Change (3,) of (x, y, heading) that the scan would not see, or None.
+        """
+
+class ScanHypothesis:
+    """
+    A pose at which a scan fits.
+    """
+    @property
+    def cost(self) -> float:
+        """
+        Minus log of likelihood and prior; 0 is a perfect fit.
+        """
+    @property
+    def match(self) -> ScanMatch: ...
+    @property
+    def probability(self) -> float:
+        """
+        Among the hypotheses found.
+        """
+
+class ScanSearchStatus(enum.Enum):
+    """
+    Whether a search knows the pose.
+    """
+
+    AMBIGUOUS = ...
+    NONE = ...
+    READY = ...
+
+class ScanSearchReason(enum.Enum):
+    """
+    Why.
+    """
+
+    HEADING_UNOBSERVED = ...
+    NO_RETURNS = ...
+    OUTSIDE_MAP = ...
+    POOR_FIT = ...
+    SEVERAL_FIT = ...
+    UNIQUE = ...
+
+class ScanSearch:
+    """
+    Every pose of a window at which a scan fits.
+    """
+    @property
+    def hypotheses(self) -> list[ScanHypothesis]:
+        """
+        Likeliest first.
+        """
+    @property
+    def reason(self) -> ScanSearchReason: ...
+    @property
+    def status(self) -> ScanSearchStatus: ...
+
+class ScanMatcherConfig:
+    """
+    Settings of a ScanMatcher.
+
+    Parameters
+    ----------
+    sigma_range_m : float
+        Noise of one beam.
+    outlier_share : float
+        Returns from things that are not on the map.
+    no_return_share : float
+        Beams that should come back and do not.
+    wrong_probability : float
+        What the other hypotheses may keep when a search is ready.
+    min_explained : float
+        Share of the returns that a pose must explain.
+    max_hypotheses : int
+        That a search returns.
+    max_iterations : int
+        Of one refinement.
+    exact_neighbours : bool
+        Nearest cell of each end point instead of that of the cell it is in.
+    """
+    def __init__(
+        self,
+        *,
+        sigma_range_m: typing.SupportsFloat | typing.SupportsIndex = 0.01,
+        outlier_share: typing.SupportsFloat | typing.SupportsIndex = 0.1,
+        no_return_share: typing.SupportsFloat | typing.SupportsIndex = 0.1,
+        wrong_probability: typing.SupportsFloat | typing.SupportsIndex = 0.001,
+        min_explained: typing.SupportsFloat | typing.SupportsIndex = 0.5,
+        max_hypotheses: typing.SupportsInt | typing.SupportsIndex = 8,
+        max_iterations: typing.SupportsInt | typing.SupportsIndex = 30,
+        exact_neighbours: bool = False,
+    ) -> None: ...
+    @property
+    def exact_neighbours(self) -> bool: ...
+    @property
+    def max_hypotheses(self) -> int: ...
+    @property
+    def max_iterations(self) -> int: ...
+    @property
+    def min_explained(self) -> float: ...
+    @property
+    def no_return_share(self) -> float: ...
+    @property
+    def outlier_share(self) -> float: ...
+    @property
+    def sigma_range_m(self) -> float: ...
+    @property
+    def wrong_probability(self) -> float: ...
+
+class ScanMatcher:
+    """
+    Finds a body on a map from single laser scans.
+
+    Raises
+    ------
+    ValueError
+        If the map has no occupied cell; by the methods if a scan or a number is not valid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from locfuse import LaserGeometry, LaserScan, OccupancyGrid, Pose2, ScanMatcher
+    >>> cells = np.full((60, 80), 0, dtype=np.int8)  # a room of 4 x 3 m
+    >>> cells[[0, -1], :] = cells[:, [0, -1]] = 100
+    >>> matcher = ScanMatcher(OccupancyGrid(cells, resolution=0.05))
+    >>> around = LaserGeometry(Pose2(), 0.0, np.pi / 2, range_min=0.1, range_max=10.0)
+    >>> scan = LaserScan(0, around, [2.45, 1.45, 1.45, 1.45])  # ahead, left, back, right
+    >>> matcher.heading_search(scan, position=[1.5, 1.5]).heading
+    0.0
+    """
+    def __init__(self, grid: OccupancyGrid, config: ScanMatcherConfig = ...) -> None: ...
+    def heading_search(
+        self,
+        scan: LaserScan,
+        position: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
+    ) -> HeadingSearch:
+        """
+        The search of ekim2020, Table 1, about a position (2,) [m]: 36 headings, nearest cells by PCL's kd-tree.
+        """
+    def heading_search_by_lookup(
+        self,
+        scan: LaserScan,
+        position: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
+    ) -> HeadingSearch:
+        """
+        The same with distances looked up, right within half a cell's diagonal.
+        """
+    def nearest_by_kdtree(
+        self, point: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"]
+    ) -> float:
+        """
+        Distance [m] from a point (2,) in world to the nearest occupied cell's centre.
+        """
+    def refine(
+        self,
+        scan: LaserScan,
+        guess: Pose2,
+        covariance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 3]"] | None = None,
+    ) -> ScanMatch:
+        """
+        Fit the scan to the map next to a guess.
+
+        Parameters
+        ----------
+        scan : LaserScan
+        guess : Pose2
+            T_world_body, within half a metre.
+        covariance : array, shape (3, 3), optional
+            Of (x, y, heading); with it the guess is a prior, too.
+
+        Returns
+        -------
+        ScanMatch
+        """
+    def search(
+        self,
+        scan: LaserScan,
+        position: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
+        covariance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 2]"],
+    ) -> ScanSearch:
+        """
+        Find every pose near a position at which the scan fits, at any heading.
+
+        Parameters
+        ----------
+        scan : LaserScan
+        position : array, shape (2,)
+            Of the body in world [m].
+        covariance : array, shape (2, 2)
+            Of the position [m^2]; the search covers three sigma.
+
+        Returns
+        -------
+        ScanSearch
+        """
+    @property
+    def config(self) -> ScanMatcherConfig: ...
 
 class Tag:
     """
@@ -483,6 +936,274 @@ class PoseModel:
         Linearization (3 x 3).
         """
     def predict(self, T_world_body: Pose2) -> Pose2: ...
+
+class PositionStatus(enum.IntEnum):
+    """
+    What range-only positioning can say.
+    """
+
+    AMBIGUOUS = ...
+    BAD_RANGE = ...
+    EXCLUDED = ...
+    INCONSISTENT = ...
+    NOT_CONVERGED = ...
+    UNDERDETERMINED = ...
+    UNIQUE = ...
+
+class RangePosition2:
+    """
+    Position at one moment, as `Multilateration.solve` returns it.
+    """
+    @property
+    def cost(self) -> float:
+        """
+        Chi-square, or the sum of losses.
+        """
+    @property
+    def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 2]"]:
+        """
+        First order [m^2].
+        """
+    @property
+    def position(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"] | None:
+        """
+        Best fit [m]; None if nothing can be said. Look at `status` first.
+        """
+    @property
+    def status(self) -> PositionStatus: ...
+
+class RangePosition3:
+    """
+    Position at one moment, as `Multilateration.solve` returns it.
+    """
+    @property
+    def cost(self) -> float:
+        """
+        Chi-square, or the sum of losses.
+        """
+    @property
+    def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 3]"]:
+        """
+        First order [m^2].
+        """
+    @property
+    def position(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"] | None:
+        """
+        Best fit [m]; None if nothing can be said. Look at `status` first.
+        """
+    @property
+    def status(self) -> PositionStatus: ...
+
+class PositionHypothesis:
+    """
+    A position that fits the ranges.
+    """
+    def __repr__(self) -> str: ...
+    @property
+    def cost(self) -> float:
+        """
+        Chi-square, or the sum of losses.
+        """
+    @property
+    def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]"]:
+        """
+        First order, shape (d, d) [m^2]; infinite if a direction is open.
+        """
+    @property
+    def position(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, 1]"]:
+        """
+        Shape (d,) [m].
+        """
+    @property
+    def weak_direction(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, 1]"]:
+        """
+        Unit vector along which it is least certain.
+        """
+    @property
+    def weak_sigma(self) -> float:
+        """
+        Sigma along it [m].
+        """
+
+class SolverComparison:
+    """
+    SR-LS beside maximum likelihood on the same ranges.
+    """
+    @property
+    def agree(self) -> bool: ...
+    @property
+    def difference(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, 1]"]:
+        """
+        Maximum likelihood minus SR-LS [m].
+        """
+    @property
+    def dof(self) -> int:
+        """
+        0 if nothing can be compared.
+        """
+    @property
+    def limit(self) -> float:
+        """
+        Largest statistic of good ranges.
+        """
+    @property
+    def squared_range_covariance(
+        self,
+    ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]"]:
+        """
+        SR-LS's own first-order covariance [m^2].
+        """
+    @property
+    def squared_range_position(
+        self,
+    ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, 1]"]:
+        """
+        [m]
+        """
+    @property
+    def statistic(self) -> float:
+        """
+        Squared, in units of its predicted covariance.
+        """
+
+class RangeCulprit:
+    """
+    The range whose removal explains a bad fit best.
+    """
+    @property
+    def explains(self) -> bool:
+        """
+        The other ranges fit.
+        """
+    @property
+    def index(self) -> int:
+        """
+        Of the range.
+        """
+    @property
+    def statistic(self) -> float:
+        """
+        By how much its removal lowers the cost: chi-square of 1 dof.
+        """
+    @property
+    def without(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, 1]"]:
+        """
+        Position from the others [m].
+        """
+
+class Dilution:
+    """
+    Dilution of precision: sigma of a position per sigma of ranges.
+    """
+    @property
+    def horizontal(self) -> float: ...
+    @property
+    def position(self) -> float: ...
+    @property
+    def vertical(self) -> float: ...
+
+class PositionSolution:
+    """
+    All that one set of ranges says.
+    """
+    @property
+    def comparison(self) -> SolverComparison | None: ...
+    @property
+    def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]"] | None:
+        """
+        Its covariance (d, d) [m^2], or None unless the status is UNIQUE.
+        """
+    @property
+    def culprit(self) -> RangeCulprit | None: ...
+    @property
+    def dop(self) -> Dilution | None: ...
+    @property
+    def fit_dof(self) -> int: ...
+    @property
+    def fit_limit(self) -> float:
+        """
+        Largest cost of good ranges.
+        """
+    @property
+    def fits(self) -> bool: ...
+    @property
+    def hypotheses(self) -> list[PositionHypothesis]:
+        """
+        Everything that fits, by cost.
+        """
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def position(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, 1]"] | None:
+        """
+        The position (d,) [m], or None unless the status is UNIQUE.
+        """
+    @property
+    def reason(self) -> str:
+        """
+        The status in words; '' if unique.
+        """
+    @property
+    def residuals(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, 1]"]:
+        """
+        Range minus distance from the best hypothesis, shape (m,) [m].
+        """
+    @property
+    def status(self) -> PositionStatus: ...
+    @property
+    def termination(self) -> str:
+        """
+        Why the solver stopped.
+        """
+
+class PositionBatch:
+    """
+    Positions of n epochs, as arrays.
+    """
+    @property
+    def cost(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Shape (n,).
+        """
+    @property
+    def covariance(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Shape (n, d, d) [m^2].
+        """
+    @property
+    def position(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Shape (n, d) [m].
+        """
+    @property
+    def status(self) -> numpy.typing.NDArray[numpy.uint8]:
+        """
+        Values of `PositionStatus`, shape (n,).
+        """
+
+class Multilateration:
+    """
+    Range-only positioning over one set of anchors, prepared once: parameters as in `locate`.
+    """
+    def __init__(
+        self,
+        anchors: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        sigma: typing.SupportsFloat
+        | typing.SupportsIndex
+        | typing.Annotated[numpy.typing.ArrayLike, numpy.float64] = 0.1,
+        *,
+        height: typing.SupportsFloat | typing.SupportsIndex | None = None,
+        loss: str = "none",
+        loss_scale: typing.SupportsFloat | typing.SupportsIndex | None = None,
+        wrong_side_probability: typing.SupportsFloat | typing.SupportsIndex = 1e-06,
+        false_alarm_probability: typing.SupportsFloat | typing.SupportsIndex = 0.001,
+    ) -> None: ...
+    def solve(
+        self, ranges: typing.Annotated[numpy.typing.ArrayLike, numpy.float64]
+    ) -> RangePosition2 | RangePosition3:
+        """
+        Position from one range per anchor [m]; NaN where not heard.
+        """
 
 class Verdict(enum.IntEnum):
     """
@@ -771,6 +1492,166 @@ class PoseEkf:
     @property
     def range_model(self) -> RangeModel: ...
 
+class StartStatus(enum.Enum):
+    """
+    How far a start has come.
+    """
+
+    AMBIGUOUS = ...
+    READY = ...
+    WAITING = ...
+
+class StartHypothesis:
+    """
+    A pose that fits the start.
+    """
+    def __repr__(self) -> str: ...
+    @property
+    def estimate(self) -> PoseEstimate: ...
+    @property
+    def probability(self) -> float:
+        """
+        Beside the others, 0 to 1.
+        """
+
+class StartState:
+    """
+    Where a start stands.
+    """
+    def __repr__(self) -> str: ...
+    @property
+    def hypotheses(self) -> list[StartHypothesis]:
+        """
+        The poses that fit, the likeliest first.
+        """
+    @property
+    def reason(self) -> str:
+        """
+        Why it is not ready; empty if it is.
+        """
+    @property
+    def status(self) -> StartStatus: ...
+
+class InitializerConfig:
+    """
+    When a start is ready, and what it takes for wrong.
+    """
+    def __init__(self) -> None: ...
+    @property
+    def epoch_s(self) -> float: ...
+    @epoch_s.setter
+    def epoch_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def headings(self) -> int: ...
+    @headings.setter
+    def headings(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+    @property
+    def probability_ready(self) -> float: ...
+    @probability_ready.setter
+    def probability_ready(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_heading_ready_rad(self) -> float: ...
+    @sigma_heading_ready_rad.setter
+    def sigma_heading_ready_rad(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+    @property
+    def sigma_map_m(self) -> float: ...
+    @sigma_map_m.setter
+    def sigma_map_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_map_rad(self) -> float: ...
+    @sigma_map_rad.setter
+    def sigma_map_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_xy_ready_m(self) -> float: ...
+    @sigma_xy_ready_m.setter
+    def sigma_xy_ready_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def spacing_heading_rad(self) -> float: ...
+    @spacing_heading_rad.setter
+    def spacing_heading_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def spacing_m(self) -> float: ...
+    @spacing_m.setter
+    def spacing_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def standing_ranges(self) -> int: ...
+    @standing_ranges.setter
+    def standing_ranges(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+    @property
+    def wrong_share(self) -> float: ...
+    @wrong_share.setter
+    def wrong_share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def wrong_span_m(self) -> float: ...
+    @wrong_span_m.setter
+    def wrong_span_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+
+class Initializer:
+    """
+    Finds the pose of a robot that was switched on anywhere.
+
+    A Gaussian sum: one PoseEkf for every position that the first ranges allow and every heading,
+    weighed by how well each predicts what comes next (docs/start.md; ekim2020, section 2.2).
+
+    Parameters
+    ----------
+    config : InitializerConfig
+    estimator : PoseEkfConfig
+    anchors : AnchorMap
+    tags : list of Tag
+    matcher : ScanMatcher, optional
+        With it, scans on the map tell the heading; without, motion has to.
+
+    Raises
+    ------
+    ValueError
+        If a config is out of range.
+
+    Examples
+    --------
+    >>> from locfuse import *
+    >>> anchors = AnchorMap([Anchor(1, [0, 0, 1]), Anchor(2, [8, 0, 1]), Anchor(3, [4, 6, 1])])
+    >>> start = Initializer(InitializerConfig(), PoseEkfConfig(), anchors, [Tag(0, [0, 0, 1])])
+    >>> start.state().status.name
+    'WAITING'
+    """
+    def __init__(
+        self,
+        config: InitializerConfig,
+        estimator: PoseEkfConfig,
+        anchors: AnchorMap,
+        tags: collections.abc.Sequence[Tag],
+        matcher: ScanMatcher | None = None,
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    def estimator(self) -> PoseEkf:
+        """
+        The PoseEkf to go on with.
+
+        Raises
+        ------
+        ValueError
+            Unless the state is ready.
+        """
+    @typing.overload
+    def on(self, message: Velocity) -> None: ...
+    @typing.overload
+    def on(self, message: Increment) -> None: ...
+    @typing.overload
+    def on(self, message: Range) -> None: ...
+    @typing.overload
+    def on(self, message: PositionFix) -> None: ...
+    @typing.overload
+    def on(self, message: PoseObservation) -> None: ...
+    @typing.overload
+    def on(self, message: LaserScan) -> None:
+        """
+        Takes one message.
+        """
+    def state(self) -> StartState: ...
+
 class MessageLog:
     """
     Recorded messages, added as columns.
@@ -873,6 +1754,33 @@ class RunLog:
         Index into Verdict, one per message in order of arrival.
         """
 
+class StartStep:
+    """
+    A change on the way to a start.
+    """
+    @property
+    def stamp(self) -> int:
+        """
+        [ns].
+        """
+    @property
+    def state(self) -> StartState: ...
+
+class StartRun:
+    """
+    How a start went.
+    """
+    @property
+    def consumed(self) -> int:
+        """
+        Messages used.
+        """
+    @property
+    def steps(self) -> list[StartStep]:
+        """
+        Whenever status or number of hypotheses changed.
+        """
+
 def arc(
     forward: typing.SupportsFloat | typing.SupportsIndex,
     left: typing.SupportsFloat | typing.SupportsIndex,
@@ -895,11 +1803,182 @@ def chi_squared_quantile(
         Unless dof >= 1 and 0 <= probability <= 1.
     """
 
+def cramer_rao(
+    anchors: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    points: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[m, n]"],
+    sigma: typing.SupportsFloat
+    | typing.SupportsIndex
+    | typing.Annotated[numpy.typing.ArrayLike, numpy.float64] = 0.1,
+    height: typing.SupportsFloat | typing.SupportsIndex | None = None,
+) -> numpy.typing.NDArray[numpy.float64]:
+    """
+    Cramer-Rao bound of a position from ranges at each point.
+
+    Parameters
+    ----------
+    anchors : array, shape (m, 2) or (m, 3)
+        Positions of the anchors [m].
+    points : array, shape (k, 2) or (k, 3)
+        Where the tag might be [m].
+    sigma : float or array, shape (m,)
+        Standard deviation of the ranges [m].
+    height : float, optional
+        Known height of the tag [m].
+
+    Returns
+    -------
+    array, shape (k, d, d)
+        Least covariance of any unbiased estimator [m^2]; infinite on the diagonal where the ranges
+        leave a direction open.
+
+    Examples
+    --------
+    >>> import numpy as np, locfuse
+    >>> anchors = np.array([[10.0, 0.0], [0.0, 10.0]])
+    >>> locfuse.cramer_rao(anchors, [[0.0, 0.0]], 0.1).round(6).tolist()
+    [[[0.01, 0.0], [0.0, 0.01]]]
+    """
+
+def find_start(
+    initializer: Initializer, log: MessageLog, scans: collections.abc.Sequence[LaserScan]
+) -> StartRun:
+    """
+    Feeds a sorted log and scans until the initializer is ready or both end.
+    """
+
 def local(
     to: Pose2, origin: Pose2
 ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
     """
     Error state (3,) that leads from `origin` to `to`, heading wrapped.
+    """
+
+def locate(
+    anchors: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    ranges: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    sigma: typing.SupportsFloat
+    | typing.SupportsIndex
+    | typing.Annotated[numpy.typing.ArrayLike, numpy.float64] = 0.1,
+    *,
+    height: typing.SupportsFloat | typing.SupportsIndex | None = None,
+    loss: str = "none",
+    loss_scale: typing.SupportsFloat | typing.SupportsIndex | None = None,
+    prior: tuple[
+        typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[m, 1]"],
+        typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[m, 1]"],
+    ]
+    | None = None,
+    box: tuple[
+        typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[m, 1]"],
+        typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[m, 1]"],
+    ]
+    | None = None,
+    weights: str = "equal",
+    ml: str = "ceres",
+    wrong_side_probability: typing.SupportsFloat | typing.SupportsIndex = 1e-06,
+    false_alarm_probability: typing.SupportsFloat | typing.SupportsIndex = 0.001,
+    max_iterations: typing.SupportsInt | typing.SupportsIndex = 50,
+) -> PositionSolution:
+    """
+    Position from ranges: SR-LS and maximum likelihood side by side, and everything that fits.
+
+    Parameters
+    ----------
+    anchors : array, shape (m, 2) or (m, 3)
+        Positions of the anchors [m]; (m, 3) with `height`.
+    ranges : array, shape (m,)
+        One per anchor [m].
+    sigma : float or array, shape (m,)
+        Standard deviation of the ranges [m].
+    height : float, optional
+        Known height of the tag [m]: the position is sought in the plane.
+    loss : {'none', 'huber', 'cauchy', 'one_sided'}
+        What residuals cost; 'one_sided' is for ranges that read long.
+    loss_scale : float, optional
+        Where it departs from the square [sigmas]; by default 95 % efficient.
+    prior : (mean, sigma), optional
+        What is known before, per axis [m]; an infinite sigma for nothing.
+    box : (low, high), optional
+        Ends of a box that the position is in [m].
+    weights : {'equal', 'variance'}
+        SR-LS or SR-WLS.
+    ml : {'ceres', 'fast'}
+        Which solver does maximum likelihood.
+
+    Returns
+    -------
+    PositionSolution
+        Derivation: docs/models/multilateration.md.
+
+    Raises
+    ------
+    ValueError
+        On numbers that are not finite, ranges or sigmas that are not positive, wrong shapes.
+
+    Examples
+    --------
+    >>> import numpy as np, locfuse
+    >>> anchors = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
+    >>> ranges = np.hypot(*(anchors - [3.0, 4.0]).T)
+    >>> solution = locfuse.locate(anchors, ranges, sigma=0.1)
+    >>> solution.status.name, solution.position.round(6).tolist(), solution.comparison.agree
+    ('UNIQUE', [3.0, 4.0], True)
+    >>> on_a_line = np.array([[0.0, 0.0], [5.0, 0.0], [10.0, 0.0]])
+    >>> ranges = np.hypot(*(on_a_line - [3.0, 4.0]).T)
+    >>> [h.position.round(6).tolist() for h in locfuse.locate(on_a_line, ranges).hypotheses]
+    [[3.0, 4.0], [3.0, -4.0]]
+    """
+
+def locate_batch(
+    anchors: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    ranges: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    sigma: typing.SupportsFloat
+    | typing.SupportsIndex
+    | typing.Annotated[numpy.typing.ArrayLike, numpy.float64] = 0.1,
+    *,
+    height: typing.SupportsFloat | typing.SupportsIndex | None = None,
+    solver: str = "ml",
+    loss: str = "none",
+    loss_scale: typing.SupportsFloat | typing.SupportsIndex | None = None,
+    wrong_side_probability: typing.SupportsFloat | typing.SupportsIndex = 1e-06,
+    false_alarm_probability: typing.SupportsFloat | typing.SupportsIndex = 0.001,
+) -> PositionBatch:
+    """
+    Positions of many epochs of ranges.
+
+    Parameters
+    ----------
+    anchors : array, shape (m, 2) or (m, 3), or (n, m, 2 or 3)
+        Positions of the anchors [m], of all epochs or one set per epoch.
+    ranges : array, shape (n, m)
+        One row per epoch [m]; NaN where an anchor was not heard.
+    sigma : float or array, shape (m,)
+        Standard deviation of the ranges [m].
+    height : float, optional
+        Known height of the tag [m].
+    solver : {'ml', 'srls', 'srwls', 'ceres'}
+        Maximum likelihood started by SR-LS, SR-LS or SR-WLS alone, or Ceres.
+    loss, loss_scale
+        As in `locate`.
+
+    Returns
+    -------
+    PositionBatch
+        Rows of epochs without a position are NaN; `status` says why.
+
+    Raises
+    ------
+    ValueError
+        As `locate`, but an epoch with a range that is not positive has the status BAD_RANGE.
+
+    Examples
+    --------
+    >>> import numpy as np, locfuse
+    >>> anchors = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
+    >>> truth = np.array([[3.0, 4.0], [6.0, 1.0]])
+    >>> ranges = np.linalg.norm(truth[:, None] - anchors, axis=2)
+    >>> locfuse.locate_batch(anchors, ranges).position.round(6).tolist()
+    [[3.0, 4.0], [6.0, 1.0]]
     """
 
 def parse_table(
@@ -959,6 +2038,7 @@ def replay(
     history: typing.SupportsInt | typing.SupportsIndex = 2000000000,
     record: bool = True,
     progress: collections.abc.Callable[[int], None] | None = None,
+    first: typing.SupportsInt | typing.SupportsIndex = 0,
 ) -> RunLog:
     """
     Feeds a sorted log to a copy of an estimator; late messages are fused where they belong.
@@ -973,6 +2053,8 @@ def replay(
         Keep outcomes and estimates, or only the last estimate.
     progress : callable, optional
         Told the number of messages done, now and then.
+    first : int
+        Messages before it were used for the start: they keep the verdict IGNORED.
     """
 
 def update(

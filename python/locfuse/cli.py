@@ -7,6 +7,7 @@ import json
 import math
 import os
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,20 +29,26 @@ from rich.progress import (
 from rich.table import Table
 
 from locfuse import NumericalError, __version__
+from locfuse.check import SEVERITIES, Finding
+from locfuse.check import check as check_config
+from locfuse.claims import Claim
 from locfuse.config.load import load_config
 from locfuse.eval.ape import ape
 from locfuse.io.datasets import CONVERTERS, convert
 from locfuse.io.log_folder import read_log
 from locfuse.io.tum import read_tum
-from locfuse.reproduce import PAPERS, Claim, reproduce
+from locfuse.position import LOSSES, SOLVERS, Fix, in_one_plane, positions, read_epochs, write_fixes
+from locfuse.power_up import draw_pictures
+from locfuse.reproduce import PAPERS, example_configs, reproduce
 from locfuse.run import run as run_config
-from locfuse.types import ConfigError
+from locfuse.types import NANOSECONDS, ConfigError
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
                   help="Localization for mobile robots.")  # fmt: skip
 config_app = typer.Typer(no_args_is_help=True, help="Look at configurations.")
 app.add_typer(config_app, name="config")
 console = Console()
+ROWS = 50  # epochs that a table shows
 
 
 def main() -> None:
@@ -120,6 +127,43 @@ def _check_folder(out: Path) -> None:
         raise ConfigError(f"--out {out}: {nearest_there} must not be written")
 
 
+@app.command()
+def check(
+    config: Annotated[Path, typer.Argument(help="YAML file, see docs/configuration.md.")],
+    log: Annotated[Path | None, typer.Option(help="Log folder, instead of the config's.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the picture.")] = Path("out/check"),
+) -> None:
+    """Say what is wrong with a configuration and its log before anything is run."""
+    parsed = load_config(config)
+    base = config.parent
+    if log is not None:
+        base = Path()
+        parsed = parsed.model_copy(update={"log": str(log.resolve()), "simulation": None})
+    _check_folder(out)
+    result = check_config(parsed, base=base)
+    for finding in result.findings:
+        _print_finding(finding)
+    counts = {s: sum(f.severity == s for f in result.findings) for s in SEVERITIES}
+    console.print(", ".join(f"{count} {kind}s" for kind, count in counts.items()))
+    if result.layout is not None:
+        from locfuse.plot import plot_layout, save  # loads slowly; other commands need none
+
+        out.mkdir(parents=True, exist_ok=True)
+        save(plot_layout(result.layout), out / "layout.png")
+        console.print(result.layout.sentence(), soft_wrap=True, highlight=False)
+        console.print(f"picture: {out / 'layout.png'}", soft_wrap=True)
+    if result.failed:
+        raise typer.Exit(1)
+
+
+def _print_finding(finding: Finding) -> None:
+    colour = {"error": "red", "warning": "yellow", "note": "dim"}[finding.severity]
+    text = escape(f"{finding.what} [{finding.where}]")
+    console.print(f"[{colour}]{finding.severity:8}[/] {text}", soft_wrap=True, highlight=False)
+    if finding.advice:
+        console.print(f"{'':8} -> {finding.advice}", soft_wrap=True, markup=False, highlight=False)
+
+
 @app.command("convert")
 def convert_command(
     dataset: Annotated[str, typer.Argument(help=f"One of: {', '.join(CONVERTERS)}.")],
@@ -156,12 +200,47 @@ def evaluate(
         )
 
 
+@app.command()
+def position(
+    anchors: Annotated[Path, typer.Option(help="CSV file as in a log folder.")],
+    ranges: Annotated[Path, typer.Option(help="CSV file as in a log folder.")],
+    height: Annotated[
+        float | None, typer.Option(help="Metres, of the tag; without it positions are in space.")
+    ] = None,
+    solver: Annotated[str, typer.Option(help=f"One of: {', '.join(SOLVERS)}.")] = "both",
+    sigma: Annotated[
+        float, typer.Option(help="Metres, of a range, where the file states none.")
+    ] = 0.1,
+    loss: Annotated[str, typer.Option(help=f"One of: {', '.join(LOSSES)}.")] = "none",
+    epoch: Annotated[
+        float, typer.Option(help="Seconds that ranges of an epoch may be apart.", min=0.0)
+    ] = 0.0,
+    out: Annotated[Path | None, typer.Option(help="CSV file for all there is to say.")] = None,
+) -> None:
+    """Locate a tag from ranges alone, each epoch by itself; say where two answers fit."""
+    epochs = read_epochs(anchors, ranges, sigma, epoch)
+    fixes = positions(epochs, height=height, solver=solver, loss=loss)
+    console.print(_fixes_table(fixes))
+    counts = Counter(fix.status for fix in fixes)
+    console.print(", ".join(f"{status} {count}" for status, count in counts.items()) or "no range",
+                  highlight=False)  # fmt: skip
+    if height is None and in_one_plane(epochs):
+        console.print("all anchors lie in one plane, on either side of which a position fits: "
+                      "--height says which", soft_wrap=True)  # fmt: skip
+    if out is not None:
+        write_fixes(fixes, epochs.names, out)
+        console.print(f"written: {out}", soft_wrap=True)
+
+
 @app.command("reproduce")
 def reproduce_command(
     paper: Annotated[str, typer.Argument(help=f"One of: {', '.join(PAPERS)}.")],
     seeds: Annotated[int, typer.Option(help="Runs per simulated experiment.", min=2)] = 100,
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Also write the rows here.")
+    ] = None,
+    pictures: Annotated[
+        Path | None, typer.Option(help="Also draw pictures into this folder.")
     ] = None,
 ) -> None:
     """Run a paper's experiments and compare: claim, paper's figure, ours, required, met."""
@@ -175,6 +254,9 @@ def reproduce_command(
             console.print(f"{claim.claim}: skipped: {claim.note}", soft_wrap=True, markup=False)
     if json_file is not None:
         json_file.write_text(json.dumps([claim.row() for claim in claims], indent=1) + "\n")
+    if pictures is not None:
+        for path in draw_pictures(example_configs(), pictures):
+            console.print(f"picture: {path}", soft_wrap=True)
     if any(claim.met is False for claim in claims):
         raise typer.Exit(1)
 
@@ -184,6 +266,31 @@ def config_dump(config: Annotated[Path, typer.Argument(help="YAML file.")]) -> N
     """Print the effective configuration: every key with its value."""
     text = yaml.safe_dump(load_config(config).model_dump(mode="json"), sort_keys=False)
     print(text, end="")
+
+
+def _fixes_table(fixes: list[Fix]) -> Table:
+    """Return the first positions as a table: one row per position that fits."""
+    d = max((fix.position.shape[1] for fix in fixes), default=2)
+    title = f"first {ROWS} of {len(fixes)} epochs" if len(fixes) > ROWS else None
+    table = Table(title=title, caption="stamp in s; the rest in m", box=box.SIMPLE_HEAD,
+                  padding=(0, 1), collapse_padding=True, pad_edge=False)  # fmt: skip
+    for heading in ("stamp", "tag", *"xyz"[:d], "sigma", "status", "agree", "rms", "culprit"):
+        is_text = heading in ("tag", "status", "agree", "culprit")
+        table.add_column(heading, justify="left" if is_text else "right", no_wrap=True)
+    agree = {True: "yes", False: "NO", None: "-"}
+    for fix in fixes[:ROWS]:
+        stamp = f"{fix.stamp_ns / NANOSECONDS:.3f}"
+        said = (escape(fix.status), agree[fix.agree], _metres(fix.residual_rms),
+                escape((fix.culprit or "-") + "?" * (fix.explained is False)))  # fmt: skip
+        at = [*fix.position.tolist()] or [[math.nan] * d]
+        table.add_row(stamp, escape(fix.tag), *map(_metres, at[0]), _metres(fix.sigma), *said)
+        for other in at[1:]:
+            table.add_row("", "or", *map(_metres, other))
+    return table
+
+
+def _metres(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.3f}"
 
 
 def _table(paper: str, seeds: int, claims: list[Claim]) -> Table:

@@ -36,6 +36,11 @@ _CAPTIONS = {
         "run inside the ellipses, and an orange anchor had at least {notable:.0f} % of its ranges "
         "rejected.",
     ),
+    "start": (
+        "Start",
+        "How the pose was found from nothing: every pose that fitted when the doubt was widest, "
+        "with its probability, and the one that was left.",
+    ),
     "errors": (
         "Errors",
         "Estimate minus truth against the {band:g}-sigma band the estimator claims: a consistent "
@@ -149,6 +154,7 @@ def write_report(result: RunResult, out_dir: Path) -> Path:
     """
     figures: dict[str, Figure | None] = {
         "path": plot.plot_path(result),
+        "start": plot.plot_start(result),
         "outcomes": plot.plot_outcomes(result),
         "errors": plot.plot_errors(result),
         "nis": plot.plot_nis(result),
@@ -159,7 +165,8 @@ def write_report(result: RunResult, out_dir: Path) -> Path:
         file = out_dir / f"{name}.png"
         if figure is None:
             file.unlink(missing_ok=True)
-            pictures.append(_missing(name, result))
+            if name != "start":  # most runs are told where they start
+                pictures.append(_missing(name, result))
         else:
             plot.save(figure, file)
             pictures.append(_picture(name, file, result))

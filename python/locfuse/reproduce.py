@@ -4,23 +4,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from locfuse import _core
+from locfuse.claims import Claim, Progress, claim_of
 from locfuse.config.load import load_config, parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
+from locfuse.power_up import power_up_claims
 from locfuse.run import Messages, run, start_of, to_messages, truth_of
 from locfuse.sim.scenario import simulate
 from locfuse.types import ConfigError, FloatArray, Log, LogError, RunResult, Trajectory, nearest
-
-Progress = Callable[[int, int], None]
 
 PATHS = ("circle", "eight", "square", "star", "waypoints")
 RECORDINGS = {
@@ -31,26 +30,6 @@ RECORDINGS = {
     "labyrinth (real)": ("tuc_labyrinth.yaml", None, 0.08),
     "Plaza1 (real)": ("plaza.yaml", None, 0.40),
 }
-
-
-@dataclass(frozen=True)
-class Claim:
-    """One row of the comparison; `met` is None where it could not be run, and `note` says why."""
-
-    id: str
-    claim: str
-    unit: str
-    paper: float | None
-    ours_median: float | None
-    ours_low: float | None
-    ours_high: float | None
-    required: str
-    met: bool | None
-    note: str = ""
-
-    def row(self) -> dict[str, Any]:
-        """Return the row as JSON-ready values."""
-        return asdict(self)
 
 
 def reproduce(paper: str, seeds: int, progress: Progress | None = None) -> list[Claim]:
@@ -73,14 +52,6 @@ def reproduce(paper: str, seeds: int, progress: Progress | None = None) -> list[
     if paper not in PAPERS:
         raise ConfigError(f"no paper {paper!r}; {nearest(paper, PAPERS)}")
     return PAPERS[paper](seeds, progress or (lambda done, total: None))
-
-
-def _claim(
-    id: str, claim: str, unit: str, paper: float | None, values: Iterable[float],
-    required: str, met: Callable[[float], bool], note: str = "",
-) -> Claim:  # fmt: skip
-    low, median, high = (float(v) for v in np.quantile(list(values), [0.05, 0.5, 0.95]))
-    return Claim(id, claim, unit, paper, median, low, high, required, met(median), note)
 
 
 # ekim2020: section 3.2, Figs. 2 and 9 ----------------------------------------------------------
@@ -114,7 +85,7 @@ def room_config(path: str, duration_s: float = 120.0) -> RunConfig:
 
 
 def _ekim2020(seeds: int, progress: Progress) -> list[Claim]:
-    total = len(PATHS) * seeds + len(RECORDINGS)
+    total = len(PATHS) * seeds + len(RECORDINGS) + 1
     done = 0
     rmse: dict[str, list[float]] = {path: [] for path in PATHS}
     source: dict[str, list[float]] = {path: [] for path in PATHS}
@@ -142,11 +113,11 @@ def _ekim2020(seeds: int, progress: Progress) -> list[Claim]:
     for path in PATHS:
         per_seed = np.array(rmse[path])
         claims += [
-            _claim(f"room_{path}_rmse", f"{path}: RMSE", "cm", 3.0,
+            claim_of(f"room_{path}_rmse", f"{path}: RMSE", "cm", 3.0,
                    100.0 * per_seed, "<= 2.6", lambda v: v <= 2.6),
-            _claim(f"room_{path}_gain", f"{path}: pose source / ours", "1", 2.0,
+            claim_of(f"room_{path}_gain", f"{path}: pose source / ours", "1", 2.0,
                    np.array(source[path]) / per_seed, ">= 2.3", lambda v: v >= 2.3),
-            _claim(f"room_{path}_bound", f"{path}: ours / bound", "1",
+            claim_of(f"room_{path}_bound", f"{path}: ours / bound", "1",
                    None, per_seed / np.array(bound[path]), "<= 1.05", lambda v: v <= 1.05),
             _nees_claim(path, nees[path]),
         ]  # fmt: skip
@@ -154,6 +125,8 @@ def _ekim2020(seeds: int, progress: Progress) -> list[Claim]:
         claims.append(_recording_claim(name, file, of_dataset, limit))
         done += 1
         progress(done, total)
+    claims += power_up_claims(example_configs())
+    progress(total, total)
     return claims
 
 

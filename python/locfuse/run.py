@@ -22,6 +22,7 @@ from locfuse.eval.metrics import metrics
 from locfuse.io.datasets import convert
 from locfuse.io.log_folder import read_log
 from locfuse.sim.scenario import simulate
+from locfuse.start import start_from_nothing
 from locfuse.types import (
     NANOSECONDS,
     ConfigError,
@@ -116,9 +117,14 @@ def run(
     anchors = build_anchors(log.tables.get("anchors"), messages.anchor_names, config.anchors)
     tags = [_core.Tag(i, list(log.tags[name])) for i, name in enumerate(messages.tag_names)
             if name in log.tags]  # fmt: skip
-    if start is None:
-        start = start_of(config, truth, messages)
-    ekf = _core.PoseEkf(build_estimator_config(config.estimator), anchors, tags, start)
+    first, found = 0, None
+    if start is None and config.start == "auto":
+        ekf, first, found = start_from_nothing(config, log, messages.log, messages.begin_ns,
+                                               anchors, tags)  # fmt: skip
+    else:
+        start = start_of(config, truth, messages) if start is None else start
+        ekf = _core.PoseEkf(build_estimator_config(config.estimator), anchors, tags, start)
+    start_ns = ekf.belief.stamp
     total = len(messages.log)
     began = time.perf_counter()
     record = _core.replay(
@@ -126,6 +132,7 @@ def run(
         messages.log,
         history=round(config.history_s * NANOSECONDS),
         progress=None if progress is None else (lambda done: progress(done, total)),
+        first=first,
     )
     wall_s = time.perf_counter() - began
     if progress is not None:
@@ -133,7 +140,7 @@ def run(
     poses = record.poses
     estimate = Trajectory(record.stamp_ns, poses[:, :2].copy(), poses[:, 2].copy(),
                           record.covariances)  # fmt: skip
-    outcomes = _outcomes(messages, record, log, config, start.stamp)
+    outcomes = _outcomes(messages, record, log, config, start_ns)
     duration_s = (messages.end_ns - messages.begin_ns) / NANOSECONDS
     return RunResult(
         config=config.model_dump(mode="json"),
@@ -141,7 +148,11 @@ def run(
         estimate=estimate,
         truth=truth,
         outcomes=outcomes,
-        metrics=metrics(estimate, truth, outcomes, duration_s, wall_s),
+        metrics={
+            **metrics(estimate, truth, outcomes, duration_s, wall_s),
+            "start_s": None if found is None else found.seconds,
+        },
+        start=found,
     )
 
 
@@ -149,7 +160,7 @@ def load_log(config: RunConfig, base: Path | None, seed: int) -> Log:
     """Return the log that a configuration names: simulated, read or converted."""
     base = Path() if base is None else base
     if config.simulation is not None:
-        return simulate(config.simulation, np.random.default_rng(seed))
+        return simulate(config.simulation, np.random.default_rng(seed), base)
     if isinstance(config.log, Dataset):
         source = (base / config.log.path).resolve()
         with tempfile.TemporaryDirectory() as out:
@@ -185,6 +196,8 @@ def start_of(config: RunConfig, truth: Trajectory | None, messages: Messages) ->
     """
     xy, turn = config.start_sigma.xy_m, np.deg2rad(config.start_sigma.heading_deg)
     covariance = np.diag([xy, xy, turn]) ** 2
+    if config.start == "auto":
+        raise ConfigError("start is 'auto'; expected 'truth' or [x, y, heading_deg] here")
     if config.start != "truth":
         x, y, heading_deg = config.start
         pose = _core.Pose2(x, y, _core.wrap_angle(float(np.deg2rad(heading_deg))))
@@ -349,6 +362,7 @@ def _outcomes(
             reason[row] = f"unknown tag {messages.tag[row]}"
         else:
             reason[row] = "tag on the anchor: no direction"
+    reason[verdict == "ignored"] = "used for the start"
     early = messages.stamp_ns < start_ns
     reason[(verdict == "stale") & early] = "before the start"
     reason[(verdict == "stale") & ~early] = f"older than the history of {config.history_s:g} s"

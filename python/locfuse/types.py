@@ -17,6 +17,8 @@ Columns = Mapping[str, NDArray[Any]]
 
 NANOSECONDS = 1_000_000_000
 
+FREE, OCCUPIED, UNKNOWN = 0, 100, -1  # cells of a GridMap
+
 
 class LogError(ValueError):
     """A log folder or one of its files is wrong; the text names file, line and column."""
@@ -78,6 +80,45 @@ class Trajectory:
 
 
 @dataclass(frozen=True)
+class GridMap:
+    """A floor plan of square cells.
+
+    Attributes
+    ----------
+    cells : int8 array, shape (height, width)
+        0 free, 100 occupied, -1 unknown. Row 0 is the row of the lowest y, column 0 that of the
+        lowest x, in the frame of the map.
+    resolution_m : float
+        Length of a cell's side.
+    origin : (x_m, y_m, yaw_rad)
+        Pose in world of the map's frame: the outer corner of cell (0, 0).
+
+    Raises
+    ------
+    ValueError
+        If there is no cell, a cell holds another value, or a number is not finite.
+    """
+
+    cells: NDArray[np.int8]
+    resolution_m: float
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if self.cells.ndim != 2 or self.cells.size == 0:
+            shape = self.cells.shape
+            raise ValueError(f"GridMap.cells has shape {shape}, expected (height, width)")
+        if self.cells.dtype != np.int8:
+            raise ValueError(f"GridMap.cells is an array of {self.cells.dtype}, expected int8")
+        odd = ~np.isin(self.cells, (FREE, OCCUPIED, UNKNOWN))
+        if odd.any():
+            raise ValueError(f"GridMap.cells holds {self.cells[odd][0]}, expected 0, 100 or -1")
+        if not (np.isfinite(self.resolution_m) and self.resolution_m > 0.0):
+            raise ValueError(f"GridMap.resolution_m is {self.resolution_m}, expected > 0")
+        if len(self.origin) != 3 or not np.all(np.isfinite(self.origin)):
+            raise ValueError(f"GridMap.origin is {self.origin}, expected three finite numbers")
+
+
+@dataclass(frozen=True)
 class Log:
     """A recording: one table per message kind, and the geometry that goes with it.
 
@@ -97,12 +138,15 @@ class Log:
         ``range_min_m``, ``range_max_m``.
     map : str or None
         File name of a ROS map yaml.
+    grid : GridMap or None
+        What that file holds.
     """
 
     tables: Mapping[str, Columns]
     tags: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     laser: Mapping[str, Any] | None = None
     map: str | None = None
+    grid: GridMap | None = None
     description: str = ""
     licence: str = ""
 
@@ -151,6 +195,41 @@ class Outcomes:
 
 
 @dataclass(frozen=True)
+class Hypothesis:
+    """A pose that fits: ``pose`` (3,) x, y [m], heading [rad], its covariance, its probability."""
+
+    pose: FloatArray
+    covariance: FloatArray
+    probability: float
+
+
+@dataclass(frozen=True)
+class Start:
+    """How a run that was started from nothing found its pose.
+
+    Attributes
+    ----------
+    stamp_ns : int
+        When it was ready.
+    seconds : float
+        From the first message to there.
+    pose, covariance : float64 arrays, shapes (3,) and (3, 3)
+        Of (x, y, heading), metres and radians.
+    steps : tuple of (stamp_ns, tuple of Hypothesis)
+        What fitted whenever that changed, the last being the start itself.
+    used_scans : bool
+        Whether there were scans and a map to match them with.
+    """
+
+    stamp_ns: int
+    seconds: float
+    pose: FloatArray
+    covariance: FloatArray
+    steps: tuple[tuple[int, tuple[Hypothesis, ...]], ...]
+    used_scans: bool
+
+
+@dataclass(frozen=True)
 class RunResult:
     """One run: what was asked, what came in, what was estimated, how good it was.
 
@@ -166,6 +245,8 @@ class RunResult:
     outcomes : Outcomes
     metrics : dict
         What ``metrics.json`` holds.
+    start : Start or None
+        How ``start: auto`` went.
     """
 
     config: Mapping[str, Any]
@@ -174,3 +255,4 @@ class RunResult:
     truth: Trajectory | None
     outcomes: Outcomes
     metrics: Mapping[str, Any]
+    start: Start | None = None

@@ -17,7 +17,16 @@ import locfuse as package
 from locfuse.config.load import load_config, parse_config
 from support_runs import CONFIGS, EXAMPLES, locfuse, recording, room, rows_of, write_folder
 
-COMMANDS = (("run",), ("convert",), ("evaluate",), ("reproduce",), ("config",), ("config", "dump"))
+COMMANDS = (
+    ("run",),
+    ("check",),
+    ("convert",),
+    ("evaluate",),
+    ("position",),
+    ("reproduce",),
+    ("config",),
+    ("config", "dump"),
+)
 
 
 @pytest.fixture
@@ -127,7 +136,10 @@ def test_convert_says_where_the_logs_are(tmp_path: Path) -> None:
     assert said.status == 0
 
 
-def test_reproduce_prints_the_table_and_writes_the_rows(tmp_path: Path) -> None:
+def test_reproduce_prints_the_table_and_writes_the_rows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("locfuse.reproduce.power_up_claims", lambda configs: [])
     said = locfuse("reproduce", "ekim2020", "--seeds", 4, "--json", tmp_path / "rows.json")
     rows = json.loads((tmp_path / "rows.json").read_text())
     assert said.status == (1 if any(row["met"] is False for row in rows) else 0)
@@ -185,6 +197,7 @@ def test_rows_that_cannot_be_written_are_one_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("locfuse.reproduce.PATHS", ("circle",))
+    monkeypatch.setattr("locfuse.reproduce.power_up_claims", lambda configs: [])
     said = locfuse("reproduce", "ekim2020", "--seeds", 2, "--json", tmp_path / "no" / "rows.json")
     assert "rows.json" in said.sentence()
 

@@ -25,11 +25,12 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 import locfuse
+from locfuse.claims import Claim
 from locfuse.cli import app
 from locfuse.config import scenario, schema
 from locfuse.config.base import Strict
 from locfuse.config.load import load_config, parse_config
-from locfuse.reproduce import PAPERS, RECORDINGS, Claim
+from locfuse.reproduce import PAPERS, RECORDINGS
 from locfuse.results import write_results
 from locfuse.run import run
 
@@ -352,6 +353,7 @@ SECTIONS: dict[str, type[Strict]] = {
     "## Top level": schema.RunConfig,
     "### `log` as a data set": schema.Dataset,
     "### `start_sigma`": schema.StartSigma,
+    "### `initializer`": schema.Initializer,
     "### `anchors`": schema.RangeError,
     "## `estimator`": schema.Estimator,
     "### `estimator.odometry`": schema.Odometry,
@@ -367,6 +369,8 @@ SECTIONS: dict[str, type[Strict]] = {
     "### `simulation.ranges`": scenario.RangeSensor,
     "### `simulation.poses`": scenario.PoseSensor,
     "### `simulation.positions`": scenario.PositionSensor,
+    "### `simulation.laser`": scenario.LaserSensor,
+    "### `simulation.map`": scenario.RoomMap,
     "### Fault `nlos`": scenario.Nlos,
     "### Fault `bias`": scenario.Bias,
     "### Fault `outliers`": scenario.Outliers,

@@ -137,12 +137,12 @@ def test_there_is_nothing_beside_the_variant() -> None:
 
 
 def test_a_sensor_that_nobody_wired_is_named_piece_by_piece() -> None:
-    missing = missing_pieces("LaserScan", Wiring("sonar", "echo_m", "add_echoes"))
+    missing = missing_pieces("SonarEcho", Wiring("sonar", "echo_m", "add_echoes"))
     assert [piece.split(" ")[-1] for piece in missing] == [
         "locfuse.__all__", "bind_estimators.cpp", "bind_replay.cpp", "config/schema.py",
         "io/log_folder.py", "config/scenario.py",
     ]  # fmt: skip
-    assert "WIRING" in missing_pieces("LaserScan", None)[-1]
+    assert "WIRING" in missing_pieces("SonarEcho", None)[-1]
 
 
 @pytest.mark.parametrize("name", WIRING)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -12,9 +12,10 @@ import pytest
 
 import locfuse as lf
 from locfuse import reproduce as module
+from locfuse.claims import Claim
 from locfuse.config.load import load_config, parse_config
 from locfuse.config.schema import RunConfig
-from locfuse.reproduce import PATHS, Claim, linearized_at_truth, reproduce, room_config
+from locfuse.reproduce import PATHS, linearized_at_truth, reproduce, room_config
 from locfuse.run import load_log, run, start_of, to_messages, truth_of
 from locfuse.types import ConfigError, FloatArray
 from support_runs import DATA, MRPT
@@ -23,8 +24,16 @@ ROW = {"id", "claim", "unit", "paper", "ours_median", "ours_low", "ours_high", "
 SIMULATED = 4 * len(PATHS)
 
 
+@pytest.fixture(autouse=True, scope="module")
+def without_power_ups() -> Iterator[None]:
+    """Leave out the rows about starts, which test_power_up_claims.py is about."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "power_up_claims", lambda configs: [])
+        yield
+
+
 @pytest.fixture(scope="module")
-def claims() -> list[Claim]:
+def claims(without_power_ups: None) -> list[Claim]:
     return reproduce("ekim2020", seeds=4)
 
 
@@ -86,7 +95,7 @@ def test_progress_is_told_to_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "PATHS", ("eight", "star"))
     told: list[tuple[int, int]] = []
     reproduce("ekim2020", 2, lambda done, total: told.append((done, total)))
-    total = 2 * 2 + len(module.RECORDINGS)
+    total = 2 * 2 + len(module.RECORDINGS) + 1  # all rows about starts are one
     assert told == [(done, total) for done in range(1, total + 1)]
 
 

@@ -3,10 +3,15 @@
 
 /// Everything a user of the library needs.
 #include "locfuse/error.hpp"
+#include "locfuse/estimators/initializer.hpp"
 #include "locfuse/estimators/pose_ekf.hpp"
 #include "locfuse/filters/kalman.hpp"
+#include "locfuse/frontends/locate.hpp"
+#include "locfuse/frontends/range_batch.hpp"
+#include "locfuse/frontends/scan_matcher.hpp"
 #include "locfuse/maps/anchor_map.hpp"
 #include "locfuse/math/numerical_jacobian.hpp"
 #include "locfuse/messages/message.hpp"
 #include "locfuse/replay/replay.hpp"
+#include "locfuse/replay/start.hpp"
 #include "locfuse/time.hpp"

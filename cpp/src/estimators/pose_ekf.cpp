@@ -75,6 +75,15 @@ PoseEkf::PoseEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
   check_stamp(start.stamp);
 }
 
+PoseEkf PoseEkf::restarted(const PoseEstimate& start) const {
+  check_stamp(start.stamp);
+  PoseEkf other = *this;
+  other.belief_ = GaussianBelief::of_pose(start.stamp, start.pose, start.covariance);
+  other.body_ = other.belief_.slot("body");
+  other.control_ = {start.stamp, start.stamp, Pose2{}, true};
+  return other;
+}
+
 template <class Linearize>
 Outcome PoseEkf::correct(Stamp stamp, const Gate& gate, const Linearize& linearize) {
   if (stamp < belief_.stamp) {

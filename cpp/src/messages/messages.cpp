@@ -78,4 +78,34 @@ void validate(const PoseObservation& message) {
   require_covariance("PoseObservation.covariance", message.covariance);
 }
 
+void validate(const LaserGeometry& geometry) {
+  require_finite("LaserGeometry.pose_in_body.x [m]", geometry.pose_in_body.x);
+  require_finite("LaserGeometry.pose_in_body.y [m]", geometry.pose_in_body.y);
+  require_finite("LaserGeometry.pose_in_body.heading [rad]", geometry.pose_in_body.heading);
+  require_finite("LaserGeometry.angle_min [rad]", geometry.angle_min);
+  if (!std::isfinite(geometry.angle_increment) || geometry.angle_increment == 0.0) {
+    refuse("LaserGeometry.angle_increment [rad]", geometry.angle_increment,
+           "a finite number other than 0");
+  }
+  if (!std::isfinite(geometry.range_min) || geometry.range_min < 0.0) {
+    refuse("LaserGeometry.range_min [m]", geometry.range_min, "a finite number >= 0");
+  }
+  if (!std::isfinite(geometry.range_max) || geometry.range_max <= geometry.range_min) {
+    refuse("LaserGeometry.range_max [m]", geometry.range_max, "a finite number above range_min");
+  }
+}
+
+void validate(const LaserScan& message) {
+  check_stamp(message.stamp);
+  if (!message.geometry) {
+    throw std::invalid_argument("LaserScan.geometry is null, expected a LaserGeometry");
+  }
+  validate(*message.geometry);
+  for (const double range : message.ranges) {
+    if (std::isinf(range) || range < 0.0) {
+      refuse("LaserScan.ranges [m]", range, "a finite number >= 0, or NaN without return");
+    }
+  }
+}
+
 }  // namespace locfuse

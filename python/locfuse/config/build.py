@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from locfuse import _core
-from locfuse.config.schema import Estimator, RangeError
+from locfuse.config.schema import Estimator, Initializer, RangeError
 from locfuse.types import Columns, ConfigError, nearest
 
 
@@ -17,6 +17,13 @@ def build_estimator_config(estimator: Estimator) -> _core.PoseEkfConfig:
     """Return the C++ struct with every value of `estimator`."""
     config = _core.PoseEkfConfig()
     _fill(config, estimator)
+    return config
+
+
+def build_initializer_config(initializer: Initializer) -> _core.InitializerConfig:
+    """Return the C++ struct with every value of `initializer`."""
+    config = _core.InitializerConfig()
+    _fill(config, initializer)
     return config
 
 

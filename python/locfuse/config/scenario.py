@@ -23,6 +23,8 @@ Point3: TypeAlias = tuple[float, float, float]
 Segment: TypeAlias = tuple[float, float, float, float]
 Source: TypeAlias = Literal["odometry", "ranges", "poses", "positions"]
 
+MAX_CELLS = 10_000  # along one side of a grid
+
 
 # Paths ---------------------------------------------------------------------------------------
 
@@ -149,6 +151,53 @@ class PositionSensor(Strict):
     sigma_xy_m: NonNegative = 0.5
     antenna_forward_m: float = 0.0
     antenna_left_m: float = 0.0
+
+
+class LaserSensor(Strict):
+    """2D laser scanner: beams evenly spread over a field of view that is centred straight ahead.
+
+    `pose_in_body` is x and y in metres and the heading in degrees. The first and the last beam
+    stand on the edges of the field of view, but for a full turn, where the last one stands a step
+    before the first. What is nearer than `range_min_m` or farther than `range_max_m` gives no
+    return, and any other beam none with probability `dropout`.
+    """
+
+    rate_hz: Rate = 5.0
+    pose_in_body: Point3 = (0.0, 0.0, 0.0)
+    beams: Annotated[int, Field(ge=2, le=100_000)] = 360
+    field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)] = 360.0
+    range_min_m: NonNegative = 0.12
+    range_max_m: Positive = 3.5
+    sigma_m: NonNegative = 0.01
+    dropout: Probability = 0.0
+
+    @model_validator(mode="after")
+    def _sees_something(self) -> LaserSensor:
+        if not self.range_min_m < self.range_max_m:
+            raise ValueError(
+                f"range_min_m is {self.range_min_m} and range_max_m is {self.range_max_m}; "
+                "expected range_min_m < range_max_m"
+            )
+        return self
+
+
+class RoomMap(Strict):
+    """What the laser sees: the grid map of a ROS yaml file, or the room as a grid.
+
+    The room's grid holds its four walls, `walls` and the walls of all nlos faults, each one cell
+    thick with its line inside.
+    """
+
+    file: Name | None = None
+    resolution_m: Positive = 0.05
+    walls: list[Segment] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> RoomMap:
+        others = sorted(self.model_fields_set - {"file"})
+        if self.file is not None and others:
+            raise ValueError(f"file is {self.file!r}, which leaves nothing for {', '.join(others)}")
+        return self
 
 
 # Faults --------------------------------------------------------------------------------------
@@ -310,21 +359,36 @@ class Scenario(Strict):
     ranges: RangeSensor | None = Field(default_factory=RangeSensor)
     poses: PoseSensor | None = Field(default_factory=PoseSensor)
     positions: PositionSensor | None = None
+    laser: LaserSensor | None = None
+    map: RoomMap | None = None
     faults: list[Fault] = Field(default_factory=list)
 
     @model_validator(mode="after")
     def _sensors_have_what_they_need(self) -> Scenario:
-        if all(getattr(self, source) is None for source in get_args(Source)):
+        if all(getattr(self, name) is None for name in (*get_args(Source), "laser")):
             raise ValueError("no sensor is switched on; expected at least one")
         if self.ranges is not None and not (self.anchors and self.tags):
             missing = "anchors" if not self.anchors else "tags"
             raise ValueError(f"ranges need anchors and tags, but {missing} is empty")
+        if self.laser is not None and self.map is None:
+            raise ValueError("a laser needs something to see; add 'map: {}' for the room's walls")
         if self.odometry is not None:
             turn = fastest_turn_radps(self.path) / self.odometry.rate_hz
             if turn >= math.pi:
                 raise ValueError(
                     f"between two odometry rows at {self.odometry.rate_hz} Hz the path turns "
                     f"{turn:.3g} rad; expected less than half a turn (a higher rate_hz)"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _grid_is_not_too_fine(self) -> Scenario:
+        if self.map is not None and self.map.file is None:
+            cells = max(self.room_m) / self.map.resolution_m
+            if cells > MAX_CELLS:
+                raise ValueError(
+                    f"map.resolution_m is {self.map.resolution_m}, which makes {cells:.3g} cells "
+                    f"of the room's longer side; expected at most {MAX_CELLS}"
                 )
         return self
 

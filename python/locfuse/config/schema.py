@@ -65,6 +65,23 @@ class Estimator(Strict):
     sigma_lost_heading_per_sqrt_s: Positive = 0.5
 
 
+class Initializer(Strict):
+    """What a start from nothing asks for; ``InitializerConfig`` in C++."""
+
+    epoch_s: Annotated[float, Field(gt=0.0, lt=3600.0)] = 0.2
+    headings: Annotated[int, Field(gt=3, le=3600)] = 36
+    wrong_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.01
+    wrong_span_m: Positive = 20.0
+    spacing_m: Positive = 0.2
+    spacing_heading_rad: Positive = 0.35
+    sigma_map_m: Positive = 0.03
+    sigma_map_rad: Positive = 0.02
+    standing_ranges: Annotated[int, Field(gt=0, le=1_000_000_000)] = 10
+    probability_ready: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.999
+    sigma_xy_ready_m: Positive = 0.5
+    sigma_heading_ready_rad: Positive = 0.087
+
+
 class RangeError(Strict):
     """What ranges to an anchor read: scale * distance + offset."""
 
@@ -98,8 +115,8 @@ def _is_number(value: Any) -> bool:
 
 def _start(value: Any) -> Any:
     is_pose = isinstance(value, list | tuple) and len(value) == 3 and all(map(_is_number, value))
-    if value != "truth" and not is_pose:
-        raise ValueError("expected 'truth' or [x_m, y_m, heading_deg], finite numbers")
+    if value not in ("truth", "auto") and not is_pose:
+        raise ValueError("expected 'truth', 'auto' or [x_m, y_m, heading_deg], finite numbers")
     return value
 
 
@@ -107,7 +124,9 @@ Origin: TypeAlias = Annotated[
     Annotated[Name, Tag("folder")] | Annotated[Dataset, Tag("dataset")],
     Discriminator(_origin_kind),
 ]
-Start: TypeAlias = Annotated[Literal["truth"] | tuple[float, float, float], BeforeValidator(_start)]
+Start: TypeAlias = Annotated[
+    Literal["truth", "auto"] | tuple[float, float, float], BeforeValidator(_start)
+]
 
 
 class RunConfig(Strict):
@@ -124,6 +143,7 @@ class RunConfig(Strict):
     simulation: Scenario | None = None
     start: Start = "truth"
     start_sigma: StartSigma = Field(default_factory=StartSigma)
+    initializer: Initializer = Field(default_factory=Initializer)
     use: Annotated[list[Source], Field(min_length=1)] = Field(default_factory=lambda: list(SOURCES))
     anchors: dict[Name, RangeError] = Field(default_factory=dict)
     estimator: Estimator = Field(default_factory=Estimator)

@@ -19,6 +19,7 @@ from locfuse.io.csv_table import (
     write_table,
 )
 from locfuse.io.log_yaml import checked, read_log_yaml, write_log_yaml
+from locfuse.io.maps import read_map, write_map
 from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, LogError, nearest
 
 # Which headers each file may have. ranges_m stands for the beams r0, r1, ... of a scan.
@@ -76,17 +77,19 @@ def read_log(folder: str | Path) -> Log:
     folder = Path(folder)
     if not folder.is_dir():
         raise LogError(f"{folder}: no such folder")
-    tables = {stem: _read(stem, path) for stem, path in _find_tables(folder).items()}
+    tables = {stem: read_log_file(path, stem) for stem, path in _find_tables(folder).items()}
     settings = _read_settings(folder)
     _check_set(tables, settings, str(folder))
-    return Log(tables=tables, **settings)
+    grid = read_map(folder / settings["map"]) if "map" in settings else None
+    return Log(tables=tables, grid=grid, **settings)
 
 
 def write_log(log: Log, folder: str | Path) -> None:
     """Write a log as a folder that `read_log` reads back bit for bit.
 
-    Bit for bit holds for messages sorted by stamp (or with ``arrival_ns``); the map that
-    ``log.map`` names is left to the caller. Files of the same name are replaced.
+    Bit for bit holds for messages sorted by stamp (or with ``arrival_ns``). A grid is written as
+    ``log.map``, without one ``map.yaml``; a map without a grid is left to the caller. Files of the
+    same name are replaced.
 
     Parameters
     ----------
@@ -114,6 +117,8 @@ def write_log(log: Log, folder: str | Path) -> None:
         write_table(folder / f"{stem}.csv", header, _texts(table))
     if settings:
         write_log_yaml(folder / "log.yaml", settings)
+    if log.grid is not None:
+        write_map(log.grid, folder / settings["map"])
 
 
 def _is_log_file(path: Path) -> bool:
@@ -154,7 +159,20 @@ def _check_set(tables: Mapping[str, Columns], settings: Mapping[str, Any], where
         raise LogError(f"{where}: scans without geometry, expected the key laser in log.yaml")
 
 
-def _read(stem: str, path: Path) -> Columns:
+def read_log_file(path: Path, stem: str) -> Columns:
+    """Read one file of a log folder, whatever it is called and wherever it is.
+
+    Parameters
+    ----------
+    path : Path
+    stem : str
+        Which file of the format it is: a key of `SCHEMA`.
+
+    Raises
+    ------
+    LogError
+        As `read_log`.
+    """
     file = read_table(path)
     form = _form(stem, file.header, f"{path}, line {file.first_line - 1}")
     kinds = "".join(_kind(name) for name in file.header)
@@ -290,11 +308,16 @@ def _settings_of(log: Log) -> dict[str, Any]:
     settings: dict[str, Any] = {
         "tags": dict(log.tags),
         "laser": log.laser,
-        "map": log.map,
+        "map": log.map or (None if log.grid is None else "map.yaml"),
         "description": log.description,
         "licence": log.licence,
     }
-    return checked({key: value for key, value in settings.items() if value}, "log")
+    settings = checked({key: value for key, value in settings.items() if value}, "log")
+    if log.grid is not None and not re.fullmatch(r"[^/\\]+\.ya?ml", settings["map"]):
+        raise LogError(f"log: map is {settings['map']!r}, expected a file name that ends in .yaml")
+    if settings.get("map") == "log.yaml":
+        raise LogError("log: map is 'log.yaml', which is the log's own file")
+    return settings
 
 
 def _checked_for_writing(stem: str, table: Columns) -> Columns:

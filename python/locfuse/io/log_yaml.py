@@ -50,14 +50,25 @@ def read_log_yaml(path: Path) -> dict[str, Any]:
     LogError
         If the file cannot be read or a key is unknown, given twice or of the wrong type.
     """
+    found = load_yaml(path)
+    return checked({} if found is None else found, str(path))
+
+
+def load_yaml(path: Path) -> Any:
+    """Return what a YAML file holds, its keys as texts.
+
+    Raises
+    ------
+    LogError
+        If the file cannot be read, is no YAML or gives a key twice.
+    """
     data = read_bytes(path)
     try:
-        found = yaml.load(data, _Loader)
+        return yaml.load(data, _Loader)
     except yaml.YAMLError as error:
         raise LogError(f"{path}: {' '.join(str(error).split())}") from error
     except ValueError as error:
         raise LogError(f"{path}, {error}") from error
-    return checked({} if found is None else found, str(path))
 
 
 def write_log_yaml(path: Path, settings: Mapping[str, Any]) -> None:

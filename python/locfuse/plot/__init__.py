@@ -1,17 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of one run: path, errors, NIS and the verdict on every message.
+"""Pictures of one run: path, errors, NIS and the verdict on every message; and of a layout.
 
-Each function takes a `RunResult` and returns a free-standing matplotlib `Figure`; nothing touches
-pyplot or the process-wide settings. Long runs are thinned to what a picture can show, and never so
-that an extreme error or a rejected stretch disappears.
+Each function takes a `RunResult`, `plot_layout` a `Layout`, and returns a free-standing matplotlib
+`Figure`; nothing touches pyplot or the process-wide settings. Long runs are thinned to what a
+picture can show, and never so that an extreme error or a rejected stretch disappears.
 """
 
 from __future__ import annotations
 
 from locfuse.plot.errors import BAND_SIGMAS, plot_errors
+from locfuse.plot.layout import plot_layout
 from locfuse.plot.nis import plot_nis
 from locfuse.plot.outcomes import plot_outcomes
 from locfuse.plot.path import ELLIPSE_SIGMAS, plot_path
+from locfuse.plot.power_up import plot_bad_starts, plot_bound, plot_searches
+from locfuse.plot.start import plot_start
 from locfuse.plot.style import save
 from locfuse.plot.text import VERDICT_LABELS, count, percent, start_ns
 
@@ -21,10 +24,15 @@ __all__ = [
     "VERDICT_LABELS",
     "count",
     "percent",
+    "plot_bad_starts",
+    "plot_bound",
     "plot_errors",
+    "plot_layout",
     "plot_nis",
     "plot_outcomes",
     "plot_path",
+    "plot_searches",
+    "plot_start",
     "save",
     "start_ns",
 ]

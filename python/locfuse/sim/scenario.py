@@ -3,20 +3,24 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
-from locfuse.config.scenario import Scenario
-from locfuse.sim import sensors
+from locfuse.config.scenario import Nlos, Scenario
+from locfuse.io.maps import read_map
+from locfuse.sim import laser, sensors
 from locfuse.sim.faults import World, with_faults
+from locfuse.sim.room import room_grid
 from locfuse.sim.trajectory import plan
-from locfuse.types import Columns, Log
+from locfuse.types import Columns, GridMap, Log
 
 
-def simulate(scenario: Scenario, rng: np.random.Generator) -> Log:
+def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = None) -> Log:
     """Return the log of a simulated drive.
 
-    Path, odometry, ranges, poses, positions and faults draw from children of `rng`, always spawned
-    in that order: switching one off changes no bit of the others.
+    Path, odometry, ranges, poses, positions, faults and laser draw from children of `rng`, always
+    spawned in that order: switching one off changes no bit of the others.
 
     Parameters
     ----------
@@ -24,12 +28,20 @@ def simulate(scenario: Scenario, rng: np.random.Generator) -> Log:
     rng : numpy Generator
         Spawns the children, so a second call with the same one gives another drive; equal fresh
         generators give equal bits.
+    base : Path, optional
+        Folder that the file of the map is relative to.
 
     Returns
     -------
     Log
-        With tables ``odometry``, ``ranges``, ``poses``, ``positions`` (those that are switched on),
-        ``truth`` at every stamp of any of them, dropped out or not, and ``anchors``.
+        With tables ``odometry``, ``ranges``, ``poses``, ``positions``, ``scans`` (those that are
+        switched on), ``truth`` at every stamp of any of them, dropped out or not, and ``anchors``;
+        and with the grid, if there is a map.
+
+    Raises
+    ------
+    LogError
+        If the file of the map cannot be read.
 
     Examples
     --------
@@ -37,7 +49,10 @@ def simulate(scenario: Scenario, rng: np.random.Generator) -> Log:
     >>> len(log["ranges"]["range_m"])  # 5 anchors, 6 epochs
     30
     """
-    for_path, for_odometry, for_ranges, for_poses, for_positions, for_faults = rng.spawn(6)
+    for_path, for_odometry, for_ranges, for_poses, for_positions, for_faults, for_laser = rng.spawn(
+        7
+    )
+    grid = grid_of(scenario, base)
     drive = plan(scenario.path, scenario.room_m, scenario.duration_s, for_path)
     epochs = {
         name: sensors.stamps(sensor.rate_hz, scenario.duration_s)
@@ -46,6 +61,7 @@ def simulate(scenario: Scenario, rng: np.random.Generator) -> Log:
             ("ranges", scenario.ranges),
             ("poses", scenario.poses),
             ("positions", scenario.positions),
+            ("scans", scenario.laser),
         )
         if sensor is not None
     }
@@ -67,6 +83,8 @@ def simulate(scenario: Scenario, rng: np.random.Generator) -> Log:
     odometry_ns = epochs.get("odometry", np.empty(0, np.int64))
     world = World(drive, scenario.tags, scenario.anchors, odometry_ns)
     tables = with_faults(heard, scenario.faults, world, for_faults)
+    if scenario.laser is not None and grid is not None:
+        tables["scans"] = laser.scans(drive, epochs["scans"], grid, scenario.laser, for_laser)
     tables["truth"] = sensors.truth(drive, np.unique(np.concatenate(list(epochs.values()))))
     if scenario.anchors:
         at = np.array(list(scenario.anchors.values()), dtype=np.float64)
@@ -79,5 +97,18 @@ def simulate(scenario: Scenario, rng: np.random.Generator) -> Log:
     return Log(
         tables=tables,
         tags=dict(scenario.tags),
+        laser=None if scenario.laser is None else laser.geometry(scenario.laser),
+        map=None if grid is None else "map.yaml",
+        grid=grid,
         description=f"Simulated: {scenario.path.shape}, {scenario.duration_s:g} s",
     )
+
+
+def grid_of(scenario: Scenario, base: Path | None = None) -> GridMap | None:
+    """Return the map of a scenario, read from its file or made of its walls; None without one."""
+    if scenario.map is None:
+        return None
+    if scenario.map.file is not None:
+        return read_map((Path() if base is None else base) / scenario.map.file)
+    walls = [wall for fault in scenario.faults if isinstance(fault, Nlos) for wall in fault.walls]
+    return room_grid(scenario.room_m, [*scenario.map.walls, *walls], scenario.map.resolution_m)

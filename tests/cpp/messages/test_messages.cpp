@@ -112,5 +112,25 @@ TEST(Validate, refuses_a_pose_covariance_that_is_none) {
       "PoseObservation.covariance", "0.375");
 }
 
+TEST(Messages, laser_scans_say_what_is_wrong_with_them) {
+  const LaserGeometry good{{}, -1.0, 0.1, 0.1, 5.0};
+  const auto geometry = [&](double LaserGeometry::*field, double value) {
+    LaserGeometry wrong = good;
+    wrong.*field = value;
+    return [wrong] { validate(wrong); };
+  };
+  validate(good);
+  expect_refused(geometry(&LaserGeometry::angle_min, std::nan("")), "angle_min [rad] is nan");
+  expect_refused(geometry(&LaserGeometry::angle_increment, 0.0), "angle_increment [rad] is 0");
+  expect_refused(geometry(&LaserGeometry::range_min, -1.0), "range_min [m] is -1");
+  expect_refused(geometry(&LaserGeometry::range_max, 0.1), "range_max [m] is 0.1", "above");
+  const auto shared = std::make_shared<const LaserGeometry>(good);
+  validate(LaserScan{0, shared, {}});
+  validate(LaserScan{0, shared, {1.0, std::nan(""), 9.0}});
+  expect_refused([&] { validate(LaserScan{0, shared, {1.0, -0.5}}); }, "ranges [m] is -0.5", "NaN");
+  expect_refused([&] { validate(LaserScan{0, shared, {HUGE_VAL}}); }, "ranges [m] is inf", "NaN");
+  expect_refused([] { validate(LaserScan{}); }, "geometry is null");
+}
+
 }  // namespace
 }  // namespace locfuse

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import csv
+import gzip
 import shutil
 from pathlib import Path
 
@@ -14,7 +16,7 @@ from locfuse.eval.errors import interpolate
 from locfuse.io.datasets import CONVERTERS, convert
 from locfuse.io.log_folder import read_log
 from locfuse.run import run, truth_of
-from locfuse.types import ConfigError, FloatArray, Log, LogError, RunResult
+from locfuse.types import NANOSECONDS, ConfigError, FloatArray, Log, LogError, RunResult
 from support_runs import CONFIGS, recording, require_recording_of, rows_of
 
 FOLDERS = {
@@ -22,6 +24,8 @@ FOLDERS = {
     "ieu_gazebo": "ieu-gazebo-uwb-lidar",
     "mrpt_office": "mrpt-uwb-lidar",
     "tuc_labyrinth": "tuc-labyrinth",
+    "ghent": "ghent-iiot",
+    "lias": "lias-planar",
 }
 
 
@@ -201,6 +205,89 @@ def test_tuc_labyrinth_wheels_turn_as_the_truth_does(logs: dict[str, Log]) -> No
     left, right = (np.array([float(row[k]) for row in wheels]) for k in ("v_first", "v_second"))
     np.testing.assert_allclose(log["odometry"]["v_mps"], (left + right) / 2.0, atol=1e-15)
     np.testing.assert_allclose(log["odometry"]["omega_radps"], (right - left) / 0.157, atol=1e-12)
+
+
+def errors_at_rest(log: Log) -> FloatArray:
+    """Return range minus distance of every range of a log whose robot stands, in metres."""
+    table, at = log["ranges"], log["truth"]
+    heading = at["heading_rad"][0] if "heading_rad" in at else 0.0
+    c, s = np.cos(heading), np.sin(heading)
+    places = {str(name): np.array([x, y, z]) for name, x, y, z in zip(
+        *(log["anchors"][key] for key in ("anchor", "x_m", "y_m", "z_m")), strict=True
+    )}  # fmt: skip
+    tags = {
+        name: np.array([at["x_m"][0] + c * x - s * y, at["y_m"][0] + s * x + c * y, z])
+        for name, (x, y, z) in log.tags.items()
+    }
+    distance = [
+        np.linalg.norm(places[anchor] - tags[tag])
+        for anchor, tag in zip(table["anchor"].tolist(), table["tag"].tolist(), strict=True)
+    ]
+    return np.asarray(table["range_m"] - np.array(distance), dtype=np.float64)
+
+
+def test_ghent_has_the_ranges_and_figures_of_its_notes(logs: dict[str, Log]) -> None:
+    errors: dict[str, list[float]] = {"LOS": [], "NLOS": []}
+    with gzip.open(recording("ghent-iiot") / "ranges.csv.gz", "rt") as file:
+        published = list(csv.DictReader(file))
+    sites = [name for name in logs if name.startswith("site_")]
+    assert sites == [f"site_{n}" for n in (0, 2, 4, 6, 8, 10, 12)]
+    for name in sites:
+        table, error = logs[name]["ranges"], errors_at_rest(logs[name])
+        mine = [row for row in published if f"site_{row['tag_site']}" == name]
+        assert len(error) == len(mine)
+        for anchor in np.unique(table["anchor"]):
+            rows = table["anchor"] == anchor
+            assert (table["stamp_ns"][rows] == NANOSECONDS * np.arange(rows.sum())).all()
+            theirs = [row for row in mine if row["anchor"] == anchor]
+            assert [float(row["range"]) for row in theirs] == table["range_m"][rows].tolist()
+            for row, e in zip(theirs, error[rows].tolist(), strict=True):
+                errors[row["condition"]].append(e)
+    assert (len(errors["LOS"]), len(errors["NLOS"])) == (2442, 5913)
+    los, nlos = np.array(errors["LOS"]), np.array(errors["NLOS"])
+    assert [np.median(los), los.std(), np.abs(los).max()] == pytest.approx(
+        [-0.068, 0.124, 0.44], abs=0.005
+    )
+    assert [np.median(nlos), nlos.std(), np.abs(nlos).max()] == pytest.approx(
+        [0.086, 0.363, 5.04], abs=0.005
+    )
+
+
+def test_ghent_sites_are_where_and_how_high_they_were(logs: dict[str, Log]) -> None:
+    log = logs["site_4"]
+    assert log.tags == {"tag": (0.0, 0.0, 1.501)}
+    assert np.unique(log["truth"]["x_m"]).tolist() == [9.994]
+    assert np.unique(log["truth"]["y_m"]).tolist() == [6.148]
+    np.testing.assert_array_equal(log["truth"]["stamp_ns"], np.unique(log["ranges"]["stamp_ns"]))
+    assert len(log["anchors"]["anchor"]) == 19
+
+
+@pytest.mark.parametrize(
+    ("session", "poses", "ranges", "median", "std", "largest"),
+    [("814", 18, 233913, 0.181, 0.105, 3.13), ("820", 6, 91962, 0.094, 0.101, 2.27)],
+)
+def test_lias_has_the_ranges_and_figures_of_its_notes(
+    logs: dict[str, Log], session: str, poses: int, ranges: int, median: float, std: float,
+    largest: float,
+) -> None:  # fmt: skip
+    of_session = [log for name, log in logs.items() if name.startswith(f"{session}_p")]
+    errors = np.concatenate([errors_at_rest(log) for log in of_session])
+    assert (len(of_session), len(errors)) == (poses, ranges)
+    assert [np.median(errors), errors.std(), np.abs(errors).max()] == pytest.approx(
+        [median, std, largest], abs=0.005
+    )
+
+
+def test_lias_poses_have_the_tags_and_anchors_of_their_session(logs: dict[str, Log]) -> None:
+    log = logs["820_p1_300"]
+    assert log.tags == {
+        "0": (-0.113, -0.2432, 0.9733), "1": (-0.1316, 0.2363, 0.972), "2": (0.3492, 0.2542, 0.97)
+    }  # fmt: skip
+    assert log["anchors"]["x_m"].tolist()[:2] == [0.9998, -0.0878]
+    assert log["truth"]["heading_rad"][0] == pytest.approx(np.deg2rad(299.781 - 360.0))
+    first = log["ranges"]["stamp_ns"] == 0
+    assert log["ranges"]["tag"][first].tolist() == [tag for tag in "012" for _ in range(8)]
+    assert log["ranges"]["anchor"][first].tolist() == list("01234567") * 3
 
 
 # How well they are localized ------------------------------------------------------------------

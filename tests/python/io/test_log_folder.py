@@ -19,7 +19,7 @@ from locfuse.config.scenario import (
 )
 from locfuse.io.log_folder import MESSAGES, SCHEMA, read_log, write_log
 from locfuse.sim.scenario import simulate
-from locfuse.types import Log, LogError
+from locfuse.types import GridMap, Log, LogError
 from support_runs import GOOD, write_folder
 
 LASER = {
@@ -202,3 +202,44 @@ def test_the_schema_lists_every_message() -> None:
     assert set(MESSAGES) <= set(SCHEMA)
     for stem in MESSAGES:
         assert all(form[0] == "stamp_s" for form in SCHEMA[stem])
+
+
+# Maps -----------------------------------------------------------------------------------------
+
+
+def with_grid(name: str | None) -> Log:
+    cells = np.array([[100, 0, -1], [0, 100, 100]], np.int8)
+    table = {"stamp_ns": np.array([0, 1]), "v_mps": np.zeros(2), "omega_radps": np.zeros(2)}
+    return Log(tables={"odometry": table}, map=name, grid=GridMap(cells, 0.05, (1.0, -2.0, 0.5)))
+
+
+@pytest.mark.parametrize("name", [None, "floor.yaml"])
+def test_a_grid_is_written_and_read_with_its_log(name: str | None, tmp_path: Path) -> None:
+    log = with_grid(name)
+    write_log(log, tmp_path)
+    again = read_log(tmp_path)
+
+    assert again.map == (name or "map.yaml")
+    assert log.grid is not None
+    assert again.grid is not None
+    np.testing.assert_array_equal(again.grid.cells, log.grid.cells)
+    assert (again.grid.resolution_m, again.grid.origin) == (0.05, (1.0, -2.0, 0.5))
+
+
+@pytest.mark.parametrize("name", ["../map.yaml", "map.pgm", "log.yaml"])
+def test_a_grid_under_a_name_that_cannot_be_is_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="log: map is"):
+        write_log(with_grid(name), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_log_without_a_map_has_no_grid(tmp_path: Path) -> None:
+    write_log(replace(with_grid(None), grid=None), tmp_path)
+    assert read_log(tmp_path).grid is None
+
+
+def test_a_damaged_map_is_an_error_of_its_log(tmp_path: Path) -> None:
+    write_log(with_grid(None), tmp_path)
+    (tmp_path / "map.pgm").write_bytes(b"P5 3 2 255 \0")
+    with pytest.raises(LogError, match=r"map\.pgm: 1 pixels, its header says 3 x 2"):
+        read_log(tmp_path)

@@ -51,6 +51,10 @@ class PoseEkf {
   PoseEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags,
           const PoseEstimate& start);
 
+  /// The same filter, started anew: models and gates are shared, so this is cheap. Throws as the
+  /// constructor does.
+  [[nodiscard]] PoseEkf restarted(const PoseEstimate& start) const;
+
   Outcome on(const Velocity& u);
   Outcome on(const Increment& u);
   Outcome on(const Range& z);

@@ -3,7 +3,9 @@
 
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <optional>
+#include <vector>
 
 #include "locfuse/geometry/pose2.hpp"
 #include "locfuse/math/types.hpp"
@@ -61,11 +63,31 @@ struct PoseObservation {
   Matrix<3, 3> covariance = Matrix<3, 3>::Zero();  ///< of (x, y, heading), positive definite
 };
 
+/// How a 2D laser sits on the body and sees: beam i leaves at angle_min + i * angle_increment.
+struct LaserGeometry {
+  Pose2 pose_in_body;            ///< T_body_laser
+  double angle_min = 0.0;        ///< of the first beam, counter-clockwise from the laser's x [rad]
+  double angle_increment = 0.0;  ///< [rad], negative if the laser turns clockwise
+  double range_min = 0.0;        ///< [m]
+  double range_max = 0.0;        ///< [m]
+};
+
+/// One turn of a 2D laser, as if measured in one moment.
+///
+/// NaN is a beam without return. A range outside [range_min, range_max] is none either.
+struct LaserScan {
+  Stamp stamp = 0;
+  std::shared_ptr<const LaserGeometry> geometry;
+  std::vector<double> ranges;  ///< [m]
+};
+
 void validate(const Velocity& message);
 void validate(const Increment& message);
 void validate(const Range& message);
 
 void validate(const PositionFix& message);
 void validate(const PoseObservation& message);
+void validate(const LaserGeometry& geometry);
+void validate(const LaserScan& message);
 
 }  // namespace locfuse

@@ -21,9 +21,11 @@ struct ReplayOptions {
   Stamp history = 2'000'000'000;              ///< how late a message may be [ns]
   bool record = true;                         ///< keep outcomes and estimates, or only `last`
   std::function<void(std::size_t)> progress;  ///< called with the number of messages done
+  std::size_t first = 0;                      ///< messages before it were used for the start
 };
 
 /// Feeds a sorted log to an estimator through a Timeline. The same input gives the same bits.
+/// Messages before `options.first` keep the verdict kIgnored.
 template <class Estimator>
 [[nodiscard]] RunLog replay(const Estimator& start, const MessageLog& log,
                             const ReplayOptions& options) {
@@ -42,10 +44,10 @@ template <class Estimator>
   };
   const auto sink = [&](std::size_t index, const Outcome& outcome) {
     if (options.record) {
-      run.outcomes[index] = outcome;
+      run.outcomes[options.first + index] = outcome;
     }
   };
-  for (std::size_t i = 0; i < arrivals.size(); ++i) {
+  for (std::size_t i = options.first; i < arrivals.size(); ++i) {
     const Message& message = arrivals[i].message;
     if (options.record && effective_stamp(message) > timeline.estimator().belief().stamp) {
       keep(timeline.estimator().current());

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
 
-from locfuse.io.datasets import ieu_gazebo, mrpt_office, plaza, tuc_labyrinth
+from locfuse.io.datasets import ghent, ieu_gazebo, lias, mrpt_office, plaza, tuc_labyrinth
 from locfuse.types import ConfigError, LogError, nearest
 
 Converter: TypeAlias = Callable[[Path, Path], list[Path]]
@@ -17,6 +17,8 @@ CONVERTERS: dict[str, Converter] = {
     "ieu_gazebo": ieu_gazebo.convert,
     "mrpt_office": mrpt_office.convert,
     "tuc_labyrinth": tuc_labyrinth.convert,
+    "ghent": ghent.convert,
+    "lias": lias.convert,
 }
 
 

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <pybind11/native_enum.h>
+
+#include "bindings.hpp"
+#include "locfuse/estimators/initializer.hpp"
+
+namespace py = pybind11;
+using locfuse::Initializer;
+using locfuse::StartStatus;
+
+void bind_initializer(py::module_& m) {
+  py::native_enum<StartStatus>(m, "StartStatus", "enum.Enum", "How far a start has come.")
+      .value("WAITING", StartStatus::kWaiting)
+      .value("AMBIGUOUS", StartStatus::kAmbiguous)
+      .value("READY", StartStatus::kReady)
+      .finalize();
+  using Hypothesis = Initializer::Hypothesis;
+  py::class_<Hypothesis>(m, "StartHypothesis", "A pose that fits the start.")
+      .def_readonly("estimate", &Hypothesis::estimate)
+      .def_readonly("probability", &Hypothesis::probability, "Beside the others, 0 to 1.")
+      .def("__repr__", [](const Hypothesis& h) {
+        return "StartHypothesis(probability=" + std::to_string(h.probability) + ")";
+      });
+  using State = Initializer::State;
+  py::class_<State>(m, "StartState", "Where a start stands.")
+      .def_readonly("status", &State::status)
+      .def_readonly("reason", &State::reason, "Why it is not ready; empty if it is.")
+      .def_readonly("hypotheses", &State::hypotheses, "The poses that fit, the likeliest first.")
+      .def("__repr__", [](const State& s) {
+        return "StartState(" + std::to_string(s.hypotheses.size()) + " hypotheses)";
+      });
+  using Config = Initializer::Config;
+  py::class_<Config>(m, "InitializerConfig", "When a start is ready, and what it takes for wrong.")
+      .def(py::init<>())
+      .def_readwrite("epoch_s", &Config::epoch_s)
+      .def_readwrite("headings", &Config::headings)
+      .def_readwrite("wrong_share", &Config::wrong_share)
+      .def_readwrite("wrong_span_m", &Config::wrong_span_m)
+      .def_readwrite("spacing_m", &Config::spacing_m)
+      .def_readwrite("spacing_heading_rad", &Config::spacing_heading_rad)
+      .def_readwrite("sigma_map_m", &Config::sigma_map_m)
+      .def_readwrite("sigma_map_rad", &Config::sigma_map_rad)
+      .def_readwrite("standing_ranges", &Config::standing_ranges)
+      .def_readwrite("probability_ready", &Config::probability_ready)
+      .def_readwrite("sigma_xy_ready_m", &Config::sigma_xy_ready_m)
+      .def_readwrite("sigma_heading_ready_rad", &Config::sigma_heading_ready_rad);
+  py::class_<Initializer>(m, "Initializer",
+                          R"(Finds the pose of a robot that was switched on anywhere.
+
+A Gaussian sum: one PoseEkf for every position that the first ranges allow and every heading,
+weighed by how well each predicts what comes next (docs/start.md; ekim2020, section 2.2).
+
+Parameters
+----------
+config : InitializerConfig
+estimator : PoseEkfConfig
+anchors : AnchorMap
+tags : list of Tag
+matcher : ScanMatcher, optional
+    With it, scans on the map tell the heading; without, motion has to.
+
+Raises
+------
+ValueError
+    If a config is out of range.
+
+Examples
+--------
+>>> from locfuse import *
+>>> anchors = AnchorMap([Anchor(1, [0, 0, 1]), Anchor(2, [8, 0, 1]), Anchor(3, [4, 6, 1])])
+>>> start = Initializer(InitializerConfig(), PoseEkfConfig(), anchors, [Tag(0, [0, 0, 1])])
+>>> start.state().status.name
+'WAITING'
+)")
+      .def(py::init([](const Config& config, const locfuse::PoseEkf::Config& estimator,
+                       std::shared_ptr<locfuse::AnchorMap> anchors, std::vector<locfuse::Tag> tags,
+                       const std::optional<std::shared_ptr<locfuse::ScanMatcher>>& matcher) {
+             return Initializer(config, estimator, std::move(anchors), std::move(tags),
+                                matcher.value_or(nullptr));
+           }),
+           py::arg("config"), py::arg("estimator"), py::arg("anchors"), py::arg("tags"),
+           py::arg("matcher") = py::none())
+      .def("on", py::overload_cast<const locfuse::Velocity&>(&Initializer::on), py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::Increment&>(&Initializer::on), py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::Range&>(&Initializer::on), py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::PositionFix&>(&Initializer::on),
+           py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::PoseObservation&>(&Initializer::on),
+           py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::LaserScan&>(&Initializer::on), py::arg("message"),
+           py::call_guard<py::gil_scoped_release>(), "Takes one message.")
+      .def("state", &Initializer::state)
+      .def("estimator", &Initializer::estimator,
+           "The PoseEkf to go on with.\n\nRaises\n------\nValueError\n    Unless the state is "
+           "ready.")
+      .def("__repr__", [](const Initializer& i) {
+        return "Initializer(" + std::to_string(i.state().hypotheses.size()) + " hypotheses)";
+      });
+}

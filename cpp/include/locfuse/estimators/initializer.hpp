@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/frontends/scan_matcher.hpp"
+
+namespace locfuse {
+
+/// How far a start has come.
+enum class StartStatus : std::uint8_t {
+  kWaiting,    ///< too little is known; `reason` says what is missing
+  kAmbiguous,  ///< several poses fit
+  kReady,      ///< one pose fits, as sure as the config asks
+};
+
+/// Finds the pose of a robot that was switched on anywhere (ekim2020, section 2.2).
+///
+/// The belief is a Gaussian sum: one PoseEkf for every position that the first ranges allow (both
+/// sides of a line of anchors, each range in turn left out where they contradict one another) and
+/// every heading, weighed by how well each predicts what comes next. Scans on a map, ranges to
+/// other tags, and ranges after some motion tell the headings apart; docs/start.md.
+///
+/// Every `on` throws std::invalid_argument for a message that is not valid.
+class Initializer {
+ public:
+  struct Config {
+    double epoch_s = 0.2;               ///< ranges this close together give the first position [s]
+    int headings = 36;                  ///< tried all around where no heading is known
+    double wrong_share = 0.01;          ///< of the ranges, and of the positions, that say nothing
+    double wrong_span_m = 20.0;         ///< what is wrong is wrong by anything up to this [m]
+    double spacing_m = 0.2;             ///< motion after which a scan is news again [m]
+    double spacing_heading_rad = 0.35;  ///< likewise a turn [rad]
+    double sigma_map_m = 0.03;          ///< how well the map lies among the anchors [m]
+    double sigma_map_rad = 0.02;        ///< likewise turned [rad]
+    int standing_ranges = 10;           ///< ranges over one link that count before it has moved on
+    double probability_ready = 0.999;   ///< that the pose given is the right one
+    double sigma_xy_ready_m = 0.5;      ///< [m]
+    double sigma_heading_ready_rad = 0.087;  ///< [rad]
+  };
+
+  /// A pose that fits, and how likely it is beside the others.
+  struct Hypothesis {
+    PoseEstimate estimate;
+    double probability = 0.0;
+  };
+
+  struct State {
+    StartStatus status = StartStatus::kWaiting;
+    std::string reason;                  ///< why it is not ready; empty if it is
+    std::vector<Hypothesis> hypotheses;  ///< the likeliest first
+  };
+
+  /// `matcher` may be null: then motion has to tell the heading. Throws std::invalid_argument on a
+  /// config out of range.
+  Initializer(const Config& config, const PoseEkf::Config& estimator,
+              std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags,
+              std::shared_ptr<const ScanMatcher> matcher);
+
+  void on(const Velocity& u);
+  void on(const Increment& u);
+  void on(const Range& z);
+  void on(const PositionFix& z);
+  void on(const PoseObservation& z);
+  void on(const LaserScan& z);
+  void on(const Message& message);
+
+  [[nodiscard]] State state() const;
+
+  /// The filter to go on with. Throws std::invalid_argument unless the state is ready.
+  [[nodiscard]] PoseEkf estimator() const;
+
+ private:
+  struct Component {
+    PoseEkf ekf;
+    double log_weight;
+  };
+  struct Cluster {  // components that tell the same story, moment-matched
+    PoseEstimate estimate;
+    double log_weight;
+  };
+  struct Link {  // how often a tag heard an anchor without having moved on
+    Id tag;
+    Id anchor;
+    int heard;
+  };
+
+  void locate();
+  void add_positions(const Vector<2>& tag_in_world, const Matrix<2, 2>& covariance,
+                     const Vector<2>& tag_in_body, double log_weight, Stamp stamp);
+  [[nodiscard]] Component component(const PoseEstimate& start, double log_weight) const;
+  template <class M>
+  void weigh(const M& z, const std::optional<double>& log_outlier);
+  template <class M>
+  void drive(const M& u);
+  void moved(const Pose2& motion);
+  void hear(const Range& z);
+  [[nodiscard]] int heard_before(const Range& z);
+  void match(Stamp stamp, const ScanMatch& fit, double log_likelihood,
+             std::vector<Component>& matched) const;
+  void reduce();
+  [[nodiscard]] std::vector<Cluster> clusters(bool by_heading) const;
+  [[nodiscard]] Cluster cluster(const std::vector<std::size_t>& members) const;
+
+  Config config_;
+  PoseEkf::Config estimator_;
+  std::shared_ptr<const AnchorMap> anchors_;
+  std::vector<Tag> tags_;
+  std::shared_ptr<const ScanMatcher> matcher_;
+  Gate gate_;          // of a scan's pose
+  PoseEkf prototype_;  // what every component is made from
+
+  std::vector<Component> components_;
+  std::vector<Range> epoch_;  // the ranges of the first position
+  std::vector<Link> links_;
+  std::optional<Message> control_;  // the last odometry
+  Pose2 since_scan_;
+  double since_ranges_m_ = 0.0;
+  bool scanned_ = false;
+  std::string waiting_for_ = "no range, position or pose yet";
+};
+
+}  // namespace locfuse

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "locfuse/frontends/range_layout.hpp"
+
+namespace locfuse {
+
+/// What a whitened residual z = (r - h) / sigma costs: eq. (15) of docs/models/multilateration.md.
+enum class RangeLossKind {
+  kNone,      ///< z^2
+  kHuber,     ///< grows linearly beyond the scale, either way
+  kCauchy,    ///< grows logarithmically beyond the scale, either way
+  kOneSided,  ///< Cauchy for ranges that read long (no line of sight), z^2 for those that read
+              ///< short
+};
+
+struct RangeLoss {
+  RangeLossKind kind = RangeLossKind::kNone;
+  double scale = 0.0;  ///< in sigmas; 0: 95 % efficient on Gaussian noise (1.345 or 2.385)
+
+  /// The scale, or the one that 0 stands for.
+  [[nodiscard]] double effective_scale() const;
+  /// rho'(z^2): by how much the loss trusts a range less than z^2 would.
+  [[nodiscard]] double weight(double z) const;
+  /// rho(z^2).
+  [[nodiscard]] double cost(double z) const;
+};
+
+/// What is known of the position before: independent Gaussians per axis.
+template <int N>
+struct PositionPrior {
+  Vector<N> mean = Vector<N>::Zero();         ///< relative to the layout's centre [m]
+  Vector<N> information = Vector<N>::Zero();  ///< 1 / sigma^2 per axis; 0: nothing is known
+};
+
+/// A local minimum of the cost.
+template <int N>
+struct RangeFit {
+  Vector<N> position = Vector<N>::Zero();           ///< relative to the layout's centre [m]
+  double cost = 0.0;                                ///< sum of losses, eq. (14): chi-square without
+  Matrix<N, N> information = Matrix<N, N>::Zero();  ///< J' W R^-1 J with the prior's [1/m^2]
+  int iterations = 0;
+  bool converged = false;
+  bool saddle = false;  ///< the cost falls away in some direction
+};
+
+/// Maximum likelihood from `start` by damped Newton steps of fixed size, no heap; robust losses by
+/// a graduated scale. `start` and `prior` are relative to the layout's centre.
+template <int N>
+[[nodiscard]] RangeFit<N> fit_ranges(const RangeLayout<N>& layout, const double* ranges,
+                                     const Vector<N>& start, const RangeLoss& loss = {},
+                                     const PositionPrior<N>& prior = {});
+
+/// Options of ceres::Solver.
+struct CeresOptions {
+  int max_iterations = 50;
+  double function_tolerance = 1e-12;   ///< relative change of the cost
+  double gradient_tolerance = 1e-10;   ///< largest component of the gradient
+  double parameter_tolerance = 1e-10;  ///< relative change of the position
+};
+
+/// The same by Ceres: one residual block per range with its loss, analytic Jacobians.
+/// `termination`, if given, receives the reason that Ceres states.
+template <int N>
+[[nodiscard]] RangeFit<N> fit_ranges_ceres(const RangeLayout<N>& layout, const double* ranges,
+                                           const Vector<N>& start, const RangeLoss& loss = {},
+                                           const PositionPrior<N>& prior = {},
+                                           const CeresOptions& options = {},
+                                           std::string* termination = nullptr);
+
+/// d x / d r of the fit, one column per range: eq. (17).
+template <int N>
+[[nodiscard]] bool range_fit_gain(const RangeLayout<N>& layout, const RangeFit<N>& fit,
+                                  RangeGain<N>& gain);
+
+}  // namespace locfuse

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+
+/// Many epochs at once, one per lane of a vector register. Compiled once for every processor and
+/// once for those with AVX2; nothing that is compiled twice may be shared, so only plain arrays
+/// appear here.
+namespace locfuse::internal {
+
+/// Layout as the lanes read it; see RangeLayout.
+struct LaneLayout {
+  int size = 0;
+  const double* anchor[3] = {};            ///< per axis, relative to the centroid [m]
+  const double* height_squared = nullptr;  ///< [m^2]
+  const double* information = nullptr;     ///< 1 / sigma^2
+  double axes[3][3] = {};                  ///< [row][column]
+  double stiffness[3] = {};                ///< 4 mu [m^2]
+  double strong_below = 0.0;               ///< costs from here on are left to the scalar code
+};
+
+/// One lane group of epochs; `solved[l]` is false where the scalar code has to do it.
+struct LaneResult {
+  static constexpr int kMostLanes = 8;
+  double position[3][kMostLanes];    ///< relative to the centroid [m]
+  double covariance[6][kMostLanes];  ///< lower triangle, row by row [m^2]
+  double cost[kMostLanes];
+  bool solved[kMostLanes];
+};
+
+/// Solves `lanes()` epochs of `layout.size` ranges each, N = 2 or 3: SR-LS, then three Newton steps
+/// on the cost, without a loss.
+struct LaneSolver {
+  int lanes;
+  void (*solve2)(const LaneLayout&, const double* ranges, LaneResult&);
+  void (*solve3)(const LaneLayout&, const double* ranges, LaneResult&);
+};
+
+[[nodiscard]] LaneSolver lanes_portable();
+#ifdef LOCFUSE_LANES_AVX2
+[[nodiscard]] LaneSolver lanes_avx2();
+#endif
+
+}  // namespace locfuse::internal

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+
+#include "locfuse/frontends/range_layout.hpp"
+
+namespace locfuse {
+
+/// Weights of squared-range least squares; docs/models/multilateration.md.
+enum class SquaredRangeWeights {
+  kEqual,     ///< SR-LS, the problem of Beck, Stoica and Li
+  kVariance,  ///< SR-WLS: 1 / variance of the squared range, eq. (11)
+};
+
+/// Every global minimiser of squared-range least squares.
+template <int N>
+struct SquaredRangePosition {
+  int count = 0;  ///< 2 in the hard case (mirror images); 0 if a whole curve or surface fits
+  std::array<Vector<N>, 2> position;  ///< relative to the layout's centre [m]
+  double multiplier = 0.0;            ///< alpha of eq. (7) [m^2 times weight]
+};
+
+/// Position from ranges by squared-range least squares, exactly: the global minimum of
+/// sum w_i (|x - a_i|^2 - r_i^2)^2, eq. (3), by the secular equation (8).
+///
+/// `ranges` holds one positive number [m] per anchor of the layout. N is 2 or 3.
+template <int N>
+[[nodiscard]] SquaredRangePosition<N> solve_squared_ranges(
+    const RangeLayout<N>& layout, const double* ranges,
+    SquaredRangeWeights weights = SquaredRangeWeights::kEqual);
+
+/// How the SR-LS position moves with each range: columns of d x / d r, eq. (12). False if the
+/// anchors do not fix a direction at `x`.
+template <int N>
+[[nodiscard]] bool squared_range_gain(const RangeLayout<N>& layout, const Vector<N>& x,
+                                      const double* ranges, SquaredRangeWeights weights,
+                                      RangeGain<N>& gain);
+
+/// gain R gain': first-order covariance, eq. (13).
+template <int N>
+[[nodiscard]] Matrix<N, N> covariance_of(const RangeLayout<N>& layout, const RangeGain<N>& gain);
+
+}  // namespace locfuse

@@ -1,0 +1,567 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/estimators/initializer.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <stdexcept>
+#include <utility>
+
+#include "locfuse/frontends/multilateration.hpp"
+
+namespace locfuse {
+namespace {
+
+constexpr double kForgotten = -30.0;  // log-weight below the best at which a component is dropped
+constexpr double kLinked = 9.0;       // squared distance below which two tell the same story
+constexpr double kSamePlace = 1.0;    // likewise where one search for a scan serves both
+constexpr double kShown = 1e-3;       // probability below which a cluster counts for nothing
+
+double log_sum(double a, double b) {
+  const double high = std::max(a, b);
+  return high + std::log1p(std::exp(std::min(a, b) - high));
+}
+
+double log_density(const Outcome& outcome, double wrong_share, double log_outlier) {
+  return log_sum(std::log1p(-wrong_share) + outcome.log_likelihood(),
+                 std::log(wrong_share) + log_outlier);
+}
+
+/// The rest of what odometry last said, from `stamp` on; empty where nothing is left.
+std::optional<Message> from(const Message& control, Stamp stamp) {
+  if (const Velocity* held = std::get_if<Velocity>(&control)) {
+    return Velocity{std::max(held->stamp, stamp), held->forward, held->turn_rate};
+  }
+  const Increment& told = std::get<Increment>(control);
+  if (told.begin >= stamp) {
+    return told;
+  }
+  if (told.stamp <= stamp) {
+    return std::nullopt;
+  }
+  const double left = seconds_between(stamp, told.stamp) / seconds_between(told.begin, told.stamp);
+  return Increment{stamp, told.stamp, arc_share(told.motion, left)};
+}
+
+double in_range(const char* name, double value, double low, double high) {
+  if (!(value > low && value < high)) {
+    throw std::invalid_argument(std::string(name) + " is " + std::to_string(value) +
+                                ", expected more than " + std::to_string(low) + " and less than " +
+                                std::to_string(high));
+  }
+  return value;
+}
+
+/// What a match says of the pose, one row per direction that it sees, on a map that is itself known
+/// to `map_covariance`.
+Linearization<Eigen::Dynamic, 3> pose_rows(const ScanMatch& match, const Pose2& pose,
+                                           const Matrix<3, 3>& map_covariance) {
+  constexpr double kSeen = 1e-6;  // of the largest eigenvalue
+  const Eigen::SelfAdjointEigenSolver<Matrix<3, 3>> eigen(match.information);
+  const double least = kSeen * eigen.eigenvalues()(2);
+  const Eigen::Index unseen = (eigen.eigenvalues().array() <= least).count();
+  const Eigen::Index seen = 3 - unseen;
+  Linearization<Eigen::Dynamic, 3> lin;
+  lin.jacobian = eigen.eigenvectors().rightCols(seen).transpose();
+  lin.residual = lin.jacobian * local(match.pose, pose);
+  lin.noise = lin.jacobian * map_covariance * lin.jacobian.transpose();
+  lin.noise.diagonal() += eigen.eigenvalues().tail(seen).cwiseInverse();
+  return lin;
+}
+
+/// Squared Mahalanobis distance of two estimates, of the whole pose or of the position alone.
+double squared_distance(const PoseEstimate& a, const PoseEstimate& b, bool with_heading) {
+  const Vector<3> apart = local(a.pose, b.pose);
+  const Matrix<3, 3> P = a.covariance + b.covariance;
+  if (with_heading) {
+    return apart.dot(P.llt().solve(apart));
+  }
+  return apart.head<2>().dot(P.topLeftCorner<2, 2>().llt().solve(apart.head<2>()));
+}
+
+bool is_same(const PoseEstimate& a, const PoseEstimate& b) {
+  constexpr double kSame = 0.3;
+  return squared_distance(a, b, true) < kSame;
+}
+
+double sigma_heading(const PoseEstimate& estimate) { return std::sqrt(estimate.covariance(2, 2)); }
+
+/// The larger half axis of the position's 1-sigma ellipse [m].
+double sigma_position(const PoseEstimate& estimate) {
+  const double a = estimate.covariance(0, 0);
+  const double b = estimate.covariance(1, 1);
+  const double c = estimate.covariance(0, 1);
+  return std::sqrt(0.5 * (a + b) + std::hypot(0.5 * (a - b), c));
+}
+
+/// The ranges of an epoch to one tag, as positioning takes them.
+struct Heard {
+  Vector<2> tag_in_body = Vector<2>::Zero();
+  double height = 0.0;
+  std::vector<Vector<3>> anchor;
+  std::vector<double> range;
+  std::vector<double> sigma;
+
+  [[nodiscard]] int rows() const { return static_cast<int>(range.size()); }
+};
+
+Heard heard_by(const Tag& tag, const std::vector<Range>& epoch, const AnchorMap& anchors,
+               const RangeModel::Config& noise) {
+  Heard heard{tag.position.head<2>(), tag.position.z(), {}, {}, {}};
+  for (const Range& z : epoch) {
+    const Anchor* anchor = z.tag == tag.id ? anchors.find(z.anchor) : nullptr;
+    const double range = anchor != nullptr ? (z.range - anchor->offset) / anchor->scale : 0.0;
+    if (range > 0.0) {
+      const double sigma = std::hypot(noise.sigma_m, noise.sigma_relative * z.range);
+      heard.anchor.push_back(anchor->position);
+      heard.range.push_back(range);
+      heard.sigma.push_back(z.sigma.value_or(sigma) / anchor->scale);
+    }
+  }
+  return heard;
+}
+
+/// Of the tag that heard most anchors.
+Heard most_heard(const std::vector<Range>& epoch, const std::vector<Tag>& tags,
+                 const AnchorMap& anchors, const RangeModel::Config& noise) {
+  Heard most;
+  for (const Tag& tag : tags) {
+    Heard heard = heard_by(tag, epoch, anchors, noise);
+    if (heard.rows() > most.rows()) {
+      most = std::move(heard);
+    }
+  }
+  return most;
+}
+
+/// Where a tag may be, in world.
+struct Fit {
+  Vector<2> position;
+  Matrix<2, 2> covariance;
+  double cost;
+};
+
+/// The second says nothing new beside the first: within three sigma, and no less likely.
+bool is_same_place(const Fit& fit, const Fit& other) {
+  const Vector<2> apart = fit.position - other.position;
+  return other.cost <= fit.cost &&
+         apart.dot((fit.covariance + other.covariance).llt().solve(apart)) < kLinked;
+}
+
+/// Every position that ranges allow, without the range `left_out` if that is not negative.
+std::vector<Fit> positions(const Heard& heard, int left_out) {
+  std::vector<double> rows;
+  std::vector<double> ranges;
+  std::vector<double> sigmas;
+  for (int i = 0; i < heard.rows(); ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    if (i != left_out && static_cast<int>(ranges.size()) < kMaxRanges) {
+      rows.insert(rows.end(), heard.anchor[k].data(), heard.anchor[k].data() + 3);
+      ranges.push_back(heard.range[k]);
+      sigmas.push_back(heard.sigma[k]);
+    }
+  }
+  const AnchorTable table{rows.data(), static_cast<int>(ranges.size()), 3, heard.height};
+  const RangeLayout<2> layout(table, sigmas.data());
+  const RangeMinima<2> minima = internal::find_minima<2>(layout, ranges.data(), RangeLoss{}, -1.0);
+  const double reach = *std::max_element(ranges.begin(), ranges.end());
+  std::vector<Fit> fits;
+  for (std::size_t j = 0; j < static_cast<std::size_t>(minima.count); ++j) {
+    const RangeFit<2>& fit = minima.fit[j];
+    if (fit.converged && !fit.saddle && !internal::leaves_open<2>(fit.information, reach)) {
+      const Matrix<2, 2> covariance = fit.information.llt().solve(Matrix<2, 2>::Identity());
+      fits.push_back(
+          {fit.position + layout.centre, 0.5 * (covariance + covariance.transpose()), fit.cost});
+    }
+  }
+  return fits;
+}
+
+/// The mean heading of components spread all around is no mean: the covariance says so.
+PoseEstimate combined(const std::vector<std::pair<double, PoseEstimate>>& weighted) {
+  double total = 0.0;
+  Vector<2> position = Vector<2>::Zero();
+  double sine = 0.0;
+  double cosine = 0.0;
+  for (const auto& [weight, estimate] : weighted) {
+    total += weight;
+    position += weight * estimate.pose.position();
+    sine += weight * std::sin(estimate.pose.heading);
+    cosine += weight * std::cos(estimate.pose.heading);
+  }
+  PoseEstimate mean{weighted.front().second.stamp, {}, Matrix<3, 3>::Zero()};
+  mean.pose = {position.x() / total, position.y() / total, wrap_angle(std::atan2(sine, cosine))};
+  for (const auto& [weight, estimate] : weighted) {
+    const Vector<3> apart = local(estimate.pose, mean.pose);
+    mean.covariance += weight / total * (estimate.covariance + apart * apart.transpose());
+  }
+  return mean;
+}
+
+}  // namespace
+
+Initializer::Initializer(const Config& config, const PoseEkf::Config& estimator,
+                         std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags,
+                         std::shared_ptr<const ScanMatcher> matcher)
+    : config_(config),
+      estimator_(estimator),
+      anchors_(std::move(anchors)),
+      tags_(std::move(tags)),
+      matcher_(std::move(matcher)),
+      gate_(estimator.gate_pose),
+      prototype_(estimator, anchors_, tags_, {0, {}, Matrix<3, 3>::Identity()}) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  in_range("epoch_s", config.epoch_s, 0.0, 3600.0);
+  in_range("headings", config.headings, 3.0, 3601.0);
+  in_range("wrong_share", config.wrong_share, 0.0, 1.0);
+  in_range("wrong_span_m", config.wrong_span_m, 0.0, kInfinity);
+  in_range("spacing_m", config.spacing_m, 0.0, kInfinity);
+  in_range("spacing_heading_rad", config.spacing_heading_rad, 0.0, kInfinity);
+  in_range("sigma_map_m", config.sigma_map_m, 0.0, kInfinity);
+  in_range("sigma_map_rad", config.sigma_map_rad, 0.0, kInfinity);
+  in_range("standing_ranges", config.standing_ranges, 0.0, kInfinity);
+  in_range("probability_ready", config.probability_ready, 0.5, 1.0);
+  in_range("sigma_xy_ready_m", config.sigma_xy_ready_m, 0.0, kInfinity);
+  in_range("sigma_heading_ready_rad", config.sigma_heading_ready_rad, 0.0, kInfinity);
+}
+
+void Initializer::on(const Message& message) {
+  std::visit([this](const auto& m) { on(m); }, message);
+}
+
+// Odometry ----------------------------------------------------------------------------------------
+
+void Initializer::on(const Velocity& u) {
+  validate(u);
+  const Velocity* last = control_ ? std::get_if<Velocity>(&*control_) : nullptr;
+  if (last != nullptr && u.stamp > last->stamp) {
+    const double seconds = std::min(seconds_between(last->stamp, u.stamp), estimator_.hold_s);
+    moved(arc(last->forward * seconds, 0.0, last->turn_rate * seconds));
+  }
+  drive(u);
+}
+
+void Initializer::on(const Increment& u) {
+  validate(u);
+  moved(u.motion);
+  drive(u);
+}
+
+template <class M>
+void Initializer::drive(const M& u) {
+  control_ = u;
+  for (Component& component : components_) {
+    component.ekf.on(u);
+  }
+}
+
+void Initializer::moved(const Pose2& motion) {
+  since_scan_ = since_scan_ * motion;
+  since_ranges_m_ += std::hypot(motion.x, motion.y);
+  if (since_ranges_m_ > config_.spacing_m) {
+    since_ranges_m_ = 0.0;
+    links_.clear();
+  }
+}
+
+// Ranges ------------------------------------------------------------------------------------------
+
+void Initializer::on(const Range& z) {
+  validate(z);
+  if (!components_.empty()) {
+    hear(z);
+    return;
+  }
+  const bool heard_before = std::any_of(epoch_.begin(), epoch_.end(), [&](const Range& other) {
+    return other.tag == z.tag && other.anchor == z.anchor;
+  });
+  const bool is_late =
+      !epoch_.empty() && seconds_between(epoch_.front().stamp, z.stamp) > config_.epoch_s;
+  if (heard_before || is_late) {
+    locate();
+    epoch_.clear();
+  }
+  if (components_.empty()) {
+    epoch_.push_back(z);
+  } else {
+    on(z);
+  }
+}
+
+void Initializer::hear(const Range& z) {
+  // What a radio reads wrong while it stands is wrong again next time: it is evidence once, and
+  // averaging has an end.
+  const int before = heard_before(z);
+  if (before < config_.standing_ranges) {
+    weigh(z, before == 0 ? std::optional(-std::log(config_.wrong_span_m)) : std::nullopt);
+    reduce();
+  }
+}
+
+int Initializer::heard_before(const Range& z) {
+  for (Link& link : links_) {
+    if (link.tag == z.tag && link.anchor == z.anchor) {
+      return link.heard++;
+    }
+  }
+  links_.push_back({z.tag, z.anchor, 1});
+  return 0;
+}
+
+// Positions, poses, scans -------------------------------------------------------------------------
+
+void Initializer::on(const PositionFix& z) {
+  validate(z);
+  if (components_.empty()) {
+    const Vector<2> antenna(estimator_.position.antenna_forward_m,
+                            estimator_.position.antenna_left_m);
+    add_positions(z.position, z.covariance, antenna, 0.0, z.stamp);
+  } else {
+    weigh(z, -2.0 * std::log(config_.wrong_span_m));
+    reduce();
+  }
+}
+
+void Initializer::on(const PoseObservation& z) {
+  validate(z);
+  if (components_.empty()) {
+    components_.push_back(component({z.stamp, z.pose, z.covariance}, 0.0));
+  } else {
+    weigh(z, -2.0 * std::log(config_.wrong_span_m) - std::log(2.0 * kPi));
+    reduce();
+  }
+}
+
+template <class M>
+void Initializer::weigh(const M& z, const std::optional<double>& log_outlier) {
+  for (Component& component : components_) {
+    const Outcome outcome = component.ekf.on(z);
+    if (log_outlier && outcome.dof > 0) {
+      component.log_weight += log_density(outcome, config_.wrong_share, *log_outlier);
+    }
+  }
+}
+
+Initializer::Component Initializer::component(const PoseEstimate& start, double log_weight) const {
+  PoseEkf ekf = prototype_.restarted(start);
+  if (const std::optional<Message> rest = control_ ? from(*control_, start.stamp) : std::nullopt) {
+    ekf.on(*rest);
+  }
+  return {std::move(ekf), log_weight};
+}
+
+void Initializer::add_positions(const Vector<2>& tag_in_world, const Matrix<2, 2>& covariance,
+                                const Vector<2>& tag_in_body, double log_weight, Stamp stamp) {
+  const double step = 2.0 * kPi / config_.headings;
+  const double sigma = 0.6 * step;  // the sum of such Gaussians is flat to 1 %
+  for (int k = 0; k < config_.headings; ++k) {
+    const double heading = wrap_angle(k * step);
+    const Vector<2> arm = Pose2{0.0, 0.0, heading}.act(tag_in_body);
+    const Vector<2> body = tag_in_world - arm;
+    const Vector<2> swing(arm.y(), -arm.x());  // d body / d heading
+    Matrix<3, 3> P;
+    P.topLeftCorner<2, 2>() = covariance + sigma * sigma * swing * swing.transpose();
+    P.topRightCorner<2, 1>() = sigma * sigma * swing;
+    P.bottomLeftCorner<1, 2>() = sigma * sigma * swing.transpose();
+    P(2, 2) = sigma * sigma;
+    components_.push_back(component({stamp, {body.x(), body.y(), heading}, P}, log_weight));
+  }
+}
+
+void Initializer::locate() {
+  const Heard heard = most_heard(epoch_, tags_, *anchors_, estimator_.range);
+  if (heard.rows() < 2) {
+    waiting_for_ = heard.rows() == 0 ? "no range between a known tag and a known anchor"
+                                     : "ranges to one anchor only";
+    return;
+  }
+  std::vector<Fit> fits = positions(heard, -1);
+  for (int left_out = 0; heard.rows() > 2 && left_out < heard.rows(); ++left_out) {
+    for (Fit& fit : positions(heard, left_out)) {  // any range may be wrong
+      fit.cost -= 2.0 * std::log(config_.wrong_share);
+      if (std::none_of(fits.begin(), fits.end(),
+                       [&](const Fit& other) { return is_same_place(fit, other); })) {
+        fits.push_back(fit);
+      }
+    }
+  }
+  waiting_for_ = "ranges to anchors in one place only";
+  for (const Range& z : epoch_) {
+    (void)heard_before(z);
+  }
+  for (const Fit& fit : fits) {
+    add_positions(fit.position, fit.covariance, heard.tag_in_body, -0.5 * fit.cost,
+                  epoch_.back().stamp);
+  }
+}
+
+void Initializer::on(const LaserScan& z) {
+  validate(z);
+  if (components_.empty() && epoch_.size() > 2) {
+    locate();
+  }
+  const bool is_news = !scanned_ || since_scan_.position().norm() > config_.spacing_m ||
+                       std::abs(since_scan_.heading) > config_.spacing_heading_rad;
+  if (matcher_ == nullptr || components_.empty() || !is_news ||
+      z.stamp < components_.front().ekf.belief().stamp) {
+    return;
+  }
+  for (Component& component : components_) {
+    component.ekf.advance_to(z.stamp);
+  }
+  std::vector<Component> matched;
+  for (const Cluster& place : clusters(false)) {
+    const Vector<2> position = place.estimate.pose.position();
+    const Matrix<2, 2> covariance = place.estimate.covariance.topLeftCorner<2, 2>();
+    const ScanSearch found = matcher_->search(z, position, covariance);
+    if (found.status == ScanSearch::Status::kNone) {
+      continue;
+    }
+    for (const ScanHypothesis& fit : found.hypotheses) {
+      // The search weighs by the place as well, which the components do themselves.
+      const Vector<2> off = fit.match.pose.position() - position;
+      match(z.stamp, fit.match, 0.5 * off.dot(covariance.llt().solve(off)) - fit.cost, matched);
+    }
+  }
+  if (!matched.empty()) {
+    components_ = std::move(matched);
+    scanned_ = true;
+    since_scan_ = {};
+    reduce();
+  }
+}
+
+void Initializer::match(Stamp stamp, const ScanMatch& fit, double log_likelihood,
+                        std::vector<Component>& matched) const {
+  const double sigma = config_.sigma_map_m;
+  const double sigma_turn = config_.sigma_map_rad;
+  const Matrix<3, 3> map =
+      Vector<3>(sigma * sigma, sigma * sigma, sigma_turn * sigma_turn).asDiagonal();
+  double best = -std::numeric_limits<double>::infinity();
+  for (const Component& old : components_) {
+    best = std::max(best, old.log_weight);
+    Component fused = old;
+    const Outcome outcome = fused.ekf.fuse(stamp, pose_rows(fit, old.ekf.pose(), map), gate_);
+    if (outcome.verdict == Verdict::kFused) {
+      fused.log_weight += log_likelihood + outcome.log_likelihood();
+      matched.push_back(std::move(fused));
+    }
+  }
+  if (fit.covariance) {
+    // Ranges may put the robot where it is not; the scan then stands alone.
+    const double log_area = 2.0 * std::log(config_.wrong_span_m) + std::log(2.0 * kPi);
+    matched.push_back(component({stamp, fit.pose, *fit.covariance + map},
+                                best + log_likelihood + std::log(config_.wrong_share) - log_area));
+  }
+}
+
+// The Gaussian sum --------------------------------------------------------------------------------
+
+void Initializer::reduce() {
+  std::sort(components_.begin(), components_.end(),
+            [](const Component& a, const Component& b) { return a.log_weight > b.log_weight; });
+  const double best = components_.front().log_weight;
+  std::vector<Component> kept;
+  for (Component& next : components_) {
+    next.log_weight -= best;
+    if (next.log_weight < kForgotten) {
+      break;
+    }
+    const auto twin = std::find_if(kept.begin(), kept.end(), [&](const Component& other) {
+      return is_same(other.ekf.current(), next.ekf.current());
+    });
+    if (twin == kept.end()) {
+      kept.push_back(std::move(next));
+    } else {
+      const PoseEstimate both = combined({{std::exp(twin->log_weight), twin->ekf.current()},
+                                          {std::exp(next.log_weight), next.ekf.current()}});
+      *twin = component(both, log_sum(twin->log_weight, next.log_weight));
+    }
+  }
+  components_ = std::move(kept);
+}
+
+std::vector<Initializer::Cluster> Initializer::clusters(bool by_heading) const {
+  std::vector<std::size_t> left(components_.size());
+  std::iota(left.begin(), left.end(), 0U);
+  std::vector<Cluster> found;
+  while (!left.empty()) {
+    std::vector<std::size_t> members{left.front()};
+    left.erase(left.begin());
+    for (std::size_t i = 0; i < members.size(); ++i) {  // grows while neighbours are found
+      const PoseEstimate here = components_[members[i]].ekf.current();
+      const auto is_near = [&](std::size_t k) {
+        const PoseEstimate there = components_[k].ekf.current();
+        return squared_distance(here, there, by_heading) < (by_heading ? kLinked : kSamePlace);
+      };
+      const auto near = std::stable_partition(left.begin(), left.end(),
+                                              [&](std::size_t k) { return !is_near(k); });
+      members.insert(members.end(), near, left.end());
+      left.erase(near, left.end());
+    }
+    found.push_back(cluster(members));
+  }
+  std::stable_sort(found.begin(), found.end(),
+                   [](const Cluster& a, const Cluster& b) { return a.log_weight > b.log_weight; });
+  return found;
+}
+
+Initializer::Cluster Initializer::cluster(const std::vector<std::size_t>& members) const {
+  double log_weight = -std::numeric_limits<double>::infinity();
+  for (const std::size_t member : members) {
+    log_weight = log_sum(log_weight, components_[member].log_weight);
+  }
+  std::vector<std::pair<double, PoseEstimate>> weighted;
+  weighted.reserve(members.size());
+  for (const std::size_t member : members) {
+    weighted.emplace_back(std::exp(components_[member].log_weight - log_weight),
+                          components_[member].ekf.current());
+  }
+  return {combined(weighted), log_weight};
+}
+
+Initializer::State Initializer::state() const {
+  State state;
+  if (components_.empty()) {
+    state.reason = waiting_for_;
+    return state;
+  }
+  const std::vector<Cluster> all = clusters(true);
+  double total = -std::numeric_limits<double>::infinity();
+  for (const Cluster& one : all) {
+    total = log_sum(total, one.log_weight);
+  }
+  for (const Cluster& one : all) {
+    const double probability = std::exp(one.log_weight - total);
+    if (probability >= kShown) {
+      state.hypotheses.push_back({one.estimate, probability});
+    }
+  }
+  const Hypothesis& best = state.hypotheses.front();
+  if (best.probability < config_.probability_ready) {
+    state.status = StartStatus::kAmbiguous;
+    state.reason = std::to_string(state.hypotheses.size()) + " poses fit";
+  } else if (sigma_position(best.estimate) > config_.sigma_xy_ready_m) {
+    state.reason = "the position is not known well enough yet";
+  } else if (sigma_heading(best.estimate) > config_.sigma_heading_ready_rad) {
+    state.reason = matcher_ == nullptr
+                       ? "the heading is not known yet: drive on, or give a map and scans"
+                       : "the heading is not known yet: no scan that fits the map; drive on";
+  } else {
+    state.status = StartStatus::kReady;
+  }
+  return state;
+}
+
+PoseEkf Initializer::estimator() const {
+  const State now = state();
+  if (now.status != StartStatus::kReady) {
+    throw std::invalid_argument("the start is not ready: " + now.reason);
+  }
+  return component(now.hypotheses.front().estimate, 0.0).ekf;
+}
+
+}  // namespace locfuse

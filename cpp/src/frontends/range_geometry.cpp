@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/frontends/range_geometry.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+namespace locfuse {
+
+namespace {
+
+// Directions of which the anchors say less than this share of what they say of others are open.
+constexpr double kOpen = 1e-14;
+
+Eigen::MatrixXd information_at(const AnchorTable& anchors, const double* sigma,
+                               const Eigen::VectorXd& point) {
+  const Eigen::Index n = point.size();
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
+  for (int i = 0; i < anchors.size; ++i) {
+    const double* row = anchors.rows + static_cast<std::ptrdiff_t>(i) * anchors.columns;
+    const Eigen::VectorXd d = point - Eigen::Map<const Eigen::VectorXd>(row, n);
+    const double height = anchors.height ? *anchors.height - row[2] : 0.0;
+    const double squared = d.squaredNorm() + height * height;
+    const double weight = sigma != nullptr ? 1.0 / (sigma[i] * sigma[i]) : 1.0;
+    if (squared > 0.0) {
+      information += weight / squared * d * d.transpose();
+    }
+  }
+  return information;
+}
+
+Eigen::MatrixXd bounded_inverse(const Eigen::MatrixXd& information) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(information);
+  const Eigen::VectorXd& values = eigen.eigenvalues();
+  if (!(values(0) > kOpen * values(values.size() - 1))) {
+    Eigen::MatrixXd open = Eigen::MatrixXd::Zero(information.rows(), information.cols());
+    open.diagonal().setConstant(std::numeric_limits<double>::infinity());
+    return open;
+  }
+  return eigen.eigenvectors() * values.cwiseInverse().asDiagonal() *
+         eigen.eigenvectors().transpose();
+}
+
+}  // namespace
+
+Dilution dilution(const AnchorTable& anchors, const Eigen::VectorXd& point) {
+  const Eigen::MatrixXd covariance = bounded_inverse(information_at(anchors, nullptr, point));
+  const bool space = point.size() == 3;
+  return {std::sqrt(covariance.trace()), std::sqrt(covariance(0, 0) + covariance(1, 1)),
+          space ? std::sqrt(covariance(2, 2)) : 0.0};
+}
+
+std::vector<Eigen::MatrixXd> cramer_rao(const AnchorTable& anchors, const double* sigma,
+                                        const Eigen::MatrixXd& points) {
+  validate(anchors, sigma);
+  if (points.cols() != anchors.dimensions()) {
+    throw std::invalid_argument("points have " + std::to_string(points.cols()) +
+                                " coordinates, expected " + std::to_string(anchors.dimensions()));
+  }
+  if (!points.allFinite()) {
+    throw std::invalid_argument("points have a coordinate that is not finite");
+  }
+  std::vector<Eigen::MatrixXd> bounds;
+  bounds.reserve(static_cast<std::size_t>(points.rows()));
+  for (Eigen::Index k = 0; k < points.rows(); ++k) {
+    bounds.push_back(bounded_inverse(information_at(anchors, sigma, points.row(k).transpose())));
+  }
+  return bounds;
+}
+
+}  // namespace locfuse

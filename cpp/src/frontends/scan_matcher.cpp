@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/frontends/scan_matcher.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <sstream>
+#include <stdexcept>
+#include <utility>
+
+#include "frontends/scan_refine.hpp"
+#include "frontends/scan_search.hpp"
+
+namespace locfuse {
+namespace {
+
+using internal::Beams;
+using internal::Fit;
+using internal::Prior;
+
+[[noreturn]] void refuse(const char* what, double value, const char* expected) {
+  std::ostringstream text;
+  text << what << " is " << value << ", expected " << expected;
+  throw std::invalid_argument(text.str());
+}
+
+void require_share(const char* what, double value) {
+  if (!(value > 0.0 && value < 1.0)) {
+    refuse(what, value, "a number between 0 and 1");
+  }
+}
+
+ScanMatcherConfig checked(const ScanMatcherConfig& config) {
+  if (!std::isfinite(config.sigma_range_m) || config.sigma_range_m <= 0.0) {
+    refuse("ScanMatcherConfig.sigma_range_m", config.sigma_range_m, "a finite number > 0");
+  }
+  require_share("ScanMatcherConfig.outlier_share", config.outlier_share);
+  require_share("ScanMatcherConfig.no_return_share", config.no_return_share);
+  require_share("ScanMatcherConfig.wrong_probability", config.wrong_probability);
+  require_share("ScanMatcherConfig.min_explained", config.min_explained);
+  if (config.max_hypotheses < 2) {
+    refuse("ScanMatcherConfig.max_hypotheses", config.max_hypotheses, "2 or more");
+  }
+  if (config.max_iterations < 1) {
+    refuse("ScanMatcherConfig.max_iterations", config.max_iterations, "1 or more");
+  }
+  return config;
+}
+
+template <int N>
+void require_covariance(const Matrix<N, N>& covariance) {
+  const bool symmetric = covariance.isApprox(covariance.transpose(), 1e-9);
+  if (!covariance.allFinite() || !symmetric || covariance.llt().info() != Eigen::Success) {
+    std::ostringstream text;
+    text << "covariance is not a symmetric positive definite matrix:\n" << covariance;
+    throw std::invalid_argument(text.str());
+  }
+}
+
+/// Covariance of (x, y, ...) in world as information in the field frame, in cells.
+template <int N>
+Matrix<N, N> information_in_field(const Matrix<N, N>& covariance, const OccupancyGrid& grid) {
+  const double c = std::cos(grid.origin().heading);
+  const double s = std::sin(grid.origin().heading);
+  Matrix<N, N> world_from_field = Matrix<N, N>::Identity();
+  world_from_field.template topLeftCorner<2, 2>() << c, -s, s, c;
+  world_from_field.template topLeftCorner<2, 2>() *= grid.resolution();
+  const Matrix<N, N> solved = covariance.llt().solve(world_from_field);
+  const Matrix<N, N> information = world_from_field.transpose() * solved;
+  return 0.5 * (information + information.transpose());
+}
+
+/// What is on the map, as `search` reports it: a fit and its cost.
+struct Candidate {
+  Fit fit;
+  internal::Score score;
+};
+
+/// One pose found twice, or two that the scan cannot tell apart: within two cells and three
+/// degrees, or within three sigma of each other.
+bool same_place(const Fit& a, const Fit& b, const Prior& prior) {
+  const Vector<3> off = local(a.pose, b.pose);
+  if (off.head<2>().norm() < 2.0 && std::abs(off.z()) < 3.0 * kPi / 180.0) {
+    return true;
+  }
+  const Matrix<3, 3> information = 0.25 * (a.information + b.information) + 0.5 * prior.information;
+  return off.head<2>().norm() < 10.0 && std::abs(off.z()) < 10.0 * kPi / 180.0 &&
+         off.dot(information * off) < 9.0;
+}
+
+std::vector<Fit> distinct_fits(std::vector<Fit> fits, const Prior& prior) {
+  std::vector<Fit> kept;
+  for (const Fit& fit : fits) {
+    const auto same = std::find_if(kept.begin(), kept.end(),
+                                   [&](const Fit& other) { return same_place(fit, other, prior); });
+    if (same == kept.end()) {
+      kept.push_back(fit);
+    } else if (fit.explained > same->explained) {
+      *same = fit;
+    }
+  }
+  return kept;
+}
+
+double prior_cost(const Fit& fit, const Prior& prior) {
+  const Vector<3> off = local(fit.pose, prior.mean);
+  return 0.5 * off.dot(prior.information * off);
+}
+
+/// All hypotheses are judged by one sigma: that of the best of them, and no less than the map's own
+/// precision of half a cell.
+std::vector<Candidate> ranked(const ScanMap& map, const ScanMatcherConfig& config,
+                              const Beams& beams, const std::vector<Fit>& fits,
+                              const Prior& prior) {
+  std::vector<Candidate> candidates;
+  double sigma = 0.5;
+  for (int round = 0; round < 2; ++round) {
+    candidates.clear();
+    for (const Fit& fit : fits) {
+      internal::Score score = internal::score(map, config, beams, fit, sigma);
+      score.cost += prior_cost(fit, prior);
+      candidates.push_back({fit, score});
+    }
+    std::stable_sort(
+        candidates.begin(), candidates.end(),
+        [](const Candidate& a, const Candidate& b) { return a.score.cost < b.score.cost; });
+    const double best = candidates.front().fit.sigma;
+    if (best <= sigma) {
+      break;
+    }
+    sigma = best;
+  }
+  return candidates;
+}
+
+/// Shares of exp(-cost); docs/models/scan_matching.md eq. (9).
+void set_probabilities(std::vector<ScanHypothesis>& hypotheses) {
+  double sum = 0.0;
+  for (ScanHypothesis& hypothesis : hypotheses) {
+    hypothesis.probability = std::exp(hypotheses.front().cost - hypothesis.cost);
+    sum += hypothesis.probability;
+  }
+  for (ScanHypothesis& hypothesis : hypotheses) {
+    hypothesis.probability /= sum;
+  }
+}
+
+void judge(ScanSearch& found, const ScanMatcherConfig& config) {
+  const ScanHypothesis& best = found.hypotheses.front();
+  if (best.match.explained < config.min_explained) {
+    found.status = ScanSearch::Status::kNone;
+    found.reason = ScanSearch::Reason::kPoorFit;
+  } else if (1.0 - best.probability > config.wrong_probability) {
+    found.status = ScanSearch::Status::kAmbiguous;
+    found.reason = ScanSearch::Reason::kSeveralFit;
+  } else if (!best.match.covariance) {
+    found.status = ScanSearch::Status::kAmbiguous;
+    found.reason = ScanSearch::Reason::kHeadingUnobserved;
+  } else {
+    found.status = ScanSearch::Status::kReady;
+    found.reason = ScanSearch::Reason::kUnique;
+  }
+}
+
+}  // namespace
+
+ScanMatcher::ScanMatcher(std::shared_ptr<const OccupancyGrid> grid, const ScanMatcherConfig& config)
+    : map_(std::make_shared<const ScanMap>(std::move(grid))), config_(checked(config)) {}
+
+ScanMatch ScanMatcher::refine(const LaserScan& scan, const Pose2& guess,
+                              const std::optional<Matrix<3, 3>>& covariance) const {
+  for (const double value : {guess.x, guess.y, guess.heading}) {
+    if (!std::isfinite(value)) {
+      refuse("guess", value, "finite numbers");
+    }
+  }
+  const OccupancyGrid& grid = map_->grid();
+  const int margin = map_->surface().margin_cells();
+  const Beams beams = internal::beams_of(scan, grid.resolution());
+  Prior prior{internal::to_field(guess, grid, margin)};
+  if (covariance) {
+    require_covariance(*covariance);
+    prior.information = information_in_field(*covariance, grid);
+  }
+  Fit fit;
+  if (beams.x.empty()) {
+    fit.reason = ScanMatch::Reason::kNoReturns;
+  } else if (!grid.contains(guess.position())) {
+    fit.reason = ScanMatch::Reason::kOutsideMap;
+  } else {
+    fit = internal::refine(*map_, config_, beams, prior.mean, prior, 0.5 / grid.resolution());
+  }
+  return internal::to_match(fit, grid, margin, guess, prior);
+}
+
+ScanSearch ScanMatcher::search(const LaserScan& scan, const Vector<2>& position,
+                               const Matrix<2, 2>& covariance) const {
+  if (!position.allFinite()) {
+    refuse("position", position.x() + position.y(), "finite numbers");
+  }
+  require_covariance(covariance);
+  const OccupancyGrid& grid = map_->grid();
+  const int margin = map_->surface().margin_cells();
+  const Beams beams = internal::beams_of(scan, grid.resolution());
+  ScanSearch found;
+  if (beams.x.empty()) {
+    return found;
+  }
+  Prior prior{internal::to_field({position.x(), position.y(), 0.0}, grid, margin)};
+  prior.information.topLeftCorner<2, 2>() = information_in_field(covariance, grid);
+  const Matrix<2, 2> spread = prior.information.topLeftCorner<2, 2>().inverse();
+  const Vector<2> half_window = 3.0 * spread.diagonal().cwiseSqrt();
+  found.reason = ScanSearch::Reason::kOutsideMap;
+  const Vector<2> low = prior.mean.position() - half_window;
+  const Vector<2> high = prior.mean.position() + half_window;
+  if (high.x() < margin || high.y() < margin || low.x() > margin + grid.width() ||
+      low.y() > margin + grid.height()) {
+    return found;
+  }
+  std::vector<Fit> fits;
+  ScanMatcherConfig looked_up = config_;
+  looked_up.exact_neighbours = false;  // until few are left
+  for (const Pose2& start : internal::coarse_minima(*map_, beams, prior, half_window)) {
+    const Fit fit = internal::refine(*map_, looked_up, beams, start, prior, 6.0);
+    if (fit.reason == ScanMatch::Reason::kConverged) {
+      fits.push_back(fit);
+    }
+  }
+  fits = distinct_fits(std::move(fits), prior);
+  if (fits.empty()) {
+    found.reason = ScanSearch::Reason::kPoorFit;
+    return found;
+  }
+  if (config_.exact_neighbours) {
+    for (Fit& fit : fits) {
+      const Fit exact = internal::refine(*map_, config_, beams, fit.pose, prior, 2.0);
+      fit = exact.reason == ScanMatch::Reason::kConverged ? exact : fit;
+    }
+  }
+  for (const Candidate& candidate : ranked(*map_, config_, beams, fits, prior)) {
+    if (static_cast<int>(found.hypotheses.size()) == config_.max_hypotheses) {
+      break;
+    }
+    ScanHypothesis hypothesis{internal::to_match(candidate.fit, grid, margin, {}, prior),
+                              candidate.score.cost};
+    hypothesis.match.explained = candidate.score.explained;
+    found.hypotheses.push_back(hypothesis);
+  }
+  set_probabilities(found.hypotheses);
+  judge(found, config_);
+  return found;
+}
+
+}  // namespace locfuse

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+
+#include "frontends/beams.hpp"
+#include "locfuse/frontends/scan_matcher.hpp"
+
+namespace locfuse::internal {
+
+/// How many end points of range `r` lie on a run of wall, whose errors are one error; at least 1.
+[[nodiscard]] inline double beams_per_run(double r, double step, double run) {
+  const double spacing = r * step;
+  return spacing < run ? run / spacing : 1.0;
+}
+
+/// What is known of a pose without the scan, in the field frame.
+struct Prior {
+  Pose2 mean;
+  Matrix<3, 3> information = Matrix<3, 3>::Zero();
+};
+
+/// A refined pose in the field frame, in cells.
+struct Fit {
+  Pose2 pose;
+  ScanMatch::Reason reason = ScanMatch::Reason::kNoConvergence;
+  int iterations = 0;
+  double offset = 0.0;  ///< of the surfaces before the wall lines
+  double sigma = 0.0;   ///< of a beam about them
+  double explained = 0.0;
+  double rms = 0.0;
+  Matrix<3, 3> information = Matrix<3, 3>::Zero();
+  std::optional<Vector<3>> weak;
+};
+
+/// Gauss-Newton from `start`, which may be `capture` cells off.
+[[nodiscard]] Fit refine(const ScanMap& map, const ScanMatcherConfig& config, const Beams& beams,
+                         const Pose2& start, const Prior& prior, double capture);
+
+/// The same in world and metres.
+[[nodiscard]] ScanMatch to_match(const Fit& fit, const OccupancyGrid& grid, int margin_cells,
+                                 const Pose2& guess, const Prior& prior);
+
+}  // namespace locfuse::internal

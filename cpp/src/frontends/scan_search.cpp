@@ -1,0 +1,389 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frontends/scan_search.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace locfuse::internal {
+namespace {
+
+constexpr std::size_t kBlock = 8;         // loops of known length become vector instructions
+constexpr std::size_t kCoarseBeams = 64;  // spread over the scan
+constexpr int kHeadings = 90;
+constexpr int kMostSteps = 11;       // of the coarse grid along x or y
+constexpr double kFinestStep = 2.0;  // of a grid over x and y [cells]
+constexpr std::size_t kMostMinima = 24;
+
+/// Few beams in single precision, and how far off each may be and still count for something.
+struct Few {
+  std::vector<float> x, y, range;
+};
+
+Few few_of(const Beams& beams) {
+  Few few;
+  const std::size_t count = beams.x.size();
+  const std::size_t wanted = std::min(kCoarseBeams, count);
+  for (std::size_t i = 0; i < wanted; ++i) {
+    const std::size_t k = i * count / wanted;
+    few.x.push_back(static_cast<float>(beams.x[k]));
+    few.y.push_back(static_cast<float>(beams.y[k]));
+    few.range.push_back(static_cast<float>(beams.range[k]));
+  }
+  while (few.x.size() % kBlock != 0) {  // repeats fill the last block
+    few.x.push_back(few.x[few.x.size() - wanted]);
+    few.y.push_back(few.y[few.y.size() - wanted]);
+    few.range.push_back(few.range[few.range.size() - wanted]);
+  }
+  return few;
+}
+
+/// Mean over the few beams of min(1, distance / tolerance)^2, where the tolerance of a beam is what
+/// half a step of the grid moves its end point by, and two cells.
+class CoarseCost {
+ public:
+  CoarseCost(const DistanceField& field, const Few& few) : field_(field), few_(few) {
+    x_.resize(few.x.size());
+    y_.resize(few.x.size());
+    per_tolerance_.resize(few.x.size());
+  }
+
+  void set_steps(double heading_step, double step) {
+    for (std::size_t i = 0; i < few_.range.size(); ++i) {
+      const double tolerance =
+          2.0 + 0.7 * step + 0.5 * heading_step * static_cast<double>(few_.range[i]);
+      per_tolerance_[i] =
+          static_cast<float>(1.0 / std::min(tolerance, field_.margin_cells() - 1.0));
+    }
+  }
+
+  void turn(double heading) {
+    const auto c = static_cast<float>(std::cos(heading));
+    const auto s = static_cast<float>(std::sin(heading));
+    for (std::size_t i = 0; i < x_.size(); ++i) {
+      x_[i] = c * few_.x[i] - s * few_.y[i];
+      y_[i] = s * few_.x[i] + c * few_.y[i];
+    }
+  }
+
+  [[nodiscard]] float at(double px, double py) const {
+    const auto x0 = static_cast<float>(px);
+    const auto y0 = static_cast<float>(py);
+    const auto right = static_cast<float>(field_.width() - 1);
+    const auto top = static_cast<float>(field_.height() - 1);
+    const float* const distances = field_.distances().data();
+    float sum = 0.0F;
+    for (std::size_t i = 0; i < x_.size(); i += kBlock) {
+      int index[kBlock];
+      for (std::size_t k = 0; k < kBlock; ++k) {
+        // Off the field is off by its margin at least, which no tolerance reaches.
+        const float x = std::min(std::max(x_[i + k] + x0, 0.0F), right);
+        const float y = std::min(std::max(y_[i + k] + y0, 0.0F), top);
+        index[k] = static_cast<int>(y) * field_.width() + static_cast<int>(x);
+      }
+      for (std::size_t k = 0; k < kBlock; ++k) {
+        const float d = std::min(distances[index[k]] * per_tolerance_[i + k], 1.0F);
+        sum += d * d;
+      }
+    }
+    return sum / static_cast<float>(x_.size());
+  }
+
+ private:
+  const DistanceField& field_;
+  const Few& few_;
+  std::vector<float> x_, y_, per_tolerance_;
+};
+
+/// A window about the prior's mean, and the cost of each node, heading by heading.
+struct Grid {
+  Vector<2> first;
+  Vector<2> step;
+  std::array<int, 2> steps;
+  std::vector<float> cost;
+
+  [[nodiscard]] float at(int h, int iy, int ix) const {
+    if (iy < 0 || iy >= steps[1] || ix < 0 || ix >= steps[0]) {
+      return 2.0F;  // costs are at most 1
+    }
+    return cost[static_cast<std::size_t>(((h + kHeadings) % kHeadings * steps[1] + iy) * steps[0] +
+                                         ix)];
+  }
+};
+
+Grid grid_over(const Vector<2>& mean, const Vector<2>& half_window) {
+  Grid grid;
+  for (int axis = 0; axis < 2; ++axis) {
+    const int half =
+        std::min(static_cast<int>(std::ceil(half_window(axis) / kFinestStep)), kMostSteps / 2);
+    grid.steps[static_cast<std::size_t>(axis)] = 2 * half + 1;
+    grid.step(axis) = half > 0 ? half_window(axis) / half : 0.0;
+    grid.first(axis) = mean(axis) - half * grid.step(axis);
+  }
+  return grid;
+}
+
+/// Squared distance from the prior's mean, in sigmas.
+double mahalanobis(const Prior& prior, const Pose2& pose) {
+  const Vector<3> off = local(pose, prior.mean);
+  return off.dot(prior.information * off);
+}
+
+void fill(Grid& grid, CoarseCost& coarse, const Prior& prior) {
+  grid.cost.reserve(static_cast<std::size_t>(kHeadings * grid.steps[0] * grid.steps[1]));
+  for (int h = 0; h < kHeadings; ++h) {
+    coarse.turn(h * 2.0 * kPi / kHeadings);
+    for (int iy = 0; iy < grid.steps[1]; ++iy) {
+      for (int ix = 0; ix < grid.steps[0]; ++ix) {
+        const double x = grid.first.x() + ix * grid.step.x();
+        const double y = grid.first.y() + iy * grid.step.y();
+        const bool in_window = mahalanobis(prior, {x, y, prior.mean.heading}) <= 16.0;
+        grid.cost.push_back(in_window ? coarse.at(x, y) : 2.0F);
+      }
+    }
+  }
+}
+
+bool is_minimum(const Grid& grid, int h, int iy, int ix) {
+  const float here = grid.at(h, iy, ix);
+  for (int i = 0; i < 27; ++i) {
+    const float there = grid.at(h + i / 9 - 1, iy + i / 3 % 3 - 1, ix + i % 3 - 1);
+    if (i != 13 && (there < here || (there == here && i < 13))) {  // of equal ones the first
+      return false;
+    }
+  }
+  return here <= 1.0F;
+}
+
+struct Node {
+  float cost;
+  Pose2 pose;
+};
+
+std::vector<Node> minima_of(const Grid& grid) {
+  std::vector<Node> minima;
+  for (int h = 0; h < kHeadings; ++h) {
+    for (int iy = 0; iy < grid.steps[1]; ++iy) {
+      for (int ix = 0; ix < grid.steps[0]; ++ix) {
+        if (is_minimum(grid, h, iy, ix)) {
+          minima.push_back({grid.at(h, iy, ix),
+                            {grid.first.x() + ix * grid.step.x(),
+                             grid.first.y() + iy * grid.step.y(), h * 2.0 * kPi / kHeadings}});
+        }
+      }
+    }
+  }
+  std::sort(minima.begin(), minima.end(),
+            [](const Node& a, const Node& b) { return a.cost < b.cost; });
+  if (minima.size() > kMostMinima) {
+    minima.resize(kMostMinima);
+  }
+  return minima;
+}
+
+/// Best of the 27 nodes around, a step away each.
+Node best_around(CoarseCost& coarse, const Node& start, double heading_step,
+                 const Vector<2>& step) {
+  Node best{2.0F, start.pose};
+  for (int h = -1; h <= 1; ++h) {
+    const double heading = start.pose.heading + h * heading_step;
+    coarse.turn(heading);
+    for (int i = 0; i < 9; ++i) {
+      const double x = start.pose.x + (i % 3 - 1) * step.x();
+      const double y = start.pose.y + (i / 3 - 1) * step.y();
+      const float cost = coarse.at(x, y);
+      if (cost < best.cost) {
+        best = {cost, {x, y, heading}};
+      }
+    }
+  }
+  return best;
+}
+
+}  // namespace
+
+std::vector<Pose2> coarse_minima(const ScanMap& map, const Beams& beams, const Prior& prior,
+                                 const Vector<2>& half_window) {
+  const Few few = few_of(beams);
+  CoarseCost coarse(map.surface(), few);
+  Grid grid = grid_over(prior.mean.position(), half_window);
+  double heading_step = 2.0 * kPi / kHeadings;
+  Vector<2> step = grid.step;
+  coarse.set_steps(heading_step, step.maxCoeff());
+  fill(grid, coarse, prior);
+  std::vector<Node> minima = minima_of(grid);
+  do {
+    heading_step *= 0.5;
+    step *= 0.5;
+    coarse.set_steps(heading_step, step.maxCoeff());
+    for (Node& node : minima) {
+      node = best_around(coarse, node, heading_step, step);
+    }
+  } while (step.maxCoeff() > kFinestStep);
+  std::vector<Pose2> poses;
+  poses.reserve(minima.size());
+  for (const Node& node : minima) {
+    poses.push_back({node.pose.x, node.pose.y, wrap_angle(node.pose.heading)});
+  }
+  return poses;
+}
+
+namespace {
+
+constexpr double kLikeness = 7.0;      // length of wall that is off, or hidden, alike [cells]
+constexpr double kUnknownFree = 20.0;  // how far a beam gets in unknown space, in the mean [cells]
+constexpr double kWrongCell = 0.01;    // share of the cells that are not what the map says
+
+/// Length at which a ray meets the first occupied cell, or `length` if it meets none.
+double free_length(const DistanceField& field, const Vector<2>& from, const Vector<2>& along,
+                   double length) {
+  constexpr double kDiagonal = 1.42;  // of a cell: its centre's distance may be short by that much
+  double at = 0.0;
+  while (at < length) {
+    const Vector<2> p = from + at * along;
+    if (!(p.x() >= 0.0 && p.x() < field.width() && p.y() >= 0.0 && p.y() < field.height())) {
+      return length;
+    }
+    const float distance =
+        field
+            .distances()[static_cast<std::size_t>(p.y()) * static_cast<std::size_t>(field.width()) +
+                         static_cast<std::size_t>(p.x())];
+    if (distance == 0.0F) {
+      return at;
+    }
+    at += std::max(static_cast<double>(distance) - kDiagonal, 0.5);
+  }
+  return length;
+}
+
+/// Line of the wall at a point of the field.
+const ScanMap::WallLine& wall_at(const ScanMap& map, const Vector<2>& p) {
+  const DistanceField& field = map.surface();
+  const auto x = static_cast<std::size_t>(std::min(std::max(p.x(), 0.0), field.width() - 1.0));
+  const auto y = static_cast<std::size_t>(std::min(std::max(p.y(), 0.0), field.height() - 1.0));
+  return map.lines()[static_cast<std::size_t>(
+      field.nearest_targets()[y * static_cast<std::size_t>(field.width()) + x])];
+}
+
+/// What one hypothesis costs, beam by beam; docs/models/scan_matching.md eq. (8).
+class Scorer {
+ public:
+  Scorer(const ScanMap& map, const ScanMatcherConfig& config, const Fit& fit, double sigma)
+      : map_(map),
+        config_(config),
+        offset_(fit.offset),
+        sigma_(sigma),
+        bound_(std::max(2.0, 3.0 * sigma)) {}
+
+  /// Explained by a wall within the kernel, or by something that is not on the map.
+  [[nodiscard]] double cost_of(const Vector<2>& laser, const Vector<2>& end, double range,
+                               bool& explained) const {
+    const double peak = sigma_ * std::sqrt(2.0 * kPi);
+    const double stray =
+        config_.outlier_share / (1.0 - config_.outlier_share) * peak / std::max(range, 20.0);
+    const double most = -std::log(stray / (1.0 + stray));
+    explained = false;
+    if (behind_a_wall(laser, end, range)) {
+      return most;
+    }
+    const double e = residual(laser, end);
+    explained = e <= bound_;
+    const double cost =
+        -std::log((std::exp(-0.5 * e * e / (sigma_ * sigma_)) + stray) / (1.0 + stray));
+    return cost_in_unknown(end, std::min(cost, most), peak);
+  }
+
+  /// A beam without return where the map has a wall within reach.
+  [[nodiscard]] double cost_of_silence(const Vector<2>& laser, const Vector<2>& along,
+                                       double range_max, double step) const {
+    const double wall = free_length(map_.occupied(), laser, along, range_max);
+    // A wall near the end of the range may or may not be seen.
+    if (wall >= range_max - bound_) {
+      return 0.0;
+    }
+    return -std::log(config_.no_return_share) / beams_per_run(std::max(wall, 1.0), step, kLikeness);
+  }
+
+  [[nodiscard]] double cost_of_place(const Vector<2>& body) const {
+    const int margin = map_.surface().margin_cells();
+    switch (map_.grid().at(static_cast<int>(std::floor(body.x())) - margin,
+                           static_cast<int>(std::floor(body.y())) - margin)) {
+      case Cell::kOccupied:
+        return -std::log(kWrongCell);
+      case Cell::kUnknown:
+        return std::log(2.0);
+      default:
+        return 0.0;
+    }
+  }
+
+ private:
+  /// Distance to the wall line next to the end point, and beyond the line's end to that.
+  [[nodiscard]] double residual(const Vector<2>& laser, const Vector<2>& end) const {
+    const ScanMap::WallLine& wall = wall_at(map_, end);
+    const Vector<2> off = end - wall.point;
+    if (wall.normal.isZero(0.0)) {
+      return off.norm();
+    }
+    const double side = wall.normal.dot(end - laser) > 0.0 ? -1.0 : 1.0;
+    const double across = side * wall.normal.dot(off) - offset_;
+    const double along = std::abs(wall.normal.x() * off.y() - wall.normal.y() * off.x());
+    return std::hypot(across, std::max(along - 2.0, 0.0));
+  }
+
+  /// The beam went through a wall on its way; grazing along one does not count.
+  [[nodiscard]] bool behind_a_wall(const Vector<2>& laser, const Vector<2>& end,
+                                   double range) const {
+    const Vector<2> along = (end - laser) / range;
+    const double free = free_length(map_.occupied(), laser, along, range - bound_);
+    if (free >= range - bound_) {
+      return false;
+    }
+    const ScanMap::WallLine& wall = wall_at(map_, laser + free * along);
+    const Vector<2> behind = end - wall.point;
+    return std::abs(wall.normal.isZero(0.0) ? behind.norm() : wall.normal.dot(behind)) > bound_;
+  }
+
+  /// Where the map knows nothing there may be a wall anywhere, one every kUnknownFree cells.
+  [[nodiscard]] double cost_in_unknown(const Vector<2>& end, double cost, double peak) const {
+    const int margin = map_.surface().margin_cells();
+    const bool unknown =
+        map_.grid().at(static_cast<int>(std::floor(end.x())) - margin,
+                       static_cast<int>(std::floor(end.y())) - margin) == Cell::kUnknown;
+    return unknown ? std::min(cost, std::max(0.0, std::log(kUnknownFree / peak))) : cost;
+  }
+
+  const ScanMap& map_;
+  const ScanMatcherConfig& config_;
+  double offset_;
+  double sigma_;
+  double bound_;
+};
+
+}  // namespace
+
+Score score(const ScanMap& map, const ScanMatcherConfig& config, const Beams& beams, const Fit& fit,
+            double sigma) {
+  const Scorer scorer(map, config, fit, sigma);
+  const double c = std::cos(fit.pose.heading);
+  const double s = std::sin(fit.pose.heading);
+  const Vector<2> laser = fit.pose.act(beams.laser);
+  Score score{scorer.cost_of_place(fit.pose.position()), 0.0};
+  for (std::size_t i = 0; i < beams.x.size(); ++i) {
+    const Vector<2> end(fit.pose.x + c * beams.x[i] - s * beams.y[i],
+                        fit.pose.y + s * beams.x[i] + c * beams.y[i]);
+    bool explained = false;
+    score.cost += scorer.cost_of(laser, end, beams.range[i], explained) /
+                  beams_per_run(beams.range[i], beams.step, kLikeness);
+    score.explained += explained ? 1.0 : 0.0;
+  }
+  for (const double direction : beams.silent) {
+    const double angle = fit.pose.heading + direction;
+    score.cost += scorer.cost_of_silence(laser, {std::cos(angle), std::sin(angle)}, beams.range_max,
+                                         beams.step);
+  }
+  score.explained /= static_cast<double>(beams.x.size());
+  return score;
+}
+
+}  // namespace locfuse::internal

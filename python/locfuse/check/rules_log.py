@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Checks of what is in the log, and when."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from locfuse.check.context import Context
+from locfuse.check.finding import Finding, error, note, warning
+from locfuse.check.tracks import legs
+from locfuse.config.schema import SOURCES
+from locfuse.run import start_of, to_messages
+from locfuse.types import NANOSECONDS, Columns, ConfigError, LogError, StampArray
+
+_FAR_M = 1e5  # coordinates beyond are of a map projection
+_NO_FILTER = ("landmark_sightings", "scans")
+
+
+def what_a_run_would_refuse(context: Context) -> Iterator[Finding]:
+    """Tell the error with which `run` would stop."""
+    try:
+        messages = to_messages(context.log, context.config)
+        start_of(context.config, context.truth, messages)
+    except ConfigError as problem:
+        yield error(str(problem), "start", "without a start there is no run")
+    except LogError as problem:
+        yield error(str(problem), "log", "mend the log, or what the configuration uses of it")
+
+
+def sources_without_messages(context: Context) -> Iterator[Finding]:
+    """Name sources that the configuration asks for and the log does not have."""
+    asked = "use" in context.config.model_fields_set
+    for source in context.config.use:
+        if source in context.log.tables and context.table(source) is None:
+            yield warning(f"{source}.csv is there, but has no message", f"{source}.csv",
+                          "was the sensor switched on?")  # fmt: skip
+        elif source not in context.log.tables and asked:
+            yield warning(f"the configuration uses {source}, but the log has none", "use",
+                          f"record {source}, or leave them out of use")  # fmt: skip
+
+
+def messages_without_use(context: Context) -> Iterator[Finding]:
+    """Name sources of the log that no filter will see."""
+    for source in SOURCES:
+        table = context.table(source)
+        if table is not None and source not in context.config.use:
+            yield note(f"the log has {len(table['stamp_ns'])} {source}, which are not in use",
+                       "use")  # fmt: skip
+    for stem in _NO_FILTER:
+        if context.table(stem) is not None:
+            yield note(f"{stem}.csv is read, but no filter uses it", f"{stem}.csv")
+
+
+def rates_and_gaps(context: Context) -> Iterator[Finding]:
+    """Tell how often each source speaks, and name silences longer than the filter bridges."""
+    for source in SOURCES:
+        table = context.used(source)
+        if table is None or len(np.unique(table["stamp_ns"])) < 3:
+            continue
+        step = np.diff(np.unique(table["stamp_ns"])) / NANOSECONDS
+        rate, gap = 1.0 / float(np.median(step)), float(step.max())
+        yield note(f"{source}: {len(table['stamp_ns'])} messages, {rate:.3g} per second, longest "
+                   f"gap {gap:.3g} s", f"{source}.csv")  # fmt: skip
+        hold = context.config.estimator.hold_s
+        if source == "odometry" and "v_mps" in table and gap > hold:
+            yield warning(f"odometry is silent for up to {gap:.3g} s; after hold_s = {hold:g} s "
+                          "the robot counts as lost", "estimator.hold_s",
+                          "raise hold_s, or find what loses the rows")  # fmt: skip
+
+
+def messages_too_late(context: Context) -> Iterator[Finding]:
+    """Name sources whose messages arrive later than the history reaches back."""
+    arrivals: list[StampArray] = []
+    stamps: list[StampArray] = []
+    kinds: list[str] = []
+    for source in SOURCES:
+        table = context.used(source)
+        if table is not None:
+            stamps.append(table["stamp_ns"])
+            arrivals.append(table.get("arrival_ns", table["stamp_ns"]))
+            kinds += [source] * len(table["stamp_ns"])
+    if not kinds:
+        return
+    stamp, arrival, kind = np.concatenate(stamps), np.concatenate(arrivals), np.array(kinds)
+    order = np.argsort(arrival, kind="stable")
+    newest = np.maximum.accumulate(stamp[order])
+    behind = (newest - stamp[order]) / NANOSECONDS
+    for name in dict.fromkeys(kinds):
+        late = behind[kind[order] == name]
+        share = float(np.mean(late > context.config.history_s))
+        if share > 0.001:
+            yield warning(f"{100 * share:.3g} % of the {name} arrive more than history_s = "
+                          f"{context.config.history_s:g} s late (up to {late.max():.3g} s) and are "
+                          "lost", "history_s",
+                          f"set history_s to {1.2 * late.max():.2g} or more")  # fmt: skip
+
+
+def rows_told_twice(context: Context) -> Iterator[Finding]:
+    """Name ranges that stand in the log twice."""
+    table = context.used("ranges")
+    if table is None:
+        return
+    keys = [table[name] for name in ("stamp_ns", "tag", "anchor")]
+    rows = set(zip(*(key.tolist() for key in keys), strict=True))
+    twice = len(keys[0]) - len(rows)
+    if twice > 0:
+        yield warning(f"{twice} ranges have the stamp, tag and anchor of another row; each counts "
+                      "as news", "ranges.csv", "remove the copies")  # fmt: skip
+
+
+def names_that_do_not_match(context: Context) -> Iterator[Finding]:
+    """Name anchors and tags that are heard but not placed, or placed but never heard."""
+    table = context.used("ranges")
+    if table is None:
+        return
+    for column, placed, where in (
+        ("anchor", context.names, "anchors.csv"),
+        ("tag", list(context.log.tags), "log.yaml, tags"),
+    ):
+        names, counts = np.unique(table[column], return_counts=True)
+        heard = dict(zip(names.tolist(), counts.tolist(), strict=True))
+        for name in sorted(set(heard) - set(placed)):
+            share = 100.0 * heard[name] / len(table["stamp_ns"])
+            yield warning(f"{column} {name!r} is heard ({share:.3g} % of the ranges) but has no "
+                          "place: those ranges are ignored", where,
+                          f"add {name!r}, or correct its name; placed are: "
+                          f"{', '.join(placed) or 'none'}")  # fmt: skip
+        for name in placed:
+            if name not in heard:
+                yield warning(f"{column} {name!r} has a place but is never heard", where,
+                              "is it switched on, and is its name the one it sends?")  # fmt: skip
+
+
+def coordinates_of_a_projection(context: Context) -> Iterator[Finding]:
+    """Name coordinates so large, or frames so far apart, that they are of another frame."""
+    if len(context.anchors) and np.abs(context.anchors).max() > _FAR_M:
+        far = float(np.abs(context.anchors).max())
+        yield warning(f"anchors have coordinates up to {far:.3g} m, as of a map projection",
+                      "anchors.csv", "subtract a nearby origin from anchors, truth, positions and "
+                      "start")  # fmt: skip
+    if len(context.anchors) < 2:
+        return
+    centre = context.anchors[:, :2].mean(axis=0)
+    for source in ("positions", "poses", "truth"):
+        table = context.table(source) if source == "truth" else context.used(source)
+        if table is None:
+            continue
+        middle = np.array([np.median(table["x_m"]), np.median(table["y_m"])])
+        away = float(np.linalg.norm(middle - centre))
+        if away > 10.0 * max(context.extent, 10.0):
+            yield error(f"{source}.csv is {away:.3g} m away from the anchors, which span "
+                        f"{context.extent:.3g} m: another frame, or degrees of latitude",
+                        f"{source}.csv", "bring anchors and positions into one frame, metres"
+                        )  # fmt: skip
+
+
+def angles_in_degrees(context: Context) -> Iterator[Finding]:
+    """Name columns of radians whose values are degrees."""
+    for source in ("truth", "poses"):
+        table = context.table(source)
+        if table is None or "heading_rad" not in table:
+            continue
+        largest = float(np.abs(table["heading_rad"]).max())
+        if 7.0 < largest <= 361.0 and _follows_in_degrees(table):
+            yield warning(f"heading_rad of {source}.csv reaches {largest:.4g}: degrees?",
+                          f"{source}.csv, heading_rad", "write radians")  # fmt: skip
+    table = context.used("odometry")
+    if table is not None and "omega_radps" in table:
+        fast = float(np.quantile(np.abs(table["omega_radps"]), 0.95))
+        if fast > 10.0:
+            yield warning(f"odometry turns at {fast:.3g} rad/s: degrees per second?",
+                          "odometry.csv, omega_radps", "write radians per second")  # fmt: skip
+    laser = context.log.laser
+    if laser is not None:
+        angles = [laser["pose_in_body"][2], laser["angle_min_rad"], laser["angle_increment_rad"]]
+        if max(map(abs, angles)) > 6.3 or abs(angles[2]) > 0.35:
+            yield warning("the laser's angles are larger than a full turn or its beams further "
+                          "apart than 20 degrees: degrees?", "log.yaml, laser",
+                          "write radians")  # fmt: skip
+
+
+def _follows_in_degrees(table: Columns) -> bool:
+    """Return whether headings follow the course of their own positions if taken as degrees."""
+    at = np.column_stack([table["x_m"], table["y_m"]])
+    rows = np.array(list(legs(at)), dtype=np.intp).reshape(-1, 2)
+    if len(rows) < 5:
+        return False
+    move = at[rows[:, 1]] - at[rows[:, 0]]
+    course = np.arctan2(move[:, 1], move[:, 0])
+    told = table["heading_rad"][rows[:, 0]]
+    agree = [abs(np.mean(np.exp(1j * (course - h)))) for h in (told, np.radians(told))]
+    return bool(agree[1] > 0.8 and agree[1] > agree[0] + 0.2)
+
+
+def maps_that_help_nobody(context: Context) -> Iterator[Finding]:
+    """Name maps without walls, and starts or truths off the map."""
+    if context.table("scans") is not None and context.log.map is None:
+        yield note("the log has scans but no map to match them against", "log.yaml, map")
+    grid = context.grid
+    if grid is None:
+        return
+    if not grid.occupied.any():
+        yield error("the map has no occupied cell: no scan can match it", "log.yaml, map",
+                    "check occupied_thresh and negate")  # fmt: skip
+        return
+    if float(grid.occupied.mean()) > 0.5:
+        yield warning(f"{100 * grid.occupied.mean():.0f} % of the map is occupied: negate?",
+                      "log.yaml, map", "check negate and occupied_thresh")  # fmt: skip
+    if context.truth is not None:
+        off = 1.0 - float(grid.inside(context.truth.position).mean())
+        if off > 0.01:
+            yield warning(f"{100 * off:.3g} % of the truth lies off the map", "log.yaml, map",
+                          "check origin and resolution of the map")  # fmt: skip

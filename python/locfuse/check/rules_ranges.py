@@ -1,0 +1,395 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Checks of what the ranges say against anchors, truth and one another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locfuse.check.context import Context, Fits, Residuals
+from locfuse.check.finding import Finding, error, note, warning
+from locfuse.check.positions import cramer_rao, dop, locate_batch, residuals_of
+from locfuse.types import NANOSECONDS, FloatArray
+
+_SCATTER = 1.4826  # standard deviation over median absolute deviation of a Gaussian
+_MOST_SWAPS = 3
+_MOST_ANCHORS = 24
+_SOME_EPOCHS = 300
+_LEAST_ROWS = 20
+_RISES_M = np.arange(-12, 13) * 0.25
+
+
+def units_of_ranges(context: Context) -> Iterator[Finding]:
+    """Name ranges and anchors that differ by a unit."""
+    table = context.used("ranges")
+    if table is None or context.extent <= 0.0:
+        return
+    typical = float(np.median(table["range_m"]))
+    ratio = typical / context.extent
+    if ratio > 30.0:
+        yield error(f"ranges are typically {typical:.4g} m, the anchors span {context.extent:.3g} m"
+                    f" ({ratio:.3g} times): millimetres?", "ranges.csv, range_m",
+                    "write ranges in metres")  # fmt: skip
+    elif ratio < 0.005:
+        yield error(f"ranges are typically {typical:.3g} m, the anchors span {context.extent:.4g} m"
+                    ": are the anchors in millimetres?", "anchors.csv",
+                    "write anchors in metres")  # fmt: skip
+
+
+def ranges_that_cannot_be(context: Context) -> Iterator[Finding]:
+    """Name ranges of zero, ranges far beyond the floor, and radios that repeat one number."""
+    table = context.used("ranges")
+    if table is None or context.extent <= 0.0:
+        return
+    zero = float(np.mean(table["range_m"] == 0.0))
+    if zero > 0.0:
+        yield warning(f"{100 * zero:.3g} % of the ranges are exactly 0: a radio's way to say that "
+                      "it heard nothing", "ranges.csv", "drop them when recording")  # fmt: skip
+    reach = 3.0 * float(np.hypot(*_sides(context)))
+    for name in context.names:
+        mine = table["range_m"][table["anchor"] == name]
+        far = float(np.mean(mine > reach)) if len(mine) else 0.0
+        if 0.0 < far < 0.5:
+            yield warning(f"{100 * far:.3g} % of the ranges to {name} are beyond {reach:.3g} m, "
+                          f"three times across the floor (up to {mine.max():.4g} m)",
+                          "ranges.csv", "find the multipath, and keep gate_range below 1"
+                          )  # fmt: skip
+        if _repeats(mine) and _moves(context):
+            yield warning(f"ranges to {name} repeat one number for {_longest_run(mine)} rows while "
+                          "the robot drives", "ranges.csv",
+                          "the radio sends old values; restart it")  # fmt: skip
+
+
+def _sides(context: Context) -> FloatArray:
+    assert context.floor is not None
+    low, high = context.floor
+    return high - low
+
+
+def _repeats(values: FloatArray) -> bool:
+    return len(values) >= _LEAST_ROWS and _longest_run(values) >= 20
+
+
+def _longest_run(values: FloatArray) -> int:
+    """Return how many equal values follow one another at most."""
+    edges = np.flatnonzero(np.diff(values) != 0.0)
+    bounds = np.concatenate([[-1], edges, [len(values) - 1]])
+    return int(np.diff(bounds).max()) if len(values) else 0
+
+
+def _moves(context: Context) -> bool:
+    if context.odometry is None:
+        return False
+    return float(np.ptp(context.odometry.position, axis=0).max()) > 1.0
+
+
+def anchors_swapped(context: Context) -> Iterator[Finding]:
+    """Try to exchange the names of two anchors; tell it if the ranges fit clearly better."""
+    by_truth = list(_swapped_by_truth(context))
+    if by_truth:
+        yield from by_truth
+    elif context.fits is not None and len(context.names) <= _MOST_ANCHORS:
+        yield from _swapped_by_fit(context, context.fits)
+
+
+def _swapped_by_fit(context: Context, fits: Fits) -> Iterator[Finding]:
+    rows = np.unique(np.linspace(0, len(fits.ranges) - 1, _SOME_EPOCHS).astype(np.intp))
+    ranges = fits.ranges[rows]
+    order = np.arange(len(context.names))
+    before = best = _misfit(context.anchors, ranges, fits.height)
+    swaps: list[str] = []
+    for _ in range(_MOST_SWAPS):
+        trials = _trials(context, fits, ranges, order)
+        after, pair = min(trials)
+        if after > 0.6 * best or best - after < 0.02:
+            break
+        equal = [_named(context, p) for misfit, p in trials if misfit < 1.02 * after and p != pair]
+        swaps.append(" or, fitting as well, ".join([_named(context, pair), *equal]))
+        best = after
+        order[list(pair)] = order[list(pair)[::-1]]
+    if swaps:
+        yield error(f"exchanging {' and '.join(swaps)} makes the ranges fit: residual {best:.3f} m "
+                    f"instead of {before:.3f} m", "anchors.csv",
+                    "exchange the names, or find out what else the two have in common"
+                    )  # fmt: skip
+
+
+def _named(context: Context, pair: tuple[int, int]) -> str:
+    return f"{context.names[pair[0]]} with {context.names[pair[1]]}"
+
+
+def _trials(
+    context: Context, fits: Fits, ranges: FloatArray, order: NDArray[np.intp]
+) -> list[tuple[float, tuple[int, int]]]:
+    """Return the misfit after each exchange of two."""
+    found = []
+    for i, j in combinations(range(len(order)), 2):
+        trial = order.copy()
+        trial[[i, j]] = trial[[j, i]]
+        found.append((_misfit(context.anchors[trial], ranges, fits.height), (i, j)))
+    return found
+
+
+def _misfit(anchors: FloatArray, ranges: FloatArray, height: float) -> float:
+    """Return the typical residual of a moment, as a standard deviation."""
+    found = locate_batch(anchors, ranges, 1.0, height=height)
+    left = residuals_of(anchors, ranges, found.position, height)
+    free = np.isfinite(left).sum(axis=1) - 2
+    good = free > 0
+    if not good.any():
+        return float("inf")
+    return float(np.median(np.sqrt(np.nansum(left[good] ** 2, axis=1) / free[good])))
+
+
+def _swapped_by_truth(context: Context) -> Iterator[Finding]:
+    """Likewise against the truth, which also sees exchanges that mirror the layout."""
+    if context.residuals is None or context.residuals.against != "truth.csv":
+        return
+    table = context.used("ranges")
+    assert table is not None
+    typical = _typical_by_anchor(context, np.arange(len(context.names)))
+    bad = [k for k in range(len(typical)) if typical[k] > max(0.3, 4.0 * context.typical_sigma)]
+    for i, j in combinations(bad, 2):
+        order = np.arange(len(context.names))
+        order[[i, j]] = order[[j, i]]
+        after = _typical_by_anchor(context, order)
+        if max(after[i], after[j]) < 0.4 * min(typical[i], typical[j]):
+            yield error(f"exchanging {_named(context, (i, j))} makes the ranges fit the truth: "
+                        f"residual {max(after[i], after[j]):.3f} m instead of "
+                        f"{min(typical[i], typical[j]):.3f} m", "anchors.csv",
+                        "exchange the names")  # fmt: skip
+
+
+def _typical_by_anchor(context: Context, order: NDArray[np.intp]) -> list[float]:
+    """Return the median size of the residuals to each anchor, anchors in another order."""
+    tables = dict(context.log.tables)
+    table = tables["anchors"]
+    tables["anchors"] = {key: v if key == "anchor" else v[order] for key, v in table.items()}
+    log = type(context.log)(tables, context.log.tags)
+    found = Context(context.config, log).against_truth()
+    if found is None:
+        return [0.0] * len(context.names)
+    return [
+        float(np.median(np.abs(found.value[found.anchor == k])))
+        if (found.anchor == k).any()
+        else 0.0
+        for k in range(len(context.names))
+    ]
+
+
+def _scatter(values: FloatArray) -> float:
+    """Return the standard deviation that outliers do not move."""
+    return float(_SCATTER * np.median(np.abs(values - np.median(values))))
+
+
+def _medians(context: Context, residuals: Residuals) -> dict[int, float]:
+    """Return the median residual of each anchor that was heard often enough."""
+    found = {}
+    for index in range(len(context.names)):
+        mine = residuals.value[residuals.anchor == index]
+        if len(mine) >= _LEAST_ROWS:
+            found[index] = float(np.median(mine))
+    return found
+
+
+def ranges_with_a_common_error(context: Context) -> Iterator[Finding]:
+    """Tell an offset or a scale that the ranges to all anchors share."""
+    residuals = context.residuals
+    if residuals is None:
+        return
+    explained = _explained(context)
+    if residuals.against != "truth.csv":
+        yield from _common_by_fit(explained, context.typical_sigma)
+    elif explained is None or not explained.by_height:
+        yield from _common_by_truth(context, residuals)
+
+
+def _common_by_truth(context: Context, residuals: Residuals) -> Iterator[Finding]:
+    medians = list(_medians(context, residuals).values())
+    if len(medians) < 2:
+        return
+    limit = max(0.05, context.typical_sigma)
+    long = float(np.median(medians))
+    same = np.mean(np.sign(medians) == np.sign(long))
+    if abs(long) < limit or same < 0.75:
+        return
+    slope = float(np.median(residuals.value / np.maximum(residuals.distance, 0.1)))
+    as_offset = float(np.median(np.abs(residuals.value - long)))
+    as_scale = float(np.median(np.abs(residuals.value - slope * residuals.distance)))
+    if as_scale < as_offset:
+        told = f"{100 * slope:+.2g} % of the distance, which leaves {as_scale:.2g} m"
+        yield _common(long, told, "anchors.all.scale", f"{1 + slope:.4g}")
+    else:
+        told = f"an offset, which leaves {as_offset:.2g} m"
+        yield _common(long, told, "anchors.all.offset_m", f"{long:.2g}")
+
+
+def _common_by_fit(explained: Explained | None, sigma: float) -> Iterator[Finding]:
+    if explained is None or explained.by_height:
+        return
+    before, after, offset = explained.before, explained.without_offset, explained.offset
+    if abs(offset) > max(0.1, sigma) and after < 0.7 * before:
+        told = f"the residual falls from {before:.2g} m to {after:.2g} m without it"
+        yield _common(offset, told, "anchors.all.offset_m", f"{offset:.2g}")
+
+
+@dataclass(frozen=True)
+class Explained:
+    """How well one offset of all ranges, or another height of the tag, lets positions fit.
+
+    Both make ranges read long, so that only the better of the two is told.
+    """
+
+    before: float
+    offset: float
+    without_offset: float
+    height: float
+    at_height: float
+
+    @property
+    def by_height(self) -> bool:
+        """Whether the height explains the ranges, and better than the offset."""
+        return self.at_height < min(0.6 * self.before, 0.8 * self.without_offset)
+
+
+def _explained(context: Context) -> Explained | None:
+    """Search offset and height; needs four anchors in a moment."""
+    fits = context.fits
+    if fits is None:
+        return None
+    rows = np.flatnonzero(np.isfinite(fits.ranges).sum(axis=1) >= 4)
+    if len(rows) < _LEAST_ROWS:
+        return None
+    ranges = fits.ranges[rows[:: max(1, len(rows) // _SOME_EPOCHS)]]
+
+    def misfit(offset: float, rise: float) -> float:
+        return _misfit(context.anchors, ranges - offset, fits.height + rise)
+
+    offset = 0.0
+    for step in (0.4, 0.2, 0.1, 0.05, 0.02):
+        offset = min((offset + k * step for k in range(-3, 4)), key=lambda b: misfit(b, 0.0))
+    rises = sorted(_RISES_M.tolist(), key=abs)  # of equal ones, as above and below, the nearest
+    at = [misfit(0.0, rise) for rise in rises]
+    best = next(k for k in range(len(at)) if at[k] < 1.05 * min(at))
+    return Explained(at[0], offset, misfit(offset, 0.0), fits.height + rises[best], at[best])
+
+
+def _common(long: float, told: str, key: str, value: str) -> Finding:
+    word = "long" if long > 0.0 else "short"
+    return warning(f"ranges to all anchors read {word} by about {abs(long):.2g} m ({told}): a "
+                   "fault of the radios that no filter should absorb", key,
+                   f"calibrate the antenna delay, or set {key} to {value}")  # fmt: skip
+
+
+def anchors_with_an_error_of_their_own(context: Context) -> Iterator[Finding]:
+    """Name anchors whose ranges are off from what the others read."""
+    residuals = context.residuals
+    if residuals is None or residuals.against != "truth.csv":
+        return
+    medians = _medians(context, residuals)
+    if len(medians) < 3:
+        return
+    common = float(np.median(list(medians.values())))
+    for index, value in medians.items():
+        mine = residuals.value[residuals.anchor == index]
+        if abs(value - common) > max(0.15, 3.0 * context.typical_sigma, 0.5 * _scatter(mine)):
+            name = context.names[index]
+            yield warning(f"ranges to {name} read {value - common:+.2g} m against the others: "
+                          "an offset of its own, no line of sight, or a wrong place", "anchors.csv",
+                          f"measure {name} again, or set anchors.{name}.offset_m")  # fmt: skip
+
+
+def outliers_by_anchor(context: Context) -> Iterator[Finding]:
+    """Name anchors with many ranges that no noise explains."""
+    residuals = context.residuals
+    if residuals is None:
+        return
+    limit = max(5.0 * context.typical_sigma, 0.3)
+    for index, median in _medians(context, residuals).items():
+        mine = residuals.value[residuals.anchor == index]
+        share = float(np.mean(np.abs(mine - min(median, limit, key=abs)) > limit))
+        if share > 0.1:
+            yield warning(f"{100 * share:.0f} % of the ranges to {context.names[index]} are off by "
+                          f"more than {limit:.2g} m from {residuals.against} (up to "
+                          f"{np.abs(mine).max():.3g} m)", "ranges.csv",
+                          "keep gate_range below 1; is there a wall in between?")  # fmt: skip
+
+
+def sigma_against_the_scatter(context: Context) -> Iterator[Finding]:
+    """Compare the sigma of ranges with what they scatter by."""
+    residuals = context.residuals
+    if residuals is None or residuals.freedom < 0.2:
+        return
+    medians = _medians(context, residuals)
+    left = [residuals.value[residuals.anchor == k] - m for k, m in medians.items()]
+    if not left:
+        return
+    spread = float(np.median([_scatter(part) for part in left])) / np.sqrt(residuals.freedom)
+    sigma = context.typical_sigma
+    told = f"the filter takes {sigma:.2g} m for the noise of ranges, they scatter by {spread:.2g} m"
+    where = "estimator.range" if "sigma_m" not in context.log["ranges"] else "ranges.csv, sigma_m"
+    if sigma < 0.4 * spread:
+        yield warning(f"{told}: good ranges will be gated and the covariance too small", where,
+                      f"set a sigma near {spread:.2g} m")  # fmt: skip
+    elif sigma > 5.0 * max(spread, 0.005):
+        yield warning(f"{told}: ranges will hardly count", where,
+                      f"set a sigma near {max(2 * spread, 0.01):.2g} m")  # fmt: skip
+    else:
+        yield note(f"{told} about {residuals.against}", where)
+
+
+def height_that_the_ranges_want(context: Context) -> Iterator[Finding]:
+    """Try other heights of the tag; tell one that fits clearly better."""
+    found = _explained(context)
+    if found is None or not found.by_height:
+        return
+    if abs(found.height - context.height) > 0.3 and found.before - found.at_height > 0.02:
+        yield warning(f"the ranges fit a tag at {found.height:.1f} m better than the "
+                      f"{context.height:g} m given: residual {found.at_height:.2g} m instead of "
+                      f"{found.before:.2g} m", "log.yaml, tags",
+                      "measure heights of tag and anchors from the same floor")  # fmt: skip
+
+
+def frame_of_the_truth(context: Context) -> Iterator[Finding]:
+    """Tell that truth and anchors are in different frames."""
+    found = context.frame_of_truth
+    if found is None:
+        return
+    angle, (x, y) = found
+    yield error("truth and anchors are in different frames: positions from ranges lie on the truth "
+                f"after a turn of {np.degrees(angle):.0f} deg and a shift of ({x:.2f}, {y:.2f}) m",
+                "truth.csv", "bring both into one frame; start: truth starts in the wrong place"
+                )  # fmt: skip
+
+
+def clock_of_the_ranges(context: Context) -> Iterator[Finding]:
+    """Tell an offset between the clocks of ranges and truth."""
+    if context.frame_of_truth is not None or context.residuals is None:
+        return
+    shifts = np.arange(-20, 21) * 0.1
+    sizes = []
+    for shift in shifts:
+        found = context.against_truth(round(shift * NANOSECONDS))
+        if found is None:
+            return
+        sizes.append(float(np.median(np.abs(found.value - np.median(found.value)))))
+    best = int(np.argmin(sizes))
+    if abs(shifts[best]) > 0.15 and sizes[best] < 0.75 * sizes[20]:
+        yield warning(f"ranges fit the truth best if its clock is shifted by {shifts[best]:+.1f} s "
+                      f"(residual {sizes[best]:.2g} m instead of {sizes[20]:.2g} m)", "ranges.csv",
+                      "stamp both with one clock, when the range is taken")  # fmt: skip
+
+
+def precision_to_expect(context: Context) -> Iterator[Finding]:
+    """Tell what one moment of ranges can give in the middle of the floor."""
+    if context.used("ranges") is None or len(context.anchors) < 3 or context.floor is None:
+        return
+    middle = 0.5 * (context.floor[0] + context.floor[1])[None]
+    bound = dop(cramer_rao(context.anchors, middle, context.typical_sigma, context.height))
+    if np.isfinite(bound[0]):
+        yield note(f"in the middle of the floor one range to each anchor gives a position to "
+                   f"{bound[0]:.2g} m at best (Cramer-Rao)", "anchors.csv")  # fmt: skip

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Grid maps as ROS keeps them: a YAML file beside a picture."""
+
+from __future__ import annotations
+
+import difflib
+import io
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locfuse.io.csv_table import read_bytes
+from locfuse.io.log_yaml import load_yaml
+from locfuse.types import FREE, OCCUPIED, UNKNOWN, FloatArray, GridMap, LogError
+
+KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
+MODES = ("trinary", "scale", "raw")
+SHADES: Mapping[int, int] = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}  # those of ROS's map_saver
+YAML = """\
+image: {image}
+mode: trinary
+resolution: {resolution!r}
+origin: [{origin[0]!r}, {origin[1]!r}, {origin[2]!r}]
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.196
+"""
+
+
+def read_map(path: str | Path) -> GridMap:
+    """Read a map of ROS's map_server.
+
+    A pixel of brightness v in 0..255 is occupied with probability p = (255 - v) / 255, or v / 255
+    with ``negate``: above ``occupied_thresh`` the cell is occupied, below ``free_thresh`` free,
+    otherwise unknown. Mode ``scale``, whose steps between free and occupied are unknown as well
+    here, gives the same; in both a transparent pixel is unknown. In mode ``raw`` v is p in percent,
+    and above 100 unknown. Other keys than map_server's are left alone.
+
+    Parameters
+    ----------
+    path : str or Path
+        Of the YAML file. The picture is PGM (P2 or P5) or PNG, named relative to it; its lowest row
+        is row 0 of the cells.
+
+    Raises
+    ------
+    LogError
+        If a file cannot be read or a key is missing, misspelt or out of bounds; the text names the
+        file and the key.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     text = "P2 2 1 255  0 255"
+    ...     _ = Path(folder, "map.pgm").write_text(text)
+    ...     _ = Path(folder, "map.yaml").write_text(YAML.format(
+    ...         image="map.pgm", resolution=0.05, origin=(0.0, 0.0, 0.0)))
+    ...     read_map(Path(folder, "map.yaml")).cells.tolist()
+    [[100, 0]]
+    """
+    path = Path(path)
+    settings = _checked(load_yaml(path), str(path))
+    brightness, opaque = _read_image(path.parent / settings["image"])
+    shade = 255.0 - brightness if settings["negate"] else brightness
+    occupied, known = (255.0 - shade) / 255.0, opaque
+    if settings["mode"] == "raw":
+        occupied, known = shade / 100.0, shade <= 100.0
+    cells = np.full(shade.shape, UNKNOWN, np.int8)
+    cells[known & (occupied > settings["occupied_thresh"])] = OCCUPIED
+    cells[known & (occupied < settings["free_thresh"])] = FREE
+    return GridMap(cells[::-1].copy(), settings["resolution"], settings["origin"])
+
+
+def write_map(grid: GridMap, path: str | Path) -> None:
+    """Write a map that `read_map` reads back bit for bit: a YAML file and a PGM beside it.
+
+    Parameters
+    ----------
+    grid : GridMap
+    path : str or Path
+        Of the YAML file; the picture has its name, but for the ending ``.pgm``.
+    """
+    path = Path(path)
+    shades = np.empty(grid.cells.shape, np.uint8)
+    for cell, shade in SHADES.items():
+        shades[grid.cells == cell] = shade
+    height, width = len(shades), len(shades[0])
+    image = path.with_suffix(".pgm")
+    image.write_bytes(f"P5\n{width} {height}\n255\n".encode() + shades[::-1].tobytes())
+    origin = tuple(float(part) for part in grid.origin)
+    text = YAML.format(image=image.name, resolution=float(grid.resolution_m), origin=origin)
+    path.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _checked(found: Any, where: str) -> dict[str, Any]:
+    """Return the settings with numbers as float, or raise LogError."""
+    if not isinstance(found, Mapping):
+        raise LogError(f"{where}: {found!r}, expected keys {', '.join(KEYS)}")
+    absent = [key for key in (*KEYS, "mode") if key not in found]
+    for key in found:  # a file may hold more, but a misspelt key would be lost in silence
+        for meant in difflib.get_close_matches(key, absent, n=1, cutoff=0.75):
+            raise LogError(f"{where}: unknown key {key!r}; did you mean {meant!r}?")
+    for key in absent:
+        if key != "mode":
+            raise LogError(f"{where}: {key} is missing")
+    settings = {"mode": "trinary", **found}
+    if not isinstance(settings["image"], str) or not settings["image"]:
+        raise LogError(f"{where}: image is {settings['image']!r}, expected a file name")
+    if settings["mode"] not in MODES:
+        expected = ", ".join(MODES)
+        raise LogError(f"{where}: mode is {settings['mode']!r}, expected one of {expected}")
+    if settings["negate"] not in (0, 1):
+        raise LogError(f"{where}: negate is {settings['negate']!r}, expected 0 or 1")
+    for key in ("resolution", "occupied_thresh", "free_thresh"):
+        settings[key] = _number(settings[key], f"{where}: {key}")
+    if settings["resolution"] <= 0.0:
+        raise LogError(f"{where}: resolution is {settings['resolution']:g}, expected > 0")
+    low, high = settings["free_thresh"], settings["occupied_thresh"]
+    if not 0.0 <= low <= high <= 1.0:
+        raise LogError(f"{where}: free_thresh and occupied_thresh are {low:g} and {high:g}, "
+                       "expected 0 <= free <= occupied <= 1")  # fmt: skip
+    origin = settings["origin"]
+    if not isinstance(origin, list) or len(origin) != 3:
+        raise LogError(f"{where}: origin is {origin!r}, expected [x_m, y_m, yaw_rad]")
+    settings["origin"] = tuple(_number(part, f"{where}: origin") for part in origin)
+    return settings
+
+
+def _number(value: Any, where: str) -> float:
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not is_number or not math.isfinite(value):
+        raise LogError(f"{where} is {value!r}, expected a finite number")
+    return float(value)
+
+
+def _read_image(path: Path) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return the brightness of each pixel in 0..255, first row on top, and which are opaque."""
+    data = read_bytes(path)
+    if data[:2] in (b"P2", b"P5"):
+        brightness = _pgm(data, path)
+        return brightness, np.ones(brightness.shape, np.bool_)
+    if data.startswith(b"\x89PNG"):
+        return _png(data, path)
+    raise LogError(f"{path}: neither PGM (P2 or P5) nor PNG, it begins with {data[:8]!r}")
+
+
+def _pgm(data: bytes, path: Path) -> FloatArray:
+    space = rb"(?:\s|#[^\n]*\n)+"
+    match = re.match(rb"P[25]" + 3 * (space + rb"(\d+)") + rb"\s", data)
+    if match is None:
+        raise LogError(f"{path}: no PGM header, expected P2 or P5, width, height and maximum")
+    width, height, maximum = (int(number) for number in match.groups())
+    if not (width > 0 and height > 0 and 0 < maximum < 65536):
+        raise LogError(f"{path}: {width} x {height} pixels up to {maximum}, expected at least "
+                       "1 x 1 up to 1..65535")  # fmt: skip
+    body = data[match.end() :]
+    pixels: NDArray[Any]
+    if data[:2] == b"P5":
+        dtype = np.dtype(np.uint8 if maximum < 256 else ">u2")
+        pixels = np.frombuffer(body[: len(body) - len(body) % dtype.itemsize], dtype)
+    else:
+        words = re.sub(rb"#[^\n]*", b"", body).split()
+        if not all(word.isdigit() for word in words):
+            odd = next(word for word in words if not word.isdigit())
+            raise LogError(f"{path}: {odd[:20].decode('ascii', 'replace')!r} is no pixel")
+        pixels = np.array([int(word) for word in words], np.float64)
+    if len(pixels) < width * height:
+        raise LogError(f"{path}: {len(pixels)} pixels, its header says {width} x {height}")
+    values = pixels[: width * height].reshape(height, width)
+    if values.max() > maximum:
+        raise LogError(f"{path}: a pixel of {values.max():g}, its header says at most {maximum}")
+    return np.asarray(values * 255.0 / maximum, dtype=np.float64)
+
+
+def _png(data: bytes, path: Path) -> tuple[FloatArray, NDArray[np.bool_]]:
+    from PIL import Image  # loads slowly, and most maps are PGM
+
+    try:
+        with Image.open(io.BytesIO(data)) as image:
+            if image.mode.startswith("I"):  # 16 bits of grey
+                grey = np.asarray(image, dtype=np.float64) / 257.0
+                return grey, np.ones(grey.shape, np.bool_)
+            channels = np.asarray(image.convert("RGBA"), dtype=np.float64)
+    except (OSError, SyntaxError, ValueError) as error:
+        raise LogError(f"{path}: cannot be read: {error}") from error
+    return channels[:, :, :3].mean(axis=2), channels[:, :, 3] == 255.0

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A room as a grid map: which cells its walls touch."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locfuse.types import FREE, OCCUPIED, FloatArray, GridMap
+
+Segment = tuple[float, float, float, float]
+
+
+def room_grid(
+    room_m: tuple[float, float], walls: Sequence[Segment], resolution_m: float
+) -> GridMap:
+    """Return the map of an otherwise empty room.
+
+    The point (0, 0) is the middle of a cell: walls whose coordinates are multiples of the
+    resolution run through the middle of their cells, whose faces stand half a cell before them.
+
+    Parameters
+    ----------
+    room_m : (width, depth)
+        Between its walls' lines, from (0, 0), metres.
+    walls : sequence of (x1, y1, x2, y2)
+        Further walls; what lies outside of the room is cut off.
+    resolution_m : float
+
+    Returns
+    -------
+    GridMap
+
+    Examples
+    --------
+    >>> room_grid((2.0, 1.0), [], 0.5).cells.tolist()[1]
+    [100, 0, 0, 0, 100]
+    """
+    width, depth = room_m
+    columns, rows = (math.floor(side / resolution_m + 0.5) + 1 for side in room_m)
+    cells = np.full((rows, columns), FREE, np.int8)
+    x, y = (resolution_m * np.arange(n, dtype=np.float64) for n in (columns, rows))
+    around = [(0.0, 0.0, width, 0.0), (width, 0.0, width, depth),
+              (0.0, depth, width, depth), (0.0, 0.0, 0.0, depth)]  # fmt: skip
+    for wall in [*around, *walls]:
+        cells[_touches(wall, x, y[:, None], 0.5 * resolution_m)] = OCCUPIED
+    return GridMap(cells, resolution_m, (-0.5 * resolution_m, -0.5 * resolution_m, 0.0))
+
+
+def _touches(wall: Segment, x: FloatArray, y: FloatArray, half: float) -> NDArray[np.bool_]:
+    """Return which squares around (x, y) a wall touches: no axis separates the two."""
+    x1, y1, x2, y2 = wall
+    dx, dy = 0.5 * (x2 - x1), 0.5 * (y2 - y1)
+    right, up = x - 0.5 * (x1 + x2), y - 0.5 * (y1 + y2)
+    across = np.abs(right * dy - up * dx)
+    touches: NDArray[np.bool_] = (
+        (np.abs(right) <= half + abs(dx))
+        & (np.abs(up) <= half + abs(dy))
+        & (across <= half * (abs(dx) + abs(dy)))
+    )
+    return touches

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Start from nothing: the pose at power-up from ranges, scans on a map, and motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from locfuse import _core
+from locfuse.config.build import build_estimator_config, build_initializer_config
+from locfuse.config.schema import RunConfig
+from locfuse.types import NANOSECONDS, FloatArray, Hypothesis, Log, LogError, Start
+
+
+def scans_of(log: Log) -> list[_core.LaserScan]:
+    """Return the scans of a log as messages; none where it has no scans."""
+    if "scans" not in log or log.laser is None:
+        return []
+    laser = log.laser
+    geometry = _core.LaserGeometry(
+        _core.Pose2(*(float(v) for v in laser["pose_in_body"])),
+        angle_min=float(laser["angle_min_rad"]),
+        angle_increment=float(laser["angle_increment_rad"]),
+        range_min=float(laser["range_min_m"]),
+        range_max=float(laser["range_max_m"]),
+    )
+    table = log["scans"]
+    rows = zip(table["stamp_ns"], table["ranges_m"], strict=True)
+    return [_core.LaserScan(int(stamp), geometry, ranges) for stamp, ranges in rows]
+
+
+def matcher_of(log: Log) -> _core.ScanMatcher | None:
+    """Return a scan matcher on the map of a log, or None where it has no map.
+
+    Raises
+    ------
+    ValueError
+        If no cell of the map is occupied.
+    """
+    if log.grid is None:
+        return None
+    grid = log.grid
+    origin = _core.Pose2(*grid.origin)
+    return _core.ScanMatcher(_core.OccupancyGrid(grid.cells, grid.resolution_m, origin))
+
+
+def start_from_nothing(
+    config: RunConfig,
+    log: Log,
+    messages: _core.MessageLog,
+    begin_ns: int,
+    anchors: _core.AnchorMap,
+    tags: Sequence[_core.Tag],
+) -> tuple[_core.PoseEkf, int, Start]:
+    """Feed messages and scans to an `Initializer` until it is ready.
+
+    Returns
+    -------
+    PoseEkf, int, Start
+        The filter at the start, how many messages it took, and how it went.
+
+    Raises
+    ------
+    LogError
+        If the log ends before one pose is left; the text says what is missing.
+    """
+    scans = scans_of(log)
+    matcher = matcher_of(log) if scans else None
+    initializer = _core.Initializer(
+        build_initializer_config(config.initializer),
+        build_estimator_config(config.estimator),
+        anchors,
+        list(tags),
+        matcher,
+    )
+    run = _core.find_start(initializer, messages, scans if matcher is not None else [])
+    state = initializer.state()
+    if state.status != _core.StartStatus.READY:
+        raise LogError(f"start is 'auto', but the log ends before one pose is left: "
+                       f"{state.reason}; set start: [x, y, heading_deg]")  # fmt: skip
+    ekf = initializer.estimator()
+    best = state.hypotheses[0].estimate
+    start = Start(
+        stamp_ns=best.stamp,
+        seconds=(best.stamp - begin_ns) / NANOSECONDS,
+        pose=_pose(best),
+        covariance=best.covariance,
+        steps=tuple((step.stamp, _hypotheses(step.state)) for step in run.steps),
+        used_scans=matcher is not None,
+    )
+    return ekf, run.consumed, start
+
+
+def _pose(estimate: _core.PoseEstimate) -> FloatArray:
+    return np.array([estimate.pose.x, estimate.pose.y, estimate.pose.heading])
+
+
+def _hypotheses(state: _core.StartState) -> tuple[Hypothesis, ...]:
+    return tuple(Hypothesis(_pose(h.estimate), h.estimate.covariance, h.probability)
+                 for h in state.hypotheses)  # fmt: skip
+
+
+def returns_of(log: Log, stamp: int) -> FloatArray:
+    """Return the end points in body, (n, 2) [m], of the scan nearest to an instant."""
+    table, laser = log["scans"], log.laser
+    assert laser is not None
+    ranges = table["ranges_m"][int(np.argmin(np.abs(table["stamp_ns"] - stamp)))]
+    angle = laser["angle_min_rad"] + laser["angle_increment_rad"] * np.arange(len(ranges))
+    x, y, heading = laser["pose_in_body"]
+    hit = np.isfinite(ranges) & (ranges > 0.0) & (ranges < laser["range_max_m"])
+    angle, ranges = angle[hit] + heading, ranges[hit]
+    return np.column_stack([x + ranges * np.cos(angle), y + ranges * np.sin(angle)])

@@ -1,0 +1,253 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Cholesky>
+#include <cmath>
+
+#include "locfuse/estimators/initializer.hpp"
+#include "locfuse/math/chi_squared.hpp"
+#include "locfuse/replay/start.hpp"
+#include "support/expect.hpp"
+#include "support/simulation.hpp"
+
+namespace locfuse {
+namespace {
+
+using testing::kSecond;
+
+constexpr Stamp kTick = kSecond / 10;
+
+std::shared_ptr<const AnchorMap> corners() {
+  return std::make_shared<const AnchorMap>(std::vector<Anchor>{
+      {0, {0.0, 0.0, 1.0}}, {1, {10.0, 0.0, 1.0}}, {2, {9.0, 8.0, 1.0}}, {3, {-1.0, 9.0, 1.0}}});
+}
+
+/// A robot whose steps are given, and its messages; every one without noise unless asked.
+struct Robot {
+  Pose2 pose;
+  std::vector<Tag> tags;
+  std::shared_ptr<const AnchorMap> anchors;
+  double sigma = 0.0;
+  testing::Rng rng{1};
+  Stamp now = 0;
+
+  void hear(Initializer& initializer) {
+    for (const Tag& tag : tags) {
+      const Vector<2> at = pose.act(tag.position.head<2>());
+      for (const Anchor& anchor : anchors->anchors()) {
+        const double distance =
+            std::hypot(at.x() - anchor.position.x(), at.y() - anchor.position.y(),
+                       tag.position.z() - anchor.position.z());
+        initializer.on(Range{now, tag.id, anchor.id, distance + testing::normal(rng, sigma), {}});
+      }
+    }
+  }
+
+  void step(Initializer& initializer, const Pose2& motion) {
+    initializer.on(Increment{now, now + kTick, motion});
+    pose = pose * motion;
+    now += kTick;
+    hear(initializer);
+  }
+};
+
+std::vector<Tag> centred() { return {{0, {0.0, 0.0, 1.0}}}; }
+
+Initializer initializer_of(const Robot& robot, const Initializer::Config& config = {}) {
+  PoseEkf::Config estimator;
+  estimator.range.sigma_m = 0.05;
+  return {config, estimator, robot.anchors, robot.tags, nullptr};
+}
+
+TEST(Initializer, has_nothing_to_say_before_it_has_heard_anything) {
+  const Robot robot{{}, centred(), corners()};
+  const Initializer initializer = initializer_of(robot);
+  EXPECT_EQ(initializer.state().status, StartStatus::kWaiting);
+  EXPECT_TRUE(initializer.state().hypotheses.empty());
+  EXPECT_FALSE(initializer.state().reason.empty());
+  testing::expect_refused([&] { (void)initializer.estimator(); }, "not ready");
+}
+
+TEST(Initializer, waits_for_a_heading_as_long_as_one_tag_stands_still) {
+  Robot robot{{3.0, 4.0, 1.0}, centred(), corners(), 0.05};
+  Initializer initializer = initializer_of(robot);
+  for (int i = 0; i < 200; ++i) {
+    robot.step(initializer, {});
+  }
+  const Initializer::State state = initializer.state();
+  EXPECT_EQ(state.status, StartStatus::kWaiting);
+  ASSERT_EQ(state.hypotheses.size(), 1U);
+  EXPECT_NEAR(state.hypotheses[0].estimate.pose.x, 3.0, 0.1);
+  EXPECT_NEAR(state.hypotheses[0].estimate.pose.y, 4.0, 0.1);
+  EXPECT_GT(std::sqrt(state.hypotheses[0].estimate.covariance(2, 2)), 1.0);
+  EXPECT_NE(state.reason.find("heading"), std::string::npos);
+}
+
+TEST(Initializer, stops_averaging_ranges_of_a_robot_that_stands) {
+  Robot robot{{3.0, 4.0, 1.0}, centred(), corners(), 0.05};
+  Initializer initializer = initializer_of(robot);
+  for (int i = 0; i < 20; ++i) {
+    robot.step(initializer, {});
+  }
+  const Matrix<3, 3> after_20 = initializer.state().hypotheses[0].estimate.covariance;
+  for (int i = 0; i < 200; ++i) {
+    robot.step(initializer, {});
+  }
+  const Matrix<3, 3> after_220 = initializer.state().hypotheses[0].estimate.covariance;
+  EXPECT_NEAR(after_220(0, 0) / after_20(0, 0), 1.0, 0.05);
+}
+
+TEST(Initializer, knows_heading_from_a_short_drive) {
+  for (const double heading : {0.0, 0.7, 2.0, -kPi, -2.5, -0.3}) {
+    Robot robot{{3.0, 4.0, heading}, centred(), corners()};
+    Initializer initializer = initializer_of(robot);
+    int steps = 0;
+    for (; steps < 60 && initializer.state().status != StartStatus::kReady; ++steps) {
+      robot.step(initializer, {0.05, 0.0, 0.0});
+    }
+    ASSERT_LT(steps, 60) << heading;
+    EXPECT_GT(0.05 * steps, 0.2) << "a heading to 5 degrees needs a way longer than the noise";
+    const PoseEstimate found = initializer.estimator().estimate();
+    testing::expect_pose_near(found.pose, robot.pose, 0.05);
+  }
+}
+
+/// Mean NEES over `runs` drives of `seconds`, in which it is ready from some moment on.
+double nees_after(double seconds, int runs) {
+  double nees = 0.0;
+  for (int seed = 1; seed <= runs; ++seed) {
+    const testing::Simulation run = testing::simulate(static_cast<std::uint64_t>(seed), seconds);
+    PoseEkf::Config estimator;
+    estimator.range.sigma_m = 0.1;
+    estimator.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
+    Initializer initializer({}, estimator, testing::hall(), testing::one_tag(), nullptr);
+    for (const Message& message : run.messages) {
+      initializer.on(message);
+    }
+    EXPECT_EQ(initializer.state().status, StartStatus::kReady) << seed;
+    const PoseEstimate found = initializer.estimator().estimate();
+    const Vector<3> error = local({run.x, run.y, wrap_angle(run.heading)}, found.pose);
+    nees += error.dot(found.covariance.llt().solve(error)) / runs;
+  }
+  return nees;
+}
+
+TEST(Initializer, errs_as_much_as_it_believes_once_it_is_ready) {
+  constexpr int kRuns = 60;
+  const double nees = nees_after(5.0, kRuns);
+  EXPECT_GE(nees, chi_squared_quantile(3 * kRuns, 0.005) / kRuns);
+  EXPECT_LE(nees, chi_squared_quantile(3 * kRuns, 0.995) / kRuns);
+}
+
+TEST(Initializer, two_tags_know_the_heading_standing_still) {
+  Robot robot{{3.0, 4.0, 2.2}, {{0, {0.8, 0.0, 1.0}}, {1, {-0.8, 0.0, 1.0}}}, corners(), 0.02};
+  Initializer initializer = initializer_of(robot);
+  for (int i = 0; i < 10; ++i) {
+    robot.step(initializer, {});
+  }
+  ASSERT_EQ(initializer.state().status, StartStatus::kReady) << initializer.state().reason;
+  EXPECT_NEAR(angle_difference(initializer.estimator().pose().heading, 2.2), 0.0, 0.1);
+}
+
+/// Drives towards and away from a wall with two anchors; its mirror image hears the same.
+Robot before_a_wall() {
+  const auto wall = std::make_shared<const AnchorMap>(
+      std::vector<Anchor>{{0, {0.0, 0.0, 1.0}}, {1, {6.0, 0.0, 1.0}}});
+  return {{2.0, 3.0, 0.5}, centred(), wall, 0.02};
+}
+
+TEST(Initializer, keeps_both_sides_of_a_line_of_anchors_while_it_drives_straight) {
+  Robot robot = before_a_wall();
+  Initializer initializer = initializer_of(robot);
+  for (int i = 0; i < 40; ++i) {
+    robot.step(initializer, {0.05, 0.0, 0.0});
+    EXPECT_NE(initializer.state().status, StartStatus::kReady);
+  }
+  const Initializer::State state = initializer.state();
+  EXPECT_EQ(state.status, StartStatus::kAmbiguous);
+  ASSERT_EQ(state.hypotheses.size(), 2U);
+  EXPECT_NEAR(state.hypotheses[0].estimate.pose.y, -state.hypotheses[1].estimate.pose.y, 0.2);
+}
+
+TEST(Initializer, a_turn_tells_the_sides_of_a_line_of_anchors_apart) {
+  Robot robot = before_a_wall();
+  Initializer initializer = initializer_of(robot);
+  for (int i = 0; i < 80 && initializer.state().status != StartStatus::kReady; ++i) {
+    robot.step(initializer, {0.05, 0.0, 0.04});
+  }
+  ASSERT_EQ(initializer.state().status, StartStatus::kReady) << initializer.state().reason;
+  testing::expect_pose_near(initializer.estimator().estimate().pose, robot.pose, 0.1);
+}
+
+TEST(Initializer, survives_a_first_epoch_with_a_range_that_is_metres_wrong) {
+  for (std::size_t wrong = 0; wrong < 4; ++wrong) {
+    Robot robot{{3.0, 4.0, -1.0}, centred(), corners(), 0.05};
+    Initializer initializer = initializer_of(robot);
+    for (const Anchor& anchor : robot.anchors->anchors()) {
+      const double distance = (robot.pose.position() - anchor.position.head<2>()).norm();
+      const double error = anchor.id == static_cast<Id>(wrong) ? 5.0 : 0.0;
+      initializer.on(Range{0, 0, anchor.id, distance + error, {}});
+    }
+    for (int i = 0; i < 40; ++i) {
+      robot.step(initializer, {0.05, 0.0, 0.0});
+    }
+    ASSERT_EQ(initializer.state().status, StartStatus::kReady) << wrong;
+    testing::expect_pose_near(initializer.estimator().estimate().pose, robot.pose, 0.1);
+  }
+}
+
+TEST(Initializer, is_ready_with_the_first_good_pose) {
+  const Robot robot{{}, centred(), corners()};
+  Initializer initializer = initializer_of(robot);
+  const Matrix<3, 3> P = 1e-4 * Matrix<3, 3>::Identity();
+  initializer.on(PoseObservation{kSecond, {1.0, 2.0, 3.0}, P});
+  ASSERT_EQ(initializer.state().status, StartStatus::kReady);
+  const PoseEstimate found = initializer.estimator().current();
+  testing::expect_pose_near(found.pose, {1.0, 2.0, 3.0}, 1e-12);
+  testing::expect_near(found.covariance, P, 1e-12);
+  EXPECT_EQ(found.stamp, kSecond);
+}
+
+TEST(Initializer, drives_on_from_position_fixes) {
+  Robot robot{{3.0, 4.0, 2.0}, centred(), std::make_shared<const AnchorMap>()};
+  Initializer initializer = initializer_of(robot);
+  const Matrix<2, 2> R = 4e-4 * Matrix<2, 2>::Identity();
+  for (int i = 0; i < 20; ++i) {
+    robot.step(initializer, {0.05, 0.0, 0.0});
+    initializer.on(PositionFix{robot.now, robot.pose.position(), R});
+  }
+  ASSERT_EQ(initializer.state().status, StartStatus::kReady) << initializer.state().reason;
+  testing::expect_pose_near(initializer.estimator().estimate().pose, robot.pose, 0.05);
+}
+
+TEST(Initializer, the_rest_of_a_motion_that_began_before_the_start_is_driven) {
+  const Robot robot{{}, centred(), corners()};
+  Initializer initializer = initializer_of(robot);
+  initializer.on(Increment{0, kSecond, {1.0, 0.0, 0.0}});
+  initializer.on(PoseObservation{kSecond / 4, {0.0, 0.0, 0.0}, 1e-4 * Matrix<3, 3>::Identity()});
+  testing::expect_pose_near(initializer.estimator().estimate(kSecond).pose, {0.75, 0.0, 0.0}, 1e-9);
+}
+
+TEST(Initializer, find_start_stops_at_the_message_that_makes_it_ready) {
+  const Robot robot{{}, centred(), corners()};
+  Initializer initializer = initializer_of(robot);
+  MessageLog log;
+  log.add(Velocity{0, 0.0, 0.0});
+  log.add(PoseObservation{kSecond, {1.0, 2.0, 3.0}, 1e-4 * Matrix<3, 3>::Identity()});
+  log.add(Range{2 * kSecond, 0, 0, 4.0, {}});
+  const StartRun run = find_start(initializer, log, {});
+  EXPECT_EQ(run.consumed, 2U);
+  ASSERT_EQ(run.steps.size(), 1U);
+  EXPECT_EQ(run.steps[0].state.status, StartStatus::kReady);
+}
+
+TEST(Initializer, refuses_a_config_out_of_range) {
+  const Robot robot{{}, centred(), corners()};
+  Initializer::Config config;
+  config.headings = 2;
+  testing::expect_refused([&] { (void)initializer_of(robot, config); }, "headings");
+  config = {};
+  config.probability_ready = 1.0;
+  testing::expect_refused([&] { (void)initializer_of(robot, config); }, "probability_ready");
+}
+
+}  // namespace
+}  // namespace locfuse

@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+#include <limits>
+
+#include "locfuse/frontends/locate.hpp"
+#include "support/expect.hpp"
+#include "support/ranging.hpp"
+
+namespace locfuse {
+namespace {
+
+using testing::Anchors;
+using testing::expect_near;
+using testing::Rng;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+PositionSolution locate_from(const Anchors& anchors, const std::vector<double>& ranges,
+                             const LocateOptions& options = {}, double sigma = 0.1) {
+  return locate(anchors.table(), ranges.data(), anchors.sigmas(sigma).data(), options);
+}
+
+Anchors line_of_anchors() { return {{0.0, 0.0, 5.0, 0.0, 10.0, 0.0}, 2, {}}; }
+
+TEST(Locate, says_that_both_solvers_agree_on_good_ranges) {
+  const Anchors anchors = testing::room();
+  const Eigen::Vector2d truth(3.0, 4.0);
+  for (const bool use_ceres : {true, false}) {
+    LocateOptions options;
+    options.use_ceres = use_ceres;
+    const PositionSolution found = locate_from(anchors, anchors.ranges_from(truth), options);
+    ASSERT_EQ(found.status, PositionStatus::kUnique);
+    EXPECT_TRUE(found.reason.empty());
+    EXPECT_FALSE(found.termination.empty());
+    expect_near(found.hypotheses[0].position, truth, 1e-9);
+    expect_near(found.comparison->squared_range_position, truth, 1e-9);
+    EXPECT_TRUE(found.comparison->agree());
+    EXPECT_EQ(found.comparison->dof, 2);
+    EXPECT_EQ(found.fit_dof, 3);
+    EXPECT_LT(found.residuals.cwiseAbs().maxCoeff(), 1e-9);
+    EXPECT_NEAR(found.dop->position, std::sqrt(found.hypotheses[0].covariance.trace()) / 0.1, 1e-9);
+  }
+}
+
+TEST(Locate, returns_both_sides_of_anchors_on_a_line_and_a_box_or_prior_decides) {
+  const Anchors anchors = line_of_anchors();
+  const std::vector<double> ranges = anchors.ranges_from(Eigen::Vector2d(3.0, -4.0));
+  PositionSolution found = locate_from(anchors, ranges);
+  EXPECT_EQ(found.status, PositionStatus::kAmbiguous);
+  EXPECT_NE(found.reason.find("2 positions"), std::string::npos);
+  ASSERT_EQ(found.hypotheses.size(), 2U);
+  EXPECT_NEAR(found.hypotheses[0].position(1) + found.hypotheses[1].position(1), 0.0, 1e-9);
+
+  LocateOptions options;
+  options.box = {Eigen::Vector2d(-1.0, -9.0), Eigen::Vector2d(11.0, 0.0)};
+  found = locate_from(anchors, ranges, options);
+  ASSERT_EQ(found.status, PositionStatus::kUnique);
+  expect_near(found.hypotheses[0].position, Eigen::Vector2d(3.0, -4.0), 1e-6);
+  options.box = {Eigen::Vector2d(-1.0, 5.0), Eigen::Vector2d(11.0, 9.0)};
+  found = locate_from(anchors, ranges, options);
+  EXPECT_EQ(found.status, PositionStatus::kExcluded);
+  EXPECT_TRUE(found.hypotheses.empty());
+
+  options.box.reset();
+  options.prior = {Eigen::Vector2d(0.0, -3.0), Eigen::Vector2d(kInfinity, 1.0)};
+  found = locate_from(anchors, ranges, options);
+  ASSERT_EQ(found.status, PositionStatus::kUnique) << found.reason;
+  EXPECT_NEAR(found.hypotheses[0].position(1), -4.0, 0.1);
+}
+
+TEST(Locate, a_height_resolves_anchors_on_a_line_in_space) {
+  const Anchors anchors = {{0, 0, 2, 5, 0, 2, 10, 0, 2}, 3, {}};
+  const std::vector<double> ranges = anchors.ranges_from(Eigen::Vector3d(3.0, 4.0, 1.1));
+  PositionSolution found = locate_from(anchors, ranges);
+  EXPECT_EQ(found.status, PositionStatus::kUnderdetermined);
+  EXPECT_NE(found.reason.find("circle"), std::string::npos) << found.reason;
+  LocateOptions options;
+  options.prior = {Eigen::Vector3d(0.0, 0.0, 1.1), Eigen::Vector3d(kInfinity, kInfinity, 0.01)};
+  found = locate_from(anchors, ranges, options);
+  EXPECT_EQ(found.status, PositionStatus::kAmbiguous) << found.reason;
+  ASSERT_EQ(found.hypotheses.size(), 2U);
+  for (const PositionHypothesis& hypothesis : found.hypotheses) {
+    expect_near(hypothesis.position.cwiseAbs(), Eigen::Vector3d(3.0, 4.0, 1.1), 1e-3);
+  }
+}
+
+TEST(Locate, says_what_is_missing) {
+  const Anchors one = {{1.0, 2.0}, 2, {}};
+  EXPECT_NE(locate_from(one, {3.0}).reason.find("1 ranges"), std::string::npos);
+  const Anchors none = {{}, 2, {}};
+  EXPECT_EQ(locate_from(none, {}).status, PositionStatus::kUnderdetermined);
+  const Anchors stack = {{1.0, 2.0, 1.0, 2.0, 1.0, 2.0}, 2, {}};
+  const PositionSolution found = locate_from(stack, {3.0, 3.0, 3.0});
+  EXPECT_EQ(found.status, PositionStatus::kUnderdetermined);
+  EXPECT_NE(found.reason.find("one point"), std::string::npos) << found.reason;
+  EXPECT_TRUE(found.hypotheses.empty());
+}
+
+TEST(Locate, names_the_direction_that_a_position_on_the_line_leaves_open) {
+  const PositionSolution found =
+      locate_from(line_of_anchors(), line_of_anchors().ranges_from(Eigen::Vector2d(3.0, 0.0)));
+  EXPECT_EQ(found.status, PositionStatus::kUnderdetermined);
+  ASSERT_FALSE(found.hypotheses.empty());
+  EXPECT_NEAR(std::abs(found.hypotheses[0].weak_direction(1)), 1.0, 1e-6);
+}
+
+TEST(Locate, names_the_biased_range_and_alarms_at_the_stated_rate) {
+  Rng rng(8);
+  const Anchors anchors = {{0, 0, 10, 0, 10, 10, 0, 10, 5, 0, 5, 10}, 2, {}};
+  LocateOptions options;
+  options.use_ceres = false;
+  options.rules.false_alarm_probability = 0.01;
+  int named = 0;
+  int alarms = 0;
+  constexpr int kTrials = 2'000;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    std::vector<double> ranges = anchors.ranges_from(testing::random_point(rng, 2));
+    testing::add_noise(rng, 0.05, ranges);
+    alarms += locate_from(anchors, ranges, options, 0.05).fits() ? 0 : 1;
+    const std::size_t wrong = static_cast<std::size_t>(trial) % 6;
+    ranges[wrong] += 1.0;
+    const PositionSolution found = locate_from(anchors, ranges, options, 0.05);
+    EXPECT_EQ(found.status, PositionStatus::kInconsistent);
+    named += found.culprit && found.culprit->index == static_cast<int>(wrong) ? 1 : 0;
+  }
+  EXPECT_GE(named, kTrials * 99 / 100);
+  EXPECT_NEAR(alarms, 20, 2.576 * std::sqrt(20.0));
+}
+
+TEST(Locate, cannot_tell_which_range_is_wrong_with_one_to_spare) {
+  const Anchors anchors = {{0, 0, 10, 0, 3, 10}, 2, {}};
+  std::vector<double> ranges = anchors.ranges_from(Eigen::Vector2d(4.0, 4.0));
+  ranges[0] += 2.0;
+  const PositionSolution found = locate_from(anchors, ranges);
+  EXPECT_EQ(found.status, PositionStatus::kInconsistent);
+  EXPECT_FALSE(found.culprit.has_value());
+  EXPECT_NE(found.reason.find("no single one"), std::string::npos) << found.reason;
+}
+
+TEST(Locate, ranges_that_contradict_each_other_by_100_m_are_inconsistent) {
+  const Anchors anchors = testing::room();
+  std::vector<double> ranges = anchors.ranges_from(Eigen::Vector2d(3.0, 4.0));
+  ranges[0] += 100.0;
+  ranges[3] += 60.0;
+  const PositionSolution found = locate_from(anchors, ranges);
+  EXPECT_EQ(found.status, PositionStatus::kInconsistent);
+  EXPECT_TRUE(found.hypotheses[0].position.allFinite());
+}
+
+TEST(Locate, refuses_ranges_priors_and_boxes_that_make_no_sense) {
+  const Anchors anchors = testing::room();
+  const std::vector<double> good = anchors.ranges_from(Eigen::Vector2d(3.0, 4.0));
+  for (const double bad : {0.0, -1.5, std::nan(""), kInfinity}) {
+    std::vector<double> ranges = good;
+    ranges[3] = bad;
+    testing::expect_refused([&] { (void)locate_from(anchors, ranges); }, "range 3", "positive");
+  }
+  LocateOptions options;
+  options.prior = {Eigen::Vector2d(0.0, 0.0), Eigen::Vector2d(0.0, 1.0)};
+  testing::expect_refused([&] { (void)locate_from(anchors, good, options); }, "prior", "0.000");
+  options.prior.reset();
+  options.box = {Eigen::Vector2d(0.0, 2.0), Eigen::Vector2d(1.0, 1.0)};
+  testing::expect_refused([&] { (void)locate_from(anchors, good, options); }, "box", "2.000");
+}
+
+TEST(CramerRao, equals_values_computed_by_hand) {
+  const Anchors anchors = {{10.0, 0.0, 0.0, 5.0}, 2, {}};
+  const auto bound =
+      cramer_rao(anchors.table(), anchors.sigmas(0.1).data(), Eigen::RowVector2d(0.0, 0.0));
+  expect_near(bound[0], 0.01 * Matrix<2, 2>::Identity(), 1e-15);
+  EXPECT_NEAR(dilution(anchors.table(), Eigen::Vector2d(0.0, 0.0)).position, std::sqrt(2.0), 1e-15);
+  // An anchor 3 m above and 4 m aside: the plane sees 4/5 of its direction.
+  const Anchors above = {{4.0, 0.0, 3.0, 0.0, 4.0, 3.0}, 3, 0.0};
+  EXPECT_NEAR(
+      cramer_rao(above.table(), above.sigmas(0.1).data(), Eigen::RowVector2d(0.0, 0.0))[0](0, 0),
+      0.01 / 0.64, 1e-15);
+}
+
+TEST(CramerRao, is_infinite_where_a_direction_is_open) {
+  const Anchors anchors = line_of_anchors();
+  const auto bound =
+      cramer_rao(anchors.table(), anchors.sigmas(0.1).data(), Eigen::RowVector2d(3.0, 0.0));
+  EXPECT_EQ(bound[0](1, 1), kInfinity);
+}
+
+}  // namespace
+}  // namespace locfuse

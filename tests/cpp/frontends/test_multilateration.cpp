@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+
+#include "locfuse/frontends/multilateration.hpp"
+#include "locfuse/frontends/range_batch.hpp"
+#include "support/expect.hpp"
+#include "support/ranging.hpp"
+
+namespace locfuse {
+namespace {
+
+using testing::Anchors;
+using testing::expect_near;
+using testing::Rng;
+
+template <int N>
+RangePosition<N> solve(const Anchors& anchors, const std::vector<double>& ranges,
+                       double sigma = 0.1) {
+  return Multilateration<N>(anchors.table(), anchors.sigmas(sigma).data(), {}).solve(ranges.data());
+}
+
+TEST(Multilateration, is_consistent_over_ten_thousand_positions) {
+  Rng rng(5);
+  const Anchors anchors = testing::room();
+  const Multilateration<2> solver(anchors.table(), anchors.sigmas(0.1).data(), {});
+  double nees = 0.0;
+  int inconsistent = 0;
+  constexpr int kTrials = 10'000;
+  for (int i = 0; i < kTrials; ++i) {
+    const Eigen::Vector2d truth = testing::random_point(rng, 2);
+    std::vector<double> ranges = anchors.ranges_from(truth);
+    testing::add_noise(rng, 0.1, ranges);
+    const auto found = solver.solve(ranges.data());
+    ASSERT_LE(found.status, PositionStatus::kInconsistent);
+    inconsistent += found.status == PositionStatus::kInconsistent ? 1 : 0;
+    const Eigen::Vector2d error = found.position - truth;
+    nees += error.dot(found.covariance.inverse() * error);
+  }
+  // 99 % band of the mean of 10,000 chi-square variables of 2 dof, and of 10,000 alarms at 0.1 %.
+  EXPECT_NEAR(nees / kTrials, 2.0, 2.576 * 2.0 / std::sqrt(kTrials));
+  EXPECT_NEAR(inconsistent, 10, 9);
+}
+
+TEST(Multilateration, never_takes_a_side_of_anchors_on_a_line_or_plane) {
+  Rng rng(6);
+  for (int trial = 0; trial < 2'000; ++trial) {
+    Anchors line = testing::random_anchors(rng, 5, 2);
+    Anchors plane = testing::random_anchors(rng, 6, 3);
+    const double slope = testing::uniform(rng, -2.0, 2.0);
+    for (std::size_t i = 0; i < 5; ++i) {
+      line.rows[2 * i + 1] = slope * line.rows[2 * i];
+    }
+    for (std::size_t i = 0; i < 6; ++i) {
+      plane.rows[3 * i + 2] = slope * plane.rows[3 * i] + plane.rows[3 * i + 1];
+    }
+    std::vector<double> ranges = line.ranges_from(testing::random_point(rng, 2));
+    testing::add_noise(rng, 0.1, ranges);
+    EXPECT_GE(solve<2>(line, ranges).status, PositionStatus::kAmbiguous);
+    ranges = plane.ranges_from(testing::random_point(rng, 3));
+    testing::add_noise(rng, 0.1, ranges);
+    EXPECT_GE(solve<3>(plane, ranges).status, PositionStatus::kAmbiguous);
+  }
+}
+
+TEST(Multilateration, leaves_out_what_was_not_heard) {
+  const Anchors anchors = testing::room();
+  std::vector<double> ranges = anchors.ranges_from(Eigen::Vector2d(3.0, 4.0));
+  ranges[1] = std::nan("");
+  const auto found = solve<2>(anchors, ranges);
+  EXPECT_EQ(found.status, PositionStatus::kUnique);
+  expect_near(found.position, Eigen::Vector2d(3.0, 4.0), 1e-9);
+  ranges[0] = ranges[2] = ranges[3] = std::nan("");
+  const auto lost = solve<2>(anchors, ranges);
+  EXPECT_EQ(lost.status, PositionStatus::kUnderdetermined);
+  EXPECT_FALSE(lost.has_position);
+}
+
+TEST(Multilateration, refuses_ranges_that_are_not_positive) {
+  const Anchors anchors = testing::room();
+  for (const double bad : {0.0, -1.5, HUGE_VAL}) {
+    std::vector<double> ranges = anchors.ranges_from(Eigen::Vector2d(3.0, 4.0));
+    ranges[3] = bad;
+    testing::expect_refused([&] { (void)solve<2>(anchors, ranges); }, "range 3", "positive");
+  }
+}
+
+TEST(Multilateration, refuses_probabilities_and_dimensions_that_make_no_sense) {
+  const Anchors anchors = testing::room();
+  const std::vector<double> sigma = anchors.sigmas(0.1);
+  const auto with = [&](double side, double alarm) {
+    (void)Multilateration<2>(anchors.table(), sigma.data(), {{}, {side, alarm}});
+  };
+  testing::expect_refused([&] { with(0.5, 0.1); }, "wrong_side_probability", "0.5");
+  testing::expect_refused([&] { with(1e-6, 1.0); }, "false_alarm_probability", "1.0");
+  testing::expect_refused([&] { (void)Multilateration<3>(anchors.table(), sigma.data(), {}); },
+                          "2 dimensions", "expected 3");
+}
+
+TEST(LocateBatch, equals_one_epoch_at_a_time) {
+  Rng rng(7);
+  const Anchors anchors = testing::room();
+  const Multilateration<2> solver(anchors.table(), anchors.sigmas(0.1).data(), {});
+  constexpr std::size_t kEpochs = 203;
+  std::vector<double> ranges;
+  for (std::size_t i = 0; i < kEpochs; ++i) {
+    std::vector<double> row = anchors.ranges_from(testing::random_point(rng, 2));
+    testing::add_noise(rng, i % 7 == 0 ? 3.0 : 0.1, row);
+    row[i % 5] = i % 11 == 0 ? std::nan("") : row[i % 5];
+    ranges.insert(ranges.end(), row.begin(), row.end());
+  }
+  std::vector<double> position(2 * kEpochs);
+  std::vector<double> covariance(4 * kEpochs);
+  std::vector<double> cost(kEpochs);
+  std::vector<PositionStatus> status(kEpochs);
+  locate_batch<2>(solver, RangeSolver::kMaximumLikelihood, nullptr, ranges.data(), kEpochs,
+                  {position.data(), covariance.data(), cost.data(), status.data()});
+  for (std::size_t i = 0; i < kEpochs; ++i) {
+    const auto found = solver.solve(ranges.data() + 5 * i);
+    EXPECT_EQ(status[i], found.status);
+    EXPECT_NEAR(cost[i], found.cost, 1e-6 * (1.0 + found.cost));
+    EXPECT_NEAR(position[2 * i], found.position(0), 1e-6);
+    EXPECT_NEAR(position[2 * i + 1], found.position(1), 1e-6);
+    if (std::isfinite(found.covariance(0, 0))) {
+      EXPECT_NEAR(covariance[4 * i + 1], found.covariance(0, 1), 1e-6);
+    }
+  }
+}
+
+TEST(LocateBatch, marks_an_epoch_with_a_bad_range) {
+  const Anchors anchors = testing::room();
+  const Multilateration<2> solver(anchors.table(), anchors.sigmas(0.1).data(), {});
+  std::vector<double> ranges = anchors.ranges_from(Eigen::Vector2d(3.0, 4.0));
+  ranges[2] = -1.0;
+  double position[2];
+  double covariance[4];
+  double cost = 0.0;
+  PositionStatus status = PositionStatus::kUnique;
+  locate_batch<2>(solver, RangeSolver::kMaximumLikelihood, nullptr, ranges.data(), 1,
+                  {position, covariance, &cost, &status});
+  EXPECT_EQ(status, PositionStatus::kBadRange);
+  EXPECT_TRUE(std::isnan(position[0]) && std::isnan(cost));
+}
+
+}  // namespace
+}  // namespace locfuse

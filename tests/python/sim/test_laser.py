@@ -1,0 +1,280 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Beams end where a wall begins, and err as much as they state."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from locfuse.config.load import parse_config
+from locfuse.config.scenario import LaserSensor, Scenario
+from locfuse.io.log_folder import read_log, write_log
+from locfuse.io.maps import write_map
+from locfuse.run import run
+from locfuse.sim import laser
+from locfuse.sim.room import room_grid
+from locfuse.sim.scenario import simulate
+from locfuse.sim.sensors import stamps
+from locfuse.sim.trajectory import drive_of
+from locfuse.types import ConfigError, FloatArray, GridMap, Log, LogError
+from support_statistics import assert_standard_normal
+
+EXACT = LaserSensor(beams=4, range_min_m=0.0, range_max_m=50.0, sigma_m=0.0)
+ROOM = room_grid((10.0, 10.0), [], 0.05)  # faces 2.5 cm inside of the lines
+
+
+def rng(seed: int = 4) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def one_scan(
+    pose: tuple[float, float, float], sensor: LaserSensor, grid: GridMap = ROOM
+) -> FloatArray:
+    standing = drive_of(pose, [(1.0, 0.0, 0.0)])
+    seen = laser.scans(standing, stamps(1.0, 0.0), grid, sensor, rng())
+    return np.asarray(seen["ranges_m"][0], dtype=np.float64)
+
+
+def one_beam(grid: GridMap, x: float, y: float, heading: float, reach: float = 100.0) -> float:
+    return float(laser.cast(grid, np.array([[x, y]]), np.array([heading]), reach)[0])
+
+
+# Geometry ------------------------------------------------------------------------------------
+
+
+def test_beams_along_the_axes_end_at_the_faces_of_the_walls() -> None:
+    seen = one_scan((4.0, 3.0, 0.0), EXACT)  # west, south, east, north
+    np.testing.assert_allclose(seen, [3.975, 2.975, 5.975, 6.975], atol=1e-12)
+
+
+def test_the_first_beam_stands_half_the_field_of_view_to_the_right() -> None:
+    full = laser.geometry(EXACT)
+    half = laser.geometry(EXACT.model_copy(update={"field_of_view_deg": 180.0, "beams": 181}))
+
+    assert full["angle_min_rad"] == -math.pi
+    assert full["angle_increment_rad"] == pytest.approx(math.pi / 2)
+    assert half["angle_min_rad"] == -math.pi / 2
+    assert half["angle_increment_rad"] == pytest.approx(math.radians(1.0))
+
+
+def test_a_laser_in_front_that_looks_left_sees_from_there() -> None:
+    sensor = EXACT.model_copy(update={"pose_in_body": (0.5, 0.25, 90.0)})
+    # The body looks north: the laser stands 0.5 m north and 0.25 m west of it and looks west.
+    seen = one_scan((4.0, 3.0, 0.5 * math.pi), sensor)  # east, north, west, south
+    np.testing.assert_allclose(seen, [6.225, 6.475, 3.725, 3.475], atol=1e-12)
+
+
+def test_a_slanted_beam_ends_where_its_line_meets_the_wall() -> None:
+    for heading in (0.3, -0.4, 0.1):
+        expected = (9.975 - 2.0) / math.cos(heading)
+        assert one_beam(ROOM, 2.0, 5.0, heading) == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_map_that_is_turned_and_moved_is_seen_in_its_place() -> None:
+    cells = np.zeros((1, 40), np.int8)
+    cells[0, 30] = 100
+    grid = GridMap(cells, 0.1, (5.0, -2.0, 0.5 * math.pi))  # its x axis points north
+    # The cell spans x from 4.9 to 5.0 and y from 1.0 to 1.1.
+    assert one_beam(grid, 4.95, -1.5, 0.5 * math.pi) == pytest.approx(2.5, abs=1e-12)
+    assert one_beam(grid, 9.0, 1.05, math.pi) == pytest.approx(4.0, abs=1e-12)
+    assert one_beam(grid, 9.0, 1.15, math.pi) == math.inf
+
+
+def test_beams_agree_with_the_nearest_face_of_all_occupied_squares() -> None:
+    random = rng()
+    cells = np.where(random.random((40, 50)) < 0.05, 100, random.choice([0, -1], (40, 50)))
+    grid = GridMap(cells.astype(np.int8), 0.07, (-1.3, 0.4, 0.6))
+    start = random.uniform(-1.5, 3.0, (400, 2))
+    heading = random.uniform(-math.pi, math.pi, 400)
+
+    walked = laser.cast(grid, start, heading, 4.0)
+
+    # Slabs: where each beam is inside of each occupied square, in the map's frame.
+    c, s = math.cos(0.6), math.sin(0.6)
+    moved = start - [-1.3, 0.4]
+    at = np.column_stack([c * moved[:, 0] + s * moved[:, 1], c * moved[:, 1] - s * moved[:, 0]])
+    along = np.column_stack([np.cos(heading - 0.6), np.sin(heading - 0.6)])[:, None, :]
+    low = 0.07 * np.argwhere(cells == 100)[:, ::-1] - at[:, None, :]
+    first, second = low / along, (low + 0.07) / along
+    enters = np.minimum(first, second).max(axis=2)
+    leaves = np.maximum(first, second).min(axis=2)
+    entry = np.where((enters <= leaves) & (leaves >= 0.0), np.maximum(enters, 0.0), np.inf)
+    nearest = entry.min(axis=1)
+    nearest[nearest > 4.0] = np.inf
+    assert 100 < np.isfinite(nearest).sum() < 380
+    np.testing.assert_allclose(walked, nearest, atol=1e-12)
+
+
+def test_a_beam_that_starts_in_a_wall_has_gone_no_way() -> None:
+    assert one_beam(ROOM, 0.0, 5.0, 0.3) == 0.0
+
+
+def test_no_beam_slips_between_cells_that_meet_at_a_corner() -> None:
+    cells = np.zeros((30, 30), np.int8)
+    cells[np.arange(30), np.arange(30)] = 100
+    grid = GridMap(cells, 1.0)
+    start = np.column_stack([np.linspace(5.0, 25.0, 1001), np.full(1001, 29.9)])
+    heading = np.full(1001, -0.25 * math.pi)
+    below = start[:, 0] < 29.0
+    assert np.isfinite(laser.cast(grid, start, heading, 100.0)[below]).all()
+
+
+# What gives no return ------------------------------------------------------------------------
+
+
+def test_what_is_too_near_or_too_far_gives_no_return() -> None:
+    sensor = EXACT.model_copy(update={"range_min_m": 3.0, "range_max_m": 6.0})
+    seen = one_scan((4.0, 3.0, 0.0), sensor)
+    np.testing.assert_allclose(seen, [3.975, np.nan, 5.975, np.nan], atol=1e-12)
+
+
+def test_unknown_cells_and_the_outside_let_beams_pass() -> None:
+    cells = np.full((3, 10), -1, np.int8)
+    cells[1, 7] = 100
+    grid = GridMap(cells, 1.0)
+    assert one_beam(grid, -5.0, 1.5, 0.0) == pytest.approx(12.0)
+    assert one_beam(grid, -5.0, 1.5, math.pi) == math.inf
+    assert one_beam(grid, 0.5, 0.5, 0.0) == math.inf
+
+
+def test_a_beam_ends_at_its_reach() -> None:
+    assert one_beam(ROOM, 5.0, 5.0, 0.0, 4.98) == pytest.approx(4.975)
+    assert one_beam(ROOM, 5.0, 5.0, 0.0, 4.97) == math.inf
+
+
+def test_as_many_beams_are_lost_as_stated() -> None:
+    sensor = LaserSensor(range_max_m=20.0, dropout=0.2)
+    standing = drive_of((5.0, 5.0, 0.0), [(1000.0, 0.0, 0.0)])
+
+    seen = laser.scans(standing, stamps(1.0, 99.0), ROOM, sensor, rng())["ranges_m"]
+
+    share = float(np.isnan(seen).mean())
+    assert share == pytest.approx(0.2, abs=4.0 * math.sqrt(0.2 * 0.8 / seen.size))
+
+
+# Noise ---------------------------------------------------------------------------------------
+
+
+def test_noise_is_as_stated() -> None:
+    standing = drive_of((5.0, 5.0, 0.3), [(1000.0, 0.0, 0.0)])
+    sensor = LaserSensor(range_max_m=20.0, sigma_m=0.03)
+
+    seen = laser.scans(standing, stamps(1.0, 49.0), ROOM, sensor, rng())["ranges_m"]
+    exact = one_scan((5.0, 5.0, 0.3), sensor.model_copy(update={"sigma_m": 0.0}))
+
+    assert_standard_normal((seen - exact) / 0.03)
+
+
+def test_switching_dropouts_on_changes_no_bit_of_the_beams_that_are_left() -> None:
+    pose = (3.0, 4.0, 1.0)
+    sensor = LaserSensor(range_max_m=20.0)
+    everything = one_scan(pose, sensor)
+    less = one_scan(pose, sensor.model_copy(update={"dropout": 0.5}))
+    left = ~np.isnan(less)
+    assert 100 < left.sum() < 260
+    np.testing.assert_array_equal(less[left], everything[left])
+
+
+# In a scenario -------------------------------------------------------------------------------
+
+
+def drive(seed: int = 5, base: Path | None = None, **changes: Any) -> Log:
+    settings = {"duration_s": 4.0, "laser": {}, "map": {}, **changes}
+    return simulate(Scenario.model_validate(settings), np.random.default_rng(seed), base)
+
+
+def test_a_scenario_with_a_laser_has_scans_their_geometry_and_the_grid() -> None:
+    log = drive(laser={"rate_hz": 2.0, "beams": 90})
+
+    assert log["scans"]["ranges_m"].shape == (9, 90)
+    assert log.laser is not None
+    assert log.laser["angle_increment_rad"] == pytest.approx(math.radians(4.0))
+    assert log.grid is not None
+    np.testing.assert_array_equal(log.grid.cells, ROOM.cells)
+    assert set(log["scans"]["stamp_ns"]) <= set(log["truth"]["stamp_ns"])
+
+
+def test_the_laser_changes_no_bit_of_the_other_sensors() -> None:
+    with_laser, without = drive(), drive(laser=None)
+
+    assert "scans" not in without
+    assert without.grid is not None
+    for stem in ("odometry", "ranges", "poses"):
+        for name, column in without[stem].items():
+            np.testing.assert_array_equal(column, with_laser[stem][name])
+
+
+def test_one_seed_gives_the_same_scans_and_another_one_others() -> None:
+    first, same, other = (drive(seed)["scans"]["ranges_m"] for seed in (5, 5, 6))
+    np.testing.assert_array_equal(first, same)
+    assert np.nanmin(np.abs(first - other)) > 0.0
+
+
+def test_the_walls_that_block_ranges_block_beams() -> None:
+    fault = {"kind": "nlos", "walls": [[9.0, 1.0, 9.0, 9.0]], "extra_m": 1.0}
+    sensor = {"beams": 4, "sigma_m": 0.0, "range_max_m": 10.0}
+    log = drive(laser=sensor, faults=[fault], map={"walls": [[7.0, 7.0, 9.0, 7.0]]})
+
+    # Starts at (8, 5), heading north: the beams point south, east, north and west.
+    expected = [4.975, 0.975, 1.975, 7.975]
+    np.testing.assert_allclose(log["scans"]["ranges_m"][0], expected, atol=1e-9)
+
+
+def test_the_map_may_be_a_file_beside_the_configuration(tmp_path: Path) -> None:
+    write_map(room_grid((9.0, 9.0), [], 0.1), tmp_path / "hall.yaml")
+    log = drive(base=tmp_path, map={"file": "hall.yaml"}, laser={"beams": 4, "sigma_m": 0.0})
+
+    assert log.grid is not None
+    assert log.grid.cells.shape == (91, 91)
+    assert log["scans"]["ranges_m"][0][1] == pytest.approx(0.95)
+    with pytest.raises(LogError, match=r"absent\.yaml: no such file"):
+        drive(base=tmp_path, map={"file": "absent.yaml"})
+
+
+def test_a_simulated_log_with_scans_survives_the_way_through_a_folder(tmp_path: Path) -> None:
+    log = drive()
+    write_log(log, tmp_path)
+    again = read_log(tmp_path)
+
+    np.testing.assert_array_equal(again["scans"]["ranges_m"], log["scans"]["ranges_m"])
+    assert again.laser == log.laser
+    assert log.grid is not None
+    assert again.grid is not None
+    np.testing.assert_array_equal(again.grid.cells, log.grid.cells)
+
+
+def test_a_run_of_a_simulation_with_a_laser_has_scans_and_grid(tmp_path: Path) -> None:
+    write_map(ROOM, tmp_path / "map.yaml")
+    simulation = {"duration_s": 5.0, "laser": {}, "map": {"file": "map.yaml"}}
+    result = run(parse_config({"simulation": simulation}), base=tmp_path)
+
+    assert "scans" in result.log
+    assert result.log.grid is not None
+    assert result.metrics["position_rmse_m"] < 0.3
+
+
+REFUSED: dict[str, tuple[dict[str, Any], str]] = {
+    "nothing to see": ({"laser": {}}, "a laser needs something to see; add 'map: {}'"),
+    "order": ({"laser": {"range_min_m": 4.0}}, "range_min_m is 4.0 and range_max_m is 3.5"),
+    "one beam": (
+        {"laser": {"beams": 1}},
+        "laser.beams: Input should be greater than or equal to 2",
+    ),
+    "view": (
+        {"laser": {"field_of_view_deg": 361.0}},
+        "laser.field_of_view_deg: Input should be less than or equal",
+    ),
+    "both": ({"map": {"file": "a.yaml", "resolution_m": 0.1}}, "nothing for resolution_m"),
+    "too fine": ({"map": {"resolution_m": 1e-6}}, "which makes 1e\\+07 cells"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_laser_that_cannot_be_is_refused(case: str) -> None:
+    changes, text = REFUSED[case]
+    with pytest.raises(ConfigError, match=text):
+        parse_config({"simulation": changes})

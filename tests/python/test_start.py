@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs started from nothing: by driving, by a scan on a map, by neither."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from locfuse.config.load import load_config, parse_config
+from locfuse.config.schema import Dataset, RunConfig
+from locfuse.eval.errors import errors_against
+from locfuse.io.log_folder import read_log
+from locfuse.plot import plot_start
+from locfuse.results import write_results
+from locfuse.run import load_log, run
+from locfuse.types import LogError, RunResult
+from support_runs import CONFIGS, recording, write_folder
+
+NOISE = {"range": {"sigma_m": 0.02, "sigma_relative": 0.015}}
+HALL = {
+    "path": {"shape": "eight"},
+    "duration_s": 20.0,
+    "poses": None,
+    "laser": {"range_max_m": 12.0},
+    "map": {"walls": [[2.0, 0.0, 2.0, 3.0], [10.0, 7.0, 7.5, 7.0], [0.0, 6.0, 1.5, 6.0]]},
+}
+
+
+def config_of(simulation: dict[str, Any], **more: Any) -> RunConfig:
+    return parse_config({"simulation": simulation, "start": "auto", "estimator": NOISE, **more})
+
+
+def rmse_of_second_half(result: RunResult) -> float:
+    assert result.truth is not None
+    errors = errors_against(result.estimate, result.truth)
+    later = errors.stamp_ns >= (errors.stamp_ns[0] + errors.stamp_ns[-1]) // 2
+    return float(np.sqrt(np.mean(np.sum(errors.position[later] ** 2, axis=1))))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_drive_finds_the_pose_without_a_laser(seed: int) -> None:
+    config = config_of({"path": {"shape": "square"}, "duration_s": 60.0, "poses": None})
+    result = run(config, seed=seed)
+    assert result.start is not None
+    assert 0.5 < result.start.seconds < 20.0
+    assert result.metrics["start_s"] == result.start.seconds
+    assert result.metrics["position_rmse_m"] < 0.1
+    assert result.metrics["heading_rmse_deg"] < 5.0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_one_scan_on_a_map_is_enough(seed: int) -> None:
+    result = run(config_of(HALL), seed=seed)
+    assert result.start is not None
+    assert result.truth is not None
+    assert result.truth.heading is not None
+    row = int(np.searchsorted(result.truth.stamp_ns, result.start.stamp_ns))
+    assert result.start.seconds <= 0.2
+    assert np.hypot(*(result.start.pose[:2] - result.truth.position[row])) < 0.05
+    assert abs(result.start.pose[2] - result.truth.heading[row]) < np.deg2rad(2.0)
+    assert result.start.used_scans
+
+
+def test_a_room_that_looks_the_same_from_two_sides_is_ambiguous_until_it_drives() -> None:
+    result = run(config_of({**HALL, "map": {}}), seed=1)
+    assert result.start is not None
+    assert max(len(poses) for _, poses in result.start.steps) >= 2
+    assert result.start.seconds > 0.5
+    assert result.metrics["position_rmse_m"] < 0.1
+    assert result.metrics["heading_rmse_deg"] < 5.0
+
+
+def test_no_truth_is_needed_and_none_is_used() -> None:
+    config = config_of(HALL)
+    log = load_log(config, None, 3)
+    blind = replace(log, tables={k: v for k, v in log.tables.items() if k != "truth"})
+    ours, theirs = run(config, blind), run(config, log)
+    assert ours.estimate.position.tobytes() == theirs.estimate.position.tobytes()
+
+
+def test_messages_used_for_the_start_are_told_and_not_fused_twice() -> None:
+    result = run(config_of(HALL), seed=2)
+    assert result.start is not None
+    used = result.outcomes.verdict == "ignored"
+    assert used.any()
+    assert set(result.outcomes.reason[used]) == {"used for the start"}
+    heard = used & (result.outcomes.source == "ranges")
+    assert (result.outcomes.stamp_ns[heard] <= result.start.stamp_ns).all()
+    later = (result.outcomes.source == "ranges") & ~heard
+    assert (result.outcomes.stamp_ns[later] > result.start.stamp_ns).all()
+    assert (result.outcomes.verdict[later] == "fused").mean() > 0.99
+    assert int(result.estimate.stamp_ns[0]) == result.start.stamp_ns
+
+
+def test_a_robot_that_stands_without_a_laser_is_told_what_is_missing() -> None:
+    config = config_of({"path": {"shape": "circle", "speed_mps": 1e-6}, "duration_s": 5.0,
+                        "poses": None})  # fmt: skip
+    with pytest.raises(LogError, match="heading is not known yet: drive on"):
+        run(config)
+
+
+def test_a_log_without_ranges_is_told_what_is_missing(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path / "log", {"ranges.csv": None})
+    with pytest.raises(LogError, match="no range, position or pose yet"):
+        run(parse_config({"start": "auto"}), read_log(folder))
+
+
+def test_the_picture_of_a_start_shows_doubt_and_decision(tmp_path: Path) -> None:
+    result = run(config_of({**HALL, "map": {}}), seed=1)
+    figure = plot_start(result)
+    assert figure is not None
+    left, right = figure.axes
+    assert "poses fit" in left.get_title(loc="left")
+    assert right.get_title(loc="left").startswith("ready after")
+    write_results(result, tmp_path)
+    assert (tmp_path / "start.png").stat().st_size > 10_000
+    assert 'id="start"' in (tmp_path / "report.html").read_text()
+
+
+def test_a_run_that_was_told_its_start_has_no_picture_of_it(tmp_path: Path) -> None:
+    result = run(config_of(HALL).model_copy(update={"start": "truth"}))
+    assert plot_start(result) is None
+    write_results(result, tmp_path)
+    assert not (tmp_path / "start.png").exists()
+    assert 'id="start"' not in (tmp_path / "report.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("file", "dataset", "folder", "seconds"),
+    [
+        ("ieu_gazebo.yaml", "run3", "ieu-gazebo-uwb-lidar", 1.0),
+        ("ieu_gazebo.yaml", "straight", "ieu-gazebo-uwb-lidar", 1.0),
+        ("mrpt_office.yaml", None, "mrpt-uwb-lidar", 10.0),
+    ],
+    ids=["run3", "straight", "office"],
+)
+def test_recordings_end_as_accurate_as_when_started_from_truth(
+    file: str, dataset: str | None, folder: str, seconds: float
+) -> None:
+    source = recording(folder)
+    config = load_config(CONFIGS / file)
+    assert isinstance(config.log, Dataset)
+    update = {"path": str(source)} | ({} if dataset is None else {"run": dataset})
+    config = config.model_copy(update={"log": config.log.model_copy(update=update)})
+    log = load_log(config, CONFIGS, 0)
+
+    auto = run(config.model_copy(update={"start": "auto"}), log)
+
+    assert auto.start is not None
+    assert auto.start.seconds <= seconds
+    assert rmse_of_second_half(auto) <= 1.05 * rmse_of_second_half(run(config, log))
