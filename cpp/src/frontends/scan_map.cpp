@@ -88,7 +88,8 @@ class LineFit {
     for (int dy = -kReach; dy <= kReach; ++dy) {
       for (int dx = -kReach; dx <= kReach; ++dx) {
         if (same_side(target, dx, dy)) {
-          const double w = weights_[static_cast<std::size_t>(dx * dx + dy * dy)];
+          const int squared = dx * dx + dy * dy;
+          const double w = weights_[static_cast<std::size_t>(squared)];
           const Vector<2> d(dx, dy);
           mean += w * d;
           scatter += w * d * d.transpose();
@@ -177,7 +178,7 @@ struct ScanMap::Tree {
   pcl::KdTreeFLANN<pcl::PointXYZ> tree{false};
 };
 
-ScanMap::ScanMap(std::shared_ptr<const OccupancyGrid> grid)
+ScanMap::ScanMap(const std::shared_ptr<const OccupancyGrid>& grid)
     : occupied_(grid, kMargin),
       surface_(grid, surface_cells(*grid), kMargin),
       tree_(std::make_unique<Tree>()) {

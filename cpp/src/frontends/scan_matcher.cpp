@@ -90,7 +90,7 @@ bool same_place(const Fit& a, const Fit& b, const Prior& prior) {
          off.dot(information * off) < 9.0;
 }
 
-std::vector<Fit> distinct_fits(std::vector<Fit> fits, const Prior& prior) {
+std::vector<Fit> distinct_fits(const std::vector<Fit>& fits, const Prior& prior) {
   std::vector<Fit> kept;
   for (const Fit& fit : fits) {
     const auto same = std::find_if(kept.begin(), kept.end(),

@@ -106,8 +106,9 @@ struct Grid {
     if (iy < 0 || iy >= steps[1] || ix < 0 || ix >= steps[0]) {
       return 2.0F;  // costs are at most 1
     }
-    return cost[static_cast<std::size_t>(((h + kHeadings) % kHeadings * steps[1] + iy) * steps[0] +
-                                         ix)];
+    const int row = (h + kHeadings) % kHeadings * steps[1] + iy;
+    const int node = row * steps[0] + ix;
+    return cost[static_cast<std::size_t>(node)];
   }
 };
 
@@ -130,7 +131,8 @@ double mahalanobis(const Prior& prior, const Pose2& pose) {
 }
 
 void fill(Grid& grid, CoarseCost& coarse, const Prior& prior) {
-  grid.cost.reserve(static_cast<std::size_t>(kHeadings * grid.steps[0] * grid.steps[1]));
+  const int nodes = kHeadings * grid.steps[0] * grid.steps[1];
+  grid.cost.reserve(static_cast<std::size_t>(nodes));
   for (int h = 0; h < kHeadings; ++h) {
     coarse.turn(h * 2.0 * kPi / kHeadings);
     for (int iy = 0; iy < grid.steps[1]; ++iy) {
@@ -189,8 +191,10 @@ Node best_around(CoarseCost& coarse, const Node& start, double heading_step,
     const double heading = start.pose.heading + h * heading_step;
     coarse.turn(heading);
     for (int i = 0; i < 9; ++i) {
-      const double x = start.pose.x + (i % 3 - 1) * step.x();
-      const double y = start.pose.y + (i / 3 - 1) * step.y();
+      const int column = i % 3 - 1;
+      const int row = i / 3 - 1;
+      const double x = start.pose.x + column * step.x();
+      const double y = start.pose.y + row * step.y();
       const float cost = coarse.at(x, y);
       if (cost < best.cost) {
         best = {cost, {x, y, heading}};

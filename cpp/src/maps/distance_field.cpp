@@ -45,7 +45,7 @@ std::size_t at(int row, int column, int width) {
 
 }  // namespace
 
-DistanceField::DistanceField(std::shared_ptr<const OccupancyGrid> grid, double margin)
+DistanceField::DistanceField(const std::shared_ptr<const OccupancyGrid>& grid, double margin)
     : DistanceField(grid, occupied_cells(*grid), margin) {}
 
 DistanceField::DistanceField(std::shared_ptr<const OccupancyGrid> grid,

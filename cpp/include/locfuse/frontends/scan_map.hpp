@@ -34,7 +34,7 @@ class ScanMap {
   static constexpr double kMargin = 1.0;
 
   /// Throws std::invalid_argument if the map has no occupied cell.
-  explicit ScanMap(std::shared_ptr<const OccupancyGrid> grid);
+  explicit ScanMap(const std::shared_ptr<const OccupancyGrid>& grid);
   ~ScanMap();
   ScanMap(const ScanMap&) = delete;
   ScanMap& operator=(const ScanMap&) = delete;

@@ -23,7 +23,7 @@ class DistanceField {
   };
 
   /// Throws std::invalid_argument if no cell is occupied or if `margin` [m] is not in [0, 1e4].
-  explicit DistanceField(std::shared_ptr<const OccupancyGrid> grid, double margin = 1.0);
+  explicit DistanceField(const std::shared_ptr<const OccupancyGrid>& grid, double margin = 1.0);
 
   /// The targets are the cells where `is_target` (row by row) is not 0.
   DistanceField(std::shared_ptr<const OccupancyGrid> grid,
