@@ -166,8 +166,9 @@ void judge(ScanSearch& found, const ScanMatcherConfig& config) {
 
 }  // namespace
 
-ScanMatcher::ScanMatcher(std::shared_ptr<const OccupancyGrid> grid, const ScanMatcherConfig& config)
-    : map_(std::make_shared<const ScanMap>(std::move(grid))), config_(checked(config)) {}
+ScanMatcher::ScanMatcher(const std::shared_ptr<const OccupancyGrid>& grid,
+                         const ScanMatcherConfig& config)
+    : map_(std::make_shared<const ScanMap>(grid)), config_(checked(config)) {}
 
 ScanMatch ScanMatcher::refine(const LaserScan& scan, const Pose2& guess,
                               const std::optional<Matrix<3, 3>>& covariance) const {
@@ -228,7 +229,7 @@ ScanSearch ScanMatcher::search(const LaserScan& scan, const Vector<2>& position,
       fits.push_back(fit);
     }
   }
-  fits = distinct_fits(std::move(fits), prior);
+  fits = distinct_fits(fits, prior);
   if (fits.empty()) {
     found.reason = ScanSearch::Reason::kPoorFit;
     return found;

@@ -76,7 +76,7 @@ struct ScanSearch {
 class ScanMatcher {
  public:
   /// Throws std::invalid_argument if the map has no occupied cell, or on a setting out of bounds.
-  explicit ScanMatcher(std::shared_ptr<const OccupancyGrid> grid,
+  explicit ScanMatcher(const std::shared_ptr<const OccupancyGrid>& grid,
                        const ScanMatcherConfig& config = {});
 
   [[nodiscard]] const ScanMap& map() const { return *map_; }
