@@ -99,6 +99,7 @@ double sigma_position(const PoseEstimate& estimate) {
 
 /// The ranges of an epoch to one tag, as positioning takes them.
 struct Heard {
+  Id tag = 0;
   Vector<2> tag_in_body = Vector<2>::Zero();
   double height = 0.0;
   std::vector<Vector<3>> anchor;
@@ -110,7 +111,7 @@ struct Heard {
 
 Heard heard_by(const Tag& tag, const std::vector<Range>& epoch, const AnchorMap& anchors,
                const RangeModel::Config& noise) {
-  Heard heard{tag.position.head<2>(), tag.position.z(), {}, {}, {}};
+  Heard heard{tag.id, tag.position.head<2>(), tag.position.z(), {}, {}, {}};
   for (const Range& z : epoch) {
     const Anchor* anchor = z.tag == tag.id ? anchors.find(z.anchor) : nullptr;
     const double range = anchor != nullptr ? (z.range - anchor->offset) / anchor->scale : 0.0;
@@ -389,12 +390,16 @@ void Initializer::locate() {
     }
   }
   waiting_for_ = "ranges to anchors in one place only";
-  for (const Range& z : epoch_) {
-    (void)heard_before(z);
-  }
   for (const Fit& fit : fits) {
     add_positions(fit.position, fit.covariance, heard.tag_in_body, -0.5 * fit.cost,
                   epoch_.back().stamp);
+  }
+  for (const Range& z : epoch_) {
+    if (z.tag == heard.tag) {
+      (void)heard_before(z);
+    } else if (!components_.empty()) {  // another tag of the body tells the heading
+      hear(z);
+    }
   }
 }
 
