@@ -3,17 +3,12 @@
 
 from __future__ import annotations
 
-import math
-import re
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
-from locfuse.types import FloatArray, LogError
+from locfuse.types import FREE, OCCUPIED, FloatArray, Log
 
 
 @dataclass(frozen=True)
@@ -69,57 +64,9 @@ class Grid:
         return centres.min(axis=0) - half, centres.max(axis=0) + half
 
 
-def read_grid(path: Path) -> Grid:
-    """Read a ROS map: a YAML file and the PGM picture that it names.
-
-    Raises
-    ------
-    LogError
-        If a file is missing or is no map; names the file and the key.
-    """
-    try:
-        said = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise LogError(f"{path}: cannot be read ({' '.join(str(error).split())})") from None
-    if not isinstance(said, dict):
-        raise LogError(f"{path}: is no map; expected keys image, resolution, origin")
-    resolution = _number(said, "resolution", path)
-    if resolution <= 0.0:
-        raise LogError(f"{path}: resolution is {resolution:g}, expected metres > 0")
-    grey = _read_pgm(path.parent / str(said.get("image")))
-    dark = grey if said.get("negate") else 1.0 - grey
-    origin = said.get("origin")
-    if not isinstance(origin, list) or len(origin) != 3:
-        raise LogError(f"{path}: origin is {origin!r}, expected [x, y, yaw]")
-    occupied = dark > float(said.get("occupied_thresh", 0.65))
-    free = dark < float(said.get("free_thresh", 0.196))
-    x, y = float(origin[0]), float(origin[1])
-    return Grid(occupied[::-1], free[::-1], resolution, (x, y))
-
-
-def _number(said: dict[str, Any], key: str, path: Path) -> float:
-    value = said.get(key)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise LogError(f"{path}: {key} is {value!r}, expected a number")
-    return float(value)
-
-
-def _read_pgm(path: Path) -> FloatArray:
-    """Return the grey values of a PGM picture, 0 black to 1 white, first row on top."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read ({error.strerror})") from None
-    head = re.match(rb"(P2|P5)\s(?:\s*#[^\n]*\n)*\s*(\d+)\s+(\d+)\s+(?:#[^\n]*\n)?(\d+)\s", data)
-    if head is None or not 0 < int(head[4]) < 256:
-        raise LogError(f"{path}: is no PGM picture of 8 bits")
-    columns, rows, top = int(head[2]), int(head[3]), int(head[4])
-    body = data[head.end() :]
-    try:
-        cells = (
-            np.array(body.split(), np.uint8) if head[1] == b"P2" else np.frombuffer(body, np.uint8)
-        )
-        grey: FloatArray = cells[: rows * columns].reshape(rows, columns) / float(top)
-    except ValueError:
-        raise LogError(f"{path}: holds less than {rows} rows of {columns} cells") from None
-    return grey
+def grid_of(log: Log) -> Grid | None:
+    """Return the map of a log, None without one."""
+    if log.grid is None:
+        return None
+    cells, (x, y, _) = log.grid.cells, log.grid.origin
+    return Grid(cells == OCCUPIED, cells == FREE, log.grid.resolution_m, (x, y))

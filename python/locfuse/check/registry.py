@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,10 +15,9 @@ from locfuse.check import rules_motion as motion
 from locfuse.check import rules_ranges as ranges
 from locfuse.check.context import Context
 from locfuse.check.finding import SEVERITIES, Finding, error
-from locfuse.check.grid import Grid, read_grid
+from locfuse.check.grid import grid_of
 from locfuse.check.layout import Layout, layout_of
-from locfuse.config.schema import Dataset, RunConfig
-from locfuse.io.datasets import convert
+from locfuse.config.schema import RunConfig
 from locfuse.run import load_log
 from locfuse.types import ConfigError, Log, LogError
 
@@ -113,12 +111,12 @@ def check(config: RunConfig, log: Log | None = None, *, base: Path | None = None
     ['heading is unobservable']
     """
     try:
-        log, grid = (log, None) if log is not None else _load(config, base)
+        log = load_log(config, base, config.seed) if log is None else log
     except LogError as problem:
         return CheckResult([_unreadable(problem, "log")], None)
     except ConfigError as problem:
         return CheckResult([_unreadable(problem, "config")], None)
-    context = Context(config, log, grid)
+    context = Context(config, log, grid_of(log))
     found = [replace(finding, rule=rule.__name__) for rule in RULES for finding in rule(context)]
     found.sort(key=lambda finding: SEVERITIES.index(finding.severity))
     return CheckResult(found, layout_of(context))
@@ -126,24 +124,3 @@ def check(config: RunConfig, log: Log | None = None, *, base: Path | None = None
 
 def _unreadable(problem: ValueError, where: str) -> Finding:
     return replace(error(str(problem), where, "nothing else was checked"), rule="log_that_is_there")
-
-
-def _load(config: RunConfig, base: Path | None) -> tuple[Log, Grid | None]:
-    """Return the log that a configuration names, with its map."""
-    if not isinstance(config.log, Dataset):
-        log = load_log(config, base, config.seed)
-        folder = None if config.log is None else (base or Path()) / config.log
-        return log, None if folder is None else grid_of(log, folder)
-    source = ((base or Path()) / config.log.path).resolve()
-    with tempfile.TemporaryDirectory() as out:
-        folders = convert(config.log.dataset, source, Path(out) / "log")
-        names = {folder.name: folder for folder in folders}
-        folder = names.get(config.log.run or "", folders[0])
-        named = config.model_copy(update={"log": str(folder)})
-        log = load_log(named if config.log.run in (None, folder.name) else config, base, 0)
-        return log, grid_of(log, folder)
-
-
-def grid_of(log: Log, folder: Path) -> Grid | None:
-    """Return the map of a log folder, None without one."""
-    return None if log.map is None else read_grid(folder / log.map)
