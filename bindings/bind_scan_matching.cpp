@@ -190,7 +190,7 @@ Parameters
 ----------
 scan : LaserScan
 guess : Pose2
-    T_world_body, within half a metre.
+    T_world_body, within 20 cm and 5 degrees.
 covariance : array, shape (3, 3), optional
     Of (x, y, heading); with it the guess is a prior, too.
 

@@ -233,7 +233,8 @@ def test_every_office_frame_gives_a_pose_that_fits_or_says_no() -> None:
     strict = tally.right_or_among / tally.count
     distances = lf.DistanceField(recording.grid)
     matcher = lf.ScanMatcher(recording.grid)
-    good, better = 0, 0
+    good = 0
+    closer: list[float] = []  # distance beside the walls, ours by the reference's
     rng = np.random.default_rng(0)
     for scan, pose in zip(recording.scans, recording.poses, strict=True):
         fix = pose[:2] + rng.normal(0.0, 0.15, 2)
@@ -248,15 +249,15 @@ def test_every_office_frame_gives_a_pose_that_fits_or_says_no() -> None:
         beside = [np.median(distances.nearest_distance(moved(points, p))) for p in (mine, pose)]
         near = np.hypot(*off[:2]) <= 0.3
         turned = abs(float(wrap_angle(off[2])))
-        better += bool(beside[0] < beside[1])
+        closer.append(beside[0] / beside[1])
         # Beyond 3 degrees of the reference only where the walls say that the reference is off.
         refuted = turned <= np.deg2rad(5.0) and beside[0] < 0.5 * beside[1]
         good += bool(near and (turned <= np.deg2rad(3.0) or refuted))
     print(
         f"office: within 0.3 m and 3 deg of the reference {strict:.3f}; or nearer to the walls "
-        f"{good / len(recording.scans):.3f}; fits better than the reference "
-        f"{better / len(recording.scans):.3f}"
+        f"{good / len(recording.scans):.3f}; median beside the walls, of the reference's "
+        f"{np.median(closer):.2f}"
     )
     assert strict >= 0.88  # the reference itself is off by more in a tenth of the frames
     assert good >= 0.98 * len(recording.scans)
-    assert better >= 0.9 * len(recording.scans)
+    assert np.median(closer) <= 0.5

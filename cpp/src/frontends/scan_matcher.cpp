@@ -191,7 +191,7 @@ ScanMatch ScanMatcher::refine(const LaserScan& scan, const Pose2& guess,
   } else if (!grid.contains(guess.position())) {
     fit.reason = ScanMatch::Reason::kOutsideMap;
   } else {
-    fit = internal::refine(*map_, config_, beams, prior.mean, prior, 0.5 / grid.resolution());
+    fit = internal::refine_around(*map_, config_, beams, prior, 0.4 / grid.resolution());
   }
   return internal::to_match(fit, grid, margin, guess, prior);
 }

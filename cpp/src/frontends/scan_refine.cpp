@@ -17,11 +17,14 @@ constexpr double kOffsetSigma = 0.5;  // of a surface about its line: it lies in
 constexpr double kCellSigma = 0.28867513;  // of a point that is anywhere in its cell [cells]
 constexpr double kLineSigma = 0.12909944;  // of a line through the five cells of a fit [cells]
 constexpr double kLeastMapSigma = 0.05;    // no map is better than this [cells]
+constexpr double kMostAtFirst = 1.0;       // nor, while the pose is rough, worse than this
+constexpr double kMostMapSigma = 4.0;      // nor ever worse than this
 constexpr double kPriorRuns = 4.0;         // weight of kLineSigma against the residuals
 constexpr double kKernelSigmas = 4.0;
 constexpr double kInlierSigmas = 3.0;
 constexpr double kExplainedCells = 2.0;
 constexpr double kStill = 0.005;       // a step below this is none [cells]
+constexpr double kSettled = 0.1;       // share of a kernel below which steps leave it
 constexpr double kNearlyStill = 0.05;  // where it jumps; a millimetre or two
 constexpr int kFullSteps = 10;
 constexpr double kWide = 2.0;        // a kernel for which few beams do [cells]
@@ -115,15 +118,17 @@ class Refinement {
         return ended(ScanMatch::Reason::kOutsideMap);
       }
       if (narrow && moved < (jumps ? kNearlyStill : kStill)) {
-        estimate_sigma();
+        estimate_sigma(kMostMapSigma);
         step(accumulate(floor(), false, 1), 1.0);
         return finished();
       }
       if (!narrow && kernel <= floor()) {
         narrow = true;
-        estimate_sigma();
+        estimate_sigma(kMostAtFirst);
       }
-      kernel = std::max(0.5 * kernel, floor());
+      if (narrow || moved < kSettled * kernel) {
+        kernel = std::max(0.5 * kernel, floor());
+      }
     }
     fit_.iterations = max_iterations;
     return ended(ScanMatch::Reason::kNoConvergence);
@@ -338,7 +343,7 @@ class Refinement {
   }
 
   /// Map errors from the residuals: their spread without outliers, less the beams' own noise.
-  void estimate_sigma() {
+  void estimate_sigma(double most) {
     constexpr float kBins = 64.0F;  // per cell, up to 4 cells
     std::array<int, 256> histogram{};
     int count = 0;
@@ -366,7 +371,7 @@ class Refinement {
     const double free = std::max(runs - 4.0, 0.0);  // four are fitted
     const double variance =
         (kPriorRuns * kLineSigma * kLineSigma + std::max(sum, 0.0)) / (kPriorRuns + free);
-    set_map_variance(std::max(variance, kLeastMapSigma * kLeastMapSigma));
+    set_map_variance(std::min(std::max(variance, kLeastMapSigma * kLeastMapSigma), most * most));
   }
 
   template <class Each>
@@ -431,6 +436,24 @@ class Refinement {
 Fit refine(const ScanMap& map, const ScanMatcherConfig& config, const Beams& beams,
            const Pose2& start, const Prior& prior, double capture) {
   return Refinement(map, config, beams, prior, start).run(config.max_iterations, capture);
+}
+
+Fit refine_around(const ScanMap& map, const ScanMatcherConfig& config, const Beams& beams,
+                  const Prior& prior, double capture) {
+  constexpr double kGood = 0.85;  // of the returns explained
+  constexpr double kTurn = 0.06;  // rad; beams of 10 m then end 0.6 m elsewhere
+  Fit best = refine(map, config, beams, prior.mean, prior, capture);
+  for (const double turn : {kTurn, -kTurn}) {
+    if (best.reason == ScanMatch::Reason::kConverged && best.explained >= kGood) {
+      break;
+    }
+    const Pose2 start = retract(prior.mean, {0.0, 0.0, turn});
+    const Fit fit = refine(map, config, beams, start, prior, capture);
+    if (fit.explained > best.explained) {
+      best = fit;
+    }
+  }
+  return best;
 }
 
 ScanMatch to_match(const Fit& fit, const OccupancyGrid& grid, int margin_cells, const Pose2& guess,

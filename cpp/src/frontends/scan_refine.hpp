@@ -37,6 +37,10 @@ struct Fit {
 [[nodiscard]] Fit refine(const ScanMap& map, const ScanMatcherConfig& config, const Beams& beams,
                          const Pose2& start, const Prior& prior, double capture);
 
+/// From the prior's mean; where that explains little, also from headings beside it.
+[[nodiscard]] Fit refine_around(const ScanMap& map, const ScanMatcherConfig& config,
+                                const Beams& beams, const Prior& prior, double capture);
+
 /// The same in world and metres.
 [[nodiscard]] ScanMatch to_match(const Fit& fit, const OccupancyGrid& grid, int margin_cells,
                                  const Pose2& guess, const Prior& prior);

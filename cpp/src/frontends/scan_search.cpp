@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 namespace locfuse::internal {
 namespace {
@@ -14,6 +15,7 @@ constexpr int kHeadings = 90;
 constexpr int kMostSteps = 11;       // of the coarse grid along x or y
 constexpr double kFinestStep = 2.0;  // of a grid over x and y [cells]
 constexpr std::size_t kMostMinima = 24;
+constexpr float kMostWorse = 0.25F;  // than the best: share of the beams that end elsewhere
 
 /// Few beams in single precision, and how far off each may be and still count for something.
 struct Few {
@@ -204,6 +206,24 @@ Node best_around(CoarseCost& coarse, const Node& start, double heading_step,
   return best;
 }
 
+/// Those not much worse than the best, each once.
+std::vector<Pose2> separate(std::vector<Node> minima, double heading_step) {
+  std::sort(minima.begin(), minima.end(),
+            [](const Node& a, const Node& b) { return a.cost < b.cost; });
+  std::vector<Pose2> poses;
+  for (const Node& node : minima) {
+    const Pose2 pose{node.pose.x, node.pose.y, wrap_angle(node.pose.heading)};
+    const bool seen = std::any_of(poses.begin(), poses.end(), [&](const Pose2& other) {
+      const Vector<3> off = local(pose, other);
+      return off.head<2>().norm() < kFinestStep && std::abs(off.z()) < heading_step;
+    });
+    if (!seen && node.cost <= minima.front().cost + kMostWorse) {
+      poses.push_back(pose);
+    }
+  }
+  return poses;
+}
+
 }  // namespace
 
 std::vector<Pose2> coarse_minima(const ScanMap& map, const Beams& beams, const Prior& prior,
@@ -224,12 +244,7 @@ std::vector<Pose2> coarse_minima(const ScanMap& map, const Beams& beams, const P
       node = best_around(coarse, node, heading_step, step);
     }
   } while (step.maxCoeff() > kFinestStep);
-  std::vector<Pose2> poses;
-  poses.reserve(minima.size());
-  for (const Node& node : minima) {
-    poses.push_back({node.pose.x, node.pose.y, wrap_angle(node.pose.heading)});
-  }
-  return poses;
+  return separate(std::move(minima), heading_step);
 }
 
 namespace {

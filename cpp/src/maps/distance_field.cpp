@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -11,6 +12,8 @@ namespace locfuse {
 namespace {
 
 constexpr std::int32_t kNone = 1 << 30;  // a row without target
+constexpr double kNoParabola = std::numeric_limits<double>::infinity();
+constexpr int kFarCells = 4;
 
 std::vector<std::uint8_t> occupied_cells(const OccupancyGrid& grid) {
   std::vector<std::uint8_t> occupied(grid.cells().size());
@@ -43,6 +46,55 @@ std::size_t at(int row, int column, int width) {
          static_cast<std::size_t>(column);
 }
 
+double square(double value) { return value * value; }
+
+/// Lower envelope of the parabolas (y - row)^2 + height(row) over one column (Felzenszwalb and
+/// Huttenlocher, 2012).
+class Envelope {
+ public:
+  explicit Envelope(std::size_t rows) : rows_(rows), from_(rows) {}
+
+  /// Rows whose height is kNoParabola are left out; one at least must stay.
+  template <class Height>
+  void build(const Height& height_of) {
+    count_ = 0;
+    for (int row = 0; row < static_cast<int>(rows_.size()); ++row) {
+      const double height = height_of(row);
+      if (height == kNoParabola) {
+        continue;
+      }
+      double begin = -kNoParabola;
+      while (count_ > 0) {
+        const double last = rows_[count_ - 1];
+        // From here on the new parabola is below the last one.
+        begin = 0.5 * (row + last + (height - height_of(rows_[count_ - 1])) / (row - last));
+        if (begin > from_[count_ - 1]) {
+          break;
+        }
+        --count_;
+        begin = -kNoParabola;
+      }
+      rows_[count_] = row;
+      from_[count_++] = begin;
+    }
+    at_ = 0;
+  }
+
+  /// Row of the lowest parabola at y, which must not fall from call to call.
+  [[nodiscard]] int lowest_at(double y) {
+    while (at_ + 1 < count_ && from_[at_ + 1] <= y) {
+      ++at_;
+    }
+    return rows_[at_];
+  }
+
+ private:
+  std::vector<int> rows_;
+  std::vector<double> from_;
+  std::size_t count_ = 0;
+  std::size_t at_ = 0;
+};
+
 }  // namespace
 
 DistanceField::DistanceField(const std::shared_ptr<const OccupancyGrid>& grid, double margin)
@@ -65,11 +117,8 @@ DistanceField::DistanceField(std::shared_ptr<const OccupancyGrid> grid,
   fill_rows(is_target);
   nearest_.resize(row_offset_.size());
   distances_.resize(row_offset_.size());
-  std::vector<int> rows(static_cast<std::size_t>(height_));
-  std::vector<int> from(static_cast<std::size_t>(height_));
-  for (int column = 0; column < width_; ++column) {
-    fill_column(column, rows, from);
-  }
+  fill_columns();
+  fill_far();
 }
 
 void DistanceField::fill_rows(const std::vector<std::uint8_t>& is_target) {
@@ -99,49 +148,54 @@ void DistanceField::fill_rows(const std::vector<std::uint8_t>& is_target) {
   }
 }
 
-/// Lower envelope of the parabolas (y - row)^2 + offset^2 over one column (Felzenszwalb and
-/// Huttenlocher, 2012; Meijster et al., 2000, for whole numbers).
-void DistanceField::fill_column(int column, std::vector<int>& rows, std::vector<int>& from) {
-  const auto square = [&](int row) {
-    const std::int64_t offset = row_offset_[at(row, column, width_)];
-    return offset * offset;
-  };
-  std::size_t count = 0;
-  for (int row = 0; row < height_; ++row) {
-    if (row_offset_[at(row, column, width_)] == kNone) {
-      continue;
-    }
-    int begin = 0;
-    while (count > 0) {
-      const std::int64_t last = rows[count - 1];
-      const std::int64_t top =
-          std::int64_t{row} * row - last * last + square(row) - square(rows[count - 1]);
-      // From the row after `top / (2 (row - last))` on, the new parabola is the lower one.
-      begin = top < 0
-                  ? 0
-                  : static_cast<int>(std::min<std::int64_t>(top / (2 * (row - last)) + 1, height_));
-      if (begin > from[count - 1]) {
-        break;
-      }
-      --count;
-      begin = 0;
-    }
-    if (begin < height_) {
-      rows[count] = row;
-      from[count++] = begin;
+void DistanceField::fill_columns() {
+  Envelope envelope(static_cast<std::size_t>(height_));
+  for (int column = 0; column < width_; ++column) {
+    envelope.build([&](int row) {
+      const std::int32_t offset = row_offset_[at(row, column, width_)];
+      return offset == kNone ? kNoParabola : square(offset);
+    });
+    for (int row = 0; row < height_; ++row) {
+      const int nearest_row = envelope.lowest_at(row);
+      const std::int32_t offset = row_offset_[at(nearest_row, column, width_)];
+      nearest_[at(row, column, width_)] = target_of_[at(
+          nearest_row - margin_cells_, column + offset - margin_cells_, grid_->width())];
+      distances_[at(row, column, width_)] =
+          static_cast<float>(std::sqrt(square(nearest_row - row) + square(offset)));
     }
   }
-  std::size_t i = 0;
-  for (int y = 0; y < height_; ++y) {
-    while (i + 1 < count && from[i + 1] <= y) {
-      ++i;
+}
+
+/// Around the field, as wide and as high as it is, one value for kFarCells x kFarCells cells.
+void DistanceField::fill_far() {
+  Envelope envelope(static_cast<std::size_t>(height_));
+  far_width_ = 3 * width_ / kFarCells + 1;
+  far_height_ = 3 * height_ / kFarCells + 1;
+  far_.resize(static_cast<std::size_t>(far_width_) * static_cast<std::size_t>(far_height_));
+  for (int column = 0; column < far_width_; ++column) {
+    const double x = (column + 0.5) * kFarCells - width_;
+    const int from = clamped_cell(x, width_);
+    envelope.build([&](int row) {
+      const std::int32_t offset = row_offset_[at(row, from, width_)];
+      return offset == kNone ? kNoParabola : square(from + offset + 0.5 - x);
+    });
+    for (int row = 0; row < far_height_; ++row) {
+      const double y = (row + 0.5) * kFarCells - height_ - 0.5;  // rows are counted at centres
+      const int nearest_row = envelope.lowest_at(y);
+      const std::int32_t offset = row_offset_[at(nearest_row, from, width_)];
+      far_[at(row, column, far_width_)] =
+          static_cast<float>(std::sqrt(square(nearest_row - y) + square(from + offset + 0.5 - x)));
     }
-    const std::int64_t up = rows[i] - y;
-    const int target_column = column + row_offset_[at(rows[i], column, width_)] - margin_cells_;
-    nearest_[at(y, column, width_)] =
-        target_of_[at(rows[i] - margin_cells_, target_column, grid_->width())];
-    distances_[at(y, column, width_)] = std::sqrt(static_cast<float>(up * up + square(rows[i])));
   }
+}
+
+double DistanceField::distance_beyond(double x, double y) const {
+  const double column = (x + width_) / kFarCells;
+  const double row = (y + height_) / kFarCells;
+  if (!(column >= 0.0 && column < far_width_ && row >= 0.0 && row < far_height_)) {
+    return nearest_in_field(x, y).distance;
+  }
+  return static_cast<double>(far_[at(static_cast<int>(row), static_cast<int>(column), far_width_)]);
 }
 
 double DistanceField::distance(const Vector<2>& p_world) const {

@@ -24,5 +24,12 @@ int main() {
       }
     }
   }
+  // What is in PCL's libraries must be found, too.
+  const auto grid = std::make_shared<locfuse::OccupancyGrid>(
+      2, 1, 1.0, locfuse::Pose2{},
+      std::vector<locfuse::Cell>{locfuse::Cell::kFree, locfuse::Cell::kOccupied});
+  if (locfuse::ScanMap(grid).nearest_by_kdtree({0.5, 0.5}) != 1.0) {
+    return 3;
+  }
   return (ekf.pose().position() - truth).norm() < 0.02 ? 0 : 2;
 }

@@ -26,6 +26,7 @@ TEST(HeadingSearch, equals_the_papers_loops_and_its_look_ups_half_a_cell) {
     for (int step = 0; step < 36; ++step) {
       const Pose2 turned{body.x, body.y, step * kPi / 18.0};
       double sum = 0.0;
+      bool on_field = true;
       for (std::size_t i = 0; i < scan.ranges.size(); ++i) {
         if (std::isnan(scan.ranges[i])) {
           continue;
@@ -33,7 +34,9 @@ TEST(HeadingSearch, equals_the_papers_loops_and_its_look_ups_half_a_cell) {
         const double angle =
             scan.geometry->angle_min + static_cast<double>(i) * scan.geometry->angle_increment;
         const Vector<2> p_laser(scan.ranges[i] * std::cos(angle), scan.ranges[i] * std::sin(angle));
-        sum += map.occupied().nearest((turned * scan.geometry->pose_in_body).act(p_laser)).distance;
+        const Vector<2> end = (turned * scan.geometry->pose_in_body).act(p_laser);
+        sum += map.occupied().nearest(end).distance;
+        on_field = on_field && room.map->contains(end);
       }
       if (sum < least) {
         least = sum;
@@ -41,7 +44,7 @@ TEST(HeadingSearch, equals_the_papers_loops_and_its_look_ups_half_a_cell) {
       }
       const auto k = static_cast<std::size_t>(step);
       EXPECT_NEAR(found.sums[k], sum, 1e-4);
-      EXPECT_NEAR(looked_up.sums[k], sum, 0.036 * 360);
+      EXPECT_NEAR(looked_up.sums[k], sum, (on_field ? 0.036 : 0.15) * 360);
     }
     EXPECT_NEAR(angle_difference(*found.heading, heading), 0.0, 1e-12);
     EXPECT_LT(std::abs(angle_difference(*found.heading, body.heading)), 0.175);

@@ -86,6 +86,24 @@ TEST(DistanceField, look_up_is_right_within_half_a_diagonal_and_exact_off_the_fi
   }
 }
 
+TEST(DistanceField, distances_beyond_the_field_are_right_within_three_cells) {
+  for (std::uint64_t seed = 0; seed < 10; ++seed) {
+    Rng rng(seed);
+    const auto grid = random_map(rng, 40, 30, 0.01);
+    const DistanceField field(grid, 0.2);
+    for (int i = 0; i < 2000; ++i) {
+      const double x = uniform(rng, -60.0, 110.0);
+      const double y = uniform(rng, -50.0, 90.0);
+      if (x >= 0.0 && y >= 0.0 && x < field.width() && y < field.height()) {
+        continue;
+      }
+      const double exact = field.nearest_in_field(x, y).distance;
+      ASSERT_NEAR(field.distance_beyond(x, y), exact, 3.0);
+    }
+    EXPECT_NEAR(field.distance_beyond(1e4, 1e4), field.nearest_in_field(1e4, 1e4).distance, 1e-9);
+  }
+}
+
 TEST(DistanceField, refuses_a_map_without_walls_and_points_that_are_none) {
   const auto empty =
       std::make_shared<const OccupancyGrid>(2, 2, 0.1, Pose2{}, std::vector<Cell>(4, Cell::kFree));

@@ -37,8 +37,8 @@ struct HeadingSearch {
 [[nodiscard]] HeadingSearch heading_search(const ScanMap& map, const LaserScan& scan,
                                            const Vector<2>& position);
 
-/// The same with distances looked up in the field: each is right within half a cell's diagonal on
-/// the map, exact beyond its margin.
+/// The same with distances looked up in the field: each is right within half a cell's diagonal, and
+/// more than a metre off the map within three cells.
 [[nodiscard]] HeadingSearch heading_search_by_lookup(const ScanMap& map, const LaserScan& scan,
                                                      const Vector<2>& position);
 

@@ -85,7 +85,7 @@ class ScanMatcher {
   /// Point-to-line fit over (x, y, heading) next to `guess`, eq. (4) to (7). With a `covariance` of
   /// the guess (3x3, positive definite), the guess is a prior, too.
   ///
-  /// It finds poses within half a metre; further off it may find another one. Throws
+  /// It finds poses within 20 cm and 5 degrees; further off it may find another one. Throws
   /// std::invalid_argument if scan, guess or covariance are not valid.
   [[nodiscard]] ScanMatch refine(const LaserScan& scan, const Pose2& guess,
                                  const std::optional<Matrix<3, 3>>& covariance = {}) const;

@@ -47,6 +47,10 @@ class DistanceField {
   /// The same in the field frame, in cells.
   [[nodiscard]] Neighbour nearest_in_field(double x, double y) const;
 
+  /// Distance [cells] to the nearest target from a point off the field, right within three cells;
+  /// farther away than the field is large, it is exact and slow.
+  [[nodiscard]] double distance_beyond(double x, double y) const;
+
   /// Point in the field frame, in cells.
   [[nodiscard]] Vector<2> to_field(const Vector<2>& p_world) const {
     return grid_->to_grid(p_world) + Vector<2>::Constant(margin_cells_);
@@ -61,7 +65,8 @@ class DistanceField {
 
  private:
   void fill_rows(const std::vector<std::uint8_t>& is_target);
-  void fill_column(int column, std::vector<int>& rows, std::vector<int>& from);
+  void fill_columns();
+  void fill_far();
 
   std::shared_ptr<const OccupancyGrid> grid_;
   int margin_cells_;
@@ -72,6 +77,9 @@ class DistanceField {
   std::vector<std::int32_t> row_offset_;  // columns to the nearest target in the same row
   std::vector<std::int32_t> nearest_;
   std::vector<float> distances_;
+  std::vector<float> far_;  // distances around the field, coarsely
+  int far_width_ = 0;
+  int far_height_ = 0;
 };
 
 }  // namespace locfuse
