@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "frontends/beams.hpp"
 
+#include <algorithm>
 #include <cmath>
+
+#include "frontends/processor.hpp"
 
 namespace locfuse::internal {
 
@@ -40,6 +43,34 @@ Beams beams_of(const LaserScan& scan, double resolution) {
     c = turned;
   }
   return beams;
+}
+
+ScanLanes scan_lanes() {
+#ifdef LOCFUSE_LANES_AVX2
+  if (has_avx2()) {
+    return avx2::scan_lanes();
+  }
+#endif
+  return portable::scan_lanes();
+}
+
+BeamColumns columns_of(const Beams& beams, std::size_t stride) {
+  constexpr std::size_t kGroup = kBeamGroup;
+  const std::size_t count = (beams.x.size() + stride - 1) / stride;
+  const std::size_t filled = (count + kGroup - 1) / kGroup * kGroup;
+  BeamColumns columns;
+  for (std::vector<float>* column : {&columns.x, &columns.y, &columns.used, &columns.per_spacing}) {
+    column->resize(filled);
+  }
+  for (std::size_t i = 0; i < filled; ++i) {
+    const std::size_t beam = stride * std::min(i, count - 1);
+    columns.x[i] = static_cast<float>(beams.x[beam]);
+    columns.y[i] = static_cast<float>(beams.y[beam]);
+    columns.used[i] = i < count ? 1.0F : 0.0F;
+    columns.per_spacing[i] =
+        static_cast<float>(1.0 / std::max(beams.range[beam] * beams.step, 1e-6));
+  }
+  return columns;
 }
 
 Pose2 to_field(const Pose2& pose, const OccupancyGrid& grid, int margin_cells) {

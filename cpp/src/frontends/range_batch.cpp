@@ -7,7 +7,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "locfuse/frontends/range_lanes.hpp"
+#include "frontends/processor.hpp"
+#include "frontends/range_lanes.hpp"
 
 namespace locfuse {
 
@@ -125,11 +126,11 @@ void expect_finite(const AnchorTable& table, std::size_t epoch) {
 
 internal::LaneSolver lanes() {
 #ifdef LOCFUSE_LANES_AVX2
-  static const bool fast = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
-  return fast ? internal::lanes_avx2() : internal::lanes_portable();
-#else
-  return internal::lanes_portable();
+  if (internal::has_avx2()) {
+    return internal::avx2::range_lanes();
+  }
 #endif
+  return internal::portable::range_lanes();
 }
 
 template <int N>

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "locfuse/frontends/range_lanes.hpp"
+#include "frontends/range_lanes.hpp"
 
-// Compiled twice; LOCFUSE_LANES names the function and thereby what the compiler may use.
+// Compiled twice; LOCFUSE_LANES names the namespace and thereby what the compiler may use.
 #ifndef LOCFUSE_LANES
-#define LOCFUSE_LANES lanes_portable
+#define LOCFUSE_LANES portable
 #endif
 
 namespace locfuse::internal {
@@ -200,6 +200,6 @@ void solve(const LaneLayout& layout, const double* ranges, LaneResult& result) {
 
 }  // namespace
 
-LaneSolver LOCFUSE_LANES() { return {kLanes, solve<2>, solve<3>}; }
+LaneSolver LOCFUSE_LANES::range_lanes() { return {kLanes, solve<2>, solve<3>}; }
 
 }  // namespace locfuse::internal

@@ -51,25 +51,40 @@ struct Reduced {
   std::optional<Vector<3>> weak;
 };
 
-constexpr int kLanes = 4;
-constexpr float kFitted = 5.0F;  // cells of a line, its shortest run
-using Lanes = Eigen::Array<float, kLanes, 1>;
 using Line = ScanMap::CompactLine;
 
-/// Four beams, in single precision, which is right to 1e-3 cells on the largest maps.
-struct Beam4 {
-  Lanes x, y;         // end points in body
-  Lanes per_spacing;  // end points of a beam and the next, per cell of wall
-  Lanes used;         // 0 for those that fill up the last four
-};
+/// The walls next to the end points, and their residuals.
+class Walls {
+ public:
+  void resize(std::size_t count) {
+    for (std::vector<float>* column : {&x_, &y_, &nx_, &ny_, &run_, &residuals, &alike}) {
+      column->resize(count);
+    }
+    targets.resize(count);
+  }
 
-/// Four end points and the walls next to them.
-struct Match4 {
-  Lanes rx, ry;             // from the body, in the field's axes
-  Lanes x, y, nx, ny, run;  // the lines
-  Lanes used;               // 1, or 0 without a line
-  Lanes e;                  // eq. (4); kFar without a line
-  Lanes alike;              // k of eq. (6)
+  /// Takes the first `count` targets.
+  void gather(const std::vector<Line>& lines, std::size_t count) {
+    for (std::size_t i = 0; i < count; ++i) {
+      const Line& line = lines[static_cast<std::size_t>(targets[i])];
+      x_[i] = line.x;
+      y_[i] = line.y;
+      nx_[i] = line.nx;
+      ny_[i] = line.ny;
+      run_[i] = line.run;
+    }
+  }
+
+  [[nodiscard]] LaneWalls view(const BeamColumns& columns) const {
+    return {x_.data(), y_.data(), nx_.data(), ny_.data(), run_.data(), columns.per_spacing.data()};
+  }
+
+  std::vector<std::int32_t> targets;
+  std::vector<float> residuals;  ///< eq. (4)
+  std::vector<float> alike;      ///< k of eq. (6)
+
+ private:
+  std::vector<float> x_, y_, nx_, ny_, run_;
 };
 
 class Refinement {
@@ -81,25 +96,13 @@ class Refinement {
         beams_(beams),
         prior_(prior),
         exact_(config.exact_neighbours),
-        last_column_(Lanes::Constant(static_cast<float>(map.surface().width() - 1))),
-        last_row_(Lanes::Constant(static_cast<float>(map.surface().height() - 1))),
         sigma_beam_(config.sigma_range_m / map.grid().resolution()),
-        start_(start) {
+        start_(start),
+        all_(columns_of(beams)),
+        few_(columns_of(beams, kStride)) {
     fit_.pose = start;
     set_map_variance(kCellSigma * kCellSigma);
-    const std::size_t count = beams.x.size();
-    beams4_.resize((count + kLanes - 1) / std::size_t{kLanes});
-    matches4_.resize(beams4_.size());
-    for (std::size_t i = 0; i < std::size_t{kLanes} * beams4_.size(); ++i) {
-      Beam4& four = beams4_[i / std::size_t{kLanes}];
-      const auto k = static_cast<int>(i % std::size_t{kLanes});
-      const std::size_t beam = std::min(i, count - 1);
-      four.x(k) = static_cast<float>(beams.x[beam]);
-      four.y(k) = static_cast<float>(beams.y[beam]);
-      four.per_spacing(k) =
-          static_cast<float>(1.0 / std::max(beams.range[beam] * beams.step, 1e-6));
-      four.used(k) = i < count ? 1.0F : 0.0F;
-    }
+    walls_.resize(all_.x.size());
   }
 
   Fit run(int max_iterations, double capture) {
@@ -107,7 +110,7 @@ class Refinement {
     bool narrow = false;
     for (fit_.iterations = 1; fit_.iterations <= max_iterations; ++fit_.iterations) {
       // While the kernel is wide, every fourth beam shows the way.
-      const Normal normal = accumulate(kernel, false, !narrow && kernel > kWide ? kStride : 1);
+      const Normal normal = accumulate(kernel, false, !narrow && kernel > kWide ? few_ : all_);
       if (matches_ < kLeastMatches) {
         return ended(ScanMatch::Reason::kTooFewMatches);
       }
@@ -119,7 +122,7 @@ class Refinement {
       }
       if (narrow && moved < (jumps ? kNearlyStill : kStill)) {
         estimate_sigma(kMostMapSigma);
-        step(accumulate(floor(), false, 1), 1.0);
+        step(accumulate(floor(), false, all_), 1.0);
         return finished();
       }
       if (!narrow && kernel <= floor()) {
@@ -147,139 +150,55 @@ class Refinement {
            fit_.pose.y < field_.height();
   }
 
-  /// Finds the wall next to each of four end points. One off the field gets the line that is
-  /// nearest to the field's edge, and is farther than the margin from it.
-  void look_up(const Beam4& beam, float c, float s, Match4& match) const {
-    using Indices = Eigen::Array<int, kLanes, 1>;
-    match.rx = c * beam.x - s * beam.y;
-    match.ry = s * beam.x + c * beam.y;
-    const Lanes x = match.rx + static_cast<float>(fit_.pose.x);
-    const Lanes y = match.ry + static_cast<float>(fit_.pose.y);
-    Indices targets;
-    if (exact_) {
-      for (int k = 0; k < kLanes; ++k) {
-        targets(k) =
-            field_.nearest_in_field(static_cast<double>(x(k)), static_cast<double>(y(k))).target;
-      }
-    } else {
-      const Indices column = x.max(zeros_).min(last_column_).cast<int>();
-      const Indices row = y.max(zeros_).min(last_row_).cast<int>();
-      const std::int32_t* const nearest = field_.nearest_targets().data();
-      for (int k = 0; k < kLanes; ++k) {
-        targets(k) = nearest[row(k) * field_.width() + column(k)];
-      }
+  /// Finds the target next to each end point; one off the field gets the one that is nearest to the
+  /// field's edge, and is farther than the margin from it.
+  void find_targets(const BeamColumns& columns, const LanePose& pose) {
+    if (!exact_) {
+      lanes_.find_targets(field_.nearest_targets().data(), field_.width(), field_.height(),
+                          columns.view(), pose, walls_.targets.data());
+      return;
     }
-    const Line* const lines = lines_.data();
-    for (int k = 0; k < kLanes; ++k) {
-      const Line& line = lines[targets(k)];
-      match.x(k) = line.x;
-      match.y(k) = line.y;
-      match.nx(k) = line.nx;
-      match.ny(k) = line.ny;
-      match.run(k) = line.run;
+    for (std::size_t i = 0; i < columns.x.size(); ++i) {
+      const float x = pose.c * columns.x[i] - pose.s * columns.y[i] + pose.x;
+      const float y = pose.s * columns.x[i] + pose.c * columns.y[i] + pose.y;
+      walls_.targets[i] =
+          field_.nearest_in_field(static_cast<double>(x), static_cast<double>(y)).target;
     }
-  }
-
-  /// 1 where a value is above 0, else 0. Eigen's select is no vector instruction, this is.
-  [[nodiscard]] static Lanes positive(const Lanes& value) {
-    return (value * 1e30F).max(Lanes::Zero()).min(Lanes::Ones());
-  }
-
-  /// Turns the normals to the laser, and back along the beam where there are none; eq. (4).
-  void measure(Match4& match, const Vector<2>& laser, float reach_squared) const {
-    const Lanes bx = match.rx - static_cast<float>(laser.x());
-    const Lanes by = match.ry - static_cast<float>(laser.y());
-    const Lanes ex = match.rx + static_cast<float>(fit_.pose.x) - match.x;
-    const Lanes ey = match.ry + static_cast<float>(fit_.pose.y) - match.y;
-    const Lanes none = 1.0F - match.nx.square() - match.ny.square();
-    if (none.maxCoeff() > 0.5F) {
-      const Lanes back = none * (bx.square() + by.square() + 1e-6F).sqrt().inverse();
-      match.nx -= bx * back;
-      match.ny -= by * back;
-    }
-    const Lanes along = match.nx * bx + match.ny * by;
-    const Lanes side = -along * (along.abs() + 1e-30F).inverse();
-    match.nx *= side;
-    match.ny *= side;
-    match.used *=
-        positive(reach_squared - ex.square() - ey.square()) * match.run.min(Lanes::Ones());
-    match.e = match.nx * ex + match.ny * ey - static_cast<float>(fit_.offset) +
-              kFar * (1.0F - match.used);
   }
 
   /// Normal equations of eq. (4) and (5), weighted by eq. (6): by a smooth kernel, or all of those
-  /// within `kernel` alike if `hard`. Takes every `stride`-th four.
-  Normal accumulate(double kernel, bool hard, std::size_t stride) {
+  /// within `kernel` alike if `hard`.
+  Normal accumulate(double kernel, bool hard, const BeamColumns& columns) {
     const double reach =
         std::min(std::max(3.0 * kernel, kLeastReach), static_cast<double>(field_.margin_cells()));
     const Vector<2> laser = Pose2{0.0, 0.0, fit_.pose.heading}.act(beams_.laser);
-    const auto c = static_cast<float>(std::cos(fit_.pose.heading));
-    const auto s = static_cast<float>(std::sin(fit_.pose.heading));
-    const auto per_kernel = static_cast<float>(1.0 / (kernel * kernel));
-    const auto beam_variance = static_cast<float>(sigma_beam_ * sigma_beam_);
-    std::array<Lanes, 16> sums;
-    sums.fill(Lanes::Zero());
-    // Two loops: what was just written one by one cannot be read at once, four at a time.
-    used_ = 0;
-    for (std::size_t i = 0; i < beams4_.size(); i += stride) {
-      look_up(beams4_[i], c, s, matches4_[used_++]);
-    }
-    for (std::size_t i = 0; i < used_; ++i) {
-      Match4& match = matches4_[i];
-      const Beam4& beam = beams4_[i * stride];
-      match.used = beam.used;
-      measure(match, laser, static_cast<float>(reach * reach));
-      match.alike = (match.run * beam.per_spacing).max(Lanes::Ones());
-      // The rounding of eq. (6); without a line there is no run, and no weight either.
-      const Lanes rounding =
-          (kFitted / 12.0F) * (1.0F / kFitted - match.run.max(kFitted).inverse());
-      const Lanes noise =
-          (rounding + static_cast<float>(map_variance_)) * match.alike + beam_variance;
-      const Lanes ratio = match.e.square() * per_kernel;
-      const Lanes inside = match.used * positive(hard ? Lanes(1.0F - ratio) : Lanes::Ones());
-      const Lanes robust = hard ? Lanes::Ones() : Lanes((1.0F + ratio).square());
-      sums[15] += inside;
-      add(match, inside * (robust * noise).inverse(), sums);
-    }
+    const LanePose pose{static_cast<float>(std::cos(fit_.pose.heading)),
+                        static_cast<float>(std::sin(fit_.pose.heading)),
+                        static_cast<float>(fit_.pose.x), static_cast<float>(fit_.pose.y)};
+    used_ = columns.x.size();
+    find_targets(columns, pose);
+    walls_.gather(lines_, used_);
+    const LaneWeights weights{
+        static_cast<float>(laser.x()),     static_cast<float>(laser.y()),
+        static_cast<float>(reach * reach), static_cast<float>(kernel * kernel),
+        static_cast<float>(map_variance_), static_cast<float>(sigma_beam_ * sigma_beam_),
+        static_cast<float>(fit_.offset),   hard};
+    LaneSums sums{};
+    lanes_.accumulate(columns.view(), pose, walls_.view(columns), weights, walls_.residuals.data(),
+                      walls_.alike.data(), sums);
     return normal_of(sums);
   }
 
-  static void add(const Match4& match, const Lanes& w, std::array<Lanes, 16>& sums) {
-    const Lanes jt = match.ny * match.rx - match.nx * match.ry;
-    const Lanes wx = w * match.nx;
-    const Lanes wy = w * match.ny;
-    const Lanes wt = w * jt;
-    sums[0] += wx * match.nx;
-    sums[1] += wx * match.ny;
-    sums[2] += wx * jt;
-    sums[3] += wx;
-    sums[4] += wy * match.ny;
-    sums[5] += wy * jt;
-    sums[6] += wy;
-    sums[7] += wt * jt;
-    sums[8] += wt;
-    sums[9] += w;
-    sums[10] += wx * match.e;
-    sums[11] += wy * match.e;
-    sums[12] += wt * match.e;
-    sums[13] += w * match.e;
-    sums[14] += w * (match.rx * match.rx + match.ry * match.ry);
-  }
-
-  Normal normal_of(const std::array<Lanes, 16>& lanes) {
-    std::array<double, 16> sums{};
-    std::transform(lanes.begin(), lanes.end(), sums.begin(),
-                   [](const Lanes& sum) { return static_cast<double>(sum.sum()); });
+  Normal normal_of(const LaneSums& sums) {
     Normal normal;
-    normal.H << sums[0], sums[1], sums[2], -sums[3],  //
-        sums[1], sums[4], sums[5], -sums[6],          //
-        sums[2], sums[5], sums[7], -sums[8],          //
-        -sums[3], -sums[6], -sums[8], sums[9] + 1.0 / (kOffsetSigma * kOffsetSigma);
-    normal.g << sums[10], sums[11], sums[12],
-        fit_.offset / (kOffsetSigma * kOffsetSigma) - sums[13];
-    normal.lever = sums[14];
-    normal.weight = sums[9];
-    matches_ = static_cast<std::size_t>(sums[15]);
+    normal.H << sums.xx, sums.xy, sums.xt, -sums.x,  //
+        sums.xy, sums.yy, sums.yt, -sums.y,          //
+        sums.xt, sums.yt, sums.tt, -sums.t,          //
+        -sums.x, -sums.y, -sums.t, sums.w + 1.0 / (kOffsetSigma * kOffsetSigma);
+    normal.g << sums.xe, sums.ye, sums.te, fit_.offset / (kOffsetSigma * kOffsetSigma) - sums.e;
+    normal.lever = sums.lever;
+    normal.weight = sums.w;
+    matches_ = static_cast<std::size_t>(sums.matches);
     return normal;
   }
 
@@ -377,9 +296,7 @@ class Refinement {
   template <class Each>
   void for_each_match(const Each& each) const {
     for (std::size_t i = 0; i < used_; ++i) {
-      for (int k = 0; k < kLanes; ++k) {
-        each(matches4_[i].e(k), matches4_[i].alike(k));
-      }
+      each(walls_.residuals[i], walls_.alike[i]);
     }
   }
 
@@ -390,7 +307,7 @@ class Refinement {
   }
 
   Fit finished() {
-    const Reduced reduced = reduce(accumulate(kInlierSigmas * fit_.sigma, true, 1));
+    const Reduced reduced = reduce(accumulate(kInlierSigmas * fit_.sigma, true, all_));
     if (matches_ < kLeastMatches) {
       return ended(ScanMatch::Reason::kTooFewMatches);
     }
@@ -411,22 +328,18 @@ class Refinement {
     return fit_;
   }
 
-  static constexpr float kFar = 1e6F;  // residual of a beam without a wall
-
   const DistanceField& field_;
   const std::vector<Line>& lines_;
   const Beams& beams_;
   const Prior& prior_;
   bool exact_;
-  Lanes zeros_ = Lanes::Zero();
-  Lanes last_column_;
-  Lanes last_row_;
+  ScanLanes lanes_ = scan_lanes();
   double sigma_beam_;
   Pose2 start_;
   double map_variance_ = 0.0;
-  std::vector<Beam4> beams4_;
-  std::vector<Match4> matches4_;
-  std::size_t used_ = 0;  // of matches4_
+  BeamColumns all_, few_;
+  Walls walls_;
+  std::size_t used_ = 0;  // of walls_
   std::size_t matches_ = 0;
   Fit fit_;
 };

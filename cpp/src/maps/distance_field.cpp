@@ -13,7 +13,6 @@ namespace {
 
 constexpr std::int32_t kNone = 1 << 30;  // a row without target
 constexpr double kNoParabola = std::numeric_limits<double>::infinity();
-constexpr int kFarCells = 4;
 
 std::vector<std::uint8_t> occupied_cells(const OccupancyGrid& grid) {
   std::vector<std::uint8_t> occupied(grid.cells().size());
@@ -116,7 +115,8 @@ DistanceField::DistanceField(std::shared_ptr<const OccupancyGrid> grid,
   }
   fill_rows(is_target);
   nearest_.resize(row_offset_.size());
-  distances_.resize(row_offset_.size());
+  distances_.resize(row_offset_.size() +
+                    static_cast<std::size_t>(far_width()) * static_cast<std::size_t>(far_height()));
   fill_columns();
   fill_far();
 }
@@ -166,36 +166,24 @@ void DistanceField::fill_columns() {
   }
 }
 
-/// Around the field, as wide and as high as it is, one value for kFarCells x kFarCells cells.
 void DistanceField::fill_far() {
   Envelope envelope(static_cast<std::size_t>(height_));
-  far_width_ = 3 * width_ / kFarCells + 1;
-  far_height_ = 3 * height_ / kFarCells + 1;
-  far_.resize(static_cast<std::size_t>(far_width_) * static_cast<std::size_t>(far_height_));
-  for (int column = 0; column < far_width_; ++column) {
+  float* const far = distances_.data() + row_offset_.size();
+  for (int column = 0; column < far_width(); ++column) {
     const double x = (column + 0.5) * kFarCells - width_;
     const int from = clamped_cell(x, width_);
     envelope.build([&](int row) {
       const std::int32_t offset = row_offset_[at(row, from, width_)];
       return offset == kNone ? kNoParabola : square(from + offset + 0.5 - x);
     });
-    for (int row = 0; row < far_height_; ++row) {
+    for (int row = 0; row < far_height(); ++row) {
       const double y = (row + 0.5) * kFarCells - height_ - 0.5;  // rows are counted at centres
       const int nearest_row = envelope.lowest_at(y);
       const std::int32_t offset = row_offset_[at(nearest_row, from, width_)];
-      far_[at(row, column, far_width_)] =
+      far[at(row, column, far_width())] =
           static_cast<float>(std::sqrt(square(nearest_row - y) + square(from + offset + 0.5 - x)));
     }
   }
-}
-
-double DistanceField::distance_beyond(double x, double y) const {
-  const double column = (x + width_) / kFarCells;
-  const double row = (y + height_) / kFarCells;
-  if (!(column >= 0.0 && column < far_width_ && row >= 0.0 && row < far_height_)) {
-    return nearest_in_field(x, y).distance;
-  }
-  return static_cast<double>(far_[at(static_cast<int>(row), static_cast<int>(column), far_width_)]);
 }
 
 double DistanceField::distance(const Vector<2>& p_world) const {

@@ -52,6 +52,25 @@ TEST(HeadingSearch, equals_the_papers_loops_and_its_look_ups_half_a_cell) {
   }
 }
 
+TEST(HeadingSearch, looks_up_beams_that_end_far_beyond_the_map) {
+  Rng rng(2);
+  const testing::Room room = testing::random_room(rng);
+  const ScanMap map(room.map);
+  LaserScan scan = testing::scan_from(room.walls, room.middle, rng, 0.01);
+  LaserGeometry geometry = *scan.geometry;
+  geometry.range_max = 1e4;
+  scan.geometry = std::make_shared<const LaserGeometry>(geometry);
+  for (std::size_t i = 0; i < scan.ranges.size(); i += 3) {
+    scan.ranges[i] = 900.0;
+  }
+  const HeadingSearch found = heading_search(map, scan, room.middle.position());
+  const HeadingSearch looked_up = heading_search_by_lookup(map, scan, room.middle.position());
+  for (std::size_t k = 0; k < found.sums.size(); ++k) {
+    EXPECT_NEAR(looked_up.sums[k], found.sums[k], 0.036 * 360);
+  }
+  EXPECT_EQ(*looked_up.heading, *found.heading);
+}
+
 TEST(HeadingSearch, says_why_it_finds_none) {
   Rng rng(1);
   const testing::Room room = testing::random_room(rng);

@@ -47,10 +47,6 @@ class DistanceField {
   /// The same in the field frame, in cells.
   [[nodiscard]] Neighbour nearest_in_field(double x, double y) const;
 
-  /// Distance [cells] to the nearest target from a point off the field, right within three cells;
-  /// farther away than the field is large, it is exact and slow.
-  [[nodiscard]] double distance_beyond(double x, double y) const;
-
   /// Point in the field frame, in cells.
   [[nodiscard]] Vector<2> to_field(const Vector<2>& p_world) const {
     return grid_->to_grid(p_world) + Vector<2>::Constant(margin_cells_);
@@ -60,7 +56,12 @@ class DistanceField {
   [[nodiscard]] int width() const { return width_; }
   [[nodiscard]] int height() const { return height_; }
   [[nodiscard]] int margin_cells() const { return margin_cells_; }
-  [[nodiscard]] const std::vector<float>& distances() const { return distances_; }  ///< [cells]
+  /// [cells]; after the field come its surroundings, which are as wide and as high as it is on each
+  /// side: row by row, one value for kFarCells x kFarCells cells, right within three cells.
+  [[nodiscard]] const std::vector<float>& distances() const { return distances_; }
+  static constexpr int kFarCells = 4;
+  [[nodiscard]] int far_width() const { return 3 * width_ / kFarCells + 1; }
+  [[nodiscard]] int far_height() const { return 3 * height_ / kFarCells + 1; }
   [[nodiscard]] const std::vector<std::int32_t>& nearest_targets() const { return nearest_; }
 
  private:
@@ -77,9 +78,6 @@ class DistanceField {
   std::vector<std::int32_t> row_offset_;  // columns to the nearest target in the same row
   std::vector<std::int32_t> nearest_;
   std::vector<float> distances_;
-  std::vector<float> far_;  // distances around the field, coarsely
-  int far_width_ = 0;
-  int far_height_ = 0;
 };
 
 }  // namespace locfuse

@@ -36,9 +36,13 @@ struct LaneSolver {
   void (*solve3)(const LaneLayout&, const double* ranges, LaneResult&);
 };
 
-[[nodiscard]] LaneSolver lanes_portable();
+namespace portable {
+[[nodiscard]] LaneSolver range_lanes();
+}
 #ifdef LOCFUSE_LANES_AVX2
-[[nodiscard]] LaneSolver lanes_avx2();
+namespace avx2 {
+[[nodiscard]] LaneSolver range_lanes();
+}
 #endif
 
 }  // namespace locfuse::internal

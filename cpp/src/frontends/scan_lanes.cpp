@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frontends/scan_lanes.hpp"
+
+// Compiled twice; LOCFUSE_LANES names the namespace and thereby what the compiler may use.
+#ifndef LOCFUSE_LANES
+#define LOCFUSE_LANES portable
+#endif
+
+namespace locfuse::internal {
+
+namespace {
+
+#ifdef __AVX2__
+constexpr int kLanes = 8;
+#else
+constexpr int kLanes = 4;
+#endif
+static_assert(kBeamGroup % kLanes == 0);
+constexpr float kFitted = 5.0F;  // cells of a line, its shortest run
+constexpr float kFar = 1e6F;     // residual of a beam without a wall
+
+using Lanes = float __attribute__((vector_size(kLanes * sizeof(float))));
+using Indices = std::int32_t __attribute__((vector_size(kLanes * sizeof(std::int32_t))));
+
+inline Lanes load(const float* from) {
+  Lanes lanes;
+  __builtin_memcpy(&lanes, from, sizeof lanes);
+  return lanes;
+}
+
+inline void store(const Lanes& lanes, float* to) { __builtin_memcpy(to, &lanes, sizeof lanes); }
+
+inline Lanes all(float value) { return Lanes{} + value; }
+
+inline Lanes larger(const Lanes& a, const Lanes& b) { return a > b ? a : b; }
+
+inline Lanes smaller(const Lanes& a, const Lanes& b) { return a < b ? a : b; }
+
+inline Lanes square_root(const Lanes& x) {
+  Lanes root;
+  for (int l = 0; l < kLanes; ++l) {
+    root[l] = __builtin_sqrtf(x[l]);
+  }
+  return root;
+}
+
+inline bool any(const Indices& mask) {
+  std::int64_t words[kLanes / 2];
+  __builtin_memcpy(words, &mask, sizeof words);
+  std::int64_t some = 0;
+  for (const std::int64_t word : words) {
+    some |= word;
+  }
+  return some != 0;
+}
+
+inline double sum(const Lanes& lanes) {
+  double total = 0.0;
+  for (int l = 0; l < kLanes; ++l) {
+    total += static_cast<double>(lanes[l]);
+  }
+  return total;
+}
+
+inline Indices whole(const Lanes& value) { return __builtin_convertvector(value, Indices); }
+
+double sum_distances(const DistanceTable& table, const LaneBeams& beams, const LanePose& pose) {
+  const Lanes right = all(static_cast<float>(table.width));
+  const Lanes top = all(static_cast<float>(table.height));
+  const Lanes far_right = all(static_cast<float>(table.far_width));
+  const Lanes far_top = all(static_cast<float>(table.far_height));
+  const float per_far = 1.0F / table.far_cells;
+  Lanes total{};
+  Indices lost{};
+  for (int i = 0; i < beams.count; i += kLanes) {
+    const Lanes bx = load(beams.x + i);
+    const Lanes by = load(beams.y + i);
+    const Lanes x = pose.c * bx - pose.s * by + pose.x;
+    const Lanes y = pose.s * bx + pose.c * by + pose.y;
+    const Indices near = (x >= 0.0F) & (x < right) & (y >= 0.0F) & (y < top);
+    Indices cell = whole(y) * table.width + whole(x);
+    const Indices off = near == 0;
+    if (any(off)) {
+      const Lanes column = (x + right) * per_far;
+      const Lanes row = (y + top) * per_far;
+      const Indices far = (column >= 0.0F) & (column < far_right) & (row >= 0.0F) & (row < far_top);
+      lost |= off & (far == 0);
+      const Indices far_cell =
+          whole(row) * table.far_width + whole(column) + table.width * table.height;
+      cell = near ? cell : (far & far_cell);
+    }
+    Lanes found;
+    for (int l = 0; l < kLanes; ++l) {
+      found[l] = table.cells[cell[l]];
+    }
+    total += found * load(beams.used + i);
+  }
+  return any(lost) ? -1.0 : sum(total);
+}
+
+void find_targets(const std::int32_t* nearest, int width, int height, const LaneBeams& beams,
+                  const LanePose& pose, std::int32_t* targets) {
+  const Lanes right = all(static_cast<float>(width - 1));
+  const Lanes top = all(static_cast<float>(height - 1));
+  for (int i = 0; i < beams.count; i += kLanes) {
+    const Lanes bx = load(beams.x + i);
+    const Lanes by = load(beams.y + i);
+    const Lanes x = pose.c * bx - pose.s * by + pose.x;
+    const Lanes y = pose.s * bx + pose.c * by + pose.y;
+    const Indices column = whole(smaller(larger(x, Lanes{}), right));
+    const Indices row = whole(smaller(larger(y, Lanes{}), top));
+    const Indices cell = row * width + column;
+    for (int l = 0; l < kLanes; ++l) {
+      targets[i + l] = nearest[cell[l]];
+    }
+  }
+}
+
+template <bool kHard>
+void accumulate(const LaneBeams& beams, const LanePose& pose, const LaneWalls& walls,
+                const LaneWeights& weights, float* residuals, float* alike_beams, LaneSums& sums) {
+  const float per_kernel = 1.0F / weights.kernel_squared;
+  const Lanes one = all(1.0F);
+  Lanes xx{}, xy{}, xt{}, x{}, yy{}, yt{}, y{}, tt{}, t{}, w{};
+  Lanes xe{}, ye{}, te{}, e{}, lever{}, matches{};
+  for (int i = 0; i < beams.count; i += kLanes) {
+    const Lanes end_x = load(beams.x + i);
+    const Lanes end_y = load(beams.y + i);
+    const Lanes rx = pose.c * end_x - pose.s * end_y;
+    const Lanes ry = pose.s * end_x + pose.c * end_y;
+    const Lanes bx = rx - weights.laser_x;
+    const Lanes by = ry - weights.laser_y;
+    const Lanes ex = rx + pose.x - load(walls.x + i);
+    const Lanes ey = ry + pose.y - load(walls.y + i);
+    Lanes nx = load(walls.nx + i);
+    Lanes ny = load(walls.ny + i);
+    // A wall without a normal is met along the beam.
+    const Indices bare = nx * nx + ny * ny < 0.5F;
+    if (any(bare)) {
+      const Lanes back = 1.0F / square_root(bx * bx + by * by + 1e-6F);
+      nx = bare ? -bx * back : nx;
+      ny = bare ? -by * back : ny;
+    }
+    // Normals point to the laser.
+    const Indices away = nx * bx + ny * by > 0.0F;
+    nx = away ? -nx : nx;
+    ny = away ? -ny : ny;
+    const Lanes run = load(walls.run + i);
+    const Indices wall =
+        (ex * ex + ey * ey < weights.reach_squared) & (run > 0.0F) & (load(beams.used + i) > 0.0F);
+    const Lanes residual = wall ? nx * ex + ny * ey - weights.offset : all(kFar);
+    const Lanes alike = larger(run * load(walls.per_spacing + i), one);
+    store(residual, residuals + i);
+    store(alike, alike_beams + i);
+    const Lanes rounding = (kFitted / 12.0F) * (1.0F / kFitted - 1.0F / larger(run, all(kFitted)));
+    const Lanes noise = (rounding + weights.map_variance) * alike + weights.beam_variance;
+    const Lanes ratio = residual * residual * per_kernel;
+    const Indices counts = kHard ? wall & (ratio < 1.0F) : wall;
+    const Lanes share = counts ? one : Lanes{};
+    const Lanes damped = kHard ? noise : (1.0F + ratio) * (1.0F + ratio) * noise;
+    const Lanes weight = share / damped;
+    const Lanes turn = ny * rx - nx * ry;
+    const Lanes wx = weight * nx;
+    const Lanes wy = weight * ny;
+    const Lanes wt = weight * turn;
+    xx += wx * nx;
+    xy += wx * ny;
+    xt += wx * turn;
+    x += wx;
+    yy += wy * ny;
+    yt += wy * turn;
+    y += wy;
+    tt += wt * turn;
+    t += wt;
+    w += weight;
+    xe += wx * residual;
+    ye += wy * residual;
+    te += wt * residual;
+    e += weight * residual;
+    lever += weight * (rx * rx + ry * ry);
+    matches += share;
+  }
+  sums = {sum(xx), sum(xy), sum(xt), sum(x),  sum(yy), sum(yt), sum(y),     sum(tt),
+          sum(t),  sum(w),  sum(xe), sum(ye), sum(te), sum(e),  sum(lever), sum(matches)};
+}
+
+void accumulate_any(const LaneBeams& beams, const LanePose& pose, const LaneWalls& walls,
+                    const LaneWeights& weights, float* residuals, float* alike, LaneSums& sums) {
+  if (weights.hard) {
+    accumulate<true>(beams, pose, walls, weights, residuals, alike, sums);
+  } else {
+    accumulate<false>(beams, pose, walls, weights, residuals, alike, sums);
+  }
+}
+
+}  // namespace
+
+ScanLanes LOCFUSE_LANES::scan_lanes() { return {sum_distances, find_targets, accumulate_any}; }
+
+}  // namespace locfuse::internal

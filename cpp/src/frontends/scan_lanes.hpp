@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+/// Many beams at once, one per lane of a vector register, in single precision: right to 1e-3 cells
+/// on the largest maps. Compiled once for every processor and once for those with AVX2; nothing
+/// that is compiled twice may be shared, so only plain arrays appear here. All lengths are in
+/// cells.
+namespace locfuse::internal {
+
+/// Arrays of beams are filled up to a multiple of this by beams that are not used.
+constexpr int kBeamGroup = 8;
+
+/// End points in body; `used` is 1, or 0 for those that only fill up.
+struct LaneBeams {
+  int count = 0;
+  const float* x = nullptr;
+  const float* y = nullptr;
+  const float* used = nullptr;
+};
+
+/// A pose of the body in a field.
+struct LanePose {
+  float c, s, x, y;
+};
+
+/// See DistanceField: the field row by row, then its surroundings.
+struct DistanceTable {
+  const float* cells;
+  int width, height;
+  int far_width, far_height;
+  float far_cells;  ///< side of a far cell
+};
+
+/// Line next to each end point, and how many beams see as much wall as it was fitted to.
+struct LaneWalls {
+  const float *x, *y, *nx, *ny, *run, *per_spacing;
+};
+
+/// What weighs a residual; docs/models/scan_matching.md eq. (4) to (6).
+struct LaneWeights {
+  float laser_x, laser_y;  ///< from the body, in the field's axes
+  float reach_squared;     ///< walls farther away than this are none
+  float kernel_squared;
+  float map_variance;
+  float beam_variance;
+  float offset;
+  bool hard;  ///< all within the kernel alike, instead of a smooth kernel
+};
+
+/// Weighted sums of products of (nx, ny, turn, 1, residual), as accumulate() fills them.
+struct LaneSums {
+  double xx, xy, xt, x, yy, yt, y, tt, t, w, xe, ye, te, e, lever, matches;
+};
+
+struct ScanLanes {
+  /// Sum of the distances at the end points; negative if one is too far off for the table.
+  double (*sum_distances)(const DistanceTable&, const LaneBeams&, const LanePose&);
+  /// Nearest target of each end point, of the field's edge for those off it.
+  void (*find_targets)(const std::int32_t* nearest, int width, int height, const LaneBeams&,
+                       const LanePose&, std::int32_t* targets);
+  /// Residuals (1e6 without a wall), how many beams are alike, and the sums.
+  void (*accumulate)(const LaneBeams&, const LanePose&, const LaneWalls&, const LaneWeights&,
+                     float* residuals, float* alike, LaneSums&);
+};
+
+namespace portable {
+[[nodiscard]] ScanLanes scan_lanes();
+}
+#ifdef LOCFUSE_LANES_AVX2
+namespace avx2 {
+[[nodiscard]] ScanLanes scan_lanes();
+}
+#endif
+
+/// The fastest that this processor has.
+[[nodiscard]] ScanLanes scan_lanes();
+
+}  // namespace locfuse::internal
