@@ -13,7 +13,7 @@ git ls-files '*.hpp' '*.cpp' | step xargs clang-format --dry-run --Werror
 git ls-files '*CMakeLists.txt' '*.cmake' | step xargs "$bin/gersemi" --check
 step "$bin/ruff" format --check --quiet .
 step "$bin/ruff" check --quiet .
-step "$bin/mypy" python/locfuse scripts examples/python benchmarks/run.py benchmarks/python tests/python
+step "$bin/mypy" python/locfuse scripts examples/python benchmarks/run.py benchmarks/rows.py benchmarks/python tests/python
 step "$bin/codespell"
 step "$bin/lint-imports" --no-logo
 step sh scripts/stubs.sh "$bin" --check

@@ -82,3 +82,46 @@ def test_locate_gtsam(benchmark: Any) -> None:
         return optimizer.optimize().atPoint2(0)
 
     run_each(benchmark, solve, FEW)
+
+
+@pytest.mark.parametrize(("dimensions", "seed"), [(2, 200), (3, 201)])
+def test_random_layouts(benchmark: Any, dimensions: int, seed: int) -> None:
+    """Count wrong minima among layouts good and bad: five anchors anywhere in the box.
+
+    The right minimum is what Levenberg and Marquardt's method finds from the truth; a wrong one
+    costs 0.5 more.
+    """
+    rng = np.random.RandomState(seed)
+    anchors = rng.uniform(0.0, 10.0, (10_000, 5, dimensions))
+    truth = rng.uniform(0.0, 10.0, (10_000, dimensions))
+    exact = np.linalg.norm(truth[:, None] - anchors, axis=2)
+    ranges = np.maximum(exact + SIGMA * rng.standard_normal(exact.shape), 1e-3)
+    benchmark.extra_info["items"] = len(truth)
+    found = benchmark(lambda: lf.locate_batch(anchors, ranges, SIGMA).position)
+    least = cost(anchors, ranges, minimum_near(anchors, ranges, truth))
+    wrong = ~(cost(anchors, ranges, found) <= least + 0.5)  # true for NaN, too
+    benchmark.extra_info["wrong"] = float(wrong.mean())
+
+
+def cost(anchors: Any, ranges: Any, position: Any) -> Any:
+    residuals = np.linalg.norm(position[:, None] - anchors, axis=2) - ranges
+    return 0.5 * (residuals**2).sum(axis=1) / SIGMA**2
+
+
+def minimum_near(anchors: Any, ranges: Any, position: Any) -> Any:
+    damping = np.full(len(position), 1e-3)
+    least = cost(anchors, ranges, position)
+    for _ in range(60):
+        offset = position[:, None] - anchors
+        distance = np.linalg.norm(offset, axis=2)
+        jacobian = offset / distance[..., None]
+        normal = np.einsum("nmi,nmj->nij", jacobian, jacobian)
+        normal += damping[:, None, None] * np.eye(position.shape[1])
+        gradient = np.einsum("nmi,nm->ni", jacobian, distance - ranges)
+        moved = position - np.linalg.solve(normal, gradient[..., None])[..., 0]
+        there = cost(anchors, ranges, moved)
+        better = there <= least
+        position = np.where(better[:, None], moved, position)
+        least = np.where(better, there, least)
+        damping = np.where(better, damping / 3.0, damping * 4.0)
+    return position

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is compared with what, and how much is required: the rows of the table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table: `figure` is a ratio, a rate or a time and has to be as `required`."""
+
+    what: str
+    ours: str
+    peer: str = ""
+    figure: float | None = None
+    unit: str = ""
+    required: str = ""
+    met: bool | None = None
+
+
+@dataclass
+class Measured:
+    """Per benchmark: seconds per item (a message, an epoch, a scan, a run) and what it counted."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+    counted: dict[str, dict[str, float]] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> float:
+        return self.seconds[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.seconds
+
+
+def all_rows(m: Measured) -> list[Row]:
+    """Return every row; those of peers that are not there say so."""
+    return [*filter_rows(m), *evaluation_rows(m), *range_rows(m), *scan_rows(m)]
+
+
+def filter_rows(m: Measured) -> Iterator[Row]:
+    """Compare one prediction and five ranges on three states."""
+    reference, ours = m["bench/reference_joseph"], m["bench/pose_ekf_on"]
+    yield _at_most("C++, a step: models, filter / Joseph reference", m["bench/models_and_filter"],
+                   reference, 1.1)  # fmt: skip
+    yield _at_most("C++, a step: PoseEkf::on / Joseph reference", ours, reference, 2.0)
+    yield _faster("C++, a step: Orocos BFL / PoseEkf::on", m, "bench/pose_ekf_on",
+                  "bench/orocos_bfl", 15.0)  # fmt: skip
+    allocations = m.counted["bench/pose_ekf_on"]["allocations_per_message"]
+    bfl = m.counted.get("bench/orocos_bfl", {}).get("allocations_per_message")
+    yield Row("C++, PoseEkf::on: heap allocations per message", f"{allocations:g}",
+              "" if bfl is None else f"BFL {bfl:.1f}", allocations, "", "0",
+              allocations == 0.0)  # fmt: skip
+    yield _rate("Python, a message: columns to last estimate", m["replay"], 3e6)
+    yield _rate("Python, a message: columns to outcomes, estimates", m["replay_recorded"], 1e6)
+    yield _within("Python, one call per epoch: motion and 5 ranges", m["epoch_call"], 3e-6)
+    yield _faster("Python, a message, recorded: filterpy / ours", m, "replay_short", "filterpy",
+                  150.0)  # fmt: skip
+
+
+def evaluation_rows(m: Measured) -> Iterator[Row]:
+    """Compare reading, associating, aligning and scoring 100,000 poses.
+
+    evo runs as a program only. What it needs for three poses, which is to start, is taken off.
+    """
+    what = "100,000 poses: evo without its start / ours"
+    if "evo_program" not in m:
+        yield Row(what, _time(m["evaluation"]), "skipped: not installed")
+        return
+    work = m["evo_program"] - m["evo_start"]
+    yield _at_least(what, m["evaluation"], work, 30.0)
+    yield _plain("- evo_ape / locfuse evaluate, start included", m, "evaluation_program",
+                 "evo_program")  # fmt: skip
+    yield _plain(
+        "- the start of each: the same for three poses", m, "evaluation_start", "evo_start"
+    )
+
+
+def range_rows(m: Measured) -> Iterator[Row]:
+    """Compare positions from ranges alone, anchors known."""
+    for name, size, limit in (("plane", "2D, 5 anchors", 0.8e-6), ("space", "3D, 8", 1.4e-6)):
+        what = f"C++, {size}: SR-LS and ML; ceres::TinySolver"
+        yield _within(what, m[f"{name}_fast"], limit, m[f"{name}_tiny_solver"])
+    worst = max(m[f"plane_ceres_{loss}"] for loss in ("huber", "cauchy", "one_sided"))
+    yield _within("C++, 2D, 5: the Ceres problem with a loss; its defaults", worst, 15e-6,
+                  m["plane_ceres_autodiff"])  # fmt: skip
+    yield _within("C++, 2D, 5: an epoch of 10,000, dispatched", m["plane_batch"], 0.1e-6)
+    yield _within("C++, 2D, 5: an epoch of 10,000, portable", m["portable/plane_batch"], 0.2e-6)
+    yield _within("Python, 2D, 5: one call", m["locate_call"], 3e-6)
+    yield _within("Python, 2D, 5: an epoch of 10,000", m["locate_batch"], 0.25e-6)
+    for peer in ("gtsam", "scipy"):
+        yield _faster(f"Python, an epoch of 10,000: {peer} / ours", m, "locate_batch",
+                      f"locate_{peer}", 500.0)  # fmt: skip
+        yield _plain(f"- one call each: {peer} / ours", m, "locate_call", f"locate_{peer}")
+    for name, limit in (("2-200", 0.0002), ("3-201", 0.0005)):
+        wrong = m.counted[f"random_layouts[{name}]"]["wrong"]
+        yield Row(f"{name[0]}D, 10,000 random layouts of 5: wrong minima", f"{wrong:.2%}",
+                  required=f"<= {limit:.2%}", met=wrong <= limit)  # fmt: skip
+
+
+def scan_rows(m: Measured) -> Iterator[Row]:
+    """Compare scans of 360 beams on a map of 400 x 400 cells."""
+    yield _within("C++, 36 headings by look-up; by PCL's kd-tree", m["heading/lookup"], 30e-6,
+                  m["heading/pcl_kdtree"])  # fmt: skip
+    yield _within("C++, registration by look-up; PCL ICP", m["refine/lookup"], 40e-6,
+                  m["registration/pcl_icp"])  # fmt: skip
+    yield _faster("- PCL ICP / ours", m, "refine/lookup", "registration/pcl_icp", 100.0)
+    yield _within("C++, registration with exact neighbours", m["refine/exact"], 0.3e-3)
+    yield _faster("Python, registration: small_gicp / ours", m, "refine_call", "refine_small_gicp",
+                  25.0)  # fmt: skip
+    for what, ours, peer in (
+        ("C++, registration: RMSE of PCL ICP / ours", "refine/lookup", "registration/pcl_icp"),
+        ("Python, registration: RMSE of small_gicp / ours", "refine_call", "refine_small_gicp"),
+    ):
+        if peer in m:
+            mine, theirs = m.counted[ours]["rmse_m"], m.counted[peer]["rmse_m"]
+            yield Row(what, f"{1e3 * mine:.2f} mm", f"{1e3 * theirs:.2f} mm", theirs / mine, "x",
+                      ">= 1", theirs >= mine)  # fmt: skip
+    yield _within("C++, power-up: search, refine, covariance", m["power_up"], 5e-3)
+    yield _within("C++, preparing the map", m["prepare"], 30e-3)
+    for what, name in (("36 headings", "heading"), ("registration", "refine")):
+        yield Row(f"- {what} by look-up, portable", _time(m[f"portable/{name}/lookup"]))
+
+
+def _at_most(what: str, ours: float, peer: float, limit: float) -> Row:
+    ratio = ours / peer
+    return Row(what, _time(ours), _time(peer), ratio, "x", f"<= {limit:g}", ratio <= limit)
+
+
+def _at_least(what: str, ours: float, peer: float, least: float) -> Row:
+    ratio = peer / ours
+    return Row(what, _time(ours), _time(peer), ratio, "x", f">= {least:g}", ratio >= least)
+
+
+def _faster(what: str, m: Measured, ours: str, peer: str, least: float) -> Row:
+    if peer not in m:
+        return Row(what, _time(m[ours]), "skipped: not installed")
+    return _at_least(what, m[ours], m[peer], least)
+
+
+def _within(what: str, ours: float, limit: float, peer: float | None = None) -> Row:
+    ratio = None if peer is None else peer / ours
+    return Row(what, _time(ours), "" if peer is None else _time(peer), ratio, "x" if peer else "",
+               f"<= {_time(limit)}", ours <= limit)  # fmt: skip
+
+
+def _plain(what: str, m: Measured, ours: str, peer: str) -> Row:
+    if peer not in m:
+        return Row(what, _time(m[ours]), "skipped: not installed")
+    return Row(what, _time(m[ours]), _time(m[peer]), m[peer] / m[ours], "x")
+
+
+def _rate(what: str, seconds: float, least: float) -> Row:
+    return Row(what, _time(seconds), "", 1.0 / seconds, "/s", f">= {least:,.0f}",
+               1.0 / seconds >= least)  # fmt: skip
+
+
+def _time(seconds: float) -> str:
+    scale, unit = (1.0, "s") if seconds >= 1.0 else (1e3, "ms") if seconds >= 1e-3 else (1e6, "us")
+    return f"{short(seconds * scale)} {unit}"
+
+
+def short(value: float) -> str:
+    """Return three digits of a number, or all before the point."""
+    return f"{value:,.0f}" if value >= 1000.0 else f"{value:.3g}"
