@@ -21,7 +21,7 @@ enum class StartStatus : std::uint8_t {
 /// Finds the pose of a robot that was switched on anywhere (ekim2020, section 2.2).
 ///
 /// The belief is a Gaussian sum: one PoseEkf for every position that the first ranges allow (both
-/// sides of a line of anchors, each range in turn left out where they contradict one another) and
+/// sides of a line of anchors; all ranges, and all but each of them in turn) and
 /// every heading, weighed by how well each predicts what comes next. Scans on a map, ranges to
 /// other tags, and ranges after some motion tell the headings apart; docs/start.md.
 ///
