@@ -53,6 +53,17 @@ void bind_estimators(py::module_& m) {
                std::to_string(e.pose.heading) + "))";
       });
   using Config = PoseEkf::Config;
+  using locfuse::PoseHypothesis;
+  py::class_<PoseHypothesis>(m, "PoseHypothesis", "A pose that fits, one of several.")
+      .def(py::init([](const PoseEstimate& estimate, double probability) {
+             return PoseHypothesis{estimate, probability};
+           }),
+           py::arg("estimate"), py::arg("probability") = 1.0)
+      .def_readonly("estimate", &PoseHypothesis::estimate)
+      .def_readonly("probability", &PoseHypothesis::probability, "Beside the others, 0 to 1.")
+      .def("__repr__", [](const PoseHypothesis& h) {
+        return "PoseHypothesis(probability=" + std::to_string(h.probability) + ")";
+      });
   py::class_<Config>(m, "PoseEkfConfig", "Noise, gates and behaviour of a PoseEkf.")
       .def(py::init<>())
       .def_readwrite("odometry", &Config::odometry)

@@ -14,13 +14,6 @@ void bind_initializer(py::module_& m) {
       .value("AMBIGUOUS", StartStatus::kAmbiguous)
       .value("READY", StartStatus::kReady)
       .finalize();
-  using Hypothesis = Initializer::Hypothesis;
-  py::class_<Hypothesis>(m, "StartHypothesis", "A pose that fits the start.")
-      .def_readonly("estimate", &Hypothesis::estimate)
-      .def_readonly("probability", &Hypothesis::probability, "Beside the others, 0 to 1.")
-      .def("__repr__", [](const Hypothesis& h) {
-        return "StartHypothesis(probability=" + std::to_string(h.probability) + ")";
-      });
   using State = Initializer::State;
   py::class_<State>(m, "StartState", "Where a start stands.")
       .def_readonly("status", &State::status)

@@ -20,6 +20,7 @@ void bind_multilateration(pybind11::module_& m);
 void bind_filters(pybind11::module_& m);
 void bind_estimators(pybind11::module_& m);
 void bind_initializer(pybind11::module_& m);
+void bind_mcl(pybind11::module_& m);
 void bind_replay(pybind11::module_& m);
 void bind_text(pybind11::module_& m);
 

@@ -18,6 +18,7 @@ PYBIND11_MODULE(_core, m) {
   bind_filters(m);
   bind_estimators(m);
   bind_initializer(m);
+  bind_mcl(m);
   bind_replay(m);
   bind_text(m);
 }

@@ -71,7 +71,7 @@ PoseEkf::PoseEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
                  Gate(config.gate_position), Gate(config.gate_pose), hold_of(config)})),
       belief_(GaussianBelief::of_pose(start.stamp, start.pose, start.covariance)),
       body_(belief_.slot("body")),
-      control_{start.stamp, start.stamp, Pose2{}, true} {
+      odometry_(start.stamp) {
   check_stamp(start.stamp);
 }
 
@@ -80,7 +80,7 @@ PoseEkf PoseEkf::restarted(const PoseEstimate& start) const {
   PoseEkf other = *this;
   other.belief_ = GaussianBelief::of_pose(start.stamp, start.pose, start.covariance);
   other.body_ = other.belief_.slot("body");
-  other.control_ = {start.stamp, start.stamp, Pose2{}, true};
+  other.odometry_ = HeldMotion(start.stamp);
   return other;
 }
 
@@ -108,7 +108,7 @@ Outcome PoseEkf::on(const Velocity& u) {
   }
   Transaction transaction(belief_);
   advance_to(u.stamp);
-  control_ = {u.stamp, u.stamp, {u.forward, 0.0, u.turn_rate}, true};
+  odometry_.take(u);
   return transaction.close({Verdict::kFused});
 }
 
@@ -122,7 +122,7 @@ Outcome PoseEkf::on(const Increment& u) {
   if (u.begin == u.stamp) {  // a displacement without duration
     move(recipe_->motion, u.motion, u.stamp);
   }
-  control_ = {u.begin, u.stamp, u.motion, false};
+  odometry_.take(u);
   return transaction.close({Verdict::kFused});
 }
 
@@ -195,32 +195,10 @@ void PoseEkf::advance_to(Stamp stamp) {
   if (stamp <= belief_.stamp) {
     return;
   }
-  const Stamp trusted = control_.end + recipe_->hold;
-  const Stamp driven = std::min(stamp, trusted);
-  if (driven > belief_.stamp) {
-    if (!control_.is_velocity && belief_.stamp < control_.end && driven > control_.end) {
-      move(recipe_->motion, control_motion(belief_.stamp, control_.end), control_.end);
-    }
-    move(recipe_->motion, control_motion(belief_.stamp, driven), driven);
-  }
-  if (stamp > belief_.stamp) {
-    move(recipe_->lost, Pose2{}, stamp);
-  }
-}
-
-Pose2 PoseEkf::control_motion(Stamp from, Stamp to) const {
-  if (control_.is_velocity) {
-    const double seconds = seconds_between(from, to);
-    return arc(control_.motion.x * seconds, 0.0, control_.motion.heading * seconds);
-  }
-  if (from == control_.begin && to == control_.end) {
-    return control_.motion;
-  }
-  if (control_.begin == control_.end) {
-    return {};  // a displacement without duration has no rate
-  }
-  return arc_share(control_.motion,
-                   seconds_between(from, to) / seconds_between(control_.begin, control_.end));
+  odometry_.advance(
+      belief_.stamp, stamp, recipe_->hold,
+      [&](const Pose2& motion, Stamp until) { move(recipe_->motion, motion, until); },
+      [&](Stamp until) { move(recipe_->lost, Pose2{}, until); });
 }
 
 void PoseEkf::move(const OdometryMotion& model, const Pose2& motion, Stamp stamp) {
@@ -231,7 +209,7 @@ void PoseEkf::move(const OdometryMotion& model, const Pose2& motion, Stamp stamp
 
 PoseEstimate PoseEkf::current() const { return {belief_.stamp, pose(), Matrix<3, 3>(belief_.P)}; }
 
-PoseEstimate PoseEkf::estimate() const { return estimate(std::max(belief_.stamp, control_.end)); }
+PoseEstimate PoseEkf::estimate() const { return estimate(std::max(belief_.stamp, odometry_.end())); }
 
 PoseEstimate PoseEkf::estimate(Stamp stamp) const {
   if (stamp < belief_.stamp) {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "frontends/processor.hpp"
+#include "math/processor.hpp"
 
 namespace locfuse::internal {
 

@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "frontends/processor.hpp"
+#include "math/processor.hpp"
 #include "frontends/range_lanes.hpp"
 
 namespace locfuse {

@@ -1,68 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "frontends/scan_lanes.hpp"
 
-// Compiled twice; LOCFUSE_LANES names the namespace and thereby what the compiler may use.
-#ifndef LOCFUSE_LANES
-#define LOCFUSE_LANES portable
-#endif
+#include "math/lanes.hpp"
 
-namespace locfuse::internal {
+namespace locfuse::internal::LOCFUSE_LANES {
 
 namespace {
 
-#ifdef __AVX2__
-constexpr int kLanes = 8;
-#else
-constexpr int kLanes = 4;
-#endif
 static_assert(kBeamGroup % kLanes == 0);
 constexpr float kFitted = 5.0F;  // cells of a line, its shortest run
 constexpr float kFar = 1e6F;     // residual of a beam without a wall
-
-using Lanes = float __attribute__((vector_size(kLanes * sizeof(float))));
-using Indices = std::int32_t __attribute__((vector_size(kLanes * sizeof(std::int32_t))));
-
-inline Lanes load(const float* from) {
-  Lanes lanes;
-  __builtin_memcpy(&lanes, from, sizeof lanes);
-  return lanes;
-}
-
-inline void store(const Lanes& lanes, float* to) { __builtin_memcpy(to, &lanes, sizeof lanes); }
-
-inline Lanes all(float value) { return Lanes{} + value; }
-
-inline Lanes larger(const Lanes& a, const Lanes& b) { return a > b ? a : b; }
-
-inline Lanes smaller(const Lanes& a, const Lanes& b) { return a < b ? a : b; }
-
-inline Lanes square_root(const Lanes& x) {
-  Lanes root;
-  for (int l = 0; l < kLanes; ++l) {
-    root[l] = __builtin_sqrtf(x[l]);
-  }
-  return root;
-}
-
-inline bool any(const Indices& mask) {
-  std::int64_t words[kLanes / 2];
-  __builtin_memcpy(words, &mask, sizeof words);
-  std::int64_t some = 0;
-  for (const std::int64_t word : words) {
-    some |= word;
-  }
-  return some != 0;
-}
-
-inline double sum(const Lanes& lanes) {
-  double total = 0.0;
-  for (int l = 0; l < kLanes; ++l) {
-    total += static_cast<double>(lanes[l]);
-  }
-  return total;
-}
-
-inline Indices whole(const Lanes& value) { return __builtin_convertvector(value, Indices); }
 
 double sum_distances(const DistanceTable& table, const LaneBeams& beams, const LanePose& pose) {
   const Lanes right = all(static_cast<float>(table.width));
@@ -195,6 +142,6 @@ void accumulate_any(const LaneBeams& beams, const LanePose& pose, const LaneWall
 
 }  // namespace
 
-ScanLanes LOCFUSE_LANES::scan_lanes() { return {sum_distances, find_targets, accumulate_any}; }
+ScanLanes scan_lanes() { return {sum_distances, find_targets, accumulate_any}; }
 
-}  // namespace locfuse::internal
+}  // namespace locfuse::internal::LOCFUSE_LANES

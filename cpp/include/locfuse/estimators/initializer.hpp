@@ -43,11 +43,7 @@ class Initializer {
     double sigma_heading_ready_rad = 0.087;  ///< [rad]
   };
 
-  /// A pose that fits, and how likely it is beside the others.
-  struct Hypothesis {
-    PoseEstimate estimate;
-    double probability = 0.0;
-  };
+  using Hypothesis = PoseHypothesis;
 
   struct State {
     StartStatus status = StartStatus::kWaiting;

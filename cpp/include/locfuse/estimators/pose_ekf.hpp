@@ -4,6 +4,7 @@
 #include <memory>
 #include <vector>
 
+#include "locfuse/estimators/held_motion.hpp"
 #include "locfuse/filters/belief.hpp"
 #include "locfuse/filters/gate.hpp"
 #include "locfuse/filters/kalman.hpp"
@@ -21,6 +22,12 @@ struct PoseEstimate {
   Stamp stamp = 0;
   Pose2 pose;
   Matrix<3, 3> covariance;
+};
+
+/// A pose that fits, and how likely it is beside the others.
+struct PoseHypothesis {
+  PoseEstimate estimate;
+  double probability = 0.0;
 };
 
 /// Extended Kalman filter over (x, y, heading) in world: odometry predicts; ranges, positions and
@@ -98,22 +105,15 @@ class PoseEkf {
     Gate pose_gate;
     Stamp hold;
   };
-  struct Control {  // what odometry said last
-    Stamp begin;
-    Stamp end;     // of a told motion; of a held velocity: when it was measured
-    Pose2 motion;  // over begin to end; for a velocity per second
-    bool is_velocity;
-  };
 
   template <class Linearize>
   Outcome correct(Stamp stamp, const Gate& gate, const Linearize& linearize);
   void move(const OdometryMotion& model, const Pose2& motion, Stamp stamp);
-  [[nodiscard]] Pose2 control_motion(Stamp from, Stamp to) const;
 
   std::shared_ptr<const Recipe> recipe_;
   GaussianBelief belief_;
   Slot body_;
-  Control control_;
+  HeldMotion odometry_;
 };
 
 }  // namespace locfuse

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "bindings.hpp"
+#include "locfuse/estimators/mcl.hpp"
+#include "numpy.hpp"
+
+namespace py = pybind11;
+using locfuse::LikelihoodField;
+using locfuse::Mcl;
+
+namespace {
+
+py::array_t<double> particles_of(const Mcl& mcl) {
+  const locfuse::ParticleBelief& belief = mcl.belief();
+  const locfuse::OccupancyGrid& grid = mcl.grid();
+  std::vector<double> rows;
+  rows.reserve(4 * static_cast<std::size_t>(belief.size));
+  for (std::size_t k = 0; k < static_cast<std::size_t>(belief.size); ++k) {
+    const locfuse::Vector<2> p = grid.to_world({belief.x[k], belief.y[k]});
+    const double heading =
+        std::atan2(static_cast<double>(belief.s[k]), static_cast<double>(belief.c[k]));
+    rows.insert(rows.end(), {p.x(), p.y(), locfuse::wrap_angle(heading + grid.origin().heading),
+                             static_cast<double>(belief.weight[k])});
+  }
+  return to_numpy(std::move(rows), {belief.size, 4});
+}
+
+}  // namespace
+
+void bind_mcl(py::module_& m) {
+  using FieldConfig = LikelihoodField::Config;
+  py::class_<FieldConfig>(m, "LikelihoodFieldConfig", "Where beams end; docs/models/mcl.md.")
+      .def(py::init<>())
+      .def_readwrite("sigma_hit_m", &FieldConfig::sigma_hit_m)
+      .def_readwrite("random_share", &FieldConfig::random_share)
+      .def_readwrite("max_range_m", &FieldConfig::max_range_m);
+  using Config = Mcl::Config;
+  py::class_<Config>(m, "MclConfig", "Noise and behaviour of an Mcl.")
+      .def(py::init<>())
+      .def_readwrite("min_particles", &Config::min_particles)
+      .def_readwrite("max_particles", &Config::max_particles)
+      .def_readwrite("kld_error", &Config::kld_error)
+      .def_readwrite("kld_quantile", &Config::kld_quantile)
+      .def_readwrite("beams", &Config::beams)
+      .def_readwrite("independent_beams", &Config::independent_beams)
+      .def_readwrite("effective_share", &Config::effective_share)
+      .def_readwrite("outlier_share", &Config::outlier_share)
+      .def_readwrite("resample_below", &Config::resample_below)
+      .def_readwrite("spacing_m", &Config::spacing_m)
+      .def_readwrite("spacing_heading_rad", &Config::spacing_heading_rad)
+      .def_readwrite("recovery_slow", &Config::recovery_slow)
+      .def_readwrite("recovery_fast", &Config::recovery_fast)
+      .def_readwrite("hold_s", &Config::hold_s)
+      .def_readwrite("sigma_lost_xy_per_sqrt_s", &Config::sigma_lost_xy_per_sqrt_s)
+      .def_readwrite("sigma_lost_heading_per_sqrt_s", &Config::sigma_lost_heading_per_sqrt_s)
+      .def_readwrite("probability_ready", &Config::probability_ready)
+      .def_readwrite("bin_m", &Config::bin_m)
+      .def_readwrite("bin_headings", &Config::bin_headings)
+      .def_readwrite("seed", &Config::seed)
+      .def_readwrite("threads", &Config::threads)
+      .def_readwrite("odometry", &Config::odometry)
+      .def_readwrite("field", &Config::field)
+      .def_readwrite("range", &Config::range)
+      .def_readwrite("position", &Config::position);
+  py::class_<Mcl>(m, "Mcl", R"(Monte Carlo localization on a grid map.
+
+Scans weigh particles by the likelihood field; ranges, positions and poses may weigh them, too
+(docs/models/mcl.md). At first the particles are all over the free cells.
+
+Parameters
+----------
+config : MclConfig
+grid : OccupancyGrid
+start : int
+    Stamp [ns].
+anchors : AnchorMap, optional
+tags : list of Tag, optional
+    For ranges.
+
+Raises
+------
+ValueError
+    If the config is out of range or the map has no free or no occupied cell.
+
+Examples
+--------
+>>> import numpy as np
+>>> from locfuse import LaserGeometry, LaserScan, Mcl, MclConfig, OccupancyGrid, Pose2
+>>> cells = np.full((60, 80), 0, dtype=np.int8)  # a room of 4 x 3 m with a box in a corner
+>>> cells[[0, -1], :] = cells[:, [0, -1]] = cells[:20, :30] = 100
+>>> mcl = Mcl(MclConfig(), OccupancyGrid(cells, resolution=0.05))
+>>> around = LaserGeometry(Pose2(), 0.0, np.pi / 2, range_min=0.1, range_max=10.0)
+>>> mcl.on(LaserScan(0, around, [0.9, 0.9, 2.9, 0.9])).verdict.name
+'FUSED'
+>>> mcl.ready
+False
+)")
+      .def(py::init([](const Config& config, std::shared_ptr<locfuse::OccupancyGrid> grid,
+                       locfuse::Stamp start,
+                       const std::optional<std::shared_ptr<locfuse::AnchorMap>>& anchors,
+                       std::vector<locfuse::Tag> tags) {
+             const py::gil_scoped_release unlocked;
+             return std::make_unique<Mcl>(config, std::move(grid), start, anchors.value_or(nullptr),
+                                          std::move(tags));
+           }),
+           py::arg("config"), py::arg("grid"), py::arg("start") = 0,
+           py::arg("anchors") = py::none(), py::arg("tags") = std::vector<locfuse::Tag>{})
+      .def("start_anywhere", &Mcl::start_anywhere, py::arg("stamp"),
+           "Starts anew, anywhere in free space.")
+      .def("start_at", &Mcl::start_at, py::arg("hypotheses"),
+           "Starts anew near poses, a list of PoseHypothesis; those of an Initializer will do.\n\n"
+           "Raises\n------\nValueError\n    On a list without poses, or one that is not finite.")
+      .def("on", py::overload_cast<const locfuse::Velocity&>(&Mcl::on), py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::Increment&>(&Mcl::on), py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::Range&>(&Mcl::on), py::arg("message"),
+           py::call_guard<py::gil_scoped_release>())
+      .def("on", py::overload_cast<const locfuse::PositionFix&>(&Mcl::on), py::arg("message"),
+           py::call_guard<py::gil_scoped_release>())
+      .def("on", py::overload_cast<const locfuse::PoseObservation&>(&Mcl::on), py::arg("message"),
+           py::call_guard<py::gil_scoped_release>())
+      .def("on", py::overload_cast<const locfuse::LaserScan&>(&Mcl::on), py::arg("message"),
+           py::call_guard<py::gil_scoped_release>(), "Takes one message.")
+      .def("estimate", &Mcl::estimate,
+           "The likeliest cluster, carried to the end of what odometry has told.")
+      .def_property_readonly(
+          "hypotheses", &Mcl::hypotheses,
+          "Clusters of particles, a list of PoseHypothesis, the likeliest first.")
+      .def_property_readonly("ready", &Mcl::ready, "Whether one cluster is all but certain.")
+      .def_property_readonly("explained", &Mcl::explained,
+                             "Share of the last scan's returns that end at a wall.")
+      .def_property_readonly("used_share", &Mcl::used_share,
+                             "Share of the last measurement's information that was used.")
+      .def_property_readonly("particles", &particles_of,
+                             "float64 (n, 4): x, y [m], heading [rad] in world, weight.")
+      .def("__repr__", [](const Mcl& mcl) {
+        return "Mcl(" + std::to_string(mcl.belief().size) + " particles)";
+      });
+}

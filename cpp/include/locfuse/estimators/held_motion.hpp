@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <algorithm>
+
+#include "locfuse/geometry/pose2.hpp"
+#include "locfuse/messages/messages.hpp"
+
+namespace locfuse {
+
+/// What odometry said last: a motion, or a velocity that holds until it says more.
+class HeldMotion {
+ public:
+  /// Standing from `start` on.
+  explicit HeldMotion(Stamp start) : begin_(start), end_(start) {}
+
+  void take(const Velocity& u) {
+    begin_ = end_ = u.stamp;
+    motion_ = {u.forward, 0.0, u.turn_rate};
+    is_velocity_ = true;
+  }
+  void take(const Increment& u) {
+    begin_ = u.begin;
+    end_ = u.stamp;
+    motion_ = u.motion;
+    is_velocity_ = false;
+  }
+
+  /// Where what was told ends; of a velocity, when it was measured.
+  [[nodiscard]] Stamp end() const { return end_; }
+
+  /// Goes from `from` to `to`: drive(motion, until) for what was told, which is believed for `hold`
+  /// beyond its end, lost(until) for the rest.
+  template <class Drive, class Lost>
+  void advance(Stamp from, Stamp to, Stamp hold, const Drive& drive, const Lost& lost) const {
+    const Stamp driven = std::min(to, end_ + hold);
+    if (driven > from) {
+      if (!is_velocity_ && from < end_ && driven > end_) {
+        drive(motion(from, end_), end_);
+        from = end_;
+      }
+      drive(motion(from, driven), driven);
+      from = driven;
+    }
+    if (to > from) {
+      lost(to);
+    }
+  }
+
+ private:
+  [[nodiscard]] Pose2 motion(Stamp from, Stamp to) const {
+    if (is_velocity_) {
+      const double seconds = seconds_between(from, to);
+      return arc(motion_.x * seconds, 0.0, motion_.heading * seconds);
+    }
+    if (from == begin_ && to == end_) {
+      return motion_;
+    }
+    if (begin_ == end_) {
+      return {};  // a displacement without duration has no rate
+    }
+    return arc_share(motion_, seconds_between(from, to) / seconds_between(begin_, end_));
+  }
+
+  Stamp begin_;
+  Stamp end_;     // of a told motion; of a held velocity: when it was measured
+  Pose2 motion_;  // over begin to end; for a velocity per second
+  bool is_velocity_ = true;
+};
+
+}  // namespace locfuse

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "locfuse/estimators/held_motion.hpp"
+#include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/filters/outcome.hpp"
+#include "locfuse/filters/particles.hpp"
+#include "locfuse/models/measurement/likelihood_field.hpp"
+
+namespace locfuse {
+
+/// Monte Carlo localization: laser scans on a map, odometry, and whatever else tells of the pose
+/// (Thrun, Burgard and Fox, Probabilistic Robotics, chapter 8); docs/models/mcl.md.
+///
+/// Copying it is a snapshot. Every `on` throws std::invalid_argument for a message that is not
+/// valid and NumericalError where numbers break. The same seed gives the same bits on any number of
+/// threads.
+class Mcl {
+ public:
+  struct Config {
+    int min_particles = 500;
+    int max_particles = 5000;          ///< of them, as many as keep the errors below
+    double kld_error = 0.05;           ///< of the particles' distribution (Kullback-Leibler)
+    double kld_quantile = 2.33;        ///< normal quantile of the probability that it is kept: 99 %
+    int beams = 60;                    ///< of a scan, evenly among its returns
+    double independent_beams = 12.0;   ///< what they count for: neighbours share the map's errors
+    double effective_share = 0.05;     ///< of the particles that a measurement leaves at least
+    double outlier_share = 0.01;       ///< of ranges, positions and poses, wrong by anything
+    double resample_below = 0.5;       ///< share of effective particles
+    double spacing_m = 0.1;            ///< motion after which a scan is news again [m]
+    double spacing_heading_rad = 0.1;  ///< likewise a turn [rad]
+    double recovery_slow = 0.02;  ///< rate of the long memory of how well scans fit; 0 for none
+    double recovery_fast = 0.2;   ///< likewise of the short one
+    double hold_s = 1.0;          ///< how long the last motion is believed without new odometry [s]
+    double sigma_lost_xy_per_sqrt_s = 0.5;       ///< thereafter: standing, spreading [m / sqrt(s)]
+    double sigma_lost_heading_per_sqrt_s = 0.5;  ///< [rad / sqrt(s)]
+    double probability_ready = 0.95;             ///< of the likeliest cluster
+    double bin_m = 0.5;     ///< side of the bins by which particles are put together [m]
+    int bin_headings = 24;  ///< bins all around
+    std::uint64_t seed = 1;
+    int threads = 1;
+    OdometryMotion::Config odometry;
+    LikelihoodField::Config field;
+    RangeModel::Config range;
+    PositionModel::Config position;
+  };
+
+  /// Knows nothing at first: particles all over the free cells. `anchors` may be null. Throws
+  /// std::invalid_argument on a config out of range.
+  Mcl(const Config& config, std::shared_ptr<const OccupancyGrid> grid, Stamp start,
+      std::shared_ptr<const AnchorMap> anchors = nullptr, std::vector<Tag> tags = {});
+
+  /// Starts anew: anywhere in free space, or near poses, each as likely as its probability says.
+  void start_anywhere(Stamp stamp);
+  void start_at(const std::vector<PoseHypothesis>& hypotheses);
+
+  Outcome on(const Velocity& u);
+  Outcome on(const Increment& u);
+  /// Weighs by the likelihood field. kNotModelled if the body has hardly moved since the last scan
+  /// that was used, or if the scan has no returns.
+  Outcome on(const LaserScan& z);
+  Outcome on(const Range& z);
+  Outcome on(const PositionFix& z);
+  Outcome on(const PoseObservation& z);
+
+  /// The likeliest cluster, carried to where odometry ends.
+  [[nodiscard]] PoseEstimate estimate() const;
+  /// All clusters as of the belief's stamp, the likeliest first.
+  [[nodiscard]] const std::vector<PoseHypothesis>& hypotheses() const { return hypotheses_; }
+  /// Whether one cluster has all but 1 - probability_ready.
+  [[nodiscard]] bool ready() const;
+  /// Share of the last scan's end points that end at a wall as seen from the likeliest cluster.
+  [[nodiscard]] double explained() const { return explained_; }
+  /// Share of the last scan's information that was used; eq. (2) of docs/models/particles.md.
+  [[nodiscard]] double used_share() const { return used_share_; }
+
+  [[nodiscard]] const ParticleBelief& belief() const { return belief_; }
+  [[nodiscard]] const Config& config() const { return recipe_->config; }
+  [[nodiscard]] const OccupancyGrid& grid() const { return recipe_->field.grid(); }
+
+ private:
+  struct Recipe {  // what never changes, shared by all snapshots
+    Config config;
+    OdometryMotion motion;
+    OdometryMotion lost;
+    LikelihoodField field;
+    std::optional<RangeModel> range;
+    PositionModel position;
+    PoseModel pose;
+    Stamp hold;
+    std::vector<std::int32_t> free;  // cells, row by row
+    std::shared_ptr<Workers> workers;
+  };
+
+  void advance_to(Stamp stamp);
+  void drive(const OdometryMotion& model, const Pose2& motion, Stamp until);
+  void settle();
+  void draw_free(ParticleBelief& belief, int k, std::uint64_t key) const;
+  void resample(double fresh_share);
+  void summarize();
+  [[nodiscard]] std::uint64_t next_key();
+  [[nodiscard]] Pose2 to_world(const Pose2& cells) const;
+  [[nodiscard]] Pose2 to_cells(const Pose2& world) const;
+  template <class Model, class Message>
+  Outcome weigh(const Model& model, const Message& z);
+  void reweigh_and_resample(double most_share);
+
+  std::shared_ptr<const Recipe> recipe_;
+  ParticleBelief belief_;
+  ParticleBelief scratch_;
+  std::vector<float> log_likelihood_;
+  std::vector<std::int32_t> costs_;
+  std::vector<PoseHypothesis> hypotheses_;  // at belief_.stamp
+  HeldMotion odometry_;
+  Stamp stamp_;              // up to where pending_ leads
+  UncertainMotion pending_;  // since belief_.stamp, in metres
+  Pose2 since_scan_;         // driven since the last scan that was used: ways, not displacement
+  bool scanned_ = false;
+  double fit_slow_ = 0.0;
+  double fit_fast_ = 0.0;
+  double explained_ = 0.0;
+  double used_share_ = 0.0;
+  std::uint64_t step_ = 0;
+  int target_ = 0;  // particles after the next resampling
+};
+
+}  // namespace locfuse

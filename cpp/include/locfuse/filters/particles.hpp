@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "locfuse/filters/workers.hpp"
+#include "locfuse/geometry/pose2.hpp"
+#include "locfuse/time.hpp"
+
+/// Particle filter over poses: the only code that changes a ParticleBelief. Random numbers depend
+/// on the seed, the step and the particle alone, so results do not depend on the number of threads.
+/// Derivation: docs/models/particles.md.
+namespace locfuse {
+
+/// Weighted poses at one stamp, in single precision and in the cells of a map, row by row from its
+/// corner: 20 bytes each.
+struct ParticleBelief {
+  Stamp stamp = 0;
+  std::vector<float> x, y;    ///< position [cells]
+  std::vector<float> c, s;    ///< cosine and sine of the heading
+  std::vector<float> weight;  ///< sum to 1; 0 for the few that fill up the last group
+  int size = 0;               ///< without those
+
+  /// Room for `count` particles, whose values are left as they are. Throws std::invalid_argument
+  /// unless 1 to kMost.
+  void resize(int count);
+
+  static constexpr int kMost = 1 << 28;
+};
+
+/// A motion in the previous body frame with the covariance of (forward, left, heading): lengths in
+/// cells.
+struct UncertainMotion {
+  Pose2 motion;
+  Matrix<3, 3> covariance = Matrix<3, 3>::Zero();
+};
+
+/// Moves each particle by its own draw from `step`; eq. (1).
+void move(ParticleBelief& belief, const UncertainMotion& step, std::uint64_t key, Workers& workers);
+
+/// Multiplies weights by exp(share * log_likelihood[i]) and makes them sum to 1; eq. (2).
+///
+/// `share` is the largest up to `most_share` that leaves `least_effective` of the particles, in the
+/// sense of effective_size: where few particles stand for a wide belief, a likelihood that is
+/// narrower than their spacing says less than it seems to. Returns the share.
+double reweigh(ParticleBelief& belief, const std::vector<float>& log_likelihood, double most_share,
+               double least_effective);
+
+/// 1 / sum of squared weights; eq. (3).
+[[nodiscard]] double effective_size(const ParticleBelief& belief);
+
+/// Systematic ("low variance") resampling into `count` particles of equal weight, of which the last
+/// `fresh` are drawn by `draw(k)` anew; eq. (4). `scratch` is memory to reuse.
+void resample(ParticleBelief& belief, int count, int fresh,
+              const std::function<void(ParticleBelief&, int)>& draw, std::uint64_t key,
+              ParticleBelief& scratch);
+
+/// Side of a bin by which particles are counted and put together.
+struct ParticleBins {
+  double side;      ///< [cells]
+  double headings;  ///< how many all around
+};
+
+/// Number of bins that hold particles.
+[[nodiscard]] int occupied_bins(const ParticleBelief& belief, const ParticleBins& bins);
+
+/// Particles that keep the KL divergence below `error` with the probability that `quantile` of the
+/// normal distribution stands for, for `bins` occupied bins; Fox, 2003, eq. (5).
+[[nodiscard]] double kld_particles(int bins, double error, double quantile);
+
+/// Particles whose bins touch.
+struct ParticleCluster {
+  double weight = 0.0;
+  Pose2 mean;               ///< circular in the heading [cells]
+  Matrix<3, 3> covariance;  ///< [cells, rad]
+};
+
+/// The heaviest first, at most `most` of them.
+[[nodiscard]] std::vector<ParticleCluster> clusters_of(const ParticleBelief& belief,
+                                                       const ParticleBins& bins, int most);
+
+}  // namespace locfuse

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <condition_variable>
+#include <functional>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace locfuse {
+
+/// Threads that wait for loops to share. What a loop does must not depend on who does which part.
+class Workers {
+ public:
+  /// `threads` in all, the caller's own among them. Throws std::invalid_argument unless 1 to 256.
+  explicit Workers(int threads);
+  ~Workers();
+  Workers(const Workers&) = delete;
+  Workers& operator=(const Workers&) = delete;
+
+  [[nodiscard]] int threads() const { return static_cast<int>(helpers_.size()) + 1; }
+
+  /// Calls part(begin, end) for pieces of [0, count), whole groups each; returns when all are done.
+  /// `part` must not throw. One loop at a time: other callers wait.
+  void share(int count, int group, const std::function<void(int, int)>& part);
+
+ private:
+  void help(int who);
+
+  std::vector<std::thread> helpers_;
+  std::mutex callers_;
+  std::mutex mutex_;
+  std::condition_variable begin_;
+  std::condition_variable done_;
+  const std::function<void(int, int)>* part_ = nullptr;
+  int count_ = 0;
+  int group_ = 1;
+  int working_ = 0;
+  unsigned loop_ = 0;
+  bool stop_ = false;
+};
+
+}  // namespace locfuse

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+
+namespace locfuse {
+
+/// Random bits that depend on nothing but their key and number, so that any thread may draw them:
+/// SplitMix64 (Steele, Lea and Flood, OOPSLA 2014) as a function of its counter.
+[[nodiscard]] constexpr std::uint64_t random_bits(std::uint64_t key, std::uint64_t number) {
+  std::uint64_t z = key + (number + 1) * 0x9E3779B97F4A7C15ULL;
+  z = (z ^ (z >> 30U)) * 0xBF58476D1CE4E5B9ULL;
+  z = (z ^ (z >> 27U)) * 0x94D049BB133111EBULL;
+  return z ^ (z >> 31U);
+}
+
+/// Uniform in [0, 1).
+[[nodiscard]] constexpr double random_uniform(std::uint64_t key, std::uint64_t number) {
+  return static_cast<double>(random_bits(key, number) >> 11U) * 0x1p-53;
+}
+
+/// Normal with mean 0 and variance 1 (Box and Muller), of the numbers 2 n and 2 n + 1.
+[[nodiscard]] inline double random_normal(std::uint64_t key, std::uint64_t number) {
+  const double u = 1.0 - random_uniform(key, 2 * number);
+  return std::sqrt(-2.0 * std::log(u)) *
+         std::cos(6.283185307179586 * random_uniform(key, 2 * number + 1));
+}
+
+}  // namespace locfuse

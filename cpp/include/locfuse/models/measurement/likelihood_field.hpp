@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "locfuse/maps/occupancy_grid.hpp"
+#include "locfuse/messages/messages.hpp"
+
+namespace locfuse {
+
+/// End points of a scan in the body, in cells of a map.
+struct EndPoints {
+  std::vector<float> x, y;
+};
+
+/// How likely the end point of a beam is, by its distance to the nearest wall (Thrun, Burgard and
+/// Fox, Probabilistic Robotics, section 6.4); docs/models/likelihood_field.md.
+///
+/// Looked up per cell, in a byte: a cell costs 0 to 255 units of `unit()` nats.
+class LikelihoodField {
+ public:
+  struct Config {
+    double sigma_hit_m = 0.1;    ///< of an end point about its wall, map errors included [m]
+    double random_share = 0.05;  ///< of the beams, which may end anywhere
+    double max_range_m = 30.0;   ///< longer returns are not used [m]
+  };
+
+  /// Throws std::invalid_argument on settings out of range, no map, or a map without occupied or
+  /// without free cells.
+  LikelihoodField(const Config& config, std::shared_ptr<const OccupancyGrid> grid);
+
+  [[nodiscard]] const OccupancyGrid& grid() const { return *grid_; }
+  [[nodiscard]] const Config& config() const { return config_; }
+
+  /// Up to `most` of the returns, evenly among them; those beyond range_min to range_max or longer
+  /// than max_range_m are none.
+  [[nodiscard]] EndPoints end_points(const LaserScan& scan, int most) const;
+
+  /// Log density of one end point [nats], at a point in cells of the map; eq. (1).
+  [[nodiscard]] double log_density(double x, double y) const;
+
+  /// Sum over the end points from each pose [cells] in `begin` to `end` (whole groups of eight), as
+  /// multiples of -unit() below the most likely one. Poses off the map cost more than any on it.
+  void costs(const EndPoints& points, const float* x, const float* y, const float* c,
+             const float* s, int begin, int end, std::int32_t* sums) const;
+
+  [[nodiscard]] double unit() const { return unit_; }
+  /// Log density of an end point on a wall: cost 0.
+  [[nodiscard]] double best() const { return best_; }
+  /// Share of the end points that end at a wall, as seen from a pose in cells: within three sigma.
+  [[nodiscard]] double explained(const EndPoints& points, const Pose2& pose) const;
+
+ private:
+  [[nodiscard]] std::uint8_t cost(double x, double y) const;
+
+  Config config_;
+  std::shared_ptr<const OccupancyGrid> grid_;
+  int rim_;
+  int width_;
+  int height_;
+  double best_;
+  double unit_;
+  int hit_cost_;  // of an end point three sigma beside its wall
+  std::vector<std::uint8_t> costs_;
+};
+
+}  // namespace locfuse

@@ -1,0 +1,408 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/estimators/mcl.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "locfuse/math/counter_random.hpp"
+
+namespace locfuse {
+namespace {
+
+constexpr int kGroup = 8;
+constexpr int kMostClusters = 32;
+constexpr double kFarthest = 0.5;      // driven before particles are moved, for want of a scan [m]
+constexpr double kFarthestTurn = 0.3;  // likewise [rad]
+
+double in_range(const char* name, double value, double low, double high) {
+  if (!(value >= low && value <= high)) {
+    throw std::invalid_argument("Mcl." + std::string(name) + " is " + std::to_string(value) +
+                                ", expected " + std::to_string(low) + " to " +
+                                std::to_string(high));
+  }
+  return value;
+}
+
+const Mcl::Config& checked(const Mcl::Config& config) {
+  in_range("min_particles", config.min_particles, 1, ParticleBelief::kMost);
+  in_range("max_particles", config.max_particles, config.min_particles, ParticleBelief::kMost);
+  in_range("kld_error", config.kld_error, 1e-6, 1.0);
+  in_range("kld_quantile", config.kld_quantile, 0.0, 10.0);
+  in_range("beams", config.beams, 1, 100000);
+  in_range("independent_beams", config.independent_beams, 1e-3, 1e6);
+  in_range("effective_share", config.effective_share, 0.0, 1.0);
+  in_range("outlier_share", config.outlier_share, 0.0, 0.999);
+  in_range("resample_below", config.resample_below, 0.0, 1.0);
+  in_range("spacing_m", config.spacing_m, 0.0, 1e6);
+  in_range("spacing_heading_rad", config.spacing_heading_rad, 0.0, 1e6);
+  in_range("recovery_slow", config.recovery_slow, 0.0, 1.0);
+  in_range("recovery_fast", config.recovery_fast, config.recovery_slow, 1.0);
+  in_range("hold_s", config.hold_s, 1e-9, 1e9);
+  in_range("sigma_lost_xy_per_sqrt_s", config.sigma_lost_xy_per_sqrt_s, 0.0, 1e6);
+  in_range("sigma_lost_heading_per_sqrt_s", config.sigma_lost_heading_per_sqrt_s, 0.0, 1e6);
+  in_range("probability_ready", config.probability_ready, 0.5, 1.0);
+  in_range("bin_m", config.bin_m, 1e-3, 1e6);
+  in_range("bin_headings", config.bin_headings, 1, 3600);
+  return config;
+}
+
+OdometryMotion lost_motion(const Mcl::Config& config) {
+  OdometryMotion::Config lost = config.odometry;
+  lost.sigma_xy_per_sqrt_s = config.sigma_lost_xy_per_sqrt_s;
+  lost.sigma_heading_per_sqrt_s = config.sigma_lost_heading_per_sqrt_s;
+  return OdometryMotion(lost);
+}
+
+/// Appends a motion to one with its covariance, as a pose in the frame where that one began.
+void extend(UncertainMotion& so_far, const OdometryMotion& model, const Pose2& motion,
+            double seconds) {
+  const Propagation<Pose2, 3> step = model.propagate(so_far.motion, motion, seconds);
+  so_far.motion = step.moved;
+  so_far.covariance = step.jacobian * so_far.covariance * step.jacobian.transpose() + step.noise;
+}
+
+PoseEstimate carried(const PoseEstimate& from, const UncertainMotion& by, Stamp stamp) {
+  const Propagation<Pose2, 3> step = OdometryMotion().propagate(from.pose, by.motion, 0.0);
+  Matrix<3, 3> turned = Matrix<3, 3>::Identity();
+  const double c = std::cos(from.pose.heading);
+  const double s = std::sin(from.pose.heading);
+  turned.topLeftCorner<2, 2>() << c, -s, s, c;
+  const Matrix<3, 3> P = step.jacobian * from.covariance * step.jacobian.transpose() +
+                         turned * by.covariance * turned.transpose();
+  return {stamp, step.moved, 0.5 * (P + P.transpose())};
+}
+
+std::vector<std::int32_t> free_cells(const OccupancyGrid& grid) {
+  std::vector<std::int32_t> free;
+  for (std::size_t cell = 0; cell < grid.cells().size(); ++cell) {
+    if (grid.cells()[cell] == Cell::kFree) {
+      free.push_back(static_cast<std::int32_t>(cell));
+    }
+  }
+  return free;
+}
+
+}  // namespace
+
+Mcl::Mcl(const Config& config, std::shared_ptr<const OccupancyGrid> grid, Stamp start,
+         std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags)
+    : odometry_(start), stamp_(start) {
+  const Config& c = checked(config);
+  LikelihoodField field(c.field, std::move(grid));
+  std::vector<std::int32_t> free = free_cells(field.grid());
+  std::optional<RangeModel> range;
+  if (anchors) {
+    range.emplace(c.range, std::move(anchors), std::move(tags));
+  }
+  recipe_ = std::make_shared<const Recipe>(Recipe{
+      c, OdometryMotion(c.odometry), lost_motion(c), std::move(field), std::move(range),
+      PositionModel(c.position), PoseModel(), static_cast<Stamp>(c.hold_s * kNanosecondsPerSecond),
+      std::move(free), std::make_shared<Workers>(c.threads)});
+  start_anywhere(start);
+}
+
+std::uint64_t Mcl::next_key() { return random_bits(recipe_->config.seed, step_++); }
+
+Pose2 Mcl::to_world(const Pose2& cells) const {
+  const Vector<2> p = grid().to_world(cells.position());
+  return {p.x(), p.y(), wrap_angle(cells.heading + grid().origin().heading)};
+}
+
+Pose2 Mcl::to_cells(const Pose2& world) const {
+  const Vector<2> p = grid().to_grid(world.position());
+  return {p.x(), p.y(), wrap_angle(world.heading - grid().origin().heading)};
+}
+
+void Mcl::draw_free(ParticleBelief& belief, int k, std::uint64_t key) const {
+  const auto i = static_cast<std::size_t>(k);
+  const std::uint64_t n = 4 * static_cast<std::uint64_t>(k);
+  const auto cell = recipe_->free[static_cast<std::size_t>(
+      random_uniform(key, n) * static_cast<double>(recipe_->free.size()))];
+  const double heading = 2.0 * kPi * random_uniform(key, n + 3);
+  belief.x[i] = static_cast<float>(cell % grid().width() + random_uniform(key, n + 1));
+  belief.y[i] = static_cast<float>(cell / grid().width() + random_uniform(key, n + 2));
+  belief.c[i] = static_cast<float>(std::cos(heading));
+  belief.s[i] = static_cast<float>(std::sin(heading));
+}
+
+void Mcl::start_anywhere(Stamp stamp) {
+  check_stamp(stamp);
+  const Config& config = recipe_->config;
+  belief_.resize(config.max_particles);
+  belief_.stamp = stamp_ = stamp;
+  odometry_ = HeldMotion(stamp);
+  const std::uint64_t key = next_key();
+  for (int k = 0; k < belief_.size; ++k) {
+    draw_free(belief_, k, key);
+    belief_.weight[static_cast<std::size_t>(k)] = 1.0F / static_cast<float>(belief_.size);
+  }
+  target_ = config.max_particles;
+  pending_ = {};
+  scanned_ = false;
+  fit_slow_ = fit_fast_ = explained_ = used_share_ = 0.0;
+  summarize();
+}
+
+void Mcl::start_at(const std::vector<PoseHypothesis>& hypotheses) {
+  double total = 0.0;
+  for (const PoseHypothesis& h : hypotheses) {
+    check_stamp(h.estimate.stamp);
+    const Vector<3> mean(h.estimate.pose.x, h.estimate.pose.y, h.estimate.pose.heading);
+    if (!mean.allFinite() || !h.estimate.covariance.allFinite() ||
+        h.estimate.covariance.llt().info() != Eigen::Success) {
+      throw std::invalid_argument(
+          "a start has a pose that is not finite or a covariance that is not positive definite");
+    }
+    if (!(h.probability > 0.0) || h.estimate.stamp != hypotheses.front().estimate.stamp) {
+      throw std::invalid_argument("starts need probabilities > 0 and one stamp");
+    }
+    total += h.probability;
+  }
+  if (hypotheses.empty()) {
+    throw std::invalid_argument("there is no pose to start at");
+  }
+  start_anywhere(hypotheses.front().estimate.stamp);
+  const std::uint64_t key = next_key();
+  int k = 0;
+  double passed = 0.0;
+  for (const PoseHypothesis& h : hypotheses) {
+    passed += h.probability / total;
+    const Matrix<3, 3> L = h.estimate.covariance.llt().matrixL();
+    for (; k < belief_.size && k + 0.5 < passed * belief_.size + 1e-9; ++k) {
+      const std::uint64_t n = 3 * static_cast<std::uint64_t>(k);
+      const Vector<3> normal(random_normal(key, n), random_normal(key, n + 1),
+                             random_normal(key, n + 2));
+      const Pose2 pose = to_cells(retract(h.estimate.pose, L * normal));
+      const auto i = static_cast<std::size_t>(k);
+      belief_.x[i] = static_cast<float>(pose.x);
+      belief_.y[i] = static_cast<float>(pose.y);
+      belief_.c[i] = static_cast<float>(std::cos(pose.heading));
+      belief_.s[i] = static_cast<float>(std::sin(pose.heading));
+    }
+  }
+  summarize();
+}
+
+void Mcl::advance_to(Stamp stamp) {
+  check_stamp(stamp);
+  odometry_.advance(
+      stamp_, stamp, recipe_->hold,
+      [&](const Pose2& motion, Stamp until) { drive(recipe_->motion, motion, until); },
+      [&](Stamp until) { drive(recipe_->lost, Pose2{}, until); });
+}
+
+void Mcl::drive(const OdometryMotion& model, const Pose2& motion, Stamp until) {
+  extend(pending_, model, motion, seconds_between(stamp_, until));
+  stamp_ = until;
+  since_scan_.x += motion.position().norm();
+  since_scan_.heading += std::abs(motion.heading);
+  if (pending_.motion.position().norm() > kFarthest ||
+      std::abs(pending_.motion.heading) > kFarthestTurn) {
+    settle();
+  }
+}
+
+void Mcl::settle() {
+  if (belief_.stamp == stamp_) {
+    return;
+  }
+  const double per_cell = 1.0 / grid().resolution();
+  const Vector<3> scale(per_cell, per_cell, 1.0);
+  UncertainMotion step = pending_;
+  step.motion.x *= per_cell;
+  step.motion.y *= per_cell;
+  step.covariance = scale.asDiagonal() * step.covariance * scale.asDiagonal();
+  move(belief_, step, next_key(), *recipe_->workers);
+  for (PoseHypothesis& h : hypotheses_) {
+    h.estimate = carried(h.estimate, pending_, stamp_);
+  }
+  belief_.stamp = stamp_;
+  pending_ = {};
+}
+
+Outcome Mcl::on(const Velocity& u) {
+  validate(u);
+  if (u.stamp < stamp_) {
+    return {Verdict::kStale};
+  }
+  advance_to(u.stamp);
+  odometry_.take(u);
+  return {Verdict::kFused};
+}
+
+Outcome Mcl::on(const Increment& u) {
+  validate(u);
+  if (u.begin < stamp_) {
+    return {Verdict::kStale};
+  }
+  advance_to(u.begin);
+  if (u.begin == u.stamp) {  // a displacement without duration
+    drive(recipe_->motion, u.motion, u.stamp);
+  }
+  odometry_.take(u);
+  return {Verdict::kFused};
+}
+
+Outcome Mcl::on(const LaserScan& z) {
+  const Config& config = recipe_->config;
+  const EndPoints points = recipe_->field.end_points(z, config.beams);
+  if (z.stamp < stamp_) {
+    return {Verdict::kStale};
+  }
+  advance_to(z.stamp);
+  const bool news = !scanned_ || since_scan_.x >= config.spacing_m ||
+                    since_scan_.heading >= config.spacing_heading_rad;
+  if (!news || points.x.empty()) {
+    return {Verdict::kNotModelled};
+  }
+  settle();
+  costs_.resize(belief_.x.size());
+  log_likelihood_.resize(belief_.x.size());
+  const auto unit = static_cast<float>(recipe_->field.unit());
+  recipe_->workers->share(static_cast<int>(belief_.x.size()), kGroup, [&](int begin, int end) {
+    recipe_->field.costs(points, belief_.x.data(), belief_.y.data(), belief_.c.data(),
+                         belief_.s.data(), begin, end, costs_.data());
+    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
+      log_likelihood_[k] = -unit * static_cast<float>(costs_[k]);
+    }
+  });
+  const double beams = static_cast<double>(points.x.size());
+  double fit = 0.0;  // of a beam, in the geometric mean over beams
+  for (std::size_t k = 0; k < static_cast<std::size_t>(belief_.size); ++k) {
+    fit += static_cast<double>(belief_.weight[k]) *
+           std::exp(static_cast<double>(log_likelihood_[k]) / beams);
+  }
+  fit_slow_ = scanned_ ? fit_slow_ + config.recovery_slow * (fit - fit_slow_) : fit;
+  fit_fast_ = scanned_ ? fit_fast_ + config.recovery_fast * (fit - fit_fast_) : fit;
+  scanned_ = true;
+  since_scan_ = {};
+  reweigh_and_resample(std::min(1.0, config.independent_beams / beams));
+  explained_ = recipe_->field.explained(points, to_cells(hypotheses_.front().estimate.pose));
+  return {Verdict::kFused};
+}
+
+template <class Model, class Message>
+Outcome Mcl::weigh(const Model& model, const Message& z) {
+  validate(z);
+  if (z.stamp < stamp_) {
+    return {Verdict::kStale};
+  }
+  if (!model.linearize(Pose2{}, z)) {
+    return {Verdict::kNotModelled};
+  }
+  advance_to(z.stamp);
+  settle();
+  const double wrong = recipe_->config.outlier_share;
+  log_likelihood_.resize(belief_.x.size());
+  recipe_->workers->share(static_cast<int>(belief_.x.size()), kGroup, [&](int begin, int end) {
+    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
+      const Pose2 cells{
+          static_cast<double>(belief_.x[k]), static_cast<double>(belief_.y[k]),
+          std::atan2(static_cast<double>(belief_.s[k]), static_cast<double>(belief_.c[k]))};
+      const auto lin = model.linearize(to_world(cells), z);
+      // An outlier is as likely as what is off by four standard deviations in each row.
+      const double floor = -8.0 * static_cast<double>(lin ? lin->residual.size() : 1);
+      const double good =
+          lin ? -0.5 * lin->noise.llt().matrixL().solve(lin->residual).squaredNorm() : floor;
+      log_likelihood_[k] =
+          static_cast<float>(std::log((1.0 - wrong) * std::exp(good) + wrong * std::exp(floor)));
+    }
+  });
+  reweigh_and_resample(1.0);
+  return {Verdict::kFused};
+}
+
+namespace {
+
+/// A model whose linearization is always there.
+template <class Model>
+struct Always {
+  const Model& model;
+  template <class Message>
+  [[nodiscard]] auto linearize(const Pose2& pose, const Message& z) const {
+    return std::optional(model.linearize(pose, z));
+  }
+};
+
+}  // namespace
+
+Outcome Mcl::on(const Range& z) {
+  if (!recipe_->range) {
+    validate(z);
+    return {Verdict::kNotModelled};
+  }
+  return weigh(*recipe_->range, z);
+}
+
+Outcome Mcl::on(const PositionFix& z) { return weigh(Always<PositionModel>{recipe_->position}, z); }
+
+Outcome Mcl::on(const PoseObservation& z) { return weigh(Always<PoseModel>{recipe_->pose}, z); }
+
+void Mcl::reweigh_and_resample(double most_share) {
+  const Config& config = recipe_->config;
+  used_share_ =
+      reweigh(belief_, log_likelihood_, most_share, config.effective_share * belief_.size);
+  const double fresh = config.recovery_slow > 0.0 && fit_slow_ > 0.0
+                           ? std::max(0.0, 1.0 - fit_fast_ / fit_slow_)
+                           : 0.0;
+  if (fresh * target_ >= 1.0 || effective_size(belief_) < config.resample_below * belief_.size) {
+    const std::uint64_t key = next_key();
+    const auto count = static_cast<int>(fresh * target_);
+    locfuse::resample(
+        belief_, target_, count, [&](ParticleBelief& belief, int k) { draw_free(belief, k, key); },
+        next_key(), scratch_);
+    if (config.min_particles < config.max_particles) {
+      const ParticleBins bins{config.bin_m / grid().resolution(),
+                              static_cast<double>(config.bin_headings)};
+      const double wanted =
+          kld_particles(occupied_bins(belief_, bins), config.kld_error, config.kld_quantile);
+      target_ = static_cast<int>(std::min(std::max<double>(wanted, config.min_particles),
+                                          static_cast<double>(config.max_particles)));
+    }
+  }
+  summarize();
+}
+
+void Mcl::summarize() {
+  const Config& config = recipe_->config;
+  const ParticleBins bins{config.bin_m / grid().resolution(),
+                          static_cast<double>(config.bin_headings)};
+  const std::vector<ParticleCluster> clusters = clusters_of(belief_, bins, kMostClusters);
+  hypotheses_.clear();
+  const double turn = grid().origin().heading;
+  Matrix<3, 3> to_metres = Matrix<3, 3>::Identity();
+  to_metres.topLeftCorner<2, 2>() << std::cos(turn), -std::sin(turn), std::sin(turn),
+      std::cos(turn);
+  to_metres.topLeftCorner<2, 2>() *= grid().resolution();
+  for (const ParticleCluster& cluster : clusters) {
+    hypotheses_.push_back({{belief_.stamp, to_world(cluster.mean),
+                            to_metres * cluster.covariance * to_metres.transpose()},
+                           cluster.weight});
+  }
+}
+
+bool Mcl::ready() const {
+  return scanned_ && hypotheses_.front().probability >= recipe_->config.probability_ready;
+}
+
+PoseEstimate Mcl::estimate() const {
+  const Stamp now = std::max(stamp_, odometry_.end());
+  UncertainMotion ahead = pending_;
+  Stamp at = stamp_;
+  odometry_.advance(
+      stamp_, now, recipe_->hold,
+      [&](const Pose2& motion, Stamp until) {
+        extend(ahead, recipe_->motion, motion, seconds_between(at, until));
+        at = until;
+      },
+      [&](Stamp until) {
+        extend(ahead, recipe_->lost, Pose2{}, seconds_between(at, until));
+        at = until;
+      });
+  return carried(hypotheses_.front().estimate, ahead, now);
+}
+
+}  // namespace locfuse

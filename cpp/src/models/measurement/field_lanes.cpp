@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "models/measurement/field_lanes.hpp"
+
+#include "math/lanes.hpp"
+#ifdef __SSE2__
+#include <immintrin.h>
+#endif
+
+namespace locfuse::internal::LOCFUSE_LANES {
+
+namespace {
+
+static_assert(8 % kLanes == 0);
+
+/// Looks a cell up for each lane. With kNarrow, rows and columns are below 2^15.
+template <bool kNarrow>
+inline Indices costs_at(const CostTable& table, const Indices& column, const Indices& row) {
+#if defined(__AVX2__)
+  const __m256i at = reinterpret_cast<__m256i>(Indices(row * table.width + column));
+  // Four bytes at once, of which the first counts; the table has three more behind its end.
+  const __m256i four = _mm256_i32gather_epi32(reinterpret_cast<const int*>(table.cells), at, 1);
+  return reinterpret_cast<Indices>(_mm256_and_si256(four, _mm256_set1_epi32(0xFF)));
+#else
+  Indices cell{};
+#if defined(__SSE2__)
+  if constexpr (kNarrow) {  // SSE2 has no product of four, but a sum of products of two halves
+    const __m128i both = reinterpret_cast<__m128i>(Indices(row | (column << 16)));
+    cell = reinterpret_cast<Indices>(_mm_madd_epi16(both, _mm_set1_epi32(table.width | (1 << 16))));
+  } else {
+    cell = row * table.width + column;
+  }
+#else
+  cell = row * table.width + column;
+#endif
+  Indices costs{};
+  for (int l = 0; l < kLanes; ++l) {
+    costs[l] = table.cells[cell[l]];
+  }
+  return costs;
+#endif
+}
+
+template <bool kNarrow>
+void sum_of(const CostTable& table, const float* x, const float* y, int count,
+            const LanePoses& poses, int begin, int end, std::int32_t off_map, std::int32_t* sums) {
+  const auto rim = static_cast<float>(table.rim);
+  const Lanes right = all(static_cast<float>(table.width) - 2.0F * rim);
+  const Lanes top = all(static_cast<float>(table.height) - 2.0F * rim);
+  for (int i = begin; i < end; i += kLanes) {
+    const Lanes px = load(poses.x + i);
+    const Lanes py = load(poses.y + i);
+    const Indices on_map = (px >= 0.0F) & (px < right) & (py >= 0.0F) & (py < top);
+    const Lanes x0 = on_map ? px + rim : all(rim);
+    const Lanes y0 = on_map ? py + rim : all(rim);
+    const Lanes c = load(poses.c + i);
+    const Lanes s = load(poses.s + i);
+    Indices total{};
+    Indices other{};
+    int k = 0;
+    for (; k + 1 < count; k += 2) {  // two chains of additions
+      total += costs_at<kNarrow>(table, whole(x0 + c * x[k] - s * y[k]),
+                                 whole(y0 + s * x[k] + c * y[k]));
+      other += costs_at<kNarrow>(table, whole(x0 + c * x[k + 1] - s * y[k + 1]),
+                                 whole(y0 + s * x[k + 1] + c * y[k + 1]));
+    }
+    if (k < count) {
+      total += costs_at<kNarrow>(table, whole(x0 + c * x[k] - s * y[k]),
+                                 whole(y0 + s * x[k] + c * y[k]));
+    }
+    total = on_map ? total + other : Indices{} + off_map;
+    __builtin_memcpy(sums + i, &total, sizeof total);
+  }
+}
+
+}  // namespace
+
+void sum_costs(const CostTable& table, const float* x, const float* y, int count,
+               const LanePoses& poses, int begin, int end, std::int32_t off_map,
+               std::int32_t* sums) {
+  if (table.width < (1 << 15) && table.height < (1 << 15)) {
+    sum_of<true>(table, x, y, count, poses, begin, end, off_map, sums);
+  } else {
+    sum_of<false>(table, x, y, count, poses, begin, end, off_map, sums);
+  }
+}
+
+}  // namespace locfuse::internal::LOCFUSE_LANES

@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/models/measurement/likelihood_field.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "locfuse/maps/distance_field.hpp"
+#include "math/processor.hpp"
+#include "models/measurement/field_lanes.hpp"
+
+namespace locfuse {
+namespace {
+
+internal::SumCosts summer() {
+#ifdef LOCFUSE_LANES_AVX2
+  if (internal::has_avx2()) {
+    return internal::avx2::sum_costs;
+  }
+#endif
+  return internal::portable::sum_costs;
+}
+
+double within(const char* name, double value, double low, double high) {
+  if (!(value > low && value < high)) {
+    throw std::invalid_argument("LikelihoodField." + std::string(name) + " is " +
+                                std::to_string(value) + ", expected > " + std::to_string(low) +
+                                " and < " + std::to_string(high));
+  }
+  return value;
+}
+
+const OccupancyGrid& given(const std::shared_ptr<const OccupancyGrid>& grid) {
+  if (!grid) {
+    throw std::invalid_argument("LikelihoodField has no map");
+  }
+  if (std::find(grid->cells().begin(), grid->cells().end(), Cell::kFree) == grid->cells().end()) {
+    throw std::invalid_argument("the map has 0 free cells, expected at least 1");
+  }
+  return *grid;
+}
+
+}  // namespace
+
+LikelihoodField::LikelihoodField(const Config& config, std::shared_ptr<const OccupancyGrid> grid)
+    : config_(config), grid_(std::move(grid)) {
+  const OccupancyGrid& map = given(grid_);
+  within("sigma_hit_m", config.sigma_hit_m, 0.0, 1e3);
+  within("random_share", config.random_share, 0.0, 1.0);
+  within("max_range_m", config.max_range_m, 0.0, 1e4);
+  const double resolution = map.resolution();
+  rim_ = static_cast<int>(config.max_range_m / resolution) + 2;
+  width_ = map.width() + 2 * rim_;
+  height_ = map.height() + 2 * rim_;
+  const DistanceField field(grid_, 0.0);
+
+  const double sigma = config.sigma_hit_m / resolution;
+  const double hit = (1.0 - config.random_share) / (config.sigma_hit_m * std::sqrt(2.0 * kPi));
+  const double random = config.random_share / config.max_range_m;
+  const auto density = [&](double cells) {
+    return hit * std::exp(-0.5 * cells * cells / (sigma * sigma)) + random;
+  };
+  best_ = std::log(density(0.0));
+  unit_ = (best_ - std::log(random)) / 255.0;
+  const auto cost_of = [&](double log_density) {
+    return static_cast<std::uint8_t>(std::lround((best_ - log_density) / unit_));
+  };
+  hit_cost_ = cost_of(std::log(density(3.0 * sigma)));
+  // Of what is not known, nothing is known of where beams end.
+  const std::uint8_t unknown = cost_of(std::log(std::min(1.0 / config.max_range_m, density(0.0))));
+  const std::size_t behind = 3;  // look-ups of four bytes
+  costs_.assign(static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_) + behind,
+                unknown);
+  for (int row = 0; row < map.height(); ++row) {
+    const std::size_t from = static_cast<std::size_t>(row) * static_cast<std::size_t>(map.width());
+    std::uint8_t* const to =
+        &costs_[static_cast<std::size_t>(row + rim_) * static_cast<std::size_t>(width_) +
+                static_cast<std::size_t>(rim_)];
+    for (int column = 0; column < map.width(); ++column) {
+      const auto distance =
+          static_cast<double>(field.distances()[from + static_cast<std::size_t>(column)]);
+      const std::uint8_t cost = cost_of(std::log(density(distance)));
+      to[column] = map.at(column, row) == Cell::kUnknown ? std::min(cost, unknown) : cost;
+    }
+  }
+}
+
+EndPoints LikelihoodField::end_points(const LaserScan& scan, int most) const {
+  validate(scan);
+  const LaserGeometry& geometry = *scan.geometry;
+  const double longest = std::min(geometry.range_max, config_.max_range_m);
+  std::vector<std::size_t> returns;
+  for (std::size_t i = 0; i < scan.ranges.size(); ++i) {
+    if (scan.ranges[i] >= geometry.range_min && scan.ranges[i] <= longest) {  // false for NaN
+      returns.push_back(i);
+    }
+  }
+  const std::size_t count = std::min(returns.size(), static_cast<std::size_t>(std::max(most, 0)));
+  EndPoints points;
+  points.x.reserve(count);
+  points.y.reserve(count);
+  // A laser mounted far off the body must not see beyond the rim.
+  const double farthest = (static_cast<double>(rim_) - 1.0) * grid_->resolution();
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::size_t i = returns[(2 * k + 1) * returns.size() / (2 * count)];
+    const double angle = geometry.angle_min + static_cast<double>(i) * geometry.angle_increment;
+    const Vector<2> p = geometry.pose_in_body.act(
+        {scan.ranges[i] * std::cos(angle), scan.ranges[i] * std::sin(angle)});
+    if (p.norm() < farthest) {
+      points.x.push_back(static_cast<float>(p.x() / grid_->resolution()));
+      points.y.push_back(static_cast<float>(p.y() / grid_->resolution()));
+    }
+  }
+  return points;
+}
+
+std::uint8_t LikelihoodField::cost(double x, double y) const {
+  const int column = static_cast<int>(std::floor(x)) + rim_;
+  const int row = static_cast<int>(std::floor(y)) + rim_;
+  if (column < 0 || row < 0 || column >= width_ || row >= height_) {
+    return costs_.front();  // unknown, as all of the rim
+  }
+  return costs_[static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
+                static_cast<std::size_t>(column)];
+}
+
+double LikelihoodField::log_density(double x, double y) const { return best_ - unit_ * cost(x, y); }
+
+double LikelihoodField::explained(const EndPoints& points, const Pose2& pose) const {
+  int count = 0;
+  for (std::size_t k = 0; k < points.x.size(); ++k) {
+    const Vector<2> p = pose.act(Vector<2>(points.x[k], points.y[k]));
+    count += static_cast<int>(cost(p.x(), p.y()) <= hit_cost_);
+  }
+  return points.x.empty() ? 0.0 : static_cast<double>(count) / static_cast<double>(points.x.size());
+}
+
+void LikelihoodField::costs(const EndPoints& points, const float* x, const float* y, const float* c,
+                            const float* s, int begin, int end, std::int32_t* sums) const {
+  const internal::CostTable table{costs_.data(), width_, height_, rim_};
+  const auto count = static_cast<int>(points.x.size());
+  summer()(table, points.x.data(), points.y.data(), count, {x, y, c, s}, begin, end, 256 * count,
+           sums);
+}
+
+}  // namespace locfuse
