@@ -14,6 +14,7 @@ namespace {
 
 constexpr int kGroup = 8;
 constexpr int kMostClusters = 32;
+constexpr double kUseless = 0.1;       // share of an equal weight below which a scout is drawn anew
 constexpr double kFarthest = 0.5;      // driven before particles are moved, for want of a scan [m]
 constexpr double kFarthestTurn = 0.3;  // likewise [rad]
 
@@ -38,12 +39,14 @@ const Mcl::Config& checked(const Mcl::Config& config) {
   in_range("resample_below", config.resample_below, 0.0, 1.0);
   in_range("spacing_m", config.spacing_m, 0.0, 1e6);
   in_range("spacing_heading_rad", config.spacing_heading_rad, 0.0, 1e6);
-  in_range("recovery_slow", config.recovery_slow, 0.0, 1.0);
-  in_range("recovery_fast", config.recovery_fast, config.recovery_slow, 1.0);
+  in_range("scout_share", config.scout_share, 0.0, 0.9);
+  in_range("kidnapping_probability", config.kidnapping_probability, 0.0, 0.5);
   in_range("hold_s", config.hold_s, 1e-9, 1e9);
   in_range("sigma_lost_xy_per_sqrt_s", config.sigma_lost_xy_per_sqrt_s, 0.0, 1e6);
   in_range("sigma_lost_heading_per_sqrt_s", config.sigma_lost_heading_per_sqrt_s, 0.0, 1e6);
   in_range("probability_ready", config.probability_ready, 0.5, 1.0);
+  in_range("sigma_xy_ready_m", config.sigma_xy_ready_m, 0.0, 1e6);
+  in_range("sigma_heading_ready_rad", config.sigma_heading_ready_rad, 0.0, 10.0);
   in_range("bin_m", config.bin_m, 1e-3, 1e6);
   in_range("bin_headings", config.bin_headings, 1, 3600);
   return config;
@@ -142,7 +145,7 @@ void Mcl::start_anywhere(Stamp stamp) {
   target_ = config.max_particles;
   pending_ = {};
   scanned_ = false;
-  fit_slow_ = fit_fast_ = explained_ = used_share_ = 0.0;
+  explained_ = used_share_ = 0.0;
   summarize();
 }
 
@@ -235,7 +238,7 @@ Outcome Mcl::on(const Velocity& u) {
 
 Outcome Mcl::on(const Increment& u) {
   validate(u);
-  if (u.begin < stamp_) {
+  if (u.stamp < stamp_) {
     return {Verdict::kStale};
   }
   advance_to(u.begin);
@@ -270,13 +273,6 @@ Outcome Mcl::on(const LaserScan& z) {
     }
   });
   const double beams = static_cast<double>(points.x.size());
-  double fit = 0.0;  // of a beam, in the geometric mean over beams
-  for (std::size_t k = 0; k < static_cast<std::size_t>(belief_.size); ++k) {
-    fit += static_cast<double>(belief_.weight[k]) *
-           std::exp(static_cast<double>(log_likelihood_[k]) / beams);
-  }
-  fit_slow_ = scanned_ ? fit_slow_ + config.recovery_slow * (fit - fit_slow_) : fit;
-  fit_fast_ = scanned_ ? fit_fast_ + config.recovery_fast * (fit - fit_fast_) : fit;
   scanned_ = true;
   since_scan_ = {};
   reweigh_and_resample(std::min(1.0, config.independent_beams / beams));
@@ -345,32 +341,32 @@ void Mcl::reweigh_and_resample(double most_share) {
   const Config& config = recipe_->config;
   used_share_ =
       reweigh(belief_, log_likelihood_, most_share, config.effective_share * belief_.size);
-  const double fresh = config.recovery_slow > 0.0 && fit_slow_ > 0.0
-                           ? std::max(0.0, 1.0 - fit_fast_ / fit_slow_)
-                           : 0.0;
-  if (fresh * target_ >= 1.0 || effective_size(belief_) < config.resample_below * belief_.size) {
-    const std::uint64_t key = next_key();
-    const auto count = static_cast<int>(fresh * target_);
-    locfuse::resample(
-        belief_, target_, count, [&](ParticleBelief& belief, int k) { draw_free(belief, k, key); },
-        next_key(), scratch_);
+  const std::uint64_t key = next_key();
+  const FreshParticles scouts{static_cast<int>(config.scout_share * target_),
+                              config.kidnapping_probability,
+                              [&](ParticleBelief& belief, int k) { draw_free(belief, k, key); }};
+  if (effective_size(belief_) >= config.resample_below * belief_.size) {
+    renew(belief_, scouts, kUseless);
+  } else {
+    resample(belief_, target_, scouts, next_key(), scratch_);
     if (config.min_particles < config.max_particles) {
-      const ParticleBins bins{config.bin_m / grid().resolution(),
-                              static_cast<double>(config.bin_headings)};
-      const double wanted =
-          kld_particles(occupied_bins(belief_, bins), config.kld_error, config.kld_quantile);
-      target_ = static_cast<int>(std::min(std::max<double>(wanted, config.min_particles),
-                                          static_cast<double>(config.max_particles)));
+      const double wanted = kld_particles(occupied_bins(belief_, bins(), kUseless),
+                                          config.kld_error, config.kld_quantile);
+      target_ = static_cast<int>(std::min(
+          std::max({wanted, 0.5 * belief_.size, static_cast<double>(config.min_particles)}),
+          static_cast<double>(config.max_particles)));
     }
   }
   summarize();
 }
 
+ParticleBins Mcl::bins() const {
+  return {recipe_->config.bin_m / grid().resolution(),
+          static_cast<double>(recipe_->config.bin_headings)};
+}
+
 void Mcl::summarize() {
-  const Config& config = recipe_->config;
-  const ParticleBins bins{config.bin_m / grid().resolution(),
-                          static_cast<double>(config.bin_headings)};
-  const std::vector<ParticleCluster> clusters = clusters_of(belief_, bins, kMostClusters);
+  const std::vector<ParticleCluster> clusters = clusters_of(belief_, bins(), kMostClusters);
   hypotheses_.clear();
   const double turn = grid().origin().heading;
   Matrix<3, 3> to_metres = Matrix<3, 3>::Identity();
@@ -385,7 +381,12 @@ void Mcl::summarize() {
 }
 
 bool Mcl::ready() const {
-  return scanned_ && hypotheses_.front().probability >= recipe_->config.probability_ready;
+  const Config& config = recipe_->config;
+  const PoseHypothesis& best = hypotheses_.front();
+  const Matrix<3, 3>& P = best.estimate.covariance;
+  return scanned_ && best.probability >= config.probability_ready &&
+         std::sqrt(std::max(P(0, 0), P(1, 1))) <= config.sigma_xy_ready_m &&
+         std::sqrt(P(2, 2)) <= config.sigma_heading_ready_rad;
 }
 
 PoseEstimate Mcl::estimate() const {

@@ -20,7 +20,7 @@ inline std::uint64_t mixed(std::uint64_t z) {
 /// Four numbers in (0, 1) for each particle from `first` on.
 inline void draw(std::uint64_t key, int first, Lanes (&uniform)[4]) {
   constexpr std::uint64_t kStep = 0x9E3779B97F4A7C15ULL;
-  Indices bits[4] = {};
+  std::int32_t bits[4][kLanes];
   std::uint64_t at = key + (2 * static_cast<std::uint64_t>(first) + 1) * kStep;
   for (int l = 0; l < kLanes; ++l) {
     const std::uint64_t one = mixed(at);
@@ -32,7 +32,9 @@ inline void draw(std::uint64_t key, int first, Lanes (&uniform)[4]) {
     bits[3][l] = static_cast<std::int32_t>((two >> 9U) & 0x7FFFFFU);
   }
   for (int k = 0; k < 4; ++k) {
-    uniform[k] = (number(bits[k]) + 0.5F) * 0x1p-23F;
+    Indices lanes;
+    __builtin_memcpy(&lanes, bits[k], sizeof lanes);
+    uniform[k] = (number(lanes) + 0.5F) * 0x1p-23F;
   }
 }
 

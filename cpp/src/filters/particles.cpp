@@ -160,13 +160,23 @@ double effective_size(const ParticleBelief& belief) {
   return sum * sum / squares;
 }
 
-void resample(ParticleBelief& belief, int count, int fresh,
-              const std::function<void(ParticleBelief&, int)>& draw, std::uint64_t key,
+namespace {
+
+void scale_to_one(ParticleBelief& belief) {
+  const auto scale = static_cast<float>(1.0 / sum_of(belief.weight, belief.size));
+  for (float& weight : belief.weight) {
+    weight *= scale;
+  }
+}
+
+}  // namespace
+
+void resample(ParticleBelief& belief, int count, const FreshParticles& fresh, std::uint64_t key,
               ParticleBelief& scratch) {
   scratch.resize(count);
   scratch.stamp = belief.stamp;
-  const int kept = count - fresh;
-  const double step = sum_of(belief.weight, belief.size) / std::max(kept, 1);
+  const int kept = std::max(count - fresh.count, 1);
+  const double step = sum_of(belief.weight, belief.size) / kept;
   double next = random_uniform(key, 0) * step;
   double passed = 0.0;
   int to = 0;
@@ -182,15 +192,36 @@ void resample(ParticleBelief& belief, int count, int fresh,
       scratch.s[i] = belief.s[k];
     }
   }
+  const double probability = kept < count ? fresh.probability : 0.0;
+  const auto weights = scratch.weight.begin();
+  std::fill(weights, weights + kept, static_cast<float>((1.0 - probability) / kept));
+  std::fill(weights + kept, weights + count,
+            static_cast<float>(probability / std::max(count - kept, 1)));
   for (; to < count; ++to) {
-    draw(scratch, to);
+    fresh.draw(scratch, to);
   }
-  std::fill(scratch.weight.begin(), scratch.weight.begin() + count,
-            1.0F / static_cast<float>(count));
   std::swap(belief, scratch);
 }
 
+void renew(ParticleBelief& belief, const FreshParticles& fresh, double least) {
+  if (fresh.count == 0) {
+    return;
+  }
+  const auto weight = static_cast<float>(fresh.probability / fresh.count);
+  const auto floor = static_cast<float>(least / belief.size);
+  for (int k = std::max(belief.size - fresh.count, 1); k < belief.size; ++k) {
+    float& own = belief.weight[static_cast<std::size_t>(k)];
+    if (own < floor) {
+      fresh.draw(belief, k);
+      own = weight;
+    }
+  }
+  scale_to_one(belief);
+}
+
 namespace {
+
+constexpr double kThin = 0.05;  // share of the heaviest bin below which one is in no cluster
 
 /// A bin's number: heading, row and column.
 class Binning {
@@ -232,14 +263,14 @@ class Binning {
 
 }  // namespace
 
-int occupied_bins(const ParticleBelief& belief, const ParticleBins& bins) {
+int occupied_bins(const ParticleBelief& belief, const ParticleBins& bins, double least) {
   const Binning binning(bins);
   std::vector<std::int64_t> numbers;
   numbers.reserve(static_cast<std::size_t>(belief.size));
   std::int64_t last = -1;
   for (int i = 0; i < belief.size; ++i) {
     const auto k = static_cast<std::size_t>(i);
-    if (belief.weight[k] > 0.0F) {
+    if (belief.weight[k] * static_cast<float>(belief.size) >= static_cast<float>(least)) {
       const std::int64_t bin = binning.bin(belief, k);
       if (bin != last) {  // copies of one particle follow one another
         numbers.push_back(last = bin);
@@ -280,6 +311,15 @@ std::vector<ParticleCluster> clusters_of(const ParticleBelief& belief, const Par
     order.push_back(number);
   }
   std::sort(order.begin(), order.end());
+  double heaviest = 0.0;
+  for (const auto& [number, bin] : found) {
+    heaviest = std::max(heaviest, bin.weight);
+  }
+  // What lies between two clusters, thinly spread, must not join them.
+  const double least = kThin * heaviest;
+  order.erase(std::remove_if(order.begin(), order.end(),
+                             [&](std::int64_t bin) { return found[bin].weight < least; }),
+              order.end());
   int count = 0;
   std::vector<std::int64_t> open;
   for (const std::int64_t start : order) {
@@ -293,7 +333,8 @@ std::vector<ParticleCluster> clusters_of(const ParticleBelief& belief, const Par
       open.pop_back();
       binning.around(at, [&](std::int64_t next) {
         const auto neighbour = found.find(next);
-        if (neighbour != found.end() && neighbour->second.cluster < 0) {
+        if (neighbour != found.end() && neighbour->second.cluster < 0 &&
+            neighbour->second.weight >= least) {
           neighbour->second.cluster = count;
           open.push_back(next);
         }
@@ -306,11 +347,13 @@ std::vector<ParticleCluster> clusters_of(const ParticleBelief& belief, const Par
     Matrix<3, 3> scatter = Matrix<3, 3>::Zero();
   };
   std::vector<Sums> sums(static_cast<std::size_t>(count));
-  const auto sums_of = [&](std::size_t k) -> Sums& {
-    return sums[static_cast<std::size_t>(found[bin_of[k]].cluster)];
-  };
+  std::vector<int> cluster_of(bin_of.size());
   for (std::size_t k = 0; k < bin_of.size(); ++k) {
-    Sums& sum = sums_of(k);
+    cluster_of[k] = found[bin_of[k]].cluster;
+    if (cluster_of[k] < 0) {
+      continue;
+    }
+    Sums& sum = sums[static_cast<std::size_t>(cluster_of[k])];
     const double w = static_cast<double>(belief.weight[k]);
     sum.w += w;
     sum.x += w * static_cast<double>(belief.x[k]);
@@ -325,7 +368,10 @@ std::vector<ParticleCluster> clusters_of(const ParticleBelief& belief, const Par
     clusters[i].mean = {sum.x / sum.w, sum.y / sum.w, std::atan2(sum.s, sum.c)};
   }
   for (std::size_t k = 0; k < bin_of.size(); ++k) {
-    const auto cluster = static_cast<std::size_t>(found[bin_of[k]].cluster);
+    if (cluster_of[k] < 0) {
+      continue;
+    }
+    const auto cluster = static_cast<std::size_t>(cluster_of[k]);
     const Pose2& mean = clusters[cluster].mean;
     const Vector<3> off(
         static_cast<double>(belief.x[k]) - mean.x, static_cast<double>(belief.y[k]) - mean.y,

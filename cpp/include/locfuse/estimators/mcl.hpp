@@ -25,22 +25,24 @@ class Mcl {
  public:
   struct Config {
     int min_particles = 500;
-    int max_particles = 5000;          ///< of them, as many as keep the errors below
-    double kld_error = 0.05;           ///< of the particles' distribution (Kullback-Leibler)
-    double kld_quantile = 2.33;        ///< normal quantile of the probability that it is kept: 99 %
-    int beams = 60;                    ///< of a scan, evenly among its returns
-    double independent_beams = 12.0;   ///< what they count for: neighbours share the map's errors
-    double effective_share = 0.05;     ///< of the particles that a measurement leaves at least
-    double outlier_share = 0.01;       ///< of ranges, positions and poses, wrong by anything
-    double resample_below = 0.5;       ///< share of effective particles
-    double spacing_m = 0.1;            ///< motion after which a scan is news again [m]
-    double spacing_heading_rad = 0.1;  ///< likewise a turn [rad]
-    double recovery_slow = 0.02;  ///< rate of the long memory of how well scans fit; 0 for none
-    double recovery_fast = 0.2;   ///< likewise of the short one
-    double hold_s = 1.0;          ///< how long the last motion is believed without new odometry [s]
+    int max_particles = 5000;        ///< of them, as many as keep the errors below
+    double kld_error = 0.05;         ///< of the particles' distribution (Kullback-Leibler)
+    double kld_quantile = 2.33;      ///< normal quantile of the probability that it is kept: 99 %
+    int beams = 60;                  ///< of a scan, evenly among its returns
+    double independent_beams = 3.0;  ///< what they count for: neighbours share the map's errors
+    double effective_share = 0.05;   ///< of the particles that a measurement leaves at least
+    double outlier_share = 0.01;     ///< of ranges, positions and poses, wrong by anything
+    double resample_below = 0.5;     ///< share of effective particles
+    double spacing_m = 0.25;         ///< motion after which a scan is news again [m]
+    double spacing_heading_rad = 0.25;  ///< likewise a turn [rad]
+    double scout_share = 0.1;           ///< of the particles, which look for the body anywhere else
+    double kidnapping_probability = 1e-4;  ///< per scan that is used: what scouts weigh at first
+    double hold_s = 1.0;  ///< how long the last motion is believed without new odometry [s]
     double sigma_lost_xy_per_sqrt_s = 0.5;       ///< thereafter: standing, spreading [m / sqrt(s)]
     double sigma_lost_heading_per_sqrt_s = 0.5;  ///< [rad / sqrt(s)]
     double probability_ready = 0.95;             ///< of the likeliest cluster
+    double sigma_xy_ready_m = 0.5;               ///< of it, at most [m]
+    double sigma_heading_ready_rad = 0.17;       ///< likewise [rad]
     double bin_m = 0.5;     ///< side of the bins by which particles are put together [m]
     int bin_headings = 24;  ///< bins all around
     std::uint64_t seed = 1;
@@ -73,7 +75,7 @@ class Mcl {
   [[nodiscard]] PoseEstimate estimate() const;
   /// All clusters as of the belief's stamp, the likeliest first.
   [[nodiscard]] const std::vector<PoseHypothesis>& hypotheses() const { return hypotheses_; }
-  /// Whether one cluster has all but 1 - probability_ready.
+  /// Whether one cluster has all but 1 - probability_ready, and is narrow.
   [[nodiscard]] bool ready() const;
   /// Share of the last scan's end points that end at a wall as seen from the likeliest cluster.
   [[nodiscard]] double explained() const { return explained_; }
@@ -102,8 +104,8 @@ class Mcl {
   void drive(const OdometryMotion& model, const Pose2& motion, Stamp until);
   void settle();
   void draw_free(ParticleBelief& belief, int k, std::uint64_t key) const;
-  void resample(double fresh_share);
   void summarize();
+  [[nodiscard]] ParticleBins bins() const;
   [[nodiscard]] std::uint64_t next_key();
   [[nodiscard]] Pose2 to_world(const Pose2& cells) const;
   [[nodiscard]] Pose2 to_cells(const Pose2& world) const;
@@ -122,8 +124,6 @@ class Mcl {
   UncertainMotion pending_;  // since belief_.stamp, in metres
   Pose2 since_scan_;         // driven since the last scan that was used: ways, not displacement
   bool scanned_ = false;
-  double fit_slow_ = 0.0;
-  double fit_fast_ = 0.0;
   double explained_ = 0.0;
   double used_share_ = 0.0;
   std::uint64_t step_ = 0;

@@ -51,11 +51,21 @@ double reweigh(ParticleBelief& belief, const std::vector<float>& log_likelihood,
 /// 1 / sum of squared weights; eq. (3).
 [[nodiscard]] double effective_size(const ParticleBelief& belief);
 
-/// Systematic ("low variance") resampling into `count` particles of equal weight, of which the last
-/// `fresh` are drawn by `draw(k)` anew; eq. (4). `scratch` is memory to reuse.
-void resample(ParticleBelief& belief, int count, int fresh,
-              const std::function<void(ParticleBelief&, int)>& draw, std::uint64_t key,
+/// Particles drawn anew, beside those that are kept.
+struct FreshParticles {
+  int count = 0;
+  double probability = 0.0;                        ///< of all of them together
+  std::function<void(ParticleBelief&, int)> draw;  ///< sets the pose of particle k
+};
+
+/// Systematic ("low variance") resampling into `count` particles, of which the last ones are fresh;
+/// eq. (4). `scratch` is memory to reuse.
+void resample(ParticleBelief& belief, int count, const FreshParticles& fresh, std::uint64_t key,
               ParticleBelief& scratch);
+
+/// Draws those of the last `fresh.count` particles again that have gained no weight: less than
+/// `least` of an equal share. Weights then sum to 1 again.
+void renew(ParticleBelief& belief, const FreshParticles& fresh, double least);
 
 /// Side of a bin by which particles are counted and put together.
 struct ParticleBins {
@@ -63,14 +73,15 @@ struct ParticleBins {
   double headings;  ///< how many all around
 };
 
-/// Number of bins that hold particles.
-[[nodiscard]] int occupied_bins(const ParticleBelief& belief, const ParticleBins& bins);
+/// Number of bins that hold particles of at least `least` of an equal share of weight.
+[[nodiscard]] int occupied_bins(const ParticleBelief& belief, const ParticleBins& bins,
+                                double least);
 
 /// Particles that keep the KL divergence below `error` with the probability that `quantile` of the
 /// normal distribution stands for, for `bins` occupied bins; Fox, 2003, eq. (5).
 [[nodiscard]] double kld_particles(int bins, double error, double quantile);
 
-/// Particles whose bins touch.
+/// Particles whose bins touch; bins with next to nothing in them belong to none.
 struct ParticleCluster {
   double weight = 0.0;
   Pose2 mean;               ///< circular in the heading [cells]

@@ -74,7 +74,9 @@ LikelihoodField::LikelihoodField(const Config& config, std::shared_ptr<const Occ
   costs_.assign(static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_) + behind,
                 unknown);
   for (int row = 0; row < map.height(); ++row) {
-    const std::size_t from = static_cast<std::size_t>(row) * static_cast<std::size_t>(map.width());
+    const std::size_t from = static_cast<std::size_t>(row + field.margin_cells()) *
+                                 static_cast<std::size_t>(field.width()) +
+                             static_cast<std::size_t>(field.margin_cells());
     std::uint8_t* const to =
         &costs_[static_cast<std::size_t>(row + rim_) * static_cast<std::size_t>(width_) +
                 static_cast<std::size_t>(rim_)];
