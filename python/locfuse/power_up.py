@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from itertools import compress
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from locfuse.config.build import (
 )
 from locfuse.config.load import load_config, parse_config
 from locfuse.config.schema import Dataset, RunConfig
+from locfuse.eval.ape import umeyama
 from locfuse.eval.errors import errors_against, interpolate
 from locfuse.io.datasets import convert
 from locfuse.io.log_folder import read_log
@@ -50,7 +51,6 @@ def power_up_claims(configs: Path | None) -> list[Claim]:
         return claims
     claims += _site_claims(configs)
     claims += _gazebo_claims(configs)
-    claims += _start_claims(configs)
     claims += _office_claims(configs)
     claims += _auto_claims(configs)
     return claims
@@ -335,26 +335,6 @@ def _same_room(a: Log, b: Log) -> bool:
 # Power-ups: every scan of a recording ---------------------------------------------------------
 
 
-def refined_errors(log: Log) -> FloatArray:
-    """Return position errors [m] of the scan's pose alone, searched about the ranges' position."""
-    truth, matcher = truth_of(log), matcher_of(log)
-    assert truth is not None
-    assert matcher is not None
-    anchors, ranges, height = epochs(log, next(iter(log.tags)))
-    heard_ns = np.unique(log["ranges"]["stamp_ns"])
-    fixes = _core.locate_batch(anchors, ranges, SIGMA_M, height=height)
-    errors = []
-    for scan in scans_of(log):
-        at, inside = interpolate(truth, np.array([scan.stamp], np.int64))
-        row = int(np.searchsorted(heard_ns, scan.stamp, side="right")) - 1
-        if not inside[0] or row < 0:
-            continue
-        found = matcher.search(scan, fixes.position[row], fixes.covariance[row])
-        pose = found.hypotheses[0].match.pose
-        errors.append(float(np.hypot(pose.x - at.position[0, 0], pose.y - at.position[0, 1])))
-    return np.array(errors)
-
-
 @dataclass(frozen=True)
 class PowerUps:
     """What a robot says that is switched on at each scan of a recording.
@@ -375,9 +355,12 @@ class PowerUps:
 
 def power_ups(log: Log, config: RunConfig, within_m: float, within_deg: float) -> PowerUps:
     """Start anew at every scan, from the ranges heard last before it and the scan alone."""
-    truth = truth_of(log)
+    return judged(power_up_states(log, config), log, within_m, within_deg)
+
+
+def power_up_states(log: Log, config: RunConfig) -> list[_core.StartState]:
+    """Return what is known after each scan that has a truth, started anew at every one."""
     matcher = matcher_of(log)
-    assert truth is not None
     assert matcher is not None
     names = [str(name) for name in log["anchors"]["anchor"]]
     anchors = build_anchors(log["anchors"], names, config.anchors)
@@ -387,15 +370,8 @@ def power_ups(log: Log, config: RunConfig, within_m: float, within_deg: float) -
     settings = build_initializer_config(config.initializer)
     estimator = build_estimator_config(config.estimator)
     ranges = log["ranges"]
-    scans = scans_of(log)
-    at, inside = interpolate(truth, np.array([scan.stamp for scan in scans], np.int64))
-    assert at.heading is not None
-    true = iter(np.column_stack([at.position, at.heading]))
-    rows: list[tuple[bool, bool, float, float]] = []
-    for scan, known in zip(scans, inside, strict=True):
-        if not known:
-            continue
-        pose = next(true)
+    states = []
+    for scan, _ in _scans_and_truth(log):
         start = _core.Initializer(settings, estimator, anchors, tags, matcher)
         before = ranges["stamp_ns"] <= scan.stamp
         if before.any():
@@ -405,7 +381,16 @@ def power_ups(log: Log, config: RunConfig, within_m: float, within_deg: float) -
                                      ids[str(ranges["anchor"][row])],
                                      float(ranges["range_m"][row])))  # fmt: skip
         start.on(scan)
-        rows.append(_judged(start.state(), pose, within_m, within_deg))
+        states.append(start.state())
+    return states
+
+
+def judged(
+    states: Sequence[_core.StartState], log: Log, within_m: float, within_deg: float
+) -> PowerUps:
+    """Compare states at every scan with the truth of a log."""
+    rows = [_judged(state, pose, within_m, within_deg)
+            for state, (_, pose) in zip(states, _scans_and_truth(log), strict=True)]  # fmt: skip
     ready, fits, position, heading = zip(*rows, strict=True)
     return PowerUps(np.array(ready), np.array(fits), np.array(position), np.array(heading))
 
@@ -421,6 +406,52 @@ def _judged(
     return state.status == _core.StartStatus.READY, fits, *first
 
 
+def _scans_and_truth(log: Log) -> Iterator[tuple[_core.LaserScan, FloatArray]]:
+    """Yield each scan that has a truth, and its true pose (x [m], y [m], heading [rad])."""
+    truth = truth_of(log)
+    assert truth is not None
+    scans = scans_of(log)
+    at, inside = interpolate(truth, np.array([scan.stamp for scan in scans], np.int64))
+    assert at.heading is not None
+    poses = np.column_stack([at.position, at.heading])
+    return zip(compress(scans, inside), poses, strict=True)
+
+
+def refined_errors(log: Log) -> FloatArray:
+    """Return position errors [m] of the scan's pose alone, searched about the ranges' position."""
+    matcher = matcher_of(log)
+    assert matcher is not None
+    errors = []
+    for scan, true, position, covariance in _scans_and_fixes(log, "ml"):
+        pose = matcher.search(scan, position, covariance).hypotheses[0].match.pose
+        errors.append(float(np.hypot(pose.x - true[0], pose.y - true[1])))
+    return np.array(errors)
+
+
+def _ten_degree_errors(log: Log) -> FloatArray:
+    matcher = matcher_of(log)
+    assert matcher is not None
+    errors = []
+    for scan, true, position, _ in _scans_and_fixes(log, "srls"):
+        found = matcher.heading_search(scan, position).heading
+        assert found is not None
+        errors.append(abs(float(wrap_angle(found - true[2]))))
+    return np.array(errors)
+
+
+def _scans_and_fixes(
+    log: Log, solver: str
+) -> Iterator[tuple[_core.LaserScan, FloatArray, FloatArray, FloatArray]]:
+    """Yield scan, true pose, and position and covariance from the ranges heard last before it."""
+    anchors, ranges, height = epochs(log, next(iter(log.tags)))
+    heard_ns = np.unique(log["ranges"]["stamp_ns"])
+    fixes = _core.locate_batch(anchors, ranges, SIGMA_M, height=height, solver=solver)
+    for scan, true in _scans_and_truth(log):
+        row = int(np.searchsorted(heard_ns, scan.stamp, side="right")) - 1
+        if row >= 0:
+            yield scan, true, fixes.position[row], fixes.covariance[row]
+
+
 def _recording(configs: Path, file: str, of_dataset: str | None = None) -> tuple[RunConfig, Log]:
     config = load_config(configs / file)
     if of_dataset is not None:
@@ -428,6 +459,47 @@ def _recording(configs: Path, file: str, of_dataset: str | None = None) -> tuple
         dataset = config.log.model_copy(update={"run": of_dataset})
         config = config.model_copy(update={"log": dataset})
     return config, load_log(config, configs, config.seed)
+
+
+@dataclass(frozen=True)
+class GazeboPowerUps:
+    """Power-ups along the Gazebo runs.
+
+    Attributes
+    ----------
+    logs : list of Log
+        Their truth is moved into the frame of the map.
+    in_world, on_map : PowerUps
+        The same states against the truth as published and as moved.
+    """
+
+    logs: list[Log]
+    in_world: PowerUps
+    on_map: PowerUps
+
+
+def gazebo_power_ups(configs: Path) -> GazeboPowerUps:
+    """Power up at every scan of the Gazebo runs.
+
+    Raises
+    ------
+    LogError
+        If the recordings are not there.
+    """
+    logs, in_world, on_map = [], [], []
+    for name in ("run3", "straight", "static"):
+        config, log = _recording(configs, "ieu_gazebo.yaml", name)
+        states = power_up_states(log, config)
+        logs.append(_moved_truth(log, registration(log)))
+        in_world.append(judged(states, log, 0.3, 10.0))
+        on_map.append(judged(states, logs[-1], 0.3, 10.0))
+    return GazeboPowerUps(logs, _joined(in_world), _joined(on_map))
+
+
+def _joined(parts: Sequence[PowerUps]) -> PowerUps:
+    columns = (np.concatenate([getattr(part, field.name) for part in parts])
+               for field in fields(PowerUps))  # fmt: skip
+    return PowerUps(*columns)
 
 
 @dataclass(frozen=True)
@@ -450,34 +522,12 @@ def heading_errors(configs: Path) -> HeadingErrors:
     LogError
         If the recordings are not there.
     """
-    paper, ours = [], []
-    for name in ("run3", "straight", "static"):
-        config, log = _recording(configs, "ieu_gazebo.yaml", name)
-        log = _moved_truth(log, registration(log))
-        ours.append(power_ups(log, config, 0.3, 10.0).heading_rad)
-        paper.append(_ten_degree_errors(log))
-    return HeadingErrors(np.concatenate(paper), np.concatenate(ours))
+    return _heading_errors(gazebo_power_ups(configs))
 
 
-def _ten_degree_errors(log: Log) -> FloatArray:
-    truth, matcher = truth_of(log), matcher_of(log)
-    assert truth is not None
-    assert matcher is not None
-    tag = next(iter(log.tags))
-    anchors, ranges, height = epochs(log, tag)
-    heard_ns = np.unique(log["ranges"]["stamp_ns"])
-    fixes = _core.locate_batch(anchors, ranges, SIGMA_M, height=height, solver="srls").position
-    errors = []
-    for scan in scans_of(log):
-        at, inside = interpolate(truth, np.array([scan.stamp], np.int64))
-        row = int(np.searchsorted(heard_ns, scan.stamp, side="right")) - 1
-        if not inside[0] or row < 0:
-            continue
-        assert at.heading is not None
-        found = matcher.heading_search(scan, fixes[row]).heading
-        assert found is not None
-        errors.append(abs(float(wrap_angle(found - at.heading[0]))))
-    return np.array(errors)
+def _heading_errors(found: GazeboPowerUps) -> HeadingErrors:
+    paper = np.concatenate([_ten_degree_errors(log) for log in found.logs])
+    return HeadingErrors(paper, found.on_map.heading_rad)
 
 
 def noise_sweep() -> tuple[FloatArray, dict[str, FloatArray]]:
@@ -528,20 +578,55 @@ def _last_error(result: RunResult) -> float:
     return float(np.hypot(*errors_against(result.estimate, result.truth).position[-1]))
 
 
-def _start_claims(configs: Path) -> Iterator[Claim]:
-    """Compare the paper's search with ours, and say what a bad start costs."""
+def _gazebo_claims(configs: Path) -> Iterator[Claim]:
     try:
-        errors = heading_errors(configs)
-        degrees, ends = bad_starts(configs)
+        found = gazebo_power_ups(configs)
     except LogError as error:
+        yield _absent("start_gazebo", "Gazebo power-ups", str(error))
         yield _absent("start_search", "ten-degree search", str(error))
         return
+    yield from _map_claims(found)
+    yield from _search_claims(_heading_errors(found))
+    yield from _bad_start_claims(configs)
+
+
+def _map_claims(found: GazeboPowerUps) -> Iterator[Claim]:
+    in_world, ready = found.in_world, found.in_world.ready
+    count = len(ready)
+    yield share("start_gazebo_right", "Gazebo power-ups: right, or among those left",
+                int(in_world.fits.sum()), count, 0.99)  # fmt: skip
+    yield share("start_gazebo_wrong", "Gazebo power-ups: ready and wrong",
+                int((ready & ~in_world.fits).sum()), count, 0.002, True)  # fmt: skip
+    yield share("start_gazebo_ready", "Gazebo power-ups: ready at once", int(ready.sum()), count,
+                0.9)  # fmt: skip
+    refined = np.concatenate([refined_errors(log) for log in found.logs])
+    yield _p95("start_gazebo_position_p95", "Gazebo power-ups: refined position, 95 %", "cm",
+               100.0 * refined, 3.0)  # fmt: skip
+    on_the_map = np.rad2deg(found.on_map.heading_rad[ready])
+    yield claim_of("start_gazebo_heading", "Gazebo power-ups: heading error", "deg", None,
+                   on_the_map, "<= 0.5", lambda v: v <= 0.5)  # fmt: skip
+    yield _p95("start_gazebo_heading_p95", "Gazebo power-ups: heading error, 95 %", "deg",
+               on_the_map, 2.0)  # fmt: skip
+    # The map is turned by 1.3 degrees and shifted by 4 cm in the world, which no match can see.
+    yield claim_of("start_gazebo_heading_world", "the same in the world: heading error", "deg",
+                   None, np.rad2deg(in_world.heading_rad[ready]), "-", lambda v: True)  # fmt: skip
+    yield _p95("start_gazebo_position_world", "the same in the world: position, 95 %", "cm",
+               100.0 * in_world.position_m[ready], np.inf)  # fmt: skip
+
+
+def _search_claims(errors: HeadingErrors) -> Iterator[Claim]:
+    """Compare the paper's search with ours."""
     paper, ours = np.rad2deg(errors.ten_degrees), np.rad2deg(errors.ours)
     yield claim_of("start_search_paper", "ten-degree search (Table 1): heading error", "deg", None,
                    paper, "-", lambda v: True)  # fmt: skip
     gain = float(np.median(paper) / np.median(ours))
     yield Claim("start_search_gain", "ten-degree search / ours", "1", None, gain, gain, gain,
                 ">= 5", gain >= 5.0)  # fmt: skip
+
+
+def _bad_start_claims(configs: Path) -> Iterator[Claim]:
+    """Say what a bad start costs."""
+    degrees, ends = bad_starts(configs)
     row = int(np.flatnonzero(degrees == 10.0)[0])
     for name, text in (("odometry", "told 10 deg wrong, odometry: error at the end"),
                        ("filter", "told 10 deg wrong, with ranges: error at the end"),
@@ -551,46 +636,6 @@ def _start_claims(configs: Path) -> Iterator[Claim]:
         yield Claim(f"start_bad_{name}", text, "m", None, value, value, value,
                     "-" if name == "odometry" else "<= 0.03", value <= limit,
                     "run3, 5 m of path; Figs. 6 and 7")  # fmt: skip
-
-
-def _gazebo_claims(configs: Path) -> Iterator[Claim]:
-    parts, on_map, refined = [], [], []
-    try:
-        for name in ("run3", "straight", "static"):
-            config, log = _recording(configs, "ieu_gazebo.yaml", name)
-            parts.append(power_ups(log, config, 0.3, 10.0))
-            moved = _moved_truth(log, registration(log))
-            on_map.append(power_ups(moved, config, 0.3, 10.0))
-            refined.append(100.0 * refined_errors(moved))
-    except LogError as error:
-        yield _absent("start_gazebo", "Gazebo power-ups", str(error))
-        return
-    ready, fits = _joined(parts, "ready"), _joined(parts, "fits")
-    count = len(ready)
-    yield share("start_gazebo_right", "Gazebo power-ups: right, or among those left",
-                int(fits.sum()), count, 0.99)  # fmt: skip
-    yield share("start_gazebo_wrong", "Gazebo power-ups: ready and wrong",
-                int((ready & ~fits).sum()), count, 0.002, True)  # fmt: skip
-    yield share("start_gazebo_ready", "Gazebo power-ups: ready at once", int(ready.sum()), count,
-                0.9)  # fmt: skip
-    yield _p95("start_gazebo_position_p95", "Gazebo power-ups: refined position, 95 %", "cm",
-               np.concatenate(refined), 3.0)  # fmt: skip
-    on_the_map = np.rad2deg(_joined(on_map, "heading_rad")[_joined(on_map, "ready")])
-    yield claim_of("start_gazebo_heading", "Gazebo power-ups: heading error", "deg", None,
-                   on_the_map, "<= 0.5", lambda v: v <= 0.5)  # fmt: skip
-    yield _p95("start_gazebo_heading_p95", "Gazebo power-ups: heading error, 95 %", "deg",
-               on_the_map, 2.0)  # fmt: skip
-    # The map is turned by 1.3 degrees and shifted by 4 cm in the world, which no match can see.
-    heading = np.rad2deg(_joined(parts, "heading_rad")[ready])
-    position = 100.0 * _joined(parts, "position_m")[ready]
-    yield claim_of("start_gazebo_heading_world", "the same in the world: heading error", "deg",
-                   None, heading, "-", lambda v: True)  # fmt: skip
-    yield _p95("start_gazebo_position_world", "the same in the world: position, 95 %", "cm",
-               position, np.inf)  # fmt: skip
-
-
-def _joined(parts: Sequence[PowerUps], name: str) -> NDArray[Any]:
-    return np.concatenate([getattr(part, name) for part in parts])
 
 
 def registration(log: Log) -> FloatArray:
@@ -609,9 +654,8 @@ def registration(log: Log) -> FloatArray:
         near = cells[np.hypot(*(cells - column).T) < 0.35]
         design = np.column_stack([2.0 * near, np.ones(len(near))])
         seen.append(np.linalg.lstsq(design, np.sum(near**2, axis=1), rcond=None)[0][:2])
-    a, b = known - known.mean(axis=0), np.array(seen) - np.mean(seen, axis=0)
-    turn = np.arctan2(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]), np.sum(a * b))
-    return np.array([*np.mean(seen, axis=0), turn])
+    _, turn, shift = umeyama(known, np.array(seen), with_scale=False)
+    return np.array([*shift, turn])
 
 
 def _moved_truth(log: Log, by: FloatArray) -> Log:
@@ -640,12 +684,13 @@ OFFICE_FRAMES = 200  # those that are published as CSV
 def _office_claims(configs: Path) -> Iterator[Claim]:
     try:
         config, log = _recording(configs, "mrpt_office.yaml")
-        log = _first_scans(log, OFFICE_FRAMES)
-        stated = power_ups(log, config, 0.3, 3.0)
-        matched = power_ups(_settled_truth(log), config, 0.3, 3.0)
     except LogError as error:
         yield _absent("start_office", "office power-ups", str(error))
         return
+    log = _first_scans(log, OFFICE_FRAMES)
+    states = power_up_states(log, config)
+    stated = judged(states, log, 0.3, 3.0)
+    matched = judged(states, _settled_truth(log), 0.3, 3.0)
     for key, text, found, required in (
         ("", "office power-ups (real): right, or not ready", matched, 0.98),
         ("_stated", "the same against the reference as published", stated, None),
@@ -691,12 +736,9 @@ def _icp(grid: GridMap, nearest: FloatArray, scan: FloatArray, pose: FloatArray)
         walls = nearest[cell[:, 1], cell[:, 0]]
         distance = np.hypot(*(walls - seen).T)
         kept = distance <= np.quantile(distance, 0.8)
-        a, b = seen[kept], walls[kept]
-        mean_a, mean_b = a.mean(axis=0), b.mean(axis=0)
-        da, db = a - mean_a, b - mean_b
-        turn = np.arctan2(np.sum(da[:, 0] * db[:, 1] - da[:, 1] * db[:, 0]), np.sum(da * db))
+        _, turn, shift = umeyama(seen[kept], walls[kept], with_scale=False)
         c, s = np.cos(turn), np.sin(turn)
-        x, y = np.array([[c, -s], [s, c]]) @ (np.array([x, y]) - mean_a) + mean_b
+        x, y = np.array([[c, -s], [s, c]]) @ [x, y] + shift
         heading += turn
     return np.array([x, y, heading])
 
