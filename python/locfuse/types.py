@@ -117,6 +117,20 @@ class GridMap:
         if len(self.origin) != 3 or not np.all(np.isfinite(self.origin)):
             raise ValueError(f"GridMap.origin is {self.origin}, expected three finite numbers")
 
+    def to_grid(self, p_world: FloatArray) -> FloatArray:
+        """Return points of shape (..., 2) in the frame of the map, in cells: column, row."""
+        x, y, yaw = self.origin
+        c, s = np.cos(yaw), np.sin(yaw)
+        dx, dy = p_world[..., 0] - x, p_world[..., 1] - y
+        return np.stack([c * dx + s * dy, c * dy - s * dx], axis=-1) / self.resolution_m
+
+    def to_world(self, p_grid: FloatArray) -> FloatArray:
+        """Return points of shape (..., 2) in world, metres, of columns and rows."""
+        x, y, yaw = self.origin
+        c, s = np.cos(yaw), np.sin(yaw)
+        dx, dy = self.resolution_m * p_grid[..., 0], self.resolution_m * p_grid[..., 1]
+        return np.stack([x + c * dx - s * dy, y + s * dx + c * dy], axis=-1)
+
 
 @dataclass(frozen=True)
 class Log:

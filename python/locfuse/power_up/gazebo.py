@@ -19,7 +19,7 @@ from locfuse.power_up.scans import (
     refined_errors,
     ten_degree_errors,
 )
-from locfuse.types import FloatArray, Log, LogError, wrap_angle
+from locfuse.types import OCCUPIED, FloatArray, Log, LogError, wrap_angle
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,7 @@ def registration(log: Log) -> FloatArray:
     """
     grid = log.grid
     assert grid is not None
-    rows, columns = np.nonzero(grid.cells > 50)
-    cells = (np.column_stack([columns, rows]) + 0.5) * grid.resolution_m + grid.origin[:2]
+    cells = grid.to_world(np.argwhere(grid.cells == OCCUPIED)[:, ::-1].astype(float) + 0.5)
     known = np.array([[x, y] for x in (-1.1, 0.0, 1.1) for y in (-1.1, 0.0, 1.1)])
     seen = []
     for column in known:

@@ -69,7 +69,7 @@ def _icp(grid: GridMap, nearest: FloatArray, scan: FloatArray, pose: FloatArray)
     for _ in range(50):
         c, s = np.cos(heading), np.sin(heading)
         seen = scan @ np.array([[c, s], [-s, c]]) + [x, y]
-        cell = np.floor((seen - grid.origin[:2]) / grid.resolution_m).astype(int)
+        cell = np.floor(grid.to_grid(seen)).astype(int)
         cell = np.clip(cell, 0, np.array(grid.cells.shape[::-1]) - 1)
         walls = nearest[cell[:, 1], cell[:, 0]]
         distance = np.hypot(*(walls - seen).T)
@@ -84,10 +84,8 @@ def _icp(grid: GridMap, nearest: FloatArray, scan: FloatArray, pose: FloatArray)
 def _nearest_of_cells(grid: GridMap) -> FloatArray:
     """Return the centre of the occupied cell nearest to each cell, (height, width, 2) [m].
 
-    By jump flooding: cells tell one another the nearest they know of, in halving jumps. The grid
-    must not be turned.
+    By jump flooding: cells tell one another the nearest they know of, in halving jumps.
     """
-    assert grid.origin[2] == 0.0
     height, width = grid.cells.shape
     column, row = np.meshgrid(np.arange(width), np.arange(height))
     at = np.stack([column, row], axis=-1).astype(float)
@@ -105,5 +103,4 @@ def _nearest_of_cells(grid: GridMap) -> FloatArray:
                 closer = np.sum((heard - at) ** 2, axis=-1) < np.sum((nearest - at) ** 2, axis=-1)
                 nearest[closer] = heard[closer]
         jump //= 2
-    centres: FloatArray = (nearest + 0.5) * grid.resolution_m + np.array(grid.origin[:2])
-    return centres
+    return grid.to_world(nearest + 0.5)
