@@ -141,10 +141,10 @@ class Log:
     tables : mapping of file stem to columns
         Stems and column names are those of the log folder (docs/log_format.md): ``odometry``,
         ``ranges``, ``positions``, ``poses``, ``landmark_sightings``, ``scans``, ``truth``,
-        ``anchors``, ``landmarks``. ``stamp_s`` is held as ``stamp_ns`` (int64) and
-        ``arrival_s`` as ``arrival_ns``; names (tag, anchor, landmark) are arrays of str; the beams
-        of ``scans`` are one column ``ranges_m`` of shape (n, beams), NaN where there was no return;
-        everything else is float64. Absent files are absent keys.
+        ``relations``, ``anchors``, ``landmarks``. ``stamp_s`` is held as ``stamp_ns`` (int64), as
+        are ``arrival_s``, ``begin_s`` and ``end_s``; names (tag, anchor, landmark) are arrays of
+        str; the beams of ``scans`` are one column ``ranges_m`` of shape (n, beams), NaN where there
+        was no return; everything else is float64. Absent files are absent keys.
     tags : mapping of tag name to (x, y, z)
         Tag positions in the body frame, metres.
     laser : mapping or None
