@@ -117,6 +117,20 @@ class GridMap:
         if len(self.origin) != 3 or not np.all(np.isfinite(self.origin)):
             raise ValueError(f"GridMap.origin is {self.origin}, expected three finite numbers")
 
+    def to_grid(self, p_world: FloatArray) -> FloatArray:
+        """Return points of shape (..., 2) in the frame of the map, in cells: column, row."""
+        x, y, yaw = self.origin
+        c, s = np.cos(yaw), np.sin(yaw)
+        dx, dy = p_world[..., 0] - x, p_world[..., 1] - y
+        return np.stack([c * dx + s * dy, c * dy - s * dx], axis=-1) / self.resolution_m
+
+    def to_world(self, p_grid: FloatArray) -> FloatArray:
+        """Return points of shape (..., 2) in world, metres, of columns and rows."""
+        x, y, yaw = self.origin
+        c, s = np.cos(yaw), np.sin(yaw)
+        dx, dy = self.resolution_m * p_grid[..., 0], self.resolution_m * p_grid[..., 1]
+        return np.stack([x + c * dx - s * dy, y + s * dx + c * dy], axis=-1)
+
 
 @dataclass(frozen=True)
 class Log:
@@ -127,10 +141,10 @@ class Log:
     tables : mapping of file stem to columns
         Stems and column names are those of the log folder (docs/log_format.md): ``odometry``,
         ``ranges``, ``positions``, ``poses``, ``landmark_sightings``, ``scans``, ``truth``,
-        ``anchors``, ``landmarks``. ``stamp_s`` is held as ``stamp_ns`` (int64) and
-        ``arrival_s`` as ``arrival_ns``; names (tag, anchor, landmark) are arrays of str; the beams
-        of ``scans`` are one column ``ranges_m`` of shape (n, beams), NaN where there was no return;
-        everything else is float64. Absent files are absent keys.
+        ``relations``, ``anchors``, ``landmarks``. ``stamp_s`` is held as ``stamp_ns`` (int64), as
+        are ``arrival_s``, ``begin_s`` and ``end_s``; names (tag, anchor, landmark) are arrays of
+        str; the beams of ``scans`` are one column ``ranges_m`` of shape (n, beams), NaN where there
+        was no return; everything else is float64. Absent files are absent keys.
     tags : mapping of tag name to (x, y, z)
         Tag positions in the body frame, metres.
     laser : mapping or None

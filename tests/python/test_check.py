@@ -611,6 +611,7 @@ def test_a_map_with_walls_around_the_robot_is_no_alarm(tmp_path: Path) -> None:
         (np.full((20, 20), 254.0), {}, "no occupied cell"),
         (room_of_cells(), {"negate": 1}, "is occupied: negate?"),
         (room_of_cells(), {"origin": [50.0, 50.0, 0.0]}, "truth lies off the map"),
+        (room_of_cells(), {"origin": [-1.0, -3.0, 0.5 * np.pi]}, "truth lies off the map"),
     ],
 )
 def test_maps_that_help_nobody(
@@ -619,6 +620,21 @@ def test_maps_that_help_nobody(
     with_map(tmp_path / "log", cells, **said)
     result = check(parse_config({"log": "log"}), base=tmp_path)
     assert any(what in f.what for f in found(result, "maps_that_help_nobody"))
+
+
+def test_a_turned_map_is_read_where_it_lies(tmp_path: Path) -> None:
+    # A square of 10 m that stands on its corner, its middle at (3, 2).
+    half = 5.0 * np.sqrt(2.0)
+    with_map(tmp_path / "log", room_of_cells(), origin=[3.0, float(2.0 - half), 0.25 * np.pi])
+    result = check(parse_config({"log": "log", "start": [3, 2 + 0.9 * half, 0]}), base=tmp_path)
+    assert not found(result, "maps_that_help_nobody")
+    assert not found(result, "floors_that_do_not_hold_the_start")
+    layout = result.layout
+    assert layout is not None
+    assert layout.x[[0, -1]] == pytest.approx([3.0 - half, 3.0 + half])
+    assert layout.y[[0, -1]] == pytest.approx([2.0 - half, 2.0 + half])
+    floor = np.abs(layout.x - 3.0) + np.abs(layout.y - 2.0)[:, None] < half
+    assert (np.isnan(layout.hdop) == ~floor).mean() > 0.98
 
 
 def test_a_start_off_the_map_is_an_error(tmp_path: Path) -> None:

@@ -141,8 +141,5 @@ def _in_cells(
     grid: GridMap, start: FloatArray, direction: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return start and unit direction in the map's frame, one cell long per unit."""
-    x, y, yaw = grid.origin
-    c, s = np.cos(yaw), np.sin(yaw)
-    dx, dy = start[:, 0] - x, start[:, 1] - y
-    at = np.column_stack([c * dx + s * dy, c * dy - s * dx]) / grid.resolution_m
-    return at, np.column_stack([np.cos(direction - yaw), np.sin(direction - yaw)])
+    turned = direction - grid.origin[2]
+    return grid.to_grid(start), np.column_stack([np.cos(turned), np.sin(turned)])

@@ -13,12 +13,12 @@ import pytest
 
 from locfuse import plot
 from locfuse.check import Layout, check
-from locfuse.check.grid import Grid
+from locfuse.check.grid import known
 from locfuse.check.positions import cramer_rao
 from locfuse.config.load import parse_config
-from locfuse.plot.style import ANCHOR, REJECTED
-from locfuse.types import FloatArray
-from support_figures import legend_of, texts
+from locfuse.plot.style import ANCHOR, INK, REJECTED
+from locfuse.types import FREE, OCCUPIED, UNKNOWN, FloatArray, GridMap
+from support_figures import colours_at, legend_of, texts
 
 SQUARE = {"A1": [0, 0, 0], "A2": [8, 0, 0], "A3": [8, 8, 0], "A4": [0, 8, 0]}
 
@@ -110,17 +110,26 @@ def test_the_hull_closes_around_the_anchors() -> None:
 
 
 def test_a_map_is_drawn_and_moves_no_limit() -> None:
-    occupied = np.zeros((16, 16), np.bool_)
-    occupied[0] = occupied[-1] = True
-    free = ~occupied
-    free[:, :4] = False
-    grid = Grid(occupied, free, 0.5, (0.0, 0.0))
+    cells = np.full((16, 16), FREE, np.int8)
+    cells[:, :4] = UNKNOWN
+    cells[0] = cells[-1] = OCCUPIED
+    grid = GridMap(cells, 0.5)
     layout = layout_of(SQUARE)
     figure = plot.plot_layout(replace(layout, grid=grid))
     assert "occupied in the map" in legend_of(figure)
     assert figure.axes[0].get_xlim() == plot.plot_layout(layout).axes[0].get_xlim()
-    assert grid.known(np.array([[1.0, 3.0], [3.0, 3.0], [9.0, 3.0]])).tolist() == [
+    assert known(grid, np.array([[1.0, 3.0], [3.0, 3.0], [9.0, 3.0]])).tolist() == [
         False, True, False]  # fmt: skip
+
+
+def test_a_turned_map_is_drawn_where_it_lies() -> None:
+    cells = np.full((16, 16), FREE, np.int8)
+    cells[4] = OCCUPIED  # a wall 2.25 m to the north-west of the diagonal
+    layout = replace(layout_of(SQUARE), grid=GridMap(cells, 0.5, (0.0, 0.0, np.pi / 4.0)))
+    figure = plot.plot_layout(layout)
+    x = np.array([0.5, 2.5, 3.5])
+    assert colours_at(figure, np.column_stack([x, x + 2.25 * np.sqrt(2.0)])) == 3 * [INK]
+    assert INK not in colours_at(figure, np.column_stack([x + 4.0, np.full(3, 2.25)]))
 
 
 def test_layouts_that_fix_nothing_are_drawn_too(tmp_path: Path) -> None:
