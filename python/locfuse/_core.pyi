@@ -23,7 +23,10 @@ __all__: list[str] = [
     "InitializerConfig",
     "LaserGeometry",
     "LaserScan",
+    "LikelihoodFieldConfig",
     "Linearization",
+    "Mcl",
+    "MclConfig",
     "MessageLog",
     "Multilateration",
     "NumericalError",
@@ -35,6 +38,7 @@ __all__: list[str] = [
     "PoseEkf",
     "PoseEkfConfig",
     "PoseEstimate",
+    "PoseHypothesis",
     "PoseModel",
     "PoseObservation",
     "PositionBatch",
@@ -63,7 +67,6 @@ __all__: list[str] = [
     "Slot",
     "SlotKind",
     "SolverComparison",
-    "StartHypothesis",
     "StartRun",
     "StartState",
     "StartStatus",
@@ -1346,6 +1349,22 @@ class PoseEstimate:
     @property
     def stamp(self) -> int: ...
 
+class PoseHypothesis:
+    """
+    A pose that fits, one of several.
+    """
+    def __init__(
+        self, estimate: PoseEstimate, probability: typing.SupportsFloat | typing.SupportsIndex = 1.0
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    @property
+    def estimate(self) -> PoseEstimate: ...
+    @property
+    def probability(self) -> float:
+        """
+        Beside the others, 0 to 1.
+        """
+
 class PoseEkfConfig:
     """
     Noise, gates and behaviour of a PoseEkf.
@@ -1501,26 +1520,13 @@ class StartStatus(enum.Enum):
     READY = ...
     WAITING = ...
 
-class StartHypothesis:
-    """
-    A pose that fits the start.
-    """
-    def __repr__(self) -> str: ...
-    @property
-    def estimate(self) -> PoseEstimate: ...
-    @property
-    def probability(self) -> float:
-        """
-        Beside the others, 0 to 1.
-        """
-
 class StartState:
     """
     Where a start stands.
     """
     def __repr__(self) -> str: ...
     @property
-    def hypotheses(self) -> list[StartHypothesis]:
+    def hypotheses(self) -> list[PoseHypothesis]:
         """
         The poses that fit, the likeliest first.
         """
@@ -1651,6 +1657,235 @@ class Initializer:
         Takes one message.
         """
     def state(self) -> StartState: ...
+
+class LikelihoodFieldConfig:
+    """
+    Where beams end; docs/models/mcl.md.
+    """
+    def __init__(self) -> None: ...
+    @property
+    def max_range_m(self) -> float: ...
+    @max_range_m.setter
+    def max_range_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def random_share(self) -> float: ...
+    @random_share.setter
+    def random_share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_hit_m(self) -> float: ...
+    @sigma_hit_m.setter
+    def sigma_hit_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+
+class MclConfig:
+    """
+    Noise and behaviour of an Mcl.
+    """
+
+    field: LikelihoodFieldConfig
+    odometry: OdometryConfig
+    position: PositionConfig
+    range: RangeConfig
+    def __init__(self) -> None: ...
+    @property
+    def beams(self) -> int: ...
+    @beams.setter
+    def beams(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+    @property
+    def bin_headings(self) -> int: ...
+    @bin_headings.setter
+    def bin_headings(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+    @property
+    def bin_m(self) -> float: ...
+    @bin_m.setter
+    def bin_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def effective_share(self) -> float: ...
+    @effective_share.setter
+    def effective_share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def hold_s(self) -> float: ...
+    @hold_s.setter
+    def hold_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def independent_beams(self) -> float: ...
+    @independent_beams.setter
+    def independent_beams(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def kidnapping_probability(self) -> float: ...
+    @kidnapping_probability.setter
+    def kidnapping_probability(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def kld_error(self) -> float: ...
+    @kld_error.setter
+    def kld_error(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def kld_quantile(self) -> float: ...
+    @kld_quantile.setter
+    def kld_quantile(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def max_particles(self) -> int: ...
+    @max_particles.setter
+    def max_particles(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+    @property
+    def min_particles(self) -> int: ...
+    @min_particles.setter
+    def min_particles(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+    @property
+    def outlier_share(self) -> float: ...
+    @outlier_share.setter
+    def outlier_share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def probability_ready(self) -> float: ...
+    @probability_ready.setter
+    def probability_ready(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def resample_below(self) -> float: ...
+    @resample_below.setter
+    def resample_below(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def scout_share(self) -> float: ...
+    @scout_share.setter
+    def scout_share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def seed(self) -> int: ...
+    @seed.setter
+    def seed(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_heading_ready_rad(self) -> float: ...
+    @sigma_heading_ready_rad.setter
+    def sigma_heading_ready_rad(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+    @property
+    def sigma_lost_heading_per_sqrt_s(self) -> float: ...
+    @sigma_lost_heading_per_sqrt_s.setter
+    def sigma_lost_heading_per_sqrt_s(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+    @property
+    def sigma_lost_xy_per_sqrt_s(self) -> float: ...
+    @sigma_lost_xy_per_sqrt_s.setter
+    def sigma_lost_xy_per_sqrt_s(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+    @property
+    def sigma_xy_ready_m(self) -> float: ...
+    @sigma_xy_ready_m.setter
+    def sigma_xy_ready_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def spacing_heading_rad(self) -> float: ...
+    @spacing_heading_rad.setter
+    def spacing_heading_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def spacing_m(self) -> float: ...
+    @spacing_m.setter
+    def spacing_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def threads(self) -> int: ...
+    @threads.setter
+    def threads(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+
+class Mcl:
+    """
+    Monte Carlo localization on a grid map.
+
+    Scans weigh particles by the likelihood field; ranges, positions and poses may weigh them, too
+    (docs/models/mcl.md). At first the particles are all over the free cells.
+
+    Parameters
+    ----------
+    config : MclConfig
+    grid : OccupancyGrid
+    start : int
+        Stamp [ns].
+    anchors : AnchorMap, optional
+    tags : list of Tag, optional
+        For ranges.
+
+    Raises
+    ------
+    ValueError
+        If the config is out of range or the map has no free or no occupied cell.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from locfuse import LaserGeometry, LaserScan, Mcl, MclConfig, OccupancyGrid, Pose2
+    >>> cells = np.full((60, 80), 0, dtype=np.int8)  # a room of 4 x 3 m with a box in a corner
+    >>> cells[[0, -1], :] = cells[:, [0, -1]] = cells[:20, :30] = 100
+    >>> mcl = Mcl(MclConfig(), OccupancyGrid(cells, resolution=0.05))
+    >>> around = LaserGeometry(Pose2(), 0.0, np.pi / 2, range_min=0.1, range_max=10.0)
+    >>> mcl.on(LaserScan(0, around, [0.9, 0.9, 2.9, 0.9])).verdict.name
+    'FUSED'
+    >>> mcl.ready
+    False
+    """
+    def __init__(
+        self,
+        config: MclConfig,
+        grid: OccupancyGrid,
+        start: typing.SupportsInt | typing.SupportsIndex = 0,
+        anchors: AnchorMap | None = None,
+        tags: collections.abc.Sequence[Tag] = [],
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    def estimate(self) -> PoseEstimate:
+        """
+        The likeliest cluster, carried to the end of what odometry has told.
+        """
+    @typing.overload
+    def on(self, message: Velocity) -> Outcome: ...
+    @typing.overload
+    def on(self, message: Increment) -> Outcome: ...
+    @typing.overload
+    def on(self, message: Range) -> Outcome: ...
+    @typing.overload
+    def on(self, message: PositionFix) -> Outcome: ...
+    @typing.overload
+    def on(self, message: PoseObservation) -> Outcome: ...
+    @typing.overload
+    def on(self, message: LaserScan) -> Outcome:
+        """
+        Takes one message.
+        """
+    def start_anywhere(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> None:
+        """
+        Starts anew, anywhere in free space.
+        """
+    def start_at(self, hypotheses: collections.abc.Sequence[PoseHypothesis]) -> None:
+        """
+        Starts anew near poses, a list of PoseHypothesis; those of an Initializer will do.
+
+        Raises
+        ------
+        ValueError
+            On a list without poses, or one that is not finite.
+        """
+    @property
+    def explained(self) -> float:
+        """
+        Share of the last scan's returns that end at a wall.
+        """
+    @property
+    def hypotheses(self) -> list[PoseHypothesis]:
+        """
+        Clusters of particles, a list of PoseHypothesis, the likeliest first.
+        """
+    @property
+    def particles(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        float64 (n, 4): x, y [m], heading [rad] in world, weight.
+        """
+    @property
+    def ready(self) -> bool:
+        """
+        Whether one cluster is all but certain.
+        """
+    @property
+    def used_share(self) -> float:
+        """
+        Share of the last measurement's information that was used.
+        """
 
 class MessageLog:
     """

@@ -34,6 +34,9 @@ const Mcl::Config& checked(const Mcl::Config& config) {
   in_range("kld_quantile", config.kld_quantile, 0.0, 10.0);
   in_range("beams", config.beams, 1, 100000);
   in_range("independent_beams", config.independent_beams, 1e-3, 1e6);
+  in_range("independent_beams_searching", config.independent_beams_searching, 1e-3, 1e6);
+  in_range("sigma_map_m", config.sigma_map_m, 0.0, 1e3);
+  in_range("sigma_map_rad", config.sigma_map_rad, 0.0, 10.0);
   in_range("effective_share", config.effective_share, 0.0, 1.0);
   in_range("outlier_share", config.outlier_share, 0.0, 0.999);
   in_range("resample_below", config.resample_below, 0.0, 1.0);
@@ -275,7 +278,9 @@ Outcome Mcl::on(const LaserScan& z) {
   const double beams = static_cast<double>(points.x.size());
   scanned_ = true;
   since_scan_ = {};
-  reweigh_and_resample(std::min(1.0, config.independent_beams / beams));
+  const double independent =
+      ready() ? config.independent_beams : config.independent_beams_searching;
+  reweigh_and_resample(std::min(1.0, independent / beams));
   explained_ = recipe_->field.explained(points, to_cells(hypotheses_.front().estimate.pose));
   return {Verdict::kFused};
 }
@@ -342,19 +347,19 @@ void Mcl::reweigh_and_resample(double most_share) {
   used_share_ =
       reweigh(belief_, log_likelihood_, most_share, config.effective_share * belief_.size);
   const std::uint64_t key = next_key();
-  const FreshParticles scouts{static_cast<int>(config.scout_share * target_),
+  const FreshParticles scouts{static_cast<int>(config.scout_share * config.max_particles),
                               config.kidnapping_probability,
                               [&](ParticleBelief& belief, int k) { draw_free(belief, k, key); }};
   if (effective_size(belief_) >= config.resample_below * belief_.size) {
     renew(belief_, scouts, kUseless);
   } else {
-    resample(belief_, target_, scouts, next_key(), scratch_);
+    resample(belief_, target_ + scouts.count, scouts, next_key(), scratch_);
     if (config.min_particles < config.max_particles) {
       const double wanted = kld_particles(occupied_bins(belief_, bins(), kUseless),
                                           config.kld_error, config.kld_quantile);
-      target_ = static_cast<int>(std::min(
-          std::max({wanted, 0.5 * belief_.size, static_cast<double>(config.min_particles)}),
-          static_cast<double>(config.max_particles)));
+      target_ = static_cast<int>(
+          std::min(std::max({wanted, 0.5 * target_, static_cast<double>(config.min_particles)}),
+                   static_cast<double>(config.max_particles)));
     }
   }
   summarize();
@@ -373,10 +378,14 @@ void Mcl::summarize() {
   to_metres.topLeftCorner<2, 2>() << std::cos(turn), -std::sin(turn), std::sin(turn),
       std::cos(turn);
   to_metres.topLeftCorner<2, 2>() *= grid().resolution();
+  const Vector<3> map_sigma(recipe_->config.sigma_map_m, recipe_->config.sigma_map_m,
+                            recipe_->config.sigma_map_rad);
+  const Matrix<3, 3> map_covariance = map_sigma.cwiseAbs2().asDiagonal();
   for (const ParticleCluster& cluster : clusters) {
-    hypotheses_.push_back({{belief_.stamp, to_world(cluster.mean),
-                            to_metres * cluster.covariance * to_metres.transpose()},
-                           cluster.weight});
+    hypotheses_.push_back(
+        {{belief_.stamp, to_world(cluster.mean),
+          to_metres * cluster.covariance * to_metres.transpose() + map_covariance},
+         cluster.weight});
   }
 }
 

@@ -133,10 +133,10 @@ double reweigh(ParticleBelief& belief, const std::vector<float>& log_likelihood,
   };
   const double least = std::min(least_effective, effective_size(belief));
   double share = most_share;
-  if (effective(share) < least) {  // the largest that leaves enough, to a hundredth
-    double low = 0.0;
-    for (int step = 0; step < 7; ++step) {
-      const double middle = 0.5 * (low + share);
+  if (effective(share) < least) {  // the largest that leaves enough, to a hundredth of itself
+    double low = 0x1p-30 * share;
+    for (int step = 0; step < 12; ++step) {
+      const double middle = std::sqrt(low * share);
       (effective(middle) < least ? share : low) = middle;
     }
     share = low;

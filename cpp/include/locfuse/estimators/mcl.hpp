@@ -25,17 +25,19 @@ class Mcl {
  public:
   struct Config {
     int min_particles = 500;
-    int max_particles = 5000;        ///< of them, as many as keep the errors below
-    double kld_error = 0.05;         ///< of the particles' distribution (Kullback-Leibler)
-    double kld_quantile = 2.33;      ///< normal quantile of the probability that it is kept: 99 %
-    int beams = 60;                  ///< of a scan, evenly among its returns
-    double independent_beams = 3.0;  ///< what they count for: neighbours share the map's errors
-    double effective_share = 0.05;   ///< of the particles that a measurement leaves at least
-    double outlier_share = 0.01;     ///< of ranges, positions and poses, wrong by anything
-    double resample_below = 0.5;     ///< share of effective particles
-    double spacing_m = 0.25;         ///< motion after which a scan is news again [m]
-    double spacing_heading_rad = 0.25;  ///< likewise a turn [rad]
-    double scout_share = 0.1;           ///< of the particles, which look for the body anywhere else
+    int max_particles = 5000;         ///< of them, as many as keep the errors below
+    double kld_error = 0.05;          ///< of the particles' distribution (Kullback-Leibler)
+    double kld_quantile = 2.33;       ///< normal quantile of the probability that it is kept: 99 %
+    int beams = 60;                   ///< of a scan, evenly among its returns
+    double independent_beams = 10.0;  ///< what they count for: neighbours share the map's errors
+    double independent_beams_searching =
+        2.0;                           ///< likewise while not ready(), so that none is lost early
+    double effective_share = 0.2;      ///< of the particles that a measurement leaves at least
+    double outlier_share = 0.01;       ///< of ranges, positions and poses, wrong by anything
+    double resample_below = 0.5;       ///< share of effective particles
+    double spacing_m = 0.1;            ///< motion after which a scan is news again [m]
+    double spacing_heading_rad = 0.1;  ///< likewise a turn [rad]
+    double scout_share = 0.1;          ///< of max_particles, which look for the body anywhere else
     double kidnapping_probability = 1e-4;  ///< per scan that is used: what scouts weigh at first
     double hold_s = 1.0;  ///< how long the last motion is believed without new odometry [s]
     double sigma_lost_xy_per_sqrt_s = 0.5;       ///< thereafter: standing, spreading [m / sqrt(s)]
@@ -43,8 +45,10 @@ class Mcl {
     double probability_ready = 0.95;             ///< of the likeliest cluster
     double sigma_xy_ready_m = 0.5;               ///< of it, at most [m]
     double sigma_heading_ready_rad = 0.17;       ///< likewise [rad]
-    double bin_m = 0.5;     ///< side of the bins by which particles are put together [m]
-    int bin_headings = 24;  ///< bins all around
+    double bin_m = 0.5;            ///< side of the bins by which particles are put together [m]
+    int bin_headings = 24;         ///< bins all around
+    double sigma_map_m = 0.03;     ///< how well the map is known, which scans do not tell [m]
+    double sigma_map_rad = 0.005;  ///< likewise turned [rad]
     std::uint64_t seed = 1;
     int threads = 1;
     OdometryMotion::Config odometry;

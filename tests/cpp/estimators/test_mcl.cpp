@@ -1,0 +1,354 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <limits>
+
+#include "locfuse/estimators/mcl.hpp"
+#include "support/expect.hpp"
+#include "support/rooms.hpp"
+
+namespace locfuse {
+namespace {
+
+using testing::Rng;
+using testing::uniform;
+
+constexpr Stamp kStep = 200'000'000;
+
+/// A drive around the middle of a room: increments with noise, a scan after each.
+struct Drive {
+  testing::Room room;
+  std::vector<Pose2> truth;  // one more than increments
+  std::vector<Increment> increments;
+  std::vector<LaserScan> scans;
+};
+
+OdometryMotion::Config odometry() { return {0.05, 0.03, 0.04, 0.05, 0.0, 0.0}; }
+
+Drive drive(std::uint64_t seed, int steps) {
+  Rng rng(seed);
+  Drive run;
+  run.room = testing::random_room(rng);
+  const OdometryMotion motion(odometry());
+  Pose2 pose = run.room.middle * Pose2{0.0, -1.0, 0.0};
+  run.truth.push_back(pose);
+  const double length = 0.1;
+  for (int i = 0; i < steps; ++i) {
+    const Pose2 step = arc(length, 0.0, length);  // a circle of one metre
+    const Matrix<3, 3> Q = motion.propagate({}, step, 0.2).noise;
+    const Vector<3> off(testing::normal(rng, std::sqrt(Q(0, 0))),
+                        testing::normal(rng, std::sqrt(Q(1, 1))),
+                        testing::normal(rng, std::sqrt(Q(2, 2))));
+    pose = pose * retract(step, off);
+    run.truth.push_back(pose);
+    run.increments.push_back({i * kStep, (i + 1) * kStep, step});
+    run.scans.push_back(testing::scan_from(run.room.walls, pose, rng, 0.02));
+    run.scans.back().stamp = (i + 1) * kStep;
+  }
+  return run;
+}
+
+Mcl::Config config(std::uint64_t seed = 1) {
+  Mcl::Config config;
+  config.odometry = odometry();
+  config.seed = seed;
+  return config;
+}
+
+PoseHypothesis near(const Pose2& pose, double sigma_xy, double sigma_heading) {
+  const Vector<3> sigma(sigma_xy, sigma_xy, sigma_heading);
+  return {{0, pose, sigma.cwiseAbs2().asDiagonal()}, 1.0};
+}
+
+struct Errors {
+  double squared = 0.0;
+  double squared_heading = 0.0;
+  double nees = 0.0;
+  int count = 0;
+  void add(const PoseEstimate& estimate, const Pose2& truth) {
+    const Vector<3> e = local(estimate.pose, truth);
+    squared += e.head<2>().squaredNorm();
+    squared_heading += e.z() * e.z();
+    nees += e.dot(estimate.covariance.llt().solve(e));
+    ++count;
+  }
+};
+
+TEST(Mcl, tracks_to_centimetres_and_knows_how_well) {
+  Errors errors;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const Drive run = drive(seed, 60);
+    Mcl mcl(config(seed), run.room.map, 0);
+    mcl.start_at({near(run.truth[0], 0.2, 0.1)});
+    for (std::size_t i = 0; i < run.scans.size(); ++i) {
+      mcl.on(run.increments[i]);
+      mcl.on(run.scans[i]);
+      if (i >= 20) {
+        errors.add(mcl.estimate(), run.truth[i + 1]);
+      }
+    }
+    EXPECT_TRUE(mcl.ready());
+    EXPECT_GT(mcl.explained(), 0.95);
+  }
+  const double rmse = std::sqrt(errors.squared / errors.count);
+  const double heading = std::sqrt(errors.squared_heading / errors.count) * 180.0 / kPi;
+  std::printf("RMSE %.4f m, heading %.3f deg, NEES %.2f\n", rmse, heading,
+              errors.nees / errors.count);
+  EXPECT_LE(rmse, 0.04);
+  EXPECT_LE(heading, 1.0);
+  // Scans share the map's rounding, so it says less than it knows; never more.
+  EXPECT_LE(errors.nees / errors.count, 3.5);
+  EXPECT_GE(errors.nees / errors.count, 0.3);
+}
+
+TEST(Mcl, finds_itself_anywhere_and_is_not_ready_before) {
+  int found = 0;
+  int ready_and_wrong = 0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const Drive run = drive(100 + seed, 60);
+    Mcl::Config settings = config(seed);
+    settings.max_particles = 20'000;
+    Mcl mcl(settings, run.room.map, 0);
+    EXPECT_FALSE(mcl.ready());
+    for (std::size_t i = 0; i < run.scans.size(); ++i) {
+      mcl.on(run.increments[i]);
+      mcl.on(run.scans[i]);
+      const Vector<3> e = local(mcl.estimate().pose, run.truth[i + 1]);
+      const bool right = e.head<2>().norm() < 0.3 && std::abs(e.z()) < 0.2;
+      ready_and_wrong += static_cast<int>(mcl.ready() && !right);
+      if (i + 1 == run.scans.size()) {
+        found += static_cast<int>(right && mcl.ready());
+      }
+    }
+    EXPECT_LT(mcl.belief().size, 2000);  // few are needed in the end
+  }
+  EXPECT_GE(found, 19);
+  EXPECT_LE(ready_and_wrong, 12);  // of 1200
+}
+
+TEST(Mcl, finds_itself_again_after_it_was_carried_away) {
+  int recovered = 0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    Drive run = drive(200 + seed, 120);
+    Mcl::Config settings = config(seed);
+    settings.max_particles = 5000;
+    Mcl mcl(settings, run.room.map, 0);
+    mcl.start_at({near(run.truth[0], 0.2, 0.1)});
+    for (std::size_t i = 0; i < run.scans.size(); ++i) {
+      if (i >= 30 && i < 70) {  // lifted, and put down 4 m of circle ahead
+        continue;
+      }
+      Increment step = run.increments[i];
+      mcl.on(step);
+      mcl.on(run.scans[i]);
+    }
+    const Vector<3> e = local(mcl.estimate().pose, run.truth.back());
+    recovered += static_cast<int>(e.head<2>().norm() < 0.3 && std::abs(e.z()) < 0.2);
+  }
+  EXPECT_GE(recovered, 19);
+}
+
+TEST(Mcl, says_that_two_poses_fit_in_a_room_that_looks_the_same_from_both) {
+  testing::Walls walls;
+  testing::add_box(walls, {}, 8.0, 5.0);
+  const auto map = testing::map_of(walls, 200, 160, 0.05, {-5.0, -4.0, 0.0});
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    Rng rng(seed);
+    Mcl::Config settings = config(seed);
+    settings.min_particles = 5000;
+    settings.max_particles = 20'000;
+    settings.scout_share = 0.0;
+    Mcl mcl(settings, map, 0);
+    Pose2 pose{-1.0, -1.0, 0.3};
+    for (int i = 0; i < 8; ++i) {
+      const Pose2 step = arc(0.26, 0.0, 0.1);
+      pose = pose * step;
+      mcl.on(Increment{i * kStep, (i + 1) * kStep, step});
+      LaserScan scan = testing::scan_from(walls, pose, rng, 0.02);
+      scan.stamp = (i + 1) * kStep;
+      mcl.on(scan);
+      ASSERT_FALSE(mcl.ready());
+    }
+    ASSERT_GE(mcl.hypotheses().size(), 2U);
+    const Pose2 other = Pose2{0.0, 0.0, kPi} * pose;
+    for (const Pose2& fits : {pose, other}) {
+      const bool there = std::any_of(
+          mcl.hypotheses().begin(), mcl.hypotheses().end(), [&](const PoseHypothesis& h) {
+            return local(h.estimate.pose, fits).norm() < 0.2 && h.probability > 0.15;
+          });
+      EXPECT_TRUE(there) << seed;
+    }
+  }
+}
+
+TEST(Mcl, is_the_same_on_any_number_of_threads) {
+  const Drive run = drive(7, 30);
+  std::vector<float> alone;
+  for (const int threads : {1, 2, 3}) {
+    Mcl::Config settings = config(7);
+    settings.threads = threads;
+    Mcl mcl(settings, run.room.map, 0);
+    for (std::size_t i = 0; i < run.scans.size(); ++i) {
+      mcl.on(run.increments[i]);
+      mcl.on(run.scans[i]);
+    }
+    if (threads == 1) {
+      alone = mcl.belief().x;
+    }
+    EXPECT_EQ(mcl.belief().x, alone);
+  }
+}
+
+TEST(Mcl, a_copy_is_a_snapshot) {
+  const Drive run = drive(8, 20);
+  Mcl mcl(config(8), run.room.map, 0);
+  mcl.start_at({near(run.truth[0], 0.2, 0.1)});
+  Mcl copy = mcl;
+  for (std::size_t i = 0; i < run.scans.size(); ++i) {
+    mcl.on(run.increments[i]);
+    mcl.on(run.scans[i]);
+  }
+  for (std::size_t i = 0; i < run.scans.size(); ++i) {
+    copy.on(run.increments[i]);
+    copy.on(run.scans[i]);
+  }
+  EXPECT_EQ(copy.belief().x, mcl.belief().x);
+  EXPECT_EQ(copy.belief().weight, mcl.belief().weight);
+}
+
+TEST(Mcl, a_scan_amid_a_motion_sees_its_share_of_the_arc) {
+  const Drive run = drive(9, 1);
+  Mcl mcl(config(), run.room.map, 0);
+  mcl.start_at({near(run.truth[0], 1e-4, 1e-5)});
+  mcl.on(Increment{0, 1'000'000'000, arc(0.4, 0.0, 0.2)});
+  LaserScan scan = run.scans[0];
+  scan.stamp = 500'000'000;
+  EXPECT_EQ(mcl.on(scan).verdict, Verdict::kFused);
+  const Pose2 half = run.truth[0] * arc(0.2, 0.0, 0.1);
+  EXPECT_LT(local(mcl.hypotheses().front().estimate.pose, half).norm(), 0.1);
+  const PoseEstimate end = mcl.estimate();
+  EXPECT_EQ(end.stamp, 1'000'000'000);
+  EXPECT_LT(local(end.pose, run.truth[0] * arc(0.4, 0.0, 0.2)).norm(), 0.1);
+}
+
+TEST(Mcl, standing_still_the_same_scan_is_no_news) {
+  const Drive run = drive(10, 1);
+  Mcl mcl(config(), run.room.map, 0);
+  LaserScan scan = run.scans[0];
+  EXPECT_EQ(mcl.on(scan).verdict, Verdict::kFused);
+  const std::vector<float> before = mcl.belief().x;
+  scan.stamp += kStep;
+  EXPECT_EQ(mcl.on(scan).verdict, Verdict::kNotModelled);
+  EXPECT_EQ(mcl.belief().x, before);
+  scan.stamp = 0;
+  EXPECT_EQ(mcl.on(scan).verdict, Verdict::kStale);
+}
+
+TEST(Mcl, ranges_and_fixes_and_poses_weigh_particles) {
+  const Drive run = drive(11, 1);
+  const Pose2 truth = run.truth[0];
+  std::vector<Anchor> rows;
+  for (int i = 0; i < 4; ++i) {
+    const Vector<2> p = run.room.middle.act({i % 2 == 0 ? -4.0 : 4.0, i < 2 ? -3.0 : 3.0});
+    rows.push_back({i, {p.x(), p.y(), 2.0}});
+  }
+  const auto anchors = std::make_shared<const AnchorMap>(rows);
+  Mcl::Config settings = config();
+  settings.max_particles = 20'000;
+  Mcl mcl(settings, run.room.map, 0, anchors, {Tag{0, {0.0, 0.0, 1.0}}});
+  for (const Anchor& anchor : rows) {
+    const Vector<3> tag(truth.x, truth.y, 1.0);
+    EXPECT_EQ(mcl.on(Range{0, 0, anchor.id, (anchor.position - tag).norm(), 0.1}).verdict,
+              Verdict::kFused);
+  }
+  EXPECT_EQ(mcl.on(Range{0, 0, 99, 3.0, 0.1}).verdict, Verdict::kNotModelled);
+  const auto mean = [&] {
+    Vector<2> sum = Vector<2>::Zero();
+    for (std::size_t k = 0; k < static_cast<std::size_t>(mcl.belief().size); ++k) {
+      sum += static_cast<double>(mcl.belief().weight[k]) *
+             mcl.grid().to_world(Vector<2>(mcl.belief().x[k], mcl.belief().y[k]));
+    }
+    return sum;
+  };
+  EXPECT_LT((mean() - truth.position()).norm(), 0.15);
+  PositionFix fix{0, truth.position(), 0.01 * Matrix<2, 2>::Identity()};
+  EXPECT_EQ(mcl.on(fix).verdict, Verdict::kFused);
+  EXPECT_EQ(mcl.on(PoseObservation{0, truth, 0.01 * Matrix<3, 3>::Identity()}).verdict,
+            Verdict::kFused);
+  EXPECT_LT(local(mcl.estimate().pose, truth).norm(), 0.15);
+  Mcl without(settings, run.room.map, 0);
+  EXPECT_EQ(without.on(Range{0, 0, 0, 3.0, 0.1}).verdict, Verdict::kNotModelled);
+}
+
+TEST(Mcl, without_odometry_the_belief_spreads) {
+  const Drive run = drive(12, 1);
+  Mcl mcl(config(), run.room.map, 0);
+  mcl.start_at({near(run.truth[0], 0.05, 0.02)});
+  LaserScan scan = run.scans[0];
+  mcl.on(scan);
+  const double before = mcl.estimate().covariance(0, 0);
+  scan.stamp += 100 * kStep;
+  mcl.on(scan);
+  EXPECT_GT(mcl.belief().stamp, 0);
+  EXPECT_GE(mcl.estimate().stamp, kStep);
+  EXPECT_GT(mcl.estimate().covariance(0, 0), before);
+}
+
+TEST(Mcl, one_particle_is_a_belief_and_none_is_refused) {
+  const Drive run = drive(13, 3);
+  Mcl::Config one = config();
+  one.min_particles = one.max_particles = 1;
+  Mcl mcl(one, run.room.map, 0);
+  for (std::size_t i = 0; i < run.scans.size(); ++i) {
+    mcl.on(run.increments[i]);
+    mcl.on(run.scans[i]);
+    EXPECT_TRUE(std::isfinite(mcl.estimate().pose.x));
+  }
+  one.min_particles = 0;
+  testing::expect_refused([&] { Mcl(one, run.room.map, 0); }, "min_particles is 0");
+  one.min_particles = 5;
+  testing::expect_refused([&] { Mcl(one, run.room.map, 0); }, "max_particles is 1");
+}
+
+TEST(Mcl, bad_input_is_refused_and_changes_nothing) {
+  const Drive run = drive(14, 2);
+  Mcl mcl(config(), run.room.map, 0);
+  const std::vector<float> before = mcl.belief().x;
+  LaserScan scan = run.scans[0];
+  scan.ranges.assign(scan.ranges.size(), std::numeric_limits<double>::quiet_NaN());
+  EXPECT_EQ(mcl.on(scan).verdict, Verdict::kNotModelled);
+  scan.ranges.clear();
+  EXPECT_EQ(mcl.on(scan).verdict, Verdict::kNotModelled);
+  scan.ranges = {1.0, 0.0, 1e300};
+  EXPECT_EQ(mcl.on(scan).verdict, Verdict::kFused);  // another count of beams is a scan, too
+  scan.geometry = nullptr;
+  EXPECT_THROW(mcl.on(scan), std::invalid_argument);
+  Increment wrong = run.increments[0];
+  wrong.motion.x = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW(mcl.on(wrong), std::invalid_argument);
+  testing::expect_refused([&] { mcl.start_at({}); }, "no pose");
+  PoseHypothesis start = near({}, 0.1, 0.1);
+  start.estimate.covariance.setZero();
+  testing::expect_refused([&] { mcl.start_at({start}); }, "positive definite");
+  testing::expect_refused([&] { Mcl(config(), nullptr, 0); }, "no map");
+  Mcl::Config settings = config();
+  settings.threads = 0;
+  testing::expect_refused([&] { Mcl(settings, run.room.map, 0); }, "threads is 0");
+  settings = config();
+  settings.scout_share = std::numeric_limits<double>::quiet_NaN();
+  testing::expect_refused([&] { Mcl(settings, run.room.map, 0); }, "scout_share is nan");
+}
+
+TEST(Mcl, a_robot_off_the_map_or_in_a_wall_leaves_numbers_finite) {
+  const Drive run = drive(15, 5);
+  Mcl mcl(config(), run.room.map, 0);
+  mcl.start_at({near({500.0, 500.0, 0.0}, 0.1, 0.1)});
+  for (std::size_t i = 0; i < run.scans.size(); ++i) {
+    mcl.on(run.increments[i]);
+    mcl.on(run.scans[i]);
+    EXPECT_TRUE(std::isfinite(mcl.estimate().pose.x + mcl.estimate().covariance.sum()));
+  }
+}
+
+}  // namespace
+}  // namespace locfuse
