@@ -365,6 +365,7 @@ SECTIONS: dict[str, type[Strict]] = {
     "### `path`, shape `square`": scenario.Square,
     "### `path`, shape `star`": scenario.Star,
     "### `path`, shape `waypoints`": scenario.Waypoints,
+    "### `path`, shape `roam`": scenario.Roam,
     "### `simulation.odometry`": scenario.OdometrySensor,
     "### `simulation.ranges`": scenario.RangeSensor,
     "### `simulation.poses`": scenario.PoseSensor,

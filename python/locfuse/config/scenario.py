@@ -93,8 +93,21 @@ class Waypoints(Strict):
     margin_m: NonNegative = 1.0
 
 
+class Roam(Strict):
+    """Random places of the map, one after another, on ways that keep `clearance_m` from walls.
+
+    Turns in place the short way, drives straight. Only the largest part of the free space that has
+    room for the robot is visited; unknown cells and the outside are walls to it.
+    """
+
+    shape: Literal["roam"] = "roam"
+    speed_mps: Positive = 0.22
+    turn_rate_radps: Positive = 1.0
+    clearance_m: NonNegative = 0.3
+
+
 Path: TypeAlias = Annotated[
-    Circle | Eight | Square | Star | Waypoints, Field(discriminator="shape")
+    Circle | Eight | Square | Star | Waypoints | Roam, Field(discriminator="shape")
 ]
 
 
@@ -184,11 +197,13 @@ class LaserSensor(Strict):
 class RoomMap(Strict):
     """What the laser sees: the grid map of a ROS yaml file, or the room as a grid.
 
-    The room's grid holds its four walls, `walls` and the walls of all nlos faults, each one cell
-    thick with its line inside.
+    The room's grid holds its four walls, what `generate` makes inside of them from `seed`, `walls`
+    and the walls of all nlos faults, each one cell thick with its line inside.
     """
 
     file: Name | None = None
+    generate: Literal["rooms", "hallways", "warehouse", "zhang"] | None = None
+    seed: Annotated[int, Field(ge=0)] = 0
     resolution_m: Positive = 0.05
     walls: list[Segment] = Field(default_factory=list)
 
@@ -197,6 +212,8 @@ class RoomMap(Strict):
         others = sorted(self.model_fields_set - {"file"})
         if self.file is not None and others:
             raise ValueError(f"file is {self.file!r}, which leaves nothing for {', '.join(others)}")
+        if self.generate is None and "seed" in self.model_fields_set:
+            raise ValueError(f"seed is {self.seed}, but nothing is made from it; add 'generate'")
         return self
 
 
@@ -372,6 +389,8 @@ class Scenario(Strict):
             raise ValueError(f"ranges need anchors and tags, but {missing} is empty")
         if self.laser is not None and self.map is None:
             raise ValueError("a laser needs something to see; add 'map: {}' for the room's walls")
+        if isinstance(self.path, Roam) and self.map is None:
+            raise ValueError("a robot that roams needs a map; add one, such as 'map: {}'")
         if self.odometry is not None:
             turn = fastest_turn_radps(self.path) / self.odometry.rate_hz
             if turn >= math.pi:
@@ -395,6 +414,8 @@ class Scenario(Strict):
     @model_validator(mode="after")
     def _path_is_in_the_room(self) -> Scenario:
         width, depth = self.room_m
+        if isinstance(self.path, Roam):  # on the map, which may be a file
+            return self
         if isinstance(self.path, Waypoints):
             if 2.0 * self.path.margin_m >= min(width, depth):
                 raise ValueError(

@@ -82,6 +82,13 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         {"path": {"shape": "waypoints", "margin_m": 5.0}},
         "margin_m is 5.0.*leaves nothing",
     ),
+    "roaming nowhere": ({"path": {"shape": "roam"}}, "a robot that roams needs a map"),
+    "seed of nothing": ({"map": {"seed": 3}}, "seed is 3, but nothing is made from it"),
+    "unknown world": ({"map": {"generate": "maze"}}, "'rooms', 'hallways', 'warehouse' or 'zhang'"),
+    "world and file": (
+        {"map": {"file": "a.yaml", "generate": "rooms"}},
+        "which leaves nothing for generate",
+    ),
     "all off": ({"odometry": None, "ranges": None, "poses": None}, "at least one"),
     "ranges to nobody": ({"anchors": {}}, "anchors is empty"),
     "ranges from nobody": ({"tags": {}}, "tags is empty"),
