@@ -378,6 +378,10 @@ SECTIONS: dict[str, type[Strict]] = {
     "### Fault `dropouts`": scenario.Dropouts,
     "### Fault `latency`": scenario.Latency,
     "### Fault `wheel_slip`": scenario.WheelSlip,
+    "### Fault `slip_episodes`": scenario.SlipEpisodes,
+    "### Fault `glass`": scenario.Glass,
+    "### Fault `people`": scenario.People,
+    "### Fault `max_range`": scenario.MaxRange,
 }
 UNITS = {
     "_per_sqrt_m": "/√m",

@@ -332,8 +332,72 @@ class WheelSlip(Strict):
         return self
 
 
+class SlipEpisodes(Strict):
+    """Odometry slips every now and then, whether the robot moves or not.
+
+    Times between episodes and their lengths are exponentially distributed with means `every_s` and
+    `lasting_s`. While one lasts, odometry reports its translation times `translation_factor`, and
+    `turn_radps` more of turning, to the left or to the right by even chance.
+    """
+
+    kind: Literal["slip_episodes"] = "slip_episodes"
+    every_s: Annotated[float, Field(ge=0.1)]
+    lasting_s: Positive
+    translation_factor: NonNegative = 1.0
+    turn_radps: NonNegative = 0.0
+
+    @model_validator(mode="after")
+    def _has_an_effect(self) -> SlipEpisodes:
+        if self.translation_factor == 1.0 and self.turn_radps == 0.0:
+            raise ValueError(
+                "slips of translation_factor 1 and turn_radps 0 change nothing; set one of them"
+            )
+        return self
+
+
+class Glass(Strict):
+    """Walls of the map that beams of the laser pass, each beam with `probability`.
+
+    Glass are the occupied cells that `panes` touch, and a `share` of all walls, by pieces that fall
+    into the same square metre of the map. A beam that passes a pane passes whatever is as clear.
+    """
+
+    kind: Literal["glass"] = "glass"
+    panes: list[Segment] = Field(default_factory=list)
+    share: Probability = 0.0
+    probability: Annotated[float, Field(gt=0.0, le=1.0)]
+
+    @model_validator(mode="after")
+    def _has_an_effect(self) -> Glass:
+        if not self.panes and self.share == 0.0:
+            raise ValueError("glass of no panes and a share of 0 changes nothing; set one of them")
+        return self
+
+
+class People(Strict):
+    """Discs that walk about the free space of the map and hide what is behind them.
+
+    They walk at `speed_mps`, turn by and by, and turn away where there is no room. They do not mind
+    the robot: a laser inside of one sees nothing.
+    """
+
+    kind: Literal["people"] = "people"
+    count: Annotated[int, Field(ge=1, le=1000)]
+    radius_m: Positive = 0.25
+    speed_mps: Positive = 1.0
+
+
+class MaxRange(Strict):
+    """Beams of the laser without a return read `range_max_m` instead, each with `probability`."""
+
+    kind: Literal["max_range"] = "max_range"
+    probability: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
+
+
+LaserFault: TypeAlias = Glass | People | MaxRange
 Fault: TypeAlias = Annotated[
-    Nlos | Bias | Outliers | Dropouts | Latency | WheelSlip, Field(discriminator="kind")
+    Nlos | Bias | Outliers | Dropouts | Latency | WheelSlip | SlipEpisodes | LaserFault,
+    Field(discriminator="kind"),
 ]
 
 
@@ -449,12 +513,14 @@ class Scenario(Strict):
         return self
 
 
-def fault_source(fault: Fault) -> Source:
+def fault_source(fault: Fault) -> Source | Literal["laser"]:
     """Return the sensor that a fault acts on."""
     if isinstance(fault, Nlos | Bias):
         return "ranges"
-    if isinstance(fault, WheelSlip):
+    if isinstance(fault, WheelSlip | SlipEpisodes):
         return "odometry"
+    if isinstance(fault, LaserFault):
+        return "laser"
     return fault.source
 
 

@@ -11,7 +11,13 @@ from locfuse.types import OCCUPIED, FloatArray, GridMap
 PASSAGE, WALL, OUTSIDE = 0, 1, 2
 
 
-def cast(grid: GridMap, start: FloatArray, direction: FloatArray, reach: float) -> FloatArray:
+def cast(
+    grid: GridMap,
+    start: FloatArray,
+    direction: FloatArray,
+    reach: float,
+    glass: tuple[FloatArray, FloatArray] | None = None,
+) -> FloatArray:
     """Return how far beams go until they enter an occupied cell.
 
     J. Amanatides and A. Woo, "A fast voxel traversal algorithm for ray tracing", Eurographics 1987;
@@ -26,6 +32,9 @@ def cast(grid: GridMap, start: FloatArray, direction: FloatArray, reach: float) 
         Heading in world, radians.
     reach : float
         Beams end there, metres.
+    glass : (clearness, luck), optional
+        float64 arrays, shapes (height, width) and (n,). A beam passes the occupied cells whose
+        clearness is above its luck.
 
     Returns
     -------
@@ -40,12 +49,16 @@ def cast(grid: GridMap, start: FloatArray, direction: FloatArray, reach: float) 
     travelled = _way_in(at, along, (width, height))
     hit = np.full(len(at), np.inf)
     beam = np.flatnonzero(travelled * grid.resolution_m <= reach)
+    clearness, luck = (None, None) if glass is None else (np.pad(glass[0], 1), glass[1])
     state = np.vstack([at[beam].T, along[beam].T])
     entry = state[:2] + travelled[beam] * state[2:]
     cell = np.clip(np.floor(entry).astype(np.int64), 0, [[width - 1], [height - 1]])
     travelled = travelled[beam]
     while len(beam) > 0:
         code = codes[cell[1] + 1, cell[0] + 1]
+        if clearness is not None and luck is not None:
+            passed = (code == WALL) & (clearness[cell[1] + 1, cell[0] + 1] > luck[beam])
+            code = np.where(passed, PASSAGE, code)
         travelled = travelled * grid.resolution_m
         ends = (code == WALL) & (travelled <= reach)
         hit[beam[ends]] = travelled[ends]

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from locfuse.config.scenario import LaserSensor
+from locfuse.config.scenario import Glass, LaserFault, LaserSensor, MaxRange, People
 from locfuse.sim.beams import cast
+from locfuse.sim.obstacles import clearness, hidden_by, walk
 from locfuse.sim.sensors import point_in_world, seconds
 from locfuse.sim.trajectory import Drive
 from locfuse.types import Columns, GridMap, StampArray
@@ -34,6 +36,7 @@ def scans(
     grid: GridMap,
     sensor: LaserSensor,
     rng: np.random.Generator,
+    faults: Sequence[tuple[LaserFault, np.random.Generator]] = (),
 ) -> Columns:
     """Return what the laser sees at each stamp, all beams at that instant.
 
@@ -44,6 +47,8 @@ def scans(
     grid : GridMap
     sensor : LaserSensor
     rng : numpy Generator
+    faults : sequence of (Glass, People or MaxRange, numpy Generator)
+        Each draws from its own; none changes the noise of a beam.
 
     Returns
     -------
@@ -58,10 +63,23 @@ def scans(
     beam = seen["angle_min_rad"] + seen["angle_increment_rad"] * np.arange(sensor.beams)
     direction = pose[:, 2:] + heading + beam
     reach = sensor.range_max_m + 10.0 * sensor.sigma_m  # noise may bring back what is just beyond
-    distance = cast(grid, np.repeat(start, sensor.beams, axis=0), direction.ravel(), reach).reshape(
-        direction.shape
-    )
+    origin, heading_of = np.repeat(start, sensor.beams, axis=0), direction.ravel()
+    glass = [(fault, child) for fault, child in faults if isinstance(fault, Glass)]
+    through = None
+    if glass:
+        clear = np.maximum.reduce([clearness(grid, fault, child) for fault, child in glass])
+        through = (clear, glass[0][1].random(direction.size))
+    distance = cast(grid, origin, heading_of, reach, through).reshape(direction.shape)
+    for fault, child in faults:
+        if isinstance(fault, People):
+            people = walk(grid, fault, seconds(stamp_ns), child)
+            distance = np.minimum(distance, hidden_by(people, fault.radius_m, start, direction))
     measured = distance + sensor.sigma_m * rng.standard_normal(direction.shape)
     lost = rng.random(direction.shape) < sensor.dropout
     lost |= (measured < sensor.range_min_m) | (measured > sensor.range_max_m)
-    return {"stamp_ns": stamp_ns, "ranges_m": np.where(lost, np.nan, measured)}
+    ranges = np.where(lost, np.nan, measured)
+    for fault, child in faults:
+        if isinstance(fault, MaxRange):
+            full = np.isnan(ranges) & (child.random(ranges.shape) < fault.probability)
+            ranges[full] = sensor.range_max_m
+    return {"stamp_ns": stamp_ns, "ranges_m": ranges}

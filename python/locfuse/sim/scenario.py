@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from locfuse.config.scenario import Nlos, Scenario
+from locfuse.config.scenario import LaserFault, Nlos, Scenario
 from locfuse.io.maps import read_map
 from locfuse.sim import laser, sensors
 from locfuse.sim.faults import World, with_faults
@@ -54,8 +54,8 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
     LogError
         If the file of the map cannot be read.
     ConfigError
-        If the map cannot be made or has no free cell, or the robot starts outside of it or drives
-        into one of its walls.
+        If the map cannot be made or has no free cell, the robot starts outside of it or drives
+        into one of its walls, or a fault of the laser finds no wall or no room on it.
 
     Examples
     --------
@@ -96,12 +96,15 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
         )
     odometry_ns = epochs.get("odometry", np.empty(0, np.int64))
     world = World(drive, scenario.tags, scenario.anchors, odometry_ns)
-    tables = with_faults(heard, scenario.faults, world, for_faults)
-    if scenario.laser is not None and grid is not None:
-        tables["scans"] = laser.scans(drive, epochs["scans"], grid, scenario.laser, for_laser)
-    tables["truth"] = sensors.truth(drive, np.unique(np.concatenate(list(epochs.values()))))
+    faults = list(zip(scenario.faults, for_faults.spawn(len(scenario.faults)), strict=True))
+    tables = with_faults(heard, faults, world)
+    truth = sensors.truth(drive, np.unique(np.concatenate(list(epochs.values()))))
     if grid is not None:
-        _check_way(grid, tables["truth"])
+        _check_way(grid, truth)
+    if scenario.laser is not None and grid is not None:
+        seen = [(fault, child) for fault, child in faults if isinstance(fault, LaserFault)]
+        tables["scans"] = laser.scans(drive, epochs["scans"], grid, scenario.laser, for_laser, seen)
+    tables["truth"] = truth
     if scenario.anchors:
         at = np.array(list(scenario.anchors.values()), dtype=np.float64)
         tables["anchors"] = {

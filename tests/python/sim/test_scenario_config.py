@@ -153,6 +153,23 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         {"faults": [{"kind": "wheel_slip", "from_s": 1, "to_s": 2}]},
         "changes nothing",
     ),
+    "slips of nothing": (
+        {"faults": [{"kind": "slip_episodes", "every_s": 5, "lasting_s": 1}]},
+        "translation_factor 1 and turn_radps 0 change nothing",
+    ),
+    "slips without end": (
+        {"faults": [{"kind": "slip_episodes", "every_s": 1e-9, "lasting_s": 1, "turn_radps": 1}]},
+        "greater than or equal to 0.1",
+    ),
+    "glass of nothing": (
+        {"laser": {}, "map": {}, "faults": [{"kind": "glass", "probability": 0.5}]},
+        "no panes and a share of 0 changes nothing",
+    ),
+    "glass without a laser": (
+        {"faults": [{"kind": "glass", "share": 0.1, "probability": 0.5}]},
+        r"faults.0 \(glass\) acts on laser, which is switched off",
+    ),
+    "nobody": ({"laser": {}, "map": {}, "faults": [{"kind": "people", "count": 0}]}, "equal to 1"),
     "slip backwards": (
         {"faults": [{"kind": "wheel_slip", "from_s": 3, "to_s": 2, "rotation_factor": 0.5}]},
         "from_s < to_s",
