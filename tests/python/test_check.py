@@ -621,6 +621,22 @@ def test_maps_that_help_nobody(
     assert any(what in f.what for f in found(result, "maps_that_help_nobody"))
 
 
+def test_a_map_that_is_turned_is_where_its_origin_says(tmp_path: Path) -> None:
+    # The room reaches from (-1, -3) to (9, 7); turned by 90 degrees about a corner at (9, -3), too.
+    with_map(tmp_path / "log", room_of_cells(), origin=[9.0, -3.0, 1.5707963267948966])
+    result = check(parse_config({"log": "log"}), base=tmp_path)
+    assert not found(result, "maps_that_help_nobody")
+    with_map(tmp_path / "log", room_of_cells(), origin=[-1.0, -3.0, 1.5707963267948966])
+    result = check(parse_config({"log": "log"}), base=tmp_path)
+    assert "100 % of the truth" in found(result, "maps_that_help_nobody")[0].what
+
+
+def test_a_start_from_nothing_is_no_fault(tmp_path: Path) -> None:
+    write_folder(tmp_path / "log")
+    config = parse_config({"log": "log", "start": "auto"})
+    assert not found(check(config, base=tmp_path), "what_a_run_would_refuse")
+
+
 def test_a_start_off_the_map_is_an_error(tmp_path: Path) -> None:
     with_map(tmp_path / "log", room_of_cells())
     result = check(parse_config({"log": "log", "start": [30, 2, 0]}), base=tmp_path)

@@ -13,6 +13,7 @@ from matplotlib.contour import QuadContourSet
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import Affine2D
 
 from locfuse.check.grid import Grid
 from locfuse.check.layout import Layout
@@ -124,12 +125,13 @@ def _rounded(value: float, way: int) -> float:
 
 def _draw_map(axes: Axes, grid: Grid) -> Handle:
     """Draw the occupied cells, and leave the limits of the axes as they are."""
-    (left, low), (rows, columns) = grid.origin, grid.occupied.shape
-    right, high = left + columns * grid.resolution, low + rows * grid.resolution
+    rows, columns = grid.occupied.shape
+    right, high = columns * grid.resolution, rows * grid.resolution
     limits = axes.get_xlim(), axes.get_ylim()
     axes.imshow(
-        np.ma.masked_equal(grid.occupied, False), extent=(left, right, low, high), origin="lower",
+        np.ma.masked_equal(grid.occupied, False), extent=(0.0, right, 0.0, high), origin="lower",
         cmap=ListedColormap([INK]), interpolation="nearest", zorder=3,
+        transform=Affine2D().rotate(grid.yaw).translate(*grid.origin) + axes.transData,
     )  # fmt: skip
     axes.set_xlim(limits[0])
     axes.set_ylim(limits[1])

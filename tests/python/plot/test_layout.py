@@ -123,6 +123,27 @@ def test_a_map_is_drawn_and_moves_no_limit() -> None:
         False, True, False]  # fmt: skip
 
 
+def test_a_map_that_is_turned_is_read_and_drawn_in_its_place() -> None:
+    # 4 m x 2 m whose x axis points north and whose corner lies at (6, 1): x 4 to 6, y 1 to 5.
+    occupied = np.zeros((4, 8), np.bool_)
+    occupied[0] = True  # along the eastern edge
+    grid = Grid(occupied, ~occupied, 0.5, (6.0, 1.0), 0.5 * np.pi)
+
+    at = np.array([[4.1, 4.9], [5.9, 1.1], [6.1, 1.1], [5.0, 5.1], [9.0, 2.0]])
+    assert grid.inside(at).tolist() == [True, True, False, False, False]
+    assert grid.known(at).tolist() == [True, True, False, False, False]
+    bounds = grid.bounds()
+    assert bounds is not None
+    np.testing.assert_allclose(bounds, [[4.0, 1.0], [6.0, 5.0]], atol=1e-12)
+
+    axes = plot.plot_layout(replace(layout_of(SQUARE), grid=grid)).axes[0]
+    (image,) = axes.images
+    corners = image.get_transform().transform([[0.0, 0.0], [4.0, 0.5]])
+    np.testing.assert_allclose(
+        axes.transData.inverted().transform(corners), [[6.0, 1.0], [5.5, 5.0]], atol=1e-9
+    )
+
+
 def test_layouts_that_fix_nothing_are_drawn_too(tmp_path: Path) -> None:
     for anchors in ({"A1": [4, 4, 0]}, {"A1": [1, 2, 3], "A2": [7, 2, 3], "A3": [5, 2, 3]}):
         plot.save(plot.plot_layout(layout_of(anchors)), tmp_path / "layout.png")
