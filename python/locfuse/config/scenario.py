@@ -171,12 +171,14 @@ class LaserSensor(Strict):
 
     `pose_in_body` is x and y in metres and the heading in degrees. The first and the last beam
     stand on the edges of the field of view, but for a full turn, where the last one stands a step
-    before the first. What is nearer than `range_min_m` or farther than `range_max_m` gives no
-    return, and any other beam none with probability `dropout`.
+    before the first. They run counter-clockwise, of a scanner that is mounted `upside_down`
+    clockwise, from the left edge on. What is nearer than `range_min_m` or farther than
+    `range_max_m` gives no return, and any other beam none with probability `dropout`.
     """
 
     rate_hz: Rate = 5.0
     pose_in_body: Point3 = (0.0, 0.0, 0.0)
+    mounting: Literal["upright", "upside_down"] = "upright"
     beams: Annotated[int, Field(ge=2, le=100_000)] = 360
     field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)] = 360.0
     range_min_m: NonNegative = 0.12

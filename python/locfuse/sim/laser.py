@@ -21,10 +21,11 @@ def geometry(sensor: LaserSensor) -> dict[str, Any]:
     x, y, heading_deg = sensor.pose_in_body
     view = float(np.deg2rad(sensor.field_of_view_deg))
     steps = sensor.beams if sensor.field_of_view_deg == 360.0 else sensor.beams - 1
+    way = 1.0 if sensor.mounting == "upright" else -1.0
     return {
         "pose_in_body": [x, y, float(np.deg2rad(heading_deg))],
-        "angle_min_rad": -0.5 * view,
-        "angle_increment_rad": view / steps,
+        "angle_min_rad": -0.5 * way * view,
+        "angle_increment_rad": way * view / steps,
         "range_min_m": sensor.range_min_m,
         "range_max_m": sensor.range_max_m,
     }

@@ -57,6 +57,18 @@ def test_the_first_beam_stands_half_the_field_of_view_to_the_right() -> None:
     assert half["angle_increment_rad"] == pytest.approx(math.radians(1.0))
 
 
+def test_the_beams_of_a_laser_that_hangs_upside_down_run_clockwise() -> None:
+    over = EXACT.model_copy(update={"mounting": "upside_down"})
+    half = {"field_of_view_deg": 180.0, "beams": 3}
+
+    seen = one_scan((4.0, 3.0, 0.0), over)  # west, north, east, south
+    np.testing.assert_allclose(seen, [3.975, 6.975, 5.975, 2.975], atol=1e-12)
+    ahead = one_scan((4.0, 3.0, 0.0), over.model_copy(update=half))  # north, east, south
+    np.testing.assert_allclose(ahead, [6.975, 5.975, 2.975], atol=1e-12)
+    assert laser.geometry(over)["angle_min_rad"] == math.pi
+    assert laser.geometry(over)["angle_increment_rad"] == pytest.approx(-0.5 * math.pi)
+
+
 def test_a_laser_in_front_that_looks_left_sees_from_there() -> None:
     sensor = EXACT.model_copy(update={"pose_in_body": (0.5, 0.25, 90.0)})
     # The body looks north: the laser stands 0.5 m north and 0.25 m west of it and looks west.

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from locfuse.sim.room import room_grid
 
@@ -58,3 +59,14 @@ def test_walls_outside_are_cut_off() -> None:
     plain = room_grid((2.0, 2.0), [], 0.1)
     walled = room_grid((2.0, 2.0), [(5.0, 0.0, 9.0, 9.0), (-3.0, 1.0, 0.0, 1.0)], 0.1)
     np.testing.assert_array_equal(walled.cells, plain.cells)
+
+
+@pytest.mark.parametrize(
+    ("room", "resolution"),
+    [((2.0, 2.0), 0.0), ((2.0, 2.0), -0.1), ((2.0, 2.0), float("nan")), ((0.0, 2.0), 0.1)],
+)
+def test_a_room_without_size_or_cells_is_refused(
+    room: tuple[float, float], resolution: float
+) -> None:
+    with pytest.raises(ValueError, match="expected three numbers > 0"):
+        room_grid(room, [], resolution)
