@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.sim.beams import in_cells
 from locfuse.types import FREE, OCCUPIED, FloatArray, GridMap
 
 Segment = tuple[float, float, float, float]
@@ -73,12 +72,18 @@ def touched(grid: GridMap, walls: Sequence[Segment]) -> NDArray[np.bool_]:
     -------
     bool array, shape (height, width)
     """
+    # Both are turned into the map's axes and neither is shifted: on a room's own grid a line along
+    # the edges or over the corners of cells is then compared with the numbers it was given by.
+    x0, y0, yaw = grid.origin
+    c, s = math.cos(yaw), math.sin(yaw)
+    half = 0.5 * grid.resolution_m
     height, width = grid.cells.shape
-    x, y = (0.5 + np.arange(n, dtype=np.float64) for n in (width, height))
+    x = c * x0 + s * y0 + half + grid.resolution_m * np.arange(width, dtype=np.float64)
+    y = c * y0 - s * x0 + half + grid.resolution_m * np.arange(height, dtype=np.float64)
     found = np.zeros(grid.cells.shape, np.bool_)
     for x1, y1, x2, y2 in walls:
-        begin, end = in_cells(grid, np.array([[x1, y1], [x2, y2]])).tolist()
-        found |= _touches((*begin, *end), x, y[:, None], 0.5)
+        turned = (c * x1 + s * y1, c * y1 - s * x1, c * x2 + s * y2, c * y2 - s * x2)
+        found |= _touches(turned, x, y[:, None], half)
     return found
 
 
