@@ -38,3 +38,19 @@ def claim_of(
 ) -> Claim:  # fmt: skip
     low, median, high = (float(v) for v in np.quantile(list(values), [0.05, 0.5, 0.95]))
     return Claim(id, claim, unit, paper, median, low, high, required, met(median), note)
+
+
+def share(id: str, claim: str, part: int, of: int, required: float, at_most: bool = False) -> Claim:
+    """Return a row about how often something happens, in percent, with its 95 % interval."""
+    p = part / of
+    half = 1.96 * np.sqrt(max(p * (1.0 - p), 1.0 / of) / of)
+    met = p <= required if at_most else p >= required
+    sign = "<=" if at_most else ">="
+    return Claim(id, claim, "%", None, 100.0 * p, 100.0 * max(p - half, 0.0),
+                 100.0 * min(p + half, 1.0), f"{sign} {100.0 * required:g}", bool(met),
+                 f"{part} of {of}; [95 % interval]")  # fmt: skip
+
+
+def absent(id: str, claim: str, why: str, required: str = "-") -> Claim:
+    """Return a row that could not be run."""
+    return Claim(id, claim, "m", None, None, None, None, required, None, why)

@@ -11,15 +11,16 @@ from typing import Any
 import numpy as np
 
 from locfuse import _core
-from locfuse.claims import Claim, Progress, claim_of
-from locfuse.config.load import load_config, parse_config
+from locfuse.claims import Claim, Progress, absent, claim_of
+from locfuse.config.load import parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
 from locfuse.power_up import power_up_claims
+from locfuse.power_up.runs import recording
 from locfuse.run import Messages, run, start_of, to_messages, truth_of
 from locfuse.sim.scenario import simulate
-from locfuse.types import ConfigError, FloatArray, Log, LogError, RunResult, Trajectory, nearest
+from locfuse.types import ConfigError, FloatArray, Log, LogError, Trajectory, nearest
 
 PATHS = ("circle", "eight", "square", "star", "waypoints")
 RECORDINGS = {
@@ -260,16 +261,11 @@ def _recording_claim(name: str, file: str, of_dataset: str | None, limit: float)
     claim = f"{name}: RMSE"
     id_ = name.split(" (")[0].replace(" ", "_") + "_rmse"
     if configs is None:
-        return Claim(id_, claim, "m", None, None, None, None, required, None,
-                     "no examples/configs here")  # fmt: skip
-    config = load_config(configs / file)
-    if of_dataset is not None:
-        dataset = config.log.model_copy(update={"run": of_dataset})  # type: ignore[union-attr]
-        config = config.model_copy(update={"log": dataset})
+        return absent(id_, claim, "no examples/configs here", required)
     try:
-        result: RunResult = run(config, base=configs)
+        result = run(*recording(configs, file, of_dataset))
     except LogError as error:
-        return Claim(id_, claim, "m", None, None, None, None, required, None, str(error))
+        return absent(id_, claim, str(error), required)
     value = float(result.metrics["position_rmse_m"])
     return Claim(id_, claim, "m", None, value, value, value, required, value <= limit)
 

@@ -119,6 +119,20 @@ class GridMap:
         if len(self.origin) != 3 or not np.all(np.isfinite(self.origin)):
             raise ValueError(f"GridMap.origin is {self.origin}, expected three finite numbers")
 
+    def to_grid(self, p_world: FloatArray) -> FloatArray:
+        """Return points of shape (..., 2) in the frame of the map, in cells: column, row."""
+        x, y, yaw = self.origin
+        c, s = np.cos(yaw), np.sin(yaw)
+        dx, dy = p_world[..., 0] - x, p_world[..., 1] - y
+        return np.stack([c * dx + s * dy, c * dy - s * dx], axis=-1) / self.resolution_m
+
+    def to_world(self, p_grid: FloatArray) -> FloatArray:
+        """Return points of shape (..., 2) in world, metres, of columns and rows."""
+        x, y, yaw = self.origin
+        c, s = np.cos(yaw), np.sin(yaw)
+        dx, dy = self.resolution_m * p_grid[..., 0], self.resolution_m * p_grid[..., 1]
+        return np.stack([x + c * dx - s * dy, y + s * dx + c * dy], axis=-1)
+
     def cropped(self, low: tuple[float, float], high: tuple[float, float]) -> GridMap:
         """Return the part of the map that a box touches; its cells stay where they are.
 
@@ -143,18 +157,15 @@ class GridMap:
         box = np.array([low, high], dtype=np.float64)
         if not (np.all(np.isfinite(box)) and np.all(box[0] < box[1])):
             raise ValueError(f"a box from {low} to {high}, expected low < high in x and y")
-        x, y, yaw = self.origin
-        c, s = np.cos(yaw), np.sin(yaw)
-        dx, dy = (side.ravel() for side in np.meshgrid(box[:, 0] - x, box[:, 1] - y))
-        at = np.array([c * dx + s * dy, c * dy - s * dx]) / self.resolution_m
+        at = self.to_grid(np.stack(np.meshgrid(box[:, 0], box[:, 1]), axis=-1)).reshape(-1, 2).T
         size = np.array(self.cells.shape[::-1])
         first = np.clip(np.floor(at.min(axis=1) + _SLACK), 0, size).astype(np.intp)
         last = np.clip(np.ceil(at.max(axis=1) - _SLACK), 0, size).astype(np.intp)
         if not np.all(first < last):
             raise ValueError(f"a box from {low} to {high}, which touches no cell of the map")
         (left, bottom), (right, top) = first.tolist(), last.tolist()
-        u, v = self.resolution_m * left, self.resolution_m * bottom
-        origin = (float(x + c * u - s * v), float(y + s * u + c * v), yaw)
+        x, y = self.to_world(np.array([left, bottom], np.float64)).tolist()
+        origin = (x, y, self.origin[2])
         return GridMap(self.cells[bottom:top, left:right].copy(), self.resolution_m, origin)
 
     def resampled(self, resolution_m: float) -> GridMap:
@@ -209,10 +220,10 @@ class Log:
     tables : mapping of file stem to columns
         Stems and column names are those of the log folder (docs/log_format.md): ``odometry``,
         ``ranges``, ``positions``, ``poses``, ``landmark_sightings``, ``scans``, ``truth``,
-        ``anchors``, ``landmarks``. ``stamp_s`` is held as ``stamp_ns`` (int64) and
-        ``arrival_s`` as ``arrival_ns``; names (tag, anchor, landmark) are arrays of str; the beams
-        of ``scans`` are one column ``ranges_m`` of shape (n, beams), NaN where there was no return;
-        everything else is float64. Absent files are absent keys.
+        ``relations``, ``anchors``, ``landmarks``. ``stamp_s`` is held as ``stamp_ns`` (int64), as
+        are ``arrival_s``, ``begin_s`` and ``end_s``; names (tag, anchor, landmark) are arrays of
+        str; the beams of ``scans`` are one column ``ranges_m`` of shape (n, beams), NaN where there
+        was no return; everything else is float64. Absent files are absent keys.
     tags : mapping of tag name to (x, y, z)
         Tag positions in the body frame, metres.
     laser : mapping or None

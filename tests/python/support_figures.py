@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
+import io
+
 import numpy as np
 from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -19,6 +22,16 @@ def texts(figure: Figure) -> list[str]:
 def legend_of(figure: Figure) -> list[str]:
     """Return the names in the legend."""
     return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def colours_at(figure: Figure, points: FloatArray) -> list[str]:
+    """Return the colours of the first axes at points of shape (n, 2)."""
+    picture = io.BytesIO()
+    figure.savefig(picture, format="rgba", dpi=figure.dpi)
+    width, height = figure.canvas.get_width_height()
+    pixels = np.frombuffer(picture.getvalue(), np.uint8).reshape(height, width, 4)
+    column, row = np.floor(figure.axes[0].transData.transform(points)).astype(int).T
+    return [to_hex(colour) for colour in pixels[height - 1 - row, column] / 255.0]
 
 
 def corners(collection: PolyCollection) -> list[FloatArray]:

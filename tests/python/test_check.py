@@ -611,6 +611,7 @@ def test_a_map_with_walls_around_the_robot_is_no_alarm(tmp_path: Path) -> None:
         (np.full((20, 20), 254.0), {}, "no occupied cell"),
         (room_of_cells(), {"negate": 1}, "is occupied: negate?"),
         (room_of_cells(), {"origin": [50.0, 50.0, 0.0]}, "truth lies off the map"),
+        (room_of_cells(), {"origin": [-1.0, -3.0, 0.5 * np.pi]}, "truth lies off the map"),
     ],
 )
 def test_maps_that_help_nobody(
@@ -621,14 +622,19 @@ def test_maps_that_help_nobody(
     assert any(what in f.what for f in found(result, "maps_that_help_nobody"))
 
 
-def test_a_map_that_is_turned_is_where_its_origin_says(tmp_path: Path) -> None:
-    # The room reaches from (-1, -3) to (9, 7); turned by 90 degrees about a corner at (9, -3), too.
-    with_map(tmp_path / "log", room_of_cells(), origin=[9.0, -3.0, 1.5707963267948966])
-    result = check(parse_config({"log": "log"}), base=tmp_path)
+def test_a_turned_map_is_read_where_it_lies(tmp_path: Path) -> None:
+    # A square of 10 m that stands on its corner, its middle at (3, 2).
+    half = 5.0 * np.sqrt(2.0)
+    with_map(tmp_path / "log", room_of_cells(), origin=[3.0, float(2.0 - half), 0.25 * np.pi])
+    result = check(parse_config({"log": "log", "start": [3, 2 + 0.9 * half, 0]}), base=tmp_path)
     assert not found(result, "maps_that_help_nobody")
-    with_map(tmp_path / "log", room_of_cells(), origin=[-1.0, -3.0, 1.5707963267948966])
-    result = check(parse_config({"log": "log"}), base=tmp_path)
-    assert "100 % of the truth" in found(result, "maps_that_help_nobody")[0].what
+    assert not found(result, "floors_that_do_not_hold_the_start")
+    layout = result.layout
+    assert layout is not None
+    assert layout.x[[0, -1]] == pytest.approx([3.0 - half, 3.0 + half])
+    assert layout.y[[0, -1]] == pytest.approx([2.0 - half, 2.0 + half])
+    floor = np.abs(layout.x - 3.0) + np.abs(layout.y - 2.0)[:, None] < half
+    assert (np.isnan(layout.hdop) == ~floor).mean() > 0.98
 
 
 def test_a_start_from_nothing_is_no_fault(tmp_path: Path) -> None:

@@ -30,6 +30,7 @@ from locfuse.cli import app
 from locfuse.config import scenario, schema
 from locfuse.config.base import Strict
 from locfuse.config.load import load_config, parse_config
+from locfuse.io.datasets import CONVERTERS
 from locfuse.reproduce import PAPERS, RECORDINGS
 from locfuse.results import write_results
 from locfuse.run import run
@@ -517,6 +518,12 @@ def test_columns_of_results_are_documented(file: str, results: tuple[Path, dict[
     header = (results[0] / file).read_text().split("\n", 1)[0]
     documented = re.findall(r"`(\w+)`", paragraph)
     assert documented == header.split(",")
+
+
+@pytest.mark.parametrize("heading", ["# Published recordings", "## Licences"])
+def test_every_recording_is_documented(heading: str) -> None:
+    rows = table_under(DOCS / "recordings.md", heading)
+    assert [row[0].strip("`") for row in rows] == list(CONVERTERS)
 
 
 def test_rows_of_reproduce_are_documented() -> None:

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import locfuse as lf
-from locfuse import power_up
 from locfuse.claims import Claim
 from locfuse.config.load import load_config
 from locfuse.power_up import (
@@ -23,6 +22,7 @@ from locfuse.power_up import (
     share,
     trials,
 )
+from locfuse.power_up.runs import recording as ready_recording
 from support_runs import CONFIGS, DATA, recording
 
 
@@ -79,7 +79,7 @@ def test_shares_carry_their_interval() -> None:
 
 def test_the_gazebo_map_is_turned_in_its_world() -> None:
     recording("ieu-gazebo-uwb-lidar")
-    _, log = power_up._recording(CONFIGS, "ieu_gazebo.yaml", "run3")
+    _, log = ready_recording(CONFIGS, "ieu_gazebo.yaml", "run3")
     x, y, turn = registration(log)
     assert np.rad2deg(turn) == pytest.approx(1.27, abs=0.1)
     assert (x, y) == pytest.approx((0.035, 0.014), abs=0.005)
@@ -87,7 +87,7 @@ def test_the_gazebo_map_is_turned_in_its_world() -> None:
 
 def test_a_laser_mounted_the_wrong_way_round_is_never_ready_and_right() -> None:
     recording("ieu-gazebo-uwb-lidar")
-    config, log = power_up._recording(CONFIGS, "ieu_gazebo.yaml", "static")
+    config, log = ready_recording(CONFIGS, "ieu_gazebo.yaml", "static")
     assert log.laser is not None
     x, y, _ = log.laser["pose_in_body"]
     log.laser["pose_in_body"][:] = [x, y, np.pi / 2.0]

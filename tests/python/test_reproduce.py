@@ -82,7 +82,7 @@ def test_absent_recordings_are_skipped_with_a_reason(monkeypatch: pytest.MonkeyP
         return config.model_copy(update={"log": log.model_copy(update={"path": "nowhere"})})
 
     original = load_config
-    monkeypatch.setattr(module, "load_config", moved)
+    monkeypatch.setattr("locfuse.power_up.runs.load_config", moved)
     monkeypatch.setattr(module, "PATHS", ("eight",))
     skipped = reproduce("ekim2020", seeds=2)[4:]
     assert len(skipped) == len(module.RECORDINGS)

@@ -15,9 +15,11 @@ from locfuse.config.schema import Dataset, RunConfig
 from locfuse.eval.errors import errors_against
 from locfuse.io.log_folder import read_log
 from locfuse.plot import plot_start
+from locfuse.plot.style import MUTED
 from locfuse.results import write_results
 from locfuse.run import load_log, run
 from locfuse.types import FloatArray, GridMap, Log, LogError, RunResult, Start
+from support_figures import colours_at
 from support_runs import CONFIGS, recording, write_folder
 
 NOISE = {"range": {"sigma_m": 0.02, "sigma_relative": 0.015}}
@@ -199,6 +201,19 @@ def test_the_picture_of_a_start_shows_doubt_and_decision(tmp_path: Path) -> None
     write_results(result, tmp_path)
     assert (tmp_path / "start.png").stat().st_size > 10_000
     assert 'id="start"' in (tmp_path / "report.html").read_text()
+
+
+def test_the_picture_of_a_start_shows_a_turned_map_where_it_lies() -> None:
+    result = run(config_of(HALL), seed=1)
+    cells = np.zeros((4, 40), np.int8)
+    cells[2, 36:38] = 100  # 18 to 19 m to the north of the origin, 1 to 1.5 m to its west
+    grid = GridMap(cells, 0.5, (5.0, 4.0, 0.5 * np.pi))
+    figure = plot_start(replace(result, log=replace(result.log, grid=grid)))
+    assert figure is not None
+    wall, *free = colours_at(figure, np.array([[3.75, 22.5], [3.25, 22.5], [3.75, 21.5]]))
+    assert wall == MUTED
+    assert free == 2 * ["#ffffff"]
+    assert figure.axes[0].get_ylim()[1] > 23.0
 
 
 def test_a_run_that_was_told_its_start_has_no_picture_of_it(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.check.grid import Grid
+from locfuse.check.grid import bounds
 from locfuse.check.positions import epochs, interpolated, locate_batch, residuals_of
 from locfuse.check.tracks import Track, align, at_times, dead_reckon, levered
 from locfuse.config.schema import RangeError, RunConfig
@@ -77,13 +77,10 @@ class Context:
     ----------
     config : RunConfig
     log : Log
-    grid : Grid or None
-        The map of the log, where it could be read.
     """
 
     config: RunConfig
     log: Log
-    grid: Grid | None = None
 
     def table(self, source: str) -> Columns | None:
         """Return a table of the log that has rows."""
@@ -128,8 +125,8 @@ class Context:
         """
         if self.config.simulation is not None:
             return np.zeros(2), np.array(self.config.simulation.room_m)
-        if self.grid is not None:
-            return self.grid.bounds()
+        if self.log.grid is not None:
+            return bounds(self.log.grid)
         shown = [self.anchors[:, :2]]
         if self.truth is not None:
             shown.append(self.truth.position)

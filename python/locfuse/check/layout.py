@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from locfuse.check.context import Context
-from locfuse.check.grid import Grid
+from locfuse.check.grid import known
 from locfuse.check.positions import cramer_rao, dop
 from locfuse.check.rules_anchors import hull
-from locfuse.types import FloatArray
+from locfuse.types import FloatArray, GridMap
 
 _CELLS = 80  # of the picture along the longer side
 _COARSE = 24  # of the search
@@ -37,7 +37,7 @@ class Layout:
         Corners of the anchors' convex hull.
     walls : float64 array, shape (n, 4)
         Of the simulation: x1, y1, x2, y2.
-    grid : Grid or None
+    grid : GridMap or None
         Map of the log.
     path : float64 array, shape (n, 2), or None
         Truth, where known.
@@ -56,7 +56,7 @@ class Layout:
     hdop: FloatArray
     hull: FloatArray
     walls: FloatArray
-    grid: Grid | None
+    grid: GridMap | None
     path: FloatArray | None
     best: FloatArray
     mean: tuple[float, float]
@@ -84,8 +84,9 @@ def layout_of(context: Context) -> Layout | None:
     x, y = _axes(low, high, _CELLS)
     points = _points(x, y)
     fine = dop(cramer_rao(context.anchors, points, 1.0, context.height))
-    if context.grid is not None:
-        fine[~context.grid.known(points)] = np.nan
+    grid = context.log.grid
+    if grid is not None:
+        fine[~known(grid, points)] = np.nan
     best, before, after = _one_more(context)
     scenario = context.config.simulation
     walls = [wall for fault in (scenario.faults if scenario else [])
@@ -101,7 +102,7 @@ def layout_of(context: Context) -> Layout | None:
         hdop=fine.reshape(len(y), len(x)),
         hull=hull(context.anchors[:, :2]),
         walls=np.array(walls, dtype=np.float64).reshape(-1, 4),
-        grid=context.grid,
+        grid=grid,
         path=None if truth is None else truth.position,
         best=best,
         mean=(float(before.mean()), float(after.mean())),
@@ -132,8 +133,9 @@ def _one_more(context: Context) -> tuple[FloatArray, FloatArray, FloatArray]:
     """
     assert context.floor is not None
     places = _points(*_axes(*context.floor, _COARSE))
-    if context.grid is not None and context.grid.known(places).any():
-        places = places[context.grid.known(places)]
+    if context.log.grid is not None:
+        floor = known(context.log.grid, places)
+        places = places[floor] if floor.any() else places
     level = float(np.median(context.anchors[:, 2]))
     information = _information(context.anchors, places, context.height).sum(axis=1)
     candidates = np.column_stack([places, np.full(len(places), level)])

@@ -15,7 +15,6 @@ from locfuse.check import rules_motion as motion
 from locfuse.check import rules_ranges as ranges
 from locfuse.check.context import Context
 from locfuse.check.finding import SEVERITIES, Finding, error
-from locfuse.check.grid import grid_of
 from locfuse.check.layout import Layout, layout_of
 from locfuse.config.schema import RunConfig
 from locfuse.run import load_log
@@ -116,7 +115,7 @@ def check(config: RunConfig, log: Log | None = None, *, base: Path | None = None
         return CheckResult([_unreadable(problem, "log")], None)
     except ConfigError as problem:
         return CheckResult([_unreadable(problem, "config")], None)
-    context = Context(config, log, grid_of(log))
+    context = Context(config, log)
     found = [replace(finding, rule=rule.__name__) for rule in RULES for finding in rule(context)]
     found.sort(key=lambda finding: SEVERITIES.index(finding.severity))
     return CheckResult(found, layout_of(context))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from locfuse.check.context import Context
 from locfuse.check.finding import Finding, error, note, warning
+from locfuse.check.grid import on_map
 from locfuse.check.positions import cramer_rao, dop
 from locfuse.types import FloatArray
 
@@ -227,7 +228,8 @@ def floors_that_do_not_hold_the_start(context: Context) -> Iterator[Finding]:
     if isinstance(start, str):
         return
     at = np.array([[start[0], start[1]]])
-    if context.grid is not None and not context.grid.inside(at)[0]:
+    grid = context.log.grid
+    if grid is not None and not on_map(grid, at)[0]:
         yield error(f"start ({start[0]:g}, {start[1]:g}) is off the map", "start",
                     "give [x_m, y_m, heading_deg] in the frame of the map")  # fmt: skip
         return

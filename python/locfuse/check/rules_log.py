@@ -9,10 +9,11 @@ import numpy as np
 
 from locfuse.check.context import Context
 from locfuse.check.finding import Finding, error, note, warning
+from locfuse.check.grid import on_map
 from locfuse.check.tracks import legs
 from locfuse.config.schema import SOURCES
 from locfuse.run import start_of, to_messages
-from locfuse.types import NANOSECONDS, Columns, ConfigError, LogError, StampArray
+from locfuse.types import NANOSECONDS, OCCUPIED, Columns, ConfigError, LogError, StampArray
 
 _FAR_M = 1e5  # coordinates beyond are of a map projection
 _NO_FILTER = ("landmark_sightings", "scans")
@@ -199,18 +200,19 @@ def maps_that_help_nobody(context: Context) -> Iterator[Finding]:
     """Name maps without walls, and starts or truths off the map."""
     if context.table("scans") is not None and context.log.map is None:
         yield note("the log has scans but no map to match them against", "log.yaml, map")
-    grid = context.grid
+    grid = context.log.grid
     if grid is None:
         return
-    if not grid.occupied.any():
+    occupied = grid.cells == OCCUPIED
+    if not occupied.any():
         yield error("the map has no occupied cell: no scan can match it", "log.yaml, map",
                     "check occupied_thresh and negate")  # fmt: skip
         return
-    if float(grid.occupied.mean()) > 0.5:
-        yield warning(f"{100 * grid.occupied.mean():.0f} % of the map is occupied: negate?",
+    if float(occupied.mean()) > 0.5:
+        yield warning(f"{100 * occupied.mean():.0f} % of the map is occupied: negate?",
                       "log.yaml, map", "check negate and occupied_thresh")  # fmt: skip
     if context.truth is not None:
-        off = 1.0 - float(grid.inside(context.truth.position).mean())
+        off = 1.0 - float(on_map(grid, context.truth.position).mean())
         if off > 0.01:
             yield warning(f"{100 * off:.3g} % of the truth lies off the map", "log.yaml, map",
                           "check origin and resolution of the map")  # fmt: skip

@@ -37,6 +37,7 @@ SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
     "landmark_sightings": (("stamp_s", "landmark", "range_m", "bearing_rad"),),
     "scans": (("stamp_s", "ranges_m"),),
     "truth": (("stamp_s", "x_m", "y_m"), ("stamp_s", "x_m", "y_m", "heading_rad")),
+    "relations": (("begin_s", "end_s", "dx_m", "dy_m", "dheading_rad"),),
     "anchors": (("anchor", "x_m", "y_m", "z_m"),),
     "landmarks": (("landmark", "x_m", "y_m"), ("landmark", "x_m", "y_m", "radius_m")),
 }
@@ -44,7 +45,7 @@ MESSAGES = ("odometry", "ranges", "positions", "poses", "landmark_sightings", "s
 MAY_BE_EMPTY = ("ranges", "positions", "poses", "landmark_sightings", "scans")
 INCREASING = ("odometry", "truth")  # strictly; other messages may come in any order
 NAMES = ("tag", "anchor", "landmark")
-IN_MEMORY = {"stamp_s": "stamp_ns", "arrival_s": "arrival_ns"}
+IN_MEMORY = {f"{key}_s": f"{key}_ns" for key in ("stamp", "arrival", "begin", "end")}
 
 # Beyond these a file is in other units, or damaged.
 MAX_SPEED_MPS = 100.0
@@ -253,7 +254,7 @@ def _problems(stem: str, table: Columns) -> Iterator[Problem]:
     if "arrival_ns" in table:
         early = table["arrival_ns"] < table["stamp_ns"]
         yield from ((int(row), "arrival_s is before stamp_s") for row in np.flatnonzero(early))
-    if "dx_m" in table:
+    if stem == "odometry" and "dx_m" in table:
         yield from _bad_increments(table)
 
 

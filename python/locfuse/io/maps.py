@@ -32,7 +32,7 @@ free_thresh: 0.196
 """
 
 
-def read_map(path: str | Path) -> GridMap:
+def read_map(path: str | Path, free_thresh: float | None = None) -> GridMap:
     """Read a map of ROS's map_server.
 
     A pixel of brightness v in 0..255 is occupied with probability p = (255 - v) / 255, or v / 255
@@ -46,6 +46,8 @@ def read_map(path: str | Path) -> GridMap:
     path : str or Path
         Of the YAML file. The picture is PGM (P2 or P5) or PNG, named relative to it; its lowest row
         is row 0 of the cells.
+    free_thresh : float, optional
+        Instead of the file's: 0.196 keeps the shade 205 unknown where newer ROS 2 tools wrote 0.25.
 
     Raises
     ------
@@ -65,7 +67,10 @@ def read_map(path: str | Path) -> GridMap:
     [[100, 0]]
     """
     path = Path(path)
-    settings = _checked(load_yaml(path), str(path))
+    settings = load_yaml(path)
+    if free_thresh is not None and isinstance(settings, Mapping):
+        settings = {**settings, "free_thresh": free_thresh}
+    settings = _checked(settings, str(path))
     brightness, opaque = _read_image(path.parent / settings["image"])
     shade = 255.0 - brightness if settings["negate"] else brightness
     occupied, known = (255.0 - shade) / 255.0, opaque

@@ -13,9 +13,7 @@ from matplotlib.contour import QuadContourSet
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
-from matplotlib.transforms import Affine2D
 
-from locfuse.check.grid import Grid
 from locfuse.check.layout import Layout
 from locfuse.plot.labels import Label, join_same_spot, place_labels
 from locfuse.plot.style import (
@@ -33,7 +31,7 @@ from locfuse.plot.style import (
 )
 from locfuse.plot.text import short
 from locfuse.plot.thinning import stride
-from locfuse.types import FloatArray
+from locfuse.plot.world import box_around, draw_map
 
 _MOST_NAMED = 60
 _MOST_POINTS = 20000
@@ -56,7 +54,8 @@ def plot_layout(layout: Layout) -> Figure:
         Axes of the floor with equal scales, metres, and a bar of colours. Places where ranges fix
         no position, or to worse than 20 times a range, are darkest.
     """
-    low, high = _extent(layout)
+    floor = np.array([[layout.x[0], layout.y[0]], [layout.x[-1], layout.y[-1]]])
+    low, high = box_around(np.vstack([floor, layout.anchors[:, :2]]), 0.05, 0.3, 0.9)
     figure = new_figure(0.8 * WIDTH_IN * (high - low)[1] / (high - low)[0] + 1.3)
     axes = figure.add_subplot()
     dress(axes)
@@ -80,18 +79,6 @@ def plot_layout(layout: Layout) -> Figure:
     labels.append(Label("one more", layout.best[:2], REJECTED))
     place_labels(figure, axes, join_same_spot(labels), layout.hull)
     return figure
-
-
-def _extent(layout: Layout) -> tuple[FloatArray, FloatArray]:
-    """Return the corners of the picture: the floor, every anchor, and a margin for names."""
-    floor = np.array([[layout.x[0], layout.y[0]], [layout.x[-1], layout.y[-1]]])
-    points = np.vstack([floor, layout.anchors[:, :2]])
-    low, high = points.min(axis=0), points.max(axis=0)
-    margin = 0.05 * float((high - low).max())
-    low, high = low - margin, high + margin
-    width, height = (high - low).tolist()
-    grow = np.array([max(height / 0.9 - width, 0.0), max(width * 0.3 - height, 0.0)]) / 2.0
-    return low - grow, high + grow
 
 
 def _draw_dilution(axes: Axes, layout: Layout) -> QuadContourSet:
@@ -123,25 +110,11 @@ def _rounded(value: float, way: int) -> float:
     return float(np.floor(value * 100.0 + 0.5 * (1 + way) + 0.1 * way) / 100.0)
 
 
-def _draw_map(axes: Axes, grid: Grid) -> Handle:
-    """Draw the occupied cells, and leave the limits of the axes as they are."""
-    rows, columns = grid.occupied.shape
-    right, high = columns * grid.resolution, rows * grid.resolution
-    limits = axes.get_xlim(), axes.get_ylim()
-    axes.imshow(
-        np.ma.masked_equal(grid.occupied, False), extent=(0.0, right, 0.0, high), origin="lower",
-        cmap=ListedColormap([INK]), interpolation="nearest", zorder=3,
-        transform=Affine2D().rotate(grid.yaw).translate(*grid.origin) + axes.transData,
-    )  # fmt: skip
-    axes.set_xlim(limits[0])
-    axes.set_ylim(limits[1])
-    return Patch(facecolor=INK, label="occupied in the map")
-
-
 def _draw_marks(axes: Axes, layout: Layout) -> list[Handle]:
     handles: list[Handle] = []
     if layout.grid is not None:
-        handles.append(_draw_map(axes, layout.grid))
+        draw_map(axes, layout.grid, ("none", "none", INK), zorder=3)
+        handles.append(Patch(facecolor=INK, label="occupied in the map"))
     for row, (x1, y1, x2, y2) in enumerate(layout.walls.tolist()):
         (line,) = axes.plot([x1, x2], [y1, y2], color=INK, lw=3.0, label="wall", zorder=3)
         handles += [line] if row == 0 else []

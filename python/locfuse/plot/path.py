@@ -29,6 +29,7 @@ from locfuse.plot.style import (
 )
 from locfuse.plot.text import percent, short
 from locfuse.plot.thinning import evenly_along, stride
+from locfuse.plot.world import box_around
 from locfuse.types import FloatArray, RunResult, Trajectory
 
 ELLIPSE_SIGMAS = 3.0
@@ -64,7 +65,7 @@ def plot_path(result: RunResult) -> Figure:
     shown = [estimate.position, *anchors.values(), *landmarks.values()]
     if result.truth is not None:
         shown.append(result.truth.position)
-    low, high = _extent(np.vstack(shown))
+    low, high = box_around(np.vstack(shown), 0.07, 0.4, 0.9)
     figure = new_figure(0.94 * WIDTH_IN * (high - low)[1] / (high - low)[0] + 0.95)
     axes = figure.add_subplot()
     dress(axes)
@@ -121,17 +122,6 @@ def _places(result: RunResult, stem: str, name: str) -> dict[str, FloatArray]:
     table = result.log[stem]
     xy = np.column_stack([table["x_m"], table["y_m"]]).astype(np.float64)
     return dict(zip(table[name].tolist(), xy, strict=True))
-
-
-def _extent(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the corners of a box around finite points, 0.4 to 0.9 times as high as wide."""
-    points = points[np.isfinite(points).all(axis=1)]
-    low, high = points.min(axis=0), points.max(axis=0)
-    margin = 0.07 * max(float((high - low).max()), 1.0)
-    low, high = low - margin, high + margin
-    width, height = (high - low).tolist()
-    grow = np.array([max(height / 0.9 - width, 0.0), max(width * 0.4 - height, 0.0)]) / 2.0
-    return low - grow, high + grow
 
 
 def _draw_tracks(axes: Axes, estimate: Trajectory, truth: Trajectory | None) -> list[Handle]:

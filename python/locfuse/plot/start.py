@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
@@ -24,8 +23,9 @@ from locfuse.plot.style import (
     new_figure,
     title,
 )
+from locfuse.plot.world import box_around, draw_map
 from locfuse.start import returns_of
-from locfuse.types import NANOSECONDS, FloatArray, GridMap, Hypothesis, RunResult, Start
+from locfuse.types import NANOSECONDS, OCCUPIED, FloatArray, Hypothesis, RunResult, Start
 
 _MOST_SHOWN = 60  # hypotheses of one moment
 
@@ -61,7 +61,7 @@ def plot_start(result: RunResult) -> Figure | None:
         axes.set_xlabel("x in world [m]")
         title(axes, text)
         if result.log.grid is not None:
-            _draw_map(axes, result.log.grid)
+            draw_map(axes, result.log.grid, ("white", GRID, MUTED), zorder=0)
         scan = returns_of(result.log, seen_ns) if start.used_scans else np.empty((0, 2))
         for handle in _draw_poses(axes, poses, scan):
             handles[str(handle.get_label())] = handle
@@ -76,30 +76,6 @@ def plot_start(result: RunResult) -> Figure | None:
 
 def _poses(count: int) -> str:
     return "one pose fits" if count == 1 else f"{count} poses fit"
-
-
-def _draw_map(axes: Axes, grid: GridMap) -> None:
-    height, width = grid.cells.shape
-    x, y, yaw = grid.origin
-    size = grid.resolution_m
-    corner = np.array([[0.0, 0.0], [width * size, height * size]])
-    if yaw == 0.0:
-        shade = np.select([grid.cells > 50, grid.cells < 0], [2, 1], 0)
-        axes.imshow(
-            shade,
-            origin="lower",
-            extent=(x, x + corner[1, 0], y, y + corner[1, 1]),
-            cmap=ListedColormap(["white", GRID, MUTED]),
-            vmin=0,
-            vmax=2,
-            zorder=0,
-            interpolation="nearest",
-        )
-        return
-    rows, columns = np.nonzero(grid.cells > 50)
-    at = (np.column_stack([columns, rows]) + 0.5) * size
-    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-    axes.plot(*(at @ turn.T + [x, y]).T, ls="none", marker=",", color=MUTED, zorder=0)
 
 
 def _draw_poses(axes: Axes, poses: tuple[Hypothesis, ...], scan: FloatArray) -> list[Handle]:
@@ -149,12 +125,8 @@ def _limit(axes: Axes, result: RunResult, poses: tuple[Hypothesis, ...]) -> None
         table = result.log["anchors"]
         points.append(np.column_stack([table["x_m"], table["y_m"]]).astype(np.float64))
     grid = result.log.grid
-    if grid is not None and grid.origin[2] == 0.0 and (grid.cells > 50).any():
-        rows, columns = np.nonzero(grid.cells > 50)
-        at = np.column_stack([columns, rows]) * grid.resolution_m + np.array(grid.origin[:2])
-        points.append(np.array([at.min(axis=0), at.max(axis=0)]))
-    every = np.vstack(points)
-    low, high = every.min(axis=0), every.max(axis=0)
-    margin = 0.05 * max(float((high - low).max()), 1.0)
-    axes.set_xlim(low[0] - margin, high[0] + margin)
-    axes.set_ylim(low[1] - margin, high[1] + margin)
+    if grid is not None:
+        points.append(grid.to_world(np.argwhere(grid.cells == OCCUPIED)[:, ::-1].astype(float)))
+    low, high = box_around(np.vstack(points), 0.05)
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])

@@ -41,7 +41,7 @@ def cast(
     float64 array, shape (n,)
         Metres; infinite where nothing is hit. Unknown cells and the outside let beams pass.
     """
-    at, turned = in_cells(grid, start), direction - grid.origin[2]
+    at, turned = grid.to_grid(start), direction - grid.origin[2]
     along = np.column_stack([np.cos(turned), np.sin(turned)])
     height, width = grid.cells.shape
     codes = np.full((height + 2, width + 2), OUTSIDE, np.int8)
@@ -91,23 +91,3 @@ def _way_in(at: FloatArray, along: FloatArray, shape: tuple[int, int]) -> FloatA
     begin, end = np.maximum(enters.max(axis=1), 0.0), leaves.min(axis=1)
     begin[begin > end] = np.inf
     return np.asarray(begin, dtype=np.float64)
-
-
-def in_cells(grid: GridMap, point: FloatArray) -> FloatArray:
-    """Return points in the map's frame, one cell long per unit.
-
-    Parameters
-    ----------
-    grid : GridMap
-    point : float64 array, shape (n, 2)
-        x and y in world, metres.
-
-    Returns
-    -------
-    float64 array, shape (n, 2)
-        Columns and rows; whole numbers are the cells' edges.
-    """
-    x, y, yaw = grid.origin
-    c, s = np.cos(yaw), np.sin(yaw)
-    dx, dy = point[:, 0] - x, point[:, 1] - y
-    return np.column_stack([c * dx + s * dy, c * dy - s * dx]) / grid.resolution_m

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse.config.scenario import Roam
-from locfuse.sim.beams import cast, in_cells
+from locfuse.sim.beams import cast
 from locfuse.types import FREE, OCCUPIED, ConfigError, FloatArray, GridMap
 
 Cells = NDArray[np.bool_]
@@ -28,7 +28,7 @@ def cell_of(grid: GridMap, point: FloatArray) -> NDArray[np.int64]:
     -------
     int64 array, shape (n, 2)
     """
-    cell: NDArray[np.int64] = np.floor(in_cells(grid, point)[:, ::-1]).astype(np.int64)
+    cell: NDArray[np.int64] = np.floor(grid.to_grid(point)[:, ::-1]).astype(np.int64)
     return cell
 
 
@@ -46,10 +46,7 @@ def middle_of(grid: GridMap, cell: NDArray[np.int64]) -> FloatArray:
     float64 array, shape (n, 2)
         x and y, metres.
     """
-    x, y, yaw = grid.origin
-    c, s = np.cos(yaw), np.sin(yaw)
-    v, u = (grid.resolution_m * (cell + 0.5)).T
-    return np.column_stack([x + c * u - s * v, y + s * u + c * v])
+    return grid.to_world(cell[:, ::-1] + 0.5)
 
 
 def room_for(grid: GridMap, radius_m: float) -> Cells:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,12 +13,13 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 from locfuse import _core
-from locfuse.config.build import build_estimator_config
-from locfuse.config.schema import Estimator, Odometry, Position, Range, RunConfig
+from locfuse.config.build import build_estimator_config, build_initializer_config
+from locfuse.config.schema import Estimator, Initializer, Odometry, Position, Range, RunConfig
 from support_runs import ROOT, room
 
 PAIRS: dict[str, tuple[type[BaseModel], type[Any], str]] = {
     "Estimator": (Estimator, _core.PoseEkfConfig, "estimators/pose_ekf.hpp"),
+    "Initializer": (Initializer, _core.InitializerConfig, "estimators/initializer.hpp"),
     "Odometry": (Odometry, _core.OdometryConfig, "models/motion/odometry.hpp"),
     "Range": (Range, _core.RangeConfig, "models/measurement/range.hpp"),
     "Position": (Position, _core.PositionConfig, "models/measurement/position.hpp"),
@@ -46,7 +48,11 @@ def leaves(model: type[BaseModel], prefix: tuple[str, ...] = ()) -> list[tuple[s
     return found
 
 
-LEAVES = leaves(Estimator)
+BUILDERS: dict[str, Callable[[Any], Any]] = {
+    "Estimator": build_estimator_config,
+    "Initializer": build_initializer_config,
+}
+LEAVES = [(root, *path) for root in BUILDERS for path in leaves(PAIRS[root][0])]
 
 
 def nested(path: tuple[str, ...], value: Any) -> dict[str, Any]:
@@ -69,9 +75,10 @@ def test_schema_binding_and_header_have_the_same_fields(name: str) -> None:
     assert declared_fields(header) == bound_fields(struct), f"{name}: header and binding differ"
 
 
-@pytest.mark.parametrize("path", LEAVES, ids=".".join)
-def test_every_default_is_that_of_the_struct(path: tuple[str, ...]) -> None:
-    assert at(Estimator(), path) == at(_core.PoseEkfConfig(), path)
+@pytest.mark.parametrize("leaf", LEAVES, ids=".".join)
+def test_every_default_is_that_of_the_struct(leaf: tuple[str, ...]) -> None:
+    (model, struct, _), path = PAIRS[leaf[0]], leaf[1:]
+    assert at(model(), path) == at(struct(), path)
 
 
 @pytest.mark.parametrize("name", ["Odometry", "Range", "Position"])
@@ -84,40 +91,53 @@ def test_a_model_of_its_own_has_the_defaults_it_has_inside_the_estimator(name: s
         )
 
 
-@pytest.mark.parametrize("path", LEAVES, ids=".".join)
-def test_every_value_reaches_the_struct(path: tuple[str, ...]) -> None:
-    config = build_estimator_config(Estimator.model_validate(nested(path, 0.625)))
-
-    assert at(config, path) == 0.625
-    others = [other for other in LEAVES if other != path]
-    assert all(at(config, other) == at(_core.PoseEkfConfig(), other) for other in others)
+def counts(leaf: tuple[str, ...]) -> bool:
+    """Return whether a field holds whole numbers."""
+    return isinstance(at(PAIRS[leaf[0]][1](), leaf[1:]), int)
 
 
-def schema_accepts(path: tuple[str, ...], value: float) -> bool:
+@pytest.mark.parametrize("leaf", LEAVES, ids=".".join)
+def test_every_value_reaches_the_struct(leaf: tuple[str, ...]) -> None:
+    (model, struct, _), path = PAIRS[leaf[0]], leaf[1:]
+    value = 7 if counts(leaf) else 0.625
+    config = BUILDERS[leaf[0]](model.model_validate(nested(path, value)))
+
+    assert at(config, path) == value
+    others = [other for root, *other in LEAVES if root == leaf[0] and tuple(other) != path]
+    assert all(at(config, tuple(other)) == at(struct(), tuple(other)) for other in others)
+
+
+def schema_accepts(leaf: tuple[str, ...], value: float) -> bool:
     try:
-        Estimator.model_validate(nested(path, value))
+        PAIRS[leaf[0]][0].model_validate(nested(leaf[1:], value))
     except ValidationError:
         return False
     return True
 
 
-def core_accepts(path: tuple[str, ...], value: float) -> bool:
-    config = _core.PoseEkfConfig()
-    setattr(at(config, path[:-1]), path[-1], value)
-    start = _core.PoseEstimate(0, _core.Pose2(), np.eye(3))
+def core_accepts(leaf: tuple[str, ...], value: float) -> bool:
+    config = PAIRS[leaf[0]][1]()
+    setattr(at(config, leaf[1:-1]), leaf[-1], value)
+    nothing = _core.AnchorMap([])
     try:
-        _core.PoseEkf(config, _core.AnchorMap([]), [], start)
+        if isinstance(config, _core.InitializerConfig):
+            _core.Initializer(config, _core.PoseEkfConfig(), nothing, [], None)
+        else:
+            start = _core.PoseEstimate(0, _core.Pose2(), np.eye(3))
+            _core.PoseEkf(config, nothing, [], start)
     except ValueError:
         return False
     return True
 
 
-@pytest.mark.parametrize("path", LEAVES, ids=".".join)
-def test_the_schema_refuses_what_the_core_refuses_and_nothing_else(path: tuple[str, ...]) -> None:
-    values = [-math.inf, -1e9, -1.0, -1e-12, -0.0, 0.0, 1e-12, 0.5, 1.0, math.nextafter(1.0, 2.0),
-              100.0, 1e6, 1e12, math.inf, math.nan]  # fmt: skip
-    schema = {value: schema_accepts(path, value) for value in values}
-    core = {value: core_accepts(path, value) for value in values}
+@pytest.mark.parametrize("leaf", LEAVES, ids=".".join)
+def test_the_schema_refuses_what_the_core_refuses_and_nothing_else(leaf: tuple[str, ...]) -> None:
+    values = [-math.inf, -1e9, -1.0, -1e-12, -0.0, 0.0, 1e-12, 0.5, math.nextafter(0.5, 1.0), 1.0,
+              math.nextafter(1.0, 2.0), 100.0, 3600.0, 1e6, 1e12, math.inf, math.nan]  # fmt: skip
+    if counts(leaf):
+        values = [-1, 0, 1, 3, 4, 100, 3600, 3601, 10**9]
+    schema = {value: schema_accepts(leaf, value) for value in values}
+    core = {value: core_accepts(leaf, value) for value in values}
 
     assert schema == core
     assert any(schema.values())

@@ -6,17 +6,32 @@ from __future__ import annotations
 import csv
 import gzip
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from locfuse import DistanceField, OccupancyGrid, Pose2
 from locfuse.config.load import load_config
-from locfuse.eval.errors import interpolate
+from locfuse.eval.errors import errors_against, interpolate
+from locfuse.eval.relations import relation_errors, relation_metrics
 from locfuse.io.datasets import CONVERTERS, convert
+from locfuse.io.datasets.intel_lab import rows_at, stamps_of
+from locfuse.io.datasets.source import increments, read_source
 from locfuse.io.log_folder import read_log
 from locfuse.run import run, truth_of
-from locfuse.types import NANOSECONDS, ConfigError, FloatArray, Log, LogError, RunResult
+from locfuse.types import (
+    NANOSECONDS,
+    UNKNOWN,
+    ConfigError,
+    FloatArray,
+    Log,
+    LogError,
+    RunResult,
+    Trajectory,
+    wrap_angle,
+)
 from support_runs import CONFIGS, recording, require_recording_of, rows_of
 
 FOLDERS = {
@@ -26,6 +41,9 @@ FOLDERS = {
     "tuc_labyrinth": "tuc-labyrinth",
     "ghent": "ghent-iiot",
     "lias": "lias-planar",
+    "wean_hall": "wean-hall",
+    "intel_lab": "intel-lab",
+    "turtlebot4_mac": "turtlebot4-mac",
 }
 
 
@@ -290,6 +308,254 @@ def test_lias_poses_have_the_tags_and_anchors_of_their_session(logs: dict[str, L
     assert log["ranges"]["anchor"][first].tolist() == list("01234567") * 3
 
 
+# Laser scans on maps ---------------------------------------------------------------------------
+
+
+def truth_in(log: Log) -> Trajectory:
+    truth = truth_of(log)
+    assert truth is not None
+    assert truth.heading is not None
+    return truth
+
+
+def pose_at(track: Trajectory, row: int) -> list[float]:
+    assert track.heading is not None
+    return [*track.position[row].tolist(), float(track.heading[row])]
+
+
+def dead_reckoned(log: Log) -> Trajectory:
+    """Return where the odometry alone leads from the first pose of the truth."""
+    truth, table = truth_in(log), log["odometry"]
+    x, y, heading = pose_at(truth, 0)
+    headings = heading + np.cumsum(table["dheading_rad"])
+    before = np.concatenate([[heading], headings[:-1]])
+    c, s = np.cos(before), np.sin(before)
+    steps = np.column_stack([
+        c * table["dx_m"] - s * table["dy_m"], s * table["dx_m"] + c * table["dy_m"]
+    ])  # fmt: skip
+    return Trajectory(table["stamp_ns"], [x, y] + np.cumsum(steps, axis=0), wrap_angle(headings))
+
+
+def driven_m(log: Log) -> float:
+    return float(np.hypot(log["odometry"]["dx_m"], log["odometry"]["dy_m"]).sum())
+
+
+def drift_of(log: Log) -> tuple[float, float, float]:
+    """Return how far dead reckoning is off: at the end, at most [m], heading at the end [deg]."""
+    errors = errors_against(truth_in(log), dead_reckoned(log))
+    assert errors.heading is not None
+    distance = np.hypot(*errors.position.T)
+    return distance[-1], distance.max(), abs(np.rad2deg(errors.heading[-1]))
+
+
+def distances_to_walls(log: Log, longest_m: float, at: Trajectory | None = None) -> FloatArray:
+    """Return how far the end points of shorter returns are from a wall at the truth, or at a track.
+
+    Distances are looked up: from the centre of the cell of an end point to that of an occupied one.
+    """
+    grid, laser, scans = log.grid, log.laser, log["scans"]
+    assert grid is not None
+    assert laser is not None
+    field = DistanceField(OccupancyGrid(grid.cells, grid.resolution_m, Pose2(*grid.origin)))
+    track, inside = interpolate(truth_in(log) if at is None else at, scans["stamp_ns"])
+    assert track.heading is not None
+    forward, left, turned = laser["pose_in_body"]
+    c, s = np.cos(track.heading), np.sin(track.heading)
+    origin = track.position + np.column_stack([c * forward - s * left, s * forward + c * left])
+    ranges = scans["ranges_m"][inside]
+    beams = laser["angle_min_rad"] + laser["angle_increment_rad"] * np.arange(ranges.shape[1])
+    row, beam = np.nonzero(ranges < longest_m)
+    angle, length = track.heading[row] + turned + beams[beam], ranges[row, beam]
+    ends = origin[row] + np.column_stack([length * np.cos(angle), length * np.sin(angle)])
+    return field.distance(ends)
+
+
+def percent_below(limit_m: float, distance: FloatArray) -> float:
+    """Return how many are nearer; a distance looked up is often the limit itself, which is not."""
+    return float(100.0 * np.mean(distance < limit_m - 1e-6))
+
+
+@pytest.mark.parametrize(
+    ("name", "odometry", "scans", "seconds", "metres", "first", "last", "at_walls", "drift"),
+    [
+        ("robotdata1", 1505, 713, 135, 41.2, [40.0513, 41.4316, -1.69329],
+         [39.8914, 41.4304, 1.30590], 87.2, (1.40, 4.08, 24.7)),
+        ("robotdata3", 1735, 1241, 132, 42.5, [40.0122, 41.5583, -1.75862],
+         [39.9267, 39.8232, -0.06857], 95.7, (0.21, 5.99, 27.8)),
+    ],
+)  # fmt: skip
+def test_wean_hall_has_the_rows_and_figures_of_its_notes(
+    logs: dict[str, Log], name: str, odometry: int, scans: int, seconds: float, metres: float,
+    first: list[float], last: list[float], at_walls: float, drift: tuple[float, float, float],
+) -> None:  # fmt: skip
+    log = logs[name]
+    assert rows_in(log) == {"odometry": odometry, "scans": scans, "truth": scans}
+    assert log["scans"]["ranges_m"].shape[1] == 180
+    assert duration_s(log) == pytest.approx(seconds, abs=0.5)
+    assert driven_m(log) == pytest.approx(metres, abs=0.1)
+    assert pose_at(truth_in(log), 0) == first
+    assert pose_at(truth_in(log), -1) == last
+    end, most, turned = drift_of(log)
+    assert (round(end, 2), round(most, 2), round(turned, 1)) == drift
+    assert np.nanmax(log["scans"]["ranges_m"]) < 54.0
+    distance = distances_to_walls(log, longest_m=30.0)
+    assert round(percent_below(0.2, distance), 1) == at_walls
+
+
+def test_wean_hall_begins_and_ends_as_published(logs: dict[str, Log]) -> None:
+    with gzip.open(recording("wean-hall") / "robotdata1.log.gz", "rt") as file:
+        lines = [line.split() for line in file]
+    published = [line for line in lines if line[0] == "L"]
+    table = logs["robotdata1"]["scans"]
+    for row in (0, -1):
+        assert table["stamp_ns"][row] == round(float(published[row][-1]) * 1e9)
+        expected = [float(word) / 100.0 for word in published[row][7:-1]]
+        expected = [np.nan if value > 81.8 else value for value in expected]
+        np.testing.assert_array_equal(table["ranges_m"][row], expected)
+    driven = [line for line in lines if line[0] == "O"]
+    stamps = logs["robotdata1"]["odometry"]["stamp_ns"]
+    assert stamps[[0, -1]].tolist() == [round(float(driven[k][4]) * 1e9) for k in (0, -1)]
+    silent = sum(word in ("8183", "8191") for line in published for word in line[7:-1])
+    assert np.isnan(table["ranges_m"]).sum() == silent > 0
+
+
+def test_turtlebot4_mac_has_the_rows_and_figures_of_its_notes(logs: dict[str, Log]) -> None:
+    log = logs["turtlebot4_mac"]
+    assert rows_in(log) == {"odometry": 920, "scans": 357, "truth": 357}
+    assert log["scans"]["ranges_m"].shape[1] == 720
+    assert duration_s(log) == pytest.approx(46.0, abs=0.2)
+    assert length_m(log) == pytest.approx(8.3, abs=0.1)
+    assert pose_at(truth_in(log), 0) == [6.8672, -8.3727, 1.77556]
+    assert pose_at(truth_in(log), -1) == [9.0386, -13.9806, -0.93506]
+    assert log["odometry"]["stamp_ns"][[0, -1]].tolist() == [200_821_000, 46_155_636_000]
+    assert log["scans"]["ranges_m"][0, 0] == 3.148
+    assert round(100.0 * np.isnan(log["scans"]["ranges_m"]).mean(), 1) == 22.9
+    end, most, _ = drift_of(log)
+    assert (round(end, 2), round(most, 2)) == (0.19, 0.21)
+    assert log.grid is not None
+    assert (log.grid.cells.shape, log.grid.origin) == ((1706, 903), (-1.12, -39.4, 0.0))
+
+
+def test_turtlebot4_mac_hits_the_walls_only_with_its_laser_turned(logs: dict[str, Log]) -> None:
+    log = logs["turtlebot4_mac"]
+    distance = distances_to_walls(log, longest_m=12.0)
+    assert round(percent_below(0.1, distance), 1) == 85.6
+    reckoned = distances_to_walls(log, longest_m=12.0, at=dead_reckoned(log))
+    assert percent_below(0.1, reckoned) == pytest.approx(74.7, abs=0.15)
+    assert log.laser is not None
+    ahead = replace(log, laser={**log.laser, "pose_in_body": [0.0039, 0.0, 0.0]})
+    assert percent_below(0.1, distances_to_walls(ahead, longest_m=12.0)) < 30.0
+
+
+@pytest.mark.parametrize(("name", "scans"), [("test", 2551), ("mapping", 910)])
+def test_intel_lab_has_the_rows_of_its_notes(logs: dict[str, Log], name: str, scans: int) -> None:
+    log = logs[name]
+    assert rows_in(log) == {"odometry": 13631, "scans": scans, "truth": 13631, "relations": 2984}
+    assert log["scans"]["ranges_m"].shape[1] == 180
+    assert np.nanmax(log["scans"]["ranges_m"]) < 26.3
+    assert duration_s(log) == pytest.approx(2690.0, abs=2.0)
+    assert driven_m(log) == pytest.approx(508.0, abs=0.5)
+    assert pose_at(truth_in(log), 0) == [-0.0042, -0.0119, -0.001554]
+    assert pose_at(truth_in(log), -1) == [-0.2319, -0.0541, -0.000522]
+    start = pose_at(dead_reckoned(log), 0)
+    end = Pose2(*start).inverse() * Pose2(*pose_at(dead_reckoned(log), -1))
+    assert [end.x, end.y, end.heading] == pytest.approx([-50.7906, -35.9525, 2.540618], abs=1e-3)
+    assert drift_of(log)[:2] == pytest.approx((62.0, 62.0), abs=0.05)
+
+
+def test_intel_lab_keeps_the_scans_of_the_map_apart(logs: dict[str, Log]) -> None:
+    with gzip.open(recording("intel-lab") / "scans.csv.gz", "rt") as file:
+        published = list(csv.reader(file))[1:]
+    stamps = logs["test"]["odometry"]["stamp_ns"]
+    for name, keyframe in (("test", "0"), ("mapping", "1")):
+        mine = [row for row in published if row[2] == keyframe]
+        table = logs[name]["scans"]
+        rows = np.searchsorted(stamps, table["stamp_ns"])
+        assert rows.tolist() == [int(row[0]) for row in mine]
+        np.testing.assert_array_equal(stamps[rows], table["stamp_ns"])
+        assert table["ranges_m"][-1, 0] == float(mine[-1][3])
+
+
+def test_intel_lab_hits_the_walls_as_its_notes_say(logs: dict[str, Log]) -> None:
+    runs = [logs["test"], logs["mapping"]]
+    distance = np.concatenate([distances_to_walls(log, longest_m=50.0) for log in runs])
+    assert round(percent_below(0.1, distance), 1) == 95.4
+    theirs = gmapping_in(logs["test"])
+    distance = np.concatenate([distances_to_walls(log, 50.0, at=theirs) for log in runs])
+    assert round(percent_below(0.1, distance), 1) == 85.4
+
+
+def gmapping_in(log: Log) -> Trajectory:
+    """Return GMapping's trajectory, which has the rows of the odometry, at the stamps of a log."""
+    with gzip.open(recording("intel-lab") / "trajectory_gmapping.csv.gz", "rt") as file:
+        _, _, x, y, theta = np.loadtxt(file, delimiter=",", skiprows=1).T
+    stamps = log["odometry"]["stamp_ns"]
+    return Trajectory(stamps, np.column_stack([x, y]), wrap_angle(theta))
+
+
+def test_intel_lab_stamps_follow_the_recorded_times(logs: dict[str, Log]) -> None:
+    with gzip.open(recording("intel-lab") / "odometry.csv.gz", "rt") as file:
+        recorded_s = np.loadtxt(file, delimiter=",", skiprows=1)[:, 1]
+    assert ((np.diff(recorded_s) < 0.0).sum(), np.diff(recorded_s).min()) == (
+        629, pytest.approx(-0.9)
+    )  # fmt: skip
+    stamps = logs["test"]["odometry"]["stamp_ns"]
+    assert np.diff(stamps).min() >= 10_000_000
+    moved_s = np.abs(stamps / NANOSECONDS - recorded_s)
+    assert moved_s.max() < 0.901
+    assert moved_s.mean() < 0.05
+
+
+@pytest.mark.parametrize(
+    ("name", "part", "mean_m", "std_m", "median_m", "mean_deg"),
+    [
+        ("odometry", "all", 7.378, 14.345, 0.063, 39.33),
+        ("odometry", "short", 0.036, 0.035, 0.026, 1.76),
+        ("gmapping", "all", 0.051, 0.043, 0.041, 2.14),
+        ("gmapping", "short", 0.043, 0.042, 0.031, 2.08),
+        ("gmapping", "loop", 0.061, 0.042, 0.052, 2.23),
+        ("odometry", "loop", 18.140, 17.683, 11.508, 94.32),
+        ("truth", "all", 0.039, 0.032, 0.031, 1.03),
+        ("truth", "short", 0.035, 0.032, 0.024, 1.07),
+        ("truth", "loop", 0.044, 0.030, 0.038, 0.98),
+    ],
+)
+def test_intel_lab_relations_are_better_met_where_rows_of_one_time_are_told_apart(
+    logs: dict[str, Log], name: str, part: str, mean_m: float, std_m: float, median_m: float,
+    mean_deg: float,
+) -> None:  # fmt: skip
+    log = logs["test"]
+    tracks = {"odometry": dead_reckoned, "gmapping": gmapping_in, "truth": truth_in}
+    found = relation_metrics(relation_errors(tracks[name](log), log["relations"]))
+    assert [found[key]["count"] for key in ("all", "short", "loop")] == [2984, 1733, 1210]
+    ours = found[part]
+    assert round(ours["translation_mean_m"], 3) == mean_m
+    assert round(ours["translation_std_m"], 3) == std_m
+    assert round(ours["translation_median_m"], 3) == median_m
+    assert round(ours["rotation_mean_deg"], 2) == pytest.approx(mean_deg, abs=0.011)
+
+
+def test_rows_that_step_back_or_share_a_time_get_increasing_stamps() -> None:
+    recorded = np.array([1000.00, 1000.50, 1000.20, 1000.80, 1000.80])
+    stamps = stamps_of(np.rint(recorded * NANOSECONDS).astype(np.int64)) / NANOSECONDS
+    np.testing.assert_allclose(stamps, [1000.0, 1000.2, 1000.5, 1000.7975, 1000.8075], atol=1e-9)
+
+
+def test_a_time_with_all_its_digits_tells_rows_of_one_rounded_time_apart() -> None:
+    recorded = np.array([1000.80, 1000.90, 1000.80, 12.3456, 1000.80])
+    recorded_ns = np.rint(recorded * NANOSECONDS).astype(np.int64)
+    times = [1000.7951, 1000.7990, 1000.8049, 1000.9049, 12.34562, 1000.85, 12.3457, 0.0]
+    asked = np.rint(np.array(times) * NANOSECONDS).astype(np.int64)
+    assert rows_at(recorded_ns, asked).tolist() == [0, 2, 4, 1, 3, -1, -1, -1]
+
+
+@pytest.mark.parametrize("name", ["robotdata1", "robotdata3", "test", "turtlebot4_mac"])
+def test_cells_that_nobody_saw_are_unknown(logs: dict[str, Log], name: str) -> None:
+    grid = logs[name].grid
+    assert grid is not None
+    assert (grid.cells == UNKNOWN).mean() > 0.5
+
+
 # How well they are localized ------------------------------------------------------------------
 
 
@@ -381,6 +647,38 @@ def test_in_the_office_beacon_1_is_rejected_where_it_is_wrong_and_hardly_any_oth
     assert right.count("gated") < 0.01 * len(right)
 
 
+# What the converters share ---------------------------------------------------------------------
+
+
+def test_cumulative_odometry_becomes_motions_in_the_body() -> None:
+    quarter = np.pi / 2.0
+    moved = increments(
+        np.array([5, 6, 7, 8]),
+        np.array([1.0, 1.0, 0.0, 0.0]),
+        np.array([1.0, 3.0, 3.0, 3.0]),
+        np.array([quarter, np.pi - 0.1, np.pi - 0.1, 0.1 - np.pi]),
+    )
+    assert moved["stamp_ns"].tolist() == [5, 6, 7, 8]
+    c, s = np.cos(0.1), np.sin(0.1)
+    np.testing.assert_allclose(moved["dx_m"], [0.0, 2.0, c, 0.0], atol=1e-15)
+    np.testing.assert_allclose(moved["dy_m"], [0.0, 0.0, s, 0.0], atol=1e-15)
+    np.testing.assert_allclose(moved["dheading_rad"], [0.0, quarter - 0.1, 0.0, 0.2], atol=1e-15)
+
+
+def test_beams_may_be_numbered_with_leading_zeros_and_say_no_return_in_a_word(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "scans.csv"
+    path.write_text("t,r00,r01,r02\n0.5,1.0,inf,2.0\n")
+    table = read_source(path, dict(t="s"), beams="r", no_return=b"inf")
+    np.testing.assert_array_equal(table["beams"], [[1.0, np.nan, 2.0]])
+    with pytest.raises(LogError, match=r"line 2: .*inf"):
+        read_source(path, dict(t="s"), beams="r")
+    path.write_text("t,r00,r02\n0.5,1.0,2.0\n")
+    with pytest.raises(LogError, match=r"line 1: expected the header t,r0,r1"):
+        read_source(path, dict(t="s"), beams="r")
+
+
 # What is refused ------------------------------------------------------------------------------
 
 
@@ -412,6 +710,71 @@ def test_a_damaged_file_is_named_by_line_and_nothing_is_written(tmp_path: Path) 
     (source / "ranges.csv").write_text("time,range\n1,2\n")
     with pytest.raises(LogError, match=r"expected the header t,anchor,range"):
         convert("tuc_labyrinth", source, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+SCANS, REFERENCE = "scans.csv.gz", "reference.csv.gz"
+DAMAGES = [
+    ("wean_hall", "robotdata1.log.gz", 3, "O 1 2 0.5", "line 3: 4 fields, expected 5"),
+    ("wean_hall", "robotdata3.log.gz", 1, "L 1 2 3 4 5 6 7", "line 1: 8 fields, expected 188"),
+    ("wean_hall", "robotdata1.log.gz", 4, "O 1 2 nan 0.2", "line 4: .*nan"),
+    ("wean_hall", "robotdata1.log.gz", 5, "P 1 2 3 0.2", "line 5: begins with 'P 1 2 3 0.', exp"),
+    ("wean_hall", "reference_robotdata1.csv.gz", 7, "1.1,2,nan,3", "line 7: .*nan"),
+    ("turtlebot4_mac", "odometry.csv.gz", 9, "1,2,3", "line 9: 3 fields, expected 6"),
+    ("turtlebot4_mac", SCANS, 2, "0.0,1,2", "line 2: 3 fields, expected 721"),
+    ("turtlebot4_mac", SCANS, 2, "0.0" + 720 * ",nan", "line 2: .*nan"),
+    ("turtlebot4_mac", REFERENCE, 3, "0.1,nan,2,3", "line 3: .*nan"),
+    ("intel_lab", "odometry.csv.gz", 4, "7,0.3,0,0,0", "line 4: raw_index is 7, expected 2"),
+    ("intel_lab", "trajectory_refined.csv.gz", 4, "", "line 5: raw_index is 3, expected 2"),
+    ("intel_lab", "trajectory_refined.csv.gz", 13632, "",
+     "line 13631: the last of 13630 rows, expected 13631"),
+    ("intel_lab", SCANS, 2, "13631,0,0" + 180 * ",1",
+     "line 2: raw_index is 13631, expected one of 0 to 13630"),
+    ("intel_lab", SCANS, 2, "1,0,2" + 180 * ",1", "line 2: mapping_keyframe is 2, expected 0 or 1"),
+    ("intel_lab", SCANS, 2, "1,0,0" + 180 * ",nan", "line 2: .*nan"),
+    ("intel_lab", "relations.csv.gz", 6, "1,2,3", "line 6: 3 fields, expected 5"),
+    ("intel_lab", "relations.csv.gz", 6, "57.559628,99.99,1,2,3",
+     r"line 6: t2_s is 99\.990000, the time of no odometry row"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "file", "line", "text", "message"), DAMAGES)
+def test_a_damaged_line_of_scans_on_a_map_is_named_and_nothing_is_written(
+    name: str, file: str, line: int, text: str, message: str, tmp_path: Path
+) -> None:
+    source = shutil.copytree(
+        recording(FOLDERS[name]), tmp_path / "source", copy_function=shutil.copyfile
+    )
+    source.chmod(0o755)
+    lines = gzip.decompress((source / file).read_bytes()).decode().splitlines()
+    lines[line - 1] = text
+    (source / file).write_bytes(gzip.compress("\n".join(lines).encode(), 1))
+    with pytest.raises(LogError, match=rf"{file}, {message}"):
+        convert(name, source, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "file"),
+    [
+        *(("wean_hall", f) for f in ("reference_robotdata3.csv.gz", "wean_map.yaml",
+                                     "wean_map.pgm")),
+        *(("intel_lab", f) for f in ("odometry.csv.gz", SCANS, "relations.csv.gz",
+                                     "trajectory_refined.csv.gz", "intel_map.yaml")),
+        *(("turtlebot4_mac", f) for f in ("odometry.csv.gz", SCANS, REFERENCE,
+                                          "mac_1st_floor_final.pgm")),
+    ],
+)  # fmt: skip
+def test_a_missing_file_of_scans_on_a_map_is_named_and_nothing_is_written(
+    name: str, file: str, tmp_path: Path
+) -> None:
+    source = tmp_path / "source"
+    source.mkdir()
+    for path in recording(FOLDERS[name]).iterdir():
+        if path.name != file:
+            (source / path.name).symlink_to(path)
+    with pytest.raises(LogError, match=rf"{file}: no such file"):
+        convert(name, source, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 

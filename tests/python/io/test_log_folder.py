@@ -54,6 +54,13 @@ def full_log() -> Log:
             "bearing_rad": np.array([0.5, -0.5]),
         },
         "scans": {"stamp_ns": stamp, "ranges_m": np.array([[1.0, np.nan, 2.0], [0.1, 0.2, 0.3]])},
+        "relations": {
+            "begin_ns": np.array([200_000_000, 5]),
+            "end_ns": np.array([100_000_001, 5]),
+            "dx_m": np.array([-1.0, 300.0]),
+            "dy_m": np.array([0.5, 0.0]),
+            "dheading_rad": np.array([3.0, -0.1]),
+        },
         "landmarks": {"landmark": np.array(["tree"]), "x_m": np.ones(1), "y_m": np.ones(1)},
     }
     tags = {"tag": (0.1, 0.2, 1.1)}

@@ -64,6 +64,17 @@ def test_a_shade_on_a_threshold_is_unknown(tmp_path: Path) -> None:
     assert cells(path) == [[-1, 100, -1, 0]]
 
 
+def test_the_free_threshold_can_be_replaced_where_unexplored_would_count_as_free(
+    tmp_path: Path,
+) -> None:
+    path = write(tmp_path, free_thresh="0.25")
+
+    assert cells(path) == [[0, 0, 100], [100, 0, 0]]
+    assert read_map(path, free_thresh=0.196).cells.tolist() == CELLS
+    with pytest.raises(LogError, match=r"free_thresh and occupied_thresh are 0\.7 and 0\.65"):
+        read_map(path, free_thresh=0.7)
+
+
 @pytest.mark.parametrize("negate", ["1", "true"])
 def test_negate_swaps_black_and_white(tmp_path: Path, negate: str) -> None:
     assert cells(write(tmp_path, pgm(255 - SHADES), negate=negate)) == CELLS

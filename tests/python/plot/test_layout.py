@@ -13,12 +13,12 @@ import pytest
 
 from locfuse import plot
 from locfuse.check import Layout, check
-from locfuse.check.grid import Grid
+from locfuse.check.grid import known
 from locfuse.check.positions import cramer_rao
 from locfuse.config.load import parse_config
-from locfuse.plot.style import ANCHOR, REJECTED
-from locfuse.types import FloatArray
-from support_figures import legend_of, texts
+from locfuse.plot.style import ANCHOR, INK, REJECTED
+from locfuse.types import FREE, OCCUPIED, UNKNOWN, FloatArray, GridMap
+from support_figures import colours_at, legend_of, texts
 
 SQUARE = {"A1": [0, 0, 0], "A2": [8, 0, 0], "A3": [8, 8, 0], "A4": [0, 8, 0]}
 
@@ -110,38 +110,26 @@ def test_the_hull_closes_around_the_anchors() -> None:
 
 
 def test_a_map_is_drawn_and_moves_no_limit() -> None:
-    occupied = np.zeros((16, 16), np.bool_)
-    occupied[0] = occupied[-1] = True
-    free = ~occupied
-    free[:, :4] = False
-    grid = Grid(occupied, free, 0.5, (0.0, 0.0))
+    cells = np.full((16, 16), FREE, np.int8)
+    cells[:, :4] = UNKNOWN
+    cells[0] = cells[-1] = OCCUPIED
+    grid = GridMap(cells, 0.5)
     layout = layout_of(SQUARE)
     figure = plot.plot_layout(replace(layout, grid=grid))
     assert "occupied in the map" in legend_of(figure)
     assert figure.axes[0].get_xlim() == plot.plot_layout(layout).axes[0].get_xlim()
-    assert grid.known(np.array([[1.0, 3.0], [3.0, 3.0], [9.0, 3.0]])).tolist() == [
+    assert known(grid, np.array([[1.0, 3.0], [3.0, 3.0], [9.0, 3.0]])).tolist() == [
         False, True, False]  # fmt: skip
 
 
-def test_a_map_that_is_turned_is_read_and_drawn_in_its_place() -> None:
-    # 4 m x 2 m whose x axis points north and whose corner lies at (6, 1): x 4 to 6, y 1 to 5.
-    occupied = np.zeros((4, 8), np.bool_)
-    occupied[0] = True  # along the eastern edge
-    grid = Grid(occupied, ~occupied, 0.5, (6.0, 1.0), 0.5 * np.pi)
-
-    at = np.array([[4.1, 4.9], [5.9, 1.1], [6.1, 1.1], [5.0, 5.1], [9.0, 2.0]])
-    assert grid.inside(at).tolist() == [True, True, False, False, False]
-    assert grid.known(at).tolist() == [True, True, False, False, False]
-    bounds = grid.bounds()
-    assert bounds is not None
-    np.testing.assert_allclose(bounds, [[4.0, 1.0], [6.0, 5.0]], atol=1e-12)
-
-    axes = plot.plot_layout(replace(layout_of(SQUARE), grid=grid)).axes[0]
-    (image,) = axes.images
-    corners = image.get_transform().transform([[0.0, 0.0], [4.0, 0.5]])
-    np.testing.assert_allclose(
-        axes.transData.inverted().transform(corners), [[6.0, 1.0], [5.5, 5.0]], atol=1e-9
-    )
+def test_a_turned_map_is_drawn_where_it_lies() -> None:
+    cells = np.full((16, 16), FREE, np.int8)
+    cells[4] = OCCUPIED  # a wall 2.25 m to the north-west of the diagonal
+    layout = replace(layout_of(SQUARE), grid=GridMap(cells, 0.5, (0.0, 0.0, np.pi / 4.0)))
+    figure = plot.plot_layout(layout)
+    x = np.array([0.5, 2.5, 3.5])
+    assert colours_at(figure, np.column_stack([x, x + 2.25 * np.sqrt(2.0)])) == 3 * [INK]
+    assert INK not in colours_at(figure, np.column_stack([x + 4.0, np.full(3, 2.25)]))
 
 
 def test_layouts_that_fix_nothing_are_drawn_too(tmp_path: Path) -> None:

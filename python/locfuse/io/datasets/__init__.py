@@ -7,7 +7,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
 
-from locfuse.io.datasets import ghent, ieu_gazebo, lias, mrpt_office, plaza, tuc_labyrinth
+from locfuse.io.datasets import (
+    ghent,
+    ieu_gazebo,
+    intel_lab,
+    lias,
+    mrpt_office,
+    plaza,
+    tuc_labyrinth,
+    turtlebot4_mac,
+    wean_hall,
+)
 from locfuse.types import ConfigError, LogError, nearest
 
 Converter: TypeAlias = Callable[[Path, Path], list[Path]]
@@ -19,6 +29,9 @@ CONVERTERS: dict[str, Converter] = {
     "tuc_labyrinth": tuc_labyrinth.convert,
     "ghent": ghent.convert,
     "lias": lias.convert,
+    "wean_hall": wean_hall.convert,
+    "intel_lab": intel_lab.convert,
+    "turtlebot4_mac": turtlebot4_mac.convert,
 }
 
 

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What pictures of the world have in common: how much of it they show, and its map."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.transforms import Affine2D
+
+from locfuse.types import OCCUPIED, UNKNOWN, FloatArray, GridMap
+
+
+def box_around(
+    points: FloatArray, margin: float, flattest: float = 0.0, tallest: float = np.inf
+) -> tuple[FloatArray, FloatArray]:
+    """Return the corners of a box around finite points, shape (n, 2).
+
+    The margin is a share of the longer side, or of 1 m if that is more; the box is grown until it
+    is `flattest` to `tallest` times as high as wide.
+    """
+    points = points[np.isfinite(points).all(axis=1)]
+    low, high = points.min(axis=0), points.max(axis=0)
+    rim = margin * max(float((high - low).max()), 1.0)
+    low, high = low - rim, high + rim
+    width, height = (high - low).tolist()
+    grow = np.array([max(height / tallest - width, 0.0), max(width * flattest - height, 0.0)]) / 2.0
+    return low - grow, high + grow
+
+
+def draw_map(axes: Axes, grid: GridMap, colours: tuple[str, str, str], zorder: float) -> None:
+    """Draw free, unknown and occupied cells, and leave the limits of the axes as they are."""
+    height, width = grid.cells.shape
+    x, y, yaw = grid.origin
+    limits = axes.get_xlim(), axes.get_ylim()
+    axes.imshow(
+        np.select([grid.cells == OCCUPIED, grid.cells == UNKNOWN], [2, 1], 0),
+        origin="lower",
+        extent=(0.0, width, 0.0, height),
+        transform=Affine2D().scale(grid.resolution_m).rotate(yaw).translate(x, y) + axes.transData,
+        cmap=ListedColormap(list(colours)),
+        vmin=0,
+        vmax=2,
+        zorder=zorder,
+        interpolation="nearest",
+    )
+    axes.set_xlim(limits[0])
+    axes.set_ylim(limits[1])
