@@ -46,7 +46,7 @@ def middle_of(grid: GridMap, cell: NDArray[np.int64]) -> FloatArray:
     float64 array, shape (n, 2)
         x and y, metres.
     """
-    return grid.to_world(cell[:, ::-1] + 0.5)
+    return grid.to_world(cell[:, ::-1].astype(np.float64) + 0.5)
 
 
 def room_for(grid: GridMap, radius_m: float) -> Cells:
