@@ -44,7 +44,8 @@ void bind_laser(py::module_& m) {
       .def_readonly("range_max", &LaserGeometry::range_max);
   py::class_<LaserScan>(m, "LaserScan",
                         "One turn of a 2D laser: `ranges` (beams,) [m], NaN without return. Those "
-                        "outside range_min to range_max are no returns either.")
+                        "outside [range_min, range_max) are no returns either: many lasers report "
+                        "range_max where nothing came back.")
       .def(py::init([](Stamp stamp, std::shared_ptr<LaserGeometry> geometry,
                        const Column<double>& ranges) {
              expect_shape("ranges", ranges, ranges.ndim() > 0 ? ranges.shape(0) : 0);

@@ -325,7 +325,7 @@ class LaserGeometry:
 
 class LaserScan:
     """
-    One turn of a 2D laser: `ranges` (beams,) [m], NaN without return. Those outside range_min to range_max are no returns either.
+    One turn of a 2D laser: `ranges` (beams,) [m], NaN without return. Those outside [range_min, range_max) are no returns either: many lasers report range_max where nothing came back.
     """
     def __init__(
         self,

@@ -18,6 +18,8 @@ Columns = Mapping[str, NDArray[Any]]
 NANOSECONDS = 1_000_000_000
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1  # cells of a GridMap
+_BY_RANK = np.array([FREE, UNKNOWN, OCCUPIED], np.int8)  # what a cell of several becomes: the last
+_SLACK = 1e-9  # cells; edges closer than this to one another are the same
 
 
 class LogError(ValueError):
@@ -130,6 +132,83 @@ class GridMap:
         c, s = np.cos(yaw), np.sin(yaw)
         dx, dy = self.resolution_m * p_grid[..., 0], self.resolution_m * p_grid[..., 1]
         return np.stack([x + c * dx - s * dy, y + s * dx + c * dy], axis=-1)
+
+    def cropped(self, low: tuple[float, float], high: tuple[float, float]) -> GridMap:
+        """Return the part of the map that a box touches; its cells stay where they are.
+
+        Parameters
+        ----------
+        low, high : (x, y)
+            South-western and north-eastern corner of the box in world, metres. On a map that is
+            turned the part reaches around the whole box.
+
+        Raises
+        ------
+        ValueError
+            If the box has no area, or touches no cell.
+
+        Examples
+        --------
+        >>> grid = GridMap(np.array([[0, 100, -1]], np.int8), 0.5, (1.0, 2.0, 0.0))
+        >>> part = grid.cropped((1.6, 0.0), (9.0, 9.0))
+        >>> part.cells.tolist(), part.origin
+        ([[100, -1]], (1.5, 2.0, 0.0))
+        """
+        box = np.array([low, high], dtype=np.float64)
+        if not (np.all(np.isfinite(box)) and np.all(box[0] < box[1])):
+            raise ValueError(f"a box from {low} to {high}, expected low < high in x and y")
+        at = self.to_grid(np.stack(np.meshgrid(box[:, 0], box[:, 1]), axis=-1)).reshape(-1, 2).T
+        size = np.array(self.cells.shape[::-1])
+        first = np.clip(np.floor(at.min(axis=1) + _SLACK), 0, size).astype(np.intp)
+        last = np.clip(np.ceil(at.max(axis=1) - _SLACK), 0, size).astype(np.intp)
+        if not np.all(first < last):
+            raise ValueError(f"a box from {low} to {high}, which touches no cell of the map")
+        (left, bottom), (right, top) = first.tolist(), last.tolist()
+        x, y = self.to_world(np.array([left, bottom], np.float64)).tolist()
+        origin = (x, y, self.origin[2])
+        return GridMap(self.cells[bottom:top, left:right].copy(), self.resolution_m, origin)
+
+    def resampled(self, resolution_m: float) -> GridMap:
+        """Return the same map in cells of another size, none of which promises too much.
+
+        A cell is occupied if it overlaps an occupied one; else unknown if it overlaps an unknown
+        one or reaches beyond the edge; else free. So walls and the unknown may grow by up to a new
+        cell, and free space never does.
+
+        Parameters
+        ----------
+        resolution_m : float
+            Side of the new cells; the outer corner of cell (0, 0) and the yaw stay.
+
+        Raises
+        ------
+        ValueError
+            If the resolution is not positive.
+
+        Examples
+        --------
+        >>> grid = GridMap(np.array([[0, 0, 0, 100, 0], [0, 0, 0, 0, 0]], np.int8), 0.1)
+        >>> grid.resampled(0.2).cells.tolist()
+        [[0, 100, -1]]
+        """
+        if not (np.isfinite(resolution_m) and resolution_m > 0.0):
+            raise ValueError(f"resolution_m is {resolution_m}, expected > 0")
+        rank = np.where(self.cells == OCCUPIED, 2, self.cells == UNKNOWN).astype(np.int8)
+        for axis in (0, 1):
+            rank = _highest(rank, axis, resolution_m / self.resolution_m)
+        return GridMap(np.take(_BY_RANK, rank), float(resolution_m), self.origin)
+
+
+def _highest(rank: NDArray[np.int8], axis: int, ratio: float) -> NDArray[np.int8]:
+    """Return the highest rank along an axis in steps of `ratio` cells; 1 beyond the edge."""
+    rank = np.moveaxis(rank, axis, 0)
+    old = len(rank)
+    k = np.arange(max(1, int(np.ceil(old / ratio - _SLACK))))
+    begin = np.floor(k * ratio + _SLACK).astype(np.intp)
+    end = np.minimum(np.ceil((k + 1) * ratio - _SLACK), old + 1).astype(np.intp)
+    wide = np.pad(rank, ((0, 2), (0, 0)), constant_values=1)
+    found = np.maximum.reduceat(wide, np.column_stack([begin, end]).ravel(), axis=0)[::2]
+    return np.moveaxis(found, 0, axis)
 
 
 @dataclass(frozen=True)

@@ -637,6 +637,12 @@ def test_a_turned_map_is_read_where_it_lies(tmp_path: Path) -> None:
     assert (np.isnan(layout.hdop) == ~floor).mean() > 0.98
 
 
+def test_a_start_from_nothing_is_no_fault(tmp_path: Path) -> None:
+    write_folder(tmp_path / "log")
+    config = parse_config({"log": "log", "start": "auto"})
+    assert not found(check(config, base=tmp_path), "what_a_run_would_refuse")
+
+
 def test_a_start_off_the_map_is_an_error(tmp_path: Path) -> None:
     with_map(tmp_path / "log", room_of_cells())
     result = check(parse_config({"log": "log", "start": [30, 2, 0]}), base=tmp_path)

@@ -366,6 +366,7 @@ SECTIONS: dict[str, type[Strict]] = {
     "### `path`, shape `square`": scenario.Square,
     "### `path`, shape `star`": scenario.Star,
     "### `path`, shape `waypoints`": scenario.Waypoints,
+    "### `path`, shape `roam`": scenario.Roam,
     "### `simulation.odometry`": scenario.OdometrySensor,
     "### `simulation.ranges`": scenario.RangeSensor,
     "### `simulation.poses`": scenario.PoseSensor,
@@ -378,6 +379,10 @@ SECTIONS: dict[str, type[Strict]] = {
     "### Fault `dropouts`": scenario.Dropouts,
     "### Fault `latency`": scenario.Latency,
     "### Fault `wheel_slip`": scenario.WheelSlip,
+    "### Fault `slip_episodes`": scenario.SlipEpisodes,
+    "### Fault `glass`": scenario.Glass,
+    "### Fault `people`": scenario.People,
+    "### Fault `max_range`": scenario.MaxRange,
 }
 UNITS = {
     "_per_sqrt_m": "/√m",

@@ -18,7 +18,7 @@ from locfuse.plot import plot_start
 from locfuse.plot.style import MUTED
 from locfuse.results import write_results
 from locfuse.run import load_log, run
-from locfuse.types import GridMap, LogError, RunResult
+from locfuse.types import FloatArray, GridMap, Log, LogError, RunResult, Start
 from support_figures import colours_at
 from support_runs import CONFIGS, recording, write_folder
 
@@ -109,6 +109,86 @@ def test_a_log_without_ranges_is_told_what_is_missing(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "log", {"ranges.csv": None})
     with pytest.raises(LogError, match="no range, position or pose yet"):
         run(parse_config({"start": "auto"}), read_log(folder))
+
+
+# Maps and scans of other kinds -----------------------------------------------------------------
+
+
+def with_scans(log: Log, ranges_m: FloatArray) -> Log:
+    scans = {**log["scans"], "ranges_m": ranges_m}
+    return replace(log, tables={**log.tables, "scans": scans})
+
+
+def start_of(log: Log, config: RunConfig) -> Start:
+    found = run(config, log).start
+    assert found is not None
+    return found
+
+
+def test_a_laser_that_hangs_upside_down_finds_the_pose_of_an_upright_one() -> None:
+    config = config_of({**HALL, "laser": {"range_max_m": 12.0, "mounting": "upside_down"}})
+    result = run(config, seed=2)
+    assert result.log.laser is not None
+    assert result.log.laser["angle_increment_rad"] < 0.0
+    assert result.start is not None
+    assert result.start.seconds <= 0.2
+    assert result.metrics["position_rmse_m"] < 0.1
+
+    upright = load_log(config_of(HALL), None, 2)
+    assert upright.laser is not None
+    step = upright.laser["angle_increment_rad"]
+    last = upright.laser["angle_min_rad"] + 359 * step
+    laser = {**upright.laser, "angle_min_rad": last, "angle_increment_rad": -step}
+    turned = replace(with_scans(upright, upright["scans"]["ranges_m"][:, ::-1]), laser=laser)
+    expected, found = (start_of(log, config_of(HALL)).pose for log in (upright, turned))
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
+def test_the_frame_of_a_map_does_not_matter() -> None:
+    config = config_of(HALL)
+    log = load_log(config, None, 3)
+    assert log.grid is not None
+    cells, side = log.grid.cells, log.grid.resolution_m
+    # The same world in a frame whose x axis points north.
+    x, y, _ = log.grid.origin
+    turned = GridMap(cells.T[::-1].copy(), side, (x + side * cells.shape[1], y, 0.5 * np.pi))
+    finer = log.grid.cropped((-1.0, -1.0), (20.0, 20.0))
+    for grid in (turned, finer):
+        found = start_of(replace(log, grid=grid), config)
+        np.testing.assert_allclose(found.pose, start_of(log, config).pose, atol=1e-5)
+
+
+def test_scans_that_say_nothing_leave_the_start_to_driving() -> None:
+    config = config_of(HALL)
+    log = load_log(config, None, 3)
+    assert log.grid is not None
+    grid = log.grid
+    nothing = np.full_like(log["scans"]["ranges_m"], np.nan)
+    solid = GridMap(np.full_like(grid.cells, 100), grid.resolution_m, grid.origin)
+    dot = GridMap(np.array([[100]], np.int8), grid.resolution_m, grid.origin)
+    for blind in (with_scans(log, nothing), replace(log, grid=solid), replace(log, grid=dot)):
+        found = start_of(blind, config)
+        assert found.seconds > 0.5
+        row = int(np.searchsorted(log["truth"]["stamp_ns"], found.stamp_ns))
+        at = [log["truth"][axis][row] for axis in ("x_m", "y_m")]
+        assert np.hypot(*(found.pose[:2] - at)) < 0.5
+
+
+def test_a_map_without_walls_or_beams_that_are_none_are_one_sentence() -> None:
+    config = config_of(HALL)
+    log = load_log(config, None, 3)
+    assert log.grid is not None
+    bare = GridMap(np.zeros_like(log.grid.cells), 0.05)
+    with pytest.raises(ValueError, match="the map has 0 occupied cells, expected at least 1"):
+        run(config, replace(log, grid=bare))
+    for value in (np.inf, -1.0):
+        beams = log["scans"]["ranges_m"].copy()
+        beams[0, 5] = value
+        with pytest.raises(ValueError, match=r"LaserScan\.ranges \[m\] is .*, expected a finite"):
+            run(config, with_scans(log, beams))
+    ranges = {**log["ranges"], "range_m": np.full_like(log["ranges"]["range_m"], np.nan)}
+    with pytest.raises(ValueError, match=r"row 0: Range\.range \[m\] is nan, expected a finite"):
+        run(config, replace(log, tables={**log.tables, "ranges": ranges}))
 
 
 def test_the_picture_of_a_start_shows_doubt_and_decision(tmp_path: Path) -> None:

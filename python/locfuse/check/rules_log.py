@@ -23,7 +23,8 @@ def what_a_run_would_refuse(context: Context) -> Iterator[Finding]:
     """Tell the error with which `run` would stop."""
     try:
         messages = to_messages(context.log, context.config)
-        start_of(context.config, context.truth, messages)
+        if context.config.start != "auto":
+            start_of(context.config, context.truth, messages)
     except ConfigError as problem:
         yield error(str(problem), "start", "without a start there is no run")
     except LogError as problem:

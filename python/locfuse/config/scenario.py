@@ -93,8 +93,21 @@ class Waypoints(Strict):
     margin_m: NonNegative = 1.0
 
 
+class Roam(Strict):
+    """Random places of the map, one after another, on ways that keep `clearance_m` from walls.
+
+    Turns in place the short way, drives straight. Only the largest part of the free space that has
+    room for the robot is visited; unknown cells and the outside are walls to it.
+    """
+
+    shape: Literal["roam"] = "roam"
+    speed_mps: Positive = 0.22
+    turn_rate_radps: Positive = 1.0
+    clearance_m: NonNegative = 0.3
+
+
 Path: TypeAlias = Annotated[
-    Circle | Eight | Square | Star | Waypoints, Field(discriminator="shape")
+    Circle | Eight | Square | Star | Waypoints | Roam, Field(discriminator="shape")
 ]
 
 
@@ -158,12 +171,14 @@ class LaserSensor(Strict):
 
     `pose_in_body` is x and y in metres and the heading in degrees. The first and the last beam
     stand on the edges of the field of view, but for a full turn, where the last one stands a step
-    before the first. What is nearer than `range_min_m` or farther than `range_max_m` gives no
-    return, and any other beam none with probability `dropout`.
+    before the first. They run counter-clockwise, of a scanner that is mounted `upside_down`
+    clockwise, from the left edge on. What is nearer than `range_min_m` or farther than
+    `range_max_m` gives no return, and any other beam none with probability `dropout`.
     """
 
     rate_hz: Rate = 5.0
     pose_in_body: Point3 = (0.0, 0.0, 0.0)
+    mounting: Literal["upright", "upside_down"] = "upright"
     beams: Annotated[int, Field(ge=2, le=100_000)] = 360
     field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)] = 360.0
     range_min_m: NonNegative = 0.12
@@ -184,11 +199,13 @@ class LaserSensor(Strict):
 class RoomMap(Strict):
     """What the laser sees: the grid map of a ROS yaml file, or the room as a grid.
 
-    The room's grid holds its four walls, `walls` and the walls of all nlos faults, each one cell
-    thick with its line inside.
+    The room's grid holds its four walls, what `generate` makes inside of them from `seed`, `walls`
+    and the walls of all nlos faults, each one cell thick with its line inside.
     """
 
     file: Name | None = None
+    generate: Literal["rooms", "hallways", "warehouse", "zhang"] | None = None
+    seed: Annotated[int, Field(ge=0)] = 0
     resolution_m: Positive = 0.05
     walls: list[Segment] = Field(default_factory=list)
 
@@ -197,6 +214,8 @@ class RoomMap(Strict):
         others = sorted(self.model_fields_set - {"file"})
         if self.file is not None and others:
             raise ValueError(f"file is {self.file!r}, which leaves nothing for {', '.join(others)}")
+        if self.generate is None and "seed" in self.model_fields_set:
+            raise ValueError(f"seed is {self.seed}, but nothing is made from it; add 'generate'")
         return self
 
 
@@ -315,8 +334,72 @@ class WheelSlip(Strict):
         return self
 
 
+class SlipEpisodes(Strict):
+    """Odometry slips every now and then, whether the robot moves or not.
+
+    Times between episodes and their lengths are exponentially distributed with means `every_s` and
+    `lasting_s`. While one lasts, odometry reports its translation times `translation_factor`, and
+    `turn_radps` more of turning, to the left or to the right by even chance.
+    """
+
+    kind: Literal["slip_episodes"] = "slip_episodes"
+    every_s: Annotated[float, Field(ge=0.1)]
+    lasting_s: Positive
+    translation_factor: NonNegative = 1.0
+    turn_radps: NonNegative = 0.0
+
+    @model_validator(mode="after")
+    def _has_an_effect(self) -> SlipEpisodes:
+        if self.translation_factor == 1.0 and self.turn_radps == 0.0:
+            raise ValueError(
+                "slips of translation_factor 1 and turn_radps 0 change nothing; set one of them"
+            )
+        return self
+
+
+class Glass(Strict):
+    """Walls of the map that beams of the laser pass, each beam with `probability`.
+
+    Glass are the occupied cells that `panes` touch, and a `share` of all walls, by pieces that fall
+    into the same square metre of the map. A beam that passes a pane passes whatever is as clear.
+    """
+
+    kind: Literal["glass"] = "glass"
+    panes: list[Segment] = Field(default_factory=list)
+    share: Probability = 0.0
+    probability: Annotated[float, Field(gt=0.0, le=1.0)]
+
+    @model_validator(mode="after")
+    def _has_an_effect(self) -> Glass:
+        if not self.panes and self.share == 0.0:
+            raise ValueError("glass of no panes and a share of 0 changes nothing; set one of them")
+        return self
+
+
+class People(Strict):
+    """Discs that walk about the free space of the map and hide what is behind them.
+
+    They walk at `speed_mps`, turn by and by, and turn away where there is no room. They do not mind
+    the robot: a laser inside of one sees nothing.
+    """
+
+    kind: Literal["people"] = "people"
+    count: Annotated[int, Field(ge=1, le=1000)]
+    radius_m: Positive = 0.25
+    speed_mps: Positive = 1.0
+
+
+class MaxRange(Strict):
+    """Beams of the laser without a return read `range_max_m` instead, each with `probability`."""
+
+    kind: Literal["max_range"] = "max_range"
+    probability: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
+
+
+LaserFault: TypeAlias = Glass | People | MaxRange
 Fault: TypeAlias = Annotated[
-    Nlos | Bias | Outliers | Dropouts | Latency | WheelSlip, Field(discriminator="kind")
+    Nlos | Bias | Outliers | Dropouts | Latency | WheelSlip | SlipEpisodes | LaserFault,
+    Field(discriminator="kind"),
 ]
 
 
@@ -372,6 +455,8 @@ class Scenario(Strict):
             raise ValueError(f"ranges need anchors and tags, but {missing} is empty")
         if self.laser is not None and self.map is None:
             raise ValueError("a laser needs something to see; add 'map: {}' for the room's walls")
+        if isinstance(self.path, Roam) and self.map is None:
+            raise ValueError("a robot that roams needs a map; add one, such as 'map: {}'")
         if self.odometry is not None:
             turn = fastest_turn_radps(self.path) / self.odometry.rate_hz
             if turn >= math.pi:
@@ -395,6 +480,8 @@ class Scenario(Strict):
     @model_validator(mode="after")
     def _path_is_in_the_room(self) -> Scenario:
         width, depth = self.room_m
+        if isinstance(self.path, Roam):  # on the map, which may be a file
+            return self
         if isinstance(self.path, Waypoints):
             if 2.0 * self.path.margin_m >= min(width, depth):
                 raise ValueError(
@@ -428,12 +515,14 @@ class Scenario(Strict):
         return self
 
 
-def fault_source(fault: Fault) -> Source:
+def fault_source(fault: Fault) -> Source | Literal["laser"]:
     """Return the sensor that a fault acts on."""
     if isinstance(fault, Nlos | Bias):
         return "ranges"
-    if isinstance(fault, WheelSlip):
+    if isinstance(fault, WheelSlip | SlipEpisodes):
         return "odometry"
+    if isinstance(fault, LaserFault):
+        return "laser"
     return fault.source
 
 

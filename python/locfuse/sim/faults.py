@@ -17,15 +17,17 @@ from locfuse.config.scenario import (
     Bias,
     Dropouts,
     Fault,
+    LaserFault,
     Latency,
     Nlos,
     Outliers,
+    SlipEpisodes,
     WheelSlip,
     fault_source,
 )
 from locfuse.sim.sensors import point_in_world, seconds
 from locfuse.sim.trajectory import Drive
-from locfuse.types import NANOSECONDS, Columns, FloatArray, StampArray
+from locfuse.types import NANOSECONDS, Columns, FloatArray, StampArray, wrap_angle
 
 Points = Mapping[str, tuple[float, float, float]]
 Mask = NDArray[np.bool_]
@@ -53,7 +55,9 @@ class World:
 
 
 def with_faults(
-    tables: Mapping[str, Columns], faults: Sequence[Fault], world: World, rng: np.random.Generator
+    tables: Mapping[str, Columns],
+    faults: Sequence[tuple[Fault, np.random.Generator]],
+    world: World,
 ) -> dict[str, Columns]:
     """Return the tables after all faults, in their order.
 
@@ -61,14 +65,15 @@ def with_faults(
     ----------
     tables : mapping of sensor to columns
         Not changed.
-    faults : sequence of Fault
+    faults : sequence of (Fault, numpy Generator)
+        Those of the laser are left to it: they act on what it sees.
     world : World
-    rng : numpy Generator
-        Each fault gets a child of it, by its place in the sequence.
     """
     result = dict(tables)
     keep = {source: np.ones(len(table["stamp_ns"]), np.bool_) for source, table in tables.items()}
-    for fault, child in zip(faults, rng.spawn(len(faults)), strict=True):
+    for fault, child in faults:
+        if isinstance(fault, LaserFault):
+            continue
         source = fault_source(fault)
         if isinstance(fault, Dropouts):
             keep[source] &= ~_dropped(result[source], fault, child)
@@ -124,7 +129,7 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def _changed(
     table: Columns,
-    fault: Nlos | Bias | Outliers | Latency | WheelSlip,
+    fault: Nlos | Bias | Outliers | Latency | WheelSlip | SlipEpisodes,
     world: World,
     rng: np.random.Generator,
 ) -> Columns:
@@ -136,7 +141,10 @@ def _changed(
         return _outliers(table, fault, rng)
     if isinstance(fault, Latency):
         return _latency(table, fault, rng)
-    return _wheel_slip(table, fault, seconds(world.odometry_ns))
+    epoch = seconds(world.odometry_ns)
+    if isinstance(fault, WheelSlip):
+        return _wheel_slip(table, fault, epoch)
+    return _slip_episodes(table, fault, epoch, rng)
 
 
 def _nlos(table: Columns, fault: Nlos, world: World, rng: np.random.Generator) -> Columns:
@@ -196,17 +204,52 @@ def _latency(table: Columns, fault: Latency, rng: np.random.Generator) -> Column
     return {**table, "arrival_ns": table.get("arrival_ns", table["stamp_ns"]) + delay_ns}
 
 
-def _wheel_slip(table: Columns, fault: WheelSlip, epoch: FloatArray) -> Columns:
+def _told_between(table: Columns, epoch: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return begin and end of what each row of odometry tells, seconds."""
     if "dx_m" in table:  # motions up to the stamp, the first of which lasts no time
-        begin, end = np.concatenate([epoch[:1], epoch[:-1]]), epoch
-        parts = {"dx_m": "translation", "dy_m": "translation", "dheading_rad": "rotation"}
-    else:  # velocities from the stamp on
-        begin, end = epoch[:-1], epoch[1:]
-        parts = {"v_mps": "translation", "omega_radps": "rotation"}
+        return np.concatenate([epoch[:1], epoch[:-1]]), epoch
+    return epoch[:-1], epoch[1:]  # velocities from the stamp on
+
+
+def _wheel_slip(table: Columns, fault: WheelSlip, epoch: FloatArray) -> Columns:
+    begin, end = _told_between(table, epoch)
     inside = np.maximum(np.minimum(end, fault.to_s) - np.maximum(begin, fault.from_s), 0.0)
     share = np.divide(inside, end - begin, out=np.zeros_like(end), where=end > begin)
+    translation = 1.0 + (fault.translation_factor - 1.0) * share
+    rotation = 1.0 + (fault.rotation_factor - 1.0) * share
     factors = {
-        "translation": 1.0 + (fault.translation_factor - 1.0) * share,
-        "rotation": 1.0 + (fault.rotation_factor - 1.0) * share,
+        "dx_m": translation,
+        "dy_m": translation,
+        "dheading_rad": rotation,
+        "v_mps": translation,
+        "omega_radps": rotation,
     }
-    return {**table, **{name: factors[part] * table[name] for name, part in parts.items()}}
+    return {
+        **table,
+        **{name: factor * table[name] for name, factor in factors.items() if name in table},
+    }
+
+
+def _slip_episodes(
+    table: Columns, fault: SlipEpisodes, epoch: FloatArray, rng: np.random.Generator
+) -> Columns:
+    # Time slipped and angle turned since the beginning are straight between an episode's ends.
+    time, slipped, turned = [0.0], [0.0], [0.0]
+    while time[-1] < epoch[-1]:
+        rests, lasts = rng.exponential(fault.every_s), rng.exponential(fault.lasting_s)
+        turn = fault.turn_radps * lasts * (1.0 if rng.random() < 0.5 else -1.0)
+        time += [time[-1] + rests, time[-1] + rests + lasts]
+        slipped += [slipped[-1], slipped[-1] + lasts]
+        turned += [turned[-1], turned[-1] + turn]
+    begin, end = _told_between(table, epoch)
+    inside, more = (
+        np.interp(end, time, known) - np.interp(begin, time, known) for known in (slipped, turned)
+    )
+    lasted = np.where(end > begin, end - begin, 1.0)
+    factor = 1.0 + (fault.translation_factor - 1.0) * inside / lasted
+    moved = {name: factor * table[name] for name in ("dx_m", "dy_m", "v_mps") if name in table}
+    if "dx_m" in table:
+        moved["dheading_rad"] = wrap_angle(table["dheading_rad"] + more)
+    else:
+        moved["omega_radps"] = table["omega_radps"] + more / lasted
+    return {**table, **moved}

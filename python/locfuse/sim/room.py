@@ -34,20 +34,57 @@ def room_grid(
     -------
     GridMap
 
+    Raises
+    ------
+    ValueError
+        If a side or the resolution is not positive.
+
     Examples
     --------
     >>> room_grid((2.0, 1.0), [], 0.5).cells.tolist()[1]
     [100, 0, 0, 0, 100]
     """
     width, depth = room_m
+    if not (width > 0.0 and depth > 0.0 and resolution_m > 0.0):
+        raise ValueError(
+            f"a room of {width} m x {depth} m in cells of {resolution_m} m, expected three "
+            "numbers > 0"
+        )
     columns, rows = (math.floor(side / resolution_m + 0.5) + 1 for side in room_m)
     cells = np.full((rows, columns), FREE, np.int8)
-    x, y = (resolution_m * np.arange(n, dtype=np.float64) for n in (columns, rows))
     around = [(0.0, 0.0, width, 0.0), (width, 0.0, width, depth),
               (0.0, depth, width, depth), (0.0, 0.0, 0.0, depth)]  # fmt: skip
-    for wall in [*around, *walls]:
-        cells[_touches(wall, x, y[:, None], 0.5 * resolution_m)] = OCCUPIED
-    return GridMap(cells, resolution_m, (-0.5 * resolution_m, -0.5 * resolution_m, 0.0))
+    grid = GridMap(cells, resolution_m, (-0.5 * resolution_m, -0.5 * resolution_m, 0.0))
+    cells[touched(grid, [*around, *walls])] = OCCUPIED
+    return grid
+
+
+def touched(grid: GridMap, walls: Sequence[Segment]) -> NDArray[np.bool_]:
+    """Return which cells of a map walls touch.
+
+    Parameters
+    ----------
+    grid : GridMap
+    walls : sequence of (x1, y1, x2, y2)
+        In world, metres.
+
+    Returns
+    -------
+    bool array, shape (height, width)
+    """
+    # Both are turned into the map's axes and neither is shifted: on a room's own grid a line along
+    # the edges or over the corners of cells is then compared with the numbers it was given by.
+    x0, y0, yaw = grid.origin
+    c, s = math.cos(yaw), math.sin(yaw)
+    half = 0.5 * grid.resolution_m
+    height, width = grid.cells.shape
+    x = c * x0 + s * y0 + half + grid.resolution_m * np.arange(width, dtype=np.float64)
+    y = c * y0 - s * x0 + half + grid.resolution_m * np.arange(height, dtype=np.float64)
+    found = np.zeros(grid.cells.shape, np.bool_)
+    for x1, y1, x2, y2 in walls:
+        turned = (c * x1 + s * y1, c * y1 - s * x1, c * x2 + s * y2, c * y2 - s * x2)
+        found |= _touches(turned, x, y[:, None], half)
+    return found
 
 
 def _touches(wall: Segment, x: FloatArray, y: FloatArray, half: float) -> NDArray[np.bool_]:

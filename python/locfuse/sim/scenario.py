@@ -7,13 +7,24 @@ from pathlib import Path
 
 import numpy as np
 
-from locfuse.config.scenario import Nlos, Scenario
+from locfuse.config.scenario import LaserFault, Nlos, Scenario
 from locfuse.io.maps import read_map
 from locfuse.sim import laser, sensors
 from locfuse.sim.faults import World, with_faults
-from locfuse.sim.room import room_grid
+from locfuse.sim.maps import GENERATORS
+from locfuse.sim.room import room_grid, touched
+from locfuse.sim.space import cell_of
 from locfuse.sim.trajectory import plan
-from locfuse.types import Columns, GridMap, Log
+from locfuse.types import (
+    FREE,
+    NANOSECONDS,
+    OCCUPIED,
+    Columns,
+    ConfigError,
+    FloatArray,
+    GridMap,
+    Log,
+)
 
 
 def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = None) -> Log:
@@ -42,6 +53,9 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
     ------
     LogError
         If the file of the map cannot be read.
+    ConfigError
+        If the map cannot be made or has no free cell, the robot starts outside of it or drives
+        into one of its walls, or a fault of the laser finds no wall or no room on it.
 
     Examples
     --------
@@ -53,7 +67,7 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
         7
     )
     grid = grid_of(scenario, base)
-    drive = plan(scenario.path, scenario.room_m, scenario.duration_s, for_path)
+    drive = plan(scenario.path, scenario.room_m, scenario.duration_s, for_path, grid)
     epochs = {
         name: sensors.stamps(sensor.rate_hz, scenario.duration_s)
         for name, sensor in (
@@ -82,10 +96,15 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
         )
     odometry_ns = epochs.get("odometry", np.empty(0, np.int64))
     world = World(drive, scenario.tags, scenario.anchors, odometry_ns)
-    tables = with_faults(heard, scenario.faults, world, for_faults)
+    faults = list(zip(scenario.faults, for_faults.spawn(len(scenario.faults)), strict=True))
+    tables = with_faults(heard, faults, world)
+    truth = sensors.truth(drive, np.unique(np.concatenate(list(epochs.values()))))
+    if grid is not None:
+        _check_way(grid, truth)
     if scenario.laser is not None and grid is not None:
-        tables["scans"] = laser.scans(drive, epochs["scans"], grid, scenario.laser, for_laser)
-    tables["truth"] = sensors.truth(drive, np.unique(np.concatenate(list(epochs.values()))))
+        seen = [(fault, child) for fault, child in faults if isinstance(fault, LaserFault)]
+        tables["scans"] = laser.scans(drive, epochs["scans"], grid, scenario.laser, for_laser, seen)
+    tables["truth"] = truth
     if scenario.anchors:
         at = np.array(list(scenario.anchors.values()), dtype=np.float64)
         tables["anchors"] = {
@@ -105,10 +124,56 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
 
 
 def grid_of(scenario: Scenario, base: Path | None = None) -> GridMap | None:
-    """Return the map of a scenario, read from its file or made of its walls; None without one."""
+    """Return the map of a scenario, read from its file or made; None without one.
+
+    Raises
+    ------
+    LogError
+        If the file cannot be read.
+    ConfigError
+        If what was asked for cannot be made, as of a room that is too small.
+    """
     if scenario.map is None:
         return None
-    if scenario.map.file is not None:
-        return read_map((Path() if base is None else base) / scenario.map.file)
+    asked = scenario.map
+    if asked.file is not None:
+        return read_map((Path() if base is None else base) / asked.file)
     walls = [wall for fault in scenario.faults if isinstance(fault, Nlos) for wall in fault.walls]
-    return room_grid(scenario.room_m, [*scenario.map.walls, *walls], scenario.map.resolution_m)
+    if asked.generate is None:
+        return room_grid(scenario.room_m, [*asked.walls, *walls], asked.resolution_m)
+    make, rng = GENERATORS[asked.generate], np.random.default_rng(asked.seed)
+    try:
+        grid = make(rng, scenario.room_m, asked.resolution_m)
+    except ValueError as error:
+        raise ConfigError(f"simulation.map: {error}; room_m is the size of the map") from error
+    grid.cells[touched(grid, [*asked.walls, *walls])] = OCCUPIED
+    return grid
+
+
+def _check_way(grid: GridMap, truth: Columns) -> None:
+    """Raise ConfigError if the robot starts outside of the map or is ever in a wall of it."""
+    if not (grid.cells == FREE).any():
+        raise ConfigError("simulation.map has no free cell; expected some for the robot to be in")
+    point = np.column_stack([truth["x_m"], truth["y_m"]])
+    row, column = cell_of(grid, point).T
+    height, width = grid.cells.shape
+    on_map = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+    if not on_map[0]:
+        raise ConfigError(
+            f"the robot starts at {_place(point[0])}, outside of the map; change simulation.path, "
+            "or the map"
+        )
+    in_wall = np.zeros(len(point), np.bool_)
+    in_wall[on_map] = grid.cells[row[on_map], column[on_map]] == OCCUPIED
+    if in_wall.any():
+        hit = int(np.argmax(in_wall))
+        when = float(truth["stamp_ns"][hit]) / NANOSECONDS
+        how = f"drives, after {when:.1f} s, into" if hit > 0 else "starts in"
+        raise ConfigError(
+            f"the robot {how} a wall of the map at {_place(point[hit])}; change simulation.path "
+            "(the shape roam keeps clear of walls), or the map"
+        )
+
+
+def _place(point: FloatArray) -> str:
+    return f"({point[0]:.2f}, {point[1]:.2f})"

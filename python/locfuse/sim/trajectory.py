@@ -4,15 +4,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from locfuse.config.scenario import Circle, Eight, Path, Square, Star, Waypoints
-from locfuse.types import FloatArray, wrap_angle
+from locfuse.config.scenario import Circle, Eight, Path, Roam, Square, Star, Waypoints
+from locfuse.sim.space import roam
+from locfuse.types import FloatArray, GridMap, wrap_angle
 
 Motion: TypeAlias = tuple[float, float, float]
 
@@ -161,18 +162,29 @@ def drive_of(start_pose: Motion, motions: Sequence[Motion], *, repeat: int = 1) 
 
 
 def plan(
-    path: Path, room_m: tuple[float, float], duration_s: float, rng: np.random.Generator
+    path: Path,
+    room_m: tuple[float, float],
+    duration_s: float,
+    rng: np.random.Generator,
+    grid: GridMap | None = None,
 ) -> Drive:
     """Return the drive along a path of a scenario, long enough for its duration.
 
     Parameters
     ----------
-    path : Circle, Eight, Square, Star or Waypoints
+    path : Circle, Eight, Square, Star, Waypoints or Roam
     room_m : (width, depth)
         Where random waypoints may lie: from (0, 0) to (width, depth), less their margin.
     duration_s : float
     rng : numpy Generator
-        Used by random waypoints only.
+        Used by random waypoints and by roaming only.
+    grid : GridMap, optional
+        Where to roam.
+
+    Raises
+    ------
+    ValueError
+        If there is no map to roam, or no room on it.
     """
     if isinstance(path, Circle):
         x, y = path.center_m
@@ -194,7 +206,11 @@ def plan(
         loop = _polygon(path.points, stroke, turn, path)
         heading = float(wrap_angle(math.pi + 0.5 * turn))  # along the chord from the northern tip
         return _laps((x, y + path.radius_m, heading), loop, duration_s)
-    return _random_waypoints(path, room_m, duration_s, rng)
+    if isinstance(path, Waypoints):
+        return _along(_random_points(path, room_m, rng), path, duration_s)
+    if grid is None:
+        raise ValueError("a roaming robot needs a map, got none")
+    return _along(roam(grid, path, rng), path, duration_s)
 
 
 def _polygon(edges: int, length: float, turn: float, path: Square | Star) -> list[Motion]:
@@ -208,12 +224,18 @@ def _laps(start_pose: Motion, loop: Sequence[Motion], duration_s: float) -> Driv
     return drive_of(start_pose, loop, repeat=math.ceil(duration_s / lap_s))
 
 
-def _random_waypoints(
-    path: Waypoints, room_m: tuple[float, float], duration_s: float, rng: np.random.Generator
-) -> Drive:
+def _random_points(
+    path: Waypoints, room_m: tuple[float, float], rng: np.random.Generator
+) -> Iterator[FloatArray]:
     low = np.full(2, path.margin_m)
     high = np.array(room_m) - path.margin_m
-    position, target = rng.uniform(low, high), rng.uniform(low, high)
+    while True:
+        yield rng.uniform(low, high)
+
+
+def _along(points: Iterator[FloatArray], path: Waypoints | Roam, duration_s: float) -> Drive:
+    """Return the drive from point to point: turn in place the short way, drive straight."""
+    position, target = next(points), next(points)
     heading = math.atan2(*(target - position)[::-1])
     begin = (float(position[0]), float(position[1]), float(wrap_angle(heading)))
     motions: list[Motion] = []
@@ -227,5 +249,5 @@ def _random_waypoints(
         ]
         motions += [step for step in steps if step[0] > 0.0]
         elapsed += steps[0][0] + steps[1][0]
-        position, target, heading = target, rng.uniform(low, high), bearing
+        position, target, heading = target, next(points), bearing
     return drive_of(begin, motions)

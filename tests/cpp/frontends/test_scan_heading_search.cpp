@@ -82,6 +82,9 @@ TEST(HeadingSearch, says_why_it_finds_none) {
   std::fill(scan.ranges.begin(), scan.ranges.end(), std::nan(""));
   EXPECT_EQ(heading_search(map, scan, room.middle.position()).reason,
             HeadingSearch::Reason::kNoReturns);
+  std::fill(scan.ranges.begin(), scan.ranges.end(), scan.geometry->range_max);  // full scale
+  EXPECT_EQ(heading_search(map, scan, room.middle.position()).reason,
+            HeadingSearch::Reason::kNoReturns);
   scan.ranges.clear();
   EXPECT_FALSE(heading_search_by_lookup(map, scan, room.middle.position()).heading);
   testing::expect_refused([&] { (void)heading_search(map, scan, {std::nan(""), 0.0}); }, "nan");

@@ -22,6 +22,11 @@ from locfuse.sim.scenario import simulate
 from locfuse.types import GridMap, Log, LogError
 from support_runs import GOOD, write_folder
 
+TAGS = "\ntags: {tag: [0, 0, 1]}"
+SCANNER = (
+    "laser: {{pose_in_body: [0, 0, 0], angle_min_rad: 0, angle_increment_rad: {step}, "
+    "range_min_m: {least}, range_max_m: 9.0}}"
+)
 LASER = {
     "pose_in_body": [0.1, 0.0, 0.0],
     "angle_min_rad": -1.0,
@@ -137,6 +142,10 @@ def test_names_that_look_like_numbers_stay_text(tmp_path: Path) -> None:
         ("tags: {tag: [0, 0, 1], tag: [0, 0, 2]}", "'tag' is given twice"),
         ("tag: {tag: [0, 0, 1]}", "unknown key 'tag'; did you mean 'tags'?"),
         ("laser: {angle_min_rad: 0}", "laser: pose_in_body is missing"),
+        (SCANNER.format(step=0.0, least=0.1), "angle_increment_rad is 0, expected another"),
+        (SCANNER.format(step=".nan", least=0.1), "angle_increment_rad is nan, expected a finite"),
+        (SCANNER.format(step=0.1, least=-0.1), "-0.1 and 9, expected 0 <= min < max"),
+        (SCANNER.format(step=0.1, least=9.0), "9 and 9, expected 0 <= min < max"),
         ("map: 3", "map"),
         ("map: nowhere.yaml", "map 'nowhere.yaml' is not in the folder"),
         ("tags: [", "log.yaml"),
@@ -163,6 +172,25 @@ def test_a_file_that_is_there_plain_and_gzipped_is_refused(tmp_path: Path) -> No
     (folder / "ranges.csv.gz").write_bytes(gzip.compress(GOOD["ranges.csv"].encode()))
     with pytest.raises(LogError, match="expected one of them"):
         read_log(folder)
+
+
+def test_the_beams_of_a_scan_may_run_clockwise_and_its_empty_fields_are_no_return(
+    tmp_path: Path,
+) -> None:
+    scans = "stamp_s,r0,r1,r2\n0,1.5,,2.5\n"
+    text = SCANNER.format(step=-0.1, least=0.1)
+    log = read_log(write_folder(tmp_path, {"scans.csv": scans, "log.yaml": text + TAGS}))
+    assert log.laser is not None
+    assert log.laser["angle_increment_rad"] == -0.1
+    np.testing.assert_array_equal(log["scans"]["ranges_m"], [[1.5, np.nan, 2.5]])
+
+
+@pytest.mark.parametrize("field", ["nan", "inf", "-1", "near"])
+def test_a_beam_that_is_no_distance_is_refused_with_its_line(tmp_path: Path, field: str) -> None:
+    scans = f"stamp_s,r0,r1\n0,1.5,2\n0.1,1.5,{field}\n"
+    text = SCANNER.format(step=0.1, least=0.1)
+    with pytest.raises(LogError, match=r"scans\.csv, line 3: "):
+        read_log(write_folder(tmp_path, {"scans.csv": scans, "log.yaml": text + TAGS}))
 
 
 def test_scans_without_a_laser_are_refused(tmp_path: Path) -> None:

@@ -152,6 +152,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "no number": ({"resolution": "five"}, "resolution is 'five', expected a finite number"),
     "yes": ({"free_thresh": "yes"}, "free_thresh is True, expected a finite number"),
     "nan": ({"occupied_thresh": ".nan"}, "occupied_thresh is nan, expected a finite"),
+    "negative": ({"resolution": "-0.05"}, "resolution is -0.05, expected > 0"),
     "zero": ({"resolution": "0"}, "resolution is 0, expected > 0"),
     "two numbers": ({"origin": "[0, 0]"}, r"origin is \[0, 0\], expected \[x_m, y_m, yaw_rad\]"),
     "infinite": ({"origin": "[0, 0, .inf]"}, "origin is inf, expected a finite number"),
@@ -203,6 +204,24 @@ def test_a_damaged_picture_is_named(tmp_path: Path, image: bytes, text: str) -> 
     assert "map.pgm" in str(caught.value)
 
 
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_a_picture_that_breaks_off_is_named(tmp_path: Path, share: float) -> None:
+    noise = np.random.default_rng(1).integers(0, 256, (64, 64), np.uint8)
+    Image.fromarray(noise).save(tmp_path / "whole.png")
+    whole = (tmp_path / "whole.png").read_bytes()
+    for image in (whole, pgm(noise), b"P2 64 64 255\n" + b"7 " * 4096):
+        broken = write(tmp_path, image[: int(share * len(image))])
+        with pytest.raises(LogError, match=r"map\.pgm: (cannot be read|.* pixels)"):
+            read_map(broken)
+
+
+@pytest.mark.parametrize("cell", [0, 100, -1])
+def test_a_map_of_one_cell_is_written_and_read(tmp_path: Path, cell: int) -> None:
+    write_map(GridMap(np.array([[cell]], np.int8), 0.1, (1.0, 2.0, -3.0)), tmp_path / "dot.yaml")
+    again = read_map(tmp_path / "dot.yaml")
+    assert (again.cells.tolist(), again.origin) == ([[cell]], (1.0, 2.0, -3.0))
+
+
 def test_a_written_map_reads_back_bit_for_bit(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     grid = GridMap(
@@ -224,6 +243,8 @@ def test_a_written_map_reads_back_bit_for_bit(tmp_path: Path) -> None:
         ({"cells": np.zeros((2, 3))}, "array of float64, expected int8"),
         ({"cells": np.full((2, 3), 50, np.int8)}, "holds 50, expected 0, 100 or -1"),
         ({"resolution_m": float("nan")}, "resolution_m is nan"),
+        ({"resolution_m": 0.0}, "resolution_m is 0.0, expected > 0"),
+        ({"resolution_m": -0.1}, "resolution_m is -0.1, expected > 0"),
         ({"origin": (0.0, float("inf"), 0.0)}, "expected three finite numbers"),
     ],
 )

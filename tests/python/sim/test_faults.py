@@ -345,6 +345,85 @@ def test_wheel_slip_adds_the_same_distance_at_any_rate(rate_hz: float, output: s
     assert distance[1] - distance[0] == pytest.approx(0.5 * 0.5 * 4.8, abs=1e-7)
 
 
+# Slip episodes -------------------------------------------------------------------------------
+
+EXACT = {
+    "sigma_longitudinal_per_sqrt_m": 0.0,
+    "sigma_heading_per_sqrt_m": 0.0,
+    "sigma_heading_per_sqrt_rad": 0.0,
+}
+SLIPS = {"kind": "slip_episodes", "every_s": 8.0, "lasting_s": 2.0, "translation_factor": 1.5,
+         "turn_radps": 0.2}  # fmt: skip
+
+
+def test_slip_episodes_scale_and_turn_what_lies_inside_and_nothing_else() -> None:
+    odometry = {**EXACT, "rate_hz": 50.0}
+    clean = run(odometry=odometry, duration_s=600.0)
+    faulty = run(SLIPS, odometry=odometry, duration_s=600.0)
+
+    factor = faulty["odometry"]["dx_m"][1:] / clean["odometry"]["dx_m"][1:]
+    more = (faulty["odometry"]["dheading_rad"] - clean["odometry"]["dheading_rad"])[1:]
+    whole, none = np.isclose(factor, 1.5, rtol=1e-9), factor == 1.0
+    partly = ~whole & ~none
+    np.testing.assert_allclose(np.abs(more[whole]), 0.2 / 50.0, atol=1e-9)
+    np.testing.assert_array_equal(more[none], 0.0)
+    # A row that is partly inside has the same part of both.
+    np.testing.assert_allclose(
+        np.abs(more[partly]) * 50.0 / 0.2, (factor[partly] - 1.0) / 0.5, atol=1e-6
+    )
+    episodes = int((np.diff(whole.astype(int)) == 1).sum())
+    assert partly.sum() <= 2 * episodes + 4
+    # A renewal of means 8 s + 2 s: 60 episodes in 600 s, give or take sqrt(60 (8^2 + 2^2)) / 10;
+    # of the time a fifth.
+    assert abs(episodes - 60) < Z * np.sqrt(60 * (8.0**2 + 2.0**2)) / 10.0
+    assert abs(whole.mean() - 0.2) < Z * 2.0 * np.sqrt(2.0 * 60.0) / 600.0
+    sides = np.sign(more[whole])
+    assert {-1.0, 1.0} == set(sides.tolist())
+    np.testing.assert_array_equal(clean["odometry"]["stamp_ns"], faulty["odometry"]["stamp_ns"])
+    assert_others_equal(clean, faulty, "odometry")
+
+
+@pytest.mark.parametrize("output", ["increments", "velocities"])
+def test_slip_episodes_are_the_same_at_any_rate(output: str) -> None:
+    path = {"shape": "square", "side_m": 8.0, "speed_mps": 0.1}  # 80 s straight
+    sums = []
+    for rate_hz in (1.0, 7.0, 30.0):
+        changes = {
+            "odometry": {**EXACT, "rate_hz": rate_hz, "output": output},
+            "path": path,
+            "duration_s": 60.0,
+        }
+        table = run(SLIPS, **changes)["odometry"]
+        if output == "increments":
+            sums.append([table["dx_m"].sum(), table["dheading_rad"].sum()])
+        else:
+            lasted = np.diff(table["stamp_ns"], append=60_000_000_000) * 1e-9
+            sums.append([(table["v_mps"] * lasted).sum(), (table["omega_radps"] * lasted).sum()])
+
+    assert sums[0][0] > 6.05
+    np.testing.assert_allclose(sums, [sums[0]] * 3, atol=1e-3)
+
+
+def test_slip_episodes_are_off_unless_asked_for_and_the_same_for_a_seed() -> None:
+    assert Scenario().faults == []
+    clean, first, again = run(), run(SLIPS), run(SLIPS)
+    assert_equal(first["odometry"], again["odometry"])
+    assert (first["odometry"]["dx_m"] != clean["odometry"]["dx_m"]).any()
+    # A longer drive has the same episodes to begin with.
+    longer = run(SLIPS, duration_s=240.0)["odometry"]["dx_m"]
+    long_clean = run(duration_s=240.0)["odometry"]["dx_m"]
+    short = first["odometry"]["dx_m"] != clean["odometry"]["dx_m"]
+    np.testing.assert_array_equal((longer != long_clean)[: len(short)], short)
+
+
+def test_wheels_that_spin_tell_a_turn_even_of_a_robot_that_stands() -> None:
+    path = {"shape": "circle", "speed_mps": 1e-9}
+    spin = {"kind": "slip_episodes", "every_s": 1.0, "lasting_s": 5.0, "turn_radps": 0.3}
+    table = run(spin, odometry=EXACT, path=path, duration_s=30.0)["odometry"]
+    assert np.abs(table["dheading_rad"]).max() == pytest.approx(0.3 / 30.0)
+    assert np.abs(table["dx_m"]).max() < 1e-9
+
+
 # Together ------------------------------------------------------------------------------------
 
 

@@ -3,9 +3,13 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
-from locfuse.sim.room import room_grid
+import numpy as np
+import pytest
+
+from locfuse.sim.room import room_grid, touched
+from locfuse.types import GridMap
 
 
 def test_a_room_has_four_walls_of_one_cell_with_their_lines_in_the_middle() -> None:
@@ -54,7 +58,29 @@ def test_walls_cover_the_cells_of_dense_samples_of_their_lines() -> None:
         assert (grid.cells != sampled).sum() <= 1
 
 
+def test_walls_are_touched_in_the_frame_of_the_map() -> None:
+    plain = GridMap(np.zeros((8, 10), np.int8), 0.5)
+    turned = GridMap(plain.cells, 0.5, (3.0, -1.0, 0.5 * math.pi))
+    for wall in ((0.7, 0.3, 4.1, 2.9), (1.1, 1.2, 1.1, 3.3)):
+        x1, y1, x2, y2 = wall
+        there = (3.0 - y1, -1.0 + x1, 3.0 - y2, -1.0 + x2)
+        expected = touched(plain, [wall])
+        assert 5 <= expected.sum() < 20
+        np.testing.assert_array_equal(touched(turned, [there]), expected)
+
+
 def test_walls_outside_are_cut_off() -> None:
     plain = room_grid((2.0, 2.0), [], 0.1)
     walled = room_grid((2.0, 2.0), [(5.0, 0.0, 9.0, 9.0), (-3.0, 1.0, 0.0, 1.0)], 0.1)
     np.testing.assert_array_equal(walled.cells, plain.cells)
+
+
+@pytest.mark.parametrize(
+    ("room", "resolution"),
+    [((2.0, 2.0), 0.0), ((2.0, 2.0), -0.1), ((2.0, 2.0), float("nan")), ((0.0, 2.0), 0.1)],
+)
+def test_a_room_without_size_or_cells_is_refused(
+    room: tuple[float, float], resolution: float
+) -> None:
+    with pytest.raises(ValueError, match="expected three numbers > 0"):
+        room_grid(room, [], resolution)

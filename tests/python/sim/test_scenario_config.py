@@ -82,6 +82,15 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         {"path": {"shape": "waypoints", "margin_m": 5.0}},
         "margin_m is 5.0.*leaves nothing",
     ),
+    "roaming nowhere": ({"path": {"shape": "roam"}}, "a robot that roams needs a map"),
+    "seed of nothing": ({"map": {"seed": 3}}, "seed is 3, but nothing is made from it"),
+    "unknown world": ({"map": {"generate": "maze"}}, "'rooms', 'hallways', 'warehouse' or 'zhang'"),
+    "cells of no size": ({"map": {"resolution_m": 0}}, "greater than 0"),
+    "cells of less": ({"map": {"resolution_m": -0.05}}, "greater than 0"),
+    "world and file": (
+        {"map": {"file": "a.yaml", "generate": "rooms"}},
+        "which leaves nothing for generate",
+    ),
     "all off": ({"odometry": None, "ranges": None, "poses": None}, "at least one"),
     "ranges to nobody": ({"anchors": {}}, "anchors is empty"),
     "ranges from nobody": ({"tags": {}}, "tags is empty"),
@@ -146,6 +155,23 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         {"faults": [{"kind": "wheel_slip", "from_s": 1, "to_s": 2}]},
         "changes nothing",
     ),
+    "slips of nothing": (
+        {"faults": [{"kind": "slip_episodes", "every_s": 5, "lasting_s": 1}]},
+        "translation_factor 1 and turn_radps 0 change nothing",
+    ),
+    "slips without end": (
+        {"faults": [{"kind": "slip_episodes", "every_s": 1e-9, "lasting_s": 1, "turn_radps": 1}]},
+        "greater than or equal to 0.1",
+    ),
+    "glass of nothing": (
+        {"laser": {}, "map": {}, "faults": [{"kind": "glass", "probability": 0.5}]},
+        "no panes and a share of 0 changes nothing",
+    ),
+    "glass without a laser": (
+        {"faults": [{"kind": "glass", "share": 0.1, "probability": 0.5}]},
+        r"faults.0 \(glass\) acts on laser, which is switched off",
+    ),
+    "nobody": ({"laser": {}, "map": {}, "faults": [{"kind": "people", "count": 0}]}, "equal to 1"),
     "slip backwards": (
         {"faults": [{"kind": "wheel_slip", "from_s": 3, "to_s": 2, "rotation_factor": 0.5}]},
         "from_s < to_s",

@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from locfuse.config.scenario import Scenario
+from locfuse.io.maps import write_map
 from locfuse.sim.scenario import simulate
-from locfuse.types import Log
+from locfuse.types import ConfigError, GridMap, Log
 
 SHAPES = ["circle", "eight", "square", "star", "waypoints"]
 SENSORS = ["odometry", "ranges", "poses", "positions"]
@@ -23,6 +25,14 @@ FAULTS = [
     {"kind": "latency", "source": "poses", "delay_s": 0.1, "jitter_s": 0.1},
     {"kind": "wheel_slip", "from_s": 5.0, "to_s": 6.0, "translation_factor": 1.3},
 ]
+
+
+WORLD: dict[str, Any] = {
+    "room_m": (12.0, 9.0),
+    "map": {"generate": "rooms", "seed": 3, "resolution_m": 0.1},
+    "path": {"shape": "roam", "speed_mps": 0.5},
+    "laser": {"beams": 36, "range_max_m": 20.0, "sigma_m": 0.0},
+}
 
 
 def run(seed: int = 5, **changes: Any) -> Log:
@@ -135,3 +145,82 @@ def test_a_drive_shorter_than_any_period_still_has_its_first_rows() -> None:
     assert len(log["odometry"]["stamp_ns"]) == 0
     assert len(log["ranges"]["stamp_ns"]) == 5
     assert log["truth"]["stamp_ns"].tolist() == [0]
+
+
+# Worlds ----------------------------------------------------------------------------------------
+
+
+def test_a_robot_roams_a_world_that_does_not_change_with_the_seed_of_the_drive() -> None:
+    first, same, other = (run(seed, **WORLD) for seed in (5, 5, 6))
+
+    assert first.grid is not None
+    assert other.grid is not None
+    np.testing.assert_array_equal(first.grid.cells, other.grid.cells)
+    for stem in first.tables:
+        assert_table_equal(first, same, stem)
+    assert np.abs(first["truth"]["x_m"] - other["truth"]["x_m"]).max() > 1.0
+    # 0.3 m from every wall, less half a diagonal: straight ways cross the corners of cells.
+    assert np.nanmin(first["scans"]["ranges_m"]) > 0.3 - 0.5 * np.hypot(0.1, 0.1)
+
+
+def test_walls_are_added_to_a_world() -> None:
+    fault = {"kind": "nlos", "walls": [[1.0, 0.0, 1.0, 1.0]], "extra_m": 0.1}
+    world = {**WORLD, "laser": None}
+    plain = run(**world).grid
+    walled = run(**{**world, "map": {**WORLD["map"], "walls": [[2.0, 0.0, 2.0, 0.5]]}},
+                 faults=[fault]).grid  # fmt: skip
+
+    assert plain is not None
+    assert walled is not None
+    assert (plain.cells[1:10, [10, 20]] == 0).all()
+    assert (walled.cells[1:10, 10] == 100).all()
+    assert (walled.cells[1:6, 20] == 100).all()
+    assert (walled.cells[6:10, 20] == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"room_m": (2.5, 20.0), "map": {"generate": "rooms"}, "path": {"shape": "roam"}},
+         "simulation.map: rooms of 2.5 m x 20 m, expected at least 3 m x 3 m; room_m is the size"),
+        ({"map": {"generate": "zhang", "resolution_m": 0.5}},
+         "simulation.map: resolution_m is 0.5, expected > 0 and at most 0.25"),
+        ({"map": {}, "path": {"shape": "roam", "clearance_m": 6.0}}, "no room to roam"),
+        ({"map": {"walls": [[8.0, 4.0, 8.0, 6.0]]}},
+         r"the robot starts in a wall of the map at \(8.00, 5.00\); change simulation.path"),
+        ({"map": {"walls": [[7.0, 6.0, 9.0, 6.0]]}},
+         r"the robot drives, after 4.5 s, into a wall of the map at \(7.84, 5.98\)"),
+    ],
+)  # fmt: skip
+def test_a_drive_that_the_map_does_not_allow_is_refused(changes: dict[str, Any], text: str) -> None:
+    with pytest.raises(ConfigError, match=text):
+        run(**changes)
+
+
+def test_a_map_that_the_robot_cannot_be_on_is_refused(tmp_path: Path) -> None:
+    for cells, text in (
+        (np.zeros((20, 20), np.int8), r"starts at \(8.00, 5.00\), outside of the map"),
+        (np.full((100, 100), -1, np.int8), "simulation.map has no free cell"),
+        (np.full((100, 100), 100, np.int8), "simulation.map has no free cell"),
+    ):
+        write_map(GridMap(cells, 0.1), tmp_path / "map.yaml")
+        scenario = Scenario.model_validate({"map": {"file": "map.yaml"}})
+        with pytest.raises(ConfigError, match=text):
+            simulate(scenario, np.random.default_rng(1), tmp_path)
+
+
+def test_a_robot_may_drive_where_nothing_is_known_and_off_the_map(tmp_path: Path) -> None:
+    cells = np.full((100, 85), -1, np.int8)
+    cells[:, :3] = 0
+    write_map(GridMap(cells, 0.1, (0.0, 2.5, 0.0)), tmp_path / "map.yaml")  # north of y = 2.5
+    scenario = Scenario.model_validate({"map": {"file": "map.yaml"}, "laser": {}})
+    log = simulate(scenario, np.random.default_rng(1), tmp_path)
+    assert log["truth"]["y_m"].min() < 2.5
+    assert np.isnan(log["scans"]["ranges_m"]).all()
+
+
+def test_a_map_of_one_cell_is_a_map(tmp_path: Path) -> None:
+    write_map(GridMap(np.zeros((1, 1), np.int8), 10.0), tmp_path / "map.yaml")
+    scenario = Scenario.model_validate({"map": {"file": "map.yaml"}, "laser": {}})
+    log = simulate(scenario, np.random.default_rng(1), tmp_path)
+    assert np.isnan(log["scans"]["ranges_m"]).all()

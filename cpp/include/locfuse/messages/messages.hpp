@@ -74,7 +74,8 @@ struct LaserGeometry {
 
 /// One turn of a 2D laser, as if measured in one moment.
 ///
-/// NaN is a beam without return. A range outside [range_min, range_max] is none either.
+/// NaN is a beam without return. So is a range outside [range_min, range_max): many lasers report
+/// range_max where nothing came back.
 struct LaserScan {
   Stamp stamp = 0;
   std::shared_ptr<const LaserGeometry> geometry;
