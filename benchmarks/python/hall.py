@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import locfuse as lf
-from locfuse.sim.laser import cast
+from locfuse.sim.beams import cast
 from locfuse.types import FREE, OCCUPIED, FloatArray, GridMap
 
 CELLS, RESOLUTION_M, ORIGIN = 400, 0.05, (-10.0, -10.0, 0.0)
