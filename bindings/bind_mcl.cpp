@@ -64,6 +64,7 @@ void bind_mcl(py::module_& m) {
       .def_readwrite("threads", &Config::threads)
       .def_readwrite("odometry", &Config::odometry)
       .def_readwrite("field", &Config::field)
+      .def_readwrite("sigma_widest_m", &Config::sigma_widest_m)
       .def_readwrite("range", &Config::range)
       .def_readwrite("position", &Config::position);
   py::class_<Mcl>(m, "Mcl", R"(Monte Carlo localization on a grid map.
@@ -132,6 +133,8 @@ False
       .def_property_readonly("ready", &Mcl::ready, "Whether one cluster is all but certain.")
       .def_property_readonly("explained", &Mcl::explained,
                              "Share of the last scan's returns that end at a wall.")
+      .def_property_readonly("sigma_hit", &Mcl::sigma_hit,
+                             "How far end points lie beside walls, as scans tell [m].")
       .def_property_readonly("used_share", &Mcl::used_share,
                              "Share of the last measurement's information that was used.")
       .def_property_readonly("particles", &particles_of,

@@ -14,6 +14,9 @@ namespace {
 
 constexpr int kGroup = 8;
 constexpr int kMostClusters = 32;
+constexpr double kPoor = 0.7;  // share of what is usual below which a scan is poor
+constexpr int kPoorScans = 3;  // in a row
+constexpr double kUsualRate = 0.1;
 constexpr double kUseless = 0.1;       // share of an equal weight below which a scout is drawn anew
 constexpr double kFarthest = 0.5;      // driven before particles are moved, for want of a scan [m]
 constexpr double kFarthestTurn = 0.3;  // likewise [rad]
@@ -50,6 +53,7 @@ const Mcl::Config& checked(const Mcl::Config& config) {
   in_range("probability_ready", config.probability_ready, 0.5, 1.0);
   in_range("sigma_xy_ready_m", config.sigma_xy_ready_m, 0.0, 1e6);
   in_range("sigma_heading_ready_rad", config.sigma_heading_ready_rad, 0.0, 10.0);
+  in_range("sigma_widest_m", config.sigma_widest_m, config.field.sigma_hit_m, 1e3);
   in_range("bin_m", config.bin_m, 1e-3, 1e6);
   in_range("bin_headings", config.bin_headings, 1, 3600);
   return config;
@@ -97,14 +101,19 @@ Mcl::Mcl(const Config& config, std::shared_ptr<const OccupancyGrid> grid, Stamp 
          std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags)
     : odometry_(start), stamp_(start) {
   const Config& c = checked(config);
-  LikelihoodField field(c.field, std::move(grid));
-  std::vector<std::int32_t> free = free_cells(field.grid());
+  std::vector<LikelihoodField> fields;
+  LikelihoodField::Config field = c.field;
+  do {
+    fields.emplace_back(field, grid);
+    field.sigma_hit_m *= 2.0;
+  } while (field.sigma_hit_m < 1.5 * c.sigma_widest_m);
+  std::vector<std::int32_t> free = free_cells(*grid);
   std::optional<RangeModel> range;
   if (anchors) {
     range.emplace(c.range, std::move(anchors), std::move(tags));
   }
   recipe_ = std::make_shared<const Recipe>(Recipe{
-      c, OdometryMotion(c.odometry), lost_motion(c), std::move(field), std::move(range),
+      c, OdometryMotion(c.odometry), lost_motion(c), std::move(fields), std::move(range),
       PositionModel(c.position), PoseModel(), static_cast<Stamp>(c.hold_s * kNanosecondsPerSecond),
       std::move(free), std::make_shared<Workers>(c.threads)});
   start_anywhere(start);
@@ -148,6 +157,10 @@ void Mcl::start_anywhere(Stamp stamp) {
   target_ = config.max_particles;
   pending_ = {};
   scanned_ = false;
+  evidence_.clear();
+  usual_ = 0.0;
+  poor_ = 0;
+  level_ = recipe_->fields.size() - 1;
   explained_ = used_share_ = 0.0;
   summarize();
 }
@@ -254,7 +267,7 @@ Outcome Mcl::on(const Increment& u) {
 
 Outcome Mcl::on(const LaserScan& z) {
   const Config& config = recipe_->config;
-  const EndPoints points = recipe_->field.end_points(z, config.beams);
+  const EndPoints points = recipe_->fields.front().end_points(z, config.beams);
   if (z.stamp < stamp_) {
     return {Verdict::kStale};
   }
@@ -267,10 +280,11 @@ Outcome Mcl::on(const LaserScan& z) {
   settle();
   costs_.resize(belief_.x.size());
   log_likelihood_.resize(belief_.x.size());
-  const auto unit = static_cast<float>(recipe_->field.unit());
+  const LikelihoodField& field = recipe_->fields[level_];
+  const auto unit = static_cast<float>(field.unit());
   recipe_->workers->share(static_cast<int>(belief_.x.size()), kGroup, [&](int begin, int end) {
-    recipe_->field.costs(points, belief_.x.data(), belief_.y.data(), belief_.c.data(),
-                         belief_.s.data(), begin, end, costs_.data());
+    field.costs(points, belief_.x.data(), belief_.y.data(), belief_.c.data(), belief_.s.data(),
+                begin, end, costs_.data());
     for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
       log_likelihood_[k] = -unit * static_cast<float>(costs_[k]);
     }
@@ -281,8 +295,54 @@ Outcome Mcl::on(const LaserScan& z) {
   const double independent =
       ready() ? config.independent_beams : config.independent_beams_searching;
   reweigh_and_resample(std::min(1.0, independent / beams));
-  explained_ = recipe_->field.explained(points, to_cells(hypotheses_.front().estimate.pose));
+  choose_level(points);
   return {Verdict::kFused};
+}
+
+/// As at the start, but for half of the belief, which stays.
+void Mcl::look_everywhere() {
+  const Config& config = recipe_->config;
+  const std::uint64_t key = next_key();
+  const FreshParticles fresh{config.max_particles / 2, 0.5,
+                             [&](ParticleBelief& belief, int k) { draw_free(belief, k, key); }};
+  resample(belief_, config.max_particles, fresh, next_key(), scratch_);
+  target_ = config.max_particles;
+  level_ = recipe_->fields.size() - 1;
+  evidence_.clear();
+  usual_ = 0.0;
+  poor_ = 0;
+  summarize();
+}
+
+/// The sigma under which the scans that were used are the likeliest, seen from the best cluster.
+void Mcl::choose_level(const EndPoints& points) {
+  constexpr double kRate = 0.2;
+  const Pose2 pose = to_cells(hypotheses_.front().estimate.pose);
+  const bool first = evidence_.empty();
+  evidence_.resize(recipe_->fields.size(), 0.0);
+  for (std::size_t l = 0; l < evidence_.size(); ++l) {
+    double sum = 0.0;
+    for (std::size_t k = 0; k < points.x.size(); ++k) {
+      const Vector<2> p = pose.act(Vector<2>(points.x[k], points.y[k]));
+      sum += recipe_->fields[l].log_density(p.x(), p.y());
+    }
+    const double now = sum / static_cast<double>(points.x.size());
+    evidence_[l] = first ? now : evidence_[l] + kRate * (now - evidence_[l]);
+  }
+  const auto fitting = static_cast<std::size_t>(
+      std::max_element(evidence_.begin(), evidence_.end()) - evidence_.begin());
+  // Step by step: what was too wide for a pose nearby to be seen must not be judged by a hair.
+  level_ = fitting < level_ ? level_ - 1 : fitting;
+  explained_ = recipe_->fields[level_].explained(points, pose);
+  // A cluster that suddenly sees walls where there are none is lost, however alone it is.
+  const std::size_t fair = std::min<std::size_t>(1, recipe_->fields.size() - 1);
+  const double seen = recipe_->fields[fair].explained(points, pose);
+  poor_ = seen < kPoor * usual_ ? poor_ + 1 : 0;
+  if (poor_ == 0) {
+    usual_ += kUsualRate * (seen - usual_);
+  } else if (poor_ == kPoorScans) {
+    look_everywhere();
+  }
 }
 
 template <class Model, class Message>
@@ -344,13 +404,14 @@ Outcome Mcl::on(const PoseObservation& z) { return weigh(Always<PoseModel>{recip
 
 void Mcl::reweigh_and_resample(double most_share) {
   const Config& config = recipe_->config;
-  used_share_ =
-      reweigh(belief_, log_likelihood_, most_share, config.effective_share * belief_.size);
+  used_share_ = reweigh(belief_, log_likelihood_, most_share,
+                        config.effective_share * effective_size(belief_));
   const std::uint64_t key = next_key();
   const FreshParticles scouts{static_cast<int>(config.scout_share * config.max_particles),
                               config.kidnapping_probability,
                               [&](ParticleBelief& belief, int k) { draw_free(belief, k, key); }};
-  if (effective_size(belief_) >= config.resample_below * belief_.size) {
+  const int kept = std::max(belief_.size - scouts.count, 1);
+  if (effective_size(belief_) >= config.resample_below * kept) {
     renew(belief_, scouts, kUseless);
   } else {
     resample(belief_, target_ + scouts.count, scouts, next_key(), scratch_);

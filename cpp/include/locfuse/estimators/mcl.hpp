@@ -52,7 +52,8 @@ class Mcl {
     std::uint64_t seed = 1;
     int threads = 1;
     OdometryMotion::Config odometry;
-    LikelihoodField::Config field;
+    LikelihoodField::Config field{0.05, 0.05, 30.0};  ///< its sigma is the least that is tried
+    double sigma_widest_m = 0.4;  ///< the largest: the one that fits is used, and this one at first
     RangeModel::Config range;
     PositionModel::Config position;
   };
@@ -88,14 +89,16 @@ class Mcl {
 
   [[nodiscard]] const ParticleBelief& belief() const { return belief_; }
   [[nodiscard]] const Config& config() const { return recipe_->config; }
-  [[nodiscard]] const OccupancyGrid& grid() const { return recipe_->field.grid(); }
+  [[nodiscard]] const OccupancyGrid& grid() const { return recipe_->fields.front().grid(); }
+  /// How far end points lie beside walls, as scans tell [m].
+  [[nodiscard]] double sigma_hit() const { return recipe_->fields[level_].config().sigma_hit_m; }
 
  private:
   struct Recipe {  // what never changes, shared by all snapshots
     Config config;
     OdometryMotion motion;
     OdometryMotion lost;
-    LikelihoodField field;
+    std::vector<LikelihoodField> fields;  // sigma doubles from one to the next
     std::optional<RangeModel> range;
     PositionModel position;
     PoseModel pose;
@@ -109,6 +112,8 @@ class Mcl {
   void settle();
   void draw_free(ParticleBelief& belief, int k, std::uint64_t key) const;
   void summarize();
+  void choose_level(const EndPoints& points);
+  void look_everywhere();
   [[nodiscard]] ParticleBins bins() const;
   [[nodiscard]] std::uint64_t next_key();
   [[nodiscard]] Pose2 to_world(const Pose2& cells) const;
@@ -128,7 +133,11 @@ class Mcl {
   UncertainMotion pending_;  // since belief_.stamp, in metres
   Pose2 since_scan_;         // driven since the last scan that was used: ways, not displacement
   bool scanned_ = false;
+  std::vector<double> evidence_;  // mean log density of an end point, for each of the fields
+  std::size_t level_ = 0;         // the field in use
   double explained_ = 0.0;
+  double usual_ = 0.0;  // share of beams that ended at walls, of late
+  int poor_ = 0;        // scans in a row that explain far less
   double used_share_ = 0.0;
   std::uint64_t step_ = 0;
   int target_ = 0;  // particles after the next resampling

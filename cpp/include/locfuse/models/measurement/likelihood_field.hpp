@@ -22,7 +22,7 @@ struct EndPoints {
 class LikelihoodField {
  public:
   struct Config {
-    double sigma_hit_m = 0.2;    ///< of an end point about its wall, map errors included [m]
+    double sigma_hit_m = 0.1;    ///< of an end point about its wall, map errors included [m]
     double random_share = 0.05;  ///< of the beams, which may end anywhere
     double max_range_m = 30.0;   ///< longer returns are not used [m]
   };
