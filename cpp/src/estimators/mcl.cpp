@@ -4,6 +4,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <utility>
 
@@ -14,9 +15,8 @@ namespace {
 
 constexpr int kGroup = 8;
 constexpr int kMostClusters = 32;
-constexpr double kPoor = 0.7;  // share of what is usual below which a scan is poor
-constexpr int kPoorScans = 3;  // in a row
-constexpr double kUsualRate = 0.1;
+constexpr int kTries = 16;             // of a scout, per field
+constexpr double kPerMetre = 0.5;      // turn tried with a displacement [rad / m]
 constexpr double kUseless = 0.1;       // share of an equal weight below which a scout is drawn anew
 constexpr double kFarthest = 0.5;      // driven before particles are moved, for want of a scan [m]
 constexpr double kFarthestTurn = 0.3;  // likewise [rad]
@@ -45,7 +45,9 @@ const Mcl::Config& checked(const Mcl::Config& config) {
   in_range("resample_below", config.resample_below, 0.0, 1.0);
   in_range("spacing_m", config.spacing_m, 0.0, 1e6);
   in_range("spacing_heading_rad", config.spacing_heading_rad, 0.0, 1e6);
-  in_range("scout_share", config.scout_share, 0.0, 0.9);
+  in_range("most_gain", config.most_gain, 0.1, 1e6);
+  in_range("scouts", config.scouts, 0, 100000);
+  in_range("scout_draws", config.scout_draws, config.scouts, ParticleBelief::kMost);
   in_range("kidnapping_probability", config.kidnapping_probability, 0.0, 0.5);
   in_range("hold_s", config.hold_s, 1e-9, 1e9);
   in_range("sigma_lost_xy_per_sqrt_s", config.sigma_lost_xy_per_sqrt_s, 0.0, 1e6);
@@ -156,10 +158,8 @@ void Mcl::start_anywhere(Stamp stamp) {
   }
   target_ = config.max_particles;
   pending_ = {};
-  scanned_ = false;
+  scanned_ = tracking_ = false;
   evidence_.clear();
-  usual_ = 0.0;
-  poor_ = 0;
   level_ = recipe_->fields.size() - 1;
   explained_ = used_share_ = 0.0;
   summarize();
@@ -278,40 +278,122 @@ Outcome Mcl::on(const LaserScan& z) {
     return {Verdict::kNotModelled};
   }
   settle();
-  costs_.resize(belief_.x.size());
-  log_likelihood_.resize(belief_.x.size());
-  const LikelihoodField& field = recipe_->fields[level_];
+  fit(recipe_->fields[level_], points, belief_);
+  const double beams = static_cast<double>(points.x.size());
+  scanned_ = true;
+  since_scan_ = {};
+  // Once found it stays the one to beat, until another is likelier than all else.
+  tracking_ = ready() || (tracking_ && hypotheses_.front().probability > 0.5);
+  const double independent =
+      tracking_ ? config.independent_beams : config.independent_beams_searching;
+  const double share = std::min(1.0, independent / beams);
+  if (tracking_) {
+    doubt(share);
+  }
+  reweigh_and_resample(share);
+  choose_level(points);
+  send_scouts(points);
+  return {Verdict::kFused};
+}
+
+/// Looks for other places that fit the scan: of many draws from the free cells those that the
+/// widest field likes, each moved to the best of some tries per field, down to the one in use. They
+/// replace the last particles, but for those that have gained weight.
+void Mcl::send_scouts(const EndPoints& points) {
+  const Config& config = recipe_->config;
+  if (config.scouts == 0) {
+    return;
+  }
+  ParticleBelief pool;
+  const std::uint64_t key = next_key();
+  pool.resize(config.scout_draws);
+  recipe_->workers->share(pool.size, kGroup, [&](int begin, int end) {
+    for (int k = begin; k < end; ++k) {
+      draw_free(pool, k, key);
+    }
+  });
+  std::fill(pool.weight.begin(), pool.weight.begin() + pool.size, 1.0F);
+  fit(recipe_->fields.back(), points, pool);
+  reweigh(pool, log_likelihood_, 1.0, config.scouts);
+  resample(pool, config.scouts, {}, next_key(), scratch_);
+  ParticleBelief tries;
+  for (std::size_t level = recipe_->fields.size(); level-- > level_;) {
+    const LikelihoodField& field = recipe_->fields[level];
+    const double cells = field.config().sigma_hit_m / grid().resolution();
+    const double turn = kPerMetre * field.config().sigma_hit_m;
+    tries.resize(kTries * config.scouts);
+    for (std::size_t k = 0; k < static_cast<std::size_t>(tries.size); ++k) {
+      const std::size_t from = k / kTries;
+      tries.x[k] = pool.x[from];
+      tries.y[k] = pool.y[from];
+      tries.c[k] = pool.c[from];
+      tries.s[k] = pool.s[from];
+    }
+    const Vector<3> sigma(cells, cells, turn);
+    move(tries, {{}, sigma.cwiseAbs2().asDiagonal()}, next_key(), *recipe_->workers);
+    fit(field, points, pool);
+    const std::vector<float> before = log_likelihood_;
+    fit(field, points, tries);
+    for (std::size_t from = 0; from < static_cast<std::size_t>(pool.size); ++from) {
+      float best = before[from];
+      for (std::size_t k = kTries * from; k < kTries * (from + 1); ++k) {
+        if (log_likelihood_[k] > best) {
+          best = log_likelihood_[k];
+          pool.x[from] = tries.x[k];
+          pool.y[from] = tries.y[k];
+          pool.c[from] = tries.c[k];
+          pool.s[from] = tries.s[k];
+        }
+      }
+    }
+  }
+  const int first = belief_.size - config.scouts;
+  renew(belief_,
+        {config.scouts, config.kidnapping_probability,
+         [&](ParticleBelief& belief, int k) {
+           const auto to = static_cast<std::size_t>(k);
+           const auto from = static_cast<std::size_t>(k - first);
+           belief.x[to] = pool.x[from];
+           belief.y[to] = pool.y[from];
+           belief.c[to] = pool.c[from];
+           belief.s[to] = pool.s[from];
+         }},
+        kUseless);
+}
+
+/// Bounds how far one scan may lift a particle above the belief: people who stand around a robot
+/// make other places look better, but not scan after scan.
+void Mcl::doubt(double share) {
+  const auto size = static_cast<std::size_t>(belief_.size);
+  double most = -std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < size; ++k) {
+    most = std::max(most, static_cast<double>(log_likelihood_[k]));
+  }
+  double sum = 0.0;
+  for (std::size_t k = 0; k < size; ++k) {
+    sum += static_cast<double>(belief_.weight[k]) *
+           std::exp(share * (static_cast<double>(log_likelihood_[k]) - most));
+  }
+  const double bound = most + (std::log(sum) + recipe_->config.most_gain) / share;
+  if (std::isfinite(bound)) {
+    for (float& value : log_likelihood_) {
+      value = std::min(value, static_cast<float>(bound));
+    }
+  }
+}
+
+/// Log likelihoods of a scan from each particle, up to a constant.
+void Mcl::fit(const LikelihoodField& field, const EndPoints& points, const ParticleBelief& belief) {
+  costs_.resize(belief.x.size());
+  log_likelihood_.resize(belief.x.size());
   const auto unit = static_cast<float>(field.unit());
-  recipe_->workers->share(static_cast<int>(belief_.x.size()), kGroup, [&](int begin, int end) {
-    field.costs(points, belief_.x.data(), belief_.y.data(), belief_.c.data(), belief_.s.data(),
-                begin, end, costs_.data());
+  recipe_->workers->share(static_cast<int>(belief.x.size()), kGroup, [&](int begin, int end) {
+    field.costs(points, belief.x.data(), belief.y.data(), belief.c.data(), belief.s.data(), begin,
+                end, costs_.data());
     for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
       log_likelihood_[k] = -unit * static_cast<float>(costs_[k]);
     }
   });
-  const double beams = static_cast<double>(points.x.size());
-  scanned_ = true;
-  since_scan_ = {};
-  const double independent =
-      ready() ? config.independent_beams : config.independent_beams_searching;
-  reweigh_and_resample(std::min(1.0, independent / beams));
-  choose_level(points);
-  return {Verdict::kFused};
-}
-
-/// As at the start, but for half of the belief, which stays.
-void Mcl::look_everywhere() {
-  const Config& config = recipe_->config;
-  const std::uint64_t key = next_key();
-  const FreshParticles fresh{config.max_particles / 2, 0.5,
-                             [&](ParticleBelief& belief, int k) { draw_free(belief, k, key); }};
-  resample(belief_, config.max_particles, fresh, next_key(), scratch_);
-  target_ = config.max_particles;
-  level_ = recipe_->fields.size() - 1;
-  evidence_.clear();
-  usual_ = 0.0;
-  poor_ = 0;
-  summarize();
 }
 
 /// The sigma under which the scans that were used are the likeliest, seen from the best cluster.
@@ -329,20 +411,17 @@ void Mcl::choose_level(const EndPoints& points) {
     const double now = sum / static_cast<double>(points.x.size());
     evidence_[l] = first ? now : evidence_[l] + kRate * (now - evidence_[l]);
   }
-  const auto fitting = static_cast<std::size_t>(
-      std::max_element(evidence_.begin(), evidence_.end()) - evidence_.begin());
-  // Step by step: what was too wide for a pose nearby to be seen must not be judged by a hair.
+  auto fitting = static_cast<std::size_t>(std::max_element(evidence_.begin(), evidence_.end()) -
+                                          evidence_.begin());
+  // A field narrower than the cluster would judge its particles by chance: none lies where it is.
+  const Matrix<3, 3>& P = hypotheses_.front().estimate.covariance;
+  const double spread = std::sqrt(std::max(P(0, 0), P(1, 1)));
+  while (fitting + 1 < recipe_->fields.size() &&
+         recipe_->fields[fitting].config().sigma_hit_m < spread) {
+    ++fitting;
+  }
   level_ = fitting < level_ ? level_ - 1 : fitting;
   explained_ = recipe_->fields[level_].explained(points, pose);
-  // A cluster that suddenly sees walls where there are none is lost, however alone it is.
-  const std::size_t fair = std::min<std::size_t>(1, recipe_->fields.size() - 1);
-  const double seen = recipe_->fields[fair].explained(points, pose);
-  poor_ = seen < kPoor * usual_ ? poor_ + 1 : 0;
-  if (poor_ == 0) {
-    usual_ += kUsualRate * (seen - usual_);
-  } else if (poor_ == kPoorScans) {
-    look_everywhere();
-  }
 }
 
 template <class Model, class Message>
@@ -406,15 +485,13 @@ void Mcl::reweigh_and_resample(double most_share) {
   const Config& config = recipe_->config;
   used_share_ = reweigh(belief_, log_likelihood_, most_share,
                         config.effective_share * effective_size(belief_));
-  const std::uint64_t key = next_key();
-  const FreshParticles scouts{static_cast<int>(config.scout_share * config.max_particles),
-                              config.kidnapping_probability,
-                              [&](ParticleBelief& belief, int k) { draw_free(belief, k, key); }};
-  const int kept = std::max(belief_.size - scouts.count, 1);
-  if (effective_size(belief_) >= config.resample_below * kept) {
-    renew(belief_, scouts, kUseless);
-  } else {
-    resample(belief_, target_ + scouts.count, scouts, next_key(), scratch_);
+  const int kept = std::max(belief_.size - config.scouts, 1);
+  if (effective_size(belief_) < config.resample_below * kept) {
+    const std::uint64_t key = next_key();
+    resample(belief_, target_ + config.scouts,
+             {config.scouts, config.kidnapping_probability,
+              [&](ParticleBelief& belief, int k) { draw_free(belief, k, key); }},
+             next_key(), scratch_);
     if (config.min_particles < config.max_particles) {
       const double wanted = kld_particles(occupied_bins(belief_, bins(), kUseless),
                                           config.kld_error, config.kld_quantile);

@@ -333,10 +333,11 @@ std::vector<ParticleCluster> clusters_of(const ParticleBelief& belief, const Par
       open.pop_back();
       binning.around(at, [&](std::int64_t next) {
         const auto neighbour = found.find(next);
-        if (neighbour != found.end() && neighbour->second.cluster < 0 &&
-            neighbour->second.weight >= least) {
+        if (neighbour != found.end() && neighbour->second.cluster < 0) {
           neighbour->second.cluster = count;
-          open.push_back(next);
+          if (neighbour->second.weight >= least) {  // a thin one ends the cluster
+            open.push_back(next);
+          }
         }
       });
     }

@@ -37,7 +37,9 @@ class Mcl {
     double resample_below = 0.5;       ///< share of effective particles
     double spacing_m = 0.1;            ///< motion after which a scan is news again [m]
     double spacing_heading_rad = 0.1;  ///< likewise a turn [rad]
-    double scout_share = 0.1;          ///< of max_particles, which look for the body anywhere else
+    double most_gain = 2.0;  ///< of a particle over the belief by one scan, while ready() [nats]
+    int scouts = 64;         ///< particles that look for the body anywhere else
+    int scout_draws = 4000;  ///< from which they are chosen, scan by scan
     double kidnapping_probability = 1e-4;  ///< per scan that is used: what scouts weigh at first
     double hold_s = 1.0;  ///< how long the last motion is believed without new odometry [s]
     double sigma_lost_xy_per_sqrt_s = 0.5;       ///< thereafter: standing, spreading [m / sqrt(s)]
@@ -113,7 +115,9 @@ class Mcl {
   void draw_free(ParticleBelief& belief, int k, std::uint64_t key) const;
   void summarize();
   void choose_level(const EndPoints& points);
-  void look_everywhere();
+  void doubt(double share);
+  void send_scouts(const EndPoints& points);
+  void fit(const LikelihoodField& field, const EndPoints& points, const ParticleBelief& belief);
   [[nodiscard]] ParticleBins bins() const;
   [[nodiscard]] std::uint64_t next_key();
   [[nodiscard]] Pose2 to_world(const Pose2& cells) const;
@@ -133,11 +137,10 @@ class Mcl {
   UncertainMotion pending_;  // since belief_.stamp, in metres
   Pose2 since_scan_;         // driven since the last scan that was used: ways, not displacement
   bool scanned_ = false;
+  bool tracking_ = false;
   std::vector<double> evidence_;  // mean log density of an end point, for each of the fields
   std::size_t level_ = 0;         // the field in use
   double explained_ = 0.0;
-  double usual_ = 0.0;  // share of beams that ended at walls, of late
-  int poor_ = 0;        // scans in a row that explain far less
   double used_share_ = 0.0;
   std::uint64_t step_ = 0;
   int target_ = 0;  // particles after the next resampling
