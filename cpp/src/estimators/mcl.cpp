@@ -15,6 +15,9 @@ namespace {
 
 constexpr int kGroup = 8;
 constexpr int kMostClusters = 32;
+constexpr double kUsual = 0.9;     // share of what is usual from which a scan is
+constexpr double kLearning = 0.1;  // rates per scan
+constexpr double kForgetting = 0.01;
 constexpr int kTries = 16;             // of a scout, per field
 constexpr double kPerMetre = 0.5;      // turn tried with a displacement [rad / m]
 constexpr double kUseless = 0.1;       // share of an equal weight below which a scout is drawn anew
@@ -160,6 +163,7 @@ void Mcl::start_anywhere(Stamp stamp) {
   pending_ = {};
   scanned_ = tracking_ = false;
   evidence_.clear();
+  usual_ = 0.0;
   level_ = recipe_->fields.size() - 1;
   explained_ = used_share_ = 0.0;
   summarize();
@@ -292,7 +296,16 @@ Outcome Mcl::on(const LaserScan& z) {
   }
   reweigh_and_resample(share);
   choose_level(points);
-  send_scouts(points);
+  // Where all is as usual nobody has to look elsewhere: among thousands of places one that fits a
+  // single scan as well is found too easily.
+  const std::size_t fair = std::min<std::size_t>(1, recipe_->fields.size() - 1);
+  const double seen =
+      recipe_->fields[fair].explained(points, to_cells(hypotheses_.front().estimate.pose));
+  const bool as_usual = tracking_ && seen >= kUsual * usual_;
+  usual_ += (seen > usual_ ? kLearning : kForgetting) * (seen - usual_);
+  if (!as_usual) {
+    send_scouts(points);
+  }
   return {Verdict::kFused};
 }
 

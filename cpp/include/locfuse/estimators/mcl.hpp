@@ -141,6 +141,7 @@ class Mcl {
   std::vector<double> evidence_;  // mean log density of an end point, for each of the fields
   std::size_t level_ = 0;         // the field in use
   double explained_ = 0.0;
+  double usual_ = 0.0;  // share of beams that end at walls, as the best scans of late say
   double used_share_ = 0.0;
   std::uint64_t step_ = 0;
   int target_ = 0;  // particles after the next resampling
