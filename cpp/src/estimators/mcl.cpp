@@ -15,12 +15,10 @@ namespace {
 
 constexpr int kGroup = 8;
 constexpr int kMostClusters = 32;
-constexpr double kUsual = 0.9;     // share of what is usual from which a scan is
-constexpr double kLearning = 0.1;  // rates per scan
-constexpr double kForgetting = 0.01;
+constexpr double kBehind = 4.0;        // nats behind the belief at which a scout gives up
+constexpr double kMemory = 0.98;       // of its gains, per scan
 constexpr int kTries = 16;             // of a scout, per field
 constexpr double kPerMetre = 0.5;      // turn tried with a displacement [rad / m]
-constexpr double kUseless = 0.1;       // share of an equal weight below which a scout is drawn anew
 constexpr double kFarthest = 0.5;      // driven before particles are moved, for want of a scan [m]
 constexpr double kFarthestTurn = 0.3;  // likewise [rad]
 
@@ -77,6 +75,13 @@ void extend(UncertainMotion& so_far, const OdometryMotion& model, const Pose2& m
   const Propagation<Pose2, 3> step = model.propagate(so_far.motion, motion, seconds);
   so_far.motion = step.moved;
   so_far.covariance = step.jacobian * so_far.covariance * step.jacobian.transpose() + step.noise;
+}
+
+void copy(const ParticleBelief& from, std::size_t k, ParticleBelief& to, std::size_t i) {
+  to.x[i] = from.x[k];
+  to.y[i] = from.y[k];
+  to.c[i] = from.c[k];
+  to.s[i] = from.s[k];
 }
 
 PoseEstimate carried(const PoseEstimate& from, const UncertainMotion& by, Stamp stamp) {
@@ -163,7 +168,7 @@ void Mcl::start_anywhere(Stamp stamp) {
   pending_ = {};
   scanned_ = tracking_ = false;
   evidence_.clear();
-  usual_ = 0.0;
+  scouts_ = {};
   level_ = recipe_->fields.size() - 1;
   explained_ = used_share_ = 0.0;
   summarize();
@@ -239,6 +244,9 @@ void Mcl::settle() {
   step.motion.y *= per_cell;
   step.covariance = scale.asDiagonal() * step.covariance * scale.asDiagonal();
   move(belief_, step, next_key(), *recipe_->workers);
+  if (scouts_.size > 0) {  // they find their way by themselves
+    move(scouts_, {step.motion, Matrix<3, 3>::Zero()}, next_key(), *recipe_->workers);
+  }
   for (PoseHypothesis& h : hypotheses_) {
     h.estimate = carried(h.estimate, pending_, stamp_);
   }
@@ -294,32 +302,44 @@ Outcome Mcl::on(const LaserScan& z) {
   if (tracking_) {
     doubt(share);
   }
+  const double best =
+      *std::max_element(log_likelihood_.begin(), log_likelihood_.begin() + belief_.size);
   reweigh_and_resample(share);
   choose_level(points);
-  // Where all is as usual nobody has to look elsewhere: among thousands of places one that fits a
-  // single scan as well is found too easily.
-  const std::size_t fair = std::min<std::size_t>(1, recipe_->fields.size() - 1);
-  const double seen =
-      recipe_->fields[fair].explained(points, to_cells(hypotheses_.front().estimate.pose));
-  const bool as_usual = tracking_ && seen >= kUsual * usual_;
-  usual_ += (seen > usual_ ? kLearning : kForgetting) * (seen - usual_);
-  if (!as_usual) {
-    send_scouts(points);
-  }
+  challenge(points, share, best);
   return {Verdict::kFused};
 }
 
-/// Looks for other places that fit the scan: of many draws from the free cells those that the
-/// widest field likes, each moved to the best of some tries per field, down to the one in use. They
-/// replace the last particles, but for those that have gained weight.
-void Mcl::send_scouts(const EndPoints& points) {
-  const Config& config = recipe_->config;
-  if (config.scouts == 0) {
-    return;
+/// Moves each particle of a pool to the best of some tries about it, by one field; its likelihoods
+/// are left in `log_likelihood_`.
+void Mcl::climb(const EndPoints& points, const LikelihoodField& field, ParticleBelief& pool) {
+  const double cells = field.config().sigma_hit_m / grid().resolution();
+  const double turn = kPerMetre * field.config().sigma_hit_m;
+  tries_.resize(kTries * pool.size);
+  for (std::size_t k = 0; k < static_cast<std::size_t>(tries_.size); ++k) {
+    copy(pool, k / kTries, tries_, k);
   }
+  const Vector<3> sigma(cells, cells, turn);
+  move(tries_, {{}, sigma.cwiseAbs2().asDiagonal()}, next_key(), *recipe_->workers);
+  fit(field, points, pool);
+  std::vector<float> best = log_likelihood_;
+  fit(field, points, tries_);
+  for (std::size_t k = 0; k < static_cast<std::size_t>(tries_.size); ++k) {
+    const std::size_t to = k / kTries;
+    if (log_likelihood_[k] > best[to]) {
+      best[to] = log_likelihood_[k];
+      copy(tries_, k, pool, to);
+    }
+  }
+  log_likelihood_ = std::move(best);
+}
+
+/// Places that fit the scan: of many draws from the free cells those that the widest field likes,
+/// moved to the best nearby, field by field, down to the one in use.
+ParticleBelief Mcl::places_that_fit(const EndPoints& points, int count) {
   ParticleBelief pool;
   const std::uint64_t key = next_key();
-  pool.resize(config.scout_draws);
+  pool.resize(recipe_->config.scout_draws);
   recipe_->workers->share(pool.size, kGroup, [&](int begin, int end) {
     for (int k = begin; k < end; ++k) {
       draw_free(pool, k, key);
@@ -327,51 +347,81 @@ void Mcl::send_scouts(const EndPoints& points) {
   });
   std::fill(pool.weight.begin(), pool.weight.begin() + pool.size, 1.0F);
   fit(recipe_->fields.back(), points, pool);
-  reweigh(pool, log_likelihood_, 1.0, config.scouts);
-  resample(pool, config.scouts, {}, next_key(), scratch_);
-  ParticleBelief tries;
+  reweigh(pool, log_likelihood_, 1.0, count);
+  resample(pool, count, {}, next_key(), scratch_);
   for (std::size_t level = recipe_->fields.size(); level-- > level_;) {
-    const LikelihoodField& field = recipe_->fields[level];
-    const double cells = field.config().sigma_hit_m / grid().resolution();
-    const double turn = kPerMetre * field.config().sigma_hit_m;
-    tries.resize(kTries * config.scouts);
-    for (std::size_t k = 0; k < static_cast<std::size_t>(tries.size); ++k) {
-      const std::size_t from = k / kTries;
-      tries.x[k] = pool.x[from];
-      tries.y[k] = pool.y[from];
-      tries.c[k] = pool.c[from];
-      tries.s[k] = pool.s[from];
+    climb(points, recipe_->fields[level], pool);
+  }
+  return pool;
+}
+
+/// Lets scouts, each in a place of its own, gather evidence against the belief scan by scan: the
+/// best that it has against the best that they have. Who gathers more than a kidnapping is unlikely
+/// becomes half of the belief; who falls behind, or has come to where the belief is, begins anew.
+void Mcl::challenge(const EndPoints& points, double share, double best) {
+  const Config& config = recipe_->config;
+  if (config.scouts == 0) {
+    return;
+  }
+  const bool first = scouts_.size != config.scouts;
+  if (first) {
+    gain_.assign(static_cast<std::size_t>(config.scouts), -kBehind);
+    scouts_.resize(config.scouts);
+  } else {
+    climb(points, recipe_->fields[level_], scouts_);
+  }
+  const Pose2 found = to_cells(hypotheses_.front().estimate.pose);
+  std::vector<std::size_t> idle;
+  for (std::size_t k = 0; k < gain_.size(); ++k) {
+    if (!first) {
+      const double now = share * (static_cast<double>(log_likelihood_[k]) - best);
+      gain_[k] = kMemory * gain_[k] + std::min(std::max(now, -config.most_gain), config.most_gain);
     }
-    const Vector<3> sigma(cells, cells, turn);
-    move(tries, {{}, sigma.cwiseAbs2().asDiagonal()}, next_key(), *recipe_->workers);
-    fit(field, points, pool);
-    const std::vector<float> before = log_likelihood_;
-    fit(field, points, tries);
-    for (std::size_t from = 0; from < static_cast<std::size_t>(pool.size); ++from) {
-      float best = before[from];
-      for (std::size_t k = kTries * from; k < kTries * (from + 1); ++k) {
-        if (log_likelihood_[k] > best) {
-          best = log_likelihood_[k];
-          pool.x[from] = tries.x[k];
-          pool.y[from] = tries.y[k];
-          pool.c[from] = tries.c[k];
-          pool.s[from] = tries.s[k];
-        }
-      }
+    const Pose2 place{static_cast<double>(scouts_.x[k]), static_cast<double>(scouts_.y[k]),
+                      static_cast<double>(std::atan2(scouts_.s[k], scouts_.c[k]))};
+    const Vector<3> off = local(place, found);
+    const bool there = off.head<2>().norm() < config.bin_m / grid().resolution() &&
+                       std::abs(off.z()) < 2.0 * kPi / config.bin_headings;
+    if (there || gain_[k] <= -kBehind) {
+      idle.push_back(k);
     }
   }
-  const int first = belief_.size - config.scouts;
-  renew(belief_,
-        {config.scouts, config.kidnapping_probability,
-         [&](ParticleBelief& belief, int k) {
-           const auto to = static_cast<std::size_t>(k);
-           const auto from = static_cast<std::size_t>(k - first);
-           belief.x[to] = pool.x[from];
-           belief.y[to] = pool.y[from];
-           belief.c[to] = pool.c[from];
-           belief.s[to] = pool.s[from];
-         }},
-        kUseless);
+  const auto winner = std::max_element(gain_.begin(), gain_.end());
+  const auto who = static_cast<std::size_t>(winner - gain_.begin());
+  if (*winner > -std::log(config.kidnapping_probability) &&
+      std::find(idle.begin(), idle.end(), who) == idle.end()) {
+    admit(who);
+    idle.push_back(who);
+  }
+  if (!idle.empty()) {
+    const ParticleBelief places = places_that_fit(points, static_cast<int>(idle.size()));
+    for (std::size_t i = 0; i < idle.size(); ++i) {
+      copy(places, i, scouts_, idle[i]);
+      gain_[idle[i]] = 0.0;
+    }
+  }
+}
+
+/// Gives half of the weight to the place that a scout has found.
+void Mcl::admit(std::size_t scout) {
+  const double sigma = sigma_hit() / grid().resolution();
+  const std::uint64_t key = next_key();
+  const int count = std::max(target_, 2);
+  resample(belief_, count,
+           {count / 2, 0.5,
+            [&](ParticleBelief& belief, int k) {
+              copy(scouts_, scout, belief, static_cast<std::size_t>(k));
+              const auto i = static_cast<std::size_t>(k);
+              const std::uint64_t n = 3 * static_cast<std::uint64_t>(k);
+              const double heading = std::atan2(belief.s[i], belief.c[i]) +
+                                     kPerMetre * sigma_hit() * random_normal(key, n);
+              belief.x[i] += static_cast<float>(sigma * random_normal(key, n + 1));
+              belief.y[i] += static_cast<float>(sigma * random_normal(key, n + 2));
+              belief.c[i] = static_cast<float>(std::cos(heading));
+              belief.s[i] = static_cast<float>(std::sin(heading));
+            }},
+           next_key(), scratch_);
+  summarize();
 }
 
 /// Bounds how far one scan may lift a particle above the belief: people who stand around a robot
@@ -498,16 +548,11 @@ void Mcl::reweigh_and_resample(double most_share) {
   const Config& config = recipe_->config;
   used_share_ = reweigh(belief_, log_likelihood_, most_share,
                         config.effective_share * effective_size(belief_));
-  const int kept = std::max(belief_.size - config.scouts, 1);
-  if (effective_size(belief_) < config.resample_below * kept) {
-    const std::uint64_t key = next_key();
-    resample(belief_, target_ + config.scouts,
-             {config.scouts, config.kidnapping_probability,
-              [&](ParticleBelief& belief, int k) { draw_free(belief, k, key); }},
-             next_key(), scratch_);
+  if (effective_size(belief_) < config.resample_below * belief_.size) {
+    resample(belief_, target_, {}, next_key(), scratch_);
     if (config.min_particles < config.max_particles) {
-      const double wanted = kld_particles(occupied_bins(belief_, bins(), kUseless),
-                                          config.kld_error, config.kld_quantile);
+      const double wanted =
+          kld_particles(occupied_bins(belief_, bins(), 0.0), config.kld_error, config.kld_quantile);
       target_ = static_cast<int>(
           std::min(std::max({wanted, 0.5 * target_, static_cast<double>(config.min_particles)}),
                    static_cast<double>(config.max_particles)));

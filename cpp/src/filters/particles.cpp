@@ -160,17 +160,6 @@ double effective_size(const ParticleBelief& belief) {
   return sum * sum / squares;
 }
 
-namespace {
-
-void scale_to_one(ParticleBelief& belief) {
-  const auto scale = static_cast<float>(1.0 / sum_of(belief.weight, belief.size));
-  for (float& weight : belief.weight) {
-    weight *= scale;
-  }
-}
-
-}  // namespace
-
 void resample(ParticleBelief& belief, int count, const FreshParticles& fresh, std::uint64_t key,
               ParticleBelief& scratch) {
   scratch.resize(count);
@@ -201,22 +190,6 @@ void resample(ParticleBelief& belief, int count, const FreshParticles& fresh, st
     fresh.draw(scratch, to);
   }
   std::swap(belief, scratch);
-}
-
-void renew(ParticleBelief& belief, const FreshParticles& fresh, double least) {
-  if (fresh.count == 0) {
-    return;
-  }
-  const auto weight = static_cast<float>(fresh.probability / fresh.count);
-  const auto floor = static_cast<float>(least / belief.size);
-  for (int k = std::max(belief.size - fresh.count, 1); k < belief.size; ++k) {
-    float& own = belief.weight[static_cast<std::size_t>(k)];
-    if (own < floor) {
-      fresh.draw(belief, k);
-      own = weight;
-    }
-  }
-  scale_to_one(belief);
 }
 
 namespace {

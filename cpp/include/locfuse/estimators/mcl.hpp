@@ -40,7 +40,7 @@ class Mcl {
     double most_gain = 2.0;  ///< of a particle over the belief by one scan, while ready() [nats]
     int scouts = 64;         ///< particles that look for the body anywhere else
     int scout_draws = 4000;  ///< from which they are chosen, scan by scan
-    double kidnapping_probability = 1e-4;  ///< per scan that is used: what scouts weigh at first
+    double kidnapping_probability = 1e-4;  ///< that a scout must outweigh
     double hold_s = 1.0;  ///< how long the last motion is believed without new odometry [s]
     double sigma_lost_xy_per_sqrt_s = 0.5;       ///< thereafter: standing, spreading [m / sqrt(s)]
     double sigma_lost_heading_per_sqrt_s = 0.5;  ///< [rad / sqrt(s)]
@@ -116,7 +116,10 @@ class Mcl {
   void summarize();
   void choose_level(const EndPoints& points);
   void doubt(double share);
-  void send_scouts(const EndPoints& points);
+  void climb(const EndPoints& points, const LikelihoodField& field, ParticleBelief& pool);
+  [[nodiscard]] ParticleBelief places_that_fit(const EndPoints& points, int count);
+  void challenge(const EndPoints& points, double share, double best);
+  void admit(std::size_t scout);
   void fit(const LikelihoodField& field, const EndPoints& points, const ParticleBelief& belief);
   [[nodiscard]] ParticleBins bins() const;
   [[nodiscard]] std::uint64_t next_key();
@@ -129,6 +132,9 @@ class Mcl {
   std::shared_ptr<const Recipe> recipe_;
   ParticleBelief belief_;
   ParticleBelief scratch_;
+  ParticleBelief scouts_;     // each in a place of its own
+  std::vector<double> gain_;  // of each over the belief [nats]
+  ParticleBelief tries_;
   std::vector<float> log_likelihood_;
   std::vector<std::int32_t> costs_;
   std::vector<PoseHypothesis> hypotheses_;  // at belief_.stamp
@@ -141,7 +147,6 @@ class Mcl {
   std::vector<double> evidence_;  // mean log density of an end point, for each of the fields
   std::size_t level_ = 0;         // the field in use
   double explained_ = 0.0;
-  double usual_ = 0.0;  // share of beams that end at walls, as the best scans of late say
   double used_share_ = 0.0;
   std::uint64_t step_ = 0;
   int target_ = 0;  // particles after the next resampling

@@ -63,10 +63,6 @@ struct FreshParticles {
 void resample(ParticleBelief& belief, int count, const FreshParticles& fresh, std::uint64_t key,
               ParticleBelief& scratch);
 
-/// Draws those of the last `fresh.count` particles again that have gained no weight: less than
-/// `least` of an equal share. Weights then sum to 1 again.
-void renew(ParticleBelief& belief, const FreshParticles& fresh, double least);
-
 /// Side of a bin by which particles are counted and put together.
 struct ParticleBins {
   double side;      ///< [cells]
