@@ -686,6 +686,19 @@ def test_notes_tell_what_is_no_fault(rule: str, said: str, data: dict[str, Any])
     assert any(said in f.what for f in found(checked(data), rule, "note"))
 
 
+def test_scans_are_without_use_unless_a_start_from_nothing_has_a_map() -> None:
+    laser = {"simulation__laser": {}, "simulation__map": {}, "simulation__duration_s": 5}
+    for start, without, said in (
+        ([6.0, 4.0, 90], {}, True),
+        ("auto", {}, False),
+        ("auto", {"map": None, "grid": None}, True),
+        ("auto", {"laser": None}, True),
+    ):
+        result = checked(healthy(**laser, start=start), **without)
+        notes = [f.what for f in found(result, "messages_without_use", "note")]
+        assert ("scans.csv is read, but no filter uses it" in notes) == said
+
+
 def test_an_antenna_at_zero_is_a_note_if_written_and_a_warning_if_not() -> None:
     log = load_log(parse_config(fixes()), None, 0)
     written = {"antenna_forward_m": 0.0, "antenna_left_m": 0.0}
