@@ -82,7 +82,7 @@ def in_body(scan: lf.LaserScan) -> FloatArray:
     """End points (k, 2) of the beams that came back."""
     laser = scan.geometry
     angle = laser.angle_min + laser.angle_increment * np.arange(len(scan.ranges))
-    there = (scan.ranges >= laser.range_min) & (scan.ranges <= laser.range_max)
+    there = (scan.ranges >= laser.range_min) & (scan.ranges < laser.range_max)
     points = (scan.ranges * np.stack([np.cos(angle), np.sin(angle)])).T[there]
     mount = laser.pose_in_body
     return moved(points, np.array([mount.x, mount.y, mount.heading]))
