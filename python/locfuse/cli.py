@@ -47,7 +47,8 @@ app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_
                   help="Localization for mobile robots.")  # fmt: skip
 config_app = typer.Typer(no_args_is_help=True, help="Look at configurations.")
 app.add_typer(config_app, name="config")
-console = Console()
+# Where lines are not cut by a screen they are long enough for the widest table.
+console = Console(width=None if sys.stdout.isatty() else 140)
 ROWS = 50  # epochs that a table shows
 
 
@@ -296,8 +297,9 @@ def _metres(value: float) -> str:
 def _table(paper: str, seeds: int, claims: list[Claim]) -> Table:
     title = f"{paper}: ours is the median (of NEES the mean) [5 %..95 %] over {seeds} seeds"
     table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False)
-    for heading in ("claim", "paper", "ours", "required", "met"):
-        table.add_column(heading, justify="left" if heading == "claim" else "right", no_wrap=True)
+    table.add_column("claim")  # on a narrow screen the words break, not the figures
+    for heading in ("paper", "ours", "required", "met"):
+        table.add_column(heading, justify="right", no_wrap=True)
     for claim in claims:
         unit = "" if claim.unit == "1" else f" [{claim.unit}]"
         paper_figure = "-" if claim.paper is None else f"{claim.paper:g}"

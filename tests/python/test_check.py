@@ -15,7 +15,7 @@ import pytest
 import yaml
 
 from locfuse.check import RULES, CheckResult, Finding, check
-from locfuse.check.positions import cramer_rao, locate_batch
+from locfuse.check.positions import located
 from locfuse.config.load import load_config, parse_config
 from locfuse.io.log_folder import write_log
 from locfuse.run import load_log
@@ -686,6 +686,19 @@ def test_notes_tell_what_is_no_fault(rule: str, said: str, data: dict[str, Any])
     assert any(said in f.what for f in found(checked(data), rule, "note"))
 
 
+def test_scans_are_without_use_unless_a_start_from_nothing_has_a_map() -> None:
+    laser = {"simulation__laser": {}, "simulation__map": {}, "simulation__duration_s": 5}
+    for start, without, said in (
+        ([6.0, 4.0, 90], {}, True),
+        ("auto", {}, False),
+        ("auto", {"map": None, "grid": None}, True),
+        ("auto", {"laser": None}, True),
+    ):
+        result = checked(healthy(**laser, start=start), **without)
+        notes = [f.what for f in found(result, "messages_without_use", "note")]
+        assert ("scans.csv is read, but no filter uses it" in notes) == said
+
+
 def test_an_antenna_at_zero_is_a_note_if_written_and_a_warning_if_not() -> None:
     log = load_log(parse_config(fixes()), None, 0)
     written = {"antenna_forward_m": 0.0, "antenna_left_m": 0.0}
@@ -765,38 +778,10 @@ def test_a_log_with_few_rows_is_checked_too(tmp_path: Path) -> None:
     assert not check(parse_config({"log": "log"}), base=tmp_path).failed
 
 
-# Positions and their bound ---------------------------------------------------------------------
-
-
-def test_the_bound_is_that_of_two_crossing_ranges() -> None:
-    bound = cramer_rao([[3.0, 0.0], [0.0, 4.0]], [[0.0, 0.0]], [0.1, 0.2])
-    assert bound[0] == pytest.approx(np.diag([0.01, 0.04]))
-    high = cramer_rao([[3.0, 0.0, 4.0], [0.0, 4.0, 0.0]], [[0.0, 0.0]], 0.1, height=0.0)
-    assert high[0] == pytest.approx(np.diag([0.01 / 0.36, 0.01]))
-
-
-def test_the_bound_is_infinite_on_the_line_of_the_anchors() -> None:
-    line = [[0.0, 0.0], [1.0, 0.0], [5.0, 0.0]]
-    assert np.isinf(cramer_rao(line, [[2.0, 0.0]], 0.1)).all()
-    assert np.isfinite(cramer_rao(line, [[2.0, 1.0]], 0.1)).all()
-
-
-def test_positions_from_exact_ranges_are_exact_and_scatter_as_the_bound_says() -> None:
-    rng = np.random.default_rng(5)
-    anchors = np.array(list(ANCHORS.values()))
-    points = rng.uniform([1, 1], [11, 7], (4000, 2))
-    off = np.column_stack([points, np.full(4000, 1.1)])[:, None] - anchors
-    ranges = np.linalg.norm(off, axis=2)
-    exact = locate_batch(anchors, ranges, 0.1, height=1.1)
-    assert np.abs(exact.position - points).max() < 1e-6
-    noisy = locate_batch(anchors, ranges + rng.normal(0, 0.1, ranges.shape), 0.1, height=1.1)
-    error = np.mean(np.sum((noisy.position - points) ** 2, axis=1))
-    bound = np.mean(np.trace(cramer_rao(anchors, points, 0.1, 1.1), axis1=1, axis2=2))
-    assert error / bound == pytest.approx(1.0, abs=0.06)
-    assert noisy.cost.mean() == pytest.approx(3.0, abs=0.15)  # 5 ranges less 2 unknowns
+# Positions ---------------------------------------------------------------------
 
 
 def test_positions_that_nothing_fixes_are_not_made_up() -> None:
     anchors = np.array([[0.0, 0, 1], [5, 0, 1], [10, 0, 1], [3, 8, 1]])
     ranges = np.array([[4.0, 4, 7, np.nan], [4.0, np.nan, np.nan, 6.0]])
-    assert np.isnan(locate_batch(anchors, ranges, 0.1, height=1.0).position).all()
+    assert np.isnan(located(anchors, ranges, 0.1, height=1.0)).all()

@@ -43,20 +43,10 @@ class Recording:
     grid: lf.OccupancyGrid
 
 
-def read_grid(folder: Path, resolution: float) -> lf.OccupancyGrid:
-    """Read the binary PGM of these recordings: dark is occupied, light free, the rest unknown."""
-    data = (folder / "map.pgm").read_bytes()
-    lines = [line for line in data.split(b"\n", 4) if not line.startswith(b"#")]
-    width, height = map(int, lines[1].split()[:2])
-    pixels = np.frombuffer(data[-width * height :], dtype=np.uint8).reshape(height, width)
-    dark = (255.0 - pixels) / 255.0
-    cells = np.where(dark > 0.65, 100, np.where(dark < 0.196, 0, -1)).astype(np.int8)
-    return lf.OccupancyGrid(cells[::-1], resolution, lf.Pose2(-10.0, -10.0, 0.0))
-
-
-def read_recording(folder: Path, resolution: float) -> Recording:
+def read_recording(folder: Path) -> Recording:
     log = read_log(folder)
     assert log.laser is not None
+    assert log.grid is not None
     laser = lf.LaserGeometry(
         lf.Pose2(*log.laser["pose_in_body"]),
         log.laser["angle_min_rad"],
@@ -70,28 +60,29 @@ def read_recording(folder: Path, resolution: float) -> Recording:
     columns = (truth["x_m"], truth["y_m"], np.unwrap(truth["heading_rad"]))
     poses = np.stack([np.interp(stamps[row], known, column) for column in columns], axis=1)
     found = [lf.LaserScan(int(stamps[i]), laser, scans["ranges_m"][i]) for i in row]
-    return Recording(found, poses, read_grid(folder, resolution))
+    grid = lf.OccupancyGrid(log.grid.cells, log.grid.resolution_m, lf.Pose2(*log.grid.origin))
+    return Recording(found, poses, grid)
 
 
 @cache
 def gazebo() -> dict[str, Recording]:
     out = Path(tempfile.mkdtemp())
     convert("ieu_gazebo", GAZEBO, out)
-    return {run: read_recording(out / run, 0.05) for run in RUNS}
+    return {run: read_recording(out / run) for run in RUNS}
 
 
 @cache
 def office() -> Recording:
     out = Path(tempfile.mkdtemp())
     convert("mrpt_office", OFFICE, out)
-    return read_recording(out, 0.04)
+    return read_recording(out)
 
 
 def in_body(scan: lf.LaserScan) -> FloatArray:
     """End points (k, 2) of the beams that came back."""
     laser = scan.geometry
     angle = laser.angle_min + laser.angle_increment * np.arange(len(scan.ranges))
-    there = (scan.ranges >= laser.range_min) & (scan.ranges <= laser.range_max)
+    there = (scan.ranges >= laser.range_min) & (scan.ranges < laser.range_max)
     points = (scan.ranges * np.stack([np.cos(angle), np.sin(angle)])).T[there]
     mount = laser.pose_in_body
     return moved(points, np.array([mount.x, mount.y, mount.heading]))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse.check.grid import bounds
-from locfuse.check.positions import epochs, interpolated, locate_batch, residuals_of
+from locfuse.check.positions import epochs, interpolated, located, residuals_of
 from locfuse.check.tracks import Track, align, at_times, dead_reckon, levered
 from locfuse.config.schema import RangeError, RunConfig
 from locfuse.run import truth_of
@@ -214,10 +214,10 @@ class Context:
         distance = self.corrected(rows)
         for grouped in (epochs, interpolated):
             stamp, ranges = grouped(rows, index, distance, len(self.anchors))
-            found = locate_batch(self.anchors, ranges, self.typical_sigma, height=self.height)
-            good = np.isfinite(found.position[:, 0])
+            found = located(self.anchors, ranges, self.typical_sigma, height=self.height)
+            good = np.isfinite(found[:, 0])
             if np.count_nonzero(good) >= _LEAST_EPOCHS:
-                at, ranges = found.position[good], ranges[good]
+                at, ranges = found[good], ranges[good]
                 left = residuals_of(self.anchors, ranges, at, self.height)
                 return Fits(self.main_tag, self.height, stamp[good], ranges, at, left)
         return None

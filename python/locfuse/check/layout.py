@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from locfuse import _core
 from locfuse.check.context import Context
 from locfuse.check.grid import known
-from locfuse.check.positions import cramer_rao, dop
+from locfuse.check.positions import dop
 from locfuse.check.rules_anchors import hull
 from locfuse.types import FloatArray, GridMap
 
@@ -83,7 +84,7 @@ def layout_of(context: Context) -> Layout | None:
     low, high = context.floor
     x, y = _axes(low, high, _CELLS)
     points = _points(x, y)
-    fine = dop(cramer_rao(context.anchors, points, 1.0, context.height))
+    fine = dop(_core.cramer_rao(context.anchors, points, 1.0, context.height))
     grid = context.log.grid
     if grid is not None:
         fine[~known(grid, points)] = np.nan

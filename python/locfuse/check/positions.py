@@ -1,69 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Positions from the ranges of one moment, and the bound on how well they can be known."""
+"""Ranges of one moment, and the positions that they give."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from locfuse import _core
 from locfuse.types import NANOSECONDS, Columns, FloatArray, StampArray
 
 EPOCH_S = 0.25  # ranges of one tag within this time count as taken at once
 BRIDGED_S = 1.5
 MOST_EPOCHS = 1500
-
-_ITERATIONS = 12
-_THINNEST = 0.05  # anchors of an epoch that are less wide than this share of their length
-
-
-@dataclass(frozen=True)
-class Located:
-    """Positions of many epochs; NaN where too few ranges or anchors in one line give none."""
-
-    position: FloatArray
-    cost: FloatArray
-
-
-def cramer_rao(
-    anchors: ArrayLike, points: ArrayLike, sigma: ArrayLike, height: float | None = None
-) -> FloatArray:
-    """Return the smallest covariance that positions from ranges can have.
-
-    Parameters
-    ----------
-    anchors : array, shape (m, 2) or (m, 3)
-        Metres.
-    points : array, shape (k, 2) or (k, 3)
-    sigma : float or array, shape (m,)
-        Standard deviation of a range, metres.
-    height : float, optional
-        Known height of the points; anchors are (m, 3), points (k, 2).
-
-    Returns
-    -------
-    float64 array, shape (k, d, d)
-        Square metres; infinite where the ranges do not fix the point.
-    """
-    away = _offsets(anchors, points, height)
-    distance = np.linalg.norm(away, axis=2, keepdims=True)
-    direction = np.divide(away, distance, out=np.zeros_like(away), where=distance > 1e-9)
-    direction = direction[:, :, : np.shape(points)[1]]
-    weight = 1.0 / np.square(np.broadcast_to(np.asarray(sigma, float), away.shape[1:2]))
-    information = np.einsum("kmi,m,kmj->kij", direction, weight, direction)
-    known = np.linalg.eigvalsh(information)[:, 0] > 1e-9 * weight.max(initial=0.0)
-    bound: FloatArray = np.full_like(information, np.inf)
-    bound[known] = np.linalg.inv(information[known])
-    return bound
-
-
-def _offsets(anchors: ArrayLike, points: ArrayLike, height: float | None) -> FloatArray:
-    at, seen = np.asarray(anchors, float), np.asarray(points, float)
-    if height is not None:
-        seen = np.column_stack([seen, np.full(len(seen), height)])
-    offsets: FloatArray = seen[:, None, :] - at[None, :, :]
-    return offsets
 
 
 def dop(bound: FloatArray) -> FloatArray:
@@ -133,10 +81,8 @@ def interpolated(
     return stamp, ranges
 
 
-def locate_batch(
-    anchors: FloatArray, ranges: FloatArray, sigma: float, *, height: float
-) -> Located:
-    """Return least-squares positions in the plane of a known height.
+def located(anchors: FloatArray, ranges: FloatArray, sigma: float, *, height: float) -> FloatArray:
+    """Return positions in the plane of a known height; NaN where not exactly one fits.
 
     Parameters
     ----------
@@ -144,22 +90,15 @@ def locate_batch(
     ranges : float64 array, shape (n, m)
         NaN where missing.
     sigma : float
-        Metres; scales the cost.
+        Of a range, metres.
     height : float
         Of the tag, metres.
     """
-    heard = np.isfinite(ranges)
-    flat, rise = anchors[:, :2], anchors[:, 2] - height
-    known = _wide(flat, heard)
-    position = np.full((len(ranges), 2), np.nan)
-    measured, weight = np.where(heard, ranges, 0.0)[known], heard[known].astype(float)
-    x = _linear_start(flat, rise, measured, weight)
-    for _ in range(_ITERATIONS):
-        x = x + _step(x, flat, rise, measured, weight)
-    position[known] = x
-    left = residuals_of(anchors, ranges, position, height)
-    cost = np.nansum(np.square(left / sigma), axis=1)
-    return Located(position, np.where(known, cost, np.nan))
+    found = _core.locate_batch(anchors, ranges, sigma, height=height)
+    status = _core.PositionStatus
+    several = np.isin(found.status, [int(status.AMBIGUOUS), int(status.UNDERDETERMINED)])
+    position: FloatArray = np.where(several[:, None], np.nan, found.position)
+    return position
 
 
 def residuals_of(
@@ -169,47 +108,3 @@ def residuals_of(
     reach = np.linalg.norm(position[:, None, :] - anchors[None, :, :2], axis=2)
     left: FloatArray = ranges - np.hypot(reach, anchors[:, 2] - height)
     return left
-
-
-def _wide(flat: FloatArray, heard: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which epochs heard anchors that span the plane."""
-    weight = heard / np.maximum(heard.sum(axis=1, keepdims=True), 1)
-    off = flat[None] - (weight @ flat)[:, None, :]
-    spread = np.linalg.eigvalsh(np.einsum("nm,nmi,nmj->nij", weight, off, off))
-    wide: NDArray[np.bool_] = spread[:, 0] > _THINNEST**2 * np.maximum(spread[:, 1], 1e-9)
-    wide &= heard.sum(axis=1) >= 3
-    return wide
-
-
-def _linear_start(
-    flat: FloatArray, rise: FloatArray, measured: FloatArray, weight: FloatArray
-) -> FloatArray:
-    """Return the solution of the squared ranges' differences to their mean."""
-    share = weight / weight.sum(axis=1, keepdims=True)
-    square = np.sum(flat**2, axis=1) + rise**2 - measured**2
-    off = flat[None] - (share @ flat)[:, None, :]
-    right = 0.5 * (square - np.sum(share * square, axis=1, keepdims=True))
-    matrix = np.einsum("nm,nmi,nmj->nij", share, off, off)
-    vector = np.einsum("nm,nmi,nm->ni", share, off, right)
-    return _solve(matrix, vector)
-
-
-def _step(
-    x: FloatArray, flat: FloatArray, rise: FloatArray, measured: FloatArray, weight: FloatArray
-) -> FloatArray:
-    """Return one damped Gauss-Newton step."""
-    off = x[:, None, :] - flat[None]
-    distance = np.maximum(np.hypot(np.linalg.norm(off, axis=2), rise), 1e-6)
-    jacobian = off / distance[:, :, None]
-    matrix = np.einsum("nm,nmi,nmj->nij", weight, jacobian, jacobian) + 1e-3 * np.eye(2)
-    vector = np.einsum("nm,nmi,nm->ni", weight, jacobian, measured - distance)
-    return _solve(matrix, vector)
-
-
-def _solve(matrix: FloatArray, vector: FloatArray) -> FloatArray:
-    """Return the solutions of many symmetric systems of two equations."""
-    a, b, c = matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 1, 1]
-    u, v = vector[:, 0], vector[:, 1]
-    solved: FloatArray = np.column_stack([c * u - b * v, a * v - b * u])
-    solved /= (a * c - b * b)[:, None]
-    return solved

@@ -9,10 +9,11 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from locfuse import _core
 from locfuse.check.context import Context
 from locfuse.check.finding import Finding, error, note, warning
 from locfuse.check.grid import on_map
-from locfuse.check.positions import cramer_rao, dop
+from locfuse.check.positions import dop
 from locfuse.types import FloatArray
 
 _LINE = 0.02  # width over length below which anchors count as standing in one line
@@ -167,7 +168,7 @@ def geometry_where_the_robot_is(context: Context) -> Iterator[Finding]:
     where = _where(context)
     if where is None or len(_heard(context)) < 3:
         return
-    values = np.minimum(dop(cramer_rao(context.anchors, where, 1.0, context.height)), _LOST)
+    values = np.minimum(dop(_core.cramer_rao(context.anchors, where, 1.0, context.height)), _LOST)
     typical, worst = float(np.median(values)), float(np.quantile(values, 0.95))
     outside = 1.0 - float(inside_hull(where, context.anchors[:, :2]).mean())
     told = (

@@ -51,8 +51,14 @@ def messages_without_use(context: Context) -> Iterator[Finding]:
             yield note(f"the log has {len(table['stamp_ns'])} {source}, which are not in use",
                        "use")  # fmt: skip
     for stem in _NO_FILTER:
-        if context.table(stem) is not None:
+        if context.table(stem) is not None and not (stem == "scans" and _scans_start(context)):
             yield note(f"{stem}.csv is read, but no filter uses it", f"{stem}.csv")
+
+
+def _scans_start(context: Context) -> bool:
+    """Return whether a start from nothing uses the scans: it needs a laser and a map for that."""
+    log = context.log
+    return context.config.start == "auto" and log.laser is not None and log.grid is not None
 
 
 def rates_and_gaps(context: Context) -> Iterator[Finding]:

@@ -10,9 +10,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from locfuse import _core
 from locfuse.check.context import Context, Fits, Residuals
 from locfuse.check.finding import Finding, error, note, warning
-from locfuse.check.positions import cramer_rao, dop, locate_batch, residuals_of
+from locfuse.check.positions import dop, residuals_of
 from locfuse.types import NANOSECONDS, FloatArray
 
 _SCATTER = 1.4826  # standard deviation over median absolute deviation of a Gaussian
@@ -136,7 +137,7 @@ def _trials(
 
 def _misfit(anchors: FloatArray, ranges: FloatArray, height: float) -> float:
     """Return the typical residual of a moment, as a standard deviation."""
-    found = locate_batch(anchors, ranges, 1.0, height=height)
+    found = _core.locate_batch(anchors, ranges, height=height)  # of two sides, residuals are alike
     left = residuals_of(anchors, ranges, found.position, height)
     free = np.isfinite(left).sum(axis=1) - 2
     good = free > 0
@@ -389,7 +390,7 @@ def precision_to_expect(context: Context) -> Iterator[Finding]:
     if context.used("ranges") is None or len(context.anchors) < 3 or context.floor is None:
         return
     middle = 0.5 * (context.floor[0] + context.floor[1])[None]
-    bound = dop(cramer_rao(context.anchors, middle, context.typical_sigma, context.height))
+    bound = dop(_core.cramer_rao(context.anchors, middle, context.typical_sigma, context.height))
     if np.isfinite(bound[0]):
         yield note(f"in the middle of the floor one range to each anchor gives a position to "
                    f"{bound[0]:.2g} m at best (Cramer-Rao)", "anchors.csv")  # fmt: skip

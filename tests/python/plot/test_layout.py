@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from locfuse import plot
+from locfuse import cramer_rao, plot
 from locfuse.check import Layout, check
 from locfuse.check.grid import known
-from locfuse.check.positions import cramer_rao
 from locfuse.config.load import parse_config
 from locfuse.plot.style import ANCHOR, INK, REJECTED
 from locfuse.types import FREE, OCCUPIED, UNKNOWN, FloatArray, GridMap

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.io.datasets.source import FREE_THRESH, increments, read_source, row_error
+from locfuse.io.datasets.source import FREE_THRESH, increments, read_source, row_error, truth
 from locfuse.io.log_folder import write_log
 from locfuse.io.maps import read_map
 from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, StampArray, wrap_angle
@@ -59,18 +59,13 @@ def convert(source: Path, out: Path) -> list[Path]:
     """
     grid = read_map(source / "intel_map.yaml", free_thresh=FREE_THRESH)
     odometry = _poses(source / "odometry.csv.gz")
-    truth = _poses(source / "trajectory_refined.csv.gz", len(odometry["t_s"]))
+    refined = _poses(source / "trajectory_refined.csv.gz", len(odometry["t_s"]))
     stamp_ns = stamps_of(odometry["t_s"])
     scans = _scans(source / "scans.csv.gz", len(stamp_ns))
     scan_ns = stamp_ns[scans["raw_index"].astype(np.int64)]
     tables: dict[str, Columns] = {
         "odometry": increments(stamp_ns, odometry["x_m"], odometry["y_m"], odometry["theta_rad"]),
-        "truth": {
-            "stamp_ns": stamp_ns,
-            "x_m": truth["x_m"],
-            "y_m": truth["y_m"],
-            "heading_rad": wrap_angle(truth["theta_rad"]),
-        },
+        "truth": truth(stamp_ns, refined),
         "relations": _relations(source / "relations.csv.gz", odometry["t_s"], stamp_ns),
     }
     ranges_m = np.where(scans["beams"] >= NO_RETURN_M, np.nan, scans["beams"])

@@ -108,6 +108,16 @@ def increments(stamp_ns: StampArray, x: FloatArray, y: FloatArray, heading: Floa
     return with_start(int(stamp_ns[0]), motions)
 
 
+def truth(stamp_ns: StampArray, pose: Columns) -> Columns:
+    """Return poses ``x_m``, ``y_m``, ``theta_rad`` as the truth of a log."""
+    return {
+        "stamp_ns": stamp_ns,
+        "x_m": pose["x_m"],
+        "y_m": pose["y_m"],
+        "heading_rad": wrap_angle(pose["theta_rad"]),
+    }
+
+
 def row_error(path: Path, row: int, text: str) -> LogError:
     """Return the error that names a file and the line of a row, counting rows from 0."""
     return read_table(path).error(row, text)

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from locfuse.io.datasets.source import FREE_THRESH, increments, read_source
+from locfuse.io.datasets.source import FREE_THRESH, increments, read_source, truth
 from locfuse.io.log_folder import write_log
 from locfuse.io.maps import read_map
-from locfuse.types import Log, wrap_angle
+from locfuse.types import Log
 
 LASER = {
     "pose_in_body": [0.0039, 0.0, float(np.pi / 2.0)],
@@ -49,12 +49,7 @@ def convert(source: Path, out: Path) -> list[Path]:
                 driven["t_s"], driven["x_m"], driven["y_m"], driven["theta_rad"]
             ),
             "scans": {"stamp_ns": scans["t_s"], "ranges_m": scans["beams"]},
-            "truth": {
-                "stamp_ns": reference["t_s"],
-                "x_m": reference["x_m"],
-                "y_m": reference["y_m"],
-                "heading_rad": wrap_angle(reference["theta_rad"]),
-            },
+            "truth": truth(reference["t_s"], reference),
         },
         laser=LASER,
         grid=grid,

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse.io.csv_table import parse, read_bytes
-from locfuse.io.datasets.source import FREE_THRESH, increments, read_source, runs_of
+from locfuse.io.datasets.source import FREE_THRESH, increments, read_source, runs_of, truth
 from locfuse.io.log_folder import write_log
 from locfuse.io.maps import read_map
-from locfuse.types import GridMap, Log, LogError, wrap_angle
+from locfuse.types import GridMap, Log, LogError
 
 BEAMS = 180
 NO_RETURN_CM = 8183.0  # or 8191; no real return is longer than 54 m
@@ -67,12 +67,7 @@ def _read(source: Path, run: str, grid: GridMap) -> Log:
                 "stamp_ns": scans[-1],
                 "ranges_m": np.where(ranges_cm >= NO_RETURN_CM, np.nan, ranges_cm / 100.0),
             },
-            "truth": {
-                "stamp_ns": reference["t_s"],
-                "x_m": reference["x_m"],
-                "y_m": reference["y_m"],
-                "heading_rad": wrap_angle(reference["theta_rad"]),
-            },
+            "truth": truth(reference["t_s"], reference),
         },
         laser=LASER,
         grid=grid,
