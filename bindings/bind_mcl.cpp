@@ -32,7 +32,9 @@ void bind_mcl(py::module_& m) {
       .def(py::init<>())
       .def_readwrite("sigma_hit_m", &FieldConfig::sigma_hit_m)
       .def_readwrite("random_share", &FieldConfig::random_share)
-      .def_readwrite("max_range_m", &FieldConfig::max_range_m);
+      .def_readwrite("max_range_m", &FieldConfig::max_range_m)
+      .def_readwrite("clutter", &FieldConfig::clutter)
+      .def_readwrite("unknown", &FieldConfig::unknown);
   using Config = Mcl::Config;
   py::class_<Config>(m, "MclConfig", "Noise and behaviour of an Mcl.")
       .def(py::init<>())
@@ -51,6 +53,7 @@ void bind_mcl(py::module_& m) {
       .def_readwrite("spacing_m", &Config::spacing_m)
       .def_readwrite("spacing_heading_rad", &Config::spacing_heading_rad)
       .def_readwrite("most_gain", &Config::most_gain)
+      .def_readwrite("min_explained", &Config::min_explained)
       .def_readwrite("scouts", &Config::scouts)
       .def_readwrite("scout_draws", &Config::scout_draws)
       .def_readwrite("kidnapping_probability", &Config::kidnapping_probability)

@@ -167,6 +167,7 @@ void Mcl::start_anywhere(Stamp stamp) {
   target_ = config.max_particles;
   pending_ = {};
   scanned_ = tracking_ = false;
+  fit_ = 1.0;
   evidence_.clear();
   scouts_ = {};
   level_ = recipe_->fields.size() - 1;
@@ -295,7 +296,8 @@ Outcome Mcl::on(const LaserScan& z) {
   scanned_ = true;
   since_scan_ = {};
   // Once found it stays the one to beat, until another is likelier than all else.
-  tracking_ = ready() || (tracking_ && hypotheses_.front().probability > 0.5);
+  tracking_ = fit_ >= config.min_explained &&
+              (ready() || (tracking_ && hypotheses_.front().probability > 0.5));
   const double independent =
       tracking_ ? config.independent_beams : config.independent_beams_searching;
   const double share = std::min(1.0, independent / beams);
@@ -388,7 +390,7 @@ void Mcl::challenge(const EndPoints& points, double share, double best) {
   }
   const auto winner = std::max_element(gain_.begin(), gain_.end());
   const auto who = static_cast<std::size_t>(winner - gain_.begin());
-  if (*winner > -std::log(config.kidnapping_probability) &&
+  if (!tracking_ && *winner > -std::log(config.kidnapping_probability) &&
       std::find(idle.begin(), idle.end(), who) == idle.end()) {
     admit(who);
     idle.push_back(who);
@@ -484,7 +486,8 @@ void Mcl::choose_level(const EndPoints& points) {
     ++fitting;
   }
   level_ = fitting < level_ ? level_ - 1 : fitting;
-  explained_ = recipe_->fields[level_].explained(points, pose);
+  explained_ = recipe_->fields.back().explained(points, pose);
+  fit_ += 0.1 * (explained_ - fit_);
 }
 
 template <class Model, class Message>

@@ -38,6 +38,7 @@ class Mcl {
     double spacing_m = 0.1;            ///< motion after which a scan is news again [m]
     double spacing_heading_rad = 0.1;  ///< likewise a turn [rad]
     double most_gain = 2.0;  ///< of a particle over the belief by one scan, while ready() [nats]
+    double min_explained = 0.75;
     int scouts = 64;         ///< particles that look for the body anywhere else
     int scout_draws = 4000;  ///< from which they are chosen, scan by scan
     double kidnapping_probability = 1e-4;  ///< that a scout must outweigh
@@ -147,6 +148,7 @@ class Mcl {
   std::vector<double> evidence_;  // mean log density of an end point, for each of the fields
   std::size_t level_ = 0;         // the field in use
   double explained_ = 0.0;
+  double fit_ = 1.0;
   double used_share_ = 0.0;
   std::uint64_t step_ = 0;
   int target_ = 0;  // particles after the next resampling

@@ -65,11 +65,12 @@ LikelihoodField::LikelihoodField(const Config& config, std::shared_ptr<const Occ
   best_ = std::log(density(0.0));
   unit_ = (best_ - std::log(random)) / 255.0;
   const auto cost_of = [&](double log_density) {
-    return static_cast<std::uint8_t>(std::lround((best_ - log_density) / unit_));
+    return static_cast<std::uint8_t>(std::max(0L,std::lround((best_ - log_density) / unit_)));
   };
-  hit_cost_ = cost_of(std::log(density(3.0 * sigma)));
+  
+  hit_cost_ = cost_of(std::log(density(1.25 * sigma) + config.clutter));
   // Of what is not known, nothing is known of where beams end.
-  const std::uint8_t unknown = cost_of(std::log(std::min(1.0 / config.max_range_m, density(0.0))));
+  const std::uint8_t unknown = cost_of(std::log(std::clamp(config.unknown, random, density(0.0))));
   const std::size_t behind = 3;  // look-ups of four bytes
   costs_.assign(static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_) + behind,
                 unknown);
@@ -83,7 +84,7 @@ LikelihoodField::LikelihoodField(const Config& config, std::shared_ptr<const Occ
     for (int column = 0; column < map.width(); ++column) {
       const auto distance =
           static_cast<double>(field.distances()[from + static_cast<std::size_t>(column)]);
-      const std::uint8_t cost = cost_of(std::log(density(distance)));
+      const std::uint8_t cost = cost_of(std::log(density(distance)+(map.at(column, row) == Cell::kFree?config.clutter:0.0)));
       to[column] = map.at(column, row) == Cell::kUnknown ? std::min(cost, unknown) : cost;
     }
   }

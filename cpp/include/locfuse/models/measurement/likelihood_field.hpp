@@ -25,6 +25,8 @@ class LikelihoodField {
     double sigma_hit_m = 0.1;    ///< of an end point about its wall, map errors included [m]
     double random_share = 0.05;  ///< of the beams, which may end anywhere
     double max_range_m = 30.0;   ///< longer returns are not used [m]
+    double clutter = 0.0;
+    double unknown = 0.0333;
   };
 
   /// Throws std::invalid_argument on settings out of range, no map, or a map without occupied or
