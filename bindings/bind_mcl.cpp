@@ -33,8 +33,8 @@ void bind_mcl(py::module_& m) {
       .def_readwrite("sigma_hit_m", &FieldConfig::sigma_hit_m)
       .def_readwrite("random_share", &FieldConfig::random_share)
       .def_readwrite("max_range_m", &FieldConfig::max_range_m)
-      .def_readwrite("clutter", &FieldConfig::clutter)
-      .def_readwrite("unknown", &FieldConfig::unknown);
+      .def_readwrite("clutter_per_m", &FieldConfig::clutter_per_m)
+      .def_readwrite("unknown_per_m", &FieldConfig::unknown_per_m);
   using Config = Mcl::Config;
   py::class_<Config>(m, "MclConfig", "Noise and behaviour of an Mcl.")
       .def(py::init<>())

@@ -166,7 +166,9 @@ void Mcl::start_anywhere(Stamp stamp) {
   }
   target_ = config.max_particles;
   pending_ = {};
-  scanned_ = tracking_ = false;
+  spread_.setZero();
+  scanned_ = tracking_ = left_over_ = settled_ = false;
+  reuses_ = 0;
   fit_ = 1.0;
   evidence_.clear();
   scouts_ = {};
@@ -245,6 +247,7 @@ void Mcl::settle() {
   step.motion.y *= per_cell;
   step.covariance = scale.asDiagonal() * step.covariance * scale.asDiagonal();
   move(belief_, step, next_key(), *recipe_->workers);
+  spread_ += step.covariance.diagonal();
   if (scouts_.size > 0) {  // they find their way by themselves
     move(scouts_, {step.motion, Matrix<3, 3>::Zero()}, next_key(), *recipe_->workers);
   }
@@ -285,7 +288,7 @@ Outcome Mcl::on(const LaserScan& z) {
     return {Verdict::kStale};
   }
   advance_to(z.stamp);
-  const bool news = !scanned_ || since_scan_.x >= config.spacing_m ||
+  const bool news = !scanned_ || left_over_ || since_scan_.x >= config.spacing_m ||
                     since_scan_.heading >= config.spacing_heading_rad;
   if (!news || points.x.empty()) {
     return {Verdict::kNotModelled};
@@ -293,6 +296,7 @@ Outcome Mcl::on(const LaserScan& z) {
   settle();
   fit(recipe_->fields[level_], points, belief_);
   const double beams = static_cast<double>(points.x.size());
+  reuses_ += left_over_ ? 1 : 0;
   scanned_ = true;
   since_scan_ = {};
   // Once found it stays the one to beat, until another is likelier than all else.
@@ -308,6 +312,8 @@ Outcome Mcl::on(const LaserScan& z) {
       *std::max_element(log_likelihood_.begin(), log_likelihood_.begin() + belief_.size);
   reweigh_and_resample(share);
   choose_level(points);
+  settled_ = tracking_ && (settled_ || level_ <= best_level_);
+  left_over_ = tracking_ && !settled_ && reuses_ < 10;
   challenge(points, share, best);
   return {Verdict::kFused};
 }
@@ -478,6 +484,7 @@ void Mcl::choose_level(const EndPoints& points) {
   }
   auto fitting = static_cast<std::size_t>(std::max_element(evidence_.begin(), evidence_.end()) -
                                           evidence_.begin());
+  best_level_ = fitting;
   // A field narrower than the cluster would judge its particles by chance: none lies where it is.
   const Matrix<3, 3>& P = hypotheses_.front().estimate.covariance;
   const double spread = std::sqrt(std::max(P(0, 0), P(1, 1)));
@@ -553,6 +560,9 @@ void Mcl::reweigh_and_resample(double most_share) {
                         config.effective_share * effective_size(belief_));
   if (effective_size(belief_) < config.resample_below * belief_.size) {
     resample(belief_, target_, {}, next_key(), scratch_);
+    if (ready()) {
+      roughen();
+    }
     if (config.min_particles < config.max_particles) {
       const double wanted =
           kld_particles(occupied_bins(belief_, bins(), 0.0), config.kld_error, config.kld_quantile);
@@ -562,6 +572,18 @@ void Mcl::reweigh_and_resample(double most_share) {
     }
   }
   summarize();
+}
+
+/// Copies of a particle part by the kernel of a density estimate (Silverman), unless they have been
+/// moved as far since the last resampling: a body that stands must not be left with one particle.
+void Mcl::roughen() {
+  const Matrix<3, 3>& P = hypotheses_.front().estimate.covariance;
+  const double kernel = std::pow(4.0 / (5.0 * belief_.size), 2.0 / 7.0);
+  const double xy = 0.5 * (P(0, 0) + P(1, 1)) / (grid().resolution() * grid().resolution());
+  const Vector<3> wanted = kernel * Vector<3>(xy, xy, P(2, 2));
+  const Vector<3> missing = (wanted - spread_).cwiseMax(0.0);
+  move(belief_, {{}, missing.asDiagonal()}, next_key(), *recipe_->workers);
+  spread_.setZero();
 }
 
 ParticleBins Mcl::bins() const {

@@ -115,6 +115,7 @@ class Mcl {
   void settle();
   void draw_free(ParticleBelief& belief, int k, std::uint64_t key) const;
   void summarize();
+  void roughen();
   void choose_level(const EndPoints& points);
   void doubt(double share);
   void climb(const EndPoints& points, const LikelihoodField& field, ParticleBelief& pool);
@@ -142,11 +143,16 @@ class Mcl {
   HeldMotion odometry_;
   Stamp stamp_;              // up to where pending_ leads
   UncertainMotion pending_;  // since belief_.stamp, in metres
+  Vector<3> spread_ = Vector<3>::Zero();  // variances that motion has added since resampling
   Pose2 since_scan_;         // driven since the last scan that was used: ways, not displacement
   bool scanned_ = false;
   bool tracking_ = false;
+  bool left_over_ = false;  // of the last scan's information
   std::vector<double> evidence_;  // mean log density of an end point, for each of the fields
   std::size_t level_ = 0;         // the field in use
+  std::size_t best_level_ = 0;
+  int reuses_ = 0;
+  bool settled_ = false;
   double explained_ = 0.0;
   double fit_ = 1.0;
   double used_share_ = 0.0;

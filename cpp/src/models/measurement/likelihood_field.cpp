@@ -64,13 +64,12 @@ LikelihoodField::LikelihoodField(const Config& config, std::shared_ptr<const Occ
   };
   best_ = std::log(density(0.0));
   unit_ = (best_ - std::log(random)) / 255.0;
-  const auto cost_of = [&](double log_density) {
-    return static_cast<std::uint8_t>(std::max(0L,std::lround((best_ - log_density) / unit_)));
+  const auto cost_of = [&](double value) {
+    return static_cast<std::uint8_t>(
+        std::lround(std::clamp((best_ - std::log(value)) / unit_, 0.0, 255.0)));
   };
-  
-  hit_cost_ = cost_of(std::log(density(1.25 * sigma) + config.clutter));
-  // Of what is not known, nothing is known of where beams end.
-  const std::uint8_t unknown = cost_of(std::log(std::clamp(config.unknown, random, density(0.0))));
+  hit_cost_ = cost_of(density(1.25 * sigma) + config.clutter_per_m);
+  const std::uint8_t unknown = cost_of(config.unknown_per_m);
   const std::size_t behind = 3;  // look-ups of four bytes
   costs_.assign(static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_) + behind,
                 unknown);
@@ -84,8 +83,10 @@ LikelihoodField::LikelihoodField(const Config& config, std::shared_ptr<const Occ
     for (int column = 0; column < map.width(); ++column) {
       const auto distance =
           static_cast<double>(field.distances()[from + static_cast<std::size_t>(column)]);
-      const std::uint8_t cost = cost_of(std::log(density(distance)+(map.at(column, row) == Cell::kFree?config.clutter:0.0)));
-      to[column] = map.at(column, row) == Cell::kUnknown ? std::min(cost, unknown) : cost;
+      const Cell cell = map.at(column, row);
+      const double clutter = cell == Cell::kFree ? config.clutter_per_m : 0.0;
+      const std::uint8_t cost = cost_of(density(distance) + clutter);
+      to[column] = cell == Cell::kUnknown ? std::min(cost, unknown) : cost;
     }
   }
 }

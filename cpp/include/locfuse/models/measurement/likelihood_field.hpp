@@ -25,8 +25,8 @@ class LikelihoodField {
     double sigma_hit_m = 0.1;    ///< of an end point about its wall, map errors included [m]
     double random_share = 0.05;  ///< of the beams, which may end anywhere
     double max_range_m = 30.0;   ///< longer returns are not used [m]
-    double clutter = 0.0;
-    double unknown = 0.0333;
+    double clutter_per_m = 0.1;  ///< of ends in free space, at people and things off the map [1/m]
+    double unknown_per_m = 0.002;  ///< of ends where nothing is known, behind walls mostly [1/m]
   };
 
   /// Throws std::invalid_argument on settings out of range, no map, or a map without occupied or
@@ -51,7 +51,7 @@ class LikelihoodField {
   [[nodiscard]] double unit() const { return unit_; }
   /// Log density of an end point on a wall: cost 0.
   [[nodiscard]] double best() const { return best_; }
-  /// Share of the end points that end at a wall, as seen from a pose in cells: within three sigma.
+  /// Share of the end points that a wall explains, as seen from a pose in cells: within 1.25 sigma.
   [[nodiscard]] double explained(const EndPoints& points, const Pose2& pose) const;
 
  private:
@@ -64,7 +64,7 @@ class LikelihoodField {
   int height_;
   double best_;
   double unit_;
-  int hit_cost_;  // of an end point three sigma beside its wall
+  int hit_cost_;  // of an end point that a wall explains
   std::vector<std::uint8_t> costs_;
 };
 
