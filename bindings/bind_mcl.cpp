@@ -120,6 +120,18 @@ False
       .def("start_at", &Mcl::start_at, py::arg("hypotheses"),
            "Starts anew near poses, a list of PoseHypothesis; those of an Initializer will do.\n\n"
            "Raises\n------\nValueError\n    On a list without poses, or one that is not finite.")
+      .def(
+          "start_with",
+          [](Mcl& mcl, locfuse::Stamp stamp, const Column<double>& particles) {
+            expect_shape("particles", particles, particles.ndim() > 0 ? particles.shape(0) : 0, 4);
+            const Eigen::Map<const locfuse::Matrix<4, Eigen::Dynamic>> columns(particles.data(), 4,
+                                                                               particles.shape(0));
+            mcl.start_with(stamp, columns);
+          },
+          py::arg("stamp"), py::arg("particles"),
+          "Starts anew with particles, float64 (n, 4) as in `particles`; the weights need not sum "
+          "to 1.\n\nRaises\n------\nValueError\n    On another shape, on numbers that are not "
+          "finite, on weights that are negative or all 0.")
       .def("on", py::overload_cast<const locfuse::Velocity&>(&Mcl::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Increment&>(&Mcl::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Range&>(&Mcl::on), py::arg("message"),
@@ -144,6 +156,11 @@ False
                              "Share of the last measurement's information that was used.")
       .def_property_readonly("particles", &particles_of,
                              "float64 (n, 4): x, y [m], heading [rad] in world, weight.")
+      .def(
+          "__copy__", [](const Mcl& mcl) { return mcl; }, "A snapshot.")
+      .def(
+          "__deepcopy__", [](const Mcl& mcl, const py::object& /*memo*/) { return mcl; },
+          py::arg("memo"))
       .def("__repr__", [](const Mcl& mcl) {
         return "Mcl(" + std::to_string(mcl.belief().size) + " particles)";
       });

@@ -15,10 +15,7 @@ namespace {
 
 constexpr int kGroup = 8;
 constexpr int kMostClusters = 32;
-constexpr double kBehind = 4.0;        // nats behind the belief at which a scout gives up
-constexpr double kMemory = 0.98;       // of its gains, per scan
-constexpr int kTries = 16;             // of a scout, per field
-constexpr double kPerMetre = 0.5;      // turn tried with a displacement [rad / m]
+constexpr int kRereads = 10;  // scans that a body reads where it stands when it was just started
 constexpr double kFarthest = 0.5;      // driven before particles are moved, for want of a scan [m]
 constexpr double kFarthestTurn = 0.3;  // likewise [rad]
 
@@ -47,6 +44,7 @@ const Mcl::Config& checked(const Mcl::Config& config) {
   in_range("spacing_m", config.spacing_m, 0.0, 1e6);
   in_range("spacing_heading_rad", config.spacing_heading_rad, 0.0, 1e6);
   in_range("most_gain", config.most_gain, 0.1, 1e6);
+  in_range("min_explained", config.min_explained, 0.0, 1.0);
   in_range("scouts", config.scouts, 0, 100000);
   in_range("scout_draws", config.scout_draws, config.scouts, ParticleBelief::kMost);
   in_range("kidnapping_probability", config.kidnapping_probability, 0.0, 0.5);
@@ -77,11 +75,11 @@ void extend(UncertainMotion& so_far, const OdometryMotion& model, const Pose2& m
   so_far.covariance = step.jacobian * so_far.covariance * step.jacobian.transpose() + step.noise;
 }
 
-void copy(const ParticleBelief& from, std::size_t k, ParticleBelief& to, std::size_t i) {
-  to.x[i] = from.x[k];
-  to.y[i] = from.y[k];
-  to.c[i] = from.c[k];
-  to.s[i] = from.s[k];
+void put(const Pose2& cells, ParticleBelief& belief, std::size_t k) {
+  belief.x[k] = static_cast<float>(cells.x);
+  belief.y[k] = static_cast<float>(cells.y);
+  belief.c[k] = static_cast<float>(std::cos(cells.heading));
+  belief.s[k] = static_cast<float>(std::sin(cells.heading));
 }
 
 PoseEstimate carried(const PoseEstimate& from, const UncertainMotion& by, Stamp stamp) {
@@ -167,9 +165,9 @@ void Mcl::start_anywhere(Stamp stamp) {
   target_ = config.max_particles;
   pending_ = {};
   spread_.setZero();
-  scanned_ = tracking_ = left_over_ = settled_ = false;
-  reuses_ = 0;
-  fit_ = 1.0;
+  scanned_ = tracking_ = false;
+  rereads_ = kRereads;
+  lately_explained_ = 1.0;
   evidence_.clear();
   scouts_ = {};
   level_ = recipe_->fields.size() - 1;
@@ -206,13 +204,25 @@ void Mcl::start_at(const std::vector<PoseHypothesis>& hypotheses) {
       const std::uint64_t n = 3 * static_cast<std::uint64_t>(k);
       const Vector<3> normal(random_normal(key, n), random_normal(key, n + 1),
                              random_normal(key, n + 2));
-      const Pose2 pose = to_cells(retract(h.estimate.pose, L * normal));
-      const auto i = static_cast<std::size_t>(k);
-      belief_.x[i] = static_cast<float>(pose.x);
-      belief_.y[i] = static_cast<float>(pose.y);
-      belief_.c[i] = static_cast<float>(std::cos(pose.heading));
-      belief_.s[i] = static_cast<float>(std::sin(pose.heading));
+      put(to_cells(retract(h.estimate.pose, L * normal)), belief_, static_cast<std::size_t>(k));
     }
+  }
+  summarize();
+}
+
+void Mcl::start_with(Stamp stamp, const Matrix<4, Eigen::Dynamic>& particles) {
+  const double total = particles.row(3).sum();
+  if (!particles.allFinite() || particles.cols() == 0 || particles.row(3).minCoeff() < 0.0 ||
+      !(total > 0.0)) {
+    throw std::invalid_argument(
+        "particles need finite x, y, heading and weight >= 0, and some weight > 0");
+  }
+  start_anywhere(stamp);
+  belief_.resize(static_cast<int>(particles.cols()));
+  for (int k = 0; k < belief_.size; ++k) {
+    const Pose2 world{particles(0, k), particles(1, k), wrap_angle(particles(2, k))};
+    put(to_cells(world), belief_, static_cast<std::size_t>(k));
+    belief_.weight[static_cast<std::size_t>(k)] = static_cast<float>(particles(3, k) / total);
   }
   summarize();
 }
@@ -288,169 +298,29 @@ Outcome Mcl::on(const LaserScan& z) {
     return {Verdict::kStale};
   }
   advance_to(z.stamp);
-  const bool news = !scanned_ || left_over_ || since_scan_.x >= config.spacing_m ||
-                    since_scan_.heading >= config.spacing_heading_rad;
-  if (!news || points.x.empty()) {
+  const bool moved = !scanned_ || since_scan_.x >= config.spacing_m ||
+                     since_scan_.heading >= config.spacing_heading_rad;
+  if (points.x.empty() || !(moved || (tracking_ && rereads_ > 0))) {
     return {Verdict::kNotModelled};
   }
   settle();
   fit(recipe_->fields[level_], points, belief_);
   const double beams = static_cast<double>(points.x.size());
-  reuses_ += left_over_ ? 1 : 0;
   scanned_ = true;
   since_scan_ = {};
   // Once found it stays the one to beat, until another is likelier than all else.
-  tracking_ = fit_ >= config.min_explained &&
+  tracking_ = lately_explained_ >= config.min_explained &&
               (ready() || (tracking_ && hypotheses_.front().probability > 0.5));
   const double independent =
       tracking_ ? config.independent_beams : config.independent_beams_searching;
   const double share = std::min(1.0, independent / beams);
-  if (tracking_) {
-    doubt(share);
-  }
   const double best =
       *std::max_element(log_likelihood_.begin(), log_likelihood_.begin() + belief_.size);
   reweigh_and_resample(share);
-  choose_level(points);
-  settled_ = tracking_ && (settled_ || level_ <= best_level_);
-  left_over_ = tracking_ && !settled_ && reuses_ < 10;
+  const bool sharp = choose_level(points);
+  rereads_ = tracking_ && sharp ? 0 : rereads_ - (moved ? 0 : 1);
   challenge(points, share, best);
   return {Verdict::kFused};
-}
-
-/// Moves each particle of a pool to the best of some tries about it, by one field; its likelihoods
-/// are left in `log_likelihood_`.
-void Mcl::climb(const EndPoints& points, const LikelihoodField& field, ParticleBelief& pool) {
-  const double cells = field.config().sigma_hit_m / grid().resolution();
-  const double turn = kPerMetre * field.config().sigma_hit_m;
-  tries_.resize(kTries * pool.size);
-  for (std::size_t k = 0; k < static_cast<std::size_t>(tries_.size); ++k) {
-    copy(pool, k / kTries, tries_, k);
-  }
-  const Vector<3> sigma(cells, cells, turn);
-  move(tries_, {{}, sigma.cwiseAbs2().asDiagonal()}, next_key(), *recipe_->workers);
-  fit(field, points, pool);
-  std::vector<float> best = log_likelihood_;
-  fit(field, points, tries_);
-  for (std::size_t k = 0; k < static_cast<std::size_t>(tries_.size); ++k) {
-    const std::size_t to = k / kTries;
-    if (log_likelihood_[k] > best[to]) {
-      best[to] = log_likelihood_[k];
-      copy(tries_, k, pool, to);
-    }
-  }
-  log_likelihood_ = std::move(best);
-}
-
-/// Places that fit the scan: of many draws from the free cells those that the widest field likes,
-/// moved to the best nearby, field by field, down to the one in use.
-ParticleBelief Mcl::places_that_fit(const EndPoints& points, int count) {
-  ParticleBelief pool;
-  const std::uint64_t key = next_key();
-  pool.resize(recipe_->config.scout_draws);
-  recipe_->workers->share(pool.size, kGroup, [&](int begin, int end) {
-    for (int k = begin; k < end; ++k) {
-      draw_free(pool, k, key);
-    }
-  });
-  std::fill(pool.weight.begin(), pool.weight.begin() + pool.size, 1.0F);
-  fit(recipe_->fields.back(), points, pool);
-  reweigh(pool, log_likelihood_, 1.0, count);
-  resample(pool, count, {}, next_key(), scratch_);
-  for (std::size_t level = recipe_->fields.size(); level-- > level_;) {
-    climb(points, recipe_->fields[level], pool);
-  }
-  return pool;
-}
-
-/// Lets scouts, each in a place of its own, gather evidence against the belief scan by scan: the
-/// best that it has against the best that they have. Who gathers more than a kidnapping is unlikely
-/// becomes half of the belief; who falls behind, or has come to where the belief is, begins anew.
-void Mcl::challenge(const EndPoints& points, double share, double best) {
-  const Config& config = recipe_->config;
-  if (config.scouts == 0) {
-    return;
-  }
-  const bool first = scouts_.size != config.scouts;
-  if (first) {
-    gain_.assign(static_cast<std::size_t>(config.scouts), -kBehind);
-    scouts_.resize(config.scouts);
-  } else {
-    climb(points, recipe_->fields[level_], scouts_);
-  }
-  const Pose2 found = to_cells(hypotheses_.front().estimate.pose);
-  std::vector<std::size_t> idle;
-  for (std::size_t k = 0; k < gain_.size(); ++k) {
-    if (!first) {
-      const double now = share * (static_cast<double>(log_likelihood_[k]) - best);
-      gain_[k] = kMemory * gain_[k] + std::min(std::max(now, -config.most_gain), config.most_gain);
-    }
-    const Pose2 place{static_cast<double>(scouts_.x[k]), static_cast<double>(scouts_.y[k]),
-                      static_cast<double>(std::atan2(scouts_.s[k], scouts_.c[k]))};
-    const Vector<3> off = local(place, found);
-    const bool there = off.head<2>().norm() < config.bin_m / grid().resolution() &&
-                       std::abs(off.z()) < 2.0 * kPi / config.bin_headings;
-    if (there || gain_[k] <= -kBehind) {
-      idle.push_back(k);
-    }
-  }
-  const auto winner = std::max_element(gain_.begin(), gain_.end());
-  const auto who = static_cast<std::size_t>(winner - gain_.begin());
-  if (!tracking_ && *winner > -std::log(config.kidnapping_probability) &&
-      std::find(idle.begin(), idle.end(), who) == idle.end()) {
-    admit(who);
-    idle.push_back(who);
-  }
-  if (!idle.empty()) {
-    const ParticleBelief places = places_that_fit(points, static_cast<int>(idle.size()));
-    for (std::size_t i = 0; i < idle.size(); ++i) {
-      copy(places, i, scouts_, idle[i]);
-      gain_[idle[i]] = 0.0;
-    }
-  }
-}
-
-/// Gives half of the weight to the place that a scout has found.
-void Mcl::admit(std::size_t scout) {
-  const double sigma = sigma_hit() / grid().resolution();
-  const std::uint64_t key = next_key();
-  const int count = std::max(target_, 2);
-  resample(belief_, count,
-           {count / 2, 0.5,
-            [&](ParticleBelief& belief, int k) {
-              copy(scouts_, scout, belief, static_cast<std::size_t>(k));
-              const auto i = static_cast<std::size_t>(k);
-              const std::uint64_t n = 3 * static_cast<std::uint64_t>(k);
-              const double heading = std::atan2(belief.s[i], belief.c[i]) +
-                                     kPerMetre * sigma_hit() * random_normal(key, n);
-              belief.x[i] += static_cast<float>(sigma * random_normal(key, n + 1));
-              belief.y[i] += static_cast<float>(sigma * random_normal(key, n + 2));
-              belief.c[i] = static_cast<float>(std::cos(heading));
-              belief.s[i] = static_cast<float>(std::sin(heading));
-            }},
-           next_key(), scratch_);
-  summarize();
-}
-
-/// Bounds how far one scan may lift a particle above the belief: people who stand around a robot
-/// make other places look better, but not scan after scan.
-void Mcl::doubt(double share) {
-  const auto size = static_cast<std::size_t>(belief_.size);
-  double most = -std::numeric_limits<double>::infinity();
-  for (std::size_t k = 0; k < size; ++k) {
-    most = std::max(most, static_cast<double>(log_likelihood_[k]));
-  }
-  double sum = 0.0;
-  for (std::size_t k = 0; k < size; ++k) {
-    sum += static_cast<double>(belief_.weight[k]) *
-           std::exp(share * (static_cast<double>(log_likelihood_[k]) - most));
-  }
-  const double bound = most + (std::log(sum) + recipe_->config.most_gain) / share;
-  if (std::isfinite(bound)) {
-    for (float& value : log_likelihood_) {
-      value = std::min(value, static_cast<float>(bound));
-    }
-  }
 }
 
 /// Log likelihoods of a scan from each particle, up to a constant.
@@ -468,8 +338,8 @@ void Mcl::fit(const LikelihoodField& field, const EndPoints& points, const Parti
 }
 
 /// The sigma under which the scans that were used are the likeliest, seen from the best cluster.
-void Mcl::choose_level(const EndPoints& points) {
-  constexpr double kRate = 0.2;
+/// Returns whether the field in use is as narrow as that.
+bool Mcl::choose_level(const EndPoints& points) {
   const Pose2 pose = to_cells(hypotheses_.front().estimate.pose);
   const bool first = evidence_.empty();
   evidence_.resize(recipe_->fields.size(), 0.0);
@@ -480,11 +350,11 @@ void Mcl::choose_level(const EndPoints& points) {
       sum += recipe_->fields[l].log_density(p.x(), p.y());
     }
     const double now = sum / static_cast<double>(points.x.size());
-    evidence_[l] = first ? now : evidence_[l] + kRate * (now - evidence_[l]);
+    evidence_[l] = first ? now : evidence_[l] + 0.2 * (now - evidence_[l]);
   }
-  auto fitting = static_cast<std::size_t>(std::max_element(evidence_.begin(), evidence_.end()) -
-                                          evidence_.begin());
-  best_level_ = fitting;
+  const auto likeliest = static_cast<std::size_t>(
+      std::max_element(evidence_.begin(), evidence_.end()) - evidence_.begin());
+  std::size_t fitting = likeliest;
   // A field narrower than the cluster would judge its particles by chance: none lies where it is.
   const Matrix<3, 3>& P = hypotheses_.front().estimate.covariance;
   const double spread = std::sqrt(std::max(P(0, 0), P(1, 1)));
@@ -494,7 +364,8 @@ void Mcl::choose_level(const EndPoints& points) {
   }
   level_ = fitting < level_ ? level_ - 1 : fitting;
   explained_ = recipe_->fields.back().explained(points, pose);
-  fit_ += 0.1 * (explained_ - fit_);
+  lately_explained_ += 0.1 * (explained_ - lately_explained_);
+  return level_ <= likeliest;
 }
 
 template <class Model, class Message>

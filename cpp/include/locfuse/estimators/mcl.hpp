@@ -31,16 +31,16 @@ class Mcl {
     int beams = 60;                   ///< of a scan, evenly among its returns
     double independent_beams = 10.0;  ///< what they count for: neighbours share the map's errors
     double independent_beams_searching =
-        2.0;                           ///< likewise while not ready(), so that none is lost early
-    double effective_share = 0.2;      ///< of the particles that a measurement leaves at least
-    double outlier_share = 0.01;       ///< of ranges, positions and poses, wrong by anything
-    double resample_below = 0.5;       ///< share of effective particles
-    double spacing_m = 0.1;            ///< motion after which a scan is news again [m]
-    double spacing_heading_rad = 0.1;  ///< likewise a turn [rad]
-    double most_gain = 2.0;  ///< of a particle over the belief by one scan, while ready() [nats]
-    double min_explained = 0.75;
-    int scouts = 64;         ///< particles that look for the body anywhere else
-    int scout_draws = 4000;  ///< from which they are chosen, scan by scan
+        2.0;                       ///< likewise until it is found, so that no place is lost early
+    double effective_share = 0.2;  ///< of the particles that a measurement leaves at least
+    double outlier_share = 0.01;   ///< of ranges, positions and poses, wrong by anything
+    double resample_below = 0.5;   ///< share of effective particles
+    double spacing_m = 0.1;        ///< motion after which a scan is news again [m]
+    double spacing_heading_rad = 0.1;      ///< likewise a turn [rad]
+    double min_explained = 0.75;           ///< of the returns, over ten scans, or the body is lost
+    int scouts = 64;                       ///< particles that look for a lost body anywhere else
+    int scout_draws = 4000;                ///< from which they are chosen, scan by scan
+    double most_gain = 2.0;                ///< of a scout over the belief by one scan [nats]
     double kidnapping_probability = 1e-4;  ///< that a scout must outweigh
     double hold_s = 1.0;  ///< how long the last motion is believed without new odometry [s]
     double sigma_lost_xy_per_sqrt_s = 0.5;       ///< thereafter: standing, spreading [m / sqrt(s)]
@@ -69,6 +69,10 @@ class Mcl {
   /// Starts anew: anywhere in free space, or near poses, each as likely as its probability says.
   void start_anywhere(Stamp stamp);
   void start_at(const std::vector<PoseHypothesis>& hypotheses);
+  /// Starts anew with particles that are given, one column (x, y, heading, weight) each, in world.
+  /// Throws std::invalid_argument unless all are finite and no weight is negative and not all are
+  /// 0.
+  void start_with(Stamp stamp, const Matrix<4, Eigen::Dynamic>& particles);
 
   Outcome on(const Velocity& u);
   Outcome on(const Increment& u);
@@ -116,8 +120,7 @@ class Mcl {
   void draw_free(ParticleBelief& belief, int k, std::uint64_t key) const;
   void summarize();
   void roughen();
-  void choose_level(const EndPoints& points);
-  void doubt(double share);
+  bool choose_level(const EndPoints& points);
   void climb(const EndPoints& points, const LikelihoodField& field, ParticleBelief& pool);
   [[nodiscard]] ParticleBelief places_that_fit(const EndPoints& points, int count);
   void challenge(const EndPoints& points, double share, double best);
@@ -141,20 +144,17 @@ class Mcl {
   std::vector<std::int32_t> costs_;
   std::vector<PoseHypothesis> hypotheses_;  // at belief_.stamp
   HeldMotion odometry_;
-  Stamp stamp_;              // up to where pending_ leads
-  UncertainMotion pending_;  // since belief_.stamp, in metres
+  Stamp stamp_;                           // up to where pending_ leads
+  UncertainMotion pending_;               // since belief_.stamp, in metres
   Vector<3> spread_ = Vector<3>::Zero();  // variances that motion has added since resampling
-  Pose2 since_scan_;         // driven since the last scan that was used: ways, not displacement
+  Pose2 since_scan_;  // driven since the last scan that was used: ways, not displacement
   bool scanned_ = false;
   bool tracking_ = false;
-  bool left_over_ = false;  // of the last scan's information
+  int rereads_ = 0;               // scans that may still be read without having moved
   std::vector<double> evidence_;  // mean log density of an end point, for each of the fields
   std::size_t level_ = 0;         // the field in use
-  std::size_t best_level_ = 0;
-  int reuses_ = 0;
-  bool settled_ = false;
   double explained_ = 0.0;
-  double fit_ = 1.0;
+  double lately_explained_ = 1.0;
   double used_share_ = 0.0;
   std::uint64_t step_ = 0;
   int target_ = 0;  // particles after the next resampling

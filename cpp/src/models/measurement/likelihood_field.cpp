@@ -50,6 +50,11 @@ LikelihoodField::LikelihoodField(const Config& config, std::shared_ptr<const Occ
   within("sigma_hit_m", config.sigma_hit_m, 0.0, 1e3);
   within("random_share", config.random_share, 0.0, 1.0);
   within("max_range_m", config.max_range_m, 0.0, 1e4);
+  within("unknown_per_m", config.unknown_per_m, 0.0, 1e3);
+  if (!(config.clutter_per_m >= 0.0 && config.clutter_per_m < 1e3)) {
+    throw std::invalid_argument("LikelihoodField.clutter_per_m is " +
+                                std::to_string(config.clutter_per_m) + ", expected 0 to 1000");
+  }
   const double resolution = map.resolution();
   rim_ = static_cast<int>(config.max_range_m / resolution) + 2;
   width_ = map.width() + 2 * rim_;
