@@ -3,7 +3,9 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstring>
 #include <numeric>
 #include <stdexcept>
 #include <string>
@@ -58,22 +60,39 @@ double sum_of(const std::vector<float>& values, int size) {
   return std::accumulate(values.begin(), values.begin() + size, 0.0);
 }
 
-/// Weights times exp(share * (log_likelihood - most)); returns (sum, sum of squares).
-template <class Each>
+/// exp(x) for x <= 0, to 2e-7 of itself, without a branch: compilers make lanes of it.
+float exp_of(float x) {
+  const float y = std::max(1.4426950F * x, -126.0F);
+  const auto n = static_cast<std::int32_t>(y - 0.5F);  // towards zero
+  const float f = y - static_cast<float>(n);
+  const float power =
+      1.0F +
+      f * (0.6931472F + f * (0.2402265F + f * (0.0555041F + f * (0.0096181F + f * 0.0013333F))));
+  const std::int32_t bits = (n + 127) << 23;
+  float scale;
+  std::memcpy(&scale, &bits, sizeof scale);
+  return scale * power;
+}
+
+/// Sum and sum of squares of weight * exp(share * (log_likelihood - most)), kept in `weighed`.
 std::pair<double, double> weigh(const ParticleBelief& belief,
                                 const std::vector<float>& log_likelihood, double most, double share,
-                                const Each& each) {
-  double sum = 0.0;
-  double squares = 0.0;
-  for (int i = 0; i < belief.size; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    const double w = static_cast<double>(belief.weight[k]) *
-                     std::exp(share * (static_cast<double>(log_likelihood[k]) - most));
-    sum += w;
-    squares += w * w;
-    each(k, w);
+                                std::vector<float>& weighed) {
+  const auto size = static_cast<std::size_t>(belief.size);
+  const auto by = static_cast<float>(share);
+  const auto top = static_cast<float>(most);
+  for (std::size_t k = 0; k < size; ++k) {
+    weighed[k] = belief.weight[k] * exp_of(by * (log_likelihood[k] - top));
   }
-  return {sum, squares};
+  std::array<double, 8> sums{};
+  std::array<double, 8> squares{};
+  for (std::size_t k = 0; k < size; ++k) {
+    const auto w = static_cast<double>(weighed[k]);
+    sums[k % 8] += w;
+    squares[k % 8] += w * w;
+  }
+  return {std::accumulate(sums.begin(), sums.end(), 0.0),
+          std::accumulate(squares.begin(), squares.end(), 0.0)};
 }
 
 }  // namespace
@@ -126,26 +145,31 @@ double reweigh(ParticleBelief& belief, const std::vector<float>& log_likelihood,
   if (!std::isfinite(most)) {
     throw NumericalError("no particle has a likelihood");
   }
+  std::vector<float> weighed(static_cast<std::size_t>(belief.size));
   const auto effective = [&](double share) {
-    const auto [sum, squares] =
-        weigh(belief, log_likelihood, most, share, [](std::size_t, double) {});
+    const auto [sum, squares] = weigh(belief, log_likelihood, most, share, weighed);
     return sum * sum / squares;
   };
   const double least = std::min(least_effective, effective_size(belief));
   double share = most_share;
-  if (effective(share) < least) {  // the largest that leaves enough, to a hundredth of itself
-    double low = 0x1p-30 * share;
-    for (int step = 0; step < 12; ++step) {
-      const double middle = std::sqrt(low * share);
-      (effective(middle) < least ? share : low) = middle;
-    }
-    share = low;
+  // The largest share that leaves enough, to a hundredth of itself: log n_eff is all but a straight
+  // line over log share.
+  double high = effective(share);
+  double low_share = 0x1p-30 * share;
+  double low = effective_size(belief);
+  for (int step = 0; step < 20 && high < least && low_share < 0.99 * share; ++step) {
+    const double slope = std::log(high / low) / std::log(share / low_share);
+    const double secant = low_share * std::exp(std::log(least / low) / slope);
+    const double middle = step % 3 == 2 ? std::sqrt(low_share * share)
+                                        : std::clamp(secant, 1.004 * low_share, 0.996 * share);
+    const double now = effective(middle);
+    (now < least ? share : low_share) = middle;
+    (now < least ? high : low) = now;
   }
-  const double sum = weigh(belief, log_likelihood, most, share, [&](std::size_t k, double w) {
-                       belief.weight[k] = static_cast<float>(w);
-                     }).first;
-  for (int i = 0; i < belief.size; ++i) {
-    belief.weight[static_cast<std::size_t>(i)] /= static_cast<float>(sum);
+  share = high < least ? low_share : share;
+  const auto sum = static_cast<float>(weigh(belief, log_likelihood, most, share, weighed).first);
+  for (std::size_t k = 0; k < weighed.size(); ++k) {
+    belief.weight[k] = weighed[k] / sum;
   }
   return share;
 }
@@ -194,6 +218,20 @@ void resample(ParticleBelief& belief, int count, const FreshParticles& fresh, st
 
 namespace {
 
+/// Heading of (cosine, sine) in [-pi, pi], to 2e-5 rad: what bins and covariances need.
+float heading_of(float c, float s) {
+  const float less = std::min(std::abs(c), std::abs(s));
+  const float more = std::max(std::abs(c), std::abs(s));
+  const float t = less / more;
+  const float q = t * t;
+  // Abramowitz and Stegun, Handbook of Mathematical Functions, 4.4.49.
+  float angle =
+      t * (0.9998660F + q * (-0.3302995F + q * (0.1801410F + q * (-0.0851330F + q * 0.0208351F))));
+  angle = std::abs(s) > std::abs(c) ? static_cast<float>(0.5 * kPi) - angle : angle;
+  angle = c < 0.0F ? static_cast<float>(kPi) - angle : angle;
+  return s < 0.0F ? -angle : angle;
+}
+
 constexpr double kThin = 0.05;  // share of the heaviest bin below which one is in no cluster
 
 /// A bin's number: heading, row and column.
@@ -206,7 +244,7 @@ class Binning {
     const auto column = static_cast<std::int64_t>(static_cast<double>(belief.x[k]) * per_side_);
     const auto row = static_cast<std::int64_t>(static_cast<double>(belief.y[k]) * per_side_);
     const double turn =
-        static_cast<double>(std::atan2(belief.s[k], belief.c[k])) / (2.0 * kPi) + 0.5;
+        static_cast<double>(heading_of(belief.c[k], belief.s[k])) / (2.0 * kPi) + 0.5;
     const auto heading = static_cast<std::int64_t>(turn * headings_) % headings_;
     return number(heading, row + kShift, column + kShift);
   }
@@ -236,22 +274,51 @@ class Binning {
 
 }  // namespace
 
-int occupied_bins(const ParticleBelief& belief, const ParticleBins& bins, double least) {
-  const Binning binning(bins);
-  std::vector<std::int64_t> numbers;
-  numbers.reserve(static_cast<std::size_t>(belief.size));
-  std::int64_t last = -1;
-  for (int i = 0; i < belief.size; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    if (belief.weight[k] * static_cast<float>(belief.size) >= static_cast<float>(least)) {
-      const std::int64_t bin = binning.bin(belief, k);
-      if (bin != last) {  // copies of one particle follow one another
-        numbers.push_back(last = bin);
+namespace {
+
+/// Which bins are occupied, and by which particles.
+struct Occupied {
+  std::vector<std::int64_t> numbers;      ///< of each bin, in order of the first particle in it
+  std::vector<std::int32_t> of_particle;  ///< index into `numbers`
+  std::unordered_map<std::int64_t, std::int32_t> at;
+};
+
+Occupied occupied(const ParticleBelief& belief, const Binning& binning) {
+  // Most particles share few bins: the last ones seen are kept at hand.
+  struct Seen {
+    std::int64_t number = -1;
+    std::int32_t index = 0;
+  };
+  std::array<Seen, 64> seen;
+  Occupied result;
+  result.of_particle.resize(static_cast<std::size_t>(belief.size));
+  for (std::size_t k = 0; k < result.of_particle.size(); ++k) {
+    const std::int64_t number = binning.bin(belief, k);
+    Seen& slot = seen[static_cast<std::size_t>(number ^ (number >> 22) ^ (number >> 44)) % 64];
+    if (slot.number != number) {
+      const auto [found, is_new] =
+          result.at.try_emplace(number, static_cast<std::int32_t>(result.numbers.size()));
+      if (is_new) {
+        result.numbers.push_back(number);
       }
+      slot = {number, found->second};
+    }
+    result.of_particle[k] = slot.index;
+  }
+  return result;
+}
+
+}  // namespace
+
+int occupied_bins(const ParticleBelief& belief, const ParticleBins& bins, double least) {
+  const Occupied in = occupied(belief, Binning(bins));
+  std::vector<std::uint8_t> counts(in.numbers.size());
+  for (std::size_t k = 0; k < in.of_particle.size(); ++k) {
+    if (belief.weight[k] * static_cast<float>(belief.size) >= static_cast<float>(least)) {
+      counts[static_cast<std::size_t>(in.of_particle[k])] = 1;
     }
   }
-  std::sort(numbers.begin(), numbers.end());
-  return static_cast<int>(std::unique(numbers.begin(), numbers.end()) - numbers.begin());
+  return std::accumulate(counts.begin(), counts.end(), 0);
 }
 
 double kld_particles(int bins, double error, double quantile) {
@@ -267,49 +334,35 @@ double kld_particles(int bins, double error, double quantile) {
 std::vector<ParticleCluster> clusters_of(const ParticleBelief& belief, const ParticleBins& bins,
                                          int most) {
   const Binning binning(bins);
-  struct Bin {
-    double weight = 0.0;
-    int cluster = -1;
-  };
-  std::unordered_map<std::int64_t, Bin> found;
-  std::vector<std::int64_t> bin_of(static_cast<std::size_t>(belief.size));
-  for (std::size_t k = 0; k < bin_of.size(); ++k) {
-    bin_of[k] = binning.bin(belief, k);
-    found[bin_of[k]].weight += static_cast<double>(belief.weight[k]);
-  }
-  // In a fixed order, so that ties are decided alike everywhere.
-  std::vector<std::int64_t> order;
-  order.reserve(found.size());
-  for (const auto& [number, bin] : found) {
-    order.push_back(number);
-  }
-  std::sort(order.begin(), order.end());
-  double heaviest = 0.0;
-  for (const auto& [number, bin] : found) {
-    heaviest = std::max(heaviest, bin.weight);
+  const Occupied in = occupied(belief, binning);
+  std::vector<double> weight(in.numbers.size(), 0.0);
+  for (std::size_t k = 0; k < in.of_particle.size(); ++k) {
+    weight[static_cast<std::size_t>(in.of_particle[k])] += static_cast<double>(belief.weight[k]);
   }
   // What lies between two clusters, thinly spread, must not join them.
-  const double least = kThin * heaviest;
-  order.erase(std::remove_if(order.begin(), order.end(),
-                             [&](std::int64_t bin) { return found[bin].weight < least; }),
-              order.end());
+  const double least = kThin * *std::max_element(weight.begin(), weight.end());
+  std::vector<int> cluster_of(weight.size(), -1);
   int count = 0;
-  std::vector<std::int64_t> open;
-  for (const std::int64_t start : order) {
-    if (found[start].cluster >= 0) {
+  std::vector<std::int32_t> open;
+  for (std::size_t start = 0; start < weight.size(); ++start) {
+    if (cluster_of[start] >= 0 || weight[start] < least) {
       continue;
     }
-    found[start].cluster = count;
-    open.assign(1, start);
+    cluster_of[start] = count;
+    open.assign(1, static_cast<std::int32_t>(start));
     while (!open.empty()) {
-      const std::int64_t at = open.back();
+      const std::int64_t number = in.numbers[static_cast<std::size_t>(open.back())];
       open.pop_back();
-      binning.around(at, [&](std::int64_t next) {
-        const auto neighbour = found.find(next);
-        if (neighbour != found.end() && neighbour->second.cluster < 0) {
-          neighbour->second.cluster = count;
-          if (neighbour->second.weight >= least) {  // a thin one ends the cluster
-            open.push_back(next);
+      binning.around(number, [&](std::int64_t next) {
+        const auto found = in.at.find(next);
+        if (found == in.at.end()) {
+          return;
+        }
+        const auto neighbour = static_cast<std::size_t>(found->second);
+        if (cluster_of[neighbour] < 0) {
+          cluster_of[neighbour] = count;
+          if (weight[neighbour] >= least) {  // a thin one ends the cluster
+            open.push_back(found->second);
           }
         }
       });
@@ -321,13 +374,14 @@ std::vector<ParticleCluster> clusters_of(const ParticleBelief& belief, const Par
     Matrix<3, 3> scatter = Matrix<3, 3>::Zero();
   };
   std::vector<Sums> sums(static_cast<std::size_t>(count));
-  std::vector<int> cluster_of(bin_of.size());
-  for (std::size_t k = 0; k < bin_of.size(); ++k) {
-    cluster_of[k] = found[bin_of[k]].cluster;
-    if (cluster_of[k] < 0) {
+  const auto cluster_at = [&](std::size_t k) {
+    return cluster_of[static_cast<std::size_t>(in.of_particle[k])];
+  };
+  for (std::size_t k = 0; k < in.of_particle.size(); ++k) {
+    if (cluster_at(k) < 0) {
       continue;
     }
-    Sums& sum = sums[static_cast<std::size_t>(cluster_of[k])];
+    Sums& sum = sums[static_cast<std::size_t>(cluster_at(k))];
     const double w = static_cast<double>(belief.weight[k]);
     sum.w += w;
     sum.x += w * static_cast<double>(belief.x[k]);
@@ -337,21 +391,25 @@ std::vector<ParticleCluster> clusters_of(const ParticleBelief& belief, const Par
   }
   std::vector<ParticleCluster> clusters(sums.size());
   for (std::size_t i = 0; i < sums.size(); ++i) {
-    const Sums& sum = sums[i];
+    Sums& sum = sums[i];
     clusters[i].weight = sum.w;
     clusters[i].mean = {sum.x / sum.w, sum.y / sum.w, std::atan2(sum.s, sum.c)};
+    const double length = std::hypot(sum.c, sum.s);
+    sum.c /= length;
+    sum.s /= length;
   }
-  for (std::size_t k = 0; k < bin_of.size(); ++k) {
-    if (cluster_of[k] < 0) {
+  for (std::size_t k = 0; k < in.of_particle.size(); ++k) {
+    if (cluster_at(k) < 0) {
       continue;
     }
-    const auto cluster = static_cast<std::size_t>(cluster_of[k]);
+    const auto cluster = static_cast<std::size_t>(cluster_at(k));
     const Pose2& mean = clusters[cluster].mean;
-    const Vector<3> off(
-        static_cast<double>(belief.x[k]) - mean.x, static_cast<double>(belief.y[k]) - mean.y,
-        angle_difference(
-            std::atan2(static_cast<double>(belief.s[k]), static_cast<double>(belief.c[k])),
-            mean.heading));
+    const auto c = static_cast<float>(sums[cluster].c);
+    const auto s = static_cast<float>(sums[cluster].s);
+    const Vector<3> off(static_cast<double>(belief.x[k]) - mean.x,
+                        static_cast<double>(belief.y[k]) - mean.y,
+                        static_cast<double>(heading_of(belief.c[k] * c + belief.s[k] * s,
+                                                       belief.s[k] * c - belief.c[k] * s)));
     sums[cluster].scatter += static_cast<double>(belief.weight[k]) * off * off.transpose();
   }
   for (std::size_t i = 0; i < sums.size(); ++i) {
