@@ -44,6 +44,7 @@ const Mcl::Config& checked(const Mcl::Config& config) {
   in_range("spacing_m", config.spacing_m, 0.0, 1e6);
   in_range("spacing_heading_rad", config.spacing_heading_rad, 0.0, 1e6);
   in_range("most_gain", config.most_gain, 0.1, 1e6);
+  in_range("most_drop", config.most_drop, 0.0, 1e6);
   in_range("min_explained", config.min_explained, 0.0, 1.0);
   in_range("scouts", config.scouts, 0, 100000);
   in_range("scout_draws", config.scout_draws, config.scouts, ParticleBelief::kMost);
@@ -82,17 +83,6 @@ void put(const Pose2& cells, ParticleBelief& belief, std::size_t k) {
   belief.s[k] = static_cast<float>(std::sin(cells.heading));
 }
 
-PoseEstimate carried(const PoseEstimate& from, const UncertainMotion& by, Stamp stamp) {
-  const Propagation<Pose2, 3> step = OdometryMotion().propagate(from.pose, by.motion, 0.0);
-  Matrix<3, 3> turned = Matrix<3, 3>::Identity();
-  const double c = std::cos(from.pose.heading);
-  const double s = std::sin(from.pose.heading);
-  turned.topLeftCorner<2, 2>() << c, -s, s, c;
-  const Matrix<3, 3> P = step.jacobian * from.covariance * step.jacobian.transpose() +
-                         turned * by.covariance * turned.transpose();
-  return {stamp, step.moved, 0.5 * (P + P.transpose())};
-}
-
 std::vector<std::int32_t> free_cells(const OccupancyGrid& grid) {
   std::vector<std::int32_t> free;
   for (std::size_t cell = 0; cell < grid.cells().size(); ++cell) {
@@ -104,6 +94,17 @@ std::vector<std::int32_t> free_cells(const OccupancyGrid& grid) {
 }
 
 }  // namespace
+
+PoseEstimate Mcl::carried(const PoseEstimate& from, const UncertainMotion& by, Stamp stamp) {
+  const Propagation<Pose2, 3> step = OdometryMotion().propagate(from.pose, by.motion, 0.0);
+  Matrix<3, 3> turned = Matrix<3, 3>::Identity();
+  const double c = std::cos(from.pose.heading);
+  const double s = std::sin(from.pose.heading);
+  turned.topLeftCorner<2, 2>() << c, -s, s, c;
+  const Matrix<3, 3> P = step.jacobian * from.covariance * step.jacobian.transpose() +
+                         turned * by.covariance * turned.transpose();
+  return {stamp, step.moved, 0.5 * (P + P.transpose())};
+}
 
 Mcl::Mcl(const Config& config, std::shared_ptr<const OccupancyGrid> grid, Stamp start,
          std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags)
@@ -123,7 +124,8 @@ Mcl::Mcl(const Config& config, std::shared_ptr<const OccupancyGrid> grid, Stamp 
   recipe_ = std::make_shared<const Recipe>(Recipe{
       c, OdometryMotion(c.odometry), lost_motion(c), std::move(fields), std::move(range),
       PositionModel(c.position), PoseModel(), static_cast<Stamp>(c.hold_s * kNanosecondsPerSecond),
-      std::move(free), std::make_shared<Workers>(c.threads)});
+      std::move(free), std::make_shared<Workers>(c.threads),
+      c.refined ? std::make_shared<const ScanMatcher>(grid) : nullptr});
   start_anywhere(start);
 }
 
@@ -246,7 +248,7 @@ void Mcl::drive(const OdometryMotion& model, const Pose2& motion, Stamp until) {
   }
 }
 
-void Mcl::settle() {
+void Mcl::settle(const LaserScan* scan) {
   if (belief_.stamp == stamp_) {
     return;
   }
@@ -256,7 +258,9 @@ void Mcl::settle() {
   step.motion.x *= per_cell;
   step.motion.y *= per_cell;
   step.covariance = scale.asDiagonal() * step.covariance * scale.asDiagonal();
-  move(belief_, step, next_key(), *recipe_->workers);
+  if (!(scan != nullptr && settle_by_match(*scan))) {
+    move(belief_, step, next_key(), *recipe_->workers);
+  }
   spread_ += step.covariance.diagonal();
   if (scouts_.size > 0) {  // they find their way by themselves
     move(scouts_, {step.motion, Matrix<3, 3>::Zero()}, next_key(), *recipe_->workers);
@@ -303,14 +307,13 @@ Outcome Mcl::on(const LaserScan& z) {
   if (points.x.empty() || !(moved || (tracking_ && rereads_ > 0))) {
     return {Verdict::kNotModelled};
   }
-  settle();
+  settle(&z);
   fit(recipe_->fields[level_], points, belief_);
   const double beams = static_cast<double>(points.x.size());
   scanned_ = true;
   since_scan_ = {};
   // Once found it stays the one to beat, until another is likelier than all else.
-  tracking_ = lately_explained_ >= config.min_explained &&
-              (ready() || (tracking_ && hypotheses_.front().probability > 0.5));
+  tracking_ = fits_as_ever() && (ready() || (tracking_ && hypotheses_.front().probability > 0.5));
   const double independent =
       tracking_ ? config.independent_beams : config.independent_beams_searching;
   const double share = std::min(1.0, independent / beams);
@@ -338,7 +341,7 @@ void Mcl::fit(const LikelihoodField& field, const EndPoints& points, const Parti
 }
 
 /// The sigma under which the scans that were used are the likeliest, seen from the best cluster.
-/// Returns whether the field in use is as narrow as that.
+/// Returns whether the field in use is as narrow as that, and the cluster narrower.
 bool Mcl::choose_level(const EndPoints& points) {
   const Pose2 pose = to_cells(hypotheses_.front().estimate.pose);
   const bool first = evidence_.empty();
@@ -364,8 +367,17 @@ bool Mcl::choose_level(const EndPoints& points) {
   }
   level_ = fitting < level_ ? level_ - 1 : fitting;
   explained_ = recipe_->fields.back().explained(points, pose);
+  const double now = *std::max_element(evidence_.begin(), evidence_.end());
+  usual_evidence_ = first ? now : usual_evidence_ + 0.02 * (now - usual_evidence_);
   lately_explained_ += 0.1 * (explained_ - lately_explained_);
-  return level_ <= likeliest;
+  return level_ <= likeliest && spread < 0.5 * sigma_hit();
+}
+
+/// Whether scans fit where the body is thought to be: as well as usual, and not badly.
+bool Mcl::fits_as_ever() const {
+  return evidence_.empty() || (lately_explained_ >= recipe_->config.min_explained &&
+                               *std::max_element(evidence_.begin(), evidence_.end()) >=
+                                   usual_evidence_ - recipe_->config.most_drop);
 }
 
 template <class Model, class Message>

@@ -11,6 +11,7 @@
 #include "locfuse/estimators/pose_ekf.hpp"
 #include "locfuse/filters/outcome.hpp"
 #include "locfuse/filters/particles.hpp"
+#include "locfuse/frontends/scan_matcher.hpp"
 #include "locfuse/models/measurement/likelihood_field.hpp"
 
 namespace locfuse {
@@ -35,8 +36,10 @@ class Mcl {
     double effective_share = 0.2;  ///< of the particles that a measurement leaves at least
     double outlier_share = 0.01;   ///< of ranges, positions and poses, wrong by anything
     double resample_below = 0.5;   ///< share of effective particles
-    double spacing_m = 0.1;        ///< motion after which a scan is news again [m]
-    double spacing_heading_rad = 0.1;      ///< likewise a turn [rad]
+    bool refined = false;
+    double spacing_m = 0.1;            ///< motion after which a scan is news again [m]
+    double spacing_heading_rad = 0.1;  ///< likewise a turn [rad]
+    double most_drop = 1.0;  ///< of a return's log density below the usual, or the body is lost
     double min_explained = 0.75;           ///< of the returns, over ten scans, or the body is lost
     int scouts = 64;                       ///< particles that look for a lost body anywhere else
     int scout_draws = 4000;                ///< from which they are chosen, scan by scan
@@ -112,14 +115,18 @@ class Mcl {
     Stamp hold;
     std::vector<std::int32_t> free;  // cells, row by row
     std::shared_ptr<Workers> workers;
+    std::shared_ptr<const ScanMatcher> matcher;  // or null
   };
 
   void advance_to(Stamp stamp);
   void drive(const OdometryMotion& model, const Pose2& motion, Stamp until);
-  void settle();
+  void settle(const LaserScan* scan = nullptr);
+  bool settle_by_match(const LaserScan& z);
+  static PoseEstimate carried(const PoseEstimate& from, const UncertainMotion& by, Stamp stamp);
   void draw_free(ParticleBelief& belief, int k, std::uint64_t key) const;
   void summarize();
   void roughen();
+  [[nodiscard]] bool fits_as_ever() const;
   bool choose_level(const EndPoints& points);
   void climb(const EndPoints& points, const LikelihoodField& field, ParticleBelief& pool);
   [[nodiscard]] ParticleBelief places_that_fit(const EndPoints& points, int count);
@@ -141,6 +148,7 @@ class Mcl {
   std::vector<double> gain_;  // of each over the belief [nats]
   ParticleBelief tries_;
   std::vector<float> log_likelihood_;
+  std::vector<float> correction_;
   std::vector<std::int32_t> costs_;
   std::vector<PoseHypothesis> hypotheses_;  // at belief_.stamp
   HeldMotion odometry_;
@@ -155,6 +163,7 @@ class Mcl {
   std::size_t level_ = 0;         // the field in use
   double explained_ = 0.0;
   double lately_explained_ = 1.0;
+  double usual_evidence_ = 0.0;  // under the field that fits best, slowly averaged
   double used_share_ = 0.0;
   std::uint64_t step_ = 0;
   int target_ = 0;  // particles after the next resampling
