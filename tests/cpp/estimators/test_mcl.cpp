@@ -244,6 +244,69 @@ TEST(Mcl, standing_still_the_same_scan_is_no_news) {
   EXPECT_EQ(mcl.on(scan).verdict, Verdict::kStale);
 }
 
+TEST(Mcl, a_body_that_was_just_started_reads_ten_scans_where_it_stands) {
+  const Drive run = drive(10, 1);
+  Mcl mcl(config(), run.room.map, 0);
+  mcl.start_at({near(run.truth[1], 0.3, 0.1)});
+  LaserScan scan = run.scans[0];
+  int used = 0;
+  for (int i = 0; i < 20; ++i) {
+    scan.stamp = i * kStep / 20;
+    used += static_cast<int>(mcl.on(scan).verdict == Verdict::kFused);
+  }
+  EXPECT_EQ(used, 11);
+  EXPECT_LT(local(mcl.estimate().pose, run.truth[1]).head<2>().norm(), 0.1);
+}
+
+TEST(Mcl, draws_about_a_match_leave_the_belief_what_it_is) {
+  Vector<3> apart = Vector<3>::Zero();
+  Vector<3> wider = Vector<3>::Zero();
+  constexpr int kRuns = 10;
+  for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
+    const Drive run = drive(300 + seed, 12);
+    std::vector<PoseEstimate> ends;
+    for (const bool refined : {false, true}) {
+      Mcl::Config settings = config(seed);
+      settings.min_particles = settings.max_particles = 20'000;
+      settings.refined = refined;
+      Mcl mcl(settings, run.room.map, 0);
+      mcl.start_at({near(run.truth[0], 0.1, 0.05)});
+      for (std::size_t i = 0; i < run.scans.size(); ++i) {
+        mcl.on(run.increments[i]);
+        mcl.on(run.scans[i]);
+      }
+      ends.push_back(mcl.hypotheses().front().estimate);
+    }
+    apart += local(ends[1].pose, ends[0].pose) / kRuns;
+    wider += ends[1].covariance.diagonal().cwiseQuotient(ends[0].covariance.diagonal()) / kRuns;
+  }
+  EXPECT_LT(apart.head<2>().norm(), 0.003);
+  EXPECT_LT(std::abs(apart.z()), 0.002);
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_NEAR(wider(i), 1.0, 0.2) << i;
+  }
+}
+
+TEST(Mcl, takes_the_particles_that_it_gave) {
+  const Drive run = drive(16, 1);
+  Mcl mcl(config(), run.room.map, 0);
+  Matrix<4, Eigen::Dynamic> columns(4, 3);
+  columns << 1.0, 1.1, 1.2, 2.0, 2.0, 2.0, 0.1, 0.1, 7.0, 1.0, 2.0, 1.0;
+  mcl.start_with(5, columns);
+  EXPECT_EQ(mcl.belief().size, 3);
+  EXPECT_EQ(mcl.belief().stamp, 5);
+  const Vector<2> second = mcl.grid().to_world({mcl.belief().x[1], mcl.belief().y[1]});
+  EXPECT_NEAR(second.x(), 1.1, 1e-5);
+  EXPECT_FLOAT_EQ(mcl.belief().weight[1], 0.5F);
+  EXPECT_NEAR(std::atan2(mcl.belief().s[2], mcl.belief().c[2]) + mcl.grid().origin().heading,
+              7.0 - 2.0 * kPi, 1e-5);
+  columns(3, 0) = -1.0;
+  testing::expect_refused([&] { mcl.start_with(5, columns); }, "weight >= 0");
+  columns.row(3).setZero();
+  testing::expect_refused([&] { mcl.start_with(5, columns); }, "some weight > 0");
+  EXPECT_EQ(mcl.belief().size, 3);
+}
+
 TEST(Mcl, ranges_and_fixes_and_poses_weigh_particles) {
   const Drive run = drive(11, 1);
   const Pose2 truth = run.truth[0];

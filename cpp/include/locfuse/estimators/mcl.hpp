@@ -38,7 +38,7 @@ class Mcl {
     double resample_below = 0.5;   ///< share of effective particles
     bool refined = false;
     double spacing_m = 0.1;            ///< motion after which a scan is news again [m]
-    double spacing_heading_rad = 0.1;  ///< likewise a turn [rad]
+    double spacing_heading_rad = 0.05; ///< likewise a turn [rad]
     double most_drop = 1.0;  ///< of a return's log density below the usual, or the body is lost
     double min_explained = 0.75;           ///< of the returns, over ten scans, or the body is lost
     int scouts = 64;                       ///< particles that look for a lost body anywhere else

@@ -26,20 +26,26 @@ std::shared_ptr<const OccupancyGrid> wall() {
   return std::make_shared<const OccupancyGrid>(60, 40, 0.1, Pose2{1.0, 2.0, 0.3}, cells);
 }
 
-TEST(LikelihoodField, is_a_gaussian_about_the_walls_and_a_share_of_anything) {
-  const LikelihoodField field({0.15, 0.1, 20.0}, wall());
+TEST(LikelihoodField, is_a_gaussian_about_the_walls_clutter_before_them_and_a_share_of_anything) {
+  const LikelihoodField field({0.15, 0.1, 20.0, 0.04, 0.01}, wall());
   const auto density = [](double distance) {
     return 0.9 / (0.15 * std::sqrt(2.0 * kPi)) *
                std::exp(-0.5 * distance * distance / (0.15 * 0.15)) +
            0.1 / 20.0;
   };
-  for (const int off : {0, 1, 2, 3, 20}) {  // cells beside the wall
-    EXPECT_NEAR(field.log_density(10.4 + off, 17.9), std::log(density(0.1 * off)),
+  EXPECT_NEAR(field.log_density(10.4, 17.9), std::log(density(0.0)), 0.51 * field.unit());
+  for (const int off : {1, 2, 3, 20}) {  // cells beside the wall
+    EXPECT_NEAR(field.log_density(10.4 + off, 17.9), std::log(density(0.1 * off) + 0.04),
                 0.51 * field.unit());
   }
-  EXPECT_NEAR(field.log_density(55.0, 20.0), std::log(1.0 / 20.0), 0.51 * field.unit());
-  EXPECT_NEAR(field.log_density(-30.0, 20.0), std::log(1.0 / 20.0), 0.51 * field.unit());
+  EXPECT_NEAR(field.log_density(55.0, 20.0), std::log(0.01), 0.51 * field.unit());
+  EXPECT_NEAR(field.log_density(-30.0, 20.0), std::log(0.01), 0.51 * field.unit());
   EXPECT_LT(255.0 * field.unit(), 10.0);
+}
+
+TEST(LikelihoodField, an_end_before_a_wall_is_likelier_than_one_behind_it) {
+  const LikelihoodField field({}, wall());
+  EXPECT_GT(field.log_density(35.0, 20.0), field.log_density(55.0, 20.0) + 2.0);
 }
 
 TEST(LikelihoodField, sums_what_single_end_points_cost) {
@@ -128,6 +134,16 @@ TEST(LikelihoodField, refuses_maps_and_settings_that_say_nothing) {
   testing::expect_refused([] { LikelihoodField({0.0, 0.1, 5.0}, wall()); }, "sigma_hit_m is 0");
   testing::expect_refused([] { LikelihoodField({0.1, 1.0, 5.0}, wall()); }, "random_share is 1");
   testing::expect_refused([] { LikelihoodField({0.1, 0.1, kNan}, wall()); }, "max_range_m is nan");
+  testing::expect_refused(
+      [] {
+        LikelihoodField({0.1, 0.1, 5.0, -1.0}, wall());
+      },
+      "clutter_per_m is -1");
+  testing::expect_refused(
+      [] {
+        LikelihoodField({0.1, 0.1, 5.0, 0.1, 0.0}, wall());
+      },
+      "unknown_per_m is 0");
 }
 
 }  // namespace
