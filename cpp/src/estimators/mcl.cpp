@@ -313,6 +313,7 @@ Outcome Mcl::on(const LaserScan& z) {
   scanned_ = true;
   since_scan_ = {};
   // Once found it stays the one to beat, until another is likelier than all else.
+  const bool was_tracking = tracking_;
   tracking_ = fits_as_ever() && (ready() || (tracking_ && hypotheses_.front().probability > 0.5));
   const double independent =
       tracking_ ? config.independent_beams : config.independent_beams_searching;
@@ -322,7 +323,7 @@ Outcome Mcl::on(const LaserScan& z) {
   reweigh_and_resample(share);
   const bool sharp = choose_level(points);
   rereads_ = tracking_ && sharp ? 0 : rereads_ - (moved ? 0 : 1);
-  challenge(points, share, best);
+  challenge(points, share, best, was_tracking && !tracking_);
   return {Verdict::kFused};
 }
 

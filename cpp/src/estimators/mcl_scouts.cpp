@@ -73,7 +73,7 @@ ParticleBelief Mcl::places_that_fit(const EndPoints& points, int count) {
 /// the belief scan by scan: the best that it has against the best that they have. Who gathers more
 /// than a kidnapping is unlikely becomes half of the belief; who falls behind, or has come to where
 /// the belief is, begins anew.
-void Mcl::challenge(const EndPoints& points, double share, double best) {
+void Mcl::challenge(const EndPoints& points, double share, double best, bool just_lost) {
   const Config& config = recipe_->config;
   if (tracking_ || config.scouts == 0) {
     scouts_.size = 0;
@@ -106,7 +106,7 @@ void Mcl::challenge(const EndPoints& points, double share, double best) {
   const auto who = static_cast<std::size_t>(winner - gain_.begin());
   if (*winner > -std::log(config.kidnapping_probability) &&
       std::find(idle.begin(), idle.end(), who) == idle.end()) {
-    admit(who);
+    admit(who, 1);
     idle.push_back(who);
   }
   if (!idle.empty()) {
@@ -116,17 +116,21 @@ void Mcl::challenge(const EndPoints& points, double share, double best) {
       gain_[idle[i]] = 0.0;
     }
   }
+  if (just_lost) {
+    admit(0, config.scouts);
+  }
 }
 
-/// Gives half of the weight to the place that a scout has found.
-void Mcl::admit(std::size_t scout) {
+/// Gives half of the weight to the places that scouts have found, from `first` on.
+void Mcl::admit(std::size_t first, int scouts) {
   const double sigma = sigma_hit() / grid().resolution();
   const std::uint64_t key = next_key();
-  const int count = std::max(target_, 2);
+  const int count = scouts > 1 ? recipe_->config.max_particles : std::max(target_, 2);
   resample(belief_, count,
            {count / 2, 0.5,
             [&](ParticleBelief& belief, int k) {
-              copy(scouts_, scout, belief, static_cast<std::size_t>(k));
+              copy(scouts_, first + static_cast<std::size_t>(k % scouts), belief,
+                   static_cast<std::size_t>(k));
               const auto i = static_cast<std::size_t>(k);
               const std::uint64_t n = 3 * static_cast<std::uint64_t>(k);
               const double heading = std::atan2(belief.s[i], belief.c[i]) +

@@ -36,13 +36,14 @@ class Mcl {
     double effective_share = 0.2;  ///< of the particles that a measurement leaves at least
     double outlier_share = 0.01;   ///< of ranges, positions and poses, wrong by anything
     double resample_below = 0.5;   ///< share of effective particles
-    bool refined = false;
-    double spacing_m = 0.1;            ///< motion after which a scan is news again [m]
-    double spacing_heading_rad = 0.05; ///< likewise a turn [rad]
+    bool refined = false;          ///< draw particles where a match of the scan puts them, too
+
+    double spacing_m = 0.1;             ///< motion after which a scan is news again [m]
+    double spacing_heading_rad = 0.05;  ///< likewise a turn [rad]
     double most_drop = 1.0;  ///< of a return's log density below the usual, or the body is lost
     double min_explained = 0.75;           ///< of the returns, over ten scans, or the body is lost
     int scouts = 64;                       ///< particles that look for a lost body anywhere else
-    int scout_draws = 4000;                ///< from which they are chosen, scan by scan
+    int scout_draws = 20000;               ///< from which they are chosen, scan by scan
     double most_gain = 2.0;                ///< of a scout over the belief by one scan [nats]
     double kidnapping_probability = 1e-4;  ///< that a scout must outweigh
     double hold_s = 1.0;  ///< how long the last motion is believed without new odometry [s]
@@ -130,8 +131,8 @@ class Mcl {
   bool choose_level(const EndPoints& points);
   void climb(const EndPoints& points, const LikelihoodField& field, ParticleBelief& pool);
   [[nodiscard]] ParticleBelief places_that_fit(const EndPoints& points, int count);
-  void challenge(const EndPoints& points, double share, double best);
-  void admit(std::size_t scout);
+  void challenge(const EndPoints& points, double share, double best, bool just_lost);
+  void admit(std::size_t first, int scouts);
   void fit(const LikelihoodField& field, const EndPoints& points, const ParticleBelief& belief);
   [[nodiscard]] ParticleBins bins() const;
   [[nodiscard]] std::uint64_t next_key();
