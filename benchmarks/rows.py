@@ -124,11 +124,12 @@ def scan_rows(m: Measured) -> Iterator[Row]:
 
 
 def map_rows(m: Measured) -> Iterator[Row]:
-    """Look at what maps take: one of 10,000 x 7,000 cells."""
+    """Look at what maps take: one of 10,000 x 7,000 cells, beams on one of 400 x 400."""
     yield _within("C++, distances on 10,000 x 7,000 cells", m["distance_field"], 3.0)
     peak_mb = m.counted["distance_field"]["peak_mb"]
     yield Row("- peak memory, with the map", f"{peak_mb:.0f} MB", required="<= 600 MB",
               met=peak_mb <= 600.0)  # fmt: skip
+    yield _within("C++, ranges of 360 beams on a map", m["ray_scan"], 60e-6)
 
 
 def _at_most(what: str, ours: float, peer: float, limit: float) -> Row:

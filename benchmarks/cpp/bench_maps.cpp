@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Distances on a large map.
+// Distances on a large map, and beams in the hall of scan_room.hpp.
 #include <benchmark/benchmark.h>
 #include <sys/resource.h>
 
 #include "locfuse/maps/distance_field.hpp"
+#include "locfuse/maps/ray_caster.hpp"
 #include "scan_room.hpp"
 
 namespace {
@@ -46,7 +47,19 @@ void distance_field(benchmark::State& state) {
   state.counters["peak_mb"] = peak_mb();
 }
 
+void ray_scan(benchmark::State& state) {
+  static const ScanRoom room = locfuse::testing::scan_room();
+  const locfuse::RayCaster caster(room.map);
+  std::size_t k = 0;
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(
+        caster.scan(room.truth[k], -locfuse::kPi, 2.0 * locfuse::kPi / 360.0, 360, 20.0));
+    k = (k + 1) % room.truth.size();
+  }
+}
+
 BENCHMARK(distance_field)->Unit(benchmark::kMillisecond);
+BENCHMARK(ray_scan)->Unit(benchmark::kMicrosecond);
 
 }  // namespace
 
