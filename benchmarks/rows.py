@@ -36,7 +36,7 @@ class Measured:
 
 def all_rows(m: Measured) -> list[Row]:
     """Return every row; those of peers that are not there say so."""
-    return [*filter_rows(m), *evaluation_rows(m), *range_rows(m), *scan_rows(m)]
+    return [*filter_rows(m), *evaluation_rows(m), *range_rows(m), *scan_rows(m), *map_rows(m)]
 
 
 def filter_rows(m: Measured) -> Iterator[Row]:
@@ -121,6 +121,15 @@ def scan_rows(m: Measured) -> Iterator[Row]:
     yield _within("C++, preparing the map", m["prepare"], 30e-3)
     for what, name in (("36 headings", "heading"), ("registration", "refine")):
         yield Row(f"- {what} by look-up, portable", _time(m[f"portable/{name}/lookup"]))
+
+
+def map_rows(m: Measured) -> Iterator[Row]:
+    """Look at what maps take: one of 10,000 x 7,000 cells, beams on one of 400 x 400."""
+    yield _within("C++, distances on 10,000 x 7,000 cells", m["distance_field"], 3.0)
+    peak_mb = m.counted["distance_field"]["peak_mb"]
+    yield Row("- peak memory, with the map", f"{peak_mb:.0f} MB", required="<= 600 MB",
+              met=peak_mb <= 600.0)  # fmt: skip
+    yield _within("C++, ranges of 360 beams on a map", m["ray_scan"], 60e-6)
 
 
 def _at_most(what: str, ours: float, peer: float, limit: float) -> Row:

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <limits>
 #include <sstream>
 
 #include "bindings.hpp"
 #include "locfuse/maps/anchor_map.hpp"
 #include "locfuse/maps/distance_field.hpp"
+#include "locfuse/maps/ray_caster.hpp"
 #include "numpy.hpp"
 
 namespace py = pybind11;
@@ -14,6 +16,7 @@ using locfuse::Cell;
 using locfuse::DistanceField;
 using locfuse::OccupancyGrid;
 using locfuse::Pose2;
+using locfuse::RayCaster;
 
 namespace {
 
@@ -32,7 +35,7 @@ std::shared_ptr<OccupancyGrid> grid_from(const Column<std::int8_t>& cells, doubl
                                          std::move(values));
 }
 
-/// Answers for points (n, 2), as an array (n,).
+/// Answers for points (n, 2), counted, as an array (n,).
 template <class Answer>
 py::array_t<double> for_points(const Column<double>& points, const Answer& answer) {
   expect_shape("points", points, points.ndim() > 0 ? points.shape(0) : 0, 2);
@@ -41,7 +44,7 @@ py::array_t<double> for_points(const Column<double>& points, const Answer& answe
   {
     const py::gil_scoped_release unlocked;
     for (std::size_t i = 0; i < found.size(); ++i) {
-      found[i] = answer(locfuse::Vector<2>(data[2 * i], data[2 * i + 1]));
+      found[i] = answer(locfuse::Vector<2>(data[2 * i], data[2 * i + 1]), i);
     }
   }
   return to_numpy(std::move(found), {points.shape(0)});
@@ -119,8 +122,9 @@ ValueError
       .def(
           "distance",
           [](const DistanceField& field, const Column<double>& points) {
-            return for_points(points,
-                              [&](const locfuse::Vector<2>& p) { return field.distance(p); });
+            return for_points(points, [&](const locfuse::Vector<2>& p, std::size_t) {
+              return field.distance(p);
+            });
           },
           py::arg("points"),
           "Distances (n,) [m] looked up for points (n, 2) in world: from the centre of the cell "
@@ -128,11 +132,110 @@ ValueError
       .def(
           "nearest_distance",
           [](const DistanceField& field, const Column<double>& points) {
-            return for_points(
-                points, [&](const locfuse::Vector<2>& p) { return field.nearest(p).distance; });
+            return for_points(points, [&](const locfuse::Vector<2>& p, std::size_t) {
+              return field.nearest(p).distance;
+            });
           },
           py::arg("points"),
           "Distances (n,) [m] from points (n, 2) to the nearest occupied centre, exact anywhere.");
+}
+
+void bind_ray_caster(py::module_& m) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  py::class_<RayCaster>(m, "RayCaster",
+                        R"(How far beams go on a map until they enter an occupied cell, exactly.
+
+A beam that starts in an occupied cell has gone 0. Free cells and the outside of the map let beams
+pass, so one may start outside.
+
+Parameters
+----------
+grid : OccupancyGrid
+unknown_stops : bool
+    Whether unknown cells stop beams as occupied ones do; else they let them pass.
+
+Examples
+--------
+>>> import numpy as np
+>>> from locfuse import OccupancyGrid, Pose2, RayCaster
+>>> cells = np.zeros((20, 40), dtype=np.int8)
+>>> cells[:, 30] = 100
+>>> caster = RayCaster(OccupancyGrid(cells, 0.1))
+>>> caster.scan(Pose2(1, 1, 0), angle_min=0.0, angle_increment=0.1, count=3).round(3).tolist()
+[2.0, 2.01, 2.041]
+)")
+      .def(py::init<std::shared_ptr<OccupancyGrid>, bool>(), py::arg("grid"),
+           py::arg("unknown_stops") = false)
+      .def(
+          "scan",
+          [](const RayCaster& caster, const Pose2& pose, double angle_min, double angle_increment,
+             int count, double max_range) {
+            std::vector<double> ranges;
+            {
+              const py::gil_scoped_release unlocked;
+              ranges = caster.scan(pose, angle_min, angle_increment, count, max_range);
+            }
+            return to_numpy(std::move(ranges), {count});
+          },
+          py::arg("pose"), py::arg("angle_min"), py::arg("angle_increment"), py::arg("count"),
+          py::arg("max_range") = kInfinity,
+          R"(Ranges of the beams of a laser.
+
+Parameters
+----------
+pose : Pose2
+    T_world_laser.
+angle_min, angle_increment : float
+    Beam i points at angle_min + i * angle_increment in the laser's frame [rad].
+count : int
+    Beams.
+max_range : float
+    Beams end there [m].
+
+Returns
+-------
+float64 array, shape (count,)
+    Metres; infinite where nothing is hit.
+
+Raises
+------
+ValueError
+    On numbers that are not finite, a start 1e9 cells or more from the map, a negative `count` or
+    `max_range`.
+)")
+      .def(
+          "cast",
+          [](const RayCaster& caster, const Column<double>& points, const Column<double>& headings,
+             double max_range) {
+            expect_shape("headings", headings, points.ndim() > 0 ? points.shape(0) : 0);
+            const double* const heading = headings.data();
+            return for_points(points, [&](const locfuse::Vector<2>& p, std::size_t i) {
+              return caster.cast(p, heading[i], max_range);
+            });
+          },
+          py::arg("points"), py::arg("headings"), py::arg("max_range") = kInfinity,
+          R"(Ranges of single beams.
+
+Parameters
+----------
+points : float64 array, shape (n, 2)
+    Where they start in world [m].
+headings : float64 array, shape (n,)
+    Their directions in world [rad].
+max_range : float
+    Beams end there [m].
+
+Returns
+-------
+float64 array, shape (n,)
+    Metres; infinite where nothing is hit.
+
+Raises
+------
+ValueError
+    On other shapes, numbers that are not finite, a start 1e9 cells or more from the map, a
+    negative `max_range`.
+)");
 }
 
 }  // namespace
@@ -166,4 +269,5 @@ void bind_maps(py::module_& m) {
         return "AnchorMap(" + std::to_string(map.anchors().size()) + " anchors)";
       });
   bind_grid(m);
+  bind_ray_caster(m);
 }

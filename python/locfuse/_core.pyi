@@ -55,6 +55,7 @@ __all__: list[str] = [
     "RangeModel",
     "RangePosition2",
     "RangePosition3",
+    "RayCaster",
     "RunLog",
     "ScanHypothesis",
     "ScanMatch",
@@ -479,6 +480,93 @@ class DistanceField:
     ) -> numpy.typing.NDArray[numpy.float64]:
         """
         Distances (n,) [m] from points (n, 2) to the nearest occupied centre, exact anywhere.
+        """
+
+class RayCaster:
+    """
+    How far beams go on a map until they enter an occupied cell, exactly.
+
+    A beam that starts in an occupied cell has gone 0. Free cells and the outside of the map let beams
+    pass, so one may start outside.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+    unknown_stops : bool
+        Whether unknown cells stop beams as occupied ones do; else they let them pass.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from locfuse import OccupancyGrid, Pose2, RayCaster
+    >>> cells = np.zeros((20, 40), dtype=np.int8)
+    >>> cells[:, 30] = 100
+    >>> caster = RayCaster(OccupancyGrid(cells, 0.1))
+    >>> caster.scan(Pose2(1, 1, 0), angle_min=0.0, angle_increment=0.1, count=3).round(3).tolist()
+    [2.0, 2.01, 2.041]
+    """
+    def __init__(self, grid: OccupancyGrid, unknown_stops: bool = False) -> None: ...
+    def cast(
+        self,
+        points: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        headings: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        max_range: typing.SupportsFloat | typing.SupportsIndex = ...,
+    ) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Ranges of single beams.
+
+        Parameters
+        ----------
+        points : float64 array, shape (n, 2)
+            Where they start in world [m].
+        headings : float64 array, shape (n,)
+            Their directions in world [rad].
+        max_range : float
+            Beams end there [m].
+
+        Returns
+        -------
+        float64 array, shape (n,)
+            Metres; infinite where nothing is hit.
+
+        Raises
+        ------
+        ValueError
+            On other shapes, numbers that are not finite, a start 1e9 cells or more from the map, a
+            negative `max_range`.
+        """
+    def scan(
+        self,
+        pose: Pose2,
+        angle_min: typing.SupportsFloat | typing.SupportsIndex,
+        angle_increment: typing.SupportsFloat | typing.SupportsIndex,
+        count: typing.SupportsInt | typing.SupportsIndex,
+        max_range: typing.SupportsFloat | typing.SupportsIndex = ...,
+    ) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Ranges of the beams of a laser.
+
+        Parameters
+        ----------
+        pose : Pose2
+            T_world_laser.
+        angle_min, angle_increment : float
+            Beam i points at angle_min + i * angle_increment in the laser's frame [rad].
+        count : int
+            Beams.
+        max_range : float
+            Beams end there [m].
+
+        Returns
+        -------
+        float64 array, shape (count,)
+            Metres; infinite where nothing is hit.
+
+        Raises
+        ------
+        ValueError
+            On numbers that are not finite, a start 1e9 cells or more from the map, a negative `count` or
+            `max_range`.
         """
 
 class HeadingSearchReason(enum.Enum):

@@ -11,6 +11,7 @@
 #include "locfuse/frontends/range_batch.hpp"
 #include "locfuse/frontends/scan_matcher.hpp"
 #include "locfuse/maps/anchor_map.hpp"
+#include "locfuse/maps/ray_caster.hpp"
 #include "locfuse/math/numerical_jacobian.hpp"
 #include "locfuse/messages/message.hpp"
 #include "locfuse/replay/replay.hpp"

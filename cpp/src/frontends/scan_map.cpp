@@ -179,8 +179,8 @@ struct ScanMap::Tree {
 };
 
 ScanMap::ScanMap(const std::shared_ptr<const OccupancyGrid>& grid)
-    : occupied_(grid, kMargin),
-      surface_(grid, surface_cells(*grid), kMargin),
+    : occupied_(grid, kMargin, DistanceField::Extra::kSurroundings),
+      surface_(grid, surface_cells(*grid), kMargin, DistanceField::Extra::kNearestTargets),
       tree_(std::make_unique<Tree>()) {
   const LineFit fit(surface_);
   lines_.reserve(static_cast<std::size_t>(surface_.targets()));

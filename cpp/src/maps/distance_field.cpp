@@ -11,8 +11,12 @@
 namespace locfuse {
 namespace {
 
-constexpr std::int32_t kNone = 1 << 30;  // a row without target
-constexpr double kNoParabola = std::numeric_limits<double>::infinity();
+constexpr double kLongestSide = 1 << 24;  // [cells]; a float counts them
+constexpr double kMostCells = 1 << 30;    // an int counts them
+// Columns that are filled at a time: cells of one column are far apart in memory.
+constexpr int kBlock = 32;
+constexpr float kNoTarget = std::numeric_limits<float>::infinity();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 std::vector<std::uint8_t> occupied_cells(const OccupancyGrid& grid) {
   std::vector<std::uint8_t> occupied(grid.cells().size());
@@ -21,11 +25,19 @@ std::vector<std::uint8_t> occupied_cells(const OccupancyGrid& grid) {
   return occupied;
 }
 
-int cells_of(double margin, double resolution) {
+int margin_cells_of(double margin, const OccupancyGrid& grid) {
   if (!(margin >= 0.0 && margin <= 1e4)) {
     throw std::invalid_argument("margin is " + std::to_string(margin) + " m, expected 0 to 10000");
   }
-  return static_cast<int>(std::ceil(margin / resolution)) + 1;
+  const double cells = std::ceil(margin / grid.resolution()) + 1.0;
+  const double width = grid.width() + 2.0 * cells;
+  const double height = grid.height() + 2.0 * cells;
+  if (!(std::max(width, height) <= kLongestSide && width * height <= kMostCells)) {
+    throw std::invalid_argument("margin is " + std::to_string(margin) + " m, or " +
+                                std::to_string(cells) +
+                                " cells, expected a field of at most 2^30 cells, 2^24 a side");
+  }
+  return static_cast<int>(cells);
 }
 
 /// Cell that holds a coordinate, or the outermost one on its side.
@@ -47,62 +59,68 @@ std::size_t at(int row, int column, int width) {
 
 double square(double value) { return value * value; }
 
-/// Lower envelope of the parabolas (y - row)^2 + height(row) over one column (Felzenszwalb and
-/// Huttenlocher, 2012).
-class Envelope {
- public:
-  explicit Envelope(std::size_t rows) : rows_(rows), from_(rows) {}
-
-  /// Rows whose height is kNoParabola are left out; one at least must stay.
-  template <class Height>
-  void build(const Height& height_of) {
-    count_ = 0;
-    for (int row = 0; row < static_cast<int>(rows_.size()); ++row) {
-      const double height = height_of(row);
-      if (height == kNoParabola) {
-        continue;
-      }
-      double begin = -kNoParabola;
-      while (count_ > 0) {
-        const double last = rows_[count_ - 1];
-        // From here on the new parabola is below the last one.
-        begin = 0.5 * (row + last + (height - height_of(rows_[count_ - 1])) / (row - last));
-        if (begin > from_[count_ - 1]) {
-          break;
-        }
-        --count_;
-        begin = -kNoParabola;
-      }
-      rows_[count_] = row;
-      from_[count_++] = begin;
-    }
-    at_ = 0;
-  }
-
-  /// Row of the lowest parabola at y, which must not fall from call to call.
-  [[nodiscard]] int lowest_at(double y) {
-    while (at_ + 1 < count_ && from_[at_ + 1] <= y) {
-      ++at_;
-    }
-    return rows_[at_];
-  }
-
- private:
-  std::vector<int> rows_;
-  std::vector<double> from_;
-  std::size_t count_ = 0;
-  std::size_t at_ = 0;
+/// (y - row)^2 + height, the lowest one from y = from / per on. Not divided: that takes longer than
+/// all else.
+struct Parabola {
+  double row;
+  double height;
+  double from;
+  double per;
 };
 
 }  // namespace
 
-DistanceField::DistanceField(const std::shared_ptr<const OccupancyGrid>& grid, double margin)
-    : DistanceField(grid, occupied_cells(*grid), margin) {}
+/// Lower envelope of parabolas (Felzenszwalb and Huttenlocher, 2012).
+class DistanceField::Envelope {
+ public:
+  /// Of the distances to each row's target; rows without one are left out, one at least must stay.
+  void build(int rows, const float* distances) {
+    parabolas_.clear();
+    for (int row = 0; row < rows; ++row) {
+      if (distances[row] < kNoTarget) {
+        add(row, square(static_cast<double>(distances[row])));
+      }
+    }
+    at_ = 0;
+  }
+
+  /// The lowest one at y, which must not fall from call to call.
+  [[nodiscard]] const Parabola& lowest_at(double y) {
+    while (at_ + 1 < parabolas_.size() && parabolas_[at_ + 1].from <= y * parabolas_[at_ + 1].per) {
+      ++at_;
+    }
+    return parabolas_[at_];
+  }
+
+ private:
+  void add(double row, double height) {
+    Parabola added{row, height, -kInfinity, 1.0};
+    while (!parabolas_.empty()) {
+      const Parabola& last = parabolas_.back();
+      const double from = (row - last.row) * (row + last.row) + height - last.height;
+      const double per = 2.0 * (row - last.row);
+      if (from * last.per > last.from * per) {
+        added.from = from;
+        added.per = per;
+        break;
+      }
+      parabolas_.pop_back();
+    }
+    parabolas_.push_back(added);
+  }
+
+  std::vector<Parabola> parabolas_;
+  std::size_t at_ = 0;
+};
+
+DistanceField::DistanceField(const std::shared_ptr<const OccupancyGrid>& grid, double margin,
+                             Extra extra)
+    : DistanceField(grid, occupied_cells(*grid), margin, extra) {}
 
 DistanceField::DistanceField(std::shared_ptr<const OccupancyGrid> grid,
-                             const std::vector<std::uint8_t>& is_target, double margin)
+                             const std::vector<std::uint8_t>& is_target, double margin, Extra extra)
     : grid_(std::move(grid)),
-      margin_cells_(cells_of(margin, grid_->resolution())),
+      margin_cells_(margin_cells_of(margin, *grid_)),
       width_(grid_->width() + 2 * margin_cells_),
       height_(grid_->height() + 2 * margin_cells_) {
   if (is_target.size() != grid_->cells().size()) {
@@ -110,78 +128,116 @@ DistanceField::DistanceField(std::shared_ptr<const OccupancyGrid> grid,
         "is_target has " + std::to_string(is_target.size()) +
         " cells, expected those of the grid: " + std::to_string(grid_->cells().size()));
   }
-  if (std::all_of(is_target.begin(), is_target.end(), [](std::uint8_t t) { return t == 0; })) {
-    throw std::invalid_argument("the map has 0 occupied cells, expected at least 1");
-  }
-  fill_rows(is_target);
-  nearest_.resize(row_offset_.size());
-  distances_.resize(row_offset_.size() +
-                    static_cast<std::size_t>(far_width()) * static_cast<std::size_t>(far_height()));
+  list_targets(is_target);
+  const std::size_t cells = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
+  const bool far = extra == Extra::kSurroundings;
+  distances_.reserve(cells + (far ? far_cells() : 0));
+  distances_.resize(cells, kNoTarget);
+  nearest_.resize(extra == Extra::kNearestTargets ? cells : 0);
+  fill_rows();
   fill_columns();
-  fill_far();
+  if (far) {
+    fill_far();
+  }
 }
 
-void DistanceField::fill_rows(const std::vector<std::uint8_t>& is_target) {
-  target_of_.assign(is_target.size(), -1);
-  row_offset_.assign(static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_), kNone);
+void DistanceField::list_targets(const std::vector<std::uint8_t>& is_target) {
+  target_cells_.reserve(is_target.size() - static_cast<std::size_t>(
+                                               std::count(is_target.begin(), is_target.end(), 0)));
   for (int row = 0; row < grid_->height(); ++row) {
-    std::int32_t* const offset = &row_offset_[at(row + margin_cells_, 0, width_)];
     for (int column = 0; column < grid_->width(); ++column) {
-      const std::size_t cell = at(row, column, grid_->width());
-      if (is_target[cell] != 0) {
-        target_of_[cell] = static_cast<std::int32_t>(centers_.size());
-        centers_.emplace_back(column + margin_cells_ + 0.5, row + margin_cells_ + 0.5);
-        offset[column + margin_cells_] = 0;
+      if (is_target[at(row, column, grid_->width())] != 0) {
+        target_cells_.push_back((row + margin_cells_) * width_ + column + margin_cells_);
       }
     }
-    for (int x = 1; x < width_; ++x) {  // targets to the left
-      if (offset[x] == kNone && offset[x - 1] != kNone) {
-        offset[x] = offset[x - 1] - 1;
-      }
+  }
+  if (target_cells_.empty()) {
+    throw std::invalid_argument("the map has 0 occupied cells, expected at least 1");
+  }
+}
+
+/// Leaves in each cell the distance to the nearest target of its row, infinite without one.
+void DistanceField::fill_rows() {
+  for (std::size_t i = 0; i < target_cells_.size(); ++i) {
+    const auto cell = static_cast<std::size_t>(target_cells_[i]);
+    distances_[cell] = 0.0F;
+    if (!nearest_.empty()) {
+      nearest_[cell] = static_cast<std::int32_t>(i);
     }
-    for (int x = width_ - 2; x >= 0; --x) {  // nearer ones to the right
-      if (offset[x + 1] != kNone && offset[x + 1] >= 0 &&
-          (offset[x] == kNone || offset[x + 1] + 1 < -offset[x])) {
-        offset[x] = offset[x + 1] + 1;
-      }
+  }
+  for (int row = margin_cells_; row < height_ - margin_cells_; ++row) {
+    float* const distance = &distances_[at(row, 0, width_)];
+    for (int x = 1; x < width_; ++x) {
+      distance[x] = std::min(distance[x], distance[x - 1] + 1.0F);
+    }
+    for (int x = width_ - 2; x >= 0; --x) {
+      distance[x] = std::min(distance[x], distance[x + 1] + 1.0F);
     }
   }
 }
 
 void DistanceField::fill_columns() {
-  Envelope envelope(static_cast<std::size_t>(height_));
-  for (int column = 0; column < width_; ++column) {
-    envelope.build([&](int row) {
-      const std::int32_t offset = row_offset_[at(row, column, width_)];
-      return offset == kNone ? kNoParabola : square(offset);
-    });
+  Envelope envelope;
+  std::vector<float> block(static_cast<std::size_t>(kBlock) * static_cast<std::size_t>(height_));
+  for (int first = 0; first < width_; first += kBlock) {
+    const int columns = std::min(kBlock, width_ - first);
     for (int row = 0; row < height_; ++row) {
-      const int nearest_row = envelope.lowest_at(row);
-      const std::int32_t offset = row_offset_[at(nearest_row, column, width_)];
-      nearest_[at(row, column, width_)] = target_of_[at(
-          nearest_row - margin_cells_, column + offset - margin_cells_, grid_->width())];
-      distances_[at(row, column, width_)] =
-          static_cast<float>(std::sqrt(square(nearest_row - row) + square(offset)));
+      for (int k = 0; k < columns; ++k) {
+        block[at(k, row, height_)] = distances_[at(row, first + k, width_)];
+      }
+    }
+    for (int k = 0; k < columns; ++k) {
+      fill_column(first + k, &block[at(k, 0, height_)], envelope);
+    }
+    for (int row = 0; row < height_; ++row) {
+      for (int k = 0; k < columns; ++k) {
+        distances_[at(row, first + k, width_)] = block[at(k, row, height_)];
+      }
+    }
+  }
+}
+
+void DistanceField::fill_column(int column, float* distances, Envelope& envelope) {
+  envelope.build(height_, distances);
+  for (int row = 0; row < height_; ++row) {
+    const Parabola& lowest = envelope.lowest_at(row);
+    distances[row] = static_cast<float>(std::sqrt(square(lowest.row - row) + lowest.height));
+    if (!nearest_.empty()) {
+      // Targets keep distance 0 and their number, whichever columns are through.
+      const int target_row = static_cast<int>(lowest.row);
+      const int aside = static_cast<int>(std::sqrt(lowest.height));
+      const bool left =
+          column >= aside && distances_[at(target_row, column - aside, width_)] == 0.0F;
+      nearest_[at(row, column, width_)] =
+          nearest_[at(target_row, left ? column - aside : column + aside, width_)];
     }
   }
 }
 
 void DistanceField::fill_far() {
-  Envelope envelope(static_cast<std::size_t>(height_));
-  float* const far = distances_.data() + row_offset_.size();
-  for (int column = 0; column < far_width(); ++column) {
-    const double x = (column + 0.5) * kFarCells - width_;
-    const int from = clamped_cell(x, width_);
-    envelope.build([&](int row) {
-      const std::int32_t offset = row_offset_[at(row, from, width_)];
-      return offset == kNone ? kNoParabola : square(from + offset + 0.5 - x);
-    });
-    for (int row = 0; row < far_height(); ++row) {
-      const double y = (row + 0.5) * kFarCells - height_ - 0.5;  // rows are counted at centres
-      const int nearest_row = envelope.lowest_at(y);
-      const std::int32_t offset = row_offset_[at(nearest_row, from, width_)];
-      far[at(row, column, far_width())] =
-          static_cast<float>(std::sqrt(square(nearest_row - y) + square(from + offset + 0.5 - x)));
+  Envelope envelope;
+  const std::size_t field = distances_.size();
+  distances_.resize(field + far_cells());
+  std::vector<float> block(static_cast<std::size_t>(kBlock) * static_cast<std::size_t>(height_),
+                           kNoTarget);
+  for (int first = 0; first < far_width(); first += kBlock) {
+    const int columns = std::min(kBlock, far_width() - first);
+    for (int row = margin_cells_; row < height_ - margin_cells_; ++row) {
+      for (int k = 0; k < columns; ++k) {
+        const double x = (first + k + 0.5) * kFarCells - width_;
+        const int nearest = nearest_in_row(row, x, kInfinity);
+        block[at(k, row, height_)] =
+            nearest < 0 ? kNoTarget : static_cast<float>(std::abs(nearest + 0.5 - x));
+      }
+    }
+    for (int k = 0; k < columns; ++k) {
+      envelope.build(height_, &block[at(k, 0, height_)]);
+      for (int row = 0; row < far_height(); ++row) {
+        const double y = (row + 0.5) * kFarCells - height_ - 0.5;  // rows are counted at centres
+        const Parabola& lowest = envelope.lowest_at(y);
+        distances_[field + at(row, first + k, far_width())] =
+            static_cast<float>(std::sqrt(square(lowest.row - y) + lowest.height));
+      }
     }
   }
 }
@@ -208,40 +264,65 @@ DistanceField::Neighbour DistanceField::nearest(const Vector<2>& p_world) const 
 DistanceField::Neighbour DistanceField::nearest_in_field(double x, double y) const {
   const int column = clamped_cell(x, width_);
   const int middle = clamped_cell(y, height_);
-  // The answer for the cell's centre is an upper bound; no row farther away than that is looked at.
-  int best_target = nearest_[at(middle, column, width_)];
-  double best = (center(best_target) - Vector<2>(x, y)).squaredNorm();
+  // The way over the centre of the cell is an upper bound; no row farther away than that is looked
+  // at. It is rounded, and what is sought may be that far away.
+  const double bound = static_cast<double>(distances_[at(middle, column, width_)]) +
+                       (Vector<2>(column + 0.5, middle + 0.5) - Vector<2>(x, y)).norm();
+  double best = square(1.000001 * bound + 1e-6);
+  std::size_t found = 0;
   const auto look = [&](int row) {
-    const double dy = row + 0.5 - y;
-    if (row < margin_cells_ || row >= height_ - margin_cells_ || dy * dy >= best) {
-      return dy * dy < best;
+    const double above = square(row + 0.5 - y);
+    if (row < 0 || row >= height_ || above >= best) {
+      return false;
     }
-    std::int32_t offset = row_offset_[at(row, column, width_)];
-    if (offset == kNone) {
-      return true;
-    }
-    const double right = x - (column + 0.5);  // of the centre
-    const int other = column - offset;
-    if (static_cast<double>(offset) * right < 0.0 && other >= 0 && other < width_ &&
-        row_offset_[at(row, other, width_)] == 0) {
-      offset = -offset;  // as far from the centre, nearer to the point
-    }
-    const double dx = offset - right;
-    if (dx * dx + dy * dy < best) {
-      best = dx * dx + dy * dy;
-      best_target =
-          target_of_[at(row - margin_cells_, column + offset - margin_cells_, grid_->width())];
+    const int nearest = nearest_in_row(row, x, std::sqrt(best - above));
+    if (nearest >= 0) {
+      best = square(nearest + 0.5 - x) + above;
+      found = at(row, nearest, width_);
     }
     return true;
   };
   look(middle);
   bool up = true;
   bool down = true;
-  for (int step = 1; (up || down) && step < height_; ++step) {
+  for (int step = 1; up || down; ++step) {
     up = up && look(middle + step);
     down = down && look(middle - step);
   }
-  return {best_target, std::sqrt(best)};
+  return {target_at(found), std::sqrt(best)};
+}
+
+/// Column of the target in a row of the field that is nearest to x, if one is nearer than `within`;
+/// else -1.
+int DistanceField::nearest_in_row(int row, double x, double within) const {
+  const float* const distance = &distances_[at(row, 0, width_)];
+  const int start = clamped_cell(x, width_);
+  int found = -1;
+  for (const int side : {1, -1}) {
+    // No target is nearer to a cell than its distance says, so that many cells can be skipped.
+    for (int column = start; column >= 0 && column < width_;
+         column += side * static_cast<int>(distance[column])) {
+      const double off = std::abs(column + 0.5 - x);
+      if (off >= within) {
+        break;
+      }
+      if (distance[column] == 0.0F) {
+        found = column;
+        within = off;
+        break;
+      }
+    }
+  }
+  return found;
+}
+
+std::int32_t DistanceField::target_at(std::size_t cell) const {
+  if (!nearest_.empty()) {
+    return nearest_[cell];
+  }
+  const auto found =
+      std::lower_bound(target_cells_.begin(), target_cells_.end(), static_cast<std::int32_t>(cell));
+  return static_cast<std::int32_t>(found - target_cells_.begin());
 }
 
 }  // namespace locfuse

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <cmath>
 
 #include "locfuse/maps/distance_field.hpp"
@@ -8,6 +9,7 @@
 namespace locfuse {
 namespace {
 
+using Extra = DistanceField::Extra;
 using testing::expect_refused;
 using testing::Rng;
 using testing::uniform;
@@ -37,7 +39,7 @@ TEST(DistanceField, equals_brute_force_in_every_cell_and_in_its_margin) {
   for (int seed = 0; seed < 20; ++seed) {
     Rng rng(static_cast<std::uint64_t>(seed));
     const auto grid = random_map(rng, 30 + seed, 40 - seed, 0.3 / (1 + seed));
-    const DistanceField field(grid, 0.4);
+    const DistanceField field(grid, 0.4, Extra::kNearestTargets);
     const int margin = field.margin_cells();
     EXPECT_GE(margin, 8);
     for (int y = 0; y < field.height(); ++y) {
@@ -56,7 +58,7 @@ TEST(DistanceField, nearest_equals_brute_force_at_any_point) {
   for (int seed = 0; seed < 20; ++seed) {
     Rng rng(static_cast<std::uint64_t>(seed));
     const auto grid = random_map(rng, 40, 30, 0.2 / (1 + seed * seed));
-    const DistanceField field(grid, 0.1);
+    const DistanceField field(grid, 0.1, seed % 2 == 0 ? Extra::kNone : Extra::kNearestTargets);
     for (int i = 0; i < 500; ++i) {
       const double reach = i % 5 == 0 ? 300.0 : 50.0;  // cells, far beyond the map, too
       Vector<2> p(uniform(rng, -reach, reach), uniform(rng, -reach, reach));
@@ -90,7 +92,7 @@ TEST(DistanceField, distances_beyond_the_field_are_right_within_three_cells) {
   for (std::uint64_t seed = 0; seed < 10; ++seed) {
     Rng rng(seed);
     const auto grid = random_map(rng, 40, 30, 0.01);
-    const DistanceField field(grid, 0.2);
+    const DistanceField field(grid, 0.2, Extra::kSurroundings);
     const float* const far = field.distances().data() + field.width() * field.height();
     ASSERT_EQ(field.distances().data() + field.distances().size(),
               far + field.far_width() * field.far_height());
@@ -105,6 +107,19 @@ TEST(DistanceField, distances_beyond_the_field_are_right_within_three_cells) {
   }
 }
 
+TEST(DistanceField, holds_what_is_asked_for_and_no_more) {
+  Rng rng(2);
+  const auto grid = random_map(rng, 50, 40, 0.02);
+  const DistanceField plain(grid, 0.3);
+  const auto cells = static_cast<std::size_t>(plain.width() * plain.height());
+  EXPECT_EQ(plain.distances().capacity(), cells);
+  EXPECT_TRUE(plain.nearest_targets().empty());
+  const DistanceField far(grid, 0.3, Extra::kSurroundings);
+  EXPECT_GT(far.distances().size(), cells);
+  EXPECT_TRUE(std::equal(plain.distances().begin(), plain.distances().end(),  //
+                         far.distances().begin()));
+}
+
 TEST(DistanceField, refuses_a_map_without_walls_and_points_that_are_none) {
   const auto empty =
       std::make_shared<const OccupancyGrid>(2, 2, 0.1, Pose2{}, std::vector<Cell>(4, Cell::kFree));
@@ -113,6 +128,10 @@ TEST(DistanceField, refuses_a_map_without_walls_and_points_that_are_none) {
   const auto grid = random_map(rng, 4, 4, 0.5);
   expect_refused([&] { (void)DistanceField(grid, -1.0); }, "margin is -1");
   expect_refused([&] { (void)DistanceField(grid, {1, 1}, 0.0); }, "2 cells");
+  const auto fine =
+      std::make_shared<const OccupancyGrid>(1, 1, 1e-6, Pose2{}, std::vector{Cell::kOccupied});
+  expect_refused([&] { (void)DistanceField(fine, 1e4); }, "10000000001", "2^30");
+  expect_refused([&] { (void)DistanceField(fine, 17.0); }, "2^24");
   const DistanceField field(grid);
   expect_refused([&] { (void)field.distance({std::nan(""), 0.0}); }, "nan");
   expect_refused([&] { (void)field.nearest({0.0, INFINITY}); }, "inf");

@@ -176,3 +176,34 @@ def test_threads_get_the_same_answers() -> None:
         thread.join()
     assert len(costs) == 20
     assert len(set(costs)) == 1
+
+
+def test_beams_one_by_one_are_those_of_a_scan() -> None:
+    caster = lf.RayCaster(room())
+    ranges = caster.scan(lf.Pose2(0.5, 0.25, 0.1), -1.0, 0.1, 30, max_range=20.0)
+    assert ranges.shape == (30,)
+    assert np.isfinite(ranges).any()
+    headings = 0.1 + (-1.0 + 0.1 * np.arange(30))
+    one_by_one = caster.cast(np.tile([0.5, 0.25], (30, 1)), headings, max_range=20.0)
+    np.testing.assert_allclose(one_by_one, ranges, atol=1e-12)
+
+
+def test_unknown_cells_stop_beams_where_that_is_asked_for() -> None:
+    grid = lf.OccupancyGrid(np.array([[0, -1, 0, 100]], dtype=np.int8), 1.0)
+    start, heading = np.array([[0.5, 0.5]]), np.zeros(1)
+    assert lf.RayCaster(grid).cast(start, heading) == 2.5
+    assert lf.RayCaster(grid, unknown_stops=True).cast(start, heading) == 0.5
+
+
+def test_beams_of_other_shapes_and_of_no_number_are_refused() -> None:
+    caster = lf.RayCaster(room())
+    with pytest.raises(ValueError, match=r"headings has shape \(3,\), expected \(2,\)"):
+        caster.cast(np.zeros((2, 2)), np.zeros(3))
+    with pytest.raises(ValueError, match=r"points has shape \(2, 3\)"):
+        caster.cast(np.zeros((2, 3)), np.zeros(2))
+    with pytest.raises(ValueError, match="heading is nan"):
+        caster.cast(np.zeros((1, 2)), np.array([math.nan]))
+    with pytest.raises(ValueError, match="max_range is -1"):
+        caster.scan(lf.Pose2(), 0.0, 0.1, 3, max_range=-1.0)
+    with pytest.raises(ValueError, match="count is -2"):
+        caster.scan(lf.Pose2(), 0.0, 0.1, -2)
