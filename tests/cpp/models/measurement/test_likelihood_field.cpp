@@ -128,6 +128,16 @@ TEST(LikelihoodField, refuses_maps_and_settings_that_say_nothing) {
   testing::expect_refused([] { LikelihoodField({0.0, 0.1, 5.0}, wall()); }, "sigma_hit_m is 0");
   testing::expect_refused([] { LikelihoodField({0.1, 1.0, 5.0}, wall()); }, "random_share is 1");
   testing::expect_refused([] { LikelihoodField({0.1, 0.1, kNan}, wall()); }, "max_range_m is nan");
+  testing::expect_refused(
+      [] {
+        LikelihoodField({0.1, 0.1, 5.0, -1.0}, wall());
+      },
+      "clutter_per_m is -1");
+  testing::expect_refused(
+      [] {
+        LikelihoodField({0.1, 0.1, 5.0, 0.1, kNan}, wall());
+      },
+      "unknown_per_m is nan");
 }
 
 }  // namespace
