@@ -1,85 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <cmath>
+#include <algorithm>
 
 #include "bindings.hpp"
+#include "locfuse/replay/localize.hpp"
 #include "locfuse/replay/replay.hpp"
 #include "locfuse/replay/start.hpp"
 #include "numpy.hpp"
+#include "shared_log.hpp"
 
 namespace py = pybind11;
-using locfuse::Id;
-using locfuse::Message;
-using locfuse::MessageLog;
+using locfuse::LocalizeRun;
 using locfuse::Outcome;
 using locfuse::PoseEkf;
 using locfuse::PoseEstimate;
 using locfuse::RunLog;
 using locfuse::Stamp;
-using Stamps = py::array_t<Stamp, py::array::c_style>;  // no cast: seconds as floats are refused
 
 namespace {
-
-// A log that is replayed or grown without the GIL. `uses` changes under the GIL only.
-struct SharedLog {
-  MessageLog log;
-  int uses = 0;  // replays that go on, or -1 while it changes
-};
-
-// One use of a log, refused where another use goes on that it would disturb. Made before the GIL is
-// released, destroyed after it is back.
-class Use {
- public:
-  enum class Kind { kRead, kChange };
-  Use(SharedLog& log, Kind kind) : log_(log) {
-    if (log.uses < 0 || (kind == Kind::kChange && log.uses > 0)) {
-      throw std::runtime_error("this MessageLog is in use by another call; wait until it is done");
-    }
-    log.uses = kind == Kind::kChange ? -1 : log.uses + 1;
-  }
-  ~Use() { log_.uses = log_.uses < 0 ? 0 : log_.uses - 1; }
-  Use(const Use&) = delete;
-  Use& operator=(const Use&) = delete;
-
- private:
-  SharedLog& log_;
-};
-
-// Adds one message per row; `arrivals` may be absent.
-template <class Make>
-void add_rows(SharedLog& log, const Stamps& stamps, const std::optional<Stamps>& arrivals,
-              const Make& make) {
-  const py::ssize_t n = stamps.size();
-  expect_shape("stamp_ns", stamps, n);
-  if (arrivals) {
-    expect_shape("arrival_ns", *arrivals, n);
-  }
-  const Stamp* arrival = arrivals ? arrivals->data() : nullptr;
-  const Use use(log, Use::Kind::kChange);
-  const py::gil_scoped_release release;
-  log.log.add_rows(static_cast<std::size_t>(n), [&](std::size_t row) -> MessageLog::Arrival {
-    const Message message = make(static_cast<py::ssize_t>(row));
-    return {arrival != nullptr ? arrival[row] : effective_stamp(message), message};
-  });
-}
-
-double checked_sigma(const char* what, double sigma) {
-  if (!(std::isfinite(sigma) && sigma > 0.0)) {
-    throw std::invalid_argument(std::string(what) + " is " + std::to_string(sigma) +
-                                ", expected a finite number > 0");
-  }
-  return sigma;
-}
-
-template <class Field>
-py::array_t<double> numbers_of(const std::vector<Outcome>& outcomes, const Field& field) {
-  std::vector<double> column;
-  column.reserve(outcomes.size());
-  for (const Outcome& outcome : outcomes) {
-    column.push_back(field(outcome));
-  }
-  const auto n = static_cast<py::ssize_t>(column.size());
-  return to_numpy(std::move(column), {n});
-}
 
 py::array_t<double> poses_of(const std::vector<PoseEstimate>& estimates) {
   std::vector<double> rows;
@@ -101,13 +38,35 @@ py::array_t<double> covariances_of(const std::vector<PoseEstimate>& estimates) {
 
 template <class T, class Items, class Field>
 py::array_t<T> column_of(const Items& items, const Field& field) {
-  std::vector<T> column;
-  column.reserve(items.size());
-  for (const auto& item : items) {
-    column.push_back(field(item));
+  py::array_t<T> column(static_cast<py::ssize_t>(items.size()));
+  std::transform(items.begin(), items.end(), column.mutable_data(), field);
+  return column;
+}
+
+py::array_t<std::uint8_t> verdicts_of(const std::vector<Outcome>& outcomes) {
+  return column_of<std::uint8_t>(
+      outcomes, [](const Outcome& o) { return static_cast<std::uint8_t>(o.verdict); });
+}
+
+std::vector<PoseEstimate> estimates_of(const LocalizeRun& run) {
+  std::vector<PoseEstimate> estimates;
+  estimates.reserve(run.steps.size());
+  for (const LocalizeRun::Step& step : run.steps) {
+    estimates.push_back(step.estimate);
   }
-  const auto n = static_cast<py::ssize_t>(column.size());
-  return to_numpy(std::move(column), {n});
+  return estimates;
+}
+
+/// A callback that takes the GIL to call; none if there is none.
+std::function<void(std::size_t)> progress_of(
+    const std::optional<std::function<void(std::size_t)>>& told) {
+  if (!told) {
+    return {};
+  }
+  return [&told](std::size_t done) {
+    const py::gil_scoped_acquire acquire;
+    (*told)(done);
+  };
 }
 
 RunLog run(PoseEkf start, SharedLog& log, Stamp history, bool record,
@@ -116,12 +75,7 @@ RunLog run(PoseEkf start, SharedLog& log, Stamp history, bool record,
   options.first = first;
   options.history = history;
   options.record = record;
-  if (progress) {
-    options.progress = [&](std::size_t done) {
-      const py::gil_scoped_acquire acquire;
-      (*progress)(done);
-    };
-  }
+  options.progress = progress_of(progress);
   const Use use(log, Use::Kind::kRead);
   const py::gil_scoped_release release;
   return locfuse::replay(start, log.log, options);
@@ -130,117 +84,6 @@ RunLog run(PoseEkf start, SharedLog& log, Stamp history, bool record,
 }  // namespace
 
 void bind_replay(py::module_& m) {
-  const auto no_arrival = py::arg("arrival_ns") = py::none();
-  py::class_<SharedLog>(m, "MessageLog", R"(Recorded messages, added as columns.
-
-Every `add_...` takes arrays of equal length; `arrival_ns`, where given, is when each message
-reaches the estimator, otherwise it arrives when it takes effect. A row that is not valid raises
-ValueError, names the row, and nothing is added. A log that another thread adds to, sorts or
-replays raises RuntimeError; several threads may replay it at once.
-)")
-      .def(py::init<>())
-      .def("__len__",
-           [](SharedLog& log) {
-             const Use use(log, Use::Kind::kRead);
-             return log.log.arrivals().size();
-           })
-      .def(
-          "add_velocities",
-          [](SharedLog& log, const Stamps& stamp, const Column<double>& forward,
-             const Column<double>& turn_rate, const std::optional<Stamps>& arrival) {
-            expect_shape("forward", forward, stamp.size());
-            expect_shape("turn_rate", turn_rate, stamp.size());
-            add_rows(log, stamp, arrival,
-                     [&, t = stamp.data(), v = forward.data(),
-                      w = turn_rate.data()](py::ssize_t i) -> Message {
-                       return locfuse::Velocity{t[i], v[i], w[i]};
-                     });
-          },
-          py::arg("stamp_ns"), py::arg("forward"), py::arg("turn_rate"), no_arrival)
-      .def(
-          "add_increments",
-          [](SharedLog& log, const Stamps& begin, const Stamps& stamp, const Column<double>& motion,
-             const std::optional<Stamps>& arrival) {
-            expect_shape("begin_ns", begin, stamp.size());
-            expect_shape("motion", motion, stamp.size(), 3);
-            add_rows(
-                log, stamp, arrival,
-                [&, b = begin.data(), t = stamp.data(),
-                 u = motion.data()](py::ssize_t i) -> Message {
-                  return locfuse::Increment{b[i], t[i], {u[3 * i], u[3 * i + 1], u[3 * i + 2]}};
-                });
-          },
-          py::arg("begin_ns"), py::arg("stamp_ns"), py::arg("motion"), no_arrival,
-          "Motions (n, 3): dx, dy [m], dheading [rad] from begin_ns to stamp_ns.")
-      .def(
-          "add_ranges",
-          [](SharedLog& log, const Stamps& stamp, const Column<Id>& tag, const Column<Id>& anchor,
-             const Column<double>& range, const std::optional<Column<double>>& sigma,
-             const std::optional<Stamps>& arrival) {
-            expect_shape("tag", tag, stamp.size());
-            expect_shape("anchor", anchor, stamp.size());
-            expect_shape("range", range, stamp.size());
-            if (sigma) {
-              expect_shape("sigma", *sigma, stamp.size());
-            }
-            const double* s = sigma ? sigma->data() : nullptr;
-            add_rows(log, stamp, arrival,
-                     [t = stamp.data(), g = tag.data(), a = anchor.data(), r = range.data(),
-                      s](py::ssize_t i) -> Message {
-                       return locfuse::Range{t[i], g[i], a[i], r[i],
-                                             s != nullptr ? std::optional(s[i]) : std::nullopt};
-                     });
-          },
-          py::arg("stamp_ns"), py::arg("tag"), py::arg("anchor"), py::arg("range"),
-          py::arg("sigma") = py::none(), no_arrival)
-      .def(
-          "add_positions",
-          [](SharedLog& log, const Stamps& stamp, const Column<double>& position,
-             const Column<double>& sigma, const std::optional<Stamps>& arrival) {
-            expect_shape("position", position, stamp.size(), 2);
-            expect_shape("sigma", sigma, stamp.size());
-            add_rows(log, stamp, arrival,
-                     [t = stamp.data(), p = position.data(),
-                      s = sigma.data()](py::ssize_t i) -> Message {
-                       const double sd = checked_sigma("PositionFix.sigma [m]", s[i]);
-                       return locfuse::PositionFix{t[i],
-                                                   {p[2 * i], p[2 * i + 1]},
-                                                   sd * sd * locfuse::Matrix<2, 2>::Identity()};
-                     });
-          },
-          py::arg("stamp_ns"), py::arg("position"), py::arg("sigma"), no_arrival,
-          "Positions (n, 2) [m] with one sigma [m] each.")
-      .def(
-          "add_poses",
-          [](SharedLog& log, const Stamps& stamp, const Column<double>& pose,
-             const Column<double>& sigma_xy, const Column<double>& sigma_heading,
-             const std::optional<Stamps>& arrival) {
-            expect_shape("pose", pose, stamp.size(), 3);
-            expect_shape("sigma_xy", sigma_xy, stamp.size());
-            expect_shape("sigma_heading", sigma_heading, stamp.size());
-            add_rows(log, stamp, arrival,
-                     [t = stamp.data(), p = pose.data(), xy = sigma_xy.data(),
-                      h = sigma_heading.data()](py::ssize_t i) -> Message {
-                       const double sd = checked_sigma("PoseObservation.sigma_xy [m]", xy[i]);
-                       const double sd_heading =
-                           checked_sigma("PoseObservation.sigma_heading [rad]", h[i]);
-                       const locfuse::Vector<3> sigma(sd, sd, sd_heading);
-                       return locfuse::PoseObservation{t[i],
-                                                       {p[3 * i], p[3 * i + 1], p[3 * i + 2]},
-                                                       sigma.cwiseAbs2().asDiagonal()};
-                     });
-          },
-          py::arg("stamp_ns"), py::arg("pose"), py::arg("sigma_xy"), py::arg("sigma_heading"),
-          no_arrival, "Poses (n, 3): x, y [m], heading [rad], with their sigmas.")
-      .def(
-          "sort",
-          [](SharedLog& log) {
-            const Use use(log, Use::Kind::kChange);
-            const py::gil_scoped_release release;
-            log.log.sort();
-          },
-          "Sorts by arrival; messages of one instant stay in the order they were added in.");
-
   py::class_<RunLog>(m, "RunLog", "What a replay leaves behind, as columns.")
       .def_property_readonly(
           "stamp_ns",
@@ -253,11 +96,7 @@ replays raises RuntimeError; several threads may replay it at once.
       .def_property_readonly(
           "covariances", [](const RunLog& r) { return covariances_of(r.estimates); }, "(n, 3, 3).")
       .def_property_readonly(
-          "verdict",
-          [](const RunLog& r) {
-            return column_of<std::uint8_t>(
-                r.outcomes, [](const Outcome& o) { return static_cast<std::uint8_t>(o.verdict); });
-          },
+          "verdict", [](const RunLog& r) { return verdicts_of(r.outcomes); },
           "Index into Verdict, one per message in order of arrival.")
       .def_property_readonly("dof",
                              [](const RunLog& r) {
@@ -266,17 +105,18 @@ replays raises RuntimeError; several threads may replay it at once.
                              })
       .def_property_readonly("nis",
                              [](const RunLog& r) {
-                               return numbers_of(r.outcomes, [](const auto& o) { return o.nis; });
+                               return column_of<double>(r.outcomes,
+                                                        [](const auto& o) { return o.nis; });
                              })
       .def_property_readonly("residual",
                              [](const RunLog& r) {
-                               return numbers_of(r.outcomes,
-                                                 [](const auto& o) { return o.residual; });
+                               return column_of<double>(r.outcomes,
+                                                        [](const auto& o) { return o.residual; });
                              })
       .def_property_readonly("log_likelihood",
                              [](const RunLog& r) {
-                               return numbers_of(r.outcomes,
-                                                 [](const auto& o) { return o.log_likelihood(); });
+                               return column_of<double>(
+                                   r.outcomes, [](const auto& o) { return o.log_likelihood(); });
                              })
       .def_readonly("last", &RunLog::last, "The estimate at the end of the log.")
       .def("__repr__", [](const RunLog& r) {
@@ -301,6 +141,72 @@ replays raises RuntimeError; several threads may replay it at once.
       },
       py::arg("initializer"), py::arg("log"), py::arg("scans"),
       "Feeds a sorted log and scans until the initializer is ready or both end.");
+  py::class_<LocalizeRun>(m, "LocalizeRun", "How a localization on a map went, as columns.")
+      .def_property_readonly(
+          "verdict", [](const LocalizeRun& r) { return verdicts_of(r.outcomes); },
+          "Index into Verdict, one per message in order of arrival.")
+      .def_property_readonly(
+          "scan_verdict", [](const LocalizeRun& r) { return verdicts_of(r.scan_outcomes); },
+          "Likewise, one per scan.")
+      .def_property_readonly(
+          "stamp_ns",
+          [](const LocalizeRun& r) {
+            return column_of<Stamp>(r.steps, [](const auto& s) { return s.estimate.stamp; });
+          },
+          "Stamps of the estimates, (n,).")
+      .def_property_readonly(
+          "poses", [](const LocalizeRun& r) { return poses_of(estimates_of(r)); },
+          "x, y, heading, (n, 3).")
+      .def_property_readonly(
+          "covariances", [](const LocalizeRun& r) { return covariances_of(estimates_of(r)); },
+          "(n, 3, 3).")
+      .def_property_readonly(
+          "probability",
+          [](const LocalizeRun& r) {
+            return column_of<double>(r.steps, [](const auto& s) { return s.probability; });
+          },
+          "Of the likeliest hypothesis, (n,).")
+      .def_property_readonly(
+          "explained",
+          [](const LocalizeRun& r) {
+            return column_of<double>(r.steps, [](const auto& s) { return s.explained; });
+          },
+          "Share of the scan's returns that end at a wall, (n,).")
+      .def_property_readonly(
+          "particles",
+          [](const LocalizeRun& r) {
+            return column_of<std::int64_t>(r.steps, [](const auto& s) { return s.particles; });
+          },
+          "How many, (n,).")
+      .def_property_readonly(
+          "ready",
+          [](const LocalizeRun& r) {
+            return column_of<bool>(r.steps, [](const auto& s) { return s.ready; });
+          },
+          "(n,).")
+      .def("__repr__", [](const LocalizeRun& r) {
+        return "LocalizeRun(" + std::to_string(r.outcomes.size()) + " messages, " +
+               std::to_string(r.scan_outcomes.size()) + " scans)";
+      });
+  m.def(
+      "localize",
+      [](locfuse::Mcl& mcl, SharedLog& log, const std::vector<locfuse::LaserScan>& scans,
+         const std::optional<std::function<void(std::size_t)>>& progress) {
+        const Use use(log, Use::Kind::kRead);
+        const py::gil_scoped_release release;
+        return locfuse::localize(mcl, log.log, scans, progress_of(progress));
+      },
+      py::arg("mcl"), py::arg("log"), py::arg("scans"), py::arg("progress") = py::none(),
+      R"(Feeds a log and scans to an Mcl in order of the stamps at which they take effect.
+
+Parameters
+----------
+mcl : Mcl
+log : MessageLog
+scans : list of LaserScan
+progress : callable, optional
+    Told the number of messages and scans done after each scan; it may look at `mcl`.
+)");
   m.def("replay", &run, py::arg("start"), py::arg("log"),
         py::arg("history") = locfuse::ReplayOptions{}.history, py::arg("record") = true,
         py::arg("progress") = py::none(), py::arg("first") = 0,

@@ -19,6 +19,7 @@ PYBIND11_MODULE(_core, m) {
   bind_estimators(m);
   bind_initializer(m);
   bind_mcl(m);
+  bind_message_log(m);
   bind_replay(m);
   bind_text(m);
 }

@@ -25,6 +25,7 @@ __all__: list[str] = [
     "LaserScan",
     "LikelihoodFieldConfig",
     "Linearization",
+    "LocalizeRun",
     "Mcl",
     "MclConfig",
     "MessageLog",
@@ -80,6 +81,7 @@ __all__: list[str] = [
     "cramer_rao",
     "find_start",
     "local",
+    "localize",
     "locate",
     "locate_batch",
     "parse_table",
@@ -1752,6 +1754,10 @@ class LikelihoodFieldConfig:
     """
     def __init__(self) -> None: ...
     @property
+    def clutter_per_m(self) -> float: ...
+    @clutter_per_m.setter
+    def clutter_per_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
     def max_range_m(self) -> float: ...
     @max_range_m.setter
     def max_range_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
@@ -1763,6 +1769,10 @@ class LikelihoodFieldConfig:
     def sigma_hit_m(self) -> float: ...
     @sigma_hit_m.setter
     def sigma_hit_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def unknown_per_m(self) -> float: ...
+    @unknown_per_m.setter
+    def unknown_per_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
 
 class MclConfig:
     """
@@ -1799,6 +1809,12 @@ class MclConfig:
     @independent_beams.setter
     def independent_beams(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
+    def independent_beams_searching(self) -> float: ...
+    @independent_beams_searching.setter
+    def independent_beams_searching(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+    @property
     def kidnapping_probability(self) -> float: ...
     @kidnapping_probability.setter
     def kidnapping_probability(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
@@ -1815,9 +1831,17 @@ class MclConfig:
     @max_particles.setter
     def max_particles(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
     @property
+    def min_explained(self) -> float: ...
+    @min_explained.setter
+    def min_explained(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
     def min_particles(self) -> int: ...
     @min_particles.setter
     def min_particles(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+    @property
+    def most_gain(self) -> float: ...
+    @most_gain.setter
+    def most_gain(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def outlier_share(self) -> float: ...
     @outlier_share.setter
@@ -1831,9 +1855,13 @@ class MclConfig:
     @resample_below.setter
     def resample_below(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
-    def scout_share(self) -> float: ...
-    @scout_share.setter
-    def scout_share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    def scout_draws(self) -> int: ...
+    @scout_draws.setter
+    def scout_draws(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+    @property
+    def scouts(self) -> int: ...
+    @scouts.setter
+    def scouts(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
     @property
     def seed(self) -> int: ...
     @seed.setter
@@ -1856,6 +1884,18 @@ class MclConfig:
     def sigma_lost_xy_per_sqrt_s(
         self, arg0: typing.SupportsFloat | typing.SupportsIndex
     ) -> None: ...
+    @property
+    def sigma_map_m(self) -> float: ...
+    @sigma_map_m.setter
+    def sigma_map_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_map_rad(self) -> float: ...
+    @sigma_map_rad.setter
+    def sigma_map_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_widest_m(self) -> float: ...
+    @sigma_widest_m.setter
+    def sigma_widest_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def sigma_xy_ready_m(self) -> float: ...
     @sigma_xy_ready_m.setter
@@ -1968,6 +2008,11 @@ class Mcl:
     def ready(self) -> bool:
         """
         Whether one cluster is all but certain.
+        """
+    @property
+    def sigma_hit(self) -> float:
+        """
+        How far end points lie beside walls, as scans tell [m].
         """
     @property
     def used_share(self) -> float:
@@ -2104,6 +2149,57 @@ class StartRun:
         Whenever status or number of hypotheses changed.
         """
 
+class LocalizeRun:
+    """
+    How a localization on a map went, as columns.
+    """
+    def __repr__(self) -> str: ...
+    @property
+    def covariances(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        (n, 3, 3).
+        """
+    @property
+    def explained(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Share of the scan's returns that end at a wall, (n,).
+        """
+    @property
+    def particles(self) -> numpy.typing.NDArray[numpy.int64]:
+        """
+        How many, (n,).
+        """
+    @property
+    def poses(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        x, y, heading, (n, 3).
+        """
+    @property
+    def probability(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Of the likeliest hypothesis, (n,).
+        """
+    @property
+    def ready(self) -> numpy.typing.NDArray[numpy.bool]:
+        """
+        (n,).
+        """
+    @property
+    def scan_verdict(self) -> numpy.typing.NDArray[numpy.uint8]:
+        """
+        Likewise, one per scan.
+        """
+    @property
+    def stamp_ns(self) -> numpy.typing.NDArray[numpy.int64]:
+        """
+        Stamps of the estimates, (n,).
+        """
+    @property
+    def verdict(self) -> numpy.typing.NDArray[numpy.uint8]:
+        """
+        Index into Verdict, one per message in order of arrival.
+        """
+
 def arc(
     forward: typing.SupportsFloat | typing.SupportsIndex,
     left: typing.SupportsFloat | typing.SupportsIndex,
@@ -2174,6 +2270,24 @@ def local(
 ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
     """
     Error state (3,) that leads from `origin` to `to`, heading wrapped.
+    """
+
+def localize(
+    mcl: Mcl,
+    log: MessageLog,
+    scans: collections.abc.Sequence[LaserScan],
+    progress: collections.abc.Callable[[int], None] | None = None,
+) -> LocalizeRun:
+    """
+    Feeds a log and scans to an Mcl in order of the stamps at which they take effect.
+
+    Parameters
+    ----------
+    mcl : Mcl
+    log : MessageLog
+    scans : list of LaserScan
+    progress : callable, optional
+        Told the number of messages and scans done after each scan; it may look at `mcl`.
     """
 
 def locate(

@@ -89,7 +89,11 @@ def run(
     log: Annotated[Path | None, typer.Option(help="Log folder, instead of the config's.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("out/run"),
     seed: Annotated[
-        int | None, typer.Option(help="Of the simulation, instead of the config's.", min=0)
+        int | None,
+        typer.Option(help="Of simulation and particles, instead of the config's.", min=0),
+    ] = None,
+    film: Annotated[
+        Path | None, typer.Option(help="Also write an animated GIF of the particles (mcl).")
     ] = None,
 ) -> None:
     """Localize along a log or a simulated drive; write estimate, outcomes, metrics and a report."""
@@ -98,6 +102,10 @@ def run(
     if log is not None:
         parsed = parsed.model_copy(update={"log": str(log.resolve()), "simulation": None})
     _check_folder(out)
+    if film is not None:
+        from locfuse.plot import check_film
+
+        check_film(parsed, film)
     with _progress("messages") as (bar, task):
         result = run_config(
             parsed,
@@ -109,7 +117,7 @@ def run(
     from locfuse.results import write_results  # pictures load slowly; other commands need none
 
     report = write_results(result, out)
-    for key, value in result.metrics.items():
+    for key, value in {**result.metrics, **(result.metrics["mcl"] or {})}.items():
         if isinstance(value, float | int | None):
             console.print(f"{key:22} {'-' if value is None else f'{value:.6g}'}")
     for source, verdicts in result.metrics["counts"].items():
@@ -117,6 +125,10 @@ def run(
         console.print(f"{source:22} {counts}", highlight=False)
     console.print(result.metrics["truth"], soft_wrap=True)
     console.print(f"report: {report}", soft_wrap=True)
+    if film is not None:
+        from locfuse.plot import write_film
+
+        console.print(f"film: {write_film(result, film)}", soft_wrap=True)
 
 
 def _check_folder(out: Path) -> None:

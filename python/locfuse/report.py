@@ -14,7 +14,7 @@ import yaml
 from matplotlib.figure import Figure
 
 from locfuse import plot
-from locfuse.eval.consistency import band
+from locfuse.cards import cards, counts_of
 from locfuse.eval.verdicts import (
     SUSPECT_SHARE,
     MessageRow,
@@ -26,7 +26,6 @@ from locfuse.types import NANOSECONDS, RunResult
 
 __all__ = ["write_report"]
 
-_LEAST_IN_BAND = 0.90  # of the stamps; below 95 %, as neighbouring stamps err alike
 _MOST_STRETCHES = 8
 
 _CAPTIONS = {
@@ -175,7 +174,7 @@ def write_report(result: RunResult, out_dir: Path) -> Path:
     body = "\n".join(
         [
             _heading(title, result),
-            _cards(result),
+            cards(result),
             *pictures,
             _counts_table(result),
             _rejected_table(result),
@@ -204,55 +203,6 @@ def _heading(title: str, result: RunResult) -> str:
     return "\n".join(lines)
 
 
-def _cards(result: RunResult) -> str:
-    metrics = result.metrics
-    counts = _counts(result)
-    total = sum(sum(verdicts.values()) for verdicts in counts.values())
-    fused = sum(verdicts.get("fused", 0) for verdicts in counts.values())
-    cards: list[str] = []
-    for key, text in (
-        ("position_rmse_m", "position RMSE"),
-        ("position_p95_m", "position error, 95th percentile"),
-        ("position_max_m", "largest position error"),
-    ):
-        if metrics.get(key) is not None:
-            cards.append(_card(_number(metrics[key], "m"), text))
-    if metrics.get("heading_rmse_deg") is not None:
-        cards.append(_card(_number(metrics["heading_rmse_deg"], "deg"), "heading RMSE"))
-    if metrics.get("nees_mean") is not None:
-        cards.append(_nees_card(metrics))
-    share = f" ({plot.percent(fused / total)})" if total else ""
-    cards.append(_card(plot.count(fused), f"messages fused of {plot.count(total)}{share}"))
-    if metrics.get("messages_per_second") is not None:
-        rate = plot.count(round(float(metrics["messages_per_second"])))
-        cards.append(_card(rate, "messages per second of computing"))
-    if metrics.get("duration_s") is not None:
-        cards.append(_card(_number(metrics["duration_s"], "s"), "length of the recording"))
-    return '<div class="cards">\n' + "\n".join(cards) + "\n</div>"
-
-
-def _nees_card(metrics: Mapping[str, Any]) -> str:
-    mean, dof = float(metrics["nees_mean"]), int(metrics["nees_dof"])
-    share = float(metrics["nees_in_band"])
-    low, high = band(dof)
-    if low <= mean <= high and share >= _LEAST_IN_BAND:
-        verdict = '<span class="good">consistent</span>'
-    elif mean > dof:
-        verdict = '<span class="bad">over-confident</span>'
-    else:
-        verdict = '<span class="bad">too cautious</span>'
-    text = (
-        f"mean NEES, expected {dof}; {plot.percent(share)} of stamps inside their 95 % band "
-        f"{low:.2g} to {high:.2g}"
-    )
-    return _card(f"{mean:.3g}", text, verdict)
-
-
-def _card(value: str, text: str, note: str = "") -> str:
-    text = escape(text.replace(" %", "\N{NO-BREAK SPACE}%"))
-    return f'<div class="card"><b>{escape(value)}</b><span>{text}</span>{note}</div>'
-
-
 def _picture(name: str, file: Path, result: RunResult) -> str:
     heading, caption = _CAPTIONS[name]
     caption = caption.format(
@@ -279,13 +229,8 @@ def _missing(name: str, result: RunResult) -> str:
     return f'<h2 id="{name}">{heading}</h2>\n<p>{why}</p>'
 
 
-def _counts(result: RunResult) -> Mapping[str, Mapping[str, int]]:
-    counts: Mapping[str, Mapping[str, int]] = result.metrics.get("counts") or {}
-    return counts
-
-
 def _counts_table(result: RunResult) -> str:
-    counts = _counts(result)
+    counts = counts_of(result)
     present = [v for v in plot.VERDICT_LABELS if any(row.get(v) for row in counts.values())]
     present += sorted({v for row in counts.values() for v in row if v not in plot.VERDICT_LABELS})
     nis = result.metrics.get("nis_mean") or {}
@@ -381,10 +326,3 @@ def _plain(value: Any) -> Any:
     if value is None or isinstance(value, bool | int | float | str):
         return value
     return str(value)
-
-
-def _number(value: float, unit: str) -> str:
-    """Return a figure with three significant digits, and no exponent in the usual range."""
-    magnitude = abs(float(value))
-    digits = 0 if magnitude >= 100 else 1 if magnitude >= 10 else 2 if magnitude >= 1 else 3
-    return f"{float(value):.{digits}f} {unit}"

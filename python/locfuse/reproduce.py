@@ -16,10 +16,12 @@ from locfuse.config.load import parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
+from locfuse.messages import Messages, to_messages, truth_of
 from locfuse.power_up import power_up_claims
 from locfuse.power_up.runs import recording
-from locfuse.run import Messages, run, start_of, to_messages, truth_of
+from locfuse.run import run
 from locfuse.sim.scenario import simulate
+from locfuse.start import start_of
 from locfuse.types import ConfigError, FloatArray, Log, LogError, Trajectory, nearest
 
 PATHS = ("circle", "eight", "square", "star", "waypoints")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start from nothing: the pose at power-up from ranges, scans on a map, and motion."""
+"""Where a run starts: a pose that is given, or found from ranges, scans on a map, and motion."""
 
 from __future__ import annotations
 
@@ -10,7 +10,54 @@ import numpy as np
 from locfuse import _core
 from locfuse.config.build import build_estimator_config, build_initializer_config
 from locfuse.config.schema import RunConfig
-from locfuse.types import NANOSECONDS, FloatArray, Hypothesis, Log, LogError, Start
+from locfuse.eval.errors import LONGEST_GAP_S, interpolate
+from locfuse.messages import Messages
+from locfuse.types import (
+    NANOSECONDS,
+    ConfigError,
+    FloatArray,
+    Hypothesis,
+    Log,
+    LogError,
+    Start,
+    Trajectory,
+)
+
+
+def start_of(config: RunConfig, truth: Trajectory | None, messages: Messages) -> _core.PoseEstimate:
+    """Return where the estimator starts, and when.
+
+    Raises
+    ------
+    ConfigError
+        If the start is ``truth`` and the log has none, or none with a heading.
+    """
+    xy, turn = config.start_sigma.xy_m, np.deg2rad(config.start_sigma.heading_deg)
+    covariance = np.diag([xy, xy, turn]) ** 2
+    if config.start == "auto":
+        raise ConfigError("start is 'auto'; expected 'truth' or [x, y, heading_deg] here")
+    if config.start != "truth":
+        x, y, heading_deg = config.start
+        pose = _core.Pose2(x, y, _core.wrap_angle(float(np.deg2rad(heading_deg))))
+        return _core.PoseEstimate(messages.begin_ns, pose, covariance)
+    if truth is None or truth.heading is None:
+        lacks = "no truth.csv" if truth is None else "a truth.csv without headings"
+        raise ConfigError(f"start is 'truth', but the log has {lacks}; "
+                          "set start: [x, y, heading_deg]")  # fmt: skip
+    if int(truth.stamp_ns[0]) > messages.end_ns:
+        raise ConfigError("start is 'truth', but truth.csv begins after the last message; do all "
+                          "files count time from the same origin?")  # fmt: skip
+    stamp = max(int(truth.stamp_ns[0]), messages.begin_ns)
+    at, inside = interpolate(truth, np.array([stamp], dtype=np.int64))
+    if stamp > int(truth.stamp_ns[-1]):
+        raise ConfigError("start is 'truth', but truth.csv ends before the first message")
+    if not inside[0] or at.heading is None:
+        raise ConfigError(
+            f"start is 'truth', but truth.csv has a gap of more than {LONGEST_GAP_S:g} s at the "
+            "first message; set start: [x, y, heading_deg]"
+        )
+    pose = _core.Pose2(float(at.position[0, 0]), float(at.position[0, 1]), float(at.heading[0]))
+    return _core.PoseEstimate(stamp, pose, covariance)
 
 
 def scans_of(log: Log) -> list[_core.LaserScan]:
@@ -30,6 +77,14 @@ def scans_of(log: Log) -> list[_core.LaserScan]:
     return [_core.LaserScan(int(stamp), geometry, ranges) for stamp, ranges in rows]
 
 
+def grid_of(log: Log) -> _core.OccupancyGrid | None:
+    """Return the map of a log, or None where it has no map."""
+    if log.grid is None:
+        return None
+    grid = log.grid
+    return _core.OccupancyGrid(grid.cells, grid.resolution_m, _core.Pose2(*grid.origin))
+
+
 def matcher_of(log: Log) -> _core.ScanMatcher | None:
     """Return a scan matcher on the map of a log, or None where it has no map.
 
@@ -38,11 +93,8 @@ def matcher_of(log: Log) -> _core.ScanMatcher | None:
     ValueError
         If no cell of the map is occupied.
     """
-    if log.grid is None:
-        return None
-    grid = log.grid
-    origin = _core.Pose2(*grid.origin)
-    return _core.ScanMatcher(_core.OccupancyGrid(grid.cells, grid.resolution_m, origin))
+    grid = grid_of(log)
+    return None if grid is None else _core.ScanMatcher(grid)
 
 
 def start_from_nothing(
@@ -86,7 +138,7 @@ def start_from_nothing(
         seconds=(best.stamp - begin_ns) / NANOSECONDS,
         pose=_pose(best),
         covariance=best.covariance,
-        steps=tuple((step.stamp, _hypotheses(step.state)) for step in run.steps),
+        steps=tuple((step.stamp, hypotheses_of(step.state.hypotheses)) for step in run.steps),
         used_scans=matcher is not None,
     )
     return ekf, run.consumed, start
@@ -96,9 +148,10 @@ def _pose(estimate: _core.PoseEstimate) -> FloatArray:
     return np.array([estimate.pose.x, estimate.pose.y, estimate.pose.heading])
 
 
-def _hypotheses(state: _core.StartState) -> tuple[Hypothesis, ...]:
-    return tuple(Hypothesis(_pose(h.estimate), h.estimate.covariance, h.probability)
-                 for h in state.hypotheses)  # fmt: skip
+def hypotheses_of(found: Sequence[_core.PoseHypothesis]) -> tuple[Hypothesis, ...]:
+    """Return poses that fit as plain arrays: copies, as an estimator goes on with its own."""
+    return tuple(Hypothesis(_pose(h.estimate), h.estimate.covariance.copy(), h.probability)
+                 for h in found)  # fmt: skip
 
 
 def returns_of(log: Log, stamp: int) -> FloatArray:

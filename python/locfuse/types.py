@@ -81,6 +81,16 @@ class Trajectory:
         return len(self.stamp_ns)
 
 
+def rows_of(track: Trajectory, rows: NDArray[Any]) -> Trajectory:
+    """Return some rows of a trajectory, chosen by a mask or by indices that increase."""
+    return Trajectory(
+        track.stamp_ns[rows],
+        track.position[rows],
+        None if track.heading is None else track.heading[rows],
+        None if track.covariance is None else track.covariance[rows],
+    )
+
+
 @dataclass(frozen=True)
 class GridMap:
     """A floor plan of square cells.
@@ -258,7 +268,7 @@ class Outcomes:
     ----------
     stamp_ns : int64 array, shape (n,)
     source : array of str, shape (n,)
-        ``odometry``, ``ranges``, ``positions`` or ``poses``.
+        ``odometry``, ``ranges``, ``positions``, ``poses`` or ``scans``.
     tag, anchor : arrays of str, shape (n,)
         Names for ranges, empty strings otherwise.
     verdict : array of str, shape (n,)

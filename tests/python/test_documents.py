@@ -378,6 +378,8 @@ SECTIONS: dict[str, type[Strict]] = {
     "### `estimator.odometry`": schema.Odometry,
     "### `estimator.range`": schema.Range,
     "### `estimator.position`": schema.Position,
+    "## `mcl`": schema.Mcl,
+    "### `mcl.field`": schema.LikelihoodField,
     "## `simulation`": scenario.Scenario,
     "### `path`, shape `circle`": scenario.Circle,
     "### `path`, shape `eight`": scenario.Eight,
@@ -403,6 +405,7 @@ SECTIONS: dict[str, type[Strict]] = {
     "### Fault `max_range`": scenario.MaxRange,
 }
 UNITS = {
+    "_per_m": "1/m",
     "_per_sqrt_m": "/√m",
     "_per_sqrt_rad": "/√rad",
     "_per_sqrt_s": "/√s",

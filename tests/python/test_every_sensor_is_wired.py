@@ -24,7 +24,8 @@ from locfuse.config.scenario import (
 )
 from locfuse.config.schema import SOURCES
 from locfuse.io.log_folder import MESSAGES, SCHEMA
-from locfuse.run import run, to_messages
+from locfuse.messages import to_messages
+from locfuse.run import run
 from locfuse.sim.scenario import simulate
 from locfuse.types import FloatArray, Log
 from support_runs import ROOT
@@ -112,7 +113,7 @@ def missing_pieces(name: str, wiring: Wiring | None) -> list[str]:
     elif wiring.source in SOURCES:
         messages = to_messages(noisy(log), parse_config({"use": [wiring.source]}))
         if len(messages.log) != len(log[wiring.source]["stamp_ns"]):
-            missing.append(f"messages from the table {wiring.source!r} in run.to_messages")
+            missing.append(f"messages from the table {wiring.source!r} in messages.to_messages")
     return missing
 
 

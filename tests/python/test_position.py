@@ -12,8 +12,8 @@ import pytest
 
 from locfuse.io.datasets import convert
 from locfuse.io.log_folder import read_log
+from locfuse.messages import truth_of
 from locfuse.position import Epochs, Fix, in_one_plane, positions, read_epochs, write_fixes
-from locfuse.run import truth_of
 from locfuse.types import ConfigError, FloatArray, LogError
 from support_runs import Said, locfuse, recording, rows_of
 

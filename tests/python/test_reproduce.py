@@ -15,8 +15,10 @@ from locfuse import reproduce as module
 from locfuse.claims import Claim
 from locfuse.config.load import load_config, parse_config
 from locfuse.config.schema import RunConfig
+from locfuse.messages import to_messages, truth_of
 from locfuse.reproduce import PATHS, linearized_at_truth, reproduce, room_config
-from locfuse.run import load_log, run, start_of, to_messages, truth_of
+from locfuse.run import load_log, run
+from locfuse.start import start_of
 from locfuse.types import ConfigError, FloatArray
 from support_runs import DATA, MRPT
 

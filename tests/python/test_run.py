@@ -16,8 +16,10 @@ from locfuse.config.schema import RunConfig
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
 from locfuse.io.log_folder import read_log
+from locfuse.messages import to_messages, truth_of
 from locfuse.reproduce import room_config
-from locfuse.run import load_log, run, start_of, to_messages, truth_of
+from locfuse.run import load_log, run
+from locfuse.start import start_of
 from locfuse.types import Columns, ConfigError, FloatArray, Log, LogError, RunResult, Trajectory
 from support_runs import room, write_folder
 

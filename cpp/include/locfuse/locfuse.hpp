@@ -14,6 +14,7 @@
 #include "locfuse/maps/ray_caster.hpp"
 #include "locfuse/math/numerical_jacobian.hpp"
 #include "locfuse/messages/message.hpp"
+#include "locfuse/replay/localize.hpp"
 #include "locfuse/replay/replay.hpp"
 #include "locfuse/replay/start.hpp"
 #include "locfuse/time.hpp"

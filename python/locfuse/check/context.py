@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from locfuse.check.grid import bounds
 from locfuse.check.positions import epochs, interpolated, located, residuals_of
 from locfuse.check.tracks import Track, align, at_times, dead_reckon, levered
-from locfuse.config.schema import RangeError, RunConfig
-from locfuse.run import truth_of
+from locfuse.config.schema import Estimator, Mcl, RangeError, RunConfig
+from locfuse.messages import truth_of
 from locfuse.types import Columns, FloatArray, Log, StampArray, Trajectory
 
 _LEAST_EPOCHS = 10
@@ -90,6 +90,17 @@ class Context:
     def used(self, source: str) -> Columns | None:
         """Return the messages of a source that the configuration uses, None without any."""
         return self.table(source) if source in self.config.use else None
+
+    @property
+    def models(self) -> Estimator | Mcl:
+        """Return what the messages are fused with."""
+        mcl = self.config.mcl
+        return mcl if mcl is not None and mcl.poses_hz is None else self.config.estimator
+
+    @property
+    def section(self) -> str:
+        """Name of its section in the configuration."""
+        return "mcl" if isinstance(self.models, Mcl) else "estimator"
 
     @cached_property
     def names(self) -> list[str]:
@@ -184,7 +195,7 @@ class Context:
         """Return the standard deviation that the filter takes for each range."""
         if "sigma_m" in table:
             return np.asarray(table["sigma_m"], np.float64)
-        noise = self.config.estimator.range
+        noise = self.models.range
         sigma: FloatArray = np.hypot(noise.sigma_m, noise.sigma_relative * distance)
         return sigma
 
@@ -195,7 +206,7 @@ class Context:
         if table is not None and self.placed.any():
             rows = {key: values[self.placed] for key, values in table.items()}
             return float(np.median(self.sigma_of(rows, self.corrected(rows))))
-        noise = self.config.estimator.range
+        noise = self.models.range
         return float(np.hypot(noise.sigma_m, noise.sigma_relative * 0.5 * self.extent))
 
     @cached_property
@@ -234,7 +245,7 @@ class Context:
         found = []
         if self.truth is not None and len(self.truth) > 1:
             found.append(Track("truth.csv", self.truth))
-        antenna = self.config.estimator.position
+        antenna = self.models.position
         lever = (antenna.antenna_forward_m, antenna.antenna_left_m)
         for source, at in (("poses", (0.0, 0.0)), ("positions", lever)):
             table = self.used(source)

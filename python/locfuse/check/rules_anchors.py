@@ -49,7 +49,7 @@ def anchors_in_one_line(context: Context) -> Iterator[Finding]:
     anchors = _heard(context)
     names = ", ".join(anchors)
     at = np.array([context.anchors[context.names.index(name), :2] for name in anchors])
-    answers = "; poses or positions tell the side" if _placed_otherwise(context) else ""
+    answers = "; other sources tell the side" if _placed_otherwise(context) else ""
     judge = warning if answers or str(context.config.start) != "auto" else error
     if len(at) == 1:
         yield judge(f"one anchor ({names}): ranges fix a circle, not a position{answers}",
@@ -77,7 +77,8 @@ def _heard(context: Context) -> list[str]:
 
 
 def _placed_otherwise(context: Context) -> bool:
-    return context.used("poses") is not None or context.used("positions") is not None
+    others = context.used("poses"), context.used("positions"), context.config.mcl
+    return any(other is not None for other in others)
 
 
 def _length_and_width(at: FloatArray) -> tuple[float, float]:
@@ -121,7 +122,7 @@ def tags_on_the_floor(context: Context) -> Iterator[Finding]:
 def states_that_nothing_tells(context: Context) -> Iterator[Finding]:
     """Say which of position and heading no source in use can tell."""
     sources = [s for s in ("odometry", "ranges", "positions", "poses") if context.used(s)]
-    if not sources:
+    if not sources or context.config.mcl is not None:  # scans on a map tell both
         return
     if sources == ["odometry"]:
         yield warning("position and heading are unobservable: odometry alone drifts from the start "

@@ -20,6 +20,8 @@ _STRICT = 0.95
 
 def gates_that_cannot_bind(context: Context) -> Iterator[Finding]:
     """Tell each gate as a probability and in metres; name those that never or always reject."""
+    if context.section == "mcl":  # has none
+        return
     for key, source in GATES.items():
         if source in context.config.use and context.table(source) is not None:
             yield from _gate(context, key, source)
@@ -62,7 +64,7 @@ def _sigma_key(context: Context, source: str) -> str:
     table = context.table(source)
     brings = table is not None and "sigma_m" in table
     if source == "ranges" and not brings:
-        return "estimator.range"
+        return f"{context.section}.range"
     return f"{source}.csv"
 
 
@@ -86,10 +88,10 @@ def sigmas_that_say_nothing(context: Context) -> Iterator[Finding]:
             yield warning(f"{source}.csv has a {column} of {sigma:g}: they are believed to a "
                           "millimetre", f"{source}.csv, {column}",
                           "give the standard deviation in metres")  # fmt: skip
-    noise = context.config.estimator.odometry
+    noise, where = context.models.odometry, f"{context.section}.odometry"
     if context.used("odometry") is not None and not any(noise.model_dump().values()):
-        yield error("every sigma of estimator.odometry is 0: odometry is believed without end and "
-                    "nothing corrects it", "estimator.odometry",
+        yield error(f"every sigma of {where} is 0: odometry is believed without end and nothing "
+                    "corrects it", where,
                     "give what the wheels do, such as sigma_heading_per_sqrt_m: 0.02")  # fmt: skip
 
 
@@ -98,9 +100,10 @@ def sigma_of_the_config_is_not_used(context: Context) -> Iterator[Finding]:
     table = context.used("ranges")
     if table is None or "sigma_m" not in table:
         return
-    if "range" in context.config.estimator.model_fields_set:
-        yield note("estimator.range has no effect: every range brings its own sigma_m",
-                   "estimator.range", "remove it, or the column sigma_m of ranges.csv")  # fmt: skip
+    where = f"{context.section}.range"
+    if "range" in context.models.model_fields_set:
+        yield note(f"{where} has no effect: every range brings its own sigma_m", where,
+                   "remove it, or the column sigma_m of ranges.csv")  # fmt: skip
 
 
 def anchors_named_in_vain(context: Context) -> Iterator[Finding]:
@@ -129,7 +132,7 @@ def lever_arms_that_are_zero(context: Context) -> Iterator[Finding]:
 
 
 def _antenna(context: Context) -> Iterator[Finding]:
-    where, position = "estimator.position", context.config.estimator.position
+    where, position = f"{context.section}.position", context.models.position
     sensor = context.config.simulation and context.config.simulation.positions
     arm = (position.antenna_forward_m, position.antenna_left_m)
     if sensor:
@@ -161,6 +164,8 @@ def start_that_cannot_be_meant(context: Context) -> Iterator[Finding]:
         elif abs(heading) > 360.0:
             yield warning(f"start has a heading of {heading:g} degrees: more than a full turn",
                           "start", "give degrees between -180 and 360")  # fmt: skip
+    if context.section == "mcl":  # does not linearize
+        return
     if sigma.heading_deg > 45.0:
         yield warning(f"start_sigma.heading_deg is {sigma.heading_deg:g}: so wide a heading leads "
                       "a filter that linearizes astray", "start_sigma.heading_deg",

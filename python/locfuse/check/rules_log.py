@@ -12,7 +12,9 @@ from locfuse.check.finding import Finding, error, note, warning
 from locfuse.check.grid import on_map
 from locfuse.check.tracks import legs
 from locfuse.config.schema import SOURCES
-from locfuse.run import start_of, to_messages
+from locfuse.localization import messages_for
+from locfuse.messages import to_messages
+from locfuse.start import start_of
 from locfuse.types import NANOSECONDS, OCCUPIED, Columns, ConfigError, LogError, StampArray
 
 _FAR_M = 1e5  # coordinates beyond are of a map projection
@@ -22,6 +24,8 @@ _NO_FILTER = ("landmark_sightings", "scans")
 def what_a_run_would_refuse(context: Context) -> Iterator[Finding]:
     """Tell the error with which `run` would stop."""
     try:
+        if context.config.mcl is not None:
+            messages_for(context.config, context.log)
         messages = to_messages(context.log, context.config)
         if context.config.start != "auto":
             start_of(context.config, context.truth, messages)
@@ -34,7 +38,9 @@ def what_a_run_would_refuse(context: Context) -> Iterator[Finding]:
 def sources_without_messages(context: Context) -> Iterator[Finding]:
     """Name sources that the configuration asks for and the log does not have."""
     asked = "use" in context.config.model_fields_set
-    for source in context.config.use:
+    mcl = context.config.mcl
+    made = ["poses"] if mcl is not None and mcl.poses_hz is not None else []
+    for source in (s for s in context.config.use if s not in made):
         if source in context.log.tables and context.table(source) is None:
             yield warning(f"{source}.csv is there, but has no message", f"{source}.csv",
                           "was the sensor switched on?")  # fmt: skip
@@ -51,14 +57,15 @@ def messages_without_use(context: Context) -> Iterator[Finding]:
             yield note(f"the log has {len(table['stamp_ns'])} {source}, which are not in use",
                        "use")  # fmt: skip
     for stem in _NO_FILTER:
-        if context.table(stem) is not None and not (stem == "scans" and _scans_start(context)):
+        if context.table(stem) is not None and not (stem == "scans" and _scans_are_used(context)):
             yield note(f"{stem}.csv is read, but no filter uses it", f"{stem}.csv")
 
 
-def _scans_start(context: Context) -> bool:
-    """Return whether a start from nothing uses the scans: it needs a laser and a map for that."""
-    log = context.log
-    return context.config.start == "auto" and log.laser is not None and log.grid is not None
+def _scans_are_used(context: Context) -> bool:
+    """Return whether scans are matched: by `mcl`, or by a start from nothing that has a map."""
+    log, config = context.log, context.config
+    starts = config.start == "auto" and log.laser is not None and log.grid is not None
+    return config.mcl is not None or starts
 
 
 def rates_and_gaps(context: Context) -> Iterator[Finding]:
@@ -71,15 +78,17 @@ def rates_and_gaps(context: Context) -> Iterator[Finding]:
         rate, gap = 1.0 / float(np.median(step)), float(step.max())
         yield note(f"{source}: {len(table['stamp_ns'])} messages, {rate:.3g} per second, longest "
                    f"gap {gap:.3g} s", f"{source}.csv")  # fmt: skip
-        hold = context.config.estimator.hold_s
+        hold = context.models.hold_s
         if source == "odometry" and "v_mps" in table and gap > hold:
             yield warning(f"odometry is silent for up to {gap:.3g} s; after hold_s = {hold:g} s "
-                          "the robot counts as lost", "estimator.hold_s",
+                          "the robot counts as lost", f"{context.section}.hold_s",
                           "raise hold_s, or find what loses the rows")  # fmt: skip
 
 
 def messages_too_late(context: Context) -> Iterator[Finding]:
     """Name sources whose messages arrive later than the history reaches back."""
+    if context.section == "mcl":  # is fed in order of stamps
+        return
     arrivals: list[StampArray] = []
     stamps: list[StampArray] = []
     kinds: list[str] = []

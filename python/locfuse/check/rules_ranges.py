@@ -332,7 +332,8 @@ def sigma_against_the_scatter(context: Context) -> Iterator[Finding]:
     spread = float(np.median([_scatter(part) for part in left])) / np.sqrt(residuals.freedom)
     sigma = context.typical_sigma
     told = f"the filter takes {sigma:.2g} m for the noise of ranges, they scatter by {spread:.2g} m"
-    where = "estimator.range" if "sigma_m" not in context.log["ranges"] else "ranges.csv, sigma_m"
+    brings = "sigma_m" in context.log["ranges"]
+    where = "ranges.csv, sigma_m" if brings else f"{context.section}.range"
     if sigma < 0.4 * spread:
         yield warning(f"{told}: good ranges will be gated and the covariance too small", where,
                       f"set a sigma near {spread:.2g} m")  # fmt: skip

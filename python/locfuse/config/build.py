@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from locfuse import _core
-from locfuse.config.schema import Estimator, Initializer, RangeError
+from locfuse.config.schema import Estimator, Initializer, Mcl, RangeError
 from locfuse.types import Columns, ConfigError, nearest
 
 
@@ -27,8 +27,18 @@ def build_initializer_config(initializer: Initializer) -> _core.InitializerConfi
     return config
 
 
-def _fill(struct: Any, model: BaseModel) -> None:
+def build_mcl_config(mcl: Mcl, seed: int) -> _core.MclConfig:
+    """Return the C++ struct with every value of `mcl`; `seed` where it has none of its own."""
+    config = _core.MclConfig()
+    _fill(config, mcl, leave=("poses_hz", "seed"))
+    config.seed = seed if mcl.seed is None else mcl.seed
+    return config
+
+
+def _fill(struct: Any, model: BaseModel, leave: tuple[str, ...] = ()) -> None:
     for name in type(model).model_fields:
+        if name in leave:
+            continue
         value = getattr(model, name)
         if isinstance(value, BaseModel):
             _fill(getattr(struct, name), value)

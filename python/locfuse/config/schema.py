@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from locfuse.config.base import Strict
-from locfuse.config.scenario import Name, NonNegative, Positive, Scenario
+from locfuse.config.scenario import Name, NonNegative, Positive, Probability, Rate, Scenario
 
 GateProbability: TypeAlias = Annotated[float, Field(gt=0.0, le=1.0)]
 Source: TypeAlias = Literal["odometry", "ranges", "positions", "poses"]
@@ -82,6 +82,74 @@ class Initializer(Strict):
     sigma_heading_ready_rad: Positive = 0.087
 
 
+class LikelihoodField(Strict):
+    """Where beams end; ``LikelihoodFieldConfig`` in C++, with the defaults of ``MclConfig``."""
+
+    sigma_hit_m: Annotated[float, Field(gt=0.0, lt=1000.0)] = 0.05
+    random_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.05
+    max_range_m: Annotated[float, Field(gt=0.0, lt=10_000.0)] = 30.0
+    clutter_per_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.1
+    unknown_per_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.002
+
+
+class Mcl(Strict):
+    """Monte Carlo localization; ``MclConfig`` in C++, but for two keys.
+
+    `poses_hz` makes its estimates the poses of a pose EKF. Without a `seed` it is the run's.
+    """
+
+    poses_hz: Rate | None = None
+    min_particles: Annotated[int, Field(ge=1, le=2**28)] = 500
+    max_particles: Annotated[int, Field(ge=1, le=2**28)] = 5000
+    kld_error: Annotated[float, Field(ge=1e-6, le=1.0)] = 0.05
+    kld_quantile: Annotated[float, Field(ge=0.0, le=10.0)] = 2.33
+    beams: Annotated[int, Field(ge=1, le=100_000)] = 60
+    independent_beams: Annotated[float, Field(ge=1e-3, le=1e6)] = 10.0
+    independent_beams_searching: Annotated[float, Field(ge=1e-3, le=1e6)] = 2.0
+    effective_share: Probability = 0.2
+    outlier_share: Annotated[float, Field(ge=0.0, le=0.999)] = 0.01
+    resample_below: Probability = 0.5
+    refined: bool = False
+    spacing_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.1
+    spacing_heading_rad: Annotated[float, Field(ge=0.0, le=1e6)] = 0.05
+    most_drop: Annotated[float, Field(ge=0.0, le=1e6)] = 1.0
+    min_explained: Probability = 0.75
+    scouts: Annotated[int, Field(ge=0, le=100_000)] = 64
+    scout_draws: Annotated[int, Field(ge=0, le=2**28)] = 20_000
+    most_gain: Annotated[float, Field(ge=0.1, le=1e6)] = 2.0
+    kidnapping_probability: Annotated[float, Field(ge=0.0, le=0.5)] = 1e-4
+    hold_s: Annotated[float, Field(ge=1e-9, le=1e9)] = 1.0
+    sigma_lost_xy_per_sqrt_s: Annotated[float, Field(ge=0.0, le=1e6)] = 0.5
+    sigma_lost_heading_per_sqrt_s: Annotated[float, Field(ge=0.0, le=1e6)] = 0.5
+    probability_ready: Annotated[float, Field(ge=0.5, le=1.0)] = 0.95
+    sigma_xy_ready_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.5
+    sigma_heading_ready_rad: Annotated[float, Field(ge=0.0, le=10.0)] = 0.17
+    bin_m: Annotated[float, Field(ge=1e-3, le=1e6)] = 0.5
+    bin_headings: Annotated[int, Field(ge=1, le=3600)] = 24
+    sigma_map_m: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.03
+    sigma_map_rad: Annotated[float, Field(ge=0.0, le=10.0)] = 0.005
+    seed: Annotated[int, Field(ge=0, lt=2**64)] | None = None
+    threads: Annotated[int, Field(ge=1, le=256)] = 1
+    odometry: Odometry = Field(default_factory=Odometry)
+    field: LikelihoodField = Field(default_factory=LikelihoodField)
+    sigma_widest_m: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.4
+    range: Range = Field(default_factory=Range)
+    position: Position = Field(default_factory=Position)
+
+    @model_validator(mode="after")
+    def _least_and_most(self) -> Mcl:
+        for least, most, low, high in (
+            ("min_particles", "max_particles", self.min_particles, self.max_particles),
+            ("scouts", "scout_draws", self.scouts, self.scout_draws),
+            ("field.sigma_hit_m", "sigma_widest_m", self.field.sigma_hit_m, self.sigma_widest_m),
+        ):
+            if low > high:
+                raise ValueError(
+                    f"{least} is {low} and {most} is {high}; expected {least} <= {most}"
+                )
+        return self
+
+
 class RangeError(Strict):
     """What ranges to an anchor read: scale * distance + offset."""
 
@@ -134,7 +202,7 @@ class RunConfig(Strict):
 
     Messages come from ``simulation``, or from ``log``: a log folder, or a dataset to convert.
     Paths are relative to the configuration's file. ``anchors`` says what is known of the ranges to
-    an anchor, by name; ``all`` holds for those not named.
+    an anchor, by name; ``all`` holds for those not named. With ``mcl`` scans tell of the pose, too.
     """
 
     name: str = "run"
@@ -147,6 +215,7 @@ class RunConfig(Strict):
     use: Annotated[list[Source], Field(min_length=1)] = Field(default_factory=lambda: list(SOURCES))
     anchors: dict[Name, RangeError] = Field(default_factory=dict)
     estimator: Estimator = Field(default_factory=Estimator)
+    mcl: Mcl | None = None
     seed: Annotated[int, Field(ge=0)] = 0
     history_s: Annotated[float, Field(ge=0.0, le=1e9)] = 2.0
 
@@ -154,6 +223,14 @@ class RunConfig(Strict):
     def _one_origin(self) -> RunConfig:
         if self.log is not None and self.simulation is not None:
             raise ValueError("both log and simulation are given; expected one of them")
+        return self
+
+    @model_validator(mode="after")
+    def _poses_of_mcl_are_used(self) -> RunConfig:
+        if self.mcl is not None and self.mcl.poses_hz is not None and "poses" not in self.use:
+            raise ValueError(
+                "mcl.poses_hz makes poses, which use leaves out; add 'poses' to use, or remove it"
+            )
         return self
 
     @model_validator(mode="after")

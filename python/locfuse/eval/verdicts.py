@@ -13,7 +13,7 @@ from locfuse.types import Outcomes, StampArray
 
 SUSPECT_SHARE = 0.10  # rejected share from which an anchor is pointed out
 
-_SOURCE_ORDER = ("odometry", "ranges", "positions", "poses")
+_SOURCE_ORDER = ("odometry", "ranges", "positions", "poses", "scans")
 
 
 @dataclass(frozen=True)
@@ -77,8 +77,8 @@ def message_rows(outcomes: Outcomes) -> list[MessageRow]:
     Returns
     -------
     list of MessageRow
-        Odometry, ranges, positions, poses, then others; anchors in natural order (A2 before A10).
-        No row is empty.
+        Odometry, ranges, positions, poses, scans, then others; anchors in natural order (A2 before
+        A10). No row is empty.
     """
     if len(outcomes) == 0:
         return []

@@ -9,6 +9,7 @@ picture can show, and never so that an extreme error or a rejected stretch disap
 from __future__ import annotations
 
 from locfuse.plot.errors import BAND_SIGMAS, plot_errors
+from locfuse.plot.film import check_film, write_film
 from locfuse.plot.layout import plot_layout
 from locfuse.plot.nis import plot_nis
 from locfuse.plot.outcomes import plot_outcomes
@@ -22,6 +23,7 @@ __all__ = [
     "BAND_SIGMAS",
     "ELLIPSE_SIGMAS",
     "VERDICT_LABELS",
+    "check_film",
     "count",
     "percent",
     "plot_bad_starts",
@@ -35,4 +37,5 @@ __all__ = [
     "plot_start",
     "save",
     "start_ns",
+    "write_film",
 ]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Picture of the path in the world frame: estimate with ellipses, truth, anchors, landmarks."""
+"""Picture of the path in the world frame: estimate with ellipses, truth, anchors, map."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from locfuse.plot.style import (
     ANCHOR,
     DASHED,
     ESTIMATE,
+    GRID,
     INK,
     MUTED,
     REJECTED,
@@ -29,7 +30,7 @@ from locfuse.plot.style import (
 )
 from locfuse.plot.text import percent, short
 from locfuse.plot.thinning import evenly_along, stride
-from locfuse.plot.world import box_around
+from locfuse.plot.world import box_around, draw_map, drawable
 from locfuse.types import FloatArray, RunResult, Trajectory
 
 ELLIPSE_SIGMAS = 3.0
@@ -40,7 +41,7 @@ _MOST_NAMED = 60
 
 
 def plot_path(result: RunResult) -> Figure:
-    """Draw estimate with 3-sigma ellipses, truth, anchors and landmarks in the world frame.
+    """Draw estimate with 3-sigma ellipses, truth, anchors, landmarks and map in the world frame.
 
     Parameters
     ----------
@@ -75,6 +76,9 @@ def plot_path(result: RunResult) -> Figure:
     axes.set_xlabel("x in world [m]")
     axes.set_ylabel("y in world [m]")
 
+    if result.log.grid is not None:
+        draw_map(axes, drawable(result.log.grid, (high - low)[0]), ("white", GRID, MUTED), zorder=0)
+        axes.grid(visible=False)
     handles = _draw_tracks(axes, estimate, result.truth)
     rows = {row.anchor: row for row in message_rows(result.outcomes) if row.anchor}
     labels = _draw_anchors(axes, handles, anchors, rows)

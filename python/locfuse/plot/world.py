@@ -10,6 +10,8 @@ from matplotlib.transforms import Affine2D
 
 from locfuse.types import OCCUPIED, UNKNOWN, FloatArray, GridMap
 
+_PIXELS = 1000  # about what is left for the axes of a picture
+
 
 def box_around(
     points: FloatArray, margin: float, flattest: float = 0.0, tallest: float = np.inf
@@ -26,6 +28,15 @@ def box_around(
     width, height = (high - low).tolist()
     grow = np.array([max(height / tallest - width, 0.0), max(width * flattest - height, 0.0)]) / 2.0
     return low - grow, high + grow
+
+
+def drawable(grid: GridMap, width_m: float) -> GridMap:
+    """Return the map in cells of at least a pixel of a picture of that width.
+
+    Walls that are thinner would fall between pixels.
+    """
+    pixel_m = width_m / _PIXELS
+    return grid if grid.resolution_m >= pixel_m else grid.resampled(pixel_m)
 
 
 def draw_map(axes: Axes, grid: GridMap, colours: tuple[str, str, str], zorder: float) -> None:

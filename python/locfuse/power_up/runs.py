@@ -12,7 +12,8 @@ from locfuse.claims import Claim, absent
 from locfuse.config.load import load_config
 from locfuse.config.schema import Dataset, RunConfig
 from locfuse.eval.errors import errors_against
-from locfuse.run import load_log, run, truth_of
+from locfuse.messages import truth_of
+from locfuse.run import load_log, run
 from locfuse.types import FloatArray, Log, LogError, RunResult
 
 

@@ -14,9 +14,9 @@ from locfuse import _core
 from locfuse.config.build import build_anchors, build_estimator_config, build_initializer_config
 from locfuse.config.schema import RunConfig
 from locfuse.eval.errors import interpolate
+from locfuse.messages import truth_of
 from locfuse.power_up.simulated import SIGMA_M
 from locfuse.power_up.sites import epochs
-from locfuse.run import truth_of
 from locfuse.start import matcher_of, scans_of
 from locfuse.types import FloatArray, Log, wrap_angle
 

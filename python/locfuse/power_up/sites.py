@@ -13,8 +13,8 @@ from locfuse import _core
 from locfuse.claims import Claim, absent, claim_of
 from locfuse.io.datasets import convert
 from locfuse.io.log_folder import read_log
+from locfuse.messages import truth_of
 from locfuse.power_up.simulated import SIGMA_M
-from locfuse.run import truth_of
 from locfuse.types import FloatArray, Log, LogError
 
 

@@ -17,6 +17,8 @@ from locfuse.types import FloatArray, GridMap, wrap_angle
 
 Motion: TypeAlias = tuple[float, float, float]
 
+_LEAST_S = 1e-9  # shorter motions are rounding: stamps are nanoseconds
+
 
 def sinc(angle: ArrayLike) -> FloatArray:
     """Return sin(angle) / angle, which is 1 at zero."""
@@ -247,7 +249,7 @@ def _along(points: Iterator[FloatArray], path: Waypoints | Roam, duration_s: flo
             (abs(turn) / path.turn_rate_radps, 0.0, math.copysign(path.turn_rate_radps, turn)),
             (math.dist(position, target) / path.speed_mps, path.speed_mps, 0.0),
         ]
-        motions += [step for step in steps if step[0] > 0.0]
+        motions += [step for step in steps if step[0] > _LEAST_S]
         elapsed += steps[0][0] + steps[1][0]
         position, target, heading = target, next(points), bearing
     return drive_of(begin, motions)

@@ -13,17 +13,38 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 from locfuse import _core
-from locfuse.config.build import build_estimator_config, build_initializer_config
-from locfuse.config.schema import Estimator, Initializer, Odometry, Position, Range, RunConfig
+from locfuse.config.build import (
+    build_estimator_config,
+    build_initializer_config,
+    build_mcl_config,
+)
+from locfuse.config.load import parse_config
+from locfuse.config.schema import (
+    Estimator,
+    Initializer,
+    LikelihoodField,
+    Mcl,
+    Odometry,
+    Position,
+    Range,
+    RunConfig,
+)
 from support_runs import ROOT, room
 
 PAIRS: dict[str, tuple[type[BaseModel], type[Any], str]] = {
     "Estimator": (Estimator, _core.PoseEkfConfig, "estimators/pose_ekf.hpp"),
     "Initializer": (Initializer, _core.InitializerConfig, "estimators/initializer.hpp"),
+    "Mcl": (Mcl, _core.MclConfig, "estimators/mcl.hpp"),
+    "LikelihoodField": (
+        LikelihoodField,
+        _core.LikelihoodFieldConfig,
+        "models/measurement/likelihood_field.hpp",
+    ),
     "Odometry": (Odometry, _core.OdometryConfig, "models/motion/odometry.hpp"),
     "Range": (Range, _core.RangeConfig, "models/measurement/range.hpp"),
     "Position": (Position, _core.PositionConfig, "models/measurement/position.hpp"),
 }
+OF_THE_RUN = {"Mcl": {"poses_hz", "seed"}}  # keys that say more, or other things, than the struct
 
 
 def bound_fields(struct: type[Any]) -> set[str]:
@@ -34,7 +55,7 @@ def declared_fields(header: str) -> set[str]:
     text = (ROOT / "cpp" / "include" / "locfuse" / header).read_text(encoding="utf-8")
     body = re.search(r"struct Config \{(.*?)\n  \};", text, re.DOTALL)
     assert body is not None, f"{header} declares no Config"
-    return set(re.findall(r"^\s*[\w:]+ (\w+)(?: = [^;]+)?;", body[1], re.MULTILINE))
+    return set(re.findall(r"^\s*[\w:]+ (\w+)(?:\s=\s[^;]+|\{[^;]+\})?;", body[1], re.MULTILINE))
 
 
 def leaves(model: type[BaseModel], prefix: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
@@ -51,8 +72,14 @@ def leaves(model: type[BaseModel], prefix: tuple[str, ...] = ()) -> list[tuple[s
 BUILDERS: dict[str, Callable[[Any], Any]] = {
     "Estimator": build_estimator_config,
     "Initializer": build_initializer_config,
+    "Mcl": lambda mcl: build_mcl_config(mcl, _core.MclConfig().seed),
 }
-LEAVES = [(root, *path) for root in BUILDERS for path in leaves(PAIRS[root][0])]
+LEAVES = [
+    (root, *path)
+    for root in BUILDERS
+    for path in leaves(PAIRS[root][0])
+    if path[0] not in OF_THE_RUN.get(root, ())
+]
 
 
 def nested(path: tuple[str, ...], value: Any) -> dict[str, Any]:
@@ -71,7 +98,8 @@ def at(holder: Any, path: tuple[str, ...]) -> Any:
 def test_schema_binding_and_header_have_the_same_fields(name: str) -> None:
     model, struct, header = PAIRS[name]
 
-    assert set(model.model_fields) == bound_fields(struct), f"{name}: schema and binding differ"
+    ours = OF_THE_RUN.get(name, set()) - {"seed"}
+    assert set(model.model_fields) - ours == bound_fields(struct), f"{name}: schema and binding"
     assert declared_fields(header) == bound_fields(struct), f"{name}: header and binding differ"
 
 
@@ -96,10 +124,18 @@ def counts(leaf: tuple[str, ...]) -> bool:
     return isinstance(at(PAIRS[leaf[0]][1](), leaf[1:]), int)
 
 
+ALLOWED = {
+    ("Mcl", "max_particles"): 700,
+    ("Mcl", "scout_draws"): 700,
+    ("Mcl", "kidnapping_probability"): 0.25,
+    ("Mcl", "field", "sigma_hit_m"): 0.25,
+}
+
+
 @pytest.mark.parametrize("leaf", LEAVES, ids=".".join)
 def test_every_value_reaches_the_struct(leaf: tuple[str, ...]) -> None:
     (model, struct, _), path = PAIRS[leaf[0]], leaf[1:]
-    value = 7 if counts(leaf) else 0.625
+    value = ALLOWED.get(leaf, 7 if counts(leaf) else 0.625)
     config = BUILDERS[leaf[0]](model.model_validate(nested(path, value)))
 
     assert at(config, path) == value
@@ -115,12 +151,18 @@ def schema_accepts(leaf: tuple[str, ...], value: float) -> bool:
     return True
 
 
+# Around the map a likelihood field reaches as far as max_range_m, in cells of the map.
+COARSE = _core.OccupancyGrid(np.array([[0, 100]], np.int8), resolution=100.0)
+
+
 def core_accepts(leaf: tuple[str, ...], value: float) -> bool:
     config = PAIRS[leaf[0]][1]()
     setattr(at(config, leaf[1:-1]), leaf[-1], value)
     nothing = _core.AnchorMap([])
     try:
-        if isinstance(config, _core.InitializerConfig):
+        if isinstance(config, _core.MclConfig):
+            _core.Mcl(config, COARSE, 0, nothing)
+        elif isinstance(config, _core.InitializerConfig):
             _core.Initializer(config, _core.PoseEkfConfig(), nothing, [], None)
         else:
             start = _core.PoseEstimate(0, _core.Pose2(), np.eye(3))
@@ -135,11 +177,12 @@ def test_the_schema_refuses_what_the_core_refuses_and_nothing_else(leaf: tuple[s
     values = [-math.inf, -1e9, -1.0, -1e-12, -0.0, 0.0, 1e-12, 0.5, math.nextafter(0.5, 1.0), 1.0,
               math.nextafter(1.0, 2.0), 100.0, 3600.0, 1e6, 1e12, math.inf, math.nan]  # fmt: skip
     if counts(leaf):
-        values = [-1, 0, 1, 3, 4, 100, 3600, 3601, 10**9]
+        values = [-1, 0, 1, 3, 4, 100, 3600, 3601, 5000, 10**9]
     schema = {value: schema_accepts(leaf, value) for value in values}
     core = {value: core_accepts(leaf, value) for value in values}
 
-    assert schema == core
+    if leaf != ("Mcl", "min_explained"):  # which the struct takes as it comes
+        assert schema == core
     assert any(schema.values())
     assert not all(schema.values())
 
@@ -167,3 +210,32 @@ def test_a_configuration_never_changes_once_made() -> None:
         config.history_s = 1.0
     with pytest.raises(ValidationError):
         config.estimator.range.sigma_m = 1.0
+
+
+def test_particles_have_the_seed_of_the_run_unless_they_have_one_of_their_own() -> None:
+    assert build_mcl_config(Mcl(), 5).seed == 5
+    assert build_mcl_config(Mcl(seed=2**64 - 1), 5).seed == 2**64 - 1
+    for wrong in (-1, 2**64):
+        with pytest.raises(ValidationError):
+            Mcl(seed=wrong)
+
+
+@pytest.mark.parametrize(
+    ("mcl", "said"),
+    [
+        ({"max_particels": 5}, "mcl: unknown key 'max_particels'; did you mean 'max_particles'"),
+        ({"field": {"sigma_hitm": 0.1}}, "did you mean 'sigma_hit_m'"),
+        ({"min_particles": 9000}, "expected min_particles <= max_particles"),
+        ({"scout_draws": 3}, "expected scouts <= scout_draws"),
+        ({"sigma_widest_m": 0.01}, "expected field.sigma_hit_m <= sigma_widest_m"),
+        ({"poses_hz": 0}, "poses_hz"),
+    ],
+)
+def test_what_mcl_cannot_mean_is_one_sentence(mcl: dict[str, Any], said: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(said)):
+        parse_config({"mcl": mcl})
+
+
+def test_poses_of_mcl_must_be_used() -> None:
+    with pytest.raises(ValueError, match="add 'poses' to use"):
+        parse_config({"mcl": {"poses_hz": 2}, "use": ["odometry", "ranges"]})

@@ -8,7 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from locfuse.config.scenario import Circle, Eight, Path, Square, Star, Waypoints
+from locfuse.config.scenario import Circle, Eight, Path, Roam, Square, Star, Waypoints
+from locfuse.sim.maps import rooms
 from locfuse.sim.trajectory import Drive, drive_of, plan, sinc
 from locfuse.types import wrap_angle
 
@@ -246,3 +247,11 @@ def test_other_seeds_give_other_waypoints() -> None:
     first, second = planned(Waypoints(), seed=1), planned(Waypoints(), seed=2)
 
     assert not np.array_equal(first.start_pose[0], second.start_pose[0])
+
+
+def test_points_in_one_line_make_no_turn_of_a_rounding_error() -> None:
+    # Here the way goes straight on at a point but for 1e-17 rad: a turn without a duration.
+    grid = rooms(np.random.default_rng(2), (12.0, 9.0), 0.05)
+    rng = np.random.default_rng(1).spawn(7)[0]
+    drive = plan(Roam(speed_mps=0.5), (12.0, 9.0), 60.0, rng, grid)
+    assert np.diff(drive.start).min() > 1e-9

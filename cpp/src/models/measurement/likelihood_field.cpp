@@ -32,6 +32,13 @@ double within(const char* name, double value, double low, double high) {
   return value;
 }
 
+void check_density(const char* name, double value) {
+  if (!(value >= 0.0 && value <= 1e6)) {
+    throw std::invalid_argument("LikelihoodField." + std::string(name) + " is " +
+                                std::to_string(value) + ", expected >= 0 and <= 1e6");
+  }
+}
+
 const OccupancyGrid& given(const std::shared_ptr<const OccupancyGrid>& grid) {
   if (!grid) {
     throw std::invalid_argument("LikelihoodField has no map");
@@ -50,11 +57,8 @@ LikelihoodField::LikelihoodField(const Config& config, std::shared_ptr<const Occ
   within("sigma_hit_m", config.sigma_hit_m, 0.0, 1e3);
   within("random_share", config.random_share, 0.0, 1.0);
   within("max_range_m", config.max_range_m, 0.0, 1e4);
-  within("unknown_per_m", config.unknown_per_m, 0.0, 1e3);
-  if (!(config.clutter_per_m >= 0.0 && config.clutter_per_m < 1e3)) {
-    throw std::invalid_argument("LikelihoodField.clutter_per_m is " +
-                                std::to_string(config.clutter_per_m) + ", expected 0 to 1000");
-  }
+  check_density("clutter_per_m", config.clutter_per_m);
+  check_density("unknown_per_m", config.unknown_per_m);
   const double resolution = map.resolution();
   rim_ = static_cast<int>(config.max_range_m / resolution) + 2;
   width_ = map.width() + 2 * rim_;

@@ -141,9 +141,9 @@ TEST(LikelihoodField, refuses_maps_and_settings_that_say_nothing) {
       "clutter_per_m is -1");
   testing::expect_refused(
       [] {
-        LikelihoodField({0.1, 0.1, 5.0, 0.1, 0.0}, wall());
+        LikelihoodField({0.1, 0.1, 5.0, 0.1, kNan}, wall());
       },
-      "unknown_per_m is 0");
+      "unknown_per_m is nan");
 }
 
 }  // namespace

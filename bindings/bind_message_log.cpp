@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+
+#include "bindings.hpp"
+#include "numpy.hpp"
+#include "shared_log.hpp"
+
+namespace py = pybind11;
+using locfuse::Id;
+using locfuse::Message;
+using locfuse::MessageLog;
+using locfuse::Stamp;
+using Stamps = py::array_t<Stamp, py::array::c_style>;  // no cast: seconds as floats are refused
+
+namespace {
+
+// Adds one message per row; `arrivals` may be absent.
+template <class Make>
+void add_rows(SharedLog& log, const Stamps& stamps, const std::optional<Stamps>& arrivals,
+              const Make& make) {
+  const py::ssize_t n = stamps.size();
+  expect_shape("stamp_ns", stamps, n);
+  if (arrivals) {
+    expect_shape("arrival_ns", *arrivals, n);
+  }
+  const Stamp* arrival = arrivals ? arrivals->data() : nullptr;
+  const Use use(log, Use::Kind::kChange);
+  const py::gil_scoped_release release;
+  log.log.add_rows(static_cast<std::size_t>(n), [&](std::size_t row) -> MessageLog::Arrival {
+    const Message message = make(static_cast<py::ssize_t>(row));
+    return {arrival != nullptr ? arrival[row] : effective_stamp(message), message};
+  });
+}
+
+double checked_sigma(const char* what, double sigma) {
+  if (!(std::isfinite(sigma) && sigma > 0.0)) {
+    throw std::invalid_argument(std::string(what) + " is " + std::to_string(sigma) +
+                                ", expected a finite number > 0");
+  }
+  return sigma;
+}
+
+}  // namespace
+
+void bind_message_log(py::module_& m) {
+  const auto no_arrival = py::arg("arrival_ns") = py::none();
+  py::class_<SharedLog>(m, "MessageLog", R"(Recorded messages, added as columns.
+
+Every `add_...` takes arrays of equal length; `arrival_ns`, where given, is when each message
+reaches the estimator, otherwise it arrives when it takes effect. A row that is not valid raises
+ValueError, names the row, and nothing is added. A log that another thread adds to, sorts or
+replays raises RuntimeError; several threads may replay it at once.
+)")
+      .def(py::init<>())
+      .def("__len__",
+           [](SharedLog& log) {
+             const Use use(log, Use::Kind::kRead);
+             return log.log.arrivals().size();
+           })
+      .def(
+          "add_velocities",
+          [](SharedLog& log, const Stamps& stamp, const Column<double>& forward,
+             const Column<double>& turn_rate, const std::optional<Stamps>& arrival) {
+            expect_shape("forward", forward, stamp.size());
+            expect_shape("turn_rate", turn_rate, stamp.size());
+            add_rows(log, stamp, arrival,
+                     [&, t = stamp.data(), v = forward.data(),
+                      w = turn_rate.data()](py::ssize_t i) -> Message {
+                       return locfuse::Velocity{t[i], v[i], w[i]};
+                     });
+          },
+          py::arg("stamp_ns"), py::arg("forward"), py::arg("turn_rate"), no_arrival)
+      .def(
+          "add_increments",
+          [](SharedLog& log, const Stamps& begin, const Stamps& stamp, const Column<double>& motion,
+             const std::optional<Stamps>& arrival) {
+            expect_shape("begin_ns", begin, stamp.size());
+            expect_shape("motion", motion, stamp.size(), 3);
+            add_rows(
+                log, stamp, arrival,
+                [&, b = begin.data(), t = stamp.data(),
+                 u = motion.data()](py::ssize_t i) -> Message {
+                  return locfuse::Increment{b[i], t[i], {u[3 * i], u[3 * i + 1], u[3 * i + 2]}};
+                });
+          },
+          py::arg("begin_ns"), py::arg("stamp_ns"), py::arg("motion"), no_arrival,
+          "Motions (n, 3): dx, dy [m], dheading [rad] from begin_ns to stamp_ns.")
+      .def(
+          "add_ranges",
+          [](SharedLog& log, const Stamps& stamp, const Column<Id>& tag, const Column<Id>& anchor,
+             const Column<double>& range, const std::optional<Column<double>>& sigma,
+             const std::optional<Stamps>& arrival) {
+            expect_shape("tag", tag, stamp.size());
+            expect_shape("anchor", anchor, stamp.size());
+            expect_shape("range", range, stamp.size());
+            if (sigma) {
+              expect_shape("sigma", *sigma, stamp.size());
+            }
+            const double* s = sigma ? sigma->data() : nullptr;
+            add_rows(log, stamp, arrival,
+                     [t = stamp.data(), g = tag.data(), a = anchor.data(), r = range.data(),
+                      s](py::ssize_t i) -> Message {
+                       return locfuse::Range{t[i], g[i], a[i], r[i],
+                                             s != nullptr ? std::optional(s[i]) : std::nullopt};
+                     });
+          },
+          py::arg("stamp_ns"), py::arg("tag"), py::arg("anchor"), py::arg("range"),
+          py::arg("sigma") = py::none(), no_arrival)
+      .def(
+          "add_positions",
+          [](SharedLog& log, const Stamps& stamp, const Column<double>& position,
+             const Column<double>& sigma, const std::optional<Stamps>& arrival) {
+            expect_shape("position", position, stamp.size(), 2);
+            expect_shape("sigma", sigma, stamp.size());
+            add_rows(log, stamp, arrival,
+                     [t = stamp.data(), p = position.data(),
+                      s = sigma.data()](py::ssize_t i) -> Message {
+                       const double sd = checked_sigma("PositionFix.sigma [m]", s[i]);
+                       return locfuse::PositionFix{t[i],
+                                                   {p[2 * i], p[2 * i + 1]},
+                                                   sd * sd * locfuse::Matrix<2, 2>::Identity()};
+                     });
+          },
+          py::arg("stamp_ns"), py::arg("position"), py::arg("sigma"), no_arrival,
+          "Positions (n, 2) [m] with one sigma [m] each.")
+      .def(
+          "add_poses",
+          [](SharedLog& log, const Stamps& stamp, const Column<double>& pose,
+             const Column<double>& sigma_xy, const Column<double>& sigma_heading,
+             const std::optional<Stamps>& arrival) {
+            expect_shape("pose", pose, stamp.size(), 3);
+            expect_shape("sigma_xy", sigma_xy, stamp.size());
+            expect_shape("sigma_heading", sigma_heading, stamp.size());
+            add_rows(log, stamp, arrival,
+                     [t = stamp.data(), p = pose.data(), xy = sigma_xy.data(),
+                      h = sigma_heading.data()](py::ssize_t i) -> Message {
+                       const double sd = checked_sigma("PoseObservation.sigma_xy [m]", xy[i]);
+                       const double sd_heading =
+                           checked_sigma("PoseObservation.sigma_heading [rad]", h[i]);
+                       const locfuse::Vector<3> sigma(sd, sd, sd_heading);
+                       return locfuse::PoseObservation{t[i],
+                                                       {p[3 * i], p[3 * i + 1], p[3 * i + 2]},
+                                                       sigma.cwiseAbs2().asDiagonal()};
+                     });
+          },
+          py::arg("stamp_ns"), py::arg("pose"), py::arg("sigma_xy"), py::arg("sigma_heading"),
+          no_arrival, "Poses (n, 3): x, y [m], heading [rad], with their sigmas.")
+      .def(
+          "sort",
+          [](SharedLog& log) {
+            const Use use(log, Use::Kind::kChange);
+            const py::gil_scoped_release release;
+            log.log.sort();
+          },
+          "Sorts by arrival; messages of one instant stay in the order they were added in.");
+}

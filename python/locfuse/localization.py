@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Monte Carlo localization along a log: scans on its map, odometry, and what else is used."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locfuse import _core
+from locfuse.config.build import build_mcl_config
+from locfuse.config.schema import RunConfig
+from locfuse.messages import Messages, radios_of, to_messages, truth_of
+from locfuse.start import grid_of, hypotheses_of, scans_of, start_of
+from locfuse.types import (
+    NANOSECONDS,
+    Columns,
+    Hypothesis,
+    Log,
+    LogError,
+    Start,
+    Trajectory,
+)
+
+_LIKELY = 0.01  # probability from which a place is told as one that fits
+
+
+@dataclass(frozen=True)
+class Localization:
+    """How an `Mcl` went along a log.
+
+    Attributes
+    ----------
+    messages : Messages
+        What it was given beside scans.
+    begin_ns, end_ns : int
+        When it started, and the last stamp of a message or scan.
+    verdict, scan_verdict : uint8 arrays, shapes (m,) and (s,)
+        Indices into `Verdict`, in the order of the messages and of the log's scans.
+    estimate : Trajectory
+        After each scan, n rows; with heading and covariance.
+    ready : bool array, shape (n,)
+    particles : int64 array, shape (n,)
+    searched : bool
+        Whether it had to find its pose.
+    start : Start or None
+        How it found it, if it did.
+    wall_s : float
+        That it took.
+    """
+
+    messages: Messages
+    begin_ns: int
+    end_ns: int
+    verdict: NDArray[np.uint8]
+    scan_verdict: NDArray[np.uint8]
+    estimate: Trajectory
+    ready: NDArray[np.bool_]
+    particles: NDArray[np.int64]
+    searched: bool
+    start: Start | None
+    wall_s: float
+
+
+def messages_for(config: RunConfig, log: Log) -> Messages:
+    """Return the messages that the `Mcl` takes: odometry alone where the pose EKF has the others.
+
+    Raises
+    ------
+    LogError
+        If the log lacks scans or a map, or has none of these messages.
+    """
+    if config.mcl is None:
+        raise ValueError("the config has no mcl")
+    simulated = config.simulation is not None
+    if "scans" not in log or len(log["scans"]["stamp_ns"]) == 0:
+        advice = "simulation.laser" if simulated else "scans.csv, and 'laser' to log.yaml"
+        raise LogError(f"mcl needs scans, but the log has none; add {advice}, or remove mcl")
+    if log.grid is None:
+        advice = "simulation.map" if simulated else "'map: FILE.yaml' to log.yaml"
+        raise LogError(f"mcl needs a map, but the log has none; add {advice}, or remove mcl")
+    if config.mcl.poses_hz is not None:
+        config = config.model_copy(update={"use": [s for s in config.use if s == "odometry"]})
+    return to_messages(log, config)
+
+
+def mcl_of(
+    config: RunConfig, log: Log, messages: Messages, start: _core.PoseEstimate | None = None
+) -> _core.Mcl:
+    """Return the estimator at its start: at a pose, or anywhere in free space (``start: auto``).
+
+    Raises
+    ------
+    ConfigError
+        If the start is ``truth`` and the log has none, or none with a heading.
+    ValueError
+        If the map has no free or no occupied cell.
+    """
+    assert config.mcl is not None
+    grid = grid_of(log)
+    assert grid is not None
+    anchors, tags = radios_of(log, messages, config)
+    begin = min(messages.begin_ns, int(log["scans"]["stamp_ns"].min()))
+    mcl = _core.Mcl(build_mcl_config(config.mcl, config.seed), grid, begin, anchors, tags)
+    if start is None and config.start != "auto":
+        start = start_of(config, truth_of(log), messages)
+    if start is not None:
+        mcl.start_at([_core.PoseHypothesis(start)])
+    return mcl
+
+
+def localize(
+    config: RunConfig,
+    log: Log,
+    *,
+    start: _core.PoseEstimate | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Localization:
+    """Localize on the map of a log with what ``mcl`` of a configuration says.
+
+    Parameters
+    ----------
+    config : RunConfig
+    log : Log
+    start : PoseEstimate, optional
+        Instead of what the configuration says.
+    progress : callable, optional
+        Told (messages and scans done, in all).
+
+    Raises
+    ------
+    ConfigError, LogError
+        As `messages_for` and `mcl_of`.
+    """
+    messages = messages_for(config, log)
+    mcl = mcl_of(config, log, messages, start)
+    scans = scans_of(log)
+    begin = mcl.estimate().stamp
+    search = _Search(mcl) if start is None and config.start == "auto" else None
+    total = len(messages.log) + len(scans)
+
+    def look(done: int) -> None:
+        if search is not None:
+            search.look()
+        if progress is not None:
+            progress(done, total)
+
+    began = time.perf_counter()
+    run = _core.localize(mcl, messages.log, scans, look)
+    wall_s = time.perf_counter() - began
+    poses = run.poses
+    return Localization(
+        messages=messages,
+        begin_ns=begin,
+        end_ns=max(messages.end_ns, int(log["scans"]["stamp_ns"].max())),
+        verdict=run.verdict,
+        scan_verdict=run.scan_verdict,
+        estimate=Trajectory(run.stamp_ns, poses[:, :2].copy(), poses[:, 2].copy(), run.covariances),
+        ready=run.ready,
+        particles=run.particles,
+        searched=search is not None,
+        start=None if search is None else search.start(begin),
+        wall_s=wall_s,
+    )
+
+
+class _Search:
+    """Looks at an `Mcl` after each scan until it is ready."""
+
+    def __init__(self, mcl: _core.Mcl) -> None:
+        self._mcl = mcl
+        self._steps: list[tuple[int, tuple[Hypothesis, ...]]] = []
+        self._found = False
+
+    def look(self) -> None:
+        if not self._found:
+            found = self._mcl.hypotheses
+            likely = [h for h in found if h.probability >= _LIKELY] or found[:1]
+            self._steps.append((found[0].estimate.stamp, hypotheses_of(likely)))
+            self._found = self._mcl.ready
+
+    def start(self, begin_ns: int) -> Start | None:
+        if not self._found:
+            return None
+        stamp, hypotheses = self._steps[-1]
+        return Start(
+            stamp_ns=stamp,
+            seconds=(stamp - begin_ns) / NANOSECONDS,
+            pose=hypotheses[0].pose,
+            covariance=hypotheses[0].covariance,
+            steps=tuple(self._steps),
+            used_scans=True,
+        )
+
+
+def with_poses_of(localization: Localization, log: Log, rate_hz: float) -> Log:
+    """Return the log with the estimates of an `Mcl` in place of its poses.
+
+    Estimates are poses while they are ready, and at most one in each tick of the rate.
+    """
+    estimate = localization.estimate
+    assert estimate.heading is not None
+    assert estimate.covariance is not None
+    ready = np.flatnonzero(localization.ready)
+    seconds = (estimate.stamp_ns[ready] - localization.begin_ns) / NANOSECONDS
+    # A tick that falls on a stamp is that stamp's, however the division was rounded.
+    tick = np.floor(seconds * rate_hz + 1e-6)
+    rows = ready[np.unique(tick, return_index=True)[1]]
+    variance = np.diagonal(estimate.covariance[rows], axis1=1, axis2=2)
+    poses: Columns = {
+        "stamp_ns": estimate.stamp_ns[rows],
+        "x_m": estimate.position[rows, 0],
+        "y_m": estimate.position[rows, 1],
+        "heading_rad": estimate.heading[rows],
+        "sigma_xy_m": np.sqrt(variance[:, :2].mean(axis=1)),
+        "sigma_heading_rad": np.sqrt(variance[:, 2]),
+    }
+    return replace(log, tables={**log.tables, "poses": poses})

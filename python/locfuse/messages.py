@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From the tables of a log to messages in order of arrival."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locfuse import _core
+from locfuse.config.build import build_anchors
+from locfuse.config.schema import SOURCES, RunConfig
+from locfuse.types import NANOSECONDS, Log, LogError, StampArray, Trajectory
+
+
+@dataclass(frozen=True)
+class Messages:
+    """A log made ready for replay, and what each message was.
+
+    Attributes
+    ----------
+    log : MessageLog
+        Sorted by arrival.
+    stamp_ns, source, tag, anchor : arrays, shape (n,)
+        In the same order; names for people.
+    anchor_names, tag_names : list of str
+        Name of each id.
+    begin_ns, end_ns : int
+        First effective stamp and last stamp.
+    """
+
+    log: _core.MessageLog
+    stamp_ns: StampArray
+    source: NDArray[np.str_]
+    tag: NDArray[np.str_]
+    anchor: NDArray[np.str_]
+    anchor_names: list[str]
+    tag_names: list[str]
+    begin_ns: int
+    end_ns: int
+
+
+def to_messages(log: Log, config: RunConfig) -> Messages:
+    """Turn the tables that a configuration uses into messages, in order of arrival.
+
+    The first row of odometry increments tells a motion from before the log: only its stamp is used.
+
+    Raises
+    ------
+    LogError
+        If nothing is left to fuse, or ranges come without anchors or tags.
+    """
+    tables: dict[str, Mapping[str, NDArray[Any]]] = {
+        source: log[source]
+        for source in SOURCES
+        if source in log and source in config.use and len(log[source]["stamp_ns"]) > 0
+    }
+    if not tables:
+        present = [s for s in SOURCES if s in log and len(log[s]["stamp_ns"]) > 0]
+        raise LogError(f"nothing to fuse: the log has {present or 'no messages'}, "
+                       f"the config uses {list(config.use)}")  # fmt: skip
+    _check_clocks(tables)
+    anchor_names, tag_names = _names(log, tables.get("ranges"))
+    messages = _core.MessageLog()
+    parts: list[dict[str, Any]] = []
+    for source, table in tables.items():
+        part = _add(messages, source, table, anchor_names, tag_names)
+        part["source"] = np.full(len(part["stamp"]), source)
+        empty = np.full(len(part["stamp"]), "")
+        part["tag"], part["anchor"] = table.get("tag", empty), table.get("anchor", empty)
+        parts.append(part)
+    messages.sort()
+    column = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+    order = np.argsort(column["arrival"], kind="stable")
+    return Messages(
+        log=messages,
+        stamp_ns=column["stamp"][order],
+        source=column["source"][order],
+        tag=column["tag"][order],
+        anchor=column["anchor"][order],
+        anchor_names=anchor_names,
+        tag_names=tag_names,
+        begin_ns=int(column["effective"].min()),
+        end_ns=int(column["stamp"].max()),
+    )
+
+
+def _check_clocks(tables: Mapping[str, Mapping[str, NDArray[Any]]]) -> None:
+    """Refuse sources that are an hour or more apart: they count time from different origins."""
+    spans = sorted(
+        (int(table["stamp_ns"].min()), int(table["stamp_ns"].max()), source)
+        for source, table in tables.items()
+        if len(table["stamp_ns"]) > 0
+    )
+    for (_, end, first), (later, _, second) in pairwise(spans):
+        if later - end > 3600 * NANOSECONDS:
+            raise LogError(f"{second} begin {(later - end) / NANOSECONDS:.6g} s after {first} end; "
+                           "do all files count time from the same origin?")  # fmt: skip
+
+
+def _names(log: Log, ranges: Mapping[str, NDArray[Any]] | None) -> tuple[list[str], list[str]]:
+    """Return anchor and tag names in order of id: those with a place first."""
+    anchors = [str(name) for name in log["anchors"]["anchor"]] if "anchors" in log else []
+    tags = list(log.tags)
+    if ranges is not None:
+        if not anchors:
+            raise LogError("the log has ranges but no anchors.csv; add it, or leave 'ranges' out "
+                           "of use")  # fmt: skip
+        if not tags:
+            raise LogError("the log has ranges but its log.yaml names no tags; add "
+                           "'tags: {NAME: [x, y, z]}'")  # fmt: skip
+        for column, known, where in (("anchor", anchors, "anchors.csv"), ("tag", tags, "log.yaml")):
+            named = sorted(set(ranges[column].tolist()))
+            if named and not set(named) & set(known):
+                raise LogError(f"no range can be used: ranges.csv names {column}s {named}, {where} "
+                               f"names {known}")  # fmt: skip
+        anchors += sorted(set(ranges["anchor"].tolist()) - set(anchors))
+        tags += sorted(set(ranges["tag"].tolist()) - set(tags))
+    return anchors, tags
+
+
+def _ids(names: list[str], column: NDArray[Any]) -> NDArray[np.int32]:
+    unique, inverse = np.unique(column, return_inverse=True)
+    lookup = np.array([names.index(str(name)) for name in unique], dtype=np.int32)
+    ids: NDArray[np.int32] = lookup[inverse]
+    return ids
+
+
+def _add(
+    messages: _core.MessageLog,
+    source: str,
+    table: Mapping[str, NDArray[Any]],
+    anchor_names: list[str],
+    tag_names: list[str],
+) -> dict[str, Any]:
+    """Add one table; return its stamps, effective stamps and arrivals."""
+    stamp, arrival = table["stamp_ns"], table.get("arrival_ns")
+    effective = stamp
+    if source == "odometry" and "dx_m" in table:
+        begin = np.concatenate([stamp[:1], stamp[:-1]])
+        motion = np.column_stack([table["dx_m"], table["dy_m"], table["dheading_rad"]])
+        motion[:1] = 0.0
+        effective = begin
+        messages.add_increments(begin, stamp, motion, arrival)
+    elif source == "odometry":
+        messages.add_velocities(stamp, table["v_mps"], table["omega_radps"], arrival)
+    elif source == "ranges":
+        tag, anchor = _ids(tag_names, table["tag"]), _ids(anchor_names, table["anchor"])
+        messages.add_ranges(stamp, tag, anchor, table["range_m"], table.get("sigma_m"), arrival)
+    elif source == "positions":
+        position = np.column_stack([table["x_m"], table["y_m"]])
+        messages.add_positions(stamp, position, table["sigma_m"], arrival)
+    else:
+        pose = np.column_stack([table["x_m"], table["y_m"], table["heading_rad"]])
+        sigma_xy, sigma_heading = table["sigma_xy_m"], table["sigma_heading_rad"]
+        messages.add_poses(stamp, pose, sigma_xy, sigma_heading, arrival)
+    heard = effective if arrival is None else arrival
+    return {"stamp": stamp, "effective": effective, "arrival": heard}
+
+
+def radios_of(
+    log: Log, messages: Messages, config: RunConfig
+) -> tuple[_core.AnchorMap, list[_core.Tag]]:
+    """Return the anchors and the tags that have a place, with the ids of the messages.
+
+    Raises
+    ------
+    ConfigError
+        If the configuration names an anchor that the log does not have.
+    """
+    anchors = build_anchors(log.tables.get("anchors"), messages.anchor_names, config.anchors)
+    tags = [_core.Tag(i, list(log.tags[name])) for i, name in enumerate(messages.tag_names)
+            if name in log.tags]  # fmt: skip
+    return anchors, tags
+
+
+def truth_of(log: Log) -> Trajectory | None:
+    """Return the reference trajectory of a log, if it has one."""
+    if "truth" not in log:
+        return None
+    table = log["truth"]
+    heading = table.get("heading_rad")
+    return Trajectory(
+        table["stamp_ns"], np.column_stack([table["x_m"], table["y_m"]]).astype(float), heading
+    )

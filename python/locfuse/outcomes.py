@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What became of each message of a run, with a reason where it was not fused."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locfuse import _core
+from locfuse.config.schema import RunConfig
+from locfuse.localization import Localization
+from locfuse.messages import Messages
+from locfuse.types import Log, Outcomes, StampArray
+
+VERDICTS = np.array([verdict.name.lower() for verdict in _core.Verdict])
+
+
+def outcomes_of(
+    messages: Messages, record: _core.RunLog, log: Log, config: RunConfig, start_ns: int
+) -> Outcomes:
+    """Return the verdicts of a pose EKF that started at `start_ns`."""
+    verdict = VERDICTS[record.verdict]
+    nis, dof = record.nis, record.dof
+    reason = _reasons(messages, verdict, log, start_ns)
+    gates = {
+        "ranges": _core.Gate(config.estimator.gate_range),
+        "positions": _core.Gate(config.estimator.gate_position),
+        "poses": _core.Gate(config.estimator.gate_pose),
+    }
+    for row in np.flatnonzero(verdict == "gated"):
+        limit = gates[str(messages.source[row])].limit(int(dof[row]))
+        reason[row] = f"nis {nis[row]:.4g} > {limit:.4g}"
+    late = (verdict == "stale") & (messages.stamp_ns >= start_ns)
+    reason[late] = f"older than the history of {config.history_s:g} s"
+    return Outcomes(
+        stamp_ns=messages.stamp_ns,
+        source=messages.source,
+        tag=messages.tag,
+        anchor=messages.anchor,
+        verdict=verdict,
+        nis=nis,
+        dof=dof,
+        log_likelihood=record.log_likelihood,
+        residual=record.residual,
+        reason=reason.astype(str),
+    )
+
+
+def outcomes_of_mcl(localization: Localization, log: Log) -> Outcomes:
+    """Return the verdicts of an `Mcl` on messages and scans, in order of arrival."""
+    messages = localization.messages
+    verdict = VERDICTS[localization.verdict]
+    reason = _reasons(messages, verdict, log, localization.begin_ns)
+    outcomes = _bare(messages.stamp_ns, messages.source, messages.tag, messages.anchor, verdict,
+                     reason)  # fmt: skip
+    return with_scans(outcomes, localization, log)
+
+
+def with_scans(outcomes: Outcomes, localization: Localization, log: Log) -> Outcomes:
+    """Return outcomes with a row for each scan, which comes after all messages up to its stamp."""
+    stamp = log["scans"]["stamp_ns"]
+    verdict = VERDICTS[localization.scan_verdict]
+    reason = np.full(len(stamp), "", dtype=object)
+    reason[verdict == "not_modelled"] = "no news: hardly moved, or no returns"
+    reason[verdict == "stale"] = "before the start"
+    empty = np.full(len(stamp), "")
+    scans = _bare(stamp, np.full(len(stamp), "scans"), empty, empty, verdict, reason)
+    heard = np.maximum.accumulate(outcomes.stamp_ns)
+    order = np.argsort(np.concatenate([heard, stamp]), kind="stable")
+    columns = {field.name: [getattr(part, field.name) for part in (outcomes, scans)]
+               for field in fields(Outcomes)}  # fmt: skip
+    return Outcomes(**{name: np.concatenate(parts)[order] for name, parts in columns.items()})
+
+
+def _reasons(
+    messages: Messages, verdict: NDArray[np.str_], log: Log, start_ns: int
+) -> NDArray[np.object_]:
+    """Return what does not depend on the estimator."""
+    reason = np.full(len(verdict), "", dtype=object)
+    placed = set(log["anchors"]["anchor"].tolist()) if "anchors" in log else set()
+    for row in np.flatnonzero(verdict == "not_modelled"):
+        if messages.anchor[row] not in placed:
+            reason[row] = f"unknown anchor {messages.anchor[row]}"
+        elif messages.tag[row] not in log.tags:
+            reason[row] = f"unknown tag {messages.tag[row]}"
+        else:
+            reason[row] = "tag on the anchor: no direction"
+    reason[verdict == "ignored"] = "used for the start"
+    reason[(verdict == "stale") & (messages.stamp_ns < start_ns)] = "before the start"
+    return reason
+
+
+def _bare(
+    stamp_ns: StampArray,
+    source: NDArray[np.str_],
+    tag: NDArray[np.str_],
+    anchor: NDArray[np.str_],
+    verdict: NDArray[np.str_],
+    reason: NDArray[np.object_],
+) -> Outcomes:
+    """Return outcomes where nothing was compared with a prediction."""
+    nothing = np.full(len(stamp_ns), np.nan)
+    return Outcomes(
+        stamp_ns=stamp_ns,
+        source=source,
+        tag=tag,
+        anchor=anchor,
+        verdict=verdict,
+        nis=nothing,
+        dof=np.zeros(len(stamp_ns), np.int64),
+        log_likelihood=nothing,
+        residual=nothing,
+        reason=reason.astype(str),
+    )
