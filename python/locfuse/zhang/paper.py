@@ -28,11 +28,17 @@ class FusionMcl:
     grid : GridMap
     rng : numpy Generator
     particles : float64 array, shape (n, 3), optional
-        Where to start, taken for exact; by default `COUNT` of them anywhere in free space.
+        Where to start; by default `COUNT` of them anywhere in free space.
+    covariance : float64 array, shape (3, 3), optional
+        Of each of these particles; by default that of its share of the free space.
     """
 
     def __init__(
-        self, grid: GridMap, rng: np.random.Generator, particles: FloatArray | None = None
+        self,
+        grid: GridMap,
+        rng: np.random.Generator,
+        particles: FloatArray | None = None,
+        covariance: FloatArray | None = None,
     ) -> None:
         self._grid = grid
         self._ranges = RangeMap(grid)
@@ -41,9 +47,8 @@ class FusionMcl:
         self._energy = EnergyMap(grid)
         self._particles = anywhere(grid, COUNT, rng) if particles is None else particles
         free = float((grid.cells == FREE).sum()) * grid.resolution_m**2 * 2.0 * np.pi
-        self._covariance = np.zeros((len(self._particles), 3, 3))
-        if particles is None:
-            self._covariance[:] = covariance_of_share(free)
+        P = covariance_of_share(free) if covariance is None else covariance
+        self._covariance = np.tile(P, (len(self._particles), 1, 1))
         self._similar = covariance_of_share(SHARE * free)
         self._mean = mean_pose(self._particles)
 
