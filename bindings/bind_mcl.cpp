@@ -147,7 +147,7 @@ False
       .def("estimate", &Mcl::estimate,
            "The likeliest cluster, carried to the end of what odometry has told.")
       .def_property_readonly(
-          "hypotheses", &Mcl::hypotheses,
+          "hypotheses", [](const Mcl& mcl) { return mcl.hypotheses(); },
           "Clusters of particles, a list of PoseHypothesis, the likeliest first.")
       .def_property_readonly("ready", &Mcl::ready, "Whether one cluster is all but certain.")
       .def_property_readonly("explained", &Mcl::explained,

@@ -38,8 +38,7 @@ from locfuse.io.datasets import CONVERTERS, convert
 from locfuse.io.log_folder import read_log
 from locfuse.io.tum import read_tum
 from locfuse.position import LOSSES, SOLVERS, Fix, in_one_plane, positions, read_epochs, write_fixes
-from locfuse.power_up import draw_pictures
-from locfuse.reproduce import PAPERS, example_configs, reproduce
+from locfuse.reproduce import PAPERS, draw, reproduce
 from locfuse.run import run as run_config
 from locfuse.types import NANOSECONDS, ConfigError
 
@@ -268,7 +267,7 @@ def reproduce_command(
     if json_file is not None:
         json_file.write_text(json.dumps([claim.row() for claim in claims], indent=1) + "\n")
     if pictures is not None:
-        for path in draw_pictures(example_configs(), pictures):
+        for path in draw(paper, seeds, pictures):
             console.print(f"picture: {path}", soft_wrap=True)
     if any(claim.met is False for claim in claims):
         raise typer.Exit(1)

@@ -17,12 +17,15 @@ from locfuse.config.schema import RunConfig
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
 from locfuse.messages import Messages, to_messages, truth_of
+from locfuse.power_up import draw_pictures as draw_starts
 from locfuse.power_up import power_up_claims
 from locfuse.power_up.runs import recording
 from locfuse.run import run
 from locfuse.sim.scenario import simulate
 from locfuse.start import start_of
 from locfuse.types import ConfigError, FloatArray, Log, LogError, Trajectory, nearest
+from locfuse.zhang import draw_pictures as draw_zhang
+from locfuse.zhang import zhang_claims
 
 PATHS = ("circle", "eight", "square", "star", "waypoints")
 RECORDINGS = {
@@ -55,6 +58,13 @@ def reproduce(paper: str, seeds: int, progress: Progress | None = None) -> list[
     if paper not in PAPERS:
         raise ConfigError(f"no paper {paper!r}; {nearest(paper, PAPERS)}")
     return PAPERS[paper](seeds, progress or (lambda done, total: None))
+
+
+def draw(paper: str, seeds: int, folder: Path) -> list[Path]:
+    """Draw the pictures of a paper that `reproduce` knows into a folder; return their paths."""
+    if paper == "zhang":
+        return draw_zhang(folder, seeds)
+    return draw_starts(example_configs(), folder)
 
 
 # ekim2020: section 3.2, Figs. 2 and 9 ----------------------------------------------------------
@@ -282,4 +292,7 @@ def example_configs() -> Path | None:
     return None
 
 
-PAPERS: dict[str, Callable[[int, Progress], list[Claim]]] = {"ekim2020": _ekim2020}
+PAPERS: dict[str, Callable[[int, Progress], list[Claim]]] = {
+    "ekim2020": _ekim2020,
+    "zhang": zhang_claims,
+}

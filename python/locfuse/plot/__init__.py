@@ -18,6 +18,7 @@ from locfuse.plot.power_up import plot_bad_starts, plot_bound, plot_searches
 from locfuse.plot.start import plot_start
 from locfuse.plot.style import save
 from locfuse.plot.text import VERDICT_LABELS, count, percent, start_ns
+from locfuse.plot.zhang import plot_convergence, plot_particles
 
 __all__ = [
     "BAND_SIGMAS",
@@ -28,10 +29,12 @@ __all__ = [
     "percent",
     "plot_bad_starts",
     "plot_bound",
+    "plot_convergence",
     "plot_errors",
     "plot_layout",
     "plot_nis",
     "plot_outcomes",
+    "plot_particles",
     "plot_path",
     "plot_searches",
     "plot_start",
