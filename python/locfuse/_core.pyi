@@ -1783,6 +1783,7 @@ class MclConfig:
     odometry: OdometryConfig
     position: PositionConfig
     range: RangeConfig
+    refined: bool
     def __init__(self) -> None: ...
     @property
     def beams(self) -> int: ...
@@ -1838,6 +1839,10 @@ class MclConfig:
     def min_particles(self) -> int: ...
     @min_particles.setter
     def min_particles(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+    @property
+    def most_drop(self) -> float: ...
+    @most_drop.setter
+    def most_drop(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def most_gain(self) -> float: ...
     @most_gain.setter
@@ -1948,6 +1953,11 @@ class Mcl:
     >>> mcl.ready
     False
     """
+    def __copy__(self) -> Mcl:
+        """
+        A snapshot.
+        """
+    def __deepcopy__(self, memo: typing.Any) -> Mcl: ...
     def __init__(
         self,
         config: MclConfig,
@@ -1988,6 +1998,19 @@ class Mcl:
         ------
         ValueError
             On a list without poses, or one that is not finite.
+        """
+    def start_with(
+        self,
+        stamp: typing.SupportsInt | typing.SupportsIndex,
+        particles: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    ) -> None:
+        """
+        Starts anew with particles, float64 (n, 4) as in `particles`; the weights need not sum to 1.
+
+        Raises
+        ------
+        ValueError
+            On another shape, on numbers that are not finite, on weights that are negative or all 0.
         """
     @property
     def explained(self) -> float:

@@ -387,7 +387,10 @@ Outcome Mcl::weigh(const Model& model, const Message& z) {
   if (z.stamp < stamp_) {
     return {Verdict::kStale};
   }
-  if (!model.linearize(Pose2{}, z)) {
+  // One pose may have no direction to an anchor; two have none only if the anchor is not known.
+  const Pose2 here = hypotheses_.front().estimate.pose;
+  const Pose2 beside{here.x + 1.0, here.y, here.heading};
+  if (!model.linearize(here, z) && !model.linearize(beside, z)) {
     return {Verdict::kNotModelled};
   }
   advance_to(z.stamp);

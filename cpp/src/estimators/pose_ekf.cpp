@@ -209,7 +209,9 @@ void PoseEkf::move(const OdometryMotion& model, const Pose2& motion, Stamp stamp
 
 PoseEstimate PoseEkf::current() const { return {belief_.stamp, pose(), Matrix<3, 3>(belief_.P)}; }
 
-PoseEstimate PoseEkf::estimate() const { return estimate(std::max(belief_.stamp, odometry_.end())); }
+PoseEstimate PoseEkf::estimate() const {
+  return estimate(std::max(belief_.stamp, odometry_.end()));
+}
 
 PoseEstimate PoseEkf::estimate(Stamp stamp) const {
   if (stamp < belief_.stamp) {

@@ -7,8 +7,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "math/processor.hpp"
 #include "frontends/range_lanes.hpp"
+#include "math/processor.hpp"
 
 namespace locfuse {
 

@@ -327,6 +327,10 @@ TEST(Mcl, ranges_and_fixes_and_poses_weigh_particles) {
     }
   }
   EXPECT_EQ(mcl.on(Range{0, 0, 99, 3.0, 0.1}).verdict, Verdict::kNotModelled);
+  // An anchor in the origin at the height of the tag was once taken for one that is not known.
+  const auto origin = std::make_shared<const AnchorMap>(std::vector<Anchor>{{0, {0.0, 0.0, 1.0}}});
+  Mcl at_origin(settings, run.room.map, 0, origin, {Tag{0, {0.0, 0.0, 1.0}}});
+  EXPECT_EQ(at_origin.on(Range{0, 0, 0, 3.0, 0.1}).verdict, Verdict::kFused);
   const auto mean = [&] {
     Vector<2> sum = Vector<2>::Zero();
     for (std::size_t k = 0; k < static_cast<std::size_t>(mcl.belief().size); ++k) {
