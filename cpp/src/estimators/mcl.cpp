@@ -310,6 +310,7 @@ Outcome Mcl::on(const LaserScan& z) {
   settle(&z);
   fit(recipe_->fields[level_], points, belief_);
   const double beams = static_cast<double>(points.x.size());
+  const bool first = !scanned_;
   scanned_ = true;
   since_scan_ = {};
   // Once found it stays the one to beat, until another is likelier than all else.
@@ -323,7 +324,7 @@ Outcome Mcl::on(const LaserScan& z) {
   reweigh_and_resample(share);
   const bool sharp = choose_level(points);
   rereads_ = tracking_ && sharp ? 0 : rereads_ - (moved ? 0 : 1);
-  challenge(points, share, best, was_tracking && !tracking_);
+  challenge(points, share, best, (first || was_tracking) && !tracking_);
   return {Verdict::kFused};
 }
 

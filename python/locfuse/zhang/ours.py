@@ -21,14 +21,19 @@ from locfuse.zhang.world import (
 
 
 def settings(seed: int) -> _core.MclConfig:
-    """Return the defaults with `COUNT` particles, every beam and the noise of the controls.
+    """Return the defaults with `COUNT` particles and scouts, every beam, the noise of the controls.
 
     So few particles leave most places uncovered, wherever the robot is: that a scout is right
-    against all of them is as likely as not, until the belief is ready.
+    against all of them is as likely as not, until the belief is ready. And the map is the one that
+    the world was made of, so scans fit it within 20 cm, and more beams count as independent than on
+    a map that was drawn in a building.
     """
     config = _core.MclConfig()
     config.min_particles = config.max_particles = COUNT
+    config.scouts = COUNT
     config.beams = len(BEAM_RAD)
+    config.independent_beams = config.independent_beams_searching = 20.0
+    config.sigma_widest_m = 0.2
     config.kidnapping_probability = 0.5
     config.odometry.sigma_longitudinal_per_sqrt_m = SIGMA_DISTANCE_PER_SQRT_M
     config.odometry.sigma_lateral_per_sqrt_m = 0.0
