@@ -8,7 +8,7 @@
 #include "locfuse/filters/kalman.hpp"
 #include "locfuse/frontends/locate.hpp"
 #include "locfuse/frontends/range_batch.hpp"
-#include "locfuse/frontends/scan_matcher.hpp"
+#include "locfuse/frontends/scan_odometry.hpp"
 #include "locfuse/maps/anchor_map.hpp"
 #include "locfuse/math/numerical_jacobian.hpp"
 #include "locfuse/messages/message.hpp"
