@@ -107,6 +107,8 @@ def scan_rows(m: Measured) -> Iterator[Row]:
                   m["registration/pcl_icp"])  # fmt: skip
     yield _faster("- PCL ICP / ours", m, "refine/lookup", "registration/pcl_icp", 100.0)
     yield _within("C++, registration with exact neighbours", m["refine/exact"], 0.3e-3)
+    yield _within("C++, scan to scan, no map, exact neighbours", m["scan_to_scan"], 0.3e-3)
+    yield Row("- scan odometry on a local map of ten", _time(m["scan_odometry"]))
     yield _faster("Python, registration: small_gicp / ours", m, "refine_call", "refine_small_gicp",
                   25.0)  # fmt: skip
     for what, ours, peer in (

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Heading search, registration and power-up in the hall of scan_room.hpp, against PCL.
+// Heading search, registration, power-up and scan odometry in the hall of scan_room.hpp, against
+// PCL.
 #include <benchmark/benchmark.h>
 
 #include "icp_peer.hpp"
-#include "locfuse/frontends/scan_matcher.hpp"
+#include "locfuse/frontends/scan_odometry.hpp"
 #include "scan_room.hpp"
 
 namespace {
@@ -97,12 +98,62 @@ void power_up(benchmark::State& state) {
   errors.report(state);
 }
 
+locfuse::LocalMapConfig noise_of_room() {
+  locfuse::LocalMapConfig config;
+  config.sigma_range_m = 0.02;
+  return config;
+}
+
+/// Each scan to the one before it, 20 cm back.
+void scan_to_scan(benchmark::State& state) {
+  std::vector<locfuse::LocalMap> maps;
+  for (std::size_t k = 0; k < room().scans.size(); ++k) {
+    const locfuse::PlacedScan placed{room().scans[k], room().truth[k]};
+    maps.emplace_back(std::vector{placed}, noise_of_room());
+  }
+  std::size_t k = 1;
+  Errors errors;
+  for (auto _ : state) {
+    const ScanMatch match = maps[k - 1].match(room().scans[k], room().guess[k]);
+    errors.add(match.pose, room().truth[k]);
+    k = k + 1 < room().scans.size() ? k + 1 : 1;
+  }
+  errors.report(state);
+}
+
+/// A drive, key scans included.
+void scan_odometry(benchmark::State& state) {
+  locfuse::ScanOdometryConfig config;
+  config.map = noise_of_room();
+  const locfuse::Matrix<3, 3> covariance = 1e-4 * locfuse::Matrix<3, 3>::Identity();
+  std::vector<Pose2> told;
+  for (std::size_t k = 0; k + 1 < room().scans.size(); ++k) {
+    const Pose2 motion = inverse(room().truth[k]) * room().truth[k + 1];
+    told.push_back(retract(motion, {0.01, -0.01, 0.01}));
+  }
+  std::vector<locfuse::LaserScan> scans = room().scans;
+  for (std::size_t k = 0; k < scans.size(); ++k) {
+    scans[k].stamp = static_cast<locfuse::Stamp>(k);
+  }
+  for (auto _ : state) {
+    locfuse::ScanOdometry odometry(config);
+    for (std::size_t k = 0; k < scans.size(); ++k) {
+      const locfuse::ScanMotion now =
+          odometry.on(scans[k], k > 0 ? told[k - 1] : Pose2{}, covariance);
+      benchmark::DoNotOptimize(&now);
+    }
+  }
+  state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(scans.size()));
+}
+
 BENCHMARK(prepare)->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(heading, pcl_kdtree, locfuse::heading_search)->Unit(benchmark::kMicrosecond);
 BENCHMARK_CAPTURE(heading, lookup, locfuse::heading_search_by_lookup)
     ->Unit(benchmark::kMicrosecond);
 BENCHMARK_CAPTURE(refine, lookup, false)->Unit(benchmark::kMicrosecond);
 BENCHMARK_CAPTURE(refine, exact, true)->Unit(benchmark::kMicrosecond);
+BENCHMARK(scan_to_scan)->Unit(benchmark::kMicrosecond);
+BENCHMARK(scan_odometry)->Unit(benchmark::kMicrosecond);
 BENCHMARK(power_up)->Unit(benchmark::kMillisecond);
 
 }  // namespace

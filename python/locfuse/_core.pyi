@@ -25,6 +25,8 @@ __all__: list[str] = [
     "LaserScan",
     "LikelihoodFieldConfig",
     "Linearization",
+    "LocalMap",
+    "LocalMapConfig",
     "LocalizeRun",
     "Mcl",
     "MclConfig",
@@ -63,6 +65,9 @@ __all__: list[str] = [
     "ScanMatchReason",
     "ScanMatcher",
     "ScanMatcherConfig",
+    "ScanMotion",
+    "ScanOdometry",
+    "ScanOdometryConfig",
     "ScanSearch",
     "ScanSearchReason",
     "ScanSearchStatus",
@@ -847,6 +852,238 @@ class ScanMatcher:
         """
     @property
     def config(self) -> ScanMatcherConfig: ...
+
+class LocalMapConfig:
+    """
+    Settings of a LocalMap.
+
+    Parameters
+    ----------
+    sigma_range_m : float
+        Noise of one beam.
+    max_distance_m : float
+        From the end of a beam to what it is matched with.
+    trimmed_share : float
+        Of the matches, the worst, left out if they are off three sigma.
+    min_explained : float
+        Share of the returns; below it the fit is searched anew.
+    max_iterations : int
+        Of one fit.
+    """
+    def __init__(
+        self,
+        *,
+        sigma_range_m: typing.SupportsFloat | typing.SupportsIndex = 0.01,
+        max_distance_m: typing.SupportsFloat | typing.SupportsIndex = 1.0,
+        trimmed_share: typing.SupportsFloat | typing.SupportsIndex = 0.1,
+        min_explained: typing.SupportsFloat | typing.SupportsIndex = 0.5,
+        max_iterations: typing.SupportsInt | typing.SupportsIndex = 30,
+    ) -> None: ...
+    @property
+    def max_distance_m(self) -> float: ...
+    @property
+    def max_iterations(self) -> int: ...
+    @property
+    def min_explained(self) -> float: ...
+    @property
+    def sigma_range_m(self) -> float: ...
+    @property
+    def trimmed_share(self) -> float: ...
+
+class LocalMap:
+    """
+    Ends of the beams of a few scans, to fit another scan to.
+
+    Parameters
+    ----------
+    scans : list of (LaserScan, Pose2)
+        And where each was taken, T_map_body. One for scan to scan.
+    config : LocalMapConfig, optional
+
+    Raises
+    ------
+    ValueError
+        If a setting is out of bounds; if a scan, pose or covariance is not valid.
+
+    Examples
+    --------
+    A room of 8 x 6 m, seen from its middle and from 0.2 m further on:
+
+    >>> import numpy as np
+    >>> from locfuse import LaserGeometry, LaserScan, LocalMap, Pose2
+    >>> angle = np.pi / 180 * (np.arange(360) + 0.5)
+    >>> around = LaserGeometry(Pose2(), angle[0], np.pi / 180, range_min=0.1, range_max=10.0)
+    >>> def seen_at(x):
+    ...     ahead = (np.where(np.cos(angle) > 0, 4.0, -4.0) - x) / np.cos(angle)
+    ...     return LaserScan(0, around, np.minimum(ahead, 3.0 / np.abs(np.sin(angle))))
+    >>> match = LocalMap([(seen_at(0.0), Pose2())]).match(seen_at(0.2), guess=Pose2(0.1, 0.05, 0.02))
+    >>> match.converged, round(match.pose.x, 3), match.weak_direction is None
+    (True, 0.2, True)
+    """
+    def __init__(
+        self, scans: collections.abc.Sequence[tuple[LaserScan, Pose2]], config: LocalMapConfig = ...
+    ) -> None: ...
+    def match(
+        self,
+        scan: LaserScan,
+        guess: Pose2,
+        covariance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 3]"] | None = None,
+    ) -> ScanMatch:
+        """
+        Fit a scan next to a guess.
+
+        Parameters
+        ----------
+        scan : LaserScan
+        guess : Pose2
+            T_map_body, within 20 cm and 5 degrees.
+        covariance : array, shape (3, 3), optional
+            Of (x, y, heading) [m, rad]; with it the guess is a prior, too, and if it may be further off,
+            or the fit explains too little, a search over three sigma of the position and all headings
+            gives another start.
+
+        Returns
+        -------
+        ScanMatch
+            TOO_FEW_MATCHES on an empty map.
+
+        Raises
+        ------
+        ValueError
+            If scan, guess or covariance are not valid.
+        """
+    @property
+    def config(self) -> LocalMapConfig: ...
+
+class ScanOdometryConfig:
+    """
+    Settings of a ScanOdometry.
+
+    Parameters
+    ----------
+    map : LocalMapConfig
+    window_scans : int
+        Key scans that make the local map; 1 is scan to scan.
+    window_m : float
+        How far from the newest of them the others may be.
+    key_distance_m, key_turn_rad : float
+        From the newest key scan, after which a scan becomes the next; 0 makes every one a key scan.
+    least_sigma_m, least_sigma_rad : float
+        That odometry is known to at best, whatever it says of itself: it is not told in the very
+        moment of the scan, and a robot that seems to stand may be on its way.
+    """
+    def __init__(
+        self,
+        *,
+        map: LocalMapConfig = ...,
+        window_scans: typing.SupportsInt | typing.SupportsIndex = 10,
+        window_m: typing.SupportsFloat | typing.SupportsIndex = 5.0,
+        key_distance_m: typing.SupportsFloat | typing.SupportsIndex = 0.3,
+        key_turn_rad: typing.SupportsFloat | typing.SupportsIndex = 0.3,
+        least_sigma_m: typing.SupportsFloat | typing.SupportsIndex = 0.01,
+        least_sigma_rad: typing.SupportsFloat | typing.SupportsIndex = 0.01,
+    ) -> None: ...
+    @property
+    def key_distance_m(self) -> float: ...
+    @property
+    def key_turn_rad(self) -> float: ...
+    @property
+    def least_sigma_m(self) -> float: ...
+    @property
+    def least_sigma_rad(self) -> float: ...
+    @property
+    def map(self) -> LocalMapConfig: ...
+    @property
+    def window_m(self) -> float: ...
+    @property
+    def window_scans(self) -> int: ...
+
+class ScanMotion:
+    """
+    What a scan says of the motion.
+    """
+    @property
+    def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 3]"]:
+        """
+        Of T_key_body, (x, y, heading) [m, rad], shape (3, 3); without a match what odometry alone says.
+        """
+    @property
+    def increment(self) -> Increment:
+        """
+        Since the scan before: a message for a PoseEkf. Of no duration for the first.
+        """
+    @property
+    def key(self) -> int:
+        """
+        Stamp of that key scan [ns].
+        """
+    @property
+    def match(self) -> ScanMatch:
+        """
+        Against the local map, in the body frame of the newest key scan (T_key_body).
+        """
+    @property
+    def pose(self) -> Pose2:
+        """
+        T_start_body: increments from the first scan on.
+        """
+
+class ScanOdometry:
+    """
+    Motion of a body from its laser, without a map.
+
+    Each scan is fitted to the key scans driven through last, next to what odometry says.
+
+    Raises
+    ------
+    ValueError
+        If a setting is out of bounds.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from locfuse import LaserGeometry, LaserScan, Pose2, ScanOdometry
+    >>> angle = np.pi / 180 * (np.arange(360) + 0.5)
+    >>> around = LaserGeometry(Pose2(), angle[0], np.pi / 180, range_min=0.1, range_max=10.0)
+    >>> odometry = ScanOdometry()
+    >>> for k, x in enumerate([0.0, 0.1, 0.2]):  # in a room of 8 x 6 m; the wheels say 12 cm each time
+    ...     ahead = (np.where(np.cos(angle) > 0, 4.0, -4.0) - x) / np.cos(angle)
+    ...     scan = LaserScan(k * 10**9, around, np.minimum(ahead, 3.0 / np.abs(np.sin(angle))))
+    ...     told = odometry.on(scan, Pose2(0.12, 0.0, 0.0), np.diag([0.03, 0.01, 0.02]) ** 2)
+    >>> round(told.pose.x, 2)
+    0.2
+    """
+    def __init__(self, config: ScanOdometryConfig = ...) -> None: ...
+    def on(
+        self,
+        scan: LaserScan,
+        motion: Pose2,
+        covariance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 3]"],
+    ) -> ScanMotion:
+        """
+        Take the next scan.
+
+        Parameters
+        ----------
+        scan : LaserScan
+        motion : Pose2
+            Since the scan before, as odometry tells it; nothing becomes of that of the first scan.
+        covariance : array, shape (3, 3)
+            Of that motion: (x, y, heading) in the body frame where it begins [m, rad].
+
+        Returns
+        -------
+        ScanMotion
+            Where the scan does not fit, the motion is odometry's.
+
+        Raises
+        ------
+        ValueError
+            If scan, motion or covariance are not valid or the stamp is not later than the one before;
+            nothing has changed then.
+        """
+    @property
+    def config(self) -> ScanOdometryConfig: ...
 
 class Tag:
     """

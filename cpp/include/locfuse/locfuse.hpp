@@ -9,7 +9,7 @@
 #include "locfuse/filters/kalman.hpp"
 #include "locfuse/frontends/locate.hpp"
 #include "locfuse/frontends/range_batch.hpp"
-#include "locfuse/frontends/scan_matcher.hpp"
+#include "locfuse/frontends/scan_odometry.hpp"
 #include "locfuse/maps/anchor_map.hpp"
 #include "locfuse/maps/ray_caster.hpp"
 #include "locfuse/math/numerical_jacobian.hpp"

@@ -49,16 +49,6 @@ ScanMatcherConfig checked(const ScanMatcherConfig& config) {
   return config;
 }
 
-template <int N>
-void require_covariance(const Matrix<N, N>& covariance) {
-  const bool symmetric = covariance.isApprox(covariance.transpose(), 1e-9);
-  if (!covariance.allFinite() || !symmetric || covariance.llt().info() != Eigen::Success) {
-    std::ostringstream text;
-    text << "covariance is not a symmetric positive definite matrix:\n" << covariance;
-    throw std::invalid_argument(text.str());
-  }
-}
-
 /// Covariance of (x, y, ...) in world as information in the field frame, in cells.
 template <int N>
 Matrix<N, N> information_in_field(const Matrix<N, N>& covariance, const OccupancyGrid& grid) {
@@ -182,7 +172,7 @@ ScanMatch ScanMatcher::refine(const LaserScan& scan, const Pose2& guess,
   const Beams beams = internal::beams_of(scan, grid.resolution());
   Prior prior{internal::to_field(guess, grid, margin)};
   if (covariance) {
-    require_covariance(*covariance);
+    internal::require_covariance(*covariance);
     prior.information = information_in_field(*covariance, grid);
   }
   Fit fit;
@@ -201,7 +191,7 @@ ScanSearch ScanMatcher::search(const LaserScan& scan, const Vector<2>& position,
   if (!position.allFinite()) {
     refuse("position", position.x() + position.y(), "finite numbers");
   }
-  require_covariance(covariance);
+  internal::require_covariance(covariance);
   const OccupancyGrid& grid = map_->grid();
   const int margin = map_->surface().margin_cells();
   const Beams beams = internal::beams_of(scan, grid.resolution());

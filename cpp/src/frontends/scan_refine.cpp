@@ -1,17 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "frontends/scan_refine.hpp"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
 
 namespace locfuse::internal {
 namespace {
-
-using Solver3 = Eigen::SelfAdjointEigenSolver<Matrix<3, 3>>;
 
 constexpr double kOffsetSigma = 0.5;  // of a surface about its line: it lies in its cell [cells]
 constexpr double kCellSigma = 0.28867513;  // of a point that is anywhere in its cell [cells]
@@ -31,9 +26,6 @@ constexpr double kWide = 2.0;        // a kernel for which few beams do [cells]
 constexpr std::size_t kStride = 4;   // then
 constexpr double kLeastReach = 3.0;  // of a beam to its wall, so that all explained ones are seen
 constexpr std::size_t kLeastMatches = 6;
-// Lines of a straight wall turn by up to 0.11 rad as its cells come out rounded: below twice the
-// square of that, information is no more than what rounding makes up.
-constexpr double kWeakShare = 0.024;
 
 /// Normal equations over (x, y, heading, offset); docs/models/scan_matching.md.
 struct Normal {
@@ -41,14 +33,6 @@ struct Normal {
   Vector<4> g = Vector<4>::Zero();
   double lever = 0.0;  // sum of weighted squared distances to the body
   double weight = 0.0;
-};
-
-/// The scan's word on the pose alone: offset eliminated, weak directions taken out.
-struct Reduced {
-  Matrix<3, 3> information;
-  Vector<3> gradient;
-  Vector<3> per_scale;  // to cells, for each of (x, y, heading)
-  std::optional<Vector<3>> weak;
 };
 
 using Line = ScanMap::CompactLine;
@@ -202,59 +186,18 @@ class Refinement {
     return normal;
   }
 
-  /// Eq. (7): eliminates the offset and what rounding alone would say.
-  [[nodiscard]] static Reduced reduce(const Normal& normal) {
+  /// Eq. (7): the scan's word on the pose alone, the offset eliminated.
+  [[nodiscard]] static Observed reduce(const Normal& normal) {
     const Vector<3> h = normal.H.block<3, 1>(0, 3);
-    const double length = std::max(std::sqrt(normal.lever / normal.weight), 1.0);
-    const Vector<3> per_scale(1.0, 1.0, 1.0 / length);  // a radian counts as the typical lever
-    Reduced reduced{normal.H.topLeftCorner<3, 3>() - h * h.transpose() / normal.H(3, 3),
+    return observed(normal.H.topLeftCorner<3, 3>() - h * h.transpose() / normal.H(3, 3),
                     normal.g.head<3>() - h * (normal.g(3) / normal.H(3, 3)),
-                    per_scale,
-                    {}};
-    const Matrix<3, 3> scaled =
-        per_scale.asDiagonal() * reduced.information * per_scale.asDiagonal();
-    // The product of the larger two eigenvalues is at most a quarter of the squared trace.
-    const double trace = scaled.trace();
-    if (4.0 * scaled.determinant() > kWeakShare * trace * trace * trace) {
-      return reduced;
-    }
-    const Solver3 eigen(scaled);
-    for (int i = 0; i < 2 && eigen.eigenvalues()(i) < kWeakShare * eigen.eigenvalues()(2); ++i) {
-      const Vector<3> v = eigen.eigenvectors().col(i);
-      const Vector<3> row = v.cwiseQuotient(per_scale);
-      reduced.information -= eigen.eigenvalues()(i) * row * row.transpose();
-      reduced.gradient -= row * v.dot(per_scale.cwiseProduct(reduced.gradient));
-      if (!reduced.weak) {
-        reduced.weak = v.cwiseProduct(per_scale);
-      }
-    }
-    return reduced;
-  }
-
-  /// Smallest solution of A x = b where A may leave directions open, at which b is zero.
-  [[nodiscard]] static Vector<3> solve(const Matrix<3, 3>& A, const Vector<3>& b, bool open) {
-    if (!open) {
-      return A.llt().solve(b);
-    }
-    const Solver3 eigen(A);
-    Vector<3> x = eigen.eigenvectors().transpose() * b;
-    for (int i = 0; i < 3; ++i) {
-      const double lambda = eigen.eigenvalues()(i);
-      x(i) = lambda > 1e-9 * eigen.eigenvalues()(2) ? x(i) / lambda : 0.0;
-    }
-    return eigen.eigenvectors() * x;
+                    std::max(std::sqrt(normal.lever / normal.weight), 1.0));
   }
 
   /// One step over the directions that scan or prior know; its length [cells].
   double step(const Normal& normal, double damping) {
-    const Reduced reduced = reduce(normal);
-    const Matrix<3, 3> information = reduced.information + prior_.information;
-    const Vector<3> gradient =
-        reduced.gradient + prior_.information * local(fit_.pose, prior_.mean);
-    const Matrix<3, 3> scaled =
-        reduced.per_scale.asDiagonal() * information * reduced.per_scale.asDiagonal();
-    const Vector<3> moved = -damping * solve(scaled, reduced.per_scale.cwiseProduct(gradient),
-                                             reduced.weak.has_value());
+    const Observed reduced = reduce(normal);
+    const Vector<3> moved = damping * newton_step(reduced, prior_, fit_.pose);
     const Vector<3> delta = reduced.per_scale.cwiseProduct(moved);
     fit_.pose = retract(fit_.pose, delta);
     fit_.offset -= (normal.g(3) + normal.H.block<1, 3>(3, 0) * delta) / normal.H(3, 3);
@@ -307,7 +250,7 @@ class Refinement {
   }
 
   Fit finished() {
-    const Reduced reduced = reduce(accumulate(kInlierSigmas * fit_.sigma, true, all_));
+    const Observed reduced = reduce(accumulate(kInlierSigmas * fit_.sigma, true, all_));
     if (matches_ < kLeastMatches) {
       return ended(ScanMatch::Reason::kTooFewMatches);
     }
@@ -398,18 +341,7 @@ ScanMatch to_match(const Fit& fit, const OccupancyGrid& grid, int margin_cells, 
     const Vector<3> weak = world_from_field * *fit.weak;
     match.weak_direction = weak / weak.norm();
   }
-  const Matrix<3, 3> all = turned(fit.information + prior.information);
-  const double place = 1.0 / std::sqrt(std::max(all(0, 0) + all(1, 1), 1e-12));
-  const double turn = 1.0 / std::sqrt(std::max(all(2, 2), 1e-12));
-  const Vector<3> scale(place, place, turn);
-  const Matrix<3, 3> unit = scale.asDiagonal() * all * scale.asDiagonal();
-  const Solver3 eigen(unit);
-  if (eigen.eigenvalues()(0) > 1e-9) {  // else a direction is known from neither
-    const Vector<3> inverse = eigen.eigenvalues().cwiseInverse();
-    const Matrix<3, 3> P = scale.asDiagonal() * eigen.eigenvectors() * inverse.asDiagonal() *
-                           eigen.eigenvectors().transpose() * scale.asDiagonal();
-    match.covariance = 0.5 * (P + P.transpose());
-  }
+  match.covariance = covariance_of(turned(fit.information + prior.information));
   return match;
 }
 

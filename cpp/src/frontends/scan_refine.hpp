@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "frontends/beams.hpp"
+#include "frontends/pose_information.hpp"
 #include "locfuse/frontends/scan_matcher.hpp"
 
 namespace locfuse::internal {
@@ -13,12 +14,6 @@ namespace locfuse::internal {
   const double spacing = r * step;
   return spacing < run ? run / spacing : 1.0;
 }
-
-/// What is known of a pose without the scan, in the field frame.
-struct Prior {
-  Pose2 mean;
-  Matrix<3, 3> information = Matrix<3, 3>::Zero();
-};
 
 /// A refined pose in the field frame, in cells.
 struct Fit {

@@ -85,7 +85,17 @@ inline void add_box(Walls& walls, const Pose2& middle, double length, double wid
   return scan;
 }
 
-/// A room of 8 x 6 m with three boxes, turned and shifted against its map of 5 cm cells by `rng`.
+/// A room of 8 x 6 m with three boxes.
+[[nodiscard]] inline Walls room_around(const Pose2& middle) {
+  Walls walls;
+  add_box(walls, middle, 8.0, 6.0);
+  add_box(walls, middle * Pose2{2.6, 1.4, 0.3}, 1.2, 0.6);
+  add_box(walls, middle * Pose2{-2.4, -1.8, -0.5}, 0.8, 0.8);
+  add_box(walls, middle * Pose2{-3.2, 1.9, 0.0}, 0.5, 1.4);
+  return walls;
+}
+
+/// Such a room, turned and shifted against its map of 5 cm cells by `rng`.
 struct Room {
   Walls walls;
   std::shared_ptr<const OccupancyGrid> map;
@@ -95,10 +105,7 @@ struct Room {
 [[nodiscard]] inline Room random_room(Rng& rng) {
   Room room;
   room.middle = {uniform(rng, -1.0, 1.0), uniform(rng, -1.0, 1.0), uniform(rng, -kPi, kPi)};
-  add_box(room.walls, room.middle, 8.0, 6.0);
-  add_box(room.walls, room.middle * Pose2{2.6, 1.4, 0.3}, 1.2, 0.6);
-  add_box(room.walls, room.middle * Pose2{-2.4, -1.8, -0.5}, 0.8, 0.8);
-  add_box(room.walls, room.middle * Pose2{-3.2, 1.9, 0.0}, 0.5, 1.4);
+  room.walls = room_around(room.middle);
   const Pose2 origin = Pose2{0.0, 0.0, uniform(rng, -kPi, kPi)} * Pose2{-8.0, -8.0, 0.0};
   room.map = map_of(room.walls, 320, 320, 0.05, origin);
   return room;

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "frontends/line_cloud.hpp"
+#include "frontends/pose_information.hpp"
+#include "locfuse/frontends/local_map.hpp"
+
+namespace locfuse::internal {
+
+/// Gauss-Newton from `start`; docs/models/scan_matching.md eq. (11) to (13). Without `converged`
+/// the pose is the start.
+[[nodiscard]] ScanMatch fit_lines(const LineCloud& cloud, const LocalMapConfig& config,
+                                  const std::vector<LinePoint>& beams, const Pose2& start,
+                                  const Prior& prior);
+
+}  // namespace locfuse::internal

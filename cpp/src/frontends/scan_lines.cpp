@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frontends/scan_lines.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "frontends/beams.hpp"
+
+namespace locfuse::internal {
+namespace {
+
+// A line over ten sigma to both sides turns by 0.17 / sqrt(ends) rad as its ends are off.
+constexpr double kReachSigmas = 10.0;
+constexpr int kLeastReach = 2;      // beams to each side, however far they are apart
+constexpr double kGapGrowth = 2.5;  // from one gap to the next on a wall, even a slanted one
+constexpr double kGapSigmas = 4.0;
+constexpr double kFlatSigmas = 2.0;    // that ends on a line spread across it
+constexpr double kFlatShare = 0.01;    // of their variance along it, where that is more
+constexpr double kMostBent = 0.2;      // of it, however noisy the beams
+constexpr double kLeastAcross = 0.25;  // beams that graze are off by more than their range
+
+/// Ends of beams in the order of the scan.
+class Ends {
+ public:
+  Ends(const Beams& beams, double sigma) : beams_(beams), sigma_(sigma) {
+    for (std::size_t i = 0; i + 1 < beams.x.size(); ++i) {
+      gaps_.push_back((at(i + 1) - at(i)).norm());
+    }
+  }
+
+  [[nodiscard]] LinePoint point(std::size_t i) const {
+    const Vector<2> end = at(i);
+    LinePoint point{
+        end, end, Vector<2>::Zero(), sigma_ * sigma_, beams_.range[i] * beams_.step, nearer_gap(i)};
+    const double limit = kGapGrowth * point.gap + kGapSigmas * sigma_;
+    Vector<2> mean = Vector<2>::Zero();
+    Matrix<2, 2> scatter = Matrix<2, 2>::Zero();
+    const auto add = [&](std::size_t j) {
+      const Vector<2> d = at(j) - end;
+      mean += d;
+      scatter += d * d.transpose();
+    };
+    std::size_t first = i;
+    while (first > 0 && gaps_[first - 1] <= limit && near(i, first - 1)) {
+      add(--first);
+    }
+    std::size_t last = i;
+    while (last < gaps_.size() && gaps_[last] <= limit && near(i, last + 1)) {
+      add(++last);
+    }
+    const double count = static_cast<double>(last - first + 1);
+    if (count < 3.0) {
+      return point;
+    }
+    mean /= count;
+    fit(point, mean, scatter / count - mean * mean.transpose(), count);
+    return point;
+  }
+
+ private:
+  [[nodiscard]] Vector<2> at(std::size_t i) const { return {beams_.x[i], beams_.y[i]}; }
+
+  [[nodiscard]] double nearer_gap(std::size_t i) const {
+    constexpr double kNone = std::numeric_limits<double>::infinity();
+    return std::min(i > 0 ? gaps_[i - 1] : kNone, i < gaps_.size() ? gaps_[i] : kNone);
+  }
+
+  /// Whether the end of beam j belongs to a line through that of beam i.
+  [[nodiscard]] bool near(std::size_t i, std::size_t j) const {
+    const std::size_t apart = i < j ? j - i : i - j;
+    return apart <= kLeastReach || (at(j) - at(i)).norm() < kReachSigmas * sigma_;
+  }
+
+  /// The line through `mean` (from the end) along which the ends spread most, if they are on one.
+  void fit(LinePoint& point, const Vector<2>& mean, const Matrix<2, 2>& scatter,
+           double count) const {
+    const double half = 0.5 * (scatter(0, 0) - scatter(1, 1));
+    const double spread = std::hypot(half, scatter(0, 1));
+    const double along = 0.5 * scatter.trace() + spread;
+    const double across = 0.5 * scatter.trace() - spread;
+    const double noise = kFlatSigmas * kFlatSigmas * sigma_ * sigma_;
+    if (across > std::min(std::max(noise, kFlatShare * along), kMostBent * along)) {
+      return;
+    }
+    const double direction = 0.5 * std::atan2(scatter(0, 1), half);
+    const Vector<2> normal(-std::sin(direction), std::cos(direction));
+    const Vector<2> beam = point.end - beams_.laser;
+    const double into = normal.dot(beam);
+    point.foot += normal * normal.dot(mean);
+    point.normal = into > 0.0 ? Vector<2>(-normal) : normal;
+    point.variance =
+        across > noise ? across * count / (count - 2.0)
+                       : point.variance * std::max(kLeastAcross, into * into / beam.squaredNorm());
+  }
+
+  const Beams& beams_;
+  double sigma_;
+  std::vector<double> gaps_;
+};
+
+}  // namespace
+
+std::vector<LinePoint> line_points(const LaserScan& scan, double sigma_range_m) {
+  const Beams beams = beams_of(scan, 1.0);
+  const Ends ends(beams, sigma_range_m);
+  std::vector<LinePoint> points;
+  points.reserve(beams.x.size());
+  for (std::size_t i = 0; i < beams.x.size(); ++i) {
+    points.push_back(ends.point(i));
+  }
+  return points;
+}
+
+LinePoint moved(const LinePoint& point, const Pose2& pose) {
+  const Pose2 turn{0.0, 0.0, pose.heading};
+  return {pose.act(point.end), pose.act(point.foot), turn.act(point.normal),
+          point.variance,      point.spacing,        point.gap};
+}
+
+}  // namespace locfuse::internal

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/frontends/scan_odometry.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <sstream>
+#include <stdexcept>
+#include <vector>
+
+namespace locfuse {
+namespace {
+
+[[noreturn]] void refuse(const char* what, double value, const char* expected) {
+  std::ostringstream text;
+  text << what << " is " << value << ", expected " << expected;
+  throw std::invalid_argument(text.str());
+}
+
+ScanOdometryConfig checked(const ScanOdometryConfig& config) {
+  if (config.window_scans < 1) {
+    refuse("ScanOdometryConfig.window_scans", config.window_scans, "1 or more");
+  }
+  const auto require = [](const char* what, double value, double least = 0.0) {
+    if (!std::isfinite(value) || value < least) {
+      refuse(what, value, least > 0.0 ? "a finite number >= 1e-6" : "a finite number >= 0");
+    }
+  };
+  require("ScanOdometryConfig.window_m", config.window_m);
+  require("ScanOdometryConfig.key_distance_m", config.key_distance_m);
+  require("ScanOdometryConfig.key_turn_rad", config.key_turn_rad);
+  require("ScanOdometryConfig.least_sigma_m", config.least_sigma_m, 1e-6);
+  require("ScanOdometryConfig.least_sigma_rad", config.least_sigma_rad, 1e-6);
+  return config;
+}
+
+void require_semidefinite(const Matrix<3, 3>& covariance) {
+  const bool symmetric = covariance.isApprox(covariance.transpose(), 1e-9);
+  if (!covariance.allFinite() || !symmetric ||
+      Eigen::SelfAdjointEigenSolver<Matrix<3, 3>>(covariance, Eigen::EigenvaluesOnly)
+              .eigenvalues()(0) < -1e-12) {
+    std::ostringstream text;
+    text << "covariance of the motion is not a symmetric positive semidefinite matrix:\n"
+         << covariance;
+    throw std::invalid_argument(text.str());
+  }
+}
+
+/// Covariance of `pose * motion` where those of both are known.
+Matrix<3, 3> carried(const Pose2& pose, const Matrix<3, 3>& P, const Pose2& motion,
+                     const Matrix<3, 3>& Q) {
+  const double c = std::cos(pose.heading);
+  const double s = std::sin(pose.heading);
+  Matrix<3, 3> F;
+  F << 1.0, 0.0, -(s * motion.x + c * motion.y), 0.0, 1.0, c * motion.x - s * motion.y, 0.0, 0.0,
+      1.0;
+  Matrix<3, 3> G;
+  G << c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0;
+  const Matrix<3, 3> sum = F * P * F.transpose() + G * Q * G.transpose();
+  return 0.5 * (sum + sum.transpose());
+}
+
+}  // namespace
+
+ScanOdometry::ScanOdometry(const ScanOdometryConfig& config)
+    : config_(checked(config)), map_({}, config.map) {}
+
+ScanMotion ScanOdometry::on(const LaserScan& scan, const Pose2& motion,
+                            const Matrix<3, 3>& covariance) {
+  const Stamp begin = stamp_.value_or(scan.stamp);
+  if (stamp_ && scan.stamp <= begin) {
+    throw std::invalid_argument("stamp of the scan is " + std::to_string(scan.stamp) +
+                                " ns, expected later than that of the scan before, " +
+                                std::to_string(begin) + " ns");
+  }
+  validate(Increment{begin, scan.stamp, motion});
+  require_semidefinite(covariance);
+  const Pose2 before = key_ * in_key_;
+  const Pose2 guess = stamp_ ? in_key_ * motion : in_key_;
+  const Matrix<3, 3> driven = stamp_ ? carried(in_key_, driven_, motion, covariance) : driven_;
+  ScanMotion told{{}, {}, {}, stamp_ ? key_stamp_ : scan.stamp, driven};
+  told.covariance.diagonal() +=
+      Vector<3>(config_.least_sigma_m, config_.least_sigma_m, config_.least_sigma_rad).cwiseAbs2();
+  told.match = map_.match(scan, guess, told.covariance);
+  told.covariance = told.match.covariance.value_or(told.covariance);
+  told.pose = key_ * told.match.pose;
+  told.increment = {begin, scan.stamp, inverse(before) * told.pose};
+  stamp_ = scan.stamp;
+  key_stamp_ = told.key;
+  in_key_ = told.match.pose;
+  driven_ = driven;
+  if (becomes_key(told.match)) {
+    set_key(scan, told.match.converged);
+  }
+  return told;
+}
+
+bool ScanOdometry::becomes_key(const ScanMatch& match) const {
+  return match.reason != ScanMatch::Reason::kNoReturns &&
+         (window_.empty() || std::hypot(in_key_.x, in_key_.y) >= config_.key_distance_m ||
+          std::abs(in_key_.heading) >= config_.key_turn_rad);
+}
+
+void ScanOdometry::set_key(const LaserScan& scan, bool fits) {
+  if (!fits) {  // where the scans before lie is no longer known
+    window_.clear();
+  }
+  key_ = key_ * in_key_;
+  key_stamp_ = scan.stamp;
+  in_key_ = {};
+  driven_.setZero();
+  window_.push_back({scan, key_});
+  while (static_cast<int>(window_.size()) > config_.window_scans ||
+         (window_.front().pose.position() - key_.position()).norm() > config_.window_m) {
+    window_.pop_front();
+  }
+  std::vector<PlacedScan> placed(window_.begin(), window_.end());
+  for (PlacedScan& scan_in_key : placed) {
+    scan_in_key.pose = inverse(key_) * scan_in_key.pose;
+  }
+  map_ = LocalMap(placed, config_.map);
+}
+
+}  // namespace locfuse
