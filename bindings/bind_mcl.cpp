@@ -50,7 +50,7 @@ void bind_mcl(py::module_& m) {
       .def_readwrite("effective_share", &Config::effective_share)
       .def_readwrite("outlier_share", &Config::outlier_share)
       .def_readwrite("resample_below", &Config::resample_below)
-      .def_readwrite("refined", &Config::refined)
+      .def_readwrite("refine_up_to", &Config::refine_up_to)
       .def_readwrite("spacing_m", &Config::spacing_m)
       .def_readwrite("spacing_heading_rad", &Config::spacing_heading_rad)
       .def_readwrite("most_gain", &Config::most_gain)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A step of Monte Carlo localization (predict, weigh, resample) in the hall of scan_room.hpp, beside
-// the same step written as plain loops.
+// A step of Monte Carlo localization (predict, weigh, resample) in the hall of scan_room.hpp,
+// beside the same step written as plain loops.
 #include <benchmark/benchmark.h>
 
 #include <cmath>
@@ -111,7 +111,9 @@ class Plain {
     state_ = state_ * 6364136223846793005U + 1442695040888963407U;
     return (static_cast<float>(state_ >> 40U) + 0.5F) * 0x1p-24F;
   }
-  float normal() { return std::sqrt(-2.0F * std::log(uniform())) * std::cos(6.2831853F * uniform()); }
+  float normal() {
+    return std::sqrt(-2.0F * std::log(uniform())) * std::cos(6.2831853F * uniform());
+  }
 
   void predict(const Pose2& motion) {
     for (std::size_t i = 0; i < x_.size(); ++i) {
@@ -131,8 +133,8 @@ class Plain {
     std::vector<float> px, py;
     for (std::size_t b = 0; b < beams_; ++b) {
       const std::size_t i = (2 * b + 1) * scan.ranges.size() / (2 * beams_);
-      const double angle = scan.geometry->angle_min +
-                           static_cast<double>(i) * scan.geometry->angle_increment;
+      const double angle =
+          scan.geometry->angle_min + static_cast<double>(i) * scan.geometry->angle_increment;
       px.push_back(static_cast<float>(scan.ranges[i] * std::cos(angle) / 0.05));
       py.push_back(static_cast<float>(scan.ranges[i] * std::sin(angle) / 0.05));
     }

@@ -38,6 +38,7 @@ const Mcl::Config& checked(const Mcl::Config& config) {
   in_range("independent_beams_searching", config.independent_beams_searching, 1e-3, 1e6);
   in_range("sigma_map_m", config.sigma_map_m, 0.0, 1e3);
   in_range("sigma_map_rad", config.sigma_map_rad, 0.0, 10.0);
+  in_range("refine_up_to", config.refine_up_to, 0, ParticleBelief::kMost);
   in_range("effective_share", config.effective_share, 0.0, 1.0);
   in_range("outlier_share", config.outlier_share, 0.0, 0.999);
   in_range("resample_below", config.resample_below, 0.0, 1.0);
@@ -125,7 +126,7 @@ Mcl::Mcl(const Config& config, std::shared_ptr<const OccupancyGrid> grid, Stamp 
       c, OdometryMotion(c.odometry), lost_motion(c), std::move(fields), std::move(range),
       PositionModel(c.position), PoseModel(), static_cast<Stamp>(c.hold_s * kNanosecondsPerSecond),
       std::move(free), std::make_shared<Workers>(c.threads),
-      c.refined ? std::make_shared<const ScanMatcher>(grid) : nullptr});
+      c.refine_up_to > 0 ? std::make_shared<const ScanMatcher>(grid) : nullptr});
   start_anywhere(start);
 }
 

@@ -30,7 +30,7 @@ Vector<3> difference(const Pose2& a, const Pose2& b) {
 /// Returns false, and moves nothing, where there is no match to draw from.
 bool Mcl::settle_by_match(const LaserScan& z) {
   const Config& config = recipe_->config;
-  if (!recipe_->matcher || !tracking_ || belief_.stamp == stamp_) {
+  if (belief_.size > config.refine_up_to || !tracking_ || belief_.stamp == stamp_) {
     return false;
   }
   const PoseEstimate& before = hypotheses_.front().estimate;

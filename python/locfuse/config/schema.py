@@ -109,7 +109,7 @@ class Mcl(Strict):
     effective_share: Probability = 0.2
     outlier_share: Annotated[float, Field(ge=0.0, le=0.999)] = 0.01
     resample_below: Probability = 0.5
-    refined: bool = False
+    refine_up_to: Annotated[int, Field(ge=0, le=2**28)] = 0
     spacing_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.1
     spacing_heading_rad: Annotated[float, Field(ge=0.0, le=1e6)] = 0.05
     most_drop: Annotated[float, Field(ge=0.0, le=1e6)] = 1.0

@@ -268,7 +268,7 @@ TEST(Mcl, draws_about_a_match_leave_the_belief_what_it_is) {
     for (const bool refined : {false, true}) {
       Mcl::Config settings = config(seed);
       settings.min_particles = settings.max_particles = 20'000;
-      settings.refined = refined;
+      settings.refine_up_to = refined ? 20'000 : 0;
       Mcl mcl(settings, run.room.map, 0);
       mcl.start_at({near(run.truth[0], 0.1, 0.05)});
       for (std::size_t i = 0; i < run.scans.size(); ++i) {

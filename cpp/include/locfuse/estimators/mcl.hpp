@@ -36,8 +36,8 @@ class Mcl {
     double effective_share = 0.2;  ///< of the particles that a measurement leaves at least
     double outlier_share = 0.01;   ///< of ranges, positions and poses, wrong by anything
     double resample_below = 0.5;   ///< share of effective particles
-    bool refined = false;          ///< draw particles where a match of the scan puts them, too
-
+    int refine_up_to =
+        0;  ///< so many, or fewer, are drawn where a match of the scan puts them, too
     double spacing_m = 0.1;             ///< motion after which a scan is news again [m]
     double spacing_heading_rad = 0.05;  ///< likewise a turn [rad]
     double most_drop = 1.0;  ///< of a return's log density below the usual, or the body is lost
@@ -95,7 +95,7 @@ class Mcl {
   [[nodiscard]] bool ready() const;
   /// Share of the last scan's end points that end at a wall as seen from the likeliest cluster.
   [[nodiscard]] double explained() const { return explained_; }
-  /// Share of the last scan's information that was used; eq. (2) of docs/models/particles.md.
+  /// Share of the last scan's information that was used, as `reweigh` returns it.
   [[nodiscard]] double used_share() const { return used_share_; }
 
   [[nodiscard]] const ParticleBelief& belief() const { return belief_; }
