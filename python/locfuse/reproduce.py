@@ -17,6 +17,7 @@ from locfuse.config.schema import RunConfig
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
 from locfuse.messages import Messages, to_messages, truth_of
+from locfuse.on_maps import map_claims
 from locfuse.power_up import draw_pictures as draw_starts
 from locfuse.power_up import power_up_claims
 from locfuse.power_up.runs import recording
@@ -64,7 +65,7 @@ def draw(paper: str, seeds: int, folder: Path) -> list[Path]:
     """Draw the pictures of a paper that `reproduce` knows into a folder; return their paths."""
     if paper == "zhang":
         return draw_zhang(folder, seeds)
-    return draw_starts(example_configs(), folder)
+    return draw_starts(example_configs(), folder) if paper == "ekim2020" else []
 
 
 # ekim2020: section 3.2, Figs. 2 and 9 ----------------------------------------------------------
@@ -295,4 +296,5 @@ def example_configs() -> Path | None:
 PAPERS: dict[str, Callable[[int, Progress], list[Claim]]] = {
     "ekim2020": _ekim2020,
     "zhang": zhang_claims,
+    "maps": lambda seeds, progress: map_claims(example_configs(), seeds, progress),
 }

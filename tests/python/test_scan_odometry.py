@@ -17,7 +17,7 @@ from locfuse.eval.errors import interpolate
 from locfuse.eval.relations import relation_errors, relation_metrics
 from locfuse.io.datasets import convert
 from locfuse.io.log_folder import read_log
-from locfuse.run import truth_of
+from locfuse.messages import truth_of
 from locfuse.scan_odometry import scan_odometry
 from locfuse.sim.beams import cast
 from locfuse.sim.maps import GENERATORS

@@ -112,7 +112,7 @@ class Mcl(Strict):
     refine_up_to: Annotated[int, Field(ge=0, le=2**28)] = 0
     spacing_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.1
     spacing_heading_rad: Annotated[float, Field(ge=0.0, le=1e6)] = 0.05
-    most_drop: Annotated[float, Field(ge=0.0, le=1e6)] = 1.0
+    most_drop: Annotated[float, Field(ge=0.0, le=1e6)] = 1.5
     min_explained: Probability = 0.75
     scouts: Annotated[int, Field(ge=0, le=100_000)] = 64
     scout_draws: Annotated[int, Field(ge=0, le=2**28)] = 20_000
@@ -121,7 +121,7 @@ class Mcl(Strict):
     hold_s: Annotated[float, Field(ge=1e-9, le=1e9)] = 1.0
     sigma_lost_xy_per_sqrt_s: Annotated[float, Field(ge=0.0, le=1e6)] = 0.5
     sigma_lost_heading_per_sqrt_s: Annotated[float, Field(ge=0.0, le=1e6)] = 0.5
-    probability_ready: Annotated[float, Field(ge=0.5, le=1.0)] = 0.95
+    probability_ready: Annotated[float, Field(ge=0.5, le=1.0)] = 0.999
     sigma_xy_ready_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.5
     sigma_heading_ready_rad: Annotated[float, Field(ge=0.0, le=10.0)] = 0.17
     bin_m: Annotated[float, Field(ge=1e-3, le=1e6)] = 0.5

@@ -40,7 +40,7 @@ class Mcl {
         0;  ///< so many, or fewer, are drawn where a match of the scan puts them, too
     double spacing_m = 0.1;             ///< motion after which a scan is news again [m]
     double spacing_heading_rad = 0.05;  ///< likewise a turn [rad]
-    double most_drop = 1.0;  ///< of a return's log density below the usual, or the body is lost
+    double most_drop = 1.5;  ///< of a return's log density below the usual, or the body is lost
     double min_explained = 0.75;           ///< of the returns, over ten scans, or the body is lost
     int scouts = 64;                       ///< particles that look for a lost body anywhere else
     int scout_draws = 20000;               ///< from which they are chosen, scan by scan
@@ -49,7 +49,7 @@ class Mcl {
     double hold_s = 1.0;  ///< how long the last motion is believed without new odometry [s]
     double sigma_lost_xy_per_sqrt_s = 0.5;       ///< thereafter: standing, spreading [m / sqrt(s)]
     double sigma_lost_heading_per_sqrt_s = 0.5;  ///< [rad / sqrt(s)]
-    double probability_ready = 0.95;             ///< of the likeliest cluster
+    double probability_ready = 0.999;            ///< of the likeliest cluster
     double sigma_xy_ready_m = 0.5;               ///< of it, at most [m]
     double sigma_heading_ready_rad = 0.17;       ///< likewise [rad]
     double bin_m = 0.5;            ///< side of the bins by which particles are put together [m]
