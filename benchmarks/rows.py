@@ -36,7 +36,8 @@ class Measured:
 
 def all_rows(m: Measured) -> list[Row]:
     """Return every row; those of peers that are not there say so."""
-    return [*filter_rows(m), *evaluation_rows(m), *range_rows(m), *scan_rows(m), *map_rows(m)]
+    return [*filter_rows(m), *evaluation_rows(m), *range_rows(m), *scan_rows(m), *map_rows(m),
+            *particle_rows(m)]  # fmt: skip
 
 
 def filter_rows(m: Measured) -> Iterator[Row]:
@@ -132,6 +133,17 @@ def map_rows(m: Measured) -> Iterator[Row]:
     yield Row("- peak memory, with the map", f"{peak_mb:.0f} MB", required="<= 600 MB",
               met=peak_mb <= 600.0)  # fmt: skip
     yield _within("C++, ranges of 360 beams on a map", m["ray_scan"], 60e-6)
+
+
+def particle_rows(m: Measured) -> Iterator[Row]:
+    """Compare a step of Monte Carlo localization with the same step as plain loops."""
+    for size, limit, portable in (("2000/60", 0.2e-3, 0.3e-3), ("20000/180", 5e-3, 9.5e-3)):
+        what = f"C++, Mcl, {size.replace('/', ' x ')}: predict, weigh, resample"
+        step, plain = f"mcl/step/{size}/1/real_time", m[f"mcl/plain/{size}/real_time"]
+        yield _within(f"{what}; plain loops", m[step], limit, plain)
+        yield _within("- portable", m[f"portable/{step}"], portable, plain)
+        yield _at_most("- portable / plain loops", m[f"portable/{step}"], plain, 1.25)
+    yield _within("- on two threads", m["mcl/step/20000/180/2/real_time"], 3e-3)
 
 
 def _at_most(what: str, ours: float, peer: float, limit: float) -> Row:

@@ -36,12 +36,13 @@ def main(programs: Path) -> int:
     console = Console(width=None if sys.stdout.isatty() else 130, highlight=False)
     with Progress(TextColumn("{task.description}"), console=Console(stderr=True)) as progress:
         task = progress.add_task("")
-        for name in ("pose_ekf", "multilateration", "scan_matcher", "maps"):
+        for name in ("pose_ekf", "multilateration", "scan_matcher", "maps", "mcl"):
             progress.update(task, description=f"running bench_{name}, minutes")
             context = run_cpp(measured, programs / f"bench_{name}") | context
         progress.update(task, description="running what is portable, and counting allocations")
         run_cpp(measured, programs / "bench_multilateration", "plane_batch", "portable/")
         run_cpp(measured, programs / "bench_scan_matcher", "lookup", "portable/")
+        run_cpp(measured, programs / "bench_mcl", "step", "portable/")
         count_allocations(measured, programs / "count_allocations")
         progress.update(task, description="running what is in Python, minutes")
         run_python(measured)
