@@ -107,7 +107,7 @@ PoseEstimate Mcl::carried(const PoseEstimate& from, const UncertainMotion& by, S
   return {stamp, step.moved, 0.5 * (P + P.transpose())};
 }
 
-Mcl::Mcl(const Config& config, std::shared_ptr<const OccupancyGrid> grid, Stamp start,
+Mcl::Mcl(const Config& config, const std::shared_ptr<const OccupancyGrid>& grid, Stamp start,
          std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags)
     : odometry_(start), stamp_(start) {
   const Config& c = checked(config);
@@ -149,7 +149,8 @@ void Mcl::draw_free(ParticleBelief& belief, int k, std::uint64_t key) const {
       random_uniform(key, n) * static_cast<double>(recipe_->free.size()))];
   const double heading = 2.0 * kPi * random_uniform(key, n + 3);
   belief.x[i] = static_cast<float>(cell % grid().width() + random_uniform(key, n + 1));
-  belief.y[i] = static_cast<float>(cell / grid().width() + random_uniform(key, n + 2));
+  const std::int32_t row = cell / grid().width();
+  belief.y[i] = static_cast<float>(row + random_uniform(key, n + 2));
   belief.c[i] = static_cast<float>(std::cos(heading));
   belief.s[i] = static_cast<float>(std::sin(heading));
 }

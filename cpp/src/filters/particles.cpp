@@ -69,7 +69,7 @@ float exp_of(float x) {
       1.0F +
       f * (0.6931472F + f * (0.2402265F + f * (0.0555041F + f * (0.0096181F + f * 0.0013333F))));
   const std::int32_t bits = (n + 127) << 23;
-  float scale;
+  float scale = 0.0F;
   std::memcpy(&scale, &bits, sizeof scale);
   return scale * power;
 }
@@ -102,8 +102,8 @@ void ParticleBelief::resize(int count) {
     throw std::invalid_argument("there are " + std::to_string(count) +
                                 " particles, expected 1 to " + std::to_string(kMost));
   }
-  constexpr int kGroup = internal::kParticleGroup;
-  const auto filled = static_cast<std::size_t>((count + kGroup - 1) / kGroup * kGroup);
+  constexpr auto kGroup = static_cast<std::size_t>(internal::kParticleGroup);
+  const auto filled = (static_cast<std::size_t>(count) + kGroup - 1) / kGroup * kGroup;
   for (std::vector<float>* column : {&x, &y, &c, &s, &weight}) {
     column->resize(filled);
   }

@@ -67,7 +67,7 @@ class Mcl {
 
   /// Knows nothing at first: particles all over the free cells. `anchors` may be null. Throws
   /// std::invalid_argument on a config out of range.
-  Mcl(const Config& config, std::shared_ptr<const OccupancyGrid> grid, Stamp start,
+  Mcl(const Config& config, const std::shared_ptr<const OccupancyGrid>& grid, Stamp start,
       std::shared_ptr<const AnchorMap> anchors = nullptr, std::vector<Tag> tags = {});
 
   /// Starts anew: anywhere in free space, or near poses, each as likely as its probability says.
