@@ -154,13 +154,12 @@ def _tracked(configs: Path, name: str, seeds: int) -> Iterator[Claim]:
                    lambda v: v <= most)  # fmt: skip
 
 
-def after(log: Log, stamp: int) -> Log:
-    """Return what a log says from an instant on."""
-    tables = {
-        name: {key: column[table["stamp_ns"] >= stamp] for key, column in table.items()}
-        if "stamp_ns" in table else table
-        for name, table in log.tables.items()
-    }  # fmt: skip
+def excerpt(log: Log, when: Callable[[NDArray[np.int64]], NDArray[np.bool_]], *names: str) -> Log:
+    """Return a log with those rows of some tables, or of all that have stamps, that `when` keeps."""
+    tables = dict(log.tables)
+    for name in names or [name for name, table in tables.items() if "stamp_ns" in table]:
+        rows = when(tables[name]["stamp_ns"])
+        tables[name] = {key: column[rows] for key, column in tables[name].items()}
     return replace(log, tables=tables)
 
 
@@ -188,8 +187,9 @@ def _found(configs: Path, name: str) -> Iterator[Claim]:
     begin, end = int(log["scans"]["stamp_ns"][0]), int(log["scans"]["stamp_ns"][-1])
     runs = []
     for start in range(STARTS):
-        part = after(log, begin + round(0.7 * (end - begin) * start / (STARTS - 1)))
-        of = localize(config.model_copy(update={"seed": start}), part)
+        first = begin + round(0.7 * (end - begin) * start / (STARTS - 1))
+        rest = excerpt(log, lambda stamp, first=first: stamp >= first)
+        of = localize(config.model_copy(update={"seed": start}), rest)
         runs.append(_start_of_run(of, truth))
     at_travel, at_end, wrong = np.array(runs).T
     yield share(f"map_{key}_found", f"{what}right after 10 m", int(at_travel.sum()), STARTS, 0.95)
@@ -312,17 +312,12 @@ def _kidnapped(seeds: int) -> Iterator[Claim]:
         assert truth is not None
         begin = int(log["scans"]["stamp_ns"][0])
         cut = [begin + 15 * NANOSECONDS, begin + 32 * NANOSECONDS]
-        tables = {
-            name: {key: column[(table["stamp_ns"] < cut[0]) | (table["stamp_ns"] >= cut[1])]
-                   for key, column in table.items()}
-            if name in ("odometry", "scans") else table
-            for name, table in log.tables.items()
-        }  # fmt: skip
-        odometry = {key: column.copy() for key, column in tables["odometry"].items()}
+        carried = excerpt(log, lambda stamp, cut=cut: (stamp < cut[0]) | (stamp >= cut[1]),
+                       "odometry", "scans")  # fmt: skip
+        odometry = carried["odometry"]
         first = int(np.searchsorted(odometry["stamp_ns"], cut[1]))
         for key in ("dx_m", "dy_m", "dheading_rad"):
             odometry[key][first] = 0.0
-        carried = replace(log, tables={**tables, "odometry": odometry})
         of = localize(config, carried, start=drawn(log, seed))
         good, _ = right(of.estimate, truth)
         stamp = errors_against(of.estimate, truth).stamp_ns

@@ -79,10 +79,7 @@ def scans_of(log: Log) -> list[_core.LaserScan]:
 
 def grid_of(log: Log) -> _core.OccupancyGrid | None:
     """Return the map of a log, or None where it has no map."""
-    if log.grid is None:
-        return None
-    grid = log.grid
-    return _core.OccupancyGrid(grid.cells, grid.resolution_m, _core.Pose2(*grid.origin))
+    return None if log.grid is None else log.grid.occupancy_grid()
 
 
 def matcher_of(log: Log) -> _core.ScanMatcher | None:

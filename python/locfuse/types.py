@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from locfuse import _core
+
 FloatArray = NDArray[np.float64]
 StampArray = NDArray[np.int64]
 Columns = Mapping[str, NDArray[Any]]
@@ -128,6 +130,10 @@ class GridMap:
             raise ValueError(f"GridMap.resolution_m is {self.resolution_m}, expected > 0")
         if len(self.origin) != 3 or not np.all(np.isfinite(self.origin)):
             raise ValueError(f"GridMap.origin is {self.origin}, expected three finite numbers")
+
+    def occupancy_grid(self) -> _core.OccupancyGrid:
+        """Return the same as the C++ core takes it."""
+        return _core.OccupancyGrid(self.cells, self.resolution_m, _core.Pose2(*self.origin))
 
     def to_grid(self, p_world: FloatArray) -> FloatArray:
         """Return points of shape (..., 2) in the frame of the map, in cells: column, row."""

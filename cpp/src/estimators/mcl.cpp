@@ -4,7 +4,6 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 #include <utility>
 
@@ -77,13 +76,6 @@ void extend(UncertainMotion& so_far, const OdometryMotion& model, const Pose2& m
   so_far.covariance = step.jacobian * so_far.covariance * step.jacobian.transpose() + step.noise;
 }
 
-void put(const Pose2& cells, ParticleBelief& belief, std::size_t k) {
-  belief.x[k] = static_cast<float>(cells.x);
-  belief.y[k] = static_cast<float>(cells.y);
-  belief.c[k] = static_cast<float>(std::cos(cells.heading));
-  belief.s[k] = static_cast<float>(std::sin(cells.heading));
-}
-
 std::vector<std::int32_t> free_cells(const OccupancyGrid& grid) {
   std::vector<std::int32_t> free;
   for (std::size_t cell = 0; cell < grid.cells().size(); ++cell) {
@@ -97,26 +89,15 @@ std::vector<std::int32_t> free_cells(const OccupancyGrid& grid) {
 }  // namespace
 
 PoseEstimate Mcl::carried(const PoseEstimate& from, const UncertainMotion& by, Stamp stamp) {
-  const Propagation<Pose2, 3> step = OdometryMotion().propagate(from.pose, by.motion, 0.0);
-  Matrix<3, 3> turned = Matrix<3, 3>::Identity();
-  const double c = std::cos(from.pose.heading);
-  const double s = std::sin(from.pose.heading);
-  turned.topLeftCorner<2, 2>() << c, -s, s, c;
-  const Matrix<3, 3> P = step.jacobian * from.covariance * step.jacobian.transpose() +
-                         turned * by.covariance * turned.transpose();
-  return {stamp, step.moved, 0.5 * (P + P.transpose())};
+  return {stamp, from.pose * by.motion,
+          covariance_after(from.pose, from.covariance, by.motion, by.covariance)};
 }
 
 Mcl::Mcl(const Config& config, const std::shared_ptr<const OccupancyGrid>& grid, Stamp start,
          std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags)
     : odometry_(start), stamp_(start) {
   const Config& c = checked(config);
-  std::vector<LikelihoodField> fields;
-  LikelihoodField::Config field = c.field;
-  do {
-    fields.emplace_back(field, grid);
-    field.sigma_hit_m *= 2.0;
-  } while (field.sigma_hit_m < 1.5 * c.sigma_widest_m);
+  std::vector<LikelihoodField> fields = LikelihoodField::doubling(c.field, grid, c.sigma_widest_m);
   std::vector<std::int32_t> free = free_cells(*grid);
   std::optional<RangeModel> range;
   if (anchors) {
@@ -142,17 +123,23 @@ Pose2 Mcl::to_cells(const Pose2& world) const {
   return {p.x(), p.y(), wrap_angle(world.heading - grid().origin().heading)};
 }
 
+/// Turns an error of a pose in cells into one in world.
+Matrix<3, 3> Mcl::metres_per_cell() const {
+  const double c = grid().resolution() * std::cos(grid().origin().heading);
+  const double s = grid().resolution() * std::sin(grid().origin().heading);
+  Matrix<3, 3> scale = Matrix<3, 3>::Identity();
+  scale.topLeftCorner<2, 2>() << c, -s, s, c;
+  return scale;
+}
+
 void Mcl::draw_free(ParticleBelief& belief, int k, std::uint64_t key) const {
-  const auto i = static_cast<std::size_t>(k);
   const std::uint64_t n = 4 * static_cast<std::uint64_t>(k);
   const auto cell = recipe_->free[static_cast<std::size_t>(
       random_uniform(key, n) * static_cast<double>(recipe_->free.size()))];
-  const double heading = 2.0 * kPi * random_uniform(key, n + 3);
-  belief.x[i] = static_cast<float>(cell % grid().width() + random_uniform(key, n + 1));
   const std::int32_t row = cell / grid().width();
-  belief.y[i] = static_cast<float>(row + random_uniform(key, n + 2));
-  belief.c[i] = static_cast<float>(std::cos(heading));
-  belief.s[i] = static_cast<float>(std::sin(heading));
+  belief.put(static_cast<std::size_t>(k),
+             {cell % grid().width() + random_uniform(key, n + 1), row + random_uniform(key, n + 2),
+              2.0 * kPi * random_uniform(key, n + 3)});
 }
 
 void Mcl::start_anywhere(Stamp stamp) {
@@ -170,6 +157,7 @@ void Mcl::start_anywhere(Stamp stamp) {
   pending_ = {};
   spread_.setZero();
   scanned_ = tracking_ = false;
+  anywhere_ = true;
   rereads_ = kRereads;
   lately_explained_ = 1.0;
   evidence_.clear();
@@ -198,6 +186,7 @@ void Mcl::start_at(const std::vector<PoseHypothesis>& hypotheses) {
     throw std::invalid_argument("there is no pose to start at");
   }
   start_anywhere(hypotheses.front().estimate.stamp);
+  anywhere_ = false;
   const std::uint64_t key = next_key();
   int k = 0;
   double passed = 0.0;
@@ -205,10 +194,9 @@ void Mcl::start_at(const std::vector<PoseHypothesis>& hypotheses) {
     passed += h.probability / total;
     const Matrix<3, 3> L = h.estimate.covariance.llt().matrixL();
     for (; k < belief_.size && k + 0.5 < passed * belief_.size + 1e-9; ++k) {
-      const std::uint64_t n = 3 * static_cast<std::uint64_t>(k);
-      const Vector<3> normal(random_normal(key, n), random_normal(key, n + 1),
-                             random_normal(key, n + 2));
-      put(to_cells(retract(h.estimate.pose, L * normal)), belief_, static_cast<std::size_t>(k));
+      const Pose2 drawn =
+          retract(h.estimate.pose, L * random_normal3(key, static_cast<std::uint64_t>(k)));
+      belief_.put(static_cast<std::size_t>(k), to_cells(drawn));
     }
   }
   summarize();
@@ -222,10 +210,11 @@ void Mcl::start_with(Stamp stamp, const Matrix<4, Eigen::Dynamic>& particles) {
         "particles need finite x, y, heading and weight >= 0, and some weight > 0");
   }
   start_anywhere(stamp);
+  anywhere_ = false;
   belief_.resize(static_cast<int>(particles.cols()));
   for (int k = 0; k < belief_.size; ++k) {
     const Pose2 world{particles(0, k), particles(1, k), wrap_angle(particles(2, k))};
-    put(to_cells(world), belief_, static_cast<std::size_t>(k));
+    belief_.put(static_cast<std::size_t>(k), to_cells(world));
     belief_.weight[static_cast<std::size_t>(k)] = static_cast<float>(particles(3, k) / total);
   }
   summarize();
@@ -260,7 +249,7 @@ void Mcl::settle(const LaserScan* scan) {
   step.motion.x *= per_cell;
   step.motion.y *= per_cell;
   step.covariance = scale.asDiagonal() * step.covariance * scale.asDiagonal();
-  if (!(scan != nullptr && settle_by_match(*scan))) {
+  if (!(scan != nullptr && settle_by_match(*scan, step.motion))) {
     move(belief_, step, next_key(), *recipe_->workers);
   }
   spread_ += step.covariance.diagonal();
@@ -326,7 +315,7 @@ Outcome Mcl::on(const LaserScan& z) {
   reweigh_and_resample(share);
   const bool sharp = choose_level(points);
   rereads_ = tracking_ && sharp ? 0 : rereads_ - (moved ? 0 : 1);
-  challenge(points, share, best, (first || was_tracking) && !tracking_);
+  challenge(points, share, best, ((first && anywhere_) || was_tracking) && !tracking_);
   return {Verdict::kFused};
 }
 
@@ -349,14 +338,16 @@ void Mcl::fit(const LikelihoodField& field, const EndPoints& points, const Parti
 bool Mcl::choose_level(const EndPoints& points) {
   const Pose2 pose = to_cells(hypotheses_.front().estimate.pose);
   const bool first = evidence_.empty();
-  evidence_.resize(recipe_->fields.size(), 0.0);
-  for (std::size_t l = 0; l < evidence_.size(); ++l) {
-    double sum = 0.0;
-    for (std::size_t k = 0; k < points.x.size(); ++k) {
-      const Vector<2> p = pose.act(Vector<2>(points.x[k], points.y[k]));
-      sum += recipe_->fields[l].log_density(p.x(), p.y());
+  std::vector<double> sums(recipe_->fields.size(), 0.0);
+  evidence_.resize(sums.size(), 0.0);
+  for (std::size_t k = 0; k < points.x.size(); ++k) {
+    const Vector<2> p = pose.act(Vector<2>(points.x[k], points.y[k]));
+    for (std::size_t l = 0; l < sums.size(); ++l) {
+      sums[l] += recipe_->fields[l].log_density(p.x(), p.y());
     }
-    const double now = sum / static_cast<double>(points.x.size());
+  }
+  for (std::size_t l = 0; l < evidence_.size(); ++l) {
+    const double now = sums[l] / static_cast<double>(points.x.size());
     evidence_[l] = first ? now : evidence_[l] + 0.2 * (now - evidence_[l]);
   }
   const auto likeliest = static_cast<std::size_t>(
@@ -402,10 +393,7 @@ Outcome Mcl::weigh(const Model& model, const Message& z) {
   log_likelihood_.resize(belief_.x.size());
   recipe_->workers->share(static_cast<int>(belief_.x.size()), kGroup, [&](int begin, int end) {
     for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
-      const Pose2 cells{
-          static_cast<double>(belief_.x[k]), static_cast<double>(belief_.y[k]),
-          std::atan2(static_cast<double>(belief_.s[k]), static_cast<double>(belief_.c[k]))};
-      const auto lin = model.linearize(to_world(cells), z);
+      const auto lin = model.linearize(to_world(belief_.pose(k)), z);
       // An outlier is as likely as what is off by four standard deviations in each row.
       const double floor = -8.0 * static_cast<double>(lin ? lin->residual.size() : 1);
       const double good =
@@ -484,11 +472,7 @@ ParticleBins Mcl::bins() const {
 void Mcl::summarize() {
   const std::vector<ParticleCluster> clusters = clusters_of(belief_, bins(), kMostClusters);
   hypotheses_.clear();
-  const double turn = grid().origin().heading;
-  Matrix<3, 3> to_metres = Matrix<3, 3>::Identity();
-  to_metres.topLeftCorner<2, 2>() << std::cos(turn), -std::sin(turn), std::sin(turn),
-      std::cos(turn);
-  to_metres.topLeftCorner<2, 2>() *= grid().resolution();
+  const Matrix<3, 3> to_metres = metres_per_cell();
   const Vector<3> map_sigma(recipe_->config.sigma_map_m, recipe_->config.sigma_map_m,
                             recipe_->config.sigma_map_rad);
   const Matrix<3, 3> map_covariance = map_sigma.cwiseAbs2().asDiagonal();

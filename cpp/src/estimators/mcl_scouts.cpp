@@ -15,13 +15,6 @@ constexpr double kMemory = 0.98;   // of its gains, per scan
 constexpr int kTries = 16;         // of a scout, per field
 constexpr double kPerMetre = 0.5;  // turn tried with a displacement [rad / m]
 
-void copy(const ParticleBelief& from, std::size_t k, ParticleBelief& to, std::size_t i) {
-  to.x[i] = from.x[k];
-  to.y[i] = from.y[k];
-  to.c[i] = from.c[k];
-  to.s[i] = from.s[k];
-}
-
 }  // namespace
 
 /// Moves each particle of a pool to the best of some tries about it, by one field; its likelihoods
@@ -31,7 +24,7 @@ void Mcl::climb(const EndPoints& points, const LikelihoodField& field, ParticleB
   const double turn = kPerMetre * field.config().sigma_hit_m;
   tries_.resize(kTries * pool.size);
   for (std::size_t k = 0; k < static_cast<std::size_t>(tries_.size); ++k) {
-    copy(pool, k / kTries, tries_, k);
+    tries_.put(k, pool, k / kTries);
   }
   const Vector<3> sigma(cells, cells, turn);
   move(tries_, {{}, sigma.cwiseAbs2().asDiagonal()}, next_key(), *recipe_->workers);
@@ -42,7 +35,7 @@ void Mcl::climb(const EndPoints& points, const LikelihoodField& field, ParticleB
     const std::size_t to = k / kTries;
     if (log_likelihood_[k] > best[to]) {
       best[to] = log_likelihood_[k];
-      copy(tries_, k, pool, to);
+      pool.put(to, tries_, k);
     }
   }
   log_likelihood_ = std::move(best);
@@ -93,9 +86,7 @@ void Mcl::challenge(const EndPoints& points, double share, double best, bool jus
       const double now = share * (static_cast<double>(log_likelihood_[k]) - best);
       gain_[k] = kMemory * gain_[k] + std::min(std::max(now, -config.most_gain), config.most_gain);
     }
-    const Pose2 place{static_cast<double>(scouts_.x[k]), static_cast<double>(scouts_.y[k]),
-                      static_cast<double>(std::atan2(scouts_.s[k], scouts_.c[k]))};
-    const Vector<3> off = local(place, found);
+    const Vector<3> off = local(scouts_.pose(k), found);
     const bool there = off.head<2>().norm() < config.bin_m / grid().resolution() &&
                        std::abs(off.z()) < 2.0 * kPi / config.bin_headings;
     if (there || gain_[k] <= -kBehind) {
@@ -112,7 +103,7 @@ void Mcl::challenge(const EndPoints& points, double share, double best, bool jus
   if (!idle.empty()) {
     const ParticleBelief places = places_that_fit(points, static_cast<int>(idle.size()));
     for (std::size_t i = 0; i < idle.size(); ++i) {
-      copy(places, i, scouts_, idle[i]);
+      scouts_.put(idle[i], places, i);
       gain_[idle[i]] = 0.0;
     }
   }
@@ -123,22 +114,16 @@ void Mcl::challenge(const EndPoints& points, double share, double best, bool jus
 
 /// Gives half of the weight to the places that scouts have found, from `first` on.
 void Mcl::admit(std::size_t first, int scouts) {
-  const double sigma = sigma_hit() / grid().resolution();
+  const double cells = sigma_hit() / grid().resolution();
+  const Vector<3> sigma(cells, cells, kPerMetre * sigma_hit());
   const std::uint64_t key = next_key();
   const int count = scouts > 1 ? recipe_->config.max_particles : std::max(target_, 2);
   resample(belief_, count,
            {count / 2, 0.5,
             [&](ParticleBelief& belief, int k) {
-              copy(scouts_, first + static_cast<std::size_t>(k % scouts), belief,
-                   static_cast<std::size_t>(k));
-              const auto i = static_cast<std::size_t>(k);
-              const std::uint64_t n = 3 * static_cast<std::uint64_t>(k);
-              const double heading = std::atan2(belief.s[i], belief.c[i]) +
-                                     kPerMetre * sigma_hit() * random_normal(key, n);
-              belief.x[i] += static_cast<float>(sigma * random_normal(key, n + 1));
-              belief.y[i] += static_cast<float>(sigma * random_normal(key, n + 2));
-              belief.c[i] = static_cast<float>(std::cos(heading));
-              belief.s[i] = static_cast<float>(std::sin(heading));
+              const Pose2 place = scouts_.pose(first + static_cast<std::size_t>(k % scouts));
+              const Vector<3> normal = random_normal3(key, static_cast<std::uint64_t>(k));
+              belief.put(static_cast<std::size_t>(k), retract(place, sigma.cwiseProduct(normal)));
             }},
            next_key(), scratch_);
   summarize();

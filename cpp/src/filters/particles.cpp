@@ -146,9 +146,11 @@ double reweigh(ParticleBelief& belief, const std::vector<float>& log_likelihood,
     throw NumericalError("no particle has a likelihood");
   }
   std::vector<float> weighed(static_cast<std::size_t>(belief.size));
+  float sum = 0.0F;
   const auto effective = [&](double share) {
-    const auto [sum, squares] = weigh(belief, log_likelihood, most, share, weighed);
-    return sum * sum / squares;
+    const auto [total, squares] = weigh(belief, log_likelihood, most, share, weighed);
+    sum = static_cast<float>(total);
+    return total * total / squares;
   };
   const double least = std::min(least_effective, effective_size(belief));
   double share = most_share;
@@ -166,8 +168,10 @@ double reweigh(ParticleBelief& belief, const std::vector<float>& log_likelihood,
     (now < least ? share : low_share) = middle;
     (now < least ? high : low) = now;
   }
-  share = high < least ? low_share : share;
-  const auto sum = static_cast<float>(weigh(belief, log_likelihood, most, share, weighed).first);
+  if (high < least) {
+    share = low_share;
+    effective(share);
+  }
   for (std::size_t k = 0; k < weighed.size(); ++k) {
     belief.weight[k] = weighed[k] / sum;
   }
@@ -198,11 +202,7 @@ void resample(ParticleBelief& belief, int count, const FreshParticles& fresh, st
     passed += static_cast<double>(belief.weight[k]);
     const bool last = from + 1 == belief.size;  // rounding may leave the last ones over
     for (; to < kept && (next < passed || last); ++to, next += step) {
-      const auto i = static_cast<std::size_t>(to);
-      scratch.x[i] = belief.x[k];
-      scratch.y[i] = belief.y[k];
-      scratch.c[i] = belief.c[k];
-      scratch.s[i] = belief.s[k];
+      scratch.put(static_cast<std::size_t>(to), belief, k);
     }
   }
   const double probability = kept < count ? fresh.probability : 0.0;
@@ -271,10 +271,6 @@ class Binning {
   double per_side_;
   int headings_;
 };
-
-}  // namespace
-
-namespace {
 
 /// Which bins are occupied, and by which particles.
 struct Occupied {

@@ -45,20 +45,6 @@ void require_semidefinite(const Matrix<3, 3>& covariance) {
   }
 }
 
-/// Covariance of `pose * motion` where those of both are known.
-Matrix<3, 3> carried(const Pose2& pose, const Matrix<3, 3>& P, const Pose2& motion,
-                     const Matrix<3, 3>& Q) {
-  const double c = std::cos(pose.heading);
-  const double s = std::sin(pose.heading);
-  Matrix<3, 3> F;
-  F << 1.0, 0.0, -(s * motion.x + c * motion.y), 0.0, 1.0, c * motion.x - s * motion.y, 0.0, 0.0,
-      1.0;
-  Matrix<3, 3> G;
-  G << c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0;
-  const Matrix<3, 3> sum = F * P * F.transpose() + G * Q * G.transpose();
-  return 0.5 * (sum + sum.transpose());
-}
-
 }  // namespace
 
 ScanOdometry::ScanOdometry(const ScanOdometryConfig& config)
@@ -76,7 +62,8 @@ ScanMotion ScanOdometry::on(const LaserScan& scan, const Pose2& motion,
   require_semidefinite(covariance);
   const Pose2 before = key_ * in_key_;
   const Pose2 guess = stamp_ ? in_key_ * motion : in_key_;
-  const Matrix<3, 3> driven = stamp_ ? carried(in_key_, driven_, motion, covariance) : driven_;
+  const Matrix<3, 3> driven =
+      stamp_ ? covariance_after(in_key_, driven_, motion, covariance) : driven_;
   ScanMotion told{{}, {}, {}, stamp_ ? key_stamp_ : scan.stamp, driven};
   told.covariance.diagonal() +=
       Vector<3>(config_.least_sigma_m, config_.least_sigma_m, config_.least_sigma_rad).cwiseAbs2();

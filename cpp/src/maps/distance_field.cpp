@@ -8,6 +8,8 @@
 #include <string>
 #include <utility>
 
+#include "maps/cells.hpp"
+
 namespace locfuse {
 namespace {
 
@@ -38,11 +40,6 @@ int margin_cells_of(double margin, const OccupancyGrid& grid) {
                                 " cells, expected a field of at most 2^30 cells, 2^24 a side");
   }
   return static_cast<int>(cells);
-}
-
-/// Cell that holds a coordinate, or the outermost one on its side.
-int clamped_cell(double coordinate, int size) {
-  return static_cast<int>(std::min(std::max(coordinate, 0.0), size - 1.0));
 }
 
 void require_finite(const Vector<2>& p_world) {
@@ -262,8 +259,8 @@ DistanceField::Neighbour DistanceField::nearest(const Vector<2>& p_world) const 
 }
 
 DistanceField::Neighbour DistanceField::nearest_in_field(double x, double y) const {
-  const int column = clamped_cell(x, width_);
-  const int middle = clamped_cell(y, height_);
+  const int column = internal::clamped_cell(x, width_);
+  const int middle = internal::clamped_cell(y, height_);
   // The way over the centre of the cell is an upper bound; no row farther away than that is looked
   // at. It is rounded, and what is sought may be that far away.
   const double bound = static_cast<double>(distances_[at(middle, column, width_)]) +
@@ -296,7 +293,7 @@ DistanceField::Neighbour DistanceField::nearest_in_field(double x, double y) con
 /// else -1.
 int DistanceField::nearest_in_row(int row, double x, double within) const {
   const float* const distance = &distances_[at(row, 0, width_)];
-  const int start = clamped_cell(x, width_);
+  const int start = internal::clamped_cell(x, width_);
   int found = -1;
   for (const int side : {1, -1}) {
     // No target is nearer to a cell than its distance says, so that many cells can be skipped.

@@ -8,17 +8,14 @@
 #include <string>
 #include <utility>
 
+#include "maps/cells.hpp"
+
 namespace locfuse {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kMostRings = 255;
 constexpr double kFarthest = 1e9;  // [cells]; from there on a double does not tell cells apart well
-
-/// Cell that holds a coordinate, or the outermost one on its side.
-int clamped_cell(double coordinate, int size) {
-  return static_cast<int>(std::clamp(coordinate, 0.0, size - 1.0));
-}
 
 /// One axis of a beam: coordinates start + t * along, t in cells from its start.
 struct Axis {
@@ -146,8 +143,8 @@ double RayCaster::cells_to_hit(const Vector<2>& start, const Vector<2>& along, d
   if (!(travelled <= end)) {
     return kInfinity;
   }
-  int column = clamped_cell(x.start + travelled * x.along, x.size);
-  int row = clamped_cell(y.start + travelled * y.along, y.size);
+  int column = internal::clamped_cell(x.start + travelled * x.along, x.size);
+  int row = internal::clamped_cell(y.start + travelled * y.along, y.size);
   while (grid_->contains(column, row)) {
     const int rings = clear_[static_cast<std::size_t>(row) * static_cast<std::size_t>(x.size) +
                              static_cast<std::size_t>(column)];

@@ -42,7 +42,7 @@ def cast(
         If a number is not finite.
     """
     if glass is None:
-        return _caster(grid).cast(start, direction, reach)
+        return _core.RayCaster(grid.occupancy_grid()).cast(start, direction, reach)
     clearness, luck = glass
     levels = np.unique(np.append(clearness, 0.0))  # as many as there are kinds of glass, and one
     level_of = np.searchsorted(levels, luck, side="right") - 1
@@ -50,11 +50,6 @@ def cast(
     for i, level in enumerate(levels):
         solid = np.where(clearness > level, FREE, grid.cells).astype(np.int8)
         beams = level_of == i
-        seen = _caster(GridMap(solid, grid.resolution_m, grid.origin))
-        hit[beams] = seen.cast(start[beams], direction[beams], reach)
+        seen = GridMap(solid, grid.resolution_m, grid.origin).occupancy_grid()
+        hit[beams] = _core.RayCaster(seen).cast(start[beams], direction[beams], reach)
     return hit
-
-
-def _caster(grid: GridMap) -> _core.RayCaster:
-    origin = _core.Pose2(*grid.origin)
-    return _core.RayCaster(_core.OccupancyGrid(grid.cells, grid.resolution_m, origin))

@@ -27,8 +27,7 @@ class RangeMap:
     """
 
     def __init__(self, grid: GridMap) -> None:
-        cells = _core.OccupancyGrid(grid.cells, grid.resolution_m, _core.Pose2(*grid.origin))
-        self._field = _core.DistanceField(cells, 0.0)
+        self._field = _core.DistanceField(grid.occupancy_grid(), 0.0)
         self._resolution_m = grid.resolution_m
 
     def expected(self, pose: FloatArray) -> FloatArray:

@@ -61,8 +61,7 @@ class OurMcl:
         config: _core.MclConfig,
         start: _core.PoseEstimate | None = None,
     ) -> None:
-        cells = _core.OccupancyGrid(grid.cells, grid.resolution_m, _core.Pose2(*grid.origin))
-        self._mcl = _core.Mcl(config, cells)
+        self._mcl = _core.Mcl(config, grid.occupancy_grid())
         if start is not None:
             self._mcl.start_at([_core.PoseHypothesis(start)])
 

@@ -122,7 +122,7 @@ class Mcl {
   void advance_to(Stamp stamp);
   void drive(const OdometryMotion& model, const Pose2& motion, Stamp until);
   void settle(const LaserScan* scan = nullptr);
-  bool settle_by_match(const LaserScan& z);
+  bool settle_by_match(const LaserScan& z, const Pose2& motion_in_cells);
   static PoseEstimate carried(const PoseEstimate& from, const UncertainMotion& by, Stamp stamp);
   void draw_free(ParticleBelief& belief, int k, std::uint64_t key) const;
   void summarize();
@@ -137,6 +137,7 @@ class Mcl {
   [[nodiscard]] ParticleBins bins() const;
   [[nodiscard]] std::uint64_t next_key();
   [[nodiscard]] Pose2 to_world(const Pose2& cells) const;
+  [[nodiscard]] Matrix<3, 3> metres_per_cell() const;
   [[nodiscard]] Pose2 to_cells(const Pose2& world) const;
   template <class Model, class Message>
   Outcome weigh(const Model& model, const Message& z);
@@ -158,6 +159,7 @@ class Mcl {
   Vector<3> spread_ = Vector<3>::Zero();  // variances that motion has added since resampling
   Pose2 since_scan_;  // driven since the last scan that was used: ways, not displacement
   bool scanned_ = false;
+  bool anywhere_ = true;  // it started so
   bool tracking_ = false;
   int rereads_ = 0;               // scans that may still be read without having moved
   std::vector<double> evidence_;  // mean log density of an end point, for each of the fields

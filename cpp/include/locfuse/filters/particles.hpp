@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <functional>
 #include <vector>
@@ -26,6 +27,24 @@ struct ParticleBelief {
   /// Room for `count` particles, whose values are left as they are. Throws std::invalid_argument
   /// unless 1 to kMost.
   void resize(int count);
+
+  [[nodiscard]] Pose2 pose(std::size_t k) const {
+    return {static_cast<double>(x[k]), static_cast<double>(y[k]),
+            static_cast<double>(std::atan2(s[k], c[k]))};
+  }
+  void put(std::size_t k, const Pose2& pose) {
+    x[k] = static_cast<float>(pose.x);
+    y[k] = static_cast<float>(pose.y);
+    c[k] = static_cast<float>(std::cos(pose.heading));
+    s[k] = static_cast<float>(std::sin(pose.heading));
+  }
+  /// Particle k becomes what particle `i` of another belief is; its weight stays.
+  void put(std::size_t k, const ParticleBelief& other, std::size_t i) {
+    x[k] = other.x[i];
+    y[k] = other.y[i];
+    c[k] = other.c[i];
+    s[k] = other.s[i];
+  }
 
   static constexpr int kMost = 1 << 28;
 };
@@ -58,8 +77,8 @@ struct FreshParticles {
   std::function<void(ParticleBelief&, int)> draw;  ///< sets the pose of particle k
 };
 
-/// Systematic ("low variance") resampling into `count` particles, of which the last ones are fresh;
-/// eq. (4). `scratch` is memory to reuse.
+/// Systematic ("low variance") resampling into `count` particles, of which the last ones are fresh.
+/// `scratch` is memory to reuse.
 void resample(ParticleBelief& belief, int count, const FreshParticles& fresh, std::uint64_t key,
               ParticleBelief& scratch);
 
@@ -74,7 +93,7 @@ struct ParticleBins {
                                 double least);
 
 /// Particles that keep the KL divergence below `error` with the probability that `quantile` of the
-/// normal distribution stands for, for `bins` occupied bins; Fox, 2003, eq. (5).
+/// normal distribution stands for, for `bins` occupied bins (Fox, 2003); eq. (4).
 [[nodiscard]] double kld_particles(int bins, double error, double quantile);
 
 /// Particles whose bins touch; bins with next to nothing in them belong to none.

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "locfuse/math/types.hpp"
+
 namespace locfuse {
 
 /// Random bits that depend on nothing but their key and number, so that any thread may draw them:
@@ -25,6 +27,12 @@ namespace locfuse {
   const double u = 1.0 - random_uniform(key, 2 * number);
   return std::sqrt(-2.0 * std::log(u)) *
          std::cos(6.283185307179586 * random_uniform(key, 2 * number + 1));
+}
+
+/// Three of them, independent, of the numbers 3 n to 3 n + 2.
+[[nodiscard]] inline Vector<3> random_normal3(std::uint64_t key, std::uint64_t number) {
+  return {random_normal(key, 3 * number), random_normal(key, 3 * number + 1),
+          random_normal(key, 3 * number + 2)};
 }
 
 }  // namespace locfuse

@@ -7,7 +7,6 @@
 #include <string>
 #include <utility>
 
-#include "locfuse/maps/distance_field.hpp"
 #include "math/processor.hpp"
 #include "models/measurement/field_lanes.hpp"
 
@@ -39,21 +38,37 @@ void check_density(const char* name, double value) {
   }
 }
 
-const OccupancyGrid& given(const std::shared_ptr<const OccupancyGrid>& grid) {
+DistanceField distances_on(const std::shared_ptr<const OccupancyGrid>& grid) {
   if (!grid) {
     throw std::invalid_argument("LikelihoodField has no map");
   }
   if (std::find(grid->cells().begin(), grid->cells().end(), Cell::kFree) == grid->cells().end()) {
     throw std::invalid_argument("the map has 0 free cells, expected at least 1");
   }
-  return *grid;
+  return DistanceField(grid, 0.0);
 }
 
 }  // namespace
 
-LikelihoodField::LikelihoodField(const Config& config, std::shared_ptr<const OccupancyGrid> grid)
+LikelihoodField::LikelihoodField(const Config& config,
+                                 const std::shared_ptr<const OccupancyGrid>& grid)
+    : LikelihoodField(config, grid, distances_on(grid)) {}
+
+std::vector<LikelihoodField> LikelihoodField::doubling(
+    Config config, const std::shared_ptr<const OccupancyGrid>& grid, double widest_m) {
+  const DistanceField distances = distances_on(grid);
+  std::vector<LikelihoodField> fields;
+  do {
+    fields.push_back(LikelihoodField(config, grid, distances));
+    config.sigma_hit_m *= 2.0;
+  } while (config.sigma_hit_m < 1.5 * widest_m);
+  return fields;
+}
+
+LikelihoodField::LikelihoodField(const Config& config, std::shared_ptr<const OccupancyGrid> grid,
+                                 const DistanceField& distances)
     : config_(config), grid_(std::move(grid)) {
-  const OccupancyGrid& map = given(grid_);
+  const OccupancyGrid& map = *grid_;
   within("sigma_hit_m", config.sigma_hit_m, 0.0, 1e3);
   within("random_share", config.random_share, 0.0, 1.0);
   within("max_range_m", config.max_range_m, 0.0, 1e4);
@@ -63,7 +78,6 @@ LikelihoodField::LikelihoodField(const Config& config, std::shared_ptr<const Occ
   rim_ = static_cast<int>(config.max_range_m / resolution) + 2;
   width_ = map.width() + 2 * rim_;
   height_ = map.height() + 2 * rim_;
-  const DistanceField field(grid_, 0.0);
 
   const double sigma = config.sigma_hit_m / resolution;
   const double hit = (1.0 - config.random_share) / (config.sigma_hit_m * std::sqrt(2.0 * kPi));
@@ -83,15 +97,15 @@ LikelihoodField::LikelihoodField(const Config& config, std::shared_ptr<const Occ
   costs_.assign(static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_) + behind,
                 unknown);
   for (int row = 0; row < map.height(); ++row) {
-    const std::size_t from = static_cast<std::size_t>(row + field.margin_cells()) *
-                                 static_cast<std::size_t>(field.width()) +
-                             static_cast<std::size_t>(field.margin_cells());
+    const std::size_t from = static_cast<std::size_t>(row + distances.margin_cells()) *
+                                 static_cast<std::size_t>(distances.width()) +
+                             static_cast<std::size_t>(distances.margin_cells());
     std::uint8_t* const to =
         &costs_[static_cast<std::size_t>(row + rim_) * static_cast<std::size_t>(width_) +
                 static_cast<std::size_t>(rim_)];
     for (int column = 0; column < map.width(); ++column) {
       const auto distance =
-          static_cast<double>(field.distances()[from + static_cast<std::size_t>(column)]);
+          static_cast<double>(distances.distances()[from + static_cast<std::size_t>(column)]);
       const Cell cell = map.at(column, row);
       const double clutter = cell == Cell::kFree ? config.clutter_per_m : 0.0;
       const std::uint8_t cost = cost_of(density(distance) + clutter);

@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "locfuse/maps/occupancy_grid.hpp"
+#include "locfuse/maps/distance_field.hpp"
 #include "locfuse/messages/messages.hpp"
 
 namespace locfuse {
@@ -31,7 +31,12 @@ class LikelihoodField {
 
   /// Throws std::invalid_argument on settings out of range, no map, or a map without occupied or
   /// without free cells.
-  LikelihoodField(const Config& config, std::shared_ptr<const OccupancyGrid> grid);
+  LikelihoodField(const Config& config, const std::shared_ptr<const OccupancyGrid>& grid);
+
+  /// Fields of one map whose sigma doubles from one to the next, as long as it is less than 1.5
+  /// times `widest_m` [m]. Throws as the constructor does.
+  [[nodiscard]] static std::vector<LikelihoodField> doubling(
+      Config config, const std::shared_ptr<const OccupancyGrid>& grid, double widest_m);
 
   [[nodiscard]] const OccupancyGrid& grid() const { return *grid_; }
   [[nodiscard]] const Config& config() const { return config_; }
@@ -55,6 +60,8 @@ class LikelihoodField {
   [[nodiscard]] double explained(const EndPoints& points, const Pose2& pose) const;
 
  private:
+  LikelihoodField(const Config& config, std::shared_ptr<const OccupancyGrid> grid,
+                  const DistanceField& distances);
   [[nodiscard]] std::uint8_t cost(double x, double y) const;
 
   Config config_;
