@@ -336,14 +336,13 @@ void Mcl::fit(const LikelihoodField& field, const EndPoints& points, const Parti
 /// The sigma under which the scans that were used are the likeliest, seen from the best cluster.
 /// Returns whether the field in use is as narrow as that, and the cluster narrower.
 bool Mcl::choose_level(const EndPoints& points) {
-  const Pose2 pose = to_cells(hypotheses_.front().estimate.pose);
+  const EndPoints seen = points.seen_from(to_cells(hypotheses_.front().estimate.pose));
   const bool first = evidence_.empty();
   std::vector<double> sums(recipe_->fields.size(), 0.0);
   evidence_.resize(sums.size(), 0.0);
-  for (std::size_t k = 0; k < points.x.size(); ++k) {
-    const Vector<2> p = pose.act(Vector<2>(points.x[k], points.y[k]));
+  for (std::size_t k = 0; k < seen.x.size(); ++k) {
     for (std::size_t l = 0; l < sums.size(); ++l) {
-      sums[l] += recipe_->fields[l].log_density(p.x(), p.y());
+      sums[l] += recipe_->fields[l].log_density(seen.x[k], seen.y[k]);
     }
   }
   for (std::size_t l = 0; l < evidence_.size(); ++l) {
@@ -361,7 +360,7 @@ bool Mcl::choose_level(const EndPoints& points) {
     ++fitting;
   }
   level_ = fitting < level_ ? level_ - 1 : fitting;
-  explained_ = recipe_->fields.back().explained(points, pose);
+  explained_ = recipe_->fields.back().explained(seen);
   const double now = *std::max_element(evidence_.begin(), evidence_.end());
   usual_evidence_ = first ? now : usual_evidence_ + 0.02 * (now - usual_evidence_);
   lately_explained_ += 0.1 * (explained_ - lately_explained_);

@@ -56,8 +56,17 @@ Matrix<3, 3> triangle_of(const Matrix<3, 3>& A) {
   return L;
 }
 
-double sum_of(const std::vector<float>& values, int size) {
-  return std::accumulate(values.begin(), values.begin() + size, 0.0);
+/// Sum and sum of squares, in eight chains.
+std::pair<double, double> sums_of(const std::vector<float>& values, int size) {
+  std::array<double, 8> sums{};
+  std::array<double, 8> squares{};
+  for (std::size_t k = 0; k < static_cast<std::size_t>(size); ++k) {
+    const auto value = static_cast<double>(values[k]);
+    sums[k % 8] += value;
+    squares[k % 8] += value * value;
+  }
+  return {std::accumulate(sums.begin(), sums.end(), 0.0),
+          std::accumulate(squares.begin(), squares.end(), 0.0)};
 }
 
 /// exp(x) for x <= 0, to 2e-7 of itself, without a branch: compilers make lanes of it.
@@ -84,15 +93,7 @@ std::pair<double, double> weigh(const ParticleBelief& belief,
   for (std::size_t k = 0; k < size; ++k) {
     weighed[k] = belief.weight[k] * exp_of(by * (log_likelihood[k] - top));
   }
-  std::array<double, 8> sums{};
-  std::array<double, 8> squares{};
-  for (std::size_t k = 0; k < size; ++k) {
-    const auto w = static_cast<double>(weighed[k]);
-    sums[k % 8] += w;
-    squares[k % 8] += w * w;
-  }
-  return {std::accumulate(sums.begin(), sums.end(), 0.0),
-          std::accumulate(squares.begin(), squares.end(), 0.0)};
+  return sums_of(weighed, belief.size);
 }
 
 }  // namespace
@@ -179,12 +180,7 @@ double reweigh(ParticleBelief& belief, const std::vector<float>& log_likelihood,
 }
 
 double effective_size(const ParticleBelief& belief) {
-  double squares = 0.0;
-  for (int i = 0; i < belief.size; ++i) {
-    const double w = static_cast<double>(belief.weight[static_cast<std::size_t>(i)]);
-    squares += w * w;
-  }
-  const double sum = sum_of(belief.weight, belief.size);
+  const auto [sum, squares] = sums_of(belief.weight, belief.size);
   return sum * sum / squares;
 }
 
@@ -193,7 +189,7 @@ void resample(ParticleBelief& belief, int count, const FreshParticles& fresh, st
   scratch.resize(count);
   scratch.stamp = belief.stamp;
   const int kept = std::max(count - fresh.count, 1);
-  const double step = sum_of(belief.weight, belief.size) / kept;
+  const double step = sums_of(belief.weight, belief.size).first / kept;
   double next = random_uniform(key, 0) * step;
   double passed = 0.0;
   int to = 0;
@@ -331,10 +327,20 @@ std::vector<ParticleCluster> clusters_of(const ParticleBelief& belief, const Par
                                          int most) {
   const Binning binning(bins);
   const Occupied in = occupied(belief, binning);
+  // Neighbours are mostly in one bin: their sums stay in registers.
+  const auto each_run = [&](const auto& run) {
+    const std::size_t size = in.of_particle.size();
+    for (std::size_t begin = 0, end = 0; begin < size; begin = end) {
+      const std::int32_t bin = in.of_particle[begin];
+      for (end = begin + 1; end < size && in.of_particle[end] == bin; ++end) {
+      }
+      run(static_cast<std::size_t>(bin), begin, end);
+    }
+  };
   std::vector<double> weight(in.numbers.size(), 0.0);
-  for (std::size_t k = 0; k < in.of_particle.size(); ++k) {
-    weight[static_cast<std::size_t>(in.of_particle[k])] += static_cast<double>(belief.weight[k]);
-  }
+  each_run([&](std::size_t bin, std::size_t begin, std::size_t end) {
+    weight[bin] += std::accumulate(&belief.weight[begin], &belief.weight[0] + end, 0.0);
+  });
   // What lies between two clusters, thinly spread, must not join them.
   const double least = kThin * *std::max_element(weight.begin(), weight.end());
   std::vector<int> cluster_of(weight.size(), -1);
@@ -366,48 +372,52 @@ std::vector<ParticleCluster> clusters_of(const ParticleBelief& belief, const Par
     ++count;
   }
   struct Sums {
-    double w = 0.0, x = 0.0, y = 0.0, c = 0.0, s = 0.0;
+    double w = 0.0;
+    Vector<4> pose = Vector<4>::Zero();  // x, y, cosine, sine
     Matrix<3, 3> scatter = Matrix<3, 3>::Zero();
   };
   std::vector<Sums> sums(static_cast<std::size_t>(count));
-  const auto cluster_at = [&](std::size_t k) {
-    return cluster_of[static_cast<std::size_t>(in.of_particle[k])];
-  };
-  for (std::size_t k = 0; k < in.of_particle.size(); ++k) {
-    if (cluster_at(k) < 0) {
-      continue;
+  each_run([&](std::size_t bin, std::size_t begin, std::size_t end) {
+    if (cluster_of[bin] < 0) {
+      return;
     }
-    Sums& sum = sums[static_cast<std::size_t>(cluster_at(k))];
-    const double w = static_cast<double>(belief.weight[k]);
-    sum.w += w;
-    sum.x += w * static_cast<double>(belief.x[k]);
-    sum.y += w * static_cast<double>(belief.y[k]);
-    sum.c += w * static_cast<double>(belief.c[k]);
-    sum.s += w * static_cast<double>(belief.s[k]);
-  }
+    double weights = 0.0;
+    Vector<4> poses = Vector<4>::Zero();
+    for (std::size_t k = begin; k < end; ++k) {
+      const auto w = static_cast<double>(belief.weight[k]);
+      weights += w;
+      poses += w * Vector<4>(belief.x[k], belief.y[k], belief.c[k], belief.s[k]);
+    }
+    Sums& sum = sums[static_cast<std::size_t>(cluster_of[bin])];
+    sum.w += weights;
+    sum.pose += poses;
+  });
   std::vector<ParticleCluster> clusters(sums.size());
   for (std::size_t i = 0; i < sums.size(); ++i) {
-    Sums& sum = sums[i];
-    clusters[i].weight = sum.w;
-    clusters[i].mean = {sum.x / sum.w, sum.y / sum.w, std::atan2(sum.s, sum.c)};
-    const double length = std::hypot(sum.c, sum.s);
-    sum.c /= length;
-    sum.s /= length;
+    Vector<4>& pose = sums[i].pose;
+    clusters[i].weight = sums[i].w;
+    clusters[i].mean = {pose.x() / sums[i].w, pose.y() / sums[i].w, std::atan2(pose.w(), pose.z())};
+    pose.tail<2>().normalize();
   }
-  for (std::size_t k = 0; k < in.of_particle.size(); ++k) {
-    if (cluster_at(k) < 0) {
-      continue;
+  each_run([&](std::size_t bin, std::size_t begin, std::size_t end) {
+    if (cluster_of[bin] < 0) {
+      return;
     }
-    const auto cluster = static_cast<std::size_t>(cluster_at(k));
+    const auto cluster = static_cast<std::size_t>(cluster_of[bin]);
     const Pose2& mean = clusters[cluster].mean;
-    const auto c = static_cast<float>(sums[cluster].c);
-    const auto s = static_cast<float>(sums[cluster].s);
-    const Vector<3> off(static_cast<double>(belief.x[k]) - mean.x,
-                        static_cast<double>(belief.y[k]) - mean.y,
-                        static_cast<double>(heading_of(belief.c[k] * c + belief.s[k] * s,
-                                                       belief.s[k] * c - belief.c[k] * s)));
-    sums[cluster].scatter += static_cast<double>(belief.weight[k]) * off * off.transpose();
-  }
+    const auto c = static_cast<float>(sums[cluster].pose.z());
+    const auto s = static_cast<float>(sums[cluster].pose.w());
+    Matrix<3, 3> scatter = Matrix<3, 3>::Zero();
+    for (std::size_t k = begin; k < end; ++k) {
+      const Vector<3> off(static_cast<double>(belief.x[k]) - mean.x,
+                          static_cast<double>(belief.y[k]) - mean.y,
+                          static_cast<double>(heading_of(belief.c[k] * c + belief.s[k] * s,
+                                                         belief.s[k] * c - belief.c[k] * s)));
+      const Vector<3> weighed = static_cast<double>(belief.weight[k]) * off;
+      scatter.noalias() += weighed * off.transpose();
+    }
+    sums[cluster].scatter += scatter;
+  });
   for (std::size_t i = 0; i < sums.size(); ++i) {
     clusters[i].covariance = sums[i].scatter / sums[i].w;
   }

@@ -12,14 +12,23 @@ namespace {
 
 static_assert(8 % kLanes == 0);
 
-/// Looks a cell up for each lane. With kNarrow, rows and columns are below 2^15.
+#if defined(__AVX2__)
+using Sums = Indices;
+#else
+struct Sums {  // in registers of their own: putting bytes together into lanes takes longer
+  std::int32_t of[kLanes];
+};
+#endif
+
+/// Adds the cost of a cell for each lane. With kNarrow, rows and columns are below 2^15.
 template <bool kNarrow>
-inline Indices costs_at(const CostTable& table, const Indices& column, const Indices& row) {
+inline void add_costs(const CostTable& table, const Indices& column, const Indices& row,
+                      Sums& sums) {
 #if defined(__AVX2__)
   const __m256i at = reinterpret_cast<__m256i>(Indices(row * table.width + column));
   // Four bytes at once, of which the first counts; the table has three more behind its end.
   const __m256i four = _mm256_i32gather_epi32(reinterpret_cast<const int*>(table.cells), at, 1);
-  return reinterpret_cast<Indices>(_mm256_and_si256(four, _mm256_set1_epi32(0xFF)));
+  sums += reinterpret_cast<Indices>(_mm256_and_si256(four, _mm256_set1_epi32(0xFF)));
 #else
   Indices cell{};
 #if defined(__SSE2__)
@@ -32,11 +41,9 @@ inline Indices costs_at(const CostTable& table, const Indices& column, const Ind
 #else
   cell = row * table.width + column;
 #endif
-  Indices costs{};
   for (int l = 0; l < kLanes; ++l) {
-    costs[l] = table.cells[cell[l]];
+    sums.of[l] += table.cells[cell[l]];
   }
-  return costs;
 #endif
 }
 
@@ -54,20 +61,14 @@ void sum_of(const CostTable& table, const float* x, const float* y, int count,
     const Lanes y0 = on_map ? py + rim : all(rim);
     const Lanes c = load(poses.c + i);
     const Lanes s = load(poses.s + i);
-    Indices total{};
-    Indices other{};
-    int k = 0;
-    for (; k + 1 < count; k += 2) {  // two chains of additions
-      total += costs_at<kNarrow>(table, whole(x0 + c * x[k] - s * y[k]),
-                                 whole(y0 + s * x[k] + c * y[k]));
-      other += costs_at<kNarrow>(table, whole(x0 + c * x[k + 1] - s * y[k + 1]),
-                                 whole(y0 + s * x[k + 1] + c * y[k + 1]));
+    Sums costs{};
+    for (int k = 0; k < count; ++k) {
+      add_costs<kNarrow>(table, whole(x0 + c * x[k] - s * y[k]), whole(y0 + s * x[k] + c * y[k]),
+                         costs);
     }
-    if (k < count) {
-      total += costs_at<kNarrow>(table, whole(x0 + c * x[k] - s * y[k]),
-                                 whole(y0 + s * x[k] + c * y[k]));
-    }
-    total = on_map ? total + other : Indices{} + off_map;
+    Indices total;
+    __builtin_memcpy(&total, &costs, sizeof total);
+    total = on_map ? total : Indices{} + off_map;
     __builtin_memcpy(sums + i, &total, sizeof total);
   }
 }

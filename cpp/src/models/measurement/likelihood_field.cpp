@@ -50,6 +50,19 @@ DistanceField distances_on(const std::shared_ptr<const OccupancyGrid>& grid) {
 
 }  // namespace
 
+EndPoints EndPoints::seen_from(const Pose2& pose) const {
+  const auto c = static_cast<float>(std::cos(pose.heading));
+  const auto s = static_cast<float>(std::sin(pose.heading));
+  const auto x0 = static_cast<float>(pose.x);
+  const auto y0 = static_cast<float>(pose.y);
+  EndPoints seen = *this;
+  for (std::size_t k = 0; k < x.size(); ++k) {
+    seen.x[k] = x0 + c * x[k] - s * y[k];
+    seen.y[k] = y0 + s * x[k] + c * y[k];
+  }
+  return seen;
+}
+
 LikelihoodField::LikelihoodField(const Config& config,
                                  const std::shared_ptr<const OccupancyGrid>& grid)
     : LikelihoodField(config, grid, distances_on(grid)) {}
@@ -155,13 +168,12 @@ std::uint8_t LikelihoodField::cost(double x, double y) const {
 
 double LikelihoodField::log_density(double x, double y) const { return best_ - unit_ * cost(x, y); }
 
-double LikelihoodField::explained(const EndPoints& points, const Pose2& pose) const {
+double LikelihoodField::explained(const EndPoints& seen) const {
   int count = 0;
-  for (std::size_t k = 0; k < points.x.size(); ++k) {
-    const Vector<2> p = pose.act(Vector<2>(points.x[k], points.y[k]));
-    count += static_cast<int>(cost(p.x(), p.y()) <= hit_cost_);
+  for (std::size_t k = 0; k < seen.x.size(); ++k) {
+    count += static_cast<int>(cost(seen.x[k], seen.y[k]) <= hit_cost_);
   }
-  return points.x.empty() ? 0.0 : static_cast<double>(count) / static_cast<double>(points.x.size());
+  return seen.x.empty() ? 0.0 : static_cast<double>(count) / static_cast<double>(seen.x.size());
 }
 
 void LikelihoodField::costs(const EndPoints& points, const float* x, const float* y, const float* c,

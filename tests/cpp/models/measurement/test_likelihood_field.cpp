@@ -119,8 +119,8 @@ TEST(LikelihoodField, takes_returns_evenly_and_nothing_else) {
 TEST(LikelihoodField, says_how_many_end_points_lie_at_a_wall) {
   const LikelihoodField field({0.1, 0.1, 5.0}, wall());
   const EndPoints points{{-10.0F, -9.0F, 5.0F, -2.0F}, {0.0F, 3.0F, 0.0F, 1.0F}};
-  EXPECT_EQ(field.explained(points, {20.5, 20.5, 0.0}), 0.5);
-  EXPECT_EQ(field.explained({}, {20.5, 20.5, 0.0}), 0.0);
+  EXPECT_EQ(field.explained(points.seen_from({20.5, 20.5, 0.0})), 0.5);
+  EXPECT_EQ(field.explained({}), 0.0);
 }
 
 TEST(LikelihoodField, refuses_maps_and_settings_that_say_nothing) {

@@ -13,6 +13,9 @@ namespace locfuse {
 /// End points of a scan in the body, in cells of a map.
 struct EndPoints {
   std::vector<float> x, y;
+
+  /// The same in the frame of the map, seen from a pose in cells.
+  [[nodiscard]] EndPoints seen_from(const Pose2& pose) const;
 };
 
 /// How likely the end point of a beam is, by its distance to the nearest wall (Thrun, Burgard and
@@ -56,8 +59,8 @@ class LikelihoodField {
   [[nodiscard]] double unit() const { return unit_; }
   /// Log density of an end point on a wall: cost 0.
   [[nodiscard]] double best() const { return best_; }
-  /// Share of the end points that a wall explains, as seen from a pose in cells: within 1.25 sigma.
-  [[nodiscard]] double explained(const EndPoints& points, const Pose2& pose) const;
+  /// Share of end points in cells of the map that a wall explains: within 1.25 sigma.
+  [[nodiscard]] double explained(const EndPoints& seen) const;
 
  private:
   LikelihoodField(const Config& config, std::shared_ptr<const OccupancyGrid> grid,
