@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <pybind11/native_enum.h>
+
 #include "bindings.hpp"
 #include "locfuse/estimators/mcl.hpp"
 #include "numpy.hpp"
 
 namespace py = pybind11;
+using locfuse::BeamModel;
 using locfuse::LikelihoodField;
 using locfuse::Mcl;
 
@@ -35,6 +38,24 @@ void bind_mcl(py::module_& m) {
       .def_readwrite("max_range_m", &FieldConfig::max_range_m)
       .def_readwrite("clutter_per_m", &FieldConfig::clutter_per_m)
       .def_readwrite("unknown_per_m", &FieldConfig::unknown_per_m);
+  using BeamConfig = BeamModel::Config;
+  py::class_<BeamConfig>(m, "BeamModelConfig",
+                         "How far beams go: weights of a mixture; docs/models/beam_model.md.")
+      .def(py::init<>())
+      .def_static("zhang", &BeamModel::zhang,
+                  "The mixture of zhang: a Gaussian, and beams without return.")
+      .def_readwrite("hit", &BeamConfig::hit)
+      .def_readwrite("shorter", &BeamConfig::shorter)
+      .def_readwrite("maximum", &BeamConfig::maximum)
+      .def_readwrite("random", &BeamConfig::random)
+      .def_readwrite("sigma_hit_m", &BeamConfig::sigma_hit_m)
+      .def_readwrite("shorter_per_m", &BeamConfig::shorter_per_m)
+      .def_readwrite("max_range_m", &BeamConfig::max_range_m);
+  py::native_enum<Mcl::Likelihood>(m, "ScanLikelihood", "enum.Enum",
+                                   "What a scan's likelihood is made of.")
+      .value("FIELD", Mcl::Likelihood::kField, "Where beams end.")
+      .value("BEAMS", Mcl::Likelihood::kBeams, "How far they go.")
+      .finalize();
   using Config = Mcl::Config;
   py::class_<Config>(m, "MclConfig", "Noise and behaviour of an Mcl.")
       .def(py::init<>())
@@ -72,11 +93,13 @@ void bind_mcl(py::module_& m) {
       .def_readwrite("odometry", &Config::odometry)
       .def_readwrite("field", &Config::field)
       .def_readwrite("sigma_widest_m", &Config::sigma_widest_m)
+      .def_readwrite("likelihood", &Config::likelihood)
+      .def_readwrite("beam_model", &Config::beam_model)
       .def_readwrite("range", &Config::range)
       .def_readwrite("position", &Config::position);
   py::class_<Mcl>(m, "Mcl", R"(Monte Carlo localization on a grid map.
 
-Scans weigh particles by the likelihood field; ranges, positions and poses may weigh them, too
+Scans weigh particles by the likelihood field or the beam model; ranges, positions and poses may weigh them, too
 (docs/models/mcl.md). At first the particles are all over the free cells.
 
 Parameters

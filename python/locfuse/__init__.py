@@ -6,6 +6,7 @@ import logging as _logging
 from locfuse._core import (
     Anchor,
     AnchorMap,
+    BeamModelConfig,
     Dilution,
     DistanceField,
     Gate,
@@ -55,6 +56,7 @@ from locfuse._core import (
     RayCaster,
     RunLog,
     ScanHypothesis,
+    ScanLikelihood,
     ScanMatch,
     ScanMatcher,
     ScanMatcherConfig,
@@ -96,6 +98,7 @@ _logging.getLogger(__name__).addHandler(_logging.NullHandler())
 __all__ = [
     "Anchor",
     "AnchorMap",
+    "BeamModelConfig",
     "ConfigError",
     "Dilution",
     "DistanceField",
@@ -151,6 +154,7 @@ __all__ = [
     "RunLog",
     "RunResult",
     "ScanHypothesis",
+    "ScanLikelihood",
     "ScanMatch",
     "ScanMatchReason",
     "ScanMatcher",

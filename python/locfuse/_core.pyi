@@ -12,6 +12,7 @@ import typing
 __all__: list[str] = [
     "Anchor",
     "AnchorMap",
+    "BeamModelConfig",
     "Dilution",
     "DistanceField",
     "Gate",
@@ -61,6 +62,7 @@ __all__: list[str] = [
     "RayCaster",
     "RunLog",
     "ScanHypothesis",
+    "ScanLikelihood",
     "ScanMatch",
     "ScanMatchReason",
     "ScanMatcher",
@@ -2011,12 +2013,61 @@ class LikelihoodFieldConfig:
     @unknown_per_m.setter
     def unknown_per_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
 
+class BeamModelConfig:
+    """
+    How far beams go: weights of a mixture; docs/models/beam_model.md.
+    """
+    @staticmethod
+    def zhang() -> BeamModelConfig:
+        """
+        The mixture of zhang: a Gaussian, and beams without return.
+        """
+    def __init__(self) -> None: ...
+    @property
+    def hit(self) -> float: ...
+    @hit.setter
+    def hit(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def max_range_m(self) -> float: ...
+    @max_range_m.setter
+    def max_range_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def maximum(self) -> float: ...
+    @maximum.setter
+    def maximum(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def random(self) -> float: ...
+    @random.setter
+    def random(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def shorter(self) -> float: ...
+    @shorter.setter
+    def shorter(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def shorter_per_m(self) -> float: ...
+    @shorter_per_m.setter
+    def shorter_per_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_hit_m(self) -> float: ...
+    @sigma_hit_m.setter
+    def sigma_hit_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+
+class ScanLikelihood(enum.Enum):
+    """
+    What a scan's likelihood is made of.
+    """
+
+    BEAMS = ...
+    FIELD = ...
+
 class MclConfig:
     """
     Noise and behaviour of an Mcl.
     """
 
+    beam_model: BeamModelConfig
     field: LikelihoodFieldConfig
+    likelihood: ScanLikelihood
     odometry: OdometryConfig
     position: PositionConfig
     range: RangeConfig
@@ -2162,7 +2213,7 @@ class Mcl:
     """
     Monte Carlo localization on a grid map.
 
-    Scans weigh particles by the likelihood field; ranges, positions and poses may weigh them, too
+    Scans weigh particles by the likelihood field or the beam model; ranges, positions and poses may weigh them, too
     (docs/models/mcl.md). At first the particles are all over the free cells.
 
     Parameters

@@ -155,7 +155,7 @@ def _tracked(configs: Path, name: str, seeds: int) -> Iterator[Claim]:
 
 
 def excerpt(log: Log, when: Callable[[NDArray[np.int64]], NDArray[np.bool_]], *names: str) -> Log:
-    """Return a log with those rows of some tables, or of all that have stamps, that `when` keeps."""
+    """Return a log with the rows that `when` keeps of some tables, or of all that have stamps."""
     tables = dict(log.tables)
     for name in names or [name for name, table in tables.items() if "stamp_ns" in table]:
         rows = when(tables[name]["stamp_ns"])

@@ -380,6 +380,7 @@ SECTIONS: dict[str, type[Strict]] = {
     "### `estimator.position`": schema.Position,
     "## `mcl`": schema.Mcl,
     "### `mcl.field`": schema.LikelihoodField,
+    "### `mcl.beam_model`": schema.BeamModel,
     "## `simulation`": scenario.Scenario,
     "### `path`, shape `circle`": scenario.Circle,
     "### `path`, shape `eight`": scenario.Eight,

@@ -58,6 +58,7 @@ const Mcl::Config& checked(const Mcl::Config& config) {
   in_range("sigma_widest_m", config.sigma_widest_m, config.field.sigma_hit_m, 1e3);
   in_range("bin_m", config.bin_m, 1e-3, 1e6);
   in_range("bin_headings", config.bin_headings, 1, 3600);
+  BeamModel::checked(config.beam_model);
   return config;
 }
 
@@ -99,15 +100,20 @@ Mcl::Mcl(const Config& config, const std::shared_ptr<const OccupancyGrid>& grid,
   const Config& c = checked(config);
   std::vector<LikelihoodField> fields = LikelihoodField::doubling(c.field, grid, c.sigma_widest_m);
   std::vector<std::int32_t> free = free_cells(*grid);
+  std::optional<BeamModel> beams;
+  if (c.likelihood == Likelihood::kBeams) {
+    beams.emplace(c.beam_model, grid);
+  }
   std::optional<RangeModel> range;
   if (anchors) {
     range.emplace(c.range, std::move(anchors), std::move(tags));
   }
-  recipe_ = std::make_shared<const Recipe>(Recipe{
-      c, OdometryMotion(c.odometry), lost_motion(c), std::move(fields), std::move(range),
-      PositionModel(c.position), PoseModel(), static_cast<Stamp>(c.hold_s * kNanosecondsPerSecond),
-      std::move(free), std::make_shared<Workers>(c.threads),
-      c.refine_up_to > 0 ? std::make_shared<const ScanMatcher>(grid) : nullptr});
+  recipe_ = std::make_shared<const Recipe>(
+      Recipe{c, OdometryMotion(c.odometry), lost_motion(c), std::move(fields), std::move(beams),
+             std::move(range), PositionModel(c.position), PoseModel(),
+             static_cast<Stamp>(c.hold_s * kNanosecondsPerSecond), std::move(free),
+             std::make_shared<Workers>(c.threads),
+             c.refine_up_to > 0 ? std::make_shared<const ScanMatcher>(grid) : nullptr});
   start_anywhere(start);
 }
 
@@ -312,6 +318,9 @@ Outcome Mcl::on(const LaserScan& z) {
   const double share = std::min(1.0, independent / beams);
   const double best =
       *std::max_element(log_likelihood_.begin(), log_likelihood_.begin() + belief_.size);
+  if (recipe_->beams) {
+    fit_beams(z);
+  }
   reweigh_and_resample(share);
   const bool sharp = choose_level(points);
   rereads_ = tracking_ && sharp ? 0 : rereads_ - (moved ? 0 : 1);
@@ -329,6 +338,18 @@ void Mcl::fit(const LikelihoodField& field, const EndPoints& points, const Parti
                 end, costs_.data());
     for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
       log_likelihood_[k] = -unit * static_cast<float>(costs_[k]);
+    }
+  });
+}
+
+/// Likewise by the beam model, which knows what walls hide.
+void Mcl::fit_beams(const LaserScan& scan) {
+  const BeamModel& model = *recipe_->beams;
+  const Beams beams = model.beams_of(scan, recipe_->config.beams);
+  recipe_->workers->share(belief_.size, 1, [&](int begin, int end) {
+    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
+      log_likelihood_[k] =
+          static_cast<float>(model.log_likelihood(to_world(belief_.pose(k)), beams));
     }
   });
 }

@@ -30,7 +30,11 @@ def build_initializer_config(initializer: Initializer) -> _core.InitializerConfi
 def build_mcl_config(mcl: Mcl, seed: int) -> _core.MclConfig:
     """Return the C++ struct with every value of `mcl`; `seed` where it has none of its own."""
     config = _core.MclConfig()
-    _fill(config, mcl, leave=("poses_hz", "seed"))
+    _fill(config, mcl, leave=("poses_hz", "seed", "likelihood"))
+    if mcl.likelihood != "field":
+        config.likelihood = _core.ScanLikelihood.BEAMS
+    if mcl.likelihood == "zhang":
+        config.beam_model = _core.BeamModelConfig.zhang()
     config.seed = seed if mcl.seed is None else mcl.seed
     return config
 

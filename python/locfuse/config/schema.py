@@ -92,10 +92,30 @@ class LikelihoodField(Strict):
     unknown_per_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.002
 
 
-class Mcl(Strict):
-    """Monte Carlo localization; ``MclConfig`` in C++, but for two keys.
+class BeamModel(Strict):
+    """How far beams go; ``BeamModelConfig`` in C++."""
 
-    `poses_hz` makes its estimates the poses of a pose EKF. Without a `seed` it is the run's.
+    hit: Probability = 0.8
+    shorter: Probability = 0.1
+    maximum: Probability = 0.05
+    random: Probability = 0.05
+    sigma_hit_m: Annotated[float, Field(ge=1e-6, le=1000.0)] = 0.1
+    shorter_per_m: Annotated[float, Field(ge=1e-6, le=1e6)] = 0.5
+    max_range_m: Annotated[float, Field(ge=1e-3, le=10_000.0)] = 30.0
+
+    @model_validator(mode="after")
+    def _some_weight(self) -> BeamModel:
+        if self.hit + self.shorter + self.maximum + self.random == 0.0:
+            raise ValueError("hit, shorter, maximum and random are all 0; expected one > 0")
+        return self
+
+
+class Mcl(Strict):
+    """Monte Carlo localization; ``MclConfig`` in C++, but for three keys.
+
+    `likelihood` is by which scans weigh particles: ``zhang`` is the beam model with the mixture of
+    that paper in place of `beam_model`. `poses_hz` makes its estimates the poses of a pose EKF.
+    Without a `seed` it is the run's.
     """
 
     poses_hz: Rate | None = None
@@ -133,6 +153,8 @@ class Mcl(Strict):
     odometry: Odometry = Field(default_factory=Odometry)
     field: LikelihoodField = Field(default_factory=LikelihoodField)
     sigma_widest_m: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.4
+    likelihood: Literal["field", "beams", "zhang"] = "field"
+    beam_model: BeamModel = Field(default_factory=BeamModel)
     range: Range = Field(default_factory=Range)
     position: Position = Field(default_factory=Position)
 

@@ -101,6 +101,31 @@ TEST(Mcl, tracks_to_centimetres_and_knows_how_well) {
   EXPECT_GE(errors.nees / errors.count, 0.3);
 }
 
+TEST(Mcl, tracks_by_how_far_beams_go_as_well) {
+  for (const bool zhang : {false, true}) {
+    Errors errors;
+    for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+      const Drive run = drive(seed, 40);
+      Mcl::Config by_beams = config(seed);
+      by_beams.min_particles = by_beams.max_particles = 500;
+      by_beams.likelihood = Mcl::Likelihood::kBeams;
+      by_beams.beam_model = zhang ? BeamModel::zhang() : BeamModel::Config{};
+      Mcl mcl(by_beams, run.room.map, 0);
+      mcl.start_at({near(run.truth[0], 0.2, 0.1)});
+      for (std::size_t i = 0; i < run.scans.size(); ++i) {
+        mcl.on(run.increments[i]);
+        mcl.on(run.scans[i]);
+        if (i >= 20) {
+          errors.add(mcl.estimate(), run.truth[i + 1]);
+        }
+      }
+      EXPECT_TRUE(mcl.ready());
+    }
+    EXPECT_LE(std::sqrt(errors.squared / errors.count), 0.06);
+    EXPECT_LE(errors.nees / errors.count, 4.0);
+  }
+}
+
 TEST(Mcl, finds_itself_anywhere_and_is_not_ready_before) {
   int found = 0;
   int ready_and_wrong = 0;

@@ -12,6 +12,7 @@
 #include "locfuse/filters/outcome.hpp"
 #include "locfuse/filters/particles.hpp"
 #include "locfuse/frontends/scan_matcher.hpp"
+#include "locfuse/models/measurement/beam_model.hpp"
 #include "locfuse/models/measurement/likelihood_field.hpp"
 
 namespace locfuse {
@@ -24,6 +25,12 @@ namespace locfuse {
 /// threads.
 class Mcl {
  public:
+  /// What a scan's likelihood is made of.
+  enum class Likelihood : std::uint8_t {
+    kField,  ///< where beams end
+    kBeams,  ///< how far they go
+  };
+
   struct Config {
     int min_particles = 500;
     int max_particles = 5000;         ///< of them, as many as keep the errors below
@@ -61,6 +68,8 @@ class Mcl {
     OdometryMotion::Config odometry;
     LikelihoodField::Config field{0.05, 0.05, 30.0};  ///< its sigma is the least that is tried
     double sigma_widest_m = 0.4;  ///< the largest: the one that fits is used, and this one at first
+    Likelihood likelihood = Likelihood::kField;  ///< by which scans weigh particles
+    BeamModel::Config beam_model;                ///< if that is kBeams
     RangeModel::Config range;
     PositionModel::Config position;
   };
@@ -80,8 +89,8 @@ class Mcl {
 
   Outcome on(const Velocity& u);
   Outcome on(const Increment& u);
-  /// Weighs by the likelihood field. kNotModelled if the body has hardly moved since the last scan
-  /// that was used, or if the scan has no returns.
+  /// Weighs by the likelihood field or the beam model. kNotModelled if the body has hardly moved
+  /// since the last scan that was used, or if the scan has no returns.
   Outcome on(const LaserScan& z);
   Outcome on(const Range& z);
   Outcome on(const PositionFix& z);
@@ -110,6 +119,7 @@ class Mcl {
     OdometryMotion motion;
     OdometryMotion lost;
     std::vector<LikelihoodField> fields;  // sigma doubles from one to the next
+    std::optional<BeamModel> beams;
     std::optional<RangeModel> range;
     PositionModel position;
     PoseModel pose;
@@ -133,6 +143,7 @@ class Mcl {
   [[nodiscard]] ParticleBelief places_that_fit(const EndPoints& points, int count);
   void challenge(const EndPoints& points, double share, double best, bool just_lost);
   void admit(std::size_t first, int scouts);
+  void fit_beams(const LaserScan& scan);
   void fit(const LikelihoodField& field, const EndPoints& points, const ParticleBelief& belief);
   [[nodiscard]] ParticleBins bins() const;
   [[nodiscard]] std::uint64_t next_key();
