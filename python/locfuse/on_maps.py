@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -163,6 +165,10 @@ def excerpt(log: Log, when: Callable[[NDArray[np.int64]], NDArray[np.bool_]], *n
     return replace(log, tables=tables)
 
 
+def _outside(begin: int, end: int, stamp: NDArray[np.int64]) -> NDArray[np.bool_]:
+    return (stamp < begin) | (stamp >= end)
+
+
 def right(estimate: Trajectory, truth: Trajectory) -> tuple[NDArray[np.bool_], FloatArray]:
     """Return where the place is right, and how far the robot had gone [m], where truth is known."""
     errors = errors_against(estimate, truth)
@@ -188,7 +194,7 @@ def _found(configs: Path, name: str) -> Iterator[Claim]:
     runs = []
     for start in range(STARTS):
         first = begin + round(0.7 * (end - begin) * start / (STARTS - 1))
-        rest = excerpt(log, lambda stamp, first=first: stamp >= first)
+        rest = excerpt(log, partial(operator.le, first))
         of = localize(config.model_copy(update={"seed": start}), rest)
         runs.append(_start_of_run(of, truth))
     at_travel, at_end, wrong = np.array(runs).T
@@ -312,8 +318,7 @@ def _kidnapped(seeds: int) -> Iterator[Claim]:
         assert truth is not None
         begin = int(log["scans"]["stamp_ns"][0])
         cut = [begin + 15 * NANOSECONDS, begin + 32 * NANOSECONDS]
-        carried = excerpt(log, lambda stamp, cut=cut: (stamp < cut[0]) | (stamp >= cut[1]),
-                       "odometry", "scans")  # fmt: skip
+        carried = excerpt(log, partial(_outside, *cut), "odometry", "scans")
         odometry = carried["odometry"]
         first = int(np.searchsorted(odometry["stamp_ns"], cut[1]))
         for key in ("dx_m", "dy_m", "dheading_rad"):
