@@ -165,8 +165,8 @@ def excerpt(log: Log, when: Callable[[NDArray[np.int64]], NDArray[np.bool_]], *n
     return replace(log, tables=tables)
 
 
-def _outside(begin: int, end: int, stamp: NDArray[np.int64]) -> NDArray[np.bool_]:
-    return (stamp < begin) | (stamp >= end)
+def _outside(span: tuple[int, int], stamp: NDArray[np.int64]) -> NDArray[np.bool_]:
+    return (stamp < span[0]) | (stamp >= span[1])
 
 
 def right(estimate: Trajectory, truth: Trajectory) -> tuple[NDArray[np.bool_], FloatArray]:
@@ -317,8 +317,8 @@ def _kidnapped(seeds: int) -> Iterator[Claim]:
         truth = truth_of(log)
         assert truth is not None
         begin = int(log["scans"]["stamp_ns"][0])
-        cut = [begin + 15 * NANOSECONDS, begin + 32 * NANOSECONDS]
-        carried = excerpt(log, partial(_outside, *cut), "odometry", "scans")
+        cut = begin + 15 * NANOSECONDS, begin + 32 * NANOSECONDS
+        carried = excerpt(log, partial(_outside, cut), "odometry", "scans")
         odometry = carried["odometry"]
         first = int(np.searchsorted(odometry["stamp_ns"], cut[1]))
         for key in ("dx_m", "dy_m", "dheading_rad"):
