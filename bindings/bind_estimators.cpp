@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <pybind11/native_enum.h>
+
 #include "bindings.hpp"
 #include "locfuse/estimators/pose_ekf.hpp"
 #include "numpy.hpp"
@@ -69,16 +71,32 @@ void bind_estimators(py::module_& m) {
       .def_readwrite("odometry", &Config::odometry)
       .def_readwrite("range", &Config::range)
       .def_readwrite("position", &Config::position)
+      .def_readwrite("landmark", &Config::landmark)
       .def_readwrite("gate_range", &Config::gate_range, "Probability that a good range passes.")
       .def_readwrite("gate_position", &Config::gate_position)
       .def_readwrite("gate_pose", &Config::gate_pose)
+      .def_readwrite("gate_landmark", &Config::gate_landmark)
       .def_readwrite("hold_s", &Config::hold_s,
                      "How long the last motion is believed without new odometry.")
       .def_readwrite("sigma_lost_xy_per_sqrt_s", &Config::sigma_lost_xy_per_sqrt_s)
       .def_readwrite("sigma_lost_heading_per_sqrt_s", &Config::sigma_lost_heading_per_sqrt_s);
+  py::class_<locfuse::LandmarkSight>(
+      m, "LandmarkSight",
+      "The landmarks that are known, and where on the body the sensor sits that sees them.")
+      .def(py::init([](std::shared_ptr<locfuse::LandmarkMap> map, const Pose2& sensor_in_body) {
+             return locfuse::LandmarkSight{std::move(map), sensor_in_body};
+           }),
+           py::arg("map"), py::arg("sensor_in_body") = Pose2{})
+      .def_readonly("sensor_in_body", &locfuse::LandmarkSight::sensor_in_body);
+  py::native_enum<locfuse::Association>(m, "Association", "enum.Enum",
+                                        "Which landmark a sighting without a name is of.")
+      .value("NEAREST", locfuse::Association::kNearest, "The nearest, each by itself.")
+      .value("GLOBAL", locfuse::Association::kGlobal, "The least sum over all sightings.")
+      .value("JOINT", locfuse::Association::kJoint, "The largest set that fits jointly.")
+      .finalize();
   py::class_<PoseEkf>(m, "PoseEkf", R"(Extended Kalman filter over (x, y, heading) in world.
 
-Odometry predicts; ranges, positions and poses correct (ekim2020, section 2.1).
+Odometry predicts; ranges, positions, poses and landmarks correct (ekim2020, section 2.1).
 
 Parameters
 ----------
@@ -86,6 +104,7 @@ config : PoseEkfConfig
 anchors : AnchorMap
 tags : list of Tag
 start : PoseEstimate
+landmarks : LandmarkSight, optional
 
 Raises
 ------
@@ -104,18 +123,32 @@ Examples
 >>> ekf.on(Range(100_000_000, tag=0, anchor=2, range=5.4)).verdict.name
 'FUSED'
 )")
-      .def(py::init<const Config&, std::shared_ptr<AnchorMap>, std::vector<Tag>,
-                    const PoseEstimate&>(),
-           py::arg("config"), py::arg("anchors"), py::arg("tags"), py::arg("start"))
+      .def(py::init([](const Config& config, std::shared_ptr<AnchorMap> anchors,
+                       std::vector<Tag> tags, const PoseEstimate& start,
+                       const std::optional<locfuse::LandmarkSight>& landmarks) {
+             return PoseEkf(config, std::move(anchors), std::move(tags), start,
+                            landmarks.value_or(locfuse::LandmarkSight{}));
+           }),
+           py::arg("config"), py::arg("anchors"), py::arg("tags"), py::arg("start"),
+           py::arg("landmarks") = py::none())
       .def("on", py::overload_cast<const locfuse::Velocity&>(&PoseEkf::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Increment&>(&PoseEkf::on), py::arg("message"))
       .def("on", py::overload_cast<const Range&>(&PoseEkf::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::PositionFix&>(&PoseEkf::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::PoseObservation&>(&PoseEkf::on),
-           py::arg("message"),
+           py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::RangeBearing&>(&PoseEkf::on), py::arg("message"),
            "Fuses one message. One that is not fused changes no bit of the estimator.")
-      .def("on_joint", &PoseEkf::on_joint, py::arg("epoch"),
+      .def("on_joint", py::overload_cast<const std::vector<Range>&>(&PoseEkf::on_joint),
+           py::arg("epoch"),
            "Fuses ranges of one stamp as one measurement: one linearization, one gate.")
+      .def("on_joint",
+           py::overload_cast<const std::vector<locfuse::RangeBearing>&, locfuse::Association>(
+               &PoseEkf::on_joint),
+           py::arg("sightings"),
+           py::arg_v("association", locfuse::Association::kJoint, "Association.JOINT"),
+           "Fuses sightings of one stamp; those without a name are put together with landmarks "
+           "before any is fused. Returns an outcome for each: one that fits none is gated.")
       .def("on_epoch", &on_epoch, py::arg("begin"), py::arg("stamp"), py::arg("motion"),
            py::arg("anchors"), py::arg("ranges"), py::arg("tag") = 0,
            "The motion from `begin` to `stamp` [ns], then the ranges (n,) [m] to the anchors (n,) "

@@ -67,18 +67,22 @@ Examples
 )")
       .def(py::init([](const Config& config, const locfuse::PoseEkf::Config& estimator,
                        std::shared_ptr<locfuse::AnchorMap> anchors, std::vector<locfuse::Tag> tags,
-                       const std::optional<std::shared_ptr<locfuse::ScanMatcher>>& matcher) {
+                       const std::optional<std::shared_ptr<locfuse::ScanMatcher>>& matcher,
+                       const std::optional<locfuse::LandmarkSight>& landmarks) {
              return Initializer(config, estimator, std::move(anchors), std::move(tags),
-                                matcher.value_or(nullptr));
+                                matcher.value_or(nullptr),
+                                landmarks.value_or(locfuse::LandmarkSight{}));
            }),
            py::arg("config"), py::arg("estimator"), py::arg("anchors"), py::arg("tags"),
-           py::arg("matcher") = py::none())
+           py::arg("matcher") = py::none(), py::arg("landmarks") = py::none())
       .def("on", py::overload_cast<const locfuse::Velocity&>(&Initializer::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Increment&>(&Initializer::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Range&>(&Initializer::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::PositionFix&>(&Initializer::on),
            py::arg("message"))
       .def("on", py::overload_cast<const locfuse::PoseObservation&>(&Initializer::on),
+           py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::RangeBearing&>(&Initializer::on),
            py::arg("message"))
       .def("on", py::overload_cast<const locfuse::LaserScan&>(&Initializer::on), py::arg("message"),
            py::call_guard<py::gil_scoped_release>(), "Takes one message.")

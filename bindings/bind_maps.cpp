@@ -6,6 +6,7 @@
 #include "bindings.hpp"
 #include "locfuse/maps/anchor_map.hpp"
 #include "locfuse/maps/distance_field.hpp"
+#include "locfuse/maps/landmark_map.hpp"
 #include "locfuse/maps/ray_caster.hpp"
 #include "numpy.hpp"
 
@@ -14,6 +15,8 @@ using locfuse::Anchor;
 using locfuse::AnchorMap;
 using locfuse::Cell;
 using locfuse::DistanceField;
+using locfuse::Landmark;
+using locfuse::LandmarkMap;
 using locfuse::OccupancyGrid;
 using locfuse::Pose2;
 using locfuse::RayCaster;
@@ -48,6 +51,33 @@ py::array_t<double> for_points(const Column<double>& points, const Answer& answe
     }
   }
   return to_numpy(std::move(found), {points.shape(0)});
+}
+
+void bind_landmark_map(py::module_& m) {
+  py::class_<Landmark>(m, "Landmark",
+                       "Something fixed that a sensor recognizes: its centre at `position` (2,) in "
+                       "world and its `radius` [m].")
+      .def(py::init([](locfuse::Id id, const locfuse::Vector<2>& position, double radius) {
+             return Landmark{id, position, radius};
+           }),
+           py::arg("id"), py::arg("position"), py::arg("radius") = Landmark{}.radius)
+      .def_readonly("id", &Landmark::id)
+      .def_readonly("position", &Landmark::position)
+      .def_readonly("radius", &Landmark::radius)
+      .def("__repr__",
+           [](const Landmark& l) { return "Landmark(id=" + std::to_string(l.id) + ")"; });
+  py::class_<LandmarkMap, std::shared_ptr<LandmarkMap>>(
+      m, "LandmarkMap",
+      "The landmarks, by id; immutable.\n\nRaises\n------\nValueError\n    On a duplicate id, a "
+      "number that is not finite or a radius that is negative.")
+      .def(py::init<std::vector<Landmark>>(), py::arg("landmarks"))
+      .def_property_readonly("landmarks", &LandmarkMap::landmarks, "All landmarks in order of id.")
+      .def("__len__", [](const LandmarkMap& map) { return map.landmarks().size(); })
+      .def("__contains__",
+           [](const LandmarkMap& map, locfuse::Id id) { return map.find(id) != nullptr; })
+      .def("__repr__", [](const LandmarkMap& map) {
+        return "LandmarkMap(" + std::to_string(map.landmarks().size()) + " landmarks)";
+      });
 }
 
 void bind_grid(py::module_& m) {
@@ -268,6 +298,7 @@ void bind_maps(py::module_& m) {
       .def("__repr__", [](const AnchorMap& map) {
         return "AnchorMap(" + std::to_string(map.anchors().size()) + " anchors)";
       });
+  bind_landmark_map(m);
   bind_grid(m);
   bind_ray_caster(m);
 }

@@ -96,11 +96,12 @@ void bind_mcl(py::module_& m) {
       .def_readwrite("likelihood", &Config::likelihood)
       .def_readwrite("beam_model", &Config::beam_model)
       .def_readwrite("range", &Config::range)
-      .def_readwrite("position", &Config::position);
+      .def_readwrite("position", &Config::position)
+      .def_readwrite("landmark", &Config::landmark);
   py::class_<Mcl>(m, "Mcl", R"(Monte Carlo localization on a grid map.
 
-Scans weigh particles by the likelihood field or the beam model; ranges, positions and poses may weigh them, too
-(docs/models/mcl.md). At first the particles are all over the free cells.
+Scans weigh particles by the likelihood field or the beam model; ranges, positions, poses and
+landmarks may weigh them, too (docs/models/mcl.md). At first the particles are all over the free cells.
 
 Parameters
 ----------
@@ -111,6 +112,7 @@ start : int
 anchors : AnchorMap, optional
 tags : list of Tag, optional
     For ranges.
+landmarks : LandmarkSight, optional
 
 Raises
 ------
@@ -133,13 +135,16 @@ False
       .def(py::init([](const Config& config, std::shared_ptr<locfuse::OccupancyGrid> grid,
                        locfuse::Stamp start,
                        const std::optional<std::shared_ptr<locfuse::AnchorMap>>& anchors,
-                       std::vector<locfuse::Tag> tags) {
+                       std::vector<locfuse::Tag> tags,
+                       const std::optional<locfuse::LandmarkSight>& landmarks) {
              const py::gil_scoped_release unlocked;
              return std::make_unique<Mcl>(config, std::move(grid), start, anchors.value_or(nullptr),
-                                          std::move(tags));
+                                          std::move(tags),
+                                          landmarks.value_or(locfuse::LandmarkSight{}));
            }),
            py::arg("config"), py::arg("grid"), py::arg("start") = 0,
-           py::arg("anchors") = py::none(), py::arg("tags") = std::vector<locfuse::Tag>{})
+           py::arg("anchors") = py::none(), py::arg("tags") = std::vector<locfuse::Tag>{},
+           py::arg("landmarks") = py::none())
       .def("start_anywhere", &Mcl::start_anywhere, py::arg("stamp"),
            "Starts anew, anywhere in free space.")
       .def("start_at", &Mcl::start_at, py::arg("hypotheses"),
@@ -164,6 +169,8 @@ False
       .def("on", py::overload_cast<const locfuse::PositionFix&>(&Mcl::on), py::arg("message"),
            py::call_guard<py::gil_scoped_release>())
       .def("on", py::overload_cast<const locfuse::PoseObservation&>(&Mcl::on), py::arg("message"),
+           py::call_guard<py::gil_scoped_release>())
+      .def("on", py::overload_cast<const locfuse::RangeBearing&>(&Mcl::on), py::arg("message"),
            py::call_guard<py::gil_scoped_release>())
       .def("on", py::overload_cast<const locfuse::LaserScan&>(&Mcl::on), py::arg("message"),
            py::call_guard<py::gil_scoped_release>(), "Takes one message.")

@@ -146,6 +146,53 @@ replays raises RuntimeError; several threads may replay it at once.
           py::arg("stamp_ns"), py::arg("pose"), py::arg("sigma_xy"), py::arg("sigma_heading"),
           no_arrival, "Poses (n, 3): x, y [m], heading [rad], with their sigmas.")
       .def(
+          "add_sightings",
+          [](SharedLog& log, const Stamps& stamp, const Column<Id>& landmark,
+             const Column<double>& range, const Column<double>& bearing,
+             const std::optional<Column<double>>& sigma_range,
+             const std::optional<Column<double>>& sigma_bearing,
+             const std::optional<Stamps>& arrival) {
+            expect_shape("landmark", landmark, stamp.size());
+            expect_shape("range", range, stamp.size());
+            expect_shape("bearing", bearing, stamp.size());
+            if (sigma_range.has_value() != sigma_bearing.has_value()) {
+              throw std::invalid_argument(
+                  "sigma_range and sigma_bearing: one is given, expected "
+                  "both or none");
+            }
+            if (sigma_range) {
+              expect_shape("sigma_range", *sigma_range, stamp.size());
+              expect_shape("sigma_bearing", *sigma_bearing, stamp.size());
+            }
+            const double* sr = sigma_range ? sigma_range->data() : nullptr;
+            const double* sb = sigma_bearing ? sigma_bearing->data() : nullptr;
+            add_rows(log, stamp, arrival,
+                     [t = stamp.data(), l = landmark.data(), r = range.data(), b = bearing.data(),
+                      sr, sb](py::ssize_t i) -> Message {
+                       locfuse::RangeBearing z{t[i], {}, {}, {}, {}};
+                       if (l[i] >= 0) {
+                         z.landmark = l[i];
+                       }
+                       if (!std::isnan(r[i])) {
+                         z.range = r[i];
+                       }
+                       if (!std::isnan(b[i])) {
+                         z.bearing = b[i];
+                       }
+                       if (sr != nullptr) {
+                         const locfuse::Vector<2> sigma(
+                             checked_sigma("RangeBearing.sigma_range [m]", sr[i]),
+                             checked_sigma("RangeBearing.sigma_bearing [rad]", sb[i]));
+                         z.covariance = locfuse::Matrix<2, 2>(sigma.cwiseAbs2().asDiagonal());
+                       }
+                       return z;
+                     });
+          },
+          py::arg("stamp_ns"), py::arg("landmark"), py::arg("range"), py::arg("bearing"),
+          py::arg("sigma_range") = py::none(), py::arg("sigma_bearing") = py::none(), no_arrival,
+          "Landmarks by id (-1: not known which), range [m] and bearing [rad], NaN where not "
+          "measured, with their sigmas.")
+      .def(
           "sort",
           [](SharedLog& log) {
             const Use use(log, Use::Kind::kChange);

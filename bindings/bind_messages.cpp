@@ -14,6 +14,7 @@ using locfuse::Pose2;
 using locfuse::PoseObservation;
 using locfuse::PositionFix;
 using locfuse::Range;
+using locfuse::RangeBearing;
 using locfuse::Stamp;
 using locfuse::Velocity;
 
@@ -163,6 +164,38 @@ void bind_messages(py::module_& m) {
         std::ostringstream text;
         text << "PoseObservation(stamp=" << z.stamp << ", pose=(" << z.pose.x << ", " << z.pose.y
              << ", " << z.pose.heading << "))";
+        return text.str();
+      });
+  py::class_<RangeBearing>(
+      m, "RangeBearing",
+      "A landmark seen from a sensor on the body: `range` [m] to its centre, `bearing` [rad] "
+      "counter-clockwise from the sensor's x, or one of the two. Without `landmark` it is of "
+      "whichever fits; without `covariance` (2, 2) of (range, bearing) the model's own is used.")
+      .def(py::init([](Stamp stamp, std::optional<Id> landmark, std::optional<double> range,
+                       std::optional<double> bearing,
+                       const std::optional<locfuse::Matrix<2, 2>>& covariance) {
+             return checked(RangeBearing{stamp, landmark, range, bearing, covariance});
+           }),
+           py::arg("stamp"), py::arg("landmark") = py::none(), py::arg("range") = py::none(),
+           py::arg("bearing") = py::none(), py::arg("covariance") = py::none())
+      .def_readonly("stamp", &RangeBearing::stamp)
+      .def_readonly("landmark", &RangeBearing::landmark)
+      .def_readonly("range", &RangeBearing::range)
+      .def_readonly("bearing", &RangeBearing::bearing)
+      .def_readonly("covariance", &RangeBearing::covariance)
+      .def("__repr__", [](const RangeBearing& z) {
+        std::ostringstream text;
+        text << "RangeBearing(stamp=" << z.stamp;
+        if (z.landmark) {
+          text << ", landmark=" << *z.landmark;
+        }
+        if (z.range) {
+          text << ", range=" << *z.range;
+        }
+        if (z.bearing) {
+          text << ", bearing=" << *z.bearing;
+        }
+        text << ")";
         return text.str();
       });
   bind_laser(m);

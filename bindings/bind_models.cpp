@@ -3,6 +3,7 @@
 #include "locfuse/models/measurement/pose.hpp"
 #include "locfuse/models/measurement/position.hpp"
 #include "locfuse/models/measurement/range.hpp"
+#include "locfuse/models/measurement/range_bearing.hpp"
 #include "locfuse/models/motion/odometry.hpp"
 
 namespace py = pybind11;
@@ -11,6 +12,7 @@ using locfuse::OdometryMotion;
 using locfuse::Pose2;
 using locfuse::PoseModel;
 using locfuse::PositionModel;
+using locfuse::RangeBearingModel;
 using locfuse::RangeModel;
 using locfuse::Tag;
 using Step = locfuse::Propagation<Pose2, 3>;
@@ -75,6 +77,31 @@ void bind_models(py::module_& m) {
           py::arg("T_world_body"), py::arg("z"),
           "Linearization (1 x 3); None if anchor or tag is unknown, or the tag sits on the "
           "anchor.");
+
+  using RangeBearingConfig = RangeBearingModel::Config;
+  py::class_<RangeBearingConfig>(m, "RangeBearingConfig",
+                                 "Noise of sightings that bring no covariance of their own.")
+      .def(py::init<>())
+      .def_readwrite("sigma_range_m", &RangeBearingConfig::sigma_range_m, "m")
+      .def_readwrite("sigma_bearing_rad", &RangeBearingConfig::sigma_bearing_rad, "rad");
+  py::class_<RangeBearingModel>(
+      m, "RangeBearingModel",
+      "Range and bearing from a sensor on the body to a landmark at (2,) in world; "
+      "docs/models/range_bearing.md.")
+      .def(py::init<const RangeBearingConfig&, const Pose2&>(), py::arg("config"),
+           py::arg("sensor_in_body") = Pose2{})
+      .def("predict", &RangeBearingModel::predict, py::arg("T_world_body"), py::arg("landmark"),
+           "Expected range [m] and bearing [rad], (2,).")
+      .def(
+          "linearize",
+          [](const RangeBearingModel& model, const Pose2& pose, const locfuse::Vector<2>& landmark,
+             const locfuse::RangeBearing& z) -> std::optional<AnyLinearization> {
+            const auto lin = model.linearize(pose, landmark, z);
+            return lin ? std::optional(AnyLinearization{lin->residual, lin->jacobian, lin->noise})
+                       : std::nullopt;
+          },
+          py::arg("T_world_body"), py::arg("landmark"), py::arg("z"),
+          "Linearization (1 or 2 x 3); None if the landmark sits on the sensor.");
 
   using PositionConfig = PositionModel::Config;
   py::class_<PositionConfig>(m, "PositionConfig", "Lever arm of the antenna of position fixes.")

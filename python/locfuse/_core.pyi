@@ -12,6 +12,7 @@ import typing
 __all__: list[str] = [
     "Anchor",
     "AnchorMap",
+    "Association",
     "BeamModelConfig",
     "Dilution",
     "DistanceField",
@@ -22,6 +23,9 @@ __all__: list[str] = [
     "Increment",
     "Initializer",
     "InitializerConfig",
+    "Landmark",
+    "LandmarkMap",
+    "LandmarkSight",
     "LaserGeometry",
     "LaserScan",
     "LikelihoodFieldConfig",
@@ -54,6 +58,9 @@ __all__: list[str] = [
     "PositionStatus",
     "Propagation",
     "Range",
+    "RangeBearing",
+    "RangeBearingConfig",
+    "RangeBearingModel",
     "RangeConfig",
     "RangeCulprit",
     "RangeModel",
@@ -310,6 +317,32 @@ class PoseObservation:
     @property
     def stamp(self) -> int: ...
 
+class RangeBearing:
+    """
+    A landmark seen from a sensor on the body: `range` [m] to its centre, `bearing` [rad] counter-clockwise from the sensor's x, or one of the two. Without `landmark` it is of whichever fits; without `covariance` (2, 2) of (range, bearing) the model's own is used.
+    """
+    def __init__(
+        self,
+        stamp: typing.SupportsInt | typing.SupportsIndex,
+        landmark: typing.SupportsInt | typing.SupportsIndex | None = None,
+        range: typing.SupportsFloat | typing.SupportsIndex | None = None,
+        bearing: typing.SupportsFloat | typing.SupportsIndex | None = None,
+        covariance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 2]"] | None = None,
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    @property
+    def bearing(self) -> float | None: ...
+    @property
+    def covariance(
+        self,
+    ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 2]"] | None: ...
+    @property
+    def landmark(self) -> int | None: ...
+    @property
+    def range(self) -> float | None: ...
+    @property
+    def stamp(self) -> int: ...
+
 class LaserGeometry:
     """
     How a 2D laser sits on the body and sees: beam i leaves at angle_min + i * angle_increment [rad] from the laser's x axis; `pose_in_body` is T_body_laser; ranges [m].
@@ -392,6 +425,43 @@ class AnchorMap:
     def anchors(self) -> list[Anchor]:
         """
         All anchors in order of id.
+        """
+
+class Landmark:
+    """
+    Something fixed that a sensor recognizes: its centre at `position` (2,) in world and its `radius` [m].
+    """
+    def __init__(
+        self,
+        id: typing.SupportsInt | typing.SupportsIndex,
+        position: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
+        radius: typing.SupportsFloat | typing.SupportsIndex = 0.0,
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    @property
+    def id(self) -> int: ...
+    @property
+    def position(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"]: ...
+    @property
+    def radius(self) -> float: ...
+
+class LandmarkMap:
+    """
+    The landmarks, by id; immutable.
+
+    Raises
+    ------
+    ValueError
+        On a duplicate id, a number that is not finite or a radius that is negative.
+    """
+    def __contains__(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> bool: ...
+    def __init__(self, landmarks: collections.abc.Sequence[Landmark]) -> None: ...
+    def __len__(self) -> int: ...
+    def __repr__(self) -> str: ...
+    @property
+    def landmarks(self) -> list[Landmark]:
+        """
+        All landmarks in order of id.
         """
 
 class OccupancyGrid:
@@ -1231,6 +1301,49 @@ class RangeModel:
         Expected range [m]; None if anchor or tag is unknown.
         """
 
+class RangeBearingConfig:
+    """
+    Noise of sightings that bring no covariance of their own.
+    """
+    def __init__(self) -> None: ...
+    @property
+    def sigma_bearing_rad(self) -> float:
+        """
+        rad
+        """
+    @sigma_bearing_rad.setter
+    def sigma_bearing_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_range_m(self) -> float:
+        """
+        m
+        """
+    @sigma_range_m.setter
+    def sigma_range_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+
+class RangeBearingModel:
+    """
+    Range and bearing from a sensor on the body to a landmark at (2,) in world; docs/models/range_bearing.md.
+    """
+    def __init__(self, config: RangeBearingConfig, sensor_in_body: Pose2 = ...) -> None: ...
+    def linearize(
+        self,
+        T_world_body: Pose2,
+        landmark: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
+        z: RangeBearing,
+    ) -> Linearization | None:
+        """
+        Linearization (1 or 2 x 3); None if the landmark sits on the sensor.
+        """
+    def predict(
+        self,
+        T_world_body: Pose2,
+        landmark: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
+    ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"]:
+        """
+        Expected range [m] and bearing [rad], (2,).
+        """
+
 class PositionConfig:
     """
     Lever arm of the antenna of position fixes.
@@ -1699,10 +1812,15 @@ class PoseEkfConfig:
     Noise, gates and behaviour of a PoseEkf.
     """
 
+    landmark: RangeBearingConfig
     odometry: OdometryConfig
     position: PositionConfig
     range: RangeConfig
     def __init__(self) -> None: ...
+    @property
+    def gate_landmark(self) -> float: ...
+    @gate_landmark.setter
+    def gate_landmark(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def gate_pose(self) -> float: ...
     @gate_pose.setter
@@ -1738,11 +1856,28 @@ class PoseEkfConfig:
         self, arg0: typing.SupportsFloat | typing.SupportsIndex
     ) -> None: ...
 
+class LandmarkSight:
+    """
+    The landmarks that are known, and where on the body the sensor sits that sees them.
+    """
+    def __init__(self, map: LandmarkMap, sensor_in_body: Pose2 = ...) -> None: ...
+    @property
+    def sensor_in_body(self) -> Pose2: ...
+
+class Association(enum.Enum):
+    """
+    Which landmark a sighting without a name is of.
+    """
+
+    GLOBAL = ...
+    JOINT = ...
+    NEAREST = ...
+
 class PoseEkf:
     """
     Extended Kalman filter over (x, y, heading) in world.
 
-    Odometry predicts; ranges, positions and poses correct (ekim2020, section 2.1).
+    Odometry predicts; ranges, positions, poses and landmarks correct (ekim2020, section 2.1).
 
     Parameters
     ----------
@@ -1750,6 +1885,7 @@ class PoseEkf:
     anchors : AnchorMap
     tags : list of Tag
     start : PoseEstimate
+    landmarks : LandmarkSight, optional
 
     Raises
     ------
@@ -1782,6 +1918,7 @@ class PoseEkf:
         anchors: AnchorMap,
         tags: collections.abc.Sequence[Tag],
         start: PoseEstimate,
+        landmarks: LandmarkSight | None = None,
     ) -> None: ...
     def __repr__(self) -> str: ...
     def advance_to(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> None: ...
@@ -1813,7 +1950,9 @@ class PoseEkf:
     @typing.overload
     def on(self, message: PositionFix) -> Outcome: ...
     @typing.overload
-    def on(self, message: PoseObservation) -> Outcome:
+    def on(self, message: PoseObservation) -> Outcome: ...
+    @typing.overload
+    def on(self, message: RangeBearing) -> Outcome:
         """
         Fuses one message. One that is not fused changes no bit of the estimator.
         """
@@ -1829,9 +1968,17 @@ class PoseEkf:
         """
         The motion from `begin` to `stamp` [ns], then the ranges (n,) [m] to the anchors (n,) at `stamp`, in one call. Returns n + 1 outcomes.
         """
+    @typing.overload
     def on_joint(self, epoch: collections.abc.Sequence[Range]) -> Outcome:
         """
         Fuses ranges of one stamp as one measurement: one linearization, one gate.
+        """
+    @typing.overload
+    def on_joint(
+        self, sightings: collections.abc.Sequence[RangeBearing], association: Association = ...
+    ) -> list[Outcome]:
+        """
+        Fuses sightings of one stamp; those without a name are put together with landmarks before any is fused. Returns an outcome for each: one that fits none is gated.
         """
     @property
     def belief(self) -> GaussianBelief: ...
@@ -1959,6 +2106,7 @@ class Initializer:
         anchors: AnchorMap,
         tags: collections.abc.Sequence[Tag],
         matcher: ScanMatcher | None = None,
+        landmarks: LandmarkSight | None = None,
     ) -> None: ...
     def __repr__(self) -> str: ...
     def estimator(self) -> PoseEkf:
@@ -1980,6 +2128,8 @@ class Initializer:
     def on(self, message: PositionFix) -> None: ...
     @typing.overload
     def on(self, message: PoseObservation) -> None: ...
+    @typing.overload
+    def on(self, message: RangeBearing) -> None: ...
     @typing.overload
     def on(self, message: LaserScan) -> None:
         """
@@ -2067,6 +2217,7 @@ class MclConfig:
 
     beam_model: BeamModelConfig
     field: LikelihoodFieldConfig
+    landmark: RangeBearingConfig
     likelihood: ScanLikelihood
     odometry: OdometryConfig
     position: PositionConfig
@@ -2213,8 +2364,8 @@ class Mcl:
     """
     Monte Carlo localization on a grid map.
 
-    Scans weigh particles by the likelihood field or the beam model; ranges, positions and poses may weigh them, too
-    (docs/models/mcl.md). At first the particles are all over the free cells.
+    Scans weigh particles by the likelihood field or the beam model; ranges, positions, poses and
+    landmarks may weigh them, too (docs/models/mcl.md). At first the particles are all over the free cells.
 
     Parameters
     ----------
@@ -2225,6 +2376,7 @@ class Mcl:
     anchors : AnchorMap, optional
     tags : list of Tag, optional
         For ranges.
+    landmarks : LandmarkSight, optional
 
     Raises
     ------
@@ -2256,6 +2408,7 @@ class Mcl:
         start: typing.SupportsInt | typing.SupportsIndex = 0,
         anchors: AnchorMap | None = None,
         tags: collections.abc.Sequence[Tag] = [],
+        landmarks: LandmarkSight | None = None,
     ) -> None: ...
     def __repr__(self) -> str: ...
     def estimate(self) -> PoseEstimate:
@@ -2272,6 +2425,8 @@ class Mcl:
     def on(self, message: PositionFix) -> Outcome: ...
     @typing.overload
     def on(self, message: PoseObservation) -> Outcome: ...
+    @typing.overload
+    def on(self, message: RangeBearing) -> Outcome: ...
     @typing.overload
     def on(self, message: LaserScan) -> Outcome:
         """
@@ -2385,6 +2540,19 @@ class MessageLog:
         sigma: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
         arrival_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64] | None = None,
     ) -> None: ...
+    def add_sightings(
+        self,
+        stamp_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64],
+        landmark: typing.Annotated[numpy.typing.ArrayLike, numpy.int32],
+        range: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        bearing: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        sigma_range: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
+        sigma_bearing: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
+        arrival_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64] | None = None,
+    ) -> None:
+        """
+        Landmarks by id (-1: not known which), range [m] and bearing [rad], NaN where not measured, with their sigmas.
+        """
     def add_velocities(
         self,
         stamp_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64],

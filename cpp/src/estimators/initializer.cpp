@@ -206,14 +206,15 @@ PoseEstimate combined(const std::vector<std::pair<double, PoseEstimate>>& weight
 
 Initializer::Initializer(const Config& config, const PoseEkf::Config& estimator,
                          std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags,
-                         std::shared_ptr<const ScanMatcher> matcher)
+                         std::shared_ptr<const ScanMatcher> matcher, LandmarkSight landmarks)
     : config_(config),
       estimator_(estimator),
       anchors_(std::move(anchors)),
       tags_(std::move(tags)),
       matcher_(std::move(matcher)),
       gate_(estimator.gate_pose),
-      prototype_(estimator, anchors_, tags_, {0, {}, Matrix<3, 3>::Identity()}) {
+      prototype_(estimator, anchors_, tags_, {0, {}, Matrix<3, 3>::Identity()},
+                 std::move(landmarks)) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   in_range("epoch_s", config.epoch_s, 0.0, 3600.0);
   in_range("headings", config.headings, 3.0, 3601.0);
@@ -332,6 +333,15 @@ void Initializer::on(const PoseObservation& z) {
     components_.push_back(component({z.stamp, z.pose, z.covariance}, 0.0));
   } else {
     weigh(z, -2.0 * std::log(config_.wrong_span_m) - std::log(2.0 * kPi));
+    reduce();
+  }
+}
+
+void Initializer::on(const RangeBearing& z) {
+  validate(z);
+  weigh(z, (z.range ? -std::log(config_.wrong_span_m) : 0.0) -
+               (z.bearing ? std::log(2.0 * kPi) : 0.0));
+  if (!components_.empty()) {
     reduce();
   }
 }

@@ -95,7 +95,7 @@ PoseEstimate Mcl::carried(const PoseEstimate& from, const UncertainMotion& by, S
 }
 
 Mcl::Mcl(const Config& config, const std::shared_ptr<const OccupancyGrid>& grid, Stamp start,
-         std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags)
+         std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags, LandmarkSight landmarks)
     : odometry_(start), stamp_(start) {
   const Config& c = checked(config);
   std::vector<LikelihoodField> fields = LikelihoodField::doubling(c.field, grid, c.sigma_widest_m);
@@ -111,6 +111,7 @@ Mcl::Mcl(const Config& config, const std::shared_ptr<const OccupancyGrid>& grid,
   recipe_ = std::make_shared<const Recipe>(
       Recipe{c, OdometryMotion(c.odometry), lost_motion(c), std::move(fields), std::move(beams),
              std::move(range), PositionModel(c.position), PoseModel(),
+             RangeBearingModel(c.landmark, landmarks.sensor_in_body), std::move(landmarks.map),
              static_cast<Stamp>(c.hold_s * kNanosecondsPerSecond), std::move(free),
              std::make_shared<Workers>(c.threads),
              c.refine_up_to > 0 ? std::make_shared<const ScanMatcher>(grid) : nullptr});
@@ -438,7 +439,42 @@ struct Always {
   }
 };
 
+/// Whichever landmark fits a pose best, or the one that is named.
+struct Nearest {
+  const RangeBearingModel& model;
+  const LandmarkMap& map;
+  using Lin = Linearization<Eigen::Dynamic, 3, 2>;
+  [[nodiscard]] std::optional<Lin> linearize(const Pose2& pose, const RangeBearing& z) const {
+    if (z.landmark) {
+      const Landmark* landmark = map.find(*z.landmark);
+      return landmark == nullptr ? std::nullopt : model.linearize(pose, landmark->position, z);
+    }
+    std::optional<Lin> best;
+    double least = 0.0;
+    for (const Landmark& landmark : map.landmarks()) {
+      const std::optional<Lin> lin = model.linearize(pose, landmark.position, z);
+      if (!lin) {
+        continue;
+      }
+      const double nis = lin->noise.llt().matrixL().solve(lin->residual).squaredNorm();
+      if (!best || nis < least) {
+        best = lin;
+        least = nis;
+      }
+    }
+    return best;
+  }
+};
+
 }  // namespace
+
+Outcome Mcl::on(const RangeBearing& z) {
+  if (!recipe_->landmarks) {
+    validate(z);
+    return {Verdict::kNotModelled};
+  }
+  return weigh(Nearest{recipe_->landmark, *recipe_->landmarks}, z);
+}
 
 Outcome Mcl::on(const Range& z) {
   if (!recipe_->range) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -63,12 +64,15 @@ OdometryMotion lost_motion(const PoseEkf::Config& config) {
 }  // namespace
 
 PoseEkf::PoseEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
-                 std::vector<Tag> tags, const PoseEstimate& start)
+                 std::vector<Tag> tags, const PoseEstimate& start, LandmarkSight landmarks)
     : recipe_(std::make_shared<const Recipe>(
           Recipe{config, OdometryMotion(config.odometry), lost_motion(config),
                  RangeModel(config.range, std::move(anchors), std::move(tags)),
-                 PositionModel(config.position), PoseModel(), Gate(config.gate_range),
-                 Gate(config.gate_position), Gate(config.gate_pose), hold_of(config)})),
+                 PositionModel(config.position), PoseModel(),
+                 RangeBearingModel(config.landmark, landmarks.sensor_in_body),
+                 landmarks.map ? std::move(landmarks.map) : std::make_shared<const LandmarkMap>(),
+                 Gate(config.gate_range), Gate(config.gate_position), Gate(config.gate_pose),
+                 Gate(config.gate_landmark), hold_of(config)})),
       belief_(GaussianBelief::of_pose(start.stamp, start.pose, start.covariance)),
       body_(belief_.slot("body")),
       odometry_(start.stamp) {
@@ -146,6 +150,111 @@ Outcome PoseEkf::on(const PoseObservation& z) {
   });
 }
 
+Outcome PoseEkf::on(const RangeBearing& z) {
+  validate(z);
+  if (z.landmark) {
+    return on(z, recipe_->landmarks->find(*z.landmark));
+  }
+  if (z.stamp < belief_.stamp) {
+    return {Verdict::kStale};
+  }
+  return on(z, ahead(z.stamp).nearest(z));
+}
+
+Outcome PoseEkf::on(const RangeBearing& z, const Landmark* landmark) {
+  const RangeBearingModel& model = recipe_->landmark;
+  const Gate& gate = recipe_->landmark_gate;
+  if (landmark == nullptr) {
+    return {z.stamp < belief_.stamp ? Verdict::kStale : Verdict::kNotModelled};
+  }
+  if (z.range && z.bearing) {
+    return correct(z.stamp, gate, [&](const Pose2& pose) {
+      return model.linearize_both(pose, landmark->position, z);
+    });
+  }
+  return correct(z.stamp, gate,
+                 [&](const Pose2& pose) { return model.linearize(pose, landmark->position, z); });
+}
+
+/// The landmark with the least NIS under the belief, if there is one.
+const Landmark* PoseEkf::nearest(const RangeBearing& z) const {
+  const Landmark* found = nullptr;
+  double least = std::numeric_limits<double>::infinity();
+  const Matrix<3, 3> P = belief_.P;
+  for (const Landmark& landmark : recipe_->landmarks->landmarks()) {
+    const auto lin = recipe_->landmark.linearize(pose(), landmark.position, z);
+    if (!lin) {
+      continue;
+    }
+    using Noise = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 2, 2>;
+    const Noise S = lin->jacobian * P * lin->jacobian.transpose() + lin->noise;
+    const double nis = S.llt().matrixL().solve(lin->residual).squaredNorm();
+    if (nis < least) {
+      least = nis;
+      found = &landmark;
+    }
+  }
+  return found;
+}
+
+std::vector<Outcome> PoseEkf::on_joint(const std::vector<RangeBearing>& sightings,
+                                       Association association) {
+  for (const RangeBearing& z : sightings) {
+    validate(z);
+    if (z.stamp != sightings.front().stamp) {
+      throw std::invalid_argument("sightings of one instant have stamps " +
+                                  std::to_string(sightings.front().stamp) + " and " +
+                                  std::to_string(z.stamp) + " ns, expected one stamp");
+    }
+  }
+  std::vector<Outcome> outcomes(sightings.size(), Outcome{Verdict::kStale});
+  if (sightings.empty() || sightings.front().stamp < belief_.stamp) {
+    return outcomes;
+  }
+  const std::vector<const Landmark*> landmarks =
+      ahead(sightings.front().stamp).associated(sightings, association);
+  for (std::size_t i = 0; i < sightings.size(); ++i) {
+    const std::optional<Id>& name = sightings[i].landmark;
+    const bool known = name ? recipe_->landmarks->find(*name) != nullptr
+                            : !recipe_->landmarks->landmarks().empty();
+    outcomes[i] = landmarks[i] == nullptr && known ? Outcome{Verdict::kGated}
+                                                   : on(sightings[i], landmarks[i]);
+  }
+  return outcomes;
+}
+
+/// For each sighting the landmark that it is of, or null.
+std::vector<const Landmark*> PoseEkf::associated(const std::vector<RangeBearing>& sightings,
+                                                 Association association) const {
+  const std::vector<Landmark>& known = recipe_->landmarks->landmarks();
+  Pairings pairings(sightings.size());
+  for (std::size_t i = 0; i < sightings.size(); ++i) {
+    for (std::size_t k = 0; k < known.size(); ++k) {
+      if (sightings[i].landmark.value_or(known[k].id) != known[k].id) {
+        continue;
+      }
+      if (const auto lin = recipe_->landmark.linearize(pose(), known[k].position, sightings[i])) {
+        pairings[i].push_back(
+            {static_cast<int>(k), {lin->residual, lin->jacobian, lin->noise}, {0, 1, 2}});
+      }
+    }
+  }
+  const double probability = recipe_->config.gate_landmark;
+  compare(belief_.P, probability, pairings);
+  const Assignment assignment = association == Association::kNearest ? nearest_neighbour(pairings)
+                                : association == Association::kGlobal
+                                    ? global_nearest_neighbour(pairings)
+                                    : joint_compatibility(belief_.P, pairings, probability);
+  std::vector<const Landmark*> landmarks(sightings.size(), nullptr);
+  for (std::size_t i = 0; i < sightings.size(); ++i) {
+    if (assignment[i] >= 0) {
+      const Pairing& pairing = pairings[i][static_cast<std::size_t>(assignment[i])];
+      landmarks[i] = &known[static_cast<std::size_t>(pairing.landmark)];
+    }
+  }
+  return landmarks;
+}
+
 Outcome PoseEkf::on(const Message& message) {
   return std::visit([this](const auto& m) { return on(m); }, message);
 }
@@ -219,9 +328,13 @@ PoseEstimate PoseEkf::estimate(Stamp stamp) const {
                                 " ns, before the belief at " + std::to_string(belief_.stamp) +
                                 " ns");
   }
-  PoseEkf ahead = *this;
-  ahead.advance_to(stamp);
-  return ahead.current();
+  return ahead(stamp).current();
+}
+
+PoseEkf PoseEkf::ahead(Stamp stamp) const {
+  PoseEkf other = *this;
+  other.advance_to(stamp);
+  return other;
 }
 
 }  // namespace locfuse

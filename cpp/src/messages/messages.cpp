@@ -78,6 +78,22 @@ void validate(const PoseObservation& message) {
   require_covariance("PoseObservation.covariance", message.covariance);
 }
 
+void validate(const RangeBearing& message) {
+  check_stamp(message.stamp);
+  if (!message.range && !message.bearing) {
+    throw std::invalid_argument("RangeBearing has neither range nor bearing, expected one of them");
+  }
+  if (message.range && !(std::isfinite(*message.range) && *message.range >= 0.0)) {
+    refuse("RangeBearing.range [m]", *message.range, "a finite number >= 0");
+  }
+  if (message.bearing) {
+    require_finite("RangeBearing.bearing [rad]", *message.bearing);
+  }
+  if (message.covariance) {
+    require_covariance("RangeBearing.covariance", *message.covariance);
+  }
+}
+
 void validate(const LaserGeometry& geometry) {
   require_finite("LaserGeometry.pose_in_body.x [m]", geometry.pose_in_body.x);
   require_finite("LaserGeometry.pose_in_body.y [m]", geometry.pose_in_body.y);

@@ -55,13 +55,15 @@ class Initializer {
   /// config out of range.
   Initializer(const Config& config, const PoseEkf::Config& estimator,
               std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags,
-              std::shared_ptr<const ScanMatcher> matcher);
+              std::shared_ptr<const ScanMatcher> matcher, LandmarkSight landmarks = {});
 
   void on(const Velocity& u);
   void on(const Increment& u);
   void on(const Range& z);
   void on(const PositionFix& z);
   void on(const PoseObservation& z);
+  /// Weighs the hypotheses there are; by itself it starts none.
+  void on(const RangeBearing& z);
   void on(const LaserScan& z);
   void on(const Message& message);
 

@@ -72,12 +72,14 @@ class Mcl {
     BeamModel::Config beam_model;                ///< if that is kBeams
     RangeModel::Config range;
     PositionModel::Config position;
+    RangeBearingModel::Config landmark;
   };
 
   /// Knows nothing at first: particles all over the free cells. `anchors` may be null. Throws
   /// std::invalid_argument on a config out of range.
   Mcl(const Config& config, const std::shared_ptr<const OccupancyGrid>& grid, Stamp start,
-      std::shared_ptr<const AnchorMap> anchors = nullptr, std::vector<Tag> tags = {});
+      std::shared_ptr<const AnchorMap> anchors = nullptr, std::vector<Tag> tags = {},
+      LandmarkSight landmarks = {});
 
   /// Starts anew: anywhere in free space, or near poses, each as likely as its probability says.
   void start_anywhere(Stamp stamp);
@@ -95,6 +97,8 @@ class Mcl {
   Outcome on(const Range& z);
   Outcome on(const PositionFix& z);
   Outcome on(const PoseObservation& z);
+  /// One without a name weighs each particle by the landmark that fits it best.
+  Outcome on(const RangeBearing& z);
 
   /// The likeliest cluster, carried to where odometry ends.
   [[nodiscard]] PoseEstimate estimate() const;
@@ -123,6 +127,8 @@ class Mcl {
     std::optional<RangeModel> range;
     PositionModel position;
     PoseModel pose;
+    RangeBearingModel landmark;
+    std::shared_ptr<const LandmarkMap> landmarks;  // or null
     Stamp hold;
     std::vector<std::int32_t> free;  // cells, row by row
     std::shared_ptr<Workers> workers;

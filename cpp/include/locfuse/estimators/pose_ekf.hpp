@@ -5,14 +5,17 @@
 #include <vector>
 
 #include "locfuse/estimators/held_motion.hpp"
+#include "locfuse/filters/association.hpp"
 #include "locfuse/filters/belief.hpp"
 #include "locfuse/filters/gate.hpp"
 #include "locfuse/filters/kalman.hpp"
 #include "locfuse/filters/outcome.hpp"
+#include "locfuse/maps/landmark_map.hpp"
 #include "locfuse/messages/message.hpp"
 #include "locfuse/models/measurement/pose.hpp"
 #include "locfuse/models/measurement/position.hpp"
 #include "locfuse/models/measurement/range.hpp"
+#include "locfuse/models/measurement/range_bearing.hpp"
 #include "locfuse/models/motion/odometry.hpp"
 
 namespace locfuse {
@@ -30,8 +33,21 @@ struct PoseHypothesis {
   double probability = 0.0;
 };
 
-/// Extended Kalman filter over (x, y, heading) in world: odometry predicts; ranges, positions and
-/// poses correct (ekim2020, section 2.1).
+/// The landmarks that are known, and where on the body the sensor sits that sees them.
+struct LandmarkSight {
+  std::shared_ptr<const LandmarkMap> map;  ///< or null
+  Pose2 sensor_in_body;                    ///< T_body_sensor
+};
+
+/// Which landmark a sighting without a name is of.
+enum class Association : std::uint8_t {
+  kNearest,  ///< the nearest, each by itself
+  kGlobal,   ///< the least sum over all sightings
+  kJoint,    ///< the largest set that fits jointly
+};
+
+/// Extended Kalman filter over (x, y, heading) in world: odometry predicts; ranges, positions,
+/// poses and landmarks correct (ekim2020, section 2.1; wells, eq. 12 to 14).
 ///
 /// A cheap value: copying it is a snapshot. Every `on` throws std::invalid_argument for a message
 /// that is not valid and NumericalError where numbers break. A message that is not fused, for
@@ -42,9 +58,11 @@ class PoseEkf {
     OdometryMotion::Config odometry;
     RangeModel::Config range;
     PositionModel::Config position;
+    RangeBearingModel::Config landmark;
     double gate_range = 0.999;     ///< probability that a good range passes
     double gate_position = 0.999;  ///< likewise for a position fix
     double gate_pose = 0.999;      ///< likewise for a pose
+    double gate_landmark = 0.999;  ///< likewise for a landmark that is seen
     double hold_s = 1.0;  ///< how long the last motion is believed without new odometry [s]
     double sigma_lost_xy_per_sqrt_s = 0.5;       ///< thereafter: standing, spreading [m / sqrt(s)]
     double sigma_lost_heading_per_sqrt_s = 0.5;  ///< [rad / sqrt(s)]
@@ -56,7 +74,7 @@ class PoseEkf {
   /// Starts from `start`. Throws std::invalid_argument on a config out of range or a start that is
   /// not finite and positive definite.
   PoseEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags,
-          const PoseEstimate& start);
+          const PoseEstimate& start, LandmarkSight landmarks = {});
 
   /// The same filter, started anew: models and gates are shared, so this is cheap. Throws as the
   /// constructor does.
@@ -67,11 +85,18 @@ class PoseEkf {
   Outcome on(const Range& z);
   Outcome on(const PositionFix& z);
   Outcome on(const PoseObservation& z);
+  /// One without a name is of the nearest landmark; kNotModelled if there is no landmark.
+  Outcome on(const RangeBearing& z);
   Outcome on(const Message& message);
 
   /// Ranges of one instant fused as one measurement: one linearization, one gate. Those that are
   /// not modelled are left out. All stamps must be equal; at most kMaxJoint.
   Outcome on_joint(const std::vector<Range>& epoch);
+
+  /// Sightings of one instant; those without a name are put together with landmarks before any is
+  /// fused. One that fits none is kGated.
+  std::vector<Outcome> on_joint(const std::vector<RangeBearing>& sightings,
+                                Association association = Association::kJoint);
 
   /// Fuses what somebody else's model says of the pose at `stamp`: a Jacobian of any rows x 3.
   Outcome fuse(Stamp stamp, const Linearization<Eigen::Dynamic, 3>& lin, const Gate& gate);
@@ -100,14 +125,22 @@ class PoseEkf {
     RangeModel range;
     PositionModel position;
     PoseModel pose;
+    RangeBearingModel landmark;
+    std::shared_ptr<const LandmarkMap> landmarks;  // never null
     Gate range_gate;
     Gate position_gate;
     Gate pose_gate;
+    Gate landmark_gate;
     Stamp hold;
   };
 
   template <class Linearize>
   Outcome correct(Stamp stamp, const Gate& gate, const Linearize& linearize);
+  [[nodiscard]] PoseEkf ahead(Stamp stamp) const;
+  [[nodiscard]] const Landmark* nearest(const RangeBearing& z) const;
+  [[nodiscard]] std::vector<const Landmark*> associated(const std::vector<RangeBearing>& sightings,
+                                                        Association association) const;
+  Outcome on(const RangeBearing& z, const Landmark* landmark);
   void move(const OdometryMotion& model, const Pose2& motion, Stamp stamp);
 
   std::shared_ptr<const Recipe> recipe_;

@@ -9,7 +9,8 @@ namespace locfuse {
 
 /// Every message there is: the one register of sensors in C++. Code that must know all of them
 /// visits it, so the compiler lists what a new one still lacks.
-using Message = std::variant<Velocity, Increment, Range, PositionFix, PoseObservation>;
+using Message =
+    std::variant<Velocity, Increment, Range, PositionFix, PoseObservation, RangeBearing>;
 
 /// When a message takes effect: its stamp, but the beginning of the motion for an Increment.
 [[nodiscard]] inline Stamp effective_stamp(const Increment& message) { return message.begin; }

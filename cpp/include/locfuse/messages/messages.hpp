@@ -63,6 +63,16 @@ struct PoseObservation {
   Matrix<3, 3> covariance = Matrix<3, 3>::Zero();  ///< of (x, y, heading), positive definite
 };
 
+/// A landmark seen from a sensor on the body: how far away its centre is, in which direction, or
+/// both.
+struct RangeBearing {
+  Stamp stamp = 0;
+  std::optional<Id> landmark;              ///< without it, whichever fits
+  std::optional<double> range;             ///< [m]
+  std::optional<double> bearing;           ///< from the sensor's x, counter-clockwise [rad]
+  std::optional<Matrix<2, 2>> covariance;  ///< of (range, bearing); else the model's own
+};
+
 /// How a 2D laser sits on the body and sees: beam i leaves at angle_min + i * angle_increment.
 struct LaserGeometry {
   Pose2 pose_in_body;            ///< T_body_laser
@@ -88,6 +98,7 @@ void validate(const Range& message);
 
 void validate(const PositionFix& message);
 void validate(const PoseObservation& message);
+void validate(const RangeBearing& message);
 void validate(const LaserGeometry& geometry);
 void validate(const LaserScan& message);
 

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "locfuse/math/linearization.hpp"
+
+/// Which sighting is of which landmark, by squared Mahalanobis distance under a belief's
+/// covariance. Derivation: docs/models/association.md.
+namespace locfuse {
+
+/// A sighting that a landmark may have caused, and what it would say then.
+struct Pairing {
+  int landmark = 0;                                   ///< index that the caller knows it by
+  Linearization<Eigen::Dynamic, Eigen::Dynamic> lin;  ///< with respect to `rows` of the belief
+  std::vector<int> rows;
+  double nis = 0.0;  ///< r' S^-1 r, filled in by `compare`
+};
+
+/// Of each sighting the pairings that a gate lets pass by themselves.
+using Pairings = std::vector<std::vector<Pairing>>;
+
+/// Index into a sighting's pairings, or -1: it is of none of them.
+using Assignment = std::vector<int>;
+
+/// Fills in `nis` of each pairing under the covariance P, eq. (1), and drops those beyond the gate
+/// of that probability. Throws NumericalError if an S is not positive definite.
+void compare(const Eigen::MatrixXd& P, double probability, Pairings& pairings);
+
+/// To each sighting its nearest landmark; if several want the same one, the nearest gets it.
+[[nodiscard]] Assignment nearest_neighbour(const Pairings& pairings);
+
+/// As many pairs as possible that use no landmark twice, and of those the least sum of NIS
+/// (Hungarian method).
+[[nodiscard]] Assignment global_nearest_neighbour(const Pairings& pairings);
+
+/// The largest set of pairs that fits jointly, all correlations counted, and of those the one with
+/// the least joint NIS: eq. (2), by branch and bound (Neira and Tardos, 2001).
+[[nodiscard]] Assignment joint_compatibility(const Eigen::MatrixXd& P, const Pairings& pairings,
+                                             double probability);
+
+}  // namespace locfuse

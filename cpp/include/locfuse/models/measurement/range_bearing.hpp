@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+
+#include "locfuse/geometry/pose2.hpp"
+#include "locfuse/math/linearization.hpp"
+#include "locfuse/messages/messages.hpp"
+
+namespace locfuse {
+
+/// Range and bearing from a sensor on the body to the centre of a landmark, or one of the two.
+///
+/// h(x) = (|d|, atan2(d_y, d_x)) with d the landmark in the sensor's frame;
+/// docs/models/range_bearing.md eq. (1).
+class RangeBearingModel {
+ public:
+  /// R = diag(sigma_range_m^2, sigma_bearing_rad^2) where the message brings no covariance.
+  struct Config {
+    double sigma_range_m = 0.1;       ///< [m]
+    double sigma_bearing_rad = 0.02;  ///< [rad]
+  };
+
+  RangeBearingModel() : RangeBearingModel(Config{}, Pose2{}) {}
+
+  /// `sensor_in_body` is T_body_sensor. Throws std::invalid_argument on sigmas that are not finite
+  /// and positive, or a mount that is not finite.
+  RangeBearingModel(const Config& config, const Pose2& sensor_in_body);
+
+  /// Expected range [m] and bearing [rad].
+  [[nodiscard]] Vector<2> predict(const Pose2& T_world_body, const Vector<2>& landmark) const;
+
+  /// Of a sighting that has both, with respect to (x, y, theta) of T_world_body, 2x3: eq. (2).
+  /// Empty if the landmark sits on the sensor (no direction), or a part is missing.
+  [[nodiscard]] std::optional<Linearization<2, 3>> linearize_both(const Pose2& T_world_body,
+                                                                  const Vector<2>& landmark,
+                                                                  const RangeBearing& z) const {
+    const std::optional<Sight> sight = look(T_world_body, landmark);
+    if (!sight || !z.range || !z.bearing) {
+      return std::nullopt;
+    }
+    return Linearization<2, 3>{residual(*sight, z), sight->by_pose,
+                               z.covariance.value_or(covariance_)};
+  }
+
+  /// Of any sighting, one or two rows.
+  [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, 3, 2>> linearize(
+      const Pose2& T_world_body, const Vector<2>& landmark, const RangeBearing& z) const;
+
+  /// The same with respect to (x, y, theta) and the landmark's (x, y), two columns more: eq. (3).
+  [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, 5, 2>> linearize_with_landmark(
+      const Pose2& T_world_body, const Vector<2>& landmark, const RangeBearing& z) const;
+
+  /// Where a landmark is that is seen so, with the derivatives with respect to the pose and to
+  /// (range, bearing): eq. (4). Empty if the sighting lacks one of them.
+  struct Placed {
+    Vector<2> position;
+    Matrix<2, 3> by_pose;
+    Matrix<2, 2> by_sighting;
+  };
+  [[nodiscard]] std::optional<Placed> place(const Pose2& T_world_body, const RangeBearing& z) const;
+
+  /// R of a sighting.
+  [[nodiscard]] Matrix<2, 2> noise(const RangeBearing& z) const {
+    return z.covariance.value_or(covariance_);
+  }
+  [[nodiscard]] const Pose2& sensor_in_body() const { return sensor_in_body_; }
+
+ private:
+  struct Sight {
+    Vector<2> expected;
+    Matrix<2, 3> by_pose;
+    Matrix<2, 2> by_landmark;
+  };
+  [[nodiscard]] std::optional<Sight> look(const Pose2& T_world_body,
+                                          const Vector<2>& landmark) const {
+    const Pose2 sensor = T_world_body * sensor_in_body_;
+    const Vector<2> d = landmark - sensor.position();
+    const Vector<2> arm = sensor.position() - T_world_body.position();
+    const double squared = d.squaredNorm();
+    if (!(squared > kNoDirection * kNoDirection)) {
+      return std::nullopt;
+    }
+    const double range = std::sqrt(squared);
+    Sight sight;
+    sight.expected << range, angle_difference(std::atan2(d.y(), d.x()), sensor.heading);
+    sight.by_landmark << d.x() / range, d.y() / range, -d.y() / squared, d.x() / squared;
+    sight.by_pose.leftCols<2>() = -sight.by_landmark;
+    sight.by_pose.col(2) = sight.by_landmark * Vector<2>(arm.y(), -arm.x()) - Vector<2>(0.0, 1.0);
+    return sight;
+  }
+  [[nodiscard]] static Vector<2> residual(const Sight& sight, const RangeBearing& z) {
+    return {z.range.value_or(0.0) - sight.expected.x(),
+            angle_difference(z.bearing.value_or(0.0), sight.expected.y())};
+  }
+
+  static constexpr double kNoDirection = 1e-9;  // [m]
+
+  Matrix<2, 2> covariance_;
+  Pose2 sensor_in_body_;
+};
+
+}  // namespace locfuse

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/models/measurement/range_bearing.hpp"
+
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+namespace locfuse {
+namespace {
+
+double variance_of(const char* name, double sigma) {
+  if (!(std::isfinite(sigma) && sigma > 0.0 && sigma * sigma > 0.0)) {
+    throw std::invalid_argument(std::string("landmark.") + name + " is " + std::to_string(sigma) +
+                                ", expected a finite number > 0");
+  }
+  return sigma * sigma;
+}
+
+/// The rows of those parts that a sighting has.
+template <int N>
+Linearization<Eigen::Dynamic, N, 2> measured(const Linearization<2, N>& both,
+                                             const RangeBearing& z) {
+  Linearization<Eigen::Dynamic, N, 2> lin{both.residual, both.jacobian, both.noise};
+  if (!z.range || !z.bearing) {
+    const int row = z.range ? 0 : 1;
+    lin.residual = both.residual.template segment<1>(row);
+    lin.jacobian = both.jacobian.row(row);
+    lin.noise = both.noise.template block<1, 1>(row, row);
+  }
+  return lin;
+}
+
+}  // namespace
+
+RangeBearingModel::RangeBearingModel(const Config& config, const Pose2& sensor_in_body)
+    : sensor_in_body_(sensor_in_body) {
+  covariance_ << variance_of("sigma_range_m", config.sigma_range_m), 0.0, 0.0,
+      variance_of("sigma_bearing_rad", config.sigma_bearing_rad);
+  if (!std::isfinite(sensor_in_body.x + sensor_in_body.y + sensor_in_body.heading)) {
+    throw std::invalid_argument("the sensor of landmarks has a pose in body that is not finite");
+  }
+}
+
+Vector<2> RangeBearingModel::predict(const Pose2& T_world_body, const Vector<2>& landmark) const {
+  const Vector<2> d = inverse(T_world_body * sensor_in_body_).act(landmark);
+  return {d.norm(), std::atan2(d.y(), d.x())};
+}
+
+std::optional<Linearization<Eigen::Dynamic, 3, 2>> RangeBearingModel::linearize(
+    const Pose2& T_world_body, const Vector<2>& landmark, const RangeBearing& z) const {
+  const std::optional<Sight> sight = look(T_world_body, landmark);
+  if (!sight || (!z.range && !z.bearing)) {
+    return std::nullopt;
+  }
+  return measured<3>({residual(*sight, z), sight->by_pose, noise(z)}, z);
+}
+
+std::optional<Linearization<Eigen::Dynamic, 5, 2>> RangeBearingModel::linearize_with_landmark(
+    const Pose2& T_world_body, const Vector<2>& landmark, const RangeBearing& z) const {
+  const std::optional<Sight> sight = look(T_world_body, landmark);
+  if (!sight || (!z.range && !z.bearing)) {
+    return std::nullopt;
+  }
+  Matrix<2, 5> jacobian;
+  jacobian << sight->by_pose, sight->by_landmark;
+  return measured<5>({residual(*sight, z), jacobian, noise(z)}, z);
+}
+
+std::optional<RangeBearingModel::Placed> RangeBearingModel::place(const Pose2& T_world_body,
+                                                                  const RangeBearing& z) const {
+  if (!z.range || !z.bearing) {
+    return std::nullopt;
+  }
+  const Pose2 sensor = T_world_body * sensor_in_body_;
+  const double c = std::cos(sensor.heading + *z.bearing);
+  const double s = std::sin(sensor.heading + *z.bearing);
+  Placed placed;
+  placed.position = sensor.position() + *z.range * Vector<2>(c, s);
+  const Vector<2> arm = placed.position - T_world_body.position();
+  placed.by_pose << 1.0, 0.0, -arm.y(), 0.0, 1.0, arm.x();
+  placed.by_sighting << c, -*z.range * s, s, *z.range * c;
+  return placed;
+}
+
+}  // namespace locfuse
