@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from locfuse.io.datasets.source import landmarks, read_words, runs_of, truth
 from locfuse.io.log_folder import write_log
@@ -81,7 +82,7 @@ def _table(path: Path, names: tuple[str, ...]) -> Columns:
     return _rows(table, np.concatenate([[True], stamp[1:] > latest[:-1]]))
 
 
-def _rows(table: Columns, kept: np.typing.NDArray[np.bool_]) -> Columns:
+def _rows(table: Columns, kept: NDArray[np.bool_]) -> Columns:
     return {name: values[kept] for name, values in table.items()}
 
 

@@ -105,4 +105,7 @@ def _tags(heard: Columns, heading: FloatArray) -> dict[str, tuple[float, float, 
         str(tag): levelled[heard["from_id"] == tag].mean(axis=0)
         for tag in np.unique(heard["from_id"])
     }
-    return {tag: (round(x, 4), round(y, 4), round(z, 4)) for tag, (x, y, z) in means.items()}
+    return {
+        tag: (round(float(x), 4), round(float(y), 4), round(float(z), 4))
+        for tag, (x, y, z) in means.items()
+    }
