@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import gzip
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse.eval.errors import interpolate
+from locfuse.io.csv_table import read_bytes
 from locfuse.io.datasets import convert
 from locfuse.io.datasets.source import arc
 from locfuse.io.log_folder import read_log
@@ -22,6 +24,22 @@ def converted(name: str, out: Path) -> dict[str, Log]:
     """Return the logs of a recording by folder name, or skip the test if it is absent."""
     folders = convert(name, recording(name.replace("_", "-")), out / name)
     return {path.name: read_log(path) for path in folders}
+
+
+def damaged(
+    recording: Path, copy: Path, file: str, line: int | None = None, text: str = ""
+) -> Path:
+    """Return a folder of links to a recording with a line of one file replaced, or without it."""
+    copy.mkdir()
+    for path in recording.iterdir():
+        if path.name != file:
+            (copy / path.name).symlink_to(path)
+    if line is not None:
+        lines = read_bytes(recording / file).decode().splitlines()
+        lines[line - 1] = text
+        data = "\n".join(lines).encode()
+        (copy / file).write_bytes(gzip.compress(data, 1) if file.endswith(".gz") else data)
+    return copy
 
 
 def rows_in(log: Log) -> dict[str, int]:
@@ -39,11 +57,6 @@ def truth_in(log: Log) -> Trajectory:
     return truth
 
 
-def path_m(log: Log) -> float:
-    """Return the length of the truth."""
-    return float(np.hypot(np.diff(log["truth"]["x_m"]), np.diff(log["truth"]["y_m"])).sum())
-
-
 def motions_of(log: Log) -> tuple[StampArray, FloatArray]:
     """Return the stamps of the odometry and the motions between them, shape (n - 1, 3)."""
     table = log["odometry"]
@@ -53,6 +66,11 @@ def motions_of(log: Log) -> tuple[StampArray, FloatArray]:
         return table["stamp_ns"], np.column_stack(list(moved.values()))
     columns = [table[key][1:] for key in ("dx_m", "dy_m", "dheading_rad")]
     return table["stamp_ns"], np.column_stack(columns)
+
+
+def driven_m(log: Log) -> float:
+    """Return how far the odometry says that the body went."""
+    return float(np.hypot(*motions_of(log)[1].T[:2]).sum())
 
 
 def reckoned(log: Log, start: tuple[float, float, float]) -> Trajectory:

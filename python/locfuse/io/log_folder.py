@@ -220,7 +220,7 @@ def _beams(name: str, header: Iterable[str]) -> list[str]:
 def _form(stem: str, header: Sequence[str], where: str) -> tuple[str, ...]:
     """Return the row of the schema that a header fits in any order, with arrival_s if it has it."""
     beams = {name: _beams(name, header) if stem == "scans" else [] for name in BEAMS}
-    among = set(sum(beams.values(), []))
+    among = {column for columns in beams.values() for column in columns}
     given = set(header) - among - set(BEAMS) | {name for name in BEAMS if beams[name]}
     extra = ("arrival_s",) if stem in MESSAGES else ()
     arrival = tuple(name for name in extra if name in given)

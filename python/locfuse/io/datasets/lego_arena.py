@@ -9,7 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.io.datasets.source import arc, landmarks, read_words, with_start
+from locfuse.io.datasets.source import (
+    arc,
+    landmarks,
+    later_than_before,
+    read_words,
+    with_start,
+)
 from locfuse.io.log_folder import write_log
 from locfuse.types import Columns, FloatArray, Log, LogError, StampArray
 
@@ -37,13 +43,16 @@ def convert(source: Path, out: Path) -> list[Path]:
 
     Licence: none stated, openly published course data; for tests, not to be passed on.
 
-    Quirks: motors, scans and camera have stamps of their own. Odometry are arcs of two wheels 173
-    mm apart, 0.349 mm a tick, from the third and seventh word of a motor line; the width of 155 mm
-    that goes with the recording elsewhere is far off. Ranges below 20 mm are no returns. The
-    scanner is 30 mm ahead of the axle and turned by -4 degrees. The truth is the overhead position,
-    without heading; whether of axle or scanner is not stated, and taken for the axle. Dead
-    reckoning fits it best from (1.850, 1.897) at 213.5 degrees. The field d of a cylinder, 55 mm,
-    is taken for its diameter. Walls are seen behind the cylinders.
+    Quirks: motors, scans and camera have stamps of their own. Motor lines that repeat the stamp and
+    ticks of the line before, 37 of 167, are left out. Odometry are arcs of two wheels 173 mm apart,
+    0.349 mm a tick, from the third and seventh word of a motor line; the width of 155 mm that goes
+    with the recording elsewhere is far off. Ranges below 20 mm are no returns. The scanner is 30 mm
+    ahead of the axle and turned by -4 degrees. The truth is the overhead position, without heading;
+    whether of axle or scanner is not stated, and taken for the axle. Dead reckoning fits it best
+    from (1.850, 1.897) at 213.5 degrees. The field d of a cylinder, 55 mm, is taken for its radius,
+    though it is elsewhere called the diameter: from 0.3 m to 2.3 m the beams on a cylinder span
+    0.10 m. Ranges read about 4 cm and 3 to 5 percent short, for which the lectures add 90 mm to the
+    mean range of a cylinder to come to its centre. Walls are seen behind the cylinders.
     """
     motors = _lines(source / "robot4_motors.txt", "M", "ts" + 12 * "f")
     scans = _lines(source / "robot4_scan.txt.gz", "S", "tst" + BEAMS * "f")
@@ -66,7 +75,7 @@ def convert(source: Path, out: Path) -> list[Path]:
                 np.array([str(number) for number in range(1, len(x_mm) + 1)]),
                 x_mm / 1000.0,
                 y_mm / 1000.0,
-                float(d_mm[0]) / 2000.0,
+                float(d_mm[0]) / 1000.0,
             ),
         },
         laser=LASER,
@@ -92,7 +101,9 @@ def _stamps(milliseconds: StampArray) -> StampArray:
 
 
 def _driven(stamp_ns: StampArray, left: FloatArray, right: FloatArray) -> Columns:
-    """Return motions of ticks that each wheel has counted."""
+    """Return motions of ticks that each wheel has counted; a line said twice counts once."""
+    kept = later_than_before(stamp_ns)
+    stamp_ns, left, right = stamp_ns[kept], left[kept], right[kept]
     left_m, right_m = (M_PER_TICK * np.diff(ticks) for ticks in (left, right))
     moved = arc((left_m + right_m) / 2.0, (right_m - left_m) / TRACK_WIDTH_M)
     return with_start(int(stamp_ns[0]), {"stamp_ns": stamp_ns[1:], **moved})

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.io.datasets.source import landmarks, read_words, runs_of, truth
+from locfuse.io.datasets.source import landmarks, later_than_before, read_words, runs_of, truth
 from locfuse.io.log_folder import write_log
-from locfuse.types import Columns, Log, LogError
+from locfuse.types import Columns, Log, LogError, StampArray
 
 FIRST_LANDMARK = 6  # subjects below are robots
 
@@ -30,13 +30,13 @@ def convert(source: Path, out: Path) -> list[Path]:
     not to be passed on.
 
     Quirks: stamps count from the first that both odometry and truth reach, and end with the first
-    of them that ends; what is outside of that is left out. Landmarks are called by their subject,
-    "6" to "20". Sightings of other robots, and barcodes that are in no table (misread), are left
-    out. Ranges and bearings count from the robot's own point, without an offset: the camera looks
-    forward, 30 degrees to either side. Ranges are biased by distance and have heavy tails, bearings
-    are good, the turn rate is poor: on odometry alone the heading is anywhere at the end. Some
-    landmarks are only 15 to 25 cm apart. Where stamps of odometry or truth repeat, the first row
-    is kept.
+    of them that ends; what is outside of that is left out, but for one row of the truth at each end
+    that covers it. Landmarks are called by their subject, "6" to "20". Sightings of other robots,
+    and barcodes that are in no table (misread), are left out. Ranges and bearings count from the
+    robot's own point, without an offset: the camera looks forward, 30 degrees to either side.
+    Ranges are biased by distance and have heavy tails, bearings are good, the turn rate is poor: on
+    odometry alone the heading is anywhere at the end. Some landmarks are only 15 to 25 cm apart.
+    Where stamps of odometry or truth repeat, the first row is kept.
     """
     subject, barcode = read_words(source / "Barcodes.dat", "tt")
     subject_of = dict(zip(barcode.tolist(), subject.tolist(), strict=True))
@@ -60,7 +60,8 @@ def _read(source: Path, run: str, subject_of: Mapping[str, str], places: Columns
     end = min(int(table["stamp_ns"][-1]) for table in (driven, true))
     if begin >= end:
         raise LogError(f"{source / run}_Odometry.dat.gz: no stamp within the time of the truth")
-    driven, true, seen = (_between(table, begin, end) for table in (driven, true, seen))
+    driven, seen = _between(driven, begin, end), _between(seen, begin, end)
+    true = _between(true, *_around(true["stamp_ns"], begin, end), origin=begin)
     return Log(
         tables={
             "odometry": driven,
@@ -78,16 +79,21 @@ def _table(path: Path, names: tuple[str, ...]) -> Columns:
     """Return a file of stamps and numbers, without rows whose stamp does not come after."""
     stamp, *values = read_words(path, "s" + "f" * len(names))
     table = {"stamp_ns": stamp, **dict(zip(names, values, strict=True))}
-    latest = np.maximum.accumulate(stamp)
-    return _rows(table, np.concatenate([[True], stamp[1:] > latest[:-1]]))
+    return _rows(table, later_than_before(stamp))
 
 
 def _rows(table: Columns, kept: NDArray[np.bool_]) -> Columns:
     return {name: values[kept] for name, values in table.items()}
 
 
-def _between(table: Columns, begin: int, end: int) -> Columns:
-    """Return the rows within a time, counted from its beginning."""
+def _around(stamp: StampArray, begin: int, end: int) -> tuple[int, int]:
+    """Return the nearest stamps between which a time lies, so that it is covered to its ends."""
+    first, last = np.searchsorted(stamp, begin, "right") - 1, np.searchsorted(stamp, end)
+    return int(stamp[first]), int(stamp[last])
+
+
+def _between(table: Columns, begin: int, end: int, origin: int | None = None) -> Columns:
+    """Return the rows within a time, counted from its beginning or another origin."""
     stamp = table["stamp_ns"]
     rows = _rows(table, (stamp >= begin) & (stamp <= end))
-    return {**rows, "stamp_ns": rows["stamp_ns"] - begin}
+    return {**rows, "stamp_ns": rows["stamp_ns"] - (begin if origin is None else origin)}

@@ -28,11 +28,12 @@ def convert(source: Path, out: Path) -> list[Path]:
 
     Quirks: the truth is the tag's own pose, so the body is the tag; heading is where its forward
     axis points in the plane. There is no odometry. Each anchor is heard 5 times a second, not in
-    step, after a silence of 14 s at the beginning. Ranges read 0.16 m to 0.35 m long, by direction
-    and distance. Up to 3 percent are gross errors. A negative range cannot be in a log and is left
-    out: 27 of 3366 in seq1, 12 of 3841 in seq3, 1 of 5630 in seq5; the other gross errors stay. The
-    attitude of the anchors, the received powers and the true poses beside the ranges are not used.
-    The anchors of seq5 stand close together.
+    step, after a silence of some seconds at the beginning. Ranges read 0.16 m to 0.35 m long, by
+    direction and distance. Up to 3 percent are gross errors. A negative range cannot be in a log
+    and is left out: 27 of 3366 in seq1, 12 of 3841 in seq3, 1 of 5630 in seq5; with them go the
+    largest errors, what stays is 1.7 m off at most. The attitude of the anchors, the received
+    powers and the true poses beside the ranges are not used. The anchors of seq5 stand close
+    together.
     """
     runs = runs_of(source, "_ranges.csv.gz")
     logs = {run: _read(source, run) for run in runs}
@@ -73,5 +74,5 @@ def _read(source: Path, run: str) -> Log:
         },
         tags={TAG: (0.0, 0.0, 0.0)},
         description=f"RCV drone {run}: UWB ranges of one tag to four anchors, motion capture in 3D",
-        licence="None stated, openly published research data (Inha University); not to be passed on",
+        licence="None stated, openly published research data (Inha); not to be passed on",
     )

@@ -110,6 +110,12 @@ def runs_of(source: Path, ending: str) -> list[str]:
     return names
 
 
+def later_than_before(stamp_ns: StampArray) -> NDArray[np.bool_]:
+    """Return which stamps come after all before them."""
+    latest = np.maximum.accumulate(stamp_ns)
+    return np.concatenate([[True], stamp_ns[1:] > latest[:-1]])
+
+
 def with_start(stamp_ns: int, increments: Columns) -> Columns:
     """Return increments with a row of zeros in front: where the first motion begins."""
     return {

@@ -39,8 +39,8 @@ def convert(source: Path, out: Path) -> list[Path]:
     of s1 are at (-0.085, -0.207, 0.069) m and (-0.085, 0, 0.069) m, tag 1 of s5 at (-0.186, -0.113,
     0.098) m. Ranges of s1 read 0.1 to 0.35 m long, with bursts up to 2.2 m, those of s5 0.1 m
     short; its anchors are almost of one height, so height may be mirrored. Ranges of one stamp in
-    s5 share one true pose. Inertial data, powers and true ranges are not used; the truth is that
-    of the rig beside each range.
+    s5 share one true pose. Inertial data, powers and true ranges are not used; the truth is that of
+    the rig beside each range.
     """
     runs = runs_of(source, "_uwb.csv.gz")
     logs: dict[str, Log] = {}
@@ -51,9 +51,7 @@ def convert(source: Path, out: Path) -> list[Path]:
         heard = read_source(
             path, dict(time_s="s", from_id="t", to_id="t", range="f") | columns | POSE | TRUE
         )
-        anchors = read_source(
-            source / f"{run}_anchors.csv", dict(anchor="t", x="f", y="f", z="f")
-        )
+        anchors = read_source(source / f"{run}_anchors.csv", dict(anchor="t", x="f", y="f", z="f"))
         logs[run] = _log(run, heard, heard["range"], {}, anchors)
         if calibrated:
             sigma = {"sigma_m": heard["std"]}

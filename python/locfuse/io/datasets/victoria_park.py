@@ -35,12 +35,12 @@ def convert(source: Path, out: Path) -> list[Path]:
     Quirks: ``laser`` has the raw scans, ``trees`` what the detector that comes with the recording
     found in them, as sightings without a name; both have odometry and GPS. The body's origin is the
     middle of the rear axle, the laser 3.78 m ahead of it and 0.5 m to its left. Ranges above 81.8 m
-    mean no return: four beams of five. Trees are sighted at their centre, and their
-    bearing is turned to count from straight ahead; their diameters have no place in a log. There is
-    no truth and no map: the GPS wanders by metres under trees, jumps and pauses for up to 58 s, so
-    it is written as ``positions`` of 2 m, a rough guess, and tells how good an estimate is only to
-    a few metres. Steering is that of the recalibrated copy. GPS counts from its first fix, where
-    the truck heads for 38 degrees. Nineteen scans are missing; people and cars move about.
+    mean no return: four beams of five. Trees are sighted at their centre, and their bearing is
+    turned to count from straight ahead; their diameters have no place in a log. There is no truth
+    and no map: the GPS wanders by metres under trees, jumps and pauses for up to 51 s, so it is
+    written as ``positions`` of 2 m, a rough guess, and tells how good an estimate is only to a few
+    metres. Steering is that of the recalibrated copy. GPS counts from its first fix, where the
+    truck heads for 38 degrees. Nineteen scans are missing; people and cars move about.
     """
     seen = read_source(
         source / "trees_reference_detector.csv.gz",
