@@ -250,7 +250,7 @@ def test_acfr_carpark_has_the_rows_and_figures_of_its_notes(carpark: Log) -> Non
 
 
 def gps_against_poles(log: Log, radius_m: float = 0.0, lag_s: float = 0.0) -> FloatArray:
-    """Return pose - GPS, ahead and to the left, and how far off poles, of scans of three or more."""
+    """Return pose - GPS, ahead and to the left, and how far off poles, for three poles or more."""
     poles = np.column_stack([log["landmarks"]["x_m"], log["landmarks"]["y_m"]])
     gps = gps_of(log)
     gps = replace(gps, stamp_ns=gps.stamp_ns - round(lag_s * NANOSECONDS))
