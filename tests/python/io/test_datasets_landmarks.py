@@ -101,7 +101,9 @@ def test_utias_tubes_has_the_rows_and_figures_of_its_notes(tubes: Log) -> None:
     assert errors.bearing_rad.std() == pytest.approx(0.026, abs=1e-3)
     assert driven_m(tubes) == pytest.approx(181.0, abs=0.5)
     # The notes say 2.5 m and 16 degrees, which is with the speeds of the row behind, not before.
-    assert drift_of(tubes) == (pytest.approx(2.47, abs=0.01), pytest.approx(-14.5, abs=0.1))
+    off_m, off_deg = drift_of(tubes)
+    assert off_m == pytest.approx(2.47, abs=0.01)
+    assert off_deg == pytest.approx(-14.5, abs=0.1)
 
 
 def test_utias_tubes_states_its_noise_and_where_its_laser_is(tubes: Log) -> None:
@@ -158,7 +160,9 @@ def test_mrclam6_has_the_figures_of_its_notes(
     assert robust_sigma(errors.range_m) == pytest.approx(sigma_m, abs=1e-3)
     assert robust_sigma(errors.bearing_rad) == pytest.approx(sigma_rad, abs=6e-4)
     assert 0.009 < float(np.mean(np.abs(errors.range_m) > 0.5)) < 0.041
-    assert drift_of(log) == (pytest.approx(off_m, abs=0.1), pytest.approx(off_deg, abs=1.0))
+    found_m, found_deg = drift_of(log)
+    assert found_m == pytest.approx(off_m, abs=0.1)
+    assert found_deg == pytest.approx(off_deg, abs=1.0)
 
 
 def test_mrclam6_sees_landmarks_by_subject_and_nobody_else(mrclam: Logs) -> None:
@@ -293,7 +297,11 @@ def antenna_errors(log: Log, x: float, y: float, heading: float) -> FloatArray:
     track, gps = reckoned(log, start), gps_of(log)
     begin = np.searchsorted(gps.stamp_ns, track.stamp_ns[0])
     at, inside = interpolate(track, gps.stamp_ns[begin:])
-    return np.hypot(*(carried(at, forward, left) - gps.position[begin:][inside]).T)
+    return distances(carried(at, forward, left), gps.position[begin:][inside])
+
+
+def distances(points: FloatArray, others: FloatArray) -> FloatArray:
+    return np.asarray(np.hypot(*(points - others).T), dtype=np.float64)
 
 
 def test_acfr_carpark_is_driven_from_where_its_notes_say(carpark: Log) -> None:
@@ -339,7 +347,8 @@ def test_lego_arena_has_the_rows_and_figures_of_its_notes(arena: Log) -> None:
 
 def arena_errors(log: Log) -> FloatArray:
     track = reckoned(log, (1.850, 1.897, np.deg2rad(213.5)))
-    return np.hypot(*errors_against(track, truth_in(log)).position.T)
+    off = errors_against(track, truth_in(log)).position
+    return distances(off, np.zeros_like(off))
 
 
 def test_lego_arena_is_dead_reckoned_as_its_notes_say(arena: Log) -> None:
@@ -354,21 +363,60 @@ def test_lego_arena_is_dead_reckoned_as_its_notes_say(arena: Log) -> None:
     assert arena_errors(narrow).mean() == pytest.approx(0.17, abs=0.005)
 
 
-def test_lego_arena_has_cylinders_as_wide_as_twice_their_radius(arena: Log) -> None:
-    laser, scans = arena.laser, arena["scans"]
+def test_lego_arena_has_the_axle_under_its_camera(arena: Log) -> None:
+    heading = np.deg2rad(213.0)
+    forward = 0.03
+    back = forward * np.array([np.cos(heading), np.sin(heading)])
+    track = reckoned(arena, (1.850 - back[0], 1.897 - back[1], heading))
+    scanner = replace(track, position=carried(track, forward, 0.0))
+    errors = np.hypot(*errors_against(scanner, truth_in(arena)).position.T)
+    assert errors.mean() == pytest.approx(0.062, abs=5e-4)
+
+
+def arcs_in(log: Log) -> FloatArray:
+    """Return what stands out in the scans at places of the truth, shape (n, 3).
+
+    Nearest range, distance of the nearest cylinder's centre, half the angle of the beams.
+    """
+    laser, scans, places = log.laser, log["scans"], log["landmarks"]
     assert laser is not None
-    half = []
-    for scan in scans["ranges_m"]:
+    centres = np.column_stack([places["x_m"], places["y_m"]])
+    true, known = interpolate(truth_in(log), scans["stamp_ns"])
+    track = reckoned(log, (1.850, 1.897, np.deg2rad(213.5)))
+    rough, told = interpolate(track, scans["stamp_ns"])
+    both = known & told
+    assert rough.heading is not None
+    poses = Trajectory(
+        scans["stamp_ns"][both], true.position[told[known]], rough.heading[known[told]]
+    )
+    forward, left, turned = laser["pose_in_body"]
+    beams = laser["angle_min_rad"] + laser["angle_increment_rad"] * np.arange(660)
+    assert poses.heading is not None
+    found = []
+    for eye, heading, scan in zip(
+        carried(poses, forward, left), poses.heading + turned, scans["ranges_m"][both], strict=True
+    ):
         edges = np.flatnonzero(np.abs(np.diff(np.nan_to_num(scan))) > 0.1)
         for first, last in zip(edges[:-1] + 1, edges[1:], strict=True):
-            beams = last - first + 1
-            stands_out = min(scan[first - 1] - scan[first], scan[last + 1] - scan[last]) > 0.1
-            if stands_out and 9 <= beams <= 40:
-                angle = laser["angle_increment_rad"] * beams / 2.0
-                centre = scan[first : last + 1].mean() + 0.09
-                half.append(centre * np.sin(angle))
-    assert len(half) > 300
-    assert np.median(half) == pytest.approx(0.050, abs=0.003)
+            if min(scan[first - 1] - scan[first], scan[last + 1] - scan[last]) > 0.1:
+                nearest = scan[first : last + 1].min()
+                angle = heading + beams[first : last + 1].mean()
+                end = eye + (nearest + 0.055) * np.array([np.cos(angle), np.sin(angle)])
+                cylinder = np.linalg.norm(centres - end, axis=1).argmin()
+                if np.linalg.norm(centres[cylinder] - end) < 0.25:
+                    half = 0.5 * (last - first + 1) * laser["angle_increment_rad"]
+                    found.append([nearest, np.linalg.norm(centres[cylinder] - eye), half])
+    return np.array(found)
+
+
+def test_lego_arena_has_cylinders_of_their_radius_and_ranges_that_are_short(arena: Log) -> None:
+    nearest, distance, half = arcs_in(arena).T
+    assert len(nearest) > 450
+    short = distance - 0.055 - nearest
+    for low, high, expected in ((0.0, 0.6, 0.03), (0.6, 1.5, 0.07), (1.5, 2.5, 0.12)):
+        rows = (distance > low) & (distance < high)
+        assert np.median(distance[rows] * np.sin(half[rows])) == pytest.approx(0.050, abs=0.001)
+        assert np.median(short[rows]) == pytest.approx(expected, abs=0.005)
     assert np.unique(arena["landmarks"]["radius_m"]).tolist() == [0.055]
 
 
@@ -392,7 +440,8 @@ def test_victoria_park_has_the_rows_and_figures_of_its_notes(park: Logs) -> None
 def test_victoria_park_is_dead_reckoned_as_its_notes_say(park: Logs) -> None:
     log = park["laser"]
     gps = gps_of(log)
-    errors = antenna_errors(log, *gps.position[0], np.deg2rad(38.0))
+    x, y = gps.position[0].tolist()
+    errors = antenna_errors(log, x, y, float(np.deg2rad(38.0)))
     first = (gps.stamp_ns >= log["odometry"]["stamp_ns"][0]) & (gps.stamp_ns < 60 * NANOSECONDS)
     assert errors[-1] == pytest.approx(133.0, abs=0.5)
     assert errors.mean() == pytest.approx(97.0, abs=0.5)

@@ -13,8 +13,6 @@ from locfuse.io.datasets.source import landmarks, later_than_before, read_words,
 from locfuse.io.log_folder import write_log
 from locfuse.types import Columns, Log, LogError, StampArray
 
-FIRST_LANDMARK = 6  # subjects below are robots
-
 
 def convert(source: Path, out: Path) -> list[Path]:
     """Write each robot, such as robot1, robot3 and robot5, as a log folder below `out`.
@@ -54,8 +52,8 @@ def _read(source: Path, run: str, subject_of: Mapping[str, str], places: Columns
     true = _table(source / f"{run}_Groundtruth.dat.gz", ("x_m", "y_m", "theta_rad"))
     stamp, barcode, range_m, bearing = read_words(source / f"{run}_Measurement.dat.gz", "stff")
     subject = np.array([subject_of.get(code, "") for code in barcode.tolist()])
-    seen = {"stamp_ns": stamp, "landmark": subject, "range_m": range_m, "bearing_rad": bearing}
-    seen = _rows(seen, np.isin(subject, places["landmark"]))
+    every = {"stamp_ns": stamp, "landmark": subject, "range_m": range_m, "bearing_rad": bearing}
+    seen = _rows(every, np.isin(subject, places["landmark"]))
     begin = max(int(table["stamp_ns"][0]) for table in (driven, true))
     end = min(int(table["stamp_ns"][-1]) for table in (driven, true))
     if begin >= end:

@@ -17,7 +17,7 @@ from locfuse.types import Columns, FloatArray, LogError, StampArray, wrap_angle
 
 WHEEL_BASE_M, ENCODER_LEFT_M = 2.83, 0.76  # of the truck of acfr_carpark and victoria_park
 TRUCK_LONGEST_M = 81.8  # 81.83 to 81.91 are no distances but what the sensor says of a beam
-TRUCK_LASER = {
+TRUCK_LASER: dict[str, Any] = {
     "pose_in_body": [3.78, 0.5, 0.0],  # from the middle of the rear axle
     "angle_min_rad": -float(np.pi / 2.0),
     "angle_increment_rad": float(np.pi / 360.0),

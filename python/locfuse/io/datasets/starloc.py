@@ -35,7 +35,7 @@ def convert(source: Path, out: Path) -> list[Path]:
     rig, its heading where the rig's forward axis points in the plane. The rig is tilted, by 29
     degrees in loop-2d-fast_s1 and 11 in loop-2d_s5, and sways by several degrees, which a body in
     the plane cannot: so each tag is where it was on average over, beside and before the rig's
-    origin, and up to several centimetres from there at times. In the rig's own frame tags 1 and 2
+    origin, 1 cm from there half of the time and 5 cm at most. In the rig's own frame tags 1 and 2
     of s1 are at (-0.085, -0.207, 0.069) m and (-0.085, 0, 0.069) m, tag 1 of s5 at (-0.186, -0.113,
     0.098) m. Ranges of s1 read 0.1 to 0.35 m long, with bursts up to 2.2 m, those of s5 0.1 m
     short; its anchors are almost of one height, so height may be mirrored. Ranges of one stamp in
