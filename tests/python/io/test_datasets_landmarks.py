@@ -308,9 +308,8 @@ def test_acfr_carpark_is_driven_from_where_its_notes_say(carpark: Log) -> None:
     errors = antenna_errors(later_than(carpark, 46.598), 4.688, 0.836, 4.382)
     assert errors[:10].max() < 0.04
     assert (errors[-1], errors.mean()) == pytest.approx((0.96, 0.66), abs=0.01)
-    at_origin = replace(carpark, tables=carpark.tables)
-    track = reckoned(later_than(at_origin, 46.598), (4.688, 0.836, 4.382))
-    at, _ = interpolate(track, gps_of(carpark).stamp_ns[20:])
+    as_if_the_axle_were_there = reckoned(later_than(carpark, 46.598), (4.688, 0.836, 4.382))
+    at, _ = interpolate(as_if_the_axle_were_there, gps_of(carpark).stamp_ns[20:])
     assert np.hypot(*(at.position[-1] - gps_of(carpark).position[-1])) > 5.0
 
 
