@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from locfuse import _core
 from locfuse.config.build import build_mcl_config
 from locfuse.config.schema import RunConfig
-from locfuse.messages import Messages, radios_of, to_messages, truth_of
+from locfuse.messages import Messages, landmarks_of, radios_of, to_messages, truth_of
 from locfuse.start import grid_of, hypotheses_of, scans_of, start_of
 from locfuse.types import (
     NANOSECONDS,
@@ -104,7 +104,8 @@ def mcl_of(
     assert grid is not None
     anchors, tags = radios_of(log, messages, config)
     begin = min(messages.begin_ns, int(log["scans"]["stamp_ns"].min()))
-    mcl = _core.Mcl(build_mcl_config(config.mcl, config.seed), grid, begin, anchors, tags)
+    mcl = _core.Mcl(build_mcl_config(config.mcl, config.seed), grid, begin, anchors, tags,
+                    landmarks_of(log, messages))  # fmt: skip
     if start is None and config.start != "auto":
         start = start_of(config, truth_of(log), messages)
     if start is not None:

@@ -26,8 +26,8 @@ class Messages:
     log : MessageLog
         Sorted by arrival.
     stamp_ns, source, tag, anchor : arrays, shape (n,)
-        In the same order; names for people.
-    anchor_names, tag_names : list of str
+        In the same order; names for people. A landmark's name stands in `anchor`.
+    anchor_names, tag_names, landmark_names : list of str
         Name of each id.
     begin_ns, end_ns : int
         First effective stamp and last stamp.
@@ -40,6 +40,7 @@ class Messages:
     anchor: NDArray[np.str_]
     anchor_names: list[str]
     tag_names: list[str]
+    landmark_names: list[str]
     begin_ns: int
     end_ns: int
 
@@ -65,13 +66,15 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
                        f"the config uses {list(config.use)}")  # fmt: skip
     _check_clocks(tables)
     anchor_names, tag_names = _names(log, tables.get("ranges"))
+    landmark_names = _landmark_names(log, tables.get("landmark_sightings"))
     messages = _core.MessageLog()
     parts: list[dict[str, Any]] = []
     for source, table in tables.items():
-        part = _add(messages, source, table, anchor_names, tag_names)
+        part = _add(messages, source, table, anchor_names, tag_names, landmark_names)
         part["source"] = np.full(len(part["stamp"]), source)
         empty = np.full(len(part["stamp"]), "")
-        part["tag"], part["anchor"] = table.get("tag", empty), table.get("anchor", empty)
+        part["tag"] = table.get("tag", empty)
+        part["anchor"] = table.get("anchor", table.get("landmark", empty))
         parts.append(part)
     messages.sort()
     column = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
@@ -84,6 +87,7 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
         anchor=column["anchor"][order],
         anchor_names=anchor_names,
         tag_names=tag_names,
+        landmark_names=landmark_names,
         begin_ns=int(column["effective"].min()),
         end_ns=int(column["stamp"].max()),
     )
@@ -123,9 +127,26 @@ def _names(log: Log, ranges: Mapping[str, NDArray[Any]] | None) -> tuple[list[st
     return anchors, tags
 
 
+def _landmark_names(log: Log, sightings: Mapping[str, NDArray[Any]] | None) -> list[str]:
+    """Return landmark names in order of id: those with a place first."""
+    names = [str(name) for name in log["landmarks"]["landmark"]] if "landmarks" in log else []
+    if sightings is None:
+        return names
+    if not names:
+        raise LogError("the log has landmark_sightings but no landmarks.csv; add it, or leave "
+                       "'landmark_sightings' out of use")  # fmt: skip
+    named = sorted(set(sightings["landmark"].tolist()) - {""})
+    if named and not set(named) & set(names) and "" not in sightings["landmark"]:
+        raise LogError(f"no sighting can be used: landmark_sightings.csv names landmarks {named}, "
+                       f"landmarks.csv names {names}")  # fmt: skip
+    return names + sorted(set(named) - set(names))
+
+
 def _ids(names: list[str], column: NDArray[Any]) -> NDArray[np.int32]:
     unique, inverse = np.unique(column, return_inverse=True)
-    lookup = np.array([names.index(str(name)) for name in unique], dtype=np.int32)
+    lookup = np.array(
+        [names.index(str(name)) if str(name) else -1 for name in unique], dtype=np.int32
+    )
     ids: NDArray[np.int32] = lookup[inverse]
     return ids
 
@@ -136,6 +157,7 @@ def _add(
     table: Mapping[str, NDArray[Any]],
     anchor_names: list[str],
     tag_names: list[str],
+    landmark_names: list[str],
 ) -> dict[str, Any]:
     """Add one table; return its stamps, effective stamps and arrivals."""
     stamp, arrival = table["stamp_ns"], table.get("arrival_ns")
@@ -154,6 +176,10 @@ def _add(
     elif source == "positions":
         position = np.column_stack([table["x_m"], table["y_m"]])
         messages.add_positions(stamp, position, table["sigma_m"], arrival)
+    elif source == "landmark_sightings":
+        messages.add_sightings(stamp, _ids(landmark_names, table["landmark"]), table["range_m"],
+                               table["bearing_rad"], table.get("sigma_range_m"),
+                               table.get("sigma_bearing_rad"), arrival)  # fmt: skip
     else:
         pose = np.column_stack([table["x_m"], table["y_m"], table["heading_rad"]])
         sigma_xy, sigma_heading = table["sigma_xy_m"], table["sigma_heading_rad"]
@@ -176,6 +202,20 @@ def radios_of(
     tags = [_core.Tag(i, list(log.tags[name])) for i, name in enumerate(messages.tag_names)
             if name in log.tags]  # fmt: skip
     return anchors, tags
+
+
+def landmarks_of(log: Log, messages: Messages) -> _core.LandmarkSight | None:
+    """Return the landmarks that have a place, with the ids of the messages, and their sensor."""
+    if "landmarks" not in log:
+        return None
+    table = log["landmarks"]
+    radius = table.get("radius_m", np.zeros(len(table["landmark"])))
+    ids = _ids(messages.landmark_names, table["landmark"]).tolist()
+    rows = zip(ids, table["x_m"].tolist(), table["y_m"].tolist(), radius.tolist(), strict=True)
+    known = _core.LandmarkMap([_core.Landmark(i, [x, y], r) for i, x, y, r in rows])
+    mount = log.landmark_sensor
+    pose = _core.Pose2() if mount is None else _core.Pose2(*map(float, mount["pose_in_body"]))
+    return _core.LandmarkSight(known, pose)
 
 
 def truth_of(log: Log) -> Trajectory | None:

@@ -28,6 +28,7 @@ def outcomes_of(
         "ranges": _core.Gate(config.estimator.gate_range),
         "positions": _core.Gate(config.estimator.gate_position),
         "poses": _core.Gate(config.estimator.gate_pose),
+        "landmark_sightings": _core.Gate(config.estimator.gate_landmark),
     }
     for row in np.flatnonzero(verdict == "gated"):
         limit = gates[str(messages.source[row])].limit(int(dof[row]))
@@ -81,7 +82,9 @@ def _reasons(
     reason = np.full(len(verdict), "", dtype=object)
     placed = set(log["anchors"]["anchor"].tolist()) if "anchors" in log else set()
     for row in np.flatnonzero(verdict == "not_modelled"):
-        if messages.anchor[row] not in placed:
+        if messages.source[row] == "landmark_sightings":
+            reason[row] = f"unknown landmark {messages.anchor[row]}"
+        elif messages.anchor[row] not in placed:
             reason[row] = f"unknown anchor {messages.anchor[row]}"
         elif messages.tag[row] not in log.tags:
             reason[row] = f"unknown tag {messages.tag[row]}"

@@ -17,6 +17,7 @@ from locfuse.config.schema import RunConfig
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
 from locfuse.messages import Messages, to_messages, truth_of
+from locfuse.on_landmarks import landmark_claims
 from locfuse.on_maps import map_claims
 from locfuse.power_up import draw_pictures as draw_starts
 from locfuse.power_up import power_up_claims
@@ -297,4 +298,5 @@ PAPERS: dict[str, Callable[[int, Progress], list[Claim]]] = {
     "ekim2020": _ekim2020,
     "zhang": zhang_claims,
     "maps": lambda seeds, progress: map_claims(example_configs(), seeds, progress),
+    "landmarks": lambda seeds, progress: landmark_claims(example_configs(), seeds, progress),
 }

@@ -19,7 +19,7 @@ from locfuse.eval.readiness import readiness
 from locfuse.io.datasets import convert
 from locfuse.io.log_folder import read_log
 from locfuse.localization import Localization, localize, with_poses_of
-from locfuse.messages import radios_of, to_messages, truth_of
+from locfuse.messages import landmarks_of, radios_of, to_messages, truth_of
 from locfuse.outcomes import outcomes_of, outcomes_of_mcl, with_scans
 from locfuse.sim.scenario import simulate
 from locfuse.start import start_from_nothing, start_of
@@ -104,13 +104,15 @@ def _fuse(
     messages = to_messages(log, config)
     truth = truth_of(log)
     anchors, tags = radios_of(log, messages, config)
+    landmarks = landmarks_of(log, messages)
     first, found = 0, None
     if start is None and config.start == "auto":
         ekf, first, found = start_from_nothing(config, log, messages.log, messages.begin_ns,
-                                               anchors, tags)  # fmt: skip
+                                               anchors, tags, landmarks)  # fmt: skip
     else:
         start = start_of(config, truth, messages) if start is None else start
-        ekf = _core.PoseEkf(build_estimator_config(config.estimator), anchors, tags, start)
+        ekf = _core.PoseEkf(build_estimator_config(config.estimator), anchors, tags, start,
+                            landmarks)  # fmt: skip
     start_ns = ekf.belief.stamp
     total = len(messages.log)
     began = time.perf_counter()

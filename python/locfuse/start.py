@@ -101,6 +101,7 @@ def start_from_nothing(
     begin_ns: int,
     anchors: _core.AnchorMap,
     tags: Sequence[_core.Tag],
+    landmarks: _core.LandmarkSight | None = None,
 ) -> tuple[_core.PoseEkf, int, Start]:
     """Feed messages and scans to an `Initializer` until it is ready.
 
@@ -122,6 +123,7 @@ def start_from_nothing(
         anchors,
         list(tags),
         matcher,
+        landmarks,
     )
     run = _core.find_start(initializer, messages, scans if matcher is not None else [])
     state = initializer.state()

@@ -279,9 +279,9 @@ class Outcomes:
     ----------
     stamp_ns : int64 array, shape (n,)
     source : array of str, shape (n,)
-        ``odometry``, ``ranges``, ``positions``, ``poses`` or ``scans``.
+        ``odometry``, ``ranges``, ``positions``, ``poses``, ``landmark_sightings`` or ``scans``.
     tag, anchor : arrays of str, shape (n,)
-        Names for ranges, empty strings otherwise.
+        Names for ranges; for sightings the landmark's stands in `anchor`; else empty strings.
     verdict : array of str, shape (n,)
         ``fused``, ``gated``, ``not_modelled``, ``ignored`` or ``stale``.
     nis, log_likelihood, residual : float64 arrays, shape (n,)

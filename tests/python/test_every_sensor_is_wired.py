@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -20,6 +20,7 @@ from locfuse.config.scenario import (
     PositionSensor,
     RangeSensor,
     Scenario,
+    SightingSensor,
     Waypoints,
 )
 from locfuse.config.schema import SOURCES
@@ -47,13 +48,16 @@ WIRING = {
     "Range": Wiring("ranges", "range_m", "add_ranges"),
     "PositionFix": Wiring("positions", "x_m", "add_positions"),
     "PoseObservation": Wiring("poses", "heading_rad", "add_poses"),
+    "RangeBearing": Wiring("landmark_sightings", "bearing_rad", "add_sightings"),
 }
 
 
 def variant() -> list[str]:
     """Return the messages of the C++ variant, the one register of sensors."""
     header = ROOT / "cpp" / "include" / "locfuse" / "messages" / "message.hpp"
-    found = re.search(r"using Message = std::variant<([^>]*)>", header.read_text(encoding="utf-8"))
+    found = re.search(
+        r"using Message =\s+std::variant<([^>]*)>", header.read_text(encoding="utf-8")
+    )
     assert found is not None
     return [name.strip() for name in found[1].split(",")]
 
@@ -75,6 +79,7 @@ def scenario(output: str = "increments") -> Scenario:
         duration_s=20.0,
         anchors={"a": (0.0, 0.0, 2.5), "b": (10.0, 1.0, 0.2), "c": (4.0, 10.0, 1.7)},
         tags={"front": (0.3, 0.1, 1.1), "rear": (-0.2, -0.15, 0.4)},
+        landmarks={"p": (0.5, 0.5), "q": (9.0, 1.0), "r": (4.0, 9.5)},
         odometry=OdometrySensor(
             output="velocities" if output == "velocities" else "increments",
             sigma_longitudinal_per_sqrt_m=0.0,
@@ -84,6 +89,9 @@ def scenario(output: str = "increments") -> Scenario:
         ranges=RangeSensor(sigma_m=0.0, sigma_relative=0.0),
         poses=PoseSensor(sigma_xy_m=0.0, sigma_heading_deg=0.0),
         positions=PositionSensor(sigma_xy_m=0.0, antenna_forward_m=0.4, antenna_left_m=-0.1),
+        landmark_sightings=SightingSensor(
+            sigma_range_m=0.0, sigma_bearing_deg=0.0, pose_in_body=(0.3, -0.1, 20.0)
+        ),
     )
 
 
@@ -123,7 +131,7 @@ def noisy(log: Log) -> Log:
         stem: {k: np.full_like(v, 0.05) if k.startswith("sigma_") else v for k, v in table.items()}
         for stem, table in log.tables.items()
     }
-    return Log(tables=tables, tags=log.tags)
+    return replace(log, tables=tables)
 
 
 @pytest.mark.parametrize("name", variant())
@@ -231,12 +239,30 @@ def pose_residuals(log: Log) -> FloatArray:
     ])  # fmt: skip
 
 
+def sighting_residuals(log: Log) -> FloatArray:
+    table, known = log["landmark_sightings"], log["landmarks"]
+    assert log.landmark_sensor is not None
+    mount = lf.Pose2(*log.landmark_sensor["pose_in_body"])
+    model = lf.RangeBearingModel(lf.RangeBearingConfig(), mount)
+    at = {name: (x, y) for name, x, y in zip(known["landmark"], known["x_m"], known["y_m"],
+                                             strict=True)}  # fmt: skip
+    rows = zip(poses_at(log, "landmark_sightings"), table["landmark"], table["range_m"],
+               table["bearing_rad"], strict=True)  # fmt: skip
+    residuals = []
+    for pose, name, distance, bearing in rows:
+        lin = model.linearize(pose, at[name], lf.RangeBearing(0, None, distance, bearing))
+        assert lin is not None
+        residuals.append(lin.residual)
+    return np.array(residuals)
+
+
 RESIDUALS: dict[str, Callable[[Log], FloatArray]] = {
     "Velocity": velocity_residuals,
     "Increment": increment_residuals,
     "Range": range_residuals,
     "PositionFix": position_residuals,
     "PoseObservation": pose_residuals,
+    "RangeBearing": sighting_residuals,
 }
 
 

@@ -80,17 +80,22 @@ class Joint {
  public:
   Joint(const Eigen::MatrixXd& P, const Pairings& pairings, double probability)
       : pairings_(pairings), gate_(probability), best_(pairings.size(), -1), now_(best_) {
-    Eigen::Index most = 0;
-    for (const std::vector<Pairing>& of_one : pairings) {
-      std::vector<Eigen::MatrixXd> columns;
+    rows_after_.assign(pairings.size() + 1, 0);
+    for (std::size_t i = pairings.size(); i-- > 0;) {
       Eigen::Index rows = 0;
-      for (const Pairing& pairing : of_one) {
-        columns.emplace_back(P(Eigen::all, pairing.rows) * pairing.lin.jacobian.transpose());
+      for (const Pairing& pairing : pairings[i]) {
         rows = std::max(rows, pairing.lin.residual.size());
       }
-      most += rows;
+      rows_after_[i] = rows_after_[i + 1] + rows;
+    }
+    for (const std::vector<Pairing>& of_one : pairings) {
+      std::vector<Eigen::MatrixXd> columns;
+      for (const Pairing& pairing : of_one) {
+        columns.emplace_back(P(Eigen::all, pairing.rows) * pairing.lin.jacobian.transpose());
+      }
       cross_.push_back(std::move(columns));
     }
+    const Eigen::Index most = rows_after_.front();
     L_.setZero(most, most);
     y_.setZero(most);
   }
@@ -103,7 +108,8 @@ class Joint {
  private:
   void branch(std::size_t sighting, int pairs, Eigen::Index rows, double nis) {
     if (sighting == pairings_.size()) {
-      if (pairs > best_pairs_ || (pairs == best_pairs_ && nis < best_nis_)) {
+      const bool fits = pairs == 0 || nis <= gate_.limit(static_cast<int>(rows));
+      if (fits && (pairs > best_pairs_ || (pairs == best_pairs_ && nis < best_nis_))) {
         best_ = now_;
         best_pairs_ = pairs;
         best_nis_ = nis;
@@ -121,7 +127,8 @@ class Joint {
       }
       const double more = append(sighting, k, rows);
       const Eigen::Index dof = rows + pairing.lin.residual.size();
-      if (nis + more <= gate_.limit(static_cast<int>(dof))) {
+      // More pairs may be allowed more, so a set that does not fit may be part of one that does.
+      if (nis + more <= gate_.limit(static_cast<int>(dof + rows_after_[sighting + 1]))) {
         now_[sighting] = static_cast<int>(k);
         taken_.insert(pairing.landmark);
         branch(sighting + 1, pairs + 1, dof, nis + more);
@@ -170,6 +177,7 @@ class Joint {
 
   const Pairings& pairings_;
   Gate gate_;
+  std::vector<Eigen::Index> rows_after_;             // that sightings from one on may add
   std::vector<std::vector<Eigen::MatrixXd>> cross_;  // P H' of each pairing
   Eigen::MatrixXd L_;
   Eigen::VectorXd y_;  // L^-1 r

@@ -12,7 +12,12 @@ from locfuse import _core
 from locfuse.check.context import Context
 from locfuse.check.finding import Finding, error, note, warning
 
-GATES = {"gate_range": "ranges", "gate_position": "positions", "gate_pose": "poses"}
+GATES = {
+    "gate_range": "ranges",
+    "gate_position": "positions",
+    "gate_pose": "poses",
+    "gate_landmark": "landmark_sightings",
+}
 
 _NEVER = 1.0 - 1e-7  # a gate above lets everything pass that anyone will see
 _STRICT = 0.95
@@ -57,6 +62,9 @@ def _sigma_of(context: Context, source: str) -> float:
         return context.typical_sigma
     table = context.table(source)
     assert table is not None
+    if source == "landmark_sightings":
+        own = context.config.estimator.landmark.sigma_range_m
+        return float(np.median(table.get("sigma_range_m", own)))
     return float(np.median(table["sigma_m" if source == "positions" else "sigma_xy_m"]))
 
 

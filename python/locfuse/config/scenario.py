@@ -21,7 +21,7 @@ Name: TypeAlias = Annotated[str, Field(min_length=1)]
 Point2: TypeAlias = tuple[float, float]
 Point3: TypeAlias = tuple[float, float, float]
 Segment: TypeAlias = tuple[float, float, float, float]
-Source: TypeAlias = Literal["odometry", "ranges", "poses", "positions"]
+Source: TypeAlias = Literal["odometry", "ranges", "poses", "positions", "landmark_sightings"]
 
 MAX_CELLS = 10_000  # along one side of a grid
 
@@ -164,6 +164,22 @@ class PositionSensor(Strict):
     sigma_xy_m: NonNegative = 0.5
     antenna_forward_m: float = 0.0
     antenna_left_m: float = 0.0
+
+
+class SightingSensor(Strict):
+    """Range and bearing to every landmark in view, whatever stands in between.
+
+    `pose_in_body` is x and y in metres and the heading in degrees; the field of view is centred
+    straight ahead of the sensor. Landmarks are ``named``, or not.
+    """
+
+    rate_hz: Rate = 5.0
+    pose_in_body: Point3 = (0.0, 0.0, 0.0)
+    sigma_range_m: NonNegative = 0.05
+    sigma_bearing_deg: NonNegative = 1.0
+    range_max_m: Positive = 10.0
+    field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)] = 360.0
+    landmarks: Literal["named", "unnamed"] = "named"
 
 
 class LaserSensor(Strict):
@@ -429,12 +445,13 @@ class Scenario(Strict):
     """A drive through a room and what the sensors said of it.
 
     A sensor set to None is switched off. Faults are applied in the order in which they stand.
-    Anchors are in world, tags in body; the body moves on z = 0, and by default so do all of them,
-    as in the planar model of ekim2020 eq. (8).
+    Anchors and landmarks are in world, tags in body; the body moves on z = 0, and by default so do
+    all of them, as in the planar model of ekim2020 eq. (8).
     """
 
     room_m: tuple[Positive, Positive] = (10.0, 10.0)
     anchors: dict[Name, Point3] = Field(default_factory=_paper_anchors)
+    landmarks: dict[Name, Point2] = Field(default_factory=dict)
     tags: dict[Name, Point3] = Field(default_factory=_one_tag)
     path: Path = Field(default_factory=Circle)
     duration_s: Positive = 60.0
@@ -442,6 +459,7 @@ class Scenario(Strict):
     ranges: RangeSensor | None = Field(default_factory=RangeSensor)
     poses: PoseSensor | None = Field(default_factory=PoseSensor)
     positions: PositionSensor | None = None
+    landmark_sightings: SightingSensor | None = None
     laser: LaserSensor | None = None
     map: RoomMap | None = None
     faults: list[Fault] = Field(default_factory=list)
@@ -453,6 +471,8 @@ class Scenario(Strict):
         if self.ranges is not None and not (self.anchors and self.tags):
             missing = "anchors" if not self.anchors else "tags"
             raise ValueError(f"ranges need anchors and tags, but {missing} is empty")
+        if self.landmark_sightings is not None and not self.landmarks:
+            raise ValueError("landmark_sightings need landmarks, but landmarks is empty")
         if self.laser is not None and self.map is None:
             raise ValueError("a laser needs something to see; add 'map: {}' for the room's walls")
         if isinstance(self.path, Roam) and self.map is None:

@@ -16,8 +16,8 @@ from locfuse.config.base import Strict
 from locfuse.config.scenario import Name, NonNegative, Positive, Probability, Rate, Scenario
 
 GateProbability: TypeAlias = Annotated[float, Field(gt=0.0, le=1.0)]
-Source: TypeAlias = Literal["odometry", "ranges", "positions", "poses"]
-SOURCES: tuple[Source, ...] = ("odometry", "ranges", "positions", "poses")
+Source: TypeAlias = Literal["odometry", "ranges", "positions", "poses", "landmark_sightings"]
+SOURCES: tuple[Source, ...] = ("odometry", "ranges", "positions", "poses", "landmark_sightings")
 
 
 class Odometry(Strict):
@@ -51,15 +51,24 @@ class Position(Strict):
     antenna_left_m: float = 0.0
 
 
+class Landmark(Strict):
+    """Noise of sightings that bring no sigmas of their own; ``RangeBearingConfig`` in C++."""
+
+    sigma_range_m: Positive = 0.1
+    sigma_bearing_rad: Positive = 0.02
+
+
 class Estimator(Strict):
     """The pose EKF; ``PoseEkfConfig`` in C++."""
 
     odometry: Odometry = Field(default_factory=Odometry)
     range: Range = Field(default_factory=Range)
     position: Position = Field(default_factory=Position)
+    landmark: Landmark = Field(default_factory=Landmark)
     gate_range: GateProbability = 0.999
     gate_position: GateProbability = 0.999
     gate_pose: GateProbability = 0.999
+    gate_landmark: GateProbability = 0.999
     hold_s: Positive = 1.0
     sigma_lost_xy_per_sqrt_s: Positive = 0.5
     sigma_lost_heading_per_sqrt_s: Positive = 0.5
@@ -157,6 +166,7 @@ class Mcl(Strict):
     beam_model: BeamModel = Field(default_factory=BeamModel)
     range: Range = Field(default_factory=Range)
     position: Position = Field(default_factory=Position)
+    landmark: Landmark = Field(default_factory=Landmark)
 
     @model_validator(mode="after")
     def _least_and_most(self) -> Mcl:

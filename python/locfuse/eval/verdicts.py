@@ -13,7 +13,7 @@ from locfuse.types import Outcomes, StampArray
 
 SUSPECT_SHARE = 0.10  # rejected share from which an anchor is pointed out
 
-_SOURCE_ORDER = ("odometry", "ranges", "positions", "poses", "scans")
+_SOURCE_ORDER = ("odometry", "ranges", "positions", "poses", "landmark_sightings", "scans")
 
 
 @dataclass(frozen=True)

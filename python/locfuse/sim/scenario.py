@@ -30,8 +30,8 @@ from locfuse.types import (
 def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = None) -> Log:
     """Return the log of a simulated drive.
 
-    Path, odometry, ranges, poses, positions, faults and laser draw from children of `rng`, always
-    spawned in that order: switching one off changes no bit of the others.
+    Path, odometry, ranges, poses, positions, faults, laser and sightings draw from children of
+    `rng`, always spawned in that order: switching one off changes no bit of the others.
 
     Parameters
     ----------
@@ -45,9 +45,9 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
     Returns
     -------
     Log
-        With tables ``odometry``, ``ranges``, ``poses``, ``positions``, ``scans`` (those that are
-        switched on), ``truth`` at every stamp of any of them, dropped out or not, and ``anchors``;
-        and with the grid, if there is a map.
+        With tables ``odometry``, ``ranges``, ``poses``, ``positions``, ``landmark_sightings``,
+        ``scans`` (those that are switched on), ``truth`` at every stamp of any of them, dropped out
+        or not, ``anchors`` and ``landmarks``; and with the grid, if there is a map.
 
     Raises
     ------
@@ -63,9 +63,8 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
     >>> len(log["ranges"]["range_m"])  # 5 anchors, 6 epochs
     30
     """
-    for_path, for_odometry, for_ranges, for_poses, for_positions, for_faults, for_laser = rng.spawn(
-        7
-    )
+    for_path, for_odometry, for_ranges, for_poses, for_positions, *others = rng.spawn(8)
+    for_faults, for_laser, for_sightings = others
     grid = grid_of(scenario, base)
     drive = plan(scenario.path, scenario.room_m, scenario.duration_s, for_path, grid)
     epochs = {
@@ -75,6 +74,7 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
             ("ranges", scenario.ranges),
             ("poses", scenario.poses),
             ("positions", scenario.positions),
+            ("landmark_sightings", scenario.landmark_sightings),
             ("scans", scenario.laser),
         )
         if sensor is not None
@@ -94,6 +94,11 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
         heard["positions"] = sensors.positions(
             drive, epochs["positions"], scenario.positions, for_positions
         )
+    if scenario.landmark_sightings is not None:
+        heard["landmark_sightings"] = sensors.sightings(
+            drive, epochs["landmark_sightings"], scenario.landmarks, scenario.landmark_sightings,
+            for_sightings,
+        )  # fmt: skip
     odometry_ns = epochs.get("odometry", np.empty(0, np.int64))
     world = World(drive, scenario.tags, scenario.anchors, odometry_ns)
     faults = list(zip(scenario.faults, for_faults.spawn(len(scenario.faults)), strict=True))
@@ -113,14 +118,29 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
             "y_m": at[:, 1],
             "z_m": at[:, 2],
         }
+    if scenario.landmarks:
+        at = np.array(list(scenario.landmarks.values()), dtype=np.float64)
+        tables["landmarks"] = {
+            "landmark": np.array(list(scenario.landmarks)),
+            "x_m": at[:, 0],
+            "y_m": at[:, 1],
+        }
     return Log(
         tables=tables,
         tags=dict(scenario.tags),
+        landmark_sensor=_landmark_sensor(scenario),
         laser=None if scenario.laser is None else laser.geometry(scenario.laser),
         map=None if grid is None else "map.yaml",
         grid=grid,
         description=f"Simulated: {scenario.path.shape}, {scenario.duration_s:g} s",
     )
+
+
+def _landmark_sensor(scenario: Scenario) -> dict[str, list[float]] | None:
+    if scenario.landmark_sightings is None:
+        return None
+    x, y, heading_deg = scenario.landmark_sightings.pose_in_body
+    return {"pose_in_body": [x, y, float(np.deg2rad(heading_deg))]}
 
 
 def grid_of(scenario: Scenario, base: Path | None = None) -> GridMap | None:

@@ -11,7 +11,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from locfuse.config.scenario import OdometrySensor, PoseSensor, PositionSensor, RangeSensor
+from locfuse.config.scenario import (
+    OdometrySensor,
+    PoseSensor,
+    PositionSensor,
+    RangeSensor,
+    SightingSensor,
+)
 from locfuse.sim.trajectory import Drive, sinc
 from locfuse.types import NANOSECONDS, Columns, FloatArray, StampArray, wrap_angle
 
@@ -244,6 +250,52 @@ def positions(
         "x_m": point[:, 0],
         "y_m": point[:, 1],
         "sigma_m": np.full(len(point), sensor.sigma_xy_m),
+    }
+
+
+def sightings(
+    drive: Drive,
+    stamp_ns: StampArray,
+    landmarks: Mapping[str, tuple[float, float]],
+    sensor: SightingSensor,
+    rng: np.random.Generator,
+) -> Columns:
+    """Return range and bearing to each landmark in view, from a sensor on the body.
+
+    Parameters
+    ----------
+    drive : Drive
+    stamp_ns : int64 array, shape (n,)
+    landmarks : mapping of name to (x, y) in world, metres
+    sensor : SightingSensor
+    rng : numpy Generator
+
+    Returns
+    -------
+    columns
+        Rows of landmark (empty if unnamed), range_m, bearing_rad, by stamp and landmark. A range
+        that noise would take below zero is zero.
+    """
+    pose = drive.pose_at(seconds(stamp_ns))
+    forward, left, turn_deg = sensor.pose_in_body
+    eye = point_in_world(pose, (forward, left, 0.0))[:, :2]
+    at = np.array(list(landmarks.values()), dtype=np.float64)
+    off = at - eye[:, None, :]
+    distance = np.hypot(off[..., 0], off[..., 1])
+    heading = pose[:, 2] + np.deg2rad(turn_deg)
+    bearing = wrap_angle(np.arctan2(off[..., 1], off[..., 0]) - heading[:, None])
+    noise = rng.standard_normal((*distance.shape, 2))
+    half = 0.5 * np.deg2rad(sensor.field_of_view_deg)
+    seen = (distance <= sensor.range_max_m) & (np.abs(bearing) <= half)
+    distance = np.maximum(distance + sensor.sigma_range_m * noise[..., 0], 0.0)
+    bearing = wrap_angle(bearing + np.deg2rad(sensor.sigma_bearing_deg) * noise[..., 1])
+    names = np.array(list(landmarks) if sensor.landmarks == "named" else [""] * len(landmarks))
+    row, column = np.nonzero(seen)
+    return {
+        "stamp_ns": stamp_ns[row],
+        "landmark": names[column],
+        "range_m": distance[row, column],
+        "bearing_rad": bearing[row, column],
     }
 
 

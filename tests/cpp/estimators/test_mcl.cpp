@@ -375,6 +375,38 @@ TEST(Mcl, ranges_and_fixes_and_poses_weigh_particles) {
   EXPECT_EQ(without.on(Range{0, 0, 0, 3.0, 0.1}).verdict, Verdict::kNotModelled);
 }
 
+TEST(Mcl, landmarks_weigh_particles_with_and_without_a_name) {
+  const Drive run = drive(11, 1);
+  const Pose2 truth = run.truth[0];
+  std::vector<Landmark> posts;
+  for (int i = 0; i < 4; ++i) {
+    posts.push_back({i, run.room.middle.act({i % 2 == 0 ? -4.0 : 4.0, i < 2 ? -3.0 : 2.0 + i})});
+  }
+  const LandmarkSight sight{std::make_shared<const LandmarkMap>(posts), {0.2, 0.0, 0.3}};
+  const RangeBearingModel model({0.1, 0.05}, sight.sensor_in_body);
+  for (const bool named : {true, false}) {
+    Mcl::Config settings = config();
+    settings.max_particles = 20'000;
+    Mcl mcl(settings, run.room.map, 0, nullptr, {}, sight);
+    for (int epoch = 0; epoch < 3; ++epoch) {
+      for (const Landmark& post : posts) {
+        const Vector<2> z = model.predict(truth, post.position);
+        RangeBearing sighting{0, {}, z.x(), z.y(), {}};
+        if (named) {
+          sighting.landmark = post.id;
+        }
+        EXPECT_EQ(mcl.on(sighting).verdict, Verdict::kFused);
+      }
+    }
+    const Vector<3> off = local(mcl.estimate().pose, truth);
+    EXPECT_LT(off.head<2>().norm(), 0.2) << named;
+    EXPECT_LT(std::abs(off.z()), 0.05) << named;
+    EXPECT_EQ(mcl.on(RangeBearing{0, 99, 3.0, 0.0, {}}).verdict, Verdict::kNotModelled);
+  }
+  Mcl without(config(), run.room.map, 0);
+  EXPECT_EQ(without.on(RangeBearing{0, 0, 3.0, 0.0, {}}).verdict, Verdict::kNotModelled);
+}
+
 TEST(Mcl, without_odometry_the_belief_spreads) {
   const Drive run = drive(12, 1);
   Mcl mcl(config(), run.room.map, 0);

@@ -23,7 +23,9 @@ TEST(Message, everything_else_takes_effect_at_its_stamp) {
   fix.stamp = 7;
   PoseObservation pose;
   pose.stamp = 7;
-  for (const Message& message : std::vector<Message>{velocity, range, fix, pose}) {
+  RangeBearing sighting;
+  sighting.stamp = 7;
+  for (const Message& message : std::vector<Message>{velocity, range, fix, pose, sighting}) {
     EXPECT_EQ(effective_stamp(message), 7);
     EXPECT_EQ(stamp_of(message), 7);
   }

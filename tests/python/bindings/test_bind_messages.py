@@ -33,6 +33,13 @@ def test_fields_come_back_as_given() -> None:
     np.testing.assert_array_equal(fix.covariance, 4.0 * EYE2)
     seen = lf.PoseObservation(stamp=1, pose=lf.Pose2(2.0, 3.0, 0.5), covariance=4.0 * EYE3)
     assert (seen.pose.x, seen.pose.y, seen.pose.heading) == (2.0, 3.0, 0.5)
+    post = lf.RangeBearing(stamp=1, landmark=7, range=2.0, bearing=-0.5, covariance=EYE2)
+    assert (post.stamp, post.landmark, post.range, post.bearing) == (1, 7, 2.0, -0.5)
+    np.testing.assert_array_equal(post.covariance, EYE2)
+    assert lf.RangeBearing(1, bearing=0.5).landmark is None
+    assert repr(lf.RangeBearing(1, bearing=0.5)) == "RangeBearing(stamp=1, bearing=0.5)"
+    with pytest.raises(ValueError, match="neither range nor bearing"):
+        lf.RangeBearing(1, 7)
 
 
 def test_a_message_cannot_be_changed() -> None:
@@ -63,6 +70,9 @@ MAKERS: dict[str, Callable[[float], Any]] = {
     "PoseObservation.covariance": lambda v: lf.PoseObservation(
         0, lf.Pose2(), np.diag([1.0, 1.0, v])
     ),
+    "RangeBearing.range": lambda v: lf.RangeBearing(0, 1, v, 0.0),
+    "RangeBearing.bearing": lambda v: lf.RangeBearing(0, None, None, v),
+    "RangeBearing.covariance": lambda v: lf.RangeBearing(0, None, 1, 1, np.diag([1.0, v])),
 }
 
 

@@ -141,6 +141,12 @@ ADD: dict[str, Callable[[lf.MessageLog, float], None]] = {
     "PoseObservation.(covariance|sigma)": lambda log, v: log.add_poses(
         STAMPS, np.column_stack([ONES, ONES, ONES]), ONES, column(v)
     ),
+    "RangeBearing.(covariance|sigma_range)": lambda log, v: log.add_sightings(
+        STAMPS, IDS, ONES, ONES, column(v), ONES
+    ),
+    "RangeBearing.(covariance|sigma_bearing)": lambda log, v: log.add_sightings(
+        STAMPS, IDS, ONES, ONES, ONES, column(v)
+    ),
 }
 
 
@@ -168,6 +174,20 @@ def test_a_sigma_of_zero_or_less_is_named_by_row(field: str) -> None:
     for bad in (0.0, -0.5):
         with pytest.raises(ValueError, match=rf"row 2: {field}"):
             ADD[field](lf.MessageLog(), bad)
+
+
+def test_sightings_may_lack_a_name_a_range_or_a_bearing_but_not_both() -> None:
+    log, ids = lf.MessageLog(), np.array([-1, 0, 1, 2], dtype=np.int32)
+    log.add_sightings(STAMPS, ids, column(math.nan), ONES)
+    log.add_sightings(STAMPS, ids, ONES, column(math.nan))
+    assert len(log) == 8
+    with pytest.raises(ValueError, match="row 2: RangeBearing has neither"):
+        log.add_sightings(STAMPS, ids, column(math.nan), column(math.nan))
+    with pytest.raises(ValueError, match=r"row 2: RangeBearing.range \[m\] is inf"):
+        log.add_sightings(STAMPS, ids, column(math.inf), ONES)
+    with pytest.raises(ValueError, match="sigma_range and sigma_bearing"):
+        log.add_sightings(STAMPS, ids, ONES, ONES, ONES)
+    assert len(log) == 8
 
 
 def test_columns_of_other_lengths_are_refused_with_both_shapes() -> None:

@@ -8,7 +8,14 @@ import math
 import numpy as np
 import pytest
 
-from locfuse.config.scenario import OdometrySensor, PoseSensor, PositionSensor, RangeSensor, Star
+from locfuse.config.scenario import (
+    OdometrySensor,
+    PoseSensor,
+    PositionSensor,
+    RangeSensor,
+    SightingSensor,
+    Star,
+)
 from locfuse.sim import sensors
 from locfuse.sim.trajectory import drive_of, drive_on, plan
 from locfuse.types import Columns, FloatArray, wrap_angle
@@ -294,6 +301,36 @@ def test_position_errors_are_as_stated(rate_hz: float) -> None:
 
     assert_standard_normal((columns["x_m"] - sensors.seconds(stamp_ns)) / 0.7)
     assert_standard_normal(columns["y_m"] / 0.7)
+
+
+POSTS = {"left": (3.0, 4.0), "far": (30.0, 0.0), "behind": (-2.0, 0.0)}
+
+
+def test_sightings_without_noise_are_those_of_the_sensor_for_what_is_in_view() -> None:
+    still = drive_of((0.0, 0.0, 0.0), [(1e6, 0.0, 0.0)])
+    sensor = SightingSensor(rate_hz=1.0, sigma_range_m=0.0, sigma_bearing_deg=0.0,
+                            pose_in_body=(3.0, 0.0, 90.0), field_of_view_deg=181.0)  # fmt: skip
+
+    columns = sensors.sightings(still, sensors.stamps(1.0, 1.0), POSTS, sensor, rng())
+
+    # From (3, 0), looking left: `left` is straight ahead, `far` too far, `behind` just in view.
+    assert columns["landmark"].tolist() == ["left", "behind"] * 2
+    np.testing.assert_allclose(columns["range_m"], [4.0, 5.0] * 2)
+    np.testing.assert_allclose(columns["bearing_rad"], [0.0, math.pi / 2] * 2, atol=1e-15)
+    np.testing.assert_array_equal(columns["stamp_ns"], [0, 0, 1_000_000_000, 1_000_000_000])
+
+
+def test_sightings_may_be_without_names_and_err_as_stated() -> None:
+    still = drive_of((0.0, 0.0, 0.0), [(1e6, 0.0, 0.0)])
+    sensor = SightingSensor(sigma_range_m=0.2, sigma_bearing_deg=2.0, landmarks="unnamed")
+
+    columns = sensors.sightings(still, sensors.stamps(5.0, 1000.0), POSTS, sensor, rng())
+
+    assert set(columns["landmark"].tolist()) == {""}
+    left = np.abs(columns["bearing_rad"] - 1.0) < 1.0
+    assert_standard_normal((columns["range_m"][left] - 5.0) / 0.2)
+    off = columns["bearing_rad"][left] - math.atan2(4.0, 3.0)
+    assert_standard_normal(off / np.deg2rad(2.0))
 
 
 def test_sigmas_scale_the_same_draws() -> None:

@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Localization on landmarks, simulated and recorded: rows for docs/accuracy.md."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from locfuse import _core
+from locfuse.claims import Claim, Progress, absent, claim_of
+from locfuse.config.build import build_estimator_config
+from locfuse.config.load import parse_config
+from locfuse.config.schema import RunConfig
+from locfuse.eval.consistency import band
+from locfuse.eval.errors import errors_against
+from locfuse.messages import landmarks_of, to_messages, truth_of
+from locfuse.run import load_log, run
+from locfuse.start import start_of
+from locfuse.types import Columns, Log, LogError, Trajectory
+
+# Dataset, folder, run, noise of sightings as its publishers state it, required position RMSE [m].
+RECORDINGS = {
+    "tubes": ("utias_tubes", "utias-tubes", None, (0.030, 0.026), 0.035),
+    "MRCLAM robot 1": ("mrclam6", "mrclam6", "robot1", (0.2, 0.04), 0.20),
+    "MRCLAM robot 3": ("mrclam6", "mrclam6", "robot3", (0.2, 0.04), 0.20),
+    "MRCLAM robot 5": ("mrclam6", "mrclam6", "robot5", (0.2, 0.04), 0.20),
+}
+# Small robots that turn on the spot, whose odometers tell the way well and the turn badly.
+WHEELS = {
+    "sigma_longitudinal_per_sqrt_m": 0.05,
+    "sigma_lateral_per_sqrt_m": 0.02,
+    "sigma_heading_per_sqrt_m": 0.1,
+    "sigma_heading_per_sqrt_rad": 0.1,
+}
+POSTS = {"NE": [9, 9], "NW": [1, 9], "SW": [1, 1], "SE": [9, 2]}
+
+
+def landmark_claims(configs: Path | None, seeds: int, progress: Progress) -> list[Claim]:
+    """Return all rows.
+
+    Parameters
+    ----------
+    configs : Path or None
+        Folder of the ready configurations: recordings lie beside the project.
+    seeds : int
+        Runs of the simulated rows.
+    progress : callable
+        Told (parts done, parts in all).
+    """
+    claims: list[Claim] = []
+    recordings = [] if configs is None else list(RECORDINGS)
+    total = 2 + len(recordings)
+    for done, names in enumerate(("named", "unnamed")):
+        progress(done, total)
+        claims += _simulated(names, seeds)
+    for done, name in enumerate(recordings, start=2):
+        assert configs is not None
+        progress(done, total)
+        claims += _recorded(configs, name)
+    progress(total, total)
+    return claims
+
+
+def _simulated(names: str, seeds: int) -> Iterator[Claim]:
+    """Drive a minute on a circle among four posts."""
+    rmse, nees = [], []
+    for seed in range(seeds):
+        result = run(
+            parse_config(
+                {
+                    "simulation": {
+                        "ranges": None,
+                        "poses": None,
+                        "landmarks": POSTS,
+                        "landmark_sightings": {"landmarks": names},
+                        "odometry": {"sigma_lateral_per_sqrt_m": 0.01},
+                    },
+                    "estimator": {
+                        "landmark": {"sigma_range_m": 0.05, "sigma_bearing_rad": np.deg2rad(1.0)}
+                    },
+                    "seed": seed,
+                }
+            )
+        )
+        assert result.truth is not None
+        errors = errors_against(result.estimate, result.truth)
+        assert errors.nees is not None
+        rmse.append(100.0 * result.metrics["position_rmse_m"])
+        nees.append(float(errors.nees[-1]))
+    key, what = f"landmarks_{names}", f"four posts, {names}: "
+    low, high = band(3, seeds)
+    yield claim_of(key, f"{what}position RMSE", "cm", None, np.array(rmse), "-", lambda v: True)
+    mean = float(np.mean(nees))
+    yield Claim(f"{key}_nees", f"{what}NEES at the end, mean over seeds", "1", None, mean, mean,
+                mean, f"{low:.2f}..{high:.2f}", low <= mean <= high)  # fmt: skip
+
+
+def recorded(configs: Path, name: str) -> tuple[RunConfig, Log]:
+    """Return a configuration for one of `RECORDINGS`, and its log.
+
+    Raises
+    ------
+    LogError
+        If the recording is not there.
+    """
+    dataset, folder, of_dataset, (sigma_range, sigma_bearing), _ = RECORDINGS[name]
+    origin = {"dataset": dataset, "path": f"../../../shared/data/{folder}"}
+    if of_dataset is not None:
+        origin["run"] = of_dataset
+    landmark = {"sigma_range_m": sigma_range, "sigma_bearing_rad": sigma_bearing}
+    config = parse_config({"log": origin, "estimator": {"odometry": WHEELS, "landmark": landmark}})
+    return config, load_log(config, configs, 0)
+
+
+def without_names(log: Log) -> Log:
+    """Return the log with sightings that do not say of which landmark they are."""
+    table = log["landmark_sightings"]
+    unnamed = {**table, "landmark": np.full(len(table["stamp_ns"]), "")}
+    return replace(log, tables={**log.tables, "landmark_sightings": unnamed})
+
+
+def localize_jointly(config: RunConfig, log: Log) -> Trajectory:
+    """Localize with the sightings of each stamp put together with landmarks jointly."""
+    messages = to_messages(log, config)
+    start = start_of(config, truth_of(log), messages)
+    ekf = _core.PoseEkf(build_estimator_config(config.estimator), _core.AnchorMap([]), [], start,
+                        landmarks_of(log, messages))  # fmt: skip
+    driven, table = log["odometry"], log["landmark_sightings"]
+    velocity = {
+        stamp: _core.Velocity(stamp, v, omega)
+        for stamp, v, omega in _rows(driven, "stamp_ns", "v_mps", "omega_radps")
+    }
+    seen: dict[int, list[_core.RangeBearing]] = {}
+    for stamp, distance, bearing in _rows(table, "stamp_ns", "range_m", "bearing_rad"):
+        seen.setdefault(stamp, []).append(_core.RangeBearing(stamp, None, distance, bearing))
+    poses = []
+    for stamp in sorted({*velocity, *seen}):
+        if stamp < start.stamp:
+            continue
+        if stamp in seen:
+            ekf.on_joint(seen[stamp])
+            poses.append(ekf.estimate(stamp))
+        if stamp in velocity:
+            ekf.on(velocity[stamp])
+    return Trajectory(
+        np.array([pose.stamp for pose in poses]),
+        np.array([(pose.pose.x, pose.pose.y) for pose in poses]),
+        np.array([pose.pose.heading for pose in poses]),
+        np.array([pose.covariance for pose in poses]),
+    )
+
+
+def _rows(table: Columns, *names: str) -> Iterator[tuple[Any, ...]]:
+    return zip(*(table[name].tolist() for name in names), strict=True)
+
+
+def _recorded(configs: Path, name: str) -> Iterator[Claim]:
+    limit = RECORDINGS[name][4]
+    key, what = f"landmarks_{name.replace(' ', '_').lower()}", f"{name} (real): "
+    try:
+        config, log = recorded(configs, name)
+    except LogError as error:
+        yield absent(key, f"{what}position RMSE", str(error), f"<= {limit:g}")
+        return
+    truth = truth_of(log)
+    assert truth is not None
+    figures = run(config, log).metrics
+    rmse = float(figures["position_rmse_m"])
+    errors = errors_against(localize_jointly(config, without_names(log)), truth)
+    unnamed = float(np.sqrt(np.mean(np.sum(errors.position**2, axis=1))))
+    for row, part, unit, value, required, met in (
+        ("", "position RMSE", "m", rmse, f"<= {limit:g}", rmse <= limit),
+        ("_heading", "heading RMSE", "deg", float(figures["heading_rmse_deg"]), "-", True),
+        ("_nees", "NEES of 3", "1", float(figures["nees_mean"]), "-", True),
+        ("_unnamed", "position RMSE without names", "m", unnamed, f"<= {1.1 * rmse:.3g}",
+         unnamed <= 1.1 * rmse),
+    ):  # fmt: skip
+        yield Claim(key + row, what + part, unit, None, value, value, value, required, met)

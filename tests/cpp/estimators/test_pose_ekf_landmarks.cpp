@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Cholesky>
+#include <cmath>
+
+#include "locfuse/estimators/initializer.hpp"
+#include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/math/chi_squared.hpp"
+#include "support/expect.hpp"
+#include "support/random.hpp"
+
+namespace locfuse {
+namespace {
+
+using testing::normal;
+using testing::Rng;
+
+constexpr Stamp kStep = 100'000'000;
+const Pose2 kMount{0.3, -0.1, 0.5};
+
+/// Four posts about a floor, and a fifth that makes it look different from everywhere.
+const std::shared_ptr<const LandmarkMap>& posts() {
+  static const auto map =
+      std::make_shared<const LandmarkMap>(std::vector<Landmark>{{10, {4.0, 4.0}},
+                                                                {11, {-4.0, 4.0}},
+                                                                {12, {-4.0, -4.0}},
+                                                                {13, {4.0, -4.0}},
+                                                                {14, {1.0, 5.0}}});
+  return map;
+}
+
+PoseEkf ekf_at(const PoseEstimate& start, const PoseEkf::Config& config) {
+  return {config, std::make_shared<AnchorMap>(), {}, start, {posts(), kMount}};
+}
+
+PoseEkf ekf_at(const Pose2& pose, const PoseEkf::Config& config = {}) {
+  const Vector<3> sigma(0.1, 0.1, 0.05);
+  return ekf_at({0, pose, sigma.cwiseAbs2().asDiagonal()}, config);
+}
+
+/// What the sensor would say, written out; the model is not asked.
+RangeBearing sighting(const Pose2& body, const Landmark& post, Stamp stamp, bool named = true) {
+  const double c = std::cos(body.heading);
+  const double s = std::sin(body.heading);
+  const double dx = post.position.x() - (body.x + 0.3 * c + 0.1 * s);
+  const double dy = post.position.y() - (body.y + 0.3 * s - 0.1 * c);
+  RangeBearing z{stamp, {}, std::hypot(dx, dy), std::atan2(dy, dx) - body.heading - 0.5, {}};
+  if (named) {
+    z.landmark = post.id;
+  }
+  return z;
+}
+
+struct Consistency {
+  double nees = 0.0;
+  double nis = 0.0;
+  int sightings = 0;
+};
+
+enum class Parts { kBoth, kRange, kBearing };
+
+/// 50 runs of ten seconds on a circle, with the noise that the filter believes in, times `factor`.
+Consistency measure(Parts parts, double factor = 1.0) {
+  constexpr int kRuns = 50;
+  PoseEkf::Config config;
+  config.odometry = {0.02, 0.02, 0.02, 0.02, 0.0, 0.0};
+  config.landmark = {0.05, 0.02};
+  config.gate_landmark = 1.0;
+  Consistency result;
+  const OdometryMotion motion(config.odometry);
+  for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
+    Rng rng(seed);
+    const Vector<3> sigma(0.1, 0.1, 0.05);
+    Pose2 body{2.0, 0.0, kPi / 2.0};
+    PoseEkf ekf = ekf_at({0, body, sigma.cwiseAbs2().asDiagonal()}, config);
+    body = retract(body, {normal(rng, 0.1), normal(rng, 0.1), normal(rng, 0.05)});
+    for (int i = 0; i < 100; ++i) {
+      const Pose2 told = arc(0.05, 0.0, 0.025);
+      const Matrix<3, 3> Q = motion.propagate({}, told, 0.1).noise;
+      const Vector<3> off =
+          Q.llt().matrixL() * Vector<3>(normal(rng, 1.0), normal(rng, 1.0), normal(rng, 1.0));
+      body = body * retract(told, off);
+      ekf.on(Increment{i * kStep, (i + 1) * kStep, told});
+      for (const Landmark& post : posts()->landmarks()) {
+        RangeBearing z = sighting(body, post, (i + 1) * kStep);
+        *z.range += factor * normal(rng, 0.05);
+        *z.bearing += factor * normal(rng, 0.02);
+        if (parts == Parts::kRange) {
+          z.bearing.reset();
+        } else if (parts == Parts::kBearing) {
+          z.range.reset();
+        }
+        const Outcome outcome = ekf.on(z);
+        result.nis += outcome.nis / outcome.dof;
+        ++result.sightings;
+      }
+    }
+    const PoseEstimate end = ekf.estimate();
+    const Vector<3> error = local(body, end.pose);
+    result.nees += error.dot(end.covariance.llt().solve(error)) / kRuns;
+  }
+  result.nis /= result.sightings;
+  return result;
+}
+
+bool in_band(double mean, int dof, int count) {
+  const double low = chi_squared_quantile(dof * count, 0.025) / count;
+  const double high = chi_squared_quantile(dof * count, 0.975) / count;
+  return low <= mean && mean <= high;
+}
+
+TEST(PoseEkf, on_landmarks_errors_are_as_large_as_it_believes) {
+  for (const Parts parts : {Parts::kBoth, Parts::kRange, Parts::kBearing}) {
+    const Consistency result = measure(parts);
+    EXPECT_EQ(result.sightings, 50 * 500);
+    EXPECT_TRUE(in_band(result.nees, 3, 50)) << result.nees;
+    EXPECT_NEAR(result.nis, 1.0, 0.03);
+  }
+}
+
+TEST(PoseEkf, on_landmarks_seen_thrice_as_badly_as_told_shows) {
+  const Consistency result = measure(Parts::kBoth, 3.0);
+  EXPECT_FALSE(in_band(result.nees, 3, 50)) << result.nees;
+  EXPECT_GT(result.nis, 5.0);
+}
+
+TEST(PoseEkf, a_sighting_without_a_name_is_of_the_nearest_landmark) {
+  const Pose2 body{0.5, -0.3, 0.2};
+  PoseEkf named = ekf_at({0.4, -0.2, 0.22});
+  PoseEkf unnamed = named;
+  for (const Landmark& post : posts()->landmarks()) {
+    EXPECT_EQ(named.on(sighting(body, post, kStep)).verdict, Verdict::kFused);
+    EXPECT_EQ(unnamed.on(sighting(body, post, kStep, false)).verdict, Verdict::kFused);
+  }
+  EXPECT_TRUE(testing::same_bits(named.belief(), unnamed.belief()));
+}
+
+TEST(PoseEkf, sightings_together_tell_where_each_alone_is_of_the_wrong_landmark) {
+  // Turned by 0.5 rad against its belief, with posts in a ring of 12: each is nearest to the next.
+  std::vector<Landmark> ring;
+  for (int k = 0; k < 12; ++k) {
+    ring.push_back({k, 5.0 * Vector<2>(std::cos(k * kPi / 6.0), std::sin(k * kPi / 6.0))});
+  }
+  ring.push_back({12, {2.0, 1.0}});  // the one that tells
+  const auto map = std::make_shared<const LandmarkMap>(ring);
+  const Vector<3> sigma(0.05, 0.05, 0.5);
+  const Pose2 body{0.0, 0.0, 0.35};
+  const PoseEkf start({}, std::make_shared<AnchorMap>(), {},
+                      {0, {}, sigma.cwiseAbs2().asDiagonal()}, {map, kMount});
+  std::vector<RangeBearing> sightings;
+  for (const Landmark& post : ring) {
+    sightings.push_back(sighting(body, post, 0, false));
+  }
+  PoseEkf joint = start;
+  for (const Outcome& outcome : joint.on_joint(sightings)) {
+    EXPECT_EQ(outcome.verdict, Verdict::kFused);
+  }
+  EXPECT_NEAR(joint.pose().heading, 0.35, 0.02);
+  PoseEkf alone = start;
+  alone.on_joint(sightings, Association::kNearest);
+  EXPECT_GT(std::abs(alone.pose().heading - 0.35), 0.1);
+}
+
+TEST(PoseEkf, what_fits_no_landmark_changes_nothing) {
+  const Pose2 body{0.5, -0.3, 0.2};
+  PoseEkf ekf = ekf_at(body);
+  const GaussianBelief before = ekf.belief();
+  RangeBearing wrong = sighting(body, posts()->landmarks()[0], kStep, false);
+  *wrong.range = 1.0;
+  EXPECT_EQ(ekf.on(wrong).verdict, Verdict::kGated);
+  EXPECT_EQ(ekf.on_joint({wrong}).front().verdict, Verdict::kGated);
+  RangeBearing stranger = sighting(body, posts()->landmarks()[0], kStep);
+  stranger.landmark = 99;
+  EXPECT_EQ(ekf.on(stranger).verdict, Verdict::kNotModelled);
+  EXPECT_EQ(ekf.on_joint({stranger}).front().verdict, Verdict::kNotModelled);
+  RangeBearing early = sighting(body, posts()->landmarks()[0], -kStep, false);
+  EXPECT_EQ(ekf.on(early).verdict, Verdict::kStale);
+  EXPECT_EQ(ekf.on_joint({early}).front().verdict, Verdict::kStale);
+  EXPECT_TRUE(ekf.on_joint(std::vector<RangeBearing>{}).empty());
+  EXPECT_TRUE(testing::same_bits(ekf.belief(), before));
+}
+
+TEST(PoseEkf, without_a_map_of_landmarks_a_sighting_is_not_modelled) {
+  PoseEkf ekf({}, std::make_shared<AnchorMap>(), {}, {0, {}, Matrix<3, 3>::Identity()});
+  const RangeBearing z = sighting({}, posts()->landmarks()[0], 0, false);
+  EXPECT_EQ(ekf.on(z).verdict, Verdict::kNotModelled);
+  EXPECT_EQ(ekf.on_joint({z}).front().verdict, Verdict::kNotModelled);
+}
+
+TEST(PoseEkf, refuses_sightings_that_are_none) {
+  PoseEkf ekf = ekf_at({});
+  testing::expect_refused([&] { ekf.on(RangeBearing{0, 10, {}, {}, {}}); }, "neither");
+  testing::expect_refused([&] { ekf.on(RangeBearing{0, 10, -1.0, {}, {}}); }, "range", "-1");
+  testing::expect_refused([&] { ekf.on(RangeBearing{0, 10, 1.0, std::nan(""), {}}); }, "bearing");
+  testing::expect_refused(
+      [&] {
+        ekf.on(RangeBearing{0, 10, 1.0, 0.0, Matrix<2, 2>::Zero()});
+      },
+      "covariance");
+  const RangeBearing first{0, 10, 1.0, 0.0, {}};
+  const RangeBearing later{kStep, 10, 1.0, 0.0, {}};
+  testing::expect_refused([&] { ekf.on_joint({first, later}); }, "one stamp");
+}
+
+TEST(Initializer, sightings_choose_among_the_poses_that_fit) {
+  const Pose2 body{0.5, -0.3, 0.2};
+  Initializer initializer({}, {}, std::make_shared<AnchorMap>(), {}, nullptr, {posts(), kMount});
+  initializer.on(sighting(body, posts()->landmarks()[0], 0));  // before there is any pose
+  initializer.on(PositionFix{0, body.position(), 0.04 * Matrix<2, 2>::Identity()});
+  EXPECT_NE(initializer.state().status, StartStatus::kReady);
+  for (const Landmark& post : posts()->landmarks()) {
+    initializer.on(sighting(body, post, 0));
+  }
+  const Initializer::State state = initializer.state();
+  ASSERT_EQ(state.status, StartStatus::kReady) << state.reason;
+  EXPECT_NEAR(state.hypotheses.front().estimate.pose.heading, body.heading, 0.1);
+}
+
+}  // namespace
+}  // namespace locfuse

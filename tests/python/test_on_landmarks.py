@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rows of localization on landmarks: recordings within what is required, and bounds that bind."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from locfuse import on_landmarks
+from locfuse.config.load import parse_config
+from locfuse.eval.errors import errors_against
+from locfuse.messages import truth_of
+from locfuse.run import run
+from locfuse.types import LogError
+from support_runs import ROOT
+
+CONFIGS = ROOT / "examples" / "configs"
+
+
+def test_tubes_are_enough_with_and_without_names() -> None:
+    try:
+        config, log = on_landmarks.recorded(CONFIGS, "tubes")
+    except LogError as error:
+        pytest.skip(str(error))
+    named = run(config, log).metrics
+    assert named["position_rmse_m"] <= 0.035
+    assert named["counts"]["landmark_sightings"]["fused"] > 31_000
+    truth = truth_of(log)
+    assert truth is not None
+    unnamed = on_landmarks.without_names(log)
+    assert set(unnamed["landmark_sightings"]["landmark"].tolist()) == {""}
+    errors = errors_against(on_landmarks.localize_jointly(config, unnamed), truth)
+    rmse = np.sqrt(np.mean(np.sum(errors.position**2, axis=1)))
+    assert rmse <= 1.1 * named["position_rmse_m"]
+    # Sightings counted from the body's origin instead of the laser, 0.22 m ahead, show.
+    blind = run(config, on_landmarks.replace(log, landmark_sensor=None)).metrics
+    assert blind["position_rmse_m"] > 0.1
+
+
+def test_posts_without_names_are_as_good_as_with_names() -> None:
+    def rmse(names: str) -> float:
+        scenario = {
+            "ranges": None,
+            "poses": None,
+            "landmarks": on_landmarks.POSTS,
+            "landmark_sightings": {"landmarks": names},
+        }
+        return float(run(parse_config({"simulation": scenario})).metrics["position_rmse_m"])
+
+    assert rmse("named") == rmse("unnamed") < 0.03
+
+
+def test_sightings_of_landmarks_without_a_place_are_refused_in_one_sentence() -> None:
+    config = parse_config(
+        {
+            "simulation": {
+                "landmarks": on_landmarks.POSTS,
+                "landmark_sightings": {},
+                "poses": None,
+                "ranges": None,
+            }
+        }
+    )
+    log = on_landmarks.load_log(config, None, 0)
+    tables = {name: table for name, table in log.tables.items() if name != "landmarks"}
+    with pytest.raises(LogError, match="no landmarks.csv"):
+        run(config, on_landmarks.replace(log, tables=tables))
