@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from locfuse import on_landmarks
 from locfuse.config.load import parse_config
 from locfuse.eval.errors import errors_against
 from locfuse.messages import truth_of
-from locfuse.run import run
+from locfuse.run import load_log, run
 from locfuse.types import LogError
 from support_runs import ROOT
 
@@ -33,7 +35,7 @@ def test_tubes_are_enough_with_and_without_names() -> None:
     rmse = np.sqrt(np.mean(np.sum(errors.position**2, axis=1)))
     assert rmse <= 1.1 * named["position_rmse_m"]
     # Sightings counted from the body's origin instead of the laser, 0.22 m ahead, show.
-    blind = run(config, on_landmarks.replace(log, landmark_sensor=None)).metrics
+    blind = run(config, replace(log, landmark_sensor=None)).metrics
     assert blind["position_rmse_m"] > 0.1
 
 
@@ -61,7 +63,7 @@ def test_sightings_of_landmarks_without_a_place_are_refused_in_one_sentence() ->
             }
         }
     )
-    log = on_landmarks.load_log(config, None, 0)
+    log = load_log(config, None, 0)
     tables = {name: table for name, table in log.tables.items() if name != "landmarks"}
     with pytest.raises(LogError, match="no landmarks.csv"):
-        run(config, on_landmarks.replace(log, tables=tables))
+        run(config, replace(log, tables=tables))
