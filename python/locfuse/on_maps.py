@@ -38,6 +38,7 @@ SIMULATED_WHEELS = {
     "sigma_heading_per_sqrt_m": 0.02,
     "sigma_heading_per_sqrt_rad": 0.03,
 }
+AISLE_M = 2.0  # of travel after which the aisle must be the right one
 RECORDINGS = {  # dataset, folder, run, position [m] and heading [deg] required
     "Wean Hall 1": ("wean_hall", "wean-hall", "robotdata1", 0.12, 1.5),
     "Wean Hall 3": ("wean_hall", "wean-hall", "robotdata3", 0.12, 1.5),
@@ -66,6 +67,7 @@ def map_claims(configs: Path | None, seeds: int, progress: Progress) -> list[Cla
     parts: list[Callable[[], Iterator[Claim]]] = [
         lambda: _simulated(seeds),
         lambda: _kidnapped(seeds),
+        lambda: _aisles(seeds),
         *([] if configs is None else _recorded_parts(configs, seeds)),
     ]
     claims: list[Claim] = []
@@ -281,6 +283,58 @@ def simulated(seed: int, **keys: Any) -> tuple[RunConfig, Log]:
     )
     assert config.simulation is not None
     return config, simulate(config.simulation, np.random.default_rng(seed))
+
+
+def warehouse(seed: int, *, ranges: bool) -> tuple[RunConfig, Log]:
+    """Return a warehouse of alike aisles, 30 x 24 m, searched from nothing, and its log.
+
+    The laser sees 6 m; eight UWB anchors hang along the walls.
+    """
+    places = [(0, 0), (15, 0), (30, 0), (30, 12), (30, 24), (15, 24), (0, 24), (0, 12)]
+    config = parse_config(
+        {
+            "simulation": {
+                "room_m": [30, 24],
+                "duration_s": 60,
+                "map": {"generate": "warehouse", "seed": seed},
+                "path": {"shape": "roam", "speed_mps": 0.5},
+                "anchors": {f"A{i}": [*place, 3.0] for i, place in enumerate(places)},
+                "tags": {"tag": [0, 0, 0.5]},
+                "ranges": {"sigma_m": 0.1, "sigma_relative": 0.0} if ranges else None,
+                "poses": None,
+                "laser": {"range_max_m": 6.0, "sigma_m": 0.02},
+            },
+            "seed": seed,
+            "start": "auto",
+            "mcl": {"odometry": SIMULATED_WHEELS, "max_particles": 20_000},
+        }
+    )
+    assert config.simulation is not None
+    return config, simulate(config.simulation, np.random.default_rng(seed))
+
+
+def _aisles(seeds: int) -> Iterator[Claim]:
+    """Find the aisle among others that look alike: with ranges at once, without them honestly."""
+    at_travel, wrong, found = [], [], []
+    for seed in range(seeds):
+        for ranges in (True, False):
+            config, log = warehouse(seed, ranges=ranges)
+            truth = truth_of(log)
+            assert truth is not None
+            of = localize(config, log)
+            good, gone = right(of.estimate, truth)
+            ready = of.ready[errors_against(of.estimate, truth).row]
+            if ranges:
+                at_travel.append(bool(good[int(np.searchsorted(gone, AISLE_M))]))
+            else:
+                wrong.append(bool(np.any(ready & ~good)))
+                found.append(bool(good[-1]))
+    what = "warehouse, from nothing"
+    yield share("map_warehouse_uwb", f"{what}, with UWB: right after 2 m", sum(at_travel), seeds,
+                0.98)  # fmt: skip
+    yield share("map_warehouse_wrong", f"{what}, without: ready and wrong", sum(wrong), seeds, 0.05,
+                at_most=True)  # fmt: skip
+    yield share("map_warehouse_end", f"{what}, without: right at the end", sum(found), seeds, 0.0)
 
 
 def _simulated(seeds: int) -> Iterator[Claim]:

@@ -15,6 +15,7 @@ namespace {
 constexpr int kGroup = 8;
 constexpr int kMostClusters = 32;
 constexpr int kRereads = 10;  // scans that a body reads where it stands when it was just started
+constexpr double kTurnPerMetre = 2.0;  // shape of the boxes that particles stand for [rad / m]
 constexpr double kFarthest = 0.5;      // driven before particles are moved, for want of a scan [m]
 constexpr double kFarthestTurn = 0.3;  // likewise [rad]
 
@@ -156,8 +157,14 @@ void Mcl::start_anywhere(Stamp stamp) {
   belief_.stamp = stamp_ = stamp;
   odometry_ = HeldMotion(stamp);
   const std::uint64_t key = next_key();
+  // Boxes of side a and of turn_per_cell a in the heading that fill the free space and all
+  // headings.
+  belief_.turn_per_cell = kTurnPerMetre * grid().resolution();
+  const double space = 2.0 * kPi * static_cast<double>(recipe_->free.size()) / belief_.size;
+  const auto box = static_cast<float>(std::cbrt(space / belief_.turn_per_cell));
   for (int k = 0; k < belief_.size; ++k) {
     draw_free(belief_, k, key);
+    belief_.box[static_cast<std::size_t>(k)] = box;
     belief_.weight[static_cast<std::size_t>(k)] = 1.0F / static_cast<float>(belief_.size);
   }
   target_ = config.max_particles;

@@ -19,6 +19,8 @@
 namespace locfuse {
 namespace {
 
+constexpr double kPoint = 0.1;  // side of a box below which it is a point [cells]
+
 internal::MoveParticles mover() {
 #ifdef LOCFUSE_LANES_AVX2
   if (internal::has_avx2()) {
@@ -105,11 +107,11 @@ void ParticleBelief::resize(int count) {
   }
   constexpr auto kGroup = static_cast<std::size_t>(internal::kParticleGroup);
   const auto filled = (static_cast<std::size_t>(count) + kGroup - 1) / kGroup * kGroup;
-  for (std::vector<float>* column : {&x, &y, &c, &s, &weight}) {
+  for (std::vector<float>* column : {&x, &y, &c, &s, &weight, &box}) {
     column->resize(filled);
   }
   for (auto k = static_cast<std::size_t>(count); k < filled; ++k) {
-    x[k] = y[k] = s[k] = weight[k] = 0.0F;
+    x[k] = y[k] = s[k] = weight[k] = box[k] = 0.0F;
     c[k] = 1.0F;
   }
   size = count;
@@ -184,10 +186,29 @@ double effective_size(const ParticleBelief& belief) {
   return sum * sum / squares;
 }
 
+namespace {
+
+/// Spreads copies over the box that their original stood for; each stands for its part of it.
+void share_box(ParticleBelief& belief, int begin, int end, std::uint64_t key) {
+  const double side = static_cast<double>(belief.box[static_cast<std::size_t>(begin)]);
+  const double part = side / std::cbrt(end - begin);
+  const double sigma = std::sqrt((side * side - part * part) / 12.0);
+  for (int i = begin; i < end; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    const Vector<3> off = Vector<3>(sigma, sigma, belief.turn_per_cell * sigma)
+                              .cwiseProduct(random_normal3(key, static_cast<std::uint64_t>(i)));
+    belief.put(k, retract(belief.pose(k), off));
+    belief.box[k] = part < kPoint ? 0.0F : static_cast<float>(part);
+  }
+}
+
+}  // namespace
+
 void resample(ParticleBelief& belief, int count, const FreshParticles& fresh, std::uint64_t key,
               ParticleBelief& scratch) {
   scratch.resize(count);
   scratch.stamp = belief.stamp;
+  scratch.turn_per_cell = belief.turn_per_cell;
   const int kept = std::max(count - fresh.count, 1);
   const double step = sums_of(belief.weight, belief.size).first / kept;
   double next = random_uniform(key, 0) * step;
@@ -197,8 +218,12 @@ void resample(ParticleBelief& belief, int count, const FreshParticles& fresh, st
     const auto k = static_cast<std::size_t>(from);
     passed += static_cast<double>(belief.weight[k]);
     const bool last = from + 1 == belief.size;  // rounding may leave the last ones over
+    const int first = to;
     for (; to < kept && (next < passed || last); ++to, next += step) {
       scratch.put(static_cast<std::size_t>(to), belief, k);
+    }
+    if (to - first > 1 && belief.box[k] > 0.0F) {
+      share_box(scratch, first, to, random_bits(key, 1));
     }
   }
   const double probability = kept < count ? fresh.probability : 0.0;

@@ -194,6 +194,39 @@ TEST(Particles, are_resampled_in_proportion_to_their_weight) {
   }
 }
 
+// Ranges at a start once left copies of the one particle that was nearest, and with it a heading by
+// chance: a robot was ready, 45 degrees off.
+TEST(Particles, copies_share_the_box_that_their_original_stands_for) {
+  constexpr int kCopies = 8000;
+  ParticleBelief belief = all_at({50.0, 40.0, 3.0}, 1);
+  belief.box[0] = 6.0F;
+  belief.turn_per_cell = 0.05;
+  ParticleBelief scratch;
+  resample(belief, kCopies, {}, 7, scratch);
+  const double part = 6.0 / 20.0;  // a twentieth along each side
+  const double expected = (36.0 - part * part) / 12.0;
+  Vector<3> squares = Vector<3>::Zero();
+  for (std::size_t k = 0; k < kCopies; ++k) {
+    squares += local(pose_of(belief, k), {50.0, 40.0, 3.0}).cwiseAbs2() / kCopies;
+    EXPECT_NEAR(static_cast<double>(belief.box[k]), part, 1e-6);
+  }
+  EXPECT_NEAR(squares.x() / expected, 1.0, 0.07);  // four sigma of a variance of 8,000 draws
+  EXPECT_NEAR(squares.y() / expected, 1.0, 0.07);
+  EXPECT_NEAR(squares.z() / (expected * 0.05 * 0.05), 1.0, 0.07);
+}
+
+TEST(Particles, points_stay_points_and_small_boxes_become_them) {
+  ParticleBelief belief = all_at({50.0, 40.0, 3.0}, 1);
+  ParticleBelief scratch;
+  resample(belief, 100, {}, 7, scratch);
+  EXPECT_EQ(belief.x[99], 50.0F);
+  belief = all_at({50.0, 40.0, 3.0}, 1);
+  belief.box[0] = 0.3F;
+  resample(belief, 100, {}, 7, scratch);
+  EXPECT_NE(belief.x[99], belief.x[98]);
+  EXPECT_EQ(belief.box[99], 0.0F);
+}
+
 TEST(Particles, draw_fresh_ones_that_weigh_what_they_are_told) {
   ParticleBelief belief = all_at({1.0, 1.0, 0.0}, 100);
   ParticleBelief scratch;

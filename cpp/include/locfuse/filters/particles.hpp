@@ -16,13 +16,16 @@
 namespace locfuse {
 
 /// Weighted poses at one stamp, in single precision and in the cells of a map, row by row from its
-/// corner: 20 bytes each.
+/// corner: 24 bytes each.
 struct ParticleBelief {
   Stamp stamp = 0;
   std::vector<float> x, y;    ///< position [cells]
   std::vector<float> c, s;    ///< cosine and sine of the heading
   std::vector<float> weight;  ///< sum to 1; 0 for the few that fill up the last group
-  int size = 0;               ///< without those
+  /// Side of the box of poses that a particle stands for [cells]; 0 for one that is a point.
+  std::vector<float> box;
+  double turn_per_cell = 0.0;  ///< the box's third side: so much of the heading [rad]
+  int size = 0;                ///< without those
 
   /// Room for `count` particles, whose values are left as they are. Throws std::invalid_argument
   /// unless 1 to kMost.
@@ -37,6 +40,7 @@ struct ParticleBelief {
     y[k] = static_cast<float>(pose.y);
     c[k] = static_cast<float>(std::cos(pose.heading));
     s[k] = static_cast<float>(std::sin(pose.heading));
+    box[k] = 0.0F;
   }
   /// Particle k becomes what particle `i` of another belief is; its weight stays.
   void put(std::size_t k, const ParticleBelief& other, std::size_t i) {
@@ -44,6 +48,7 @@ struct ParticleBelief {
     y[k] = other.y[i];
     c[k] = other.c[i];
     s[k] = other.s[i];
+    box[k] = other.box[i];
   }
 
   static constexpr int kMost = 1 << 28;
@@ -77,8 +82,8 @@ struct FreshParticles {
   std::function<void(ParticleBelief&, int)> draw;  ///< sets the pose of particle k
 };
 
-/// Systematic ("low variance") resampling into `count` particles, of which the last ones are fresh.
-/// `scratch` is memory to reuse.
+/// Systematic ("low variance") resampling into `count` particles, of which the last ones are fresh;
+/// copies of one that stands for a box share it out, eq. (6). `scratch` is memory to reuse.
 void resample(ParticleBelief& belief, int count, const FreshParticles& fresh, std::uint64_t key,
               ParticleBelief& scratch);
 
