@@ -1,0 +1,384 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frontends/circle_fit.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace locfuse::internal {
+namespace {
+
+constexpr int kIterations = 12;
+
+/// Sums of the points of a run.
+struct Moments {
+  double n = 0.0;
+  Vector<2> sum = Vector<2>::Zero();
+  double xx = 0.0, xy = 0.0, yy = 0.0;
+
+  void add(const Vector<2>& p, double weight = 1.0) {
+    n += weight;
+    sum += weight * p;
+    xx += weight * p.x() * p.x();
+    xy += weight * p.x() * p.y();
+    yy += weight * p.y() * p.y();
+  }
+};
+
+Moments operator-(Moments a, const Moments& b) {
+  a.n -= b.n;
+  a.sum -= b.sum;
+  a.xx -= b.xx;
+  a.xy -= b.xy;
+  a.yy -= b.yy;
+  return a;
+}
+
+/// Best line through points: distances from it, without turning to angles.
+struct Line {
+  double squares;         ///< of the distances of the points, summed
+  Matrix<2, 2> projector; ///< normal * normal'
+};
+
+Line line_through(const Moments& m) {
+  const Vector<2> mean = m.sum / m.n;
+  const double a = m.xx - m.n * mean.x() * mean.x();
+  const double b = m.xy - m.n * mean.x() * mean.y();
+  const double c = m.yy - m.n * mean.y() * mean.y();
+  const double half = std::sqrt(0.25 * (a - c) * (a - c) + b * b);
+  const double most = 0.5 * (a + c) + half;
+  Line line{std::max(most - 2.0 * half, 0.0), Matrix<2, 2>::Identity()};
+  if (half > 0.0) {  // otherwise any direction is as good
+    line.projector << most - a, -b, -b, most - c;
+    line.projector /= 2.0 * half;
+  }
+  return line;
+}
+
+/// Variance of the end of a beam across a line.
+double variance_across(const Ray& ray, const Line& line, const BeamNoise& noise) {
+  const double along = ray.along.dot(line.projector * ray.along);
+  // What grazes a wall is less sure than its geometry says.
+  const double share = std::max(along, 0.04);
+  const double sideways = ray.range * noise.bearing;
+  return noise.range * noise.range * share + sideways * sideways * (1.0 - along);
+}
+
+/// Where an arc ends: the tangent half-way between its last beam and the first that passes it.
+struct Edge {
+  Vector<2> along;
+  double side;  ///< 1 where the bearing is largest, -1 where it is least
+};
+
+std::optional<Edge> edge_of(const Sweep& sweep, int end, int side, const Circle& circle,
+                            const BeamNoise& noise) {
+  if (!sweep.has(end + side) || !passes(sweep[end + side], circle, 3.0 * noise.range)) {
+    return std::nullopt;
+  }
+  const Vector<2> between = sweep[end].along + sweep[end + side].along;
+  return Edge{between.normalized(), static_cast<double>(side)};
+}
+
+struct Normal {
+  Matrix<3, 3> information = Matrix<3, 3>::Zero();
+  Vector<3> gradient = Vector<3>::Zero();
+  double misfit = 0.0;
+
+  void add(const Vector<3>& row, double residual, double variance) {
+    information += row * row.transpose() / variance;
+    gradient += row * (residual / variance);
+    misfit += residual * residual / variance;
+  }
+};
+
+void add_beams(Normal& normal, const Sweep& sweep, const Run& run, const Circle& circle,
+               const BeamNoise& noise) {
+  for (int j = run.first; j <= run.last; ++j) {
+    const Ray& ray = sweep[j];
+    if (!ray.returned()) {
+      continue;
+    }
+    const Offset offset = offset_of(ray, circle, noise);
+    const Vector<2> from = ray.end() - circle.centre;
+    const double length = std::max(from.norm(), 1e-9);
+    normal.add({-from.x() / length, -from.y() / length, -1.0}, offset.distance, offset.variance);
+  }
+}
+
+void add_edge(Normal& normal, const Edge& edge, const Circle& circle, double step,
+              const BeamNoise& noise) {
+  const double across = -edge.side * cross(edge.along, circle.centre);
+  const double far = edge.along.dot(circle.centre);
+  // The true edge is anywhere between the two beams.
+  const double variance = far * far * (step * step / 12.0 + noise.bearing * noise.bearing);
+  normal.add({edge.side * edge.along.y(), -edge.side * edge.along.x(), -1.0},
+             across - circle.radius, variance);
+}
+
+/// Step that solves the normal equations; of x and y alone if the radius is known.
+std::optional<Vector<3>> step_of(const Normal& normal, bool radius_known) {
+  Vector<3> step = Vector<3>::Zero();
+  if (radius_known) {
+    const Eigen::LLT<Matrix<2, 2>> solver(normal.information.topLeftCorner<2, 2>());
+    if (solver.info() != Eigen::Success) {
+      return std::nullopt;
+    }
+    step.head<2>() = -solver.solve(normal.gradient.head<2>());
+  } else {
+    const Eigen::LLT<Matrix<3, 3>> solver(normal.information);
+    if (solver.info() != Eigen::Success) {
+      return std::nullopt;
+    }
+    step = -solver.solve(normal.gradient);
+  }
+  return step.allFinite() ? std::optional<Vector<3>>(step) : std::nullopt;
+}
+
+Matrix<3, 3> covariance_of(const Matrix<3, 3>& information, bool radius_known) {
+  Matrix<3, 3> P = Matrix<3, 3>::Zero();
+  if (radius_known) {
+    P.topLeftCorner<2, 2>() =
+        information.topLeftCorner<2, 2>().llt().solve(Matrix<2, 2>::Identity());
+  } else {
+    P = information.llt().solve(Matrix<3, 3>::Identity());
+  }
+  return 0.5 * (P + P.transpose());
+}
+
+/// Moves a circle, by half its radius at most: farther the lines of the equations do not hold.
+double move(Circle& circle, const Vector<3>& step) {
+  const double length = step.norm();
+  const double most = 0.5 * circle.radius;
+  const double share = length > most ? most / length : 1.0;
+  circle.centre += share * step.head<2>();
+  circle.radius += share * step.z();
+  return share * length;
+}
+
+}  // namespace
+
+std::optional<Circle> algebraic_circle(const Sweep& sweep, const Run& run) {
+  Vector<3> mean = Vector<3>::Zero();  // of x, y, and the squared distance from the middle beam
+  const Vector<2> origin = sweep[(run.first + run.last) / 2].end();
+  double n = 0.0;
+  Matrix<3, 3> squares = Matrix<3, 3>::Zero();
+  for (int j = run.first; j <= run.last; ++j) {
+    if (sweep[j].returned()) {
+      const Vector<2> p = sweep[j].end() - origin;
+      const Vector<3> q(p.x(), p.y(), p.squaredNorm());
+      n += 1.0;
+      mean += q;
+      squares += q * q.transpose();
+    }
+  }
+  mean /= n;
+  Matrix<3, 3> M = squares / n - mean * mean.transpose();
+  // a |p|^2 + b' p + d = 0 with a gradient of mean length 1: 4 a^2 spread + |b + 2 a mean|^2 = 1,
+  // which is a sphere in (2 a sqrt(spread), b + 2 a mean).
+  const double spread = M(0, 0) + M(1, 1);
+  if (!(spread > 0.0)) {
+    return std::nullopt;
+  }
+  Matrix<3, 3> to_sphere = Matrix<3, 3>::Identity();
+  to_sphere.row(2) << -2.0 * mean.x(), -2.0 * mean.y(), 1.0;
+  to_sphere.row(2) /= 2.0 * std::sqrt(spread);
+  M = to_sphere * M * to_sphere.transpose();
+  Eigen::SelfAdjointEigenSolver<Matrix<3, 3>> solver;
+  solver.computeDirect(M);
+  const Vector<3> best = solver.eigenvectors().col(0);
+  const double a = best.z() / (2.0 * std::sqrt(spread));
+  if (std::abs(a) < 1e-9) {
+    return std::nullopt;
+  }
+  const Vector<2> from_mean = -best.head<2>() / (2.0 * a);
+  return Circle{origin + mean.head<2>() + from_mean, std::sqrt(from_mean.squaredNorm() + spread)};
+}
+
+Circle circle_behind(const Sweep& sweep, const Run& run, double radius) {
+  const Vector<2> a = sweep[run.first].end();
+  const Vector<2> b = sweep[run.last].end();
+  const Vector<2> middle = 0.5 * (a + b);
+  const double half = 0.5 * (b - a).norm();
+  if (half < 1e-9) {
+    return {middle + radius * sweep[run.first].along, radius};
+  }
+  Vector<2> behind = Vector<2>(a.y() - b.y(), b.x() - a.x()) / (2.0 * half);
+  behind *= behind.dot(middle) < 0.0 ? -1.0 : 1.0;
+  const double deep = std::sqrt(std::max(radius * radius - half * half, 0.0));
+  return {middle + deep * behind, radius};
+}
+
+Offset offset_of(const Ray& ray, const Circle& circle, const BeamNoise& noise) {
+  const double R = circle.radius;
+  const double u = cross(ray.along, circle.centre) / R;
+  // Beyond, a beam may as well miss: it weighs no more than one at 78 degrees.
+  const double across = std::min(u * u, 0.96);
+  const double v = noise.range * noise.range;
+  const double sideways = ray.range * noise.bearing;
+  const double bent = v * across / (2.0 * R);  // second order: what noise along a tangent does
+  const double distance = (ray.end() - circle.centre).norm() - R - bent;
+  return {distance, v * (1.0 - across) + sideways * sideways * across + 2.0 * bent * bent};
+}
+
+bool passes(const Ray& ray, const Circle& circle, double margin) {
+  return !(ray.range < ray.along.dot(circle.centre) + margin);  // true without return
+}
+
+std::optional<CircleFit> fit_circle(const Sweep& sweep, const Run& run, const Circle& start,
+                                    bool radius_known, const BeamNoise& noise) {
+  Circle circle = start;
+  Normal normal;
+  std::optional<Edge> edges[2];
+  for (int k = 0; k < kIterations; ++k) {
+    normal = {};
+    add_beams(normal, sweep, run, circle, noise);
+    edges[0] = edge_of(sweep, run.first, -1, circle, noise);
+    edges[1] = edge_of(sweep, run.last, 1, circle, noise);
+    for (const std::optional<Edge>& edge : edges) {
+      if (edge) {
+        add_edge(normal, *edge, circle, sweep.step, noise);
+      }
+    }
+    const std::optional<Vector<3>> step = step_of(normal, radius_known);
+    if (!step) {
+      return std::nullopt;
+    }
+    const double moved = move(circle, *step);
+    if (!(circle.radius > 1e-3) || circle.centre.norm() <= circle.radius) {
+      return std::nullopt;  // the laser is not inside a cylinder
+    }
+    if (moved < 0.02 * noise.range) {
+      break;
+    }
+  }
+  int beams = 0;
+  for (int j = run.first; j <= run.last; ++j) {
+    beams += sweep[j].returned() ? 1 : 0;
+  }
+  const int dof = beams + (edges[0] ? 1 : 0) + (edges[1] ? 1 : 0) - (radius_known ? 2 : 3);
+  if (dof < 0) {
+    return std::nullopt;
+  }
+  return CircleFit{circle,
+                   covariance_of(normal.information, radius_known),
+                   normal.misfit,
+                   dof,
+                   edges[0].has_value(),
+                   edges[1].has_value()};
+}
+
+std::optional<CircleFit> fit_few(const Sweep& sweep, const Run& run, double radius,
+                                 const BeamNoise& noise) {
+  constexpr int kBearings = 16;
+  const Circle guess = circle_behind(sweep, run, radius);
+  const bool free_first =
+      sweep.has(run.first - 1) && passes(sweep[run.first - 1], guess, 3.0 * noise.range);
+  const bool free_last =
+      sweep.has(run.last + 1) && passes(sweep[run.last + 1], guess, 3.0 * noise.range);
+  const double rho = guess.centre.norm();
+  const double half = std::asin(std::min(radius / rho, 1.0));
+  // Bearings from the first beam, of which each hit and each miss allows an interval.
+  const double seen = (run.beams() - 1) * sweep.step;
+  double low = seen - half;
+  double high = half;
+  low = free_first ? std::max(low, half - sweep.step) : low;
+  high = free_last ? std::min(high, seen + sweep.step - half) : high;
+  const double middle = 0.5 * (low + high);
+  // More beams than its width allows: they are wide themselves, and the edges anywhere.
+  const double width = high > low ? high - low : sweep.step;
+  const Ray& first = sweep[run.first];
+  Vector<2> mean = Vector<2>::Zero();
+  Matrix<2, 2> squares = Matrix<2, 2>::Zero();
+  double total = 0.0;
+  double least = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < kBearings; ++k) {
+    const double turn = middle + width * ((k + 0.5) / kBearings - 0.5);
+    double sum = 0.0;
+    double spread = 0.0;
+    double n = 0.0;
+    for (int j = run.first; j <= run.last; ++j) {
+      if (!sweep[j].returned()) {
+        continue;
+      }
+      const double off = (j - run.first) * sweep.step - turn;
+      const double u = std::clamp(rho * std::sin(off), -0.98 * radius, 0.98 * radius);
+      const double to_centre =
+          sweep[j].range * std::cos(off) + std::sqrt(radius * radius - u * u);
+      sum += to_centre;
+      spread += to_centre * to_centre;
+      n += 1.0;
+    }
+    const double misfit =
+        std::max(spread - sum * sum / n, 0.0) / (noise.range * noise.range);
+    const double weight = std::exp(-0.5 * std::min(misfit, 200.0));
+    const Vector<2> at(sum / n, turn);
+    least = std::min(least, misfit);
+    total += weight;
+    mean += weight * at;
+    squares += weight * (at * at.transpose());
+  }
+  mean /= total;
+  Matrix<2, 2> P = squares / total - mean * mean.transpose();
+  P(0, 0) += noise.range * noise.range / run.beams();
+  P(1, 1) += noise.bearing * noise.bearing + width * width / (12.0 * kBearings * kBearings);
+  const double c = std::cos(mean.y());
+  const double s = std::sin(mean.y());
+  Matrix<2, 2> axes;  // along the bearing, and across it to the left
+  axes.col(0) << c * first.along.x() - s * first.along.y(),
+      s * first.along.x() + c * first.along.y();
+  axes.col(1) << -axes(1, 0), axes(0, 0);
+  Matrix<2, 2> to_plane = axes;
+  to_plane.col(1) *= mean.x();
+  Matrix<3, 3> covariance = Matrix<3, 3>::Zero();
+  covariance.topLeftCorner<2, 2>() = to_plane * P * to_plane.transpose();
+  const Circle circle{mean.x() * axes.col(0), radius};
+  return CircleFit{circle, covariance, least, run.beams() - 1, free_first, free_last};
+}
+
+double line_misfit(const Sweep& sweep, const Run& run, const BeamNoise& noise) {
+  Line line{};
+  for (int pass = 0; pass < 3; ++pass) {
+    Moments moments;
+    const Vector<2> origin = sweep[run.first].end();  // sums of squares stay small
+    for (int j = run.first; j <= run.last; ++j) {
+      if (sweep[j].returned()) {
+        const double weight =
+            pass == 0 ? 1.0 : 1.0 / variance_across(sweep[j], line, noise);
+        moments.add(sweep[j].end() - origin, weight);
+      }
+    }
+    line = line_through(moments);
+  }
+  return line.squares;
+}
+
+double corner_misfit(const Sweep& sweep, const Run& run, const BeamNoise& noise) {
+  const Vector<2> origin = sweep[run.first].end();
+  Moments all;
+  for (int j = run.first; j <= run.last; ++j) {
+    if (sweep[j].returned()) {
+      all.add(sweep[j].end() - origin);
+    }
+  }
+  const auto misfit = [&](const Moments& side, int middle) {
+    const Line line = line_through(side);
+    return line.squares / variance_across(sweep[middle], line, noise);
+  };
+  double best = std::numeric_limits<double>::infinity();
+  Moments left;
+  for (int j = run.first; j < run.last; ++j) {
+    if (!sweep[j].returned()) {
+      continue;
+    }
+    left.add(sweep[j].end() - origin);
+    const Moments right = all - left;
+    if (left.n >= 2.0 && right.n >= 2.0) {
+      best = std::min(best, misfit(left, (run.first + j) / 2) + misfit(right, (j + run.last) / 2));
+    }
+  }
+  return best;
+}
+
+}  // namespace locfuse::internal
