@@ -354,7 +354,7 @@ double line_misfit(const Sweep& sweep, const Run& run, const BeamNoise& noise) {
   return line.squares;
 }
 
-double corner_misfit(const Sweep& sweep, const Run& run, const BeamNoise& noise) {
+Corner best_corner(const Sweep& sweep, const Run& run, const BeamNoise& noise) {
   const Vector<2> origin = sweep[run.first].end();
   Moments all;
   for (int j = run.first; j <= run.last; ++j) {
@@ -362,11 +362,7 @@ double corner_misfit(const Sweep& sweep, const Run& run, const BeamNoise& noise)
       all.add(sweep[j].end() - origin);
     }
   }
-  const auto misfit = [&](const Moments& side, int middle) {
-    const Line line = line_through(side);
-    return line.squares / variance_across(sweep[middle], line, noise);
-  };
-  double best = std::numeric_limits<double>::infinity();
+  Corner best{std::numeric_limits<double>::infinity(), 1.0};
   Moments left;
   for (int j = run.first; j < run.last; ++j) {
     if (!sweep[j].returned()) {
@@ -374,8 +370,15 @@ double corner_misfit(const Sweep& sweep, const Run& run, const BeamNoise& noise)
     }
     left.add(sweep[j].end() - origin);
     const Moments right = all - left;
-    if (left.n >= 2.0 && right.n >= 2.0) {
-      best = std::min(best, misfit(left, (run.first + j) / 2) + misfit(right, (j + run.last) / 2));
+    if (left.n < 2.0 || right.n < 2.0) {
+      continue;
+    }
+    const Line a = line_through(left);
+    const Line b = line_through(right);
+    const double misfit = a.squares / variance_across(sweep[j], a, noise) +
+                          b.squares / variance_across(sweep[j], b, noise);
+    if (misfit < best.misfit) {
+      best = {misfit, (a.projector * b.projector).trace()};
     }
   }
   return best;

@@ -62,7 +62,11 @@ struct Offset {
 /// Chi-square of the best straight line through a run.
 [[nodiscard]] double line_misfit(const Sweep& sweep, const Run& run, const BeamNoise& noise);
 
-/// Chi-square of the best two lines that follow each other.
-[[nodiscard]] double corner_misfit(const Sweep& sweep, const Run& run, const BeamNoise& noise);
+/// Two lines that follow each other.
+struct Corner {
+  double misfit;  ///< chi-square
+  double cos2;    ///< squared cosine of the angle between them
+};
+[[nodiscard]] Corner best_corner(const Sweep& sweep, const Run& run, const BeamNoise& noise);
 
 }  // namespace locfuse::internal

@@ -28,7 +28,8 @@ using internal::Sweep;
 constexpr int kGates = 256;
 constexpr int kFew = 3;         // beams up to which the bearing comes from which of them hit
 constexpr int kLargestGap = 3;  // beams without return that an arc may go on behind
-constexpr double kBeamGate = 9.0;  // three sigma squared, of one beam on an arc
+constexpr double kBeamGate = 16.0;      // four sigma squared, of one beam on an arc
+constexpr double kCornerMargin = 9.0;  // of chi-square, by which a corner must fit worse
 
 [[noreturn]] void refuse(const char* what, double value, const std::string& expected) {
   std::ostringstream text;
@@ -71,6 +72,11 @@ double half_angle(const Circle& circle) {
   return std::asin(std::min(circle.radius / circle.centre.norm(), 1.0));
 }
 
+double distance_between(const Cylinder& a, const Cylinder& b) {
+  return std::hypot(a.range * std::cos(a.bearing) - b.range * std::cos(b.bearing),
+                    a.range * std::sin(a.bearing) - b.range * std::sin(b.bearing));
+}
+
 /// One pass over one scan.
 class Search {
  public:
@@ -101,6 +107,7 @@ class Search {
   void split(const Run& run);
   void cut(const Run& run, int& begin);
   void consider(Run run);
+  void add(const Cylinder& cylinder);
 
   [[nodiscard]] std::optional<CircleFit> fit_grown(Run& run) const;
   [[nodiscard]] std::optional<CircleFit> fit(const Run& run) const;
@@ -168,10 +175,21 @@ void Search::consider(Run run) {
   }
   const std::optional<CircleFit> fit = fit_grown(run);
   if (fit && is_cylinder(run, *fit)) {
-    found_.push_back(told(run, *fit));
+    add(told(run, *fit));
     begin_ = run.last + 1;
     end_ = std::min(end_, run.first + sweep_.size());
   }
+}
+
+/// Two that overlap are one, cut in two by a beam that is far off.
+void Search::add(const Cylinder& cylinder) {
+  for (Cylinder& other : found_) {
+    if (distance_between(cylinder, other) < std::max(cylinder.radius, other.radius)) {
+      other = cylinder.beams > other.beams ? cylinder : other;
+      return;
+    }
+  }
+  found_.push_back(cylinder);
 }
 
 /// Fits, leaves out ends that do not lie on the circle, takes neighbours in that do.
@@ -283,14 +301,14 @@ bool Search::is_cylinder(const Run& run, const CircleFit& fit) const {
          (stands_out(run, fit) || is_alone(run, fit));
 }
 
-/// A straight wall, or two that meet, do not fit as well.
+/// A straight wall, or two that meet at 45 to 135 degrees, do not fit as well.
 bool Search::stands_out(const Run& run, const CircleFit& fit) const {
-  if (run.beams() <= kFew) {
+  if (run.beams() <= kFew ||
+      line_misfit(sweep_, run, noise_) < fit.misfit + config_.least_evidence) {
     return false;
   }
-  const double wall = line_misfit(sweep_, run, noise_) - fit.misfit;
-  return wall >= std::max(config_.least_evidence, 1e-9) &&
-         corner_misfit(sweep_, run, noise_) > fit.misfit - 9.0;
+  const internal::Corner corner = best_corner(sweep_, run, noise_);
+  return corner.cos2 > 0.5 || corner.misfit > fit.misfit + kCornerMargin;
 }
 
 /// A thing of its own that is as wide as a cylinder would be, where its shape cannot tell.
@@ -356,11 +374,6 @@ Cylinder Search::told(const Run& run, const CircleFit& fit) const {
   cylinder.beams = returns(run);
   cylinder.misfit = fit.dof > 0 ? fit.misfit / fit.dof : 0.0;
   return cylinder;
-}
-
-double distance_between(const Cylinder& a, const Cylinder& b) {
-  return std::hypot(a.range * std::cos(a.bearing) - b.range * std::cos(b.bearing),
-                    a.range * std::sin(a.bearing) - b.range * std::sin(b.bearing));
 }
 
 /// Leaves out two thin cylinders next to each other: somebody stands or walks there.
