@@ -36,17 +36,26 @@ Moments operator-(Moments a, const Moments& b) {
   return a;
 }
 
-/// Best line through points: distances from it, without turning to angles.
+/// Squares of deviations from the mean, summed.
+Matrix<2, 2> scatter_of(const Moments& m) {
+  const Vector<2> mean = m.sum / m.n;
+  Matrix<2, 2> scatter;
+  scatter << m.xx - m.n * mean.x() * mean.x(), m.xy - m.n * mean.x() * mean.y(), 0.0,
+      m.yy - m.n * mean.y() * mean.y();
+  scatter(1, 0) = scatter(0, 1);
+  return scatter;
+}
+
+/// Direction in which a scatter is least.
 struct Line {
-  double squares;         ///< of the distances of the points, summed
-  Matrix<2, 2> projector; ///< normal * normal'
+  double squares;          ///< of the distances from the line, summed
+  Matrix<2, 2> projector;  ///< normal * normal': without turning to angles
 };
 
-Line line_through(const Moments& m) {
-  const Vector<2> mean = m.sum / m.n;
-  const double a = m.xx - m.n * mean.x() * mean.x();
-  const double b = m.xy - m.n * mean.x() * mean.y();
-  const double c = m.yy - m.n * mean.y() * mean.y();
+Line line_of(const Matrix<2, 2>& scatter) {
+  const double a = scatter(0, 0);
+  const double b = scatter(0, 1);
+  const double c = scatter(1, 1);
   const double half = std::sqrt(0.25 * (a - c) * (a - c) + b * b);
   const double most = 0.5 * (a + c) + half;
   Line line{std::max(most - 2.0 * half, 0.0), Matrix<2, 2>::Identity()};
@@ -57,13 +66,32 @@ Line line_through(const Moments& m) {
   return line;
 }
 
-/// Variance of the end of a beam across a line.
-double variance_across(const Ray& ray, const Line& line, const BeamNoise& noise) {
-  const double along = ray.along.dot(line.projector * ray.along);
+/// Variance of the end of a beam across a line with the projector onto its normal.
+double variance_across(const Ray& ray, const Matrix<2, 2>& projector, const BeamNoise& noise) {
+  const double along = ray.along.dot(projector * ray.along);
   // What grazes a wall is less sure than its geometry says.
   const double share = std::max(along, 0.04);
   const double sideways = ray.range * noise.bearing;
   return noise.range * noise.range * share + sideways * sideways * (1.0 - along);
+}
+
+/// The same scatter, seen turned by a right angle.
+Matrix<2, 2> turned(const Matrix<2, 2>& m) {
+  Matrix<2, 2> t;
+  t << m(1, 1), -m(0, 1), -m(0, 1), m(0, 0);
+  return t;
+}
+
+/// Chi-square of two lines at a right angle, through points on both sides of a beam.
+double right_angle_misfit(const Matrix<2, 2>& left, const Matrix<2, 2>& right, const Ray& ray,
+                          const BeamNoise& noise) {
+  Line line = line_of(left + turned(right));
+  for (int pass = 0; pass < 2; ++pass) {  // the noise across the lines depends on how they lie
+    const double of_left = variance_across(ray, line.projector, noise);
+    const double of_right = variance_across(ray, turned(line.projector), noise);
+    line = line_of(left / of_left + turned(right) / of_right);
+  }
+  return line.squares;
 }
 
 /// Where an arc ends: the tangent half-way between its last beam and the first that passes it.
@@ -249,7 +277,7 @@ std::optional<CircleFit> fit_circle(const Sweep& sweep, const Run& run, const Ci
     if (!(circle.radius > 1e-3) || circle.centre.norm() <= circle.radius) {
       return std::nullopt;  // the laser is not inside a cylinder
     }
-    if (moved < 0.02 * noise.range) {
+    if (moved < 0.05 * noise.range) {  // the next would be far shorter still
       break;
     }
   }
@@ -345,11 +373,11 @@ double line_misfit(const Sweep& sweep, const Run& run, const BeamNoise& noise) {
     for (int j = run.first; j <= run.last; ++j) {
       if (sweep[j].returned()) {
         const double weight =
-            pass == 0 ? 1.0 : 1.0 / variance_across(sweep[j], line, noise);
+            pass == 0 ? 1.0 : 1.0 / variance_across(sweep[j], line.projector, noise);
         moments.add(sweep[j].end() - origin, weight);
       }
     }
-    line = line_through(moments);
+    line = line_of(scatter_of(moments));
   }
   return line.squares;
 }
@@ -362,24 +390,25 @@ Corner best_corner(const Sweep& sweep, const Run& run, const BeamNoise& noise) {
       all.add(sweep[j].end() - origin);
     }
   }
-  Corner best{std::numeric_limits<double>::infinity(), 1.0};
-  Moments left;
+  Corner best{std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
+  Moments before;
+  const int stride = 1 + run.beams() / 24;  // between beams that close, the misfit hardly changes
   for (int j = run.first; j < run.last; ++j) {
     if (!sweep[j].returned()) {
       continue;
     }
-    left.add(sweep[j].end() - origin);
-    const Moments right = all - left;
-    if (left.n < 2.0 || right.n < 2.0) {
+    before.add(sweep[j].end() - origin);
+    const Moments behind = all - before;
+    if (before.n < 2.0 || behind.n < 2.0 || (j - run.first) % stride != 0) {
       continue;
     }
-    const Line a = line_through(left);
-    const Line b = line_through(right);
-    const double misfit = a.squares / variance_across(sweep[j], a, noise) +
-                          b.squares / variance_across(sweep[j], b, noise);
-    if (misfit < best.misfit) {
-      best = {misfit, (a.projector * b.projector).trace()};
-    }
+    const Matrix<2, 2> left = scatter_of(before);
+    const Matrix<2, 2> right = scatter_of(behind);
+    const Line a = line_of(left);
+    const Line b = line_of(right);
+    best.any = std::min(best.any, a.squares / variance_across(sweep[j], a.projector, noise) +
+                                      b.squares / variance_across(sweep[j], b.projector, noise));
+    best.right = std::min(best.right, right_angle_misfit(left, right, sweep[j], noise));
   }
   return best;
 }

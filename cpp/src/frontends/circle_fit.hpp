@@ -62,10 +62,10 @@ struct Offset {
 /// Chi-square of the best straight line through a run.
 [[nodiscard]] double line_misfit(const Sweep& sweep, const Run& run, const BeamNoise& noise);
 
-/// Two lines that follow each other.
+/// Chi-squares of the best two lines that follow each other.
 struct Corner {
-  double misfit;  ///< chi-square
-  double cos2;    ///< squared cosine of the angle between them
+  double right;  ///< at a right angle
+  double any;    ///< at any angle
 };
 [[nodiscard]] Corner best_corner(const Sweep& sweep, const Run& run, const BeamNoise& noise);
 

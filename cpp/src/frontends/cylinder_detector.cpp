@@ -29,7 +29,8 @@ constexpr int kGates = 256;
 constexpr int kFew = 3;         // beams up to which the bearing comes from which of them hit
 constexpr int kLargestGap = 3;  // beams without return that an arc may go on behind
 constexpr double kBeamGate = 16.0;      // four sigma squared, of one beam on an arc
-constexpr double kCornerMargin = 9.0;  // of chi-square, by which a corner must fit worse
+// Two lines at any angle can always take some of the noise with them, this much at most.
+constexpr double kBluntMargin = 12.0;
 
 [[noreturn]] void refuse(const char* what, double value, const std::string& expected) {
   std::ostringstream text;
@@ -54,6 +55,7 @@ CylinderDetectorConfig checked(const CylinderDetectorConfig& config) {
   require("least_beams", config.least_beams, 1.0);
   require("jump_gaps", config.jump_gaps, 1.0);
   require("least_evidence", config.least_evidence, 0.0);
+  require("least_corner_evidence", config.least_corner_evidence, -1e9);
   require("leg_radius_m", config.leg_radius_m, 0.0);
   require("leg_distance_m", config.leg_distance_m, 0.0);
   require("least_intensity", config.least_intensity, 0.0);
@@ -110,7 +112,8 @@ class Search {
   void add(const Cylinder& cylinder);
 
   [[nodiscard]] std::optional<CircleFit> fit_grown(Run& run) const;
-  [[nodiscard]] std::optional<CircleFit> fit(const Run& run) const;
+  [[nodiscard]] std::optional<CircleFit> fit(const Run& run, const Circle& from) const;
+  [[nodiscard]] bool may_be_one(const Run& run) const;
   [[nodiscard]] std::optional<Circle> start(const Run& run) const;
   [[nodiscard]] bool trim(Run& run, const Circle& circle) const;
   [[nodiscard]] bool grow(Run& run, const Circle& circle) const;
@@ -118,6 +121,8 @@ class Search {
 
   [[nodiscard]] bool is_cylinder(const Run& run, const CircleFit& fit) const;
   [[nodiscard]] bool is_alone(const Run& run, const CircleFit& fit) const;
+  [[nodiscard]] bool is_as_wide(const Run& run, const CircleFit& fit) const;
+  [[nodiscard]] double expected_evidence(const Run& run, const CircleFit& fit) const;
   [[nodiscard]] bool stands_out(const Run& run, const CircleFit& fit) const;
   [[nodiscard]] bool seen_through(int end, int side, const Circle& circle) const;
   [[nodiscard]] Cylinder told(const Run& run, const CircleFit& fit) const;
@@ -195,32 +200,46 @@ void Search::add(const Cylinder& cylinder) {
 /// Fits, leaves out ends that do not lie on the circle, takes neighbours in that do.
 std::optional<CircleFit> Search::fit_grown(Run& run) const {
   constexpr int kRounds = 8;
-  std::optional<CircleFit> found = fit(run);
+  std::optional<Circle> from = start(run);
+  std::optional<CircleFit> found = from ? fit(run, *from) : std::nullopt;
   for (int k = 0; k < kRounds && found; ++k) {
-    const bool shorter = trim(run, found->circle);
-    if (!shorter && !grow(run, found->circle)) {
+    const Circle circle = found->circle;
+    if (!trim(run, circle) && !grow(run, circle)) {
       break;
     }
-    found = returns(run) < std::min(config_.least_beams, kFew) ? std::nullopt : fit(run);
+    found = returns(run) < std::min(config_.least_beams, kFew) ? std::nullopt : fit(run, circle);
   }
   return found;
 }
 
-std::optional<CircleFit> Search::fit(const Run& run) const {
-  const std::optional<Circle> from = start(run);
-  if (!from) {
-    return std::nullopt;
-  }
+std::optional<CircleFit> Search::fit(const Run& run, const Circle& from) const {
   // Which beams hit it says as much as their ranges.
-  if (radius_known_ && (run.beams() <= kFew || half_angle(*from) < 2.0 * sweep_.step)) {
+  if (radius_known_ && (run.beams() <= kFew || half_angle(from) < 2.0 * sweep_.step)) {
     return fit_few(sweep_, run, config_.radius_m, noise_);
   }
-  return fit_circle(sweep_, run, *from, radius_known_, noise_);
+  return fit_circle(sweep_, run, from, radius_known_, noise_);
+}
+
+/// Whether a run is not longer than a cylinder of the known radius, and about as high as that over
+/// its chord: walls are neither, and need no fit.
+bool Search::may_be_one(const Run& run) const {
+  const double R = config_.radius_m;
+  const Vector<2> a = sweep_[run.first].end();
+  const Vector<2> chord = sweep_[run.last].end() - a;
+  const double half = 0.5 * chord.norm();
+  const double slack = 4.0 * noise_.range + 2.0 * sweep_.step * sweep_[run.first].range;
+  if (half > R + slack) {
+    return false;
+  }
+  const double height = R - std::sqrt(std::max(R * R - half * half, 0.0));
+  const Vector<2> middle = sweep_[(run.first + run.last) / 2].end() - a;
+  return run.beams() <= kFew || cross(chord, middle) / (2.0 * half) > 0.4 * height - slack;
 }
 
 std::optional<Circle> Search::start(const Run& run) const {
   if (radius_known_) {
-    return circle_behind(sweep_, run, config_.radius_m);
+    return may_be_one(run) ? std::optional<Circle>(circle_behind(sweep_, run, config_.radius_m))
+                           : std::nullopt;
   }
   const Ray& middle = sweep_[(run.first + run.last) / 2];
   if (run.beams() > kFew) {
@@ -295,41 +314,47 @@ bool Search::is_cylinder(const Run& run, const CircleFit& fit) const {
     return false;
   }
   if (only_bright_) {
-    return is_alone(run, fit);
+    return is_as_wide(run, fit);
   }
   return !seen_through(run.first, -1, fit.circle) && !seen_through(run.last, 1, fit.circle) &&
-         (stands_out(run, fit) || is_alone(run, fit));
+         stands_out(run, fit);
 }
 
-/// A straight wall, or two that meet at 45 to 135 degrees, do not fit as well.
+/// A straight wall, or two that meet, do not fit as well.
 bool Search::stands_out(const Run& run, const CircleFit& fit) const {
-  if (run.beams() <= kFew ||
-      line_misfit(sweep_, run, noise_) < fit.misfit + config_.least_evidence) {
-    return false;
+  if (run.beams() <= kFew) {
+    return is_alone(run, fit);
   }
   const internal::Corner corner = best_corner(sweep_, run, noise_);
-  return corner.cos2 > 0.5 || corner.misfit > fit.misfit + kCornerMargin;
-}
-
-/// A thing of its own that is as wide as a cylinder would be, where its shape cannot tell.
-bool Search::is_alone(const Run& run, const CircleFit& fit) const {
-  const double radius = fit.circle.radius;
-  const double wide = 2.0 * half_angle(fit.circle) / sweep_.step;  // in beams
-  const double blur = 2.0 * noise_.bearing / sweep_.step + (only_bright_ ? 3.0 : 1.0);
-  if (radius_known_ && (run.beams() - 1 > wide + blur || run.beams() + 1 < wide - blur)) {
+  if (corner.right < fit.misfit + config_.least_corner_evidence ||
+      corner.any < fit.misfit - kBluntMargin) {
     return false;
   }
-  if (only_bright_) {
-    return true;
-  }
-  // Mean square by which an arc of this width leaves its chord's best line, 4/45 of its height's.
+  const double evidence = line_misfit(sweep_, run, noise_) - fit.misfit;
+  return evidence >= std::max(config_.least_evidence, 25.0) ||
+         (evidence > 0.25 * expected_evidence(run, fit) - 4.0 && is_alone(run, fit));
+}
+
+/// As many beams as a cylinder of this radius would have.
+bool Search::is_as_wide(const Run& run, const CircleFit& fit) const {
+  const double wide = 2.0 * half_angle(fit.circle) / sweep_.step;
+  const double blur = 2.0 * noise_.bearing / sweep_.step + (only_bright_ ? 3.0 : 1.0);
+  return !radius_known_ || (run.beams() - 1 <= wide + blur && run.beams() + 1 >= wide - blur);
+}
+
+/// A thing of its own, of the right width, where its shape tells too little.
+bool Search::is_alone(const Run& run, const CircleFit& fit) const {
+  return fit.free_first && fit.free_last && is_as_wide(run, fit) &&
+         (radius_known_ || config_.least_evidence == 0.0);
+}
+
+/// By how much a line should fit worse than a cylinder: a line leaves 4/45 of the squared height of
+/// an arc.
+double Search::expected_evidence(const Run& run, const CircleFit& fit) const {
+  const double radius = fit.circle.radius;
   const double half = std::min(0.5 * run.beams() * sweep_.step * fit.circle.centre.norm(), radius);
   const double height = radius - std::sqrt(radius * radius - half * half);
-  const double expected =
-      run.beams() * 4.0 / 45.0 * height * height / (noise_.range * noise_.range);
-  const bool cannot_tell = expected < 2.0 * std::max(config_.least_evidence, 25.0);
-  return fit.free_first && fit.free_last && cannot_tell &&
-         (radius_known_ || config_.least_evidence == 0.0);
+  return run.beams() * 4.0 / 45.0 * height * height / (noise_.range * noise_.range);
 }
 
 /// Beside the end of an arc, a beam went where the circle should be.

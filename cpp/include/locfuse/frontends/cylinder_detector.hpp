@@ -14,13 +14,16 @@ struct CylinderDetectorConfig {
   double radius_m = 0.0;             ///< of all cylinders; 0: each has its own, found by the fit
   double radius_min_m = 0.03;        ///< if it is found
   double radius_max_m = 1.5;         ///< likewise
-  int least_beams = 5;               ///< on a cylinder
+  int least_beams = 6;               ///< on a cylinder
   /// A depth step between two beams is an edge from six sigma and so many gaps between beams on.
   double jump_gaps = 6.0;
   double misfit_probability = 0.99999;  ///< that the arc of a cylinder passes the chi-square gate
   /// By how much the chi-square of a straight wall must be larger. What is too small to tell is a
   /// cylinder if it stands alone and `radius_m` says its width; with 0 of any width in bounds.
   double least_evidence = 25.0;
+  /// By how much that of a right-angled corner must be larger. Thin cylinders look like the corners
+  /// of boxes as small as they; -20 takes them all, for places without boxes.
+  double least_corner_evidence = 4.0;
   double leg_radius_m = 0.12;    ///< two cylinders up to this, next to each other, are legs
   double leg_distance_m = 0.0;   ///< between their centres; 0: nobody walks here
   double least_intensity = 0.0;  ///< one beam must be that bright; 0: of any brightness
