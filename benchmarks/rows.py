@@ -37,8 +37,7 @@ class Measured:
 def all_rows(m: Measured) -> list[Row]:
     """Return every row; those of peers that are not there say so."""
     return [*filter_rows(m), *evaluation_rows(m), *range_rows(m), *scan_rows(m), *map_rows(m),
-            *cylinder_rows(m),
-            *particle_rows(m)]  # fmt: skip
+            *cylinder_rows(m), *particle_rows(m)]  # fmt: skip
 
 
 def filter_rows(m: Measured) -> Iterator[Row]:

@@ -120,6 +120,7 @@ class Search {
   [[nodiscard]] bool grow(int& end, int side, const Circle& circle) const;
 
   [[nodiscard]] bool is_cylinder(const Run& run, const CircleFit& fit) const;
+  [[nodiscard]] bool passes_gate(const CircleFit& fit) const;
   [[nodiscard]] bool is_alone(const Run& run, const CircleFit& fit) const;
   [[nodiscard]] bool is_as_wide(const Run& run, const CircleFit& fit) const;
   [[nodiscard]] double expected_evidence(const Run& run, const CircleFit& fit) const;
@@ -305,8 +306,7 @@ bool Search::is_cylinder(const Run& run, const CircleFit& fit) const {
   if (returns(run) < config_.least_beams) {
     return false;
   }
-  const std::size_t dof = std::min(static_cast<std::size_t>(fit.dof), gates_.size() - 1);
-  if (fit.misfit > gates_[dof] * std::max(1.0, fit.dof / static_cast<double>(dof))) {
+  if (!passes_gate(fit)) {
     return false;
   }
   const double radius = fit.circle.radius;
@@ -318,6 +318,14 @@ bool Search::is_cylinder(const Run& run, const CircleFit& fit) const {
   }
   return !seen_through(run.first, -1, fit.circle) && !seen_through(run.last, 1, fit.circle) &&
          stands_out(run, fit);
+}
+
+bool Search::passes_gate(const CircleFit& fit) const {
+  if (fit.dof == 0) {
+    return true;  // nothing to say against it
+  }
+  const int known = std::min(fit.dof, kGates - 1);
+  return fit.misfit <= gates_[static_cast<std::size_t>(known)] * fit.dof / known;
 }
 
 /// A straight wall, or two that meet, do not fit as well.

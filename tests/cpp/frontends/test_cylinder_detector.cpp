@@ -50,8 +50,8 @@ int beams_on(const Disc& disc, const std::vector<Disc>& all, const Pose2& eye) {
   int count = 0;
   for (int i = 0; i < 360; ++i) {
     const double angle = eye.heading - kPi + i * kPi / 180.0;
-    const double range = cast({disc}, eye.position(), angle);
-    count += std::isfinite(range) && range <= cast(all, eye.position(), angle) ? 1 : 0;
+    const double range = testing::cast(std::vector<Disc>{disc}, eye.position(), angle);
+    count += std::isfinite(range) && range <= testing::cast(all, eye.position(), angle) ? 1 : 0;
   }
   return count;
 }
