@@ -121,18 +121,32 @@ struct Normal {
   }
 };
 
+/// Adds the beams of a run; by scalars, as this is where the time goes.
 void add_beams(Normal& normal, const Sweep& sweep, const Run& run, const Circle& circle,
                const BeamNoise& noise) {
+  double xx = 0.0, xy = 0.0, yy = 0.0, x = 0.0, y = 0.0, n = 0.0;
+  Vector<3> gradient = Vector<3>::Zero();
   for (int j = run.first; j <= run.last; ++j) {
-    const Ray& ray = sweep[j];
-    if (!ray.returned()) {
+    if (!sweep[j].returned()) {
       continue;
     }
-    const Offset offset = offset_of(ray, circle, noise);
-    const Vector<2> from = ray.end() - circle.centre;
-    const double length = std::max(from.norm(), 1e-9);
-    normal.add({-from.x() / length, -from.y() / length, -1.0}, offset.distance, offset.variance);
+    const Offset offset = offset_of(sweep[j], circle, noise);
+    const double weight = 1.0 / offset.variance;
+    const double wx = weight * offset.outwards.x();
+    const double wy = weight * offset.outwards.y();
+    xx += wx * offset.outwards.x();
+    xy += wx * offset.outwards.y();
+    yy += wy * offset.outwards.y();
+    x += wx;
+    y += wy;
+    n += weight;
+    gradient -= offset.distance * Vector<3>(wx, wy, weight);
+    normal.misfit += weight * offset.distance * offset.distance;
   }
+  Matrix<3, 3> information;
+  information << xx, xy, x, xy, yy, y, x, y, n;
+  normal.information += information;
+  normal.gradient += gradient;
 }
 
 void add_edge(Normal& normal, const Edge& edge, const Circle& circle, double step,
@@ -239,15 +253,18 @@ Circle circle_behind(const Sweep& sweep, const Run& run, double radius) {
 }
 
 Offset offset_of(const Ray& ray, const Circle& circle, const BeamNoise& noise) {
-  const double R = circle.radius;
-  const double u = cross(ray.along, circle.centre) / R;
-  // Beyond, a beam may as well miss: it weighs no more than one at 78 degrees.
-  const double across = std::min(u * u, 0.96);
+  const double per_radius = 1.0 / circle.radius;
+  const double u = cross(ray.along, circle.centre) * per_radius;
+  // At the edge a beam hits anywhere within half a gap, and may as well miss.
+  const double edge = std::clamp(0.5 * noise.step * ray.range * per_radius, 0.02, 0.5);
+  const double across = std::min(u * u, 1.0 - edge);
   const double v = noise.range * noise.range;
   const double sideways = ray.range * noise.bearing;
-  const double bent = v * across / (2.0 * R);  // second order: what noise along a tangent does
-  const double distance = (ray.end() - circle.centre).norm() - R - bent;
-  return {distance, v * (1.0 - across) + sideways * sideways * across + 2.0 * bent * bent};
+  const double bent = 0.5 * v * across * per_radius;  // what noise along a tangent does
+  const Vector<2> from = ray.end() - circle.centre;
+  const double length = std::max(from.norm(), 1e-9);
+  return {length - circle.radius - bent,
+          v * (1.0 - across) + sideways * sideways * across + 2.0 * bent * bent, from / length};
 }
 
 bool passes(const Ray& ray, const Circle& circle, double margin) {

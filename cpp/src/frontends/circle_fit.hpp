@@ -10,6 +10,7 @@ namespace locfuse::internal {
 struct BeamNoise {
   double range;    ///< [m]
   double bearing;  ///< [rad]
+  double step;     ///< between two beams [rad]
 };
 
 struct Circle {
@@ -42,6 +43,7 @@ struct CircleFit {
 struct Offset {
   double distance;
   double variance;
+  Vector<2> outwards;  ///< unit vector from the centre
 };
 [[nodiscard]] Offset offset_of(const Ray& ray, const Circle& circle, const BeamNoise& noise);
 

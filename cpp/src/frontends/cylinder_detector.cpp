@@ -87,7 +87,7 @@ class Search {
       : config_(config),
         gates_(gates),
         sweep_(sweep),
-        noise_{config.sigma_range_m, config.sigma_bearing_rad},
+        noise_{config.sigma_range_m, config.sigma_bearing_rad, sweep.step},
         radius_known_(config.radius_m > 0.0),
         only_bright_(config.least_intensity > 0.0),
         begin_(-sweep.size()),
