@@ -52,10 +52,9 @@ least_intensity : float
                        double least_corner_evidence, double leg_radius_m, double leg_distance_m,
                        double least_intensity) {
              return CylinderDetectorConfig{
-                 sigma_range_m,      sigma_bearing_rad, radius_m,
-                 radius_min_m,       radius_max_m,      least_beams,
-                 jump_gaps,          misfit_probability, least_evidence,
-                 least_corner_evidence, leg_radius_m,   leg_distance_m,
+                 sigma_range_m,  sigma_bearing_rad,     radius_m,     radius_min_m,
+                 radius_max_m,   least_beams,           jump_gaps,    misfit_probability,
+                 least_evidence, least_corner_evidence, leg_radius_m, leg_distance_m,
                  least_intensity};
            }),
            py::kw_only(), py::arg("sigma_range_m") = d.sigma_range_m,
@@ -98,8 +97,8 @@ void bind_detector(py::module_& m) {
       .def_readonly("misfit", &Cylinder::misfit, "Chi-square by degree of freedom.")
       .def("__repr__", [](const Cylinder& c) {
         std::ostringstream text;
-        text << "Cylinder(range=" << c.range << ", bearing=" << c.bearing
-             << ", radius=" << c.radius << ", beams=" << c.beams << ")";
+        text << "Cylinder(range=" << c.range << ", bearing=" << c.bearing << ", radius=" << c.radius
+             << ", beams=" << c.beams << ")";
         return text.str();
       });
   py::class_<CylinderDetector>(m, "CylinderDetector", R"(Finds cylinders in single scans.
@@ -180,8 +179,8 @@ Raises
 ValueError
     If the scan is not valid, a beam is not in it, or `radius` is not a finite number >= 0.
 )");
-  m.def("recognize_landmarks", &locfuse::recognize_landmarks, py::arg("scan"),
-        py::arg("predicted"), py::arg("landmarks"), Unlocked(),
+  m.def("recognize_landmarks", &locfuse::recognize_landmarks, py::arg("scan"), py::arg("predicted"),
+        py::arg("landmarks"), Unlocked(),
         R"(Beams that a predicted pose assigns to landmarks (gadau2022 Fig. 3).
 
 Parameters

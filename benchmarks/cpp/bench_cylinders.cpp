@@ -24,8 +24,8 @@ std::vector<LaserScan> scans_of_wells(bool walled) {
   for (int k = 0; k < 50; ++k) {
     const double turned = 2.0 * locfuse::kPi * k / 50;
     const Pose2 eye{0.8 * std::cos(turned), 0.8 * std::sin(turned), locfuse::wrap_angle(turned)};
-    scans.push_back(scan_of(locfuse::testing::cylinders_of_wells(), walls, eye, rng, 0.01,
-                            locfuse::testing::turning_laser()));
+    scans.push_back(locfuse::testing::scan_of(locfuse::testing::cylinders_of_wells(), walls, eye,
+                                              rng, 0.01, locfuse::testing::turning_laser()));
   }
   return scans;
 }

@@ -349,14 +349,12 @@ std::optional<CircleFit> fit_few(const Sweep& sweep, const Run& run, double radi
       }
       const double off = (j - run.first) * sweep.step - turn;
       const double u = std::clamp(rho * std::sin(off), -0.98 * radius, 0.98 * radius);
-      const double to_centre =
-          sweep[j].range * std::cos(off) + std::sqrt(radius * radius - u * u);
+      const double to_centre = sweep[j].range * std::cos(off) + std::sqrt(radius * radius - u * u);
       sum += to_centre;
       spread += to_centre * to_centre;
       n += 1.0;
     }
-    const double misfit =
-        std::max(spread - sum * sum / n, 0.0) / (noise.range * noise.range);
+    const double misfit = std::max(spread - sum * sum / n, 0.0) / (noise.range * noise.range);
     const double weight = std::exp(-0.5 * std::min(misfit, 200.0));
     const Vector<2> at(sum / n, turn);
     least = std::min(least, misfit);
@@ -409,7 +407,7 @@ Corner best_corner(const Sweep& sweep, const Run& run, const BeamNoise& noise) {
   }
   Corner best{std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
   Moments before;
-  const int stride = 1 + run.beams() / 24;  // between beams that close, the misfit hardly changes
+  const int stride = 1 + run.beams() / 16;  // between beams that close, the misfit hardly changes
   for (int j = run.first; j < run.last; ++j) {
     if (!sweep[j].returned()) {
       continue;

@@ -26,9 +26,9 @@ using internal::Run;
 using internal::Sweep;
 
 constexpr int kGates = 256;
-constexpr int kFew = 3;         // beams up to which the bearing comes from which of them hit
-constexpr int kLargestGap = 3;  // beams without return that an arc may go on behind
-constexpr double kBeamGate = 16.0;      // four sigma squared, of one beam on an arc
+constexpr int kFew = 3;             // beams up to which the bearing comes from which of them hit
+constexpr int kLargestGap = 3;      // beams without return that an arc may go on behind
+constexpr double kBeamGate = 16.0;  // four sigma squared, of one beam on an arc
 // Two lines at any angle can always take some of the noise with them, this much at most.
 constexpr double kBluntMargin = 12.0;
 
@@ -82,8 +82,7 @@ double distance_between(const Cylinder& a, const Cylinder& b) {
 /// One pass over one scan.
 class Search {
  public:
-  Search(const CylinderDetectorConfig& config, const std::vector<double>& gates,
-         const Sweep& sweep)
+  Search(const CylinderDetectorConfig& config, const std::vector<double>& gates, const Sweep& sweep)
       : config_(config),
         gates_(gates),
         sweep_(sweep),
@@ -368,8 +367,8 @@ double Search::expected_evidence(const Run& run, const CircleFit& fit) const {
 /// Beside the end of an arc, a beam went where the circle should be.
 bool Search::seen_through(int end, int side, const Circle& circle) const {
   const double reach = half_angle(circle) / sweep_.step;
-  const double slack = circle.centre.norm() * (0.5 * sweep_.step + 2.0 * noise_.bearing) +
-                       3.0 * noise_.range;
+  const double slack =
+      circle.centre.norm() * (0.5 * sweep_.step + 2.0 * noise_.bearing) + 3.0 * noise_.range;
   for (int k = 1; k <= 2.0 * reach && sweep_.has(end + side * k); ++k) {
     const Ray& ray = sweep_[end + side * k];
     if (std::abs(cross(ray.along, circle.centre)) > 0.9 * circle.radius - slack) {

@@ -39,8 +39,8 @@ void aim(std::vector<Ray>& rays, const LaserGeometry& geometry) {
       along << std::cos(angle), std::sin(angle);
     }
     rays[i].along = along;
-    along = Vector<2>(along.x() * turn_c - along.y() * turn_s,
-                      along.y() * turn_c + along.x() * turn_s);
+    along =
+        Vector<2>(along.x() * turn_c - along.y() * turn_s, along.y() * turn_c + along.x() * turn_s);
   }
 }
 

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "locfuse/frontends/cylinder_detector.hpp"
-
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
+#include "locfuse/frontends/cylinder_detector.hpp"
 #include "support/discs.hpp"
 #include "support/expect.hpp"
 
@@ -205,7 +204,8 @@ double nees(const CylinderDetectorConfig& config, double radius, double nearest,
     Rng rng(seed);
     const double range = radius + uniform(rng, nearest, farthest);
     const double bearing = uniform(rng, -kPi, kPi);
-    for (const Cylinder& c : detector.detect(scan_of_one({at(range, bearing), radius}, rng, sigma))) {
+    for (const Cylinder& c :
+         detector.detect(scan_of_one({at(range, bearing), radius}, rng, sigma))) {
       const Vector<3> e(c.range - range, angle_difference(c.bearing, bearing), c.radius - radius);
       const int n = config.radius_m > 0.0 ? 2 : 3;
       sum += e.head(n).dot(c.covariance.topLeftCorner(n, n).llt().solve(e.head(n)));
@@ -324,8 +324,8 @@ TEST(CylinderDetector, a_cylinder_that_touches_a_wall_is_found_and_the_wall_is_n
       Walls walls;
       walls.emplace_back(Vector<2>(-6.0, 2.0), Vector<2>(6.0, 2.0));
       const Vector<2> centre(uniform(rng, -2.0, 2.0), 1.7);
-      for (const Cylinder& c :
-           CylinderDetector(of_radius(radius)).detect(scan_of_one({centre, 0.3}, rng, 0.01, walls))) {
+      for (const Cylinder& c : CylinderDetector(of_radius(radius))
+                                   .detect(scan_of_one({centre, 0.3}, rng, 0.01, walls))) {
         ++found;
         errors.push_back((centre_of(c) - centre).norm());
       }
@@ -407,7 +407,8 @@ TEST(CylinderDetector, refuses_what_is_not_valid) {
   refused([](auto& c) { c.radius_m = std::nan(""); }, "radius_m is nan");
   refused([](auto& c) { c.radius_max_m = 0.01; }, "radius_max_m is 0.01", ">= 0.03");
   refused([](auto& c) { c.least_beams = 0; }, "least_beams is 0", ">= 1");
-  refused([](auto& c) { c.misfit_probability = 1.0; }, "misfit_probability is 1", "between 0 and 1");
+  refused([](auto& c) { c.misfit_probability = 1.0; }, "misfit_probability is 1",
+          "between 0 and 1");
   refused([](auto& c) { c.least_intensity = HUGE_VAL; }, "least_intensity is inf");
   LaserScan scan{0, turning_laser(), {1.0, -2.0}};
   expect_refused([&] { (void)CylinderDetector().detect(scan); }, "ranges [m] is -2");

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "locfuse/frontends/single_beam_landmarks.hpp"
-
 #include <cmath>
 #include <vector>
 
+#include "locfuse/frontends/single_beam_landmarks.hpp"
 #include "support/discs.hpp"
 #include "support/expect.hpp"
 
@@ -62,8 +61,11 @@ TEST(RecognizeLandmarks, refuses_what_is_not_valid) {
   const LaserScan scan{0, turning_laser(), {1.0}};
   expect_refused([&] { (void)recognize_landmarks(scan, {}, {{{0.0, 1.0}, -1.0}}); }, "-1 m");
   expect_refused([&] { (void)recognize_landmarks(scan, {std::nan(""), 0.0, 0.0}, {}); }, "pose");
-  expect_refused([&] { (void)recognize_landmarks(scan, {}, {{{HUGE_VAL, 1.0}, 1.0}}); },
-                 "landmark is (inf");
+  expect_refused(
+      [&] {
+        (void)recognize_landmarks(scan, {}, {{{HUGE_VAL, 1.0}, 1.0}});
+      },
+      "landmark is (inf");
 }
 
 }  // namespace

@@ -40,9 +40,9 @@ namespace locfuse::testing {
   LaserScan scan{0, geometry, {}};
   for (int i = 0; i < beams; ++i) {
     const double angle = eye.heading + geometry->angle_min + i * geometry->angle_increment;
-    const double range = std::min(cast(discs, eye.position(), angle),
-                                  cast(walls, eye.position(), angle)) +
-                         normal(rng, sigma);
+    const double range =
+        std::min(cast(discs, eye.position(), angle), cast(walls, eye.position(), angle)) +
+        normal(rng, sigma);
     scan.ranges.push_back(range >= geometry->range_min && range < geometry->range_max
                               ? range
                               : std::numeric_limits<double>::quiet_NaN());

@@ -9,12 +9,12 @@
 namespace locfuse {
 
 struct CylinderDetectorConfig {
-  double sigma_range_m = 0.01;       ///< noise of one beam
-  double sigma_bearing_rad = 0.0;    ///< of its direction: width of the beam, quantization
-  double radius_m = 0.0;             ///< of all cylinders; 0: each has its own, found by the fit
-  double radius_min_m = 0.03;        ///< if it is found
-  double radius_max_m = 1.5;         ///< likewise
-  int least_beams = 6;               ///< on a cylinder
+  double sigma_range_m = 0.01;     ///< noise of one beam
+  double sigma_bearing_rad = 0.0;  ///< of its direction: width of the beam, quantization
+  double radius_m = 0.0;           ///< of all cylinders; 0: each has its own, found by the fit
+  double radius_min_m = 0.03;      ///< if it is found
+  double radius_max_m = 1.5;       ///< likewise
+  int least_beams = 6;             ///< on a cylinder
   /// A depth step between two beams is an edge from six sigma and so many gaps between beams on.
   double jump_gaps = 6.0;
   double misfit_probability = 0.99999;  ///< that the arc of a cylinder passes the chi-square gate
