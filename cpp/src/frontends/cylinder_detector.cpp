@@ -243,7 +243,7 @@ std::optional<Circle> Search::start(const Run& run) const {
   }
   const Ray& middle = sweep_[(run.first + run.last) / 2];
   if (run.beams() > kFew) {
-    const std::optional<Circle> circle = algebraic_circle(sweep_, run);
+    std::optional<Circle> circle = algebraic_circle(sweep_, run);
     const bool bulges = circle && middle.returned() && !passes(middle, *circle, 0.0);
     if (bulges && circle->radius < 3.0 * config_.radius_max_m) {
       return circle;

@@ -23,7 +23,7 @@ struct BeamLandmark {
   double bearing = 0.0;  ///< in the laser's frame [rad]
 };
 
-/// wells eq. (8) to (11): of the beams `first` to `last` the one with the least range, and the
+/// wells, equations 8 to 11: of the beams `first` to `last` the one with the least range, and the
 /// radius added to that: the centre, from the laser. `first` above `last` goes across the end of
 /// the scan.
 ///
