@@ -279,8 +279,8 @@ int false_ones(const CylinderDetectorConfig& config, int scans) {
 }
 
 TEST(CylinderDetector, among_walls_and_corners_less_than_one_in_1000_scans_is_false) {
-  EXPECT_LE(false_ones({}, 4000), 3);
-  EXPECT_LE(false_ones(of_radius(1.0), 2000), 1);
+  EXPECT_LE(false_ones({}, 3000), 2);
+  EXPECT_LE(false_ones(of_radius(1.0), 1000), 0);
   CylinderDetectorConfig careless;
   careless.least_corner_evidence = -1e6;
   careless.least_evidence = 0.0;
