@@ -1135,7 +1135,7 @@ class CylinderDetectorConfig:
         radius_m: typing.SupportsFloat | typing.SupportsIndex = 0.0,
         radius_min_m: typing.SupportsFloat | typing.SupportsIndex = 0.03,
         radius_max_m: typing.SupportsFloat | typing.SupportsIndex = 1.5,
-        least_beams: typing.SupportsInt | typing.SupportsIndex = 6,
+        least_beams: typing.SupportsInt | typing.SupportsIndex = 7,
         jump_gaps: typing.SupportsFloat | typing.SupportsIndex = 6.0,
         misfit_probability: typing.SupportsFloat | typing.SupportsIndex = 0.99999,
         least_evidence: typing.SupportsFloat | typing.SupportsIndex = 25.0,

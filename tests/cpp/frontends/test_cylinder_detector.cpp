@@ -21,7 +21,7 @@ using testing::turning_laser;
 using testing::uniform;
 using testing::Walls;
 
-CylinderDetectorConfig of_radius(double radius, int least_beams = 6) {
+CylinderDetectorConfig of_radius(double radius, int least_beams = 7) {
   CylinderDetectorConfig config;
   config.radius_m = radius;
   config.least_beams = least_beams;
@@ -284,6 +284,7 @@ TEST(CylinderDetector, among_walls_and_corners_less_than_one_in_1000_scans_is_fa
   CylinderDetectorConfig careless;
   careless.least_corner_evidence = -1e6;
   careless.least_evidence = 0.0;
+  careless.least_beams = 3;
   EXPECT_GT(false_ones(careless, 2000), 2);
 }
 
@@ -341,6 +342,7 @@ TEST(CylinderDetector, legs_are_left_out_where_somebody_may_walk) {
   CylinderDetectorConfig config;
   config.least_corner_evidence = -20.0;
   config.sigma_range_m = 0.003;
+  config.least_beams = 5;
   const std::vector<Disc> legs{{{1.0, 0.12}, 0.06}, {{1.05, -0.12}, 0.06}, {{-1.0, 0.0}, 0.06}};
   const LaserScan scan = scan_of(legs, {}, {}, rng, 0.003, turning_laser());
   EXPECT_EQ(CylinderDetector(config).detect(scan).size(), 3U);

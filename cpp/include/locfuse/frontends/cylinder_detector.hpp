@@ -14,7 +14,7 @@ struct CylinderDetectorConfig {
   double radius_m = 0.0;           ///< of all cylinders; 0: each has its own, found by the fit
   double radius_min_m = 0.03;      ///< if it is found
   double radius_max_m = 1.5;       ///< likewise
-  int least_beams = 6;             ///< on a cylinder
+  int least_beams = 7;             ///< on a cylinder
   /// A depth step between two beams is an edge from six sigma and so many gaps between beams on.
   double jump_gaps = 6.0;
   double misfit_probability = 0.99999;  ///< that the arc of a cylinder passes the chi-square gate
