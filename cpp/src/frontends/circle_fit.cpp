@@ -199,6 +199,58 @@ double move(Circle& circle, const Vector<3>& step) {
   return share * length;
 }
 
+/// Where the centre may be, by which beams hit it: turns from the first beam of a run.
+struct Bearings {
+  double middle;
+  double width;
+  bool free_first;
+  bool free_last;
+};
+
+Bearings bearings_of(const Sweep& sweep, const Run& run, const Circle& guess,
+                     const BeamNoise& noise) {
+  const auto is_free = [&](int j) {
+    return sweep.has(j) && passes(sweep[j], guess, 3.0 * noise.range);
+  };
+  const bool free_first = is_free(run.first - 1);
+  const bool free_last = is_free(run.last + 1);
+  const double half = std::asin(std::min(guess.radius / guess.centre.norm(), 1.0));
+  const double seen = (run.beams() - 1) * sweep.step;
+  const double low = free_first ? std::max(seen - half, half - sweep.step) : seen - half;
+  const double high = free_last ? std::min(half, seen + sweep.step - half) : half;
+  // More beams than its width allows: they are wide themselves, and the edges anywhere.
+  return {0.5 * (low + high), high > low ? high - low : sweep.step, free_first, free_last};
+}
+
+/// Range of the centre at a turn from the first beam, and the chi-square of the beams about it.
+Vector<2> range_and_misfit(const Sweep& sweep, const Run& run, const Circle& guess, double turn,
+                           const BeamNoise& noise) {
+  const double R = guess.radius;
+  double sum = 0.0;
+  double squares = 0.0;
+  double n = 0.0;
+  for (int j = run.first; j <= run.last; ++j) {
+    if (sweep[j].returned()) {
+      const double off = (j - run.first) * sweep.step - turn;
+      const double u = std::clamp(guess.centre.norm() * std::sin(off), -0.98 * R, 0.98 * R);
+      const double range = sweep[j].range * std::cos(off) + std::sqrt(R * R - u * u);
+      sum += range;
+      squares += range * range;
+      n += 1.0;
+    }
+  }
+  return {sum / n, std::max(squares - sum * sum / n, 0.0) / (noise.range * noise.range)};
+}
+
+/// Unit vectors along a bearing and across it, to the left, as columns.
+Matrix<2, 2> axes_at(const Ray& first, double turn) {
+  Matrix<2, 2> axes;
+  axes.col(0) << std::cos(turn) * first.along.x() - std::sin(turn) * first.along.y(),
+      std::sin(turn) * first.along.x() + std::cos(turn) * first.along.y();
+  axes.col(1) << -axes(1, 0), axes(0, 0);
+  return axes;
+}
+
 }  // namespace
 
 std::optional<Circle> algebraic_circle(const Sweep& sweep, const Run& run) {
@@ -318,46 +370,17 @@ std::optional<CircleFit> fit_few(const Sweep& sweep, const Run& run, double radi
                                  const BeamNoise& noise) {
   constexpr int kBearings = 16;
   const Circle guess = circle_behind(sweep, run, radius);
-  const bool free_first =
-      sweep.has(run.first - 1) && passes(sweep[run.first - 1], guess, 3.0 * noise.range);
-  const bool free_last =
-      sweep.has(run.last + 1) && passes(sweep[run.last + 1], guess, 3.0 * noise.range);
-  const double rho = guess.centre.norm();
-  const double half = std::asin(std::min(radius / rho, 1.0));
-  // Bearings from the first beam, of which each hit and each miss allows an interval.
-  const double seen = (run.beams() - 1) * sweep.step;
-  double low = seen - half;
-  double high = half;
-  low = free_first ? std::max(low, half - sweep.step) : low;
-  high = free_last ? std::min(high, seen + sweep.step - half) : high;
-  const double middle = 0.5 * (low + high);
-  // More beams than its width allows: they are wide themselves, and the edges anywhere.
-  const double width = high > low ? high - low : sweep.step;
-  const Ray& first = sweep[run.first];
+  const Bearings may = bearings_of(sweep, run, guess, noise);
   Vector<2> mean = Vector<2>::Zero();
   Matrix<2, 2> squares = Matrix<2, 2>::Zero();
   double total = 0.0;
   double least = std::numeric_limits<double>::infinity();
   for (int k = 0; k < kBearings; ++k) {
-    const double turn = middle + width * ((k + 0.5) / kBearings - 0.5);
-    double sum = 0.0;
-    double spread = 0.0;
-    double n = 0.0;
-    for (int j = run.first; j <= run.last; ++j) {
-      if (!sweep[j].returned()) {
-        continue;
-      }
-      const double off = (j - run.first) * sweep.step - turn;
-      const double u = std::clamp(rho * std::sin(off), -0.98 * radius, 0.98 * radius);
-      const double to_centre = sweep[j].range * std::cos(off) + std::sqrt(radius * radius - u * u);
-      sum += to_centre;
-      spread += to_centre * to_centre;
-      n += 1.0;
-    }
-    const double misfit = std::max(spread - sum * sum / n, 0.0) / (noise.range * noise.range);
-    const double weight = std::exp(-0.5 * std::min(misfit, 200.0));
-    const Vector<2> at(sum / n, turn);
-    least = std::min(least, misfit);
+    const double turn = may.middle + may.width * ((k + 0.5) / kBearings - 0.5);
+    const Vector<2> found = range_and_misfit(sweep, run, guess, turn, noise);
+    const double weight = std::exp(-0.5 * std::min(found.y(), 200.0));
+    const Vector<2> at(found.x(), turn);
+    least = std::min(least, found.y());
     total += weight;
     mean += weight * at;
     squares += weight * (at * at.transpose());
@@ -365,19 +388,18 @@ std::optional<CircleFit> fit_few(const Sweep& sweep, const Run& run, double radi
   mean /= total;
   Matrix<2, 2> P = squares / total - mean * mean.transpose();
   P(0, 0) += noise.range * noise.range / run.beams();
-  P(1, 1) += noise.bearing * noise.bearing + width * width / (12.0 * kBearings * kBearings);
-  const double c = std::cos(mean.y());
-  const double s = std::sin(mean.y());
-  Matrix<2, 2> axes;  // along the bearing, and across it to the left
-  axes.col(0) << c * first.along.x() - s * first.along.y(),
-      s * first.along.x() + c * first.along.y();
-  axes.col(1) << -axes(1, 0), axes(0, 0);
+  P(1, 1) += noise.bearing * noise.bearing + may.width * may.width / (12.0 * kBearings * kBearings);
+  const Matrix<2, 2> axes = axes_at(sweep[run.first], mean.y());
   Matrix<2, 2> to_plane = axes;
   to_plane.col(1) *= mean.x();
   Matrix<3, 3> covariance = Matrix<3, 3>::Zero();
   covariance.topLeftCorner<2, 2>() = to_plane * P * to_plane.transpose();
-  const Circle circle{mean.x() * axes.col(0), radius};
-  return CircleFit{circle, covariance, least, run.beams() - 1, free_first, free_last};
+  return CircleFit{{mean.x() * axes.col(0), radius},
+                   covariance,
+                   least,
+                   run.beams() - 1,
+                   may.free_first,
+                   may.free_last};
 }
 
 double line_misfit(const Sweep& sweep, const Run& run, const BeamNoise& noise) {
