@@ -37,7 +37,7 @@ class Measured:
 def all_rows(m: Measured) -> list[Row]:
     """Return every row; those of peers that are not there say so."""
     return [*filter_rows(m), *evaluation_rows(m), *range_rows(m), *scan_rows(m), *map_rows(m),
-            *particle_rows(m)]  # fmt: skip
+            *cylinder_rows(m), *particle_rows(m)]  # fmt: skip
 
 
 def filter_rows(m: Measured) -> Iterator[Row]:
@@ -133,6 +133,13 @@ def map_rows(m: Measured) -> Iterator[Row]:
     yield Row("- peak memory, with the map", f"{peak_mb:.0f} MB", required="<= 600 MB",
               met=peak_mb <= 600.0)  # fmt: skip
     yield _within("C++, ranges of 360 beams on a map", m["ray_scan"], 60e-6)
+
+
+def cylinder_rows(m: Measured) -> Iterator[Row]:
+    """Find four cylinders in 360 beams."""
+    for what, name in (("known radius", "radius_known"), ("free radius", "radius_free")):
+        yield _within(f"C++, cylinders in 360 beams, {what}", m[f"detect/{name}"], 50e-6)
+        yield _within("- with walls around them", m[f"detect/{name}_walls"], 50e-6)
 
 
 def particle_rows(m: Measured) -> Iterator[Row]:

@@ -26,6 +26,17 @@ M checked(const M& message) {
   return message;
 }
 
+std::vector<double> column_of(const char* name, const Column<double>& column) {
+  expect_shape(name, column, column.ndim() > 0 ? column.shape(0) : 0);
+  return {column.data(), column.data() + column.size()};
+}
+
+py::array_t<double> view_of(const std::vector<double>& column, const py::object& owner) {
+  py::array_t<double> view(static_cast<py::ssize_t>(column.size()), column.data(), owner);
+  view.attr("flags").attr("writeable") = false;
+  return view;
+}
+
 void bind_laser(py::module_& m) {
   py::class_<LaserGeometry, std::shared_ptr<LaserGeometry>>(
       m, "LaserGeometry",
@@ -46,26 +57,33 @@ void bind_laser(py::module_& m) {
   py::class_<LaserScan>(m, "LaserScan",
                         "One turn of a 2D laser: `ranges` (beams,) [m], NaN without return. Those "
                         "outside [range_min, range_max) are no returns either: many lasers report "
-                        "range_max where nothing came back.")
+                        "range_max where nothing came back. `intensities` (beams,) in the laser's "
+                        "own unit; empty if it tells none.")
       .def(py::init([](Stamp stamp, std::shared_ptr<LaserGeometry> geometry,
-                       const Column<double>& ranges) {
-             expect_shape("ranges", ranges, ranges.ndim() > 0 ? ranges.shape(0) : 0);
-             return checked(LaserScan{
-                 stamp, std::move(geometry), {ranges.data(), ranges.data() + ranges.size()}});
+                       const Column<double>& ranges,
+                       const std::optional<Column<double>>& intensities) {
+             LaserScan scan{stamp, std::move(geometry), column_of("ranges", ranges)};
+             if (intensities) {
+               scan.intensities = column_of("intensities", *intensities);
+             }
+             return checked(scan);
            }),
-           py::arg("stamp"), py::arg("geometry"), py::arg("ranges"))
+           py::arg("stamp"), py::arg("geometry"), py::arg("ranges"),
+           py::arg("intensities") = py::none())
       .def_readonly("stamp", &LaserScan::stamp)
       .def_property_readonly("geometry", [](const LaserScan& scan) { return *scan.geometry; })
       .def_property_readonly(
           "ranges",
           [](const py::object& self) {
-            const auto& scan = self.cast<const LaserScan&>();
-            py::array_t<double> view(static_cast<py::ssize_t>(scan.ranges.size()),
-                                     scan.ranges.data(), self);
-            view.attr("flags").attr("writeable") = false;
-            return view;
+            return view_of(self.cast<const LaserScan&>().ranges, self);
           },
           "Metres (beams,), a read-only view.")
+      .def_property_readonly(
+          "intensities",
+          [](const py::object& self) {
+            return view_of(self.cast<const LaserScan&>().intensities, self);
+          },
+          "In the laser's own unit (beams,) or (0,), a read-only view.")
       .def("__repr__", [](const LaserScan& scan) {
         return "LaserScan(stamp=" + std::to_string(scan.stamp) + ", " +
                std::to_string(scan.ranges.size()) + " beams)";

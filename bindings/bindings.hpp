@@ -16,6 +16,7 @@ void bind_messages(pybind11::module_& m);
 void bind_maps(pybind11::module_& m);
 void bind_scan_matching(pybind11::module_& m);
 void bind_scan_odometry(pybind11::module_& m);
+void bind_landmarks(pybind11::module_& m);
 void bind_models(pybind11::module_& m);
 void bind_multilateration(pybind11::module_& m);
 void bind_filters(pybind11::module_& m);

@@ -14,6 +14,7 @@ PYBIND11_MODULE(_core, m) {
   bind_maps(m);
   bind_scan_matching(m);
   bind_scan_odometry(m);
+  bind_landmarks(m);
   bind_models(m);
   bind_multilateration(m);
   bind_filters(m);

@@ -13,8 +13,13 @@ __all__: list[str] = [
     "Anchor",
     "AnchorMap",
     "Association",
+    "BeamLandmark",
     "BeamModelConfig",
+    "Cylinder",
+    "CylinderDetector",
+    "CylinderDetectorConfig",
     "Dilution",
+    "Disc",
     "DistanceField",
     "Gate",
     "GaussianBelief",
@@ -92,6 +97,7 @@ __all__: list[str] = [
     "Verdict",
     "arc",
     "chi_squared_quantile",
+    "closest_beam",
     "cramer_rao",
     "find_start",
     "local",
@@ -100,6 +106,7 @@ __all__: list[str] = [
     "locate_batch",
     "parse_table",
     "predict",
+    "recognize_landmarks",
     "replay",
     "update",
     "wrap_angle",
@@ -368,17 +375,23 @@ class LaserGeometry:
 
 class LaserScan:
     """
-    One turn of a 2D laser: `ranges` (beams,) [m], NaN without return. Those outside [range_min, range_max) are no returns either: many lasers report range_max where nothing came back.
+    One turn of a 2D laser: `ranges` (beams,) [m], NaN without return. Those outside [range_min, range_max) are no returns either: many lasers report range_max where nothing came back. `intensities` (beams,) in the laser's own unit; empty if it tells none.
     """
     def __init__(
         self,
         stamp: typing.SupportsInt | typing.SupportsIndex,
         geometry: LaserGeometry,
         ranges: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        intensities: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
     ) -> None: ...
     def __repr__(self) -> str: ...
     @property
     def geometry(self) -> LaserGeometry: ...
+    @property
+    def intensities(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        In the laser's own unit (beams,) or (0,), a read-only view.
+        """
     @property
     def ranges(self) -> numpy.typing.NDArray[numpy.float64]:
         """
@@ -1156,6 +1169,196 @@ class ScanOdometry:
         """
     @property
     def config(self) -> ScanOdometryConfig: ...
+
+class CylinderDetectorConfig:
+    """
+    Settings of a CylinderDetector.
+
+    Parameters
+    ----------
+    sigma_range_m, sigma_bearing_rad : float
+        Noise of one beam: of its length; of its direction (its width, quantization).
+    radius_m : float
+        Of all cylinders; 0: each has its own, found by the fit.
+    radius_min_m, radius_max_m : float
+        Of a cylinder whose radius is found.
+    least_beams : int
+        On a cylinder.
+    jump_gaps : float
+        A depth step between two beams is an edge from six sigma and so many gaps between beams on.
+    misfit_probability : float
+        That the arc of a cylinder passes the chi-square gate.
+    least_evidence : float
+        By how much the chi-square of a straight wall must be larger. What is too small to tell is a
+        cylinder if it stands alone and `radius_m` says its width; with 0 of any width in bounds.
+    least_corner_evidence : float
+        By how much that of a right-angled corner must be larger. Thin cylinders look like the corners of
+        boxes as small as they; -20 takes them all, for places without boxes.
+    leg_radius_m, leg_distance_m : float
+        Two cylinders up to that radius and that near to each other are legs; 0: nobody walks here.
+    least_intensity : float
+        One beam must be that bright; 0: of any brightness.
+    """
+    def __init__(
+        self,
+        *,
+        sigma_range_m: typing.SupportsFloat | typing.SupportsIndex = 0.01,
+        sigma_bearing_rad: typing.SupportsFloat | typing.SupportsIndex = 0.0,
+        radius_m: typing.SupportsFloat | typing.SupportsIndex = 0.0,
+        radius_min_m: typing.SupportsFloat | typing.SupportsIndex = 0.03,
+        radius_max_m: typing.SupportsFloat | typing.SupportsIndex = 1.5,
+        least_beams: typing.SupportsInt | typing.SupportsIndex = 7,
+        jump_gaps: typing.SupportsFloat | typing.SupportsIndex = 6.0,
+        misfit_probability: typing.SupportsFloat | typing.SupportsIndex = 0.99999,
+        least_evidence: typing.SupportsFloat | typing.SupportsIndex = 25.0,
+        least_corner_evidence: typing.SupportsFloat | typing.SupportsIndex = 4.0,
+        leg_radius_m: typing.SupportsFloat | typing.SupportsIndex = 0.12,
+        leg_distance_m: typing.SupportsFloat | typing.SupportsIndex = 0.0,
+        least_intensity: typing.SupportsFloat | typing.SupportsIndex = 0.0,
+    ) -> None: ...
+    @property
+    def jump_gaps(self) -> float: ...
+    @property
+    def least_beams(self) -> int: ...
+    @property
+    def least_corner_evidence(self) -> float: ...
+    @property
+    def least_evidence(self) -> float: ...
+    @property
+    def least_intensity(self) -> float: ...
+    @property
+    def leg_distance_m(self) -> float: ...
+    @property
+    def leg_radius_m(self) -> float: ...
+    @property
+    def misfit_probability(self) -> float: ...
+    @property
+    def radius_m(self) -> float: ...
+    @property
+    def radius_max_m(self) -> float: ...
+    @property
+    def radius_min_m(self) -> float: ...
+    @property
+    def sigma_bearing_rad(self) -> float: ...
+    @property
+    def sigma_range_m(self) -> float: ...
+
+class Cylinder:
+    """
+    An upright cylinder in the plane of a laser.
+    """
+    def __repr__(self) -> str: ...
+    @property
+    def beams(self) -> int:
+        """
+        How many the fit used.
+        """
+    @property
+    def bearing(self) -> float:
+        """
+        Of the centre, in the laser's frame [rad].
+        """
+    @property
+    def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 3]"]:
+        """
+        Of (range, bearing, radius) [m, rad, m], shape (3, 3); zero in row and column of a radius that was given.
+        """
+    @property
+    def first(self) -> int:
+        """
+        Beam of its arc where the bearing is least; above `last` across the cut.
+        """
+    @property
+    def last(self) -> int:
+        """
+        Beam of its arc where the bearing is largest.
+        """
+    @property
+    def misfit(self) -> float:
+        """
+        Chi-square by degree of freedom.
+        """
+    @property
+    def radius(self) -> float:
+        """
+        Metres.
+        """
+    @property
+    def range(self) -> float:
+        """
+        Of the centre, from the laser [m].
+        """
+
+class CylinderDetector:
+    """
+    Finds cylinders in single scans.
+
+    Raises
+    ------
+    ValueError
+        If a setting is out of bounds.
+
+    Examples
+    --------
+    A cylinder of radius 0.5 m, 2 m ahead, and nothing around it:
+
+    >>> import numpy as np
+    >>> from locfuse import CylinderDetector, LaserGeometry, LaserScan, Pose2
+    >>> angle = np.pi / 180 * (np.arange(360) - 180)
+    >>> around = LaserGeometry(Pose2(), angle[0], np.pi / 180, range_min=0.1, range_max=10.0)
+    >>> with np.errstate(invalid="ignore"):
+    ...     ranges = 2 * np.cos(angle) - np.sqrt(0.5**2 - (2 * np.sin(angle)) ** 2)
+    >>> seen = LaserScan(0, around, np.where(np.cos(angle) > 0, ranges, np.nan))
+    >>> [found] = CylinderDetector().detect(seen)
+    >>> round(found.range, 3), round(abs(found.bearing), 3), round(found.radius, 3), found.beams
+    (2.0, 0.0, 0.5, 29)
+    """
+    def __init__(self, config: CylinderDetectorConfig = ...) -> None: ...
+    def detect(self, scan: LaserScan) -> list[Cylinder]:
+        """
+        Find the cylinders of a scan.
+
+        Parameters
+        ----------
+        scan : LaserScan
+
+        Returns
+        -------
+        list of Cylinder
+            In order of `first`.
+
+        Raises
+        ------
+        ValueError
+            If the scan is not valid, or has no intensities where `least_intensity` asks for them.
+        """
+    @property
+    def config(self) -> CylinderDetectorConfig: ...
+
+class Disc:
+    """
+    A disc in the plane: `centre` (2,) [m], `radius` [m].
+    """
+    def __init__(
+        self,
+        centre: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
+        radius: typing.SupportsFloat | typing.SupportsIndex,
+    ) -> None: ...
+    @property
+    def centre(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"]: ...
+    @property
+    def radius(self) -> float: ...
+
+class BeamLandmark:
+    """
+    What the beam that stands for a landmark says: `beam`, `range` [m], `bearing` in the laser's frame [rad]; -1, -1 and 0 where no beam does.
+    """
+    @property
+    def beam(self) -> int: ...
+    @property
+    def bearing(self) -> float: ...
+    @property
+    def range(self) -> float: ...
 
 class Tag:
     """
@@ -2704,6 +2907,33 @@ def chi_squared_quantile(
         Unless dof >= 1 and 0 <= probability <= 1.
     """
 
+def closest_beam(
+    scan: LaserScan,
+    first: typing.SupportsInt | typing.SupportsIndex,
+    last: typing.SupportsInt | typing.SupportsIndex,
+    radius: typing.SupportsFloat | typing.SupportsIndex,
+) -> BeamLandmark:
+    """
+    Centre of a cylinder by its closest beam (wells eq. 8-11).
+
+    Parameters
+    ----------
+    scan : LaserScan
+    first, last : int
+        Beams of the cylinder; `first` above `last` goes across the end of the scan.
+    radius : float
+        Added to the least range [m].
+
+    Returns
+    -------
+    BeamLandmark
+
+    Raises
+    ------
+    ValueError
+        If the scan is not valid, a beam is not in it, or `radius` is not a finite number >= 0.
+    """
+
 def cramer_rao(
     anchors: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     points: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[m, n]"],
@@ -2949,6 +3179,31 @@ def parse_table(
 def predict(belief: GaussianBelief, step: Propagation, slot: Slot) -> None:
     """
     Moves the pose in `slot`: P to F P F' + Q with its cross-covariances.
+    """
+
+def recognize_landmarks(
+    scan: LaserScan, predicted: Pose2, landmarks: collections.abc.Sequence[Disc]
+) -> list[BeamLandmark]:
+    """
+    Beams that a predicted pose assigns to landmarks (gadau2022 Fig. 3).
+
+    Parameters
+    ----------
+    scan : LaserScan
+    predicted : Pose2
+        T_world_body.
+    landmarks : list of Disc
+        In world.
+
+    Returns
+    -------
+    list of BeamLandmark
+        One per landmark; the range is that to the surface, as the beam says it.
+
+    Raises
+    ------
+    ValueError
+        If scan, pose or a landmark are not valid.
     """
 
 def replay(

@@ -122,6 +122,14 @@ void validate(const LaserScan& message) {
       refuse("LaserScan.ranges [m]", range, "a finite number >= 0, or NaN without return");
     }
   }
+  if (!message.intensities.empty() && message.intensities.size() != message.ranges.size()) {
+    throw std::invalid_argument("LaserScan.intensities are " +
+                                std::to_string(message.intensities.size()) + ", expected none or " +
+                                std::to_string(message.ranges.size()) + ", one per beam");
+  }
+  for (const double intensity : message.intensities) {
+    require_finite("LaserScan.intensities", intensity);
+  }
 }
 
 }  // namespace locfuse

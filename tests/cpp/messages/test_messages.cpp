@@ -130,6 +130,13 @@ TEST(Messages, laser_scans_say_what_is_wrong_with_them) {
   expect_refused([&] { validate(LaserScan{0, shared, {1.0, -0.5}}); }, "ranges [m] is -0.5", "NaN");
   expect_refused([&] { validate(LaserScan{0, shared, {HUGE_VAL}}); }, "ranges [m] is inf", "NaN");
   expect_refused([] { validate(LaserScan{}); }, "geometry is null");
+  validate(LaserScan{0, shared, {1.0, 2.0}, {0.0, 5.0}});
+  expect_refused(
+      [&] {
+        validate(LaserScan{0, shared, {1.0, 2.0}, {0.0}});
+      },
+      "intensities are 1", "none or 2");
+  expect_refused([&] { validate(LaserScan{0, shared, {1.0}, {HUGE_VAL}}); }, "intensities is inf");
 }
 
 }  // namespace

@@ -90,6 +90,8 @@ struct LaserScan {
   Stamp stamp = 0;
   std::shared_ptr<const LaserGeometry> geometry;
   std::vector<double> ranges;  ///< [m]
+  std::vector<double> intensities =
+      {};  ///< of what came back, in the laser's own unit; may be empty
 };
 
 void validate(const Velocity& message);

@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <sstream>
+
+#include "bindings.hpp"
+#include "locfuse/frontends/cylinder_detector.hpp"
+#include "locfuse/frontends/single_beam_landmarks.hpp"
+
+namespace py = pybind11;
+using locfuse::BeamLandmark;
+using locfuse::Cylinder;
+using locfuse::CylinderDetector;
+using locfuse::CylinderDetectorConfig;
+using locfuse::Disc;
+using Unlocked = py::call_guard<py::gil_scoped_release>;
+
+namespace {
+
+void bind_detector_config(py::module_& m) {
+  const CylinderDetectorConfig d;
+  py::class_<CylinderDetectorConfig> config(m, "CylinderDetectorConfig",
+                                            R"(Settings of a CylinderDetector.
+
+Parameters
+----------
+sigma_range_m, sigma_bearing_rad : float
+    Noise of one beam: of its length; of its direction (its width, quantization).
+radius_m : float
+    Of all cylinders; 0: each has its own, found by the fit.
+radius_min_m, radius_max_m : float
+    Of a cylinder whose radius is found.
+least_beams : int
+    On a cylinder.
+jump_gaps : float
+    A depth step between two beams is an edge from six sigma and so many gaps between beams on.
+misfit_probability : float
+    That the arc of a cylinder passes the chi-square gate.
+least_evidence : float
+    By how much the chi-square of a straight wall must be larger. What is too small to tell is a
+    cylinder if it stands alone and `radius_m` says its width; with 0 of any width in bounds.
+least_corner_evidence : float
+    By how much that of a right-angled corner must be larger. Thin cylinders look like the corners of
+    boxes as small as they; -20 takes them all, for places without boxes.
+leg_radius_m, leg_distance_m : float
+    Two cylinders up to that radius and that near to each other are legs; 0: nobody walks here.
+least_intensity : float
+    One beam must be that bright; 0: of any brightness.
+)");
+  config
+      .def(py::init([](double sigma_range_m, double sigma_bearing_rad, double radius_m,
+                       double radius_min_m, double radius_max_m, int least_beams, double jump_gaps,
+                       double misfit_probability, double least_evidence,
+                       double least_corner_evidence, double leg_radius_m, double leg_distance_m,
+                       double least_intensity) {
+             return CylinderDetectorConfig{
+                 sigma_range_m,  sigma_bearing_rad,     radius_m,     radius_min_m,
+                 radius_max_m,   least_beams,           jump_gaps,    misfit_probability,
+                 least_evidence, least_corner_evidence, leg_radius_m, leg_distance_m,
+                 least_intensity};
+           }),
+           py::kw_only(), py::arg("sigma_range_m") = d.sigma_range_m,
+           py::arg("sigma_bearing_rad") = d.sigma_bearing_rad, py::arg("radius_m") = d.radius_m,
+           py::arg("radius_min_m") = d.radius_min_m, py::arg("radius_max_m") = d.radius_max_m,
+           py::arg("least_beams") = d.least_beams, py::arg("jump_gaps") = d.jump_gaps,
+           py::arg("misfit_probability") = d.misfit_probability,
+           py::arg("least_evidence") = d.least_evidence,
+           py::arg("least_corner_evidence") = d.least_corner_evidence,
+           py::arg("leg_radius_m") = d.leg_radius_m, py::arg("leg_distance_m") = d.leg_distance_m,
+           py::arg("least_intensity") = d.least_intensity)
+      .def_readonly("sigma_range_m", &CylinderDetectorConfig::sigma_range_m)
+      .def_readonly("sigma_bearing_rad", &CylinderDetectorConfig::sigma_bearing_rad)
+      .def_readonly("radius_m", &CylinderDetectorConfig::radius_m)
+      .def_readonly("radius_min_m", &CylinderDetectorConfig::radius_min_m)
+      .def_readonly("radius_max_m", &CylinderDetectorConfig::radius_max_m)
+      .def_readonly("least_beams", &CylinderDetectorConfig::least_beams)
+      .def_readonly("jump_gaps", &CylinderDetectorConfig::jump_gaps)
+      .def_readonly("misfit_probability", &CylinderDetectorConfig::misfit_probability)
+      .def_readonly("least_evidence", &CylinderDetectorConfig::least_evidence)
+      .def_readonly("least_corner_evidence", &CylinderDetectorConfig::least_corner_evidence)
+      .def_readonly("leg_radius_m", &CylinderDetectorConfig::leg_radius_m)
+      .def_readonly("leg_distance_m", &CylinderDetectorConfig::leg_distance_m)
+      .def_readonly("least_intensity", &CylinderDetectorConfig::least_intensity);
+}
+
+void bind_detector(py::module_& m) {
+  bind_detector_config(m);
+  py::class_<Cylinder>(m, "Cylinder", "An upright cylinder in the plane of a laser.")
+      .def_readonly("range", &Cylinder::range, "Of the centre, from the laser [m].")
+      .def_readonly("bearing", &Cylinder::bearing, "Of the centre, in the laser's frame [rad].")
+      .def_readonly("radius", &Cylinder::radius, "Metres.")
+      .def_readonly("covariance", &Cylinder::covariance,
+                    "Of (range, bearing, radius) [m, rad, m], shape (3, 3); zero in row and column "
+                    "of a radius that was given.")
+      .def_readonly("first", &Cylinder::first,
+                    "Beam of its arc where the bearing is least; above `last` across the cut.")
+      .def_readonly("last", &Cylinder::last, "Beam of its arc where the bearing is largest.")
+      .def_readonly("beams", &Cylinder::beams, "How many the fit used.")
+      .def_readonly("misfit", &Cylinder::misfit, "Chi-square by degree of freedom.")
+      .def("__repr__", [](const Cylinder& c) {
+        std::ostringstream text;
+        text << "Cylinder(range=" << c.range << ", bearing=" << c.bearing << ", radius=" << c.radius
+             << ", beams=" << c.beams << ")";
+        return text.str();
+      });
+  py::class_<CylinderDetector>(m, "CylinderDetector", R"(Finds cylinders in single scans.
+
+Raises
+------
+ValueError
+    If a setting is out of bounds.
+
+Examples
+--------
+A cylinder of radius 0.5 m, 2 m ahead, and nothing around it:
+
+>>> import numpy as np
+>>> from locfuse import CylinderDetector, LaserGeometry, LaserScan, Pose2
+>>> angle = np.pi / 180 * (np.arange(360) - 180)
+>>> around = LaserGeometry(Pose2(), angle[0], np.pi / 180, range_min=0.1, range_max=10.0)
+>>> with np.errstate(invalid="ignore"):
+...     ranges = 2 * np.cos(angle) - np.sqrt(0.5**2 - (2 * np.sin(angle)) ** 2)
+>>> seen = LaserScan(0, around, np.where(np.cos(angle) > 0, ranges, np.nan))
+>>> [found] = CylinderDetector().detect(seen)
+>>> round(found.range, 3), round(abs(found.bearing), 3), round(found.radius, 3), found.beams
+(2.0, 0.0, 0.5, 29)
+)")
+      .def(py::init<const CylinderDetectorConfig&>(),
+           py::arg_v("config", CylinderDetectorConfig{}, "CylinderDetectorConfig()"))
+      .def_property_readonly("config", &CylinderDetector::config)
+      .def("detect", &CylinderDetector::detect, py::arg("scan"), Unlocked(),
+           R"(Find the cylinders of a scan.
+
+Parameters
+----------
+scan : LaserScan
+
+Returns
+-------
+list of Cylinder
+    In order of `first`.
+
+Raises
+------
+ValueError
+    If the scan is not valid, or has no intensities where `least_intensity` asks for them.
+)");
+}
+
+void bind_single_beams(py::module_& m) {
+  py::class_<Disc>(m, "Disc", "A disc in the plane: `centre` (2,) [m], `radius` [m].")
+      .def(py::init([](const locfuse::Vector<2>& centre, double radius) {
+             return Disc{centre, radius};
+           }),
+           py::arg("centre"), py::arg("radius"))
+      .def_readonly("centre", &Disc::centre)
+      .def_readonly("radius", &Disc::radius);
+  py::class_<BeamLandmark>(m, "BeamLandmark",
+                           "What the beam that stands for a landmark says: `beam`, `range` [m], "
+                           "`bearing` in the laser's frame [rad]; -1, -1 and 0 where no beam does.")
+      .def_readonly("beam", &BeamLandmark::beam)
+      .def_readonly("range", &BeamLandmark::range)
+      .def_readonly("bearing", &BeamLandmark::bearing);
+  m.def("closest_beam", &locfuse::closest_beam, py::arg("scan"), py::arg("first"), py::arg("last"),
+        py::arg("radius"), Unlocked(), R"(Centre of a cylinder by its closest beam (wells eq. 8-11).
+
+Parameters
+----------
+scan : LaserScan
+first, last : int
+    Beams of the cylinder; `first` above `last` goes across the end of the scan.
+radius : float
+    Added to the least range [m].
+
+Returns
+-------
+BeamLandmark
+
+Raises
+------
+ValueError
+    If the scan is not valid, a beam is not in it, or `radius` is not a finite number >= 0.
+)");
+  m.def("recognize_landmarks", &locfuse::recognize_landmarks, py::arg("scan"), py::arg("predicted"),
+        py::arg("landmarks"), Unlocked(),
+        R"(Beams that a predicted pose assigns to landmarks (gadau2022 Fig. 3).
+
+Parameters
+----------
+scan : LaserScan
+predicted : Pose2
+    T_world_body.
+landmarks : list of Disc
+    In world.
+
+Returns
+-------
+list of BeamLandmark
+    One per landmark; the range is that to the surface, as the beam says it.
+
+Raises
+------
+ValueError
+    If scan, pose or a landmark are not valid.
+)");
+}
+
+}  // namespace
+
+void bind_landmarks(py::module_& m) {
+  bind_detector(m);
+  bind_single_beams(m);
+}

@@ -1,0 +1,420 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "locfuse/frontends/cylinder_detector.hpp"
+#include "support/discs.hpp"
+#include "support/expect.hpp"
+
+namespace locfuse {
+namespace {
+
+using testing::add_box;
+using testing::cylinders_of_wells;
+using testing::expect_refused;
+using testing::normal;
+using testing::Rng;
+using testing::scan_of;
+using testing::turning_laser;
+using testing::uniform;
+using testing::Walls;
+
+CylinderDetectorConfig of_radius(double radius, int least_beams = 7) {
+  CylinderDetectorConfig config;
+  config.radius_m = radius;
+  config.least_beams = least_beams;
+  return config;
+}
+
+Vector<2> at(double range, double bearing) {
+  return range * Vector<2>(std::cos(bearing), std::sin(bearing));
+}
+
+Vector<2> centre_of(const Cylinder& cylinder) { return at(cylinder.range, cylinder.bearing); }
+
+/// What one disc looks like from the origin.
+LaserScan scan_of_one(const Disc& disc, Rng& rng, double sigma = 0.01, const Walls& walls = {}) {
+  return scan_of({disc}, walls, {}, rng, sigma, turning_laser());
+}
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
+}
+
+/// Beams that end on a disc.
+int beams_on(const Disc& disc, const std::vector<Disc>& all, const Pose2& eye) {
+  int count = 0;
+  for (int i = 0; i < 360; ++i) {
+    const double angle = eye.heading - kPi + i * kPi / 180.0;
+    const double range = testing::cast(std::vector<Disc>{disc}, eye.position(), angle);
+    count += std::isfinite(range) && range <= testing::cast(all, eye.position(), angle) ? 1 : 0;
+  }
+  return count;
+}
+
+/// Where a robot among the cylinders of wells may be.
+Pose2 among_cylinders(Rng& rng) {
+  for (;;) {
+    const Pose2 eye{uniform(rng, -3.8, 3.8), uniform(rng, -3.8, 3.8), uniform(rng, -kPi, kPi)};
+    const Vector<2> nearest(std::copysign(2.0, eye.x), std::copysign(2.0, eye.y));
+    if ((eye.position() - nearest).norm() > 1.3) {
+      return eye;
+    }
+  }
+}
+
+TEST(CylinderDetector, finds_a_cylinder_exactly_without_noise) {
+  Rng rng(1);
+  const LaserScan scan = scan_of_one({{2.0, 0.0}, 0.5}, rng, 0.0);
+  for (const double radius : {0.0, 0.5}) {
+    const std::vector<Cylinder> found = CylinderDetector(of_radius(radius)).detect(scan);
+    ASSERT_EQ(found.size(), 1U);
+    // asin(0.5 / 2) is 14.48 degrees: beams of -14 to 14 degrees hit it.
+    EXPECT_EQ(found[0].first, 166);
+    EXPECT_EQ(found[0].last, 194);
+    EXPECT_EQ(found[0].beams, 29);
+    EXPECT_NEAR(found[0].range, 2.0, 1e-3);
+    EXPECT_NEAR(found[0].bearing, 0.0, 1e-9);
+    EXPECT_NEAR(found[0].radius, 0.5, 1e-3);
+    EXPECT_LT(found[0].misfit, 0.1);
+    EXPECT_EQ(found[0].covariance(2, 2) == 0.0, radius > 0.0);
+  }
+}
+
+TEST(CylinderDetector, a_cylinder_across_the_cut_is_one) {
+  Rng rng(2);
+  const std::vector<Cylinder> found =
+      CylinderDetector().detect(scan_of_one({{-2.0, 0.0}, 0.5}, rng));
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].first, 346);
+  EXPECT_EQ(found[0].last, 14);
+  EXPECT_NEAR(std::abs(found[0].bearing), kPi, 0.01);
+}
+
+TEST(CylinderDetector, a_laser_that_turns_clockwise_sees_the_same) {
+  Rng rng(3);
+  LaserScan scan = scan_of_one({{1.5, 1.0}, 0.4}, rng);
+  const std::vector<Cylinder> expected = CylinderDetector().detect(scan);
+  LaserGeometry clockwise = *scan.geometry;
+  clockwise.angle_min = clockwise.angle_min + 359 * clockwise.angle_increment;
+  clockwise.angle_increment *= -1.0;
+  scan.geometry = std::make_shared<const LaserGeometry>(clockwise);
+  std::reverse(scan.ranges.begin(), scan.ranges.end());
+  const std::vector<Cylinder> found = CylinderDetector().detect(scan);
+  ASSERT_EQ(found.size(), 1U);
+  ASSERT_EQ(expected.size(), 1U);
+  EXPECT_NEAR(found[0].range, expected[0].range, 1e-9);
+  EXPECT_NEAR(found[0].bearing, expected[0].bearing, 1e-9);
+  EXPECT_EQ(found[0].first, 359 - expected[0].first);
+  EXPECT_EQ(found[0].last, 359 - expected[0].last);
+}
+
+TEST(CylinderDetector, a_beam_seen_twice_after_a_full_turn_counts_once) {
+  Rng rng(4);
+  LaserScan scan = scan_of_one({{-2.0, 0.0}, 0.5}, rng);
+  const std::vector<Cylinder> expected = CylinderDetector().detect(scan);
+  scan.ranges.push_back(scan.ranges.front());
+  const std::vector<Cylinder> found = CylinderDetector().detect(scan);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].range, expected[0].range);
+}
+
+/// Errors of centres in the world of wells, by the detector and by the closest beam of its arc.
+struct Errors {
+  std::vector<double> ours, closest;
+  int missed = 0;
+  int false_ones = 0;
+};
+
+Errors errors_in_wells(const CylinderDetectorConfig& config, int scans) {
+  const std::vector<Disc> discs = cylinders_of_wells();
+  const CylinderDetector detector(config);
+  Errors errors;
+  Rng rng(5);
+  for (int k = 0; k < scans; ++k) {
+    const Pose2 eye = among_cylinders(rng);
+    const LaserScan scan = scan_of(discs, {}, eye, rng, 0.01, turning_laser());
+    const std::vector<Cylinder> found = detector.detect(scan);
+    int matched = 0;
+    for (const Disc& disc : discs) {
+      const Vector<2> centre = inverse(eye).act(disc.centre);
+      const auto it = std::find_if(found.begin(), found.end(), [&](const Cylinder& c) {
+        return (centre_of(c) - centre).norm() < 0.5;
+      });
+      matched += it != found.end() ? 1 : 0;
+      if (beams_on(disc, discs, eye) < 8) {
+        continue;
+      }
+      if (it == found.end()) {
+        ++errors.missed;
+      } else if (centre.norm() < 3.5) {
+        const BeamLandmark beam = closest_beam(scan, it->first, it->last, 1.0);
+        errors.ours.push_back((centre_of(*it) - centre).norm());
+        errors.closest.push_back((at(beam.range, beam.bearing) - centre).norm());
+      }
+    }
+    errors.false_ones += static_cast<int>(found.size()) - matched;
+  }
+  return errors;
+}
+
+TEST(CylinderDetector, in_the_world_of_wells_none_is_missed_and_centres_are_good_to_5_mm) {
+  for (const double radius : {0.0, 1.0}) {
+    const Errors errors = errors_in_wells(of_radius(radius), 500);
+    EXPECT_EQ(errors.missed, 0) << radius;
+    EXPECT_EQ(errors.false_ones, 0) << radius;
+    EXPECT_GT(errors.ours.size(), 800U);
+    EXPECT_LT(median(errors.ours), radius > 0.0 ? 0.002 : 0.005);
+    EXPECT_GT(median(errors.closest), 4.0 * median(errors.ours));
+    EXPECT_GT(median(errors.closest), 0.05);
+  }
+}
+
+TEST(CylinderDetector, a_wrong_radius_breaks_what_a_known_one_reaches) {
+  Rng rng(6);
+  CylinderDetectorConfig wrong = of_radius(0.32);
+  std::vector<double> with_right;
+  std::vector<double> with_wrong;
+  for (int k = 0; k < 200; ++k) {
+    const Vector<2> centre = at(uniform(rng, 1.0, 2.5), uniform(rng, -kPi, kPi));
+    const LaserScan scan = scan_of_one({centre, 0.3}, rng);
+    for (const Cylinder& c : CylinderDetector(of_radius(0.3)).detect(scan)) {
+      with_right.push_back((centre_of(c) - centre).norm());
+    }
+    for (const Cylinder& c : CylinderDetector(wrong).detect(scan)) {
+      with_wrong.push_back((centre_of(c) - centre).norm());
+    }
+  }
+  EXPECT_GE(with_right.size(), 195U);
+  EXPECT_LT(median(with_right), 0.004);
+  EXPECT_TRUE(with_wrong.size() < 20U || median(with_wrong) > 0.008);
+}
+
+/// Mean squared error in units of the covariance; of (range, bearing), or with the radius if that
+/// is free.
+double nees(const CylinderDetectorConfig& config, double radius, double nearest, double farthest,
+            double sigma = 0.01) {
+  const CylinderDetector detector(config);
+  double sum = 0.0;
+  int count = 0;
+  for (std::uint64_t seed = 0; seed < 400; ++seed) {
+    Rng rng(seed);
+    const double range = radius + uniform(rng, nearest, farthest);
+    const double bearing = uniform(rng, -kPi, kPi);
+    for (const Cylinder& c :
+         detector.detect(scan_of_one({at(range, bearing), radius}, rng, sigma))) {
+      const Vector<3> e(c.range - range, angle_difference(c.bearing, bearing), c.radius - radius);
+      const int n = config.radius_m > 0.0 ? 2 : 3;
+      sum += e.head(n).dot(c.covariance.topLeftCorner(n, n).llt().solve(e.head(n)));
+      ++count;
+    }
+  }
+  EXPECT_GE(count, 300);
+  return sum / count;
+}
+
+TEST(CylinderDetector, errors_are_as_large_as_the_covariance_says) {
+  // 99.9 % of the mean of 400 draws of two degrees of freedom: 2 +- 0.33; of three: 3 +- 0.40.
+  for (const double radius : {0.2, 0.5, 1.0}) {
+    EXPECT_NEAR(nees(of_radius(radius), radius, 0.5, radius < 0.3 ? 2.0 : 3.5), 2.0, 0.33)
+        << radius;
+    EXPECT_NEAR(nees({}, radius, 0.5, radius < 0.3 ? 2.0 : 3.5), 3.0, 0.45) << radius;
+  }
+}
+
+TEST(CylinderDetector, errors_are_as_large_as_said_with_a_few_beams_on_thin_poles) {
+  for (const double radius : {0.03, 0.1}) {
+    CylinderDetectorConfig config = of_radius(radius, 1);
+    config.least_corner_evidence = -20.0;
+    EXPECT_NEAR(nees(config, radius, 0.5, radius < 0.05 ? 3.0 : 10.0), 2.0, 0.33) << radius;
+  }
+}
+
+TEST(CylinderDetector, a_covariance_for_half_the_noise_is_too_small) {
+  CylinderDetectorConfig config = of_radius(0.5);
+  config.sigma_range_m = 0.008;
+  EXPECT_GT(nees(config, 0.5, 0.5, 3.5), 2.33);
+}
+
+TEST(CylinderDetector, a_pole_hit_by_one_beam_is_as_far_as_the_beam_and_its_radius) {
+  LaserScan scan{0, turning_laser(), std::vector<double>(360, std::nan(""))};
+  scan.ranges[180] = 4.0;
+  const std::vector<Cylinder> found = CylinderDetector(of_radius(0.03, 1)).detect(scan);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].beams, 1);
+  // The beam hits it anywhere: on average it goes pi/4 of the radius deep.
+  EXPECT_NEAR(found[0].range, 4.0 + 0.03 * kPi / 4.0, 5e-4);
+  EXPECT_NEAR(found[0].bearing, 0.0, 1e-9);
+  EXPECT_NEAR(std::sqrt(found[0].covariance(1, 1)), 0.03 / 4.0 / std::sqrt(3.0), 2e-4);
+  EXPECT_TRUE(CylinderDetector().detect(scan).empty());
+}
+
+/// A room of 8 x 6 m with three boxes that stand free, at random.
+Walls room(Rng& rng, const Pose2& middle) {
+  Walls walls;
+  add_box(walls, middle, 8.0, 6.0);
+  for (const double x : {-2.6, 0.0, 2.6}) {
+    const Pose2 box{x + uniform(rng, -0.3, 0.3), uniform(rng, 1.4, 1.8), uniform(rng, -kPi, kPi)};
+    add_box(walls, middle * box, uniform(rng, 0.3, 1.2), uniform(rng, 0.3, 1.2));
+  }
+  return walls;
+}
+
+int false_ones(const CylinderDetectorConfig& config, int scans) {
+  const CylinderDetector detector(config);
+  Rng rng(7);
+  int found = 0;
+  for (int k = 0; k < scans; ++k) {
+    const Pose2 middle = testing::random_pose(rng, 1.0);
+    const Walls walls = room(rng, middle);
+    const Pose2 eye =
+        middle * Pose2{uniform(rng, -3.5, 3.5), uniform(rng, -2.5, 0.3), uniform(rng, -kPi, kPi)};
+    found += static_cast<int>(
+        detector.detect(scan_of({}, walls, eye, rng, 0.01, turning_laser())).size());
+  }
+  return found;
+}
+
+TEST(CylinderDetector, among_walls_and_corners_less_than_one_in_1000_scans_is_false) {
+  EXPECT_LE(false_ones({}, 3000), 2);
+  EXPECT_LE(false_ones(of_radius(1.0), 1000), 0);
+  CylinderDetectorConfig careless;
+  careless.least_corner_evidence = -1e6;
+  careless.least_evidence = 0.0;
+  careless.least_beams = 3;
+  EXPECT_GT(false_ones(careless, 2000), 2);
+}
+
+TEST(CylinderDetector, hollow_arcs_are_none) {
+  Rng rng(8);
+  LaserScan scan = scan_of_one({{2.0, 0.0}, 0.5}, rng);
+  for (int i = 0; i < 360; ++i) {  // the far side of the circle, as of a niche
+    double& range = scan.ranges[static_cast<std::size_t>(i)];
+    const double angle = (i - 180) * kPi / 180.0;
+    range = 2.0 * 2.0 * std::cos(angle) - range;
+  }
+  EXPECT_TRUE(CylinderDetector().detect(scan).empty());
+  EXPECT_TRUE(CylinderDetector(of_radius(0.5)).detect(scan).empty());
+}
+
+TEST(CylinderDetector, a_cylinder_half_hidden_is_found_where_it_is) {
+  Rng rng(9);
+  std::vector<double> errors;
+  for (int k = 0; k < 50; ++k) {
+    Walls screen;  // hides all to the right
+    screen.emplace_back(Vector<2>(1.0, -3.0), Vector<2>(1.0, uniform(rng, -0.05, 0.05)));
+    const LaserScan scan = scan_of_one({{2.5, 0.0}, 0.5}, rng, 0.01, screen);
+    for (const Cylinder& c : CylinderDetector(of_radius(0.5)).detect(scan)) {
+      errors.push_back((centre_of(c) - Vector<2>(2.5, 0.0)).norm());
+      EXPECT_LT(errors.back(), 0.05);
+    }
+  }
+  EXPECT_EQ(errors.size(), 50U);
+  EXPECT_LT(median(errors), 0.01);
+}
+
+TEST(CylinderDetector, a_cylinder_that_touches_a_wall_is_found_and_the_wall_is_not) {
+  Rng rng(10);
+  for (const double radius : {0.0, 0.3}) {
+    int found = 0;
+    std::vector<double> errors;
+    for (int k = 0; k < 50; ++k) {
+      Walls walls;
+      walls.emplace_back(Vector<2>(-6.0, 2.0), Vector<2>(6.0, 2.0));
+      const Vector<2> centre(uniform(rng, -2.0, 2.0), 1.7);
+      for (const Cylinder& c : CylinderDetector(of_radius(radius))
+                                   .detect(scan_of_one({centre, 0.3}, rng, 0.01, walls))) {
+        ++found;
+        errors.push_back((centre_of(c) - centre).norm());
+      }
+    }
+    EXPECT_GE(found, 48);
+    EXPECT_LE(found, 50);
+    EXPECT_LT(median(errors), radius > 0.0 ? 0.004 : 0.008);
+  }
+}
+
+TEST(CylinderDetector, legs_are_left_out_where_somebody_may_walk) {
+  Rng rng(11);
+  CylinderDetectorConfig config;
+  config.least_corner_evidence = -20.0;
+  config.sigma_range_m = 0.003;
+  config.least_beams = 5;
+  const std::vector<Disc> legs{{{1.0, 0.12}, 0.06}, {{1.05, -0.12}, 0.06}, {{-1.0, 0.0}, 0.06}};
+  const LaserScan scan = scan_of(legs, {}, {}, rng, 0.003, turning_laser());
+  EXPECT_EQ(CylinderDetector(config).detect(scan).size(), 3U);
+  config.leg_distance_m = 0.5;
+  const std::vector<Cylinder> found = CylinderDetector(config).detect(scan);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_LT(std::cos(found[0].bearing), -0.9);
+}
+
+TEST(CylinderDetector, beams_without_return_within_an_arc_do_not_cut_it) {
+  Rng rng(12);
+  LaserScan scan = scan_of_one({{2.0, 0.0}, 0.5}, rng);
+  scan.ranges[175] = std::nan("");
+  scan.ranges[182] = scan.ranges[183] = scan.geometry->range_max;
+  const std::vector<Cylinder> found = CylinderDetector().detect(scan);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_GE(found[0].beams, 25);  // of 29, less the three
+  EXPECT_NEAR(found[0].range, 2.0, 0.03);
+}
+
+TEST(CylinderDetector, only_what_is_bright_counts_if_asked_for) {
+  Rng rng(13);
+  LaserScan scan =
+      scan_of({{{2.0, 0.0}, 0.2}, {{-2.0, 0.0}, 0.2}}, {}, {}, rng, 0.01, turning_laser());
+  scan.intensities.assign(360, 0.0);
+  CylinderDetectorConfig config = of_radius(0.2, 2);
+  EXPECT_EQ(CylinderDetector(config).detect(scan).size(), 2U);
+  config.least_intensity = 1.0;
+  EXPECT_TRUE(CylinderDetector(config).detect(scan).empty());
+  scan.intensities[180] = scan.intensities[181] = 3.0;
+  const std::vector<Cylinder> found = CylinderDetector(config).detect(scan);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_NEAR(found[0].range, 2.0, 0.02);
+  scan.intensities.clear();
+  expect_refused([&] { (void)CylinderDetector(config).detect(scan); }, "intensities is empty",
+                 "one per beam");
+}
+
+TEST(CylinderDetector, finds_nothing_in_scans_that_say_nothing) {
+  const CylinderDetector detector(of_radius(0.1, 1));
+  LaserScan scan{0, turning_laser(), {}};
+  EXPECT_TRUE(detector.detect(scan).empty());
+  for (const double nothing : {std::nan(""), 12.0, 1e6, 0.0}) {  // none, full scale, beyond, zero
+    scan.ranges.assign(360, nothing);
+    EXPECT_TRUE(detector.detect(scan).empty()) << nothing;
+    scan.ranges.assign(1, nothing);
+    EXPECT_TRUE(detector.detect(scan).empty()) << nothing;
+  }
+  scan.ranges.assign(1, 2.0);  // what is beside it nobody knows
+  EXPECT_TRUE(detector.detect(scan).empty());
+  scan.ranges.assign(360, 0.06);  // the robot stands within a landmark
+  EXPECT_TRUE(detector.detect(scan).empty());
+  EXPECT_TRUE(CylinderDetector().detect(scan).empty());
+}
+
+TEST(CylinderDetector, refuses_what_is_not_valid) {
+  const auto refused = [](auto change, const auto&... words) {
+    CylinderDetectorConfig config;
+    change(config);
+    expect_refused([&] { CylinderDetector{config}; }, words...);
+  };
+  refused([](auto& c) { c.sigma_range_m = 0.0; }, "sigma_range_m is 0", ">= 1e-06");
+  refused([](auto& c) { c.sigma_bearing_rad = -1.0; }, "sigma_bearing_rad is -1", ">= 0");
+  refused([](auto& c) { c.radius_m = std::nan(""); }, "radius_m is nan");
+  refused([](auto& c) { c.radius_max_m = 0.01; }, "radius_max_m is 0.01", ">= 0.03");
+  refused([](auto& c) { c.least_beams = 0; }, "least_beams is 0", ">= 1");
+  refused([](auto& c) { c.misfit_probability = 1.0; }, "misfit_probability is 1",
+          "between 0 and 1");
+  refused([](auto& c) { c.least_intensity = HUGE_VAL; }, "least_intensity is inf");
+  LaserScan scan{0, turning_laser(), {1.0, -2.0}};
+  expect_refused([&] { (void)CylinderDetector().detect(scan); }, "ranges [m] is -2");
+}
+
+}  // namespace
+}  // namespace locfuse
