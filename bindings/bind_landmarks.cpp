@@ -10,7 +10,6 @@ using locfuse::BeamLandmark;
 using locfuse::Cylinder;
 using locfuse::CylinderDetector;
 using locfuse::CylinderDetectorConfig;
-using locfuse::Disc;
 using Unlocked = py::call_guard<py::gil_scoped_release>;
 
 namespace {
@@ -146,13 +145,6 @@ ValueError
 }
 
 void bind_single_beams(py::module_& m) {
-  py::class_<Disc>(m, "Disc", "A disc in the plane: `centre` (2,) [m], `radius` [m].")
-      .def(py::init([](const locfuse::Vector<2>& centre, double radius) {
-             return Disc{centre, radius};
-           }),
-           py::arg("centre"), py::arg("radius"))
-      .def_readonly("centre", &Disc::centre)
-      .def_readonly("radius", &Disc::radius);
   py::class_<BeamLandmark>(m, "BeamLandmark",
                            "What the beam that stands for a landmark says: `beam`, `range` [m], "
                            "`bearing` in the laser's frame [rad]; -1, -1 and 0 where no beam does.")
@@ -188,18 +180,17 @@ Parameters
 scan : LaserScan
 predicted : Pose2
     T_world_body.
-landmarks : list of Disc
-    In world.
+landmarks : LandmarkMap
 
 Returns
 -------
 list of BeamLandmark
-    One per landmark; the range is that to the surface, as the beam says it.
+    One per landmark in order of id; the range is that to the surface, as the beam says it.
 
 Raises
 ------
 ValueError
-    If scan, pose or a landmark are not valid.
+    If scan or pose are not valid.
 )");
 }
 

@@ -19,7 +19,6 @@ __all__: list[str] = [
     "CylinderDetector",
     "CylinderDetectorConfig",
     "Dilution",
-    "Disc",
     "DistanceField",
     "Gate",
     "GaussianBelief",
@@ -1334,20 +1333,6 @@ class CylinderDetector:
         """
     @property
     def config(self) -> CylinderDetectorConfig: ...
-
-class Disc:
-    """
-    A disc in the plane: `centre` (2,) [m], `radius` [m].
-    """
-    def __init__(
-        self,
-        centre: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
-        radius: typing.SupportsFloat | typing.SupportsIndex,
-    ) -> None: ...
-    @property
-    def centre(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"]: ...
-    @property
-    def radius(self) -> float: ...
 
 class BeamLandmark:
     """
@@ -3182,7 +3167,7 @@ def predict(belief: GaussianBelief, step: Propagation, slot: Slot) -> None:
     """
 
 def recognize_landmarks(
-    scan: LaserScan, predicted: Pose2, landmarks: collections.abc.Sequence[Disc]
+    scan: LaserScan, predicted: Pose2, landmarks: LandmarkMap
 ) -> list[BeamLandmark]:
     """
     Beams that a predicted pose assigns to landmarks (gadau2022 Fig. 3).
@@ -3192,18 +3177,17 @@ def recognize_landmarks(
     scan : LaserScan
     predicted : Pose2
         T_world_body.
-    landmarks : list of Disc
-        In world.
+    landmarks : LandmarkMap
 
     Returns
     -------
     list of BeamLandmark
-        One per landmark; the range is that to the surface, as the beam says it.
+        One per landmark in order of id; the range is that to the surface, as the beam says it.
 
     Raises
     ------
     ValueError
-        If scan, pose or a landmark are not valid.
+        If scan or pose are not valid.
     """
 
 def replay(

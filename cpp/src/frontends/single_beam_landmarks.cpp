@@ -49,8 +49,8 @@ void keep_nearer(BeamLandmark& least, const BeamLandmark& beam) {
   }
 }
 
-BeamLandmark recognize(const LaserScan& scan, const Pose2& laser, const Disc& landmark) {
-  const Vector<2> to = inverse(laser).act(landmark.centre);
+BeamLandmark recognize(const LaserScan& scan, const Pose2& laser, const Landmark& landmark) {
+  const Vector<2> to = inverse(laser).act(landmark.position);
   const double distance = to.norm();
   if (distance <= landmark.radius) {
     return {};
@@ -90,14 +90,12 @@ BeamLandmark closest_beam(const LaserScan& scan, int first, int last, double rad
 }
 
 std::vector<BeamLandmark> recognize_landmarks(const LaserScan& scan, const Pose2& predicted,
-                                              const std::vector<Disc>& landmarks) {
+                                              const LandmarkMap& landmarks) {
   validate(scan);
   require_finite("predicted pose", predicted.x, predicted.y, predicted.heading);
   const Pose2 laser = predicted * scan.geometry->pose_in_body;
   std::vector<BeamLandmark> seen;
-  for (const Disc& landmark : landmarks) {
-    require_finite("landmark", landmark.centre.x(), landmark.centre.y(), 0.0);
-    require_radius(landmark.radius);
+  for (const Landmark& landmark : landmarks.landmarks()) {
     seen.push_back(recognize(scan, laser, landmark));
   }
   return seen;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "locfuse/frontends/cylinder_detector.hpp"
+#include "locfuse/frontends/single_beam_landmarks.hpp"
 #include "support/discs.hpp"
 #include "support/expect.hpp"
 
@@ -13,6 +14,7 @@ namespace {
 
 using testing::add_box;
 using testing::cylinders_of_wells;
+using testing::Disc;
 using testing::expect_refused;
 using testing::normal;
 using testing::Rng;

@@ -3,10 +3,15 @@
 
 #include <algorithm>
 
-#include "locfuse/frontends/single_beam_landmarks.hpp"
 #include "support/rooms.hpp"
 
 namespace locfuse::testing {
+
+/// A disc in the plane [m].
+struct Disc {
+  Vector<2> centre = Vector<2>::Zero();
+  double radius = 0.0;
+};
 
 /// Distance along a ray to the first disc; infinity if there is none.
 [[nodiscard]] inline double cast(const std::vector<Disc>& discs, const Vector<2>& from,

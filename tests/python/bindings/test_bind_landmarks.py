@@ -57,8 +57,8 @@ def test_single_beams_tell_landmarks() -> None:
     closest = lf.closest_beam(scan, first=160, last=200, radius=0.5)
     assert closest.beam == 180
     assert closest.range == pytest.approx(2.0)
-    discs = [lf.Disc((2.0, 0.0), 0.5), lf.Disc([-2.0, 0.0], radius=0.5)]
-    seen = lf.recognize_landmarks(scan, predicted=lf.Pose2(), landmarks=discs)
+    discs = [lf.Landmark(0, [2.0, 0.0], 0.5), lf.Landmark(1, [-2.0, 0.0], radius=0.5)]
+    seen = lf.recognize_landmarks(scan, predicted=lf.Pose2(), landmarks=lf.LandmarkMap(discs))
     assert [s.beam for s in seen] == [180, -1]
     assert seen[0].range == pytest.approx(1.5)
     assert seen[1].range == -1.0
@@ -77,4 +77,4 @@ def test_bad_input_is_refused() -> None:
     with pytest.raises(ValueError, match="last is beam 360"):
         lf.closest_beam(scan, 0, 360, 0.1)
     with pytest.raises(ValueError, match="radius of a landmark is -1 m"):
-        lf.recognize_landmarks(scan, lf.Pose2(), [lf.Disc((1.0, 0.0), -1.0)])
+        lf.closest_beam(scan, 0, 1, -1.0)

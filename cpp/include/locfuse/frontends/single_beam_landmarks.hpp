@@ -3,18 +3,12 @@
 
 #include <vector>
 
-#include "locfuse/math/types.hpp"
+#include "locfuse/maps/landmark_map.hpp"
 #include "locfuse/messages/messages.hpp"
 
 /// Landmarks from one beam each, as two papers find them: to compare `CylinderDetector` with.
 /// docs/models/cylinders.md, "Single beams".
 namespace locfuse {
-
-/// A disc in the plane.
-struct Disc {
-  Vector<2> centre = Vector<2>::Zero();  ///< [m]
-  double radius = 0.0;                   ///< [m]
-};
 
 /// What the beam that stands for a landmark says; -1, -1 and 0 where no beam does.
 struct BeamLandmark {
@@ -31,14 +25,14 @@ struct BeamLandmark {
 /// a finite number >= 0.
 [[nodiscard]] BeamLandmark closest_beam(const LaserScan& scan, int first, int last, double radius);
 
-/// gadau2022 Fig. 3: for each landmark, of the beams within its largest angle around where it is
-/// predicted, with a range that its surface can have there, the one with the least. The range is
-/// that to the surface, as the beam says it.
+/// gadau2022 Fig. 3: for each landmark in order of id, of the beams within its largest angle around
+/// where it is predicted, with a range that its surface can have there, the one with the least. The
+/// range is that to the surface, as the beam says it.
 ///
-/// `predicted` is T_world_body, the landmarks are in world. A landmark that surrounds the laser is
-/// not seen. Throws std::invalid_argument if scan, pose or a landmark are not valid.
+/// `predicted` is T_world_body. A landmark that surrounds the laser is not seen. Throws
+/// std::invalid_argument if scan or pose are not valid.
 [[nodiscard]] std::vector<BeamLandmark> recognize_landmarks(const LaserScan& scan,
                                                             const Pose2& predicted,
-                                                            const std::vector<Disc>& landmarks);
+                                                            const LandmarkMap& landmarks);
 
 }  // namespace locfuse
