@@ -26,6 +26,8 @@ from locfuse.run import run
 from locfuse.sim.scenario import simulate
 from locfuse.start import start_of
 from locfuse.types import ConfigError, FloatArray, Log, LogError, Trajectory, nearest
+from locfuse.wells import draw_pictures as draw_wells
+from locfuse.wells import wells_claims
 from locfuse.zhang import draw_pictures as draw_zhang
 from locfuse.zhang import zhang_claims
 
@@ -66,6 +68,8 @@ def draw(paper: str, seeds: int, folder: Path) -> list[Path]:
     """Draw the pictures of a paper that `reproduce` knows into a folder; return their paths."""
     if paper == "zhang":
         return draw_zhang(folder, seeds)
+    if paper == "wells":
+        return draw_wells(folder, seeds)
     return draw_starts(example_configs(), folder) if paper == "ekim2020" else []
 
 
@@ -298,5 +302,6 @@ PAPERS: dict[str, Callable[[int, Progress], list[Claim]]] = {
     "ekim2020": _ekim2020,
     "zhang": zhang_claims,
     "maps": lambda seeds, progress: map_claims(example_configs(), seeds, progress),
+    "wells": wells_claims,
     "landmarks": lambda seeds, progress: landmark_claims(example_configs(), seeds, progress),
 }
