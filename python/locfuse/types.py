@@ -239,12 +239,16 @@ class Log:
         ``relations``, ``anchors``, ``landmarks``. ``stamp_s`` is held as ``stamp_ns`` (int64), as
         are ``arrival_s``, ``begin_s`` and ``end_s``; names (tag, anchor, landmark) are arrays of
         str; the beams of ``scans`` are one column ``ranges_m`` of shape (n, beams), NaN where there
-        was no return; everything else is float64. Absent files are absent keys.
+        was no return, and perhaps ``intensities`` of the same shape, NaN where none is known;
+        everything else is float64. Absent files are absent keys.
     tags : mapping of tag name to (x, y, z)
         Tag positions in the body frame, metres.
     laser : mapping or None
         ``pose_in_body`` [x_m, y_m, heading_rad], ``angle_min_rad``, ``angle_increment_rad``,
         ``range_min_m``, ``range_max_m``.
+    landmark_sensor : mapping or None
+        ``pose_in_body`` [x_m, y_m, heading_rad]: from where landmarks are sighted; None is the
+        body's origin, looking forward.
     map : str or None
         File name of a ROS map yaml.
     grid : GridMap or None
@@ -258,6 +262,7 @@ class Log:
     grid: GridMap | None = None
     description: str = ""
     licence: str = ""
+    landmark_sensor: Mapping[str, Any] | None = None
 
     def __contains__(self, stem: str) -> bool:
         return stem in self.tables

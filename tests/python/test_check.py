@@ -102,6 +102,17 @@ def shifted(stem: str, column: str, by: float) -> Callable[[Tables], object]:
     return edit
 
 
+def sighted(tables: Tables) -> None:
+    """Add a landmark that is seen to the left."""
+    stamps = tables["odometry"]["stamp_ns"][:2]
+    tables["landmark_sightings"] = {
+        "stamp_ns": stamps,
+        "landmark": np.array(["", ""]),
+        "range_m": np.array([3.0, 3.0]),
+        "bearing_rad": np.full(2, np.pi / 2.0),
+    }
+
+
 def without(*stems: str) -> Callable[[Tables], object]:
     return lambda tables: [tables.pop(stem) for stem in stems]
 
@@ -273,6 +284,9 @@ MISCONFIGURED: dict[str, tuple[str, str, str, dict[str, Any], Any]] = {
     "truth in degrees": (
         "angles_in_degrees", "warning", "degrees?", healthy(),
         scaled("truth", "heading_rad", 180.0 / np.pi)),
+    "bearings in degrees": (
+        "angles_in_degrees", "warning", "landmark_sightings.csv reaches 90: degrees?",
+        healthy(), both(sighted, scaled("landmark_sightings", "bearing_rad", 180.0 / np.pi))),
     "a gate of 1": (
         "gates_that_cannot_bind", "warning", "no gate", healthy(estimator__gate_range=1.0), None),
     "a gate so near to 1 that it never rejects": (
@@ -700,6 +714,16 @@ def test_scans_are_without_use_unless_a_start_from_nothing_has_a_map() -> None:
         result = checked(healthy(**laser, start=start), **without)
         notes = [f.what for f in found(result, "messages_without_use", "note")]
         assert ("scans.csv is read, but no filter uses it" in notes) == said
+
+
+@pytest.mark.parametrize(("heading", "wrong"), [(90.0, True), (-3.1, False)])
+def test_a_landmark_sensor_turned_by_degrees_is_named(heading: float, wrong: bool) -> None:
+    sensor = {"pose_in_body": [0.2, 0.0, heading]}
+    result = checked(healthy(), sighted, landmark_sensor=sensor)
+    named = [f.what for f in found(result, "angles_in_degrees", "warning")]
+    assert named == (
+        ["the landmark sensor is turned by more than a full turn: degrees?"] if wrong else []
+    )
 
 
 def test_an_antenna_at_zero_is_a_note_if_written_and_a_warning_if_not() -> None:

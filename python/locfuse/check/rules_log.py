@@ -189,6 +189,16 @@ def angles_in_degrees(context: Context) -> Iterator[Finding]:
         if fast > 10.0:
             yield warning(f"odometry turns at {fast:.3g} rad/s: degrees per second?",
                           "odometry.csv, omega_radps", "write radians per second")  # fmt: skip
+    table = context.table("landmark_sightings")
+    if table is not None and len(table["bearing_rad"]) > 0:
+        largest = float(np.abs(table["bearing_rad"]).max())
+        if largest > 7.0:
+            yield warning(f"bearing_rad of landmark_sightings.csv reaches {largest:.4g}: degrees?",
+                          "landmark_sightings.csv, bearing_rad", "write radians")  # fmt: skip
+    sensor = context.log.landmark_sensor
+    if sensor is not None and abs(sensor["pose_in_body"][2]) > 6.3:
+        yield warning("the landmark sensor is turned by more than a full turn: degrees?",
+                      "log.yaml, landmark_sensor", "write radians")  # fmt: skip
     laser = context.log.laser
     if laser is not None:
         angles = [laser["pose_in_body"][2], laser["angle_min_rad"], laser["angle_increment_rad"]]

@@ -22,7 +22,8 @@ from locfuse.io.log_yaml import checked, read_log_yaml, write_log_yaml
 from locfuse.io.maps import read_map, write_map
 from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, LogError, nearest
 
-# Which headers each file may have. ranges_m stands for the beams r0, r1, ... of a scan.
+# Which headers each file may have. ranges_m stands for the beams r0, r1, ... of a scan, intensities
+# for i0, i1, ...
 SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
     "odometry": (
         ("stamp_s", "dx_m", "dy_m", "dheading_rad"),
@@ -34,17 +35,31 @@ SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
     ),
     "positions": (("stamp_s", "x_m", "y_m", "sigma_m"),),
     "poses": (("stamp_s", "x_m", "y_m", "heading_rad", "sigma_xy_m", "sigma_heading_rad"),),
-    "landmark_sightings": (("stamp_s", "landmark", "range_m", "bearing_rad"),),
-    "scans": (("stamp_s", "ranges_m"),),
-    "truth": (("stamp_s", "x_m", "y_m"), ("stamp_s", "x_m", "y_m", "heading_rad")),
+    "landmark_sightings": (
+        ("stamp_s", "landmark", "range_m", "bearing_rad"),
+        ("stamp_s", "landmark", "range_m", "bearing_rad", "sigma_range_m", "sigma_bearing_rad"),
+    ),
+    "scans": (("stamp_s", "ranges_m"), ("stamp_s", "ranges_m", "intensities")),
+    "truth": (
+        ("stamp_s", "x_m", "y_m"),
+        ("stamp_s", "x_m", "y_m", "heading_rad"),
+        ("stamp_s", "x_m", "y_m", "z_m"),
+        ("stamp_s", "x_m", "y_m", "z_m", "heading_rad"),
+    ),
     "relations": (("begin_s", "end_s", "dx_m", "dy_m", "dheading_rad"),),
     "anchors": (("anchor", "x_m", "y_m", "z_m"),),
-    "landmarks": (("landmark", "x_m", "y_m"), ("landmark", "x_m", "y_m", "radius_m")),
+    "landmarks": (
+        ("landmark", "x_m", "y_m"),
+        ("landmark", "x_m", "y_m", "radius_m"),
+        ("landmark", "x_m", "y_m", "z_m"),
+        ("landmark", "x_m", "y_m", "z_m", "radius_m"),
+    ),
 }
 MESSAGES = ("odometry", "ranges", "positions", "poses", "landmark_sightings", "scans")
 MAY_BE_EMPTY = ("ranges", "positions", "poses", "landmark_sightings", "scans")
 INCREASING = ("odometry", "truth")  # strictly; other messages may come in any order
 NAMES = ("tag", "anchor", "landmark")
+BEAMS = {"ranges_m": "r", "intensities": "i"}  # columns of scans: one letter and the beam in a file
 IN_MEMORY = {f"{key}_s": f"{key}_ns" for key in ("stamp", "arrival", "begin", "end")}
 
 # Beyond these a file is in other units, or damaged.
@@ -182,10 +197,10 @@ def read_log_file(path: Path, stem: str) -> Columns:
     if rows == 0 and stem not in MAY_BE_EMPTY:
         raise LogError(f"{path}: no row after the header, expected at least one")
     table = {IN_MEMORY.get(name, name): found[name] for name in form if name in found}
-    if "ranges_m" in form:
-        beams = [found[f"r{beam}"] for beam in range(len(_beams(file.header)))]
-        table["ranges_m"] = np.stack(beams, axis=1)
-        table = {IN_MEMORY.get(name, name): table[IN_MEMORY.get(name, name)] for name in form}
+    for name in [name for name in BEAMS if name in form]:
+        beams = range(len(_beams(name, file.header)))
+        table[name] = np.stack([found[f"{BEAMS[name]}{beam}"] for beam in beams], axis=1)
+    table = {IN_MEMORY.get(name, name): table[IN_MEMORY.get(name, name)] for name in form}
     _raise_first(_problems(stem, table), file)
     return _sorted(stem, table)
 
@@ -194,23 +209,25 @@ def _kind(name: str) -> str:
     """Return the letter of `parse_table` for a column of a file."""
     if name in IN_MEMORY:
         return "s"
-    return "t" if name in NAMES else "g" if _beams((name,)) else "f"
+    return "t" if name in NAMES else "g" if any(_beams(key, (name,)) for key in BEAMS) else "f"
 
 
-def _beams(header: Iterable[str]) -> list[str]:
-    return [name for name in header if re.fullmatch(r"r(0|[1-9]\d*)", name)]
+def _beams(name: str, header: Iterable[str]) -> list[str]:
+    """Return the columns of a file that are beams of one column in memory."""
+    return [column for column in header if re.fullmatch(rf"{BEAMS[name]}(0|[1-9]\d*)", column)]
 
 
 def _form(stem: str, header: Sequence[str], where: str) -> tuple[str, ...]:
     """Return the row of the schema that a header fits in any order, with arrival_s if it has it."""
-    beams = _beams(header) if stem == "scans" else []
-    given = set(header) - set(beams) | ({"ranges_m"} if beams else set())
+    beams = {name: _beams(name, header) if stem == "scans" else [] for name in BEAMS}
+    among = {column for columns in beams.values() for column in columns}
+    given = set(header) - among - set(BEAMS) | {name for name in BEAMS if beams[name]}
     extra = ("arrival_s",) if stem in MESSAGES else ()
     arrival = tuple(name for name in extra if name in given)
     forms = [form + arrival for form in SCHEMA[stem]]
     form = max(forms, key=lambda form: (len(given & set(form)), -len(set(form) - given)))
     for name in header:
-        if name not in form and name not in beams:
+        if name in BEAMS or (name not in form and name not in among):
             known = [_shown(n) for n in dict.fromkeys(sum(SCHEMA[stem], ()) + extra)]
             if name in known:
                 raise LogError(f"{where}: column {name!r} does not go with {', '.join(form)}")
@@ -218,14 +235,16 @@ def _form(stem: str, header: Sequence[str], where: str) -> tuple[str, ...]:
     for name in form:
         if name not in given:
             raise LogError(f"{where}: column {_shown(name)!r} is missing")
-    for beam in range(len(beams)):
-        if f"r{beam}" not in beams:
-            raise LogError(f"{where}: column 'r{beam}' is missing")
+    letters = [letter for name, letter in BEAMS.items() if name in form]
+    for beam in range(max(map(len, beams.values()))):
+        for column in (f"{letter}{beam}" for letter in letters):
+            if column not in among:
+                raise LogError(f"{where}: column {column!r} is missing")
     return form
 
 
 def _shown(name: str) -> str:
-    return "r0" if name == "ranges_m" else name
+    return f"{BEAMS[name]}0" if name in BEAMS else name
 
 
 def _sorted(stem: str, table: dict[str, NDArray[Any]]) -> Columns:
@@ -266,6 +285,9 @@ def _bad_values(stem: str, name: str, values: NDArray[Any]) -> Iterator[Problem]
         yield from _first(quoted, f"{name} has quotes, which are not part of the format", values)
     elif name.startswith("sigma_") or name == "radius_m":
         yield from _first(values <= 0.0, f"{name} is not positive", values)
+    elif name == "intensities":
+        lowest = np.nan_to_num(values, nan=0.0).reshape(len(values), -1 if values.size else 1)
+        yield from _first(lowest.min(axis=1) < 0.0, "an intensity is negative", lowest.min(axis=1))
     elif name in ("range_m", "ranges_m"):
         shape = (len(values), -1 if values.size else 1)
         lowest = np.nan_to_num(values, nan=0.0).reshape(shape).min(axis=1)
@@ -309,6 +331,7 @@ def _settings_of(log: Log) -> dict[str, Any]:
     settings: dict[str, Any] = {
         "tags": dict(log.tags),
         "laser": log.laser,
+        "landmark_sensor": log.landmark_sensor,
         "map": log.map or (None if log.grid is None else "map.yaml"),
         "description": log.description,
         "licence": log.licence,
@@ -332,6 +355,9 @@ def _checked_for_writing(stem: str, table: Columns) -> Columns:
     lengths = {name: len(values) for name, values in ordered.items()}
     if len(set(lengths.values())) != 1:
         raise LogError(f"{where} has columns of different length: {lengths}")
+    if "intensities" in ordered and ordered["intensities"].shape != ordered["ranges_m"].shape:
+        shapes = f"{ordered['ranges_m'].shape} and {ordered['intensities'].shape}"
+        raise LogError(f"{where}: ranges_m and intensities have shapes {shapes}, expected the same")
     if lengths[form[0]] == 0 and stem not in MAY_BE_EMPTY:
         raise LogError(f"{where} has no row, expected at least one")
     for row, text in _problems(stem, ordered):
@@ -341,8 +367,9 @@ def _checked_for_writing(stem: str, table: Columns) -> Columns:
 
 def _file_names(key: str, table: Columns) -> list[str]:
     """Return what a column in memory is called in a file."""
-    if key == "ranges_m" and np.ndim(table[key]) == 2:
-        return [f"r{beam}" for beam in range(np.shape(table[key])[1])]
+    if key in BEAMS:
+        beams = np.shape(table[key])[1] if np.ndim(table[key]) == 2 else 0
+        return [f"{BEAMS[key]}{beam}" for beam in range(max(1, beams))]
     return [next((name for name, other in IN_MEMORY.items() if other == key), key)]
 
 
@@ -358,13 +385,13 @@ def _as_written(name: str, values: NDArray[Any], where: str) -> NDArray[Any]:
     )
     if values.dtype.kind != kind or (kind != "U" and values.dtype.itemsize != 8):
         raise LogError(f"{where} is an array of {values.dtype}, expected {dtype}")
-    if values.ndim != (2 if name == "ranges_m" else 1):
+    if values.ndim != (2 if name in BEAMS else 1) or 0 in values.shape[1:]:
         raise LogError(f"{where} has shape {values.shape}")
     if kind == "U":
         for text in set(values.tolist()):
             _check_name(text, where)
     elif kind == "f":
-        bad = np.isinf(values) if name == "ranges_m" else ~np.isfinite(values)
+        bad = np.isinf(values) if name in BEAMS else ~np.isfinite(values)
         for row in np.flatnonzero(bad.reshape(len(values), -1).any(axis=1))[:1]:
             raise LogError(f"{where}, row {row}: {values[row]} is not finite")
     return values

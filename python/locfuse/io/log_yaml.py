@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``log.yaml`` of a log folder: tags, laser, map, description and licence."""
+"""``log.yaml`` of a log folder: tags, laser, landmark sensor, map, description and licence."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import yaml
 from locfuse.io.csv_table import read_bytes
 from locfuse.types import LogError, nearest
 
-KEYS = ("tags", "laser", "map", "description", "licence")
+KEYS = ("tags", "laser", "landmark_sensor", "map", "description", "licence")
 LASER_KEYS = (
     "pose_in_body",
     "angle_min_rad",
@@ -21,6 +21,7 @@ LASER_KEYS = (
     "range_min_m",
     "range_max_m",
 )
+LANDMARK_SENSOR_KEYS = ("pose_in_body",)
 
 
 class _Loader(yaml.SafeLoader):
@@ -91,6 +92,8 @@ def checked(settings: Any, where: str) -> dict[str, Any]:
         values["tags"] = _tags(values["tags"], where)
     if "laser" in values:
         values["laser"] = _laser(values["laser"], where)
+    if "landmark_sensor" in values:
+        values["landmark_sensor"] = _landmark_sensor(values["landmark_sensor"], where)
     return values
 
 
@@ -108,12 +111,22 @@ def _tags(value: Any, where: str) -> dict[str, tuple[float, ...]]:
     return {name: _triple(at, f"{where}: tags.{name}") for name, at in value.items()}
 
 
-def _laser(value: Any, where: str) -> dict[str, Any]:
-    where = f"{where}: laser"
-    _check_keys(value, LASER_KEYS, where)
-    for key in LASER_KEYS:
+def _all_keys(value: Any, keys: tuple[str, ...], where: str) -> None:
+    _check_keys(value, keys, where)
+    for key in keys:
         if key not in value:
             raise LogError(f"{where}: {key} is missing")
+
+
+def _landmark_sensor(value: Any, where: str) -> dict[str, Any]:
+    where = f"{where}: landmark_sensor"
+    _all_keys(value, LANDMARK_SENSOR_KEYS, where)
+    return {"pose_in_body": list(_triple(value["pose_in_body"], f"{where}.pose_in_body"))}
+
+
+def _laser(value: Any, where: str) -> dict[str, Any]:
+    where = f"{where}: laser"
+    _all_keys(value, LASER_KEYS, where)
     laser: dict[str, Any] = {
         "pose_in_body": list(_triple(value["pose_in_body"], f"{where}.pose_in_body"))
     }

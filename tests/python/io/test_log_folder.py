@@ -35,6 +35,9 @@ LASER = {
     "range_max_m": 10.0,
 }
 
+SENSOR = {"pose_in_body": [0.2, -0.1, 0.5]}
+SIGHTINGS = "stamp_s,landmark,range_m,bearing_rad"
+
 
 def full_log() -> Log:
     """Return a log that has every table of the schema."""
@@ -52,8 +55,14 @@ def full_log() -> Log:
             "landmark": np.array(["", "tree"]),
             "range_m": np.array([1.0, 2.0]),
             "bearing_rad": np.array([0.5, -0.5]),
+            "sigma_range_m": np.array([0.1, 0.2]),
+            "sigma_bearing_rad": np.array([0.01, 0.02]),
         },
-        "scans": {"stamp_ns": stamp, "ranges_m": np.array([[1.0, np.nan, 2.0], [0.1, 0.2, 0.3]])},
+        "scans": {
+            "stamp_ns": stamp,
+            "ranges_m": np.array([[1.0, np.nan, 2.0], [0.1, 0.2, 0.3]]),
+            "intensities": np.array([[0.0, 3.5, np.nan], [1.0, 0.0, 0.0]]),
+        },
         "relations": {
             "begin_ns": np.array([200_000_000, 5]),
             "end_ns": np.array([100_000_001, 5]),
@@ -64,7 +73,10 @@ def full_log() -> Log:
         "landmarks": {"landmark": np.array(["tree"]), "x_m": np.ones(1), "y_m": np.ones(1)},
     }
     tags = {"tag": (0.1, 0.2, 1.1)}
-    return replace(log, tables={**log.tables, **extra}, tags=tags, laser=LASER, licence="none")
+    return replace(
+        log, tables={**log.tables, **extra}, tags=tags, laser=LASER, landmark_sensor=SENSOR,
+        licence="none",
+    )  # fmt: skip
 
 
 def assert_same(found: Log, expected: Log) -> None:
@@ -74,6 +86,7 @@ def assert_same(found: Log, expected: Log) -> None:
         for name, values in expected[stem].items():
             np.testing.assert_array_equal(found[stem][name], values, err_msg=f"{stem}.{name}")
     assert (found.tags, found.laser, found.map) == (expected.tags, expected.laser, expected.map)
+    assert found.landmark_sensor == expected.landmark_sensor
     assert (found.description, found.licence) == (expected.description, expected.licence)
 
 
@@ -98,6 +111,40 @@ def test_velocities_are_the_other_form_of_odometry(tmp_path: Path) -> None:
     log = simulate(Scenario(duration_s=1.0, odometry=sensor), np.random.default_rng(0))
     write_log(log, tmp_path)
     assert (tmp_path / "odometry.csv").read_text().startswith("stamp_s,v_mps,omega_radps\n")
+    assert_same(read_log(tmp_path), log)
+
+
+@pytest.mark.parametrize(
+    ("stem", "absent"),
+    [
+        ("landmark_sightings", ("sigma_range_m", "sigma_bearing_rad")),
+        ("scans", ("intensities",)),
+        ("truth", ("heading_rad",)),
+    ],
+)
+def test_what_a_table_may_leave_out_is_left_out(
+    stem: str, absent: tuple[str, ...], tmp_path: Path
+) -> None:
+    log = full_log()
+    shorter = {name: values for name, values in log[stem].items() if name not in absent}
+    assert len(shorter) == len(log[stem]) - len(absent)
+    log = replace(log, tables={**log.tables, stem: shorter}, landmark_sensor=None)
+    write_log(log, tmp_path)
+    assert_same(read_log(tmp_path), log)
+
+
+@pytest.mark.parametrize("heading", [True, False])
+@pytest.mark.parametrize("radius", [True, False])
+def test_truth_and_landmarks_may_have_heights(heading: bool, radius: bool, tmp_path: Path) -> None:
+    log = full_log()
+    truth = {**log["truth"], "z_m": np.linspace(-1.0, 2.0, len(log["truth"]["x_m"]))}
+    landmarks = {**log["landmarks"], "z_m": np.array([-0.5]), "radius_m": np.array([0.1])}
+    if not heading:
+        del truth["heading_rad"]
+    if not radius:
+        del landmarks["radius_m"]
+    log = replace(log, tables={**log.tables, "truth": truth, "landmarks": landmarks})
+    write_log(log, tmp_path)
     assert_same(read_log(tmp_path), log)
 
 
@@ -146,6 +193,12 @@ def test_names_that_look_like_numbers_stay_text(tmp_path: Path) -> None:
         (SCANNER.format(step=".nan", least=0.1), "angle_increment_rad is nan, expected a finite"),
         (SCANNER.format(step=0.1, least=-0.1), "-0.1 and 9, expected 0 <= min < max"),
         (SCANNER.format(step=0.1, least=9.0), "9 and 9, expected 0 <= min < max"),
+        ("landmark_sensor: {}", "landmark_sensor: pose_in_body is missing"),
+        ("landmark_sensor: [0, 0, 0]", "landmark_sensor: [0, 0, 0], expected keys pose_in_body"),
+        ("landmark_sensor: {pose_in_body: [0, 0]}", "pose_in_body is [0, 0], expected three"),
+        ("landmark_sensor: {pose_in_body: [0, 0, .inf]}", "pose_in_body is inf, expected a finite"),
+        ("landmark_sensor: {pose: [0, 0, 0]}", "unknown key 'pose'; did you mean 'pose_in_body'?"),
+        ("landmark_sensors: {}", "'landmark_sensors'; did you mean 'landmark_sensor'?"),
         ("map: 3", "map"),
         ("map: nowhere.yaml", "map 'nowhere.yaml' is not in the folder"),
         ("tags: [", "log.yaml"),
@@ -191,6 +244,84 @@ def test_a_beam_that_is_no_distance_is_refused_with_its_line(tmp_path: Path, fie
     text = SCANNER.format(step=0.1, least=0.1)
     with pytest.raises(LogError, match=r"scans\.csv, line 3: "):
         read_log(write_folder(tmp_path, {"scans.csv": scans, "log.yaml": text + TAGS}))
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("stamp_s,r0,r1,i0\n0,1,2,3\n", "line 1: column 'i1' is missing"),
+        ("stamp_s,r0,i0,i1\n0,1,2,3\n", "line 1: column 'r1' is missing"),
+        ("stamp_s,r0,r1,i0,i2\n0,1,2,3,4\n", "line 1: column 'i1' is missing"),
+        ("stamp_s,i0,i1\n0,1,2\n", "line 1: column 'r0' is missing"),
+        ("stamp_s,ranges_m\n0,1\n", "line 1: unknown column 'ranges_m'"),
+        ("stamp_s,r0,intensities\n0,1,2\n", "line 1: unknown column 'intensities'"),
+        ("stamp_s,r0,i0\n0,1,2\n1,1,-2\n", "line 3: an intensity is negative: -2"),
+        ("stamp_s,r0,i0\n0,1,bright\n", "line 2: column 3 ('bright') is not a number"),
+    ],
+)
+def test_intensities_that_are_not_one_for_every_beam_are_refused(
+    text: str, what: str, tmp_path: Path
+) -> None:
+    laser = SCANNER.format(step=0.1, least=0.1)
+    with pytest.raises(LogError, match=r"scans\.csv, line") as caught:
+        read_log(write_folder(tmp_path, {"scans.csv": text, "log.yaml": laser + TAGS}))
+    assert what in str(caught.value)
+
+
+def test_intensities_follow_the_ranges_in_any_order_and_may_be_unknown(tmp_path: Path) -> None:
+    text = "i1,r1,stamp_s,r0,i0\n,2.5,0.5,1.5,4\n"
+    laser = SCANNER.format(step=0.1, least=0.1)
+    log = read_log(write_folder(tmp_path, {"scans.csv": text, "log.yaml": laser + TAGS}))
+    np.testing.assert_array_equal(log["scans"]["ranges_m"], [[1.5, 2.5]])
+    np.testing.assert_array_equal(log["scans"]["intensities"], [[4.0, np.nan]])
+
+
+@pytest.mark.parametrize("shape", [(2, 2), (2, 0), (2,), (1, 3)])
+def test_intensities_of_another_shape_are_not_written(
+    shape: tuple[int, ...], tmp_path: Path
+) -> None:
+    log = full_log()
+    scans = {**log["scans"], "intensities": np.zeros(shape)}
+    with pytest.raises(LogError, match="scans"):
+        write_log(replace(log, tables={**log.tables, "scans": scans}), tmp_path / "log")
+    assert not (tmp_path / "log").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        (f"{SIGHTINGS},sigma_range_m\n0,,1,0,0.1\n", "column 'sigma_bearing_rad' is missing"),
+        (f"{SIGHTINGS},sigma_bearing_rad\n0,,1,0,0.1\n", "column 'sigma_range_m' is missing"),
+        (f"{SIGHTINGS},sigma_range_m,sigma_bearing_rad\n0,,1,0,0.1,0\n",
+         "line 2: sigma_bearing_rad is not positive: 0"),
+        (f"{SIGHTINGS},sigma_range_m,sigma_bearing_rad\n0,,1,0,-0.1,1\n",
+         "line 2: sigma_range_m is not positive: -0.1"),
+        (f"{SIGHTINGS},sigma_m\n0,,1,0,0.1\n", "unknown column 'sigma_m'"),
+    ],
+)  # fmt: skip
+def test_sigmas_of_sightings_come_in_pairs_and_are_positive(
+    text: str, what: str, tmp_path: Path
+) -> None:
+    with pytest.raises(LogError, match=r"landmark_sightings\.csv, line") as caught:
+        read_log(write_folder(tmp_path, {"landmark_sightings.csv": text}))
+    assert what in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "what"),
+    [
+        ("truth.csv", "stamp_s,x_m,y_m,z_m\n0,1,2,inf\n", "line 2: .*inf"),
+        ("truth.csv", "stamp_s,x_m,z_m\n0,1,2\n", "column 'y_m' is missing"),
+        ("landmarks.csv", "landmark,x_m,y_m,z_m\ntree,1,2,\n", "line 2: "),
+        ("landmarks.csv", "landmark,x_m,y_m,z_m,radius_m\ntree,1,2,3,0\n", "radius_m is not pos"),
+        ("positions.csv", "stamp_s,x_m,y_m,z_m,sigma_m\n0,1,2,3,1\n", "unknown column 'z_m'"),
+    ],
+)
+def test_heights_that_are_none_or_have_no_place_are_refused(
+    file: str, text: str, what: str, tmp_path: Path
+) -> None:
+    with pytest.raises(LogError, match=what):
+        read_log(write_folder(tmp_path, {file: text}))
 
 
 def test_scans_without_a_laser_are_refused(tmp_path: Path) -> None:

@@ -8,14 +8,21 @@ from pathlib import Path
 from typing import TypeAlias
 
 from locfuse.io.datasets import (
+    acfr_carpark,
     ghent,
     ieu_gazebo,
     intel_lab,
+    lego_arena,
     lias,
+    mrclam6,
     mrpt_office,
     plaza,
+    rcv_uwb_drone,
+    starloc,
     tuc_labyrinth,
     turtlebot4_mac,
+    utias_tubes,
+    victoria_park,
     wean_hall,
 )
 from locfuse.types import ConfigError, LogError, nearest
@@ -32,6 +39,13 @@ CONVERTERS: dict[str, Converter] = {
     "wean_hall": wean_hall.convert,
     "intel_lab": intel_lab.convert,
     "turtlebot4_mac": turtlebot4_mac.convert,
+    "utias_tubes": utias_tubes.convert,
+    "mrclam6": mrclam6.convert,
+    "acfr_carpark": acfr_carpark.convert,
+    "lego_arena": lego_arena.convert,
+    "victoria_park": victoria_park.convert,
+    "rcv_uwb_drone": rcv_uwb_drone.convert,
+    "starloc": starloc.convert,
 }
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from locfuse.io.datasets.source import read_source, runs_of, with_start
+from locfuse.io.datasets.source import arc, read_source, runs_of, with_start
 from locfuse.io.log_folder import write_log
-from locfuse.types import Columns, FloatArray, Log, LogError, wrap_angle
+from locfuse.types import Log, LogError, wrap_angle
 
 
 def convert(source: Path, out: Path) -> list[Path]:
@@ -76,26 +76,3 @@ def _read(source: Path, run: str) -> Log:
         description=f"CMU {run}: robot lawn-mower, ranging radios, odometry, GPS/inertial truth",
         licence="Openly published research data; GTSAM's copy is under BSD-2-Clause",
     )
-
-
-def arc(length: FloatArray, turn: FloatArray) -> Columns:
-    """Return motions along circular arcs in the body frame at their beginning.
-
-    Parameters
-    ----------
-    length : float64 array, shape (n,)
-        Metres, negative backwards.
-    turn : float64 array, shape (n,)
-        Radians.
-
-    Returns
-    -------
-    columns
-        ``dx_m``, ``dy_m``, ``dheading_rad``.
-    """
-    chord = length * np.sinc(turn / (2.0 * np.pi))  # numpy's sinc(x) is sin(pi x) / (pi x)
-    return {
-        "dx_m": chord * np.cos(turn / 2.0),
-        "dy_m": chord * np.sin(turn / 2.0),
-        "dheading_rad": turn,
-    }

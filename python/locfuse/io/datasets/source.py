@@ -12,8 +12,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.io.csv_table import read_table
+from locfuse.io.csv_table import parse, read_bytes, read_table
 from locfuse.types import Columns, FloatArray, LogError, StampArray, wrap_angle
+
+WHEEL_BASE_M, ENCODER_LEFT_M = 2.83, 0.76  # of the truck of acfr_carpark and victoria_park
+TRUCK_LONGEST_M = 81.8  # 81.83 to 81.91 are no distances but what the sensor says of a beam
+TRUCK_LASER: dict[str, Any] = {
+    "pose_in_body": [3.78, 0.5, 0.0],  # from the middle of the rear axle
+    "angle_min_rad": -float(np.pi / 2.0),
+    "angle_increment_rad": float(np.pi / 360.0),
+    "range_min_m": 0.0,
+    "range_max_m": TRUCK_LONGEST_M,
+}
 
 MAP_FILES = ("map.pgm", "map.yaml")
 FREE_THRESH = 0.196  # where a map says 0.25, its unexplored cells (shade 205) would be free
@@ -62,6 +72,30 @@ def read_source(
     return table
 
 
+def read_words(path: Path, kinds: str) -> list[NDArray[Any]]:
+    """Read a text file without header, its fields separated by spaces or tabs.
+
+    Parameters
+    ----------
+    path : Path
+    kinds : str
+        One letter of `parse_table` for each column.
+
+    Returns
+    -------
+    list of arrays, shape (rows,)
+
+    Raises
+    ------
+    LogError
+        If the file is missing, has no row, or is not such a table.
+    """
+    columns = parse(read_bytes(path), kinds, " ", 1, path)
+    if len(columns[0]) == 0:
+        raise LogError(f"{path}: no row")
+    return columns
+
+
 def runs_of(source: Path, ending: str) -> list[str]:
     """Return the names of the runs in a folder: what stands before `ending` in its files' names.
 
@@ -74,6 +108,12 @@ def runs_of(source: Path, ending: str) -> list[str]:
     if not names:
         raise LogError(f"{source}: no file that ends in {ending}")
     return names
+
+
+def later_than_before(stamp_ns: StampArray) -> NDArray[np.bool_]:
+    """Return which stamps come after all before them."""
+    latest = np.maximum.accumulate(stamp_ns)
+    return np.concatenate([[True], stamp_ns[1:] > latest[:-1]])
 
 
 def with_start(stamp_ns: int, increments: Columns) -> Columns:
@@ -106,6 +146,89 @@ def increments(stamp_ns: StampArray, x: FloatArray, y: FloatArray, heading: Floa
         "dheading_rad": wrap_angle(np.diff(heading)),
     }
     return with_start(int(stamp_ns[0]), motions)
+
+
+def arc(length: FloatArray, turn: FloatArray) -> Columns:
+    """Return motions along circular arcs in the body frame at their beginning.
+
+    Parameters
+    ----------
+    length : float64 array, shape (n,)
+        Metres, negative backwards.
+    turn : float64 array, shape (n,)
+        Radians.
+
+    Returns
+    -------
+    columns
+        ``dx_m``, ``dy_m``, ``dheading_rad``.
+    """
+    chord = length * np.sinc(turn / (2.0 * np.pi))  # numpy's sinc(x) is sin(pi x) / (pi x)
+    return {
+        "dx_m": chord * np.cos(turn / 2.0),
+        "dy_m": chord * np.sin(turn / 2.0),
+        "dheading_rad": turn,
+    }
+
+
+def ackermann(wheel_mps: FloatArray, steering: FloatArray) -> Columns:
+    """Return the velocities of the middle of a truck's rear axle.
+
+    The encoder counts at the left rear wheel, `ENCODER_LEFT_M` H beside the middle of the axle, the
+    wheel base is `WHEEL_BASE_M` L. Where the front wheels are steered by alpha, the truck turns
+    about a point on the line of the rear axle, L / tan(alpha) to the left; the wheel is nearer to
+    it by H and slower in that proportion (J. Guivant and E. Nebot, 2001)::
+
+        v = v_wheel / (1 - tan(alpha) H / L),  omega = v tan(alpha) / L
+
+    Parameters
+    ----------
+    wheel_mps : float64 array, shape (n,)
+        Speed of the left rear wheel, negative backwards.
+    steering : float64 array, shape (n,)
+        Radians, to the left positive.
+
+    Returns
+    -------
+    columns
+        ``v_mps``, ``omega_radps``.
+    """
+    slope = np.tan(steering) / WHEEL_BASE_M
+    speed = wheel_mps / (1.0 - slope * ENCODER_LEFT_M)
+    return {"v_mps": speed, "omega_radps": speed * slope}
+
+
+def truck_odometry(path: Path) -> Columns:
+    """Return the odometry of the truck of a file t_s, speed_encoder_mps, steering_rad."""
+    driven = read_source(path, dict(t_s="s", speed_encoder_mps="f", steering_rad="f"))
+    moved = ackermann(driven["speed_encoder_mps"], driven["steering_rad"])
+    return {"stamp_ns": driven["t_s"], **moved}
+
+
+def truck_scans(path: Path) -> Columns:
+    """Return the scans of the truck of a file t_s, r000 to r360, NaN for no return."""
+    scans = read_source(path, dict(t_s="s"), beams="r")
+    ranges = scans["beams"]
+    return {
+        "stamp_ns": scans["t_s"],
+        "ranges_m": np.where(ranges > TRUCK_LONGEST_M, np.nan, ranges),
+    }
+
+
+def positions(stamp_ns: StampArray, x: FloatArray, y: FloatArray, sigma_m: float) -> Columns:
+    """Return fixes of one sigma as the positions of a log."""
+    return {"stamp_ns": stamp_ns, "x_m": x, "y_m": y, "sigma_m": np.full(len(x), sigma_m)}
+
+
+def landmarks(name: NDArray[Any], x: FloatArray, y: FloatArray, radius_m: float = 0.0) -> Columns:
+    """Return the landmarks of a log, all of one radius [m], or points."""
+    table = {"landmark": name, "x_m": x, "y_m": y}
+    return table | ({"radius_m": np.full(len(x), radius_m)} if radius_m > 0.0 else {})
+
+
+def heading_of(w: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
+    """Return where the forward axis of unit quaternions points in the plane, in [-pi, pi)."""
+    return wrap_angle(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
 
 
 def truth(stamp_ns: StampArray, pose: Columns) -> Columns:

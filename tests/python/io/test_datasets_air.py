@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings of ranges in space as log folders: the figures of their notes."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from locfuse.io.datasets import convert
+from locfuse.io.datasets.source import heading_of
+from locfuse.types import NANOSECONDS, FloatArray, Log, LogError
+from support_recordings import converted, damaged, robust_sigma, rows_in
+from support_runs import recording
+
+Logs = dict[str, Log]
+
+
+@pytest.fixture(scope="module")
+def drone(tmp_path_factory: pytest.TempPathFactory) -> Logs:
+    return converted("rcv_uwb_drone", tmp_path_factory.mktemp("converted"))
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Logs:
+    return converted("starloc", tmp_path_factory.mktemp("converted"))
+
+
+def published(folder: str, file: str) -> list[dict[str, str]]:
+    with gzip.open(recording(folder) / file, "rt", newline="") as lines:
+        return list(csv.DictReader(lines))
+
+
+def tags_in_world(log: Log) -> FloatArray:
+    """Return where the tag of every range was, from the truth at its stamp, shape (n, 3)."""
+    truth, ranges = log["truth"], log["ranges"]
+    at = [np.interp(ranges["stamp_ns"], truth["stamp_ns"], truth[f"{axis}_m"]) for axis in "xyz"]
+    turned = np.unwrap(truth["heading_rad"])
+    heading = np.interp(ranges["stamp_ns"], truth["stamp_ns"], turned)
+    forward, left, up = np.array([log.tags[tag] for tag in ranges["tag"].tolist()]).T
+    c, s = np.cos(heading), np.sin(heading)
+    return np.column_stack(
+        [at[0] + c * forward - s * left, at[1] + s * forward + c * left, at[2] + up]
+    )
+
+
+def range_errors(log: Log) -> dict[str, FloatArray]:
+    """Return range minus distance in space, by anchor, in metres."""
+    ranges, anchors, tags = log["ranges"], log["anchors"], tags_in_world(log)
+    places = np.column_stack([anchors[f"{axis}_m"] for axis in "xyz"])
+    found = {}
+    for name, place in zip(anchors["anchor"].tolist(), places, strict=True):
+        rows = ranges["anchor"] == name
+        found[name] = ranges["range_m"][rows] - np.linalg.norm(tags[rows] - place, axis=1)
+    return found
+
+
+def test_the_forward_axis_of_a_rotation_is_its_heading_in_the_plane() -> None:
+    yaw, pitch = 2.5, 0.6  # first up or down, then around
+    half = np.array([yaw, pitch]) / 2.0
+    (cz, cy), (sz, sy) = np.cos(half), np.sin(half)
+    found = heading_of(*(np.array([v]) for v in (cz * cy, -sz * sy, cz * sy, sz * cy)))
+    assert found == pytest.approx([yaw])
+
+
+# Drone ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("run", "ranges", "negative", "seconds", "medians", "sigmas", "low", "high"),
+    [
+        ("seq1", 3366, 27, 170.0, [0.279, 0.259, 0.249, 0.285], [0.127, 0.134, 0.131, 0.115],
+         [-1.5, -1.6, 0.1], [1.7, 1.5, 2.1]),
+        ("seq3", 3841, 12, 225.1, [0.242, 0.216, 0.189, 0.252], [0.102, 0.092, 0.097, 0.074],
+         [-1.1, -1.1, 0.1], [1.1, 1.1, 1.0]),
+        ("seq5", 5630, 1, 329.6, [0.196, 0.216, 0.241, 0.243], [0.065, 0.068, 0.063, 0.070],
+         [-2.9, -0.2, 0.1], [1.9, 0.2, 1.4]),
+    ],
+)  # fmt: skip
+def test_rcv_uwb_drone_has_the_rows_and_figures_of_its_notes(
+    drone: Logs, run: str, ranges: int, negative: int, seconds: float, medians: list[float],
+    sigmas: list[float], low: list[float], high: list[float],
+) -> None:  # fmt: skip
+    log = drone[run]
+    truth = log["truth"]
+    assert rows_in(log)["ranges"] == ranges - negative
+    assert float(np.ptp(truth["stamp_ns"])) / NANOSECONDS == pytest.approx(seconds, abs=0.1)
+    flown = np.column_stack([truth[f"{axis}_m"] for axis in "xyz"])
+    assert flown.min(axis=0) == pytest.approx(low, abs=0.06)
+    assert flown.max(axis=0) == pytest.approx(high, abs=0.06)
+    errors = range_errors(log)
+    # The notes count negative ranges, too, of which anchor 4 of seq1 has 15.
+    assert [np.median(e) for e in errors.values()] == pytest.approx(medians, abs=0.004)
+    assert [robust_sigma(e) for e in errors.values()] == pytest.approx(sigmas, abs=0.004)
+    assert 0.3 < max(np.abs(e).max() for e in errors.values()) < 1.73
+
+
+@pytest.mark.parametrize("run", ["seq1", "seq3", "seq5"])
+def test_rcv_uwb_drone_leaves_out_what_no_range_can_be_and_nothing_else(
+    drone: Logs, run: str
+) -> None:
+    rows = [r for r in published("rcv-uwb-drone", f"{run}_ranges.csv.gz") if r["range"][0] != "-"]
+    table = drone[run]["ranges"]
+    assert table["range_m"].tolist() == [float(row["range"]) for row in rows]
+    assert table["anchor"].tolist() == [row["anchor"] for row in rows]
+    assert table["stamp_ns"].tolist() == [round(float(row["t"]) * 1e9) for row in rows]
+    places = np.array([[float(row[axis]) for axis in "xyz"] for row in rows])
+    assert np.abs(tags_in_world(drone[run]) - places).max() < 0.02
+
+
+# Rig ------------------------------------------------------------------------------------------
+
+FAST = ["4", "5", "6", "7", "9", "10", "11", "12"]
+
+
+@pytest.mark.parametrize(
+    ("run", "anchors", "medians", "sigmas", "largest"),
+    [
+        ("loop-2d-fast_s1", FAST, [0.259, 0.147, 0.157, 0.358, 0.207, 0.154, 0.220, 0.266],
+         [0.084, 0.049, 0.094, 0.241, 0.094, 0.102, 0.077, 0.110], 2.22),
+        ("loop-2d_s5", ["4", "9", "11", "12"], [-0.114, -0.092, -0.074, -0.098],
+         [0.031, 0.041, 0.052, 0.043], 4.88),
+    ],
+)  # fmt: skip
+def test_starloc_has_the_figures_of_its_notes(
+    rig: Logs, run: str, anchors: list[str], medians: list[float], sigmas: list[float],
+    largest: float,
+) -> None:  # fmt: skip
+    errors = range_errors(rig[run])
+    assert list(errors) == anchors
+    # A body that does not tilt moves tags by some centimetres; see the converter.
+    found = {
+        "median": [np.median(e) for e in errors.values()],
+        "sigma": [robust_sigma(e) for e in errors.values()],
+    }
+    assert found["median"] == pytest.approx(medians, abs=0.017)
+    assert found["sigma"] == pytest.approx(sigmas, abs=0.005)
+    assert max(np.abs(e).max() for e in errors.values()) == pytest.approx(largest, abs=0.02)
+
+
+def test_starloc_has_calibrated_ranges_beside_those_measured(rig: Logs) -> None:
+    assert set(rig) == {"loop-2d-fast_s1", "loop-2d-fast_s1_calibrated", "loop-2d_s5"}
+    measured, log = rig["loop-2d-fast_s1"], rig["loop-2d-fast_s1_calibrated"]
+    assert rows_in(measured) == rows_in(log) == {"ranges": 7602, "truth": 7602, "anchors": 8}
+    assert rows_in(rig["loop-2d_s5"]) == {"ranges": 2680, "truth": 1853, "anchors": 4}
+    errors = np.concatenate(list(range_errors(log).values()))
+    assert [np.median(errors), robust_sigma(errors), errors.std()] == pytest.approx(
+        [0.088, 0.086, 0.234], abs=0.004
+    )
+    assert "sigma_m" not in measured["ranges"]
+    first = published("starloc", "loop-2d-fast_s1_uwb.csv.gz")[0]
+    for table, name in ((measured["ranges"], "range"), (log["ranges"], "range_calib")):
+        assert table["range_m"][0] == float(first[name])
+    assert log["ranges"]["sigma_m"][0] == float(first["std"])
+
+
+@pytest.mark.parametrize(
+    ("run", "file", "arms"),
+    [
+        ("loop-2d-fast_s1", "loop-2d-fast_s1_uwb.csv.gz",
+         {"1": (-0.085, -0.207, 0.069), "2": (-0.085, 0.0, 0.069)}),
+        ("loop-2d_s5", "loop-2d_s5_uwb.csv.gz", {"1": (-0.186, -0.113, 0.098)}),
+    ],
+)  # fmt: skip
+def test_starloc_tags_are_where_their_arms_are_on_a_tilted_rig(
+    rig: Logs, run: str, file: str, arms: dict[str, tuple[float, float, float]]
+) -> None:
+    log, rows = rig[run], published("starloc", file)
+    true = np.array([[float(row[f"tag_pos_{axis}"]) for axis in "xyz"] for row in rows])
+    off = np.linalg.norm(tags_in_world(log) - true, axis=1)
+    assert np.median(off) < 0.01
+    assert off.max() < 0.055
+    for tag, arm in arms.items():  # of the same length, turned by the tilt
+        assert np.linalg.norm(log.tags[tag]) == pytest.approx(np.linalg.norm(arm), abs=0.006)
+    level = Log(tables=log.tables, tags=arms)
+    assert np.median(np.linalg.norm(tags_in_world(level) - true, axis=1)) > 0.028
+
+
+# What is refused ------------------------------------------------------------------------------
+
+DAMAGES = [
+    ("rcv_uwb_drone", "seq3_ranges.csv.gz", 4, "1,2,3", "line 4: 3 fields, expected 11"),
+    ("rcv_uwb_drone", "seq5_groundtruth.csv.gz", 2, "0,0,0,nan,0,0,0,1", "line 2: .*nan"),
+    ("rcv_uwb_drone", "seq1_anchors.csv", 1, "a,b", "line 1: expected the header anchor,x,y,z"),
+    ("starloc", "loop-2d_s5_uwb.csv.gz", 3, "1,2", "line 3: 2 fields, expected 15"),
+    ("starloc", "loop-2d-fast_s1_anchors.csv", 2, "4,1,2,inf", "line 2: .*inf"),
+]
+
+
+@pytest.mark.parametrize(("name", "file", "line", "text", "message"), DAMAGES)
+def test_a_damaged_line_is_named_and_nothing_is_written(
+    name: str, file: str, line: int, text: str, message: str, tmp_path: Path
+) -> None:
+    source = damaged(recording(name.replace("_", "-")), tmp_path / "source", file, line, text)
+    with pytest.raises(LogError, match=rf"{file}, {message}"):
+        convert(name, source, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "file"),
+    [("rcv_uwb_drone", "seq5_anchors.csv"), ("starloc", "loop-2d_s5_anchors.csv")],
+)
+def test_a_missing_file_is_named_and_nothing_is_written(
+    name: str, file: str, tmp_path: Path
+) -> None:
+    source = damaged(recording(name.replace("_", "-")), tmp_path / "source", file)
+    with pytest.raises(LogError, match=rf"{file}: no such file"):
+        convert(name, source, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
