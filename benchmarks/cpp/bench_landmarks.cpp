@@ -81,8 +81,8 @@ void update_of_403_states(benchmark::State& state) {
   std::size_t k = 0;
   for (auto _ : state) {
     k = (k + 7) % kLandmarks;
-    const auto lin = *model.linearize_with_landmark(
-        belief.pose(body), belief.mean(slots[k]), sight({}, place(static_cast<int>(k))));
+    const auto lin = *model.linearize_with_landmark(belief.pose(body), belief.mean(slots[k]),
+                                                    sight({}, place(static_cast<int>(k))));
     benchmark::DoNotOptimize(
         update(belief, lin, std::vector<Slot>{body, slots[k]}, Gate(0.999)).nis);
   }
@@ -163,10 +163,8 @@ void joint_compatibility_8_of_50(benchmark::State& state) {
     for (int k = 0; k < 50; ++k) {
       const auto lin =
           *model.linearize_with_landmark({0.2, 0.2, 0.03}, place(k), sight({}, place(6 * i)));
-      pairings.back().push_back({k,
-                                 {lin.residual, lin.jacobian, lin.noise},
-                                 {0, 1, 2, 3 + 2 * k, 4 + 2 * k},
-                                 0.0});
+      pairings.back().push_back(
+          {k, {lin.residual, lin.jacobian, lin.noise}, {0, 1, 2, 3 + 2 * k, 4 + 2 * k}, 0.0});
     }
   }
   std::size_t left = 0;

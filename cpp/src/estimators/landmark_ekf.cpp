@@ -164,8 +164,8 @@ Outcome LandmarkEkf::on(const PositionFix& z) {
   }
   Transaction transaction(belief_, z.stamp);
   advance_to(z.stamp);
-  return transaction.close(update(belief_, recipe_->position.linearize(pose(), z), body_,
-                                  recipe_->position_gate));
+  return transaction.close(
+      update(belief_, recipe_->position.linearize(pose(), z), body_, recipe_->position_gate));
 }
 
 Outcome LandmarkEkf::on(const RangeBearing& z) {

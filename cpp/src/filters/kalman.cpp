@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "locfuse/filters/kalman.hpp"
 
-#include <algorithm>
 #include <stdexcept>
 #include <string>
+
+#include "filters/covariance_lanes.hpp"
+#include "math/processor.hpp"
 
 namespace locfuse {
 namespace {
@@ -28,10 +30,10 @@ struct Joseph {
   [[nodiscard]] VectorXd short_form(const Covariance& P, Index column) const {
     const Index below = P.rows() - column;
     VectorXd a(P.rows());
-    a.head(column) = P.row(column).head(column).transpose() -
-                     PHt.topRows(column).lazyProduct(K.row(column).transpose());
-    a.tail(below) = P.col(column).tail(below) -
-                    K.bottomRows(below).lazyProduct(PHt.row(column).transpose());
+    a.head(column) =
+        P.col(column).head(column) - PHt.topRows(column).lazyProduct(K.row(column).transpose());
+    a.tail(below) =
+        P.col(column).tail(below) - K.bottomRows(below).lazyProduct(PHt.row(column).transpose());
     return a;
   }
 
@@ -40,35 +42,31 @@ struct Joseph {
     return a - rest.row(row).dot(K.row(row));
   }
 
-  void write_lower(Covariance& P) const {
-    for (Index column = 0; column < P.cols(); ++column) {
-      const Index below = P.rows() - column;
-      P.col(column).tail(below) =
-          (P.col(column).tail(below) -
-           K.bottomRows(below).lazyProduct(PHt.row(column).transpose())) -
-          rest.bottomRows(below).lazyProduct(K.row(column).transpose());
+  void write(Covariance& P) const {
+    if constexpr (M == 1 || M == 2) {
+      internal::WriteJoseph kernel =
+          M == 1 ? internal::portable::write_joseph_1 : internal::portable::write_joseph_2;
+#ifdef LOCFUSE_LANES_AVX2
+      if (internal::has_avx2()) {
+        kernel = M == 1 ? internal::avx2::write_joseph_1 : internal::avx2::write_joseph_2;
+      }
+#endif
+      kernel({P.data(), P.outerStride(), P.rows(), K.data(), PHt.data(), rest.data()});
+    } else {
+      for (Index column = 0; column < P.cols(); ++column) {
+        const Index below = P.rows() - column;
+        P.col(column).tail(below) = (P.col(column).tail(below) -
+                                     K.bottomRows(below).lazyProduct(PHt.row(column).transpose())) -
+                                    rest.bottomRows(below).lazyProduct(K.row(column).transpose());
+        P.row(column).tail(below) = P.col(column).tail(below).transpose();
+      }
     }
   }
 };
 
-/// Copies what is below the diagonal to above it, tile by tile: a tile of each fits in the cache.
-void mirror(Covariance& P) {
-  constexpr Index kTile = 16;
-  const Index size = P.rows();
-  for (Index column = 0; column < size; column += kTile) {
-    const Index width = std::min(kTile, size - column);
-    for (Index i = column; i < column + width; ++i) {
-      P.col(i).segment(column, i - column) = P.row(i).segment(column, i - column).transpose();
-    }
-    for (Index row = column + width; row < size; row += kTile) {
-      const Index height = std::min(kTile, size - row);
-      P.block(column, row, width, height) = P.block(row, column, height, width).transpose();
-    }
-  }
-}
-
 template <int M>
-Outcome update_rows(GaussianBelief& belief, const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin,
+Outcome update_rows(GaussianBelief& belief,
+                    const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin,
                     const std::vector<int>& rows, const Gate& gate) {
   const Index size = belief.dimension();
   const Index m = lin.residual.size();
@@ -100,8 +98,7 @@ Outcome update_rows(GaussianBelief& belief, const Linearization<Eigen::Dynamic, 
   }
   belief.x = x_new;
   internal::wrap_angles(belief.x, belief.angle_rows());
-  joseph.write_lower(belief.P);
-  mirror(belief.P);
+  joseph.write(belief.P);
   return outcome;
 }
 

@@ -12,7 +12,7 @@ namespace locfuse {
 /// A landmark that is known before the first message.
 struct KnownLandmark {
   Id id = 0;
-  Vector<2> position = Vector<2>::Zero();   ///< in world [m]
+  Vector<2> position = Vector<2>::Zero();  ///< in world [m]
   std::optional<Matrix<2, 2>> covariance;  ///< [m^2]; without it the position is exact
 };
 
@@ -25,16 +25,16 @@ struct LandmarkEstimate {
   bool confirmed = false;                          ///< whether it corrects the pose
 };
 
-/// Extended Kalman filter over the pose and the landmarks it sees: it maps while it localizes (Smith
-/// et al., 1990). Derivation: docs/models/landmark_ekf.md.
+/// Extended Kalman filter over the pose and the landmarks it sees: it maps while it localizes
+/// (Smith et al., 1990). Derivation: docs/models/landmark_ekf.md.
 ///
 /// A sighting that no landmark explains puts a new one into the state. It is tentative at first:
 /// it takes part in the belief with all its correlations, but its sightings are only counted. A
 /// sighting with a name needs no count, for the name says that it was recognized.
 ///
-/// Copying it is a snapshot. Every `on` throws std::invalid_argument for a message that is not valid
-/// and NumericalError where numbers break. A message that is not fused, for whatever reason, changes
-/// no bit of the estimator.
+/// Copying it is a snapshot. Every `on` throws std::invalid_argument for a message that is not
+/// valid and NumericalError where numbers break. A message that is not fused, for whatever reason,
+/// changes no bit of the estimator.
 class LandmarkEkf {
  public:
   struct Config {
@@ -43,8 +43,8 @@ class LandmarkEkf {
     PositionModel::Config position;
     double gate_landmark = 0.999;  ///< probability that a sighting passes its landmark's gate
     double gate_position = 0.999;  ///< likewise for a position fix
-    /// Likewise, wider: only a sighting that is outside this gate of every landmark is of a new one.
-    /// Between the two gates it is ambiguous, and dropped.
+    /// Likewise, wider: only a sighting that is outside this gate of every landmark is of a new
+    /// one. Between the two gates it is ambiguous, and dropped.
     double gate_new = 0.999999;
     int min_sightings = 3;          ///< that make a tentative landmark a confirmed one
     double confirm_within_s = 2.0;  ///< a tentative one is dropped this long after its first [s]

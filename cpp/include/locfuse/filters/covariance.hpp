@@ -44,7 +44,7 @@ class Covariance : public Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>> {
     const Eigen::Index size = rows();
     if (size + count > stride_) {
       Covariance larger;
-      larger.reshape(size + count, std::max(size + count, stride_ + stride_ / 2));
+      larger.reshape(size + count, std::max(size + count, roomy(stride_)));
       larger.topLeftCorner(size, size) = *this;
       swap(larger);
     } else {
@@ -71,6 +71,12 @@ class Covariance : public Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>> {
   }
 
  private:
+  /// Half as much again; of large ones an odd number of cache lines, or the entries of a row would
+  /// compete for the same places in the cache.
+  static Eigen::Index roomy(Eigen::Index stride) {
+    const Eigen::Index larger = stride + stride / 2;
+    return larger < 64 ? larger : larger / 16 * 16 + 8;
+  }
   template <class Values>
   void assign(const Values& values) {
     reshape(values.rows(), std::max(values.rows(), stride_));

@@ -19,6 +19,25 @@ namespace locfuse {
 
 namespace internal {
 
+/// K = C (L L')^-1, column by column: Eigen's own solver is made for larger L.
+template <class L, class Cross>
+void solve_columns(const L& factor, const Cross& C, Cross& K) {
+  const Eigen::Index m = C.cols();
+  K = C;
+  for (Eigen::Index i = 0; i < m; ++i) {
+    for (Eigen::Index j = 0; j < i; ++j) {
+      K.col(i) -= factor(i, j) * K.col(j);
+    }
+    K.col(i) /= factor(i, i);
+  }
+  for (Eigen::Index i = m - 1; i >= 0; --i) {
+    for (Eigen::Index j = i + 1; j < m; ++j) {
+      K.col(i) -= factor(j, i) * K.col(j);
+    }
+    K.col(i) /= factor(i, i);
+  }
+}
+
 /// The gain K and what a measurement says beside the belief, eq. (1) to (3) of
 /// docs/models/kalman.md; the verdict is kFused if it passes the gate.
 template <class Lin, class Cross, class S>
@@ -41,7 +60,11 @@ Outcome compare(const Lin& lin, const Cross& PHt, const S& innovation, const Gat
     }
     outcome.scale = std::exp(2.0 * factor.matrixLLT().diagonal().array().log().mean());
     outcome.nis = factor.matrixL().solve(lin.residual).squaredNorm();
-    K = factor.solve(PHt.transpose()).transpose();
+    if constexpr (Cross::RowsAtCompileTime == Eigen::Dynamic) {
+      solve_columns(factor.matrixLLT(), PHt, K);
+    } else {
+      K = factor.solve(PHt.transpose()).transpose();
+    }
   }
   outcome.verdict = outcome.nis > gate.limit(outcome.dof) ? Verdict::kGated : Verdict::kFused;
   return outcome;
