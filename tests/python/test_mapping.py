@@ -83,7 +83,8 @@ def errors_to_gps(log: Log, mapping: LandmarkMapping) -> FloatArray:
     fixes = log["positions"]
     at, inside = interpolate(mapping.estimate, fixes["stamp_ns"])
     gps = np.column_stack([fixes["x_m"], fixes["y_m"]])[inside]
-    return np.hypot(*(carried(at, *ANTENNA_M) - gps).T)
+    errors: FloatArray = np.hypot(*(carried(at, *ANTENNA_M) - gps).T)
+    return errors
 
 
 @pytest.fixture(scope="module")
@@ -95,9 +96,7 @@ def rms(errors: FloatArray) -> float:
     return float(np.sqrt(np.mean(errors**2)))
 
 
-def test_victoria_park_is_mapped_to_6_m_of_gps_which_is_not_told(
-    park: Log, tmp_path: Path
-) -> None:
+def test_victoria_park_is_mapped_to_6_m_of_gps_which_is_not_told(park: Log, tmp_path: Path) -> None:
     mapping = map_landmarks(park, truck(), start_of(park))
     assert rms(errors_to_gps(park, mapping)) < 6.0
     assert 100 < len(mapping.landmark) < 400
