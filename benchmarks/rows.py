@@ -37,7 +37,7 @@ class Measured:
 def all_rows(m: Measured) -> list[Row]:
     """Return every row; those of peers that are not there say so."""
     return [*filter_rows(m), *evaluation_rows(m), *range_rows(m), *scan_rows(m), *map_rows(m),
-            *cylinder_rows(m), *particle_rows(m)]  # fmt: skip
+            *cylinder_rows(m), *particle_rows(m), *landmark_rows(m)]  # fmt: skip
 
 
 def filter_rows(m: Measured) -> Iterator[Row]:
@@ -58,6 +58,17 @@ def filter_rows(m: Measured) -> Iterator[Row]:
     yield _within("Python, one call per epoch: motion and 5 ranges", m["epoch_call"], 3e-6)
     yield _faster("Python, a message, recorded: filterpy / ours", m, "replay_short", "filterpy",
                   150.0)  # fmt: skip
+
+
+def landmark_rows(m: Measured) -> Iterator[Row]:
+    """Compare landmarks as state with the memory they move, and known ones with Eigen by hand."""
+    yield _at_most("landmarks, an update of 403 states / its memory traffic",
+                   m["update_of_403_states"], m["traffic_of_403_states"], 2.0)  # fmt: skip
+    yield _plain("- the same: dense Eigen by hand / ours", m, "update_of_403_states",
+                 "dense_eigen_of_403_states")  # fmt: skip
+    yield _within("landmarks, 8 sightings of 50: association and fusion", m["joint_8_of_50"], 2e-3)
+    yield _at_most("known landmarks, a step: PoseEkf::on / Eigen by hand",
+                   m["known_map_pose_ekf"], m["known_map_fixed_size_eigen"], 2.0)  # fmt: skip
 
 
 def evaluation_rows(m: Measured) -> Iterator[Row]:

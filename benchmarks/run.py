@@ -36,7 +36,8 @@ def main(programs: Path) -> int:
     console = Console(width=None if sys.stdout.isatty() else 130, highlight=False)
     with Progress(TextColumn("{task.description}"), console=Console(stderr=True)) as progress:
         task = progress.add_task("")
-        for name in ("pose_ekf", "multilateration", "scan_matcher", "maps", "mcl", "cylinders"):
+        for name in ("pose_ekf", "multilateration", "scan_matcher", "maps", "mcl", "cylinders",
+                     "landmarks"):  # fmt: skip
             progress.update(task, description=f"running bench_{name}, minutes")
             context = run_cpp(measured, programs / f"bench_{name}") | context
         progress.update(task, description="running what is portable, and counting allocations")

@@ -78,7 +78,7 @@ Examples
       .def_property_readonly(
           "x", [](const GaussianBelief& b) { return b.x; }, "Mean, (n,).")
       .def_property_readonly(
-          "P", [](const GaussianBelief& b) { return b.P; }, "Covariance, (n, n).")
+          "P", [](const GaussianBelief& b) { return Eigen::MatrixXd(b.P); }, "Covariance, (n, n).")
       .def_property_readonly("dimension", &GaussianBelief::dimension)
       .def("add", &GaussianBelief::add, py::arg("name"), py::arg("kind"), py::arg("mean"),
            py::arg("covariance"))

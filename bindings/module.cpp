@@ -20,6 +20,7 @@ PYBIND11_MODULE(_core, m) {
   bind_filters(m);
   bind_estimators(m);
   bind_initializer(m);
+  bind_landmark_ekf(m);
   bind_mcl(m);
   bind_message_log(m);
   bind_replay(m);

@@ -27,7 +27,11 @@ __all__: list[str] = [
     "Increment",
     "Initializer",
     "InitializerConfig",
+    "KnownLandmark",
     "Landmark",
+    "LandmarkEkf",
+    "LandmarkEkfConfig",
+    "LandmarkEstimate",
     "LandmarkMap",
     "LandmarkSight",
     "LaserGeometry",
@@ -2324,6 +2328,206 @@ class Initializer:
         Takes one message.
         """
     def state(self) -> StartState: ...
+
+class KnownLandmark:
+    """
+    A landmark that a LandmarkEkf knows before the first message. Without a covariance (2, 2) its position [m] is exact.
+    """
+    def __init__(
+        self,
+        id: typing.SupportsInt | typing.SupportsIndex,
+        position: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
+        covariance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 2]"] | None = None,
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    @property
+    def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 2]"] | None:
+        """
+        Shape (2, 2) [m^2], or None.
+        """
+    @property
+    def id(self) -> int: ...
+    @property
+    def position(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"]:
+        """
+        Shape (2,), in world [m].
+        """
+
+class LandmarkEstimate:
+    """
+    What a LandmarkEkf says of a landmark.
+    """
+    def __repr__(self) -> str: ...
+    @property
+    def confirmed(self) -> bool:
+        """
+        Whether it corrects the pose.
+        """
+    @property
+    def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 2]"]:
+        """
+        Shape (2, 2) [m^2]; zero if it is exact.
+        """
+    @property
+    def id(self) -> int:
+        """
+        Negative if no sighting named it.
+        """
+    @property
+    def position(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"]:
+        """
+        Shape (2,), in world [m].
+        """
+    @property
+    def sightings(self) -> int: ...
+
+class LandmarkEkfConfig:
+    """
+    Noise, gates and behaviour of a LandmarkEkf.
+    """
+
+    landmark: RangeBearingConfig
+    odometry: OdometryConfig
+    position: PositionConfig
+    def __init__(self) -> None: ...
+    @property
+    def confirm_within_s(self) -> float:
+        """
+        A tentative landmark is dropped this long after its first sighting.
+        """
+    @confirm_within_s.setter
+    def confirm_within_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def gate_landmark(self) -> float:
+        """
+        Probability that a sighting passes its landmark's gate.
+        """
+    @gate_landmark.setter
+    def gate_landmark(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def gate_new(self) -> float:
+        """
+        Only a sighting outside this wider gate of every landmark is of a new one.
+        """
+    @gate_new.setter
+    def gate_new(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def gate_position(self) -> float: ...
+    @gate_position.setter
+    def gate_position(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def hold_s(self) -> float:
+        """
+        How long the last motion is believed without new odometry.
+        """
+    @hold_s.setter
+    def hold_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def max_landmarks(self) -> int: ...
+    @max_landmarks.setter
+    def max_landmarks(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+    @property
+    def min_sightings(self) -> int:
+        """
+        That make a tentative landmark a confirmed one.
+        """
+    @min_sightings.setter
+    def min_sightings(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_lost_heading_per_sqrt_s(self) -> float: ...
+    @sigma_lost_heading_per_sqrt_s.setter
+    def sigma_lost_heading_per_sqrt_s(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+    @property
+    def sigma_lost_xy_per_sqrt_s(self) -> float: ...
+    @sigma_lost_xy_per_sqrt_s.setter
+    def sigma_lost_xy_per_sqrt_s(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+
+class LandmarkEkf:
+    """
+    Extended Kalman filter over the pose and the landmarks it sees.
+
+    It maps while it localizes: a sighting that no landmark explains puts a new one into the state.
+
+    Parameters
+    ----------
+    config : LandmarkEkfConfig
+    start : PoseEstimate
+    sensor_in_body : Pose2, optional
+        Where the sensor sits that sees landmarks.
+    known : list of KnownLandmark, optional
+
+    Raises
+    ------
+    ValueError
+        If the config is out of range, the start not finite and positive definite, or a landmark is
+        given twice.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from locfuse import *
+    >>> start = PoseEstimate(0, Pose2(0, 0, 0), np.diag([0.01, 0.01, 0.01]) ** 2)
+    >>> ekf = LandmarkEkf(LandmarkEkfConfig(), start)
+    >>> ekf.on(RangeBearing(0, landmark=7, range=2.0, bearing=0.0)).verdict.name
+    'FUSED'
+    >>> tree = ekf.landmarks()[0]
+    >>> tree.id, tree.position.round(3).tolist()
+    (7, [2.0, 0.0])
+    """
+    def __copy__(self) -> LandmarkEkf:
+        """
+        A snapshot.
+        """
+    def __deepcopy__(self, memo: typing.Any) -> LandmarkEkf:
+        """
+        A snapshot.
+        """
+    def __init__(
+        self,
+        config: LandmarkEkfConfig,
+        start: PoseEstimate,
+        sensor_in_body: Pose2 = ...,
+        known: collections.abc.Sequence[KnownLandmark] = [],
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    def advance_to(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+    @typing.overload
+    def estimate(self) -> PoseEstimate:
+        """
+        The pose now: carried to the end of what odometry has told.
+        """
+    @typing.overload
+    def estimate(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> PoseEstimate:
+        """
+        The pose at `stamp` [ns], which must not lie before the belief.
+        """
+    def landmarks(self) -> list[LandmarkEstimate]:
+        """
+        All landmarks, in the order in which they came in.
+        """
+    @typing.overload
+    def on(self, message: Velocity) -> Outcome: ...
+    @typing.overload
+    def on(self, message: Increment) -> Outcome: ...
+    @typing.overload
+    def on(self, message: PositionFix) -> Outcome: ...
+    @typing.overload
+    def on(self, message: RangeBearing) -> Outcome:
+        """
+        Fuses one message. One that is not fused changes no bit of the estimator.
+        """
+    def on_joint(
+        self, sightings: collections.abc.Sequence[RangeBearing], association: Association = ...
+    ) -> list[Outcome]:
+        """
+        Fuses sightings of one stamp. Those that no landmark explains are of new ones, or gated if that is not sure. Returns an outcome for each.
+        """
+    @property
+    def belief(self) -> GaussianBelief: ...
 
 class LikelihoodFieldConfig:
     """

@@ -8,6 +8,8 @@
 #include <string>
 #include <utility>
 
+#include "estimators/recipe.hpp"
+
 namespace locfuse {
 namespace {
 
@@ -39,40 +41,18 @@ class Transaction {
   Matrix<3, 3> P_;
 };
 
-double positive(const char* name, double value) {
-  if (!(std::isfinite(value) && value > 0.0)) {
-    throw std::invalid_argument(std::string(name) + " is " + std::to_string(value) +
-                                ", expected a finite number > 0");
-  }
-  return value;
-}
-
-Stamp hold_of(const PoseEkf::Config& config) {
-  constexpr double kForever = 1e9;  // 32 years: end of a hold and any clock's time fit in a Stamp
-  return static_cast<Stamp>(std::min(positive("hold_s", config.hold_s), kForever) *
-                            kNanosecondsPerSecond);
-}
-
-OdometryMotion lost_motion(const PoseEkf::Config& config) {
-  OdometryMotion::Config lost = config.odometry;
-  lost.sigma_xy_per_sqrt_s = positive("sigma_lost_xy_per_sqrt_s", config.sigma_lost_xy_per_sqrt_s);
-  lost.sigma_heading_per_sqrt_s =
-      positive("sigma_lost_heading_per_sqrt_s", config.sigma_lost_heading_per_sqrt_s);
-  return OdometryMotion(lost);
-}
-
 }  // namespace
 
 PoseEkf::PoseEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
                  std::vector<Tag> tags, const PoseEstimate& start, LandmarkSight landmarks)
     : recipe_(std::make_shared<const Recipe>(
-          Recipe{config, OdometryMotion(config.odometry), lost_motion(config),
+          Recipe{config, OdometryMotion(config.odometry), internal::lost_motion(config),
                  RangeModel(config.range, std::move(anchors), std::move(tags)),
                  PositionModel(config.position), PoseModel(),
                  RangeBearingModel(config.landmark, landmarks.sensor_in_body),
                  landmarks.map ? std::move(landmarks.map) : std::make_shared<const LandmarkMap>(),
                  Gate(config.gate_range), Gate(config.gate_position), Gate(config.gate_pose),
-                 Gate(config.gate_landmark), hold_of(config)})),
+                 Gate(config.gate_landmark), internal::hold_of(config)})),
       belief_(GaussianBelief::of_pose(start.stamp, start.pose, start.covariance)),
       body_(belief_.slot("body")),
       odometry_(start.stamp) {
@@ -199,14 +179,7 @@ const Landmark* PoseEkf::nearest(const RangeBearing& z) const {
 
 std::vector<Outcome> PoseEkf::on_joint(const std::vector<RangeBearing>& sightings,
                                        Association association) {
-  for (const RangeBearing& z : sightings) {
-    validate(z);
-    if (z.stamp != sightings.front().stamp) {
-      throw std::invalid_argument("sightings of one instant have stamps " +
-                                  std::to_string(sightings.front().stamp) + " and " +
-                                  std::to_string(z.stamp) + " ns, expected one stamp");
-    }
-  }
+  internal::validate_together("sightings of one instant", sightings);
   std::vector<Outcome> outcomes(sightings.size(), Outcome{Verdict::kStale});
   if (sightings.empty() || sightings.front().stamp < belief_.stamp) {
     return outcomes;
@@ -268,14 +241,7 @@ Outcome PoseEkf::on_joint(const std::vector<Range>& epoch) {
     throw std::invalid_argument("an epoch has " + std::to_string(epoch.size()) +
                                 " ranges, expected 1 to " + std::to_string(kMaxJoint));
   }
-  for (const Range& z : epoch) {
-    validate(z);
-    if (z.stamp != epoch.front().stamp) {
-      throw std::invalid_argument("ranges of one epoch have stamps " +
-                                  std::to_string(epoch.front().stamp) + " and " +
-                                  std::to_string(z.stamp) + " ns, expected one stamp");
-    }
-  }
+  internal::validate_together("ranges of one epoch", epoch);
   return correct(epoch.front().stamp, recipe_->range_gate, [&](const Pose2& pose) {
     using Joint = Linearization<Eigen::Dynamic, 3, kMaxJoint>;
     const auto n = static_cast<Eigen::Index>(epoch.size());

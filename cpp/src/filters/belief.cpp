@@ -4,7 +4,6 @@
 #include <Eigen/Cholesky>
 #include <sstream>
 #include <stdexcept>
-#include <utility>
 
 namespace locfuse {
 
@@ -36,21 +35,18 @@ Slot GaussianBelief::add(const std::string& name, SlotKind kind,
          << covariance;
     throw std::invalid_argument(text.str());
   }
-  Layout layout = *layout_;
-  for (const Variable& variable : layout.variables) {
+  for (const Variable& variable : layout_->variables) {
     if (variable.offset >= 0 && variable.name == name) {
       throw std::invalid_argument("there is a slot '" + name + "' already");
     }
   }
   const int offset = dimension();
-  layout.variables.push_back({name, kind, offset});
+  own_layout().variables.push_back({name, kind, offset});
   x.conservativeResize(offset + size);
   x.tail(size) = mean;
-  P.conservativeResize(offset + size, offset + size);
-  P.rightCols(size).setZero();
-  P.bottomRows(size).setZero();
+  P.grow(size);
   P.bottomRightCorner(size, size) = covariance;
-  lay_out(std::move(layout));
+  find_angle_rows();
   for (const int row : angle_rows()) {
     x(row) = wrap_angle(x(row));
   }
@@ -60,32 +56,36 @@ Slot GaussianBelief::add(const std::string& name, SlotKind kind,
 void GaussianBelief::remove(Slot slot) {
   const int start = offset(slot);
   const int size = dimension_of(kind(slot));
-  std::vector<int> keep;
-  for (int row = 0; row < dimension(); ++row) {
-    if (row < start || row >= start + size) {
-      keep.push_back(row);
-    }
-  }
-  x = Eigen::VectorXd(x(keep));
-  P = Eigen::MatrixXd(P(keep, keep));
-  Layout layout = *layout_;
+  const int after = dimension() - start - size;
+  const Eigen::VectorXd rest = x.tail(after);
+  x.segment(start, after) = rest;
+  x.conservativeResize(start + after);
+  P.remove(start, size);
+  Layout& layout = own_layout();
   layout.variables[static_cast<std::size_t>(slot.id)].offset = -1;
   for (Variable& variable : layout.variables) {
     if (variable.offset > start) {
       variable.offset -= size;
     }
   }
-  lay_out(std::move(layout));
+  find_angle_rows();
 }
 
-void GaussianBelief::lay_out(Layout layout) {
-  layout.angle_rows.clear();
-  for (const Variable& variable : layout.variables) {
+/// The layout, which no other belief shares.
+GaussianBelief::Layout& GaussianBelief::own_layout() {
+  if (layout_.use_count() > 1) {
+    layout_ = std::make_shared<Layout>(*layout_);
+  }
+  return *layout_;
+}
+
+void GaussianBelief::find_angle_rows() {
+  layout_->angle_rows.clear();
+  for (const Variable& variable : layout_->variables) {
     if (variable.offset >= 0 && variable.kind == SlotKind::kPose2) {
-      layout.angle_rows.push_back(variable.offset + 2);
+      layout_->angle_rows.push_back(variable.offset + 2);
     }
   }
-  layout_ = std::make_shared<const Layout>(std::move(layout));
 }
 
 Slot GaussianBelief::slot(const std::string& name) const {

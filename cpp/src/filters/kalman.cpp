@@ -4,23 +4,127 @@
 #include <stdexcept>
 #include <string>
 
+#include "filters/covariance_lanes.hpp"
+#include "math/processor.hpp"
+
 namespace locfuse {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// n x M, or n x as many as there are where M is Eigen::Dynamic.
+template <int M>
+using Columns = Eigen::Matrix<double, Eigen::Dynamic, M>;
+
+/// Joseph's form of a covariance, entry by entry: eq. (10) of docs/models/kalman.md. What is above
+/// the diagonal is taken to be what is below it, so that the result is symmetric to the bit.
+template <int M>
+struct Joseph {
+  const Columns<M>& K;
+  const Columns<M>& PHt;
+  Columns<M> rest;  // A H' - K R
+
+  /// Column `column` of A = P - K (P H')'.
+  [[nodiscard]] VectorXd short_form(const Covariance& P, Index column) const {
+    const Index below = P.rows() - column;
+    VectorXd a(P.rows());
+    a.head(column) =
+        P.col(column).head(column) - PHt.topRows(column).lazyProduct(K.row(column).transpose());
+    a.tail(below) =
+        P.col(column).tail(below) - K.bottomRows(below).lazyProduct(PHt.row(column).transpose());
+    return a;
+  }
+
+  [[nodiscard]] double variance(const Covariance& P, Index row) const {
+    const double a = P(row, row) - K.row(row).dot(PHt.row(row));
+    return a - rest.row(row).dot(K.row(row));
+  }
+
+  void write(Covariance& P) const {
+    if constexpr (M == 1 || M == 2) {
+      internal::WriteJoseph kernel =
+          M == 1 ? internal::portable::write_joseph_1 : internal::portable::write_joseph_2;
+#ifdef LOCFUSE_LANES_AVX2
+      if (internal::has_avx2()) {
+        kernel = M == 1 ? internal::avx2::write_joseph_1 : internal::avx2::write_joseph_2;
+      }
+#endif
+      kernel({P.data(), P.outerStride(), P.rows(), K.data(), PHt.data(), rest.data()});
+    } else {
+      for (Index column = 0; column < P.cols(); ++column) {
+        const Index below = P.rows() - column;
+        P.col(column).tail(below) = (P.col(column).tail(below) -
+                                     K.bottomRows(below).lazyProduct(PHt.row(column).transpose())) -
+                                    rest.bottomRows(below).lazyProduct(K.row(column).transpose());
+        P.row(column).tail(below) = P.col(column).tail(below).transpose();
+      }
+    }
+  }
+};
+
+template <int M>
+Outcome update_rows(GaussianBelief& belief,
+                    const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin,
+                    const std::vector<int>& rows, const Gate& gate) {
+  const Index size = belief.dimension();
+  const Index m = lin.residual.size();
+  Columns<M> PHt = Columns<M>::Zero(size, m);
+  Eigen::Matrix<double, M, M> S = lin.noise;
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    PHt += belief.P.col(rows[k]).lazyProduct(lin.jacobian.col(static_cast<Index>(k)).transpose());
+  }
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    S += lin.jacobian.col(static_cast<Index>(k)) * PHt.row(rows[k]);
+  }
+  Columns<M> K(size, m);
+  const Outcome outcome = internal::compare(lin, PHt, S, gate, K);
+  if (outcome.verdict == Verdict::kGated) {
+    return outcome;
+  }
+  Joseph<M> joseph{K, PHt, -K * lin.noise};
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    joseph.rest += joseph.short_form(belief.P, rows[k])
+                       .lazyProduct(lin.jacobian.col(static_cast<Index>(k)).transpose());
+  }
+  const VectorXd x_new = belief.x + K * lin.residual;
+  bool positive = std::isfinite(x_new.sum());
+  for (Index row = 0; row < size && positive; ++row) {
+    positive = joseph.variance(belief.P, row) > 0.0;
+  }
+  if (!positive) {
+    internal::refuse_result();
+  }
+  belief.x = x_new;
+  internal::wrap_angles(belief.x, belief.angle_rows());
+  joseph.write(belief.P);
+  return outcome;
+}
+
+}  // namespace
 
 Outcome internal::update_part(GaussianBelief& belief,
                               const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin, Slots slots,
                               const Gate& gate) {
   const std::vector<int> rows = belief.rows(slots);
-  if (static_cast<Eigen::Index>(rows.size()) != lin.jacobian.cols()) {
+  if (static_cast<Index>(rows.size()) != lin.jacobian.cols()) {
     throw std::invalid_argument("the Jacobian has " + std::to_string(lin.jacobian.cols()) +
                                 " columns, the slots hold " + std::to_string(rows.size()) +
                                 " variables");
   }
-  const Eigen::MatrixXd PHt = belief.P(Eigen::all, rows) * lin.jacobian.transpose();
-  const Eigen::MatrixXd S = lin.jacobian * PHt(rows, Eigen::all) + lin.noise;
-  return fuse(belief.x, belief.P, lin, PHt, S, gate, belief.angle_rows(),
-              [&](const Eigen::MatrixXd& A) {
-                return Eigen::MatrixXd(A(Eigen::all, rows) * lin.jacobian.transpose());
-              });
+  switch (lin.residual.size()) {
+    case 1:
+      return update_rows<1>(belief, lin, rows, gate);
+    case 2:
+      return update_rows<2>(belief, lin, rows, gate);
+    default:
+      return update_rows<Eigen::Dynamic>(belief, lin, rows, gate);
+  }
+}
+
+void internal::refuse_result() {
+  throw NumericalError("update would leave a belief that is not finite and positive");
 }
 
 void internal::refuse_rows(Eigen::Index residual, Eigen::Index jacobian, Eigen::Index noise,
@@ -35,22 +139,52 @@ void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slo
   const Vector<3> moved(step.moved.x, step.moved.y, wrap_angle(step.moved.heading));
   (void)belief.pose(slot);  // throws unless it is one
   const int row = belief.offset(slot);
-  const bool whole = belief.dimension() == 3;
-  Eigen::Map<Matrix<3, 3>, 0, Eigen::OuterStride<>> P(&belief.P(row, row),
-                                                      Eigen::OuterStride<>(belief.dimension()));
+  const Matrix<3, 3> P = belief.P.block<3, 3>(row, row);
   const Matrix<3, 3> FP = step.jacobian * P;
   Matrix<3, 3> P_new = step.noise;
   P_new.noalias() += FP * step.jacobian.transpose();
   if (!std::isfinite(P_new.sum() + moved.sum()) || !(P_new.diagonal().minCoeff() > 0.0)) {
     throw NumericalError("prediction would leave a belief that is not finite and positive");
   }
-  if (!whole) {
-    const Matrix<3, Eigen::Dynamic> cross = step.jacobian * belief.P.middleRows<3>(row);
-    belief.P.middleRows<3>(row) = cross;
-    belief.P.middleCols<3>(row) = cross.transpose();
+  const Index size = belief.dimension();
+  for (Index other = 0; size > 3 && other < size; ++other) {
+    const Vector<3> cross = step.jacobian * belief.P.block<3, 1>(row, other);
+    belief.P.block<3, 1>(row, other) = cross;
+    belief.P.block<1, 3>(other, row) = cross.transpose();
   }
-  P = 0.5 * (P_new + P_new.transpose());
+  belief.P.block<3, 3>(row, row) = 0.5 * (P_new + P_new.transpose());
   belief.x.segment<3>(row) = moved;
+}
+
+Slot augment(GaussianBelief& belief, const std::string& name, SlotKind kind,
+             const Eigen::Ref<const VectorXd>& mean, const Eigen::Ref<const MatrixXd>& jacobian,
+             const Eigen::Ref<const MatrixXd>& noise, Slots slots) {
+  const std::vector<int> rows = belief.rows(slots);
+  const Index size = dimension_of(kind);
+  if (static_cast<Index>(rows.size()) != jacobian.cols() || jacobian.rows() != size ||
+      noise.rows() != size || noise.cols() != size) {
+    throw std::invalid_argument(
+        "slot '" + name + "' of " + std::to_string(size) + " variables after " +
+        std::to_string(rows.size()) + " got a Jacobian of " + std::to_string(jacobian.rows()) +
+        " x " + std::to_string(jacobian.cols()) + " and noise of " + std::to_string(noise.rows()) +
+        " x " + std::to_string(noise.cols()));
+  }
+  MatrixXd cross = MatrixXd::Zero(size, belief.dimension());
+  MatrixXd own = noise;
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    cross.noalias() += jacobian.col(static_cast<Index>(k)) * belief.P.col(rows[k]).transpose();
+  }
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    own.noalias() += cross.col(rows[k]) * jacobian.col(static_cast<Index>(k)).transpose();
+  }
+  const bool positive = noise.allFinite() && Eigen::LLT<MatrixXd>(noise).info() == Eigen::Success;
+  if (!positive || !mean.allFinite() || !cross.allFinite() || !own.allFinite()) {
+    throw NumericalError("slot '" + name + "' would not be finite with positive noise");
+  }
+  const Slot added = belief.add(name, kind, mean, 0.5 * (own + own.transpose()));
+  belief.P.bottomLeftCorner(size, cross.cols()) = cross;
+  belief.P.topRightCorner(cross.cols(), size) = cross.transpose();
+  return added;
 }
 
 }  // namespace locfuse

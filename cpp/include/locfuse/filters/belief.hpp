@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "locfuse/filters/covariance.hpp"
 #include "locfuse/geometry/pose2.hpp"
 #include "locfuse/math/types.hpp"
 #include "locfuse/time.hpp"
@@ -98,7 +99,7 @@ class GaussianBelief {
 
   Stamp stamp = 0;
   Eigen::VectorXd x;  ///< mean, angles wrapped
-  Eigen::MatrixXd P;  ///< covariance of the error state
+  Covariance P;       ///< of the error state
 
  private:
   struct Variable {
@@ -117,9 +118,10 @@ class GaussianBelief {
     }
     return layout_->variables[id];
   }
-  void lay_out(Layout layout);
+  Layout& own_layout();
+  void find_angle_rows();
 
-  std::shared_ptr<const Layout> layout_ = std::make_shared<const Layout>();  // shared by snapshots
+  std::shared_ptr<Layout> layout_ = std::make_shared<Layout>();  // written only while not shared
 };
 
 }  // namespace locfuse

@@ -3,6 +3,8 @@
 
 #include <Eigen/Cholesky>
 #include <cmath>
+#include <string>
+#include <vector>
 
 #include "locfuse/error.hpp"
 #include "locfuse/filters/belief.hpp"
@@ -17,16 +19,32 @@ namespace locfuse {
 
 namespace internal {
 
-/// x += K r and Joseph's form of (I - K H) P, eq. (4) to (6) of docs/models/kalman.md, computed as
-/// A - (A H' - K R) K' with A = P - K (P H')', which costs O(n^2) per measurement row.
-/// `times_Ht(A)` is A H' where H's columns stand for some rows of the belief only.
-template <class X, class Cov, class Lin, class Cross, class S, class TimesHt>
-Outcome fuse(X& x, Cov& P, const Lin& lin, const Cross& PHt, const S& innovation, const Gate& gate,
-             const std::vector<int>& angle_rows, const TimesHt& times_Ht) {
+/// K = C (L L')^-1, column by column: Eigen's own solver is made for larger L.
+template <class L, class Cross>
+void solve_columns(const L& factor, const Cross& C, Cross& K) {
+  const Eigen::Index m = C.cols();
+  K = C;
+  for (Eigen::Index i = 0; i < m; ++i) {
+    for (Eigen::Index j = 0; j < i; ++j) {
+      K.col(i) -= factor(i, j) * K.col(j);
+    }
+    K.col(i) /= factor(i, i);
+  }
+  for (Eigen::Index i = m - 1; i >= 0; --i) {
+    for (Eigen::Index j = i + 1; j < m; ++j) {
+      K.col(i) -= factor(j, i) * K.col(j);
+    }
+    K.col(i) /= factor(i, i);
+  }
+}
+
+/// The gain K and what a measurement says beside the belief, eq. (1) to (3) of
+/// docs/models/kalman.md; the verdict is kFused if it passes the gate.
+template <class Lin, class Cross, class S>
+Outcome compare(const Lin& lin, const Cross& PHt, const S& innovation, const Gate& gate, Cross& K) {
   Outcome outcome;
   outcome.dof = static_cast<int>(lin.residual.size());
   outcome.residual = lin.residual(0);
-  Cross K;
   if constexpr (S::RowsAtCompileTime == 1) {
     outcome.scale = innovation(0, 0);
     if (!(outcome.scale > 0.0)) {
@@ -42,10 +60,36 @@ Outcome fuse(X& x, Cov& P, const Lin& lin, const Cross& PHt, const S& innovation
     }
     outcome.scale = std::exp(2.0 * factor.matrixLLT().diagonal().array().log().mean());
     outcome.nis = factor.matrixL().solve(lin.residual).squaredNorm();
-    K = factor.solve(PHt.transpose()).transpose();
+    if constexpr (Cross::RowsAtCompileTime == Eigen::Dynamic) {
+      solve_columns(factor.matrixLLT(), PHt, K);
+    } else {
+      K = factor.solve(PHt.transpose()).transpose();
+    }
   }
-  if (outcome.nis > gate.limit(outcome.dof)) {
-    outcome.verdict = Verdict::kGated;
+  outcome.verdict = outcome.nis > gate.limit(outcome.dof) ? Verdict::kGated : Verdict::kFused;
+  return outcome;
+}
+
+template <class X>
+void wrap_angles(X& x, const std::vector<int>& angle_rows) {
+  for (const int row : angle_rows) {
+    if (std::abs(x(row)) >= kPi) {
+      x(row) = wrap_angle(x(row));
+    }
+  }
+}
+
+[[noreturn]] void refuse_result();
+
+/// x += K r and Joseph's form of (I - K H) P, eq. (4) to (6) of docs/models/kalman.md, computed as
+/// A - (A H' - K R) K' with A = P - K (P H')', which costs O(n^2) per measurement row.
+/// `times_Ht(A)` is A H'.
+template <class X, class Cov, class Lin, class Cross, class S, class TimesHt>
+Outcome fuse(X& x, Cov& P, const Lin& lin, const Cross& PHt, const S& innovation, const Gate& gate,
+             const std::vector<int>& angle_rows, const TimesHt& times_Ht) {
+  Cross K;
+  const Outcome outcome = compare(lin, PHt, innovation, gate, K);
+  if (outcome.verdict == Verdict::kGated) {
     return outcome;
   }
   const typename X::PlainObject x_new = x + K * lin.residual;
@@ -53,23 +97,19 @@ Outcome fuse(X& x, Cov& P, const Lin& lin, const Cross& PHt, const S& innovation
   const Cross rest = times_Ht(A) - K * lin.noise;
   A -= rest.lazyProduct(K.transpose());
   if (!std::isfinite(x_new.sum()) || !(A.diagonal().minCoeff() > 0.0)) {
-    throw NumericalError("update would leave a belief that is not finite and positive");
+    refuse_result();
   }
   x = x_new;
-  for (const int row : angle_rows) {
-    if (std::abs(x(row)) >= kPi) {
-      x(row) = wrap_angle(x(row));
-    }
-  }
+  wrap_angles(x, angle_rows);
   P = 0.5 * (A + A.transpose());
-  outcome.verdict = Verdict::kFused;
   return outcome;
 }
 
 [[noreturn]] void refuse_rows(Eigen::Index residual, Eigen::Index jacobian, Eigen::Index noise,
                               Eigen::Index noise_columns);
 
-/// The update where the slots are part of the belief, or the sizes are known at run time only.
+/// The update where the slots are part of the belief, or the sizes are known at run time only: P is
+/// read and written once, eq. (10) of docs/models/kalman.md.
 Outcome update_part(GaussianBelief& belief,
                     const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin, Slots slots,
                     const Gate& gate);
@@ -98,7 +138,7 @@ Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slo
     internal::check_rows(lin);
   }
   if constexpr (N != Eigen::Dynamic && MaxM != Eigen::Dynamic) {
-    if (belief.is_whole(slots, N)) {
+    if (belief.is_whole(slots, N) && belief.P.outerStride() == N) {
       using Noise = Eigen::Matrix<double, M, M, Eigen::ColMajor, MaxM, MaxM>;
       using Cross = Eigen::Matrix<double, N, M, Eigen::ColMajor, N, MaxM>;
       Eigen::Map<Vector<N>> x(belief.x.data());
@@ -114,6 +154,18 @@ Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slo
 
 /// Moves the pose in `slot`: mean to `step.moved`, P to F P F' + Q with its cross-covariances.
 /// Throws NumericalError, belief untouched, if a result is not finite.
+/// Touches three rows and columns.
 void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slot);
+
+/// Adds a variable g(y, v) that is a function of those in `slots`, y, and of noise v: `mean` is g,
+/// `jacobian` dg/dy, `noise` the covariance that v gives it. Eq. (11) and (12) of
+/// docs/models/kalman.md. The belief is changed whole or not at all.
+///
+/// Throws NumericalError if a number is not finite or `noise` not positive definite,
+/// std::invalid_argument on a name that is taken or sizes that do not match.
+Slot augment(GaussianBelief& belief, const std::string& name, SlotKind kind,
+             const Eigen::Ref<const Eigen::VectorXd>& mean,
+             const Eigen::Ref<const Eigen::MatrixXd>& jacobian,
+             const Eigen::Ref<const Eigen::MatrixXd>& noise, Slots slots);
 
 }  // namespace locfuse

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "bindings.hpp"
+#include "locfuse/estimators/landmark_ekf.hpp"
+
+namespace py = pybind11;
+using locfuse::KnownLandmark;
+using locfuse::LandmarkEkf;
+using locfuse::LandmarkEstimate;
+
+void bind_landmark_ekf(py::module_& m) {
+  using Covariance2 = locfuse::Matrix<2, 2>;
+  using Config = LandmarkEkf::Config;
+  py::class_<KnownLandmark>(m, "KnownLandmark",
+                            "A landmark that a LandmarkEkf knows before the first message. Without "
+                            "a covariance (2, 2) its position [m] is exact.")
+      .def(py::init([](locfuse::Id id, const locfuse::Vector<2>& position,
+                       const std::optional<Covariance2>& covariance) {
+             return KnownLandmark{id, position, covariance};
+           }),
+           py::arg("id"), py::arg("position"), py::arg("covariance") = py::none())
+      .def_readonly("id", &KnownLandmark::id)
+      .def_readonly("position", &KnownLandmark::position, "Shape (2,), in world [m].")
+      .def_readonly("covariance", &KnownLandmark::covariance, "Shape (2, 2) [m^2], or None.")
+      .def("__repr__", [](const KnownLandmark& landmark) {
+        return "KnownLandmark(" + std::to_string(landmark.id) + ")";
+      });
+  py::class_<LandmarkEstimate>(m, "LandmarkEstimate", "What a LandmarkEkf says of a landmark.")
+      .def_readonly("id", &LandmarkEstimate::id, "Negative if no sighting named it.")
+      .def_readonly("position", &LandmarkEstimate::position, "Shape (2,), in world [m].")
+      .def_readonly("covariance", &LandmarkEstimate::covariance,
+                    "Shape (2, 2) [m^2]; zero if it is exact.")
+      .def_readonly("sightings", &LandmarkEstimate::sightings)
+      .def_readonly("confirmed", &LandmarkEstimate::confirmed, "Whether it corrects the pose.")
+      .def("__repr__", [](const LandmarkEstimate& landmark) {
+        return "LandmarkEstimate(" + std::to_string(landmark.id) + ", " +
+               std::to_string(landmark.sightings) + " sightings)";
+      });
+  py::class_<Config>(m, "LandmarkEkfConfig", "Noise, gates and behaviour of a LandmarkEkf.")
+      .def(py::init<>())
+      .def_readwrite("odometry", &Config::odometry)
+      .def_readwrite("landmark", &Config::landmark)
+      .def_readwrite("position", &Config::position)
+      .def_readwrite("gate_landmark", &Config::gate_landmark,
+                     "Probability that a sighting passes its landmark's gate.")
+      .def_readwrite("gate_position", &Config::gate_position)
+      .def_readwrite("gate_new", &Config::gate_new,
+                     "Only a sighting outside this wider gate of every landmark is of a new one.")
+      .def_readwrite("min_sightings", &Config::min_sightings,
+                     "That make a tentative landmark a confirmed one.")
+      .def_readwrite("confirm_within_s", &Config::confirm_within_s,
+                     "A tentative landmark is dropped this long after its first sighting.")
+      .def_readwrite("max_landmarks", &Config::max_landmarks)
+      .def_readwrite("hold_s", &Config::hold_s,
+                     "How long the last motion is believed without new odometry.")
+      .def_readwrite("sigma_lost_xy_per_sqrt_s", &Config::sigma_lost_xy_per_sqrt_s)
+      .def_readwrite("sigma_lost_heading_per_sqrt_s", &Config::sigma_lost_heading_per_sqrt_s);
+  py::class_<LandmarkEkf>(m, "LandmarkEkf",
+                          R"(Extended Kalman filter over the pose and the landmarks it sees.
+
+It maps while it localizes: a sighting that no landmark explains puts a new one into the state.
+
+Parameters
+----------
+config : LandmarkEkfConfig
+start : PoseEstimate
+sensor_in_body : Pose2, optional
+    Where the sensor sits that sees landmarks.
+known : list of KnownLandmark, optional
+
+Raises
+------
+ValueError
+    If the config is out of range, the start not finite and positive definite, or a landmark is
+    given twice.
+
+Examples
+--------
+>>> import numpy as np
+>>> from locfuse import *
+>>> start = PoseEstimate(0, Pose2(0, 0, 0), np.diag([0.01, 0.01, 0.01]) ** 2)
+>>> ekf = LandmarkEkf(LandmarkEkfConfig(), start)
+>>> ekf.on(RangeBearing(0, landmark=7, range=2.0, bearing=0.0)).verdict.name
+'FUSED'
+>>> tree = ekf.landmarks()[0]
+>>> tree.id, tree.position.round(3).tolist()
+(7, [2.0, 0.0])
+)")
+      .def(py::init<const Config&, const locfuse::PoseEstimate&, const locfuse::Pose2&,
+                    const std::vector<KnownLandmark>&>(),
+           py::arg("config"), py::arg("start"), py::arg("sensor_in_body") = locfuse::Pose2{},
+           py::arg("known") = std::vector<KnownLandmark>{})
+      .def("on", py::overload_cast<const locfuse::Velocity&>(&LandmarkEkf::on), py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::Increment&>(&LandmarkEkf::on), py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::PositionFix&>(&LandmarkEkf::on),
+           py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::RangeBearing&>(&LandmarkEkf::on),
+           py::arg("message"),
+           "Fuses one message. One that is not fused changes no bit of the estimator.")
+      .def("on_joint", &LandmarkEkf::on_joint, py::arg("sightings"),
+           py::arg_v("association", locfuse::Association::kJoint, "Association.JOINT"),
+           "Fuses sightings of one stamp. Those that no landmark explains are of new ones, or "
+           "gated if that is not sure. Returns an outcome for each.")
+      .def("advance_to", &LandmarkEkf::advance_to, py::arg("stamp"))
+      .def("estimate", py::overload_cast<>(&LandmarkEkf::estimate, py::const_),
+           "The pose now: carried to the end of what odometry has told.")
+      .def("estimate", py::overload_cast<locfuse::Stamp>(&LandmarkEkf::estimate, py::const_),
+           py::arg("stamp"), "The pose at `stamp` [ns], which must not lie before the belief.")
+      .def("landmarks", &LandmarkEkf::landmarks,
+           "All landmarks, in the order in which they came in.")
+      .def_property_readonly("belief", &LandmarkEkf::belief, py::return_value_policy::copy)
+      .def(
+          "__copy__", [](const LandmarkEkf& ekf) { return ekf; }, "A snapshot.")
+      .def(
+          "__deepcopy__", [](const LandmarkEkf& ekf, const py::object& /*memo*/) { return ekf; },
+          py::arg("memo"), "A snapshot.")
+      .def("__repr__", [](const LandmarkEkf& ekf) {
+        return "LandmarkEkf(at " + std::to_string(ekf.belief().stamp) + " ns, " +
+               std::to_string(ekf.landmarks().size()) + " landmarks)";
+      });
+}

@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "locfuse/estimators/pose_ekf.hpp"
+
+namespace locfuse {
+
+/// A landmark that is known before the first message.
+struct KnownLandmark {
+  Id id = 0;
+  Vector<2> position = Vector<2>::Zero();  ///< in world [m]
+  std::optional<Matrix<2, 2>> covariance;  ///< [m^2]; without it the position is exact
+};
+
+/// What a LandmarkEkf says of a landmark.
+struct LandmarkEstimate {
+  Id id = 0;
+  Vector<2> position = Vector<2>::Zero();          ///< in world [m]
+  Matrix<2, 2> covariance = Matrix<2, 2>::Zero();  ///< [m^2]; zero if it is exact
+  int sightings = 0;                               ///< of it, fused or counted
+  bool confirmed = false;                          ///< whether it corrects the pose
+};
+
+/// Extended Kalman filter over the pose and the landmarks it sees: it maps while it localizes
+/// (Smith et al., 1990). Derivation: docs/models/landmark_ekf.md.
+///
+/// A sighting that no landmark explains puts a new one into the state. It is tentative at first:
+/// it takes part in the belief with all its correlations, but its sightings are only counted. A
+/// sighting with a name needs no count, for the name says that it was recognized.
+///
+/// Copying it is a snapshot. Every `on` throws std::invalid_argument for a message that is not
+/// valid and NumericalError where numbers break. A message that is not fused, for whatever reason,
+/// changes no bit of the estimator.
+class LandmarkEkf {
+ public:
+  struct Config {
+    OdometryMotion::Config odometry;
+    RangeBearingModel::Config landmark;
+    PositionModel::Config position;
+    double gate_landmark = 0.999;  ///< probability that a sighting passes its landmark's gate
+    double gate_position = 0.999;  ///< likewise for a position fix
+    /// Likewise, wider: only a sighting that is outside this gate of every landmark is of a new
+    /// one. Between the two gates it is ambiguous, and dropped.
+    double gate_new = 0.999999;
+    int min_sightings = 3;          ///< that make a tentative landmark a confirmed one
+    double confirm_within_s = 2.0;  ///< a tentative one is dropped this long after its first [s]
+    int max_landmarks = 500;        ///< in the state; further ones are not added
+    double hold_s = 1.0;            ///< as of a PoseEkf [s]
+    double sigma_lost_xy_per_sqrt_s = 0.5;       ///< likewise [m / sqrt(s)]
+    double sigma_lost_heading_per_sqrt_s = 0.5;  ///< likewise [rad / sqrt(s)]
+  };
+
+  /// Starts from `start`; `sensor_in_body` is T_body_sensor of what sees landmarks. Throws
+  /// std::invalid_argument on a config out of range, a start that is not finite and positive
+  /// definite, or landmarks that are given twice or have no valid position or covariance.
+  LandmarkEkf(const Config& config, const PoseEstimate& start, const Pose2& sensor_in_body = {},
+              const std::vector<KnownLandmark>& known = {});
+
+  Outcome on(const Velocity& u);
+  Outcome on(const Increment& u);
+  Outcome on(const PositionFix& z);
+  /// One sighting by itself; without a name it is of the nearest landmark.
+  Outcome on(const RangeBearing& z);
+  /// Ranges and poses are kIgnored.
+  Outcome on(const Message& message);
+
+  /// Sightings of one instant. Those that landmarks explain are fused first; the others are then of
+  /// tentative landmarks, of new ones, or kGated. A new or tentative landmark makes it kFused.
+  /// kNotModelled: range or bearing alone of an unknown landmark, or no room for it.
+  std::vector<Outcome> on_joint(const std::vector<RangeBearing>& sightings,
+                                Association association = Association::kJoint);
+
+  /// Carries the belief to `stamp` with what odometry says. Earlier stamps change nothing. Throws
+  /// std::invalid_argument if the stamp is beyond kStampLimit.
+  void advance_to(Stamp stamp);
+
+  /// The pose at the belief's own stamp.
+  [[nodiscard]] PoseEstimate current() const;
+  /// The pose now: carried to the end of what odometry has told.
+  [[nodiscard]] PoseEstimate estimate() const;
+  /// The pose carried to `stamp`, which must not lie before the belief.
+  [[nodiscard]] PoseEstimate estimate(Stamp stamp) const;
+  /// All landmarks, in the order in which they came in.
+  [[nodiscard]] std::vector<LandmarkEstimate> landmarks() const;
+
+  [[nodiscard]] const GaussianBelief& belief() const { return belief_; }
+  [[nodiscard]] Pose2 pose() const { return {belief_.x(0), belief_.x(1), belief_.x(2)}; }
+
+ private:
+  struct Recipe {  // what never changes, shared by all snapshots
+    Config config;
+    OdometryMotion motion;
+    OdometryMotion lost;
+    RangeBearingModel landmark;
+    PositionModel position;
+    Gate landmark_gate;
+    Gate position_gate;
+    Gate new_gate;
+    Stamp hold;
+    Stamp confirm_within;
+  };
+  struct Track {
+    Id id;
+    std::optional<Slot> slot;  // without one it is exact
+    Vector<2> exact;
+    int sightings;
+    bool confirmed;
+    Stamp first_seen;
+  };
+  struct Match {
+    int track = -1;  // or none
+    Outcome outcome;
+  };
+  using Sighting = Linearization<Eigen::Dynamic, 5, 2>;
+
+  static Recipe recipe_of(const Config& config, const Pose2& sensor_in_body);
+  void add_known(const KnownLandmark& landmark);
+  void advance(GaussianBelief& belief, Stamp stamp) const;
+  [[nodiscard]] int find(Id id) const;
+  [[nodiscard]] Vector<2> position_of(const Track& track) const;
+  [[nodiscard]] Matrix<5, 5> covariance_with(const Track& track) const;
+  [[nodiscard]] bool in_reach(const Track& track, const RangeBearing& z) const;
+  [[nodiscard]] std::optional<Sighting> linearize(const Track& track, const RangeBearing& z) const;
+  [[nodiscard]] Outcome compare(const Track& track, const Sighting& lin) const;
+  [[nodiscard]] std::vector<int> associated(const std::vector<RangeBearing>& sightings,
+                                            Association association) const;
+  [[nodiscard]] Pairings candidates(const std::vector<RangeBearing>& sightings) const;
+  [[nodiscard]] Match nearest(const RangeBearing& z) const;
+  Outcome correct(Track& track, const RangeBearing& z);
+  Outcome unexplained(const RangeBearing& z, std::vector<bool>& seen);
+  Outcome count(Track& track, const RangeBearing& z, Outcome outcome);
+  Outcome add(const RangeBearing& z);
+  void drop_tentative();
+
+  std::shared_ptr<const Recipe> recipe_;
+  GaussianBelief belief_;
+  Slot body_;
+  HeldMotion odometry_;
+  std::vector<Track> tracks_;
+  Id unnamed_ = -1;  // id of the next landmark without a name
+};
+
+}  // namespace locfuse

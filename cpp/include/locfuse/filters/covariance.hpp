@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <new>
+#include <utility>
+#include <vector>
+
+namespace locfuse {
+
+/// Square matrix with room to grow: an Eigen::Map of memory that it owns. Adding rows and columns
+/// one after the other copies each entry a bounded number of times.
+class Covariance : public Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>> {
+ public:
+  using View = Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
+
+  Covariance() : View(nullptr, 0, 0, Eigen::OuterStride<>(0)) {}
+  Covariance(const Covariance& other) : Covariance() { assign(other); }
+  Covariance(Covariance&& other) noexcept : Covariance() { swap(other); }
+  ~Covariance() = default;
+  Covariance& operator=(const Covariance& other) {
+    if (this != &other) {
+      assign(other);
+    }
+    return *this;
+  }
+  Covariance& operator=(Covariance&& other) noexcept {
+    swap(other);
+    return *this;
+  }
+  template <class Derived>
+  Covariance& operator=(const Eigen::MatrixBase<Derived>& values) {
+    if (values.rows() == rows() && values.cols() == cols()) {
+      View::operator=(values);
+    } else {
+      assign(Eigen::MatrixXd(values));  // `values` may be a part of this
+    }
+    return *this;
+  }
+
+  /// Appends rows and columns of zeros.
+  void grow(Eigen::Index count) {
+    const Eigen::Index size = rows();
+    if (size + count > stride_) {
+      Covariance larger;
+      larger.reshape(size + count, std::max(size + count, roomy(stride_)));
+      larger.topLeftCorner(size, size) = *this;
+      swap(larger);
+    } else {
+      reshape(size + count, stride_);
+    }
+    rightCols(count).setZero();
+    bottomRows(count).setZero();
+  }
+
+  /// Takes out `count` rows and columns from `first` on.
+  void remove(Eigen::Index first, Eigen::Index count) {
+    const Eigen::Index size = rows();
+    double* to = data();
+    for (Eigen::Index column = 0; column < size; ++column) {
+      if (column >= first && column < first + count) {
+        continue;
+      }
+      const double* from = data() + column * stride_;
+      std::copy(from, from + first, to);
+      std::copy(from + first + count, from + size, to + first);
+      to += stride_;
+    }
+    reshape(size - count, stride_);
+  }
+
+ private:
+  /// Half as much again; of large ones an odd number of cache lines, or the entries of a row would
+  /// compete for the same places in the cache.
+  static Eigen::Index roomy(Eigen::Index stride) {
+    const Eigen::Index larger = stride + stride / 2;
+    return larger < 64 ? larger : larger / 16 * 16 + 8;
+  }
+  template <class Values>
+  void assign(const Values& values) {
+    reshape(values.rows(), std::max(values.rows(), stride_));
+    View::operator=(values);
+  }
+  void reshape(Eigen::Index size, Eigen::Index stride) {
+    stride_ = stride;
+    memory_.resize(static_cast<std::size_t>(stride * stride));
+    show(size);
+  }
+  void swap(Covariance& other) noexcept {
+    const Eigen::Index size = rows();
+    const Eigen::Index others = other.rows();
+    memory_.swap(other.memory_);
+    std::swap(stride_, other.stride_);
+    show(others);
+    other.show(size);
+  }
+  void show(Eigen::Index size) noexcept {
+    ::new (static_cast<View*>(this))
+        View(memory_.data(), size, size, Eigen::OuterStride<>(stride_));
+  }
+
+  std::vector<double> memory_;
+  Eigen::Index stride_ = 0;  // of columns
+};
+
+}  // namespace locfuse
