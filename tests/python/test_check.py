@@ -113,6 +113,15 @@ def sighted(tables: Tables) -> None:
     }
 
 
+def one_landmark(tables: Tables) -> None:
+    """Add a landmark with a place."""
+    tables["landmarks"] = {
+        "landmark": np.array(["post"]),
+        "x_m": np.array([2.0]),
+        "y_m": np.array([3.0]),
+    }
+
+
 def without(*stems: str) -> Callable[[Tables], object]:
     return lambda tables: [tables.pop(stem) for stem in stems]
 
@@ -354,6 +363,9 @@ MISCONFIGURED: dict[str, tuple[str, str, str, dict[str, Any], Any]] = {
         "states_that_nothing_tells", "warning", "standing still", healthy(), still),
     "odometry alone": (
         "states_that_nothing_tells", "warning", "odometry alone", healthy(use=["odometry"]), None),
+    "one landmark alone": (
+        "states_that_nothing_tells", "warning", "one landmark leaves",
+        healthy(use=["odometry", "landmark_sightings"]), both(sighted, one_landmark)),
     "a drive far outside the anchors": (
         "geometry_where_the_robot_is", "warning", "counts",
         healthy(simulation__anchors={"A1": [0, 0, 2], "A2": [0.6, 0, 2], "A3": [0, 0.6, 2]}), None),

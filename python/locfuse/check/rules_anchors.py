@@ -14,6 +14,7 @@ from locfuse.check.context import Context
 from locfuse.check.finding import Finding, error, note, warning
 from locfuse.check.grid import on_map
 from locfuse.check.positions import dop
+from locfuse.config.schema import SOURCES
 from locfuse.types import FloatArray
 
 _LINE = 0.02  # width over length below which anchors count as standing in one line
@@ -121,12 +122,23 @@ def tags_on_the_floor(context: Context) -> Iterator[Finding]:
 
 def states_that_nothing_tells(context: Context) -> Iterator[Finding]:
     """Say which of position and heading no source in use can tell."""
-    sources = [s for s in ("odometry", "ranges", "positions", "poses") if context.used(s)]
+    sources = [s for s in SOURCES if context.used(s)]
     if not sources or context.config.mcl is not None:  # scans on a map tell both
         return
     if sources == ["odometry"]:
         yield warning("position and heading are unobservable: odometry alone drifts from the start "
-                      "on", "use", "use ranges, positions or poses as well")  # fmt: skip
+                      "on", "use", "use ranges, positions, poses or landmarks as well")  # fmt: skip
+    if "landmark_sightings" in sources:
+        known = context.table("landmarks")
+        if (
+            set(sources) <= {"odometry", "landmark_sightings"}
+            and known is not None
+            and (len(known["landmark"]) == 1)
+        ):
+            yield warning("one landmark leaves a turn about it open: position and heading are "
+                          "unobservable together", "landmarks.csv",
+                          "add a second landmark, ranges, positions or poses")  # fmt: skip
+        return
     if "poses" in sources or not {"ranges", "positions"} & set(sources):
         return
     if _arms_apart(context):

@@ -18,7 +18,6 @@ from locfuse.start import start_of
 from locfuse.types import NANOSECONDS, OCCUPIED, Columns, ConfigError, LogError, StampArray
 
 _FAR_M = 1e5  # coordinates beyond are of a map projection
-_NO_FILTER = ("landmark_sightings", "scans")
 
 
 def what_a_run_would_refuse(context: Context) -> Iterator[Finding]:
@@ -56,9 +55,8 @@ def messages_without_use(context: Context) -> Iterator[Finding]:
         if table is not None and source not in context.config.use:
             yield note(f"the log has {len(table['stamp_ns'])} {source}, which are not in use",
                        "use")  # fmt: skip
-    for stem in _NO_FILTER:
-        if context.table(stem) is not None and not (stem == "scans" and _scans_are_used(context)):
-            yield note(f"{stem}.csv is read, but no filter uses it", f"{stem}.csv")
+    if context.table("scans") is not None and not _scans_are_used(context):
+        yield note("scans.csv is read, but no filter uses it", "scans.csv")
 
 
 def _scans_are_used(context: Context) -> bool:
