@@ -90,6 +90,7 @@ class Joint {
     }
     for (const std::vector<Pairing>& of_one : pairings) {
       std::vector<Eigen::MatrixXd> columns;
+      columns.reserve(of_one.size());
       for (const Pairing& pairing : of_one) {
         columns.emplace_back(P(Eigen::all, pairing.rows) * pairing.lin.jacobian.transpose());
       }
