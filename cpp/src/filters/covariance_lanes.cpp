@@ -19,15 +19,12 @@ inline void load(Four& four, const double* from) { __builtin_memcpy(&four, from,
 
 inline void store(const Four& four, double* to) { __builtin_memcpy(to, &four, sizeof four); }
 
-/// One entry, or four of a column, to (p - sum K C) - sum W K.
+/// One entry of A, or four of a column: p - sum K C.
 template <int M, class Value>
-inline void change(Value& p, const Value (&K)[2], const Value (&W)[2], const double* C_column,
-                   const double* K_column, Index size) {
-  if constexpr (M == 1) {
-    p = (p - K[0] * C_column[0]) - W[0] * K_column[0];
-  } else {
-    p = (p - (K[0] * C_column[0] + K[1] * C_column[size])) -
-        (W[0] * K_column[0] + W[1] * K_column[size]);
+inline void shorten(Value& p, const Value (&K)[2], const double* C_column, Index size) {
+  p = p - K[0] * C_column[0];
+  if constexpr (M == 2) {
+    p = p - K[1] * C_column[size];
   }
 }
 
@@ -37,7 +34,8 @@ inline void write_one(const JosephUpdate& u, Index row, Index column) {
   const double K[2] = {u.K[row], u.K[second]};
   const double W[2] = {u.rest[row], u.rest[second]};
   double& p = u.P[row + column * u.stride];
-  change<M, double>(p, K, W, u.PHt + column, u.K + column, u.size);
+  shorten<M, double>(p, K, u.PHt + column, u.size);
+  shorten<M, double>(p, W, u.K + column, u.size);
   u.P[column + row * u.stride] = p;
 }
 
@@ -53,7 +51,8 @@ inline void write_square(const JosephUpdate& u, const Four (&K)[2], const Four (
   Four d;
   const auto write = [&](Four& p, Index i) {
     load(p, below + i * u.stride);
-    change<M, Four>(p, K, W, u.PHt + column + i, u.K + column + i, u.size);
+    shorten<M, Four>(p, K, u.PHt + column + i, u.size);
+    shorten<M, Four>(p, W, u.K + column + i, u.size);
     store(p, below + i * u.stride);
   };
   write(a, 0);
@@ -99,9 +98,54 @@ inline void write_joseph(const JosephUpdate& u) {
   }
 }
 
+/// Rows `begin` to `end` of a column of A, by columns of one factor and a row of the other.
+template <int M>
+inline void shorten_rows(const double* columns, const double* row, const JosephUpdate& u,
+                         const double* p, Index begin, Index end, double* a) {
+  Index i = begin;
+  for (; i + kHigh <= end; i += kHigh) {
+    Four value;
+    Four factor[2];
+    load(value, p + i);
+    load(factor[0], columns + i);
+    load(factor[1], columns + (M == 1 ? i : i + u.size));
+    shorten<M, Four>(value, factor, row, u.size);
+    store(value, a + i);
+  }
+  for (; i < end; ++i) {
+    const double factor[2] = {columns[i], columns[M == 1 ? i : i + u.size]};
+    a[i] = p[i];
+    shorten<M, double>(a[i], factor, row, u.size);
+  }
+}
+
+template <int M>
+inline void short_column(const JosephUpdate& u, Index column, double* a) {
+  // An entry below the diagonal stands for that above it.
+  const double* const p = u.P + column * u.stride;
+  shorten_rows<M>(u.PHt, u.K + column, u, p, 0, column, a);
+  shorten_rows<M>(u.K, u.PHt + column, u, p, column, u.size, a);
+}
+
+template <int M>
+inline bool stays_positive(const JosephUpdate& u) {
+  for (Index row = 0; row < u.size; ++row) {
+    const Index second = M == 1 ? row : row + u.size;
+    const double K[2] = {u.K[row], u.K[second]};
+    const double W[2] = {u.rest[row], u.rest[second]};
+    double p = u.P[row + row * u.stride];
+    shorten<M, double>(p, K, u.PHt + row, u.size);
+    shorten<M, double>(p, W, u.K + row, u.size);
+    if (!(p > 0.0)) {
+      return false;
+    }
+  }
+  return true;
+}
+
 }  // namespace
 
-void write_joseph_1(const JosephUpdate& update) { write_joseph<1>(update); }
-void write_joseph_2(const JosephUpdate& update) { write_joseph<2>(update); }
+const JosephKernel kJoseph1 = {short_column<1>, stays_positive<1>, write_joseph<1>};
+const JosephKernel kJoseph2 = {short_column<2>, stays_positive<2>, write_joseph<2>};
 
 }  // namespace locfuse::internal::LOCFUSE_LANES

@@ -3,8 +3,7 @@
 
 #include <cstddef>
 
-/// The update of a large covariance, four entries at once. The file is compiled twice, as that of
-/// math/lanes.hpp; both versions give the same bits, for neither fuses products with sums.
+/// The update of a large covariance, four entries at once; compiled twice, as math/lanes.hpp says.
 namespace locfuse::internal {
 
 /// A symmetric matrix by columns, and n x M columns without gaps of eq. (10) of
@@ -18,17 +17,24 @@ struct JosephUpdate {
   const double* rest;
 };
 
-/// Writes P+ in place, what is above the diagonal as a copy of what is below.
-using WriteJoseph = void (*)(const JosephUpdate&);
+/// Functions for one M that round alike: what one foretells, another writes.
+struct JosephKernel {
+  /// Column of A = P - K (P H')', to n numbers; needs no `rest`.
+  void (*short_column)(const JosephUpdate&, std::ptrdiff_t column, double* a);
+  /// Whether the diagonal of P+ will be positive.
+  bool (*stays_positive)(const JosephUpdate&);
+  /// Puts P+ in the place of P, what is above the diagonal as a copy of what is below.
+  void (*write)(const JosephUpdate&);
+};
 
 namespace portable {
-void write_joseph_1(const JosephUpdate& update);
-void write_joseph_2(const JosephUpdate& update);
+extern const JosephKernel kJoseph1;
+extern const JosephKernel kJoseph2;
 }  // namespace portable
 #ifdef LOCFUSE_LANES_AVX2
 namespace avx2 {
-void write_joseph_1(const JosephUpdate& update);
-void write_joseph_2(const JosephUpdate& update);
+extern const JosephKernel kJoseph1;
+extern const JosephKernel kJoseph2;
 }  // namespace avx2
 #endif
 

@@ -18,51 +18,49 @@ using Eigen::VectorXd;
 template <int M>
 using Columns = Eigen::Matrix<double, Eigen::Dynamic, M>;
 
-/// Joseph's form of a covariance, entry by entry: eq. (10) of docs/models/kalman.md. What is above
-/// the diagonal is taken to be what is below it, so that the result is symmetric to the bit.
 template <int M>
-struct Joseph {
-  const Columns<M>& K;
-  const Columns<M>& PHt;
-  Columns<M> rest;  // A H' - K R
-
-  /// Column `column` of A = P - K (P H')'.
-  [[nodiscard]] VectorXd short_form(const Covariance& P, Index column) const {
-    const Index below = P.rows() - column;
-    VectorXd a(P.rows());
-    a.head(column) =
-        P.col(column).head(column) - PHt.topRows(column).lazyProduct(K.row(column).transpose());
-    a.tail(below) =
-        P.col(column).tail(below) - K.bottomRows(below).lazyProduct(PHt.row(column).transpose());
-    return a;
-  }
-
-  [[nodiscard]] double variance(const Covariance& P, Index row) const {
-    const double a = P(row, row) - K.row(row).dot(PHt.row(row));
-    return a - rest.row(row).dot(K.row(row));
-  }
-
-  void write(Covariance& P) const {
-    if constexpr (M == 1 || M == 2) {
-      internal::WriteJoseph kernel =
-          M == 1 ? internal::portable::write_joseph_1 : internal::portable::write_joseph_2;
+const internal::JosephKernel& kernel() {
 #ifdef LOCFUSE_LANES_AVX2
-      if (internal::has_avx2()) {
-        kernel = M == 1 ? internal::avx2::write_joseph_1 : internal::avx2::write_joseph_2;
-      }
-#endif
-      kernel({P.data(), P.outerStride(), P.rows(), K.data(), PHt.data(), rest.data()});
-    } else {
-      for (Index column = 0; column < P.cols(); ++column) {
-        const Index below = P.rows() - column;
-        P.col(column).tail(below) = (P.col(column).tail(below) -
-                                     K.bottomRows(below).lazyProduct(PHt.row(column).transpose())) -
-                                    rest.bottomRows(below).lazyProduct(K.row(column).transpose());
-        P.row(column).tail(below) = P.col(column).tail(below).transpose();
-      }
-    }
+  if (internal::has_avx2()) {
+    return M == 1 ? internal::avx2::kJoseph1 : internal::avx2::kJoseph2;
   }
-};
+#endif
+  return M == 1 ? internal::portable::kJoseph1 : internal::portable::kJoseph2;
+}
+
+/// P+ where a measurement has M = 1 or 2 rows, in place: eq. (10) of docs/models/kalman.md. False,
+/// and P as it was, if a variance would not be positive.
+template <int M, class Lin>
+bool write_joseph(Covariance& P, const Columns<M>& K, const Columns<M>& PHt, const Lin& lin,
+                  const std::vector<int>& rows) {
+  Columns<M> rest = -K * lin.noise;
+  const internal::JosephUpdate joseph{P.data(), P.outerStride(), P.rows(),
+                                      K.data(), PHt.data(),      rest.data()};
+  VectorXd a(P.rows());
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    kernel<M>().short_column(joseph, rows[k], a.data());
+    rest += a.lazyProduct(lin.jacobian.col(static_cast<Index>(k)).transpose());
+  }
+  if (!kernel<M>().stays_positive(joseph)) {
+    return false;
+  }
+  kernel<M>().write(joseph);
+  return true;
+}
+
+/// The same for any number of rows, in two steps.
+template <class Lin>
+bool write_joseph(Covariance& P, const MatrixXd& K, const MatrixXd& PHt, const Lin& lin,
+                  const std::vector<int>& rows) {
+  MatrixXd A = P - K * PHt.transpose();
+  const MatrixXd rest = A(Eigen::all, rows) * lin.jacobian.transpose() - K * lin.noise;
+  A -= rest * K.transpose();
+  if (!(A.diagonal().minCoeff() > 0.0)) {
+    return false;
+  }
+  P = 0.5 * (A + A.transpose());
+  return true;
+}
 
 template <int M>
 Outcome update_rows(GaussianBelief& belief,
@@ -83,22 +81,12 @@ Outcome update_rows(GaussianBelief& belief,
   if (outcome.verdict == Verdict::kGated) {
     return outcome;
   }
-  Joseph<M> joseph{K, PHt, -K * lin.noise};
-  for (std::size_t k = 0; k < rows.size(); ++k) {
-    joseph.rest += joseph.short_form(belief.P, rows[k])
-                       .lazyProduct(lin.jacobian.col(static_cast<Index>(k)).transpose());
-  }
   const VectorXd x_new = belief.x + K * lin.residual;
-  bool positive = std::isfinite(x_new.sum());
-  for (Index row = 0; row < size && positive; ++row) {
-    positive = joseph.variance(belief.P, row) > 0.0;
-  }
-  if (!positive) {
+  if (!std::isfinite(x_new.sum()) || !write_joseph(belief.P, K, PHt, lin, rows)) {
     internal::refuse_result();
   }
   belief.x = x_new;
   internal::wrap_angles(belief.x, belief.angle_rows());
-  joseph.write(belief.P);
   return outcome;
 }
 

@@ -3,6 +3,8 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <cstddef>
+#include <cstdint>
 #include <new>
 #include <utility>
 #include <vector>
@@ -84,7 +86,7 @@ class Covariance : public Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>> {
   }
   void reshape(Eigen::Index size, Eigen::Index stride) {
     stride_ = stride;
-    memory_.resize(static_cast<std::size_t>(stride * stride));
+    memory_.resize(static_cast<std::size_t>(stride * stride) + kLine - 1);
     show(size);
   }
   void swap(Covariance& other) noexcept {
@@ -96,9 +98,16 @@ class Covariance : public Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>> {
     other.show(size);
   }
   void show(Eigen::Index size) noexcept {
-    ::new (static_cast<View*>(this))
-        View(memory_.data(), size, size, Eigen::OuterStride<>(stride_));
+    ::new (static_cast<View*>(this)) View(first(), size, size, Eigen::OuterStride<>(stride_));
   }
+  /// Where a cache line begins.
+  double* first() noexcept {
+    const auto address = reinterpret_cast<std::uintptr_t>(memory_.data());
+    const auto past = address / sizeof(double) % kLine;
+    return memory_.data() + (past == 0 ? 0 : kLine - past);
+  }
+
+  static constexpr std::size_t kLine = 8;  // numbers in a cache line
 
   std::vector<double> memory_;
   Eigen::Index stride_ = 0;  // of columns
