@@ -16,6 +16,7 @@ from locfuse.config.load import parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
+from locfuse.gadau import gadau_claims
 from locfuse.messages import Messages, to_messages, truth_of
 from locfuse.on_landmarks import landmark_claims
 from locfuse.on_maps import map_claims
@@ -303,5 +304,6 @@ PAPERS: dict[str, Callable[[int, Progress], list[Claim]]] = {
     "zhang": zhang_claims,
     "maps": lambda seeds, progress: map_claims(example_configs(), seeds, progress),
     "wells": wells_claims,
+    "gadau2022": gadau_claims,
     "landmarks": lambda seeds, progress: landmark_claims(example_configs(), seeds, progress),
 }

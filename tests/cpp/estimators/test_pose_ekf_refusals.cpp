@@ -139,7 +139,7 @@ TEST(PoseEkf, messages_that_are_not_valid_are_refused) {
 TEST(PoseEkf, epochs_that_are_none_are_refused) {
   expect_no_trace([](PoseEkf& ekf) {
     const Range good = range_to(0, kStart, 2 * kSecond);
-    expect_refused([&] { ekf.on_joint({}); }, "0 ranges");
+    expect_refused([&] { ekf.on_joint(std::vector<Range>{}); }, "0 ranges");
     expect_refused(
         [&] {
           ekf.on_joint({good, range_to(1, kStart, 2 * kSecond + 1)});
