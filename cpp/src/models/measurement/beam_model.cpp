@@ -59,7 +59,7 @@ const BeamModel::Config& BeamModel::checked(const Config& config) {
   return config;
 }
 
-BeamModel::BeamModel(const Config& config, std::shared_ptr<const OccupancyGrid> grid)
+BeamModel::BeamModel(const Config& config, const std::shared_ptr<const OccupancyGrid>& grid)
     : config_(normalized(checked(config))), caster_(given(grid)) {}
 
 Beams BeamModel::beams_of(const LaserScan& scan, int most) const {

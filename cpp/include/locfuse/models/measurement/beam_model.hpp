@@ -41,7 +41,7 @@ class BeamModel {
   static const Config& checked(const Config& config);
 
   /// Throws as `checked` does, and if there is no map.
-  BeamModel(const Config& config, std::shared_ptr<const OccupancyGrid> grid);
+  BeamModel(const Config& config, const std::shared_ptr<const OccupancyGrid>& grid);
 
   /// Up to `most` beams, evenly among all; readings outside the scanner's bounds are no returns,
   /// those below range_min are left out.
