@@ -34,8 +34,9 @@ Linearization<Eigen::Dynamic, N, 2> measured(const Linearization<2, N>& both,
 
 RangeBearingModel::RangeBearingModel(const Config& config, const Pose2& sensor_in_body)
     : sensor_in_body_(sensor_in_body) {
-  covariance_ << variance_of("sigma_range_m", config.sigma_range_m), 0.0, 0.0,
-      variance_of("sigma_bearing_rad", config.sigma_bearing_rad);
+  const double range = variance_of("sigma_range_m", config.sigma_range_m);
+  const double bearing = variance_of("sigma_bearing_rad", config.sigma_bearing_rad);
+  covariance_ << range, 0.0, 0.0, bearing;  // a throw amid it would leave it half filled
   if (!std::isfinite(sensor_in_body.x + sensor_in_body.y + sensor_in_body.heading)) {
     throw std::invalid_argument("the sensor of landmarks has a pose in body that is not finite");
   }
