@@ -10,7 +10,13 @@ if(WAY STREQUAL "installed")
   file(RENAME ${WORK_DIR}/built ${WORK_DIR}/prefix) # whoever remembers the first path will fail
   set(where -D CMAKE_PREFIX_PATH=${WORK_DIR}/prefix)
 elseif(WAY STREQUAL "as_subdirectory")
-  set(where -D CONSUMER_SOURCE_DIR=${LOCFUSE_SOURCE_DIR})
+  # With the options of this build, the compiler's cache has the whole library.
+  set(
+    where
+    -DCONSUMER_SOURCE_DIR=${LOCFUSE_SOURCE_DIR}
+    -DLOCFUSE_SANITIZE=${SANITIZE}
+    -DLOCFUSE_WERROR=${WERROR}
+  )
 else()
   message(FATAL_ERROR "WAY is '${WAY}', expected installed or as_subdirectory")
 endif()
@@ -23,6 +29,7 @@ run(
   -D CMAKE_BUILD_TYPE=${BUILD_TYPE}
   -D CMAKE_CXX_COMPILER=${CXX_COMPILER}
   -D CMAKE_CXX_FLAGS=${CXX_FLAGS}
+  -D CONSUMER_OPTIONS=${CONSUMER_OPTIONS}
   -D CMAKE_CXX_COMPILER_LAUNCHER=${CXX_LAUNCHER}
   ${where}
 )
