@@ -51,6 +51,16 @@ def share(id: str, claim: str, part: int, of: int, required: float, at_most: boo
                  f"{part} of {of}; [95 % interval]")  # fmt: skip
 
 
+def consistent(
+    id: str, what: str, nees: Iterable[float], limits: tuple[float, float], required: bool = True
+) -> Claim:
+    """Return a row about a mean NEES that lies between two limits, if it must."""
+    mean, (low, high) = float(np.mean(list(nees))), limits
+    return Claim(f"{id}_nees", f"{what}NEES at the end, mean over seeds", "1", None, mean, mean,
+                 mean, f"{low:.2f}..{high:.2f}" if required else "-",
+                 low <= mean <= high or not required)  # fmt: skip
+
+
 def absent(id: str, claim: str, why: str, required: str = "-") -> Claim:
     """Return a row that could not be run."""
     return Claim(id, claim, "m", None, None, None, None, required, None, why)

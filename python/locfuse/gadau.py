@@ -15,9 +15,10 @@ from typing import Literal, get_args
 import numpy as np
 
 from locfuse import _core
-from locfuse.claims import Claim, Progress, claim_of, share
+from locfuse.claims import Claim, Progress, claim_of, consistent, share
 from locfuse.config.scenario import Circle, Path, Square, Star, Waypoints
 from locfuse.eval.consistency import band
+from locfuse.sim.obstacles import hidden_by
 from locfuse.sim.trajectory import plan
 from locfuse.types import NANOSECONDS, FloatArray, wrap_angle
 
@@ -227,14 +228,10 @@ def _rays(at: FloatArray, marks: FloatArray, rng: np.random.Generator) -> FloatA
     """Return what the rays measure to discs and walls, NaN beyond their reach."""
     angle = at[2] + np.linspace(-FIELD_RAD, FIELD_RAD, RAYS)
     along = np.column_stack([np.cos(angle), np.sin(angle)])
-    off = marks - at[:2]
-    ahead = along @ off.T
-    beside = along[:, :1] * off[:, 1] - along[:, 1:] * off[:, 0]
-    half = DISC_M**2 - beside**2
-    discs = np.where((half > 0.0) & (ahead > 0.0), ahead - np.sqrt(np.maximum(half, 0.0)), np.inf)
+    discs = hidden_by(marks[None], DISC_M, at[None, :2], angle[None])[0]
     wall = np.where(along > 0.0, np.array(ROOM_M), 0.0) - at[:2]
     walls = np.divide(wall, along, out=np.full_like(along, np.inf), where=along != 0.0)
-    ranges = np.minimum(discs.min(axis=1), walls.min(axis=1))
+    ranges = np.minimum(discs, walls.min(axis=1))
     ranges = ranges + SIGMA_RAY_M * rng.standard_normal(RAYS)
     return np.where(ranges < REACH_M, ranges, np.nan)
 
@@ -261,7 +258,7 @@ def _convergence(
                    np.minimum(when, DURATION_S), "-", lambda v: True)  # fmt: skip
     yield claim_of(f"{key}_error", f"{what}error at the end", "cm", None,
                    [100.0 * float(run.off_m[-1]) for run in runs], "-", lambda v: True)  # fmt: skip
-    yield from _nees(key, what, runs, required)
+    yield _nees(key, what, runs, required)
 
 
 def _theirs(seeds: int) -> Iterator[Claim]:
@@ -278,15 +275,12 @@ def _theirs(seeds: int) -> Iterator[Claim]:
         yield claim_of(key, f"{what}worst error", "m", None,
                        [float(min(run.off_m.max(), ENDLESS)) for run in runs], "-",
                        lambda v: True)  # fmt: skip
-        yield from _nees(key, what, runs, mistake is None)
+        yield _nees(key, what, runs, mistake is None)
 
 
-def _nees(key: str, what: str, runs: list[Run], required: bool) -> Iterator[Claim]:
-    low, high = band(3, len(runs))
-    mean = float(np.mean([min(run.nees, ENDLESS) for run in runs]))
-    yield Claim(f"{key}_nees", f"{what}NEES at the end, mean over seeds", "1", None, mean, mean,
-                mean, f"{low:.2f}..{high:.2f}" if required else "-",
-                low <= mean <= high or not required)  # fmt: skip
+def _nees(key: str, what: str, runs: list[Run], required: bool) -> Claim:
+    return consistent(key, what, [min(run.nees, ENDLESS) for run in runs], band(3, len(runs)),
+                      required)  # fmt: skip
 
 
 def _discs(name: str, seeds: int) -> Iterator[Claim]:
@@ -299,4 +293,4 @@ def _discs(name: str, seeds: int) -> Iterator[Claim]:
         yield claim_of(f"gadau_rays_{name}_{speed:g}_worst", f"{name} discs, {how}: worst error",
                        "cm", None, [100.0 * float(run.off_m.max()) for run in runs], "-",
                        lambda v: True)  # fmt: skip
-        yield from _nees(f"gadau_rays_{name}_{speed:g}", f"{name} discs, {how}: ", runs, True)
+        yield _nees(f"gadau_rays_{name}_{speed:g}", f"{name} discs, {how}: ", runs, True)

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse import _core
-from locfuse.types import Columns, FloatArray, Log, LogError, Trajectory
+from locfuse.messages import instants_of, landmark_sensor_of
+from locfuse.types import FloatArray, Log, Trajectory
 
 
 @dataclass(frozen=True)
@@ -68,30 +69,23 @@ def map_landmarks(
     LogError
         If the log lacks one of the two, or its odometry is not velocities.
     """
-    seen, odometry = log.tables.get("landmark_sightings"), log.tables.get("odometry")
-    if seen is None or odometry is None or "v_mps" not in odometry:
-        raise LogError("mapping needs landmark_sightings.csv, and odometry.csv with v_mps and "
-                       f"omega_radps; the log has {sorted(log.tables)}")  # fmt: skip
-    mount = (log.landmark_sensor or {"pose_in_body": [0.0, 0.0, 0.0]})["pose_in_body"]
-    ekf = _core.LandmarkEkf(config, start, _core.Pose2(*mount))
+    instants = list(instants_of(log))
+    ekf = _core.LandmarkEkf(config, start, landmark_sensor_of(log))
     begin = time.perf_counter()
-    stamps, group = np.unique(seen["stamp_ns"], return_inverse=True)
-    rows = np.split(np.argsort(group, kind="stable"), np.cumsum(np.bincount(group))[:-1])
-    driven = np.searchsorted(odometry["stamp_ns"], stamps, side="right")
-    next_row, poses = 0, []
-    verdict = np.zeros(len(group), np.uint8)
-    for stamp, these, until in zip(stamps.tolist(), rows, driven.tolist(), strict=True):
-        for row in range(next_row, until):
-            ekf.on(_velocity(odometry, row))
-        next_row = until
-        sightings = [_sighting(seen, row) for row in these]
-        verdict[these] = [o.verdict.value for o in ekf.on_joint(sightings, association)]
-        poses.append(ekf.estimate(stamp))
+    stamps, poses = [], []
+    verdict = np.zeros(sum(len(instant.rows) for instant in instants), np.uint8)
+    for instant in instants:
+        for velocity in instant.driven:
+            ekf.on(velocity)
+        outcomes = ekf.on_joint(instant.seen, association)
+        verdict[instant.rows] = [outcome.verdict.value for outcome in outcomes]
+        stamps.append(instant.stamp)
+        poses.append(ekf.estimate(instant.stamp))
     wall_s = time.perf_counter() - begin
     found = [landmark for landmark in ekf.landmarks() if landmark.confirmed]
     return LandmarkMapping(
         estimate=Trajectory(
-            stamps,
+            np.array(stamps, np.int64),
             np.array([[e.pose.x, e.pose.y] for e in poses]).reshape(-1, 2),
             np.array([e.pose.heading for e in poses]),
             np.array([e.covariance for e in poses]).reshape(-1, 3, 3),
@@ -103,21 +97,3 @@ def map_landmarks(
         verdict=verdict,
         wall_s=wall_s,
     )
-
-
-def _velocity(odometry: Columns, row: int) -> _core.Velocity:
-    forward, turn_rate = odometry["v_mps"][row], odometry["omega_radps"][row]
-    return _core.Velocity(int(odometry["stamp_ns"][row]), float(forward), float(turn_rate))
-
-
-def _sighting(seen: Columns, row: int) -> _core.RangeBearing:
-    return _core.RangeBearing(
-        int(seen["stamp_ns"][row]),
-        None,
-        _number(seen["range_m"][row]),
-        _number(seen["bearing_rad"][row]),
-    )
-
-
-def _number(value: float) -> float | None:
-    return None if np.isnan(value) else float(value)

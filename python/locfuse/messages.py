@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -213,9 +213,68 @@ def landmarks_of(log: Log, messages: Messages) -> _core.LandmarkSight | None:
     ids = _ids(messages.landmark_names, table["landmark"]).tolist()
     rows = zip(ids, table["x_m"].tolist(), table["y_m"].tolist(), radius.tolist(), strict=True)
     known = _core.LandmarkMap([_core.Landmark(i, [x, y], r) for i, x, y, r in rows])
+    return _core.LandmarkSight(known, landmark_sensor_of(log))
+
+
+def landmark_sensor_of(log: Log) -> _core.Pose2:
+    """Return where on the body the sensor sits that sees landmarks."""
     mount = log.landmark_sensor
-    pose = _core.Pose2() if mount is None else _core.Pose2(*map(float, mount["pose_in_body"]))
-    return _core.LandmarkSight(known, pose)
+    return _core.Pose2() if mount is None else _core.Pose2(*map(float, mount["pose_in_body"]))
+
+
+@dataclass(frozen=True)
+class Instant:
+    """What is seen at one stamp, without names, and what was driven since the one before.
+
+    Attributes
+    ----------
+    stamp : int
+        Nanoseconds.
+    driven : list of Velocity
+        Those with stamps up to it.
+    seen : list of RangeBearing
+    rows : int array
+        Of what is seen, in the log's sightings.
+    """
+
+    stamp: int
+    driven: list[_core.Velocity]
+    seen: list[_core.RangeBearing]
+    rows: NDArray[np.intp]
+
+
+def instants_of(log: Log) -> Iterator[Instant]:
+    """Yield the instants of a log at which landmarks are seen.
+
+    Raises
+    ------
+    LogError
+        If it has no sightings, or its odometry is not velocities.
+    """
+    seen, odometry = log.tables.get("landmark_sightings"), log.tables.get("odometry")
+    if seen is None or odometry is None or "v_mps" not in odometry:
+        raise LogError("seeing landmarks needs landmark_sightings.csv, and odometry.csv with v_mps and "
+                       f"omega_radps; the log has {sorted(log.tables)}")  # fmt: skip
+    velocities = [
+        _core.Velocity(*row)
+        for row in zip(*(odometry[name].tolist() for name in ("stamp_ns", "v_mps", "omega_radps")),
+                       strict=True)
+    ]  # fmt: skip
+    sightings = [
+        _core.RangeBearing(stamp, None, _number(distance), _number(bearing))
+        for stamp, distance, bearing in zip(
+            *(seen[name].tolist() for name in ("stamp_ns", "range_m", "bearing_rad")), strict=True
+        )
+    ]
+    stamps, group = np.unique(seen["stamp_ns"], return_inverse=True)
+    rows = np.split(np.argsort(group, kind="stable"), np.cumsum(np.bincount(group))[:-1])
+    until = np.searchsorted(odometry["stamp_ns"], stamps, side="right").tolist()
+    for stamp, these, begin, end in zip(stamps.tolist(), rows, [0, *until], until, strict=False):
+        yield Instant(stamp, velocities[begin:end], [sightings[row] for row in these], these)
+
+
+def _number(value: float) -> float | None:
+    return None if np.isnan(value) else value
 
 
 def truth_of(log: Log) -> Trajectory | None:

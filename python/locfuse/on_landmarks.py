@@ -6,21 +6,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from locfuse import _core
-from locfuse.claims import Claim, Progress, absent, claim_of
+from locfuse.claims import Claim, Progress, absent, claim_of, consistent
 from locfuse.config.build import build_estimator_config
 from locfuse.config.load import parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
-from locfuse.messages import landmarks_of, to_messages, truth_of
+from locfuse.messages import instants_of, landmarks_of, to_messages, truth_of
 from locfuse.run import load_log, run
 from locfuse.start import start_of
-from locfuse.types import Columns, Log, LogError, Trajectory
+from locfuse.types import Log, LogError, Trajectory
 
 # Dataset, folder, run, noise of sightings as its publishers state it, required position RMSE [m].
 RECORDINGS = {
@@ -92,11 +91,8 @@ def _simulated(names: str, seeds: int) -> Iterator[Claim]:
         rmse.append(100.0 * result.metrics["position_rmse_m"])
         nees.append(float(errors.nees[-1]))
     key, what = f"landmarks_{names}", f"four posts, {names}: "
-    low, high = band(3, seeds)
     yield claim_of(key, f"{what}position RMSE", "cm", None, np.array(rmse), "-", lambda v: True)
-    mean = float(np.mean(nees))
-    yield Claim(f"{key}_nees", f"{what}NEES at the end, mean over seeds", "1", None, mean, mean,
-                mean, f"{low:.2f}..{high:.2f}", low <= mean <= high)  # fmt: skip
+    yield consistent(key, what, nees, band(3, seeds))
 
 
 def recorded(configs: Path, name: str) -> tuple[RunConfig, Log]:
@@ -129,33 +125,19 @@ def localize_jointly(config: RunConfig, log: Log) -> Trajectory:
     start = start_of(config, truth_of(log), messages)
     ekf = _core.PoseEkf(build_estimator_config(config.estimator), _core.AnchorMap([]), [], start,
                         landmarks_of(log, messages))  # fmt: skip
-    driven, table = log["odometry"], log["landmark_sightings"]
-    velocity = {
-        stamp: _core.Velocity(stamp, v, omega)
-        for stamp, v, omega in _rows(driven, "stamp_ns", "v_mps", "omega_radps")
-    }
-    seen: dict[int, list[_core.RangeBearing]] = {}
-    for stamp, distance, bearing in _rows(table, "stamp_ns", "range_m", "bearing_rad"):
-        seen.setdefault(stamp, []).append(_core.RangeBearing(stamp, None, distance, bearing))
     poses = []
-    for stamp in sorted({*velocity, *seen}):
-        if stamp < start.stamp:
-            continue
-        if stamp in seen:
-            ekf.on_joint(seen[stamp])
-            poses.append(ekf.estimate(stamp))
-        if stamp in velocity:
-            ekf.on(velocity[stamp])
+    for instant in instants_of(log):
+        for velocity in instant.driven:
+            ekf.on(velocity)
+        if instant.stamp >= start.stamp:
+            ekf.on_joint(instant.seen)
+            poses.append(ekf.estimate(instant.stamp))
     return Trajectory(
         np.array([pose.stamp for pose in poses]),
         np.array([(pose.pose.x, pose.pose.y) for pose in poses]),
         np.array([pose.pose.heading for pose in poses]),
         np.array([pose.covariance for pose in poses]),
     )
-
-
-def _rows(table: Columns, *names: str) -> Iterator[tuple[Any, ...]]:
-    return zip(*(table[name].tolist() for name in names), strict=True)
 
 
 def _recorded(configs: Path, name: str) -> Iterator[Claim]:

@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse import _core
-from locfuse.claims import Claim, Progress, claim_of
+from locfuse.claims import Claim, Progress, claim_of, consistent
 from locfuse.eval.consistency import band
 from locfuse.plot.style import save
 from locfuse.plot.wells import plot_paths
+from locfuse.sim.obstacles import hidden_by
 from locfuse.sim.trajectory import Drive, drive_of
 from locfuse.types import NANOSECONDS, FloatArray, wrap_angle
 
@@ -155,13 +156,8 @@ def _odometry(
 
 def _scan(pose: FloatArray, stamp: int, rng: np.random.Generator) -> _core.LaserScan:
     """Return what 360 beams see of the cylinders, NaN without return."""
-    off = CYLINDERS - pose[:2]
-    angle = pose[2] + BEAM_RAD
-    ahead = np.outer(np.cos(angle), off[:, 0]) + np.outer(np.sin(angle), off[:, 1])
-    beside = np.outer(np.cos(angle), off[:, 1]) - np.outer(np.sin(angle), off[:, 0])
-    half = RADIUS_M**2 - beside**2
-    hit = (half > 0.0) & (ahead > 0.0)
-    ranges = np.where(hit, ahead - np.sqrt(np.maximum(half, 0.0)), np.inf).min(axis=1)
+    beams = (pose[2] + BEAM_RAD)[None]
+    ranges = hidden_by(CYLINDERS[None], RADIUS_M, pose[None, :2], beams)[0]
     ranges = ranges + SIGMA_BEAM_M * rng.standard_normal(BEAMS)
     laser = _core.LaserGeometry(_core.Pose2(), float(BEAM_RAD[0]), float(np.deg2rad(1.0)), 0.12,
                                 RANGE_MAX_M)  # fmt: skip
@@ -255,10 +251,7 @@ def _rows(drives: list[Paths], spoilt: bool) -> Iterator[Claim]:
     off = np.array([_off(d.ours[-1:], d.truth[-1:])[0] for d in drives])
     nees = [float(e @ np.linalg.solve(d.covariance[-1], e))
             for e, d in zip(off, drives, strict=True)]  # fmt: skip
-    low, high = band(3, len(drives))
-    mean = float(np.mean(nees))
-    yield Claim(f"{key}_nees", f"{what}NEES at the end, mean over seeds", "1", None, mean, mean,
-                mean, f"{low:.2f}..{high:.2f}", low <= mean <= high)  # fmt: skip
+    yield consistent(key, what, nees, band(3, len(drives)))
     for part, shown in (("laser alone", [d.laser for d in drives]),
                         ("EKF", [d.paper[:, :2] for d in drives])):  # fmt: skip
         rmse_cm = [100.0 * _rmse(p, d.truth) for p, d in zip(shown, drives, strict=True)]

@@ -14,40 +14,7 @@
 namespace locfuse {
 namespace {
 
-/// Puts the pose back, bit for bit, unless the message that it was moved for was fused: a motion
-/// changes no more of a belief than its pose's rows and columns.
-class Transaction {
- public:
-  Transaction(GaussianBelief& belief, Stamp until)
-      : belief_(until > belief.stamp ? &belief : nullptr), stamp_(belief.stamp) {
-    if (belief_ != nullptr) {
-      x_ = belief.x.head<3>();
-      P_ = belief.P.leftCols<3>();
-    }
-  }
-  Transaction(const Transaction&) = delete;
-  Transaction& operator=(const Transaction&) = delete;
-  ~Transaction() {
-    if (belief_ != nullptr) {
-      belief_->stamp = stamp_;
-      belief_->x.head<3>() = x_;
-      belief_->P.leftCols<3>() = P_;
-      belief_->P.topRows<3>() = P_.transpose();
-    }
-  }
-  Outcome close(const Outcome& outcome) {
-    if (outcome.verdict == Verdict::kFused) {
-      belief_ = nullptr;
-    }
-    return outcome;
-  }
-
- private:
-  GaussianBelief* belief_;
-  Stamp stamp_;
-  Vector<3> x_;
-  Matrix<Eigen::Dynamic, 3> P_;
-};
+using Transaction = internal::Transaction<Eigen::Dynamic>;
 
 int at_least(int least, const char* name, int value) {
   if (value < least) {
@@ -132,29 +99,11 @@ void LandmarkEkf::add_known(const KnownLandmark& landmark) {
 }
 
 Outcome LandmarkEkf::on(const Velocity& u) {
-  validate(u);
-  if (u.stamp < belief_.stamp) {
-    return {Verdict::kStale};
-  }
-  Transaction transaction(belief_, u.stamp);
-  advance_to(u.stamp);
-  odometry_.take(u);
-  return transaction.close({Verdict::kFused});
+  return internal::take<Eigen::Dynamic>(*recipe_, odometry_, body_, belief_, u);
 }
 
 Outcome LandmarkEkf::on(const Increment& u) {
-  validate(u);
-  if (u.stamp < belief_.stamp) {
-    return {Verdict::kStale};
-  }
-  Transaction transaction(belief_, u.stamp);
-  advance_to(u.begin);
-  if (u.begin == u.stamp) {  // a displacement without duration
-    predict(belief_, recipe_->motion.propagate(pose(), u.motion, 0.0), body_);
-    belief_.stamp = u.stamp;
-  }
-  odometry_.take(u);
-  return transaction.close({Verdict::kFused});
+  return internal::take<Eigen::Dynamic>(*recipe_, odometry_, body_, belief_, u);
 }
 
 Outcome LandmarkEkf::on(const PositionFix& z) {
@@ -222,15 +171,8 @@ std::vector<Outcome> LandmarkEkf::on_joint(const std::vector<RangeBearing>& sigh
 std::vector<int> LandmarkEkf::associated(const std::vector<RangeBearing>& sightings,
                                          Association association) const {
   Pairings pairings = candidates(sightings);
-  Assignment assignment;
-  if (association == Association::kJoint && sightings.size() > 1) {
-    const Eigen::MatrixXd P = compressed(belief_.P, pairings);
-    assignment = joint_compatibility(P, pairings, recipe_->config.gate_landmark);
-  } else if (association == Association::kGlobal) {
-    assignment = global_nearest_neighbour(pairings);
-  } else {
-    assignment = nearest_neighbour(pairings);
-  }
+  const Eigen::MatrixXd P = compressed(belief_.P, pairings);
+  const Assignment assignment = associate(association, P, pairings, recipe_->config.gate_landmark);
   std::vector<int> tracks(sightings.size(), -1);
   for (std::size_t i = 0; i < sightings.size(); ++i) {
     if (assignment[i] >= 0) {
@@ -433,22 +375,8 @@ Outcome LandmarkEkf::compare(const Track& track, const Sighting& lin) const {
   return outcome;
 }
 
-void LandmarkEkf::advance_to(Stamp stamp) { advance(belief_, stamp); }
-
-void LandmarkEkf::advance(GaussianBelief& belief, Stamp stamp) const {
-  check_stamp(stamp);
-  if (stamp <= belief.stamp) {
-    return;
-  }
-  const auto move = [&](const OdometryMotion& model, const Pose2& motion, Stamp until) {
-    const double seconds = seconds_between(belief.stamp, until);
-    predict(belief, model.propagate(belief.pose(body_), motion, seconds), body_);
-    belief.stamp = until;
-  };
-  odometry_.advance(
-      belief.stamp, stamp, recipe_->hold,
-      [&](const Pose2& motion, Stamp until) { move(recipe_->motion, motion, until); },
-      [&](Stamp until) { move(recipe_->lost, Pose2{}, until); });
+void LandmarkEkf::advance_to(Stamp stamp) {
+  internal::advance(*recipe_, odometry_, body_, belief_, stamp);
 }
 
 PoseEstimate LandmarkEkf::current() const {
@@ -460,15 +388,11 @@ PoseEstimate LandmarkEkf::estimate() const {
 }
 
 PoseEstimate LandmarkEkf::estimate(Stamp stamp) const {
-  if (stamp < belief_.stamp) {
-    throw std::invalid_argument("an estimate was asked for " + std::to_string(stamp) +
-                                " ns, before the belief at " + std::to_string(belief_.stamp) +
-                                " ns");
-  }
+  internal::check_not_before(belief_.stamp, stamp);
   const PoseEstimate now = current();
   // The landmarks do not move: the pose alone tells it, and its slot has the same id.
   GaussianBelief body = GaussianBelief::of_pose(now.stamp, now.pose, now.covariance);
-  advance(body, stamp);
+  internal::advance(*recipe_, odometry_, body_, body, stamp);
   return {body.stamp, body.pose(body_), Matrix<3, 3>(body.P)};
 }
 

@@ -424,8 +424,7 @@ Outcome Mcl::weigh(const Model& model, const Message& z) {
       const auto lin = model.linearize(to_world(belief_.pose(k)), z);
       // An outlier is as likely as what is off by four standard deviations in each row.
       const double floor = -8.0 * static_cast<double>(lin ? lin->residual.size() : 1);
-      const double good =
-          lin ? -0.5 * lin->noise.llt().matrixL().solve(lin->residual).squaredNorm() : floor;
+      const double good = lin ? -0.5 * squared_mahalanobis(lin->residual, lin->noise) : floor;
       log_likelihood_[k] =
           static_cast<float>(std::log((1.0 - wrong) * std::exp(good) + wrong * std::exp(floor)));
     }
@@ -463,7 +462,7 @@ struct Nearest {
       if (!lin) {
         continue;
       }
-      const double nis = lin->noise.llt().matrixL().solve(lin->residual).squaredNorm();
+      const double nis = squared_mahalanobis(lin->residual, lin->noise);
       if (!best || nis < least) {
         best = lin;
         least = nis;

@@ -11,37 +11,7 @@
 #include "estimators/recipe.hpp"
 
 namespace locfuse {
-namespace {
-
-/// Puts a pose belief back, bit for bit, unless the message that it was moved for was fused.
-class Transaction {
- public:
-  explicit Transaction(GaussianBelief& belief)
-      : belief_(&belief), stamp_(belief.stamp), x_(belief.x), P_(belief.P) {}
-  Transaction(const Transaction&) = delete;
-  Transaction& operator=(const Transaction&) = delete;
-  ~Transaction() {
-    if (belief_ != nullptr) {
-      belief_->stamp = stamp_;
-      belief_->x = x_;
-      belief_->P = P_;
-    }
-  }
-  [[nodiscard]] Outcome close(const Outcome& outcome) {
-    if (outcome.verdict == Verdict::kFused) {
-      belief_ = nullptr;
-    }
-    return outcome;
-  }
-
- private:
-  GaussianBelief* belief_;
-  Stamp stamp_;
-  Vector<3> x_;
-  Matrix<3, 3> P_;
-};
-
-}  // namespace
+using internal::Transaction;
 
 PoseEkf::PoseEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
                  std::vector<Tag> tags, const PoseEstimate& start, LandmarkSight landmarks)
@@ -73,41 +43,19 @@ Outcome PoseEkf::correct(Stamp stamp, const Gate& gate, const Linearize& lineari
   if (stamp < belief_.stamp) {
     return {Verdict::kStale};
   }
-  const auto now = [&]() -> Outcome {
-    const auto lin = linearize(pose());
-    return lin ? update(belief_, *lin, body_, gate) : Outcome{Verdict::kNotModelled};
-  };
-  if (stamp == belief_.stamp) {  // nothing moves: `update` itself changes all or nothing
-    return now();
-  }
-  Transaction transaction(belief_);
+  Transaction<3> transaction(belief_, stamp);
   advance_to(stamp);
-  return transaction.close(now());
+  const auto lin = linearize(pose());
+  return transaction.close(lin ? update(belief_, *lin, body_, gate)
+                               : Outcome{Verdict::kNotModelled});
 }
 
 Outcome PoseEkf::on(const Velocity& u) {
-  validate(u);
-  if (u.stamp < belief_.stamp) {
-    return {Verdict::kStale};
-  }
-  Transaction transaction(belief_);
-  advance_to(u.stamp);
-  odometry_.take(u);
-  return transaction.close({Verdict::kFused});
+  return internal::take<3>(*recipe_, odometry_, body_, belief_, u);
 }
 
 Outcome PoseEkf::on(const Increment& u) {
-  validate(u);
-  if (u.stamp < belief_.stamp) {
-    return {Verdict::kStale};
-  }
-  Transaction transaction(belief_);
-  advance_to(u.begin);
-  if (u.begin == u.stamp) {  // a displacement without duration
-    move(recipe_->motion, u.motion, u.stamp);
-  }
-  odometry_.take(u);
-  return transaction.close({Verdict::kFused});
+  return internal::take<3>(*recipe_, odometry_, body_, belief_, u);
 }
 
 Outcome PoseEkf::on(const Range& z) {
@@ -135,10 +83,8 @@ Outcome PoseEkf::on(const RangeBearing& z) {
   if (z.landmark) {
     return on(z, recipe_->landmarks->find(*z.landmark));
   }
-  if (z.stamp < belief_.stamp) {
-    return {Verdict::kStale};
-  }
-  return on(z, ahead(z.stamp).nearest(z));
+  return correct(z.stamp, recipe_->landmark_gate,
+                 [&](const Pose2& /*pose*/) { return nearest(z); });
 }
 
 Outcome PoseEkf::on(const RangeBearing& z, const Landmark* landmark) {
@@ -156,9 +102,9 @@ Outcome PoseEkf::on(const RangeBearing& z, const Landmark* landmark) {
                  [&](const Pose2& pose) { return model.linearize(pose, landmark->position, z); });
 }
 
-/// The landmark with the least NIS under the belief, if there is one.
-const Landmark* PoseEkf::nearest(const RangeBearing& z) const {
-  const Landmark* found = nullptr;
+/// A sighting of the landmark with the least NIS under the belief, if there is one.
+std::optional<Linearization<Eigen::Dynamic, 3, 2>> PoseEkf::nearest(const RangeBearing& z) const {
+  std::optional<Linearization<Eigen::Dynamic, 3, 2>> found;
   double least = std::numeric_limits<double>::infinity();
   const Matrix<3, 3> P = belief_.P;
   for (const Landmark& landmark : recipe_->landmarks->landmarks()) {
@@ -168,10 +114,9 @@ const Landmark* PoseEkf::nearest(const RangeBearing& z) const {
     }
     using Noise = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 2, 2>;
     const Noise S = lin->jacobian * P * lin->jacobian.transpose() + lin->noise;
-    const double nis = S.llt().matrixL().solve(lin->residual).squaredNorm();
-    if (nis < least) {
+    if (const double nis = squared_mahalanobis(lin->residual, S); nis < least) {
       least = nis;
-      found = &landmark;
+      found = lin;
     }
   }
   return found;
@@ -184,14 +129,16 @@ std::vector<Outcome> PoseEkf::on_joint(const std::vector<RangeBearing>& sighting
   if (sightings.empty() || sightings.front().stamp < belief_.stamp) {
     return outcomes;
   }
-  const std::vector<const Landmark*> landmarks =
-      ahead(sightings.front().stamp).associated(sightings, association);
+  Transaction<3> transaction(belief_, sightings.front().stamp);
+  advance_to(sightings.front().stamp);
+  const std::vector<const Landmark*> landmarks = associated(sightings, association);
   for (std::size_t i = 0; i < sightings.size(); ++i) {
     const std::optional<Id>& name = sightings[i].landmark;
     const bool known = name ? recipe_->landmarks->find(*name) != nullptr
                             : !recipe_->landmarks->landmarks().empty();
-    outcomes[i] = landmarks[i] == nullptr && known ? Outcome{Verdict::kGated}
-                                                   : on(sightings[i], landmarks[i]);
+    outcomes[i] = landmarks[i] == nullptr && known
+                      ? Outcome{Verdict::kGated}
+                      : transaction.close(on(sightings[i], landmarks[i]));
   }
   return outcomes;
 }
@@ -214,10 +161,7 @@ std::vector<const Landmark*> PoseEkf::associated(const std::vector<RangeBearing>
   }
   const double probability = recipe_->config.gate_landmark;
   compare(belief_.P, probability, pairings);
-  const Assignment assignment = association == Association::kNearest ? nearest_neighbour(pairings)
-                                : association == Association::kGlobal
-                                    ? global_nearest_neighbour(pairings)
-                                    : joint_compatibility(belief_.P, pairings, probability);
+  const Assignment assignment = associate(association, belief_.P, pairings, probability);
   std::vector<const Landmark*> landmarks(sightings.size(), nullptr);
   for (std::size_t i = 0; i < sightings.size(); ++i) {
     if (assignment[i] >= 0) {
@@ -266,20 +210,7 @@ Outcome PoseEkf::on_joint(const std::vector<Range>& epoch) {
 }
 
 void PoseEkf::advance_to(Stamp stamp) {
-  check_stamp(stamp);
-  if (stamp <= belief_.stamp) {
-    return;
-  }
-  odometry_.advance(
-      belief_.stamp, stamp, recipe_->hold,
-      [&](const Pose2& motion, Stamp until) { move(recipe_->motion, motion, until); },
-      [&](Stamp until) { move(recipe_->lost, Pose2{}, until); });
-}
-
-void PoseEkf::move(const OdometryMotion& model, const Pose2& motion, Stamp stamp) {
-  const double seconds = seconds_between(belief_.stamp, stamp);
-  predict(belief_, model.propagate(pose(), motion, seconds), body_);
-  belief_.stamp = stamp;
+  internal::advance(*recipe_, odometry_, body_, belief_, stamp);
 }
 
 PoseEstimate PoseEkf::current() const { return {belief_.stamp, pose(), Matrix<3, 3>(belief_.P)}; }
@@ -289,18 +220,10 @@ PoseEstimate PoseEkf::estimate() const {
 }
 
 PoseEstimate PoseEkf::estimate(Stamp stamp) const {
-  if (stamp < belief_.stamp) {
-    throw std::invalid_argument("an estimate was asked for " + std::to_string(stamp) +
-                                " ns, before the belief at " + std::to_string(belief_.stamp) +
-                                " ns");
-  }
-  return ahead(stamp).current();
-}
-
-PoseEkf PoseEkf::ahead(Stamp stamp) const {
-  PoseEkf other = *this;
-  other.advance_to(stamp);
-  return other;
+  internal::check_not_before(belief_.stamp, stamp);
+  PoseEkf ahead = *this;
+  ahead.advance_to(stamp);
+  return ahead.current();
 }
 
 }  // namespace locfuse

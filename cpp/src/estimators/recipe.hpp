@@ -5,8 +5,13 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 #include <vector>
 
+#include "locfuse/estimators/held_motion.hpp"
+#include "locfuse/filters/belief.hpp"
+#include "locfuse/filters/kalman.hpp"
+#include "locfuse/filters/outcome.hpp"
 #include "locfuse/messages/messages.hpp"
 #include "locfuse/models/motion/odometry.hpp"
 
@@ -52,6 +57,93 @@ void validate_together(const char* what, const std::vector<M>& messages) {
                                   std::to_string(message.stamp) + " ns, expected one stamp");
     }
   }
+}
+
+/// Throws std::invalid_argument if an estimate is asked for before the belief.
+inline void check_not_before(Stamp belief, Stamp stamp) {
+  if (stamp < belief) {
+    throw std::invalid_argument("an estimate was asked for " + std::to_string(stamp) +
+                                " ns, before the belief at " + std::to_string(belief) + " ns");
+  }
+}
+
+/// Puts the pose of a belief of `Rows` variables back, bit for bit, unless the message that it was
+/// moved for was fused: a motion changes no more than the pose's rows and columns.
+template <int Rows>
+class Transaction {
+ public:
+  Transaction(GaussianBelief& belief, Stamp until)
+      : belief_(until > belief.stamp ? &belief : nullptr), stamp_(belief.stamp) {
+    if (belief_ != nullptr) {
+      x_ = belief.x.template head<3>();
+      P_ = belief.P.template leftCols<3>();
+    }
+  }
+  Transaction(const Transaction&) = delete;
+  Transaction& operator=(const Transaction&) = delete;
+  ~Transaction() {
+    if (belief_ != nullptr) {
+      belief_->stamp = stamp_;
+      belief_->x.template head<3>() = x_;
+      belief_->P.template topRows<3>() = P_.transpose();
+      belief_->P.template leftCols<3>() = P_;
+    }
+  }
+  [[nodiscard]] Outcome close(const Outcome& outcome) {
+    if (outcome.verdict == Verdict::kFused) {
+      belief_ = nullptr;
+    }
+    return outcome;
+  }
+
+ private:
+  GaussianBelief* belief_;
+  Stamp stamp_;
+  Vector<3> x_;
+  Matrix<Rows, 3> P_;
+};
+
+/// Moves the body and its belief's stamp.
+inline void move(GaussianBelief& belief, Slot body, const OdometryMotion& model,
+                 const Pose2& motion, Stamp stamp) {
+  const double seconds = seconds_between(belief.stamp, stamp);
+  predict(belief, model.propagate(belief.pose(body), motion, seconds), body);
+  belief.stamp = stamp;
+}
+
+/// Carries a belief to `stamp` with what odometry says. Earlier stamps change nothing.
+template <class Recipe>
+void advance(const Recipe& recipe, const HeldMotion& odometry, Slot body, GaussianBelief& belief,
+             Stamp stamp) {
+  check_stamp(stamp);
+  if (stamp <= belief.stamp) {
+    return;
+  }
+  odometry.advance(
+      belief.stamp, stamp, recipe.hold,
+      [&](const Pose2& motion, Stamp until) { move(belief, body, recipe.motion, motion, until); },
+      [&](Stamp until) { move(belief, body, recipe.lost, Pose2{}, until); });
+}
+
+/// Carries a belief of `Rows` variables to where a motion begins that holds from then on.
+template <int Rows, class Recipe, class Motion>
+Outcome take(const Recipe& recipe, HeldMotion& odometry, Slot body, GaussianBelief& belief,
+             const Motion& u) {
+  validate(u);
+  if (u.stamp < belief.stamp) {
+    return {Verdict::kStale};
+  }
+  Transaction<Rows> transaction(belief, u.stamp);
+  if constexpr (std::is_same_v<Motion, Increment>) {
+    advance(recipe, odometry, body, belief, u.begin);
+    if (u.begin == u.stamp) {  // a displacement without duration
+      move(belief, body, recipe.motion, u.motion, u.stamp);
+    }
+  } else {
+    advance(recipe, odometry, body, belief, u.stamp);
+  }
+  odometry.take(u);
+  return transaction.close({Verdict::kFused});
 }
 
 }  // namespace locfuse::internal

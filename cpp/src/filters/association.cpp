@@ -6,7 +6,6 @@
 #include <limits>
 #include <set>
 
-#include "locfuse/error.hpp"
 #include "locfuse/filters/gate.hpp"
 
 namespace locfuse {
@@ -198,11 +197,7 @@ void compare(const Eigen::MatrixXd& P, double probability, Pairings& pairings) {
       const Eigen::MatrixXd S =
           pairing.lin.jacobian * P(pairing.rows, pairing.rows) * pairing.lin.jacobian.transpose() +
           pairing.lin.noise;
-      const Eigen::LLT<Eigen::MatrixXd> factor(S);
-      if (factor.info() != Eigen::Success) {
-        throw NumericalError("innovation covariance is not positive definite");
-      }
-      pairing.nis = factor.matrixL().solve(pairing.lin.residual).squaredNorm();
+      pairing.nis = squared_mahalanobis(pairing.lin.residual, S);
     }
     const auto beyond = [&](const Pairing& pairing) {
       return !(pairing.nis <= gate.limit(static_cast<int>(pairing.lin.residual.size())));
@@ -272,6 +267,19 @@ Assignment global_nearest_neighbour(const Pairings& pairings) {
 Assignment joint_compatibility(const Eigen::MatrixXd& P, const Pairings& pairings,
                                double probability) {
   return Joint(P, pairings, probability).search();
+}
+
+Assignment associate(Association association, const Eigen::MatrixXd& P, const Pairings& pairings,
+                     double probability) {
+  switch (association) {
+    case Association::kNearest:
+      return nearest_neighbour(pairings);
+    case Association::kGlobal:
+      return global_nearest_neighbour(pairings);
+    case Association::kJoint:
+      break;
+  }
+  return joint_compatibility(P, pairings, probability);
 }
 
 }  // namespace locfuse

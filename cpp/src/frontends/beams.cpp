@@ -30,7 +30,7 @@ Beams beams_of(const LaserScan& scan, double resolution) {
       s = std::sin(angle);
     }
     const double range = scan.ranges[i];
-    if (range >= geometry.range_min && range < geometry.range_max) {  // false for NaN
+    if (geometry.is_return(range)) {
       beams.x.push_back(beams.laser.x() + c * (range / resolution));
       beams.y.push_back(beams.laser.y() + s * (range / resolution));
       beams.range.push_back(range / resolution);

@@ -38,8 +38,7 @@ void require_beam(const char* what, int beam, int beams) {
 BeamLandmark beam_of(const LaserScan& scan, int beam) {
   const LaserGeometry& geometry = *scan.geometry;
   const double range = scan.ranges[static_cast<std::size_t>(beam)];
-  const bool returned = range >= geometry.range_min && range < geometry.range_max;
-  return {beam, returned ? range : -1.0,
+  return {beam, geometry.is_return(range) ? range : -1.0,
           wrap_angle(geometry.angle_min + beam * geometry.angle_increment)};
 }
 

@@ -67,7 +67,7 @@ Sweep sweep_of(const LaserScan& scan, double least_intensity, const Jump& jump) 
   aim(sweep.rays, geometry);
   for (std::size_t i = 0; i < sweep.rays.size(); ++i) {
     const double range = scan.ranges[i];
-    const bool returned = range > 0.0 && range >= geometry.range_min && range < geometry.range_max;
+    const bool returned = range > 0.0 && geometry.is_return(range);
     sweep.rays[i].range = returned ? range : std::nan("");
     sweep.rays[i].beam = static_cast<int>(i);
     sweep.rays[i].bright =

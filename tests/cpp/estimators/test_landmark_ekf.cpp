@@ -4,8 +4,8 @@
 #include <limits>
 
 #include "locfuse/estimators/landmark_ekf.hpp"
-#include "locfuse/math/chi_squared.hpp"
 #include "locfuse/replay/replay.hpp"
+#include "support/consistency.hpp"
 #include "support/expect.hpp"
 #include "support/random.hpp"
 #include "support/robot.hpp"
@@ -15,6 +15,7 @@ namespace {
 
 using testing::expect_near;
 using testing::expect_refused;
+using testing::in_band;
 using testing::kSecond;
 using testing::normal;
 using testing::Rng;
@@ -137,13 +138,6 @@ double pose_nees(const GaussianBelief& belief, const Vector<3>& truth) {
   Vector<3> error = belief.x.head<3>() - truth;
   error(2) = wrap_angle(error(2));
   return squared(error, belief.P.topLeftCorner(3, 3));
-}
-
-/// The mean of `count` chi-squared variables of `dof` lies in the two-sided 95% band.
-bool in_band(double mean, int dof, int count) {
-  const double low = chi_squared_quantile(dof * count, 0.025) / count;
-  const double high = chi_squared_quantile(dof * count, 0.975) / count;
-  return low <= mean && mean <= high;
 }
 
 constexpr int kRuns = 300;

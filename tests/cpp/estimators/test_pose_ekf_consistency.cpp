@@ -2,12 +2,14 @@
 #include <Eigen/Cholesky>
 
 #include "locfuse/estimators/pose_ekf.hpp"
-#include "locfuse/math/chi_squared.hpp"
+#include "support/consistency.hpp"
 #include "support/expect.hpp"
 #include "support/simulation.hpp"
 
 namespace locfuse {
 namespace {
+
+using testing::in_band;
 
 constexpr int kRuns = 50;
 
@@ -44,13 +46,6 @@ Consistency measure(const PoseEkf::Config& config) {
   }
   result.nis /= result.ranges;
   return result;
-}
-
-/// The mean of `count` chi-squared variables of `dof` lies in the two-sided 95% band.
-bool in_band(double mean, int dof, int count) {
-  const double low = chi_squared_quantile(dof * count, 0.025) / count;
-  const double high = chi_squared_quantile(dof * count, 0.975) / count;
-  return low <= mean && mean <= high;
 }
 
 TEST(PoseEkf, errors_and_innovations_are_as_large_as_it_believes) {

@@ -4,13 +4,14 @@
 
 #include "locfuse/estimators/initializer.hpp"
 #include "locfuse/estimators/pose_ekf.hpp"
-#include "locfuse/math/chi_squared.hpp"
+#include "support/consistency.hpp"
 #include "support/expect.hpp"
 #include "support/random.hpp"
 
 namespace locfuse {
 namespace {
 
+using testing::in_band;
 using testing::normal;
 using testing::Rng;
 
@@ -100,12 +101,6 @@ Consistency measure(Parts parts, double factor = 1.0) {
   }
   result.nis /= result.sightings;
   return result;
-}
-
-bool in_band(double mean, int dof, int count) {
-  const double low = chi_squared_quantile(dof * count, 0.025) / count;
-  const double high = chi_squared_quantile(dof * count, 0.975) / count;
-  return low <= mean && mean <= high;
 }
 
 TEST(PoseEkf, on_landmarks_errors_are_as_large_as_it_believes) {

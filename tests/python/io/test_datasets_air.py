@@ -5,15 +5,13 @@ from __future__ import annotations
 
 import csv
 import gzip
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from locfuse.io.datasets import convert
 from locfuse.io.datasets.source import heading_of
-from locfuse.types import NANOSECONDS, FloatArray, Log, LogError
-from support_recordings import converted, damaged, robust_sigma, rows_in
+from locfuse.types import NANOSECONDS, FloatArray, Log
+from support_recordings import converted, robust_sigma, rows_in
 from support_runs import recording
 
 Logs = dict[str, Log]
@@ -177,37 +175,3 @@ def test_starloc_tags_are_where_their_arms_are_on_a_tilted_rig(
         assert np.linalg.norm(log.tags[tag]) == pytest.approx(np.linalg.norm(arm), abs=0.006)
     level = Log(tables=log.tables, tags=arms)
     assert np.median(np.linalg.norm(tags_in_world(level) - true, axis=1)) > 0.028
-
-
-# What is refused ------------------------------------------------------------------------------
-
-DAMAGES = [
-    ("rcv_uwb_drone", "seq3_ranges.csv.gz", 4, "1,2,3", "line 4: 3 fields, expected 11"),
-    ("rcv_uwb_drone", "seq5_groundtruth.csv.gz", 2, "0,0,0,nan,0,0,0,1", "line 2: .*nan"),
-    ("rcv_uwb_drone", "seq1_anchors.csv", 1, "a,b", "line 1: expected the header anchor,x,y,z"),
-    ("starloc", "loop-2d_s5_uwb.csv.gz", 3, "1,2", "line 3: 2 fields, expected 15"),
-    ("starloc", "loop-2d-fast_s1_anchors.csv", 2, "4,1,2,inf", "line 2: .*inf"),
-]
-
-
-@pytest.mark.parametrize(("name", "file", "line", "text", "message"), DAMAGES)
-def test_a_damaged_line_is_named_and_nothing_is_written(
-    name: str, file: str, line: int, text: str, message: str, tmp_path: Path
-) -> None:
-    source = damaged(recording(name.replace("_", "-")), tmp_path / "source", file, line, text)
-    with pytest.raises(LogError, match=rf"{file}, {message}"):
-        convert(name, source, tmp_path / "out")
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("name", "file"),
-    [("rcv_uwb_drone", "seq5_anchors.csv"), ("starloc", "loop-2d_s5_anchors.csv")],
-)
-def test_a_missing_file_is_named_and_nothing_is_written(
-    name: str, file: str, tmp_path: Path
-) -> None:
-    source = damaged(recording(name.replace("_", "-")), tmp_path / "source", file)
-    with pytest.raises(LogError, match=rf"{file}: no such file"):
-        convert(name, source, tmp_path / "out")
-    assert not (tmp_path / "out").exists()

@@ -119,7 +119,6 @@ class LandmarkEkf {
 
   static Recipe recipe_of(const Config& config, const Pose2& sensor_in_body);
   void add_known(const KnownLandmark& landmark);
-  void advance(GaussianBelief& belief, Stamp stamp) const;
   [[nodiscard]] int find(Id id) const;
   [[nodiscard]] Vector<2> position_of(const Track& track) const;
   [[nodiscard]] Matrix<5, 5> covariance_with(const Track& track) const;

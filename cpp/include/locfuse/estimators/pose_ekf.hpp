@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "locfuse/estimators/held_motion.hpp"
@@ -37,13 +38,6 @@ struct PoseHypothesis {
 struct LandmarkSight {
   std::shared_ptr<const LandmarkMap> map;  ///< or null
   Pose2 sensor_in_body;                    ///< T_body_sensor
-};
-
-/// Which landmark a sighting without a name is of.
-enum class Association : std::uint8_t {
-  kNearest,  ///< the nearest, each by itself
-  kGlobal,   ///< the least sum over all sightings
-  kJoint,    ///< the largest set that fits jointly
 };
 
 /// Extended Kalman filter over (x, y, heading) in world: odometry predicts; ranges, positions,
@@ -136,12 +130,11 @@ class PoseEkf {
 
   template <class Linearize>
   Outcome correct(Stamp stamp, const Gate& gate, const Linearize& linearize);
-  [[nodiscard]] PoseEkf ahead(Stamp stamp) const;
-  [[nodiscard]] const Landmark* nearest(const RangeBearing& z) const;
+  [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, 3, 2>> nearest(
+      const RangeBearing& z) const;
   [[nodiscard]] std::vector<const Landmark*> associated(const std::vector<RangeBearing>& sightings,
                                                         Association association) const;
   Outcome on(const RangeBearing& z, const Landmark* landmark);
-  void move(const OdometryMotion& model, const Pose2& motion, Stamp stamp);
 
   std::shared_ptr<const Recipe> recipe_;
   GaussianBelief belief_;

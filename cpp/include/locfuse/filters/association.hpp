@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <vector>
 
 #include "locfuse/math/linearization.hpp"
@@ -24,6 +25,13 @@ using Pairings = std::vector<std::vector<Pairing>>;
 /// Index into a sighting's pairings, or -1: it is of none of them.
 using Assignment = std::vector<int>;
 
+/// Which landmark a sighting without a name is of.
+enum class Association : std::uint8_t {
+  kNearest,  ///< the nearest, each by itself
+  kGlobal,   ///< the least sum over all sightings
+  kJoint,    ///< the largest set that fits jointly
+};
+
 /// Fills in `nis` of each pairing under the covariance P, eq. (1), and drops those beyond the gate
 /// of that probability. Throws NumericalError if an S is not positive definite.
 void compare(const Eigen::MatrixXd& P, double probability, Pairings& pairings);
@@ -39,5 +47,9 @@ void compare(const Eigen::MatrixXd& P, double probability, Pairings& pairings);
 /// the least joint NIS: eq. (2), by branch and bound (Neira and Tardos, 2001).
 [[nodiscard]] Assignment joint_compatibility(const Eigen::MatrixXd& P, const Pairings& pairings,
                                              double probability);
+
+/// Whichever of the three is named.
+[[nodiscard]] Assignment associate(Association association, const Eigen::MatrixXd& P,
+                                   const Pairings& pairings, double probability);
 
 }  // namespace locfuse

@@ -32,6 +32,16 @@ struct Propagation {
   Matrix<N, N> noise;     ///< Q of this step
 };
 
+/// r' S^-1 r. Throws NumericalError unless S is positive definite.
+template <class Residual, class S>
+[[nodiscard]] double squared_mahalanobis(const Residual& residual, const S& covariance) {
+  const Eigen::LLT<typename S::PlainObject> factor(covariance);
+  if (factor.info() != Eigen::Success) {
+    throw NumericalError("innovation covariance is not positive definite");
+  }
+  return factor.matrixL().solve(residual).squaredNorm();
+}
+
 /// Log likelihood of the measurement if the local variables are exactly where it was linearized: a
 /// particle's weight. Throws NumericalError unless R is positive definite.
 template <int M, int N, int MaxM>

@@ -80,6 +80,11 @@ struct LaserGeometry {
   double angle_increment = 0.0;  ///< [rad], negative if the laser turns clockwise
   double range_min = 0.0;        ///< [m]
   double range_max = 0.0;        ///< [m]
+
+  /// Whether something was seen at this range; false for NaN.
+  [[nodiscard]] bool is_return(double range) const {
+    return range >= range_min && range < range_max;
+  }
 };
 
 /// One turn of a 2D laser, as if measured in one moment.

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Readers of published datasets name the line that is wrong, or the file that is missing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from locfuse.io.datasets import convert
+from locfuse.types import LogError
+from support_recordings import damaged
+from support_runs import recording
+
+DAMAGES = [
+    ("utias_tubes", "log.csv.gz", 3, "1,2", "line 3: 2 fields, expected 41"),
+    ("utias_tubes", "landmarks.csv", 1, "id,x,y", "line 1: expected the header id,x_m,y_m"),
+    ("utias_tubes", "parameters.csv", 2, "1,2,3,4,nan", "line 2: .*nan"),
+    ("mrclam6", "Robot3_Odometry.dat.gz", 9, "1248444188 0.1", "line 9: 2 fields, expected 3"),
+    ("mrclam6", "Robot5_Measurement.dat.gz", 5, "1248444196 5 nan 0", "line 5: .*nan"),
+    ("mrclam6", "Barcodes.dat", 6, "1 2 3", "line 6: 3 fields, expected 2"),
+    ("acfr_carpark", "laser_ranges.csv.gz", 2, "45.1,1,2", "line 2: 3 fields, expected 362"),
+    ("acfr_carpark", "laser_intensity.csv.gz", 2, "45.0" + 361 * ",0",
+     "stamps or beams differ from those of laser_ranges"),
+    ("acfr_carpark", "drive.csv.gz", 2, "45.0,inf,0", "line 2: .*inf"),
+    ("lego_arena", "robot4_motors.txt", 3, "S 735" + 12 * " 1", "row 3: begins with 'S', exp"),
+    ("lego_arena", "robot4_scan.txt.gz", 2, "S 551 660 190", "line 2: 4 fields, expected 663"),
+    ("lego_arena", "robot4_reference.txt", 2, "P 494 1853 nan", "line 2: .*nan"),
+    ("victoria_park", "trees_reference_detector.csv.gz", 2, "0.8,1,2", "line 2: 3 fields, exp"),
+    ("victoria_park", "gps.csv.gz", 1, "t,x,y", "line 1: expected the header t_s,x_m,y_m"),
+    ("rcv_uwb_drone", "seq3_ranges.csv.gz", 4, "1,2,3", "line 4: 3 fields, expected 11"),
+    ("rcv_uwb_drone", "seq5_groundtruth.csv.gz", 2, "0,0,0,nan,0,0,0,1", "line 2: .*nan"),
+    ("rcv_uwb_drone", "seq1_anchors.csv", 1, "a,b", "line 1: expected the header anchor,x,y,z"),
+    ("starloc", "loop-2d_s5_uwb.csv.gz", 3, "1,2", "line 3: 2 fields, expected 15"),
+    ("starloc", "loop-2d-fast_s1_anchors.csv", 2, "4,1,2,inf", "line 2: .*inf"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "file", "line", "text", "message"), DAMAGES)
+def test_a_damaged_line_is_named_and_nothing_is_written(
+    name: str, file: str, line: int, text: str, message: str, tmp_path: Path
+) -> None:
+    source = damaged(recording(name.replace("_", "-")), tmp_path / "source", file, line, text)
+    with pytest.raises(LogError, match=rf"{file}[,:] {message}"):
+        convert(name, source, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "file"),
+    [
+        ("utias_tubes", "parameters.csv"),
+        ("mrclam6", "Robot3_Groundtruth.dat.gz"),
+        ("mrclam6", "Landmark_Groundtruth.dat"),
+        ("acfr_carpark", "beacons.csv"),
+        ("lego_arena", "robot_arena_landmarks.txt"),
+        ("victoria_park", "laser.csv.gz"),
+        ("rcv_uwb_drone", "seq5_anchors.csv"),
+        ("starloc", "loop-2d_s5_anchors.csv"),
+    ],
+)
+def test_a_missing_file_is_named_and_nothing_is_written(
+    name: str, file: str, tmp_path: Path
+) -> None:
+    source = damaged(recording(name.replace("_", "-")), tmp_path / "source", file)
+    with pytest.raises(LogError, match=rf"{file}: no such file"):
+        convert(name, source, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
