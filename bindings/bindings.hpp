@@ -23,6 +23,7 @@ void bind_filters(pybind11::module_& m);
 void bind_estimators(pybind11::module_& m);
 void bind_initializer(pybind11::module_& m);
 void bind_landmark_ekf(pybind11::module_& m);
+void bind_recovering_ekf(pybind11::module_& m);
 void bind_mcl(pybind11::module_& m);
 void bind_message_log(pybind11::module_& m);
 void bind_replay(pybind11::module_& m);

@@ -21,6 +21,7 @@ PYBIND11_MODULE(_core, m) {
   bind_estimators(m);
   bind_initializer(m);
   bind_landmark_ekf(m);
+  bind_recovering_ekf(m);
   bind_mcl(m);
   bind_message_log(m);
   bind_replay(m);

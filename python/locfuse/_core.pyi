@@ -75,6 +75,8 @@ __all__: list[str] = [
     "RangePosition2",
     "RangePosition3",
     "RayCaster",
+    "RecoveringEkf",
+    "RecoveringEkfConfig",
     "RunLog",
     "ScanHypothesis",
     "ScanLikelihood",
@@ -2528,6 +2530,114 @@ class LandmarkEkf:
         """
     @property
     def belief(self) -> GaussianBelief: ...
+
+class RecoveringEkfConfig:
+    """
+    Filter, start and alarm of a RecoveringEkf.
+    """
+
+    estimator: PoseEkfConfig
+    start: InitializerConfig
+    def __init__(self) -> None: ...
+    @property
+    def measurements_per_false_alarm(self) -> float:
+        """
+        Mean number of measurements before a false alarm is at least this, if as many are wrong as `start.wrong_share` says, each by itself.
+        """
+    @measurements_per_false_alarm.setter
+    def measurements_per_false_alarm(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+
+class RecoveringEkf:
+    """
+    A PoseEkf that starts by itself, notices when it was carried away,
+    and starts anew (docs/start.md).
+
+    While it is lost, landmarks seen together, ranges, fixes and poses start hypotheses until one wins.
+
+    Parameters
+    ----------
+    config : RecoveringEkfConfig
+    anchors : AnchorMap, optional
+    tags : list of Tag, optional
+    matcher : ScanMatcher, optional
+        With it, scans on the map tell the heading while it is lost.
+    landmarks : LandmarkSight, optional
+
+    Raises
+    ------
+    ValueError
+        If a config is out of range.
+
+    Examples
+    --------
+    >>> from locfuse import *
+    >>> posts = LandmarkMap([Landmark(0, [3, 0]), Landmark(1, [0, 4]), Landmark(2, [-2, 1])])
+    >>> ekf = RecoveringEkf(RecoveringEkfConfig(), landmarks=LandmarkSight(posts))
+    >>> ekf.is_lost
+    True
+    >>> _ = ekf.on_joint([RangeBearing(0, None, 3.0, 0.0), RangeBearing(0, None, 4.0, 1.5708),
+    ...                   RangeBearing(0, None, 2.2361, 2.6779)])
+    >>> ekf.is_lost, abs(round(ekf.state().hypotheses[0].estimate.pose.x, 2))
+    (False, 0.0)
+    """
+    def __init__(
+        self,
+        config: RecoveringEkfConfig,
+        anchors: AnchorMap | None = None,
+        tags: collections.abc.Sequence[Tag] = [],
+        matcher: ScanMatcher | None = None,
+        landmarks: LandmarkSight | None = None,
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    def estimator(self) -> PoseEkf | None:
+        """
+        A snapshot of the PoseEkf that tracks, or None.
+        """
+    @typing.overload
+    def on(self, message: Velocity) -> Outcome: ...
+    @typing.overload
+    def on(self, message: Increment) -> Outcome: ...
+    @typing.overload
+    def on(self, message: Range) -> Outcome: ...
+    @typing.overload
+    def on(self, message: PositionFix) -> Outcome: ...
+    @typing.overload
+    def on(self, message: PoseObservation) -> Outcome: ...
+    @typing.overload
+    def on(self, message: RangeBearing) -> Outcome: ...
+    @typing.overload
+    def on(self, message: LaserScan) -> Outcome:
+        """
+        Takes one message. While lost its outcome is IGNORED: it weighs hypotheses.
+        """
+    def on_joint(
+        self, sightings: collections.abc.Sequence[RangeBearing], association: Association = ...
+    ) -> list[Outcome]:
+        """
+        Takes sightings of one stamp. Returns an outcome for each.
+        """
+    def start_at(self, start: PoseEstimate) -> None:
+        """
+        Tracks from a PoseEstimate on.
+
+        Raises
+        ------
+        ValueError
+            As a PoseEkf does.
+        """
+    def state(self) -> StartState:
+        """
+        READY while it tracks; otherwise how far the start has come, with its hypotheses.
+        """
+    @property
+    def alarms(self) -> int:
+        """
+        How often it noticed that it was lost.
+        """
+    @property
+    def is_lost(self) -> bool: ...
 
 class LikelihoodFieldConfig:
     """

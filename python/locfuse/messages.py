@@ -253,8 +253,10 @@ def instants_of(log: Log) -> Iterator[Instant]:
     """
     seen, odometry = log.tables.get("landmark_sightings"), log.tables.get("odometry")
     if seen is None or odometry is None or "v_mps" not in odometry:
-        raise LogError("seeing landmarks needs landmark_sightings.csv, and odometry.csv with v_mps and "
-                       f"omega_radps; the log has {sorted(log.tables)}")  # fmt: skip
+        raise LogError(
+            "seeing landmarks needs landmark_sightings.csv, and odometry.csv with v_mps and "
+            f"omega_radps; the log has {sorted(log.tables)}"
+        )
     velocities = [
         _core.Velocity(*row)
         for row in zip(*(odometry[name].tolist() for name in ("stamp_ns", "v_mps", "omega_radps")),

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from locfuse import gadau
+from locfuse.gadau import kidnapping
+from locfuse.gadau.world import SPEEDS
 
 
 @pytest.mark.parametrize("layout", ["triangle", "square, near", "five, far"])
@@ -30,7 +32,7 @@ def test_the_derivatives_of_the_paper_diverge_from_the_right_start() -> None:
     assert surface.nees > 10.0
 
 
-@pytest.mark.parametrize("speed_mps", gadau.SPEEDS)
+@pytest.mark.parametrize("speed_mps", SPEEDS)
 def test_discs_seen_by_rays_never_let_it_diverge(speed_mps: float) -> None:
     run = gadau.ray_simulation("5", speed_mps, 1)
     assert run.off_m.max() < 0.05
@@ -41,3 +43,16 @@ def test_claims_tell_progress() -> None:
     claims = gadau.gadau_claims(2, lambda done, total: told.append((done, total)))
     assert told[-1][0] == told[-1][1] == len(told) - 1
     assert len({claim.id for claim in claims}) == len(claims)
+
+
+@pytest.mark.parametrize("world", list(kidnapping.WORLDS))
+def test_a_robot_that_was_carried_off_notices_and_finds_itself_again(world: str) -> None:
+    runs = [kidnapping.kidnap(world, seed) for seed in range(3)]
+    assert max(run.noticed_s for run in runs) <= kidnapping.NOTICED_S
+    assert max(run.found_s for run in runs) <= kidnapping.FOUND_S
+    assert sum(run.false_alarms for run in runs) == 0
+
+
+def test_an_alarm_that_is_hard_of_hearing_shows() -> None:
+    run = kidnapping.kidnap("triangle", 0, measurements_per_false_alarm=1e300)
+    assert run.noticed_s > kidnapping.NOTICED_S

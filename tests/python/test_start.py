@@ -107,7 +107,7 @@ def test_a_robot_that_stands_without_a_laser_is_told_what_is_missing() -> None:
 
 def test_a_log_without_ranges_is_told_what_is_missing(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "log", {"ranges.csv": None})
-    with pytest.raises(LogError, match="no range, position or pose yet"):
+    with pytest.raises(LogError, match="no range, position or pose yet, and no two landmarks"):
         run(parse_config({"start": "auto"}), read_log(folder))
 
 

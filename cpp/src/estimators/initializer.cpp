@@ -5,30 +5,27 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numeric>
 #include <stdexcept>
 #include <utility>
 
+#include "estimators/outlier.hpp"
+#include "locfuse/frontends/constellation.hpp"
 #include "locfuse/frontends/multilateration.hpp"
 
 namespace locfuse {
 namespace {
 
+using internal::log_anything;
+using internal::log_density;
+using internal::log_sum;
+
 constexpr double kForgotten = -30.0;  // log-weight below the best at which a component is dropped
 constexpr double kLinked = 9.0;       // squared distance below which two tell the same story
 constexpr double kSamePlace = 1.0;    // likewise where one search for a scan serves both
 constexpr double kShown = 1e-3;       // probability below which a cluster counts for nothing
-
-double log_sum(double a, double b) {
-  const double high = std::max(a, b);
-  return high + std::log1p(std::exp(std::min(a, b) - high));
-}
-
-double log_density(const Outcome& outcome, double wrong_share, double log_outlier) {
-  return log_sum(std::log1p(-wrong_share) + outcome.log_likelihood(),
-                 std::log(wrong_share) + log_outlier);
-}
 
 /// The rest of what odometry last said, from `stamp` on; empty where nothing is left.
 std::optional<Message> from(const Message& control, Stamp stamp) {
@@ -213,6 +210,10 @@ Initializer::Initializer(const Config& config, const PoseEkf::Config& estimator,
       tags_(std::move(tags)),
       matcher_(std::move(matcher)),
       gate_(estimator.gate_pose),
+      sight_(estimator.landmark, landmarks.sensor_in_body),
+      landmarks_(landmarks.map),
+      log_of_landmarks_(landmarks_ ? std::log(std::max(1.0, double(landmarks_->landmarks().size())))
+                                   : 0.0),
       prototype_(estimator, anchors_, tags_, {0, {}, Matrix<3, 3>::Identity()},
                  std::move(landmarks)) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -262,11 +263,18 @@ void Initializer::drive(const M& u) {
 
 void Initializer::moved(const Pose2& motion) {
   since_scan_ = since_scan_ * motion;
+  since_sightings_ = since_sightings_ * motion;
   since_ranges_m_ += std::hypot(motion.x, motion.y);
   if (since_ranges_m_ > config_.spacing_m) {
     since_ranges_m_ = 0.0;
     links_.clear();
   }
+}
+
+/// Far enough that what is measured now errs by itself.
+bool Initializer::moved_on(const Pose2& motion) const {
+  return motion.position().norm() > config_.spacing_m ||
+         std::abs(motion.heading) > config_.spacing_heading_rad;
 }
 
 // Ranges ------------------------------------------------------------------------------------------
@@ -298,7 +306,7 @@ void Initializer::hear(const Range& z) {
   // averaging has an end.
   const int before = heard_before(z);
   if (before < config_.standing_ranges) {
-    weigh(z, before == 0 ? std::optional(-std::log(config_.wrong_span_m)) : std::nullopt);
+    weigh(z, before == 0 ? std::optional(log_anything(z, config_.wrong_span_m)) : std::nullopt);
     reduce();
   }
 }
@@ -322,7 +330,7 @@ void Initializer::on(const PositionFix& z) {
                             estimator_.position.antenna_left_m);
     add_positions(z.position, z.covariance, antenna, 0.0, z.stamp);
   } else {
-    weigh(z, -2.0 * std::log(config_.wrong_span_m));
+    weigh(z, log_anything(z, config_.wrong_span_m));
     reduce();
   }
 }
@@ -332,27 +340,103 @@ void Initializer::on(const PoseObservation& z) {
   if (components_.empty()) {
     components_.push_back(component({z.stamp, z.pose, z.covariance}, 0.0));
   } else {
-    weigh(z, -2.0 * std::log(config_.wrong_span_m) - std::log(2.0 * kPi));
+    weigh(z, log_anything(z, config_.wrong_span_m));
     reduce();
   }
 }
 
 void Initializer::on(const RangeBearing& z) {
   validate(z);
-  weigh(z, (z.range ? -std::log(config_.wrong_span_m) : 0.0) -
-               (z.bearing ? std::log(2.0 * kPi) : 0.0));
+  if (!sightings_.empty() && sightings_.front().stamp != z.stamp) {
+    sightings_.clear();
+  }
+  if (sightings_.empty()) {
+    if (moved_on(since_sightings_)) {
+      since_sightings_ = {};
+      most_sightings_ = 0;
+    }
+    log_before_ = components_.empty() ? 0.0 : components_.front().log_weight;
+  }
+  sightings_.push_back(z);
+  // What is seen again from the same place errs the same way, so it is evidence once.
+  if (sightings_.size() <= most_sightings_) {
+    return;
+  }
+  const double log_wrong = log_anything(z, config_.wrong_span_m);
+  weigh(z, log_wrong);
+  log_nowhere_ += log_wrong + (z.landmark ? 0.0 : log_of_landmarks_);
+  add_constellations();
   if (!components_.empty()) {
+    most_sightings_ = sightings_.size();
     reduce();
   }
+}
+
+/// Adds the poses that the newest sighting allows with each of the same stamp before it, unless a
+/// component tells them already: eq. (2) of docs/start.md.
+void Initializer::add_constellations() {
+  const auto seen_by = [&](const RangeBearing& z, double& log_area) -> std::optional<SeenLandmark> {
+    const auto placed = sight_.place(Pose2{}, z);
+    if (!placed) {
+      return std::nullopt;
+    }
+    const Matrix<2, 2>& J = placed->by_sighting;
+    log_area += std::log(std::abs(J.determinant()));
+    return SeenLandmark{placed->position, J * sight_.noise(z) * J.transpose(), z.landmark};
+  };
+  const double probability = std::min(estimator_.gate_landmark, 0.9999);
+  const double anywhere = -2.0 * std::log(config_.wrong_span_m) - std::log(2.0 * kPi);
+  const double prior =
+      components_.empty() ? anywhere : log_before_ + std::log(config_.wrong_share) + anywhere;
+  std::vector<Component> found;
+  for (std::size_t i = 0; landmarks_ && i + 1 < sightings_.size(); ++i) {
+    double log_area = 0.0;  // from positions to ranges and bearings
+    const auto a = seen_by(sightings_[i], log_area);
+    const auto b = seen_by(sightings_.back(), log_area);
+    if (!a || !b) {
+      continue;
+    }
+    for (const ConstellationMatch& match : match_constellation(*a, *b, *landmarks_, probability)) {
+      const PoseEstimate estimate{sightings_.back().stamp, match.pose, match.covariance};
+      const auto tells_it = [&](const Component& other) {
+        return squared_distance(other.ekf.current(), estimate, true) < kLinked;
+      };
+      if (std::any_of(components_.begin(), components_.end(), tells_it) ||
+          std::any_of(found.begin(), found.end(), tells_it)) {
+        continue;
+      }
+      found.push_back(component(estimate, prior + match.log_evidence + log_area));
+      for (std::size_t k = 0; k + 1 < sightings_.size(); ++k) {
+        if (k != i) {
+          weigh(found.back(), sightings_[k], log_anything(sightings_[k], config_.wrong_span_m));
+        }
+      }
+    }
+  }
+  if (components_.empty() && !found.empty()) {
+    log_nowhere_ = std::log(config_.wrong_share);
+    for (const RangeBearing& z : sightings_) {
+      log_nowhere_ +=
+          log_anything(z, config_.wrong_span_m) + (z.landmark ? 0.0 : log_of_landmarks_);
+    }
+  }
+  components_.insert(components_.end(), std::make_move_iterator(found.begin()),
+                     std::make_move_iterator(found.end()));
 }
 
 template <class M>
 void Initializer::weigh(const M& z, const std::optional<double>& log_outlier) {
   for (Component& component : components_) {
-    const Outcome outcome = component.ekf.on(z);
-    if (log_outlier && outcome.dof > 0) {
-      component.log_weight += log_density(outcome, config_.wrong_share, *log_outlier);
-    }
+    weigh(component, z, log_outlier);
+  }
+}
+
+template <class M>
+void Initializer::weigh(Component& component, const M& z,
+                        const std::optional<double>& log_outlier) const {
+  const Outcome outcome = component.ekf.on(z);
+  if (log_outlier && outcome.dof > 0) {
+    component.log_weight += log_density(outcome, config_.wrong_share, *log_outlier);
   }
 }
 
@@ -418,8 +502,7 @@ void Initializer::on(const LaserScan& z) {
   if (components_.empty() && epoch_.size() > 2) {
     locate();
   }
-  const bool is_news = !scanned_ || since_scan_.position().norm() > config_.spacing_m ||
-                       std::abs(since_scan_.heading) > config_.spacing_heading_rad;
+  const bool is_news = !scanned_ || moved_on(since_scan_);
   if (matcher_ == nullptr || components_.empty() || !is_news ||
       z.stamp < components_.front().ekf.belief().stamp) {
     return;
@@ -479,6 +562,8 @@ void Initializer::reduce() {
   std::sort(components_.begin(), components_.end(),
             [](const Component& a, const Component& b) { return a.log_weight > b.log_weight; });
   const double best = components_.front().log_weight;
+  log_before_ -= best;
+  log_nowhere_ -= best;
   std::vector<Component> kept;
   for (Component& next : components_) {
     next.log_weight -= best;
@@ -545,7 +630,7 @@ Initializer::State Initializer::state() const {
     return state;
   }
   const std::vector<Cluster> all = clusters(true);
-  double total = -std::numeric_limits<double>::infinity();
+  double total = log_nowhere_;
   for (const Cluster& one : all) {
     total = log_sum(total, one.log_weight);
   }
@@ -555,10 +640,16 @@ Initializer::State Initializer::state() const {
       state.hypotheses.push_back({one.estimate, probability});
     }
   }
+  if (state.hypotheses.empty()) {
+    state.reason = "no pose explains the landmarks that are seen";
+    return state;
+  }
   const Hypothesis& best = state.hypotheses.front();
   if (best.probability < config_.probability_ready) {
     state.status = StartStatus::kAmbiguous;
-    state.reason = std::to_string(state.hypotheses.size()) + " poses fit";
+    state.reason = state.hypotheses.size() == 1
+                       ? "one pose fits, perhaps by chance"
+                       : std::to_string(state.hypotheses.size()) + " poses fit";
   } else if (sigma_position(best.estimate) > config_.sigma_xy_ready_m) {
     state.reason = "the position is not known well enough yet";
   } else if (sigma_heading(best.estimate) > config_.sigma_heading_ready_rad) {
@@ -569,6 +660,10 @@ Initializer::State Initializer::state() const {
     state.status = StartStatus::kReady;
   }
   return state;
+}
+
+PoseEkf Initializer::started_at(const PoseEstimate& start) const {
+  return component(start, 0.0).ekf;
 }
 
 PoseEkf Initializer::estimator() const {

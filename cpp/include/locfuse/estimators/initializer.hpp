@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -62,13 +63,15 @@ class Initializer {
   void on(const Range& z);
   void on(const PositionFix& z);
   void on(const PoseObservation& z);
-  /// Weighs the hypotheses there are; by itself it starts none.
+  /// Weighs the hypotheses there are; two of one stamp, with range and bearing, start others.
   void on(const RangeBearing& z);
   void on(const LaserScan& z);
   void on(const Message& message);
 
   [[nodiscard]] State state() const;
 
+  /// A filter that starts where it is told, with the odometry that was heard last.
+  [[nodiscard]] PoseEkf started_at(const PoseEstimate& start) const;
   /// The filter to go on with. Throws std::invalid_argument unless the state is ready.
   [[nodiscard]] PoseEkf estimator() const;
 
@@ -88,14 +91,18 @@ class Initializer {
   };
 
   void locate();
+  void add_constellations();
   void add_positions(const Vector<2>& tag_in_world, const Matrix<2, 2>& covariance,
                      const Vector<2>& tag_in_body, double log_weight, Stamp stamp);
   [[nodiscard]] Component component(const PoseEstimate& start, double log_weight) const;
   template <class M>
   void weigh(const M& z, const std::optional<double>& log_outlier);
   template <class M>
+  void weigh(Component& component, const M& z, const std::optional<double>& log_outlier) const;
+  template <class M>
   void drive(const M& u);
   void moved(const Pose2& motion);
+  [[nodiscard]] bool moved_on(const Pose2& motion) const;
   void hear(const Range& z);
   [[nodiscard]] int heard_before(const Range& z);
   void match(Stamp stamp, const ScanMatch& fit, double log_likelihood,
@@ -109,17 +116,26 @@ class Initializer {
   std::shared_ptr<const AnchorMap> anchors_;
   std::vector<Tag> tags_;
   std::shared_ptr<const ScanMatcher> matcher_;
-  Gate gate_;          // of a scan's pose
-  PoseEkf prototype_;  // what every component is made from
+  Gate gate_;  // of a scan's pose
+  RangeBearingModel sight_;
+  std::shared_ptr<const LandmarkMap> landmarks_;  // or null
+  double log_of_landmarks_;                       // that a sighting without a name may be of
+  PoseEkf prototype_;                             // what every component is made from
 
   std::vector<Component> components_;
-  std::vector<Range> epoch_;  // the ranges of the first position
+  std::vector<Range> epoch_;             // the ranges of the first position
+  std::vector<RangeBearing> sightings_;  // of the latest stamp
+  double log_before_ = 0.0;              // of the best component before these
+  // That constellations fitted by chance: none of the components is right.
+  double log_nowhere_ = -std::numeric_limits<double>::infinity();
   std::vector<Link> links_;
   std::optional<Message> control_;  // the last odometry
   Pose2 since_scan_;
+  Pose2 since_sightings_;           // that were evidence
+  std::size_t most_sightings_ = 0;  // of one stamp since then
   double since_ranges_m_ = 0.0;
   bool scanned_ = false;
-  std::string waiting_for_ = "no range, position or pose yet";
+  std::string waiting_for_ = "no range, position or pose yet, and no two landmarks at once";
 };
 
 }  // namespace locfuse

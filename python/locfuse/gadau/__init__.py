@@ -2,7 +2,7 @@
 """gadau2022: an EKF on landmarks by range and bearing; where the authors' filter failed, and why.
 
 Their microsimulator sees every landmark exactly where it is; their second one has 151 rays that end
-on discs and walls. Kidnapping, the third part of the paper, is not repeated yet.
+on discs and walls. Kidnapping, which theirs does not survive, is in `locfuse.gadau.kidnapping`.
 """
 
 from __future__ import annotations
@@ -16,43 +16,34 @@ import numpy as np
 
 from locfuse import _core
 from locfuse.claims import Claim, Progress, claim_of, consistent, share
-from locfuse.config.scenario import Circle, Path, Square, Star, Waypoints
 from locfuse.eval.consistency import band
-from locfuse.sim.obstacles import hidden_by
+from locfuse.gadau.kidnapping import kidnapping_claims
+from locfuse.gadau.world import (
+    DISC_M,
+    DISCS,
+    DURATION_S,
+    ENDLESS,
+    LAYOUTS,
+    NEAR_M,
+    NEAR_RAD,
+    PATHS,
+    ROOM_M,
+    SIGMA_BEARING_RAD,
+    SIGMA_RANGE_M,
+    SPEEDS,
+    STEP_NS,
+    WRONG_M,
+    WRONG_RAD,
+    detector,
+    filter_config,
+    known,
+    scan_of,
+    seen_by,
+    sightings_of,
+    told,
+)
 from locfuse.sim.trajectory import plan
 from locfuse.types import NANOSECONDS, FloatArray, wrap_angle
-
-STEP_NS = NANOSECONDS // 10
-DURATION_S = 60.0
-ROOM_M = (10.0, 10.0)
-# Fig. 1: what is added to the pose in every step, and to speed and turn rate.
-SIGMA_POSE_M, SIGMA_POSE_RAD = 0.002, 0.002
-SIGMA_SPEED_MPS, SIGMA_TURN_RADPS = 0.05, 0.05
-SIGMA_RANGE_M, SIGMA_BEARING_RAD = 0.05, 0.02
-ENDLESS = 1e6  # whatever is more is written so
-WRONG_M, WRONG_RAD = 2.0, np.deg2rad(60.0)  # of the start
-NEAR_M, NEAR_RAD = 0.2, np.deg2rad(5.0)  # of the truth: converged
-LAYOUTS = {
-    "one": [[2, 5]],
-    "two": [[2, 5], [8, 5]],
-    "triangle": [[1, 1], [9, 1], [5, 9]],
-    "square, near": [[1, 1], [9, 1], [9, 9], [1, 9]],
-    "five, far": [[-20, -20], [30, -20], [30, 30], [-20, 30], [5, 40]],
-}
-PATHS: dict[str, Path] = {
-    "circle": Circle(speed_mps=0.5),
-    "star": Star(speed_mps=0.5),
-    "square": Square(speed_mps=0.5),
-    "random": Waypoints(speed_mps=0.5),
-}
-RAYS, FIELD_RAD, REACH_M, SIGMA_RAY_M = 151, 2.0, 6.0, 0.01
-DISC_M = 0.3
-DISCS = {
-    "5": [[2.0, 2.0], [8.0, 2.5], [8.2, 8.0], [2.2, 7.8], [5.0, 5.2]],
-    "8": [[2.0, 2.0], [8.0, 2.5], [8.2, 8.0], [2.2, 7.8], [5.0, 5.2], [5.1, 1.2], [8.8, 5.3],
-          [1.1, 5.0]],
-}  # fmt: skip
-SPEEDS = (0.0, 0.3, 1.0)
 
 Mistake = Literal["derivatives", "surface"]
 Correct = Callable[[_core.PoseEkf, int, FloatArray], None]
@@ -80,6 +71,7 @@ def gadau_claims(seeds: int, progress: Progress) -> list[Claim]:
         *(lambda name=name: _path(name, seeds) for name in PATHS),
         lambda: _theirs(seeds),
         *(lambda name=name: _discs(name, max(seeds // 10, 2)) for name in DISCS),
+        lambda: kidnapping_claims(seeds),
     ]  # fmt: skip
     claims: list[Claim] = []
     for done, part in enumerate(parts):
@@ -117,14 +109,10 @@ def microsimulation(
         start += [WRONG_M * np.cos(side), WRONG_M * np.sin(side), rng.choice([-1, 1]) * WRONG_RAD]
     ekf = _ekf(start, marks, wrong)
 
-    def see(at: FloatArray) -> FloatArray:
-        off = marks - at[:2]
-        bearing = np.arctan2(off[:, 1], off[:, 0]) - at[2]
-        seen = np.column_stack([np.hypot(*off.T) - short, bearing])
-        noisy = seen + [SIGMA_RANGE_M, SIGMA_BEARING_RAD] * rng.standard_normal(seen.shape)
-        return np.column_stack([np.maximum(noisy[:, 0], 0.0), wrap_angle(noisy[:, 1])])
+    def see_and_fuse(ekf: _core.PoseEkf, stamp: int, at: FloatArray) -> None:
+        fuse(ekf, stamp, seen_by(at, marks, rng, short))
 
-    return _drive(ekf, pose, rng, lambda ekf, stamp, at: fuse(ekf, stamp, see(at)))
+    return _drive(ekf, pose, rng, see_and_fuse)
 
 
 def ray_simulation(discs: str, speed_mps: float, seed: int) -> Run:
@@ -140,41 +128,22 @@ def ray_simulation(discs: str, speed_mps: float, seed: int) -> Run:
                                 wrap_angle(angle + np.pi / 2.0)])  # fmt: skip
     else:
         pose = np.tile(place, (round(DURATION_S * 10) + 1, 1))
-    detector = _core.CylinderDetector(
-        _core.CylinderDetectorConfig(radius_m=DISC_M, sigma_range_m=SIGMA_RAY_M, least_beams=4)
-    )
-    geometry = _core.LaserGeometry(_core.Pose2(), -FIELD_RAD, 2.0 * FIELD_RAD / (RAYS - 1), 0.05,
-                                   REACH_M)  # fmt: skip
+    finder = detector()
 
     def fuse(ekf: _core.PoseEkf, stamp: int, at: FloatArray) -> None:
-        scan = _core.LaserScan(stamp, geometry, _rays(at, marks, rng))
-        found = detector.detect(scan)
-        ekf.on_joint([_core.RangeBearing(stamp, None, one.range, one.bearing,
-                                         one.covariance[:2, :2]) for one in found])  # fmt: skip
+        ekf.on_joint(sightings_of(finder.detect(scan_of(stamp, at, marks, rng)), stamp))
 
     return _drive(_ekf(pose[0], marks, False), pose, rng, fuse)
 
 
 def _ekf(start: FloatArray, marks: FloatArray, wrong: bool) -> _core.PoseEkf:
-    config = _core.PoseEkfConfig()
-    rate = NANOSECONDS / STEP_NS
-    config.odometry.sigma_longitudinal_per_sqrt_m = 0.0
-    config.odometry.sigma_lateral_per_sqrt_m = 0.0
-    config.odometry.sigma_heading_per_sqrt_m = 0.0
-    config.odometry.sigma_heading_per_sqrt_rad = 0.0
-    # In every step, so many a second: noise of the pose, and of the speeds over a step.
-    xy = np.hypot(SIGMA_POSE_M, SIGMA_SPEED_MPS / rate)
-    turn = np.hypot(SIGMA_POSE_RAD, SIGMA_TURN_RADPS / rate)
-    config.odometry.sigma_xy_per_sqrt_s = float(xy * np.sqrt(rate))
-    config.odometry.sigma_heading_per_sqrt_s = float(turn * np.sqrt(rate))
-    config.landmark.sigma_range_m = SIGMA_RANGE_M
-    config.landmark.sigma_bearing_rad = SIGMA_BEARING_RAD
-    config.gate_landmark = 1.0 if wrong else 0.9999
+    config = filter_config()
+    if wrong:
+        config.gate_landmark = 1.0
     sigma = [WRONG_M, WRONG_M, WRONG_RAD] if wrong else [0.05, 0.05, 0.02]
-    known = _core.LandmarkMap([_core.Landmark(i, at, DISC_M) for i, at in enumerate(marks)])
     return _core.PoseEkf(config, _core.AnchorMap([]), [],
                          _core.PoseEstimate(0, _core.Pose2(*start), np.diag(sigma) ** 2),
-                         _core.LandmarkSight(known))  # fmt: skip
+                         known(marks))  # fmt: skip
 
 
 def _drive(ekf: _core.PoseEkf, pose: FloatArray, rng: np.random.Generator, fuse: Correct) -> Run:
@@ -182,14 +151,7 @@ def _drive(ekf: _core.PoseEkf, pose: FloatArray, rng: np.random.Generator, fuse:
     off = []
     for k, (before, after) in enumerate(pairwise(pose)):
         begin, end = k * STEP_NS, (k + 1) * STEP_NS
-        step = _core.Pose2(*before).inverse() * _core.Pose2(*after)
-        seconds = STEP_NS / NANOSECONDS
-        noise = rng.standard_normal(5) * [SIGMA_POSE_M, SIGMA_POSE_M, SIGMA_POSE_RAD,
-                                          SIGMA_SPEED_MPS * seconds,
-                                          SIGMA_TURN_RADPS * seconds]  # fmt: skip
-        told = _core.Pose2(step.x + noise[0] + noise[3], step.y + noise[1],
-                           step.heading + noise[2] + noise[4])  # fmt: skip
-        ekf.on(_core.Increment(begin, end, told))
+        ekf.on(_core.Increment(begin, end, told(before, after, rng)))
         ekf.advance_to(end)
         fuse(ekf, end, after)
         found = ekf.estimate(end).pose
@@ -224,18 +186,6 @@ def _with_their_derivatives(marks: FloatArray) -> Correct:
     return fuse
 
 
-def _rays(at: FloatArray, marks: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Return what the rays measure to discs and walls, NaN beyond their reach."""
-    angle = at[2] + np.linspace(-FIELD_RAD, FIELD_RAD, RAYS)
-    along = np.column_stack([np.cos(angle), np.sin(angle)])
-    discs = hidden_by(marks[None], DISC_M, at[None, :2], angle[None])[0]
-    wall = np.where(along > 0.0, np.array(ROOM_M), 0.0) - at[:2]
-    walls = np.divide(wall, along, out=np.full_like(along, np.inf), where=along != 0.0)
-    ranges = np.minimum(discs, walls.min(axis=1))
-    ranges = ranges + SIGMA_RAY_M * rng.standard_normal(RAYS)
-    return np.where(ranges < REACH_M, ranges, np.nan)
-
-
 def _layout(name: str, seeds: int) -> Iterator[Claim]:
     runs = [microsimulation(name, "circle", seed) for seed in range(seeds)]
     key = f"gadau_{name.replace(', ', '_')}"
@@ -263,7 +213,7 @@ def _convergence(
 
 def _theirs(seeds: int) -> Iterator[Claim]:
     """Show what the paper's mistakes do, from the right start."""
-    told = {
+    names = {
         None: "ours",
         "derivatives": "with the derivatives of Fig. 2",
         "surface": "with ranges to the surface of discs",
@@ -271,7 +221,7 @@ def _theirs(seeds: int) -> Iterator[Claim]:
     for mistake in (None, *get_args(Mistake)):
         runs = [microsimulation("square, near", "circle", seed, wrong=False, mistake=mistake)
                 for seed in range(seeds)]  # fmt: skip
-        key, what = f"gadau_{mistake or 'right'}", f"right start, {told[mistake]}: "
+        key, what = f"gadau_{mistake or 'right'}", f"right start, {names[mistake]}: "
         yield claim_of(key, f"{what}worst error", "m", None,
                        [float(min(run.off_m.max(), ENDLESS)) for run in runs], "-",
                        lambda v: True)  # fmt: skip

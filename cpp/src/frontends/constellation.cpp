@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/frontends/constellation.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <array>
+#include <cmath>
+
+#include "locfuse/math/chi_squared.hpp"
+
+namespace locfuse {
+namespace {
+
+/// What one landmark says of the pose where it is linearized: eq. (3) of
+/// docs/models/constellation.md.
+struct Row {
+  Vector<2> residual;
+  Matrix<2, 3> jacobian;
+};
+
+Row look(const Pose2& pose, const Vector<2>& landmark, const SeenLandmark& seen) {
+  const double c = std::cos(pose.heading);
+  const double s = std::sin(pose.heading);
+  const Vector<2> d = landmark - pose.position();
+  const Vector<2> expected(c * d.x() + s * d.y(), c * d.y() - s * d.x());
+  Row row;
+  row.residual = seen.position - expected;
+  row.jacobian << -c, -s, expected.y(), s, -c, -expected.x();
+  return row;
+}
+
+/// The pose at which the line from `a` to `b` lies on that between two landmarks, middle on middle.
+Pose2 laid_over(const SeenLandmark& a, const SeenLandmark& b, const Vector<2>& of_a,
+                const Vector<2>& of_b) {
+  const Vector<2> seen = b.position - a.position;
+  const Vector<2> known = of_b - of_a;
+  const double heading =
+      angle_difference(std::atan2(known.y(), known.x()), std::atan2(seen.y(), seen.x()));
+  const Pose2 turned{0.0, 0.0, heading};
+  const Vector<2> at = 0.5 * (of_a + of_b) - turned.act(0.5 * (a.position + b.position));
+  return {at.x(), at.y(), heading};
+}
+
+/// Gauss-Newton from there; the pose has three unknowns, the positions four numbers.
+std::optional<ConstellationMatch> fit(const std::array<const SeenLandmark*, 2>& seen,
+                                      const std::array<Vector<2>, 2>& known, double limit) {
+  constexpr int kSteps = 3;
+  const std::array<Matrix<2, 2>, 2> weight{seen[0]->covariance.inverse(),
+                                           seen[1]->covariance.inverse()};
+  Pose2 pose = laid_over(*seen[0], *seen[1], known[0], known[1]);
+  Matrix<3, 3> information;
+  for (int step = 0; step < kSteps; ++step) {
+    information.setZero();
+    Vector<3> gradient = Vector<3>::Zero();
+    for (std::size_t i = 0; i < 2; ++i) {
+      const Row row = look(pose, known[i], *seen[i]);
+      information += row.jacobian.transpose() * weight[i] * row.jacobian;
+      gradient += row.jacobian.transpose() * weight[i] * row.residual;
+    }
+    pose = retract(pose, information.llt().solve(gradient));
+  }
+  double squared = 0.0;
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Row row = look(pose, known[i], *seen[i]);
+    squared += row.residual.dot(weight[i] * row.residual);
+  }
+  if (!(squared <= limit)) {  // or not finite
+    return std::nullopt;
+  }
+  const Matrix<3, 3> covariance = information.inverse();
+  const double log_volumes = std::log(covariance.determinant()) -
+                             std::log(seen[0]->covariance.determinant()) -
+                             std::log(seen[1]->covariance.determinant());
+  return ConstellationMatch{pose, 0.5 * (covariance + covariance.transpose()),
+                            0.5 * (log_volumes - squared - std::log(2.0 * kPi))};
+}
+
+}  // namespace
+
+std::vector<ConstellationMatch> match_constellation(const SeenLandmark& a, const SeenLandmark& b,
+                                                    const LandmarkMap& map, double probability) {
+  constexpr double kToldApart = 3.0;  // standard deviations
+  const double limit = chi_squared_quantile(1, probability);
+  const Vector<2> between = b.position - a.position;
+  const double apart = between.norm();
+  const double variance = between.dot((a.covariance + b.covariance) * between) / (apart * apart);
+  std::vector<ConstellationMatch> matches;
+  if (!(apart > kToldApart * std::sqrt(variance))) {
+    return matches;
+  }
+  for (const Landmark& of_a : map.landmarks()) {
+    if (a.id.value_or(of_a.id) != of_a.id) {
+      continue;
+    }
+    for (const Landmark& of_b : map.landmarks()) {
+      if (b.id.value_or(of_b.id) != of_b.id || of_b.id == of_a.id) {
+        continue;
+      }
+      const double known = (of_b.position - of_a.position).norm();
+      // Only a first look, for the noise is known where the landmarks were seen, not where they
+      // are.
+      if ((known - apart) * (known - apart) > 2.0 * limit * variance || known < 0.5 * apart) {
+        continue;
+      }
+      if (const auto match = fit({&a, &b}, {of_a.position, of_b.position}, limit)) {
+        matches.push_back(*match);
+      }
+    }
+  }
+  return matches;
+}
+
+}  // namespace locfuse

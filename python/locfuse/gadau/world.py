@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The worlds of gadau2022: landmarks, paths, noise, rays, and our filter in them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from locfuse import _core
+from locfuse.config.scenario import Circle, Path, Square, Star, Waypoints
+from locfuse.sim.obstacles import hidden_by
+from locfuse.types import NANOSECONDS, FloatArray, wrap_angle
+
+STEP_NS = NANOSECONDS // 10
+DURATION_S = 60.0
+ROOM_M = (10.0, 10.0)
+# Fig. 1: what is added to the pose in every step, and to speed and turn rate.
+SIGMA_POSE_M, SIGMA_POSE_RAD = 0.002, 0.002
+SIGMA_SPEED_MPS, SIGMA_TURN_RADPS = 0.05, 0.05
+SIGMA_RANGE_M, SIGMA_BEARING_RAD = 0.05, 0.02
+ENDLESS = 1e6  # whatever is more is written so
+WRONG_M, WRONG_RAD = 2.0, np.deg2rad(60.0)  # of the start
+NEAR_M, NEAR_RAD = 0.2, np.deg2rad(5.0)  # of the truth: converged
+LAYOUTS = {
+    "one": [[2, 5]],
+    "two": [[2, 5], [8, 5]],
+    "triangle": [[1, 1], [9, 1], [5, 9]],
+    "square, near": [[1, 1], [9, 1], [9, 9], [1, 9]],
+    "five, far": [[-20, -20], [30, -20], [30, 30], [-20, 30], [5, 40]],
+}
+PATHS: dict[str, Path] = {
+    "circle": Circle(speed_mps=0.5),
+    "star": Star(speed_mps=0.5),
+    "square": Square(speed_mps=0.5),
+    "random": Waypoints(speed_mps=0.5),
+}
+RAYS, FIELD_RAD, REACH_M, SIGMA_RAY_M = 151, 2.0, 6.0, 0.01
+DISC_M = 0.3
+DISCS = {
+    "5": [[2.0, 2.0], [8.0, 2.5], [8.2, 8.0], [2.2, 7.8], [5.0, 5.2]],
+    "8": [[2.0, 2.0], [8.0, 2.5], [8.2, 8.0], [2.2, 7.8], [5.0, 5.2], [5.1, 1.2], [8.8, 5.3],
+          [1.1, 5.0]],
+}  # fmt: skip
+SPEEDS = (0.0, 0.3, 1.0)
+
+
+def detector() -> _core.CylinderDetector:
+    """Return what finds the discs among the rays."""
+    return _core.CylinderDetector(
+        _core.CylinderDetectorConfig(radius_m=DISC_M, sigma_range_m=SIGMA_RAY_M, least_beams=4)
+    )
+
+
+def scan_of(
+    stamp: int, at: FloatArray, marks: FloatArray, rng: np.random.Generator
+) -> _core.LaserScan:
+    """Return what the rays measure to discs and walls, NaN beyond their reach."""
+    angle = at[2] + np.linspace(-FIELD_RAD, FIELD_RAD, RAYS)
+    along = np.column_stack([np.cos(angle), np.sin(angle)])
+    discs = hidden_by(marks[None], DISC_M, at[None, :2], angle[None])[0]
+    wall = np.where(along > 0.0, np.array(ROOM_M), 0.0) - at[:2]
+    walls = np.divide(wall, along, out=np.full_like(along, np.inf), where=along != 0.0)
+    ranges = np.minimum(discs, walls.min(axis=1))
+    ranges = ranges + SIGMA_RAY_M * rng.standard_normal(RAYS)
+    geometry = _core.LaserGeometry(_core.Pose2(), -FIELD_RAD, 2.0 * FIELD_RAD / (RAYS - 1), 0.05,
+                                   REACH_M)  # fmt: skip
+    return _core.LaserScan(stamp, geometry, np.where(ranges < REACH_M, ranges, np.nan))
+
+
+def sightings_of(found: list[_core.Cylinder], stamp: int) -> list[_core.RangeBearing]:
+    """Return cylinders as sightings without names."""
+    return [_core.RangeBearing(stamp, None, one.range, one.bearing, one.covariance[:2, :2])
+            for one in found]  # fmt: skip
+
+
+def seen_by(
+    at: FloatArray, marks: FloatArray, rng: np.random.Generator, short_m: float = 0.0
+) -> FloatArray:
+    """Return range and bearing of every landmark, shape (n, 2), ranges `short_m` too short."""
+    off = marks - at[:2]
+    bearing = np.arctan2(off[:, 1], off[:, 0]) - at[2]
+    seen = np.column_stack([np.hypot(*off.T) - short_m, bearing])
+    noisy = seen + [SIGMA_RANGE_M, SIGMA_BEARING_RAD] * rng.standard_normal(seen.shape)
+    return np.column_stack([np.maximum(noisy[:, 0], 0.0), wrap_angle(noisy[:, 1])])
+
+
+def told(before: FloatArray, after: FloatArray, rng: np.random.Generator) -> _core.Pose2:
+    """Return the motion of a step with the noise of Fig. 1."""
+    step = _core.Pose2(*before).inverse() * _core.Pose2(*after)
+    seconds = STEP_NS / NANOSECONDS
+    noise = rng.standard_normal(5) * [SIGMA_POSE_M, SIGMA_POSE_M, SIGMA_POSE_RAD,
+                                      SIGMA_SPEED_MPS * seconds,
+                                      SIGMA_TURN_RADPS * seconds]  # fmt: skip
+    return _core.Pose2(step.x + noise[0] + noise[3], step.y + noise[1],
+                       step.heading + noise[2] + noise[4])  # fmt: skip
+
+
+def filter_config() -> _core.PoseEkfConfig:
+    """Return the filter that knows the noise."""
+    config = _core.PoseEkfConfig()
+    rate = NANOSECONDS / STEP_NS
+    config.odometry.sigma_longitudinal_per_sqrt_m = 0.0
+    config.odometry.sigma_lateral_per_sqrt_m = 0.0
+    config.odometry.sigma_heading_per_sqrt_m = 0.0
+    config.odometry.sigma_heading_per_sqrt_rad = 0.0
+    # In every step, so many a second: noise of the pose, and of the speeds over a step.
+    xy = np.hypot(SIGMA_POSE_M, SIGMA_SPEED_MPS / rate)
+    turn = np.hypot(SIGMA_POSE_RAD, SIGMA_TURN_RADPS / rate)
+    config.odometry.sigma_xy_per_sqrt_s = float(xy * np.sqrt(rate))
+    config.odometry.sigma_heading_per_sqrt_s = float(turn * np.sqrt(rate))
+    config.landmark.sigma_range_m = SIGMA_RANGE_M
+    config.landmark.sigma_bearing_rad = SIGMA_BEARING_RAD
+    config.gate_landmark = 0.9999
+    return config
+
+
+def known(marks: FloatArray) -> _core.LandmarkSight:
+    """Return landmarks as the filter knows them."""
+    return _core.LandmarkSight(
+        _core.LandmarkMap([_core.Landmark(i, at, DISC_M) for i, at in enumerate(marks)])
+    )

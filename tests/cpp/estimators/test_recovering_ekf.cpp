@@ -1,0 +1,322 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "locfuse/estimators/recovering_ekf.hpp"
+#include "support/consistency.hpp"
+#include "support/expect.hpp"
+#include "support/random.hpp"
+
+namespace locfuse {
+namespace {
+
+using testing::expect_refused;
+using testing::in_band;
+using testing::normal;
+using testing::Rng;
+using testing::uniform;
+
+constexpr Stamp kStep = kNanosecondsPerSecond / 10;
+constexpr double kSigmaRange = 0.05;
+constexpr double kSigmaBearing = 0.02;
+const std::vector<Vector<2>> kPosts{{1.0, 1.0}, {9.0, 2.0}, {4.0, 9.0}, {6.5, 5.0}};
+
+std::shared_ptr<const LandmarkMap> map_of(const std::vector<Vector<2>>& positions) {
+  std::vector<Landmark> landmarks;
+  for (const Vector<2>& position : positions) {
+    landmarks.push_back({static_cast<Id>(landmarks.size()), position, 0.1});
+  }
+  return std::make_shared<const LandmarkMap>(landmarks);
+}
+
+RecoveringEkf::Config config() {
+  RecoveringEkf::Config c;
+  c.estimator.landmark = {kSigmaRange, kSigmaBearing};
+  return c;
+}
+
+RecoveringEkf robot_among(const std::vector<Vector<2>>& posts) {
+  return {config(), std::make_shared<const AnchorMap>(), {}, nullptr, {map_of(posts), {}}};
+}
+
+/// A robot that drives circles and sees every post within `reach`.
+struct Drive {
+  Pose2 truth;
+  Stamp stamp = 0;
+  Rng rng;
+  double reach = 1e3;
+  double wrong_share = 0.0;
+  bool names = false;
+
+  explicit Drive(unsigned seed) : rng(seed) {
+    truth = {uniform(rng, 3.0, 7.0), uniform(rng, 3.0, 7.0), uniform(rng, -kPi, kPi)};
+  }
+
+  /// Where somebody puts it down.
+  void carry_off() {
+    const Pose2 before = truth;
+    while (std::hypot(truth.x - before.x, truth.y - before.y) < 2.0) {
+      truth = {uniform(rng, 3.0, 7.0), uniform(rng, 3.0, 7.0), uniform(rng, -kPi, kPi)};
+    }
+  }
+
+  [[nodiscard]] std::vector<RangeBearing> look(const std::vector<Vector<2>>& posts) {
+    std::vector<RangeBearing> sightings;
+    for (std::size_t i = 0; i < posts.size(); ++i) {
+      const Vector<2> d = inverse(truth).act(posts[i]);
+      if (d.norm() > reach) {
+        continue;
+      }
+      RangeBearing z;
+      z.stamp = stamp;
+      if (names) {
+        z.landmark = static_cast<Id>(i);
+      }
+      const bool wrong = uniform(rng, 0.0, 1.0) < wrong_share;
+      z.range =
+          wrong ? uniform(rng, 0.0, 20.0) : std::max(d.norm() + normal(rng, kSigmaRange), 0.0);
+      z.bearing = wrong ? uniform(rng, -kPi, kPi)
+                        : wrap_angle(std::atan2(d.y(), d.x()) + normal(rng, kSigmaBearing));
+      sightings.push_back(z);
+    }
+    return sightings;
+  }
+
+  void step(RecoveringEkf& ekf, const std::vector<Vector<2>>& posts) {
+    const Pose2 motion = arc(0.04, 0.0, 0.03);
+    const Pose2 told{motion.x + normal(rng, 0.03 * std::sqrt(0.04)),
+                     motion.y + normal(rng, 0.01 * std::sqrt(0.04)),
+                     motion.heading + normal(rng, 0.02 * std::sqrt(0.04))};
+    truth = truth * motion;
+    ekf.on(Increment{stamp, stamp + kStep, told});
+    stamp += kStep;
+    ekf.on_joint(look(posts));
+  }
+
+  [[nodiscard]] double off(const RecoveringEkf& ekf) const {
+    const Pose2 pose = ekf.estimator()->estimate().pose;
+    return std::hypot(pose.x - truth.x, pose.y - truth.y);
+  }
+};
+
+TEST(RecoveringEkf, starts_from_landmarks_alone_and_is_right_whenever_it_says_so) {
+  int ready_at_once = 0;
+  for (unsigned seed = 0; seed < 200; ++seed) {
+    RecoveringEkf ekf = robot_among(kPosts);
+    Drive drive(seed);
+    EXPECT_TRUE(ekf.is_lost());
+    EXPECT_EQ(ekf.state().status, StartStatus::kWaiting);
+    for (int k = 0; k < 20 && ekf.is_lost(); ++k) {
+      drive.step(ekf, kPosts);
+      ready_at_once += k == 0 && !ekf.is_lost() ? 1 : 0;
+    }
+    ASSERT_FALSE(ekf.is_lost()) << seed;
+    EXPECT_EQ(ekf.state().status, StartStatus::kReady);
+    EXPECT_LT(drive.off(ekf), 0.3) << seed;
+  }
+  EXPECT_GT(ready_at_once, 190);
+}
+
+TEST(RecoveringEkf, notices_that_it_was_carried_off_and_finds_itself_again) {
+  double nees = 0.0;
+  constexpr int kRuns = 100;
+  for (unsigned seed = 0; seed < kRuns; ++seed) {
+    RecoveringEkf ekf = robot_among(kPosts);
+    Drive drive(seed);
+    for (int k = 0; k < 50; ++k) {
+      drive.step(ekf, kPosts);
+    }
+    ASSERT_EQ(ekf.alarms(), 0) << seed;
+    drive.carry_off();
+    int steps = 0;
+    while (ekf.alarms() == 0 && ++steps < 20) {
+      drive.step(ekf, kPosts);
+    }
+    EXPECT_LE(steps, 3) << seed;
+    for (int k = 0; k < 30; ++k) {
+      drive.step(ekf, kPosts);
+    }
+    ASSERT_FALSE(ekf.is_lost()) << seed;
+    EXPECT_LT(drive.off(ekf), 0.2) << seed;
+    const PoseEstimate now = ekf.estimator()->estimate();
+    const Vector<3> error = local(now.pose, drive.truth);
+    nees += error.dot(now.covariance.inverse() * error);
+  }
+  EXPECT_TRUE(in_band(nees / kRuns, 3, kRuns)) << nees / kRuns;
+}
+
+TEST(RecoveringEkf, a_share_of_wrong_sightings_raises_no_alarm) {
+  RecoveringEkf ekf = robot_among(kPosts);
+  Drive drive(5);
+  drive.wrong_share = 0.01;
+  for (int k = 0; k < 8000; ++k) {
+    drive.step(ekf, kPosts);
+  }
+  EXPECT_EQ(ekf.alarms(), 0);
+  EXPECT_LT(drive.off(ekf), 0.2);
+}
+
+TEST(RecoveringEkf, the_rate_of_false_alarms_is_no_larger_than_said) {
+  RecoveringEkf::Config c = config();
+  c.start.wrong_share = 0.2;
+  c.measurements_per_false_alarm = 500.0;
+  RecoveringEkf ekf(c, std::make_shared<const AnchorMap>(), {}, nullptr, {map_of(kPosts), {}});
+  Drive drive(6);
+  drive.wrong_share = 0.2;
+  drive.names = true;
+  constexpr int kSteps = 4000;
+  for (int k = 0; k < kSteps; ++k) {
+    drive.step(ekf, kPosts);
+  }
+  const double measurements = kSteps * static_cast<double>(kPosts.size());
+  EXPECT_GT(ekf.alarms(), 0);  // or the bound would say nothing
+  EXPECT_LT(ekf.alarms(), measurements / 500.0);
+}
+
+/// Turned about the middle of two posts, each of them is where the other was; the third is not.
+TEST(RecoveringEkf, notices_a_third_that_fits_nothing_where_two_fit) {
+  const std::vector<Vector<2>> three{{1.0, 1.0}, {9.0, 1.0}, {5.0, 9.0}};
+  RecoveringEkf ekf = robot_among(three);
+  Drive drive(11);
+  drive.truth = {5.85, 4.94, 0.57};
+  ekf.start_at({0, {14.0 - 5.85, 10.0 - 4.94, 0.57 - kPi}, 0.0025 * Matrix<3, 3>::Identity()});
+  int steps = 0;
+  while (ekf.alarms() == 0 && ++steps < 20) {
+    drive.step(ekf, three);
+  }
+  EXPECT_LT(steps, 10);
+  for (int k = 0; k < 20; ++k) {
+    drive.step(ekf, three);
+  }
+  ASSERT_FALSE(ekf.is_lost());
+  EXPECT_LT(drive.off(ekf), 0.2);
+}
+
+TEST(RecoveringEkf, a_square_stays_ambiguous) {
+  const std::vector<Vector<2>> square{{0.0, 0.0}, {8.0, 0.0}, {8.0, 8.0}, {0.0, 8.0}};
+  RecoveringEkf ekf = robot_among(square);
+  Drive drive(3);
+  for (int k = 0; k < 50; ++k) {
+    drive.step(ekf, square);
+  }
+  EXPECT_TRUE(ekf.is_lost());
+  const Initializer::State state = ekf.state();
+  EXPECT_EQ(state.status, StartStatus::kAmbiguous);
+  EXPECT_EQ(state.hypotheses.size(), 4U);
+  EXPECT_EQ(state.reason, "4 poses fit");
+  RecoveringEkf named = robot_among(square);
+  drive.names = true;
+  drive.step(named, square);
+  drive.step(named, square);
+  EXPECT_FALSE(named.is_lost());
+  EXPECT_LT(drive.off(named), 0.3);
+}
+
+TEST(RecoveringEkf, two_landmarks_that_fit_may_do_so_by_chance) {
+  RecoveringEkf ekf = robot_among(kPosts);
+  Drive drive(4);
+  for (const RangeBearing& z : drive.look({kPosts[0], kPosts[1]})) {
+    ekf.on(z);
+  }
+  EXPECT_TRUE(ekf.is_lost());
+  EXPECT_EQ(ekf.state().status, StartStatus::kAmbiguous);
+}
+
+TEST(RecoveringEkf, a_wrong_sighting_among_the_first_is_outvoted) {
+  for (unsigned seed = 0; seed < 50; ++seed) {
+    RecoveringEkf ekf = robot_among(kPosts);
+    Drive drive(seed);
+    std::vector<RangeBearing> first = drive.look(kPosts);
+    first[seed % 4].range = uniform(drive.rng, 0.5, 12.0);
+    first[seed % 4].bearing = uniform(drive.rng, -kPi, kPi);
+    ekf.on_joint(first);
+    for (int k = 0; k < 12; ++k) {
+      drive.step(ekf, kPosts);
+    }
+    ASSERT_FALSE(ekf.is_lost()) << seed;
+    EXPECT_LT(drive.off(ekf), 0.3) << seed;
+  }
+}
+
+TEST(RecoveringEkf, out_of_sight_of_landmarks_it_drives_on_by_odometry) {
+  RecoveringEkf ekf = robot_among(kPosts);
+  Drive drive(8);
+  drive.step(ekf, kPosts);
+  ASSERT_FALSE(ekf.is_lost());
+  drive.reach = 0.0;
+  for (int k = 0; k < 600; ++k) {
+    drive.step(ekf, kPosts);
+  }
+  EXPECT_FALSE(ekf.is_lost());
+  drive.reach = 1e3;
+  for (int k = 0; k < 20; ++k) {
+    drive.step(ekf, kPosts);
+  }
+  EXPECT_EQ(ekf.alarms(), 0);
+  EXPECT_LT(drive.off(ekf), 0.2);
+}
+
+TEST(RecoveringEkf, position_fixes_find_it_again_too) {
+  RecoveringEkf ekf(config(), std::make_shared<const AnchorMap>(), {}, nullptr);
+  Drive drive(9);
+  const auto fix = [&] {
+    PositionFix z;
+    z.stamp = drive.stamp;
+    z.position = {drive.truth.x + normal(drive.rng, 0.05), drive.truth.y + normal(drive.rng, 0.05)};
+    z.covariance = 0.05 * 0.05 * Matrix<2, 2>::Identity();
+    return z;
+  };
+  ekf.on(fix());
+  const auto drive_on = [&](int steps) {
+    for (int k = 0; k < steps; ++k) {
+      drive.step(ekf, {});
+      ekf.on(fix());
+    }
+  };
+  drive_on(150);
+  ASSERT_FALSE(ekf.is_lost());
+  drive.truth.x += 100.0;
+  drive_on(5);
+  EXPECT_EQ(ekf.alarms(), 1);
+  EXPECT_TRUE(ekf.is_lost());
+  drive_on(150);
+  ASSERT_FALSE(ekf.is_lost());
+  EXPECT_LT(drive.off(ekf), 0.2);
+}
+
+TEST(RecoveringEkf, starts_where_it_is_told) {
+  RecoveringEkf ekf = robot_among(kPosts);
+  const PoseEstimate start{0, {1.0, 2.0, 0.5}, 0.01 * Matrix<3, 3>::Identity()};
+  ekf.start_at(start);
+  ASSERT_FALSE(ekf.is_lost());
+  EXPECT_EQ(ekf.estimator()->pose().x, 1.0);
+  EXPECT_EQ(ekf.on(Increment{0, kStep, {0.1, 0.0, 0.0}}).verdict, Verdict::kFused);
+}
+
+TEST(RecoveringEkf, bad_input_is_refused) {
+  const auto with = [](double measurements) {
+    RecoveringEkf::Config c = config();
+    c.measurements_per_false_alarm = measurements;
+    RecoveringEkf(c, std::make_shared<const AnchorMap>(), {}, nullptr);
+  };
+  expect_refused([&] { with(1.0); }, "measurements_per_false_alarm is 1.0");
+  expect_refused([&] { with(std::nan("")); }, "measurements_per_false_alarm is nan");
+  RecoveringEkf ekf = robot_among(kPosts);
+  RangeBearing z;
+  z.range = std::numeric_limits<double>::infinity();
+  expect_refused([&] { ekf.on(z); }, "inf");
+  RangeBearing other;
+  other.stamp = 1;
+  other.range = 1.0;
+  other.bearing = 0.0;
+  z.range = 1.0;
+  expect_refused([&] { ekf.on_joint({z, other}); }, "expected one stamp");
+  EXPECT_TRUE(ekf.on_joint({}).empty());
+  EXPECT_TRUE(ekf.is_lost());
+}
+
+}  // namespace
+}  // namespace locfuse
