@@ -16,6 +16,7 @@ from locfuse.config.load import parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
+from locfuse.gadau import draw_pictures as draw_gadau
 from locfuse.gadau import gadau_claims
 from locfuse.messages import Messages, to_messages, truth_of
 from locfuse.on_landmarks import landmark_claims
@@ -71,6 +72,8 @@ def draw(paper: str, seeds: int, folder: Path) -> list[Path]:
         return draw_zhang(folder, seeds)
     if paper == "wells":
         return draw_wells(folder, seeds)
+    if paper == "gadau2022":
+        return draw_gadau(folder, seeds)
     return draw_starts(example_configs(), folder) if paper == "ekim2020" else []
 
 

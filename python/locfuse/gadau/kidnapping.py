@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from locfuse import _core
 from locfuse.claims import Claim, claim_of, share
@@ -39,24 +40,49 @@ NOTICED_S, FOUND_S = 2.0, 5.0  # required
 
 @dataclass(frozen=True)
 class Kidnapping:
-    """How one went, in seconds; infinity for never.
+    """One drive in which a robot is carried off.
 
     Attributes
     ----------
-    noticed_s : float
-        After it was put down.
-    found_s : float
-        Tracking within 20 cm and 5 degrees, to stay, after three landmarks were seen at once;
-        NaN if they never were.
-    false_alarms : int
-    hours : float
-        In which they might have been.
+    truth : float64 array, shape (n, 3)
+        Pose after each step.
+    found : float64 array, shape (n, 3)
+        Where it believes to be; NaN while it is lost.
+    seen, alarms : int arrays, shape (n,)
+        Landmarks seen at once; alarms so far.
+    put_down : int
+        The first step after it was carried off.
     """
 
-    noticed_s: float
-    found_s: float
-    false_alarms: int
-    hours: float
+    truth: FloatArray
+    found: FloatArray
+    seen: NDArray[np.intp]
+    alarms: NDArray[np.intp]
+    put_down: int
+
+    def noticed_s(self) -> float:
+        """Return when it noticed, after it was put down; infinity for never."""
+        later = self.alarms[self.put_down :]
+        return _seconds_to(later > self.alarms[self.put_down - 1])
+
+    def found_s(self) -> float:
+        """Return when it was within 20 cm and 5 degrees, to stay, after it saw three landmarks.
+
+        Infinity for never; NaN if it never saw three at once.
+        """
+        three = self.seen[self.put_down :] >= 3
+        if not three.any():
+            return float("nan")
+        off = np.abs(self.found - self.truth)[self.put_down :]
+        far = ~((np.hypot(off[:, 0], off[:, 1]) <= NEAR_M)
+                & (np.abs(wrap_angle(off[:, 2])) <= NEAR_RAD))  # fmt: skip
+        stays = ~np.logical_or.accumulate(far[::-1])[::-1]
+        return max(_seconds_to(stays) - _seconds_to(three), 0.0)
+
+    def false_alarms(self) -> int:
+        """Return how many alarms had no reason."""
+        before, all_ = self.alarms[self.put_down - 1], self.alarms[-1]
+        return int(before + max(all_ - before - 1, 0))
 
 
 def kidnapping_claims(seeds: int) -> Iterator[Claim]:
@@ -64,8 +90,9 @@ def kidnapping_claims(seeds: int) -> Iterator[Claim]:
     for world, what in WORLDS.items():
         runs = [kidnap(world, seed) for seed in range(seeds)]
         key = f"gadau_kidnapped_{world}"
-        noticed = np.array([run.noticed_s for run in runs])
-        found = np.array([run.found_s for run in runs if not np.isnan(run.found_s)])
+        noticed = np.array([run.noticed_s() for run in runs])
+        found = np.array([run.found_s() for run in runs])
+        found = found[~np.isnan(found)]
         yield share(key, f"kidnapped, {what}: noticed within {NOTICED_S:g} s",
                     int(np.sum(noticed <= NOTICED_S)), seeds, 0.99)  # fmt: skip
         yield claim_of(f"{key}_noticed", f"kidnapped, {what}: noticed after", "s", None,
@@ -74,8 +101,8 @@ def kidnapping_claims(seeds: int) -> Iterator[Claim]:
                     int(np.sum(found <= FOUND_S)), len(found), 0.97)  # fmt: skip
         yield claim_of(f"{key}_found_after", f"kidnapped, {what}: found after", "s", None,
                        np.minimum(found, AFTER_S), "-", lambda v: True)  # fmt: skip
-        hours = sum(run.hours for run in runs)
-        rate = sum(run.false_alarms for run in runs) / hours
+        hours = seeds * (BEFORE_S + AFTER_S) / 3600.0
+        rate = sum(run.false_alarms() for run in runs) / hours
         yield Claim(f"{key}_false", f"{what}: false alarms in {hours:.1f} h", "1/h", None, rate,
                     rate, rate, "<= 1", rate <= 1.0)  # fmt: skip
 
@@ -92,7 +119,7 @@ def kidnap(world: str, seed: int, measurements_per_false_alarm: float = 1e6) -> 
         Of the `RecoveringEkfConfig`.
     """
     rng = np.random.default_rng(seed)
-    marks = np.array(DISCS["5"] if world == "discs" else LAYOUTS["triangle"], dtype=np.float64)
+    marks = marks_of(world)
     look = _looking(world, marks, rng)
     config = _core.RecoveringEkfConfig()
     config.measurements_per_false_alarm = measurements_per_false_alarm
@@ -102,33 +129,32 @@ def kidnap(world: str, seed: int, measurements_per_false_alarm: float = 1e6) -> 
     while np.hypot(*(after[0] - before[-1])[:2]) < LEAST_M:
         after = _way(world, marks, AFTER_S, rng)
     ekf.start_at(_core.PoseEstimate(0, _core.Pose2(*before[0]), np.diag([0.05, 0.05, 0.02]) ** 2))
-    stamp = 0
-    for here, there in pairwise(before):
-        ekf.on(_core.Increment(stamp, stamp + STEP_NS, told(here, there, rng)))
-        stamp += STEP_NS
-        ekf.on_joint(look(stamp, there))
-    false_alarms = ekf.alarms
-    off, saw_three, alarms = [], [], []
-    for here, there in pairwise(after):
-        ekf.on(_core.Increment(stamp, stamp + STEP_NS, told(here, there, rng)))
-        stamp += STEP_NS
-        seen = look(stamp, there)
-        ekf.on_joint(seen)
-        saw_three.append(len(seen) >= 3)
-        alarms.append(ekf.alarms)
-        off.append(_is_off(ekf, there))
-    times = (1.0 + np.arange(len(off))) * STEP_NS / NANOSECONDS
-    noticed = np.array(alarms) > false_alarms
-    wrong = np.flatnonzero(off)
-    right_from = int(wrong[-1]) + 1 if len(wrong) else 0
-    first = float(times[np.argmax(saw_three)]) if any(saw_three) else np.nan
-    found = float(times[right_from]) if right_from < len(times) else np.inf
-    return Kidnapping(
-        noticed_s=float(times[np.argmax(noticed)]) if noticed.any() else np.inf,
-        found_s=max(found - first, 0.0) if any(saw_three) else np.nan,
-        false_alarms=false_alarms + max(alarms[-1] - false_alarms - 1, 0),
-        hours=(BEFORE_S + AFTER_S) / 3600.0,
-    )
+    rows = []
+    for k, (here, there) in enumerate([*pairwise(before), *pairwise(after)]):
+        begin, end = k * STEP_NS, (k + 1) * STEP_NS
+        ekf.on(_core.Increment(begin, end, told(here, there, rng)))
+        sightings = look(end, there)
+        ekf.on_joint(sightings)
+        rows.append((there, _pose_of(ekf), len(sightings), ekf.alarms))
+    truth, found, seen, alarms = (np.array(column) for column in zip(*rows, strict=True))
+    return Kidnapping(truth, found, seen, alarms, put_down=len(before) - 1)
+
+
+def marks_of(world: str) -> FloatArray:
+    """Return where the landmarks are, shape (n, 2)."""
+    return np.array(DISCS["5"] if world == "discs" else LAYOUTS["triangle"], dtype=np.float64)
+
+
+def _seconds_to(happened: NDArray[np.bool_]) -> float:
+    when = np.flatnonzero(happened)
+    return float(when[0] + 1) * STEP_NS / NANOSECONDS if len(when) else float("inf")
+
+
+def _pose_of(ekf: _core.RecoveringEkf) -> tuple[float, float, float]:
+    if ekf.is_lost:
+        return (np.nan, np.nan, np.nan)
+    pose = ekf.state().hypotheses[0].estimate.pose
+    return (pose.x, pose.y, pose.heading)
 
 
 def _looking(
@@ -156,10 +182,3 @@ def _way(world: str, marks: FloatArray, seconds: float, rng: np.random.Generator
         if apart > DISC_M + 0.2 and way.min() > 0.3 and way.max() < ROOM_M[0] - 0.3:
             heading = angle + np.sign(angle[-1] - angle[0]) * np.pi / 2.0
             return np.column_stack([way, wrap_angle(heading)])
-
-
-def _is_off(ekf: _core.RecoveringEkf, truth: FloatArray) -> bool:
-    if ekf.is_lost:
-        return True
-    off = _core.local(ekf.state().hypotheses[0].estimate.pose, _core.Pose2(*truth))
-    return bool(np.hypot(off[0], off[1]) > NEAR_M or abs(off[2]) > NEAR_RAD)
