@@ -69,6 +69,10 @@ def landmark_rows(m: Measured) -> Iterator[Row]:
     yield _within("landmarks, 8 sightings of 50: association and fusion", m["joint_8_of_50"], 2e-3)
     yield _at_most("known landmarks, a step: PoseEkf::on / Eigen by hand",
                    m["known_map_pose_ekf"], m["known_map_fixed_size_eigen"], 2.0)  # fmt: skip
+    yield _at_most("- with the alarm: RecoveringEkf / PoseEkf", m["known_map_recovering_ekf"],
+                   m["known_map_pose_ekf"], 1.5)  # fmt: skip
+    yield _within("landmarks, constellations of 500 without names", m["constellations_of/500"],
+                  2e-3)  # fmt: skip
 
 
 def evaluation_rows(m: Measured) -> Iterator[Row]:

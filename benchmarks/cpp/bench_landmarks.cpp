@@ -213,16 +213,20 @@ const Circle& circle() {
   return input;
 }
 
-void known_map_pose_ekf(benchmark::State& state) {
+locfuse::LandmarkSight known_map(int count) {
   std::vector<locfuse::Landmark> places;
-  for (int k = 0; k < 3; ++k) {
+  for (int k = 0; k < count; ++k) {
     places.push_back({k, place(k), 0.0});
   }
-  const PoseEkf start(PoseEkf::Config{}, std::make_shared<locfuse::AnchorMap>(), {},
-                      {0, {}, 0.01 * Eigen::Matrix3d::Identity()},
-                      {std::make_shared<locfuse::LandmarkMap>(places), {}});
+  return {std::make_shared<locfuse::LandmarkMap>(places), {}};
+}
+
+const locfuse::PoseEstimate kStart{0, {}, 0.01 * Eigen::Matrix3d::Identity()};
+
+template <class Filter>
+void drive_on_known_map(benchmark::State& state, const Filter& start) {
   for (auto _ : state) {
-    PoseEkf ekf = start;
+    Filter ekf = start;
     for (std::size_t i = 0; i < kSteps; ++i) {
       const Stamp begin = static_cast<Stamp>(i) * 50'000'000;
       ekf.on(locfuse::Increment{begin, begin + 50'000'000, circle().motions[i]});
@@ -230,11 +234,39 @@ void known_map_pose_ekf(benchmark::State& state) {
         ekf.on(circle().sightings[3 * i + k]);
       }
     }
-    benchmark::DoNotOptimize(ekf.pose());
+    benchmark::DoNotOptimize(ekf);
   }
   state.SetItemsProcessed(state.iterations() * kSteps);
 }
+
+void known_map_pose_ekf(benchmark::State& state) {
+  drive_on_known_map(state, PoseEkf(PoseEkf::Config{}, std::make_shared<locfuse::AnchorMap>(), {},
+                                    kStart, known_map(3)));
+}
 BENCHMARK(known_map_pose_ekf)->Unit(benchmark::kMicrosecond);
+
+/// The same, and always asking whether it was carried away.
+void known_map_recovering_ekf(benchmark::State& state) {
+  locfuse::RecoveringEkf ekf({}, std::make_shared<locfuse::AnchorMap>(), {}, nullptr, known_map(3));
+  ekf.start_at(kStart);
+  drive_on_known_map(state, ekf);
+  if (ekf.alarms() != 0 || ekf.is_lost()) {
+    state.SkipWithError("it was lost");
+  }
+}
+BENCHMARK(known_map_recovering_ekf)->Unit(benchmark::kMicrosecond);
+
+/// Every pose that two sightings without a name allow among so many landmarks.
+void constellations_of(benchmark::State& state) {
+  const locfuse::LandmarkSight known = known_map(static_cast<int>(state.range(0)));
+  const Eigen::Matrix2d covariance = 0.01 * Eigen::Matrix2d::Identity();
+  const locfuse::SeenLandmark a{place(0), covariance, {}};
+  const locfuse::SeenLandmark b{place(7), covariance, {}};
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(locfuse::match_constellation(a, b, *known.map, 0.999));
+  }
+}
+BENCHMARK(constellations_of)->Arg(50)->Arg(500)->Unit(benchmark::kMicrosecond);
 
 /// Fixed-size Eigen, written for this problem and nothing else: no checks, no gate, no outcome.
 void known_map_fixed_size_eigen(benchmark::State& state) {

@@ -132,6 +132,32 @@ def localize_jointly(config: RunConfig, log: Log) -> Trajectory:
         if instant.stamp >= start.stamp:
             ekf.on_joint(instant.seen)
             poses.append(ekf.estimate(instant.stamp))
+    return _trajectory(poses)
+
+
+def localize_from_nothing(config: RunConfig, log: Log) -> tuple[Trajectory, float]:
+    """Localize without a start and without names.
+
+    Returns
+    -------
+    Trajectory, float
+        At the stamps at which it was not lost; the share of those at which it was.
+    """
+    recovering = _core.RecoveringEkfConfig()
+    recovering.estimator = build_estimator_config(config.estimator)
+    ekf = _core.RecoveringEkf(recovering, landmarks=landmarks_of(log, to_messages(log, config)))
+    poses, lost = [], []
+    for instant in instants_of(log):
+        for velocity in instant.driven:
+            ekf.on(velocity)
+        ekf.on_joint(instant.seen)
+        lost.append(ekf.is_lost)
+        if not ekf.is_lost:
+            poses.append(ekf.state().hypotheses[0].estimate)
+    return _trajectory(poses), float(np.mean(lost))
+
+
+def _trajectory(poses: list[_core.PoseEstimate]) -> Trajectory:
     return Trajectory(
         np.array([pose.stamp for pose in poses]),
         np.array([(pose.pose.x, pose.pose.y) for pose in poses]),
@@ -154,11 +180,18 @@ def _recorded(configs: Path, name: str) -> Iterator[Claim]:
     rmse = float(figures["position_rmse_m"])
     errors = errors_against(localize_jointly(config, without_names(log)), truth)
     unnamed = float(np.sqrt(np.mean(np.sum(errors.position**2, axis=1))))
+    found, lost = localize_from_nothing(config, without_names(log))
+    off = np.hypot(*errors_against(found, truth).position.T)
     for row, part, unit, value, required, met in (
         ("", "position RMSE", "m", rmse, f"<= {limit:g}", rmse <= limit),
         ("_heading", "heading RMSE", "deg", float(figures["heading_rmse_deg"]), "-", True),
         ("_nees", "NEES of 3", "1", float(figures["nees_mean"]), "-", True),
         ("_unnamed", "position RMSE without names", "m", unnamed, f"<= {1.1 * rmse:.3g}",
          unnamed <= 1.1 * rmse),
+        ("_nothing", "from nothing, without names: position RMSE", "m",
+         float(np.sqrt(np.mean(off**2))), "-", True),
+        ("_lost", "from nothing, without names: lost", "%", 100.0 * lost, "-", True),
+        ("_wrong", "from nothing, without names: over 1 m off", "%",
+         100.0 * float(np.mean(off > 1.0)), "-", True),
     ):  # fmt: skip
         yield Claim(key + row, what + part, unit, None, value, value, value, required, met)

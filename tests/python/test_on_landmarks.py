@@ -39,6 +39,20 @@ def test_tubes_are_enough_with_and_without_names() -> None:
     assert blind["position_rmse_m"] > 0.1
 
 
+@pytest.mark.parametrize("name", ["tubes", "MRCLAM robot 3", "MRCLAM robot 5"])
+def test_from_nothing_and_without_names_it_is_lost_or_right(name: str) -> None:
+    try:
+        config, log = on_landmarks.recorded(CONFIGS, name)
+    except LogError as error:
+        pytest.skip(str(error))
+    truth = truth_of(log)
+    assert truth is not None
+    found, lost = on_landmarks.localize_from_nothing(config, on_landmarks.without_names(log))
+    off = np.hypot(*errors_against(found, truth).position.T)
+    assert lost < 0.3
+    assert np.mean(off > 1.0) < 0.01
+
+
 def test_posts_without_names_are_as_good_as_with_names() -> None:
     def rmse(names: str) -> float:
         scenario = {
