@@ -110,6 +110,11 @@ def _draw_world(axes: Axes, result: RunResult, start: Start) -> list[Handle]:
         handles += axes.plot(table["x_m"], table["y_m"], ls="none", marker="^", markersize=8,
                              color=ANCHOR, markeredgecolor="white", label="anchor",
                              zorder=5)  # fmt: skip
+    if "landmarks" in result.log:
+        table = result.log["landmarks"]
+        handles += axes.plot(table["x_m"], table["y_m"], ls="none", marker="D", markersize=6,
+                             color=MUTED, markeredgecolor="white", label="landmark",
+                             zorder=5)  # fmt: skip
     if result.truth is not None and len(result.truth):
         row = int(np.argmin(np.abs(result.truth.stamp_ns - start.stamp_ns)))
         x, y = result.truth.position[row].tolist()
@@ -119,10 +124,10 @@ def _draw_world(axes: Axes, result: RunResult, start: Start) -> list[Handle]:
 
 
 def _limit(axes: Axes, result: RunResult, poses: tuple[Hypothesis, ...]) -> None:
-    """Show the anchors, the poses and the occupied part of the map, with a margin."""
+    """Show anchors, landmarks, poses and the occupied part of the map, with a margin."""
     points: list[FloatArray] = [np.array([one.pose[:2] for one in poses])]
-    if "anchors" in result.log:
-        table = result.log["anchors"]
+    for places in {"anchors", "landmarks"} & set(result.log.tables):
+        table = result.log[places]
         points.append(np.column_stack([table["x_m"], table["y_m"]]).astype(np.float64))
     grid = result.log.grid
     if grid is not None:
