@@ -354,12 +354,15 @@ void Initializer::on(const RangeBearing& z) {
     if (moved_on(since_sightings_)) {
       since_sightings_ = {};
       most_sightings_ = 0;
+      named_.clear();
     }
     log_before_ = components_.empty() ? 0.0 : components_.front().log_weight;
   }
   sightings_.push_back(z);
   // What is seen again from the same place errs the same way, so it is evidence once.
-  if (sightings_.size() <= most_sightings_) {
+  const bool is_news =
+      z.landmark ? named_.insert(*z.landmark).second : sightings_.size() > most_sightings_;
+  if (!is_news) {
     return;
   }
   const double log_wrong = log_anything(z, config_.wrong_span_m);

@@ -241,6 +241,27 @@ TEST(RecoveringEkf, a_wrong_sighting_among_the_first_is_outvoted) {
   }
 }
 
+/// A camera that reports one after the other: what is seen again says nothing new, a new name does.
+TEST(RecoveringEkf, names_told_at_different_stamps_are_evidence_each) {
+  const std::vector<Vector<2>> square{{0.0, 0.0}, {8.0, 0.0}, {8.0, 8.0}, {0.0, 8.0}};
+  RecoveringEkf ekf = robot_among(square);
+  Drive drive(3);
+  for (const RangeBearing& z : drive.look({square[0], square[1]})) {  // without names
+    ekf.on(z);
+  }
+  const std::size_t poses = ekf.state().hypotheses.size();
+  ASSERT_GT(poses, 4U);
+  drive.names = true;
+  const std::vector<RangeBearing> named = drive.look(square);
+  for (std::size_t i = 2; i < 4; ++i) {
+    RangeBearing z = named[i];
+    z.stamp += static_cast<Stamp>(i) * 1000;
+    ekf.on(z);
+  }
+  ASSERT_FALSE(ekf.is_lost());
+  EXPECT_LT(drive.off(ekf), 0.3);
+}
+
 TEST(RecoveringEkf, out_of_sight_of_landmarks_it_drives_on_by_odometry) {
   RecoveringEkf ekf = robot_among(kPosts);
   Drive drive(8);

@@ -4,6 +4,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -133,6 +134,7 @@ class Initializer {
   Pose2 since_scan_;
   Pose2 since_sightings_;           // that were evidence
   std::size_t most_sightings_ = 0;  // of one stamp since then
+  std::set<Id> named_;              // that were seen since then
   double since_ranges_m_ = 0.0;
   bool scanned_ = false;
   std::string waiting_for_ = "no range, position or pose yet, and no two landmarks at once";
