@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -38,6 +38,16 @@ def claim_of(
 ) -> Claim:  # fmt: skip
     low, median, high = (float(v) for v in np.quantile(list(values), [0.05, 0.5, 0.95]))
     return Claim(id, claim, unit, paper, median, low, high, required, met(median), note)
+
+
+def claims_of(parts: Sequence[Callable[[], Iterable[Claim]]], progress: Progress) -> list[Claim]:
+    """Return the rows of all parts, telling (parts done, parts in all)."""
+    claims: list[Claim] = []
+    for done, part in enumerate(parts):
+        progress(done, len(parts))
+        claims += part()
+    progress(len(parts), len(parts))
+    return claims
 
 
 def share(id: str, claim: str, part: int, of: int, required: float, at_most: bool = False) -> Claim:

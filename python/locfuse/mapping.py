@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse import _core
-from locfuse.messages import instants_of, landmark_sensor_of
+from locfuse.messages import instants_of, landmark_sensor_of, trajectory_of
 from locfuse.types import FloatArray, Log, Trajectory
 
 
@@ -72,24 +72,18 @@ def map_landmarks(
     instants = list(instants_of(log))
     ekf = _core.LandmarkEkf(config, start, landmark_sensor_of(log))
     begin = time.perf_counter()
-    stamps, poses = [], []
+    poses = []
     verdict = np.zeros(sum(len(instant.rows) for instant in instants), np.uint8)
     for instant in instants:
         for velocity in instant.driven:
             ekf.on(velocity)
         outcomes = ekf.on_joint(instant.seen, association)
         verdict[instant.rows] = [outcome.verdict.value for outcome in outcomes]
-        stamps.append(instant.stamp)
         poses.append(ekf.estimate(instant.stamp))
     wall_s = time.perf_counter() - begin
     found = [landmark for landmark in ekf.landmarks() if landmark.confirmed]
     return LandmarkMapping(
-        estimate=Trajectory(
-            np.array(stamps, np.int64),
-            np.array([[e.pose.x, e.pose.y] for e in poses]).reshape(-1, 2),
-            np.array([e.pose.heading for e in poses]),
-            np.array([e.covariance for e in poses]).reshape(-1, 3, 3),
-        ),
+        estimate=trajectory_of(poses),
         landmark=np.array([landmark.id for landmark in found], np.int32),
         position=np.array([landmark.position for landmark in found]).reshape(-1, 2),
         covariance=np.array([landmark.covariance for landmark in found]).reshape(-1, 2, 2),

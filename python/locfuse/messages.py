@@ -279,6 +279,16 @@ def _number(value: float) -> float | None:
     return None if np.isnan(value) else value
 
 
+def trajectory_of(estimates: list[_core.PoseEstimate]) -> Trajectory:
+    """Return estimates as one trajectory, with covariances."""
+    return Trajectory(
+        np.array([e.stamp for e in estimates], np.int64),
+        np.array([[e.pose.x, e.pose.y] for e in estimates]).reshape(-1, 2),
+        np.array([e.pose.heading for e in estimates]),
+        np.array([e.covariance for e in estimates]).reshape(-1, 3, 3),
+    )
+
+
 def truth_of(log: Log) -> Trajectory | None:
     """Return the reference trajectory of a log, if it has one."""
     if "truth" not in log:

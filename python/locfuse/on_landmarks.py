@@ -3,20 +3,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from locfuse import _core
-from locfuse.claims import Claim, Progress, absent, claim_of, consistent
+from locfuse.claims import Claim, Progress, absent, claim_of, claims_of, consistent
 from locfuse.config.build import build_estimator_config
 from locfuse.config.load import parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
-from locfuse.messages import instants_of, landmarks_of, to_messages, truth_of
+from locfuse.messages import instants_of, landmarks_of, to_messages, trajectory_of, truth_of
 from locfuse.run import load_log, run
 from locfuse.start import start_of
 from locfuse.types import Log, LogError, Trajectory
@@ -50,18 +50,12 @@ def landmark_claims(configs: Path | None, seeds: int, progress: Progress) -> lis
     progress : callable
         Told (parts done, parts in all).
     """
-    claims: list[Claim] = []
-    recordings = [] if configs is None else list(RECORDINGS)
-    total = 2 + len(recordings)
-    for done, names in enumerate(("named", "unnamed")):
-        progress(done, total)
-        claims += _simulated(names, seeds)
-    for done, name in enumerate(recordings, start=2):
-        assert configs is not None
-        progress(done, total)
-        claims += _recorded(configs, name)
-    progress(total, total)
-    return claims
+    parts: list[Callable[[], Iterator[Claim]]] = [
+        *(lambda names=names: _simulated(names, seeds) for names in ("named", "unnamed")),
+        *([] if configs is None
+          else (lambda name=name: _recorded(configs, name) for name in RECORDINGS)),
+    ]  # fmt: skip
+    return claims_of(parts, progress)
 
 
 def _simulated(names: str, seeds: int) -> Iterator[Claim]:
@@ -132,7 +126,7 @@ def localize_jointly(config: RunConfig, log: Log) -> Trajectory:
         if instant.stamp >= start.stamp:
             ekf.on_joint(instant.seen)
             poses.append(ekf.estimate(instant.stamp))
-    return _trajectory(poses)
+    return trajectory_of(poses)
 
 
 def localize_from_nothing(config: RunConfig, log: Log) -> tuple[Trajectory, float]:
@@ -154,16 +148,7 @@ def localize_from_nothing(config: RunConfig, log: Log) -> tuple[Trajectory, floa
         lost.append(ekf.is_lost)
         if not ekf.is_lost:
             poses.append(ekf.state().hypotheses[0].estimate)
-    return _trajectory(poses), float(np.mean(lost))
-
-
-def _trajectory(poses: list[_core.PoseEstimate]) -> Trajectory:
-    return Trajectory(
-        np.array([pose.stamp for pose in poses]),
-        np.array([(pose.pose.x, pose.pose.y) for pose in poses]),
-        np.array([pose.pose.heading for pose in poses]),
-        np.array([pose.covariance for pose in poses]),
-    )
+    return trajectory_of(poses), float(np.mean(lost))
 
 
 def _recorded(configs: Path, name: str) -> Iterator[Claim]:
@@ -178,9 +163,10 @@ def _recorded(configs: Path, name: str) -> Iterator[Claim]:
     assert truth is not None
     figures = run(config, log).metrics
     rmse = float(figures["position_rmse_m"])
-    errors = errors_against(localize_jointly(config, without_names(log)), truth)
+    nameless = without_names(log)
+    errors = errors_against(localize_jointly(config, nameless), truth)
     unnamed = float(np.sqrt(np.mean(np.sum(errors.position**2, axis=1))))
-    found, lost = localize_from_nothing(config, without_names(log))
+    found, lost = localize_from_nothing(config, nameless)
     off = np.hypot(*errors_against(found, truth).position.T)
     for row, part, unit, value, required, met in (
         ("", "position RMSE", "m", rmse, f"<= {limit:g}", rmse <= limit),

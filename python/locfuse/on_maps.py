@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse import _core
-from locfuse.claims import Claim, Progress, absent, claim_of, share
+from locfuse.claims import Claim, Progress, absent, claim_of, claims_of, share
 from locfuse.config.load import parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.eval.errors import errors_against
@@ -70,12 +70,7 @@ def map_claims(configs: Path | None, seeds: int, progress: Progress) -> list[Cla
         lambda: _aisles(seeds),
         *([] if configs is None else _recorded_parts(configs, seeds)),
     ]
-    claims: list[Claim] = []
-    for done, part in enumerate(parts):
-        progress(done, len(parts))
-        claims += part()
-    progress(len(parts), len(parts))
-    return claims
+    return claims_of(parts, progress)
 
 
 def _recorded_parts(configs: Path, seeds: int) -> list[Callable[[], Iterator[Claim]]]:

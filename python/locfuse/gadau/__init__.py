@@ -12,7 +12,7 @@ from typing import get_args
 
 import numpy as np
 
-from locfuse.claims import Claim, Progress, claim_of, consistent, share
+from locfuse.claims import Claim, Progress, claim_of, claims_of, consistent, share
 from locfuse.eval.consistency import band
 from locfuse.gadau.kidnapping import kidnapping_claims
 from locfuse.gadau.pictures import draw_pictures
@@ -31,12 +31,7 @@ def gadau_claims(seeds: int, progress: Progress) -> list[Claim]:
         *(lambda name=name: _discs(name, max(seeds // 10, 2)) for name in DISCS),
         lambda: kidnapping_claims(seeds),
     ]  # fmt: skip
-    claims: list[Claim] = []
-    for done, part in enumerate(parts):
-        progress(done, len(parts))
-        claims += part()
-    progress(len(parts), len(parts))
-    return claims
+    return claims_of(parts, progress)
 
 
 def _layout(name: str, seeds: int) -> Iterator[Claim]:

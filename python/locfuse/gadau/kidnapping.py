@@ -52,6 +52,8 @@ class Kidnapping:
         Landmarks seen at once; alarms so far.
     put_down : int
         The first step after it was carried off.
+    alone : float64 array, shape (n, 3), or None
+        Where a PoseEkf believes to be that got the same messages.
     """
 
     truth: FloatArray
@@ -59,6 +61,7 @@ class Kidnapping:
     seen: NDArray[np.intp]
     alarms: NDArray[np.intp]
     put_down: int
+    alone: FloatArray | None = None
 
     def noticed_s(self) -> float:
         """Return when it noticed, after it was put down; infinity for never."""
@@ -107,7 +110,9 @@ def kidnapping_claims(seeds: int) -> Iterator[Claim]:
                     rate, rate, "<= 1", rate <= 1.0)  # fmt: skip
 
 
-def kidnap(world: str, seed: int, measurements_per_false_alarm: float = 1e6) -> Kidnapping:
+def kidnap(
+    world: str, seed: int, measurements_per_false_alarm: float = 1e6, *, beside: bool = False
+) -> Kidnapping:
     """Drive five minutes, be carried off to a pose anywhere in the room, drive on.
 
     Parameters
@@ -117,6 +122,8 @@ def kidnap(world: str, seed: int, measurements_per_false_alarm: float = 1e6) -> 
     seed : int
     measurements_per_false_alarm : float
         Of the `RecoveringEkfConfig`.
+    beside : bool
+        Whether a PoseEkf gets the same messages.
     """
     rng = np.random.default_rng(seed)
     marks = marks_of(world)
@@ -129,15 +136,21 @@ def kidnap(world: str, seed: int, measurements_per_false_alarm: float = 1e6) -> 
     while np.hypot(*(after[0] - before[-1])[:2]) < LEAST_M:
         after = _way(world, marks, AFTER_S, rng)
     ekf.start_at(_core.PoseEstimate(0, _core.Pose2(*before[0]), np.diag([0.05, 0.05, 0.02]) ** 2))
-    rows = []
+    alone = ekf.estimator() if beside else None
+    rows, poses = [], []
     for k, (here, there) in enumerate([*pairwise(before), *pairwise(after)]):
         begin, end = k * STEP_NS, (k + 1) * STEP_NS
-        ekf.on(_core.Increment(begin, end, told(here, there, rng)))
-        sightings = look(end, there)
+        motion, sightings = _core.Increment(begin, end, told(here, there, rng)), look(end, there)
+        ekf.on(motion)
         ekf.on_joint(sightings)
         rows.append((there, _pose_of(ekf), len(sightings), ekf.alarms))
+        if alone is not None:
+            alone.on(motion)
+            alone.on_joint(sightings)
+            poses.append(_row(alone.estimate().pose))
     truth, found, seen, alarms = (np.array(column) for column in zip(*rows, strict=True))
-    return Kidnapping(truth, found, seen, alarms, put_down=len(before) - 1)
+    beside_it = np.array(poses) if beside else None
+    return Kidnapping(truth, found, seen, alarms, len(before) - 1, beside_it)
 
 
 def marks_of(world: str) -> FloatArray:
@@ -153,7 +166,10 @@ def _seconds_to(happened: NDArray[np.bool_]) -> float:
 def _pose_of(ekf: _core.RecoveringEkf) -> tuple[float, float, float]:
     if ekf.is_lost:
         return (np.nan, np.nan, np.nan)
-    pose = ekf.state().hypotheses[0].estimate.pose
+    return _row(ekf.state().hypotheses[0].estimate.pose)
+
+
+def _row(pose: _core.Pose2) -> tuple[float, float, float]:
     return (pose.x, pose.y, pose.heading)
 
 
