@@ -94,6 +94,24 @@ double sigma_position(const PoseEstimate& estimate) {
   return std::sqrt(0.5 * (a + b) + std::hypot(0.5 * (a - b), c));
 }
 
+/// A sighting as the body sees it, and the log of the area [m^2] that a range and a bearing of one
+/// metre and one radian take there.
+struct Seen {
+  SeenLandmark landmark;
+  double log_area;
+};
+
+/// Empty if range or bearing is missing.
+std::optional<Seen> seen_by(const RangeBearingModel& model, const RangeBearing& z) {
+  const std::optional<RangeBearingModel::Placed> placed = model.place(Pose2{}, z);
+  if (!placed) {
+    return std::nullopt;
+  }
+  const Matrix<2, 2>& J = placed->by_sighting;
+  return Seen{{placed->position, J * model.noise(z) * J.transpose(), z.landmark},
+              std::log(std::abs(J.determinant()))};
+}
+
 /// The ranges of an epoch to one tag, as positioning takes them.
 struct Heard {
   Id tag = 0;
@@ -210,10 +228,6 @@ Initializer::Initializer(const Config& config, const PoseEkf::Config& estimator,
       tags_(std::move(tags)),
       matcher_(std::move(matcher)),
       gate_(estimator.gate_pose),
-      sight_(estimator.landmark, landmarks.sensor_in_body),
-      landmarks_(landmarks.map),
-      log_of_landmarks_(landmarks_ ? std::log(std::max(1.0, double(landmarks_->landmarks().size())))
-                                   : 0.0),
       prototype_(estimator, anchors_, tags_, {0, {}, Matrix<3, 3>::Identity()},
                  std::move(landmarks)) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -365,9 +379,8 @@ void Initializer::on(const RangeBearing& z) {
   if (!is_news) {
     return;
   }
-  const double log_wrong = log_anything(z, config_.wrong_span_m);
-  weigh(z, log_wrong);
-  log_nowhere_ += log_wrong + (z.landmark ? 0.0 : log_of_landmarks_);
+  weigh(z, log_anything(z, config_.wrong_span_m));
+  log_nowhere_ += log_by_chance(z);
   add_constellations();
   if (!components_.empty()) {
     most_sightings_ = sightings_.size();
@@ -375,34 +388,34 @@ void Initializer::on(const RangeBearing& z) {
   }
 }
 
+/// Log density of a sighting if no component is right: eq. (2) of docs/start.md. One without a name
+/// may be of any landmark.
+double Initializer::log_by_chance(const RangeBearing& z) const {
+  const std::size_t landmarks = prototype_.landmark_map().landmarks().size();
+  const double choices = z.landmark || landmarks == 0 ? 1.0 : static_cast<double>(landmarks);
+  return log_anything(z, config_.wrong_span_m) + std::log(choices);
+}
+
 /// Adds the poses that the newest sighting allows with each of the same stamp before it, unless a
 /// component tells them already: eq. (2) of docs/start.md.
 void Initializer::add_constellations() {
-  const auto seen_by = [&](const RangeBearing& z, double& log_area) -> std::optional<SeenLandmark> {
-    const auto placed = sight_.place(Pose2{}, z);
-    if (!placed) {
-      return std::nullopt;
-    }
-    const Matrix<2, 2>& J = placed->by_sighting;
-    log_area += std::log(std::abs(J.determinant()));
-    return SeenLandmark{placed->position, J * sight_.noise(z) * J.transpose(), z.landmark};
-  };
+  const std::optional<Seen> newest = seen_by(prototype_.landmark_model(), sightings_.back());
   const double probability = std::min(estimator_.gate_landmark, 0.9999);
   const double anywhere = -2.0 * std::log(config_.wrong_span_m) - std::log(2.0 * kPi);
   const double prior =
       components_.empty() ? anywhere : log_before_ + std::log(config_.wrong_share) + anywhere;
   std::vector<Component> found;
-  for (std::size_t i = 0; landmarks_ && i + 1 < sightings_.size(); ++i) {
-    double log_area = 0.0;  // from positions to ranges and bearings
-    const auto a = seen_by(sightings_[i], log_area);
-    const auto b = seen_by(sightings_.back(), log_area);
-    if (!a || !b) {
+  for (std::size_t i = 0; newest && i + 1 < sightings_.size(); ++i) {
+    const std::optional<Seen> other = seen_by(prototype_.landmark_model(), sightings_[i]);
+    if (!other) {
       continue;
     }
-    for (const ConstellationMatch& match : match_constellation(*a, *b, *landmarks_, probability)) {
+    const double log_area = other->log_area + newest->log_area;
+    for (const ConstellationMatch& match : match_constellation(
+             other->landmark, newest->landmark, prototype_.landmark_map(), probability)) {
       const PoseEstimate estimate{sightings_.back().stamp, match.pose, match.covariance};
-      const auto tells_it = [&](const Component& other) {
-        return squared_distance(other.ekf.current(), estimate, true) < kLinked;
+      const auto tells_it = [&](const Component& known) {
+        return squared_distance(known.ekf.current(), estimate, true) < kLinked;
       };
       if (std::any_of(components_.begin(), components_.end(), tells_it) ||
           std::any_of(found.begin(), found.end(), tells_it)) {
@@ -419,8 +432,7 @@ void Initializer::add_constellations() {
   if (components_.empty() && !found.empty()) {
     log_nowhere_ = std::log(config_.wrong_share);
     for (const RangeBearing& z : sightings_) {
-      log_nowhere_ +=
-          log_anything(z, config_.wrong_span_m) + (z.landmark ? 0.0 : log_of_landmarks_);
+      log_nowhere_ += log_by_chance(z);
     }
   }
   components_.insert(components_.end(), std::make_move_iterator(found.begin()),
@@ -674,7 +686,7 @@ PoseEkf Initializer::estimator() const {
   if (now.status != StartStatus::kReady) {
     throw std::invalid_argument("the start is not ready: " + now.reason);
   }
-  return component(now.hypotheses.front().estimate, 0.0).ekf;
+  return started_at(now.hypotheses.front().estimate);
 }
 
 }  // namespace locfuse

@@ -47,11 +47,7 @@ RecoveringEkf::RecoveringEkf(const Config& config, std::shared_ptr<const AnchorM
       start_(prototype_) {}
 
 void RecoveringEkf::start_at(const PoseEstimate& start) {
-  Initializer anew = prototype_;
-  if (control_) {
-    anew.on(*control_);
-  }
-  ekf_ = anew.started_at(start);
+  ekf_ = fresh().started_at(start);
   trust();
 }
 
@@ -153,15 +149,21 @@ void RecoveringEkf::trust() {
 void RecoveringEkf::raise_alarm() {
   ekf_.reset();
   ++alarms_;
-  start_ = prototype_;
+  start_ = fresh();
+}
+
+Initializer RecoveringEkf::fresh() const {
+  Initializer anew = prototype_;
   if (control_) {
-    start_.on(*control_);
+    anew.on(*control_);
   }
+  return anew;
 }
 
 void RecoveringEkf::decide() {
-  if (start_.state().status == StartStatus::kReady) {
-    ekf_ = start_.estimator();
+  const Initializer::State now = start_.state();
+  if (now.status == StartStatus::kReady) {
+    ekf_ = start_.started_at(now.hypotheses.front().estimate);
     trust();
   }
 }

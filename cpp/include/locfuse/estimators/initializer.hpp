@@ -93,6 +93,7 @@ class Initializer {
 
   void locate();
   void add_constellations();
+  [[nodiscard]] double log_by_chance(const RangeBearing& z) const;
   void add_positions(const Vector<2>& tag_in_world, const Matrix<2, 2>& covariance,
                      const Vector<2>& tag_in_body, double log_weight, Stamp stamp);
   [[nodiscard]] Component component(const PoseEstimate& start, double log_weight) const;
@@ -117,11 +118,8 @@ class Initializer {
   std::shared_ptr<const AnchorMap> anchors_;
   std::vector<Tag> tags_;
   std::shared_ptr<const ScanMatcher> matcher_;
-  Gate gate_;  // of a scan's pose
-  RangeBearingModel sight_;
-  std::shared_ptr<const LandmarkMap> landmarks_;  // or null
-  double log_of_landmarks_;                       // that a sighting without a name may be of
-  PoseEkf prototype_;                             // what every component is made from
+  Gate gate_;          // of a scan's pose
+  PoseEkf prototype_;  // what every component is made from
 
   std::vector<Component> components_;
   std::vector<Range> epoch_;             // the ranges of the first position

@@ -109,6 +109,8 @@ class PoseEkf {
   [[nodiscard]] const GaussianBelief& belief() const { return belief_; }
   [[nodiscard]] Pose2 pose() const { return {belief_.x(0), belief_.x(1), belief_.x(2)}; }
   [[nodiscard]] const RangeModel& range_model() const { return recipe_->range; }
+  [[nodiscard]] const RangeBearingModel& landmark_model() const { return recipe_->landmark; }
+  [[nodiscard]] const LandmarkMap& landmark_map() const { return *recipe_->landmarks; }
   [[nodiscard]] const OdometryMotion& motion_model() const { return recipe_->motion; }
 
  private:

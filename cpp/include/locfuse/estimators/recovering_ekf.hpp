@@ -68,6 +68,7 @@ class RecoveringEkf {
   [[nodiscard]] bool is_alarming() const { return std::max(evidence_, unexplained_) > limit_; }
   void trust();
   void raise_alarm();
+  [[nodiscard]] Initializer fresh() const;  // that has heard the last odometry
   void decide();
 
   Config config_;
