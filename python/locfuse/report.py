@@ -54,9 +54,9 @@ _CAPTIONS = {
     ),
     "outcomes": (
         "Rejected messages",
-        "Each row is one anchor or source and time runs to the right: pale where messages "
-        "arrived, strong where the filter turned them down, full height where it turned down all "
-        "of them.",
+        "Each row is one anchor, landmark or source and time runs to the right: pale where "
+        "messages arrived, strong where the filter turned them down, full height where it turned "
+        "down all of them.",
     ),
 }
 

@@ -27,12 +27,12 @@ class Stretch:
 
 @dataclass(frozen=True)
 class MessageRow:
-    """All messages of one source, or of one anchor for ranges.
+    """All messages of one source, or of one anchor for ranges, or of one landmark that is named.
 
     Attributes
     ----------
     source, anchor : str
-        The anchor is empty for sources that have none.
+        The anchor is the landmark for sightings; empty for sources that have neither.
     stamp_ns : int64 array, shape (n,)
         In order of time, which may differ from the order of delivery; n is at least 1.
     verdict : array of str, shape (n,)
@@ -45,11 +45,12 @@ class MessageRow:
 
     @property
     def label(self) -> str:
-        """Name of the row: the anchor if there is one, else the source."""
+        """Name of the row: the anchor or landmark if there is one, else the source."""
         if not self.anchor:
             return self.source
-        named = self.anchor.lower().startswith("anchor")
-        return self.anchor if named else f"anchor {self.anchor}"
+        kind = "landmark" if self.source == "landmark_sightings" else "anchor"
+        named = self.anchor.lower().startswith(kind)
+        return self.anchor if named else f"{kind} {self.anchor}"
 
     @property
     def rejected(self) -> int:

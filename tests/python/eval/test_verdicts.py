@@ -31,6 +31,9 @@ def test_rows_come_by_source_and_anchors_in_natural_order() -> None:
 
 def test_an_anchor_that_is_called_anchor_is_not_called_so_twice() -> None:
     assert replace(_row(["fused"]), anchor="Anchor 7").label == "Anchor 7"
+    seen = replace(_row(["fused"]), source="landmark_sightings", anchor="NE")
+    assert seen.label == "landmark NE"
+    assert replace(seen, anchor="landmark 3").label == "landmark 3"
 
 
 def test_rows_are_in_order_of_time_when_messages_came_late() -> None:
