@@ -59,6 +59,7 @@ void bind_filters(py::module_& m) {
   py::native_enum<SlotKind>(m, "SlotKind", "enum.Enum", "What a slot of a belief holds.")
       .value("POSE2", SlotKind::kPose2)
       .value("POINT2", SlotKind::kPoint2)
+      .value("SCALAR", SlotKind::kScalar)
       .finalize();
   py::class_<Slot>(m, "Slot", "Handle of a variable in a belief.").def_readonly("id", &Slot::id);
   py::class_<GaussianBelief>(m, "GaussianBelief", R"(Gaussian over named slots at one stamp.
@@ -97,7 +98,10 @@ Examples
         return "GaussianBelief(stamp=" + std::to_string(b.stamp) + ", " +
                std::to_string(b.dimension()) + " states)";
       });
-  m.def("predict", &locfuse::predict, py::arg("belief"), py::arg("step"), py::arg("slot"),
+  m.def("predict",
+        py::overload_cast<GaussianBelief&, const locfuse::Propagation<locfuse::Pose2, 3>&, Slot>(
+            &locfuse::predict),
+        py::arg("belief"), py::arg("step"), py::arg("slot"),
         "Moves the pose in `slot`: P to F P F' + Q with its cross-covariances.");
   m.def(
       "update",

@@ -144,6 +144,46 @@ void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slo
   belief.x.segment<3>(row) = moved;
 }
 
+void predict(GaussianBelief& belief, const Propagation<VectorXd, Eigen::Dynamic>& step,
+             Slots slots) {
+  const std::vector<int> rows = belief.rows(slots);
+  const Index moving = step.moved.size();
+  if (step.jacobian.rows() != moving || step.noise.rows() != moving ||
+      step.noise.cols() != moving || step.jacobian.cols() != static_cast<Index>(rows.size()) ||
+      moving > step.jacobian.cols()) {
+    throw std::invalid_argument(
+        "a motion of " + std::to_string(moving) + " out of " + std::to_string(rows.size()) +
+        " variables got a Jacobian of " + std::to_string(step.jacobian.rows()) + " x " +
+        std::to_string(step.jacobian.cols()) + " and noise of " +
+        std::to_string(step.noise.rows()) + " x " + std::to_string(step.noise.cols()));
+  }
+  MatrixXd across = MatrixXd::Zero(moving, belief.dimension());
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    across.noalias() +=
+        step.jacobian.col(static_cast<Index>(k)) * belief.P.col(rows[k]).transpose();
+  }
+  MatrixXd own = step.noise;
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    own.noalias() += across.col(rows[k]) * step.jacobian.col(static_cast<Index>(k)).transpose();
+  }
+  if (!std::isfinite(across.sum() + own.sum() + step.moved.sum()) ||
+      !(own.diagonal().minCoeff() > 0.0)) {
+    throw NumericalError("prediction would leave a belief that is not finite and positive");
+  }
+  for (Index i = 0; i < moving; ++i) {
+    belief.P.row(rows[static_cast<std::size_t>(i)]) = across.row(i);
+    belief.P.col(rows[static_cast<std::size_t>(i)]) = across.row(i).transpose();
+  }
+  for (Index i = 0; i < moving; ++i) {
+    for (Index j = 0; j < moving; ++j) {
+      belief.P(rows[static_cast<std::size_t>(i)], rows[static_cast<std::size_t>(j)]) =
+          0.5 * (own(i, j) + own(j, i));
+    }
+    belief.x(rows[static_cast<std::size_t>(i)]) = step.moved(i);
+  }
+  internal::wrap_angles(belief.x, belief.angle_rows());
+}
+
 Slot augment(GaussianBelief& belief, const std::string& name, SlotKind kind,
              const Eigen::Ref<const VectorXd>& mean, const Eigen::Ref<const MatrixXd>& jacobian,
              const Eigen::Ref<const MatrixXd>& noise, Slots slots) {

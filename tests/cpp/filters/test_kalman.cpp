@@ -219,6 +219,68 @@ TEST(Predict, equals_the_textbook_with_all_cross_covariances) {
   }
 }
 
+/// A motion of the pose and `moving - 3` numbers of "a" and "b", which depends on all slots.
+void expect_textbook_motion(GaussianBelief belief, Rng& rng, Eigen::Index moving,
+                            const std::vector<Slot>& slots) {
+  const std::vector<int> rows = belief.rows(slots);
+  const auto columns = static_cast<Eigen::Index>(rows.size());
+  Propagation<Eigen::VectorXd, Dynamic> step{0.5 * random_matrix(rng, moving, 1),
+                                             random_matrix(rng, moving, columns),
+                                             random_covariance(rng, moving)};
+  Eigen::MatrixXd F = Eigen::MatrixXd::Identity(7, 7);
+  Eigen::MatrixXd Q = Eigen::MatrixXd::Zero(7, 7);
+  Eigen::VectorXd x = belief.x;
+  for (Eigen::Index i = 0; i < moving; ++i) {
+    const int row = rows[static_cast<std::size_t>(i)];
+    F(row, row) = 0.0;
+    x(row) = step.moved(i);
+    for (Eigen::Index k = 0; k < columns; ++k) {
+      F(row, rows[static_cast<std::size_t>(k)]) = step.jacobian(i, k);
+    }
+    for (Eigen::Index j = 0; j < moving; ++j) {
+      Q(row, rows[static_cast<std::size_t>(j)]) = step.noise(i, j);
+    }
+  }
+  const Eigen::MatrixXd expected = F * belief.P * F.transpose() + Q;
+  predict(belief, step, slots);
+  expect_near(belief.P, expected, 1e-13);
+  EXPECT_TRUE(testing::same_bits(belief.P, belief.P.transpose()));
+  EXPECT_EQ(belief.x, x);
+}
+
+TEST(Predict, of_several_variables_that_depend_on_others_equals_the_textbook) {
+  Rng rng(10);
+  for (int i = 0; i < 50; ++i) {
+    const GaussianBelief belief = random_large_belief(rng);
+    const Slot body = belief.slot("body");
+    const Slot a = belief.slot("a");
+    const Slot b = belief.slot("b");
+    expect_textbook_motion(belief, rng, 3, {body, b});
+    expect_textbook_motion(belief, rng, 5, {body, b});
+    expect_textbook_motion(belief, rng, 2, {a, body});
+    expect_textbook_motion(belief, rng, 7, {b, body, a});
+  }
+}
+
+TEST(Predict, of_several_variables_refuses_sizes_that_do_not_match) {
+  Rng rng(11);
+  GaussianBelief belief = random_large_belief(rng);
+  const std::vector<Slot> slots{belief.slot("body"), belief.slot("a")};
+  const auto refused = [&](Eigen::Index moving, Eigen::Index rows, Eigen::Index columns) {
+    expect_refused(
+        [&] {
+          predict(belief,
+                  {Eigen::VectorXd::Zero(moving), Eigen::MatrixXd::Zero(rows, columns),
+                   Eigen::MatrixXd::Identity(rows, rows)},
+                  slots);
+        },
+        "out of 5 variables", "Jacobian");
+  };
+  refused(3, 3, 4);
+  refused(3, 2, 5);
+  refused(6, 6, 5);
+}
+
 TEST(Predict, keeps_headings_wrapped) {
   GaussianBelief belief = GaussianBelief::of_pose(0, {}, Matrix<3, 3>::Identity());
   const Matrix<3, 3> I = Matrix<3, 3>::Identity();

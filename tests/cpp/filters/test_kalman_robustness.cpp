@@ -152,6 +152,13 @@ TEST(Predict, breaks_on_numbers_that_are_not_finite_and_changes_no_bit) {
     EXPECT_THROW(predict(belief, {{0.0, 0.0, kInfinity}, I, I}, body), NumericalError);
     EXPECT_THROW(predict(belief, {{}, kNan * I, I}, body), NumericalError);
     EXPECT_THROW(predict(belief, {{}, I, kInfinity * I}, body), NumericalError);
+    const Eigen::Vector3d bad(kNan, 0.0, 0.0);
+    const std::vector<Slot> slots{body};
+    EXPECT_THROW(predict(belief, {bad, I, I}, slots), NumericalError);
+    EXPECT_THROW(predict(belief, {0.0 * Eigen::Vector3d::Ones(), kNan * I, I}, slots),
+                 NumericalError);
+    EXPECT_THROW(predict(belief, {0.0 * Eigen::Vector3d::Ones(), I, -9.0 * I}, slots),
+                 NumericalError);
     EXPECT_TRUE(same_bits(belief, before));
   }
 }

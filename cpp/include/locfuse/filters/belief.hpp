@@ -19,9 +19,19 @@ namespace locfuse {
 enum class SlotKind : std::uint8_t {
   kPose2,   ///< x, y, heading; the third row is an angle
   kPoint2,  ///< x, y
+  kScalar,  ///< one number, such as a height or an error of a sensor
 };
 
-[[nodiscard]] constexpr int dimension_of(SlotKind kind) { return kind == SlotKind::kPose2 ? 3 : 2; }
+[[nodiscard]] constexpr int dimension_of(SlotKind kind) {
+  switch (kind) {
+    case SlotKind::kPose2:
+      return 3;
+    case SlotKind::kPoint2:
+      return 2;
+    default:
+      return 1;
+  }
+}
 
 /// Handle of a variable in a belief. An id, not an offset: removing one never invalidates another.
 struct Slot {

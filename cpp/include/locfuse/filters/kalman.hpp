@@ -157,6 +157,15 @@ Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slo
 /// Touches three rows and columns.
 void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slot);
 
+/// Moves the first variables of `slots`, as many as `step.moved` has, by a motion that depends on
+/// all of them: its Jacobian has a row for each that moves, a column for each. Eq. (13) and (14) of
+/// docs/models/kalman.md.
+///
+/// Throws NumericalError, belief untouched, if a result is not finite or a variance not positive,
+/// std::invalid_argument if sizes do not match. Touches as many rows and columns as move.
+void predict(GaussianBelief& belief, const Propagation<Eigen::VectorXd, Eigen::Dynamic>& step,
+             Slots slots);
+
 /// Adds a variable g(y, v) that is a function of those in `slots`, y, and of noise v: `mean` is g,
 /// `jacobian` dg/dy, `noise` the covariance that v gives it. Eq. (11) and (12) of
 /// docs/models/kalman.md. The belief is changed whole or not at all.

@@ -28,7 +28,7 @@ struct Linearization {
 template <class Local, int N>
 struct Propagation {
   Local moved;            ///< f(x, u)
-  Matrix<N, N> jacobian;  ///< F = d f / d(error state)
+  Matrix<N, N> jacobian;  ///< F = d f / d(error state); of run-time size it may have more columns
   Matrix<N, N> noise;     ///< Q of this step
 };
 
