@@ -66,12 +66,46 @@ void bind_estimators(py::module_& m) {
       .def("__repr__", [](const PoseHypothesis& h) {
         return "PoseHypothesis(probability=" + std::to_string(h.probability) + ")";
       });
+  using locfuse::CalibratedError;
+  py::class_<CalibratedError>(m, "CalibratedError",
+                              "An error of a robot's sensors, as far as it is known.")
+      .def_readonly("name", &CalibratedError::name)
+      .def_readonly("value", &CalibratedError::value)
+      .def_readonly("sigma", &CalibratedError::sigma)
+      .def("__repr__", [](const CalibratedError& e) {
+        return "CalibratedError(" + e.name + ": " + std::to_string(e.value) + " +- " +
+               std::to_string(e.sigma) + ")";
+      });
+  using Calibration = locfuse::Calibration::Config;
+  py::class_<Calibration>(m, "CalibrationConfig",
+                          "Errors of odometry and of the sensor of landmarks that a PoseEkf "
+                          "learns: how far off each may "
+                          "be at the start, as a standard deviation. 0: it is right, and no state.")
+      .def(py::init<>())
+      .def_readwrite("sigma_scale", &Calibration::sigma_scale, "Of the way that odometry tells.")
+      .def_readwrite("sigma_direction_rad", &Calibration::sigma_direction_rad,
+                     "Of travel, seen from the heading.")
+      .def_readwrite("sigma_turn_scale", &Calibration::sigma_turn_scale,
+                     "Of the turn that odometry tells.")
+      .def_readwrite("sigma_turn_bias_radps", &Calibration::sigma_turn_bias_radps, "Of a gyro.")
+      .def_readwrite("sigma_turn_bias_radps_per_sqrt_s",
+                     &Calibration::sigma_turn_bias_radps_per_sqrt_s, "By which that bias wanders.")
+      .def_readwrite("sigma_sensor_m", &Calibration::sigma_sensor_m,
+                     "Of the sensor's place in body, x and y.")
+      .def_readwrite("sigma_sensor_rad", &Calibration::sigma_sensor_rad,
+                     "Of the sensor's heading in body.")
+      .def_readwrite("sigma_range_offset_m", &Calibration::sigma_range_offset_m,
+                     "Of ranges to landmarks.")
+      .def_readwrite("sigma_range_scale", &Calibration::sigma_range_scale)
+      .def_readwrite("sigma_delay_s", &Calibration::sigma_delay_s,
+                     "Of sightings behind their stamps.");
   py::class_<Config>(m, "PoseEkfConfig", "Noise, gates and behaviour of a PoseEkf.")
       .def(py::init<>())
       .def_readwrite("odometry", &Config::odometry)
       .def_readwrite("range", &Config::range)
       .def_readwrite("position", &Config::position)
       .def_readwrite("landmark", &Config::landmark)
+      .def_readwrite("calibration", &Config::calibration)
       .def_readwrite("gate_range", &Config::gate_range, "Probability that a good range passes.")
       .def_readwrite("gate_position", &Config::gate_position)
       .def_readwrite("gate_pose", &Config::gate_pose)
@@ -172,6 +206,8 @@ Examples
            "The pose now: the belief carried to the end of what odometry has told.")
       .def("estimate", py::overload_cast<Stamp>(&PoseEkf::estimate, py::const_), py::arg("stamp"),
            "The belief carried to `stamp` [ns], which must not lie before it.")
+      .def_property_readonly("errors", &PoseEkf::errors,
+                             "What it has learnt of the errors that are states.")
       .def_property_readonly("belief", &PoseEkf::belief, py::return_value_policy::copy)
       .def_property_readonly("range_model", &PoseEkf::range_model, py::return_value_policy::copy)
       .def_property_readonly("motion_model", &PoseEkf::motion_model, py::return_value_policy::copy)

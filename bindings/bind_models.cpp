@@ -49,8 +49,10 @@ void bind_models(py::module_& m) {
                      "rad / sqrt(s)");
   py::class_<OdometryMotion>(m, "OdometryMotion", "Wheel odometry; docs/models/odometry.md.")
       .def(py::init<const OdometryConfig&>(), py::arg("config"))
-      .def("propagate", &OdometryMotion::propagate, py::arg("T_world_body"), py::arg("motion"),
-           py::arg("seconds"),
+      .def("propagate",
+           py::overload_cast<const Pose2&, const Pose2&, double>(&OdometryMotion::propagate,
+                                                                 py::const_),
+           py::arg("T_world_body"), py::arg("motion"), py::arg("seconds"),
            "Pose after `motion` (a Pose2 in the previous body frame), which took `seconds`.");
 
   using RangeConfig = RangeModel::Config;
@@ -83,7 +85,9 @@ void bind_models(py::module_& m) {
                                  "Noise of sightings that bring no covariance of their own.")
       .def(py::init<>())
       .def_readwrite("sigma_range_m", &RangeBearingConfig::sigma_range_m, "m")
-      .def_readwrite("sigma_bearing_rad", &RangeBearingConfig::sigma_bearing_rad, "rad");
+      .def_readwrite("sigma_bearing_rad", &RangeBearingConfig::sigma_bearing_rad, "rad")
+      .def_readwrite("sigma_range_relative", &RangeBearingConfig::sigma_range_relative,
+                     "share of the range, on top of sigma_range_m");
   py::class_<RangeBearingModel>(
       m, "RangeBearingModel",
       "Range and bearing from a sensor on the body to a landmark at (2,) in world; "

@@ -119,6 +119,7 @@ void bind_replay(py::module_& m) {
                                    r.outcomes, [](const auto& o) { return o.log_likelihood(); });
                              })
       .def_readonly("last", &RunLog::last, "The estimate at the end of the log.")
+      .def_readonly("errors", &RunLog::errors, "Errors that are states, as learnt by then.")
       .def("__repr__", [](const RunLog& r) {
         return "RunLog(" + std::to_string(r.outcomes.size()) + " messages, " +
                std::to_string(r.estimates.size()) + " estimates)";

@@ -15,6 +15,8 @@ __all__: list[str] = [
     "Association",
     "BeamLandmark",
     "BeamModelConfig",
+    "CalibratedError",
+    "CalibrationConfig",
     "Cylinder",
     "CylinderDetector",
     "CylinderDetectorConfig",
@@ -1514,6 +1516,13 @@ class RangeBearingConfig:
         """
     @sigma_range_m.setter
     def sigma_range_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_range_relative(self) -> float:
+        """
+        share of the range, on top of sigma_range_m
+        """
+    @sigma_range_relative.setter
+    def sigma_range_relative(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
 
 class RangeBearingModel:
     """
@@ -2002,11 +2011,99 @@ class PoseHypothesis:
         Beside the others, 0 to 1.
         """
 
+class CalibratedError:
+    """
+    An error of a robot's sensors, as far as it is known.
+    """
+    def __repr__(self) -> str: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def sigma(self) -> float: ...
+    @property
+    def value(self) -> float: ...
+
+class CalibrationConfig:
+    """
+    Errors of odometry and of the sensor of landmarks that a PoseEkf learns: how far off each may be at the start, as a standard deviation. 0: it is right, and no state.
+    """
+    def __init__(self) -> None: ...
+    @property
+    def sigma_delay_s(self) -> float:
+        """
+        Of sightings behind their stamps.
+        """
+    @sigma_delay_s.setter
+    def sigma_delay_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_direction_rad(self) -> float:
+        """
+        Of travel, seen from the heading.
+        """
+    @sigma_direction_rad.setter
+    def sigma_direction_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_range_offset_m(self) -> float:
+        """
+        Of ranges to landmarks.
+        """
+    @sigma_range_offset_m.setter
+    def sigma_range_offset_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_range_scale(self) -> float: ...
+    @sigma_range_scale.setter
+    def sigma_range_scale(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_scale(self) -> float:
+        """
+        Of the way that odometry tells.
+        """
+    @sigma_scale.setter
+    def sigma_scale(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_sensor_m(self) -> float:
+        """
+        Of the sensor's place in body, x and y.
+        """
+    @sigma_sensor_m.setter
+    def sigma_sensor_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_sensor_rad(self) -> float:
+        """
+        Of the sensor's heading in body.
+        """
+    @sigma_sensor_rad.setter
+    def sigma_sensor_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_turn_bias_radps(self) -> float:
+        """
+        Of a gyro.
+        """
+    @sigma_turn_bias_radps.setter
+    def sigma_turn_bias_radps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_turn_bias_radps_per_sqrt_s(self) -> float:
+        """
+        By which that bias wanders.
+        """
+    @sigma_turn_bias_radps_per_sqrt_s.setter
+    def sigma_turn_bias_radps_per_sqrt_s(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+    @property
+    def sigma_turn_scale(self) -> float:
+        """
+        Of the turn that odometry tells.
+        """
+    @sigma_turn_scale.setter
+    def sigma_turn_scale(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+
 class PoseEkfConfig:
     """
     Noise, gates and behaviour of a PoseEkf.
     """
 
+    calibration: CalibrationConfig
     landmark: RangeBearingConfig
     odometry: OdometryConfig
     position: PositionConfig
@@ -2177,6 +2274,11 @@ class PoseEkf:
         """
     @property
     def belief(self) -> GaussianBelief: ...
+    @property
+    def errors(self) -> list[CalibratedError]:
+        """
+        What it has learnt of the errors that are states.
+        """
     @property
     def motion_model(self) -> OdometryMotion: ...
     @property
@@ -3080,6 +3182,11 @@ class RunLog:
         """
     @property
     def dof(self) -> numpy.typing.NDArray[numpy.int64]: ...
+    @property
+    def errors(self) -> list[CalibratedError]:
+        """
+        Errors that are states, as learnt by then.
+        """
     @property
     def last(self) -> PoseEstimate:
         """

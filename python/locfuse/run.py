@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -135,7 +135,7 @@ def _fuse(
         wall_s += localization.wall_s
     duration_s = (messages.end_ns - messages.begin_ns) / NANOSECONDS
     figures = metrics(estimate, truth, outcomes, duration_s, wall_s)
-    return _result(config, log, estimate, outcomes, figures, found, localization)
+    return _result(config, log, estimate, outcomes, figures, found, localization, record.errors)
 
 
 def _located(config: RunConfig, log: Log, localization: Localization) -> RunResult:
@@ -160,6 +160,7 @@ def _result(
     figures: dict[str, Any],
     found: Start | None,
     localization: Localization | None,
+    errors: Sequence[_core.CalibratedError] = (),
 ) -> RunResult:
     truth = truth_of(log)
     return RunResult(
@@ -171,6 +172,7 @@ def _result(
         metrics={
             **figures,
             "start_s": None if found is None else found.seconds,
+            "calibration": {e.name: {"value": e.value, "sigma": e.sigma} for e in errors} or None,
             "mcl": None if localization is None else _mcl_metrics(localization, truth),
         },
         start=found,

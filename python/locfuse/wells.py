@@ -165,10 +165,9 @@ def _scan(pose: FloatArray, stamp: int, rng: np.random.Generator) -> _core.Laser
 
 
 class _Ours:
-    """Cylinders fitted, associated jointly, fused in a `PoseEkf` that knows neither slip nor drift.
+    """Cylinders fitted, associated jointly, fused in a `PoseEkf` that learns how its gyro drifts.
 
-    Its odometry noise allows for both: 5 cm and 3 degrees per root of a metre, and 1 degree per
-    root of a second.
+    It knows of no slip. Its odometry noise allows for that: 5 cm per root of a metre.
     """
 
     def __init__(self, start: FloatArray) -> None:
@@ -176,9 +175,9 @@ class _Ours:
         config = _core.PoseEkfConfig()
         config.odometry.sigma_longitudinal_per_sqrt_m = 0.05
         config.odometry.sigma_lateral_per_sqrt_m = 0.01
-        config.odometry.sigma_heading_per_sqrt_m = 0.05
-        config.odometry.sigma_heading_per_sqrt_rad = 0.05
-        config.odometry.sigma_heading_per_sqrt_s = 0.0175
+        config.odometry.sigma_heading_per_sqrt_m = 0.01
+        config.odometry.sigma_heading_per_sqrt_rad = 0.01
+        config.calibration.sigma_turn_bias_radps = 0.02
         landmarks = [_core.Landmark(i, at, RADIUS_M) for i, at in enumerate(CYLINDERS)]
         self._detector = _core.CylinderDetector(
             _core.CylinderDetectorConfig(radius_m=RADIUS_M, sigma_range_m=SIGMA_BEAM_M)

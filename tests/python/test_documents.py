@@ -379,6 +379,7 @@ SECTIONS: dict[str, type[Strict]] = {
     "### `estimator.range`": schema.Range,
     "### `estimator.position`": schema.Position,
     "### `estimator.landmark`": schema.Landmark,
+    "### `estimator.calibration`": schema.Calibration,
     "## `mcl`": schema.Mcl,
     "### `mcl.field`": schema.LikelihoodField,
     "### `mcl.beam_model`": schema.BeamModel,
@@ -428,6 +429,8 @@ def fields_of(model: type[BaseModel]) -> dict[str, FieldInfo]:
 
 def unit_of(key: str) -> str | None:
     """Return the unit that a key spells; None if it spells none."""
+    if key.endswith("_radps_per_sqrt_s"):
+        return "rad/s/√s"
     ending = next((ending for ending in UNITS if key.endswith(ending)), None)
     if ending is None:
         return None

@@ -21,7 +21,7 @@ def test_cylinders_tell_where_the_robot_is_whatever_the_odometry(spoilt: bool) -
     two = drive.cylinders >= 2
     assert 0.3 < np.mean(two) < 0.9
     assert rmse(drive.ours[two, :2], drive.truth[two]) < 0.003
-    assert rmse(drive.ours[:, :2], drive.truth) < (0.1 if spoilt else 0.01)
+    assert rmse(drive.ours[:, :2], drive.truth) < (0.02 if spoilt else 0.01)
     turned = np.abs(np.rad2deg(drive.odometry[-1, 2] - drive.truth[-1, 2]))
     assert (min(turned, 360.0 - turned) > 40.0) == spoilt
 
@@ -37,6 +37,6 @@ def test_claims_and_pictures(tmp_path: Path) -> None:
     claims = wells.wells_claims(2, lambda done, total: told.append((done, total)))
     assert told[-1] == (4, 4)
     assert {claim.id for claim in claims} >= {"wells", "wells_heading", "wells_spoilt_two"}
-    assert all(claim.met for claim in claims if claim.id in ("wells", "wells_heading"))
+    assert all(claim.met for claim in claims if not claim.id.endswith("_nees"))
     for path in wells.draw_pictures(tmp_path, 2):
         assert path.stat().st_size > 20_000

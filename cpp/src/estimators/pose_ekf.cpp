@@ -13,6 +13,32 @@
 namespace locfuse {
 using internal::Transaction;
 
+namespace {
+
+/// A sighting of the landmark with the least NIS under the belief, if there is one.
+template <class Linearize>
+auto nearest(const GaussianBelief& belief, const LandmarkMap& map, const Linearize& linearize) {
+  using Lin = std::decay_t<decltype(*linearize(std::declval<const Landmark&>()))>;
+  std::optional<Lin> found;
+  double least = std::numeric_limits<double>::infinity();
+  const Matrix<Lin::kVariables, Lin::kVariables> P = belief.P;
+  for (const Landmark& landmark : map.landmarks()) {
+    const auto lin = linearize(landmark);
+    if (!lin) {
+      continue;
+    }
+    using Noise = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 2, 2>;
+    const Noise S = lin->jacobian * P * lin->jacobian.transpose() + lin->noise;
+    if (const double nis = squared_mahalanobis(lin->residual, S); nis < least) {
+      least = nis;
+      found = lin;
+    }
+  }
+  return found;
+}
+
+}  // namespace
+
 PoseEkf::PoseEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
                  std::vector<Tag> tags, const PoseEstimate& start, LandmarkSight landmarks)
     : recipe_(std::make_shared<const Recipe>(
@@ -20,6 +46,7 @@ PoseEkf::PoseEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
                  RangeModel(config.range, std::move(anchors), std::move(tags)),
                  PositionModel(config.position), PoseModel(),
                  RangeBearingModel(config.landmark, landmarks.sensor_in_body),
+                 Calibration(config.calibration),
                  landmarks.map ? std::move(landmarks.map) : std::make_shared<const LandmarkMap>(),
                  Gate(config.gate_range), Gate(config.gate_position), Gate(config.gate_pose),
                  Gate(config.gate_landmark), internal::hold_of(config)})),
@@ -27,6 +54,7 @@ PoseEkf::PoseEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
       body_(belief_.slot("body")),
       odometry_(start.stamp) {
   check_stamp(start.stamp);
+  recipe_->calibration.add_to(belief_);
 }
 
 PoseEkf PoseEkf::restarted(const PoseEstimate& start) const {
@@ -34,19 +62,25 @@ PoseEkf PoseEkf::restarted(const PoseEstimate& start) const {
   PoseEkf other = *this;
   other.belief_ = GaussianBelief::of_pose(start.stamp, start.pose, start.covariance);
   other.body_ = other.belief_.slot("body");
+  recipe_->calibration.add_to(other.belief_);
   other.odometry_ = HeldMotion(start.stamp);
   return other;
 }
 
 template <class Linearize>
 Outcome PoseEkf::correct(Stamp stamp, const Gate& gate, const Linearize& linearize) {
+  return correct(stamp, gate, body_, linearize);
+}
+
+template <class Linearize>
+Outcome PoseEkf::correct(Stamp stamp, const Gate& gate, Slots slots, const Linearize& linearize) {
   if (stamp < belief_.stamp) {
     return {Verdict::kStale};
   }
   Transaction<3> transaction(belief_, stamp);
   advance_to(stamp);
   const auto lin = linearize(pose());
-  return transaction.close(lin ? update(belief_, *lin, body_, gate)
+  return transaction.close(lin ? update(belief_, *lin, slots, gate)
                                : Outcome{Verdict::kNotModelled});
 }
 
@@ -83,8 +117,18 @@ Outcome PoseEkf::on(const RangeBearing& z) {
   if (z.landmark) {
     return on(z, recipe_->landmarks->find(*z.landmark));
   }
-  return correct(z.stamp, recipe_->landmark_gate,
-                 [&](const Pose2& /*pose*/) { return nearest(z); });
+  const Gate& gate = recipe_->landmark_gate;
+  if (!recipe_->calibration.is_empty()) {
+    return correct(z.stamp, gate, recipe_->calibration.slots(), [&](const Pose2& /*pose*/) {
+      return nearest(belief_, *recipe_->landmarks,
+                     [&](const Landmark& landmark) { return sight(landmark, z); });
+    });
+  }
+  return correct(z.stamp, gate, [&](const Pose2& pose) {
+    return nearest(belief_, *recipe_->landmarks, [&](const Landmark& landmark) {
+      return recipe_->landmark.linearize(pose, landmark.position, z);
+    });
+  });
 }
 
 Outcome PoseEkf::on(const RangeBearing& z, const Landmark* landmark) {
@@ -92,6 +136,10 @@ Outcome PoseEkf::on(const RangeBearing& z, const Landmark* landmark) {
   const Gate& gate = recipe_->landmark_gate;
   if (landmark == nullptr) {
     return {z.stamp < belief_.stamp ? Verdict::kStale : Verdict::kNotModelled};
+  }
+  if (!recipe_->calibration.is_empty()) {
+    return correct(z.stamp, gate, recipe_->calibration.slots(),
+                   [&](const Pose2& /*pose*/) { return sight(*landmark, z); });
   }
   if (z.range && z.bearing) {
     return correct(z.stamp, gate, [&](const Pose2& pose) {
@@ -102,24 +150,17 @@ Outcome PoseEkf::on(const RangeBearing& z, const Landmark* landmark) {
                  [&](const Pose2& pose) { return model.linearize(pose, landmark->position, z); });
 }
 
-/// A sighting of the landmark with the least NIS under the belief, if there is one.
-std::optional<Linearization<Eigen::Dynamic, 3, 2>> PoseEkf::nearest(const RangeBearing& z) const {
-  std::optional<Linearization<Eigen::Dynamic, 3, 2>> found;
-  double least = std::numeric_limits<double>::infinity();
-  const Matrix<3, 3> P = belief_.P;
-  for (const Landmark& landmark : recipe_->landmarks->landmarks()) {
+/// What a sighting says of the body and of those errors that are states.
+std::optional<Linearization<Eigen::Dynamic, Eigen::Dynamic>> PoseEkf::sight(
+    const Landmark& landmark, const RangeBearing& z) const {
+  if (recipe_->calibration.is_empty()) {
     const auto lin = recipe_->landmark.linearize(pose(), landmark.position, z);
-    if (!lin) {
-      continue;
-    }
-    using Noise = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 2, 2>;
-    const Noise S = lin->jacobian * P * lin->jacobian.transpose() + lin->noise;
-    if (const double nis = squared_mahalanobis(lin->residual, S); nis < least) {
-      least = nis;
-      found = lin;
-    }
+    return lin ? std::optional<Linearization<Eigen::Dynamic, Eigen::Dynamic>>(
+                     {lin->residual, lin->jacobian, lin->noise})
+               : std::nullopt;
   }
-  return found;
+  return recipe_->calibration.linearize(belief_, recipe_->landmark, landmark.position, z,
+                                        odometry_.rate());
 }
 
 std::vector<Outcome> PoseEkf::on_joint(const std::vector<RangeBearing>& sightings,
@@ -147,15 +188,15 @@ std::vector<Outcome> PoseEkf::on_joint(const std::vector<RangeBearing>& sighting
 std::vector<const Landmark*> PoseEkf::associated(const std::vector<RangeBearing>& sightings,
                                                  Association association) const {
   const std::vector<Landmark>& known = recipe_->landmarks->landmarks();
+  const std::vector<int> rows = belief_.rows(recipe_->calibration.slots());
   Pairings pairings(sightings.size());
   for (std::size_t i = 0; i < sightings.size(); ++i) {
     for (std::size_t k = 0; k < known.size(); ++k) {
       if (sightings[i].landmark.value_or(known[k].id) != known[k].id) {
         continue;
       }
-      if (const auto lin = recipe_->landmark.linearize(pose(), known[k].position, sightings[i])) {
-        pairings[i].push_back(
-            {static_cast<int>(k), {lin->residual, lin->jacobian, lin->noise}, {0, 1, 2}});
+      if (const auto lin = sight(known[k], sightings[i])) {
+        pairings[i].push_back({static_cast<int>(k), *lin, rows});
       }
     }
   }
@@ -213,7 +254,9 @@ void PoseEkf::advance_to(Stamp stamp) {
   internal::advance(*recipe_, odometry_, body_, belief_, stamp);
 }
 
-PoseEstimate PoseEkf::current() const { return {belief_.stamp, pose(), Matrix<3, 3>(belief_.P)}; }
+PoseEstimate PoseEkf::current() const {
+  return {belief_.stamp, pose(), Matrix<3, 3>(belief_.P.topLeftCorner<3, 3>())};
+}
 
 PoseEstimate PoseEkf::estimate() const {
   return estimate(std::max(belief_.stamp, odometry_.end()));

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -68,13 +69,19 @@ inline void check_not_before(Stamp belief, Stamp stamp) {
 }
 
 /// Puts the pose of a belief of `Rows` variables back, bit for bit, unless the message that it was
-/// moved for was fused: a motion changes no more than the pose's rows and columns.
+/// moved for was fused: a motion changes no more than the pose's rows and columns. Where more
+/// moves, `Rows` is 3 and the belief has more: then it is kept whole.
 template <int Rows>
 class Transaction {
  public:
   Transaction(GaussianBelief& belief, Stamp until)
       : belief_(until > belief.stamp ? &belief : nullptr), stamp_(belief.stamp) {
-    if (belief_ != nullptr) {
+    if (belief_ == nullptr) {
+      return;
+    }
+    if (Rows == 3 && belief.dimension() > 3) {
+      whole_ = belief;
+    } else {
       x_ = belief.x.template head<3>();
       P_ = belief.P.template leftCols<3>();
     }
@@ -82,7 +89,9 @@ class Transaction {
   Transaction(const Transaction&) = delete;
   Transaction& operator=(const Transaction&) = delete;
   ~Transaction() {
-    if (belief_ != nullptr) {
+    if (belief_ != nullptr && whole_) {
+      *belief_ = *whole_;
+    } else if (belief_ != nullptr) {
       belief_->stamp = stamp_;
       belief_->x.template head<3>() = x_;
       belief_->P.template topRows<3>() = P_.transpose();
@@ -101,6 +110,7 @@ class Transaction {
   Stamp stamp_;
   Vector<3> x_;
   Matrix<Rows, 3> P_;
+  std::optional<GaussianBelief> whole_;
 };
 
 /// Moves the body and its belief's stamp.
@@ -109,6 +119,28 @@ inline void move(GaussianBelief& belief, Slot body, const OdometryMotion& model,
   const double seconds = seconds_between(belief.stamp, stamp);
   predict(belief, model.propagate(belief.pose(body), motion, seconds), body);
   belief.stamp = stamp;
+}
+
+/// Whether some errors of odometry may be states of that recipe.
+template <class Recipe, class = void>
+constexpr bool kCalibrates = false;
+template <class Recipe>
+constexpr bool kCalibrates<Recipe, std::void_t<decltype(Recipe::calibration)>> = true;
+
+/// Moves the body, and the errors that are states, as odometry tells.
+template <class Recipe>
+void drive(const Recipe& recipe, GaussianBelief& belief, Slot body, const Pose2& motion,
+           Stamp stamp) {
+  if constexpr (kCalibrates<Recipe>) {
+    if (!recipe.calibration.is_empty()) {
+      const double seconds = seconds_between(belief.stamp, stamp);
+      predict(belief, recipe.calibration.propagate(belief, recipe.motion, motion, seconds),
+              recipe.calibration.slots());
+      belief.stamp = stamp;
+      return;
+    }
+  }
+  move(belief, body, recipe.motion, motion, stamp);
 }
 
 /// Carries a belief to `stamp` with what odometry says. Earlier stamps change nothing.
@@ -121,7 +153,7 @@ void advance(const Recipe& recipe, const HeldMotion& odometry, Slot body, Gaussi
   }
   odometry.advance(
       belief.stamp, stamp, recipe.hold,
-      [&](const Pose2& motion, Stamp until) { move(belief, body, recipe.motion, motion, until); },
+      [&](const Pose2& motion, Stamp until) { drive(recipe, belief, body, motion, until); },
       [&](Stamp until) { move(belief, body, recipe.lost, Pose2{}, until); });
 }
 
@@ -137,7 +169,7 @@ Outcome take(const Recipe& recipe, HeldMotion& odometry, Slot body, GaussianBeli
   if constexpr (std::is_same_v<Motion, Increment>) {
     advance(recipe, odometry, body, belief, u.begin);
     if (u.begin == u.stamp) {  // a displacement without duration
-      move(belief, body, recipe.motion, u.motion, u.stamp);
+      drive(recipe, belief, body, u.motion, u.stamp);
     }
   } else {
     advance(recipe, odometry, body, belief, u.stamp);

@@ -56,6 +56,31 @@ class Landmark(Strict):
 
     sigma_range_m: Positive = 0.1
     sigma_bearing_rad: Positive = 0.02
+    sigma_range_relative: NonNegative = 0.0
+
+
+class Calibration(Strict):
+    """Errors that the pose EKF learns, 0 for none; ``CalibrationConfig`` in C++."""
+
+    sigma_scale: NonNegative = 0.0
+    sigma_direction_rad: NonNegative = 0.0
+    sigma_turn_scale: NonNegative = 0.0
+    sigma_turn_bias_radps: NonNegative = 0.0
+    sigma_turn_bias_radps_per_sqrt_s: NonNegative = 0.0
+    sigma_sensor_m: NonNegative = 0.0
+    sigma_sensor_rad: NonNegative = 0.0
+    sigma_range_offset_m: NonNegative = 0.0
+    sigma_range_scale: NonNegative = 0.0
+    sigma_delay_s: NonNegative = 0.0
+
+    @model_validator(mode="after")
+    def _wanders_as_state(self) -> Calibration:
+        if self.sigma_turn_bias_radps_per_sqrt_s > 0.0 and self.sigma_turn_bias_radps == 0.0:
+            raise ValueError(
+                "sigma_turn_bias_radps_per_sqrt_s is set, but sigma_turn_bias_radps is 0: the bias "
+                "is no state; expected both or neither"
+            )
+        return self
 
 
 class Estimator(Strict):
@@ -65,6 +90,7 @@ class Estimator(Strict):
     range: Range = Field(default_factory=Range)
     position: Position = Field(default_factory=Position)
     landmark: Landmark = Field(default_factory=Landmark)
+    calibration: Calibration = Field(default_factory=Calibration)
     gate_range: GateProbability = 0.999
     gate_position: GateProbability = 0.999
     gate_pose: GateProbability = 0.999

@@ -21,6 +21,7 @@ from locfuse.config.build import (
 from locfuse.config.load import parse_config
 from locfuse.config.schema import (
     BeamModel,
+    Calibration,
     Estimator,
     Initializer,
     Landmark,
@@ -48,6 +49,7 @@ PAIRS: dict[str, tuple[type[BaseModel], type[Any], str]] = {
         _core.RangeBearingConfig,
         "models/measurement/range_bearing.hpp",
     ),
+    "Calibration": (Calibration, _core.CalibrationConfig, "estimators/calibration.hpp"),
     "Odometry": (Odometry, _core.OdometryConfig, "models/motion/odometry.hpp"),
     "Range": (Range, _core.RangeConfig, "models/measurement/range.hpp"),
     "Position": (Position, _core.PositionConfig, "models/measurement/position.hpp"),
@@ -142,14 +144,23 @@ ALLOWED = {
 }
 
 
+BIAS = ("calibration", "sigma_turn_bias_radps")
+NEEDS = {("Estimator", "calibration", "sigma_turn_bias_radps_per_sqrt_s"): BIAS}
+
+
 @pytest.mark.parametrize("leaf", LEAVES, ids=".".join)
 def test_every_value_reaches_the_struct(leaf: tuple[str, ...]) -> None:
     (model, struct, _), path = PAIRS[leaf[0]], leaf[1:]
     value = ALLOWED.get(leaf, 7 if counts(leaf) else 0.625)
-    config = BUILDERS[leaf[0]](model.model_validate(nested(path, value)))
+    text = nested(path, value)
+    needed = NEEDS.get(leaf)
+    if needed is not None:
+        text[path[0]] |= nested(needed, 0.5)[path[0]]
+    config = BUILDERS[leaf[0]](model.model_validate(text))
 
     assert at(config, path) == value
-    others = [other for root, *other in LEAVES if root == leaf[0] and tuple(other) != path]
+    others = [other for root, *other in LEAVES
+              if root == leaf[0] and tuple(other) not in (path, needed)]  # fmt: skip
     assert all(at(config, tuple(other)) == at(struct(), tuple(other)) for other in others)
 
 

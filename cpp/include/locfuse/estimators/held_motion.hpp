@@ -29,6 +29,19 @@ class HeldMotion {
   /// Where what was told ends; of a velocity, when it was measured.
   [[nodiscard]] Stamp end() const { return end_; }
 
+  /// How fast it was told to go, in the body's frame per second; a displacement without duration
+  /// tells no rate.
+  [[nodiscard]] Pose2 rate() const {
+    if (is_velocity_) {
+      return motion_;
+    }
+    if (begin_ == end_) {
+      return {};
+    }
+    const Vector<3> twist = arc_twist(motion_) / seconds_between(begin_, end_);
+    return {twist.x(), twist.y(), twist.z()};
+  }
+
   /// Goes from `from` to `to`: drive(motion, until) for what was told, which is believed for `hold`
   /// beyond its end, lost(until) for the rest.
   template <class Drive, class Lost>

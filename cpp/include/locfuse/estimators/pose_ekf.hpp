@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "locfuse/estimators/calibration.hpp"
 #include "locfuse/estimators/held_motion.hpp"
 #include "locfuse/filters/association.hpp"
 #include "locfuse/filters/belief.hpp"
@@ -41,7 +42,8 @@ struct LandmarkSight {
 };
 
 /// Extended Kalman filter over (x, y, heading) in world: odometry predicts; ranges, positions,
-/// poses and landmarks correct (ekim2020, section 2.1; wells, eq. 12 to 14).
+/// poses and landmarks correct (ekim2020, section 2.1; wells, eq. 12 to 14). Errors of odometry and
+/// of the sensor of landmarks that stay may be learnt on the way: Config::calibration.
 ///
 /// A cheap value: copying it is a snapshot. Every `on` throws std::invalid_argument for a message
 /// that is not valid and NumericalError where numbers break. A message that is not fused, for
@@ -53,6 +55,7 @@ class PoseEkf {
     RangeModel::Config range;
     PositionModel::Config position;
     RangeBearingModel::Config landmark;
+    Calibration::Config calibration;
     double gate_range = 0.999;     ///< probability that a good range passes
     double gate_position = 0.999;  ///< likewise for a position fix
     double gate_pose = 0.999;      ///< likewise for a pose
@@ -106,6 +109,11 @@ class PoseEkf {
   /// The belief carried to `stamp`, which must not lie before it.
   [[nodiscard]] PoseEstimate estimate(Stamp stamp) const;
 
+  /// What it has learnt of the errors that are states.
+  [[nodiscard]] std::vector<CalibratedError> errors() const {
+    return recipe_->calibration.errors(belief_);
+  }
+
   [[nodiscard]] const GaussianBelief& belief() const { return belief_; }
   [[nodiscard]] Pose2 pose() const { return {belief_.x(0), belief_.x(1), belief_.x(2)}; }
   [[nodiscard]] const RangeModel& range_model() const { return recipe_->range; }
@@ -122,6 +130,7 @@ class PoseEkf {
     PositionModel position;
     PoseModel pose;
     RangeBearingModel landmark;
+    Calibration calibration;
     std::shared_ptr<const LandmarkMap> landmarks;  // never null
     Gate range_gate;
     Gate position_gate;
@@ -132,8 +141,10 @@ class PoseEkf {
 
   template <class Linearize>
   Outcome correct(Stamp stamp, const Gate& gate, const Linearize& linearize);
-  [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, 3, 2>> nearest(
-      const RangeBearing& z) const;
+  template <class Linearize>
+  Outcome correct(Stamp stamp, const Gate& gate, Slots slots, const Linearize& linearize);
+  [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, Eigen::Dynamic>> sight(
+      const Landmark& landmark, const RangeBearing& z) const;
   [[nodiscard]] std::vector<const Landmark*> associated(const std::vector<RangeBearing>& sightings,
                                                         Association association) const;
   Outcome on(const RangeBearing& z, const Landmark* landmark);

@@ -16,6 +16,7 @@ namespace locfuse {
 /// M rows of measurement, N local variables; MaxM bounds a run-time M so that it needs no heap.
 template <int M, int N, int MaxM = M>
 struct Linearization {
+  static constexpr int kVariables = N;
   static constexpr int kJacobianStorage =
       (M == 1 && N != 1) ? int(Eigen::RowMajor) : int(Eigen::ColMajor);
 

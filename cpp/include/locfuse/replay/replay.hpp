@@ -15,6 +15,7 @@ struct RunLog {
   std::vector<Outcome> outcomes;        ///< per message in order of arrival, after the last rewind
   std::vector<PoseEstimate> estimates;  ///< per distinct stamp, as known when time moved on
   PoseEstimate last;                    ///< at the end of the log
+  std::vector<CalibratedError> errors;  ///< learnt by then
 };
 
 struct ReplayOptions {
@@ -58,6 +59,7 @@ template <class Estimator>
     }
   }
   run.last = timeline.estimator().estimate();
+  run.errors = timeline.estimator().errors();
   if (options.record) {
     keep(timeline.estimator().current());
     keep(run.last);

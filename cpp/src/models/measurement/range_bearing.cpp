@@ -33,7 +33,13 @@ Linearization<Eigen::Dynamic, N, 2> measured(const Linearization<2, N>& both,
 }  // namespace
 
 RangeBearingModel::RangeBearingModel(const Config& config, const Pose2& sensor_in_body)
-    : sensor_in_body_(sensor_in_body) {
+    : relative_variance_(config.sigma_range_relative * config.sigma_range_relative),
+      sensor_in_body_(sensor_in_body) {
+  if (!(std::isfinite(relative_variance_) && config.sigma_range_relative >= 0.0)) {
+    throw std::invalid_argument("landmark.sigma_range_relative is " +
+                                std::to_string(config.sigma_range_relative) +
+                                ", expected a finite number >= 0");
+  }
   const double range = variance_of("sigma_range_m", config.sigma_range_m);
   const double bearing = variance_of("sigma_bearing_rad", config.sigma_bearing_rad);
   covariance_ << range, 0.0, 0.0, bearing;  // a throw amid it would leave it half filled
@@ -65,6 +71,39 @@ std::optional<Linearization<Eigen::Dynamic, 5, 2>> RangeBearingModel::linearize_
   Matrix<2, 5> jacobian;
   jacobian << sight->by_pose, sight->by_landmark;
   return measured<5>({residual(*sight, z), jacobian, noise(z)}, z);
+}
+
+std::optional<Linearization<Eigen::Dynamic, 3 + SightErrors::kCount, 2>>
+RangeBearingModel::linearize_with_errors(const Pose2& T_world_body, const Vector<2>& landmark,
+                                         const RangeBearing& z, const SightErrors& errors,
+                                         const Pose2& rate) const {
+  const Pose2 then = T_world_body * arc(-errors.delay * rate.x, -errors.delay * rate.y,
+                                        -errors.delay * rate.heading);
+  const Pose2 mount{sensor_in_body_.x + errors.mount.x, sensor_in_body_.y + errors.mount.y,
+                    sensor_in_body_.heading + errors.mount.heading};
+  std::optional<Sight> sight = look(then, mount, landmark);
+  if (!sight || (!z.range && !z.bearing)) {
+    return std::nullopt;
+  }
+  const double distance = sight->expected.x();
+  const double slope = 1.0 + errors.range_scale;
+  sight->expected.x() = slope * distance + errors.range_offset;
+  sight->by_pose.row(0) *= slope;
+
+  const Vector<2> back = then.position() - T_world_body.position();
+  const Vector<2> velocity = Pose2{0.0, 0.0, then.heading}.act({rate.x, rate.y});
+  Matrix<2, 2> axes;  // of the body, in world
+  axes << std::cos(then.heading), -std::sin(then.heading), std::sin(then.heading),
+      std::cos(then.heading);
+  Matrix<2, 3 + SightErrors::kCount> jacobian;
+  jacobian.leftCols<3>() = sight->by_pose;
+  jacobian.col(2) += sight->by_pose.leftCols<2>() * Vector<2>(-back.y(), back.x());
+  jacobian.middleCols<2>(3) = sight->by_pose.leftCols<2>() * axes;
+  jacobian.col(5) << 0.0, -1.0;
+  jacobian.col(6) << 1.0, 0.0;
+  jacobian.col(7) << distance, 0.0;
+  jacobian.col(8) = -sight->by_pose * Vector<3>(velocity.x(), velocity.y(), rate.heading);
+  return measured<3 + SightErrors::kCount>({residual(*sight, z), jacobian, noise(z)}, z);
 }
 
 std::optional<RangeBearingModel::Placed> RangeBearingModel::place(const Pose2& T_world_body,

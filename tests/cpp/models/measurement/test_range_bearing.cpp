@@ -59,6 +59,57 @@ TEST(RangeBearingModel, jacobian_matches_differences) {
   }
 }
 
+TEST(RangeBearingModel, with_errors_equals_values_computed_by_hand) {
+  // A second ago, before it had driven 2 m east and turned, it was at (1, 2) looking north.
+  const RangeBearingModel model({0.1, 0.02}, {0.0, -0.3, 0.1});
+  const SightErrors errors{{0.0, -0.2, -0.1}, 0.25, 0.1, 1.0};
+  const Pose2 then{1.0, 2.0, kPi / 2.0};
+  const Pose2 rate{1.0, -2.0, 0.3};
+  const auto lin = model.linearize_with_errors(then * arc(rate.x, rate.y, rate.heading), {4.5, 6.0},
+                                               seen(6.0, 0.0), errors, rate);
+  ASSERT_TRUE(lin.has_value());
+  EXPECT_NEAR(lin->residual(0), 6.0 - (1.1 * 5.0 + 0.25), 1e-12);
+  EXPECT_NEAR(lin->residual(1), std::atan2(3.0, 4.0), 1e-12);
+}
+
+TEST(RangeBearingModel, without_errors_it_is_the_plain_model) {
+  const RangeBearingModel model({}, kMount);
+  const Vector<2> landmark(3.0, -2.0);
+  for (const Pose2& pose : testing::poses_to_try()) {
+    for (const RangeBearing& z : {seen(1.0, 1.0), seen(1.0, {}), seen({}, 1.0)}) {
+      const auto plain = model.linearize(pose, landmark, z);
+      const auto lin = model.linearize_with_errors(pose, landmark, z, {}, {1.0, 0.2, 0.3});
+      ASSERT_TRUE(lin.has_value());
+      expect_near(lin->residual, plain->residual, 1e-12);
+      expect_near(lin->jacobian.leftCols<3>(), plain->jacobian, 1e-12);
+      expect_near(lin->noise, plain->noise, 0.0);
+    }
+  }
+}
+
+TEST(RangeBearingModel, derivatives_by_pose_and_errors_match_differences) {
+  const RangeBearingModel model({}, kMount);
+  const Vector<2> landmark(3.0, -2.0);
+  const Pose2 rate{0.7, -0.1, 0.4};
+  Vector<6> e;
+  e << 0.05, -0.04, 0.1, 0.2, 0.05, 0.3;
+  for (const Pose2& pose : testing::poses_to_try()) {
+    const auto at = [&](const Vector<9>& off) {
+      const Vector<6> f = e + off.tail<6>();
+      return model.linearize_with_errors(retract(pose, off.head<3>()), landmark, seen(1.0, 1.0),
+                                         {{f(0), f(1), f(2)}, f(3), f(4), f(5)}, rate);
+    };
+    const auto lin = at(Vector<9>::Zero());
+    ASSERT_TRUE(lin.has_value());
+    const Matrix<2, 9> differences = numerical_jacobian<2, 9>([&](const Vector<9>& off) {
+      const Vector<2> residual = at(off)->residual;
+      return Vector<2>(lin->residual(0) - residual(0),
+                       angle_difference(lin->residual(1), residual(1)));
+    });
+    expect_near(Matrix<2, 9>(lin->jacobian), differences, 1e-6);
+  }
+}
+
 TEST(RangeBearingModel, one_of_the_two_is_one_row_of_both) {
   const RangeBearingModel model({}, kMount);
   const Pose2 pose{1.0, 2.0, 3.0};
@@ -114,6 +165,14 @@ TEST(RangeBearingModel, a_landmark_is_placed_where_it_would_be_seen_so) {
     expect_near(placed->by_sighting, by_sighting, 1e-7);
   }
   EXPECT_FALSE(model.place({}, seen(2.0, {})).has_value());
+}
+
+TEST(RangeBearingModel, ranges_may_err_the_more_the_longer_they_are) {
+  const RangeBearingModel model({0.3, 0.02, 0.1}, {});
+  const RangeBearing z = seen(4.0, 0.0);
+  EXPECT_NEAR(model.noise(z)(0, 0), 0.09 + 0.16, 1e-15);
+  EXPECT_NEAR(model.linearize_both({}, {5.0, 0.0}, z)->noise(0, 0), 0.25, 1e-15);
+  EXPECT_NEAR(model.linearize({}, {5.0, 0.0}, seen({}, 0.0))->noise(0, 0), 0.0004, 1e-18);
 }
 
 TEST(RangeBearingModel, a_sighting_may_bring_its_own_covariance) {

@@ -57,6 +57,49 @@ TEST(OdometryMotion, jacobian_matches_differences) {
   }
 }
 
+TEST(OdometryMotion, told_with_errors_equals_values_computed_by_hand) {
+  // 2 m ahead and a quarter turn in 0.5 s were told; it was 1.1 of that, and 0.2 of a turn less.
+  const OdometryMotion model(all_sigmas());
+  const OdometryErrors errors{0.1, 0.0, 0.0, 0.4};
+  const Propagation<Pose2, 3> step =
+      model.propagate({1.0, 2.0, 0.0}, {2.0, 0.0, kPi / 2.0}, 0.5, errors).step;
+  expect_pose_near(step.moved,
+                   {1.0 + 2.2 * std::cos(0.1), 2.0 - 2.2 * std::sin(0.1), kPi / 2.0 - 0.2}, 1e-15);
+  const Propagation<Pose2, 3> askew =
+      model.propagate({1.0, 2.0, 0.0}, {2.0, 0.0, 0.0}, 0.5, {0.0, kPi / 2.0, 0.0, 0.0}).step;
+  expect_pose_near(askew.moved, {1.0, 4.0, 0.0}, 1e-15);
+}
+
+TEST(OdometryMotion, told_without_errors_it_moves_as_told) {
+  const OdometryMotion model(all_sigmas());
+  testing::Rng rng(13);
+  for (const Pose2& pose : testing::poses_to_try()) {
+    const Pose2 motion = testing::random_pose(rng, 1.0);
+    const Propagation<Pose2, 3> plain = model.propagate(pose, motion, 0.1);
+    const Propagation<Pose2, 3> step = model.propagate(pose, motion, 0.1, {}).step;
+    expect_pose_near(step.moved, plain.moved, 1e-15);
+    expect_near(step.jacobian, plain.jacobian, 1e-15);
+    expect_near(step.noise, plain.noise, 1e-17);
+  }
+}
+
+TEST(OdometryMotion, derivatives_by_errors_match_differences) {
+  const OdometryMotion model(all_sigmas());
+  testing::Rng rng(14);
+  for (const Pose2& pose : testing::poses_to_try()) {
+    const Pose2 motion = testing::random_pose(rng, 1.0);
+    const Vector<4> e(0.1, -0.2, 0.05, 0.3);
+    const auto moved = [&](const Vector<4>& off) {
+      const Vector<4> f = e + off;
+      return model.propagate(pose, motion, 0.5, {f(0), f(1), f(2), f(3)});
+    };
+    const OdometryMotion::Corrected here = moved(Vector<4>::Zero());
+    const Matrix<3, 4> differences = numerical_jacobian<3, 4>(
+        [&](const Vector<4>& off) { return local(moved(off).step.moved, here.step.moved); });
+    expect_near(here.by_errors, differences, 1e-7);
+  }
+}
+
 TEST(OdometryMotion, noise_is_symmetric_and_positive_when_moving) {
   const OdometryMotion model(all_sigmas());
   testing::Rng rng(12);

@@ -9,22 +9,34 @@
 
 namespace locfuse {
 
+/// What a sensor of landmarks, or our idea of it, has wrong all the time.
+struct SightErrors {
+  Pose2 mount;                ///< to be added to x, y and heading of T_body_sensor
+  double range_offset = 0.0;  ///< that ranges are longer [m]
+  double range_scale = 0.0;   ///< ranges are (1 + range_scale) times the distance
+  double delay = 0.0;         ///< that sightings are older than their stamps [s]
+
+  static constexpr int kCount = 6;
+};
+
 /// Range and bearing from a sensor on the body to the centre of a landmark, or one of the two.
 ///
 /// h(x) = (|d|, atan2(d_y, d_x)) with d the landmark in the sensor's frame;
 /// docs/models/range_bearing.md eq. (1).
 class RangeBearingModel {
  public:
-  /// R = diag(sigma_range_m^2, sigma_bearing_rad^2) where the message brings no covariance.
+  /// R = diag(sigma_range_m^2 + (sigma_range_relative * range)^2, sigma_bearing_rad^2) where the
+  /// message brings no covariance; `range` is the measured one.
   struct Config {
-    double sigma_range_m = 0.1;       ///< [m]
-    double sigma_bearing_rad = 0.02;  ///< [rad]
+    double sigma_range_m = 0.1;         ///< [m]
+    double sigma_bearing_rad = 0.02;    ///< [rad]
+    double sigma_range_relative = 0.0;  ///< share of the range, as of a camera
   };
 
   RangeBearingModel() : RangeBearingModel(Config{}, Pose2{}) {}
 
   /// `sensor_in_body` is T_body_sensor. Throws std::invalid_argument on sigmas that are not finite
-  /// and positive, or a mount that is not finite.
+  /// and positive (the relative one: not negative), or a mount that is not finite.
   RangeBearingModel(const Config& config, const Pose2& sensor_in_body);
 
   /// Expected range [m] and bearing [rad].
@@ -39,8 +51,7 @@ class RangeBearingModel {
     if (!sight || !z.range || !z.bearing) {
       return std::nullopt;
     }
-    return Linearization<2, 3>{residual(*sight, z), sight->by_pose,
-                               z.covariance.value_or(covariance_)};
+    return Linearization<2, 3>{residual(*sight, z), sight->by_pose, noise(z)};
   }
 
   /// Of any sighting, one or two rows.
@@ -50,6 +61,12 @@ class RangeBearingModel {
   /// The same with respect to (x, y, theta) and the landmark's (x, y), two columns more: eq. (3).
   [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, 5, 2>> linearize_with_landmark(
       const Pose2& T_world_body, const Vector<2>& landmark, const RangeBearing& z) const;
+
+  /// Of a sensor with `errors` on a body that moves by `rate` a second, in its own frame: with
+  /// respect to (x, y, theta) and the errors, the mount's x, y and heading first; eq. (5) to (7).
+  [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, 3 + SightErrors::kCount, 2>>
+  linearize_with_errors(const Pose2& T_world_body, const Vector<2>& landmark, const RangeBearing& z,
+                        const SightErrors& errors, const Pose2& rate) const;
 
   /// Where a landmark is that is seen so, with the derivatives with respect to the pose and to
   /// (range, bearing): eq. (4). Empty if the sighting lacks one of them.
@@ -62,7 +79,14 @@ class RangeBearingModel {
 
   /// R of a sighting.
   [[nodiscard]] Matrix<2, 2> noise(const RangeBearing& z) const {
-    return z.covariance.value_or(covariance_);
+    if (z.covariance) {
+      return *z.covariance;
+    }
+    Matrix<2, 2> covariance = covariance_;
+    if (z.range) {
+      covariance(0, 0) += relative_variance_ * *z.range * *z.range;
+    }
+    return covariance;
   }
   [[nodiscard]] const Pose2& sensor_in_body() const { return sensor_in_body_; }
 
@@ -74,7 +98,12 @@ class RangeBearingModel {
   };
   [[nodiscard]] std::optional<Sight> look(const Pose2& T_world_body,
                                           const Vector<2>& landmark) const {
-    const Pose2 sensor = T_world_body * sensor_in_body_;
+    return look(T_world_body, sensor_in_body_, landmark);
+  }
+  [[nodiscard]] static std::optional<Sight> look(const Pose2& T_world_body,
+                                                 const Pose2& sensor_in_body,
+                                                 const Vector<2>& landmark) {
+    const Pose2 sensor = T_world_body * sensor_in_body;
     const Vector<2> d = landmark - sensor.position();
     const Vector<2> arm = sensor.position() - T_world_body.position();
     const double squared = d.squaredNorm();
@@ -97,6 +126,7 @@ class RangeBearingModel {
   static constexpr double kNoDirection = 1e-9;  // [m]
 
   Matrix<2, 2> covariance_;
+  double relative_variance_;
   Pose2 sensor_in_body_;
 };
 

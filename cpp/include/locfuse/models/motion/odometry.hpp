@@ -8,6 +8,16 @@
 
 namespace locfuse {
 
+/// What odometry tells wrong all the time.
+struct OdometryErrors {
+  double scale = 0.0;       ///< the way is (1 + scale) times what is told
+  double direction = 0.0;   ///< of travel, seen from the heading, counter-clockwise [rad]
+  double turn_scale = 0.0;  ///< the turn is (1 + turn_scale) times what is told
+  double turn_bias = 0.0;   ///< turn that is told on top, as by a gyro [rad/s]
+
+  static constexpr int kCount = 4;
+};
+
 /// Wheel odometry: a motion in the previous body frame, with noise that grows with the distance
 /// driven and the angle turned and so does not depend on the message rate.
 ///
@@ -54,6 +64,15 @@ class OdometryMotion {
         0.0, 0.0, heading;
     return step;
   }
+
+  /// The same if the motion was told with `errors`, and the derivative of what is moved with
+  /// respect to them in their order; eq. (7) and (8).
+  struct Corrected {
+    Propagation<Pose2, 3> step;
+    Matrix<3, OdometryErrors::kCount> by_errors;
+  };
+  [[nodiscard]] Corrected propagate(const Pose2& T_world_body, const Pose2& motion, double seconds,
+                                    const OdometryErrors& errors) const;
 
  private:
   // Variances per metre, radian and second.
