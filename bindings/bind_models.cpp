@@ -4,9 +4,12 @@
 #include "locfuse/models/measurement/position.hpp"
 #include "locfuse/models/measurement/range.hpp"
 #include "locfuse/models/measurement/range_bearing.hpp"
+#include "locfuse/models/motion/ackermann.hpp"
 #include "locfuse/models/motion/odometry.hpp"
+#include "numpy.hpp"
 
 namespace py = pybind11;
+using locfuse::AckermannVehicle;
 using locfuse::AnchorMap;
 using locfuse::OdometryMotion;
 using locfuse::Pose2;
@@ -17,7 +20,92 @@ using locfuse::RangeModel;
 using locfuse::Tag;
 using Step = locfuse::Propagation<Pose2, 3>;
 
+namespace {
+
+/// Of readings (n,), each counted, as an array (n, 2).
+py::array_t<double> velocities(const AckermannVehicle& vehicle, const Column<double>& wheel_speed,
+                               const Column<double>& steering) {
+  const py::ssize_t n = wheel_speed.ndim() == 1 ? wheel_speed.shape(0) : 0;
+  expect_shape("wheel_speed", wheel_speed, n);
+  expect_shape("steering", steering, n);
+  const double* const speeds = wheel_speed.data();
+  const double* const angles = steering.data();
+  std::vector<double> found(2 * static_cast<std::size_t>(n));
+  {
+    const py::gil_scoped_release unlocked;
+    for (std::size_t i = 0; i < found.size() / 2; ++i) {
+      const locfuse::Velocity u = vehicle.velocity(0, speeds[i], angles[i]);
+      found[2 * i] = u.forward;
+      found[2 * i + 1] = u.turn_rate;
+    }
+  }
+  return to_numpy(std::move(found), {n, 2});
+}
+
+void bind_ackermann(py::module_& m) {
+  using Config = AckermannVehicle::Config;
+  const Config d;
+  py::class_<Config>(m, "AckermannConfig", R"(A vehicle that steers its front wheels.
+
+Parameters
+----------
+wheel_base_m : float
+    From the rear to the front axle.
+encoder_left_m : float
+    Of the rear wheel that is counted, from the middle of its axle, negative to the right.
+sigma_speed_mps, sigma_steering_rad : float
+    Noise of that wheel's speed and of the steering angle.
+)")
+      .def(py::init([](double wheel_base_m, double encoder_left_m, double sigma_speed_mps,
+                       double sigma_steering_rad) {
+             return Config{wheel_base_m, encoder_left_m, sigma_speed_mps, sigma_steering_rad};
+           }),
+           py::kw_only(), py::arg("wheel_base_m"), py::arg("encoder_left_m") = d.encoder_left_m,
+           py::arg("sigma_speed_mps") = d.sigma_speed_mps,
+           py::arg("sigma_steering_rad") = d.sigma_steering_rad)
+      .def_readonly("wheel_base_m", &Config::wheel_base_m)
+      .def_readonly("encoder_left_m", &Config::encoder_left_m)
+      .def_readonly("sigma_speed_mps", &Config::sigma_speed_mps)
+      .def_readonly("sigma_steering_rad", &Config::sigma_steering_rad);
+  py::class_<AckermannVehicle>(m, "AckermannVehicle",
+                               R"(Turns wheel speed and steering angle into velocities.
+
+Those of the middle of the rear axle, which is the body's origin; docs/models/ackermann.md. A
+steering angle is that of a wheel in the middle of the front axle [rad], to the left positive; a
+wheel's speed is negative backwards [m/s]. Every method raises ValueError for a value that is not
+finite, and where the wheel does not tell the speed: steered by 90 degrees and more, or about a
+point that is not beyond the wheel.
+
+Raises
+------
+ValueError
+    If the wheel base is not positive, a sigma is negative, or a value is not finite.
+
+Examples
+--------
+>>> import math
+>>> from locfuse import AckermannConfig, AckermannVehicle
+>>> vehicle = AckermannVehicle(AckermannConfig(wheel_base_m=2.0, encoder_left_m=1.0))
+>>> u = vehicle.velocity(0, wheel_speed=1.5, steering=math.atan(0.5))
+>>> round(u.forward, 9), round(u.turn_rate, 9)
+(2.0, 0.5)
+)")
+      .def(py::init<const Config&>(), py::arg("config"))
+      .def_property_readonly("config", &AckermannVehicle::config)
+      .def("velocity", &AckermannVehicle::velocity, py::arg("stamp"), py::arg("wheel_speed"),
+           py::arg("steering"), "A Velocity at `stamp` [ns].")
+      .def("velocities", &velocities, py::arg("wheel_speed"), py::arg("steering"),
+           "Forward speed [m/s] and turn rate [rad/s], shape (n, 2), of readings of shape (n,).")
+      .def("jacobian", &AckermannVehicle::jacobian, py::arg("wheel_speed"), py::arg("steering"),
+           "Of (forward, turn rate) with respect to (wheel speed, steering), shape (2, 2).")
+      .def("covariance", &AckermannVehicle::covariance, py::arg("wheel_speed"), py::arg("steering"),
+           "Of (forward, turn rate), by the sigmas, shape (2, 2).");
+}
+
+}  // namespace
+
 void bind_models(py::module_& m) {
+  bind_ackermann(m);
   py::class_<Tag>(m, "Tag",
                   "A radio on the robot, at `position` (3,) in body: forward, left, up [m].")
       .def(py::init([](locfuse::Id id, const locfuse::Vector<3>& position) {

@@ -4,6 +4,8 @@
 import logging as _logging
 
 from locfuse._core import (
+    AckermannConfig,
+    AckermannVehicle,
     Anchor,
     AnchorMap,
     Association,
@@ -117,6 +119,8 @@ from locfuse.types import ConfigError, GridMap, Log, LogError, Outcomes, RunResu
 _logging.getLogger(__name__).addHandler(_logging.NullHandler())
 
 __all__ = [
+    "AckermannConfig",
+    "AckermannVehicle",
     "Anchor",
     "AnchorMap",
     "Association",

@@ -10,6 +10,8 @@ import numpy.typing
 import typing
 
 __all__: list[str] = [
+    "AckermannConfig",
+    "AckermannVehicle",
     "Anchor",
     "AnchorMap",
     "Association",
@@ -1352,6 +1354,97 @@ class BeamLandmark:
     def bearing(self) -> float: ...
     @property
     def range(self) -> float: ...
+
+class AckermannConfig:
+    """
+    A vehicle that steers its front wheels.
+
+    Parameters
+    ----------
+    wheel_base_m : float
+        From the rear to the front axle.
+    encoder_left_m : float
+        Of the rear wheel that is counted, from the middle of its axle, negative to the right.
+    sigma_speed_mps, sigma_steering_rad : float
+        Noise of that wheel's speed and of the steering angle.
+    """
+    def __init__(
+        self,
+        *,
+        wheel_base_m: typing.SupportsFloat | typing.SupportsIndex,
+        encoder_left_m: typing.SupportsFloat | typing.SupportsIndex = 0.0,
+        sigma_speed_mps: typing.SupportsFloat | typing.SupportsIndex = 0.0,
+        sigma_steering_rad: typing.SupportsFloat | typing.SupportsIndex = 0.0,
+    ) -> None: ...
+    @property
+    def encoder_left_m(self) -> float: ...
+    @property
+    def sigma_speed_mps(self) -> float: ...
+    @property
+    def sigma_steering_rad(self) -> float: ...
+    @property
+    def wheel_base_m(self) -> float: ...
+
+class AckermannVehicle:
+    """
+    Turns wheel speed and steering angle into velocities.
+
+    Those of the middle of the rear axle, which is the body's origin; docs/models/ackermann.md. A
+    steering angle is that of a wheel in the middle of the front axle [rad], to the left positive; a
+    wheel's speed is negative backwards [m/s]. Every method raises ValueError for a value that is not
+    finite, and where the wheel does not tell the speed: steered by 90 degrees and more, or about a
+    point that is not beyond the wheel.
+
+    Raises
+    ------
+    ValueError
+        If the wheel base is not positive, a sigma is negative, or a value is not finite.
+
+    Examples
+    --------
+    >>> import math
+    >>> from locfuse import AckermannConfig, AckermannVehicle
+    >>> vehicle = AckermannVehicle(AckermannConfig(wheel_base_m=2.0, encoder_left_m=1.0))
+    >>> u = vehicle.velocity(0, wheel_speed=1.5, steering=math.atan(0.5))
+    >>> round(u.forward, 9), round(u.turn_rate, 9)
+    (2.0, 0.5)
+    """
+    def __init__(self, config: AckermannConfig) -> None: ...
+    def covariance(
+        self,
+        wheel_speed: typing.SupportsFloat | typing.SupportsIndex,
+        steering: typing.SupportsFloat | typing.SupportsIndex,
+    ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 2]"]:
+        """
+        Of (forward, turn rate), by the sigmas, shape (2, 2).
+        """
+    def jacobian(
+        self,
+        wheel_speed: typing.SupportsFloat | typing.SupportsIndex,
+        steering: typing.SupportsFloat | typing.SupportsIndex,
+    ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 2]"]:
+        """
+        Of (forward, turn rate) with respect to (wheel speed, steering), shape (2, 2).
+        """
+    def velocities(
+        self,
+        wheel_speed: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        steering: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    ) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Forward speed [m/s] and turn rate [rad/s], shape (n, 2), of readings of shape (n,).
+        """
+    def velocity(
+        self,
+        stamp: typing.SupportsInt | typing.SupportsIndex,
+        wheel_speed: typing.SupportsFloat | typing.SupportsIndex,
+        steering: typing.SupportsFloat | typing.SupportsIndex,
+    ) -> Velocity:
+        """
+        A Velocity at `stamp` [ns].
+        """
+    @property
+    def config(self) -> AckermannConfig: ...
 
 class Tag:
     """

@@ -19,6 +19,7 @@ from locfuse.eval.errors import errors_against
 from locfuse.gadau import draw_pictures as draw_gadau
 from locfuse.gadau import gadau_claims
 from locfuse.messages import Messages, to_messages, truth_of
+from locfuse.on_cylinders import draw_pictures as draw_drives
 from locfuse.on_landmarks import landmark_claims
 from locfuse.on_maps import map_claims
 from locfuse.power_up import draw_pictures as draw_starts
@@ -74,7 +75,10 @@ def draw(paper: str, seeds: int, folder: Path) -> list[Path]:
         return draw_wells(folder, seeds)
     if paper == "gadau2022":
         return draw_gadau(folder, seeds)
-    return draw_starts(example_configs(), folder) if paper == "ekim2020" else []
+    configs = example_configs()
+    if paper == "landmarks" and configs is not None:
+        return draw_drives(configs, folder)
+    return draw_starts(configs, folder) if paper == "ekim2020" else []
 
 
 # ekim2020: section 3.2, Figs. 2 and 9 ----------------------------------------------------------

@@ -61,7 +61,10 @@ def start_of(config: RunConfig, truth: Trajectory | None, messages: Messages) ->
 
 
 def scans_of(log: Log) -> list[_core.LaserScan]:
-    """Return the scans of a log as messages; none where it has no scans."""
+    """Return the scans of a log as messages; none where it has no scans.
+
+    A scan of which an intensity is not known is one without.
+    """
     if "scans" not in log or log.laser is None:
         return []
     laser = log.laser
@@ -73,8 +76,13 @@ def scans_of(log: Log) -> list[_core.LaserScan]:
         range_max=float(laser["range_max_m"]),
     )
     table = log["scans"]
-    rows = zip(table["stamp_ns"], table["ranges_m"], strict=True)
-    return [_core.LaserScan(int(stamp), geometry, ranges) for stamp, ranges in rows]
+    stamps, ranges = table["stamp_ns"].tolist(), table["ranges_m"]
+    bright = table.get("intensities", np.empty((len(stamps), 0)))
+    known = [bool(np.all(np.isfinite(row))) for row in bright]
+    return [
+        _core.LaserScan(stamp, geometry, ranges[row], bright[row] if known[row] else None)
+        for row, stamp in enumerate(stamps)
+    ]
 
 
 def grid_of(log: Log) -> _core.OccupancyGrid | None:

@@ -18,6 +18,7 @@ from locfuse.plot import plot_start
 from locfuse.plot.style import MUTED
 from locfuse.results import write_results
 from locfuse.run import load_log, run
+from locfuse.start import scans_of
 from locfuse.types import FloatArray, GridMap, Log, LogError, RunResult, Start
 from support_figures import colours_at
 from support_runs import CONFIGS, recording, write_folder
@@ -172,6 +173,20 @@ def test_scans_that_say_nothing_leave_the_start_to_driving() -> None:
         row = int(np.searchsorted(log["truth"]["stamp_ns"], found.stamp_ns))
         at = [log["truth"][axis][row] for axis in ("x_m", "y_m")]
         assert np.hypot(*(found.pose[:2] - at)) < 0.5
+
+
+def test_scans_keep_their_intensities_unless_one_is_not_known() -> None:
+    laser = {"pose_in_body": [0.0, 0.0, 0.0], "angle_min_rad": 0.0, "angle_increment_rad": 0.1,
+             "range_min_m": 0.1, "range_max_m": 9.0}  # fmt: skip
+    stamps, ranges = np.array([1, 2]), np.array([[1.0, 2.0], [3.0, 4.0]])
+    bright = np.array([[0.0, 5.0], [np.nan, 6.0]])
+    log = Log(tables={"scans": {"stamp_ns": stamps, "ranges_m": ranges}}, laser=laser)
+    assert [scan.intensities.tolist() for scan in scans_of(log)] == [[], []]
+    seen = {"scans": {**log["scans"], "intensities": bright}}
+    first, second = scans_of(replace(log, tables=seen))
+    assert (first.stamp, first.intensities.tolist()) == (1, [0.0, 5.0])
+    assert (second.stamp, second.ranges.tolist()) == (2, [3.0, 4.0])
+    assert second.intensities.tolist() == []
 
 
 def test_a_map_without_walls_or_beams_that_are_none_are_one_sentence() -> None:

@@ -19,6 +19,7 @@
 #include "locfuse/maps/ray_caster.hpp"
 #include "locfuse/math/numerical_jacobian.hpp"
 #include "locfuse/messages/message.hpp"
+#include "locfuse/models/motion/ackermann.hpp"
 #include "locfuse/replay/localize.hpp"
 #include "locfuse/replay/replay.hpp"
 #include "locfuse/replay/start.hpp"

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 from locfuse.eval.errors import errors_against, interpolate
 from locfuse.io.datasets import convert
 from locfuse.io.datasets.source import (
-    ENCODER_LEFT_M,
+    TRUCK,
     TRUCK_LASER,
-    WHEEL_BASE_M,
-    ackermann,
+    truck_odometry,
 )
 from locfuse.types import NANOSECONDS, FloatArray, Log, LogError, Trajectory, wrap_angle
 from support_recordings import (
@@ -318,14 +317,22 @@ def test_acfr_carpark_is_driven_from_where_its_notes_say(carpark: Log) -> None:
 
 def test_the_left_wheel_is_slower_than_the_axle_in_a_left_turn() -> None:
     # Circle of 10 m to the middle of the axle: the left wheel is at 10 - H.
-    steering = np.arctan2(WHEEL_BASE_M, [10.0, -10.0, np.inf])
+    base, left = TRUCK.config.wheel_base_m, TRUCK.config.encoder_left_m
+    steering = np.arctan2(base, [10.0, -10.0, np.inf])
     steering[1] -= np.pi
-    wheel = 2.0 * np.array([10.0 - ENCODER_LEFT_M, 10.0 + ENCODER_LEFT_M, 10.0]) / 10.0
-    moved = ackermann(wheel, steering)
-    np.testing.assert_allclose(moved["v_mps"], 2.0, rtol=1e-15)
-    np.testing.assert_allclose(moved["omega_radps"], [0.2, -0.2, 0.0], rtol=1e-15)
-    back = ackermann(-wheel, steering)
-    np.testing.assert_array_equal(back["omega_radps"], -moved["omega_radps"])
+    wheel = 2.0 * np.array([10.0 - left, 10.0 + left, 10.0]) / 10.0
+    moved = TRUCK.velocities(wheel, steering)
+    np.testing.assert_allclose(moved[:, 0], 2.0, rtol=1e-15)
+    np.testing.assert_allclose(moved[:, 1], [0.2, -0.2, 0.0], rtol=1e-15)
+    back = TRUCK.velocities(-wheel, steering)
+    np.testing.assert_array_equal(back, -moved)
+
+
+def test_a_truck_that_steers_across_its_way_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "drive.csv"
+    file.write_text("t_s,speed_encoder_mps,steering_rad\n1.0,2.0,0.1\n1.1,2.0,1.6\n")
+    with pytest.raises(LogError, match=r"drive\.csv: .*steering is 1\.6"):
+        truck_odometry(file)
 
 
 # Arena ----------------------------------------------------------------------------------------

@@ -52,7 +52,8 @@ def convert(source: Path, out: Path) -> list[Path]:
     from (1.850, 1.897) at 213.5 degrees. The field d of a cylinder, 55 mm, is taken for its radius,
     though it is elsewhere called the diameter: from 0.3 m to 2.3 m the beams on a cylinder span
     0.10 m. Ranges read short, by 0.03 m at 0.5 m and 0.12 m at 2 m, for which the lectures add 90
-    mm to the mean range of a cylinder to come to its centre. Walls are seen behind the cylinders.
+    mm to the mean range of a cylinder to come to its centre. Scans come 0.4 s late against the
+    wheels, and the camera sees ways 3 % longer than they go. Walls are seen behind the cylinders.
     """
     motors = _lines(source / "robot4_motors.txt", "M", "ts" + 12 * "f")
     scans = _lines(source / "robot4_scan.txt.gz", "S", "tst" + BEAMS * "f")

@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from locfuse import _core
 from locfuse.io.csv_table import parse, read_bytes, read_table
 from locfuse.types import Columns, FloatArray, LogError, StampArray, wrap_angle
 
-WHEEL_BASE_M, ENCODER_LEFT_M = 2.83, 0.76  # of the truck of acfr_carpark and victoria_park
+# Of acfr_carpark and victoria_park; its encoder is at the left rear wheel.
+TRUCK = _core.AckermannVehicle(_core.AckermannConfig(wheel_base_m=2.83, encoder_left_m=0.76))
 TRUCK_LONGEST_M = 81.8  # 81.83 to 81.91 are no distances but what the sensor says of a beam
 TRUCK_LASER: dict[str, Any] = {
     "pose_in_body": [3.78, 0.5, 0.0],  # from the middle of the rear axle
@@ -171,38 +173,20 @@ def arc(length: FloatArray, turn: FloatArray) -> Columns:
     }
 
 
-def ackermann(wheel_mps: FloatArray, steering: FloatArray) -> Columns:
-    """Return the velocities of the middle of a truck's rear axle.
-
-    The encoder counts at the left rear wheel, `ENCODER_LEFT_M` H beside the middle of the axle, the
-    wheel base is `WHEEL_BASE_M` L. Where the front wheels are steered by alpha, the truck turns
-    about a point on the line of the rear axle, L / tan(alpha) to the left; the wheel is nearer to
-    it by H and slower in that proportion (J. Guivant and E. Nebot, 2001)::
-
-        v = v_wheel / (1 - tan(alpha) H / L),  omega = v tan(alpha) / L
-
-    Parameters
-    ----------
-    wheel_mps : float64 array, shape (n,)
-        Speed of the left rear wheel, negative backwards.
-    steering : float64 array, shape (n,)
-        Radians, to the left positive.
-
-    Returns
-    -------
-    columns
-        ``v_mps``, ``omega_radps``.
-    """
-    slope = np.tan(steering) / WHEEL_BASE_M
-    speed = wheel_mps / (1.0 - slope * ENCODER_LEFT_M)
-    return {"v_mps": speed, "omega_radps": speed * slope}
-
-
 def truck_odometry(path: Path) -> Columns:
-    """Return the odometry of the truck of a file t_s, speed_encoder_mps, steering_rad."""
+    """Return the odometry of the truck of a file t_s, speed_encoder_mps, steering_rad.
+
+    Raises
+    ------
+    LogError
+        If the file is missing, is not such a table, or steers as no truck does.
+    """
     driven = read_source(path, dict(t_s="s", speed_encoder_mps="f", steering_rad="f"))
-    moved = ackermann(driven["speed_encoder_mps"], driven["steering_rad"])
-    return {"stamp_ns": driven["t_s"], **moved}
+    try:
+        moved = TRUCK.velocities(driven["speed_encoder_mps"], driven["steering_rad"])
+    except ValueError as error:
+        raise LogError(f"{path}: {error}") from error
+    return {"stamp_ns": driven["t_s"], "v_mps": moved[:, 0], "omega_radps": moved[:, 1]}
 
 
 def truck_scans(path: Path) -> Columns:

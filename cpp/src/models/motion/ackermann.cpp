@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/models/motion/ackermann.hpp"
+
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "locfuse/math/angle.hpp"
+
+namespace locfuse {
+namespace {
+
+constexpr double kLeastShare = 1e-9;  // of the axle's speed, that the wheel must have
+
+void check(const char* name, double value, bool good, const char* expected) {
+  if (!(std::isfinite(value) && good)) {
+    throw std::invalid_argument(std::string("ackermann.") + name + " is " + std::to_string(value) +
+                                ", expected a finite number" + expected);
+  }
+}
+
+struct Turn {
+  double curvature = 0.0;  // of the way of the middle of the rear axle, to the left [1/m]
+  double share = 1.0;      // of its speed, that the wheel has
+};
+
+Turn turn_of(const AckermannVehicle::Config& config, double wheel_speed, double steering) {
+  check("wheel_speed", wheel_speed, true, "");
+  check("steering", steering, std::abs(steering) < 0.5 * kPi, " between -pi/2 and pi/2");
+  const double curvature = std::tan(steering) / config.wheel_base_m;
+  const double share = 1.0 - curvature * config.encoder_left_m;
+  if (share < kLeastShare) {
+    throw std::invalid_argument("ackermann.steering is " + std::to_string(steering) +
+                                ": the turn is not about a point beyond the wheel at " +
+                                std::to_string(config.encoder_left_m) +
+                                " m, expected tan(steering) * encoder_left_m < wheel_base_m");
+  }
+  return {curvature, share};
+}
+
+}  // namespace
+
+AckermannVehicle::AckermannVehicle(const Config& config) : config_(config) {
+  check("wheel_base_m", config.wheel_base_m, config.wheel_base_m > 0.0, " > 0");
+  check("encoder_left_m", config.encoder_left_m, true, "");
+  check("sigma_speed_mps", config.sigma_speed_mps, config.sigma_speed_mps >= 0.0, " >= 0");
+  check("sigma_steering_rad", config.sigma_steering_rad, config.sigma_steering_rad >= 0.0, " >= 0");
+}
+
+Velocity AckermannVehicle::velocity(Stamp stamp, double wheel_speed, double steering) const {
+  const Turn turn = turn_of(config_, wheel_speed, steering);
+  const double forward = wheel_speed / turn.share;
+  return {stamp, forward, forward * turn.curvature};
+}
+
+Matrix<2, 2> AckermannVehicle::jacobian(double wheel_speed, double steering) const {
+  const Turn turn = turn_of(config_, wheel_speed, steering);
+  const double forward = wheel_speed / turn.share;
+  const double cosine = std::cos(steering);
+  const double bend = 1.0 / (config_.wheel_base_m * cosine * cosine);  // of curvature, by steering
+  Matrix<2, 2> jacobian;
+  jacobian << 1.0, forward * bend * config_.encoder_left_m,  //
+      turn.curvature, forward * bend;
+  return jacobian / turn.share;
+}
+
+Matrix<2, 2> AckermannVehicle::covariance(double wheel_speed, double steering) const {
+  const Vector<2> sigmas(config_.sigma_speed_mps, config_.sigma_steering_rad);
+  const Matrix<2, 2> root = jacobian(wheel_speed, steering) * sigmas.asDiagonal();
+  return root * root.transpose();
+}
+
+}  // namespace locfuse
