@@ -73,6 +73,12 @@ def landmark_rows(m: Measured) -> Iterator[Row]:
                    m["known_map_pose_ekf"], 1.5)  # fmt: skip
     yield _within("landmarks, constellations of 500 without names", m["constellations_of/500"],
                   2e-3)  # fmt: skip
+    for peer in ("gtsam", "stonesoup"):
+        yield _faster(f"Python, known landmarks, a step of a log: {peer} / ours", m, "known_replay",
+                      f"known_{peer}", 100.0)  # fmt: skip
+        yield _plain(f"- message by message: {peer} / ours", m, "known_calls", f"known_{peer}")
+    yield _plain("Python, mapping, message by message: gtsam / ours", m, "mapping_calls",
+                 "mapping_gtsam")  # fmt: skip
 
 
 def evaluation_rows(m: Measured) -> Iterator[Row]:

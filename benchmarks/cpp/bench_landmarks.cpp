@@ -60,14 +60,35 @@ GaussianBelief mapped(int landmarks, std::vector<Slot>& slots) {
   return belief;
 }
 
-/// The bound: each entry of a covariance of 200 landmarks read and written once, in order.
+using Four = double __attribute__((vector_size(4 * sizeof(double))));
+
+/// Numbers times a factor, four at once where the processor can, as the update has them.
+#ifdef __x86_64__
+__attribute__((target_clones("avx2", "default")))
+#endif
+void scale(double* numbers, Eigen::Index count, double factor) {
+  Eigen::Index i = 0;
+  for (; i + 4 <= count; i += 4) {
+    Four four;
+    __builtin_memcpy(&four, numbers + i, sizeof four);
+    four *= factor;
+    __builtin_memcpy(numbers + i, &four, sizeof four);
+  }
+  for (; i < count; ++i) {
+    numbers[i] *= factor;
+  }
+}
+
+/// The bound: each entry of the same covariance read and written once, in order.
 void traffic_of_403_states(benchmark::State& state) {
-  Eigen::MatrixXd P = Eigen::MatrixXd::Identity(kSize, kSize);
+  std::vector<Slot> slots;
+  GaussianBelief belief = mapped(kLandmarks, slots);
   double factor = 1.0;
   for (auto _ : state) {
     benchmark::DoNotOptimize(factor);
-    P *= factor;
-    benchmark::DoNotOptimize(P.data());
+    for (Eigen::Index column = 0; column < kSize; ++column) {
+      scale(belief.P.col(column).data(), kSize, factor);
+    }
     benchmark::ClobberMemory();
   }
 }

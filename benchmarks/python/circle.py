@@ -49,8 +49,8 @@ def circle(steps: int, seed: int = 1) -> Circle:
     return Circle(motion, range_m, truth, STEP_NS * np.arange(steps + 1, dtype=np.int64))
 
 
-def pose_ekf() -> lf.PoseEkf:
-    """Return the estimator, told the input's noise: sigmas per step over 0.05 m each."""
+def pose_config() -> lf.PoseEkfConfig:
+    """Return a configuration that knows the input's noise: sigmas per step over 0.05 m each."""
     config = lf.PoseEkfConfig()
     per_step = SIGMA_MOTION / np.sqrt(STEP_M)
     config.odometry.sigma_longitudinal_per_sqrt_m = float(per_step[0])
@@ -58,9 +58,14 @@ def pose_ekf() -> lf.PoseEkf:
     config.odometry.sigma_heading_per_sqrt_m = float(per_step[2])
     config.odometry.sigma_heading_per_sqrt_rad = 0.0
     config.range.sigma_m = SIGMA_RANGE
+    return config
+
+
+def pose_ekf() -> lf.PoseEkf:
+    """Return the estimator."""
     anchors = lf.AnchorMap([lf.Anchor(i, [x, y, 0.0]) for i, (x, y) in enumerate(ANCHORS)])
     start = lf.PoseEstimate(0, lf.Pose2(*START), np.diag(SIGMA_START**2))
-    return lf.PoseEkf(config, anchors, [lf.Tag(0, [0.0, 0.0, 0.0])], start)
+    return lf.PoseEkf(pose_config(), anchors, [lf.Tag(0, [0.0, 0.0, 0.0])], start)
 
 
 @dataclass(frozen=True)

@@ -10,16 +10,21 @@ namespace locfuse::internal::LOCFUSE_LANES {
 namespace {
 
 using Index = std::ptrdiff_t;
-using Four = double __attribute__((vector_size(4 * sizeof(double))));
 
-constexpr Index kHigh = 4;  // rows of a tile
-constexpr Index kWide = 8;  // columns: one line of cache, transposed
+#ifdef __AVX2__
+constexpr Index kLanes = 4;
+#else
+constexpr Index kLanes = 2;
+#endif
+constexpr Index kWide = 2 * kLanes;  // columns that are written together
 
-inline void load(Four& four, const double* from) { __builtin_memcpy(&four, from, sizeof four); }
+using Lanes = double __attribute__((vector_size(kLanes * sizeof(double))));
 
-inline void store(const Four& four, double* to) { __builtin_memcpy(to, &four, sizeof four); }
+inline void load(Lanes& lanes, const double* from) { __builtin_memcpy(&lanes, from, sizeof lanes); }
 
-/// One entry of A, or four of a column: p - sum K C.
+inline void store(const Lanes& lanes, double* to) { __builtin_memcpy(to, &lanes, sizeof lanes); }
+
+/// One entry of A, or those of one column: p - sum K C.
 template <int M, class Value>
 inline void shorten(Value& p, const Value (&K)[2], const double* C_column, Index size) {
   p = p - K[0] * C_column[0];
@@ -28,8 +33,9 @@ inline void shorten(Value& p, const Value (&K)[2], const double* C_column, Index
   }
 }
 
+// By value: what is behind a reference would be read again after every store.
 template <int M>
-inline void write_one(const JosephUpdate& u, Index row, Index column) {
+inline void write_one(const JosephUpdate u, Index row, Index column) {
   const Index second = M == 1 ? row : row + u.size;
   const double K[2] = {u.K[row], u.K[second]};
   const double W[2] = {u.rest[row], u.rest[second]};
@@ -39,38 +45,43 @@ inline void write_one(const JosephUpdate& u, Index row, Index column) {
   u.P[column + row * u.stride] = p;
 }
 
-/// Four rows of four columns, and the same across the diagonal.
+/// As many rows as columns, and the same across the diagonal.
 template <int M>
-inline void write_square(const JosephUpdate& u, const Four (&K)[2], const Four (&W)[2], Index row,
+inline void write_square(const JosephUpdate u, const Lanes (&K)[2], const Lanes (&W)[2], Index row,
                          Index column) {
   double* const below = u.P + row + column * u.stride;
   double* const above = u.P + column + row * u.stride;
-  Four a;
-  Four b;
-  Four c;
-  Four d;
-  const auto write = [&](Four& p, Index i) {
+  const auto write = [&](Lanes& p, Index i) {
     load(p, below + i * u.stride);
-    shorten<M, Four>(p, K, u.PHt + column + i, u.size);
-    shorten<M, Four>(p, W, u.K + column + i, u.size);
+    shorten<M, Lanes>(p, K, u.PHt + column + i, u.size);
+    shorten<M, Lanes>(p, W, u.K + column + i, u.size);
     store(p, below + i * u.stride);
   };
+  Lanes a;
+  Lanes b;
   write(a, 0);
   write(b, 1);
+#ifdef __AVX2__
+  Lanes c;
+  Lanes d;
   write(c, 2);
   write(d, 3);
-  const Four ab_even = __builtin_shufflevector(a, b, 0, 4, 2, 6);
-  const Four ab_odd = __builtin_shufflevector(a, b, 1, 5, 3, 7);
-  const Four cd_even = __builtin_shufflevector(c, d, 0, 4, 2, 6);
-  const Four cd_odd = __builtin_shufflevector(c, d, 1, 5, 3, 7);
+  const Lanes ab_even = __builtin_shufflevector(a, b, 0, 4, 2, 6);
+  const Lanes ab_odd = __builtin_shufflevector(a, b, 1, 5, 3, 7);
+  const Lanes cd_even = __builtin_shufflevector(c, d, 0, 4, 2, 6);
+  const Lanes cd_odd = __builtin_shufflevector(c, d, 1, 5, 3, 7);
   store(__builtin_shufflevector(ab_even, cd_even, 0, 1, 4, 5), above);
   store(__builtin_shufflevector(ab_odd, cd_odd, 0, 1, 4, 5), above + u.stride);
   store(__builtin_shufflevector(ab_even, cd_even, 2, 3, 6, 7), above + 2 * u.stride);
   store(__builtin_shufflevector(ab_odd, cd_odd, 2, 3, 6, 7), above + 3 * u.stride);
+#else
+  store(__builtin_shufflevector(a, b, 0, 2), above);
+  store(__builtin_shufflevector(a, b, 1, 3), above + u.stride);
+#endif
 }
 
 template <int M>
-inline void write_joseph(const JosephUpdate& u) {
+inline void write_joseph(const JosephUpdate u) {
   for (Index column = 0; column < u.size; column += kWide) {
     const Index end = column + kWide < u.size ? column + kWide : u.size;
     for (Index c = column; c < end; ++c) {  // the tile on the diagonal
@@ -79,16 +90,16 @@ inline void write_joseph(const JosephUpdate& u) {
       }
     }
     Index row = end;
-    for (; row + kHigh <= u.size; row += kHigh) {
+    for (; row + kLanes <= u.size; row += kLanes) {
       const Index second = M == 1 ? row : row + u.size;
-      Four K[2];
-      Four W[2];
+      Lanes K[2];
+      Lanes W[2];
       load(K[0], u.K + row);
       load(K[1], u.K + second);
       load(W[0], u.rest + row);
       load(W[1], u.rest + second);
       write_square<M>(u, K, W, row, column);
-      write_square<M>(u, K, W, row, column + kHigh);
+      write_square<M>(u, K, W, row, column + kLanes);
     }
     for (; row < u.size; ++row) {
       for (Index c = column; c < end; ++c) {
@@ -100,16 +111,16 @@ inline void write_joseph(const JosephUpdate& u) {
 
 /// Rows `begin` to `end` of a column of A, by columns of one factor and a row of the other.
 template <int M>
-inline void shorten_rows(const double* columns, const double* row, const JosephUpdate& u,
+inline void shorten_rows(const double* columns, const double* row, const JosephUpdate u,
                          const double* p, Index begin, Index end, double* a) {
   Index i = begin;
-  for (; i + kHigh <= end; i += kHigh) {
-    Four value;
-    Four factor[2];
+  for (; i + kLanes <= end; i += kLanes) {
+    Lanes value;
+    Lanes factor[2];
     load(value, p + i);
     load(factor[0], columns + i);
     load(factor[1], columns + (M == 1 ? i : i + u.size));
-    shorten<M, Four>(value, factor, row, u.size);
+    shorten<M, Lanes>(value, factor, row, u.size);
     store(value, a + i);
   }
   for (; i < end; ++i) {
@@ -120,7 +131,7 @@ inline void shorten_rows(const double* columns, const double* row, const JosephU
 }
 
 template <int M>
-inline void short_column(const JosephUpdate& u, Index column, double* a) {
+inline void short_column(const JosephUpdate u, Index column, double* a) {
   // An entry below the diagonal stands for that above it.
   const double* const p = u.P + column * u.stride;
   shorten_rows<M>(u.PHt, u.K + column, u, p, 0, column, a);
@@ -128,7 +139,7 @@ inline void short_column(const JosephUpdate& u, Index column, double* a) {
 }
 
 template <int M>
-inline bool stays_positive(const JosephUpdate& u) {
+inline bool stays_positive(const JosephUpdate u) {
   for (Index row = 0; row < u.size; ++row) {
     const Index second = M == 1 ? row : row + u.size;
     const double K[2] = {u.K[row], u.K[second]};

@@ -20,11 +20,11 @@ struct JosephUpdate {
 /// Functions for one M that round alike: what one foretells, another writes.
 struct JosephKernel {
   /// Column of A = P - K (P H')', to n numbers; needs no `rest`.
-  void (*short_column)(const JosephUpdate&, std::ptrdiff_t column, double* a);
+  void (*short_column)(JosephUpdate, std::ptrdiff_t column, double* a);
   /// Whether the diagonal of P+ will be positive.
-  bool (*stays_positive)(const JosephUpdate&);
+  bool (*stays_positive)(JosephUpdate);
   /// Puts P+ in the place of P, what is above the diagonal as a copy of what is below.
-  void (*write)(const JosephUpdate&);
+  void (*write)(JosephUpdate);
 };
 
 namespace portable {

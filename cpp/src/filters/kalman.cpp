@@ -18,6 +18,14 @@ using Eigen::VectorXd;
 template <int M>
 using Columns = Eigen::Matrix<double, Eigen::Dynamic, M>;
 
+/// sum += column row', column by column: Eigen's own outer product goes entry by entry.
+template <class Column, class Row, class Sum>
+void add_outer(const Column& column, const Row& row, Sum& sum) {
+  for (Index i = 0; i < row.size(); ++i) {
+    sum.col(i) += row(i) * column;
+  }
+}
+
 template <int M>
 const internal::JosephKernel& kernel() {
 #ifdef LOCFUSE_LANES_AVX2
@@ -33,13 +41,14 @@ const internal::JosephKernel& kernel() {
 template <int M, class Lin>
 bool write_joseph(Covariance& P, const Columns<M>& K, const Columns<M>& PHt, const Lin& lin,
                   const std::vector<int>& rows) {
-  Columns<M> rest = -K * lin.noise;
+  const Eigen::Matrix<double, M, M> noise = lin.noise;
+  Columns<M> rest = -K.lazyProduct(noise);
   const internal::JosephUpdate joseph{P.data(), P.outerStride(), P.rows(),
                                       K.data(), PHt.data(),      rest.data()};
   VectorXd a(P.rows());
   for (std::size_t k = 0; k < rows.size(); ++k) {
     kernel<M>().short_column(joseph, rows[k], a.data());
-    rest += a.lazyProduct(lin.jacobian.col(static_cast<Index>(k)).transpose());
+    add_outer(a, lin.jacobian.col(static_cast<Index>(k)), rest);
   }
   if (!kernel<M>().stays_positive(joseph)) {
     return false;
@@ -71,7 +80,7 @@ Outcome update_rows(GaussianBelief& belief,
   Columns<M> PHt = Columns<M>::Zero(size, m);
   Eigen::Matrix<double, M, M> S = lin.noise;
   for (std::size_t k = 0; k < rows.size(); ++k) {
-    PHt += belief.P.col(rows[k]).lazyProduct(lin.jacobian.col(static_cast<Index>(k)).transpose());
+    add_outer(belief.P.col(rows[k]), lin.jacobian.col(static_cast<Index>(k)), PHt);
   }
   for (std::size_t k = 0; k < rows.size(); ++k) {
     S += lin.jacobian.col(static_cast<Index>(k)) * PHt.row(rows[k]);
@@ -81,7 +90,7 @@ Outcome update_rows(GaussianBelief& belief,
   if (outcome.verdict == Verdict::kGated) {
     return outcome;
   }
-  const VectorXd x_new = belief.x + K * lin.residual;
+  const VectorXd x_new = belief.x + K.lazyProduct(lin.residual);
   if (!std::isfinite(x_new.sum()) || !write_joseph(belief.P, K, PHt, lin, rows)) {
     internal::refuse_result();
   }
