@@ -14,6 +14,7 @@ import numpy as np
 from locfuse import _core
 from locfuse.config.build import build_estimator_config
 from locfuse.config.schema import Dataset, RunConfig
+from locfuse.cylinders import with_cylinders
 from locfuse.eval.metrics import metrics
 from locfuse.eval.readiness import readiness
 from locfuse.io.datasets import convert
@@ -84,6 +85,7 @@ def run(
         config = config.model_copy(update={"seed": seed})
     if log is None:
         log = load_log(config, base, config.seed)
+    log = with_cylinders(log, config)
     localization = None
     if config.mcl is not None:
         localization = localize(config, log, start=start, progress=progress)

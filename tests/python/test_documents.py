@@ -374,6 +374,7 @@ SECTIONS: dict[str, type[Strict]] = {
     "### `start_sigma`": schema.StartSigma,
     "### `initializer`": schema.Initializer,
     "### `anchors`": schema.RangeError,
+    "## `cylinders`": schema.Cylinders,
     "## `estimator`": schema.Estimator,
     "### `estimator.odometry`": schema.Odometry,
     "### `estimator.range`": schema.Range,

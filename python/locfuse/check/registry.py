@@ -17,6 +17,7 @@ from locfuse.check.context import Context
 from locfuse.check.finding import SEVERITIES, Finding, error
 from locfuse.check.layout import Layout, layout_of
 from locfuse.config.schema import RunConfig
+from locfuse.cylinders import with_cylinders
 from locfuse.run import load_log
 from locfuse.types import ConfigError, Log, LogError
 
@@ -111,6 +112,7 @@ def check(config: RunConfig, log: Log | None = None, *, base: Path | None = None
     """
     try:
         log = load_log(config, base, config.seed) if log is None else log
+        log = with_cylinders(log, config)
     except LogError as problem:
         return CheckResult([_unreadable(problem, "log")], None)
     except ConfigError as problem:

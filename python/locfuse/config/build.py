@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from locfuse import _core
-from locfuse.config.schema import Estimator, Initializer, Mcl, RangeError
+from locfuse.config.schema import Cylinders, Estimator, Initializer, Mcl, RangeError
 from locfuse.types import Columns, ConfigError, nearest
 
 
@@ -37,6 +37,11 @@ def build_mcl_config(mcl: Mcl, seed: int) -> _core.MclConfig:
         config.beam_model = _core.BeamModelConfig.zhang()
     config.seed = seed if mcl.seed is None else mcl.seed
     return config
+
+
+def build_cylinder_detector(cylinders: Cylinders) -> _core.CylinderDetector:
+    """Return a detector with every value of `cylinders`."""
+    return _core.CylinderDetector(_core.CylinderDetectorConfig(**cylinders.model_dump()))
 
 
 def _fill(struct: Any, model: BaseModel, leave: tuple[str, ...] = ()) -> None:

@@ -118,7 +118,7 @@ class OdometrySensor(Strict):
     """Wheel odometry, with variances that grow with the distance driven and the angle turned.
 
     ``increments`` are motions since the row before; ``velocities`` are forward speed and turn rate
-    held until the row after.
+    held until the row after. `turn_bias_radps` is told on top of the turn, as by a gyro.
     """
 
     rate_hz: Rate = 30.0
@@ -127,6 +127,7 @@ class OdometrySensor(Strict):
     sigma_lateral_per_sqrt_m: NonNegative = 0.0
     sigma_heading_per_sqrt_m: NonNegative = 0.02
     sigma_heading_per_sqrt_rad: NonNegative = 0.03
+    turn_bias_radps: float = 0.0
 
     @model_validator(mode="after")
     def _velocities_have_no_lateral_part(self) -> OdometrySensor:
@@ -227,10 +228,13 @@ class RoomMap(Strict):
 
     @model_validator(mode="after")
     def _one_origin(self) -> RoomMap:
-        others = sorted(self.model_fields_set - {"file"})
+        # By value: a configuration that is written with its defaults filled in must read the same.
+        default = RoomMap.model_construct()
+        others = sorted(name for name in set(RoomMap.model_fields) - {"file"}
+                        if getattr(self, name) != getattr(default, name))  # fmt: skip
         if self.file is not None and others:
             raise ValueError(f"file is {self.file!r}, which leaves nothing for {', '.join(others)}")
-        if self.generate is None and "seed" in self.model_fields_set:
+        if self.generate is None and self.seed != default.seed:
             raise ValueError(f"seed is {self.seed}, but nothing is made from it; add 'generate'")
         return self
 
@@ -446,12 +450,14 @@ class Scenario(Strict):
 
     A sensor set to None is switched off. Faults are applied in the order in which they stand.
     Anchors and landmarks are in world, tags in body; the body moves on z = 0, and by default so do
-    all of them, as in the planar model of ekim2020 eq. (8).
+    all of them, as in the planar model of ekim2020 eq. (8). Landmarks with a radius are discs that
+    the laser sees; the map does not tell of them.
     """
 
     room_m: tuple[Positive, Positive] = (10.0, 10.0)
     anchors: dict[Name, Point3] = Field(default_factory=_paper_anchors)
     landmarks: dict[Name, Point2] = Field(default_factory=dict)
+    landmark_radius_m: NonNegative = 0.0
     tags: dict[Name, Point3] = Field(default_factory=_one_tag)
     path: Path = Field(default_factory=Circle)
     duration_s: Positive = 60.0

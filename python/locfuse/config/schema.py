@@ -83,6 +83,33 @@ class Calibration(Strict):
         return self
 
 
+class Cylinders(Strict):
+    """Pillars, poles and trunks in the scans; ``CylinderDetectorConfig`` in C++."""
+
+    sigma_range_m: Annotated[float, Field(ge=1e-6)] = 0.01
+    sigma_bearing_rad: NonNegative = 0.0
+    radius_m: NonNegative = 0.0
+    radius_min_m: Annotated[float, Field(ge=1e-3)] = 0.03
+    radius_max_m: Annotated[float, Field(ge=1e-3)] = 1.5
+    least_beams: Annotated[int, Field(ge=1, lt=2**31)] = 7
+    jump_gaps: Annotated[float, Field(ge=1.0)] = 6.0
+    misfit_probability: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.99999
+    least_evidence: NonNegative = 25.0
+    least_corner_evidence: Annotated[float, Field(ge=-1e9)] = 4.0
+    leg_radius_m: NonNegative = 0.12
+    leg_distance_m: NonNegative = 0.0
+    least_intensity: NonNegative = 0.0
+
+    @model_validator(mode="after")
+    def _least_and_most(self) -> Cylinders:
+        if self.radius_min_m > self.radius_max_m:
+            raise ValueError(
+                f"radius_min_m is {self.radius_min_m} and radius_max_m is {self.radius_max_m}; "
+                "expected radius_min_m <= radius_max_m"
+            )
+        return self
+
+
 class Estimator(Strict):
     """The pose EKF; ``PoseEkfConfig`` in C++."""
 
@@ -260,7 +287,8 @@ class RunConfig(Strict):
 
     Messages come from ``simulation``, or from ``log``: a log folder, or a dataset to convert.
     Paths are relative to the configuration's file. ``anchors`` says what is known of the ranges to
-    an anchor, by name; ``all`` holds for those not named. With ``mcl`` scans tell of the pose, too.
+    an anchor, by name; ``all`` holds for those not named. With ``mcl`` scans tell of the pose, too;
+    with ``cylinders`` what is round in them is a sighting of a landmark.
     """
 
     name: str = "run"
@@ -272,6 +300,7 @@ class RunConfig(Strict):
     initializer: Initializer = Field(default_factory=Initializer)
     use: Annotated[list[Source], Field(min_length=1)] = Field(default_factory=lambda: list(SOURCES))
     anchors: dict[Name, RangeError] = Field(default_factory=dict)
+    cylinders: Cylinders | None = None
     estimator: Estimator = Field(default_factory=Estimator)
     mcl: Mcl | None = None
     seed: Annotated[int, Field(ge=0)] = 0
@@ -281,6 +310,19 @@ class RunConfig(Strict):
     def _one_origin(self) -> RunConfig:
         if self.log is not None and self.simulation is not None:
             raise ValueError("both log and simulation are given; expected one of them")
+        return self
+
+    @model_validator(mode="after")
+    def _cylinders_are_used(self) -> RunConfig:
+        if self.cylinders is not None and "landmark_sightings" not in self.use:
+            raise ValueError(
+                "cylinders are landmark_sightings, which use leaves out; add them to use, or "
+                "remove cylinders"
+            )
+        if self.cylinders is not None and getattr(self.simulation, "landmark_sightings", None):
+            raise ValueError(
+                "both cylinders and simulation.landmark_sightings are given; expected one of them"
+            )
         return self
 
     @model_validator(mode="after")

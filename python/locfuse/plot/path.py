@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
-from matplotlib.patches import Ellipse, Patch
+from matplotlib.patches import Circle, Ellipse, Patch
 
 from locfuse.eval.verdicts import SUSPECT_SHARE, MessageRow, message_rows
 from locfuse.plot.labels import Label, join_same_spot, place_labels
@@ -83,6 +83,8 @@ def plot_path(result: RunResult) -> Figure:
     rows = {row.anchor: row for row in message_rows(result.outcomes) if row.anchor}
     labels = _draw_anchors(axes, handles, anchors, rows)
     labels += _draw_landmarks(axes, handles, landmarks)
+    for at, radius in zip(landmarks.values(), _radii(result), strict=False):
+        axes.add_patch(Circle((at[0], at[1]), radius, facecolor=GRID, edgecolor=MUTED, zorder=0))
     legend(figure, handles)
     place_labels(figure, axes, join_same_spot(labels), estimate.position)
     return figure
@@ -196,6 +198,12 @@ def _draw_anchors(
                 zorder=8,
             )
     return labels
+
+
+def _radii(result: RunResult) -> list[float]:
+    table = result.log.tables.get("landmarks", {})
+    radii: list[float] = table["radius_m"].tolist() if "radius_m" in table else []
+    return radii
 
 
 def _draw_landmarks(

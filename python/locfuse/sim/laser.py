@@ -13,7 +13,7 @@ from locfuse.sim.beams import cast
 from locfuse.sim.obstacles import clearness, hidden_by, walk
 from locfuse.sim.sensors import point_in_world, seconds
 from locfuse.sim.trajectory import Drive
-from locfuse.types import Columns, GridMap, StampArray
+from locfuse.types import Columns, FloatArray, GridMap, StampArray
 
 
 def geometry(sensor: LaserSensor) -> dict[str, Any]:
@@ -38,6 +38,7 @@ def scans(
     sensor: LaserSensor,
     rng: np.random.Generator,
     faults: Sequence[tuple[LaserFault, np.random.Generator]] = (),
+    discs: tuple[FloatArray, float] | None = None,
 ) -> Columns:
     """Return what the laser sees at each stamp, all beams at that instant.
 
@@ -50,6 +51,8 @@ def scans(
     rng : numpy Generator
     faults : sequence of (Glass, People or MaxRange, numpy Generator)
         Each draws from its own; none changes the noise of a beam.
+    discs : (float64 array, shape (k, 2), float), optional
+        Middles and radius of discs that stand in the way, metres.
 
     Returns
     -------
@@ -71,6 +74,9 @@ def scans(
         clear = np.maximum.reduce([clearness(grid, fault, child) for fault, child in glass])
         through = (clear, glass[0][1].random(direction.size))
     distance = cast(grid, origin, heading_of, reach, through).reshape(direction.shape)
+    if discs is not None:
+        standing = np.broadcast_to(discs[0], (len(start), *discs[0].shape))
+        distance = np.minimum(distance, hidden_by(standing, discs[1], start, direction))
     for fault, child in faults:
         if isinstance(fault, People):
             people = walk(grid, fault, seconds(stamp_ns), child)

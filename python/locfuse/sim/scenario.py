@@ -108,7 +108,11 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
         _check_way(grid, truth)
     if scenario.laser is not None and grid is not None:
         seen = [(fault, child) for fault, child in faults if isinstance(fault, LaserFault)]
-        tables["scans"] = laser.scans(drive, epochs["scans"], grid, scenario.laser, for_laser, seen)
+        at = np.array(list(scenario.landmarks.values()), np.float64).reshape(-1, 2)
+        discs = (at, scenario.landmark_radius_m) if scenario.landmark_radius_m > 0.0 else None
+        tables["scans"] = laser.scans(
+            drive, epochs["scans"], grid, scenario.laser, for_laser, seen, discs
+        )
     tables["truth"] = truth
     if scenario.anchors:
         at = np.array(list(scenario.anchors.values()), dtype=np.float64)
@@ -124,7 +128,9 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
             "landmark": np.array(list(scenario.landmarks)),
             "x_m": at[:, 0],
             "y_m": at[:, 1],
-        }
+            **({"radius_m": np.full(len(at), scenario.landmark_radius_m)}
+               if scenario.landmark_radius_m > 0.0 else {}),
+        }  # fmt: skip
     return Log(
         tables=tables,
         tags=dict(scenario.tags),

@@ -141,6 +141,7 @@ def odometry(
         ]
     )
     motion = motion + np.sqrt(variance) * rng.standard_normal(motion.shape)
+    motion[:, 2] += sensor.turn_bias_radps * np.diff(seconds(stamp_ns))
     motion[:, 2] = wrap_angle(motion[:, 2])
     if sensor.output == "velocities":
         rate = forward_and_turn(motion) / np.diff(seconds(stamp_ns))[:, None]

@@ -145,7 +145,9 @@ ALLOWED = {
 
 
 BIAS = ("calibration", "sigma_turn_bias_radps")
-NEEDS = {("Estimator", "calibration", "sigma_turn_bias_radps_per_sqrt_s"): BIAS}
+NEEDS: dict[tuple[str, ...], tuple[str, ...]] = {
+    ("Estimator", "calibration", "sigma_turn_bias_radps_per_sqrt_s"): BIAS
+}
 
 
 @pytest.mark.parametrize("leaf", LEAVES, ids=".".join)
