@@ -21,11 +21,19 @@ class RangeBearingModel {
     double sigma_bearing_rad = 0.02;  ///< [rad]
   };
 
+  /// What it takes beside that on a body that flies.
+  struct InSpace {
+    double sensor_up_m = 0.0;           ///< height of the sensor over the body's origin [m]
+    double sigma_elevation_rad = 0.02;  ///< where the message brings none [rad]
+  };
+
   RangeBearingModel() : RangeBearingModel(Config{}, Pose2{}) {}
 
   /// `sensor_in_body` is T_body_sensor. Throws std::invalid_argument on sigmas that are not finite
   /// and positive, or a mount that is not finite.
-  RangeBearingModel(const Config& config, const Pose2& sensor_in_body);
+  RangeBearingModel(const Config& config, const Pose2& sensor_in_body)
+      : RangeBearingModel(config, sensor_in_body, InSpace{}) {}
+  RangeBearingModel(const Config& config, const Pose2& sensor_in_body, const InSpace& in_space);
 
   /// Expected range [m] and bearing [rad].
   [[nodiscard]] Vector<2> predict(const Pose2& T_world_body, const Vector<2>& landmark) const;
@@ -50,6 +58,17 @@ class RangeBearingModel {
   /// The same with respect to (x, y, theta) and the landmark's (x, y), two columns more: eq. (3).
   [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, 5, 2>> linearize_with_landmark(
       const Pose2& T_world_body, const Vector<2>& landmark, const RangeBearing& z) const;
+
+  /// Expected range [m], bearing and elevation [rad] of a landmark at (3,), seen from a body at a
+  /// height over z = 0 [m].
+  [[nodiscard]] Vector<3> predict(const Pose2& T_world_body, double height,
+                                  const Vector<3>& landmark) const;
+
+  /// Of any sighting from there, one to three rows, with respect to (x, y, theta) and the height:
+  /// eq. (6). Empty also if the landmark is straight above or below the sensor.
+  [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, 4, 3>> linearize(
+      const Pose2& T_world_body, double height, const Vector<3>& landmark,
+      const RangeBearing& z) const;
 
   /// Where a landmark is that is seen so, with the derivatives with respect to the pose and to
   /// (range, bearing): eq. (4). Empty if the sighting lacks one of them.
@@ -98,6 +117,8 @@ class RangeBearingModel {
 
   Matrix<2, 2> covariance_;
   Pose2 sensor_in_body_;
+  double sensor_up_;
+  double elevation_variance_;
 };
 
 }  // namespace locfuse
