@@ -67,26 +67,29 @@ inline void check_not_before(Stamp belief, Stamp stamp) {
   }
 }
 
-/// Puts the pose of a belief of `Rows` variables back, bit for bit, unless the message that it was
-/// moved for was fused: a motion changes no more than the pose's rows and columns.
-template <int Rows>
+/// Puts the first `Moving` of the `Rows` variables of a belief back, bit for bit, unless the
+/// message that they were moved for was fused: a motion changes no more than the rows and columns
+/// of what moves. That is the pose, or all there is (Eigen::Dynamic).
+template <int Rows, int Moving = 3>
 class Transaction {
  public:
   Transaction(GaussianBelief& belief, Stamp until)
       : belief_(until > belief.stamp ? &belief : nullptr), stamp_(belief.stamp) {
     if (belief_ != nullptr) {
-      x_ = belief.x.template head<3>();
-      P_ = belief.P.template leftCols<3>();
+      const Eigen::Index moving = moving_of(belief);
+      x_ = belief.x.template head<Moving>(moving);
+      P_ = belief.P.template leftCols<Moving>(moving);
     }
   }
   Transaction(const Transaction&) = delete;
   Transaction& operator=(const Transaction&) = delete;
   ~Transaction() {
     if (belief_ != nullptr) {
+      const Eigen::Index moving = moving_of(*belief_);
       belief_->stamp = stamp_;
-      belief_->x.template head<3>() = x_;
-      belief_->P.template topRows<3>() = P_.transpose();
-      belief_->P.template leftCols<3>() = P_;
+      belief_->x.template head<Moving>(moving) = x_;
+      belief_->P.template topRows<Moving>(moving) = P_.transpose();
+      belief_->P.template leftCols<Moving>(moving) = P_;
     }
   }
   [[nodiscard]] Outcome close(const Outcome& outcome) {
@@ -97,10 +100,14 @@ class Transaction {
   }
 
  private:
+  static Eigen::Index moving_of(const GaussianBelief& belief) {
+    return Moving == Eigen::Dynamic ? belief.dimension() : Moving;
+  }
+
   GaussianBelief* belief_;
   Stamp stamp_;
-  Vector<3> x_;
-  Matrix<Rows, 3> P_;
+  Vector<Moving> x_;
+  Matrix<Rows, Moving> P_;
 };
 
 /// Moves the body and its belief's stamp.
