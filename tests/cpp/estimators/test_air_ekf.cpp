@@ -72,8 +72,8 @@ TEST(AirEkf, without_odometry_equals_the_linear_filter) {
       const Altitude z{stamp, 3.0 + testing::normal(rng, 0.3), 0.3};
       H.conservativeResize(1, 7);
       H(0, 3) = 1.0;
-      r = Vector<1>(z.height - 0.05 - step.moved(3));
-      R = Vector<1>(0.09);
+      r = Eigen::VectorXd::Constant(1, z.height - 0.05 - step.moved(3));
+      R = Eigen::MatrixXd::Constant(1, 1, 0.09);
       outcome = ekf.on(z);
     } else {
       const PoseObservation z{
