@@ -56,14 +56,17 @@ py::array_t<double> for_points(const Column<double>& points, const Answer& answe
 void bind_landmark_map(py::module_& m) {
   py::class_<Landmark>(m, "Landmark",
                        "Something fixed that a sensor recognizes: its centre at `position` (2,) in "
-                       "world and its `radius` [m].")
-      .def(py::init([](locfuse::Id id, const locfuse::Vector<2>& position, double radius) {
-             return Landmark{id, position, radius};
+                       "world, its `radius` and, for an AirEkf, its `height` [m].")
+      .def(py::init([](locfuse::Id id, const locfuse::Vector<2>& position, double radius,
+                       double height) {
+             return Landmark{id, position, radius, height};
            }),
-           py::arg("id"), py::arg("position"), py::arg("radius") = Landmark{}.radius)
+           py::arg("id"), py::arg("position"), py::arg("radius") = Landmark{}.radius,
+           py::arg("height") = Landmark{}.height)
       .def_readonly("id", &Landmark::id)
       .def_readonly("position", &Landmark::position)
       .def_readonly("radius", &Landmark::radius)
+      .def_readonly("height", &Landmark::height)
       .def("__repr__",
            [](const Landmark& l) { return "Landmark(id=" + std::to_string(l.id) + ")"; });
   py::class_<LandmarkMap, std::shared_ptr<LandmarkMap>>(

@@ -6,6 +6,7 @@
 #include "numpy.hpp"
 
 namespace py = pybind11;
+using locfuse::Altitude;
 using locfuse::Id;
 using locfuse::Increment;
 using locfuse::LaserGeometry;
@@ -184,23 +185,48 @@ void bind_messages(py::module_& m) {
              << ", " << z.pose.heading << "))";
         return text.str();
       });
+  py::class_<Altitude>(m, "Altitude",
+                       "Height [m] of an altimeter on the body over z = 0 of the world. With a "
+                       "PositionFix of the same stamp it is a fix in space.")
+      .def(py::init([](Stamp stamp, double height, double sigma) {
+             return checked(Altitude{stamp, height, sigma});
+           }),
+           py::arg("stamp"), py::arg("height"), py::arg("sigma"))
+      .def_readonly("stamp", &Altitude::stamp)
+      .def_readonly("height", &Altitude::height)
+      .def_readonly("sigma", &Altitude::sigma)
+      .def("__repr__", [](const Altitude& z) {
+        std::ostringstream text;
+        text << "Altitude(stamp=" << z.stamp << ", height=" << z.height << ", sigma=" << z.sigma
+             << ")";
+        return text.str();
+      });
   py::class_<RangeBearing>(
       m, "RangeBearing",
       "A landmark seen from a sensor on the body: `range` [m] to its centre, `bearing` [rad] "
       "counter-clockwise from the sensor's x, or one of the two. Without `landmark` it is of "
-      "whichever fits; without `covariance` (2, 2) of (range, bearing) the model's own is used.")
+      "whichever fits; without `covariance` (2, 2) of (range, bearing) the model's own is used. "
+      "Only an AirEkf takes an `elevation` [rad], up, of the line of sight along which the range "
+      "is measured.")
       .def(py::init([](Stamp stamp, std::optional<Id> landmark, std::optional<double> range,
                        std::optional<double> bearing,
-                       const std::optional<locfuse::Matrix<2, 2>>& covariance) {
-             return checked(RangeBearing{stamp, landmark, range, bearing, covariance});
+                       const std::optional<locfuse::Matrix<2, 2>>& covariance,
+                       std::optional<double> elevation, std::optional<double> sigma_elevation) {
+             const RangeBearing z{stamp,      landmark,  range,          bearing,
+                                  covariance, elevation, sigma_elevation};
+             validate_in_space(z);
+             return z;
            }),
            py::arg("stamp"), py::arg("landmark") = py::none(), py::arg("range") = py::none(),
-           py::arg("bearing") = py::none(), py::arg("covariance") = py::none())
+           py::arg("bearing") = py::none(), py::arg("covariance") = py::none(),
+           py::arg("elevation") = py::none(), py::arg("sigma_elevation") = py::none())
       .def_readonly("stamp", &RangeBearing::stamp)
       .def_readonly("landmark", &RangeBearing::landmark)
       .def_readonly("range", &RangeBearing::range)
       .def_readonly("bearing", &RangeBearing::bearing)
       .def_readonly("covariance", &RangeBearing::covariance)
+      .def_readonly("elevation", &RangeBearing::elevation)
+      .def_readonly("sigma_elevation", &RangeBearing::sigma_elevation)
       .def("__repr__", [](const RangeBearing& z) {
         std::ostringstream text;
         text << "RangeBearing(stamp=" << z.stamp;
@@ -212,6 +238,9 @@ void bind_messages(py::module_& m) {
         }
         if (z.bearing) {
           text << ", bearing=" << *z.bearing;
+        }
+        if (z.elevation) {
+          text << ", elevation=" << *z.elevation;
         }
         text << ")";
         return text.str();

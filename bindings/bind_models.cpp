@@ -155,8 +155,15 @@ void bind_models(py::module_& m) {
       "Range from a body-fixed tag to an anchor, both in 3D; docs/models/range.md.")
       .def(py::init<const RangeConfig&, std::shared_ptr<AnchorMap>, std::vector<Tag>>(),
            py::arg("config"), py::arg("anchors"), py::arg("tags"))
-      .def("predict", &RangeModel::predict, py::arg("T_world_body"), py::arg("z"),
+      .def("predict",
+           py::overload_cast<const Pose2&, const locfuse::Range&>(&RangeModel::predict, py::const_),
+           py::arg("T_world_body"), py::arg("z"),
            "Expected range [m]; None if anchor or tag is unknown.")
+      .def("predict",
+           py::overload_cast<const Pose2&, double, const locfuse::Range&>(&RangeModel::predict,
+                                                                          py::const_),
+           py::arg("T_world_body"), py::arg("height"), py::arg("z"),
+           "The same from a height of the body over z = 0 [m].")
       .def(
           "linearize",
           [](const RangeModel& model, const Pose2& pose,
@@ -166,9 +173,19 @@ void bind_models(py::module_& m) {
           },
           py::arg("T_world_body"), py::arg("z"),
           "Linearization (1 x 3); None if anchor or tag is unknown, or the tag sits on the "
-          "anchor.");
+          "anchor.")
+      .def(
+          "linearize",
+          [](const RangeModel& model, const Pose2& pose, double height,
+             const locfuse::Range& z) -> std::optional<AnyLinearization> {
+            const auto lin = model.linearize(pose, height, z);
+            return lin ? std::optional(any_size(*lin)) : std::nullopt;
+          },
+          py::arg("T_world_body"), py::arg("height"), py::arg("z"),
+          "Linearization (1 x 4), the last column that of the height [m].");
 
   using RangeBearingConfig = RangeBearingModel::Config;
+  using RangeBearingInSpace = RangeBearingModel::InSpace;
   py::class_<RangeBearingConfig>(m, "RangeBearingConfig",
                                  "Noise of sightings that bring no covariance of their own.")
       .def(py::init<>())
@@ -176,14 +193,43 @@ void bind_models(py::module_& m) {
       .def_readwrite("sigma_bearing_rad", &RangeBearingConfig::sigma_bearing_rad, "rad")
       .def_readwrite("sigma_range_relative", &RangeBearingConfig::sigma_range_relative,
                      "share of the range, on top of sigma_range_m");
+  py::class_<RangeBearingInSpace>(m, "RangeBearingInSpace",
+                                  "What range and bearing take besides on a body that flies.")
+      .def(py::init<>())
+      .def_readwrite("sensor_up_m", &RangeBearingInSpace::sensor_up_m,
+                     "Height of the sensor over the body's origin.")
+      .def_readwrite("sigma_elevation_rad", &RangeBearingInSpace::sigma_elevation_rad,
+                     "Where a sighting brings none.");
   py::class_<RangeBearingModel>(
       m, "RangeBearingModel",
       "Range and bearing from a sensor on the body to a landmark at (2,) in world; "
       "docs/models/range_bearing.md.")
       .def(py::init<const RangeBearingConfig&, const Pose2&>(), py::arg("config"),
            py::arg("sensor_in_body") = Pose2{})
-      .def("predict", &RangeBearingModel::predict, py::arg("T_world_body"), py::arg("landmark"),
+      .def(py::init<const RangeBearingConfig&, const Pose2&, const RangeBearingInSpace&>(),
+           py::arg("config"), py::arg("sensor_in_body"), py::arg("in_space"))
+      .def("predict",
+           py::overload_cast<const Pose2&, const locfuse::Vector<2>&>(&RangeBearingModel::predict,
+                                                                      py::const_),
+           py::arg("T_world_body"), py::arg("landmark"),
            "Expected range [m] and bearing [rad], (2,).")
+      .def("predict",
+           py::overload_cast<const Pose2&, double, const locfuse::Vector<3>&>(
+               &RangeBearingModel::predict, py::const_),
+           py::arg("T_world_body"), py::arg("height"), py::arg("landmark"),
+           "Expected range [m], bearing and elevation [rad], (3,), of a landmark at (3,) from a "
+           "height of the body over z = 0 [m].")
+      .def(
+          "linearize",
+          [](const RangeBearingModel& model, const Pose2& pose, double height,
+             const locfuse::Vector<3>& landmark,
+             const locfuse::RangeBearing& z) -> std::optional<AnyLinearization> {
+            const auto lin = model.linearize(pose, height, landmark, z);
+            return lin ? std::optional(any_size(*lin)) : std::nullopt;
+          },
+          py::arg("T_world_body"), py::arg("height"), py::arg("landmark"), py::arg("z"),
+          "Linearization (1 to 3 x 4), the last column that of the height; None if the landmark "
+          "is straight above or below the sensor.")
       .def(
           "linearize",
           [](const RangeBearingModel& model, const Pose2& pose, const locfuse::Vector<2>& landmark,

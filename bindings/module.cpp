@@ -19,6 +19,7 @@ PYBIND11_MODULE(_core, m) {
   bind_multilateration(m);
   bind_filters(m);
   bind_estimators(m);
+  bind_air_ekf(m);
   bind_initializer(m);
   bind_landmark_ekf(m);
   bind_recovering_ekf(m);

@@ -12,13 +12,23 @@ import typing
 __all__: list[str] = [
     "AckermannConfig",
     "AckermannVehicle",
+    "AirEkf",
+    "AirEkfConfig",
+    "AirEstimate",
+    "AirMotion",
+    "Altitude",
+    "AltitudeConfig",
+    "AltitudeModel",
     "Anchor",
     "AnchorMap",
     "Association",
     "BeamLandmark",
     "BeamModelConfig",
+    "BodyPropagation",
     "CalibratedError",
     "CalibrationConfig",
+    "ConstantVelocityConfig",
+    "ConstantVelocityMotion",
     "Cylinder",
     "CylinderDetector",
     "CylinderDetectorConfig",
@@ -72,6 +82,7 @@ __all__: list[str] = [
     "Range",
     "RangeBearing",
     "RangeBearingConfig",
+    "RangeBearingInSpace",
     "RangeBearingModel",
     "RangeConfig",
     "RangeCulprit",
@@ -333,9 +344,27 @@ class PoseObservation:
     @property
     def stamp(self) -> int: ...
 
+class Altitude:
+    """
+    Height [m] of an altimeter on the body over z = 0 of the world. With a PositionFix of the same stamp it is a fix in space.
+    """
+    def __init__(
+        self,
+        stamp: typing.SupportsInt | typing.SupportsIndex,
+        height: typing.SupportsFloat | typing.SupportsIndex,
+        sigma: typing.SupportsFloat | typing.SupportsIndex,
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    @property
+    def height(self) -> float: ...
+    @property
+    def sigma(self) -> float: ...
+    @property
+    def stamp(self) -> int: ...
+
 class RangeBearing:
     """
-    A landmark seen from a sensor on the body: `range` [m] to its centre, `bearing` [rad] counter-clockwise from the sensor's x, or one of the two. Without `landmark` it is of whichever fits; without `covariance` (2, 2) of (range, bearing) the model's own is used.
+    A landmark seen from a sensor on the body: `range` [m] to its centre, `bearing` [rad] counter-clockwise from the sensor's x, or one of the two. Without `landmark` it is of whichever fits; without `covariance` (2, 2) of (range, bearing) the model's own is used. Only an AirEkf takes an `elevation` [rad], up, of the line of sight along which the range is measured.
     """
     def __init__(
         self,
@@ -344,6 +373,8 @@ class RangeBearing:
         range: typing.SupportsFloat | typing.SupportsIndex | None = None,
         bearing: typing.SupportsFloat | typing.SupportsIndex | None = None,
         covariance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 2]"] | None = None,
+        elevation: typing.SupportsFloat | typing.SupportsIndex | None = None,
+        sigma_elevation: typing.SupportsFloat | typing.SupportsIndex | None = None,
     ) -> None: ...
     def __repr__(self) -> str: ...
     @property
@@ -353,9 +384,13 @@ class RangeBearing:
         self,
     ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 2]"] | None: ...
     @property
+    def elevation(self) -> float | None: ...
+    @property
     def landmark(self) -> int | None: ...
     @property
     def range(self) -> float | None: ...
+    @property
+    def sigma_elevation(self) -> float | None: ...
     @property
     def stamp(self) -> int: ...
 
@@ -451,15 +486,18 @@ class AnchorMap:
 
 class Landmark:
     """
-    Something fixed that a sensor recognizes: its centre at `position` (2,) in world and its `radius` [m].
+    Something fixed that a sensor recognizes: its centre at `position` (2,) in world, its `radius` and, for an AirEkf, its `height` [m].
     """
     def __init__(
         self,
         id: typing.SupportsInt | typing.SupportsIndex,
         position: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
         radius: typing.SupportsFloat | typing.SupportsIndex = 0.0,
+        height: typing.SupportsFloat | typing.SupportsIndex = 0.0,
     ) -> None: ...
     def __repr__(self) -> str: ...
+    @property
+    def height(self) -> float: ...
     @property
     def id(self) -> int: ...
     @property
@@ -1581,13 +1619,29 @@ class RangeModel:
     def __init__(
         self, config: RangeConfig, anchors: AnchorMap, tags: collections.abc.Sequence[Tag]
     ) -> None: ...
+    @typing.overload
     def linearize(self, T_world_body: Pose2, z: Range) -> Linearization | None:
         """
         Linearization (1 x 3); None if anchor or tag is unknown, or the tag sits on the anchor.
         """
+    @typing.overload
+    def linearize(
+        self, T_world_body: Pose2, height: typing.SupportsFloat | typing.SupportsIndex, z: Range
+    ) -> Linearization | None:
+        """
+        Linearization (1 x 4), the last column that of the height [m].
+        """
+    @typing.overload
     def predict(self, T_world_body: Pose2, z: Range) -> float | None:
         """
         Expected range [m]; None if anchor or tag is unknown.
+        """
+    @typing.overload
+    def predict(
+        self, T_world_body: Pose2, height: typing.SupportsFloat | typing.SupportsIndex, z: Range
+    ) -> float | None:
+        """
+        The same from a height of the body over z = 0 [m].
         """
 
 class RangeBearingConfig:
@@ -1617,11 +1671,48 @@ class RangeBearingConfig:
     @sigma_range_relative.setter
     def sigma_range_relative(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
 
+class RangeBearingInSpace:
+    """
+    What range and bearing take besides on a body that flies.
+    """
+    def __init__(self) -> None: ...
+    @property
+    def sensor_up_m(self) -> float:
+        """
+        Height of the sensor over the body's origin.
+        """
+    @sensor_up_m.setter
+    def sensor_up_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_elevation_rad(self) -> float:
+        """
+        Where a sighting brings none.
+        """
+    @sigma_elevation_rad.setter
+    def sigma_elevation_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+
 class RangeBearingModel:
     """
     Range and bearing from a sensor on the body to a landmark at (2,) in world; docs/models/range_bearing.md.
     """
+    @typing.overload
     def __init__(self, config: RangeBearingConfig, sensor_in_body: Pose2 = ...) -> None: ...
+    @typing.overload
+    def __init__(
+        self, config: RangeBearingConfig, sensor_in_body: Pose2, in_space: RangeBearingInSpace
+    ) -> None: ...
+    @typing.overload
+    def linearize(
+        self,
+        T_world_body: Pose2,
+        height: typing.SupportsFloat | typing.SupportsIndex,
+        landmark: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"],
+        z: RangeBearing,
+    ) -> Linearization | None:
+        """
+        Linearization (1 to 3 x 4), the last column that of the height; None if the landmark is straight above or below the sensor.
+        """
+    @typing.overload
     def linearize(
         self,
         T_world_body: Pose2,
@@ -1631,6 +1722,7 @@ class RangeBearingModel:
         """
         Linearization (1 or 2 x 3); None if the landmark sits on the sensor.
         """
+    @typing.overload
     def predict(
         self,
         T_world_body: Pose2,
@@ -1638,6 +1730,16 @@ class RangeBearingModel:
     ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"]:
         """
         Expected range [m] and bearing [rad], (2,).
+        """
+    @typing.overload
+    def predict(
+        self,
+        T_world_body: Pose2,
+        height: typing.SupportsFloat | typing.SupportsIndex,
+        landmark: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"],
+    ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
+        """
+        Expected range [m], bearing and elevation [rad], (3,), of a landmark at (3,) from a height of the body over z = 0 [m].
         """
 
 class PositionConfig:
@@ -2376,6 +2478,299 @@ class PoseEkf:
     def motion_model(self) -> OdometryMotion: ...
     @property
     def range_model(self) -> RangeModel: ...
+
+class AltitudeConfig:
+    """
+    Where the altimeter sits.
+    """
+    def __init__(self) -> None: ...
+    @property
+    def altimeter_up_m(self) -> float:
+        """
+        Over the body's origin.
+        """
+    @altimeter_up_m.setter
+    def altimeter_up_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+
+class AltitudeModel:
+    """
+    Height of an altimeter; docs/air.md.
+    """
+    def __init__(self, config: AltitudeConfig) -> None: ...
+    def linearize(
+        self, height: typing.SupportsFloat | typing.SupportsIndex, z: Altitude
+    ) -> Linearization:
+        """
+        Linearization (1 x 1).
+        """
+    def predict(self, height: typing.SupportsFloat | typing.SupportsIndex) -> float: ...
+
+class BodyPropagation:
+    """
+    What a motion model says about one step of several variables.
+    """
+    @property
+    def jacobian(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]"]:
+        """
+        F, shape (n, n).
+        """
+    @property
+    def moved(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, 1]"]:
+        """
+        f(x), shape (n,).
+        """
+    @property
+    def noise(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]"]:
+        """
+        Q of this step, shape (n, n).
+        """
+
+class ConstantVelocityConfig:
+    """
+    Square roots of spectral densities of white acceleration.
+    """
+    def __init__(self) -> None: ...
+    @property
+    def sigma_climb_per_sqrt_s(self) -> float:
+        """
+        m/s / sqrt(s)
+        """
+    @sigma_climb_per_sqrt_s.setter
+    def sigma_climb_per_sqrt_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_heading_per_sqrt_s(self) -> float:
+        """
+        rad / sqrt(s)
+        """
+    @sigma_heading_per_sqrt_s.setter
+    def sigma_heading_per_sqrt_s(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+    @property
+    def sigma_velocity_per_sqrt_s(self) -> float:
+        """
+        m/s / sqrt(s), of each of the velocity's axes
+        """
+    @sigma_velocity_per_sqrt_s.setter
+    def sigma_velocity_per_sqrt_s(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+
+class ConstantVelocityMotion:
+    """
+    A body that nobody measures the motion of; docs/models/constant_velocity.md.
+    """
+    def __init__(self, config: ConstantVelocityConfig) -> None: ...
+    def propagate(
+        self,
+        state: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[m, 1]"],
+        seconds: typing.SupportsFloat | typing.SupportsIndex,
+    ) -> BodyPropagation:
+        """
+        (x, y, heading, height, velocity x and y, climb rate), (7,), `seconds` later.
+        """
+
+class AirMotion(enum.Enum):
+    """
+    What carries an AirEkf from one measurement to the next.
+    """
+
+    CONSTANT_VELOCITY = ...
+    ODOMETRY = ...
+
+class AirEkfConfig:
+    """
+    Motion, noise, gates and behaviour of an AirEkf.
+    """
+
+    altitude: AltitudeConfig
+    constant_velocity: ConstantVelocityConfig
+    landmark: RangeBearingConfig
+    landmark_in_space: RangeBearingInSpace
+    motion: AirMotion
+    odometry: OdometryConfig
+    position: PositionConfig
+    range: RangeConfig
+    def __init__(self) -> None: ...
+    @property
+    def gate_altitude(self) -> float: ...
+    @gate_altitude.setter
+    def gate_altitude(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def gate_landmark(self) -> float: ...
+    @gate_landmark.setter
+    def gate_landmark(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def gate_pose(self) -> float: ...
+    @gate_pose.setter
+    def gate_pose(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def gate_position(self) -> float: ...
+    @gate_position.setter
+    def gate_position(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def gate_range(self) -> float:
+        """
+        Probability that a good range passes.
+        """
+    @gate_range.setter
+    def gate_range(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def hold_s(self) -> float:
+        """
+        How long the last motion is believed without new odometry.
+        """
+    @hold_s.setter
+    def hold_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_height_per_sqrt_s(self) -> float:
+        """
+        Beside a climb rate that was told; m / sqrt(s).
+        """
+    @sigma_height_per_sqrt_s.setter
+    def sigma_height_per_sqrt_s(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+    @property
+    def sigma_lost_heading_per_sqrt_s(self) -> float: ...
+    @sigma_lost_heading_per_sqrt_s.setter
+    def sigma_lost_heading_per_sqrt_s(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+    @property
+    def sigma_lost_height_per_sqrt_s(self) -> float: ...
+    @sigma_lost_height_per_sqrt_s.setter
+    def sigma_lost_height_per_sqrt_s(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+    @property
+    def sigma_lost_xy_per_sqrt_s(self) -> float: ...
+    @sigma_lost_xy_per_sqrt_s.setter
+    def sigma_lost_xy_per_sqrt_s(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+    @property
+    def sigma_start_climb_mps(self) -> float: ...
+    @sigma_start_climb_mps.setter
+    def sigma_start_climb_mps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_start_velocity_mps(self) -> float: ...
+    @sigma_start_velocity_mps.setter
+    def sigma_start_velocity_mps(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+
+class AirEstimate:
+    """
+    Where a body that flies is at one instant [ns], with the covariance of (x, y, heading, height).
+    """
+    def __init__(
+        self,
+        stamp: typing.SupportsInt | typing.SupportsIndex,
+        pose: Pose2,
+        height: typing.SupportsFloat | typing.SupportsIndex,
+        covariance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[4, 4]"],
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    @property
+    def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[4, 4]"]:
+        """
+        Shape (4, 4).
+        """
+    @property
+    def height(self) -> float:
+        """
+        Over z = 0 of the world [m].
+        """
+    @property
+    def pose(self) -> Pose2: ...
+    @property
+    def stamp(self) -> int: ...
+
+class AirEkf:
+    """
+    Extended Kalman filter over (x, y, heading, height) of a body that flies.
+
+    It stays level. Odometry with a climb rate carries it, or a constant velocity that it estimates.
+
+    Parameters
+    ----------
+    config : AirEkfConfig
+    anchors : AnchorMap
+    tags : list of Tag
+    start : AirEstimate
+    landmarks : LandmarkSight, optional
+
+    Raises
+    ------
+    ValueError
+        If the config is out of range or the start not finite and positive definite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from locfuse import *
+    >>> anchors = AnchorMap([Anchor(1, [0, 0, 2]), Anchor(2, [8, 0, 0]), Anchor(3, [4, 6, 3])])
+    >>> start = AirEstimate(0, Pose2(3, 2, 0), 1.0, np.diag([0.5, 0.5, 0.1, 0.5]) ** 2)
+    >>> ekf = AirEkf(AirEkfConfig(), anchors, [Tag(0, [0, 0, 0])], start)
+    >>> ekf.on(Velocity(0, 0.5, 0.0), climb_rate=0.2).verdict.name
+    'FUSED'
+    >>> ekf.on(Range(1_000_000_000, tag=0, anchor=1, range=4.1)).verdict.name
+    'FUSED'
+    >>> ekf.on(Altitude(1_000_000_000, height=1.2, sigma=0.1)).verdict.name
+    'FUSED'
+    """
+    def __copy__(self) -> AirEkf:
+        """
+        A snapshot.
+        """
+    def __deepcopy__(self, memo: typing.Any) -> AirEkf:
+        """
+        A snapshot.
+        """
+    def __init__(
+        self,
+        config: AirEkfConfig,
+        anchors: AnchorMap,
+        tags: collections.abc.Sequence[Tag],
+        start: AirEstimate,
+        landmarks: LandmarkSight | None = None,
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    def advance_to(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+    @typing.overload
+    def estimate(self) -> AirEstimate:
+        """
+        Where it is now: carried to the end of what odometry has told.
+        """
+    @typing.overload
+    def estimate(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> AirEstimate:
+        """
+        Where it is at `stamp` [ns], not before the belief.
+        """
+    @typing.overload
+    def on(
+        self, message: Velocity, climb_rate: typing.SupportsFloat | typing.SupportsIndex = 0.0
+    ) -> Outcome: ...
+    @typing.overload
+    def on(
+        self, message: Increment, climb_rate: typing.SupportsFloat | typing.SupportsIndex = 0.0
+    ) -> Outcome: ...
+    @typing.overload
+    def on(self, message: Range) -> Outcome: ...
+    @typing.overload
+    def on(self, message: PositionFix) -> Outcome: ...
+    @typing.overload
+    def on(self, message: Altitude) -> Outcome: ...
+    @typing.overload
+    def on(self, message: PoseObservation) -> Outcome: ...
+    @typing.overload
+    def on(self, message: RangeBearing) -> Outcome:
+        """
+        Fuses one message. One that is not fused changes no bit of the estimator. `climb_rate` [m/s] goes with odometry, for as long as that is held.
+        """
+    @property
+    def belief(self) -> GaussianBelief: ...
 
 class StartStatus(enum.Enum):
     """

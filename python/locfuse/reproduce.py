@@ -18,6 +18,7 @@ from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
 from locfuse.gadau import draw_pictures as draw_gadau
 from locfuse.gadau import gadau_claims
+from locfuse.in_the_air import air_claims
 from locfuse.messages import Messages, to_messages, truth_of
 from locfuse.on_cylinders import draw_pictures as draw_drives
 from locfuse.on_landmarks import landmark_claims
@@ -313,4 +314,5 @@ PAPERS: dict[str, Callable[[int, Progress], list[Claim]]] = {
     "wells": wells_claims,
     "gadau2022": gadau_claims,
     "landmarks": lambda seeds, progress: landmark_claims(example_configs(), seeds, progress),
+    "air": lambda seeds, progress: air_claims(example_configs(), progress),
 }

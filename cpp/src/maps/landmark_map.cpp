@@ -18,7 +18,7 @@ LandmarkMap::LandmarkMap(std::vector<Landmark> landmarks) : landmarks_(std::move
     if (i > 0 && landmarks_[i - 1].id == landmark.id) {
       throw std::invalid_argument(name + " is given twice");
     }
-    if (!landmark.position.allFinite()) {
+    if (!std::isfinite(landmark.position.sum() + landmark.height)) {
       throw std::invalid_argument(name + " has a position that is not finite");
     }
     if (!(std::isfinite(landmark.radius) && landmark.radius >= 0.0)) {

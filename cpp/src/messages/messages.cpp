@@ -21,6 +21,12 @@ void require_finite(const char* what, double value) {
   }
 }
 
+void require_sigma(const char* what, double sigma) {
+  if (!(std::isfinite(sigma) && sigma > 0.0 && sigma * sigma > 0.0)) {
+    refuse(what, sigma, "a finite number > 0");
+  }
+}
+
 template <int N>
 void require_covariance(const char* what, const Matrix<N, N>& covariance) {
   const bool symmetric = covariance.isApprox(covariance.transpose(), 1e-9);
@@ -57,9 +63,8 @@ void validate(const Range& message) {
   if (!std::isfinite(message.range) || message.range < 0.0) {
     refuse("Range.range [m]", message.range, "a finite number >= 0");
   }
-  if (message.sigma && !(std::isfinite(*message.sigma) && *message.sigma > 0.0 &&
-                         *message.sigma * *message.sigma > 0.0)) {
-    refuse("Range.sigma [m]", *message.sigma, "a finite number > 0");
+  if (message.sigma) {
+    require_sigma("Range.sigma [m]", *message.sigma);
   }
 }
 
@@ -78,10 +83,31 @@ void validate(const PoseObservation& message) {
   require_covariance("PoseObservation.covariance", message.covariance);
 }
 
-void validate(const RangeBearing& message) {
+void validate(const Altitude& message) {
   check_stamp(message.stamp);
-  if (!message.range && !message.bearing) {
+  require_finite("Altitude.height [m]", message.height);
+  require_sigma("Altitude.sigma [m]", message.sigma);
+}
+
+void validate(const RangeBearing& message) {
+  if (message.elevation || message.sigma_elevation) {
+    throw std::invalid_argument(
+        "RangeBearing.elevation is " + std::to_string(message.elevation.value_or(0.0)) +
+        " rad, expected none: only a body that flies (AirEkf) has a use for it");
+  }
+  validate_in_space(message);
+}
+
+void validate_in_space(const RangeBearing& message) {
+  check_stamp(message.stamp);
+  if (!message.range && !message.bearing && !message.elevation) {
     throw std::invalid_argument("RangeBearing has neither range nor bearing, expected one of them");
+  }
+  if (message.elevation && !(std::abs(*message.elevation) <= 0.5 * kPi)) {
+    refuse("RangeBearing.elevation [rad]", *message.elevation, "a number from -pi/2 to pi/2");
+  }
+  if (message.sigma_elevation) {
+    require_sigma("RangeBearing.sigma_elevation [rad]", *message.sigma_elevation);
   }
   if (message.range && !(std::isfinite(*message.range) && *message.range >= 0.0)) {
     refuse("RangeBearing.range [m]", *message.range, "a finite number >= 0");

@@ -191,6 +191,10 @@ TEST(PoseEkf, refuses_sightings_that_are_none) {
         ekf.on(RangeBearing{0, 10, 1.0, 0.0, Matrix<2, 2>::Zero()});
       },
       "covariance");
+  RangeBearing in_space{0, 10, 1.0, 0.0, {}};  // whose range is none of the plane
+  in_space.elevation = 0.2;
+  testing::expect_refused([&] { ekf.on(in_space); }, "elevation", "0.2", "AirEkf");
+  testing::expect_refused([&] { ekf.on_joint({in_space}); }, "elevation");
   const RangeBearing first{0, 10, 1.0, 0.0, {}};
   const RangeBearing later{kStep, 10, 1.0, 0.0, {}};
   testing::expect_refused([&] { ekf.on_joint({first, later}); }, "one stamp");

@@ -27,6 +27,7 @@ TEST(LandmarkMap, finds_by_id_whatever_the_ids_are) {
 TEST(LandmarkMap, refuses_what_is_no_map) {
   expect_refused([] { LandmarkMap({{4, {0.0, 0.0}}, {4, {1.0, 0.0}}}); }, "landmark 4", "twice");
   expect_refused([] { LandmarkMap({{4, {kNan, 0.0}}}); }, "landmark 4", "finite");
+  expect_refused([] { LandmarkMap({{4, {0.0, 0.0}, 0.0, kNan}}); }, "landmark 4", "finite");
   expect_refused([] { LandmarkMap({{4, {0.0, 0.0}, -0.1}}); }, "landmark 4", "radius -0.1");
   expect_refused([] { LandmarkMap({{4, {0.0, 0.0}, kNan}}); }, "radius nan");
 }

@@ -53,6 +53,24 @@ TEST(Validate, refuses_an_increment_that_ends_before_it_begins) {
   expect_refused([] { validate(Increment{20, 13, {}}); }, "20", "13");
 }
 
+TEST(Validate, refuses_an_altitude_that_is_none) {
+  EXPECT_NO_THROW(validate(Altitude{0, -3.0, 0.1}));
+  expect_refused([] { validate(Altitude{kStampLimit, 0.0, 0.1}); }, "stamp");
+  expect_refused([] { validate(Altitude{0, kInfinity, 0.1}); }, "Altitude.height", "inf");
+  expect_refused([] { validate(Altitude{0, 0.0, 1e-200}); }, "Altitude.sigma");  // squares to 0
+}
+
+TEST(Validate, an_elevation_is_of_space_alone) {
+  const RangeBearing up{0, 1, {}, {}, {}, -0.5 * kPi, 0.1};
+  EXPECT_NO_THROW(validate_in_space(up));
+  expect_refused([&] { validate(up); }, "elevation", "-1.57", "AirEkf");
+  const RangeBearing planar{0, 1, 2.0, 0.3, {}};
+  EXPECT_NO_THROW(validate_in_space(planar));
+  EXPECT_NO_THROW(validate(planar));
+  expect_refused([] { validate_in_space(RangeBearing{0, 1, {}, {}, {}, kNan, {}}); }, "elevation");
+  expect_refused([] { validate_in_space(RangeBearing{0, 1, {}, {}, {}, 1.0, 0.0}); }, "sigma");
+}
+
 TEST(Validate, refuses_a_range_that_no_radio_can_measure) {
   expect_refused([] { validate(range_of(-1.5)); }, "Range.range", "-1.5");
   expect_refused([] { validate(range_of(kNan)); }, "Range.range", "nan");

@@ -13,6 +13,7 @@ struct Landmark {
   Id id = 0;
   Vector<2> position = Vector<2>::Zero();  ///< of its centre, in world [m]
   double radius = 0.0;                     ///< [m]
+  double height = 0.0;                     ///< [m], of what a body that flies sees
 };
 
 /// The landmarks, by id. Immutable; share it by std::shared_ptr<const LandmarkMap>.
@@ -20,8 +21,8 @@ class LandmarkMap {
  public:
   LandmarkMap() = default;
 
-  /// Throws std::invalid_argument on a duplicate id, a position that is not finite, or a radius
-  /// that is not finite or negative.
+  /// Throws std::invalid_argument on a duplicate id, a position or height that is not finite, or a
+  /// radius that is not finite or negative.
   explicit LandmarkMap(std::vector<Landmark> landmarks);
 
   /// The landmark, or null if it is not in the map. O(1) if the ids are 0, 1, 2, ..., else

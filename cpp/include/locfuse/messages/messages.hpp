@@ -63,14 +63,25 @@ struct PoseObservation {
   Matrix<3, 3> covariance = Matrix<3, 3>::Zero();  ///< of (x, y, heading), positive definite
 };
 
+/// Height of an altimeter on the body over z = 0 of the world. With a PositionFix of the same stamp
+/// it is a fix in space.
+struct Altitude {
+  Stamp stamp = 0;
+  double height = 0.0;  ///< [m]
+  double sigma = 0.1;   ///< [m]
+};
+
 /// A landmark seen from a sensor on the body: how far away its centre is, in which direction, or
-/// both.
+/// both; of a body that flies also how high above the sensor's plane. A range is measured along the
+/// line of sight.
 struct RangeBearing {
   Stamp stamp = 0;
-  std::optional<Id> landmark;              ///< without it, whichever fits
-  std::optional<double> range;             ///< [m]
-  std::optional<double> bearing;           ///< from the sensor's x, counter-clockwise [rad]
-  std::optional<Matrix<2, 2>> covariance;  ///< of (range, bearing); else the model's own
+  std::optional<Id> landmark;                  ///< without it, whichever fits
+  std::optional<double> range;                 ///< [m]
+  std::optional<double> bearing;               ///< from the sensor's x, counter-clockwise [rad]
+  std::optional<Matrix<2, 2>> covariance;      ///< of (range, bearing); else the model's own
+  std::optional<double> elevation = {};        ///< of the line of sight, up [rad]
+  std::optional<double> sigma_elevation = {};  ///< [rad]; else the model's own
 };
 
 /// How a 2D laser sits on the body and sees: beam i leaves at angle_min + i * angle_increment.
@@ -105,7 +116,11 @@ void validate(const Range& message);
 
 void validate(const PositionFix& message);
 void validate(const PoseObservation& message);
+void validate(const Altitude& message);
+/// Of a sighting in the plane: one with an elevation is refused, its range is none of the plane.
 void validate(const RangeBearing& message);
+/// Of a sighting from a body that flies.
+void validate_in_space(const RangeBearing& message);
 void validate(const LaserGeometry& geometry);
 void validate(const LaserScan& message);
 

@@ -37,14 +37,15 @@ RangeModel::RangeModel(const Config& config, std::shared_ptr<const AnchorMap> an
   }
 }
 
-std::optional<double> RangeModel::predict(const Pose2& T_world_body, const Range& z) const {
+std::optional<double> RangeModel::predict(const Pose2& T_world_body, double height,
+                                          const Range& z) const {
   const Anchor* anchor = anchors_->find(z.anchor);
   const Tag* tag = find_tag(z.tag);
   if (anchor == nullptr || tag == nullptr) {
     return std::nullopt;
   }
   Vector<3> tag_in_world;
-  tag_in_world << T_world_body.act(tag->position.head<2>()), tag->position.z();
+  tag_in_world << T_world_body.act(tag->position.head<2>()), tag->position.z() + height;
   return anchor->scale * (tag_in_world - anchor->position).norm() + anchor->offset;
 }
 

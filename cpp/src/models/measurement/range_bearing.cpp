@@ -4,6 +4,8 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace locfuse {
 namespace {
@@ -32,9 +34,12 @@ Linearization<Eigen::Dynamic, N, 2> measured(const Linearization<2, N>& both,
 
 }  // namespace
 
-RangeBearingModel::RangeBearingModel(const Config& config, const Pose2& sensor_in_body)
+RangeBearingModel::RangeBearingModel(const Config& config, const Pose2& sensor_in_body,
+                                     const InSpace& in_space)
     : relative_variance_(config.sigma_range_relative * config.sigma_range_relative),
-      sensor_in_body_(sensor_in_body) {
+      sensor_in_body_(sensor_in_body),
+      sensor_up_(in_space.sensor_up_m),
+      elevation_variance_(variance_of("sigma_elevation_rad", in_space.sigma_elevation_rad)) {
   if (!(std::isfinite(relative_variance_) && config.sigma_range_relative >= 0.0)) {
     throw std::invalid_argument("landmark.sigma_range_relative is " +
                                 std::to_string(config.sigma_range_relative) +
@@ -43,7 +48,7 @@ RangeBearingModel::RangeBearingModel(const Config& config, const Pose2& sensor_i
   const double range = variance_of("sigma_range_m", config.sigma_range_m);
   const double bearing = variance_of("sigma_bearing_rad", config.sigma_bearing_rad);
   covariance_ << range, 0.0, 0.0, bearing;  // a throw amid it would leave it half filled
-  if (!std::isfinite(sensor_in_body.x + sensor_in_body.y + sensor_in_body.heading)) {
+  if (!std::isfinite(sensor_in_body.x + sensor_in_body.y + sensor_in_body.heading + sensor_up_)) {
     throw std::invalid_argument("the sensor of landmarks has a pose in body that is not finite");
   }
 }
@@ -104,6 +109,49 @@ RangeBearingModel::linearize_with_errors(const Pose2& T_world_body, const Vector
   jacobian.col(7) << distance, 0.0;
   jacobian.col(8) = -sight->by_pose * Vector<3>(velocity.x(), velocity.y(), rate.heading);
   return measured<3 + SightErrors::kCount>({residual(*sight, z), jacobian, noise(z)}, z);
+}
+
+Vector<3> RangeBearingModel::predict(const Pose2& T_world_body, double height,
+                                     const Vector<3>& landmark) const {
+  const Vector<2> planar = predict(T_world_body, landmark.head<2>());
+  const double up = landmark.z() - (height + sensor_up_);
+  return {std::hypot(planar.x(), up), planar.y(), std::atan2(up, planar.x())};
+}
+
+std::optional<Linearization<Eigen::Dynamic, 4, 3>> RangeBearingModel::linearize(
+    const Pose2& T_world_body, double height, const Vector<3>& landmark,
+    const RangeBearing& z) const {
+  const std::optional<Sight> planar = look(T_world_body, landmark.head<2>());
+  if (!planar) {
+    return std::nullopt;
+  }
+  const double along = planar->expected.x();
+  const double up = landmark.z() - (height + sensor_up_);
+  const double range = std::sqrt(along * along + up * up);
+  const Matrix<1, 3> along_by_pose = planar->by_pose.row(0);
+  const Vector<3> residual(z.range.value_or(0.0) - range,
+                           angle_difference(z.bearing.value_or(0.0), planar->expected.y()),
+                           z.elevation.value_or(0.0) - std::atan2(up, along));
+  Matrix<3, 4> jacobian;
+  jacobian << (along / range) * along_by_pose, -up / range,  //
+      planar->by_pose.row(1), 0.0,                           //
+      (-up / (range * range)) * along_by_pose, -along / (range * range);
+  Matrix<3, 3> R = Matrix<3, 3>::Zero();
+  R.topLeftCorner<2, 2>() = noise(z);
+  R(2, 2) = z.sigma_elevation ? *z.sigma_elevation * *z.sigma_elevation : elevation_variance_;
+  std::vector<int> rows;
+  for (const auto& [measured, row] : {std::pair(z.range.has_value(), 0),
+                                      {z.bearing.has_value(), 1},
+                                      {z.elevation.has_value(), 2}}) {
+    if (measured) {
+      rows.push_back(row);
+    }
+  }
+  if (rows.empty()) {
+    return std::nullopt;
+  }
+  return Linearization<Eigen::Dynamic, 4, 3>{residual(rows), jacobian(rows, Eigen::all),
+                                             R(rows, rows)};
 }
 
 std::optional<RangeBearingModel::Placed> RangeBearingModel::place(const Pose2& T_world_body,

@@ -19,7 +19,8 @@ struct Tag {
   Vector<3> position = Vector<3>::Zero();  ///< in body: forward, left, up [m]
 };
 
-/// Range from a body-fixed tag to an anchor, both in 3D, the robot on the plane z = 0.
+/// Range from a body-fixed tag to an anchor, both in 3D, the robot on the plane z = 0 or at a
+/// height over it.
 ///
 /// h(x) = scale * |anchor - (p + R(theta) tag)| + offset  [m]; docs/models/range.md eq. (1).
 class RangeModel {
@@ -34,12 +35,35 @@ class RangeModel {
   RangeModel(const Config& config, std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags);
 
   /// Expected measurement [m]; empty if anchor or tag is unknown.
-  [[nodiscard]] std::optional<double> predict(const Pose2& T_world_body, const Range& z) const;
+  [[nodiscard]] std::optional<double> predict(const Pose2& T_world_body, const Range& z) const {
+    return predict(T_world_body, 0.0, z);
+  }
+  [[nodiscard]] std::optional<double> predict(const Pose2& T_world_body, double height,
+                                              const Range& z) const;
 
   /// Jacobian with respect to (x, y, theta) of T_world_body, 1x3: eq. (3). Empty if the anchor or
   /// the tag is unknown, or the tag sits on the anchor (no direction).
   [[nodiscard]] std::optional<Linearization<1, 3>> linearize(const Pose2& T_world_body,
                                                              const Range& z) const {
+    return look<3>(T_world_body, 0.0, z);
+  }
+  /// With respect to (x, y, theta) and the height of the body over z = 0 [m], 1x4: eq. (5).
+  [[nodiscard]] std::optional<Linearization<1, 4>> linearize(const Pose2& T_world_body,
+                                                             double height, const Range& z) const {
+    return look<4>(T_world_body, height, z);
+  }
+
+  [[nodiscard]] const AnchorMap& anchors() const { return *anchors_; }
+  [[nodiscard]] const std::vector<Tag>& tags() const { return tags_; }
+
+ private:
+  static constexpr double kNoDirection = 1e-9;  // [m]
+
+  /// N columns: the pose, and the height if there is a fourth.
+  template <int N>
+  [[nodiscard]] std::optional<Linearization<1, N>> look(const Pose2& T_world_body,
+                                                        [[maybe_unused]] double height,
+                                                        const Range& z) const {
     const Anchor* anchor = anchors_->find(z.anchor);
     const Tag* tag = find_tag(z.tag);
     if (anchor == nullptr || tag == nullptr) {
@@ -57,7 +81,10 @@ class RangeModel {
     }
     const double dx = T_world_body.x + arm_x - anchor->position.x();
     const double dy = T_world_body.y + arm_y - anchor->position.y();
-    const double dz = tag->position.z() - anchor->position.z();
+    double dz = tag->position.z() - anchor->position.z();
+    if constexpr (N == 4) {
+      dz += height;
+    }
     const double distance = std::sqrt(dx * dx + dy * dy + dz * dz);
     if (distance < kNoDirection) {
       return std::nullopt;
@@ -65,19 +92,18 @@ class RangeModel {
     const double slope = anchor->scale / distance;
     const double ux = slope * dx;
     const double uy = slope * dy;
-    Linearization<1, 3> lin;
+    Linearization<1, N> lin;
     lin.residual(0) = z.range - (anchor->scale * distance + anchor->offset);
-    lin.jacobian << ux, uy, uy * arm_x - ux * arm_y;
+    lin.jacobian(0) = ux;
+    lin.jacobian(1) = uy;
+    lin.jacobian(2) = uy * arm_x - ux * arm_y;
+    if constexpr (N == 4) {
+      lin.jacobian(3) = slope * dz;
+    }
     lin.noise(0) =
         z.sigma ? *z.sigma * *z.sigma : variance_ + relative_variance_ * distance * distance;
     return lin;
   }
-
-  [[nodiscard]] const AnchorMap& anchors() const { return *anchors_; }
-  [[nodiscard]] const std::vector<Tag>& tags() const { return tags_; }
-
- private:
-  static constexpr double kNoDirection = 1e-9;  // [m]
 
   [[nodiscard]] const Tag* find_tag(Id id) const {
     for (const Tag& tag : tags_) {

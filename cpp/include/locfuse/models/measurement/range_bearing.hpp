@@ -33,11 +33,19 @@ class RangeBearingModel {
     double sigma_range_relative = 0.0;  ///< share of the range, as of a camera
   };
 
+  /// What it takes beside that on a body that flies.
+  struct InSpace {
+    double sensor_up_m = 0.0;           ///< height of the sensor over the body's origin [m]
+    double sigma_elevation_rad = 0.02;  ///< where the message brings none [rad]
+  };
+
   RangeBearingModel() : RangeBearingModel(Config{}, Pose2{}) {}
 
   /// `sensor_in_body` is T_body_sensor. Throws std::invalid_argument on sigmas that are not finite
   /// and positive (the relative one: not negative), or a mount that is not finite.
-  RangeBearingModel(const Config& config, const Pose2& sensor_in_body);
+  RangeBearingModel(const Config& config, const Pose2& sensor_in_body)
+      : RangeBearingModel(config, sensor_in_body, InSpace{}) {}
+  RangeBearingModel(const Config& config, const Pose2& sensor_in_body, const InSpace& in_space);
 
   /// Expected range [m] and bearing [rad].
   [[nodiscard]] Vector<2> predict(const Pose2& T_world_body, const Vector<2>& landmark) const;
@@ -67,6 +75,17 @@ class RangeBearingModel {
   [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, 3 + SightErrors::kCount, 2>>
   linearize_with_errors(const Pose2& T_world_body, const Vector<2>& landmark, const RangeBearing& z,
                         const SightErrors& errors, const Pose2& rate) const;
+
+  /// Expected range [m], bearing and elevation [rad] of a landmark at (3,), seen from a body at a
+  /// height over z = 0 [m].
+  [[nodiscard]] Vector<3> predict(const Pose2& T_world_body, double height,
+                                  const Vector<3>& landmark) const;
+
+  /// Of any sighting from there, one to three rows, with respect to (x, y, theta) and the height:
+  /// eq. (9). Empty also if the landmark is straight above or below the sensor.
+  [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, 4, 3>> linearize(
+      const Pose2& T_world_body, double height, const Vector<3>& landmark,
+      const RangeBearing& z) const;
 
   /// Where a landmark is that is seen so, with the derivatives with respect to the pose and to
   /// (range, bearing): eq. (4). Empty if the sighting lacks one of them.
@@ -128,6 +147,8 @@ class RangeBearingModel {
   Matrix<2, 2> covariance_;
   double relative_variance_;
   Pose2 sensor_in_body_;
+  double sensor_up_;
+  double elevation_variance_;
 };
 
 }  // namespace locfuse

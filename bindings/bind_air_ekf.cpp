@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <pybind11/native_enum.h>
+
+#include "bindings.hpp"
+#include "locfuse/estimators/air_ekf.hpp"
+
+namespace py = pybind11;
+using locfuse::AirEkf;
+using locfuse::AirEstimate;
+using locfuse::AirMotion;
+using locfuse::AltitudeModel;
+using locfuse::ConstantVelocityMotion;
+using AirStep = locfuse::Propagation<Eigen::VectorXd, Eigen::Dynamic>;
+
+namespace {
+
+void bind_air_models(py::module_& m) {
+  using AltitudeConfig = AltitudeModel::Config;
+  py::class_<AltitudeConfig>(m, "AltitudeConfig", "Where the altimeter sits.")
+      .def(py::init<>())
+      .def_readwrite("altimeter_up_m", &AltitudeConfig::altimeter_up_m, "Over the body's origin.");
+  py::class_<AltitudeModel>(m, "AltitudeModel", "Height of an altimeter; docs/air.md.")
+      .def(py::init<const AltitudeConfig&>(), py::arg("config"))
+      .def("predict", &AltitudeModel::predict, py::arg("height"))
+      .def(
+          "linearize",
+          [](const AltitudeModel& model, double height, const locfuse::Altitude& z) {
+            return any_size(model.linearize(height, z));
+          },
+          py::arg("height"), py::arg("z"), "Linearization (1 x 1).");
+
+  py::class_<AirStep>(m, "BodyPropagation",
+                      "What a motion model says about one step of several variables.")
+      .def_readonly("moved", &AirStep::moved, "f(x), shape (n,).")
+      .def_readonly("jacobian", &AirStep::jacobian, "F, shape (n, n).")
+      .def_readonly("noise", &AirStep::noise, "Q of this step, shape (n, n).");
+  using VelocityConfig = ConstantVelocityMotion::Config;
+  py::class_<VelocityConfig>(m, "ConstantVelocityConfig",
+                             "Square roots of spectral densities of white acceleration.")
+      .def(py::init<>())
+      .def_readwrite("sigma_velocity_per_sqrt_s", &VelocityConfig::sigma_velocity_per_sqrt_s,
+                     "m/s / sqrt(s), of each of the velocity's axes")
+      .def_readwrite("sigma_climb_per_sqrt_s", &VelocityConfig::sigma_climb_per_sqrt_s,
+                     "m/s / sqrt(s)")
+      .def_readwrite("sigma_heading_per_sqrt_s", &VelocityConfig::sigma_heading_per_sqrt_s,
+                     "rad / sqrt(s)");
+  py::class_<ConstantVelocityMotion>(m, "ConstantVelocityMotion",
+                                     "A body that nobody measures the motion of; "
+                                     "docs/models/constant_velocity.md.")
+      .def(py::init<const VelocityConfig&>(), py::arg("config"))
+      .def("propagate", &ConstantVelocityMotion::propagate, py::arg("state"), py::arg("seconds"),
+           "(x, y, heading, height, velocity x and y, climb rate), (7,), `seconds` later.");
+}
+
+void bind_config(py::module_& m) {
+  using Config = AirEkf::Config;
+  py::native_enum<AirMotion>(m, "AirMotion", "enum.Enum",
+                             "What carries an AirEkf from one measurement to the next.")
+      .value("ODOMETRY", AirMotion::kOdometry, "Velocity or Increment, and a climb rate.")
+      .value("CONSTANT_VELOCITY", AirMotion::kConstantVelocity, "Nobody measures it.")
+      .finalize();
+  py::class_<Config>(m, "AirEkfConfig", "Motion, noise, gates and behaviour of an AirEkf.")
+      .def(py::init<>())
+      .def_readwrite("motion", &Config::motion)
+      .def_readwrite("odometry", &Config::odometry)
+      .def_readwrite("sigma_height_per_sqrt_s", &Config::sigma_height_per_sqrt_s,
+                     "Beside a climb rate that was told; m / sqrt(s).")
+      .def_readwrite("constant_velocity", &Config::constant_velocity)
+      .def_readwrite("sigma_start_velocity_mps", &Config::sigma_start_velocity_mps)
+      .def_readwrite("sigma_start_climb_mps", &Config::sigma_start_climb_mps)
+      .def_readwrite("range", &Config::range)
+      .def_readwrite("position", &Config::position)
+      .def_readwrite("altitude", &Config::altitude)
+      .def_readwrite("landmark", &Config::landmark)
+      .def_readwrite("landmark_in_space", &Config::landmark_in_space)
+      .def_readwrite("gate_range", &Config::gate_range, "Probability that a good range passes.")
+      .def_readwrite("gate_position", &Config::gate_position)
+      .def_readwrite("gate_pose", &Config::gate_pose)
+      .def_readwrite("gate_altitude", &Config::gate_altitude)
+      .def_readwrite("gate_landmark", &Config::gate_landmark)
+      .def_readwrite("hold_s", &Config::hold_s,
+                     "How long the last motion is believed without new odometry.")
+      .def_readwrite("sigma_lost_xy_per_sqrt_s", &Config::sigma_lost_xy_per_sqrt_s)
+      .def_readwrite("sigma_lost_heading_per_sqrt_s", &Config::sigma_lost_heading_per_sqrt_s)
+      .def_readwrite("sigma_lost_height_per_sqrt_s", &Config::sigma_lost_height_per_sqrt_s);
+}
+
+}  // namespace
+
+void bind_air_ekf(py::module_& m) {
+  bind_air_models(m);
+  bind_config(m);
+  py::class_<AirEstimate>(m, "AirEstimate",
+                          "Where a body that flies is at one instant [ns], with the covariance of "
+                          "(x, y, heading, height).")
+      .def(py::init([](locfuse::Stamp stamp, const locfuse::Pose2& pose, double height,
+                       const locfuse::Matrix<4, 4>& covariance) {
+             return AirEstimate{stamp, pose, height, covariance};
+           }),
+           py::arg("stamp"), py::arg("pose"), py::arg("height"), py::arg("covariance"))
+      .def_readonly("stamp", &AirEstimate::stamp)
+      .def_readonly("pose", &AirEstimate::pose)
+      .def_readonly("height", &AirEstimate::height, "Over z = 0 of the world [m].")
+      .def_readonly("covariance", &AirEstimate::covariance, "Shape (4, 4).")
+      .def("__repr__", [](const AirEstimate& e) {
+        return "AirEstimate(stamp=" + std::to_string(e.stamp) + ", pose=(" +
+               std::to_string(e.pose.x) + ", " + std::to_string(e.pose.y) + ", " +
+               std::to_string(e.pose.heading) + "), height=" + std::to_string(e.height) + ")";
+      });
+  py::class_<AirEkf>(m, "AirEkf",
+                     R"(Extended Kalman filter over (x, y, heading, height) of a body that flies.
+
+It stays level. Odometry with a climb rate carries it, or a constant velocity that it estimates.
+
+Parameters
+----------
+config : AirEkfConfig
+anchors : AnchorMap
+tags : list of Tag
+start : AirEstimate
+landmarks : LandmarkSight, optional
+
+Raises
+------
+ValueError
+    If the config is out of range or the start not finite and positive definite.
+
+Examples
+--------
+>>> import numpy as np
+>>> from locfuse import *
+>>> anchors = AnchorMap([Anchor(1, [0, 0, 2]), Anchor(2, [8, 0, 0]), Anchor(3, [4, 6, 3])])
+>>> start = AirEstimate(0, Pose2(3, 2, 0), 1.0, np.diag([0.5, 0.5, 0.1, 0.5]) ** 2)
+>>> ekf = AirEkf(AirEkfConfig(), anchors, [Tag(0, [0, 0, 0])], start)
+>>> ekf.on(Velocity(0, 0.5, 0.0), climb_rate=0.2).verdict.name
+'FUSED'
+>>> ekf.on(Range(1_000_000_000, tag=0, anchor=1, range=4.1)).verdict.name
+'FUSED'
+>>> ekf.on(Altitude(1_000_000_000, height=1.2, sigma=0.1)).verdict.name
+'FUSED'
+)")
+      .def(py::init([](const AirEkf::Config& config, std::shared_ptr<locfuse::AnchorMap> anchors,
+                       std::vector<locfuse::Tag> tags, const AirEstimate& start,
+                       const std::optional<locfuse::LandmarkSight>& landmarks) {
+             return AirEkf(config, std::move(anchors), std::move(tags), start,
+                           landmarks.value_or(locfuse::LandmarkSight{}));
+           }),
+           py::arg("config"), py::arg("anchors"), py::arg("tags"), py::arg("start"),
+           py::arg("landmarks") = py::none())
+      .def("on", py::overload_cast<const locfuse::Velocity&, double>(&AirEkf::on),
+           py::arg("message"), py::arg("climb_rate") = 0.0)
+      .def("on", py::overload_cast<const locfuse::Increment&, double>(&AirEkf::on),
+           py::arg("message"), py::arg("climb_rate") = 0.0)
+      .def("on", py::overload_cast<const locfuse::Range&>(&AirEkf::on), py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::PositionFix&>(&AirEkf::on), py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::Altitude&>(&AirEkf::on), py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::PoseObservation&>(&AirEkf::on),
+           py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::RangeBearing&>(&AirEkf::on), py::arg("message"),
+           "Fuses one message. One that is not fused changes no bit of the estimator. `climb_rate` "
+           "[m/s] goes with odometry, for as long as that is held.")
+      .def("advance_to", &AirEkf::advance_to, py::arg("stamp"))
+      .def("estimate", py::overload_cast<>(&AirEkf::estimate, py::const_),
+           "Where it is now: carried to the end of what odometry has told.")
+      .def("estimate", py::overload_cast<locfuse::Stamp>(&AirEkf::estimate, py::const_),
+           py::arg("stamp"), "Where it is at `stamp` [ns], not before the belief.")
+      .def_property_readonly("belief", &AirEkf::belief, py::return_value_policy::copy)
+      .def(
+          "__copy__", [](const AirEkf& ekf) { return ekf; }, "A snapshot.")
+      .def(
+          "__deepcopy__", [](const AirEkf& ekf, const py::object& /*memo*/) { return ekf; },
+          py::arg("memo"), "A snapshot.")
+      .def("__repr__", [](const AirEkf& ekf) {
+        return "AirEkf(at " + std::to_string(ekf.belief().stamp) + " ns)";
+      });
+}

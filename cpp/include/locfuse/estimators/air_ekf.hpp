@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "locfuse/estimators/held_motion.hpp"
+#include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/models/measurement/altitude.hpp"
+#include "locfuse/models/motion/constant_velocity.hpp"
+
+namespace locfuse {
+
+/// Where a body that flies level is at one instant.
+struct AirEstimate {
+  Stamp stamp = 0;
+  Pose2 pose;
+  double height = 0.0;                             ///< over z = 0 of the world [m]
+  Matrix<4, 4> covariance = Matrix<4, 4>::Zero();  ///< of (x, y, heading, height)
+};
+
+/// What carries an AirEkf from one measurement to the next.
+enum class AirMotion : std::uint8_t {
+  kOdometry,          ///< Velocity or Increment, and a climb rate
+  kConstantVelocity,  ///< nobody measures it
+};
+
+/// Extended Kalman filter over (x, y, heading, height) of a body that flies and stays level, and
+/// with constant velocity over its velocity and climb rate: docs/air.md.
+///
+/// Its belief is that of a PoseEkf, slot `body`, with `height` and, with constant velocity,
+/// `velocity` (in world, m/s) and `climb` (m/s). A cheap value: copying it is a snapshot. Every
+/// `on` throws std::invalid_argument for a message that is not valid and NumericalError where
+/// numbers break. A message that is not fused changes no bit of the estimator.
+class AirEkf {
+ public:
+  struct Config {
+    AirMotion motion = AirMotion::kOdometry;
+    OdometryMotion::Config odometry;
+    double sigma_height_per_sqrt_s = 0.1;  ///< beside a climb rate that was told [m / sqrt(s)]
+    ConstantVelocityMotion::Config constant_velocity;
+    double sigma_start_velocity_mps = 1.0;  ///< of each axis, with constant velocity [m/s]
+    double sigma_start_climb_mps = 0.5;     ///< [m/s]
+    RangeModel::Config range;
+    PositionModel::Config position;
+    AltitudeModel::Config altitude;
+    RangeBearingModel::Config landmark;
+    RangeBearingModel::InSpace landmark_in_space;
+    double gate_range = 0.999;     ///< probability that a good range passes
+    double gate_position = 0.999;  ///< likewise for a position fix
+    double gate_pose = 0.999;      ///< likewise for a pose
+    double gate_altitude = 0.999;  ///< likewise for an altitude
+    double gate_landmark = 0.999;  ///< likewise for a landmark that is seen
+    double hold_s = 1.0;  ///< how long the last motion is believed without new odometry [s]
+    double sigma_lost_xy_per_sqrt_s = 0.5;       ///< thereafter: standing, spreading [m / sqrt(s)]
+    double sigma_lost_heading_per_sqrt_s = 0.5;  ///< [rad / sqrt(s)]
+    double sigma_lost_height_per_sqrt_s = 0.5;   ///< [m / sqrt(s)]
+  };
+
+  /// Starts from `start`, with constant velocity at rest but for what its sigmas say. Throws
+  /// std::invalid_argument on a config out of range or a start that is not finite and positive
+  /// definite.
+  AirEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags,
+         const AirEstimate& start, LandmarkSight landmarks = {});
+
+  /// Odometry in the plane, and the climb rate [m/s] that goes with it for as long. Ignored with
+  /// constant velocity.
+  Outcome on(const Velocity& u, double climb_rate = 0.0);
+  Outcome on(const Increment& u, double climb_rate = 0.0);
+  Outcome on(const Range& z);
+  Outcome on(const PositionFix& z);
+  Outcome on(const Altitude& z);
+  Outcome on(const PoseObservation& z);
+  /// Of a landmark that it names, at its height; kNotModelled without a name.
+  Outcome on(const RangeBearing& z);
+
+  /// Carries the belief to `stamp`. Earlier stamps change nothing. Throws std::invalid_argument if
+  /// the stamp is beyond kStampLimit.
+  void advance_to(Stamp stamp);
+
+  /// The belief carried to the end of what odometry has told: where it is now.
+  [[nodiscard]] AirEstimate estimate() const;
+  /// The belief carried to `stamp`, which must not lie before it.
+  [[nodiscard]] AirEstimate estimate(Stamp stamp) const;
+
+  [[nodiscard]] const GaussianBelief& belief() const { return belief_; }
+  [[nodiscard]] Pose2 pose() const { return belief_.pose(body_); }
+  [[nodiscard]] double height() const { return belief_.x(belief_.offset(height_)); }
+
+ private:
+  struct Recipe;  // what never changes, shared by all snapshots
+
+  template <class Motion>
+  Outcome take(const Motion& u, double climb_rate);
+  void lift(Stamp stamp);
+  template <class Linearize>
+  Outcome correct(Stamp stamp, const Gate& gate, Slots slots, const Linearize& linearize);
+
+  std::shared_ptr<const Recipe> recipe_;
+  GaussianBelief belief_;
+  Slot body_;
+  Slot height_;
+  std::vector<Slot> place_;   // body, height
+  std::vector<Slot> moving_;  // and, with constant velocity, velocity and climb
+  HeldMotion odometry_;
+  double climb_rate_ = 0.0;  // [m/s], held as long as odometry is
+};
+
+}  // namespace locfuse

@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/estimators/air_ekf.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "estimators/recipe.hpp"
+
+namespace locfuse {
+namespace {
+
+using Transaction = internal::Transaction<3>;
+
+double variance_of(const char* name, double sigma) {
+  if (!(std::isfinite(sigma) && sigma >= 0.0)) {
+    throw std::invalid_argument(std::string(name) + " is " + std::to_string(sigma) +
+                                ", expected a finite number >= 0");
+  }
+  return sigma * sigma;
+}
+
+Matrix<1, 1> scalar(double value) { return Matrix<1, 1>(value); }
+
+/// The height of a start, with what it shares with the pose.
+Slot add_height(GaussianBelief& belief, Slot body, const AirEstimate& start) {
+  const Matrix<4, 4>& P = start.covariance;
+  if (!P.allFinite() || !P.isApprox(P.transpose(), 1e-9) || P.llt().info() != Eigen::Success ||
+      !std::isfinite(start.height)) {
+    throw std::invalid_argument(
+        "a start has height " + std::to_string(start.height) +
+        " m, expected a finite one with a symmetric positive definite covariance");
+  }
+  const Vector<3> shared = P.topRightCorner<3, 1>();
+  const Matrix<1, 3> J = P.topLeftCorner<3, 3>().llt().solve(shared).transpose();
+  return augment(belief, "height", SlotKind::kScalar, scalar(start.height), J,
+                 scalar(P(3, 3) - J * shared), body);
+}
+
+}  // namespace
+
+struct AirEkf::Recipe {
+  Config config;
+  OdometryMotion motion;
+  OdometryMotion lost;
+  double height_per_s;
+  double lost_height_per_s;
+  ConstantVelocityMotion constant_velocity;
+  RangeModel range;
+  PositionModel position;
+  AltitudeModel altitude;
+  PoseModel pose;
+  RangeBearingModel landmark;
+  std::shared_ptr<const LandmarkMap> landmarks;  // never null
+  Gate range_gate;
+  Gate position_gate;
+  Gate altitude_gate;
+  Gate pose_gate;
+  Gate landmark_gate;
+  Stamp hold;
+};
+
+AirEkf::AirEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
+               std::vector<Tag> tags, const AirEstimate& start, LandmarkSight landmarks)
+    : recipe_(std::make_shared<const Recipe>(Recipe{
+          config, OdometryMotion(config.odometry), internal::lost_motion(config),
+          variance_of("sigma_height_per_sqrt_s", config.sigma_height_per_sqrt_s),
+          variance_of("sigma_lost_height_per_sqrt_s",
+                      internal::positive("sigma_lost_height_per_sqrt_s",
+                                         config.sigma_lost_height_per_sqrt_s)),
+          ConstantVelocityMotion(config.constant_velocity),
+          RangeModel(config.range, std::move(anchors), std::move(tags)),
+          PositionModel(config.position), AltitudeModel(config.altitude), PoseModel(),
+          RangeBearingModel(config.landmark, landmarks.sensor_in_body, config.landmark_in_space),
+          landmarks.map ? std::move(landmarks.map) : std::make_shared<const LandmarkMap>(),
+          Gate(config.gate_range), Gate(config.gate_position), Gate(config.gate_altitude),
+          Gate(config.gate_pose), Gate(config.gate_landmark), internal::hold_of(config)})),
+      belief_(
+          GaussianBelief::of_pose(start.stamp, start.pose, start.covariance.topLeftCorner<3, 3>())),
+      body_(belief_.slot("body")),
+      height_(add_height(belief_, body_, start)),
+      place_{body_, height_},
+      moving_(place_),
+      odometry_(start.stamp) {
+  check_stamp(start.stamp);
+  const double velocity =
+      internal::positive("sigma_start_velocity_mps", config.sigma_start_velocity_mps);
+  const double climb = internal::positive("sigma_start_climb_mps", config.sigma_start_climb_mps);
+  if (config.motion == AirMotion::kConstantVelocity) {
+    moving_.push_back(belief_.add("velocity", SlotKind::kPoint2, Vector<2>::Zero(),
+                                  velocity * velocity * Matrix<2, 2>::Identity()));
+    moving_.push_back(belief_.add("climb", SlotKind::kScalar, scalar(0.0), scalar(climb * climb)));
+  }
+}
+
+Outcome AirEkf::on(const Velocity& u, double climb_rate) { return take(u, climb_rate); }
+
+Outcome AirEkf::on(const Increment& u, double climb_rate) { return take(u, climb_rate); }
+
+template <class Motion>
+Outcome AirEkf::take(const Motion& u, double climb_rate) {
+  validate(u);
+  if (!std::isfinite(climb_rate)) {
+    throw std::invalid_argument("climb_rate is " + std::to_string(climb_rate) +
+                                " m/s, expected a finite number");
+  }
+  if (recipe_->config.motion == AirMotion::kConstantVelocity) {
+    return {Verdict::kIgnored};
+  }
+  Transaction transaction(belief_, u.stamp);
+  lift(effective_stamp(u));
+  const Outcome outcome =
+      transaction.close(internal::take<Eigen::Dynamic>(*recipe_, odometry_, body_, belief_, u));
+  if (outcome.verdict == Verdict::kFused) {
+    climb_rate_ = climb_rate;
+  }
+  return outcome;
+}
+
+template <class Linearize>
+Outcome AirEkf::correct(Stamp stamp, const Gate& gate, Slots slots, const Linearize& linearize) {
+  if (stamp < belief_.stamp) {
+    return {Verdict::kStale};
+  }
+  Transaction transaction(belief_, stamp);
+  advance_to(stamp);
+  const auto lin = linearize();
+  return transaction.close(lin ? update(belief_, *lin, slots, gate)
+                               : Outcome{Verdict::kNotModelled});
+}
+
+Outcome AirEkf::on(const Range& z) {
+  validate(z);
+  return correct(z.stamp, recipe_->range_gate, place_,
+                 [&] { return recipe_->range.linearize(pose(), height(), z); });
+}
+
+Outcome AirEkf::on(const PositionFix& z) {
+  validate(z);
+  return correct(z.stamp, recipe_->position_gate, body_,
+                 [&] { return std::optional(recipe_->position.linearize(pose(), z)); });
+}
+
+Outcome AirEkf::on(const Altitude& z) {
+  validate(z);
+  return correct(z.stamp, recipe_->altitude_gate, height_,
+                 [&] { return std::optional(recipe_->altitude.linearize(height(), z)); });
+}
+
+Outcome AirEkf::on(const PoseObservation& z) {
+  validate(z);
+  return correct(z.stamp, recipe_->pose_gate, body_,
+                 [&] { return std::optional(recipe_->pose.linearize(pose(), z)); });
+}
+
+Outcome AirEkf::on(const RangeBearing& z) {
+  validate_in_space(z);
+  const Landmark* landmark = z.landmark ? recipe_->landmarks->find(*z.landmark) : nullptr;
+  using Sighting = std::optional<Linearization<Eigen::Dynamic, 4, 3>>;
+  return correct(z.stamp, recipe_->landmark_gate, place_, [&]() -> Sighting {
+    if (landmark == nullptr) {
+      return std::nullopt;
+    }
+    const Vector<3> place(landmark->position.x(), landmark->position.y(), landmark->height);
+    return recipe_->landmark.linearize(pose(), height(), place, z);
+  });
+}
+
+/// Carries the height, alone, to `stamp` with the climb rate that was told.
+void AirEkf::lift(Stamp stamp) {
+  if (stamp <= belief_.stamp) {
+    return;
+  }
+  const Stamp told = std::clamp(odometry_.end() + recipe_->hold, belief_.stamp, stamp);
+  const double rising = seconds_between(belief_.stamp, told);
+  const double lost = seconds_between(told, stamp);
+  const double noise = recipe_->height_per_s * rising + recipe_->lost_height_per_s * lost;
+  predict(belief_,
+          Propagation<Eigen::VectorXd, Eigen::Dynamic>{scalar(height() + climb_rate_ * rising),
+                                                       scalar(1.0), scalar(noise)},
+          height_);
+}
+
+void AirEkf::advance_to(Stamp stamp) {
+  check_stamp(stamp);
+  if (stamp <= belief_.stamp) {
+    return;
+  }
+  if (recipe_->config.motion == AirMotion::kOdometry) {
+    lift(stamp);
+    internal::advance(*recipe_, odometry_, body_, belief_, stamp);
+    return;
+  }
+  const double seconds = seconds_between(belief_.stamp, stamp);
+  predict(belief_, recipe_->constant_velocity.propagate(belief_.mean(moving_), seconds), moving_);
+  belief_.stamp = stamp;
+}
+
+AirEstimate AirEkf::estimate() const { return estimate(std::max(belief_.stamp, odometry_.end())); }
+
+AirEstimate AirEkf::estimate(Stamp stamp) const {
+  internal::check_not_before(belief_.stamp, stamp);
+  AirEkf ahead = *this;
+  ahead.advance_to(stamp);
+  return {stamp, ahead.pose(), ahead.height(), ahead.belief_.marginal(place_)};
+}
+
+}  // namespace locfuse
