@@ -10,26 +10,32 @@ import pytest
 
 from locfuse import on_landmarks
 from locfuse.config.load import parse_config
-from locfuse.config.schema import Calibration
+from locfuse.config.schema import Calibration, RunConfig
 from locfuse.eval.errors import errors_against
 from locfuse.messages import truth_of
 from locfuse.run import load_log, run
-from locfuse.types import LogError
+from locfuse.types import Log, LogError, Trajectory
 from support_runs import ROOT
 
 CONFIGS = ROOT / "examples" / "configs"
 
 
-def test_tubes_are_enough_with_and_without_names() -> None:
+def recording(name: str) -> tuple[RunConfig, Log, Trajectory]:
+    """Return a recording with its truth, or skip where it is not there."""
     try:
-        config, log = on_landmarks.recorded(CONFIGS, "tubes")
+        config, log = on_landmarks.recorded(CONFIGS, name)
     except LogError as error:
         pytest.skip(str(error))
+    truth = truth_of(log)
+    assert truth is not None
+    return config, log, truth
+
+
+def test_tubes_are_enough_with_and_without_names() -> None:
+    config, log, truth = recording("tubes")
     named = run(config, log).metrics
     assert named["position_rmse_m"] <= 0.035
     assert named["counts"]["landmark_sightings"]["fused"] > 31_000
-    truth = truth_of(log)
-    assert truth is not None
     unnamed = on_landmarks.without_names(log)
     assert set(unnamed["landmark_sightings"]["landmark"].tolist()) == {""}
     errors = errors_against(on_landmarks.localize_jointly(config, unnamed), truth)
@@ -51,12 +57,7 @@ def test_tubes_are_enough_with_and_without_names() -> None:
 
 @pytest.mark.parametrize("name", ["MRCLAM robot 1", "MRCLAM robot 3", "MRCLAM robot 5"])
 def test_a_camera_is_enough_with_and_without_names(name: str) -> None:
-    try:
-        config, log = on_landmarks.recorded(CONFIGS, name)
-    except LogError as error:
-        pytest.skip(str(error))
-    truth = truth_of(log)
-    assert truth is not None
+    config, log, truth = recording(name)
     assert run(config, log).metrics["position_rmse_m"] <= 0.20
     unnamed = on_landmarks.without_names(log)
     errors = errors_against(on_landmarks.localize_jointly(config, unnamed), truth)
@@ -69,12 +70,7 @@ def test_a_camera_is_enough_with_and_without_names(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["tubes", "MRCLAM robot 3", "MRCLAM robot 5"])
 def test_from_nothing_and_without_names_it_is_lost_or_right(name: str) -> None:
-    try:
-        config, log = on_landmarks.recorded(CONFIGS, name)
-    except LogError as error:
-        pytest.skip(str(error))
-    truth = truth_of(log)
-    assert truth is not None
+    config, log, truth = recording(name)
     found, lost = on_landmarks.localize_from_nothing(config, on_landmarks.without_names(log))
     off = np.hypot(*errors_against(found, truth).position.T)
     assert lost < 0.3

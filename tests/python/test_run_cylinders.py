@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -181,7 +180,7 @@ def test_what_cannot_be_meant_is_one_sentence(text: dict[str, Any], said: str) -
         parse_config(text)
 
 
-def test_the_truck_is_found_among_poles_by_configuration_alone(tmp_path: Path) -> None:
+def test_poles_of_a_recording_become_sightings() -> None:
     source = "../../../shared/data/acfr-carpark"
     config = parse_config(
         {

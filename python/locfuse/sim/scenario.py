@@ -106,10 +106,11 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
     truth = sensors.truth(drive, np.unique(np.concatenate(list(epochs.values()))))
     if grid is not None:
         _check_way(grid, truth)
+    landmarks = np.array(list(scenario.landmarks.values()), np.float64).reshape(-1, 2)
+    has_discs = scenario.landmark_radius_m > 0.0
     if scenario.laser is not None and grid is not None:
         seen = [(fault, child) for fault, child in faults if isinstance(fault, LaserFault)]
-        at = np.array(list(scenario.landmarks.values()), np.float64).reshape(-1, 2)
-        discs = (at, scenario.landmark_radius_m) if scenario.landmark_radius_m > 0.0 else None
+        discs = (landmarks, scenario.landmark_radius_m) if has_discs else None
         tables["scans"] = laser.scans(
             drive, epochs["scans"], grid, scenario.laser, for_laser, seen, discs
         )
@@ -123,14 +124,14 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
             "z_m": at[:, 2],
         }
     if scenario.landmarks:
-        at = np.array(list(scenario.landmarks.values()), dtype=np.float64)
-        tables["landmarks"] = {
+        table = {
             "landmark": np.array(list(scenario.landmarks)),
-            "x_m": at[:, 0],
-            "y_m": at[:, 1],
-            **({"radius_m": np.full(len(at), scenario.landmark_radius_m)}
-               if scenario.landmark_radius_m > 0.0 else {}),
-        }  # fmt: skip
+            "x_m": landmarks[:, 0],
+            "y_m": landmarks[:, 1],
+        }
+        if has_discs:
+            table["radius_m"] = np.full(len(landmarks), scenario.landmark_radius_m)
+        tables["landmarks"] = table
     return Log(
         tables=tables,
         tags=dict(scenario.tags),

@@ -114,7 +114,7 @@ def odometry(
     Over an interval with a chord of d metres and a turn of a radians, in the body frame at its
     beginning, the variances are sigma_longitudinal^2 |d|, sigma_lateral^2 |d| and
     sigma_heading_per_sqrt_m^2 |d| + sigma_heading_per_sqrt_rad^2 |a|: over a distance they add
-    up to the same at any rate.
+    up to the same at any rate. A turn bias is told on top, per second.
 
     Parameters
     ----------
