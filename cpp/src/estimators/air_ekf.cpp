@@ -160,13 +160,19 @@ Outcome AirEkf::on(const RangeBearing& z) {
   validate_in_space(z);
   const Landmark* landmark = z.landmark ? recipe_->landmarks->find(*z.landmark) : nullptr;
   using Sighting = std::optional<Linearization<Eigen::Dynamic, 4, 3>>;
-  return correct(z.stamp, recipe_->landmark_gate, place_, [&]() -> Sighting {
+  Vector<2> before = Vector<2>::Zero();
+  const Outcome outcome = correct(z.stamp, recipe_->landmark_gate, place_, [&]() -> Sighting {
     if (landmark == nullptr) {
       return std::nullopt;
     }
+    before = pose().position();
     const Vector<3> place(landmark->position.x(), landmark->position.y(), landmark->height);
     return recipe_->landmark.linearize(pose(), height(), place, z);
   });
+  if (outcome.verdict == Verdict::kFused && z.bearing) {
+    turn_with_mean(belief_, body_, before);
+  }
+  return outcome;
 }
 
 /// Carries the height, alone, to `stamp` with the climb rate that was told.

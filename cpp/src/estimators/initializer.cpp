@@ -84,16 +84,6 @@ bool is_same(const PoseEstimate& a, const PoseEstimate& b) {
   return squared_distance(a, b, true) < kSame;
 }
 
-double sigma_heading(const PoseEstimate& estimate) { return std::sqrt(estimate.covariance(2, 2)); }
-
-/// The larger half axis of the position's 1-sigma ellipse [m].
-double sigma_position(const PoseEstimate& estimate) {
-  const double a = estimate.covariance(0, 0);
-  const double b = estimate.covariance(1, 1);
-  const double c = estimate.covariance(0, 1);
-  return std::sqrt(0.5 * (a + b) + std::hypot(0.5 * (a - b), c));
-}
-
 /// A sighting as the body sees it, and the log of the area [m^2] that a range and a bearing of one
 /// metre and one radian take there.
 struct Seen {
@@ -665,9 +655,9 @@ Initializer::State Initializer::state() const {
     state.reason = state.hypotheses.size() == 1
                        ? "one pose fits, perhaps by chance"
                        : std::to_string(state.hypotheses.size()) + " poses fit";
-  } else if (sigma_position(best.estimate) > config_.sigma_xy_ready_m) {
+  } else if (best.estimate.sigma_position() > config_.sigma_xy_ready_m) {
     state.reason = "the position is not known well enough yet";
-  } else if (sigma_heading(best.estimate) > config_.sigma_heading_ready_rad) {
+  } else if (best.estimate.sigma_heading() > config_.sigma_heading_ready_rad) {
     state.reason = matcher_ == nullptr
                        ? "the heading is not known yet: drive on, or give a map and scans"
                        : "the heading is not known yet: no scan that fits the map; drive on";

@@ -222,7 +222,12 @@ Outcome LandmarkEkf::correct(Track& track, const RangeBearing& z) {
   } else {
     const Linearization<Eigen::Dynamic, 3, 2> of_pose{lin->residual, lin->jacobian.leftCols<3>(),
                                                       lin->noise};
+    const Vector<2> before = pose().position();
     outcome = update(belief_, of_pose, body_, recipe_->landmark_gate);
+    // Not where landmarks are states: they would have to turn along.
+    if (outcome.verdict == Verdict::kFused && z.bearing && belief_.dimension() == 3) {
+      turn_with_mean(belief_, body_, before);
+    }
   }
   if (outcome.verdict == Verdict::kFused) {
     ++track.sightings;

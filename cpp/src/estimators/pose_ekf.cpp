@@ -84,6 +84,20 @@ Outcome PoseEkf::correct(Stamp stamp, const Gate& gate, Slots slots, const Linea
                                : Outcome{Verdict::kNotModelled});
 }
 
+/// A direction in which the world is seen turns the covariance with the mean.
+template <class Linearize>
+Outcome PoseEkf::correct_by(const RangeBearing& z, Slots slots, const Linearize& linearize) {
+  Vector<2> before = Vector<2>::Zero();
+  const Outcome outcome = correct(z.stamp, recipe_->landmark_gate, slots, [&](const Pose2& pose) {
+    before = pose.position();
+    return linearize(pose);
+  });
+  if (outcome.verdict == Verdict::kFused && z.bearing) {
+    turn_with_mean(belief_, body_, before);
+  }
+  return outcome;
+}
+
 Outcome PoseEkf::on(const Velocity& u) {
   return internal::take<3>(*recipe_, odometry_, body_, belief_, u);
 }
@@ -117,14 +131,13 @@ Outcome PoseEkf::on(const RangeBearing& z) {
   if (z.landmark) {
     return on(z, recipe_->landmarks->find(*z.landmark));
   }
-  const Gate& gate = recipe_->landmark_gate;
   if (!recipe_->calibration.is_empty()) {
-    return correct(z.stamp, gate, recipe_->calibration.slots(), [&](const Pose2& /*pose*/) {
+    return correct_by(z, recipe_->calibration.slots(), [&](const Pose2& /*pose*/) {
       return nearest(belief_, *recipe_->landmarks,
                      [&](const Landmark& landmark) { return sight(landmark, z); });
     });
   }
-  return correct(z.stamp, gate, [&](const Pose2& pose) {
+  return correct_by(z, body_, [&](const Pose2& pose) {
     return nearest(belief_, *recipe_->landmarks, [&](const Landmark& landmark) {
       return recipe_->landmark.linearize(pose, landmark.position, z);
     });
@@ -133,21 +146,20 @@ Outcome PoseEkf::on(const RangeBearing& z) {
 
 Outcome PoseEkf::on(const RangeBearing& z, const Landmark* landmark) {
   const RangeBearingModel& model = recipe_->landmark;
-  const Gate& gate = recipe_->landmark_gate;
   if (landmark == nullptr) {
     return {z.stamp < belief_.stamp ? Verdict::kStale : Verdict::kNotModelled};
   }
   if (!recipe_->calibration.is_empty()) {
-    return correct(z.stamp, gate, recipe_->calibration.slots(),
-                   [&](const Pose2& /*pose*/) { return sight(*landmark, z); });
+    return correct_by(z, recipe_->calibration.slots(),
+                      [&](const Pose2& /*pose*/) { return sight(*landmark, z); });
   }
   if (z.range && z.bearing) {
-    return correct(z.stamp, gate, [&](const Pose2& pose) {
+    return correct_by(z, body_, [&](const Pose2& pose) {
       return model.linearize_both(pose, landmark->position, z);
     });
   }
-  return correct(z.stamp, gate,
-                 [&](const Pose2& pose) { return model.linearize(pose, landmark->position, z); });
+  return correct_by(
+      z, body_, [&](const Pose2& pose) { return model.linearize(pose, landmark->position, z); });
 }
 
 /// What a sighting says of the body and of those errors that are states.

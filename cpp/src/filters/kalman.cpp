@@ -153,6 +153,26 @@ void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slo
   belief.x.segment<3>(row) = moved;
 }
 
+void turn_with_mean(GaussianBelief& belief, Slot slot, const Vector<2>& before) {
+  const Vector<2> shift = belief.pose(slot).position() - before;
+  const Vector<2> turn(-shift.y(), shift.x());  // of the position, per radian
+  const int row = belief.offset(slot);
+  const Vector<2> cross = belief.P.block<2, 1>(row, row + 2);
+  const double heading = belief.P(row + 2, row + 2);
+  Matrix<2, 2> own = belief.P.block<2, 2>(row, row);
+  own += turn * cross.transpose() + cross * turn.transpose();
+  own += heading * turn * turn.transpose();
+  if (!std::isfinite(own.sum()) || !(own.diagonal().minCoeff() > 0.0)) {
+    return;
+  }
+  for (Index other = 0; other < belief.dimension(); ++other) {
+    const Vector<2> moved = turn * belief.P(row + 2, other);
+    belief.P.block<2, 1>(row, other) += moved;
+    belief.P.block<1, 2>(other, row) = belief.P.block<2, 1>(row, other).transpose();
+  }
+  belief.P.block<2, 2>(row, row) = 0.5 * (own + own.transpose());
+}
+
 void predict(GaussianBelief& belief, const Propagation<VectorXd, Eigen::Dynamic>& step,
              Slots slots) {
   const std::vector<int> rows = belief.rows(slots);

@@ -219,6 +219,33 @@ TEST(Predict, equals_the_textbook_with_all_cross_covariances) {
   }
 }
 
+TEST(TurnWithMean, is_the_congruence_that_turns_the_world_about_its_origin) {
+  Rng rng(12);
+  for (int i = 0; i < 50; ++i) {
+    GaussianBelief belief = random_large_belief(rng);
+    const Slot body = belief.slot("body");
+    const int row = belief.offset(body);
+    const Vector<2> shift(testing::normal(rng, 1.0), testing::normal(rng, 1.0));
+    Eigen::MatrixXd M = Eigen::MatrixXd::Identity(7, 7);
+    M.block(row, row + 2, 2, 1) << -shift.y(), shift.x();
+    const Eigen::MatrixXd expected = M * belief.P * M.transpose();
+    const Eigen::VectorXd x = belief.x;
+
+    turn_with_mean(belief, body, belief.pose(body).position() - shift);
+    expect_near(belief.P, expected, 1e-13);
+    EXPECT_TRUE(testing::same_bits(belief.P, belief.P.transpose()));
+    EXPECT_EQ(belief.x, x);
+  }
+}
+
+TEST(TurnWithMean, of_a_mean_that_stood_still_changes_no_bit) {
+  Rng rng(13);
+  GaussianBelief belief = random_large_belief(rng);
+  const Eigen::MatrixXd P = belief.P;
+  turn_with_mean(belief, belief.slot("body"), belief.pose(belief.slot("body")).position());
+  EXPECT_TRUE(testing::same_bits(belief.P, P));
+}
+
 /// A motion of the pose and `moving - 3` numbers of "a" and "b", which depends on all slots.
 void expect_textbook_motion(GaussianBelief belief, Rng& rng, Eigen::Index moving,
                             const std::vector<Slot>& slots) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -27,6 +28,14 @@ struct PoseEstimate {
   Stamp stamp = 0;
   Pose2 pose;
   Matrix<3, 3> covariance;
+
+  /// The larger half axis of the position's 1-sigma ellipse [m].
+  [[nodiscard]] double sigma_position() const {
+    const double a = covariance(0, 0);
+    const double b = covariance(1, 1);
+    return std::sqrt(0.5 * (a + b) + std::hypot(0.5 * (a - b), covariance(0, 1)));
+  }
+  [[nodiscard]] double sigma_heading() const { return std::sqrt(covariance(2, 2)); }
 };
 
 /// A pose that fits, and how likely it is beside the others.
@@ -143,6 +152,8 @@ class PoseEkf {
   Outcome correct(Stamp stamp, const Gate& gate, const Linearize& linearize);
   template <class Linearize>
   Outcome correct(Stamp stamp, const Gate& gate, Slots slots, const Linearize& linearize);
+  template <class Linearize>
+  Outcome correct_by(const RangeBearing& z, Slots slots, const Linearize& linearize);
   [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, Eigen::Dynamic>> sight(
       const Landmark& landmark, const RangeBearing& z) const;
   [[nodiscard]] std::vector<const Landmark*> associated(const std::vector<RangeBearing>& sightings,

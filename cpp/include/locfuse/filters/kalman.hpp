@@ -166,6 +166,11 @@ void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slo
 void predict(GaussianBelief& belief, const Propagation<Eigen::VectorXd, Eigen::Dynamic>& step,
              Slots slots);
 
+/// Turns the covariance of the pose in `slot` with its mean, which an update has moved away from
+/// `before`: eq. (15) of docs/models/kalman.md. Touches two rows and columns, or none where
+/// rounding would leave a variance that is not positive.
+void turn_with_mean(GaussianBelief& belief, Slot slot, const Vector<2>& before);
+
 /// Adds a variable g(y, v) that is a function of those in `slots`, y, and of noise v: `mean` is g,
 /// `jacobian` dg/dy, `noise` the covariance that v gives it. Eq. (11) and (12) of
 /// docs/models/kalman.md. The belief is changed whole or not at all.
