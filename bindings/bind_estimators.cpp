@@ -49,6 +49,9 @@ void bind_estimators(py::module_& m) {
       .def_readonly("stamp", &PoseEstimate::stamp)
       .def_readonly("pose", &PoseEstimate::pose)
       .def_readonly("covariance", &PoseEstimate::covariance, "Shape (3, 3).")
+      .def_property_readonly("sigma_position", &PoseEstimate::sigma_position,
+                             "The larger half axis of the position's 1-sigma ellipse [m].")
+      .def_property_readonly("sigma_heading", &PoseEstimate::sigma_heading, "[rad].")
       .def("__repr__", [](const PoseEstimate& e) {
         return "PoseEstimate(stamp=" + std::to_string(e.stamp) + ", pose=(" +
                std::to_string(e.pose.x) + ", " + std::to_string(e.pose.y) + ", " +

@@ -162,6 +162,11 @@ False
           "Starts anew with particles, float64 (n, 4) as in `particles`; the weights need not sum "
           "to 1.\n\nRaises\n------\nValueError\n    On another shape, on numbers that are not "
           "finite, on weights that are negative or all 0.")
+      .def("inject", &Mcl::inject, py::arg("pose"), py::arg("share") = 1.0,
+           "Replaces a share of the particles, evenly, by draws from a PoseEstimate that somebody "
+           "else is sure of, at a stamp that is not before the last message; odometry goes on.\n\n"
+           "Raises\n------\nValueError\n    If the covariance is not positive definite, the stamp "
+           "too early, or not 0 < share <= 1.")
       .def("on", py::overload_cast<const locfuse::Velocity&>(&Mcl::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Increment&>(&Mcl::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Range&>(&Mcl::on), py::arg("message"),
@@ -176,6 +181,9 @@ False
            py::call_guard<py::gil_scoped_release>(), "Takes one message.")
       .def("estimate", &Mcl::estimate,
            "The likeliest cluster, carried to the end of what odometry has told.")
+      .def("spread", &Mcl::spread,
+           "The same with the covariance of all particles about their mean, whatever cluster they "
+           "are in.")
       .def_property_readonly(
           "hypotheses", [](const Mcl& mcl) { return mcl.hypotheses(); },
           "Clusters of particles, a list of PoseHypothesis, the likeliest first.")

@@ -180,6 +180,12 @@ void bind_replay(py::module_& m) {
           },
           "How many, (n,).")
       .def_property_readonly(
+          "sigma",
+          [](const LocalizeRun& r) {
+            return column_of<double>(r.steps, [](const auto& s) { return s.sigma; });
+          },
+          "Of all particles, in their worst direction [m], (n,).")
+      .def_property_readonly(
           "ready",
           [](const LocalizeRun& r) {
             return column_of<bool>(r.steps, [](const auto& s) { return s.ready; });
@@ -197,12 +203,21 @@ void bind_replay(py::module_& m) {
         const py::gil_scoped_release release;
         return locfuse::localize(mcl, log.log, scans, progress_of(progress));
       },
+      py::arg("mcl"), py::arg("log"), py::arg("scans"), py::arg("progress") = py::none());
+  m.def(
+      "localize",
+      [](locfuse::SwitchingMcl& mcl, SharedLog& log, const std::vector<locfuse::LaserScan>& scans,
+         const std::optional<std::function<void(std::size_t)>>& progress) {
+        const Use use(log, Use::Kind::kRead);
+        const py::gil_scoped_release release;
+        return locfuse::localize(mcl, log.log, scans, progress_of(progress));
+      },
       py::arg("mcl"), py::arg("log"), py::arg("scans"), py::arg("progress") = py::none(),
       R"(Feeds a log and scans to an Mcl in order of the stamps at which they take effect.
 
 Parameters
 ----------
-mcl : Mcl
+mcl : Mcl or SwitchingMcl
 log : MessageLog
 scans : list of LaserScan
 progress : callable, optional

@@ -25,6 +25,7 @@ void bind_air_ekf(pybind11::module_& m);
 void bind_initializer(pybind11::module_& m);
 void bind_landmark_ekf(pybind11::module_& m);
 void bind_recovering_ekf(pybind11::module_& m);
+void bind_switching_mcl(pybind11::module_& m);
 void bind_mcl(pybind11::module_& m);
 void bind_message_log(pybind11::module_& m);
 void bind_replay(pybind11::module_& m);

@@ -34,6 +34,7 @@ __all__: list[str] = [
     "CylinderDetectorConfig",
     "Dilution",
     "DistanceField",
+    "Doubt",
     "Gate",
     "GaussianBelief",
     "HeadingSearch",
@@ -41,6 +42,7 @@ __all__: list[str] = [
     "Increment",
     "Initializer",
     "InitializerConfig",
+    "Injection",
     "KnownLandmark",
     "Landmark",
     "LandmarkEkf",
@@ -112,6 +114,8 @@ __all__: list[str] = [
     "StartState",
     "StartStatus",
     "StartStep",
+    "SwitchingMcl",
+    "SwitchingMclConfig",
     "Tag",
     "Velocity",
     "Verdict",
@@ -2188,6 +2192,16 @@ class PoseEstimate:
     @property
     def pose(self) -> Pose2: ...
     @property
+    def sigma_heading(self) -> float:
+        """
+        [rad].
+        """
+    @property
+    def sigma_position(self) -> float:
+        """
+        The larger half axis of the position's 1-sigma ellipse [m].
+        """
+    @property
     def stamp(self) -> int: ...
 
 class PoseHypothesis:
@@ -3508,6 +3522,17 @@ class Mcl:
         """
         The likeliest cluster, carried to the end of what odometry has told.
         """
+    def inject(
+        self, pose: PoseEstimate, share: typing.SupportsFloat | typing.SupportsIndex = 1.0
+    ) -> None:
+        """
+        Replaces a share of the particles, evenly, by draws from a PoseEstimate that somebody else is sure of, at a stamp that is not before the last message; odometry goes on.
+
+        Raises
+        ------
+        ValueError
+            If the covariance is not positive definite, the stamp too early, or not 0 < share <= 1.
+        """
     @typing.overload
     def on(self, message: Velocity) -> Outcome: ...
     @typing.overload
@@ -3524,6 +3549,10 @@ class Mcl:
     def on(self, message: LaserScan) -> Outcome:
         """
         Takes one message.
+        """
+    def spread(self) -> PoseEstimate:
+        """
+        The same with the covariance of all particles about their mean, whatever cluster they are in.
         """
     def start_anywhere(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> None:
         """
@@ -3580,6 +3609,208 @@ class Mcl:
     def used_share(self) -> float:
         """
         Share of the last measurement's information that was used.
+        """
+
+class Doubt(enum.Enum):
+    """
+    Why scans are in doubt.
+    """
+
+    ELSEWHERE = ...
+    NONE = ...
+    UNCERTAIN = ...
+
+class SwitchingMclConfig:
+    """
+    When UWB takes over from scans.
+    """
+    def __init__(self) -> None: ...
+    @property
+    def doubt_s(self) -> float:
+        """
+        That doubt must last [s].
+        """
+    @doubt_s.setter
+    def doubt_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def elsewhere_m(self) -> float:
+        """
+        Off UWB by more than this and three sigmas: in doubt [m].
+        """
+    @elsewhere_m.setter
+    def elsewhere_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def elsewhere_rad(self) -> float:
+        """
+        Likewise turned [rad].
+        """
+    @elsewhere_rad.setter
+    def elsewhere_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def share(self) -> float:
+        """
+        Of the particles that are replaced.
+        """
+    @share.setter
+    def share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_sure_m(self) -> float:
+        """
+        Below it no longer [m].
+        """
+    @sigma_sure_m.setter
+    def sigma_sure_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_sure_rad(self) -> float: ...
+    @sigma_sure_rad.setter
+    def sigma_sure_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_unsure_m(self) -> float:
+        """
+        Of the particles, in their worst direction: in doubt [m].
+        """
+    @sigma_unsure_m.setter
+    def sigma_unsure_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_unsure_rad(self) -> float:
+        """
+        Likewise of the heading.
+        """
+    @sigma_unsure_rad.setter
+    def sigma_unsure_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def uwb_age_s(self) -> float:
+        """
+        Since the last range or fix that was fused, likewise [s].
+        """
+    @uwb_age_s.setter
+    def uwb_age_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def uwb_sigma_m(self) -> float:
+        """
+        Of the pose by UWB, at most, to be of use [m].
+        """
+    @uwb_sigma_m.setter
+    def uwb_sigma_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def uwb_sigma_rad(self) -> float:
+        """
+        Likewise [rad].
+        """
+    @uwb_sigma_rad.setter
+    def uwb_sigma_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+
+class Injection:
+    """
+    UWB took over from scans.
+    """
+    def __repr__(self) -> str: ...
+    @property
+    def after(self) -> PoseEstimate:
+        """
+        By UWB.
+        """
+    @property
+    def before(self) -> PoseEstimate:
+        """
+        With the covariance of all particles.
+        """
+    @property
+    def doubt(self) -> Doubt: ...
+    @property
+    def stamp(self) -> int: ...
+
+class SwitchingMcl:
+    """
+    An Mcl that UWB rescues (celan2017, sections III.C and V.B).
+
+    Scans alone tell of the pose while they leave no doubt; where they do, the pose by UWB and odometry
+    becomes the particles' belief (docs/models/switching_mcl.md). Ranges and fixes go to a
+    RecoveringEkf beside the particles, which starts by itself and knows when it is lost.
+
+    Parameters
+    ----------
+    config : SwitchingMclConfig
+    mcl : Mcl
+        Is copied, as is `uwb`.
+    uwb : RecoveringEkf
+
+    Raises
+    ------
+    ValueError
+        If the config is out of range, or a threshold could fire for ever: `sure` must lie below
+        `unsure`, and a pose by UWB that is of use must be sure.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from locfuse import *
+    >>> cells = np.full((60, 80), 0, dtype=np.int8)
+    >>> cells[[0, -1], :] = cells[:, [0, -1]] = 100
+    >>> mcl = Mcl(MclConfig(), OccupancyGrid(cells, resolution=0.05))  # anywhere in a room of 4 x 3 m
+    >>> uwb = RecoveringEkf(RecoveringEkfConfig())
+    >>> uwb.start_at(PoseEstimate(0, Pose2(1.0, 1.0, 0.0), np.diag([0.1, 0.1, 0.1]) ** 2))
+    >>> switching = SwitchingMcl(SwitchingMclConfig(), mcl, uwb)
+    >>> around = LaserGeometry(Pose2(), 0.0, np.pi / 2, range_min=0.1, range_max=10.0)
+    >>> for second in range(4):
+    ...     _ = switching.on(Velocity(second * 10**9, 0.0, 0.0))
+    ...     _ = switching.on(PositionFix(second * 10**9, [1.0, 1.0], 0.01 * np.eye(2)))
+    ...     _ = switching.on(LaserScan(second * 10**9, around, [2.95, 1.95, 0.95, 0.95]))
+    >>> [(i.doubt.name, i.stamp // 10**9) for i in switching.injections]
+    [('UNCERTAIN', 2)]
+    """
+    def __copy__(self) -> SwitchingMcl:
+        """
+        A snapshot.
+        """
+    def __deepcopy__(self, memo: typing.Any) -> SwitchingMcl: ...
+    def __init__(self, config: SwitchingMclConfig, mcl: Mcl, uwb: RecoveringEkf) -> None: ...
+    def __repr__(self) -> str: ...
+    def estimate(self) -> PoseEstimate:
+        """
+        Of the particles, carried to the end of what odometry has told.
+        """
+    @typing.overload
+    def on(self, message: Velocity) -> Outcome: ...
+    @typing.overload
+    def on(self, message: Increment) -> Outcome: ...
+    @typing.overload
+    def on(self, message: Range) -> Outcome: ...
+    @typing.overload
+    def on(self, message: PositionFix) -> Outcome: ...
+    @typing.overload
+    def on(self, message: PoseObservation) -> Outcome: ...
+    @typing.overload
+    def on(self, message: RangeBearing) -> Outcome: ...
+    @typing.overload
+    def on(self, message: LaserScan) -> Outcome:
+        """
+        Takes one message. Ranges and fixes go to UWB's filter, all else weighs particles.
+        """
+    @property
+    def hypotheses(self) -> list[PoseHypothesis]:
+        """
+        Clusters of particles, a list of PoseHypothesis, the likeliest first.
+        """
+    @property
+    def injections(self) -> list[Injection]:
+        """
+        When UWB took over, a list of Injection.
+        """
+    @property
+    def mcl(self) -> Mcl:
+        """
+        A snapshot of the particles.
+        """
+    @property
+    def ready(self) -> bool:
+        """
+        Whether one cluster of particles is all but certain.
+        """
+    @property
+    def uwb(self) -> RecoveringEkf:
+        """
+        A snapshot of UWB's filter.
         """
 
 class MessageLog:
@@ -3770,6 +4001,11 @@ class LocalizeRun:
         Likewise, one per scan.
         """
     @property
+    def sigma(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Of all particles, in their worst direction [m], (n,).
+        """
+    @property
     def stamp_ns(self) -> numpy.typing.NDArray[numpy.int64]:
         """
         Stamps of the estimates, (n,).
@@ -3879,8 +4115,16 @@ def local(
     Error state (3,) that leads from `origin` to `to`, heading wrapped.
     """
 
+@typing.overload
 def localize(
     mcl: Mcl,
+    log: MessageLog,
+    scans: collections.abc.Sequence[LaserScan],
+    progress: collections.abc.Callable[[int], None] | None = None,
+) -> LocalizeRun: ...
+@typing.overload
+def localize(
+    mcl: SwitchingMcl,
     log: MessageLog,
     scans: collections.abc.Sequence[LaserScan],
     progress: collections.abc.Callable[[int], None] | None = None,
@@ -3890,7 +4134,7 @@ def localize(
 
     Parameters
     ----------
-    mcl : Mcl
+    mcl : Mcl or SwitchingMcl
     log : MessageLog
     scans : list of LaserScan
     progress : callable, optional

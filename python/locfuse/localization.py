@@ -11,7 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse import _core
-from locfuse.config.build import build_mcl_config
+from locfuse.config.build import (
+    build_mcl_config,
+    build_recovering_config,
+    build_switching_config,
+)
 from locfuse.config.schema import RunConfig
 from locfuse.messages import Messages, landmarks_of, radios_of, to_messages, truth_of
 from locfuse.start import grid_of, hypotheses_of, scans_of, start_of
@@ -50,6 +54,8 @@ class Localization:
         How it found it, if it did.
     wall_s : float
         That it took.
+    injections : tuple of Injection
+        When UWB took over, where ``mcl`` has a switch.
     """
 
     messages: Messages
@@ -63,6 +69,7 @@ class Localization:
     searched: bool
     start: Start | None
     wall_s: float
+    injections: tuple[_core.Injection, ...] = ()
 
 
 def messages_for(config: RunConfig, log: Log) -> Messages:
@@ -89,8 +96,10 @@ def messages_for(config: RunConfig, log: Log) -> Messages:
 
 def mcl_of(
     config: RunConfig, log: Log, messages: Messages, start: _core.PoseEstimate | None = None
-) -> _core.Mcl:
+) -> _core.Mcl | _core.SwitchingMcl:
     """Return the estimator at its start: at a pose, or anywhere in free space (``start: auto``).
+
+    With ``mcl.switch`` a filter of ranges and positions stands beside it, started alike.
 
     Raises
     ------
@@ -110,7 +119,13 @@ def mcl_of(
         start = start_of(config, truth_of(log), messages)
     if start is not None:
         mcl.start_at([_core.PoseHypothesis(start)])
-    return mcl
+    if config.mcl.switch is None:
+        return mcl
+    uwb = _core.RecoveringEkf(build_recovering_config(config.estimator, config.initializer),
+                              anchors, tags)  # fmt: skip
+    if start is not None:
+        uwb.start_at(start)
+    return _core.SwitchingMcl(build_switching_config(config.mcl.switch), mcl, uwb)
 
 
 def localize(
@@ -165,13 +180,14 @@ def localize(
         searched=search is not None,
         start=None if search is None else search.start(begin),
         wall_s=wall_s,
+        injections=tuple(mcl.injections) if isinstance(mcl, _core.SwitchingMcl) else (),
     )
 
 
 class _Search:
     """Looks at an `Mcl` after each scan until it is ready."""
 
-    def __init__(self, mcl: _core.Mcl) -> None:
+    def __init__(self, mcl: _core.Mcl | _core.SwitchingMcl) -> None:
         self._mcl = mcl
         self._steps: list[tuple[int, tuple[Hypothesis, ...]]] = []
         self._found = False

@@ -56,7 +56,27 @@ def outcomes_of_mcl(localization: Localization, log: Log) -> Outcomes:
     reason = _reasons(messages, verdict, log, localization.begin_ns)
     outcomes = _bare(messages.stamp_ns, messages.source, messages.tag, messages.anchor, verdict,
                      reason)  # fmt: skip
-    return with_scans(outcomes, localization, log)
+    return _with(with_scans(outcomes, localization, log), _switches(localization))
+
+
+def _switches(localization: Localization) -> Outcomes:
+    """Return a row for each time that UWB took over from scans."""
+    count = len(localization.injections)
+    empty = np.full(count, "")
+    reason = [
+        f"{one.doubt.name.lower()}: covariance before {_upper(one.before)}, after "
+        f"{_upper(one.after)}"
+        for one in localization.injections
+    ]
+    stamps = np.array([one.stamp for one in localization.injections], dtype=np.int64)
+    return _bare(stamps, np.full(count, "switch"), empty, empty, np.full(count, "fused"),
+                 np.array(reason, dtype=object))  # fmt: skip
+
+
+def _upper(estimate: _core.PoseEstimate) -> str:
+    """Return the upper triangle of a covariance of (x, y, heading), row by row."""
+    numbers = " ".join(f"{value:.3g}" for value in estimate.covariance[np.triu_indices(3)])
+    return f"[{numbers}]"
 
 
 def with_scans(outcomes: Outcomes, localization: Localization, log: Log) -> Outcomes:
@@ -67,10 +87,15 @@ def with_scans(outcomes: Outcomes, localization: Localization, log: Log) -> Outc
     reason[verdict == "not_modelled"] = "no news: hardly moved, or no returns"
     reason[verdict == "stale"] = "before the start"
     empty = np.full(len(stamp), "")
-    scans = _bare(stamp, np.full(len(stamp), "scans"), empty, empty, verdict, reason)
+    return _with(outcomes, _bare(stamp, np.full(len(stamp), "scans"), empty, empty, verdict,
+                                 reason))  # fmt: skip
+
+
+def _with(outcomes: Outcomes, others: Outcomes) -> Outcomes:
+    """Return outcomes with rows of others, each after all up to its stamp."""
     heard = np.maximum.accumulate(outcomes.stamp_ns)
-    order = np.argsort(np.concatenate([heard, stamp]), kind="stable")
-    columns = {field.name: [getattr(part, field.name) for part in (outcomes, scans)]
+    order = np.argsort(np.concatenate([heard, others.stamp_ns]), kind="stable")
+    columns = {field.name: [getattr(part, field.name) for part in (outcomes, others)]
                for field in fields(Outcomes)}  # fmt: skip
     return Outcomes(**{name: np.concatenate(parts)[order] for name, parts in columns.items()})
 

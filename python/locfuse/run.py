@@ -185,6 +185,7 @@ def _mcl_metrics(localization: Localization, truth: Trajectory | None) -> dict[s
     return {
         **readiness(localization.estimate, localization.ready, localization.begin_ns, truth),
         "particles_median": float(np.median(localization.particles)),
+        "switches": len(localization.injections),
     }
 
 

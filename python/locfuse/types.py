@@ -279,7 +279,8 @@ class Outcomes:
     ----------
     stamp_ns : int64 array, shape (n,)
     source : array of str, shape (n,)
-        ``odometry``, ``ranges``, ``positions``, ``poses``, ``landmark_sightings`` or ``scans``.
+        ``odometry``, ``ranges``, ``positions``, ``poses``, ``landmark_sightings``, ``scans``, or
+        ``switch`` where UWB took over from scans.
     tag, anchor : arrays of str, shape (n,)
         Names for ranges; for sightings the landmark's stands in `anchor`; else empty strings.
     verdict : array of str, shape (n,)
@@ -290,7 +291,7 @@ class Outcomes:
     dof : int64 array, shape (n,)
         Rows of the innovation; 0 where nothing was compared.
     reason : array of str, shape (n,)
-        Why a message was not fused; empty for fused ones.
+        Why a message was not fused, or what a switch was for; else empty.
     """
 
     stamp_ns: StampArray

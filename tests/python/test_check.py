@@ -765,6 +765,28 @@ def test_ranges_that_bring_a_sigma_pass_over_that_of_the_configuration() -> None
 # The list, the page, the command ---------------------------------------------------------------
 
 
+@pytest.mark.parametrize(
+    ("switch", "use", "said"),
+    [
+        ({"sigma_sure_m": 0.02, "uwb_sigma_m": 0.01}, "ranges", "take over all the time"),
+        ({"sigma_sure_rad": 0.004, "uwb_sigma_rad": 0.003}, "ranges", "take over all the time"),
+        ({"sigma_unsure_m": 9.0}, "ranges", "it would never take over"),
+        ({"sigma_unsure_rad": 2.0}, "ranges", "they will never be in doubt"),
+        ({}, "positions", "nothing to switch to"),
+        ({}, "ranges", ""),
+    ],
+)
+def test_a_switch_that_never_or_always_acts(switch: dict[str, float], use: str, said: str) -> None:
+    floor = {"laser": {"range_max_m": 8.0}, "map": {}}
+    data = healthy(use=["odometry", use], mcl={"switch": switch},
+                   **{f"simulation__{key}": value for key, value in floor.items()})  # fmt: skip
+    findings = [f for f in checked(data).findings
+                if f.where.startswith("mcl.switch")]  # fmt: skip
+    assert all(f.advice for f in findings)
+    assert [said in f.what for f in findings] == ([True] if said else [])
+    assert "switch_that_never_or_always_acts" in {rule.__name__ for rule in RULES}
+
+
 def test_every_rule_is_provoked_and_is_on_the_page() -> None:
     text = (ROOT / "docs" / "check.md").read_text()
     tests = Path(__file__).read_text()

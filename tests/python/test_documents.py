@@ -382,6 +382,7 @@ SECTIONS: dict[str, type[Strict]] = {
     "### `estimator.landmark`": schema.Landmark,
     "### `estimator.calibration`": schema.Calibration,
     "## `mcl`": schema.Mcl,
+    "### `mcl.switch`": schema.Switch,
     "### `mcl.field`": schema.LikelihoodField,
     "### `mcl.beam_model`": schema.BeamModel,
     "## `simulation`": scenario.Scenario,

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -212,3 +213,33 @@ def test_a_film_needs_particles_and_the_name_of_a_gif(tmp_path: Path) -> None:
     rooms = CONFIGS / "rooms_mcl.yaml"
     said = locfuse("run", rooms, "--film", tmp_path / "a.mp4").sentence()
     assert said.endswith("a film is a GIF; give it a name that ends in .gif")
+
+
+BLIND: dict[str, Any] = {**FLOOR, "duration_s": 60.0,
+                         "laser": {"range_min_m": 0.0, "range_max_m": 0.4}}  # fmt: skip
+WHEELS = {"odometry": {"sigma_xy_per_sqrt_s": 0.1}}
+
+
+def test_uwb_rescues_particles_that_have_spread() -> None:
+    shared = {"simulation": BLIND, "use": ["odometry", "ranges"],
+              "estimator": {**NOISE, **WHEELS}}  # fmt: skip
+    alone = run(config_of(simulation=BLIND, mcl={**MCL, **WHEELS}), seed=1)
+    tight = {"sigma_unsure_m": 0.3, "sigma_sure_m": 0.2, "uwb_sigma_m": 0.2, "doubt_s": 1.0}
+    config = config_of(**shared, mcl={**MCL, **WHEELS, "switch": tight})
+    rescued = run(config, seed=1)
+
+    assert rescued.metrics["position_p95_m"] < 0.5 < alone.metrics["position_p95_m"]
+    switches = rescued.outcomes.source == "switch"
+    assert rescued.metrics["mcl"]["switches"] == int(switches.sum()) > 3
+    assert alone.metrics["mcl"]["switches"] == 0
+    for reason in rescued.outcomes.reason[switches]:
+        assert re.fullmatch(r"(uncertain|elsewhere): covariance before \[(\S+ ){5}\S+\], "
+                            r"after \[(\S+ ){5}\S+\]", reason)  # fmt: skip
+    heard = rescued.outcomes.source == "ranges"
+    assert np.mean(rescued.outcomes.verdict[heard] == "fused") > 0.98
+
+
+def test_a_laser_that_sees_walls_is_never_rescued() -> None:
+    result = run(config_of(use=["odometry", "ranges"], mcl={**MCL, "switch": {}}), seed=2)
+    assert result.metrics["mcl"]["switches"] == 0
+    assert result.metrics["position_rmse_m"] < 0.06

@@ -9,6 +9,7 @@
 #include "locfuse/estimators/mcl.hpp"
 #include "locfuse/estimators/pose_ekf.hpp"
 #include "locfuse/estimators/recovering_ekf.hpp"
+#include "locfuse/estimators/switching_mcl.hpp"
 #include "locfuse/filters/kalman.hpp"
 #include "locfuse/frontends/constellation.hpp"
 #include "locfuse/frontends/cylinder_detector.hpp"

@@ -63,6 +63,15 @@ const Mcl::Config& checked(const Mcl::Config& config) {
   return config;
 }
 
+void check_start(const PoseEstimate& start) {
+  const Vector<3> mean(start.pose.x, start.pose.y, start.pose.heading);
+  if (!mean.allFinite() || !start.covariance.allFinite() ||
+      start.covariance.llt().info() != Eigen::Success) {
+    throw std::invalid_argument(
+        "a start has a pose that is not finite or a covariance that is not positive definite");
+  }
+}
+
 OdometryMotion lost_motion(const Mcl::Config& config) {
   OdometryMotion::Config lost = config.odometry;
   lost.sigma_xy_per_sqrt_s = config.sigma_lost_xy_per_sqrt_s;
@@ -185,12 +194,7 @@ void Mcl::start_at(const std::vector<PoseHypothesis>& hypotheses) {
   double total = 0.0;
   for (const PoseHypothesis& h : hypotheses) {
     check_stamp(h.estimate.stamp);
-    const Vector<3> mean(h.estimate.pose.x, h.estimate.pose.y, h.estimate.pose.heading);
-    if (!mean.allFinite() || !h.estimate.covariance.allFinite() ||
-        h.estimate.covariance.llt().info() != Eigen::Success) {
-      throw std::invalid_argument(
-          "a start has a pose that is not finite or a covariance that is not positive definite");
-    }
+    check_start(h.estimate);
     if (!(h.probability > 0.0) || h.estimate.stamp != hypotheses.front().estimate.stamp) {
       throw std::invalid_argument("starts need probabilities > 0 and one stamp");
     }
@@ -206,13 +210,50 @@ void Mcl::start_at(const std::vector<PoseHypothesis>& hypotheses) {
   double passed = 0.0;
   for (const PoseHypothesis& h : hypotheses) {
     passed += h.probability / total;
-    const Matrix<3, 3> L = h.estimate.covariance.llt().matrixL();
-    for (; k < belief_.size && k + 0.5 < passed * belief_.size + 1e-9; ++k) {
-      const Pose2 drawn =
-          retract(h.estimate.pose, L * random_normal3(key, static_cast<std::uint64_t>(k)));
-      belief_.put(static_cast<std::size_t>(k), to_cells(drawn));
-    }
+    const auto share = static_cast<int>(std::ceil(passed * belief_.size + 1e-9 - 0.5));
+    const int end = std::clamp(share, k, belief_.size);
+    draw_near(k, end, h.estimate, key);
+    k = end;
   }
+  summarize();
+}
+
+/// Particles begin to end - 1 become draws from a pose.
+void Mcl::draw_near(int begin, int end, const PoseEstimate& pose, std::uint64_t key) {
+  const Matrix<3, 3> L = pose.covariance.llt().matrixL();
+  for (int k = begin; k < end; ++k) {
+    const Pose2 drawn = retract(pose.pose, L * random_normal3(key, static_cast<std::uint64_t>(k)));
+    belief_.put(static_cast<std::size_t>(k), to_cells(drawn));
+  }
+}
+
+void Mcl::inject(const PoseEstimate& pose, double share) {
+  in_range("inject.share", share, 1e-9, 1.0);
+  if (pose.stamp < stamp_) {
+    throw std::invalid_argument("a pose is injected at " + std::to_string(pose.stamp) +
+                                " ns, before the last message at " + std::to_string(stamp_) +
+                                " ns");
+  }
+  check_start(pose);
+  advance_to(pose.stamp);
+  if (share == 1.0) {
+    const HeldMotion odometry = odometry_;
+    start_at({{pose, 1.0}});
+    odometry_ = odometry;
+    return;
+  }
+  settle();
+  const int count = belief_.size;
+  const int kept = std::clamp(static_cast<int>(std::lround((1.0 - share) * count)), 1, count);
+  resample(belief_, kept, {}, next_key(), scratch_);
+  belief_.resize(count);
+  draw_near(kept, count, pose, next_key());
+  std::fill(belief_.weight.begin(), belief_.weight.begin() + count,
+            1.0F / static_cast<float>(count));
+  std::fill(belief_.weight.begin() + count, belief_.weight.end(), 0.0F);
+  level_ = recipe_->fields.size() - 1;
+  tracking_ = false;
+  rereads_ = kRereads;
   summarize();
 }
 
@@ -570,6 +611,24 @@ PoseEstimate Mcl::estimate() const {
         at = until;
       });
   return carried(hypotheses_.front().estimate, ahead, now);
+}
+
+/// Eq. (1) of docs/models/switching_mcl.md.
+PoseEstimate Mcl::spread() const {
+  const PoseEstimate& best = hypotheses_.front().estimate;
+  double total = 0.0;
+  Vector<3> mean = Vector<3>::Zero();
+  Matrix<3, 3> square = Matrix<3, 3>::Zero();
+  for (const PoseHypothesis& cluster : hypotheses_) {
+    const Vector<3> off = local(cluster.estimate.pose, best.pose);
+    total += cluster.probability;
+    mean += cluster.probability * off;
+    square += cluster.probability * (cluster.estimate.covariance + off * off.transpose());
+  }
+  mean /= total;
+  PoseEstimate all = estimate();
+  all.covariance += square / total - mean * mean.transpose() - best.covariance;
+  return all;
 }
 
 }  // namespace locfuse

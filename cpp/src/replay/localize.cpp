@@ -19,8 +19,10 @@ std::vector<std::size_t> by_stamp(std::size_t count, const StampOf& stamp_of) {
 
 LocalizeRun::Step step_of(const Mcl& mcl) {
   return {mcl.estimate(), mcl.hypotheses().front().probability, mcl.explained(), mcl.belief().size,
-          mcl.ready()};
+          mcl.ready(),    mcl.spread().sigma_position()};
 }
+
+LocalizeRun::Step step_of(const SwitchingMcl& switching) { return step_of(switching.mcl()); }
 
 /// The last step of a stamp stays: odometry slower than the scans carries several to one stamp.
 void keep(std::vector<LocalizeRun::Step>& steps, const LocalizeRun::Step& step) {
@@ -30,10 +32,9 @@ void keep(std::vector<LocalizeRun::Step>& steps, const LocalizeRun::Step& step) 
   steps.push_back(step);
 }
 
-}  // namespace
-
-LocalizeRun localize(Mcl& mcl, const MessageLog& log, const std::vector<LaserScan>& scans,
-                     const std::function<void(std::size_t)>& progress) {
+template <class Estimator>
+LocalizeRun run_through(Estimator& mcl, const MessageLog& log, const std::vector<LaserScan>& scans,
+                        const std::function<void(std::size_t)>& progress) {
   const std::vector<MessageLog::Arrival>& arrivals = log.arrivals();
   const auto effective = [&](std::size_t i) { return effective_stamp(arrivals[i].message); };
   const std::vector<std::size_t> messages = by_stamp(arrivals.size(), effective);
@@ -62,6 +63,18 @@ LocalizeRun localize(Mcl& mcl, const MessageLog& log, const std::vector<LaserSca
   }
   feed_until([](Stamp) { return true; });
   return run;
+}
+
+}  // namespace
+
+LocalizeRun localize(Mcl& mcl, const MessageLog& log, const std::vector<LaserScan>& scans,
+                     const std::function<void(std::size_t)>& progress) {
+  return run_through(mcl, log, scans, progress);
+}
+
+LocalizeRun localize(SwitchingMcl& mcl, const MessageLog& log, const std::vector<LaserScan>& scans,
+                     const std::function<void(std::size_t)>& progress) {
+  return run_through(mcl, log, scans, progress);
 }
 
 }  // namespace locfuse

@@ -95,7 +95,8 @@ class Context:
     def models(self) -> Estimator | Mcl:
         """Return what the messages are fused with."""
         mcl = self.config.mcl
-        return mcl if mcl is not None and mcl.poses_hz is None else self.config.estimator
+        fuses_all = mcl is not None and mcl.poses_hz is None and mcl.switch is None
+        return mcl if mcl is not None and fuses_all else self.config.estimator
 
     @property
     def section(self) -> str:

@@ -40,6 +40,7 @@ RULES: tuple[Rule, ...] = (
     config_of.anchors_named_in_vain,
     config_of.lever_arms_that_are_zero,
     config_of.start_that_cannot_be_meant,
+    config_of.switch_that_never_or_always_acts,
     anchors.anchors_in_one_place,
     anchors.anchors_in_one_line,
     anchors.anchors_in_one_plane,

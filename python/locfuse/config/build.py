@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from locfuse import _core
-from locfuse.config.schema import Cylinders, Estimator, Initializer, Mcl, RangeError
+from locfuse.config.schema import Cylinders, Estimator, Initializer, Mcl, RangeError, Switch
 from locfuse.types import Columns, ConfigError, nearest
 
 
@@ -30,12 +30,29 @@ def build_initializer_config(initializer: Initializer) -> _core.InitializerConfi
 def build_mcl_config(mcl: Mcl, seed: int) -> _core.MclConfig:
     """Return the C++ struct with every value of `mcl`; `seed` where it has none of its own."""
     config = _core.MclConfig()
-    _fill(config, mcl, leave=("poses_hz", "seed", "likelihood"))
+    _fill(config, mcl, leave=("poses_hz", "seed", "likelihood", "switch"))
     if mcl.likelihood != "field":
         config.likelihood = _core.ScanLikelihood.BEAMS
     if mcl.likelihood == "zhang":
         config.beam_model = _core.BeamModelConfig.zhang()
     config.seed = seed if mcl.seed is None else mcl.seed
+    return config
+
+
+def build_switching_config(switch: Switch) -> _core.SwitchingMclConfig:
+    """Return the C++ struct with every value of `switch`."""
+    config = _core.SwitchingMclConfig()
+    _fill(config, switch)
+    return config
+
+
+def build_recovering_config(
+    estimator: Estimator, initializer: Initializer
+) -> _core.RecoveringEkfConfig:
+    """Return a filter that starts by itself, with every value of both."""
+    config = _core.RecoveringEkfConfig()
+    config.estimator = build_estimator_config(estimator)
+    config.start = build_initializer_config(initializer)
     return config
 
 

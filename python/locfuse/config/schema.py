@@ -172,15 +172,49 @@ class BeamModel(Strict):
         return self
 
 
+class Switch(Strict):
+    """When UWB takes over from scans; ``SwitchingMclConfig`` in C++."""
+
+    sigma_unsure_m: Positive = 0.5
+    sigma_sure_m: Positive = 0.3
+    sigma_unsure_rad: Positive = 0.35
+    sigma_sure_rad: Positive = 0.2
+    elsewhere_m: Positive = 0.5
+    elsewhere_rad: Positive = 0.5
+    doubt_s: Positive = 2.0
+    uwb_sigma_m: Positive = 0.25
+    uwb_sigma_rad: Positive = 0.2
+    uwb_age_s: Positive = 2.5
+    share: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
+
+    @model_validator(mode="after")
+    def _doubt_ends(self) -> Switch:
+        for unit in ("m", "rad"):
+            uwb, sure, unsure = (f"{name}_{unit}" for name in ("uwb_sigma", "sigma_sure",
+                                                               "sigma_unsure"))  # fmt: skip
+            for low, high, why in (
+                (sure, unsure, "else doubt would end where it begins"),
+                (uwb, sure, "else UWB would take over for ever, as its own pose leaves doubt"),
+            ):
+                if getattr(self, low) > getattr(self, high):
+                    raise ValueError(
+                        f"{low} is {getattr(self, low)} and {high} is {getattr(self, high)}; "
+                        f"expected {low} <= {high}: {why}"
+                    )
+        return self
+
+
 class Mcl(Strict):
-    """Monte Carlo localization; ``MclConfig`` in C++, but for three keys.
+    """Monte Carlo localization; ``MclConfig`` in C++, but for four keys.
 
     `likelihood` is by which scans weigh particles: ``zhang`` is the beam model with the mixture of
     that paper in place of `beam_model`. `poses_hz` makes its estimates the poses of a pose EKF.
-    Without a `seed` it is the run's.
+    Without a `seed` it is the run's. With a `switch` ranges and positions do not weigh particles:
+    they go to a filter of their own, by `estimator` and `initializer`, which rescues them.
     """
 
     poses_hz: Rate | None = None
+    switch: Switch | None = None
     min_particles: Annotated[int, Field(ge=1, le=2**28)] = 500
     max_particles: Annotated[int, Field(ge=1, le=2**28)] = 5000
     kld_error: Annotated[float, Field(ge=1e-6, le=1.0)] = 0.05
@@ -330,6 +364,22 @@ class RunConfig(Strict):
         if self.mcl is not None and self.mcl.poses_hz is not None and "poses" not in self.use:
             raise ValueError(
                 "mcl.poses_hz makes poses, which use leaves out; add 'poses' to use, or remove it"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _switch_has_something_to_switch_to(self) -> RunConfig:
+        if self.mcl is None or self.mcl.switch is None:
+            return self
+        if self.mcl.poses_hz is not None:
+            raise ValueError(
+                "both mcl.switch and mcl.poses_hz are given; expected one of them: the pose EKF of "
+                "poses_hz fuses ranges and positions itself"
+            )
+        if not {"ranges", "positions"} & set(self.use):
+            raise ValueError(
+                "mcl.switch needs ranges or positions, which use leaves out; add them to use, or "
+                "remove the switch"
             )
         return self
 

@@ -17,6 +17,7 @@ from locfuse.config.build import (
     build_estimator_config,
     build_initializer_config,
     build_mcl_config,
+    build_switching_config,
 )
 from locfuse.config.load import parse_config
 from locfuse.config.schema import (
@@ -31,6 +32,7 @@ from locfuse.config.schema import (
     Position,
     Range,
     RunConfig,
+    Switch,
 )
 from support_runs import ROOT, room
 
@@ -38,6 +40,7 @@ PAIRS: dict[str, tuple[type[BaseModel], type[Any], str]] = {
     "Estimator": (Estimator, _core.PoseEkfConfig, "estimators/pose_ekf.hpp"),
     "Initializer": (Initializer, _core.InitializerConfig, "estimators/initializer.hpp"),
     "Mcl": (Mcl, _core.MclConfig, "estimators/mcl.hpp"),
+    "Switch": (Switch, _core.SwitchingMclConfig, "estimators/switching_mcl.hpp"),
     "LikelihoodField": (
         LikelihoodField,
         _core.LikelihoodFieldConfig,
@@ -55,7 +58,7 @@ PAIRS: dict[str, tuple[type[BaseModel], type[Any], str]] = {
     "Position": (Position, _core.PositionConfig, "models/measurement/position.hpp"),
 }
 OF_THE_RUN = {
-    "Mcl": {"poses_hz", "seed", "likelihood"}
+    "Mcl": {"poses_hz", "switch", "seed", "likelihood"}
 }  # keys that say more, or other things, than the struct
 
 
@@ -85,6 +88,7 @@ BUILDERS: dict[str, Callable[[Any], Any]] = {
     "Estimator": build_estimator_config,
     "Initializer": build_initializer_config,
     "Mcl": lambda mcl: build_mcl_config(mcl, _core.MclConfig().seed),
+    "Switch": build_switching_config,
 }
 LEAVES = [
     (root, *path)
@@ -141,6 +145,10 @@ ALLOWED = {
     ("Mcl", "scout_draws"): 700,
     ("Mcl", "kidnapping_probability"): 0.25,
     ("Mcl", "field", "sigma_hit_m"): 0.25,
+    ("Switch", "sigma_sure_m"): 0.4,
+    ("Switch", "sigma_sure_rad"): 0.25,
+    ("Switch", "uwb_sigma_m"): 0.125,
+    ("Switch", "uwb_sigma_rad"): 0.125,
 }
 
 
@@ -187,6 +195,9 @@ def core_accepts(leaf: tuple[str, ...], value: float) -> bool:
             _core.Mcl(config, COARSE, 0, nothing)
         elif isinstance(config, _core.InitializerConfig):
             _core.Initializer(config, _core.PoseEkfConfig(), nothing, [], None)
+        elif isinstance(config, _core.SwitchingMclConfig):
+            uwb = _core.RecoveringEkf(_core.RecoveringEkfConfig(), nothing)
+            _core.SwitchingMcl(config, _core.Mcl(_core.MclConfig(), COARSE, 0), uwb)
         else:
             start = _core.PoseEstimate(0, _core.Pose2(), np.eye(3))
             _core.PoseEkf(config, nothing, [], start)
@@ -197,7 +208,7 @@ def core_accepts(leaf: tuple[str, ...], value: float) -> bool:
 
 @pytest.mark.parametrize("leaf", LEAVES, ids=".".join)
 def test_the_schema_refuses_what_the_core_refuses_and_nothing_else(leaf: tuple[str, ...]) -> None:
-    values = [-math.inf, -1e9, -1.0, -1e-12, -0.0, 0.0, 1e-12, 0.5, math.nextafter(0.5, 1.0), 1.0,
+    values = [-math.inf, -1e9, -1.0, -1e-12, -0.0, 0.0, 1e-12, 0.25, 0.5, math.nextafter(0.5, 1.0), 1.0,
               math.nextafter(1.0, 2.0), 100.0, 3600.0, 1e6, 1e12, math.inf, math.nan]  # fmt: skip
     if counts(leaf):
         values = [-1, 0, 1, 3, 4, 100, 3600, 3601, 5000, 10**9]
@@ -251,11 +262,21 @@ def test_particles_have_the_seed_of_the_run_unless_they_have_one_of_their_own() 
         ({"scout_draws": 3}, "expected scouts <= scout_draws"),
         ({"sigma_widest_m": 0.01}, "expected field.sigma_hit_m <= sigma_widest_m"),
         ({"poses_hz": 0}, "poses_hz"),
+        ({"switch": {"sigma_sure_m": 0.6}}, "expected sigma_sure_m <= sigma_unsure_m"),
+        ({"switch": {"uwb_sigma_m": 0.4}}, "expected uwb_sigma_m <= sigma_sure_m: else UWB would"),
+        ({"switch": {"uwb_sigma_rad": 0.3}}, "expected uwb_sigma_rad <= sigma_sure_rad"),
+        ({"switch": {"share": 0}}, "share"),
+        ({"switch": {}, "poses_hz": 2}, "both mcl.switch and mcl.poses_hz are given"),
     ],
 )
 def test_what_mcl_cannot_mean_is_one_sentence(mcl: dict[str, Any], said: str) -> None:
     with pytest.raises(ValueError, match=re.escape(said)):
         parse_config({"mcl": mcl})
+
+
+def test_a_switch_needs_something_to_switch_to() -> None:
+    with pytest.raises(ValueError, match=r"mcl\.switch needs ranges or positions"):
+        parse_config({"mcl": {"switch": {}}, "use": ["odometry", "poses"]})
 
 
 def test_poses_of_mcl_must_be_used() -> None:

@@ -89,6 +89,11 @@ class Mcl {
   /// 0.
   void start_with(Stamp stamp, const Matrix<4, Eigen::Dynamic>& particles);
 
+  /// Replaces a share of the particles, evenly, by draws from a pose that somebody else is sure of,
+  /// at a stamp that is not before the last message; odometry goes on. Throws
+  /// std::invalid_argument unless the covariance is positive definite and 0 < share <= 1.
+  void inject(const PoseEstimate& pose, double share = 1.0);
+
   Outcome on(const Velocity& u);
   Outcome on(const Increment& u);
   /// Weighs by the likelihood field or the beam model. kNotModelled if the body has hardly moved
@@ -102,6 +107,8 @@ class Mcl {
 
   /// The likeliest cluster, carried to where odometry ends.
   [[nodiscard]] PoseEstimate estimate() const;
+  /// The same with the covariance of all particles about their mean, whatever cluster they are in.
+  [[nodiscard]] PoseEstimate spread() const;
   /// All clusters as of the belief's stamp, the likeliest first.
   [[nodiscard]] const std::vector<PoseHypothesis>& hypotheses() const { return hypotheses_; }
   /// Whether one cluster has all but 1 - probability_ready, and is narrow.
@@ -140,6 +147,7 @@ class Mcl {
   void settle(const LaserScan* scan = nullptr);
   bool settle_by_match(const LaserScan& z, const Pose2& motion_in_cells);
   static PoseEstimate carried(const PoseEstimate& from, const UncertainMotion& by, Stamp stamp);
+  void draw_near(int begin, int end, const PoseEstimate& pose, std::uint64_t key);
   void draw_free(ParticleBelief& belief, int k, std::uint64_t key) const;
   void summarize();
   void roughen();

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "locfuse/estimators/mcl.hpp"
+#include "locfuse/estimators/switching_mcl.hpp"
 #include "locfuse/replay/message_log.hpp"
 
 namespace locfuse {
@@ -17,6 +18,7 @@ struct LocalizeRun {
     double explained;       ///< share of the scan's returns that end at a wall
     int particles;
     bool ready;
+    double sigma;  ///< of all particles, in their worst direction [m]
   };
   std::vector<Outcome> outcomes;       ///< per message, in order of arrival
   std::vector<Outcome> scan_outcomes;  ///< per scan
@@ -28,6 +30,10 @@ struct LocalizeRun {
 /// belongs, however late. `progress` hears after each scan how many messages and scans are done,
 /// and may look at the Mcl.
 [[nodiscard]] LocalizeRun localize(Mcl& mcl, const MessageLog& log,
+                                   const std::vector<LaserScan>& scans,
+                                   const std::function<void(std::size_t)>& progress = {});
+/// Likewise; the estimator's `injections` tell when UWB took over.
+[[nodiscard]] LocalizeRun localize(SwitchingMcl& mcl, const MessageLog& log,
                                    const std::vector<LaserScan>& scans,
                                    const std::function<void(std::size_t)>& progress = {});
 
