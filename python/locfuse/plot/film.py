@@ -133,8 +133,9 @@ def record(config: RunConfig, result: RunResult) -> list[Frame]:
     return frames
 
 
-def _frame(mcl: _core.Mcl) -> Frame:
-    now, particles = mcl.estimate(), mcl.particles
+def _frame(mcl: _core.Mcl | _core.SwitchingMcl) -> Frame:
+    now = mcl.estimate()
+    particles = (mcl.mcl if isinstance(mcl, _core.SwitchingMcl) else mcl).particles
     step = -(-len(particles) // _MOST_PARTICLES)
     pose = np.array([now.pose.x, now.pose.y, now.pose.heading])
     return Frame(now.stamp, particles[::step].copy(), pose, mcl.ready)
