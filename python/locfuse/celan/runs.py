@@ -78,6 +78,8 @@ class Run:
         x, y [m] and heading [rad] in world.
     covariance : float64 array, shape (n, 3, 3)
         Of (x, y, heading), as the estimator states it.
+    off_map_m : float64 array, shape (n,)
+        Distance to where the robot is on its bent map.
     in_room : bool array, shape (n,)
         Whether the robot is in the room with the anchors.
     duration_s, wall_s : float
@@ -88,6 +90,7 @@ class Run:
     truth: FloatArray
     estimate: FloatArray
     covariance: FloatArray
+    off_map_m: FloatArray
     in_room: NDArray[np.bool_]
     duration_s: float
     wall_s: float
@@ -196,11 +199,14 @@ def follow(lap: Lap, setup: Setup, seed: int) -> Run:
     wall_s = time.perf_counter() - begin
     stamp_ns = np.array(stamps, np.int64)
     truth = lap.drive.pose_at(seconds(stamp_ns))
+    estimate = np.array([[e.pose.x, e.pose.y, e.pose.heading] for e in found])
+    drawn = truth[:, :2] + lap.floor.shift(truth[:, :2])
     return Run(
         stamp_ns,
         truth,
-        np.array([[e.pose.x, e.pose.y, e.pose.heading] for e in found]),
+        estimate,
         np.array([e.covariance for e in found]),
+        np.asarray(np.hypot(*(estimate[:, :2] - drawn).T)),
         lap.floor.in_open_room(truth[:, :2]),
         lap.duration_s,
         wall_s,

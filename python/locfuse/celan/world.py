@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The floor, the lap and the sensors of celan2017, sections III and IV; docs/celan.md."""
+"""The floor, the lap and the sensors of celan2017, sections III and IV; docs/accuracy.md."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -168,6 +169,7 @@ def stops(floor: Floor, rng: np.random.Generator) -> list[FloatArray]:
     return points
 
 
+@lru_cache(maxsize=2)
 def lap(seed: int) -> Lap:
     """Return a floor, a lap of it, and what the sensors say; all from one seed."""
     floor = floor_of(seed)

@@ -13,15 +13,20 @@ from locfuse.celan.world import (
     LAP_M,
     SIGMA_RANGE_M,
     SIZE_M,
+    SPEED_MPS,
     STAND_S,
     TAGS,
+    TURN_RADPS,
     UWB_RANGE_M,
     Lap,
     floor_of,
     lap,
+    stops,
+    wheels,
 )
 from locfuse.sim.sensors import point_in_world, seconds
 from locfuse.sim.space import cell_of, room_for
+from locfuse.sim.trajectory import there_and_back
 from locfuse.types import OCCUPIED, wrap_angle
 
 
@@ -31,7 +36,7 @@ def of() -> Lap:
 
 
 def test_a_seed_makes_one_lap_and_another_seed_another_one(of: Lap) -> None:
-    same, other = lap(0), lap(1)
+    same, other = lap.__wrapped__(0), lap(1)
     for table in ("odometry", "scans", "ranges"):
         for name, column in of.log[table].items():
             np.testing.assert_array_equal(column, same.log[table][name])
@@ -57,7 +62,7 @@ def test_the_map_is_right_in_the_room_with_the_anchors_and_bent_in_the_hallways(
     assert (inner != floor.true.cells).any()
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_lap_is_200_m_in_a_quarter_of_an_hour_and_ends_where_it_began(seed: int) -> None:
     of = lap(seed)
     assert of.length_m == pytest.approx(LAP_M, rel=0.05)
@@ -82,9 +87,10 @@ def test_a_lap_keeps_clear_of_walls_and_goes_around_the_floor_and_into_rooms(of:
 
 def test_wheels_drift_as_far_as_theirs() -> None:
     ends = []
-    for seed in range(8):
-        of = lap(seed)
-        table = of.log["odometry"]
+    for seed in range(9):
+        rng = np.random.default_rng(seed)
+        drive, duration_s = there_and_back(stops(floor_of(seed), rng), SPEED_MPS, TURN_RADPS, 1.0)
+        table = wheels(drive, duration_s, rng)
         heading = np.cumsum(table["dheading_rad"])
         before = heading - table["dheading_rad"]
         c, s = np.cos(before), np.sin(before)
@@ -119,22 +125,21 @@ def test_the_laser_sees_the_floor_as_it_is_not_as_it_is_drawn(of: Lap) -> None:
     assert np.nanmax(scans["ranges_m"]) <= 6.0
 
 
-def test_radios_are_heard_near_the_master_and_err_more_behind_walls() -> None:
+def test_radios_are_heard_near_the_master_and_err_more_behind_walls(of: Lap) -> None:
     inside, outside = [], []
-    for seed in range(4):
-        of = lap(seed)
-        fixes = of.fixes
-        pose = of.drive.pose_at(seconds(fixes["stamp_ns"]))
+    for one in (of, lap(1)):
+        fixes = one.fixes
+        pose = one.drive.pose_at(seconds(fixes["stamp_ns"]))
         levers = np.array([TAGS[name] for name in fixes["tag"].tolist()])
-        at = np.array([point_in_world(one[None], tuple(lever))[0]
-                       for one, lever in zip(pose, levers, strict=True)])  # fmt: skip
-        master = np.array(next(iter(of.floor.anchors.values())))
+        at = np.array([point_in_world(at_once[None], tuple(lever))[0]
+                       for at_once, lever in zip(pose, levers, strict=True)])  # fmt: skip
+        master = np.array(next(iter(one.floor.anchors.values())))
         assert (np.linalg.norm(at - master, axis=1) <= UWB_RANGE_M).all()
         off = np.column_stack([fixes["x_m"], fixes["y_m"]]) - at[:, :2]
-        in_room = of.floor.in_open_room(at[:, :2])
+        in_room = one.floor.in_open_room(at[:, :2])
         inside.append(off[in_room])
         outside.append(off[~in_room])
-        assert len(of.log["ranges"]["range_m"]) == 5 * len(off)
+        assert len(one.log["ranges"]["range_m"]) == 5 * len(off)
     per_axis = np.sqrt(np.mean(np.concatenate(inside) ** 2))
     assert 0.10 < per_axis < 0.15
     assert np.sqrt(np.mean(np.concatenate(outside) ** 2)) > 2.0 * per_axis
