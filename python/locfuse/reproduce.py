@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 
 from locfuse import _core
+from locfuse.celan import celan_claims
+from locfuse.celan import draw_pictures as draw_celan
 from locfuse.claims import Claim, Progress, absent, claim_of
 from locfuse.config.load import parse_config
 from locfuse.config.schema import RunConfig
@@ -76,6 +78,8 @@ def draw(paper: str, seeds: int, folder: Path) -> list[Path]:
         return draw_wells(folder, seeds)
     if paper == "gadau2022":
         return draw_gadau(folder, seeds)
+    if paper == "celan2017":
+        return draw_celan(folder, seeds)
     configs = example_configs()
     if paper == "landmarks" and configs is not None:
         return draw_drives(configs, folder)
@@ -313,6 +317,7 @@ PAPERS: dict[str, Callable[[int, Progress], list[Claim]]] = {
     "maps": lambda seeds, progress: map_claims(example_configs(), seeds, progress),
     "wells": wells_claims,
     "gadau2022": gadau_claims,
+    "celan2017": celan_claims,
     "landmarks": lambda seeds, progress: landmark_claims(example_configs(), seeds, progress),
     "air": lambda seeds, progress: air_claims(example_configs(), progress),
 }

@@ -409,6 +409,7 @@ SECTIONS: dict[str, type[Strict]] = {
     "### Fault `glass`": scenario.Glass,
     "### Fault `people`": scenario.People,
     "### Fault `max_range`": scenario.MaxRange,
+    "### Fault `covered`": scenario.Covered,
 }
 UNITS = {
     "_per_m": "1/m",

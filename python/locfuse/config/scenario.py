@@ -221,7 +221,7 @@ class RoomMap(Strict):
     """
 
     file: Name | None = None
-    generate: Literal["rooms", "hallways", "warehouse", "zhang"] | None = None
+    generate: Literal["rooms", "hallways", "warehouse", "zhang", "floor"] | None = None
     seed: Annotated[int, Field(ge=0)] = 0
     resolution_m: Positive = 0.05
     walls: list[Segment] = Field(default_factory=list)
@@ -416,7 +416,34 @@ class MaxRange(Strict):
     probability: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
 
 
-LaserFault: TypeAlias = Glass | People | MaxRange
+class Covered(Strict):
+    """Beams of the laser that a cover hides: none of them gives a return.
+
+    They are those from `from_deg` counter-clockwise to `to_deg`, both included, of straight ahead
+    of the laser: -180 to 0 is its right half. Between `from_s` (inclusive) and `to_s`, or always.
+    """
+
+    kind: Literal["covered"] = "covered"
+    from_deg: Annotated[float, Field(ge=-360.0, le=360.0)]
+    to_deg: Annotated[float, Field(ge=-360.0, le=360.0)]
+    from_s: NonNegative | None = None
+    to_s: NonNegative | None = None
+
+    @model_validator(mode="after")
+    def _has_an_effect(self) -> Covered:
+        if not 0.0 < self.to_deg - self.from_deg <= 360.0:
+            raise ValueError(
+                f"from_deg is {self.from_deg} and to_deg is {self.to_deg}; expected from_deg < "
+                "to_deg, and at most a full turn between them"
+            )
+        if (self.from_s is None) != (self.to_s is None):
+            raise ValueError("from_s and to_s belong together; set both or none")
+        if self.from_s is not None and self.to_s is not None:
+            _require_interval(self.from_s, self.to_s)
+        return self
+
+
+LaserFault: TypeAlias = Glass | People | MaxRange | Covered
 Fault: TypeAlias = Annotated[
     Nlos | Bias | Outliers | Dropouts | Latency | WheelSlip | SlipEpisodes | LaserFault,
     Field(discriminator="kind"),

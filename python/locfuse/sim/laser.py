@@ -7,13 +7,16 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from locfuse.config.scenario import Glass, LaserFault, LaserSensor, MaxRange, People
+from locfuse.config.scenario import Covered, Glass, LaserFault, LaserSensor, MaxRange, People
 from locfuse.sim.beams import cast
 from locfuse.sim.obstacles import clearness, hidden_by, walk
 from locfuse.sim.sensors import point_in_world, seconds
 from locfuse.sim.trajectory import Drive
-from locfuse.types import Columns, FloatArray, GridMap, StampArray
+from locfuse.types import NANOSECONDS, Columns, FloatArray, GridMap, StampArray
+
+_ROUNDING_RAD = 1e-9  # a beam on the edge of a cover is covered
 
 
 def geometry(sensor: LaserSensor) -> dict[str, Any]:
@@ -49,7 +52,7 @@ def scans(
     grid : GridMap
     sensor : LaserSensor
     rng : numpy Generator
-    faults : sequence of (Glass, People or MaxRange, numpy Generator)
+    faults : sequence of (Glass, People, MaxRange or Covered, numpy Generator)
         Each draws from its own; none changes the noise of a beam.
     discs : (float64 array, shape (k, 2), float), optional
         Middles and radius of discs that stand in the way, metres.
@@ -64,8 +67,7 @@ def scans(
     x, y, heading = seen["pose_in_body"]
     pose = drive.pose_at(seconds(stamp_ns))
     start = point_in_world(pose, (x, y, 0.0))[:, :2]
-    beam = seen["angle_min_rad"] + seen["angle_increment_rad"] * np.arange(sensor.beams)
-    direction = pose[:, 2:] + heading + beam
+    direction = pose[:, 2:] + heading + _beams(sensor)
     reach = sensor.range_max_m + 10.0 * sensor.sigma_m  # noise may bring back what is just beyond
     origin, heading_of = np.repeat(start, sensor.beams, axis=0), direction.ravel()
     glass = [(fault, child) for fault, child in faults if isinstance(fault, Glass)]
@@ -84,9 +86,44 @@ def scans(
     measured = distance + sensor.sigma_m * rng.standard_normal(direction.shape)
     lost = rng.random(direction.shape) < sensor.dropout
     lost |= (measured < sensor.range_min_m) | (measured > sensor.range_max_m)
+    for fault, _ in faults:
+        if isinstance(fault, Covered):
+            lost |= covered(stamp_ns, sensor, fault)
     ranges = np.where(lost, np.nan, measured)
     for fault, child in faults:
         if isinstance(fault, MaxRange):
             full = np.isnan(ranges) & (child.random(ranges.shape) < fault.probability)
             ranges[full] = sensor.range_max_m
     return {"stamp_ns": stamp_ns, "ranges_m": ranges}
+
+
+def covered(stamp_ns: StampArray, sensor: LaserSensor, fault: Covered) -> NDArray[np.bool_]:
+    """Return which beams a cover hides at which stamps.
+
+    Parameters
+    ----------
+    stamp_ns : int64 array, shape (n,)
+    sensor : LaserSensor
+    fault : Covered
+
+    Returns
+    -------
+    bool array, shape (n, beams)
+    """
+    after = np.mod(_beams(sensor) - np.deg2rad(fault.from_deg), 2.0 * np.pi)
+    after = np.where(after > 2.0 * np.pi - _ROUNDING_RAD, 0.0, after)
+    hidden = after <= np.deg2rad(fault.to_deg - fault.from_deg) + _ROUNDING_RAD
+    when = np.ones(len(stamp_ns), np.bool_)
+    if fault.from_s is not None and fault.to_s is not None:
+        begin, end = round(fault.from_s * NANOSECONDS), round(fault.to_s * NANOSECONDS)
+        when = (begin <= stamp_ns) & (stamp_ns < end)
+    return np.asarray(when[:, None] & hidden)
+
+
+def _beams(sensor: LaserSensor) -> FloatArray:
+    """Return the angle of each beam from straight ahead of the laser, counter-clockwise, rad."""
+    seen = geometry(sensor)
+    angle: FloatArray = seen["angle_min_rad"] + seen["angle_increment_rad"] * np.arange(
+        sensor.beams
+    )
+    return angle

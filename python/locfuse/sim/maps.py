@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Worlds to drive in, made from a seed: rooms, hallways, a warehouse, a laboratory.
+"""Worlds to drive in, made from a seed: rooms, hallways, a warehouse, a laboratory, an office.
 
 All have the frame of a room: the origin in the south-west corner, in the middle of its cell; a wall
 all around that is one cell thick; and free space of one piece.
@@ -7,7 +7,8 @@ all around that is one cell thick; and free space of one piece.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TypeAlias
 
@@ -27,6 +28,7 @@ ROOM_M = 3.0  # shortest side of a room
 HALL_M = 2.0  # width of a hallway
 GAP_M = 0.8  # kept between furniture and walls
 SHELF_M = 1.2  # two shelves back to back
+OPEN_M = 7.0  # side of the room of a floor that stands empty, and depth of the rooms beside it
 
 
 def rooms(rng: np.random.Generator, size_m: Size, resolution_m: float) -> GridMap:
@@ -199,11 +201,130 @@ def zhang(rng: np.random.Generator, size_m: Size, resolution_m: float) -> GridMa
     return grid
 
 
+@dataclass(frozen=True)
+class FloorPlan:
+    """Where walls run and doors are on a floor of an office building.
+
+    Attributes
+    ----------
+    walls : list of (x1, y1, x2, y2)
+        Inside of the outer ones, with gaps for doors, metres.
+    rooms : list of (x1, y1, x2, y2)
+        Corners of each, those of the open one first.
+    doors : list of (x, y)
+        Middle of each room's door to a hallway.
+    """
+
+    walls: list[Segment]
+    rooms: list[Box]
+    doors: list[tuple[float, float]]
+
+    @property
+    def open_room(self) -> Box:
+        return self.rooms[0]
+
+
+def floor_plan(rng: np.random.Generator, size_m: Size) -> FloorPlan:
+    """Return two long hallways joined by three across, and rooms on both sides of each.
+
+    The open room, `OPEN_M` square, is in the south-east. The seed decides where it is, how wide the
+    other rooms are, to which hallway those in the middle open, and where their doors are.
+
+    Parameters
+    ----------
+    rng : numpy Generator
+    size_m : (width, depth)
+        At least 40 m x 21 m.
+
+    Raises
+    ------
+    ValueError
+        If the size is out of bounds.
+    """
+    _check("floor", size_m, COARSEST_M, (40.0, 3.0 * OPEN_M))
+    width, depth = size_m
+    south, north = OPEN_M, depth - OPEN_M
+    begin = width - OPEN_M - rng.uniform(4.0, 8.0)
+    across = rng.uniform(0.4, 0.5) * width
+    rooms: list[Box] = [(begin, 0.0, begin + OPEN_M, south)]
+    sides = [south]  # on which of its walls each room's door is
+    for low, high in ((0.0, begin), (begin + OPEN_M, width)):
+        rooms += [(x1, 0.0, x2, south) for x1, x2 in _shares(rng, low, high)]
+    rooms += [(x1, north, x2, depth) for x1, x2 in _shares(rng, 0.0, width)]
+    sides += [south if room[1] == 0.0 else north for room in rooms[1:]]
+    south, north = south + HALL_M, north - HALL_M
+    for low, high in ((HALL_M, across), (across + HALL_M, width - HALL_M)):
+        inner = [(x1, south, x2, north) for x1, x2 in _shares(rng, low, high)]
+        rooms += inner
+        sides += [south if rng.random() < 0.5 else north for _ in inner]
+    doors = [(rng.uniform(x1 + DOOR_M, x2 - DOOR_M), side)
+             for (x1, _, x2, _), side in zip(rooms, sides, strict=True)]  # fmt: skip
+    walls = [wall for room, door in zip(rooms, doors, strict=True) for wall in _around(room, door)]
+    return FloorPlan(walls, rooms, doors)
+
+
+def floor(rng: np.random.Generator, size_m: Size, resolution_m: float) -> GridMap:
+    """Return a floor as `floor_plan` plans it, with tables in all rooms but the open one.
+
+    The open room has a cupboard at its southern wall.
+
+    Parameters
+    ----------
+    rng : numpy Generator
+    size_m : (width, depth)
+        At least 40 m x 21 m.
+    resolution_m : float
+        At most `COARSEST_M`.
+
+    Raises
+    ------
+    ValueError
+        If the size or the resolution is out of bounds.
+    """
+    _check("floor", size_m, resolution_m, (40.0, 3.0 * OPEN_M))
+    return furnished(floor_plan(rng, size_m), rng, size_m, resolution_m)
+
+
+def furnished(
+    plan: FloorPlan, rng: np.random.Generator, size_m: Size, resolution_m: float
+) -> GridMap:
+    """Return the map of a planned floor, with furniture from a seed."""
+    grid = room_grid(size_m, plan.walls, resolution_m)
+    for room in plan.rooms[1:]:
+        _furnish(rng, grid, room)
+    x1, y1, x2, _ = plan.open_room
+    at = rng.uniform(x1 + 1.0, x2 - 2.2)
+    grid.cells[_inside(grid.cells, resolution_m, (at, y1, at + 1.2, y1 + 0.5))] = OCCUPIED
+    return grid
+
+
+def _shares(rng: np.random.Generator, low: float, high: float) -> list[tuple[float, float]]:
+    """Return neighbours of 4 m to 8 m, or of less in between less than 8 m."""
+    ends = [low]
+    while high - ends[-1] > 8.0:
+        ends.append(ends[-1] + rng.uniform(4.0, min(8.0, high - ends[-1] - 4.0)))
+    return list(pairwise([*ends, high]))
+
+
+def _around(room: Box, door: tuple[float, float]) -> Iterator[Segment]:
+    """Yield the walls of a room, that of its door in two parts."""
+    x1, y1, x2, y2 = room
+    yield (x1, y1, x1, y2)
+    yield (x2, y1, x2, y2)
+    for y in (y1, y2):
+        if y == door[1]:
+            yield (x1, y, door[0] - 0.5 * DOOR_M, y)
+            yield (door[0] + 0.5 * DOOR_M, y, x2, y)
+        else:
+            yield (x1, y, x2, y)
+
+
 GENERATORS: Mapping[str, Generator] = {
     "rooms": rooms,
     "hallways": hallways,
     "warehouse": warehouse,
     "zhang": zhang,
+    "floor": floor,
 }
 
 

@@ -149,13 +149,34 @@ def roam(grid: GridMap, path: Roam, rng: np.random.Generator) -> Iterator[FloatA
             f"simulation.path: a robot with clearance_m {path.clearance_m} has no room to roam on "
             "the map; expected free space of some cells"
         )
-    walls = GridMap(np.where(room, FREE, OCCUPIED).astype(np.int8), grid.resolution_m, grid.origin)
     here = places[rng.integers(len(places))]
     yield middle_of(grid, here[None])[0]
     while True:
         there = places[rng.integers(len(places))]
-        yield from _corners(walls, _way(room, here, there))
+        yield from way(grid, room, here, there)
         here = there
+
+
+def way(
+    grid: GridMap, room: Cells, here: NDArray[np.int64], there: NDArray[np.int64]
+) -> Iterator[FloatArray]:
+    """Yield the points at which a way from cell to cell turns, the end included, not the start.
+
+    Parameters
+    ----------
+    grid : GridMap
+    room : bool array, shape (height, width)
+        Where the way may lead; it must join the two.
+    here, there : int64 arrays, shape (2,)
+        Row and column.
+
+    Yields
+    ------
+    float64 array, shape (2,)
+        x and y in world, metres; each is seen from the one before, past what has no room.
+    """
+    walls = GridMap(np.where(room, FREE, OCCUPIED).astype(np.int8), grid.resolution_m, grid.origin)
+    yield from _corners(walls, _way(room, here, there))
 
 
 def _way(room: Cells, here: NDArray[np.int64], there: NDArray[np.int64]) -> NDArray[np.int64]:

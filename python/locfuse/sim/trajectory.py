@@ -244,12 +244,47 @@ def _along(points: Iterator[FloatArray], path: Waypoints | Roam, duration_s: flo
     elapsed = 0.0
     while elapsed < duration_s:
         bearing = math.atan2(*(target - position)[::-1])
-        turn = float(wrap_angle(bearing - heading))
-        steps = [
-            (abs(turn) / path.turn_rate_radps, 0.0, math.copysign(path.turn_rate_radps, turn)),
-            (math.dist(position, target) / path.speed_mps, path.speed_mps, 0.0),
-        ]
-        motions += [step for step in steps if step[0] > _LEAST_S]
-        elapsed += steps[0][0] + steps[1][0]
+        steps = _leg(math.dist(position, target), bearing - heading, path.speed_mps,
+                     path.turn_rate_radps)  # fmt: skip
+        motions += steps
+        elapsed += sum(seconds for seconds, _, _ in steps)
         position, target, heading = target, next(points), bearing
     return drive_of(begin, motions)
+
+
+def there_and_back(
+    points: Sequence[FloatArray], speed_mps: float, turn_rate_radps: float, stand_s: float
+) -> tuple[Drive, float]:
+    """Return the drive from point to point that ends as it began, and how long it takes.
+
+    It turns in place the short way, drives straight, and stands at the end.
+
+    Parameters
+    ----------
+    points : sequence of float64 arrays, shape (2,)
+        x and y in world, metres; the last is the first.
+    speed_mps, turn_rate_radps, stand_s : float
+
+    Raises
+    ------
+    ValueError
+        If the last point is not the first, or there are less than three.
+    """
+    if len(points) < 3 or not np.array_equal(points[0], points[-1]):
+        raise ValueError(f"{len(points)} points, expected three or more, the last being the first")
+    step = np.diff(np.array(points), axis=0)
+    bearing = np.arctan2(step[:, 1], step[:, 0])
+    turn = np.diff(bearing, prepend=bearing[0])
+    motions = [motion for length, by in zip(np.hypot(*step.T).tolist(), turn.tolist(), strict=True)
+               for motion in _leg(length, by, speed_mps, turn_rate_radps)]  # fmt: skip
+    motions += _leg(0.0, float(bearing[0] - bearing[-1]), speed_mps, turn_rate_radps)
+    motions.append((stand_s, 0.0, 0.0))
+    start = (float(points[0][0]), float(points[0][1]), float(bearing[0]))
+    return drive_of(start, motions), sum(seconds for seconds, _, _ in motions)
+
+
+def _leg(length: float, turn: float, speed: float, rate: float) -> list[Motion]:
+    """Return a turn in place the short way, then a straight."""
+    turn = float(wrap_angle(turn))
+    steps = [(abs(turn) / rate, 0.0, math.copysign(rate, turn)), (length / speed, speed, 0.0)]
+    return [step for step in steps if step[0] > _LEAST_S]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from locfuse.config.load import parse_config
-from locfuse.config.scenario import LaserSensor, Scenario
+from locfuse.config.scenario import Covered, LaserSensor, MaxRange, Scenario
 from locfuse.io.log_folder import read_log, write_log
 from locfuse.io.maps import write_map
 from locfuse.run import run
@@ -217,3 +217,79 @@ def test_a_laser_that_cannot_be_is_refused(case: str) -> None:
     changes, text = REFUSED[case]
     with pytest.raises(ConfigError, match=text):
         parse_config({"simulation": changes})
+
+
+# Covers --------------------------------------------------------------------------------------
+
+
+def under(fault: dict[str, Any], **keys: Any) -> FloatArray:
+    """Return two scans, at 0 s and 1 s, from the middle of a room, with a cover."""
+    sensor = EXACT.model_copy(update={"beams": 8} | keys)
+    standing = drive_of((5.0, 5.0, 0.7), [(1.0, 0.0, 0.0)])
+    cover = Covered.model_validate({"kind": "covered"} | fault)
+    seen = laser.scans(standing, stamps(1.0, 1.0), ROOM, sensor, rng(), [(cover, rng())])
+    return np.asarray(seen["ranges_m"], dtype=np.float64)
+
+
+def test_the_right_half_is_covered_and_the_rest_is_as_it_was() -> None:
+    bare = laser.scans(drive_of((5.0, 5.0, 0.7), [(1.0, 0.0, 0.0)]), stamps(1.0, 1.0), ROOM,
+                       EXACT.model_copy(update={"beams": 8}), rng())["ranges_m"]  # fmt: skip
+    seen = under({"from_deg": -180, "to_deg": 0})  # beams at -180, -135, .. 135
+    assert np.isnan(seen[:, :5]).all()
+    np.testing.assert_array_equal(seen[:, 5:], bare[:, 5:])
+
+
+@pytest.mark.parametrize(
+    ("edges", "hidden"),
+    [((135, 225), [0, 1, 7]), ((-225, -135), [0, 1, 7]), ((-180, 180), list(range(8))),
+     ((10, 40), []), ((45, 45.0001), [5])],
+)  # fmt: skip
+def test_a_cover_may_reach_over_the_back(edges: tuple[float, float], hidden: list[int]) -> None:
+    seen = under({"from_deg": edges[0], "to_deg": edges[1]})
+    assert np.flatnonzero(np.isnan(seen[0])).tolist() == hidden
+
+
+def test_a_cover_is_on_the_same_side_of_a_laser_that_hangs_upside_down() -> None:
+    seen = under({"from_deg": 30, "to_deg": 60}, mounting="upside_down")
+    angle = laser.geometry(EXACT.model_copy(update={"beams": 8, "mounting": "upside_down"}))
+    left = angle["angle_min_rad"] + angle["angle_increment_rad"] * np.arange(8)
+    np.testing.assert_array_equal(np.isnan(seen[0]), np.isclose(left, math.pi / 4))
+
+
+def test_a_cover_may_be_taken_off() -> None:
+    seen = under({"from_deg": -180, "to_deg": 180, "from_s": 0.5, "to_s": 2})
+    assert not np.isnan(seen[0]).any()
+    assert np.isnan(seen[1]).all()
+
+
+def test_what_is_covered_may_read_the_maximum() -> None:
+    cover, full = Covered(from_deg=-180, to_deg=0), MaxRange()
+    standing = drive_of((5.0, 5.0, 0.7), [(1.0, 0.0, 0.0)])
+    seen = laser.scans(standing, stamps(1.0, 0.0), ROOM, EXACT, rng(),
+                       [(full, rng()), (cover, rng())])  # fmt: skip
+    assert (seen["ranges_m"][0, :3] == EXACT.range_max_m).all()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "text"),
+    [
+        ({"from_deg": 0, "to_deg": 0}, "expected from_deg < to_deg"),
+        ({"from_deg": -180, "to_deg": 181}, "at most a full turn"),
+        ({"from_deg": 0, "to_deg": 90, "from_s": 1}, "belong together"),
+        ({"from_deg": 0, "to_deg": 90, "from_s": 2, "to_s": 1}, "from_s < to_s"),
+    ],
+)
+def test_covers_that_make_no_sense_are_refused(wrong: dict[str, float], text: str) -> None:
+    with pytest.raises(ValueError, match=text):
+        Covered.model_validate({"kind": "covered"} | wrong)
+
+
+def test_a_configuration_may_cover_the_laser() -> None:
+    config = parse_config({"simulation": {
+        "duration_s": 2, "laser": {"range_max_m": 12}, "map": {},
+        "faults": [{"kind": "covered", "from_deg": -180, "to_deg": 0}],
+    }})  # fmt: skip
+    assert config.simulation is not None
+    ranges = simulate(config.simulation, rng())["scans"]["ranges_m"]
+    assert np.isnan(ranges[:, :181]).all()
+    assert np.isfinite(ranges[:, 181:]).any()

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from locfuse.config.scenario import RoomMap
-from locfuse.sim.maps import GENERATORS
+from locfuse.sim.maps import GENERATORS, OPEN_M, floor_plan, furnished
 from locfuse.sim.space import largest_part, room_for
 from locfuse.types import GridMap
 
@@ -20,6 +20,7 @@ SIZES = {
     "hallways": [(8.0, 4.0), (40.0, 20.0), (9.0, 30.0)],
     "warehouse": [(10.0, 10.0), (30.0, 25.0), (21.7, 40.3)],
     "zhang": [(8.0, 8.0), (10.0, 10.0), (14.0, 9.0)],
+    "floor": [(40.0, 21.0), (50.0, 25.0), (43.3, 27.1)],
 }
 CASES = [(name, size) for name, sizes in SIZES.items() for size in sizes]
 
@@ -101,6 +102,26 @@ def test_hallways_are_long_and_show_little() -> None:
     cells = make("hallways", (40.0, 20.0), 1).cells
     longest = (cells == 0).sum(axis=1).max()
     assert 0.1 * longest == pytest.approx(39.0, abs=0.2)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_every_room_of_a_floor_has_a_door_and_one_room_stands_open(seed: int) -> None:
+    size = (50.0, 25.0)
+    rng = np.random.default_rng(seed)
+    plan = floor_plan(rng, size)
+    grid = furnished(plan, rng, size, 0.05)
+    assert len(plan.doors) == len(plan.rooms) > 15
+    for x, y in plan.doors:
+        column, row = np.floor(grid.to_grid(np.array([x, y]))).astype(int)
+        assert (grid.cells[row - 4 : row + 5, column - 8 : column + 9] == 0).all()
+    x1, y1, x2, y2 = plan.open_room
+    assert x2 - x1 == pytest.approx(OPEN_M)
+    assert y2 - y1 == OPEN_M
+    (left, bottom), (right, top) = np.floor(grid.to_grid(np.array([[x1, y1], [x2, y2]]))).astype(
+        int
+    )
+    open_ = grid.cells[bottom + 1 : top, left + 1 : right] == 0
+    assert 0.95 < open_.mean() < 1.0, "a cupboard"
 
 
 def test_a_configuration_can_ask_for_every_world() -> None:

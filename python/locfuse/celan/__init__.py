@@ -1,0 +1,19 @@
+# SPDX-License-Identifier: Apache-2.0
+"""celan2017: a floor scrubber on a lap of an office floor, its LiDAR covered, and UWB."""
+
+from __future__ import annotations
+
+from locfuse.celan.comparison import laps, setup_claims, speed_claim
+from locfuse.celan.eight import eight_claims
+from locfuse.celan.pictures import draw_pictures
+from locfuse.celan.runs import SETUPS
+from locfuse.claims import Claim, Progress
+
+__all__ = ["celan_claims", "draw_pictures"]
+
+
+def celan_claims(seeds: int, progress: Progress) -> list[Claim]:
+    """Return all rows: Table II, its laps, Table III."""
+    runs = laps(seeds, progress)
+    claims = [claim for name in SETUPS for claim in setup_claims(name, runs[name])]
+    return [*claims, speed_claim(runs["lidar"]), *eight_claims(seeds)]

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Table II beside ours, over seeds: how far off each set-up is at the end and along the lap."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
+
+import numpy as np
+
+from locfuse.celan.runs import LOST_M, SETUPS, Run, follow
+from locfuse.celan.world import lap
+from locfuse.claims import Claim, Progress, claim_of
+
+# Table II: total [m], heading [deg]; x and y [m].
+PAPER = {"odometry": (18.96, 38.68), "lidar": (0.78, 3.86), "covered": (2.22, 15.14)}
+PAPER_XY = {"odometry": (8.62, 16.89), "lidar": (-0.77, -0.08), "covered": (0.91, -2.03)}
+REQUIRED = {"lidar": (0.20, 2.0)}
+REAL_TIME = 100.0  # times that a replay is at least as fast
+NEAR_M = 0.5
+
+
+@cache  # rows and pictures show the same runs
+def runs_of(seed: int) -> dict[str, Run]:
+    """Return the runs of all set-ups on the lap of a seed."""
+    of = lap(seed)
+    return {name: follow(of, setup, seed) for name, setup in SETUPS.items()}
+
+
+def laps(seeds: int, progress: Progress = lambda done, total: None) -> dict[str, list[Run]]:
+    """Return the runs of each set-up on the laps of seeds 0 to seeds - 1."""
+    every = []
+    for seed in range(seeds):
+        every.append(runs_of(seed))
+        progress(seed + 1, seeds)
+    return {name: [runs[name] for runs in every] for name in SETUPS}
+
+
+def setup_claims(name: str, runs: Sequence[Run]) -> Iterator[Claim]:
+    """Yield the rows of one set-up."""
+    key, what = f"celan_{name}", f"{SETUPS[name].text}: "
+    ends = np.array([run.end for run in runs])
+    total, heading = np.hypot(ends[:, 0], ends[:, 1]), np.abs(np.rad2deg(ends[:, 2]))
+    theirs = PAPER.get(name, (None, None))
+    bounds = REQUIRED.get(name)
+    if name == "odometry":  # not better, not worse: a drift like theirs
+        low, high = 0.5 * PAPER[name][0], 2.0 * PAPER[name][0]
+        yield claim_of(f"{key}_end", f"{what}error at the end", "m", theirs[0], total,
+                       f"{low:.0f}..{high:.0f}", lambda v: low <= v <= high)  # fmt: skip
+        turn = 0.5 * PAPER[name][1], 2.0 * PAPER[name][1]
+        yield claim_of(f"{key}_end_heading", f"{what}heading at the end", "deg", theirs[1], heading,
+                       f"{turn[0]:.0f}..{turn[1]:.0f}",
+                       lambda v: turn[0] <= v <= turn[1])  # fmt: skip
+    else:
+        yield _at_most(f"{key}_end", f"{what}error at the end", "m", theirs[0], total,
+                       None if bounds is None else bounds[0])  # fmt: skip
+        yield _at_most(f"{key}_end_heading", f"{what}heading at the end", "deg",
+                       theirs[1], heading,
+                       None if bounds is None else bounds[1])  # fmt: skip
+    if name in PAPER:
+        for axis, letter in enumerate("xy"):
+            yield _at_most(f"{key}_end_{letter}", f"{what}|{letter}| at the end", "m",
+                           abs(PAPER_XY[name][axis]), np.abs(ends[:, axis]))  # fmt: skip
+    if name == "odometry":
+        return
+    yield _at_most(f"{key}_median", f"{what}median error of a lap", "m", None,
+                   [float(np.median(run.off_m)) for run in runs])  # fmt: skip
+    yield _at_most(f"{key}_p95", f"{what}95 % of a lap are within", "m", None,
+                   [float(np.quantile(run.off_m, 0.95)) for run in runs])  # fmt: skip
+    yield _at_most(f"{key}_map_p95", f"{what}95 % of a lap, on the bent map", "m", None,
+                   [float(np.quantile(run.off_map_m, 0.95)) for run in runs])  # fmt: skip
+    yield _at_most(f"{key}_lost", f"{what}more than {LOST_M:g} m off for", "s", None,
+                   [run.lost_s() for run in runs])  # fmt: skip
+    near = [float(np.mean(run.off_m[run.in_room] <= NEAR_M)) for run in runs]
+    yield _at_most(f"{key}_room", f"{what}within {NEAR_M:g} m where the anchors are", "%", None,
+                   100.0 * np.array(near))  # fmt: skip
+    if SETUPS[name].uwb != "none":
+        return
+    for axis, side in enumerate(("ahead", "to the side")):
+        yield _at_most(f"{key}_sigma_{axis}", f"{what}largest sigma {side}", "m", None,
+                       [float(run.sigma_in_body[:, axis].max()) for run in runs])  # fmt: skip
+
+
+def speed_claim(runs: Sequence[Run]) -> Claim:
+    """Return how many times faster than real time a lap replays."""
+    return claim_of("celan_speed", "LiDAR: real time / replay", "1", None,
+                    [run.duration_s / run.wall_s for run in runs], f">= {REAL_TIME:g}",
+                    lambda v: v >= REAL_TIME)  # fmt: skip
+
+
+def _at_most(
+    id: str, claim: str, unit: str, paper: float | None, values: Iterable[float],
+    limit: float | None = None,
+) -> Claim:  # fmt: skip
+    return claim_of(id, claim, unit, paper, values, "-" if limit is None else f"<= {limit:g}",
+                    lambda v: limit is None or v <= limit)  # fmt: skip

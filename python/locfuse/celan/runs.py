@@ -1,0 +1,300 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the scrubber believes along a lap, by each set-up of Table II and some of ours."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal, Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locfuse import _core
+from locfuse.celan.world import LASER, TAGS, Lap
+from locfuse.config.scenario import Covered
+from locfuse.sim import laser
+from locfuse.sim.sensors import seconds
+from locfuse.start import scans_of
+from locfuse.types import Columns, FloatArray, Log, StampArray, wrap_angle
+
+Message: TypeAlias = _core.Increment | _core.LaserScan | _core.PoseObservation | _core.Range
+Uwb: TypeAlias = Literal["none", "poses", "ranges"]
+
+SIGMA_START = (0.02, 0.02, np.deg2rad(1.0))  # of the mark on the floor on which it is parked
+PARTICLES = 2000
+# Of the wheels as a user may know them: wide enough for what they get wrong all the time.
+SIGMAS = {
+    "sigma_longitudinal_per_sqrt_m": 0.05,
+    "sigma_lateral_per_sqrt_m": 0.02,
+    "sigma_heading_per_sqrt_m": 0.03,
+    "sigma_heading_per_sqrt_rad": 0.05,
+}
+SIGMA_UWB_M = 0.25  # of a range: its noise and what its calibration leaves
+LOST_M = 1.0
+BLIND_S = 120.0
+
+
+class Estimator(Protocol):
+    """What takes messages in order of time and says where the body is."""
+
+    def on(self, message: Message, /) -> object: ...
+    def estimate(self) -> _core.PoseEstimate: ...
+
+
+@dataclass(frozen=True)
+class Setup:
+    """How a lap is localized.
+
+    Attributes
+    ----------
+    text : str
+    make : callable
+        Takes the lap, the pose it is told at the start, and a seed; returns an `Estimator`.
+    cover : callable, optional
+        Takes the lap and returns what covers the laser.
+    uwb : str
+        What it is given of the radios.
+    scans : bool
+        Whether it is given scans.
+    """
+
+    text: str
+    make: Callable[[Lap, _core.PoseEstimate, int], Estimator]
+    cover: Callable[[Lap], Covered] | None = None
+    uwb: Uwb = "none"
+    scans: bool = True
+
+
+@dataclass(frozen=True)
+class Run:
+    """What was believed at each scan of a lap.
+
+    Attributes
+    ----------
+    stamp_ns : int64 array, shape (n,)
+    truth, estimate : float64 arrays, shape (n, 3)
+        x, y [m] and heading [rad] in world.
+    covariance : float64 array, shape (n, 3, 3)
+        Of (x, y, heading), as the estimator states it.
+    off_map_m : float64 array, shape (n,)
+        Distance to where the robot is on its bent map.
+    in_room : bool array, shape (n,)
+        Whether the robot is in the room with the anchors.
+    duration_s, wall_s : float
+        Of the lap, and that its replay took.
+    """
+
+    stamp_ns: StampArray
+    truth: FloatArray
+    estimate: FloatArray
+    covariance: FloatArray
+    off_map_m: FloatArray
+    in_room: NDArray[np.bool_]
+    duration_s: float
+    wall_s: float
+
+    @property
+    def off_m(self) -> FloatArray:
+        """Error of position, shape (n,)."""
+        return np.asarray(np.hypot(*(self.estimate - self.truth)[:, :2].T))
+
+    @property
+    def end(self) -> FloatArray:
+        """Estimate minus truth at the end: x, y [m], heading [rad]."""
+        off = self.estimate[-1] - self.truth[-1]
+        return np.array([off[0], off[1], wrap_angle(off[2])])
+
+    @property
+    def sigma_in_body(self) -> FloatArray:
+        """Standard deviations ahead and to the side, shape (n, 2), as Fig. 14 has their squares."""
+        c, s = np.cos(self.estimate[:, 2]), np.sin(self.estimate[:, 2])
+        turn = np.stack([np.stack([c, s], -1), np.stack([-s, c], -1)], axis=1)
+        turned = turn @ self.covariance[:, :2, :2] @ turn.swapaxes(1, 2)
+        return np.asarray(np.sqrt(np.diagonal(turned, axis1=1, axis2=2)))
+
+    def lost_s(self) -> float:
+        """Return for how long the error was above `LOST_M`."""
+        return float(np.mean(self.off_m > LOST_M)) * self.duration_s
+
+
+class Wheels:
+    """Odometry alone."""
+
+    def __init__(self, start: _core.PoseEstimate) -> None:
+        self._motion = _core.OdometryMotion(sigmas())
+        self._start = start
+        self._pose, self._stamp = start.pose, start.stamp
+
+    def on(self, message: Message, /) -> None:
+        if isinstance(message, _core.Increment):
+            self._pose = self._pose * message.motion
+            self._stamp = message.stamp
+
+    def estimate(self) -> _core.PoseEstimate:
+        return _core.PoseEstimate(self._stamp, self._pose, self._start.covariance)
+
+
+def sigmas() -> _core.OdometryConfig:
+    """Return the noise of the wheels as estimators know it."""
+    config = _core.OdometryConfig()
+    for name, value in SIGMAS.items():
+        setattr(config, name, value)
+    return config
+
+
+def mcl(lap: Lap, start: _core.PoseEstimate, seed: int) -> _core.Mcl:
+    """Return `Mcl` on the robot's map, at the pose that it is told."""
+    config = _core.MclConfig()
+    config.min_particles = config.max_particles = PARTICLES
+    config.seed = seed
+    config.odometry = sigmas()
+    config.range.sigma_m = SIGMA_UWB_M
+    floor = lap.floor
+    anchors = _core.AnchorMap([_core.Anchor(k, list(at))
+                               for k, at in enumerate(floor.anchors.values())])  # fmt: skip
+    tags = [_core.Tag(k, list(at)) for k, at in enumerate(TAGS.values())]
+    made = _core.Mcl(config, floor.map.occupancy_grid(), start.stamp, anchors, tags)
+    made.start_at([_core.PoseHypothesis(start)])
+    return made
+
+
+def half(lap: Lap) -> Covered:
+    """Return the cardboard of Fig. 12, over the right half."""
+    return Covered(from_deg=-180.0, to_deg=0.0)
+
+
+def blind(lap: Lap) -> Covered:
+    """Return a cover over all of the laser at the end of a lap, as an open hall would be."""
+    return Covered(from_deg=-180.0, to_deg=180.0, from_s=lap.duration_s - BLIND_S,
+                   to_s=lap.duration_s + 1.0)  # fmt: skip
+
+
+SETUPS: Mapping[str, Setup] = {
+    "odometry": Setup("odometry", lambda lap, start, seed: Wheels(start), scans=False),
+    "lidar": Setup("LiDAR", mcl),
+    "covered": Setup("half of the LiDAR covered", mcl, half),
+    "covered_poses": Setup("half covered, UWB poses always", mcl, half, "poses"),
+    "covered_ranges": Setup("half covered, UWB ranges always", mcl, half, "ranges"),
+    "blind": Setup("no LiDAR at the end", mcl, blind),
+    "blind_poses": Setup("no LiDAR at the end, UWB poses always", mcl, blind, "poses"),
+    "blind_ranges": Setup("no LiDAR at the end, UWB ranges always", mcl, blind, "ranges"),
+}
+
+
+def follow(lap: Lap, setup: Setup, seed: int) -> Run:
+    """Replay a lap by a set-up."""
+    told = told_start(lap, seed)
+    given = list(messages(lap, setup))
+    stamps, found = [], []
+    begin = time.perf_counter()
+    estimator = setup.make(lap, told, seed)
+    for is_scan, message in given:
+        if not is_scan or setup.scans:
+            estimator.on(message)
+        if is_scan:
+            stamps.append(message.stamp)
+            found.append(estimator.estimate())
+    wall_s = time.perf_counter() - begin
+    stamp_ns = np.array(stamps, np.int64)
+    truth = lap.drive.pose_at(seconds(stamp_ns))
+    estimate = np.array([[e.pose.x, e.pose.y, e.pose.heading] for e in found])
+    drawn = truth[:, :2] + lap.floor.shift(truth[:, :2])
+    return Run(
+        stamp_ns,
+        truth,
+        estimate,
+        np.array([e.covariance for e in found]),
+        np.asarray(np.hypot(*(estimate[:, :2] - drawn).T)),
+        lap.floor.in_open_room(truth[:, :2]),
+        lap.duration_s,
+        wall_s,
+    )
+
+
+def told_start(lap: Lap, seed: int) -> _core.PoseEstimate:
+    """Return the pose of the mark on the floor, off by as much as its covariance says."""
+    off = SIGMA_START * np.random.default_rng([seed, 2]).standard_normal(3)
+    x, y, heading = (lap.drive.pose_at(0.0)[0] + off).tolist()
+    return _core.PoseEstimate(0, _core.Pose2(x, y, _core.wrap_angle(heading)),
+                              np.diag(np.square(SIGMA_START)))  # fmt: skip
+
+
+def messages(lap: Lap, setup: Setup) -> Iterator[tuple[bool, Message]]:
+    """Yield whether it is a scan, and each message, in order of the stamps where they take effect.
+
+    An increment takes effect where it begins; at equal stamps scans come last.
+    """
+    scans = scans_of(lap.log if setup.cover is None else _covered(lap, setup.cover(lap)))
+    rows: list[tuple[int, bool, Message]] = [(z.stamp, True, z) for z in scans]
+    rows += [(u.begin, False, u) for u in increments(lap.log["odometry"])]
+    if setup.uwb == "poses":
+        rows += [(z.stamp, False, z) for z in tag_poses(lap.fixes)]
+    elif setup.uwb == "ranges":
+        rows += [(z.stamp, False, z) for z in _ranges(lap)]
+    rows.sort(key=lambda row: row[:2])
+    yield from (row[1:] for row in rows)
+
+
+def _covered(lap: Lap, cover: Covered) -> Log:
+    scans = lap.log["scans"]
+    hidden = laser.covered(scans["stamp_ns"], LASER, cover)
+    table = {**scans, "ranges_m": np.where(hidden, np.nan, scans["ranges_m"])}
+    return replace(lap.log, tables={**lap.log.tables, "scans": table})
+
+
+def increments(odometry: Columns) -> Iterator[_core.Increment]:
+    """Yield the motions of a table of odometry."""
+    stamps = odometry["stamp_ns"].tolist()
+    motions = zip(
+        *(odometry[key].tolist() for key in ("dx_m", "dy_m", "dheading_rad")), strict=True
+    )
+    for begin, end, motion in zip(stamps[:-1], stamps[1:], list(motions)[1:], strict=True):
+        yield _core.Increment(begin, end, _core.Pose2(*motion))
+
+
+def _ranges(lap: Lap) -> Iterator[_core.Range]:
+    table = lap.log["ranges"]
+    tags, anchors = list(TAGS), list(lap.floor.anchors)
+    columns = (table[key].tolist() for key in ("stamp_ns", "tag", "anchor", "range_m"))
+    for stamp, tag, anchor, distance in zip(*columns, strict=True):
+        yield _core.Range(stamp, tags.index(tag), anchors.index(anchor), distance)
+
+
+def tag_poses(fixes: Columns) -> Iterator[_core.PoseObservation]:
+    """Yield the pose that fits the positions of all three tags best, wherever all are heard.
+
+    Weighted least squares, from the rotation that fits best without weights; its covariance is that
+    of the positions, carried over.
+    """
+    stamps, count = np.unique(fixes["stamp_ns"], return_counts=True)
+    stamps = stamps[count == len(TAGS)]
+    rows = np.flatnonzero(np.isin(fixes["stamp_ns"], stamps)).reshape(-1, len(TAGS))
+    at = np.stack([fixes["x_m"], fixes["y_m"]], axis=-1)[rows]  # n, tags, 2
+    W = np.linalg.inv(fixes["covariance"][rows])
+    tag = np.array([TAGS[name][:2] for name in fixes["tag"][rows[0]].tolist()])
+    off, arm = at - at.mean(axis=1, keepdims=True), tag - tag.mean(axis=0)
+    sine = np.sum(arm[:, 0] * off[..., 1] - arm[:, 1] * off[..., 0], axis=1)
+    cosine = np.sum(arm * off, axis=(1, 2))
+    heading = np.arctan2(sine, cosine)
+    place = at.mean(axis=1) - _turned(tag.mean(axis=0)[None], heading)[:, 0]
+    H = np.zeros((*W.shape[:2], 2, 3))
+    H[..., 0, 0] = H[..., 1, 1] = 1.0
+    for _ in range(3):
+        lever = _turned(tag, heading)
+        H[..., 0, 2], H[..., 1, 2] = -lever[..., 1], lever[..., 0]
+        information = np.einsum("nkij,nkil,nklm->njm", H, W, H)
+        pull = np.einsum("nkij,nkil,nkl->nj", H, W, at - place[:, None] - lever)
+        step = np.linalg.solve(information, pull[..., None])[..., 0]
+        place, heading = place + step[:, :2], heading + step[:, 2]
+    P = np.linalg.inv(information)
+    columns = (stamps.tolist(), place.tolist(), wrap_angle(heading).tolist(), P)
+    for stamp, (x, y), turn, covariance in zip(*columns, strict=True):
+        yield _core.PoseObservation(stamp, _core.Pose2(x, y, turn), covariance)
+
+
+def _turned(point: FloatArray, heading: FloatArray) -> FloatArray:
+    """Return points, shape (k, 2), turned by n headings, shape (n, k, 2)."""
+    c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
+    return np.stack([c * point[:, 0] - s * point[:, 1], s * point[:, 0] + c * point[:, 1]], axis=-1)

@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The floor, the lap and the sensors of celan2017, sections III and IV; docs/accuracy.md."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locfuse.config.scenario import LaserSensor, OdometrySensor, WheelSlip
+from locfuse.sim import laser, sensors
+from locfuse.sim.faults import World, behind_a_wall, with_faults
+from locfuse.sim.maps import FloorPlan, floor_plan, furnished
+from locfuse.sim.space import cell_of, largest_part, middle_of, room_for, steps_from, way
+from locfuse.sim.trajectory import Drive, there_and_back
+from locfuse.sim.warp import Shift, bend, bent
+from locfuse.types import Columns, FloatArray, GridMap, Log
+
+SIZE_M = (50.0, 25.0)
+RESOLUTION_M = 0.05
+DISTORTION_M = 0.2  # of the map at its worst; none where the anchors are
+LAP_M = 200.0
+STRAIGHTENED = 0.91  # length of a way over that of its steps from cell to cell
+CLEARANCE_M = 0.35  # of the middle of a machine that is 53 cm wide
+PLAN_M = 0.1  # cells in which ways are planned
+SPEED_MPS, TURN_RADPS = 0.26, 0.6  # with its turns on the spot 0.22 m/s on average
+STAND_S = 2.0
+LASER = LaserSensor(rate_hz=5.0, beams=360, range_min_m=0.2, range_max_m=6.0, sigma_m=0.015,
+                    dropout=0.02)  # fmt: skip
+ODOMETRY_HZ = 7.5
+# What the wheels add at random, and what they get wrong all the time: drawn once for each drive.
+SIGMA_LONGITUDINAL, SIGMA_PER_SQRT_M, SIGMA_PER_SQRT_RAD = 0.02, 0.01, 0.02
+SIGMA_TURN_BIAS_RADPS = 0.0011  # unequal wheels
+SIGMA_ROTATION = 0.02  # wrong track
+SIGMA_SCALE = 0.01  # wrong radius
+TAGS = {"front": (0.5, 0.0, 1.0), "left": (-0.4, 0.3, 1.0), "right": (-0.4, -0.3, 1.0)}
+ANCHOR_M = 2.5  # height
+UWB_HZ = 1.0
+UWB_RANGE_M = 20.0  # of the master anchor
+SIGMA_RANGE_M = 0.17  # of a range in line of sight: 12 cm of a position in the room
+SIGMA_OFFSET_M = 0.05  # of an anchor, constant in a drive: what its calibration leaves
+NLOS_M, SIGMA_NLOS_M = 0.4, 0.3  # by which a range through a wall is long
+
+
+@dataclass(frozen=True)
+class Floor:
+    """A floor as it is, and the map of it that the robot has.
+
+    Attributes
+    ----------
+    plan : FloorPlan
+    true : GridMap
+    map : GridMap
+        Bent: what stands at p is drawn at p + shift(p).
+    shift : callable
+        Takes points, shape (n, 2), metres.
+    anchors : mapping of name to (x, y, z)
+        In world, metres; the first is the master.
+    """
+
+    plan: FloorPlan
+    true: GridMap
+    map: GridMap
+    shift: Shift
+    anchors: dict[str, tuple[float, float, float]]
+
+    def in_open_room(self, point: FloatArray) -> NDArray[np.bool_]:
+        """Return which points, shape (n, 2), lie in the room with the anchors."""
+        x1, y1, x2, y2 = self.plan.open_room
+        return np.asarray(np.all((point > [x1, y1]) & (point < [x2, y2]), axis=1))
+
+
+@dataclass(frozen=True)
+class Lap:
+    """A lap of the floor and all that the sensors said of it.
+
+    Attributes
+    ----------
+    floor : Floor
+    drive : Drive
+    duration_s, length_m : float
+    log : Log
+        Tables ``odometry``, ``scans``, ``ranges`` (with tag and anchor), ``truth`` and ``anchors``;
+        its grid is the bent map.
+    fixes : columns
+        ``stamp_ns``, ``tag``, ``x_m``, ``y_m`` and the ``covariance``, shape (n, 2, 2), that the
+        RTLS states of them.
+    """
+
+    floor: Floor
+    drive: Drive
+    duration_s: float
+    length_m: float
+    log: Log
+    fixes: Columns
+
+
+def floor_of(seed: int) -> Floor:
+    """Return a floor of 50 m x 25 m, five anchors in its open room, and a bent map of it."""
+    rng = np.random.default_rng([seed, 0])
+    plan = floor_plan(rng, SIZE_M)
+    true = furnished(plan, rng, SIZE_M, RESOLUTION_M)
+    shift = bend(rng, (0.0, 0.0, *SIZE_M), plan.open_room, DISTORTION_M)
+    x1, y1, x2, y2 = plan.open_room
+    inset = 0.1
+    at = [(x1 + inset, y1 + inset), (x2 - inset, y1 + inset), (x2 - inset, y2 - inset),
+          (x1 + inset, y2 - inset), (0.5 * (x1 + x2), y1 + inset)]  # fmt: skip
+    anchors = {f"A{k}": (x, y, ANCHOR_M) for k, (x, y) in enumerate(at, 1)}
+    return Floor(plan, true, bent(true, shift, 2.0 * DISTORTION_M), shift, anchors)
+
+
+def stops(floor: Floor, rng: np.random.Generator) -> list[FloatArray]:
+    """Return the points of a round trip of about `LAP_M` through hallways and some of the rooms.
+
+    It begins in the room with the anchors, goes around the two long hallways clockwise or the other
+    way, into rooms as they come, to a place in each, and back to two more places of its first room.
+    """
+    plan, grid = floor.plan, floor.true.resampled(PLAN_M)
+    room = largest_part(room_for(grid, CLEARANCE_M))
+    free = np.argwhere(room)
+    where = middle_of(grid, free)
+
+    def inside(box: Sequence[float]) -> NDArray[np.int64]:
+        x1, y1, x2, y2 = box
+        there = np.all((where > [x1, y1]) & (where < [x2, y2]), axis=1)
+        cells = free[there]
+        return np.asarray(cells[rng.integers(len(cells))])
+
+    width, depth = SIZE_M
+    south, north = plan.doors[0][1] + 1.0, depth - plan.doors[0][1] - 1.0
+    # Angle about the middle of the floor, as the hallways go around it, from the open room on.
+    middle = np.array([0.5 * width, 0.5 * depth])
+
+    def around(point: tuple[float, float]) -> float:
+        off = (np.array(point) - middle) / middle
+        first = (np.array(plan.doors[0]) - middle) / middle
+        return float(np.mod(np.arctan2(first[1], first[0]) - np.arctan2(off[1], off[0]), 2 * np.pi))
+
+    corners = [(1.0, south), (1.0, north), (width - 1.0, north), (width - 1.0, south)]
+    fixed = [(around(corner), cell_of(grid, np.array([corner]))[0]) for corner in corners]
+    others = [(around(door), inside(box))
+              for door, box in zip(plan.doors[1:], plan.rooms[1:], strict=True)]  # fmt: skip
+    home, *more = (inside(plan.open_room) for _ in range(3))
+    steps = {tuple(cell): steps_from(room, (int(cell[0]), int(cell[1])))
+             for cell in [home, *more, *(cell for _, cell in fixed + others)]}  # fmt: skip
+    way_round = 1 if rng.random() < 0.5 else -1
+
+    def tour(chosen: list[tuple[float, NDArray[np.int64]]]) -> list[NDArray[np.int64]]:
+        stops = [cell for _, cell in sorted(chosen, key=lambda stop: way_round * stop[0])]
+        return [home, *stops, *more, home]
+
+    def length(cells: list[NDArray[np.int64]]) -> float:
+        pairs = pairwise(cells)
+        return grid.resolution_m * sum(int(steps[tuple(a)][b[0], b[1]]) for a, b in pairs)
+
+    chosen = fixed
+    for at in rng.permutation(len(others)).tolist():
+        longer = [*chosen, others[at]]
+        if STRAIGHTENED * length(tour(longer)) <= LAP_M:
+            chosen = longer
+    cells = tour(chosen)
+    points = [middle_of(grid, home[None])[0]]
+    for here, there in pairwise(cells):
+        points += way(grid, room, here, there)
+    return points
+
+
+@lru_cache(maxsize=2)
+def lap(seed: int) -> Lap:
+    """Return a floor, a lap of it, and what the sensors say; all from one seed."""
+    floor = floor_of(seed)
+    for_way, for_odometry, *others = np.random.default_rng([seed, 1]).spawn(5)
+    for_laser, for_ranges, for_offsets = others
+    points = stops(floor, for_way)
+    drive, duration_s = there_and_back(points, SPEED_MPS, TURN_RADPS, STAND_S)
+    scans_ns = sensors.stamps(LASER.rate_hz, duration_s)
+    seen = laser.scans(drive, scans_ns, floor.true, LASER, for_laser)
+    uwb_ns = sensors.stamps(UWB_HZ, duration_s)
+    ranges, fixes = radios(floor, drive, uwb_ns, for_ranges, for_offsets)
+    odometry = wheels(drive, duration_s, for_odometry)
+    stamp_ns = np.unique(np.concatenate([scans_ns, uwb_ns, odometry["stamp_ns"]]))
+    at = np.array(list(floor.anchors.values()))
+    log = Log(
+        tables={
+            "odometry": odometry,
+            "scans": seen,
+            "ranges": ranges,
+            "truth": sensors.truth(drive, stamp_ns),
+            "anchors": {"anchor": np.array(list(floor.anchors)), "x_m": at[:, 0], "y_m": at[:, 1],
+                        "z_m": at[:, 2]},
+        },
+        tags=TAGS,
+        laser=laser.geometry(LASER),
+        map="map.yaml",
+        grid=floor.map,
+        description=f"Simulated: lap of celan2017, seed {seed}",
+    )  # fmt: skip
+    length_m = float(np.hypot(*np.diff(np.array(points), axis=0).T).sum())
+    return Lap(floor, drive, duration_s, length_m, log, fixes)
+
+
+def wheels(drive: Drive, duration_s: float, rng: np.random.Generator) -> Columns:
+    """Return encoders at 7.5 Hz, whose wheels and track are not quite what they are taken for."""
+    bias, rotation, scale = rng.standard_normal(3) * [SIGMA_TURN_BIAS_RADPS, SIGMA_ROTATION,
+                                                     SIGMA_SCALE]  # fmt: skip
+    sensor = OdometrySensor(
+        rate_hz=ODOMETRY_HZ,
+        sigma_longitudinal_per_sqrt_m=SIGMA_LONGITUDINAL,
+        sigma_heading_per_sqrt_m=SIGMA_PER_SQRT_M,
+        sigma_heading_per_sqrt_rad=SIGMA_PER_SQRT_RAD,
+        turn_bias_radps=bias,
+    )
+    stamp_ns = sensors.stamps(ODOMETRY_HZ, duration_s)
+    told = {"odometry": sensors.odometry(drive, stamp_ns, sensor, rng)}
+    wrong = WheelSlip(from_s=0.0, to_s=duration_s, translation_factor=1.0 + scale,
+                      rotation_factor=1.0 + rotation)  # fmt: skip
+    return with_faults(told, [(wrong, rng)], World(drive, {}, {}, stamp_ns))["odometry"]
+
+
+def radios(
+    floor: Floor, drive: Drive, stamp_ns: NDArray[np.int64], for_noise: np.random.Generator,
+    for_offsets: np.random.Generator,
+) -> tuple[Columns, Columns]:  # fmt: skip
+    """Return the ranges of three tags to five anchors, and the positions the RTLS makes of them.
+
+    A range has white noise, its anchor's offset, and is longer by a gamma distributed detour where
+    a wall of the floor is in the way. A position is the least squares one of its five ranges, to
+    first order; the covariance that is stated with it knows of the noise alone. A tag farther than
+    `UWB_RANGE_M` from the master anchor is not heard.
+
+    Returns
+    -------
+    ranges : columns
+        ``stamp_ns``, ``tag``, ``anchor``, ``range_m``.
+    fixes : columns
+        As in `Lap`.
+    """
+    anchor = np.array(list(floor.anchors.values()))
+    offset = SIGMA_OFFSET_M * for_offsets.standard_normal(len(anchor))
+    pose = drive.pose_at(sensors.seconds(stamp_ns))
+    tag = np.stack([sensors.point_in_world(pose, at) for at in TAGS.values()], axis=1)  # n, 3, xyz
+    off = tag[:, :, None] - anchor  # n, tags, anchors, xyz
+    distance = np.linalg.norm(off, axis=-1)
+    pairs = np.broadcast_arrays(tag[:, :, None, :2], anchor[:, :2])
+    flat = [points.reshape(-1, 2) for points in pairs]
+    blocked = behind_a_wall(flat[0], flat[1], floor.plan.walls).reshape(distance.shape)
+    shape = (NLOS_M / SIGMA_NLOS_M) ** 2
+    detour = np.where(blocked, for_noise.gamma(shape, NLOS_M / shape, distance.shape), 0.0)
+    error = SIGMA_RANGE_M * for_noise.standard_normal(distance.shape) + offset + detour
+    heard = distance[:, :, 0] <= UWB_RANGE_M
+    epoch, which = np.nonzero(heard)
+    names = np.array(list(TAGS))
+    H = (off[..., :2] / distance[..., None])[heard]  # k, anchors, 2
+    P = np.linalg.inv(H.swapaxes(1, 2) @ H)
+    shift = (P @ H.swapaxes(1, 2) @ error[heard][..., None])[..., 0]
+    at = tag[heard][:, :2] + shift
+    fixes = {"stamp_ns": stamp_ns[epoch], "tag": names[which], "x_m": at[:, 0], "y_m": at[:, 1],
+             "covariance": SIGMA_RANGE_M**2 * P}  # fmt: skip
+    count = len(anchor)
+    ranges = {
+        "stamp_ns": np.repeat(stamp_ns[epoch], count),
+        "tag": np.repeat(names[which], count),
+        "anchor": np.tile(np.array(list(floor.anchors)), len(epoch)),
+        "range_m": np.maximum((distance + error)[heard], 0.0).ravel(),
+    }
+    return ranges, fixes

@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures of celan2017: laps over a map, doubt in a room and over time, eights."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Ellipse
+
+from locfuse.plot.path import ellipse_axes
+from locfuse.plot.style import (
+    ANCHOR,
+    DASHED,
+    ESTIMATE,
+    GRID,
+    MUTED,
+    REJECTED,
+    TRUTH,
+    Handle,
+    dress,
+    legend,
+    new_figure,
+    title,
+)
+from locfuse.plot.thinning import evenly_along
+from locfuse.plot.world import box_around, draw_map, drawable
+from locfuse.types import FloatArray, GridMap
+
+_COLOURS = (ESTIMATE, REJECTED, ANCHOR)
+_ELLIPSES, _ELLIPSE_SIGMAS = 14, 2.0
+_LEAST_M = 0.01  # the axis of sigmas begins here
+
+
+@dataclass(frozen=True)
+class Track:
+    """What a panel shows: title, true and estimated poses, shape (n, 3), and covariances."""
+
+    text: str
+    truth: FloatArray
+    pose: FloatArray
+    covariance: FloatArray | None = None
+
+
+def plot_laps(grid: GridMap, anchors: FloatArray, tracks: Sequence[Track]) -> Figure:
+    """Draw a lap as each set-up believes it to be, on the map, one panel each.
+
+    Parameters
+    ----------
+    grid : GridMap
+    anchors : float64 array, shape (m, 2)
+    tracks : sequence of Track
+        An even number.
+    """
+    every = [track.pose[:, :2] for track in tracks] + [_corners(grid)]
+    low, high = box_around(np.concatenate(every), 0.01)
+    rows = len(tracks) // 2
+    figure = new_figure(rows * (0.5 * 9.6 * (high - low)[1] / (high - low)[0] + 0.45) + 0.6)
+    handles: list[Handle] = []
+    panels = figure.subplots(rows, 2, sharex=True, sharey=True, squeeze=False)
+    for axes, track in zip(panels.ravel(), tracks, strict=True):
+        handles = _floor(axes, grid, anchors, low, high)
+        handles += axes.plot(*track.truth.T[:2], color=TRUTH, lw=2.2, alpha=0.3, label="truth")
+        handles += axes.plot(*track.pose.T[:2], color=ESTIMATE, lw=1.0, label="estimate")
+        handles += axes.plot(*track.pose[-1, :2], marker="s", markersize=7, ls="none", zorder=6,
+                             color=REJECTED, markerfacecolor="none", label="end")  # fmt: skip
+        title(axes, track.text)
+    for axes in panels[-1]:
+        axes.set_xlabel("x [m]")
+    for axes in panels[:, 0]:
+        axes.set_ylabel("y [m]")
+    legend(figure, handles)
+    return figure
+
+
+def plot_doubt(grid: GridMap, anchors: FloatArray, tracks: Sequence[Track]) -> Figure:
+    """Draw part of a lap with the ellipses of what each set-up states of itself, side by side.
+
+    Parameters
+    ----------
+    grid : GridMap
+    anchors : float64 array, shape (m, 2)
+    tracks : sequence of Track
+        With covariances.
+    """
+    seen = [track.truth[:, :2] for track in tracks] + [track.pose[:, :2] for track in tracks]
+    low, high = box_around(np.concatenate([*seen, anchors]), 0.08)
+    figure = new_figure(9.4 / len(tracks) * (high - low)[1] / (high - low)[0] + 1.0)
+    panels = figure.subplots(1, len(tracks), sharex=True, sharey=True, squeeze=False)[0]
+    handles: list[Handle] = []
+    for axes, track in zip(panels, tracks, strict=True):
+        handles = _floor(axes, grid, anchors, low, high)
+        handles += axes.plot(*track.truth.T[:2], color=TRUTH, lw=2.6, alpha=0.3, label="truth")
+        handles += axes.plot(*track.pose.T[:2], color=ESTIMATE, lw=1.2, label="estimate")
+        assert track.covariance is not None
+        for row in evenly_along(track.truth[:, :2], _ELLIPSES):
+            major, minor, angle = ellipse_axes(track.covariance[row, :2, :2], _ELLIPSE_SIGMAS)
+            x, y = track.pose[row, :2].tolist()
+            ellipse = Ellipse((x, y), major, minor, angle=float(np.degrees(angle)), zorder=4)
+            ellipse.set(facecolor="none", edgecolor=REJECTED, linewidth=1.0)
+            ellipse.set_label(f"{_ELLIPSE_SIGMAS:g}-sigma ellipse")
+            axes.add_patch(ellipse)
+        handles.append(ellipse)
+        title(axes, track.text)
+        axes.set_xlabel("x [m]")
+    panels[0].set_ylabel("y [m]")
+    legend(figure, handles)
+    return figure
+
+
+def plot_sigmas(
+    time_s: Mapping[str, FloatArray], sigma_m: Mapping[str, FloatArray], grey_s: FloatArray
+) -> Figure:
+    """Draw what set-ups state of their errors ahead and to the side, over time.
+
+    Parameters
+    ----------
+    time_s : mapping of name to float64 array, shape (n,)
+    sigma_m : mapping of name to float64 array, shape (n, 2)
+        Standard deviations in the frame of the body, metres; at most three.
+    grey_s : float64 array, shape (k, 2)
+        Times between which the background is grey: in the room with the anchors.
+    """
+    figure = new_figure(5.4)
+    panels = figure.subplots(2, 1, sharex=True, sharey=True)
+    handles: list[Handle] = []
+    for axis, (axes, what) in enumerate(zip(panels, ("ahead", "to the side"), strict=True)):
+        dress(axes)
+        for begin, end in grey_s.tolist():
+            grey = axes.axvspan(begin, end, color=GRID, lw=0.0, label="in the room with anchors")
+        handles = [] if len(grey_s) == 0 else [grey]
+        for (name, sigma), colour in zip(sigma_m.items(), _COLOURS, strict=False):
+            handles += axes.plot(time_s[name], np.maximum(sigma[:, axis], _LEAST_M), color=colour,
+                                 lw=1.0, label=name)  # fmt: skip
+        axes.set(yscale="log", ylabel="sigma [m]")
+        axes.yaxis.set_major_formatter("{x:g}")
+        title(axes, f"standard deviation {what}")
+    panels[-1].set_xlabel("time since start [s]")
+    panels[-1].set_xlim(min(t[0] for t in time_s.values()), max(t[-1] for t in time_s.values()))
+    legend(figure, handles)
+    return figure
+
+
+def plot_eight(truth: FloatArray, tracks: Mapping[str, FloatArray], what: str) -> Figure:
+    """Draw a stretch of an eight as it was driven, and as methods believe it to be.
+
+    Parameters
+    ----------
+    truth : float64 array, shape (n, 2)
+    tracks : mapping of name to float64 array, shape (k, 2)
+        At most three; few points are marked one by one.
+    what : str
+        Title.
+    """
+    figure = new_figure(6.0)
+    axes = figure.subplots()
+    dress(axes)
+    handles: list[Handle] = [*axes.plot(*truth.T, color=TRUTH, lw=3.0, alpha=0.3, label="truth")]
+    for (name, at), colour in zip(tracks.items(), _COLOURS, strict=False):
+        marker = "o" if len(at) < 60 else ""
+        handles += axes.plot(*at.T, color=colour, lw=1.2, marker=marker, markersize=4,
+                             ls=DASHED if marker else "-", label=name)  # fmt: skip
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set(xlabel="x [m]", ylabel="y [m]")
+    title(axes, what)
+    legend(figure, handles)
+    return figure
+
+
+def _floor(
+    axes: Axes, grid: GridMap, anchors: FloatArray, low: FloatArray, high: FloatArray
+) -> list[Handle]:
+    dress(axes)
+    axes.grid(visible=False)
+    axes.set_aspect("equal", adjustable="box")
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    draw_map(axes, drawable(grid, 2.0 * (high - low)[0]), ("white", GRID, MUTED), zorder=0)
+    return [*axes.plot(*anchors.T, marker="^", markersize=7, color=ANCHOR, ls="none", mec="white",
+                       label="anchor", zorder=7)]  # fmt: skip
+
+
+def _corners(grid: GridMap) -> FloatArray:
+    height, width = grid.cells.shape
+    return grid.to_world(np.array([[0.0, 0.0], [width, height]]))
