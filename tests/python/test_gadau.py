@@ -106,20 +106,33 @@ def test_ready_worlds_tell_where_the_robot_is(
     ready: str, position_m: float, heading_deg: float
 ) -> None:
     config = load_config(CONFIGS / f"gadau_{ready}.yaml")
-    for seed in range(3):
-        result = run(config, seed=seed)
-        assert late_error_m(result) < position_m
-        assert result.metrics["heading_rmse_deg"] < heading_deg
-        assert 1.0 < result.metrics["nees_mean"] < 6.0
+    late = [second_half(run(config, seed=seed)) for seed in range(3)]
+    off_m, off_deg, nees = (max(values) for values in zip(*late, strict=True))
+    assert off_m < position_m
+    assert off_deg < heading_deg
+    assert 1.0 < nees < 6.0
     alone = config.model_copy(update={"use": ["odometry"], "start": "truth"})
-    assert late_error_m(run(alone)) > position_m
+    assert second_half(run(alone))[0] > position_m
 
 
-def late_error_m(result: RunResult) -> float:
-    """Return the RMSE of the position over the second half of a run."""
+def test_a_gate_keeps_a_filter_in_the_mirrored_place_where_it_starts() -> None:
+    config = load_config(CONFIGS / "gadau_line.yaml")
+    gated = config.estimator.model_copy(update={"gate_landmark": 0.999})
+    closed = config.model_copy(update={"estimator": gated})
+    assert max(second_half(run(closed, seed=seed))[0] for seed in range(4)) > 0.5
+    nothing_told = closed.model_copy(update={"start": "auto"})
+    assert max(second_half(run(nothing_told, seed=seed))[0] for seed in range(4)) < 0.03
+
+
+def second_half(result: RunResult) -> tuple[float, float, float]:
+    """Return RMSE of the position [m] and of the heading [deg], and mean NEES."""
     assert result.truth is not None
-    off = errors_against(result.estimate, result.truth).position
-    return rms([off[len(off) // 2 :]])
+    errors = errors_against(result.estimate, result.truth)
+    assert errors.heading is not None
+    assert errors.nees is not None
+    late = slice(len(errors.nees) // 2, None)
+    off_m = np.hypot(*errors.position[late].T)
+    return rms([off_m]), float(np.rad2deg(rms([errors.heading[late]]))), errors.nees[late].mean()
 
 
 def test_of_the_ready_gps_those_fixes_are_gated_that_jump() -> None:

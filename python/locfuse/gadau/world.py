@@ -27,7 +27,7 @@ NEAR_M, NEAR_RAD = 0.2, np.deg2rad(5.0)  # of the truth: converged
 LAYOUTS = {
     "one": [[2, 5]],
     "two": [[2, 5], [8, 5]],
-    "line": [[1, 5], [5, 5], [9, 5]],
+    "line": [[1, 4], [5, 4], [9, 4]],  # a circle starts 2 m from its mirror image
     "triangle": [[1, 1], [9, 1], [5, 9]],
     "square, near": [[1, 1], [9, 1], [9, 9], [1, 9]],
     "five, far": [[-20, -20], [30, -20], [30, 30], [-20, 30], [5, 40]],
