@@ -390,6 +390,7 @@ SECTIONS: dict[str, type[Strict]] = {
     "### `path`, shape `eight`": scenario.Eight,
     "### `path`, shape `square`": scenario.Square,
     "### `path`, shape `star`": scenario.Star,
+    "### `path`, shape `polygon`": scenario.Polygon,
     "### `path`, shape `waypoints`": scenario.Waypoints,
     "### `path`, shape `roam`": scenario.Roam,
     "### `simulation.odometry`": scenario.OdometrySensor,

@@ -3,26 +3,151 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from locfuse import _core
+from locfuse.config.load import load_config
+from locfuse.eval.consistency import band
+from locfuse.eval.errors import errors_against
 from locfuse.gadau import draw_pictures, gadau_claims, kidnapping
-from locfuse.gadau.runs import microsimulation, ray_simulation
-from locfuse.gadau.world import SPEEDS
+from locfuse.gadau.runs import Run, microsimulation, ray_simulation
+from locfuse.gadau.world import PATHS, SENSORS, SPEEDS, filter_config
+from locfuse.run import load_log, run
+from locfuse.types import FloatArray, RunResult
+from support_runs import CONFIGS
 
 
-@pytest.mark.parametrize("layout", ["triangle", "square, near", "five, far"])
+@pytest.mark.parametrize("layout", ["line", "triangle", "square, near", "five, far"])
 def test_three_landmarks_and_more_find_the_pose_from_a_wrong_start(layout: str) -> None:
     runs = [microsimulation(layout, "circle", seed) for seed in range(5)]
     assert all(run.converged_s() < 5.0 for run in runs)
     assert max(run.off_m[-1] for run in runs) < 0.1
 
 
+@pytest.mark.parametrize("path", PATHS)
+def test_the_pose_is_found_on_every_path(path: str) -> None:
+    runs = [microsimulation("triangle", path, seed) for seed in range(3)]
+    assert all(run.converged_s() < 5.0 for run in runs)
+
+
 def test_one_landmark_does_not_tell_where_around_it_the_robot_is() -> None:
     runs = [microsimulation("one", "circle", seed) for seed in range(5)]
     assert np.median([run.off_m[100] for run in runs]) > 0.2
+
+
+def sensed(name: str, seeds: int, *, wrong: bool = False) -> list[Run]:
+    layout, sensors = SENSORS[name]
+    return [microsimulation(layout, "circle", seed, wrong=wrong, sensors=sensors)
+            for seed in range(seeds)]  # fmt: skip
+
+
+def rms(parts: list[FloatArray]) -> float:
+    return float(np.sqrt(np.mean(np.square(parts))))
+
+
+def test_sensors_are_compared_on_the_same_drives() -> None:
+    (gps,), (laser,), (both,) = (sensed(name, 1) for name in ("GPS", "laser", "GPS and laser"))
+    assert np.array_equal(gps.truth, laser.truth)
+    assert np.array_equal(gps.fixes, both.fixes)
+    assert len(gps.fixes) == 60
+    assert len(laser.fixes) == 0
+    assert not np.array_equal(both.found, laser.found)
+    # Until the first fix, GPS has odometry only, and the laser has the same beside it.
+    reckoned = microsimulation("triangle", "circle", 0, wrong=False,
+                               sensors=replace(SENSORS["laser"][1], laser=False))  # fmt: skip
+    assert np.array_equal(gps.found[:9], reckoned.found[:9])
+
+
+def test_gps_finds_position_and_heading_from_a_wrong_start() -> None:
+    runs = sensed("GPS", 5, wrong=True)
+    assert rms([run.off_m[300:] for run in runs]) < 0.4
+    assert np.rad2deg(rms([run.off_rad[300:] for run in runs])) < 8.0
+
+
+def test_a_laser_on_three_landmarks_beats_gps_even_one_that_is_as_good() -> None:
+    laser = rms([run.off_m for run in sensed("laser", 5)])
+    assert rms([run.off_m for run in sensed("GPS", 5)]) > 5.0 * laser
+    assert rms([run.off_m for run in sensed("GPS as good as the laser", 5)]) > 1.2 * laser
+
+
+def test_gps_tells_where_around_one_landmark_the_robot_is() -> None:
+    alone = sensed("laser, one landmark", 5, wrong=True)
+    helped = sensed("GPS and laser, one landmark", 5, wrong=True)
+    assert rms([run.off_m[300:] for run in helped]) < 0.5 * rms([run.off_m[300:] for run in alone])
+
+
+@pytest.mark.parametrize("name", ["GPS", "GPS and laser", "GPS as good as the laser"])
+def test_errors_with_gps_are_as_large_as_the_filter_says(name: str) -> None:
+    low, high = band(3, 40)
+    assert low < np.mean([run.nees for run in sensed(name, 40)]) < high
+
+
+def test_a_fix_that_jumps_by_100_m_changes_no_bit() -> None:
+    start = _core.PoseEstimate(0, _core.Pose2(5.0, 5.0, 0.3), np.diag([0.2, 0.2, 0.1]) ** 2)
+    ekf = _core.PoseEkf(filter_config(), _core.AnchorMap([]), [], start)
+    before = ekf.belief.P.copy()
+    outcome = ekf.on(_core.PositionFix(0, np.array([5.0, 105.0]), 0.25 * np.eye(2)))
+    assert outcome.verdict == _core.Verdict.GATED
+    assert np.array_equal(ekf.belief.P, before)
+    assert repr(ekf.estimate().pose) == repr(start.pose)
+    outcome = ekf.on(_core.PositionFix(0, np.array([5.4, 5.2]), 0.25 * np.eye(2)))
+    assert outcome.verdict == _core.Verdict.FUSED
+
+
+@pytest.mark.parametrize(
+    ("ready", "position_m", "heading_deg"),
+    [("line", 0.03, 0.8), ("pentagon", 0.03, 0.8), ("gps", 0.4, 7.0)],
+)
+def test_ready_worlds_tell_where_the_robot_is(
+    ready: str, position_m: float, heading_deg: float
+) -> None:
+    config = load_config(CONFIGS / f"gadau_{ready}.yaml")
+    late = [second_half(run(config, seed=seed)) for seed in range(3)]
+    off_m, off_deg, nees = (max(values) for values in zip(*late, strict=True))
+    assert off_m < position_m
+    assert off_deg < heading_deg
+    assert 1.0 < nees < 6.0
+    alone = config.model_copy(update={"use": ["odometry"], "start": "truth"})
+    assert second_half(run(alone))[0] > position_m
+
+
+def test_a_gate_keeps_a_filter_in_the_mirrored_place_where_it_starts() -> None:
+    config = load_config(CONFIGS / "gadau_line.yaml")
+    gated = config.estimator.model_copy(update={"gate_landmark": 0.999})
+    closed = config.model_copy(update={"estimator": gated})
+    assert max(second_half(run(closed, seed=seed))[0] for seed in range(4)) > 0.5
+    nothing_told = closed.model_copy(update={"start": "auto"})
+    assert max(second_half(run(nothing_told, seed=seed))[0] for seed in range(4)) < 0.03
+
+
+def second_half(result: RunResult) -> tuple[float, float, float]:
+    """Return RMSE of the position [m] and of the heading [deg], and mean NEES."""
+    assert result.truth is not None
+    errors = errors_against(result.estimate, result.truth)
+    assert errors.heading is not None
+    assert errors.nees is not None
+    late = slice(len(errors.nees) // 2, None)
+    off_m = np.hypot(*errors.position[late].T)
+    return rms([off_m]), float(np.rad2deg(rms([errors.heading[late]]))), errors.nees[late].mean()
+
+
+def test_of_the_ready_gps_those_fixes_are_gated_that_jump() -> None:
+    config = load_config(CONFIGS / "gadau_gps.yaml")
+    log = load_log(config, CONFIGS, 0)
+    fixes, truth = log["positions"], log["truth"]
+    rows = np.searchsorted(truth["stamp_ns"], fixes["stamp_ns"])
+    off = np.hypot(fixes["x_m"] - truth["x_m"][rows], fixes["y_m"] - truth["y_m"][rows])
+    told = run(config, log).outcomes
+    gated = told.stamp_ns[(told.source == "positions") & (told.verdict == "gated")]
+    assert gated.tolist() == fixes["stamp_ns"][off > 90.0].tolist()
+    assert len(gated) > 2
+    open_gate = config.estimator.model_copy(update={"gate_position": 1.0})
+    believed = run(config.model_copy(update={"estimator": open_gate}), log).metrics
+    assert believed["position_rmse_m"] > 5.0
 
 
 def test_the_derivatives_of_the_paper_diverge_from_the_right_start() -> None:
@@ -62,5 +187,7 @@ def test_an_alarm_that_is_hard_of_hearing_shows() -> None:
 
 def test_pictures_are_drawn(tmp_path: Path) -> None:
     paths = draw_pictures(tmp_path, 1)
-    assert [path.stem for path in paths] == ["gadau_start", "gadau_mistakes", "gadau_kidnapped"]
+    assert [path.stem for path in paths] == [
+        "gadau_start", "gadau_sensors", "gadau_mistakes", "gadau_kidnapped"
+    ]  # fmt: skip
     assert all(path.stat().st_size > 20_000 for path in paths)

@@ -73,7 +73,13 @@ def test_the_schema_refuses_what_the_detector_refuses_and_nothing_else(name: str
 
 
 @pytest.mark.parametrize(
-    ("ready", "position_m", "heading_deg"), [("wells", 0.02, 0.5), ("gadau_discs", 0.01, 0.3)]
+    ("ready", "position_m", "heading_deg"),
+    [
+        ("wells", 0.02, 0.5),
+        ("gadau_discs", 0.01, 0.3),
+        ("gadau_discs_8", 0.01, 0.5),
+        ("gadau_standing", 0.003, 0.1),
+    ],
 )
 def test_ready_worlds_tell_where_the_robot_is(
     ready: str, position_m: float, heading_deg: float
@@ -82,6 +88,7 @@ def test_ready_worlds_tell_where_the_robot_is(
     figures = run(config, base=CONFIGS).metrics
     assert figures["position_rmse_m"] < position_m
     assert figures["heading_rmse_deg"] < heading_deg
+    assert 1.0 < figures["nees_mean"] < 5.0
     # A radius that is wrong by half shows.
     assert config.cylinders is not None
     half = config.cylinders.model_copy(update={"radius_m": 0.5 * config.cylinders.radius_m})

@@ -30,10 +30,13 @@ MAX_CELLS = 10_000  # along one side of a grid
 
 
 class Circle(Strict):
-    """Counter-clockwise without end; starts at the easternmost point, heading north."""
+    """Counter-clockwise without end; starts at the easternmost point, heading north.
+
+    At a speed of 0 the robot stands there.
+    """
 
     shape: Literal["circle"] = "circle"
-    speed_mps: Positive = 0.22
+    speed_mps: NonNegative = 0.22
     center_m: Point2 = (5.0, 5.0)
     radius_m: Positive = 3.0
 
@@ -81,6 +84,20 @@ class Star(Strict):
         return points
 
 
+class Polygon(Strict):
+    """Regular polygon: straight sides, turns in place to the left.
+
+    Starts at the northern corner; the corners lie on `radius_m`. A `Square` stands on a side.
+    """
+
+    shape: Literal["polygon"] = "polygon"
+    speed_mps: Positive = 0.22
+    turn_rate_radps: Positive = 1.0
+    center_m: Point2 = (5.0, 5.0)
+    radius_m: Positive = 4.0
+    corners: Annotated[int, Field(ge=3)] = 5
+
+
 class Waypoints(Strict):
     """Random points of the room, one after another: turn in place the short way, drive straight.
 
@@ -107,7 +124,7 @@ class Roam(Strict):
 
 
 Path: TypeAlias = Annotated[
-    Circle | Eight | Square | Star | Waypoints | Roam, Field(discriminator="shape")
+    Circle | Eight | Square | Star | Polygon | Waypoints | Roam, Field(discriminator="shape")
 ]
 
 
@@ -586,7 +603,7 @@ def fastest_turn_radps(path: Path) -> float:
     return path.turn_rate_radps
 
 
-def _reach_m(path: Circle | Eight | Square | Star) -> tuple[float, float]:
+def _reach_m(path: Circle | Eight | Square | Star | Polygon) -> tuple[float, float]:
     """Return how far a path reaches from its centre in x and in y, metres."""
     if isinstance(path, Eight):
         return 2.0 * path.radius_m, path.radius_m

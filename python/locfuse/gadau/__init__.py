@@ -17,7 +17,19 @@ from locfuse.eval.consistency import band
 from locfuse.gadau.kidnapping import kidnapping_claims
 from locfuse.gadau.pictures import draw_pictures
 from locfuse.gadau.runs import Mistake, Run, microsimulation, ray_simulation
-from locfuse.gadau.world import DISCS, DURATION_S, ENDLESS, LAYOUTS, PATHS, SPEEDS
+from locfuse.gadau.world import (
+    DISCS,
+    DURATION_S,
+    ENDLESS,
+    LAYOUTS,
+    PATHS,
+    SENSORS,
+    SETTLED_S,
+    SPEEDS,
+    STEP_NS,
+    has_constant_speed,
+)
+from locfuse.types import NANOSECONDS, FloatArray
 
 __all__ = ["draw_pictures", "gadau_claims"]
 
@@ -27,6 +39,7 @@ def gadau_claims(seeds: int, progress: Progress) -> list[Claim]:
     parts: list[Callable[[], Iterator[Claim]]] = [
         *(lambda name=name: _layout(name, seeds) for name in LAYOUTS),
         *(lambda name=name: _path(name, seeds) for name in PATHS),
+        *(lambda name=name: _sensors(name, seeds) for name in SENSORS),
         lambda: _theirs(seeds),
         *(lambda name=name: _discs(name, max(seeds // 10, 2)) for name in DISCS),
         lambda: kidnapping_claims(seeds),
@@ -35,15 +48,25 @@ def gadau_claims(seeds: int, progress: Progress) -> list[Claim]:
 
 
 def _layout(name: str, seeds: int) -> Iterator[Claim]:
-    runs = [microsimulation(name, "circle", seed) for seed in range(seeds)]
-    key = f"gadau_{name.replace(', ', '_')}"
-    what = f"{name}, start 2 m and 60 degrees wrong: "
-    yield from _convergence(key, what, runs, seeds, name not in ("one", "two"))
+    required = name not in ("one", "two", "line")
+    yield from _both_starts(f"gadau_{_id(name)}", name, name, "circle", seeds, required)
 
 
 def _path(name: str, seeds: int) -> Iterator[Claim]:
-    runs = [microsimulation("triangle", name, seed) for seed in range(seeds)]
-    yield from _convergence(f"gadau_path_{name}", f"triangle, path {name}: ", runs, seeds, True)
+    what = f"triangle, path {name}"
+    yield from _both_starts(f"gadau_path_{name}", what, "triangle", name, seeds, True)
+
+
+def _both_starts(
+    key: str, what: str, layout: str, path: str, seeds: int, required: bool
+) -> Iterator[Claim]:
+    """Yield what becomes of starts that are 2 m and 60 degrees wrong, and of right ones."""
+    runs = [microsimulation(layout, path, seed) for seed in range(seeds)]
+    yield from _convergence(key, f"{what}, start 2 m and 60 degrees wrong: ", runs, seeds,
+                            required)  # fmt: skip
+    runs = [microsimulation(layout, path, seed, wrong=False) for seed in range(seeds)]
+    yield from _accuracy(f"{key}_right", f"{what}, right start: ", runs, 0.0, True,
+                         may_be_cautious=not has_constant_speed(path))  # fmt: skip
 
 
 def _convergence(
@@ -57,6 +80,41 @@ def _convergence(
     yield claim_of(f"{key}_error", f"{what}error at the end", "cm", None,
                    [100.0 * float(run.off_m[-1]) for run in runs], "-", lambda v: True)  # fmt: skip
     yield _nees(key, what, runs, required)
+
+
+def _accuracy(
+    key: str, what: str, runs: list[Run], from_s: float, required: bool, *,
+    may_be_cautious: bool = False,
+) -> Iterator[Claim]:  # fmt: skip
+    first = round(from_s * NANOSECONDS) // STEP_NS
+    yield claim_of(f"{key}_rmse", f"{what}position RMSE", "cm", None,
+                   [100.0 * _rms(run.off_m[first:]) for run in runs], "-",
+                   lambda v: True)  # fmt: skip
+    yield claim_of(f"{key}_heading", f"{what}heading RMSE", "deg", None,
+                   [np.rad2deg(_rms(run.off_rad[first:])) for run in runs], "-",
+                   lambda v: True)  # fmt: skip
+    yield _nees(key, what, runs, required, may_be_cautious=may_be_cautious)
+
+
+def _id(name: str) -> str:
+    return name.replace(",", "").replace(" ", "_")
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _sensors(name: str, seeds: int) -> Iterator[Claim]:
+    """Compare GPS with the laser on the same drives, from both starts."""
+    layout, sensors = SENSORS[name]
+    for start in ("right", "wrong"):
+        wrong = start == "wrong"
+        runs = [microsimulation(layout, "circle", seed, wrong=wrong, sensors=sensors)
+                for seed in range(seeds)]  # fmt: skip
+        late = f" from {SETTLED_S:g} s on" if wrong else ""
+        yield from _accuracy(f"gadau_by_{_id(name)}_{start}",
+                             f"{name}, {start} start{late}: ", runs,
+                             SETTLED_S if wrong else 0.0, not wrong)  # fmt: skip
 
 
 def _theirs(seeds: int) -> Iterator[Claim]:
@@ -76,9 +134,12 @@ def _theirs(seeds: int) -> Iterator[Claim]:
         yield _nees(key, what, runs, mistake is None)
 
 
-def _nees(key: str, what: str, runs: list[Run], required: bool) -> Claim:
-    return consistent(key, what, [min(run.nees, ENDLESS) for run in runs], band(3, len(runs)),
-                      required)  # fmt: skip
+def _nees(
+    key: str, what: str, runs: list[Run], required: bool, *, may_be_cautious: bool = False
+) -> Claim:
+    low, high = band(3, len(runs))
+    return consistent(key, what, [min(run.nees, ENDLESS) for run in runs],
+                      (0.0 if may_be_cautious else low, high), required)  # fmt: skip
 
 
 def _discs(name: str, seeds: int) -> Iterator[Claim]:
@@ -86,8 +147,8 @@ def _discs(name: str, seeds: int) -> Iterator[Claim]:
         runs = [ray_simulation(name, speed, seed) for seed in range(seeds)]
         how = "standing" if speed == 0.0 else f"{speed:g} m/s"
         yield claim_of(f"gadau_rays_{name}_{speed:g}", f"{name} discs, 151 rays, {how}: RMSE", "cm",
-                       None, [100.0 * float(np.sqrt(np.mean(run.off_m**2))) for run in runs],
-                       "<= 5", lambda v: v <= 5.0)  # fmt: skip
+                       None, [100.0 * _rms(run.off_m) for run in runs], "<= 5",
+                       lambda v: v <= 5.0)  # fmt: skip
         yield claim_of(f"gadau_rays_{name}_{speed:g}_worst", f"{name} discs, {how}: worst error",
                        "cm", None, [100.0 * float(run.off_m.max()) for run in runs], "-",
                        lambda v: True)  # fmt: skip

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's questions as pictures: wrong starts, its mistakes, kidnapping."""
+"""The paper's questions as pictures: wrong starts, GPS or laser, its mistakes, kidnapping."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 
 from locfuse.gadau.kidnapping import kidnap, marks_of
 from locfuse.gadau.runs import microsimulation
-from locfuse.gadau.world import DURATION_S, LAYOUTS, STEP_NS
-from locfuse.plot.gadau import plot_errors, plot_kidnapping
+from locfuse.gadau.world import DURATION_S, LAYOUTS, SENSORS, STEP_NS
+from locfuse.plot.gadau import plot_errors, plot_kidnapping, plot_sensors
 from locfuse.plot.style import save
-from locfuse.types import NANOSECONDS
+from locfuse.types import NANOSECONDS, FloatArray
 
 SHOWN = 600  # steps of a kidnapping: the last minute
 
@@ -35,6 +35,7 @@ def draw_pictures(folder: Path, seeds: int) -> list[Path]:
     }
     drawn = [
         ("gadau_start", plot_errors(time_s, starts, "start 2 m and 60 degrees wrong")),
+        ("gadau_sensors", _sensors(time_s)),
         ("gadau_mistakes", plot_errors(time_s, right, "right start, four landmarks")),
         ("gadau_kidnapped", _kidnapped()),
     ]
@@ -43,6 +44,14 @@ def draw_pictures(folder: Path, seeds: int) -> list[Path]:
         paths.append(folder / f"{name}.png")
         save(figure, paths[-1])
     return paths
+
+
+def _sensors(time_s: FloatArray) -> Figure:
+    runs = {name: microsimulation("triangle", "circle", 0, sensors=SENSORS[name][1])
+            for name in ("GPS", "laser")}  # fmt: skip
+    found = {name: run.found for name, run in runs.items()}
+    gps = runs["GPS"]
+    return plot_sensors(marks_of("triangle"), gps.fixes, time_s, gps.truth, found)
 
 
 def _kidnapped() -> Figure:

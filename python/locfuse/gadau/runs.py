@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Literal
 
@@ -15,6 +16,7 @@ from locfuse.gadau.world import (
     DISC_M,
     DISCS,
     DURATION_S,
+    LASER,
     LAYOUTS,
     NEAR_M,
     NEAR_RAD,
@@ -22,11 +24,15 @@ from locfuse.gadau.world import (
     ROOM_M,
     SIGMA_BEARING_RAD,
     SIGMA_RANGE_M,
+    SPEED_MPS,
     STEP_NS,
     WRONG_M,
     WRONG_RAD,
+    Gps,
+    Sensors,
     detector,
     filter_config,
+    has_constant_speed,
     known,
     scan_of,
     seen_by,
@@ -42,11 +48,33 @@ Correct = Callable[[_core.PoseEkf, int, FloatArray], None]
 
 @dataclass(frozen=True)
 class Run:
-    """How far off one run was, at each step: metres and radians; NEES of the last."""
+    """One drive.
 
-    off_m: FloatArray
-    off_rad: FloatArray
+    Attributes
+    ----------
+    truth, found : float64 array, shape (n, 3)
+        Pose after each step.
+    nees : float
+        Of the last.
+    fixes : float64 array, shape (m, 2)
+        What GPS told.
+    """
+
+    truth: FloatArray
+    found: FloatArray
     nees: float
+    fixes: FloatArray
+
+    @cached_property
+    def off_m(self) -> FloatArray:
+        """Error of the position after each step."""
+        off: FloatArray = np.hypot(*(self.found - self.truth)[:, :2].T)
+        return off
+
+    @cached_property
+    def off_rad(self) -> FloatArray:
+        """Error of the heading after each step, not negative."""
+        return np.abs(wrap_angle(self.found[:, 2] - self.truth[:, 2]))
 
     def converged_s(self) -> float:
         """Return when it came near the truth to stay, infinity if never."""
@@ -56,8 +84,9 @@ class Run:
 
 
 def microsimulation(
-    layout: str, path: str, seed: int, *, wrong: bool = True, mistake: Mistake | None = None
-) -> Run:
+    layout: str, path: str, seed: int, *, wrong: bool = True, mistake: Mistake | None = None,
+    sensors: Sensors = LASER,
+) -> Run:  # fmt: skip
     """Drive a minute among landmarks that are always all in view.
 
     Parameters
@@ -70,6 +99,8 @@ def microsimulation(
     mistake : str, optional
         ``derivatives`` of the paper's Fig. 2 instead of the right ones; ranges to the ``surface``
         of discs of 30 cm taken for those to their centres.
+    sensors : Sensors
+        The start, the drive and what odometry tells are the same with all of them.
     """
     rng = np.random.default_rng(seed)
     marks = np.array(LAYOUTS[layout], dtype=np.float64)
@@ -81,12 +112,28 @@ def microsimulation(
     if wrong:
         side = rng.uniform(-np.pi, np.pi)
         start += [WRONG_M * np.cos(side), WRONG_M * np.sin(side), rng.choice([-1, 1]) * WRONG_RAD]
-    ekf = _ekf(start, marks, wrong)
+    constant_mps = SPEED_MPS if has_constant_speed(path) else 0.0
+    ekf = _ekf(start, marks, constant_mps, wrong)
+    for_gps = rng.spawn(1)[0]
+    fixes: list[FloatArray] = []
 
     def see_and_fuse(ekf: _core.PoseEkf, stamp: int, at: FloatArray) -> None:
-        fuse(ekf, stamp, seen_by(at, marks, rng, short))
+        seen = seen_by(at, marks, rng, short)  # even if unused: it takes from the odometry's rng
+        if sensors.laser:
+            fuse(ekf, stamp, seen)
+        if sensors.gps is not None and stamp % sensors.gps.every_ns == 0:
+            fixes.append(_located(ekf, stamp, at, sensors.gps, for_gps))
 
-    return _drive(ekf, pose, rng, see_and_fuse)
+    run = _drive(ekf, pose, rng, see_and_fuse)
+    return replace(run, fixes=np.array(fixes).reshape(-1, 2))
+
+
+def _located(
+    ekf: _core.PoseEkf, stamp: int, at: FloatArray, gps: Gps, rng: np.random.Generator
+) -> FloatArray:
+    fix: FloatArray = at[:2] + gps.sigma_m * rng.standard_normal(2)
+    ekf.on(_core.PositionFix(stamp, fix, gps.sigma_m**2 * np.eye(2)))
+    return fix
 
 
 def ray_simulation(discs: str, speed_mps: float, seed: int) -> Run:
@@ -107,13 +154,15 @@ def ray_simulation(discs: str, speed_mps: float, seed: int) -> Run:
     def fuse(ekf: _core.PoseEkf, stamp: int, at: FloatArray) -> None:
         ekf.on_joint(sightings_of(finder.detect(scan_of(stamp, at, marks, rng)), stamp))
 
-    return _drive(_ekf(pose[0], marks, False), pose, rng, fuse)
+    return _drive(_ekf(pose[0], marks, speed_mps), pose, rng, fuse)
 
 
-def _ekf(start: FloatArray, marks: FloatArray, wrong: bool) -> _core.PoseEkf:
-    config = filter_config()
+def _ekf(
+    start: FloatArray, marks: FloatArray, speed_mps: float, wrong: bool = False
+) -> _core.PoseEkf:
+    config = filter_config(speed_mps)
     if wrong:
-        config.gate_landmark = 1.0
+        config.gate_landmark = config.gate_position = 1.0
     sigma = [WRONG_M, WRONG_M, WRONG_RAD] if wrong else [0.05, 0.05, 0.02]
     return _core.PoseEkf(config, _core.AnchorMap([]), [],
                          _core.PoseEstimate(0, _core.Pose2(*start), np.diag(sigma) ** 2),
@@ -122,20 +171,18 @@ def _ekf(start: FloatArray, marks: FloatArray, wrong: bool) -> _core.PoseEkf:
 
 def _drive(ekf: _core.PoseEkf, pose: FloatArray, rng: np.random.Generator, fuse: Correct) -> Run:
     """Feed odometry with the noise of Fig. 1 and what is seen, step by step."""
-    off = []
+    found = []
     for k, (before, after) in enumerate(pairwise(pose)):
         begin, end = k * STEP_NS, (k + 1) * STEP_NS
         ekf.on(_core.Increment(begin, end, told(before, after, rng)))
         ekf.advance_to(end)
         fuse(ekf, end, after)
-        found = ekf.estimate(end).pose
-        off.append([np.hypot(found.x - after[0], found.y - after[1]),
-                    abs(_core.wrap_angle(found.heading - float(after[2])))])  # fmt: skip
-    off_m, off_rad = np.array(off).T
+        at = ekf.estimate(end).pose
+        found.append([at.x, at.y, at.heading])
     last = ekf.estimate()
     error = _core.local(last.pose, _core.Pose2(*pose[-1]))
     nees = float(error @ np.linalg.solve(last.covariance, error))
-    return Run(off_m, off_rad, nees)
+    return Run(pose[1:], np.array(found), nees, np.empty((0, 2)))
 
 
 def _by_name(ekf: _core.PoseEkf, stamp: int, seen: FloatArray) -> None:

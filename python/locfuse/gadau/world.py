@@ -3,35 +3,69 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from locfuse import _core
-from locfuse.config.scenario import Circle, Path, Square, Star, Waypoints
+from locfuse.config.scenario import Circle, Path, Polygon, Square, Star, Waypoints
 from locfuse.sim.obstacles import hidden_by
 from locfuse.types import NANOSECONDS, FloatArray, wrap_angle
 
 STEP_NS = NANOSECONDS // 10
 DURATION_S = 60.0
+SETTLED_S = 30.0  # after a wrong start
 ROOM_M = (10.0, 10.0)
 # Fig. 1: what is added to the pose in every step, and to speed and turn rate.
 SIGMA_POSE_M, SIGMA_POSE_RAD = 0.002, 0.002
 SIGMA_SPEED_MPS, SIGMA_TURN_RADPS = 0.05, 0.05
 SIGMA_RANGE_M, SIGMA_BEARING_RAD = 0.05, 0.02
+SPEED_MPS = 0.5  # in the microsimulator
 ENDLESS = 1e6  # whatever is more is written so
 WRONG_M, WRONG_RAD = 2.0, np.deg2rad(60.0)  # of the start
 NEAR_M, NEAR_RAD = 0.2, np.deg2rad(5.0)  # of the truth: converged
 LAYOUTS = {
     "one": [[2, 5]],
     "two": [[2, 5], [8, 5]],
+    "line": [[1, 4], [5, 4], [9, 4]],  # a circle starts 2 m from its mirror image
     "triangle": [[1, 1], [9, 1], [5, 9]],
     "square, near": [[1, 1], [9, 1], [9, 9], [1, 9]],
     "five, far": [[-20, -20], [30, -20], [30, 30], [-20, 30], [5, 40]],
 }
 PATHS: dict[str, Path] = {
-    "circle": Circle(speed_mps=0.5),
-    "star": Star(speed_mps=0.5),
-    "square": Square(speed_mps=0.5),
-    "random": Waypoints(speed_mps=0.5),
+    "circle": Circle(speed_mps=SPEED_MPS),
+    "star": Star(speed_mps=SPEED_MPS),
+    "square": Square(speed_mps=SPEED_MPS),
+    "pentagon": Polygon(speed_mps=SPEED_MPS, corners=5),
+    "random": Waypoints(speed_mps=SPEED_MPS),
+}
+
+
+@dataclass(frozen=True)
+class Gps:
+    """Fixes of the position: a sigma per axis, and the time between two."""
+
+    sigma_m: float
+    every_ns: int
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """What corrects the odometry: landmarks by laser, GPS, or both."""
+
+    laser: bool = True
+    gps: Gps | None = None
+
+
+_RECEIVER = Gps(0.5, NANOSECONDS)
+LASER = Sensors()
+SENSORS = {  # with the landmarks there are
+    "GPS": ("triangle", Sensors(laser=False, gps=_RECEIVER)),
+    "laser": ("triangle", LASER),
+    "GPS and laser": ("triangle", Sensors(gps=_RECEIVER)),
+    "laser, one landmark": ("one", LASER),
+    "GPS and laser, one landmark": ("one", Sensors(gps=_RECEIVER)),
+    "GPS as good as the laser": ("triangle", Sensors(False, Gps(SIGMA_RANGE_M, STEP_NS))),
 }
 RAYS, FIELD_RAD, REACH_M, SIGMA_RAY_M = 151, 2.0, 6.0, 0.01
 DISC_M = 0.3
@@ -41,6 +75,11 @@ DISCS = {
           [1.1, 5.0]],
 }  # fmt: skip
 SPEEDS = (0.0, 0.3, 1.0)
+
+
+def has_constant_speed(path: str) -> bool:
+    """Return whether a path has no turns in place."""
+    return isinstance(PATHS[path], Circle)
 
 
 def detector() -> _core.CylinderDetector:
@@ -94,8 +133,12 @@ def told(before: FloatArray, after: FloatArray, rng: np.random.Generator) -> _co
                        step.heading + noise[2] + noise[4])  # fmt: skip
 
 
-def filter_config() -> _core.PoseEkfConfig:
-    """Return the filter that knows the noise."""
+def filter_config(speed_mps: float = 0.0) -> _core.PoseEkfConfig:
+    """Return the filter that knows the noise.
+
+    That of the speed lies along the motion. Unless the speed is always the same, and given, the
+    filter takes it to be as large across the motion, where there is none: it is cautious.
+    """
     config = _core.PoseEkfConfig()
     rate = NANOSECONDS / STEP_NS
     config.odometry.sigma_longitudinal_per_sqrt_m = 0.0
@@ -103,7 +146,12 @@ def filter_config() -> _core.PoseEkfConfig:
     config.odometry.sigma_heading_per_sqrt_m = 0.0
     config.odometry.sigma_heading_per_sqrt_rad = 0.0
     # In every step, so many a second: noise of the pose, and of the speeds over a step.
-    xy = np.hypot(SIGMA_POSE_M, SIGMA_SPEED_MPS / rate)
+    along = SIGMA_SPEED_MPS / rate
+    if speed_mps > 0.0:
+        per_sqrt_m = along / np.sqrt(speed_mps / rate)
+        config.odometry.sigma_longitudinal_per_sqrt_m = float(per_sqrt_m)
+        along = 0.0
+    xy = np.hypot(SIGMA_POSE_M, along)
     turn = np.hypot(SIGMA_POSE_RAD, SIGMA_TURN_RADPS / rate)
     config.odometry.sigma_xy_per_sqrt_s = float(xy * np.sqrt(rate))
     config.odometry.sigma_heading_per_sqrt_s = float(turn * np.sqrt(rate))

@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from locfuse.config.scenario import Circle, Eight, Path, Roam, Square, Star, Waypoints
+from locfuse.config.scenario import Circle, Eight, Path, Polygon, Roam, Square, Star, Waypoints
 from locfuse.sim.space import roam
 from locfuse.types import FloatArray, GridMap, wrap_angle
 
@@ -174,7 +174,7 @@ def plan(
 
     Parameters
     ----------
-    path : Circle, Eight, Square, Star, Waypoints or Roam
+    path : Circle, Eight, Square, Star, Polygon, Waypoints or Roam
     room_m : (width, depth)
         Where random waypoints may lie: from (0, 0) to (width, depth), less their margin.
     duration_s : float
@@ -199,13 +199,15 @@ def plan(
         return _laps((*path.center_m, 0.5 * math.pi), loop, duration_s)
     if isinstance(path, Square):
         x, y = (c - 0.5 * path.side_m for c in path.center_m)
-        loop = _polygon(4, path.side_m, 0.5 * math.pi, path)
+        loop = _strokes(4, path.side_m, 0.5 * math.pi, path)
         return _laps((x, y, 0.0), loop, duration_s)
-    if isinstance(path, Star):
+    if isinstance(path, Star | Polygon):
         x, y = path.center_m
-        turn = math.pi * (path.points - 1) / path.points  # from one stroke to the next
-        stroke = 2.0 * path.radius_m * math.sin(0.5 * turn)
-        loop = _polygon(path.points, stroke, turn, path)
+        points, around = (
+            (path.points, (path.points - 1) // 2) if isinstance(path, Star) else (path.corners, 1)
+        )
+        turn = 2.0 * math.pi * around / points  # from one stroke to the next
+        loop = _strokes(points, 2.0 * path.radius_m * math.sin(0.5 * turn), turn, path)
         heading = float(wrap_angle(math.pi + 0.5 * turn))  # along the chord from the northern tip
         return _laps((x, y + path.radius_m, heading), loop, duration_s)
     if isinstance(path, Waypoints):
@@ -215,10 +217,12 @@ def plan(
     return _along(roam(grid, path, rng), path, duration_s)
 
 
-def _polygon(edges: int, length: float, turn: float, path: Square | Star) -> list[Motion]:
-    """Return the motions once around: an edge, a turn in place to the left, and so on."""
+def _strokes(
+    strokes: int, length: float, turn: float, path: Square | Star | Polygon
+) -> list[Motion]:
+    """Return the motions once around: a stroke, a turn in place to the left, and so on."""
     rate = path.turn_rate_radps
-    return [(length / path.speed_mps, path.speed_mps, 0.0), (turn / rate, 0.0, rate)] * edges
+    return [(length / path.speed_mps, path.speed_mps, 0.0), (turn / rate, 0.0, rate)] * strokes
 
 
 def _laps(start_pose: Motion, loop: Sequence[Motion], duration_s: float) -> Drive:

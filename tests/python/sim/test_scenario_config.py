@@ -69,6 +69,11 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "negative sigma": ({"ranges": {"sigma_m": -0.1}}, "greater than or equal to 0"),
     "no rate": ({"ranges": {"rate_hz": 0}}, "greater than 0"),
     "even star": ({"path": {"shape": "star", "points": 6}}, "star of 6 points.*odd"),
+    "two corners": ({"path": {"shape": "polygon", "corners": 2}}, "greater than or equal to 3"),
+    "polygon outside": (
+        {"path": {"shape": "polygon", "radius_m": 5.5}},
+        "polygon around .* reaches 5.5 m in x",
+    ),
     "path outside": (
         {"path": {"shape": "eight", "radius_m": 3.0}},
         r"eight around \(5.0, 5.0\) reaches 6.0 m in x.*leaves the room of 10.0 m x 10.0 m",

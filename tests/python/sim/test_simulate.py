@@ -14,7 +14,7 @@ from locfuse.io.maps import write_map
 from locfuse.sim.scenario import simulate
 from locfuse.types import ConfigError, GridMap, Log
 
-SHAPES = ["circle", "eight", "square", "star", "waypoints"]
+SHAPES = ["circle", "eight", "square", "star", "polygon", "waypoints"]
 SENSORS = ["odometry", "ranges", "poses", "positions"]
 ALL_ON: dict[str, Any] = {"positions": {}, "path": {"shape": "waypoints"}}
 FAULTS = [

@@ -8,13 +8,15 @@ import math
 import numpy as np
 import pytest
 
-from locfuse.config.scenario import Circle, Eight, Path, Roam, Square, Star, Waypoints
+from locfuse.config.scenario import Circle, Eight, Path, Polygon, Roam, Square, Star, Waypoints
 from locfuse.sim.maps import rooms
 from locfuse.sim.trajectory import Drive, drive_of, plan, sinc, there_and_back
 from locfuse.types import wrap_angle
 
 ROOM = (10.0, 10.0)
-PATHS: list[Path] = [Circle(), Eight(), Square(), Star(), Star(points=7), Waypoints()]
+PATHS: list[Path] = [
+    Circle(), Eight(), Square(), Star(), Star(points=7), Polygon(corners=3), Polygon(), Waypoints()
+]  # fmt: skip
 
 
 def planned(path: Path, duration_s: float = 600.0, seed: int = 3) -> Drive:
@@ -22,7 +24,8 @@ def planned(path: Path, duration_s: float = 600.0, seed: int = 3) -> Drive:
 
 
 def shape_of(path: Path) -> str:
-    return f"{path.shape}{path.points}" if isinstance(path, Star) else path.shape
+    many = getattr(path, "points", getattr(path, "corners", ""))
+    return f"{path.shape}{many}"
 
 
 def test_a_quarter_turn_ends_where_geometry_says() -> None:
@@ -160,7 +163,7 @@ def test_cornered_paths_drive_straight_and_turn_in_place(path: Path) -> None:
     assert np.all(drive.speed[drive.turn_rate == 0.0] == path.speed_mps)
 
 
-@pytest.mark.parametrize("path", PATHS[:5], ids=shape_of)
+@pytest.mark.parametrize("path", PATHS[:-1], ids=shape_of)
 def test_closed_paths_come_back_to_the_start_after_every_lap(path: Path) -> None:
     drive = planned(path, 2000.0)
     laps = {"circle": 2.0 * math.pi * 3.0 / 0.22, "eight": 8.0 * math.pi / 0.22}
@@ -169,6 +172,9 @@ def test_closed_paths_come_back_to_the_start_after_every_lap(path: Path) -> None
     if isinstance(path, Star):
         turn = math.pi * (path.points - 1) / path.points
         laps["star"] = path.points * (8.0 * math.sin(0.5 * turn) / 0.22 + turn)
+    if isinstance(path, Polygon):
+        side = 8.0 * math.sin(math.pi / path.corners)
+        laps["polygon"] = path.corners * side / 0.22 + 2.0 * math.pi
 
     pose = drive.pose_at(laps[path.shape] * np.arange(1, 6))
 
@@ -184,6 +190,12 @@ def test_the_circle_keeps_its_distance_and_runs_counter_clockwise() -> None:
     np.testing.assert_allclose(pose[1, :2], [5.0, 7.0], atol=1e-14)
     far = planned(Circle()).pose_at(np.linspace(0.0, 600.0, 999))
     np.testing.assert_allclose(np.hypot(*(far[:, :2] - 5.0).T), 3.0, atol=1e-12)
+
+
+def test_a_circle_at_no_speed_is_a_robot_that_stands() -> None:
+    pose = planned(Circle(speed_mps=0.0)).pose_at([0.0, 1.0, 599.0])
+
+    np.testing.assert_array_equal(pose, np.tile([8.0, 5.0, 0.5 * math.pi], (3, 1)))
 
 
 def test_the_eight_is_a_western_circle_to_the_left_and_an_eastern_one_to_the_right() -> None:
@@ -223,6 +235,17 @@ def test_the_star_turns_on_the_tips_of_a_regular_polygon(points: int) -> None:
     np.testing.assert_allclose(np.hypot(*(tips - 5.0).T), 4.0, atol=1e-12)
     np.testing.assert_allclose(np.diff(np.sort(angle)), 2.0 * np.pi / points, atol=1e-12)
     np.testing.assert_allclose(drive.start_pose[0, :2], [5.0, 9.0])
+
+
+@pytest.mark.parametrize("corners", [3, 4, 5, 8])
+def test_the_polygon_goes_once_around_from_its_northern_corner(corners: int) -> None:
+    drive = planned(Polygon(corners=corners), 2000.0)
+
+    at = drive.start_pose[drive.speed > 0.0][:corners, :2] - 5.0
+
+    turned = 2.0 * np.pi / corners * np.arange(corners)  # counter-clockwise from the north
+    np.testing.assert_allclose(at, 4.0 * np.column_stack([-np.sin(turned), np.cos(turned)]),
+                               atol=1e-12)  # fmt: skip
 
 
 def test_waypoints_keep_the_margin_and_turn_the_short_way() -> None:
