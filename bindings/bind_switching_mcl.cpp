@@ -33,6 +33,8 @@ void bind_switching_mcl(py::module_& m) {
       .def_readwrite("uwb_sigma_rad", &Config::uwb_sigma_rad, "Likewise [rad].")
       .def_readwrite("uwb_age_s", &Config::uwb_age_s,
                      "Since the last range or fix that was fused, likewise [s].")
+      .def_readwrite("uwb_nis", &Config::uwb_nis,
+                     "NIS of the last ranges or fixes per row, on average, at most, likewise.")
       .def_readwrite("share", &Config::share, "Of the particles that are replaced.");
   py::class_<Injection>(m, "Injection", "UWB took over from scans.")
       .def_readonly("stamp", &Injection::stamp)
@@ -100,6 +102,9 @@ Examples
           "mcl", [](const SwitchingMcl& s) { return s.mcl(); }, "A snapshot of the particles.")
       .def_property_readonly(
           "uwb", [](const SwitchingMcl& s) { return s.uwb(); }, "A snapshot of UWB's filter.")
+      .def_property_readonly("uwb_nis", &SwitchingMcl::uwb_nis,
+                             "NIS of the last ranges or fixes per row, on average: 1 where UWB's "
+                             "filter is right.")
       .def_property_readonly("injections", &SwitchingMcl::injections,
                              "When UWB took over, a list of Injection.")
       .def_property_readonly(

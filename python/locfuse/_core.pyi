@@ -3686,6 +3686,13 @@ class SwitchingMclConfig:
     @uwb_age_s.setter
     def uwb_age_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
+    def uwb_nis(self) -> float:
+        """
+        NIS of the last ranges or fixes per row, on average, at most, likewise.
+        """
+    @uwb_nis.setter
+    def uwb_nis(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
     def uwb_sigma_m(self) -> float:
         """
         Of the pose by UWB, at most, to be of use [m].
@@ -3811,6 +3818,11 @@ class SwitchingMcl:
     def uwb(self) -> RecoveringEkf:
         """
         A snapshot of UWB's filter.
+        """
+    @property
+    def uwb_nis(self) -> float:
+        """
+        NIS of the last ranges or fixes per row, on average: 1 where UWB's filter is right.
         """
 
 class MessageLog:

@@ -12,6 +12,9 @@
 namespace locfuse {
 namespace {
 
+constexpr double kNews = 1.0 / 50.0;  // weight of a range or fix in the average of their NIS
+constexpr double kMostNis = 10.0;     // of one of them: more says no more
+
 /// Throws std::invalid_argument unless low <= high, or low < high.
 void check_order(const char* low_name, double low, const char* high_name, double high,
                  const char* why) {
@@ -32,6 +35,7 @@ const SwitchingMcl::Config& checked(const SwitchingMcl::Config& c) {
   positive("elsewhere_rad", c.elsewhere_rad);
   positive("uwb_sigma_m", c.uwb_sigma_m);
   positive("uwb_sigma_rad", c.uwb_sigma_rad);
+  positive("uwb_nis", c.uwb_nis);
   if (!(c.share > 0.0 && c.share <= 1.0)) {
     throw std::invalid_argument("share is " + std::to_string(c.share) +
                                 ", expected 0 < share <= 1");
@@ -84,13 +88,17 @@ Outcome SwitchingMcl::hear(const M& z) {
   if (outcome.verdict == Verdict::kFused) {
     heard_ = z.stamp;
   }
+  if (outcome.dof > 0) {
+    nis_ += kNews * (std::min(outcome.nis / outcome.dof, kMostNis) - nis_);
+  }
   return outcome;
 }
 
-/// The pose by UWB, if it is sure and was heard lately.
+/// The pose by UWB, if it is sure, was heard lately, and what was heard agrees with it.
 std::optional<PoseEstimate> SwitchingMcl::useful(Stamp stamp) const {
   const PoseEkf* ekf = uwb_.estimator();
-  if (ekf == nullptr || !heard_ || stamp - *heard_ > uwb_age_ || ekf->current().stamp > stamp) {
+  const bool is_heard = heard_ && stamp - *heard_ <= uwb_age_ && nis_ <= config_.uwb_nis;
+  if (ekf == nullptr || !is_heard || ekf->current().stamp > stamp) {
     return std::nullopt;
   }
   const PoseEstimate now = ekf->estimate(stamp);

@@ -179,12 +179,13 @@ class Switch(Strict):
     sigma_sure_m: Positive = 0.3
     sigma_unsure_rad: Positive = 0.35
     sigma_sure_rad: Positive = 0.2
-    elsewhere_m: Positive = 0.5
+    elsewhere_m: Positive = 2.0
     elsewhere_rad: Positive = 0.5
     doubt_s: Positive = 2.0
     uwb_sigma_m: Positive = 0.25
     uwb_sigma_rad: Positive = 0.2
     uwb_age_s: Positive = 2.5
+    uwb_nis: Positive = 1.4
     share: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
 
     @model_validator(mode="after")

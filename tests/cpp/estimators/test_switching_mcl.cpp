@@ -128,6 +128,20 @@ TEST(SwitchingMcl, does_not_switch_to_uwb_that_is_out_of_range_or_not_sure) {
   EXPECT_EQ(injections_in_ten_seconds(strict), 0U);
 }
 
+TEST(SwitchingMcl, does_not_switch_to_uwb_whose_fixes_contradict_one_another) {
+  Standing world;
+  for (const bool is_consistent : {true, false}) {
+    SwitchingMcl switching = world.estimator();
+    for (int i = 1; i <= 60; ++i) {
+      const double off = is_consistent ? 0.1 : 0.35;  // one or three and a half sigma
+      switching.on(world.fix(0.25 * i, {i % 2 == 0 ? off : -off, 0.0}));
+      switching.on(world.scan(0.25 * i, i > 40));
+    }
+    EXPECT_EQ(switching.uwb_nis() < 1.4, is_consistent) << switching.uwb_nis();
+    EXPECT_EQ(switching.injections().empty(), !is_consistent);
+  }
+}
+
 TEST(SwitchingMcl, doubt_that_ends_in_time_switches_nothing) {
   Standing world;
   SwitchingMcl::Config patient;
@@ -160,9 +174,11 @@ TEST(SwitchingMcl, particles_that_are_sure_of_another_place_are_doubted) {
   Standing world;
   SwitchingMcl switching = world.estimator({}, 0.01);
   const Pose2 wrong = world.truth() * Pose2{1.2, 0.0, 0.0};
+  SwitchingMcl::Config config;
+  config.elsewhere_m = 0.5;
   Mcl particles = switching.mcl();
   particles.start_at({{Standing::start(wrong, 0.05), 1.0}});
-  switching = SwitchingMcl({}, particles, switching.uwb());
+  switching = SwitchingMcl(config, particles, switching.uwb());
   for (int i = 1; i <= 10 && switching.injections().empty(); ++i) {
     switching.on(world.fix(0.5 * i));
     switching.on(world.scan(0.5 * i, true));

@@ -32,12 +32,13 @@ class SwitchingMcl {
     double sigma_sure_m = 0.3;       ///< below it no longer [m]
     double sigma_unsure_rad = 0.35;  ///< likewise of their heading [rad]
     double sigma_sure_rad = 0.2;     ///< [rad]
-    double elsewhere_m = 0.5;        ///< off UWB by more than this and three sigmas: in doubt [m]
+    double elsewhere_m = 2.0;        ///< off UWB by more than this and three sigmas: in doubt [m]
     double elsewhere_rad = 0.5;      ///< likewise turned [rad]
     double doubt_s = 2.0;            ///< that it must last [s]
     double uwb_sigma_m = 0.25;       ///< of the pose by UWB, at most, to be of use [m]
     double uwb_sigma_rad = 0.2;      ///< likewise [rad]
     double uwb_age_s = 2.5;          ///< since the last range or fix that was fused, likewise [s]
+    double uwb_nis = 1.4;            ///< of the last ranges or fixes, per row, on average, likewise
     double share = 1.0;              ///< of the particles that are replaced
   };
 
@@ -67,6 +68,8 @@ class SwitchingMcl {
   [[nodiscard]] PoseEstimate estimate() const { return mcl_.estimate(); }
   [[nodiscard]] const Mcl& mcl() const { return mcl_; }
   [[nodiscard]] const RecoveringEkf& uwb() const { return uwb_; }
+  /// NIS of the last ranges or fixes per row, on average: 1 where UWB's filter is right.
+  [[nodiscard]] double uwb_nis() const { return nis_; }
   [[nodiscard]] const std::vector<Injection>& injections() const { return injections_; }
 
  private:
@@ -85,6 +88,7 @@ class SwitchingMcl {
   Mcl mcl_;
   RecoveringEkf uwb_;
   std::optional<Stamp> heard_;  // the last range or fix that was fused
+  double nis_ = 1.0;            // of the last ones per row, on average
   std::optional<Stamp> since_;  // in doubt
   std::vector<Injection> injections_;
 };
