@@ -200,6 +200,6 @@ def test_a_late_rtls_tells_where_the_tags_were() -> None:
 def test_pictures_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pictures, "SEED", SEED)
     paths = draw_pictures(tmp_path, 1)
-    assert [path.stem for path in paths] == ["celan_laps", "celan_radios", "celan_doubt", "celan_sigmas",
-                                             "celan_eight"]  # fmt: skip
+    names = ["celan_laps", "celan_radios", "celan_doubt", "celan_sigmas", "celan_eight"]
+    assert [path.stem for path in paths] == names
     assert all(path.stat().st_size > 20_000 for path in paths)
