@@ -6,7 +6,6 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import numpy as np
 from matplotlib.axes import Axes
 
 from locfuse.config.load import parse_config
@@ -15,10 +14,11 @@ from locfuse.plot.world import draw_map
 from locfuse.run import load_log
 
 OUT = Path("out/worlds.png")
-SIZES_M = {"hallways": (40, 20), "rooms": (16, 12), "warehouse": (30, 20), "zhang": (10, 10)}
+SIZES_M = {"hallways": (40, 20), "rooms": (16, 12), "warehouse": (30, 20), "zhang": (10, 10),
+           "floor": (50, 21)}  # fmt: skip
 MAP_SEED = 2
 DRIVE_SEED = 1
-DRIVE_S = {"hallways": 120.0, "rooms": 120.0, "warehouse": 120.0, "zhang": 60.0}
+DRIVE_S = {"hallways": 120.0, "rooms": 120.0, "warehouse": 120.0, "zhang": 60.0, "floor": 300.0}
 DRAWN_M = 0.1  # side of the cells that are drawn; smaller ones would fall between pixels
 
 
@@ -45,10 +45,11 @@ def draw(axes: Axes, world: str) -> None:
 
 def main() -> int:
     """Draw all worlds, print where the picture is."""
-    figure = new_figure(7.6)
-    cells = figure.subplots(2, 2, width_ratios=(1.6, 1.0))
-    for axes, world in zip(np.ravel(cells), SIZES_M, strict=True):
-        draw(axes, world)
+    figure = new_figure(12.0)
+    cells = figure.add_gridspec(3, 2, width_ratios=(1.6, 1.0))
+    for number, world in enumerate(SIZES_M):
+        row, column = divmod(number, 2)
+        draw(figure.add_subplot(cells[row, :] if row == 2 else cells[row, column]), world)
     OUT.parent.mkdir(parents=True, exist_ok=True)
     save(figure, OUT)
     print(f"picture: {OUT.resolve()}")

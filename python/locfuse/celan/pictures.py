@@ -10,16 +10,16 @@ from matplotlib.figure import Figure
 
 from locfuse.celan.comparison import runs_of
 from locfuse.celan.eight import METHODS, ride
-from locfuse.celan.runs import BLIND_S, SETUPS, Run
-from locfuse.celan.world import Lap, lap
-from locfuse.plot.celan import Track, plot_doubt, plot_eight, plot_laps, plot_sigmas
+from locfuse.celan.runs import BLIND_S, SETUPS, Run, tag_poses
+from locfuse.celan.world import UWB_RANGE_M, Lap, lap
+from locfuse.plot.celan import Track, plot_doubt, plot_eight, plot_laps, plot_radios, plot_sigmas
 from locfuse.plot.style import save
 from locfuse.sim.sensors import seconds
 from locfuse.types import NANOSECONDS, FloatArray
 
 SEED = 11  # whose wheels drift as theirs did
 LAPS = ("odometry", "lidar", "covered", "blind")
-DOUBTS = ("blind", "blind_poses")
+DOUBTS = ("blind", "blind_switch")
 SIGMAS = ("blind", "covered", "lidar")
 STRETCH_S = (12.0, 34.0)  # of Fig. 15
 
@@ -31,6 +31,7 @@ def draw_pictures(folder: Path, seeds: int) -> list[Path]:
     of, runs = lap(SEED), runs_of(SEED)
     drawn = [
         ("celan_laps", _laps(of, runs)),
+        ("celan_radios", _radios(of, runs)),
         ("celan_doubt", _doubt(of, runs)),
         ("celan_sigmas", _sigmas(runs)),
         ("celan_eight", _eight()),
@@ -47,6 +48,13 @@ def _laps(of: Lap, runs: dict[str, Run]) -> Figure:
                     f"{np.rad2deg(runs[name].end[2]):.1f} deg off at the end",
                     runs[name].truth, runs[name].estimate) for name in LAPS]  # fmt: skip
     return plot_laps(of.floor.map, _anchors(of), tracks)
+
+
+def _radios(of: Lap, runs: dict[str, Run]) -> Figure:
+    fixes = np.array([[z.pose.x, z.pose.y] for z in tag_poses(of.fixes)])
+    track = Track(f"{SETUPS['lidar'].text}, and UWB within {UWB_RANGE_M:g} m of the master anchor",
+                  runs["lidar"].truth, runs["lidar"].estimate)  # fmt: skip
+    return plot_radios(of.floor.map, _anchors(of), track, fixes)
 
 
 def _doubt(of: Lap, runs: dict[str, Run]) -> Figure:

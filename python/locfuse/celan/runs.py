@@ -32,7 +32,6 @@ SIGMAS = {
     "sigma_heading_per_sqrt_rad": 0.05,
 }
 SIGMA_UWB_M = 0.25  # of a range: its noise and what its calibration leaves
-LOST_M = 1.0
 BLIND_S = 120.0
 
 
@@ -114,10 +113,6 @@ class Run:
         turned = turn @ self.covariance[:, :2, :2] @ turn.swapaxes(1, 2)
         return np.asarray(np.sqrt(np.diagonal(turned, axis1=1, axis2=2)))
 
-    def lost_s(self) -> float:
-        """Return for how long the error was above `LOST_M`."""
-        return float(np.mean(self.off_m > LOST_M)) * self.duration_s
-
 
 class Wheels:
     """Odometry alone."""
@@ -151,13 +146,27 @@ def mcl(lap: Lap, start: _core.PoseEstimate, seed: int) -> _core.Mcl:
     config.seed = seed
     config.odometry = sigmas()
     config.range.sigma_m = SIGMA_UWB_M
-    floor = lap.floor
-    anchors = _core.AnchorMap([_core.Anchor(k, list(at))
-                               for k, at in enumerate(floor.anchors.values())])  # fmt: skip
-    tags = [_core.Tag(k, list(at)) for k, at in enumerate(TAGS.values())]
-    made = _core.Mcl(config, floor.map.occupancy_grid(), start.stamp, anchors, tags)
+    grid = lap.floor.map.occupancy_grid()
+    made = _core.Mcl(config, grid, start.stamp, *radios_known(lap))
     made.start_at([_core.PoseHypothesis(start)])
     return made
+
+
+def switching(lap: Lap, start: _core.PoseEstimate, seed: int) -> _core.SwitchingMcl:
+    """Return `mcl` that UWB rescues: ranges and wheels in a filter of their own."""
+    config = _core.RecoveringEkfConfig()
+    config.estimator.odometry = sigmas()
+    config.estimator.range.sigma_m = SIGMA_UWB_M
+    config.estimator.gate_range = 0.99
+    uwb = _core.RecoveringEkf(config, *radios_known(lap))
+    return _core.SwitchingMcl(_core.SwitchingMclConfig(), mcl(lap, start, seed), uwb)
+
+
+def radios_known(lap: Lap) -> tuple[_core.AnchorMap, list[_core.Tag]]:
+    """Return anchors and tags with the ids of the messages."""
+    places = lap.floor.anchors.values()
+    anchors = _core.AnchorMap([_core.Anchor(k, list(at)) for k, at in enumerate(places)])
+    return anchors, [_core.Tag(k, list(at)) for k, at in enumerate(TAGS.values())]
 
 
 def half(lap: Lap) -> Covered:
@@ -177,9 +186,11 @@ SETUPS: Mapping[str, Setup] = {
     "covered": Setup("half of the LiDAR covered", mcl, half),
     "covered_poses": Setup("half covered, UWB poses always", mcl, half, "poses"),
     "covered_ranges": Setup("half covered, UWB ranges always", mcl, half, "ranges"),
+    "covered_switch": Setup("half covered, UWB by a switch", switching, half, "ranges"),
     "blind": Setup("no LiDAR at the end", mcl, blind),
     "blind_poses": Setup("no LiDAR at the end, UWB poses always", mcl, blind, "poses"),
     "blind_ranges": Setup("no LiDAR at the end, UWB ranges always", mcl, blind, "ranges"),
+    "blind_switch": Setup("no LiDAR at the end, UWB by a switch", switching, blind, "ranges"),
 }
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ from locfuse.sim.space import cell_of, largest_part, middle_of, room_for, steps_
 from locfuse.sim.trajectory import Drive, there_and_back
 from locfuse.sim.warp import Shift, bend, bent
 from locfuse.types import Columns, FloatArray, GridMap, Log
+
+Cell: TypeAlias = NDArray[np.int64]  # row and column
 
 SIZE_M = (50.0, 25.0)
 RESOLUTION_M = 0.05
@@ -113,60 +116,77 @@ def floor_of(seed: int) -> Floor:
     return Floor(plan, true, bent(true, shift, 2.0 * DISTORTION_M), shift, anchors)
 
 
+class Ways:
+    """Ways of the scrubber over a floor, from cell to cell."""
+
+    def __init__(self, floor: Floor) -> None:
+        self._grid = floor.true.resampled(PLAN_M)
+        self._room = largest_part(room_for(self._grid, CLEARANCE_M))
+        self._free = np.argwhere(self._room)
+        self._where = middle_of(self._grid, self._free)
+        self._steps: dict[tuple[int, int], NDArray[np.int64]] = {}
+
+    def cell_at(self, point: tuple[float, float]) -> Cell:
+        """Return the cell of a place."""
+        return np.asarray(cell_of(self._grid, np.array([point]))[0])
+
+    def cell_in(self, box: Sequence[float], rng: np.random.Generator) -> Cell:
+        """Return a cell of a room."""
+        x1, y1, x2, y2 = box
+        cells = self._free[np.all((self._where > [x1, y1]) & (self._where < [x2, y2]), axis=1)]
+        return np.asarray(cells[rng.integers(len(cells))])
+
+    def length(self, tour: Sequence[Cell]) -> float:
+        """Return about how long a tour is, metres."""
+        steps = sum(int(self._steps_from(a)[b[0], b[1]]) for a, b in pairwise(tour))
+        return STRAIGHTENED * self._grid.resolution_m * steps
+
+    def points(self, tour: Sequence[Cell]) -> list[FloatArray]:
+        """Return where a tour begins, turns and ends, metres in world."""
+        points = [middle_of(self._grid, tour[0][None])[0]]
+        for here, there in pairwise(tour):
+            points += way(self._grid, self._room, here, there)
+        return points
+
+    def _steps_from(self, cell: Cell) -> NDArray[np.int64]:
+        row, column = int(cell[0]), int(cell[1])
+        if (row, column) not in self._steps:
+            self._steps[row, column] = steps_from(self._room, (row, column))
+        return self._steps[row, column]
+
+
 def stops(floor: Floor, rng: np.random.Generator) -> list[FloatArray]:
     """Return the points of a round trip of about `LAP_M` through hallways and some of the rooms.
 
     It begins in the room with the anchors, goes around the two long hallways clockwise or the other
     way, into rooms as they come, to a place in each, and back to two more places of its first room.
     """
-    plan, grid = floor.plan, floor.true.resampled(PLAN_M)
-    room = largest_part(room_for(grid, CLEARANCE_M))
-    free = np.argwhere(room)
-    where = middle_of(grid, free)
-
-    def inside(box: Sequence[float]) -> NDArray[np.int64]:
-        x1, y1, x2, y2 = box
-        there = np.all((where > [x1, y1]) & (where < [x2, y2]), axis=1)
-        cells = free[there]
-        return np.asarray(cells[rng.integers(len(cells))])
-
+    plan, ways = floor.plan, Ways(floor)
     width, depth = SIZE_M
-    south, north = plan.doors[0][1] + 1.0, depth - plan.doors[0][1] - 1.0
-    # Angle about the middle of the floor, as the hallways go around it, from the open room on.
-    middle = np.array([0.5 * width, 0.5 * depth])
-
-    def around(point: tuple[float, float]) -> float:
-        off = (np.array(point) - middle) / middle
-        first = (np.array(plan.doors[0]) - middle) / middle
-        return float(np.mod(np.arctan2(first[1], first[0]) - np.arctan2(off[1], off[0]), 2 * np.pi))
-
-    corners = [(1.0, south), (1.0, north), (width - 1.0, north), (width - 1.0, south)]
-    fixed = [(around(corner), cell_of(grid, np.array([corner]))[0]) for corner in corners]
-    others = [(around(door), inside(box))
+    south = plan.doors[0][1] + 1.0  # middle of the hallway
+    corners = [(x, y) for x in (1.0, width - 1.0) for y in (south, depth - south)]
+    chosen = [(_turned_from_home(plan, corner), ways.cell_at(corner)) for corner in corners]
+    others = [(_turned_from_home(plan, door), ways.cell_in(box, rng))
               for door, box in zip(plan.doors[1:], plan.rooms[1:], strict=True)]  # fmt: skip
-    home, *more = (inside(plan.open_room) for _ in range(3))
-    steps = {tuple(cell): steps_from(room, (int(cell[0]), int(cell[1])))
-             for cell in [home, *more, *(cell for _, cell in fixed + others)]}  # fmt: skip
+    home, *more = (ways.cell_in(plan.open_room, rng) for _ in range(3))
     way_round = 1 if rng.random() < 0.5 else -1
 
-    def tour(chosen: list[tuple[float, NDArray[np.int64]]]) -> list[NDArray[np.int64]]:
+    def tour(chosen: list[tuple[float, Cell]]) -> list[Cell]:
         stops = [cell for _, cell in sorted(chosen, key=lambda stop: way_round * stop[0])]
         return [home, *stops, *more, home]
 
-    def length(cells: list[NDArray[np.int64]]) -> float:
-        pairs = pairwise(cells)
-        return grid.resolution_m * sum(int(steps[tuple(a)][b[0], b[1]]) for a, b in pairs)
-
-    chosen = fixed
     for at in rng.permutation(len(others)).tolist():
         longer = [*chosen, others[at]]
-        if STRAIGHTENED * length(tour(longer)) <= LAP_M:
+        if ways.length(tour(longer)) <= LAP_M:
             chosen = longer
-    cells = tour(chosen)
-    points = [middle_of(grid, home[None])[0]]
-    for here, there in pairwise(cells):
-        points += way(grid, room, here, there)
-    return points
+    return ways.points(tour(chosen))
+
+
+def _turned_from_home(plan: FloorPlan, point: tuple[float, float]) -> float:
+    """Return how far a place is around the middle of the floor, clockwise from the open room."""
+    middle = 0.5 * np.array(SIZE_M)
+    (x, y), (x0, y0) = ((np.array(at) - middle) / middle for at in (point, plan.doors[0]))
+    return float(np.mod(np.arctan2(y0, x0) - np.arctan2(y, x), 2.0 * np.pi))
 
 
 @lru_cache(maxsize=2)

@@ -76,6 +76,29 @@ def plot_laps(grid: GridMap, anchors: FloatArray, tracks: Sequence[Track]) -> Fi
     return figure
 
 
+def plot_radios(grid: GridMap, anchors: FloatArray, track: Track, fixes: FloatArray) -> Figure:
+    """Draw where UWB has the robot, beside a lap as a set-up believes it to be.
+
+    Parameters
+    ----------
+    grid : GridMap
+    anchors : float64 array, shape (m, 2)
+    track : Track
+    fixes : float64 array, shape (k, 2)
+    """
+    low, high = box_around(np.concatenate([_corners(grid), fixes]), 0.01)
+    figure = new_figure(9.4 * (high - low)[1] / (high - low)[0] + 1.0)
+    axes = figure.subplots()
+    handles = _floor(axes, grid, anchors, low, high)
+    handles += axes.plot(*track.pose.T[:2], color=ESTIMATE, lw=1.4, label="estimate")
+    handles += axes.plot(*fixes.T, color=REJECTED, marker="o", markersize=2.5, ls="none",
+                         label="UWB, three tags together")  # fmt: skip
+    axes.set(xlabel="x [m]", ylabel="y [m]")
+    title(axes, track.text)
+    legend(figure, handles)
+    return figure
+
+
 def plot_doubt(grid: GridMap, anchors: FloatArray, tracks: Sequence[Track]) -> Figure:
     """Draw part of a lap with the ellipses of what each set-up states of itself, side by side.
 

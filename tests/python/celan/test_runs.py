@@ -157,6 +157,7 @@ def test_claims_hold_on_one_lap_and_fail_for_another_estimator(runs: dict[str, R
     blind = claims_by_id("lidar", [runs["odometry"]])
     assert blind["celan_lidar_end"].met is False
     assert blind["celan_lidar_end_heading"].met is False
+    assert blind["celan_lidar_lost"].met is False
     still = claims_by_id("odometry", [runs["lidar"]])
     assert still["celan_odometry_end"].met is False, "wheels that do not drift are not theirs"
     assert comparison.speed_claim([runs["lidar"]]).met
@@ -199,6 +200,6 @@ def test_a_late_rtls_tells_where_the_tags_were() -> None:
 def test_pictures_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pictures, "SEED", SEED)
     paths = draw_pictures(tmp_path, 1)
-    assert [path.stem for path in paths] == ["celan_laps", "celan_doubt", "celan_sigmas",
-                                             "celan_eight"]  # fmt: skip
+    names = ["celan_laps", "celan_radios", "celan_doubt", "celan_sigmas", "celan_eight"]
+    assert [path.stem for path in paths] == names
     assert all(path.stat().st_size > 20_000 for path in paths)

@@ -89,7 +89,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "roaming nowhere": ({"path": {"shape": "roam"}}, "a robot that roams needs a map"),
     "seed of nothing": ({"map": {"seed": 3}}, "seed is 3, but nothing is made from it"),
-    "unknown world": ({"map": {"generate": "maze"}}, "'rooms', 'hallways', 'warehouse' or 'zhang'"),
+    "unknown world": ({"map": {"generate": "maze"}}, "'warehouse', 'zhang' or 'floor'"),
     "cells of no size": ({"map": {"resolution_m": 0}}, "greater than 0"),
     "cells of less": ({"map": {"resolution_m": -0.05}}, "greater than 0"),
     "world and file": (
