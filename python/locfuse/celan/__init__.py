@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from locfuse.celan.comparison import laps, setup_claims, speed_claim
+from locfuse.celan.comparison import laps, setup_claims, speed_claim, switch_claims
 from locfuse.celan.eight import eight_claims
 from locfuse.celan.pictures import draw_pictures
 from locfuse.celan.runs import SETUPS
@@ -16,4 +16,4 @@ def celan_claims(seeds: int, progress: Progress) -> list[Claim]:
     """Return all rows: Table II, its laps, Table III."""
     runs = laps(seeds, progress)
     claims = [claim for name in SETUPS for claim in setup_claims(name, runs[name])]
-    return [*claims, speed_claim(runs["lidar"]), *eight_claims(seeds)]
+    return [*claims, *switch_claims(runs), speed_claim(runs["lidar"]), *eight_claims(seeds)]

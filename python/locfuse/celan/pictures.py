@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from locfuse.celan.comparison import runs_of
 from locfuse.celan.eight import METHODS, ride
-from locfuse.celan.runs import BLIND_S, SETUPS, Run, tag_poses
+from locfuse.celan.runs import BLIND_S, SEEN_S, SETUPS, Run, tag_poses
 from locfuse.celan.world import UWB_RANGE_M, Lap, lap
 from locfuse.plot.celan import Track, plot_doubt, plot_eight, plot_laps, plot_radios, plot_sigmas
 from locfuse.plot.style import save
@@ -18,9 +18,9 @@ from locfuse.sim.sensors import seconds
 from locfuse.types import NANOSECONDS, FloatArray
 
 SEED = 11  # whose wheels drift as theirs did
-LAPS = ("odometry", "lidar", "covered", "blind")
-DOUBTS = ("blind", "blind_switch")
-SIGMAS = ("blind", "covered", "lidar")
+LAPS = ("odometry", "covered_switch", "hall", "hall_switch")
+DOUBTS = ("hall", "hall_switch")
+SIGMAS = ("hall", "hall_switch", "covered")
 STRETCH_S = (12.0, 34.0)  # of Fig. 15
 
 
@@ -61,9 +61,9 @@ def _doubt(of: Lap, runs: dict[str, Run]) -> Figure:
     tracks = []
     for name in DOUBTS:
         run = runs[name]
-        last = seconds(run.stamp_ns) > of.duration_s - BLIND_S
-        tracks.append(Track(f"{SETUPS[name].text}: the last {BLIND_S:g} s", run.truth[last],
-                            run.estimate[last], run.covariance[last]))  # fmt: skip
+        last = seconds(run.stamp_ns) > of.duration_s - BLIND_S - SEEN_S
+        tracks.append(Track(f"{SETUPS[name].text}: the end", run.truth[last], run.estimate[last],
+                            run.covariance[last], run.injections))  # fmt: skip
     return plot_doubt(of.floor.map, _anchors(of), tracks)
 
 

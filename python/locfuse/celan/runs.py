@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from locfuse import _core
 from locfuse.celan.world import LASER, TAGS, Lap
-from locfuse.config.scenario import Covered
+from locfuse.config.scenario import Covered, WheelSlip
 from locfuse.sim import laser
+from locfuse.sim.faults import World, with_faults
 from locfuse.sim.sensors import seconds
 from locfuse.start import scans_of
 from locfuse.types import Columns, FloatArray, Log, StampArray, wrap_angle
@@ -32,7 +33,8 @@ SIGMAS = {
     "sigma_heading_per_sqrt_rad": 0.05,
 }
 SIGMA_UWB_M = 0.25  # of a range: its noise and what its calibration leaves
-BLIND_S = 120.0
+BLIND_S, SEEN_S = 180.0, 20.0  # with nothing in sight, and thereafter until the end of the lap
+SPIN_WAY, SPIN_TURN = 1.25, 1.1  # what wheels tell there over what is driven
 
 
 class Estimator(Protocol):
@@ -52,18 +54,21 @@ class Setup:
     make : callable
         Takes the lap, the pose it is told at the start, and a seed; returns an `Estimator`.
     cover : callable, optional
-        Takes the lap and returns what covers the laser.
+        Takes the lap and returns the covers of the laser.
     uwb : str
         What it is given of the radios.
     scans : bool
         Whether it is given scans.
+    wet : bool
+        Whether wheels spin where nothing is in sight.
     """
 
     text: str
     make: Callable[[Lap, _core.PoseEstimate, int], Estimator]
-    cover: Callable[[Lap], Covered] | None = None
+    cover: Callable[[Lap], tuple[Covered, ...]] | None = None
     uwb: Uwb = "none"
     scans: bool = True
+    wet: bool = False
 
 
 @dataclass(frozen=True)
@@ -83,6 +88,8 @@ class Run:
         Whether the robot is in the room with the anchors.
     duration_s, wall_s : float
         Of the lap, and that its replay took.
+    injections : tuple of Injection
+        When UWB took over, by a switch.
     """
 
     stamp_ns: StampArray
@@ -93,6 +100,7 @@ class Run:
     in_room: NDArray[np.bool_]
     duration_s: float
     wall_s: float
+    injections: tuple[_core.Injection, ...] = ()
 
     @property
     def off_m(self) -> FloatArray:
@@ -157,8 +165,8 @@ def switching(lap: Lap, start: _core.PoseEstimate, seed: int) -> _core.Switching
     config = _core.RecoveringEkfConfig()
     config.estimator.odometry = sigmas()
     config.estimator.range.sigma_m = SIGMA_UWB_M
-    config.estimator.gate_range = 0.99
     uwb = _core.RecoveringEkf(config, *radios_known(lap))
+    uwb.start_at(start)
     return _core.SwitchingMcl(_core.SwitchingMclConfig(), mcl(lap, start, seed), uwb)
 
 
@@ -169,28 +177,42 @@ def radios_known(lap: Lap) -> tuple[_core.AnchorMap, list[_core.Tag]]:
     return anchors, [_core.Tag(k, list(at)) for k, at in enumerate(TAGS.values())]
 
 
-def half(lap: Lap) -> Covered:
+def half(lap: Lap) -> tuple[Covered, ...]:
     """Return the cardboard of Fig. 12, over the right half."""
-    return Covered(from_deg=-180.0, to_deg=0.0)
+    return (Covered(from_deg=-180.0, to_deg=0.0),)
 
 
-def blind(lap: Lap) -> Covered:
-    """Return a cover over all of the laser at the end of a lap, as an open hall would be."""
-    return Covered(from_deg=-180.0, to_deg=180.0, from_s=lap.duration_s - BLIND_S,
-                   to_s=lap.duration_s + 1.0)  # fmt: skip
+def hall(lap: Lap) -> tuple[Covered, ...]:
+    """Return the cardboard, and a time with nothing in sight, as in a hall wider than the reach."""
+    end_s = lap.duration_s - SEEN_S
+    return (*half(lap), Covered(from_deg=-180.0, to_deg=180.0, from_s=end_s - BLIND_S,
+                                to_s=end_s))  # fmt: skip
+
+
+def spinning(lap: Lap) -> Columns:
+    """Return what the wheels tell where they spin in that hall, as on a floor that is wet."""
+    end_s = lap.duration_s - SEEN_S
+    slip = WheelSlip(from_s=end_s - BLIND_S, to_s=end_s, translation_factor=SPIN_WAY,
+                     rotation_factor=SPIN_TURN)  # fmt: skip
+    odometry = {"odometry": lap.log["odometry"]}
+    world = World(lap.drive, {}, {}, lap.log["odometry"]["stamp_ns"])
+    return with_faults(odometry, [(slip, np.random.default_rng(0))], world)["odometry"]
 
 
 SETUPS: Mapping[str, Setup] = {
     "odometry": Setup("odometry", lambda lap, start, seed: Wheels(start), scans=False),
     "lidar": Setup("LiDAR", mcl),
     "covered": Setup("half of the LiDAR covered", mcl, half),
-    "covered_poses": Setup("half covered, UWB poses always", mcl, half, "poses"),
     "covered_ranges": Setup("half covered, UWB ranges always", mcl, half, "ranges"),
     "covered_switch": Setup("half covered, UWB by a switch", switching, half, "ranges"),
-    "blind": Setup("no LiDAR at the end", mcl, blind),
-    "blind_poses": Setup("no LiDAR at the end, UWB poses always", mcl, blind, "poses"),
-    "blind_ranges": Setup("no LiDAR at the end, UWB ranges always", mcl, blind, "ranges"),
-    "blind_switch": Setup("no LiDAR at the end, UWB by a switch", switching, blind, "ranges"),
+    "lidar_switch": Setup("LiDAR, UWB by a switch", switching, None, "ranges"),
+    "hall": Setup("half covered, a wet hall", mcl, hall, wet=True),
+    "hall_ranges": Setup(
+        "half covered, a wet hall, UWB ranges always", mcl, hall, "ranges", wet=True
+    ),
+    "hall_switch": Setup(
+        "half covered, a wet hall, UWB by a switch", switching, hall, "ranges", wet=True
+    ),
 }
 
 
@@ -221,6 +243,7 @@ def follow(lap: Lap, setup: Setup, seed: int) -> Run:
         lap.floor.in_open_room(truth[:, :2]),
         lap.duration_s,
         wall_s,
+        tuple(estimator.injections) if isinstance(estimator, _core.SwitchingMcl) else (),
     )
 
 
@@ -239,7 +262,8 @@ def messages(lap: Lap, setup: Setup) -> Iterator[tuple[bool, Message]]:
     """
     scans = scans_of(lap.log if setup.cover is None else _covered(lap, setup.cover(lap)))
     rows: list[tuple[int, bool, Message]] = [(z.stamp, True, z) for z in scans]
-    rows += [(u.begin, False, u) for u in increments(lap.log["odometry"])]
+    wheels = spinning(lap) if setup.wet else lap.log["odometry"]
+    rows += [(u.begin, False, u) for u in increments(wheels)]
     if setup.uwb == "poses":
         rows += [(z.stamp, False, z) for z in tag_poses(lap.fixes)]
     elif setup.uwb == "ranges":
@@ -248,10 +272,10 @@ def messages(lap: Lap, setup: Setup) -> Iterator[tuple[bool, Message]]:
     yield from (row[1:] for row in rows)
 
 
-def _covered(lap: Lap, cover: Covered) -> Log:
+def _covered(lap: Lap, covers: tuple[Covered, ...]) -> Log:
     scans = lap.log["scans"]
-    hidden = laser.covered(scans["stamp_ns"], LASER, cover)
-    table = {**scans, "ranges_m": np.where(hidden, np.nan, scans["ranges_m"])}
+    hidden = [laser.covered(scans["stamp_ns"], LASER, cover) for cover in covers]
+    table = {**scans, "ranges_m": np.where(np.any(hidden, axis=0), np.nan, scans["ranges_m"])}
     return replace(lap.log, tables={**lap.log.tables, "scans": table})
 
 

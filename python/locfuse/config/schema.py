@@ -179,7 +179,7 @@ class Switch(Strict):
     sigma_sure_m: Positive = 0.3
     sigma_unsure_rad: Positive = 0.35
     sigma_sure_rad: Positive = 0.2
-    elsewhere_m: Positive = 2.0
+    elsewhere_m: Positive = 1.0
     elsewhere_rad: Positive = 0.5
     doubt_s: Positive = 2.0
     uwb_sigma_m: Positive = 0.25

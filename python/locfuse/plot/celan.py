@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
+from locfuse import _core
 from locfuse.plot.path import ellipse_axes
 from locfuse.plot.style import (
     ANCHOR,
@@ -37,12 +38,13 @@ _LEAST_M = 0.01  # the axis of sigmas begins here
 
 @dataclass(frozen=True)
 class Track:
-    """What a panel shows: title, true and estimated poses, shape (n, 3), and covariances."""
+    """What a panel shows: title, poses (n, 3) true and estimated, covariances, injections."""
 
     text: str
     truth: FloatArray
     pose: FloatArray
     covariance: FloatArray | None = None
+    injections: Sequence[_core.Injection] = ()
 
 
 def plot_laps(grid: GridMap, anchors: FloatArray, tracks: Sequence[Track]) -> Figure:
@@ -127,11 +129,29 @@ def plot_doubt(grid: GridMap, anchors: FloatArray, tracks: Sequence[Track]) -> F
             ellipse.set_label(f"{_ELLIPSE_SIGMAS:g}-sigma ellipse")
             axes.add_patch(ellipse)
         handles.append(ellipse)
+        marks = _injections(axes, track.injections)
+        handles += [mark for mark in marks if axes is panels[-1]]
         title(axes, track.text)
         axes.set_xlabel("x [m]")
     panels[0].set_ylabel("y [m]")
     legend(figure, handles)
     return figure
+
+
+def _injections(axes: Axes, injections: Sequence[_core.Injection]) -> list[Handle]:
+    """Draw what each injection put in place of what."""
+    handles: list[Handle] = []
+    for one in injections:
+        before, after = one.before.pose, one.after.pose
+        handles = [*axes.plot([before.x, after.x], [before.y, after.y], color=ANCHOR, lw=1.2,
+                              ls=DASHED, marker="", label="injection", zorder=5)]  # fmt: skip
+        for estimate, colour in ((one.before, REJECTED), (one.after, ANCHOR)):
+            major, minor, angle = ellipse_axes(estimate.covariance[:2, :2], _ELLIPSE_SIGMAS)
+            ellipse = Ellipse((estimate.pose.x, estimate.pose.y), major, minor,
+                              angle=float(np.degrees(angle)), zorder=5)  # fmt: skip
+            ellipse.set(facecolor="none", edgecolor=colour, linewidth=1.8)
+            axes.add_patch(ellipse)
+    return handles
 
 
 def plot_sigmas(

@@ -14,18 +14,22 @@ from locfuse import _core
 from locfuse.celan import celan_claims, comparison, draw_pictures, eight, pictures
 from locfuse.celan.runs import (
     BLIND_S,
+    SEEN_S,
     SETUPS,
+    SPIN_WAY,
     Run,
     follow,
     increments,
     mcl,
     messages,
+    spinning,
     tag_poses,
     told_start,
 )
 from locfuse.celan.world import LASER, TAGS, Lap, lap
 from locfuse.claims import Claim
 from locfuse.sim.sensors import point_in_world, seconds
+from locfuse.types import NANOSECONDS
 
 SEED = 2
 
@@ -52,17 +56,30 @@ def test_messages_come_in_order_of_time_and_only_those_that_a_setup_is_given(of:
         assert all(is_scan == isinstance(m, _core.LaserScan) for is_scan, m in given)
 
 
-def test_covers_hide_the_right_half_or_everything_at_the_end(of: Lap) -> None:
+def test_covers_hide_the_right_half_and_everything_in_the_hall(of: Lap) -> None:
     def returns(name: str) -> NDArray[np.bool_]:
         given = [message for _, message in messages(of, SETUPS[name])]
         return np.isfinite([z.ranges for z in given if isinstance(z, _core.LaserScan)])
 
-    bare, half, blind = returns("lidar"), returns("covered"), returns("blind")
+    bare, half, hall = returns("lidar"), returns("covered"), returns("hall")
     assert not half[:, :181].any()
     np.testing.assert_array_equal(half[:, 181:], bare[:, 181:])
-    last = round(BLIND_S * LASER.rate_hz)
-    assert not blind[-last:].any()
-    np.testing.assert_array_equal(blind[: -last - 1], bare[: -last - 1])
+    dark, seen = round(BLIND_S * LASER.rate_hz), round(SEEN_S * LASER.rate_hz)
+    assert not hall[-dark - seen : -seen - 1].any()
+    np.testing.assert_array_equal(hall[: -dark - seen - 1], half[: -dark - seen - 1])
+    np.testing.assert_array_equal(hall[-seen + 1 :], half[-seen + 1 :])
+
+
+def test_wheels_spin_in_the_hall_and_nowhere_else(of: Lap) -> None:
+    told = spinning(of)
+    ratio = told["dx_m"] / np.where(of.log["odometry"]["dx_m"] == 0.0, np.nan,
+                                    of.log["odometry"]["dx_m"])  # fmt: skip
+    time_s = seconds(told["stamp_ns"])
+    end_s = of.duration_s - SEEN_S
+    inside = (time_s > end_s - BLIND_S + 0.2) & (time_s < end_s - 0.2)
+    outside = (time_s < end_s - BLIND_S) | (time_s > end_s + 0.2)
+    np.testing.assert_allclose(ratio[inside & np.isfinite(ratio)], SPIN_WAY)
+    np.testing.assert_allclose(ratio[outside & np.isfinite(ratio)], 1.0)
 
 
 def test_odometry_adds_up_to_the_sum_of_its_motions(of: Lap, runs: dict[str, Run]) -> None:
@@ -115,9 +132,37 @@ def test_wheels_lose_the_way_and_the_laser_does_not_even_half_covered(runs: dict
 
 
 def test_doubt_grows_without_a_laser_and_uwb_takes_it_away(runs: dict[str, Run]) -> None:
-    widest = {name: runs[name].sigma_in_body[-100:].max() for name in SETUPS}
-    assert widest["blind"] > 5.0 * widest["lidar"]
-    assert widest["blind_poses"] < 0.25 * widest["blind"]
+    in_hall = slice(-round((BLIND_S + SEEN_S) * LASER.rate_hz), -round(SEEN_S * LASER.rate_hz))
+    widest = {name: runs[name].sigma_in_body[in_hall].max() for name in SETUPS}
+    assert widest["hall"] > 5.0 * widest["lidar"]
+    assert widest["hall_ranges"] < 0.25 * widest["hall"]
+
+
+def test_the_switch_acts_in_the_hall_alone(runs: dict[str, Run]) -> None:
+    assert runs["lidar_switch"].injections == runs["covered_switch"].injections == ()
+    np.testing.assert_array_equal(runs["lidar_switch"].estimate, runs["lidar"].estimate)
+    events = runs["hall_switch"].injections
+    begin_s = runs["hall"].duration_s - BLIND_S - SEEN_S
+    assert events
+    assert all(event.stamp / NANOSECONDS > begin_s for event in events)
+    assert runs["hall_switch"].off_m.max() < runs["hall"].off_m.max()
+    assert np.hypot(*runs["hall_switch"].end[:2]) < 0.15
+
+
+def test_claims_of_the_switch_can_fail(runs: dict[str, Run]) -> None:
+    far = replace(runs["hall"], estimate=runs["hall"].estimate + [5.0, 0.0, 0.0])
+    given = {name: [run] for name, run in runs.items()} | {"hall": [far]}
+    good = {claim.id: claim for claim in comparison.switch_claims(given)}
+    assert good["celan_false_switches"].met
+    assert good["celan_switch_gain"].met
+    events = runs["hall_switch"].injections
+    restless = replace(runs["lidar"], injections=events)
+    vain = replace(far, injections=events)
+    bad = {claim.id: claim for claim in comparison.switch_claims(
+        {**given, "lidar_switch": [restless], "hall_switch": [vain]})}  # fmt: skip
+    assert bad["celan_false_switches"].met is False
+    assert bad["celan_switch_gain"].met is False
+    assert bad["celan_hall_switch_longest"].met is False
 
 
 def test_sigmas_ahead_and_to_the_side_are_those_of_a_turned_covariance(

@@ -209,7 +209,8 @@ def core_accepts(leaf: tuple[str, ...], value: float) -> bool:
 @pytest.mark.parametrize("leaf", LEAVES, ids=".".join)
 def test_the_schema_refuses_what_the_core_refuses_and_nothing_else(leaf: tuple[str, ...]) -> None:
     values = [-math.inf, -1e9, -1.0, -1e-12, -0.0, 0.0, 1e-12, 0.25, 0.5,
-              math.nextafter(0.5, 1.0), 1.0, math.nextafter(1.0, 2.0), 100.0, 3600.0, 1e6, 1e12, math.inf, math.nan]  # fmt: skip
+              math.nextafter(0.5, 1.0), 1.0, math.nextafter(1.0, 2.0), 100.0,
+              3600.0, 1e6, 1e12, math.inf, math.nan]  # fmt: skip
     if counts(leaf):
         values = [-1, 0, 1, 3, 4, 100, 3600, 3601, 5000, 10**9]
     schema = {value: schema_accepts(leaf, value) for value in values}

@@ -32,7 +32,7 @@ class SwitchingMcl {
     double sigma_sure_m = 0.3;       ///< below it no longer [m]
     double sigma_unsure_rad = 0.35;  ///< likewise of their heading [rad]
     double sigma_sure_rad = 0.2;     ///< [rad]
-    double elsewhere_m = 2.0;        ///< off UWB by more than this and three sigmas: in doubt [m]
+    double elsewhere_m = 1.0;        ///< off UWB by more than this and three sigmas: in doubt [m]
     double elsewhere_rad = 0.5;      ///< likewise turned [rad]
     double doubt_s = 2.0;            ///< that it must last [s]
     double uwb_sigma_m = 0.25;       ///< of the pose by UWB, at most, to be of use [m]
