@@ -310,13 +310,14 @@ class Range:
 
 class PositionFix:
     """
-    Position (2,) [m] in world with its covariance (2, 2) [m^2].
+    Position (2,) [m] in world with its covariance (2, 2) [m^2], of the tag named, without one of the antenna.
     """
     def __init__(
         self,
         stamp: typing.SupportsInt | typing.SupportsIndex,
         position: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
         covariance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 2]"],
+        tag: typing.SupportsInt | typing.SupportsIndex | None = None,
     ) -> None: ...
     def __repr__(self) -> str: ...
     @property
@@ -325,6 +326,8 @@ class PositionFix:
     def position(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"]: ...
     @property
     def stamp(self) -> int: ...
+    @property
+    def tag(self) -> int | None: ...
 
 class PoseObservation:
     """
@@ -1631,6 +1634,14 @@ class RangeModel:
         """
         Linearization (1 x 4), the last column that of the height [m].
         """
+    def linearize_point(
+        self,
+        tag_in_world: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
+        z: Range,
+    ) -> Linearization | None:
+        """
+        Linearization (1 x 2) with respect to the tag itself (2,) in world.
+        """
     @typing.overload
     def predict(self, T_world_body: Pose2, z: Range) -> float | None:
         """
@@ -1758,16 +1769,36 @@ class PositionConfig:
 
 class PositionModel:
     """
-    Position of an antenna on the body; docs/models/position.md.
+    Position of an antenna on the body, or of one of its tags; docs/models/position.md.
     """
-    def __init__(self, config: PositionConfig) -> None: ...
-    def linearize(self, T_world_body: Pose2, z: PositionFix) -> Linearization:
+    @staticmethod
+    def linearize_point(
+        point: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"], z: PositionFix
+    ) -> Linearization:
         """
-        Linearization (2 x 3).
+        Linearization (2 x 2) with respect to the point itself (2,) in world.
         """
+    def __init__(
+        self, config: PositionConfig, tags: collections.abc.Sequence[Tag] = []
+    ) -> None: ...
+    def linearize(self, T_world_body: Pose2, z: PositionFix) -> Linearization | None:
+        """
+        Linearization (2 x 3); None if the tag is unknown.
+        """
+    @typing.overload
     def predict(
         self, T_world_body: Pose2
-    ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"]: ...
+    ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"]:
+        """
+        Of the antenna (2,) [m].
+        """
+    @typing.overload
+    def predict(
+        self, T_world_body: Pose2, tag: typing.SupportsInt | typing.SupportsIndex
+    ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"] | None:
+        """
+        Of a tag (2,) [m]; None if it is unknown.
+        """
 
 class PoseModel:
     """
@@ -3620,9 +3651,10 @@ class MessageLog:
         position: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
         sigma: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
         arrival_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64] | None = None,
+        tag: typing.Annotated[numpy.typing.ArrayLike, numpy.int32] | None = None,
     ) -> None:
         """
-        Positions (n, 2) [m] with one sigma [m] each.
+        Positions (n, 2) [m] with one sigma [m] each, of the antenna, or of the tags with these ids (n,); a negative id is the antenna.
         """
     def add_ranges(
         self,
