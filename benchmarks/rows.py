@@ -37,7 +37,7 @@ class Measured:
 def all_rows(m: Measured) -> list[Row]:
     """Return every row; those of peers that are not there say so."""
     return [*filter_rows(m), *evaluation_rows(m), *range_rows(m), *scan_rows(m), *map_rows(m),
-            *cylinder_rows(m), *particle_rows(m), *landmark_rows(m)]  # fmt: skip
+            *cylinder_rows(m), *particle_rows(m), *landmark_rows(m), *tag_rows(m)]  # fmt: skip
 
 
 def filter_rows(m: Measured) -> Iterator[Row]:
@@ -79,6 +79,14 @@ def landmark_rows(m: Measured) -> Iterator[Row]:
         yield _plain(f"- message by message: {peer} / ours", m, "known_calls", f"known_{peer}")
     yield _plain("Python, mapping, message by message: gtsam / ours", m, "mapping_calls",
                  "mapping_gtsam")  # fmt: skip
+
+
+def tag_rows(m: Measured) -> Iterator[Row]:
+    """Compare one prediction and 15 rows on the twelve states of three tags with Eigen by hand."""
+    by_hand = m["tags_fixed_size_eigen"]
+    yield _at_most("three tags, a step of 15 rows: TagTriangleEkf::on / Eigen by hand",
+                   m["tags_ekf_of_the_paper"], by_hand, 3.0)  # fmt: skip
+    yield _at_most("- with the Jacobian of the heading", m["tags_ekf"], by_hand, 3.0)
 
 
 def evaluation_rows(m: Measured) -> Iterator[Row]:

@@ -98,11 +98,13 @@ Examples
         return "GaussianBelief(stamp=" + std::to_string(b.stamp) + ", " +
                std::to_string(b.dimension()) + " states)";
       });
-  m.def("predict",
-        py::overload_cast<GaussianBelief&, const locfuse::Propagation<locfuse::Pose2, 3>&, Slot>(
-            &locfuse::predict),
-        py::arg("belief"), py::arg("step"), py::arg("slot"),
-        "Moves the pose in `slot`: P to F P F' + Q with its cross-covariances.");
+  m.def(
+      "predict",
+      [](GaussianBelief& belief, const locfuse::Propagation<locfuse::Pose2, 3>& step, Slot slot) {
+        locfuse::predict(belief, step, slot);
+      },
+      py::arg("belief"), py::arg("step"), py::arg("slot"),
+      "Moves the pose in `slot`: P to F P F' + Q with its cross-covariances.");
   m.def(
       "update",
       [](GaussianBelief& belief, const AnyLinearization& lin, const std::vector<Slot>& slots,

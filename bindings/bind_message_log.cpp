@@ -109,20 +109,28 @@ replays raises RuntimeError; several threads may replay it at once.
       .def(
           "add_positions",
           [](SharedLog& log, const Stamps& stamp, const Column<double>& position,
-             const Column<double>& sigma, const std::optional<Stamps>& arrival) {
+             const Column<double>& sigma, const std::optional<Stamps>& arrival,
+             const std::optional<Column<Id>>& tag) {
             expect_shape("position", position, stamp.size(), 2);
             expect_shape("sigma", sigma, stamp.size());
+            if (tag) {
+              expect_shape("tag", *tag, stamp.size());
+            }
             add_rows(log, stamp, arrival,
-                     [t = stamp.data(), p = position.data(),
-                      s = sigma.data()](py::ssize_t i) -> Message {
+                     [t = stamp.data(), p = position.data(), s = sigma.data(),
+                      g = tag ? tag->data() : nullptr](py::ssize_t i) -> Message {
                        const double sd = checked_sigma("PositionFix.sigma [m]", s[i]);
+                       const bool has_tag = g != nullptr && g[i] >= 0;
                        return locfuse::PositionFix{t[i],
                                                    {p[2 * i], p[2 * i + 1]},
-                                                   sd * sd * locfuse::Matrix<2, 2>::Identity()};
+                                                   sd * sd * locfuse::Matrix<2, 2>::Identity(),
+                                                   has_tag ? std::optional(g[i]) : std::nullopt};
                      });
           },
           py::arg("stamp_ns"), py::arg("position"), py::arg("sigma"), no_arrival,
-          "Positions (n, 2) [m] with one sigma [m] each.")
+          py::arg("tag") = py::none(),
+          "Positions (n, 2) [m] with one sigma [m] each, of the antenna, or of the tags with these "
+          "ids (n,); a negative id is the antenna.")
       .def(
           "add_poses",
           [](SharedLog& log, const Stamps& stamp, const Column<double>& pose,

@@ -154,19 +154,26 @@ void bind_messages(py::module_& m) {
         return text.str();
       });
   py::class_<PositionFix>(m, "PositionFix",
-                          "Position (2,) [m] in world with its covariance (2, 2) [m^2].")
+                          "Position (2,) [m] in world with its covariance (2, 2) [m^2], of the tag "
+                          "named, without one of the antenna.")
       .def(py::init([](Stamp stamp, const locfuse::Vector<2>& position,
-                       const locfuse::Matrix<2, 2>& covariance) {
-             return checked(PositionFix{stamp, position, covariance});
+                       const locfuse::Matrix<2, 2>& covariance, std::optional<Id> tag) {
+             return checked(PositionFix{stamp, position, covariance, tag});
            }),
-           py::arg("stamp"), py::arg("position"), py::arg("covariance"))
+           py::arg("stamp"), py::arg("position"), py::arg("covariance"),
+           py::arg("tag") = py::none())
       .def_readonly("stamp", &PositionFix::stamp)
       .def_readonly("position", &PositionFix::position)
       .def_readonly("covariance", &PositionFix::covariance)
+      .def_readonly("tag", &PositionFix::tag)
       .def("__repr__", [](const PositionFix& z) {
         std::ostringstream text;
         text << "PositionFix(stamp=" << z.stamp << ", position=(" << z.position.x() << ", "
-             << z.position.y() << "))";
+             << z.position.y() << ")";
+        if (z.tag) {
+          text << ", tag=" << *z.tag;
+        }
+        text << ")";
         return text.str();
       });
   py::class_<PoseObservation>(m, "PoseObservation",

@@ -182,7 +182,16 @@ void bind_models(py::module_& m) {
             return lin ? std::optional(any_size(*lin)) : std::nullopt;
           },
           py::arg("T_world_body"), py::arg("height"), py::arg("z"),
-          "Linearization (1 x 4), the last column that of the height [m].");
+          "Linearization (1 x 4), the last column that of the height [m].")
+      .def(
+          "linearize_point",
+          [](const RangeModel& model, const locfuse::Vector<2>& tag_in_world,
+             const locfuse::Range& z) -> std::optional<AnyLinearization> {
+            const auto lin = model.linearize_point(tag_in_world, z);
+            return lin ? std::optional(any_size(*lin)) : std::nullopt;
+          },
+          py::arg("tag_in_world"), py::arg("z"),
+          "Linearization (1 x 2) with respect to the tag itself (2,) in world.");
 
   using RangeBearingConfig = RangeBearingModel::Config;
   using RangeBearingInSpace = RangeBearingModel::InSpace;
@@ -247,15 +256,31 @@ void bind_models(py::module_& m) {
       .def_readwrite("antenna_forward_m", &PositionConfig::antenna_forward_m)
       .def_readwrite("antenna_left_m", &PositionConfig::antenna_left_m);
   py::class_<PositionModel>(m, "PositionModel",
-                            "Position of an antenna on the body; docs/models/position.md.")
-      .def(py::init<const PositionConfig&>(), py::arg("config"))
-      .def("predict", &PositionModel::predict, py::arg("T_world_body"))
+                            "Position of an antenna on the body, or of one of its tags; "
+                            "docs/models/position.md.")
+      .def(py::init<const PositionConfig&, std::vector<locfuse::Tag>>(), py::arg("config"),
+           py::arg("tags") = std::vector<locfuse::Tag>{})
+      .def("predict", py::overload_cast<const Pose2&>(&PositionModel::predict, py::const_),
+           py::arg("T_world_body"), "Of the antenna (2,) [m].")
+      .def("predict",
+           py::overload_cast<const Pose2&, locfuse::Id>(&PositionModel::predict, py::const_),
+           py::arg("T_world_body"), py::arg("tag"), "Of a tag (2,) [m]; None if it is unknown.")
       .def(
           "linearize",
-          [](const PositionModel& model, const Pose2& pose, const locfuse::PositionFix& z) {
-            return any_size(model.linearize(pose, z));
+          [](const PositionModel& model, const Pose2& pose,
+             const locfuse::PositionFix& z) -> std::optional<AnyLinearization> {
+            const auto lin = model.linearize(pose, z);
+            return lin ? std::optional(any_size(*lin)) : std::nullopt;
           },
-          py::arg("T_world_body"), py::arg("z"), "Linearization (2 x 3).");
+          py::arg("T_world_body"), py::arg("z"),
+          "Linearization (2 x 3); None if the tag is unknown.")
+      .def_static(
+          "linearize_point",
+          [](const locfuse::Vector<2>& point, const locfuse::PositionFix& z) {
+            return any_size(PositionModel::linearize_point(point, z));
+          },
+          py::arg("point"), py::arg("z"),
+          "Linearization (2 x 2) with respect to the point itself (2,) in world.");
   py::class_<PoseModel>(m, "PoseModel", "Pose from another localizer; docs/models/pose.md.")
       .def(py::init<>())
       .def("predict", &PoseModel::predict, py::arg("T_world_body"))

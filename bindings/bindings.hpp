@@ -27,6 +27,7 @@ void bind_landmark_ekf(pybind11::module_& m);
 void bind_recovering_ekf(pybind11::module_& m);
 void bind_switching_mcl(pybind11::module_& m);
 void bind_mcl(pybind11::module_& m);
+void bind_tags(pybind11::module_& m);
 void bind_message_log(pybind11::module_& m);
 void bind_replay(pybind11::module_& m);
 void bind_text(pybind11::module_& m);

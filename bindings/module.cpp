@@ -25,6 +25,7 @@ PYBIND11_MODULE(_core, m) {
   bind_recovering_ekf(m);
   bind_mcl(m);
   bind_switching_mcl(m);
+  bind_tags(m);
   bind_message_log(m);
   bind_replay(m);
   bind_text(m);

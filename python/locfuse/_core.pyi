@@ -27,6 +27,7 @@ __all__: list[str] = [
     "BodyPropagation",
     "CalibratedError",
     "CalibrationConfig",
+    "ConditionedFix",
     "ConstantVelocityConfig",
     "ConstantVelocityMotion",
     "Cylinder",
@@ -66,6 +67,9 @@ __all__: list[str] = [
     "OdometryConfig",
     "OdometryMotion",
     "Outcome",
+    "PointDistanceConfig",
+    "PointDistanceModel",
+    "PointMotionConfig",
     "Pose2",
     "PoseEkf",
     "PoseEkfConfig",
@@ -94,6 +98,8 @@ __all__: list[str] = [
     "RayCaster",
     "RecoveringEkf",
     "RecoveringEkfConfig",
+    "RigidFit",
+    "RigidFitStatus",
     "RunLog",
     "ScanHypothesis",
     "ScanLikelihood",
@@ -117,7 +123,16 @@ __all__: list[str] = [
     "SwitchingMcl",
     "SwitchingMclConfig",
     "Tag",
+    "TagConditioner",
+    "TagConditionerConfig",
+    "TagOrder",
+    "TagOrderVerdict",
+    "TagTriangleEkf",
+    "TagTriangleEkfConfig",
+    "TagVerdict",
     "Velocity",
+    "VelocityConfig",
+    "VelocityModel",
     "Verdict",
     "arc",
     "chi_squared_quantile",
@@ -132,6 +147,8 @@ __all__: list[str] = [
     "predict",
     "recognize_landmarks",
     "replay",
+    "rigid_fit",
+    "tag_order",
     "update",
     "wrap_angle",
 ]
@@ -314,13 +331,14 @@ class Range:
 
 class PositionFix:
     """
-    Position (2,) [m] in world with its covariance (2, 2) [m^2].
+    Position (2,) [m] in world with its covariance (2, 2) [m^2], of the tag named, without one of the antenna.
     """
     def __init__(
         self,
         stamp: typing.SupportsInt | typing.SupportsIndex,
         position: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
         covariance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 2]"],
+        tag: typing.SupportsInt | typing.SupportsIndex | None = None,
     ) -> None: ...
     def __repr__(self) -> str: ...
     @property
@@ -329,6 +347,8 @@ class PositionFix:
     def position(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"]: ...
     @property
     def stamp(self) -> int: ...
+    @property
+    def tag(self) -> int | None: ...
 
 class PoseObservation:
     """
@@ -1635,6 +1655,14 @@ class RangeModel:
         """
         Linearization (1 x 4), the last column that of the height [m].
         """
+    def linearize_point(
+        self,
+        tag_in_world: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
+        z: Range,
+    ) -> Linearization | None:
+        """
+        Linearization (1 x 2) with respect to the tag itself (2,) in world.
+        """
     @typing.overload
     def predict(self, T_world_body: Pose2, z: Range) -> float | None:
         """
@@ -1762,16 +1790,36 @@ class PositionConfig:
 
 class PositionModel:
     """
-    Position of an antenna on the body; docs/models/position.md.
+    Position of an antenna on the body, or of one of its tags; docs/models/position.md.
     """
-    def __init__(self, config: PositionConfig) -> None: ...
-    def linearize(self, T_world_body: Pose2, z: PositionFix) -> Linearization:
+    @staticmethod
+    def linearize_point(
+        point: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"], z: PositionFix
+    ) -> Linearization:
         """
-        Linearization (2 x 3).
+        Linearization (2 x 2) with respect to the point itself (2,) in world.
         """
+    def __init__(
+        self, config: PositionConfig, tags: collections.abc.Sequence[Tag] = []
+    ) -> None: ...
+    def linearize(self, T_world_body: Pose2, z: PositionFix) -> Linearization | None:
+        """
+        Linearization (2 x 3); None if the tag is unknown.
+        """
+    @typing.overload
     def predict(
         self, T_world_body: Pose2
-    ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"]: ...
+    ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"]:
+        """
+        Of the antenna (2,) [m].
+        """
+    @typing.overload
+    def predict(
+        self, T_world_body: Pose2, tag: typing.SupportsInt | typing.SupportsIndex
+    ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"] | None:
+        """
+        Of a tag (2,) [m]; None if it is unknown.
+        """
 
 class PoseModel:
     """
@@ -3741,12 +3789,375 @@ class SwitchingMcl:
     mcl : Mcl
         Is copied, as is `uwb`.
     uwb : RecoveringEkf
+class RigidFitStatus(enum.Enum):
+    """
+    How a rigid fit went.
+    """
+
+    FITTED = ...
+    MIRRORED = ...
+    NOT_CONVERGED = ...
+    NO_DIRECTION = ...
+
+class RigidFit:
+    """
+    The pose of a rigid body whose points were measured.
+    """
+    def __repr__(self) -> str: ...
+    @property
+    def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 3]"]:
+        """
+        Of (x, y, heading), shape (3, 3).
+        """
+    @property
+    def dof(self) -> int:
+        """
+        Of nis: 2 n - 3.
+        """
+    @property
+    def nis(self) -> float:
+        """
+        How badly the points fit a rigid body.
+        """
+    @property
+    def pose(self) -> Pose2:
+        """
+        T_world_body; NaN without a direction.
+        """
+    @property
+    def status(self) -> RigidFitStatus: ...
+
+class PointMotionConfig:
+    """
+    White acceleration of a point.
+    """
+    def __init__(self) -> None: ...
+    @property
+    def sigma_velocity_per_sqrt_s(self) -> float:
+        """
+        m/s / sqrt(s), of each axis.
+        """
+    @sigma_velocity_per_sqrt_s.setter
+    def sigma_velocity_per_sqrt_s(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+
+class VelocityConfig:
+    """
+    What wheels err by, which points of the body share, and what each errs by itself.
+    """
+    def __init__(self) -> None: ...
+    @property
+    def sigma_forward_mps(self) -> float: ...
+    @sigma_forward_mps.setter
+    def sigma_forward_mps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_lateral_mps(self) -> float: ...
+    @sigma_lateral_mps.setter
+    def sigma_lateral_mps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_point_mps(self) -> float:
+        """
+        Each point, each axis; > 0.
+        """
+    @sigma_point_mps.setter
+    def sigma_point_mps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_turn_rate_radps(self) -> float: ...
+    @sigma_turn_rate_radps.setter
+    def sigma_turn_rate_radps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+
+class PointDistanceConfig:
+    """
+    How well a distance is known.
+    """
+    def __init__(self) -> None: ...
+    @property
+    def sigma_m(self) -> float: ...
+    @sigma_m.setter
+    def sigma_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+
+class VelocityModel:
+    """
+    Velocities of points on a body as its wheels tell them; docs/models/velocity.md.
+    """
+    @staticmethod
+    def predict(
+        heading: typing.SupportsFloat | typing.SupportsIndex,
+        twist: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"],
+        point_in_body: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
+    ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"]:
+        """
+        In world (2,) [m/s], of a body with `twist` (forward [m/s], left [m/s], turn rate [rad/s]).
+        """
+    def __init__(self, config: VelocityConfig) -> None: ...
+    def linearize(
+        self,
+        velocities: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[6, 1]"],
+        heading: typing.SupportsFloat | typing.SupportsIndex,
+        twist: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"],
+        points_in_body: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 2]"],
+    ) -> Linearization:
+        """
+        Linearization (6 x 6) of three points (3, 2) with velocities (6,) in world.
+        """
+
+class PointDistanceModel:
+    """
+    A known distance between two points; docs/models/point_distance.md.
+    """
+    @staticmethod
+    def predict(
+        a: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
+        b: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
+    ) -> float: ...
+    def __init__(self, config: PointDistanceConfig) -> None: ...
+    def linearize(
+        self,
+        a: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
+        b: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
+        distance: typing.SupportsFloat | typing.SupportsIndex,
+    ) -> Linearization | None:
+        """
+        Linearization (1 x 4) with respect to (a, b); None if they lie together.
+        """
+
+class TagOrderVerdict(enum.Enum):
+    """
+    Whether fixes of three tags fit their triangle.
+    """
+
+    AMBIGUOUS = ...
+    FITS = ...
+    NO_FIT = ...
+    SWAPPED = ...
+
+class TagOrder:
+    """
+    Which tag is which, as fixes of one epoch tell.
+    """
+    def __repr__(self) -> str: ...
+    def __str__(self) -> str: ...
+    @property
+    def best(self) -> float:
+        """
+        nis of `ids`.
+        """
+    @property
+    def given(self) -> typing.Annotated[list[int], "FixedSize(3)"]:
+        """
+        The ids of the fixes.
+        """
+    @property
+    def ids(self) -> typing.Annotated[list[int], "FixedSize(3)"]:
+        """
+        Those that fit best, in the order of the fixes.
+        """
+    @property
+    def limit(self) -> float:
+        """
+        What that may be.
+        """
+    @property
+    def nis(self) -> float:
+        """
+        Of the ids given, 3 degrees of freedom.
+        """
+    @property
+    def verdict(self) -> TagOrderVerdict: ...
+
+class TagVerdict(enum.Enum):
+    """
+    What became of a fix of an RTLS.
+    """
+
+    FROZEN = ...
+    JUMP = ...
+    PASSED = ...
+    RESTARTED = ...
+    STALE = ...
+    UNKNOWN_TAG = ...
+
+class ConditionedFix:
+    """
+    A fix of an RTLS and what became of it.
+    """
+    def __repr__(self) -> str: ...
+    @property
+    def fix(self) -> PositionFix | None:
+        """
+        Bias removed, low-passed; None unless it passed.
+        """
+    @property
+    def verdict(self) -> TagVerdict: ...
+
+class TagConditionerConfig:
+    """
+    What an RTLS does, and what the machine can do.
+    """
+    def __init__(self) -> None: ...
+    @property
+    def bias_x_m(self) -> float:
+        """
+        Taken from every fix, in world.
+        """
+    @bias_x_m.setter
+    def bias_x_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def bias_y_m(self) -> float: ...
+    @bias_y_m.setter
+    def bias_y_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def cutoff_hz(self) -> float:
+        """
+        Of the low-pass; 0 is none.
+        """
+    @cutoff_hz.setter
+    def cutoff_hz(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def frozen_motion_m(self) -> float:
+        """
+        A tag that went further has another fix.
+        """
+    @frozen_motion_m.setter
+    def frozen_motion_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def hold_s(self) -> float:
+        """
+        How long a velocity is believed without a new one.
+        """
+    @hold_s.setter
+    def hold_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def jump_margin_m(self) -> float:
+        """
+        Beyond what that speed allows.
+        """
+    @jump_margin_m.setter
+    def jump_margin_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def max_speed_mps(self) -> float:
+        """
+        Of a tag.
+        """
+    @max_speed_mps.setter
+    def max_speed_mps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def restart_after(self) -> int:
+        """
+        Jumps in a row.
+        """
+    @restart_after.setter
+    def restart_after(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+
+class TagConditioner:
+    """
+    Conditions the fixes of an RTLS, tag by tag, before a filter sees them.
+
+    Takes a constant bias off, rejects jumps and values that are stuck, and low-passes the rest;
+    docs/models/tag_triangle_ekf.md.
+
+    Parameters
+    ----------
+    config : TagConditionerConfig
+    tags : list of Tag
 
     Raises
     ------
     ValueError
         If the config is out of range, or a threshold could fire for ever: `sure` must lie below
         `unsure`, and a pose by UWB that is of use must be sure.
+        If the config is out of range or the tags are not valid.
+    """
+    def __init__(
+        self, config: TagConditionerConfig, tags: collections.abc.Sequence[Tag]
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    @typing.overload
+    def on(self, message: Velocity) -> None: ...
+    @typing.overload
+    def on(self, message: Increment) -> None:
+        """
+        Wheel odometry, which tells how far each tag went.
+        """
+    @typing.overload
+    def on(self, message: PositionFix) -> ConditionedFix: ...
+
+class TagTriangleEkfConfig:
+    """
+    Motion, noise and gates of a TagTriangleEkf.
+    """
+
+    motion: PointMotionConfig
+    range: RangeConfig
+    side: PointDistanceConfig
+    velocity: VelocityConfig
+    def __init__(self) -> None: ...
+    @property
+    def gate_position(self) -> float:
+        """
+        Probability that a good fix passes.
+        """
+    @gate_position.setter
+    def gate_position(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def gate_range(self) -> float: ...
+    @gate_range.setter
+    def gate_range(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def gate_side(self) -> float: ...
+    @gate_side.setter
+    def gate_side(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def gate_velocity(self) -> float: ...
+    @gate_velocity.setter
+    def gate_velocity(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def heading_is_known(self) -> bool:
+        """
+        Whether wheels turn to velocities by a heading without error, as in the paper; else by that of the tags, with its Jacobian.
+        """
+    @heading_is_known.setter
+    def heading_is_known(self, arg0: bool) -> None: ...
+    @property
+    def sides_m(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"] | None:
+        """
+        None, or (3,) from tag 0 to 1, 1 to 2, 2 to 0 as a tape tells.
+        """
+    @sides_m.setter
+    def sides_m(
+        self, arg0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"] | None
+    ) -> None: ...
+    @property
+    def sigma_start_velocity_mps(self) -> float: ...
+    @sigma_start_velocity_mps.setter
+    def sigma_start_velocity_mps(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+
+class TagTriangleEkf:
+    """
+    Extended Kalman filter over positions and velocities of three tags.
+
+    The 12-state filter of celan2017, section III.D: fixes of the tags, the velocities that wheel
+    odometry gives them, the sides of their triangle; docs/models/tag_triangle_ekf.md. Slots are
+    `tag0.position` to `tag2.position`, then `tag0.velocity` to `tag2.velocity`.
+
+    Parameters
+    ----------
+    config : TagTriangleEkfConfig
+    tags : list of Tag
+        Three that make a triangle.
+    start : PoseEstimate or list of PositionFix
+        A pose, or a fix of each tag with one stamp.
+    anchors : AnchorMap, optional
+        For ranges.
+
+    Raises
+    ------
+    ValueError
+        If the config is out of range, the tags make no triangle, the start is not finite and positive
+        definite, or fixes do not fit the triangle; the text names the order of ids that would.
 
     Examples
     --------
@@ -3777,6 +4188,57 @@ class SwitchingMcl:
         """
         Of the particles, carried to the end of what odometry has told.
         """
+    @typing.overload
+    >>> tags = [Tag(1, [0.6, 0, 1]), Tag(2, [-0.3, 0.2, 1]), Tag(3, [-0.3, -0.2, 1])]
+    >>> start = PoseEstimate(0, Pose2(3, 2, 0), np.diag([0.2, 0.2, 0.1]) ** 2)
+    >>> ekf = TagTriangleEkf(TagTriangleEkfConfig(), tags, start)
+    >>> ekf.on(Velocity(100_000_000, 0.3, 0.0)).verdict.name
+    'FUSED'
+    >>> ekf.on(PositionFix(1_000_000_000, [3.9, 2.0], 0.04 * np.eye(2), tag=1)).verdict.name
+    'FUSED'
+    """
+    def __copy__(self) -> TagTriangleEkf:
+        """
+        A snapshot.
+        """
+    def __deepcopy__(self, memo: typing.Any) -> TagTriangleEkf:
+        """
+        A snapshot.
+        """
+    @typing.overload
+    def __init__(
+        self,
+        config: TagTriangleEkfConfig,
+        tags: collections.abc.Sequence[Tag],
+        start: PoseEstimate,
+        anchors: AnchorMap | None = None,
+    ) -> None: ...
+    @typing.overload
+    def __init__(
+        self,
+        config: TagTriangleEkfConfig,
+        tags: collections.abc.Sequence[Tag],
+        start: collections.abc.Sequence[PositionFix],
+        anchors: AnchorMap | None = None,
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    def advance_to(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+    @typing.overload
+    def estimate(self) -> PoseEstimate:
+        """
+        The belief at its own stamp.
+        """
+    @typing.overload
+    def estimate(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> PoseEstimate:
+        """
+        The belief carried to `stamp` [ns], which must not lie before it.
+        """
+    def fit(self) -> RigidFit:
+        """
+        The body on the tags; its nis tells how rigid they are.
+        """
+    @typing.overload
+    def on(self, message: PositionFix) -> Outcome: ...
     @typing.overload
     def on(self, message: Velocity) -> Outcome: ...
     @typing.overload
@@ -3824,6 +4286,20 @@ class SwitchingMcl:
         """
         NIS of the last ranges or fixes per row, on average: 1 where UWB's filter is right.
         """
+    def on(self, message: Range) -> Outcome:
+        """
+        Fuses one message. One that is not fused changes no bit of the estimator. Odometry is followed by the sides of the triangle.
+        """
+    def pose(self) -> Pose2: ...
+    @property
+    def belief(self) -> GaussianBelief: ...
+    @property
+    def sides(self) -> Outcome:
+        """
+        What became of the three sides that were fused last.
+        """
+    @property
+    def tags(self) -> list[Tag]: ...
 
 class MessageLog:
     """
@@ -3863,9 +4339,10 @@ class MessageLog:
         position: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
         sigma: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
         arrival_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64] | None = None,
+        tag: typing.Annotated[numpy.typing.ArrayLike, numpy.int32] | None = None,
     ) -> None:
         """
-        Positions (n, 2) [m] with one sigma [m] each.
+        Positions (n, 2) [m] with one sigma [m] each, of the antenna, or of the tags with these ids (n,); a negative id is the antenna.
         """
     def add_ranges(
         self,
@@ -4379,6 +4856,72 @@ def replay(
         Told the number of messages done, now and then.
     first : int
         Messages before it were used for the start: they keep the verdict IGNORED.
+    """
+
+def rigid_fit(
+    body: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    world: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    covariance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+) -> RigidFit:
+    """
+    Return the pose that takes points of a body to where they were measured.
+
+    Least squares weighted with the covariance; docs/models/rigid_fit.md.
+
+    Parameters
+    ----------
+    body : array, shape (n, 2)
+        Metres, in body; at least two that differ.
+    world : array, shape (n, 2)
+        Metres, in world.
+    covariance : array, shape (2 n, 2 n) or (n, 2, 2)
+        Of `world` [m^2]: of (x0, y0, x1, y1, ...), or of each point where they share nothing.
+
+    Returns
+    -------
+    RigidFit
+
+    Raises
+    ------
+    ValueError
+        On fewer than two points, points that coincide in body, numbers that are not finite or a
+        covariance that is not positive definite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from locfuse import rigid_fit
+    >>> fit = rigid_fit([[1, 0], [-1, 0]], [[2, 4], [2, 2]], 0.01 * np.eye(4))
+    >>> round(fit.pose.x, 6), round(fit.pose.y, 6), round(fit.pose.heading, 6)
+    (2.0, 3.0, 1.570796)
+    """
+
+def tag_order(
+    tags: collections.abc.Sequence[Tag],
+    fixes: collections.abc.Sequence[PositionFix],
+    probability: typing.SupportsFloat | typing.SupportsIndex = 0.999,
+) -> TagOrder:
+    """
+    Try the fixes of three tags of one epoch on their triangle in every order.
+
+    Parameters
+    ----------
+    tags : list of Tag
+        Three.
+    fixes : list of PositionFix
+        One of each, of one stamp.
+    probability : float
+        Of a right order to pass.
+
+    Returns
+    -------
+    TagOrder
+        Its text names the ids that would fit.
+
+    Raises
+    ------
+    ValueError
+        Unless there are three tags and one fix of each with one stamp.
     """
 
 def update(

@@ -73,7 +73,7 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
         raise LogError(f"nothing to fuse: the log has {present or 'no messages'}, "
                        f"the config uses {list(config.use)}")  # fmt: skip
     _check_clocks(tables)
-    anchor_names, tag_names = _names(log, tables.get("ranges"))
+    anchor_names, tag_names = _names(log, tables)
     landmark_names = _landmark_names(log, tables.get("landmark_sightings"))
     messages = _core.MessageLog()
     parts: list[dict[str, Any]] = []
@@ -114,11 +114,14 @@ def _check_clocks(tables: Mapping[str, Mapping[str, NDArray[Any]]]) -> None:
                            "do all files count time from the same origin?")  # fmt: skip
 
 
-def _names(log: Log, ranges: Mapping[str, NDArray[Any]] | None) -> tuple[list[str], list[str]]:
+def _names(
+    log: Log, tables: Mapping[str, Mapping[str, NDArray[Any]]]
+) -> tuple[list[str], list[str]]:
     """Return anchor and tag names in order of id: those with a place first."""
     anchors = [str(name) for name in log["anchors"]["anchor"]] if "anchors" in log else []
     tags = list(log.tags)
-    if ranges is not None:
+    if "ranges" in tables:
+        ranges = tables["ranges"]
         if not anchors:
             raise LogError("the log has ranges but no anchors.csv; add it, or leave 'ranges' out "
                            "of use")  # fmt: skip
@@ -132,6 +135,12 @@ def _names(log: Log, ranges: Mapping[str, NDArray[Any]] | None) -> tuple[list[st
                                f"names {known}")  # fmt: skip
         anchors += sorted(set(ranges["anchor"].tolist()) - set(anchors))
         tags += sorted(set(ranges["tag"].tolist()) - set(tags))
+    if "tag" in tables.get("positions", {}):
+        named = sorted(set(tables["positions"]["tag"].tolist()) - {""})
+        if named and not set(named) & set(tags):
+            raise LogError(f"no position of a tag can be used: positions.csv names tags {named}, "
+                           f"log.yaml names {list(log.tags)}")  # fmt: skip
+        tags += sorted(set(named) - set(tags))
     return anchors, tags
 
 
@@ -183,7 +192,8 @@ def _add(
         messages.add_ranges(stamp, tag, anchor, table["range_m"], table.get("sigma_m"), arrival)
     elif source == "positions":
         position = np.column_stack([table["x_m"], table["y_m"]])
-        messages.add_positions(stamp, position, table["sigma_m"], arrival)
+        of_tag = _ids(tag_names, table["tag"]) if "tag" in table else None
+        messages.add_positions(stamp, position, table["sigma_m"], arrival, of_tag)
     elif source == "landmark_sightings":
         messages.add_sightings(stamp, _ids(landmark_names, table["landmark"]), table["range_m"],
                                table["bearing_rad"], table.get("sigma_range_m"),

@@ -199,6 +199,7 @@ def compared(
     for pose, at in zip(poses, seen.tolist(), strict=True):
         fix = _core.PositionFix(pose.stamp, at, np.eye(2) * sigma**2)
         lin = model.linearize(pose.pose, fix)
+        assert lin is not None  # of the antenna
         S = lin.jacobian @ pose.covariance @ lin.jacobian.T + lin.noise
         nees.append(float(lin.residual @ np.linalg.solve(S, lin.residual)))
     position = np.array([model.predict(pose.pose) for pose in poses]).reshape(-1, 2)

@@ -109,6 +109,8 @@ def _reasons(
     for row in np.flatnonzero(verdict == "not_modelled"):
         if messages.source[row] == "landmark_sightings":
             reason[row] = f"unknown landmark {messages.anchor[row]}"
+        elif messages.source[row] == "positions":
+            reason[row] = f"unknown tag {messages.tag[row]}"
         elif messages.anchor[row] not in placed:
             reason[row] = f"unknown anchor {messages.anchor[row]}"
         elif messages.tag[row] not in log.tags:

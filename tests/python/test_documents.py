@@ -306,7 +306,7 @@ def citations() -> list[tuple[Path, str, int]]:
     for source in SOURCES:
         text = source.read_text()
         pages = sorted(set(re.findall(r"docs/[\w/]+\.md", text)))
-        text = re.sub(r"ekim2020\W+eq\. \(\d+\)", "", text)
+        text = re.sub(r"(?:ekim2020|celan2017)\W+eq\. \(\d+\)", "", text)
         for first, last in re.findall(r"\beq\.\s+\((\d+)\)(?:\s+to\s+\((\d+)\))?", text):
             assert len(pages) == 1, f"{source} cites eq. ({first}) of {pages}"
             found += [(source, pages[0], n) for n in range(int(first), int(last or first) + 1)]

@@ -28,7 +28,7 @@ from locfuse.io.log_folder import MESSAGES, SCHEMA
 from locfuse.messages import to_messages
 from locfuse.run import run
 from locfuse.sim.scenario import simulate
-from locfuse.types import FloatArray, Log
+from locfuse.types import FloatArray, Log, LogError
 from support_runs import ROOT
 
 
@@ -223,11 +223,18 @@ def range_residuals(log: Log) -> FloatArray:
 def position_residuals(log: Log) -> FloatArray:
     table, config = log["positions"], lf.PositionConfig()
     config.antenna_forward_m, config.antenna_left_m = 0.4, -0.1
-    model = lf.PositionModel(config)
-    return np.array([
-        model.linearize(pose, lf.PositionFix(0, [x, y], np.eye(2))).residual
-        for pose, x, y in zip(poses_at(log, "positions"), table["x_m"], table["y_m"], strict=True)
-    ])  # fmt: skip
+    names = list(log.tags)
+    model = lf.PositionModel(config, [lf.Tag(i, list(log.tags[n])) for i, n in enumerate(names)])
+    tags = (
+        [names.index(tag) for tag in table["tag"]] if "tag" in table else [None] * len(table["x_m"])
+    )
+    residuals = []
+    for pose, x, y, tag in zip(poses_at(log, "positions"), table["x_m"], table["y_m"], tags,
+                               strict=True):  # fmt: skip
+        lin = model.linearize(pose, lf.PositionFix(0, [x, y], np.eye(2), tag))
+        assert lin is not None
+        residuals.append(lin.residual)
+    return np.array(residuals)
 
 
 def pose_residuals(log: Log) -> FloatArray:
@@ -278,3 +285,40 @@ def test_simulator_and_model_agree_without_noise(name: str) -> None:
     assert np.abs(residuals).max() < 1e-9
     moving = np.array([(p.x, p.y, p.heading) for p in poses_at(log, wiring.source)])
     assert np.ptp(moving, axis=0).min() > 1.0, "a robot that stands still compares little"
+
+
+def of_tags() -> Log:
+    """Return a drive on which an RTLS locates both tags."""
+    whole = scenario()
+    sensor = PositionSensor(sigma_xy_m=0.0, tags=["rear", "front"])
+    return simulate(whole.model_copy(update={"positions": sensor}), np.random.default_rng(6))
+
+
+def test_simulator_and_model_agree_without_noise_on_positions_of_tags() -> None:
+    log = of_tags()
+    assert set(log["positions"]["tag"].tolist()) == {"front", "rear"}
+
+    assert np.abs(position_residuals(log)).max() < 1e-9
+
+
+def test_positions_of_tags_are_fused_in_a_run_and_tell_the_heading() -> None:
+    log = noisy(of_tags())
+    config = parse_config({"use": ["odometry", "positions"]})
+
+    result = run(config, log)
+
+    assert result.metrics["counts"]["positions"] == {"fused": len(log["positions"]["stamp_ns"])}
+    assert result.metrics["heading_rmse_deg"] < 1.0
+
+
+def test_a_position_of_a_tag_without_a_place_is_counted_and_named() -> None:
+    log = noisy(of_tags())
+    log = replace(log, tags={"front": log.tags["front"]})
+    truth = {"start": "truth", "use": ["odometry", "positions"]}
+
+    result = run(parse_config(truth), log)
+
+    unknown = result.outcomes.reason[result.outcomes.tag == "rear"]
+    assert set(unknown.tolist()) == {"unknown tag rear"}
+    with pytest.raises(LogError, match=r"positions\.csv names tags \['front', 'rear'\]"):
+        run(parse_config(truth), replace(log, tags={"other": (0.0, 0.0, 0.0)}))

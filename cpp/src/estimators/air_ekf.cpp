@@ -72,8 +72,9 @@ AirEkf::AirEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
                       internal::positive("sigma_lost_height_per_sqrt_s",
                                          config.sigma_lost_height_per_sqrt_s)),
           ConstantVelocityMotion(config.constant_velocity),
-          RangeModel(config.range, std::move(anchors), std::move(tags)),
-          PositionModel(config.position), AltitudeModel(config.altitude), PoseModel(),
+          RangeModel(config.range, std::move(anchors), tags),
+          PositionModel(config.position, std::move(tags)), AltitudeModel(config.altitude),
+          PoseModel(),
           RangeBearingModel(config.landmark, landmarks.sensor_in_body, config.landmark_in_space),
           landmarks.map ? std::move(landmarks.map) : std::make_shared<const LandmarkMap>(),
           Gate(config.gate_range), Gate(config.gate_position), Gate(config.gate_altitude),
@@ -141,7 +142,7 @@ Outcome AirEkf::on(const Range& z) {
 Outcome AirEkf::on(const PositionFix& z) {
   validate(z);
   return correct(z.stamp, recipe_->position_gate, body_,
-                 [&] { return std::optional(recipe_->position.linearize(pose(), z)); });
+                 [&] { return recipe_->position.linearize(pose(), z); });
 }
 
 Outcome AirEkf::on(const Altitude& z) {

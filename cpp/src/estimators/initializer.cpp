@@ -330,9 +330,10 @@ int Initializer::heard_before(const Range& z) {
 void Initializer::on(const PositionFix& z) {
   validate(z);
   if (components_.empty()) {
-    const Vector<2> antenna(estimator_.position.antenna_forward_m,
-                            estimator_.position.antenna_left_m);
-    add_positions(z.position, z.covariance, antenna, 0.0, z.stamp);
+    const PositionModel model(estimator_.position, tags_);
+    if (const std::optional<Vector<2>> lever = model.lever(z.tag)) {
+      add_positions(z.position, z.covariance, *lever, 0.0, z.stamp);
+    }
   } else {
     weigh(z, log_anything(z, config_.wrong_span_m));
     reduce();

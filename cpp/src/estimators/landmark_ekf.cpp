@@ -113,8 +113,9 @@ Outcome LandmarkEkf::on(const PositionFix& z) {
   }
   Transaction transaction(belief_, z.stamp);
   advance_to(z.stamp);
-  return transaction.close(
-      update(belief_, recipe_->position.linearize(pose(), z), body_, recipe_->position_gate));
+  const std::optional<Linearization<2, 3>> lin = recipe_->position.linearize(pose(), z);
+  return transaction.close(lin ? update(belief_, *lin, body_, recipe_->position_gate)
+                               : Outcome{Verdict::kNotModelled});
 }
 
 Outcome LandmarkEkf::on(const RangeBearing& z) {

@@ -116,11 +116,11 @@ Mcl::Mcl(const Config& config, const std::shared_ptr<const OccupancyGrid>& grid,
   }
   std::optional<RangeModel> range;
   if (anchors) {
-    range.emplace(c.range, std::move(anchors), std::move(tags));
+    range.emplace(c.range, std::move(anchors), tags);
   }
   recipe_ = std::make_shared<const Recipe>(
       Recipe{c, OdometryMotion(c.odometry), lost_motion(c), std::move(fields), std::move(beams),
-             std::move(range), PositionModel(c.position), PoseModel(),
+             std::move(range), PositionModel(c.position, std::move(tags)), PoseModel(),
              RangeBearingModel(c.landmark, landmarks.sensor_in_body), std::move(landmarks.map),
              static_cast<Stamp>(c.hold_s * kNanosecondsPerSecond), std::move(free),
              std::make_shared<Workers>(c.threads),
@@ -531,7 +531,7 @@ Outcome Mcl::on(const Range& z) {
   return weigh(*recipe_->range, z);
 }
 
-Outcome Mcl::on(const PositionFix& z) { return weigh(Always<PositionModel>{recipe_->position}, z); }
+Outcome Mcl::on(const PositionFix& z) { return weigh(recipe_->position, z); }
 
 Outcome Mcl::on(const PoseObservation& z) { return weigh(Always<PoseModel>{recipe_->pose}, z); }
 

@@ -43,8 +43,8 @@ PoseEkf::PoseEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
                  std::vector<Tag> tags, const PoseEstimate& start, LandmarkSight landmarks)
     : recipe_(std::make_shared<const Recipe>(
           Recipe{config, OdometryMotion(config.odometry), internal::lost_motion(config),
-                 RangeModel(config.range, std::move(anchors), std::move(tags)),
-                 PositionModel(config.position), PoseModel(),
+                 RangeModel(config.range, std::move(anchors), tags),
+                 PositionModel(config.position, std::move(tags)), PoseModel(),
                  RangeBearingModel(config.landmark, landmarks.sensor_in_body),
                  Calibration(config.calibration),
                  landmarks.map ? std::move(landmarks.map) : std::make_shared<const LandmarkMap>(),
@@ -114,9 +114,8 @@ Outcome PoseEkf::on(const Range& z) {
 
 Outcome PoseEkf::on(const PositionFix& z) {
   validate(z);
-  return correct(z.stamp, recipe_->position_gate, [&](const Pose2& pose) {
-    return std::optional(recipe_->position.linearize(pose, z));
-  });
+  return correct(z.stamp, recipe_->position_gate,
+                 [&](const Pose2& pose) { return recipe_->position.linearize(pose, z); });
 }
 
 Outcome PoseEkf::on(const PoseObservation& z) {

@@ -124,6 +124,10 @@ void internal::refuse_result() {
   throw NumericalError("update would leave a belief that is not finite and positive");
 }
 
+void internal::refuse_prediction() {
+  throw NumericalError("prediction would leave a belief that is not finite and positive");
+}
+
 void internal::refuse_rows(Eigen::Index residual, Eigen::Index jacobian, Eigen::Index noise,
                            Eigen::Index noise_columns) {
   throw std::invalid_argument(
@@ -141,7 +145,7 @@ void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slo
   Matrix<3, 3> P_new = step.noise;
   P_new.noalias() += FP * step.jacobian.transpose();
   if (!std::isfinite(P_new.sum() + moved.sum()) || !(P_new.diagonal().minCoeff() > 0.0)) {
-    throw NumericalError("prediction would leave a belief that is not finite and positive");
+    internal::refuse_prediction();
   }
   const Index size = belief.dimension();
   for (Index other = 0; size > 3 && other < size; ++other) {
@@ -197,7 +201,7 @@ void predict(GaussianBelief& belief, const Propagation<VectorXd, Eigen::Dynamic>
   }
   if (!std::isfinite(across.sum() + own.sum() + step.moved.sum()) ||
       !(own.diagonal().minCoeff() > 0.0)) {
-    throw NumericalError("prediction would leave a belief that is not finite and positive");
+    internal::refuse_prediction();
   }
   for (Index i = 0; i < moving; ++i) {
     belief.P.row(rows[static_cast<std::size_t>(i)]) = across.row(i);

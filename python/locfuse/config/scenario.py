@@ -176,12 +176,16 @@ class PoseSensor(Strict):
 
 
 class PositionSensor(Strict):
-    """GPS-like: the true position of an antenna on the body plus white noise per axis."""
+    """GPS-like: the true position of an antenna on the body plus white noise per axis.
+
+    With `tags` it is an RTLS: the positions of these tags instead, all of them each time.
+    """
 
     rate_hz: Rate = 1.0
     sigma_xy_m: NonNegative = 0.5
     antenna_forward_m: float = 0.0
     antenna_left_m: float = 0.0
+    tags: list[Name] = Field(default_factory=list)
 
 
 class SightingSensor(Strict):
@@ -521,6 +525,12 @@ class Scenario(Strict):
         if self.ranges is not None and not (self.anchors and self.tags):
             missing = "anchors" if not self.anchors else "tags"
             raise ValueError(f"ranges need anchors and tags, but {missing} is empty")
+        if self.positions is not None:
+            for name in self.positions.tags:
+                if name not in self.tags:
+                    raise ValueError(
+                        f"positions.tags names {name!r}; expected some of {', '.join(self.tags)}"
+                    )
         if self.landmark_sightings is not None and not self.landmarks:
             raise ValueError("landmark_sightings need landmarks, but landmarks is empty")
         if self.laser is not None and self.map is None:

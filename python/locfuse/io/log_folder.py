@@ -33,7 +33,10 @@ SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
         ("stamp_s", "tag", "anchor", "range_m"),
         ("stamp_s", "tag", "anchor", "range_m", "sigma_m"),
     ),
-    "positions": (("stamp_s", "x_m", "y_m", "sigma_m"),),
+    "positions": (
+        ("stamp_s", "x_m", "y_m", "sigma_m"),
+        ("stamp_s", "tag", "x_m", "y_m", "sigma_m"),
+    ),
     "poses": (("stamp_s", "x_m", "y_m", "heading_rad", "sigma_xy_m", "sigma_heading_rad"),),
     "landmark_sightings": (
         ("stamp_s", "landmark", "range_m", "bearing_rad"),
@@ -59,6 +62,7 @@ MESSAGES = ("odometry", "ranges", "positions", "poses", "landmark_sightings", "s
 MAY_BE_EMPTY = ("ranges", "positions", "poses", "landmark_sightings", "scans")
 INCREASING = ("odometry", "truth")  # strictly; other messages may come in any order
 NAMES = ("tag", "anchor", "landmark")
+MAY_BE_NAMELESS = (("landmark_sightings", "landmark"), ("positions", "tag"))
 BEAMS = {"ranges_m": "r", "intensities": "i"}  # columns of scans: one letter and the beam in a file
 IN_MEMORY = {f"{key}_s": f"{key}_ns" for key in ("stamp", "arrival", "begin", "end")}
 
@@ -279,7 +283,7 @@ def _problems(stem: str, table: Columns) -> Iterator[Problem]:
 
 def _bad_values(stem: str, name: str, values: NDArray[Any]) -> Iterator[Problem]:
     if name in NAMES:
-        if stem != "landmark_sightings":
+        if (stem, name) not in MAY_BE_NAMELESS:
             yield from _first(values == "", f"{name} is empty")
         quoted = np.char.find(values, '"') >= 0
         yield from _first(quoted, f"{name} has quotes, which are not part of the format", values)

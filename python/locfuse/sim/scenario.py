@@ -92,7 +92,7 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
         heard["poses"] = sensors.poses(drive, epochs["poses"], scenario.poses, for_poses)
     if scenario.positions is not None:
         heard["positions"] = sensors.positions(
-            drive, epochs["positions"], scenario.positions, for_positions
+            drive, epochs["positions"], scenario.tags, scenario.positions, for_positions
         )
     if scenario.landmark_sightings is not None:
         heard["landmark_sightings"] = sensors.sightings(

@@ -227,31 +227,41 @@ def poses(
 
 
 def positions(
-    drive: Drive, stamp_ns: StampArray, sensor: PositionSensor, rng: np.random.Generator
+    drive: Drive,
+    stamp_ns: StampArray,
+    tags: Mapping[str, tuple[float, float, float]],
+    sensor: PositionSensor,
+    rng: np.random.Generator,
 ) -> Columns:
-    """Return true positions of the antenna plus white noise, as a GPS receiver might.
+    """Return true positions of the antenna, or of tags, plus white noise, as GPS or an RTLS might.
 
     Parameters
     ----------
     drive : Drive
     stamp_ns : int64 array, shape (n,)
+    tags : mapping of name to (x, y, z) in body, metres
     sensor : PositionSensor
     rng : numpy Generator
 
     Returns
     -------
     columns
-        n rows of x_m, y_m and sigma_m.
+        n rows of x_m, y_m and sigma_m; with tags n * tags rows that also have a tag, by stamp, tag.
     """
+    pose = drive.pose_at(seconds(stamp_ns))
     antenna = (sensor.antenna_forward_m, sensor.antenna_left_m, 0.0)
-    point = point_in_world(drive.pose_at(seconds(stamp_ns)), antenna)[:, :2]
-    point = point + sensor.sigma_xy_m * rng.standard_normal(point.shape)
-    return {
-        "stamp_ns": stamp_ns,
+    levers = [tags[name] for name in sensor.tags] or [antenna]
+    point = np.stack([point_in_world(pose, lever)[:, :2] for lever in levers], axis=1)
+    point = point.reshape(-1, 2) + sensor.sigma_xy_m * rng.standard_normal((point.size // 2, 2))
+    columns: Columns = {
+        "stamp_ns": np.repeat(stamp_ns, len(levers)),
         "x_m": point[:, 0],
         "y_m": point[:, 1],
         "sigma_m": np.full(len(point), sensor.sigma_xy_m),
     }
+    if not sensor.tags:
+        return columns
+    return {**columns, "tag": np.tile(np.array(sensor.tags), len(stamp_ns))}
 
 
 def sightings(

@@ -109,6 +109,22 @@ TEST(AirEkf, a_fix_in_space_is_a_position_and_an_altitude_of_one_stamp) {
   expect_near(Eigen::MatrixXd(ekf.belief().P), expected.P, 1e-13);
 }
 
+TEST(AirEkf, a_position_of_a_tag_is_one_of_an_antenna_there) {
+  AirEkf::Config config;
+  config.position = {0.3, -0.2};
+  const AirEstimate start = start_at({1.0, 2.0, 0.5}, 3.0);
+  AirEkf antenna(config, testing::hall(), testing::one_tag(), start);
+  AirEkf tag({}, testing::hall(), testing::one_tag(), start);
+  PositionFix z{0, {1.2, 1.9}, 0.04 * Matrix<2, 2>::Identity()};
+  antenna.on(z);
+  z.tag = 0;
+  tag.on(z);
+  EXPECT_TRUE(testing::same_bits(tag.belief(), antenna.belief()));
+  z.tag = 9;
+  EXPECT_EQ(tag.on(z).verdict, Verdict::kNotModelled);
+  EXPECT_TRUE(testing::same_bits(tag.belief(), antenna.belief()));
+}
+
 TEST(AirEkf, at_a_known_height_is_the_filter_of_the_plane) {
   const testing::Simulation run = testing::simulate(3, 20.0);
   PoseEkf::Config plane;

@@ -371,6 +371,15 @@ TEST(Mcl, ranges_and_fixes_and_poses_weigh_particles) {
   EXPECT_EQ(mcl.on(PoseObservation{0, truth, 0.01 * Matrix<3, 3>::Identity()}).verdict,
             Verdict::kFused);
   EXPECT_LT((mcl.estimate().pose.position() - truth.position()).norm(), 0.15);
+  // A fix of tag 1 is behind the body; one of a tag that nobody knows says nothing.
+  Mcl with_tag(settings, run.room.map, 0, nullptr, {Tag{1, {-1.0, 0.0, 0.0}}});
+  with_tag.start_at({{{0, truth, 0.01 * Matrix<3, 3>::Identity()}, 1.0}});
+  fix.position = truth.act({-1.0, 0.0});
+  fix.tag = 1;
+  EXPECT_EQ(with_tag.on(fix).verdict, Verdict::kFused);
+  EXPECT_LT((with_tag.estimate().pose.position() - truth.position()).norm(), 0.15);
+  fix.tag = 2;
+  EXPECT_EQ(with_tag.on(fix).verdict, Verdict::kNotModelled);
   Mcl without(settings, run.room.map, 0);
   EXPECT_EQ(without.on(Range{0, 0, 0, 3.0, 0.1}).verdict, Verdict::kNotModelled);
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cmath>
 
+#include "locfuse/estimators/initializer.hpp"
 #include "locfuse/estimators/pose_ekf.hpp"
 #include "support/expect.hpp"
 #include "support/linear_kalman.hpp"
@@ -68,6 +69,51 @@ TEST(PoseEkf, a_position_of_an_antenna_tells_of_the_heading) {
   ekf.on(PositionFix{0, {1.0, 0.05}, R});  // S = 0.01 + 0.0025 + 0.01 sideways
   EXPECT_NEAR(ekf.pose().heading, 0.05 * 0.0025 / 0.0225, 1e-14);
   EXPECT_NEAR(ekf.pose().y, 0.05 * 0.01 / 0.0225, 1e-14);
+}
+
+TEST(PoseEkf, three_tags_of_an_rtls_are_rigid_and_tell_pose_and_heading) {
+  const std::vector<Tag> tags = {
+      {1, {0.5, 0.0, 1.0}}, {2, {-0.3, 0.25, 1.0}}, {3, {-0.3, -0.25, 1.0}}};
+  const Pose2 truth{2.0, 1.0, 0.7};
+  const double sigma = 0.1;
+  const Vector<3> vague(9.0, 9.0, 1.0);
+  PoseEkf ekf({}, testing::hall(), tags, {0, {1.5, 1.5, 0.5}, vague.asDiagonal()});
+  for (int epoch = 0; epoch < 200; ++epoch) {
+    for (const Tag& tag : tags) {
+      const PositionFix z{0, truth.act(tag.position.head<2>()),
+                          sigma * sigma * Matrix<2, 2>::Identity(), tag.id};
+      ASSERT_EQ(ekf.on(z).verdict, Verdict::kFused);
+    }
+  }
+  expect_pose_near(ekf.pose(), truth, 2e-3);
+  // The information of 200 epochs: the inertia of the three lever arms, (4) of rigid_fit.md.
+  const double inertia = 200.0 * (0.533333 * 0.533333 + 2.0 * (0.266667 * 0.266667 + 0.0625));
+  EXPECT_NEAR(ekf.belief().P(2, 2), sigma * sigma / inertia, 0.05 * sigma * sigma / inertia);
+}
+
+TEST(PoseEkf, a_position_of_an_unknown_tag_changes_nothing) {
+  PoseEkf ekf = ekf_at(kStart);
+  const GaussianBelief before = ekf.belief();
+  const PositionFix z{kSecond, kStart.position(), Matrix<2, 2>::Identity(), 17};
+  EXPECT_EQ(ekf.on(z).verdict, Verdict::kNotModelled);
+  EXPECT_TRUE(testing::same_bits(ekf.belief(), before));
+}
+
+TEST(Initializer, positions_of_tags_start_and_tell_the_heading) {
+  const std::vector<Tag> tags = {{1, {0.5, 0.0, 1.0}}, {2, {-0.5, 0.0, 1.0}}};
+  Initializer initializer({}, {}, std::make_shared<AnchorMap>(), tags, nullptr);
+  const Pose2 truth{2.0, 1.0, 2.5};
+  const Matrix<2, 2> R = 0.0004 * Matrix<2, 2>::Identity();
+  initializer.on(PositionFix{0, {9.0, 9.0}, R, 5});  // of a tag that nobody knows
+  EXPECT_TRUE(initializer.state().hypotheses.empty());
+  for (int epoch = 0; epoch < 3; ++epoch) {
+    for (const Tag& tag : tags) {
+      initializer.on(PositionFix{0, truth.act(tag.position.head<2>()), R, tag.id});
+    }
+  }
+  const Initializer::State state = initializer.state();
+  ASSERT_EQ(state.status, StartStatus::kReady) << state.reason;
+  expect_pose_near(state.hypotheses.front().estimate.pose, truth, 0.02);
 }
 
 TEST(PoseEkf, a_pose_across_the_cut_turns_the_short_way) {

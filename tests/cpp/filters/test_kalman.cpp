@@ -289,6 +289,39 @@ TEST(Predict, of_several_variables_that_depend_on_others_equals_the_textbook) {
   }
 }
 
+TEST(Predict, at_fixed_sizes_equals_that_of_several_variables) {
+  Rng rng(12);
+  for (int i = 0; i < 50; ++i) {
+    GaussianBelief fixed;
+    const std::vector<Slot> slots = {
+        fixed.add("a", SlotKind::kPoint2, Vector<2>(1.0, 2.0), Matrix<2, 2>::Identity()),
+        fixed.add("body", SlotKind::kPose2, Vector<3>(1.0, 2.0, 3.1), Matrix<3, 3>::Identity())};
+    fixed.P = random_covariance(rng, 5);
+    const bool is_compact = i % 2 == 0;
+    if (is_compact) {
+      fixed = GaussianBelief(fixed);
+    }
+    GaussianBelief dynamic = fixed;
+    const Matrix<5, 5> F = random_matrix(rng, 5, 5);
+    const Matrix<5, 5> Q = random_covariance(rng, 5);
+    const Vector<5> moved = Vector<5>::Constant(3.5);
+    predict(fixed, Propagation<Vector<5>, 5>{moved, F, Q}, slots);
+    predict(dynamic, Propagation<Eigen::VectorXd, Dynamic>{moved, F, Q}, slots);
+    expect_near(fixed.P, dynamic.P, 1e-13);
+    EXPECT_TRUE(testing::same_bits(fixed.P, fixed.P.transpose()));
+    EXPECT_EQ(fixed.x, dynamic.x);
+    EXPECT_NEAR(fixed.x(4), 3.5 - 2.0 * kPi, 1e-15);
+  }
+  GaussianBelief belief = random_pose_belief(rng);
+  const GaussianBelief before = belief;
+  const Slot body = belief.slot("body");
+  Propagation<Vector<3>, 3> step{Vector<3>::Zero(), Matrix<3, 3>::Identity(), -2.0 * belief.P};
+  EXPECT_THROW(predict(belief, step, body), NumericalError);
+  step.noise.setConstant(std::nan(""));
+  EXPECT_THROW(predict(belief, step, body), NumericalError);
+  EXPECT_TRUE(testing::same_bits(belief, before));
+}
+
 TEST(Predict, of_several_variables_refuses_sizes_that_do_not_match) {
   Rng rng(11);
   GaussianBelief belief = random_large_belief(rng);

@@ -409,3 +409,16 @@ def test_a_damaged_map_is_an_error_of_its_log(tmp_path: Path) -> None:
     (tmp_path / "map.pgm").write_bytes(b"P5 3 2 255 \0")
     with pytest.raises(LogError, match=r"map\.pgm: 1 pixels, its header says 3 x 2"):
         read_log(tmp_path)
+
+
+def test_positions_may_be_of_tags_and_of_the_antenna(tmp_path: Path) -> None:
+    text = "stamp_s,tag,x_m,y_m,sigma_m\n0,front,1,2,0.1\n0,,3,4,0.5\n"
+    log = read_log(write_folder(tmp_path / "in", {"positions.csv": text}))
+    assert log["positions"]["tag"].tolist() == ["front", ""]
+
+    write_log(log, tmp_path / "out")
+
+    assert (tmp_path / "out" / "positions.csv").read_text().splitlines()[1:] == [
+        "0.000000000,front,1.0,2.0,0.1",
+        "0.000000000,,3.0,4.0,0.5",
+    ]

@@ -287,7 +287,7 @@ def test_positions_without_noise_are_those_of_the_antenna() -> None:
     west = drive_of((1.0, 2.0, math.pi), [(10.0, 0.5, 0.0)])
     sensor = PositionSensor(sigma_xy_m=0.0, antenna_forward_m=0.4, antenna_left_m=0.1)
 
-    columns = sensors.positions(west, sensors.stamps(1.0, 2.0), sensor, rng())
+    columns = sensors.positions(west, sensors.stamps(1.0, 2.0), {}, sensor, rng())
 
     np.testing.assert_allclose(columns["x_m"], [0.6, 0.1, -0.4], atol=1e-15)
     np.testing.assert_allclose(columns["y_m"], 1.9, atol=1e-15)
@@ -297,10 +297,23 @@ def test_positions_without_noise_are_those_of_the_antenna() -> None:
 def test_position_errors_are_as_stated(rate_hz: float) -> None:
     stamp_ns = sensors.stamps(rate_hz, 2000.0)
 
-    columns = sensors.positions(STRAIGHT, stamp_ns, PositionSensor(sigma_xy_m=0.7), rng())
+    columns = sensors.positions(STRAIGHT, stamp_ns, {}, PositionSensor(sigma_xy_m=0.7), rng())
 
     assert_standard_normal((columns["x_m"] - sensors.seconds(stamp_ns)) / 0.7)
     assert_standard_normal(columns["y_m"] / 0.7)
+
+
+def test_positions_of_tags_without_noise_are_where_the_tags_are() -> None:
+    west = drive_of((1.0, 2.0, math.pi), [(10.0, 0.5, 0.0)])
+    tags = {"a": (0.4, 0.1, 1.0), "unused": (9.0, 9.0, 9.0), "b": (-0.2, 0.0, 0.5)}
+    sensor = PositionSensor(sigma_xy_m=0.0, antenna_forward_m=7.0, tags=["b", "a"])
+
+    columns = sensors.positions(west, sensors.stamps(1.0, 1.0), tags, sensor, rng())
+
+    assert columns["tag"].tolist() == ["b", "a"] * 2
+    np.testing.assert_array_equal(columns["stamp_ns"], [0, 0, 1_000_000_000, 1_000_000_000])
+    np.testing.assert_allclose(columns["x_m"], [1.2, 0.6, 0.7, 0.1], atol=1e-15)
+    np.testing.assert_allclose(columns["y_m"], [2.0, 1.9] * 2, atol=1e-15)
 
 
 POSTS = {"left": (3.0, 4.0), "far": (30.0, 0.0), "behind": (-2.0, 0.0)}

@@ -80,6 +80,7 @@ void wrap_angles(X& x, const std::vector<int>& angle_rows) {
 }
 
 [[noreturn]] void refuse_result();
+[[noreturn]] void refuse_prediction();
 
 /// x += K r and Joseph's form of (I - K H) P, eq. (4) to (6) of docs/models/kalman.md, computed as
 /// A - (A H' - K R) K' with A = P - K (P H')', which costs O(n^2) per measurement row.
@@ -165,6 +166,28 @@ void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slo
 /// std::invalid_argument if sizes do not match. Touches as many rows and columns as move.
 void predict(GaussianBelief& belief, const Propagation<Eigen::VectorXd, Eigen::Dynamic>& step,
              Slots slots);
+
+/// The same at fixed sizes: where `slots` are the whole belief, in order, it allocates nothing.
+template <int N>
+void predict(GaussianBelief& belief, const Propagation<Vector<N>, N>& step, Slots slots) {
+  static_assert(N != Eigen::Dynamic);
+  if (!belief.is_whole(slots, N) || belief.P.outerStride() != N) {
+    predict(belief,
+            Propagation<Eigen::VectorXd, Eigen::Dynamic>{step.moved, step.jacobian, step.noise},
+            slots);
+    return;
+  }
+  Eigen::Map<Matrix<N, N>> P(belief.P.data());
+  const Matrix<N, N> FP = step.jacobian * P;
+  Matrix<N, N> moved = step.noise;
+  moved.noalias() += FP * step.jacobian.transpose();
+  if (!std::isfinite(moved.sum() + step.moved.sum()) || !(moved.diagonal().minCoeff() > 0.0)) {
+    internal::refuse_prediction();
+  }
+  P = 0.5 * (moved + moved.transpose());
+  belief.x = step.moved;
+  internal::wrap_angles(belief.x, belief.angle_rows());
+}
 
 /// Turns the covariance of the pose in `slot` with its mean, which an update has moved away from
 /// `before`: eq. (15) of docs/models/kalman.md. Touches two rows and columns, or none where

@@ -49,11 +49,12 @@ struct Range {
   std::optional<double> sigma;  ///< [m]; without it the model's own sigma is used
 };
 
-/// Position of the body (or of an antenna on it) in the world, from GPS, an RTLS, multilateration.
+/// Position of an antenna or a tag on the body in the world, from GPS, an RTLS, multilateration.
 struct PositionFix {
   Stamp stamp = 0;
   Vector<2> position = Vector<2>::Zero();          ///< [m]
   Matrix<2, 2> covariance = Matrix<2, 2>::Zero();  ///< [m^2], positive definite
+  std::optional<Id> tag = {};                      ///< without it, of the antenna
 };
 
 /// T_world_body from another localizer, such as AMCL or a scan matcher.

@@ -2,11 +2,12 @@
 #include "locfuse/models/measurement/position.hpp"
 
 #include <stdexcept>
+#include <utility>
 
 namespace locfuse {
 
-PositionModel::PositionModel(const Config& config)
-    : antenna_in_body_(config.antenna_forward_m, config.antenna_left_m) {
+PositionModel::PositionModel(const Config& config, std::vector<Tag> tags)
+    : antenna_in_body_(config.antenna_forward_m, config.antenna_left_m), tags_(std::move(tags)) {
   if (!antenna_in_body_.allFinite()) {
     throw std::invalid_argument("position.antenna_forward_m and antenna_left_m must be finite");
   }

@@ -24,29 +24,33 @@ RangeModel::RangeModel(const Config& config, std::shared_ptr<const AnchorMap> an
   if (!anchors_) {
     throw std::invalid_argument("RangeModel needs an AnchorMap, got none");
   }
-  for (std::size_t i = 0; i < tags_.size(); ++i) {
-    if (!tags_[i].position.allFinite()) {
-      throw std::invalid_argument("tag " + std::to_string(tags_[i].id) +
-                                  " has a position that is not finite");
-    }
-    for (std::size_t j = 0; j < i; ++j) {
-      if (tags_[i].id == tags_[j].id) {
-        throw std::invalid_argument("tag " + std::to_string(tags_[i].id) + " is given twice");
-      }
-    }
-  }
 }
 
 std::optional<double> RangeModel::predict(const Pose2& T_world_body, double height,
                                           const Range& z) const {
   const Anchor* anchor = anchors_->find(z.anchor);
-  const Tag* tag = find_tag(z.tag);
+  const Tag* tag = tags_.find(z.tag);
   if (anchor == nullptr || tag == nullptr) {
     return std::nullopt;
   }
   Vector<3> tag_in_world;
   tag_in_world << T_world_body.act(tag->position.head<2>()), tag->position.z() + height;
   return anchor->scale * (tag_in_world - anchor->position).norm() + anchor->offset;
+}
+
+std::optional<Linearization<1, 2>> RangeModel::linearize_point(const Vector<2>& tag_in_world,
+                                                               const Range& z) const {
+  const Tag* tag = tags_.find(z.tag);
+  if (tag == nullptr) {
+    return std::nullopt;
+  }
+  // A body without a heading that has the tag in its origin.
+  const Pose2 at{tag_in_world.x() - tag->position.x(), tag_in_world.y() - tag->position.y(), 0.0};
+  const std::optional<Linearization<1, 3>> lin = linearize(at, z);
+  if (!lin) {
+    return std::nullopt;
+  }
+  return Linearization<1, 2>{lin->residual, lin->jacobian.head<2>(), lin->noise};
 }
 
 }  // namespace locfuse

@@ -8,10 +8,10 @@
 namespace locfuse {
 namespace {
 
-double density_of(const char* name, double sigma) {
+double density_of(const std::string& name, double sigma) {
   if (!(std::isfinite(sigma) && sigma > 0.0 && sigma * sigma > 0.0)) {
-    throw std::invalid_argument(std::string("constant_velocity.") + name + " is " +
-                                std::to_string(sigma) + ", expected a finite number > 0");
+    throw std::invalid_argument(name + " is " + std::to_string(sigma) +
+                                ", expected a finite number > 0");
   }
   return sigma * sigma;
 }
@@ -26,9 +26,16 @@ struct Axis {
 }  // namespace
 
 ConstantVelocityMotion::ConstantVelocityMotion(const Config& config)
-    : velocity_per_s_(density_of("sigma_velocity_per_sqrt_s", config.sigma_velocity_per_sqrt_s)),
-      climb_per_s_(density_of("sigma_climb_per_sqrt_s", config.sigma_climb_per_sqrt_s)),
-      heading_per_s_(density_of("sigma_heading_per_sqrt_s", config.sigma_heading_per_sqrt_s)) {}
+    : velocity_per_s_(density_of("constant_velocity.sigma_velocity_per_sqrt_s",
+                                 config.sigma_velocity_per_sqrt_s)),
+      climb_per_s_(
+          density_of("constant_velocity.sigma_climb_per_sqrt_s", config.sigma_climb_per_sqrt_s)),
+      heading_per_s_(density_of("constant_velocity.sigma_heading_per_sqrt_s",
+                                config.sigma_heading_per_sqrt_s)) {}
+
+PointMotion::PointMotion(const Config& config)
+    : velocity_per_s_(
+          density_of("motion.sigma_velocity_per_sqrt_s", config.sigma_velocity_per_sqrt_s)) {}
 
 Propagation<Eigen::VectorXd, Eigen::Dynamic> ConstantVelocityMotion::propagate(
     const Eigen::VectorXd& state, double seconds) const {

@@ -80,6 +80,29 @@ TEST(RangeModel, jacobian_matches_differences_one_millimetre_from_the_anchor) {
   }
 }
 
+TEST(RangeModel, of_a_tag_that_is_a_variable_depends_on_its_place_alone) {
+  const RangeModel model({0.1, 0.02}, one_anchor({9, {4.5, 6.0, 2.0}, 0.3, 1.1}),
+                         {{4, {0.5, -0.7, 1.0}}});
+  testing::Rng rng(4);
+  for (int i = 0; i < 100; ++i) {
+    const Vector<2> place = 10.0 * testing::random_matrix(rng, 2, 1);
+    const Range z = range_of(6.0, 4, 9);
+    const auto lin = model.linearize_point(place, z);
+    const auto h = [&](const Vector<2>& p) {
+      return 1.1 * Vector<3>(p.x() - 4.5, p.y() - 6.0, -1.0).norm() + 0.3;
+    };
+    EXPECT_NEAR(lin->residual(0), 6.0 - h(place), 1e-12);
+    const double d = 1e-6;
+    EXPECT_NEAR(lin->jacobian(0),
+                (h(place + Vector<2>(d, 0.0)) - h(place - Vector<2>(d, 0.0))) / (2.0 * d), 1e-7);
+    EXPECT_NEAR(lin->jacobian(1),
+                (h(place + Vector<2>(0.0, d)) - h(place - Vector<2>(0.0, d))) / (2.0 * d), 1e-7);
+    EXPECT_NEAR(lin->noise(0), 0.01 + std::pow(0.02 * (h(place) - 0.3) / 1.1, 2), 1e-12);
+  }
+  EXPECT_FALSE(model.linearize_point({0.0, 0.0}, range_of(6.0, 5, 9)));
+  EXPECT_FALSE(model.linearize_point({0.0, 0.0}, range_of(6.0, 4, 8)));
+}
+
 TEST(RangeModel, says_nothing_of_the_plane_right_below_the_anchor) {
   const RangeModel model({}, one_anchor({0, {3.0, 2.0, 4.0}}), {Tag{}});
   expect_near(model.linearize({3.0, 2.0, 1.0}, range_of(4.0))->jacobian,

@@ -75,6 +75,27 @@ TEST(ConstantVelocityMotion, noise_is_that_of_white_acceleration) {
   EXPECT_NEAR(sum(1, 1) / Q(4, 4), 1.0, 0.07);
 }
 
+TEST(PointMotion, is_the_same_for_each_axis_of_each_point) {
+  const double T = 1.7;
+  const Vector<12> state = Vector<12>::LinSpaced(-1.0, 2.0);
+  const auto step = PointMotion({0.8}).propagate<12>(state, T);
+  const auto body = ConstantVelocityMotion({0.8, 1.0, 1.0}).propagate(kState, T);
+  for (int i = 0; i < 6; ++i) {
+    EXPECT_NEAR(step.moved(i), state(i) + T * state(i + 6), 1e-15);
+    EXPECT_EQ(step.moved(i + 6), state(i + 6));
+    EXPECT_EQ(step.noise(i, i), body.noise(0, 0));
+    EXPECT_EQ(step.noise(i, i + 6), body.noise(0, 4));
+    EXPECT_EQ(step.noise(i + 6, i), body.noise(4, 0));
+    EXPECT_EQ(step.noise(i + 6, i + 6), body.noise(4, 4));
+  }
+  EXPECT_NEAR(step.noise.cwiseAbs().sum(),
+              6.0 * (body.noise(0, 0) + 2.0 * body.noise(0, 4) + body.noise(4, 4)), 1e-12);
+  Matrix<12, 12> A = Matrix<12, 12>::Identity();  // celan2017 eq. (3)
+  A.topRightCorner<6, 6>() = T * Matrix<6, 6>::Identity();
+  expect_near(step.jacobian, A, 0.0);
+  expect_refused([] { (void)PointMotion({0.0}); }, "motion.sigma_velocity_per_sqrt_s", "0.0");
+}
+
 TEST(ConstantVelocityMotion, refuses_what_is_no_noise_or_no_state) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   expect_refused([] { ConstantVelocityMotion({0.0, 1.0, 1.0}); }, "sigma_velocity", "0.0");

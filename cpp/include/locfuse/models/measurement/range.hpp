@@ -8,16 +8,11 @@
 
 #include "locfuse/geometry/pose2.hpp"
 #include "locfuse/maps/anchor_map.hpp"
+#include "locfuse/maps/tags.hpp"
 #include "locfuse/math/linearization.hpp"
 #include "locfuse/messages/messages.hpp"
 
 namespace locfuse {
-
-/// A radio on the robot.
-struct Tag {
-  Id id = 0;
-  Vector<3> position = Vector<3>::Zero();  ///< in body: forward, left, up [m]
-};
 
 /// Range from a body-fixed tag to an anchor, both in 3D, the robot on the plane z = 0 or at a
 /// height over it.
@@ -53,8 +48,13 @@ class RangeModel {
     return look<4>(T_world_body, height, z);
   }
 
+  /// Of a tag that is itself a variable: with respect to its place in the plane of the world, 1x2,
+  /// its height being that in body. Empty as above; eq. (6).
+  [[nodiscard]] std::optional<Linearization<1, 2>> linearize_point(const Vector<2>& tag_in_world,
+                                                                   const Range& z) const;
+
   [[nodiscard]] const AnchorMap& anchors() const { return *anchors_; }
-  [[nodiscard]] const std::vector<Tag>& tags() const { return tags_; }
+  [[nodiscard]] const std::vector<Tag>& tags() const { return tags_.all(); }
 
  private:
   static constexpr double kNoDirection = 1e-9;  // [m]
@@ -65,7 +65,7 @@ class RangeModel {
                                                         [[maybe_unused]] double height,
                                                         const Range& z) const {
     const Anchor* anchor = anchors_->find(z.anchor);
-    const Tag* tag = find_tag(z.tag);
+    const Tag* tag = tags_.find(z.tag);
     if (anchor == nullptr || tag == nullptr) {
       return std::nullopt;
     }
@@ -105,19 +105,10 @@ class RangeModel {
     return lin;
   }
 
-  [[nodiscard]] const Tag* find_tag(Id id) const {
-    for (const Tag& tag : tags_) {
-      if (tag.id == id) {
-        return &tag;
-      }
-    }
-    return nullptr;
-  }
-
   double variance_;
   double relative_variance_;
   std::shared_ptr<const AnchorMap> anchors_;
-  std::vector<Tag> tags_;
+  Tags tags_;
 };
 
 }  // namespace locfuse

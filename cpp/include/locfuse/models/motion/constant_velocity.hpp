@@ -40,4 +40,42 @@ class ConstantVelocityMotion {
   double heading_per_s_ = 0.0;
 };
 
+/// Points that keep their velocity but for white acceleration: celan2017 eq. (2) and (3).
+///
+/// Derivation: docs/models/constant_velocity.md.
+class PointMotion {
+ public:
+  struct Config {
+    double sigma_velocity_per_sqrt_s = 0.2;  ///< of each axis [m/s / sqrt(s)]
+  };
+
+  PointMotion() : PointMotion(Config{}) {}
+
+  /// Throws std::invalid_argument unless the sigma is finite and positive.
+  explicit PointMotion(const Config& config);
+
+  /// All positions, then all velocities, of `Size` / 4 points in the plane `seconds` later; eq. (2)
+  /// for each axis. Exact for any step: two halves are the whole.
+  template <int Size>
+  [[nodiscard]] Propagation<Vector<Size>, Size> propagate(const Vector<Size>& state,
+                                                          double seconds) const {
+    static_assert(Size > 0 && Size % 4 == 0, "two positions and two velocities a point");
+    constexpr int kHalf = Size / 2;
+    const double T = seconds;
+    Propagation<Vector<Size>, Size> step{state, Matrix<Size, Size>::Identity(),
+                                         Matrix<Size, Size>::Zero()};
+    step.moved.template head<kHalf>() += T * state.template tail<kHalf>();
+    step.jacobian.template topRightCorner<kHalf, kHalf>().diagonal().setConstant(T);
+    step.noise.diagonal().template head<kHalf>().setConstant(velocity_per_s_ * T * T * T / 3.0);
+    step.noise.diagonal().template tail<kHalf>().setConstant(velocity_per_s_ * T);
+    const double shared = velocity_per_s_ * T * T / 2.0;
+    step.noise.template topRightCorner<kHalf, kHalf>().diagonal().setConstant(shared);
+    step.noise.template bottomLeftCorner<kHalf, kHalf>().diagonal().setConstant(shared);
+    return step;
+  }
+
+ private:
+  double velocity_per_s_;  // spectral density
+};
+
 }  // namespace locfuse

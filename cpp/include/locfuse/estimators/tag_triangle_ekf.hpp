@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/geometry/rigid_fit.hpp"
+#include "locfuse/models/measurement/point_distance.hpp"
+#include "locfuse/models/measurement/velocity.hpp"
+#include "locfuse/models/motion/constant_velocity.hpp"
+
+namespace locfuse {
+
+/// Extended Kalman filter over the positions and velocities of three tags in world (celan2017,
+/// section III.D): fixes of the tags, the velocities that wheel odometry gives them, and the sides
+/// of their triangle; docs/models/tag_triangle_ekf.md. Ranges to anchors where there is no RTLS.
+///
+/// Slots: `tag0.position` to `tag2.position`, `tag0.velocity` to `tag2.velocity`, in the order in
+/// which the tags are given. A cheap value: copying it is a snapshot. Every `on` throws
+/// std::invalid_argument for a message that is not valid and NumericalError where numbers break. A
+/// message that is not fused changes no bit of the estimator.
+class TagTriangleEkf {
+ public:
+  struct Config {
+    PointMotion::Config motion;
+    VelocityModel::Config velocity;
+    PointDistanceModel::Config side;
+    RangeModel::Config range;
+    /// From tag 0 to 1, 1 to 2, 2 to 0 as a tape tells [m]: refused unless the tags in body agree.
+    std::optional<Vector<3>> sides_m = {};
+    /// Whether wheels turn to velocities in world by a heading without error, as in the paper; else
+    /// by that of the tags, with its Jacobian.
+    bool heading_is_known = false;
+    double sigma_start_velocity_mps = 0.5;  ///< of each tag, each axis [m/s]
+    double gate_position = 0.999;           ///< probability that a good fix passes
+    double gate_velocity = 0.999;           ///< likewise for the velocities of the three tags
+    double gate_side = 1.0;                 ///< likewise for the three sides: they are always right
+    double gate_range = 0.999;              ///< likewise for a range
+  };
+
+  static constexpr int kTags = 3;
+  static constexpr int kVariables = 12;
+
+  /// Starts from a pose, at rest but for what its sigma says. `anchors` may be null, then ranges
+  /// are not modelled. Throws std::invalid_argument on a config out of range, anything but three
+  /// tags that make a triangle, or a start that is not finite and positive definite.
+  TagTriangleEkf(const Config& config, const std::vector<Tag>& tags, const PoseEstimate& start,
+                 std::shared_ptr<const AnchorMap> anchors = nullptr);
+
+  /// Starts from a fix of each tag, of one stamp, and fuses the sides. Throws as above, and if the
+  /// fixes do not fit the triangle: then it names the order of ids that would.
+  TagTriangleEkf(const Config& config, const std::vector<Tag>& tags,
+                 const std::vector<PositionFix>& start,
+                 std::shared_ptr<const AnchorMap> anchors = nullptr);
+
+  /// Of a tag that it names; kNotModelled without one.
+  Outcome on(const PositionFix& z);
+  /// The velocities of the three tags, as one measurement, then the sides; see `sides`.
+  Outcome on(const Velocity& u);
+  /// Its mean velocity, from its beginning on, or from where the belief is within its time. One
+  /// without duration is kNotModelled.
+  Outcome on(const Increment& u);
+  /// Of a tag to an anchor.
+  Outcome on(const Range& z);
+  Outcome on(const Message& message);
+
+  /// Carries the belief to `stamp`. Earlier stamps change nothing. Throws std::invalid_argument if
+  /// the stamp is beyond kStampLimit.
+  void advance_to(Stamp stamp);
+
+  /// The body on the tags, weighted with their covariance. Its nis tells how rigid they are.
+  [[nodiscard]] RigidFit fit() const;
+  /// The pose of that. Throws NumericalError if the tags prefer no heading, as does `estimate`.
+  [[nodiscard]] Pose2 pose() const { return estimate().pose; }
+  /// The belief at its own stamp.
+  [[nodiscard]] PoseEstimate estimate() const;
+  /// The belief carried to `stamp`, which must not lie before it.
+  [[nodiscard]] PoseEstimate estimate(Stamp stamp) const;
+
+  /// What became of the sides that were fused last, as one measurement of three rows.
+  [[nodiscard]] const Outcome& sides() const { return sides_; }
+
+  [[nodiscard]] const GaussianBelief& belief() const { return belief_; }
+  [[nodiscard]] const std::vector<Tag>& tags() const;
+
+ private:
+  struct Recipe;  // what never changes, shared by all snapshots
+  class Transaction;
+
+  TagTriangleEkf(std::shared_ptr<const Recipe> recipe, Stamp stamp, const Vector<6>& positions,
+                 const Matrix<6, 6>& covariance);
+  template <class Linearize>
+  Outcome correct(Stamp stamp, const Gate& gate, const Linearize& linearize);
+  Outcome take(Stamp begin, Stamp end, const Vector<3>& twist);
+  [[nodiscard]] Matrix<1, 6> heading_by_tags(const Pose2& pose) const;
+  Outcome hold_sides();
+  [[nodiscard]] Vector<2> position(int tag) const { return belief_.x.segment<2>(2 * tag); }
+
+  std::shared_ptr<const Recipe> recipe_;
+  GaussianBelief belief_;
+  Outcome sides_;
+};
+
+}  // namespace locfuse

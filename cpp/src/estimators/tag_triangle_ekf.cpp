@@ -1,0 +1,456 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/estimators/tag_triangle_ekf.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <utility>
+
+#include "estimators/recipe.hpp"
+#include "locfuse/error.hpp"
+#include "locfuse/frontends/tag_order.hpp"
+
+namespace locfuse {
+namespace {
+
+constexpr int kTags = TagTriangleEkf::kTags;
+constexpr int kVariables = TagTriangleEkf::kVariables;
+constexpr int kHalf = kVariables / 2;
+constexpr double kFinestSide = 1e-4;  // [m]; finer than that 12 variables are not kept positive
+constexpr double kFlattest = 0.05;    // height of the triangle as a share of its longest side
+constexpr double kTapeSigmas = 3.0;
+
+using Triangle = Matrix<2, kTags>;
+template <int M>
+using Rows = Linearization<M, kVariables>;
+
+int after(int tag) { return (tag + 1) % kTags; }
+
+/// A measurement of the variables from `column` on, as one of all twelve.
+template <int M, int N>
+void place(const Linearization<M, N>& part, int column, Rows<M>& rows) {
+  rows.residual = part.residual;
+  rows.jacobian.setZero();
+  rows.jacobian.template middleCols<N>(column) = part.jacobian;
+  rows.noise = part.noise;
+}
+
+template <int M, int N>
+Rows<M> placed(const Linearization<M, N>& part, int column) {
+  Rows<M> rows;
+  place(part, column, rows);
+  return rows;
+}
+
+std::string name_of(const Tag& tag) { return "tag " + std::to_string(tag.id); }
+
+/// The tags in body, one a column. Throws unless they make a triangle: if they lie in one point or
+/// on a line, the sides say nothing of where across it a tag is.
+Triangle triangle_of(const std::vector<Tag>& tags) {
+  if (tags.size() != kTags) {
+    throw std::invalid_argument("a triangle got " + std::to_string(tags.size()) +
+                                " tags, expected 3");
+  }
+  Triangle body;
+  for (int i = 0; i < kTags; ++i) {
+    body.col(i) = tags[static_cast<std::size_t>(i)].position.head<2>();
+  }
+  const auto tag = [&](int i) { return name_of(tags[static_cast<std::size_t>(i)]); };
+  for (int i = 0; i < kTags; ++i) {
+    if (!((body.col(i) - body.col(after(i))).norm() > kFinestSide)) {
+      throw std::invalid_argument(tag(i) + " and " + tag(after(i)) +
+                                  " lie in one point of the body's plane, which makes no triangle");
+    }
+  }
+  for (int i = 0; i < kTags; ++i) {
+    const Vector<2> side = body.col(after(after(i))) - body.col(after(i));
+    const Vector<2> other = body.col(i) - body.col(after(i));
+    const double height = std::abs(side.x() * other.y() - side.y() * other.x()) / side.norm();
+    if (!(height > kFlattest * std::max(side.norm(), other.norm()))) {
+      std::ostringstream text;
+      text << tag(i) << " lies " << height << " m from the line through " << tag(after(i))
+           << " and " << tag(after(after(i)))
+           << ": on a line they make no triangle, expected more than " << kFlattest
+           << " of the longest side";
+      throw std::invalid_argument(text.str());
+    }
+  }
+  return body;
+}
+
+Vector<3> sides_of(const TagTriangleEkf::Config& config, const std::vector<Tag>& tags,
+                   const Triangle& body) {
+  if (!(config.side.sigma_m >= kFinestSide)) {
+    throw std::invalid_argument("side.sigma_m is " + std::to_string(config.side.sigma_m) +
+                                " m, expected at least 0.0001");
+  }
+  Vector<3> sides;
+  for (int i = 0; i < kTags; ++i) {
+    sides(i) = PointDistanceModel::predict(body.col(i), body.col(after(i)));
+    if (config.sides_m &&
+        !(std::abs((*config.sides_m)(i)-sides(i)) <= kTapeSigmas * config.side.sigma_m)) {
+      std::ostringstream text;
+      text << "sides_m tells " << (*config.sides_m)(i) << " m from "
+           << name_of(tags[static_cast<std::size_t>(i)]) << " to "
+           << name_of(tags[static_cast<std::size_t>(after(i))]) << ", their places in body "
+           << sides(i) << " m; expected the same within " << kTapeSigmas << " side.sigma_m, "
+           << kTapeSigmas * config.side.sigma_m << " m";
+      throw std::invalid_argument(text.str());
+    }
+  }
+  return sides;
+}
+
+/// How the place of a point of the body in world depends on the pose.
+Matrix<2, 3> by_pose(const Pose2& pose, const Vector<2>& point) {
+  const Vector<2> arm = pose.act(point) - pose.position();
+  Matrix<2, 3> J;
+  J << 1.0, 0.0, -arm.y(), 0.0, 1.0, arm.x();
+  return J;
+}
+
+/// What a pose says of the tags: eq. (2) of docs/models/tag_triangle_ekf.md.
+Matrix<6, 6> covariance_of(const Triangle& body, const PoseEstimate& start, double sigma_side) {
+  Matrix<6, 3> J;
+  for (int i = 0; i < kTags; ++i) {
+    J.middleRows<2>(2 * i) = by_pose(start.pose, body.col(i));
+  }
+  Matrix<6, 6> P = J * start.covariance * J.transpose();
+  P.diagonal().array() += sigma_side * sigma_side;
+  return 0.5 * (P + P.transpose());
+}
+
+/// The part of a fix of each tag, in their order. Throws unless they fit the triangle.
+std::vector<PositionFix> in_order(const TagTriangleEkf::Config& config,
+                                  const std::vector<Tag>& tags,
+                                  const std::vector<PositionFix>& fixes) {
+  const TagOrder order = tag_order(tags, fixes, config.gate_position);
+  if (order.verdict != TagOrderVerdict::kFits) {
+    std::ostringstream text;
+    text << "a start: " << to_string(order) << "; sides measured, and of the tags in body [m]:";
+    for (int i = 0; i < kTags; ++i) {
+      const auto a = static_cast<std::size_t>(i);
+      const auto b = static_cast<std::size_t>(after(i));
+      const Tags known(tags);
+      text << (i > 0 ? "," : "") << " " << *fixes[a].tag << "-" << *fixes[b].tag << " "
+           << (fixes[a].position - fixes[b].position).norm() << " and "
+           << (known.find(*fixes[a].tag)->position - known.find(*fixes[b].tag)->position)
+                  .head<2>()
+                  .norm();
+    }
+    throw std::invalid_argument(text.str());
+  }
+  std::vector<PositionFix> sorted;
+  for (const Tag& tag : tags) {
+    sorted.push_back(*std::find_if(fixes.begin(), fixes.end(),
+                                   [&](const PositionFix& z) { return z.tag == tag.id; }));
+  }
+  return sorted;
+}
+
+}  // namespace
+
+struct TagTriangleEkf::Recipe {
+  Recipe(const Config& told, const std::vector<Tag>& on_body,
+         std::shared_ptr<const AnchorMap> anchors)
+      : config(told),
+        tags(on_body),
+        body(triangle_of(on_body)),
+        lengths(sides_of(told, on_body, body)),
+        motion(told.motion),
+        velocity(told.velocity),
+        side(told.side),
+        range(told.range, anchors ? std::move(anchors) : std::make_shared<const AnchorMap>(),
+              on_body),
+        position_gate(told.gate_position),
+        velocity_gate(told.gate_velocity),
+        side_gate(told.gate_side),
+        range_gate(told.gate_range) {
+    internal::positive("sigma_start_velocity_mps", config.sigma_start_velocity_mps);
+    for (int i = 0; i < 2 * kTags; ++i) {
+      slots.push_back({i});
+    }
+  }
+
+  /// The place of a tag among the three, or -1.
+  [[nodiscard]] int find(Id id) const {
+    for (int i = 0; i < kTags; ++i) {
+      if (tags.all()[static_cast<std::size_t>(i)].id == id) {
+        return i;
+      }
+    }
+    return -1;
+  }
+
+  Config config;
+  Tags tags;
+  Triangle body;
+  Vector<3> lengths;
+  PointMotion motion;
+  VelocityModel velocity;
+  PointDistanceModel side;
+  RangeModel range;
+  Gate position_gate;
+  Gate velocity_gate;
+  Gate side_gate;
+  Gate range_gate;
+  std::vector<Slot> slots;
+};
+
+/// Puts the belief back, bit for bit, unless the message was fused.
+class TagTriangleEkf::Transaction {
+ public:
+  explicit Transaction(GaussianBelief& belief)
+      : belief_(&belief), stamp_(belief.stamp), x_(belief.x), P_(belief.P) {}
+  Transaction(const Transaction&) = delete;
+  Transaction& operator=(const Transaction&) = delete;
+  ~Transaction() {
+    if (belief_ != nullptr) {
+      belief_->stamp = stamp_;
+      belief_->x = x_;
+      belief_->P = P_;
+    }
+  }
+  [[nodiscard]] Outcome close(const Outcome& outcome) {
+    if (outcome.verdict == Verdict::kFused) {
+      belief_ = nullptr;
+    }
+    return outcome;
+  }
+
+ private:
+  GaussianBelief* belief_;
+  Stamp stamp_;
+  Vector<kVariables> x_;
+  Matrix<kVariables, kVariables> P_;
+};
+
+TagTriangleEkf::TagTriangleEkf(std::shared_ptr<const Recipe> recipe, Stamp stamp,
+                               const Vector<6>& positions, const Matrix<6, 6>& covariance)
+    : recipe_(std::move(recipe)) {
+  check_stamp(stamp);
+  if (!covariance.allFinite() || !covariance.isApprox(covariance.transpose(), 1e-9) ||
+      covariance.llt().info() != Eigen::Success) {
+    throw std::invalid_argument(
+        "a start of three tags needs a symmetric positive definite covariance");
+  }
+  GaussianBelief belief;
+  belief.stamp = stamp;
+  std::vector<Slot> slots;
+  for (int i = 0; i < kTags; ++i) {
+    const std::string name = "tag" + std::to_string(i) + ".position";
+    const Vector<2> mean = positions.segment<2>(2 * i);
+    const Matrix<2, 2> own = covariance.block<2, 2>(2 * i, 2 * i);
+    if (i == 0) {
+      slots.push_back(belief.add(name, SlotKind::kPoint2, mean, own));
+      continue;
+    }
+    const Eigen::MatrixXd before = covariance.topLeftCorner(2 * i, 2 * i);
+    const Eigen::MatrixXd shared = covariance.block(0, 2 * i, 2 * i, 2);
+    const Eigen::MatrixXd J = before.llt().solve(shared).transpose();
+    const Matrix<2, 2> rest = own - J * shared;
+    slots.push_back(
+        augment(belief, name, SlotKind::kPoint2, mean, J, 0.5 * (rest + rest.transpose()), slots));
+  }
+  const double sigma = recipe_->config.sigma_start_velocity_mps;
+  for (int i = 0; i < kTags; ++i) {
+    slots.push_back(belief.add("tag" + std::to_string(i) + ".velocity", SlotKind::kPoint2,
+                               Vector<2>::Zero(), sigma * sigma * Matrix<2, 2>::Identity()));
+  }
+  belief_ = GaussianBelief(belief);  // a copy has its columns side by side, as fixed sizes need it
+}
+
+TagTriangleEkf::TagTriangleEkf(const Config& config, const std::vector<Tag>& tags,
+                               const PoseEstimate& start, std::shared_ptr<const AnchorMap> anchors)
+    : TagTriangleEkf(
+          std::make_shared<const Recipe>(config, tags, std::move(anchors)), start.stamp,
+          [&] {
+            (void)GaussianBelief::of_pose(start.stamp, start.pose, start.covariance);  // checks
+            Vector<6> positions;
+            const Triangle body = triangle_of(tags);
+            for (int i = 0; i < kTags; ++i) {
+              positions.segment<2>(2 * i) = start.pose.act(body.col(i));
+            }
+            return positions;
+          }(),
+          covariance_of(triangle_of(tags), start, config.side.sigma_m)) {}
+
+TagTriangleEkf::TagTriangleEkf(const Config& config, const std::vector<Tag>& tags,
+                               const std::vector<PositionFix>& start,
+                               std::shared_ptr<const AnchorMap> anchors)
+    : TagTriangleEkf([&] {
+        const auto recipe = std::make_shared<const Recipe>(config, tags, std::move(anchors));
+        const std::vector<PositionFix> fixes = in_order(config, tags, start);
+        Vector<6> positions;
+        Matrix<6, 6> covariance = Matrix<6, 6>::Zero();
+        for (int i = 0; i < kTags; ++i) {
+          const PositionFix& z = fixes[static_cast<std::size_t>(i)];
+          positions.segment<2>(2 * i) = z.position;
+          covariance.block<2, 2>(2 * i, 2 * i) = z.covariance;
+        }
+        return TagTriangleEkf(recipe, fixes.front().stamp, positions, covariance);
+      }()) {
+  sides_ = hold_sides();
+}
+
+const std::vector<Tag>& TagTriangleEkf::tags() const { return recipe_->tags.all(); }
+
+template <class Linearize>
+Outcome TagTriangleEkf::correct(Stamp stamp, const Gate& gate, const Linearize& linearize) {
+  if (stamp < belief_.stamp) {
+    return {Verdict::kStale};
+  }
+  Transaction transaction(belief_);
+  advance_to(stamp);
+  const auto lin = linearize();
+  return transaction.close(lin ? update(belief_, *lin, recipe_->slots, gate)
+                               : Outcome{Verdict::kNotModelled});
+}
+
+Outcome TagTriangleEkf::on(const PositionFix& z) {
+  validate(z);
+  const int tag = z.tag ? recipe_->find(*z.tag) : -1;
+  return correct(z.stamp, recipe_->position_gate, [&]() -> std::optional<Rows<2>> {
+    if (tag < 0) {
+      return std::nullopt;
+    }
+    return placed(PositionModel::linearize_point(position(tag), z), 2 * tag);
+  });
+}
+
+Outcome TagTriangleEkf::on(const Range& z) {
+  validate(z);
+  const int tag = recipe_->find(z.tag);
+  return correct(z.stamp, recipe_->range_gate, [&]() -> std::optional<Rows<1>> {
+    const auto lin = tag < 0 ? std::nullopt : recipe_->range.linearize_point(position(tag), z);
+    return lin ? std::optional(placed(*lin, 2 * tag)) : std::nullopt;
+  });
+}
+
+Outcome TagTriangleEkf::on(const Velocity& u) {
+  validate(u);
+  return take(u.stamp, u.stamp, {u.forward, 0.0, u.turn_rate});
+}
+
+Outcome TagTriangleEkf::on(const Increment& u) {
+  validate(u);
+  if (u.begin == u.stamp) {
+    return {u.stamp < belief_.stamp ? Verdict::kStale : Verdict::kNotModelled};
+  }
+  return take(u.begin, u.stamp, arc_twist(u.motion) / seconds_between(u.begin, u.stamp));
+}
+
+Outcome TagTriangleEkf::on(const Message& message) {
+  return std::visit(
+      [this](const auto& m) -> Outcome {
+        using M = std::decay_t<decltype(m)>;
+        if constexpr (std::is_same_v<M, PoseObservation> || std::is_same_v<M, RangeBearing>) {
+          validate(m);
+          return {Verdict::kIgnored};
+        } else {
+          return on(m);
+        }
+      },
+      message);
+}
+
+/// Fuses a twist (forward, left, turn rate) that holds from `begin` to `end`, then the sides.
+Outcome TagTriangleEkf::take(Stamp begin, Stamp end, const Vector<3>& twist) {
+  if (end < belief_.stamp) {
+    return {Verdict::kStale};
+  }
+  Transaction transaction(belief_);
+  advance_to(begin);
+  const RigidFit body = fit();
+  if (!std::isfinite(body.pose.heading)) {
+    return {Verdict::kNotModelled};
+  }
+  const Vector<kHalf> velocities = belief_.x.tail<kHalf>();
+  const double heading = body.pose.heading;
+  Rows<kHalf> rows =
+      placed(recipe_->velocity.linearize<kHalf>(velocities, heading, twist, recipe_->body), kHalf);
+  if (!recipe_->config.heading_is_known) {  // eq. (7)
+    Vector<kHalf> by_heading;
+    for (int i = 0; i < kTags; ++i) {
+      const Vector<2> expected = VelocityModel::predict(heading, twist, recipe_->body.col(i));
+      by_heading.segment<2>(2 * i) << -expected.y(), expected.x();
+    }
+    rows.jacobian.leftCols<kHalf>() = -by_heading * heading_by_tags(body.pose);
+  }
+  const Outcome outcome = update(belief_, rows, recipe_->slots, recipe_->velocity_gate);
+  if (outcome.verdict == Verdict::kFused) {
+    sides_ = hold_sides();
+  }
+  return transaction.close(outcome);
+}
+
+/// How the heading of the fit depends on the places of the tags.
+Matrix<1, 6> TagTriangleEkf::heading_by_tags(const Pose2& pose) const {
+  Matrix<kHalf, 3> J;
+  for (int i = 0; i < kTags; ++i) {
+    J.middleRows<2>(2 * i) = by_pose(pose, recipe_->body.col(i));
+  }
+  const Matrix<kHalf, kHalf> P = belief_.P.topLeftCorner<kHalf, kHalf>();
+  const Matrix<kHalf, 3> weighted = P.llt().solve(J);
+  const Matrix<3, 3> information = J.transpose() * weighted;
+  return (weighted * information.llt().solve(Vector<3>::UnitZ())).transpose();
+}
+
+/// Fuses the three sides.
+Outcome TagTriangleEkf::hold_sides() {
+  Rows<kTags> rows;
+  rows.jacobian.setZero();
+  rows.noise.setZero();
+  for (int i = 0; i < kTags; ++i) {
+    const auto lin = recipe_->side.linearize(position(i), position(after(i)), recipe_->lengths(i));
+    if (!lin) {
+      return {Verdict::kNotModelled};
+    }
+    rows.residual(i) = lin->residual(0);
+    rows.jacobian.block<1, 2>(i, 2 * i) = lin->jacobian.head<2>();
+    rows.jacobian.block<1, 2>(i, 2 * after(i)) = lin->jacobian.tail<2>();
+    rows.noise(i, i) = lin->noise(0);
+  }
+  return update(belief_, rows, recipe_->slots, recipe_->side_gate);
+}
+
+void TagTriangleEkf::advance_to(Stamp stamp) {
+  check_stamp(stamp);
+  if (stamp <= belief_.stamp) {
+    return;
+  }
+  const Vector<kVariables> x = belief_.x;
+  predict(belief_, recipe_->motion.propagate<kVariables>(x, seconds_between(belief_.stamp, stamp)),
+          recipe_->slots);
+  belief_.stamp = stamp;
+}
+
+RigidFit TagTriangleEkf::fit() const {
+  Triangle world;
+  for (int i = 0; i < kTags; ++i) {
+    world.col(i) = position(i);
+  }
+  const Matrix<kHalf, kHalf> P = belief_.P.topLeftCorner<kHalf, kHalf>();
+  return rigid_fit(recipe_->body, world, P);
+}
+
+PoseEstimate TagTriangleEkf::estimate() const {
+  const RigidFit body = fit();
+  if (body.status == RigidFitStatus::kNoDirection || body.status == RigidFitStatus::kNotConverged) {
+    throw NumericalError("the three tags prefer no heading of the body");
+  }
+  return {belief_.stamp, body.pose, body.covariance};
+}
+
+PoseEstimate TagTriangleEkf::estimate(Stamp stamp) const {
+  internal::check_not_before(belief_.stamp, stamp);
+  TagTriangleEkf ahead = *this;
+  ahead.advance_to(stamp);
+  return ahead.estimate();
+}
+
+}  // namespace locfuse

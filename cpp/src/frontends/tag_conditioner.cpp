@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/frontends/tag_conditioner.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "locfuse/math/angle.hpp"
+
+namespace locfuse {
+namespace {
+
+void require(bool ok, const char* name, double value, const char* expected) {
+  if (!ok) {
+    throw std::invalid_argument(std::string("tag_conditioner.") + name + " is " +
+                                std::to_string(value) + ", expected " + expected);
+  }
+}
+
+bool is_at_least_0(double value) { return std::isfinite(value) && value >= 0.0; }
+
+}  // namespace
+
+TagConditioner::TagConditioner(const Config& config, const std::vector<Tag>& tags)
+    : config_(config) {
+  require(is_at_least_0(config.cutoff_hz), "cutoff_hz", config.cutoff_hz, "a finite number >= 0");
+  require(std::isfinite(config.bias_x_m), "bias_x_m", config.bias_x_m, "a finite number");
+  require(std::isfinite(config.bias_y_m), "bias_y_m", config.bias_y_m, "a finite number");
+  require(config.max_speed_mps > 0.0, "max_speed_mps", config.max_speed_mps, "a number > 0");
+  require(config.jump_margin_m > 0.0, "jump_margin_m", config.jump_margin_m, "a number > 0");
+  require(config.restart_after >= 1, "restart_after", config.restart_after, "at least 1");
+  require(config.frozen_motion_m > 0.0, "frozen_motion_m", config.frozen_motion_m, "a number > 0");
+  require(std::isfinite(config.hold_s) && config.hold_s > 0.0 && config.hold_s < 1e9, "hold_s",
+          config.hold_s, "a finite number > 0");
+  const Tags known(tags);
+  for (const Tag& tag : known.all()) {
+    tracks_.push_back({tag.id, tag.position.head<2>()});
+  }
+}
+
+/// Adds what the velocity that is held makes of the time until `stamp`.
+void TagConditioner::drive_to(Stamp stamp) {
+  if (!held_) {
+    return;
+  }
+  const Stamp until = std::min(stamp, held_until_);
+  if (until <= held_->stamp) {
+    return;
+  }
+  const double seconds = seconds_between(held_->stamp, until);
+  for (Track& track : tracks_) {
+    const Vector<2> velocity(held_->forward - held_->turn_rate * track.lever.y(),
+                             held_->turn_rate * track.lever.x());
+    track.driven += seconds * velocity.norm();
+  }
+  held_->stamp = until;
+}
+
+void TagConditioner::on(const Velocity& u) {
+  validate(u);
+  drive_to(u.stamp);
+  held_ = u;
+  held_until_ = u.stamp + static_cast<Stamp>(config_.hold_s * kNanosecondsPerSecond);
+}
+
+void TagConditioner::on(const Increment& u) {
+  validate(u);
+  for (Track& track : tracks_) {
+    track.driven += (u.motion.act(track.lever) - track.lever).norm();
+  }
+}
+
+/// Eq. (9) and (10) of docs/models/tag_triangle_ekf.md.
+ConditionedFix TagConditioner::on(const PositionFix& z) {
+  validate(z);
+  const auto track = std::find_if(tracks_.begin(), tracks_.end(),
+                                  [&](const Track& known) { return z.tag == known.tag; });
+  if (track == tracks_.end()) {
+    return {TagVerdict::kUnknownTag, {}};
+  }
+  const Vector<2> position = z.position - Vector<2>(config_.bias_x_m, config_.bias_y_m);
+  if (track->has_fix && z.stamp < track->stamp) {
+    return {TagVerdict::kStale, {}};
+  }
+  drive_to(z.stamp);
+  if (!track->has_fix) {
+    track->heard = z.position;
+    track->driven = 0.0;
+    return pass(*track, z, position, TagVerdict::kPassed);
+  }
+  if (z.position != track->heard) {
+    track->heard = z.position;
+    track->driven = 0.0;
+  } else if (track->driven > config_.frozen_motion_m) {
+    return {TagVerdict::kFrozen, {}};
+  }
+  const double seconds = seconds_between(track->stamp, z.stamp);
+  const double reach = config_.max_speed_mps * seconds + config_.jump_margin_m;
+  if ((position - track->passed).norm() <= reach) {
+    return pass(*track, z, position, TagVerdict::kPassed);
+  }
+  if (++track->jumps < config_.restart_after) {
+    return {TagVerdict::kJump, {}};
+  }
+  track->has_fix = false;
+  return pass(*track, z, position, TagVerdict::kRestarted);
+}
+
+ConditionedFix TagConditioner::pass(Track& track, const PositionFix& z, const Vector<2>& position,
+                                    TagVerdict verdict) const {
+  double share = 1.0;  // of the new value
+  if (track.has_fix && config_.cutoff_hz > 0.0) {
+    share = -std::expm1(-2.0 * kPi * config_.cutoff_hz * seconds_between(track.stamp, z.stamp));
+  }
+  track.smooth += share * (position - track.smooth);
+  track.has_fix = true;
+  track.passed = position;
+  track.stamp = z.stamp;
+  track.jumps = 0;
+  PositionFix fix = z;
+  fix.position = track.smooth;
+  return {verdict, fix};
+}
+
+}  // namespace locfuse

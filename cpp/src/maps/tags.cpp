@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/maps/tags.hpp"
+
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+namespace locfuse {
+
+Tags::Tags(std::vector<Tag> tags) : tags_(std::move(tags)) {
+  for (const Tag& tag : tags_) {
+    if (!tag.position.allFinite()) {
+      throw std::invalid_argument("tag " + std::to_string(tag.id) +
+                                  " has a position that is not finite");
+    }
+    if (find(tag.id) != &tag) {
+      throw std::invalid_argument("tag " + std::to_string(tag.id) + " is given twice");
+    }
+  }
+}
+
+}  // namespace locfuse

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "support/allocation_counter.hpp"
+#include "support/expect.hpp"
+#include "support/scrubber.hpp"
+
+namespace locfuse {
+namespace {
+
+using testing::allocations;
+
+TEST(TagTriangleEkf, allocates_nothing_per_message) {
+  testing::Scrubber run;
+  testing::drive(run, 1, 60.0);
+  TagTriangleEkf ekf({}, testing::triangle(), run.start, testing::hall());
+  const TagTriangleEkf snapshot = ekf;
+  int fused = 0;
+  const std::size_t before = allocations();
+  for (const Message& message : run.messages) {
+    fused += ekf.on(message).verdict == Verdict::kFused ? 1 : 0;
+    const Stamp now = ekf.belief().stamp;
+    fused += ekf.on(Range{now, 10, 0, 13.0, 20.0}).verdict == Verdict::kFused ? 1 : 0;
+    fused += ekf.on(PositionFix{now, {900.0, 0.0}, Matrix<2, 2>::Identity(), 11}).verdict ==
+                     Verdict::kGated
+                 ? 1
+                 : 0;
+    (void)ekf.pose();
+  }
+  ekf = snapshot;
+  EXPECT_EQ(allocations(), before);
+  EXPECT_GT(fused, static_cast<int>(2.9 * static_cast<double>(run.messages.size())));
+}
+
+}  // namespace
+}  // namespace locfuse

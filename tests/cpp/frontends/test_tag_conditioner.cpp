@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+#include <limits>
+
+#include "locfuse/frontends/tag_conditioner.hpp"
+#include "locfuse/math/angle.hpp"
+#include "support/expect.hpp"
+#include "support/random.hpp"
+
+namespace locfuse {
+namespace {
+
+using testing::expect_near;
+using testing::expect_refused;
+
+constexpr Stamp kSecond = 1'000'000'000;
+const std::vector<Tag> kTags = {{1, {0.5, 0.0, 1.0}}, {2, {0.0, 2.0, 1.0}}};
+const Matrix<2, 2> kR = 0.04 * Matrix<2, 2>::Identity();
+
+TagConditioner::Config no_low_pass() {
+  TagConditioner::Config config;
+  config.cutoff_hz = 0.0;
+  return config;
+}
+
+PositionFix fix(Stamp stamp, double x, double y, Id tag = 1) { return {stamp, {x, y}, kR, tag}; }
+
+TEST(TagConditioner, takes_the_bias_off_and_leaves_the_rest) {
+  TagConditioner::Config config = no_low_pass();
+  config.bias_x_m = 0.2;
+  config.bias_y_m = -0.1;
+  TagConditioner conditioner(config, kTags);
+  const ConditionedFix out = conditioner.on(fix(5, 1.0, 2.0));
+  EXPECT_EQ(out.verdict, TagVerdict::kPassed);
+  expect_near(out.fix->position, Vector<2>(0.8, 2.1), 1e-15);
+  EXPECT_EQ(out.fix->stamp, 5);
+  EXPECT_EQ(out.fix->tag, 1);
+  EXPECT_EQ(out.fix->covariance, kR);
+}
+
+TEST(TagConditioner, the_low_pass_is_that_of_first_order) {
+  TagConditioner::Config config;
+  config.cutoff_hz = 0.25;
+  TagConditioner conditioner(config, kTags);
+  conditioner.on(fix(0, 0.0, 0.0));
+  const double share = 1.0 - std::exp(-2.0 * kPi * 0.25 * 0.5);  // half a second later
+  EXPECT_NEAR(conditioner.on(fix(kSecond / 2, 1.0, 0.0)).fix->position.x(), share, 1e-15);
+  // A step of one second is two of half a second with the same value.
+  TagConditioner twice(config, kTags);
+  twice.on(fix(0, 0.0, 0.0));
+  twice.on(fix(kSecond / 2, 1.0, 0.5));
+  const Vector<2> fine = twice.on(fix(kSecond, 1.0, 0.5)).fix->position;
+  TagConditioner once(config, kTags);
+  once.on(fix(0, 0.0, 0.0));
+  expect_near(once.on(fix(kSecond, 1.0, 0.5)).fix->position, fine, 1e-15);
+}
+
+TEST(TagConditioner, the_low_pass_lags_and_smooths_as_the_page_says) {
+  TagConditioner::Config config;
+  config.cutoff_hz = 0.2;
+  TagConditioner conditioner(config, kTags);
+  const double a = 1.0 - std::exp(-2.0 * kPi * 0.2);
+  testing::Rng rng(2);
+  double lag = 0.0;
+  double square = 0.0;
+  constexpr int kFixes = 20000;
+  for (int i = 0; i < kFixes; ++i) {
+    const double x = 0.3 * i;
+    const Vector<2> out =
+        conditioner.on(fix(i * kSecond, x, testing::normal(rng, 0.1))).fix->position;
+    lag = x - out.x();
+    square += out.y() * out.y() / kFixes;
+  }
+  EXPECT_NEAR(lag, 0.3 * (1.0 - a) / a, 1e-9);                      // eq. (11)
+  EXPECT_NEAR(square / 0.01, a / (2.0 - a), 0.03 * a / (2.0 - a));  // eq. (12)
+}
+
+TEST(TagConditioner, rejects_what_the_machine_cannot_have_done) {
+  TagConditioner conditioner(no_low_pass(), kTags);
+  conditioner.on(fix(0, 0.0, 0.0));
+  EXPECT_EQ(conditioner.on(fix(kSecond, 2.3, 0.0)).verdict, TagVerdict::kJump);  // 1.4 + 0.8
+  EXPECT_FALSE(conditioner.on(fix(kSecond, 2.3, 0.0)).fix);
+  EXPECT_EQ(conditioner.on(fix(2 * kSecond, 2.3, 0.0)).verdict, TagVerdict::kPassed);  // had time
+  EXPECT_EQ(conditioner.on(fix(2 * kSecond, 30.0, 0.0, 2)).verdict, TagVerdict::kPassed);
+}
+
+TEST(TagConditioner, starts_anew_after_so_many_jumps_and_no_sooner) {
+  TagConditioner::Config config;
+  config.restart_after = 3;
+  TagConditioner conditioner(config, kTags);
+  conditioner.on(fix(0, 0.0, 0.0));
+  const Stamp step = kSecond / 10;
+  EXPECT_EQ(conditioner.on(fix(step, 9.0, 0.0)).verdict, TagVerdict::kJump);
+  EXPECT_EQ(conditioner.on(fix(2 * step, 9.1, 0.0)).verdict, TagVerdict::kJump);
+  EXPECT_EQ(conditioner.on(fix(3 * step, 0.1, 0.0)).verdict, TagVerdict::kPassed);  // counts anew
+  EXPECT_EQ(conditioner.on(fix(4 * step, 9.0, 0.0)).verdict, TagVerdict::kJump);
+  EXPECT_EQ(conditioner.on(fix(5 * step, 9.1, 0.0)).verdict, TagVerdict::kJump);
+  const ConditionedFix out = conditioner.on(fix(6 * step, 9.2, 0.0));
+  EXPECT_EQ(out.verdict, TagVerdict::kRestarted);
+  EXPECT_EQ(out.fix->position.x(), 9.2);  // the low-pass starts anew, too
+  EXPECT_EQ(conditioner.on(fix(7 * step, 9.3, 0.0)).verdict, TagVerdict::kPassed);
+}
+
+TEST(TagConditioner, recognises_a_value_that_is_stuck_while_the_wheels_turn) {
+  TagConditioner conditioner(no_low_pass(), kTags);
+  conditioner.on(Velocity{0, 0.3, 0.0});
+  EXPECT_EQ(conditioner.on(fix(0, 1.0, 0.0)).verdict, TagVerdict::kPassed);
+  conditioner.on(Velocity{kSecond / 4, 0.3, 0.0});
+  EXPECT_EQ(conditioner.on(fix(kSecond / 4, 1.0, 0.0)).verdict, TagVerdict::kPassed);  // 7.5 cm
+  conditioner.on(Velocity{kSecond / 2, 0.3, 0.0});
+  const ConditionedFix stuck = conditioner.on(fix(kSecond / 2, 1.0, 0.0));
+  EXPECT_EQ(stuck.verdict, TagVerdict::kFrozen);
+  EXPECT_FALSE(stuck.fix);
+  EXPECT_EQ(conditioner.on(fix(kSecond, 1.1, 0.0)).verdict, TagVerdict::kPassed);
+}
+
+TEST(TagConditioner, a_robot_that_stands_may_hear_the_same_again) {
+  TagConditioner conditioner(no_low_pass(), kTags);
+  for (int i = 0; i < 20; ++i) {
+    conditioner.on(Velocity{i * kSecond, 0.0, 0.0});
+    EXPECT_EQ(conditioner.on(fix(i * kSecond, 1.0, 0.0)).verdict, TagVerdict::kPassed);
+  }
+}
+
+TEST(TagConditioner, a_turn_moves_a_tag_off_the_axis) {
+  TagConditioner conditioner(no_low_pass(), kTags);
+  conditioner.on(fix(0, 1.0, 0.0, 2));
+  conditioner.on(Increment{0, kSecond, {0.0, 0.0, 0.2}});  // tag 2 is 2 m off: 0.4 m
+  EXPECT_EQ(conditioner.on(fix(kSecond, 1.0, 0.0, 2)).verdict, TagVerdict::kFrozen);
+  EXPECT_EQ(conditioner.on(fix(kSecond, 1.0, 0.0, 1)).verdict, TagVerdict::kPassed);
+}
+
+TEST(TagConditioner, a_velocity_is_not_believed_for_ever) {
+  TagConditioner conditioner(no_low_pass(), kTags);
+  conditioner.on(Velocity{0, 0.05, 0.0});
+  conditioner.on(fix(0, 1.0, 0.0));
+  // 5 cm in the second that it is held, none after that.
+  EXPECT_EQ(conditioner.on(fix(60 * kSecond, 1.0, 0.0)).verdict, TagVerdict::kPassed);
+}
+
+TEST(TagConditioner, knows_what_is_late_and_what_is_not_on_the_body) {
+  TagConditioner conditioner({}, kTags);
+  conditioner.on(fix(kSecond, 1.0, 0.0));
+  EXPECT_EQ(conditioner.on(fix(0, 1.0, 0.0)).verdict, TagVerdict::kStale);
+  EXPECT_EQ(conditioner.on(fix(kSecond, 1.0, 0.0, 7)).verdict, TagVerdict::kUnknownTag);
+  EXPECT_EQ(conditioner.on(PositionFix{kSecond, {1.0, 0.0}, kR}).verdict, TagVerdict::kUnknownTag);
+  expect_refused([&] { conditioner.on(fix(kSecond, std::nan(""), 0.0)); }, "nan");
+}
+
+TEST(TagConditioner, refuses_a_config_out_of_range) {
+  const auto with = [](const auto& change) {
+    return [=] {
+      TagConditioner::Config config;
+      change(config);
+      (void)TagConditioner(config, kTags);
+    };
+  };
+  using Config = TagConditioner::Config;
+  expect_refused(with([](Config& c) { c.cutoff_hz = -0.1; }), "cutoff_hz", "-0.1");
+  expect_refused(with([](Config& c) { c.bias_x_m = std::nan(""); }), "bias_x_m");
+  expect_refused(with([](Config& c) { c.bias_y_m = std::nan(""); }), "bias_y_m");
+  expect_refused(with([](Config& c) { c.max_speed_mps = 0.0; }), "max_speed_mps");
+  expect_refused(with([](Config& c) { c.jump_margin_m = 0.0; }), "jump_margin_m");
+  expect_refused(with([](Config& c) { c.restart_after = 0; }), "restart_after");
+  expect_refused(with([](Config& c) { c.frozen_motion_m = std::nan(""); }), "frozen_motion_m");
+  expect_refused(with([](Config& c) { c.hold_s = 0.0; }), "hold_s");
+  expect_refused([] { (void)TagConditioner({}, {kTags[0], kTags[0]}); }, "tag 1", "twice");
+}
+
+}  // namespace
+}  // namespace locfuse
