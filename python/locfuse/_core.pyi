@@ -3789,6 +3789,90 @@ class SwitchingMcl:
     mcl : Mcl
         Is copied, as is `uwb`.
     uwb : RecoveringEkf
+
+    Raises
+    ------
+    ValueError
+        If the config is out of range, or a threshold could fire for ever: `sure` must lie below
+        `unsure`, and a pose by UWB that is of use must be sure.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from locfuse import *
+    >>> cells = np.full((60, 80), 0, dtype=np.int8)
+    >>> cells[[0, -1], :] = cells[:, [0, -1]] = 100
+    >>> mcl = Mcl(MclConfig(), OccupancyGrid(cells, resolution=0.05))  # anywhere in a room of 4 x 3 m
+    >>> uwb = RecoveringEkf(RecoveringEkfConfig())
+    >>> uwb.start_at(PoseEstimate(0, Pose2(1.0, 1.0, 0.0), np.diag([0.1, 0.1, 0.1]) ** 2))
+    >>> switching = SwitchingMcl(SwitchingMclConfig(), mcl, uwb)
+    >>> around = LaserGeometry(Pose2(), 0.0, np.pi / 2, range_min=0.1, range_max=10.0)
+    >>> for second in range(4):
+    ...     _ = switching.on(Velocity(second * 10**9, 0.0, 0.0))
+    ...     _ = switching.on(PositionFix(second * 10**9, [1.0, 1.0], 0.01 * np.eye(2)))
+    ...     _ = switching.on(LaserScan(second * 10**9, around, [2.95, 1.95, 0.95, 0.95]))
+    >>> [(i.doubt.name, i.stamp // 10**9) for i in switching.injections]
+    [('UNCERTAIN', 2)]
+    """
+    def __copy__(self) -> SwitchingMcl:
+        """
+        A snapshot.
+        """
+    def __deepcopy__(self, memo: typing.Any) -> SwitchingMcl: ...
+    def __init__(self, config: SwitchingMclConfig, mcl: Mcl, uwb: RecoveringEkf) -> None: ...
+    def __repr__(self) -> str: ...
+    def estimate(self) -> PoseEstimate:
+        """
+        Of the particles, carried to the end of what odometry has told.
+        """
+    @typing.overload
+    def on(self, message: Velocity) -> Outcome: ...
+    @typing.overload
+    def on(self, message: Increment) -> Outcome: ...
+    @typing.overload
+    def on(self, message: Range) -> Outcome: ...
+    @typing.overload
+    def on(self, message: PositionFix) -> Outcome: ...
+    @typing.overload
+    def on(self, message: PoseObservation) -> Outcome: ...
+    @typing.overload
+    def on(self, message: RangeBearing) -> Outcome: ...
+    @typing.overload
+    def on(self, message: LaserScan) -> Outcome:
+        """
+        Takes one message. Ranges and fixes go to UWB's filter, all else weighs particles.
+        """
+    @property
+    def hypotheses(self) -> list[PoseHypothesis]:
+        """
+        Clusters of particles, a list of PoseHypothesis, the likeliest first.
+        """
+    @property
+    def injections(self) -> list[Injection]:
+        """
+        When UWB took over, a list of Injection.
+        """
+    @property
+    def mcl(self) -> Mcl:
+        """
+        A snapshot of the particles.
+        """
+    @property
+    def ready(self) -> bool:
+        """
+        Whether one cluster of particles is all but certain.
+        """
+    @property
+    def uwb(self) -> RecoveringEkf:
+        """
+        A snapshot of UWB's filter.
+        """
+    @property
+    def uwb_nis(self) -> float:
+        """
+        NIS of the last ranges or fixes per row, on average: 1 where UWB's filter is right.
+        """
+
 class RigidFitStatus(enum.Enum):
     """
     How a rigid fit went.
@@ -4065,8 +4149,6 @@ class TagConditioner:
     Raises
     ------
     ValueError
-        If the config is out of range, or a threshold could fire for ever: `sure` must lie below
-        `unsure`, and a pose by UWB that is of use must be sure.
         If the config is out of range or the tags are not valid.
     """
     def __init__(
@@ -4163,32 +4245,6 @@ class TagTriangleEkf:
     --------
     >>> import numpy as np
     >>> from locfuse import *
-    >>> cells = np.full((60, 80), 0, dtype=np.int8)
-    >>> cells[[0, -1], :] = cells[:, [0, -1]] = 100
-    >>> mcl = Mcl(MclConfig(), OccupancyGrid(cells, resolution=0.05))  # anywhere in a room of 4 x 3 m
-    >>> uwb = RecoveringEkf(RecoveringEkfConfig())
-    >>> uwb.start_at(PoseEstimate(0, Pose2(1.0, 1.0, 0.0), np.diag([0.1, 0.1, 0.1]) ** 2))
-    >>> switching = SwitchingMcl(SwitchingMclConfig(), mcl, uwb)
-    >>> around = LaserGeometry(Pose2(), 0.0, np.pi / 2, range_min=0.1, range_max=10.0)
-    >>> for second in range(4):
-    ...     _ = switching.on(Velocity(second * 10**9, 0.0, 0.0))
-    ...     _ = switching.on(PositionFix(second * 10**9, [1.0, 1.0], 0.01 * np.eye(2)))
-    ...     _ = switching.on(LaserScan(second * 10**9, around, [2.95, 1.95, 0.95, 0.95]))
-    >>> [(i.doubt.name, i.stamp // 10**9) for i in switching.injections]
-    [('UNCERTAIN', 2)]
-    """
-    def __copy__(self) -> SwitchingMcl:
-        """
-        A snapshot.
-        """
-    def __deepcopy__(self, memo: typing.Any) -> SwitchingMcl: ...
-    def __init__(self, config: SwitchingMclConfig, mcl: Mcl, uwb: RecoveringEkf) -> None: ...
-    def __repr__(self) -> str: ...
-    def estimate(self) -> PoseEstimate:
-        """
-        Of the particles, carried to the end of what odometry has told.
-        """
-    @typing.overload
     >>> tags = [Tag(1, [0.6, 0, 1]), Tag(2, [-0.3, 0.2, 1]), Tag(3, [-0.3, -0.2, 1])]
     >>> start = PoseEstimate(0, Pose2(3, 2, 0), np.diag([0.2, 0.2, 0.1]) ** 2)
     >>> ekf = TagTriangleEkf(TagTriangleEkfConfig(), tags, start)
@@ -4244,48 +4300,6 @@ class TagTriangleEkf:
     @typing.overload
     def on(self, message: Increment) -> Outcome: ...
     @typing.overload
-    def on(self, message: Range) -> Outcome: ...
-    @typing.overload
-    def on(self, message: PositionFix) -> Outcome: ...
-    @typing.overload
-    def on(self, message: PoseObservation) -> Outcome: ...
-    @typing.overload
-    def on(self, message: RangeBearing) -> Outcome: ...
-    @typing.overload
-    def on(self, message: LaserScan) -> Outcome:
-        """
-        Takes one message. Ranges and fixes go to UWB's filter, all else weighs particles.
-        """
-    @property
-    def hypotheses(self) -> list[PoseHypothesis]:
-        """
-        Clusters of particles, a list of PoseHypothesis, the likeliest first.
-        """
-    @property
-    def injections(self) -> list[Injection]:
-        """
-        When UWB took over, a list of Injection.
-        """
-    @property
-    def mcl(self) -> Mcl:
-        """
-        A snapshot of the particles.
-        """
-    @property
-    def ready(self) -> bool:
-        """
-        Whether one cluster of particles is all but certain.
-        """
-    @property
-    def uwb(self) -> RecoveringEkf:
-        """
-        A snapshot of UWB's filter.
-        """
-    @property
-    def uwb_nis(self) -> float:
-        """
-        NIS of the last ranges or fixes per row, on average: 1 where UWB's filter is right.
-        """
     def on(self, message: Range) -> Outcome:
         """
         Fuses one message. One that is not fused changes no bit of the estimator. Odometry is followed by the sides of the triangle.

@@ -104,8 +104,8 @@ def switch_claims(runs: Mapping[str, Sequence[Run]]) -> Iterator[Claim]:
                        [float(len(run.injections)) for run in runs[name]])  # fmt: skip
         yield _at_most(f"celan_{name}_longest", f"{what}longest time lost after an injection", "s",
                        None, [longest_lost_s(run) for run in runs[name]], LONGEST_S)  # fmt: skip
-    pairs = [(end_m(alone), end_m(switched))
-             for alone, switched in zip(runs["hall"], runs["hall_switch"], strict=True)]  # fmt: skip
+    pairs = [tuple(map(end_m, pair))
+             for pair in zip(runs["hall"], runs["hall_switch"], strict=True)]  # fmt: skip
     lost = [alone / switched for alone, switched in pairs if alone > LOST_M]
     claim = share("celan_hall_lost_at_the_end", f"{SETUPS['hall'].text}: laps that end "
                   f"{LOST_M:g} m off", len(lost), len(pairs), 0.0)  # fmt: skip
