@@ -309,6 +309,28 @@ def test_lias_poses_have_the_tags_and_anchors_of_their_session(logs: dict[str, L
     assert log["ranges"]["anchor"][first].tolist() == list("01234567") * 3
 
 
+def test_lias_on_the_move_has_the_figures_of_its_notes(logs: dict[str, Log]) -> None:
+    log = logs["fast"]
+    assert list(log.tags) == ["0", "1", "2"]
+    table, truth = log["ranges"], log["truth"]
+    assert len(table["range_m"]) == 323514
+    assert len(np.unique(table["stamp_ns"])) == 13481
+    assert duration_s(log) == pytest.approx(143.6, abs=0.1)
+    assert length_m(log) / duration_s(log) == pytest.approx(0.41, abs=0.01)
+    assert np.all(np.diff(truth["stamp_ns"]) > 0)
+    errors = []
+    for tag, lever in log.tags.items():
+        rows = table["tag"] == tag
+        heard = {name: values[rows] for name, values in table.items()}
+        of_tag = replace(log, tags={tag: lever}, tables={**log.tables, "ranges": heard})
+        errors += list(range_errors(of_tag).values())
+    error = np.concatenate(errors)
+    assert len(error) == 323514
+    assert [np.median(error), error.std(), np.abs(error).max()] == pytest.approx(
+        [0.173, 0.105, 3.52], abs=0.01
+    )
+
+
 # Laser scans on maps ---------------------------------------------------------------------------
 
 
