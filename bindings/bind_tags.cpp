@@ -339,6 +339,8 @@ Examples
       .def("on", py::overload_cast<const locfuse::Range&>(&TagTriangleEkf::on), py::arg("message"),
            "Fuses one message. One that is not fused changes no bit of the estimator. Odometry is "
            "followed by the sides of the triangle.")
+      .def("hold_sides", &TagTriangleEkf::hold_sides,
+           "Fuses the three sides where the belief is: for who has no odometry.")
       .def("advance_to", &TagTriangleEkf::advance_to, py::arg("stamp"))
       .def("fit", &TagTriangleEkf::fit, "The body on the tags; its nis tells how rigid they are.")
       .def("pose", &TagTriangleEkf::pose)

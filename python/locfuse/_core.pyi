@@ -4293,6 +4293,10 @@ class TagTriangleEkf:
         """
         The body on the tags; its nis tells how rigid they are.
         """
+    def hold_sides(self) -> Outcome:
+        """
+        Fuses the three sides where the belief is: for who has no odometry.
+        """
     @typing.overload
     def on(self, message: PositionFix) -> Outcome: ...
     @typing.overload

@@ -294,7 +294,7 @@ TagTriangleEkf::TagTriangleEkf(const Config& config, const std::vector<Tag>& tag
         }
         return TagTriangleEkf(recipe, fixes.front().stamp, positions, covariance);
       }()) {
-  sides_ = hold_sides();
+  (void)hold_sides();
 }
 
 const std::vector<Tag>& TagTriangleEkf::tags() const { return recipe_->tags.all(); }
@@ -383,7 +383,7 @@ Outcome TagTriangleEkf::take(Stamp begin, Stamp end, const Vector<3>& twist) {
   }
   const Outcome outcome = update(belief_, rows, recipe_->slots, recipe_->velocity_gate);
   if (outcome.verdict == Verdict::kFused) {
-    sides_ = hold_sides();
+    (void)hold_sides();
   }
   return transaction.close(outcome);
 }
@@ -400,7 +400,6 @@ Matrix<1, 6> TagTriangleEkf::heading_by_tags(const Pose2& pose) const {
   return (weighted * information.llt().solve(Vector<3>::UnitZ())).transpose();
 }
 
-/// Fuses the three sides.
 Outcome TagTriangleEkf::hold_sides() {
   Rows<kTags> rows;
   rows.jacobian.setZero();
@@ -408,14 +407,14 @@ Outcome TagTriangleEkf::hold_sides() {
   for (int i = 0; i < kTags; ++i) {
     const auto lin = recipe_->side.linearize(position(i), position(after(i)), recipe_->lengths(i));
     if (!lin) {
-      return {Verdict::kNotModelled};
+      return sides_ = {Verdict::kNotModelled};
     }
     rows.residual(i) = lin->residual(0);
     rows.jacobian.block<1, 2>(i, 2 * i) = lin->jacobian.head<2>();
     rows.jacobian.block<1, 2>(i, 2 * after(i)) = lin->jacobian.tail<2>();
     rows.noise(i, i) = lin->noise(0);
   }
-  return update(belief_, rows, recipe_->slots, recipe_->side_gate);
+  return sides_ = update(belief_, rows, recipe_->slots, recipe_->side_gate);
 }
 
 void TagTriangleEkf::advance_to(Stamp stamp) {

@@ -51,7 +51,8 @@ def site_claims(configs: Path) -> Iterator[Claim]:
             yield _median(f"start_ghent_{loss}", f"Ghent hall, loss {loss}: 2D error", errors,
                           required)  # fmt: skip
     try:
-        logs = list(_logs(configs, "lias", "lias-planar"))
+        converted = _logs(configs, "lias", "lias-planar")
+        logs = [log for log in converted if np.ptp(log["truth"]["x_m"]) == 0.0]  # at rest
     except LogError as error:
         yield absent("start_lias", "LIAS poses at rest: 2D median", str(error))
         return

@@ -244,6 +244,26 @@ TEST(TagTriangleEkf, ranges_of_the_tags_stand_in_for_an_rtls) {
   EXPECT_EQ(without.on(Range{0, 10, 0, 3.0, {}}).verdict, Verdict::kNotModelled);
 }
 
+TEST(TagTriangleEkf, sides_held_without_odometry_make_tags_surer_and_the_pose_as_sure) {
+  TagTriangleEkf loose({}, triangle(), PoseEstimate{0, {3.0, 4.0, 0.1}, kP});
+  TagTriangleEkf held = loose;
+  for (int i = 1; i <= 40; ++i) {
+    for (const PositionFix& z : epoch_at(kPose, i * kSecond)) {
+      loose.on(z);
+      held.on(z);
+    }
+    EXPECT_EQ(held.hold_sides().verdict, Verdict::kFused);
+    EXPECT_EQ(held.sides().dof, 3);
+    EXPECT_EQ(held.belief().stamp, i * kSecond);
+  }
+  EXPECT_EQ(loose.sides().verdict, Verdict::kIgnored);
+  EXPECT_NEAR(held.pose().heading, kPose.heading, 0.02);
+  EXPECT_LT(held.belief().P(0, 0), 0.5 * loose.belief().P(0, 0));
+  EXPECT_LT(held.fit().nis, 1e-6);
+  // Each tag is located as well as the others: then the rigid fit knows all that the sides know.
+  expect_near(held.estimate().covariance, loose.estimate().covariance, 1e-4);
+}
+
 TEST(TagTriangleEkf, what_is_not_fused_leaves_no_trace) {
   TagTriangleEkf ekf = ekf_at(kPose);
   ekf.on(Velocity{kSecond, 0.3, 0.0});

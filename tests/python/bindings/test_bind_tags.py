@@ -151,6 +151,7 @@ def test_a_copy_is_a_snapshot() -> None:
     filt.on(lf.Velocity(SECOND, 0.2, 0.0))
     assert before.estimate().stamp == 0
     assert filt.estimate().stamp == SECOND
+    assert filt.hold_sides().dof == 3
     assert "TagTriangleEkf" in repr(copy.deepcopy(filt))
 
 

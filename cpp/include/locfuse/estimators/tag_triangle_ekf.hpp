@@ -67,6 +67,10 @@ class TagTriangleEkf {
   Outcome on(const Range& z);
   Outcome on(const Message& message);
 
+  /// Fuses the three sides at the belief's own stamp, as one measurement: for who has no odometry,
+  /// which does so by itself.
+  Outcome hold_sides();
+
   /// Carries the belief to `stamp`. Earlier stamps change nothing. Throws std::invalid_argument if
   /// the stamp is beyond kStampLimit.
   void advance_to(Stamp stamp);
@@ -80,7 +84,7 @@ class TagTriangleEkf {
   /// The belief carried to `stamp`, which must not lie before it.
   [[nodiscard]] PoseEstimate estimate(Stamp stamp) const;
 
-  /// What became of the sides that were fused last, as one measurement of three rows.
+  /// What became of the sides the last time.
   [[nodiscard]] const Outcome& sides() const { return sides_; }
 
   [[nodiscard]] const GaussianBelief& belief() const { return belief_; }
@@ -96,7 +100,6 @@ class TagTriangleEkf {
   Outcome correct(Stamp stamp, const Gate& gate, const Linearize& linearize);
   Outcome take(Stamp begin, Stamp end, const Vector<3>& twist);
   [[nodiscard]] Matrix<1, 6> heading_by_tags(const Pose2& pose) const;
-  Outcome hold_sides();
   [[nodiscard]] Vector<2> position(int tag) const { return belief_.x.segment<2>(2 * tag); }
 
   std::shared_ptr<const Recipe> recipe_;
