@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from locfuse.celan.comparison import runs_of
-from locfuse.celan.eight import METHODS, ride
+from locfuse.celan.eight import METHODS, NAMES, ride
 from locfuse.celan.runs import BLIND_S, SEEN_S, SETUPS, Run, tag_poses
 from locfuse.celan.world import UWB_RANGE_M, Lap, lap
 from locfuse.plot.celan import Track, plot_doubt, plot_eight, plot_laps, plot_radios, plot_sigmas
@@ -45,7 +45,7 @@ def draw_pictures(folder: Path, seeds: int) -> list[Path]:
 
 def _laps(of: Lap, runs: dict[str, Run]) -> Figure:
     tracks = [Track(f"{SETUPS[name].text}: {np.hypot(*runs[name].end[:2]):.2f} m and "
-                    f"{np.rad2deg(runs[name].end[2]):.1f} deg off at the end",
+                    f"{abs(np.rad2deg(runs[name].end[2])):.1f} deg off",
                     runs[name].truth, runs[name].estimate) for name in LAPS]  # fmt: skip
     return plot_laps(of.floor.map, _anchors(of), tracks)
 
@@ -80,12 +80,13 @@ def _sigmas(runs: dict[str, Run]) -> Figure:
 def _eight() -> Figure:
     of = ride(SEED)
     begin, end = STRETCH_S
-    names = {"odometry": "odometry", "uwb": "UWB, once a second", "ekf": "PoseEkf on both"}
     tracks = {}
     for name, method in METHODS.items():
+        if name == "odometry":
+            continue
         found = method(of)
         time_s = found.stamp_ns / NANOSECONDS
-        tracks[names[name]] = found.position[(time_s >= begin) & (time_s <= end)]
+        tracks[NAMES[name]] = found.position[(time_s >= begin) & (time_s <= end)]
     truth = of.drive.pose_at(np.linspace(begin, end, 400))[:, :2]
     return plot_eight(truth, tracks, f"from {begin:g} s to {end:g} s of an eight")
 

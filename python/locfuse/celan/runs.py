@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import groupby
 from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
@@ -20,8 +21,8 @@ from locfuse.sim.sensors import seconds
 from locfuse.start import scans_of
 from locfuse.types import Columns, FloatArray, Log, StampArray, wrap_angle
 
-Message: TypeAlias = _core.Increment | _core.LaserScan | _core.PoseObservation | _core.Range
-Uwb: TypeAlias = Literal["none", "poses", "ranges"]
+Message: TypeAlias = _core.Increment | _core.LaserScan | _core.PositionFix | _core.Range
+Uwb: TypeAlias = Literal["none", "fixes", "ranges"]
 
 SIGMA_START = (0.02, 0.02, np.deg2rad(1.0))  # of the mark on the floor on which it is parked
 PARTICLES = 2000
@@ -174,7 +175,7 @@ def radios_known(lap: Lap) -> tuple[_core.AnchorMap, list[_core.Tag]]:
     """Return anchors and tags with the ids of the messages."""
     places = lap.floor.anchors.values()
     anchors = _core.AnchorMap([_core.Anchor(k, list(at)) for k, at in enumerate(places)])
-    return anchors, [_core.Tag(k, list(at)) for k, at in enumerate(TAGS.values())]
+    return anchors, tags_known()
 
 
 def half(lap: Lap) -> tuple[Covered, ...]:
@@ -264,8 +265,8 @@ def messages(lap: Lap, setup: Setup) -> Iterator[tuple[bool, Message]]:
     rows: list[tuple[int, bool, Message]] = [(z.stamp, True, z) for z in scans]
     wheels = spinning(lap) if setup.wet else lap.log["odometry"]
     rows += [(u.begin, False, u) for u in increments(wheels)]
-    if setup.uwb == "poses":
-        rows += [(z.stamp, False, z) for z in tag_poses(lap.fixes)]
+    if setup.uwb == "fixes":
+        rows += [(z.stamp, False, z) for z in tag_fixes(lap.fixes)]
     elif setup.uwb == "ranges":
         rows += [(z.stamp, False, z) for z in _ranges(lap)]
     rows.sort(key=lambda row: row[:2])
@@ -297,39 +298,30 @@ def _ranges(lap: Lap) -> Iterator[_core.Range]:
         yield _core.Range(stamp, tags.index(tag), anchors.index(anchor), distance)
 
 
+def tags_known() -> list[_core.Tag]:
+    """Return the tags with the ids of the messages."""
+    return [_core.Tag(k, list(at)) for k, at in enumerate(TAGS.values())]
+
+
+def tag_fixes(fixes: Columns) -> Iterator[_core.PositionFix]:
+    """Yield the positions that an RTLS gives, one tag after the other."""
+    ids = {name: k for k, name in enumerate(TAGS)}
+    rows = zip(*(fixes[key].tolist() for key in ("stamp_ns", "tag", "x_m", "y_m")),
+               fixes["covariance"], strict=True)  # fmt: skip
+    for stamp, tag, x, y, covariance in rows:
+        yield _core.PositionFix(stamp, [x, y], covariance, ids[tag])
+
+
 def tag_poses(fixes: Columns) -> Iterator[_core.PoseObservation]:
-    """Yield the pose that fits the positions of all three tags best, wherever all are heard.
-
-    Weighted least squares, from the rotation that fits best without weights; its covariance is that
-    of the positions, carried over.
-    """
+    """Yield the pose that fits the positions of all three tags best, wherever all are heard."""
     stamps, count = np.unique(fixes["stamp_ns"], return_counts=True)
-    stamps = stamps[count == len(TAGS)]
-    rows = np.flatnonzero(np.isin(fixes["stamp_ns"], stamps)).reshape(-1, len(TAGS))
-    at = np.stack([fixes["x_m"], fixes["y_m"]], axis=-1)[rows]  # n, tags, 2
-    W = np.linalg.inv(fixes["covariance"][rows])
-    tag = np.array([TAGS[name][:2] for name in fixes["tag"][rows[0]].tolist()])
-    off, arm = at - at.mean(axis=1, keepdims=True), tag - tag.mean(axis=0)
-    sine = np.sum(arm[:, 0] * off[..., 1] - arm[:, 1] * off[..., 0], axis=1)
-    cosine = np.sum(arm * off, axis=(1, 2))
-    heading = np.arctan2(sine, cosine)
-    place = at.mean(axis=1) - _turned(tag.mean(axis=0)[None], heading)[:, 0]
-    H = np.zeros((*W.shape[:2], 2, 3))
-    H[..., 0, 0] = H[..., 1, 1] = 1.0
-    for _ in range(3):
-        lever = _turned(tag, heading)
-        H[..., 0, 2], H[..., 1, 2] = -lever[..., 1], lever[..., 0]
-        information = np.einsum("nkij,nkil,nklm->njm", H, W, H)
-        pull = np.einsum("nkij,nkil,nkl->nj", H, W, at - place[:, None] - lever)
-        step = np.linalg.solve(information, pull[..., None])[..., 0]
-        place, heading = place + step[:, :2], heading + step[:, 2]
-    P = np.linalg.inv(information)
-    columns = (stamps.tolist(), place.tolist(), wrap_angle(heading).tolist(), P)
-    for stamp, (x, y), turn, covariance in zip(*columns, strict=True):
-        yield _core.PoseObservation(stamp, _core.Pose2(x, y, turn), covariance)
-
-
-def _turned(point: FloatArray, heading: FloatArray) -> FloatArray:
-    """Return points, shape (k, 2), turned by n headings, shape (n, k, 2)."""
-    c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
-    return np.stack([c * point[:, 0] - s * point[:, 1], s * point[:, 0] + c * point[:, 1]], axis=-1)
+    heard = set(stamps[count == len(TAGS)].tolist())
+    arms = {k: at[:2] for k, at in enumerate(TAGS.values())}
+    every = (z for z in tag_fixes(fixes) if z.stamp in heard)
+    for stamp, together in groupby(every, key=lambda z: z.stamp):
+        epoch = list(together)
+        fit = _core.rigid_fit(np.array([arms[z.tag] for z in epoch if z.tag is not None]),
+                              np.array([z.position for z in epoch]),
+                              np.array([z.covariance for z in epoch]))  # fmt: skip
+        if fit.status == _core.RigidFitStatus.FITTED:
+            yield _core.PoseObservation(stamp, fit.pose, fit.covariance)

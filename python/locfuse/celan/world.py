@@ -243,7 +243,7 @@ def wheels(drive: Drive, duration_s: float, rng: np.random.Generator) -> Columns
 
 def radios(
     floor: Floor, drive: Drive, stamp_ns: NDArray[np.int64], for_noise: np.random.Generator,
-    for_offsets: np.random.Generator,
+    for_offsets: np.random.Generator, sigma_offset_m: float = SIGMA_OFFSET_M,
 ) -> tuple[Columns, Columns]:  # fmt: skip
     """Return the ranges of three tags to five anchors, and the positions the RTLS makes of them.
 
@@ -260,7 +260,7 @@ def radios(
         As in `Lap`.
     """
     anchor = np.array(list(floor.anchors.values()))
-    offset = SIGMA_OFFSET_M * for_offsets.standard_normal(len(anchor))
+    offset = sigma_offset_m * for_offsets.standard_normal(len(anchor))
     pose = drive.pose_at(sensors.seconds(stamp_ns))
     tag = np.stack([sensors.point_in_world(pose, at) for at in TAGS.values()], axis=1)  # n, 3, xyz
     off = tag[:, :, None] - anchor  # n, tags, anchors, xyz
