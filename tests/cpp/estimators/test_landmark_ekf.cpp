@@ -484,6 +484,7 @@ TEST(LandmarkEkf, what_is_not_fused_changes_no_bit) {
   expect_no_trace(PositionFix{kSecond - 1, {0.0, 0.0}, kI2}, Verdict::kStale);
   expect_no_trace(sight(kStart, {4.0, 5.0}, kSecond - 1), Verdict::kStale);
   expect_no_trace(PositionFix{later, {90.0, 0.0}, 0.01 * kI2}, Verdict::kGated);
+  expect_no_trace(PositionFix{later, {0.0, 0.0}, kI2, 3}, Verdict::kNotModelled);  // of a tag
   RangeBearing wrong = named(sight(kStart, {4.0, 5.0}, later), 1);
   *wrong.range += 5.0;
   expect_no_trace(wrong, Verdict::kGated);
