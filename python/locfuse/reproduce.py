@@ -317,7 +317,7 @@ PAPERS: dict[str, Callable[[int, Progress], list[Claim]]] = {
     "maps": lambda seeds, progress: map_claims(example_configs(), seeds, progress),
     "wells": wells_claims,
     "gadau2022": gadau_claims,
-    "celan2017": celan_claims,
+    "celan2017": lambda seeds, progress: celan_claims(seeds, progress, example_configs()),
     "landmarks": lambda seeds, progress: landmark_claims(example_configs(), seeds, progress),
     "air": lambda seeds, progress: air_claims(example_configs(), progress),
 }

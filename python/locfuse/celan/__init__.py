@@ -3,17 +3,31 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from locfuse.celan.comparison import laps, setup_claims, speed_claim, switch_claims
 from locfuse.celan.eight import eight_claims
 from locfuse.celan.pictures import draw_pictures
 from locfuse.celan.runs import SETUPS
+from locfuse.celan.trolley import trolley_claims
 from locfuse.claims import Claim, Progress
 
 __all__ = ["celan_claims", "draw_pictures"]
 
 
-def celan_claims(seeds: int, progress: Progress) -> list[Claim]:
-    """Return all rows: Table II, its laps, Table III."""
+def celan_claims(seeds: int, progress: Progress, configs: Path | None = None) -> list[Claim]:
+    """Return all rows: Table II, its laps, Table III, and a recorded trolley with three tags.
+
+    Parameters
+    ----------
+    seeds : int
+        Laps, and rides.
+    progress : callable
+        Told (laps done, laps in all).
+    configs : Path, optional
+        Folder of the ready configurations: recordings lie beside the project.
+    """
     runs = laps(seeds, progress)
     claims = [claim for name in SETUPS for claim in setup_claims(name, runs[name])]
-    return [*claims, *switch_claims(runs), speed_claim(runs["lidar"]), *eight_claims(seeds)]
+    return [*claims, *switch_claims(runs), speed_claim(runs["lidar"]), *eight_claims(seeds),
+            *trolley_claims(configs)]  # fmt: skip

@@ -1,0 +1,251 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Three tags on a real trolley, without wheels: 12 states of celan2017 beside one rigid body."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locfuse import _core
+from locfuse.claims import Claim, absent, claim_of
+from locfuse.eval.errors import interpolate
+from locfuse.io.datasets import convert
+from locfuse.io.log_folder import read_log
+from locfuse.messages import truth_of
+from locfuse.types import FloatArray, Log, LogError, StampArray, Trajectory, wrap_angle
+
+FOLDER = Path("../../../shared/data/lias-planar")  # from examples/configs
+MOVING, SESSION = "fast", "session 8.14"
+RATE_HZ = 100  # of the recording
+# Tags are read turned by this against the body's heading: it leaves the least scatter at rest.
+TURNS_RAD = np.arange(0.0, 0.21, 0.02)
+NOISE = 2.0  # of ranges that are told, over their scatter at rest: successive errors are alike
+# Nobody tells how it is pushed, at 0.4 m/s and up to 1 rad/s: a random walk as far and as much.
+WALK_M, WALK_RAD = 0.4, 0.5  # per root of a second
+SIGMA_START = (0.3, 0.3, 0.3)
+SETTLED_S = 5.0
+LIMIT_M, LIMIT_DEG = 0.10, 3.0
+
+
+@dataclass(frozen=True)
+class Trolley:
+    """A drive, and what is known of its radios.
+
+    Attributes
+    ----------
+    epochs : list of lists of Range
+        All links of one row of the recording; their constant errors taken off.
+    truth : Trajectory
+        At the epochs.
+    anchors, places : AnchorMap, and positions by id
+    tags : list of Tag
+    sigma_m : float
+        Of a range.
+    """
+
+    epochs: list[list[_core.Range]]
+    truth: Trajectory
+    anchors: _core.AnchorMap
+    places: dict[int, FloatArray]
+    tags: list[_core.Tag]
+    sigma_m: float
+
+
+def trolley(folder: Path) -> Trolley:
+    """Return the drive of the recording.
+
+    The constant error of each link and the turn of the tags against the body are those of the same
+    radios at rest, 18 poses of a recording of their own.
+
+    Raises
+    ------
+    LogError
+        If the recording is not there.
+    """
+    with tempfile.TemporaryDirectory() as out:
+        logs = [read_log(path) for path in convert("lias", folder, Path(out) / "log")]
+    of_session = [log for log in logs if SESSION in log.description]
+    moving = next(log for log in of_session if MOVING in log.description)
+    rest = [log for log in of_session if log is not moving]
+    found = [_constants(rest, turn) for turn in TURNS_RAD.tolist()]
+    best = int(np.argmin([scatter for _, scatter in found]))
+    constant, scatter = found[best]
+    tags = [_core.Tag(k, [*_turned(np.array([at[:2]]), TURNS_RAD[best])[0], at[2]])
+            for k, at in enumerate(moving.tags.values())]  # fmt: skip
+    places = dict(enumerate(_places(moving).values()))
+    epochs, stamps = _epochs(moving, constant, NOISE * scatter)
+    at, inside = interpolate(truth_of_moving(moving), stamps)
+    kept = [epoch for epoch, is_in in zip(epochs, inside.tolist(), strict=True) if is_in]
+    anchors = _core.AnchorMap([_core.Anchor(k, at_.tolist()) for k, at_ in places.items()])
+    return Trolley(kept, at, anchors, places, tags, NOISE * scatter)
+
+
+def truth_of_moving(log: Log) -> Trajectory:
+    """Return the reference; a recording without one is refused."""
+    truth = truth_of(log)
+    if truth is None:
+        raise LogError("the recording has no truth")
+    return truth
+
+
+def _places(log: Log) -> dict[str, FloatArray]:
+    table = log["anchors"]
+    rows = zip(table["anchor"].tolist(), table["x_m"], table["y_m"], table["z_m"], strict=True)
+    return {name: np.array(at, dtype=np.float64) for name, *at in rows}
+
+
+def _constants(logs: list[Log], turn: float) -> tuple[FloatArray, float]:
+    """Return the median error of each link [m], tag by tag, and the scatter about it."""
+    errors = np.concatenate([_errors(log, turn) for log in logs])
+    links = np.concatenate([_links(log) for log in logs])
+    constant = np.array([np.median(errors[links == k]) for k in range(int(links.max()) + 1)])
+    return constant, float(np.std(errors - constant[links]))
+
+
+def _links(log: Log) -> NDArray[np.int64]:
+    tags, anchors = list(log.tags), log["anchors"]["anchor"].tolist()
+    table = log["ranges"]
+    pairs = zip(table["tag"].tolist(), table["anchor"].tolist(), strict=True)
+    return np.array([tags.index(t) * len(anchors) + anchors.index(a) for t, a in pairs], np.int64)
+
+
+def _errors(log: Log, turn: float) -> FloatArray:
+    """Return range minus distance where the body rests."""
+    x, y, heading = (float(log["truth"][key][0]) for key in ("x_m", "y_m", "heading_rad"))
+    places = _places(log)
+    tag = {name: np.array([*_turned(np.array([at[:2]]), heading + turn)[0] + [x, y], at[2]])
+           for name, at in log.tags.items()}  # fmt: skip
+    table = log["ranges"]
+    off = [tag[t] - places[a] for t, a in zip(table["tag"].tolist(), table["anchor"].tolist(),
+                                              strict=True)]  # fmt: skip
+    return np.asarray(table["range_m"] - np.linalg.norm(off, axis=1))
+
+
+def _turned(points: FloatArray, angle: float) -> FloatArray:
+    c, s = np.cos(angle), np.sin(angle)
+    return points @ np.array([[c, s], [-s, c]])
+
+
+def _epochs(
+    log: Log, constant: FloatArray, sigma_m: float
+) -> tuple[list[list[_core.Range]], StampArray]:
+    """Return the rows of the recording as messages."""
+    table, links = log["ranges"], _links(log)
+    count = len(log["anchors"]["anchor"])
+    ranges = np.maximum(table["range_m"] - constant[links], 0.0)
+    rows = zip(table["stamp_ns"].tolist(), links.tolist(), ranges.tolist(), strict=True)
+    epochs = [[_core.Range(stamp, k // count, k % count, range_m, sigma_m)
+               for _, k, range_m in together]
+              for stamp, together in groupby(rows, key=lambda row: row[0])]  # fmt: skip
+    return epochs, np.array([epoch[0].stamp for epoch in epochs], np.int64)
+
+
+# What is told of an epoch: its ranges, or positions of tags made of them ------------------
+
+
+def by_ranges(of: Trolley, epoch: list[_core.Range]) -> list[_core.Range | _core.PositionFix]:
+    """Return the ranges."""
+    return list(epoch)
+
+
+def by_fixes(of: Trolley, epoch: list[_core.Range]) -> list[_core.Range | _core.PositionFix]:
+    """Return the position of each tag by its ranges alone, as an RTLS does."""
+    fixes: list[_core.Range | _core.PositionFix] = []
+    for tag in of.tags:
+        heard = [z for z in epoch if z.tag == tag.id]
+        if len(heard) < 3:
+            continue
+        found = _core.locate(np.array([of.places[z.anchor] for z in heard]),
+                             np.array([z.range for z in heard]), of.sigma_m,
+                             height=float(tag.position[2]), loss="cauchy")  # fmt: skip
+        if found.position is not None and found.covariance is not None:
+            fixes.append(_core.PositionFix(epoch[0].stamp, found.position, found.covariance,
+                                           tag.id))  # fmt: skip
+    return fixes
+
+
+def _rigid(of: Trolley, start: _core.PoseEstimate) -> _core.PoseEkf:
+    config = _core.PoseEkfConfig()
+    config.sigma_lost_xy_per_sqrt_s = config.odometry.sigma_xy_per_sqrt_s = WALK_M
+    config.sigma_lost_heading_per_sqrt_s = config.odometry.sigma_heading_per_sqrt_s = WALK_RAD
+    return _core.PoseEkf(config, of.anchors, of.tags, start)
+
+
+def _twelve(of: Trolley, start: _core.PoseEstimate) -> _core.TagTriangleEkf:
+    return _core.TagTriangleEkf(_core.TagTriangleEkfConfig(), of.tags, start, of.anchors)
+
+
+FILTERS: Mapping[str, Callable[[Trolley, _core.PoseEstimate],
+                               _core.PoseEkf | _core.TagTriangleEkf]] = {
+    "rigid": _rigid,
+    "twelve": _twelve,
+}  # fmt: skip
+TOLD: Mapping[str, Callable[[Trolley, list[_core.Range]],
+                            list[_core.Range | _core.PositionFix]]] = {
+    "ranges": by_ranges,
+    "fixes": by_fixes,
+}  # fmt: skip
+
+
+def follow(of: Trolley, by: str, told: str, rate_hz: int) -> tuple[FloatArray, FloatArray]:
+    """Return errors (n, 3) of x, y [m] and heading [rad], and NEES, of every epoch once settled."""
+    step = RATE_HZ // rate_hz
+    assert of.truth.heading is not None
+    errors, nees, ekf = [], [], None
+    first_ns = of.epochs[0][0].stamp
+    for k in range(0, len(of.epochs), step):
+        epoch = of.epochs[k]
+        stamp = epoch[0].stamp
+        x, y = of.truth.position[k].tolist()
+        truth = _core.Pose2(x, y, float(of.truth.heading[k]))
+        if ekf is None:
+            ekf = FILTERS[by](of, _core.PoseEstimate(stamp, truth, np.diag(SIGMA_START) ** 2))
+        for message in TOLD[told](of, epoch):
+            ekf.on(message)
+        ekf.advance_to(stamp)
+        if isinstance(ekf, _core.TagTriangleEkf):
+            ekf.hold_sides()
+        now = ekf.estimate(stamp)
+        if stamp - first_ns >= SETTLED_S * 1e9:
+            off = _core.local(now.pose, truth)
+            errors.append(off)
+            nees.append(float(off @ np.linalg.solve(now.covariance, off)))
+    return np.array(errors), np.array(nees)
+
+
+def trolley_claims(configs: Path | None) -> Iterator[Claim]:
+    """Yield the rows of the recording, or one that says why there are none."""
+    key, what = "celan_trolley", "trolley, recorded, "
+    if configs is None:
+        yield absent(key, f"{what}position RMSE", "no examples/configs here")
+        return
+    try:
+        of = trolley((configs / FOLDER).resolve())
+    except LogError as missing:
+        yield absent(key, f"{what}position RMSE", str(missing), f"<= {LIMIT_M:g}")
+        return
+    names = {"rigid": "PoseEkf", "twelve": "12 states"}
+    for rate_hz in (10, 1):
+        for told in TOLD:
+            for by in FILTERS:
+                off, nees = follow(of, by, told, rate_hz)
+                asked = (by, told, rate_hz) == ("rigid", "ranges", 10)
+                row = f"{key}_{by}_{told}_{rate_hz}"
+                text = f"{what}{told} at {rate_hz} Hz, {names[by]}: "
+                rmse = float(np.sqrt(np.mean(np.sum(off[:, :2] ** 2, axis=1))))
+                turn = float(np.rad2deg(np.sqrt(np.mean(wrap_angle(off[:, 2]) ** 2))))
+                yield _row(row, f"{text}position RMSE", "m", rmse, LIMIT_M if asked else None)
+                yield _row(f"{row}_heading", f"{text}heading RMSE", "deg", turn,
+                           LIMIT_DEG if asked else None)  # fmt: skip
+                yield _row(f"{row}_nees", f"{text}NEES of 3", "1", float(np.mean(nees)), None)
+
+
+def _row(id: str, claim: str, unit: str, value: float, limit: float | None) -> Claim:
+    return claim_of(id, claim, unit, None, [value], "-" if limit is None else f"<= {limit:g}",
+                    lambda v: limit is None or v <= limit)  # fmt: skip

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Three tags on a recorded trolley: both filters, from ranges and from positions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from locfuse import _core
+from locfuse.celan.trolley import FOLDER, Trolley, by_fixes, follow, trolley, trolley_claims
+from support_runs import CONFIGS
+
+DATA = (CONFIGS / FOLDER).resolve()
+recorded = pytest.mark.skipif(not DATA.is_dir(), reason=f"needs {FOLDER.name}")
+
+
+@pytest.fixture(scope="module")
+def of() -> Trolley:
+    return trolley(DATA)
+
+
+def rmse(of: Trolley, by: str, told: str = "ranges", rate_hz: int = 10) -> tuple[float, float]:
+    off, _ = follow(of, by, told, rate_hz)
+    return (float(np.sqrt(np.mean(np.sum(off[:, :2] ** 2, axis=1)))),
+            float(np.rad2deg(np.sqrt(np.mean(off[:, 2] ** 2)))))  # fmt: skip
+
+
+@recorded
+def test_one_rigid_body_is_better_than_twelve_states(of: Trolley) -> None:
+    for told in ("ranges", "fixes"):
+        position, heading = rmse(of, "rigid", told)
+        theirs, their_heading = rmse(of, "twelve", told)
+        assert position < 0.05
+        assert heading < 4.5
+        assert position < theirs < 0.06
+        assert heading < their_heading < 6.0
+
+
+@recorded
+def test_tags_swapped_in_body_are_no_heading(of: Trolley) -> None:
+    first, second, third = of.tags
+    swapped = replace(of, tags=[_core.Tag(first.id, second.position),
+                                _core.Tag(second.id, first.position), third])  # fmt: skip
+    assert rmse(swapped, "rigid")[1] > 20.0
+
+
+@recorded
+def test_ranges_that_keep_their_constant_errors_cost_position(of: Trolley) -> None:
+    long = [[_core.Range(z.stamp, z.tag, z.anchor, z.range + 0.3 * (z.anchor < 3), z.sigma)
+             for z in epoch] for epoch in of.epochs[:3000]]  # fmt: skip
+    kept = replace(of, epochs=of.epochs[:3000])
+    assert rmse(replace(of, epochs=long), "rigid")[0] > 2.0 * rmse(kept, "rigid")[0]
+
+
+@recorded
+def test_a_tag_that_few_anchors_hear_has_no_position(of: Trolley) -> None:
+    epoch = [z for z in of.epochs[0] if z.tag != 1 or z.anchor < 2]
+    assert [fix.tag for fix in by_fixes(of, epoch) if isinstance(fix, _core.PositionFix)] == [0, 2]
+
+
+def test_without_the_recording_a_row_says_so(tmp_path: Path) -> None:
+    for configs in (None, tmp_path):
+        (claim,) = trolley_claims(configs)
+        assert claim.met is None
+        assert claim.note
