@@ -243,3 +243,18 @@ def test_a_laser_that_sees_walls_is_never_rescued() -> None:
     result = run(config_of(use=["odometry", "ranges"], mcl={**MCL, "switch": {}}), seed=2)
     assert result.metrics["mcl"]["switches"] == 0
     assert result.metrics["position_rmse_m"] < 0.06
+
+
+def test_a_scrubber_in_the_dark_is_rescued_by_its_tags() -> None:
+    config = load_config(CONFIGS / "scrubber.yaml")
+    result = run(config, base=CONFIGS, seed=0)
+    events = result.outcomes.stamp_ns[result.outcomes.source == "switch"] / NANOSECONDS
+    assert 1 <= len(events) <= 4
+    assert np.all((events > 60.0) & (events < 121.0))
+    assert result.metrics["position_rmse_m"] < 0.25
+    assert result.metrics["position_max_m"] < 1.0
+    text = config.model_dump(mode="json")
+    text["mcl"]["switch"] = None
+    text["use"] = ["odometry"]
+    blind = run(parse_config(text), base=CONFIGS, seed=0)
+    assert blind.metrics["position_rmse_m"] > 1.5 * result.metrics["position_rmse_m"]

@@ -129,7 +129,7 @@ def _errors(log: Log, turn: float) -> FloatArray:
 
 def _turned(points: FloatArray, angle: float) -> FloatArray:
     c, s = np.cos(angle), np.sin(angle)
-    return points @ np.array([[c, s], [-s, c]])
+    return np.asarray(points @ np.array([[c, s], [-s, c]]))
 
 
 def _epochs(

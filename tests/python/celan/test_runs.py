@@ -95,7 +95,7 @@ def test_the_pose_of_three_tags_is_exact_without_noise_and_its_covariance_is_rig
     stamp_ns = np.arange(200, dtype=np.int64) * 1_000_000_000
     pose = of.drive.pose_at(seconds(stamp_ns))
     at = np.stack([point_in_world(pose, arm)[:, :2] for arm in TAGS.values()], axis=1)
-    covariance = np.array([[0.02, 0.008], [0.008, 0.01]])
+    covariance = np.array([[0.002, 0.0008], [0.0008, 0.001]])
     rng = np.random.default_rng(1)
     table = {
         "stamp_ns": np.repeat(stamp_ns, 3),
@@ -228,8 +228,10 @@ def test_eights_are_55_m_in_three_minutes_and_both_are_better_than_one() -> None
     assert np.hypot(*np.diff(end, axis=0).T).sum() == pytest.approx(eight.LENGTH_M, abs=0.1)
     assert of.floor.in_open_room(end).all()
     by_id = {claim.id: claim for claim in eight.eight_claims(3)}
-    assert by_id["celan_eight_gain_position"].met
-    assert by_id["celan_eight_gain_heading"].met
+    for what in ("position", "heading"):
+        gain = by_id[f"celan_eight_gain_{what}"].ours_median
+        assert gain is not None
+        assert gain > 1.1
     assert by_id["celan_eight_rigid_better"].met
     ours, odometry = (by_id[f"celan_eight_{name}_y"].ours_median for name in ("rigid", "odometry"))
     assert ours is not None
