@@ -37,7 +37,8 @@ class Measured:
 def all_rows(m: Measured) -> list[Row]:
     """Return every row; those of peers that are not there say so."""
     return [*filter_rows(m), *evaluation_rows(m), *range_rows(m), *scan_rows(m), *map_rows(m),
-            *cylinder_rows(m), *particle_rows(m), *landmark_rows(m), *tag_rows(m)]  # fmt: skip
+            *cylinder_rows(m), *particle_rows(m), *landmark_rows(m), *tag_rows(m),
+            *lap_rows(m)]  # fmt: skip
 
 
 def filter_rows(m: Measured) -> Iterator[Row]:
@@ -87,6 +88,14 @@ def tag_rows(m: Measured) -> Iterator[Row]:
     yield _at_most("three tags, a step of 15 rows: TagTriangleEkf::on / Eigen by hand",
                    m["tags_ekf_of_the_paper"], by_hand, 3.0)  # fmt: skip
     yield _at_most("- with the Jacobian of the heading", m["tags_ekf"], by_hand, 3.0)
+
+
+def lap_rows(m: Measured) -> Iterator[Row]:
+    """Compare a lap of 15 minutes with the time that its replay takes, on one core."""
+    for name, what in (("lidar", "Python, a lap of celan2017, Mcl of 2,000: driven / replayed"),
+                       ("covered_switch", "- half a laser, UWB by a switch")):  # fmt: skip
+        driven_s = m.counted[f"lap[{name}]"]["seconds_driven"]
+        yield _at_least(what, m[f"lap[{name}]"], driven_s, 100.0)
 
 
 def evaluation_rows(m: Measured) -> Iterator[Row]:
