@@ -56,11 +56,11 @@ def outcomes_of_mcl(localization: Localization, log: Log) -> Outcomes:
     reason = _reasons(messages, verdict, log, localization.begin_ns)
     outcomes = _bare(messages.stamp_ns, messages.source, messages.tag, messages.anchor, verdict,
                      reason)  # fmt: skip
-    return _with(with_scans(outcomes, localization, log), _switches(localization))
+    return with_scans(outcomes, localization, log)
 
 
-def _switches(localization: Localization) -> Outcomes:
-    """Return a row for each time that UWB took over from scans."""
+def with_switches(outcomes: Outcomes, localization: Localization) -> Outcomes:
+    """Return outcomes with a row for each time that UWB took over from scans."""
     count = len(localization.injections)
     empty = np.full(count, "")
     reason = [
@@ -69,8 +69,9 @@ def _switches(localization: Localization) -> Outcomes:
         for one in localization.injections
     ]
     stamps = np.array([one.stamp for one in localization.injections], dtype=np.int64)
-    return _bare(stamps, np.full(count, "switch"), empty, empty, np.full(count, "fused"),
-                 np.array(reason, dtype=object))  # fmt: skip
+    switches = _bare(stamps, np.full(count, "switch"), empty, empty, np.full(count, "fused"),
+                     np.array(reason, dtype=object))  # fmt: skip
+    return _with(outcomes, switches)
 
 
 def _upper(estimate: _core.PoseEstimate) -> str:

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import base64
+import math
+import re
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
@@ -178,6 +180,7 @@ def write_report(result: RunResult, out_dir: Path) -> Path:
             *pictures,
             _counts_table(result),
             _rejected_table(result),
+            _switches_table(result),
             _configuration(result),
         ]
     )
@@ -281,6 +284,28 @@ def _rejected_table(result: RunResult) -> str:
     ]
     head = ["anchor or source", "rejected", "when, and how many in a row"]
     return heading + _table("rejected", head, cells)
+
+
+def _switches_table(result: RunResult) -> str:
+    """Return when UWB took over from scans, why, and from how wide a belief; nothing if never."""
+    rows = np.flatnonzero(result.outcomes.source == "switch")
+    if len(rows) == 0:
+        return ""
+    cells = []
+    for row in rows.tolist():
+        after_s = (int(result.outcomes.stamp_ns[row]) - plot.start_ns(result)) / NANOSECONDS
+        why, covariances = str(result.outcomes.reason[row]).split(":", 1)
+        before, after = (_sigmas(text) for text in re.findall(r"\[(.*?)\]", covariances))
+        cells.append([f"{after_s:.1f} s", why, before, after])
+    head = ["when", "why", "sigma of the particles before", "sigma by UWB, after"]
+    return '<h2 id="switches">When UWB took over</h2>\n' + _table("switches", head, cells)
+
+
+def _sigmas(upper: str) -> str:
+    """Return standard deviations, from the upper triangle of a covariance of (x, y, heading)."""
+    xx, xy, _, yy, _, turn = (float(word) for word in upper.split())
+    widest = math.sqrt(0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy))
+    return f"{widest:.2f} m, {math.degrees(math.sqrt(turn)):.1f} deg"
 
 
 def _stretches(row: MessageRow, origin_ns: int) -> str:

@@ -21,7 +21,7 @@ from locfuse.io.datasets import convert
 from locfuse.io.log_folder import read_log
 from locfuse.localization import Localization, localize, with_poses_of
 from locfuse.messages import landmarks_of, radios_of, to_messages, truth_of
-from locfuse.outcomes import outcomes_of, outcomes_of_mcl, with_scans
+from locfuse.outcomes import outcomes_of, outcomes_of_mcl, with_scans, with_switches
 from locfuse.sim.scenario import simulate
 from locfuse.start import start_from_nothing, start_of
 from locfuse.types import (
@@ -151,6 +151,7 @@ def _located(config: RunConfig, log: Log, localization: Localization) -> RunResu
     outcomes = outcomes_of_mcl(localization, log)
     duration_s = (localization.end_ns - localization.begin_ns) / NANOSECONDS
     figures = metrics(estimate, truth_of(log), outcomes, duration_s, localization.wall_s)
+    outcomes = with_switches(outcomes, localization)
     return _result(config, log, estimate, outcomes, figures, found, localization)
 
 

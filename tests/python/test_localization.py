@@ -15,7 +15,9 @@ from locfuse.check import check
 from locfuse.config.load import load_config, parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.eval.errors import errors_against
+from locfuse.eval.verdicts import message_rows
 from locfuse.localization import localize, with_poses_of
+from locfuse.report import write_report
 from locfuse.results import write_results
 from locfuse.run import load_log, run
 from locfuse.types import NANOSECONDS, Log, LogError
@@ -245,7 +247,7 @@ def test_a_laser_that_sees_walls_is_never_rescued() -> None:
     assert result.metrics["position_rmse_m"] < 0.06
 
 
-def test_a_scrubber_in_the_dark_is_rescued_by_its_tags() -> None:
+def test_a_scrubber_in_the_dark_is_rescued_by_its_tags(tmp_path: Path) -> None:
     config = load_config(CONFIGS / "scrubber.yaml")
     result = run(config, base=CONFIGS, seed=0)
     events = result.outcomes.stamp_ns[result.outcomes.source == "switch"] / NANOSECONDS
@@ -253,8 +255,17 @@ def test_a_scrubber_in_the_dark_is_rescued_by_its_tags() -> None:
     assert np.all((events > 60.0) & (events < 121.0))
     assert result.metrics["position_rmse_m"] < 0.25
     assert result.metrics["position_max_m"] < 1.0
+    assert "switch" not in result.metrics["counts"]
+    assert {row.source for row in message_rows(result.outcomes)} == {"odometry", "positions",
+                                                                     "scans"}  # fmt: skip
+    page = write_report(result, tmp_path).read_text(encoding="utf-8")
+    table = page.split('<table id="switches-table">')[1].split("</table>")[0]
+    cell = r"<td>\d\.\d\d m, \d+\.\d deg</td>"
+    told = re.findall(rf"<td>(\S+) s</td><td>uncertain</td>{cell}{cell}", table)
+    np.testing.assert_allclose([float(at) for at in told], events, atol=0.051)
     text = config.model_dump(mode="json")
     text["mcl"]["switch"] = None
     text["use"] = ["odometry"]
     blind = run(parse_config(text), base=CONFIGS, seed=0)
     assert blind.metrics["position_rmse_m"] > 1.5 * result.metrics["position_rmse_m"]
+    assert "switches-table" not in write_report(blind, tmp_path).read_text(encoding="utf-8")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from locfuse.eval.verdicts import MessageRow, message_rows
 from locfuse.plot.style import (
+    ANCHOR,
     ESTIMATE_PALE,
     INK,
     MUTED,
@@ -49,7 +50,8 @@ def plot_outcomes(result: RunResult) -> Figure:
     Figure
         Time runs to the right. Pale: messages arrived. Strong: some were not fused; the height is
         their share in that slice of time (at least 30 % of the row, so that a single one is seen).
-        At the right of each row stand the rejected share and the number of messages.
+        At the right of each row stand the rejected share and the number of messages. Lines across
+        all rows: UWB took over from scans.
     """
     rows = message_rows(result.outcomes)
     if not rows:
@@ -78,6 +80,10 @@ def plot_outcomes(result: RunResult) -> Figure:
             name.set_fontweight("bold")
     time_axis(axes, seconds(np.array([first, last]), start_ns(result)))
     handles: list[Handle] = [Patch(facecolor=ESTIMATE_PALE, label="message arrived")]
+    switched = result.outcomes.stamp_ns[result.outcomes.source == "switch"]
+    for at in seconds(switched, start_ns(result)).tolist():
+        mark = axes.axvline(at, color=ANCHOR, lw=1.6, label="UWB took over")
+        handles[1:] = [mark]
     handles += [
         Patch(facecolor=colour, label=VERDICT_LABELS[verdict])
         for verdict, colour in VERDICT_COLOURS.items()
