@@ -145,6 +145,7 @@ std::vector<PositionFix> in_order(const TagTriangleEkf::Config& config,
     throw std::invalid_argument(text.str());
   }
   std::vector<PositionFix> sorted;
+  sorted.reserve(tags.size());
   for (const Tag& tag : tags) {
     sorted.push_back(*std::find_if(fixes.begin(), fixes.end(),
                                    [&](const PositionFix& z) { return z.tag == tag.id; }));
