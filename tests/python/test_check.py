@@ -473,6 +473,13 @@ def test_misconfigured(name: str) -> None:
     assert all(f.where and f.advice for f in findings)
 
 
+def test_turns_that_are_all_alike_tell_of_no_clock() -> None:
+    for seed in (0, 10):  # noise alone fitted better with one clock shifted
+        data = healthy(seed=seed, simulation__path={"shape": "circle", "speed_mps": 0.5},
+                       simulation__duration_s=120, start="truth")  # fmt: skip
+        assert found(checked(data), "clock_of_the_odometry", "warning") == []
+
+
 def test_the_healthy_robot_gives_no_alarm() -> None:
     assert alarms(checked(HEALTHY)) == []
 
@@ -501,6 +508,7 @@ KNOWN = {
 }
 WITHOUT_RADIO = (
     "rooms_mcl.yaml",
+    "scrubber.yaml",
     "wells.yaml",
     *(f"gadau_{name}.yaml" for name in ("square", "line", "pentagon", "gps", "discs", "discs_8",
                                         "standing")),

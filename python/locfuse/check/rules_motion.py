@@ -30,6 +30,7 @@ _FIRST_M = 4.0
 _SHIFTS_S = np.arange(-15, 16) * 0.1
 _BIN_S = 0.25
 _SURE = 20.0  # of a log likelihood ratio
+_UNEXPLAINED = 0.25  # of the variance of turns, at most, where the right clock leaves it
 _FLOOR_RAD = 2e-3
 _TURNS = {
     -1.0: "turns the other way",
@@ -157,19 +158,21 @@ def clock_of_the_odometry(context: Context) -> Iterator[Finding]:
         left = [_rate_misfit(context.odometry, track, float(shift)) for shift in _SHIFTS_S]
         if None in left:
             continue
-        misfit = np.array(left, dtype=np.float64)
+        misfit, unexplained = np.array(left, dtype=np.float64).T
         best, now = int(np.argmin(misfit)), len(misfit) // 2
-        if abs(_SHIFTS_S[best]) > 0.15 and misfit[now] - misfit[best] > _SURE:
+        is_told = unexplained[best] < _UNEXPLAINED  # turns that are all alike tell of no clock
+        if abs(_SHIFTS_S[best]) > 0.15 and misfit[now] - misfit[best] > _SURE and is_told:
             yield warning(f"turns of odometry fit those of {track.name} best if its clock is "
                           f"shifted by {-_SHIFTS_S[best]:+.1f} s", "odometry.csv",
                           "stamp both with one clock, when the motion happens")  # fmt: skip
             return
 
 
-def _rate_misfit(odometry: Trajectory, track: Track, shift_s: float) -> float | None:
+def _rate_misfit(odometry: Trajectory, track: Track, shift_s: float) -> tuple[float, float] | None:
     """Return minus the log likelihood of the turns of a track, its scatter being unknown.
 
-    None without headings or with little to compare.
+    And that scatter as a share of the variance of the turns. None without headings or with little
+    to compare.
     """
     path, step = track.path, round(_BIN_S * NANOSECONDS)
     if path.heading is None:
@@ -183,7 +186,9 @@ def _rate_misfit(odometry: Trajectory, track: Track, shift_s: float) -> float | 
     told = np.diff(at_times(path, stamp)[:, 2])
     driven = np.diff(at_times(odometry, stamp + round(shift_s * NANOSECONDS))[:, 2])
     off = wrap_angle(told - driven)
-    return 0.5 * len(off) * math.log(float(np.mean(off**2)) + _FLOOR_RAD**2)
+    scatter = float(np.mean(off**2)) + _FLOOR_RAD**2
+    variance = float(np.var(wrap_angle(told)))
+    return 0.5 * len(off) * math.log(scatter), scatter / max(variance, 1e-12)
 
 
 def start_against_the_first_metres(context: Context) -> Iterator[Finding]:
