@@ -54,6 +54,7 @@ void expect_same(const LocalizeRun::Step& a, const LocalizeRun::Step& b) {
   EXPECT_EQ(a.explained, b.explained);
   EXPECT_EQ(a.particles, b.particles);
   EXPECT_EQ(a.ready, b.ready);
+  EXPECT_EQ(a.sigma, b.sigma);
 }
 
 TEST(Localize, equals_feeding_by_hand_bit_for_bit) {
@@ -70,7 +71,8 @@ TEST(Localize, equals_feeding_by_hand_bit_for_bit) {
     }
     verdicts.push_back(by_hand.on(scan).verdict);
     steps.push_back({by_hand.estimate(), by_hand.hypotheses().front().probability,
-                     by_hand.explained(), by_hand.belief().size, by_hand.ready()});
+                     by_hand.explained(), by_hand.belief().size, by_hand.ready(),
+                     by_hand.spread().sigma_position()});
   }
 
   for (const int threads : {1, 2}) {
