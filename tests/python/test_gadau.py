@@ -115,12 +115,13 @@ def test_ready_worlds_tell_where_the_robot_is(
     assert second_half(run(alone))[0] > position_m
 
 
-def test_a_gate_keeps_a_filter_in_the_mirrored_place_where_it_starts() -> None:
+# A gate kept a textbook EKF, which was soon too sure of a wrong heading, in the mirrored place with
+# 23 of 40 seeds.
+def test_no_gate_keeps_a_filter_in_the_mirrored_place_where_it_starts() -> None:
     config = load_config(CONFIGS / "gadau_line.yaml")
-    gated = config.estimator.model_copy(update={"gate_landmark": 0.999})
-    closed = config.model_copy(update={"estimator": gated})
-    assert max(second_half(run(closed, seed=seed))[0] for seed in range(4)) > 0.5
-    nothing_told = closed.model_copy(update={"start": "auto"})
+    assert config.estimator.gate_landmark == 0.999
+    assert max(second_half(run(config, seed=seed))[0] for seed in range(10)) < 0.03
+    nothing_told = config.model_copy(update={"start": "auto"})
     assert max(second_half(run(nothing_told, seed=seed))[0] for seed in range(4)) < 0.03
 
 
