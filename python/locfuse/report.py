@@ -15,7 +15,7 @@ import numpy as np
 import yaml
 from matplotlib.figure import Figure
 
-from locfuse import plot
+from locfuse import _core, plot
 from locfuse.cards import cards, counts_of
 from locfuse.eval.verdicts import (
     SUSPECT_SHARE,
@@ -303,9 +303,10 @@ def _switches_table(result: RunResult) -> str:
 
 def _sigmas(upper: str) -> str:
     """Return standard deviations, from the upper triangle of a covariance of (x, y, heading)."""
-    xx, xy, _, yy, _, turn = (float(word) for word in upper.split())
-    widest = math.sqrt(0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy))
-    return f"{widest:.2f} m, {math.degrees(math.sqrt(turn)):.1f} deg"
+    P = np.zeros((3, 3))
+    P[np.triu_indices(3)] = P.T[np.triu_indices(3)] = [float(word) for word in upper.split()]
+    of = _core.PoseEstimate(0, _core.Pose2(), P)
+    return f"{of.sigma_position:.2f} m, {math.degrees(of.sigma_heading):.1f} deg"
 
 
 def _stretches(row: MessageRow, origin_ns: int) -> str:

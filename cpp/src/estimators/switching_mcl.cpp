@@ -15,7 +15,7 @@ namespace {
 constexpr double kNews = 1.0 / 50.0;  // weight of a range or fix in the average of their NIS
 constexpr double kMostNis = 10.0;     // of one of them: more says no more
 
-/// Throws std::invalid_argument unless low <= high, or low < high.
+/// Throws std::invalid_argument unless low <= high; `why` ends the sentence.
 void check_order(const char* low_name, double low, const char* high_name, double high,
                  const char* why) {
   if (!(low <= high)) {

@@ -73,10 +73,12 @@ def trolley(folder: Path) -> Trolley:
     of_session = [log for log in logs if SESSION in log.description]
     moving = next(log for log in of_session if MOVING in log.description)
     rest = [log for log in of_session if log is not moving]
-    found = [_constants(rest, turn) for turn in TURNS_RAD.tolist()]
+    links = np.concatenate([_links(log) for log in rest])
+    found = [_constants(rest, links, turn) for turn in TURNS_RAD.tolist()]
     best = int(np.argmin([scatter for _, scatter in found]))
     constant, scatter = found[best]
-    tags = [_core.Tag(k, [*_turned(np.array([at[:2]]), TURNS_RAD[best])[0], at[2]])
+    turned = _core.Pose2(0.0, 0.0, float(TURNS_RAD[best]))
+    tags = [_core.Tag(k, [*turned.act(at[:2]), at[2]])
             for k, at in enumerate(moving.tags.values())]  # fmt: skip
     places = dict(enumerate(_places(moving).values()))
     epochs, stamps = _epochs(moving, constant, NOISE * scatter)
@@ -100,10 +102,9 @@ def _places(log: Log) -> dict[str, FloatArray]:
     return {name: np.array(at, dtype=np.float64) for name, *at in rows}
 
 
-def _constants(logs: list[Log], turn: float) -> tuple[FloatArray, float]:
+def _constants(logs: list[Log], links: NDArray[np.int64], turn: float) -> tuple[FloatArray, float]:
     """Return the median error of each link [m], tag by tag, and the scatter about it."""
     errors = np.concatenate([_errors(log, turn) for log in logs])
-    links = np.concatenate([_links(log) for log in logs])
     constant = np.array([np.median(errors[links == k]) for k in range(int(links.max()) + 1)])
     return constant, float(np.std(errors - constant[links]))
 
@@ -118,18 +119,12 @@ def _links(log: Log) -> NDArray[np.int64]:
 def _errors(log: Log, turn: float) -> FloatArray:
     """Return range minus distance where the body rests."""
     x, y, heading = (float(log["truth"][key][0]) for key in ("x_m", "y_m", "heading_rad"))
-    places = _places(log)
-    tag = {name: np.array([*_turned(np.array([at[:2]]), heading + turn)[0] + [x, y], at[2]])
-           for name, at in log.tags.items()}  # fmt: skip
+    body, places = _core.Pose2(x, y, heading + turn), _places(log)
+    tag = {name: np.array([*body.act(at[:2]), at[2]]) for name, at in log.tags.items()}
     table = log["ranges"]
     off = [tag[t] - places[a] for t, a in zip(table["tag"].tolist(), table["anchor"].tolist(),
                                               strict=True)]  # fmt: skip
     return np.asarray(table["range_m"] - np.linalg.norm(off, axis=1))
-
-
-def _turned(points: FloatArray, angle: float) -> FloatArray:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.asarray(points @ np.array([[c, s], [-s, c]]))
 
 
 def _epochs(

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,16 +81,13 @@ def message_rows(outcomes: Outcomes) -> list[MessageRow]:
         Odometry, ranges, positions, poses, scans, then others; anchors in natural order (A2 before
         A10). No row is empty. Switches are no messages.
     """
-    kept = outcomes.source != "switch"
-    if not kept.any():
+    if not np.any(outcomes.source != "switch"):
         return []
-    if not kept.all():
-        outcomes = Outcomes(**{field.name: getattr(outcomes, field.name)[kept]
-                               for field in fields(Outcomes)})  # fmt: skip
     source_id = np.unique(outcomes.source, return_inverse=True)[1]
     anchor_id = np.unique(outcomes.anchor, return_inverse=True)[1]
     key = source_id * (int(anchor_id.max()) + 1) + anchor_id
     order = np.lexsort((outcomes.stamp_ns, key))
+    order = order[outcomes.source[order] != "switch"]
     rows = [
         MessageRow(
             source=str(outcomes.source[index[0]]),

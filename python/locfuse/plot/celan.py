@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Ellipse
 
 from locfuse import _core
-from locfuse.plot.path import ellipse_axes
+from locfuse.plot.path import draw_ellipse
 from locfuse.plot.style import (
     ANCHOR,
     DASHED,
@@ -122,12 +121,10 @@ def plot_doubt(grid: GridMap, anchors: FloatArray, tracks: Sequence[Track]) -> F
         handles += axes.plot(*track.pose.T[:2], color=ESTIMATE, lw=1.2, label="estimate")
         assert track.covariance is not None
         for row in evenly_along(track.truth[:, :2], _ELLIPSES):
-            major, minor, angle = ellipse_axes(track.covariance[row, :2, :2], _ELLIPSE_SIGMAS)
-            x, y = track.pose[row, :2].tolist()
-            ellipse = Ellipse((x, y), major, minor, angle=float(np.degrees(angle)), zorder=4)
-            ellipse.set(facecolor="none", edgecolor=REJECTED, linewidth=1.0)
-            ellipse.set_label(f"{_ELLIPSE_SIGMAS:g}-sigma ellipse")
-            axes.add_patch(ellipse)
+            ellipse = draw_ellipse(axes, track.pose[row, :2], track.covariance[row, :2, :2],
+                                   _ELLIPSE_SIGMAS, facecolor="none", edgecolor=REJECTED,
+                                   linewidth=1.0, label=f"{_ELLIPSE_SIGMAS:g}-sigma ellipse",
+                                   zorder=4)  # fmt: skip
         handles.append(ellipse)
         marks = _injections(axes, track.injections)
         handles += [mark for mark in marks if axes is panels[-1]]
@@ -146,11 +143,9 @@ def _injections(axes: Axes, injections: Sequence[_core.Injection]) -> list[Handl
         handles = [*axes.plot([before.x, after.x], [before.y, after.y], color=ANCHOR, lw=1.2,
                               ls=DASHED, marker="", label="injection", zorder=5)]  # fmt: skip
         for estimate, colour in ((one.before, REJECTED), (one.after, ANCHOR)):
-            major, minor, angle = ellipse_axes(estimate.covariance[:2, :2], _ELLIPSE_SIGMAS)
-            ellipse = Ellipse((estimate.pose.x, estimate.pose.y), major, minor,
-                              angle=float(np.degrees(angle)), zorder=5)  # fmt: skip
-            ellipse.set(facecolor="none", edgecolor=colour, linewidth=1.8)
-            axes.add_patch(ellipse)
+            at = np.array([estimate.pose.x, estimate.pose.y])
+            draw_ellipse(axes, at, estimate.covariance[:2, :2], _ELLIPSE_SIGMAS, facecolor="none",
+                         edgecolor=colour, linewidth=1.8, zorder=5)  # fmt: skip
     return handles
 
 

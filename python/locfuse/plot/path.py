@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -121,6 +122,17 @@ def ellipse_axes(covariance: FloatArray, sigmas: float) -> tuple[float, float, f
     return major, minor, float(np.arctan2(vectors[1, 1], vectors[0, 1]))
 
 
+def draw_ellipse(
+    axes: Axes, at: FloatArray, covariance: FloatArray, sigmas: float, **style: Any
+) -> Ellipse:
+    """Draw the covariance ellipse (2, 2) of a position (2,), as `style` says, and return it."""
+    major, minor, angle = ellipse_axes(covariance, sigmas)
+    x, y = at.tolist()
+    ellipse = Ellipse((x, y), major, minor, angle=float(np.degrees(angle)), **style)
+    axes.add_patch(ellipse)
+    return ellipse
+
+
 def _places(result: RunResult, stem: str, name: str) -> dict[str, FloatArray]:
     """Return the named points of a table of the log, none if the log has no such table."""
     if stem not in result.log:
@@ -158,11 +170,8 @@ def _draw_tracks(axes: Axes, estimate: Trajectory, truth: Trajectory | None) -> 
 def _draw_ellipses(axes: Axes, position: FloatArray, covariance: FloatArray) -> Patch:
     face, edge = to_rgba(ESTIMATE, 0.13), to_rgba(ESTIMATE, 0.75)
     for row in evenly_along(position, _ELLIPSES):
-        major, minor, angle = ellipse_axes(covariance[row, :2, :2], ELLIPSE_SIGMAS)
-        x, y = position[row].tolist()
-        ellipse = Ellipse((x, y), major, minor, angle=float(np.degrees(angle)), zorder=2)
-        ellipse.set(facecolor=face, edgecolor=edge, linewidth=0.7)
-        axes.add_patch(ellipse)
+        draw_ellipse(axes, position[row], covariance[row, :2, :2], ELLIPSE_SIGMAS, facecolor=face,
+                     edgecolor=edge, linewidth=0.7, zorder=2)  # fmt: skip
     return Patch(facecolor=face, edgecolor=edge, label=f"{ELLIPSE_SIGMAS:g}-sigma ellipse")
 
 

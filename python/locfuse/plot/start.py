@@ -6,9 +6,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Ellipse
 
-from locfuse.plot.path import ELLIPSE_SIGMAS, ellipse_axes
+from locfuse.plot.path import ELLIPSE_SIGMAS, draw_ellipse
 from locfuse.plot.style import (
     ANCHOR,
     ESTIMATE,
@@ -87,10 +86,8 @@ def _draw_poses(axes: Axes, poses: tuple[Hypothesis, ...], scan: FloatArray) -> 
             seen = scan @ np.array([[c, s], [-s, c]]) + [x, y]
             handles += axes.plot(*seen.T, ls="none", marker=".", markersize=2.5, color=REJECTED,
                                  label="scan", zorder=3)  # fmt: skip
-        major, minor, angle = ellipse_axes(one.covariance[:2, :2], ELLIPSE_SIGMAS)
-        ellipse = Ellipse((x, y), major, minor, angle=float(np.degrees(angle)), zorder=4)
-        ellipse.set(facecolor="none", edgecolor=ESTIMATE, linewidth=0.8)
-        axes.add_patch(ellipse)
+        draw_ellipse(axes, one.pose[:2], one.covariance[:2, :2], ELLIPSE_SIGMAS, facecolor="none",
+                     edgecolor=ESTIMATE, linewidth=0.8, zorder=4)  # fmt: skip
         handles += axes.plot(x, y, marker="o", markersize=7, color=ESTIMATE, ls="none",
                              markeredgecolor="white", label="pose that fits", zorder=6)  # fmt: skip
         axes.annotate("", (x, y), (34.0 * c, 34.0 * s), textcoords="offset points", zorder=5,
