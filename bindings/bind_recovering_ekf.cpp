@@ -7,18 +7,19 @@ using locfuse::RecoveringEkf;
 
 void bind_recovering_ekf(py::module_& m) {
   using Config = RecoveringEkf::Config;
-  py::class_<Config>(m, "RecoveringEkfConfig", "Filter, start and alarm of a RecoveringEkf.")
+  py::class_<Config>(m, "RecoveringEkfConfig", "Filter, start and health of a RecoveringEkf.")
       .def(py::init<>())
       .def_readwrite("estimator", &Config::estimator)
       .def_readwrite("start", &Config::start)
-      .def_readwrite("measurements_per_false_alarm", &Config::measurements_per_false_alarm,
-                     "Mean number of measurements before a false alarm is at least this, if as "
-                     "many are wrong as `start.wrong_share` says, each by itself.");
+      .def_readwrite("health", &Config::health)
+      .def_readwrite("restart", &Config::restart,
+                     "Whether it looks for another place while it is lost.");
   py::class_<RecoveringEkf>(m, "RecoveringEkf",
-                            R"(A PoseEkf that starts by itself, notices when it was carried away,
-and starts anew (docs/start.md).
+                            R"(A PoseEkf that starts by itself, notices when it is lost, and
+starts anew (docs/health.md).
 
-While it is lost, landmarks seen together, ranges, fixes and poses start hypotheses until one wins.
+Until it has started, and beside it while it is lost, landmarks seen together, ranges, fixes and
+poses start hypotheses until one wins.
 
 Parameters
 ----------
@@ -61,6 +62,8 @@ True
            py::arg("landmarks") = py::none())
       .def("start_at", &RecoveringEkf::start_at, py::arg("start"),
            "Tracks from a PoseEstimate on.\n\nRaises\n------\nValueError\n    As a PoseEkf does.")
+      .def("start_with", &RecoveringEkf::start_with, py::arg("ekf"),
+           "Tracks on with a PoseEkf that somebody else has started.")
       .def("on", py::overload_cast<const locfuse::Velocity&>(&RecoveringEkf::on),
            py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Increment&>(&RecoveringEkf::on),
@@ -74,13 +77,18 @@ True
            py::arg("message"))
       .def("on", py::overload_cast<const locfuse::LaserScan&>(&RecoveringEkf::on),
            py::arg("message"), py::call_guard<py::gil_scoped_release>(),
-           "Takes one message. While lost its outcome is IGNORED: it weighs hypotheses.")
+           "Takes one message. Its outcome is IGNORED until it has started.")
       .def("on_joint", &RecoveringEkf::on_joint, py::arg("sightings"),
            py::arg_v("association", locfuse::Association::kJoint, "Association.JOINT"),
            "Takes sightings of one stamp. Returns an outcome for each.")
       .def("state", &RecoveringEkf::state,
            "READY while it tracks; otherwise how far the start has come, with its hypotheses.")
-      .def_property_readonly("is_lost", &RecoveringEkf::is_lost)
+      .def_property_readonly("is_lost", &RecoveringEkf::is_lost,
+                             "Whether there is no estimate to be trusted.")
+      .def("health", &RecoveringEkf::health, "A HealthReport: how far its estimate may be trusted.")
+      .def_property_readonly("sources", &RecoveringEkf::sources, "A SourceStatus for each.")
+      .def_property_readonly("restarts", &RecoveringEkf::restarts,
+                             "How often it then found another place.")
       .def_property_readonly("alarms", &RecoveringEkf::alarms,
                              "How often it noticed that it was lost.")
       .def(
@@ -88,7 +96,8 @@ True
           [](const RecoveringEkf& ekf) {
             return ekf.estimator() == nullptr ? std::nullopt : std::optional(*ekf.estimator());
           },
-          "A snapshot of the PoseEkf that tracks, or None.")
+          "A snapshot of the PoseEkf, or None until it has started. While lost, of the place it "
+          "had.")
       .def("__repr__", [](const RecoveringEkf& ekf) {
         return "RecoveringEkf(" + std::string(ekf.is_lost() ? "lost" : "tracking") + ", " +
                std::to_string(ekf.alarms()) + " alarms)";

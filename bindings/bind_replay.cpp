@@ -13,6 +13,7 @@ using locfuse::LocalizeRun;
 using locfuse::Outcome;
 using locfuse::PoseEkf;
 using locfuse::PoseEstimate;
+using locfuse::RecoveringEkf;
 using locfuse::RunLog;
 using locfuse::Stamp;
 
@@ -69,7 +70,8 @@ std::function<void(std::size_t)> progress_of(
   };
 }
 
-RunLog run(PoseEkf start, SharedLog& log, Stamp history, bool record,
+template <class Estimator>
+RunLog run(const Estimator& start, SharedLog& log, Stamp history, bool record,
            const std::optional<std::function<void(std::size_t)>>& progress, std::size_t first) {
   locfuse::ReplayOptions options;
   options.first = first;
@@ -120,6 +122,63 @@ void bind_replay(py::module_& m) {
                              })
       .def_readonly("last", &RunLog::last, "The estimate at the end of the log.")
       .def_readonly("errors", &RunLog::errors, "Errors that are states, as learnt by then.")
+      .def_property_readonly(
+          "health_stamp_ns",
+          [](const RunLog& r) {
+            return column_of<Stamp>(r.health, [](const auto& h) { return h.stamp; });
+          },
+          "Stamps of what a RecoveringEkf says of its health, (k,).")
+      .def_property_readonly(
+          "health_state",
+          [](const RunLog& r) {
+            return column_of<std::uint8_t>(
+                r.health, [](const auto& h) { return static_cast<std::uint8_t>(h.state); });
+          },
+          "Index into HealthState, (k,).")
+      .def_property_readonly(
+          "health_clue",
+          [](const RunLog& r) {
+            return column_of<std::uint8_t>(
+                r.health, [](const auto& h) { return static_cast<std::uint8_t>(h.clue); });
+          },
+          "Index into HealthClue, (k,).")
+      .def_property_readonly(
+          "health_source",
+          [](const RunLog& r) {
+            std::vector<std::optional<locfuse::Source>> sources;
+            sources.reserve(r.health.size());
+            for (const auto& h : r.health) {
+              sources.push_back(h.source);
+            }
+            return sources;
+          },
+          "The source that the clue names, or None: k of them.")
+      .def_property_readonly(
+          "wrong",
+          [](const RunLog& r) {
+            return column_of<double>(r.health, [](const auto& h) { return h.wrong; });
+          },
+          "Probability that the robot is somewhere else, (k,).")
+      .def_property_readonly(
+          "within",
+          [](const RunLog& r) {
+            return column_of<double>(r.health, [](const auto& h) { return h.within; });
+          },
+          "Probability that the position error is below the limit, (k,).")
+      .def_property_readonly(
+          "protection",
+          [](const RunLog& r) {
+            std::vector<double> rows;
+            rows.reserve(3 * r.health.size());
+            for (const auto& h : r.health) {
+              rows.insert(rows.end(), h.protection.data(), h.protection.data() + 3);
+            }
+            return to_numpy(std::move(rows), {static_cast<py::ssize_t>(r.health.size()), 3});
+          },
+          "Protection levels of x, y [m] and heading [rad], (k, 3).")
+      .def_readonly("sources", &RunLog::sources, "A SourceStatus for each, at the end of the log.")
+      .def_readonly("alarms", &RunLog::alarms, "How often it was lost.")
+      .def_readonly("restarts", &RunLog::restarts, "How often it then found another place.")
       .def("__repr__", [](const RunLog& r) {
         return "RunLog(" + std::to_string(r.outcomes.size()) + " messages, " +
                std::to_string(r.estimates.size()) + " estimates)";
@@ -223,14 +282,18 @@ scans : list of LaserScan
 progress : callable, optional
     Told the number of messages and scans done after each scan; it may look at `mcl`.
 )");
-  m.def("replay", &run, py::arg("start"), py::arg("log"),
+  m.def("replay", &run<PoseEkf>, py::arg("start"), py::arg("log"),
+        py::arg("history") = locfuse::ReplayOptions{}.history, py::arg("record") = true,
+        py::arg("progress") = py::none(), py::arg("first") = 0);
+  m.def("replay", &run<RecoveringEkf>, py::arg("start"), py::arg("log"),
         py::arg("history") = locfuse::ReplayOptions{}.history, py::arg("record") = true,
         py::arg("progress") = py::none(), py::arg("first") = 0,
         R"(Feeds a sorted log to a copy of an estimator; late messages are fused where they belong.
 
 Parameters
 ----------
-start : PoseEkf
+start : PoseEkf or RecoveringEkf
+    The latter must have started.
 log : MessageLog
 history : int
     How late a message may be, nanoseconds; older ones are stale.

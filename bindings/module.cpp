@@ -22,6 +22,7 @@ PYBIND11_MODULE(_core, m) {
   bind_air_ekf(m);
   bind_initializer(m);
   bind_landmark_ekf(m);
+  bind_health(m);
   bind_recovering_ekf(m);
   bind_mcl(m);
   bind_switching_mcl(m);

@@ -40,6 +40,11 @@ __all__: list[str] = [
     "GaussianBelief",
     "HeadingSearch",
     "HeadingSearchReason",
+    "Health",
+    "HealthClue",
+    "HealthConfig",
+    "HealthReport",
+    "HealthState",
     "Increment",
     "Initializer",
     "InitializerConfig",
@@ -116,6 +121,9 @@ __all__: list[str] = [
     "Slot",
     "SlotKind",
     "SolverComparison",
+    "Source",
+    "SourceKind",
+    "SourceStatus",
     "StartRun",
     "StartState",
     "StartStatus",
@@ -3184,30 +3192,352 @@ class LandmarkEkf:
     @property
     def belief(self) -> GaussianBelief: ...
 
+class HealthState(enum.Enum):
+    """
+    How far an estimate may be trusted.
+    """
+
+    AMBIGUOUS = ...
+    DEAD_RECKONING = ...
+    DEGRADED = ...
+    INITIALIZING = ...
+    LOST = ...
+    OK = ...
+
+class HealthClue(enum.Enum):
+    """
+    Why a state is not OK.
+    """
+
+    MEASUREMENTS = ...
+    NOISE_IS_LARGER = ...
+    NONE = ...
+    NO_ESTIMATE = ...
+    POSITION_IS_VAGUE = ...
+    SEVERAL_PLACES = ...
+    SILENCE = ...
+    SOURCE_IS_SILENT = ...
+    SOURCE_IS_WRONG = ...
+
+class SourceKind(enum.Enum):
+    """
+    What a source tells.
+    """
+
+    LANDMARK = ...
+    POSE = ...
+    POSITION = ...
+    RANGE = ...
+
+class Source:
+    """
+    Where measurements come from.
+    """
+    @property
+    def kind(self) -> SourceKind: ...
+    @property
+    def name(self) -> int | None:
+        """
+        Of the anchor, the tag or the landmark; None without one.
+        """
+
+class SourceStatus:
+    """
+    What became of one source's messages.
+    """
+    @property
+    def accepted(self) -> float:
+        """
+        Share of the last 32 or so that was fused.
+        """
+    @property
+    def faulty(self) -> float:
+        """
+        Probability that it is wrong as a whole, if the pose is right.
+        """
+    @property
+    def fused(self) -> int | None:
+        """
+        Last [ns], or None.
+        """
+    @property
+    def heard(self) -> int:
+        """
+        Last [ns].
+        """
+    @property
+    def interval(self) -> float:
+        """
+        Between messages, mean [s].
+        """
+    @property
+    def nis(self) -> float:
+        """
+        Mean NIS per degree of freedom of what was no outlier.
+        """
+    @property
+    def residual(self) -> float:
+        """
+        Last innovation's first row.
+        """
+    @property
+    def sigma(self) -> float:
+        """
+        Of that innovation.
+        """
+    @property
+    def source(self) -> Source: ...
+    @property
+    def test_ratio(self) -> float:
+        """
+        Last NIS over the gate's limit: above 1 it was gated.
+        """
+
+class HealthReport:
+    """
+    How far an estimate may be trusted, in numbers.
+    """
+    def __repr__(self) -> str: ...
+    @property
+    def clue(self) -> HealthClue: ...
+    @property
+    def inflation(self) -> float:
+        """
+        Of the covariance, by innovations larger than believed.
+        """
+    @property
+    def protection(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
+        """
+        |error| in x [m], y [m] and heading [rad] exceeds these with the stated risk at most, (3,); infinite where that cannot be said.
+        """
+    @property
+    def source(self) -> Source | None:
+        """
+        That the clue names, or None.
+        """
+    @property
+    def stamp(self) -> int:
+        """
+        [ns].
+        """
+    @property
+    def state(self) -> HealthState: ...
+    @property
+    def within(self) -> float:
+        """
+        Probability that the position error is below the limit.
+        """
+    @property
+    def wrong(self) -> float:
+        """
+        Probability that the robot is somewhere else.
+        """
+
+class HealthConfig:
+    """
+    What a Health believes of robots and sources.
+    """
+    def __init__(self) -> None: ...
+    @property
+    def aiding_lost_s(self) -> float:
+        """
+        Without anything fused: dead reckoning [s].
+        """
+    @aiding_lost_s.setter
+    def aiding_lost_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def chance_share(self) -> float:
+        """
+        Of measurements that fit a pose that is wrong.
+        """
+    @chance_share.setter
+    def chance_share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def doubt_s(self) -> float:
+        """
+        For which it must have been that likely wrong, to be lost [s].
+        """
+    @doubt_s.setter
+    def doubt_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def exclude_above(self) -> float:
+        """
+        A range's source more likely wrong than this is not fused.
+        """
+    @exclude_above.setter
+    def exclude_above(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def faulty_s(self) -> float:
+        """
+        How long it is, on average [s].
+        """
+    @faulty_s.setter
+    def faulty_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def faulty_share(self) -> float:
+        """
+        Of the time that a source is wrong as a whole.
+        """
+    @faulty_share.setter
+    def faulty_share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def faulty_share_unnamed(self) -> float:
+        """
+        Likewise of a sensor of landmarks without names.
+        """
+    @faulty_share_unnamed.setter
+    def faulty_share_unnamed(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def invalid_s(self) -> float:
+        """
+        Likewise: lost [s].
+        """
+    @invalid_s.setter
+    def invalid_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def limit_m(self) -> float:
+        """
+        Position error that `within` asks about [m].
+        """
+    @limit_m.setter
+    def limit_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def mean_s_between_losses(self) -> float:
+        """
+        How rarely a robot loses its place [s].
+        """
+    @mean_s_between_losses.setter
+    def mean_s_between_losses(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def probability_found(self) -> float:
+        """
+        Of being wrong, below which it is not any more.
+        """
+    @probability_found.setter
+    def probability_found(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def probability_lost(self) -> float:
+        """
+        Of being wrong, from which on it is lost.
+        """
+    @probability_lost.setter
+    def probability_lost(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def risk(self) -> float:
+        """
+        That an error exceeds its protection level.
+        """
+    @risk.setter
+    def risk(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def wrong_share(self) -> float:
+        """
+        Of measurements that say nothing, each by itself.
+        """
+    @wrong_share.setter
+    def wrong_share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def wrong_span_m(self) -> float:
+        """
+        What is wrong is wrong by anything up to this [m].
+        """
+    @wrong_span_m.setter
+    def wrong_span_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+
+class Health:
+    """
+    Says how far an estimate may be trusted, from what becomes of measurements.
+
+    One bit says whether the pose is right, one bit for every source whether it is: a hidden Markov
+    model (docs/health.md). A RecoveringEkf has one inside; any other estimator may be listened to.
+
+    Parameters
+    ----------
+    config : HealthConfig
+
+    Raises
+    ------
+    ValueError
+        If a config is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from locfuse import *
+    >>> anchors = AnchorMap([Anchor(1, [0, 0, 0]), Anchor(2, [8, 0, 0]), Anchor(3, [4, 6, 0])])
+    >>> start = PoseEstimate(0, Pose2(3, 2, 0), 0.01 * np.eye(3))
+    >>> ekf = PoseEkf(PoseEkfConfig(), anchors, [Tag(0, [0, 0, 0])], start)
+    >>> health = Health(HealthConfig())
+    >>> gate = Gate(PoseEkfConfig().gate_range)
+    >>> for k in range(30):  # ranges that fit nowhere near
+    ...     z = Range(k * 100_000_000, 0, 1 + k % 3, 15.0)
+    ...     health.hear(z, ekf.on(z), gate)
+    >>> health.is_lost
+    True
+    """
+    def __init__(self, config: HealthConfig) -> None: ...
+    def advance(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> None:
+        """
+        Time passes: trust runs out.
+        """
+    def hear(
+        self,
+        message: Range | PositionFix | PoseObservation | RangeBearing,
+        outcome: Outcome,
+        gate: Gate,
+    ) -> None:
+        """
+        Takes what became of a measurement that `gate` judged.
+        """
+    def report(self, estimate: PoseEstimate) -> HealthReport:
+        """
+        How far a PoseEstimate, which the measurements heard belong to, may be trusted.
+        """
+    def start(
+        self,
+        stamp: typing.SupportsInt | typing.SupportsIndex,
+        wrong: typing.SupportsFloat | typing.SupportsIndex = 0.0,
+    ) -> None:
+        """
+        The pose is wrong with that probability at `stamp` [ns], and nothing is known of the sources.
+        """
+    @property
+    def is_lost(self) -> bool: ...
+    @property
+    def sources(self) -> list[SourceStatus]:
+        """
+        A SourceStatus for each.
+        """
+    @property
+    def wrong(self) -> float:
+        """
+        Probability that the pose is wrong.
+        """
+
 class RecoveringEkfConfig:
     """
-    Filter, start and alarm of a RecoveringEkf.
+    Filter, start and health of a RecoveringEkf.
     """
 
     estimator: PoseEkfConfig
+    health: HealthConfig
     start: InitializerConfig
     def __init__(self) -> None: ...
     @property
-    def measurements_per_false_alarm(self) -> float:
+    def restart(self) -> bool:
         """
-        Mean number of measurements before a false alarm is at least this, if as many are wrong as `start.wrong_share` says, each by itself.
+        Whether it looks for another place while it is lost.
         """
-    @measurements_per_false_alarm.setter
-    def measurements_per_false_alarm(
-        self, arg0: typing.SupportsFloat | typing.SupportsIndex
-    ) -> None: ...
+    @restart.setter
+    def restart(self, arg0: bool) -> None: ...
 
 class RecoveringEkf:
     """
-    A PoseEkf that starts by itself, notices when it was carried away,
-    and starts anew (docs/start.md).
+    A PoseEkf that starts by itself, notices when it is lost, and
+    starts anew (docs/health.md).
 
-    While it is lost, landmarks seen together, ranges, fixes and poses start hypotheses until one wins.
+    Until it has started, and beside it while it is lost, landmarks seen together, ranges, fixes and
+    poses start hypotheses until one wins.
 
     Parameters
     ----------
@@ -3246,7 +3576,11 @@ class RecoveringEkf:
     def __repr__(self) -> str: ...
     def estimator(self) -> PoseEkf | None:
         """
-        A snapshot of the PoseEkf that tracks, or None.
+        A snapshot of the PoseEkf, or None until it has started. While lost, of the place it had.
+        """
+    def health(self) -> HealthReport:
+        """
+        A HealthReport: how far its estimate may be trusted.
         """
     @typing.overload
     def on(self, message: Velocity) -> Outcome: ...
@@ -3263,7 +3597,7 @@ class RecoveringEkf:
     @typing.overload
     def on(self, message: LaserScan) -> Outcome:
         """
-        Takes one message. While lost its outcome is IGNORED: it weighs hypotheses.
+        Takes one message. Its outcome is IGNORED until it has started.
         """
     def on_joint(
         self, sightings: collections.abc.Sequence[RangeBearing], association: Association = ...
@@ -3280,6 +3614,10 @@ class RecoveringEkf:
         ValueError
             As a PoseEkf does.
         """
+    def start_with(self, ekf: PoseEkf) -> None:
+        """
+        Tracks on with a PoseEkf that somebody else has started.
+        """
     def state(self) -> StartState:
         """
         READY while it tracks; otherwise how far the start has come, with its hypotheses.
@@ -3290,7 +3628,20 @@ class RecoveringEkf:
         How often it noticed that it was lost.
         """
     @property
-    def is_lost(self) -> bool: ...
+    def is_lost(self) -> bool:
+        """
+        Whether there is no estimate to be trusted.
+        """
+    @property
+    def restarts(self) -> int:
+        """
+        How often it then found another place.
+        """
+    @property
+    def sources(self) -> list[SourceStatus]:
+        """
+        A SourceStatus for each.
+        """
 
 class LikelihoodFieldConfig:
     """
@@ -4402,6 +4753,11 @@ class RunLog:
     """
     def __repr__(self) -> str: ...
     @property
+    def alarms(self) -> int:
+        """
+        How often it was lost.
+        """
+    @property
     def covariances(self) -> numpy.typing.NDArray[numpy.float64]:
         """
         (n, 3, 3).
@@ -4412,6 +4768,26 @@ class RunLog:
     def errors(self) -> list[CalibratedError]:
         """
         Errors that are states, as learnt by then.
+        """
+    @property
+    def health_clue(self) -> numpy.typing.NDArray[numpy.uint8]:
+        """
+        Index into HealthClue, (k,).
+        """
+    @property
+    def health_source(self) -> list[Source | None]:
+        """
+        The source that the clue names, or None: k of them.
+        """
+    @property
+    def health_stamp_ns(self) -> numpy.typing.NDArray[numpy.int64]:
+        """
+        Stamps of what a RecoveringEkf says of its health, (k,).
+        """
+    @property
+    def health_state(self) -> numpy.typing.NDArray[numpy.uint8]:
+        """
+        Index into HealthState, (k,).
         """
     @property
     def last(self) -> PoseEstimate:
@@ -4428,7 +4804,22 @@ class RunLog:
         x, y, heading, (n, 3).
         """
     @property
+    def protection(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Protection levels of x, y [m] and heading [rad], (k, 3).
+        """
+    @property
     def residual(self) -> numpy.typing.NDArray[numpy.float64]: ...
+    @property
+    def restarts(self) -> int:
+        """
+        How often it then found another place.
+        """
+    @property
+    def sources(self) -> list[SourceStatus]:
+        """
+        A SourceStatus for each, at the end of the log.
+        """
     @property
     def stamp_ns(self) -> numpy.typing.NDArray[numpy.int64]:
         """
@@ -4438,6 +4829,16 @@ class RunLog:
     def verdict(self) -> numpy.typing.NDArray[numpy.uint8]:
         """
         Index into Verdict, one per message in order of arrival.
+        """
+    @property
+    def within(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Probability that the position error is below the limit, (k,).
+        """
+    @property
+    def wrong(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Probability that the robot is somewhere else, (k,).
         """
 
 class StartStep:
@@ -4851,8 +5252,18 @@ def recognize_landmarks(
         If scan or pose are not valid.
     """
 
+@typing.overload
 def replay(
     start: PoseEkf,
+    log: MessageLog,
+    history: typing.SupportsInt | typing.SupportsIndex = 2000000000,
+    record: bool = True,
+    progress: collections.abc.Callable[[int], None] | None = None,
+    first: typing.SupportsInt | typing.SupportsIndex = 0,
+) -> RunLog: ...
+@typing.overload
+def replay(
+    start: RecoveringEkf,
     log: MessageLog,
     history: typing.SupportsInt | typing.SupportsIndex = 2000000000,
     record: bool = True,
@@ -4864,7 +5275,8 @@ def replay(
 
     Parameters
     ----------
-    start : PoseEkf
+    start : PoseEkf or RecoveringEkf
+        The latter must have started.
     log : MessageLog
     history : int
         How late a message may be, nanoseconds; older ones are stale.

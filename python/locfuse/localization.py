@@ -121,8 +121,7 @@ def mcl_of(
         mcl.start_at([_core.PoseHypothesis(start)])
     if config.mcl.switch is None:
         return mcl
-    uwb = _core.RecoveringEkf(build_recovering_config(config.estimator, config.initializer),
-                              anchors, tags)  # fmt: skip
+    uwb = _core.RecoveringEkf(build_recovering_config(config), anchors, tags)
     if start is not None:
         uwb.start_at(start)
     return _core.SwitchingMcl(build_switching_config(config.mcl.switch), mcl, uwb)

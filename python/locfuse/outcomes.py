@@ -32,7 +32,10 @@ def outcomes_of(
     }
     for row in np.flatnonzero(verdict == "gated"):
         limit = gates[str(messages.source[row])].limit(int(dof[row]))
-        reason[row] = f"nis {nis[row]:.4g} > {limit:.4g}"
+        if nis[row] > limit:
+            reason[row] = f"nis {nis[row]:.4g} > {limit:.4g}"
+        else:
+            reason[row] = f"left out: anchor {messages.anchor[row]} is likely wrong as a whole"
     late = (verdict == "stale") & (messages.stamp_ns >= start_ns)
     reason[late] = f"older than the history of {config.history_s:g} s"
     return Outcomes(

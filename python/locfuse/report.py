@@ -48,6 +48,11 @@ _CAPTIONS = {
         "filter leaves the band in about 0.3 % of the stamps, and a band far wider than the error "
         "is too cautious.",
     ),
+    "health": (
+        "Health",
+        "How far the estimate was to be trusted, by itself: the background is the state, and "
+        "health.csv says why.",
+    ),
     "nis": (
         "Innovations",
         "Normalised innovation squared (NIS) of each message that was compared with a prediction: "
@@ -158,6 +163,7 @@ def write_report(result: RunResult, out_dir: Path) -> Path:
         "start": plot.plot_start(result),
         "outcomes": plot.plot_outcomes(result),
         "errors": plot.plot_errors(result),
+        "health": plot.plot_health(result),
         "nis": plot.plot_nis(result),
     }
     out_dir.mkdir(parents=True, exist_ok=True)
@@ -166,7 +172,7 @@ def write_report(result: RunResult, out_dir: Path) -> Path:
         file = out_dir / f"{name}.png"
         if figure is None:
             file.unlink(missing_ok=True)
-            if name != "start":  # most runs are told where they start
+            if name not in ("start", "health"):  # most runs are told where they start
                 pictures.append(_missing(name, result))
         else:
             plot.save(figure, file)

@@ -31,6 +31,8 @@ from locfuse.power_up.runs import recording
 from locfuse.run import run
 from locfuse.sim.scenario import simulate
 from locfuse.start import start_of
+from locfuse.trust import draw_pictures as draw_trust
+from locfuse.trust import trust_claims
 from locfuse.types import ConfigError, FloatArray, Log, LogError, Trajectory, nearest
 from locfuse.wells import draw_pictures as draw_wells
 from locfuse.wells import wells_claims
@@ -80,6 +82,8 @@ def draw(paper: str, seeds: int, folder: Path) -> list[Path]:
         return draw_gadau(folder, seeds)
     if paper == "celan2017":
         return draw_celan(folder, seeds)
+    if paper == "trust":
+        return draw_trust(folder, seeds)
     configs = example_configs()
     if paper == "landmarks" and configs is not None:
         return draw_drives(configs, folder)
@@ -320,4 +324,5 @@ PAPERS: dict[str, Callable[[int, Progress], list[Claim]]] = {
     "celan2017": lambda seeds, progress: celan_claims(seeds, progress, example_configs()),
     "landmarks": lambda seeds, progress: landmark_claims(example_configs(), seeds, progress),
     "air": lambda seeds, progress: air_claims(example_configs(), progress),
+    "trust": trust_claims,
 }

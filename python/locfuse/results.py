@@ -6,13 +6,14 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import yaml
 
 from locfuse.eval.errors import interpolate
 from locfuse.io.csv_table import number_texts, stamp_texts, write_table
 from locfuse.io.tum import write_tum
 from locfuse.report import write_report
-from locfuse.types import FloatArray, Outcomes, RunResult, Trajectory
+from locfuse.types import FloatArray, Health, Outcomes, RunResult, Trajectory
 
 
 def write_results(result: RunResult, folder: str | Path) -> Path:
@@ -30,7 +31,7 @@ def write_results(result: RunResult, folder: str | Path) -> Path:
         Of ``report.html``. Beside it: ``config.yaml`` (effective), ``estimate.tum``, ``truth.tum``
         (interpolated to the estimate's stamps, so any program compares the same pairs that
         ``metrics.json`` does; only with truth), ``estimate.csv`` (with covariance),
-        ``outcomes.csv`` (one row per message), ``metrics.json`` and the pictures.
+        ``outcomes.csv`` (one row per message), ``health.csv`` (of a pose EKF), ``metrics.json`` and the pictures.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -44,6 +45,9 @@ def write_results(result: RunResult, folder: str | Path) -> Path:
             write_tum(folder / "truth.tum", at)
     _write_estimate(folder / "estimate.csv", result.estimate)
     _write_outcomes(folder / "outcomes.csv", result.outcomes)
+    (folder / "health.csv").unlink(missing_ok=True)
+    if result.health is not None:
+        _write_health(folder / "health.csv", result.health)
     metrics = json.dumps(dict(result.metrics), indent=1, allow_nan=False)
     (folder / "metrics.json").write_text(metrics + "\n", encoding="utf-8")
     return write_report(result, folder)
@@ -60,6 +64,21 @@ def _write_estimate(path: Path, estimate: Trajectory) -> None:
             header.append(f"cov_{names[row]}_{names[column]}")
             columns.append(estimate.covariance[:, row, column])
     write_table(path, header, [stamp_texts(estimate.stamp_ns), *map(number_texts, columns)])
+
+
+def _write_health(path: Path, health: Health) -> None:
+    header = ["stamp_s", "state", "within", "wrong", "protection_x_m", "protection_y_m",
+              "protection_heading_rad", "reason"]  # fmt: skip
+    columns = [
+        stamp_texts(health.stamp_ns),
+        health.state.tolist(),
+        number_texts(health.within),
+        number_texts(health.wrong),
+        *(number_texts(np.where(np.isfinite(level), level, np.nan))
+          for level in health.protection.T),
+        health.reason.tolist(),
+    ]  # fmt: skip
+    write_table(path, header, columns)
 
 
 def _write_outcomes(path: Path, outcomes: Outcomes) -> None:

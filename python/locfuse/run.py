@@ -6,24 +6,26 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from locfuse import _core
-from locfuse.config.build import build_estimator_config
+from locfuse.config.build import build_estimator_config, build_recovering_config
 from locfuse.config.schema import Dataset, RunConfig
 from locfuse.cylinders import with_cylinders
 from locfuse.eval.metrics import metrics
 from locfuse.eval.readiness import readiness
+from locfuse.health import health_metrics, health_of
 from locfuse.io.datasets import convert
 from locfuse.io.log_folder import read_log
 from locfuse.localization import Localization, localize, with_poses_of
 from locfuse.messages import landmarks_of, radios_of, to_messages, truth_of
 from locfuse.outcomes import outcomes_of, outcomes_of_mcl, with_scans, with_switches
 from locfuse.sim.scenario import simulate
-from locfuse.start import start_from_nothing, start_of
+from locfuse.start import matcher_of, start_from_nothing, start_of
 from locfuse.types import (
     NANOSECONDS,
     ConfigError,
@@ -116,10 +118,13 @@ def _fuse(
         ekf = _core.PoseEkf(build_estimator_config(config.estimator), anchors, tags, start,
                             landmarks)  # fmt: skip
     start_ns = ekf.belief.stamp
+    recovering = _core.RecoveringEkf(build_recovering_config(config), anchors, tags,
+                                     matcher_of(log), landmarks)  # fmt: skip
+    recovering.start_with(ekf)
     total = len(messages.log)
     began = time.perf_counter()
     record = _core.replay(
-        ekf,
+        recovering,
         messages.log,
         history=round(config.history_s * NANOSECONDS),
         progress=None if progress is None else (lambda done: progress(done, total)),
@@ -137,7 +142,10 @@ def _fuse(
         wall_s += localization.wall_s
     duration_s = (messages.end_ns - messages.begin_ns) / NANOSECONDS
     figures = metrics(estimate, truth, outcomes, duration_s, wall_s)
-    return _result(config, log, estimate, outcomes, figures, found, localization, record.errors)
+    health = health_of(record, messages, config)
+    figures["health"] = health_metrics(health, record)
+    result = _result(config, log, estimate, outcomes, figures, found, localization, record.errors)
+    return replace(result, health=health)
 
 
 def _located(config: RunConfig, log: Log, localization: Localization) -> RunResult:
@@ -174,6 +182,7 @@ def _result(
         outcomes=outcomes,
         metrics={
             **figures,
+            "health": figures.get("health"),
             "start_s": None if found is None else found.seconds,
             "calibration": {e.name: {"value": e.value, "sigma": e.sigma} for e in errors} or None,
             "mcl": None if localization is None else _mcl_metrics(localization, truth),

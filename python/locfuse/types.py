@@ -345,6 +345,35 @@ class Start:
 
 
 @dataclass(frozen=True)
+class Health:
+    """How far an estimate may be trusted, ten times a second.
+
+    Attributes
+    ----------
+    stamp_ns : int64 array, shape (n,)
+    state : array of str, shape (n,)
+        ``ok``, ``degraded``, ``dead_reckoning``, ``lost`` and so on.
+    within, wrong : float64 arrays, shape (n,)
+        Probability that the position error is below the limit; that the robot is somewhere else.
+    protection : float64 array, shape (n, 3)
+        |error| in x, y (metres) and heading (radians) exceeds these with the stated risk at most;
+        infinite where that cannot be said.
+    reason : array of str, shape (n,)
+        Why the state is not ``ok``, in words.
+    """
+
+    stamp_ns: StampArray
+    state: NDArray[np.str_]
+    within: FloatArray
+    wrong: FloatArray
+    protection: FloatArray
+    reason: NDArray[np.str_]
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+
+@dataclass(frozen=True)
 class RunResult:
     """One run: what was asked, what came in, what was estimated, how good it was.
 
@@ -362,6 +391,8 @@ class RunResult:
         What ``metrics.json`` holds.
     start : Start or None
         How ``start: auto`` went.
+    health : Health or None
+        Of a pose EKF.
     """
 
     config: Mapping[str, Any]
@@ -371,3 +402,4 @@ class RunResult:
     outcomes: Outcomes
     metrics: Mapping[str, Any]
     start: Start | None = None
+    health: Health | None = None

@@ -373,6 +373,7 @@ SECTIONS: dict[str, type[Strict]] = {
     "### `log` as a data set": schema.Dataset,
     "### `start_sigma`": schema.StartSigma,
     "### `initializer`": schema.Initializer,
+    "### `health`": schema.Health,
     "### `anchors`": schema.RangeError,
     "## `cylinders`": schema.Cylinders,
     "## `estimator`": schema.Estimator,

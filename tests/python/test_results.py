@@ -45,7 +45,7 @@ def metrics_in(folder: Path) -> dict[str, Any]:
 def test_everything_is_there(folder: Path) -> None:
     names = {path.name for path in folder.iterdir()}
     assert names >= FILES
-    assert {Path(name).suffix for name in names - FILES} == {".png"}
+    assert {Path(name).suffix for name in names - FILES} == {".csv", ".png"}
     assert all((folder / name).stat().st_size > 0 for name in names)
 
 

@@ -4,6 +4,7 @@
 /// Everything a user of the library needs.
 #include "locfuse/error.hpp"
 #include "locfuse/estimators/air_ekf.hpp"
+#include "locfuse/estimators/health.hpp"
 #include "locfuse/estimators/initializer.hpp"
 #include "locfuse/estimators/landmark_ekf.hpp"
 #include "locfuse/estimators/mcl.hpp"

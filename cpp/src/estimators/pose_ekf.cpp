@@ -112,6 +112,12 @@ Outcome PoseEkf::on(const Range& z) {
                  [&](const Pose2& pose) { return recipe_->range.linearize(pose, z); });
 }
 
+Outcome PoseEkf::weigh(const Range& z) {
+  validate(z);
+  return correct(z.stamp, Gate::closed(),
+                 [&](const Pose2& pose) { return recipe_->range.linearize(pose, z); });
+}
+
 Outcome PoseEkf::on(const PositionFix& z) {
   validate(z);
   return correct(z.stamp, recipe_->position_gate,

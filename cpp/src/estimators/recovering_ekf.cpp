@@ -1,37 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "locfuse/estimators/recovering_ekf.hpp"
 
-#include <algorithm>
-#include <cmath>
-#include <stdexcept>
-#include <string>
 #include <utility>
 
-#include "estimators/outlier.hpp"
 #include "estimators/recipe.hpp"
 
 namespace locfuse {
 namespace {
 
-constexpr double kMore = 0.25;  // share of measurements that fit nothing more than expected
-
-double gate_of(const PoseEkf::Config& config, const Range& /*z*/) { return config.gate_range; }
-double gate_of(const PoseEkf::Config& config, const PositionFix& /*z*/) {
-  return config.gate_position;
+template <class Recipe>
+const Gate& gate_of(const Recipe& recipe, const Range& /*z*/) {
+  return recipe.range_gate;
 }
-double gate_of(const PoseEkf::Config& config, const PoseObservation& /*z*/) {
-  return config.gate_pose;
+template <class Recipe>
+const Gate& gate_of(const Recipe& recipe, const PositionFix& /*z*/) {
+  return recipe.position_gate;
 }
-double gate_of(const PoseEkf::Config& config, const RangeBearing& /*z*/) {
-  return config.gate_landmark;
+template <class Recipe>
+const Gate& gate_of(const Recipe& recipe, const PoseObservation& /*z*/) {
+  return recipe.pose_gate;
 }
-
-double log_of(const char* name, double value) {
-  if (!(std::isfinite(value) && value > 1.0)) {
-    throw std::invalid_argument(std::string(name) + " is " + std::to_string(value) +
-                                ", expected a finite number > 1");
-  }
-  return std::log(value);
+template <class Recipe>
+const Gate& gate_of(const Recipe& recipe, const RangeBearing& /*z*/) {
+  return recipe.landmark_gate;
 }
 
 }  // namespace
@@ -39,16 +30,22 @@ double log_of(const char* name, double value) {
 RecoveringEkf::RecoveringEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
                              std::vector<Tag> tags, std::shared_ptr<const ScanMatcher> matcher,
                              LandmarkSight landmarks)
-    : config_(config),
-      limit_(log_of("measurements_per_false_alarm", config.measurements_per_false_alarm) +
-             std::log(2.0)),  // two tests
-      prototype_(config.start, config.estimator, std::move(anchors), std::move(tags),
-                 std::move(matcher), std::move(landmarks)),
-      start_(prototype_) {}
+    : recipe_(std::make_shared<const Recipe>(
+          Recipe{config, Gate(config.estimator.gate_range), Gate(config.estimator.gate_position),
+                 Gate(config.estimator.gate_pose), Gate(config.estimator.gate_landmark),
+                 Initializer(config.start, config.estimator, std::move(anchors), std::move(tags),
+                             std::move(matcher), std::move(landmarks))})),
+      start_(recipe_->fresh),
+      health_(config.health) {}
 
-void RecoveringEkf::start_at(const PoseEstimate& start) {
-  ekf_ = fresh().started_at(start);
-  trust();
+void RecoveringEkf::start_at(const PoseEstimate& start) { start_with(fresh().started_at(start)); }
+
+Initializer RecoveringEkf::fresh() const {
+  Initializer anew = recipe_->fresh;
+  if (control_) {
+    anew.on(*control_);
+  }
+  return anew;
 }
 
 Outcome RecoveringEkf::on(const Velocity& u) { return drive(u); }
@@ -63,11 +60,11 @@ Outcome RecoveringEkf::on(const Message& message) {
 }
 
 Outcome RecoveringEkf::on(const LaserScan& z) {
-  if (ekf_) {
-    validate(z);
-  } else {
-    start_.on(z);
+  if (start_) {
+    start_->on(z);
     decide();
+  } else {
+    validate(z);
   }
   return {Verdict::kIgnored};
 }
@@ -77,26 +74,35 @@ Outcome RecoveringEkf::drive(const M& u) {
   Outcome outcome{Verdict::kIgnored};
   if (ekf_) {
     outcome = ekf_->on(u);
-  } else {
-    start_.on(u);
+  }
+  if (start_) {
+    start_->on(u);
   }
   control_ = u;
   return outcome;
 }
 
 template <class M>
-Outcome RecoveringEkf::correct(const M& z) {
-  if (!ekf_) {
-    start_.on(z);
-    decide();
-    return {Verdict::kIgnored};
+Outcome RecoveringEkf::fuse(const M& z) {
+  if constexpr (std::is_same_v<M, Range>) {
+    if (health_.is_excluded(source_of(z))) {
+      return ekf_->weigh(z);
+    }
   }
-  const Outcome outcome = ekf_->on(z);
-  judge(outcome, internal::log_anything(z, config_.start.wrong_span_m),
-        gate_of(config_.estimator, z));
-  if (is_alarming()) {
-    raise_alarm();
-    start_.on(z);
+  return ekf_->on(z);
+}
+
+template <class M>
+Outcome RecoveringEkf::correct(const M& z) {
+  Outcome outcome{Verdict::kIgnored};
+  if (ekf_) {
+    outcome = fuse(z);
+    hear(z, outcome);
+    listen();
+  }
+  if (start_ && outcome.verdict != Verdict::kStale) {
+    start_->on(z);
+    decide();
   }
   return outcome;
 }
@@ -108,71 +114,72 @@ std::vector<Outcome> RecoveringEkf::on_joint(const std::vector<RangeBearing>& si
   if (ekf_) {
     outcomes = ekf_->on_joint(sightings, association);
     for (std::size_t i = 0; i < sightings.size(); ++i) {
-      judge(outcomes[i], internal::log_anything(sightings[i], config_.start.wrong_span_m),
-            config_.estimator.gate_landmark);
+      hear(sightings[i], outcomes[i]);
     }
-    if (!is_alarming()) {
-      return outcomes;
+    listen();
+  }
+  if (start_) {
+    for (const RangeBearing& z : sightings) {
+      start_->on(z);
     }
-    raise_alarm();
+    decide();
   }
-  for (const RangeBearing& z : sightings) {
-    start_.on(z);
-  }
-  decide();
   return outcomes;
 }
 
-/// Eq. (3) and (4) of docs/start.md. What no landmark was found for has no likelihood.
-void RecoveringEkf::judge(const Outcome& outcome, double log_anything, double gate) {
-  const double wrong = config_.start.wrong_share;
-  const bool is_gated = outcome.verdict == Verdict::kGated;
-  if (outcome.dof > 0) {
-    const double fits = internal::log_density(outcome, wrong, log_anything);
-    evidence_ = std::max(0.0, evidence_ + log_anything - fits);
-  } else if (is_gated) {
-    evidence_ -= std::log(wrong);
-  }
-  if (is_gated || outcome.dof > 0) {
-    const double expected = 1.0 - (1.0 - wrong) * gate;  // share that passes no gate
-    const double many = expected + kMore * (1.0 - expected);
-    unexplained_ += is_gated ? std::log(many / expected) : std::log1p(-kMore);
-    unexplained_ = std::max(0.0, unexplained_);
-  }
+template <class M>
+void RecoveringEkf::hear(const M& z, const Outcome& outcome) {
+  health_.hear(source_of(z), z.stamp, outcome,
+               outcome.dof > 0 ? gate_of(*recipe_, z).limit(outcome.dof) : 1.0,
+               health_.breadth_of(z));
 }
 
-void RecoveringEkf::trust() {
-  evidence_ = 0.0;
-  unexplained_ = 0.0;
-}
-
-void RecoveringEkf::raise_alarm() {
-  ekf_.reset();
-  ++alarms_;
-  start_ = fresh();
-}
-
-Initializer RecoveringEkf::fresh() const {
-  Initializer anew = prototype_;
-  if (control_) {
-    anew.on(*control_);
+/// Lost, another start begins; found again without it, it ends.
+void RecoveringEkf::listen() {
+  const bool was_lost = std::exchange(was_lost_, health_.is_lost());
+  if (was_lost_ && !was_lost) {
+    ++alarms_;
+    if (recipe_->config.restart) {
+      start_ = fresh();
+    }
+  } else if (!was_lost_) {
+    start_.reset();
   }
-  return anew;
 }
 
 void RecoveringEkf::decide() {
-  const Initializer::State now = start_.state();
+  const Initializer::State now = start_->state();
   if (now.status == StartStatus::kReady) {
-    ekf_ = start_.started_at(now.hypotheses.front().estimate);
-    trust();
+    restarts_ += ekf_ ? 1 : 0;
+    start_with(start_->started_at(now.hypotheses.front().estimate));
+    health_.start(ekf_->current().stamp, 1.0 - recipe_->config.start.probability_ready);
   }
 }
 
+void RecoveringEkf::start_with(PoseEkf ekf) {
+  ekf_ = std::move(ekf);
+  health_.start(ekf_->current().stamp);
+  start_.reset();
+  was_lost_ = false;
+}
+
 Initializer::State RecoveringEkf::state() const {
-  if (!ekf_) {
-    return start_.state();
+  if (start_) {
+    return start_->state();
   }
   return {StartStatus::kReady, {}, {{ekf_->estimate(), 1.0}}};
+}
+
+HealthReport RecoveringEkf::health() const {
+  if (ekf_) {
+    return health_.report(ekf_->current());
+  }
+  HealthReport report;
+  if (start_->state().status == StartStatus::kAmbiguous) {
+    report.state = HealthState::kAmbiguous;
+    report.clue = HealthClue::kSeveralPlaces;
+  }
+  return report;
 }
 
 }  // namespace locfuse

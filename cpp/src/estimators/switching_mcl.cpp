@@ -98,7 +98,7 @@ Outcome SwitchingMcl::hear(const M& z) {
 std::optional<PoseEstimate> SwitchingMcl::useful(Stamp stamp) const {
   const PoseEkf* ekf = uwb_.estimator();
   const bool is_heard = heard_ && stamp - *heard_ <= uwb_age_ && nis_ <= config_.uwb_nis;
-  if (ekf == nullptr || !is_heard || ekf->current().stamp > stamp) {
+  if (uwb_.is_lost() || !is_heard || ekf->current().stamp > stamp) {
     return std::nullopt;
   }
   const PoseEstimate now = ekf->estimate(stamp);

@@ -9,7 +9,16 @@ from typing import Any
 from pydantic import BaseModel
 
 from locfuse import _core
-from locfuse.config.schema import Cylinders, Estimator, Initializer, Mcl, RangeError, Switch
+from locfuse.config.schema import (
+    Cylinders,
+    Estimator,
+    Health,
+    Initializer,
+    Mcl,
+    RangeError,
+    RunConfig,
+    Switch,
+)
 from locfuse.types import Columns, ConfigError, nearest
 
 
@@ -24,6 +33,13 @@ def build_initializer_config(initializer: Initializer) -> _core.InitializerConfi
     """Return the C++ struct with every value of `initializer`."""
     config = _core.InitializerConfig()
     _fill(config, initializer)
+    return config
+
+
+def build_health_config(health: Health) -> _core.HealthConfig:
+    """Return the C++ struct with every value of `health`."""
+    config = _core.HealthConfig()
+    _fill(config, health)
     return config
 
 
@@ -46,14 +62,14 @@ def build_switching_config(switch: Switch) -> _core.SwitchingMclConfig:
     return config
 
 
-def build_recovering_config(
-    estimator: Estimator, initializer: Initializer
-) -> _core.RecoveringEkfConfig:
-    """Return a filter that starts by itself, with every value of both."""
-    config = _core.RecoveringEkfConfig()
-    config.estimator = build_estimator_config(estimator)
-    config.start = build_initializer_config(initializer)
-    return config
+def build_recovering_config(config: RunConfig) -> _core.RecoveringEkfConfig:
+    """Return a filter that starts by itself and knows when it is lost, as a run is told."""
+    recovering = _core.RecoveringEkfConfig()
+    recovering.estimator = build_estimator_config(config.estimator)
+    recovering.start = build_initializer_config(config.initializer)
+    recovering.health = build_health_config(config.health)
+    recovering.restart = config.when_lost == "restart"
+    return recovering
 
 
 def build_cylinder_detector(cylinders: Cylinders) -> _core.CylinderDetector:

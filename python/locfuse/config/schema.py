@@ -127,6 +127,35 @@ class Estimator(Strict):
     sigma_lost_heading_per_sqrt_s: Positive = 0.5
 
 
+class Health(Strict):
+    """What tells how far an estimate may be trusted; ``HealthConfig`` in C++."""
+
+    limit_m: Positive = 1.0
+    risk: Annotated[float, Field(gt=0.0, lt=0.5)] = 0.01
+    mean_s_between_losses: Positive = 14400.0
+    wrong_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.02
+    wrong_span_m: Positive = 20.0
+    chance_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.4
+    faulty_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.1
+    faulty_share_unnamed: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-6
+    faulty_s: Positive = 10.0
+    exclude_above: Annotated[float, Field(gt=0.0, le=1.0)] = 0.999
+    probability_lost: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.5
+    probability_found: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.1
+    doubt_s: Positive = 0.5
+    aiding_lost_s: Positive = 2.0
+    invalid_s: Positive = 60.0
+
+    @model_validator(mode="after")
+    def _found_ends_lost(self) -> Health:
+        if self.probability_found > self.probability_lost:
+            raise ValueError(
+                f"probability_found is {self.probability_found} and probability_lost is "
+                f"{self.probability_lost}; expected probability_found <= probability_lost"
+            )
+        return self
+
+
 class Initializer(Strict):
     """What a start from nothing asks for; ``InitializerConfig`` in C++."""
 
@@ -323,7 +352,8 @@ class RunConfig(Strict):
     Messages come from ``simulation``, or from ``log``: a log folder, or a dataset to convert.
     Paths are relative to the configuration's file. ``anchors`` says what is known of the ranges to
     an anchor, by name; ``all`` holds for those not named. With ``mcl`` scans tell of the pose, too;
-    with ``cylinders`` what is round in them is a sighting of a landmark.
+    with ``cylinders`` what is round in them is a sighting of a landmark. A pose EKF that is lost
+    looks for another place, or does as ``when_lost`` says.
     """
 
     name: str = "run"
@@ -337,6 +367,8 @@ class RunConfig(Strict):
     anchors: dict[Name, RangeError] = Field(default_factory=dict)
     cylinders: Cylinders | None = None
     estimator: Estimator = Field(default_factory=Estimator)
+    health: Health = Field(default_factory=Health)
+    when_lost: Literal["restart", "go_on"] = "restart"
     mcl: Mcl | None = None
     seed: Annotated[int, Field(ge=0)] = 0
     history_s: Annotated[float, Field(ge=0.0, le=1e9)] = 2.0

@@ -111,7 +111,7 @@ def kidnapping_claims(seeds: int) -> Iterator[Claim]:
 
 
 def kidnap(
-    world: str, seed: int, measurements_per_false_alarm: float = 1e6, *, beside: bool = False
+    world: str, seed: int, probability_lost: float = 0.5, *, beside: bool = False
 ) -> Kidnapping:
     """Drive five minutes, be carried off to a pose anywhere in the room, drive on.
 
@@ -120,8 +120,8 @@ def kidnap(
     world : str
         A key of `WORLDS`.
     seed : int
-    measurements_per_false_alarm : float
-        Of the `RecoveringEkfConfig`.
+    probability_lost : float
+        Of the `HealthConfig`.
     beside : bool
         Whether a PoseEkf gets the same messages.
     """
@@ -129,7 +129,7 @@ def kidnap(
     marks = marks_of(world)
     look = _looking(world, marks, rng)
     config = _core.RecoveringEkfConfig()
-    config.measurements_per_false_alarm = measurements_per_false_alarm
+    config.health.probability_lost = probability_lost
     config.estimator = filter_config()
     ekf = _core.RecoveringEkf(config, landmarks=known(marks))
     before, after = _way(world, marks, BEFORE_S, rng), _way(world, marks, AFTER_S, rng)

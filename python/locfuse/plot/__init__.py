@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from locfuse.plot.errors import BAND_SIGMAS, plot_errors
 from locfuse.plot.film import check_film, write_film
+from locfuse.plot.health import plot_health
 from locfuse.plot.landmarks import plot_landmarks
 from locfuse.plot.layout import plot_layout
 from locfuse.plot.nis import plot_nis
@@ -32,6 +33,7 @@ __all__ = [
     "plot_bound",
     "plot_convergence",
     "plot_errors",
+    "plot_health",
     "plot_landmarks",
     "plot_layout",
     "plot_nis",

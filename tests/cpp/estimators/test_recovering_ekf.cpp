@@ -135,7 +135,7 @@ TEST(RecoveringEkf, notices_that_it_was_carried_off_and_finds_itself_again) {
     while (ekf.alarms() == 0 && ++steps < 20) {
       drive.step(ekf, kPosts);
     }
-    EXPECT_LE(steps, 3) << seed;
+    EXPECT_LE(steps, 7) << seed;  // half a second of doubt
     for (int k = 0; k < 30; ++k) {
       drive.step(ekf, kPosts);
     }
@@ -159,21 +159,19 @@ TEST(RecoveringEkf, a_share_of_wrong_sightings_raises_no_alarm) {
   EXPECT_LT(drive.off(ekf), 0.2);
 }
 
-TEST(RecoveringEkf, the_rate_of_false_alarms_is_no_larger_than_said) {
+/// Nobody carries it off, and every fifth sighting is wrong.
+TEST(RecoveringEkf, many_wrong_sightings_raise_no_alarm) {
   RecoveringEkf::Config c = config();
-  c.start.wrong_share = 0.2;
-  c.measurements_per_false_alarm = 500.0;
+  c.health.wrong_share = 0.2;
   RecoveringEkf ekf(c, std::make_shared<const AnchorMap>(), {}, nullptr, {map_of(kPosts), {}});
   Drive drive(6);
   drive.wrong_share = 0.2;
   drive.names = true;
-  constexpr int kSteps = 4000;
-  for (int k = 0; k < kSteps; ++k) {
+  for (int k = 0; k < 36000; ++k) {  // an hour
     drive.step(ekf, kPosts);
   }
-  const double measurements = kSteps * static_cast<double>(kPosts.size());
-  EXPECT_GT(ekf.alarms(), 0);  // or the bound would say nothing
-  EXPECT_LT(ekf.alarms(), measurements / 500.0);
+  EXPECT_EQ(ekf.alarms(), 0);
+  EXPECT_LT(drive.off(ekf), 0.2);
 }
 
 /// Turned about the middle of two posts, each of them is where the other was; the third is not.
@@ -187,7 +185,7 @@ TEST(RecoveringEkf, notices_a_third_that_fits_nothing_where_two_fit) {
   while (ekf.alarms() == 0 && ++steps < 20) {
     drive.step(ekf, three);
   }
-  EXPECT_LT(steps, 10);
+  EXPECT_LT(steps, 15);  // half a second of them in doubt
   for (int k = 0; k < 20; ++k) {
     drive.step(ekf, three);
   }
@@ -300,10 +298,12 @@ TEST(RecoveringEkf, position_fixes_find_it_again_too) {
   drive_on(150);
   ASSERT_FALSE(ekf.is_lost());
   drive.truth.x += 100.0;
-  drive_on(5);
+  drive_on(25);  // one source alone may be wrong for a while
+  EXPECT_EQ(ekf.alarms(), 0);
+  EXPECT_EQ(ekf.health().state, HealthState::kDeadReckoning);
+  drive_on(1500);
   EXPECT_EQ(ekf.alarms(), 1);
-  EXPECT_TRUE(ekf.is_lost());
-  drive_on(150);
+  EXPECT_EQ(ekf.restarts(), 1);
   ASSERT_FALSE(ekf.is_lost());
   EXPECT_LT(drive.off(ekf), 0.2);
 }
@@ -318,13 +318,10 @@ TEST(RecoveringEkf, starts_where_it_is_told) {
 }
 
 TEST(RecoveringEkf, bad_input_is_refused) {
-  const auto with = [](double measurements) {
-    RecoveringEkf::Config c = config();
-    c.measurements_per_false_alarm = measurements;
-    RecoveringEkf(c, std::make_shared<const AnchorMap>(), {}, nullptr);
-  };
-  expect_refused([&] { with(1.0); }, "measurements_per_false_alarm is 1.0");
-  expect_refused([&] { with(std::nan("")); }, "measurements_per_false_alarm is nan");
+  RecoveringEkf::Config c = config();
+  c.health.risk = 0.0;
+  expect_refused([&] { RecoveringEkf(c, std::make_shared<const AnchorMap>(), {}, nullptr); },
+                 "risk is 0.0");
   RecoveringEkf ekf = robot_among(kPosts);
   RangeBearing z;
   z.range = std::numeric_limits<double>::infinity();

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ValidationError
 from locfuse import _core
 from locfuse.config.build import (
     build_estimator_config,
+    build_health_config,
     build_initializer_config,
     build_mcl_config,
     build_switching_config,
@@ -24,6 +25,7 @@ from locfuse.config.schema import (
     BeamModel,
     Calibration,
     Estimator,
+    Health,
     Initializer,
     Landmark,
     LikelihoodField,
@@ -38,6 +40,7 @@ from support_runs import ROOT, room
 
 PAIRS: dict[str, tuple[type[BaseModel], type[Any], str]] = {
     "Estimator": (Estimator, _core.PoseEkfConfig, "estimators/pose_ekf.hpp"),
+    "Health": (Health, _core.HealthConfig, "estimators/health.hpp"),
     "Initializer": (Initializer, _core.InitializerConfig, "estimators/initializer.hpp"),
     "Mcl": (Mcl, _core.MclConfig, "estimators/mcl.hpp"),
     "Switch": (Switch, _core.SwitchingMclConfig, "estimators/switching_mcl.hpp"),
@@ -86,6 +89,7 @@ def leaves(model: type[BaseModel], prefix: tuple[str, ...] = ()) -> list[tuple[s
 
 BUILDERS: dict[str, Callable[[Any], Any]] = {
     "Estimator": build_estimator_config,
+    "Health": build_health_config,
     "Initializer": build_initializer_config,
     "Mcl": lambda mcl: build_mcl_config(mcl, _core.MclConfig().seed),
     "Switch": build_switching_config,
@@ -141,6 +145,8 @@ def counts(leaf: tuple[str, ...]) -> bool:
 
 
 ALLOWED = {
+    ("Health", "risk"): 0.25,
+    ("Health", "probability_found"): 0.25,
     ("Mcl", "max_particles"): 700,
     ("Mcl", "scout_draws"): 700,
     ("Mcl", "kidnapping_probability"): 0.25,
@@ -195,6 +201,8 @@ def core_accepts(leaf: tuple[str, ...], value: float) -> bool:
             _core.Mcl(config, COARSE, 0, nothing)
         elif isinstance(config, _core.InitializerConfig):
             _core.Initializer(config, _core.PoseEkfConfig(), nothing, [], None)
+        elif isinstance(config, _core.HealthConfig):
+            _core.Health(config)
         elif isinstance(config, _core.SwitchingMclConfig):
             uwb = _core.RecoveringEkf(_core.RecoveringEkfConfig(), nothing)
             _core.SwitchingMcl(config, _core.Mcl(_core.MclConfig(), COARSE, 0), uwb)

@@ -95,6 +95,9 @@ class PoseEkf {
   Outcome on(const RangeBearing& z);
   Outcome on(const Message& message);
 
+  /// What `on` would compare, but fuses nothing: kGated in place of kFused.
+  Outcome weigh(const Range& z);
+
   /// Ranges of one instant fused as one measurement: one linearization, one gate. Those that are
   /// not modelled are left out. All stamps must be equal; at most kMaxJoint.
   Outcome on_joint(const std::vector<Range>& epoch);

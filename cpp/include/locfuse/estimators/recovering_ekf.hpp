@@ -1,42 +1,43 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <algorithm>
 #include <memory>
 #include <optional>
 #include <vector>
 
+#include "locfuse/estimators/health.hpp"
 #include "locfuse/estimators/initializer.hpp"
 
 namespace locfuse {
 
-/// A PoseEkf that starts by itself, notices when it was carried away, and starts anew.
+/// A PoseEkf that starts by itself, notices when it is lost, and starts anew.
 ///
-/// While it is lost an Initializer takes the messages: landmarks seen together, ranges, fixes and
-/// poses start hypotheses until one wins. While it tracks, either of two cumulative sums of log
-/// likelihood ratios raises the alarm (Page, 1954): measurements say nothing of where it believes
-/// to be, or too many of them pass no gate. Derivation: docs/start.md.
+/// Until it has started an Initializer takes the messages: landmarks seen together, ranges, fixes
+/// and poses start hypotheses until one wins. While it tracks, a Health listens. Lost, it goes on
+/// as it was, but another Initializer begins beside it: whichever explains first what is measured
+/// is believed. Derivation: docs/health.md.
 ///
-/// Every `on` throws std::invalid_argument for a message that is not valid.
+/// A cheap value. Every `on` throws std::invalid_argument for a message that is not valid.
 class RecoveringEkf {
  public:
   struct Config {
     PoseEkf::Config estimator;
     Initializer::Config start;
-    /// Mean number of measurements before a false alarm is at least this, if as many are wrong as
-    /// `start.wrong_share` says, each by itself.
-    double measurements_per_false_alarm = 1e6;
+    Health::Config health;
+    bool restart = true;  ///< whether it looks for another place while it is lost
   };
 
-  /// Lost at first. Throws std::invalid_argument on a config out of range.
+  /// Not started. Throws std::invalid_argument on a config out of range.
   RecoveringEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
                 std::vector<Tag> tags, std::shared_ptr<const ScanMatcher> matcher,
                 LandmarkSight landmarks = {});
 
   /// Tracks from `start` on. Throws std::invalid_argument as a PoseEkf does.
   void start_at(const PoseEstimate& start);
+  /// Tracks on with a filter that somebody else has started.
+  void start_with(PoseEkf ekf);
 
-  /// What became of it; kIgnored while lost: then it weighs hypotheses.
+  /// What became of it; kIgnored until it has started.
   Outcome on(const Velocity& u);
   Outcome on(const Increment& u);
   Outcome on(const Range& z);
@@ -44,7 +45,7 @@ class RecoveringEkf {
   Outcome on(const PoseObservation& z);
   Outcome on(const RangeBearing& z);
   Outcome on(const Message& message);
-  /// Of use while lost; kIgnored.
+  /// Of use while it has no place or is lost; kIgnored.
   Outcome on(const LaserScan& z);
 
   /// Sightings of one instant, put together with landmarks as by PoseEkf::on_joint.
@@ -53,33 +54,48 @@ class RecoveringEkf {
 
   /// kReady while it tracks; otherwise how far the start has come.
   [[nodiscard]] Initializer::State state() const;
-  [[nodiscard]] bool is_lost() const { return !ekf_.has_value(); }
+  /// Whether there is no estimate to be trusted.
+  [[nodiscard]] bool is_lost() const { return !ekf_ || health_.is_lost(); }
+  /// How far its estimate may be trusted.
+  [[nodiscard]] HealthReport health() const;
+  [[nodiscard]] const std::vector<SourceStatus>& sources() const { return health_.sources(); }
   /// How often it noticed that it was lost.
   [[nodiscard]] int alarms() const { return alarms_; }
-  /// The filter that tracks, or null.
+  /// How often it then found another place.
+  [[nodiscard]] int restarts() const { return restarts_; }
+  /// The filter, or null until it has started. While it is lost, that of the place it had.
   [[nodiscard]] const PoseEkf* estimator() const { return ekf_ ? &*ekf_ : nullptr; }
 
  private:
+  struct Recipe {  // what never changes, shared by all snapshots
+    Config config;
+    Gate range_gate;
+    Gate position_gate;
+    Gate pose_gate;
+    Gate landmark_gate;
+    Initializer fresh;  // that has heard nothing
+  };
+
   template <class M>
   Outcome drive(const M& u);
   template <class M>
   Outcome correct(const M& z);
-  void judge(const Outcome& outcome, double log_anything, double gate);
-  [[nodiscard]] bool is_alarming() const { return std::max(evidence_, unexplained_) > limit_; }
-  void trust();
-  void raise_alarm();
-  [[nodiscard]] Initializer fresh() const;  // that has heard the last odometry
+  template <class M>
+  [[nodiscard]] Outcome fuse(const M& z);
+  template <class M>
+  void hear(const M& z, const Outcome& outcome);
+  void listen();  // to what health says
   void decide();
+  [[nodiscard]] Initializer fresh() const;  // that has heard the last odometry
 
-  Config config_;
-  double limit_;           // of both sums
-  Initializer prototype_;  // that has heard nothing
-  Initializer start_;
+  std::shared_ptr<const Recipe> recipe_;
+  std::optional<Initializer> start_;  // while there is no place, or it is lost
   std::optional<PoseEkf> ekf_;
+  Health health_;
   std::optional<Message> control_;  // the last odometry
-  double evidence_ = 0.0;           // that nothing fits
-  double unexplained_ = 0.0;        // that too much fits nothing
+  bool was_lost_ = false;
   int alarms_ = 0;
+  int restarts_ = 0;
 };
 
 }  // namespace locfuse

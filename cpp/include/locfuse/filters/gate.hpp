@@ -15,6 +15,13 @@ class Gate {
   /// Lets everything through.
   Gate() { limits_.fill(std::numeric_limits<double>::infinity()); }
 
+  /// Lets nothing through.
+  [[nodiscard]] static Gate closed() {
+    Gate gate;
+    gate.limits_.fill(-1.0);
+    return gate;
+  }
+
   /// Throws std::invalid_argument unless 0 < probability <= 1; 1 lets everything through.
   explicit Gate(double probability);
 

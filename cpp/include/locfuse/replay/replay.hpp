@@ -2,9 +2,11 @@
 #pragma once
 
 #include <functional>
+#include <stdexcept>
 #include <vector>
 
 #include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/estimators/recovering_ekf.hpp"
 #include "locfuse/replay/message_log.hpp"
 #include "locfuse/replay/timeline.hpp"
 
@@ -16,6 +18,10 @@ struct RunLog {
   std::vector<PoseEstimate> estimates;  ///< per distinct stamp, as known when time moved on
   PoseEstimate last;                    ///< at the end of the log
   std::vector<CalibratedError> errors;  ///< learnt by then
+  std::vector<HealthReport> health;     ///< of a RecoveringEkf, ten times a second
+  std::vector<SourceStatus> sources;    ///< likewise, at the end of the log
+  int alarms = 0;                       ///< likewise: how often it was lost
+  int restarts = 0;                     ///< likewise: how often it then found another place
 };
 
 struct ReplayOptions {
@@ -24,6 +30,33 @@ struct ReplayOptions {
   std::function<void(std::size_t)> progress;  ///< called with the number of messages done
   std::size_t first = 0;                      ///< messages before it were used for the start
 };
+
+namespace internal {
+
+inline const PoseEkf& tracker_of(const PoseEkf& ekf) { return ekf; }
+inline const PoseEkf& tracker_of(const RecoveringEkf& ekf) {
+  if (ekf.estimator() == nullptr) {
+    throw std::invalid_argument("the RecoveringEkf has not started; replay needs start_at before");
+  }
+  return *ekf.estimator();
+}
+
+inline void keep_health(RunLog& /*run*/, const PoseEkf& /*ekf*/) {}
+inline void keep_health(RunLog& run, const RecoveringEkf& ekf) {
+  constexpr Stamp kEvery = 100'000'000;
+  if (run.health.empty() || ekf.estimator()->belief().stamp - run.health.back().stamp >= kEvery) {
+    run.health.push_back(ekf.health());
+  }
+}
+
+inline void keep_sources(RunLog& /*run*/, const PoseEkf& /*ekf*/) {}
+inline void keep_sources(RunLog& run, const RecoveringEkf& ekf) {
+  run.sources = ekf.sources();
+  run.alarms = ekf.alarms();
+  run.restarts = ekf.restarts();
+}
+
+}  // namespace internal
 
 /// Feeds a sorted log to an estimator through a Timeline. The same input gives the same bits.
 /// Messages before `options.first` keep the verdict kIgnored.
@@ -38,6 +71,9 @@ template <class Estimator>
     run.outcomes.resize(arrivals.size());
     run.estimates.reserve(arrivals.size() + 1);
   }
+  const auto tracker = [&]() -> const PoseEkf& {
+    return internal::tracker_of(timeline.estimator());
+  };
   const auto keep = [&](const PoseEstimate& estimate) {
     if (run.estimates.empty() || estimate.stamp > run.estimates.back().stamp) {
       run.estimates.push_back(estimate);
@@ -50,18 +86,20 @@ template <class Estimator>
   };
   for (std::size_t i = options.first; i < arrivals.size(); ++i) {
     const Message& message = arrivals[i].message;
-    if (options.record && effective_stamp(message) > timeline.estimator().belief().stamp) {
-      keep(timeline.estimator().current());
+    if (options.record && effective_stamp(message) > tracker().belief().stamp) {
+      keep(tracker().current());
+      internal::keep_health(run, timeline.estimator());
     }
     timeline.on(message, sink);
     if (options.progress && (i + 1) % kProgressEvery == 0) {
       options.progress(i + 1);
     }
   }
-  run.last = timeline.estimator().estimate();
-  run.errors = timeline.estimator().errors();
+  run.last = tracker().estimate();
+  run.errors = tracker().errors();
+  internal::keep_sources(run, timeline.estimator());
   if (options.record) {
-    keep(timeline.estimator().current());
+    keep(tracker().current());
     keep(run.last);
   }
   return run;

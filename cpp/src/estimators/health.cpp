@@ -1,0 +1,302 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/estimators/health.hpp"
+
+#include <algorithm>
+#include <boost/math/distributions/students_t.hpp>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "estimators/recipe.hpp"
+
+namespace locfuse {
+namespace {
+
+constexpr double kOfSource = 1.0 / 32.0;  // weight of a message in the means of its source
+constexpr double kOfAll = 1.0 / 64.0;     // likewise of all sources
+constexpr double kMostOdds = 1e9;         // more says no more, and would never come back
+constexpr double kNotable = 0.5;          // probability that a source is wrong, to be told
+constexpr double kNoisy = 2.0;            // NIS per degree of freedom, to be told
+constexpr double kMostNis = 10.0;         // of one message: more says no more
+constexpr double kNotableNis = 4.0;       // of a range, for its sign to tell
+constexpr double kReadsLong = 0.9;       // share of ranges that are wrong and read long
+constexpr double kChance = 0.3;           // by which a mean NIS is above 1 by chance
+constexpr double kSilentIntervals = 10.0;
+
+double odds_of(double probability) { return probability / (1.0 - probability); }
+
+double share(const char* name, double value, double least, double most) {
+  if (!(value > least && value < most)) {
+    throw std::invalid_argument(std::string(name) + " is " + std::to_string(value) +
+                                ", expected a number between " + std::to_string(least) + " and " +
+                                std::to_string(most));
+  }
+  return value;
+}
+
+const Health::Config& checked(const Health::Config& c) {
+  using internal::positive;
+  positive("limit_m", c.limit_m);
+  share("risk", c.risk, 0.0, 0.5);
+  positive("mean_s_between_losses", c.mean_s_between_losses);
+  share("wrong_share", c.wrong_share, 0.0, 1.0);
+  positive("wrong_span_m", c.wrong_span_m);
+  share("chance_share", c.chance_share, 0.0, 1.0);
+  share("faulty_share", c.faulty_share, 0.0, 1.0);
+  share("faulty_share_unnamed", c.faulty_share_unnamed, 0.0, 1.0);
+  positive("faulty_s", c.faulty_s);
+  share("probability_lost", c.probability_lost, 0.0, 1.0);
+  share("probability_found", c.probability_found, 0.0, 1.0);
+  if (!(c.exclude_above > 0.0 && c.exclude_above <= 1.0)) {
+    throw std::invalid_argument("exclude_above is " + std::to_string(c.exclude_above) +
+                                ", expected 0 < exclude_above <= 1");
+  }
+  if (c.probability_found > c.probability_lost) {
+    throw std::invalid_argument("probability_found is " + std::to_string(c.probability_found) +
+                                " and probability_lost is " + std::to_string(c.probability_lost) +
+                                ", expected probability_found <= probability_lost");
+  }
+  return c;
+}
+
+/// Of the error in its own sigmas, for half of the risk to be beyond, to either side. That sigma is
+/// no better known than from some innovations: hence Student's distribution, eq. (8).
+double quantile_of(double risk) {
+  constexpr double kDegreesOfFreedom = 8.0;
+  return boost::math::quantile(boost::math::students_t(kDegreesOfFreedom), 1.0 - 0.25 * risk);
+}
+
+/// Probability that a zero-mean Gaussian position stays within `radius`, eq. (6) of docs/health.md.
+double probability_within(double radius, const Matrix<2, 2>& covariance) {
+  constexpr int kAngles = 8;  // over a quarter turn; the integrand is smooth and periodic
+  const double middle = 0.5 * (covariance(0, 0) + covariance(1, 1));
+  const double half = std::hypot(0.5 * (covariance(0, 0) - covariance(1, 1)), covariance(0, 1));
+  double sum = 0.0;
+  for (int k = 0; k < kAngles; ++k) {
+    const double cosine = std::cos((k + 0.5) * kPi / kAngles);
+    sum += std::exp(-0.5 * radius * radius / std::max(middle + half * cosine, 1e-300));
+  }
+  return 1.0 - sum / kAngles;
+}
+
+}  // namespace
+
+Health::Health(const Config& config)
+    : config_(checked(config)),
+      aiding_lost_(internal::stamps_of("aiding_lost_s", config.aiding_lost_s)),
+      invalid_(internal::stamps_of("invalid_s", config.invalid_s)),
+      doubt_(internal::stamps_of("doubt_s", config.doubt_s)),
+      odds_lost_(odds_of(config.probability_lost)),
+      odds_found_(odds_of(config.probability_found)),
+      quantile_(quantile_of(config.risk)) {}
+
+void Health::start(Stamp stamp, double wrong) {
+  stamp_ = fused_ = stamp;
+  odds_ = odds_of(share("wrong", wrong, -1e-300, 1.0));
+  nis_ = 1.0;
+  scale_ = 0.0;
+  lost_ = false;
+  doubted_.reset();
+  sources_.clear();
+  latest_ = 0;
+  excluded_ = 0;
+}
+
+double Health::faulty_share(const Source& source) const {
+  const bool is_sensor = source.kind == Source::Kind::kLandmark && source.name == Source::kNameless;
+  return is_sensor ? config_.faulty_share_unnamed : config_.faulty_share;
+}
+
+SourceStatus& Health::status_of(const Source& source, Stamp stamp) {
+  // Sources tend to take turns.
+  if (latest_ + 1 < sources_.size() && sources_[latest_ + 1].source == source) {
+    return sources_[++latest_];
+  }
+  const auto place = std::lower_bound(
+      sources_.begin(), sources_.end(), source,
+      [](const SourceStatus& status, const Source& wanted) { return status.source < wanted; });
+  latest_ = static_cast<std::size_t>(place - sources_.begin());
+  if (place == sources_.end() || !(place->source == source)) {
+    SourceStatus fresh;
+    fresh.source = source;
+    fresh.heard = stamp;
+    fresh.faulty = faulty_share(source);
+    sources_.insert(place, fresh);
+  }
+  return sources_[latest_];
+}
+
+void Health::advance(Stamp stamp) {
+  if (stamp <= stamp_) {
+    return;
+  }
+  const double seconds = seconds_between(stamp_, stamp);
+  stamp_ = stamp;
+  odds_ = std::min(odds_ + (1.0 + odds_) * seconds / config_.mean_s_between_losses, kMostOdds);
+  judge();
+}
+
+/// Doubt that lasts becomes loss: outliers that come together by chance do not last.
+void Health::judge() {
+  if (odds_ <= (lost_ ? odds_found_ : odds_lost_)) {
+    lost_ = false;
+    doubted_.reset();
+    return;
+  }
+  doubted_ = doubted_.value_or(stamp_);
+  lost_ = lost_ || stamp_ - *doubted_ >= doubt_;
+}
+
+void Health::hear(const Source& source, Stamp stamp, const Outcome& outcome, double limit,
+                  double breadth) {
+  const bool is_fused = outcome.verdict == Verdict::kFused;
+  if (!is_fused && outcome.verdict != Verdict::kGated) {
+    return;
+  }
+  advance(stamp);
+  SourceStatus& status = status_of(source, stamp);
+  excluded_ -= status.faulty > config_.exclude_above ? 1 : 0;
+  const double seconds = std::max(seconds_between(status.heard, stamp), 0.0);
+  const double stays = std::max(1.0 - seconds / config_.faulty_s, 0.0);
+  const double usual = faulty_share(source);
+  status.faulty = usual + stays * (status.faulty - usual);
+  status.interval += (status.interval > 0.0 ? kOfSource : 1.0) * (seconds - status.interval);
+  status.heard = std::max(status.heard, stamp);
+  status.accepted += kOfSource * ((is_fused ? 1.0 : 0.0) - status.accepted);
+  if (is_fused) {
+    status.fused = status.heard;
+    fused_ = std::max(fused_, stamp);
+  }
+  if (outcome.dof > 0) {
+    status.residual = outcome.residual;
+    status.sigma = std::sqrt(outcome.scale);
+    status.test_ratio = outcome.nis / limit;
+  }
+  weigh(status, outcome, breadth);
+  excluded_ += status.faulty > config_.exclude_above ? 1 : 0;
+}
+
+/// Eq. (2) to (5) of docs/health.md.
+void Health::weigh(SourceStatus& status, const Outcome& outcome, double breadth) {
+  double fits = 0.0;  // likelihood if it is right, over that of anything
+  if (outcome.dof > 0) {
+    const double volume = 2.0 * kPi * outcome.scale;
+    const double peak = outcome.dof == 1   ? 1.0 / std::sqrt(volume)
+                        : outcome.dof == 2 ? 1.0 / volume
+                                           : std::pow(volume, -0.5 * outcome.dof);
+    fits = std::exp(-0.5 * outcome.nis) * (breadth * peak + 2.0);
+  }
+  const double wrong = config_.wrong_share;
+  const double elsewhere = 1.0 - config_.chance_share + config_.chance_share * fits;
+  const double good = 1.0 - status.faulty;
+  if (outcome.dof > 0) {
+    const double ratio = std::min(outcome.nis / outcome.dof, kMostNis);
+    status.nis += kOfSource * good * (ratio - status.nis);
+    nis_ += kOfAll * good * (ratio - nis_);
+    scale_ += kOfAll * good * (outcome.scale - scale_);
+  }
+  double faulty = elsewhere;
+  if (status.source.kind == Source::Kind::kRange && outcome.nis > kNotableNis) {
+    faulty *= 2.0 * (outcome.residual > 0.0 ? kReadsLong : 1.0 - kReadsLong);
+  }
+  const double right = good * ((1.0 - wrong) * fits + wrong) + status.faulty * faulty;
+  status.faulty *= faulty / right;
+  odds_ = std::min(odds_ * elsewhere / right, kMostOdds);
+  judge();
+}
+
+double Health::breadth_of(const Range& /*z*/) const { return config_.wrong_span_m; }
+double Health::breadth_of(const PositionFix& /*z*/) const {
+  return config_.wrong_span_m * config_.wrong_span_m;
+}
+double Health::breadth_of(const PoseObservation& /*z*/) const {
+  return config_.wrong_span_m * config_.wrong_span_m * 2.0 * kPi;
+}
+double Health::breadth_of(const RangeBearing& z) const {
+  return (z.range ? config_.wrong_span_m : 1.0) * (z.bearing ? 2.0 * kPi : 1.0);
+}
+
+bool Health::is_excluded(const Source& source) const {
+  if (excluded_ == 0 || odds_ > odds_found_) {
+    return false;  // rather the pose is wrong than the source
+  }
+  const auto place = std::lower_bound(
+      sources_.begin(), sources_.end(), source,
+      [](const SourceStatus& status, const Source& wanted) { return status.source < wanted; });
+  return place != sources_.end() && place->source == source &&
+         place->faulty > config_.exclude_above;
+}
+
+/// Eq. (7) of docs/health.md: what innovations are too large by is put down to the pose.
+double Health::inflation(const PoseEstimate& estimate) const {
+  const double excess = std::max(nis_ - 1.0 - kChance, 0.0);
+  const double sigma = estimate.sigma_position();
+  return 1.0 + excess * std::max(scale_ / (sigma * sigma), 1.0);
+}
+
+HealthReport Health::report(const PoseEstimate& estimate) const {
+  HealthReport report;
+  report.stamp = std::max(stamp_, estimate.stamp);
+  const double since = seconds_between(stamp_, report.stamp);
+  const double odds = odds_ + (1.0 + odds_) * since / config_.mean_s_between_losses;
+  report.wrong = odds / (1.0 + odds);
+  report.inflation = inflation(estimate);
+  const Matrix<3, 3> P = report.inflation * estimate.covariance;
+  report.within =
+      (1.0 - report.wrong) * probability_within(config_.limit_m, P.topLeftCorner<2, 2>());
+  if (report.wrong < 0.5 * config_.risk) {
+    report.protection = quantile_ * P.diagonal().cwiseSqrt();
+  }
+  find_state(report);
+  return report;
+}
+
+void Health::find_state(HealthReport& report) const {
+  report.source.reset();
+  const Stamp silence = report.stamp - fused_;
+  if (lost_ || silence > invalid_) {
+    report.state = HealthState::kLost;
+    report.clue = lost_ ? HealthClue::kMeasurements : HealthClue::kSilence;
+  } else if (silence > aiding_lost_) {
+    report.state = HealthState::kDeadReckoning;
+    report.clue = HealthClue::kSilence;
+  } else {
+    find_flaw(report);
+    report.state = report.clue == HealthClue::kNone ? HealthState::kOk : HealthState::kDegraded;
+  }
+}
+
+/// What a right pose may suffer from.
+void Health::find_flaw(HealthReport& report) const {
+  report.clue = HealthClue::kNone;
+  if (doubted_) {
+    report.clue = HealthClue::kMeasurements;
+    return;
+  }
+  if (report.within < 0.5) {
+    report.clue = HealthClue::kPositionIsVague;
+  } else if (nis_ > kNoisy) {
+    report.clue = HealthClue::kNoiseIsLarger;
+  }
+  const auto end = sources_.end();
+  for (auto first = sources_.begin(); first != end;) {  // one kind after another
+    bool is_silent = true;
+    auto status = first;
+    for (; status != end && status->source.kind == first->source.kind; ++status) {
+      const double since = seconds_between(status->heard, report.stamp);
+      is_silent =
+          is_silent && since > std::max(config_.aiding_lost_s, kSilentIntervals * status->interval);
+      if (status->faulty > kNotable) {
+        report.clue = HealthClue::kSourceIsWrong;
+        report.source = status->source;
+      }
+    }
+    if (is_silent && !report.source) {
+      report.clue = HealthClue::kSourceIsSilent;
+      report.source = first->source;
+    }
+    first = status;
+  }
+}
+
+}  // namespace locfuse

@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "locfuse/estimators/health.hpp"
+#include "support/expect.hpp"
+#include "support/random.hpp"
+
+namespace locfuse {
+namespace {
+
+using testing::expect_refused;
+using testing::normal;
+using testing::Rng;
+using testing::uniform;
+
+constexpr Stamp kStep = 100'000'000;
+constexpr double kLimit = 10.8;  // of the gate
+constexpr double kScale = 0.01;  // variance of an innovation
+constexpr double kSpan = 20.0;
+
+Outcome of_residual(double residual) {
+  const double nis = residual * residual / kScale;
+  return {nis > kLimit ? Verdict::kGated : Verdict::kFused, 1, nis, residual, kScale};
+}
+
+Source anchor(Id name) { return {Source::Kind::kRange, name}; }
+
+struct Room {
+  Health health{Health::Config{}};
+  Stamp stamp = 0;
+  Rng rng{1};
+
+  /// One range of each anchor; those below `wrong` are off by `by`.
+  void listen(int steps, int anchors, int wrong, double by) {
+    for (int k = 0; k < steps; ++k) {
+      stamp += kStep;
+      for (int i = 0; i < anchors; ++i) {
+        const double noise = normal(rng, std::sqrt(kScale));
+        health.hear(anchor(i), stamp, of_residual(i < wrong ? by + noise : noise), kLimit, kSpan);
+      }
+    }
+  }
+
+  [[nodiscard]] HealthReport report(double sigma = 0.05) const {
+    return health.report({stamp, {}, sigma * sigma * Matrix<3, 3>::Identity()});
+  }
+};
+
+TEST(Health, is_ok_while_all_agree) {
+  Room room;
+  room.health.start(0);
+  room.listen(600, 4, 0, 0.0);
+  const HealthReport report = room.report();
+  EXPECT_EQ(report.state, HealthState::kOk);
+  EXPECT_EQ(report.clue, HealthClue::kNone);
+  EXPECT_LT(report.wrong, 1e-4);
+  EXPECT_GT(report.within, 0.999);
+}
+
+TEST(Health, one_source_that_is_wrong_is_named_and_the_pose_believed) {
+  Room room;
+  room.health.start(0);
+  room.listen(100, 4, 0, 0.0);
+  room.listen(600, 4, 1, 3.0);
+  const HealthReport report = room.report();
+  EXPECT_EQ(report.state, HealthState::kDegraded);
+  EXPECT_EQ(report.clue, HealthClue::kSourceIsWrong);
+  ASSERT_TRUE(report.source);
+  EXPECT_EQ(report.source->name, 0);
+  EXPECT_TRUE(room.health.is_excluded(anchor(0)));
+  EXPECT_FALSE(room.health.is_excluded(anchor(1)));
+  room.listen(100, 4, 0, 0.0);
+  EXPECT_FALSE(room.health.is_excluded(anchor(0)));
+  EXPECT_EQ(room.report().state, HealthState::kOk);
+}
+
+TEST(Health, several_at_once_speak_against_the_pose) {
+  Room room;
+  room.health.start(0);
+  room.listen(100, 4, 0, 0.0);
+  room.listen(3, 4, 4, -3.0);
+  EXPECT_FALSE(room.health.is_lost());  // doubt has to last
+  EXPECT_EQ(room.report().clue, HealthClue::kMeasurements);
+  EXPECT_LT(room.report().within, 0.1);
+  EXPECT_TRUE(std::isinf(room.report().protection.x()));
+  room.listen(5, 4, 4, -3.0);
+  EXPECT_TRUE(room.health.is_lost());
+  EXPECT_EQ(room.report().state, HealthState::kLost);
+  room.listen(20, 4, 0, 0.0);
+  EXPECT_FALSE(room.health.is_lost());
+}
+
+TEST(Health, short_ranges_of_all_are_worse_than_long_ones) {
+  const auto wrong_after = [](double by) {
+    Room room;
+    room.health.start(0);
+    room.listen(100, 2, 0, 0.0);
+    room.listen(2, 2, 2, by);
+    return room.health.wrong();
+  };
+  EXPECT_GT(wrong_after(-3.0), 10.0 * wrong_after(3.0));
+}
+
+TEST(Health, without_measurements_trust_runs_out) {
+  Room room;
+  room.health.start(0);
+  room.listen(100, 4, 0, 0.0);
+  double before = room.report().within;
+  for (const double seconds : {1.0, 3.0, 30.0, 70.0}) {
+    const Stamp later = room.stamp + static_cast<Stamp>(seconds * kNanosecondsPerSecond);
+    const HealthReport report = room.health.report({later, {}, 0.0025 * Matrix<3, 3>::Identity()});
+    EXPECT_LT(report.within, before);
+    before = report.within;
+    EXPECT_EQ(report.state, seconds < 2.0    ? HealthState::kOk
+                            : seconds < 60.0 ? HealthState::kDeadReckoning
+                                             : HealthState::kLost);
+  }
+}
+
+TEST(Health, a_kind_of_source_that_falls_silent_is_told) {
+  Room room;
+  room.health.start(0);
+  for (int k = 0; k < 50; ++k) {
+    room.listen(1, 3, 0, 0.0);
+    room.health.hear({Source::Kind::kPose, Source::kNameless}, room.stamp, of_residual(0.01),
+                     kLimit, kSpan);
+  }
+  EXPECT_EQ(room.report().state, HealthState::kOk);
+  room.listen(50, 3, 0, 0.0);
+  EXPECT_EQ(room.report().state, HealthState::kDegraded);
+  EXPECT_EQ(room.report().clue, HealthClue::kSourceIsSilent);
+  EXPECT_EQ(room.report().source->kind, Source::Kind::kPose);
+}
+
+TEST(Health, noise_that_is_larger_than_told_widens_the_levels) {
+  Room told;
+  Room untold;
+  told.health.start(0);
+  untold.health.start(0);
+  told.listen(300, 4, 0, 0.0);
+  for (int k = 0; k < 300; ++k) {
+    untold.stamp += kStep;
+    for (int i = 0; i < 4; ++i) {
+      untold.health.hear(anchor(i), untold.stamp,
+                         of_residual(normal(untold.rng, 1.8 * std::sqrt(kScale))), kLimit, kSpan);
+    }
+  }
+  EXPECT_NEAR(told.report().inflation, 1.0, 0.5);
+  EXPECT_GT(untold.report().inflation, 3.0);
+  EXPECT_GT(untold.report().protection.x(), 1.5 * told.report().protection.x());
+}
+
+/// Eq. (6) against a draw of a million.
+TEST(Health, within_is_the_probability_of_an_ellipse_in_a_circle) {
+  Health::Config config;
+  config.limit_m = 0.7;
+  Health health(config);
+  health.start(0);
+  Matrix<3, 3> P = Matrix<3, 3>::Identity();
+  P.topLeftCorner<2, 2>() << 0.5, 0.3, 0.3, 0.25;
+  const Matrix<2, 2> L = P.topLeftCorner<2, 2>().llt().matrixL();
+  Rng rng(3);
+  int inside = 0;
+  constexpr int kDraws = 200'000;
+  for (int k = 0; k < kDraws; ++k) {
+    const Vector<2> e = L * Vector<2>(normal(rng, 1.0), normal(rng, 1.0));
+    inside += e.norm() < 0.7 ? 1 : 0;
+  }
+  EXPECT_NEAR(health.report({0, {}, P}).within, static_cast<double>(inside) / kDraws, 0.005);
+}
+
+/// Eq. (5) is Bayes' rule: bits and measurements drawn as the model has them give odds that are
+/// met.
+TEST(Health, the_probability_of_being_wrong_is_calibrated) {
+  Health::Config config;
+  config.mean_s_between_losses = 20.0;
+  Rng rng(5);
+  double said = 0.0;
+  double wrong = 0.0;
+  constexpr int kRuns = 4000;
+  constexpr double kSigma = 0.1;
+  for (int run = 0; run < kRuns; ++run) {
+    Health health(config);
+    health.start(0);
+    bool is_wrong = false;
+    for (int k = 1; k <= 20; ++k) {
+      is_wrong = is_wrong || uniform(rng, 0.0, 1.0) < 0.1 / config.mean_s_between_losses;
+      for (Id i = 0; i < 3; ++i) {
+        const double share = is_wrong ? config.chance_share : 1.0 - config.wrong_share;
+        const double r = uniform(rng, 0.0, 1.0) < share ? normal(rng, kSigma)
+                                                        : uniform(rng, -0.5 * kSpan, 0.5 * kSpan);
+        const double nis = r * r / (kSigma * kSigma);
+        health.hear(anchor(i), k * kStep,
+                    {nis > kLimit ? Verdict::kGated : Verdict::kFused, 1, nis, r, kSigma * kSigma},
+                    kLimit, kSpan);
+      }
+    }
+    said += health.wrong();
+    wrong += is_wrong ? 1.0 : 0.0;
+  }
+  EXPECT_NEAR(said / kRuns, wrong / kRuns, 0.015);
+  EXPECT_GT(wrong / kRuns, 0.05);
+}
+
+TEST(Health, counts_what_became_of_each_source) {
+  Room room;
+  room.health.start(0);
+  room.listen(200, 3, 1, 5.0);
+  ASSERT_EQ(room.health.sources().size(), 3U);
+  const SourceStatus& bad = room.health.sources()[0];
+  const SourceStatus& good = room.health.sources()[1];
+  EXPECT_LT(bad.accepted, 0.01);
+  EXPECT_FALSE(bad.fused.has_value());
+  EXPECT_GT(bad.test_ratio, 1.0);
+  EXPECT_GT(bad.faulty, 0.9);
+  EXPECT_GT(good.accepted, 0.9);
+  EXPECT_EQ(good.fused, room.stamp);
+  EXPECT_NEAR(good.interval, 0.1, 1e-9);
+  EXPECT_NEAR(good.sigma, 0.1, 1e-9);
+  EXPECT_LT(good.test_ratio, 1.0);
+  EXPECT_NEAR(good.nis, 1.0, 0.7);
+}
+
+TEST(Health, started_anew_it_is_as_new) {
+  Room room;
+  room.health.start(0);
+  room.listen(100, 3, 3, -5.0);
+  room.health.start(room.stamp);
+  Health fresh{Health::Config{}};
+  fresh.start(room.stamp);
+  const PoseEstimate here{room.stamp, {}, Matrix<3, 3>::Identity()};
+  EXPECT_EQ(room.health.report(here).within, fresh.report(here).within);
+  EXPECT_EQ(room.health.report(here).protection, fresh.report(here).protection);
+  EXPECT_TRUE(room.health.sources().empty());
+}
+
+TEST(Health, bad_config_is_refused) {
+  const auto with = [](double Health::Config::*field, double value) {
+    Health::Config config;
+    config.*field = value;
+    return [config] { Health{config}; };
+  };
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  expect_refused(with(&Health::Config::limit_m, 0.0), "limit_m is 0.0");
+  expect_refused(with(&Health::Config::risk, nan), "risk is nan");
+  expect_refused(with(&Health::Config::faulty_share, 1.0), "faulty_share is 1.0");
+  expect_refused(with(&Health::Config::exclude_above, 1.5), "exclude_above is 1.5");
+  expect_refused(with(&Health::Config::probability_found, 0.9),
+                 "probability_found <= probability_lost");
+}
+
+}  // namespace
+}  // namespace locfuse
