@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can go wrong with a robot that is located by ranges, simulated: one drive of five minutes."""
+"""What can go wrong with a robot that is located by ranges: simulated drives of five minutes."""
 
 from __future__ import annotations
 
