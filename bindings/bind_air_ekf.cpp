@@ -78,6 +78,13 @@ void bind_config(py::module_& m) {
       .def_readwrite("gate_pose", &Config::gate_pose)
       .def_readwrite("gate_altitude", &Config::gate_altitude)
       .def_readwrite("gate_landmark", &Config::gate_landmark)
+      .def_readwrite("robust_range", &Config::robust_range, "What noise of ranges looks like.")
+      .def_readwrite("robust_position", &Config::robust_position)
+      .def_readwrite("robust_pose", &Config::robust_pose)
+      .def_readwrite("robust_dof", &Config::robust_dof,
+                     "Degrees of freedom where that is STUDENT_T.")
+      .def_readwrite("robust_late_share", &Config::robust_late_share,
+                     "Of the ranges that are too long, where it is ONE_SIDED.")
       .def_readwrite("hold_s", &Config::hold_s,
                      "How long the last motion is believed without new odometry.")
       .def_readwrite("sigma_lost_xy_per_sqrt_s", &Config::sigma_lost_xy_per_sqrt_s)

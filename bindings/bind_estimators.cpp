@@ -73,16 +73,19 @@ void bind_estimators(py::module_& m) {
   py::class_<CalibratedError>(m, "CalibratedError",
                               "An error of a robot's sensors, as far as it is known.")
       .def_readonly("name", &CalibratedError::name)
+      .def_readonly("anchor", &CalibratedError::anchor, "Whose error it is, if it is one's.")
       .def_readonly("value", &CalibratedError::value)
       .def_readonly("sigma", &CalibratedError::sigma)
+      .def_readonly("sigma_start", &CalibratedError::sigma_start, "How far off it might have been.")
       .def("__repr__", [](const CalibratedError& e) {
-        return "CalibratedError(" + e.name + ": " + std::to_string(e.value) + " +- " +
+        const std::string anchor = e.anchor ? " " + std::to_string(*e.anchor) : "";
+        return "CalibratedError(" + e.name + anchor + ": " + std::to_string(e.value) + " +- " +
                std::to_string(e.sigma) + ")";
       });
   using Calibration = locfuse::Calibration::Config;
   py::class_<Calibration>(m, "CalibrationConfig",
-                          "Errors of odometry and of the sensor of landmarks that a PoseEkf "
-                          "learns: how far off each may "
+                          "Errors of odometry, of the sensor of landmarks and of ranges that a "
+                          "PoseEkf learns: how far off each may "
                           "be at the start, as a standard deviation. 0: it is right, and no state.")
       .def(py::init<>())
       .def_readwrite("sigma_scale", &Calibration::sigma_scale, "Of the way that odometry tells.")
@@ -101,7 +104,15 @@ void bind_estimators(py::module_& m) {
                      "Of ranges to landmarks.")
       .def_readwrite("sigma_range_scale", &Calibration::sigma_range_scale)
       .def_readwrite("sigma_delay_s", &Calibration::sigma_delay_s,
-                     "Of sightings behind their stamps.");
+                     "Of sightings behind their stamps.")
+      .def_readwrite("sigma_anchor_offset_m", &Calibration::sigma_anchor_offset_m,
+                     "Of ranges, for each anchor of the map.")
+      .def_readwrite("sigma_anchor_scale", &Calibration::sigma_anchor_scale,
+                     "Likewise, added to the anchor's.")
+      .def_readwrite("sigma_range_delay_s", &Calibration::sigma_range_delay_s,
+                     "Of all ranges behind their stamps.")
+      .def_readwrite("consider", &Calibration::consider,
+                     "They are accounted for, and none is learnt (Schmidt).");
   py::class_<Config>(m, "PoseEkfConfig", "Noise, gates and behaviour of a PoseEkf.")
       .def(py::init<>())
       .def_readwrite("odometry", &Config::odometry)
@@ -113,6 +124,13 @@ void bind_estimators(py::module_& m) {
       .def_readwrite("gate_position", &Config::gate_position)
       .def_readwrite("gate_pose", &Config::gate_pose)
       .def_readwrite("gate_landmark", &Config::gate_landmark)
+      .def_readwrite("robust_range", &Config::robust_range, "What noise of ranges looks like.")
+      .def_readwrite("robust_position", &Config::robust_position)
+      .def_readwrite("robust_pose", &Config::robust_pose)
+      .def_readwrite("robust_dof", &Config::robust_dof,
+                     "Degrees of freedom where that is STUDENT_T.")
+      .def_readwrite("robust_late_share", &Config::robust_late_share,
+                     "Of the ranges that are too long, where it is ONE_SIDED.")
       .def_readwrite("hold_s", &Config::hold_s,
                      "How long the last motion is believed without new odometry.")
       .def_readwrite("sigma_lost_xy_per_sqrt_s", &Config::sigma_lost_xy_per_sqrt_s)

@@ -2,11 +2,13 @@
 #include <pybind11/native_enum.h>
 
 #include "bindings.hpp"
-#include "locfuse/filters/kalman.hpp"
+#include "locfuse/filters/robust.hpp"
 
 namespace py = pybind11;
 using locfuse::Gate;
 using locfuse::GaussianBelief;
+using locfuse::NoiseKind;
+using locfuse::NoiseShape;
 using locfuse::Outcome;
 using locfuse::Slot;
 using locfuse::SlotKind;
@@ -56,6 +58,47 @@ void bind_filters(py::module_& m) {
       .def(py::init<double>(), py::arg("probability"))
       .def("limit", &Gate::limit, py::arg("dof"), "Largest NIS that passes.")
       .def_property_readonly("probability", &Gate::probability);
+  py::native_enum<NoiseKind>(m, "NoiseKind", "enum.Enum", "What noise looks like beyond its sigma.")
+      .value("GAUSSIAN", NoiseKind::kGaussian, "As its sigma says.")
+      .value("ONE_SIDED", NoiseKind::kOneSided,
+             "A share of the measurements is too long, by anything; of one row only.")
+      .value("STUDENT_T", NoiseKind::kStudentT, "With tails to both sides.")
+      .value("CAUCHY", NoiseKind::kCauchy, "The same with one degree of freedom.")
+      .finalize();
+  py::class_<NoiseShape>(m, "NoiseShape", R"(Noise as a mixture of Gaussians that are wider than R.
+
+Parameters
+----------
+kind : NoiseKind
+dof : float, optional
+    Degrees of freedom of STUDENT_T, at least 1.
+late_share : float, optional
+    Of the measurements that are too long, by ONE_SIDED; between 0 and 1.
+
+Raises
+------
+ValueError
+    If a number is out of its range.
+)")
+      .def(py::init([](NoiseKind kind, double dof, double late_share) {
+             return NoiseShape({kind, dof, late_share});
+           }),
+           py::arg("kind"), py::arg("dof") = 4.0, py::arg("late_share") = 0.05)
+      .def_property_readonly("is_gaussian", &NoiseShape::is_gaussian)
+      .def_property_readonly(
+          "parts",
+          [](const NoiseShape& shape) {
+            Eigen::MatrixXd rows(shape.end() - shape.begin(), 3);
+            for (Eigen::Index k = 0; k < rows.rows(); ++k) {
+              const NoiseShape::Part& part = shape.begin()[k];
+              rows.row(k) << std::exp(part.log_share), part.mean, part.variance;
+            }
+            if (rows.rows() > 0) {
+              rows.col(0) /= rows.col(0).sum();
+            }
+            return rows;
+          },
+          "Share, mean and variance of each Gaussian where R is 1, (n, 3); none if Gaussian.");
   py::native_enum<SlotKind>(m, "SlotKind", "enum.Enum", "What a slot of a belief holds.")
       .value("POSE2", SlotKind::kPose2)
       .value("POINT2", SlotKind::kPoint2)
@@ -84,6 +127,9 @@ Examples
       .def("add", &GaussianBelief::add, py::arg("name"), py::arg("kind"), py::arg("mean"),
            py::arg("covariance"))
       .def("remove", &GaussianBelief::remove, py::arg("slot"))
+      .def("consider", &GaussianBelief::consider, py::arg("slot"),
+           "From now on no measurement moves this variable: what is not known of it is accounted "
+           "for, and never learnt (Schmidt).")
       .def("slot", &GaussianBelief::slot, py::arg("name"))
       .def("pose", &GaussianBelief::pose, py::arg("slot"))
       .def(
@@ -108,8 +154,10 @@ Examples
   m.def(
       "update",
       [](GaussianBelief& belief, const AnyLinearization& lin, const std::vector<Slot>& slots,
-         const Gate& gate) { return locfuse::update(belief, lin, slots, gate); },
+         const Gate& gate,
+         const NoiseShape& noise) { return locfuse::update(belief, lin, slots, gate, noise); },
       py::arg("belief"), py::arg("linearization"), py::arg("slots"), py::arg("gate"),
+      py::arg_v("noise", NoiseShape(), "NoiseShape(NoiseKind.GAUSSIAN)"),
       R"(Fuses a measurement into the belief, or gates it.
 
 Parameters
@@ -121,11 +169,13 @@ linearization : Linearization
 slots : list of Slot
     Variables that the Jacobian's columns stand for, in order.
 gate : Gate
+noise : NoiseShape, optional
+    Gaussian by default.
 
 Raises
 ------
 ValueError
-    If the slots do not match the Jacobian.
+    If the slots do not match the Jacobian, or one-sided noise has several rows.
 NumericalError
     If the innovation covariance is not positive definite or a result not finite.
 )");

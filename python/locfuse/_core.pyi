@@ -67,6 +67,8 @@ __all__: list[str] = [
     "MclConfig",
     "MessageLog",
     "Multilateration",
+    "NoiseKind",
+    "NoiseShape",
     "NumericalError",
     "OccupancyGrid",
     "OdometryConfig",
@@ -2159,6 +2161,47 @@ class Gate:
     @property
     def probability(self) -> float: ...
 
+class NoiseKind(enum.Enum):
+    """
+    What noise looks like beyond its sigma.
+    """
+
+    CAUCHY = ...
+    GAUSSIAN = ...
+    ONE_SIDED = ...
+    STUDENT_T = ...
+
+class NoiseShape:
+    """
+    Noise as a mixture of Gaussians that are wider than R.
+
+    Parameters
+    ----------
+    kind : NoiseKind
+    dof : float, optional
+        Degrees of freedom of STUDENT_T, at least 1.
+    late_share : float, optional
+        Of the measurements that are too long, by ONE_SIDED; between 0 and 1.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of its range.
+    """
+    def __init__(
+        self,
+        kind: NoiseKind,
+        dof: typing.SupportsFloat | typing.SupportsIndex = 4.0,
+        late_share: typing.SupportsFloat | typing.SupportsIndex = 0.05,
+    ) -> None: ...
+    @property
+    def is_gaussian(self) -> bool: ...
+    @property
+    def parts(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]"]:
+        """
+        Share, mean and variance of each Gaussian where R is 1, (n, 3); none if Gaussian.
+        """
+
 class SlotKind(enum.Enum):
     """
     What a slot of a belief holds.
@@ -2200,6 +2243,10 @@ class GaussianBelief:
             numpy.typing.NDArray[numpy.float64], "[m, n]", "flags.f_contiguous"
         ],
     ) -> Slot: ...
+    def consider(self, slot: Slot) -> None:
+        """
+        From now on no measurement moves this variable: what is not known of it is accounted for, and never learnt (Schmidt).
+        """
     def marginal(
         self, slots: collections.abc.Sequence[Slot]
     ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]"]: ...
@@ -2282,17 +2329,48 @@ class CalibratedError:
     """
     def __repr__(self) -> str: ...
     @property
+    def anchor(self) -> int | None:
+        """
+        Whose error it is, if it is one's.
+        """
+    @property
     def name(self) -> str: ...
     @property
     def sigma(self) -> float: ...
+    @property
+    def sigma_start(self) -> float:
+        """
+        How far off it might have been.
+        """
     @property
     def value(self) -> float: ...
 
 class CalibrationConfig:
     """
-    Errors of odometry and of the sensor of landmarks that a PoseEkf learns: how far off each may be at the start, as a standard deviation. 0: it is right, and no state.
+    Errors of odometry, of the sensor of landmarks and of ranges that a PoseEkf learns: how far off each may be at the start, as a standard deviation. 0: it is right, and no state.
     """
     def __init__(self) -> None: ...
+    @property
+    def consider(self) -> bool:
+        """
+        They are accounted for, and none is learnt (Schmidt).
+        """
+    @consider.setter
+    def consider(self, arg0: bool) -> None: ...
+    @property
+    def sigma_anchor_offset_m(self) -> float:
+        """
+        Of ranges, for each anchor of the map.
+        """
+    @sigma_anchor_offset_m.setter
+    def sigma_anchor_offset_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_anchor_scale(self) -> float:
+        """
+        Likewise, added to the anchor's.
+        """
+    @sigma_anchor_scale.setter
+    def sigma_anchor_scale(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def sigma_delay_s(self) -> float:
         """
@@ -2307,6 +2385,13 @@ class CalibrationConfig:
         """
     @sigma_direction_rad.setter
     def sigma_direction_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_range_delay_s(self) -> float:
+        """
+        Of all ranges behind their stamps.
+        """
+    @sigma_range_delay_s.setter
+    def sigma_range_delay_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def sigma_range_offset_m(self) -> float:
         """
@@ -2373,6 +2458,8 @@ class PoseEkfConfig:
     odometry: OdometryConfig
     position: PositionConfig
     range: RangeConfig
+    robust_pose: NoiseKind
+    robust_position: NoiseKind
     def __init__(self) -> None: ...
     @property
     def gate_landmark(self) -> float: ...
@@ -2400,6 +2487,27 @@ class PoseEkfConfig:
         """
     @hold_s.setter
     def hold_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def robust_dof(self) -> float:
+        """
+        Degrees of freedom where that is STUDENT_T.
+        """
+    @robust_dof.setter
+    def robust_dof(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def robust_late_share(self) -> float:
+        """
+        Of the ranges that are too long, where it is ONE_SIDED.
+        """
+    @robust_late_share.setter
+    def robust_late_share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def robust_range(self) -> NoiseKind:
+        """
+        What noise of ranges looks like.
+        """
+    @robust_range.setter
+    def robust_range(self, arg0: NoiseKind) -> None: ...
     @property
     def sigma_lost_heading_per_sqrt_s(self) -> float: ...
     @sigma_lost_heading_per_sqrt_s.setter
@@ -2661,6 +2769,8 @@ class AirEkfConfig:
     odometry: OdometryConfig
     position: PositionConfig
     range: RangeConfig
+    robust_pose: NoiseKind
+    robust_position: NoiseKind
     def __init__(self) -> None: ...
     @property
     def gate_altitude(self) -> float: ...
@@ -2692,6 +2802,27 @@ class AirEkfConfig:
         """
     @hold_s.setter
     def hold_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def robust_dof(self) -> float:
+        """
+        Degrees of freedom where that is STUDENT_T.
+        """
+    @robust_dof.setter
+    def robust_dof(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def robust_late_share(self) -> float:
+        """
+        Of the ranges that are too long, where it is ONE_SIDED.
+        """
+    @robust_late_share.setter
+    def robust_late_share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def robust_range(self) -> NoiseKind:
+        """
+        What noise of ranges looks like.
+        """
+    @robust_range.setter
+    def robust_range(self, arg0: NoiseKind) -> None: ...
     @property
     def sigma_height_per_sqrt_s(self) -> float:
         """
@@ -5359,6 +5490,7 @@ def update(
     linearization: Linearization,
     slots: collections.abc.Sequence[Slot],
     gate: Gate,
+    noise: NoiseShape = ...,
 ) -> Outcome:
     """
     Fuses a measurement into the belief, or gates it.
@@ -5372,11 +5504,13 @@ def update(
     slots : list of Slot
         Variables that the Jacobian's columns stand for, in order.
     gate : Gate
+    noise : NoiseShape, optional
+        Gaussian by default.
 
     Raises
     ------
     ValueError
-        If the slots do not match the Jacobian.
+        If the slots do not match the Jacobian, or one-sided noise has several rows.
     NumericalError
         If the innovation covariance is not positive definite or a result not finite.
     """

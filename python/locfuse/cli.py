@@ -120,7 +120,9 @@ def run(
         if isinstance(value, float | int | None):
             console.print(f"{key:22} {'-' if value is None else f'{value:.6g}'}")
     for name, learnt in (result.metrics["calibration"] or {}).items():
-        console.print(f"{name:22} {learnt['value']:.4g} +- {learnt['sigma']:.2g}", highlight=False)
+        doubt = "" if learnt["observed"] else ", not observable: its sigma hardly fell"
+        console.print(f"{name:22} {learnt['value']:.4g} +- {learnt['sigma']:.2g}{doubt}",
+                      highlight=False)  # fmt: skip
     for source, verdicts in result.metrics["counts"].items():
         counts = ", ".join(f"{verdict} {count}" for verdict, count in verdicts.items())
         console.print(f"{source:22} {counts}", highlight=False)

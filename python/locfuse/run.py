@@ -41,6 +41,10 @@ from locfuse.types import (
 
 Progress = Callable[[int, int], None]
 
+OBSERVED_SHARE = (
+    0.7  # of the sigma that an error began with: half its variance; above, it hardly fell
+)
+
 
 def run(
     config: RunConfig,
@@ -144,7 +148,8 @@ def _fuse(
     figures = metrics(estimate, truth, outcomes, duration_s, wall_s)
     health = health_of(record, messages, config)
     figures["health"] = health_metrics(health, record)
-    result = _result(config, log, estimate, outcomes, figures, found, localization, record.errors)
+    result = _result(config, log, estimate, outcomes, figures, found, localization, record.errors,
+                     messages.anchor_names)  # fmt: skip
     return replace(result, health=health)
 
 
@@ -172,6 +177,7 @@ def _result(
     found: Start | None,
     localization: Localization | None,
     errors: Sequence[_core.CalibratedError] = (),
+    anchor_names: Sequence[str] = (),
 ) -> RunResult:
     truth = truth_of(log)
     return RunResult(
@@ -184,11 +190,24 @@ def _result(
             **figures,
             "health": figures.get("health"),
             "start_s": None if found is None else found.seconds,
-            "calibration": {e.name: {"value": e.value, "sigma": e.sigma} for e in errors} or None,
+            "calibration": _learnt(errors, anchor_names) or None,
             "mcl": None if localization is None else _mcl_metrics(localization, truth),
         },
         start=found,
     )
+
+
+def _learnt(
+    errors: Sequence[_core.CalibratedError], anchor_names: Sequence[str]
+) -> dict[str, dict[str, float | bool]]:
+    return {
+        e.name if e.anchor is None else f"{e.name} {anchor_names[e.anchor]}": {
+            "value": e.value,
+            "sigma": e.sigma,
+            "observed": e.sigma < OBSERVED_SHARE * e.sigma_start,
+        }
+        for e in errors
+    }
 
 
 def _mcl_metrics(localization: Localization, truth: Trajectory | None) -> dict[str, Any]:

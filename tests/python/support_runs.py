@@ -64,7 +64,8 @@ def require_recording_of(example: str) -> None:
         if not (MRPT / "uwb_ro-localization_demo.rawlog").is_file():
             pytest.skip("the Debian package mrpt-common is not installed")
     elif load_config(CONFIGS / example).simulation is None:
-        named = {"ieu_gazebo": "ieu-gazebo-uwb-lidar", "tuc_labyrinth": "tuc-labyrinth"}
+        named = {"ieu_gazebo": "ieu-gazebo-uwb-lidar", "tuc_labyrinth": "tuc-labyrinth",
+                 "plaza_online": "plaza"}  # fmt: skip
         stem = example.removesuffix(".yaml")
         recording(named.get(stem, stem))
 

@@ -505,6 +505,7 @@ KNOWN = {
     "gadau_pentagon.yaml": ["gates_that_cannot_bind", "start_that_cannot_be_meant"],
     "mrpt_office.yaml": ["outliers_by_anchor"],  # beacon 1 is wrong by up to 13 m
     "plaza.yaml": ["rows_told_twice"],  # two ranges stand there twice
+    "plaza_online.yaml": ["rows_told_twice", "ranges_with_a_common_error"],  # 7 %, and learnt
 }
 WITHOUT_RADIO = (
     "rooms_mcl.yaml",
@@ -567,7 +568,12 @@ def test_a_swap_that_mirrors_the_layout_is_seen_by_the_truth() -> None:
     assert found(blind, "sense_of_turns", "error")
 
 
-RECORDED = [e for e in EXAMPLES if load_config(CONFIGS / e).simulation is None]
+RECORDED = [
+    e
+    for e in EXAMPLES
+    if load_config(CONFIGS / e).simulation is None
+    and e != "plaza_online.yaml"  # ranges of plaza.yaml that nobody corrects tell no swap
+]
 
 
 @pytest.mark.parametrize("example", RECORDED)

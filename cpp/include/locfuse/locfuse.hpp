@@ -13,6 +13,7 @@
 #include "locfuse/estimators/switching_mcl.hpp"
 #include "locfuse/estimators/tag_triangle_ekf.hpp"
 #include "locfuse/filters/kalman.hpp"
+#include "locfuse/filters/robust.hpp"
 #include "locfuse/frontends/constellation.hpp"
 #include "locfuse/frontends/cylinder_detector.hpp"
 #include "locfuse/frontends/locate.hpp"

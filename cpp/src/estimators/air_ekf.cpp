@@ -15,6 +15,8 @@ namespace {
 
 using Transaction = internal::Transaction<3>;
 
+const NoiseShape kGaussian;
+
 double variance_of(const char* name, double sigma) {
   if (!(std::isfinite(sigma) && sigma >= 0.0)) {
     throw std::invalid_argument(std::string(name) + " is " + std::to_string(sigma) +
@@ -60,25 +62,38 @@ struct AirEkf::Recipe {
   Gate altitude_gate;
   Gate pose_gate;
   Gate landmark_gate;
+  NoiseShape range_noise;
+  NoiseShape position_noise;
+  NoiseShape pose_noise;
   Stamp hold;
 };
 
 AirEkf::AirEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
                std::vector<Tag> tags, const AirEstimate& start, LandmarkSight landmarks)
     : recipe_(std::make_shared<const Recipe>(Recipe{
-          config, OdometryMotion(config.odometry), internal::lost_motion(config),
+          config,
+          OdometryMotion(config.odometry),
+          internal::lost_motion(config),
           variance_of("sigma_height_per_sqrt_s", config.sigma_height_per_sqrt_s),
           variance_of("sigma_lost_height_per_sqrt_s",
                       internal::positive("sigma_lost_height_per_sqrt_s",
                                          config.sigma_lost_height_per_sqrt_s)),
           ConstantVelocityMotion(config.constant_velocity),
           RangeModel(config.range, std::move(anchors), tags),
-          PositionModel(config.position, std::move(tags)), AltitudeModel(config.altitude),
+          PositionModel(config.position, std::move(tags)),
+          AltitudeModel(config.altitude),
           PoseModel(),
           RangeBearingModel(config.landmark, landmarks.sensor_in_body, config.landmark_in_space),
           landmarks.map ? std::move(landmarks.map) : std::make_shared<const LandmarkMap>(),
-          Gate(config.gate_range), Gate(config.gate_position), Gate(config.gate_altitude),
-          Gate(config.gate_pose), Gate(config.gate_landmark), internal::hold_of(config)})),
+          Gate(config.gate_range),
+          Gate(config.gate_position),
+          Gate(config.gate_altitude),
+          Gate(config.gate_pose),
+          Gate(config.gate_landmark),
+          internal::noise_of("robust_range", config.robust_range, config),
+          internal::noise_of("robust_position", config.robust_position, config),
+          internal::noise_of("robust_pose", config.robust_pose, config),
+          internal::hold_of(config)})),
       belief_(
           GaussianBelief::of_pose(start.stamp, start.pose, start.covariance.topLeftCorner<3, 3>())),
       body_(belief_.slot("body")),
@@ -122,38 +137,39 @@ Outcome AirEkf::take(const Motion& u, double climb_rate) {
 }
 
 template <class Linearize>
-Outcome AirEkf::correct(Stamp stamp, const Gate& gate, Slots slots, const Linearize& linearize) {
+Outcome AirEkf::correct(Stamp stamp, const Gate& gate, const NoiseShape& noise, Slots slots,
+                        const Linearize& linearize) {
   if (stamp < belief_.stamp) {
     return {Verdict::kStale};
   }
   Transaction transaction(belief_, stamp);
   advance_to(stamp);
   const auto lin = linearize();
-  return transaction.close(lin ? update(belief_, *lin, slots, gate)
+  return transaction.close(lin ? update(belief_, *lin, slots, gate, noise)
                                : Outcome{Verdict::kNotModelled});
 }
 
 Outcome AirEkf::on(const Range& z) {
   validate(z);
-  return correct(z.stamp, recipe_->range_gate, place_,
+  return correct(z.stamp, recipe_->range_gate, recipe_->range_noise, place_,
                  [&] { return recipe_->range.linearize(pose(), height(), z); });
 }
 
 Outcome AirEkf::on(const PositionFix& z) {
   validate(z);
-  return correct(z.stamp, recipe_->position_gate, body_,
+  return correct(z.stamp, recipe_->position_gate, recipe_->position_noise, body_,
                  [&] { return recipe_->position.linearize(pose(), z); });
 }
 
 Outcome AirEkf::on(const Altitude& z) {
   validate(z);
-  return correct(z.stamp, recipe_->altitude_gate, height_,
+  return correct(z.stamp, recipe_->altitude_gate, kGaussian, height_,
                  [&] { return std::optional(recipe_->altitude.linearize(height(), z)); });
 }
 
 Outcome AirEkf::on(const PoseObservation& z) {
   validate(z);
-  return correct(z.stamp, recipe_->pose_gate, body_,
+  return correct(z.stamp, recipe_->pose_gate, recipe_->pose_noise, body_,
                  [&] { return std::optional(recipe_->pose.linearize(pose(), z)); });
 }
 
@@ -162,14 +178,15 @@ Outcome AirEkf::on(const RangeBearing& z) {
   const Landmark* landmark = z.landmark ? recipe_->landmarks->find(*z.landmark) : nullptr;
   using Sighting = std::optional<Linearization<Eigen::Dynamic, 4, 3>>;
   Vector<2> before = Vector<2>::Zero();
-  const Outcome outcome = correct(z.stamp, recipe_->landmark_gate, place_, [&]() -> Sighting {
-    if (landmark == nullptr) {
-      return std::nullopt;
-    }
-    before = pose().position();
-    const Vector<3> place(landmark->position.x(), landmark->position.y(), landmark->height);
-    return recipe_->landmark.linearize(pose(), height(), place, z);
-  });
+  const Outcome outcome =
+      correct(z.stamp, recipe_->landmark_gate, kGaussian, place_, [&]() -> Sighting {
+        if (landmark == nullptr) {
+          return std::nullopt;
+        }
+        before = pose().position();
+        const Vector<3> place(landmark->position.x(), landmark->position.y(), landmark->height);
+        return recipe_->landmark.linearize(pose(), height(), place, z);
+      });
   if (outcome.verdict == Verdict::kFused && z.bearing) {
     turn_with_mean(belief_, body_, before);
   }

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "locfuse/estimators/calibration.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 namespace locfuse {
 namespace {
@@ -11,6 +13,9 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 
 constexpr int kTurnBias = 3;
+constexpr int kAnchorOffset = 0;  // in the order of RangeErrors
+constexpr int kAnchorScale = 1;
+constexpr int kRangeDelay = 2;
 constexpr const char* kNames[] = {"scale",       "direction", "turn scale",     "turn bias",
                                   "sensor x",    "sensor y",  "sensor heading", "range offset",
                                   "range scale", "delay"};
@@ -27,10 +32,10 @@ Matrix<1, 1> variance_of(double sigma) { return Matrix<1, 1>(sigma * sigma); }
 
 }  // namespace
 
-Calibration::Calibration(const Config& config)
+Calibration::Calibration(const Config& config, const AnchorMap& anchors)
     : wander_(std::pow(
-          checked("sigma_turn_bias_radps_per_sqrt_s", config.sigma_turn_bias_radps_per_sqrt_s),
-          2)) {
+          checked("sigma_turn_bias_radps_per_sqrt_s", config.sigma_turn_bias_radps_per_sqrt_s), 2)),
+      consider_(config.consider) {
   const double sensor = checked("sigma_sensor_m", config.sigma_sensor_m);
   const double sigmas[kCount] = {checked("sigma_scale", config.sigma_scale),
                                  checked("sigma_direction_rad", config.sigma_direction_rad),
@@ -50,33 +55,117 @@ Calibration::Calibration(const Config& config)
   slots_.push_back({0});  // of the body
   for (int error = 0; error < kCount; ++error) {
     if (sigmas[error] > 0.0) {
-      states_.push_back({error, sigmas[error]});
-      slots_.push_back({static_cast<int>(states_.size())});
+      add({kNames[error], error, sigmas[error]});
     }
+    if (error + 1 == OdometryErrors::kCount) {
+      motion_slots_ = slots_;
+    }
+  }
+  add_ranges(config, anchors);
+}
+
+void Calibration::add(State state) {
+  states_.push_back(std::move(state));
+  slots_.push_back({static_cast<int>(states_.size())});
+}
+
+void Calibration::add_ranges(const Config& config, const AnchorMap& anchors) {
+  const double offset = checked("sigma_anchor_offset_m", config.sigma_anchor_offset_m);
+  const double scale = checked("sigma_anchor_scale", config.sigma_anchor_scale);
+  const double delay = checked("sigma_range_delay_s", config.sigma_range_delay_s);
+  if (!(offset + scale + delay > 0.0)) {
+    return;
+  }
+  if (delay > 0.0) {
+    add({"range delay", kCount + kRangeDelay, delay});
+  }
+  const Slot shared = slots_.back();
+  ranges_.reserve(anchors.anchors().size());
+  for (const Anchor& anchor : anchors.anchors()) {
+    AnchorStates states{anchor.id, {slots_.front()}};
+    const auto depend = [&](int error, Slot slot) {
+      states.columns[static_cast<std::size_t>(error)] = static_cast<int>(states.slots.size()) + 2;
+      states.slots.push_back(slot);
+    };
+    if (offset > 0.0) {
+      add({"anchor offset", kCount + kAnchorOffset, offset, anchor.id});
+      depend(kAnchorOffset, slots_.back());
+    }
+    if (scale > 0.0) {
+      add({"anchor scale", kCount + kAnchorScale, scale, anchor.id});
+      depend(kAnchorScale, slots_.back());
+    }
+    if (delay > 0.0) {
+      depend(kRangeDelay, shared);
+    }
+    ranges_.push_back(std::move(states));
   }
 }
 
 void Calibration::add_to(GaussianBelief& belief) const {
   for (const State& state : states_) {
-    belief.add(kNames[state.error], SlotKind::kScalar, Vector<1>(0.0), variance_of(state.sigma));
+    const std::string name =
+        state.anchor ? state.name + " " + std::to_string(*state.anchor) : state.name;
+    const Slot slot = belief.add(name, SlotKind::kScalar, Vector<1>(0.0), variance_of(state.sigma));
+    if (consider_) {
+      belief.consider(slot);
+    }
   }
 }
 
 std::vector<CalibratedError> Calibration::errors(const GaussianBelief& belief) const {
   std::vector<CalibratedError> all;
+  all.reserve(states_.size());
   for (std::size_t k = 0; k < states_.size(); ++k) {
     const int row = belief.offset(slots_[k + 1]);
-    all.push_back({kNames[states_[k].error], belief.x(row), std::sqrt(belief.P(row, row))});
+    const State& state = states_[k];
+    all.push_back(
+        {state.name, state.anchor, belief.x(row), std::sqrt(belief.P(row, row)), state.sigma});
   }
   return all;
 }
 
 std::array<double, Calibration::kCount> Calibration::values(const GaussianBelief& belief) const {
   std::array<double, kCount> values{};
-  for (std::size_t k = 0; k < states_.size(); ++k) {
+  for (std::size_t k = 0; k < states_.size() && states_[k].error < kCount; ++k) {
     values[static_cast<std::size_t>(states_[k].error)] = belief.x(belief.offset(slots_[k + 1]));
   }
   return values;
+}
+
+const Calibration::AnchorStates* Calibration::find(Id anchor) const {
+  const auto at =
+      std::lower_bound(ranges_.begin(), ranges_.end(), anchor,
+                       [](const AnchorStates& states, Id id) { return states.anchor < id; });
+  return at != ranges_.end() && at->anchor == anchor ? &*at : nullptr;
+}
+
+std::optional<Linearization<1, Eigen::Dynamic>> Calibration::linearize(const GaussianBelief& belief,
+                                                                       const RangeModel& model,
+                                                                       const Range& z,
+                                                                       const Pose2& rate) const {
+  const AnchorStates& states = *find(z.anchor);
+  std::array<double, RangeErrors::kCount> e{};
+  for (std::size_t error = 0; error < e.size(); ++error) {
+    if (const int column = states.columns[error]; column != kNone) {
+      e[error] = belief.x(belief.offset(states.slots[static_cast<std::size_t>(column - 2)]));
+    }
+  }
+  const auto full =
+      model.linearize_with_errors(belief.pose(slots_[0]), z, {e[0], e[1], e[2]}, rate);
+  if (!full) {
+    return std::nullopt;
+  }
+  Linearization<1, Eigen::Dynamic> lin{
+      full->residual, Matrix<1, Eigen::Dynamic>(static_cast<Index>(states.slots.size()) + 2),
+      full->noise};
+  lin.jacobian.leftCols<3>() = full->jacobian.leftCols<3>();
+  for (std::size_t error = 0; error < e.size(); ++error) {
+    if (const int column = states.columns[error]; column != kNone) {
+      lin.jacobian(column) = full->jacobian(static_cast<Index>(3 + error));
+    }
+  }
+  return lin;
 }
 
 Propagation<Eigen::VectorXd, Eigen::Dynamic> Calibration::propagate(const GaussianBelief& belief,
@@ -86,14 +175,14 @@ Propagation<Eigen::VectorXd, Eigen::Dynamic> Calibration::propagate(const Gaussi
   const std::array<double, kCount> e = values(belief);
   const OdometryMotion::Corrected corrected =
       model.propagate(belief.pose(slots_[0]), motion, seconds, {e[0], e[1], e[2], e[3]});
-  const auto size = static_cast<Index>(3 + states_.size());
+  const auto size = static_cast<Index>(2 + motion_slots_.size());
   Propagation<Eigen::VectorXd, Eigen::Dynamic> step{
-      belief.mean(slots_), MatrixXd::Identity(size, size), MatrixXd::Zero(size, size)};
+      belief.mean(motion_slots_), MatrixXd::Identity(size, size), MatrixXd::Zero(size, size)};
   const Pose2& moved = corrected.step.moved;
   step.moved.head<3>() << moved.x, moved.y, moved.heading;
   step.jacobian.topLeftCorner<3, 3>() = corrected.step.jacobian;
   step.noise.topLeftCorner<3, 3>() = corrected.step.noise;
-  for (std::size_t k = 0; k < states_.size() && states_[k].error < OdometryErrors::kCount; ++k) {
+  for (std::size_t k = 0; k + 1 < motion_slots_.size(); ++k) {
     const auto column = static_cast<Index>(3 + k);
     step.jacobian.block<3, 1>(0, column) = corrected.by_errors.col(states_[k].error);
     if (states_[k].error == kTurnBias) {
@@ -117,7 +206,8 @@ std::optional<Linearization<Eigen::Dynamic, Eigen::Dynamic>> Calibration::linear
       full->residual, MatrixXd::Zero(rows, static_cast<Index>(3 + states_.size())), full->noise};
   lin.jacobian.leftCols<3>() = full->jacobian.leftCols<3>();
   for (std::size_t k = 0; k < states_.size(); ++k) {
-    if (const int error = states_[k].error - OdometryErrors::kCount; error >= 0) {
+    if (const int error = states_[k].error - OdometryErrors::kCount;
+        error >= 0 && error < SightErrors::kCount) {
       lin.jacobian.col(static_cast<Index>(3 + k)) = full->jacobian.col(3 + error);
     }
   }

@@ -15,6 +15,8 @@ using internal::Transaction;
 
 namespace {
 
+const NoiseShape kGaussian;
+
 /// A sighting of the landmark with the least NIS under the belief, if there is one.
 template <class Linearize>
 auto nearest(const GaussianBelief& belief, const LandmarkMap& map, const Linearize& linearize) {
@@ -41,15 +43,18 @@ auto nearest(const GaussianBelief& belief, const LandmarkMap& map, const Lineari
 
 PoseEkf::PoseEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
                  std::vector<Tag> tags, const PoseEstimate& start, LandmarkSight landmarks)
-    : recipe_(std::make_shared<const Recipe>(
-          Recipe{config, OdometryMotion(config.odometry), internal::lost_motion(config),
-                 RangeModel(config.range, std::move(anchors), tags),
-                 PositionModel(config.position, std::move(tags)), PoseModel(),
-                 RangeBearingModel(config.landmark, landmarks.sensor_in_body),
-                 Calibration(config.calibration),
-                 landmarks.map ? std::move(landmarks.map) : std::make_shared<const LandmarkMap>(),
-                 Gate(config.gate_range), Gate(config.gate_position), Gate(config.gate_pose),
-                 Gate(config.gate_landmark), internal::hold_of(config)})),
+    : recipe_(std::make_shared<const Recipe>(Recipe{
+          config, OdometryMotion(config.odometry), internal::lost_motion(config),
+          RangeModel(config.range, anchors, tags), PositionModel(config.position, std::move(tags)),
+          PoseModel(), RangeBearingModel(config.landmark, landmarks.sensor_in_body),
+          Calibration(config.calibration, *anchors),
+          landmarks.map ? std::move(landmarks.map) : std::make_shared<const LandmarkMap>(),
+          Gate(config.gate_range), Gate(config.gate_position), Gate(config.gate_pose),
+          Gate(config.gate_landmark),
+          internal::noise_of("robust_range", config.robust_range, config),
+          internal::noise_of("robust_position", config.robust_position, config),
+          internal::noise_of("robust_pose", config.robust_pose, config),
+          internal::hold_of(config)})),
       belief_(GaussianBelief::of_pose(start.stamp, start.pose, start.covariance)),
       body_(belief_.slot("body")),
       odometry_(start.stamp) {
@@ -68,19 +73,15 @@ PoseEkf PoseEkf::restarted(const PoseEstimate& start) const {
 }
 
 template <class Linearize>
-Outcome PoseEkf::correct(Stamp stamp, const Gate& gate, const Linearize& linearize) {
-  return correct(stamp, gate, body_, linearize);
-}
-
-template <class Linearize>
-Outcome PoseEkf::correct(Stamp stamp, const Gate& gate, Slots slots, const Linearize& linearize) {
+Outcome PoseEkf::correct(Stamp stamp, const Gate& gate, const NoiseShape& noise, Slots slots,
+                         const Linearize& linearize) {
   if (stamp < belief_.stamp) {
     return {Verdict::kStale};
   }
   Transaction<3> transaction(belief_, stamp);
   advance_to(stamp);
   const auto lin = linearize(pose());
-  return transaction.close(lin ? update(belief_, *lin, slots, gate)
+  return transaction.close(lin ? update(belief_, *lin, slots, gate, noise)
                                : Outcome{Verdict::kNotModelled});
 }
 
@@ -88,10 +89,11 @@ Outcome PoseEkf::correct(Stamp stamp, const Gate& gate, Slots slots, const Linea
 template <class Linearize>
 Outcome PoseEkf::correct_by(const RangeBearing& z, Slots slots, const Linearize& linearize) {
   Vector<2> before = Vector<2>::Zero();
-  const Outcome outcome = correct(z.stamp, recipe_->landmark_gate, slots, [&](const Pose2& pose) {
-    before = pose.position();
-    return linearize(pose);
-  });
+  const Outcome outcome =
+      correct(z.stamp, recipe_->landmark_gate, kGaussian, slots, [&](const Pose2& pose) {
+        before = pose.position();
+        return linearize(pose);
+      });
   if (outcome.verdict == Verdict::kFused && z.bearing) {
     turn_with_mean(belief_, body_, before);
   }
@@ -108,7 +110,14 @@ Outcome PoseEkf::on(const Increment& u) {
 
 Outcome PoseEkf::on(const Range& z) {
   validate(z);
-  return correct(z.stamp, recipe_->range_gate,
+  const Calibration& calibration = recipe_->calibration;
+  if (const std::vector<Slot>* slots = calibration.slots_of(z.anchor)) {
+    return correct(z.stamp, recipe_->range_gate, recipe_->range_noise, *slots,
+                   [&](const Pose2& /*pose*/) {
+                     return calibration.linearize(belief_, recipe_->range, z, odometry_.rate());
+                   });
+  }
+  return correct(z.stamp, recipe_->range_gate, recipe_->range_noise, body_,
                  [&](const Pose2& pose) { return recipe_->range.linearize(pose, z); });
 }
 
@@ -120,13 +129,13 @@ Outcome PoseEkf::weigh(const Range& z) {
 
 Outcome PoseEkf::on(const PositionFix& z) {
   validate(z);
-  return correct(z.stamp, recipe_->position_gate,
+  return correct(z.stamp, recipe_->position_gate, recipe_->position_noise, body_,
                  [&](const Pose2& pose) { return recipe_->position.linearize(pose, z); });
 }
 
 Outcome PoseEkf::on(const PoseObservation& z) {
   validate(z);
-  return correct(z.stamp, recipe_->pose_gate, [&](const Pose2& pose) {
+  return correct(z.stamp, recipe_->pose_gate, recipe_->pose_noise, body_, [&](const Pose2& pose) {
     return std::optional(recipe_->pose.linearize(pose, z));
   });
 }
@@ -235,7 +244,8 @@ Outcome PoseEkf::on(const Message& message) {
 }
 
 Outcome PoseEkf::fuse(Stamp stamp, const Linearization<Eigen::Dynamic, 3>& lin, const Gate& gate) {
-  return correct(stamp, gate, [&](const Pose2& /*pose*/) { return std::optional(lin); });
+  return correct(stamp, gate, kGaussian, body_,
+                 [&](const Pose2& /*pose*/) { return std::optional(lin); });
 }
 
 Outcome PoseEkf::on_joint(const std::vector<Range>& epoch) {
@@ -244,27 +254,36 @@ Outcome PoseEkf::on_joint(const std::vector<Range>& epoch) {
                                 " ranges, expected 1 to " + std::to_string(kMaxJoint));
   }
   internal::validate_together("ranges of one epoch", epoch);
-  return correct(epoch.front().stamp, recipe_->range_gate, [&](const Pose2& pose) {
-    using Joint = Linearization<Eigen::Dynamic, 3, kMaxJoint>;
-    const auto n = static_cast<Eigen::Index>(epoch.size());
-    Joint joint;
-    joint.residual.resize(n);
-    joint.jacobian.resize(n, 3);
-    joint.noise.setZero(n, n);
-    Eigen::Index rows = 0;
-    for (const Range& z : epoch) {
-      if (const std::optional<Linearization<1, 3>> lin = recipe_->range.linearize(pose, z)) {
-        joint.residual(rows) = lin->residual(0);
-        joint.jacobian.row(rows) = lin->jacobian;
-        joint.noise(rows, rows) = lin->noise(0);
-        ++rows;
-      }
-    }
-    joint.residual.conservativeResize(rows);
-    joint.jacobian.conservativeResize(rows, 3);
-    joint.noise.conservativeResize(rows, rows);
-    return rows > 0 ? std::optional(joint) : std::nullopt;
+  const bool has_states = std::any_of(epoch.begin(), epoch.end(), [&](const Range& z) {
+    return recipe_->calibration.slots_of(z.anchor) != nullptr;
   });
+  if (has_states || !recipe_->range_noise.is_gaussian()) {
+    throw std::invalid_argument(
+        "ranges are fused jointly as the map has them and with Gaussian noise only; with "
+        "robust_range, or errors of anchors as states, fuse them one by one");
+  }
+  return correct(
+      epoch.front().stamp, recipe_->range_gate, kGaussian, body_, [&](const Pose2& pose) {
+        using Joint = Linearization<Eigen::Dynamic, 3, kMaxJoint>;
+        const auto n = static_cast<Eigen::Index>(epoch.size());
+        Joint joint;
+        joint.residual.resize(n);
+        joint.jacobian.resize(n, 3);
+        joint.noise.setZero(n, n);
+        Eigen::Index rows = 0;
+        for (const Range& z : epoch) {
+          if (const std::optional<Linearization<1, 3>> lin = recipe_->range.linearize(pose, z)) {
+            joint.residual(rows) = lin->residual(0);
+            joint.jacobian.row(rows) = lin->jacobian;
+            joint.noise(rows, rows) = lin->noise(0);
+            ++rows;
+          }
+        }
+        joint.residual.conservativeResize(rows);
+        joint.jacobian.conservativeResize(rows, 3);
+        joint.noise.conservativeResize(rows, rows);
+        return rows > 0 ? std::optional(joint) : std::nullopt;
+      });
 }
 
 void PoseEkf::advance_to(Stamp stamp) {

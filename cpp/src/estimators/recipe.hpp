@@ -13,6 +13,7 @@
 #include "locfuse/filters/belief.hpp"
 #include "locfuse/filters/kalman.hpp"
 #include "locfuse/filters/outcome.hpp"
+#include "locfuse/filters/robust.hpp"
 #include "locfuse/messages/messages.hpp"
 #include "locfuse/models/motion/odometry.hpp"
 
@@ -35,6 +36,17 @@ inline Stamp stamps_of(const char* name, double seconds) {
 template <class Config>
 Stamp hold_of(const Config& config) {
   return stamps_of("hold_s", config.hold_s);
+}
+
+/// What the noise of a kind of measurement looks like.
+template <class Config>
+NoiseShape noise_of(const char* name, NoiseKind kind, const Config& config) {
+  if (kind == NoiseKind::kOneSided && std::string(name) != "robust_range") {
+    throw std::invalid_argument(std::string(name) +
+                                " is one_sided, expected gaussian, student_t or cauchy: only "
+                                "ranges have a long side");
+  }
+  return NoiseShape({kind, config.robust_dof, config.robust_late_share});
 }
 
 /// Standing where nothing is known of the motion any more.
@@ -132,10 +144,10 @@ template <class Recipe>
 void drive(const Recipe& recipe, GaussianBelief& belief, Slot body, const Pose2& motion,
            Stamp stamp) {
   if constexpr (kCalibrates<Recipe>) {
-    if (!recipe.calibration.is_empty()) {
+    if (recipe.calibration.has_odometry()) {
       const double seconds = seconds_between(belief.stamp, stamp);
       predict(belief, recipe.calibration.propagate(belief, recipe.motion, motion, seconds),
-              recipe.calibration.slots());
+              recipe.calibration.motion_slots());
       belief.stamp = stamp;
       return;
     }

@@ -46,7 +46,7 @@ Slot GaussianBelief::add(const std::string& name, SlotKind kind,
   x.tail(size) = mean;
   P.grow(size);
   P.bottomRightCorner(size, size) = covariance;
-  find_angle_rows();
+  find_rows();
   for (const int row : angle_rows()) {
     x(row) = wrap_angle(x(row));
   }
@@ -68,7 +68,13 @@ void GaussianBelief::remove(Slot slot) {
       variable.offset -= size;
     }
   }
-  find_angle_rows();
+  find_rows();
+}
+
+void GaussianBelief::consider(Slot slot) {
+  (void)variable(slot);
+  own_layout().variables[static_cast<std::size_t>(slot.id)].considered = true;
+  find_rows();
 }
 
 /// The layout, which no other belief shares.
@@ -79,11 +85,16 @@ GaussianBelief::Layout& GaussianBelief::own_layout() {
   return *layout_;
 }
 
-void GaussianBelief::find_angle_rows() {
+void GaussianBelief::find_rows() {
   layout_->angle_rows.clear();
+  layout_->considered_rows.clear();
   for (const Variable& variable : layout_->variables) {
     if (variable.offset >= 0 && variable.kind == SlotKind::kPose2) {
       layout_->angle_rows.push_back(variable.offset + 2);
+    }
+    for (int i = 0; variable.offset >= 0 && variable.considered && i < dimension_of(variable.kind);
+         ++i) {
+      layout_->considered_rows.push_back(variable.offset + i);
     }
   }
 }

@@ -90,6 +90,9 @@ Outcome update_rows(GaussianBelief& belief,
   if (outcome.verdict == Verdict::kGated) {
     return outcome;
   }
+  for (const int row : belief.considered_rows()) {
+    K.row(row).setZero();  // eq. (16)
+  }
   const VectorXd x_new = belief.x + K.lazyProduct(lin.residual);
   if (!std::isfinite(x_new.sum()) || !write_joseph(belief.P, K, PHt, lin, rows)) {
     internal::refuse_result();
@@ -105,18 +108,23 @@ Outcome internal::update_part(GaussianBelief& belief,
                               const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin, Slots slots,
                               const Gate& gate) {
   const std::vector<int> rows = belief.rows(slots);
-  if (static_cast<Index>(rows.size()) != lin.jacobian.cols()) {
-    throw std::invalid_argument("the Jacobian has " + std::to_string(lin.jacobian.cols()) +
-                                " columns, the slots hold " + std::to_string(rows.size()) +
-                                " variables");
-  }
-  switch (lin.residual.size()) {
+  check_columns(rows.size(), lin.jacobian.cols());
+  // Kernels take A as symmetric, which it is with the gain of (3) alone.
+  switch (belief.considered_rows().empty() ? lin.residual.size() : Eigen::Dynamic) {
     case 1:
       return update_rows<1>(belief, lin, rows, gate);
     case 2:
       return update_rows<2>(belief, lin, rows, gate);
     default:
       return update_rows<Eigen::Dynamic>(belief, lin, rows, gate);
+  }
+}
+
+void internal::check_columns(std::size_t variables, Index columns) {
+  if (static_cast<Index>(variables) != columns) {
+    throw std::invalid_argument("the Jacobian has " + std::to_string(columns) +
+                                " columns, the slots hold " + std::to_string(variables) +
+                                " variables");
   }
 }
 

@@ -23,6 +23,7 @@ class Strict(BaseModel):
                 if key not in cls.model_fields:
                     advice = nearest(str(key), cls.model_fields)
                     raise ValueError(f"unknown key {key!r}; {advice}")
-                if isinstance(value, bool):  # 'yes' would otherwise count as 1
-                    raise ValueError(f"{key} is {value}, but no key takes yes or no")
+                if isinstance(value, bool) and cls.model_fields[key].annotation is not bool:
+                    # 'yes' would otherwise count as 1
+                    raise ValueError(f"{key} is {value}, but it does not take yes or no")
         return data

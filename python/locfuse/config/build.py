@@ -84,6 +84,8 @@ def _fill(struct: Any, model: BaseModel, leave: tuple[str, ...] = ()) -> None:
         value = getattr(model, name)
         if isinstance(value, BaseModel):
             _fill(getattr(struct, name), value)
+        elif isinstance(value, str):
+            setattr(struct, name, type(getattr(struct, name))[value.upper()])
         else:
             setattr(struct, name, value)
 

@@ -72,6 +72,10 @@ class Calibration(Strict):
     sigma_range_offset_m: NonNegative = 0.0
     sigma_range_scale: NonNegative = 0.0
     sigma_delay_s: NonNegative = 0.0
+    sigma_anchor_offset_m: NonNegative = 0.0
+    sigma_anchor_scale: NonNegative = 0.0
+    sigma_range_delay_s: NonNegative = 0.0
+    consider: bool = False
 
     @model_validator(mode="after")
     def _wanders_as_state(self) -> Calibration:
@@ -122,6 +126,11 @@ class Estimator(Strict):
     gate_position: GateProbability = 0.999
     gate_pose: GateProbability = 0.999
     gate_landmark: GateProbability = 0.999
+    robust_range: Literal["gaussian", "one_sided", "student_t", "cauchy"] = "gaussian"
+    robust_position: Literal["gaussian", "student_t", "cauchy"] = "gaussian"
+    robust_pose: Literal["gaussian", "student_t", "cauchy"] = "gaussian"
+    robust_dof: Annotated[float, Field(ge=1.0, le=1e6)] = 4.0
+    robust_late_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.05
     hold_s: Positive = 1.0
     sigma_lost_xy_per_sqrt_s: Positive = 0.5
     sigma_lost_heading_per_sqrt_s: Positive = 0.5

@@ -87,6 +87,12 @@ def leaves(model: type[BaseModel], prefix: tuple[str, ...] = ()) -> list[tuple[s
     return found
 
 
+def at(holder: Any, path: tuple[str, ...]) -> Any:
+    for name in path:
+        holder = getattr(holder, name)
+    return holder
+
+
 BUILDERS: dict[str, Callable[[Any], Any]] = {
     "Estimator": build_estimator_config,
     "Health": build_health_config,
@@ -99,6 +105,7 @@ LEAVES = [
     for root in BUILDERS
     for path in leaves(PAIRS[root][0])
     if path[0] not in OF_THE_RUN.get(root, ())
+    and not isinstance(at(PAIRS[root][0](), path), str | bool)
 ]
 
 
@@ -106,12 +113,6 @@ def nested(path: tuple[str, ...], value: Any) -> dict[str, Any]:
     for name in reversed(path):
         value = {name: value}
     return dict(value)
-
-
-def at(holder: Any, path: tuple[str, ...]) -> Any:
-    for name in path:
-        holder = getattr(holder, name)
-    return holder
 
 
 @pytest.mark.parametrize("name", PAIRS)
@@ -151,6 +152,7 @@ ALLOWED = {
     ("Mcl", "scout_draws"): 700,
     ("Mcl", "kidnapping_probability"): 0.25,
     ("Mcl", "field", "sigma_hit_m"): 0.25,
+    ("Estimator", "robust_dof"): 6.5,
     ("Switch", "sigma_sure_m"): 0.4,
     ("Switch", "sigma_sure_rad"): 0.25,
     ("Switch", "uwb_sigma_m"): 0.125,
@@ -192,7 +194,7 @@ def schema_accepts(leaf: tuple[str, ...], value: float) -> bool:
 COARSE = _core.OccupancyGrid(np.array([[0, 100]], np.int8), resolution=100.0)
 
 
-def core_accepts(leaf: tuple[str, ...], value: float) -> bool:
+def core_accepts(leaf: tuple[str, ...], value: float | _core.NoiseKind) -> bool:
     config = PAIRS[leaf[0]][1]()
     setattr(at(config, leaf[1:-1]), leaf[-1], value)
     nothing = _core.AnchorMap([])
@@ -227,6 +229,30 @@ def test_the_schema_refuses_what_the_core_refuses_and_nothing_else(leaf: tuple[s
     assert schema == core
     assert any(schema.values())
     assert not all(schema.values())
+
+
+def test_considering_reaches_the_struct() -> None:
+    assert Calibration().consider is _core.CalibrationConfig().consider is False
+    estimator = Estimator.model_validate({"calibration": {"consider": True}})
+    assert build_estimator_config(estimator).calibration.consider is True
+
+
+@pytest.mark.parametrize("kind", ["range", "position", "pose"])
+def test_schema_and_core_name_the_same_noise(kind: str) -> None:
+    key = f"robust_{kind}"
+    assert at(Estimator(), (key,)) == at(_core.PoseEkfConfig(), (key,)).name.lower()
+    for noise in _core.NoiseKind:
+        leaf, name = ("Estimator", key), noise.name.lower()
+        accepted = not (noise is _core.NoiseKind.ONE_SIDED and kind != "range")
+        assert core_accepts(leaf, noise) == accepted
+        if not accepted:
+            with pytest.raises(ValidationError, match="'gaussian', 'student_t' or 'cauchy'"):
+                Estimator.model_validate({key: name})
+            continue
+        built = build_estimator_config(Estimator.model_validate({key: name}))
+        assert getattr(built, key) is noise
+    with pytest.raises(ValueError, match=key):
+        parse_config({"estimator": {key: "laplace"}})
 
 
 def test_ranges_without_any_noise_are_refused_by_both() -> None:

@@ -8,12 +8,14 @@ import gzip
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from locfuse import DistanceField, OccupancyGrid, Pose2
 from locfuse.config.load import load_config
+from locfuse.config.schema import Calibration
 from locfuse.eval.errors import errors_against, interpolate
 from locfuse.eval.relations import relation_errors, relation_metrics
 from locfuse.io.datasets import CONVERTERS, convert
@@ -597,6 +599,7 @@ def run_of(name: str, of_dataset: str | None = None) -> RunResult:
     ("name", "of_dataset", "limit_m"),
     [
         ("plaza.yaml", None, 0.40),
+        ("plaza_online.yaml", None, 0.40),
         ("tuc_labyrinth.yaml", None, 0.08),
         ("mrpt_office.yaml", None, 0.15),
         ("ieu_gazebo.yaml", "run3", 0.010),
@@ -617,14 +620,15 @@ def test_a_recorded_drive_is_localized_within_its_limit(
     ("name", "change", "limit_m"),
     [
         ("plaza.yaml", {"anchors": {}}, 0.40),
+        ("plaza_online.yaml", {"estimator": {"calibration": Calibration()}}, 0.40),
         ("tuc_labyrinth.yaml", {"anchors": {}}, 0.08),
         ("mrpt_office.yaml", {"estimator": {"gate_range": 1.0}}, 0.15),
     ],
-    ids=["plaza without the stated scale", "labyrinth without the stated offset",
-         "office without gates"],
+    ids=["plaza without the stated scale", "plaza that learns nothing",
+         "labyrinth without the stated offset", "office without gates"],
 )  # fmt: skip
 def test_without_what_is_stated_of_it_the_limit_is_broken(
-    name: str, change: dict[str, dict[str, float]], limit_m: float
+    name: str, change: dict[str, dict[str, Any]], limit_m: float
 ) -> None:
     require_recording_of(name)
     config = load_config(CONFIGS / name)
@@ -634,6 +638,21 @@ def test_without_what_is_stated_of_it_the_limit_is_broken(
         estimator = config.estimator.model_copy(update=change["estimator"])
         config = config.model_copy(update={"estimator": estimator})
     assert run(config, base=CONFIGS).metrics["position_rmse_m"] > limit_m
+
+
+def test_on_the_plaza_offset_and_scale_of_each_anchor_are_learnt_and_then_it_is_as_good() -> None:
+    result = run_of("plaza_online.yaml")
+
+    assert result.truth is not None
+    errors = errors_against(result.estimate, result.truth)
+    late = errors.stamp_ns > result.estimate.stamp_ns[0] + 300 * NANOSECONDS
+    assert np.sqrt(np.mean(np.sum(errors.position[late] ** 2, axis=1))) <= 0.45
+    learnt = result.metrics["calibration"]
+    assert len(learnt) == 8
+    for name, error in learnt.items():
+        assert error["observed"]
+        if "scale" in name:  # the line through all residuals that is stated with the recording
+            assert abs(error["value"] - 0.0694) < 0.01
 
 
 def test_in_the_office_beacon_1_is_rejected_where_it_is_wrong_and_hardly_any_other() -> None:

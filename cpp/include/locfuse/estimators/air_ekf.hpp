@@ -47,11 +47,16 @@ class AirEkf {
     AltitudeModel::Config altitude;
     RangeBearingModel::Config landmark;
     RangeBearingModel::InSpace landmark_in_space;
-    double gate_range = 0.999;     ///< probability that a good range passes
-    double gate_position = 0.999;  ///< likewise for a position fix
-    double gate_pose = 0.999;      ///< likewise for a pose
-    double gate_altitude = 0.999;  ///< likewise for an altitude
-    double gate_landmark = 0.999;  ///< likewise for a landmark that is seen
+    double gate_range = 0.999;                         ///< probability that a good range passes
+    double gate_position = 0.999;                      ///< likewise for a position fix
+    double gate_pose = 0.999;                          ///< likewise for a pose
+    double gate_altitude = 0.999;                      ///< likewise for an altitude
+    double gate_landmark = 0.999;                      ///< likewise for a landmark that is seen
+    NoiseKind robust_range = NoiseKind::kGaussian;     ///< what noise of ranges looks like
+    NoiseKind robust_position = NoiseKind::kGaussian;  ///< likewise of position fixes
+    NoiseKind robust_pose = NoiseKind::kGaussian;      ///< likewise of poses
+    double robust_dof = 4.0;          ///< degrees of freedom where that is kStudentT
+    double robust_late_share = 0.05;  ///< of the ranges that are too long, where it is kOneSided
     double hold_s = 1.0;  ///< how long the last motion is believed without new odometry [s]
     double sigma_lost_xy_per_sqrt_s = 0.5;       ///< thereafter: standing, spreading [m / sqrt(s)]
     double sigma_lost_heading_per_sqrt_s = 0.5;  ///< [rad / sqrt(s)]
@@ -95,7 +100,8 @@ class AirEkf {
   Outcome take(const Motion& u, double climb_rate);
   void lift(Stamp stamp);
   template <class Linearize>
-  Outcome correct(Stamp stamp, const Gate& gate, Slots slots, const Linearize& linearize);
+  Outcome correct(Stamp stamp, const Gate& gate, const NoiseShape& noise, Slots slots,
+                  const Linearize& linearize);
 
   std::shared_ptr<const Recipe> recipe_;
   GaussianBelief belief_;

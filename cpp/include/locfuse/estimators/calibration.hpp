@@ -7,7 +7,9 @@
 #include <vector>
 
 #include "locfuse/filters/belief.hpp"
+#include "locfuse/maps/anchor_map.hpp"
 #include "locfuse/math/linearization.hpp"
+#include "locfuse/models/measurement/range.hpp"
 #include "locfuse/models/measurement/range_bearing.hpp"
 #include "locfuse/models/motion/odometry.hpp"
 
@@ -15,13 +17,16 @@ namespace locfuse {
 
 /// An error of a robot's sensors, as far as it is known.
 struct CalibratedError {
-  std::string name;  ///< of the belief's slot
+  std::string name;
+  std::optional<Id> anchor;  ///< whose error it is, if it is one's
   double value = 0.0;
   double sigma = 0.0;
+  double sigma_start = 0.0;
 };
 
-/// Which errors of odometry and of the sensor of landmarks are states of a belief, behind its body:
-/// the pose and they are estimated together. Derivation: docs/models/calibration.md.
+/// Which errors of odometry, of the sensor of landmarks and of ranges are states of a belief,
+/// behind its body: the pose and they are estimated together, or they are considered. Derivation:
+/// docs/models/calibration.md.
 class Calibration {
  public:
   /// How far off each may be at the start, as a standard deviation. 0: it is right, and no state.
@@ -36,6 +41,10 @@ class Calibration {
     double sigma_range_offset_m = 0.0;            ///< of ranges to landmarks
     double sigma_range_scale = 0.0;               ///< likewise
     double sigma_delay_s = 0.0;                   ///< of sightings behind their stamps
+    double sigma_anchor_offset_m = 0.0;           ///< of ranges, for each anchor of the map
+    double sigma_anchor_scale = 0.0;              ///< likewise, added to the anchor's
+    double sigma_range_delay_s = 0.0;             ///< of all ranges behind their stamps
+    bool consider = false;  ///< they are accounted for, and none is learnt (Schmidt)
   };
 
   /// Nothing is a state.
@@ -43,7 +52,7 @@ class Calibration {
 
   /// Throws std::invalid_argument on a sigma that is negative or not finite, and on a bias that
   /// wanders without being a state.
-  explicit Calibration(const Config& config);
+  explicit Calibration(const Config& config, const AnchorMap& anchors = {});
 
   [[nodiscard]] bool is_empty() const { return states_.empty(); }
 
@@ -51,13 +60,27 @@ class Calibration {
   void add_to(GaussianBelief& belief) const;
   /// The body and the states, once they are in the belief.
   [[nodiscard]] const std::vector<Slot>& slots() const { return slots_; }
+  /// The body and the errors of odometry, if any are states: what a motion depends on.
+  [[nodiscard]] const std::vector<Slot>& motion_slots() const { return motion_slots_; }
+  [[nodiscard]] bool has_odometry() const { return motion_slots_.size() > 1; }
   [[nodiscard]] std::vector<CalibratedError> errors(const GaussianBelief& belief) const;
 
-  /// What moves body and states for a motion that odometry told, eq. (1).
+  /// What moves `motion_slots` for a motion that odometry told, eq. (1).
   [[nodiscard]] Propagation<Eigen::VectorXd, Eigen::Dynamic> propagate(const GaussianBelief& belief,
                                                                        const OdometryMotion& model,
                                                                        const Pose2& motion,
                                                                        double seconds) const;
+
+  /// The body and the states that a range to this anchor depends on; null if it depends on none.
+  [[nodiscard]] const std::vector<Slot>* slots_of(Id anchor) const {
+    const AnchorStates* states = ranges_.empty() ? nullptr : find(anchor);
+    return states != nullptr ? &states->slots : nullptr;
+  }
+
+  /// What a range says of those, eq. (3). Empty as of the model.
+  [[nodiscard]] std::optional<Linearization<1, Eigen::Dynamic>> linearize(
+      const GaussianBelief& belief, const RangeModel& model, const Range& z,
+      const Pose2& rate) const;
 
   /// What a sighting says of body and states, eq. (2). Empty as of the model.
   [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, Eigen::Dynamic>> linearize(
@@ -66,17 +89,31 @@ class Calibration {
 
  private:
   static constexpr int kCount = OdometryErrors::kCount + SightErrors::kCount;
+  static constexpr int kNone = -1;
 
   struct State {
-    int error;  // index among all
+    std::string name;
+    int error;  // index among all; of ranges: kCount and their RangeErrors'
     double sigma;
+    std::optional<Id> anchor = {};
   };
-  /// All errors, 0 where they are no states.
+  struct AnchorStates {
+    Id anchor;
+    std::vector<Slot> slots;
+    std::array<int, RangeErrors::kCount> columns{kNone, kNone, kNone};  // of slots
+  };
+  void add(State state);
+  void add_ranges(const Config& config, const AnchorMap& anchors);
+  [[nodiscard]] const AnchorStates* find(Id anchor) const;
+  /// All errors of odometry and the sensor of landmarks, 0 where they are no states.
   [[nodiscard]] std::array<double, kCount> values(const GaussianBelief& belief) const;
 
   std::vector<State> states_;
   std::vector<Slot> slots_;
-  double wander_;  // variance of the bias per second
+  std::vector<Slot> motion_slots_;
+  std::vector<AnchorStates> ranges_;  // in order of anchor; none if ranges are right
+  double wander_;                     // variance of the bias per second
+  bool consider_;
 };
 
 }  // namespace locfuse

@@ -13,6 +13,7 @@
 #include "locfuse/filters/gate.hpp"
 #include "locfuse/filters/kalman.hpp"
 #include "locfuse/filters/outcome.hpp"
+#include "locfuse/filters/robust.hpp"
 #include "locfuse/maps/landmark_map.hpp"
 #include "locfuse/messages/message.hpp"
 #include "locfuse/models/measurement/pose.hpp"
@@ -65,10 +66,15 @@ class PoseEkf {
     PositionModel::Config position;
     RangeBearingModel::Config landmark;
     Calibration::Config calibration;
-    double gate_range = 0.999;     ///< probability that a good range passes
-    double gate_position = 0.999;  ///< likewise for a position fix
-    double gate_pose = 0.999;      ///< likewise for a pose
-    double gate_landmark = 0.999;  ///< likewise for a landmark that is seen
+    double gate_range = 0.999;                         ///< probability that a good range passes
+    double gate_position = 0.999;                      ///< likewise for a position fix
+    double gate_pose = 0.999;                          ///< likewise for a pose
+    double gate_landmark = 0.999;                      ///< likewise for a landmark that is seen
+    NoiseKind robust_range = NoiseKind::kGaussian;     ///< what noise of ranges looks like
+    NoiseKind robust_position = NoiseKind::kGaussian;  ///< likewise of position fixes
+    NoiseKind robust_pose = NoiseKind::kGaussian;      ///< likewise of poses
+    double robust_dof = 4.0;          ///< degrees of freedom where that is kStudentT
+    double robust_late_share = 0.05;  ///< of the ranges that are too long, where it is kOneSided
     double hold_s = 1.0;  ///< how long the last motion is believed without new odometry [s]
     double sigma_lost_xy_per_sqrt_s = 0.5;       ///< thereafter: standing, spreading [m / sqrt(s)]
     double sigma_lost_heading_per_sqrt_s = 0.5;  ///< [rad / sqrt(s)]
@@ -99,7 +105,8 @@ class PoseEkf {
   Outcome weigh(const Range& z);
 
   /// Ranges of one instant fused as one measurement: one linearization, one gate. Those that are
-  /// not modelled are left out. All stamps must be equal; at most kMaxJoint.
+  /// not modelled are left out. All stamps must be equal; at most kMaxJoint. Throws
+  /// std::invalid_argument if their noise is not Gaussian: each has tails of its own.
   Outcome on_joint(const std::vector<Range>& epoch);
 
   /// Sightings of one instant; those without a name are put together with landmarks before any is
@@ -148,13 +155,15 @@ class PoseEkf {
     Gate position_gate;
     Gate pose_gate;
     Gate landmark_gate;
+    NoiseShape range_noise;
+    NoiseShape position_noise;
+    NoiseShape pose_noise;
     Stamp hold;
   };
 
   template <class Linearize>
-  Outcome correct(Stamp stamp, const Gate& gate, const Linearize& linearize);
-  template <class Linearize>
-  Outcome correct(Stamp stamp, const Gate& gate, Slots slots, const Linearize& linearize);
+  Outcome correct(Stamp stamp, const Gate& gate, const NoiseShape& noise, Slots slots,
+                  const Linearize& linearize);
   template <class Linearize>
   Outcome correct_by(const RangeBearing& z, Slots slots, const Linearize& linearize);
   [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, Eigen::Dynamic>> sight(

@@ -70,6 +70,11 @@ class GaussianBelief {
   /// Marginalises a variable out. Throws std::invalid_argument if it is not there.
   void remove(Slot slot);
 
+  /// From now on no measurement moves this variable: what is not known of it is accounted for, and
+  /// never learnt (Schmidt); eq. (16) of docs/models/kalman.md. Throws std::invalid_argument if it
+  /// is not there.
+  void consider(Slot slot);
+
   /// The slot of that name. Throws std::invalid_argument, listing the names there are.
   [[nodiscard]] Slot slot(const std::string& name) const;
 
@@ -106,6 +111,8 @@ class GaussianBelief {
   }
   /// Rows that are angles.
   [[nodiscard]] const std::vector<int>& angle_rows() const { return layout_->angle_rows; }
+  /// Rows that no measurement moves.
+  [[nodiscard]] const std::vector<int>& considered_rows() const { return layout_->considered_rows; }
 
   Stamp stamp = 0;
   Eigen::VectorXd x;  ///< mean, angles wrapped
@@ -116,10 +123,12 @@ class GaussianBelief {
     std::string name;
     SlotKind kind;
     int offset;  // -1 once removed
+    bool considered = false;
   };
   struct Layout {
     std::vector<Variable> variables;  // index is the slot's id
     std::vector<int> angle_rows;
+    std::vector<int> considered_rows;
   };
   [[nodiscard]] const Variable& variable(Slot slot) const {
     const auto id = static_cast<std::size_t>(slot.id);
@@ -129,7 +138,7 @@ class GaussianBelief {
     return layout_->variables[id];
   }
   Layout& own_layout();
-  void find_angle_rows();
+  void find_rows();
 
   std::shared_ptr<Layout> layout_ = std::make_shared<Layout>();  // written only while not shared
 };

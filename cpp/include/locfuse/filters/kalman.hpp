@@ -115,6 +115,9 @@ Outcome update_part(GaussianBelief& belief,
                     const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin, Slots slots,
                     const Gate& gate);
 
+/// Throws std::invalid_argument unless the Jacobian has a column for each variable.
+void check_columns(std::size_t variables, Eigen::Index columns);
+
 /// Throws std::invalid_argument unless the parts have the same number of rows, at least one.
 template <class Lin>
 void check_rows(const Lin& lin) {
@@ -139,7 +142,8 @@ Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slo
     internal::check_rows(lin);
   }
   if constexpr (N != Eigen::Dynamic && MaxM != Eigen::Dynamic) {
-    if (belief.is_whole(slots, N) && belief.P.outerStride() == N) {
+    if (belief.is_whole(slots, N) && belief.P.outerStride() == N &&
+        belief.considered_rows().empty()) {
       using Noise = Eigen::Matrix<double, M, M, Eigen::ColMajor, MaxM, MaxM>;
       using Cross = Eigen::Matrix<double, N, M, Eigen::ColMajor, N, MaxM>;
       Eigen::Map<Vector<N>> x(belief.x.data());

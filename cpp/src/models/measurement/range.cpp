@@ -38,6 +38,30 @@ std::optional<double> RangeModel::predict(const Pose2& T_world_body, double heig
   return anchor->scale * (tag_in_world - anchor->position).norm() + anchor->offset;
 }
 
+std::optional<Linearization<1, 3 + RangeErrors::kCount>> RangeModel::linearize_with_errors(
+    const Pose2& T_world_body, const Range& z, const RangeErrors& errors, const Pose2& rate) const {
+  const Pose2 then = T_world_body * arc(-errors.delay * rate.x, -errors.delay * rate.y,
+                                        -errors.delay * rate.heading);
+  const std::optional<Linearization<1, 3>> plain = linearize(then, z);
+  if (!plain) {
+    return std::nullopt;
+  }
+  const Anchor& anchor = *anchors_->find(z.anchor);
+  const double distance = (*predict(then, z) - anchor.offset) / anchor.scale;
+  const Matrix<1, 3> by_then = (1.0 + errors.scale / anchor.scale) * plain->jacobian;
+  const Vector<2> back = then.position() - T_world_body.position();
+  const Vector<2> velocity = Pose2{0.0, 0.0, then.heading}.act({rate.x, rate.y});
+  Linearization<1, 3 + RangeErrors::kCount> lin;
+  lin.residual(0) = plain->residual(0) - errors.scale * distance - errors.offset;
+  lin.jacobian.leftCols<3>() = by_then;
+  lin.jacobian(2) += by_then(1) * back.x() - by_then(0) * back.y();
+  lin.jacobian(3) = 1.0;
+  lin.jacobian(4) = distance;
+  lin.jacobian(5) = -by_then.dot(Vector<3>(velocity.x(), velocity.y(), rate.heading));
+  lin.noise = plain->noise;
+  return lin;
+}
+
 std::optional<Linearization<1, 2>> RangeModel::linearize_point(const Vector<2>& tag_in_world,
                                                                const Range& z) const {
   const Tag* tag = tags_.find(z.tag);

@@ -139,6 +139,40 @@ TEST(RangeModel, the_message_s_own_sigma_rules_over_the_model_s) {
   EXPECT_NEAR(model.linearize({}, z)->noise(0), 0.09, 1e-16);
 }
 
+TEST(RangeModel, with_errors_equals_values_computed_by_hand) {
+  // A second ago the body was at (1, 2), and the anchor 5 m away: 1.2 * 5 + 0.3 + 0.25.
+  const RangeModel model({}, one_anchor({9, {4.5, 6.0, 1.0}, 0.3, 1.1}), {{4, {0.5, 0.0, 1.0}}});
+  const Pose2 then{1.0, 2.0, 0.0};
+  const Pose2 rate{1.0, -2.0, 0.3};
+  const auto lin = model.linearize_with_errors(then * arc(rate.x, rate.y, rate.heading),
+                                               range_of(7.0, 4, 9), {0.25, 0.1, 1.0}, rate);
+  ASSERT_TRUE(lin.has_value());
+  EXPECT_NEAR(lin->residual(0), 7.0 - 6.55, 1e-12);
+  EXPECT_NEAR(lin->jacobian(3), 1.0, 1e-12);
+  EXPECT_NEAR(lin->jacobian(4), 5.0, 1e-12);
+  EXPECT_FALSE(model.linearize_with_errors(then, range_of(7.0, 4, 8), {}, {}).has_value());
+}
+
+TEST(RangeModel, derivatives_by_pose_and_errors_match_differences) {
+  const RangeModel model({}, one_anchor({0, {3.0, -2.0, 2.0}, 0.3, 1.1}), {{0, {0.3, -0.2, 1.0}}});
+  const Pose2 rate{0.7, -0.1, 0.4};
+  for (const Pose2& pose : testing::poses_to_try()) {
+    const auto at = [&](const Vector<6>& off) {
+      return model.linearize_with_errors(retract(pose, off.head<3>()), range_of(9.0),
+                                         {0.2 + off(3), 0.05 + off(4), 0.3 + off(5)}, rate);
+    };
+    const auto lin = at(Vector<6>::Zero());
+    ASSERT_TRUE(lin.has_value());
+    const Matrix<1, 6> differences = numerical_jacobian<1, 6>(
+        [&](const Vector<6>& off) { return Vector<1>(lin->residual - at(off)->residual); });
+    expect_near(Matrix<1, 6>(lin->jacobian), differences, 1e-6);
+    const auto plain = model.linearize(pose, range_of(9.0));
+    const auto without = model.linearize_with_errors(pose, range_of(9.0), {}, rate);
+    expect_near(without->residual, plain->residual, 1e-12);
+    expect_near(without->jacobian.leftCols<3>(), plain->jacobian, 1e-12);
+  }
+}
+
 TEST(RangeModel, refuses_a_config_without_noise) {
   const auto anchors = one_anchor({});
   const auto with = [&](double sigma, double relative) {

@@ -14,6 +14,15 @@
 
 namespace locfuse {
 
+/// What ranges to an anchor tell wrong all the time, beyond what the map says.
+struct RangeErrors {
+  double offset = 0.0;  ///< [m]
+  double scale = 0.0;   ///< added to the anchor's
+  double delay = 0.0;   ///< of a range behind its stamp [s]
+
+  static constexpr int kCount = 3;
+};
+
 /// Range from a body-fixed tag to an anchor, both in 3D, the robot on the plane z = 0 or at a
 /// height over it.
 ///
@@ -47,6 +56,12 @@ class RangeModel {
                                                              double height, const Range& z) const {
     return look<4>(T_world_body, height, z);
   }
+
+  /// With `errors`, on a body that moves by `rate` a second, in its own frame: with respect to
+  /// (x, y, theta) and the errors, 1x6: eq. (7) and (8). Empty as above.
+  [[nodiscard]] std::optional<Linearization<1, 3 + RangeErrors::kCount>> linearize_with_errors(
+      const Pose2& T_world_body, const Range& z, const RangeErrors& errors,
+      const Pose2& rate) const;
 
   /// Of a tag that is itself a variable: with respect to its place in the plane of the world, 1x2,
   /// its height being that in body. Empty as above; eq. (6).

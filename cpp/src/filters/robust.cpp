@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/filters/robust.hpp"
+
+#include <stdexcept>
+#include <string>
+
+namespace locfuse {
+namespace {
+
+constexpr double kMostDof = 1e6;
+
+/// Variances of a Student-t's Gaussians, in powers of ten: close where most are, then far.
+double exponent(int k) { return k <= 12 ? (k - 6) / 6.0 : 1.0 + 0.5 * (k - 12); }
+constexpr int kTails = 27;
+
+/// exp(-x x / 2) is nothing beyond.
+constexpr double kFar = 8.0;
+
+/// What clean noise tells a filter that takes it for `shape` of `scale`, beyond what that filter
+/// believes to be told: eq. (7) of docs/models/robust.md.
+double surplus(const NoiseShape& shape, double scale) {
+  double sum = 0.0;
+  for (int i = -80; i <= 80; ++i) {
+    const double r = kFar * i / 80.0;
+    double total = 0.0;
+    double score = 0.0;
+    double curvature = 0.0;
+    for (const NoiseShape::Part& part : shape) {
+      const double S = scale * part.variance;
+      const double weight =
+          std::exp(part.log_share - 0.5 * std::log(part.variance) - 0.5 * r * r / S);
+      total += weight;
+      score += weight * r / S;
+      curvature += weight * (1.0 / S - r * r / (S * S));
+    }
+    score /= total;
+    curvature = curvature / total + score * score;
+    sum += std::exp(-0.5 * r * r) * (score * score - curvature);
+  }
+  return sum;
+}
+
+/// The scale at which clean noise leaves a filter as sure as it should be.
+double consistent_scale(const NoiseShape& shape) {
+  double low = 0.1;
+  double high = 2.0;
+  for (int i = 0; i < 40; ++i) {
+    const double middle = 0.5 * (low + high);
+    (surplus(shape, middle) > 0.0 ? low : high) = middle;
+  }
+  return 0.5 * (low + high);
+}
+
+}  // namespace
+
+NoiseShape::NoiseShape(const Config& config) : one_sided_(config.kind == NoiseKind::kOneSided) {
+  if (!(config.dof >= 1.0 && config.dof <= kMostDof)) {
+    throw std::invalid_argument("dof of noise is " + std::to_string(config.dof) +
+                                ", expected 1 to 1e6");
+  }
+  if (!(config.late_share > 0.0 && config.late_share < 1.0)) {
+    throw std::invalid_argument("late_share of noise is " + std::to_string(config.late_share) +
+                                ", expected a number between 0 and 1");
+  }
+  if (config.kind == NoiseKind::kGaussian) {
+    return;
+  }
+  if (one_sided_) {
+    constexpr int kLate =
+        17;  // nobody knows how late: each octave from three sigma on is as likely
+    add(1.0 - config.late_share, 0.0, 1.0);
+    for (int k = 0; k < kLate; ++k) {
+      const double mean = 3.0 * std::pow(2.0, k);
+      add(config.late_share / kLate, mean, 1.0 + 0.16 * mean * mean);
+    }
+    return;
+  }
+  const double half = config.kind == NoiseKind::kCauchy ? 0.5 : 0.5 * config.dof;
+  for (int k = 0; k < kTails; ++k) {
+    const double variance = std::pow(10.0, exponent(k));
+    const double width =
+        0.5 * (exponent(std::min(k + 1, kTails - 1)) - exponent(std::max(k - 1, 0)));
+    // Of 1 / variance, a gamma variable of mean 1, over its logarithm.
+    const double share = width * std::exp(half * (1.0 - std::log(variance) - 1.0 / variance));
+    if (share > 0.0) {
+      add(share, 0.0, variance);
+    }
+  }
+  const double scale = consistent_scale(*this);
+  for (Part& part : parts_) {
+    part.variance *= scale;
+  }
+}
+
+void NoiseShape::add(double share, double mean, double variance) {
+  parts_[count_++] = {std::log(share), mean, variance};
+}
+
+void internal::refuse_one_sided(Eigen::Index rows) {
+  throw std::invalid_argument("a measurement of " + std::to_string(rows) +
+                              " rows has no long side: one-sided noise is of one row, as a range");
+}
+
+}  // namespace locfuse
