@@ -5,12 +5,15 @@ from __future__ import annotations
 
 import csv
 import gzip
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from locfuse.io.datasets import convert
 from locfuse.io.datasets.source import heading_of
-from locfuse.types import NANOSECONDS, FloatArray, Log
+from locfuse.io.log_folder import read_log
+from locfuse.types import NANOSECONDS, FloatArray, Log, LogError
 from support_recordings import converted, robust_sigma, rows_in
 from support_runs import recording
 
@@ -27,6 +30,21 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Logs:
     return converted("starloc", tmp_path_factory.mktemp("converted"))
 
 
+@pytest.fixture(scope="module")
+def yard(tmp_path_factory: pytest.TempPathFactory) -> Logs:
+    return converted("hanyang_outdoor", tmp_path_factory.mktemp("converted"))
+
+
+@pytest.fixture(scope="module")
+def head(tmp_path_factory: pytest.TempPathFactory) -> Log:
+    (log,) = converted("inrol_uwb_imu", tmp_path_factory.mktemp("converted")).values()
+    return log
+
+
+def packed(path: Path, text: str) -> None:
+    path.write_bytes(gzip.compress(text.encode()))
+
+
 def published(folder: str, file: str) -> list[dict[str, str]]:
     with gzip.open(recording(folder) / file, "rt", newline="") as lines:
         return list(csv.DictReader(lines))
@@ -35,7 +53,8 @@ def published(folder: str, file: str) -> list[dict[str, str]]:
 def tags_in_world(log: Log) -> FloatArray:
     """Return where the tag of every range was, from the truth at its stamp, shape (n, 3)."""
     truth, ranges = log["truth"], log["ranges"]
-    at = [np.interp(ranges["stamp_ns"], truth["stamp_ns"], truth[f"{axis}_m"]) for axis in "xyz"]
+    places = {"z_m": np.zeros(len(truth["x_m"])), **truth}
+    at = [np.interp(ranges["stamp_ns"], truth["stamp_ns"], places[f"{axis}_m"]) for axis in "xyz"]
     turned = np.unwrap(truth["heading_rad"])
     heading = np.interp(ranges["stamp_ns"], truth["stamp_ns"], turned)
     forward, left, up = np.array([log.tags[tag] for tag in ranges["tag"].tolist()]).T
@@ -175,3 +194,117 @@ def test_starloc_tags_are_where_their_arms_are_on_a_tilted_rig(
         assert np.linalg.norm(log.tags[tag]) == pytest.approx(np.linalg.norm(arm), abs=0.006)
     level = Log(tables=log.tables, tags=arms)
     assert np.median(np.linalg.norm(tags_in_world(level) - true, axis=1)) > 0.028
+
+
+# Yard -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("run", "ranges", "seconds", "medians", "sigmas", "largest"),
+    [
+        ("los_a1", 8405, 235.1, [0.069, 0.076, 0.043, 0.033], [0.163, 0.178, 0.173, 0.157],
+         17.42),
+        ("nlos_a1", 9447, 314.4, [0.160, 0.093, 0.106, 0.110], [0.140, 0.139, 0.145, 0.146],
+         19.33),
+        ("los_b3", 6645, 185.0, [0.018, -0.035, -0.032, -0.025], [0.211, 0.248, 0.201, 0.212],
+         15.85),
+        ("nlos_b3", 6297, 174.6, [0.038, -0.038, -0.037, -0.024], [0.276, 0.257, 0.271, 0.258],
+         9.81),
+    ],
+)  # fmt: skip
+def test_hanyang_outdoor_has_the_rows_and_figures_of_its_notes(
+    yard: Logs, run: str, ranges: int, seconds: float, medians: list[float], sigmas: list[float],
+    largest: float,
+) -> None:  # fmt: skip
+    log = yard[run]
+    assert rows_in(log)["ranges"] == ranges
+    stamps = log["truth"]["stamp_ns"]
+    assert float(np.ptp(stamps)) / NANOSECONDS == pytest.approx(seconds, abs=0.1)
+    errors = range_errors(log)
+    assert list(errors) == ["12", "3", "5", "9"]
+    assert [np.median(e) for e in errors.values()] == pytest.approx(medians, abs=0.003)
+    assert [robust_sigma(e) for e in errors.values()] == pytest.approx(sigmas, abs=0.003)
+    assert max(np.abs(e).max() for e in errors.values()) == pytest.approx(largest, abs=0.01)
+
+
+def test_hanyang_outdoor_heads_along_its_course(yard: Logs) -> None:
+    truth = yard["los_a1"]["truth"]
+    steps = np.diff(truth["x_m"]) + 1j * np.diff(truth["y_m"])
+    driving = np.abs(steps) > 0.05
+    off = np.angle(steps[driving] * np.exp(-1j * truth["heading_rad"][1:][driving]))
+    assert np.median(np.abs(off)) < 0.1
+
+
+YARD = "t,anchor,ax,ay,az,range,rssi,rssi_fp\n"
+
+
+def in_a_yard(source: Path, ranges: str) -> Path:
+    """Write a drive as the publishers do, a range from the west and one from the east."""
+    source.mkdir()
+    packed(source / "day_ranges.csv.gz", YARD + ranges)
+    (source / "day_groundtruth.csv").write_text(
+        "t,x,y,z_rel,heading_deg\n0.0000,3.0,0.0,0.0,-532.66\n0.5000,3.5,0.0,0.1,90\n"
+    )
+    return source
+
+
+def test_a_yard_by_hand_becomes_its_log(tmp_path: Path) -> None:
+    source = in_a_yard(
+        tmp_path / "source",
+        "-0.1853,9,0.0,4.0,1.0,5.02,-79.5,-81.0\n0.2500,3,7.0,0.0,1.5,3.9,-60,-61\n",
+    )
+    (folder,) = convert("hanyang_outdoor", source, tmp_path / "out")
+    log = read_log(folder)
+    assert folder.name == "day"
+    assert log["ranges"]["stamp_ns"].tolist() == [-185_300_000, 250_000_000]
+    assert log["ranges"]["range_m"].tolist() == [5.02, 3.9]
+    assert log["anchors"]["anchor"].tolist() == ["3", "9"]
+    assert np.column_stack([log["anchors"][f"{axis}_m"] for axis in "xyz"]).tolist() == [
+        [7.0, 0.0, 1.5],
+        [0.0, 4.0, 1.0],
+    ]
+    assert log["truth"]["heading_rad"] == pytest.approx([np.radians(187.34 - 360), np.pi / 2])
+    assert range_errors(log)["9"] == pytest.approx([0.02])
+
+
+def test_an_anchor_that_moves_is_refused_by_line(tmp_path: Path) -> None:
+    moves = "0.1,9,0,4,1,5,-79,-81\n0.2,3,7,0,1,4,-60,-61\n0.3,9,0,4,1.1,5,-79,-81\n"
+    with pytest.raises(LogError, match=r"day_ranges.csv.gz, line 4: anchor 9 is not where"):
+        convert("hanyang_outdoor", in_a_yard(tmp_path / "source", moves), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+# Head -----------------------------------------------------------------------------------------
+
+
+def test_inrol_uwb_imu_has_the_rows_and_figures_of_its_notes(head: Log) -> None:
+    assert rows_in(head) == {"ranges": 32422, "truth": 22496, "anchors": 8}
+    errors = range_errors(head)
+    assert [np.median(e) for e in errors.values()] == pytest.approx(
+        [-0.053, 0.059, -0.027, 0.080, -0.005, -0.011, -0.017, -0.046], abs=0.002
+    )
+    assert [robust_sigma(e) for e in errors.values()] == pytest.approx(
+        [0.107, 0.112, 0.112, 0.119, 0.067, 0.069, 0.079, 0.071], abs=0.002
+    )
+    together = np.concatenate(list(errors.values()))
+    assert [together.std(), np.abs(together).max()] == pytest.approx([0.135, 3.11], abs=0.004)
+
+
+def test_a_head_by_hand_becomes_its_log_in_order_of_time(tmp_path: Path) -> None:
+    source = tmp_path / "source"
+    source.mkdir()
+    packed(source / "walk_uwb.csv.gz", "index,timestamp,anchor_id,r\n0,0.2,4,2.5\n1,0.1,6,3\n")
+    pose = "tx,ty,tz,qx,qy,qz,qw\n"
+    packed(
+        source / "walk_imu_pose.csv.gz",
+        f"timestamp,{pose}0.0,1,0,2,0,0,0,1\n0.3,1,0,2,0,0,0.70710678,0.70710678\n",
+    )
+    (source / "walk_anchors.csv").write_text(f"anchor,{pose}4,1,0,0,0,0,0,1\n6,-2,0,2.01,0,0,0,1\n")
+    (folder,) = convert("inrol-uwb-imu", source, tmp_path / "out")
+    log = read_log(folder)
+    assert folder.name == "walk"
+    assert log["ranges"]["stamp_ns"].tolist() == [100_000_000, 200_000_000]
+    assert log["ranges"]["anchor"].tolist() == ["6", "4"]
+    assert log["truth"]["heading_rad"] == pytest.approx([0.0, np.pi / 2])
+    assert range_errors(log)["4"] == pytest.approx([0.49])  # the tag is 1 cm over the head
+    assert range_errors(log)["6"] == pytest.approx([0.0])

@@ -13,6 +13,7 @@ from support_recordings import damaged
 from support_runs import recording
 
 SCANS, REFERENCE = "scans.csv.gz", "reference.csv.gz"
+WALK = "filtering_state_estimation1"
 DAMAGES = [
     ("wean_hall", "robotdata1.log.gz", 3, "O 1 2 0.5", ", line 3: 4 fields, expected 5"),
     ("wean_hall", "robotdata3.log.gz", 1, "L 1 2 3 4 5 6 7", ", line 1: 8 fields, expected 188"),
@@ -55,6 +56,10 @@ DAMAGES = [
     ("rcv_uwb_drone", "seq1_anchors.csv", 1, "a,b", ", line 1: expected the header anchor,x,y,z"),
     ("starloc", "loop-2d_s5_uwb.csv.gz", 3, "1,2", ", line 3: 2 fields, expected 15"),
     ("starloc", "loop-2d-fast_s1_anchors.csv", 2, "4,1,2,inf", ", line 2: .*inf"),
+    ("hanyang_outdoor", "los_b3_ranges.csv.gz", 3, "1,2", ", line 3: 2 fields, expected 8"),
+    ("hanyang_outdoor", "nlos_a1_groundtruth.csv", 2, "0,1,nan,0,0", ", line 2: .*nan"),
+    ("inrol_uwb_imu", f"{WALK}_uwb.csv.gz", 2, "0,0.1,4", ", line 2: 3 fields, expected 4"),
+    ("inrol_uwb_imu", f"{WALK}_anchors.csv", 2, "1,inf,0,0,0,0,0,1", ", line 2: .*inf"),
 ]  # fmt: skip
 
 
@@ -79,6 +84,8 @@ def test_a_damaged_line_is_named_and_nothing_is_written(
         ("victoria_park", "laser.csv.gz"),
         ("rcv_uwb_drone", "seq5_anchors.csv"),
         ("starloc", "loop-2d_s5_anchors.csv"),
+        ("hanyang_outdoor", "nlos_b3_ranges.csv.gz"),
+        ("inrol_uwb_imu", f"{WALK}_imu_pose.csv.gz"),
         *(("wean_hall", f) for f in ("reference_robotdata3.csv.gz", "wean_map.yaml",
                                      "wean_map.pgm")),
         *(("intel_lab", f) for f in ("odometry.csv.gz", SCANS, "relations.csv.gz",

@@ -10,7 +10,9 @@ from typing import TypeAlias
 from locfuse.io.datasets import (
     acfr_carpark,
     ghent,
+    hanyang_outdoor,
     ieu_gazebo,
+    inrol_uwb_imu,
     intel_lab,
     lego_arena,
     lias,
@@ -46,6 +48,8 @@ CONVERTERS: dict[str, Converter] = {
     "victoria_park": victoria_park.convert,
     "rcv_uwb_drone": rcv_uwb_drone.convert,
     "starloc": starloc.convert,
+    "hanyang_outdoor": hanyang_outdoor.convert,
+    "inrol_uwb_imu": inrol_uwb_imu.convert,
 }
 
 
