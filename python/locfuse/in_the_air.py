@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -41,6 +42,7 @@ RECORDINGS = {
     "rig s1": Recording("starloc", "starloc", "loop-2d-fast_s1", (0.1, 0.35)),
     "rig s1 calibrated": Recording("starloc", "starloc", "loop-2d-fast_s1_calibrated", (0.0, 0.0)),
     "rig s5": Recording("starloc", "starloc", "loop-2d_s5", (-0.1, -0.1)),
+    "head": Recording("inrol_uwb_imu", "inrol-uwb-imu", "filtering_state_estimation1", (0.0, 0.0)),
 }
 START_SIGMA = (0.3, 0.3, 0.1, 0.3)  # x, y [m], heading [rad], height [m]
 
@@ -56,14 +58,14 @@ class Flight:
         In world [m].
     covariance : float64 array, shape (n, 3, 3)
         Of it [m^2].
-    gated : float
-        Share of the ranges that did not pass the gate.
+    gated : bool array, shape (ranges,)
+        Which ranges of the log did not pass the gate.
     """
 
     stamp_ns: StampArray
     position: FloatArray
     covariance: FloatArray
-    gated: float
+    gated: NDArray[np.bool_]
 
 
 def air_claims(configs: Path | None, progress: Progress) -> list[Claim]:
@@ -71,8 +73,8 @@ def air_claims(configs: Path | None, progress: Progress) -> list[Claim]:
     return claims_of([partial(_recorded, configs, name) for name in RECORDINGS], progress)
 
 
-def recorded(configs: Path | None, name: str) -> Log:
-    """Return the log of one of `RECORDINGS`.
+def recorded(configs: Path | None, recording: Recording) -> Log:
+    """Return the log of a recording.
 
     Raises
     ------
@@ -81,7 +83,6 @@ def recorded(configs: Path | None, name: str) -> Log:
     """
     if configs is None:
         raise LogError("no examples/configs here")
-    recording = RECORDINGS[name]
     origin = {"dataset": recording.dataset, "path": f"../../../shared/data/{recording.folder}",
               "run": recording.run}  # fmt: skip
     return load_log(parse_config({"log": origin}), configs, 0)
@@ -94,8 +95,14 @@ def filter_config() -> _core.AirEkfConfig:
     return config
 
 
-def localize(log: Log, offset: float, config: _core.AirEkfConfig) -> Flight:
-    """Localize by the ranges of a log.
+def localize(
+    log: Log,
+    offset: float,
+    config: _core.AirEkfConfig,
+    altitudes: Sequence[_core.Altitude] = (),
+    kept: NDArray[np.bool_] | None = None,
+) -> Flight:
+    """Localize by the ranges of a log, and by altitudes.
 
     It starts at the truth as soon as every anchor was heard within a second: before, there are long
     gaps in which a body may be anywhere.
@@ -107,43 +114,49 @@ def localize(log: Log, offset: float, config: _core.AirEkfConfig) -> Flight:
     offset : float
         How long the ranges read [m].
     config : AirEkfConfig
+    altitudes : sequence of Altitude
+        In order of their stamps.
+    kept : bool array, shape (ranges,), optional
+        Which ranges the filter hears, all if None. At the stamps of the others it tells, too.
     """
     ranges, table = log["ranges"], log["anchors"]
     names = [str(name) for name in table["anchor"]]
     places = np.stack([table[f"{axis}_m"] for axis in "xyz"], axis=1)
     anchors = _core.AnchorMap([_core.Anchor(i, place, offset) for i, place in enumerate(places)])
-    tags = list(log.tags)
+    tags, start = list(log.tags), _start(log)
     ekf = _core.AirEkf(
         config,
         anchors,
         [_core.Tag(i, np.array(log.tags[tag])) for i, tag in enumerate(tags)],
-        _start(log),
+        start,
     )
     sigmas = ranges.get("sigma_m")
     estimates: dict[int, _core.AirEstimate] = {}  # by stamp: the last of each
-    heard = gated = 0
+    gated = np.zeros(len(ranges["stamp_ns"]), dtype=np.bool_)
+    waiting = deque(altitudes)
     for row, stamp in enumerate(ranges["stamp_ns"].tolist()):
-        z = _core.Range(stamp, tags.index(str(ranges["tag"][row])),
-                        names.index(str(ranges["anchor"][row])), float(ranges["range_m"][row]),
-                        None if sigmas is None else float(sigmas[row]))  # fmt: skip
-        verdict = ekf.on(z).verdict
-        if verdict == _core.Verdict.STALE:
+        if stamp < start.stamp:
             continue
-        heard += 1
-        gated += verdict == _core.Verdict.GATED
+        while waiting and waiting[0].stamp <= stamp:
+            ekf.on(waiting.popleft())
+        if kept is None or kept[row]:
+            z = _core.Range(stamp, tags.index(str(ranges["tag"][row])),
+                            names.index(str(ranges["anchor"][row])), float(ranges["range_m"][row]),
+                            None if sigmas is None else float(sigmas[row]))  # fmt: skip
+            gated[row] = ekf.on(z).verdict == _core.Verdict.GATED
         estimates[stamp] = ekf.estimate(stamp)
     told = list(estimates.values())
     return Flight(
         np.array(list(estimates)),
         np.array([[e.pose.x, e.pose.y, e.height] for e in told]),
         np.array([e.covariance[np.ix_([0, 1, 3], [0, 1, 3])] for e in told]),
-        gated / heard,
+        gated,
     )
 
 
 def _start(log: Log) -> _core.AirEstimate:
     heard = _all_heard(log)
-    place, heading, inside = _true_at(log, heard)
+    place, heading, inside = true_at(log, heard)
     if len(place) == 0:
         raise LogError("there is no second in which all anchors were heard and the truth is known")
     pose = _core.Pose2(float(place[0, 0]), float(place[0, 1]), float(heading[0]))
@@ -163,12 +176,16 @@ def _all_heard(log: Log) -> StampArray:
     return np.unique(np.array(stamps, dtype=np.int64))
 
 
-def _true_at(log: Log, stamp_ns: StampArray) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-    """Return true positions (m, 3) and headings (m,), and for which stamps (n,) they are known."""
+def true_at(log: Log, stamp_ns: StampArray) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Return true positions (m, 3) and headings (m,), and for which stamps (n,) they are known.
+
+    A truth without heights is on the ground.
+    """
     truth = truth_of(log)
     assert truth is not None
     at, inside = interpolate(truth, stamp_ns)
-    height = Trajectory(truth.stamp_ns, np.column_stack([log["truth"]["z_m"]] * 2))
+    up_m = log["truth"].get("z_m", np.zeros(len(truth)))
+    height = Trajectory(truth.stamp_ns, np.column_stack([up_m] * 2))
     up, _ = interpolate(height, stamp_ns)
     assert at.heading is not None
     return np.column_stack([at.position, up.position[:, 0]]), at.heading, inside
@@ -176,7 +193,7 @@ def _true_at(log: Log, stamp_ns: StampArray) -> tuple[FloatArray, FloatArray, ND
 
 def errors_of(flight: Flight, log: Log) -> tuple[FloatArray, FloatArray]:
     """Return errors (n, 3) [m] and their NEES (n,), where truth is known."""
-    true, _, inside = _true_at(log, flight.stamp_ns)
+    true, _, inside = true_at(log, flight.stamp_ns)
     error = flight.position[inside] - true
     nees = np.einsum("ni,ni->n", error, np.linalg.solve(flight.covariance[inside],
                                                         error[..., None])[..., 0])  # fmt: skip
@@ -191,17 +208,18 @@ def rms(errors: FloatArray) -> float:
 def _recorded(configs: Path | None, name: str) -> Iterator[Claim]:
     key, what = f"air_{name.replace(' ', '_')}", f"{name} (real): "
     try:
-        log = recorded(configs, name)
+        log = recorded(configs, RECORDINGS[name])
     except LogError as missing:
         yield absent(key, f"{what}position RMSE", str(missing))
         return
     flight = localize(log, float(np.mean(RECORDINGS[name].long)), filter_config())
     error, nees = errors_of(flight, log)
+    heard = log["ranges"]["stamp_ns"] >= flight.stamp_ns[0]
     for row, part, unit, value in (
         ("", "position RMSE", "m", rms(error)),
         ("_horizontal", "horizontal RMSE", "m", rms(error[:, :2])),
         ("_height", "height RMSE", "m", rms(error[:, 2:])),
         ("_nees", "NEES of 3", "1", float(np.mean(nees))),
-        ("_gated", "ranges gated", "%", 100.0 * flight.gated),
+        ("_gated", "ranges gated", "%", 100.0 * float(np.mean(flight.gated[heard]))),
     ):
         yield Claim(key + row, what + part, unit, None, value, value, value, "-", True)

@@ -25,6 +25,8 @@ from locfuse.messages import Messages, to_messages, truth_of
 from locfuse.on_cylinders import draw_pictures as draw_drives
 from locfuse.on_landmarks import landmark_claims
 from locfuse.on_maps import map_claims
+from locfuse.outliers import draw_pictures as draw_outliers
+from locfuse.outliers import outlier_claims
 from locfuse.power_up import draw_pictures as draw_starts
 from locfuse.power_up import power_up_claims
 from locfuse.power_up.runs import recording
@@ -87,6 +89,8 @@ def draw(paper: str, seeds: int, folder: Path) -> list[Path]:
     configs = example_configs()
     if paper == "landmarks" and configs is not None:
         return draw_drives(configs, folder)
+    if paper == "outliers" and configs is not None:
+        return draw_outliers(configs, folder)
     return draw_starts(configs, folder) if paper == "ekim2020" else []
 
 
@@ -325,4 +329,5 @@ PAPERS: dict[str, Callable[[int, Progress], list[Claim]]] = {
     "landmarks": lambda seeds, progress: landmark_claims(example_configs(), seeds, progress),
     "air": lambda seeds, progress: air_claims(example_configs(), progress),
     "trust": trust_claims,
+    "outliers": lambda seeds, progress: outlier_claims(example_configs(), seeds, progress),
 }

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 
 from locfuse import in_the_air
-from locfuse.types import NANOSECONDS, FloatArray, Log, LogError
+from locfuse.types import FloatArray, Log, LogError
+from support_flights import flat, on_a_spiral
 from support_runs import ROOT
 
 CONFIGS = ROOT / "examples" / "configs"
-TAG = np.array([0.2, -0.1, 0.3])
 
 
 def recorded(name: str) -> tuple[Log, float]:
     """Return a recording and how long its ranges read, or skip the test if it is absent."""
     try:
-        log = in_the_air.recorded(CONFIGS, name)
+        log = in_the_air.recorded(CONFIGS, in_the_air.RECORDINGS[name])
     except LogError as error:
         pytest.skip(str(error))
     return log, float(np.mean(in_the_air.RECORDINGS[name].long))
@@ -30,47 +30,6 @@ def errors(log: Log, offset: float, gate: float = 0.999) -> tuple[FloatArray, Fl
     config = in_the_air.filter_config()
     config.gate_range = gate
     return in_the_air.errors_of(in_the_air.localize(log, offset, config), log)
-
-
-def flat(log: Log) -> Log:
-    """Return the log with every anchor on the floor."""
-    anchors = {**log["anchors"], "z_m": np.zeros(len(log["anchors"]["z_m"]))}
-    return replace(log, tables={**log.tables, "anchors": anchors})
-
-
-def on_a_spiral() -> Log:
-    """Return half a minute of exact ranges from a tag that climbs around, 0.1 m long."""
-    t = np.arange(0.0, 30.0, 0.05)
-    place = np.column_stack([np.cos(0.5 * t), np.sin(0.5 * t), 1.0 + 0.1 * t])
-    heading = np.full(len(t), 0.3)
-    c, s = np.cos(0.3), np.sin(0.3)
-    tag = place + [c * TAG[0] - s * TAG[1], s * TAG[0] + c * TAG[1], TAG[2]]
-    corners = np.array([[-4.0, -4.0, 0.2], [4.0, -4.0, 4.0], [4.0, 4.0, 0.1], [-4.0, 4.0, 3.5]])
-    names = np.array(["A", "B", "C", "D"])
-    stamp_ns = np.round(t * NANOSECONDS).astype(np.int64)
-    k = np.arange(len(t)) % 4  # one anchor after the other
-    return Log(
-        tables={
-            "ranges": {
-                "stamp_ns": stamp_ns,
-                "tag": np.full(len(t), "tag"),
-                "anchor": names[k],
-                "range_m": np.linalg.norm(tag - corners[k], axis=1) + 0.1,
-            },
-            "truth": {
-                "stamp_ns": stamp_ns,
-                "x_m": place[:, 0],
-                "y_m": place[:, 1],
-                "z_m": place[:, 2],
-                "heading_rad": heading,
-            },
-            "anchors": {
-                "anchor": names,
-                **{f"{axis}_m": corners[:, i] for i, axis in enumerate("xyz")},
-            },
-        },
-        tags={"tag": tuple(TAG)},
-    )
 
 
 def test_exact_ranges_are_followed_and_wrong_ones_are_not() -> None:
@@ -126,6 +85,7 @@ def test_rows_of_absent_recordings_say_why(configs: str | None, tmp_path: Path) 
 def test_rows_of_present_recordings_are_numbers() -> None:
     recorded("drone seq3")
     recorded("rig s5")
+    recorded("head")
     claims = in_the_air.air_claims(CONFIGS, lambda *_: None)
     assert len(claims) == 5 * len(in_the_air.RECORDINGS)
     assert all(claim.met and claim.ours_median is not None for claim in claims)

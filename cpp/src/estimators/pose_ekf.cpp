@@ -108,22 +108,20 @@ Outcome PoseEkf::on(const Increment& u) {
   return internal::take<3>(*recipe_, odometry_, body_, belief_, u);
 }
 
-Outcome PoseEkf::on(const Range& z) {
+Outcome PoseEkf::on(const Range& z) { return correct_by(z, recipe_->range_gate); }
+
+Outcome PoseEkf::weigh(const Range& z) { return correct_by(z, Gate::closed()); }
+
+Outcome PoseEkf::correct_by(const Range& z, const Gate& gate) {
   validate(z);
   const Calibration& calibration = recipe_->calibration;
   if (const std::vector<Slot>* slots = calibration.slots_of(z.anchor)) {
-    return correct(z.stamp, recipe_->range_gate, recipe_->range_noise, *slots,
+    return correct(z.stamp, gate, recipe_->range_noise, *slots,
                    [&](const Pose2& /*pose*/) {
                      return calibration.linearize(belief_, recipe_->range, z, odometry_.rate());
                    });
   }
-  return correct(z.stamp, recipe_->range_gate, recipe_->range_noise, body_,
-                 [&](const Pose2& pose) { return recipe_->range.linearize(pose, z); });
-}
-
-Outcome PoseEkf::weigh(const Range& z) {
-  validate(z);
-  return correct(z.stamp, Gate::closed(),
+  return correct(z.stamp, gate, recipe_->range_noise, body_,
                  [&](const Pose2& pose) { return recipe_->range.linearize(pose, z); });
 }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import csv
 import gzip
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -225,6 +226,20 @@ def test_hanyang_outdoor_has_the_rows_and_figures_of_its_notes(
     assert [np.median(e) for e in errors.values()] == pytest.approx(medians, abs=0.003)
     assert [robust_sigma(e) for e in errors.values()] == pytest.approx(sigmas, abs=0.003)
     assert max(np.abs(e).max() for e in errors.values()) == pytest.approx(largest, abs=0.01)
+
+
+def test_hanyang_outdoor_ranges_fit_where_the_truth_was_a_fifth_of_a_second_before(
+    yard: Logs,
+) -> None:
+    for log in yard.values():
+        sigmas = []
+        for late_ms in (0, 100, 200, 300, 400):
+            stamps = log["truth"]["stamp_ns"] + late_ms * 1_000_000
+            truth = {**log["truth"], "stamp_ns": stamps}
+            shifted = replace(log, tables={**log.tables, "truth": truth})
+            sigmas.append(robust_sigma(np.concatenate(list(range_errors(shifted).values()))))
+        assert np.argmin(sigmas) == 2
+        assert 0.08 < sigmas[2] < 0.13 < sigmas[0]
 
 
 def test_hanyang_outdoor_heads_along_its_course(yard: Logs) -> None:

@@ -164,6 +164,7 @@ class PoseEkf {
   template <class Linearize>
   Outcome correct(Stamp stamp, const Gate& gate, const NoiseShape& noise, Slots slots,
                   const Linearize& linearize);
+  Outcome correct_by(const Range& z, const Gate& gate);
   template <class Linearize>
   Outcome correct_by(const RangeBearing& z, Slots slots, const Linearize& linearize);
   [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, Eigen::Dynamic>> sight(
