@@ -28,7 +28,7 @@ from locfuse.types import NANOSECONDS, FloatArray, Log, LogError
 OUTLIER_M = 0.5  # from the median of its anchor: what the notes of the drone call gross
 FINE_M = 0.3  # likewise, of a sharper eye: three sigma of the filter's default
 LARGEST_RATIO = 1.1
-LOST_M = 3.0
+ROOM_M, YARD_M = 3.0, 5.0  # half the width of where bodies move
 GROUND_SIGMA_M = 0.1
 ALTIMETER_SIGMA_M = 0.1
 
@@ -48,17 +48,20 @@ class Case:
         Whether the seed makes a difference.
     told : bool
         Whether all this tells where the body is.
+    lost_m : float
+        Who errs by more is lost [m].
     """
 
     recording: Recording
     heights: Heights = lambda log, seed: ()
     drawn: bool = False
     told: bool = True
+    lost_m: float = ROOM_M
 
 
 @dataclass(frozen=True)
-class Pair:
-    """One recording localized twice, at the same stamps.
+class Flights:
+    """One recording localized three times, at the same stamps.
 
     Attributes
     ----------
@@ -66,11 +69,22 @@ class Pair:
         Error of each range less the median of its anchor [m]; NaN where truth is not known.
     whole, clean : Flight
         By all ranges, and by those that are not outliers.
+    gated : Flight
+        By all ranges, Gaussian and behind a gate.
     """
 
     off: FloatArray
     whole: Flight
     clean: Flight
+    gated: Flight
+
+
+def robust_config() -> _core.AirEkfConfig:
+    """Return the settings, the same for all: noise of ranges is Cauchy, and no gate."""
+    config = filter_config()
+    config.robust_range = _core.NoiseKind.CAUCHY
+    config.gate_range = 1.0
+    return config
 
 
 def on_the_ground(log: Log, seed: int) -> list[_core.Altitude]:
@@ -97,7 +111,7 @@ def altimeter(log: Log, seed: int) -> list[_core.Altitude]:
 def _cases() -> dict[str, Case]:
     """Return what flies or is carried, drones once more with an altimeter, and what drives."""
     cases = {
-        name: Case(recording, told=name not in ("drone seq1", "drone seq5"))
+        name: Case(recording, told=name != "drone seq5")
         for name, recording in in_the_air.RECORDINGS.items()
     }
     for name in ("drone seq1", "drone seq3", "drone seq5"):
@@ -105,7 +119,7 @@ def _cases() -> dict[str, Case]:
         cases[f"{name} with altimeter"] = Case(recording, altimeter, drawn=True)
     for run in ("los_a1", "los_b3", "nlos_a1", "nlos_b3"):
         recording = Recording("hanyang_outdoor", "hanyang-outdoor", run, (0.0, 0.0))
-        cases[f"yard {run}"] = Case(recording, on_the_ground)
+        cases[f"yard {run}"] = Case(recording, on_the_ground, lost_m=YARD_M)
     return cases
 
 
@@ -143,17 +157,18 @@ def range_errors(log: Log) -> FloatArray:
     return off
 
 
-def localize_twice(
+def fly(
     case: Case, log: Log, seed: int, config: _core.AirEkfConfig, outlier_m: float = OUTLIER_M
-) -> Pair:
+) -> Flights:
     """Localize by all ranges, and by those that are less than `outlier_m` off their median."""
     off = range_errors(log)
     good: NDArray[np.bool_] = ~(np.abs(off) > outlier_m)
     offset, heights = float(np.mean(case.recording.long)), case.heights(log, seed)
-    return Pair(
+    return Flights(
         off,
         localize(log, offset, config, heights),
         localize(log, offset, config, heights, kept=good),
+        localize(log, offset, filter_config(), heights),
     )
 
 
@@ -172,18 +187,19 @@ def _rows(configs: Path | None, name: str, seeds: int) -> Iterator[Claim]:
         yield absent(key, f"{what}RMSE, all ranges / without outliers", str(missing))
         return
     drawn = range(seeds if case.drawn else 1)
-    pairs = [localize_twice(case, log, seed, filter_config()) for seed in drawn]
-    fine = [localize_twice(case, log, seed, filter_config(), FINE_M) for seed in drawn]
-    whole, clean, sharp = (
+    flown = [fly(case, log, seed, robust_config()) for seed in drawn]
+    fine = [fly(case, log, seed, robust_config(), FINE_M).clean for seed in drawn]
+    whole, clean, sharp, gated = (
         np.array([rms(errors_of(flight, log)[0]) for flight in flights])
         for flights in (
-            [pair.whole for pair in pairs],
-            [pair.clean for pair in pairs],
-            [pair.clean for pair in fine],
+            [f.whole for f in flown],
+            [f.clean for f in flown],
+            fine,
+            [f.gated for f in flown],
         )
     )
-    share = 100.0 * float(np.mean(np.abs(pairs[0].off) > OUTLIER_M))
-    largest = [float(distances(pair.whole, log).max()) for pair in pairs]
+    share = 100.0 * float(np.mean(np.abs(flown[0].off) > OUTLIER_M))
+    largest = [float(distances(f.whole, log).max()) for f in flown]
     yield claim_of(f"{key}_share", f"{what}outliers", "%", None, [share], "-", _any)
     yield claim_of(f"{key}_rmse", f"{what}RMSE, all ranges", "m", None, whole, "-", _any)
     yield claim_of(f"{key}_clean", f"{what}RMSE, no outliers", "m", None, clean, "-", _any)
@@ -191,9 +207,10 @@ def _rows(configs: Path | None, name: str, seeds: int) -> Iterator[Claim]:
                    f"<= {LARGEST_RATIO:g}", lambda v: v <= LARGEST_RATIO)  # fmt: skip
     yield claim_of(f"{key}_fine", f"{what}the same, outliers from {FINE_M:g} m", "1", None,
                    whole / sharp, "-", _any)  # fmt: skip
+    yield claim_of(f"{key}_gate", f"{what}RMSE, all, a gate instead", "m", None, gated, "-", _any)
     yield claim_of(f"{key}_largest", f"{what}largest error", "m", None, largest,
-                   f"<= {LOST_M:g}" if case.told else "-",
-                   lambda v: v <= LOST_M or not case.told,
+                   f"<= {case.lost_m:g}" if case.told else "-",
+                   lambda v: v <= case.lost_m or not case.told,
                    "" if case.told else "its ranges do not tell")  # fmt: skip
 
 
@@ -213,21 +230,24 @@ def draw_pictures(configs: Path, folder: Path) -> list[Path]:
             log = recorded(configs, case.recording)
         except LogError:
             continue
-        pair = localize_twice(case, log, 0, filter_config())
-        begin = pair.whole.stamp_ns[0]
-        known = true_at(log, pair.whole.stamp_ns)[2]
+        flown = fly(case, log, 0, robust_config())
+        begin = flown.whole.stamp_ns[0]
+        known = true_at(log, flown.whole.stamp_ns)[2]
         stamps = log["ranges"]["stamp_ns"]
         heard = stamps >= begin
         paths.append(folder / f"{name.replace(' ', '_')}.png")
         save(
             plot_outliers(
                 name,
-                (pair.whole.stamp_ns[known] - begin) / NANOSECONDS,
-                distances(pair.whole, log),
-                distances(pair.clean, log),
+                (flown.whole.stamp_ns[known] - begin) / NANOSECONDS,
+                {
+                    "Gaussian, gated": distances(flown.gated, log),
+                    "robust": distances(flown.whole, log),
+                    "robust, without outliers": distances(flown.clean, log),
+                },
                 (stamps[heard] - begin) / NANOSECONDS,
-                pair.off[heard],
-                pair.whole.gated[heard],
+                flown.off[heard],
+                flown.gated.gated[heard],
                 OUTLIER_M,
             ),
             paths[-1],

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Picture of what outliers cost: two estimates' errors over time, and what the gate did."""
+"""Picture of what outliers cost: errors of estimates over time, and what a gate did."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -9,6 +11,7 @@ from numpy.typing import NDArray
 
 from locfuse.plot.style import (
     ESTIMATE,
+    ESTIMATE_PALE,
     MUTED,
     REJECTED,
     TRUTH,
@@ -27,14 +30,13 @@ _TICKS = (-100.0, -10.0, -1.0, 0.0, 1.0, 10.0, 100.0)
 def plot_outliers(
     name: str,
     error_s: FloatArray,
-    whole_m: FloatArray,
-    clean_m: FloatArray,
+    errors_m: Mapping[str, FloatArray],
     range_s: FloatArray,
     off_m: FloatArray,
     gated: NDArray[np.bool_],
     outlier_m: float,
 ) -> Figure:
-    """Draw how far two estimates are from truth, and below how far each range is.
+    """Draw how far three estimates are from truth, and below how far each range is off.
 
     Parameters
     ----------
@@ -42,8 +44,8 @@ def plot_outliers(
         Of the recording.
     error_s : float64 array, shape (n,)
         When, in seconds from the beginning.
-    whole_m, clean_m : float64 array, shape (n,)
-        Distance from truth, by all ranges and without the outliers.
+    errors_m : mapping of estimate to float64 array, shape (n,)
+        Distance from truth [m]: behind a gate, robust, robust without the outliers.
     range_s, off_m : float64 array, shape (ranges,)
         When, and how wrong a range is; NaN where that is not known.
     gated : bool array, shape (ranges,)
@@ -56,19 +58,17 @@ def plot_outliers(
     for axes in (above, below):
         dress(axes)
     handles: list[Handle] = []
-    for error, color, width, label in (
-        (whole_m, REJECTED, 1.6, "by all ranges"),
-        (clean_m, ESTIMATE, 1.0, "without the outliers"),
-    ):
-        handles += above.plot(error_s, error, color=color, lw=width, label=label)
+    looks = ((REJECTED, 1.0, 2), (ESTIMATE, 1.0, 3), (ESTIMATE_PALE, 4.0, 1))
+    for (label, error), (color, width, order) in zip(errors_m.items(), looks, strict=True):
+        handles += above.plot(error_s, error, color=color, lw=width, zorder=order, label=label)
     above.set_ylabel("distance from truth [m]")
-    rms = [float(np.sqrt(np.mean(error**2))) for error in (whole_m, clean_m)]
-    title(above, f"{name}: RMSE {rms[0]:.3g} m, without outliers {rms[1]:.3g} m")
+    rmse = (f"{label} {np.sqrt(np.mean(error**2)):.3g} m" for label, error in errors_m.items())
+    title(above, f"{name}: RMSE {'; '.join(rmse)}")
     wrong = np.abs(off_m) > outlier_m
     for shown, marker, color, label in (
-        (~gated, ".", MUTED, "range that was fused"),
-        (gated, ".", REJECTED, "range that was gated"),
-        (wrong & ~gated, "x", TRUTH, "outlier that was fused"),
+        (~gated, ".", MUTED, "range, fused"),
+        (gated, ".", REJECTED, "range, gated"),
+        (wrong & ~gated, "x", TRUTH, "outlier, fused"),
     ):
         size = 3 if marker == "." else 6
         handles += below.plot(
@@ -82,8 +82,9 @@ def plot_outliers(
     below.set_yticks([tick for tick in _TICKS if abs(tick) <= furthest])
     below.yaxis.set_major_formatter("{x:g}")
     below.set_ylabel("range off its median [m]")
-    title(below, f"{int(wrong.sum())} outliers, {int((wrong & ~gated).sum())} of them fused; "
-                 f"{int((gated & ~wrong).sum())} others gated")  # fmt: skip
+    through, rejected = int((wrong & ~gated).sum()), int((gated & ~wrong).sum())
+    title(below, f"{int(wrong.sum())} outliers, the gate lets {through} through; it rejects "
+                 f"{rejected} others")  # fmt: skip
     time_axis(below, error_s)
     legend(figure, handles)
     return figure
