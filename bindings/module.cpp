@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "bindings.hpp"
+#include "locfuse/build_info.hpp"
 #include "locfuse/error.hpp"
 
 namespace py = pybind11;
@@ -8,6 +9,10 @@ PYBIND11_MODULE(_core, m) {
   m.doc() = "The C++ core of locfuse; use it through `import locfuse`.";
   m.attr("__version__") = LOCFUSE_VERSION;
   py::register_exception<locfuse::NumericalError>(m, "NumericalError", PyExc_ArithmeticError);
+  m.def("compiler", &locfuse::compiler, "The compiler that made the core, such as 'GCC 12.2.0'.");
+  m.def("kernels", &locfuse::kernels,
+        "Which kernels run here: 'avx2', with fused products and sums, or 'portable'. Both do the "
+        "same, but for the last bits.");
   bind_math(m);
   bind_geometry(m);
   bind_messages(m);

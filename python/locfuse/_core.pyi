@@ -147,8 +147,10 @@ __all__: list[str] = [
     "arc",
     "chi_squared_quantile",
     "closest_beam",
+    "compiler",
     "cramer_rao",
     "find_start",
+    "kernels",
     "local",
     "localize",
     "locate",
@@ -5104,6 +5106,11 @@ def closest_beam(
         If the scan is not valid, a beam is not in it, or `radius` is not a finite number >= 0.
     """
 
+def compiler() -> str:
+    """
+    The compiler that made the core, such as 'GCC 12.2.0'.
+    """
+
 def cramer_rao(
     anchors: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     points: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[m, n]"],
@@ -5145,6 +5152,11 @@ def find_start(
 ) -> StartRun:
     """
     Feeds a sorted log and scans until the initializer is ready or both end.
+    """
+
+def kernels() -> str:
+    """
+    Which kernels run here: 'avx2', with fused products and sums, or 'portable'. Both do the same, but for the last bits.
     """
 
 def local(

@@ -28,7 +28,7 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from locfuse import NumericalError, __version__
+from locfuse import NumericalError, __version__, compiler
 from locfuse.check import SEVERITIES, Finding
 from locfuse.check import check as check_config
 from locfuse.claims import Claim
@@ -178,6 +178,65 @@ def _print_finding(finding: Finding) -> None:
     console.print(f"[{colour}]{finding.severity:8}[/] {text}", soft_wrap=True, highlight=False)
     if finding.advice:
         console.print(f"{'':8} -> {finding.advice}", soft_wrap=True, markup=False, highlight=False)
+
+
+@app.command()
+def capsule(
+    config: Annotated[Path, typer.Argument(help="YAML file, see docs/configuration.md.")],
+    log: Annotated[Path | None, typer.Option(help="Log folder, instead of the config's.")] = None,
+    out: Annotated[Path, typer.Option(help="The file to write.")] = Path("capsule.zip"),
+    seed: Annotated[
+        int | None,
+        typer.Option(help="Of simulation and particles, instead of the config's.", min=0),
+    ] = None,
+) -> None:
+    """Run, and pack what it takes to run again bit for bit into one file, as for a bug report."""
+    from locfuse.capsule import make_capsule, write_capsule  # loads slowly, as pictures do
+
+    parsed = load_config(config)
+    recorded = None if log is None else read_log(log)
+    _check_folder(out.parent)
+    with _progress("messages") as (bar, task):
+        made = make_capsule(
+            parsed,
+            recorded,
+            base=config.parent,
+            seed=seed,
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_capsule(made, out)
+    for name in made.result:
+        console.print(f"{name:22} {made.result[name].count(chr(10))} lines", highlight=False)
+    console.print(f"{'result':22} {made.about['result']}", highlight=False)
+    console.print(f"capsule: {out} ({out.stat().st_size} bytes)", soft_wrap=True)
+
+
+@app.command()
+def replay(
+    file: Annotated[Path, typer.Argument(help="As `locfuse capsule` wrote it.")],
+) -> None:
+    """Run a capsule again: are estimates and outcomes the same bit for bit, and if not, where."""
+    from locfuse.capsule import machine, read_capsule, replay_capsule
+
+    packed = read_capsule(file)
+    with _progress("messages") as (bar, task):
+        differences = replay_capsule(
+            packed, lambda done, total: bar.update(task, completed=done, total=total)
+        )
+    made = packed.about
+    print(f"made by locfuse {made['version']} ({made['compiler']}) on {made['machine']}")
+    print(f"run by locfuse {__version__} ({compiler()}) on {machine()}")
+    for d in differences:
+        when = f" ({d.stamp_s} s)" if d.stamp_s else ""
+        print(f"{d.file}: {d.lines} lines differ, the first is line {d.line}{when}")
+        for column, was in d.was.items():
+            print(f"  {column}: was {was or 'nothing'}, is {d.found[column] or 'nothing'}")
+    if differences and made["machine"] != machine():
+        print("the last bits may depend on processor and C library")
+    if differences:
+        raise typer.Exit(1)
+    print(f"the same bit for bit: {', '.join(packed.result)}")
 
 
 @app.command("convert")

@@ -44,8 +44,8 @@ def write_results(result: RunResult, folder: str | Path) -> Path:
         at, _ = interpolate(result.truth, result.estimate.stamp_ns)
         if len(at) > 0:
             write_tum(folder / "truth.tum", at)
-    _write_estimate(folder / "estimate.csv", result.estimate)
-    _write_outcomes(folder / "outcomes.csv", result.outcomes)
+    write_estimate(folder / "estimate.csv", result.estimate)
+    write_outcomes(folder / "outcomes.csv", result.outcomes)
     (folder / "health.csv").unlink(missing_ok=True)
     if result.health is not None:
         _write_health(folder / "health.csv", result.health)
@@ -54,7 +54,8 @@ def write_results(result: RunResult, folder: str | Path) -> Path:
     return write_report(result, folder)
 
 
-def _write_estimate(path: Path, estimate: Trajectory) -> None:
+def write_estimate(path: Path, estimate: Trajectory) -> None:
+    """Write ``estimate.csv``: poses with their covariance, every bit of them."""
     assert estimate.heading is not None
     assert estimate.covariance is not None
     header = ["stamp_s", "x_m", "y_m", "heading_rad"]
@@ -82,7 +83,8 @@ def _write_health(path: Path, health: Health) -> None:
     write_table(path, header, columns)
 
 
-def _write_outcomes(path: Path, outcomes: Outcomes) -> None:
+def write_outcomes(path: Path, outcomes: Outcomes) -> None:
+    """Write ``outcomes.csv``: what became of each message, every bit of it."""
     header = ["stamp_s", "source", "tag", "anchor", "verdict", "nis", "dof", "log_likelihood",
               "residual", "reason"]  # fmt: skip
     columns = [

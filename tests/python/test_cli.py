@@ -20,6 +20,8 @@ from support_runs import CONFIGS, EXAMPLES, locfuse, recording, room, rows_of, w
 COMMANDS = (
     ("run",),
     ("check",),
+    ("capsule",),
+    ("replay",),
     ("convert",),
     ("evaluate",),
     ("position",),

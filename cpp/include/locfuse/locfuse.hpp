@@ -2,6 +2,7 @@
 #pragma once
 
 /// Everything a user of the library needs.
+#include "locfuse/build_info.hpp"
 #include "locfuse/error.hpp"
 #include "locfuse/estimators/air_ekf.hpp"
 #include "locfuse/estimators/health.hpp"

@@ -5,7 +5,10 @@ from __future__ import annotations
 
 import doctest
 import inspect
+import os
 import re
+import subprocess
+import sys
 
 import pytest
 
@@ -25,6 +28,16 @@ def test_the_version_is_that_of_the_build() -> None:
     found = re.search(r"VERSION (\d+\.\d+\.\d+)", text)
     assert found is not None
     assert locfuse.__version__ == _core.__version__ == found[1]
+
+
+def test_it_says_who_compiled_it_and_which_kernels_run() -> None:
+    assert re.match(r"(GCC|Clang) \d+\.\d+", locfuse.compiler())
+    said = subprocess.run(
+        [sys.executable, "-c", "import locfuse; print(locfuse.kernels())"],
+        env={**os.environ, "LOCFUSE_PORTABLE": "1"}, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert said.stdout == "portable\n"
+    assert locfuse.kernels() in ("avx2", "portable")
 
 
 WITH_EXAMPLES = [

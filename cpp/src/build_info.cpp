@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/build_info.hpp"
+
+#include "math/processor.hpp"
+
+namespace locfuse {
+
+std::string compiler() {
+#if defined(__clang__)
+  return "Clang " __clang_version__;
+#elif defined(__GNUC__)
+  return "GCC " __VERSION__;
+#else
+  return "unknown";
+#endif
+}
+
+std::string kernels() { return internal::has_avx2() ? "avx2" : "portable"; }
+
+}  // namespace locfuse
