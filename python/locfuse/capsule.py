@@ -158,11 +158,15 @@ def replay_capsule(capsule: Capsule, progress: Progress | None = None) -> list[D
         One for each file that differs; empty if estimates and outcomes, or the error, are the same
         bit for bit.
     """
-    found = _result_of(capsule.config, capsule.log, progress)
+    return differences(capsule.result, _result_of(capsule.config, capsule.log, progress))
+
+
+def differences(was: Mapping[str, str], found: Mapping[str, str]) -> list[Difference]:
+    """Return where each file of a result is first another one; empty if all are the same."""
     return [
         difference
-        for file in dict.fromkeys([*capsule.result, *found])
-        for difference in _first(file, capsule.result.get(file, ""), found.get(file, ""))
+        for file in dict.fromkeys([*was, *found])
+        for difference in _first(file, was.get(file, ""), found.get(file, ""))
     ]
 
 
