@@ -16,12 +16,13 @@ from locfuse.celan import draw_pictures as draw_celan
 from locfuse.claims import Claim, Progress, absent, claim_of
 from locfuse.config.load import parse_config
 from locfuse.config.schema import RunConfig
+from locfuse.consistency import consistency_claims
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
 from locfuse.gadau import draw_pictures as draw_gadau
 from locfuse.gadau import gadau_claims
 from locfuse.in_the_air import air_claims
-from locfuse.messages import Messages, to_messages, truth_of
+from locfuse.messages import to_messages, truth_of
 from locfuse.on_cylinders import draw_pictures as draw_drives
 from locfuse.on_landmarks import landmark_claims
 from locfuse.on_maps import map_claims
@@ -32,7 +33,7 @@ from locfuse.power_up import power_up_claims
 from locfuse.power_up.runs import recording
 from locfuse.run import run
 from locfuse.sim.scenario import simulate
-from locfuse.start import start_of
+from locfuse.start import drawn_start
 from locfuse.trust import draw_pictures as draw_trust
 from locfuse.trust import trust_claims
 from locfuse.types import ConfigError, FloatArray, Log, LogError, Trajectory, nearest
@@ -139,7 +140,7 @@ def _ekim2020(seeds: int, progress: Progress) -> list[Claim]:
             truth = truth_of(log)
             assert truth is not None
             messages = to_messages(log, config)
-            start = _drawn_start(config, truth, messages, seed)
+            start = drawn_start(config, truth, messages, seed)
             result = run(config, log, start=start)
             errors = errors_against(result.estimate, truth)
             assert errors.nees is not None
@@ -193,18 +194,6 @@ def _pose_source_errors(log: Log, truth: Trajectory) -> FloatArray:
     at = np.searchsorted(truth.stamp_ns, poses["stamp_ns"])
     errors: FloatArray = np.column_stack([poses["x_m"], poses["y_m"]]) - truth.position[at]
     return errors
-
-
-def _drawn_start(
-    config: RunConfig, truth: Trajectory, messages: Messages, seed: int
-) -> _core.PoseEstimate:
-    """Return a start as wrong as its covariance says: the truth plus a draw."""
-    start = start_of(config, truth, messages)
-    rng = np.random.default_rng([seed, 1])
-    dx, dy, turn = rng.standard_normal(3) * np.sqrt(np.diag(start.covariance))
-    pose = _core.Pose2(start.pose.x + dx, start.pose.y + dy,
-                       _core.wrap_angle(start.pose.heading + turn))  # fmt: skip
-    return _core.PoseEstimate(start.stamp, pose, start.covariance)
 
 
 def linearized_at_truth(config: RunConfig, log: Log, start: _core.PoseEstimate) -> FloatArray:
@@ -327,6 +316,7 @@ PAPERS: dict[str, Callable[[int, Progress], list[Claim]]] = {
     "gadau2022": gadau_claims,
     "celan2017": lambda seeds, progress: celan_claims(seeds, progress, example_configs()),
     "landmarks": lambda seeds, progress: landmark_claims(example_configs(), seeds, progress),
+    "consistency": consistency_claims,
     "air": lambda seeds, progress: air_claims(example_configs(), progress),
     "trust": trust_claims,
     "outliers": lambda seeds, progress: outlier_claims(example_configs(), seeds, progress),
