@@ -32,6 +32,11 @@ class ConfigError(ValueError):
     """A configuration is wrong; the text names the key and what is allowed."""
 
 
+# What PyYAML raises, beside its own errors, for tags that do not fit (`!!bool 3`, `!!int ''`),
+# impossible dates, and brackets without end.
+YAML_ERRORS = (ValueError, LookupError, AttributeError, TypeError, RecursionError)
+
+
 def wrap_angle(angle: ArrayLike) -> FloatArray:
     """Return angles in [-pi, pi), radians; those already inside keep every bit."""
     given = np.asarray(angle, dtype=np.float64)

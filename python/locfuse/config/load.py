@@ -11,7 +11,7 @@ import yaml
 from pydantic import ValidationError
 
 from locfuse.config.schema import RunConfig
-from locfuse.types import ConfigError, nearest
+from locfuse.types import YAML_ERRORS, ConfigError, nearest
 
 
 class _Loader(yaml.SafeLoader):
@@ -51,7 +51,7 @@ def load_config(path: str | Path) -> RunConfig:
         where = f"{path}, line {mark.line + 1}" if mark is not None else f"{path}"
         what = getattr(error, "problem", None) or " ".join(str(error).split())
         raise ConfigError(f"{where}: is no YAML ({what})") from None
-    except (ValueError, RecursionError) as error:  # such as the date 2020-13-45
+    except YAML_ERRORS as error:
         raise ConfigError(f"{path}: is no YAML ({error})") from None
     if data is None:
         raise ConfigError(f"{path}: is empty; expected at least 'log' or 'simulation'")
@@ -97,6 +97,8 @@ def _sentence(origin: str, error: Any) -> str:
     where = ": ".join([origin, ".".join(parts)]) if parts else origin
     got = error["input"]
     shown = got is None or isinstance(got, str | int | float | list)
+    if isinstance(got, int) and got.bit_length() > 1024:  # of so many digits there may be no text
+        shown = False
     value = f" (got {'nothing' if got is None else repr(got)})" if shown else ""
     return f"{where}: {_expected(error)}{value}"
 

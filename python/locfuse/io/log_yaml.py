@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import yaml
 
 from locfuse.io.csv_table import read_bytes
-from locfuse.types import LogError, nearest
+from locfuse.types import YAML_ERRORS, LogError, nearest
 
 KEYS = ("tags", "laser", "landmark_sensor", "map", "description", "licence")
 LASER_KEYS = (
@@ -68,7 +69,7 @@ def load_yaml(path: Path) -> Any:
         return yaml.load(data, _Loader)
     except yaml.YAMLError as error:
         raise LogError(f"{path}: {' '.join(str(error).split())}") from error
-    except ValueError as error:
+    except YAML_ERRORS as error:
         raise LogError(f"{path}, {error}") from error
 
 
@@ -130,7 +131,7 @@ def _laser(value: Any, where: str) -> dict[str, Any]:
     laser: dict[str, Any] = {
         "pose_in_body": list(_triple(value["pose_in_body"], f"{where}.pose_in_body"))
     }
-    laser |= {key: _number(value[key], f"{where}.{key}") for key in LASER_KEYS[1:]}
+    laser |= {key: number(value[key], f"{where}.{key}") for key in LASER_KEYS[1:]}
     if laser["angle_increment_rad"] == 0.0:
         raise LogError(f"{where}.angle_increment_rad is 0, expected another number")
     if not 0.0 <= laser["range_min_m"] < laser["range_max_m"]:
@@ -142,11 +143,14 @@ def _laser(value: Any, where: str) -> dict[str, Any]:
 def _triple(value: Any, where: str) -> tuple[float, ...]:
     if not isinstance(value, (list, tuple)) or len(value) != 3:
         raise LogError(f"{where} is {value!r}, expected three numbers")
-    return tuple(_number(part, where) for part in value)
+    return tuple(number(part, where) for part in value)
 
 
-def _number(value: Any, where: str) -> float:
+def number(value: Any, where: str) -> float:
+    """Return a number that YAML told, or raise LogError."""
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if isinstance(value, int) and abs(value) > sys.float_info.max:  # there may be no text of it
+        raise LogError(f"{where} is out of bounds, expected a finite number")
     if not is_number or not math.isfinite(value):
         raise LogError(f"{where} is {value!r}, expected a finite number")
     return float(value)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import difflib
 import io
-import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse.io.csv_table import read_bytes
-from locfuse.io.log_yaml import load_yaml
+from locfuse.io.log_yaml import load_yaml, number
 from locfuse.types import FREE, OCCUPIED, UNKNOWN, FloatArray, GridMap, LogError
 
 KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
@@ -123,7 +122,7 @@ def _checked(found: Any, where: str) -> dict[str, Any]:
     if settings["negate"] not in (0, 1):
         raise LogError(f"{where}: negate is {settings['negate']!r}, expected 0 or 1")
     for key in ("resolution", "occupied_thresh", "free_thresh"):
-        settings[key] = _number(settings[key], f"{where}: {key}")
+        settings[key] = number(settings[key], f"{where}: {key}")
     if settings["resolution"] <= 0.0:
         raise LogError(f"{where}: resolution is {settings['resolution']:g}, expected > 0")
     low, high = settings["free_thresh"], settings["occupied_thresh"]
@@ -133,15 +132,8 @@ def _checked(found: Any, where: str) -> dict[str, Any]:
     origin = settings["origin"]
     if not isinstance(origin, list) or len(origin) != 3:
         raise LogError(f"{where}: origin is {origin!r}, expected [x_m, y_m, yaw_rad]")
-    settings["origin"] = tuple(_number(part, f"{where}: origin") for part in origin)
+    settings["origin"] = tuple(number(part, f"{where}: origin") for part in origin)
     return settings
-
-
-def _number(value: Any, where: str) -> float:
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not is_number or not math.isfinite(value):
-        raise LogError(f"{where} is {value!r}, expected a finite number")
-    return float(value)
 
 
 def _read_image(path: Path) -> tuple[FloatArray, NDArray[np.bool_]]:
@@ -157,7 +149,7 @@ def _read_image(path: Path) -> tuple[FloatArray, NDArray[np.bool_]]:
 
 def _pgm(data: bytes, path: Path) -> FloatArray:
     space = rb"(?:\s|#[^\n]*\n)+"
-    match = re.match(rb"P[25]" + 3 * (space + rb"(\d+)") + rb"\s", data)
+    match = re.match(rb"P[25]" + 3 * (space + rb"(\d{1,9})") + rb"\s", data)
     if match is None:
         raise LogError(f"{path}: no PGM header, expected P2 or P5, width, height and maximum")
     width, height, maximum = (int(number) for number in match.groups())
@@ -174,7 +166,7 @@ def _pgm(data: bytes, path: Path) -> FloatArray:
         if not all(word.isdigit() for word in words):
             odd = next(word for word in words if not word.isdigit())
             raise LogError(f"{path}: {odd[:20].decode('ascii', 'replace')!r} is no pixel")
-        pixels = np.array([int(word) for word in words], np.float64)
+        pixels = np.array(words, np.float64)
     if len(pixels) < width * height:
         raise LogError(f"{path}: {len(pixels)} pixels, its header says {width} x {height}")
     values = pixels[: width * height].reshape(height, width)
@@ -192,6 +184,6 @@ def _png(data: bytes, path: Path) -> tuple[FloatArray, NDArray[np.bool_]]:
                 grey = np.asarray(image, dtype=np.float64) / 257.0
                 return grey, np.ones(grey.shape, np.bool_)
             channels = np.asarray(image.convert("RGBA"), dtype=np.float64)
-    except (OSError, SyntaxError, ValueError) as error:
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise LogError(f"{path}: cannot be read: {error}") from error
     return channels[:, :, :3].mean(axis=2), channels[:, :, 3] == 255.0

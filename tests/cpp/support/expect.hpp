@@ -3,12 +3,11 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Eigenvalues>
-#include <cstring>
 #include <stdexcept>
 #include <string>
 
-#include "locfuse/filters/belief.hpp"
+#include "locfuse/geometry/pose2.hpp"
+#include "support/bits.hpp"
 
 namespace locfuse::testing {
 
@@ -44,23 +43,6 @@ void expect_near(const Eigen::MatrixBase<A>& actual, const Eigen::MatrixBase<B>&
   EXPECT_TRUE(difference <= tolerance) << "differs by " << difference << ", actual\n"
                                        << actual << "\nexpected\n"
                                        << expected;
-}
-
-[[nodiscard]] inline bool same_bits(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
-  return a.rows() == b.rows() && a.cols() == b.cols() &&
-         std::memcmp(a.data(), b.data(), sizeof(double) * static_cast<std::size_t>(a.size())) == 0;
-}
-
-[[nodiscard]] inline bool same_bits(const GaussianBelief& a, const GaussianBelief& b) {
-  return a.stamp == b.stamp && same_bits(a.x, b.x) && same_bits(a.P, b.P);
-}
-
-/// Symmetric to the bit, and every eigenvalue positive.
-[[nodiscard]] inline bool is_covariance(const Eigen::MatrixXd& P) {
-  return same_bits(P, P.transpose()) &&
-         Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(P, Eigen::EigenvaluesOnly)
-                 .eigenvalues()
-                 .minCoeff() > 0.0;
 }
 
 }  // namespace locfuse::testing

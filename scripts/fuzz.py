@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Run every fuzz target for some seconds, as many at once as there are cores.
+
+Usage: fuzz.py FOLDER_OF_TARGETS [SECONDS [TARGET ...]]. What is new is kept in build/fuzz/corpus,
+and an input that breaks something in build/fuzz/findings.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+WORK = ROOT / "build/fuzz"
+FILES = ("config", "log", "map")
+OPTIONS = (
+    "-max_len=4096",
+    "-len_control=0",
+    "-timeout=30",
+    "-rss_limit_mb=3000",
+    "-print_final_stats=1",
+)
+ENVIRONMENT = {"UBSAN_OPTIONS": "print_stacktrace=1"}
+
+
+@dataclass(frozen=True)
+class Result:
+    """What became of a target."""
+
+    target: str
+    runs: int
+    inputs: int
+    failed: bool
+    tail: str
+
+
+def command(target: str, programs: Path) -> list[str]:
+    """Return how a target is started."""
+    if target in FILES:
+        return [sys.executable, str(ROOT / "fuzz/fuzz_files.py"), target]
+    return [str(programs / f"fuzz_{target}")]
+
+
+def fuzz(target: str, programs: Path, seconds: int) -> Result:
+    """Run one target on the committed corpus, and on what it found before."""
+    found, findings = WORK / "corpus" / target, WORK / "findings"
+    found.mkdir(parents=True, exist_ok=True)
+    findings.mkdir(parents=True, exist_ok=True)
+    done = subprocess.run(
+        [
+            *command(target, programs),
+            *OPTIONS,
+            f"-max_total_time={seconds}",
+            f"-artifact_prefix={findings / target}-",
+            str(found),
+            str(ROOT / "fuzz/corpus" / target),
+        ],
+        env={**os.environ, **ENVIRONMENT},
+        capture_output=True,
+        text=True,
+        errors="replace",
+        check=False,
+    )
+    (WORK / f"{target}.log").write_text(done.stderr)
+    runs = re.search(r"number_of_executed_units:\s*(\d+)|Done (\d+) (?:runs )?in", done.stderr)
+    return Result(
+        target,
+        int(runs[1] or runs[2]) if runs else 0,
+        len(list(found.iterdir())),
+        done.returncode != 0,
+        done.stderr[-3000:],
+    )
+
+
+def main() -> int:
+    """Print a line per target when it is done, and what broke."""
+    programs = Path(sys.argv[1])
+    seconds = int(sys.argv[2]) if len(sys.argv) > 2 else 3600
+    known = [path.stem.removeprefix("fuzz_") for path in sorted((ROOT / "fuzz").glob("fuzz_*.cpp"))]
+    targets = sys.argv[3:] or [*known, *FILES]
+    cores = os.cpu_count() or 1
+    rounds = -(-len(targets) // cores)
+    print(f"{len(targets)} targets, {seconds} s each, {cores} at once: {rounds * seconds} s")
+    broken = 0
+    with ThreadPoolExecutor(cores) as pool:
+        for result in pool.map(lambda target: fuzz(target, programs, seconds), targets):
+            verdict = "BROKEN" if result.failed else "ok"
+            print(
+                f"{result.target:16} {verdict:7} {result.runs:9} runs, {result.inputs} new inputs",
+                flush=True,
+            )
+            if result.failed:
+                broken += 1
+                print(result.tail)
+    print(f"{broken} of {len(targets)} targets broke; findings are in {WORK / 'findings'}")
+    return 1 if broken else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
