@@ -44,6 +44,23 @@ TEST(PoseEkf, allocates_nothing_per_message) {
   EXPECT_GT(fused, 2900);
 }
 
+TEST(PoseEkf, allocates_nothing_for_robust_updates) {
+  const testing::Simulation run = testing::simulate(2, 20.0);
+  for (const NoiseKind kind : {NoiseKind::kOneSided, NoiseKind::kStudentT}) {
+    PoseEkf::Config config;
+    config.robust_range = kind;
+    config.robust_position = config.robust_pose = NoiseKind::kStudentT;
+    PoseEkf ekf(config, testing::hall(), testing::one_tag(), run.start);
+    const std::size_t before = allocations();
+    for (const Message& message : run.messages) {
+      ekf.on(message);
+    }
+    ekf.on(PositionFix{ekf.belief().stamp, {0.0, 0.0}, 100.0 * Matrix<2, 2>::Identity()});
+    ekf.on(PoseObservation{ekf.belief().stamp, {}, 100.0 * Matrix<3, 3>::Identity()});
+    EXPECT_EQ(allocations(), before);
+  }
+}
+
 TEST(PoseEkf, rewinding_to_a_snapshot_allocates_nothing) {
   PoseEkf ekf = testing::ekf_at({});
   const PoseEkf snapshot = ekf;
