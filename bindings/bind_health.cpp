@@ -149,7 +149,7 @@ Examples
 >>> health = Health(HealthConfig())
 >>> gate = Gate(PoseEkfConfig().gate_range)
 >>> for k in range(30):  # ranges that fit nowhere near
-...     z = Range(k * 100_000_000, 0, 1 + k % 3, 15.0)
+...     z = Range(k * 100_000_000, 0, 1 + k % 3, 0.1)
 ...     health.hear(z, ekf.on(z), gate)
 >>> health.is_lost
 True

@@ -167,15 +167,17 @@ def localize_from_nothing(config: RunConfig, log: Log) -> tuple[Trajectory, floa
     recovering = _core.RecoveringEkfConfig()
     recovering.estimator = build_estimator_config(config.estimator)
     ekf = _core.RecoveringEkf(recovering, landmarks=landmarks_of(log, to_messages(log, config)))
-    poses, lost = [], []
+    poses: dict[int, _core.PoseEstimate] = {}  # the last one of each stamp
+    lost = []
     for instant in instants_of(log):
         for velocity in instant.driven:
             ekf.on(velocity)
         ekf.on_joint(instant.seen)
         lost.append(ekf.is_lost)
         if not ekf.is_lost:
-            poses.append(ekf.state().hypotheses[0].estimate)
-    return trajectory_of(poses), float(np.mean(lost))
+            now = ekf.state().hypotheses[0].estimate
+            poses[now.stamp] = now
+    return trajectory_of([poses[stamp] for stamp in sorted(poses)]), float(np.mean(lost))
 
 
 def _recorded(configs: Path, name: str) -> Iterator[Claim]:

@@ -80,7 +80,7 @@ def make_ekf() -> lf.PoseEkf:
 
 def bits(ekf: lf.PoseEkf) -> bytes:
     """Return all that a filter says of the pose now, its own stamp included."""
-    now = ekf.estimate()
+    now = ekf.estimate(ekf.belief.stamp)
     pose = np.array([now.pose.x, now.pose.y, now.pose.heading])
     belief = ekf.belief
     return (

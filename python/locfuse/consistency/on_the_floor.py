@@ -115,7 +115,7 @@ def recovering_ekf(seed: int, told: float) -> Sample:
     """Start from nothing by itself and go on, message by message."""
     config, log = _told(config_of(SCENES["ranges"], seed, {}), told)
     messages = to_messages(log, config)
-    settings = build_recovering_config(config.estimator, config.initializer)
+    settings = build_recovering_config(config)
     ekf = _core.RecoveringEkf(settings, *radios_of(log, messages, config))
     sample = Sample()
     for source, message in _in_order(log):

@@ -37,7 +37,8 @@ def bad_starts(configs: Path) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Return heading errors of a start [deg] and the position errors at the end of run3 [m].
 
     As in Figs. 6 and 7 a robot is told a wrong heading and believes it (to 2 degrees): what becomes
-    of its odometry, and of the filter with ranges; and of a start from nothing, which is not told.
+    of its odometry, and of the filter with ranges, if it never looks for another place; and of a
+    start from nothing, which is not told.
 
     Raises
     ------
@@ -54,7 +55,7 @@ def bad_starts(configs: Path) -> tuple[FloatArray, dict[str, FloatArray]]:
     nothing = run(config.model_copy(update={"start": "auto"}), log)
     for off in degrees:
         start = (x, y, float(np.rad2deg(truth.heading[0])) + float(off))
-        told = config.model_copy(update={"start": start})
+        told = config.model_copy(update={"start": start, "when_lost": "go_on"})
         blind = told.model_copy(update={"use": ["odometry"]})
         ends["odometry"].append(_last_error(run(blind, log)))
         ends["filter"].append(_last_error(run(told, log)))

@@ -246,7 +246,9 @@ def test_broken_bytes_are_an_error_that_says_where(
         read_gridmap(path)
 
 
-@pytest.mark.parametrize("data", [b"", b"not a log", gzip.compress(b"garbage", mtime=0), grid_bytes()])
+@pytest.mark.parametrize(
+    "data", [b"", b"not a log", gzip.compress(b"garbage", mtime=0), grid_bytes()]
+)
 def test_a_file_that_is_no_rawlog_is_an_error(tmp_path: Path, data: bytes) -> None:
     (tmp_path / f"{NAME}.rawlog").write_bytes(data)
     with pytest.raises(LogError, match=rf"{NAME}\.rawlog: byte 0: "):
