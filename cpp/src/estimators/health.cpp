@@ -19,7 +19,7 @@ constexpr double kNotable = 0.5;          // probability that a source is wrong,
 constexpr double kNoisy = 2.0;            // NIS per degree of freedom, to be told
 constexpr double kMostNis = 10.0;         // of one message: more says no more
 constexpr double kNotableNis = 4.0;       // of a range, for its sign to tell
-constexpr double kReadsLong = 0.9;       // share of ranges that are wrong and read long
+constexpr double kReadsLong = 0.9;        // share of ranges that are wrong and read long
 constexpr double kChance = 0.3;           // by which a mean NIS is above 1 by chance
 constexpr double kSilentIntervals = 10.0;
 

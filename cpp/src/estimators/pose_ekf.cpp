@@ -116,10 +116,9 @@ Outcome PoseEkf::correct_by(const Range& z, const Gate& gate) {
   validate(z);
   const Calibration& calibration = recipe_->calibration;
   if (const std::vector<Slot>* slots = calibration.slots_of(z.anchor)) {
-    return correct(z.stamp, gate, recipe_->range_noise, *slots,
-                   [&](const Pose2& /*pose*/) {
-                     return calibration.linearize(belief_, recipe_->range, z, odometry_.rate());
-                   });
+    return correct(z.stamp, gate, recipe_->range_noise, *slots, [&](const Pose2& /*pose*/) {
+      return calibration.linearize(belief_, recipe_->range, z, odometry_.rate());
+    });
   }
   return correct(z.stamp, gate, recipe_->range_noise, body_,
                  [&](const Pose2& pose) { return recipe_->range.linearize(pose, z); });
