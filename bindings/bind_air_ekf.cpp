@@ -70,6 +70,8 @@ void bind_config(py::module_& m) {
       .def_readwrite("sigma_start_climb_mps", &Config::sigma_start_climb_mps)
       .def_readwrite("range", &Config::range)
       .def_readwrite("position", &Config::position)
+      .def_readwrite("pose", &Config::pose)
+      .def_readwrite("limits", &Config::limits)
       .def_readwrite("altitude", &Config::altitude)
       .def_readwrite("landmark", &Config::landmark)
       .def_readwrite("landmark_in_space", &Config::landmark_in_space)
@@ -172,6 +174,8 @@ Examples
       .def("estimate", py::overload_cast<locfuse::Stamp>(&AirEkf::estimate, py::const_),
            py::arg("stamp"), "Where it is at `stamp` [ns], not before the belief.")
       .def_property_readonly("belief", &AirEkf::belief, py::return_value_policy::copy)
+      .def_property_readonly("interventions", &AirEkf::interventions,
+                             "How often a variance left its bounds and was put back.")
       .def(
           "__copy__", [](const AirEkf& ekf) { return ekf; }, "A snapshot.")
       .def(

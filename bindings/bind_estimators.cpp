@@ -118,8 +118,10 @@ void bind_estimators(py::module_& m) {
       .def_readwrite("odometry", &Config::odometry)
       .def_readwrite("range", &Config::range)
       .def_readwrite("position", &Config::position)
+      .def_readwrite("pose", &Config::pose)
       .def_readwrite("landmark", &Config::landmark)
       .def_readwrite("calibration", &Config::calibration)
+      .def_readwrite("limits", &Config::limits)
       .def_readwrite("gate_range", &Config::gate_range, "Probability that a good range passes.")
       .def_readwrite("gate_position", &Config::gate_position)
       .def_readwrite("gate_pose", &Config::gate_pose)
@@ -230,6 +232,8 @@ Examples
       .def_property_readonly("errors", &PoseEkf::errors,
                              "What it has learnt of the errors that are states.")
       .def_property_readonly("belief", &PoseEkf::belief, py::return_value_policy::copy)
+      .def_property_readonly("interventions", &PoseEkf::interventions,
+                             "How often a variance left its bounds and was put back.")
       .def_property_readonly("range_model", &PoseEkf::range_model, py::return_value_policy::copy)
       .def_property_readonly("motion_model", &PoseEkf::motion_model, py::return_value_policy::copy)
       .def(

@@ -28,6 +28,8 @@ const char* name_of(Verdict verdict) {
       return "ignored";
     case Verdict::kStale:
       return "stale";
+    case Verdict::kImplausible:
+      return "implausible";
   }
   return "";
 }
@@ -41,6 +43,7 @@ void bind_filters(py::module_& m) {
       .value("NOT_MODELLED", Verdict::kNotModelled)
       .value("IGNORED", Verdict::kIgnored)
       .value("STALE", Verdict::kStale)
+      .value("IMPLAUSIBLE", Verdict::kImplausible)
       .finalize();
   py::class_<Outcome>(m, "Outcome", "Verdict on one message, with the numbers behind it.")
       .def_readonly("verdict", &Outcome::verdict)
@@ -48,6 +51,8 @@ void bind_filters(py::module_& m) {
       .def_readonly("dof", &Outcome::dof, "Rows of the innovation.")
       .def_readonly("residual", &Outcome::residual, "First row of the innovation.")
       .def_property_readonly("log_likelihood", &Outcome::log_likelihood, "log N(r; 0, S).")
+      .def_readonly("interventions", &Outcome::interventions,
+                    "Variances that were put back into their bounds on the way.")
       .def("__repr__", [](const Outcome& outcome) {
         return "Outcome(" + std::string(name_of(outcome.verdict)) +
                ", nis=" + std::to_string(outcome.nis) + ", dof=" + std::to_string(outcome.dof) +

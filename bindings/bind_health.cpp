@@ -11,7 +11,7 @@ using locfuse::Health;
 using locfuse::HealthClue;
 using locfuse::HealthReport;
 using locfuse::HealthState;
-using locfuse::Source;
+using locfuse::NamedSource;
 using locfuse::SourceStatus;
 
 namespace {
@@ -43,24 +43,18 @@ void bind_enums(py::module_& m) {
       .value("POSITION_IS_VAGUE", HealthClue::kPositionIsVague,
              "The covariance alone leaves the limit.")
       .finalize();
-  py::native_enum<Source::Kind>(m, "SourceKind", "enum.Enum", "What a source tells.")
-      .value("RANGE", Source::Kind::kRange)
-      .value("POSITION", Source::Kind::kPosition)
-      .value("POSE", Source::Kind::kPose)
-      .value("LANDMARK", Source::Kind::kLandmark)
-      .finalize();
 }
 
 }  // namespace
 
 void bind_health(py::module_& m) {
   bind_enums(m);
-  py::class_<Source>(m, "Source", "Where measurements come from.")
-      .def_readonly("kind", &Source::kind)
+  py::class_<NamedSource>(m, "NamedSource", "Where measurements come from.")
+      .def_readonly("kind", &NamedSource::kind)
       .def_property_readonly(
           "name",
-          [](const Source& s) {
-            return s.name == Source::kNameless ? std::nullopt : std::optional(s.name);
+          [](const NamedSource& s) {
+            return s.name == NamedSource::kNameless ? std::nullopt : std::optional(s.name);
           },
           "Of the anchor, the tag or the landmark; None without one.");
   py::class_<SourceStatus>(m, "SourceStatus", "What became of one source's messages.")
@@ -164,7 +158,7 @@ True
              const locfuse::Gate& gate) {
             std::visit(
                 [&](const auto& message) {
-                  health.hear(source_of(message), message.stamp, outcome,
+                  health.hear(named_source_of(message), message.stamp, outcome,
                               outcome.dof > 0 ? gate.limit(outcome.dof) : 1.0,
                               health.breadth_of(message));
                 },

@@ -40,6 +40,7 @@ void bind_landmark_ekf(py::module_& m) {
       .def_readwrite("odometry", &Config::odometry)
       .def_readwrite("landmark", &Config::landmark)
       .def_readwrite("position", &Config::position)
+      .def_readwrite("limits", &Config::limits)
       .def_readwrite("gate_landmark", &Config::gate_landmark,
                      "Probability that a sighting passes its landmark's gate.")
       .def_readwrite("gate_position", &Config::gate_position)
@@ -108,6 +109,8 @@ Examples
       .def("landmarks", &LandmarkEkf::landmarks,
            "All landmarks, in the order in which they came in.")
       .def_property_readonly("belief", &LandmarkEkf::belief, py::return_value_policy::copy)
+      .def_property_readonly("interventions", &LandmarkEkf::interventions,
+                             "How often a variance left its bounds and was put back.")
       .def(
           "__copy__", [](const LandmarkEkf& ekf) { return ekf; }, "A snapshot.")
       .def(

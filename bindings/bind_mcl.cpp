@@ -97,6 +97,8 @@ void bind_mcl(py::module_& m) {
       .def_readwrite("beam_model", &Config::beam_model)
       .def_readwrite("range", &Config::range)
       .def_readwrite("position", &Config::position)
+      .def_readwrite("pose", &Config::pose)
+      .def_readwrite("limits", &Config::limits)
       .def_readwrite("landmark", &Config::landmark);
   py::class_<Mcl>(m, "Mcl", R"(Monte Carlo localization on a grid map.
 

@@ -32,6 +32,9 @@ void add_rows(SharedLog& log, const Stamps& stamps, const std::optional<Stamps>&
   });
 }
 
+/// The variance of a sigma as logs tell it: -1 and 0 are what drivers mean by them.
+double told_variance(double sigma) { return sigma * std::abs(sigma); }
+
 double checked_sigma(const char* what, double sigma) {
   if (!(std::isfinite(sigma) && sigma > 0.0)) {
     throw std::invalid_argument(std::string(what) + " is " + std::to_string(sigma) +
@@ -119,18 +122,19 @@ replays raises RuntimeError; several threads may replay it at once.
             add_rows(log, stamp, arrival,
                      [t = stamp.data(), p = position.data(), s = sigma.data(),
                       g = tag ? tag->data() : nullptr](py::ssize_t i) -> Message {
-                       const double sd = checked_sigma("PositionFix.sigma [m]", s[i]);
                        const bool has_tag = g != nullptr && g[i] >= 0;
-                       return locfuse::PositionFix{t[i],
-                                                   {p[2 * i], p[2 * i + 1]},
-                                                   sd * sd * locfuse::Matrix<2, 2>::Identity(),
-                                                   has_tag ? std::optional(g[i]) : std::nullopt};
+                       return locfuse::PositionFix{
+                           t[i],
+                           {p[2 * i], p[2 * i + 1]},
+                           told_variance(s[i]) * locfuse::Matrix<2, 2>::Identity(),
+                           has_tag ? std::optional(g[i]) : std::nullopt};
                      });
           },
           py::arg("stamp_ns"), py::arg("position"), py::arg("sigma"), no_arrival,
           py::arg("tag") = py::none(),
           "Positions (n, 2) [m] with one sigma [m] each, of the antenna, or of the tags with these "
-          "ids (n,); a negative id is the antenna.")
+          "ids (n,); a negative id is the antenna. Sigma -1 or 0: not known; 1000 and more: not "
+          "measured.")
       .def(
           "add_poses",
           [](SharedLog& log, const Stamps& stamp, const Column<double>& pose,
@@ -142,17 +146,16 @@ replays raises RuntimeError; several threads may replay it at once.
             add_rows(log, stamp, arrival,
                      [t = stamp.data(), p = pose.data(), xy = sigma_xy.data(),
                       h = sigma_heading.data()](py::ssize_t i) -> Message {
-                       const double sd = checked_sigma("PoseObservation.sigma_xy [m]", xy[i]);
-                       const double sd_heading =
-                           checked_sigma("PoseObservation.sigma_heading [rad]", h[i]);
-                       const locfuse::Vector<3> sigma(sd, sd, sd_heading);
-                       return locfuse::PoseObservation{t[i],
-                                                       {p[3 * i], p[3 * i + 1], p[3 * i + 2]},
-                                                       sigma.cwiseAbs2().asDiagonal()};
+                       const locfuse::Vector<3> variances(
+                           told_variance(xy[i]), told_variance(xy[i]), told_variance(h[i]));
+                       return locfuse::PoseObservation{
+                           t[i], {p[3 * i], p[3 * i + 1], p[3 * i + 2]}, variances.asDiagonal()};
                      });
           },
           py::arg("stamp_ns"), py::arg("pose"), py::arg("sigma_xy"), py::arg("sigma_heading"),
-          no_arrival, "Poses (n, 3): x, y [m], heading [rad], with their sigmas.")
+          no_arrival,
+          "Poses (n, 3): x, y [m], heading [rad], with their sigmas. Both -1, or both 0: not "
+          "known; 1000 and more: not measured.")
       .def(
           "add_sightings",
           [](SharedLog& log, const Stamps& stamp, const Column<Id>& landmark,

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <pybind11/native_enum.h>
+
 #include <sstream>
 
 #include "bindings.hpp"
-#include "locfuse/messages/messages.hpp"
+#include "locfuse/messages/limits.hpp"
+#include "locfuse/messages/message.hpp"
 #include "numpy.hpp"
 
 namespace py = pybind11;
@@ -11,6 +14,7 @@ using locfuse::Id;
 using locfuse::Increment;
 using locfuse::LaserGeometry;
 using locfuse::LaserScan;
+using locfuse::Limits;
 using locfuse::Pose2;
 using locfuse::PoseObservation;
 using locfuse::PositionFix;
@@ -94,6 +98,14 @@ void bind_laser(py::module_& m) {
 }  // namespace
 
 void bind_messages(py::module_& m) {
+  using locfuse::Source;
+  py::native_enum<Source>(m, "Source", "enum.Enum", "What a message comes from.")
+      .value("ODOMETRY", Source::kOdometry)
+      .value("RANGES", Source::kRanges)
+      .value("POSITIONS", Source::kPositions)
+      .value("POSES", Source::kPoses)
+      .value("LANDMARK_SIGHTINGS", Source::kSightings)
+      .finalize();
   py::class_<Velocity>(m, "Velocity",
                        "Wheel odometry as body velocities, held from `stamp` [ns] until the next: "
                        "`forward` [m/s], `turn_rate` [rad/s].")
@@ -253,4 +265,12 @@ void bind_messages(py::module_& m) {
         return text.str();
       });
   bind_laser(m);
+  py::class_<Limits>(m, "Limits",
+                     "What no robot and no sensor exceeds: a message beyond is IMPLAUSIBLE.")
+      .def(py::init<>())
+      .def_readwrite("speed_mps", &Limits::speed_mps)
+      .def_readwrite("turn_rate_radps", &Limits::turn_rate_radps)
+      .def_readwrite("range_m", &Limits::range_m)
+      .def_readwrite("distance_m", &Limits::distance_m,
+                     "Of positions from the world's origin [m].");
 }

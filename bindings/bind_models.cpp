@@ -254,7 +254,11 @@ void bind_models(py::module_& m) {
   py::class_<PositionConfig>(m, "PositionConfig", "Lever arm of the antenna of position fixes.")
       .def(py::init<>())
       .def_readwrite("antenna_forward_m", &PositionConfig::antenna_forward_m)
-      .def_readwrite("antenna_left_m", &PositionConfig::antenna_left_m);
+      .def_readwrite("antenna_left_m", &PositionConfig::antenna_left_m)
+      .def_readwrite("sigma_m", &PositionConfig::sigma_m,
+                     "Of a fix without a covariance; 0: it is not modelled.")
+      .def_readwrite("least_sigma_m", &PositionConfig::least_sigma_m,
+                     "Of any fix: less is not believed.");
   py::class_<PositionModel>(m, "PositionModel",
                             "Position of an antenna on the body, or of one of its tags; "
                             "docs/models/position.md.")
@@ -273,21 +277,37 @@ void bind_models(py::module_& m) {
             return lin ? std::optional(any_size(*lin)) : std::nullopt;
           },
           py::arg("T_world_body"), py::arg("z"),
-          "Linearization (2 x 3); None if the tag is unknown.")
-      .def_static(
+          "Linearization (2 x 3, or 1 x 3 where an axis is not measured); None if the tag is "
+          "unknown "
+          "or nothing is measured.")
+      .def(
           "linearize_point",
-          [](const locfuse::Vector<2>& point, const locfuse::PositionFix& z) {
-            return any_size(PositionModel::linearize_point(point, z));
+          [](const PositionModel& model, const locfuse::Vector<2>& point,
+             const locfuse::PositionFix& z) -> std::optional<AnyLinearization> {
+            const auto lin = model.linearize_point(point, z);
+            return lin ? std::optional(any_size(*lin)) : std::nullopt;
           },
           py::arg("point"), py::arg("z"),
           "Linearization (2 x 2) with respect to the point itself (2,) in world.");
+  using PoseConfig = PoseModel::Config;
+  py::class_<PoseConfig>(m, "PoseConfig",
+                         "Sigmas of poses whose localizer tells none, 0 for none; and the least.")
+      .def(py::init<>())
+      .def_readwrite("sigma_m", &PoseConfig::sigma_m)
+      .def_readwrite("sigma_heading_rad", &PoseConfig::sigma_heading_rad)
+      .def_readwrite("least_sigma_m", &PoseConfig::least_sigma_m)
+      .def_readwrite("least_sigma_heading_rad", &PoseConfig::least_sigma_heading_rad);
   py::class_<PoseModel>(m, "PoseModel", "Pose from another localizer; docs/models/pose.md.")
       .def(py::init<>())
+      .def(py::init<const PoseConfig&>(), py::arg("config"))
       .def("predict", &PoseModel::predict, py::arg("T_world_body"))
       .def(
           "linearize",
-          [](const PoseModel& model, const Pose2& pose, const locfuse::PoseObservation& z) {
-            return any_size(model.linearize(pose, z));
+          [](const PoseModel& model, const Pose2& pose,
+             const locfuse::PoseObservation& z) -> std::optional<AnyLinearization> {
+            const auto lin = model.linearize(pose, z);
+            return lin ? std::optional(any_size(*lin)) : std::nullopt;
           },
-          py::arg("T_world_body"), py::arg("z"), "Linearization (3 x 3).");
+          py::arg("T_world_body"), py::arg("z"),
+          "Linearization (3 x 3, fewer rows where an axis is not measured); None if nothing is.");
 }

@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <pybind11/native_enum.h>
+
 #include <algorithm>
+#include <tuple>
 
 #include "bindings.hpp"
 #include "locfuse/replay/localize.hpp"
@@ -70,10 +73,21 @@ std::function<void(std::size_t)> progress_of(
   };
 }
 
+using Switches = std::vector<std::tuple<Stamp, locfuse::Source, bool>>;
+
 template <class Estimator>
 RunLog run(const Estimator& start, SharedLog& log, Stamp history, bool record,
-           const std::optional<std::function<void(std::size_t)>>& progress, std::size_t first) {
+           const std::optional<std::function<void(std::size_t)>>& progress, std::size_t first,
+           locfuse::ClockJump clock_jump, std::size_t most_messages, const Switches& switches) {
   locfuse::ReplayOptions options;
+  options.timeline.clock_jump = clock_jump;
+  options.timeline.most_messages = most_messages;
+  options.switches.reserve(switches.size());
+  for (const auto& [arrival, source, enabled] : switches) {
+    options.switches.push_back({arrival, source, enabled});
+  }
+  std::stable_sort(options.switches.begin(), options.switches.end(),
+                   [](const auto& a, const auto& b) { return a.arrival < b.arrival; });
   options.first = first;
   options.history = history;
   options.record = record;
@@ -86,6 +100,13 @@ RunLog run(const Estimator& start, SharedLog& log, Stamp history, bool record,
 }  // namespace
 
 void bind_replay(py::module_& m) {
+  using locfuse::ClockJump;
+  py::native_enum<ClockJump>(m, "ClockJump", "enum.Enum",
+                             "What to do when the clock of all messages goes back.")
+      .value("REFUSE", ClockJump::kRefuse, "All is stale until the clock has caught up.")
+      .value("RESET", ClockJump::kReset, "Start anew, as the estimator was at first.")
+      .value("CONTINUE", ClockJump::kContinue, "Go on from the same pose at the new time.")
+      .finalize();
   py::class_<RunLog>(m, "RunLog", "What a replay leaves behind, as columns.")
       .def_property_readonly(
           "stamp_ns",
@@ -120,6 +141,17 @@ void bind_replay(py::module_& m) {
                                return column_of<double>(
                                    r.outcomes, [](const auto& o) { return o.log_likelihood(); });
                              })
+      .def_property_readonly(
+          "interventions",
+          [](const RunLog& r) {
+            return column_of<std::int64_t>(r.outcomes,
+                                           [](const Outcome& o) { return o.interventions; });
+          },
+          "Variances put back into their bounds, per message.")
+      .def_readonly("jumps", &RunLog::jumps,
+                    "How often the clock went back; estimates are those after the last.")
+      .def_readonly("fallen_out", &RunLog::fallen_out,
+                    "Messages inside the history that were forgotten: there were too many.")
       .def_readonly("last", &RunLog::last, "The estimate at the end of the log.")
       .def_readonly("errors", &RunLog::errors, "Errors that are states, as learnt by then.")
       .def_property_readonly(
@@ -145,7 +177,7 @@ void bind_replay(py::module_& m) {
       .def_property_readonly(
           "health_source",
           [](const RunLog& r) {
-            std::vector<std::optional<locfuse::Source>> sources;
+            std::vector<std::optional<locfuse::NamedSource>> sources;
             sources.reserve(r.health.size());
             for (const auto& h : r.health) {
               sources.push_back(h.source);
@@ -284,10 +316,16 @@ progress : callable, optional
 )");
   m.def("replay", &run<PoseEkf>, py::arg("start"), py::arg("log"),
         py::arg("history") = locfuse::ReplayOptions{}.history, py::arg("record") = true,
-        py::arg("progress") = py::none(), py::arg("first") = 0);
+        py::arg("progress") = py::none(), py::arg("first") = 0,
+        py::arg_v("clock_jump", locfuse::ClockJump::kRefuse, "ClockJump.REFUSE"),
+        py::arg("most_messages") = locfuse::TimelineOptions{}.most_messages,
+        py::arg("switches") = Switches{});
   m.def("replay", &run<RecoveringEkf>, py::arg("start"), py::arg("log"),
         py::arg("history") = locfuse::ReplayOptions{}.history, py::arg("record") = true,
         py::arg("progress") = py::none(), py::arg("first") = 0,
+        py::arg_v("clock_jump", locfuse::ClockJump::kRefuse, "ClockJump.REFUSE"),
+        py::arg("most_messages") = locfuse::TimelineOptions{}.most_messages,
+        py::arg("switches") = Switches{},
         R"(Feeds a sorted log to a copy of an estimator; late messages are fused where they belong.
 
 Parameters
@@ -303,5 +341,11 @@ progress : callable, optional
     Told the number of messages done, now and then.
 first : int
     Messages before it were used for the start: they keep the verdict IGNORED.
+clock_jump : ClockJump
+    What to do when the clock of all messages goes back.
+most_messages : int
+    Held for late ones, at least 512; what falls out is counted.
+switches : list of (int, Source, bool)
+    From this arrival [ns] on a source is off (False) or on again.
 )");
 }

@@ -274,6 +274,8 @@ void bind_ekf(py::module_& m) {
       .def_readwrite("velocity", &Config::velocity)
       .def_readwrite("side", &Config::side)
       .def_readwrite("range", &Config::range)
+      .def_readwrite("position", &Config::position)
+      .def_readwrite("limits", &Config::limits)
       .def_readwrite("sides_m", &Config::sides_m,
                      "None, or (3,) from tag 0 to 1, 1 to 2, 2 to 0 as a tape tells.")
       .def_readwrite("heading_is_known", &Config::heading_is_known,
@@ -352,6 +354,8 @@ Examples
                              "What became of the three sides that were fused last.")
       .def_property_readonly("tags", &TagTriangleEkf::tags)
       .def_property_readonly("belief", &TagTriangleEkf::belief, py::return_value_policy::copy)
+      .def_property_readonly("interventions", &TagTriangleEkf::interventions,
+                             "How often a variance left its bounds and was put back.")
       .def(
           "__copy__", [](const TagTriangleEkf& ekf) { return ekf; }, "A snapshot.")
       .def(

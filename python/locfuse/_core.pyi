@@ -27,6 +27,7 @@ __all__: list[str] = [
     "BodyPropagation",
     "CalibratedError",
     "CalibrationConfig",
+    "ClockJump",
     "ConditionedFix",
     "ConstantVelocityConfig",
     "ConstantVelocityMotion",
@@ -59,6 +60,7 @@ __all__: list[str] = [
     "LaserGeometry",
     "LaserScan",
     "LikelihoodFieldConfig",
+    "Limits",
     "Linearization",
     "LocalMap",
     "LocalMapConfig",
@@ -67,6 +69,7 @@ __all__: list[str] = [
     "MclConfig",
     "MessageLog",
     "Multilateration",
+    "NamedSource",
     "NoiseKind",
     "NoiseShape",
     "NumericalError",
@@ -78,6 +81,7 @@ __all__: list[str] = [
     "PointDistanceModel",
     "PointMotionConfig",
     "Pose2",
+    "PoseConfig",
     "PoseEkf",
     "PoseEkfConfig",
     "PoseEstimate",
@@ -124,7 +128,6 @@ __all__: list[str] = [
     "SlotKind",
     "SolverComparison",
     "Source",
-    "SourceKind",
     "SourceStatus",
     "StartRun",
     "StartState",
@@ -270,6 +273,17 @@ class Pose2:
         """
         Metres.
         """
+
+class Source(enum.Enum):
+    """
+    What a message comes from.
+    """
+
+    LANDMARK_SIGHTINGS = ...
+    ODOMETRY = ...
+    POSES = ...
+    POSITIONS = ...
+    RANGES = ...
 
 class Velocity:
     """
@@ -479,6 +493,31 @@ class LaserScan:
         """
     @property
     def stamp(self) -> int: ...
+
+class Limits:
+    """
+    What no robot and no sensor exceeds: a message beyond is IMPLAUSIBLE.
+    """
+    def __init__(self) -> None: ...
+    @property
+    def distance_m(self) -> float:
+        """
+        Of positions from the world's origin [m].
+        """
+    @distance_m.setter
+    def distance_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def range_m(self) -> float: ...
+    @range_m.setter
+    def range_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def speed_mps(self) -> float: ...
+    @speed_mps.setter
+    def speed_mps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def turn_rate_radps(self) -> float: ...
+    @turn_rate_radps.setter
+    def turn_rate_radps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
 
 class Anchor:
     """
@@ -1799,24 +1838,39 @@ class PositionConfig:
     def antenna_left_m(self) -> float: ...
     @antenna_left_m.setter
     def antenna_left_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def least_sigma_m(self) -> float:
+        """
+        Of any fix: less is not believed.
+        """
+    @least_sigma_m.setter
+    def least_sigma_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_m(self) -> float:
+        """
+        Of a fix without a covariance; 0: it is not modelled.
+        """
+    @sigma_m.setter
+    def sigma_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
 
 class PositionModel:
     """
     Position of an antenna on the body, or of one of its tags; docs/models/position.md.
     """
-    @staticmethod
-    def linearize_point(
-        point: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"], z: PositionFix
-    ) -> Linearization:
-        """
-        Linearization (2 x 2) with respect to the point itself (2,) in world.
-        """
     def __init__(
         self, config: PositionConfig, tags: collections.abc.Sequence[Tag] = []
     ) -> None: ...
     def linearize(self, T_world_body: Pose2, z: PositionFix) -> Linearization | None:
         """
-        Linearization (2 x 3); None if the tag is unknown.
+        Linearization (2 x 3, or 1 x 3 where an axis is not measured); None if the tag is unknown or nothing is measured.
+        """
+    def linearize_point(
+        self,
+        point: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
+        z: PositionFix,
+    ) -> Linearization | None:
+        """
+        Linearization (2 x 2) with respect to the point itself (2,) in world.
         """
     @typing.overload
     def predict(
@@ -1833,14 +1887,41 @@ class PositionModel:
         Of a tag (2,) [m]; None if it is unknown.
         """
 
+class PoseConfig:
+    """
+    Sigmas of poses whose localizer tells none, 0 for none; and the least.
+    """
+    def __init__(self) -> None: ...
+    @property
+    def least_sigma_heading_rad(self) -> float: ...
+    @least_sigma_heading_rad.setter
+    def least_sigma_heading_rad(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+    @property
+    def least_sigma_m(self) -> float: ...
+    @least_sigma_m.setter
+    def least_sigma_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_heading_rad(self) -> float: ...
+    @sigma_heading_rad.setter
+    def sigma_heading_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_m(self) -> float: ...
+    @sigma_m.setter
+    def sigma_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+
 class PoseModel:
     """
     Pose from another localizer; docs/models/pose.md.
     """
+    @typing.overload
     def __init__(self) -> None: ...
-    def linearize(self, T_world_body: Pose2, z: PoseObservation) -> Linearization:
+    @typing.overload
+    def __init__(self, config: PoseConfig) -> None: ...
+    def linearize(self, T_world_body: Pose2, z: PoseObservation) -> Linearization | None:
         """
-        Linearization (3 x 3).
+        Linearization (3 x 3, fewer rows where an axis is not measured); None if nothing is.
         """
     def predict(self, T_world_body: Pose2) -> Pose2: ...
 
@@ -2120,6 +2201,7 @@ class Verdict(enum.IntEnum):
     FUSED = ...
     GATED = ...
     IGNORED = ...
+    IMPLAUSIBLE = ...
     NOT_MODELLED = ...
     STALE = ...
 
@@ -2132,6 +2214,11 @@ class Outcome:
     def dof(self) -> int:
         """
         Rows of the innovation.
+        """
+    @property
+    def interventions(self) -> int:
+        """
+        Variances that were put back into their bounds on the way.
         """
     @property
     def log_likelihood(self) -> float:
@@ -2457,7 +2544,9 @@ class PoseEkfConfig:
 
     calibration: CalibrationConfig
     landmark: RangeBearingConfig
+    limits: Limits
     odometry: OdometryConfig
+    pose: PoseConfig
     position: PositionConfig
     range: RangeConfig
     robust_pose: NoiseKind
@@ -2655,6 +2744,11 @@ class PoseEkf:
         What it has learnt of the errors that are states.
         """
     @property
+    def interventions(self) -> int:
+        """
+        How often a variance left its bounds and was put back.
+        """
+    @property
     def motion_model(self) -> OdometryMotion: ...
     @property
     def range_model(self) -> RangeModel: ...
@@ -2767,8 +2861,10 @@ class AirEkfConfig:
     constant_velocity: ConstantVelocityConfig
     landmark: RangeBearingConfig
     landmark_in_space: RangeBearingInSpace
+    limits: Limits
     motion: AirMotion
     odometry: OdometryConfig
+    pose: PoseConfig
     position: PositionConfig
     range: RangeConfig
     robust_pose: NoiseKind
@@ -2974,6 +3070,11 @@ class AirEkf:
         """
     @property
     def belief(self) -> GaussianBelief: ...
+    @property
+    def interventions(self) -> int:
+        """
+        How often a variance left its bounds and was put back.
+        """
 
 class StartStatus(enum.Enum):
     """
@@ -3183,6 +3284,7 @@ class LandmarkEkfConfig:
     """
 
     landmark: RangeBearingConfig
+    limits: Limits
     odometry: OdometryConfig
     position: PositionConfig
     def __init__(self) -> None: ...
@@ -3324,6 +3426,11 @@ class LandmarkEkf:
         """
     @property
     def belief(self) -> GaussianBelief: ...
+    @property
+    def interventions(self) -> int:
+        """
+        How often a variance left its bounds and was put back.
+        """
 
 class HealthState(enum.Enum):
     """
@@ -3352,22 +3459,12 @@ class HealthClue(enum.Enum):
     SOURCE_IS_SILENT = ...
     SOURCE_IS_WRONG = ...
 
-class SourceKind(enum.Enum):
-    """
-    What a source tells.
-    """
-
-    LANDMARK = ...
-    POSE = ...
-    POSITION = ...
-    RANGE = ...
-
-class Source:
+class NamedSource:
     """
     Where measurements come from.
     """
     @property
-    def kind(self) -> SourceKind: ...
+    def kind(self) -> Source: ...
     @property
     def name(self) -> int | None:
         """
@@ -3419,7 +3516,7 @@ class SourceStatus:
         Of that innovation.
         """
     @property
-    def source(self) -> Source: ...
+    def source(self) -> NamedSource: ...
     @property
     def test_ratio(self) -> float:
         """
@@ -3444,7 +3541,7 @@ class HealthReport:
         |error| in x [m], y [m] and heading [rad] exceeds these with the stated risk at most, (3,); infinite where that cannot be said.
         """
     @property
-    def source(self) -> Source | None:
+    def source(self) -> NamedSource | None:
         """
         That the clue names, or None.
         """
@@ -3858,7 +3955,9 @@ class MclConfig:
     field: LikelihoodFieldConfig
     landmark: RangeBearingConfig
     likelihood: ScanLikelihood
+    limits: Limits
     odometry: OdometryConfig
+    pose: PoseConfig
     position: PositionConfig
     range: RangeConfig
     def __init__(self) -> None: ...
@@ -4654,7 +4753,9 @@ class TagTriangleEkfConfig:
     Motion, noise and gates of a TagTriangleEkf.
     """
 
+    limits: Limits
     motion: PointMotionConfig
+    position: PositionConfig
     range: RangeConfig
     side: PointDistanceConfig
     velocity: VelocityConfig
@@ -4796,6 +4897,11 @@ class TagTriangleEkf:
     @property
     def belief(self) -> GaussianBelief: ...
     @property
+    def interventions(self) -> int:
+        """
+        How often a variance left its bounds and was put back.
+        """
+    @property
     def sides(self) -> Outcome:
         """
         What became of the three sides that were fused last.
@@ -4833,7 +4939,7 @@ class MessageLog:
         arrival_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64] | None = None,
     ) -> None:
         """
-        Poses (n, 3): x, y [m], heading [rad], with their sigmas.
+        Poses (n, 3): x, y [m], heading [rad], with their sigmas. Both -1, or both 0: not known; 1000 and more: not measured.
         """
     def add_positions(
         self,
@@ -4844,7 +4950,7 @@ class MessageLog:
         tag: typing.Annotated[numpy.typing.ArrayLike, numpy.int32] | None = None,
     ) -> None:
         """
-        Positions (n, 2) [m] with one sigma [m] each, of the antenna, or of the tags with these ids (n,); a negative id is the antenna.
+        Positions (n, 2) [m] with one sigma [m] each, of the antenna, or of the tags with these ids (n,); a negative id is the antenna. Sigma -1 or 0: not known; 1000 and more: not measured.
         """
     def add_ranges(
         self,
@@ -4880,6 +4986,15 @@ class MessageLog:
         Sorts by arrival; messages of one instant stay in the order they were added in.
         """
 
+class ClockJump(enum.Enum):
+    """
+    What to do when the clock of all messages goes back.
+    """
+
+    CONTINUE = ...
+    REFUSE = ...
+    RESET = ...
+
 class RunLog:
     """
     What a replay leaves behind, as columns.
@@ -4903,12 +5018,17 @@ class RunLog:
         Errors that are states, as learnt by then.
         """
     @property
+    def fallen_out(self) -> int:
+        """
+        Messages inside the history that were forgotten: there were too many.
+        """
+    @property
     def health_clue(self) -> numpy.typing.NDArray[numpy.uint8]:
         """
         Index into HealthClue, (k,).
         """
     @property
-    def health_source(self) -> list[Source | None]:
+    def health_source(self) -> list[NamedSource | None]:
         """
         The source that the clue names, or None: k of them.
         """
@@ -4921,6 +5041,16 @@ class RunLog:
     def health_state(self) -> numpy.typing.NDArray[numpy.uint8]:
         """
         Index into HealthState, (k,).
+        """
+    @property
+    def interventions(self) -> numpy.typing.NDArray[numpy.int64]:
+        """
+        Variances put back into their bounds, per message.
+        """
+    @property
+    def jumps(self) -> int:
+        """
+        How often the clock went back; estimates are those after the last.
         """
     @property
     def last(self) -> PoseEstimate:
@@ -5403,6 +5533,11 @@ def replay(
     record: bool = True,
     progress: collections.abc.Callable[[int], None] | None = None,
     first: typing.SupportsInt | typing.SupportsIndex = 0,
+    clock_jump: ClockJump = ...,
+    most_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
+    switches: collections.abc.Sequence[
+        tuple[typing.SupportsInt | typing.SupportsIndex, Source, bool]
+    ] = [],
 ) -> RunLog: ...
 @typing.overload
 def replay(
@@ -5412,6 +5547,11 @@ def replay(
     record: bool = True,
     progress: collections.abc.Callable[[int], None] | None = None,
     first: typing.SupportsInt | typing.SupportsIndex = 0,
+    clock_jump: ClockJump = ...,
+    most_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
+    switches: collections.abc.Sequence[
+        tuple[typing.SupportsInt | typing.SupportsIndex, Source, bool]
+    ] = [],
 ) -> RunLog:
     """
     Feeds a sorted log to a copy of an estimator; late messages are fused where they belong.
@@ -5429,6 +5569,12 @@ def replay(
         Told the number of messages done, now and then.
     first : int
         Messages before it were used for the start: they keep the verdict IGNORED.
+    clock_jump : ClockJump
+        What to do when the clock of all messages goes back.
+    most_messages : int
+        Held for late ones, at least 512; what falls out is counted.
+    switches : list of (int, Source, bool)
+        From this arrival [ns] on a source is off (False) or on again.
     """
 
 def rigid_fit(

@@ -58,19 +58,19 @@ def health_metrics(health: Health, record: _core.RunLog) -> dict[str, Any]:
     }
 
 
-def _name(source: _core.Source | None, messages: Messages) -> str:
+def _name(source: _core.NamedSource | None, messages: Messages) -> str:
     """Return how people call a source."""
     if source is None:
         return ""
     kind, name = source.kind, source.name
-    if kind is _core.SourceKind.RANGE:
+    if kind is _core.Source.RANGES:
         return f"anchor {messages.anchor_names[name]}" if name is not None else "range"
-    if kind is _core.SourceKind.LANDMARK and name is not None:
+    if kind is _core.Source.LANDMARK_SIGHTINGS and name is not None:
         return f"landmark {messages.landmark_names[name]}"
-    if kind is _core.SourceKind.POSITION and name is not None:
+    if kind is _core.Source.POSITIONS and name is not None:
         return f"position of tag {messages.tag_names[name]}"
     return {
-        _core.SourceKind.LANDMARK: "landmark sighting",
-        _core.SourceKind.POSITION: "position",
-        _core.SourceKind.POSE: "pose",
+        _core.Source.LANDMARK_SIGHTINGS: "landmark sighting",
+        _core.Source.POSITIONS: "position",
+        _core.Source.POSES: "pose",
     }[kind]

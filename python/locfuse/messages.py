@@ -64,7 +64,7 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
         If nothing is left to fuse, or ranges come without anchors or tags.
     """
     tables: dict[str, Mapping[str, NDArray[Any]]] = {
-        source: log[source]
+        source: _undelayed(source, log[source], config.delays_s.get(source, 0.0))
         for source in SOURCES
         if source in log and source in config.use and len(log[source]["stamp_ns"]) > 0
     }
@@ -99,6 +99,18 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
         begin_ns=int(column["effective"].min()),
         end_ns=int(column["stamp"].max()),
     )
+
+
+def _undelayed(source: str, table: Columns, delay_s: float) -> Columns:
+    """Return a table at the stamps at which it was taken; it arrives when it did."""
+    delay = round(delay_s * NANOSECONDS)
+    if delay == 0:
+        return table
+    stamp = table["stamp_ns"]
+    takes_effect = stamp
+    if source == "odometry" and "dx_m" in table:
+        takes_effect = np.concatenate([stamp[:1], stamp[:-1]])
+    return {**table, "stamp_ns": stamp - delay, "arrival_ns": table.get("arrival_ns", takes_effect)}
 
 
 def _check_clocks(tables: Mapping[str, Mapping[str, NDArray[Any]]]) -> None:

@@ -14,13 +14,26 @@ from locfuse.localization import Localization
 from locfuse.messages import Messages
 from locfuse.types import Log, Outcomes, StampArray
 
+# What a message of a source can exceed.
+IMPLAUSIBLE = {
+    "odometry": "faster than limits.speed_mps or limits.turn_rate_radps",
+    "ranges": "longer than limits.range_m",
+    "landmark_sightings": "longer than limits.range_m",
+    "positions": "farther from the origin than limits.distance_m",
+    "poses": "farther from the origin than limits.distance_m",
+}
 VERDICTS = np.array([verdict.name.lower() for verdict in _core.Verdict])
 
 
 def outcomes_of(
-    messages: Messages, record: _core.RunLog, log: Log, config: RunConfig, start_ns: int
+    messages: Messages,
+    record: _core.RunLog,
+    log: Log,
+    config: RunConfig,
+    start_ns: int,
+    first: int = 0,
 ) -> Outcomes:
-    """Return the verdicts of a pose EKF that started at `start_ns`."""
+    """Return the verdicts of a pose EKF that started at `start_ns`, with message `first`."""
     verdict = VERDICTS[record.verdict]
     nis, dof = record.nis, record.dof
     reason = _reasons(messages, verdict, log, start_ns)
@@ -38,6 +51,11 @@ def outcomes_of(
             reason[row] = f"left out: anchor {messages.anchor[row]} is likely wrong as a whole"
     late = (verdict == "stale") & (messages.stamp_ns >= start_ns)
     reason[late] = f"older than the history of {config.history_s:g} s"
+    if record.fallen_out:
+        reason[late] += f" or {config.history_messages} messages"
+    reason[first:][verdict[first:] == "ignored"] = "source disabled"
+    for row in np.flatnonzero(record.interventions):
+        reason[row] = f"variances put back into their bounds: {record.interventions[row]}"
     return Outcomes(
         stamp_ns=messages.stamp_ns,
         source=messages.source,
@@ -113,14 +131,19 @@ def _reasons(
     for row in np.flatnonzero(verdict == "not_modelled"):
         if messages.source[row] == "landmark_sightings":
             reason[row] = f"unknown landmark {messages.anchor[row]}"
-        elif messages.source[row] == "positions":
+        elif messages.source[row] == "positions" and messages.tag[row] not in ("", *log.tags):
             reason[row] = f"unknown tag {messages.tag[row]}"
+        elif messages.source[row] in ("positions", "poses"):
+            kind = str(messages.source[row])[:-1]
+            reason[row] = f"its sigma tells nothing; set estimator.{kind}.sigma_m"
         elif messages.anchor[row] not in placed:
             reason[row] = f"unknown anchor {messages.anchor[row]}"
         elif messages.tag[row] not in log.tags:
             reason[row] = f"unknown tag {messages.tag[row]}"
         else:
             reason[row] = "tag on the anchor: no direction"
+    for row in np.flatnonzero(verdict == "implausible"):
+        reason[row] = IMPLAUSIBLE[str(messages.source[row])]
     reason[verdict == "ignored"] = "used for the start"
     reason[(verdict == "stale") & (messages.stamp_ns < start_ns)] = "before the start"
     return reason

@@ -249,7 +249,9 @@ def linearized_at_truth(config: RunConfig, log: Log, start: _core.PoseEstimate) 
                      poses["sigma_heading_rad"][row]]  # fmt: skip
             pose = _core.Pose2(poses["x_m"][row], poses["y_m"][row], poses["heading_rad"][row])
             seen = _core.PoseObservation(stamp, pose, np.diag(np.square(sigma)))
-            e, P = _linear_update(e, P, pose_model.linearize(here, seen))
+            lin = pose_model.linearize(here, seen)
+            assert lin is not None
+            e, P = _linear_update(e, P, lin)
         errors.append(e[:2])
         previous = stamp
     assert estimator.gate_range == 1.0 == estimator.gate_pose

@@ -133,6 +133,9 @@ def _fuse(
         history=round(config.history_s * NANOSECONDS),
         progress=None if progress is None else (lambda done: progress(done, total)),
         first=first,
+        clock_jump=_core.ClockJump[config.clock_jump.upper()],
+        most_messages=config.history_messages,
+        switches=_switches(config),
     )
     wall_s = time.perf_counter() - began
     if progress is not None:
@@ -140,17 +143,33 @@ def _fuse(
     poses = record.poses
     estimate = Trajectory(record.stamp_ns, poses[:, :2].copy(), poses[:, 2].copy(),
                           record.covariances)  # fmt: skip
-    outcomes = outcomes_of(messages, record, log, config, start_ns)
+    outcomes = outcomes_of(messages, record, log, config, start_ns, first)
     if localization is not None:
         outcomes = with_scans(outcomes, localization, log)
         wall_s += localization.wall_s
     duration_s = (messages.end_ns - messages.begin_ns) / NANOSECONDS
-    figures = metrics(estimate, truth, outcomes, duration_s, wall_s)
     health = health_of(record, messages, config)
-    figures["health"] = health_metrics(health, record)
+    figures = {
+        **metrics(estimate, truth, outcomes, duration_s, wall_s),
+        "interventions": int(record.interventions.sum()),
+        "clock_jumps": record.jumps,
+        "fallen_out": record.fallen_out,
+        "health": health_metrics(health, record),
+    }
     result = _result(config, log, estimate, outcomes, figures, found, localization, record.errors,
                      messages.anchor_names)  # fmt: skip
     return replace(result, health=health)
+
+
+def _switches(config: RunConfig) -> list[tuple[int, _core.Source, bool]]:
+    """Return when which source goes off, and when on."""
+    switches = []
+    for off in config.switched_off:
+        source = _core.Source[off.source.upper()]
+        switches.append((round(off.from_s * NANOSECONDS), source, False))
+        if off.until_s is not None:
+            switches.append((round(off.until_s * NANOSECONDS), source, True))
+    return switches
 
 
 def _located(config: RunConfig, log: Log, localization: Localization) -> RunResult:
@@ -163,7 +182,10 @@ def _located(config: RunConfig, log: Log, localization: Localization) -> RunResu
         estimate = rows_of(estimate, estimate.stamp_ns >= found.stamp_ns)
     outcomes = outcomes_of_mcl(localization, log)
     duration_s = (localization.end_ns - localization.begin_ns) / NANOSECONDS
-    figures = metrics(estimate, truth_of(log), outcomes, duration_s, localization.wall_s)
+    figures = {
+        **metrics(estimate, truth_of(log), outcomes, duration_s, localization.wall_s),
+        **dict.fromkeys(("interventions", "clock_jumps", "fallen_out")),
+    }
     outcomes = with_switches(outcomes, localization)
     return _result(config, log, estimate, outcomes, figures, found, localization)
 

@@ -289,7 +289,8 @@ class Outcomes:
     tag, anchor : arrays of str, shape (n,)
         Names for ranges; for sightings the landmark's stands in `anchor`; else empty strings.
     verdict : array of str, shape (n,)
-        ``fused``, ``gated``, ``not_modelled``, ``ignored`` or ``stale``.
+        ``fused``, ``gated``, ``not_modelled``, ``ignored``, ``stale`` or
+        ``implausible``.
     nis, log_likelihood, residual : float64 arrays, shape (n,)
         Normalised innovation squared, log density of the innovation, and its first row in the
         measurement's unit; NaN where nothing was compared.

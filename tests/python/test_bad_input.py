@@ -39,6 +39,7 @@ def changed(name: str, old: str, new: str) -> dict[str, str | None]:
 
 
 def run_on(tmp_path: Path, files: Mapping[str, str | None], config: str = CONFIG) -> Said:
+    tmp_path.mkdir(exist_ok=True)
     (tmp_path / "run.yaml").write_text(config)
     log = write_folder(tmp_path / "log", files)
     return locfuse("run", tmp_path / "run.yaml", "--log", log, "--out", tmp_path / "out")
@@ -69,8 +70,6 @@ REFUSED: dict[str, tuple[dict[str, str | None], list[str]]] = {
                               ["ranges.csv, line 2", "sigma_m"]),
     "sigma of a position negative": (changed("positions.csv", "0.5", "-0.5"),
                                      ["positions.csv, line 2", "sigma_m", "-0.5"]),
-    "sigma of a position zero": (changed("positions.csv", "0.5", "0.0"),
-                                 ["positions.csv, line 2", "sigma_m"]),
     "sigma of a pose negative": (changed("poses.csv", "0.5,0.1", "0.5,-0.1"),
                                  ["poses.csv, line 2", "sigma_heading_rad", "-0.1"]),
     "sigma of a pose zero": (changed("poses.csv", "0.5,0.1", "0,0.1"),
@@ -245,6 +244,54 @@ def test_unknown_anchors_and_tags_are_counted_by_reason(tmp_path: Path) -> None:
     assert reasons == {"unknown anchor ghost", "unknown tag other"}
 
 
+@pytest.mark.parametrize("sigma", ["-1", "0"])
+def test_a_position_whose_driver_tells_no_sigma_takes_that_of_the_config(
+    tmp_path: Path, sigma: str
+) -> None:
+    files = changed("positions.csv", "0.5", sigma)
+    assert run_on(tmp_path / "none", files).status == 0
+    (row,) = of_source(tmp_path / "none", "positions")
+    assert row["verdict"] == "not_modelled"
+    assert row["reason"] == "its sigma tells nothing; set estimator.position.sigma_m"
+
+    config = f"{CONFIG}estimator: {{position: {{sigma_m: 0.5}}}}\n"
+    assert run_on(tmp_path / "own", files, config).status == 0
+    assert run_on(tmp_path / "told", changed("positions.csv", "0.5", "0.5")).status == 0
+    assert of_source(tmp_path / "own", "positions") == of_source(tmp_path / "told", "positions")
+
+
+def test_a_pose_without_a_heading_is_fused_as_a_position(tmp_path: Path) -> None:
+    assert run_on(tmp_path, changed("poses.csv", "0.5,0.1", "0.5,1e3")).status == 0
+    (row,) = of_source(tmp_path, "poses")
+    assert (row["verdict"], row["dof"]) == ("fused", "2")
+    for told in ("-1,-1", "0,0", "1e9,1e300"):
+        assert run_on(tmp_path, changed("poses.csv", "0.5,0.1", told)).status == 0
+        (row,) = of_source(tmp_path, "poses")
+        assert row["verdict"] == "not_modelled"
+        assert "set estimator.pose.sigma_m" in row["reason"]
+
+
+def test_what_is_beyond_the_limits_is_counted_with_its_reason(tmp_path: Path) -> None:
+    files = {
+        **changed("positions.csv", "3,2,0.5", "3e8,2,0.5"),
+        **changed("ranges.csv", "5.0,0.1", "11.0,0.1"),
+        **changed("odometry.csv", "0.3,0.02", "0.3,1.5"),
+    }
+    config = f"{CONFIG}estimator: {{limits: {{speed_mps: 5.0, range_m: 10.0}}}}\n"
+    assert run_on(tmp_path, files, config).status == 0
+    rows = rows_of(tmp_path / "out" / "outcomes.csv")
+    said = {(row["source"], row["reason"]) for row in rows if row["verdict"] == "implausible"}
+    assert said == {
+        ("odometry", "faster than limits.speed_mps or limits.turn_rate_radps"),
+        ("positions", "farther from the origin than limits.distance_m"),
+        ("ranges", "longer than limits.range_m"),
+    }
+
+
+def of_source(out: Path, source: str) -> list[dict[str, str]]:
+    return [row for row in rows_of(out / "out" / "outcomes.csv") if row["source"] == source]
+
+
 def test_ranges_in_any_order_and_at_one_stamp_are_fused(tmp_path: Path) -> None:
     lines = GOOD["ranges.csv"].splitlines()
     shuffled = "\n".join([lines[0], *lines[:0:-1]]) + "\n"
@@ -283,6 +330,17 @@ def bits(ekf: lf.PoseEkf) -> tuple[int, bytes, bytes]:
 VERDICTS: dict[str, tuple[Callable[[], Any], lf.Verdict]] = {
     "unknown anchor": (lambda: lf.Range(2 * SECOND, 0, 9, 5.0), lf.Verdict.NOT_MODELLED),
     "unknown tag": (lambda: lf.Range(2 * SECOND, 9, 0, 5.0), lf.Verdict.NOT_MODELLED),
+    "a fix of another planet": (lambda: lf.PositionFix(2 * SECOND, [1e9, 0], np.eye(2)),
+                                lf.Verdict.IMPLAUSIBLE),
+    "a counter that wrapped": (lambda: lf.Increment(2 * SECOND, 3 * SECOND, lf.Pose2(429496, 0, 0)),
+                               lf.Verdict.IMPLAUSIBLE),
+    "a spin": (lambda: lf.Velocity(2 * SECOND, 0.0, 51.0), lf.Verdict.IMPLAUSIBLE),
+    "a range of another city": (lambda: lf.Range(2 * SECOND, 0, 0, 10000.5),
+                                lf.Verdict.IMPLAUSIBLE),
+    "a fix without covariance": (lambda: lf.PositionFix(2 * SECOND, [3, 2], np.zeros((2, 2))),
+                                 lf.Verdict.NOT_MODELLED),
+    "a pose without covariance": (lambda: lf.PoseObservation(2 * SECOND, lf.Pose2(3, 2, 0),
+                                                             -np.eye(3)), lf.Verdict.NOT_MODELLED),
     "wild range": (lambda: lf.Range(2 * SECOND, 0, 0, 500.0), lf.Verdict.GATED),
     "wild position": (lambda: lf.PositionFix(2 * SECOND, [90, 0], 0.01 * np.eye(2)),
                       lf.Verdict.GATED),
@@ -313,11 +371,12 @@ def test_a_message_that_is_not_fused_changes_no_bit(case: str) -> None:
 def test_a_message_that_is_refused_changes_no_bit(value: float) -> None:
     ekf = make_ekf()
     before = bits(ekf)
+    bad = -1.0 if value == math.inf else value  # a variance of infinity: not measured
     for make in (
         lambda: ekf.on(lf.Range(2 * SECOND, 0, 0, value)),
         lambda: ekf.on(lf.Range(2 * SECOND, 0, 0, 5.0, value)),
-        lambda: ekf.on(lf.PositionFix(2 * SECOND, [3, 2], np.diag([1.0, value]))),
-        lambda: ekf.on(lf.PoseObservation(2 * SECOND, lf.Pose2(), np.diag([1.0, value, 1.0]))),
+        lambda: ekf.on(lf.PositionFix(2 * SECOND, [3, 2], np.diag([1.0, bad]))),
+        lambda: ekf.on(lf.PoseObservation(2 * SECOND, lf.Pose2(), np.diag([1.0, bad, 1.0]))),
         lambda: ekf.on_joint([lf.Range(2 * SECOND, 0, 0, 5.0), lf.Range(3 * SECOND, 0, 1, 5.0)]),
         lambda: ekf.on_joint([]),
         lambda: ekf.on_epoch(SECOND, 2 * SECOND, lf.Pose2(), [0, 1], [5.0, value]),

@@ -333,6 +333,16 @@ def test_pages_that_the_sources_name_exist() -> None:
         assert (ROOT / name).is_file(), name
 
 
+def test_tests_that_the_answers_name_exist() -> None:
+    rows = table_under(DOCS / "complaints.md", "# Fifteen complaints")
+    assert len(rows) == 15
+    tests = {path.name: path for path in (ROOT / "tests").rglob("test_*.*")}
+    text = "".join(path.read_text() for path in tests.values() if path.suffix in (".py", ".cpp"))
+    for _, _, test in rows:
+        name = test.strip("`")
+        assert name in tests or f"def {name}(" in text or f", {name})" in text, name
+
+
 def test_api_lists_exactly_the_public_names() -> None:
     rows = table_under(DOCS / "api.md", "## Python names")
     assert [row[0].strip("`") for row in rows] == locfuse.__all__
@@ -370,6 +380,7 @@ def test_there_is_one_version() -> None:
 CONFIGURATION = DOCS / "configuration.md"
 SECTIONS: dict[str, type[Strict]] = {
     "## Top level": schema.RunConfig,
+    "### `switched_off`": schema.SwitchedOff,
     "### `log` as a data set": schema.Dataset,
     "### `start_sigma`": schema.StartSigma,
     "### `initializer`": schema.Initializer,
@@ -382,6 +393,8 @@ SECTIONS: dict[str, type[Strict]] = {
     "### `estimator.position`": schema.Position,
     "### `estimator.landmark`": schema.Landmark,
     "### `estimator.calibration`": schema.Calibration,
+    "### `estimator.pose`": schema.Pose,
+    "### `estimator.limits`": schema.Limits,
     "## `mcl`": schema.Mcl,
     "### `mcl.switch`": schema.Switch,
     "### `mcl.field`": schema.LikelihoodField,

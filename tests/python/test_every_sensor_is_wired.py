@@ -240,10 +240,12 @@ def position_residuals(log: Log) -> FloatArray:
 def pose_residuals(log: Log) -> FloatArray:
     table, model = log["poses"], lf.PoseModel()
     seen = zip(table["x_m"], table["y_m"], table["heading_rad"], strict=True)
-    return np.array([
-        model.linearize(pose, lf.PoseObservation(0, lf.Pose2(*other), np.eye(3))).residual
-        for pose, other in zip(poses_at(log, "poses"), seen, strict=True)
-    ])  # fmt: skip
+    residuals = []
+    for pose, other in zip(poses_at(log, "poses"), seen, strict=True):
+        lin = model.linearize(pose, lf.PoseObservation(0, lf.Pose2(*other), np.eye(3)))
+        assert lin is not None
+        residuals.append(lin.residual)
+    return np.array(residuals)
 
 
 def sighting_residuals(log: Log) -> FloatArray:

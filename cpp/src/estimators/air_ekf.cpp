@@ -82,7 +82,7 @@ AirEkf::AirEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
           RangeModel(config.range, std::move(anchors), tags),
           PositionModel(config.position, std::move(tags)),
           AltitudeModel(config.altitude),
-          PoseModel(),
+          PoseModel(config.pose),
           RangeBearingModel(config.landmark, landmarks.sensor_in_body, config.landmark_in_space),
           landmarks.map ? std::move(landmarks.map) : std::make_shared<const LandmarkMap>(),
           Gate(config.gate_range),
@@ -102,6 +102,7 @@ AirEkf::AirEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
       moving_(place_),
       odometry_(start.stamp) {
   check_stamp(start.stamp);
+  validate(config.limits);
   const double velocity =
       internal::positive("sigma_start_velocity_mps", config.sigma_start_velocity_mps);
   const double climb = internal::positive("sigma_start_climb_mps", config.sigma_start_climb_mps);
@@ -122,6 +123,11 @@ Outcome AirEkf::take(const Motion& u, double climb_rate) {
   if (!std::isfinite(climb_rate)) {
     throw std::invalid_argument("climb_rate is " + std::to_string(climb_rate) +
                                 " m/s, expected a finite number");
+  }
+  const bool plausible = is_plausible(u, recipe_->config.limits) &&
+                         std::abs(climb_rate) <= recipe_->config.limits.speed_mps;
+  if (!plausible) {
+    return {Verdict::kImplausible};
   }
   if (recipe_->config.motion == AirMotion::kConstantVelocity) {
     return {Verdict::kIgnored};
@@ -151,30 +157,45 @@ Outcome AirEkf::correct(Stamp stamp, const Gate& gate, const NoiseShape& noise, 
 
 Outcome AirEkf::on(const Range& z) {
   validate(z);
+  if (!is_plausible(z, recipe_->config.limits)) {
+    return {Verdict::kImplausible};
+  }
   return correct(z.stamp, recipe_->range_gate, recipe_->range_noise, place_,
                  [&] { return recipe_->range.linearize(pose(), height(), z); });
 }
 
 Outcome AirEkf::on(const PositionFix& z) {
   validate(z);
+  if (!is_plausible(z, recipe_->config.limits)) {
+    return {Verdict::kImplausible};
+  }
   return correct(z.stamp, recipe_->position_gate, recipe_->position_noise, body_,
                  [&] { return recipe_->position.linearize(pose(), z); });
 }
 
 Outcome AirEkf::on(const Altitude& z) {
   validate(z);
+  if (!is_plausible(z, recipe_->config.limits)) {
+    return {Verdict::kImplausible};
+  }
   return correct(z.stamp, recipe_->altitude_gate, kGaussian, height_,
                  [&] { return std::optional(recipe_->altitude.linearize(height(), z)); });
 }
 
 Outcome AirEkf::on(const PoseObservation& z) {
   validate(z);
+  if (!is_plausible(z, recipe_->config.limits)) {
+    return {Verdict::kImplausible};
+  }
   return correct(z.stamp, recipe_->pose_gate, recipe_->pose_noise, body_,
-                 [&] { return std::optional(recipe_->pose.linearize(pose(), z)); });
+                 [&] { return recipe_->pose.linearize(pose(), z); });
 }
 
 Outcome AirEkf::on(const RangeBearing& z) {
   validate_in_space(z);
+  if (!is_plausible(z, recipe_->config.limits)) {
+    return {Verdict::kImplausible};
+  }
   const Landmark* landmark = z.landmark ? recipe_->landmarks->find(*z.landmark) : nullptr;
   using Sighting = std::optional<Linearization<Eigen::Dynamic, 4, 3>>;
   Vector<2> before = Vector<2>::Zero();
@@ -191,6 +212,10 @@ Outcome AirEkf::on(const RangeBearing& z) {
     turn_with_mean(belief_, body_, before);
   }
   return outcome;
+}
+
+Outcome AirEkf::on(const Message& message) {
+  return std::visit([this](const auto& m) { return on(m); }, message);
 }
 
 /// Carries the height, alone, to `stamp` with the climb rate that was told.

@@ -102,19 +102,19 @@ void Health::start(Stamp stamp, double wrong) {
   excluded_ = 0;
 }
 
-double Health::faulty_share(const Source& source) const {
-  const bool is_sensor = source.kind == Source::Kind::kLandmark && source.name == Source::kNameless;
+double Health::faulty_share(const NamedSource& source) const {
+  const bool is_sensor = source.kind == Source::kSightings && source.name == NamedSource::kNameless;
   return is_sensor ? config_.faulty_share_unnamed : config_.faulty_share;
 }
 
-SourceStatus& Health::status_of(const Source& source, Stamp stamp) {
+SourceStatus& Health::status_of(const NamedSource& source, Stamp stamp) {
   // Sources tend to take turns.
   if (latest_ + 1 < sources_.size() && sources_[latest_ + 1].source == source) {
     return sources_[++latest_];
   }
   const auto place = std::lower_bound(
       sources_.begin(), sources_.end(), source,
-      [](const SourceStatus& status, const Source& wanted) { return status.source < wanted; });
+      [](const SourceStatus& status, const NamedSource& wanted) { return status.source < wanted; });
   latest_ = static_cast<std::size_t>(place - sources_.begin());
   if (place == sources_.end() || !(place->source == source)) {
     SourceStatus fresh;
@@ -147,7 +147,7 @@ void Health::judge() {
   lost_ = lost_ || stamp_ - *doubted_ >= doubt_;
 }
 
-void Health::hear(const Source& source, Stamp stamp, const Outcome& outcome, double limit,
+void Health::hear(const NamedSource& source, Stamp stamp, const Outcome& outcome, double limit,
                   double breadth) {
   const bool is_fused = outcome.verdict == Verdict::kFused;
   if (!is_fused && outcome.verdict != Verdict::kGated) {
@@ -196,7 +196,7 @@ void Health::weigh(SourceStatus& status, const Outcome& outcome, double breadth)
     scale_ += kOfAll * good * (outcome.scale - scale_);
   }
   double faulty = elsewhere;
-  if (status.source.kind == Source::Kind::kRange && outcome.nis > kNotableNis) {
+  if (status.source.kind == Source::kRanges && outcome.nis > kNotableNis) {
     faulty *= 2.0 * (outcome.residual > 0.0 ? kReadsLong : 1.0 - kReadsLong);
   }
   const double right = good * ((1.0 - wrong) * fits + wrong) + status.faulty * faulty;
@@ -216,13 +216,13 @@ double Health::breadth_of(const RangeBearing& z) const {
   return (z.range ? config_.wrong_span_m : 1.0) * (z.bearing ? 2.0 * kPi : 1.0);
 }
 
-bool Health::is_excluded(const Source& source) const {
+bool Health::is_excluded(const NamedSource& source) const {
   if (excluded_ == 0 || odds_ > odds_found_) {
     return false;  // rather the pose is wrong than the source
   }
   const auto place = std::lower_bound(
       sources_.begin(), sources_.end(), source,
-      [](const SourceStatus& status, const Source& wanted) { return status.source < wanted; });
+      [](const SourceStatus& status, const NamedSource& wanted) { return status.source < wanted; });
   return place != sources_.end() && place->source == source &&
          place->faulty > config_.exclude_above;
 }

@@ -243,6 +243,9 @@ void Initializer::on(const Message& message) {
 
 void Initializer::on(const Velocity& u) {
   validate(u);
+  if (!is_plausible(u, estimator_.limits)) {
+    return;
+  }
   const Velocity* last = control_ ? std::get_if<Velocity>(&*control_) : nullptr;
   if (last != nullptr && u.stamp > last->stamp) {
     const double seconds = std::min(seconds_between(last->stamp, u.stamp), estimator_.hold_s);
@@ -253,6 +256,9 @@ void Initializer::on(const Velocity& u) {
 
 void Initializer::on(const Increment& u) {
   validate(u);
+  if (!is_plausible(u, estimator_.limits)) {
+    return;
+  }
   moved(u.motion);
   drive(u);
 }
@@ -285,6 +291,9 @@ bool Initializer::moved_on(const Pose2& motion) const {
 
 void Initializer::on(const Range& z) {
   validate(z);
+  if (!is_plausible(z, estimator_.limits)) {
+    return;
+  }
   if (!components_.empty()) {
     hear(z);
     return;
@@ -329,10 +338,14 @@ int Initializer::heard_before(const Range& z) {
 
 void Initializer::on(const PositionFix& z) {
   validate(z);
+  if (!is_plausible(z, estimator_.limits)) {
+    return;
+  }
   if (components_.empty()) {
     const PositionModel model(estimator_.position, tags_);
-    if (const std::optional<Vector<2>> lever = model.lever(z.tag)) {
-      add_positions(z.position, z.covariance, *lever, 0.0, z.stamp);
+    const std::optional<Vector<2>> lever = model.lever(z.tag);
+    if (const ToldNoise<2> noise = model.noise(z); lever && noise.rows == 2) {
+      add_positions(z.position, noise.noise, *lever, 0.0, z.stamp);
     }
   } else {
     weigh(z, log_anything(z, config_.wrong_span_m));
@@ -342,8 +355,13 @@ void Initializer::on(const PositionFix& z) {
 
 void Initializer::on(const PoseObservation& z) {
   validate(z);
+  if (!is_plausible(z, estimator_.limits)) {
+    return;
+  }
   if (components_.empty()) {
-    components_.push_back(component({z.stamp, z.pose, z.covariance}, 0.0));
+    if (const ToldNoise<3> noise = PoseModel(estimator_.pose).noise(z); noise.rows == 3) {
+      components_.push_back(component({z.stamp, z.pose, noise.noise}, 0.0));
+    }
   } else {
     weigh(z, log_anything(z, config_.wrong_span_m));
     reduce();
@@ -352,6 +370,9 @@ void Initializer::on(const PoseObservation& z) {
 
 void Initializer::on(const RangeBearing& z) {
   validate(z);
+  if (!is_plausible(z, estimator_.limits)) {
+    return;
+  }
   if (!sightings_.empty() && sightings_.front().stamp != z.stamp) {
     sightings_.clear();
   }

@@ -51,6 +51,7 @@ Eigen::MatrixXd compressed(const Covariance& P, Pairings& pairings) {
 }  // namespace
 
 LandmarkEkf::Recipe LandmarkEkf::recipe_of(const Config& config, const Pose2& sensor_in_body) {
+  validate(config.limits);
   at_least(1, "min_sightings", config.min_sightings);
   at_least(0, "max_landmarks", config.max_landmarks);
   if (config.gate_new < config.gate_landmark) {
@@ -108,12 +109,15 @@ Outcome LandmarkEkf::on(const Increment& u) {
 
 Outcome LandmarkEkf::on(const PositionFix& z) {
   validate(z);
+  if (!is_plausible(z, recipe_->config.limits)) {
+    return {Verdict::kImplausible};
+  }
   if (z.stamp < belief_.stamp) {
     return {Verdict::kStale};
   }
   Transaction transaction(belief_, z.stamp);
   advance_to(z.stamp);
-  const std::optional<Linearization<2, 3>> lin = recipe_->position.linearize(pose(), z);
+  const auto lin = recipe_->position.linearize(pose(), z);
   return transaction.close(lin ? update(belief_, *lin, body_, recipe_->position_gate)
                                : Outcome{Verdict::kNotModelled});
 }
@@ -139,6 +143,10 @@ Outcome LandmarkEkf::on(const Message& message) {
 std::vector<Outcome> LandmarkEkf::on_joint(const std::vector<RangeBearing>& sightings,
                                            Association association) {
   internal::validate_together("sightings of one instant", sightings);
+  if (!internal::are_plausible(sightings, recipe_->config.limits)) {
+    return internal::plausible_only(sightings, recipe_->config.limits,
+                                    [&](const auto& rest) { return on_joint(rest, association); });
+  }
   std::vector<Outcome> outcomes(sightings.size(), Outcome{Verdict::kStale});
   if (sightings.empty() || sightings.front().stamp < belief_.stamp) {
     return outcomes;

@@ -60,6 +60,7 @@ const Mcl::Config& checked(const Mcl::Config& config) {
   in_range("bin_m", config.bin_m, 1e-3, 1e6);
   in_range("bin_headings", config.bin_headings, 1, 3600);
   BeamModel::checked(config.beam_model);
+  validate(config.limits);
   return config;
 }
 
@@ -120,7 +121,7 @@ Mcl::Mcl(const Config& config, const std::shared_ptr<const OccupancyGrid>& grid,
   }
   recipe_ = std::make_shared<const Recipe>(
       Recipe{c, OdometryMotion(c.odometry), lost_motion(c), std::move(fields), std::move(beams),
-             std::move(range), PositionModel(c.position, std::move(tags)), PoseModel(),
+             std::move(range), PositionModel(c.position, std::move(tags)), PoseModel(c.pose),
              RangeBearingModel(c.landmark, landmarks.sensor_in_body), std::move(landmarks.map),
              static_cast<Stamp>(c.hold_s * kNanosecondsPerSecond), std::move(free),
              std::make_shared<Workers>(c.threads),
@@ -320,6 +321,9 @@ void Mcl::settle(const LaserScan* scan) {
 
 Outcome Mcl::on(const Velocity& u) {
   validate(u);
+  if (!is_plausible(u, recipe_->config.limits)) {
+    return {Verdict::kImplausible};
+  }
   if (u.stamp < stamp_) {
     return {Verdict::kStale};
   }
@@ -330,6 +334,9 @@ Outcome Mcl::on(const Velocity& u) {
 
 Outcome Mcl::on(const Increment& u) {
   validate(u);
+  if (!is_plausible(u, recipe_->config.limits)) {
+    return {Verdict::kImplausible};
+  }
   if (u.stamp < stamp_) {
     return {Verdict::kStale};
   }
@@ -447,6 +454,9 @@ bool Mcl::fits_as_ever() const {
 template <class Model, class Message>
 Outcome Mcl::weigh(const Model& model, const Message& z) {
   validate(z);
+  if (!is_plausible(z, recipe_->config.limits)) {
+    return {Verdict::kImplausible};
+  }
   if (z.stamp < stamp_) {
     return {Verdict::kStale};
   }
@@ -475,16 +485,6 @@ Outcome Mcl::weigh(const Model& model, const Message& z) {
 }
 
 namespace {
-
-/// A model whose linearization is always there.
-template <class Model>
-struct Always {
-  const Model& model;
-  template <class Message>
-  [[nodiscard]] auto linearize(const Pose2& pose, const Message& z) const {
-    return std::optional(model.linearize(pose, z));
-  }
-};
 
 /// Whichever landmark fits a pose best, or the one that is named.
 struct Nearest {
@@ -533,7 +533,7 @@ Outcome Mcl::on(const Range& z) {
 
 Outcome Mcl::on(const PositionFix& z) { return weigh(recipe_->position, z); }
 
-Outcome Mcl::on(const PoseObservation& z) { return weigh(Always<PoseModel>{recipe_->pose}, z); }
+Outcome Mcl::on(const PoseObservation& z) { return weigh(recipe_->pose, z); }
 
 void Mcl::reweigh_and_resample(double most_share) {
   const Config& config = recipe_->config;

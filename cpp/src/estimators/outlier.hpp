@@ -6,15 +6,28 @@
 
 #include "locfuse/filters/outcome.hpp"
 #include "locfuse/messages/messages.hpp"
+#include "locfuse/messages/told_covariance.hpp"
 
 /// What messages say that say nothing of the pose: docs/start.md eq. (1).
 namespace locfuse::internal {
 
 /// Log density of a message that may be anything within `span` [m], and any angle.
 inline double log_anything(const Range& /*z*/, double span) { return -std::log(span); }
-inline double log_anything(const PositionFix& /*z*/, double span) { return -2.0 * std::log(span); }
-inline double log_anything(const PoseObservation& /*z*/, double span) {
-  return -2.0 * std::log(span) - std::log(2.0 * kPi);
+template <int N>
+double log_anything(const Matrix<N, N>& told, double span) {
+  double sum = 0.0;
+  for (int axis = 0; axis < N; ++axis) {
+    if (!is_told<N>(told) || told(axis, axis) < kNotMeasured) {
+      sum -= std::log(axis < 2 ? span : 2.0 * kPi);
+    }
+  }
+  return sum;
+}
+inline double log_anything(const PositionFix& z, double span) {
+  return log_anything<2>(z.covariance, span);
+}
+inline double log_anything(const PoseObservation& z, double span) {
+  return log_anything<3>(z.covariance, span);
 }
 inline double log_anything(const RangeBearing& z, double span) {
   return (z.range ? -std::log(span) : 0.0) - (z.bearing ? std::log(2.0 * kPi) : 0.0);

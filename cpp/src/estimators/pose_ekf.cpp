@@ -41,12 +41,12 @@ auto nearest(const GaussianBelief& belief, const LandmarkMap& map, const Lineari
 
 }  // namespace
 
-PoseEkf::PoseEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
+PoseEkf::PoseEkf(const Config& config, const std::shared_ptr<const AnchorMap>& anchors,
                  std::vector<Tag> tags, const PoseEstimate& start, LandmarkSight landmarks)
     : recipe_(std::make_shared<const Recipe>(Recipe{
           config, OdometryMotion(config.odometry), internal::lost_motion(config),
           RangeModel(config.range, anchors, tags), PositionModel(config.position, std::move(tags)),
-          PoseModel(), RangeBearingModel(config.landmark, landmarks.sensor_in_body),
+          PoseModel(config.pose), RangeBearingModel(config.landmark, landmarks.sensor_in_body),
           Calibration(config.calibration, *anchors),
           landmarks.map ? std::move(landmarks.map) : std::make_shared<const LandmarkMap>(),
           Gate(config.gate_range), Gate(config.gate_position), Gate(config.gate_pose),
@@ -59,6 +59,7 @@ PoseEkf::PoseEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
       body_(belief_.slot("body")),
       odometry_(start.stamp) {
   check_stamp(start.stamp);
+  validate(config.limits);
   recipe_->calibration.add_to(belief_);
 }
 
@@ -114,6 +115,9 @@ Outcome PoseEkf::weigh(const Range& z) { return correct_by(z, Gate::closed()); }
 
 Outcome PoseEkf::correct_by(const Range& z, const Gate& gate) {
   validate(z);
+  if (!is_plausible(z, recipe_->config.limits)) {
+    return {Verdict::kImplausible};
+  }
   const Calibration& calibration = recipe_->calibration;
   if (const std::vector<Slot>* slots = calibration.slots_of(z.anchor)) {
     return correct(z.stamp, gate, recipe_->range_noise, *slots, [&](const Pose2& /*pose*/) {
@@ -126,19 +130,27 @@ Outcome PoseEkf::correct_by(const Range& z, const Gate& gate) {
 
 Outcome PoseEkf::on(const PositionFix& z) {
   validate(z);
+  if (!is_plausible(z, recipe_->config.limits)) {
+    return {Verdict::kImplausible};
+  }
   return correct(z.stamp, recipe_->position_gate, recipe_->position_noise, body_,
                  [&](const Pose2& pose) { return recipe_->position.linearize(pose, z); });
 }
 
 Outcome PoseEkf::on(const PoseObservation& z) {
   validate(z);
-  return correct(z.stamp, recipe_->pose_gate, recipe_->pose_noise, body_, [&](const Pose2& pose) {
-    return std::optional(recipe_->pose.linearize(pose, z));
-  });
+  if (!is_plausible(z, recipe_->config.limits)) {
+    return {Verdict::kImplausible};
+  }
+  return correct(z.stamp, recipe_->pose_gate, recipe_->pose_noise, body_,
+                 [&](const Pose2& pose) { return recipe_->pose.linearize(pose, z); });
 }
 
 Outcome PoseEkf::on(const RangeBearing& z) {
   validate(z);
+  if (!is_plausible(z, recipe_->config.limits)) {
+    return {Verdict::kImplausible};
+  }
   if (z.landmark) {
     return on(z, recipe_->landmarks->find(*z.landmark));
   }
@@ -189,6 +201,10 @@ std::optional<Linearization<Eigen::Dynamic, Eigen::Dynamic>> PoseEkf::sight(
 std::vector<Outcome> PoseEkf::on_joint(const std::vector<RangeBearing>& sightings,
                                        Association association) {
   internal::validate_together("sightings of one instant", sightings);
+  if (!internal::are_plausible(sightings, recipe_->config.limits)) {
+    return internal::plausible_only(sightings, recipe_->config.limits,
+                                    [&](const auto& rest) { return on_joint(rest, association); });
+  }
   std::vector<Outcome> outcomes(sightings.size(), Outcome{Verdict::kStale});
   if (sightings.empty() || sightings.front().stamp < belief_.stamp) {
     return outcomes;
@@ -269,7 +285,8 @@ Outcome PoseEkf::on_joint(const std::vector<Range>& epoch) {
         joint.noise.setZero(n, n);
         Eigen::Index rows = 0;
         for (const Range& z : epoch) {
-          if (const std::optional<Linearization<1, 3>> lin = recipe_->range.linearize(pose, z)) {
+          const bool plausible = is_plausible(z, recipe_->config.limits);
+          if (const auto lin = plausible ? recipe_->range.linearize(pose, z) : std::nullopt) {
             joint.residual(rows) = lin->residual(0);
             joint.jacobian.row(rows) = lin->jacobian;
             joint.noise(rows, rows) = lin->noise(0);

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <iterator>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -14,6 +16,7 @@
 #include "locfuse/filters/kalman.hpp"
 #include "locfuse/filters/outcome.hpp"
 #include "locfuse/filters/robust.hpp"
+#include "locfuse/messages/limits.hpp"
 #include "locfuse/messages/messages.hpp"
 #include "locfuse/models/motion/odometry.hpp"
 
@@ -72,6 +75,31 @@ void validate_together(const char* what, const std::vector<M>& messages) {
   }
 }
 
+template <class M>
+bool are_plausible(const std::vector<M>& messages, const Limits& limits) {
+  return std::all_of(messages.begin(), messages.end(),
+                     [&](const M& message) { return is_plausible(message, limits); });
+}
+
+/// What `on` makes of the plausible ones of some messages, kImplausible for the others.
+template <class M, class On>
+std::vector<Outcome> plausible_only(const std::vector<M>& messages, const Limits& limits,
+                                    const On& on) {
+  std::vector<M> rest;
+  rest.reserve(messages.size());
+  std::copy_if(messages.begin(), messages.end(), std::back_inserter(rest),
+               [&](const M& message) { return is_plausible(message, limits); });
+  const std::vector<Outcome> of_rest = on(rest);
+  std::vector<Outcome> outcomes(messages.size(), Outcome{Verdict::kImplausible});
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < messages.size(); ++i) {
+    if (is_plausible(messages[i], limits)) {
+      outcomes[i] = of_rest[next++];
+    }
+  }
+  return outcomes;
+}
+
 /// Throws std::invalid_argument if an estimate is asked for before the belief.
 inline void check_not_before(Stamp belief, Stamp stamp) {
   if (stamp < belief) {
@@ -87,7 +115,10 @@ template <int Rows>
 class Transaction {
  public:
   Transaction(GaussianBelief& belief, Stamp until)
-      : belief_(until > belief.stamp ? &belief : nullptr), stamp_(belief.stamp) {
+      : belief_(until > belief.stamp ? &belief : nullptr),
+        counted_(belief),
+        stamp_(belief.stamp),
+        interventions_(belief.interventions) {
     if (belief_ == nullptr) {
       return;
     }
@@ -105,21 +136,25 @@ class Transaction {
       *belief_ = *whole_;
     } else if (belief_ != nullptr) {
       belief_->stamp = stamp_;
+      belief_->interventions = interventions_;
       belief_->x.template head<3>() = x_;
       belief_->P.template topRows<3>() = P_.transpose();
       belief_->P.template leftCols<3>() = P_;
     }
   }
-  [[nodiscard]] Outcome close(const Outcome& outcome) {
+  [[nodiscard]] Outcome close(Outcome outcome) {
     if (outcome.verdict == Verdict::kFused) {
       belief_ = nullptr;
+      outcome.interventions = static_cast<int>(counted_.interventions - interventions_);
     }
     return outcome;
   }
 
  private:
   GaussianBelief* belief_;
+  const GaussianBelief& counted_;
   Stamp stamp_;
+  std::uint64_t interventions_;
   Vector<3> x_;
   Matrix<Rows, 3> P_;
   std::optional<GaussianBelief> whole_;
@@ -174,6 +209,9 @@ template <int Rows, class Recipe, class Motion>
 Outcome take(const Recipe& recipe, HeldMotion& odometry, Slot body, GaussianBelief& belief,
              const Motion& u) {
   validate(u);
+  if (!is_plausible(u, recipe.config.limits)) {
+    return {Verdict::kImplausible};
+  }
   if (u.stamp < belief.stamp) {
     return {Verdict::kStale};
   }

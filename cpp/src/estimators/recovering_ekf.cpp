@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "locfuse/estimators/recovering_ekf.hpp"
 
+#include <stdexcept>
 #include <utility>
 
 #include "estimators/recipe.hpp"
@@ -48,6 +49,20 @@ Initializer RecoveringEkf::fresh() const {
   return anew;
 }
 
+RecoveringEkf RecoveringEkf::restarted(const PoseEstimate& start) const {
+  RecoveringEkf other = *this;
+  other.start_with(started().restarted(start));
+  other.control_.reset();
+  return other;
+}
+
+const PoseEkf& RecoveringEkf::started() const {
+  if (!ekf_) {
+    throw std::logic_error("the RecoveringEkf has not started; call start_at before");
+  }
+  return *ekf_;
+}
+
 Outcome RecoveringEkf::on(const Velocity& u) { return drive(u); }
 Outcome RecoveringEkf::on(const Increment& u) { return drive(u); }
 Outcome RecoveringEkf::on(const Range& z) { return correct(z); }
@@ -85,7 +100,7 @@ Outcome RecoveringEkf::drive(const M& u) {
 template <class M>
 Outcome RecoveringEkf::fuse(const M& z) {
   if constexpr (std::is_same_v<M, Range>) {
-    if (health_.is_excluded(source_of(z))) {
+    if (health_.is_excluded(named_source_of(z))) {
       return ekf_->weigh(z);
     }
   }
@@ -129,7 +144,7 @@ std::vector<Outcome> RecoveringEkf::on_joint(const std::vector<RangeBearing>& si
 
 template <class M>
 void RecoveringEkf::hear(const M& z, const Outcome& outcome) {
-  health_.hear(source_of(z), z.stamp, outcome,
+  health_.hear(named_source_of(z), z.stamp, outcome,
                outcome.dof > 0 ? gate_of(*recipe_, z).limit(outcome.dof) : 1.0,
                health_.breadth_of(z));
 }

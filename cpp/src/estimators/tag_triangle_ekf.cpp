@@ -27,6 +27,7 @@ constexpr double kTapeSigmas = 3.0;
 using Triangle = Matrix<2, kTags>;
 template <int M>
 using Rows = Linearization<M, kVariables>;
+using Fix = Linearization<Eigen::Dynamic, kVariables, 2>;
 
 int after(int tag) { return (tag + 1) % kTags; }
 
@@ -167,10 +168,12 @@ struct TagTriangleEkf::Recipe {
         side(told.side),
         range(told.range, anchors ? std::move(anchors) : std::make_shared<const AnchorMap>(),
               on_body),
+        position(told.position),
         position_gate(told.gate_position),
         velocity_gate(told.gate_velocity),
         side_gate(told.gate_side),
         range_gate(told.gate_range) {
+    validate(config.limits);
     internal::positive("sigma_start_velocity_mps", config.sigma_start_velocity_mps);
     for (int i = 0; i < 2 * kTags; ++i) {
       slots.push_back({i});
@@ -195,6 +198,7 @@ struct TagTriangleEkf::Recipe {
   VelocityModel velocity;
   PointDistanceModel side;
   RangeModel range;
+  PositionModel position;
   Gate position_gate;
   Gate velocity_gate;
   Gate side_gate;
@@ -206,26 +210,35 @@ struct TagTriangleEkf::Recipe {
 class TagTriangleEkf::Transaction {
  public:
   explicit Transaction(GaussianBelief& belief)
-      : belief_(&belief), stamp_(belief.stamp), x_(belief.x), P_(belief.P) {}
+      : belief_(&belief),
+        counted_(belief),
+        stamp_(belief.stamp),
+        interventions_(belief.interventions),
+        x_(belief.x),
+        P_(belief.P) {}
   Transaction(const Transaction&) = delete;
   Transaction& operator=(const Transaction&) = delete;
   ~Transaction() {
     if (belief_ != nullptr) {
       belief_->stamp = stamp_;
+      belief_->interventions = interventions_;
       belief_->x = x_;
       belief_->P = P_;
     }
   }
-  [[nodiscard]] Outcome close(const Outcome& outcome) {
+  [[nodiscard]] Outcome close(Outcome outcome) {
     if (outcome.verdict == Verdict::kFused) {
       belief_ = nullptr;
+      outcome.interventions = static_cast<int>(counted_.interventions - interventions_);
     }
     return outcome;
   }
 
  private:
   GaussianBelief* belief_;
+  const GaussianBelief& counted_;
   Stamp stamp_;
+  std::uint64_t interventions_;
   Vector<kVariables> x_;
   Matrix<kVariables, kVariables> P_;
 };
@@ -314,17 +327,29 @@ Outcome TagTriangleEkf::correct(Stamp stamp, const Gate& gate, const Linearize& 
 
 Outcome TagTriangleEkf::on(const PositionFix& z) {
   validate(z);
+  if (!is_plausible(z, recipe_->config.limits)) {
+    return {Verdict::kImplausible};
+  }
   const int tag = z.tag ? recipe_->find(*z.tag) : -1;
-  return correct(z.stamp, recipe_->position_gate, [&]() -> std::optional<Rows<2>> {
-    if (tag < 0) {
+  return correct(z.stamp, recipe_->position_gate, [&]() -> std::optional<Fix> {
+    const auto lin = tag < 0 ? std::nullopt : recipe_->position.linearize_point(position(tag), z);
+    if (!lin) {
       return std::nullopt;
     }
-    return placed(PositionModel::linearize_point(position(tag), z), 2 * tag);
+    Fix rows;
+    rows.residual = lin->residual;
+    rows.jacobian.setZero(lin->residual.size(), kVariables);
+    rows.jacobian.middleCols<2>(2 * tag) = lin->jacobian;
+    rows.noise = lin->noise;
+    return rows;
   });
 }
 
 Outcome TagTriangleEkf::on(const Range& z) {
   validate(z);
+  if (!is_plausible(z, recipe_->config.limits)) {
+    return {Verdict::kImplausible};
+  }
   const int tag = recipe_->find(z.tag);
   return correct(z.stamp, recipe_->range_gate, [&]() -> std::optional<Rows<1>> {
     const auto lin = tag < 0 ? std::nullopt : recipe_->range.linearize_point(position(tag), z);
@@ -334,15 +359,26 @@ Outcome TagTriangleEkf::on(const Range& z) {
 
 Outcome TagTriangleEkf::on(const Velocity& u) {
   validate(u);
+  if (!is_plausible(u, recipe_->config.limits)) {
+    return {Verdict::kImplausible};
+  }
   return take(u.stamp, u.stamp, {u.forward, 0.0, u.turn_rate});
 }
 
 Outcome TagTriangleEkf::on(const Increment& u) {
   validate(u);
+  if (!is_plausible(u, recipe_->config.limits)) {
+    return {Verdict::kImplausible};
+  }
   if (u.begin == u.stamp) {
     return {u.stamp < belief_.stamp ? Verdict::kStale : Verdict::kNotModelled};
   }
-  return take(u.begin, u.stamp, arc_twist(u.motion) / seconds_between(u.begin, u.stamp));
+  const Vector<3> twist = arc_twist(u.motion) / seconds_between(u.begin, u.stamp);
+  const Velocity rate{u.stamp, twist.head<2>().norm(), twist.z()};
+  if (!is_plausible(rate, recipe_->config.limits)) {  // stamps that jitter tell no velocity
+    return {Verdict::kImplausible};
+  }
+  return take(u.begin, u.stamp, twist);
 }
 
 Outcome TagTriangleEkf::on(const Message& message) {

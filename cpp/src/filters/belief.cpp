@@ -88,13 +88,23 @@ GaussianBelief::Layout& GaussianBelief::own_layout() {
 void GaussianBelief::find_rows() {
   layout_->angle_rows.clear();
   layout_->considered_rows.clear();
+  layout_->variance_bounds.resize(static_cast<std::size_t>(dimension()));
   for (const Variable& variable : layout_->variables) {
-    if (variable.offset >= 0 && variable.kind == SlotKind::kPose2) {
+    if (variable.offset < 0) {
+      continue;
+    }
+    if (variable.kind == SlotKind::kPose2) {
       layout_->angle_rows.push_back(variable.offset + 2);
     }
-    for (int i = 0; variable.offset >= 0 && variable.considered && i < dimension_of(variable.kind);
-         ++i) {
-      layout_->considered_rows.push_back(variable.offset + i);
+    for (int i = 0; i < dimension_of(variable.kind); ++i) {
+      const SigmaBounds& sigma = variable.kind == SlotKind::kScalar ? kScalarBounds
+                                 : i == 2                           ? kHeadingBounds
+                                                                    : kPositionBounds;
+      layout_->variance_bounds[static_cast<std::size_t>(variable.offset + i)] = {
+          sigma.least * sigma.least, sigma.most * sigma.most};
+      if (variable.considered) {
+        layout_->considered_rows.push_back(variable.offset + i);
+      }
     }
   }
 }

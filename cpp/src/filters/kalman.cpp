@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "locfuse/filters/kalman.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <stdexcept>
 #include <string>
 
@@ -99,6 +101,7 @@ Outcome update_rows(GaussianBelief& belief,
   }
   belief.x = x_new;
   internal::wrap_angles(belief.x, belief.angle_rows());
+  internal::keep_in_bounds(belief, 0, size);
   return outcome;
 }
 
@@ -125,6 +128,29 @@ void internal::check_columns(std::size_t variables, Index columns) {
     throw std::invalid_argument("the Jacobian has " + std::to_string(columns) +
                                 " columns, the slots hold " + std::to_string(variables) +
                                 " variables");
+  }
+}
+
+void internal::put_back(GaussianBelief& belief, Index first, Index count) {
+  bool widened = false;
+  for (double share = 1e-13; share < 1.0 && !is_pose_positive_definite(belief.P); share *= 10.0) {
+    belief.P.diagonal().segment(first, count) *= 1.0 + share;
+    widened = true;
+  }
+  belief.interventions += widened ? 1 : 0;
+  for (Index row = first; row < first + count; ++row) {
+    const SigmaBounds& bounds = belief.variance_bounds()[static_cast<std::size_t>(row)];
+    const double variance = belief.P(row, row);
+    if (variance > bounds.most) {  // not the diagonal alone: P would be positive no more
+      const double scale = std::sqrt(bounds.most / variance);
+      belief.P.row(row) *= scale;
+      belief.P.col(row) *= scale;
+      belief.P(row, row) = bounds.most;
+      ++belief.interventions;
+    } else if (variance < bounds.least) {
+      belief.P(row, row) = bounds.least;
+      ++belief.interventions;
+    }
   }
 }
 
@@ -163,6 +189,7 @@ void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slo
   }
   belief.P.block<3, 3>(row, row) = 0.5 * (P_new + P_new.transpose());
   belief.x.segment<3>(row) = moved;
+  internal::keep_in_bounds(belief, row, 3);
 }
 
 void turn_with_mean(GaussianBelief& belief, Slot slot, const Vector<2>& before) {
@@ -183,6 +210,7 @@ void turn_with_mean(GaussianBelief& belief, Slot slot, const Vector<2>& before) 
     belief.P.block<1, 2>(other, row) = belief.P.block<2, 1>(row, other).transpose();
   }
   belief.P.block<2, 2>(row, row) = 0.5 * (own + own.transpose());
+  internal::keep_in_bounds(belief, row, 2);
 }
 
 void predict(GaussianBelief& belief, const Propagation<VectorXd, Eigen::Dynamic>& step,
@@ -223,6 +251,9 @@ void predict(GaussianBelief& belief, const Propagation<VectorXd, Eigen::Dynamic>
     belief.x(rows[static_cast<std::size_t>(i)]) = step.moved(i);
   }
   internal::wrap_angles(belief.x, belief.angle_rows());
+  for (Index i = 0; i < moving; ++i) {
+    internal::keep_in_bounds(belief, rows[static_cast<std::size_t>(i)], 1);
+  }
 }
 
 Slot augment(GaussianBelief& belief, const std::string& name, SlotKind kind,
@@ -253,6 +284,7 @@ Slot augment(GaussianBelief& belief, const std::string& name, SlotKind kind,
   const Slot added = belief.add(name, kind, mean, 0.5 * (own + own.transpose()));
   belief.P.bottomLeftCorner(size, cross.cols()) = cross;
   belief.P.topRightCorner(cross.cols(), size) = cross.transpose();
+  internal::keep_in_bounds(belief, cross.cols(), size);
   return added;
 }
 

@@ -6,6 +6,8 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "locfuse/messages/told_covariance.hpp"
+
 namespace locfuse {
 namespace {
 
@@ -37,7 +39,33 @@ void require_covariance(const char* what, const Matrix<N, N>& covariance) {
   }
 }
 
+/// As a driver tells it: what it does not measure or know may be any number.
+template <int N>
+void require_told_covariance(const char* what, const Matrix<N, N>& covariance) {
+  if (covariance.hasNaN()) {
+    require_covariance(what, covariance);
+  }
+  const ToldNoise<N> told = told_noise<N>(covariance, Vector<N>::Zero(), Vector<N>::Zero());
+  const auto& noise = told.noise;
+  if (told.rows > 0 && (!noise.allFinite() || !noise.isApprox(noise.transpose(), 1e-9) ||
+                        noise.llt().info() != Eigen::Success)) {
+    require_covariance(what, covariance);
+  }
+}
+
 }  // namespace
+
+void check_told_sigma(const char* name, double sigma) {
+  if (!(std::isfinite(sigma) && sigma >= 0.0)) {
+    refuse(name, sigma, "a finite number >= 0");
+  }
+}
+
+void check_least_sigma(const char* name, double sigma) {
+  if (!(std::isfinite(sigma) && sigma > 0.0)) {
+    refuse(name, sigma, "a finite number > 0");
+  }
+}
 
 void validate(const Velocity& message) {
   check_stamp(message.stamp);
@@ -72,7 +100,7 @@ void validate(const PositionFix& message) {
   check_stamp(message.stamp);
   require_finite("PositionFix.position.x [m]", message.position.x());
   require_finite("PositionFix.position.y [m]", message.position.y());
-  require_covariance("PositionFix.covariance", message.covariance);
+  require_told_covariance("PositionFix.covariance", message.covariance);
 }
 
 void validate(const PoseObservation& message) {
@@ -80,7 +108,7 @@ void validate(const PoseObservation& message) {
   require_finite("PoseObservation.pose.x [m]", message.pose.x);
   require_finite("PoseObservation.pose.y [m]", message.pose.y);
   require_finite("PoseObservation.pose.heading [rad]", message.pose.heading);
-  require_covariance("PoseObservation.covariance", message.covariance);
+  require_told_covariance("PoseObservation.covariance", message.covariance);
 }
 
 void validate(const Altitude& message) {

@@ -45,10 +45,30 @@ class Range(Strict):
 
 
 class Position(Strict):
-    """Lever arm of the antenna of position fixes; ``PositionConfig`` in C++."""
+    """Position fixes: lever arm of the antenna, and sigmas; ``PositionConfig`` in C++."""
 
     antenna_forward_m: float = 0.0
     antenna_left_m: float = 0.0
+    sigma_m: NonNegative = 0.0
+    least_sigma_m: Positive = 1e-3
+
+
+class Pose(Strict):
+    """Sigmas of poses of other localizers; ``PoseConfig`` in C++."""
+
+    sigma_m: NonNegative = 0.0
+    sigma_heading_rad: NonNegative = 0.0
+    least_sigma_m: Positive = 1e-3
+    least_sigma_heading_rad: Positive = 1e-4
+
+
+class Limits(Strict):
+    """What no robot and no sensor exceeds; ``Limits`` in C++."""
+
+    speed_mps: Positive = 100.0
+    turn_rate_radps: Positive = 50.0
+    range_m: Positive = 1e4
+    distance_m: Positive = 2e7
 
 
 class Landmark(Strict):
@@ -120,8 +140,10 @@ class Estimator(Strict):
     odometry: Odometry = Field(default_factory=Odometry)
     range: Range = Field(default_factory=Range)
     position: Position = Field(default_factory=Position)
+    pose: Pose = Field(default_factory=Pose)
     landmark: Landmark = Field(default_factory=Landmark)
     calibration: Calibration = Field(default_factory=Calibration)
+    limits: Limits = Field(default_factory=Limits)
     gate_range: GateProbability = 0.999
     gate_position: GateProbability = 0.999
     gate_pose: GateProbability = 0.999
@@ -292,7 +314,9 @@ class Mcl(Strict):
     beam_model: BeamModel = Field(default_factory=BeamModel)
     range: Range = Field(default_factory=Range)
     position: Position = Field(default_factory=Position)
+    pose: Pose = Field(default_factory=Pose)
     landmark: Landmark = Field(default_factory=Landmark)
+    limits: Limits = Field(default_factory=Limits)
 
     @model_validator(mode="after")
     def _least_and_most(self) -> Mcl:
@@ -355,6 +379,14 @@ Start: TypeAlias = Annotated[
 ]
 
 
+class SwitchedOff(Strict):
+    """A source that is off from one arrival on, and perhaps on again from another."""
+
+    source: Source
+    from_s: Annotated[float, Field(ge=-4e9, le=4e9)]
+    until_s: Annotated[float, Field(ge=-4e9, le=4e9)] | None = None
+
+
 class RunConfig(Strict):
     """One run, from messages to a pose.
 
@@ -381,6 +413,10 @@ class RunConfig(Strict):
     mcl: Mcl | None = None
     seed: Annotated[int, Field(ge=0)] = 0
     history_s: Annotated[float, Field(ge=0.0, le=1e9)] = 2.0
+    history_messages: Annotated[int, Field(ge=512, le=1_000_000_000)] = 100_000
+    delays_s: dict[Source, Annotated[float, Field(ge=0.0, le=3600.0)]] = Field(default_factory=dict)
+    clock_jump: Literal["refuse", "reset", "continue"] = "refuse"
+    switched_off: list[SwitchedOff] = Field(default_factory=list)
 
     @model_validator(mode="after")
     def _one_origin(self) -> RunConfig:

@@ -63,6 +63,7 @@ MAY_BE_EMPTY = ("ranges", "positions", "poses", "landmark_sightings", "scans")
 INCREASING = ("odometry", "truth")  # strictly; other messages may come in any order
 NAMES = ("tag", "anchor", "landmark")
 MAY_BE_NAMELESS = (("landmark_sightings", "landmark"), ("positions", "tag"))
+MAY_NOT_KNOW = ("positions", "poses")  # their sigmas: -1 or 0
 BEAMS = {"ranges_m": "r", "intensities": "i"}  # columns of scans: one letter and the beam in a file
 IN_MEMORY = {f"{key}_s": f"{key}_ns" for key in ("stamp", "arrival", "begin", "end")}
 
@@ -279,6 +280,8 @@ def _problems(stem: str, table: Columns) -> Iterator[Problem]:
         yield from ((int(row), "arrival_s is before stamp_s") for row in np.flatnonzero(early))
     if stem == "odometry" and "dx_m" in table:
         yield from _bad_increments(table)
+    if stem in MAY_NOT_KNOW:
+        yield from _bad_sigmas(table)
 
 
 def _bad_values(stem: str, name: str, values: NDArray[Any]) -> Iterator[Problem]:
@@ -287,6 +290,8 @@ def _bad_values(stem: str, name: str, values: NDArray[Any]) -> Iterator[Problem]
             yield from _first(values == "", f"{name} is empty")
         quoted = np.char.find(values, '"') >= 0
         yield from _first(quoted, f"{name} has quotes, which are not part of the format", values)
+    elif name.startswith("sigma_") and stem in MAY_NOT_KNOW:
+        pass  # together: `_bad_sigmas`
     elif name.startswith("sigma_") or name == "radius_m":
         yield from _first(values <= 0.0, f"{name} is not positive", values)
     elif name == "intensities":
@@ -305,6 +310,15 @@ def _bad_values(stem: str, name: str, values: NDArray[Any]) -> Iterator[Problem]
     elif name == "omega_radps":
         for row in np.flatnonzero(np.abs(values) > MAX_TURN_RATE_RADPS):
             yield int(row), f"{values[row]:g} rad/s; is the file in rad and s?"
+
+
+def _bad_sigmas(table: Columns) -> Iterator[Problem]:
+    """Yield sigmas that are neither positive nor, all of a row, -1 or 0: not known."""
+    sigmas = {name: values for name, values in table.items() if name.startswith("sigma_")}
+    together = np.column_stack(list(sigmas.values()))
+    unknown = (together == -1.0).all(axis=1) | (together == 0.0).all(axis=1)
+    for name, values in sigmas.items():
+        yield from _first((values <= 0.0) & ~unknown, f"{name} is not positive", values)
 
 
 def _bad_increments(table: Columns) -> Iterator[Problem]:

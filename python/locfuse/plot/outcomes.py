@@ -32,6 +32,7 @@ VERDICT_COLOURS = {
     "not_modelled": "#CC79A7",
     "stale": "#E69F00",
     "ignored": "#8c8c8c",
+    "implausible": "#0072B2",
 }
 TIME_BINS = 600
 

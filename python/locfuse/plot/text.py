@@ -11,6 +11,7 @@ VERDICT_LABELS = {
     "not_modelled": "not modelled",
     "ignored": "ignored",
     "stale": "before the start or too late",
+    "implausible": "beyond the limits",
 }
 
 

@@ -26,7 +26,7 @@ Outcome of_residual(double residual) {
   return {nis > kLimit ? Verdict::kGated : Verdict::kFused, 1, nis, residual, kScale};
 }
 
-Source anchor(Id name) { return {Source::Kind::kRange, name}; }
+NamedSource anchor(Id name) { return {Source::kRanges, name}; }
 
 struct Room {
   Health health{Health::Config{}};
@@ -125,14 +125,14 @@ TEST(Health, a_kind_of_source_that_falls_silent_is_told) {
   room.health.start(0);
   for (int k = 0; k < 50; ++k) {
     room.listen(1, 3, 0, 0.0);
-    room.health.hear({Source::Kind::kPose, Source::kNameless}, room.stamp, of_residual(0.01),
+    room.health.hear({Source::kPoses, NamedSource::kNameless}, room.stamp, of_residual(0.01),
                      kLimit, kSpan);
   }
   EXPECT_EQ(room.report().state, HealthState::kOk);
   room.listen(50, 3, 0, 0.0);
   EXPECT_EQ(room.report().state, HealthState::kDegraded);
   EXPECT_EQ(room.report().clue, HealthClue::kSourceIsSilent);
-  EXPECT_EQ(room.report().source->kind, Source::Kind::kPose);
+  EXPECT_EQ(room.report().source->kind, Source::kPoses);
 }
 
 TEST(Health, noise_that_is_larger_than_told_widens_the_levels) {

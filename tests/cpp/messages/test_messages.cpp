@@ -95,7 +95,7 @@ TEST(Validate, refuses_a_position_covariance_that_is_none) {
   const auto with = [](double a, double b, double c, double d) {
     validate(PositionFix{0, {0.0, 0.0}, (Matrix<2, 2>() << a, b, c, d).finished()});
   };
-  expect_refused([&] { with(0.0, 0.0, 0.0, 0.0); }, "PositionFix.covariance");
+  expect_refused([&] { with(0.0, 0.0, 0.0, 1.0); }, "PositionFix.covariance");
   expect_refused([&] { with(-4.5, 0.0, 0.0, 1.0); }, "PositionFix.covariance", "-4.5");
   expect_refused([&] { with(1.0, 2.25, 2.25, 1.0); }, "PositionFix.covariance", "2.25");
   expect_refused([&] { with(2.0, 0.75, -0.75, 2.0); }, "PositionFix.covariance", "-0.75");

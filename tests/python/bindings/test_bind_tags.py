@@ -181,8 +181,10 @@ def test_models_give_what_the_filter_fuses() -> None:
     assert side.linearize([0, 0], [0, 0], 1.0) is None
     assert lf.PointDistanceModel.predict([0, 0], [3, 4]) == 5.0
     fix = lf.PositionFix(0, [1.0, 2.0], np.eye(2), 1)
-    assert lf.PositionModel.linearize_point([1.0, 1.0], fix).residual.tolist() == [0.0, 1.0]
     model = lf.PositionModel(lf.PositionConfig(), TAGS)
+    of_point = model.linearize_point([1.0, 1.0], fix)
+    assert of_point is not None
+    assert of_point.residual.tolist() == [0.0, 1.0]
     assert model.predict(POSE, 9) is None
     assert model.linearize(POSE, lf.PositionFix(0, [1.0, 2.0], np.eye(2), 9)) is None
     found = model.predict(POSE, 1)

@@ -29,8 +29,10 @@ from locfuse.config.schema import (
     Initializer,
     Landmark,
     LikelihoodField,
+    Limits,
     Mcl,
     Odometry,
+    Pose,
     Position,
     Range,
     RunConfig,
@@ -59,6 +61,8 @@ PAIRS: dict[str, tuple[type[BaseModel], type[Any], str]] = {
     "Odometry": (Odometry, _core.OdometryConfig, "models/motion/odometry.hpp"),
     "Range": (Range, _core.RangeConfig, "models/measurement/range.hpp"),
     "Position": (Position, _core.PositionConfig, "models/measurement/position.hpp"),
+    "Pose": (Pose, _core.PoseConfig, "models/measurement/pose.hpp"),
+    "Limits": (Limits, _core.Limits, "messages/limits.hpp"),
 }
 OF_THE_RUN = {
     "Mcl": {"poses_hz", "switch", "seed", "likelihood"}
@@ -69,10 +73,10 @@ def bound_fields(struct: type[Any]) -> set[str]:
     return {name for name in dir(struct) if isinstance(getattr(struct, name), property)}
 
 
-def declared_fields(header: str) -> set[str]:
+def declared_fields(header: str, struct: str = "Config") -> set[str]:
     text = (ROOT / "cpp" / "include" / "locfuse" / header).read_text(encoding="utf-8")
-    body = re.search(r"struct Config \{(.*?)\n  \};", text, re.DOTALL)
-    assert body is not None, f"{header} declares no Config"
+    body = re.search(rf"struct {struct} \{{(.*?)\n *\}};", text, re.DOTALL)
+    assert body is not None, f"{header} declares no {struct}"
     return set(re.findall(r"^\s*[\w:]+ (\w+)(?:\s=\s[^;]+|\{[^;]+\})?;", body[1], re.MULTILINE))
 
 
@@ -121,7 +125,8 @@ def test_schema_binding_and_header_have_the_same_fields(name: str) -> None:
 
     ours = OF_THE_RUN.get(name, set()) - bound_fields(struct)
     assert set(model.model_fields) - ours == bound_fields(struct), f"{name}: schema and binding"
-    assert declared_fields(header) == bound_fields(struct), f"{name}: header and binding differ"
+    declared = declared_fields(header, "Limits" if name == "Limits" else "Config")
+    assert declared == bound_fields(struct), f"{name}: header and binding differ"
 
 
 @pytest.mark.parametrize("leaf", LEAVES, ids=".".join)
@@ -130,7 +135,7 @@ def test_every_default_is_that_of_the_struct(leaf: tuple[str, ...]) -> None:
     assert at(model(), path) == at(struct(), path)
 
 
-@pytest.mark.parametrize("name", ["Odometry", "Range", "Position"])
+@pytest.mark.parametrize("name", ["Odometry", "Range", "Position", "Pose"])
 def test_a_model_of_its_own_has_the_defaults_it_has_inside_the_estimator(name: str) -> None:
     model, struct, _ = PAIRS[name]
     for field in model.model_fields:

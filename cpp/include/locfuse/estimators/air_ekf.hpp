@@ -44,9 +44,11 @@ class AirEkf {
     double sigma_start_climb_mps = 0.5;     ///< [m/s]
     RangeModel::Config range;
     PositionModel::Config position;
+    PoseModel::Config pose;
     AltitudeModel::Config altitude;
     RangeBearingModel::Config landmark;
     RangeBearingModel::InSpace landmark_in_space;
+    Limits limits;
     double gate_range = 0.999;                         ///< probability that a good range passes
     double gate_position = 0.999;                      ///< likewise for a position fix
     double gate_pose = 0.999;                          ///< likewise for a pose
@@ -80,6 +82,9 @@ class AirEkf {
   /// Of a landmark that it names, at its height; kNotModelled without a name.
   Outcome on(const RangeBearing& z);
 
+  /// Odometry as one that does not climb.
+  Outcome on(const Message& message);
+
   /// Carries the belief to `stamp`. Earlier stamps change nothing. Throws std::invalid_argument if
   /// the stamp is beyond kStampLimit.
   void advance_to(Stamp stamp);
@@ -90,6 +95,8 @@ class AirEkf {
   [[nodiscard]] AirEstimate estimate(Stamp stamp) const;
 
   [[nodiscard]] const GaussianBelief& belief() const { return belief_; }
+  /// How often a variance left its bounds and was put back, or P was made positive definite again.
+  [[nodiscard]] std::uint64_t interventions() const { return belief_.interventions; }
   [[nodiscard]] Pose2 pose() const { return belief_.pose(body_); }
   [[nodiscard]] double height() const { return belief_.x(belief_.offset(height_)); }
 

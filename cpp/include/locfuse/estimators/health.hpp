@@ -8,7 +8,7 @@
 
 #include "locfuse/estimators/pose_ekf.hpp"
 #include "locfuse/filters/outcome.hpp"
-#include "locfuse/messages/messages.hpp"
+#include "locfuse/messages/message.hpp"
 
 namespace locfuse {
 
@@ -37,35 +37,36 @@ enum class HealthClue : std::uint8_t {
 
 /// Where measurements come from: an anchor, a landmark, a tag whose position is told, or another
 /// localizer.
-struct Source {
-  enum class Kind : std::uint8_t { kRange, kPosition, kPose, kLandmark };
+struct NamedSource {
   static constexpr Id kNameless = std::numeric_limits<Id>::min();
 
-  Kind kind = Kind::kRange;
+  Source kind = Source::kRanges;
   Id name = kNameless;  ///< of the anchor, the tag or the landmark
 
-  friend bool operator==(const Source& a, const Source& b) {
+  friend bool operator==(const NamedSource& a, const NamedSource& b) {
     return a.kind == b.kind && a.name == b.name;
   }
-  friend bool operator<(const Source& a, const Source& b) {
+  friend bool operator<(const NamedSource& a, const NamedSource& b) {
     return a.kind != b.kind ? a.kind < b.kind : a.name < b.name;
   }
 };
 
-[[nodiscard]] inline Source source_of(const Range& z) { return {Source::Kind::kRange, z.anchor}; }
-[[nodiscard]] inline Source source_of(const PositionFix& z) {
-  return {Source::Kind::kPosition, z.tag.value_or(Source::kNameless)};
+[[nodiscard]] inline NamedSource named_source_of(const Range& z) {
+  return {Source::kRanges, z.anchor};
 }
-[[nodiscard]] inline Source source_of(const PoseObservation& /*z*/) {
-  return {Source::Kind::kPose, Source::kNameless};
+[[nodiscard]] inline NamedSource named_source_of(const PositionFix& z) {
+  return {Source::kPositions, z.tag.value_or(NamedSource::kNameless)};
 }
-[[nodiscard]] inline Source source_of(const RangeBearing& z) {
-  return {Source::Kind::kLandmark, z.landmark.value_or(Source::kNameless)};
+[[nodiscard]] inline NamedSource named_source_of(const PoseObservation& /*z*/) {
+  return {Source::kPoses, NamedSource::kNameless};
+}
+[[nodiscard]] inline NamedSource named_source_of(const RangeBearing& z) {
+  return {Source::kSightings, z.landmark.value_or(NamedSource::kNameless)};
 }
 
 /// What became of one source's messages.
 struct SourceStatus {
-  Source source;
+  NamedSource source;
   Stamp heard = 0;             ///< last [ns]
   std::optional<Stamp> fused;  ///< last [ns]
   double interval = 0.0;       ///< between messages, mean [s]
@@ -82,10 +83,10 @@ struct HealthReport {
   Stamp stamp = 0;
   HealthState state = HealthState::kInitializing;
   HealthClue clue = HealthClue::kNoEstimate;
-  std::optional<Source> source;  ///< that the clue names
-  double wrong = 1.0;            ///< probability that the robot is somewhere else
-  double within = 0.0;           ///< probability that the position error is below the limit
-  double inflation = 1.0;        ///< of the covariance, by innovations larger than believed
+  std::optional<NamedSource> source;  ///< that the clue names
+  double wrong = 1.0;                 ///< probability that the robot is somewhere else
+  double within = 0.0;                ///< probability that the position error is below the limit
+  double inflation = 1.0;             ///< of the covariance, by innovations larger than believed
   /// |error| in x [m], y [m] and heading [rad] exceeds these with the stated risk at most; infinite
   /// where that cannot be said.
   Vector<3> protection = Vector<3>::Constant(std::numeric_limits<double>::infinity());
@@ -125,7 +126,7 @@ class Health {
 
   /// What became of a measurement: `limit` is the gate's, `breadth` the volume of what a wrong one
   /// may be, see breadth_of.
-  void hear(const Source& source, Stamp stamp, const Outcome& outcome, double limit,
+  void hear(const NamedSource& source, Stamp stamp, const Outcome& outcome, double limit,
             double breadth);
   /// Time passes: trust runs out.
   void advance(Stamp stamp);
@@ -142,13 +143,13 @@ class Health {
   [[nodiscard]] double wrong() const { return odds_ / (1.0 + odds_); }
   [[nodiscard]] bool is_lost() const { return lost_; }
   /// Whether a source is better left out until it agrees again.
-  [[nodiscard]] bool is_excluded(const Source& source) const;
+  [[nodiscard]] bool is_excluded(const NamedSource& source) const;
   [[nodiscard]] const std::vector<SourceStatus>& sources() const { return sources_; }
 
  private:
-  SourceStatus& status_of(const Source& source, Stamp stamp);
+  SourceStatus& status_of(const NamedSource& source, Stamp stamp);
   void weigh(SourceStatus& status, const Outcome& outcome, double breadth);
-  [[nodiscard]] double faulty_share(const Source& source) const;
+  [[nodiscard]] double faulty_share(const NamedSource& source) const;
   [[nodiscard]] double inflation(const PoseEstimate& estimate) const;
   void judge();
   void find_state(HealthReport& report) const;

@@ -41,6 +41,7 @@ class LandmarkEkf {
     OdometryMotion::Config odometry;
     RangeBearingModel::Config landmark;
     PositionModel::Config position;
+    Limits limits;
     double gate_landmark = 0.999;  ///< probability that a sighting passes its landmark's gate
     double gate_position = 0.999;  ///< likewise for a position fix
     /// Likewise, wider: only a sighting that is outside this gate of every landmark is of a new
@@ -88,6 +89,8 @@ class LandmarkEkf {
   [[nodiscard]] std::vector<LandmarkEstimate> landmarks() const;
 
   [[nodiscard]] const GaussianBelief& belief() const { return belief_; }
+  /// How often a variance left its bounds and was put back, or P was made positive definite again.
+  [[nodiscard]] std::uint64_t interventions() const { return belief_.interventions; }
   [[nodiscard]] Pose2 pose() const { return {belief_.x(0), belief_.x(1), belief_.x(2)}; }
 
  private:

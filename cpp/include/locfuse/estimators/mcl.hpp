@@ -72,7 +72,9 @@ class Mcl {
     BeamModel::Config beam_model;                ///< if that is kBeams
     RangeModel::Config range;
     PositionModel::Config position;
+    PoseModel::Config pose;
     RangeBearingModel::Config landmark;
+    Limits limits;
   };
 
   /// Knows nothing at first: particles all over the free cells. `anchors` may be null. Throws

@@ -15,6 +15,7 @@
 #include "locfuse/filters/outcome.hpp"
 #include "locfuse/filters/robust.hpp"
 #include "locfuse/maps/landmark_map.hpp"
+#include "locfuse/messages/limits.hpp"
 #include "locfuse/messages/message.hpp"
 #include "locfuse/models/measurement/pose.hpp"
 #include "locfuse/models/measurement/position.hpp"
@@ -64,8 +65,10 @@ class PoseEkf {
     OdometryMotion::Config odometry;
     RangeModel::Config range;
     PositionModel::Config position;
+    PoseModel::Config pose;
     RangeBearingModel::Config landmark;
     Calibration::Config calibration;
+    Limits limits;
     double gate_range = 0.999;                         ///< probability that a good range passes
     double gate_position = 0.999;                      ///< likewise for a position fix
     double gate_pose = 0.999;                          ///< likewise for a pose
@@ -85,8 +88,8 @@ class PoseEkf {
 
   /// Starts from `start`. Throws std::invalid_argument on a config out of range or a start that is
   /// not finite and positive definite.
-  PoseEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags,
-          const PoseEstimate& start, LandmarkSight landmarks = {});
+  PoseEkf(const Config& config, const std::shared_ptr<const AnchorMap>& anchors,
+          std::vector<Tag> tags, const PoseEstimate& start, LandmarkSight landmarks = {});
 
   /// The same filter, started anew: models and gates are shared, so this is cheap. Throws as the
   /// constructor does.
@@ -105,8 +108,8 @@ class PoseEkf {
   Outcome weigh(const Range& z);
 
   /// Ranges of one instant fused as one measurement: one linearization, one gate. Those that are
-  /// not modelled are left out. All stamps must be equal; at most kMaxJoint. Throws
-  /// std::invalid_argument if their noise is not Gaussian: each has tails of its own.
+  /// not modelled or not plausible are left out. All stamps must be equal; at most kMaxJoint.
+  /// Throws std::invalid_argument if their noise is not Gaussian: each has tails of its own.
   Outcome on_joint(const std::vector<Range>& epoch);
 
   /// Sightings of one instant; those without a name are put together with landmarks before any is
@@ -134,6 +137,8 @@ class PoseEkf {
   }
 
   [[nodiscard]] const GaussianBelief& belief() const { return belief_; }
+  /// How often a variance left its bounds and was put back, or P was made positive definite again.
+  [[nodiscard]] std::uint64_t interventions() const { return belief_.interventions; }
   [[nodiscard]] Pose2 pose() const { return {belief_.x(0), belief_.x(1), belief_.x(2)}; }
   [[nodiscard]] const RangeModel& range_model() const { return recipe_->range; }
   [[nodiscard]] const RangeBearingModel& landmark_model() const { return recipe_->landmark; }

@@ -59,6 +59,12 @@ class RecoveringEkf {
   /// How far its estimate may be trusted.
   [[nodiscard]] HealthReport health() const;
   [[nodiscard]] const std::vector<SourceStatus>& sources() const { return health_.sources(); }
+  /// The belief at its own stamp, and carried to the end of odometry. Throw std::logic_error unless
+  /// it has started.
+  [[nodiscard]] PoseEstimate current() const { return started().current(); }
+  [[nodiscard]] PoseEstimate estimate() const { return started().estimate(); }
+  /// The same, tracking anew from `start`, as a PoseEkf does.
+  [[nodiscard]] RecoveringEkf restarted(const PoseEstimate& start) const;
   /// How often it noticed that it was lost.
   [[nodiscard]] int alarms() const { return alarms_; }
   /// How often it then found another place.
@@ -86,6 +92,7 @@ class RecoveringEkf {
   void hear(const M& z, const Outcome& outcome);
   void listen();  // to what health says
   void decide();
+  [[nodiscard]] const PoseEkf& started() const;
   [[nodiscard]] Initializer fresh() const;  // that has heard the last odometry
 
   std::shared_ptr<const Recipe> recipe_;

@@ -29,6 +29,8 @@ class TagTriangleEkf {
     VelocityModel::Config velocity;
     PointDistanceModel::Config side;
     RangeModel::Config range;
+    PositionModel::Config position;  ///< sigmas of fixes; it has no antenna
+    Limits limits;
     /// From tag 0 to 1, 1 to 2, 2 to 0 as a tape tells [m]: refused unless the tags in body agree.
     std::optional<Vector<3>> sides_m = {};
     /// Whether wheels turn to velocities in world by a heading without error, as in the paper; else
@@ -88,6 +90,8 @@ class TagTriangleEkf {
   [[nodiscard]] const Outcome& sides() const { return sides_; }
 
   [[nodiscard]] const GaussianBelief& belief() const { return belief_; }
+  /// How often a variance left its bounds and was put back, or P was made positive definite again.
+  [[nodiscard]] std::uint64_t interventions() const { return belief_.interventions; }
   [[nodiscard]] const std::vector<Tag>& tags() const;
 
  private:

@@ -33,6 +33,18 @@ enum class SlotKind : std::uint8_t {
   }
 }
 
+/// Standard deviations between which the filter keeps a variable, in its own unit:
+/// docs/models/kalman.md. With less than `least` an update is lost to rounding beside the largest
+/// there are, and with more than `most` one with a sigma of 1 mm would be; a heading that is as
+/// unknown is anywhere.
+struct SigmaBounds {
+  double least;
+  double most;
+};
+inline constexpr SigmaBounds kPositionBounds{1e-6, 1e4};  ///< [m], and velocities of points [m/s]
+inline constexpr SigmaBounds kHeadingBounds{1e-7, 10.0};  ///< [rad]
+inline constexpr SigmaBounds kScalarBounds{1e-9, 1e4};    ///< such as a height or a sensor's error
+
 /// Handle of a variable in a belief. An id, not an offset: removing one never invalidates another.
 struct Slot {
   int id = 0;
@@ -114,9 +126,15 @@ class GaussianBelief {
   /// Rows that no measurement moves.
   [[nodiscard]] const std::vector<int>& considered_rows() const { return layout_->considered_rows; }
 
+  /// Variances between which each row is kept.
+  [[nodiscard]] const std::vector<SigmaBounds>& variance_bounds() const {
+    return layout_->variance_bounds;
+  }
+
   Stamp stamp = 0;
-  Eigen::VectorXd x;  ///< mean, angles wrapped
-  Covariance P;       ///< of the error state
+  Eigen::VectorXd x;                ///< mean, angles wrapped
+  Covariance P;                     ///< of the error state
+  std::uint64_t interventions = 0;  ///< how often the filter put a variance back into its bounds
 
  private:
   struct Variable {
@@ -129,6 +147,7 @@ class GaussianBelief {
     std::vector<Variable> variables;  // index is the slot's id
     std::vector<int> angle_rows;
     std::vector<int> considered_rows;
+    std::vector<SigmaBounds> variance_bounds;
   };
   [[nodiscard]] const Variable& variable(Slot slot) const {
     const auto id = static_cast<std::size_t>(slot.id);

@@ -82,6 +82,37 @@ void wrap_angles(X& x, const std::vector<int>& angle_rows) {
 [[noreturn]] void refuse_result();
 [[noreturn]] void refuse_prediction();
 
+void put_back(GaussianBelief& belief, Eigen::Index first, Eigen::Index count);
+
+inline constexpr double kLess = 1.0 - 1e-14;  ///< of a diagonal: a margin over what rounding does
+
+/// Of the first three rows, which are the pose if there is one: elimination without divisions.
+[[nodiscard]] inline bool is_pose_positive_definite(const Covariance& P) {
+  if (P.rows() < 3) {
+    return true;
+  }
+  const double a = P(0, 0) * kLess;
+  const double b = a * (P(1, 1) * kLess) - P(1, 0) * P(1, 0);
+  const double c = a * (P(2, 2) * kLess) - P(2, 0) * P(2, 0);
+  const double shared = a * P(2, 1) - P(1, 0) * P(2, 0);
+  return a > 0.0 && b > 0.0 && b * c > shared * shared;
+}
+
+/// Keeps the variances of `count` rows from `first` on between their bounds, and the pose's part
+/// of P positive definite; eq. (17) and (18) of docs/models/kalman.md.
+inline void keep_in_bounds(GaussianBelief& belief, Eigen::Index first, Eigen::Index count) {
+  const std::vector<SigmaBounds>& bounds = belief.variance_bounds();
+  bool inside = true;
+  for (Eigen::Index row = first; row < first + count; ++row) {
+    const double variance = belief.P(row, row);
+    const SigmaBounds& of_row = bounds[static_cast<std::size_t>(row)];
+    inside = inside && variance >= of_row.least && variance <= of_row.most;
+  }
+  if (!inside || !is_pose_positive_definite(belief.P)) {
+    put_back(belief, first, count);
+  }
+}
+
 /// x += K r and Joseph's form of (I - K H) P, eq. (4) to (6) of docs/models/kalman.md, computed as
 /// A - (A H' - K R) K' with A = P - K (P H')', which costs O(n^2) per measurement row.
 /// `times_Ht(A)` is A H'.
@@ -150,8 +181,13 @@ Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slo
       Eigen::Map<Matrix<N, N>> P(belief.P.data());
       const Cross PHt = P * lin.jacobian.transpose();
       const Noise S = lin.jacobian * PHt + lin.noise;
-      return internal::fuse(x, P, lin, PHt, S, gate, belief.angle_rows(),
-                            [&](const auto& A) { return Cross(A * lin.jacobian.transpose()); });
+      const Outcome outcome =
+          internal::fuse(x, P, lin, PHt, S, gate, belief.angle_rows(),
+                         [&](const auto& A) { return Cross(A * lin.jacobian.transpose()); });
+      if (outcome.verdict == Verdict::kFused) {
+        internal::keep_in_bounds(belief, 0, N);
+      }
+      return outcome;
     }
   }
   return internal::update_part(belief, {lin.residual, lin.jacobian, lin.noise}, slots, gate);
@@ -191,6 +227,7 @@ void predict(GaussianBelief& belief, const Propagation<Vector<N>, N>& step, Slot
   P = 0.5 * (moved + moved.transpose());
   belief.x = step.moved;
   internal::wrap_angles(belief.x, belief.angle_rows());
+  internal::keep_in_bounds(belief, 0, N);
 }
 
 /// Turns the covariance of the pose in `slot` with its mean, which an update has moved away from

@@ -11,9 +11,10 @@ namespace locfuse {
 enum class Verdict : std::uint8_t {
   kFused,        ///< it changed the belief
   kGated,        ///< too unlikely under the belief; the belief is bit for bit what it was
-  kNotModelled,  ///< the model has nothing to say: unknown anchor or tag, no direction
+  kNotModelled,  ///< the model has nothing to say: unknown anchor or tag, no direction, no sigma
   kIgnored,      ///< the estimator does not use this kind of message
   kStale,        ///< older than what can still be changed
+  kImplausible,  ///< beyond what a robot and its sensors can do (Limits)
 };
 
 /// Verdict on one message, with the numbers behind it. NaN and 0 dof where nothing was compared.
@@ -23,6 +24,7 @@ struct Outcome {
   double nis = std::numeric_limits<double>::quiet_NaN();       ///< r' S^-1 r
   double residual = std::numeric_limits<double>::quiet_NaN();  ///< first row of r
   double scale = std::numeric_limits<double>::quiet_NaN();     ///< det(S)^(1/dof)
+  int interventions = 0;  ///< variances that were put back into their bounds on the way
 
   /// log N(r; 0, S).
   [[nodiscard]] double log_likelihood() const {

@@ -53,7 +53,7 @@ struct Range {
 struct PositionFix {
   Stamp stamp = 0;
   Vector<2> position = Vector<2>::Zero();          ///< [m]
-  Matrix<2, 2> covariance = Matrix<2, 2>::Zero();  ///< [m^2], positive definite
+  Matrix<2, 2> covariance = Matrix<2, 2>::Zero();  ///< [m^2], as a driver tells it
   std::optional<Id> tag = {};                      ///< without it, of the antenna
 };
 
@@ -61,7 +61,7 @@ struct PositionFix {
 struct PoseObservation {
   Stamp stamp = 0;
   Pose2 pose;
-  Matrix<3, 3> covariance = Matrix<3, 3>::Zero();  ///< of (x, y, heading), positive definite
+  Matrix<3, 3> covariance = Matrix<3, 3>::Zero();  ///< of (x, y, heading), as a driver tells it
 };
 
 /// Height of an altimeter on the body over z = 0 of the world. With a PositionFix of the same stamp
@@ -114,7 +114,8 @@ struct LaserScan {
 void validate(const Velocity& message);
 void validate(const Increment& message);
 void validate(const Range& message);
-
+/// A covariance is symmetric positive definite, or says in the way of drivers what is not known:
+/// messages/told_covariance.hpp.
 void validate(const PositionFix& message);
 void validate(const PoseObservation& message);
 void validate(const Altitude& message);

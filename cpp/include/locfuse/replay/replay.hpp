@@ -22,6 +22,15 @@ struct RunLog {
   std::vector<SourceStatus> sources;    ///< likewise, at the end of the log
   int alarms = 0;                       ///< likewise: how often it was lost
   int restarts = 0;                     ///< likewise: how often it then found another place
+  std::size_t jumps = 0;                ///< of the clock; estimates are those after the last
+  std::size_t fallen_out = 0;           ///< as of Timeline
+};
+
+/// A source is switched off or on before the messages that arrive from `arrival` on.
+struct SourceSwitch {
+  Stamp arrival = 0;
+  Source source = Source::kOdometry;
+  bool enabled = false;
 };
 
 struct ReplayOptions {
@@ -29,6 +38,8 @@ struct ReplayOptions {
   bool record = true;                         ///< keep outcomes and estimates, or only `last`
   std::function<void(std::size_t)> progress;  ///< called with the number of messages done
   std::size_t first = 0;                      ///< messages before it were used for the start
+  TimelineOptions timeline = {};
+  std::vector<SourceSwitch> switches = {};  ///< sorted by arrival
 };
 
 namespace internal {
@@ -65,7 +76,8 @@ template <class Estimator>
                             const ReplayOptions& options) {
   constexpr std::size_t kProgressEvery = 1U << 14U;
   RunLog run;
-  Timeline<Estimator> timeline(start, options.history);
+  Timeline<Estimator> timeline(start, options.history, options.timeline);
+  auto switched = options.switches.begin();
   const std::vector<MessageLog::Arrival>& arrivals = log.arrivals();
   if (options.record) {
     run.outcomes.resize(arrivals.size());
@@ -90,13 +102,22 @@ template <class Estimator>
       keep(tracker().current());
       internal::keep_health(run, timeline.estimator());
     }
+    for (; switched != options.switches.end() && switched->arrival <= arrivals[i].arrival;
+         ++switched) {
+      timeline.enable(switched->source, switched->enabled);
+    }
     timeline.on(message, sink);
+    if (timeline.jumps() > run.jumps) {
+      run.jumps = timeline.jumps();
+      run.estimates.clear();
+    }
     if (options.progress && (i + 1) % kProgressEvery == 0) {
       options.progress(i + 1);
     }
   }
   run.last = tracker().estimate();
   run.errors = tracker().errors();
+  run.fallen_out = timeline.fallen_out();
   internal::keep_sources(run, timeline.estimator());
   if (options.record) {
     keep(tracker().current());

@@ -7,10 +7,14 @@
 namespace locfuse {
 
 PositionModel::PositionModel(const Config& config, std::vector<Tag> tags)
-    : antenna_in_body_(config.antenna_forward_m, config.antenna_left_m), tags_(std::move(tags)) {
+    : config_(config),
+      antenna_in_body_(config.antenna_forward_m, config.antenna_left_m),
+      tags_(std::move(tags)) {
   if (!antenna_in_body_.allFinite()) {
     throw std::invalid_argument("position.antenna_forward_m and antenna_left_m must be finite");
   }
+  check_told_sigma("position.sigma_m", config.sigma_m);
+  check_least_sigma("position.least_sigma_m", config.least_sigma_m);
 }
 
 }  // namespace locfuse

@@ -14,7 +14,7 @@ TEST(PositionModel, equals_values_computed_by_hand) {
   const PositionModel model({2.0, 1.0});
   const Pose2 pose{10.0, 20.0, kPi / 2.0};  // antenna at (10 - 1, 20 + 2)
   const Matrix<2, 2> R = (Matrix<2, 2>() << 0.5, 0.1, 0.1, 0.4).finished();
-  const Linearization<2, 3> lin = *model.linearize(pose, {0, {9.25, 21.5}, R});
+  const auto lin = *model.linearize(pose, {0, {9.25, 21.5}, R});
   expect_near(model.predict(pose), Vector<2>(9.0, 22.0), 1e-14);
   expect_near(lin.residual, Vector<2>(0.25, -0.5), 1e-14);
   expect_near(lin.jacobian, (Matrix<2, 3>() << 1.0, 0.0, -2.0, 0.0, 1.0, -1.0).finished(), 1e-14);
@@ -32,7 +32,7 @@ TEST(PositionModel, jacobian_matches_differences_with_and_without_a_lever_arm) {
 }
 
 TEST(PositionModel, says_nothing_of_heading_without_a_lever_arm) {
-  const Linearization<2, 3> lin =
+  const auto lin =
       *PositionModel().linearize({1.0, 2.0, 0.7}, {0, {1.0, 2.0}, Matrix<2, 2>::Identity()});
   EXPECT_EQ(lin.jacobian(0, 2), 0.0);
   EXPECT_EQ(lin.jacobian(1, 2), 0.0);
@@ -64,7 +64,7 @@ TEST(PositionModel, says_nothing_of_an_unknown_tag) {
 
 TEST(PositionModel, of_a_point_is_the_point) {
   const Matrix<2, 2> R = (Matrix<2, 2>() << 0.5, 0.1, 0.1, 0.4).finished();
-  const auto lin = PositionModel::linearize_point({1.0, 2.0}, {0, {1.25, 1.5}, R, 4});
+  const auto lin = *PositionModel().linearize_point({1.0, 2.0}, {0, {1.25, 1.5}, R, 4});
   expect_near(lin.residual, Vector<2>(0.25, -0.5), 1e-14);
   EXPECT_EQ(lin.jacobian, (Matrix<2, 2>::Identity()));
   EXPECT_EQ(lin.noise, R);

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+
+#include "locfuse/filters/kalman.hpp"
+#include "support/expect.hpp"
+#include "support/random.hpp"
+
+namespace locfuse {
+namespace {
+
+using testing::is_covariance;
+
+GaussianBelief known_to(double sigma_xy, double sigma_heading) {
+  const Vector<3> variances(sigma_xy * sigma_xy, sigma_xy * sigma_xy,
+                            sigma_heading * sigma_heading);
+  return GaussianBelief::of_pose(0, {1.0, 2.0, 0.3}, variances.asDiagonal());
+}
+
+Propagation<Pose2, 3> spread(double variance) {
+  return {{1.0, 2.0, 0.3}, Matrix<3, 3>::Identity(), variance * Matrix<3, 3>::Identity()};
+}
+
+Linearization<3, 3> seen(double sigma) {
+  return {Vector<3>::Zero(), Matrix<3, 3>::Identity(), sigma * sigma * Matrix<3, 3>::Identity()};
+}
+
+TEST(Bounds, of_a_belief_inside_them_are_not_felt) {
+  GaussianBelief belief = known_to(0.1, 0.05);
+  predict(belief, spread(0.01), belief.slot("body"));
+  update(belief, seen(0.1), belief.slot("body"), Gate());
+  EXPECT_EQ(belief.interventions, 0U);
+}
+
+TEST(Bounds, a_ceiling_scales_rows_so_that_correlations_stay) {
+  GaussianBelief belief = known_to(100.0, 1.0);
+  Propagation<Pose2, 3> step = spread(1e-6);
+  step.jacobian(0, 2) = 90.0;  // far from the pivot: x hangs on the heading
+  predict(belief, step, belief.slot("body"));
+  const auto correlation = [&] {
+    return belief.P(0, 2) / std::sqrt(belief.P(0, 0) * belief.P(2, 2));
+  };
+  const double before = correlation();
+  ASSERT_GT(before, 0.5);
+  ASSERT_EQ(belief.interventions, 0U);
+  step = spread(0.0);
+  step.noise = Vector<3>(1e-6, 1e-6, 1e-6).asDiagonal();
+  step.jacobian = 1e3 * Matrix<3, 3>::Identity();
+  predict(belief, step, belief.slot("body"));
+  EXPECT_GT(belief.interventions, 0U);
+  EXPECT_EQ(std::sqrt(belief.P(0, 0)), kPositionBounds.most);
+  EXPECT_EQ(std::sqrt(belief.P(2, 2)), kHeadingBounds.most);
+  EXPECT_NEAR(correlation(), before, 1e-9);
+  EXPECT_TRUE(is_covariance(belief.P));
+}
+
+TEST(Bounds, a_floor_adds_noise_where_updates_left_none) {
+  GaussianBelief belief = known_to(0.1, 0.05);
+  for (int i = 0; i < 20; ++i) {
+    update(belief, seen(1e-9), belief.slot("body"), Gate());
+  }
+  EXPECT_GE(std::sqrt(belief.P(0, 0)), kPositionBounds.least);
+  EXPECT_GE(std::sqrt(belief.P(2, 2)), kHeadingBounds.least);
+  EXPECT_GT(belief.interventions, 0U);
+  EXPECT_TRUE(is_covariance(belief.P));
+}
+
+TEST(Bounds, hold_for_every_kind_of_variable_and_for_beliefs_too_large_for_fixed_sizes) {
+  GaussianBelief belief = known_to(0.1, 0.05);
+  const Slot body = belief.slot("body");
+  std::vector<Slot> slots{body};
+  for (int i = 0; i < 8; ++i) {
+    slots.push_back(belief.add("landmark " + std::to_string(i), SlotKind::kPoint2,
+                               Vector<2>::Zero(), Matrix<2, 2>::Identity()));
+  }
+  slots.push_back(belief.add("height", SlotKind::kScalar, Vector<1>(1.0), Matrix<1, 1>(0.01)));
+  const auto n = static_cast<Eigen::Index>(belief.dimension());
+  const Linearization<Eigen::Dynamic, Eigen::Dynamic> all{Eigen::VectorXd::Zero(n),
+                                                          Eigen::MatrixXd::Identity(n, n),
+                                                          1e-24 * Eigen::MatrixXd::Identity(n, n)};
+  update(belief, all, slots, Gate());
+  for (Eigen::Index row = 0; row < n; ++row) {
+    const double least = row == 2       ? kHeadingBounds.least
+                         : row == n - 1 ? kScalarBounds.least
+                                        : kPositionBounds.least;
+    EXPECT_NEAR(std::sqrt(belief.P(row, row)), least, 1e-3 * least) << row;
+  }
+  EXPECT_EQ(belief.interventions, static_cast<std::uint64_t>(n));
+}
+
+/// Steps and measurements of any size, correlated at will.
+template <class Step>
+void expect_sound_after(int steps, std::uint64_t seed, const Step& step) {
+  testing::Rng rng(seed);
+  GaussianBelief belief = known_to(testing::uniform(rng, 1e-3, 1e3), 0.3);
+  for (int i = 0; i < steps; ++i) {
+    try {
+      step(belief, rng);
+    } catch (const NumericalError&) {  // refused whole
+    }
+    ASSERT_TRUE(belief.x.allFinite());
+    ASSERT_TRUE(belief.P.llt().info() == Eigen::Success) << "seed " << seed << ", step " << i;
+    ASSERT_TRUE(testing::same_bits(belief.P, belief.P.transpose()));
+    for (Eigen::Index row = 0; row < 3; ++row) {
+      const SigmaBounds& bounds = belief.variance_bounds()[static_cast<std::size_t>(row)];
+      ASSERT_GE(belief.P(row, row), bounds.least) << "seed " << seed << ", step " << i;
+      ASSERT_LE(belief.P(row, row), bounds.most) << "seed " << seed;
+    }
+  }
+}
+
+TEST(Bounds, a_pose_is_sound_after_any_sequence_of_steps_and_measurements) {
+  const auto power = [](testing::Rng& rng, double low, double high) {
+    return std::pow(10.0, testing::uniform(rng, low, high));
+  };
+  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
+    expect_sound_after(100, seed, [&](GaussianBelief& belief, testing::Rng& rng) {
+      const Slot body = belief.slot("body");
+      if (testing::uniform(rng, 0.0, 1.0) < 0.3) {
+        Propagation<Pose2, 3> step = spread(power(rng, -20.0, 9.0));
+        step.jacobian(0, 2) = testing::uniform(rng, -1.0, 1.0) * power(rng, -3.0, 6.0);
+        step.jacobian(1, 2) = testing::uniform(rng, -1.0, 1.0) * power(rng, -3.0, 6.0);
+        predict(belief, step, body);
+        return;
+      }
+      Linearization<1, 3> lin;
+      lin.residual << testing::uniform(rng, -1.0, 1.0) * power(rng, -3.0, 6.0);
+      lin.jacobian << testing::uniform(rng, -1.0, 1.0), testing::uniform(rng, -1.0, 1.0),
+          testing::uniform(rng, -1.0, 1.0) * power(rng, -3.0, 4.0);
+      lin.noise << power(rng, -16.0, 6.0);
+      update(belief, lin, body, Gate());
+    });
+  }
+}
+
+}  // namespace
+}  // namespace locfuse

@@ -1,0 +1,342 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <map>
+
+#include "locfuse/estimators/air_ekf.hpp"
+#include "locfuse/estimators/landmark_ekf.hpp"
+#include "locfuse/estimators/tag_triangle_ekf.hpp"
+#include "locfuse/replay/replay.hpp"
+#include "support/expect.hpp"
+#include "support/scrubber.hpp"
+#include "support/simulation.hpp"
+
+/// Clocks that jump, sources that stop, histories that overflow: for every estimator that a
+/// Timeline feeds.
+namespace locfuse {
+namespace {
+
+using testing::kSecond;
+using testing::same_bits;
+
+const auto kDeaf = [](std::size_t, const Outcome&) {};
+const Pose2 kStart{2.0, -1.0, 0.4};
+
+struct OfPoseEkf {
+  static PoseEkf make() { return testing::ekf_at(kStart); }
+};
+struct OfAirEkf {
+  static AirEkf make() {
+    const Matrix<4, 4> P = 0.01 * Matrix<4, 4>::Identity();
+    return {{}, testing::hall(), testing::one_tag(), {0, kStart, 0.0, P}};
+  }
+};
+struct OfLandmarkEkf {
+  static LandmarkEkf make() { return {{}, {0, kStart, 0.01 * Matrix<3, 3>::Identity()}}; }
+};
+struct OfTagTriangleEkf {
+  static TagTriangleEkf make() {
+    const PoseEstimate start{0, kStart, 0.01 * Matrix<3, 3>::Identity()};
+    return {{}, testing::triangle(), start, testing::hall()};
+  }
+};
+
+/// A drive with every kind of message; each estimator fuses those that it has a model of.
+std::vector<Message> drive(std::uint64_t seed, double seconds = 6.0) {
+  testing::Simulation run = testing::simulate(seed, seconds);
+  testing::Rng rng(seed);
+  const Stamp end = static_cast<Stamp>(seconds * 1e9);
+  for (Stamp stamp = 0; stamp < end; stamp += kSecond / 5) {
+    const Matrix<2, 2> R = 4.0 * Matrix<2, 2>::Identity();
+    const Vector<2> at(testing::normal(rng, 0.5) + 2.0, testing::normal(rng, 0.5) - 1.0);
+    run.messages.push_back(PositionFix{stamp, at, R, {}});
+    run.messages.push_back(PositionFix{stamp, at, R, 10});
+    run.messages.push_back(Range{stamp, 11, 1, testing::uniform(rng, 8.0, 14.0), {}});
+    run.messages.push_back(RangeBearing{stamp, 4, 5.0 + testing::normal(rng, 0.1), 0.2, {}});
+    run.messages.push_back(PoseObservation{stamp + 3, kStart, Matrix<3, 3>::Identity()});
+  }
+  std::stable_sort(run.messages.begin(), run.messages.end(), [](const auto& a, const auto& b) {
+    return effective_stamp(a) < effective_stamp(b);
+  });
+  return run.messages;
+}
+
+std::vector<Message> late(const std::vector<Message>& messages, std::uint64_t seed, Stamp most) {
+  testing::Rng rng(seed);
+  std::vector<std::pair<Stamp, Message>> arrivals;
+  for (const Message& message : messages) {
+    const double share = testing::uniform(rng, 0.0, 1.0);
+    arrivals.emplace_back(
+        effective_stamp(message) + static_cast<Stamp>(share * static_cast<double>(most)), message);
+  }
+  std::stable_sort(arrivals.begin(), arrivals.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::vector<Message> order;
+  for (const auto& [arrival, message] : arrivals) {
+    order.push_back(message);
+  }
+  return order;
+}
+
+template <class Estimator>
+void feed(Timeline<Estimator>& timeline, const std::vector<Message>& messages) {
+  for (const Message& message : messages) {
+    timeline.on(message, kDeaf);
+  }
+}
+
+template <class Of>
+class TimelineOf : public ::testing::Test {};
+using Estimators = ::testing::Types<OfPoseEkf, OfAirEkf, OfLandmarkEkf, OfTagTriangleEkf>;
+TYPED_TEST_SUITE(TimelineOf, Estimators);
+
+TYPED_TEST(TimelineOf, late_messages_leave_the_bits_of_the_sorted_log) {
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    const std::vector<Message> order = late(drive(seed), 50 + seed, kSecond / 2);
+    std::vector<Message> sorted = order;
+    std::stable_sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) {
+      return effective_stamp(a) < effective_stamp(b);
+    });
+    auto expected = TypeParam::make();
+    std::map<Verdict, int> verdicts;
+    for (const Message& message : sorted) {
+      ++verdicts[expected.on(message).verdict];
+    }
+    ASSERT_GT(verdicts[Verdict::kFused], 20);
+    Timeline timeline(TypeParam::make(), kSecond / 2);
+    feed(timeline, order);
+    EXPECT_TRUE(same_bits(timeline.estimator().belief(), expected.belief())) << "seed " << seed;
+  }
+}
+
+TYPED_TEST(TimelineOf, reset_is_a_fresh_one_to_the_bit) {
+  Timeline timeline(TypeParam::make(), kSecond);
+  timeline.enable(Source::kOdometry, false);
+  feed(timeline, late(drive(1), 2, kSecond / 2));
+  timeline.reset();
+  Timeline fresh(TypeParam::make(), kSecond);
+  EXPECT_TRUE(same_bits(timeline.estimator().belief(), fresh.estimator().belief()));
+  const std::vector<Message> again = late(drive(3), 4, kSecond / 2);
+  std::size_t first = 99;
+  for (const Message& message : again) {
+    timeline.on(message,
+                [&](std::size_t index, const Outcome&) { first = std::min(first, index); });
+    fresh.on(message, kDeaf);
+  }
+  EXPECT_EQ(first, 0U) << "arrivals count from 0 again";
+  EXPECT_TRUE(same_bits(timeline.estimator().belief(), fresh.estimator().belief()));
+}
+
+TYPED_TEST(TimelineOf, a_loop_of_the_recording_gives_the_bits_of_the_first_round) {
+  const std::vector<Message> round = drive(1);
+  TimelineOptions options;
+  options.clock_jump = ClockJump::kReset;
+  Timeline once(TypeParam::make(), kSecond);
+  feed(once, round);
+  Timeline looped(TypeParam::make(), kSecond, options);
+  for (int i = 0; i < 3; ++i) {
+    feed(looped, round);
+    EXPECT_EQ(looped.jumps(), static_cast<std::size_t>(i));
+    EXPECT_TRUE(same_bits(looped.estimator().belief(), once.estimator().belief())) << i;
+  }
+}
+
+TYPED_TEST(TimelineOf, a_clock_that_goes_back_is_refused_unless_told_otherwise) {
+  const std::vector<Message> round = drive(1);
+  Timeline timeline(TypeParam::make(), kSecond);
+  feed(timeline, round);
+  const auto before = timeline.estimator().belief();
+  for (const Message& message : drive(2, 4.0)) {
+    timeline.on(message,
+                [](std::size_t, const Outcome& o) { EXPECT_EQ(o.verdict, Verdict::kStale); });
+  }
+  EXPECT_EQ(timeline.jumps(), 0U);
+  EXPECT_TRUE(same_bits(timeline.estimator().belief(), before));
+}
+
+TYPED_TEST(TimelineOf, a_source_that_stops_delays_no_other) {
+  const std::vector<Message> all = drive(1);
+  std::vector<Message> rest;  // odometry falls silent in the middle
+  std::copy_if(all.begin(), all.end(), std::back_inserter(rest), [](const Message& m) {
+    return source_of(m) != Source::kOdometry || effective_stamp(m) < 3 * kSecond;
+  });
+  Timeline timeline(TypeParam::make(), kSecond);
+  for (const Message& message : rest) {
+    bool heard = false;
+    timeline.on(message, [&](std::size_t, const Outcome&) { heard = true; });
+    ASSERT_TRUE(heard) << "an outcome at once";
+  }
+  EXPECT_GT(timeline.estimator().belief().stamp, 5 * kSecond);
+}
+
+TYPED_TEST(TimelineOf, a_source_that_is_off_is_as_if_it_had_said_nothing) {
+  const std::vector<Message> all = drive(1);
+  Timeline with(TypeParam::make(), kSecond);
+  Timeline without(TypeParam::make(), kSecond);
+  int ignored = 0;
+  for (const Message& message : all) {
+    const bool off =
+        effective_stamp(message) >= 2 * kSecond && effective_stamp(message) < 4 * kSecond;
+    with.enable(Source::kPositions, !off);
+    with.on(message, [&](std::size_t, const Outcome& o) {
+      ignored += o.verdict == Verdict::kIgnored && source_of(message) == Source::kPositions ? 1 : 0;
+    });
+    if (!off || source_of(message) != Source::kPositions) {
+      without.on(message, kDeaf);
+    }
+  }
+  EXPECT_EQ(ignored, 2 * 5 * 2);
+  EXPECT_TRUE(same_bits(with.estimator().belief(), without.estimator().belief()));
+}
+
+TYPED_TEST(TimelineOf, equal_stamps_and_steps_of_a_nanosecond_are_fused_in_order) {
+  auto expected = TypeParam::make();
+  Timeline timeline(TypeParam::make(), kSecond);
+  std::vector<Message> messages;
+  const Matrix<2, 2> R = Matrix<2, 2>::Identity();
+  for (const Stamp step : {Stamp{0}, Stamp{1}}) {
+    for (Stamp i = 0; i < 40; ++i) {
+      const Stamp stamp = kSecond + i * step;
+      messages.push_back(Increment{stamp, stamp + step, {1e-3, 0.0, 1e-3}});
+      messages.push_back(Velocity{stamp + step, 0.2, 0.1});
+      messages.push_back(PositionFix{stamp, {2.2, -1.0}, R, {}});
+      messages.push_back(PositionFix{stamp, {2.2, -1.0}, R, 10});
+    }
+  }
+  std::stable_sort(messages.begin(), messages.end(), [](const auto& a, const auto& b) {
+    return effective_stamp(a) < effective_stamp(b);
+  });
+  for (const Message& message : messages) {
+    timeline.on(message, kDeaf);
+    expected.on(message);
+  }
+  EXPECT_TRUE(same_bits(timeline.estimator().belief(), expected.belief()));
+  EXPECT_TRUE(testing::is_covariance(expected.belief().P));
+  EXPECT_TRUE(expected.belief().x.allFinite());
+}
+
+// Clock jumps -------------------------------------------------------------------------------------
+
+TimelineOptions with(ClockJump policy) {
+  TimelineOptions options;
+  options.clock_jump = policy;
+  return options;
+}
+
+TEST(Timeline, continues_from_the_same_pose_at_the_new_time) {
+  Timeline timeline(testing::ekf_at(kStart), kSecond, with(ClockJump::kContinue));
+  feed(timeline, drive(1));
+  PoseEstimate here = timeline.estimator().estimate();
+  here.stamp = 0;
+  const std::vector<Message> after = drive(2, 3.0);
+  PoseEkf expected = testing::ekf_at(kStart).restarted(here);
+  for (const Message& message : after) {
+    expected.on(message);
+  }
+  feed(timeline, after);
+  EXPECT_EQ(timeline.jumps(), 1U);
+  EXPECT_TRUE(same_bits(timeline.estimator().belief(), expected.belief()));
+}
+
+TEST(Timeline, a_buffer_that_one_source_flushes_is_no_jump) {
+  Timeline timeline(testing::ekf_at(kStart), kSecond, with(ClockJump::kReset));
+  feed(timeline, drive(1));
+  const auto before = timeline.estimator().belief();
+  for (int i = 0; i < 100; ++i) {
+    timeline.on(testing::range_to(0, kStart, i), kDeaf);
+  }
+  EXPECT_EQ(timeline.jumps(), 0U);
+  EXPECT_TRUE(same_bits(timeline.estimator().belief(), before));
+}
+
+TEST(Timeline, late_messages_among_good_ones_are_no_jump) {
+  Timeline timeline(testing::ekf_at(kStart), kSecond, with(ClockJump::kReset));
+  feed(timeline, drive(1));
+  for (int i = 0; i < 100; ++i) {
+    timeline.on(testing::range_to(0, kStart, i), kDeaf);
+    timeline.on(Velocity{i, 0.1, 0.0}, kDeaf);
+    timeline.on(Velocity{6 * kSecond + i, 0.1, 0.0}, kDeaf);
+  }
+  EXPECT_EQ(timeline.jumps(), 0U);
+}
+
+TEST(Timeline, after_a_jump_every_message_that_told_of_it_has_its_outcome) {
+  Timeline timeline(testing::ekf_at(kStart), kSecond, with(ClockJump::kReset));
+  std::map<std::size_t, Verdict> last;
+  const auto sink = [&](std::size_t index, const Outcome& o) { last[index] = o.verdict; };
+  const std::vector<Message> round = drive(1);
+  for (int i = 0; i < 2; ++i) {
+    for (const Message& message : round) {
+      timeline.on(message, sink);
+    }
+  }
+  for (std::size_t i = 0; i < round.size(); ++i) {
+    EXPECT_EQ(last[i], last[round.size() + i]) << i;
+  }
+}
+
+TEST(Timeline, refuses_to_continue_what_cannot) {
+  testing::expect_refused([] { Timeline(OfAirEkf::make(), kSecond, with(ClockJump::kContinue)); },
+                          "kReset");
+  TimelineOptions few;
+  few.most_messages = 10;
+  testing::expect_refused([&] { Timeline(OfPoseEkf::make(), kSecond, few); }, "most_messages",
+                          "10");
+}
+
+// Bounds ------------------------------------------------------------------------------------------
+
+TEST(Timeline, holds_no_more_messages_than_it_may_and_counts_what_falls_out) {
+  TimelineOptions options;
+  options.most_messages = 512;
+  Timeline few(testing::ekf_at(kStart), 1000 * kSecond, options);
+  Timeline all(testing::ekf_at(kStart), 1000 * kSecond);
+  const std::vector<Message> messages = drive(1, 20.0);
+  ASSERT_GT(messages.size(), 1000U);
+  feed(few, messages);
+  feed(all, messages);
+  EXPECT_TRUE(same_bits(few.estimator().belief(), all.estimator().belief()));
+  EXPECT_EQ(all.fallen_out(), 0U);
+  EXPECT_GE(few.fallen_out(), messages.size() - 512);
+  EXPECT_LT(few.fallen_out(), messages.size() - 256);
+
+  std::vector<Verdict> verdicts;
+  const auto sink = [&](std::size_t, const Outcome& o) { verdicts.push_back(o.verdict); };
+  few.on(testing::range_to(0, kStart, kSecond), sink);
+  ASSERT_EQ(verdicts.size(), 1U);
+  EXPECT_EQ(verdicts[0], Verdict::kStale) << "inside the history, but what followed is gone";
+  all.on(testing::range_to(0, kStart, kSecond), kDeaf);  // goes back all the way
+  const Message recent = testing::range_to(1, kStart, 19 * kSecond, 3.0);
+  Timeline twin(testing::ekf_at(kStart), 1000 * kSecond);
+  feed(twin, messages);
+  few.on(recent, kDeaf);
+  twin.on(recent, kDeaf);
+  EXPECT_TRUE(same_bits(few.estimator().belief(), twin.estimator().belief()));
+}
+
+TEST(Message, is_earlier_by_a_known_delay) {
+  const Message range = earlier(testing::range_to(0, kStart, 5 * kSecond), kSecond);
+  EXPECT_EQ(stamp_of(range), 4 * kSecond);
+  const Message motion = earlier(Message(Increment{kSecond, 2 * kSecond, {}}), kSecond);
+  EXPECT_EQ(effective_stamp(motion), 0);
+  EXPECT_EQ(stamp_of(motion), kSecond);
+}
+
+TEST(Replay, switches_sources_by_arrival_and_records_it) {
+  MessageLog log;
+  for (const Message& message : drive(1)) {
+    log.add(message);
+  }
+  log.sort();
+  ReplayOptions options;
+  options.switches = {{2 * kSecond, Source::kRanges, false}, {4 * kSecond, Source::kRanges, true}};
+  const RunLog run = replay(testing::ekf_at(kStart), log, options);
+  for (std::size_t i = 0; i < run.outcomes.size(); ++i) {
+    const MessageLog::Arrival& arrival = log.arrivals()[i];
+    const bool off = source_of(arrival.message) == Source::kRanges &&
+                     arrival.arrival >= 2 * kSecond && arrival.arrival < 4 * kSecond;
+    EXPECT_EQ(run.outcomes[i].verdict == Verdict::kIgnored, off) << i;
+  }
+}
+
+}  // namespace
+}  // namespace locfuse
