@@ -100,8 +100,9 @@ void GaussianBelief::find_rows() {
       const SigmaBounds& sigma = variable.kind == SlotKind::kScalar ? kScalarBounds
                                  : i == 2                           ? kHeadingBounds
                                                                     : kPositionBounds;
-      layout_->variance_bounds[static_cast<std::size_t>(variable.offset + i)] = {
-          sigma.least * sigma.least, sigma.most * sigma.most};
+      layout_->variance_bounds[static_cast<std::size_t>(variable.offset) +
+                               static_cast<std::size_t>(i)] = {sigma.least * sigma.least,
+                                                               sigma.most * sigma.most};
       if (variable.considered) {
         layout_->considered_rows.push_back(variable.offset + i);
       }
