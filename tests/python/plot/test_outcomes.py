@@ -77,11 +77,12 @@ def test_a_silent_anchor_leaves_a_gap_and_a_steady_one_none() -> None:
 
 def test_every_other_verdict_has_its_own_colour_and_name() -> None:
     result = make_result(n=10, anchors=("A",))
-    verdict = np.array(["fused"] * 6 + ["gated", "stale", "ignored", "not_modelled"])
+    others = [verdict for verdict in plot.VERDICT_LABELS if verdict != "fused"]
+    verdict = np.array([*["fused"] * (10 - len(others)), *others])
     figure = plot.plot_outcomes(replace(result, outcomes=replace(result.outcomes, verdict=verdict)))
 
-    others = {name for verdict, name in plot.VERDICT_LABELS.items() if verdict != "fused"}
-    assert set(legend_of(figure)) == {"message arrived", *others}
+    names = {plot.VERDICT_LABELS[verdict] for verdict in others}
+    assert set(legend_of(figure)) == {"message arrived", *names}
     for colour in VERDICT_COLOURS.values():
         assert len(_bars(figure, colour)) == 1
 
