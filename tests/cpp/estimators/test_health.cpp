@@ -94,14 +94,14 @@ TEST(Health, several_at_once_speak_against_the_pose) {
 }
 
 TEST(Health, short_ranges_of_all_are_worse_than_long_ones) {
-  const auto wrong_after = [](double by) {
+  const auto odds_after = [](double by) {
     Room room;
     room.health.start(0);
     room.listen(100, 2, 0, 0.0);
     room.listen(2, 2, 2, by);
-    return room.health.wrong();
+    return room.health.wrong() / (1.0 - room.health.wrong());
   };
-  EXPECT_GT(wrong_after(-3.0), 10.0 * wrong_after(3.0));
+  EXPECT_GT(odds_after(-3.0), 10.0 * odds_after(3.0));
 }
 
 TEST(Health, without_measurements_trust_runs_out) {
