@@ -184,7 +184,7 @@ def _located(config: RunConfig, log: Log, localization: Localization) -> RunResu
     duration_s = (localization.end_ns - localization.begin_ns) / NANOSECONDS
     figures = {
         **metrics(estimate, truth_of(log), outcomes, duration_s, localization.wall_s),
-        **dict.fromkeys(("interventions", "clock_jumps", "fallen_out")),
+        **dict.fromkeys(("interventions", "clock_jumps", "fallen_out", "health")),
     }
     outcomes = with_switches(outcomes, localization)
     return _result(config, log, estimate, outcomes, figures, found, localization)
@@ -210,7 +210,6 @@ def _result(
         outcomes=outcomes,
         metrics={
             **figures,
-            "health": figures.get("health"),
             "start_s": None if found is None else found.seconds,
             "calibration": _learnt(errors, anchor_names) or None,
             "mcl": None if localization is None else _mcl_metrics(localization, truth),

@@ -113,12 +113,17 @@ def rejected_stretches(row: MessageRow) -> list[Stretch]:
     >>> rejected_stretches(MessageRow("ranges", "A1", np.arange(4) * 100, verdict))
     [Stretch(messages=2, first_ns=100, last_ns=200)]
     """
-    gated = np.concatenate(([False], row.verdict == "gated", [False]))
-    edges = np.flatnonzero(gated[1:] != gated[:-1]).tolist()
     return [
         Stretch(end - first, int(row.stamp_ns[first]), int(row.stamp_ns[end - 1]))
-        for first, end in zip(edges[0::2], edges[1::2], strict=True)
+        for first, end in series_of(row.verdict == "gated")
     ]
+
+
+def series_of(happens: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return the first row and the one after the last of each unbroken series."""
+    padded = np.concatenate(([False], happens, [False]))
+    edges = np.flatnonzero(padded[1:] != padded[:-1]).tolist()
+    return list(zip(edges[0::2], edges[1::2], strict=True))
 
 
 def source_rank(source: str) -> int:

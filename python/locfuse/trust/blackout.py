@@ -10,14 +10,13 @@ import numpy as np
 
 from locfuse.claims import Claim, claim_of
 from locfuse.run import run
-from locfuse.sim.scenario import simulate
-from locfuse.trust.scenarios import Drive, config_of, drive_of
+from locfuse.trust.scenarios import Drive, config_of, drive_of, simulated
 from locfuse.types import NANOSECONDS, FloatArray, Log, StampArray
 
 BEGIN_S, LASTS_S = 60.0, 20.0
 RATE_HZ = 10.0
 WRONG = 25
-DURATION_S = 120.0
+CONFIG = config_of(120.0, ranges=None, positions={"rate_hz": RATE_HZ, "sigma_xy_m": 0.3})
 MORE_M, RECOVERED_S, SAME_M = 0.5, 3.0, 0.1  # allowed
 WAYS = {"anywhere": "25 wrong fixes, 5 m off in any direction",
         "one place": "25 wrong fixes, 5 m off at one place"}  # fmt: skip
@@ -41,10 +40,7 @@ def blackout_claims(seeds: int) -> Iterator[Claim]:
 
 def logs_of(way: str, seed: int) -> tuple[Log, Log, Log]:
     """Return a log with wrong fixes, the same without, and the same without fixes from then on."""
-    config = config_of(DURATION_S, ranges=None,
-                       positions={"rate_hz": RATE_HZ, "sigma_xy_m": 0.3})  # fmt: skip
-    assert config.simulation is not None
-    log = simulate(config.simulation, np.random.default_rng(seed))
+    log = simulated(CONFIG, seed)
     fixes = log["positions"]
     seconds = (fixes["stamp_ns"] - log["truth"]["stamp_ns"][0]) / NANOSECONDS
     seen = (seconds < BEGIN_S) | (seconds >= BEGIN_S + LASTS_S)
@@ -65,9 +61,7 @@ def logs_of(way: str, seed: int) -> tuple[Log, Log, Log]:
 
 def drives(way: str, seed: int) -> tuple[Drive, Drive, Drive]:
     """Drive with wrong fixes, without them, and by dead reckoning."""
-    config = config_of(DURATION_S, ranges=None,
-                       positions={"rate_hz": RATE_HZ, "sigma_xy_m": 0.3})  # fmt: skip
-    hurt, healthy, blind = (drive_of(run(config, log)) for log in logs_of(way, seed))
+    hurt, healthy, blind = (drive_of(run(CONFIG, log)) for log in logs_of(way, seed))
     return hurt, healthy, blind
 
 

@@ -82,7 +82,8 @@ def drive_of(result: RunResult) -> Drive:
     return Drive(Health(**kept), error)
 
 
-def _simulated(config: RunConfig, seed: int) -> Log:
+def simulated(config: RunConfig, seed: int) -> Log:
+    """Return the log of a simulated drive."""
     assert config.simulation is not None
     return simulate(config.simulation, np.random.default_rng(seed))
 
@@ -90,7 +91,7 @@ def _simulated(config: RunConfig, seed: int) -> Log:
 def _with_faults(*faults: dict[str, Any]) -> Callable[[int], tuple[RunConfig, Log]]:
     def scenario(seed: int) -> tuple[RunConfig, Log]:
         config = config_of(faults=list(faults))
-        return config, _simulated(config, seed)
+        return config, simulated(config, seed)
 
     return scenario
 
@@ -102,7 +103,7 @@ def _slipping(told: bool) -> Callable[[int], tuple[RunConfig, Log]]:
 
     def scenario(seed: int) -> tuple[RunConfig, Log]:
         config = config_of(faults=[fault])
-        log = _simulated(config, seed)
+        log = simulated(config, seed)
         if told:  # E[T^2] = 2 of lengths T with mean 1, over 30 s
             turn, way = (rate * np.sqrt(2.0 / 30.0) for rate in (0.3, 0.22))
             noise = {"sigma_heading_per_sqrt_s": turn, "sigma_xy_per_sqrt_s": way}
@@ -117,11 +118,11 @@ def _slipping(told: bool) -> Callable[[int], tuple[RunConfig, Log]]:
 def _kidnapped(seed: int) -> tuple[RunConfig, Log]:
     """Carry the robot off in mid-drive, to anywhere at least 2 m away."""
     config = config_of()
-    before, other = _simulated(config, seed), seed
+    before, other = simulated(config, seed), seed
     cut = before.tables["truth"]["stamp_ns"][0] + round(0.5 * DURATION_S * NANOSECONDS)
     while True:
         other += 100_000
-        after = _simulated(config, other)
+        after = simulated(config, other)
         away = _place_at(after, cut) - _place_at(before, cut)
         if np.hypot(*away) >= 2.0:
             return config, _joined(before, after, int(cut))
@@ -149,8 +150,8 @@ def _joined(before: Log, after: Log, cut: int) -> Log:
 def _moved_anchor(seed: int) -> tuple[RunConfig, Log]:
     """Move an anchor by 1.5 m after half a minute, without telling anybody."""
     config = config_of()
-    log = _simulated(config, seed)
-    moved = _simulated(config_of(anchors={**ANCHORS, "NE": [9.0, 8.9, 0.0]}), seed)
+    log = simulated(config, seed)
+    moved = simulated(config_of(anchors={**ANCHORS, "NE": [9.0, 8.9, 0.0]}), seed)
     begin = log["truth"]["stamp_ns"][0] + 30 * NANOSECONDS
     ranges = dict(log["ranges"])
     ranges["range_m"] = np.where((ranges["anchor"] == "NE") & (ranges["stamp_ns"] > begin),
@@ -161,7 +162,7 @@ def _moved_anchor(seed: int) -> tuple[RunConfig, Log]:
 def _swapped_anchors(seed: int) -> tuple[RunConfig, Log]:
     """Swap the names of any two anchors in the map."""
     config = config_of()
-    log = _simulated(config, seed)
+    log = simulated(config, seed)
     anchors = dict(log["anchors"])
     names = anchors["anchor"].copy()
     first, second = np.random.default_rng([seed, 2]).choice(len(names), 2, replace=False)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from locfuse.eval.verdicts import series_of
 from locfuse.trust.scenarios import LIMIT_M, Drive
 from locfuse.types import NANOSECONDS, FloatArray
 
@@ -70,9 +71,7 @@ def stretches(
     time: FloatArray, happens: NDArray[np.bool_], least_s: float
 ) -> list[tuple[float, float]]:
     """Return begin and end of all stretches of at least some length."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], happens, [False]]).astype(np.int8)))
-    pairs = edges.reshape(-1, 2)
-    return [(float(time[a]), float(time[b - 1])) for a, b in pairs.tolist()
+    return [(float(time[a]), float(time[b - 1])) for a, b in series_of(happens)
             if time[b - 1] - time[a] >= least_s]  # fmt: skip
 
 
