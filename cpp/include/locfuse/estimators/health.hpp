@@ -161,7 +161,7 @@ class Health {
   Stamp doubt_;
   double odds_lost_;
   double odds_found_;
-  double quantile_;  // of a standard normal variable, of the risk
+  double quantile_;  // of an error in its sigmas, of half of the risk
   Stamp stamp_ = 0;
   Stamp fused_ = 0;     // last time that anything was
   double odds_ = 0.0;   // that the pose is wrong
