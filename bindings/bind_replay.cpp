@@ -77,8 +77,8 @@ using Switches = std::vector<std::tuple<Stamp, locfuse::Source, bool>>;
 
 template <class Estimator>
 RunLog run(const Estimator& start, SharedLog& log, Stamp history, bool record,
-           const std::optional<std::function<void(std::size_t)>>& progress, std::size_t first,
-           locfuse::ClockJump clock_jump, std::size_t most_messages, const Switches& switches) {
+           const std::optional<std::function<void(std::size_t)>>& progress,
+           std::optional<Stamp> used_until, locfuse::ClockJump clock_jump, std::size_t most_messages, const Switches& switches) {
   locfuse::ReplayOptions options;
   options.timeline.clock_jump = clock_jump;
   options.timeline.most_messages = most_messages;
@@ -88,7 +88,7 @@ RunLog run(const Estimator& start, SharedLog& log, Stamp history, bool record,
   }
   std::stable_sort(options.switches.begin(), options.switches.end(),
                    [](const auto& a, const auto& b) { return a.arrival < b.arrival; });
-  options.first = first;
+  options.used_until = used_until.value_or(options.used_until);
   options.history = history;
   options.record = record;
   options.progress = progress_of(progress);
@@ -220,7 +220,8 @@ void bind_replay(py::module_& m) {
       .def_readonly("stamp", &Step::stamp, "[ns].")
       .def_readonly("state", &Step::state);
   py::class_<locfuse::StartRun>(m, "StartRun", "How a start went.")
-      .def_readonly("consumed", &locfuse::StartRun::consumed, "Messages used.")
+      .def_readonly("used_until", &locfuse::StartRun::used_until,
+                    "Messages that take effect up to this stamp were used [ns].")
       .def_readonly("steps", &locfuse::StartRun::steps,
                     "Whenever status or number of hypotheses changed.");
   m.def(
@@ -316,13 +317,13 @@ progress : callable, optional
 )");
   m.def("replay", &run<PoseEkf>, py::arg("start"), py::arg("log"),
         py::arg("history") = locfuse::ReplayOptions{}.history, py::arg("record") = true,
-        py::arg("progress") = py::none(), py::arg("first") = 0,
+        py::arg("progress") = py::none(), py::arg("used_until") = py::none(),
         py::arg_v("clock_jump", locfuse::ClockJump::kRefuse, "ClockJump.REFUSE"),
         py::arg("most_messages") = locfuse::TimelineOptions{}.most_messages,
         py::arg("switches") = Switches{});
   m.def("replay", &run<RecoveringEkf>, py::arg("start"), py::arg("log"),
         py::arg("history") = locfuse::ReplayOptions{}.history, py::arg("record") = true,
-        py::arg("progress") = py::none(), py::arg("first") = 0,
+        py::arg("progress") = py::none(), py::arg("used_until") = py::none(),
         py::arg_v("clock_jump", locfuse::ClockJump::kRefuse, "ClockJump.REFUSE"),
         py::arg("most_messages") = locfuse::TimelineOptions{}.most_messages,
         py::arg("switches") = Switches{},
@@ -339,8 +340,9 @@ record : bool
     Keep outcomes and estimates, or only the last estimate.
 progress : callable, optional
     Told the number of messages done, now and then.
-first : int
-    Messages before it were used for the start: they keep the verdict IGNORED.
+used_until : int, optional
+    Messages that take effect up to this stamp [ns] were used for the start: they keep the verdict
+    IGNORED.
 clock_jump : ClockJump
     What to do when the clock of all messages goes back.
 most_messages : int

@@ -34,5 +34,6 @@ PYBIND11_MODULE(_core, m) {
   bind_tags(m);
   bind_message_log(m);
   bind_replay(m);
+  bind_live(m);
   bind_text(m);
 }

@@ -62,6 +62,7 @@ __all__: list[str] = [
     "LikelihoodFieldConfig",
     "Limits",
     "Linearization",
+    "Live",
     "LocalMap",
     "LocalMapConfig",
     "LocalizeRun",
@@ -5121,14 +5122,14 @@ class StartRun:
     How a start went.
     """
     @property
-    def consumed(self) -> int:
-        """
-        Messages used.
-        """
-    @property
     def steps(self) -> list[StartStep]:
         """
         Whenever status or number of hypotheses changed.
+        """
+    @property
+    def used_until(self) -> int:
+        """
+        Messages that take effect up to this stamp were used [ns].
         """
 
 class LocalizeRun:
@@ -5185,6 +5186,131 @@ class LocalizeRun:
     def verdict(self) -> numpy.typing.NDArray[numpy.uint8]:
         """
         Index into Verdict, one per message in order of arrival.
+        """
+
+class Live:
+    """
+    A RecoveringEkf on a robot: messages as they arrive, from the first one on.
+
+    It searches until one place is left; from there late messages are fused where they belong. Fed with
+    a log in its order of arrival it gives the estimates of `find_start` and `replay`, bit for bit, if
+    none came later than `patience` while it searched.
+
+    Parameters
+    ----------
+    estimator : RecoveringEkf
+        It tracks from the beginning if this one has started.
+    history : int
+        How late a message may be once it tracks, nanoseconds.
+    clock_jump : ClockJump
+        What to do when the clock of all messages goes back.
+    most_messages : int
+        Held for late ones, at least 512.
+    patience : int
+        How late a message may be while it searches, nanoseconds.
+
+    Raises
+    ------
+    ValueError
+        If an option is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from locfuse import *
+    >>> live = Live(RecoveringEkf(RecoveringEkfConfig()))
+    >>> live.start_at(PoseEstimate(0, Pose2(1, 2, 0), 0.01 * np.eye(3)))
+    >>> live.on(PositionFix(0, [1.05, 2.0], 0.01 * np.eye(2))).verdict.name
+    'FUSED'
+    >>> live.current().stamp
+    0
+    """
+    def __init__(
+        self,
+        estimator: RecoveringEkf,
+        history: typing.SupportsInt | typing.SupportsIndex = 2000000000,
+        clock_jump: ClockJump = ...,
+        most_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
+        patience: typing.SupportsInt | typing.SupportsIndex = 250000000,
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    def current(self) -> PoseEstimate:
+        """
+        The PoseEstimate at the stamp of the last message. Raises RuntimeError while it searches.
+        """
+    def enable(self, source: Source, enabled: bool) -> None:
+        """
+        Switches a Source off, or on again: while it is off its messages are IGNORED.
+        """
+    def estimate(self) -> PoseEstimate:
+        """
+        Likewise, carried to the end of odometry.
+        """
+    def health(self) -> HealthReport:
+        """
+        A HealthReport: how far its estimate may be trusted.
+        """
+    @typing.overload
+    def on(self, scan: LaserScan) -> None:
+        """
+        Takes a scan, which is of use while it searches.
+        """
+    @typing.overload
+    def on(
+        self, message: Velocity | Increment | Range | PositionFix | PoseObservation | RangeBearing
+    ) -> Outcome:
+        """
+        Takes a message and returns its Outcome.
+
+        IGNORED while it searches and from a source that is off, STALE if it is too late.
+
+        Raises
+        ------
+        ValueError
+            If the message is not valid; it is forgotten.
+        """
+    def relocalize(self) -> None:
+        """
+        Forgets the pose and searches anew.
+        """
+    def reset(self) -> None:
+        """
+        As it was made.
+        """
+    def search(self) -> StartState:
+        """
+        How far the search has come, with its hypotheses.
+        """
+    def start_at(self, start: PoseEstimate) -> None:
+        """
+        Tracks from a PoseEstimate on, whatever was known before.
+        """
+    @property
+    def errors(self) -> list[CalibratedError]:
+        """
+        A CalibratedError for each error that is a state, as learnt by now.
+        """
+    @property
+    def fallen_out(self) -> int:
+        """
+        Messages inside the history that were forgotten: too many.
+        """
+    @property
+    def is_tracking(self) -> bool: ...
+    @property
+    def jumps(self) -> int:
+        """
+        How often the clock went back and it started anew or went on.
+        """
+    @property
+    def restarts(self) -> int:
+        """
+        How often it was lost and found another place.
+        """
+    @property
+    def sources(self) -> list[SourceStatus]:
+        """
+        A SourceStatus for each.
         """
 
 def arc(
@@ -5532,7 +5658,7 @@ def replay(
     history: typing.SupportsInt | typing.SupportsIndex = 2000000000,
     record: bool = True,
     progress: collections.abc.Callable[[int], None] | None = None,
-    first: typing.SupportsInt | typing.SupportsIndex = 0,
+    used_until: typing.SupportsInt | typing.SupportsIndex | None = None,
     clock_jump: ClockJump = ...,
     most_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
     switches: collections.abc.Sequence[
@@ -5546,7 +5672,7 @@ def replay(
     history: typing.SupportsInt | typing.SupportsIndex = 2000000000,
     record: bool = True,
     progress: collections.abc.Callable[[int], None] | None = None,
-    first: typing.SupportsInt | typing.SupportsIndex = 0,
+    used_until: typing.SupportsInt | typing.SupportsIndex | None = None,
     clock_jump: ClockJump = ...,
     most_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
     switches: collections.abc.Sequence[
@@ -5567,8 +5693,9 @@ def replay(
         Keep outcomes and estimates, or only the last estimate.
     progress : callable, optional
         Told the number of messages done, now and then.
-    first : int
-        Messages before it were used for the start: they keep the verdict IGNORED.
+    used_until : int, optional
+        Messages that take effect up to this stamp [ns] were used for the start: they keep the verdict
+        IGNORED.
     clock_jump : ClockJump
         What to do when the clock of all messages goes back.
     most_messages : int

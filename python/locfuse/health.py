@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -15,8 +15,38 @@ from locfuse.types import Health
 STATES = np.array([state.name.lower() for state in _core.HealthState])
 
 
+class Names(Protocol):
+    """What anchors, tags and landmarks are called: in order of their ids."""
+
+    @property
+    def anchor_names(self) -> list[str]: ...
+    @property
+    def tag_names(self) -> list[str]: ...
+    @property
+    def landmark_names(self) -> list[str]: ...
+
+
 def health_of(record: _core.RunLog, messages: Messages, config: RunConfig) -> Health:
     """Return the health of a replayed `RecoveringEkf`."""
+    clues = list(_core.HealthClue)
+    reason = [
+        reason_of(clues[clue], source, messages, config)
+        for clue, source in zip(record.health_clue.tolist(), record.health_source, strict=True)
+    ]
+    return Health(
+        stamp_ns=record.health_stamp_ns,
+        state=STATES[record.health_state],
+        within=record.within,
+        wrong=record.wrong,
+        protection=record.protection,
+        reason=np.array(reason, dtype=np.str_),
+    )
+
+
+def reason_of(
+    clue: _core.HealthClue, source: _core.NamedSource | None, names: Names, config: RunConfig
+) -> str:
+    """Return why a health is as it is, as a sentence; empty where there is nothing to say."""
     words = {
         _core.HealthClue.NONE: "",
         _core.HealthClue.NO_ESTIMATE: "not started yet",
@@ -30,19 +60,7 @@ def health_of(record: _core.RunLog, messages: Messages, config: RunConfig) -> He
         _core.HealthClue.POSITION_IS_VAGUE: "the position error is below "
                                             f"{config.health.limit_m:g} m by even chance at most",
     }  # fmt: skip
-    clues = list(_core.HealthClue)
-    reason = [
-        words[clues[clue]].format(_name(source, messages))
-        for clue, source in zip(record.health_clue.tolist(), record.health_source, strict=True)
-    ]
-    return Health(
-        stamp_ns=record.health_stamp_ns,
-        state=STATES[record.health_state],
-        within=record.within,
-        wrong=record.wrong,
-        protection=record.protection,
-        reason=np.array(reason, dtype=np.str_),
-    )
+    return words[clue].format("" if source is None else name_of(source, names))
 
 
 def health_metrics(health: Health, record: _core.RunLog) -> dict[str, Any]:
@@ -58,17 +76,15 @@ def health_metrics(health: Health, record: _core.RunLog) -> dict[str, Any]:
     }
 
 
-def _name(source: _core.NamedSource | None, messages: Messages) -> str:
+def name_of(source: _core.NamedSource, names: Names) -> str:
     """Return how people call a source."""
-    if source is None:
-        return ""
     kind, name = source.kind, source.name
     if kind is _core.Source.RANGES:
-        return f"anchor {messages.anchor_names[name]}" if name is not None else "range"
+        return f"anchor {names.anchor_names[name]}" if name is not None else "range"
     if kind is _core.Source.LANDMARK_SIGHTINGS and name is not None:
-        return f"landmark {messages.landmark_names[name]}"
+        return f"landmark {names.landmark_names[name]}"
     if kind is _core.Source.POSITIONS and name is not None:
-        return f"position of tag {messages.tag_names[name]}"
+        return f"position of tag {names.tag_names[name]}"
     return {
         _core.Source.LANDMARK_SIGHTINGS: "landmark sighting",
         _core.Source.POSITIONS: "position",

@@ -33,8 +33,9 @@ class Messages:
     ----------
     log : MessageLog
         Sorted by arrival.
-    stamp_ns, source, tag, anchor : arrays, shape (n,)
-        In the same order; names for people. A landmark's name stands in `anchor`.
+    stamp_ns, effective_ns, source, tag, anchor : arrays, shape (n,)
+        In the same order; names for people. A landmark's name stands in `anchor`. An increment
+        takes effect when its motion begins, all else at its stamp.
     anchor_names, tag_names, landmark_names : list of str
         Name of each id.
     begin_ns, end_ns : int
@@ -43,6 +44,7 @@ class Messages:
 
     log: _core.MessageLog
     stamp_ns: StampArray
+    effective_ns: StampArray
     source: NDArray[np.str_]
     tag: NDArray[np.str_]
     anchor: NDArray[np.str_]
@@ -90,6 +92,7 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
     return Messages(
         log=messages,
         stamp_ns=column["stamp"][order],
+        effective_ns=column["effective"][order],
         source=column["source"][order],
         tag=column["tag"][order],
         anchor=column["anchor"][order],
@@ -238,9 +241,14 @@ def landmarks_of(log: Log, messages: Messages) -> _core.LandmarkSight | None:
     """Return the landmarks that have a place, with the ids of the messages, and their sensor."""
     if "landmarks" not in log:
         return None
+    return landmark_sight(log, messages.landmark_names)
+
+
+def landmark_sight(log: Log, names: list[str]) -> _core.LandmarkSight:
+    """Return the landmarks of a log, whose ids are their places in `names`, and their sensor."""
     table = log["landmarks"]
     radius = table.get("radius_m", np.zeros(len(table["landmark"])))
-    ids = _ids(messages.landmark_names, table["landmark"]).tolist()
+    ids = _ids(names, table["landmark"]).tolist()
     rows = zip(ids, table["x_m"].tolist(), table["y_m"].tolist(), radius.tolist(), strict=True)
     known = _core.LandmarkMap([_core.Landmark(i, [x, y], r) for i, x, y, r in rows])
     return _core.LandmarkSight(known, landmark_sensor_of(log))

@@ -31,9 +31,12 @@ def outcomes_of(
     log: Log,
     config: RunConfig,
     start_ns: int,
-    first: int = 0,
+    used_until: int | None = None,
 ) -> Outcomes:
-    """Return the verdicts of a pose EKF that started at `start_ns`, with message `first`."""
+    """Return the verdicts of a pose EKF that started at `start_ns`.
+
+    What takes effect up to `used_until` [ns] was used to find the start.
+    """
     verdict = VERDICTS[record.verdict]
     nis, dof = record.nis, record.dof
     reason = _reasons(messages, verdict, log, start_ns)
@@ -53,7 +56,10 @@ def outcomes_of(
     reason[late] = f"older than the history of {config.history_s:g} s"
     if record.fallen_out:
         reason[late] += f" or {config.history_messages} messages"
-    reason[first:][verdict[first:] == "ignored"] = "source disabled"
+    used = (
+        np.zeros(len(reason), bool) if used_until is None else messages.effective_ns <= used_until
+    )
+    reason[(verdict == "ignored") & ~used] = "source disabled"
     for row in np.flatnonzero(record.interventions):
         reason[row] = f"variances put back into their bounds: {record.interventions[row]}"
     return Outcomes(

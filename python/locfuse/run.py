@@ -113,10 +113,10 @@ def _fuse(
     truth = truth_of(log)
     anchors, tags = radios_of(log, messages, config)
     landmarks = landmarks_of(log, messages)
-    first, found = 0, None
+    used_until, found = None, None
     if start is None and config.start == "auto":
-        ekf, first, found = start_from_nothing(config, log, messages.log, messages.begin_ns,
-                                               anchors, tags, landmarks)  # fmt: skip
+        ekf, used_until, found = start_from_nothing(config, log, messages.log, messages.begin_ns,
+                                                    anchors, tags, landmarks)  # fmt: skip
     else:
         start = start_of(config, truth, messages) if start is None else start
         ekf = _core.PoseEkf(build_estimator_config(config.estimator), anchors, tags, start,
@@ -132,7 +132,7 @@ def _fuse(
         messages.log,
         history=round(config.history_s * NANOSECONDS),
         progress=None if progress is None else (lambda done: progress(done, total)),
-        first=first,
+        used_until=used_until,
         clock_jump=_core.ClockJump[config.clock_jump.upper()],
         most_messages=config.history_messages,
         switches=_switches(config),
@@ -143,7 +143,7 @@ def _fuse(
     poses = record.poses
     estimate = Trajectory(record.stamp_ns, poses[:, :2].copy(), poses[:, 2].copy(),
                           record.covariances)  # fmt: skip
-    outcomes = outcomes_of(messages, record, log, config, start_ns, first)
+    outcomes = outcomes_of(messages, record, log, config, start_ns, used_until)
     if localization is not None:
         outcomes = with_scans(outcomes, localization, log)
         wall_s += localization.wall_s

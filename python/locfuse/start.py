@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -82,14 +83,7 @@ def scans_of(log: Log) -> list[_core.LaserScan]:
     """
     if "scans" not in log or log.laser is None:
         return []
-    laser = log.laser
-    geometry = _core.LaserGeometry(
-        _core.Pose2(*(float(v) for v in laser["pose_in_body"])),
-        angle_min=float(laser["angle_min_rad"]),
-        angle_increment=float(laser["angle_increment_rad"]),
-        range_min=float(laser["range_min_m"]),
-        range_max=float(laser["range_max_m"]),
-    )
+    geometry = laser_geometry(log.laser)
     table = log["scans"]
     stamps, ranges = table["stamp_ns"].tolist(), table["ranges_m"]
     bright = table.get("intensities", np.empty((len(stamps), 0)))
@@ -98,6 +92,17 @@ def scans_of(log: Log) -> list[_core.LaserScan]:
         _core.LaserScan(stamp, geometry, ranges[row], bright[row] if known[row] else None)
         for row, stamp in enumerate(stamps)
     ]
+
+
+def laser_geometry(laser: Mapping[str, Any]) -> _core.LaserGeometry:
+    """Return what `Log.laser` says of a laser as the C++ core takes it."""
+    return _core.LaserGeometry(
+        _core.Pose2(*(float(v) for v in laser["pose_in_body"])),
+        angle_min=float(laser["angle_min_rad"]),
+        angle_increment=float(laser["angle_increment_rad"]),
+        range_min=float(laser["range_min_m"]),
+        range_max=float(laser["range_max_m"]),
+    )
 
 
 def grid_of(log: Log) -> _core.OccupancyGrid | None:
@@ -131,7 +136,7 @@ def start_from_nothing(
     Returns
     -------
     PoseEkf, int, Start
-        The filter at the start, how many messages it took, and how it went.
+        The filter at the start, the stamp up to which messages were used, and how it went.
 
     Raises
     ------
@@ -163,7 +168,7 @@ def start_from_nothing(
         steps=tuple((step.stamp, hypotheses_of(step.state.hypotheses)) for step in run.steps),
         used_scans=matcher is not None,
     )
-    return ekf, run.consumed, start
+    return ekf, run.used_until, start
 
 
 def _pose(estimate: _core.PoseEstimate) -> FloatArray:

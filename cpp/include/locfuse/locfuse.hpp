@@ -31,6 +31,7 @@
 #include "locfuse/messages/message.hpp"
 #include "locfuse/messages/told_covariance.hpp"
 #include "locfuse/models/motion/ackermann.hpp"
+#include "locfuse/replay/live.hpp"
 #include "locfuse/replay/localize.hpp"
 #include "locfuse/replay/replay.hpp"
 #include "locfuse/replay/start.hpp"

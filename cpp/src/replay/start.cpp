@@ -1,49 +1,143 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "locfuse/replay/start.hpp"
 
+#include <algorithm>
+#include <iterator>
+#include <numeric>
+#include <stdexcept>
+#include <string>
+#include <tuple>
+#include <utility>
+
 namespace locfuse {
 namespace {
 
 /// Odometry alone never makes a start ready, and asking costs time.
-bool may_decide(const Message& message) {
-  return !std::holds_alternative<Velocity>(message) && !std::holds_alternative<Increment>(message);
-}
+bool may_decide(const Message& message) { return source_of(message) != Source::kOdometry; }
+bool may_decide(const LaserScan& /*scan*/) { return true; }
 
 }  // namespace
+
+bool StartSearch::Entry::operator<(const Entry& other) const {
+  return std::make_tuple(stamp, is_scan(), arrival) <
+         std::make_tuple(other.stamp, other.is_scan(), other.arrival);
+}
+
+StartSearch::StartSearch(Initializer initializer, Stamp patience)
+    : initializer_(std::move(initializer)), patience_(patience), state_(initializer_.state()) {
+  if (patience < 0) {
+    throw std::invalid_argument("patience is " + std::to_string(patience) + " ns, expected >= 0");
+  }
+}
+
+void StartSearch::on(const Message& message) {
+  std::visit([](const auto& m) { validate(m); }, message);
+  wait({effective_stamp(message), arrivals_++, message});
+}
+
+void StartSearch::on(const LaserScan& scan) {
+  validate(scan);
+  wait({scan.stamp, arrivals_++, scan});
+}
+
+bool StartSearch::is_late(const Message& message) const {
+  return effective_stamp(message) <= used_until_;
+}
+
+void StartSearch::wait(Entry entry) {
+  if (entry.stamp <= used_until_) {
+    return;
+  }
+  newest_ = std::max(newest_, entry.stamp);
+  waiting_.insert(std::upper_bound(waiting_.begin(), waiting_.end(), entry), std::move(entry));
+  use_until(newest_ - patience_ - 1);
+}
+
+void StartSearch::finish() { use_until(newest_); }
+
+void StartSearch::use_until(Stamp stamp) {
+  while (!is_ready() && !waiting_.empty() && waiting_.front().stamp <= stamp) {
+    const auto end = std::find_if(waiting_.begin(), waiting_.end(), [&](const Entry& entry) {
+      return entry.stamp != waiting_.front().stamp;
+    });
+    const std::vector<Entry> instant(std::make_move_iterator(waiting_.begin()),
+                                     std::make_move_iterator(end));
+    waiting_.erase(waiting_.begin(), end);
+    use(instant);
+  }
+}
+
+void StartSearch::use(const std::vector<Entry>& instant) {
+  used_until_ = instant.front().stamp;
+  bool asks = false;
+  for (const Entry& entry : instant) {
+    std::visit(
+        [&](const auto& heard) {
+          initializer_.on(heard);
+          asks = asks || may_decide(heard);
+        },
+        entry.heard);
+  }
+  if (asks) {
+    state_ = initializer_.state();
+    asked_ = used_until_;
+  }
+}
+
+std::vector<Message> StartSearch::waiting() const {
+  std::vector<const Entry*> by_arrival;
+  for (const Entry& entry : waiting_) {
+    if (!entry.is_scan()) {
+      by_arrival.push_back(&entry);
+    }
+  }
+  std::sort(by_arrival.begin(), by_arrival.end(),
+            [](const Entry* a, const Entry* b) { return a->arrival < b->arrival; });
+  std::vector<Message> messages;
+  messages.reserve(by_arrival.size());
+  for (const Entry* entry : by_arrival) {
+    messages.push_back(std::get<Message>(entry->heard));
+  }
+  return messages;
+}
 
 StartRun find_start(Initializer& initializer, const MessageLog& log,
                     const std::vector<LaserScan>& scans) {
   const std::vector<MessageLog::Arrival>& arrivals = log.arrivals();
+  std::vector<std::size_t> messages(arrivals.size());
+  std::iota(messages.begin(), messages.end(), std::size_t{0});
+  std::stable_sort(messages.begin(), messages.end(), [&](std::size_t a, std::size_t b) {
+    return effective_stamp(arrivals[a].message) < effective_stamp(arrivals[b].message);
+  });
+  StartSearch search(initializer, 0);
   StartRun run;
-  const auto is_ready = [&](Stamp stamp) {
-    const Initializer::State state = initializer.state();
-    if (run.steps.empty() || run.steps.back().state.status != state.status ||
-        run.steps.back().state.hypotheses.size() != state.hypotheses.size()) {
-      run.steps.push_back({stamp, state});
+  Stamp seen = search.asked();
+  const auto look = [&] {
+    const Initializer::State& state = search.state();
+    const bool is_news = run.steps.empty() || run.steps.back().state.status != state.status ||
+                         run.steps.back().state.hypotheses.size() != state.hypotheses.size();
+    if (search.asked() != std::exchange(seen, search.asked()) && is_news) {
+      run.steps.push_back({seen, state});
     }
-    return state.status == StartStatus::kReady;
   };
+  std::size_t message = 0;
   std::size_t scan = 0;
-  while (run.consumed < arrivals.size() || scan < scans.size()) {
+  while (!search.is_ready() && (message < messages.size() || scan < scans.size())) {
     const bool takes_message =
         scan == scans.size() ||
-        (run.consumed < arrivals.size() && arrivals[run.consumed].arrival <= scans[scan].stamp);
-    if (!takes_message) {
-      initializer.on(scans[scan]);
-      if (is_ready(scans[scan++].stamp)) {
-        break;
-      }
-      continue;
+        (message < messages.size() &&
+         effective_stamp(arrivals[messages[message]].message) <= scans[scan].stamp);
+    if (takes_message) {
+      search.on(arrivals[messages[message++]].message);
+    } else {
+      search.on(scans[scan++]);
     }
-    const MessageLog::Arrival& now = arrivals[run.consumed++];
-    initializer.on(now.message);
-    // What arrives at one instant belongs together: decide when all of it has been heard.
-    const bool is_last =
-        run.consumed == arrivals.size() || arrivals[run.consumed].arrival != now.arrival;
-    if (is_last && may_decide(now.message) && is_ready(now.arrival)) {
-      break;
-    }
+    look();
   }
+  search.finish();
+  look();
+  initializer = search.initializer();
+  run.used_until = search.used_until();
   return run;
 }
 

@@ -234,7 +234,7 @@ TEST(Initializer, find_start_stops_at_the_message_that_makes_it_ready) {
   log.add(PoseObservation{kSecond, {1.0, 2.0, 3.0}, 1e-4 * Matrix<3, 3>::Identity()});
   log.add(Range{2 * kSecond, 0, 0, 4.0, {}});
   const StartRun run = find_start(initializer, log, {});
-  EXPECT_EQ(run.consumed, 2U);
+  EXPECT_EQ(run.used_until, kSecond);
   ASSERT_EQ(run.steps.size(), 1U);
   EXPECT_EQ(run.steps[0].state.status, StartStatus::kReady);
 }

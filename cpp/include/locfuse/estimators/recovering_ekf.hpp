@@ -65,6 +65,8 @@ class RecoveringEkf {
   [[nodiscard]] PoseEstimate estimate() const { return started().estimate(); }
   /// The same, tracking anew from `start`, as a PoseEkf does.
   [[nodiscard]] RecoveringEkf restarted(const PoseEstimate& start) const;
+  /// That starts it, having heard nothing.
+  [[nodiscard]] const Initializer& initializer() const { return recipe_->fresh; }
   /// How often it noticed that it was lost.
   [[nodiscard]] int alarms() const { return alarms_; }
   /// How often it then found another place.

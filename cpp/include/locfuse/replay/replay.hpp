@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <limits>
 #include <stdexcept>
 #include <vector>
 
@@ -37,7 +38,8 @@ struct ReplayOptions {
   Stamp history = 2'000'000'000;              ///< how late a message may be [ns]
   bool record = true;                         ///< keep outcomes and estimates, or only `last`
   std::function<void(std::size_t)> progress;  ///< called with the number of messages done
-  std::size_t first = 0;                      ///< messages before it were used for the start
+  /// Messages that take effect up to this stamp were used for the start.
+  Stamp used_until = std::numeric_limits<Stamp>::min();
   TimelineOptions timeline = {};
   std::vector<SourceSwitch> switches = {};  ///< sorted by arrival
 };
@@ -70,7 +72,7 @@ inline void keep_sources(RunLog& run, const RecoveringEkf& ekf) {
 }  // namespace internal
 
 /// Feeds a sorted log to an estimator through a Timeline. The same input gives the same bits.
-/// Messages before `options.first` keep the verdict kIgnored.
+/// Messages that were used for the start keep the verdict kIgnored.
 template <class Estimator>
 [[nodiscard]] RunLog replay(const Estimator& start, const MessageLog& log,
                             const ReplayOptions& options) {
@@ -91,16 +93,24 @@ template <class Estimator>
       run.estimates.push_back(estimate);
     }
   };
+  std::vector<std::size_t> delivered;  // its messages, as places among all
+  delivered.reserve(options.record ? arrivals.size() : 0);
   const auto sink = [&](std::size_t index, const Outcome& outcome) {
     if (options.record) {
-      run.outcomes[options.first + index] = outcome;
+      run.outcomes[delivered[index]] = outcome;
     }
   };
-  for (std::size_t i = options.first; i < arrivals.size(); ++i) {
+  for (std::size_t i = 0; i < arrivals.size(); ++i) {
     const Message& message = arrivals[i].message;
-    if (options.record && effective_stamp(message) > tracker().belief().stamp) {
-      keep(tracker().current());
-      internal::keep_health(run, timeline.estimator());
+    if (effective_stamp(message) <= options.used_until) {
+      continue;
+    }
+    if (options.record) {
+      delivered.push_back(i);
+      if (effective_stamp(message) > tracker().belief().stamp) {
+        keep(tracker().current());
+        internal::keep_health(run, timeline.estimator());
+      }
     }
     for (; switched != options.switches.end() && switched->arrival <= arrivals[i].arrival;
          ++switched) {

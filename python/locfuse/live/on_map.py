@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Monte Carlo localization as messages and scans arrive."""
+
+from __future__ import annotations
+
+import heapq
+
+from locfuse import _core
+from locfuse.config.build import (
+    build_mcl_config,
+    build_recovering_config,
+    build_switching_config,
+)
+from locfuse.config.schema import RunConfig
+from locfuse.live.rows import Message, effective_ns
+from locfuse.start import grid_of
+from locfuse.types import ConfigError, Log
+
+PATIENCE_NS = 250_000_000
+
+Radios = tuple[_core.AnchorMap, list[_core.Tag]]
+
+
+class OnMap:
+    """An `Mcl`, or a `SwitchingMcl`, fed in order of effective stamps.
+
+    What arrives waits until odometry has come that far, or for a quarter of a second: then a scan
+    finds the motion up to it, as `localize` sees to on a log.
+
+    Attributes
+    ----------
+    found : bool
+        Whether one place was left at some time, or the start was told.
+    """
+
+    def __init__(
+        self,
+        config: RunConfig,
+        world: Log,
+        radios: Radios,
+        landmarks: _core.LandmarkSight | None,
+        begin_ns: int,
+        start: _core.PoseEstimate | None,
+    ) -> None:
+        grid = grid_of(world)
+        assert config.mcl is not None
+        if grid is None:
+            raise ConfigError("mcl needs a map, but the world has none; add 'map: FILE.yaml' to "
+                              "its log.yaml, or remove mcl")  # fmt: skip
+        mcl = _core.Mcl(build_mcl_config(config.mcl, config.seed), grid, begin_ns, *radios,
+                        landmarks)  # fmt: skip
+        self.found = start is not None
+        self._mcl: _core.Mcl | _core.SwitchingMcl = mcl
+        if start is not None:
+            mcl.start_at([_core.PoseHypothesis(start)])
+        if config.mcl.switch is not None:
+            uwb = _core.RecoveringEkf(build_recovering_config(config), *radios)
+            if start is not None:
+                uwb.start_at(start)
+            self._mcl = _core.SwitchingMcl(build_switching_config(config.mcl.switch), mcl, uwb)
+        self._waiting: list[tuple[int, bool, int, Message | _core.LaserScan]] = []
+        self._arrivals = 0
+        self._newest_ns = begin_ns
+        self._odometry_ns: int | None = None
+
+    def on(self, heard: Message | _core.LaserScan) -> list[_core.PoseEstimate]:
+        """Take a message or a scan; return the estimates after scans whose turn it is now."""
+        is_scan = isinstance(heard, _core.LaserScan)
+        stamp = heard.stamp if isinstance(heard, _core.LaserScan) else effective_ns(heard)
+        if isinstance(heard, _core.Increment | _core.Velocity):
+            self._odometry_ns = max(heard.stamp, self._odometry_ns or heard.stamp)
+        self._newest_ns = max(self._newest_ns, stamp)
+        heapq.heappush(self._waiting, (stamp, is_scan, self._arrivals, heard))
+        self._arrivals += 1
+        due = self._newest_ns - PATIENCE_NS - 1
+        if self._odometry_ns is not None:
+            due = max(due, self._odometry_ns)
+        estimates = []
+        while self._waiting and self._waiting[0][0] <= due:
+            now = heapq.heappop(self._waiting)[3]
+            outcome = self._mcl.on(now)
+            if isinstance(now, _core.LaserScan) and outcome.verdict is not _core.Verdict.STALE:
+                self.found = self.found or self._mcl.ready
+                estimates.append(self._mcl.estimate())
+        return estimates
+
+    @property
+    def ready(self) -> bool:
+        """Whether one place is left, known well enough."""
+        return self._mcl.ready
+
+    @property
+    def places(self) -> int:
+        """How many places fit, each with a hundredth of the probability or more."""
+        return sum(h.probability >= 0.01 for h in self._mcl.hypotheses)

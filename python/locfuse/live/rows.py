@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rows of the tables of a log as messages, one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from locfuse import _core
+from locfuse.config.schema import SOURCES, RunConfig
+from locfuse.start import laser_geometry
+from locfuse.types import NANOSECONDS, FloatArray, Log
+
+Row = Mapping[str, Any]
+Message = (
+    _core.Velocity
+    | _core.Increment
+    | _core.Range
+    | _core.PositionFix
+    | _core.PoseObservation
+    | _core.RangeBearing
+)
+
+
+def effective_ns(message: Message) -> int:
+    """Return when a message takes effect: its stamp, but the beginning of an increment."""
+    return message.begin if isinstance(message, _core.Increment) else message.stamp
+
+
+class Rows:
+    """Makes messages of rows; knows the names and their ids, and where odometry has come to.
+
+    Attributes
+    ----------
+    anchor_names, tag_names, landmark_names : list of str
+        In order of id; those of the world first, then others as they are heard.
+    """
+
+    def __init__(self, config: RunConfig, world: Log) -> None:
+        self.anchor_names = _names(world, "anchors", "anchor")
+        self.landmark_names = _names(world, "landmarks", "landmark")
+        self.tag_names = list(world.tags)
+        self._laser = world.laser
+        self._geometry: tuple[Any, _core.LaserGeometry] | None = None
+        self._ids = [
+            {name: i for i, name in enumerate(names)}
+            for names in (self.anchor_names, self.tag_names, self.landmark_names)
+        ]
+        self._delay_ns: dict[str, int] = {
+            s: round(config.delays_s.get(s, 0.0) * NANOSECONDS) for s in SOURCES
+        }
+        self._odometry_ns: int | None = None
+        self._of: dict[str, Callable[[int, Row], Message]] = {
+            "odometry": self._odometry,
+            "ranges": self._range,
+            "positions": self._position,
+            "poses": self._pose,
+            "landmark_sightings": self._sighting,
+        }
+
+    def message(self, source: str, row: Row) -> Message:
+        """Return a row of the table `source` as a message; ValueError if a value is not valid."""
+        return self._of[source](int(row["stamp_ns"]) - self._delay_ns[source], row)
+
+    def forget_odometry(self) -> None:
+        """Begin motion anew: the next increment tells of one from before."""
+        self._odometry_ns = None
+
+    def scan(self, row: Row) -> _core.LaserScan:
+        """Return a row of scans, with ``laser`` where its geometry is not that of the world."""
+        laser = row.get("laser", self._laser)
+        if laser is None:
+            raise ValueError("a scan came, but nothing is known of the laser; add 'laser' to the "
+                             "log.yaml of the world")  # fmt: skip
+        if self._geometry is None or self._geometry[0] != laser:
+            self._geometry = (laser, laser_geometry(laser))
+        bright = row.get("intensities")
+        known = bright is not None and bool(np.all(np.isfinite(bright)))
+        return _core.LaserScan(int(row["stamp_ns"]), self._geometry[1], row["ranges_m"],
+                               bright if known else None)  # fmt: skip
+
+    def _odometry(self, stamp: int, row: Row) -> Message:
+        if "v_mps" in row:
+            return _core.Velocity(stamp, float(row["v_mps"]), float(row["omega_radps"]))
+        before, motion = self._odometry_ns, _core.Pose2()
+        if before is not None and before < stamp:
+            motion = _core.Pose2(*(float(row[key]) for key in ("dx_m", "dy_m", "dheading_rad")))
+        if before is None or before < stamp:
+            self._odometry_ns = stamp
+        begin = stamp if before is None else min(before, stamp)
+        return _core.Increment(begin, stamp, motion)
+
+    def _range(self, stamp: int, row: Row) -> Message:
+        sigma = row.get("sigma_m")
+        tag = _id(self._ids[1], self.tag_names, row["tag"])
+        anchor = _id(self._ids[0], self.anchor_names, row["anchor"])
+        return _core.Range(stamp, tag, anchor, float(row["range_m"]),
+                           None if sigma is None else float(sigma))  # fmt: skip
+
+    def _position(self, stamp: int, row: Row) -> Message:
+        tag = row.get("tag") or None
+        return _core.PositionFix(
+            stamp,
+            [float(row["x_m"]), float(row["y_m"])],
+            _told([row["sigma_m"]] * 2),
+            None if tag is None else _id(self._ids[1], self.tag_names, tag),
+        )
+
+    def _pose(self, stamp: int, row: Row) -> Message:
+        pose = _core.Pose2(*(float(row[key]) for key in ("x_m", "y_m", "heading_rad")))
+        sigmas = [row["sigma_xy_m"], row["sigma_xy_m"], row["sigma_heading_rad"]]
+        return _core.PoseObservation(stamp, pose, _told(sigmas))
+
+    def _sighting(self, stamp: int, row: Row) -> Message:
+        name = row.get("landmark") or None
+        landmark = None if name is None else _id(self._ids[2], self.landmark_names, name)
+        range_m, bearing = (
+            None if np.isnan(row[key]) else float(row[key]) for key in ("range_m", "bearing_rad")
+        )
+        covariance = None
+        if "sigma_range_m" in row:
+            covariance = _told([row["sigma_range_m"], row["sigma_bearing_rad"]])
+        return _core.RangeBearing(stamp, landmark, range_m, bearing, covariance)
+
+
+def _names(world: Log, table: str, column: str) -> list[str]:
+    return [str(name) for name in world[table][column]] if table in world else []
+
+
+def _id(ids: dict[str, int], names: list[str], name: str) -> int:
+    if name not in ids:
+        ids[name] = len(names)
+        names.append(name)
+    return ids[name]
+
+
+def _told(sigmas: Sequence[float]) -> FloatArray:
+    """Return the covariance of sigmas; -1 and 0, which say that none is known, stay."""
+    values = np.array(sigmas, dtype=np.float64)
+    return np.diag(values * np.abs(values))

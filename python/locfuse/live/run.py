@@ -1,0 +1,415 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `locfuse.run.run` does with a log, on messages as they arrive."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from locfuse import _core
+from locfuse.config.build import (
+    build_anchors,
+    build_cylinder_detector,
+    build_recovering_config,
+)
+from locfuse.config.schema import RunConfig
+from locfuse.health import name_of, reason_of
+from locfuse.live.on_map import PATIENCE_NS, OnMap
+from locfuse.live.rows import Message, Row, Rows, effective_ns
+from locfuse.messages import landmark_sight
+from locfuse.start import matcher_of
+from locfuse.types import NANOSECONDS, ConfigError, FloatArray, Log, nearest
+
+
+@dataclass(frozen=True)
+class LivePose:
+    """Where the robot is, as known now.
+
+    Attributes
+    ----------
+    stamp_ns : int
+    pose : float64 array, shape (3,)
+        x [m], y [m] and heading [rad] in world.
+    covariance : float64 array, shape (3, 3)
+        Of the same, position error in world.
+    """
+
+    stamp_ns: int
+    pose: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True)
+class LiveHealth:
+    """How far the pose may be trusted, as known now.
+
+    Attributes
+    ----------
+    state : str
+        ``initializing``, ``ok``, ``degraded``, ``ambiguous``, ``dead_reckoning`` or ``lost``.
+    reason : str
+        Why, in a sentence; empty where all is well.
+    within : float
+        Probability that the position error is below ``health.limit_m``; NaN where particles alone
+        tell the pose, which do not say.
+    protection : float64 array, shape (3,)
+        |error| in x [m], y [m] and heading [rad] exceeds these with ``health.risk`` at most;
+        infinite where that cannot be said.
+    """
+
+    state: str
+    reason: str
+    within: float
+    protection: FloatArray
+
+
+@dataclass(frozen=True)
+class LiveSource:
+    """What became of the messages of a source: a sensor, an anchor, a landmark.
+
+    Attributes
+    ----------
+    name : str
+    heard_ns, fused_ns : int
+        Stamps of the last message, and of the last that was fused (None if none was).
+    accepted : float
+        Share of the last messages that was fused.
+    residual, sigma, test_ratio : float
+        Of the last innovation: its first row, that row's sigma, and its NIS over the gate's limit.
+    faulty : float
+        Probability that the source is wrong as a whole, if the pose is right.
+    """
+
+    name: str
+    heard_ns: int
+    fused_ns: int | None
+    accepted: float
+    residual: float
+    sigma: float
+    test_ratio: float
+    faulty: float
+
+
+class LiveRun:
+    """A run on messages as they arrive.
+
+    With the rows of a log in their order of arrival its estimates are those of `run` at the same
+    stamps, bit for bit, if nothing came later than a quarter of a second while it searched its
+    start.
+
+    Parameters
+    ----------
+    config : RunConfig
+        Its ``log``, ``simulation`` and ``switched_off`` are not used.
+    world : Log
+        Anchors, landmarks, tags, mounts and map; its messages are not used.
+
+    Attributes
+    ----------
+    names : Rows
+        ``anchor_names``, ``tag_names`` and ``landmark_names`` in order of id.
+    counts : Counter
+        How many messages became what: by (source, verdict).
+
+    Raises
+    ------
+    ConfigError
+        If the start is ``truth``, which no robot knows, or the world lacks what the configuration
+        needs.
+
+    Examples
+    --------
+    >>> from locfuse.config.load import parse_config
+    >>> anchors = {"anchor": np.array(["A"]), "x_m": np.zeros(1), "y_m": np.zeros(1),
+    ...            "z_m": np.zeros(1)}
+    >>> live = LiveRun(parse_config({"start": [3, 4, 0]}),
+    ...                Log({"anchors": anchors}, tags={"tag": (0.0, 0.0, 0.0)}))
+    >>> for i in range(4):
+    ...     _ = live.on("ranges", {"stamp_ns": i * 10**8, "tag": "tag", "anchor": "A",
+    ...                            "range_m": 5.1})
+    >>> live.pose().stamp_ns
+    300000000
+    """
+
+    def __init__(self, config: RunConfig, world: Log) -> None:
+        if config.start == "truth":
+            raise ConfigError("start is 'truth', which a robot does not know; expected 'auto' or "
+                              "[x, y, heading_deg]")  # fmt: skip
+        if config.mcl is not None and world.grid is None:
+            raise ConfigError("mcl needs a map, but the world has none; add 'map: FILE.yaml' to "
+                              "its log.yaml, or remove mcl")  # fmt: skip
+        self.config = config
+        self.world = world
+        self._cylinders = (
+            None if config.cylinders is None else build_cylinder_detector(config.cylinders)
+        )
+        self._disabled: set[str] = set()
+        self._forget()
+
+    def _forget(self) -> None:
+        config, world = self.config, self.world
+        self.names = Rows(config, world)
+        self.counts: Counter[tuple[str, str]] = Counter()
+        self._radios = (
+            build_anchors(world.tables.get("anchors"), self.names.anchor_names, config.anchors),
+            [_core.Tag(i, list(world.tags[name])) for i, name in enumerate(self.names.tag_names)],
+        )
+        self._told = None if config.start == "auto" else config.start
+        self._held: list[Message] = []
+        self._heard_ns: int | None = None
+        self._tick: int | None = None
+        self._on_map: OnMap | None = None
+        self._map_pose: _core.PoseEstimate | None = None
+        self._begin_ns: int | None = None
+        self._filter: _core.Live | None = None
+        if config.mcl is None or config.mcl.poses_hz is not None:
+            matcher = matcher_of(world) if self._told is None else None
+            self._filter = _core.Live(
+                _core.RecoveringEkf(build_recovering_config(config), *self._radios, matcher,
+                                    self._landmarks()),
+                round(config.history_s * NANOSECONDS),
+                _core.ClockJump[config.clock_jump.upper()],
+                config.history_messages,
+                PATIENCE_NS,
+            )  # fmt: skip
+
+    def _landmarks(self) -> _core.LandmarkSight | None:
+        world = self.world
+        if "landmarks" not in world:
+            return None
+        if self._cylinders is not None and world.laser is not None:
+            world = replace(world, landmark_sensor={"pose_in_body": world.laser["pose_in_body"]})
+        return landmark_sight(world, self.names.landmark_names)
+
+    # What is heard -------------------------------------------------------------------------------
+
+    def on(self, source: str, row: Row) -> str:
+        """Take a row of the table `source` of a log, with the names and units of its columns.
+
+        A scan brings, beside ``stamp_ns`` and ``ranges_m``, the geometry of its laser where that is
+        not the world's: ``laser``, a mapping as `Log.laser`.
+
+        Returns
+        -------
+        str
+            What became of it: a verdict as in ``outcomes.csv``; ``ignored`` as well while it
+            searches, and of scans that wait for their turn.
+
+        Raises
+        ------
+        ValueError
+            If a value is not valid; the row is forgotten.
+        """
+        stamp = int(row["stamp_ns"])
+        if source == "scans":
+            verdict = self._on_scan(row)
+        elif source not in self.config.use or source in self._disabled:
+            verdict = _core.Verdict.IGNORED
+        else:
+            verdict = self._on_message(self.names.message(source, row))
+        self._heard_ns = stamp if self._heard_ns is None else max(stamp, self._heard_ns)
+        word = verdict.name.lower()
+        self.counts[source, word] += 1
+        return word
+
+    def _on_message(self, message: Message) -> _core.Verdict:
+        of_odometry = isinstance(message, _core.Velocity | _core.Increment)
+        if self.config.mcl is not None and (self._filter is None or of_odometry):
+            self._into_map(message)
+        return _core.Verdict.IGNORED if self._filter is None else self._into_filter(message)
+
+    def _on_scan(self, row: Row) -> _core.Verdict:
+        scan = self.names.scan(row)
+        if "scans" in self._disabled:
+            return _core.Verdict.IGNORED
+        if self._cylinders is not None:
+            for one in self._cylinders.detect(scan):
+                sigmas = np.diag(np.diag(one.covariance)[:2])
+                seen = _core.RangeBearing(scan.stamp, None, one.range, one.bearing, sigmas)
+                self._on_message(seen)
+        if self.config.mcl is not None:
+            self._into_map(scan)
+        elif self._filter is not None and self._told is None:
+            self._filter.on(scan)
+        return _core.Verdict.IGNORED
+
+    def _into_map(self, heard: Message | _core.LaserScan) -> None:
+        if self._on_map is None:
+            begin = heard.stamp if isinstance(heard, _core.LaserScan) else effective_ns(heard)
+            start = None if self._told is None else self._told_start(begin)
+            self._begin_ns = begin
+            self._on_map = OnMap(self.config, self.world, self._radios, self._landmarks(), begin,
+                                 start)  # fmt: skip
+        for estimate in self._on_map.on(heard):
+            self._map_pose = estimate
+            if self._filter is not None and self._on_map.ready:
+                self._tell_filter(estimate)
+
+    def _tell_filter(self, estimate: _core.PoseEstimate) -> None:
+        """Pass on a pose of the map, at most one in each tick of ``mcl.poses_hz``."""
+        assert self.config.mcl is not None
+        assert self.config.mcl.poses_hz is not None
+        assert self._begin_ns is not None
+        seconds = (estimate.stamp - self._begin_ns) / NANOSECONDS
+        tick = int(np.floor(seconds * self.config.mcl.poses_hz + 1e-6))
+        if tick == self._tick or "poses" in self._disabled:
+            return
+        self._tick = tick
+        variance = np.diag(estimate.covariance)
+        position = float(variance[:2].mean())
+        covariance = np.diag([position, position, variance[2]])
+        self._into_filter(_core.PoseObservation(estimate.stamp, estimate.pose, covariance))
+
+    def _into_filter(self, message: Message) -> _core.Verdict:
+        assert self._filter is not None
+        if self._told is not None and not self._filter.is_tracking:
+            return self._into_start(message)
+        jumps = self._filter.jumps
+        outcome = self._filter.on(message)
+        if self._filter.jumps > jumps:
+            self.names.forget_odometry()
+        return outcome.verdict
+
+    def _into_start(self, message: Message) -> _core.Verdict:
+        """Hold messages until it is known which is the first in time: there a told start holds."""
+        assert self._filter is not None
+        self._held.append(message)
+        begin = min(map(effective_ns, self._held))
+        if effective_ns(message) - begin < PATIENCE_NS:
+            return _core.Verdict.IGNORED
+        self._filter.start_at(self._told_start(begin))
+        verdict = _core.Verdict.IGNORED
+        for held in self._held:
+            verdict = self._filter.on(held).verdict
+        self._held = []
+        return verdict
+
+    def _told_start(self, stamp: int) -> _core.PoseEstimate:
+        assert self._told is not None
+        assert not isinstance(self._told, str)
+        x, y, heading_deg = self._told
+        sigma = self.config.start_sigma
+        heading = _core.wrap_angle(float(np.deg2rad(heading_deg)))
+        sigmas = [sigma.xy_m, sigma.xy_m, float(np.deg2rad(sigma.heading_deg))]
+        return _core.PoseEstimate(stamp, _core.Pose2(x, y, heading), np.diag(sigmas) ** 2)
+
+    # What is asked of it -------------------------------------------------------------------------
+
+    def start_at(self, start: LivePose) -> None:
+        """Go on from a pose that somebody knows, whatever was known before.
+
+        Raises
+        ------
+        ValueError
+            If the pose or its covariance is not valid; nothing changes then.
+        """
+        estimate = _core.PoseEstimate(start.stamp_ns, _core.Pose2(*start.pose.tolist()),
+                                      start.covariance)  # fmt: skip
+        if self._filter is not None:
+            self._filter.start_at(estimate)
+        if self.config.mcl is not None:
+            self._begin_ns = start.stamp_ns
+            self._on_map = OnMap(self.config, self.world, self._radios, self._landmarks(),
+                                 start.stamp_ns, estimate)  # fmt: skip
+            self._map_pose, self._tick = estimate, None
+        self._held = []
+
+    def relocalize(self) -> None:
+        """Forget the pose and search it, though the start was told."""
+        self._told, self._held = None, []
+        self._on_map = self._map_pose = self._tick = None
+        if self._filter is not None:
+            self._filter.relocalize()
+
+    def reset(self) -> None:
+        """Forget everything heard: as it was made, but for sources that are switched off."""
+        self._forget()
+
+    def enable(self, source: str, enabled: bool) -> None:
+        """Switch a source off, or on again; what was fused stays.
+
+        Raises
+        ------
+        ConfigError
+            If there is no such source, or the configuration does not use it.
+        """
+        known = [*self.config.use, "scans"]
+        if source not in known:
+            raise ConfigError(f"there is no source {source!r}; {nearest(source, known)}")
+        if enabled:
+            self._disabled.discard(source)
+        else:
+            self._disabled.add(source)
+
+    # What it knows -------------------------------------------------------------------------------
+
+    def pose(self) -> LivePose | None:
+        """Return where the robot is, carried to the end of odometry; None while it searches."""
+        if self._filter is None:
+            return self._pose_on_map()
+        return _pose(self._filter.estimate()) if self._filter.is_tracking else None
+
+    def fused(self) -> LivePose | None:
+        """Return the pose that `run` records: at the stamp of the newest message that took effect.
+
+        An increment takes effect when its motion begins, so this lags behind `pose` by up to one.
+        """
+        if self._filter is None:
+            return self._pose_on_map()
+        return _pose(self._filter.current()) if self._filter.is_tracking else None
+
+    def _pose_on_map(self) -> LivePose | None:
+        found = self._on_map is not None and self._on_map.found
+        return _pose(self._map_pose) if found and self._map_pose is not None else None
+
+    def health(self) -> LiveHealth:
+        """Return how far that may be trusted."""
+        if self._filter is None:
+            return self._health_on_map()
+        report = self._filter.health()
+        reason = reason_of(report.clue, report.source, self.names, self.config)
+        if not self._filter.is_tracking:
+            searching = "" if self._told is not None else self._filter.search().reason
+            reason = searching or reason
+        return LiveHealth(report.state.name.lower(), reason, report.within, report.protection)
+
+    def _health_on_map(self) -> LiveHealth:
+        nothing = np.full(3, np.inf)
+        if self._on_map is None:
+            return LiveHealth("initializing", "no scan and no odometry yet", np.nan, nothing)
+        if self._on_map.ready:
+            return LiveHealth("ok", "", np.nan, nothing)
+        places = self._on_map.places
+        if not self._on_map.found:
+            return LiveHealth("initializing", f"{places} places on the map fit", np.nan, nothing)
+        if places > 1:
+            return LiveHealth("ambiguous", f"{places} places on the map fit", np.nan, nothing)
+        return LiveHealth("degraded", "the particles are spread wider than mcl.sigma_xy_ready_m or "
+                          "mcl.sigma_heading_ready_rad", np.nan, nothing)  # fmt: skip
+
+    def sources(self) -> list[LiveSource]:
+        """Return what became of each source that was fused or gated."""
+        if self._filter is None:
+            return []
+        return [
+            LiveSource(name_of(s.source, self.names), s.heard, s.fused, s.accepted, s.residual,
+                       s.sigma, s.test_ratio, s.faulty)
+            for s in self._filter.sources
+        ]  # fmt: skip
+
+    @property
+    def heard_ns(self) -> int | None:
+        """Newest stamp heard, nanoseconds."""
+        return self._heard_ns
+
+    @property
+    def jumps(self) -> int:
+        """How often the clock went back and it started anew or went on."""
+        return 0 if self._filter is None else self._filter.jumps
+
+
+def _pose(estimate: _core.PoseEstimate) -> LivePose:
+    pose = np.array([estimate.pose.x, estimate.pose.y, estimate.pose.heading])
+    return LivePose(estimate.stamp, pose, estimate.covariance)
