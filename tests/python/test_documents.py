@@ -30,7 +30,7 @@ from pydantic.fields import FieldInfo
 import locfuse
 from locfuse.claims import Claim
 from locfuse.cli import app
-from locfuse.config import scenario, schema
+from locfuse.config import ros, scenario, schema
 from locfuse.config.base import Strict
 from locfuse.config.load import load_config, parse_config
 from locfuse.io.datasets import CONVERTERS
@@ -399,6 +399,9 @@ SECTIONS: dict[str, type[Strict]] = {
     "### `mcl.switch`": schema.Switch,
     "### `mcl.field`": schema.LikelihoodField,
     "### `mcl.beam_model`": schema.BeamModel,
+    "## `ros`": ros.Ros,
+    "### `ros.topics`": ros.Topics,
+    "### `ros.frames`": ros.Frames,
     "## `simulation`": scenario.Scenario,
     "### `path`, shape `circle`": scenario.Circle,
     "### `path`, shape `eight`": scenario.Eight,
@@ -525,7 +528,7 @@ def section_linked(cell: str) -> str:
 def test_every_part_of_a_configuration_has_its_table() -> None:
     models = {
         value
-        for module in (schema, scenario)
+        for module in (schema, scenario, ros)
         for value in vars(module).values()
         if isinstance(value, type) and issubclass(value, Strict) and value is not Strict
     }

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from locfuse.config.base import Strict
+from locfuse.config.ros import Ros
 from locfuse.config.scenario import Name, NonNegative, Positive, Probability, Rate, Scenario
 
 GateProbability: TypeAlias = Annotated[float, Field(gt=0.0, le=1.0)]
@@ -417,6 +418,7 @@ class RunConfig(Strict):
     delays_s: dict[Source, Annotated[float, Field(ge=0.0, le=3600.0)]] = Field(default_factory=dict)
     clock_jump: Literal["refuse", "reset", "continue"] = "refuse"
     switched_off: list[SwitchedOff] = Field(default_factory=list)
+    ros: Ros = Field(default_factory=Ros)
 
     @model_validator(mode="after")
     def _one_origin(self) -> RunConfig:
