@@ -75,6 +75,7 @@ class Ros(Strict):
     range_topics: dict[Name, Name] = Field(default_factory=dict)
     frames: Frames = Field(default_factory=Frames)
     odometry_from: Literal["pose", "twist"] = "pose"
+    estimate_at: Literal["odometry", "fused"] = "odometry"
     uwb_unit: Literal["m", "mm"] = "m"
     uwb_tag: Name = "tag"
     gps_origin: tuple[Latitude, Longitude, float] | None = None

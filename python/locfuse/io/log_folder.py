@@ -59,6 +59,7 @@ SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
     ),
 }
 MESSAGES = ("odometry", "ranges", "positions", "poses", "landmark_sightings", "scans")
+WORLD = ("anchors", "landmarks")
 MAY_BE_EMPTY = ("ranges", "positions", "poses", "landmark_sightings", "scans")
 INCREASING = ("odometry", "truth")  # strictly; other messages may come in any order
 NAMES = ("tag", "anchor", "landmark")
@@ -101,6 +102,29 @@ def read_log(folder: str | Path) -> Log:
     tables = {stem: read_log_file(path, stem) for stem, path in _find_tables(folder).items()}
     settings = _read_settings(folder)
     _check_set(tables, settings, str(folder))
+    grid = read_map(folder / settings["map"]) if "map" in settings else None
+    return Log(tables=tables, grid=grid, **settings)
+
+
+def read_world(folder: str | Path) -> Log:
+    """Read what a log folder says of the world: anchors, landmarks, tags, mounts and map.
+
+    Messages need not be there, and are not read.
+
+    Raises
+    ------
+    LogError
+        As `read_log`.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise LogError(f"{folder}: no such folder")
+    tables = {
+        stem: read_log_file(path, stem)
+        for stem, path in _find_tables(folder).items()
+        if stem in WORLD
+    }
+    settings = _read_settings(folder)
     grid = read_map(folder / settings["map"]) if "map" in settings else None
     return Log(tables=tables, grid=grid, **settings)
 

@@ -54,6 +54,8 @@ class LiveHealth:
     within : float
         Probability that the position error is below ``health.limit_m``; NaN where particles alone
         tell the pose, which do not say.
+    wrong : float
+        Probability that the robot is somewhere else; NaN likewise.
     protection : float64 array, shape (3,)
         |error| in x [m], y [m] and heading [rad] exceeds these with ``health.risk`` at most;
         infinite where that cannot be said.
@@ -62,6 +64,7 @@ class LiveHealth:
     state: str
     reason: str
     within: float
+    wrong: float
     protection: FloatArray
 
 
@@ -373,21 +376,28 @@ class LiveRun:
         if not self._filter.is_tracking:
             searching = "" if self._told is not None else self._filter.search().reason
             reason = searching or reason
-        return LiveHealth(report.state.name.lower(), reason, report.within, report.protection)
+        return LiveHealth(report.state.name.lower(), reason, report.within, report.wrong,
+                          report.protection)  # fmt: skip
 
     def _health_on_map(self) -> LiveHealth:
         nothing = np.full(3, np.inf)
         if self._on_map is None:
-            return LiveHealth("initializing", "no scan and no odometry yet", np.nan, nothing)
+            return LiveHealth(
+                "initializing", "no scan and no odometry yet", np.nan, np.nan, nothing
+            )
         if self._on_map.ready:
-            return LiveHealth("ok", "", np.nan, nothing)
+            return LiveHealth("ok", "", np.nan, np.nan, nothing)
         places = self._on_map.places
         if not self._on_map.found:
-            return LiveHealth("initializing", f"{places} places on the map fit", np.nan, nothing)
+            return LiveHealth(
+                "initializing", f"{places} places on the map fit", np.nan, np.nan, nothing
+            )
         if places > 1:
-            return LiveHealth("ambiguous", f"{places} places on the map fit", np.nan, nothing)
+            return LiveHealth(
+                "ambiguous", f"{places} places on the map fit", np.nan, np.nan, nothing
+            )
         return LiveHealth("degraded", "the particles are spread wider than mcl.sigma_xy_ready_m or "
-                          "mcl.sigma_heading_ready_rad", np.nan, nothing)  # fmt: skip
+                          "mcl.sigma_heading_ready_rad", np.nan, np.nan, nothing)  # fmt: skip
 
     def sources(self) -> list[LiveSource]:
         """Return what became of each source that was fused or gated."""
@@ -403,6 +413,11 @@ class LiveRun:
     def heard_ns(self) -> int | None:
         """Newest stamp heard, nanoseconds."""
         return self._heard_ns
+
+    @property
+    def restarts(self) -> int:
+        """How often it was lost and found another place."""
+        return 0 if self._filter is None else self._filter.restarts
 
     @property
     def jumps(self) -> int:

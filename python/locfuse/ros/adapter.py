@@ -1,0 +1,481 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A live run between topics, without ROS: what the nodes of ROS 1 and ROS 2 hand messages to."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from locfuse.config.ros import plain
+from locfuse.config.schema import SOURCES, RunConfig
+from locfuse.io.log_folder import read_world
+from locfuse.live import LiveHealth, LivePose, LiveRun
+from locfuse.ros import decode, encode, rows
+from locfuse.ros.decode import MessageError
+from locfuse.ros.encode import Publication
+from locfuse.ros.frames import check_frame
+from locfuse.ros.telling import Odometry, Telling, health_status, source_status
+from locfuse.ros.world import World
+from locfuse.types import NANOSECONDS, ConfigError, Log, LogError, nearest
+
+FUTURE_NS = NANOSECONDS // 2  # a stamp that much ahead of the clock is wrong
+BACK_NS = NANOSECONDS  # a clock that goes back that far has jumped
+SILENT_NS = 5 * NANOSECONDS  # after which a topic that says nothing is told of
+SIMILAR = 3  # problems of one kind, each told once
+
+POSE = "geometry_msgs/PoseWithCovarianceStamped"
+TYPES: dict[str, tuple[str, ...]] = {
+    "odometry": ("nav_msgs/Odometry",),
+    "scans": ("sensor_msgs/LaserScan",),
+    "ranges": ("locfuse_msgs/UwbRanges", "locfuse_msgs/UwbRange", "locfuse_msgs/UwbData"),
+    "poses": (POSE,),
+    "positions": ("sensor_msgs/NavSatFix", "locfuse_msgs/TagPosition"),
+    "landmark_sightings": ("locfuse_msgs/LandmarkSightings", "locfuse_msgs/LandmarkSighting"),
+    "map": ("nav_msgs/OccupancyGrid",),
+    "anchors": ("locfuse_msgs/NamedPoints",),
+    "landmarks": ("locfuse_msgs/NamedPoints",),
+    "initial_pose": (POSE,),
+    "transforms": ("tf2_msgs/TFMessage",),
+}
+LATCHED = ("map", "anchors", "landmarks", "transforms")
+QUEUES = {"odometry": 500, "ranges": 500, "scans": 50}
+
+
+@dataclass(frozen=True)
+class Subscription:
+    """A topic to listen to.
+
+    Attributes
+    ----------
+    topic : str
+        Without leading slash where it is relative to the node's namespace.
+    source : str
+        What it is: hand it to `Adapter.on`.
+    types : tuple of str
+        Types that it may have, as ``nav_msgs/Odometry``; the first is the usual one.
+    latched : bool
+        Whether what was published before counts: ``transient_local`` in ROS 2.
+    queue : int
+        How many messages may wait.
+    """
+
+    topic: str
+    source: str
+    types: tuple[str, ...]
+    latched: bool = False
+    queue: int = 100
+
+
+class Adapter:
+    """Turns messages of either ROS into those of a `LiveRun`, and says what to publish.
+
+    It never raises for what a message says: that is a problem, told once in a sentence.
+
+    Parameters
+    ----------
+    config : RunConfig
+        As `locfuse run` takes it; ``ros`` names topics and frames.
+    base : Path, optional
+        Folder that ``ros.world`` is relative to.
+
+    Attributes
+    ----------
+    subscriptions : tuple of Subscription
+    announced : tuple of (topic, type, latched)
+        What it may ask to publish.
+
+    Raises
+    ------
+    ConfigError, LogError
+        If the configuration cannot be used on a robot, or the world cannot be read.
+
+    Examples
+    --------
+    >>> from locfuse.config.load import parse_config
+    >>> adapter = Adapter(parse_config({"start": "auto", "use": ["odometry", "ranges"]}))
+    >>> [s.topic for s in adapter.subscriptions if s.source == "ranges"]
+    ['uwb']
+    >>> [p.fields["status"][0]["message"] for p in adapter.tick(10**9)]
+    ['nothing has been heard yet']
+    """
+
+    def __init__(self, config: RunConfig, *, base: Path | None = None) -> None:
+        self._config = config
+        ros = config.ros
+        told = Log(tables={})
+        if ros.world is not None:
+            told = read_world((Path() if base is None else base) / ros.world)
+        self._world = World(told, ros.frames.base)
+        self._live = LiveRun(config, told) if self._is_enough(told) else None
+        self._telling = Telling(ros)
+        self._of: dict[str, Callable[[Any, str], None]] = {
+            "odometry": self._odometry,
+            "scans": self._scan,
+            "ranges": self._ranges,
+            "poses": self._pose,
+            "positions": self._position,
+            "landmark_sightings": self._sightings,
+            "map": self._map,
+            "anchors": self._points("anchors"),
+            "landmarks": self._points("landmarks"),
+            "initial_pose": self._initial_pose,
+            "transforms": self._transforms,
+        }
+        self._range_topics = {plain(topic): name for topic, name in ros.range_topics.items()}
+        self.subscriptions = tuple(self._listens())
+        self.announced = tuple(self._announces())
+        self._problems: list[str] = []
+        self._told: set[str] = set()
+        self._kinds: Counter[tuple[str, str]] = Counter()
+        self.refused: Counter[str] = Counter()
+        self._off: set[str] = set()
+        self._clear()
+
+    def _clear(self) -> None:
+        self._wheels = rows.Wheels(self._config.ros.odometry_from)
+        self._driven = Odometry()
+        self._origin = self._config.ros.gps_origin
+        self._first_ns: int | None = None  # of the clock
+        self._now_ns: int | None = None
+        self._heard_ns: dict[str, int] = {}  # by the clock, per source
+        self._diagnosed_ns: int | None = None
+        self._jumps = 0
+        self._restarts = 0
+
+    def _listens(self) -> list[Subscription]:
+        config = self._config
+        wanted = set(config.use) | {"map", "anchors", "landmarks", "initial_pose"}
+        if config.mcl is not None or config.cylinders is not None or config.start == "auto":
+            wanted.add("scans")
+        listens = [
+            Subscription(plain(topic), source, types, source in LATCHED, QUEUES.get(source, 100))
+            for source, types in TYPES.items()
+            if source in wanted and (topic := getattr(config.ros.topics, source)) is not None
+        ]
+        if "ranges" in config.use:
+            listens += [
+                Subscription(topic, "ranges", ("sensor_msgs/Range",))
+                for topic in self._range_topics
+            ]
+        listens.append(Subscription("/tf_static", "transforms", TYPES["transforms"], True))
+        return listens
+
+    def _announces(self) -> list[tuple[str, str, bool]]:
+        topics = self._config.ros.topics
+        told = [("diagnostics", "diagnostic_msgs/DiagnosticArray", False)]
+        if self._config.ros.publish_transform:
+            told.append(("tf", "tf2_msgs/TFMessage", False))
+        for topic, kind, latched in (
+            (topics.estimate, POSE, False),
+            (topics.path, "nav_msgs/Path", False),
+            (topics.start, POSE, True),
+        ):
+            if topic is not None:
+                told.append((topic, kind, latched))
+        return told
+
+    # Hearing -------------------------------------------------------------------------------------
+
+    def on(self, source: str, topic: str, message: Any, now_ns: int) -> list[Publication]:
+        """Take a message of one of the `subscriptions`.
+
+        Parameters
+        ----------
+        source, topic : str
+            Of the subscription.
+        message : message of ROS 1 or ROS 2
+        now_ns : int
+            The clock of the node, simulated or not; 0 where that has not begun.
+
+        Returns
+        -------
+        list of Publication
+        """
+        told = self._keep_time(now_ns)
+        self._heard_ns[source] = max(now_ns, self._heard_ns.get(source, 0))
+        try:
+            self._of[source](message, plain(topic))
+        except MessageError as error:
+            self._refuse(source, f"{topic}: {error}")
+        except (ValueError, ConfigError, LogError) as error:
+            self._refuse(source, f"{topic}: {error}")
+        return told + self._say(source)
+
+    def tick(self, now_ns: int) -> list[Publication]:
+        """Say what is due by the clock: the transform, and once a second diagnostics.
+
+        Call it about ten times a second, with `now_ns` as for `on`.
+        """
+        told = self._keep_time(now_ns)
+        self._look_for_silence(now_ns)
+        if self._live is not None and self._live.pose() is not None:
+            told += self._telling.transform_again(now_ns)
+        if self._diagnosed_ns is None or now_ns - self._diagnosed_ns >= NANOSECONDS:
+            self._diagnosed_ns = now_ns
+            told.append(self._diagnostics(now_ns))
+        return told
+
+    def _keep_time(self, now_ns: int) -> list[Publication]:
+        """Notice a clock that goes back, as that of a simulation that begins again."""
+        if self._now_ns is not None and now_ns < self._now_ns - BACK_NS:
+            back = (self._now_ns - now_ns) / NANOSECONDS
+            self._problem("clock", f"the clock went back by {back:.3g} s; clock_jump is "
+                          f"{self._config.clock_jump!r}")  # fmt: skip
+            self._telling.clock_went_back()
+            self._heard_ns = dict.fromkeys(self._heard_ns, now_ns)
+            self._first_ns = self._diagnosed_ns = None
+            if self._config.clock_jump == "reset":
+                self.reset()
+        self._now_ns = now_ns
+        if self._first_ns is None:
+            self._first_ns = now_ns
+        return []
+
+    def _odometry(self, message: Any, topic: str) -> None:
+        use = self._config.ros.odometry_from
+        row = decode.odometry(message, use)
+        check_frame("odometry", row.child_frame, self._config.ros.frames.base)
+        self._in_time(row.stamp_ns)
+        self._driven.add(row)
+        if self._live is not None:
+            self._live.on("odometry", self._wheels.row(row))
+            if self._live.jumps > self._jumps:
+                self._jumps = self._live.jumps
+                self._wheels = rows.Wheels(use)
+
+    def _scan(self, message: Any, topic: str) -> None:
+        row = decode.scan(message)
+        self._in_time(row.stamp_ns)
+        mount, upside_down = self._world.laser_mount(row.frame)
+        if self._live is not None:
+            laser = rows.laser_of(row, mount, upside_down)
+            self._live.on("scans", rows.scan_row(row, laser))
+
+    def _ranges(self, message: Any, topic: str) -> None:
+        ros = self._config.ros
+        if topic in self._range_topics:
+            one = decode.range_of(message, ros.uwb_tag, self._range_topics[topic])
+            heard = [] if one is None else [one]
+        else:
+            heard = decode.ranges(message, ros.uwb_unit, ros.uwb_tag)
+        for row in heard:
+            self._in_time(row.stamp_ns)
+        if heard and "anchors" not in self._world.log:
+            raise MessageError("ranges come, but no anchors are known; give anchors.csv in the "
+                               "folder of ros.world, or publish them on "
+                               f"{ros.topics.anchors}")  # fmt: skip
+        for tag, frame in {row.tag: row.frame for row in heard}.items():
+            if self._world.add_tag(tag, frame):
+                self._rebuild()
+        if self._live is not None:
+            for row in heard:
+                self._live.on("ranges", rows.range_row(row))
+
+    def _pose(self, message: Any, topic: str) -> None:
+        row = decode.pose(message)
+        check_frame("poses", row.frame, self._config.ros.frames.map)
+        self._in_time(row.stamp_ns)
+        if self._live is not None:
+            self._live.on("poses", rows.pose_row(row))
+
+    def _position(self, message: Any, topic: str) -> None:
+        if self._origin is None and hasattr(message, "latitude") and message.status.status >= 0:
+            self._origin = (float(message.latitude), float(message.longitude), 0.0)
+        row = decode.fix(message, self._origin)
+        if row is None:
+            return
+        self._in_time(row.stamp_ns)
+        if row.tag and self._world.add_tag(row.tag, row.frame):
+            self._rebuild()
+        if self._live is not None:
+            self._live.on("positions", rows.position_row(row))
+
+    def _sightings(self, message: Any, topic: str) -> None:
+        seen = decode.sightings(message)
+        if seen and self._world.add_landmark_sensor(seen[0].frame):
+            self._rebuild()
+        for row in seen:
+            self._in_time(row.stamp_ns)
+            if self._live is not None:
+                self._live.on("landmark_sightings", rows.sighting_row(row))
+
+    def _map(self, message: Any, topic: str) -> None:
+        check_frame("the map", message.header.frame_id, self._config.ros.frames.map)
+        if self._world.add_map(decode.grid(message)):
+            self._rebuild()
+
+    def _points(self, table: str) -> Callable[[Any, str], None]:
+        def heard(message: Any, topic: str) -> None:
+            check_frame(table, message.header.frame_id, self._config.ros.frames.map)
+            if self._world.add_points(table, *decode.points(message)):
+                self._rebuild()
+
+        return heard
+
+    def _transforms(self, message: Any, topic: str) -> None:
+        self._world.add_transforms(decode.transforms(message))
+
+    def _initial_pose(self, message: Any, topic: str) -> None:
+        row = decode.pose(message)
+        if self._telling.told_start(row.stamp_ns):
+            return  # our own
+        check_frame("the initial pose", row.frame, self._config.ros.frames.map)
+        if self._live is None:
+            raise MessageError(f"a pose was set, but {self._missing()}")
+        stamp = row.stamp_ns if self._live.heard_ns is None else self._live.heard_ns
+        pose = np.array([row.x, row.y, row.heading])
+        variance = np.diag(row.covariance)
+        if not (variance > 0.0).all():
+            raise MessageError("the initial pose has no covariance; expected variances > 0")
+        self._live.start_at(LivePose(stamp, pose, row.covariance))
+
+    def _in_time(self, stamp_ns: int) -> None:
+        if self._now_ns and stamp_ns > self._now_ns + FUTURE_NS:
+            ahead = (stamp_ns - self._now_ns) / NANOSECONDS
+            raise MessageError(f"the stamp is {ahead:.3g} s ahead of the clock; are both machines' "
+                               "clocks set, and use_sim_time the same for all nodes?")  # fmt: skip
+
+    # The run -------------------------------------------------------------------------------------
+
+    def _is_enough(self, world: Log) -> bool:
+        return world.grid is not None or self._config.mcl is None
+
+    def _missing(self) -> str:
+        return f"mcl waits for a map on {self._config.ros.topics.map}, or in the folder ros.world"
+
+    def _rebuild(self) -> None:
+        """Go on with a run that knows the world as it is now, from where the last one was."""
+        if not self._is_enough(self._world.log):
+            return
+        before, self._live = self._live, LiveRun(self._config, self._world.log)
+        for source in self._off:
+            self._live.enable(source, False)
+        pose = None if before is None else before.fused()
+        if pose is not None:
+            self._live.start_at(pose)
+
+    def reset(self) -> None:
+        """Forget everything heard but the world: as at the start."""
+        if self._live is not None:
+            self._live = LiveRun(self._config, self._world.log)
+            for source in self._off:
+                self._live.enable(source, False)
+        self._telling.forget()
+        self._clear()
+
+    def relocalize(self) -> None:
+        """Forget the pose and search it anew."""
+        if self._live is not None:
+            self._live.relocalize()
+        self._telling.start_is_open()
+
+    def enable(self, source: str, enabled: bool) -> None:
+        """Switch a source off, or on again.
+
+        Raises
+        ------
+        ConfigError
+            If there is no such source, or the configuration does not use it.
+        """
+        known = [s for s in (*SOURCES, "scans") if s in {one.source for one in self.subscriptions}]
+        if source not in known:
+            raise ConfigError(f"there is no source {source!r}; {nearest(source, known)}")
+        (self._off.discard if enabled else self._off.add)(source)
+        if self._live is not None:
+            self._live.enable(source, enabled)
+
+    # Telling -------------------------------------------------------------------------------------
+
+    def _say(self, source: str) -> list[Publication]:
+        if self._live is None:
+            return []
+        newest = self._live.pose()
+        if newest is None:
+            return []
+        if self._live.restarts > self._restarts:
+            self._restarts = self._live.restarts
+            self._telling.start_is_open()
+        fused = self._config.ros.estimate_at == "fused"
+        pose = self._live.fused() if fused else newest
+        assert pose is not None
+        told = self._telling.pose(pose) + self._telling.start(newest)
+        if source == "odometry":
+            told += self._telling.transform(newest, self._driven)
+        return told
+
+    def health(self, now_ns: int) -> LiveHealth:
+        """Return how far the pose may be trusted; what has fallen silent is not."""
+        nothing = np.full(3, np.inf)
+        if self._live is None:
+            return LiveHealth("initializing", self._missing(), 0.0, 1.0, nothing)
+        heard = [self._heard_ns[s] for s in (*SOURCES, "scans") if s in self._heard_ns]
+        if not heard:
+            return LiveHealth("initializing", "nothing has been heard yet", 0.0, 1.0, nothing)
+        silent = (now_ns - max(heard)) / NANOSECONDS
+        if silent > self._config.health.aiding_lost_s:
+            return LiveHealth("lost", f"nothing has been heard for {silent:.3g} s", 0.0, 1.0,
+                              nothing)  # fmt: skip
+        return self._live.health()
+
+    def _diagnostics(self, now_ns: int) -> Publication:
+        statuses = [health_status(self.health(now_ns))]
+        if self._live is not None:
+            stamp = now_ns if self._live.heard_ns is None else self._live.heard_ns
+            statuses += [source_status(source, stamp) for source in self._live.sources()]
+            statuses.append(self._counts())
+        return encode.diagnostics(now_ns, statuses)
+
+    def _counts(self) -> encode.Fields:
+        assert self._live is not None
+        values: dict[str, object] = {
+            f"{source} {verdict}": count
+            for (source, verdict), count in sorted(self._live.counts.items())
+        }
+        values |= {f"{source} refused": n for source, n in sorted(self.refused.items())}
+        values |= {f"{source} switched off": "yes" for source in sorted(self._off)}
+        level = encode.WARN if self.refused else encode.OK
+        return encode.diagnostic_status("locfuse: messages", level, "messages by what became of "
+                                        "them", values)  # fmt: skip
+
+    def _look_for_silence(self, now_ns: int) -> None:
+        if self._first_ns is None or now_ns - self._first_ns < SILENT_NS:
+            return
+        for one in self.subscriptions:
+            if one.source == "odometry" and one.source not in self._heard_ns:
+                self._silent(one)
+        measures = [s for s in self.subscriptions if s.source in (*SOURCES[1:], "scans")]
+        if measures and not any(s.source in self._heard_ns for s in measures):
+            for one in measures:
+                self._silent(one)
+        if self._live is None:
+            self._problem("map", self._missing())
+
+    def _silent(self, one: Subscription) -> None:
+        self._problem(f"silent {one.topic}",
+                      f"nothing comes on {one.topic} ({' or '.join(one.types)}); is its driver "
+                      f"running, and is ros.topics.{one.source} the right name?")  # fmt: skip
+
+    def _refuse(self, source: str, sentence: str) -> None:
+        self.refused[source] += 1
+        self._problem(f"refused {source}", sentence)
+
+    def _problem(self, kind: str, sentence: str) -> None:
+        """Keep a sentence to be told, once; of one kind only the first few."""
+        kinds = (kind, "told")
+        if sentence in self._told or self._kinds[kinds] >= SIMILAR:
+            return
+        self._told.add(sentence)
+        self._kinds[kinds] += 1
+        if self._kinds[kinds] == SIMILAR:
+            sentence += " (others like it are counted in the diagnostics)"
+        self._problems.append(sentence)
+
+    def problems(self) -> list[str]:
+        """Return sentences for the log that have not been returned before."""
+        told, self._problems = self._problems, []
+        return told

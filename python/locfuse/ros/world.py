@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The world of a robot as it becomes known: from a folder, from topics, from transforms."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from locfuse.ros.decode import MessageError, TransformRow
+from locfuse.ros.frames import FrameTree, Mount
+from locfuse.types import Columns, FloatArray, GridMap, Log
+
+
+class World:
+    """Anchors, landmarks, tags, mounts and map; what a folder says counts more than a topic.
+
+    Parameters
+    ----------
+    told : Log
+        What the folder of the world says; its messages are not used.
+    base : str
+        The body's frame.
+
+    Attributes
+    ----------
+    log : Log
+        All that is known, replaced when there is news.
+    """
+
+    def __init__(self, told: Log, base: str) -> None:
+        self._told = told
+        self.log = told
+        self._tree = FrameTree(base)
+
+    def add_transforms(self, rows: list[TransformRow]) -> None:
+        """Take static transforms."""
+        self._tree.add(rows)
+
+    def add_map(self, grid: GridMap) -> bool:
+        """Take a map; return whether it is news."""
+        if self._told.grid is not None or _same_map(self.log.grid, grid):
+            return False
+        self.log = replace(self.log, grid=grid)
+        return True
+
+    def add_points(self, table: str, names: list[str], at: FloatArray,
+                   radii: FloatArray | None) -> bool:  # fmt: skip
+        """Take ``anchors`` or ``landmarks``, shape (n, 3); return whether they are news."""
+        if table in self._told or not names:
+            return False
+        columns: dict[str, np.ndarray] = {table[:-1]: np.array(names)}
+        columns |= {"x_m": at[:, 0].copy(), "y_m": at[:, 1].copy(), "z_m": at[:, 2].copy()}
+        if table == "landmarks" and radii is not None:
+            columns["radius_m"] = radii
+        if table in self.log and _same_table(self.log[table], columns):
+            return False
+        self.log = replace(self.log, tables={**self.log.tables, table: columns})
+        return True
+
+    def add_tag(self, tag: str, frame: str) -> bool:
+        """Place a tag at its frame, or at the frame of its name; return whether it is news.
+
+        Raises
+        ------
+        MessageError
+            If nothing says where it sits.
+        """
+        if tag in self.log.tags:
+            return False
+        for name in (frame, tag):
+            if name and name in self._tree:
+                mount = self._tree.mount(name)
+                tags = {**self.log.tags, tag: (mount.x, mount.y, mount.z)}
+                self.log = replace(self.log, tags=tags)
+                return True
+        raise MessageError(f"nothing says where on the body tag {tag} sits; give it in 'tags' of "
+                           f"the log.yaml of ros.world, or publish the frame "
+                           f"{frame or tag} on tf_static")  # fmt: skip
+
+    def laser_mount(self, frame: str) -> tuple[Mount, bool]:
+        """Return where the laser of a scan sits, and whether head down.
+
+        Raises
+        ------
+        MessageError
+            If nothing says where it sits, or it does not look into the plane.
+        """
+        if self._told.laser is not None:
+            x, y, heading = map(float, self._told.laser["pose_in_body"])
+            return Mount(x, y, 0.0, heading), False
+        return self._tree.mount(frame), self._tree.upside_down(frame)
+
+    def add_landmark_sensor(self, frame: str) -> bool:
+        """Take where landmarks are seen from; return whether it is news.
+
+        Raises
+        ------
+        MessageError
+            If nothing says where it sits.
+        """
+        if self._told.landmark_sensor is not None or not frame:
+            return False
+        mount = self._tree.mount(frame)
+        sensor = {"pose_in_body": [mount.x, mount.y, mount.heading]}
+        if self.log.landmark_sensor == sensor:
+            return False
+        self.log = replace(self.log, landmark_sensor=sensor)
+        return True
+
+
+def _same_map(one: GridMap | None, other: GridMap) -> bool:
+    return (
+        one is not None
+        and one.resolution_m == other.resolution_m
+        and one.origin == other.origin
+        and np.array_equal(one.cells, other.cells)
+    )
+
+
+def _same_table(one: Columns, other: Columns) -> bool:
+    return one.keys() == other.keys() and all(np.array_equal(one[k], other[k]) for k in other)
