@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from locfuse import _core
 from locfuse.config.schema import SOURCES, RunConfig
@@ -104,14 +105,14 @@ class Rows:
         return _core.PositionFix(
             stamp,
             [float(row["x_m"]), float(row["y_m"])],
-            _told([row["sigma_m"]] * 2),
+            told_covariance([row["sigma_m"]] * 2),
             None if tag is None else _id(self._ids[1], self.tag_names, tag),
         )
 
     def _pose(self, stamp: int, row: Row) -> Message:
         pose = _core.Pose2(*(float(row[key]) for key in ("x_m", "y_m", "heading_rad")))
         sigmas = [row["sigma_xy_m"], row["sigma_xy_m"], row["sigma_heading_rad"]]
-        return _core.PoseObservation(stamp, pose, _told(sigmas))
+        return _core.PoseObservation(stamp, pose, told_covariance(sigmas))
 
     def _sighting(self, stamp: int, row: Row) -> Message:
         name = row.get("landmark") or None
@@ -121,7 +122,7 @@ class Rows:
         )
         covariance = None
         if "sigma_range_m" in row:
-            covariance = _told([row["sigma_range_m"], row["sigma_bearing_rad"]])
+            covariance = told_covariance([row["sigma_range_m"], row["sigma_bearing_rad"]])
         return _core.RangeBearing(stamp, landmark, range_m, bearing, covariance)
 
 
@@ -136,7 +137,7 @@ def _id(ids: dict[str, int], names: list[str], name: str) -> int:
     return ids[name]
 
 
-def _told(sigmas: Sequence[float]) -> FloatArray:
+def told_covariance(sigmas: ArrayLike) -> FloatArray:
     """Return the covariance of sigmas; -1 and 0, which say that none is known, stay."""
     values = np.array(sigmas, dtype=np.float64)
     return np.diag(values * np.abs(values))

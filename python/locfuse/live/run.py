@@ -17,7 +17,7 @@ from locfuse.config.build import (
 from locfuse.config.schema import RunConfig
 from locfuse.health import name_of, reason_of
 from locfuse.live.on_map import PATIENCE_NS, OnMap
-from locfuse.live.rows import Message, Row, Rows, effective_ns
+from locfuse.live.rows import Message, Row, Rows, effective_ns, told_covariance
 from locfuse.messages import landmark_sight
 from locfuse.start import matcher_of
 from locfuse.types import NANOSECONDS, ConfigError, FloatArray, Log, nearest
@@ -229,8 +229,8 @@ class LiveRun:
             return _core.Verdict.IGNORED
         if self._cylinders is not None:
             for one in self._cylinders.detect(scan):
-                sigmas = np.diag(np.diag(one.covariance)[:2])
-                seen = _core.RangeBearing(scan.stamp, None, one.range, one.bearing, sigmas)
+                told = told_covariance(np.sqrt(np.diag(one.covariance)[:2]))  # as in a table
+                seen = _core.RangeBearing(scan.stamp, None, one.range, one.bearing, told)
                 self._on_message(seen)
         if self.config.mcl is not None:
             self._into_map(scan)
@@ -261,9 +261,9 @@ class LiveRun:
             return
         self._tick = tick
         variance = np.diag(estimate.covariance)
-        position = float(variance[:2].mean())
-        covariance = np.diag([position, position, variance[2]])
-        self._into_filter(_core.PoseObservation(estimate.stamp, estimate.pose, covariance))
+        position = np.sqrt(variance[:2].mean())
+        told = told_covariance([position, position, np.sqrt(variance[2])])  # as in a table
+        self._into_filter(_core.PoseObservation(estimate.stamp, estimate.pose, told))
 
     def _into_filter(self, message: Message) -> _core.Verdict:
         assert self._filter is not None

@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <map>
+
+#include "locfuse/replay/live.hpp"
+#include "locfuse/replay/replay.hpp"
+#include "support/expect.hpp"
+#include "support/simulation.hpp"
+
+namespace locfuse {
+namespace {
+
+using testing::kSecond;
+using testing::same_bits;
+
+RecoveringEkf unstarted() { return {{}, testing::hall(), testing::one_tag(), nullptr}; }
+
+/// Everything arrives at its stamp or up to 0.1 s later, so increments after the ranges on the way.
+MessageLog as_heard(const testing::Simulation& run) {
+  testing::Rng rng(9);
+  MessageLog log;
+  for (const Message& message : run.messages) {
+    log.add(message, stamp_of(message) + testing::at(testing::uniform(rng, 0.0, 0.1)));
+  }
+  log.sort();
+  return log;
+}
+
+void expect_same(const PoseEstimate& a, const PoseEstimate& b) {
+  EXPECT_EQ(a.stamp, b.stamp);
+  EXPECT_EQ(a.pose.x, b.pose.x);
+  EXPECT_EQ(a.pose.y, b.pose.y);
+  EXPECT_EQ(a.pose.heading, b.pose.heading);
+  EXPECT_TRUE(same_bits(a.covariance, b.covariance));
+}
+
+/// The pose of each stamp, as it was last known there.
+std::map<Stamp, PoseEstimate> heard_by(Live& live, const MessageLog& log) {
+  std::map<Stamp, PoseEstimate> poses;
+  for (const MessageLog::Arrival& arrival : log.arrivals()) {
+    live.on(arrival.message);
+    if (live.is_tracking()) {
+      poses[live.estimator().current().stamp] = live.estimator().current();
+    }
+  }
+  return poses;
+}
+
+TEST(Live, starts_and_tracks_as_find_start_and_replay_do_with_the_log) {
+  const testing::Simulation run = testing::simulate(3, 30.0);
+  const MessageLog log = as_heard(run);
+  Live live(unstarted());
+  const std::map<Stamp, PoseEstimate> poses = heard_by(live, log);
+
+  Initializer initializer = unstarted().initializer();
+  const StartRun start = find_start(initializer, log, {});
+  RecoveringEkf started = unstarted();
+  started.start_with(initializer.estimator());
+  ReplayOptions options;
+  options.used_until = start.used_until;
+  const RunLog replayed = replay(started, log, options);
+
+  EXPECT_GT(start.used_until, 0);
+  std::size_t compared = 0;
+  for (const PoseEstimate& estimate : replayed.estimates) {
+    const auto at = poses.find(estimate.stamp);
+    if (at != poses.end()) {
+      expect_same(at->second, estimate);
+      ++compared;
+    }
+  }
+  EXPECT_GT(compared, replayed.estimates.size() / 2);
+  expect_same(live.estimator().estimate(), replayed.last);
+  EXPECT_NEAR(live.estimator().estimate().pose.x, run.x, 0.15);
+}
+
+TEST(Live, an_increment_that_comes_after_the_ranges_on_its_way_is_driven_before_them) {
+  const testing::Simulation run = testing::simulate(4, 10.0);
+  StartSearch in_order(unstarted().initializer(), 0);
+  StartSearch as_they_come(unstarted().initializer());
+  const MessageLog log = as_heard(run);
+  std::vector<Message> sorted;
+  for (const MessageLog::Arrival& arrival : log.arrivals()) {
+    sorted.push_back(arrival.message);
+  }
+  std::stable_sort(sorted.begin(), sorted.end(), [](const Message& a, const Message& b) {
+    return effective_stamp(a) < effective_stamp(b);
+  });
+  for (const Message& message : sorted) {
+    in_order.on(message);
+  }
+  for (const MessageLog::Arrival& arrival : log.arrivals()) {
+    as_they_come.on(arrival.message);
+  }
+  ASSERT_TRUE(in_order.is_ready());
+  ASSERT_TRUE(as_they_come.is_ready());
+  EXPECT_EQ(as_they_come.used_until(), in_order.used_until());
+  expect_same(as_they_come.initializer().estimator().estimate(),
+              in_order.initializer().estimator().estimate());
+}
+
+TEST(StartSearch, leaves_out_what_comes_after_its_turn_and_keeps_what_it_has_not_used) {
+  StartSearch search(unstarted().initializer(), kSecond);
+  search.on(Range{0, 0, 0, 4.0, {}});
+  search.on(Range{2 * kSecond, 0, 0, 4.0, {}});
+  EXPECT_EQ(search.used_until(), 0);
+  EXPECT_TRUE(search.is_late(Range{0, 0, 1, 4.0, {}}));
+  EXPECT_FALSE(search.is_late(Range{kSecond, 0, 1, 4.0, {}}));
+  search.on(Range{0, 0, 1, 4.0, {}});
+  search.on(Range{kSecond + 1, 0, 1, 5.0, {}});
+  ASSERT_EQ(search.waiting().size(), 2U);
+  EXPECT_EQ(stamp_of(search.waiting()[0]), 2 * kSecond);  // in order of arrival
+  search.finish();
+  EXPECT_TRUE(search.waiting().empty());
+  EXPECT_EQ(search.used_until(), 2 * kSecond);
+}
+
+TEST(Live, tracks_from_a_pose_that_is_told) {
+  Live live(unstarted());
+  EXPECT_FALSE(live.is_tracking());
+  EXPECT_EQ(live.on(PositionFix{0, {1.0, 1.0}, Matrix<2, 2>::Identity()}).verdict,
+            Verdict::kIgnored);
+  live.start_at({0, {1.0, 2.0, 0.5}, 0.01 * Matrix<3, 3>::Identity()});
+  ASSERT_TRUE(live.is_tracking());
+  EXPECT_EQ(live.on(PositionFix{kSecond, {1.0, 2.0}, Matrix<2, 2>::Identity()}).verdict,
+            Verdict::kFused);
+  live.relocalize();
+  EXPECT_FALSE(live.is_tracking());
+}
+
+TEST(Live, a_source_that_is_off_is_ignored_until_it_is_on_again) {
+  Live live(unstarted());
+  live.start_at({0, {1.0, 2.0, 0.5}, 0.01 * Matrix<3, 3>::Identity()});
+  const PositionFix fix{kSecond, {1.0, 2.0}, Matrix<2, 2>::Identity()};
+  live.enable(Source::kPositions, false);
+  EXPECT_EQ(live.on(fix).verdict, Verdict::kIgnored);
+  live.enable(Source::kPositions, true);
+  EXPECT_EQ(live.on(fix).verdict, Verdict::kFused);
+}
+
+TEST(Live, a_message_that_is_not_valid_is_refused_and_forgotten) {
+  Live live(unstarted());
+  testing::expect_refused([&] { live.on(Range{0, 0, 0, -1.0, {}}); }, "range");
+  live.start_at({0, {1.0, 2.0, 0.5}, 0.01 * Matrix<3, 3>::Identity()});
+  testing::expect_refused([&] { live.on(Range{0, 0, 0, -1.0, {}}); }, "range");
+  testing::expect_refused([&] { live.on(LaserScan{}); }, "");
+  EXPECT_EQ(live.on(Range{kSecond, 0, 0, 4.0, {}}).dof, 1);
+}
+
+Live found_on(const testing::Simulation& run, const Live::Options& options) {
+  Live live(unstarted(), options);
+  for (const Message& message : run.messages) {
+    live.on(message);
+  }
+  return live;
+}
+
+TEST(Live, a_clock_that_goes_back_begins_another_search_where_it_is_to_reset) {
+  const testing::Simulation run = testing::simulate(5, 20.0);
+  Live::Options options;
+  options.timeline.clock_jump = ClockJump::kReset;
+  Live live = found_on(run, options);
+  ASSERT_TRUE(live.is_tracking());
+  bool searched = false;
+  for (const Message& message : run.messages) {  // the recording begins again
+    live.on(message);
+    searched = searched || !live.is_tracking();
+  }
+  EXPECT_TRUE(searched);
+  EXPECT_EQ(live.jumps(), 1U);
+  ASSERT_TRUE(live.is_tracking());
+  EXPECT_NEAR(live.estimator().estimate().pose.x, run.x, 0.15);
+}
+
+TEST(Live, a_search_whose_clock_goes_back_begins_anew_unless_it_is_to_refuse) {
+  Live::Options options;
+  options.timeline.clock_jump = ClockJump::kReset;
+  for (const bool resets : {false, true}) {
+    Live live = resets ? Live(unstarted(), options) : Live(unstarted());
+    live.on(Range{1000 * kSecond, 0, 0, 4.0, {}});
+    live.on(Range{1001 * kSecond, 0, 0, 4.0, {}});
+    std::size_t stale = 0;
+    for (Stamp t = 0; t < 40; ++t) {
+      stale += live.on(Range{t * kSecond / 10, 0, 0, 4.0, {}}).verdict == Verdict::kStale ? 1 : 0;
+    }
+    EXPECT_EQ(stale, resets ? options.timeline.jump_after - 1 : 40U);
+    EXPECT_EQ(live.jumps(), resets ? 1U : 0U);
+  }
+}
+
+TEST(Live, reset_is_as_it_was_made) {
+  const testing::Simulation run = testing::simulate(6, 20.0);
+  Live live = found_on(run, {});
+  live.enable(Source::kRanges, false);
+  live.reset();
+  EXPECT_FALSE(live.is_tracking());
+  Live fresh(unstarted());
+  for (const Message& message : run.messages) {
+    ASSERT_EQ(live.on(message).verdict, fresh.on(message).verdict);
+  }
+  expect_same(live.estimator().estimate(), fresh.estimator().estimate());
+}
+
+TEST(Live, refuses_options_out_of_range) {
+  Live::Options options;
+  options.history = -1;
+  testing::expect_refused([&] { Live(unstarted(), options); }, "history");
+  options = {};
+  options.patience = -1;
+  testing::expect_refused([&] { Live(unstarted(), options); }, "patience");
+}
+
+}  // namespace
+}  // namespace locfuse
