@@ -1,0 +1,286 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run's configuration as the flat parameters of a ROS node: names with dots, values, bounds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import annotated_types
+import yaml
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from locfuse.config.load import load_config, parse_config
+from locfuse.config.schema import RunConfig
+from locfuse.types import ConfigError
+
+# A node hears its messages: it has no log to read and none to simulate.
+NO_PARAMETERS = ("log", "simulation")
+LARGEST_INTEGER = 2**63 - 1  # of a parameter
+LARGEST = 1.7976931348623157e308
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of a node.
+
+    Attributes
+    ----------
+    name : str
+        Keys of the configuration, joined by dots: ``estimator.gate_range``.
+    kind : str
+        ``bool``, ``int``, ``float``, ``text``, ``texts``, ``floats``; ``any`` where several will
+        do; ``yaml`` for what no parameter can hold, as YAML in a text.
+    value : bool, int, float, str, list or None
+        What the configuration says; None where it says nothing.
+    low, high : float or None
+        Least and largest value, both allowed; None without bound.
+    description : str
+        What it means, and in what unit.
+    choices : tuple of str
+        The only texts that are allowed, if any.
+    """
+
+    name: str
+    kind: str
+    value: Any
+    low: float | None
+    high: float | None
+    description: str
+    choices: tuple[str, ...] = ()
+
+
+def parameters(config: RunConfig) -> list[Parameter]:
+    """Return every parameter that a node has, with the values of a configuration.
+
+    Parameters
+    ----------
+    config : RunConfig
+
+    Returns
+    -------
+    list of Parameter
+        In the order of the configuration. Those of a part that is not there, as of ``mcl``, have
+        the value None, and so have those whose value is none.
+
+    Examples
+    --------
+    >>> found = {p.name: p for p in parameters(RunConfig())}
+    >>> found["estimator.gate_range"].value, found["estimator.gate_range"].high
+    (0.999, 1.0)
+    """
+    return list(_of_model(RunConfig, config, ""))
+
+
+def config_of(
+    given: Mapping[str, Any], path: str | Path | None = None, origin: str = "parameters"
+) -> RunConfig:
+    """Return the configuration that parameters make, over that of a file.
+
+    Parameters
+    ----------
+    given : mapping of name to value
+        Names with dots. An empty text stands for none, which parameters cannot say.
+    path : path, optional
+        A YAML file as ``locfuse run`` takes it; its log or simulation is left aside.
+    origin : str
+        Named in errors.
+
+    Raises
+    ------
+    ConfigError
+        If a parameter is unknown (names the nearest one), has a value that is not allowed, or the
+        file is wrong.
+
+    Examples
+    --------
+    >>> config_of({"estimator.gate_range": 0.99}).estimator.gate_range
+    0.99
+    >>> config_of({"estimator.gate_rnge": 0.99})  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    locfuse.types.ConfigError: parameters: estimator: unknown key 'gate_rnge'; did you mean ...
+    """
+    nested: dict[str, Any] = {}
+    if path is not None:
+        written = load_config(path).model_dump(mode="json", exclude_unset=True)
+        nested = {key: value for key, value in written.items() if key not in NO_PARAMETERS}
+    for name in sorted(given):
+        if name.partition(".")[0] in NO_PARAMETERS:
+            raise ConfigError(f"{origin}: {name} is not for a node, which hears its messages")
+        _put(nested, name, _plain(given[name]), origin)
+    return parse_config(nested, origin)
+
+
+def _put(nested: dict[str, Any], name: str, value: Any, origin: str) -> None:
+    *parents, last = name.split(".")
+    model: Any = RunConfig
+    for key in parents:
+        below = nested.get(key)
+        if below is None:
+            below = nested[key] = {}
+        if not isinstance(below, dict):
+            raise ConfigError(f"{origin}: {name} is below {key}, which is {below!r}; set one")
+        nested, model = below, _inside(model, key)
+    field = getattr(model, "model_fields", {}).get(last)
+    if field is not None and value == "" and NoneType in _options(field.annotation):
+        value = None
+    if field is not None and isinstance(value, str) and _kind(field) == "yaml":
+        try:
+            value = yaml.safe_load(value)
+        except yaml.YAMLError as error:
+            what = getattr(error, "problem", None) or "it cannot be read"
+            raise ConfigError(f"{origin}: {name}: is no YAML ({what})") from None
+    nested[last] = value
+
+
+def _plain(value: Any) -> Any:
+    """Return arrays, of whatever kind a client library has them, as lists."""
+    if isinstance(value, bool | int | float | str) or value is None:
+        return value
+    return [item.item() if hasattr(item, "item") else item for item in value]
+
+
+def _inside(model: Any, key: str) -> Any:
+    field = getattr(model, "model_fields", {}).get(key)
+    if field is None:
+        return None
+    return next((o for o in _options(field.annotation) if _is_model(o)), None)
+
+
+def _of_model(model: type[BaseModel], value: Any, prefix: str) -> Iterator[Parameter]:
+    for key, field in model.model_fields.items():
+        if not prefix and key in NO_PARAMETERS:
+            continue
+        inner = None if value is None else getattr(value, key)
+        part = next((o for o in _options(field.annotation) if _is_model(o)), None)
+        if part is not None:
+            yield from _of_model(part, inner, f"{prefix}{key}.")
+        elif _mapping(field) is not None:
+            yield from _of_mapping(model, key, field, inner or {}, prefix)
+        else:
+            yield _of_field(model, key, field, inner, prefix)
+
+
+def _of_mapping(
+    model: type[BaseModel], key: str, field: FieldInfo, value: Mapping[str, Any], prefix: str
+) -> Iterator[Parameter]:
+    """Yield the parameters of a mapping by name: as many as the configuration names."""
+    _, inside = get_args(_mapping(field))
+    for name, item in value.items():
+        if _is_model(inside):
+            yield from _of_model(inside, item, f"{prefix}{key}.{name}.")
+        else:
+            text = _meaning(model, key)
+            kind = "float" if isinstance(item, float) else "text"
+            yield Parameter(f"{prefix}{key}.{name}", kind, item, None, None, text)
+
+
+def _of_field(
+    model: type[BaseModel], key: str, field: FieldInfo, value: Any, prefix: str
+) -> Parameter:
+    kind = _kind(field)
+    low, high = _bounds(field, integer=kind == "int")
+    if isinstance(value, tuple | list):
+        value = list(value)
+    if kind == "yaml" and value is not None:
+        plain = [item.model_dump(mode="json") for item in value]
+        value = yaml.safe_dump(plain, default_flow_style=True).strip()
+    if kind == "int" and value is not None and value > LARGEST_INTEGER:
+        raise ConfigError(f"{prefix}{key} is {value}; a parameter holds up to {LARGEST_INTEGER}")
+    choices = tuple(c for o in _options(field.annotation) if get_origin(o) is Literal
+                    for c in get_args(o))  # fmt: skip
+    return Parameter(prefix + key, kind, value, low, high, _meaning(model, key), choices)
+
+
+def _options(annotation: Any) -> list[Any]:
+    """Return what a type may be: the members of a union, without what annotates them."""
+    if get_origin(annotation) is Annotated:
+        return _options(get_args(annotation)[0])
+    if get_origin(annotation) in (Union, UnionType):
+        return [option for member in get_args(annotation) for option in _options(member)]
+    return [annotation]
+
+
+def _is_model(option: Any) -> bool:
+    return isinstance(option, type) and issubclass(option, BaseModel)
+
+
+def _mapping(field: FieldInfo) -> Any:
+    """Return the type of a mapping, None for anything else."""
+    return next((o for o in _options(field.annotation) if get_origin(o) is dict), None)
+
+
+def _kind(field: FieldInfo) -> str:
+    options = [o for o in _options(field.annotation) if o is not NoneType]
+    if len(options) != 1:
+        return "any"
+    (option,) = options
+    if get_origin(option) is Literal:
+        return "text"
+    if get_origin(option) in (list, tuple):
+        item = _options(get_args(option)[0])[0]
+        if _is_model(item):
+            return "yaml"
+        return "floats" if item is float else "texts"
+    return {bool: "bool", int: "int", float: "float", str: "text"}[option]
+
+
+def _bounds(field: FieldInfo, *, integer: bool) -> tuple[float | None, float | None]:
+    """Return the least and the largest value; what is open in the schema ends just inside."""
+    low: float | None = None
+    high: float | None = None
+    for bound in _constraints(field.annotation, field.metadata):
+        if isinstance(bound, annotated_types.Ge):
+            low = _number(bound.ge)
+        elif isinstance(bound, annotated_types.Gt):
+            low = _number(bound.gt) + 1 if integer else math.nextafter(_number(bound.gt), math.inf)
+        elif isinstance(bound, annotated_types.Le):
+            high = _number(bound.le)
+        elif isinstance(bound, annotated_types.Lt):
+            high = _number(bound.lt) - 1 if integer else math.nextafter(_number(bound.lt), 0.0)
+    if integer and (low is not None or high is not None):
+        low = max(-LARGEST_INTEGER, low if low is not None else -LARGEST_INTEGER)
+        high = min(LARGEST_INTEGER, high if high is not None else LARGEST_INTEGER)
+    elif low is not None or high is not None:
+        low, high = (-LARGEST if low is None else low), (LARGEST if high is None else high)
+    return low, high
+
+
+def _number(bound: Any) -> float:
+    return bound  # type: ignore[no-any-return]
+
+
+def _constraints(annotation: Any, metadata: Any) -> Iterator[Any]:
+    """Yield the bounds of a number, however deep unions and aliases hide them."""
+    for item in metadata:
+        if isinstance(item, FieldInfo):
+            yield from item.metadata
+        else:
+            yield item
+    if get_origin(annotation) is Annotated:
+        inner, *more = get_args(annotation)
+        yield from _constraints(inner, more)
+    elif get_origin(annotation) in (Union, UnionType):
+        for member in get_args(annotation):
+            yield from _constraints(member, ())
+
+
+def _meaning(model: type[BaseModel], key: str) -> str:
+    return _meanings().get(f"{model.__name__}.{key}", "")
+
+
+_read: dict[str, str] = {}
+
+
+def _meanings() -> dict[str, str]:
+    """Return what each key means; docs/configuration.md says the same, a test compares."""
+    if not _read:
+        text = resources.files("locfuse.ros").joinpath("meanings.yaml").read_text("utf-8")
+        _read.update(yaml.safe_load(text))
+    return _read
