@@ -18,9 +18,16 @@ bool may_decide(const LaserScan& /*scan*/) { return true; }
 
 }  // namespace
 
+int StartSearch::Entry::turn() const {
+  if (is_scan()) {
+    return 2;
+  }
+  return source_of(std::get<Message>(heard)) == Source::kOdometry ? 0 : 1;
+}
+
 bool StartSearch::Entry::operator<(const Entry& other) const {
-  return std::make_tuple(stamp, is_scan(), arrival) <
-         std::make_tuple(other.stamp, other.is_scan(), other.arrival);
+  return std::make_tuple(stamp, turn(), arrival) <
+         std::make_tuple(other.stamp, other.turn(), other.arrival);
 }
 
 StartSearch::StartSearch(Initializer initializer, Stamp patience)

@@ -14,7 +14,7 @@ namespace locfuse {
 ///
 /// What arrives waits until something has come that is `patience` younger: so an increment, which
 /// tells of a motion that has ended, is driven before the ranges that were taken on the way. At
-/// equal stamps messages come before scans, and the Initializer is asked when all of a stamp has
+/// equal stamps odometry comes first and scans last, and the Initializer is asked when all of a stamp has
 /// been heard: what is of one instant belongs together.
 class StartSearch {
  public:
@@ -48,6 +48,7 @@ class StartSearch {
     std::size_t arrival;
     std::variant<Message, LaserScan> heard;
     [[nodiscard]] bool is_scan() const { return heard.index() == 1; }
+    [[nodiscard]] int turn() const;  // among those of one stamp
     bool operator<(const Entry& other) const;
   };
 

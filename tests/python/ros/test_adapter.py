@@ -1,0 +1,374 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The adapter between topics, fed with messages as rospy and rclpy make them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from locfuse.config.load import parse_config
+from locfuse.config.schema import RunConfig
+from locfuse.io.log_folder import write_log
+from locfuse.ros.adapter import Adapter
+from locfuse.ros.decode import heading_of, stamp_ns
+from locfuse.ros.encode import Fields, Publication
+from locfuse.ros.peers import in_order_of_arrival, static_of
+from locfuse.run import load_log, run
+from locfuse.types import NANOSECONDS, Columns, ConfigError, Log
+from support_ros import message
+
+LATER = 1000 * NANOSECONDS  # drivers stamp with a clock that has begun long ago
+ROOM: dict[str, Any] = {
+    "simulation": {
+        "path": {"shape": "eight", "radius_m": 2.0},
+        "duration_s": 20.0,
+        "poses": None,
+    },
+    "start": "auto",
+    "seed": 3,
+}
+
+
+def room(**changes: Any) -> tuple[RunConfig, Log]:
+    config = parse_config({**ROOM, **changes})
+    log = load_log(config, None, config.seed)
+    tables = {name: _later(table) for name, table in log.tables.items()}
+    return config, replace(log, tables=tables)
+
+
+def _later(table: Columns) -> Columns:
+    return {key: values + LATER if key.endswith("_ns") else values for key, values in table.items()}
+
+
+class Robot:
+    """An adapter that hears a log, and what it said."""
+
+    def __init__(self, config: RunConfig, log: Log, ros: str = "ros2", **options: Any) -> None:
+        self.adapter = Adapter(config, **options)
+        self.config, self.log, self.ros = config, log, ros
+        self.of = {s.topic.lstrip("/"): s.source for s in self.adapter.subscriptions}
+        self.told: list[Publication] = []
+        self.problems: list[str] = []
+
+    def hear(self, told: Publication, now_ns: int, **changes: Any) -> None:
+        topic = told.topic.lstrip("/")
+        if topic in self.of:
+            made = message(told, self.ros, **changes)
+            self.told += self.adapter.on(self.of[topic], topic, made, now_ns)
+            self.problems += self.adapter.problems()
+
+    def learn(self) -> None:
+        """Hear of anchors, map and mounts."""
+        for told in static_of(self.log, self.config.ros):
+            self.hear(told, LATER)
+
+    def drive(self, begin_s: float = 0.0, end_s: float = 1e9, later_s: float = 0.0) -> None:
+        """Hear the messages of a part of the log, by a clock that ticks along."""
+        tick = 0
+        for arrival in in_order_of_arrival(self.log, self.config.ros):
+            if begin_s <= (arrival.arrival_ns - LATER) / NANOSECONDS < end_s:
+                now = arrival.arrival_ns + round(later_s * NANOSECONDS)
+                self.hear(arrival.publication, now)
+                if now >= tick:
+                    tick = now + NANOSECONDS // 10
+                    self.tick(now)
+
+    def tick(self, now_ns: int) -> None:
+        self.told += self.adapter.tick(now_ns)
+        self.problems += self.adapter.problems()
+
+    def said(self, topic: str) -> list[Fields]:
+        return [one.fields for one in self.told if one.topic == topic]
+
+    def health(self) -> Fields:
+        return dict(self.said("diagnostics")[-1]["status"][0])
+
+
+def stamps(told: list[Fields]) -> list[int]:
+    return [one["header"]["stamp"]["ns"] for one in told]
+
+
+def pose_of(fields: Fields) -> list[float]:
+    made = message(fields)
+    at = made.pose.pose
+    return [at.position.x, at.position.y, heading_of(at.orientation)]
+
+
+@pytest.mark.parametrize("ros", ["ros1", "ros2"])
+@pytest.mark.parametrize("odometry_from", ["pose", "twist"])
+def test_poses_are_those_of_the_run(ros: str, odometry_from: str) -> None:
+    told = {"odometry_from": odometry_from, "estimate_at": "fused"}
+    config, log = room(ros=told)
+    if odometry_from == "twist":
+        odometry = log["odometry"]
+        seconds = np.diff(odometry["stamp_ns"], prepend=odometry["stamp_ns"][0] - 1) / NANOSECONDS
+        velocity = {"stamp_ns": odometry["stamp_ns"], "v_mps": odometry["dx_m"] / seconds,
+                    "omega_radps": odometry["dheading_rad"] / seconds}  # fmt: skip
+        velocity["v_mps"][0] = velocity["omega_radps"][0] = 0.0
+        log = replace(log, tables={**log.tables, "odometry": velocity})
+    robot = Robot(config, log, ros)
+    robot.learn()
+    robot.drive()
+    estimate = run(config, log).estimate
+    assert estimate.heading is not None
+    last = {stamp: one for one in robot.said("locfuse/pose") for stamp in stamps([one])}
+    same = [row for row, stamp in enumerate(estimate.stamp_ns.tolist()) if stamp in last]
+    assert len(same) > 0.9 * len(estimate)
+    for row in same:
+        x, y, heading = pose_of(last[int(estimate.stamp_ns[row])])
+        assert [x, y] == pytest.approx(estimate.position[row].tolist(), abs=1e-9)
+        assert heading == pytest.approx(estimate.heading[row], abs=1e-9)
+    assert not robot.problems
+
+
+def test_it_is_ok_soon_and_knows_where_it_is() -> None:
+    config, log = room()
+    robot = Robot(config, log)
+    robot.learn()
+    robot.drive()
+    assert robot.health()["message"] == "ok"
+    truth = log["truth"]
+    last = robot.said("locfuse/pose")[-1]
+    row = int(np.searchsorted(truth["stamp_ns"], stamps([last])[0]))
+    x, y, _ = pose_of(last)
+    assert np.hypot(x - truth["x_m"][row], y - truth["y_m"][row]) < 0.2
+    covariance = np.asarray(last["pose"]["covariance"]).reshape(6, 6)
+    assert 0.0 < covariance[0, 0] < 0.05
+    names = {one["name"] for one in robot.said("diagnostics")[-1]["status"]}
+    assert {"locfuse: localization", "locfuse: anchor A1", "locfuse: messages"} <= names
+    path = robot.said("locfuse/path")[-1]
+    assert len(path["poses"]) > 50
+
+
+def test_map_to_odom_leads_to_the_pose_and_never_goes_back_in_time() -> None:
+    config, log = room()
+    robot = Robot(config, log)
+    robot.learn()
+    robot.drive()
+    told = [one["transforms"][0] for one in robot.said("tf")]
+    times = stamps(told)
+    assert all(after > before for before, after in pairwise(times))
+    assert told[-1]["header"]["frame_id"] == "map"
+    assert told[-1]["child_frame_id"] == "odom"
+    ahead = round(config.ros.transform_ahead_s * NANOSECONDS)
+    row = told[-20]
+    poses = {s: one for one in robot.said("locfuse/pose") for s in stamps([one])}
+    stamp = next(s for s in sorted(poses) if s >= row["header"]["stamp"]["ns"] - ahead)
+    odometry = _poses_of_odometry(robot)
+    x, y, heading = pose_of(poses[stamp])
+    t = row["transform"]["translation"]
+    turn = heading_of(message(row["transform"]["rotation"]))
+    at = odometry[stamp]
+    assert t["x"] + np.cos(turn) * at[0] - np.sin(turn) * at[1] == pytest.approx(x, abs=0.02)
+    assert t["y"] + np.sin(turn) * at[0] + np.cos(turn) * at[1] == pytest.approx(y, abs=0.02)
+    assert np.cos(turn + at[2] - heading) == pytest.approx(1.0, abs=1e-3)
+
+
+def _poses_of_odometry(robot: Robot) -> dict[int, list[float]]:
+    found = {}
+    for arrival in in_order_of_arrival(robot.log, robot.config.ros):
+        if arrival.publication.topic == "odom":
+            fields = arrival.publication.fields
+            found[fields["header"]["stamp"]["ns"]] = pose_of(fields)
+    return found
+
+
+def test_a_folder_of_the_world_counts_more_than_topics(tmp_path: Path) -> None:
+    config, log = room()
+    write_log(log, tmp_path / "world")
+    config = config.model_copy(update={"ros": config.ros.model_copy(update={"world": "world"})})
+    robot = Robot(config, log, base=tmp_path)
+    wrong = {**log["anchors"], "x_m": log["anchors"]["x_m"] + 3.0}
+    for told in static_of(replace(log, tables={**log.tables, "anchors": wrong}), config.ros):
+        robot.hear(told, LATER)
+    robot.drive()
+    assert robot.health()["message"] == "ok"
+
+
+def test_a_folder_of_the_world_needs_no_messages_and_must_be_there(tmp_path: Path) -> None:
+    config, log = room()
+    write_log(log, tmp_path / "world")
+    for name in ("odometry", "ranges", "truth"):
+        (tmp_path / "world" / f"{name}.csv").unlink()
+    ros = config.ros.model_copy(update={"world": "world"})
+    robot = Robot(config.model_copy(update={"ros": ros}), log, base=tmp_path)
+    robot.drive()
+    assert robot.health()["message"] == "ok"
+    with pytest.raises(ValueError, match="no such folder"):
+        Robot(config.model_copy(update={"ros": ros}), log, base=tmp_path / "elsewhere")
+
+
+def test_what_it_needs_and_does_not_get_is_named_once() -> None:
+    config, log = room()
+    robot = Robot(config, log)
+    for second in range(20):
+        robot.tick(LATER + second * NANOSECONDS)
+    assert len(robot.problems) == len(set(robot.problems))
+    text = " ".join(robot.problems)
+    assert "nothing comes on odom (nav_msgs/Odometry)" in text
+    assert "nothing comes on uwb" in text
+    assert "ros.topics.ranges" in text
+    assert robot.health()["message"] == "nothing has been heard yet"
+
+
+def test_ranges_without_anchors_or_mounts_are_told_of() -> None:
+    config, log = room()
+    robot = Robot(config, log)
+    robot.drive(end_s=2.0)
+    assert len([p for p in robot.problems if "no anchors are known" in p]) == 1
+    for told in static_of(log, config.ros):
+        if told.topic == "anchors":
+            robot.hear(told, LATER)
+    robot.drive(begin_s=2.0, end_s=4.0)
+    assert any("tag sits" in p and "tf_static" in p for p in robot.problems)
+    assert robot.said("locfuse/pose") == []
+
+
+def test_a_world_that_comes_late_is_taken() -> None:
+    config, log = room()
+    robot = Robot(config, log)
+    robot.drive(end_s=5.0)
+    robot.learn()
+    robot.drive(begin_s=5.0)
+    assert robot.health()["message"] == "ok"
+
+
+@pytest.mark.parametrize(
+    ("topic", "changes", "says"),
+    [
+        ("odom", {"pose__pose__position__x": float("nan")}, "position.x is nan"),
+        ("odom", {"header__stamp": {"ns": 0}}, "the stamp is 0"),
+        ("odom", {"child_frame_id": "camera"}, "in frame 'camera', expected 'base_link'"),
+        ("odom", {"header__stamp": {"ns": 5 * LATER}}, "ahead of the clock"),
+        ("uwb", {"ranges": [7]}, "no ranges to anchors"),
+    ],
+)
+def test_a_bad_message_is_one_sentence_and_loses_nothing(
+    topic: str, changes: dict[str, Any], says: str
+) -> None:
+    config, log = room()
+    robot, same = Robot(config, log), Robot(config, log)
+    robot.learn()
+    same.learn()
+    robot.drive(end_s=10.0)
+    same.drive(end_s=10.0)
+    now = LATER + 10 * NANOSECONDS
+    arrivals = in_order_of_arrival(log, config.ros)
+    bad = next(publication for arrival_ns, publication in arrivals
+               if publication.topic == topic and arrival_ns > now)  # fmt: skip
+    for _ in range(50):
+        robot.hear(bad, now, **changes)
+    robot.drive(begin_s=10.0)
+    same.drive(begin_s=10.0)
+    assert len(robot.problems) == 1
+    assert says in robot.problems[0]
+    assert (
+        robot.said("locfuse/pose")[-1]["pose"]["pose"]
+        == (same.said("locfuse/pose")[-1]["pose"]["pose"])
+    )
+    told = robot.said("diagnostics")[-1]["status"][-1]["values"]
+    counts = {one["key"]: one["value"] for one in told}
+    assert sum(int(v) for k, v in counts.items() if k.endswith("refused")) == 50
+
+
+def test_silence_is_lost_and_ends_with_the_first_messages() -> None:
+    config, log = room()
+    robot = Robot(config, log)
+    robot.learn()
+    robot.drive(end_s=10.0)
+    robot.tick(LATER + 14 * NANOSECONDS)
+    assert "nothing has been heard for" in robot.health()["message"]
+    assert robot.health()["level"] == 2
+    robot.drive(begin_s=10.0, later_s=5.0)
+    assert robot.health()["message"] == "ok"
+
+
+def test_a_simulation_that_begins_again_is_followed() -> None:
+    config, log = room(clock_jump="reset")
+    robot = Robot(config, log)
+    robot.learn()
+    robot.drive()
+    robot.told.clear()
+    robot.drive()
+    assert any("clock went back" in p for p in robot.problems)
+    assert robot.health()["message"] == "ok"
+    assert min(stamps(robot.said("locfuse/pose"))) < LATER + 5 * NANOSECONDS
+
+
+def test_the_start_is_told_once_latched_and_again_after_another_search() -> None:
+    config, log = room(ros={"topics": {"start": "initialpose"}})
+    robot = Robot(config, log)
+    robot.learn()
+    robot.drive(end_s=10.0)
+    told = [one for one in robot.told if one.topic == "initialpose"]
+    assert len(told) == 1
+    assert told[0].latched
+    robot.hear(told[0], LATER + 10 * NANOSECONDS)  # what it said itself
+    robot.adapter.relocalize()
+    robot.drive(begin_s=10.0)
+    assert len([one for one in robot.told if one.topic == "initialpose"]) == 2
+    assert not robot.problems
+
+
+def test_a_pose_that_is_set_is_taken_and_one_without_covariance_is_not() -> None:
+    config, log = room(use=["odometry", "ranges"])
+    robot = Robot(config, log)
+    robot.learn()
+    robot.drive(end_s=1.0)
+    start = config.ros.topics.estimate
+    assert start is not None
+    truth = log["truth"]
+    row = int(np.searchsorted(truth["stamp_ns"], LATER + NANOSECONDS))
+    at = {
+        "position": {"x": float(truth["x_m"][row]), "y": float(truth["y_m"][row]), "z": 0.0},
+        "orientation": {"x": 0.0, "y": 0.0, "z": float(np.sin(truth["heading_rad"][row] / 2)),
+                        "w": float(np.cos(truth["heading_rad"][row] / 2))},
+    }  # fmt: skip
+    told: Fields = {"header": {"stamp": {"ns": LATER + NANOSECONDS}, "frame_id": "map"},
+            "pose": {"pose": at, "covariance": np.zeros(36)}}  # fmt: skip
+    topic = Publication("initialpose", "geometry_msgs/PoseWithCovarianceStamped", told)
+    robot.hear(topic, LATER + NANOSECONDS)
+    assert any("no covariance" in p for p in robot.problems)
+    told["pose"]["covariance"] = np.diag([0.1, 0.1, 0.0, 0.0, 0.0, 0.1]).ravel()
+    robot.told.clear()
+    robot.hear(topic, LATER + NANOSECONDS)
+    assert len(robot.said("locfuse/pose")) == 1
+    told["header"]["frame_id"] = "odom"
+    robot.hear(topic, LATER + NANOSECONDS)
+    assert any("expected 'map'" in p for p in robot.problems)
+
+
+def test_a_source_is_switched_off_and_on() -> None:
+    config, log = room()
+    robot = Robot(config, log)
+    robot.learn()
+    robot.adapter.enable("ranges", False)
+    robot.drive(end_s=5.0)
+    assert robot.said("locfuse/pose") == []
+    robot.adapter.enable("ranges", True)
+    robot.drive(begin_s=5.0)
+    assert robot.health()["message"] == "ok"
+    with pytest.raises(ConfigError, match="did you mean"):
+        robot.adapter.enable("rangs", True)
+
+
+def test_reset_forgets_all_but_the_world() -> None:
+    config, log = room()
+    robot = Robot(config, log)
+    robot.learn()
+    robot.drive()
+    robot.adapter.reset()
+    robot.told.clear()
+    robot.tick(LATER)
+    assert robot.health()["message"] == "nothing has been heard yet"
+    robot.drive()
+    assert robot.health()["message"] == "ok"
+
+
+def test_a_stamp_of_either_ros_is_read() -> None:
+    assert stamp_ns(message({"stamp": {"ns": 5}}, "ros1").stamp) == 5
