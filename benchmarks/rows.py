@@ -38,7 +38,7 @@ def all_rows(m: Measured) -> list[Row]:
     """Return every row; those of peers that are not there say so."""
     return [*filter_rows(m), *evaluation_rows(m), *range_rows(m), *scan_rows(m), *map_rows(m),
             *cylinder_rows(m), *particle_rows(m), *landmark_rows(m), *tag_rows(m),
-            *lap_rows(m)]  # fmt: skip
+            *lap_rows(m), *live_rows(m)]  # fmt: skip
 
 
 def filter_rows(m: Measured) -> Iterator[Row]:
@@ -96,6 +96,14 @@ def lap_rows(m: Measured) -> Iterator[Row]:
                        ("covered_switch", "- half a laser, UWB by a switch")):  # fmt: skip
         driven_s = m.counted[f"lap[{name}]"]["seconds_driven"]
         yield _at_least(what, m[f"lap[{name}]"], driven_s, 100.0)
+
+
+def live_rows(m: Measured) -> Iterator[Row]:
+    """Compare 10 s of a robot with what its adapter takes, on one core, without middleware."""
+    driven_s = m.counted["through_the_adapter"]["seconds_driven"]
+    yield _at_least("Python, 24 anchors and odometry at 100 Hz by the adapter: driven / heard",
+                    m["through_the_adapter"], driven_s, 10.0)  # fmt: skip
+    yield _plain("- the adapter / locfuse.run on the log", m, "by_run", "through_the_adapter")
 
 
 def evaluation_rows(m: Measured) -> Iterator[Row]:

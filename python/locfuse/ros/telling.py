@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections import deque
 
 from locfuse import _core
@@ -35,15 +34,17 @@ class Odometry:
 
     def at(self, stamp_ns: int) -> _core.Pose2 | None:
         """Return the pose at a stamp, on an arc between two; None outside of what is kept."""
-        stamps = [stamp for stamp, _ in self._rows]
-        i = bisect_left(stamps, stamp_ns)
-        if i == len(stamps):
+        t1, after = 0, None
+        for t0, before in reversed(self._rows):  # what is asked for is nearly always the newest
+            if t0 == stamp_ns:
+                return before
+            if t0 < stamp_ns:
+                break
+            t1, after = t0, before
+        else:
             return None
-        if stamps[i] == stamp_ns:
-            return self._rows[i][1]
-        if i == 0:
+        if after is None:
             return None
-        (t0, before), (t1, after) = self._rows[i - 1], self._rows[i]
         share = (stamp_ns - t0) / (t1 - t0)
         moved = before.inverse() * after
         part = _core.Pose2(share * moved.x, share * moved.y, share * moved.heading)
