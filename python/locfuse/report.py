@@ -3,10 +3,9 @@
 
 from __future__ import annotations
 
-import base64
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from locfuse.eval.verdicts import (
     rejected_stretches,
     source_rank,
 )
+from locfuse.page import page, picture, table
 from locfuse.types import NANOSECONDS, RunResult
 
 __all__ = ["write_report"]
@@ -66,73 +66,6 @@ _CAPTIONS = {
         "down all of them.",
     ),
 }
-
-# The policy forbids the browser to load anything: what is seen is what is in the file.
-_PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy"
- content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
-<title>{title}</title>
-<style>
-:root {{ color-scheme: light dark; --page: #f6f7f8; --card: #ffffff; --ink: #1f2328;
-  --muted: #5b636b; --line: #d9dde1; --bad: #b04a00; --good: #00694c; }}
-@media (prefers-color-scheme: dark) {{
-  :root {{ --page: #16181b; --card: #202327; --ink: #e8eaec; --muted: #a3abb3; --line: #3a3f45;
-    --bad: #ff9a57; --good: #4fd0a6; }}
-  img {{ filter: brightness(0.92); }}
-}}
-* {{ box-sizing: border-box; }}
-body {{ margin: 0; background: var(--page); color: var(--ink);
-  font: 16px/1.5 system-ui, -apple-system, "Segoe UI", sans-serif; }}
-main {{ max-width: 1120px; margin: 0 auto; padding: 24px 16px 48px; }}
-h1 {{ font-size: 1.7rem; line-height: 1.25; margin: 0 0 4px; overflow-wrap: anywhere; }}
-h2 {{ font-size: 1.2rem; margin: 40px 0 4px; }}
-p {{ margin: 4px 0 12px; max-width: 80ch; overflow-wrap: anywhere; }}
-.quiet {{ color: var(--muted); }}
-.cards {{ display: grid; grid-template-columns: repeat(auto-fill, minmax(150px, 1fr));
-  gap: 12px; margin: 20px 0 12px; }}
-@media (min-width: 760px) {{ .cards {{ grid-template-columns: repeat(4, 1fr); }} }}
-.card {{ background: var(--card); border: 1px solid var(--line); border-radius: 8px;
-  padding: 10px 14px; }}
-.card b {{ display: block; font-size: 1.35rem; line-height: 1.3; white-space: nowrap;
-  font-variant-numeric: tabular-nums; }}
-.card span {{ display: block; color: var(--muted); font-size: 0.85rem; line-height: 1.35; }}
-.bad {{ color: var(--bad) !important; font-weight: 600; }}
-.good {{ color: var(--good) !important; font-weight: 600; }}
-.wide {{ overflow-x: auto; }}
-figure {{ margin: 8px 0 0; }}
-img {{ display: block; width: 100%; min-width: 640px; height: auto; background: #ffffff;
-  border: 1px solid var(--line); border-radius: 8px; }}
-table {{ border-collapse: collapse; background: var(--card); margin: 8px 0;
-  font-variant-numeric: tabular-nums; }}
-th, td {{ border-bottom: 1px solid var(--line); padding: 5px 14px; text-align: right;
-  white-space: nowrap; }}
-th {{ color: var(--muted); font-weight: 600; font-size: 0.88rem; }}
-th:first-child, td:first-child {{ text-align: left; }}
-#rejected-table th:last-child, #rejected-table td:last-child {{ text-align: left;
-  white-space: normal; min-width: 10em; }}
-@media (max-width: 672px) {{
-  figure::after {{ content: "Swipe the picture sideways to see all of it."; color: var(--muted);
-    font-size: 0.85rem; }}
-  table {{ font-size: 0.82rem; }}
-  th, td {{ padding: 5px; }}
-  th, #rejected-table td {{ white-space: normal; font-size: inherit; }}
-}}
-summary {{ cursor: pointer; font-size: 1.2rem; font-weight: 600; margin-top: 40px; }}
-pre {{ background: var(--card); border: 1px solid var(--line); border-radius: 8px; padding: 14px;
-  overflow-x: auto; font-size: 0.85rem; }}
-</style>
-</head>
-<body>
-<main>
-{body}
-</main>
-</body>
-</html>
-"""
 
 
 def write_report(result: RunResult, out_dir: Path) -> Path:
@@ -190,9 +123,9 @@ def write_report(result: RunResult, out_dir: Path) -> Path:
             _configuration(result),
         ]
     )
-    page = out_dir / "report.html"
-    page.write_text(_PAGE.format(title=escape(title), body=body), encoding="utf-8")
-    return page
+    file = out_dir / "report.html"
+    file.write_text(page(title, body), encoding="utf-8")
+    return file
 
 
 def _title(result: RunResult) -> str:
@@ -220,12 +153,7 @@ def _picture(name: str, file: Path, result: RunResult) -> str:
         notable=100 * SUSPECT_SHARE,
         truth="" if result.truth is None else " against truth",
     )
-    data = base64.b64encode(file.read_bytes()).decode("ascii")
-    return (
-        f'<h2 id="{name}">{heading}</h2>\n<figure><figcaption><p class="quiet">{escape(caption)}'
-        f'</p></figcaption><div class="wide"><img alt="{escape(heading)}" '
-        f'src="data:image/png;base64,{data}"></div></figure>'
-    )
+    return picture(name, heading, caption, file)
 
 
 def _missing(name: str, result: RunResult) -> str:
@@ -262,7 +190,7 @@ def _counts_table(result: RunResult) -> str:
     lines = ['<h2 id="counts">What became of the messages</h2>']
     if meaning:
         lines.append(f'<p class="quiet">{escape(meaning)}.</p>')
-    return "\n".join([*lines, _table("counts", head, rows)])
+    return "\n".join([*lines, table("counts", head, rows)])
 
 
 def _expected_nis(result: RunResult, source: str) -> str:
@@ -289,7 +217,7 @@ def _rejected_table(result: RunResult) -> str:
         for row in rows
     ]
     head = ["anchor or source", "rejected", "when, and how many in a row"]
-    return heading + _table("rejected", head, cells)
+    return heading + table("rejected", head, cells)
 
 
 def _switches_table(result: RunResult) -> str:
@@ -304,7 +232,7 @@ def _switches_table(result: RunResult) -> str:
         before, after = (_sigmas(text) for text in re.findall(r"\[(.*?)\]", covariances))
         cells.append([f"{after_s:.1f} s", why, before, after])
     head = ["when", "why", "sigma of the particles before", "sigma by UWB, after"]
-    return '<h2 id="switches">When UWB took over</h2>\n' + _table("switches", head, cells)
+    return '<h2 id="switches">When UWB took over</h2>\n' + table("switches", head, cells)
 
 
 def _sigmas(upper: str) -> str:
@@ -335,14 +263,6 @@ def _configuration(result: RunResult) -> str:
         _plain(result.config), sort_keys=False, allow_unicode=True, default_flow_style=None
     )
     return f"<details><summary>Effective configuration</summary><pre>{escape(text)}</pre></details>"
-
-
-def _table(name: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table whose cells are escaped here, and only here."""
-    lines = ["<tr>" + "".join(f"<th>{escape(c)}</th>" for c in head) + "</tr>"]
-    lines += ["<tr>" + "".join(f"<td>{escape(c)}</td>" for c in row) + "</tr>" for row in rows]
-    body = "\n".join(lines)
-    return f'<div class="wide"><table id="{name}-table">\n{body}\n</table></div>'
 
 
 def _plain(value: Any) -> Any:
