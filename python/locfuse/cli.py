@@ -309,7 +309,9 @@ def position(
 
 @app.command("reproduce")
 def reproduce_command(
-    paper: Annotated[str, typer.Argument(help=f"One of: {', '.join(PAPERS)}.")],
+    paper: Annotated[
+        str, typer.Argument(help=f"One of: {', '.join(PAPERS)}; or all, the five papers.")
+    ],
     seeds: Annotated[int, typer.Option(help="Runs per simulated experiment.", min=2)] = 100,
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Also write the rows here.")
@@ -317,8 +319,13 @@ def reproduce_command(
     pictures: Annotated[
         Path | None, typer.Option(help="Also draw pictures into this folder.")
     ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Of all: fewer seeds.")] = False,
+    out: Annotated[Path, typer.Option(help="Of all: folder for the page.")] = Path("out/papers"),
 ) -> None:
     """Run a paper's experiments and compare: claim, paper's figure, ours, required, met."""
+    if paper == "all":
+        _reproduce_all(out, quick)
+        return
     with _progress("runs") as (bar, task):
         claims = reproduce(
             paper, seeds, lambda done, total: bar.update(task, completed=done, total=total)
@@ -333,6 +340,28 @@ def reproduce_command(
         for path in draw(paper, seeds, pictures):
             console.print(f"picture: {path}", soft_wrap=True)
     if any(claim.met is False for claim in claims):
+        raise typer.Exit(1)
+
+
+def _reproduce_all(out: Path, quick: bool) -> None:
+    """Repeat the five papers; one line each, and where the page is."""
+    from locfuse.papers import PAGE, repeat_all  # its pictures load slowly
+
+    _check_folder(out)
+    with _progress("papers") as (bar, task):
+        repeated = repeat_all(
+            out, quick, lambda done, total: bar.update(task, completed=done, total=total)
+        )
+    for one in repeated:
+        required = [row for row in one.claims if row["required"] != "-"]
+        missed = [row["claim"] for row in required if row["met"] is False]
+        console.print(
+            f"{one.paper:12} {one.error or f'{len(required) - len(missed)} of {len(required)} met'}"
+            f", {one.seeds} seeds, {one.seconds:.0f} s", markup=False)  # fmt: skip
+        for claim in missed:
+            console.print(f"{'':12} missed: {claim}", soft_wrap=True, markup=False)
+    console.print(f"page: {out / PAGE}", soft_wrap=True)
+    if any(one.error or any(row["met"] is False for row in one.claims) for one in repeated):
         raise typer.Exit(1)
 
 

@@ -287,4 +287,3 @@ def _truth(log: Log, topic: str, ros: Ros) -> Iterator[Arrival]:
         told = encode.odometry(topic, stamp, pose, (0.0, 0.0), frames.map, frames.base,
                                0.0 if z is None else float(z[row]))  # fmt: skip
         yield Arrival(arrival, told)
-
