@@ -321,10 +321,13 @@ def reproduce_command(
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Of all: fewer seeds.")] = False,
     out: Annotated[Path, typer.Option(help="Of all: folder for the page.")] = Path("out/papers"),
+    compare: Annotated[
+        Path | None, typer.Option(help="Of all: papers.json of another time; fail if it differs.")
+    ] = None,
 ) -> None:
     """Run a paper's experiments and compare: claim, paper's figure, ours, required, met."""
     if paper == "all":
-        _reproduce_all(out, quick)
+        _reproduce_all(out, quick, compare)
         return
     with _progress("runs") as (bar, task):
         claims = reproduce(
@@ -343,10 +346,11 @@ def reproduce_command(
         raise typer.Exit(1)
 
 
-def _reproduce_all(out: Path, quick: bool) -> None:
-    """Repeat the five papers; one line each, and where the page is."""
-    from locfuse.papers import PAGE, repeat_all  # its pictures load slowly
+def _reproduce_all(out: Path, quick: bool, compare: Path | None) -> None:
+    """Repeat the five papers; one line each, where the page is, and what is not as it was."""
+    from locfuse.papers import PAGE, differences, read_rows, repeat_all  # pictures load slowly
 
+    before = None if compare is None else read_rows(compare)
     _check_folder(out)
     with _progress("papers") as (bar, task):
         repeated = repeat_all(
@@ -361,6 +365,12 @@ def _reproduce_all(out: Path, quick: bool) -> None:
         for claim in missed:
             console.print(f"{'':12} missed: {claim}", soft_wrap=True, markup=False)
     console.print(f"page: {out / PAGE}", soft_wrap=True)
+    if before is not None:
+        found = differences(before, repeated)
+        for sentence in found:
+            console.print(sentence, soft_wrap=True, markup=False)
+        console.print(f"{len(found)} figures differ from {compare}", soft_wrap=True)
+        raise typer.Exit(1 if found else 0)
     if any(one.error or any(row["met"] is False for row in one.claims) for one in repeated):
         raise typer.Exit(1)
 

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Write docs/papers.md and the papers' rows of README.md from docs/papers.json; --check compares.
+
+docs/papers.json is what `locfuse reproduce all` leaves.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from locfuse.papers import PAPERS_IN_ORDER, Repeated, cells_of, read_rows
+
+ROOT = Path(__file__).resolve().parent.parent
+ROWS, PAGE, README = ROOT / "docs/papers.json", ROOT / "docs/papers.md", ROOT / "README.md"
+BEGIN, END = "<!-- rows of the papers, by scripts/papers.py -->", "<!-- end of these rows -->"
+
+HEAD = """# Five papers, repeated
+
+`locfuse reproduce all` writes this as one page with pictures, and `papers.json` beside it, of
+which `scripts/papers.py` makes these tables. Ours is the median over seeds, in brackets 5 % and
+95 % of them; of NEES the mean. `locfuse reproduce all --quick --compare docs/papers.json` tells
+whether a machine gets the same.
+"""
+
+Values = Mapping[str, Mapping[str, Any]]
+Row = tuple[str, Callable[[Values, int], list[str]]]
+
+
+def main() -> int:
+    """Write or compare; return 1 if something is not as it is to be."""
+    repeated = read_rows(ROWS)
+    wanted = {PAGE: page_of(repeated), README: readme_with(repeated)}
+    stale = [file for file, text in wanted.items()
+             if not file.exists() or file.read_text(encoding="utf-8") != text]  # fmt: skip
+    if "--check" in sys.argv:
+        for file in stale:
+            print(f"{file.name} is not what scripts/papers.py makes of docs/papers.json; run it")
+        return 1 if stale else 0
+    for file in stale:
+        file.write_text(wanted[file], encoding="utf-8")
+    return 0
+
+
+def page_of(repeated: list[Repeated]) -> str:
+    """Return docs/papers.md."""
+    parts = [HEAD]
+    for paper, one in zip(PAPERS_IN_ORDER, repeated, strict=True):
+        command = f"locfuse reproduce {paper.key} --seeds {one.seeds}"
+        parts.append(f"## {paper.title}\n\n{paper.what}\n\n`{command}`, {one.seconds:.0f} s.\n")
+        rows = [
+            ["claim", "paper", "ours", "required", "met"],
+            ["---", "---:", "---:", "---:", "---"],
+        ]
+        rows += [[cell.replace("|", "\\|") for cell in cells_of(row)] for row in one.claims]
+        parts.append("\n".join("| " + " | ".join(row) + " |" for row in rows) + "\n")
+    return "\n".join(parts)
+
+
+def readme_with(repeated: list[Repeated]) -> str:
+    """Return README.md with the rows of the papers made anew."""
+    text = README.read_text(encoding="utf-8")
+    before, _, rest = text.partition(BEGIN)
+    _, _, after = rest.partition(END)
+    return f"{before}{BEGIN}\n{rows_of(repeated)}\n{END}{after}"
+
+
+def rows_of(repeated: list[Repeated]) -> str:
+    """Return the table of README.md."""
+    values = {row["id"]: row for one in repeated for row in one.claims}
+    seeds = {one.paper: one.seeds for one in repeated}
+    lines = ["| paper | data | ours | the paper | command |", "|---|---|---|---|---|"]
+    for key, make in ROWS_OF_README:
+        cells = [*make(values, seeds[key]), f"`locfuse reproduce {key}`"]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def figure(values: Values, id: str, digits: int = 2) -> str:
+    """Return one figure, to so many digits."""
+    return f"{values[id]['ours_median']:.{digits}g}"
+
+
+def between(values: Values, ids: list[str]) -> str:
+    """Return the least and the largest of several figures."""
+    found = sorted(values[id]["ours_median"] for id in ids)
+    return f"{found[0]:.2g} to {found[-1]:.2g}"
+
+
+def _room(values: Values, seeds: int) -> list[str]:
+    ids = [f"room_{path}_rmse" for path in ("circle", "eight", "square", "star", "waypoints")]
+    return ["Ekim, 2020: ranges, odometry and another localizer",
+            f"simulated room, five paths, {seeds} seeds each",
+            f"{between(values, ids)} cm", f"{values[ids[0]]['paper']:g} cm"]  # fmt: skip
+
+
+def _gazebo(values: Values, _: int) -> list[str]:
+    ids = [f"ieu_{run}_rmse" for run in ("run3", "straight", "home")]
+    centimetres = ", ".join(f"{100.0 * values[id]['ours_median']:.1f}" for id in ids)
+    return ["the same, ranges and odometry", "Gazebo, three runs of the paper's authors",
+            f"{centimetres} cm", "-"]  # fmt: skip
+
+
+def _power_up(values: Values, _: int) -> list[str]:
+    return ["the same, switched on anywhere", "real office, 199 power-ups, ranges and one scan",
+            f"{figure(values, 'start_office_ready', 3)} % ready at once, "
+            f"{figure(values, 'start_office', 3)} % right or not ready",
+            "a search in steps of 10 degrees"]  # fmt: skip
+
+
+def _wells(values: Values, seeds: int) -> list[str]:
+    return ["Wells: a laser on cylinders", f"simulated, four cylinders, {seeds} drives; with slip",
+            f"{figure(values, 'wells')} cm, {figure(values, 'wells_heading')} deg; "
+            f"{figure(values, 'wells_spoilt')} cm, {figure(values, 'wells_spoilt_heading')} deg",
+            f"its method here: {figure(values, 'wells_paper_ekf')} cm; "
+            f"{0.01 * values['wells_spoilt_paper_ekf']['ours_median']:.2g} m"]  # fmt: skip
+
+
+def _eights(values: Values, seeds: int) -> list[str]:
+    def of(name: str) -> str:
+        x, y = (100.0 * values[f"celan_eight_{name}_{axis}"]["ours_median"] for axis in "xy")
+        heading = figure(values, f"celan_eight_{name}_heading")
+        return f"{x:.2g} cm in x, {y:.2g} cm in y, {heading} deg"
+
+    return ["Celan, 2017: three tags and wheels on a scrubber", f"simulated eights, {seeds} rides",
+            of("rigid"), f"its 12 states here: {of('triangle')}"]  # fmt: skip
+
+
+def _switch(values: Values, seeds: int) -> list[str]:
+    end = values["celan_covered_switch_end"]
+    without = values["celan_covered_end"]["paper"]
+    return ["the same, half a laser on a map, UWB by a switch", f"simulated, {seeds} laps of 200 m",
+            f"{100.0 * end['ours_median']:.2g} cm at the end",
+            f"{100.0 * end['paper']:.2g} cm; {without:.2g} m without UWB"]  # fmt: skip
+
+
+def _landmarks(values: Values, _: int) -> list[str]:
+    ids = [f"gadau_rays_{discs}_{speed}" for discs in (5, 8) for speed in ("0", "0.3", "1")]
+    return ["Gadau, 2022: range and bearing to landmarks",
+            "simulated, 151 rays on 5 and 8 discs, any speed", f"{between(values, ids)} cm",
+            "diverges"]  # fmt: skip
+
+
+def _kidnapped(values: Values, _: int) -> list[str]:
+    id = "gadau_kidnapped_triangle"
+    return ["the same, kidnapped", "simulated, three landmarks without names",
+            f"noticed after {figure(values, id + '_noticed')} s, "
+            f"found after {figure(values, id + '_found_after')} s", "never found"]  # fmt: skip
+
+
+def _zhang(values: Values, seeds: int) -> list[str]:
+    return ["Zhang: particles refined by an EKF", f"{seeds} simulated floors, nothing known",
+            f"found within 10 iterations: {figure(values, 'zhang_ours_found_10', 3)} %",
+            f"{values['zhang_paper_iterations']['paper']:g} iterations"]  # fmt: skip
+
+
+ROWS_OF_README: list[Row] = [
+    ("ekim2020", _room),
+    ("ekim2020", _gazebo),
+    ("ekim2020", _power_up),
+    ("wells", _wells),
+    ("celan2017", _eights),
+    ("celan2017", _switch),
+    ("gadau2022", _landmarks),
+    ("gadau2022", _kidnapped),
+    ("zhang", _zhang),
+]
+
+if __name__ == "__main__":
+    sys.exit(main())
