@@ -249,6 +249,8 @@ def _section(paper: Paper, one: Repeated, folder: Path) -> list[str]:
     ]
     if one.error:
         return [*parts, f'<p class="bad">It failed: {escape(one.error)}</p>']
+    missed = [row["claim"] for row in one.claims if row["met"] is False]
+    parts += [f'<p class="bad">Missed: {escape(claim)}</p>' for claim in missed]
     head = ["claim", "paper", "ours", "required", "met"]
     parts.append(table(paper.key, head, [cells_of(row) for row in one.claims]))
     notes = sorted({f"{row['claim']}: {row['note']}" for row in one.claims if row["met"] is None})

@@ -98,6 +98,7 @@ def test_what_is_missed_or_skipped_is_told(tmp_path: Path) -> None:
                                          for p in PAPERS_IN_ORDER[1:]], tmp_path)  # fmt: skip
     assert "1 requirements met, 1 missed, 1 skipped" in page
     assert "<td>NO</td>" in page
+    assert '<p class="bad">Missed: b</p>' in page
     assert "Skipped: c: no recording" in page
 
 

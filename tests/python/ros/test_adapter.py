@@ -372,3 +372,46 @@ def test_reset_forgets_all_but_the_world() -> None:
 
 def test_a_stamp_of_either_ros_is_read() -> None:
     assert stamp_ns(message({"stamp": {"ns": 5}}, "ros1").stamp) == 5
+
+
+FLOOR: dict[str, Any] = {
+    "simulation": {
+        "room_m": [12.0, 10.0],
+        "path": {"shape": "roam", "speed_mps": 0.8},
+        "map": {"layout": {"kind": "rooms"}, "resolution_m": 0.1},
+        "laser": {"rate_hz": 5.0, "beams": 120},
+        "duration_s": 8.0,
+        "poses": None,
+        "ranges": None,
+    },
+    "start": "auto",
+    "mcl": {"max_particles": 3000},
+    "seed": 5,
+}
+
+
+@pytest.mark.parametrize("told", ["folder", "topics"])
+def test_particles_find_themselves_on_a_map_from_a_folder_or_a_topic(
+    told: str, tmp_path: Path
+) -> None:
+    ros: dict[str, Any] = {"estimate_at": "fused"}
+    if told == "folder":
+        ros["world"] = "world"
+    config = parse_config({**FLOOR, "ros": ros})
+    log = load_log(config, None, config.seed)
+    tables = {name: _later(table) for name, table in log.tables.items()}
+    log = replace(log, tables=tables)
+    write_log(log, tmp_path / "world")
+    robot = Robot(config, log, base=tmp_path)
+    if told == "topics":
+        robot.tick(LATER)
+        assert "mcl waits for a map" in robot.health()["message"]
+        robot.learn()
+    robot.drive()
+    robot.tick(LATER + 8 * NANOSECONDS)
+    truth = log["truth"]
+    last = robot.said("locfuse/pose")[-1]
+    row = int(np.searchsorted(truth["stamp_ns"], stamps([last])[0]))
+    x, y, _ = pose_of(last)
+    assert np.hypot(x - truth["x_m"][row], y - truth["y_m"][row]) < 0.3
+    assert not robot.problems
