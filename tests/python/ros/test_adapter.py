@@ -376,17 +376,18 @@ def test_a_stamp_of_either_ros_is_read() -> None:
 
 FLOOR: dict[str, Any] = {
     "simulation": {
-        "room_m": [12.0, 10.0],
-        "path": {"shape": "roam", "speed_mps": 0.8},
-        "map": {"layout": {"kind": "rooms"}, "resolution_m": 0.1},
-        "laser": {"rate_hz": 5.0, "beams": 120},
-        "duration_s": 8.0,
+        "room_m": [16.0, 12.0],
+        "path": {"shape": "roam", "speed_mps": 0.5},
+        "map": {"generate": "rooms", "seed": 2},
+        "laser": {"range_max_m": 8.0},
+        "duration_s": 20.0,
+        "anchors": {},
         "poses": None,
         "ranges": None,
     },
     "start": "auto",
-    "mcl": {"max_particles": 3000},
-    "seed": 5,
+    "mcl": {"max_particles": 10000},
+    "seed": 1,
 }
 
 
@@ -408,7 +409,7 @@ def test_particles_find_themselves_on_a_map_from_a_folder_or_a_topic(
         assert "mcl waits for a map" in robot.health()["message"]
         robot.learn()
     robot.drive()
-    robot.tick(LATER + 8 * NANOSECONDS)
+    robot.tick(LATER + 20 * NANOSECONDS)
     truth = log["truth"]
     last = robot.said("locfuse/pose")[-1]
     row = int(np.searchsorted(truth["stamp_ns"], stamps([last])[0]))
