@@ -113,6 +113,15 @@ void bind_estimators(py::module_& m) {
                      "Of all ranges behind their stamps.")
       .def_readwrite("consider", &Calibration::consider,
                      "They are accounted for, and none is learnt (Schmidt).");
+  using Adaptive = locfuse::AdaptiveNoise::Config;
+  py::class_<Adaptive>(m, "AdaptiveNoiseConfig",
+                       "How variances of measurements follow their innovations; factors of what is "
+                       "told.")
+      .def(py::init<>())
+      .def_readwrite("messages", &Adaptive::messages,
+                     "That are remembered, of each kind; 0: variances stay as told.")
+      .def_readwrite("least", &Adaptive::least)
+      .def_readwrite("most", &Adaptive::most);
   py::class_<Config>(m, "PoseEkfConfig", "Noise, gates and behaviour of a PoseEkf.")
       .def(py::init<>())
       .def_readwrite("odometry", &Config::odometry)
@@ -122,6 +131,7 @@ void bind_estimators(py::module_& m) {
       .def_readwrite("landmark", &Config::landmark)
       .def_readwrite("calibration", &Config::calibration)
       .def_readwrite("limits", &Config::limits)
+      .def_readwrite("adaptive", &Config::adaptive)
       .def_readwrite("gate_range", &Config::gate_range, "Probability that a good range passes.")
       .def_readwrite("gate_position", &Config::gate_position)
       .def_readwrite("gate_pose", &Config::gate_pose)

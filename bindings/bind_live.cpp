@@ -6,7 +6,8 @@ namespace py = pybind11;
 using locfuse::Live;
 
 void bind_live(py::module_& m) {
-  py::class_<Live>(m, "Live", R"(A RecoveringEkf on a robot: messages as they arrive, from the first one on.
+  py::class_<Live>(m, "Live",
+                   R"(A RecoveringEkf on a robot: messages as they arrive, from the first one on.
 
 It searches until one place is left; from there late messages are fused where they belong. Fed with
 a log in its order of arrival it gives the estimates of `find_start` and `replay`, bit for bit, if
@@ -56,7 +57,8 @@ Examples
            py::arg("most_messages") = locfuse::TimelineOptions{}.most_messages,
            py::arg("patience") = Live::Options{}.patience)
       .def("on", py::overload_cast<const locfuse::LaserScan&>(&Live::on), py::arg("scan"),
-           py::call_guard<py::gil_scoped_release>(), "Takes a scan, which is of use while it searches.")
+           py::call_guard<py::gil_scoped_release>(),
+           "Takes a scan, which is of use while it searches.")
       .def("on", py::overload_cast<const locfuse::Message&>(&Live::on), py::arg("message"),
            py::call_guard<py::gil_scoped_release>(),
            R"(Takes a message and returns its Outcome.
@@ -77,7 +79,8 @@ ValueError
       .def_property_readonly("is_tracking", &Live::is_tracking)
       .def(
           "current", [](const Live& live) { return live.estimator().current(); },
-          "The PoseEstimate at the stamp of the last message. Raises RuntimeError while it searches.")
+          "The PoseEstimate at the stamp of the last message. Raises RuntimeError while it "
+          "searches.")
       .def(
           "estimate", [](const Live& live) { return live.estimator().estimate(); },
           "Likewise, carried to the end of odometry.")

@@ -78,7 +78,8 @@ using Switches = std::vector<std::tuple<Stamp, locfuse::Source, bool>>;
 template <class Estimator>
 RunLog run(const Estimator& start, SharedLog& log, Stamp history, bool record,
            const std::optional<std::function<void(std::size_t)>>& progress,
-           std::optional<Stamp> used_until, locfuse::ClockJump clock_jump, std::size_t most_messages, const Switches& switches) {
+           std::optional<Stamp> used_until, locfuse::ClockJump clock_jump,
+           std::size_t most_messages, const Switches& switches) {
   locfuse::ReplayOptions options;
   options.timeline.clock_jump = clock_jump;
   options.timeline.most_messages = most_messages;
@@ -154,6 +155,10 @@ void bind_replay(py::module_& m) {
                     "Messages inside the history that were forgotten: there were too many.")
       .def_readonly("last", &RunLog::last, "The estimate at the end of the log.")
       .def_readonly("errors", &RunLog::errors, "Errors that are states, as learnt by then.")
+      .def(
+          "noise_factor",
+          [](const RunLog& r, locfuse::Source source) { return r.adaptive.factor(source); },
+          py::arg("source"), "Factor of the variances of a Source by then: 1 unless adaptive.")
       .def_property_readonly(
           "health_stamp_ns",
           [](const RunLog& r) {

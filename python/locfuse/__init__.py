@@ -6,6 +6,7 @@ import logging as _logging
 from locfuse._core import (
     AckermannConfig,
     AckermannVehicle,
+    AdaptiveNoiseConfig,
     AirEkf,
     AirEkfConfig,
     AirEstimate,
@@ -169,6 +170,7 @@ _logging.getLogger(__name__).addHandler(_logging.NullHandler())
 __all__ = [
     "AckermannConfig",
     "AckermannVehicle",
+    "AdaptiveNoiseConfig",
     "AirEkf",
     "AirEkfConfig",
     "AirEstimate",

@@ -12,6 +12,7 @@ import typing
 __all__: list[str] = [
     "AckermannConfig",
     "AckermannVehicle",
+    "AdaptiveNoiseConfig",
     "AirEkf",
     "AirEkfConfig",
     "AirEstimate",
@@ -2538,11 +2539,33 @@ class CalibrationConfig:
     @sigma_turn_scale.setter
     def sigma_turn_scale(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
 
+class AdaptiveNoiseConfig:
+    """
+    How variances of measurements follow their innovations; factors of what is told.
+    """
+    def __init__(self) -> None: ...
+    @property
+    def least(self) -> float: ...
+    @least.setter
+    def least(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def messages(self) -> float:
+        """
+        That are remembered, of each kind; 0: variances stay as told.
+        """
+    @messages.setter
+    def messages(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def most(self) -> float: ...
+    @most.setter
+    def most(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+
 class PoseEkfConfig:
     """
     Noise, gates and behaviour of a PoseEkf.
     """
 
+    adaptive: AdaptiveNoiseConfig
     calibration: CalibrationConfig
     landmark: RangeBearingConfig
     limits: Limits
@@ -5001,6 +5024,10 @@ class RunLog:
     What a replay leaves behind, as columns.
     """
     def __repr__(self) -> str: ...
+    def noise_factor(self, source: Source) -> float:
+        """
+        Factor of the variances of a Source by then: 1 unless adaptive.
+        """
     @property
     def alarms(self) -> int:
         """

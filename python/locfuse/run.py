@@ -154,11 +154,20 @@ def _fuse(
         "interventions": int(record.interventions.sum()),
         "clock_jumps": record.jumps,
         "fallen_out": record.fallen_out,
+        "noise_factors": _noise_factors(config, record),
         "health": health_metrics(health, record),
     }
     result = _result(config, log, estimate, outcomes, figures, found, localization, record.errors,
                      messages.anchor_names)  # fmt: skip
     return replace(result, health=health)
+
+
+def _noise_factors(config: RunConfig, record: _core.RunLog) -> dict[str, float] | None:
+    """Return the factors of variances at the end, where they follow innovations."""
+    if config.estimator.adaptive.messages == 0.0:
+        return None
+    return {source: record.noise_factor(_core.Source[source.upper()])
+            for source in config.use if source != "odometry"}  # fmt: skip
 
 
 def _switches(config: RunConfig) -> list[tuple[int, _core.Source, bool]]:
@@ -184,7 +193,7 @@ def _located(config: RunConfig, log: Log, localization: Localization) -> RunResu
     duration_s = (localization.end_ns - localization.begin_ns) / NANOSECONDS
     figures = {
         **metrics(estimate, truth_of(log), outcomes, duration_s, localization.wall_s),
-        **dict.fromkeys(("interventions", "clock_jumps", "fallen_out", "health")),
+        **dict.fromkeys(("interventions", "clock_jumps", "fallen_out", "noise_factors", "health")),
     }
     outcomes = with_switches(outcomes, localization)
     return _result(config, log, estimate, outcomes, figures, found, localization)

@@ -395,6 +395,7 @@ SECTIONS: dict[str, type[Strict]] = {
     "### `estimator.calibration`": schema.Calibration,
     "### `estimator.pose`": schema.Pose,
     "### `estimator.limits`": schema.Limits,
+    "### `estimator.adaptive`": schema.Adaptive,
     "## `mcl`": schema.Mcl,
     "### `mcl.switch`": schema.Switch,
     "### `mcl.field`": schema.LikelihoodField,

@@ -346,3 +346,15 @@ def test_truth_of_a_log_without_one_is_none() -> None:
     log = load_log(room(), None, 0)
     assert isinstance(truth_of(log), Trajectory)
     assert truth_of(with_table(log, "truth", None)) is None
+
+
+def test_variances_follow_innovations_where_they_are_told_to() -> None:
+    simulation = {"path": {"shape": "eight", "radius_m": 2.0}, "duration_s": 60, "poses": None,
+                  "ranges": {"sigma_m": 0.1, "sigma_relative": 0.0}}  # fmt: skip
+    for sigma_m, right in ((0.05, 4.0), (0.2, 0.25)):
+        estimator = {"range": {"sigma_m": sigma_m}, "adaptive": {"messages": 200}}
+        config = parse_config({"simulation": simulation, "estimator": estimator})
+        factors = run(config, seed=1).metrics["noise_factors"]
+        assert factors["ranges"] == pytest.approx(right, rel=0.25)
+        assert factors["poses"] == 1.0
+    assert run(parse_config({"simulation": simulation}), seed=1).metrics["noise_factors"] is None

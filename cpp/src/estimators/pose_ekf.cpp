@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "locfuse/estimators/pose_ekf.hpp"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -57,7 +58,8 @@ PoseEkf::PoseEkf(const Config& config, const std::shared_ptr<const AnchorMap>& a
           internal::hold_of(config)})),
       belief_(GaussianBelief::of_pose(start.stamp, start.pose, start.covariance)),
       body_(belief_.slot("body")),
-      odometry_(start.stamp) {
+      odometry_(start.stamp),
+      adaptive_(config.adaptive) {
   check_stamp(start.stamp);
   validate(config.limits);
   recipe_->calibration.add_to(belief_);
@@ -74,27 +76,36 @@ PoseEkf PoseEkf::restarted(const PoseEstimate& start) const {
 }
 
 template <class Linearize>
-Outcome PoseEkf::correct(Stamp stamp, const Gate& gate, const NoiseShape& noise, Slots slots,
-                         const Linearize& linearize) {
+Outcome PoseEkf::correct(std::optional<Source> source, Stamp stamp, const Gate& gate,
+                         const NoiseShape& noise, Slots slots, const Linearize& linearize) {
   if (stamp < belief_.stamp) {
     return {Verdict::kStale};
   }
   Transaction<3> transaction(belief_, stamp);
   advance_to(stamp);
-  const auto lin = linearize(pose());
-  return transaction.close(lin ? update(belief_, *lin, slots, gate, noise)
-                               : Outcome{Verdict::kNotModelled});
+  auto lin = linearize(pose());
+  if (!lin) {
+    return transaction.close({Verdict::kNotModelled});
+  }
+  if (!source || !adaptive_.is_on()) {
+    return transaction.close(update(belief_, *lin, slots, gate, noise));
+  }
+  lin->noise *= adaptive_.factor(*source);
+  const Outcome outcome = transaction.close(update(belief_, *lin, slots, gate, noise));
+  const auto rows = static_cast<double>(lin->noise.rows());
+  adaptive_.hear(*source, outcome, std::pow(lin->noise.determinant(), 1.0 / rows));
+  return outcome;
 }
 
 /// A direction in which the world is seen turns the covariance with the mean.
 template <class Linearize>
 Outcome PoseEkf::correct_by(const RangeBearing& z, Slots slots, const Linearize& linearize) {
   Vector<2> before = Vector<2>::Zero();
-  const Outcome outcome =
-      correct(z.stamp, recipe_->landmark_gate, kGaussian, slots, [&](const Pose2& pose) {
-        before = pose.position();
-        return linearize(pose);
-      });
+  const Outcome outcome = correct(Source::kSightings, z.stamp, recipe_->landmark_gate, kGaussian,
+                                  slots, [&](const Pose2& pose) {
+                                    before = pose.position();
+                                    return linearize(pose);
+                                  });
   if (outcome.verdict == Verdict::kFused && z.bearing) {
     turn_with_mean(belief_, body_, before);
   }
@@ -120,11 +131,12 @@ Outcome PoseEkf::correct_by(const Range& z, const Gate& gate) {
   }
   const Calibration& calibration = recipe_->calibration;
   if (const std::vector<Slot>* slots = calibration.slots_of(z.anchor)) {
-    return correct(z.stamp, gate, recipe_->range_noise, *slots, [&](const Pose2& /*pose*/) {
-      return calibration.linearize(belief_, recipe_->range, z, odometry_.rate());
-    });
+    return correct(Source::kRanges, z.stamp, gate, recipe_->range_noise, *slots,
+                   [&](const Pose2& /*pose*/) {
+                     return calibration.linearize(belief_, recipe_->range, z, odometry_.rate());
+                   });
   }
-  return correct(z.stamp, gate, recipe_->range_noise, body_,
+  return correct(Source::kRanges, z.stamp, gate, recipe_->range_noise, body_,
                  [&](const Pose2& pose) { return recipe_->range.linearize(pose, z); });
 }
 
@@ -133,8 +145,8 @@ Outcome PoseEkf::on(const PositionFix& z) {
   if (!is_plausible(z, recipe_->config.limits)) {
     return {Verdict::kImplausible};
   }
-  return correct(z.stamp, recipe_->position_gate, recipe_->position_noise, body_,
-                 [&](const Pose2& pose) { return recipe_->position.linearize(pose, z); });
+  return correct(Source::kPositions, z.stamp, recipe_->position_gate, recipe_->position_noise,
+                 body_, [&](const Pose2& pose) { return recipe_->position.linearize(pose, z); });
 }
 
 Outcome PoseEkf::on(const PoseObservation& z) {
@@ -142,7 +154,7 @@ Outcome PoseEkf::on(const PoseObservation& z) {
   if (!is_plausible(z, recipe_->config.limits)) {
     return {Verdict::kImplausible};
   }
-  return correct(z.stamp, recipe_->pose_gate, recipe_->pose_noise, body_,
+  return correct(Source::kPoses, z.stamp, recipe_->pose_gate, recipe_->pose_noise, body_,
                  [&](const Pose2& pose) { return recipe_->pose.linearize(pose, z); });
 }
 
@@ -257,7 +269,7 @@ Outcome PoseEkf::on(const Message& message) {
 }
 
 Outcome PoseEkf::fuse(Stamp stamp, const Linearization<Eigen::Dynamic, 3>& lin, const Gate& gate) {
-  return correct(stamp, gate, kGaussian, body_,
+  return correct(std::nullopt, stamp, gate, kGaussian, body_,
                  [&](const Pose2& /*pose*/) { return std::optional(lin); });
 }
 
@@ -276,7 +288,8 @@ Outcome PoseEkf::on_joint(const std::vector<Range>& epoch) {
         "robust_range, or errors of anchors as states, fuse them one by one");
   }
   return correct(
-      epoch.front().stamp, recipe_->range_gate, kGaussian, body_, [&](const Pose2& pose) {
+      Source::kRanges, epoch.front().stamp, recipe_->range_gate, kGaussian, body_,
+      [&](const Pose2& pose) {
         using Joint = Linearization<Eigen::Dynamic, 3, kMaxJoint>;
         const auto n = static_cast<Eigen::Index>(epoch.size());
         Joint joint;

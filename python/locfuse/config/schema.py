@@ -72,6 +72,20 @@ class Limits(Strict):
     distance_m: Positive = 2e7
 
 
+class Adaptive(Strict):
+    """Variances that follow innovations, 0 for none; ``AdaptiveNoise::Config`` in C++."""
+
+    messages: NonNegative = 0.0
+    least: Annotated[float, Field(gt=0.0, le=1.0)] = 0.1
+    most: Annotated[float, Field(ge=1.0)] = 100.0
+
+    @model_validator(mode="after")
+    def _more_than_an_echo(self) -> Adaptive:
+        if 0.0 < self.messages < 5.0:
+            raise ValueError(f"messages is {self.messages}; expected 0 for off, or at least 5")
+        return self
+
+
 class Landmark(Strict):
     """Noise of sightings that bring no sigmas of their own; ``RangeBearingConfig`` in C++."""
 
@@ -145,6 +159,7 @@ class Estimator(Strict):
     landmark: Landmark = Field(default_factory=Landmark)
     calibration: Calibration = Field(default_factory=Calibration)
     limits: Limits = Field(default_factory=Limits)
+    adaptive: Adaptive = Field(default_factory=Adaptive)
     gate_range: GateProbability = 0.999
     gate_position: GateProbability = 0.999
     gate_pose: GateProbability = 0.999

@@ -22,6 +22,7 @@ from locfuse.config.build import (
 )
 from locfuse.config.load import parse_config
 from locfuse.config.schema import (
+    Adaptive,
     BeamModel,
     Calibration,
     Estimator,
@@ -62,6 +63,7 @@ PAIRS: dict[str, tuple[type[BaseModel], type[Any], str]] = {
     "Range": (Range, _core.RangeConfig, "models/measurement/range.hpp"),
     "Position": (Position, _core.PositionConfig, "models/measurement/position.hpp"),
     "Pose": (Pose, _core.PoseConfig, "models/measurement/pose.hpp"),
+    "Adaptive": (Adaptive, _core.AdaptiveNoiseConfig, "estimators/adaptive_noise.hpp"),
     "Limits": (Limits, _core.Limits, "messages/limits.hpp"),
 }
 OF_THE_RUN = {
@@ -158,6 +160,8 @@ ALLOWED = {
     ("Mcl", "kidnapping_probability"): 0.25,
     ("Mcl", "field", "sigma_hit_m"): 0.25,
     ("Estimator", "robust_dof"): 6.5,
+    ("Estimator", "adaptive", "messages"): 12.5,
+    ("Estimator", "adaptive", "most"): 6.5,
     ("Switch", "sigma_sure_m"): 0.4,
     ("Switch", "sigma_sure_rad"): 0.25,
     ("Switch", "uwb_sigma_m"): 0.125,

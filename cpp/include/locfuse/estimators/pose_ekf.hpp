@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "locfuse/estimators/adaptive_noise.hpp"
 #include "locfuse/estimators/calibration.hpp"
 #include "locfuse/estimators/held_motion.hpp"
 #include "locfuse/filters/association.hpp"
@@ -69,6 +70,7 @@ class PoseEkf {
     RangeBearingModel::Config landmark;
     Calibration::Config calibration;
     Limits limits;
+    AdaptiveNoise::Config adaptive;
     double gate_range = 0.999;                         ///< probability that a good range passes
     double gate_position = 0.999;                      ///< likewise for a position fix
     double gate_pose = 0.999;                          ///< likewise for a pose
@@ -136,6 +138,9 @@ class PoseEkf {
     return recipe_->calibration.errors(belief_);
   }
 
+  /// Of the variances that measurements are told with, as their innovations say.
+  [[nodiscard]] const AdaptiveNoise& adaptive() const { return adaptive_; }
+
   [[nodiscard]] const GaussianBelief& belief() const { return belief_; }
   /// How often a variance left its bounds and was put back, or P was made positive definite again.
   [[nodiscard]] std::uint64_t interventions() const { return belief_.interventions; }
@@ -167,8 +172,8 @@ class PoseEkf {
   };
 
   template <class Linearize>
-  Outcome correct(Stamp stamp, const Gate& gate, const NoiseShape& noise, Slots slots,
-                  const Linearize& linearize);
+  Outcome correct(std::optional<Source> source, Stamp stamp, const Gate& gate,
+                  const NoiseShape& noise, Slots slots, const Linearize& linearize);
   Outcome correct_by(const Range& z, const Gate& gate);
   template <class Linearize>
   Outcome correct_by(const RangeBearing& z, Slots slots, const Linearize& linearize);
@@ -182,6 +187,7 @@ class PoseEkf {
   GaussianBelief belief_;
   Slot body_;
   HeldMotion odometry_;
+  AdaptiveNoise adaptive_;
 };
 
 }  // namespace locfuse

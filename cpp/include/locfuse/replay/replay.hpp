@@ -19,6 +19,7 @@ struct RunLog {
   std::vector<PoseEstimate> estimates;  ///< per distinct stamp, as known when time moved on
   PoseEstimate last;                    ///< at the end of the log
   std::vector<CalibratedError> errors;  ///< learnt by then
+  AdaptiveNoise adaptive{{}};           ///< factors of variances by then
   std::vector<HealthReport> health;     ///< of a RecoveringEkf, ten times a second
   std::vector<SourceStatus> sources;    ///< likewise, at the end of the log
   int alarms = 0;                       ///< likewise: how often it was lost
@@ -127,6 +128,7 @@ template <class Estimator>
   }
   run.last = tracker().estimate();
   run.errors = tracker().errors();
+  run.adaptive = tracker().adaptive();
   run.fallen_out = timeline.fallen_out();
   internal::keep_sources(run, timeline.estimator());
   if (options.record) {

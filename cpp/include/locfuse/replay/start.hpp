@@ -14,8 +14,8 @@ namespace locfuse {
 ///
 /// What arrives waits until something has come that is `patience` younger: so an increment, which
 /// tells of a motion that has ended, is driven before the ranges that were taken on the way. At
-/// equal stamps odometry comes first and scans last, and the Initializer is asked when all of a stamp has
-/// been heard: what is of one instant belongs together.
+/// equal stamps odometry comes first and scans last, and the Initializer is asked when all of a
+/// stamp has been heard: what is of one instant belongs together.
 class StartSearch {
  public:
   /// `patience` [ns]; 0 for what comes in order. Throws std::invalid_argument if it is negative.
