@@ -38,7 +38,7 @@ def all_rows(m: Measured) -> list[Row]:
     """Return every row; those of peers that are not there say so."""
     return [*filter_rows(m), *evaluation_rows(m), *range_rows(m), *scan_rows(m), *map_rows(m),
             *cylinder_rows(m), *particle_rows(m), *landmark_rows(m), *tag_rows(m),
-            *lap_rows(m), *live_rows(m)]  # fmt: skip
+            *lap_rows(m), *live_rows(m), *bag_rows(m)]  # fmt: skip
 
 
 def filter_rows(m: Measured) -> Iterator[Row]:
@@ -104,6 +104,18 @@ def live_rows(m: Measured) -> Iterator[Row]:
     yield _at_least("Python, 24 anchors and odometry at 100 Hz by the adapter: driven / heard",
                     m["through_the_adapter"], driven_s, 10.0)  # fmt: skip
     yield _plain("- the adapter / locfuse.run on the log", m, "by_run", "through_the_adapter")
+
+
+def bag_rows(m: Measured) -> Iterator[Row]:
+    """Compare reading bags as logs with unpacking their messages, and writing with what is asked.
+
+    A second holds 100 messages of odometry, 50 of four ranges each, 40 scans of 360 beams.
+    """
+    for kind, of in (("bag", "ROS 1"), ("mcap", "ROS 2")):
+        yield _rate(f"Python, a message of a .{kind} ({of}) to a log", m[f"read_bag[{kind}]"], 2e4)
+        yield _plain("- rosbags, which only unpacks it / ours", m, f"read_bag[{kind}]",
+                     f"unpack_bag[{kind}]")  # fmt: skip
+        yield _rate(f"- of a log to a .{kind}, transforms besides", m[f"write_bag[{kind}]"], 2e4)
 
 
 def evaluation_rows(m: Measured) -> Iterator[Row]:

@@ -25,7 +25,7 @@ from rows import Measured, Row, all_rows, short
 HERE = Path(__file__).resolve().parent
 OUT = HERE.parent / "build" / "bench"
 REPETITIONS = 15
-PEERS = ("filterpy", "evo", "gtsam", "scipy", "small_gicp", "stonesoup")
+PEERS = ("filterpy", "evo", "gtsam", "scipy", "small_gicp", "stonesoup", "rosbags")
 UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0}
 
 

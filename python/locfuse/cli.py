@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 import os
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -33,14 +34,16 @@ from locfuse.check import SEVERITIES, Finding
 from locfuse.check import check as check_config
 from locfuse.claims import Claim
 from locfuse.config.load import load_config
+from locfuse.config.schema import RunConfig
 from locfuse.eval.ape import ape
-from locfuse.io.datasets import CONVERTERS, convert
-from locfuse.io.log_folder import read_log
+from locfuse.io.datasets import CONVERTERS
 from locfuse.io.tum import read_tum
 from locfuse.position import LOSSES, SOLVERS, Fix, in_one_plane, positions, read_epochs, write_fixes
+from locfuse.recording import convert_recording, read_recording
 from locfuse.reproduce import PAPERS, draw, reproduce
+from locfuse.ros.bags import check_bag, write_bag
 from locfuse.run import run as run_config
-from locfuse.types import NANOSECONDS, ConfigError
+from locfuse.types import NANOSECONDS, ConfigError, Log
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
                   help="Localization for mobile robots.")  # fmt: skip
@@ -53,11 +56,16 @@ ROWS = 50  # epochs that a table shows
 
 def main() -> None:
     """Run the command line; errors become one sentence and exit status 1."""
+    notes = logging.StreamHandler(sys.stderr)
+    notes.setFormatter(logging.Formatter("locfuse: %(message)s"))
+    logging.getLogger("locfuse").addHandler(notes)
     try:
         app(prog_name="locfuse")
     except (ValueError, NumericalError, OSError, MemoryError) as error:
         print("locfuse:", *str(error).split(), file=sys.stderr)
         sys.exit(1)
+    finally:
+        logging.getLogger("locfuse").removeHandler(notes)
 
 
 @contextmanager
@@ -85,7 +93,9 @@ def _options(
 @app.command()
 def run(
     config: Annotated[Path, typer.Argument(help="YAML file, see docs/configuration.md.")],
-    log: Annotated[Path | None, typer.Option(help="Log folder, instead of the config's.")] = None,
+    log: Annotated[
+        Path | None, typer.Option(help="Log folder or bag, instead of the config's.")
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("out/run"),
     seed: Annotated[
         int | None,
@@ -94,13 +104,19 @@ def run(
     film: Annotated[
         Path | None, typer.Option(help="Also write an animated GIF of the particles (mcl).")
     ] = None,
+    bag: Annotated[
+        Path | None, typer.Option(help="Also write log and result as a .bag or .mcap.")
+    ] = None,
 ) -> None:
     """Localize along a log or a simulated drive; write estimate, outcomes, metrics and a report."""
     parsed = load_config(config)
-    recorded = None if log is None else read_log(log)
+    recorded = None if log is None else _read(log, parsed, config.parent)
     if log is not None:
-        parsed = parsed.model_copy(update={"log": str(log.resolve()), "simulation": None})
+        parsed = _with_log(parsed, log, config.parent)
     _check_folder(out)
+    if bag is not None:
+        check_bag(bag)
+        _check_folder(bag.parent, "--bag")
     if film is not None:
         from locfuse.plot import check_film
 
@@ -132,29 +148,53 @@ def run(
         from locfuse.plot import write_film
 
         console.print(f"film: {write_film(result, film)}", soft_wrap=True)
+    if bag is not None:
+        with _progress("messages") as (bar, task):
+            write_bag(result, bag, parsed.ros, _onto(bar, task))
+        console.print(f"bag: {bag}", soft_wrap=True)
 
 
-def _check_folder(out: Path) -> None:
+def _read(log: Path, config: RunConfig, base: Path) -> Log:
+    """Return a log folder or a bag that was named by hand."""
+    with _progress("bytes") as (bar, task):
+        return read_recording(log, config.ros, base, _onto(bar, task))
+
+
+def _onto(bar: Progress, task: TaskID) -> Callable[[int, int], None]:
+    return lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def _with_log(config: RunConfig, log: Path, base: Path) -> RunConfig:
+    """Return a configuration with another log; what it names else stays where it was."""
+    ros = config.ros
+    if ros.world is not None:
+        ros = ros.model_copy(update={"world": str((base / ros.world).resolve())})
+    return config.model_copy(update={"log": str(log.resolve()), "simulation": None, "ros": ros})
+
+
+def _check_folder(out: Path, option: str = "--out") -> None:
     """Refuse a folder that cannot be made, before the work and not after it."""
     nearest_there = next(p for p in (out, *out.absolute().parents) if p.exists())
     if not nearest_there.is_dir():
-        raise ConfigError(f"--out {out}: {nearest_there} is no folder")
+        raise ConfigError(f"{option} {out}: {nearest_there} is no folder")
     if not os.access(nearest_there, os.W_OK):
-        raise ConfigError(f"--out {out}: {nearest_there} must not be written")
+        raise ConfigError(f"{option} {out}: {nearest_there} must not be written")
 
 
 @app.command()
 def check(
     config: Annotated[Path, typer.Argument(help="YAML file, see docs/configuration.md.")],
-    log: Annotated[Path | None, typer.Option(help="Log folder, instead of the config's.")] = None,
+    log: Annotated[
+        Path | None, typer.Option(help="Log folder or bag, instead of the config's.")
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the picture.")] = Path("out/check"),
 ) -> None:
     """Say what is wrong with a configuration and its log before anything is run."""
     parsed = load_config(config)
     base = config.parent
     if log is not None:
+        parsed = _with_log(parsed, log, base)
         base = Path()
-        parsed = parsed.model_copy(update={"log": str(log.resolve()), "simulation": None})
     _check_folder(out)
     result = check_config(parsed, base=base)
     for finding in result.findings:
@@ -183,7 +223,9 @@ def _print_finding(finding: Finding) -> None:
 @app.command()
 def capsule(
     config: Annotated[Path, typer.Argument(help="YAML file, see docs/configuration.md.")],
-    log: Annotated[Path | None, typer.Option(help="Log folder, instead of the config's.")] = None,
+    log: Annotated[
+        Path | None, typer.Option(help="Log folder or bag, instead of the config's.")
+    ] = None,
     out: Annotated[Path, typer.Option(help="The file to write.")] = Path("capsule.zip"),
     seed: Annotated[
         int | None,
@@ -194,7 +236,7 @@ def capsule(
     from locfuse.capsule import make_capsule, write_capsule  # loads slowly, as pictures do
 
     parsed = load_config(config)
-    recorded = None if log is None else read_log(log)
+    recorded = None if log is None else _read(log, parsed, config.parent)
     _check_folder(out.parent)
     with _progress("messages") as (bar, task):
         made = make_capsule(
@@ -241,13 +283,26 @@ def replay(
 
 @app.command("convert")
 def convert_command(
-    dataset: Annotated[str, typer.Argument(help=f"One of: {', '.join(CONVERTERS)}.")],
-    source: Annotated[Path, typer.Argument(help="Folder of the recording as published.")],
-    out: Annotated[Path, typer.Argument(help="Folder for the log folder or folders.")],
+    kind: Annotated[
+        str, typer.Argument(help=f"What SOURCE is: log, bag, or one of: {', '.join(CONVERTERS)}.")
+    ],
+    source: Annotated[
+        Path, typer.Argument(help="Log folder, bag, or folder of the recording as published.")
+    ],
+    out: Annotated[
+        Path, typer.Argument(help="Log folder or folders; of a log or bag also a .bag or .mcap.")
+    ],
+    config: Annotated[
+        Path | None, typer.Option(help="YAML file whose block 'ros' says what is where in a bag.")
+    ] = None,
 ) -> None:
-    """Turn a published recording into log folders."""
-    for folder in convert(dataset, source, out):
-        console.print(str(folder), soft_wrap=True)
+    """Turn a bag or a published recording into log folders, or a log into a bag."""
+    ros = None if config is None else load_config(config).ros
+    base = None if config is None else config.parent
+    with _progress("done") as (bar, task):
+        written = convert_recording(kind, source, out, ros, base, _onto(bar, task))
+    for path in written:
+        console.print(str(path), soft_wrap=True)
 
 
 @app.command()

@@ -24,6 +24,7 @@ from locfuse.io.log_folder import read_log
 from locfuse.localization import Localization, localize, with_poses_of
 from locfuse.messages import landmarks_of, radios_of, to_messages, truth_of
 from locfuse.outcomes import outcomes_of, outcomes_of_mcl, with_scans, with_switches
+from locfuse.recording import read_recording
 from locfuse.sim.scenario import simulate
 from locfuse.start import matcher_of, start_from_nothing, start_of
 from locfuse.types import (
@@ -263,5 +264,5 @@ def load_log(config: RunConfig, base: Path | None, seed: int) -> Log:
                 raise ConfigError(f"log.run: no run {name!r}; {nearest(name, folders)}")
             return read_log(folders[name])
     if config.log is not None:
-        return read_log(base / config.log)
+        return read_recording(base / config.log, config.ros, base)
     raise ConfigError("the config names no 'log' and no 'simulation'; give one, or --log DIR")

@@ -59,7 +59,7 @@ SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
     ),
 }
 MESSAGES = ("odometry", "ranges", "positions", "poses", "landmark_sightings", "scans")
-WORLD = ("anchors", "landmarks")
+OF_THE_WORLD = ("anchors", "landmarks")
 MAY_BE_EMPTY = ("ranges", "positions", "poses", "landmark_sightings", "scans")
 INCREASING = ("odometry", "truth")  # strictly; other messages may come in any order
 NAMES = ("tag", "anchor", "landmark")
@@ -107,25 +107,33 @@ def read_log(folder: str | Path) -> Log:
 
 
 def read_world(folder: str | Path) -> Log:
-    """Read what a log folder says of the world: anchors, landmarks, tags, mounts and map.
+    """Read what a log folder says of the world: no messages, and no reference.
 
-    Messages need not be there, and are not read.
+    Parameters
+    ----------
+    folder : str or Path
+        A log folder, which need not hold a message.
+
+    Returns
+    -------
+    Log
+        With anchors, landmarks, tags, laser, sensor of landmarks and map, as far as they are there.
 
     Raises
     ------
     LogError
-        As `read_log`.
+        As `read_log`, or if there is nothing of that.
     """
     folder = Path(folder)
     if not folder.is_dir():
         raise LogError(f"{folder}: no such folder")
-    tables = {
-        stem: read_log_file(path, stem)
-        for stem, path in _find_tables(folder).items()
-        if stem in WORLD
-    }
+    paths = {stem: path for stem, path in _find_tables(folder).items() if stem in OF_THE_WORLD}
+    tables = {stem: read_log_file(path, stem) for stem, path in paths.items()}
     settings = _read_settings(folder)
     grid = read_map(folder / settings["map"]) if "map" in settings else None
+    if not tables and not settings:
+        files = ", ".join(f"{stem}.csv" for stem in OF_THE_WORLD)
+        raise LogError(f"{folder}: says nothing of the world, expected {files} or log.yaml")
     return Log(tables=tables, grid=grid, **settings)
 
 

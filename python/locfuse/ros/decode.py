@@ -9,6 +9,7 @@ nanoseconds, lengths metres, angles radians in [-pi, pi), names of frames withou
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -77,6 +78,17 @@ class PoseRow(NamedTuple):
     y: float
     heading: float
     covariance: FloatArray
+
+
+class TruthRow(NamedTuple):
+    """Where the body was, as a reference says; `heading` is NaN where it does not say."""
+
+    stamp_ns: int
+    x: float
+    y: float
+    z: float
+    heading: float
+    frame: str
 
 
 class FixRow(NamedTuple):
@@ -247,6 +259,7 @@ def scan(message: Any) -> ScanRow:
                    intensities)  # fmt: skip
 
 
+@lru_cache(4096)  # a scan's geometry is told with each scan
 def decimal(value: float | np.float32) -> float:
     """Return the shortest decimal that is nearest to a float32: 0.1 for 0.10000000149."""
     single = np.float32(value)
@@ -383,6 +396,50 @@ def pose(message: Any) -> PoseRow:
     if np.isnan(covariance).any():
         raise MessageError("the covariance holds NaN; expected -1 first where it is not known")
     return PoseRow(stamp, plain(header.frame_id), x, y, heading_of(orientation), covariance)
+
+
+def truth(message: Any) -> TruthRow:
+    """Return what a reference says: a nav_msgs/Odometry, PoseStamped or PointStamped.
+
+    Raises
+    ------
+    MessageError
+        If it is none of them, its stamp is 0, or a number is not finite.
+    """
+    try:
+        header, told = message.header, getattr(message, "point", None)
+        orientation = None
+        if told is None:
+            at = message.pose if hasattr(message.pose, "position") else message.pose.pose
+            told, orientation = at.position, at.orientation
+        x, y, z = float(told.x), float(told.y), float(told.z)
+    except AttributeError as error:
+        raise _other(
+            "nav_msgs/Odometry, geometry_msgs/PoseStamped or PointStamped", error
+        ) from None
+    stamp = _stamped(header)
+    _finite((x, "x"), (y, "y"), (z, "z"))
+    heading = math.nan if orientation is None else heading_of(orientation)
+    return TruthRow(stamp, x, y, z, heading, plain(header.frame_id))
+
+
+def relation(message: Any) -> tuple[int, int, float, float, float]:
+    """Return begin, end, dx, dy and dheading of a nav_msgs/Path of two poses, the first at 0.
+
+    Raises
+    ------
+    MessageError
+        If it is no such path.
+    """
+    try:
+        (first, last) = message.poses
+        at = last.pose.position
+        found = (stamp_ns(first.header.stamp), stamp_ns(last.header.stamp), float(at.x),
+                 float(at.y), heading_of(last.pose.orientation))  # fmt: skip
+    except (AttributeError, ValueError, TypeError) as error:
+        raise _other("nav_msgs/Path of two poses", error) from None
+    _finite((found[2], "x"), (found[3], "y"))
+    return found
 
 
 def fix(message: Any, origin: Origin | None = None) -> FixRow | None:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from locfuse import _core
-from locfuse.ros.decode import FixRow, RangeRow, ScanRow, SightingRow
+from locfuse.ros.decode import FixRow, RangeRow, ScanRow, SightingRow, TruthRow
 from locfuse.types import FloatArray, GridMap
 
 Fields: TypeAlias = dict[str, Any]
@@ -255,6 +255,15 @@ def odometry(
     fields = {"header": header(stamp_ns, frame), "child_frame_id": child_frame,
               "pose": {"pose": _pose(x, y, heading, z)}, "twist": {"twist": twist}}  # fmt: skip
     return Publication(topic, "nav_msgs/Odometry", fields)
+
+
+def truth(topic: str, row: TruthRow, child_frame: str) -> Publication:
+    """Return a nav_msgs/Odometry of a reference; without a heading a geometry_msgs/PointStamped."""
+    if math.isnan(row.heading):
+        fields = {"header": header(row.stamp_ns, row.frame), "point": _point(row.x, row.y, row.z)}
+        return Publication(topic, "geometry_msgs/PointStamped", fields)
+    return odometry(topic, row.stamp_ns, (row.x, row.y, row.heading), (0.0, 0.0), row.frame,
+                    child_frame, row.z)  # fmt: skip
 
 
 def laser_scan(topic: str, row: ScanRow) -> Publication:
