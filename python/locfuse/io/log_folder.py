@@ -440,7 +440,7 @@ def _as_written(name: str, values: NDArray[Any], where: str) -> NDArray[Any]:
     if kind == "U":
         for text in set(values.tolist()):
             _check_name(text, where)
-    elif kind == "f":
+    elif kind == "f" and values.size:  # a table without rows may be
         bad = np.isinf(values) if name in BEAMS else ~np.isfinite(values)
         for row in np.flatnonzero(bad.reshape(len(values), -1).any(axis=1))[:1]:
             raise LogError(f"{where}, row {row}: {values[row]} is not finite")

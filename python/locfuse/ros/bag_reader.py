@@ -19,6 +19,7 @@ from locfuse.io.log_folder import (
     MAX_RANGE_M,
     MAX_SPEED_MPS,
     MAX_TURN_RATE_RADPS,
+    MAY_BE_EMPTY,
     MESSAGES,
 )
 from locfuse.ros import bag_settings, decode
@@ -48,6 +49,8 @@ TYPES = {
     "map": "nav_msgs/OccupancyGrid",
 }
 OTHER_CLOCK_NS = 3600 * NANOSECONDS  # record times this far from stamps are of another clock
+LONGEST = 300  # letters of a reason
+LAST_NS = 2**62  # beyond it is no time
 AHEAD_NS = NANOSECONDS  # stamps this far after the recording are said
 MOST_TRANSFORMS = 20_000  # messages on tf that are looked through for a mount that tf_static lacks
 NOT_MEASURED_M = 1e6  # a sigma of infinity, as a log can have it
@@ -157,6 +160,9 @@ class _Reading:
         decoder = self._decoder(connection)
         if decoder is None:
             return
+        if not 0 <= time_ns < LAST_NS:
+            self._left_out(connection.topic, f"it was recorded at {time_ns} ns, which is no time")
+            return
         try:
             message = decoder(data)
         except broken() as error:
@@ -187,7 +193,10 @@ class _Reading:
         if topic in self.trouble:
             self.trouble[topic].count += count
         else:
-            self.trouble[topic] = _Trouble(count, why)
+            why = " ".join(why.split())  # what others raise may be a page
+            self.trouble[topic] = _Trouble(
+                count, why if len(why) < LONGEST else f"{why[:LONGEST]}..."
+            )
 
     def _rows(self, stem: str, **dtypes: Any) -> Rows:
         return self.tables.setdefault(stem, Rows(**dtypes))
@@ -357,9 +366,10 @@ class _Reading:
         for stem, names in told.items():
             if stem in tables:
                 tables[stem] = {name: tables[stem][name] for name in names if name in tables[stem]}
-            elif stem in MESSAGES:
+            elif stem in MAY_BE_EMPTY:
                 tables[stem] = _empty(names)
-        tables = {stem: tables[stem] for stem in [*told, *tables] if stem in tables}
+        filled = [stem for stem in tables if stem in MAY_BE_EMPTY or _length(tables[stem])]
+        tables = {stem: tables[stem] for stem in [*told, *filled] if stem in filled}
         return self._with_world(tables, bag)
 
     def _own_clock(self) -> bool:
@@ -630,6 +640,10 @@ def _named(bag: Bag) -> str:
     """Return which topics there are."""
     there = sorted({f"{c.topic} ({c.type})" for c in bag.counts})
     return f"the bag has {', '.join(there)}" if there else "the bag is empty"
+
+
+def _length(table: Columns) -> int:
+    return len(next(iter(table.values())))
 
 
 def _check_range(row: decode.RangeRow) -> None:

@@ -34,6 +34,7 @@ KINDS = "a .bag of ROS 1, a .mcap, or a .db3 or folder of ROS 2"
 
 LONGEST_HEADER = 1 << 24  # bytes of a record's header; more is damage
 BLOCK = 1 << 20
+LONGEST_REASON = 200  # letters; some errors quote what they could not read
 
 
 class Connection(NamedTuple):
@@ -233,7 +234,8 @@ def _ros1(bag: Bag, path: Path, file: BinaryIO, wanted: Wanted) -> Iterator[Mess
 
 
 def _words(error: Exception) -> str:
-    return f"no field {error}" if isinstance(error, KeyError) else str(error)
+    told = f"no field {error}" if isinstance(error, KeyError) else str(error)
+    return " ".join(told.split())[:LONGEST_REASON]
 
 
 def _header(file: BinaryIO, head: bytes) -> bytes:
@@ -395,7 +397,7 @@ def _mcap(bag: Bag, path: Path, file: BinaryIO, wanted: Wanted) -> Iterator[Mess
             else:
                 file.seek(length, 1)
     except (_CutError, struct.error, IndexError) as error:
-        bag.damaged(path, at, str(error))
+        bag.damaged(path, at, _words(error))
         return
     bag.damaged(path, "at its end", "it was never closed")
 
@@ -418,7 +420,7 @@ def _chunk_of_mcap(
             yield from _mcap_records(bag, found, known, wanted)
     except (_CutError, struct.error, IndexError) as error:
         if whole:
-            bag.damaged(path, at, str(error))
+            bag.damaged(path, at, _words(error))
             return
     if not whole:
         raise _CutError(f"a chunk of {length} bytes was to follow, there are {len(data)}")
@@ -488,6 +490,7 @@ def _sqlite(bag: Bag, path: Path, _: BinaryIO, wanted: Wanted) -> Iterator[Messa
     opened = False
     try:
         with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as base:
+            base.text_factory = _text
             topics = _sqlite_topics(base)
             bag.counts.update(dict.fromkeys(topics.values(), 0))
             chosen = [number for number, connection in topics.items() if wanted(connection)]
@@ -500,10 +503,10 @@ def _sqlite(bag: Bag, path: Path, _: BinaryIO, wanted: Wanted) -> Iterator[Messa
                 bag.counts[topics[topic]] += 1
                 bag.at(row * size // last)
                 yield topics[topic], int(time_ns), bytes(data)
-    except sqlite3.Error as error:
+    except (sqlite3.Error, TypeError, ValueError) as error:  # also a value of another type
         if not opened:
-            raise LogError(f"{path}: cannot be read ({error})") from error
-        bag.damaged(path, "on the way", str(error))
+            raise LogError(f"{path}: cannot be read ({_words(error)})") from error
+        bag.damaged(path, "on the way", _words(error))
 
 
 def _sqlite_topics(base: sqlite3.Connection) -> dict[int, Connection]:
@@ -518,8 +521,8 @@ def _sqlite_topics(base: sqlite3.Connection) -> dict[int, Connection]:
         }
     rows = base.execute("SELECT id, name, type, serialization_format FROM topics").fetchall()
     return {
-        number: Connection(plain(name), short(kind), texts.get(kind, ("", ""))[1], encoding,
-                           texts.get(kind, ("", ""))[0] == "ros2idl")
+        number: Connection(plain(str(name)), short(str(kind)), str(texts.get(kind, ("", ""))[1]),
+                           str(encoding), texts.get(kind, ("", ""))[0] == "ros2idl")
         for number, name, kind, encoding in rows
     }  # fmt: skip
 

@@ -227,6 +227,18 @@ def test_a_file_that_is_there_plain_and_gzipped_is_refused(tmp_path: Path) -> No
         read_log(folder)
 
 
+def test_a_table_without_rows_is_written_and_read_back(tmp_path: Path) -> None:
+    # It was refused: nothing was reshaped into nothing.
+    names = {"tag": np.zeros(0, np.str_), "anchor": np.zeros(0, np.str_)}
+    table = {"stamp_ns": np.zeros(0, np.int64), **names, "range_m": np.zeros(0)}
+    position = {"stamp_ns": np.zeros(1, np.int64), **{k: np.ones(1) for k in ("x_m", "y_m")}}
+    log = Log(tables={"ranges": table, "positions": {**position, "sigma_m": np.ones(1)}})
+    write_log(log, tmp_path / "log")
+    again = read_log(tmp_path / "log")
+    assert list(again["ranges"]) == ["stamp_ns", "tag", "anchor", "range_m"]
+    assert len(again["ranges"]["range_m"]) == 0
+
+
 def test_the_beams_of_a_scan_may_run_clockwise_and_its_empty_fields_are_no_return(
     tmp_path: Path,
 ) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from locfuse.config.ros import Ros
+from locfuse.io.log_folder import write_log
 from locfuse.ros import encode
 from locfuse.ros.bags import read_bag, write_bag
 from locfuse.ros.decode import RangeRow, SightingRow
@@ -384,6 +385,30 @@ def test_a_bag_cut_before_its_first_message_says_so(tmp_path: Path) -> None:
     (tmp_path / "cut.mcap").write_bytes(data[:100])
     with pytest.raises(LogError, match=r"cut.mcap is damaged at byte .* the 0 messages before"):
         read_bag(tmp_path / "cut.mcap")
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("name", ["drive.bag", "log.bag", "drive.db3"])
+def test_no_damage_is_more_than_a_sentence(name: str, seed: int, tmp_path: Path) -> None:
+    """Whatever is read can be written as a log folder, or it is refused in a sentence."""
+    path = tmp_path / name
+    if name == "log.bag":
+        write_bag(full_log(), path)
+    else:
+        write_messages(path, drive(4))
+        path = next(path.glob("*.db3")) if path.is_dir() else path
+    rng = np.random.default_rng(seed)
+    data = bytearray(path.read_bytes())
+    for at in rng.integers(len(data) - 8, size=5).tolist():
+        data[at : at + 4] = rng.integers(0, 256, 4, np.uint8).tobytes()
+    (tmp_path / "odd").write_bytes(data)
+    said = ""
+    try:
+        write_log(read_bag(tmp_path / "odd"), tmp_path / "folder")
+    except LogError as error:
+        said = str(error)
+    assert "\n" not in said
+    assert len(said) < 1000
 
 
 def test_without_rosbags_the_error_names_the_extra(
