@@ -262,7 +262,12 @@ class Adapter:
             one = decode.range_of(message, ros.uwb_tag, self._range_topics[topic])
             heard = [] if one is None else [one]
         else:
-            heard = decode.ranges(message, ros.uwb_unit, ros.uwb_tag)
+            heard = decode.ranges(
+                message,
+                ros.uwb_unit,
+                ros.uwb_tag,
+                lambda error: self._refuse("ranges", f"{topic}: {error}"),
+            )
         for row in heard:
             self._in_time(row.stamp_ns)
         if heard and "anchors" not in self._world.log:

@@ -230,10 +230,22 @@ class _Reading:
         rows.add(row.stamp_ns, time_ns, row.ranges, *([row.intensities] if known else []))
 
     def _ranges(self, message: Any, time_ns: int) -> None:
-        rows = decode.ranges(message, self.ros.uwb_unit, self.ros.uwb_tag)
-        for row in rows:
-            _check_range(row)
-        for row in rows:
+        errors: list[MessageError] = []
+        good = []
+        for row in decode.ranges(message, self.ros.uwb_unit, self.ros.uwb_tag, errors.append):
+            try:
+                _check_range(row)
+            except MessageError as error:
+                errors.append(error)
+            else:
+                good.append(row)
+        if errors and not good:
+            raise errors[0]
+        singly = f"{self.ros.topics.ranges}, singly,"
+        for one in errors:
+            self._left_out(singly, str(one))
+        self.heard[singly] = self.heard.get(singly, 0) + len(good)
+        for row in good:
             self._range(row, time_ns)
 
     def _range_of(self, anchor: str) -> Callable[[Any, int], None]:

@@ -9,7 +9,8 @@ nanoseconds, lengths metres, angles radians in [-pi, pi), names of frames withou
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from collections.abc import Callable, Iterable
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -281,7 +282,12 @@ def decimals(values: NDArray[np.float32]) -> FloatArray:
     return found
 
 
-def ranges(message: Any, unit: str = "m", tag: str = "tag") -> list[RangeRow]:
+def ranges(
+    message: Any,
+    unit: str = "m",
+    tag: str = "tag",
+    spoilt: Callable[[MessageError], None] | None = None,
+) -> list[RangeRow]:
     """Return what a UwbRanges, a UwbRange or a UwbData says.
 
     Parameters
@@ -292,6 +298,8 @@ def ranges(message: Any, unit: str = "m", tag: str = "tag") -> list[RangeRow]:
         ``m`` or ``mm``, of the distances of a UwbData.
     tag : str
         Name of the tag where the message has none.
+    spoilt : callable, optional
+        Told what is wrong with a single range, which is then left out; without it, that is raised.
 
     Raises
     ------
@@ -308,7 +316,7 @@ def ranges(message: Any, unit: str = "m", tag: str = "tag") -> list[RangeRow]:
     [('tag', '7', 1.5)]
     """
     if hasattr(message, "destination_id"):
-        return _uwb_data(message, unit, tag)
+        return _uwb_data(message, unit, tag, spoilt)
     if hasattr(message, "anchor"):
         return [_uwb_range(message, tag, 0, "")]
     if not hasattr(message, "ranges") or (len(message.ranges) and
@@ -317,7 +325,25 @@ def ranges(message: Any, unit: str = "m", tag: str = "tag") -> list[RangeRow]:
                            "locfuse_msgs/UwbRanges, UwbRange or UwbData")  # fmt: skip
     outer = stamp_ns(message.header.stamp)
     frame = message.header.frame_id
-    return [_uwb_range(one, tag, outer, frame) for one in message.ranges]
+    each = (partial(_uwb_range, one, tag, outer, frame) for one in message.ranges)
+    return _each(each, spoilt)
+
+
+def _each(
+    rows: Iterable[Callable[[], RangeRow | None]], spoilt: Callable[[MessageError], None] | None
+) -> list[RangeRow]:
+    found = []
+    for make in rows:
+        try:
+            row = make()
+        except MessageError as error:
+            if spoilt is None:
+                raise
+            spoilt(error)
+        else:
+            if row is not None:
+                found.append(row)
+    return found
 
 
 def _uwb_range(message: Any, tag: str, outer: int, frame: str) -> RangeRow:
@@ -334,7 +360,9 @@ def _uwb_range(message: Any, tag: str, outer: int, frame: str) -> RangeRow:
                     plain(message.header.frame_id or frame))  # fmt: skip
 
 
-def _uwb_data(message: Any, unit: str, tag: str) -> list[RangeRow]:
+def _uwb_data(
+    message: Any, unit: str, tag: str, spoilt: Callable[[MessageError], None] | None
+) -> list[RangeRow]:
     try:
         ids, distances, stamps = message.destination_id, message.distance, message.stamp
     except AttributeError as error:
@@ -342,15 +370,18 @@ def _uwb_data(message: Any, unit: str, tag: str) -> list[RangeRow]:
     if not len(ids) == len(distances) == len(stamps):
         raise MessageError(f"destination_id, distance and stamp have {len(ids)}, {len(distances)} "
                            f"and {len(stamps)} elements; expected as many of each")  # fmt: skip
-    rows = []
-    for anchor, told, stamp in zip(ids, distances, stamps, strict=True):
+
+    def row(anchor: Any, told: Any, stamp: Any) -> RangeRow | None:
         distance = float(told) * UNIT_M[unit]
         _distance(distance, f"the distance to {int(anchor)}")
-        if distance > 0.0:
-            at = stamp_ns(stamp)
-            _after_zero(at)
-            rows.append(RangeRow(at, tag, str(int(anchor)), distance, None, ""))
-    return rows
+        if distance == 0.0:
+            return None
+        at = stamp_ns(stamp)
+        _after_zero(at)
+        return RangeRow(at, tag, str(int(anchor)), distance, None, "")
+
+    each = zip(ids, distances, stamps, strict=True)
+    return _each((partial(row, *one) for one in each), spoilt)
 
 
 def range_of(message: Any, tag: str, anchor: str) -> RangeRow | None:

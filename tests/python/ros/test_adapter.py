@@ -416,3 +416,18 @@ def test_particles_find_themselves_on_a_map_from_a_folder_or_a_topic(
     x, y, _ = pose_of(last)
     assert np.hypot(x - truth["x_m"][row], y - truth["y_m"][row]) < 0.3
     assert not robot.problems
+
+
+def test_one_spoilt_range_does_not_take_the_others_with_it() -> None:
+    config, log = room()
+    robot = Robot(config, log)
+    robot.learn()
+    for arrival_ns, publication in in_order_of_arrival(log, config.ros):
+        if publication.topic == "uwb":  # a driver that always has one that failed
+            publication.fields["ranges"][0]["range"] = float("nan")
+        robot.hear(publication, arrival_ns)
+    robot.tick(LATER + 20 * NANOSECONDS)
+    assert robot.health()["message"] == "ok"
+    assert len(robot.problems) <= 3
+    assert all("the range to" in problem for problem in robot.problems)
+    assert robot.adapter.refused["ranges"] > 100
