@@ -21,7 +21,17 @@ if(LOCFUSE_SANITIZE)
       -fno-omit-frame-pointer
       -O1
       -g1
-      -Wno-maybe-uninitialized
+      $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>
   )
   target_link_options(locfuse_warnings INTERFACE -fsanitize=address,undefined)
+endif()
+if(LOCFUSE_BUILD_FUZZERS)
+  target_compile_options(
+    locfuse_warnings
+    INTERFACE -fsanitize=fuzzer-no-link,float-cast-overflow -fno-sanitize-recover=all
+  )
+endif()
+if(LOCFUSE_SANITIZE_THREADS)
+  target_compile_options(locfuse_warnings INTERFACE -fsanitize=thread -O1 -g1)
+  target_link_options(locfuse_warnings INTERFACE -fsanitize=thread)
 endif()

@@ -580,10 +580,9 @@ void Mcl::summarize() {
                             recipe_->config.sigma_map_rad);
   const Matrix<3, 3> map_covariance = map_sigma.cwiseAbs2().asDiagonal();
   for (const ParticleCluster& cluster : clusters) {
+    const Matrix<3, 3> P = to_metres * cluster.covariance * to_metres.transpose() + map_covariance;
     hypotheses_.push_back(
-        {{belief_.stamp, to_world(cluster.mean),
-          to_metres * cluster.covariance * to_metres.transpose() + map_covariance},
-         cluster.weight});
+        {{belief_.stamp, to_world(cluster.mean), 0.5 * (P + P.transpose())}, cluster.weight});
   }
 }
 

@@ -223,9 +223,10 @@ class Locator {
         hypothesis.covariance(k / N, k % N) = k / N == k % N ? kInfinity : 0.0;
       }
       if (!open) {
-        hypothesis.covariance = eigen.eigenvectors() *
-                                eigen.eigenvalues().cwiseInverse().asDiagonal() *
-                                eigen.eigenvectors().transpose();
+        const Matrix<N, N> P = eigen.eigenvectors() *
+                               eigen.eigenvalues().cwiseInverse().asDiagonal() *
+                               eigen.eigenvectors().transpose();
+        hypothesis.covariance = 0.5 * (P + P.transpose());
       }
       solution_.hypotheses.push_back(hypothesis);
     }

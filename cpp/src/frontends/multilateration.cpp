@@ -262,7 +262,8 @@ RangePosition<N> Multilateration<N>::solve_on(const RangeLayout<N>& layout, cons
     // First order does not describe what is known: no finite covariance would be true.
     result.covariance.diagonal().setConstant(std::numeric_limits<double>::infinity());
   } else {
-    result.covariance = best.information.inverse();
+    const Matrix<N, N> P = best.information.inverse();
+    result.covariance = 0.5 * (P + P.transpose());
   }
   return result;
 }

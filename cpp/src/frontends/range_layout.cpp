@@ -44,9 +44,11 @@ void validate(const AnchorTable& anchors, const double* sigma) {
   }
   expect_finite(anchors);
   for (int i = 0; i < anchors.size; ++i) {
-    if (!(sigma[i] > 0.0 && std::isfinite(sigma[i]))) {
+    const double weight = 1.0 / (sigma[i] * sigma[i]);
+    if (!(sigma[i] > 0.0 && weight > 0.0 && std::isfinite(weight))) {
       throw std::invalid_argument("sigma of range " + std::to_string(i) + " is " +
-                                  std::to_string(sigma[i]) + ", expected a positive number");
+                                  std::to_string(sigma[i]) +
+                                  ", expected a positive number that has a weight 1 / sigma^2");
     }
   }
 }

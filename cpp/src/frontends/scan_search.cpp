@@ -78,9 +78,10 @@ class CoarseCost {
     for (std::size_t i = 0; i < x_.size(); i += kBlock) {
       int index[kBlock];
       for (std::size_t k = 0; k < kBlock; ++k) {
-        // Off the field is off by its margin at least, which no tolerance reaches.
-        const float x = std::min(std::max(x_[i + k] + x0, 0.0F), right);
-        const float y = std::min(std::max(y_[i + k] + y0, 0.0F), top);
+        // Off the field is off by its margin at least, which no tolerance reaches. In this order a
+        // NaN, of an end that is infinitely far, becomes 0.
+        const float x = std::min(std::max(0.0F, x_[i + k] + x0), right);
+        const float y = std::min(std::max(0.0F, y_[i + k] + y0), top);
         index[k] = static_cast<int>(y) * field_.width() + static_cast<int>(x);
       }
       for (std::size_t k = 0; k < kBlock; ++k) {
@@ -278,8 +279,8 @@ double free_length(const DistanceField& field, const Vector<2>& from, const Vect
 /// Line of the wall at a point of the field.
 const ScanMap::WallLine& wall_at(const ScanMap& map, const Vector<2>& p) {
   const DistanceField& field = map.surface();
-  const auto x = static_cast<std::size_t>(std::min(std::max(p.x(), 0.0), field.width() - 1.0));
-  const auto y = static_cast<std::size_t>(std::min(std::max(p.y(), 0.0), field.height() - 1.0));
+  const auto x = static_cast<std::size_t>(std::min(std::max(0.0, p.x()), field.width() - 1.0));
+  const auto y = static_cast<std::size_t>(std::min(std::max(0.0, p.y()), field.height() - 1.0));
   return map.lines()[static_cast<std::size_t>(
       field.nearest_targets()[y * static_cast<std::size_t>(field.width()) + x])];
 }

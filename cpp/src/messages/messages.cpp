@@ -29,6 +29,13 @@ void require_sigma(const char* what, double sigma) {
   }
 }
 
+/// Scans are matched in single precision, and their sines by multiples of the increment.
+void require_scan_size(const char* what, double value) {
+  if (!(std::abs(value) <= 1e6)) {
+    refuse(what, value, "a finite number from -1e6 to 1e6");
+  }
+}
+
 template <int N>
 void require_covariance(const char* what, const Matrix<N, N>& covariance) {
   const bool symmetric = covariance.isApprox(covariance.transpose(), 1e-9);
@@ -149,19 +156,20 @@ void validate_in_space(const RangeBearing& message) {
 }
 
 void validate(const LaserGeometry& geometry) {
-  require_finite("LaserGeometry.pose_in_body.x [m]", geometry.pose_in_body.x);
-  require_finite("LaserGeometry.pose_in_body.y [m]", geometry.pose_in_body.y);
-  require_finite("LaserGeometry.pose_in_body.heading [rad]", geometry.pose_in_body.heading);
-  require_finite("LaserGeometry.angle_min [rad]", geometry.angle_min);
-  if (!std::isfinite(geometry.angle_increment) || geometry.angle_increment == 0.0) {
-    refuse("LaserGeometry.angle_increment [rad]", geometry.angle_increment,
-           "a finite number other than 0");
+  require_scan_size("LaserGeometry.pose_in_body.x [m]", geometry.pose_in_body.x);
+  require_scan_size("LaserGeometry.pose_in_body.y [m]", geometry.pose_in_body.y);
+  require_scan_size("LaserGeometry.pose_in_body.heading [rad]", geometry.pose_in_body.heading);
+  require_scan_size("LaserGeometry.angle_min [rad]", geometry.angle_min);
+  require_scan_size("LaserGeometry.angle_increment [rad]", geometry.angle_increment);
+  if (geometry.angle_increment == 0.0) {
+    refuse("LaserGeometry.angle_increment [rad]", geometry.angle_increment, "other than 0");
   }
   if (!std::isfinite(geometry.range_min) || geometry.range_min < 0.0) {
     refuse("LaserGeometry.range_min [m]", geometry.range_min, "a finite number >= 0");
   }
-  if (!std::isfinite(geometry.range_max) || geometry.range_max <= geometry.range_min) {
-    refuse("LaserGeometry.range_max [m]", geometry.range_max, "a finite number above range_min");
+  require_scan_size("LaserGeometry.range_max [m]", geometry.range_max);
+  if (geometry.range_max <= geometry.range_min) {
+    refuse("LaserGeometry.range_max [m]", geometry.range_max, "a number above range_min");
   }
 }
 

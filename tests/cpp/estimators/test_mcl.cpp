@@ -74,6 +74,20 @@ struct Errors {
   }
 };
 
+// Turned from cells into metres, it was symmetric but for rounding, and so was what came of it.
+TEST(Mcl, covariances_are_symmetric_to_the_bit_on_a_turned_map) {
+  const Drive run = drive(3, 1);
+  Mcl mcl(config(), run.room.map, 0);
+  mcl.start_at({near(run.truth.front(), 0.05, 0.05),
+                near(run.room.middle * Pose2{1.5, 0.5, 1.5}, 0.05, 0.05)});
+  ASSERT_EQ(mcl.hypotheses().size(), 2U);
+  for (const PoseHypothesis& hypothesis : mcl.hypotheses()) {
+    EXPECT_TRUE(testing::is_covariance(hypothesis.estimate.covariance));
+  }
+  EXPECT_TRUE(testing::is_covariance(mcl.estimate().covariance));
+  EXPECT_TRUE(testing::is_covariance(mcl.spread().covariance));
+}
+
 TEST(Mcl, tracks_to_centimetres_and_knows_how_well) {
   Errors errors;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {

@@ -42,6 +42,29 @@ TEST(Locate, says_that_both_solvers_agree_on_good_ranges) {
   }
 }
 
+// With an infinite weight the cost of a position was NaN.
+TEST(Locate, refuses_a_sigma_without_a_finite_weight) {
+  const Anchors anchors = testing::room();
+  const std::vector<double> ranges = anchors.ranges_from(Eigen::Vector2d(3.0, 4.0));
+  for (const double sigma : {1e-170, 1e170}) {
+    testing::expect_refused([&] { (void)locate_from(anchors, ranges, {}, sigma); }, "weight");
+  }
+}
+
+// Made of eigenvectors, or of cofactors, it was symmetric but for rounding.
+TEST(Locate, covariances_are_symmetric_to_the_bit) {
+  const Anchors anchors = testing::room();
+  for (int i = 0; i < 20; ++i) {
+    const Eigen::Vector2d truth(3.0 + 0.1 * i, 4.0 - 0.07 * i);
+    const std::vector<double> ranges = anchors.ranges_from(truth);
+    const PositionSolution found = locate_from(anchors, ranges);
+    ASSERT_EQ(found.status, PositionStatus::kUnique);
+    EXPECT_TRUE(testing::is_covariance(found.hypotheses[0].covariance));
+    const Multilateration<2> solver(anchors.table(), anchors.sigmas(0.1).data(), {});
+    EXPECT_TRUE(testing::is_covariance(solver.solve(ranges.data()).covariance));
+  }
+}
+
 TEST(Locate, returns_both_sides_of_anchors_on_a_line_and_a_box_or_prior_decides) {
   const Anchors anchors = line_of_anchors();
   const std::vector<double> ranges = anchors.ranges_from(Eigen::Vector2d(3.0, -4.0));

@@ -141,6 +141,9 @@ TEST(Messages, laser_scans_say_what_is_wrong_with_them) {
   expect_refused(geometry(&LaserGeometry::angle_min, std::nan("")), "angle_min [rad] is nan");
   expect_refused(geometry(&LaserGeometry::angle_increment, 0.0), "angle_increment [rad] is 0");
   expect_refused(geometry(&LaserGeometry::range_min, -1.0), "range_min [m] is -1");
+  // One that saw so far had ends of beams that were NaN in single precision: a search on a map
+  // looked at a cell of that index.
+  expect_refused(geometry(&LaserGeometry::range_max, 1e300), "range_max [m] is 1e+300", "1e6");
   expect_refused(geometry(&LaserGeometry::range_max, 0.1), "range_max [m] is 0.1", "above");
   const auto shared = std::make_shared<const LaserGeometry>(good);
   validate(LaserScan{0, shared, {}});

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include "locfuse/estimators/pose_ekf.hpp"
@@ -176,6 +177,15 @@ TEST(Timeline, a_late_message_that_is_not_valid_is_passed_on_and_forgotten) {
 
 TEST(Timeline, refuses_a_negative_history) {
   testing::expect_refused([] { Timeline<PoseEkf>(testing::ekf_at({}), -5); }, "-5");
+}
+
+// Once any history was taken, and one of 292 years less a newest stamp before 1970 overflowed.
+TEST(Timeline, refuses_a_history_that_no_two_stamps_are_apart) {
+  testing::expect_refused(
+      [] { Timeline<PoseEkf>(testing::ekf_at({}), std::numeric_limits<Stamp>::max()); }, "2^62");
+  Timeline<PoseEkf> longest(testing::ekf_at({}), kStampLimit);
+  longest.on(Velocity{2 - kStampLimit, 0.1, 0.0}, kDeaf);
+  longest.on(Velocity{1 - kStampLimit, 0.1, 0.0}, kDeaf);
 }
 
 }  // namespace

@@ -55,12 +55,14 @@ constexpr bool kRestarts<Estimator, std::void_t<decltype(std::declval<Estimator>
 template <class Estimator>
 class Timeline {
  public:
-  /// `history` [ns] is how late a message may be. Throws std::invalid_argument if it is negative,
-  /// or options are out of range, or ask to continue an estimator that cannot be `restarted`.
+  /// `history` [ns] is how late a message may be. Throws std::invalid_argument unless it is in 0 to
+  /// kStampLimit, if options are out of range, or if they ask to continue an estimator that cannot
+  /// be `restarted`.
   Timeline(Estimator estimator, Stamp history, const TimelineOptions& options = {})
       : start_(estimator), estimator_(std::move(estimator)), history_(history), options_(options) {
-    if (history < 0) {
-      throw std::invalid_argument("history is " + std::to_string(history) + " ns, expected >= 0");
+    if (history < 0 || history > kStampLimit) {
+      throw std::invalid_argument("history is " + std::to_string(history) +
+                                  " ns, expected 0 to 2^62 ns");
     }
     if (options.most_messages < kLeast || options.jump_after < 1) {
       throw std::invalid_argument("most_messages is " + std::to_string(options.most_messages) +

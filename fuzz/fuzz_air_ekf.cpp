@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "checks.hpp"
+#include "support/flight.hpp"
+#include "worlds.hpp"
+
+namespace {
+
+using namespace locfuse;
+
+template <class M>
+void tell(fuzz::Reader& io, AirEkf& ekf, Stamp& now) {
+  const M message = fuzz::read<M>(io, now);
+  if constexpr (std::is_same_v<M, Velocity> || std::is_same_v<M, Increment>) {
+    double climb_rate = 0.0;
+    code(io, climb_rate, -3.0, 3.0);
+    fuzz::tell(io, ekf, [&](AirEkf& e) { return e.on(message, climb_rate); });
+  } else {
+    fuzz::tell(io, ekf, [&](AirEkf& e) { return e.on(message); });
+  }
+}
+
+}  // namespace
+
+/// An AirEkf, with odometry or with constant velocity, is told anything.
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  fuzz::Reader io(data, size);
+  bool by_itself = false;
+  code(io, by_itself);
+  AirEstimate start;
+  Stamp now = 0;
+  code(io, start.stamp, now);
+  code(io, start.pose, 30.0);
+  code(io, start.height, -10.0, 30.0);
+  code(io, start.covariance, 10.0);
+  AirEkf::Config config;
+  config.motion = by_itself ? AirMotion::kConstantVelocity : AirMotion::kOdometry;
+  std::optional<AirEkf> ekf;
+  if (!fuzz::returns([&] { ekf.emplace(testing::air_ekf(config, start)); })) {
+    return 0;
+  }
+  while (!io.empty()) {
+    std::uint8_t call = 0;
+    code(io, call, 7);
+    using Tell = void (*)(fuzz::Reader&, AirEkf&, Stamp&);
+    static constexpr Tell kTell[] = {tell<Velocity>,    tell<Increment>, tell<Range>,
+                                     tell<PositionFix>, tell<Altitude>,  tell<PoseObservation>,
+                                     tell<RangeBearing>};
+    kTell[call](io, *ekf, now);
+  }
+  return 0;
+}

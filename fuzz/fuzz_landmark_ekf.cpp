@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "checks.hpp"
+#include "locfuse/estimators/landmark_ekf.hpp"
+#include "worlds.hpp"
+
+/// A LandmarkEkf that knows two landmarks, one of them for sure, is told anything.
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace locfuse;
+  fuzz::Reader io(data, size);
+  LandmarkEkf::Config config;
+  config.max_landmarks = 12;
+  std::optional<LandmarkEkf> made;
+  if (!fuzz::returns([&] {
+        made.emplace(config, fuzz::read_start(io), Pose2{0.2, 0.0, 0.1},
+                     std::vector<KnownLandmark>{
+                         {0, {4.0, 3.0}, {}},
+                         {1, {-5.0, 6.0}, Matrix<2, 2>(0.01 * Matrix<2, 2>::Identity())}});
+      })) {
+    return 0;
+  }
+  LandmarkEkf& ekf = *made;
+  Stamp now = ekf.belief().stamp;
+  while (!io.empty()) {
+    const std::size_t before = ekf.landmarks().size();
+    std::uint8_t call = 0;
+    code(io, call, 7);
+    bool may_drop = false;
+    if (call == 0) {
+      std::vector<RangeBearing> sightings;
+      std::uint8_t size_and_way = 0;
+      code(io, size_and_way, 15);
+      for (int i = 0; i < size_and_way / 3; ++i) {
+        sightings.push_back(fuzz::read<RangeBearing>(io, now));
+        sightings.back().stamp = sightings.front().stamp;
+      }
+      fuzz::tell(io, ekf, [&](LandmarkEkf& e) {
+        const std::vector<Outcome> outcomes =
+            e.on_joint(sightings, static_cast<Association>(size_and_way % 3));
+        may_drop = fuzz::is_fused(outcomes);
+        return outcomes;
+      });
+    } else {
+      const auto message = fuzz::read<Message>(io, now);
+      fuzz::tell(io, ekf, [&](LandmarkEkf& e) {
+        const Outcome outcome = e.on(message);
+        may_drop = fuzz::is_fused(outcome);
+        return outcome;
+      });
+    }
+    fuzz::require(may_drop || ekf.landmarks().size() == before,
+                  "a message that is not fused brings and drops no landmark");
+  }
+  return 0;
+}

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "checks.hpp"
+#include "codec.hpp"
+#include "locfuse/frontends/locate.hpp"
+#include "locfuse/frontends/range_batch.hpp"
+
+namespace {
+
+using namespace locfuse;
+
+template <int N>
+void solve(const fuzz::Reader& io, const AnchorTable& table, const double* ranges,
+           const double* sigma, const RangeLoss& loss) {
+  const Multilateration<N> solver(table, sigma, {loss, {}});
+  const RangePosition<N> found = solver.solve(ranges);
+  if (found.has_position) {
+    fuzz::require(found.position.allFinite(), "a position is finite");
+  }
+  if (found.status == PositionStatus::kUnique) {
+    fuzz::require(found.has_position, "a unique position is there");
+    fuzz::require_covariance(io, found.covariance);
+  }
+  for (const RangeSolver method : {RangeSolver::kSquaredRange, RangeSolver::kWeightedSquaredRange,
+                                   RangeSolver::kMaximumLikelihood}) {
+    Vector<N> position;
+    Matrix<N, N> covariance;
+    double cost = 0.0;
+    PositionStatus status = PositionStatus::kUnique;
+    locate_batch<N>(solver, method, nullptr, ranges, 1,
+                    {position.data(), covariance.data(), &cost, &status});
+    if (status == PositionStatus::kUnique) {
+      fuzz::require(position.allFinite(), "a position of a batch is finite");
+    }
+  }
+}
+
+}  // namespace
+
+/// A position is computed from any ranges to any anchors, in the plane, in space and at a height.
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  fuzz::Reader io(data, size);
+  std::uint8_t way = 0;
+  code(io, way, 3);
+  std::uint8_t anchors = 0;
+  code(io, anchors, 12);
+  const int columns = way == 0 ? 2 : 3;
+  std::vector<double> rows(static_cast<std::size_t>(anchors * columns));
+  std::vector<double> ranges(anchors);
+  std::vector<double> sigma(anchors);
+  for (double& coordinate : rows) {
+    code(io, coordinate, -20.0, 20.0);
+  }
+  for (double& range : ranges) {
+    code(io, range, 0.0, 40.0);
+  }
+  for (double& s : sigma) {
+    code(io, s, 1e-3, 2.0);
+  }
+  AnchorTable table{rows.data(), anchors, columns, {}};
+  if (way == 2) {
+    table.height.emplace();
+    code(io, *table.height, -5.0, 5.0);
+  }
+  LocateOptions options;
+  std::uint8_t loss = 0;
+  code(io, loss, 4);
+  options.loss.kind = static_cast<RangeLossKind>(loss);
+  code(io, options.loss.scale, 0.0, 5.0);
+  code(io, options.use_ceres);
+  bool weighted = false;
+  code(io, weighted);
+  options.weights = weighted ? SquaredRangeWeights::kVariance : SquaredRangeWeights::kEqual;
+  bool is_told = false;
+  code(io, is_told);
+  const int dimensions = table.dimensions();
+  if (is_told) {
+    options.prior = {Eigen::VectorXd(dimensions), Eigen::VectorXd(dimensions)};
+    options.box = {Eigen::VectorXd(dimensions), Eigen::VectorXd(dimensions)};
+    for (int axis = 0; axis < dimensions; ++axis) {
+      code(io, options.prior->mean(axis), -20.0, 20.0);
+      code(io, options.prior->sigma(axis), 1e-3, 10.0);
+      code(io, options.box->low(axis), -30.0, 0.0);
+      code(io, options.box->high(axis), 0.0, 30.0);
+    }
+  }
+  fuzz::returns([&] {
+    const PositionSolution found = locate(table, ranges.data(), sigma.data(), options);
+    fuzz::require((found.status == PositionStatus::kUnique) == found.reason.empty(),
+                  "what is not unique has a reason");
+    for (const PositionHypothesis& hypothesis : found.hypotheses) {
+      fuzz::require(hypothesis.position.allFinite(), "a hypothesis is finite");
+      fuzz::require(!io.plausible() || hypothesis.cost >= 0.0, "a cost is not negative");
+    }
+    if (found.status == PositionStatus::kUnique) {
+      fuzz::require_covariance(io, found.hypotheses.front().covariance);
+    }
+  });
+  fuzz::returns([&] {
+    if (dimensions == 2) {
+      solve<2>(io, table, ranges.data(), sigma.data(), options.loss);
+    } else {
+      solve<3>(io, table, ranges.data(), sigma.data(), options.loss);
+    }
+  });
+  return 0;
+}

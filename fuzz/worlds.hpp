@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "locfuse/estimators/pose_ekf.hpp"
+#include "messages.hpp"
+#include "support/robot.hpp"
+#include "support/rooms.hpp"
+
+/// Where fuzz targets live.
+namespace locfuse::fuzz {
+
+[[nodiscard]] inline std::shared_ptr<const LandmarkMap> poles() {
+  static const auto map = std::make_shared<const LandmarkMap>(
+      std::vector<Landmark>{{0, {4.0, 3.0}}, {1, {-5.0, 6.0}}, {2, {2.0, -7.0}}, {3, {4.2, 3.1}}});
+  return map;
+}
+
+/// A room of 8 x 6 m on a map of 20 cm cells.
+[[nodiscard]] inline std::shared_ptr<const OccupancyGrid> small_room() {
+  static const auto map = testing::map_of(testing::room_around({}), 48, 40, 0.2, {-4.8, -4.0, 0.0});
+  return map;
+}
+
+[[nodiscard]] inline PoseEstimate start() {
+  return {0, {2.0, -1.0, 0.4}, Vector<3>(0.01, 0.01, 0.0025).asDiagonal()};
+}
+
+template <class Io>
+void code(Io& io, PoseEstimate& start) {
+  Stamp now = 0;
+  code(io, start.stamp, now);
+  code(io, start.pose, 30.0);
+  code(io, start.covariance, 10.0);
+}
+
+[[nodiscard]] inline PoseEstimate read_start(Reader& io) {
+  PoseEstimate start{0, {}, Matrix<3, 3>::Zero()};
+  code(io, start);
+  return start;
+}
+
+}  // namespace locfuse::fuzz
