@@ -35,3 +35,8 @@ if(LOCFUSE_SANITIZE_THREADS)
   target_compile_options(locfuse_warnings INTERFACE -fsanitize=thread -O1 -g1)
   target_link_options(locfuse_warnings INTERFACE -fsanitize=thread)
 endif()
+if(LOCFUSE_COVERAGE)
+  # Counters that several threads write.
+  target_compile_options(locfuse_warnings INTERFACE --coverage -fprofile-update=atomic -O0 -g1)
+  target_link_options(locfuse_warnings INTERFACE --coverage)
+endif()

@@ -1,16 +1,43 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "checks.hpp"
+#include "health.hpp"
 #include "locfuse/estimators/recovering_ekf.hpp"
 #include "worlds.hpp"
 
-/// A RecoveringEkf starts by itself, tracks, is lost and starts anew, whatever it is told.
+namespace {
+
+using namespace locfuse;
+
+void require_sound(const fuzz::Reader& io, const RecoveringEkf& robot) {
+  fuzz::require_sound(robot.health());
+  fuzz::require_sound(robot.sources());
+  if (robot.estimator() != nullptr) {
+    fuzz::require_sound(io, robot.estimator()->belief());
+  } else {
+    fuzz::require(robot.is_lost(), "one that has not started is lost");
+  }
+  double total = 0.0;
+  const Initializer::State state = robot.state();
+  for (const PoseHypothesis& hypothesis : state.hypotheses) {
+    fuzz::require_covariance(io, hypothesis.estimate.covariance);
+    fuzz::require(hypothesis.probability >= 0.0, "a probability is not negative");
+    total += hypothesis.probability;
+  }
+  fuzz::require(total <= 1.0 + 1e-9, "probabilities of hypotheses are at most 1 together");
+}
+
+}  // namespace
+
+/// A RecoveringEkf starts by itself or is started, tracks, is lost and starts anew, whatever it is
+/// told, and says how far it may be trusted.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace locfuse;
   static const auto matcher = std::make_shared<const ScanMatcher>(fuzz::small_room());
   fuzz::Reader io(data, size);
   RecoveringEkf::Config config;
   config.start.headings = 12;
-  code(io, config.measurements_per_false_alarm, 2.0, 100.0);
+  code(io, config.restart);
+  code(io, config.health);
+  code(io, config.estimator);
   std::optional<RecoveringEkf> made;
   if (!fuzz::returns([&] {
         made.emplace(config, testing::hall(), testing::one_tag(), matcher,
@@ -19,16 +46,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     return 0;
   }
   RecoveringEkf& robot = *made;
-  bool starts = false;
-  code(io, starts);
   Stamp now = 0;
-  if (starts) {
-    fuzz::returns([&] { robot.start_at(fuzz::read_start(io)); });
-    now = robot.is_lost() ? 0 : robot.estimator()->belief().stamp;
-  }
-  while (!io.empty()) {
+  for (int calls = 0; !io.empty() && calls < 100; ++calls) {
     std::uint8_t call = 0;
-    code(io, call, 8);
+    code(io, call, 10);
     fuzz::returns([&] {
       if (call == 0) {
         robot.on(fuzz::read<LaserScan>(io, now));
@@ -39,21 +60,17 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
           sightings.back().stamp = sightings.front().stamp;
         }
         robot.on_joint(sightings);
+      } else if (call == 2) {
+        robot.start_at(fuzz::read_start(io));
+        now = robot.current().stamp;
+      } else if (call == 3 && robot.estimator() != nullptr) {
+        robot = robot.restarted(fuzz::read_start(io));
+        now = robot.current().stamp;
       } else {
         robot.on(fuzz::read<Message>(io, now));
       }
     });
-    if (!robot.is_lost()) {
-      fuzz::require_sound(io, robot.estimator()->belief());
-    }
-    double total = 0.0;
-    const Initializer::State state = robot.state();
-    for (const PoseHypothesis& hypothesis : state.hypotheses) {
-      fuzz::require_covariance(io, hypothesis.estimate.covariance);
-      fuzz::require(hypothesis.probability >= 0.0, "a probability is not negative");
-      total += hypothesis.probability;
-    }
-    fuzz::require(total <= 1.0 + 1e-9, "probabilities of hypotheses are at most 1 together");
+    require_sound(io, robot);
   }
   return 0;
 }

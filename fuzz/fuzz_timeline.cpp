@@ -6,7 +6,7 @@
 #include "worlds.hpp"
 
 /// A Timeline takes messages in any order: what it believes is, bit for bit, what the sorted ones
-/// make of it, less those that were refused or older than the history.
+/// make of it, less those that were refused or older than the history; as long as no clock jumps.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace locfuse;
   const PoseEkf fresh({}, testing::hall(), testing::one_tag(), fuzz::start(),
@@ -15,8 +15,15 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Stamp now = 0;
   Stamp history = 0;
   code(io, history, now);
+  TimelineOptions options;
+  std::uint8_t jump = 0;
+  std::uint8_t jump_after = 0;
+  code(io, jump, 3);
+  code(io, jump_after, 40);
+  options.clock_jump = static_cast<ClockJump>(jump);
+  options.jump_after = jump_after;
   std::optional<Timeline<PoseEkf>> timeline;
-  if (!fuzz::returns([&] { timeline.emplace(fresh, history); })) {
+  if (!fuzz::returns([&] { timeline.emplace(fresh, history, options); })) {
     return 0;
   }
   now = 0;
@@ -33,6 +40,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       taken.push_back(message);
       newest = std::max(newest, stamp);
     }
+  }
+  if (timeline->jumps() > 0) {
+    timeline->reset();
+    fuzz::require(testing::same_bits(timeline->estimator().belief(), fresh.belief()),
+                  "one that was reset is as it was made");
+    return 0;
   }
   std::stable_sort(taken.begin(), taken.end(), [](const Message& a, const Message& b) {
     return effective_stamp(a) < effective_stamp(b);

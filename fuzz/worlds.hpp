@@ -36,6 +36,37 @@ void code(Io& io, PoseEstimate& start) {
   code(io, start.covariance, 10.0);
 }
 
+/// What changes the way of a PoseEkf: errors that are states, learnt or considered, shapes of
+/// noise.
+template <class Io>
+void code(Io& io, PoseEkf::Config& config) {
+  auto way = static_cast<std::uint8_t>(config.calibration.sigma_scale == 0.0 ? 0
+                                       : config.calibration.consider         ? 2
+                                                                             : 1);
+  code(io, way, 3);
+  if (way > 0) {
+    config.calibration = {0.05, 0.05, 0.05, 0.01, 0.001, 0.05, 0.02,
+                          0.1,  0.02, 0.05, 0.2,  0.01,  0.05, way == 2};
+  }
+  // Only ranges have a long side, so for the others one-sided noise is Gaussian.
+  for (NoiseKind* kind : {&config.robust_range, &config.robust_position, &config.robust_pose}) {
+    auto shape = static_cast<std::uint8_t>(*kind);
+    code(io, shape, 4);
+    *kind = static_cast<NoiseKind>(shape);
+    if (kind != &config.robust_range && *kind == NoiseKind::kOneSided) {
+      *kind = NoiseKind::kGaussian;
+    }
+  }
+  code(io, config.robust_dof, 1.0, 30.0);
+  code(io, config.robust_late_share, 0.01, 0.5);
+}
+
+[[nodiscard]] inline PoseEkf::Config read_config(Reader& io) {
+  PoseEkf::Config config;
+  code(io, config);
+  return config;
+}
+
 [[nodiscard]] inline PoseEstimate read_start(Reader& io) {
   PoseEstimate start{0, {}, Matrix<3, 3>::Zero()};
   code(io, start);

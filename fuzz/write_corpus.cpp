@@ -4,6 +4,7 @@
 #include <iostream>
 #include <string>
 
+#include "health.hpp"
 #include "support/discs.hpp"
 #include "support/flight.hpp"
 #include "support/scrubber.hpp"
@@ -145,6 +146,18 @@ LaserScan scan_at(const Pose2& pose, Stamp stamp) {
   return scan;
 }
 
+/// As it is by itself, or learning errors with noise of every shape.
+PoseEkf::Config settings(bool robust) {
+  PoseEkf::Config config;
+  if (robust) {
+    config.calibration.sigma_scale = 0.05;
+    config.robust_range = NoiseKind::kOneSided;
+    config.robust_position = NoiseKind::kStudentT;
+    config.robust_pose = NoiseKind::kCauchy;
+  }
+  return config;
+}
+
 void write_estimators(const std::filesystem::path& folder) {
   for (const Stream& stream : streams()) {
     const std::string name = stream.name;
@@ -152,7 +165,7 @@ void write_estimators(const std::filesystem::path& folder) {
       const std::string file = name + (flag ? "_1" : "_0");
       Input pose(folder / "pose_ekf" / file);
       Input tags(folder / "tag_triangle_ekf" / file);
-      pose.flag(flag).start(start());
+      pose.part(settings(flag)).start(start());
       tags.flag(flag).start(start());
       for (const Message& message : stream.messages) {
         pose.choice(2).message(message);
@@ -162,19 +175,19 @@ void write_estimators(const std::filesystem::path& folder) {
     Input landmark(folder / "landmark_ekf" / name);
     landmark.start(start());
     Input tracking(folder / "recovering_ekf" / (name + "_tracking"));
-    tracking.number(50.0, 2.0, 100.0).flag(true).start(start());
+    tracking.flag(true).part(Health::Config{}).part(settings(false)).choice(2).start(start());
     Input lost(folder / "recovering_ekf" / (name + "_lost"));
-    lost.number(50.0, 2.0, 100.0).flag(false);
+    lost.flag(true).part(Health::Config{}).part(settings(true));
     Input in_order(folder / "timeline" / name);
-    in_order.message(Stamp{2'000'000'000});
+    in_order.message(Stamp{2'000'000'000}).choice(0).choice(19);
     Input mcl(folder / "mcl" / name);
     mcl.flag(true).choice(0).start(start()).number(1.0, 0.0, 1.0);
     Input switching(folder / "switching_mcl" / name);
     switching.flag(true).start(start());
     for (const Message& message : stream.messages) {
       landmark.choice(1).message(message);
-      tracking.choice(2).message(message);
-      lost.choice(2).message(message);
+      tracking.choice(4).message(message);
+      lost.choice(4).message(message);
       mcl.choice(4).message(message);
       switching.choice(1).message(message);
     }
@@ -190,9 +203,9 @@ void write_scans(const std::filesystem::path& folder) {
   Input switching(folder / "switching_mcl" / "scans");
   switching.flag(true).start(start());
   Input lost(folder / "recovering_ekf" / "scans");
-  lost.number(50.0, 2.0, 100.0).flag(false);
+  lost.flag(true).part(Health::Config{}).part(settings(false));
   for (const Message& message : first(with_ranges(), 8)) {
-    lost.choice(2).message(message);
+    lost.choice(4).message(message);
   }
   for (int i = 1; i <= 3; ++i) {
     const Pose2 pose{-1.0 + 0.2 * i, 0.5, 0.3};

@@ -7,7 +7,7 @@
 #include "support/rooms.hpp"
 #include "support/simulation.hpp"
 
-/// What threads share. `./dev race` runs these under ThreadSanitizer.
+/// What threads share. `./dev tsan` runs these under ThreadSanitizer.
 namespace locfuse {
 namespace {
 

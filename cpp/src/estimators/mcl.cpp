@@ -64,12 +64,19 @@ const Mcl::Config& checked(const Mcl::Config& config) {
   return config;
 }
 
-void check_start(const PoseEstimate& start) {
+/// In single precision, in which particles are kept, more is infinite.
+void check_start(const PoseEstimate& start, const Limits& limits) {
   const Vector<3> mean(start.pose.x, start.pose.y, start.pose.heading);
   if (!mean.allFinite() || !start.covariance.allFinite() ||
       start.covariance.llt().info() != Eigen::Success) {
     throw std::invalid_argument(
         "a start has a pose that is not finite or a covariance that is not positive definite");
+  }
+  const double farthest = std::max(start.pose.position().norm(), start.sigma_position());
+  if (!(farthest <= limits.distance_m)) {
+    throw std::invalid_argument("a start has a position or its sigma of " +
+                                std::to_string(farthest) + " m, expected at most " +
+                                std::to_string(limits.distance_m) + " m (limits.distance_m)");
   }
 }
 
@@ -195,11 +202,12 @@ void Mcl::start_at(const std::vector<PoseHypothesis>& hypotheses) {
   double total = 0.0;
   for (const PoseHypothesis& h : hypotheses) {
     check_stamp(h.estimate.stamp);
-    check_start(h.estimate);
-    if (!(h.probability > 0.0) || h.estimate.stamp != hypotheses.front().estimate.stamp) {
-      throw std::invalid_argument("starts need probabilities > 0 and one stamp");
-    }
+    check_start(h.estimate, recipe_->config.limits);
     total += h.probability;
+    if (!(h.probability > 0.0 && std::isfinite(total)) ||
+        h.estimate.stamp != hypotheses.front().estimate.stamp) {
+      throw std::invalid_argument("starts need finite probabilities > 0 and one stamp");
+    }
   }
   if (hypotheses.empty()) {
     throw std::invalid_argument("there is no pose to start at");
@@ -235,7 +243,7 @@ void Mcl::inject(const PoseEstimate& pose, double share) {
                                 " ns, before the last message at " + std::to_string(stamp_) +
                                 " ns");
   }
-  check_start(pose);
+  check_start(pose, recipe_->config.limits);
   advance_to(pose.stamp);
   if (share == 1.0) {
     const HeldMotion odometry = odometry_;
@@ -260,10 +268,14 @@ void Mcl::inject(const PoseEstimate& pose, double share) {
 
 void Mcl::start_with(Stamp stamp, const Matrix<4, Eigen::Dynamic>& particles) {
   const double total = particles.row(3).sum();
+  const double farthest = recipe_->config.limits.distance_m;
   if (!particles.allFinite() || particles.cols() == 0 || particles.row(3).minCoeff() < 0.0 ||
-      !(total > 0.0)) {
+      !(total > 0.0 && std::isfinite(total)) ||
+      particles.topRows<2>().cwiseAbs().maxCoeff() > farthest) {
     throw std::invalid_argument(
-        "particles need finite x, y, heading and weight >= 0, and some weight > 0");
+        "particles need finite x, y, heading and weight >= 0, some weight > 0, and x and y of at "
+        "most " +
+        std::to_string(farthest) + " m (limits.distance_m)");
   }
   start_anywhere(stamp);
   anywhere_ = false;
@@ -595,7 +607,10 @@ bool Mcl::ready() const {
          std::sqrt(P(2, 2)) <= config.sigma_heading_ready_rad;
 }
 
-PoseEstimate Mcl::estimate() const {
+PoseEstimate Mcl::estimate() const { return carried_on(hypotheses_.front().estimate); }
+
+/// A pose at the belief's stamp, carried to where odometry ends.
+PoseEstimate Mcl::carried_on(const PoseEstimate& from) const {
   const Stamp now = std::max(stamp_, odometry_.end());
   UncertainMotion ahead = pending_;
   Stamp at = stamp_;
@@ -609,7 +624,7 @@ PoseEstimate Mcl::estimate() const {
         extend(ahead, recipe_->lost, Pose2{}, seconds_between(at, until));
         at = until;
       });
-  return carried(hypotheses_.front().estimate, ahead, now);
+  return carried(from, ahead, now);
 }
 
 /// Eq. (1) of docs/models/switching_mcl.md.
@@ -625,9 +640,8 @@ PoseEstimate Mcl::spread() const {
     square += cluster.probability * (cluster.estimate.covariance + off * off.transpose());
   }
   mean /= total;
-  PoseEstimate all = estimate();
-  all.covariance += square / total - mean * mean.transpose() - best.covariance;
-  return all;
+  const Matrix<3, 3> P = square / total - mean * mean.transpose();
+  return carried_on({best.stamp, best.pose, 0.5 * (P + P.transpose())});
 }
 
 }  // namespace locfuse

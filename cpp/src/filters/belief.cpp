@@ -45,7 +45,7 @@ Slot GaussianBelief::add(const std::string& name, SlotKind kind,
   x.conservativeResize(offset + size);
   x.tail(size) = mean;
   P.grow(size);
-  P.bottomRightCorner(size, size) = covariance;
+  P.bottomRightCorner(size, size) = 0.5 * (covariance + covariance.transpose());
   find_rows();
   for (const int row : angle_rows()) {
     x(row) = wrap_angle(x(row));

@@ -262,8 +262,8 @@ class Binning {
       : per_side_(1.0 / bins.side), headings_(static_cast<int>(bins.headings)) {}
 
   [[nodiscard]] std::int64_t bin(const ParticleBelief& belief, std::size_t k) const {
-    const auto column = static_cast<std::int64_t>(static_cast<double>(belief.x[k]) * per_side_);
-    const auto row = static_cast<std::int64_t>(static_cast<double>(belief.y[k]) * per_side_);
+    const std::int64_t column = along(belief.x[k]);
+    const std::int64_t row = along(belief.y[k]);
     const double turn =
         static_cast<double>(heading_of(belief.c[k], belief.s[k])) / (2.0 * kPi) + 0.5;
     const auto heading = static_cast<std::int64_t>(turn * headings_) % headings_;
@@ -285,7 +285,15 @@ class Binning {
   }
 
  private:
-  static constexpr std::int64_t kShift = 1 << 20;  // so that none is negative
+  static constexpr std::int64_t kShift = 1 << 20;                // so that none is negative
+  static constexpr std::int64_t kLast = (1 << 24) - 1 - kShift;  // that 24 bits hold
+  /// Row or column. All that lies farther off the map than these can tell is in the last one but
+  /// one, so that those beside it are there, too.
+  [[nodiscard]] std::int64_t along(float cells) const {
+    const double bin = static_cast<double>(cells) * per_side_;
+    return static_cast<std::int64_t>(
+        std::clamp(bin, 1.0 - static_cast<double>(kShift), static_cast<double>(kLast) - 1.0));
+  }
   static std::int64_t number(std::int64_t heading, std::int64_t row, std::int64_t column) {
     return heading << 48 | row << 24 | column;
   }

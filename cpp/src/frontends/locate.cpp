@@ -134,6 +134,9 @@ class Locator {
       }
       return;
     }
+    if (minima_.count == 0) {
+      return;
+    }
     const RangeFit<N> first = minima_.fit[0];
     const Vector<N> off = layout_.axes.col(0);
     if (first.saddle) {

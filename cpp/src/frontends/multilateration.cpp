@@ -55,6 +55,9 @@ AnchorTable checked(const AnchorTable& anchors, const double* sigma) {
 
 template <int N>
 void RangeMinima<N>::add(const RangeFit<N>& found, double resolution) {
+  if (!std::isfinite(found.cost + found.position.sum())) {
+    return;  // of numbers that squares do not hold
+  }
   int place = count;
   for (int j = 0; j < count; ++j) {
     const RangeFit<N>& other = fit[static_cast<std::size_t>(j)];
@@ -122,7 +125,8 @@ RangeMinima<N> find_minima(const RangeLayout<N>& layout, const double* ranges,
     minima.add(fit_ranges<N>(layout, ranges, start.position[static_cast<std::size_t>(j)], loss),
                resolution);
   }
-  if (start.count != 1 || (minima.fit[0].cost < strong && !minima.fit[0].saddle)) {
+  if (start.count != 1 || minima.count == 0 ||
+      (minima.fit[0].cost < strong && !minima.fit[0].saddle)) {
     return minima;
   }
   const RangeFit<N> first = minima.fit[0];

@@ -172,7 +172,7 @@ RangeFit<N> descend(const RangeLayout<N>& layout, const double* ranges, const Ve
       fit.converged = newton || damping <= 1e-3;
       Vector<N> unused;
       fit.saddle = !newton && !solve_positive(at.hessian, at.gradient, unused);
-      at.cost -= gain;
+      at.cost = std::max(at.cost - gain, 0.0);
       damping *= 0.1;
       continue;
     }

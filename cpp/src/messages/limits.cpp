@@ -10,10 +10,12 @@ namespace {
 
 constexpr double kJitter = 0.1;  // [s]
 
+constexpr double kMost = 1e12;  // after any time it is finite in single precision
+
 void require(const char* name, double value) {
-  if (!(std::isfinite(value) && value > 0.0)) {
+  if (!(value > 0.0 && value <= kMost)) {
     throw std::invalid_argument(std::string("limits.") + name + " is " + std::to_string(value) +
-                                ", expected a finite number > 0");
+                                ", expected more than 0, at most 1e12");
   }
 }
 

@@ -88,6 +88,42 @@ TEST(Mcl, covariances_are_symmetric_to_the_bit_on_a_turned_map) {
   EXPECT_TRUE(testing::is_covariance(mcl.spread().covariance));
 }
 
+// A step of 8e269 m, of a counter or a bit that flipped, made it infinite until the next start.
+TEST(Mcl, a_step_beyond_all_limits_leaves_the_covariance_finite) {
+  const Drive run = drive(3, 1);
+  for (const double limit : {Limits{}.speed_mps, 1e12}) {
+    Mcl::Config settings = config();
+    settings.limits.speed_mps = limit;
+    Mcl mcl(settings, run.room.map, 0);
+    mcl.start_at({near(run.room.middle, 0.1, 0.05)});
+    const Increment far{1'000'000'000, 48'000'000'000, {-7.9e269, 0.9, 3.8}};
+    EXPECT_EQ(mcl.on(far).verdict, Verdict::kImplausible);
+    EXPECT_EQ(mcl.on(Increment{48'000'000'000, 96'000'000'000, {0.9, 0.9, 3.8}}).verdict,
+              Verdict::kFused);
+    EXPECT_TRUE(testing::is_covariance(mcl.estimate().covariance));
+    EXPECT_TRUE(testing::is_covariance(mcl.spread().covariance));
+  }
+}
+
+// Only the best cluster was carried on, so that with what the others add it was no covariance.
+TEST(Mcl, what_all_particles_spread_over_is_carried_on_as_a_whole) {
+  const Drive run = drive(3, 1);
+  Mcl mcl(config(), run.room.map, 0);
+  PoseHypothesis vague = near(run.room.middle, 0.05, 1.5);
+  PoseHypothesis sharp = near(run.room.middle * Pose2{2.5, 0.0, 0.0}, 0.05, 0.05);
+  vague.probability = 0.6;
+  sharp.probability = 0.4;
+  mcl.start_at({vague, sharp});
+  const PoseEstimate here = mcl.spread();
+  ASSERT_GT(here.covariance(2, 2), 0.5);
+  mcl.on(Increment{0, 1'000'000'000, {30.0, 0.0, 0.0}});
+  const PoseEstimate there = mcl.spread();
+  EXPECT_TRUE(testing::is_covariance(there.covariance)) << there.covariance;
+  // Whatever the heading is off by moves the end of the way sideways.
+  EXPECT_GT(there.covariance(1, 1) + there.covariance(0, 0), 900.0 * 0.5);
+  EXPECT_NEAR(there.covariance(2, 2), here.covariance(2, 2), 0.1);
+}
+
 TEST(Mcl, tracks_to_centimetres_and_knows_how_well) {
   Errors errors;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
@@ -463,7 +499,6 @@ TEST(Mcl, one_particle_is_a_belief_and_none_is_refused) {
 TEST(Mcl, bad_input_is_refused_and_changes_nothing) {
   const Drive run = drive(14, 2);
   Mcl mcl(config(), run.room.map, 0);
-  const std::vector<float> before = mcl.belief().x;
   LaserScan scan = run.scans[0];
   scan.ranges.assign(scan.ranges.size(), std::numeric_limits<double>::quiet_NaN());
   EXPECT_EQ(mcl.on(scan).verdict, Verdict::kNotModelled);
@@ -476,10 +511,31 @@ TEST(Mcl, bad_input_is_refused_and_changes_nothing) {
   Increment wrong = run.increments[0];
   wrong.motion.x = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THROW(mcl.on(wrong), std::invalid_argument);
+  const std::vector<float> before = mcl.belief().x;
   testing::expect_refused([&] { mcl.start_at({}); }, "no pose");
   PoseHypothesis start = near({}, 0.1, 0.1);
   start.estimate.covariance.setZero();
   testing::expect_refused([&] { mcl.start_at({start}); }, "positive definite");
+  testing::expect_refused(
+      [&] {
+        mcl.start_at({{near({}, 0.1, 0.1).estimate, INFINITY}});
+      },
+      "finite probabilities");
+  // In single precision these particles were infinite.
+  testing::expect_refused([&] { mcl.start_at({near({1e40, 0.0, 0.0}, 0.1, 0.1)}); }, "distance_m");
+  testing::expect_refused([&] { mcl.start_at({near({}, 1e40, 0.1)}); }, "distance_m");
+  PoseEstimate vague = near({}, 1e40, 0.1).estimate;
+  vague.stamp = mcl.estimate().stamp;
+  testing::expect_refused([&] { mcl.inject(vague, 0.5); }, "distance_m");
+  testing::expect_refused([&] { mcl.start_with(0, Matrix<4, 1>(1e40, 0.0, 0.0, 1.0)); },
+                          "distance_m");
+  testing::expect_refused(
+      [&] {
+        const Vector<4> heavy(0.0, 0.0, 0.0, std::numeric_limits<double>::max());
+        mcl.start_with(0, (Matrix<4, 2>() << heavy, heavy).finished());
+      },
+      "some weight > 0");
+  EXPECT_EQ(mcl.belief().x, before);
   testing::expect_refused([&] { Mcl(config(), nullptr, 0); }, "no map");
   Mcl::Config settings = config();
   settings.threads = 0;

@@ -33,6 +33,17 @@ TEST(GaussianBelief, of_a_pose_has_one_slot_named_body) {
   EXPECT_EQ(belief.angle_rows(), std::vector<int>{2});
 }
 
+// What ranges had told of a position, turned by a lever arm, was symmetric but for rounding, and a
+// start by it stayed so until the first update.
+TEST(GaussianBelief, a_covariance_that_is_symmetric_but_for_rounding_becomes_so_to_the_bit) {
+  Matrix<3, 3> P = 2.0 * kI3;
+  P(0, 1) = 0.1;
+  P(1, 0) = std::nextafter(0.1, 1.0);
+  GaussianBelief belief = GaussianBelief::of_pose(0, {}, P);
+  belief.add("second", SlotKind::kPose2, Vector<3>::Zero(), P);
+  EXPECT_TRUE(testing::is_covariance(belief.P));
+}
+
 TEST(GaussianBelief, adds_a_variable_without_correlation) {
   GaussianBelief belief = GaussianBelief::of_pose(0, {1.0, 2.0, 3.0}, 2.0 * kI3);
   const Slot second = belief.add("second", SlotKind::kPose2, Vector<3>(4.0, 5.0, 7.0), 3.0 * kI3);

@@ -300,6 +300,19 @@ TEST(Particles, clusters_have_their_own_means_across_the_cut_of_the_heading) {
   }
 }
 
+// Their columns ran over into rows, and beyond 2^63 into anything.
+TEST(Particles, that_are_far_off_share_no_cluster_with_what_is_on_the_map) {
+  ParticleBelief belief = all_at({}, 8);
+  belief.x = {0.0F, 0x1p24F, 1e30F, 2e30F, -1e30F, 0.0F, 0.0F, 5.0F};
+  belief.y = {3.0F, 0.0F, 0.0F, 0.0F, 0.0F, 1e30F, -1e30F, 3.0F};
+  const std::vector<ParticleCluster> clusters = clusters_of(belief, {1.0, 1.0}, 8);
+  ASSERT_EQ(clusters.size(), 6U);
+  EXPECT_DOUBLE_EQ(clusters[0].weight, 0.375) << "all beyond 2^24 to one side";
+  for (const ParticleCluster& cluster : clusters) {
+    EXPECT_TRUE(cluster.covariance.allFinite());
+  }
+}
+
 TEST(Particles, refuse_to_be_none) {
   ParticleBelief belief;
   testing::expect_refused([&] { belief.resize(0); }, "0 particles");

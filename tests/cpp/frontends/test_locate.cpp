@@ -51,6 +51,46 @@ TEST(Locate, refuses_a_sigma_without_a_finite_weight) {
   }
 }
 
+// The position that was told was NaN.
+TEST(Locate, numbers_whose_squares_are_infinite_have_no_position) {
+  Anchors anchors;
+  for (const Vector<3>& place :
+       {Vector<3>(0.0, 0.0, 1.0), Vector<3>(9.0, 0.0, 2.0), Vector<3>(0.0, 9.0, 3.0)}) {
+    anchors.rows.insert(anchors.rows.end(), place.data(), place.data() + 3);
+  }
+  anchors.columns = 3;
+  anchors.height = 1e200;
+  const double ranges[] = {5.0, 6.0, 7.0};
+  const double sigma[] = {0.1, 0.1, 0.1};
+  const RangePosition<2> found = Multilateration<2>(anchors.table(), sigma, {}).solve(ranges);
+  EXPECT_FALSE(found.has_position);
+  EXPECT_EQ(found.status, PositionStatus::kUnderdetermined);
+  for (const bool use_ceres : {false, true}) {
+    LocateOptions options;
+    options.use_ceres = use_ceres;
+    const PositionSolution solution = locate(anchors.table(), ranges, sigma, options);
+    EXPECT_TRUE(solution.hypotheses.empty());
+    EXPECT_FALSE(solution.reason.empty());
+  }
+}
+
+// What a last step was to gain could be more than there was, by rounding.
+TEST(Locate, costs_are_not_negative_where_ranges_fit_to_the_bit) {
+  testing::Rng rng(1);
+  const double rows[] = {10.12, 12.35, 11.1, -10.04};
+  const double sigma[] = {0.5, 0.001};
+  for (int trial = 0; trial < 300; ++trial) {
+    const Eigen::Vector2d truth = testing::random_pose(rng).position();
+    const double ranges[] = {(truth - Eigen::Vector2d(rows[0], rows[1])).norm(),
+                             (truth - Eigen::Vector2d(rows[2], rows[3])).norm()};
+    const PositionSolution found = locate({rows, 2, 2, {}}, ranges, sigma, {});
+    ASSERT_FALSE(found.hypotheses.empty());
+    for (const PositionHypothesis& hypothesis : found.hypotheses) {
+      EXPECT_GE(hypothesis.cost, 0.0) << trial;
+    }
+  }
+}
+
 // Made of eigenvectors, or of cofactors, it was symmetric but for rounding.
 TEST(Locate, covariances_are_symmetric_to_the_bit) {
   const Anchors anchors = testing::room();

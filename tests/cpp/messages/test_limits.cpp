@@ -43,6 +43,11 @@ TEST(Limits, are_finite_and_positive) {
   testing::expect_refused([] { validate(Limits{1.0, 1.0, INFINITY, 1.0}); }, "limits.range_m");
   testing::expect_refused(
       [] {
+        validate(Limits{1e300, 1.0, 1.0, 1.0});
+      },
+      "limits.speed_mps", "1e12");
+  testing::expect_refused(
+      [] {
         validate(Limits{1.0, 1.0, 1.0, std::nan("")});
       },
       "limits.distance_m");

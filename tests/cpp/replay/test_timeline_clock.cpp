@@ -248,6 +248,24 @@ TEST(Timeline, a_buffer_that_one_source_flushes_is_no_jump) {
   EXPECT_TRUE(same_bits(timeline.estimator().belief(), before));
 }
 
+// Each of them was kept until another source spoke, however long that took.
+TEST(Timeline, of_a_source_that_stays_in_the_past_alone_only_the_latest_messages_are_kept) {
+  Timeline timeline(testing::ekf_at(kStart), kSecond, with(ClockJump::kReset));
+  feed(timeline, drive(1));
+  std::vector<std::size_t> arrivals;
+  const auto sink = [&](std::size_t index, const Outcome&) { arrivals.push_back(index); };
+  for (int i = 0; i < 3000; ++i) {
+    timeline.on(testing::range_to(0, kStart, i), sink);
+  }
+  const std::size_t last = arrivals.back();
+  arrivals.clear();
+  timeline.on(Velocity{3000, 0.1, 0.0}, sink);
+  EXPECT_EQ(timeline.jumps(), 1U);
+  ASSERT_GT(arrivals.size(), 100U) << "what told of the jump is fused";
+  EXPECT_LE(arrivals.size(), 514U) << "one is told twice: that it is stale, and what it became";
+  EXPECT_GT(*std::min_element(arrivals.begin(), arrivals.end()), last - 512);
+}
+
 TEST(Timeline, late_messages_among_good_ones_are_no_jump) {
   Timeline timeline(testing::ekf_at(kStart), kSecond, with(ClockJump::kReset));
   feed(timeline, drive(1));

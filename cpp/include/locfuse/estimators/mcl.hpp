@@ -84,11 +84,12 @@ class Mcl {
       LandmarkSight landmarks = {});
 
   /// Starts anew: anywhere in free space, or near poses, each as likely as its probability says.
+  /// Throw std::invalid_argument for a pose, or a sigma of its position, beyond limits.distance_m.
   void start_anywhere(Stamp stamp);
   void start_at(const std::vector<PoseHypothesis>& hypotheses);
   /// Starts anew with particles that are given, one column (x, y, heading, weight) each, in world.
-  /// Throws std::invalid_argument unless all are finite and no weight is negative and not all are
-  /// 0.
+  /// Throws std::invalid_argument unless all are finite, none lies beyond limits.distance_m, no
+  /// weight is negative and not all are 0.
   void start_with(Stamp stamp, const Matrix<4, Eigen::Dynamic>& particles);
 
   /// Replaces a share of the particles, evenly, by draws from a pose that somebody else is sure of,
@@ -149,6 +150,7 @@ class Mcl {
   void settle(const LaserScan* scan = nullptr);
   bool settle_by_match(const LaserScan& z, const Pose2& motion_in_cells);
   static PoseEstimate carried(const PoseEstimate& from, const UncertainMotion& by, Stamp stamp);
+  [[nodiscard]] PoseEstimate carried_on(const PoseEstimate& from) const;
   void draw_near(int begin, int end, const PoseEstimate& pose, std::uint64_t key);
   void draw_free(ParticleBelief& belief, int k, std::uint64_t key) const;
   void summarize();

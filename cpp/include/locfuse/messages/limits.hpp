@@ -15,7 +15,7 @@ struct Limits {
   double distance_m = 2e7;        ///< of positions from the world's origin: UTM's are up to 1e7 [m]
 };
 
-/// Throws std::invalid_argument unless all are finite and > 0.
+/// Throws std::invalid_argument unless all are > 0 and at most 1e12.
 void validate(const Limits& limits);
 
 /// Whether a valid message can have happened. Stamps jitter, so an increment may drive what the

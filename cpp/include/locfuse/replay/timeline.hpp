@@ -160,6 +160,9 @@ class Timeline {
     const bool alone = std::none_of(held_.begin(), held_.end(), is_other);
     if (held_.size() < options_.jump_after ||
         (alone && std::count(heard_.begin(), heard_.end(), true) > 1)) {
+      if (held_.size() >= std::max(options_.jump_after, kLeast)) {  // a source may stay alone
+        held_.erase(held_.begin());
+      }
       return;
     }
     const std::vector<Entry> after = std::move(held_);

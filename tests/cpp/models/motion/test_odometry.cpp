@@ -189,6 +189,9 @@ TEST(OdometryMotion, refuses_sigmas_that_are_none) {
     expect_refused([&] { (void)OdometryMotion(config); }, name, "-0.25");
     field = std::nan("");
     expect_refused([&] { (void)OdometryMotion(config); }, name, "nan");
+    // Its variance would be infinite.
+    field = 1e160;
+    expect_refused([&] { (void)OdometryMotion(config); }, name, "1e6");
     field = kept;
   };
   refused(config.sigma_longitudinal_per_sqrt_m, "sigma_longitudinal_per_sqrt_m");

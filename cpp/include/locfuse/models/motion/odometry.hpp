@@ -36,7 +36,7 @@ class OdometryMotion {
 
   OdometryMotion() = default;
 
-  /// Throws std::invalid_argument if a sigma is negative or not finite.
+  /// Throws std::invalid_argument unless every sigma is 0 to 1e6.
   explicit OdometryMotion(const Config& config);
 
   /// T_world_body after `motion` (previous body frame), which took `seconds`; eq. (1) to (4).
