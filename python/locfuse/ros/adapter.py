@@ -232,7 +232,7 @@ class Adapter:
             if self._config.clock_jump == "reset":
                 self.reset()
         self._now_ns = now_ns
-        if self._first_ns is None:
+        if self._first_ns is None and now_ns > 0:  # simulated time has begun
             self._first_ns = now_ns
         return []
 

@@ -216,6 +216,16 @@ def test_what_it_needs_and_does_not_get_is_named_once() -> None:
     assert robot.health()["message"] == "nothing has been heard yet"
 
 
+def test_a_clock_that_begins_late_is_no_silence() -> None:
+    config, log = room()
+    robot = Robot(config, log)
+    robot.tick(0)
+    robot.tick(LATER)
+    assert robot.problems == []
+    robot.tick(LATER + 6 * NANOSECONDS)
+    assert any("nothing comes on odom" in problem for problem in robot.problems)
+
+
 def test_ranges_without_anchors_or_mounts_are_told_of() -> None:
     config, log = room()
     robot = Robot(config, log)

@@ -1,0 +1,292 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node `localize`: topics in and out around `locfuse.ros.adapter.Adapter`, which decides."""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy
+from std_srvs.srv import SetBool, Trigger
+
+from locfuse.config.schema import SOURCES
+from locfuse.ros.adapter import Adapter
+from locfuse.ros.lines import Lines
+from locfuse.types import ConfigError
+from locfuse_ros.declare import configure
+from locfuse_ros.fill import message_class, message_of
+from locfuse_ros.qos import does_not_hear, is_not_heard, to_hear, to_tell
+from locfuse_ros.start import run
+
+TICK_S = 0.1
+REPORT_S = 1.0
+AT_ONCE = 8  # messages of a topic that are taken before the others, and /clock, have their turn
+ONE_VOICE = ("odometry", "scans")  # of which two publishers at once are a mistake
+ABSOLUTE = ("tf", "tf_static", "diagnostics")  # topics that everybody shares, whatever namespace
+ADVICE = "the network or this computer is too slow for them, or a queue too small"
+
+
+class Localizer(Node):
+    """Hands messages to the adapter one at a time, and publishes what it says."""
+
+    def __init__(self) -> None:
+        super().__init__("locfuse", automatically_declare_parameters_from_overrides=True)
+        config, base = configure(self)
+        self._adapter = Adapter(config, base=base)
+        self._lines = Lines(ADVICE)
+        self._names: dict[str, str] = {}
+        self._told: set[str] = set()
+        self._work: list[float] = []  # ms, of each message since the last report
+        # Before the first message, so that who listens is there when it comes.
+        self._outs: dict[str, Out] = {}
+        for topic, kind, latched in self._adapter.announced:
+            self._out(topic, kind, latched)
+        self._ins = [In(self, s) for s in self._adapter.subscriptions]
+        self._offer_services()
+        wall = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand
+        self.create_timer(TICK_S, self._tick, clock=wall)
+        self.create_timer(REPORT_S, self._report, clock=wall)
+
+    def hear(self, source: str, topic: str, message: Any, info: Any) -> None:
+        """Take a message that came on a topic."""
+        # Without it, as before Kilted, numbers of several publishers cannot be told apart.
+        publisher = info.get("publisher_gid", {}).get("data", b"").hex()
+        number = info["publication_sequence_number"] if publisher else None
+        self._lines.heard(topic, publisher, number)
+        began = time.perf_counter()
+        self._handle(lambda now_ns: self._adapter.on(source, topic, message, now_ns))
+        self._work.append(1e3 * (time.perf_counter() - began))
+
+    def say_once(self, sentence: str) -> None:
+        """Warn of something that stays as it is, once."""
+        if sentence not in self._told:
+            self._told.add(sentence)
+            self.get_logger().warning(sentence)
+
+    def _handle(self, work: Callable[[int], Iterable[Any]]) -> None:
+        for told in work(self.get_clock().now().nanoseconds):
+            self._out(told.topic, told.type, told.latched).publish(told.fields)
+        for problem in self._adapter.problems():
+            self.get_logger().warning(problem)
+
+    def _out(self, topic: str, kind: str, latched: bool) -> Out:
+        if topic not in self._outs:
+            self._outs[topic] = Out(self, topic, kind, latched)
+        return self._outs[topic]
+
+    def _tick(self) -> None:
+        for one in self._ins:
+            one.look()
+        self._handle(self._adapter.tick)
+
+    def _name_of(self, topic: str, publisher: str) -> str:
+        """Return the name of the node that has a publisher, if it has told."""
+        if publisher not in self._names:
+            for told in self.get_publishers_info_by_topic(resolved(self, topic)):
+                if "UNKNOWN" not in told.node_name:  # who is not discovered yet
+                    namespace = told.node_namespace.rstrip("/")
+                    name = f"{namespace}/{told.node_name}"
+                    self._names[bytes(told.endpoint_gid).hex()] = name
+        return self._names.get(publisher, "a publisher without name")
+
+    def _voices(self, topic: str) -> str:
+        voices = self._lines.publishers(topic)
+        return " and ".join(self._name_of(topic, publisher) for publisher in voices)
+
+    def _report(self) -> None:
+        """Say what was lost on the way, in the log and as diagnostics."""
+        news = self._lines.news(self._name_of)
+        for sentence in news:
+            self.get_logger().warning(sentence)
+        for one in self._ins:
+            if one.source in ONE_VOICE and one.publishers > 1:
+                self.say_once(
+                    f"{one.topic} has {one.publishers} publishers, {self._voices(one.topic)}, "
+                    "whose messages are taken for those of one sensor; stop all but one, or give "
+                    "each a topic"
+                )
+        values = [
+            {
+                "key": f"{topic} from {self._name_of(topic, publisher)}",
+                "value": f"{n.received} heard, {n.lost} lost",
+            }
+            for (topic, publisher), n in self._lines.lines.items()
+        ]
+        values += self._worked()
+        status = {
+            "level": 1 if news else 0,
+            "name": "locfuse: topics",
+            "message": news[0] if news else "nothing was lost since the last report",
+            "hardware_id": "locfuse",
+            "values": values,
+        }
+        stamp = {"ns": self.get_clock().now().nanoseconds}
+        out = self._out("diagnostics", "diagnostic_msgs/DiagnosticArray", False)
+        out.publish({"header": {"stamp": stamp}, "status": [status]})
+
+    def _worked(self) -> list[dict[str, str]]:
+        """Return how long the messages of the last second took, from taken to published."""
+        work, self._work = sorted(self._work), []
+        if not work:
+            return []
+        told = {"median": work[len(work) // 2], "99 %": work[len(work) * 99 // 100],
+                "longest": work[-1]}  # fmt: skip
+        return [{"key": f"work [ms] {name}", "value": f"{ms:.3f}"} for name, ms in told.items()]
+
+    def _offer_services(self) -> None:
+        def calls(work: Callable[[], None], done: str) -> Callable[[Any, Any], Any]:
+            def answer(_: Any, response: Any) -> Any:
+                work()
+                response.success, response.message = True, done
+                return response
+
+            return answer
+
+        def switches(source: str) -> Callable[[Any, Any], Any]:
+            def answer(request: Any, response: Any) -> Any:
+                try:
+                    self._adapter.enable(source, request.data)
+                except ConfigError as error:
+                    response.message = str(error)
+                    return response
+                response.success = True
+                response.message = f"{source} is {'on' if request.data else 'off'}"
+                return response
+
+            return answer
+
+        reset = calls(self._adapter.reset, "all that was heard is forgotten")
+        relocalize = calls(self._adapter.relocalize, "the pose is forgotten and searched anew")
+        self.create_service(Trigger, "~/reset", reset)
+        self.create_service(Trigger, "~/relocalize", relocalize)
+        heard = {one.source for one in self._ins}
+        for source in (*SOURCES, "scans"):
+            if source in heard:
+                self.create_service(SetBool, f"~/enable/{source}", switches(source))
+
+
+class In:
+    """A topic that is heard, in the type that its publisher has."""
+
+    def __init__(self, node: Localizer, subscription: Any) -> None:
+        self.source, self.topic = subscription.source, subscription.topic
+        self._node, self._types = node, subscription.types
+        self._qos = to_hear(subscription.latched, subscription.queue)
+        self._name = resolved(node, self.topic)
+        self._kind = self._types[0]
+        self.publishers = 0
+        self._heard = self._subscribe()
+
+    def look(self) -> None:
+        """Until somebody is heard, see who else speaks, and in what type."""
+        if self.publishers:
+            return
+        spoken = {
+            told.topic_type.replace("/msg/", "/")
+            for told in self._node.get_publishers_info_by_topic(self._name)
+            if told.node_name != self._node.get_name()
+        }
+        ours = [kind for kind in self._types if kind in spoken]
+        if ours and self._kind not in spoken:
+            self._kind = ours[0]
+            self._node.destroy_subscription(self._heard)
+            self._heard = self._subscribe()
+        elif spoken and not ours:
+            expected = " or ".join(self._types)
+            self._node.say_once(
+                f"{self._name} has messages of type {', '.join(sorted(spoken))}, which are not "
+                f"heard; expected {expected}, or another topic for ros.topics.{self.source}"
+            )
+
+    def _subscribe(self) -> Any:
+        node, source, topic = self._node, self.source, self.topic
+
+        def heard(message: Any, info: Any) -> None:
+            node.hear(source, topic, message, info)
+            self._take_more()
+
+        events = SubscriptionEventCallbacks(
+            incompatible_qos=self._mismatch, matched=self._match, use_default_callbacks=False
+        )
+        return node.create_subscription(
+            message_class(self._kind), self._name, heard, self._qos, event_callbacks=events
+        )
+
+    def _take_more(self) -> None:
+        """Take what waits behind a message: one by one rclpy asks every topic before each."""
+        heard = self._heard
+        for _ in range(AT_ONCE):
+            with heard.handle:
+                taken = heard.handle.take_message(heard.msg_type, heard.raw)
+            if taken is None:
+                return
+            self._node.hear(self.source, self.topic, *taken)
+
+    def _match(self, event: Any) -> None:
+        self.publishers = event.current_count
+
+    def _mismatch(self, event: Any) -> None:
+        if event.total_count:
+            self._node.say_once(does_not_hear(self._name, event.last_policy_kind, self._qos))
+
+
+class Out:
+    """A topic that is told, at once and, if it is latched, to those who come later."""
+
+    def __init__(self, node: Localizer, topic: str, kind: str, latched: bool) -> None:
+        self._node, self._kind, self._latched = node, kind, latched
+        self._name, self._qos = resolved(node, topic), to_tell(latched)
+        self._last: Any = None
+        events = PublisherEventCallbacks(
+            incompatible_qos=self._mismatch,
+            matched=self._match if latched else None,
+            use_default_callbacks=False,
+        )
+        self._publisher = node.create_publisher(
+            message_class(kind), self._name, self._qos, event_callbacks=events
+        )
+
+    def publish(self, fields: Any) -> None:
+        """Publish a message with these fields."""
+        message = message_of(self._kind, fields)
+        if self._latched:
+            self._last = message
+        self._publisher.publish(message)
+
+    def _match(self, event: Any) -> None:
+        """Tell it again to one who came later and did not ask for what was: an AMCL does not."""
+        if self._last is None or event.current_count_change <= 0:
+            return
+        others = self._node.get_subscriptions_info_by_topic(self._name)
+        if any(
+            told.qos_profile.durability != DurabilityPolicy.TRANSIENT_LOCAL
+            and told.node_name != self._node.get_name()
+            for told in others
+        ):
+            self._publisher.publish(self._last)
+
+    def _mismatch(self, event: Any) -> None:
+        if event.total_count:
+            self._node.say_once(is_not_heard(self._name, event.last_policy_kind, self._qos))
+
+
+def resolved(node: Node, topic: str) -> str:
+    """Return the full name of a topic, by the namespace and the remappings of a node."""
+    return str(node.resolve_topic_name(f"/{topic}" if topic in ABSOLUTE else topic))
+
+
+def main() -> int:
+    """Run the node; return 1 if it cannot start, having said why."""
+
+    def made() -> Localizer:
+        node = Localizer()
+        gc.freeze()  # what lives as long as the node need not be looked at again and again
+        return node
+
+    return run(made)

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The flat parameters of a node and the configuration that they make."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from locfuse.config.load import load_config, parse_config
+from locfuse.config.schema import RunConfig
+from locfuse.ros.parameters import LARGEST_INTEGER, Parameter, config_of, parameters
+from locfuse.types import ConfigError
+
+ROOT = Path(__file__).parents[3]
+EVERYTHING: dict[str, Any] = {
+    "start": [1.0, 2.0, 90.0],
+    "anchors": {"all": {"offset_m": 0.1}},
+    "delays_s": {"ranges": 0.05},
+    "switched_off": [{"source": "ranges", "from_s": 3.0}],
+    "mcl": {"poses_hz": 2.0, "switch": None, "likelihood": "beams"},
+    "cylinders": {"radius_m": 0.1},
+    "estimator": {"robust_range": "student_t"},
+    "ros": {"gps_origin": [50.0, 8.0, 0.0], "topics": {"scans": None}},
+}
+
+
+def by_name(config: RunConfig) -> dict[str, Parameter]:
+    return {p.name: p for p in parameters(config)}
+
+
+@pytest.mark.parametrize("keys", [{}, EVERYTHING])
+def test_parameters_make_the_configuration_they_are_of(keys: dict[str, Any]) -> None:
+    config = parse_config(keys)
+    given = {p.name: p.value for p in parameters(config) if p.value is not None}
+    given["ros.topics.scans"] = config.ros.topics.scans or ""  # which parameters cannot leave out
+    assert config_of(given) == config
+
+
+def test_every_parameter_says_what_it_means() -> None:
+    assert [p.name for p in parameters(parse_config(EVERYTHING)) if not p.description] == []
+
+
+def test_meanings_are_those_of_the_page() -> None:
+    path = ROOT / "scripts" / "meanings.py"
+    spec = importlib.util.spec_from_file_location("meanings", path)
+    assert spec is not None
+    assert spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    assert script.TARGET.read_text() == script.text(), "run python scripts/meanings.py"
+
+
+def test_bounds_are_those_of_the_schema() -> None:
+    found = by_name(RunConfig())
+    gate = found["estimator.gate_range"]
+    assert gate.low is not None
+    assert 0.0 < gate.low < 1e-300
+    assert gate.high == 1.0
+    assert (found["history_messages"].low, found["history_messages"].high) == (512, 10**9)
+    assert found["mcl.seed"].high == LARGEST_INTEGER
+    assert found["estimator.position.antenna_left_m"].low is None
+    assert found["when_lost"].choices == ("restart", "go_on")
+
+
+def test_kinds_are_those_of_the_schema() -> None:
+    found = by_name(RunConfig())
+    kinds = {
+        "estimator.gate_range": "float",
+        "seed": "int",
+        "estimator.calibration.consider": "bool",
+        "name": "text",
+        "use": "texts",
+        "ros.gps_origin": "floats",
+        "start": "any",
+        "switched_off": "yaml",
+    }
+    assert {name: found[name].kind for name in kinds} == kinds
+
+
+def test_a_node_has_neither_log_nor_simulation() -> None:
+    assert not [p.name for p in parameters(RunConfig()) if p.name.startswith(("log", "simulation"))]
+    with pytest.raises(ConfigError, match="log is not for a node"):
+        config_of({"log": "my_drive"})
+
+
+def test_parameters_count_more_than_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "run.yaml"
+    keys = {"simulation": {}, "start": "auto", "estimator": {"gate_range": 0.9, "hold_s": 2.0}}
+    path.write_text(yaml.safe_dump(keys))
+    config = config_of({"estimator.gate_range": 0.99}, path)
+    assert config.estimator.gate_range == 0.99
+    assert config.estimator.hold_s == 2.0
+    assert config.simulation is None
+    assert load_config(path).simulation is not None
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"estimator.gate_rnge": 0.9}, "estimator: unknown key 'gate_rnge'; did you mean 'gate_r"),
+        ({"estimatr.gate_range": 0.9}, "unknown key 'estimatr'; did you mean 'estimator'"),
+        ({"estimator.gate_range": 7}, "less than or equal to 1"),
+        ({"estimator.gate_range": "x", "seed": 1}, "estimator.gate_range: "),
+        ({"seed": 1, "seed.x": 2}, "seed.x is below seed, which is 1; set one"),
+        ({"switched_off": "[{"}, "switched_off: is no YAML"),
+        ({"estimator.gate_range": ""}, "estimator.gate_range: "),
+    ],
+)
+def test_what_is_wrong_is_named(given: dict[str, Any], says: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        config_of(given)
+    assert says in str(error.value)
+    assert str(error.value).startswith("parameters: ")
+
+
+def test_an_empty_text_stands_for_none() -> None:
+    assert config_of({"ros.topics.scans": "", "mcl.seed": ""}).ros.topics.scans is None
+
+
+def test_a_seed_that_no_parameter_holds_is_refused() -> None:
+    with pytest.raises(ConfigError, match="a parameter holds up to"):
+        parameters(RunConfig(seed=2**63))

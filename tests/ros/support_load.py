@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A robot that speaks fast: 24 anchors and odometry at 100 Hz, scans at 40 Hz."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from locfuse_ros.fill import message_class, message_of, time_of
+from locfuse_ros.qos import to_hear
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from support_robot import DIAGNOSTICS, EPOCH_NS, POSE, STARTED, config_of, shifted, write_config
+from support_ros2 import Peer, Process
+
+from locfuse import _core
+from locfuse.config.ros import Ros
+from locfuse.ros import decode, encode
+from locfuse.ros.peers import in_order_of_arrival, static_of
+from locfuse.run import load_log
+from locfuse.types import NANOSECONDS, Log
+
+ANCHORS = {f"A{i}": (2.0 * (i % 6), 3.0 * (i // 6), 2.0) for i in range(24)}
+LAP_S = 2.0 * math.pi * 3.0 / 0.5  # after which the robot is where it began
+FAST: dict[str, Any] = {
+    "path": {"shape": "circle", "radius_m": 3.0, "speed_mps": 0.5},
+    "anchors": ANCHORS,
+    "duration_s": LAP_S,
+    "odometry": {"rate_hz": 100},
+    "ranges": {"rate_hz": 100},
+    "poses": None,
+    "laser": {"rate_hz": 40, "range_max_m": 12.0},
+    "map": {"walls": [[2.0, 0.0, 2.0, 3.0], [10.0, 7.0, 7.5, 7.0], [0.0, 6.0, 1.5, 6.0]]},
+}
+
+
+@dataclass
+class Answers:
+    """How long each odometry message waited for the pose of its stamp."""
+
+    sent: dict[int, float] = field(default_factory=dict)  # stamp: when, by perf_counter
+    waited_ms: list[float] = field(default_factory=list)
+    poses: int = 0
+
+    def heard(self, message: Any) -> None:
+        """Take a pose."""
+        now = time.perf_counter()
+        self.poses += 1
+        began = self.sent.pop(decode.stamp_ns(message.header.stamp), None)
+        if began is not None:
+            self.waited_ms.append(1e3 * (now - began))
+
+    def percentiles(self) -> tuple[float, float]:
+        """Return median and 99 % [ms]."""
+        low, high = np.percentile(self.waited_ms, [50, 99])
+        return float(low), float(high)
+
+
+class FastRobot:
+    """Drives laps for as long as is asked, with messages that were made before.
+
+    Parameters
+    ----------
+    peer : Peer
+    log : Log
+        One lap.
+    singly : bool
+        Whether each range is a message of its own.
+    """
+
+    def __init__(self, peer: Peer, log: Log, *, singly: bool = False) -> None:
+        self.peer, self.log, self.answers, self.sent = peer, log, Answers(), Counter[str]()
+        self.told: dict[str, dict[str, str]] = {}
+        self._lap = _lap_of(log, singly)
+        self._laps = 0
+        self._driven = _core.Pose2(0.0, 0.0, 0.0)
+        self._clock = peer.publisher("clock", "rosgraph_msgs/Clock", QoSProfile(depth=10))
+        reliable = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+        kinds = {
+            "odom": "nav_msgs/Odometry",
+            "scan": "sensor_msgs/LaserScan",
+            "uwb": "locfuse_msgs/UwbRange" if singly else "locfuse_msgs/UwbRanges",
+        }
+        self._out = {topic: peer.publisher(topic, kind, reliable) for topic, kind in kinds.items()}
+        listen = peer.node.create_subscription
+        listen(message_class(POSE), "locfuse/pose", self.answers.heard, to_hear(False, 1000))
+        listen(message_class(DIAGNOSTICS), "/diagnostics", self._on_status, to_hear(False, 100))
+
+    def tell_world(self) -> None:
+        """Publish mounts, anchors and map, latched."""
+        for publication in static_of(self.log, Ros()):
+            self.peer.publish(publication)
+
+    def drive(self, seconds: float) -> float:
+        """Drive on for so long; return how long it took by the wall's clock [s]."""
+        began, end_ns = time.perf_counter(), round(seconds * NANOSECONDS)
+        first_ns = None
+        while True:
+            shift_ns = self._laps * round(LAP_S * NANOSECONDS)
+            pose = self._driven
+            for at_ns, topic, message, driven in self._lap:
+                now_ns = at_ns + shift_ns
+                first_ns = now_ns if first_ns is None else first_ns
+                if now_ns - first_ns > end_ns:
+                    return time.perf_counter() - began
+                self._wait_until(began + (now_ns - first_ns) / NANOSECONDS)
+                if driven is not None:
+                    pose = self._driven * driven
+                    self._clock.publish(
+                        message_of("rosgraph_msgs/Clock", {"clock": {"ns": now_ns}})
+                    )
+                self._publish(topic, message, now_ns, pose)
+            self._laps, self._driven = self._laps + 1, pose
+
+    def settle(self) -> None:
+        """Wait until the node has counted what it will ever hear, and said so.
+
+        What is lost shows by the next message of its topic that is not: one of each ends all.
+        """
+        self.peer.spin(1.0)
+        shift_ns = self._laps * round(LAP_S * NANOSECONDS)
+        for topic in self.sent:
+            message = next(m for _, name, m, _ in reversed(self._lap) if name == topic)
+            self._publish(topic, message, self._lap[-1][0] + shift_ns, self._driven)
+        self.peer.spin(2.5)
+
+    def _wait_until(self, due: float) -> None:
+        while (left := due - time.perf_counter()) > 0.0:
+            self.peer.executor.spin_once(timeout_sec=left)
+
+    def _publish(self, topic: str, message: Any, now_ns: int, pose: _core.Pose2) -> None:
+        message.header.stamp = time_of(now_ns)
+        if topic == "odom":
+            at = message.pose.pose
+            at.position.x, at.position.y = pose.x, pose.y
+            turned = encode.quaternion(pose.heading)
+            at.orientation.z, at.orientation.w = turned["z"], turned["w"]
+            self.answers.sent[now_ns] = time.perf_counter()
+        elif topic == "uwb" and hasattr(message, "ranges"):
+            for one in message.ranges:
+                one.header.stamp = message.header.stamp
+        self._out[topic].publish(message)
+        self.sent[topic] += 1
+
+    def _on_status(self, message: Any) -> None:
+        for status in message.status:
+            self.told[status.name] = {v.key: v.value for v in status.values}
+
+    def tell_world_to(self, node: str, **keys: Any) -> Process:
+        """Start a node and wait until it knows the world."""
+        self.tell_world()
+        config = write_config(self.peer.folder, **{**STARTED, **keys})
+        process = self.peer.start(node, {"config": config, "use_sim_time": True})
+        self.peer.wait_for_subscriber("odom", "uwb", "scan")
+        for out in self._out.values():  # of the type that is published, which the node finds out
+            self.peer.wait("a match", out.get_subscription_count)
+        known = {"map", "anchors", "/tf_static"}
+        self.peer.wait("the world", lambda: known <= set(self.counted()), 60.0)
+        return process
+
+    def unaccounted(self) -> dict[str, int]:
+        """Return how many messages of each topic were neither heard nor told to be lost."""
+        counted = self.counted()
+        return {topic: sent - sum(counted[topic]) for topic, sent in self.sent.items()}
+
+    def counted(self) -> dict[str, tuple[int, int]]:
+        """Return how many messages of each topic the node has heard and lost, as it says."""
+        values = self.told.get("locfuse: topics", {})
+        found = {}
+        for key, value in values.items():
+            if " from " in key:
+                heard, lost = (int(word.split()[0]) for word in value.split(", "))
+                found[key.split(" from ")[0]] = heard, lost
+        return found
+
+
+def lap(seed: int = 0, **more: Any) -> Log:
+    """Return one lap of a simulated drive."""
+    return shifted(load_log(config_of({**FAST, **more}), None, seed), EPOCH_NS)
+
+
+def _lap_of(log: Log, singly: bool) -> list[tuple[int, str, Any, _core.Pose2 | None]]:
+    """Return arrival, topic, message, and of odometry the pose since the lap began."""
+    found = []
+    for at_ns, told in in_order_of_arrival(log, Ros()):
+        if told.topic == "ground_truth":
+            continue
+        if told.topic == "uwb" and singly:
+            found += [(at_ns, "uwb", message_of("locfuse_msgs/UwbRange", one), None)
+                      for one in told.fields["ranges"]]  # fmt: skip
+            continue
+        driven = None
+        message = message_of(told.type, told.fields)
+        if told.topic == "odom":
+            row = decode.odometry(message)
+            driven = _core.Pose2(row.x, row.y, row.heading)
+        found.append((at_ns, told.topic, message, driven))
+    return found

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A simulated robot that speaks on topics, and what is made of what the node answers."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from support_ros2 import Peer, Process
+
+from locfuse.config.load import parse_config
+from locfuse.config.ros import Ros
+from locfuse.config.schema import RunConfig
+from locfuse.eval.errors import errors_against
+from locfuse.ros import decode, encode
+from locfuse.ros.peers import Arrival, in_order_of_arrival, static_of
+from locfuse.run import load_log
+from locfuse.types import NANOSECONDS, Log, Trajectory
+
+EPOCH_NS = 1_000 * NANOSECONDS  # where simulated time begins: a stamp of 0 is refused
+BEHIND_NS = NANOSECONDS // 4  # that far may a node be behind the log
+SILENT_S = 3.0
+NOISE = {"range": {"sigma_m": 0.02, "sigma_relative": 0.015}}
+HALL = {
+    "path": {"shape": "eight"},
+    "duration_s": 20.0,
+    "poses": None,
+    "laser": {"range_max_m": 12.0},
+    "map": {"walls": [[2.0, 0.0, 2.0, 3.0], [10.0, 7.0, 7.5, 7.0], [0.0, 6.0, 1.5, 6.0]]},
+}
+POSE = "geometry_msgs/PoseWithCovarianceStamped"
+DIAGNOSTICS = "diagnostic_msgs/DiagnosticArray"
+STARTED = {"start": "auto", "estimator": NOISE}
+
+
+def config_of(simulation: Mapping[str, Any], **more: Any) -> RunConfig:
+    """Return the configuration of a run in a hall."""
+    return parse_config({"simulation": dict(simulation), **STARTED, **more})
+
+
+def simulated(seed: int, simulation: Mapping[str, Any] = HALL) -> Log:
+    """Return a drive whose messages arrive at their stamps, from the epoch on."""
+    log = load_log(config_of(simulation), None, seed)
+    return shifted(log, EPOCH_NS)
+
+
+def shifted(log: Log, by_ns: int) -> Log:
+    """Return a log at other stamps."""
+    moved = {
+        stem: {k: v + by_ns if k.endswith("_ns") else v for k, v in table.items()}
+        for stem, table in log.tables.items()
+    }
+    return replace(log, tables=moved)
+
+
+def between(log: Log, begin_s: float, end_s: float) -> Callable[[Arrival], bool]:
+    """Return whether an arrival is in a part of a log, seconds from the epoch."""
+    begin, end = (EPOCH_NS + round(s * NANOSECONDS) for s in (begin_s, end_s))
+    return lambda one: begin <= one.arrival_ns < end
+
+
+class Robot:
+    """Plays a log on topics, in the time of the log, which it tells.
+
+    Parameters
+    ----------
+    peer : Peer
+    log : Log
+    ros : Ros
+    rate : float
+        How many times as fast as the log.
+    """
+
+    def __init__(self, peer: Peer, log: Log, ros: Ros | None = None, rate: float = 1.0) -> None:
+        self.peer, self.log, self.rate = peer, log, rate
+        self.ros = Ros() if ros is None else ros
+        self.poses = peer.hear("locfuse/pose", POSE)
+        self.told = peer.hear("/diagnostics", DIAGNOSTICS)
+        self.transforms = peer.hear("/tf", "tf2_msgs/TFMessage")
+        self.first: dict[str, float] = {}  # when a topic was first told, by the wall's clock
+        self.behind_ns = BEHIND_NS
+        self._silent_at = 0  # how many poses had come when the node was found not to answer
+
+    def tell_world(self) -> None:
+        """Publish mounts, anchors and map, latched."""
+        for publication in static_of(self.log, self.ros):
+            self.peer.publish(publication)
+
+    def drive(
+        self,
+        begin_s: float = 0.0,
+        end_s: float = 1e9,
+        *,
+        without: Iterable[str] = (),
+        until: Callable[[], object] = lambda: False,
+        change: Callable[[Arrival], Arrival] = lambda one: one,
+    ) -> None:
+        """Publish a part of the log as it happens; stop where `until` is true."""
+        silent, wanted = set(without), between(self.log, begin_s, end_s)
+        began = time.monotonic()
+        start_ns = EPOCH_NS + round(begin_s * NANOSECONDS)
+        for one in map(change, in_order_of_arrival(self.log, self.ros)):
+            if not wanted(one) or one.publication.topic in silent:
+                continue
+            due = began + (one.arrival_ns - start_ns) / NANOSECONDS / self.rate
+            self.peer.spin(max(0.0, due - time.monotonic()))
+            self.peer.executor.spin_once(timeout_sec=0.0)
+            if until():
+                return
+            self.tell_time(one.arrival_ns)
+            self.peer.publish(one.publication)
+            self.first.setdefault(one.publication.topic, time.monotonic())
+            self._keep_pace(one.arrival_ns)
+
+    def _keep_pace(self, now_ns: int) -> None:
+        """Wait for a node that cannot keep up, as on a machine that others use, too.
+
+        One that does not answer at all, as when it was killed, is not waited for again until it
+        does.
+        """
+        if len(self.poses) == self._silent_at:
+            return
+        until = time.monotonic() + SILENT_S
+        while decode.stamp_ns(self.poses[-1].header.stamp) < now_ns - self.behind_ns:
+            if time.monotonic() > until:
+                self._silent_at = len(self.poses)
+                return
+            self.peer.executor.spin_once(timeout_sec=0.01)
+
+    def tell_time(self, now_ns: int) -> None:
+        """Publish simulated time."""
+        clock = encode.Publication("clock", "rosgraph_msgs/Clock", {"clock": {"ns": now_ns}})
+        self.peer.publish(clock)
+
+    def state(self) -> str:
+        """Return the last state that the diagnostics told."""
+        return self.status("locfuse: localization").get("state", "")
+
+    def status(self, name: str) -> dict[str, str]:
+        """Return the last values of a status, and its message; empty where there was none."""
+        for array in reversed(self.told):
+            for status in array.status:
+                if status.name == name:
+                    values = {v.key: v.value for v in status.values}
+                    return {**values, "message": status.message}
+        return {}
+
+    def estimate(self, begin: int = 0) -> Trajectory:
+        """Return the poses that came, one for each stamp, the last of a stamp."""
+        rows = {row.stamp_ns: row for row in map(decode.pose, self.poses[begin:])}
+        stamps = sorted(rows)
+        return Trajectory(
+            np.array(stamps, np.int64),
+            np.array([[rows[s].x, rows[s].y] for s in stamps]).reshape(-1, 2),
+            np.array([rows[s].heading for s in stamps]),
+        )
+
+    def rmse_m(self, begin: int = 0) -> float:
+        """Return the RMSE of the position of what came, from an index on."""
+        table = self.log["truth"]
+        truth = Trajectory(
+            table["stamp_ns"], np.column_stack([table["x_m"], table["y_m"]]), table["heading_rad"]
+        )
+        errors = errors_against(self.estimate(begin), truth)
+        return float(np.sqrt(np.mean(np.sum(errors.position**2, axis=1))))
+
+
+def write_config(folder: Path, **keys: Any) -> str:
+    """Write a run's YAML; return its path."""
+    path = folder / "run.yaml"
+    path.write_text(yaml.safe_dump(keys))
+    return str(path)
+
+
+def start_localize(robot: Robot, folder: Path, *topics: str, **keys: Any) -> Process:
+    """Start the node and wait until it listens."""
+    config = write_config(folder, **{**STARTED, **keys})
+    process = robot.peer.start("localize", {"config": config, "use_sim_time": True})
+    robot.peer.wait_for_subscriber(*(topics or ("odom", "uwb")))
+    return process

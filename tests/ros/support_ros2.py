@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A real ROS 2 around the nodes: peers in the test's process, nodes in processes of their own."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from locfuse_ros.fill import message_class, message_of
+from locfuse_ros.qos import to_tell
+from rclpy.context import Context
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+
+from locfuse.ros.encode import Publication
+
+DOMAINS = itertools.count(1)
+
+
+class Peer:
+    """Everything that stands around a node: publishers, subscribers, callers of services.
+
+    Each peer has a domain of its own, so that tests do not hear one another.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.domain = folder, next(DOMAINS) % 100
+        self.context = Context()
+        rclpy.init(context=self.context, domain_id=self.domain)
+        self.node = Node("peer", context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.processes: list[Process] = []
+        self._publishers: dict[str, Any] = {}
+
+    def close(self) -> None:
+        """End the processes that were started, and leave."""
+        for process in self.processes:
+            process.end()
+        self.executor.shutdown()
+        rclpy.try_shutdown(context=self.context)
+
+    def start(self, node: str, told: Mapping[str, Any] | None = None, *more: str) -> Process:
+        """Start a node of locfuse_ros in a process of its own."""
+        arguments = [executable(node), "--ros-args", *more]
+        for name, value in (told or {}).items():
+            arguments += ["-p", f"{name}:={_yaml(value)}"]
+        return self.run(node, arguments)
+
+    def run(self, name: str, arguments: list[str]) -> Process:
+        """Start any program in the domain of this peer."""
+        process = Process(self.folder, name, self.domain, arguments)
+        self.processes.append(process)
+        return process
+
+    def publisher(self, topic: str, kind: str, profile: QoSProfile) -> Any:
+        """Return a publisher that has been made once."""
+        if topic not in self._publishers:
+            name = f"/{topic}" if topic in ("tf", "tf_static", "clock") else topic
+            self._publishers[topic] = self.node.create_publisher(
+                message_class(kind), name, profile, event_callbacks=PublisherEventCallbacks()
+            )
+        return self._publishers[topic]
+
+    def publish(self, told: Publication) -> None:
+        """Publish what locfuse's encoders made."""
+        publisher = self.publisher(told.topic, told.type, to_tell(told.latched))
+        publisher.publish(message_of(told.type, told.fields))
+
+    def hear(self, topic: str, kind: str, latched: bool = False) -> list[Any]:
+        """Return a list to which messages are added as they come."""
+        heard: list[Any] = []
+        profile = to_tell(latched)
+        profile.depth = 10_000
+        self.node.create_subscription(message_class(kind), topic, heard.append, profile)
+        return heard
+
+    def spin(self, seconds: float) -> None:
+        """Let messages come and go for a while."""
+        until = time.monotonic() + seconds
+        while (left := until - time.monotonic()) > 0.0:
+            self.executor.spin_once(timeout_sec=min(left, 0.05))
+
+    def wait(self, what: str, true: Callable[[], object], seconds: float = 60.0) -> None:
+        """Spin until something is so; fail if it never is, or if a process has ended."""
+        until = time.monotonic() + seconds
+        while not true():
+            for process in self.processes:
+                process.check()
+            if time.monotonic() > until:
+                logs = "\n".join(process.log() for process in self.processes)
+                raise AssertionError(f"{what}: not within {seconds} s; the nodes said:\n{logs}")
+            self.executor.spin_once(timeout_sec=0.01)
+
+    def wait_for_subscriber(self, *topics: str) -> None:
+        """Spin until somebody listens to each topic."""
+        for topic in topics:
+            name = self.node.resolve_topic_name(topic)
+            self.wait(f"a subscriber of {topic}", lambda n=name: self.node.count_subscribers(n))
+
+    def call(self, service: str, kind: Any, **fields: Any) -> Any:
+        """Call a service and return its answer."""
+        client = self.node.create_client(kind, service)
+        self.wait(f"service {service}", client.service_is_ready)
+        answer = client.call_async(kind.Request(**fields))
+        self.wait(f"answer of {service}", answer.done)
+        self.node.destroy_client(client)
+        return answer.result()
+
+
+class Process:
+    """A node in a process of its own, whose words go to a file."""
+
+    def __init__(self, folder: Path, name: str, domain: int, arguments: list[str]) -> None:
+        self.node, self._ended = name, False
+        self._file = folder / f"{name}{time.monotonic_ns()}.log"
+        environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_LOG_DIR": str(folder)}
+        with self._file.open("wb") as out:
+            self.process = subprocess.Popen(
+                arguments, stdout=out, stderr=subprocess.STDOUT, env=environment
+            )
+
+    def log(self) -> str:
+        """Return what it said."""
+        return self._file.read_text(errors="replace")
+
+    def check(self) -> None:
+        """Fail if it ended by itself."""
+        code = self.process.poll()
+        if code not in (None, 0) and not self._ended:
+            self._ended = True
+            raise AssertionError(f"{self.node} ended with {code}, having said:\n{self.log()}")
+
+    def wait(self, seconds: float = 60.0) -> int:
+        """Wait until it ends by itself; return its code."""
+        self._ended = True
+        return self.process.wait(seconds)
+
+    def kill(self) -> None:
+        """End it as a crash does."""
+        self._ended = True
+        self.process.send_signal(signal.SIGKILL)
+        self.process.wait(10.0)
+
+    def end(self) -> int:
+        """Ask it to end as launch does; return its code."""
+        self._ended = True
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+            try:
+                self.process.wait(10.0)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait(10.0)
+        return self.process.returncode
+
+    def memory_mb(self) -> float:
+        """Return the memory that it holds."""
+        status = Path(f"/proc/{self.process.pid}/status").read_text()
+        line = next(one for one in status.splitlines() if one.startswith("VmRSS"))
+        return float(line.split()[1]) / 1024.0
+
+    def cpu_s(self) -> float:
+        """Return the processor's time that it has used."""
+        fields = Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(")", 1)[1].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def executable(node: str) -> str:
+    """Return the path of a node of locfuse_ros, as ``ros2 run`` finds it."""
+    prefixes = os.environ["AMENT_PREFIX_PATH"].split(":")
+    prefix = next(p for p in prefixes if p.endswith("locfuse_ros"))
+    return str(Path(prefix) / "lib" / "locfuse_ros" / node)
+
+
+def _yaml(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_yaml, value)) + "]"
+    return str(value) if not isinstance(value, str) else f"'{value}'"
+
+
+@contextmanager
+def peer_in(folder: Path) -> Iterator[Peer]:
+    """Give a peer for a while."""
+    peer = Peer(folder)
+    try:
+        yield peer
+    finally:
+        peer.close()
+
+
+def simulated_time() -> Parameter:
+    """Return the parameter that makes a node live by /clock."""
+    return Parameter("use_sim_time", Parameter.Type.BOOL, True)

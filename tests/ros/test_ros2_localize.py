@@ -1,0 +1,316 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A simulated robot, the node `localize` in a process of its own, and what comes back."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from std_srvs.srv import SetBool, Trigger
+from support_robot import EPOCH_NS, HALL, Robot, config_of, shifted, simulated, start_localize
+from support_ros2 import Peer, peer_in
+
+from locfuse.io.log_folder import read_log, write_log
+from locfuse.ros import decode, encode
+from locfuse.ros.peers import Arrival
+from locfuse.run import load_log, run
+from locfuse.types import NANOSECONDS, Log, wrap_angle
+
+NODE = "/locfuse"
+
+
+@pytest.fixture
+def peer(tmp_path: Path) -> Iterator[Peer]:
+    with peer_in(tmp_path) as made:
+        yield made
+
+
+@pytest.fixture
+def robot(peer: Peer) -> Robot:
+    return Robot(peer, simulated(seed=0), rate=4.0)
+
+
+def started(robot: Robot, folder: Path, **keys: Any) -> Any:
+    """Start the node; wait until it knows the world."""
+    process = start_localize(robot, folder, "odom", "uwb", "scan", **keys)
+    wait_for_world(robot, "map", "anchors", "/tf_static")
+    return process
+
+
+def wait_for_world(robot: Robot, *topics: str) -> None:
+    robot.tell_world()
+    for topic in topics:
+        heard = f"{topic} from /peer"
+        robot.peer.wait(heard, lambda h=heard: h in robot.status("locfuse: topics"))
+
+
+def wait_for_word(robot: Robot, words: str) -> None:
+    process = robot.peer.processes[0]
+    robot.peer.wait(f"{words!r} in the log", lambda: words in process.log())
+
+
+# From nothing, and on the way -------------------------------------------------------------------
+
+
+def test_first_pose_comes_within_three_seconds_of_ranges_and_scan(
+    peer: Peer, tmp_path: Path
+) -> None:
+    robot = Robot(peer, simulated(seed=0))
+    started(robot, tmp_path)
+    robot.drive(end_s=6.0, until=lambda: robot.state() == "ok" and robot.poses)
+    took = time.monotonic() - max(robot.first["uwb"], robot.first["scan"])
+    assert robot.state() == "ok"
+    assert took <= 3.0
+    print(f"first ok pose {took:.2f} s after ranges and scan")
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_drive_is_followed(peer: Peer, tmp_path: Path, seed: int) -> None:
+    robot = Robot(peer, simulated(seed=seed), rate=5.0)
+    process = started(robot, tmp_path)
+    robot.drive()
+    assert len(robot.poses) > 500
+    assert robot.rmse_m() < 0.05
+    assert process.end() == 0
+    assert "WARN" not in process.log()
+    print(f"seed {seed}: RMSE {robot.rmse_m():.4f} m")
+
+
+def test_ranges_read_as_those_of_other_anchors_would_be_noticed(peer: Peer, tmp_path: Path) -> None:
+    log = simulated(seed=0)
+    names = log["ranges"]["anchor"]
+    swapped = {**log["ranges"], "anchor": np.roll(names, 1)}
+    robot = Robot(peer, replace(log, tables={**log.tables, "ranges": swapped}), rate=5.0)
+    started(robot, tmp_path)
+    robot.drive(end_s=10.0)
+    assert not robot.poses or robot.rmse_m() > 0.05 or robot.state() != "ok"
+
+
+def test_transforms_never_go_back_in_time_and_agree_with_the_pose(
+    robot: Robot, tmp_path: Path
+) -> None:
+    started(robot, tmp_path)
+    robot.drive(end_s=10.0)
+    stamps = [decode.stamp_ns(m.transforms[0].header.stamp) for m in robot.transforms]
+    assert len(stamps) > 100
+    assert np.all(np.diff(stamps) > 0)
+    frames = {(m.transforms[0].header.frame_id, m.transforms[0].child_frame_id)
+              for m in robot.transforms}  # fmt: skip
+    assert frames == {("map", "odom")}
+
+
+def test_a_source_dies_and_returns(robot: Robot, tmp_path: Path) -> None:
+    started(robot, tmp_path)
+    robot.drive(0.0, 6.0)
+    assert robot.state() == "ok"
+    robot.drive(6.0, 12.0, without=["uwb"])
+    assert robot.state() == "dead_reckoning"
+    alone = len(robot.poses)
+    robot.drive(12.0, 18.0)
+    assert robot.state() == "ok"
+    assert robot.rmse_m(alone + 100) < 0.1
+
+
+def test_nothing_heard_is_lost(robot: Robot, tmp_path: Path) -> None:
+    started(robot, tmp_path)
+    robot.drive(0.0, 5.0)
+    assert robot.state() == "ok"
+    for tick in range(40):
+        robot.tell_time(EPOCH_NS + 5 * NANOSECONDS + tick * NANOSECONDS // 10)
+        robot.peer.spin(0.05)
+    assert robot.state() == "lost"
+    assert "nothing has been heard for" in robot.status("locfuse: localization")["message"]
+
+
+@pytest.mark.parametrize("does", ["reset", "continue"])
+def test_a_simulation_that_begins_again(robot: Robot, tmp_path: Path, does: str) -> None:
+    started(robot, tmp_path, clock_jump=does)
+    robot.drive(0.0, 8.0)
+    before = len(robot.poses)
+    robot.drive(0.0, 10.0)
+    wait_for_word(robot, "the clock went back by")
+    assert len(robot.poses) > before + 100
+    if does == "reset":
+        assert robot.rmse_m(before + 20) < 0.1
+    assert robot.state() == "ok"
+
+
+def test_a_node_killed_in_mid_drive_is_started_anew(robot: Robot, tmp_path: Path) -> None:
+    process = started(robot, tmp_path)
+    robot.drive(0.0, 7.0)
+    process.kill()
+    robot.drive(7.0, 9.0)
+    poses = len(robot.poses)
+    robot.told.clear()
+    started(robot, tmp_path)
+    robot.drive(9.0, 20.0)
+    assert robot.state() == "ok"
+    assert len(robot.poses) > poses + 100
+    assert robot.rmse_m(poses) < 0.1
+
+
+# The same as without ROS ------------------------------------------------------------------------
+
+
+def by_arrival(log: Log) -> Log:
+    """Return a log in which each message arrives at its stamp, as on a robot."""
+    tables = {
+        stem: {**table, "arrival_ns": table["stamp_ns"]}
+        if stem in ("odometry", "ranges", "scans", "positions", "poses")
+        else table
+        for stem, table in log.tables.items()
+    }
+    return replace(log, tables=tables)
+
+
+@pytest.mark.parametrize("start", ["auto", [5.0, 5.0, 0.0]])
+def test_estimates_are_those_of_locfuse_run(peer: Peer, tmp_path: Path, start: Any) -> None:
+    without_scans = {**HALL, "laser": None, "map": None, "duration_s": 30.0}
+    log = shifted(load_log(config_of(without_scans), None, 3), EPOCH_NS)
+    write_log(by_arrival(log), tmp_path / "log")
+    log = read_log(tmp_path / "log")
+    keys = {"start": start, "use": ["odometry", "ranges"]}
+    expected = run(config_of(without_scans, **keys), log).estimate
+    robot = Robot(peer, log, rate=2.0)
+    robot.behind_ns = NANOSECONDS // 20  # else a busy machine hands topics on in another order
+    start_localize(robot, tmp_path, ros={"estimate_at": "fused", "world": "log"}, **keys)
+    wait_for_world(robot, "anchors", "/tf_static")
+    robot.drive()
+    peer.spin(0.5)
+    found = robot.estimate()
+    common, ours, theirs = np.intersect1d(found.stamp_ns, expected.stamp_ns, return_indices=True)
+    print(f"{len(common)} stamps in common of {len(found)} and {len(expected)}")
+    assert len(common) > 0.95 * len(expected)
+    assert expected.heading is not None
+    assert found.heading is not None
+    apart = np.abs(found.position[ours] - expected.position[theirs]).max()
+    turned = np.abs(wrap_angle(found.heading[ours] - expected.heading[theirs])).max()
+    print(f"largest difference {apart:.2e} m, {turned:.2e} rad")
+    assert apart < 1e-9
+    assert turned < 1e-9
+
+
+# Services and topics ----------------------------------------------------------------------------
+
+
+def test_services_switch_sources_and_forget(robot: Robot, tmp_path: Path) -> None:
+    started(robot, tmp_path)
+    robot.drive(0.0, 6.0)
+    assert robot.state() == "ok"
+    off = robot.peer.call(f"{NODE}/enable/ranges", SetBool, data=False)
+    assert (off.success, off.message) == (True, "ranges is off")
+    robot.drive(6.0, 11.0)
+    assert robot.state() == "dead_reckoning"
+    assert robot.status("locfuse: messages")["ranges switched off"] == "yes"
+    on = robot.peer.call(f"{NODE}/enable/ranges", SetBool, data=True)
+    assert on.message == "ranges is on"
+    robot.drive(11.0, 13.0)
+    assert robot.state() == "ok"
+    assert robot.peer.call(f"{NODE}/relocalize", Trigger).success
+    robot.drive(13.0, 16.0)
+    assert robot.state() == "ok"
+    assert robot.peer.call(f"{NODE}/reset", Trigger).success
+    poses = len(robot.poses)
+    robot.tell_time(EPOCH_NS + 16 * NANOSECONDS)
+    robot.peer.spin(1.5)
+    assert robot.state() == "initializing"
+    robot.drive(16.0, 20.0)
+    assert robot.state() == "ok"
+    assert robot.rmse_m(poses) < 0.1
+
+
+def test_an_initial_pose_from_a_person_is_taken(robot: Robot, tmp_path: Path) -> None:
+    start_localize(robot, tmp_path, "odom", "initialpose", start=[2.0, 2.0, 0.0])
+    robot.drive(0.0, 2.0, without=["uwb", "scan"])
+    told = encode.pose_with_covariance("initialpose", EPOCH_NS + 2 * NANOSECONDS,
+                                       (6.0, 7.0, 1.0), np.eye(3) * 0.01, "map")  # fmt: skip
+    robot.peer.publish(told)
+    robot.drive(2.0, 2.5, without=["uwb", "scan"])
+    last = decode.pose(robot.poses[-1])
+    assert abs(last.x - 6.0) < 1.0
+    assert abs(last.y - 7.0) < 1.0
+
+
+def test_a_localizer_that_comes_later_is_told_where_to_start(robot: Robot, tmp_path: Path) -> None:
+    started(robot, tmp_path, ros={"topics": {"start": "initialpose"}})
+    robot.drive(0.0, 4.0)
+    late = robot.peer.hear("initialpose", "geometry_msgs/PoseWithCovarianceStamped", latched=True)
+    volatile = robot.peer.hear("initialpose", "geometry_msgs/PoseWithCovarianceStamped")
+    robot.peer.wait("the start, latched", lambda: late)
+    robot.peer.wait("the start, for one who asks for nothing of before", lambda: volatile)
+    assert decode.pose(late[0])[:5] == decode.pose(volatile[0])[:5]
+    poses = len(robot.poses)
+    robot.drive(4.0, 8.0)
+    assert robot.rmse_m(poses) < 0.1  # it does not take its own word for that of a person
+
+
+# Bad input --------------------------------------------------------------------------------------
+
+
+def spoilt(topic: str, change: Any) -> Any:
+    """Return a change that spoils one message of a topic in five."""
+    count = [0]
+
+    def change_one(one: Arrival) -> Arrival:
+        if one.publication.topic != topic:
+            return one
+        count[0] += 1
+        if count[0] % 5:
+            return one
+        fields = change(dict(one.publication.fields))
+        return one._replace(publication=replace(one.publication, fields=fields))
+
+    return change_one
+
+
+def with_pose(fields: Any, **at: float) -> Any:
+    pose = fields["pose"]["pose"]
+    return {**fields, "pose": {"pose": {**pose, "position": {**pose["position"], **at}}}}
+
+
+def with_header(fields: Any, **header: Any) -> Any:
+    return {**fields, "header": {**fields["header"], **header}}
+
+
+def with_first_range(fields: Any, **keys: Any) -> Any:
+    return {**fields, "ranges": [{**fields["ranges"][0], **keys}, *fields["ranges"][1:]]}
+
+
+BAD = {
+    "NaN in odometry": ("odom", lambda f: with_pose(f, x=float("nan")), "pose.position.x is nan"),
+    "stamp zero": ("odom", lambda f: with_header(f, stamp={"ns": 0}), "the stamp is 0"),
+    "future": (
+        "odom",
+        lambda f: with_header(f, stamp={"ns": f["header"]["stamp"]["ns"] + 10**12}),
+        "ahead of the clock",
+    ),
+    "NaN range": ("uwb", lambda f: with_first_range(f, range=float("nan")), "is nan m"),
+    "negative range": ("uwb", lambda f: with_first_range(f, range=-1.0), "not negative"),
+    "wrong sizes": (
+        "scan",
+        lambda f: {**f, "intensities": np.ones(3, np.float32)},
+        "ranges and 3 intensities",
+    ),
+    "unknown laser frame": (
+        "scan",
+        lambda f: with_header(f, frame_id="nowhere"),
+        "no static transform leads from nowhere to base_link",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_messages_are_told_once_and_do_no_harm(robot: Robot, tmp_path: Path, name: str) -> None:
+    topic, change, says = BAD[name]
+    process = started(robot, tmp_path)
+    robot.drive(0.0, 10.0, change=spoilt(topic, change))
+    wait_for_word(robot, says)
+    assert robot.rmse_m(100) < 0.1
+    assert process.log().count("WARN") <= 3
+    source = {"odom": "odometry", "uwb": "ranges", "scan": "scans"}[topic]
+    assert int(robot.status("locfuse: messages")[f"{source} refused"]) > 3

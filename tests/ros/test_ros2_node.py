@@ -1,0 +1,289 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is of ROS 2 in the nodes: parameters, quality of service, types, publishers, losses."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from locfuse_ros.fill import message_of
+from rcl_interfaces.msg import ParameterDescriptor, ParameterType
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from support_robot import EPOCH_NS, Robot, simulated, start_localize, write_config
+from support_ros2 import Peer, peer_in
+
+from locfuse.config.schema import RunConfig
+from locfuse.io.log_folder import write_log
+from locfuse.ros import decode, encode
+from locfuse.ros.parameters import parameters
+from locfuse.types import NANOSECONDS
+
+STARTS = {"start": "auto"}
+
+
+@pytest.fixture
+def peer(tmp_path: Path) -> Iterator[Peer]:
+    with peer_in(tmp_path) as made:
+        yield made
+
+
+# Parameters -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("told", "says"),
+    [
+        (
+            {**STARTS, "estimator.gate_rnge": 0.99},
+            "estimator: unknown key 'gate_rnge'; did you mean 'gate_range'?",
+        ),
+        ({**STARTS, "cofnig": "x"}, "unknown key 'cofnig'"),
+        ({**STARTS, "estimator.gate_range": 7.0}, "less than or equal to 1 (got 7.0)"),
+        ({**STARTS, "estimator.gate_range": "wide"}, "estimator.gate_range: "),
+        ({**STARTS, "ros.frames.odom": "map"}, "expected three names"),
+        ({**STARTS, "config": "/no/such.yaml"}, "/no/such.yaml: cannot be read"),
+        ({**STARTS, "ros.world": "/no/such/world"}, "/no/such/world: no such folder"),
+        ({}, "start is 'truth', which a robot does not know"),
+    ],
+)
+def test_what_is_not_allowed_ends_the_node_with_one_sentence(
+    peer: Peer, told: dict[str, Any], says: str
+) -> None:
+    process = peer.start("localize", told)
+    assert process.wait() == 1
+    assert says in process.log()
+    assert "Traceback" not in process.log()
+    assert len(process.log().splitlines()) == 1
+
+
+def test_parameters_are_declared_with_type_range_and_description(
+    peer: Peer, tmp_path: Path
+) -> None:
+    config = write_config(tmp_path, start="auto", estimator={"gate_range": 0.9, "hold_s": 2})
+    peer.start("localize", {"config": config, "estimator.gate_range": 0.99, "history_s": 3})
+    known = {p.name: p for p in parameters(RunConfig())}
+    listed = set(peer.call("/locfuse/list_parameters", ListParameters).result.names)
+    assert set(known) <= listed
+    names = ["estimator.gate_range", "history_messages", "when_lost", "ros.topics.odometry"]
+    gate, history, lost, topic = peer.call(
+        "/locfuse/describe_parameters", DescribeParameters, names=names
+    ).descriptors
+    assert gate.type == ParameterType.PARAMETER_DOUBLE
+    assert gate.floating_point_range[0].to_value == 1.0
+    assert gate.description == known["estimator.gate_range"].description != ""
+    assert history.type == ParameterType.PARAMETER_INTEGER
+    assert history.integer_range[0].from_value == 512
+    assert lost.additional_constraints == "restart or go_on"
+    assert topic.type == ParameterType.PARAMETER_STRING
+    names = ["estimator.gate_range", "estimator.hold_s", "history_s", "seed"]
+    values = peer.call("/locfuse/get_parameters", GetParameters, names=names).values
+    assert [v.double_value for v in values[:3]] == [0.99, 2.0, 3.0]
+    assert values[3].integer_value == 0
+    told = Parameter("estimator.gate_range", value=0.5).to_parameter_msg()
+    [result] = peer.call("/locfuse/set_parameters", SetParameters, parameters=[told]).results
+    assert not result.successful
+    assert isinstance(gate, ParameterDescriptor)
+
+
+def test_a_file_of_parameters_is_that_of_a_run(peer: Peer, tmp_path: Path) -> None:
+    path = tmp_path / "localize.yaml"
+    path.write_text(
+        "/**:\n  ros__parameters:\n    start: [1.0, 2.0, 90.0]\n"
+        "    use: [odometry, ranges]\n    anchors: {all: {offset_m: 0.1}}\n"
+        "    estimator: {range: {sigma_m: 0.12}, gate_range: 0.99}\n"
+        "    ros: {topics: {odometry: wheels, scans: ''}, range_topics: {uwb/a1: A1}}\n"
+    )
+    peer.start("localize", {}, "--params-file", str(path))
+    peer.wait_for_subscriber("wheels", "uwb/a1")
+    assert not peer.node.count_subscribers("/scan")
+    names = ["anchors.all.offset_m", "estimator.range.sigma_m"]
+    values = peer.call("/locfuse/get_parameters", GetParameters, names=names).values
+    assert [v.double_value for v in values] == [0.1, 0.12]
+
+
+# Quality of service -----------------------------------------------------------------------------
+
+
+def offered(peer: Peer, topic: str, kind: str, **qos: Any) -> Any:
+    return peer.publisher(topic, kind, QoSProfile(depth=10, **qos))
+
+
+def words(peer: Peer, says: str) -> None:
+    peer.wait(f"{says!r} in the log", lambda: says in peer.processes[0].log())
+
+
+def test_a_map_that_is_not_latched_is_told(peer: Peer) -> None:
+    peer.start("localize", STARTS)
+    offered(peer, "map", "nav_msgs/OccupancyGrid")
+    words(
+        peer,
+        "QoS mismatch on /map: none of a publisher's messages arrive, as its durability is less "
+        "than this node asks for, transient_local; start the publisher with that",
+    )
+
+
+def test_a_subscriber_that_asks_for_too_much_is_told(peer: Peer) -> None:
+    peer.start("localize", STARTS)
+    peer.hear("locfuse/pose", "geometry_msgs/PoseWithCovarianceStamped", latched=True)
+    words(peer, "QoS mismatch on /locfuse/pose: a subscriber hears nothing")
+
+
+@pytest.mark.parametrize("reliability", [ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT])
+def test_sensors_are_heard_whether_reliable_or_not(
+    peer: Peer, reliability: ReliabilityPolicy
+) -> None:
+    robot = Robot(peer, simulated(seed=0))
+    process = start_localize(robot, peer.folder)
+    out = offered(peer, "odom", "nav_msgs/Odometry", reliability=reliability,
+                  durability=DurabilityPolicy.VOLATILE)  # fmt: skip
+    peer.wait("a match", out.get_subscription_count)
+    robot.drive(0.0, 2.0)
+    assert "odometry fused" in robot.status("locfuse: messages") or "odom from /peer" in (
+        robot.status("locfuse: topics")
+    )
+    assert "QoS" not in process.log()
+
+
+# Types and publishers ---------------------------------------------------------------------------
+
+
+def test_ranges_of_each_type_are_heard(peer: Peer) -> None:
+    robot = Robot(peer, simulated(seed=0))
+    start_localize(robot, peer.folder)
+    robot.tell_world()
+    stamp = {"ns": EPOCH_NS}
+    robot.tell_time(EPOCH_NS)
+    data = {"destination_id": [1], "distance": [2.0], "stamp": [stamp]}
+    told = encode.Publication("uwb", "locfuse_msgs/UwbData", data)
+    for _ in range(40):
+        robot.peer.publish(told)
+        robot.peer.spin(0.1)
+        if "uwb from /peer" in robot.status("locfuse: topics"):
+            break
+    assert "uwb from /peer" in robot.status("locfuse: topics")
+
+
+def test_a_topic_of_another_type_is_told(peer: Peer) -> None:
+    peer.start("localize", STARTS)
+    offered(peer, "odom", "nav_msgs/Path")
+    words(peer, "/odom has messages of type nav_msgs/Path, which are not heard; expected "
+          "nav_msgs/Odometry, or another topic for ros.topics.odometry")  # fmt: skip
+
+
+def test_two_publishers_of_one_sensor_are_told(peer: Peer, tmp_path: Path) -> None:
+    robot = Robot(peer, simulated(seed=0))
+    process = start_localize(robot, tmp_path)
+    with_another = peer.node.create_publisher(
+        type(message_of("nav_msgs/Odometry", {})), "odom", QoSProfile(depth=10)
+    )
+    robot.drive(0.0, 2.0)
+    words(peer, "odom has 2 publishers")
+    assert process.log().count("odom has 2 publishers") == 1
+    peer.node.destroy_publisher(with_another)
+
+
+def test_silence_names_the_topic(peer: Peer) -> None:
+    peer.start("localize", STARTS)
+    words(peer, "nothing comes on odom (nav_msgs/Odometry); is its driver running, and is "
+          "ros.topics.odometry the right name?")  # fmt: skip
+
+
+# Losses -----------------------------------------------------------------------------------------
+
+
+def test_what_is_lost_on_the_way_is_told(peer: Peer, tmp_path: Path) -> None:
+    robot = Robot(peer, simulated(seed=0))
+    process = start_localize(robot, tmp_path)
+    robot.drive(0.0, 1.0)
+    stamps = EPOCH_NS + NANOSECONDS + np.arange(3_000) * 100_000
+
+    def tell(stamp: int) -> None:
+        peer.publish(encode.odometry("odom", stamp, (1.0, 0.0, 0.0), (0.0, 0.0), "odom",
+                                     "base_link"))  # fmt: skip
+
+    process.process.send_signal(signal.SIGSTOP)  # while more comes than its queue holds
+    for stamp in stamps[:2_000].tolist():
+        tell(stamp)
+    process.process.send_signal(signal.SIGCONT)
+    for stamp in stamps[2_000:].tolist():  # what was the last cannot be missed
+        tell(stamp)
+        peer.spin(0.002)
+    words(peer, "messages of odom from /peer were lost on the way (of ")
+    peer.spin(2.5)
+    heard, lost = (int(word.split()[0]) for word in
+                   robot.status("locfuse: topics")["odom from /peer"].split(", "))  # fmt: skip
+    before = sum(1 for s in robot.log["odometry"]["stamp_ns"] if s < stamps[0])
+    assert heard + lost == before + 3_000
+    assert lost > 500
+    sentences = [line for line in process.log().splitlines() if "odom from /peer were lost" in line]
+    assert f"]: {lost} messages" in sentences[-1]
+
+
+# The other nodes --------------------------------------------------------------------------------
+
+
+def test_simulated_ranges_are_those_of_the_true_pose(peer: Peer, tmp_path: Path) -> None:
+    log = simulated(seed=0)
+    write_log(log, tmp_path / "world")
+    told = {"world": str(tmp_path / "world"), "sigma_m": 0.1, "rate_hz": 1000.0, "seed": 3}
+    peer.start("simulate_uwb", told)
+    heard = peer.hear("uwb", "locfuse_msgs/UwbRanges")
+    out = offered(peer, "ground_truth", "nav_msgs/Odometry")
+    peer.wait("a match", lambda: out.get_subscription_count() and heard is not None)
+    peer.spin(0.5)
+    for i in range(200):
+        peer.publish(encode.odometry("ground_truth", EPOCH_NS + i * 10**7, (3.0, 4.0, 0.5),
+                                     (0.0, 0.0), "map", "base_link"))  # fmt: skip
+        peer.spin(0.005)
+    peer.wait("ranges", lambda: len(heard) >= 190)
+    rows = [row for message in heard for row in decode.ranges(message)]
+    [tag] = log.tags.values()
+    c, s = np.cos(0.5), np.sin(0.5)
+    at = np.array([3.0 + c * tag[0] - s * tag[1], 4.0 + s * tag[0] + c * tag[1], tag[2]])
+    table = log["anchors"]
+    errors = []
+    for row in rows:
+        i = list(table["anchor"]).index(row.anchor)
+        there = np.array([table[k][i] for k in ("x_m", "y_m", "z_m")])
+        errors.append(row.range_m - np.linalg.norm(there - at))
+    assert {row.anchor for row in rows} == set(table["anchor"])
+    assert abs(np.mean(errors)) < 4.0 * 0.1 / np.sqrt(len(errors))
+    assert np.std(errors) == pytest.approx(0.1, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("node", "told", "says"),
+    [
+        ("simulate_uwb", {"world": "/no/such"}, "/no/such: no such folder"),
+        ("simulate_uwb", {"rte_hz": 1.0}, "unknown 'rte_hz'; did you mean 'rate_hz'?"),
+        ("simulate_uwb", {"loss": 2.0}, "loss is 2.0, expected a number from 0 to 1"),
+        ("replay_log", {"log": "/no/such"}, "/no/such: no such folder"),
+        ("replay_log", {"rate": "fast"}, "rate is 'fast', expected a number"),
+    ],
+)
+def test_small_nodes_say_what_is_wrong(
+    peer: Peer, node: str, told: dict[str, Any], says: str
+) -> None:
+    process = peer.start(node, told)
+    assert process.wait() == 1
+    assert says in process.log()
+    assert "Traceback" not in process.log()
+
+
+def test_a_log_speaks_again_to_the_node(peer: Peer, tmp_path: Path) -> None:
+    robot = Robot(peer, simulated(seed=1))
+    write_log(robot.log, tmp_path / "log")
+    start_localize(robot, tmp_path)
+    told = {"log": str(tmp_path / "log"), "rate": 5.0, "wait_for": "odom"}
+    replay = peer.start("replay_log", told)
+    peer.wait("the end of the log", lambda: replay.process.poll() is not None, 30.0)
+    peer.spin(0.5)
+    assert "the log has ended" in replay.log()
+    assert robot.rmse_m(50) < 0.1
+    assert len(robot.poses) > 400
