@@ -30,8 +30,8 @@ class UwbSimulator:
     ----------
     anchors, tags : mapping of name to (x, y, z)
         In the map and in the body, metres.
-    sigma_m : float
-        Standard deviation of the noise.
+    sigma_m, sigma_relative : float
+        Standard deviation of the noise: hypot(sigma_m, sigma_relative * distance).
     sigma_told_m : float, optional
         Of which ranges tell; 0 where they are to tell none. Else that of the noise.
     offset_m : float
@@ -62,6 +62,7 @@ class UwbSimulator:
         tags: Mapping[str, Sequence[float]],
         *,
         sigma_m: float = 0.1,
+        sigma_relative: float = 0.0,
         sigma_told_m: float | None = None,
         offset_m: float = 0.0,
         reach_m: float = math.inf,
@@ -73,6 +74,7 @@ class UwbSimulator:
                 raise ConfigError(f"a UWB system without {name}; the world must say where they are")
         told = sigma_m if sigma_told_m is None else sigma_told_m
         for name, value, high in (("sigma_m", sigma_m, 1e3), ("sigma_told_m", told, 1e3),
+                                  ("sigma_relative", sigma_relative, 1.0),
                                   ("reach_m", reach_m, math.inf), ("loss", loss, 1.0)):  # fmt: skip
             if not 0.0 <= value <= high:
                 raise ConfigError(f"{name} is {value:g}, expected 0 <= {name} <= {high:g}")
@@ -80,7 +82,8 @@ class UwbSimulator:
             raise ConfigError(f"offset_m is {offset_m:g}, expected a finite number")
         self._anchors = {name: np.asarray(at, np.float64) for name, at in anchors.items()}
         self._tags = {name: np.asarray(at, np.float64) for name, at in tags.items()}
-        self._sigma, self._told, self._offset = sigma_m, told, offset_m
+        self._sigma, self._relative, self._told = sigma_m, sigma_relative, sigma_told_m
+        self._offset = offset_m
         self._reach, self._loss = reach_m, loss
         self._rng = np.random.default_rng(seed)
 
@@ -95,10 +98,12 @@ class UwbSimulator:
                            z + mount[2]])  # fmt: skip
             for anchor, there in self._anchors.items():
                 distance = float(np.linalg.norm(there - at))
-                error, fails = self._rng.normal(0.0, self._sigma), self._rng.random() < self._loss
+                sigma = math.hypot(self._sigma, self._relative * distance)
+                error, fails = self._rng.normal(0.0, sigma), self._rng.random() < self._loss
                 if distance <= self._reach and not fails:
-                    told = max(0.0, distance + self._offset + float(error))
-                    rows.append(RangeRow(stamp_ns, tag, anchor, told, self._told or None, ""))
+                    heard = max(0.0, distance + self._offset + float(error))
+                    told = sigma if self._told is None else self._told
+                    rows.append(RangeRow(stamp_ns, tag, anchor, heard, told or None, ""))
         return rows
 
 

@@ -141,3 +141,25 @@ def test_the_world_is_told_latched() -> None:
     assert all(one.latched for one in told.values())
     frames = {row.child for row in decode.transforms(message(told["tf_static"]))}
     assert frames == {*log.tags, "laser"}
+
+
+def test_noise_is_a_share_of_the_distance() -> None:
+    anchors = {"near": (2.0, 0.0, 0.0), "far": (40.0, 0.0, 0.0)}
+    uwb = UwbSimulator(anchors, {"t": (0.0, 0.0, 0.0)}, sigma_m=0.0, sigma_relative=0.015, seed=1)
+    epochs = [uwb.ranges(1, 0.0, 0.0, 0.0) for _ in range(4000)]
+    heard = np.array([[row.range_m for row in epoch] for epoch in epochs])
+    assert np.allclose(heard.mean(axis=0), [2.0, 40.0], rtol=0.002)
+    assert np.allclose(heard.std(axis=0), [0.03, 0.6], rtol=0.05)
+    assert np.allclose([row.sigma_m for row in epochs[0]], [0.03, 0.6])
+
+
+def test_what_fails_or_is_out_of_reach_is_not_heard_and_changes_nothing_else() -> None:
+    anchors = {str(i): (float(i), 3.0, 1.0) for i in range(1, 200)}
+    tags = {"t": (0.5, 0.0, 1.0)}
+    all_of = UwbSimulator(anchors, tags, seed=2).ranges(1, 0.0, 0.0, np.pi / 2)
+    some = UwbSimulator(anchors, tags, loss=0.3, reach_m=100.0, seed=2).ranges(
+        1, 0.0, 0.0, np.pi / 2
+    )
+    assert set(some) < set(all_of)
+    assert 50 < len(some) < 90
+    assert max(int(row.anchor) for row in some) <= 100
