@@ -14,6 +14,9 @@ git ls-files '*CMakeLists.txt' '*.cmake' | step xargs "$bin/gersemi" --check
 step "$bin/ruff" format --check --quiet .
 step "$bin/ruff" check --quiet .
 step "$bin/mypy" python/locfuse scripts examples/python benchmarks/run.py benchmarks/rows.py benchmarks/python tests/python
+# By itself: the packages for ROS 1 and ROS 2 have the same name.
+step env MYPYPATH=ros1/locfuse_ros/src:tests/ros "$bin/mypy" ros1/locfuse_ros/src/locfuse_ros \
+  tests/ros/conftest.py tests/ros/namespace.py tests/ros/other_driver.py tests/ros/ros1_peer.py tests/ros/test_ros1_*.py
 step "$bin/codespell"
 step "$bin/lint-imports" --no-logo
 step sh scripts/stubs.sh "$bin" --check

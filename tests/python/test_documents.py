@@ -192,7 +192,7 @@ def test_every_command_and_option_is_on_the_page_of_the_command_line() -> None:
 
 
 def test_every_dev_command_is_documented() -> None:
-    commands = re.findall(r"^(\w+)\)$", (ROOT / "dev").read_text(), re.MULTILINE)
+    commands = re.findall(r"^([\w-]+)\)$", (ROOT / "dev").read_text(), re.MULTILINE)
     rows = table_under(DOCS / "install.md", "## On Debian 12, from a checkout")
     assert sorted(row[0].strip("`") for row in rows) == sorted(f"./dev {c}" for c in commands)
 

@@ -3,12 +3,22 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
 from importlib.util import find_spec
 
 import pytest
+
 from namespace import is_isolated
 
+# Each by its own ./dev test-ros: one Python has rospy, another rclpy.
 collect_ignore_glob = [] if find_spec("rclpy") else ["test_ros2_*.py"]
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let rospy use what newer Python does not like, and leave sockets to the collector."""
+    config.addinivalue_line("filterwarnings", r"ignore::DeprecationWarning:ros.*")
+    config.addinivalue_line("filterwarnings", "ignore::pytest.PytestUnraisableExceptionWarning")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -17,3 +27,23 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         reason = "needs ROS and a network namespace of its own; run ./dev test-ros"
         for item in items:
             item.add_marker(pytest.mark.skip(reason=reason))
+
+
+@pytest.fixture(scope="session")
+def ros1(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Start a roscore, and make this process the node ``/peer`` beside it."""
+    from ros1_peer import started
+
+    rospy = pytest.importorskip("rospy", reason="no rospy; run ./dev test-ros")
+    folder = tmp_path_factory.mktemp("ros1")
+    os.environ |= {
+        "ROS_MASTER_URI": "http://127.0.0.1:11311",
+        "ROS_IP": "127.0.0.1",
+        "ROS_HOME": str(folder),
+        "ROSCONSOLE_FORMAT": "${severity}: ${message}",
+    }
+    with started(["roscore"], folder / "roscore.log") as core:
+        core.wait_until_said("started core service [/rosout]")
+        rospy.init_node("peer", disable_signals=True)
+        yield
+        rospy.signal_shutdown("the tests are over")

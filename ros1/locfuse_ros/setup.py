@@ -1,0 +1,7 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Read by catkin alone: which Python package is in this folder."""
+
+from catkin_pkg.python_setup import generate_distutils_setup
+from setuptools import setup
+
+setup(**generate_distutils_setup(packages=["locfuse_ros"], package_dir={"": "src"}))

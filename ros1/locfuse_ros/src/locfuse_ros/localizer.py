@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node `localize`: topics in and out around `locfuse.ros.adapter.Adapter`, which decides."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import rospy
+from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
+
+from locfuse.config.schema import SOURCES
+from locfuse.ros.adapter import Adapter
+from locfuse_ros.fill import message_class, message_of
+from locfuse_ros.hear import hear
+from locfuse_ros.lines import Lines
+from locfuse_ros.node import run_node
+from locfuse_ros.parameters import Parameter, base_of, configuration
+
+PARAMETERS = (
+    Parameter("config", str, "", "path of the YAML of a run; without it all is default"),
+    Parameter("overrides", dict, {}, "keys of that YAML to be told otherwise, nested like it"),
+)
+TICK_S = 0.1
+REPORT_S = 1.0
+WORKED = 5000  # messages of which the diagnostics tell how long they took
+QUEUE = 100  # messages of ours that wait for a subscriber who is slow
+ONE_VOICE = ("odometry", "scans")  # of which two publishers at once are a mistake
+SWITCH_S = 0.0005  # threads take turns: with Python's 5 ms one message waits for another's work
+
+
+class Localizer:
+    """Hands messages to the adapter one at a time, and publishes what it says."""
+
+    def __init__(self, adapter: Adapter) -> None:
+        self._adapter = adapter
+        self._lock = threading.RLock()  # rospy calls from a thread per connection
+        self._lines = Lines()
+        self._two_voices: set[str] = set()
+        self._work_s: deque[float] = deque(maxlen=WORKED)
+        # Before the first message, so that who listens is there when it comes.
+        self._publishers = {
+            topic: _publisher(topic, kind, latched) for topic, kind, latched in adapter.announced
+        }
+        self._services = list(self._offer_services())
+        self._heard = [hear(s.topic, self._hearer(s)) for s in adapter.subscriptions]
+
+    def run(self) -> None:
+        """Tick until the node is told to end, by the wall's clock: simulated time may stand."""
+        reported = time.monotonic()
+        while not rospy.is_shutdown():
+            time.sleep(TICK_S)
+            self._handle(self._adapter.tick)
+            if time.monotonic() - reported >= REPORT_S:
+                reported = time.monotonic()
+                self._report()
+
+    def _hearer(self, subscription: Any) -> Callable[[str, str, Any], None]:
+        source = subscription.source
+
+        def heard(topic: str, publisher: str, message: Any) -> None:
+            number = getattr(getattr(message, "header", None), "seq", None)
+            with self._lock:
+                began = time.perf_counter()
+                self._lines.heard(topic, publisher, number)
+                self._handle(lambda now_ns: self._adapter.on(source, topic, message, now_ns))
+                if source in ONE_VOICE:
+                    self._expect_one_voice(topic)
+                self._work_s.append(time.perf_counter() - began)
+
+        return heard
+
+    def _handle(self, work: Callable[[int], Iterable[Any]]) -> None:
+        with self._lock:
+            for told in work(rospy.get_rostime().to_nsec()):
+                self._publish(told)
+            problems = self._adapter.problems()
+        for problem in problems:
+            rospy.logwarn(problem)
+
+    def _publish(self, told: Any) -> None:
+        if told.topic not in self._publishers:
+            self._publishers[told.topic] = _publisher(told.topic, told.type, told.latched)
+        self._publishers[told.topic].publish(message_of(told.type, told.fields))
+
+    def _expect_one_voice(self, topic: str) -> None:
+        publishers = self._lines.publishers(topic)
+        if len(publishers) > 1 and topic not in self._two_voices:
+            self._two_voices.add(topic)
+            rospy.logwarn(
+                f"{topic} has {len(publishers)} publishers, {' and '.join(publishers)}, whose "
+                "messages are taken for those of one sensor; stop all but one, or give each a topic"
+            )
+
+    def _report(self) -> None:
+        """Say what was lost on the way, in the log and as diagnostics."""
+        with self._lock:
+            news = self._lines.news()
+            values = [
+                {"key": f"{topic} from {publisher}", "value": f"{n.received} heard, {n.lost} lost"}
+                for (topic, publisher), n in self._lines.lines.items()
+            ]
+            work_ms = 1000.0 * np.array(self._work_s or [0.0])
+        values += [
+            {"key": f"work_ms_{name}", "value": f"{np.percentile(work_ms, share):.3f}"}
+            for name, share in (("median", 50), ("99_percent", 99))
+        ]
+        for sentence in news:
+            rospy.logwarn(sentence)
+        status = {
+            "level": 1 if news else 0,
+            "name": "locfuse: topics",
+            "message": news[0] if news else "nothing was lost since the last report",
+            "hardware_id": "locfuse",
+            "values": values,
+        }
+        stamp = {"ns": rospy.get_rostime().to_nsec()}
+        fields = {"header": {"stamp": stamp}, "status": [status]}
+        self._publishers["diagnostics"].publish(
+            message_of("diagnostic_msgs/DiagnosticArray", fields)
+        )
+
+    def _offer_services(self) -> Iterator[Any]:
+        def calls(work: Callable[[], None], done: str) -> Callable[[Any], Any]:
+            def answer(_: Any) -> Any:
+                with self._lock:
+                    work()
+                return TriggerResponse(success=True, message=done)
+
+            return answer
+
+        def switches(source: str) -> Callable[[Any], Any]:
+            def answer(request: Any) -> Any:
+                with self._lock:
+                    self._adapter.enable(source, request.data)
+                return SetBoolResponse(True, f"{source} is {'on' if request.data else 'off'}")
+
+            return answer
+
+        reset = calls(self._adapter.reset, "all that was heard is forgotten")
+        relocalize = calls(self._adapter.relocalize, "the pose is forgotten and searched anew")
+        yield rospy.Service("~reset", Trigger, reset)
+        yield rospy.Service("~relocalize", Trigger, relocalize)
+        heard = {s.source for s in self._adapter.subscriptions}
+        for source in (s for s in (*SOURCES, "scans") if s in heard):
+            yield rospy.Service(f"~enable/{source}", SetBool, switches(source))
+
+
+def _publisher(topic: str, type_name: str, latched: bool) -> Any:
+    name = f"/{topic}" if topic in ("tf", "diagnostics") else topic  # as everybody has them
+    return rospy.Publisher(name, message_class(type_name), latch=latched, queue_size=QUEUE)
+
+
+def localize(told: Mapping[str, Any]) -> None:
+    """Localize until the node is told to end."""
+    sys.setswitchinterval(SWITCH_S)
+    config = configuration(told["config"], told["overrides"], rospy.get_name())
+    Localizer(Adapter(config, base=base_of(told["config"]))).run()
+
+
+def main() -> int:
+    """Run the node; return 1 if it cannot start, having said why."""
+    return run_node("locfuse", PARAMETERS, localize)

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A UWB driver of somebody else: messages of its own package, made of the ranges on ``uwb_truth``.
+
+It hears the true pose, and sends ids as int32 and millimetres as uint32, 10 times a second.
+"""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import rospy
+from genpy.dynamic import generate_dynamic
+from nav_msgs.msg import Odometry
+
+DEFINITION = "int32[] destination_id\nuint32[] distance\ntime[] stamp\n"
+ANCHORS = {1: (0, 0, 2), 2: (8, 0, 2), 3: (8, 6, 2), 4: (0, 6, 2), 5: (4, 3, 2.5)}
+TAG = (0.1, 0.0, 0.5)
+
+
+def main() -> None:
+    rospy.init_node("other_driver")
+    kind = generate_dynamic("other_driver/uwb_data", DEFINITION)["other_driver/uwb_data"]
+    out = rospy.Publisher("uwb", kind, queue_size=10)
+    count = [0]
+
+    def heard(truth: Any) -> None:
+        count[0] += 1
+        if count[0] % 3:
+            return
+        pose = truth.pose.pose
+        heading = 2.0 * np.arctan2(pose.orientation.z, pose.orientation.w)
+        tag = np.array([pose.position.x + TAG[0] * np.cos(heading),
+                        pose.position.y + TAG[0] * np.sin(heading), TAG[2]])  # fmt: skip
+        distances = [round(1000 * float(np.linalg.norm(np.array(at) - tag)))
+                     for at in ANCHORS.values()]  # fmt: skip
+        out.publish(kind(list(ANCHORS), distances, [truth.header.stamp] * len(ANCHORS)))
+
+    rospy.Subscriber("ground_truth", Odometry, heard)
+    while out.get_num_connections() == 0:
+        rospy.rostime.wallsleep(0.01)
+    print("ready", flush=True)
+    rospy.spin()
+
+
+if __name__ == "__main__":
+    warnings.simplefilter("ignore")
+    main()

@@ -1,0 +1,409 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node `localize` beside a real roscore: a simulated robot in, estimates out."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from locfuse.config.load import parse_config
+from locfuse.io.log_folder import write_log
+from locfuse.ros.decode import decimal, decimals, heading_of, stamp_ns
+from locfuse.run import load_log, run
+from locfuse.types import Log, wrap_angle
+from ros1_peer import Ear, Process, Robot, node, simulated_time, started
+
+pytestmark = pytest.mark.usefixtures("ros1")
+
+SIMULATION: dict[str, Any] = {
+    "room_m": [8, 6],
+    "map": {"generate": "rooms", "seed": 1},
+    "path": {"shape": "roam"},
+    "duration_s": 20.0,
+    "laser": {},
+    "odometry": {"rate_hz": 30},
+    "ranges": {"rate_hz": 5, "sigma_relative": 0.015},
+    "anchors": {"1": [0, 0, 2], "2": [8, 0, 2], "3": [8, 6, 2], "4": [0, 6, 2], "5": [4, 3, 2.5]},
+    "tags": {"tag": [0.1, 0.0, 0.5]},
+}
+CONFIG: dict[str, Any] = {
+    "start": "auto",
+    "use": ["odometry", "ranges"],
+    "estimator": {"range": {"sigma_m": 0.0, "sigma_relative": 0.015}},
+    "ros": {"estimate_at": "fused"},
+}
+HEARD = ("odom", "uwb", "scan")
+
+
+def simulated(seed: int, **changes: Any) -> Log:
+    return load_log(parse_config({"simulation": {**SIMULATION, **changes}}), None, seed)
+
+
+class Localizing:
+    """A node, its robot, and what it tells."""
+
+    def __init__(self, process: Process, robot: Robot, poses: Ear, diagnostics: Ear) -> None:
+        self.process, self.robot = process, robot
+        self.poses, self.diagnostics = poses, diagnostics
+
+    def last(self) -> dict[int, Any]:
+        """Return the last pose of each stamp [ns of the log]."""
+        return {
+            stamp_ns(m.header.stamp) - Robot.FIRST_NS: m.pose for m in list(self.poses.messages)
+        }
+
+    def states(self) -> list[tuple[float, str, str]]:
+        """Return when [s of the log] it said which state, and why."""
+        told = []
+        for message in list(self.diagnostics.messages):
+            for status in message.status:
+                if status.name == "locfuse: localization":
+                    at = (stamp_ns(message.header.stamp) - Robot.FIRST_NS) / 1e9
+                    told.append((at, status.values[0].value, status.message))
+        return told
+
+    def statuses(self, name: str) -> list[Any]:
+        return [s for m in list(self.diagnostics.messages) for s in m.status if s.name == name]
+
+
+@contextmanager
+def localizing(
+    log: Log,
+    tmp_path: Path,
+    config: dict[str, Any] | None = None,
+    topics: tuple[str, ...] = HEARD,
+    **told: Any,
+) -> Iterator[Localizing]:
+    from diagnostic_msgs.msg import DiagnosticArray
+    from geometry_msgs.msg import PoseWithCovarianceStamped
+
+    path = tmp_path / "run.yaml"
+    path.write_text(yaml.safe_dump(CONFIG | (config or {})))
+    parameters = {"config": str(path), **told}
+    robot = Robot(log, parse_config(CONFIG | (config or {})).ros)
+    try:
+        with simulated_time(), node("locfuse_ros", "localize", tmp_path / "node.log", parameters,
+                                    "locfuse") as process:  # fmt: skip
+            poses = Ear("locfuse/pose", PoseWithCovarianceStamped)
+            diagnostics = Ear("/diagnostics", DiagnosticArray)
+            robot.meet(topics)
+            yield Localizing(process, robot, poses, diagnostics)
+            poses.close()
+            diagnostics.close()
+    finally:
+        robot.close()
+
+
+def settle(ear: Ear, quiet_s: float = 0.3) -> None:
+    """Wait until nothing more comes."""
+    count = -1
+    while count != len(ear.messages):
+        count = len(ear.messages)
+        time.sleep(quiet_s)
+
+
+def errors(log: Log, poses: dict[int, Any], after_s: float = 0.0) -> np.ndarray:
+    """Return the errors (n, 3) of poses against the truth at their stamps."""
+    truth = log["truth"]
+    rows = {stamp: row for row, stamp in enumerate(truth["stamp_ns"].tolist())}
+    found = []
+    for stamp, pose in poses.items():
+        if stamp in rows and stamp >= after_s * 1e9:
+            row, at = rows[stamp], pose.pose.position
+            turn = wrap_angle(heading_of(pose.pose.orientation) - truth["heading_rad"][row])
+            found.append([at.x - truth["x_m"][row], at.y - truth["y_m"][row], float(turn)])
+    return np.array(found)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_it_finds_itself_from_nothing_and_stays_there(tmp_path: Path, seed: int) -> None:
+    log = simulated(seed)
+    first_s = max(log["ranges"]["stamp_ns"][0], log["scans"]["stamp_ns"][0]) / 1e9
+    with localizing(log, tmp_path) as it:
+        it.robot.drive(speed=4.0)
+        settle(it.poses)
+        poses, states = it.last(), it.states()
+    ready_s = min(poses) / 1e9
+    assert ready_s - first_s <= 3.0
+    ok = [at for at, state, _ in states if state == "ok"]
+    assert ok
+    assert ok[0] - first_s <= 3.0 + 1.0  # diagnostics come once a second
+    rmse = np.sqrt(np.mean(errors(log, poses) ** 2, axis=0))
+    print(f"\nseed {seed}: first pose after {ready_s - first_s:.2f} s, RMSE "
+          f"{np.hypot(rmse[0], rmse[1]):.3f} m, {np.rad2deg(rmse[2]):.2f} deg")  # fmt: skip
+    assert np.hypot(rmse[0], rmse[1]) < 0.1
+    assert rmse[2] < np.deg2rad(3.0)
+
+
+def as_messages_hold_it(log: Log) -> Log:
+    """Return a log whose scans fit into float32, as every scan of ROS does."""
+    assert log.laser is not None
+    laser = {
+        key: decimal(value) if isinstance(value, float) else value
+        for key, value in log.laser.items()
+    }
+    ranges = decimals(log["scans"]["ranges_m"].astype(np.float32))
+    scans = {**log["scans"], "ranges_m": ranges}
+    return replace(log, laser=laser, tables={**log.tables, "scans": scans})
+
+
+@pytest.mark.parametrize("start", ["auto", "told"])
+def test_estimates_are_those_of_locfuse_run(tmp_path: Path, start: str) -> None:
+    log = as_messages_hold_it(simulated(4))
+    truth = log["truth"]
+    heading = float(np.rad2deg(truth["heading_rad"][0]))
+    told = [float(truth["x_m"][0]) + 0.05, float(truth["y_m"][0]), heading]
+    write_log(log, tmp_path / "log")
+    config = {
+        **CONFIG,
+        "start": "auto" if start == "auto" else told,
+        "ros": {"estimate_at": "fused", "world": "log"},
+    }
+    estimate = run(parse_config(config), log).estimate
+    with localizing(log, tmp_path, config, HEARD if start == "auto" else HEARD[:2]) as it:
+        it.robot.drive(speed=4.0)
+        settle(it.poses)
+        poses = it.last()
+    assert estimate.heading is not None
+    assert estimate.covariance is not None
+    rows = [row for row, stamp in enumerate(estimate.stamp_ns.tolist()) if stamp in poses]
+    # What comes from two sockets at once is fused at once, and told once.
+    assert len(rows) > 0.8 * len(estimate)
+    for row in rows:
+        pose = poses[int(estimate.stamp_ns[row])]
+        at = [pose.pose.position.x, pose.pose.position.y]
+        assert np.allclose(at, estimate.position[row], rtol=0.0, atol=1e-9)
+        turn = wrap_angle(heading_of(pose.pose.orientation) - estimate.heading[row])
+        assert abs(float(turn)) <= 1e-9
+        covariance = np.array(pose.covariance).reshape(6, 6)[np.ix_((0, 1, 5), (0, 1, 5))]
+        assert np.allclose(covariance, estimate.covariance[row], rtol=0.0, atol=1e-9)
+
+
+def test_a_source_that_dies_is_told_and_returns(tmp_path: Path) -> None:
+    log = simulated(5)
+    with localizing(log, tmp_path) as it:
+        it.robot.drive(0.0, 6.0)
+        it.robot.drive(6.0, 13.0, silent=["uwb"])
+        it.robot.drive(13.0)
+        settle(it.poses)
+        states, poses = it.states(), it.last()
+    during = [(state, why) for at, state, why in states if 9.0 <= at <= 13.0]
+    assert during
+    assert {state for state, _ in during} == {"dead_reckoning"}
+    assert all(why for _, why in during)
+    assert states[-1][1] == "ok"
+    stamps = sorted(poses)
+    assert max(np.diff(stamps)) < 0.2e9  # odometry carried it
+    assert np.hypot(*errors(log, poses, after_s=15.0)[:, :2].T).max() < 0.25
+
+
+def test_a_node_that_is_killed_and_restarted_goes_on(tmp_path: Path) -> None:
+    from geometry_msgs.msg import PoseWithCovarianceStamped
+
+    log = simulated(6)
+    with localizing(log, tmp_path) as it:
+        it.robot.drive(0.0, 6.0)
+        it.process.end(signal.SIGKILL)
+        it.robot.drive(6.0, 8.0)
+        before = len(it.poses.messages)
+        command = ["rosrun", "locfuse_ros", "localize", "__name:=locfuse"]
+        with started(command, tmp_path / "second.log"):
+            again = Ear("locfuse/pose", PoseWithCovarianceStamped)
+            it.robot.meet(HEARD)
+            it.robot.drive(8.0)
+            settle(again)
+            again.close()
+        assert before < len(it.poses.messages)
+    poses = {stamp_ns(m.header.stamp) - Robot.FIRST_NS: m.pose for m in again.messages}
+    assert min(poses) / 1e9 - 8.0 <= 3.0
+    assert np.hypot(*errors(log, poses, after_s=11.0)[:, :2].T).max() < 0.25
+
+
+@pytest.mark.parametrize("jump", ["reset", "continue"])
+def test_a_clock_that_jumps_back_is_followed(tmp_path: Path, jump: str) -> None:
+    from tf2_msgs.msg import TFMessage
+
+    log = simulated(7)
+    with localizing(log, tmp_path, {"clock_jump": jump}) as it:
+        transforms = Ear("/tf", TFMessage)
+        it.robot.drive(0.0, 10.0)
+        settle(it.poses)
+        count, told = len(it.poses.messages), len(transforms.messages)
+        it.robot.drive(10.0, shift_s=-8.0)
+        settle(it.poses)
+        said = it.process.said()
+        after = it.poses.messages[count:]
+        back = transforms.messages[told:]
+        transforms.close()
+    assert "the clock went back by" in said
+    assert after
+    # What came after the jump is shifted by 8 s, and the pose follows the truth.
+    poses = {stamp_ns(m.header.stamp) - Robot.FIRST_NS + 8 * 10**9: m.pose for m in after}
+    late = errors(log, poses, after_s=15.0)
+    assert len(late) > 50
+    assert np.hypot(*late[:, :2].T).max() < 0.3
+    stamps = [stamp_ns(t.header.stamp) for m in back for t in m.transforms]
+    assert stamps
+    assert np.all(np.diff(stamps) > 0)
+
+
+def test_the_transform_leads_from_map_to_odom_and_never_goes_back(tmp_path: Path) -> None:
+    from nav_msgs.msg import Odometry
+    from tf2_msgs.msg import TFMessage
+
+    log = simulated(8)
+    with localizing(log, tmp_path) as it:
+        transforms, wheels = Ear("/tf", TFMessage), Ear("odom", Odometry)
+        it.robot.drive()
+        settle(it.poses)
+        told = [t for m in transforms.messages for t in m.transforms]
+        driven = {stamp_ns(m.header.stamp): m.pose for m in wheels.messages}
+        transforms.close()
+        wheels.close()
+        poses = it.last()
+    assert {(t.header.frame_id, t.child_frame_id) for t in told} == {("map", "odom")}
+    assert np.all(np.diff([stamp_ns(t.header.stamp) for t in told]) > 0)
+    # The last one, and odometry at the end, give the last pose.
+    last = told[-1].transform
+    turn = heading_of(last.rotation)
+    odometry = driven[max(driven)].pose.position
+    x = last.translation.x + np.cos(turn) * odometry.x - np.sin(turn) * odometry.y
+    y = last.translation.y + np.sin(turn) * odometry.x + np.cos(turn) * odometry.y
+    at = poses[max(poses)].pose.position
+    assert np.hypot(x - at.x, y - at.y) < 0.02
+
+
+def test_two_publishers_on_a_topic_are_named(tmp_path: Path) -> None:
+    log = simulated(9, duration_s=3.0)
+    with localizing(log, tmp_path) as it:
+        it.robot.drive()
+        other = "{header: {stamp: {secs: 1002}}, pose: {pose: {orientation: {w: 1}}}}"
+        command = ["rostopic", "pub", "-r", "20", "/odom", "nav_msgs/Odometry", other]
+        with started(command, tmp_path / "other.log"):
+            said = it.process.wait_until_said("has 2 publishers")
+    assert "odom has 2 publishers, /peer and /rostopic" in said
+
+
+def test_bad_messages_are_named_and_harm_nothing(tmp_path: Path) -> None:
+    from locfuse_ros.fill import message_of
+
+    log = simulated(10)
+    ranging = {"header": {"stamp": {"ns": Robot.FIRST_NS + 6 * 10**9}}, "anchor": "1", "tag": "tag"}
+    bad: list[tuple[str, str, dict[str, Any]]] = [
+        ("uwb", "locfuse_msgs/UwbRanges", {"ranges": [{**ranging, "range": float("nan")}]}),
+        ("uwb", "locfuse_msgs/UwbRanges", {"ranges": [{**ranging, "range": -3.0}]}),
+        ("odom", "nav_msgs/Odometry", {"header": ranging["header"], "child_frame_id": "base_link"}),
+        ("odom", "nav_msgs/Odometry", {}),
+        ("scan", "sensor_msgs/LaserScan", {"header": ranging["header"], "ranges": [1.0]}),
+    ]
+    with localizing(log, tmp_path) as it:
+        it.robot.drive(0.0, 6.0)
+        for topic, kind, fields in bad:
+            it.robot.say_message(topic, message_of(kind, fields))
+        for words in ("nan", "-3", "(0, 0, 0, 0) is no rotation", "angle_increment is 0"):
+            it.process.wait_until_said(words)
+        it.robot.drive(6.0)
+        settle(it.poses)
+        poses = it.last()
+        counted = it.statuses("locfuse: messages")[-1].values
+    told = {value.key: value.value for value in counted}
+    assert told["odometry refused"] == "2"
+    assert told["ranges refused"] == "2"
+    assert told["scans refused"] == "1"
+    assert np.hypot(*errors(log, poses, after_s=3.0)[:, :2].T).max() < 0.25
+
+
+def test_uwb_data_of_another_package_is_understood(tmp_path: Path) -> None:
+    """As the paper's driver sends it: a type of its own, int32 ids and millimetres."""
+    log = simulated(11, duration_s=6.0)
+    with localizing(log, tmp_path, {"ros": {"uwb_unit": "mm"}}, ("odom", "scan")) as it:
+        driver = started([sys.executable, str(Path(__file__).with_name("other_driver.py"))],
+                         tmp_path / "driver.log")  # fmt: skip
+        with driver as other:
+            other.wait_until_said("ready")
+            it.robot.drive(silent=["uwb"], speed=2.0)
+            settle(it.poses)
+        poses = it.last()
+    assert poses
+    assert np.hypot(*errors(log, poses, after_s=2.0)[:, :2].T).max() < 0.4
+
+
+def test_services_reset_relocalize_and_switch(tmp_path: Path) -> None:
+    import rospy
+    from std_srvs.srv import SetBool, Trigger
+
+    log = simulated(12)
+    with localizing(log, tmp_path) as it:
+        services = {
+            name: rospy.ServiceProxy(f"/locfuse/{name}", kind)
+            for name, kind in (("reset", Trigger), ("relocalize", Trigger),
+                               ("enable/ranges", SetBool))
+        }  # fmt: skip
+        it.robot.drive(0.0, 4.0)
+        settle(it.poses)
+        assert services["enable/ranges"](False).message == "ranges is off"
+        it.robot.drive(4.0, 8.0)
+        settle(it.poses)
+        assert it.states()[-1][1] == "dead_reckoning"
+        assert services["enable/ranges"](True).message == "ranges is on"
+        it.robot.drive(8.0, 10.0)
+        settle(it.poses)
+        assert it.states()[-1][1] == "ok"
+        for name in ("relocalize", "reset"):
+            count = len(it.poses.messages)
+            assert services[name]().success
+            begin_s = 10.0 if name == "relocalize" else 15.0
+            it.robot.drive(begin_s, begin_s + 5.0)
+            settle(it.poses)
+            again = it.poses.messages[count:]
+            first_s = (stamp_ns(again[0].header.stamp) - Robot.FIRST_NS) / 1e9
+            assert begin_s < first_s <= begin_s + 3.0
+        poses = it.last()
+    assert np.hypot(*errors(log, poses, after_s=18.0)[:, :2].T).max() < 0.25
+
+
+def test_the_start_is_told_to_another_localizer(tmp_path: Path) -> None:
+    from geometry_msgs.msg import PoseWithCovarianceStamped
+
+    log = simulated(13, duration_s=5.0)
+    with localizing(log, tmp_path, {"ros": {"topics": {"start": "initialpose"}}}) as it:
+        it.robot.drive()
+        settle(it.poses)
+        late = Ear("initialpose", PoseWithCovarianceStamped)  # as an AMCL that starts later
+        told = late.wait()
+        late.close()
+    assert len(told) == 1
+    at = {stamp_ns(told[0].header.stamp) - Robot.FIRST_NS: told[0].pose}
+    assert np.hypot(*errors(log, at)[0, :2]) < 0.3
+
+
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        ({"configg": "x"}, "unknown parameter /locfuse/configg; did you mean 'config'?"),
+        ({"config": "/nowhere.yaml"}, "/nowhere.yaml: cannot be read"),
+        ({"overrides": {"estimator": {"gate_rnge": 1}}}, "did you mean 'gate_range'?"),
+        ({"overrides": {"start": "truth"}}, "start is 'truth', which a robot does not know"),
+        (
+            {"overrides": {"start": "auto", "ros": {"world": "/nowhere"}}},
+            "/nowhere: no such folder",
+        ),
+    ],
+)
+def test_what_is_wrong_with_parameters_is_a_sentence(
+    tmp_path: Path, told: dict[str, Any], words: str
+) -> None:
+    with node("locfuse_ros", "localize", tmp_path / "log.txt", told, "locfuse") as process:
+        assert process.process.wait(20.0) == 1
+        assert words in process.said()
+        assert "Traceback" not in process.said()

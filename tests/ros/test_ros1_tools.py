@@ -1,0 +1,261 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Replay of a log, the simulator of UWB ranges, and what all nodes share."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from locfuse.config.load import parse_config
+from locfuse.io.log_folder import write_log
+from locfuse.ros.decode import odometry, ranges, scan, stamp_ns
+from locfuse.run import load_log
+from locfuse.types import ConfigError, Log
+from ros1_peer import Ear, mouth, node, wait_for
+
+pytest.importorskip("rospy", reason="no rospy; run ./dev test-ros")
+from locfuse_ros.fill import message_of, time_of
+from locfuse_ros.lines import Lines
+from locfuse_ros.parameters import Parameter, configuration, read_parameters
+from locfuse_ros.uwb_simulator import Epochs, true_pose
+
+pytestmark = pytest.mark.usefixtures("ros1")
+
+ROOM: dict[str, Any] = {
+    "simulation": {
+        "room_m": [8, 6],
+        "map": {"generate": "rooms", "seed": 1},
+        "path": {"shape": "roam"},
+        "duration_s": 5.0,
+        "laser": {},
+        "anchors": {"1": [0, 0, 2], "2": [8, 0, 2], "3": [8, 6, 2], "4": [0, 6, 2]},
+        "tags": {"tag": [0.1, 0.0, 0.5]},
+    }
+}
+FIRST_NS = 1000 * 10**9
+
+
+@pytest.fixture(scope="module")
+def log() -> Log:
+    return load_log(parse_config(ROOM), None, seed=1)
+
+
+@pytest.fixture(scope="module")
+def folder(log: Log, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    write_log(log, tmp_path_factory.mktemp("logs") / "room")
+    return tmp_path_factory.getbasetemp() / "logs0" / "room"
+
+
+# Parts of all nodes
+
+
+def test_fields_become_messages_at_any_depth() -> None:
+    one = {"header": {"stamp": {"ns": 1_500_000_000}, "frame_id": "map"}, "child_frame_id": "odom"}
+    told = message_of("tf2_msgs/TFMessage", {"transforms": [one]})
+    assert told.transforms[0].header.stamp.to_nsec() == 1_500_000_000
+    assert told.transforms[0].child_frame_id == "odom"
+    data = message_of("locfuse_msgs/UwbData", {"stamp": [{"ns": 3}], "destination_id": [7]})
+    assert data.stamp[0].to_nsec() == 3
+
+
+def test_what_a_message_cannot_hold_is_refused() -> None:
+    with pytest.raises(AttributeError, match="heading"):
+        message_of("geometry_msgs/Pose", {"heading": 1.0})
+    with pytest.raises(ConfigError, match="no Python package 'nobody_msgs'"):
+        message_of("nobody_msgs/Nothing", {})
+    for stamp in (-1, 2**32 * 10**9):
+        with pytest.raises(ValueError, match="1970 to 2106"):
+            time_of(stamp)
+
+
+DECLARED = (
+    Parameter("rate_hz", float, 5.0, "how often", low=0.1, high=100.0),
+    Parameter("format", str, "ranges", "which", choices=("ranges", "data")),
+    Parameter("overrides", dict, {}, "keys"),
+)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"rate": 1.0}, "unknown parameter /n/rate; did you mean 'rate_hz'?"),
+        ({"rate_hz": 0}, "parameter /n/rate_hz is 0.0; expected a number >= 0.1 <= 100"),
+        ({"rate_hz": "5"}, "parameter /n/rate_hz is '5'; expected a number"),
+        ({"rate_hz": float("nan")}, "parameter /n/rate_hz is nan"),
+        ({"rate_hz": True}, "parameter /n/rate_hz is True; expected a number"),
+        ({"format": "text"}, "parameter /n/format is 'text'; expected ranges or data"),
+        ({"overrides": "{a"}, "parameter /n/overrides is no YAML"),
+        ({"overrides": [1]}, "parameter /n/overrides is \\[1\\]; expected keys and values"),
+        ("all", "/n: holds 'all'; expected parameters"),
+    ],
+)
+def test_parameters_are_refused_with_a_sentence(given: Any, words: str) -> None:
+    with pytest.raises(ConfigError, match=words.replace("?", "\\?")):
+        read_parameters("/n", DECLARED, given)
+
+
+def test_parameters_have_defaults_and_take_whole_numbers_and_yaml() -> None:
+    told = read_parameters("/n", DECLARED, {"rate_hz": 7, "overrides": "seed: 3"})
+    assert told == {"rate_hz": 7.0, "format": "ranges", "overrides": {"seed": 3}}
+
+
+def test_overrides_change_what_they_name_and_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "run.yaml"
+    path.write_text("start: auto\nestimator: {range: {sigma_m: 0.2}, gate_range: 0.99}\n")
+    config = configuration(str(path), {"estimator": {"range": {"sigma_relative": 0.01}}}, "/n")
+    assert config.estimator.range.sigma_m == 0.2
+    assert config.estimator.range.sigma_relative == 0.01
+    assert config.estimator.gate_range == 0.99
+    with pytest.raises(ConfigError, match="with /n/overrides: estimator: unknown key 'gate_rnge'"):
+        configuration(str(path), {"estimator": {"gate_rnge": 0.9}}, "/n")
+
+
+def test_gaps_in_sequence_numbers_are_told_once() -> None:
+    lines = Lines()
+    for number in (4_294_967_294, 4_294_967_295, 0, 1, 5):
+        lines.heard("/scan", "/laser", number)
+    assert lines.lost == 3
+    assert "3 messages of /scan from /laser were lost on the way (of 8)" in lines.news()[0]
+    assert lines.news() == []
+    lines.heard("/scan", "/laser", 0)  # started anew
+    lines.heard("/scan", "/other", 77)
+    assert lines.lost == 3
+    assert lines.publishers("/scan") == ["/laser", "/other"]
+
+
+# Replay
+
+
+def played(log_folder: Path, tmp_path: Path, **parameters: Any) -> dict[str, list[Any]]:
+    from geometry_msgs.msg import PoseWithCovarianceStamped
+    from locfuse_msgs.msg import NamedPoints, UwbRanges
+    from nav_msgs.msg import OccupancyGrid, Odometry
+    from rosgraph_msgs.msg import Clock
+    from sensor_msgs.msg import LaserScan
+    from tf2_msgs.msg import TFMessage
+
+    kinds = {"odom": Odometry, "uwb": UwbRanges, "scan": LaserScan, "map": OccupancyGrid,
+             "anchors": NamedPoints, "tf_static": TFMessage, "amcl_pose": PoseWithCovarianceStamped,
+             "ground_truth": Odometry, "clock": Clock}  # fmt: skip
+    told = {"log": str(log_folder), "speed": 0.0, **parameters}
+    with node("locfuse_ros", "replay_log", tmp_path / "log.txt", told) as process:
+        ears = {topic: Ear(f"/{topic}", kind) for topic, kind in kinds.items()}
+        assert process.process.wait(30.0) == 0, process.said()
+        time.sleep(0.2)
+    for ear in ears.values():
+        ear.close()
+    return {topic: ear.messages for topic, ear in ears.items()}
+
+
+@pytest.fixture(scope="module")
+def heard(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Any]]:
+    return played(folder, tmp_path_factory.mktemp("played"))
+
+
+def test_a_log_comes_out_of_its_topics_as_it_went_in(log: Log, heard: dict[str, list[Any]]) -> None:
+    rows = [row for message in heard["uwb"] for row in ranges(message)]
+    assert [row.stamp_ns - FIRST_NS for row in rows] == log["ranges"]["stamp_ns"].tolist()
+    assert [row.range_m for row in rows] == log["ranges"]["range_m"].tolist()
+    assert [row.anchor for row in rows] == log["ranges"]["anchor"].tolist()
+    poses = [odometry(message) for message in heard["odom"]]
+    steps = np.hypot(np.diff([p.x for p in poses]), np.diff([p.y for p in poses]))
+    told = np.hypot(log["odometry"]["dx_m"], log["odometry"]["dy_m"])[1:]
+    assert np.allclose(steps, told, atol=1e-12)
+    scans = [scan(message) for message in heard["scan"]]
+    assert len(scans) == len(log["scans"]["stamp_ns"])
+    assert np.allclose(scans[3].ranges, log["scans"]["ranges_m"][3], atol=1e-5, equal_nan=True)
+    assert log.grid is not None
+    assert list(heard["map"][0].data) == log.grid.cells.ravel().tolist()
+    assert heard["anchors"][0].names == ["1", "2", "3", "4"]
+    assert {t.child_frame_id for t in heard["tf_static"][0].transforms} == {"tag", "laser"}
+    assert len(heard["amcl_pose"]) == len(log["poses"]["stamp_ns"])
+
+
+def test_the_clock_is_never_behind_a_message_and_never_goes_back(
+    heard: dict[str, list[Any]],
+) -> None:
+    ticks = [message.clock.to_nsec() for message in heard["clock"]]
+    assert ticks == sorted(ticks)
+    assert np.diff(ticks).max() <= 5_000_000
+    assert ticks[-1] == max(stamp_ns(message.header.stamp) for message in heard["ground_truth"])
+
+
+def test_a_log_takes_as_long_as_the_speed_says(folder: Path, tmp_path: Path) -> None:
+    from rosgraph_msgs.msg import Clock
+
+    told = {"log": str(folder), "speed": 2.5, "wait_s": 0.0}
+    with node("locfuse_ros", "replay_log", tmp_path / "log.txt", told) as process:
+        ear = Ear("/clock", Clock)
+        process.process.wait(30.0)
+    ear.close()
+    took_s = ear.heard_s[-1] - ear.heard_s[0]
+    told_s = (ear.messages[-1].clock - ear.messages[0].clock).to_sec()
+    assert took_s == pytest.approx(told_s / 2.5, rel=0.05)
+
+
+def test_a_missing_log_is_a_sentence(tmp_path: Path) -> None:
+    told = {"log": str(tmp_path / "nothing")}
+    with node("locfuse_ros", "replay_log", tmp_path / "log.txt", told) as process:
+        assert process.process.wait(20.0) == 1
+        assert "nothing: no such folder" in process.said()
+
+
+# Simulator
+
+
+def test_epochs_follow_the_rate_and_a_clock_that_goes_back() -> None:
+    epochs = Epochs(5.0)
+    due = [ms for ms in range(0, 1000, 30) if epochs.is_due(ms * 10**6)]
+    assert due == [0, 210, 420, 600, 810]
+    assert epochs.is_due(0)
+
+
+def test_the_truth_of_gazebo_is_understood() -> None:
+    from types import SimpleNamespace as Message
+
+    from geometry_msgs.msg import Pose
+
+    pose = Pose()
+    pose.position.x, pose.orientation.w = 3.0, 1.0
+    told = Message(name=["floor", "robot"], pose=[Pose(), pose])
+    assert true_pose(told, "robot", 5) == (5, (3.0, 0.0, 0.0, 0.0))
+    with pytest.raises(ValueError, match="no model 'robt' in the truth; did you mean 'robot'"):
+        true_pose(told, "robt", 5)
+
+
+@pytest.mark.parametrize("form", ["ranges", "data"])
+def test_ranges_come_at_the_rate_asked_for(folder: Path, tmp_path: Path, form: str) -> None:
+    from locfuse_msgs.msg import UwbData, UwbRanges
+    from nav_msgs.msg import Odometry
+
+    told = {"world": str(folder), "rate_hz": 10.0, "format": form, "unit": "mm", "seed": 4}
+    with node("locfuse_ros", "simulate_uwb", tmp_path / "log.txt", told, name="sim"):
+        ear = Ear("uwb", UwbData if form == "data" else UwbRanges)
+        out = mouth("ground_truth", Odometry)
+        for i in range(101):
+            truth = message_of(
+                "nav_msgs/Odometry", {"header": {"stamp": {"ns": 10**12 + i * 10**7}}}
+            )
+            truth.pose.pose.orientation.w = 1.0
+            out.publish(truth)
+        heard = ear.wait(11)
+        time.sleep(0.1)
+        out.unregister()
+        ear.close()
+    assert len(heard) == 11
+    rows = ranges(heard[0], unit="mm")
+    assert [row.anchor for row in rows] == ["1", "2", "3", "4"]
+    expected = [np.linalg.norm(np.array(at) - (0.1, 0.0, 0.5)) for at in
+                ROOM["simulation"]["anchors"].values()]  # fmt: skip
+    assert np.allclose([row.range_m for row in rows], expected, rtol=0.06)
+
+
+def test_the_simulator_needs_a_world(tmp_path: Path) -> None:
+    with node("locfuse_ros", "simulate_uwb", tmp_path / "log.txt", name="sim") as process:
+        assert process.process.wait(20.0) == 1
+        assert "~world names no folder" in process.said()
+    wait_for("the end", lambda: process.process.poll() is not None)
