@@ -10,11 +10,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from locfuse_ros.fill import message_class, message_of, time_of
 from locfuse_ros.qos import to_hear
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from support_robot import DIAGNOSTICS, EPOCH_NS, POSE, STARTED, config_of, shifted, write_config
-from support_ros2 import Peer, Process
 
 from locfuse import _core
 from locfuse.config.ros import Ros
@@ -22,6 +19,9 @@ from locfuse.ros import decode, encode
 from locfuse.ros.peers import in_order_of_arrival, static_of
 from locfuse.run import load_log
 from locfuse.types import NANOSECONDS, Log
+from locfuse_ros.fill import message_class, message_of, time_of
+from support_robot import DIAGNOSTICS, EPOCH_NS, POSE, STARTED, config_of, shifted, write_config
+from support_ros2 import Peer, Process
 
 ANCHORS = {f"A{i}": (2.0 * (i % 6), 3.0 * (i // 6), 2.0) for i in range(24)}
 LAP_S = 2.0 * math.pi * 3.0 / 0.5  # after which the robot is where it began

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import yaml
-from support_ros2 import Peer, Process
 
 from locfuse.config.load import parse_config
 from locfuse.config.ros import Ros
@@ -21,6 +20,7 @@ from locfuse.ros import decode, encode
 from locfuse.ros.peers import Arrival, in_order_of_arrival, static_of
 from locfuse.run import load_log
 from locfuse.types import NANOSECONDS, Log, Trajectory
+from support_ros2 import Peer, Process
 
 EPOCH_NS = 1_000 * NANOSECONDS  # where simulated time begins: a stamp of 0 is refused
 BEHIND_NS = NANOSECONDS // 4  # that far may a node be behind the log

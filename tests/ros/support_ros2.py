@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from locfuse_ros.fill import message_class, message_of
 from locfuse_ros.qos import to_tell
 from rclpy.context import Context
 from rclpy.event_handler import PublisherEventCallbacks
@@ -24,6 +23,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 
 from locfuse.ros.encode import Publication
+from locfuse_ros.fill import message_class, message_of
 
 DOMAINS = itertools.count(1)
 

@@ -13,13 +13,13 @@ import pytest
 from locfuse.config.load import parse_config
 from locfuse.io.log_folder import write_log
 from locfuse.ros.decode import odometry, ranges, scan, stamp_ns
+from locfuse.ros.lines import Lines
 from locfuse.run import load_log
 from locfuse.types import ConfigError, Log
 from ros1_peer import Ear, mouth, node, wait_for
 
 pytest.importorskip("rospy", reason="no rospy; run ./dev test-ros")
 from locfuse_ros.fill import message_of, time_of
-from locfuse_ros.lines import Lines
 from locfuse_ros.parameters import Parameter, configuration, read_parameters
 from locfuse_ros.uwb_simulator import Epochs, true_pose
 
@@ -115,7 +115,7 @@ def test_overrides_change_what_they_name_and_nothing_else(tmp_path: Path) -> Non
 
 
 def test_gaps_in_sequence_numbers_are_told_once() -> None:
-    lines = Lines()
+    lines = Lines("the network is too slow")
     for number in (4_294_967_294, 4_294_967_295, 0, 1, 5):
         lines.heard("/scan", "/laser", number)
     assert lines.lost == 3

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
 from support_load import FastRobot, lap
 from support_ros2 import Peer, peer_in
 

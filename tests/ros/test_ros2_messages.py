@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import support_ros2
-from locfuse_ros.fill import message_class, message_of, time_of
 from rclpy.serialization import deserialize_message, serialize_message
 
+import support_ros2
 from locfuse.ros import decode, encode
 from locfuse.types import GridMap
+from locfuse_ros.fill import message_class, message_of, time_of
 
 ROOT = Path(__file__).parents[2]
 STAMP = 1_700_000_000_123_456_789

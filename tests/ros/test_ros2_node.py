@@ -10,19 +10,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from locfuse_ros.fill import message_of
 from rcl_interfaces.msg import ParameterDescriptor, ParameterType
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from support_robot import EPOCH_NS, Robot, simulated, start_localize, write_config
-from support_ros2 import Peer, peer_in
 
 from locfuse.config.schema import RunConfig
 from locfuse.io.log_folder import write_log
 from locfuse.ros import decode, encode
 from locfuse.ros.parameters import parameters
 from locfuse.types import NANOSECONDS
+from locfuse_ros.fill import message_of
+from support_robot import EPOCH_NS, Robot, simulated, start_localize, write_config
+from support_ros2 import Peer, peer_in
 
 STARTS = {"start": "auto"}
 

@@ -65,6 +65,10 @@ class Rows:
         """Return a row of the table `source` as a message; ValueError if a value is not valid."""
         return self._of[source](int(row["stamp_ns"]) - self._delay_ns[source], row)
 
+    def go_on_from(self, before: Rows) -> None:
+        """Take the next increment for the one that follows the last one of before."""
+        self._odometry_ns = before._odometry_ns
+
     def forget_odometry(self) -> None:
         """Begin motion anew: the next increment tells of one from before."""
         self._odometry_ns = None

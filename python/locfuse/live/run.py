@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +21,8 @@ from locfuse.live.rows import Message, Row, Rows, effective_ns, told_covariance
 from locfuse.messages import landmark_sight
 from locfuse.start import matcher_of
 from locfuse.types import NANOSECONDS, ConfigError, FloatArray, Log, nearest
+
+MOST_HEARD = 5000  # messages that are kept for a run that takes over before there is a pose
 
 
 @dataclass(frozen=True)
@@ -161,6 +163,8 @@ class LiveRun:
         )
         self._told = None if config.start == "auto" else config.start
         self._held: list[Message] = []
+        self._driven: Row = {}  # the last odometry
+        self._heard: deque[tuple[str, Row]] = deque(maxlen=MOST_HEARD)  # while it searches
         self._heard_ns: int | None = None
         self._tick: int | None = None
         self._on_map: OnMap | None = None
@@ -206,6 +210,10 @@ class LiveRun:
             If a value is not valid; the row is forgotten.
         """
         stamp = int(row["stamp_ns"])
+        if self.pose() is None:
+            self._heard.append((source, row))
+        if source == "odometry":
+            self._driven = row
         if source == "scans":
             verdict = self._on_scan(row)
         elif source not in self.config.use or source in self._disabled:
@@ -318,6 +326,25 @@ class LiveRun:
                                  start.stamp_ns, estimate)  # fmt: skip
             self._map_pose, self._tick = estimate, None
         self._held = []
+
+    def go_on_from(self, before: LiveRun) -> None:
+        """Go on where a run of another world has come to: from its pose, or with what it heard.
+
+        Parameters
+        ----------
+        before : LiveRun
+            Of the same configuration. While it tracks its pose is taken, at the end of its
+            odometry; until then this run hears again what that one has heard of late.
+        """
+        pose = before.pose()
+        if pose is None:
+            for source, row in before._heard:
+                self.on(source, row)
+        else:
+            self.names.go_on_from(before.names)
+            self.start_at(pose)
+            if "v_mps" in before._driven:  # which is held until the next one
+                self.on("odometry", before._driven)
 
     def relocalize(self) -> None:
         """Forget the pose and search it, though the start was told."""

@@ -360,9 +360,8 @@ class Adapter:
         before, self._live = self._live, LiveRun(self._config, self._world.log)
         for source in self._off:
             self._live.enable(source, False)
-        pose = None if before is None else before.fused()
-        if pose is not None:
-            self._live.start_at(pose)
+        if before is not None:
+            self._live.go_on_from(before)
 
     def reset(self) -> None:
         """Forget everything heard but the world: as at the start."""

@@ -101,9 +101,19 @@ def pose_of(fields: Fields) -> list[float]:
 
 @pytest.mark.parametrize("ros", ["ros1", "ros2"])
 @pytest.mark.parametrize("odometry_from", ["pose", "twist"])
-def test_poses_are_those_of_the_run(ros: str, odometry_from: str) -> None:
+@pytest.mark.parametrize("start", ["auto", "told"])
+@pytest.mark.parametrize("first_range_s", [0.0, 1.0])
+def test_poses_are_those_of_the_run(
+    ros: str, odometry_from: str, start: str, first_range_s: float
+) -> None:
+    """The first range places the tag: the run goes on from where it was."""
     told = {"odometry_from": odometry_from, "estimate_at": "fused"}
     config, log = room(ros=told)
+    if start == "told":
+        truth = log["truth"]
+        heading_deg = float(np.degrees(truth["heading_rad"][0]))
+        at = (float(truth["x_m"][0]), float(truth["y_m"][0]), heading_deg)
+        config = config.model_copy(update={"start": at})
     if odometry_from == "twist":
         odometry = log["odometry"]
         seconds = np.diff(odometry["stamp_ns"], prepend=odometry["stamp_ns"][0] - 1) / NANOSECONDS
@@ -111,6 +121,10 @@ def test_poses_are_those_of_the_run(ros: str, odometry_from: str) -> None:
                     "omega_radps": odometry["dheading_rad"] / seconds}  # fmt: skip
         velocity["v_mps"][0] = velocity["omega_radps"][0] = 0.0
         log = replace(log, tables={**log.tables, "odometry": velocity})
+    ranges = log["ranges"]
+    late = ranges["stamp_ns"] >= LATER + round(first_range_s * NANOSECONDS)
+    tables = {**log.tables, "ranges": {key: values[late] for key, values in ranges.items()}}
+    log = replace(log, tables=tables)
     robot = Robot(config, log, ros)
     robot.learn()
     robot.drive()

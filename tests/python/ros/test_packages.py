@@ -13,7 +13,7 @@ from locfuse.config.load import load_config
 
 ROOT = Path(__file__).resolve().parents[3]
 OURS = ROOT / "python" / "locfuse" / "ros" / "msg"
-DISTRIBUTIONS = ["ros1"]
+DISTRIBUTIONS = ["ros1", "ros2"]
 # ROS 1 has names of its own for two types.
 OF_ROS1 = {"Header": "std_msgs/Header", "time": "builtin_interfaces/Time"}
 
@@ -34,8 +34,7 @@ def fields(path: Path) -> list[tuple[str, str]]:
 @pytest.mark.parametrize("name", sorted(path.name for path in OURS.glob("*.msg")))
 def test_messages_have_the_same_fields_everywhere(ros: str, name: str) -> None:
     package = ROOT / ros / "locfuse_msgs"
-    if ros == "ros1":
-        assert name in (package / "CMakeLists.txt").read_text(encoding="utf-8")
+    assert name in (package / "CMakeLists.txt").read_text(encoding="utf-8")
     assert fields(package / "msg" / name) == fields(OURS / name)
 
 

@@ -150,7 +150,7 @@ def test_noise_is_a_share_of_the_distance() -> None:
     heard = np.array([[row.range_m for row in epoch] for epoch in epochs])
     assert np.allclose(heard.mean(axis=0), [2.0, 40.0], rtol=0.002)
     assert np.allclose(heard.std(axis=0), [0.03, 0.6], rtol=0.05)
-    assert np.allclose([row.sigma_m for row in epochs[0]], [0.03, 0.6])
+    assert [row.sigma_m for row in epochs[0]] == pytest.approx([0.03, 0.6])
 
 
 def test_what_fails_or_is_out_of_reach_is_not_heard_and_changes_nothing_else() -> None:

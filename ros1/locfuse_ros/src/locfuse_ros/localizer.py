@@ -16,15 +16,18 @@ from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 from locfuse.config.schema import SOURCES
 from locfuse.ros.adapter import Adapter
+from locfuse.ros.lines import Lines
 from locfuse_ros.fill import message_class, message_of
 from locfuse_ros.hear import hear
-from locfuse_ros.lines import Lines
 from locfuse_ros.node import run_node
 from locfuse_ros.parameters import Parameter, base_of, configuration
 
 PARAMETERS = (
     Parameter("config", str, "", "path of the YAML of a run; without it all is default"),
     Parameter("overrides", dict, {}, "keys of that YAML to be told otherwise, nested like it"),
+)
+ADVICE = (
+    "the network or this computer is too slow for them, or queue_size of their publisher too small"
 )
 TICK_S = 0.1
 REPORT_S = 1.0
@@ -40,7 +43,7 @@ class Localizer:
     def __init__(self, adapter: Adapter) -> None:
         self._adapter = adapter
         self._lock = threading.RLock()  # rospy calls from a thread per connection
-        self._lines = Lines()
+        self._lines = Lines(ADVICE)
         self._two_voices: set[str] = set()
         self._work_s: deque[float] = deque(maxlen=WORKED)
         # Before the first message, so that who listens is there when it comes.
