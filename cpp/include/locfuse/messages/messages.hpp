@@ -85,8 +85,8 @@ struct RangeBearing {
   std::optional<double> sigma_elevation = {};  ///< [rad]; else the model's own
 };
 
-/// How a 2D laser sits on the body and sees: beam i leaves at angle_min + i * angle_increment. Every
-/// number is at most 1e6.
+/// How a 2D laser sits on the body and sees: beam i leaves at angle_min + i * angle_increment.
+/// Every number is at most 1e6.
 struct LaserGeometry {
   Pose2 pose_in_body;            ///< T_body_laser
   double angle_min = 0.0;        ///< of the first beam, counter-clockwise from the laser's x [rad]
