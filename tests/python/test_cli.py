@@ -26,6 +26,7 @@ COMMANDS = (
     ("evaluate",),
     ("position",),
     ("reproduce",),
+    ("sweep",),
     ("config",),
     ("config", "dump"),
 )
@@ -164,6 +165,25 @@ def test_evaluate_finds_what_metrics_json_says(config: Path, tmp_path: Path) -> 
     assert re.search(r"^alignment +none$", said.out, re.MULTILINE)
 
 
+def test_sweep_writes_table_summary_and_pictures_and_says_where(
+    config: Path, tmp_path: Path
+) -> None:
+    key = "simulation.ranges.rate_hz"
+    out = tmp_path / "out"
+    said = locfuse("sweep", config, "--trials", 7, "--vary", f"{key}=2,5", "--workers", 1,
+                   "--out", out)  # fmt: skip
+    assert said.status == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert [row["trials"] for row in summary["by_key"][key]] == [4, 3]
+    assert re.search(r"^ *position_rmse_m +0\.\d+ \[", said.out, re.MULTILINE)
+    assert f"{summary['scores']['position_rmse_m']['mean']:.4g}" in said.out
+    assert "failed: 0 of 7, 95 % interval 0 to 41 %" in said.out
+    for name in ("error_simulation_ranges_rate_hz.png", "cdf.png", "nees.png", "calibration.png"):
+        assert (out / name).read_bytes().startswith(b"\x89PNG")
+        assert str(out / name) in said.out
+    assert str(out / "trials.parquet") in said.out
+
+
 # What goes wrong ------------------------------------------------------------------------------
 
 
@@ -202,6 +222,25 @@ def test_rows_that_cannot_be_written_are_one_sentence(
     monkeypatch.setattr("locfuse.reproduce.power_up_claims", lambda configs: [])
     said = locfuse("reproduce", "ekim2020", "--seeds", 2, "--json", tmp_path / "no" / "rows.json")
     assert "rows.json" in said.sentence()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--vary", "history_s"], "--vary history_s: expected KEY=LOW..HIGH or KEY=a,b,c"),
+        (["--vary", "history_s=1", "--vary", "history_s=2"], "history_s is given twice"),
+        (["--vary", "histry_s=1"], "did you mean 'history_s'?"),
+        (["--vary", "history_s=-1"], "history_s: Input should be greater than or equal to 0"),
+        (["--workers", "1", "--dask", "tcp://127.0.0.1:8786"], "give one"),
+        (["--recovered-m", "-1"], "recovered_m is -1"),
+    ],
+)
+def test_a_sweep_that_makes_no_sense_is_one_sentence_and_leaves_nothing(
+    config: Path, tmp_path: Path, options: list[str], said: str
+) -> None:
+    out = tmp_path / "out"
+    assert said in locfuse("sweep", config, *options, "--out", out).sentence()
+    assert not out.exists()
 
 
 def test_a_config_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:

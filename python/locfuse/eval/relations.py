@@ -122,6 +122,58 @@ def relation_errors(
     )
 
 
+def relations_along(track: Trajectory, seconds: float) -> Columns:
+    """Return the relations between poses of a trajectory that are some seconds apart.
+
+    Parameters
+    ----------
+    track : Trajectory
+        With headings; interpolated.
+    seconds : float
+        Between both ends of a relation, and from the begin of one to that of the next.
+
+    Returns
+    -------
+    mapping of column name to array
+        As `relation_errors` takes them; none where the trajectory has a gap.
+
+    Raises
+    ------
+    ValueError
+        If the trajectory is empty or has no headings, or `seconds` is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from locfuse import Trajectory
+    >>> from locfuse.eval.relations import relations_along
+    >>> track = Trajectory(
+    ...     stamp_ns=np.array([0, 1_000_000_000]),
+    ...     position=np.array([[0.0, 0.0], [0.0, 2.0]]),
+    ...     heading=np.array([np.pi / 2, np.pi / 2]),
+    ... )
+    >>> relations_along(track, 0.5)["dx_m"].round(3).tolist()  # straight ahead
+    [1.0, 1.0]
+    """
+    if track.heading is None or len(track) == 0:
+        raise ValueError("the trajectory is empty or has no headings; expected poses")
+    if not seconds > 0.0:
+        raise ValueError(f"seconds is {seconds}, expected > 0")
+    step = max(round(seconds * NANOSECONDS), 1)
+    stamp_ns = np.arange(track.stamp_ns[0], track.stamp_ns[-1] + 1, step, dtype=np.int64)
+    at, inside = interpolate(track, stamp_ns)
+    begin = np.flatnonzero(inside[:-1] & inside[1:])
+    pose_of = np.cumsum(inside) - 1
+    x, y, turn = _relative(at, pose_of[begin], pose_of[begin + 1])
+    return {
+        "begin_ns": stamp_ns[begin],
+        "end_ns": stamp_ns[begin + 1],
+        "dx_m": x,
+        "dy_m": y,
+        "dheading_rad": wrap_angle(turn),
+    }
+
+
 def relation_metrics(errors: RelationErrors) -> dict[str, dict[str, Any]]:
     """Sum up errors of relations in numbers, short ones and loops apart.
 

@@ -19,6 +19,7 @@ from locfuse.plot.path import ELLIPSE_SIGMAS, plot_path
 from locfuse.plot.power_up import plot_bad_starts, plot_bound, plot_searches
 from locfuse.plot.start import plot_start
 from locfuse.plot.style import save
+from locfuse.plot.sweep import draw_sweep
 from locfuse.plot.text import VERDICT_LABELS, count, percent, start_ns
 from locfuse.plot.zhang import plot_convergence, plot_particles
 
@@ -28,6 +29,7 @@ __all__ = [
     "VERDICT_LABELS",
     "check_film",
     "count",
+    "draw_sweep",
     "percent",
     "plot_bad_starts",
     "plot_bound",

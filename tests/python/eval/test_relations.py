@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from locfuse.eval.relations import relation_errors, relation_metrics
+from locfuse.eval.relations import relation_errors, relation_metrics, relations_along
 from locfuse.io.csv_table import read_table
 from locfuse.types import NANOSECONDS, Columns, FloatArray, Trajectory, wrap_angle
 from support_runs import recording
@@ -179,3 +179,34 @@ def test_the_published_figures_come_out_to_the_last_digit(
     assert median_m is None or round(ours["translation_median_m"], 3) == median_m
     assert round(ours["rotation_mean_deg"], 0 if mean_deg == 39 else 2) == mean_deg
     assert std_deg is None or round(ours["rotation_std_deg"], 2) == std_deg
+
+
+# Relations along a trajectory ------------------------------------------------------------------
+
+
+def test_a_trajectory_agrees_with_its_own_relations() -> None:
+    close = track([0.0, 1.0, 2.0, 3.0], [[0, 0, 3.1], [1, 0, -3.1], [2, 1, -2.0], [2, 2, 0.3]])
+    found = relations_along(close, 0.5)
+    assert len(found["begin_ns"]) == 6
+    assert np.all(np.abs(found["dheading_rad"]) <= math.pi)  # across the cut, too
+    errors = relation_errors(close, found)
+    assert errors.translation == pytest.approx(0.0, abs=1e-12)
+    assert errors.rotation == pytest.approx(0.0, abs=1e-12)
+
+
+def test_there_is_no_relation_across_a_gap() -> None:
+    gap = track([0.0, 1.0, 6.0, 7.0], [[0, 0, 0], [1, 0, 0], [6, 0, 0], [7, 0, 0]])
+    found = relations_along(gap, 1.0)
+    assert (found["begin_ns"] / NANOSECONDS).tolist() == [0.0, 6.0]
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, math.nan])
+def test_relations_along_need_a_time(seconds: float) -> None:
+    with pytest.raises(ValueError, match="expected > 0"):
+        relations_along(CORNER, seconds)
+
+
+def test_relations_along_need_headings() -> None:
+    bare = Trajectory(CORNER.stamp_ns, CORNER.position)
+    with pytest.raises(ValueError, match="no headings"):
+        relations_along(bare, 1.0)

@@ -1,0 +1,318 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hands the trials of a sweep out in batches, and keeps what comes back."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    wait,
+)
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from locfuse.config.schema import RunConfig
+from locfuse.sweep.table import Folder, Trials, trials_of
+from locfuse.sweep.trial import Row, Trial, Work, empty_row, run_batch
+from locfuse.sweep.vary import Axis, Values, as_written, axes_of, with_values
+from locfuse.sweep.workers import ProcessPool, one_thread_each, processors
+from locfuse.types import ConfigError
+
+BATCH_S = 1.0  # that a batch lasts; a scheduler's few milliseconds do not count beside it
+MOST_IN_BATCH = 64
+AHEAD = 2  # batches for each worker: one that it runs, one that waits for it
+TRIES = 2  # of a trial alone, before it is to blame that its workers end
+
+Progress = Callable[[int, int], None]
+
+
+def run_trials(
+    config: RunConfig,
+    trials: int,
+    vary: Mapping[str, Values] | None = None,
+    *,
+    executor: Executor | None = None,
+    workers: int | None = None,
+    base: Path | None = None,
+    out: Path | None = None,
+    recovered_m: float | None = None,
+    progress: Progress | None = None,
+) -> Trials:
+    """Run a configuration many times, each time with another seed and other values.
+
+    Trial k has the seed of the configuration plus k, and draws its values by k: the table does not
+    depend on the executor, on how many workers there are, or on who is done first. Every value is
+    checked before the first trial starts.
+
+    Parameters
+    ----------
+    config : RunConfig
+    trials : int
+        In all. Lists and grids of several keys are combined, and taken in turn.
+    vary : mapping of dotted path to values, optional
+        As `locfuse.sweep.vary.axes_of` takes them: ``{"simulation.ranges.sigma_m": "0.05..0.5"}``.
+    executor : concurrent.futures.Executor, optional
+        Who runs them; such as that of `dask_cluster`. By default a pool of fresh processes of one
+        thread each; a script that uses it keeps its work below ``if __name__ == "__main__":``.
+    workers : int, optional
+        Processes of that pool, or of the executor; by default one for each processor.
+    base : Path, optional
+        Folder that the configuration's paths are relative to.
+    out : Path, optional
+        Folder for the table, written batch by batch; what is already there is not run again.
+        Needs pyarrow.
+    recovered_m : float, optional
+        Below which position error [m] a trial has recovered from a fault; by default inside the
+        ellipse that should hold 99 % of the errors.
+    progress : callable, optional
+        Told (trials done, trials in all).
+
+    Returns
+    -------
+    Trials
+        A trial that went wrong is a row with its error.
+
+    Raises
+    ------
+    ConfigError
+        If a key or a value is not allowed, or `out` holds another sweep.
+    OSError
+        If the executor is gone. What came in until then is in `out`.
+
+    Examples
+    --------
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> from locfuse.config.load import parse_config
+    >>> room = parse_config({"simulation": {"duration_s": 5}})
+    >>> with ThreadPoolExecutor(1) as pool:
+    ...     found = run_trials(room, 4, {"simulation.ranges.rate_hz": [2, 10]}, executor=pool)
+    >>> found["simulation.ranges.rate_hz"].tolist()
+    [2, 10, 2, 10]
+    >>> bool((found["position_rmse_m"] < 0.1).all())
+    True
+    """
+    for name, value in (("trials", trials), ("workers", 1 if workers is None else workers)):
+        if value < 1:
+            raise ConfigError(f"{name} is {value}, expected at least 1")
+    if recovered_m is not None and not recovered_m > 0.0:
+        raise ConfigError(f"recovered_m is {recovered_m}, expected > 0")
+    axes = axes_of(config, vary or {})
+    work = _work(config, axes, base, recovered_m)
+    planned = plan(config, axes, trials)
+    _check(config, work.data, axes, planned)
+    folder = None if out is None else Folder(out, _about(config, work, trials), axes)
+    rows = [] if folder is None else folder.rows
+    done = {row["trial"] for row in rows}
+    count = len(done)
+
+    def keep(found: Sequence[Row]) -> None:
+        nonlocal count
+        rows.extend(found)
+        count += len(found)
+        if folder is not None:
+            folder.add(found)
+        if progress is not None:
+            progress(count, trials)
+
+    keep([])
+    pending = deque(trial for trial in planned if trial.index not in done)
+    if executor is not None:
+        size = workers or getattr(executor, "_max_workers", None) or processors()
+        _Handing(work, executor, size, pending, keep).run()
+    elif pending:
+        size = min(workers or processors(), len(pending))
+        with one_thread_each():
+            _OnProcesses(work, size, pending, keep).run()
+    if folder is not None:
+        folder.put_together()
+    return trials_of(rows, axes)
+
+
+def plan(config: RunConfig, axes: Sequence[Axis], trials: int) -> list[Trial]:
+    """Return what each trial is.
+
+    Raises
+    ------
+    ConfigError
+        If there are more combinations of lists and grids than trials.
+    """
+    listed = [axis for axis in axes if axis.values]
+    combinations = math.prod(len(axis.values) for axis in listed)
+    if combinations > trials:
+        raise ConfigError(
+            f"the values make {combinations} combinations, which is more than {trials} trials; ask "
+            "for at least one each"
+        )
+    of_grid = list(product(*(axis.values for axis in listed)))
+    found = []
+    for k in range(trials):
+        taken = iter(of_grid[k % combinations])
+        values = tuple(
+            next(taken) if axis.values else axis.draw(config.seed, k, place)
+            for place, axis in enumerate(axes)
+        )
+        found.append(Trial(k, config.seed + k, values))
+    return found
+
+
+def _work(
+    config: RunConfig, axes: tuple[Axis, ...], base: Path | None, recovered_m: float | None
+) -> Work:
+    from locfuse import __version__
+
+    where = (Path() if base is None else base).resolve()
+    return Work(as_written(config), axes, str(where), recovered_m, __version__)
+
+
+def _check(
+    config: RunConfig, data: dict[str, Any], axes: Sequence[Axis], trials: Iterable[Trial]
+) -> None:
+    """Raise ConfigError if values of a trial, or ends of what is drawn, are not allowed."""
+    if config.simulation is None and config.log is None:
+        raise ConfigError("the config names no 'log' and no 'simulation'; give one")
+    for axis in axes:
+        if not axis.values:
+            for end in axis.ends:
+                with_values(config, data, [axis], [end])
+    for values in {repr(trial.values): trial.values for trial in trials}.values():
+        with_values(config, data, axes, values)
+
+
+def _about(config: RunConfig, work: Work, trials: int) -> dict[str, Any]:
+    """Return what tells a sweep from others."""
+    reads = config.simulation is None or (
+        config.simulation.map is not None and config.simulation.map.file is not None
+    )
+    return {
+        "format": 1,
+        "version": work.version,
+        "trials": trials,
+        "vary": {
+            axis.key: list(axis.values)
+            or {"low": axis.low, "high": axis.high, "log": axis.log, "whole": axis.whole}
+            for axis in work.axes
+        },
+        "recovered_m": work.recovered_m,
+        "base": work.base if reads else None,
+        "config": config.model_dump(mode="json"),
+    }
+
+
+class _Handing:
+    """Hands trials to an executor until all have come back."""
+
+    def __init__(
+        self,
+        work: Work,
+        executor: Executor,
+        size: int,
+        pending: deque[Trial],
+        keep: Callable[[Sequence[Row]], None],
+    ) -> None:
+        self._work = work
+        self._executor = executor
+        self._size = size
+        self._pending = pending
+        self._keep = keep
+        self._flying: dict[Future[list[Row]], list[Trial]] = {}
+        self._suspects: deque[Trial] = deque()
+        self._tries: dict[int, int] = {}
+
+    def run(self) -> None:
+        """Return when no trial is left."""
+        try:
+            while self._pending or self._suspects or self._flying:
+                self._hand_out()
+                done, _ = wait(self._flying, return_when=FIRST_COMPLETED)
+                for future in done:
+                    batch = self._flying.pop(future, None)
+                    if batch is not None:  # else the pool is a new one, and its trials suspects
+                        self._take(future, batch)
+        finally:
+            for future in self._flying:
+                future.cancel()
+
+    def _hand_out(self) -> None:
+        # After a worker has ended nothing but suspects fly, one at a time: that tells which it was.
+        most = 1 if self._suspects else AHEAD * self._size
+        while (self._pending or self._suspects) and len(self._flying) < most:
+            queue = self._suspects or self._pending
+            batch = [queue.popleft() for _ in range(self._batch_size())]
+            try:
+                future = self._executor.submit(run_batch, self._work, batch, BATCH_S)
+            except BrokenExecutor:
+                queue.extendleft(reversed(batch))
+                self._renew()
+                continue
+            self._flying[future] = batch
+
+    def _batch_size(self) -> int:
+        """Return how many go at once: fewer towards the end, so that all are done together."""
+        if self._suspects:
+            return 1
+        return max(1, min(MOST_IN_BATCH, len(self._pending) // (2 * AHEAD * self._size)))
+
+    def _take(self, future: Future[list[Row]], batch: list[Trial]) -> None:
+        try:
+            rows = future.result()
+        except ConfigError:
+            raise
+        except CancelledError:
+            raise OSError("the executor gave its work up; run the same again to go on") from None
+        except Exception as error:
+            self._suspect(batch, error)
+            if isinstance(error, BrokenExecutor):
+                self._renew()
+            return
+        self._pending.extendleft(reversed(batch[len(rows) :]))  # for which there was no time
+        self._keep(rows)
+
+    def _suspect(self, batch: list[Trial], error: Exception) -> None:
+        """Try again what may have ended a worker; a trial that does so alone has an error."""
+        if len(batch) > 1:
+            self._suspects.extend(batch)
+            return
+        for trial in batch:
+            self._tries[trial.index] = self._tries.get(trial.index, 0) + 1
+            if self._tries[trial.index] < TRIES:
+                self._suspects.append(trial)
+                continue
+            said = " ".join(str(error).split())
+            row = empty_row(self._work.axes, trial)
+            self._keep([{**row, "error": f"its worker ended: {type(error).__name__}: {said}"}])
+
+    def _renew(self) -> None:
+        raise OSError("the executor is broken: a worker ended; run the same again to go on")
+
+
+class _OnProcesses(_Handing):
+    """The same with a pool of its own, made anew when one of its processes has ended."""
+
+    def __init__(
+        self, work: Work, size: int, pending: deque[Trial], keep: Callable[[Sequence[Row]], None]
+    ) -> None:
+        self._pool = ProcessPool(size)
+        super().__init__(work, self._pool, size, pending, keep)
+
+    def run(self) -> None:
+        """Return when no trial is left."""
+        try:
+            super().run()
+        except BaseException:  # an interrupt, too, must not wait for trials under way
+            self._pool.end()
+            raise
+        self._pool.shutdown()
+
+    def _renew(self) -> None:
+        self._suspects.extend(trial for batch in self._flying.values() for trial in batch)
+        self._flying.clear()
+        self._pool.end()
+        self._pool = ProcessPool(self._size)
+        self._executor = self._pool
