@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -47,20 +48,25 @@ def reason_of(
     clue: _core.HealthClue, source: _core.NamedSource | None, names: Names, config: RunConfig
 ) -> str:
     """Return why a health is as it is, as a sentence; empty where there is nothing to say."""
-    words = {
+    sentence = _sentences(config.health.aiding_lost_s, config.health.limit_m)[clue]
+    return sentence.format("" if source is None else name_of(source, names))
+
+
+@cache
+def _sentences(aiding_lost_s: float, limit_m: float) -> dict[_core.HealthClue, str]:
+    return {
         _core.HealthClue.NONE: "",
         _core.HealthClue.NO_ESTIMATE: "not started yet",
         _core.HealthClue.SEVERAL_PLACES: "several poses fit",
         _core.HealthClue.MEASUREMENTS: "measurements of several sources speak against the pose",
-        _core.HealthClue.SILENCE: "nothing but odometry was fused for "
-                                  f"{config.health.aiding_lost_s:g} s or longer",
+        _core.HealthClue.SILENCE: f"nothing but odometry was fused for {aiding_lost_s:g} s or "
+                                  "longer",
         _core.HealthClue.SOURCE_IS_WRONG: "{} is likely wrong as a whole",
         _core.HealthClue.SOURCE_IS_SILENT: "no {} any more",
         _core.HealthClue.NOISE_IS_LARGER: "innovations are larger than their sigmas",
-        _core.HealthClue.POSITION_IS_VAGUE: "the position error is below "
-                                            f"{config.health.limit_m:g} m by even chance at most",
+        _core.HealthClue.POSITION_IS_VAGUE: f"the position error is below {limit_m:g} m by even "
+                                            "chance at most",
     }  # fmt: skip
-    return words[clue].format("" if source is None else name_of(source, names))
 
 
 def health_metrics(health: Health, record: _core.RunLog) -> dict[str, Any]:
