@@ -2,9 +2,6 @@
 #pragma once
 
 #include <malloc.h>
-#ifdef __SANITIZE_ADDRESS__
-#include <sanitizer/allocator_interface.h>
-#endif
 
 #include <algorithm>
 #include <cmath>
@@ -15,6 +12,11 @@
 #include "locfuse/replay/timeline.hpp"
 #include "support/random.hpp"
 #include "support/robot.hpp"
+
+#ifdef __SANITIZE_ADDRESS__
+// Of sanitizer/allocator_interface.h, which GCC does not install.
+extern "C" std::size_t __sanitizer_get_current_allocated_bytes();
+#endif
 
 namespace locfuse::testing {
 
