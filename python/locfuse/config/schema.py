@@ -16,6 +16,9 @@ from locfuse.config.base import Strict
 from locfuse.config.ros import Ros
 from locfuse.config.scenario import Name, NonNegative, Positive, Probability, Rate, Scenario
 
+DriftSigma: TypeAlias = Annotated[float, Field(ge=0.0, le=1e6)]
+LostSigma: TypeAlias = Annotated[float, Field(gt=0.0, le=1e6)]
+Limit: TypeAlias = Annotated[float, Field(gt=0.0, le=1e12)]
 GateProbability: TypeAlias = Annotated[float, Field(gt=0.0, le=1.0)]
 Source: TypeAlias = Literal["odometry", "ranges", "positions", "poses", "landmark_sightings"]
 SOURCES: tuple[Source, ...] = ("odometry", "ranges", "positions", "poses", "landmark_sightings")
@@ -24,12 +27,12 @@ SOURCES: tuple[Source, ...] = ("odometry", "ranges", "positions", "poses", "land
 class Odometry(Strict):
     """Noise of wheel odometry; ``OdometryConfig`` in C++."""
 
-    sigma_longitudinal_per_sqrt_m: NonNegative = 0.03
-    sigma_lateral_per_sqrt_m: NonNegative = 0.01
-    sigma_heading_per_sqrt_m: NonNegative = 0.02
-    sigma_heading_per_sqrt_rad: NonNegative = 0.03
-    sigma_xy_per_sqrt_s: NonNegative = 0.0
-    sigma_heading_per_sqrt_s: NonNegative = 0.0
+    sigma_longitudinal_per_sqrt_m: DriftSigma = 0.03
+    sigma_lateral_per_sqrt_m: DriftSigma = 0.01
+    sigma_heading_per_sqrt_m: DriftSigma = 0.02
+    sigma_heading_per_sqrt_rad: DriftSigma = 0.03
+    sigma_xy_per_sqrt_s: DriftSigma = 0.0
+    sigma_heading_per_sqrt_s: DriftSigma = 0.0
 
 
 class Range(Strict):
@@ -66,10 +69,10 @@ class Pose(Strict):
 class Limits(Strict):
     """What no robot and no sensor exceeds; ``Limits`` in C++."""
 
-    speed_mps: Positive = 100.0
-    turn_rate_radps: Positive = 50.0
-    range_m: Positive = 1e4
-    distance_m: Positive = 2e7
+    speed_mps: Limit = 100.0
+    turn_rate_radps: Limit = 50.0
+    range_m: Limit = 1e4
+    distance_m: Limit = 2e7
 
 
 class Adaptive(Strict):
@@ -170,8 +173,8 @@ class Estimator(Strict):
     robust_dof: Annotated[float, Field(ge=1.0, le=1e6)] = 4.0
     robust_late_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.05
     hold_s: Positive = 1.0
-    sigma_lost_xy_per_sqrt_s: Positive = 0.5
-    sigma_lost_heading_per_sqrt_s: Positive = 0.5
+    sigma_lost_xy_per_sqrt_s: LostSigma = 0.5
+    sigma_lost_heading_per_sqrt_s: LostSigma = 0.5
 
 
 class Health(Strict):

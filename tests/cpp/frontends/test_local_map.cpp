@@ -264,7 +264,7 @@ TEST(LocalMap, refuses_what_is_not_valid) {
   expect_refused([&] { LocalMap({{scan, {0.0, nan, 0.0}}}); }, "pose of a scan", "nan");
   LaserScan boundless = scan;
   boundless.geometry = testing::laser(360, 1e30);
-  expect_refused([&] { (void)map.match(boundless, {}); }, "range_max [m] is 1e+30", "million");
+  expect_refused([&] { (void)map.match(boundless, {}); }, "range_max [m] is 1e+30", "1e6");
   const auto with = [&](auto change) {
     LocalMapConfig config;
     change(config);
