@@ -122,6 +122,8 @@ def test_a_figure_outside_of_its_spread_is_found(changes: dict[str, Any], differ
 def test_speed_is_of_the_machine_and_the_mean_of_nees_has_a_band() -> None:
     speed = a_row(unit="ms", ours_low=2.0, ours_high=2.0)
     assert not differences([repeated(speed)], [repeated({**speed, "ours_median": 9.0})])
+    ratio = {**speed, "id": "lap_speed", "unit": "1"}
+    assert not differences([repeated(ratio)], [repeated({**ratio, "ours_median": 9.0})])
     nees = a_row(id="a_nees", required="0.9..6.3", ours_low=2.0, ours_high=2.0)
     far = {**nees, "ours_median": 4.0, "ours_low": 4.0, "ours_high": 4.0}
     assert not differences([repeated(nees)], [repeated(far)])
