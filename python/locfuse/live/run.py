@@ -210,8 +210,10 @@ class LiveRun:
             If a value is not valid; the row is forgotten.
         """
         stamp = int(row["stamp_ns"])
-        if self.pose() is None:
+        if not self._is_found:
             self._heard.append((source, row))
+        elif self._heard:
+            self._heard.clear()
         if source == "odometry":
             self._driven = row
         if source == "scans":
@@ -224,6 +226,12 @@ class LiveRun:
         word = verdict.name.lower()
         self.counts[source, word] += 1
         return word
+
+    @property
+    def _is_found(self) -> bool:
+        if self._filter is not None:
+            return self._filter.is_tracking
+        return self._on_map is not None and self._on_map.found and self._map_pose is not None
 
     def _on_message(self, message: Message) -> _core.Verdict:
         of_odometry = isinstance(message, _core.Velocity | _core.Increment)
@@ -377,22 +385,22 @@ class LiveRun:
 
     def pose(self) -> LivePose | None:
         """Return where the robot is, carried to the end of odometry; None while it searches."""
-        if self._filter is None:
-            return self._pose_on_map()
-        return _pose(self._filter.estimate()) if self._filter.is_tracking else None
+        if not self._is_found:
+            return None
+        return self._pose_on_map() if self._filter is None else _pose(self._filter.estimate())
 
     def fused(self) -> LivePose | None:
         """Return the pose that `run` records: at the stamp of the newest message that took effect.
 
         An increment takes effect when its motion begins, so this lags behind `pose` by up to one.
         """
-        if self._filter is None:
-            return self._pose_on_map()
-        return _pose(self._filter.current()) if self._filter.is_tracking else None
+        if not self._is_found:
+            return None
+        return self._pose_on_map() if self._filter is None else _pose(self._filter.current())
 
-    def _pose_on_map(self) -> LivePose | None:
-        found = self._on_map is not None and self._on_map.found
-        return _pose(self._map_pose) if found and self._map_pose is not None else None
+    def _pose_on_map(self) -> LivePose:
+        assert self._map_pose is not None
+        return _pose(self._map_pose)
 
     def health(self) -> LiveHealth:
         """Return how far that may be trusted."""
