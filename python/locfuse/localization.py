@@ -113,15 +113,33 @@ def mcl_of(
     assert grid is not None
     anchors, tags = radios_of(log, messages, config)
     begin = min(messages.begin_ns, int(log["scans"]["stamp_ns"].min()))
-    mcl = _core.Mcl(build_mcl_config(config.mcl, config.seed), grid, begin, anchors, tags,
-                    landmarks_of(log, messages))  # fmt: skip
     if start is None and config.start != "auto":
         start = start_of(config, truth_of(log), messages)
+    return mcl_on(config, grid, begin, (anchors, tags), landmarks_of(log, messages), start)
+
+
+def mcl_on(
+    config: RunConfig,
+    grid: _core.OccupancyGrid,
+    begin_ns: int,
+    radios: tuple[_core.AnchorMap, list[_core.Tag]],
+    landmarks: _core.LandmarkSight | None,
+    start: _core.PoseEstimate | None,
+) -> _core.Mcl | _core.SwitchingMcl:
+    """Return the estimator of ``mcl`` on a map, at a pose or, without one, anywhere in free space.
+
+    Raises
+    ------
+    ValueError
+        If the map has no free or no occupied cell.
+    """
+    assert config.mcl is not None
+    mcl = _core.Mcl(build_mcl_config(config.mcl, config.seed), grid, begin_ns, *radios, landmarks)
     if start is not None:
         mcl.start_at([_core.PoseHypothesis(start)])
     if config.mcl.switch is None:
         return mcl
-    uwb = _core.RecoveringEkf(build_recovering_config(config), anchors, tags)
+    uwb = _core.RecoveringEkf(build_recovering_config(config), *radios)
     if start is not None:
         uwb.start_at(start)
     return _core.SwitchingMcl(build_switching_config(config.mcl.switch), mcl, uwb)

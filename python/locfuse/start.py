@@ -10,7 +10,7 @@ import numpy as np
 
 from locfuse import _core
 from locfuse.config.build import build_estimator_config, build_initializer_config
-from locfuse.config.schema import RunConfig
+from locfuse.config.schema import RunConfig, StartSigma
 from locfuse.eval.errors import LONGEST_GAP_S, interpolate
 from locfuse.messages import Messages
 from locfuse.types import (
@@ -33,14 +33,10 @@ def start_of(config: RunConfig, truth: Trajectory | None, messages: Messages) ->
     ConfigError
         If the start is ``truth`` and the log has none, or none with a heading.
     """
-    xy, turn = config.start_sigma.xy_m, np.deg2rad(config.start_sigma.heading_deg)
-    covariance = np.diag([xy, xy, turn]) ** 2
     if config.start == "auto":
         raise ConfigError("start is 'auto'; expected 'truth' or [x, y, heading_deg] here")
     if config.start != "truth":
-        x, y, heading_deg = config.start
-        pose = _core.Pose2(x, y, _core.wrap_angle(float(np.deg2rad(heading_deg))))
-        return _core.PoseEstimate(messages.begin_ns, pose, covariance)
+        return told_start(config.start, config.start_sigma, messages.begin_ns)
     if truth is None or truth.heading is None:
         lacks = "no truth.csv" if truth is None else "a truth.csv without headings"
         raise ConfigError(f"start is 'truth', but the log has {lacks}; "
@@ -58,7 +54,22 @@ def start_of(config: RunConfig, truth: Trajectory | None, messages: Messages) ->
             "first message; set start: [x, y, heading_deg]"
         )
     pose = _core.Pose2(float(at.position[0, 0]), float(at.position[0, 1]), float(at.heading[0]))
-    return _core.PoseEstimate(stamp, pose, covariance)
+    return _core.PoseEstimate(stamp, pose, _covariance(config.start_sigma))
+
+
+def told_start(
+    start: tuple[float, float, float], sigma: StartSigma, stamp: int
+) -> _core.PoseEstimate:
+    """Return the start [x_m, y_m, heading_deg] of a configuration, at a stamp [ns]."""
+    x, y, heading_deg = start
+    pose = _core.Pose2(x, y, _core.wrap_angle(float(np.deg2rad(heading_deg))))
+    return _core.PoseEstimate(stamp, pose, _covariance(sigma))
+
+
+def _covariance(sigma: StartSigma) -> FloatArray:
+    turn = np.deg2rad(sigma.heading_deg)
+    covariance: FloatArray = np.diag([sigma.xy_m, sigma.xy_m, turn]) ** 2
+    return covariance
 
 
 def drawn_start(

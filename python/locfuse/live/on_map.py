@@ -6,13 +6,9 @@ from __future__ import annotations
 import heapq
 
 from locfuse import _core
-from locfuse.config.build import (
-    build_mcl_config,
-    build_recovering_config,
-    build_switching_config,
-)
 from locfuse.config.schema import RunConfig
 from locfuse.live.rows import Message, effective_ns
+from locfuse.localization import mcl_on
 from locfuse.start import grid_of
 from locfuse.types import ConfigError, Log
 
@@ -43,21 +39,11 @@ class OnMap:
         start: _core.PoseEstimate | None,
     ) -> None:
         grid = grid_of(world)
-        assert config.mcl is not None
         if grid is None:
             raise ConfigError("mcl needs a map, but the world has none; add 'map: FILE.yaml' to "
                               "its log.yaml, or remove mcl")  # fmt: skip
-        mcl = _core.Mcl(build_mcl_config(config.mcl, config.seed), grid, begin_ns, *radios,
-                        landmarks)  # fmt: skip
         self.found = start is not None
-        self._mcl: _core.Mcl | _core.SwitchingMcl = mcl
-        if start is not None:
-            mcl.start_at([_core.PoseHypothesis(start)])
-        if config.mcl.switch is not None:
-            uwb = _core.RecoveringEkf(build_recovering_config(config), *radios)
-            if start is not None:
-                uwb.start_at(start)
-            self._mcl = _core.SwitchingMcl(build_switching_config(config.mcl.switch), mcl, uwb)
+        self._mcl = mcl_on(config, grid, begin_ns, radios, landmarks, start)
         self._waiting: list[tuple[int, bool, int, Message | _core.LaserScan]] = []
         self._arrivals = 0
         self._newest_ns = begin_ns

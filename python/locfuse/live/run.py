@@ -19,7 +19,7 @@ from locfuse.health import name_of, reason_of
 from locfuse.live.on_map import PATIENCE_NS, OnMap
 from locfuse.live.rows import Message, Row, Rows, effective_ns, told_covariance
 from locfuse.messages import landmark_sight
-from locfuse.start import matcher_of
+from locfuse.start import matcher_of, told_start
 from locfuse.types import NANOSECONDS, ConfigError, FloatArray, Log, nearest
 
 MOST_HEARD = 5000  # messages that are kept for a run that takes over before there is a pose
@@ -307,12 +307,8 @@ class LiveRun:
 
     def _told_start(self, stamp: int) -> _core.PoseEstimate:
         assert self._told is not None
-        assert not isinstance(self._told, str)
-        x, y, heading_deg = self._told
-        sigma = self.config.start_sigma
-        heading = _core.wrap_angle(float(np.deg2rad(heading_deg)))
-        sigmas = [sigma.xy_m, sigma.xy_m, float(np.deg2rad(sigma.heading_deg))]
-        return _core.PoseEstimate(stamp, _core.Pose2(x, y, heading), np.diag(sigmas) ** 2)
+        assert self._told != "truth"  # refused when it was made
+        return told_start(self._told, self.config.start_sigma, stamp)
 
     # What is asked of it -------------------------------------------------------------------------
 

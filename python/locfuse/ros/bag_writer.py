@@ -7,6 +7,7 @@ import heapq
 import math
 import os
 import shutil
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
@@ -110,7 +111,7 @@ def bag_sink(path: Path) -> AbstractContextManager[Sink]:
     return _Ros1Sink(path) if path.suffix == ".bag" else _McapSink(path)
 
 
-class _FileSink:
+class _FileSink(ABC):
     """Writes beside the file and moves it there when it is whole."""
 
     encoding = ""
@@ -150,14 +151,14 @@ class _FileSink:
         connection, made = self.known[key]
         self.writer.write(connection, time_ns, made(publication.fields))
 
-    def _open(self) -> Any:
-        raise NotImplementedError
+    @abstractmethod
+    def _open(self) -> Any: ...
 
-    def _made(self) -> Path:
-        raise NotImplementedError
+    @abstractmethod
+    def _made(self) -> Path: ...
 
-    def _connect(self, topic: str, kind: str, latched: bool) -> Any:
-        raise NotImplementedError
+    @abstractmethod
+    def _connect(self, topic: str, kind: str, latched: bool) -> Any: ...
 
 
 class _Ros1Sink(_FileSink):
