@@ -68,6 +68,8 @@ def landmark_rows(m: Measured) -> Iterator[Row]:
     yield _plain("- the same: dense Eigen by hand / ours", m, "update_of_403_states",
                  "dense_eigen_of_403_states")  # fmt: skip
     yield _within("landmarks, 8 sightings of 50: association and fusion", m["joint_8_of_50"], 2e-3)
+    yield _within("- association where all eight fit several", m["joint_compatibility_8_of_50"],
+                  2e-3)  # fmt: skip
     yield _at_most("known landmarks, a step: PoseEkf::on / Eigen by hand",
                    m["known_map_pose_ekf"], m["known_map_fixed_size_eigen"], 2.0)  # fmt: skip
     yield _at_most("- with the alarm: RecoveringEkf / PoseEkf", m["known_map_recovering_ekf"],

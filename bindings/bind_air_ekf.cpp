@@ -10,7 +10,6 @@ using locfuse::AirEstimate;
 using locfuse::AirMotion;
 using locfuse::AltitudeModel;
 using locfuse::ConstantVelocityMotion;
-using AirStep = locfuse::Propagation<Eigen::VectorXd, Eigen::Dynamic>;
 
 namespace {
 
@@ -29,11 +28,6 @@ void bind_air_models(py::module_& m) {
           },
           py::arg("height"), py::arg("z"), "Linearization (1 x 1).");
 
-  py::class_<AirStep>(m, "BodyPropagation",
-                      "What a motion model says about one step of several variables.")
-      .def_readonly("moved", &AirStep::moved, "f(x), shape (n,).")
-      .def_readonly("jacobian", &AirStep::jacobian, "F, shape (n, n).")
-      .def_readonly("noise", &AirStep::noise, "Q of this step, shape (n, n).");
   using VelocityConfig = ConstantVelocityMotion::Config;
   py::class_<VelocityConfig>(m, "ConstantVelocityConfig",
                              "Square roots of spectral densities of white acceleration.")

@@ -157,6 +157,22 @@ Examples
       py::arg("belief"), py::arg("step"), py::arg("slot"),
       "Moves the pose in `slot`: P to F P F' + Q with its cross-covariances.");
   m.def(
+      "predict",
+      [](GaussianBelief& belief, const locfuse::Propagation<Eigen::VectorXd, Eigen::Dynamic>& step,
+         const std::vector<Slot>& slots) { locfuse::predict(belief, step, slots); },
+      py::arg("belief"), py::arg("step"), py::arg("slots"),
+      R"(Moves the first variables of `slots`, as many as the step moves, by a motion of your own.
+
+It may depend on all of them: P to F P F' + Q with their cross-covariances.
+
+Raises
+------
+ValueError
+    If the slots do not match the step.
+NumericalError
+    If a result is not finite or a variance not positive; the belief is untouched.
+)");
+  m.def(
       "update",
       [](GaussianBelief& belief, const AnyLinearization& lin, const std::vector<Slot>& slots,
          const Gate& gate,

@@ -18,6 +18,7 @@ using locfuse::PositionModel;
 using locfuse::RangeBearingModel;
 using locfuse::RangeModel;
 using locfuse::Tag;
+using BodyStep = locfuse::Propagation<Eigen::VectorXd, Eigen::Dynamic>;
 using Step = locfuse::Propagation<Pose2, 3>;
 
 namespace {
@@ -40,6 +41,58 @@ py::array_t<double> velocities(const AckermannVehicle& vehicle, const Column<dou
     }
   }
   return to_numpy(std::move(found), {n, 2});
+}
+
+void bind_body_step(py::module_& m) {
+  py::class_<BodyStep>(m, "BodyPropagation",
+                       R"(What a motion model says about one step of several variables.
+
+Parameters
+----------
+moved : float64 array, shape (n,)
+    f(x) of the variables that move.
+jacobian : float64 array, shape (n, m)
+    d f / d(all m variables that it depends on); those that move come first.
+noise : float64 array, shape (n, n)
+    Q of this step, symmetric.
+
+Raises
+------
+ValueError
+    If the shapes do not fit, a number is not finite or the noise not symmetric.
+
+Examples
+--------
+>>> import numpy as np
+>>> import locfuse as lf
+>>> belief = lf.GaussianBelief()
+>>> rate = belief.add("rate", lf.SlotKind.SCALAR, [1.0], [[0.04]])
+>>> lf.predict(belief, lf.BodyPropagation([0.5], [[0.5]], [[0.03]]), [rate])
+>>> belief.x.tolist(), belief.P.round(9).tolist()
+([0.5], [[0.04]])
+)")
+      .def(py::init([](const Eigen::VectorXd& moved, const Eigen::MatrixXd& jacobian,
+                       const Eigen::MatrixXd& noise) {
+             const Eigen::Index n = moved.size();
+             if (n == 0 || jacobian.rows() != n || jacobian.cols() < n || noise.rows() != n ||
+                 noise.cols() != n) {
+               throw std::invalid_argument(
+                   "a step of " + std::to_string(n) + " variables has a jacobian of " +
+                   std::to_string(jacobian.rows()) + " x " + std::to_string(jacobian.cols()) +
+                   " and noise of " + std::to_string(noise.rows()) + " x " +
+                   std::to_string(noise.cols()) + ", expected n x m with m >= n >= 1, and n x n");
+             }
+             if (!moved.allFinite() || !jacobian.allFinite() || !noise.allFinite() ||
+                 !noise.isApprox(noise.transpose(), 1e-9)) {
+               throw std::invalid_argument(
+                   "a step needs finite numbers and noise that is symmetric");
+             }
+             return BodyStep{moved, jacobian, noise};
+           }),
+           py::arg("moved"), py::arg("jacobian"), py::arg("noise"))
+      .def_readonly("moved", &BodyStep::moved, "f(x), shape (n,).")
+      .def_readonly("jacobian", &BodyStep::jacobian, "F, shape (n, m).")
+      .def_readonly("noise", &BodyStep::noise, "Q of this step, shape (n, n).");
 }
 
 void bind_ackermann(py::module_& m) {
@@ -119,6 +172,7 @@ void bind_models(py::module_& m) {
       .def_readonly("moved", &Step::moved, "f(x, u).")
       .def_readonly("jacobian", &Step::jacobian, "F, shape (3, 3).")
       .def_readonly("noise", &Step::noise, "Q of this step, shape (3, 3).");
+  bind_body_step(m);
 
   using OdometryConfig = OdometryMotion::Config;
   py::class_<OdometryConfig>(m, "OdometryConfig",

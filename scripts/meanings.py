@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Write what each key of a configuration means, from its documentation, for the ROS nodes."""
+"""Write what each key of a configuration means, from its documentation."""
 
 from __future__ import annotations
 
@@ -14,17 +14,13 @@ sys.path[:0] = [str(ROOT / "tests" / "python")]
 
 from test_documents import CONFIGURATION, SECTIONS, table_under  # noqa: E402
 
-TARGET = ROOT / "python" / "locfuse" / "ros" / "meanings.yaml"
-# A node neither simulates nor reads data sets.
-LEFT_OUT = ("simulation", "path", "Fault", "log")
+TARGET = ROOT / "python" / "locfuse" / "config" / "meanings.yaml"
 
 
 def meanings() -> dict[str, str]:
     """Return the text of each key of each model, by ``Model.key``, without links and marks."""
     found = {}
     for heading, model in SECTIONS.items():
-        if heading.lstrip("# ").lstrip("`").startswith(LEFT_OUT):
-            continue
         for key, _, unit, _, meaning in table_under(CONFIGURATION, heading):
             text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", meaning).replace("`", "")
             unit = "" if unit in ("-", "") else f" [{unit}]"

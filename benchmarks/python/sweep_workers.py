@@ -19,13 +19,10 @@ import tempfile
 import time
 from pathlib import Path
 
-import pyarrow.parquet as pq
-
 from locfuse.config.load import load_config
 from locfuse.sweep import Trials, dask_cluster, run_trials
 from locfuse.sweep.table import NOT_REPEATED, PARTS, TABLE
 from locfuse.sweep.workers import one_thread_each
-from support_dask import ADDRESS, cluster, namespace
 
 ROOM = Path(__file__).resolve().parents[2] / "examples/configs/ekim_room.yaml"
 INSIDE = "LOCFUSE_IN_NAMESPACE"
@@ -33,6 +30,8 @@ INSIDE = "LOCFUSE_IN_NAMESPACE"
 
 def main(trials: int, rounds: int) -> None:
     """Measure and print."""
+    from support_dask import ADDRESS, cluster  # not above: each process of a pool imports this file
+
     taken: dict[str, list[float]] = {"1 process": [], "2 processes": [], "2 workers, Dask": []}
     tables: dict[str, Trials] = {}
     config = load_config(ROOM)
@@ -77,6 +76,8 @@ def killed_and_resumed(trials: int, out: Path) -> Trials:
 
 def kept(out: Path) -> int:
     """Return how many trials a folder holds."""
+    import pyarrow.parquet as pq
+
     files = [out / TABLE, *(out / PARTS).glob("*.parquet")]
     try:
         return sum(pq.read_metadata(file).num_rows for file in files if file.is_file())
@@ -92,6 +93,8 @@ def difference(table: Trials, expected: Trials) -> str:
 
 
 if __name__ == "__main__":
+    from support_dask import namespace
+
     if INSIDE not in os.environ:
         words = namespace()
         if words is None:

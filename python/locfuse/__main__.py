@@ -1,6 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`python -m locfuse`."""
+"""`locfuse` and `python -m locfuse`."""
 
-from locfuse.cli import main
 
-main()
+def main() -> None:
+    """Run the command line."""
+    # Not at the top: each worker of a sweep imports the script that started it, and does not need
+    # the second that all commands take.
+    from locfuse.cli import main as run
+
+    run()
+
+
+if __name__ == "__main__":
+    main()

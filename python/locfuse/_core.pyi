@@ -1596,6 +1596,56 @@ class Propagation:
         Q of this step, shape (3, 3).
         """
 
+class BodyPropagation:
+    """
+    What a motion model says about one step of several variables.
+
+    Parameters
+    ----------
+    moved : float64 array, shape (n,)
+        f(x) of the variables that move.
+    jacobian : float64 array, shape (n, m)
+        d f / d(all m variables that it depends on); those that move come first.
+    noise : float64 array, shape (n, n)
+        Q of this step, symmetric.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit, a number is not finite or the noise not symmetric.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import locfuse as lf
+    >>> belief = lf.GaussianBelief()
+    >>> rate = belief.add("rate", lf.SlotKind.SCALAR, [1.0], [[0.04]])
+    >>> lf.predict(belief, lf.BodyPropagation([0.5], [[0.5]], [[0.03]]), [rate])
+    >>> belief.x.tolist(), belief.P.round(9).tolist()
+    ([0.5], [[0.04]])
+    """
+    def __init__(
+        self,
+        moved: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[m, 1]"],
+        jacobian: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[m, n]"],
+        noise: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[m, n]"],
+    ) -> None: ...
+    @property
+    def jacobian(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]"]:
+        """
+        F, shape (n, m).
+        """
+    @property
+    def moved(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, 1]"]:
+        """
+        f(x), shape (n,).
+        """
+    @property
+    def noise(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]"]:
+        """
+        Q of this step, shape (n, n).
+        """
+
 class OdometryConfig:
     """
     Noise of wheel odometry: a random walk over distance and turn.
@@ -2802,26 +2852,6 @@ class AltitudeModel:
         Linearization (1 x 1).
         """
     def predict(self, height: typing.SupportsFloat | typing.SupportsIndex) -> float: ...
-
-class BodyPropagation:
-    """
-    What a motion model says about one step of several variables.
-    """
-    @property
-    def jacobian(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]"]:
-        """
-        F, shape (n, n).
-        """
-    @property
-    def moved(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, 1]"]:
-        """
-        f(x), shape (n,).
-        """
-    @property
-    def noise(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]"]:
-        """
-        Q of this step, shape (n, n).
-        """
 
 class ConstantVelocityConfig:
     """
@@ -5649,9 +5679,27 @@ def parse_table(
     (1250000000, 'left')
     """
 
+@typing.overload
 def predict(belief: GaussianBelief, step: Propagation, slot: Slot) -> None:
     """
     Moves the pose in `slot`: P to F P F' + Q with its cross-covariances.
+    """
+
+@typing.overload
+def predict(
+    belief: GaussianBelief, step: BodyPropagation, slots: collections.abc.Sequence[Slot]
+) -> None:
+    """
+    Moves the first variables of `slots`, as many as the step moves, by a motion of your own.
+
+    It may depend on all of them: P to F P F' + Q with their cross-covariances.
+
+    Raises
+    ------
+    ValueError
+        If the slots do not match the step.
+    NumericalError
+        If a result is not finite or a variance not positive; the belief is untouched.
     """
 
 def recognize_landmarks(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 Progress = Callable[[int, int], None]
+INTERVAL = "[95 % interval]"  # how a share's note ends
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ def share(id: str, claim: str, part: int, of: int, required: float, at_most: boo
     sign = "<=" if at_most else ">="
     return Claim(id, claim, "%", None, 100.0 * p, 100.0 * max(p - half, 0.0),
                  100.0 * min(p + half, 1.0), f"{sign} {100.0 * required:g}", bool(met),
-                 f"{part} of {of}; [95 % interval]")  # fmt: skip
+                 f"{part} of {of}; {INTERVAL}")  # fmt: skip
 
 
 def consistent(

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Annotated, Any
+from urllib.parse import urlencode
 
 import typer
 import yaml
@@ -39,7 +40,7 @@ from locfuse.eval.ape import ape
 from locfuse.io.datasets import CONVERTERS
 from locfuse.io.tum import read_tum
 from locfuse.position import LOSSES, SOLVERS, Fix, in_one_plane, positions, read_epochs, write_fixes
-from locfuse.recording import convert_recording, read_recording
+from locfuse.recording import check_other, convert_recording, read_recording
 from locfuse.reproduce import PAPERS, draw, reproduce
 from locfuse.ros.bags import check_bag, write_bag
 from locfuse.run import run as run_config
@@ -108,6 +109,9 @@ def run(
     bag: Annotated[
         Path | None, typer.Option(help="Also write log and result as a .bag or .mcap.")
     ] = None,
+    rerun: Annotated[
+        Path | None, typer.Option(help="Also write a .rrd for the viewer of rerun.")
+    ] = None,
 ) -> None:
     """Localize along a log or a simulated drive; write estimate, outcomes, metrics and a report."""
     parsed = load_config(config)
@@ -117,11 +121,18 @@ def run(
     _check_folder(out)
     if bag is not None:
         check_bag(bag)
+        if isinstance(parsed.log, str):
+            check_other(config.parent / parsed.log, bag)
         _check_folder(bag.parent, "--bag")
     if film is not None:
         from locfuse.plot import check_film
 
         check_film(parsed, film)
+    if rerun is not None:
+        from locfuse.to_rerun import check_rerun
+
+        check_rerun(rerun)
+        _check_folder(rerun.parent, "--rerun")
     with _progress("messages") as (bar, task):
         result = run_config(
             parsed,
@@ -153,6 +164,10 @@ def run(
         with _progress("messages") as (bar, task):
             write_bag(result, bag, parsed.ros, _onto(bar, task))
         console.print(f"bag: {bag}", soft_wrap=True)
+    if rerun is not None:
+        from locfuse.to_rerun import write_rerun
+
+        console.print(f"rerun: {write_rerun(result, rerun)}", soft_wrap=True)
 
 
 def _read(log: Path, config: RunConfig, base: Path) -> Log:
@@ -425,7 +440,7 @@ def _reproduce_all(out: Path, quick: bool, compare: Path | None) -> None:
         found = differences(before, repeated)
         for sentence in found:
             console.print(sentence, soft_wrap=True, markup=False)
-        console.print(f"{len(found)} figures differ from {compare}", soft_wrap=True)
+        console.print(f"{len(found)} rows differ from {compare}", soft_wrap=True)
         raise typer.Exit(1 if found else 0)
     if any(one.error or any(row["met"] is False for row in one.claims) for one in repeated):
         raise typer.Exit(1)
@@ -539,6 +554,34 @@ def _with_interval(of: dict[str, Any] | None, what: str) -> str:
     low, high = of[f"{what}_low"], of[f"{what}_high"]
     interval = "" if low is None else escape(f" [{low:.3g}..{high:.3g}]")
     return f"{of[what]:.4g}{interval}"
+
+
+@app.command()
+def studio(
+    config: Annotated[
+        Path | None, typer.Argument(help="YAML file to begin with; it stays as it is.")
+    ] = None,
+    folder: Annotated[Path, typer.Option(help="Where scenes and runs are kept.")] = Path("studio"),
+    host: Annotated[
+        str, typer.Option(help="Address; any but this machine's own needs a token.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port.", min=1, max=65535)] = 8642,
+    token: Annotated[
+        str | None, typer.Option(help="What a browser must know.", envvar="LOCFUSE_STUDIO_TOKEN")
+    ] = None,
+) -> None:
+    """Draw a world in the browser, run estimators in it, watch and compare them."""
+    from locfuse.studio.server import serve  # loads slowly; other commands need none
+
+    name = f"[{host}]" if ":" in host else host
+    known = f"/?{urlencode({'token': token})}" if token else "/"
+
+    def tell(notice: str) -> None:
+        for line in (notice, f"http://{name}:{port}{known}"):
+            if line:
+                console.print(f"studio: {line}", soft_wrap=True, markup=False, highlight=False)
+
+    serve(folder, config, host, port, token, tell)
 
 
 @config_app.command("dump")

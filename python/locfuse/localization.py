@@ -22,6 +22,7 @@ from locfuse.start import grid_of, hypotheses_of, scans_of, start_of
 from locfuse.types import (
     NANOSECONDS,
     Columns,
+    Frame,
     Hypothesis,
     Log,
     LogError,
@@ -29,6 +30,8 @@ from locfuse.types import (
     Trajectory,
 )
 
+_MOST_FRAMES = 700  # of a run, so that a long one stays small: a minute at ten scans a second
+_MOST_PARTICLES = 2000  # of a frame
 _LIKELY = 0.01  # probability from which a place is told as one that fits
 
 
@@ -56,6 +59,8 @@ class Localization:
         That it took.
     injections : tuple of Injection
         When UWB took over, where ``mcl`` has a switch.
+    frames : tuple of Frame
+        Particles on the way, evenly chosen of a long log.
     """
 
     messages: Messages
@@ -70,6 +75,7 @@ class Localization:
     start: Start | None
     wall_s: float
     injections: tuple[_core.Injection, ...] = ()
+    frames: tuple[Frame, ...] = ()
 
 
 def messages_for(config: RunConfig, log: Log) -> Messages:
@@ -174,8 +180,10 @@ def localize(
     begin = mcl.estimate().stamp
     search = _Search(mcl) if start is None and config.start == "auto" else None
     total = len(messages.log) + len(scans)
+    film = _Frames(mcl)
 
     def look(done: int) -> None:
+        film.look()
         if search is not None:
             search.look()
         if progress is not None:
@@ -196,9 +204,40 @@ def localize(
         particles=run.particles,
         searched=search is not None,
         start=None if search is None else search.start(begin),
-        wall_s=wall_s,
+        wall_s=wall_s - film.took_s,
         injections=tuple(mcl.injections) if isinstance(mcl, _core.SwitchingMcl) else (),
+        frames=tuple(film.frames),
     )
+
+
+def frame_of(mcl: _core.Mcl | _core.SwitchingMcl) -> Frame:
+    """Return what is believed now, with a copy of at most 2000 particles."""
+    now = mcl.estimate()
+    particles = (mcl.mcl if isinstance(mcl, _core.SwitchingMcl) else mcl).particles
+    step = -(-len(particles) // _MOST_PARTICLES)
+    pose = np.array([now.pose.x, now.pose.y, now.pose.heading])
+    return Frame(now.stamp, particles[::step].copy(), pose, mcl.ready)
+
+
+class _Frames:
+    """Looks at an `Mcl` after each scan; of many scans, after every second, fourth and so on."""
+
+    def __init__(self, mcl: _core.Mcl | _core.SwitchingMcl) -> None:
+        self.frames: list[Frame] = []
+        self._mcl = mcl
+        self._scans = 0
+        self._each = 1
+        self.took_s = 0.0
+
+    def look(self) -> None:
+        began = time.perf_counter()
+        if self._scans % self._each == 0:
+            self.frames.append(frame_of(self._mcl))
+        self._scans += 1
+        if len(self.frames) > _MOST_FRAMES:
+            self.frames = self.frames[::2]
+            self._each *= 2
+        self.took_s += time.perf_counter() - began
 
 
 class _Search:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from locfuse import _core
 from locfuse.claims import Claim, absent, share
@@ -38,6 +39,9 @@ POLES = _core.CylinderDetectorConfig(
 NEAR_M = 20.0  # within which poles are counted
 AT_POLE_M = 0.3  # what ends no further from a pole is of it
 PARK_REQUIRED_M = 0.12
+IN_VIEW_M = (5.0, 10.0, 15.0, NEAR_M)  # rings within which poles are counted by geometry
+IN_VIEW_RAD = np.deg2rad(89.0)  # a SICK sees 90 degrees to each side
+FROM_POSE_M = 0.5  # a pole at 20 m, from a pose whose heading is off by a degree
 
 # The arena: no boxes are there; beams scatter by 1.5 cm about a circle, and are 6 mrad apart.
 ARENA_START = (1.850, 1.897, np.deg2rad(213.5))
@@ -248,11 +252,17 @@ def park_drive(log: Log, *, blind: bool = False) -> Drive:
         Whether no pole is looked at.
     """
     gps, mount = gps_of(log), laser_of(log)
-    body = _core.Pose2(*PARK_LASER) * mount.inverse()
+    driven = _park_poses(log, gps.stamp_ns, blind=blind)
+    return compared(driven, (mount.x, mount.y), gps, float(log["positions"]["sigma_m"][0]))
+
+
+def _park_poses(
+    log: Log, stamp_ns: StampArray, *, blind: bool = False
+) -> tuple[list[_core.PoseEstimate], list[_core.Outcome]]:
+    body = _core.Pose2(*PARK_LASER) * laser_of(log).inverse()
     start = _core.PoseEstimate(PARK_START_NS, body, np.diag(START_SIGMAS**2))
     seen = [] if blind else sightings_of(log, _core.CylinderDetector(POLES))
-    driven = localize(log, park_config(log), start, seen, gps.stamp_ns)
-    return compared(driven, (mount.x, mount.y), gps, float(log["positions"]["sigma_m"][0]))
+    return localize(log, park_config(log), start, seen, stamp_ns)
 
 
 def gps_of(log: Log) -> Trajectory:
@@ -306,6 +316,39 @@ def poles_found(log: Log, config: _core.CylinderDetectorConfig = POLES) -> Found
     return Found(*counts.tolist())
 
 
+def poles_in_view(log: Log, poses: list[_core.PoseEstimate]) -> NDArray[np.int64]:
+    """Count poles that geometry has in view of the laser, and those of them that are found.
+
+    Whether a beam met them does not count: half a degree at 10 m is 9 cm, and a pole 6 cm.
+
+    Parameters
+    ----------
+    log : Log
+    poses : list of PoseEstimate
+        At stamps of scans.
+
+    Returns
+    -------
+    int array, shape (4, 2)
+        Found and in view, by the rings of `IN_VIEW_M`.
+    """
+    poles = np.column_stack([log["landmarks"]["x_m"], log["landmarks"]["y_m"]])
+    scans = {scan.stamp: scan for scan in scans_of(log)}
+    detector, mount = _core.CylinderDetector(POLES), laser_of(log)
+    counts = np.zeros((len(IN_VIEW_M), 2), np.int64)
+    for pose in poses:
+        eye = (pose.pose * mount).inverse()
+        there = np.array([eye.act(pole) for pole in poles])
+        distance, bearing = np.hypot(*there.T), np.arctan2(there[:, 1], there[:, 0])
+        view = (distance < NEAR_M) & (np.abs(bearing) < IN_VIEW_RAD)
+        told = [(c.range, c.bearing) for c in detector.detect(scans[pose.stamp])]
+        off = _distances(_ends(*np.array(told).reshape(-1, 2).T), there[view])
+        found = (off < FROM_POSE_M).any(axis=0)
+        ring = np.searchsorted(IN_VIEW_M, distance[view], side="right")
+        np.add.at(counts, ring, np.column_stack([found, np.ones_like(found)]))
+    return counts
+
+
 def _ends(distance: FloatArray, bearing: FloatArray) -> FloatArray:
     ends: FloatArray = distance[:, np.newaxis] * np.column_stack([np.cos(bearing), np.sin(bearing)])
     return ends
@@ -339,13 +382,26 @@ def _park_claims(configs: Path) -> Iterator[Claim]:
         yield absent(key, f"{what}position RMSE of the laser", str(error), required)
         return
     counts = poles_found(log)
-    yield share(f"{key}_found", f"{what}poles found", counts.found, counts.shown, 0.97)
+    yield share(f"{key}_found", f"{what}poles found, of those that a beam shows", counts.found,
+                counts.shown, 0.97)  # fmt: skip
+    yield from _view_claims(key, what, poles_in_view(log, _park_poses(
+        log, log["scans"]["stamp_ns"])[0]))  # fmt: skip
     yield share(f"{key}_false", f"{what}cylinders that are none", counts.false, counts.told, 0.02,
                 at_most=True)  # fmt: skip
     drive = park_drive(log)
     rmse = float(np.sqrt(np.mean(drive.off**2)))
     yield _row(key, f"{what}position RMSE of the laser", "m", rmse, PARK_REQUIRED_M)
     yield _row(f"{key}_nees", f"{what}NEES of 2", "1", float(drive.nees.mean()))
+
+
+def _view_claims(key: str, what: str, counts: NDArray[np.int64]) -> Iterator[Claim]:
+    """Yield how many poles are found of all that are in view, in all and by distance."""
+    found, shown = counts.sum(axis=0).tolist()
+    of = f"{what}poles found, of all in view by geometry"
+    yield share(f"{key}_in_view", f"{of}, within {NEAR_M:g} m", found, shown, 0.97)
+    for low, high, (part, all_) in zip((0.0, *IN_VIEW_M), IN_VIEW_M, counts.tolist(), strict=False):
+        ring = share(f"{key}_in_view_{high:g}", f"{of}, {low:g} to {high:g} m", part, all_, 0.0)
+        yield replace(ring, required="-")
 
 
 # Arena -----------------------------------------------------------------------------------------

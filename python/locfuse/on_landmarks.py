@@ -19,6 +19,7 @@ from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
 from locfuse.messages import instants_of, landmarks_of, to_messages, trajectory_of, truth_of
 from locfuse.on_cylinders import cylinder_parts
+from locfuse.on_trees import tree_parts
 from locfuse.run import load_log, run
 from locfuse.start import start_of
 from locfuse.types import Log, LogError, Trajectory
@@ -72,7 +73,7 @@ def landmark_claims(configs: Path | None, seeds: int, progress: Progress) -> lis
         *(lambda names=names: _simulated(names, seeds) for names in ("named", "unnamed")),
         *([] if configs is None
           else (lambda name=name: _recorded(configs, name) for name in RECORDINGS)),
-        *([] if configs is None else cylinder_parts(configs)),
+        *([] if configs is None else [*cylinder_parts(configs), *tree_parts(configs)]),
     ]  # fmt: skip
     return claims_of(parts, progress)
 

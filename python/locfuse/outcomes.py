@@ -136,7 +136,7 @@ def _reasons(
     placed = set(log["anchors"]["anchor"].tolist()) if "anchors" in log else set()
     for row in np.flatnonzero(verdict == "not_modelled"):
         if messages.source[row] == "landmark_sightings":
-            reason[row] = f"unknown landmark {messages.anchor[row]}"
+            reason[row] = _why_nothing_is_seen(str(messages.anchor[row]), log)
         elif messages.source[row] == "positions" and messages.tag[row] not in ("", *log.tags):
             reason[row] = f"unknown tag {messages.tag[row]}"
         elif messages.source[row] in ("positions", "poses"):
@@ -153,6 +153,13 @@ def _reasons(
     reason[verdict == "ignored"] = "used for the start"
     reason[(verdict == "stale") & (messages.stamp_ns < start_ns)] = "before the start"
     return reason
+
+
+def _why_nothing_is_seen(landmark: str, log: Log) -> str:
+    """Return why a sighting of a landmark, or one without a name, fits no model."""
+    if landmark and landmark not in log["landmarks"]["landmark"]:
+        return f"unknown landmark {landmark}"
+    return f"landmark {landmark}".strip() + " at the sensor: no direction"
 
 
 def _bare(

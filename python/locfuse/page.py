@@ -4,18 +4,20 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
-# The policy forbids the browser to load anything: what is seen is what is in the file.
+# The policy forbids the browser to load anything: what is seen is what is in the file. Nor does it
+# execute anything but what the page was made with, which it knows by its hash.
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta http-equiv="Content-Security-Policy"
- content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
+ content="default-src 'none'; img-src data:; style-src 'unsafe-inline'{script}">
 <title>{title}</title>
 <style>
 :root {{ color-scheme: light dark; --page: #f6f7f8; --card: #ffffff; --ink: #1f2328;
@@ -55,7 +57,17 @@ th {{ color: var(--muted); font-weight: 600; font-size: 0.88rem; }}
 th:first-child, td:first-child {{ text-align: left; }}
 #rejected-table th:last-child, #rejected-table td:last-child {{ text-align: left;
   white-space: normal; min-width: 10em; }}
-@media (max-width: 672px) {{
+@media print {{
+  :root {{ color-scheme: light; --page: #ffffff; --card: #ffffff; --ink: #1f2328; --muted: #5b636b;
+    --line: #d9dde1; --bad: #b04a00; --good: #00694c; }}
+  body {{ background: none; }}
+  main {{ max-width: none; padding: 0; }}
+  h2 {{ break-after: avoid; }}
+  figure, .card {{ break-inside: avoid; }}
+  img {{ min-width: 0; filter: none; }}
+  pre {{ white-space: pre-wrap; }}
+}}
+@media screen and (max-width: 672px) {{
   figure::after {{ content: "Swipe the picture sideways to see all of it."; color: var(--muted);
     font-size: 0.85rem; }}
   table {{ font-size: 0.82rem; }}
@@ -76,9 +88,16 @@ pre {{ background: var(--card); border: 1px solid var(--line); border-radius: 8p
 """
 
 
-def page(title: str, body: str) -> str:
-    """Return a whole page; `body` is HTML, `title` text."""
-    return _PAGE.format(title=escape(title), body=body)
+def page(title: str, body: str, script: str = "") -> str:
+    """Return a whole page; `body` is HTML, `title` text, `script` what the body may execute."""
+    allowed = f"; script-src '{_hash(script)}'" if script else ""
+    return _PAGE.format(title=escape(title), body=body, script=allowed)
+
+
+def _hash(script: str) -> str:
+    """Return the name by which a Content-Security-Policy knows a script."""
+    digest = hashlib.sha256(script.encode("utf-8")).digest()
+    return "sha256-" + base64.b64encode(digest).decode("ascii")
 
 
 def picture(name: str, heading: str, caption: str, file: Path) -> str:

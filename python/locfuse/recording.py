@@ -100,12 +100,25 @@ def convert_recording(
             other = "bag" if kind == "log" else "log"
             raise LogError(f"{source}: is no {_called(kind)}; did you mean 'convert {other}'?")
         raise LogError(f"{source}: no such {_called(kind)}")
+    check_other(source, out)
     log = read_recording(source, ros, base, progress)
     if out.suffix in BAGS:
         write_bag(log, out, ros, progress)
     else:
         write_log(log, out)
     return [out]
+
+
+def check_other(source: str | Path, out: Path) -> None:
+    """Refuse to write over what is read.
+
+    Raises
+    ------
+    LogError
+        If both are the same file or folder.
+    """
+    if out.exists() and out.samefile(source):
+        raise LogError(f"{out}: is the recording itself; give what is written another name")
 
 
 def _called(kind: str) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One self-contained page about a run: key figures, pictures, tables, effective configuration."""
+"""One self-contained page about a run: a player, key figures, pictures, tables, configuration."""
 
 from __future__ import annotations
 
@@ -24,11 +24,14 @@ from locfuse.eval.verdicts import (
     source_rank,
 )
 from locfuse.page import page, picture, table
+from locfuse.player import MOST_BYTES, pack, player_css, player_html, player_script
 from locfuse.types import NANOSECONDS, RunResult
 
 __all__ = ["write_report"]
 
 _MOST_STRETCHES = 8
+_MOST_PAGE_BYTES = 8_000_000  # what a mail still takes
+_PAGE_BYTES = 20_000  # of its head and of what is around the player's data
 
 _CAPTIONS = {
     "path": (
@@ -69,7 +72,7 @@ _CAPTIONS = {
 
 
 def write_report(result: RunResult, out_dir: Path) -> Path:
-    """Write the pictures of a run and one page that shows them without a network.
+    """Write the pictures of a run and one page that plays it and shows them without a network.
 
     Parameters
     ----------
@@ -82,7 +85,8 @@ def write_report(result: RunResult, out_dir: Path) -> Path:
     Returns
     -------
     Path
-        Of ``report.html``, which holds the pictures inside itself.
+        Of ``report.html``, which holds player and pictures inside itself and is smaller than 8 MB:
+        of a long run the player shows thinned rows.
 
     Raises
     ------
@@ -112,9 +116,9 @@ def write_report(result: RunResult, out_dir: Path) -> Path:
             pictures.append(_picture(name, file, result))
 
     title = _title(result)
-    body = "\n".join(
+    heading = _heading(title, result)
+    below = "\n".join(
         [
-            _heading(title, result),
             cards(result),
             *pictures,
             _counts_table(result),
@@ -123,9 +127,17 @@ def write_report(result: RunResult, out_dir: Path) -> Path:
             _configuration(result),
         ]
     )
+    body = "\n".join([heading, _player(result, len((heading + below).encode("utf-8"))), below])
     file = out_dir / "report.html"
-    file.write_text(page(title, body), encoding="utf-8")
+    file.write_text(page(title, body, player_script()), encoding="utf-8")
     return file
+
+
+def _player(result: RunResult, others_bytes: int) -> str:
+    """Return the player with as much of the run as the page has room for."""
+    others_bytes += len((player_script() + player_css()).encode("utf-8")) + _PAGE_BYTES
+    packed = pack(result, most_bytes=min(MOST_BYTES, _MOST_PAGE_BYTES - others_bytes))
+    return player_html([packed])
 
 
 def _title(result: RunResult) -> str:

@@ -26,6 +26,7 @@ from locfuse.messages import to_messages, truth_of
 from locfuse.on_cylinders import draw_pictures as draw_drives
 from locfuse.on_landmarks import landmark_claims
 from locfuse.on_maps import map_claims
+from locfuse.on_trees import draw_pictures as draw_trees
 from locfuse.outliers import draw_pictures as draw_outliers
 from locfuse.outliers import outlier_claims
 from locfuse.power_up import draw_pictures as draw_starts
@@ -89,7 +90,7 @@ def draw(paper: str, seeds: int, folder: Path) -> list[Path]:
         return draw_trust(folder, seeds)
     configs = example_configs()
     if paper == "landmarks" and configs is not None:
-        return draw_drives(configs, folder)
+        return [*draw_drives(configs, folder), *draw_trees(configs, folder)]
     if paper == "outliers" and configs is not None:
         return draw_outliers(configs, folder)
     return draw_starts(configs, folder) if paper == "ekim2020" else []

@@ -225,6 +225,7 @@ def _result(
             "mcl": None if localization is None else _mcl_metrics(localization, truth),
         },
         start=found,
+        frames=() if localization is None else localization.frames,
     )
 
 

@@ -380,6 +380,26 @@ class Health:
 
 
 @dataclass(frozen=True)
+class Frame:
+    """What an `Mcl` believed after a scan.
+
+    Attributes
+    ----------
+    stamp_ns : int
+    particles : float64 array, shape (n, 4)
+        x, y [m], heading [rad], weight; of a large cloud, evenly chosen ones.
+    pose : float64 array, shape (3,)
+        Estimate.
+    ready : bool
+    """
+
+    stamp_ns: int
+    particles: FloatArray
+    pose: FloatArray
+    ready: bool
+
+
+@dataclass(frozen=True)
 class RunResult:
     """One run: what was asked, what came in, what was estimated, how good it was.
 
@@ -399,6 +419,8 @@ class RunResult:
         How ``start: auto`` went.
     health : Health or None
         Of a pose EKF.
+    frames : tuple of Frame
+        With ``mcl``, particles on the way, evenly chosen of a long run; else empty.
     """
 
     config: Mapping[str, Any]
@@ -409,3 +431,4 @@ class RunResult:
     metrics: Mapping[str, Any]
     start: Start | None = None
     health: Health | None = None
+    frames: tuple[Frame, ...] = ()

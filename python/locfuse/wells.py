@@ -167,7 +167,9 @@ def _scan(pose: FloatArray, stamp: int, rng: np.random.Generator) -> _core.Laser
 class _Ours:
     """Cylinders fitted, associated jointly, fused in a `PoseEkf` that learns how its gyro drifts.
 
-    It knows of no slip. Its odometry noise allows for that: 5 cm per root of a metre.
+    It is not told when wheels slip, and its noise does not follow: 5 cm per root of a metre, clean
+    or spoilt. That is ten times the noise of clean wheels, and a quarter of what a slip tells too
+    much: 13 cm over 44 cm.
     """
 
     def __init__(self, start: FloatArray) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from locfuse.ros import encode
-from locfuse.ros.bag_writer import bag_sink
+from locfuse.ros.bag_files import bag_sink
 from locfuse.ros.decode import RangeRow, ScanRow
 from locfuse.ros.encode import Publication
 from locfuse.ros.wire import long, serializer, store

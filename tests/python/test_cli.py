@@ -27,6 +27,7 @@ COMMANDS = (
     ("position",),
     ("reproduce",),
     ("sweep",),
+    ("studio",),
     ("config",),
     ("config", "dump"),
 )
@@ -230,7 +231,7 @@ def test_rows_that_cannot_be_written_are_one_sentence(
         (["--vary", "history_s"], "--vary history_s: expected KEY=LOW..HIGH or KEY=a,b,c"),
         (["--vary", "history_s=1", "--vary", "history_s=2"], "history_s is given twice"),
         (["--vary", "histry_s=1"], "did you mean 'history_s'?"),
-        (["--vary", "history_s=-1"], "history_s: Input should be greater than or equal to 0"),
+        (["--vary", "history_s=-1"], "history_s: expected at least 0"),
         (["--workers", "1", "--dask", "tcp://127.0.0.1:8786"], "give one"),
         (["--recovered-m", "-1"], "recovered_m is -1"),
     ],

@@ -14,7 +14,7 @@ from locfuse.config.load import load_config
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
 from locfuse.gadau import draw_pictures, gadau_claims, kidnapping
-from locfuse.gadau.runs import Run, microsimulation, ray_simulation
+from locfuse.gadau.runs import Mistake, Run, microsimulation, ray_simulation
 from locfuse.gadau.world import PATHS, SENSORS, SPEEDS, filter_config
 from locfuse.run import load_log, run
 from locfuse.types import FloatArray, RunResult
@@ -100,7 +100,14 @@ def test_a_fix_that_jumps_by_100_m_changes_no_bit() -> None:
 
 @pytest.mark.parametrize(
     ("ready", "position_m", "heading_deg"),
-    [("line", 0.03, 0.8), ("pentagon", 0.03, 0.8), ("gps", 0.4, 7.0)],
+    [
+        ("line", 0.03, 0.8),
+        ("pentagon", 0.03, 0.8),
+        ("gps", 0.4, 7.0),
+        ("two", 0.03, 0.8),
+        ("far", 0.03, 0.8),
+        ("near", 0.03, 0.8),
+    ],
 )
 def test_ready_worlds_tell_where_the_robot_is(
     ready: str, position_m: float, heading_deg: float
@@ -113,6 +120,22 @@ def test_ready_worlds_tell_where_the_robot_is(
     assert 1.0 < nees < 6.0
     alone = config.model_copy(update={"use": ["odometry"], "start": "truth"})
     assert second_half(run(alone))[0] > position_m
+
+
+def test_the_ready_kidnapping_is_noticed_and_survived_unless_no_other_place_is_looked_for() -> None:
+    config = load_config(CONFIGS / "gadau_kidnapped.yaml")
+    assert config.when_lost == "restart"
+    for seed in range(3):
+        result = run(config, seed=seed)
+        assert result.metrics["health"]["alarms"] == 1
+        assert result.metrics["health"]["restarts"] == 1
+        assert off_at_the_end(result) < 0.1
+    assert off_at_the_end(run(config.model_copy(update={"when_lost": "go_on"}))) > 1.0
+
+
+def off_at_the_end(result: RunResult) -> float:
+    assert result.truth is not None
+    return float(np.hypot(*errors_against(result.estimate, result.truth).position[-50:].T).max())
 
 
 # A gate kept a textbook EKF, which was soon too sure of a wrong heading, in the mirrored place with
@@ -158,6 +181,23 @@ def test_the_derivatives_of_the_paper_diverge_from_the_right_start() -> None:
     assert right.off_m.max() < 0.1
     assert theirs.off_m.max() > 10.0
     assert surface.nees > 10.0
+
+
+def test_only_both_rows_of_the_paper_together_know_no_bound() -> None:
+    rows: tuple[Mistake, ...] = ("derivatives", "range_row", "bearing_row")
+    worst = {row: float(microsimulation("square, near", "circle", 1, wrong=False,
+                                        mistake=row).off_m.max()) for row in rows}  # fmt: skip
+    assert worst["derivatives"] > 1e4 > 20.0 > worst["range_row"] > 5.0
+    assert worst["bearing_row"] < 0.3
+
+
+def test_the_rule_of_the_paper_costs_decimetres_and_its_derivatives_more_the_faster() -> None:
+    def worst(speed_mps: float, *mistakes: Mistake) -> float:
+        return float(ray_simulation("5", speed_mps, 1, by_rule=mistakes).off_m.max())
+
+    ours = ray_simulation("5", 0.0, 1).off_m.max()
+    assert 10.0 * ours < worst(0.0) < 1.0
+    assert worst(0.0) < worst(0.0, "derivatives") < worst(1.0, "derivatives", "surface") < 20.0
 
 
 @pytest.mark.parametrize("speed_mps", SPEEDS)

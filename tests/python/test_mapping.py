@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 import locfuse as lf
-from locfuse.eval.errors import interpolate
-from locfuse.mapping import LandmarkMapping, map_landmarks
-from locfuse.plot import plot_landmarks, save
-from locfuse.types import NANOSECONDS, FloatArray, Log, LogError, wrap_angle
-from support_recordings import carried, converted
+from locfuse import on_trees
+from locfuse.mapping import map_landmarks
+from locfuse.reproduce import draw
+from locfuse.types import NANOSECONDS, Log, LogError, wrap_angle
+from support_runs import CONFIGS, recording
 
-ANTENNA_M = (3.78, 0.5)
 TREES = np.array([[5.0, 2.0], [9.0, -3.0], [13.0, 2.5], [17.0, -2.0]])
 
 
@@ -52,70 +51,57 @@ def test_a_log_without_sightings_is_refused() -> None:
         map_landmarks(Log(tables={}), lf.LandmarkEkfConfig(), start_at(0.0, 0.0, 0.0))
 
 
-def truck() -> lf.LandmarkEkfConfig:
-    """Return the noise of a truck on grass, and of trunks seen by a laser; not fitted.
-
-    A steering that is 1 degree off turns a wheel base of 2.83 m by 0.006 rad per metre, 0.06 rad in
-    10 m: as a random walk 0.02 rad / sqrt(m). Wheels slip by some per cent. A trunk of one or two
-    beams has a centre known to some 0.3 m; beams are 0.5 degrees apart, and a stamp that is 25 ms
-    off turns by as much.
-    """
-    config = lf.LandmarkEkfConfig()
-    config.odometry.sigma_longitudinal_per_sqrt_m = 0.1
-    config.odometry.sigma_lateral_per_sqrt_m = 0.05
-    config.odometry.sigma_heading_per_sqrt_m = 0.02
-    config.odometry.sigma_heading_per_sqrt_rad = 0.05
-    config.landmark.sigma_range_m = 0.3
-    config.landmark.sigma_bearing_rad = np.deg2rad(1.0)
-    return config
-
-
-def start_of(log: Log) -> lf.PoseEstimate:
-    """Return the first fix, heading for 38 degrees, as the recording's notes have it."""
-    heading = np.deg2rad(38.0)
-    c, s = np.cos(heading), np.sin(heading)
-    forward, left = ANTENNA_M
-    first = log["positions"]["x_m"][0], log["positions"]["y_m"][0]
-    return start_at(first[0] - c * forward + s * left, first[1] - s * forward - c * left, heading)
-
-
-def errors_to_gps(log: Log, mapping: LandmarkMapping) -> FloatArray:
-    fixes = log["positions"]
-    at, inside = interpolate(mapping.estimate, fixes["stamp_ns"])
-    gps = np.column_stack([fixes["x_m"], fixes["y_m"]])[inside]
-    errors: FloatArray = np.hypot(*(carried(at, *ANTENNA_M) - gps).T)
-    return errors
-
-
 @pytest.fixture(scope="module")
-def park(tmp_path_factory: pytest.TempPathFactory) -> Log:
-    return converted("victoria_park", tmp_path_factory.mktemp("park"))["trees"]
+def park() -> Log:
+    recording("victoria-park")
+    return on_trees.recorded(CONFIGS, "trees")
 
 
-def rms(errors: FloatArray) -> float:
-    return float(np.sqrt(np.mean(errors**2)))
+def rms_to_gps(log: Log, config: lf.LandmarkEkfConfig) -> float:
+    off = on_trees.off_gps(log, map_landmarks(log, config, on_trees.start_of(log)))
+    return float(np.sqrt(np.mean(off**2)))
 
 
-def test_victoria_park_is_mapped_to_6_m_of_gps_which_is_not_told(park: Log, tmp_path: Path) -> None:
-    mapping = map_landmarks(park, truck(), start_of(park))
-    assert rms(errors_to_gps(park, mapping)) < 6.0
-    assert 100 < len(mapping.landmark) < 400
-    fixes = np.column_stack([park["positions"]["x_m"], park["positions"]["y_m"]])
-    figure = plot_landmarks(mapping.estimate, mapping.position, mapping.covariance, fixes, "GPS")
-    save(figure, tmp_path / "victoria_park.png")
-    assert (tmp_path / "victoria_park.png").stat().st_size > 50_000
+@pytest.mark.parametrize(("chain", "rmse_m"), [("trees", 4.0), ("laser", 5.0)])
+def test_victoria_park_is_mapped_to_6_m_of_gps_which_is_not_told(chain: str, rmse_m: float) -> None:
+    recording("victoria-park")
+    mapped = on_trees.mapped_by(CONFIGS, chain)
+    assert mapped.rmse_m < rmse_m < on_trees.REQUIRED_M
+    assert 100 < len(mapped.mapping.landmark) < 400
+    assert (mapped.detect_s > 0.0) == (chain == "laser")
+    [part] = [one for one, name in zip(on_trees.tree_parts(CONFIGS), on_trees.CHAINS, strict=True)
+              if name == chain]  # fmt: skip
+    rows = {row.id: row for row in part()}
+    assert rows[f"victoria_park_{chain}"].ours_median == mapped.rmse_m
+    assert rows[f"victoria_park_{chain}_factor"].met
+    assert all(row.met for row in rows.values())
+
+
+def test_maps_of_trees_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recording("victoria-park")
+    monkeypatch.chdir(CONFIGS.parent)
+    paths = draw("landmarks", 1, tmp_path)[-2:]
+    assert [path.name for path in paths] == ["victoria_park_trees.png", "victoria_park_laser.png"]
+    assert all(path.stat().st_size > 50_000 for path in paths)
+
+
+def test_a_park_that_is_absent_is_two_rows_that_say_so(tmp_path: Path) -> None:
+    rows = [row for part in on_trees.tree_parts(tmp_path / "a/b/c") for row in part()]
+    assert [row.id for row in rows] == ["victoria_park_trees", "victoria_park_laser"]
+    assert all(row.met is None and "no such folder" in row.note for row in rows)
+    assert on_trees.draw_pictures(tmp_path / "a/b/c", tmp_path / "out") == []
 
 
 def test_victoria_park_without_recognizing_trees_is_far_off(park: Log) -> None:
-    config = truck()
+    config = on_trees.truck()
     config.max_landmarks = 0
-    assert rms(errors_to_gps(park, map_landmarks(park, config, start_of(park)))) > 60.0
+    assert rms_to_gps(park, config) > 60.0
 
 
 def test_victoria_park_with_mirrored_bearings_is_far_off(park: Log) -> None:
     seen = park["landmark_sightings"]
     mirrored = {**seen, "bearing_rad": wrap_angle(-seen["bearing_rad"])}
     wrong = replace(park, tables={**park.tables, "landmark_sightings": mirrored})
-    config = truck()
+    config = on_trees.truck()
     config.max_landmarks = 200
-    assert rms(errors_to_gps(park, map_landmarks(wrong, config, start_of(park)))) > 12.0
+    assert rms_to_gps(wrong, config) > 12.0

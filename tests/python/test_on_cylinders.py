@@ -12,7 +12,6 @@ import pytest
 import locfuse as lf
 from locfuse import on_cylinders
 from locfuse.on_cylinders import Drive, arena_drive, park_drive, poles_found
-from locfuse.reproduce import draw
 from locfuse.types import NANOSECONDS, FloatArray, Log
 from support_runs import CONFIGS, recording
 
@@ -47,6 +46,20 @@ def test_poles_with_tape_are_found_in_the_car_park(park: Log) -> None:
     assert counts.shown > 400
     assert counts.found >= 0.97 * counts.shown
     assert counts.false < 0.02 * counts.told
+
+
+def test_of_all_poles_in_view_by_geometry_less_than_half_are_met_by_a_beam(park: Log) -> None:
+    rows = {row.id: row for part in on_cylinders.cylinder_parts(CONFIGS)[:1] for row in part()}
+    share = {name: rows[f"acfr_carpark_in_view{name}"].ours_median
+             for name in ("", "_5", "_10", "_15", "_20")}  # fmt: skip
+    assert share[""] == pytest.approx(45.0, abs=2.0)
+    assert share["_5"] > 80.0 > share["_10"] > 45.0 > 15.0 > share["_15"] > share["_20"]  # type: ignore[operator]
+    assert (rows["acfr_carpark_in_view"].required, rows["acfr_carpark_in_view"].met) == (
+        ">= 97",
+        False,
+    )
+    assert rows["acfr_carpark_in_view_5"].required == "-"
+    assert "found, of those that a beam shows" in rows["acfr_carpark_found"].claim
 
 
 def detector(**changed: float) -> lf.CylinderDetectorConfig:
@@ -169,10 +182,59 @@ def test_recordings_that_are_absent_are_rows_that_say_so(tmp_path: Path) -> None
     assert on_cylinders.draw_pictures(tmp_path / "a/b/c", tmp_path / "out") == []
 
 
-def test_drives_are_drawn(
-    park: Log, arena: Log, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(CONFIGS.parent)
-    paths = draw("landmarks", 1, tmp_path)
+def test_drives_are_drawn(park: Log, arena: Log, tmp_path: Path) -> None:
+    paths = on_cylinders.draw_pictures(CONFIGS, tmp_path)
     assert [path.name for path in paths] == ["acfr_carpark.png", "lego_arena.png"]
     assert all(path.stat().st_size > 30_000 for path in paths)
+
+
+def end_of(sighting: lf.RangeBearing) -> FloatArray:
+    assert sighting.range is not None
+    assert sighting.bearing is not None
+    return sighting.range * np.array([np.cos(sighting.bearing), np.sin(sighting.bearing)])
+
+
+def fitted(arena: Log, to_centre_m: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return where three cylinders or more say that the axle was, and the camera; fits' residuals.
+
+    The camera, and wheels for the heading, only tell which cylinder is which.
+    """
+    truth, wheels, laser = arena["truth"], arena["odometry"], on_cylinders.laser_of(arena)
+    poles = np.column_stack([arena["landmarks"]["x_m"], arena["landmarks"]["y_m"]])
+    heading = on_cylinders.ARENA_START[2] + np.cumsum(wheels["dheading_rad"])
+    rows: list[FloatArray] = []
+    for stamp, sightings in on_cylinders.arena_cylinders(arena, to_centre_m):
+        at = stamp - 0.4 * NANOSECONDS  # they come late
+        camera = np.array([np.interp(at, truth["stamp_ns"], truth[n]) for n in ("x_m", "y_m")])
+        turned = float(np.interp(at, wheels["stamp_ns"], heading))
+        guess = lf.Pose2(float(camera[0]), float(camera[1]), turned)
+        seen = np.array([laser.act(end_of(s)) for s in sightings]).reshape(-1, 2)
+        there = np.array([guess.act(end) for end in seen]).reshape(-1, 2)
+        apart = np.linalg.norm(there[:, np.newaxis] - poles, axis=-1)
+        which = apart.argmin(axis=1) if len(seen) else np.empty(0, np.intp)
+        if len(set(which.tolist())) < max(3, len(seen)) or apart.min(axis=1).max() > 0.3:
+            continue
+        middle = seen.mean(axis=0), poles[which].mean(axis=0)
+        a, b = ((p - m) @ [1, 1j] for p, m in zip((seen, poles[which]), middle, strict=True))
+        turn = np.vdot(a, b) / abs(np.vdot(a, b))
+        axle = middle[1] @ [1, 1j] - turn * (middle[0] @ [1, 1j])
+        residual = np.sqrt(np.mean(np.abs(turn * a - b) ** 2))
+        rows.append(np.array([axle.real, axle.imag, *camera, residual]))
+    table = np.array(rows)
+    return table[:, :2], table[:, 2:4], table[:, 4]
+
+
+@pytest.mark.parametrize("to_centre_m", [0.09, 0.135])
+def test_the_camera_of_the_arena_has_another_scale_than_its_map(
+    arena: Log, to_centre_m: float
+) -> None:
+    axle, camera, residual = fitted(arena, to_centre_m)
+    a, b = ((p - p.mean(axis=0)) @ [1, 1j] for p in (axle, camera))
+    scale = abs(np.vdot(a, b) / np.vdot(a, a))
+    off = np.linalg.norm(axle - camera, axis=1)
+    print(f"{len(axle)} scans fit to {np.median(residual):.3f} m, are {off.mean():.3f} m off the "
+          f"camera, whose ways are {scale:.3f} times as long")  # fmt: skip
+    assert len(axle) > 40
+    assert np.median(residual) < 0.025
+    assert off.mean() > 3.0 * on_cylinders.ARENA_REQUIRED_M
+    assert 1.04 < scale < 1.1

@@ -105,3 +105,31 @@ def test_sightings_of_landmarks_without_a_place_are_refused_in_one_sentence() ->
     tables = {name: table for name, table in log.tables.items() if name != "landmarks"}
     with pytest.raises(LogError, match=r"no landmarks\.csv"):
         run(config, replace(log, tables=tables))
+
+
+def test_a_landmark_at_the_sensor_is_not_called_unknown() -> None:
+    posts = {"AT": [8.0, 5.0], "SE": [9.0, 1.0], "N": [5.0, 9.0]}
+    config = parse_config(
+        {
+            "simulation": {
+                "path": {"shape": "circle", "speed_mps": 0.0, "center_m": [5, 5], "radius_m": 3},
+                "duration_s": 2,
+                "poses": None,
+                "landmarks": posts,
+                "landmark_sightings": {"landmarks": "named"},
+            },
+            "use": ["odometry", "landmark_sightings"],
+            "start": [8.0, 5.0, 90.0],
+        }
+    )
+    log = load_log(config, None, 0)
+    still = {name: np.zeros_like(column) if name.startswith("d") else column
+             for name, column in log["odometry"].items()}  # fmt: skip
+    seen = log["landmark_sightings"]
+    ghost = np.where(seen["landmark"] == "N", "GHOST", seen["landmark"].astype("U8"))
+    keep = np.flatnonzero(ghost != "SE")
+    renamed = {name: column[keep] for name, column in {**seen, "landmark": ghost}.items()}
+    tables = {**log.tables, "odometry": still, "landmark_sightings": renamed}
+    outcomes = run(config, replace(log, tables=tables)).outcomes
+    reasons = set(outcomes.reason[outcomes.verdict == "not_modelled"].tolist())
+    assert reasons == {"landmark AT at the sensor: no direction", "unknown landmark GHOST"}

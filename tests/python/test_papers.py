@@ -15,6 +15,7 @@ import pytest
 from typer.testing import CliRunner
 
 from locfuse import papers
+from locfuse.claims import share
 from locfuse.cli import app
 from locfuse.papers import (
     PAPERS_IN_ORDER,
@@ -117,6 +118,49 @@ def test_what_is_missed_or_skipped_is_told(tmp_path: Path) -> None:
 def test_a_figure_outside_of_its_spread_is_found(changes: dict[str, Any], differs: bool) -> None:
     found = differences([repeated(a_row())], [repeated(a_row(**changes))])
     assert bool(found) == differs
+
+
+def test_a_requirement_that_is_missed_inside_of_its_spread_is_found() -> None:
+    missed = a_row(ours_median=2.15, met=False)
+    (said,) = differences([repeated(a_row())], [repeated(missed)])
+    assert said == "room: required <= 2.6, is missed: 2.15 [1.8..2.2], was 2 [1.8..2.2]"
+    assert not differences([repeated(missed)], [repeated(missed)])  # known, not new
+    assert differences([repeated(a_row(met=None, ours_median=None))], [repeated(missed)])
+    slow = a_row(id="lap_speed", met=False)
+    assert not differences([repeated({**slow, "met": True})], [repeated(slow)])
+
+
+def test_a_share_of_few_seeds_may_miss_what_its_interval_allows() -> None:
+    was = share("found", "found", 100, 100, 0.99).row()
+    few = share("found", "found", 11, 12, 0.99).row()
+    worse = share("found", "found", 6, 12, 0.99).row()
+    assert few["met"] is False
+    assert not differences([repeated(was, seeds=100)], [repeated(few, seeds=12)])
+    assert differences([repeated(was, seeds=12)], [repeated(few, seeds=12)])
+    assert differences([repeated(was, seeds=100)], [repeated(worse, seeds=12)])
+
+
+def test_rows_that_are_new_or_gone_are_found() -> None:
+    other = a_row(id="other", ours_median=1.9)
+    both = [repeated(a_row(), other)]
+    assert differences([repeated(a_row())], both) == ["other: was not there; it is 1.9 [1.8..2.2]"]
+    assert differences(both, [repeated(a_row())]) == ["other: not there any more"]
+    assert differences(both, [repeated(error="LogError: no")]) == ["ekim2020: LogError: no"]
+
+
+def test_compare_fails_where_a_requirement_is_missed(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    write_rows([repeated(a_row())], tmp_path / "rows.json", quick=True)
+    missed = [repeated(a_row(ours_median=2.15, met=False))]
+    monkeypatch.setattr(papers, "repeat_all", lambda *_: missed)
+    command = ["reproduce", "all", "--out", str(tmp_path), "--compare", str(tmp_path / "rows.json")]
+    result = CliRunner().invoke(app, command)
+    assert result.exit_code == 1
+    assert "room: required <= 2.6, is missed" in result.output
+    assert "1 rows differ" in result.output
+    monkeypatch.setattr(papers, "repeat_all", lambda *_: [repeated(a_row())])
+    assert CliRunner().invoke(app, command).exit_code == 0
 
 
 def test_speed_is_of_the_machine_and_the_mean_of_nees_has_a_band() -> None:

@@ -119,6 +119,14 @@ def test_what_cannot_be_converted_is_one_sentence(tmp_path: Path) -> None:
     assert "--bag" in locfuse("run", config, "--bag", bag / "below" / "x.bag").sentence()
 
 
+def test_a_recording_is_not_written_over(robot: Path, tmp_path: Path) -> None:
+    bag = tmp_path / "drive.mcap"
+    before = bag.read_bytes()
+    for words in (("convert", "bag", bag, bag), ("run", robot, "--log", bag, "--bag", bag)):
+        assert "drive.mcap: is the recording itself" in locfuse(*words).sentence()
+    assert bag.read_bytes() == before
+
+
 def test_a_world_is_a_log_without_messages(tmp_path: Path) -> None:
     (tmp_path / "anchors.csv").write_text(GOOD["anchors.csv"])
     (tmp_path / "log.yaml").write_text(GOOD["log.yaml"])

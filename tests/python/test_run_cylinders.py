@@ -76,6 +76,7 @@ def test_the_schema_refuses_what_the_detector_refuses_and_nothing_else(name: str
     ("ready", "position_m", "heading_deg"),
     [
         ("wells", 0.02, 0.5),
+        ("wells_clean", 0.01, 0.3),
         ("gadau_discs", 0.01, 0.3),
         ("gadau_discs_8", 0.01, 0.5),
         ("gadau_standing", 0.003, 0.1),

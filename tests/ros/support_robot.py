@@ -25,6 +25,7 @@ from support_ros2 import Peer, Process
 EPOCH_NS = 1_000 * NANOSECONDS  # where simulated time begins: a stamp of 0 is refused
 BEHIND_NS = NANOSECONDS // 4  # that far may a node be behind the log
 SILENT_S = 3.0
+IN_ORDER_S = 0.005
 NOISE = {"range": {"sigma_m": 0.02, "sigma_relative": 0.015}}
 HALL = {
     "path": {"shape": "eight"},
@@ -74,16 +75,28 @@ class Robot:
     ros : Ros
     rate : float
         How many times as fast as the log.
+    in_order : bool
+        Whether to wait for each message to be taken before the next one: a busy machine hands
+        topics on in another order, and a pose is told without a range that comes after it.
     """
 
-    def __init__(self, peer: Peer, log: Log, ros: Ros | None = None, rate: float = 1.0) -> None:
-        self.peer, self.log, self.rate = peer, log, rate
+    def __init__(
+        self,
+        peer: Peer,
+        log: Log,
+        ros: Ros | None = None,
+        rate: float = 1.0,
+        *,
+        in_order: bool = False,
+    ) -> None:
+        self.peer, self.log, self.rate, self.in_order = peer, log, rate, in_order
         self.ros = Ros() if ros is None else ros
         self.poses = peer.hear("locfuse/pose", POSE)
         self.told = peer.hear("/diagnostics", DIAGNOSTICS)
         self.transforms = peer.hear("/tf", "tf2_msgs/TFMessage")
         self.first: dict[str, float] = {}  # when a topic was first told, by the wall's clock
         self.behind_ns = BEHIND_NS
+        self._announced = False
         self._silent_at = 0  # how many poses had come when the node was found not to answer
 
     def tell_world(self) -> None:
@@ -102,6 +115,7 @@ class Robot:
     ) -> None:
         """Publish a part of the log as it happens; stop where `until` is true."""
         silent, wanted = set(without), between(self.log, begin_s, end_s)
+        self._announce()
         began = time.monotonic()
         start_ns = EPOCH_NS + round(begin_s * NANOSECONDS)
         for one in map(change, in_order_of_arrival(self.log, self.ros)):
@@ -117,12 +131,25 @@ class Robot:
             self.first.setdefault(one.publication.topic, time.monotonic())
             self._keep_pace(one.arrival_ns)
 
+    def _announce(self) -> None:
+        """Make the publishers; wait until listeners know them, as ROS 2 loses what came before."""
+        if self._announced:
+            return
+        self._announced = True
+        self.tell_time(EPOCH_NS)
+        kinds = {one.publication.topic: one.publication.type
+                 for one in in_order_of_arrival(self.log, self.ros)}  # fmt: skip
+        for topic, kind in {"clock": "rosgraph_msgs/Clock", **kinds}.items():
+            self.peer.wait_until_matched(topic, kind)
+
     def _keep_pace(self, now_ns: int) -> None:
         """Wait for a node that cannot keep up, as on a machine that others use, too.
 
         One that does not answer at all, as when it was killed, is not waited for again until it
         does.
         """
+        if self.in_order:
+            self._wait_until_taken()
         if len(self.poses) == self._silent_at:
             return
         until = time.monotonic() + SILENT_S
@@ -131,6 +158,14 @@ class Robot:
                 self._silent_at = len(self.poses)
                 return
             self.peer.executor.spin_once(timeout_sec=0.01)
+
+    def _wait_until_taken(self) -> None:
+        """Wait until the nodes have nothing to do, three looks in a row."""
+        self.peer.wait_until_received()
+        idle = 0
+        while idle < 3:
+            self.peer.spin(IN_ORDER_S)
+            idle = 0 if any(one.works() for one in self.peer.processes) else idle + 1
 
     def tell_time(self, now_ns: int) -> None:
         """Publish simulated time."""

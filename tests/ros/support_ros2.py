@@ -16,6 +16,7 @@ from typing import Any
 import rclpy
 from locfuse_ros.qos import to_tell
 from rclpy.context import Context
+from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -109,6 +110,20 @@ class Peer:
             name = self.node.resolve_topic_name(topic)
             self.wait(f"a subscriber of {topic}", lambda n=name: self.node.count_subscribers(n))
 
+    def wait_until_matched(self, topic: str, kind: str) -> None:
+        """Spin until the publisher of a topic has met as many as listen to it."""
+        publisher = self.publisher(topic, kind, to_tell(latched=False))
+        name = publisher.topic_name
+        self.wait(
+            f"the subscribers of {topic} to be met",
+            lambda: publisher.get_subscription_count() >= self.node.count_subscribers(name),
+        )
+
+    def wait_until_received(self, seconds: float = 5.0) -> None:
+        """Wait until all that was published has reached those who listen."""
+        for topic, publisher in self._publishers.items():
+            assert publisher.wait_for_all_acked(Duration(seconds=seconds)), topic
+
     def call(self, service: str, kind: Any, **fields: Any) -> Any:
         """Call a service and return its answer."""
         client = self.node.create_client(kind, service)
@@ -165,6 +180,11 @@ class Process:
                 self.process.wait(10.0)
         return self.process.returncode
 
+    def works(self) -> bool:
+        """Return whether one of its threads computes, or would if it had a core."""
+        tasks = Path(f"/proc/{self.process.pid}/task").iterdir()
+        return any(_state(task / "stat") == "R" for task in tasks)
+
     def memory_mb(self) -> float:
         """Return the memory that it holds."""
         status = Path(f"/proc/{self.process.pid}/status").read_text()
@@ -175,6 +195,13 @@ class Process:
         """Return the processor's time that it has used."""
         fields = Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(")", 1)[1].split()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def _state(stat: Path) -> str:
+    try:
+        return stat.read_text().rsplit(")", 1)[1].split()[0]
+    except (FileNotFoundError, ProcessLookupError):  # a thread that has ended
+        return ""
 
 
 def executable(node: str) -> str:

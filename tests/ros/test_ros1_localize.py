@@ -390,14 +390,12 @@ def test_the_start_is_told_to_another_localizer(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("told", "words"),
     [
-        ({"configg": "x"}, "unknown parameter /locfuse/configg; did you mean 'config'?"),
+        ({"startt": "auto"}, "/locfuse: unknown key 'startt'; did you mean 'start'?"),
+        ({"config": 3}, "/locfuse: config is 3, expected text"),
         ({"config": "/nowhere.yaml"}, "/nowhere.yaml: cannot be read"),
-        ({"overrides": {"estimator": {"gate_rnge": 1}}}, "did you mean 'gate_range'?"),
-        ({"overrides": {"start": "truth"}}, "start is 'truth', which a robot does not know"),
-        (
-            {"overrides": {"start": "auto", "ros": {"world": "/nowhere"}}},
-            "/nowhere: no such folder",
-        ),
+        ({"estimator": {"gate_rnge": 1}}, "did you mean 'gate_range'?"),
+        ({"start": "truth"}, "start is 'truth', which a robot does not know"),
+        ({"start": "auto", "ros": {"world": "/nowhere"}}, "/nowhere: no such folder"),
     ],
 )
 def test_what_is_wrong_with_parameters_is_a_sentence(

@@ -20,7 +20,6 @@ from ros1_peer import Ear, mouth, node, wait_for
 
 pytest.importorskip("rospy", reason="no rospy; run ./dev test-ros")
 from locfuse_ros.fill import message_of, time_of
-from locfuse_ros.parameters import Parameter, configuration, read_parameters
 from locfuse_ros.uwb_simulator import Epochs, true_pose
 
 pytestmark = pytest.mark.usefixtures("ros1")
@@ -70,48 +69,6 @@ def test_what_a_message_cannot_hold_is_refused() -> None:
     for stamp in (-1, 2**32 * 10**9):
         with pytest.raises(ValueError, match="1970 to 2106"):
             time_of(stamp)
-
-
-DECLARED = (
-    Parameter("rate_hz", float, 5.0, "how often", low=0.1, high=100.0),
-    Parameter("format", str, "ranges", "which", choices=("ranges", "data")),
-    Parameter("overrides", dict, {}, "keys"),
-)
-
-
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"rate": 1.0}, "unknown parameter /n/rate; did you mean 'rate_hz'?"),
-        ({"rate_hz": 0}, "parameter /n/rate_hz is 0.0; expected a number >= 0.1 <= 100"),
-        ({"rate_hz": "5"}, "parameter /n/rate_hz is '5'; expected a number"),
-        ({"rate_hz": float("nan")}, "parameter /n/rate_hz is nan"),
-        ({"rate_hz": True}, "parameter /n/rate_hz is True; expected a number"),
-        ({"format": "text"}, "parameter /n/format is 'text'; expected ranges or data"),
-        ({"overrides": "{a"}, "parameter /n/overrides is no YAML"),
-        ({"overrides": [1]}, "parameter /n/overrides is \\[1\\]; expected keys and values"),
-        ("all", "/n: holds 'all'; expected parameters"),
-    ],
-)
-def test_parameters_are_refused_with_a_sentence(given: Any, words: str) -> None:
-    with pytest.raises(ConfigError, match=words.replace("?", "\\?")):
-        read_parameters("/n", DECLARED, given)
-
-
-def test_parameters_have_defaults_and_take_whole_numbers_and_yaml() -> None:
-    told = read_parameters("/n", DECLARED, {"rate_hz": 7, "overrides": "seed: 3"})
-    assert told == {"rate_hz": 7.0, "format": "ranges", "overrides": {"seed": 3}}
-
-
-def test_overrides_change_what_they_name_and_nothing_else(tmp_path: Path) -> None:
-    path = tmp_path / "run.yaml"
-    path.write_text("start: auto\nestimator: {range: {sigma_m: 0.2}, gate_range: 0.99}\n")
-    config = configuration(str(path), {"estimator": {"range": {"sigma_relative": 0.01}}}, "/n")
-    assert config.estimator.range.sigma_m == 0.2
-    assert config.estimator.range.sigma_relative == 0.01
-    assert config.estimator.gate_range == 0.99
-    with pytest.raises(ConfigError, match="with /n/overrides: estimator: unknown key 'gate_rnge'"):
-        configuration(str(path), {"estimator": {"gate_rnge": 0.9}}, "/n")
 
 
 def test_gaps_in_sequence_numbers_are_told_once() -> None:

@@ -6,7 +6,6 @@ What is asserted holds on a machine that others use, too; what is printed is for
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -44,7 +43,7 @@ def test_a_pose_answers_odometry_within_milliseconds(peer: Peer) -> None:
     print(f"does nothing {bare[0]:.2f} and {bare[1]:.2f} ms; {work}")
     assert len(robot.answers.waited_ms) > 1_000
     assert work["work [ms] median"] <= 2.0
-    if os.getloadavg()[0] < 1.5:  # how long others had the cores says nothing of the node
+    if bare[0] <= 1.6 and bare[1] <= 5.0:  # else others had the cores, which says nothing of it
         assert node[0] <= 2.0
         assert node[1] <= 10.0
 
@@ -73,6 +72,6 @@ def test_memory_does_not_grow(peer: Peer) -> None:
     rate = sum(robot.sent.values()) / 40.0
     print(f"{rate:.0f} messages/s: {before:.1f} MB, then {after:.1f} MB; heard and lost "
           f"{robot.counted()}; 20 s took {took:.1f}")  # fmt: skip
-    print(f"neither heard nor told to be lost: {robot.unaccounted()}")
     assert rate > 2_900
+    assert robot.unaccounted() == {"odom": 0, "uwb": 0, "scan": 0}
     assert after - before < 3.0

@@ -168,17 +168,19 @@ def by_arrival(log: Log) -> Log:
     return replace(log, tables=tables)
 
 
+@pytest.mark.parametrize("world", ["log", None], ids=["folder", "topics"])
 @pytest.mark.parametrize("start", ["auto", [5.0, 5.0, 0.0]])
-def test_estimates_are_those_of_locfuse_run(peer: Peer, tmp_path: Path, start: Any) -> None:
-    without_scans = {**HALL, "laser": None, "map": None, "duration_s": 30.0}
+def test_estimates_are_those_of_locfuse_run(
+    peer: Peer, tmp_path: Path, start: Any, world: str | None
+) -> None:
+    without_scans = {**HALL, "laser": None, "map": None, "duration_s": 15.0}
     log = shifted(load_log(config_of(without_scans), None, 3), EPOCH_NS)
     write_log(by_arrival(log), tmp_path / "log")
     log = read_log(tmp_path / "log")
     keys = {"start": start, "use": ["odometry", "ranges"]}
     expected = run(config_of(without_scans, **keys), log).estimate
-    robot = Robot(peer, log, rate=2.0)
-    robot.behind_ns = NANOSECONDS // 20  # else a busy machine hands topics on in another order
-    start_localize(robot, tmp_path, ros={"estimate_at": "fused", "world": "log"}, **keys)
+    robot = Robot(peer, log, rate=2.0, in_order=True)
+    start_localize(robot, tmp_path, ros={"estimate_at": "fused", "world": world}, **keys)
     wait_for_world(robot, "anchors", "/tf_static")
     robot.drive()
     peer.spin(0.5)

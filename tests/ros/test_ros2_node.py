@@ -44,7 +44,7 @@ def peer(tmp_path: Path) -> Iterator[Peer]:
             "estimator: unknown key 'gate_rnge'; did you mean 'gate_range'?",
         ),
         ({**STARTS, "cofnig": "x"}, "unknown key 'cofnig'"),
-        ({**STARTS, "estimator.gate_range": 7.0}, "less than or equal to 1 (got 7.0)"),
+        ({**STARTS, "estimator.gate_range": 7.0}, "at most 1 (got 7.0)"),
         ({**STARTS, "estimator.gate_range": "wide"}, "estimator.gate_range: "),
         ({**STARTS, "ros.frames.odom": "map"}, "expected three names"),
         ({**STARTS, "config": "/no/such.yaml"}, "/no/such.yaml: cannot be read"),
@@ -221,8 +221,8 @@ def test_what_is_lost_on_the_way_is_told(peer: Peer, tmp_path: Path) -> None:
     before = sum(1 for s in robot.log["odometry"]["stamp_ns"] if s < stamps[0])
     assert heard + lost == before + 3_000
     assert lost > 500
-    sentences = [line for line in process.log().splitlines() if "odom from /peer were lost" in line]
-    assert f"]: {lost} messages" in sentences[-1]
+    [sentence] = [line for line in process.log().splitlines() if "odom from /peer were" in line]
+    assert 0 < int(sentence.rsplit("]: ")[1].split()[0]) <= lost  # once a minute
 
 
 # The other nodes --------------------------------------------------------------------------------

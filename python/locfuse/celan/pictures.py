@@ -18,7 +18,7 @@ from locfuse.sim.sensors import seconds
 from locfuse.types import NANOSECONDS, FloatArray
 
 SEED = 11  # whose wheels drift as theirs did
-LAPS = ("odometry", "covered_switch", "hall", "hall_switch")
+LAPS = ("odometry", "lidar", "covered", "covered_switch", "hall", "hall_switch")
 DOUBTS = ("hall", "hall_switch")
 SIGMAS = ("hall", "hall_switch", "covered")
 STRETCH_S = (12.0, 34.0)  # of Fig. 15
@@ -44,10 +44,15 @@ def draw_pictures(folder: Path, seeds: int) -> list[Path]:
 
 
 def _laps(of: Lap, runs: dict[str, Run]) -> Figure:
-    tracks = [Track(f"{SETUPS[name].text}: {np.hypot(*runs[name].end[:2]):.2f} m and "
-                    f"{abs(np.rad2deg(runs[name].end[2])):.1f} deg off",
-                    runs[name].truth, runs[name].estimate) for name in LAPS]  # fmt: skip
+    tracks = [Track(_told(name, runs[name]), runs[name].truth, runs[name].estimate)
+              for name in LAPS]  # fmt: skip
     return plot_laps(of.floor.map, _anchors(of), tracks)
+
+
+def _told(name: str, run: Run) -> str:
+    metres, degrees = np.hypot(*run.end[:2]), abs(np.rad2deg(run.end[2]))
+    acted = "" if "switch" not in name else f", {len(run.injections)} injections"
+    return f"{SETUPS[name].text}: {metres:.2f} m, {degrees:.1f} deg{acted}"
 
 
 def _radios(of: Lap, runs: dict[str, Run]) -> Figure:
@@ -82,8 +87,6 @@ def _eight() -> Figure:
     begin, end = STRETCH_S
     tracks = {}
     for name, method in METHODS.items():
-        if name == "odometry":
-            continue
         found = method(of)
         time_s = found.stamp_ns / NANOSECONDS
         tracks[NAMES[name]] = found.position[(time_s >= begin) & (time_s <= end)]

@@ -33,7 +33,23 @@ SIGMAS = {
     "sigma_heading_per_sqrt_m": 0.03,
     "sigma_heading_per_sqrt_rad": 0.05,
 }
+# The same for the filter of UWB, which is asked where they may spin: as on a floor that is wet.
+# Particles told that spread without need, and the switch acts in clean laps (docs/accuracy.md).
+SIGMAS_WET = SIGMAS | {
+    "sigma_longitudinal_per_sqrt_m": 0.2,
+    "sigma_heading_per_sqrt_m": 0.06,
+    "sigma_heading_per_sqrt_rad": 0.1,
+}
 SIGMA_UWB_M = 0.25  # of a range: its noise and what its calibration leaves
+# Of the switch, chosen on seeds 100 to 111: half a metre is not to be passed, and a pose through
+# walls, half a metre off, is better than none.
+SWITCH = {
+    "sigma_unsure_m": 0.18,
+    "sigma_sure_m": 0.18,
+    "uwb_sigma_m": 0.18,
+    "doubt_s": 1.0,
+    "uwb_nis": 3.0,
+}
 BLIND_S, SEEN_S = 180.0, 20.0  # with nothing in sight, and thereafter until the end of the lap
 SPIN_WAY, SPIN_TURN = 1.25, 1.1  # what wheels tell there over what is driven
 
@@ -140,10 +156,10 @@ class Wheels:
         return _core.PoseEstimate(self._stamp, self._pose, self._start.covariance)
 
 
-def sigmas() -> _core.OdometryConfig:
+def sigmas(told: Mapping[str, float] = SIGMAS) -> _core.OdometryConfig:
     """Return the noise of the wheels as estimators know it."""
     config = _core.OdometryConfig()
-    for name, value in SIGMAS.items():
+    for name, value in told.items():
         setattr(config, name, value)
     return config
 
@@ -164,11 +180,14 @@ def mcl(lap: Lap, start: _core.PoseEstimate, seed: int) -> _core.Mcl:
 def switching(lap: Lap, start: _core.PoseEstimate, seed: int) -> _core.SwitchingMcl:
     """Return `mcl` that UWB rescues: ranges and wheels in a filter of their own."""
     config = _core.RecoveringEkfConfig()
-    config.estimator.odometry = sigmas()
+    config.estimator.odometry = sigmas(SIGMAS_WET)
     config.estimator.range.sigma_m = SIGMA_UWB_M
     uwb = _core.RecoveringEkf(config, *radios_known(lap))
     uwb.start_at(start)
-    return _core.SwitchingMcl(_core.SwitchingMclConfig(), mcl(lap, start, seed), uwb)
+    thresholds = _core.SwitchingMclConfig()
+    for name, value in SWITCH.items():
+        setattr(thresholds, name, value)
+    return _core.SwitchingMcl(thresholds, mcl(lap, start, seed), uwb)
 
 
 def radios_known(lap: Lap) -> tuple[_core.AnchorMap, list[_core.Tag]]:

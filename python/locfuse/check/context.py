@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from locfuse.check.grid import bounds
 from locfuse.check.positions import epochs, interpolated, located, residuals_of
 from locfuse.check.tracks import Track, align, at_times, dead_reckon, levered
-from locfuse.config.schema import Estimator, Mcl, RangeError, RunConfig
+from locfuse.config.schema import SOURCES, Estimator, Mcl, RangeError, RunConfig
 from locfuse.messages import truth_of
-from locfuse.types import Columns, FloatArray, Log, StampArray, Trajectory
+from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, StampArray, Trajectory
 
 _LEAST_EPOCHS = 10
 _MOST_ROWS = 20000
@@ -166,6 +166,46 @@ class Context:
         return next((str(name) for _, name in order if name in self.log.tags), None)
 
     @cached_property
+    def arms(self) -> dict[str, FloatArray]:
+        """Places (2,) on the body of the tags whose ranges or positions are used."""
+        heard: set[str] = set()
+        for source in ("ranges", "positions"):
+            table = self.used(source)
+            if table is not None and "tag" in table:
+                heard |= set(table["tag"].tolist())
+        return {name: np.array(at[:2]) for name, at in self.log.tags.items() if name in heard}
+
+    @cached_property
+    def begin_ns(self) -> int:
+        """First stamp of what is used."""
+        tables = (self.used(source) for source in SOURCES)
+        return min((int(table["stamp_ns"].min()) for table in tables if table is not None),
+                   default=0)  # fmt: skip
+
+    @cached_property
+    def duration_s(self) -> float:
+        """From the first to the last stamp of what is used."""
+        tables = (self.used(source) for source in SOURCES)
+        last = max((int(table["stamp_ns"].max()) for table in tables if table is not None),
+                   default=0)  # fmt: skip
+        return (last - self.begin_ns) / NANOSECONDS
+
+    @cached_property
+    def antennas(self) -> tuple[Columns, tuple[float, float]] | None:
+        """Positions of one antenna, and its place on the body; of several tags, the one of most."""
+        table = self.used("positions")
+        if table is None:
+            return None
+        antenna = self.models.position
+        lever = (antenna.antenna_forward_m, antenna.antenna_left_m)
+        names, counts = np.unique(table.get("tag", np.full(len(table["x_m"]), "")),
+                                  return_counts=True)  # fmt: skip
+        most = str(names[int(np.argmax(counts))])
+        if most in self.arms:
+            lever = (float(self.arms[most][0]), float(self.arms[most][1]))
+        return _rows(table, table["tag"] == most) if "tag" in table else table, lever
+
+    @cached_property
     def placed(self) -> NDArray[np.bool_]:
         """Which ranges are from a known tag to a known anchor."""
         table = self.table("ranges")
@@ -246,12 +286,12 @@ class Context:
         found = []
         if self.truth is not None and len(self.truth) > 1:
             found.append(Track("truth.csv", self.truth))
-        antenna = self.models.position
-        lever = (antenna.antenna_forward_m, antenna.antenna_left_m)
-        for source, at in (("poses", (0.0, 0.0)), ("positions", lever)):
-            table = self.used(source)
-            if table is not None:
-                found.append(Track(f"{source}.csv", _path_of(table), at))
+        poses = self.used("poses")
+        if poses is not None:
+            found.append(Track("poses.csv", _path_of(poses), (0.0, 0.0)))
+        if self.antennas is not None:
+            table, lever = self.antennas
+            found.append(Track("positions.csv", _path_of(table), lever))
         if self.fits is not None:
             x, y, _ = self.log.tags[self.fits.tag]
             path = _increasing(self.fits.stamp_ns, self.fits.position, None)
@@ -327,6 +367,10 @@ class Context:
         off = np.column_stack([x, y, lever[:, 2]]) - self.anchors[index]
         distance = np.linalg.norm(off, axis=1)
         return Residuals("truth.csv", index, distance, self.corrected(part) - distance, 1.0)
+
+
+def _rows(table: Columns, chosen: NDArray[np.bool_]) -> Columns:
+    return {key: values[chosen] for key, values in table.items()}
 
 
 def _path_of(table: Columns) -> Trajectory:

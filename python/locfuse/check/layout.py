@@ -16,7 +16,7 @@ from locfuse.types import FloatArray, GridMap
 
 _CELLS = 80  # of the picture along the longer side
 _COARSE = 24  # of the search
-_WORST = 20.0  # dilution beyond which a place counts as lost
+WORST = 20.0  # dilution beyond which a place counts as lost
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def layout_of(context: Context) -> Layout | None:
 
 
 def _times(dilution: float) -> str:
-    return f"{dilution:.2f}" if dilution < _WORST else f"over {_WORST:g}"
+    return f"{dilution:.2f}" if dilution < WORST else f"over {WORST:g}"
 
 
 def _axes(low: FloatArray, high: FloatArray, cells: int) -> tuple[FloatArray, FloatArray]:
@@ -138,16 +138,29 @@ def _one_more(context: Context) -> tuple[FloatArray, FloatArray, FloatArray]:
         floor = known(context.log.grid, places)
         places = places[floor] if floor.any() else places
     level = float(np.median(context.anchors[:, 2]))
-    information = _information(context.anchors, places, context.height).sum(axis=1)
+    told = information(context.anchors, places, context.height).sum(axis=1)
     candidates = np.column_stack([places, np.full(len(places), level)])
-    added = _information(candidates, places, context.height)
-    trials = _dilution(information[:, None] + added)
+    added = information(candidates, places, context.height)
+    trials = dilution(told[:, None] + added)
     best = int(np.argmin(trials.mean(axis=0)))
-    return candidates[best], _dilution(information), trials[:, best]
+    return candidates[best], dilution(told), trials[:, best]
 
 
-def _information(anchors: FloatArray, points: FloatArray, height: float) -> FloatArray:
-    """Return what each range tells of each point, u u' (k, m, 3) as xx, xy, yy, for unit sigma."""
+def information(anchors: FloatArray, points: FloatArray, height: float) -> FloatArray:
+    """Return what each range tells of each point, for a unit sigma.
+
+    Parameters
+    ----------
+    anchors : float64 array, shape (m, 3)
+    points : float64 array, shape (k, 2)
+    height : float
+        Of the tag, metres.
+
+    Returns
+    -------
+    float64 array, shape (k, m, 3)
+        u u' of the direction u in the plane, as xx, xy, yy.
+    """
     off = points[:, None, :] - anchors[None, :, :2]
     square = np.sum(off**2, axis=2) + (anchors[:, 2] - height) ** 2
     xx, xy, yy = off[..., 0] ** 2, off[..., 0] * off[..., 1], off[..., 1] ** 2
@@ -156,9 +169,9 @@ def _information(anchors: FloatArray, points: FloatArray, height: float) -> Floa
     return told
 
 
-def _dilution(information: FloatArray) -> FloatArray:
-    """Return the root of the trace of the inverse, at most `_WORST`."""
-    xx, xy, yy = np.moveaxis(information, -1, 0)
+def dilution(told: FloatArray) -> FloatArray:
+    """Return the root of the trace of the inverse of information (..., 3), at most `WORST`."""
+    xx, xy, yy = np.moveaxis(told, -1, 0)
     determinant = np.maximum(xx * yy - xy**2, 1e-12)
-    value: FloatArray = np.minimum(np.sqrt((xx + yy) / determinant), _WORST)
+    value: FloatArray = np.minimum(np.sqrt((xx + yy) / determinant), WORST)
     return value

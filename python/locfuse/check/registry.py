@@ -10,9 +10,12 @@ from typing import TypeAlias
 
 from locfuse.check import rules_anchors as anchors
 from locfuse.check import rules_config as config_of
+from locfuse.check import rules_landmarks as landmarks
 from locfuse.check import rules_log as log_of
 from locfuse.check import rules_motion as motion
 from locfuse.check import rules_ranges as ranges
+from locfuse.check import rules_switch as switch
+from locfuse.check import rules_tags as tags
 from locfuse.check.context import Context
 from locfuse.check.finding import SEVERITIES, Finding, error
 from locfuse.check.layout import Layout, layout_of
@@ -40,7 +43,7 @@ RULES: tuple[Rule, ...] = (
     config_of.anchors_named_in_vain,
     config_of.lever_arms_that_are_zero,
     config_of.start_that_cannot_be_meant,
-    config_of.switch_that_never_or_always_acts,
+    switch.switch_that_never_or_always_acts,
     anchors.anchors_in_one_place,
     anchors.anchors_in_one_line,
     anchors.anchors_in_one_plane,
@@ -48,6 +51,16 @@ RULES: tuple[Rule, ...] = (
     anchors.states_that_nothing_tells,
     anchors.geometry_where_the_robot_is,
     anchors.floors_that_do_not_hold_the_start,
+    tags.tags_in_one_place,
+    tags.tags_that_do_not_fit_their_fixes,
+    tags.fixes_that_are_frozen,
+    tags.tags_that_fall_silent,
+    landmarks.landmarks_in_one_place,
+    landmarks.landmark_names_that_do_not_match,
+    landmarks.states_that_few_landmarks_leave_open,
+    landmarks.landmarks_that_look_alike,
+    landmarks.cylinders_that_are_hardly_found,
+    landmarks.radii_that_do_not_match,
     ranges.units_of_ranges,
     ranges.ranges_that_cannot_be,
     ranges.anchors_swapped,

@@ -128,16 +128,7 @@ def states_that_nothing_tells(context: Context) -> Iterator[Finding]:
     if sources == ["odometry"]:
         yield warning("position and heading are unobservable: odometry alone drifts from the start "
                       "on", "use", "use ranges, positions, poses or landmarks as well")  # fmt: skip
-    if "landmark_sightings" in sources:
-        known = context.table("landmarks")
-        if (
-            set(sources) <= {"odometry", "landmark_sightings"}
-            and known is not None
-            and (len(known["landmark"]) == 1)
-        ):
-            yield warning("one landmark leaves a turn about it open: position and heading are "
-                          "unobservable together", "landmarks.csv",
-                          "add a second landmark, ranges, positions or poses")  # fmt: skip
+    if "landmark_sightings" in sources:  # see rules_landmarks
         return
     if "poses" in sources or not {"ranges", "positions"} & set(sources):
         return
@@ -160,13 +151,14 @@ def states_that_nothing_tells(context: Context) -> Iterator[Finding]:
 
 
 def _arms_apart(context: Context) -> bool:
-    """Return whether ranges to several tags tell the heading."""
-    table = context.used("ranges")
-    if table is None:
+    """Return whether ranges or positions of several tags tell the heading."""
+    arms = np.array(list(context.arms.values())).reshape(-1, 2)
+    if len(arms) < 2:
         return False
-    heard = set(table["tag"].tolist())
-    arms = np.array([at[:2] for name, at in context.log.tags.items() if name in heard])
-    return len(arms) > 1 and float(np.ptp(arms, axis=0).max()) > context.typical_sigma
+    sigma = context.typical_sigma
+    if context.used("ranges") is None and context.antennas is not None:
+        sigma = float(np.median(context.antennas[0]["sigma_m"]))
+    return float(np.ptp(arms, axis=0).max()) > sigma
 
 
 def _driven(context: Context) -> float:

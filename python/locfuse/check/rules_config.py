@@ -125,8 +125,9 @@ def anchors_named_in_vain(context: Context) -> Iterator[Finding]:
 
 def lever_arms_that_are_zero(context: Context) -> Iterator[Finding]:
     """Tell which lever arms are zero, and whether someone wrote that."""
-    if context.used("positions") is not None:
-        yield from _antenna(context)
+    positions = context.used("positions")
+    if positions is not None and ("tag" not in positions or "" in positions["tag"]):
+        yield from _antenna(context)  # the rest are of tags, which have places of their own
     if context.used("ranges") is None:
         return
     scenario = context.config.simulation
@@ -182,32 +183,3 @@ def start_that_cannot_be_meant(context: Context) -> Iterator[Finding]:
         yield warning(f"start_sigma.xy_m is {sigma.xy_m:g}, the anchors span {context.extent:.3g} m"
                       ": a filter that linearizes cannot start so wide", "start_sigma.xy_m",
                       "find the position first, from ranges")  # fmt: skip
-
-
-def switch_that_never_or_always_acts(context: Context) -> Iterator[Finding]:
-    """Name thresholds of a switch that no particles ever pass, or all of them do."""
-    mcl = context.config.mcl
-    if mcl is None or mcl.switch is None:
-        return
-    switch = mcl.switch
-    if context.used("ranges") is None and context.used("positions") is None:
-        yield error("mcl.switch has nothing to switch to: the log has neither ranges nor positions "
-                    "that are used", "mcl.switch", "record them, or remove the switch")  # fmt: skip
-    for key, floor in (("sigma_sure_m", mcl.sigma_map_m), ("sigma_sure_rad", mcl.sigma_map_rad)):
-        if getattr(switch, key) <= floor:
-            yield error(f"mcl.switch.{key} is {getattr(switch, key):g}, but no estimate is surer "
-                        f"than the map, {floor:g}: UWB would take over all the time",
-                        f"mcl.switch.{key}", "set it well above the map's sigma")  # fmt: skip
-    if context.floor is not None:
-        low, high = context.floor
-        widest = 0.5 * float(np.hypot(*(high - low)))
-        if switch.sigma_unsure_m >= widest:
-            yield error(f"mcl.switch.sigma_unsure_m is {switch.sigma_unsure_m:g}, but particles "
-                        f"all over the floor have {widest:.3g}: it would never take over",
-                        "mcl.switch.sigma_unsure_m",
-                        "set it to what you still call sure")  # fmt: skip
-    uniform = math.pi / math.sqrt(3.0)
-    if switch.sigma_unsure_rad >= uniform:
-        yield warning(f"mcl.switch.sigma_unsure_rad is {switch.sigma_unsure_rad:g}, but headings "
-                      f"all around have {uniform:.3g}: they will never be in doubt",
-                      "mcl.switch.sigma_unsure_rad", "set it to 0.35 or so")  # fmt: skip

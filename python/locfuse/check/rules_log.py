@@ -39,6 +39,7 @@ def sources_without_messages(context: Context) -> Iterator[Finding]:
     asked = "use" in context.config.model_fields_set
     mcl = context.config.mcl
     made = ["poses"] if mcl is not None and mcl.poses_hz is not None else []
+    made += ["landmark_sightings"] if context.config.cylinders is not None else []
     for source in (s for s in context.config.use if s not in made):
         if source in context.log.tables and context.table(source) is None:
             yield warning(f"{source}.csv is there, but has no message", f"{source}.csv",
@@ -60,10 +61,10 @@ def messages_without_use(context: Context) -> Iterator[Finding]:
 
 
 def _scans_are_used(context: Context) -> bool:
-    """Return whether scans are matched: by `mcl`, or by a start from nothing that has a map."""
+    """Return whether scans are used: by `mcl`, for `cylinders`, or by a start that has a map."""
     log, config = context.log, context.config
     starts = config.start == "auto" and log.laser is not None and log.grid is not None
-    return config.mcl is not None or starts
+    return config.mcl is not None or config.cylinders is not None or starts
 
 
 def rates_and_gaps(context: Context) -> Iterator[Finding]:

@@ -26,6 +26,14 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
+class YamlError(ConfigError):
+    """A text is no YAML; `line`, counted from 1, is where, if that is known."""
+
+    def __init__(self, text: str, line: int | None) -> None:
+        super().__init__(text)
+        self.line = line
+
+
 def load_config(path: str | Path) -> RunConfig:
     """Read a run's configuration.
 
@@ -41,21 +49,41 @@ def load_config(path: str | Path) -> RunConfig:
     """
     path = Path(path)
     try:
-        data = yaml.load(path.read_text(encoding="utf-8"), _Loader)
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(
             f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})"
         ) from None
+    return parse_config(read_yaml(text, str(path)), str(path))
+
+
+def read_yaml(text: str, origin: str = "config") -> Any:
+    """Return what a text of YAML holds.
+
+    Parameters
+    ----------
+    text : str
+    origin : str
+        Named in errors.
+
+    Raises
+    ------
+    YamlError
+        If it is no YAML, gives a key twice, or is empty.
+    """
+    try:
+        data = yaml.load(text, _Loader)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
-        where = f"{path}, line {mark.line + 1}" if mark is not None else f"{path}"
+        line = None if mark is None else mark.line + 1
+        where = origin if line is None else f"{origin}, line {line}"
         what = getattr(error, "problem", None) or " ".join(str(error).split())
-        raise ConfigError(f"{where}: is no YAML ({what})") from None
+        raise YamlError(f"{where}: is no YAML ({what})", line) from None
     except YAML_ERRORS as error:
-        raise ConfigError(f"{path}: is no YAML ({error})") from None
+        raise YamlError(f"{origin}: is no YAML ({error})", None) from None
     if data is None:
-        raise ConfigError(f"{path}: is empty; expected at least 'log' or 'simulation'")
-    return parse_config(data, str(path))
+        raise YamlError(f"{origin}: is empty; expected at least 'log' or 'simulation'", None)
+    return data
 
 
 def parse_config(data: Any, origin: str = "config") -> RunConfig:
@@ -100,18 +128,40 @@ def _sentence(origin: str, error: Any) -> str:
     if isinstance(got, int) and got.bit_length() > 1024:  # of so many digits there may be no text
         shown = False
     value = f" (got {'nothing' if got is None else repr(got)})" if shown else ""
-    return f"{where}: {_expected(error)}{value}"
+    return f"{where}: {expected(error)}{value}"
 
 
-def _expected(error: Any) -> str:
-    """Return what was expected, in the words of a configuration."""
+# By pydantic's kind of an error; the rest are told in its words, or in ours below.
+_EXPECTED = {
+    **dict.fromkeys(("model_type", "dict_type", "model_attributes_type"),
+                    "expected keys and values"),
+    **dict.fromkeys(("list_type", "tuple_type"), "expected a list"),
+    **dict.fromkeys(("int_type", "int_parsing", "int_parsing_size", "int_from_float"),
+                    "expected a whole number"),
+    **dict.fromkeys(("float_type", "float_parsing"), "expected a number"),
+    **dict.fromkeys(("bool_type", "bool_parsing"), "expected true or false"),
+    **dict.fromkeys(("string_type", "path_type"), "expected a text"),
+    "finite_number": "expected a finite number",
+    "greater_than": "expected a number greater than {gt:g}",
+    "greater_than_equal": "expected at least {ge:g}",
+    "less_than": "expected a number less than {lt:g}",
+    "less_than_equal": "expected at most {le:g}",
+    "too_short": "expected at least {min_length}",
+    "string_too_short": "expected a text",
+    "missing": "is missing",
+}  # fmt: skip
+
+
+def expected(error: Any) -> str:
+    """Return what an error of pydantic expected, in the words of a configuration."""
     kind, context = error["type"], error.get("ctx", {})
-    if kind in ("model_type", "dict_type", "model_attributes_type"):
-        return "expected keys and values"
-    if kind == "list_type":
-        return "expected a list"
-    if kind == "too_short":
-        return f"expected at least {context['min_length']}"
+    if kind in _EXPECTED:
+        return _EXPECTED[kind].format(**context)
+    if kind == "too_long":
+        most = "" if context["field_type"] == "Tuple" else "at most "
+        return (
+            f"expected {most}{context['max_length']} values, there are {context['actual_length']}"
+        )
     if kind == "literal_error":
         return nearest(str(error["input"]), re.findall(r"'([^']*)'", context["expected"]))
     if kind == "union_tag_invalid":

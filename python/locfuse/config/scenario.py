@@ -123,8 +123,33 @@ class Roam(Strict):
     clearance_m: NonNegative = 0.3
 
 
+class Points(Strict):
+    """Given points, one after another: turn in place the short way, drive straight.
+
+    At the last one the robot stands; if `closed` it drives on to the first one, lap after lap.
+    """
+
+    shape: Literal["points"] = "points"
+    speed_mps: Positive = 0.22
+    turn_rate_radps: Positive = 1.0
+    points_m: Annotated[list[Point2], Field(min_length=2)]
+    closed: bool = False
+
+    @model_validator(mode="after")
+    def _legs_have_length(self) -> Points:
+        ends = self.points_m[1:] + (self.points_m[:1] if self.closed else [])
+        for index, (begin, end) in enumerate(zip(self.points_m, ends, strict=False)):
+            if begin == end:
+                raise ValueError(
+                    f"points_m.{index} and the point after it are both ({begin[0]}, {begin[1]}); "
+                    "expected two different points"
+                )
+        return self
+
+
 Path: TypeAlias = Annotated[
-    Circle | Eight | Square | Star | Polygon | Waypoints | Roam, Field(discriminator="shape")
+    Circle | Eight | Square | Star | Polygon | Waypoints | Points | Roam,
+    Field(discriminator="shape"),
 ]
 
 
@@ -464,9 +489,23 @@ class Covered(Strict):
         return self
 
 
+class Kidnap(Strict):
+    """The robot is carried at `at_s` to another pose, `to` (m, m, deg), and odometry tells nothing.
+
+    It does not notice: from there on it moves as it would have from where it was.
+    """
+
+    kind: Literal["kidnap"] = "kidnap"
+    at_s: Positive
+    to: Point3
+
+
 LaserFault: TypeAlias = Glass | People | MaxRange | Covered
+SensorFault: TypeAlias = (
+    Nlos | Bias | Outliers | Dropouts | Latency | WheelSlip | SlipEpisodes | LaserFault
+)
 Fault: TypeAlias = Annotated[
-    Nlos | Bias | Outliers | Dropouts | Latency | WheelSlip | SlipEpisodes | LaserFault,
+    Nlos | Bias | Outliers | Dropouts | Latency | WheelSlip | SlipEpisodes | Kidnap | LaserFault,
     Field(discriminator="kind"),
 ]
 
@@ -569,6 +608,10 @@ class Scenario(Strict):
                     f"{width} m x {depth} m"
                 )
             return self
+        if isinstance(self.path, Points):
+            if self.map is None or self.map.file is None:  # else the map says where it may be
+                _require_in_room(self.path.points_m, self.room_m, "path.points_m.{}")
+            return self
         reach_x, reach_y = _reach_m(self.path)
         x, y = self.path.center_m
         if not (reach_x <= x <= width - reach_x and reach_y <= y <= depth - reach_y):
@@ -587,6 +630,10 @@ class Scenario(Strict):
                     f"faults.{index} ({fault.kind}) names anchor {anchor!r}; "
                     f"expected one of {', '.join(self.anchors)}"
                 )
+            if isinstance(fault, Kidnap):
+                if self.map is None or self.map.file is None:
+                    _require_in_room([fault.to[:2]], self.room_m, f"faults.{index}.to")
+                continue
             source = fault_source(fault)
             if getattr(self, source) is None:
                 raise ValueError(
@@ -595,7 +642,17 @@ class Scenario(Strict):
         return self
 
 
-def fault_source(fault: Fault) -> Source | Literal["laser"]:
+def _require_in_room(points: list[Point2], room_m: tuple[float, float], key: str) -> None:
+    width, depth = room_m
+    for index, (x, y) in enumerate(points):
+        if not (0.0 <= x <= width and 0.0 <= y <= depth):
+            raise ValueError(
+                f"{key.format(index)} is ({x}, {y}), outside of the room of {width} m x {depth} "
+                "m; move it or enlarge room_m"
+            )
+
+
+def fault_source(fault: SensorFault) -> Source | Literal["laser"]:
     """Return the sensor that a fault acts on."""
     if isinstance(fault, Nlos | Bias):
         return "ranges"

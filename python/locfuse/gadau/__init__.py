@@ -33,6 +33,13 @@ from locfuse.types import NANOSECONDS, FloatArray
 
 __all__ = ["draw_pictures", "gadau_claims"]
 
+# How the paper's rule for discs is fused.
+BY_RULE: dict[str, tuple[tuple[Mistake, ...], str]] = {
+    "rule": ((), "right derivatives"),
+    "rule_derivatives": (("derivatives",), "derivatives of Fig. 2"),
+    "rule_both": (("derivatives", "surface"), "derivatives of Fig. 2 and ranges to the surface"),
+}
+
 
 def gadau_claims(seeds: int, progress: Progress) -> list[Claim]:
     """Return all rows."""
@@ -41,6 +48,7 @@ def gadau_claims(seeds: int, progress: Progress) -> list[Claim]:
         *(lambda name=name: _path(name, seeds) for name in PATHS),
         *(lambda name=name: _sensors(name, seeds) for name in SENSORS),
         lambda: _theirs(seeds),
+        *(lambda key=key: _by_their_rule(key, max(seeds // 10, 2)) for key in BY_RULE),
         *(lambda name=name: _discs(name, max(seeds // 10, 2)) for name in DISCS),
         lambda: kidnapping_claims(seeds),
     ]  # fmt: skip
@@ -122,6 +130,8 @@ def _theirs(seeds: int) -> Iterator[Claim]:
     names = {
         None: "ours",
         "derivatives": "with the derivatives of Fig. 2",
+        "range_row": "with the range's row of Fig. 2 alone",
+        "bearing_row": "with the bearing's row of Fig. 2 alone",
         "surface": "with ranges to the surface of discs",
     }
     for mistake in (None, *get_args(Mistake)):
@@ -132,6 +142,21 @@ def _theirs(seeds: int) -> Iterator[Claim]:
                        [float(min(run.off_m.max(), ENDLESS)) for run in runs], "-",
                        lambda v: True)  # fmt: skip
         yield _nees(key, what, runs, mistake is None)
+
+
+def _by_their_rule(key: str, seeds: int) -> Iterator[Claim]:
+    """Show what the paper's rule for discs costs among rays, without and with its mistakes."""
+    mistakes, what = BY_RULE[key]
+    for speed in SPEEDS:
+        runs = [ray_simulation("5", speed, seed, by_rule=mistakes) for seed in range(seeds)]
+        yield claim_of(f"gadau_{key}_{speed:g}",
+                       f"5 discs by the rule of Fig. 3, {what}, {_how(speed)}: worst error", "m",
+                       None, [float(min(run.off_m.max(), ENDLESS)) for run in runs], "-",
+                       lambda v: True)  # fmt: skip
+
+
+def _how(speed_mps: float) -> str:
+    return "standing" if speed_mps == 0.0 else f"{speed_mps:g} m/s"
 
 
 def _nees(
@@ -145,7 +170,7 @@ def _nees(
 def _discs(name: str, seeds: int) -> Iterator[Claim]:
     for speed in SPEEDS:
         runs = [ray_simulation(name, speed, seed) for seed in range(seeds)]
-        how = "standing" if speed == 0.0 else f"{speed:g} m/s"
+        how = _how(speed)
         yield claim_of(f"gadau_rays_{name}_{speed:g}", f"{name} discs, 151 rays, {how}: RMSE", "cm",
                        None, [100.0 * _rms(run.off_m) for run in runs], "<= 5",
                        lambda v: v <= 5.0)  # fmt: skip

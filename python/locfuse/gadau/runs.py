@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -34,6 +34,7 @@ from locfuse.gadau.world import (
     filter_config,
     has_constant_speed,
     known,
+    map_of,
     scan_of,
     seen_by,
     sightings_of,
@@ -42,7 +43,7 @@ from locfuse.gadau.world import (
 from locfuse.sim.trajectory import plan
 from locfuse.types import NANOSECONDS, FloatArray, wrap_angle
 
-Mistake = Literal["derivatives", "surface"]
+Mistake = Literal["derivatives", "range_row", "bearing_row", "surface"]
 Correct = Callable[[_core.PoseEkf, int, FloatArray], None]
 
 
@@ -97,14 +98,17 @@ def microsimulation(
     wrong : bool
         Whether the filter starts 2 m and 60 degrees off.
     mistake : str, optional
-        ``derivatives`` of the paper's Fig. 2 instead of the right ones; ranges to the ``surface``
-        of discs of 30 cm taken for those to their centres.
+        ``derivatives`` of the paper's Fig. 2 instead of the right ones, or one row of them only:
+        ``range_row``, ``bearing_row``; ranges to the ``surface`` of discs of 30 cm taken for those
+        to their centres.
     sensors : Sensors
         The start, the drive and what odometry tells are the same with all of them.
     """
     rng = np.random.default_rng(seed)
     marks = np.array(LAYOUTS[layout], dtype=np.float64)
-    fuse = _with_their_derivatives(marks) if mistake == "derivatives" else _by_name
+    fuse: Correct = _by_name
+    if mistake is not None and mistake != "surface":
+        fuse = _by_derivatives(marks, (mistake,))
     short = DISC_M if mistake == "surface" else 0.0
     drive = plan(PATHS[path], ROOM_M, DURATION_S, rng)
     pose = drive.pose_at(np.arange(0, round(DURATION_S * 10) + 1) / 10.0)
@@ -136,8 +140,21 @@ def _located(
     return fix
 
 
-def ray_simulation(discs: str, speed_mps: float, seed: int) -> Run:
-    """Drive, or stand, in a room where 151 rays end on discs and walls."""
+def ray_simulation(
+    discs: str, speed_mps: float, seed: int, *, by_rule: Collection[Mistake] | None = None
+) -> Run:
+    """Drive, or stand, in a room where 151 rays end on discs and walls.
+
+    Parameters
+    ----------
+    discs : str
+        A key of `DISCS`.
+    speed_mps : float
+    seed : int
+    by_rule : collection of str, optional
+        Discs are recognized by the paper's Fig. 3 instead of fitted, and fused with these mistakes,
+        maybe none: the ray of a disc and its radius make a range and a bearing.
+    """
     rng = np.random.default_rng(seed)
     marks = np.array(DISCS[discs])
     place = np.array([5.0, 3.0, 0.5])
@@ -149,11 +166,7 @@ def ray_simulation(discs: str, speed_mps: float, seed: int) -> Run:
                                 wrap_angle(angle + np.pi / 2.0)])  # fmt: skip
     else:
         pose = np.tile(place, (round(DURATION_S * 10) + 1, 1))
-    finder = detector()
-
-    def fuse(ekf: _core.PoseEkf, stamp: int, at: FloatArray) -> None:
-        ekf.on_joint(sightings_of(finder.detect(scan_of(stamp, at, marks, rng)), stamp))
-
+    fuse = _fitted(marks, rng) if by_rule is None else _recognized(marks, rng, by_rule)
     return _drive(_ekf(pose[0], marks, speed_mps), pose, rng, fuse)
 
 
@@ -190,18 +203,54 @@ def _by_name(ekf: _core.PoseEkf, stamp: int, seen: FloatArray) -> None:
         ekf.on(_core.RangeBearing(stamp, landmark, distance, bearing))
 
 
-def _with_their_derivatives(marks: FloatArray) -> Correct:
-    """Fuse with H as Fig. 2 prints it: the range's row has the signs of its negative."""
+def _fitted(marks: FloatArray, rng: np.random.Generator) -> Correct:
+    """Fuse the discs that are fitted to the rays."""
+    finder = detector()
+
+    def fit_and_fuse(ekf: _core.PoseEkf, stamp: int, at: FloatArray) -> None:
+        ekf.on_joint(sightings_of(finder.detect(scan_of(stamp, at, marks, rng)), stamp))
+
+    return fit_and_fuse
+
+
+def _recognized(
+    marks: FloatArray, rng: np.random.Generator, mistakes: Collection[Mistake]
+) -> Correct:
+    """Fuse the ray that the paper's rule has for each disc; none where it recognizes none."""
+    discs = map_of(marks)
+    fuse = _by_derivatives(marks, mistakes)
+    to_centre = 0.0 if "surface" in mistakes else DISC_M
+
+    def recognize_and_fuse(ekf: _core.PoseEkf, stamp: int, at: FloatArray) -> None:
+        scan = scan_of(stamp, at, marks, rng)
+        rays = _core.recognize_landmarks(scan, ekf.estimate(stamp).pose, discs)
+        fuse(ekf, stamp, np.array([[ray.range + to_centre, ray.bearing] if ray.beam >= 0
+                                   else [np.nan, np.nan] for ray in rays]))  # fmt: skip
+
+    return recognize_and_fuse
+
+
+def _by_derivatives(marks: FloatArray, mistakes: Collection[Mistake]) -> Correct:
+    """Fuse with H as Fig. 2 prints it, where a mistake asks for that.
+
+    Its range's row has the signs of its negative; its bearing's has dx and dy exchanged, (dx, -dy)
+    for (dy, -dx).
+    """
     noise = np.diag([SIGMA_RANGE_M, SIGMA_BEARING_RAD]) ** 2
     gate = _core.Gate(1.0)
+    both = "derivatives" in mistakes
 
     def fuse(ekf: _core.PoseEkf, stamp: int, seen: FloatArray) -> None:
         for at, z in zip(marks, seen, strict=True):
+            if np.isnan(z[0]):
+                continue
             pose = ekf.estimate(stamp).pose
             dx, dy = at - [pose.x, pose.y]
             d = float(np.hypot(dx, dy))
             off = [z[0] - d, _core.wrap_angle(float(z[1] - np.arctan2(dy, dx) + pose.heading))]
-            H = [[dx / d, dy / d, 0.0], [dx / d**2, -dy / d**2, -1.0]]
+            sign = 1.0 if both or "range_row" in mistakes else -1.0
+            turned = [dx, -dy] if both or "bearing_row" in mistakes else [dy, -dx]
+            H = [[sign * dx / d, sign * dy / d, 0.0], [turned[0] / d**2, turned[1] / d**2, -1.0]]
             ekf.fuse(stamp, _core.Linearization(off, H, noise), gate)
 
     return fuse

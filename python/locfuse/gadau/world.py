@@ -161,8 +161,11 @@ def filter_config(speed_mps: float = 0.0) -> _core.PoseEkfConfig:
     return config
 
 
+def map_of(marks: FloatArray) -> _core.LandmarkMap:
+    """Return landmarks as a map of discs."""
+    return _core.LandmarkMap([_core.Landmark(i, at, DISC_M) for i, at in enumerate(marks)])
+
+
 def known(marks: FloatArray) -> _core.LandmarkSight:
     """Return landmarks as the filter knows them."""
-    return _core.LandmarkSight(
-        _core.LandmarkMap([_core.Landmark(i, at, DISC_M) for i, at in enumerate(marks)])
-    )
+    return _core.LandmarkSight(map_of(marks))

@@ -30,7 +30,7 @@ from locfuse.plot.thinning import evenly_along
 from locfuse.plot.world import box_around, draw_map, drawable
 from locfuse.types import FloatArray, GridMap
 
-_COLOURS = (ESTIMATE, REJECTED, ANCHOR)
+_COLOURS = (ESTIMATE, REJECTED, ANCHOR, "#CC79A7", "#E69F00")
 _ELLIPSES, _ELLIPSE_SIGMAS = 14, 2.0
 _LEAST_M = 0.01  # the axis of sigmas begins here
 
@@ -101,7 +101,7 @@ def plot_radios(grid: GridMap, anchors: FloatArray, track: Track, fixes: FloatAr
 
 
 def plot_doubt(grid: GridMap, anchors: FloatArray, tracks: Sequence[Track]) -> Figure:
-    """Draw part of a lap with the ellipses of what each set-up states of itself, side by side.
+    """Draw what each set-up states of itself where the anchors are, side by side.
 
     Parameters
     ----------
@@ -110,8 +110,7 @@ def plot_doubt(grid: GridMap, anchors: FloatArray, tracks: Sequence[Track]) -> F
     tracks : sequence of Track
         With covariances.
     """
-    seen = [track.truth[:, :2] for track in tracks] + [track.pose[:, :2] for track in tracks]
-    low, high = box_around(np.concatenate([*seen, anchors]), 0.08)
+    low, high = box_around(anchors, 0.15)
     figure = new_figure(9.4 / len(tracks) * (high - low)[1] / (high - low)[0] + 1.0)
     panels = figure.subplots(1, len(tracks), sharex=True, sharey=True, squeeze=False)[0]
     handles: list[Handle] = []
@@ -120,7 +119,8 @@ def plot_doubt(grid: GridMap, anchors: FloatArray, tracks: Sequence[Track]) -> F
         handles += axes.plot(*track.truth.T[:2], color=TRUTH, lw=2.6, alpha=0.3, label="truth")
         handles += axes.plot(*track.pose.T[:2], color=ESTIMATE, lw=1.2, label="estimate")
         assert track.covariance is not None
-        for row in evenly_along(track.truth[:, :2], _ELLIPSES):
+        shown = np.flatnonzero(np.all((track.truth[:, :2] > low) & (track.truth[:, :2] < high), 1))
+        for row in shown[evenly_along(track.truth[shown, :2], _ELLIPSES)].tolist():
             ellipse = draw_ellipse(axes, track.pose[row, :2], track.covariance[row, :2, :2],
                                    _ELLIPSE_SIGMAS, facecolor="none", edgecolor=REJECTED,
                                    linewidth=1.0, label=f"{_ELLIPSE_SIGMAS:g}-sigma ellipse",
@@ -142,10 +142,14 @@ def _injections(axes: Axes, injections: Sequence[_core.Injection]) -> list[Handl
         before, after = one.before.pose, one.after.pose
         handles = [*axes.plot([before.x, after.x], [before.y, after.y], color=ANCHOR, lw=1.2,
                               ls=DASHED, marker="", label="injection", zorder=5)]  # fmt: skip
-        for estimate, colour in ((one.before, REJECTED), (one.after, ANCHOR)):
+        for estimate, colour, what in (
+            (one.before, REJECTED, "before"),
+            (one.after, ANCHOR, "after"),
+        ):
             at = np.array([estimate.pose.x, estimate.pose.y])
-            draw_ellipse(axes, at, estimate.covariance[:2, :2], _ELLIPSE_SIGMAS, facecolor="none",
-                         edgecolor=colour, linewidth=1.8, zorder=5)  # fmt: skip
+            handles.append(draw_ellipse(
+                axes, at, estimate.covariance[:2, :2], _ELLIPSE_SIGMAS, facecolor=(colour, 0.3),
+                edgecolor=colour, linewidth=1.8, zorder=5, label=f"{what} it"))  # fmt: skip
     return handles
 
 
@@ -158,7 +162,7 @@ def plot_sigmas(
     ----------
     time_s : mapping of name to float64 array, shape (n,)
     sigma_m : mapping of name to float64 array, shape (n, 2)
-        Standard deviations in the frame of the body, metres; at most three.
+        Standard deviations in the frame of the body, metres; at most five.
     grey_s : float64 array, shape (k, 2)
         Times between which the background is grey: in the room with the anchors.
     """
@@ -170,7 +174,7 @@ def plot_sigmas(
         for begin, end in grey_s.tolist():
             grey = axes.axvspan(begin, end, color=GRID, lw=0.0, label="in the room with anchors")
         handles = [] if len(grey_s) == 0 else [grey]
-        for (name, sigma), colour in zip(sigma_m.items(), _COLOURS, strict=False):
+        for (name, sigma), colour in zip(sigma_m.items(), _coloured(sigma_m), strict=True):
             handles += axes.plot(time_s[name], np.maximum(sigma[:, axis], _LEAST_M), color=colour,
                                  lw=1.0, label=name)  # fmt: skip
         axes.set(yscale="log", ylabel="sigma [m]")
@@ -189,7 +193,7 @@ def plot_eight(truth: FloatArray, tracks: Mapping[str, FloatArray], what: str) -
     ----------
     truth : float64 array, shape (n, 2)
     tracks : mapping of name to float64 array, shape (k, 2)
-        At most three; few points are marked one by one.
+        At most five; few points are marked one by one.
     what : str
         Title.
     """
@@ -197,7 +201,7 @@ def plot_eight(truth: FloatArray, tracks: Mapping[str, FloatArray], what: str) -
     axes = figure.subplots()
     dress(axes)
     handles: list[Handle] = [*axes.plot(*truth.T, color=TRUTH, lw=3.0, alpha=0.3, label="truth")]
-    for (name, at), colour in zip(tracks.items(), _COLOURS, strict=False):
+    for (name, at), colour in zip(tracks.items(), _coloured(tracks), strict=True):
         marker = "o" if len(at) < 60 else ""
         handles += axes.plot(*at.T, color=colour, lw=1.2, marker=marker, markersize=4,
                              ls=DASHED if marker else "-", label=name)  # fmt: skip
@@ -206,6 +210,11 @@ def plot_eight(truth: FloatArray, tracks: Mapping[str, FloatArray], what: str) -
     title(axes, what)
     legend(figure, handles)
     return figure
+
+
+def _coloured(shown: Mapping[str, FloatArray]) -> tuple[str, ...]:
+    """Return a colour for each; fewer if there are more than colours."""
+    return _COLOURS[: len(shown)]
 
 
 def _floor(

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from matplotlib.text import Text
 from locfuse import _core
 from locfuse.config.schema import RunConfig
 from locfuse.eval.errors import interpolate
-from locfuse.localization import mcl_of, messages_for
+from locfuse.localization import frame_of, mcl_of, messages_for
 from locfuse.plot.style import (
     ANCHOR,
     ESTIMATE,
@@ -38,6 +37,7 @@ from locfuse.types import (
     UNKNOWN,
     ConfigError,
     FloatArray,
+    Frame,
     GridMap,
     RunResult,
     Trajectory,
@@ -48,28 +48,7 @@ _NEVER_S = 60.0  # shown if it never was
 _FRAMES_PER_S = 8
 _MOST_FRAMES = 120
 _LAST_FRAMES = 12  # for which the last one stays
-_MOST_PARTICLES = 2000  # drawn of a frame
 _DPI = 64
-
-
-@dataclass(frozen=True)
-class Frame:
-    """What was believed after a scan.
-
-    Attributes
-    ----------
-    stamp_ns : int
-    particles : float64 array, shape (n, 4)
-        x, y [m], heading [rad], weight.
-    pose : float64 array, shape (3,)
-        Estimate.
-    ready : bool
-    """
-
-    stamp_ns: int
-    particles: FloatArray
-    pose: FloatArray
-    ready: bool
 
 
 def write_film(result: RunResult, path: Path) -> Path:
@@ -129,16 +108,8 @@ def record(config: RunConfig, result: RunResult) -> list[Frame]:
     end = mcl.estimate().stamp + round(shown_s * NANOSECONDS)
     scans = [scan for scan in scans_of(result.log) if scan.stamp <= end]
     frames: list[Frame] = []
-    _core.localize(mcl, messages.log, scans, lambda _: frames.append(_frame(mcl)))
+    _core.localize(mcl, messages.log, scans, lambda _: frames.append(frame_of(mcl)))
     return frames
-
-
-def _frame(mcl: _core.Mcl | _core.SwitchingMcl) -> Frame:
-    now = mcl.estimate()
-    particles = (mcl.mcl if isinstance(mcl, _core.SwitchingMcl) else mcl).particles
-    step = -(-len(particles) // _MOST_PARTICLES)
-    pose = np.array([now.pose.x, now.pose.y, now.pose.heading])
-    return Frame(now.stamp, particles[::step].copy(), pose, mcl.ready)
 
 
 class _Stage:

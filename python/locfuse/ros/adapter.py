@@ -17,15 +17,16 @@ from locfuse.io.log_folder import read_world
 from locfuse.live import LiveHealth, LivePose, LiveRun
 from locfuse.ros import decode, encode, rows
 from locfuse.ros.decode import MessageError
+from locfuse.ros.early import FUTURE_NS, PATIENCE_NS, EarlyMessage, EarlyMessages
 from locfuse.ros.encode import Publication
 from locfuse.ros.frames import check_frame
 from locfuse.ros.telling import Odometry, Telling, health_status, source_status
 from locfuse.ros.world import World
-from locfuse.types import NANOSECONDS, ConfigError, Log, LogError, nearest
+from locfuse.types import NANOSECONDS, ConfigError, Log, nearest
 
-FUTURE_NS = NANOSECONDS // 2  # a stamp that much ahead of the clock is wrong
 BACK_NS = NANOSECONDS  # a clock that goes back that far has jumped
 SILENT_NS = 5 * NANOSECONDS  # after which a topic that says nothing is told of
+CLOCKS = "are both machines' clocks set, and use_sim_time the same for all nodes?"
 SIMILAR = 3  # problems of one kind, each told once
 
 POSE = "geometry_msgs/PoseWithCovarianceStamped"
@@ -146,6 +147,7 @@ class Adapter:
         self._diagnosed_ns: int | None = None
         self._jumps = 0
         self._restarts = 0
+        self._early = EarlyMessages()
 
     def _listens(self) -> list[Subscription]:
         config = self._config
@@ -198,13 +200,17 @@ class Adapter:
         """
         told = self._keep_time(now_ns)
         self._heard_ns[source] = max(now_ns, self._heard_ns.get(source, 0))
+        return told + self._take(source, topic, message)
+
+    def _take(self, source: str, topic: str, message: Any) -> list[Publication]:
         try:
             self._of[source](message, plain(topic))
-        except MessageError as error:
+        except EarlyMessage as early:
+            if not self._early.keep(early, source, topic, message):
+                self._refuse(source, f"{topic}: too many messages wait for the clock")
+        except ValueError as error:  # all that a message can do wrong
             self._refuse(source, f"{topic}: {error}")
-        except (ValueError, ConfigError, LogError) as error:
-            self._refuse(source, f"{topic}: {error}")
-        return told + self._say(source)
+        return self._say(source)
 
     def tick(self, now_ns: int) -> list[Publication]:
         """Say what is due by the clock: the transform, and once a second diagnostics.
@@ -213,7 +219,10 @@ class Adapter:
         """
         told = self._keep_time(now_ns)
         self._look_for_silence(now_ns)
-        if self._live is not None and self._live.pose() is not None:
+        self._look_for_early()
+        if self._live is not None and (pose := self._live.pose()) is not None:
+            if self._config.ros.estimate_at == "odometry":
+                told += self._telling.pose_again(pose)
             told += self._telling.transform_again(now_ns)
         if self._diagnosed_ns is None or now_ns - self._diagnosed_ns >= NANOSECONDS:
             self._diagnosed_ns = now_ns
@@ -221,12 +230,16 @@ class Adapter:
         return told
 
     def _keep_time(self, now_ns: int) -> list[Publication]:
-        """Notice a clock that goes back, as that of a simulation that begins again."""
+        """Take what waited for this time, and notice a clock that goes back.
+
+        That of a simulation does which begins again.
+        """
         if self._now_ns is not None and now_ns < self._now_ns - BACK_NS:
             back = (self._now_ns - now_ns) / NANOSECONDS
             self._problem("clock", f"the clock went back by {back:.3g} s; clock_jump is "
                           f"{self._config.clock_jump!r}")  # fmt: skip
             self._telling.clock_went_back()
+            self._early.clear()
             self._heard_ns = dict.fromkeys(self._heard_ns, now_ns)
             self._first_ns = self._diagnosed_ns = None
             if self._config.clock_jump == "reset":
@@ -234,7 +247,7 @@ class Adapter:
         self._now_ns = now_ns
         if self._first_ns is None and now_ns > 0:  # simulated time has begun
             self._first_ns = now_ns
-        return []
+        return [told for one in self._early.due(now_ns) for told in self._take(*one[1:])]
 
     def _odometry(self, message: Any, topic: str) -> None:
         use = self._config.ros.odometry_from
@@ -302,11 +315,12 @@ class Adapter:
 
     def _sightings(self, message: Any, topic: str) -> None:
         seen = decode.sightings(message)
-        if seen and self._world.add_landmark_sensor(seen[0].frame):
-            self._rebuild()
         for row in seen:
             self._in_time(row.stamp_ns)
-            if self._live is not None:
+        if seen and self._world.add_landmark_sensor(seen[0].frame):
+            self._rebuild()
+        if self._live is not None:
+            for row in seen:
                 self._live.on("landmark_sightings", rows.sighting_row(row))
 
     def _map(self, message: Any, topic: str) -> None:
@@ -340,10 +354,12 @@ class Adapter:
         self._live.start_at(LivePose(stamp, pose, row.covariance))
 
     def _in_time(self, stamp_ns: int) -> None:
-        if self._now_ns and stamp_ns > self._now_ns + FUTURE_NS:
-            ahead = (stamp_ns - self._now_ns) / NANOSECONDS
-            raise MessageError(f"the stamp is {ahead:.3g} s ahead of the clock; are both machines' "
-                               "clocks set, and use_sim_time the same for all nodes?")  # fmt: skip
+        ahead_ns = stamp_ns - self._now_ns if self._now_ns else 0
+        if ahead_ns > PATIENCE_NS:
+            raise MessageError(f"the stamp is {ahead_ns / NANOSECONDS:.3g} s ahead of the clock; "
+                               f"{CLOCKS}")  # fmt: skip
+        if ahead_ns > FUTURE_NS:
+            raise EarlyMessage(stamp_ns)
 
     # The run -------------------------------------------------------------------------------------
 
@@ -458,6 +474,13 @@ class Adapter:
                 self._silent(one)
         if self._live is None:
             self._problem("map", self._missing())
+
+    def _look_for_early(self) -> None:
+        topic = self._early.last()
+        if topic is not None:
+            self._problem("early", f"messages on {topic} are stamped more than "
+                          f"{FUTURE_NS / NANOSECONDS:g} s ahead of the clock, and wait for it; "
+                          f"{CLOCKS}")  # fmt: skip
 
     def _silent(self, one: Subscription) -> None:
         self._problem(f"silent {one.topic}",

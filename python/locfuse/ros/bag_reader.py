@@ -3,57 +3,41 @@
 
 from __future__ import annotations
 
-import logging
-import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import islice
+from operator import attrgetter, itemgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from locfuse.config.ros import Ros, plain
-from locfuse.io.log_folder import (
-    INCREASING,
-    MAX_RANGE_M,
-    MAX_SPEED_MPS,
-    MAX_TURN_RATE_RADPS,
-    MAY_BE_EMPTY,
-    MESSAGES,
-)
-from locfuse.ros import bag_settings, decode
-from locfuse.ros.bag_settings import Settings
-from locfuse.ros.columns import Rows
+from locfuse.ros import bag_checks as checks
+from locfuse.ros import bag_settings, decode, decode_many
+from locfuse.ros.bag_log import log_of
+from locfuse.ros.bag_sentences import nothing, say
+from locfuse.ros.bag_tables import tables_of
+from locfuse.ros.columns import Blocks
 from locfuse.ros.decode import MessageError
-from locfuse.ros.frames import FrameTree, check_frame
-from locfuse.ros.increments import increments_of
+from locfuse.ros.decode_many import Said
+from locfuse.ros.frames import check_frame
+from locfuse.ros.heard import Heard, logger
 from locfuse.ros.needs import NeedError
 from locfuse.ros.storage import Bag, Connection
-from locfuse.ros.wire import broken, deserializer
-from locfuse.types import NANOSECONDS, FloatArray, GridMap, Log, LogError
-
-logger = logging.getLogger(__name__)
+from locfuse.ros.unpack import MisfitError, Structure, Unpacked, unpack
+from locfuse.ros.wire import broken, deserializer, structure
+from locfuse.types import Columns, Log, LogError
 
 Progress = Callable[[int, int], None]
-Columns = dict[str, NDArray[Any]]
 
-# What the standard messages of a topic are, for advice.
-TYPES = {
-    "odometry": "nav_msgs/Odometry",
-    "scans": "sensor_msgs/LaserScan",
-    "ranges": "locfuse_msgs/UwbRanges",
-    "poses": "geometry_msgs/PoseWithCovarianceStamped",
-    "positions": "sensor_msgs/NavSatFix",
-    "landmark_sightings": "locfuse_msgs/LandmarkSightings",
-    "map": "nav_msgs/OccupancyGrid",
-}
-OTHER_CLOCK_NS = 3600 * NANOSECONDS  # record times this far from stamps are of another clock
-LONGEST = 300  # letters of a reason
+BLOCK_MESSAGES, BLOCK_BYTES = 8192, 1 << 22  # that are unpacked at once
 LAST_NS = 2**62  # beyond it is no time
-AHEAD_NS = NANOSECONDS  # stamps this far after the recording are said
+NO_TIME = "it was recorded at {} ns, which is no time"
+NO_MESSAGE = "it cannot be unpacked ({})"
 MOST_TRANSFORMS = 20_000  # messages on tf that are looked through for a mount that tf_static lacks
-NOT_MEASURED_M = 1e6  # a sigma of infinity, as a log can have it
 
 
 def read_bag(
@@ -87,606 +71,288 @@ def read_bag(
     LogError
         If there is no such bag, it holds no message that is asked for, or rosbags is missing.
     """
-    reading = _Reading(Path(path), Ros() if ros is None else ros, world)
-    return reading.read(progress)
+    heard = Heard(Path(path), Ros() if ros is None else ros,
+                  Log(tables={}) if world is None else world)  # fmt: skip
+    bag = Bag(heard.path, progress)
+    reading = _Reading(heard)
+    reading.read(bag)
+    reading.find_mounts(bag)
+    for sentence in bag.damage:
+        logger.warning(sentence)
+    log = log_of(heard, tables_of(heard))
+    if log is None:
+        raise LogError(nothing(heard, bag))
+    say(heard, bag)
+    return log
+
+
+class _Table(NamedTuple):
+    """A topic whose messages become rows: those of many at once, and why one of them does not."""
+
+    stem: str
+    said: Callable[[Unpacked], Said]
+    check: Callable[[Any, Heard], None]
 
 
 @dataclass
-class _Trouble:
-    """Messages of a topic that were left out, and why the first was."""
+class _Sender:
+    """A connection, how its messages are read, and those that wait for others to be unpacked with.
 
-    count: int
-    first: str
+    They wait as (number, record time [ns], bytes).
+    """
+
+    connection: Connection
+    structure: Structure
+    waiting: list[tuple[int, int, bytes]] = field(default_factory=list)
+
+
+class _LeftOut(NamedTuple):
+    """A message, or one of the things that it says, of which no row is made."""
+
+    number: int
+    topic: str
+    sender: _Sender
+    data: bytes
 
 
 @dataclass
+class _Block:
+    """What messages that waited together say: parts of tables, frames of tags, what is left out."""
+
+    tables: dict[str, list[Columns]] = field(default_factory=dict)
+    frames: list[tuple[int, str, str]] = field(default_factory=list)
+    left_out: list[_LeftOut] = field(default_factory=list)
+
+
 class _Reading:
-    """A bag on its way to a log."""
+    """The messages of a bag on their way into tables.
 
-    path: Path
-    ros: Ros
-    world: Log | None
-    tables: dict[str, Rows] = field(default_factory=dict)
-    trouble: dict[str, _Trouble] = field(default_factory=dict)
-    heard: dict[str, int] = field(default_factory=dict)
-    settings: Settings | None = None
-    grid: GridMap | None = None
-    laser: tuple[Any, ...] | None = None
-    tag_frames: dict[str, str] = field(default_factory=dict)
-    sight_frame: str | None = None
-    child_frame: str = ""
-    origin: tuple[float, float, float] | None = None
+    Those that become rows wait until there are many; what is said of the world is taken at once.
+    """
 
-    def __post_init__(self) -> None:
-        self.tree = FrameTree(self.ros.frames.base)
-        self.origin = self.ros.gps_origin
-        self.handlers = self._handlers()
-        self.decoders: dict[Connection, Callable[[bytes], Any] | None] = {}
-
-    # Hearing ---------------------------------------------------------------------------------
-
-    def _handlers(self) -> dict[str, Callable[[Any, int], None]]:
-        """Return what is done with the messages of each topic."""
-        of_keys: dict[str, Callable[[Any, int], None]] = {
-            "odometry": self._odometry, "scans": self._scan, "ranges": self._ranges,
-            "poses": self._pose, "positions": self._position, "truth": self._truth,
-            "landmark_sightings": self._sightings, "map": self._map,
-            "anchors": self._anchors, "landmarks": self._landmarks,
-        }  # fmt: skip
-        found: dict[str, Callable[[Any, int], None]] = {
-            "tf_static": self._transforms, bag_settings.TOPIC: self._settings,
+    def __init__(self, heard: Heard) -> None:
+        self.heard = heard
+        self.senders: dict[Connection, _Sender | None] = {}
+        topics = {key: plain(topic) for key, topic in vars(heard.ros.topics).items() if topic}
+        self.world: dict[str, Callable[[Any], None]] = {
+            "tf_static": self._transforms,
+            bag_settings.TOPIC: self._settings,
             bag_settings.RELATIONS: self._relation,
+        }
+        self.tables = {
+            plain(topic): _Table("ranges", partial(self._range_of, anchor),
+                                 partial(checks.range_of, anchor))
+            for topic, anchor in heard.ros.range_topics.items()
         }  # fmt: skip
-        for topic, anchor in self.ros.range_topics.items():
-            found[plain(topic)] = self._range_of(anchor)
-        for key, handler in of_keys.items():
-            topic = getattr(self.ros.topics, key)
-            if topic is not None:
-                found[plain(topic)] = handler
-        return found
+        for table in (
+            _Table("odometry", self._odometry, checks.odometry),
+            _Table("scans", self._scans, checks.scan),
+            _Table("ranges", self._ranges, checks.ranges),
+            _Table("poses", self._poses, checks.pose),
+            _Table("positions", self._positions, checks.position),
+            _Table("truth", self._truth, checks.truth),
+            _Table("landmark_sightings", self._sightings, checks.sightings),
+        ):
+            if table.stem in topics:
+                self.tables[topics[table.stem]] = table
+        for key, take in (
+            ("map", self._map),
+            ("anchors", partial(self._points, "anchors")),
+            ("landmarks", partial(self._points, "landmarks")),
+        ):
+            if key in topics:
+                self.world[topics[key]] = take
 
-    def read(self, progress: Progress | None) -> Log:
-        bag = Bag(self.path, progress)
-        for connection, time_ns, data in bag.messages(lambda c: c.topic in self.handlers):
-            self._hear(connection, time_ns, data)
-        self._find_mounts(bag)
-        for sentence in bag.damage:
-            logger.warning(sentence)
-        log = self._log(bag)
-        self._say(bag)
-        return log
+    def read(self, bag: Bag) -> None:
+        """Take all messages of the topics that count."""
+        number, full, room = 0, BLOCK_MESSAGES, BLOCK_BYTES
+        for connection, time_ns, data in bag.messages(self._wanted):
+            sender = self._sender(connection)
+            if sender is None:
+                continue
+            if not 0 <= time_ns < LAST_NS:
+                self.heard.left_out(connection.topic, partial(NO_TIME.format, time_ns))
+            elif connection.topic not in self.tables:
+                self._take(sender, data)
+            else:
+                sender.waiting.append((number, time_ns, data))
+                number, room = number + 1, room - len(data)
+                if number == full or room <= 0:
+                    self._unpack()
+                    full, room = number + BLOCK_MESSAGES, BLOCK_BYTES
+        self._unpack()
 
-    def _hear(self, connection: Connection, time_ns: int, data: bytes) -> None:
-        decoder = self._decoder(connection)
-        if decoder is None:
+    def find_mounts(self, bag: Bag) -> None:
+        """Look through tf for mounts that tf_static does not tell: ROS 1 may tell them there."""
+        heard = self.heard
+        frames = {heard.sight_frame, *heard.tag_frames.values()}
+        if heard.laser is not None:
+            frames.add(heard.laser.frame)
+        missing = {frame for frame in frames if frame and frame not in heard.tree}
+        if not missing or heard.settings or not any(c.topic == "tf" for c in bag.counts):
             return
-        if not 0 <= time_ns < LAST_NS:
-            self._left_out(connection.topic, f"it was recorded at {time_ns} ns, which is no time")
-            return
-        try:
-            message = decoder(data)
-        except broken() as error:
-            self._left_out(connection.topic, f"it cannot be unpacked ({error})")
-            return
-        try:
-            self.handlers[connection.topic](message, time_ns)
-        except MessageError as error:
-            self._left_out(connection.topic, str(error))
-        else:
-            self.heard[connection.topic] = self.heard.get(connection.topic, 0) + 1
+        moving = plain(heard.ros.frames.odom), plain(heard.ros.frames.map)
+        unusable: tuple[type[Exception], ...] = (MessageError, *broken())
+        again = Bag(heard.path).messages(lambda connection: connection.topic == "tf")
+        for connection, _, data in islice(again, MOST_TRANSFORMS):
+            sender = self._sender(connection)
+            if sender is None or all(frame in heard.tree for frame in missing):
+                return
+            with suppress(*unusable):
+                rows = decode.transforms(deserializer(connection)(data))
+                heard.tree.add(row for row in rows if row.parent not in moving)
 
-    def _decoder(self, connection: Connection) -> Callable[[bytes], Any] | None:
-        if connection not in self.decoders:
-            self.decoders[connection] = None
+    def _wanted(self, connection: Connection) -> bool:
+        return connection.topic in self.tables or connection.topic in self.world
+
+    def _sender(self, connection: Connection) -> _Sender | None:
+        """Return a connection; None, which is told, where nobody can read its messages."""
+        if connection not in self.senders:
+            self.senders[connection] = None
             try:
-                self.decoders[connection] = deserializer(connection)
+                self.senders[connection] = _Sender(connection, structure(connection))
             except NeedError:
                 raise
             except LogError as error:
-                self._left_out(connection.topic, str(error))
-        return self.decoders[connection]
+                self.heard.left_out(connection.topic, partial(str, error))
+        return self.senders[connection]
 
-    def _tell(self, sentence: str) -> None:
-        logger.warning("%s: %s", self.path, " ".join(sentence.split()))
+    # Messages that become rows ---------------------------------------------------------------
 
-    def _left_out(self, topic: str, why: str, count: int = 1) -> None:
-        if topic in self.trouble:
-            self.trouble[topic].count += count
-        else:
-            why = " ".join(why.split())  # what others raise may be a page
-            self.trouble[topic] = _Trouble(
-                count, why if len(why) < LONGEST else f"{why[:LONGEST]}..."
-            )
+    def _unpack(self) -> None:
+        """Make rows of the messages that wait, in the order of the bag."""
+        block = _Block()
+        for sender in self.senders.values():
+            if sender is not None and sender.waiting:
+                with np.errstate(all="ignore"):  # what overflows is refused for what it becomes
+                    self._rows(sender, block)
+                sender.waiting = []
+        for stem, parts in block.tables.items():
+            self.heard.tables.setdefault(stem, Blocks()).add(_in_order(parts))
+        for _, tag, frame in sorted(block.frames, key=itemgetter(0)):
+            self.heard.tag_frames.setdefault(tag, frame)
+        for one in sorted(block.left_out, key=attrgetter("number")):
+            self.heard.left_out(one.topic, partial(self._why, one))
 
-    def _rows(self, stem: str, **dtypes: Any) -> Rows:
-        return self.tables.setdefault(stem, Rows(**dtypes))
-
-    def _odometry(self, message: Any, time_ns: int) -> None:
-        use = self._odometry_from()
-        row = decode.odometry(message, use)
-        if use == "twist" and (abs(row.v) > MAX_SPEED_MPS or abs(row.omega) > MAX_TURN_RATE_RADPS):
-            raise MessageError(f"{row.v:g} m/s and {row.omega:g} rad/s, which no robot drives")
-        self.child_frame = row.child_frame
-        rows = self._rows("odometry", stamp_ns=np.int64, record_ns=np.int64, x=float, y=float,
-                          heading=float, v_mps=float, omega_radps=float)  # fmt: skip
-        rows.add(row.stamp_ns, time_ns, row.x, row.y, row.heading, row.v, row.omega)
-
-    def _odometry_from(self) -> str:
-        if self.settings is not None and "odometry" in self.settings.columns:
-            return "twist" if "v_mps" in self.settings.columns["odometry"] else "pose"
-        return self.ros.odometry_from
-
-    def _scan(self, message: Any, time_ns: int) -> None:
-        row = decode.scan(message)
-        geometry = (*row[1:6], len(row.ranges), row.intensities is not None)
-        if self.laser is None:
-            self.laser = geometry
-        elif geometry != self.laser:
-            raise MessageError("the scan has another frame, geometry or number of beams than the "
-                               "first: a log has one laser")  # fmt: skip
-        known = {} if row.intensities is None else {"intensities": np.float64}
-        rows = self._rows("scans", stamp_ns=np.int64, record_ns=np.int64, ranges_m=np.float64,
-                          **known)  # fmt: skip
-        rows.add(row.stamp_ns, time_ns, row.ranges, *([row.intensities] if known else []))
-
-    def _ranges(self, message: Any, time_ns: int) -> None:
-        errors: list[MessageError] = []
-        good = []
-        for row in decode.ranges(message, self.ros.uwb_unit, self.ros.uwb_tag, errors.append):
+    def _rows(self, sender: _Sender, block: _Block) -> None:
+        """Add what the messages of a connection say."""
+        numbers, times, data = zip(*sender.waiting, strict=True)
+        topic = sender.connection.topic
+        table, singly = self.tables[topic], f"{topic}, singly,"
+        useless = np.ones(len(data), bool)
+        for messages in unpack(sender.structure, sender.connection.encoding, data):
             try:
-                _check_range(row)
-            except MessageError as error:
-                errors.append(error)
-            else:
-                good.append(row)
-        if errors and not good:
-            raise errors[0]
-        singly = f"{self.ros.topics.ranges}, singly,"
-        for one in errors:
-            self._left_out(singly, str(one))
-        self.heard[singly] = self.heard.get(singly, 0) + len(good)
-        for row in good:
-            self._range(row, time_ns)
+                said = table.said(messages)
+            except MisfitError:
+                continue
+            useless[messages.rows[said.good]] = False
+            self.heard.count(topic, int(said.good.sum()))
+            self.heard.count(singly, len(said.rows))
+            block.left_out += [_LeftOut(numbers[row], singly, sender, data[row])
+                               for row in messages.rows[said.spoilt].tolist()]  # fmt: skip
+            block.frames += [(numbers[messages.rows[row]], tag, frame)
+                             for row, tag, frame in said.frames]  # fmt: skip
+            if len(said.rows):
+                rows = messages.rows[said.rows]
+                came = {"number": np.array(numbers)[rows], "record_ns": np.array(times)[rows]}
+                block.tables.setdefault(table.stem, []).append(came | said.columns)
+        block.left_out += [_LeftOut(numbers[row], topic, sender, data[row])
+                           for row in np.flatnonzero(useless).tolist()]  # fmt: skip
 
-    def _range_of(self, anchor: str) -> Callable[[Any, int], None]:
-        def handler(message: Any, time_ns: int) -> None:
-            row = decode.range_of(message, self.ros.uwb_tag, anchor)
-            if row is not None:
-                _check_range(row)
-                self._range(row, time_ns)
+    def _why(self, one: _LeftOut) -> str:
+        """Return why a message means nothing."""
+        try:
+            message = deserializer(one.sender.connection)(one.data)
+        except LogError as error:
+            return str(error)
+        except broken() as error:
+            return NO_MESSAGE.format(error)
+        try:
+            self.tables[one.sender.connection.topic].check(message, self.heard)
+        except (ValueError, TypeError) as error:  # also MessageError
+            return str(error)
+        return f"its fields are of other kinds than {one.sender.connection.type} should have"
 
-        return handler
+    def _odometry(self, messages: Unpacked) -> Said:
+        return decode_many.odometry(messages, self.heard.odometry_from())
 
-    def _range(self, row: decode.RangeRow, time_ns: int) -> None:
-        self.tag_frames.setdefault(row.tag, row.frame)
-        rows = self._rows("ranges", stamp_ns=np.int64, record_ns=np.int64, tag=np.str_,
-                          anchor=np.str_, range_m=float, sigma_m=float)  # fmt: skip
-        sigma = math.nan if row.sigma_m is None else row.sigma_m
-        rows.add(row.stamp_ns, time_ns, row.tag, row.anchor, row.range_m, sigma)
+    def _scans(self, messages: Unpacked) -> Said:
+        said = decode_many.scans(messages, self.heard.laser)
+        self.heard.laser = said.first
+        return said
 
-    def _pose(self, message: Any, time_ns: int) -> None:
-        row = decode.pose(message)
-        check_frame("poses", row.frame, self.ros.frames.map)
-        sigma_xy, sigma_heading = _sigmas(row.covariance)
-        rows = self._rows("poses", stamp_ns=np.int64, record_ns=np.int64, x_m=float, y_m=float,
-                          heading_rad=float, sigma_xy_m=float, sigma_heading_rad=float)  # fmt: skip
-        rows.add(row.stamp_ns, time_ns, row.x, row.y, row.heading, sigma_xy, sigma_heading)
+    def _ranges(self, messages: Unpacked) -> Said:
+        ros = self.heard.ros
+        return decode_many.ranges(messages, ros.uwb_unit, ros.uwb_tag)
 
-    def _position(self, message: Any, time_ns: int) -> None:
-        if self.origin is None and hasattr(message, "latitude"):
-            self._first_origin(message)
-        row = decode.fix(message, self.origin)
-        if row is None:
-            return
-        if not hasattr(message, "latitude"):
-            check_frame("positions", row.frame, self.ros.frames.map)
-        rows = self._rows("positions", stamp_ns=np.int64, record_ns=np.int64, tag=np.str_,
-                          x_m=float, y_m=float, sigma_m=float)  # fmt: skip
-        rows.add(row.stamp_ns, time_ns, row.tag, row.x, row.y, row.sigma_m)
+    def _range_of(self, anchor: str, messages: Unpacked) -> Said:
+        return decode_many.range_of(messages, self.heard.ros.uwb_tag, anchor)
 
-    def _first_origin(self, message: Any) -> None:
-        origin = (float(message.latitude), float(message.longitude), 0.0)
-        if decode.fix(message, origin) is not None:
-            self.origin = origin
-            self._tell(f"the map's origin is the first fix, at latitude "
-                           f"{origin[0]!r} and longitude {origin[1]!r}; ros.gps_origin says where "
-                           "it is")  # fmt: skip
+    def _poses(self, messages: Unpacked) -> Said:
+        return decode_many.poses(messages, self.heard.ros.frames.map)
 
-    def _sightings(self, message: Any, time_ns: int) -> None:
-        rows = self._rows("landmark_sightings", stamp_ns=np.int64, record_ns=np.int64,
-                          landmark=np.str_, range_m=float, bearing_rad=float,
-                          sigma_range_m=float, sigma_bearing_rad=float)  # fmt: skip
-        for row in decode.sightings(message):
-            if self.sight_frame is None:
-                self.sight_frame = row.frame
-            elif row.frame != self.sight_frame:
-                raise MessageError(f"a sighting is in frame {row.frame!r}, the first in "
-                                   f"{self.sight_frame!r}: a log has one such sensor")  # fmt: skip
-            sigmas = (math.nan if s is None else s for s in row[4:6])
-            rows.add(row.stamp_ns, time_ns, *row[1:4], *sigmas)
+    def _positions(self, messages: Unpacked) -> Said:
+        heard = self.heard
+        said = decode_many.positions(messages, heard.ros.frames.map, heard.origin)
+        if heard.origin is None and said.first is not None:
+            heard.tell(f"the map's origin is the first fix, at latitude {said.first[0]!r} and "
+                       f"longitude {said.first[1]!r}; ros.gps_origin says where it is")  # fmt: skip
+            heard.origin = said.first
+        return said
 
-    def _truth(self, message: Any, time_ns: int) -> None:
-        row = decode.truth(message)
-        check_frame("poses of the reference", row.frame, self.ros.frames.map)
-        rows = self._rows("truth", stamp_ns=np.int64, record_ns=np.int64, x_m=float, y_m=float,
-                          z_m=float, heading_rad=float)  # fmt: skip
-        rows.add(row.stamp_ns, time_ns, *row[1:5])
+    def _truth(self, messages: Unpacked) -> Said:
+        return decode_many.truth(messages, self.heard.ros.frames.map)
 
-    def _map(self, message: Any, _: int) -> None:
+    def _sightings(self, messages: Unpacked) -> Said:
+        said = decode_many.sightings(messages, self.heard.sight_frame)
+        self.heard.sight_frame = said.first
+        return said
+
+    # What is said of the world ---------------------------------------------------------------
+
+    def _take(self, sender: _Sender, data: bytes) -> None:
+        topic = sender.connection.topic
+        try:
+            self.world[topic](deserializer(sender.connection)(data))
+        except (MessageError, LogError) as error:
+            self.heard.left_out(topic, partial(str, error))
+        except broken() as error:
+            self.heard.left_out(topic, partial(NO_MESSAGE.format, error))
+        else:
+            self.heard.count(topic, 1)
+
+    def _transforms(self, message: Any) -> None:
+        self.heard.tree.add(decode.transforms(message))
+
+    def _settings(self, message: Any) -> None:
+        self.heard.settings = bag_settings.settings_of(str(getattr(message, "data", "")))
+
+    def _map(self, message: Any) -> None:
         grid = decode.grid(message)
-        check_frame("maps", message.header.frame_id, self.ros.frames.map)
-        self.grid = grid
-
-    def _anchors(self, message: Any, time_ns: int) -> None:
-        self._points("anchors", message)
-
-    def _landmarks(self, message: Any, time_ns: int) -> None:
-        self._points("landmarks", message)
+        check_frame("maps", message.header.frame_id, self.heard.ros.frames.map)
+        self.heard.grid = grid
 
     def _points(self, stem: str, message: Any) -> None:
         """Take points; those of a name that came before are replaced."""
         names, at, radii = decode.points(message)
-        check_frame(stem, message.header.frame_id, self.ros.frames.map)
-        rows = self.tables[stem] = Rows(name=np.str_, x_m=float, y_m=float, z_m=float,
-                                        radius_m=float)  # fmt: skip
-        for index, name in enumerate(names):
-            rows.add(name, *at[index].tolist(), math.nan if radii is None else radii[index])
+        check_frame(stem, message.header.frame_id, self.heard.ros.frames.map)
+        points = self.heard.tables[stem] = Blocks()
+        points.add({"name": np.array(names, np.str_), "x_m": at[:, 0], "y_m": at[:, 1],
+                    "z_m": at[:, 2],
+                    "radius_m": np.full(len(at), np.nan) if radii is None else radii})  # fmt: skip
 
-    def _relation(self, message: Any, _: int) -> None:
-        rows = self._rows("relations", begin_ns=np.int64, end_ns=np.int64, dx_m=float, dy_m=float,
-                          dheading_rad=float)  # fmt: skip
-        rows.add(*decode.relation(message))
-
-    def _transforms(self, message: Any, _: int) -> None:
-        self.tree.add(decode.transforms(message))
-
-    def _settings(self, message: Any, _: int) -> None:
-        self.settings = bag_settings.settings_of(str(getattr(message, "data", "")))
-
-    # Making a log of it ----------------------------------------------------------------------
-
-    def _find_mounts(self, bag: Bag) -> None:
-        """Look through tf for mounts that tf_static does not tell: ROS 1 may tell them there."""
-        wanted = {self.laser[0]} if self.laser else set()
-        wanted |= {frame for frame in self.tag_frames.values() if frame}
-        wanted |= {self.sight_frame} if self.sight_frame else set()
-        wanted = {str(frame) for frame in wanted if str(frame) not in self.tree}
-        if not wanted or self.settings or not any(c.topic == "tf" for c in bag.counts):
-            return
-        moving = plain(self.ros.frames.odom), plain(self.ros.frames.map)
-        again = Bag(self.path)
-        unusable: tuple[type[Exception], ...] = (MessageError, *broken())
-        for number, (connection, _, data) in enumerate(again.messages(lambda c: c.topic == "tf")):
-            decoder = self._decoder(connection)
-            if number == MOST_TRANSFORMS or decoder is None or all(f in self.tree for f in wanted):
-                return
-            try:
-                rows = decode.transforms(decoder(data))
-            except unusable:
-                continue
-            self.tree.add(row for row in rows if row.parent not in moving)
-
-    def _log(self, bag: Bag) -> Log:
-        own_clock = self._own_clock()
-        tables: dict[str, Columns] = {}
-        for stem in [stem for stem in ORDER if stem in self.tables]:
-            raw = self.tables.pop(stem).columns()
-            if "record_ns" in raw:
-                raw = self._timed(stem, raw, own_clock)
-            tables[stem] = getattr(self, f"_table_{stem}", _as_it_is)(raw)
-        told = self.settings.columns if self.settings else {}
-        for stem, names in told.items():
-            if stem in tables:
-                tables[stem] = {name: tables[stem][name] for name in names if name in tables[stem]}
-            elif stem in MAY_BE_EMPTY:
-                tables[stem] = _empty(names)
-        filled = [stem for stem in tables if stem in MAY_BE_EMPTY or _length(tables[stem])]
-        tables = {stem: tables[stem] for stem in [*told, *filled] if stem in filled}
-        return self._with_world(tables, bag)
-
-    def _own_clock(self) -> bool:
-        """Return whether record times count from the origin of the stamps."""
-        if self.settings is not None:
-            return True
-        lags = [
-            rows.lag_ns() for stem, rows in self.tables.items() if stem in MESSAGES and len(rows)
-        ]
-        lag = float(np.median(lags)) if lags else 0.0
-        if abs(lag) <= OTHER_CLOCK_NS:
-            return True
-        self._tell(f"was recorded {lag / NANOSECONDS:.6g} s after the stamps of its messages, by "
-                   "another clock; so messages arrive at their stamps")  # fmt: skip
-        return False
-
-    def _timed(self, stem: str, raw: Columns, own_clock: bool) -> Columns:
-        """Return a table with stamps and arrivals of the log, in order; `record_ns` is gone."""
-        record = raw.pop("record_ns")
-        if own_clock:
-            raw, record = self._without_future(stem, raw, record)
-        shift = self.settings.shift_ns if self.settings else 0
-        raw["stamp_ns"] = stamp = raw["stamp_ns"] - shift
-        arrival = np.maximum(record - shift, stamp) if own_clock else stamp
-        keeps = bool((arrival != stamp).any())
-        if self.settings is not None and stem in self.settings.columns:
-            keeps = "arrival_ns" in self.settings.columns[stem]
-        if stem in MESSAGES and keeps:
-            raw["arrival_ns"] = arrival
-        by = stamp if stem in INCREASING or not keeps else arrival
-        if (np.diff(by) < 0).any():
-            order = np.argsort(by, kind="stable")
-            raw = {name: values[order] for name, values in raw.items()}
-        return self._increasing(stem, raw) if stem in INCREASING else raw
-
-    def _without_future(
-        self, stem: str, raw: Columns, record: NDArray[Any]
-    ) -> tuple[Columns, NDArray[Any]]:
-        ahead = raw["stamp_ns"] - record
-        if not (ahead > AHEAD_NS).any():
-            return raw, record
-        far = ahead > OTHER_CLOCK_NS
-        near = int((ahead > AHEAD_NS).sum() - far.sum())
-        if near:
-            most = ahead[~far].max() / NANOSECONDS
-            self._tell(f"{near} of the {stem} are stamped up to {most:.3g} s after they were "
-                       "recorded; they arrive when stamped. Do the clocks agree?")  # fmt: skip
-        if far.any():
-            self._tell(f"{int(far.sum())} of the {stem} are stamped more than an hour after they "
-                       "were recorded and are left out")  # fmt: skip
-        return {name: values[~far] for name, values in raw.items()}, record[~far]
-
-    def _increasing(self, stem: str, raw: Columns) -> Columns:
-        repeats = np.concatenate([[False], np.diff(raw["stamp_ns"]) == 0])
-        if not repeats.any():
-            return raw
-        self._tell(f"{int(repeats.sum())} messages of {stem} have the stamp of "
-                       "another and are left out")  # fmt: skip
-        return {name: values[~repeats] for name, values in raw.items()}
-
-    def _table_odometry(self, raw: Columns) -> Columns:
-        stamp = raw["stamp_ns"]
-        times = {"arrival_ns": raw["arrival_ns"]} if "arrival_ns" in raw else {}
-        if self._odometry_from() == "twist":
-            return {"stamp_ns": stamp, "v_mps": raw["v_mps"], "omega_radps": raw["omega_radps"],
-                    **times}  # fmt: skip
-        motion = self._without_jumps(stamp, np.column_stack([raw["x"], raw["y"], raw["heading"]]))
-        return {"stamp_ns": stamp, "dx_m": motion[:, 0].copy(), "dy_m": motion[:, 1].copy(),
-                "dheading_rad": motion[:, 2].copy(), **times}  # fmt: skip
-
-    def _without_jumps(self, stamp: NDArray[Any], poses: FloatArray) -> FloatArray:
-        """Return increments; where odometry was set anew the body did not move."""
-        motion = increments_of(poses)
-        seconds = np.maximum(np.diff(stamp, prepend=stamp[0] - NANOSECONDS) / NANOSECONDS, 1e-9)
-        fast = np.hypot(motion[:, 0], motion[:, 1]) / seconds > MAX_SPEED_MPS
-        fast |= np.abs(motion[:, 2]) / seconds > MAX_TURN_RATE_RADPS
-        fast[0] = False
-        if fast.any():
-            first = int(np.argmax(fast))
-            self._tell(f"odometry jumps {int(fast.sum())} times, first by "
-                       f"{np.hypot(*motion[first, :2]):.3g} m at "
-                       f"{stamp[first] / NANOSECONDS:.3f} s; it was set anew, so no motion is "
-                       "taken there")  # fmt: skip
-            motion[fast] = 0.0
-        return motion
-
-    def _table_ranges(self, raw: Columns) -> Columns:
-        return self._known_sigmas("ranges", raw, ("sigma_m",))
-
-    def _table_landmark_sightings(self, raw: Columns) -> Columns:
-        names = ("sigma_range_m", "sigma_bearing_rad")
-        return self._known_sigmas("landmark_sightings", raw, names)
-
-    def _known_sigmas(self, stem: str, raw: Columns, names: tuple[str, ...]) -> Columns:
-        """Return a table with sigmas where all rows have them, else without."""
-        unknown = np.isnan(raw[names[0]])
-        if not unknown.any():
-            return raw
-        if not unknown.all():
-            self._tell(f"{int(unknown.sum())} of {len(unknown)} {stem} bring no "
-                           "sigma; those of the others are left out, too")  # fmt: skip
-        return {name: values for name, values in raw.items() if name not in names}
-
-    def _table_positions(self, raw: Columns) -> Columns:
-        if (raw["tag"] == "").all() and not self._told("positions", "tag"):
-            raw.pop("tag")
-        return raw
-
-    def _table_truth(self, raw: Columns) -> Columns:
-        if np.isnan(raw["heading_rad"]).any():
-            raw.pop("heading_rad")
-        if not raw["z_m"].any() and not self._told("truth", "z_m"):
-            raw.pop("z_m")
-        return raw
-
-    def _table_anchors(self, raw: Columns) -> Columns:
-        return {"anchor": raw["name"], **{key: raw[key] for key in ("x_m", "y_m", "z_m")}}
-
-    def _table_landmarks(self, raw: Columns) -> Columns:
-        table = {"landmark": raw["name"], "x_m": raw["x_m"], "y_m": raw["y_m"]}
-        if raw["z_m"].any() or self._told("landmarks", "z_m"):
-            table["z_m"] = raw["z_m"]
-        if not np.isnan(raw["radius_m"]).any():
-            table["radius_m"] = raw["radius_m"]
-        return table
-
-    def _table_relations(self, raw: Columns) -> Columns:
-        shift = self.settings.shift_ns if self.settings else 0
-        return {**raw, "begin_ns": raw["begin_ns"] - shift, "end_ns": raw["end_ns"] - shift}
-
-    def _told(self, stem: str, column: str) -> bool:
-        return self.settings is not None and column in self.settings.columns.get(stem, ())
-
-    # The world -------------------------------------------------------------------------------
-
-    def _with_world(self, tables: dict[str, Columns], bag: Bag) -> Log:
-        told = dict(self.settings.log) if self.settings else {}
-        world = self.world or Log(tables={})
-        for stem in ("anchors", "landmarks"):
-            if stem in world:
-                tables[stem] = dict(world[stem])
-        tags = {**self._tags(told.get("tags", {}), world), **world.tags}
-        laser = self._laser(told.get("laser"), world)
-        if laser is None and "scans" in tables:
-            tables.pop("scans")
-        if not any(len(tables[stem]["stamp_ns"]) for stem in MESSAGES if stem in tables):
-            raise LogError(self._nothing(bag))
-        grid = world.grid or self.grid
-        name = world.map if world.grid is not None else told.get("map") or "map.yaml"
-        return Log(
-            tables=tables,
-            tags=tags,
-            laser=laser,
-            map=name if grid is not None else None,
-            grid=grid,
-            description=told.get("description", ""),
-            licence=told.get("licence", ""),
-            landmark_sensor=self._landmark_sensor(told.get("landmark_sensor"), world),
-        )
-
-    def _laser(self, told: Any, world: Log) -> Any:
-        if self.laser is None:
-            return told or world.laser
-        frame, start, increment, nearest, farthest, *_ = self.laser
-        geometry = {"angle_min_rad": start, "angle_increment_rad": increment,
-                    "range_min_m": nearest, "range_max_m": farthest}  # fmt: skip
-        if told is not None and all(decode.decimal(told[key]) == value
-                                    for key, value in geometry.items()):  # fmt: skip
-            return dict(told)
-        try:
-            if world.laser is not None:
-                pose = list(world.laser["pose_in_body"])
-                flipped = frame in self.tree and self.tree.upside_down(frame)
-            else:
-                x, y, _, heading = self.tree.mount(frame)
-                pose, flipped = [x, y, heading], self.tree.upside_down(frame)
-        except MessageError as error:
-            self._lost("scans", f"{error}")
-            return None
-        if flipped:
-            geometry |= {"angle_min_rad": -start, "angle_increment_rad": -increment}
-        return {"pose_in_body": pose, **geometry}
-
-    def _tags(self, told: Any, world: Log) -> dict[str, tuple[float, float, float]]:
-        found = {name: tuple(at) for name, at in told.items()}
-        for tag, frame in self.tag_frames.items():
-            if tag in found or tag in world.tags:
-                continue
-            try:
-                mount = self.tree.mount(frame or tag)
-                found[tag] = (mount.x, mount.y, mount.z)
-            except MessageError as error:
-                self._tell(f"where the tag {tag!r} sits is not known: {error}")
-        return found
-
-    def _landmark_sensor(self, told: Any, world: Log) -> Any:
-        if world.landmark_sensor is not None:
-            return world.landmark_sensor
-        if told is not None or not self.sight_frame or self.settings is not None:
-            return told
-        try:
-            x, y, _, heading = self.tree.mount(self.sight_frame)
-        except MessageError as error:
-            logger.warning(
-                f"{self.path}: landmarks are taken as seen from the body's origin: {error}"
-            )
-            return None
-        return {"pose_in_body": [x, y, heading]}
-
-    # Saying what is missing ------------------------------------------------------------------
-
-    def _lost(self, key: str, why: str) -> None:
-        topic = plain(getattr(self.ros.topics, key) or key)
-        self._left_out(topic, why, self.heard.pop(topic, 1))
-
-    def _say(self, bag: Bag) -> None:
-        """Say what was left out, and which topics were asked for by name but are not there."""
-        for topic, trouble in self.trouble.items():
-            total = trouble.count + self.heard.get(topic, 0)
-            self._tell(f"{trouble.count} of {total} messages on {topic} are left "
-                           f"out: {trouble.first}")  # fmt: skip
-        for key, topic in self._silent(bag):
-            if key in self.ros.topics.model_fields_set:
-                advice = self._advice(key, bag) or f"; {_named(bag)}"
-                self._tell(f"nothing on {topic}, where ros.topics.{key} is expected{advice}")
-            elif advice := self._advice(key, bag):
-                self._tell(f"nothing on {topic}{advice}")
-        for topic in self.ros.range_topics:
-            if not any(c.topic == plain(topic) for c in bag.counts):
-                self._tell(f"nothing on {plain(topic)}, where ros.range_topics "
-                               f"expects an anchor; {_named(bag)}")  # fmt: skip
-
-    def _silent(self, bag: Bag) -> Iterator[tuple[str, str]]:
-        there = {connection.topic for connection in bag.counts}
-        for key in (*TYPES, "anchors", "landmarks", "truth"):
-            topic = getattr(self.ros.topics, key)
-            if topic is not None and plain(topic) not in there:
-                yield key, plain(topic)
-
-    def _advice(self, key: str, bag: Bag) -> str:
-        """Return which topics have the type that one without messages should have."""
-        told = {plain(t) for t in vars(self.ros.topics).values() if t is not None}
-        others = sorted(c.topic for c in bag.counts
-                        if c.type == TYPES.get(key) and c.topic not in told)  # fmt: skip
-        if not others:
-            return ""
-        return f"; {' and '.join(others)} of that type ({TYPES[key]}) may be meant: " \
-               f"set ros.topics.{key}"  # fmt: skip
-
-    def _nothing(self, bag: Bag) -> str:
-        """Return why there is no log, in a sentence."""
-        for topic, trouble in self.trouble.items():
-            return (f"{self.path}: no message can be used; {trouble.count} on {topic} are left "
-                    f"out: {trouble.first}")  # fmt: skip
-        for sentence in bag.damage:
-            return sentence
-        for key, topic in self._silent(bag):
-            if advice := self._advice(key, bag):
-                return f"{self.path}: nothing on {topic}{advice}"
-        return f"{self.path}: no message on a topic that ros.topics names; {_named(bag)}"
+    def _relation(self, message: Any) -> None:
+        begin, end, *moved = decode.relation(message)
+        row = {"begin_ns": np.array([begin]), "end_ns": np.array([end])}
+        motion = zip(("dx_m", "dy_m", "dheading_rad"), moved, strict=True)
+        row |= {name: np.array([value]) for name, value in motion}
+        self.heard.tables.setdefault("relations", Blocks()).add(row)
 
 
-ORDER = ("odometry", "ranges", "positions", "poses", "landmark_sightings", "scans", "truth",
-         "relations", "anchors", "landmarks")  # fmt: skip
-
-
-def _named(bag: Bag) -> str:
-    """Return which topics there are."""
-    there = sorted({f"{c.topic} ({c.type})" for c in bag.counts})
-    return f"the bag has {', '.join(there)}" if there else "the bag is empty"
-
-
-def _length(table: Columns) -> int:
-    return len(next(iter(table.values())))
-
-
-def _check_range(row: decode.RangeRow) -> None:
-    if row.range_m > MAX_RANGE_M:
-        raise MessageError(f"a range of {row.range_m:g} m; are distances in mm? ros.uwb_unit says "
-                           "what they are")  # fmt: skip
-
-
-def _as_it_is(raw: Columns) -> Columns:
-    return raw
-
-
-def _empty(names: Iterable[str]) -> Columns:
-    """Return the columns of a message table without rows."""
-    texts = ("tag", "anchor", "landmark")
-    return {
-        name: np.zeros((0, 1) if name in ("ranges_m", "intensities") else 0,
-                       np.int64 if name.endswith("_ns") else np.str_ if name in texts else float)
-        for name in names
-    }  # fmt: skip
-
-
-def _sigmas(covariance: FloatArray) -> tuple[float, float]:
-    """Return sigmas of position and heading; -1 or 0 where a driver says that it knows none."""
-    if covariance[0, 0] == -1.0:
-        return -1.0, -1.0
-    if not covariance.any():
-        return 0.0, 0.0
-    xy, heading = 0.5 * (covariance[0, 0] + covariance[1, 1]), covariance[2, 2]
-    if not (xy > 0.0 and heading > 0.0):
-        raise MessageError(f"the variances of x, y and heading are {covariance[0, 0]:g}, "
-                           f"{covariance[1, 1]:g} and {heading:g}; expected > 0, or all 0 or -1 "
-                           "first where they are not known")  # fmt: skip
-    return min(math.sqrt(xy), NOT_MEASURED_M), min(math.sqrt(heading), NOT_MEASURED_M)
+def _in_order(parts: list[Columns]) -> Columns:
+    """Return rows of several connections in the order of their messages."""
+    if len(parts) > 1:
+        joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        order = np.argsort(joined["number"], kind="stable")
+        parts = [{name: values[order] for name, values in joined.items()}]
+    return {name: values for name, values in parts[0].items() if name != "number"}

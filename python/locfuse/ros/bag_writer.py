@@ -3,18 +3,10 @@
 
 from __future__ import annotations
 
-import heapq
 import math
-import os
-import shutil
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
-from itertools import groupby
 from pathlib import Path
-from tempfile import mkdtemp
-from types import TracebackType
 from typing import Any, Protocol
 
 import numpy as np
@@ -23,19 +15,19 @@ from numpy.typing import NDArray
 from locfuse import _core
 from locfuse.config.ros import Ros, Topics, plain
 from locfuse.io.log_folder import MESSAGES
-from locfuse.ros import bag_settings, encode
-from locfuse.ros.decode import FixRow, RangeRow, ScanRow, SightingRow, TruthRow
+from locfuse.ros import bag_settings, encode, encode_many
+from locfuse.ros.bag_files import Sink, bag_sink
 from locfuse.ros.encode import Publication
 from locfuse.ros.increments import poses_of
-from locfuse.ros.needs import need
-from locfuse.ros.wire import defined, long, serializer, store
+from locfuse.ros.pack import Values
 from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, LogError, RunResult
 
-Told = tuple[int, Publication]
 Progress = Callable[[int, int], None]
 
 LAST_S = 2**31  # seconds since 1970 that a stamp of ROS can tell
 TELL_EVERY = 1000  # messages between two calls of progress
+BLOCK = 1024  # messages of a topic that are packed at once
+TRANSFORMS = "tf2_msgs/TFMessage"
 LASER_FRAME, SIGHT_FRAME = "laser", "landmark_sensor"
 
 
@@ -64,148 +56,62 @@ def write_bag(
     LogError
         If the path ends in something else, a stamp is beyond the year 2038, or rosbags is missing.
     """
-    path = Path(path)
-    told = _Telling(source, Ros() if ros is None else ros)
-    total = told.count()
-    with bag_sink(path) as sink:
-        for number, (time_ns, publication) in enumerate(told.messages()):
-            sink.write(time_ns, publication)
-            if progress is not None and number % TELL_EVERY == 0:
-                progress(min(number, total), total)
-    if progress is not None:
-        progress(total, total)
+    streams = _Telling(source, Ros() if ros is None else ros).streams()
+    times = np.concatenate([stream.times for stream in streams])
+    which = np.repeat(np.arange(len(streams)), [len(stream.times) for stream in streams])
+    order = np.argsort(times, kind="stable")
+    tell = progress or (lambda done, of: None)
+    with bag_sink(Path(path)) as sink:
+        told = [stream.told(sink) for stream in streams]
+        for done in range(0, len(order), TELL_EVERY):
+            tell(done, len(order))
+            rows = order[done : done + TELL_EVERY]
+            for time_ns, stream in zip(times[rows].tolist(), which[rows].tolist(), strict=True):
+                connection, data = next(told[stream])
+                sink.put(connection, time_ns, data)
+    tell(len(order), len(order))
 
 
-# Files -----------------------------------------------------------------------------------------
+class _Stream(Protocol):
+    """Messages in order of the times at which they are told [ns]."""
+
+    times: NDArray[np.int64]
+
+    def told(self, sink: Sink) -> Iterator[tuple[Any, bytes]]:
+        """Yield each with what it is put under."""
 
 
-class Sink(Protocol):
-    """What takes publications, and when they were made [ns]."""
+@dataclass
+class _Few:
+    """Messages that are made one by one."""
 
-    def write(self, time_ns: int, publication: Publication) -> None: ...
+    times: NDArray[np.int64]
+    publications: Iterable[Publication]
 
-
-def check_bag(path: Path) -> None:
-    """Refuse a name of a bag that cannot be written, before the work and not after it.
-
-    Raises
-    ------
-    LogError
-        If it ends neither in ``.bag`` nor in ``.mcap``, or rosbags is missing.
-    """
-    if path.suffix not in (".bag", ".mcap"):
-        raise LogError(f"{path}: ends in {path.suffix!r}; a bag is written as .bag (ROS 1) or "
-                       ".mcap (ROS 2)")  # fmt: skip
-    need("rosbags")
+    def told(self, sink: Sink) -> Iterator[tuple[Any, bytes]]:
+        for one in self.publications:
+            yield sink.connection(one.topic, one.type, one.latched), sink.made(one)
 
 
-def bag_sink(path: Path) -> AbstractContextManager[Sink]:
-    """Return what writes publications into a bag, which is there once its block has ended.
+@dataclass
+class _Many:
+    """Messages of a table: `tell` makes values to pack of some rows, and of how many each has."""
 
-    Raises
-    ------
-    LogError
-        As `check_bag`.
-    """
-    check_bag(path)
-    return _Ros1Sink(path) if path.suffix == ".bag" else _McapSink(path)
+    topic: str
+    kind: str
+    table: Columns
+    times: NDArray[np.int64]
+    tell: Callable[[Columns, NDArray[np.int64]], Values]
+    firsts: NDArray[np.int64]  # rows at which messages begin, and the end of the last one
 
-
-class _FileSink(ABC):
-    """Writes beside the file and moves it there when it is whole."""
-
-    encoding = ""
-
-    def __init__(self, path: Path) -> None:
-        store(self.encoding)  # says what is missing before anything is made
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self.path = path
-        self.folder = Path(mkdtemp(prefix=f".{path.name}.", dir=path.parent))
-        self.known: dict[tuple[str, str], tuple[Any, Callable[[Any], bytes]]] = {}
-        self.writer: Any = None
-
-    def __enter__(self) -> _FileSink:
-        self.writer = self._open()
-        self.writer.open()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        try:
-            self.writer.close()
-            if kind is None:
-                os.replace(self._made(), self.path)
-        finally:
-            shutil.rmtree(self.folder, ignore_errors=True)
-
-    def write(self, time_ns: int, publication: Publication) -> None:
-        key = (publication.topic, publication.type)
-        if key not in self.known:
-            topic = f"/{plain(publication.topic)}"
-            connection = self._connect(topic, publication.type, publication.latched)
-            self.known[key] = (connection, serializer(self.encoding, publication.type))
-        connection, made = self.known[key]
-        self.writer.write(connection, time_ns, made(publication.fields))
-
-    @abstractmethod
-    def _open(self) -> Any: ...
-
-    @abstractmethod
-    def _made(self) -> Path: ...
-
-    @abstractmethod
-    def _connect(self, topic: str, kind: str, latched: bool) -> Any: ...
-
-
-class _Ros1Sink(_FileSink):
-    encoding = "ros1"
-
-    def _open(self) -> Any:
-        return need("rosbags.rosbag1").Writer(self._made())
-
-    def _made(self) -> Path:
-        return self.folder / "made.bag"
-
-    def _connect(self, topic: str, kind: str, latched: bool) -> Any:
-        text, digest = defined(self.encoding, kind)
-        return self.writer.add_connection(topic, long(kind), msgdef=text, md5sum=digest,
-                                          callerid="/locfuse", latching=int(latched))  # fmt: skip
-
-
-class _McapSink(_FileSink):
-    encoding = "cdr"
-
-    def _open(self) -> Any:
-        rosbag2 = need("rosbags.rosbag2")
-        writer = rosbag2.Writer(self.folder / "made", version=rosbag2.Writer.VERSION_LATEST,
-                                storage_plugin=rosbag2.StoragePlugin.MCAP)  # fmt: skip
-        writer.set_compression(rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD)
-        return writer
-
-    def _made(self) -> Path:
-        return self.folder / "made" / "made.mcap"
-
-    def _connect(self, topic: str, kind: str, latched: bool) -> Any:
-        return self.writer.add_connection(
-            topic, long(kind), typestore=store(self.encoding),
-            offered_qos_profiles=[_quality(latched)],
-        )  # fmt: skip
-
-
-def _quality(latched: bool) -> Any:
-    """Return what a publisher of ROS 2 offers: reliable, and kept for who comes late if latched."""
-    said = need("rosbags.interfaces")
-    ever = said.QosTime(2147483647, 4294967295)
-    durability = said.QosDurability
-    return said.Qos(
-        said.QosHistory.KEEP_LAST, 1 if latched else 10, said.QosReliability.RELIABLE,
-        durability.TRANSIENT_LOCAL if latched else durability.VOLATILE, ever, ever,
-        said.QosLiveliness.AUTOMATIC, ever, False,
-    )  # fmt: skip
+    def told(self, sink: Sink) -> Iterator[tuple[Any, bytes]]:
+        connection = sink.connection(self.topic, self.kind)
+        for begin in range(0, len(self.times), BLOCK):
+            firsts = self.firsts[begin : begin + BLOCK + 1]
+            part = {name: values[firsts[0] : firsts[-1]] for name, values in self.table.items()}
+            values = self.tell(part, np.diff(firsts))
+            for data in sink.packed(self.kind, len(firsts) - 1, values):
+                yield connection, data
 
 
 # What is told ----------------------------------------------------------------------------------
@@ -252,14 +158,11 @@ class _Telling:
         return {tag: f"tag/{tag}" if plain(tag) in taken or not plain(tag) else plain(tag)
                 for tag in self.log.tags}  # fmt: skip
 
-    def count(self) -> int:
-        """Return about how many messages there will be."""
-        rows = sum(len(t["stamp_ns"]) for t in self.log.tables.values() if "stamp_ns" in t)
-        return rows if self.result is None else rows + 2 * len(self.result.estimate)
-
-    def messages(self) -> Iterator[Told]:
-        streams = [self._head()]
-        tell: dict[str, Callable[[Columns], Iterator[Told]]] = {
+    def streams(self) -> list[_Stream]:
+        """Return all that is told; at one time in this order."""
+        head = list(self._head())
+        found: list[_Stream] = [_Few(np.full(len(head), self.begin), head)]
+        tell: dict[str, Callable[[Columns], Iterator[_Stream]]] = {
             "odometry": self._odometry, "ranges": self._ranges, "positions": self._positions,
             "poses": self._poses, "landmark_sightings": self._sightings, "scans": self._scans,
             "truth": self._truth,
@@ -267,10 +170,10 @@ class _Telling:
         for stem, teller in tell.items():
             if stem in self.log and len(self.log[stem]["stamp_ns"]):
                 more = self._driven if stem == "odometry" else {}
-                streams.append(teller(self._heard(stem, {**self.log[stem], **more})))
+                found += teller(self._heard(stem, {**self.log[stem], **more}))
         if self.result is not None:
-            streams += [self._estimates(self.result), self._health(self.result)]
-        return heapq.merge(*streams, key=lambda told: told[0])
+            found += [*self._estimates(self.result), *self._health(self.result)]
+        return found
 
     def _heard(self, stem: str, table: dict[str, NDArray[Any]]) -> Columns:
         """Return a table in the bag's time and in order of `heard_ns`, its arrival there."""
@@ -289,25 +192,23 @@ class _Telling:
 
     # At the beginning
 
-    def _head(self) -> Iterator[Told]:
+    def _head(self) -> Iterator[Publication]:
         frame = plain(self.ros.frames.map)
-        yield (
-            self.begin,
-            encode.text(bag_settings.TOPIC, bag_settings.text_of(self.log, self.shift)),
-        )
+        yield encode.text(bag_settings.TOPIC, bag_settings.text_of(self.log, self.shift))
         if mounts := self._mounts():
-            yield self.begin, encode.transforms(mounts, static=True)
+            yield encode.transforms(mounts, static=True)
         if self.log.grid is not None:
-            yield self.begin, encode.occupancy_grid(self._topic("map"), self.log.grid, frame,
-                                                    self.begin)  # fmt: skip
+            yield encode.occupancy_grid(self._topic("map"), self.log.grid, frame,
+                                        self.begin)  # fmt: skip
         for stem, name in (("anchors", "anchor"), ("landmarks", "landmark")):
             if stem in self.log:
-                yield self.begin, self._points(stem, name, frame)
+                yield self._points(stem, name, frame)
         if "relations" in self.log:
-            for row in _rows(self.log["relations"]):
-                yield self.begin, self._relation(row, frame)
+            columns = (values.tolist() for values in self.log["relations"].values())
+            for row in zip(*columns, strict=True):
+                yield self._relation(row, frame)
         if self.result is not None and self.ros.topics.path is not None:
-            yield self.begin, self._path(self.result, frame)
+            yield self._path(self.result, frame)
 
     def _mounts(self) -> list[encode.Fields]:
         base = plain(self.ros.frames.base)
@@ -348,90 +249,87 @@ class _Telling:
 
     # Sensors
 
-    def _odometry(self, table: Columns) -> Iterator[Told]:
+    def _odometry(self, table: Columns) -> Iterator[_Stream]:
         odom, base = plain(self.ros.frames.odom), plain(self.ros.frames.base)
-        topic = self._topic("odometry")
-        names = ("heard_ns", "stamp_ns", "x", "y", "heading", "v", "omega")
-        for heard, stamp, x, y, heading, v, omega in _rows(table, names):
-            pose = (x, y, heading)
-            yield heard, encode.odometry(topic, stamp, pose, (v, omega), odom, base)
-            yield heard, encode.transforms([encode.transform(stamp, odom, base, pose)])
+        yield _each(self._topic("odometry"), "nav_msgs/Odometry", table,
+                    lambda part: encode_many.odometry(part, odom, base))  # fmt: skip
+        yield _each("tf", TRANSFORMS, table, lambda part: encode_many.transforms(part, odom, base))
 
-    def _ranges(self, table: Columns) -> Iterator[Told]:
-        topic = self._topic("ranges")
-        names = ("heard_ns", "stamp_ns", "tag", "anchor", "range_m", "sigma_m")
-        for heard, rows in groupby(_rows(table, names), key=lambda row: row[0]):
-            told = [RangeRow(stamp, tag, anchor, distance, sigma, self.frames.get(tag, ""))
-                    for _, stamp, tag, anchor, distance, sigma in rows]  # fmt: skip
-            yield heard, encode.uwb_ranges(topic, told)
+    def _ranges(self, table: Columns) -> Iterator[_Stream]:
+        yield _together(
+            self._topic("ranges"), "locfuse_msgs/UwbRanges", table,
+            lambda part, counts: encode_many.ranges(part, counts, self.frames),
+        )  # fmt: skip
 
-    def _positions(self, table: Columns) -> Iterator[Told]:
-        topic, frame = self._topic("positions"), plain(self.ros.frames.map)
-        for heard, stamp, x, y, sigma, tag in _rows(
-            table, ("heard_ns", "stamp_ns", "x_m", "y_m", "sigma_m", "tag")
-        ):
-            row = FixRow(stamp, x, y, sigma, tag or "", frame)
-            yield heard, encode.tag_position(topic, row)
+    def _positions(self, table: Columns) -> Iterator[_Stream]:
+        frame = plain(self.ros.frames.map)
+        yield _each(self._topic("positions"), "locfuse_msgs/TagPosition", table,
+                    lambda part: encode_many.positions(part, frame))  # fmt: skip
 
-    def _poses(self, table: Columns) -> Iterator[Told]:
-        topic, frame = self._topic("poses"), plain(self.ros.frames.map)
-        names = ("heard_ns", "stamp_ns", "x_m", "y_m", "heading_rad", "sigma_xy_m",
-                 "sigma_heading_rad")  # fmt: skip
-        for heard, stamp, x, y, heading, xy, turn in _rows(table, names):
-            covariance = np.diag(
-                [-1.0, 0.0, 0.0] if xy == -1.0 else [xy * xy, xy * xy, turn * turn]
-            )
-            yield heard, encode.pose_with_covariance(topic, stamp, (x, y, heading), covariance,
-                                                     frame)  # fmt: skip
+    def _poses(self, table: Columns) -> Iterator[_Stream]:
+        xy, turn = table["sigma_xy_m"], table["sigma_heading_rad"]
+        covariance = np.zeros((len(xy), 3, 3))
+        variances = np.column_stack([xy * xy, xy * xy, turn * turn])
+        variances[xy == -1.0] = -1.0, 0.0, 0.0
+        covariance[:, range(3), range(3)] = variances
+        yield self._with_covariance(self._topic("poses"), {
+            "stamp_ns": table["stamp_ns"], "heard_ns": table["heard_ns"], "x": table["x_m"],
+            "y": table["y_m"], "heading": table["heading_rad"],
+            "covariance": covariance})  # fmt: skip
 
-    def _sightings(self, table: Columns) -> Iterator[Told]:
-        topic = self._topic("landmark_sightings")
+    def _with_covariance(self, topic: str, table: Columns) -> _Stream:
+        return _each(topic, "geometry_msgs/PoseWithCovarianceStamped", table,
+                     lambda part: encode_many.poses(part, plain(self.ros.frames.map)))  # fmt: skip
+
+    def _sightings(self, table: Columns) -> Iterator[_Stream]:
         frame = SIGHT_FRAME if self.log.landmark_sensor else plain(self.ros.frames.base)
-        names = ("heard_ns", "stamp_ns", "landmark", "range_m", "bearing_rad", "sigma_range_m",
-                 "sigma_bearing_rad")  # fmt: skip
-        for heard, rows in groupby(_rows(table, names), key=lambda row: row[0]):
-            told = [
-                SightingRow(stamp, name, distance, bearing, of_range, of_bearing, frame)
-                for _, stamp, name, distance, bearing, of_range, of_bearing in rows
-            ]
-            yield heard, encode.landmark_sightings(topic, told)
+        yield _together(
+            self._topic("landmark_sightings"), "locfuse_msgs/LandmarkSightings", table,
+            lambda part, counts: encode_many.sightings(part, counts, frame),
+        )  # fmt: skip
 
-    def _scans(self, table: Columns) -> Iterator[Told]:
-        laser, topic = self.log.laser, self._topic("scans")
+    def _scans(self, table: Columns) -> Iterator[_Stream]:
+        laser = self.log.laser
         if laser is None:
             raise LogError("the log has scans without laser, so a bag cannot tell their geometry")
         geometry = (laser["angle_min_rad"], laser["angle_increment_rad"], laser["range_min_m"],
                     laser["range_max_m"])  # fmt: skip
-        bright = table.get("intensities")
-        for row, (heard, stamp) in enumerate(_rows(table, ("heard_ns", "stamp_ns"))):
-            told = ScanRow(stamp, LASER_FRAME, *geometry, table["ranges_m"][row],
-                           None if bright is None else bright[row])  # fmt: skip
-            yield heard, encode.laser_scan(topic, told)
+        yield _each(self._topic("scans"), "sensor_msgs/LaserScan", table,
+                    lambda part: encode_many.scans(part, geometry, LASER_FRAME))  # fmt: skip
 
-    def _truth(self, table: Columns) -> Iterator[Told]:
+    def _truth(self, table: Columns) -> Iterator[_Stream]:
         topic, frame = self._topic("truth"), plain(self.ros.frames.map)
-        child = plain(self.ros.frames.base)
-        for stamp, x, y, z, heading in _rows(
-            table, ("stamp_ns", "x_m", "y_m", "z_m", "heading_rad")
-        ):
-            row = TruthRow(stamp, x, y, z or 0.0, math.nan if heading is None else heading, frame)
-            yield stamp, encode.truth(topic, row, child)
+        unknown = np.full(len(table["x_m"]), math.nan)
+        told = {"stamp_ns": table["stamp_ns"], "heard_ns": table["stamp_ns"], "x": table["x_m"],
+                "y": table["y_m"], "z": table.get("z_m", np.zeros(len(unknown))),
+                "heading": table.get("heading_rad", unknown)}  # fmt: skip
+        turned = ~np.isnan(told["heading"])
+        base = plain(self.ros.frames.base)
+        yield _each(topic, "nav_msgs/Odometry", {name: v[turned] for name, v in told.items()},
+                    lambda part: encode_many.odometry(part, frame, base))  # fmt: skip
+        yield _each(topic, "geometry_msgs/PointStamped",
+                    {name: values[~turned] for name, values in told.items()},
+                    lambda part: encode_many.points(part, frame))  # fmt: skip
 
     # What the run made of it
 
-    def _estimates(self, result: RunResult) -> Iterator[Told]:
-        track, topic = result.estimate, self.ros.topics.estimate
-        frame, odom = plain(self.ros.frames.map), plain(self.ros.frames.odom)
-        headings, in_odom = _headings(result).tolist(), self._in_odom(track.stamp_ns)
-        unknown = np.zeros((3, 3))
-        for row, stamp in enumerate((track.stamp_ns + self.shift).tolist()):
-            pose = (*track.position[row].tolist(), headings[row])
-            if topic is not None:
-                covariance = unknown if track.covariance is None else track.covariance[row]
-                yield stamp, encode.pose_with_covariance(plain(topic), stamp, pose, covariance,
-                                                         frame)  # fmt: skip
-            moved = encode.map_to_odom(pose, in_odom[row])
-            yield stamp, encode.transforms([encode.transform(stamp, frame, odom, moved)])
+    def _estimates(self, result: RunResult) -> Iterator[_Stream]:
+        track, frames = result.estimate, self.ros.frames
+        stamp, heading = track.stamp_ns + self.shift, _headings(result)
+        poses = np.column_stack([track.position, heading])
+        if self.ros.topics.estimate is not None:
+            none = np.zeros((len(stamp), 3, 3))
+            yield self._with_covariance(plain(self.ros.topics.estimate), {
+                "stamp_ns": stamp, "heard_ns": stamp, "x": poses[:, 0], "y": poses[:, 1],
+                "heading": heading,
+                "covariance": none if track.covariance is None else track.covariance,
+            })  # fmt: skip
+        in_odom = self._in_odom(track.stamp_ns)
+        moved = np.array(list(map(encode.map_to_odom, poses.tolist(), in_odom))).reshape(-1, 3)
+        table = {"stamp_ns": stamp, "heard_ns": stamp, "x": moved[:, 0], "y": moved[:, 1],
+                 "heading": moved[:, 2]}  # fmt: skip
+        yield _each("tf", TRANSFORMS, table, lambda part: encode_many.transforms(
+            part, plain(frames.map), plain(frames.odom)))  # fmt: skip
 
     def _in_odom(self, stamps: NDArray[np.int64]) -> list[list[float]]:
         """Return the body's pose in odom at other stamps; without odometry it stays at 0."""
@@ -445,23 +343,36 @@ class _Telling:
         told: list[list[float]] = found.tolist()
         return told
 
-    def _health(self, result: RunResult) -> Iterator[Told]:
+    def _health(self, result: RunResult) -> Iterator[_Stream]:
         health = result.health
         if health is None:
             return
-        for row, stamp in enumerate((health.stamp_ns + self.shift).tolist()):
-            status = encode.health_status(str(health.state[row]), str(health.reason[row]),
-                                          float(health.within[row]), float(health.wrong[row]),
-                                          health.protection[row].tolist())  # fmt: skip
-            yield stamp, encode.diagnostics(stamp, [status])
+        stamps = health.stamp_ns + self.shift
+
+        def told() -> Iterator[Publication]:
+            for row, stamp in enumerate(stamps.tolist()):
+                status = encode.health_status(str(health.state[row]), str(health.reason[row]),
+                                              float(health.within[row]), float(health.wrong[row]),
+                                              health.protection[row].tolist())  # fmt: skip
+                yield encode.diagnostics(stamp, [status])
+
+        yield _Few(stamps, told())
 
 
-def _rows(table: Columns, names: Sequence[str] | None = None) -> Iterator[tuple[Any, ...]]:
-    """Yield the rows of a table as plain values; None where it has no such column."""
-    length = len(next(iter(table.values())))
-    columns = [table[name].tolist() if name in table else [None] * length
-               for name in (names or table)]  # fmt: skip
-    return zip(*columns, strict=True)
+def _each(topic: str, kind: str, table: Columns, tell: Callable[[Columns], Values]) -> _Many:
+    """Return a message for each row."""
+    heard = table["heard_ns"]
+    return _Many(topic, kind, table, heard, lambda part, _: tell(part), np.arange(len(heard) + 1))
+
+
+def _together(
+    topic: str, kind: str, table: Columns,
+    tell: Callable[[Columns, NDArray[np.int64]], Values],
+) -> _Many:  # fmt: skip
+    """Return a message for all rows that are heard at once."""
+    heard = table["heard_ns"]
+    firsts = np.flatnonzero(np.diff(heard, prepend=heard[0] - 1, append=heard[-1] + 1))
+    return _Many(topic, kind, table, heard[firsts[:-1]], tell, firsts)
 
 
 def _headings(result: RunResult) -> FloatArray:

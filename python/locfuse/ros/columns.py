@@ -1,73 +1,53 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tables that grow row by row in little more memory than they end up with."""
+"""Tables that grow block by block."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-CHUNK = 4096  # rows that wait as objects of Python
+from locfuse.types import Columns
 
 
-class Rows:
-    """Rows of a table, of which each column becomes an array.
-
-    Parameters
-    ----------
-    **dtypes
-        Type of each column, by name; a column of arrays of one length becomes one of shape
-        (n, length).
+class Blocks:
+    """Rows of a table as they come: blocks of them, with the same columns.
 
     Examples
     --------
-    >>> rows = Rows(stamp_ns=np.int64, name=np.str_)
-    >>> rows.add(5, "a")
-    >>> rows.add(6, "bc")
-    >>> len(rows), rows.columns()["name"].tolist()
-    (2, ['a', 'bc'])
+    >>> blocks = Blocks()
+    >>> blocks.add({"stamp_ns": np.array([5, 6]), "name": np.array(["a", "bc"])})
+    >>> blocks.add({"stamp_ns": np.array([7]), "name": np.array(["def"])})
+    >>> len(blocks), blocks.columns()["name"].tolist()
+    (3, ['a', 'bc', 'def'])
     """
 
-    def __init__(self, **dtypes: Any) -> None:
-        self._dtypes = dtypes
-        self._waiting: list[tuple[Any, ...]] = []
-        self._packed: list[list[NDArray[Any]]] = []  # one array per column in each chunk
+    def __init__(self) -> None:
+        self._blocks: list[dict[str, NDArray[Any]]] = []
         self._count = 0
 
     def __len__(self) -> int:
         return self._count
 
-    def add(self, *row: Any) -> None:
-        """Add a row, in the order of the columns."""
-        self._waiting.append(row)
-        self._count += 1
-        if len(self._waiting) == CHUNK:
-            self._pack()
+    def add(self, columns: Columns) -> None:
+        """Add rows."""
+        self._blocks.append(dict(columns))
+        self._count += length(columns)
 
     def lag_ns(self) -> float:
-        """Return the median of `record_ns` minus `stamp_ns`, the first two columns."""
-        lags = [np.asarray(chunk[1] - chunk[0]) for chunk in self._packed]
-        lags.append(np.array([row[1] - row[0] for row in self._waiting], np.int64))
+        """Return the median of `record_ns` minus `stamp_ns`."""
+        lags = [block["record_ns"] - block["stamp_ns"] for block in self._blocks]
         return float(np.median(np.concatenate(lags)))
 
-    def _pack(self) -> None:
-        columns = zip(*self._waiting, strict=True)
-        self._packed.append(
-            [np.array(column, dtype) for column, dtype in zip(columns, self._dtypes.values(),
-                                                              strict=True)]
-        )  # fmt: skip
-        self._waiting = []
-
     def columns(self) -> dict[str, NDArray[Any]]:
-        """Return the columns; the rows are gone then, so that they are not held twice."""
-        if self._waiting:
-            self._pack()
-        found = {}
-        for index, (name, dtype) in enumerate(self._dtypes.items()):
-            parts = [chunk[index] for chunk in self._packed]
-            found[name] = np.concatenate(parts) if parts else np.zeros(0, dtype)
-            for chunk in self._packed:
-                chunk[index] = np.zeros(0)
-        self._packed, self._count = [], 0
-        return found
+        """Return the columns; the blocks are gone then, so that they are not held twice."""
+        blocks, self._blocks, self._count = self._blocks, [], 0
+        return {name: np.concatenate([block.pop(name) for block in blocks])
+                for name in list(blocks[0])}  # fmt: skip
+
+
+def length(columns: Mapping[str, NDArray[Any]]) -> int:
+    """Return how many rows columns have."""
+    return len(next(iter(columns.values())))

@@ -25,7 +25,10 @@ from locfuse.types import FREE, NANOSECONDS, OCCUPIED, UNKNOWN, FloatArray, Grid
 PLANAR = np.ix_((0, 1, 5), (0, 1, 5))
 # Probabilities in percent at which map_server takes a cell for free and for occupied.
 FREE_UP_TO, OCCUPIED_FROM = 19, 66
+FLOAT_MAX = float(np.finfo(np.float64).max)
 UNIT_M = {"m": 1.0, "mm": 1e-3}
+LEAST_LENGTH = 1e-12  # squared, of a quaternion that was set
+NOT_MEASURED_M = 1e6  # a sigma of infinity, as a log can have it
 
 
 class MessageError(ValueError):
@@ -207,7 +210,7 @@ def heading_of(quaternion: Any) -> float:
     x, y, z, w = (float(quaternion.x), float(quaternion.y), float(quaternion.z),
                   float(quaternion.w))  # fmt: skip
     length = x * x + y * y + z * z + w * w
-    if not 1e-12 < length < math.inf:
+    if not LEAST_LENGTH < length < math.inf:
         raise MessageError(f"the orientation ({x:g}, {y:g}, {z:g}, {w:g}) is no rotation; "
                            "expected a quaternion of length 1")  # fmt: skip
     if x == 0.0 and y == 0.0:
@@ -248,16 +251,17 @@ def scan(message: Any) -> ScanRow:
     if len(bright) not in (0, len(told)):
         raise MessageError(f"the scan has {len(told)} ranges and {len(bright)} intensities; "
                            "expected as many, or none")  # fmt: skip
-    ranges = decimals(told)
-    with np.errstate(invalid="ignore"):
-        ranges[~((ranges >= nearest) & (ranges <= farthest))] = math.nan
-    intensities = None
-    if len(bright):
-        intensities = bright.astype(np.float64)
-        with np.errstate(invalid="ignore"):
-            intensities[~((intensities >= 0.0) & np.isfinite(intensities))] = math.nan
+    ranges = within(decimals(told), nearest, farthest)
+    intensities = within(bright.astype(np.float64), 0.0, FLOAT_MAX) if len(bright) else None
     return ScanRow(stamp, plain(header.frame_id), start, increment, nearest, farthest, ranges,
                    intensities)  # fmt: skip
+
+
+def within(values: FloatArray, low: float, high: float) -> FloatArray:
+    """Return the array itself, NaN now where it was not in [low, high]."""
+    with np.errstate(invalid="ignore"):
+        values[~((values >= low) & (values <= high))] = math.nan
+    return values
 
 
 @lru_cache(4096)  # a scan's geometry is told with each scan
@@ -504,14 +508,15 @@ def fix(message: Any, origin: Origin | None = None) -> FixRow | None:
                            "degrees")  # fmt: skip
     if covariance.size != 9:
         raise MessageError(f"position_covariance has {covariance.size} elements, expected 9")
-    variance = 0.5 * float(covariance.reshape(3, 3).trace() - covariance.reshape(3, 3)[2, 2])
+    of_x, of_y, of_z = covariance[[0, 4, 8]].tolist()
+    variance = 0.5 * ((of_x + of_y + of_z) - of_z)
     if math.isnan(variance):
         raise MessageError("position_covariance holds NaN; expected type 0 where it is not known")
     known = kind != 0 and variance > 0.0
     if origin is None:
         raise MessageError("a latitude needs the origin of the map; set ros.gps_origin")
     x, y = to_plane(latitude, longitude, altitude if math.isfinite(altitude) else 0.0, origin)
-    return FixRow(stamp, x, y, min(math.sqrt(variance), 1e6) if known else -1.0, "",
+    return FixRow(stamp, x, y, min(math.sqrt(variance), NOT_MEASURED_M) if known else -1.0, "",
                   plain(header.frame_id))  # fmt: skip
 
 
@@ -551,10 +556,10 @@ def _sighting(message: Any, outer: int, frame: str) -> SightingRow:
     _distance(distance, f"the range to {called}")
     _finite((bearing, f"the bearing of {called}"))
     sigmas = float(message.sigma_range), float(message.sigma_bearing)
-    if not (min(sigmas) >= 0.0 and max(sigmas) < math.inf and (min(sigmas) > 0.0) == any(sigmas)):
+    known = any(sigmas)
+    if not all(0.0 <= sigma < math.inf and (sigma > 0.0) == known for sigma in sigmas):
         raise MessageError(f"sigma_range and sigma_bearing of {called} are {sigmas[0]:g} and "
                            f"{sigmas[1]:g}; expected both > 0, or both 0")  # fmt: skip
-    known = any(sigmas)
     return SightingRow(stamp, name, distance, bearing, sigmas[0] if known else None,
                        sigmas[1] if known else None,
                        plain(message.header.frame_id or frame))  # fmt: skip
@@ -651,7 +656,7 @@ def _transform(message: Any) -> TransformRow:
     quaternion = (float(turned.x), float(turned.y), float(turned.z), float(turned.w))
     where = (float(at.x), float(at.y), float(at.z))
     length = sum(part * part for part in quaternion)
-    if not (all(map(math.isfinite, where)) and 1e-12 < length < math.inf):
+    if not (all(map(math.isfinite, where)) and LEAST_LENGTH < length < math.inf):
         raise MessageError(f"the transform from {child} to {parent} is none: translation {where}, "
                            f"rotation {quaternion}")  # fmt: skip
     return TransformRow(parent, child, *where, quaternion)

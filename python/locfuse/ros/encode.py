@@ -24,6 +24,7 @@ Fields: TypeAlias = dict[str, Any]
 
 # Variances of z, roll and pitch of a pose in the plane: held to be known, as AMCL writes them.
 KNOWN = 0.0
+RINGS = 4  # last bits by which a quaternion is moved at most
 OK, WARN, ERROR, STALE = 0, 1, 2, 3  # levels of diagnostic_msgs
 LEVELS: Mapping[str, int] = {"ok": OK, "degraded": WARN, "dead_reckoning": WARN,
                              "initializing": WARN, "ambiguous": WARN, "lost": ERROR}  # fmt: skip
@@ -74,7 +75,7 @@ def _around(z: float, w: float) -> Iterable[tuple[float, float]]:
     yield z, w
     up_z = down_z = z
     up_w = down_w = w
-    for _ in range(4):
+    for _ in range(RINGS):
         up_z, down_z = math.nextafter(up_z, 2.0), math.nextafter(down_z, -2.0)
         up_w, down_w = math.nextafter(up_w, 2.0), math.nextafter(down_w, -2.0)
         yield from ((up_z, w), (down_z, w), (z, up_w), (z, down_w), (up_z, up_w), (up_z, down_w),

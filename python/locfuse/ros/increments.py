@@ -26,14 +26,16 @@ def poses_of(motion: FloatArray) -> FloatArray:
     float64 array, shape (n, 3)
         x, y and heading in odom.
     """
-    found = np.empty_like(motion)
+    found = []
     x = y = heading = 0.0
-    for row, (dx, dy, turn) in enumerate(motion.tolist()):
+    for dx, dy, turn in motion.tolist():
         c, s = math.cos(heading), math.sin(heading)
         x, y = x + (c * dx - s * dy), y + (s * dx + c * dy)
-        heading = _wrapped(heading + turn)
-        found[row] = x, y, heading
-    return found
+        heading += turn
+        if not -math.pi <= heading < math.pi:
+            heading = _core.wrap_angle(heading)
+        found.append((x, y, heading))
+    return np.array(found, np.float64).reshape(-1, 3)
 
 
 def increments_of(poses: FloatArray) -> FloatArray:
@@ -62,43 +64,68 @@ def increments_of(poses: FloatArray) -> FloatArray:
     >>> np.array_equal(increments_of(poses_of(motion)), motion)
     True
     """
-    found = np.empty_like(poses)
-    x = y = heading = 0.0
-    for row, (to_x, to_y, to_heading) in enumerate(poses.tolist()):
-        c, s = math.cos(heading), math.sin(heading)
-        for _ in range(TRIES):
-            dx, dy = _straight(x, y, c, s, to_x, to_y)
-            turn = _turn(heading, to_heading)
-            at = x + (c * dx - s * dy), y + (s * dx + c * dy), _wrapped(heading + turn)
-            if at == (to_x, to_y, to_heading):
-                break
-            to_x, to_y, to_heading = at
-        found[row] = dx, dy, turn
-        x, y, heading = at
+    origin = np.zeros((1, 3))
+    found, ends = _steps(np.concatenate([origin, poses[:-1]]), poses)
+    done = -1
+    for row in np.flatnonzero((ends != poses).any(axis=1)).tolist():
+        while row > done:
+            done, end = row, ends[row]
+            if row + 1 < len(poses) and (end != poses[row]).any():  # the next one begins elsewhere
+                row += 1
+                found[row : row + 1], ends[row : row + 1] = _steps(end[None], poses[row][None])
     return found
 
 
+def _steps(begins: FloatArray, told: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return increments (n, 3) from poses to others, and where they lead to, which is near."""
+    ends = told.copy()
+    motion = np.empty_like(ends)
+    c, s = (np.array(list(map(turn, begins[:, 2].tolist()))) for turn in (math.cos, math.sin))
+    rows = np.arange(len(told))
+    for _ in range(TRIES):
+        begin, end, cos, sin = begins[rows], ends[rows], c[rows], s[rows]
+        dx, dy = _straight(begin, cos, sin, end)
+        turn = _turn(begin[:, 2], end[:, 2])
+        motion[rows] = np.column_stack([dx, dy, turn])
+        ends[rows] = np.column_stack([begin[:, 0] + (cos * dx - sin * dy),
+                                      begin[:, 1] + (sin * dx + cos * dy),
+                                      wrapped(begin[:, 2] + turn)])  # fmt: skip
+        rows = rows[(ends[rows] != end).any(axis=1)]
+        if not len(rows):
+            break
+    return motion, ends
+
+
 def _straight(
-    x: float, y: float, c: float, s: float, to_x: float, to_y: float
-) -> tuple[float, float]:
+    begin: FloatArray, c: FloatArray, s: FloatArray, end: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    x, y = begin[:, 0], begin[:, 1]
+    to_x, to_y = end[:, 0], end[:, 1]
     dx, dy = c * (to_x - x) + s * (to_y - y), c * (to_y - y) - s * (to_x - x)
     for _ in range(TRIES):
         rx, ry = to_x - (x + (c * dx - s * dy)), to_y - (y + (s * dx + c * dy))
-        if rx == 0.0 and ry == 0.0:
+        off = (rx != 0.0) | (ry != 0.0)
+        if not off.any():
             break
-        dx, dy = dx + (c * rx + s * ry), dy + (c * ry - s * rx)
+        dx = np.where(off, dx + (c * rx + s * ry), dx)
+        dy = np.where(off, dy + (c * ry - s * rx), dy)
     return dx, dy
 
 
-def _turn(heading: float, to_heading: float) -> float:
-    turn = _wrapped(to_heading - heading)
+def _turn(heading: FloatArray, to_heading: FloatArray) -> FloatArray:
+    turn = wrapped(to_heading - heading)
     for _ in range(TRIES):
-        rest = to_heading - _wrapped(heading + turn)
-        if rest == 0.0:
+        rest = to_heading - wrapped(heading + turn)
+        if not rest.any():
             break
-        turn += _wrapped(rest)
+        turn = np.where(rest == 0.0, turn, turn + wrapped(rest))
     return turn
 
 
-def _wrapped(angle: float) -> float:
-    return float(_core.wrap_angle(angle))
+def wrapped(angles: FloatArray) -> FloatArray:
+    """Return angles in [-pi, pi), as the core wraps them to the last bit."""
+    outside = ~((angles >= -math.pi) & (angles < math.pi))
+    if outside.any():
+        angles = angles.copy()
+        angles[outside] = [_core.wrap_angle(angle) for angle in angles[outside].tolist()]
+    return angles

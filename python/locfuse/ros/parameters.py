@@ -4,9 +4,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -17,13 +16,26 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from locfuse.config.load import load_config, parse_config
+from locfuse.config.meanings import meaning
 from locfuse.config.schema import RunConfig
-from locfuse.types import ConfigError
+from locfuse.types import ConfigError, nearest
 
 # A node hears its messages: it has no log to read and none to simulate.
 NO_PARAMETERS = ("log", "simulation")
 LARGEST_INTEGER = 2**63 - 1  # of a parameter
 LARGEST = 1.7976931348623157e308
+SMALLEST = 2.2250738585072014e-308
+_TYPES: Mapping[str, type] = {"bool": bool, "int": int, "float": float, "text": str}
+_WORDS: Mapping[str, str] = {
+    "bool": "true or false",
+    "int": "a whole number",
+    "float": "a number",
+    "text": "text",
+    "texts": "texts",
+    "floats": "numbers",
+    "yaml": "a list",
+    "any": "one of several kinds",
+}
 
 
 @dataclass(frozen=True)
@@ -54,6 +66,25 @@ class Parameter:
     high: float | None
     description: str
     choices: tuple[str, ...] = ()
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Least and largest value, infinite without bound."""
+        low = -math.inf if self.low is None else self.low
+        high = math.inf if self.high is None else self.high
+        return low, high
+
+    @property
+    def expected(self) -> str:
+        """What is allowed, in words."""
+        if self.choices:
+            return " or ".join([*self.choices, *["another value"] * (self.kind == "any")])
+        low, high = self.bounds
+        at_least = f" from {low:g}" if low > -LARGEST else ""
+        if 0.0 < low < SMALLEST:  # the next number after 0, which itself is not allowed
+            at_least = " above 0"
+        at_most = f" to {high:g}" if high < LARGEST_INTEGER else ""
+        return _WORDS[self.kind] + at_least + at_most
 
 
 def parameters(config: RunConfig) -> list[Parameter]:
@@ -86,7 +117,8 @@ def config_of(
     Parameters
     ----------
     given : mapping of name to value
-        Names with dots. An empty text stands for none, which parameters cannot say.
+        Names with dots, as in ROS 2, or mappings in mappings, as ROS 1 has them. An empty text
+        stands for none, which parameters cannot say.
     path : path, optional
         A YAML file as ``locfuse run`` takes it; its log or simulation is left aside.
     origin : str
@@ -110,15 +142,80 @@ def config_of(
     if path is not None:
         written = load_config(path).model_dump(mode="json", exclude_unset=True)
         nested = {key: value for key, value in written.items() if key not in NO_PARAMETERS}
-    for name in sorted(given):
-        if name.partition(".")[0] in NO_PARAMETERS:
+    for path_of_keys, value in _leaves(given):
+        if path_of_keys[0] in NO_PARAMETERS:
+            name = ".".join(path_of_keys)
             raise ConfigError(f"{origin}: {name} is not for a node, which hears its messages")
-        _put(nested, name, _plain(given[name]), origin)
+        _put(nested, path_of_keys, _plain(value), origin)
     return parse_config(nested, origin)
 
 
-def _put(nested: dict[str, Any], name: str, value: Any, origin: str) -> None:
-    *parents, last = name.split(".")
+def values_of(
+    known: Sequence[Parameter], given: Mapping[str, Any], origin: str = "parameters"
+) -> dict[str, Any]:
+    """Return the values of the parameters of a small node by name.
+
+    Parameters
+    ----------
+    known : sequence of Parameter
+        Of the kinds ``bool``, ``int``, ``float`` and ``text``, with what holds where nothing is
+        given.
+    given : mapping of name to value
+    origin : str
+        Named in errors.
+
+    Raises
+    ------
+    ConfigError
+        If a parameter is unknown (names the nearest one), or of another type or range.
+
+    Examples
+    --------
+    >>> rate = Parameter("rate_hz", "float", 5.0, 0.1, 100.0, "messages per second")
+    >>> values_of([rate], {"rate_hz": 7})
+    {'rate_hz': 7.0}
+    >>> values_of([rate], {"rte_hz": 7})
+    Traceback (most recent call last):
+    locfuse.types.ConfigError: parameters: unknown 'rte_hz'; did you mean 'rate_hz'?
+    """
+    values = {p.name: p.value for p in known}
+    for name in given:
+        if name not in values:
+            raise ConfigError(f"{origin}: unknown {name!r}; {nearest(name, values)}")
+    checked = {p.name: _checked(p, given[p.name], origin) for p in known if p.name in given}
+    return values | checked
+
+
+def _checked(parameter: Parameter, value: Any, origin: str) -> Any:
+    if parameter.kind == "float" and type(value) is int:
+        value = float(value)
+    low, high = parameter.bounds
+    good = type(value) is _TYPES[parameter.kind]
+    if good and parameter.kind in ("int", "float"):
+        good = math.isfinite(value) and low <= value <= high
+    if good and parameter.choices:
+        good = value in parameter.choices
+    if not good:
+        raise ConfigError(f"{origin}: {parameter.name} is {value!r}, expected {parameter.expected}")
+    return value
+
+
+def _leaves(
+    given: Mapping[str, Any], parents: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Yield the keys that lead to each value; only a name at the top may hold dots."""
+    for name in sorted(given):
+        path = (*parents, name) if parents else tuple(name.split("."))
+        value = given[name]
+        if isinstance(value, Mapping) and value:
+            yield from _leaves(value, path)
+        else:
+            yield path, value
+
+
+def _put(nested: dict[str, Any], path: Sequence[str], value: Any, origin: str) -> None:
+    *parents, last = path
+    name = ".".join(path)
     model: Any = RunConfig
     for key in parents:
         below = nested.get(key)
@@ -136,12 +233,14 @@ def _put(nested: dict[str, Any], name: str, value: Any, origin: str) -> None:
         except yaml.YAMLError as error:
             what = getattr(error, "problem", None) or "it cannot be read"
             raise ConfigError(f"{origin}: {name}: is no YAML ({what})") from None
+    if value == {} and isinstance(nested.get(last), dict):
+        return
     nested[last] = value
 
 
 def _plain(value: Any) -> Any:
     """Return arrays, of whatever kind a client library has them, as lists."""
-    if isinstance(value, bool | int | float | str) or value is None:
+    if isinstance(value, bool | int | float | str | Mapping) or value is None:
         return value
     return [item.item() if hasattr(item, "item") else item for item in value]
 
@@ -176,7 +275,7 @@ def _of_mapping(
         if _is_model(inside):
             yield from _of_model(inside, item, f"{prefix}{key}.{name}.")
         else:
-            text = _meaning(model, key)
+            text = meaning(model, key)
             kind = "float" if isinstance(item, float) else "text"
             yield Parameter(f"{prefix}{key}.{name}", kind, item, None, None, text)
 
@@ -195,7 +294,7 @@ def _of_field(
         raise ConfigError(f"{prefix}{key} is {value}; a parameter holds up to {LARGEST_INTEGER}")
     choices = tuple(c for o in _options(field.annotation) if get_origin(o) is Literal
                     for c in get_args(o))  # fmt: skip
-    return Parameter(prefix + key, kind, value, low, high, _meaning(model, key), choices)
+    return Parameter(prefix + key, kind, value, low, high, meaning(model, key), choices)
 
 
 def _options(annotation: Any) -> list[Any]:
@@ -269,18 +368,3 @@ def _constraints(annotation: Any, metadata: Any) -> Iterator[Any]:
     elif get_origin(annotation) in (Union, UnionType):
         for member in get_args(annotation):
             yield from _constraints(member, ())
-
-
-def _meaning(model: type[BaseModel], key: str) -> str:
-    return _meanings().get(f"{model.__name__}.{key}", "")
-
-
-_read: dict[str, str] = {}
-
-
-def _meanings() -> dict[str, str]:
-    """Return what each key means; docs/configuration.md says the same, a test compares."""
-    if not _read:
-        text = resources.files("locfuse.ros").joinpath("meanings.yaml").read_text("utf-8")
-        _read.update(yaml.safe_load(text))
-    return _read

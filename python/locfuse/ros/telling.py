@@ -74,9 +74,19 @@ class Telling:
         self._start_pose: LivePose | None = None
 
     def pose(self, pose: LivePose) -> list[Publication]:
-        """Tell a pose, and now and then the path; nothing if it is what was told last."""
-        last = self._last
-        if last is not None and _same(last, pose):
+        """Tell a pose, and now and then the path; nothing if it is what was told last.
+
+        One that is carried to the end of odometry is told once for each stamp: what is fused on
+        top of it is in the next one, or in `pose_again`.
+        """
+        told = self._last is not None and self._last.stamp_ns == pose.stamp_ns
+        if told and self._ros.estimate_at == "odometry":
+            return []
+        return self.pose_again(pose)
+
+    def pose_again(self, pose: LivePose) -> list[Publication]:
+        """Tell a pose whose stamp may have been told; nothing if it is what was told last."""
+        if self._last is not None and _same(self._last, pose):
             return []
         self._last = pose
         told = []

@@ -13,6 +13,7 @@ import numpy as np
 
 from locfuse.ros.needs import need
 from locfuse.ros.storage import Connection, short
+from locfuse.ros.unpack import STRUCTURE, TEXT, Node, Structure
 from locfuse.types import NANOSECONDS, LogError
 
 NO_PACKAGE = {
@@ -60,37 +61,97 @@ def long(name: str) -> str:
     return "/msg/".join(name.split("/")) if name.count("/") == 1 else name
 
 
-def deserializer(connection: Connection) -> Callable[[bytes], Any]:
-    """Return what makes messages of the bytes of a connection, by the bag's own definition.
+@cache
+def structure(connection: Connection) -> Structure:
+    """Return the fields of the messages of a connection, for `locfuse.ros.unpack.unpack`.
 
-    What it makes raises one of `broken()` where bytes are not what the definition says.
+    By the bag's own definition; by ROS's where it has none.
 
     Raises
     ------
     LogError
         If the bag has no definition of the type and there is none here, or it is no definition.
     """
+    try:
+        return _structure(_definition(connection), long(connection.type), connection.encoding)
+    except KeyError as error:
+        raise _unusable(connection, error) from error
+
+
+@cache
+def deserializer(connection: Connection) -> Callable[[bytes], Any]:
+    """Return what makes a message of the bytes of a connection.
+
+    What it makes raises one of `broken()` where bytes are not what the definition says.
+
+    Raises
+    ------
+    LogError
+        As `structure`.
+    """
     name = long(connection.type)
     types = store(connection.encoding)
     if connection.definition:
         typesys = need("rosbags.typesys")
-        parse = typesys.get_types_from_idl if connection.is_idl else None
         types = typesys.get_typestore(typesys.Stores.EMPTY)
         try:
-            types.register(parse(connection.definition) if parse else
-                           typesys.get_types_from_msg(connection.definition, name))  # fmt: skip
+            types.register(_definition(connection))
             types.get_msgdef(name)
         except (typesys.TypesysError, KeyError, ValueError) as error:
-            raise LogError(
-                f"the definition of {connection.type} cannot be used ({error})"
-            ) from error
-    elif name not in types.types:
-        raise LogError(f"nothing defines {short(name)}: the bag brings no definition of it")
+            raise _unusable(connection, error) from error
+    else:
+        _definition(connection)
     if connection.encoding == "ros1":
         return lambda data: types.deserialize_ros1(data, name)
-    if connection.encoding == "cdr":
-        return lambda data: types.deserialize_cdr(data, name)
-    raise LogError(f"{connection.type} is encoded as {connection.encoding!r}, expected ros1 or cdr")
+    return lambda data: types.deserialize_cdr(data, name)
+
+
+@cache
+def _definition(connection: Connection) -> Mapping[str, Any]:
+    """Return the fields of the type of a connection, and of those that it is made of."""
+    name = long(connection.type)
+    if connection.encoding not in ("ros1", "cdr"):
+        raise LogError(
+            f"{connection.type} is encoded as {connection.encoding!r}, expected ros1 or cdr"
+        )
+    if not connection.definition:
+        known: Mapping[str, Any] = store(connection.encoding).fielddefs
+        if name not in known:
+            raise LogError(f"nothing defines {short(name)}: the bag brings no definition of it")
+        return known
+    typesys = need("rosbags.typesys")
+    try:
+        found = (typesys.get_types_from_idl(connection.definition) if connection.is_idl else
+                 typesys.get_types_from_msg(connection.definition, name))  # fmt: skip
+    except (typesys.TypesysError, KeyError, ValueError) as error:
+        raise _unusable(connection, error) from error
+    return {**typesys.get_typestore(typesys.Stores.EMPTY).fielddefs, **found}
+
+
+def _unusable(connection: Connection, error: Exception) -> LogError:
+    return LogError(f"the definition of {connection.type} cannot be used ({error})")
+
+
+def _structure(definition: Mapping[str, Any], name: str, encoding: str) -> Structure:
+    nodes = need("rosbags.interfaces").Nodetype
+
+    def node(told: Any) -> Node:
+        kind, what = told
+        if kind == nodes.BASE:
+            return Node(TEXT if what[0] == "string" else _dtype(what[0]))
+        if kind == nodes.NAME:
+            return Node(STRUCTURE, _structure(definition, what, encoding))
+        element, length = what
+        return node(element)._replace(length=length if kind == nodes.ARRAY else -1)
+
+    return tuple(
+        (field, node(told)) for field, told in definition[name][1]
+        if encoding != "ros1" or field != "structure_needs_at_least_one_member"
+    )  # fmt: skip
+
+
+def _dtype(name: str) -> np.dtype[Any]:
+    return np.dtype({"byte": "u1", "char": "u1", "octet": "u1", "float128": "V16"}.get(name, name))
 
 
 @cache
@@ -158,7 +219,7 @@ def _part(encoding: str, told: Any) -> tuple[Callable[[Any], Any], Callable[[], 
         return lambda several: [fill(one) for one in several], list
     if element[0] == "string":
         return lambda several: [str(one) for one in several], list
-    dtype = np.dtype({"byte": "u1", "char": "u1", "octet": "u1"}.get(element[0], element[0]))
+    dtype = _dtype(element[0])
     size = length if node == nodes.ARRAY else 0
     return lambda several: np.asarray(several, dtype), lambda: np.zeros(size, dtype)
 

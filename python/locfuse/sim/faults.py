@@ -17,6 +17,7 @@ from locfuse.config.scenario import (
     Bias,
     Dropouts,
     Fault,
+    Kidnap,
     LaserFault,
     Latency,
     Nlos,
@@ -66,13 +67,13 @@ def with_faults(
     tables : mapping of sensor to columns
         Not changed.
     faults : sequence of (Fault, numpy Generator)
-        Those of the laser are left to it: they act on what it sees.
+        Those of the laser are left to it: they act on what it sees. Kidnappings are in the drive.
     world : World
     """
     result = dict(tables)
     keep = {source: np.ones(len(table["stamp_ns"]), np.bool_) for source, table in tables.items()}
     for fault, child in faults:
-        if isinstance(fault, LaserFault):
+        if isinstance(fault, LaserFault | Kidnap):
             continue
         source = fault_source(fault)
         if isinstance(fault, Dropouts):

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from locfuse.config.scenario import LaserFault, Nlos, Scenario
+from locfuse.config.scenario import Kidnap, LaserFault, Nlos, Scenario
 from locfuse.io.maps import read_map
 from locfuse.sim import laser, sensors
 from locfuse.sim.faults import World, with_faults
 from locfuse.sim.maps import GENERATORS
 from locfuse.sim.room import room_grid, touched
 from locfuse.sim.space import cell_of
-from locfuse.sim.trajectory import plan
+from locfuse.sim.trajectory import Drive, carried, plan
 from locfuse.types import (
     FREE,
     NANOSECONDS,
@@ -66,7 +66,8 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
     for_path, for_odometry, for_ranges, for_poses, for_positions, *others = rng.spawn(8)
     for_faults, for_laser, for_sightings = others
     grid = grid_of(scenario, base)
-    drive = plan(scenario.path, scenario.room_m, scenario.duration_s, for_path, grid)
+    driven = plan(scenario.path, scenario.room_m, scenario.duration_s, for_path, grid)
+    drive = _kidnapped(driven, scenario)
     epochs = {
         name: sensors.stamps(sensor.rate_hz, scenario.duration_s)
         for name, sensor in (
@@ -82,7 +83,7 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
     heard: dict[str, Columns] = {}
     if scenario.odometry is not None:
         heard["odometry"] = sensors.odometry(
-            drive, epochs["odometry"], scenario.odometry, for_odometry
+            driven, epochs["odometry"], scenario.odometry, for_odometry
         )
     if scenario.ranges is not None:
         heard["ranges"] = sensors.ranges(
@@ -104,8 +105,7 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
     faults = list(zip(scenario.faults, for_faults.spawn(len(scenario.faults)), strict=True))
     tables = with_faults(heard, faults, world)
     truth = sensors.truth(drive, np.unique(np.concatenate(list(epochs.values()))))
-    if grid is not None:
-        _check_way(grid, truth)
+    check_way(scenario, grid, truth)
     landmarks = np.array(list(scenario.landmarks.values()), np.float64).reshape(-1, 2)
     has_discs = scenario.landmark_radius_m > 0.0
     if scenario.laser is not None and grid is not None:
@@ -143,6 +143,31 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
     )
 
 
+def true_drive(scenario: Scenario, seed: int, grid: GridMap | None = None) -> Drive:
+    """Return where the robot of `simulate` is in truth, without simulating anything else.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    seed : int
+        Of the generator that `simulate` is given.
+    grid : GridMap, optional
+        As of `grid_of`.
+    """
+    (for_path,) = np.random.default_rng(seed).spawn(1)
+    drive = plan(scenario.path, scenario.room_m, scenario.duration_s, for_path, grid)
+    return _kidnapped(drive, scenario)
+
+
+def _kidnapped(drive: Drive, scenario: Scenario) -> Drive:
+    """Return where the robot is in truth; the wheels tell of the drive that it believes to make."""
+    carries = [fault for fault in scenario.faults if isinstance(fault, Kidnap)]
+    for fault in sorted(carries, key=lambda fault: fault.at_s):
+        x, y, heading_deg = fault.to
+        drive = carried(drive, fault.at_s, (x, y, float(np.deg2rad(heading_deg))))
+    return drive
+
+
 def _landmark_sensor(scenario: Scenario) -> dict[str, list[float]] | None:
     if scenario.landmark_sightings is None:
         return None
@@ -177,7 +202,23 @@ def grid_of(scenario: Scenario, base: Path | None = None) -> GridMap | None:
     return grid
 
 
-def _check_way(grid: GridMap, truth: Columns) -> None:
+def check_way(scenario: Scenario, grid: GridMap | None, truth: Columns) -> None:
+    """Raise ConfigError if a map or the room does not allow the way that a robot drives.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    grid : GridMap or None
+    truth : columns
+        ``stamp_ns``, ``x_m``, ``y_m``.
+    """
+    if grid is not None:
+        _check_on_map(grid, truth)
+    elif any(isinstance(fault, Kidnap) for fault in scenario.faults):  # other paths fit in
+        _check_room(scenario.room_m, truth)
+
+
+def _check_on_map(grid: GridMap, truth: Columns) -> None:
     """Raise ConfigError if the robot starts outside of the map or is ever in a wall of it."""
     if not (grid.cells == FREE).any():
         raise ConfigError("simulation.map has no free cell; expected some for the robot to be in")
@@ -199,6 +240,20 @@ def _check_way(grid: GridMap, truth: Columns) -> None:
         raise ConfigError(
             f"the robot {how} a wall of the map at {_place(point[hit])}; change simulation.path "
             "(the shape roam keeps clear of walls), or the map"
+        )
+
+
+def _check_room(room_m: tuple[float, float], truth: Columns) -> None:
+    """Raise ConfigError if the robot, once carried elsewhere, drives out of the room."""
+    point = np.column_stack([truth["x_m"], truth["y_m"]])
+    slack = 1e-9  # a path may touch the walls
+    outside = np.any((point < -slack) | (point > np.array(room_m) + slack), axis=1)
+    if outside.any():
+        first = int(np.argmax(outside))
+        when = float(truth["stamp_ns"][first]) / NANOSECONDS
+        raise ConfigError(
+            f"the robot, kidnapped, drives after {when:.1f} s out of the room at "
+            f"{_place(point[first])}; change the fault's 'to', or simulation.path"
         )
 
 

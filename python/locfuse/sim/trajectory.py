@@ -11,7 +11,17 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from locfuse.config.scenario import Circle, Eight, Path, Polygon, Roam, Square, Star, Waypoints
+from locfuse.config.scenario import (
+    Circle,
+    Eight,
+    Path,
+    Points,
+    Polygon,
+    Roam,
+    Square,
+    Star,
+    Waypoints,
+)
 from locfuse.sim.space import roam
 from locfuse.types import FloatArray, GridMap, wrap_angle
 
@@ -163,6 +173,34 @@ def drive_of(start_pose: Motion, motions: Sequence[Motion], *, repeat: int = 1) 
     )
 
 
+def carried(drive: Drive, at_s: float, to: Motion) -> Drive:
+    """Return the drive that is interrupted: from an instant on it goes on from another pose.
+
+    Parameters
+    ----------
+    drive : Drive
+    at_s : float
+        When, not before the first motion.
+    to : (x, y, heading)
+        Where to, metres and radians; speeds and turn rates stay what they were.
+    """
+    pose = drive.pose_at([at_s])[0]
+    after = int(np.searchsorted(drive.start, at_s, side="right"))
+    before = int(np.searchsorted(drive.start, at_s, side="left"))
+    turn = to[2] - pose[2]
+    c, s = np.cos(turn), np.sin(turn)
+    off = drive.start_pose[after:] - pose
+    moved = np.column_stack([to[0] + c * off[:, 0] - s * off[:, 1],
+                             to[1] + s * off[:, 0] + c * off[:, 1],
+                             wrap_angle(to[2] + off[:, 2])])  # fmt: skip
+    return Drive(
+        start=np.concatenate([drive.start[:before], [at_s], drive.start[after:]]),
+        speed=np.concatenate([drive.speed[:before], drive.speed[after - 1 :]]),
+        turn_rate=np.concatenate([drive.turn_rate[:before], drive.turn_rate[after - 1 :]]),
+        start_pose=np.concatenate([drive.start_pose[:before], [to], moved]),
+    )
+
+
 def plan(
     path: Path,
     room_m: tuple[float, float],
@@ -174,7 +212,7 @@ def plan(
 
     Parameters
     ----------
-    path : Circle, Eight, Square, Star, Polygon, Waypoints or Roam
+    path : Circle, Eight, Square, Star, Polygon, Waypoints, Points or Roam
     room_m : (width, depth)
         Where random waypoints may lie: from (0, 0) to (width, depth), less their margin.
     duration_s : float
@@ -212,6 +250,8 @@ def plan(
         return _laps((x, y + path.radius_m, heading), loop, duration_s)
     if isinstance(path, Waypoints):
         return _along(_random_points(path, room_m, rng), path, duration_s)
+    if isinstance(path, Points):
+        return _through(path, duration_s)
     if grid is None:
         raise ValueError("a roaming robot needs a map, got none")
     return _along(roam(grid, path, rng), path, duration_s)
@@ -276,15 +316,32 @@ def there_and_back(
     """
     if len(points) < 3 or not np.array_equal(points[0], points[-1]):
         raise ValueError(f"{len(points)} points, expected three or more, the last being the first")
-    step = np.diff(np.array(points), axis=0)
+    start, motions, back = _legs(np.array(points), speed_mps, turn_rate_radps)
+    motions += [*back, (stand_s, 0.0, 0.0)]
+    return drive_of(start, motions), sum(seconds for seconds, _, _ in motions)
+
+
+def _through(path: Points, duration_s: float) -> Drive:
+    """Return the drive through given points, which ends at the last one or goes on in laps."""
+    points = np.array([*path.points_m, *path.points_m[: int(path.closed)]])
+    start, motions, back = _legs(points, path.speed_mps, path.turn_rate_radps)
+    if path.closed:
+        return _laps(start, motions + back, duration_s)
+    return drive_of(start, [*motions, (1.0, 0.0, 0.0)])
+
+
+def _legs(
+    points: FloatArray, speed: float, rate: float
+) -> tuple[Motion, list[Motion], list[Motion]]:
+    """Return the start, the motions from point to point, and the turn to the first heading."""
+    step = np.diff(points, axis=0)
     bearing = np.arctan2(step[:, 1], step[:, 0])
     turn = np.diff(bearing, prepend=bearing[0])
     motions = [motion for length, by in zip(np.hypot(*step.T).tolist(), turn.tolist(), strict=True)
-               for motion in _leg(length, by, speed_mps, turn_rate_radps)]  # fmt: skip
-    motions += _leg(0.0, float(bearing[0] - bearing[-1]), speed_mps, turn_rate_radps)
-    motions.append((stand_s, 0.0, 0.0))
+               for motion in _leg(length, by, speed, rate)]  # fmt: skip
+    back = _leg(0.0, float(bearing[0] - bearing[-1]), speed, rate)
     start = (float(points[0][0]), float(points[0][1]), float(bearing[0]))
-    return drive_of(start, motions), sum(seconds for seconds, _, _ in motions)
+    return start, motions, back
 
 
 def _leg(length: float, turn: float, speed: float, rate: float) -> list[Motion]:

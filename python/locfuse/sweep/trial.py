@@ -199,6 +199,6 @@ def _against_truth(result: RunResult, errors: Errors, recovered_m: float | None)
 def fault_ends_ns(config: RunConfig) -> list[int]:
     """Return when faults of the simulation end, and sources that were off are on again."""
     faults = config.simulation.faults if isinstance(config.simulation, Scenario) else []
-    ends = [getattr(fault, "to_s", None) for fault in faults]
+    ends = [getattr(fault, "to_s", getattr(fault, "at_s", None)) for fault in faults]
     ends += [off.until_s for off in config.switched_off]
     return sorted({round(end * NANOSECONDS) for end in ends if end is not None})

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from locfuse.config.schema import RunConfig
-from locfuse.ros.parameters import Parameter, config_of, parameters
-from locfuse.types import ConfigError, nearest
+from locfuse.ros.parameters import Parameter, config_of, parameters, values_of
+from locfuse.types import ConfigError
 
 # What every node of ROS 2 has, whoever wrote it.
 OF_ROS = ("use_sim_time", "start_type_description_service")
@@ -27,7 +27,6 @@ KINDS = {
     "texts": RosParameter.Type.STRING_ARRAY,
     "floats": RosParameter.Type.DOUBLE_ARRAY,
 }
-WORDS = {"bool": "true or false", "int": "a whole number", "float": "a number", "text": "text"}
 
 
 def given(node: Node) -> dict[str, Any]:
@@ -72,29 +71,9 @@ def options(node: Node, known: Sequence[Parameter]) -> dict[str, Any]:
     ConfigError
         As `configure`.
     """
-    told = given(node)
-    for name in told:
-        if name not in (names := [p.name for p in known]):
-            raise ConfigError(f"parameters: unknown {name!r}; {nearest(name, names)}")
-    values = {p.name: _checked(p, told.get(p.name, p.value)) for p in known}
+    values = values_of(known, given(node))
     declare(node, [replace(p, value=values[p.name]) for p in known])
     return values
-
-
-def _checked(parameter: Parameter, value: Any) -> Any:
-    if parameter.kind == "float" and type(value) is int:
-        value = float(value)
-    kinds: Mapping[str, type] = {"bool": bool, "int": int, "float": float, "text": str}
-    low = -float("inf") if parameter.low is None else parameter.low
-    high = float("inf") if parameter.high is None else parameter.high
-    good = type(value) is kinds[parameter.kind]
-    if good and parameter.kind in ("int", "float"):
-        good = low <= value <= high
-    if not good:
-        bounds = "" if parameter.low is None else f" from {low:g} to {high:g}"
-        expected = WORDS[parameter.kind] + bounds
-        raise ConfigError(f"parameters: {parameter.name} is {value!r}, expected {expected}")
-    return value
 
 
 def declare(node: Node, known: Sequence[Parameter]) -> None:

@@ -26,6 +26,7 @@ from locfuse_ros.start import run
 
 TICK_S = 0.1
 REPORT_S = 1.0
+LOSSES_S = 60.0  # between words in the log of what is lost; diagnostics have it at once
 AT_ONCE = 8  # messages of a topic that are taken before the others, and /clock, have their turn
 ONE_VOICE = ("odometry", "scans")  # of which two publishers at once are a mistake
 ABSOLUTE = ("tf", "tf_static", "diagnostics")  # topics that everybody shares, whatever namespace
@@ -102,8 +103,8 @@ class Localizer(Node):
     def _report(self) -> None:
         """Say what was lost on the way, in the log and as diagnostics."""
         news = self._lines.news(self._name_of)
-        for sentence in news:
-            self.get_logger().warning(sentence)
+        if news:
+            self.get_logger().warning("; ".join(news), throttle_duration_sec=LOSSES_S)
         for one in self._ins:
             if one.source in ONE_VOICE and one.publishers > 1:
                 self.say_once(

@@ -10,11 +10,13 @@ if(WAY STREQUAL "installed")
   file(RENAME ${WORK_DIR}/built ${WORK_DIR}/prefix) # whoever remembers the first path will fail
   set(where -D CMAKE_PREFIX_PATH=${WORK_DIR}/prefix)
 elseif(WAY STREQUAL "as_subdirectory")
-  # With the options of this build, the compiler's cache has the whole library.
+  # With the options of this build, and as many folders below the sources, the compiler's cache
+  # has the whole library.
   set(
     where
     -DCONSUMER_SOURCE_DIR=${LOCFUSE_SOURCE_DIR}
     -DLOCFUSE_SANITIZE=${SANITIZE}
+    -DLOCFUSE_BUILD_FUZZERS=${FUZZERS}
     -DLOCFUSE_WERROR=${WERROR}
   )
 else()
@@ -24,7 +26,7 @@ endif()
 run(
   ${CMAKE_COMMAND}
   -S ${CMAKE_CURRENT_LIST_DIR}
-  -B ${WORK_DIR}/build
+  -B ${WORK_DIR}
   -G ${GENERATOR}
   -D CMAKE_BUILD_TYPE=${BUILD_TYPE}
   -D CMAKE_CXX_COMPILER=${CXX_COMPILER}
@@ -33,5 +35,5 @@ run(
   -D CMAKE_CXX_COMPILER_LAUNCHER=${CXX_LAUNCHER}
   ${where}
 )
-run(${CMAKE_COMMAND} --build ${WORK_DIR}/build)
-run(${WORK_DIR}/build/consumer)
+run(${CMAKE_COMMAND} --build ${WORK_DIR})
+run(${WORK_DIR}/consumer)

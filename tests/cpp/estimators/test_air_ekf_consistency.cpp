@@ -76,8 +76,9 @@ TEST(AirEkf, errors_on_flights_without_are_as_large_as_it_believes) {
 }
 
 TEST(AirEkf, anchors_that_are_all_taken_for_equally_high_show) {
-  for (const auto& [motion, step] : {std::pair(AirMotion::kOdometry, testing::by_odometry),
-                                     std::pair(AirMotion::kConstantVelocity, testing::by_itself)}) {
+  for (const auto& [motion, step] :
+       {std::pair(AirMotion::kOdometry, &testing::by_odometry),
+        std::pair(AirMotion::kConstantVelocity, &testing::by_itself)}) {
     const Consistency result = measure(motion, step, forget_heights);
     EXPECT_FALSE(in_band(result.nees3, 3, kRuns, 0.99)) << result.nees3;
     EXPECT_FALSE(in_band(result.nis, 1, result.ranges, 0.99)) << result.nis;

@@ -19,7 +19,7 @@ using testing::normal;
 using testing::Rng;
 using testing::uniform;
 
-constexpr Stamp kStep = kNanosecondsPerSecond / 10;
+constexpr auto kStep = static_cast<Stamp>(kNanosecondsPerSecond / 10);
 constexpr double kSigmaRange = 0.05;
 constexpr double kSigmaBearing = 0.02;
 const std::vector<Vector<2>> kPosts{{1.0, 1.0}, {9.0, 2.0}, {4.0, 9.0}, {6.5, 5.0}};

@@ -14,7 +14,7 @@ using testing::expect_refused;
 using testing::Rng;
 using Doubt = SwitchingMcl::Doubt;
 
-constexpr Stamp kSecond = kNanosecondsPerSecond;
+constexpr auto kSecond = static_cast<Stamp>(kNanosecondsPerSecond);
 
 double distance(const Vector<2>& a, const Vector<2>& b) { return (a - b).norm(); }
 

@@ -426,7 +426,7 @@ bool nothing(Message& /*message*/) { return true; }
 
 TEST(TagTriangleEkf, wheels_and_fixes_together_are_better_than_either) {
   // Three fixes of 0.15 m make a position of 0.12 m over both axes.
-  for (const std::uint64_t seed : {5, 6, 7}) {
+  for (const std::uint64_t seed : {5U, 6U, 7U}) {
     const double fused = rmse({}, nothing, seed);
     EXPECT_LT(fused, 0.09);
     const double no_wheels = rmse(

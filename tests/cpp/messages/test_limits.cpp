@@ -9,7 +9,7 @@
 namespace locfuse {
 namespace {
 
-constexpr Stamp kSecond = kNanosecondsPerSecond;
+constexpr auto kSecond = static_cast<Stamp>(kNanosecondsPerSecond);
 constexpr Limits kTight{2.0, 1.0, 50.0, 100.0};
 
 TEST(Limits, hold_to_the_last_bit) {

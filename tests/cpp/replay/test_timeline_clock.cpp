@@ -87,7 +87,7 @@ void feed(Timeline<Estimator>& timeline, const std::vector<Message>& messages) {
 template <class Of>
 class TimelineOf : public ::testing::Test {};
 using Estimators = ::testing::Types<OfPoseEkf, OfAirEkf, OfLandmarkEkf, OfTagTriangleEkf>;
-TYPED_TEST_SUITE(TimelineOf, Estimators);
+TYPED_TEST_SUITE(TimelineOf, Estimators, );  // the comma is ISO C++17: names are the default
 
 TYPED_TEST(TimelineOf, late_messages_leave_the_bits_of_the_sorted_log) {
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {

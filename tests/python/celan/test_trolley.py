@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from locfuse import _core
+from locfuse.celan import trolley as module
 from locfuse.celan.trolley import FOLDER, Trolley, by_fixes, follow, trolley, trolley_claims
 from support_runs import CONFIGS
 
@@ -37,6 +38,35 @@ def test_one_rigid_body_is_better_than_twelve_states(of: Trolley) -> None:
         assert heading < 4.5
         assert position < theirs < 0.06
         assert heading < their_heading < 6.0
+
+
+@recorded
+def test_the_recording_is_shown_at_its_own_rate_too(
+    of: Trolley, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Told every epoch, whose errors are alike, a filter grows surer and no better."""
+    monkeypatch.setattr(module, "WAYS", (("ranges", "rigid"),))
+    rows = {claim.id: claim.ours_median for claim in trolley_claims(CONFIGS)}
+    for rate_hz in (100, 10, 1):
+        assert f"celan_trolley_rigid_ranges_{rate_hz}" in rows
+    nees = [rows[f"celan_trolley_rigid_ranges_{rate_hz}_nees"] for rate_hz in (100, 10)]
+    assert nees[0] is not None
+    assert nees[1] is not None
+    assert nees[0] > 1.5 * nees[1]
+
+
+@recorded
+def test_a_body_that_rolls_with_antennas_known_keeps_its_heading(of: Trolley) -> None:
+    position, heading = rmse(of, "rolling_antennas", "antennas")
+    assert position < 0.03
+    assert heading < 2.9
+    sides = of.antennas
+    mirrored = replace(of, antennas=replace(sides, cosine_m=-sides.cosine_m, sine_m=-sides.sine_m))
+    flat = replace(of, antennas=replace(sides, cosine_m=0.0 * sides.cosine_m,
+                                        sine_m=0.0 * sides.sine_m))  # fmt: skip
+    headings = [rmse(other, "rolling_antennas", "antennas")[1] for other in (flat, mirrored)]
+    assert heading < headings[0] < headings[1]
+    assert headings[1] > 4.0
 
 
 @recorded

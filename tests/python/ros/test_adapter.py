@@ -14,6 +14,7 @@ import pytest
 from locfuse.config.load import parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.io.log_folder import write_log
+from locfuse.ros import early
 from locfuse.ros.adapter import Adapter
 from locfuse.ros.decode import heading_of, stamp_ns
 from locfuse.ros.encode import Fields, Publication
@@ -84,6 +85,9 @@ class Robot:
 
     def said(self, topic: str) -> list[Fields]:
         return [one.fields for one in self.told if one.topic == topic]
+
+    def counts(self) -> Any:
+        return self.said("diagnostics")[-1]["status"][-1]["values"]
 
     def health(self) -> Fields:
         return dict(self.said("diagnostics")[-1]["status"][0])
@@ -230,6 +234,47 @@ def test_what_it_needs_and_does_not_get_is_named_once() -> None:
     assert robot.health()["message"] == "nothing has been heard yet"
 
 
+def test_a_clock_that_falls_behind_for_a_moment_loses_nothing() -> None:
+    """Simulated time comes late to a busy node: what was stamped by it was refused."""
+    config, log = room()
+    robot, same = Robot(config, log), Robot(config, log)
+    for one in (robot, same):
+        one.learn()
+        one.drive(end_s=10.0)
+    robot.drive(begin_s=10.0, end_s=10.8, later_s=-0.9)
+    same.drive(begin_s=10.0, end_s=10.8)
+    for one in (robot, same):
+        one.drive(begin_s=10.8)
+        one.tick(LATER + 22 * NANOSECONDS)
+    assert robot.problems == []
+    assert robot.counts() == same.counts()
+    assert pose_of(robot.said("locfuse/pose")[-1]) == pose_of(same.said("locfuse/pose")[-1])
+
+
+def test_a_clock_that_stays_behind_is_told_and_loses_nothing() -> None:
+    config, log = room()
+    robot, same = Robot(config, log), Robot(config, log)
+    for one, later_s in ((robot, -0.8), (same, 0.0)):
+        one.learn()
+        one.drive(later_s=later_s)
+        one.tick(LATER + 25 * NANOSECONDS)
+    assert len(robot.problems) == 1
+    assert "more than 0.5 s ahead of the clock, and wait for it; are both" in robot.problems[0]
+    assert robot.counts() == same.counts()
+    assert pose_of(robot.said("locfuse/pose")[-1]) == pose_of(same.said("locfuse/pose")[-1])
+
+
+def test_what_waits_for_a_clock_that_stands_is_bounded() -> None:
+    config, log = room()
+    robot = Robot(config, log)
+    robot.learn()
+    first = next(in_order_of_arrival(log, config.ros)).publication
+    for _ in range(early.MOST + 7):
+        robot.hear(first, LATER - NANOSECONDS)
+    assert robot.adapter.refused["odometry"] == 7
+    assert "too many messages wait for the clock" in robot.problems[0]
+
+
 def test_a_clock_that_begins_late_is_no_silence() -> None:
     config, log = room()
     robot = Robot(config, log)
@@ -295,8 +340,7 @@ def test_a_bad_message_is_one_sentence_and_loses_nothing(
         robot.said("locfuse/pose")[-1]["pose"]["pose"]
         == (same.said("locfuse/pose")[-1]["pose"]["pose"])
     )
-    told = robot.said("diagnostics")[-1]["status"][-1]["values"]
-    counts = {one["key"]: one["value"] for one in told}
+    counts = {one["key"]: one["value"] for one in robot.counts()}
     assert sum(int(v) for k, v in counts.items() if k.endswith("refused")) == 50
 
 

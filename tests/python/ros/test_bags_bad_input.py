@@ -417,7 +417,8 @@ def test_without_rosbags_the_error_names_the_extra(
     path = write_messages(tmp_path / "d.mcap", drive())
     from locfuse.ros import wire
 
-    for cached in (wire.store, wire.broken, wire._filler):
+    for cached in (wire.store, wire.broken, wire.structure, wire.deserializer, wire._definition,
+                   wire._filler):  # fmt: skip
         cached.cache_clear()
     monkeypatch.setitem(sys.modules, "rosbags", None)
     for name in [name for name in sys.modules if name.startswith("rosbags.")]:

@@ -1,36 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rows become columns chunk by chunk."""
+"""Blocks of rows become columns."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from locfuse.ros.columns import CHUNK, Rows
+from locfuse.ros.columns import Blocks
 
 
-def test_rows_of_many_chunks_become_one_column_each() -> None:
-    rows = Rows(stamp_ns=np.int64, name=np.str_, ranges_m=np.float64)
-    n = 2 * CHUNK + 7
-    for k in range(n):
-        rows.add(k, "a" * (1 + k // CHUNK), np.array([k, np.nan]))
-    assert len(rows) == n
-    columns = rows.columns()
-    assert np.array_equal(columns["stamp_ns"], np.arange(n))
-    assert columns["stamp_ns"].dtype == np.int64
+def test_blocks_become_one_column_each_and_are_gone_then() -> None:
+    blocks = Blocks()
+    for k in range(3):
+        blocks.add({"stamp_ns": np.arange(k * 5, k * 5 + 5), "name": np.array(["a" * (k + 1)] * 5),
+                    "ranges_m": np.full((5, 2), float(k))})  # fmt: skip
+    assert len(blocks) == 15
+    columns = blocks.columns()
+    assert np.array_equal(columns["stamp_ns"], np.arange(15))
     assert (columns["name"][0], columns["name"][-1]) == ("a", "aaa")
-    assert columns["ranges_m"].shape == (n, 2)
-    assert columns["ranges_m"][-1, 0] == n - 1
-
-
-def test_no_rows_are_empty_columns_of_the_right_type() -> None:
-    columns = Rows(stamp_ns=np.int64, name=np.str_).columns()
-    assert columns["stamp_ns"].dtype == np.int64
-    assert columns["name"].dtype.kind == "U"
-    assert columns["name"].shape == (0,)
+    assert columns["ranges_m"].shape == (15, 2)
+    assert columns["ranges_m"][-1, 0] == 2.0
+    assert len(blocks) == 0
 
 
 def test_the_lag_is_the_median_of_record_minus_stamp() -> None:
-    rows = Rows(stamp_ns=np.int64, record_ns=np.int64)
-    for k in range(CHUNK + 1):
-        rows.add(k, k + (1000 if k == 3 else 5))
-    assert rows.lag_ns() == 5.0
+    blocks = Blocks()
+    for late in (5, 1000, 5):
+        blocks.add({"record_ns": np.array([7 + late]), "stamp_ns": np.array([7])})
+    assert blocks.lag_ns() == 5.0

@@ -12,7 +12,13 @@ import yaml
 
 from locfuse.config.load import load_config, parse_config
 from locfuse.config.schema import RunConfig
-from locfuse.ros.parameters import LARGEST_INTEGER, Parameter, config_of, parameters
+from locfuse.ros.parameters import (
+    LARGEST_INTEGER,
+    Parameter,
+    config_of,
+    parameters,
+    values_of,
+)
 from locfuse.types import ConfigError
 
 ROOT = Path(__file__).parents[3]
@@ -103,7 +109,7 @@ def test_parameters_count_more_than_the_file(tmp_path: Path) -> None:
     [
         ({"estimator.gate_rnge": 0.9}, "estimator: unknown key 'gate_rnge'; did you mean 'gate_r"),
         ({"estimatr.gate_range": 0.9}, "unknown key 'estimatr'; did you mean 'estimator'"),
-        ({"estimator.gate_range": 7}, "less than or equal to 1"),
+        ({"estimator.gate_range": 7}, "at most 1"),
         ({"estimator.gate_range": "x", "seed": 1}, "estimator.gate_range: "),
         ({"seed": 1, "seed.x": 2}, "seed.x is below seed, which is 1; set one"),
         ({"switched_off": "[{"}, "switched_off: is no YAML"),
@@ -115,6 +121,57 @@ def test_what_is_wrong_is_named(given: dict[str, Any], says: str) -> None:
         config_of(given)
     assert says in str(error.value)
     assert str(error.value).startswith("parameters: ")
+
+
+def test_mappings_in_mappings_say_what_names_with_dots_say(tmp_path: Path) -> None:
+    path = tmp_path / "run.yaml"
+    path.write_text("start: auto\nestimator: {range: {sigma_m: 0.2}, gate_range: 0.99}\n")
+    config = config_of({"estimator": {"range": {"sigma_relative": 0.01}}, "mcl": {}}, path, "/n")
+    assert config == config_of({"estimator.range.sigma_relative": 0.01, "mcl": {}}, path)
+    assert config.estimator.range.sigma_m == 0.2
+    assert config.estimator.range.sigma_relative == 0.01
+    assert config.estimator.gate_range == 0.99
+    assert config.mcl is not None
+    off = {"switched_off": [{"source": "ranges", "from_s": 1.0}]}
+    assert config_of(off).switched_off[0].source == "ranges"
+    anchors = config_of({"anchors": {"a.1": {"offset_m": 0.5}}}).anchors
+    assert anchors["a.1"].offset_m == 0.5
+    with pytest.raises(ConfigError, match="/n: estimator: unknown key 'gate_rnge'"):
+        config_of({"estimator": {"gate_rnge": 0.9}}, path, "/n")
+
+
+DECLARED = (
+    Parameter("rate_hz", "float", 5.0, 0.1, 100.0, "how often"),
+    Parameter("format", "text", "ranges", None, None, "which", ("ranges", "data")),
+    Parameter("seed", "int", 0, 0, None, "of the noise"),
+    Parameter("clock", "bool", True, None, None, "whether it ticks"),
+)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"rate": 1.0}, "/n: unknown 'rate'; did you mean 'rate_hz'?"),
+        ({"rate_hz": 0}, "/n: rate_hz is 0.0, expected a number from 0.1 to 100"),
+        ({"rate_hz": "5"}, "/n: rate_hz is '5', expected a number from 0.1 to 100"),
+        ({"rate_hz": float("nan")}, "/n: rate_hz is nan"),
+        ({"rate_hz": True}, "/n: rate_hz is True, expected a number"),
+        ({"format": "text"}, "/n: format is 'text', expected ranges or data"),
+        ({"seed": -1}, "/n: seed is -1, expected a whole number from 0"),
+        ({"seed": 1.5}, "/n: seed is 1.5, expected a whole number"),
+        ({"clock": 1}, "/n: clock is 1, expected true or false"),
+    ],
+)
+def test_values_of_a_small_node_are_refused_with_a_sentence(given: Any, words: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        values_of(DECLARED, given, "/n")
+    assert str(error.value).startswith(words)
+
+
+def test_values_of_a_small_node_have_defaults() -> None:
+    told = values_of(DECLARED, {"rate_hz": 7})
+    assert told == {"rate_hz": 7.0, "format": "ranges", "seed": 0, "clock": True}
+    assert isinstance(told["rate_hz"], float)
 
 
 def test_an_empty_text_stands_for_none() -> None:

@@ -424,6 +424,64 @@ def test_wheels_that_spin_tell_a_turn_even_of_a_robot_that_stands() -> None:
     assert np.abs(table["dx_m"]).max() < 1e-9
 
 
+# Kidnapping ----------------------------------------------------------------------------------
+
+
+KIDNAP = {"kind": "kidnap", "at_s": 40.0, "to": [3.0, 6.0, 30.0]}
+
+
+def test_a_kidnapped_robot_is_elsewhere_from_then_on_and_its_odometry_tells_nothing() -> None:
+    path = {"shape": "waypoints", "margin_m": 4.0}
+    clean, carried = run(path=path), run(KIDNAP, path=path)
+
+    assert_equal(clean["odometry"], carried["odometry"])
+    before = clean["truth"]["stamp_ns"] < 40_000_000_000
+    for name in ("x_m", "y_m", "heading_rad"):
+        np.testing.assert_array_equal(clean["truth"][name][before], carried["truth"][name][before])
+    first = int(np.argmin(before))
+    at = [carried["truth"][name][first] for name in ("x_m", "y_m", "heading_rad")]
+    np.testing.assert_allclose(at, [3.0, 6.0, np.deg2rad(30.0)], atol=1e-12)
+
+
+def test_a_kidnapped_robot_drives_on_as_it_would_have() -> None:
+    path = {"shape": "waypoints", "margin_m": 4.0}
+    clean, carried = run(path=path)["truth"], run(KIDNAP, path=path)["truth"]
+    later = clean["stamp_ns"] >= 40_000_000_000
+
+    steps = [np.hypot(np.diff(truth["x_m"][later]), np.diff(truth["y_m"][later]))
+             for truth in (clean, carried)]  # fmt: skip
+
+    np.testing.assert_allclose(steps[0], steps[1], atol=1e-12)
+    assert steps[0].max() > 0.0
+
+
+def test_sensors_hear_of_the_place_where_a_kidnapped_robot_is() -> None:
+    quiet = {"ranges": {"sigma_relative": 0.0}, "path": {"shape": "circle", "speed_mps": 0.0}}
+    table = run(KIDNAP, **quiet)["ranges"]
+
+    late = (table["stamp_ns"] >= 40_000_000_000) & (table["anchor"] == "A1")
+
+    np.testing.assert_allclose(table["range_m"][late], np.hypot(3.0, 6.0), atol=1e-12)
+    np.testing.assert_allclose(table["range_m"][(table["anchor"] == "A1") & ~late],
+                               np.hypot(8.0, 5.0), atol=1e-12)  # fmt: skip
+
+
+def test_a_robot_kidnapped_twice_is_where_it_was_carried_last() -> None:
+    again = {"kind": "kidnap", "at_s": 60.0, "to": [7.0, 2.0, 0.0]}
+    truth = run(again, KIDNAP, path={"shape": "circle", "speed_mps": 0.0})["truth"]
+
+    place = {(x, y) for x, y in zip(truth["x_m"], truth["y_m"], strict=True)}
+
+    assert place == {(8.0, 5.0), (3.0, 6.0), (7.0, 2.0)}
+
+
+def test_a_kidnapped_robot_must_stay_in_the_room() -> None:
+    with pytest.raises(ValueError, match=r"faults.0.to is \(30.0, 6.0\), outside of the room"):
+        run({**KIDNAP, "to": [30.0, 6.0, 0.0]})
+    with pytest.raises(ValueError, match=r"drives after .* s out of the room"):
+        run({**KIDNAP, "to": [0.1, 6.0, 0.0]}, path={"shape": "circle"})
+
+
 # Together ------------------------------------------------------------------------------------
 
 

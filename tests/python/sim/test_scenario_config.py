@@ -87,6 +87,19 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         {"path": {"shape": "waypoints", "margin_m": 5.0}},
         "margin_m is 5.0.*leaves nothing",
     ),
+    "one point": ({"path": {"shape": "points", "points_m": [[1, 1]]}}, "at least 2 items"),
+    "a leg of no length": (
+        {"path": {"shape": "points", "points_m": [[1, 1], [2, 2], [2, 2]]}},
+        r"points_m.1 and the point after it are both \(2.0, 2.0\)",
+    ),
+    "a closed path that ends where it begins": (
+        {"path": {"shape": "points", "points_m": [[1, 1], [2, 2], [1, 1]], "closed": True}},
+        r"points_m.2 and the point after it are both \(1.0, 1.0\)",
+    ),
+    "points outside": (
+        {"path": {"shape": "points", "points_m": [[1, 1], [2, 12]]}},
+        r"path.points_m.1 is \(2.0, 12.0\), outside of the room of 10.0 m x 10.0 m",
+    ),
     "roaming nowhere": ({"path": {"shape": "roam"}}, "a robot that roams needs a map"),
     "seed of nothing": ({"map": {"seed": 3}}, "seed is 3, but nothing is made from it"),
     "unknown world": ({"map": {"generate": "maze"}}, "'warehouse', 'zhang' or 'floor'"),

@@ -8,14 +8,25 @@ import math
 import numpy as np
 import pytest
 
-from locfuse.config.scenario import Circle, Eight, Path, Polygon, Roam, Square, Star, Waypoints
+from locfuse.config.scenario import (
+    Circle,
+    Eight,
+    Path,
+    Points,
+    Polygon,
+    Roam,
+    Square,
+    Star,
+    Waypoints,
+)
 from locfuse.sim.maps import rooms
 from locfuse.sim.trajectory import Drive, drive_of, plan, sinc, there_and_back
 from locfuse.types import wrap_angle
 
 ROOM = (10.0, 10.0)
 PATHS: list[Path] = [
-    Circle(), Eight(), Square(), Star(), Star(points=7), Polygon(corners=3), Polygon(), Waypoints()
+    Circle(), Eight(), Square(), Star(), Star(points=7), Polygon(corners=3), Polygon(),
+    Points(points_m=[(1.0, 1.0), (9.0, 1.0), (5.0, 7.0)], closed=True), Waypoints()
 ]  # fmt: skip
 
 
@@ -24,7 +35,7 @@ def planned(path: Path, duration_s: float = 600.0, seed: int = 3) -> Drive:
 
 
 def shape_of(path: Path) -> str:
-    many = getattr(path, "points", getattr(path, "corners", ""))
+    many = getattr(path, "points", getattr(path, "corners", ""))  # of a star or a polygon
     return f"{path.shape}{many}"
 
 
@@ -175,6 +186,8 @@ def test_closed_paths_come_back_to_the_start_after_every_lap(path: Path) -> None
     if isinstance(path, Polygon):
         side = 8.0 * math.sin(math.pi / path.corners)
         laps["polygon"] = path.corners * side / 0.22 + 2.0 * math.pi
+    if isinstance(path, Points):
+        laps["points"] = (8.0 + 2.0 * math.hypot(4.0, 6.0)) / 0.22 + 2.0 * math.pi
 
     pose = drive.pose_at(laps[path.shape] * np.arange(1, 6))
 
@@ -246,6 +259,35 @@ def test_the_polygon_goes_once_around_from_its_northern_corner(corners: int) -> 
     turned = 2.0 * np.pi / corners * np.arange(corners)  # counter-clockwise from the north
     np.testing.assert_allclose(at, 4.0 * np.column_stack([-np.sin(turned), np.cos(turned)]),
                                atol=1e-12)  # fmt: skip
+
+
+def test_a_drive_through_points_turns_the_short_way_and_stands_at_the_last() -> None:
+    path = Points(points_m=[(1.0, 1.0), (3.0, 1.0), (3.0, 2.0)], speed_mps=0.5, turn_rate_radps=0.5)
+    turned = 4.0 + math.pi  # a straight of 4 s, a quarter turn to the left of pi s
+
+    pose = planned(path).pose_at([0.0, 4.0, 4.0 + 0.5 * math.pi, turned + 1.0, turned + 2.0, 599.0])
+
+    quarter = 0.5 * math.pi
+    expected = [
+        [1.0, 1.0, 0.0],
+        [3.0, 1.0, 0.0],
+        [3.0, 1.0, 0.5 * quarter],
+        [3.0, 1.5, quarter],
+        [3.0, 2.0, quarter],
+        [3.0, 2.0, quarter],
+    ]
+    np.testing.assert_allclose(pose, expected, atol=1e-12)
+
+
+def test_closed_points_go_round_in_equal_laps() -> None:
+    path = Points(points_m=[(1.0, 1.0), (4.0, 1.0), (4.0, 5.0)], closed=True, speed_mps=1.0)
+    lap = 12.0 + 2.0 * math.pi
+    t = np.linspace(0.0, lap, 400)
+
+    drive = planned(path)
+
+    np.testing.assert_allclose(drive.pose_at(t + 3.0 * lap), drive.pose_at(t), atol=1e-9)
+    np.testing.assert_allclose(drive.pose_at([lap - 1e-9])[0], [1.0, 1.0, 0.0], atol=1e-8)
 
 
 def test_waypoints_keep_the_margin_and_turn_the_short_way() -> None:

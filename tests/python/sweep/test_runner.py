@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +59,7 @@ def test_a_value_that_is_not_allowed_is_refused_before_any_trial_starts() -> Non
             raise AssertionError("a trial was started")
 
     for values in ("0.1,0.2,-0.3", "-0.00001..0.1"):
-        with pytest.raises(ConfigError, match="greater than or equal to 0"):
+        with pytest.raises(ConfigError, match="expected at least 0"):
             run_trials(short_room(), 3, {"simulation.ranges.sigma_m": values}, executor=Unused())
 
 
@@ -154,7 +155,10 @@ def test_an_interrupt_ends_it_at_once_and_nothing_runs_on(tmp_path: Path) -> Non
     config.write_text("simulation: {duration_s: 200000}\n")  # a trial of minutes
     command = [sys.executable, "-m", "locfuse", "sweep", str(config), "--trials=8", "--workers=1",
                f"--out={tmp_path / 'out'}"]  # fmt: skip
-    started = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    # As from a terminal: what a shell starts in the background ignores interrupts.
+    interruptible = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    started = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                               preexec_fn=interruptible)  # fmt: skip
     of_it = Path(f"/proc/{started.pid}/task/{started.pid}/children")
     wait_for(lambda: started.poll() is not None or is_busy(of_it.read_text().split()))
     children = of_it.read_text().split()
@@ -255,3 +259,12 @@ def test_processes_use_one_thread_each_and_the_environment_is_left_as_it_was(
         assert [pool.submit(os.getenv, name).result() for name in ONE_THREAD] == ["1"] * 3
     assert os.environ[ONE_THREAD[0]] == "7"
     assert ONE_THREAD[1] not in os.environ
+
+
+def test_workers_do_not_import_the_command_line() -> None:
+    # They import the script that started them: that of the console, as pip writes it.
+    entry = '[project.scripts]\nlocfuse = "locfuse.__main__:main"\n'
+    assert entry in (Path(__file__).resolve().parents[3] / "pyproject.toml").read_text()
+    code = "import sys; from locfuse.__main__ import main; print('locfuse.cli' in sys.modules)"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True, text=True)
+    assert found.stdout == "False\n"

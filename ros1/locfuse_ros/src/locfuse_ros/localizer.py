@@ -14,23 +14,22 @@ import numpy as np
 import rospy
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
-from locfuse.config.schema import SOURCES
+from locfuse.config.schema import SOURCES, RunConfig
 from locfuse.ros.adapter import Adapter
 from locfuse.ros.lines import Lines
+from locfuse.ros.parameters import Parameter, config_of, parameters, values_of
 from locfuse_ros.fill import message_class, message_of
 from locfuse_ros.hear import hear
-from locfuse_ros.node import run_node
-from locfuse_ros.parameters import Parameter, base_of, configuration
+from locfuse_ros.node import folder_of, run_node
 
-PARAMETERS = (
-    Parameter("config", str, "", "path of the YAML of a run; without it all is default"),
-    Parameter("overrides", dict, {}, "keys of that YAML to be told otherwise, nested like it"),
-)
+CONFIG = Parameter("config", "text", "", None, None,
+                   "path of the YAML of a run, below what other parameters say")  # fmt: skip
 ADVICE = (
     "the network or this computer is too slow for them, or queue_size of their publisher too small"
 )
 TICK_S = 0.1
 REPORT_S = 1.0
+LOSSES_S = 60.0  # between words in the log of what is lost; diagnostics have it at once
 WORKED = 5000  # messages of which the diagnostics tell how long they took
 QUEUE = 100  # messages of ours that wait for a subscriber who is slow
 ONE_VOICE = ("odometry", "scans")  # of which two publishers at once are a mistake
@@ -113,8 +112,8 @@ class Localizer:
             {"key": f"work_ms_{name}", "value": f"{np.percentile(work_ms, share):.3f}"}
             for name, share in (("median", 50), ("99_percent", 99))
         ]
-        for sentence in news:
-            rospy.logwarn(sentence)
+        if news:
+            rospy.logwarn_throttle(LOSSES_S, "; ".join(news))
         status = {
             "level": 1 if news else 0,
             "name": "locfuse: topics",
@@ -159,13 +158,16 @@ def _publisher(topic: str, type_name: str, latched: bool) -> Any:
     return rospy.Publisher(name, message_class(type_name), latch=latched, queue_size=QUEUE)
 
 
-def localize(told: Mapping[str, Any]) -> None:
+def localize(given: Mapping[str, Any]) -> None:
     """Localize until the node is told to end."""
     sys.setswitchinterval(SWITCH_S)
-    config = configuration(told["config"], told["overrides"], rospy.get_name())
-    Localizer(Adapter(config, base=base_of(told["config"]))).run()
+    name = rospy.get_name()
+    path = values_of([CONFIG], {k: v for k, v in given.items() if k == "config"}, name)["config"]
+    keys = {k: v for k, v in given.items() if k != "config"}
+    config = config_of(keys, path or None, name)
+    Localizer(Adapter(config, base=folder_of(path))).run()
 
 
 def main() -> int:
     """Run the node; return 1 if it cannot start, having said why."""
-    return run_node("locfuse", PARAMETERS, localize)
+    return run_node("locfuse", [CONFIG, *parameters(RunConfig())], localize)

@@ -10,23 +10,24 @@ from typing import Any
 
 import rospy
 
+from locfuse.config.load import load_config
 from locfuse.config.ros import Ros
+from locfuse.config.schema import RunConfig
 from locfuse.ros.encode import Publication, transforms
+from locfuse.ros.parameters import LARGEST, Parameter, values_of
 from locfuse.ros.peers import Arrival, in_order_of_arrival, static_of
 from locfuse.run import load_log
 from locfuse.types import NANOSECONDS
 from locfuse_ros.fill import message_class, message_of, time_of
-from locfuse_ros.node import run_node
-from locfuse_ros.parameters import Parameter, base_of, configuration
+from locfuse_ros.node import folder_of, run_node
 
 PARAMETERS = (
-    Parameter("config", str, "", "path of the YAML of a run: its log, topics and frames"),
-    Parameter("overrides", dict, {}, "keys of that YAML to be told otherwise, nested like it"),
-    Parameter("log", str, "", "log folder instead of what the YAML names"),
-    Parameter("speed", float, 1.0, "times as fast as recorded; 0: as fast as all can", low=0.0),
-    Parameter("clock", bool, True, "stamps as recorded, with /clock; else stamps of today"),
-    Parameter("loop", bool, False, "begin anew at the end: the clock goes back"),
-    Parameter("wait_s", float, 10.0, "at most, for somebody who listens [s]", low=0.0),
+    Parameter("config", "text", "", None, None, "path of a run's YAML: its log, topics and frames"),
+    Parameter("log", "text", "", None, None, "log folder instead of what the YAML names"),
+    Parameter("speed", "float", 1.0, 0.0, LARGEST, "times as fast as recorded; 0: as all can"),
+    Parameter("clock", "bool", True, None, None, "stamps as recorded, and /clock; else of today"),
+    Parameter("loop", "bool", False, None, None, "begin anew at the end: the clock goes back"),
+    Parameter("wait_s", "float", 10.0, 0.0, LARGEST, "at most, for somebody who listens [s]"),
 )
 QUIET_S = 1.0
 SETTLE_S = 0.3  # the world is known before the first message comes
@@ -39,10 +40,10 @@ class LogPlayer:
 
     def __init__(self, told: Mapping[str, Any]) -> None:
         self._speed, self._loop = told["speed"], told["loop"]
-        config = configuration(told["config"], told["overrides"], rospy.get_name())
+        config = load_config(told["config"]) if told["config"] else RunConfig()
         if told["log"]:
             config = config.model_copy(update={"log": told["log"], "simulation": None})
-        log = load_log(config, base_of(told["config"]), config.seed)
+        log = load_log(config, folder_of(told["config"]), config.seed)
         self._arrivals = list(with_transforms(in_order_of_arrival(log, config.ros), config.ros))
         world = static_of(log, config.ros)
         self._shift_ns = self._shift(told["clock"])
@@ -142,9 +143,9 @@ def later(fields: Any, shift_ns: int) -> Any:
     return fields
 
 
-def play(told: Mapping[str, Any]) -> None:
+def play(given: Mapping[str, Any]) -> None:
     """Publish a log until it, or the node, ends."""
-    player = LogPlayer(told)
+    player = LogPlayer(values_of(PARAMETERS, given, rospy.get_name()))
     player.play()
 
 

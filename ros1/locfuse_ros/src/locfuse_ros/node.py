@@ -5,18 +5,19 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import rospy
 
+from locfuse.ros.parameters import Parameter
 from locfuse.types import ConfigError, LogError
-from locfuse_ros.parameters import Parameter, read_parameters, told
 
 
 def run_node(
     name: str, declared: Sequence[Parameter], work: Callable[[Mapping[str, Any]], object]
 ) -> int:
-    """Start a node and do its work with the values of its parameters.
+    """Start a node and do its work with the parameters that it was given.
 
     Returns
     -------
@@ -28,8 +29,41 @@ def run_node(
         return 0
     rospy.init_node(name)
     try:
-        work(read_parameters(rospy.get_name(), declared, rospy.get_param("~", {})))
+        work(given())
     except (ConfigError, LogError) as error:
         rospy.logfatal(str(error))
         return 1
     return 0
+
+
+def given() -> Mapping[str, Any]:
+    """Return what the parameter server holds below the node's name.
+
+    Raises
+    ------
+    ConfigError
+        If that is a value itself.
+    """
+    held = rospy.get_param("~", {})
+    if not isinstance(held, Mapping):
+        raise ConfigError(f"{rospy.get_name()} holds {held!r}; expected parameters below it")
+    return held
+
+
+def folder_of(path: str) -> Path:
+    """Return the folder that the paths in a configuration are relative to."""
+    return Path(path).resolve().parent if path else Path.cwd()
+
+
+def told(declared: Sequence[Parameter]) -> str:
+    """Return the declared parameters as text, one per line."""
+    names = [f"~{p.name.replace('.', '/')}" for p in declared]
+    width = max(map(len, names))
+    return "\n".join(
+        f"  {name:<{width}}  {p.description} ({p.expected}; {_value(p)})"
+        for name, p in zip(names, declared, strict=True)
+    )
+
+
+def _value(parameter: Parameter) -> str:
+    return "none unless told" if parameter.value is None else f"{parameter.value!r} unless told"

@@ -15,26 +15,26 @@ import rospy
 from locfuse.io.log_folder import read_world
 from locfuse.ros.decode import UNIT_M, MessageError, RangeRow, heading_of, stamp_ns
 from locfuse.ros.encode import uwb_ranges
+from locfuse.ros.parameters import LARGEST, Parameter, values_of
 from locfuse.ros.peers import uwb_of
 from locfuse.types import NANOSECONDS, ConfigError, Log, nearest
 from locfuse_ros.fill import message_class, message_of
 from locfuse_ros.hear import hear
 from locfuse_ros.node import run_node
-from locfuse_ros.parameters import Parameter
 
 Pose = tuple[float, float, float, float]  # x, y, z, heading
 
 PARAMETERS = (
-    Parameter("world", str, "", "folder of anchors.csv and of log.yaml with the tags"),
-    Parameter("model", str, "", "name of the robot where truth tells of several, as Gazebo does"),
-    Parameter("rate_hz", float, 5.0, "epochs per second", low=0.01, high=1000.0),
-    Parameter("sigma_relative", float, 0.015, "noise of a range, as a share of it", low=0.0),
-    Parameter("sigma_m", float, 0.0, "noise of any range [m], on top of that", low=0.0),
-    Parameter("loss", float, 0.0, "share of rangings that fail", low=0.0, high=1.0),
-    Parameter("reach_m", float, 1000.0, "anchors beyond it do not answer [m]", low=0.0),
-    Parameter("format", str, "ranges", "UwbRanges, or UwbData", choices=("ranges", "data")),
-    Parameter("unit", str, "m", "of UwbData", choices=("m", "mm")),
-    Parameter("seed", int, 0, "of the noise; the same seed and truth give the same ranges", low=0),
+    Parameter("world", "text", "", None, None, "folder of anchors.csv and log.yaml with the tags"),
+    Parameter("model", "text", "", None, None, "name of the robot where truth tells of several"),
+    Parameter("rate_hz", "float", 5.0, 0.01, 1000.0, "epochs per second"),
+    Parameter("sigma_relative", "float", 0.015, 0.0, LARGEST, "noise of a range, a share of it"),
+    Parameter("sigma_m", "float", 0.0, 0.0, LARGEST, "noise of any range [m], on top of that"),
+    Parameter("loss", "float", 0.0, 0.0, 1.0, "share of rangings that fail"),
+    Parameter("reach_m", "float", 1000.0, 0.0, LARGEST, "anchors beyond it do not answer [m]"),
+    Parameter("format", "text", "ranges", None, None, "UwbRanges or UwbData", ("ranges", "data")),
+    Parameter("unit", "text", "m", None, None, "of UwbData", ("m", "mm")),
+    Parameter("seed", "int", 0, 0, None, "of the noise: same seed and truth, same ranges"),
 )
 
 
@@ -142,6 +142,12 @@ def _check_for_data(world: Log) -> None:
                           "whole numbers, and one tag")  # fmt: skip
 
 
+def simulate(given: Mapping[str, Any]) -> None:
+    """Measure ranges until the node is told to end."""
+    UwbNode(values_of(PARAMETERS, given, rospy.get_name()))
+    rospy.spin()
+
+
 def main() -> int:
     """Run the node; return 1 if it cannot start, having said why."""
-    return run_node("simulate_uwb", PARAMETERS, lambda told: (UwbNode(told), rospy.spin()))
+    return run_node("simulate_uwb", PARAMETERS, simulate)

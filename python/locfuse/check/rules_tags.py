@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Checks of tags on the body, and of the positions that an RTLS tells of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations, permutations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locfuse import _core
+from locfuse.check.context import Context
+from locfuse.check.finding import Finding, error, warning
+from locfuse.types import NANOSECONDS, Columns, FloatArray
+
+_ONE_PLACE_M = 0.05
+_LINE = 0.05  # width over length below which tags count as on one line
+_EPOCHS = 500  # that are looked at
+_CLEARLY, _MOST_NIS = 2.0, 6.0  # times as well in another order; of three rows, half of all
+_ALIKE = 10.0  # errors of fixes are alike for as many in a row
+_FROZEN = 3  # fixes in a row
+_SILENT_S, _SILENT_PERIODS = 5.0, 10.0
+
+
+def tags_in_one_place(context: Context) -> Iterator[Finding]:
+    """Name tags in use that share a place, or stand in one line, on the body."""
+    arms = context.arms
+    for a, b in combinations(arms, 2):
+        apart = float(np.hypot(*(arms[a] - arms[b])))
+        if apart < _ONE_PLACE_M:
+            yield warning(f"tags {a} and {b} are {apart:.2g} m apart in body: together they tell "
+                          "no heading", "log.yaml, tags",
+                          "measure both; put them at the corners of the machine")  # fmt: skip
+    at = np.array(list(arms.values())).reshape(-1, 2)
+    if len(at) < 3:
+        return
+    _, size, _ = np.linalg.svd(at - at.mean(axis=0), full_matrices=False)
+    if size[0] > _ONE_PLACE_M and size[1] < _LINE * size[0]:
+        yield warning(f"tags {', '.join(arms)} are in one line on the body: their triangle tells "
+                      "no swapped ids, and TagTriangleEkf refuses it", "log.yaml, tags",
+                      "put one of them well off the line")  # fmt: skip
+
+
+def tags_that_do_not_fit_their_fixes(context: Context) -> Iterator[Finding]:
+    """Name swapped ids of tags, else pairs that are not as far apart as on the body."""
+    table = _of_tags(context)
+    if table is None:
+        return
+    swapped = _swapped(context, table)
+    if swapped is not None:
+        yield swapped
+        return
+    frozen = {run.tag for run in _frozen(context)}
+    for a, b in combinations(context.arms, 2):
+        if not {a, b} & frozen:
+            yield from _apart(context, table, a, b)
+
+
+def _swapped(context: Context, table: Columns) -> Finding | None:
+    """Return that the fixes of three tags fit their triangle in another order, if so."""
+    for names in combinations(context.arms, 3):
+        tags = [_core.Tag(k, list(context.log.tags[name])) for k, name in enumerate(names)]
+        epochs = list(_epochs(table, names))
+        try:
+            nis = {ids: _misfit(tags, epochs, ids) for ids in permutations(range(3))}
+        except ValueError:  # in one place or line, which has a finding of its own
+            continue
+        best = min(nis, key=lambda ids: nis[ids])
+        if nis[0, 1, 2] < _CLEARLY * nis[best] or nis[0, 1, 2] < _MOST_NIS:
+            continue
+        alike = [ids for ids in nis if nis[ids] < _CLEARLY * nis[best]]
+        wrong = ", ".join(f"{names[k]} is {names[right]}"
+                          for k, right in enumerate(best) if k != right)  # fmt: skip
+        which = wrong if len(alike) == 1 else "which of them is not told"
+        return error(f"ids of tags {', '.join(names)} are swapped: {which}. The median NIS of "
+                     f"{len(epochs)} fits to their triangle is {nis[0, 1, 2]:.3g}, and "
+                     f"{nis[best]:.2g} then", "log.yaml, tags",
+                     "exchange their places in log.yaml, or their names in positions.csv"
+                     )  # fmt: skip
+    return None
+
+
+def _misfit(
+    tags: list[_core.Tag], epochs: list[list[_core.PositionFix]], ids: tuple[int, ...]
+) -> float:
+    """Return the median NIS with which fixes fit the triangle if they are of other tags."""
+    if not epochs:
+        return 0.0
+    orders = (
+        _core.tag_order(tags, [_core.PositionFix(z.stamp, z.position, z.covariance, k)
+                               for z, k in zip(fixes, ids, strict=True)])
+        for fixes in epochs
+    )  # fmt: skip
+    return float(np.median([order.nis for order in orders]))
+
+
+def _epochs(table: Columns, names: tuple[str, ...]) -> Iterator[list[_core.PositionFix]]:
+    """Yield the fixes of all these tags at stamps at which each has one."""
+    rows = {name: _by_stamp(table, name) for name in names}
+    shared = sorted(set.intersection(*(set(found) for found in rows.values())))
+    for stamp in shared[:: max(1, len(shared) // _EPOCHS)]:
+        yield [_core.PositionFix(stamp, at, sigma**2 * np.eye(2), k)
+               for k, (at, sigma) in enumerate(rows[name][stamp] for name in names)]  # fmt: skip
+
+
+def _by_stamp(table: Columns, name: str) -> dict[int, tuple[list[float], float]]:
+    mine = table["tag"] == name
+    columns = (table[key][mine].tolist() for key in ("stamp_ns", "x_m", "y_m", "sigma_m"))
+    return {stamp: ([x, y], sigma) for stamp, x, y, sigma in zip(*columns, strict=True)
+            if sigma > 0.0}  # fmt: skip
+
+
+def _apart(context: Context, table: Columns, a: str, b: str) -> Iterator[Finding]:
+    """Tell if fixes of two tags are farther apart, or nearer, than the tags on the body."""
+    one, other = _by_stamp(table, a), _by_stamp(table, b)
+    shared = sorted(set(one) & set(other))
+    if len(shared) < 10:
+        return
+    off = np.array([one[stamp][0] for stamp in shared]) - [other[stamp][0] for stamp in shared]
+    told = np.hypot(*off.T)
+    noise = 1.4826 * float(np.median(np.abs(told - np.median(told))))
+    # The median of a distance with that noise along and across is longer than the distance.
+    found = float(np.sqrt(max(np.median(told) ** 2 - noise**2, 0.0)))
+    body = float(np.hypot(*(context.arms[a] - context.arms[b])))
+    scatter = 3.0 * noise / float(np.sqrt(max(len(shared) / _ALIKE, 1.0)))
+    bent = noise**2 / max(found, noise, _ONE_PLACE_M)  # of a distance as short as its noise
+    if abs(found - body) > 0.1 + scatter + bent:
+        yield error(f"tags {a} and {b} are {body:.2f} m apart on the body, but their fixes "
+                    f"{found:.2f} m: places or ids are wrong", "log.yaml, tags",
+                    "measure where each tag is, in body coordinates")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Frozen:
+    tag: str
+    count: int
+    begin_ns: int
+    end_ns: int
+    driven_m: float
+
+
+def fixes_that_are_frozen(context: Context) -> Iterator[Finding]:
+    """Name tags whose position stays bit for bit the same while the machine drives."""
+    for run in _frozen(context):
+        begin, end = ((at - context.begin_ns) / NANOSECONDS for at in (run.begin_ns, run.end_ns))
+        of = f"of tag {run.tag} " if run.tag else ""
+        yield error(f"the position {of}is frozen: {run.count} fixes from {begin:.3g} s to "
+                    f"{end:.3g} s after the start are bit for bit the same while the wheels drive "
+                    f"{run.driven_m:.3g} m", "positions.csv",
+                    "remove those rows and restart the RTLS; TagConditioner rejects them as they "
+                    "come")  # fmt: skip
+
+
+def _frozen(context: Context) -> Iterator[_Frozen]:
+    """Yield the longest run of equal fixes of each tag through which the wheels drive."""
+    table, odometry = context.used("positions"), context.odometry
+    if table is None or odometry is None:
+        return
+    name = table.get("tag", np.full(len(table["stamp_ns"]), ""))
+    step = np.linalg.norm(np.diff(odometry.position, axis=0), axis=1)
+    driven, zero = np.concatenate([[0.0], np.cumsum(step)]), odometry.stamp_ns[0]
+    for tag in sorted(set(name.tolist())):
+        rows = np.flatnonzero(name == tag)
+        rows = rows[np.argsort(table["stamp_ns"][rows], kind="stable")]
+        stamp, sigma = table["stamp_ns"][rows], float(np.median(table["sigma_m"][rows]))
+        begin, end = _longest_same(np.column_stack([table["x_m"], table["y_m"]])[rows])
+        way = np.interp((stamp[[begin, end]] - zero) / NANOSECONDS,
+                        (odometry.stamp_ns - zero) / NANOSECONDS, driven)  # fmt: skip
+        gone = float(way[1] - way[0])
+        if end - begin + 1 >= _FROZEN and gone > max(0.3, sigma):
+            yield _Frozen(tag, end - begin + 1, int(stamp[begin]), int(stamp[end]), gone)
+
+
+def _longest_same(at: FloatArray) -> tuple[int, int]:
+    """Return the first and last row of the longest run of equal rows of (n, 2)."""
+    edges = np.flatnonzero(np.any(np.diff(at, axis=0) != 0.0, axis=1)) + 1
+    bounds = np.concatenate([[0], edges, [len(at)]])
+    longest = int(np.argmax(np.diff(bounds)))
+    return int(bounds[longest]), int(bounds[longest + 1]) - 1
+
+
+def tags_that_fall_silent(context: Context) -> Iterator[Finding]:
+    """Name tags that are not heard for long while others of the same source are."""
+    for source in ("positions", "ranges"):
+        table = context.used(source)
+        if table is None or "tag" not in table:
+            continue
+        for tag in sorted(set(table["tag"].tolist()) - {""}):
+            mine = table["tag"] == tag
+            yield from _silence(context, source, tag, np.sort(table["stamp_ns"][mine]),
+                                np.sort(table["stamp_ns"][~mine]))  # fmt: skip
+
+
+def _silence(
+    context: Context, source: str, tag: str, mine: NDArray[np.int64], others: NDArray[np.int64]
+) -> Iterator[Finding]:
+    if len(others) == 0:
+        return
+    edges = np.concatenate([[min(mine[0], others[0])], mine, [max(mine[-1], others[-1])]])
+    gap = int(np.argmax(np.diff(edges)))
+    begin, end = int(edges[gap]), int(edges[gap + 1])
+    length_s = (end - begin) / NANOSECONDS
+    period_s = float(np.median(np.diff(mine))) / NANOSECONDS if len(mine) > 1 else 0.0
+    # Not a place where radio is poor: there the others fall silent too.
+    between = np.unique(others[(others > begin) & (others < end)])
+    heard = len(between) > 0.5 * length_s / max(period_s, 0.1)
+    if length_s > max(_SILENT_S, _SILENT_PERIODS * period_s) and heard:
+        of = (begin - context.begin_ns) / NANOSECONDS
+        until = "to the end" if end > mine[-1] else f"for {length_s:.3g} s"
+        yield warning(f"tag {tag} is silent from {of:.3g} s after the start {until} while other "
+                      f"tags are heard ({source})", f"{source}.csv",
+                      "look at its battery and its mount; the heading rests on the others"
+                      )  # fmt: skip
+
+
+def _of_tags(context: Context) -> Columns | None:
+    """Return the positions of named tags."""
+    table = context.used("positions")
+    return table if table is not None and "tag" in table else None

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What stands still while a run is played: map, walls, anchors, landmarks, tags."""
+
+from __future__ import annotations
+
+import base64
+import io
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from locfuse.types import FREE, OCCUPIED, UNKNOWN, Columns, GridMap, RunResult
+
+_GREY = {OCCUPIED: 0, FREE: 255}  # what is neither is unknown, 128
+_MOST_CELLS = 2000  # of a side of the map that is shown
+_MOST_PLACES = 2000
+
+
+def world_of(result: RunResult, most_map_bytes: int) -> dict[str, Any]:
+    """Return the world of a run; its map takes at most so many bytes."""
+    log = result.log
+    anchors = log.tables.get("anchors", {})
+    landmarks = log.tables.get("landmarks", {})
+    return {
+        "map": None if log.grid is None else map_picture(log.grid, most_map_bytes),
+        "walls": _walls(result),
+        "anchors": _places(anchors, "anchor", "z_m"),
+        "landmarks": _places(landmarks, "landmark", "radius_m"),
+        "tags": {name: [float(v) for v in at] for name, at in log.tags.items()},
+        "landmark_sensor": None
+        if log.landmark_sensor is None
+        else [float(v) for v in log.landmark_sensor["pose_in_body"]],
+    }
+
+
+def map_picture(grid: GridMap, most_bytes: int) -> dict[str, Any]:
+    """Return a map as a picture of at most so many bytes, and where it lies."""
+    grid = _known(grid)
+    side = max(grid.cells.shape)
+    if side > _MOST_CELLS:
+        grid = grid.resampled(grid.resolution_m * side / _MOST_CELLS)
+    png = _png(grid)
+    while len(png) > most_bytes and max(grid.cells.shape) > 1:
+        coarser = max(1.2, (len(png) / max(most_bytes, 1)) ** 0.5)
+        grid = grid.resampled(coarser * grid.resolution_m)
+        png = _png(grid)
+    height, width = grid.cells.shape
+    return {"png": png, "width": width, "height": height, "resolution_m": grid.resolution_m,
+            "origin": list(grid.origin)}  # fmt: skip
+
+
+def _known(grid: GridMap) -> GridMap:
+    """Return the part of a map that reaches around all cells that are known."""
+    known = np.argwhere(grid.cells != UNKNOWN)
+    if len(known) == 0:
+        return grid
+    (bottom, left), (top, right) = known.min(axis=0), known.max(axis=0) + 1
+    x, y = grid.to_world(np.array([left, bottom], np.float64)).tolist()
+    return GridMap(grid.cells[bottom:top, left:right], grid.resolution_m, (x, y, grid.origin[2]))
+
+
+def _png(grid: GridMap) -> str:
+    """Return a picture whose top row is that of the highest y, as a data URL."""
+    grey = np.full(grid.cells.shape, 128, np.uint8)
+    for cell, value in _GREY.items():
+        grey[grid.cells == cell] = value
+    file = io.BytesIO()
+    Image.fromarray(grey[::-1]).save(file, format="png")
+    return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode("ascii")
+
+
+def _walls(result: RunResult) -> list[list[float]]:
+    """Return the walls that a simulation bends ranges around: x1, y1, x2, y2."""
+    scenario = result.config.get("simulation") or {}
+    walls = [wall for fault in scenario.get("faults") or [] for wall in fault.get("walls") or []]
+    return [[float(v) for v in wall] for wall in walls[:_MOST_PLACES]]
+
+
+def _places(table: Columns, name: str, third: str) -> dict[str, list[float]]:
+    """Return named points and what else is known of each: a height, or a radius."""
+    if not table:
+        return {}
+    more = table.get(third, np.zeros(len(table[name])))
+    columns = (table[key].tolist()[:_MOST_PLACES] for key in ("x_m", "y_m"))
+    rows = zip(*columns, more.tolist()[:_MOST_PLACES], strict=True)
+    return dict(zip(table[name].tolist()[:_MOST_PLACES], map(list, rows), strict=True))

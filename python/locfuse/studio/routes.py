@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the page fetches beside itself: coverage, map and way, runs, downloads, uploads."""
+
+from __future__ import annotations
+
+import multiprocessing
+import tempfile
+from collections.abc import Callable
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from fastapi import APIRouter, Request
+from fastapi.responses import FileResponse, JSONResponse, Response
+from starlette.concurrency import run_in_threadpool
+
+from locfuse.player import player_css, player_js
+from locfuse.studio.bag import write_bag_of
+from locfuse.studio.coverage import packed
+from locfuse.studio.ground import TROUBLE
+from locfuse.studio.studio import Studio
+from locfuse.studio.view import coverage_of, replaying
+from locfuse.studio.work import PLAY
+from locfuse.studio.workspace import MOST_BYTES
+from locfuse.types import ConfigError, LogError
+
+FILES = ("report.html", "config.yaml", "scene.yaml", "estimate.tum", "truth.tum", "estimate.csv",
+         "outcomes.csv", "metrics.json")  # fmt: skip
+BAG = "drive.mcap"
+STATIC = {"editor.js": "text/javascript", "coverage.js": "text/javascript",
+          "studio.js": "text/javascript", "studio.css": "text/css"}  # fmt: skip
+_ODD_PLACES = 1e9  # metres: no mouse means that
+
+
+def routes(studio: Studio) -> APIRouter:
+    """Return the addresses below ``/studio/``."""
+    router = APIRouter(prefix="/studio")
+    _static(router)
+    _world(router, studio)
+    _runs(router, studio)
+    _uploads(router, studio)
+    return router
+
+
+def _static(router: APIRouter) -> None:
+    made: dict[str, Callable[[], str]] = {"player.js": player_js, "player.css": player_css}
+
+    @router.get("/static/{name}")
+    def static(name: str) -> Response:
+        kind = STATIC.get(name) or {"player.js": "text/javascript", "player.css": "text/css"}.get(
+            name
+        )
+        if kind is None:
+            return _not_there(name)
+        text = made[name]() if name in made else (
+            resources.files("locfuse.studio").joinpath("static", name).read_text("utf-8")
+        )  # fmt: skip
+        return Response(text, media_type=kind, headers={"Cache-Control": "no-cache"})
+
+
+def _world(router: APIRouter, studio: Studio) -> None:
+    @router.post("/coverage")
+    async def coverage(request: Request) -> Response:
+        try:
+            moved = {str(name): (float(x), float(y))
+                     for name, (x, y) in (await request.json())["moved"].items()
+                     if abs(float(x)) < _ODD_PLACES and abs(float(y)) < _ODD_PLACES}  # fmt: skip
+            found = coverage_of(studio.scene, moved, studio.base)
+        except (ValueError, TypeError, KeyError, AttributeError, OSError) as error:
+            return _wrong(error)
+        content = b"" if found is None else packed(found)
+        return Response(content, media_type="application/octet-stream")
+
+    @router.get("/ground")
+    def ground() -> Response:
+        found = studio.grounds.of(studio.scene.config, studio.base)
+        if found is None:
+            return JSONResponse({"error": "another scene was asked for meanwhile"}, status_code=409)
+        return JSONResponse(found)
+
+    @router.get("/scene.yaml")
+    def scene() -> Response:
+        return Response(studio.scene.good_text, media_type="application/yaml", headers={
+            "Content-Disposition": 'attachment; filename="scene.yaml"'})  # fmt: skip
+
+
+def _runs(router: APIRouter, studio: Studio) -> None:
+    def folder_of(number: int, key: str) -> Path | None:
+        for run in studio.runner.runs:
+            if run.number == number and any(part.key == key for part in run.parts):
+                return run.folder_of(key)
+        return None
+
+    @router.get("/runs/{number}/{key}/{name}")
+    def file(number: int, key: str, name: str) -> Response:
+        folder = folder_of(number, key)
+        if folder is None:
+            return _not_there(f"run {number}")
+        if name == "play.json" and (folder / PLAY).exists():
+            return FileResponse(folder / PLAY, media_type="application/json", headers={
+                "Content-Encoding": "gzip", "Cache-Control": "no-store"})  # fmt: skip
+        if name == BAG:
+            try:
+                _make_bag(folder)
+            except TROUBLE as error:
+                return _wrong(error)
+        if name not in (*FILES, BAG) or not (folder / name).exists():
+            return _not_there(name)
+        if name == "report.html":
+            return FileResponse(folder / name, media_type="text/html")
+        return FileResponse(folder / name, filename=f"{key}-{name}")
+
+
+def _make_bag(folder: Path) -> None:
+    """Write the bag of a run, by a process of its own: the run is made again, bit for bit."""
+    if (folder / BAG).exists():
+        return
+    context = multiprocessing.get_context("spawn")
+    heard, said = context.Pipe(duplex=False)
+    process = context.Process(target=write_bag_of, args=(str(folder), BAG, said), daemon=True)
+    process.start()
+    said.close()
+    try:
+        wrong = heard.recv()
+    except EOFError:
+        wrong = "the process that makes the bag ended without a word"
+    process.join()
+    if wrong:
+        raise LogError(wrong)
+
+
+def _uploads(router: APIRouter, studio: Studio) -> None:
+    @router.post("/upload")
+    async def upload(request: Request, kind: str, name: str) -> Response:
+        with tempfile.TemporaryDirectory(dir=studio.base, prefix=".upload-") as folder:
+            file = Path(folder, "file")
+            size = 0
+            with file.open("wb") as out:
+                async for chunk in request.stream():
+                    size += len(chunk)
+                    if size > MOST_BYTES:
+                        return _wrong(
+                            f"{name} is larger than {MOST_BYTES / 1e9:g} GB, which is "
+                            "the most there can be; give its path on this machine"
+                        )
+                    out.write(chunk)
+            try:
+                said = await run_in_threadpool(_take, studio, kind, name, file, request)
+            except (*TROUBLE, KeyError) as error:
+                return _wrong(error)
+        return JSONResponse(said)
+
+
+def _take(studio: Studio, kind: str, name: str, file: Path, request: Request) -> dict[str, Any]:
+    """Keep an uploaded file; return what the page is told."""
+    if kind == "log":
+        return {"path": _log(studio, name, file)}
+    if kind == "scene":
+        try:
+            return {"text": file.read_text(encoding="utf-8")}
+        except UnicodeDecodeError:
+            raise ConfigError(f"{name}: is no text, so no YAML") from None
+    if kind != "map":
+        raise ConfigError(f"unknown kind of upload {kind!r}")
+    query = request.query_params
+    numbers = {key: _number(query.get(key, ""), key) for key in ("resolution", "x", "y")}
+    if not 0.0 < numbers["resolution"] <= 100.0:
+        raise ConfigError(f"resolution is {numbers['resolution']:g} m; expected > 0, at most 100")
+    path, grid = studio.workspace.add_map(name, file.read_bytes(), numbers["resolution"],
+                                          (numbers["x"], numbers["y"]))  # fmt: skip
+    height, width = grid.cells.shape
+    return {"path": path, "size": [width * grid.resolution_m, height * grid.resolution_m]}
+
+
+def _log(studio: Studio, name: str, file: Path) -> str:
+    """Keep an uploaded log, if it is one; return its path."""
+    path = studio.workspace.add_log(name, file)
+    try:
+        replaying(studio.scene, path, Path(name).stem, studio.base)
+    except TROUBLE as error:
+        studio.workspace.remove_log(path)
+        raise LogError(str(error).replace(str(studio.base / path), name)) from None
+    return path
+
+
+def _number(text: str, key: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ConfigError(f"{key} is {text!r}; expected a number") from None
+
+
+def _wrong(error: object) -> Response:
+    return JSONResponse({"error": " ".join(str(error).split())}, status_code=400)
+
+
+def _not_there(what: str) -> Response:
+    return JSONResponse({"error": f"{what}: there is no such thing"}, status_code=404)

@@ -1,0 +1,272 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tab in which a scene is run, watched and compared."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+from nicegui import ui
+
+from locfuse.studio.compare import compared
+from locfuse.studio.estimators import Choice, choices
+from locfuse.studio.javascript import call
+from locfuse.studio.runner import ENDED, Part, Run
+
+if TYPE_CHECKING:
+    from locfuse.studio.page import StudioPage
+
+_PLAYER = "studio-player"
+_MOST_SHOWN = 6  # runs over one another
+_DOWNLOADS = {"report.html": "Report", "scene.yaml": "Config", "estimate.tum": "Trajectory (TUM)",
+              "drive.mcap": "Bag (.mcap)"}  # fmt: skip
+_STATES = {"waiting": "waits", "running": "runs", "writing": "writes its report", "done": "done",
+           "failed": "failed", "cancelled": "cancelled"}  # fmt: skip
+
+
+class RunTab:
+    """Choose estimators, run them in another process, watch and compare what comes out."""
+
+    def __init__(self, page: StudioPage) -> None:
+        self._page = page
+        self._chosen: dict[str, bool] = {"as_set": True}
+        self._offered: list[Choice] = []
+        self._shown: list[tuple[int, str]] = []
+        self._played: list[str] | None = None
+        self._listed: list[tuple[int, str, str, bool, bool]] = []
+        self._bars: dict[tuple[int, str], Any] = {}
+        self._awaited: set[tuple[int, str]] = set()
+
+    def build(self) -> None:
+        """Build the tab."""
+        with ui.element("div").classes("st-run"):
+            with ui.element("div").classes("st-left"):
+                ui.html("<h2>Estimators</h2>", sanitize=False)
+                self._boxes = ui.element("div")
+                with ui.element("div").classes("st-row").style("margin:10px 0 6px"):
+                    self._start = ui.button("Run", icon="play_arrow", on_click=self._run)
+                    self._start.props('unelevated no-caps data-testid="run"')
+                    self._cancel = ui.button(
+                        "Cancel", icon="stop", on_click=self._page.studio.runner.cancel
+                    )
+                    self._cancel.props('outline no-caps data-testid="cancel"')
+                self._hint = ui.label().classes("st-quiet").props('data-testid="run-hint"')
+                ui.html("<h2>Runs</h2>", sanitize=False)
+                self._runs = ui.element("div").props('data-testid="runs"')
+            with ui.element("div").classes("st-right"):
+                self._empty = ui.label(
+                    "Nothing has been run yet. Choose estimators on the left and press Run."
+                ).classes("st-empty")
+                ui.html(f'<div id="{_PLAYER}"></div>', sanitize=False)
+                self._table = ui.element("div").props('data-testid="comparison"')
+        self._find_shown()
+
+    def _find_shown(self) -> None:
+        """Show the last run that there is, as when the page is opened again."""
+        for run in reversed(self._page.studio.runner.runs):
+            self._shown = [
+                (run.number, part.key) for part in run.parts if run.can_be_watched(part.key)
+            ]
+            if self._shown:
+                return
+
+    # What happens ----------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        studio = self._page.studio
+        chosen = [choice for choice in self._offered if self._chosen.get(choice.key)]
+        try:
+            run = studio.runner.start(studio.scene, chosen, studio.base)
+        except (ValueError, OSError) as error:
+            self._page.tell(str(error))
+            return
+        self._shown = []
+        self._awaited = {(run.number, part.key) for part in run.parts}
+        self._page.changed()
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Show the scene's estimators, and the runs as they are by now."""
+        studio = self._page.studio
+        offered = choices(studio.scene.data, studio.scene.config)
+        if [c.key for c in offered] != [c.key for c in self._offered]:
+            self._offered = offered
+            self._show_choices()
+        wrong = len(studio.scene.waiting) + len(studio.scene.text_problems)
+        busy = studio.runner.busy
+        self._start.set_enabled(not busy and not wrong)
+        self._cancel.set_visibility(busy)
+        self._hint.text = (
+            f"{wrong} value{'s do' if wrong > 1 else ' does'} not fit; mend or undo first."
+            if wrong
+            else ""
+        )
+        for run in studio.runner.runs:
+            for part in run.parts:
+                at = (run.number, part.key)
+                if at in self._awaited and run.can_be_watched(part.key):
+                    self._awaited.discard(at)
+                    self._shown.append(at)
+        self._show_runs()
+        self._play()
+
+    def _show_choices(self) -> None:
+        self._boxes.clear()
+        with self._boxes:
+            for choice in self._offered:
+                with ui.element("div").classes("st-item"):
+                    box = ui.checkbox(
+                        choice.name,
+                        value=self._chosen.get(choice.key, False),
+                        on_change=lambda e, key=choice.key: self._choose(key, e.value),
+                    )
+                    box.props(f'dense data-testid="choice-{choice.key}"')
+                    with box:
+                        ui.tooltip(choice.what).props("delay=400")
+
+    def _choose(self, key: str, on: bool) -> None:
+        self._chosen[key] = on
+
+    # Runs ------------------------------------------------------------------------------------
+
+    def _show_runs(self) -> None:
+        """Show the runs; while nothing but their progress is new, only that."""
+        runs = self._page.studio.runner.runs
+        listed = [
+            (
+                run.number,
+                part.key,
+                part.state,
+                run.can_be_watched(part.key),
+                (run.number, part.key) in self._shown,
+            )
+            for run in runs
+            for part in run.parts
+        ]
+        if listed != self._listed:
+            self._listed = listed
+            self._bars = {}
+            self._runs.clear()
+            with self._runs:
+                for run in reversed(runs):
+                    self._show_run(run)
+        for run in runs:
+            for part in run.parts:
+                if (run.number, part.key) in self._bars:
+                    self._bars[run.number, part.key].value = part.share
+
+    def _show_run(self, run: Run) -> None:
+        with ui.element("div").style("margin-bottom:10px"):
+            with ui.element("div").classes("st-row"):
+                when = time.strftime("%d %b %H:%M", time.localtime(run.began))
+                ui.label(f"{run.number} · {run.name}").style("font-weight:600").classes("ellipsis")
+                ui.label(when).classes("st-quiet").style("flex:1; white-space:nowrap")
+                if run.ended:
+                    button = ui.button(icon="close", color=None, on_click=lambda: self._ask(run))
+                    button.props(f'flat dense size=xs aria-label="Delete run {run.number}"')
+                    button.props(f'data-testid="delete-{run.number}"')
+            for part in run.parts:
+                self._show_part(run, part)
+
+    def _show_part(self, run: Run, part: Part) -> None:
+        at = (run.number, part.key)
+        with ui.element("div").classes("st-item"):
+            if run.can_be_watched(part.key):
+                box = ui.checkbox(
+                    part.name, value=at in self._shown, on_change=lambda e: self._watch(at, e.value)
+                ).props("dense")
+                box.classes("st-name").props(f'data-testid="watch-{run.number}-{part.key}"')
+            else:
+                ui.label(part.name).classes("st-name")
+            rmse = part.metrics.get("position_rmse_m")
+            if part.state in ("done", "writing") and rmse is not None:
+                ui.label(f"{rmse:.3f} m").style("white-space:nowrap")
+            elif part.state != "done":
+                ui.label(_STATES[part.state]).classes(
+                    "st-bad" if part.state == "failed" else "st-quiet")  # fmt: skip
+        if part.state == "running":
+            bar = ui.linear_progress(part.share, show_value=False, size="4px")
+            self._bars[at] = bar.props("instant-feedback")
+        if part.error:
+            ui.label(part.error).classes("st-note st-wrong").style("margin:2px 0").props(
+                f'data-testid="error-{part.key}"')  # fmt: skip
+
+    def _watch(self, at: tuple[int, str], on: bool) -> None:
+        if on and at not in self._shown:
+            self._shown = [*self._shown, at][-_MOST_SHOWN:]
+        elif not on and at in self._shown:
+            self._shown.remove(at)
+        self._play()
+
+    def _ask(self, run: Run) -> None:
+        """Delete a run if that is what is meant."""
+        with ui.dialog(value=True) as dialog, ui.card():
+            ui.label(f"Delete run {run.number} · {run.name}?").style("font-weight:600")
+            ui.label(f"Its folder {run.folder} is deleted, and cannot be had back.").classes(
+                "st-quiet"
+            )
+
+            def delete() -> None:
+                dialog.close()
+                self._delete(run)
+
+            with ui.row().style("justify-content:flex-end; width:100%"):
+                ui.button("Keep", on_click=dialog.close).props("flat no-caps autofocus")
+                ui.button("Delete", color="negative", on_click=delete).props(
+                    'unelevated no-caps data-testid="delete-it"'
+                )
+
+    def _delete(self, run: Run) -> None:
+        self._shown = [at for at in self._shown if at[0] != run.number]
+        self._page.studio.runner.delete(run)
+        self.refresh()
+
+    # What is watched -------------------------------------------------------------------------
+
+    def _play(self) -> None:
+        """Play what is chosen, and compare it."""
+        parts = self._parts()
+        state = [f"{run.number}/{part.key}/{part.state}" for run, part in parts]
+        if state == self._played:
+            return
+        urls = [f"studio/runs/{run.number}/{part.key}/play.json" for run, part in parts]
+        before = [entry.rsplit("/", 1)[0] for entry in self._played or []]
+        if before != [entry.rsplit("/", 1)[0] for entry in state]:
+            call("play", _PLAYER, urls)
+        self._played = state
+        self._empty.set_visibility(not parts)
+        self._compare(parts)
+
+    def _parts(self) -> list[tuple[Run, Part]]:
+        found = {(run.number, part.key): (run, part) for run in self._page.studio.runner.runs
+                 for part in run.parts}  # fmt: skip
+        return [found[at] for at in self._shown if at in found]
+
+    def _compare(self, parts: list[tuple[Run, Part]]) -> None:
+        self._table.clear()
+        if not parts:
+            return
+        with self._table:
+            names = [_named(run, part, parts) for run, part in parts]
+            ui.html("<h2>Compared</h2>", sanitize=False)
+            ui.html(compared(names, [part.metrics for _, part in parts]), sanitize=False)
+            ui.html("<h2>Downloads</h2>", sanitize=False)
+            for name, (run, part) in zip(names, parts, strict=True):
+                with ui.element("div").classes("st-item"):
+                    ui.label(name).classes("st-name").style("max-width:220px")
+                    self._links(run, part)
+
+    def _links(self, run: Run, part: Part) -> None:
+        for file, text in _DOWNLOADS.items():
+            url = f"studio/runs/{run.number}/{part.key}/{file}"
+            there = part.state in ENDED or file in ("scene.yaml", "drive.mcap")
+            button: Any = ui.button(text).props("outline dense no-caps size=md")
+            button.style("padding:2px 10px").props(f'data-testid="get-{part.key}-{file}"')
+            button.set_enabled(there)
+            new = ' target="_blank"' if file == "report.html" else " download"
+            button.props(f'tag=a href="{url}"{new}')
+
+
+def _named(run: Run, part: Part, parts: list[tuple[Run, Part]]) -> str:
+    several = len({r.number for r, _ in parts}) > 1
+    return f"{run.number} · {part.name}" if several else part.name

@@ -1,0 +1,241 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs of a scene: started in another process, watched, cancelled, found again."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import shutil
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
+from pathlib import Path
+from typing import Any
+
+from locfuse.studio.document import moved_to, text_of
+from locfuse.studio.estimators import Choice, variant
+from locfuse.studio.scene import Scene
+from locfuse.studio.work import CONFIG, PLAY, Job, work
+
+ABOUT = "run.json"
+ENDED = ("done", "failed", "cancelled")
+_END_S = 5.0  # that a process is given to end by itself
+
+
+@dataclass
+class Part:
+    """One estimator of a run.
+
+    Attributes
+    ----------
+    key, name : str
+        As of the `Choice`; the key is its folder, too.
+    state : str
+        ``waiting``, ``running``, ``writing`` the report, ``done``, ``failed`` or ``cancelled``.
+    share : float
+        Of the work that is done, 0 to 1.
+    error : str
+        Why it failed.
+    metrics : dict
+        What ``metrics.json`` holds, from ``writing`` on.
+    """
+
+    key: str
+    name: str
+    state: str = "waiting"
+    share: float = 0.0
+    error: str = ""
+    metrics: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass
+class Run:
+    """A scene run with some estimators.
+
+    Attributes
+    ----------
+    number : int
+    name : str
+        Of the scene.
+    folder : Path
+    began : float
+        Seconds since 1970.
+    parts : list of Part
+    """
+
+    number: int
+    name: str
+    folder: Path
+    began: float
+    parts: list[Part]
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing of it runs any more."""
+        return all(part.state in ENDED for part in self.parts)
+
+    def folder_of(self, key: str) -> Path:
+        """Return where the results of one estimator are."""
+        return self.folder / key
+
+    def can_be_watched(self, key: str) -> bool:
+        """Whether there is something to play of an estimator."""
+        return (self.folder_of(key) / PLAY).exists()
+
+    def write(self) -> None:
+        """Write what is known of it beside its results."""
+        about = {"name": self.name, "began": self.began, "parts": [asdict(p) for p in self.parts]}
+        text = json.dumps(about, indent=1, allow_nan=False)
+        (self.folder / ABOUT).write_text(text + "\n", encoding="utf-8")
+
+
+class Runner:
+    """The runs of a workspace, of which one at a time is under way.
+
+    Parameters
+    ----------
+    folder : Path
+        Where each run has a folder of its number; runs of before are found there.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.runs: list[Run] = _found_in(folder)
+        self.version = 0
+        self._process: SpawnProcess | None = None
+        self._cancelled = False
+        self._watch: threading.Thread | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a run is under way."""
+        return bool(self.runs) and not self.runs[-1].ended
+
+    def start(self, scene: Scene, chosen: Sequence[Choice], base: Path) -> Run:
+        """Begin to run a scene.
+
+        Each estimator has a folder with ``scene.yaml``, of which ``locfuse run`` makes the same.
+
+        Parameters
+        ----------
+        scene : Scene
+        chosen : sequence of Choice
+        base : Path
+            Folder that the scene's paths are relative to.
+
+        Raises
+        ------
+        ValueError
+            If nothing is chosen, a run is under way, or the scene has values that do not fit.
+        """
+        if self.busy:
+            raise ValueError("a run is under way; wait for it, or cancel it")
+        if not chosen:
+            raise ValueError("no estimator is chosen; choose at least one")
+        if scene.waiting or scene.text_problems:
+            raise ValueError("the scene has values that do not fit; mend or undo them first")
+        number = 1 + max((run.number for run in self.runs), default=0)
+        parts = [Part(choice.key, choice.name) for choice in chosen]
+        run = Run(number, scene.config.name, self.folder / f"{number:03}", time.time(), parts)
+        for choice in chosen:
+            folder = run.folder_of(choice.key)
+            folder.mkdir(parents=True)
+            data = moved_to(variant(choice, scene.data, scene.config), base, folder)
+            (folder / CONFIG).write_text(text_of(data), encoding="utf-8")
+        run.write()
+        self.runs.append(run)
+        self._begin(run)
+        return run
+
+    def cancel(self) -> None:
+        """End the run that is under way; what is done of it stays."""
+        self._cancelled = True
+        process = self._process
+        if process is not None and process.is_alive():
+            process.terminate()
+
+    def wait(self, timeout_s: float | None = None) -> None:
+        """Wait until the run that is under way has ended."""
+        if self._watch is not None:
+            self._watch.join(timeout_s)
+
+    def delete(self, run: Run) -> None:
+        """Delete a run that has ended, with its folder."""
+        if run.ended and run in self.runs:
+            shutil.rmtree(run.folder, ignore_errors=True)
+            self.runs.remove(run)
+            self.version += 1
+
+    def close(self) -> None:
+        """End what is under way, as the server ends."""
+        if self.busy:
+            self.cancel()
+            self.wait(_END_S)
+
+    def _begin(self, run: Run) -> None:
+        # Spawned, not forked: the server has threads, and a run must not inherit their locks.
+        context = multiprocessing.get_context("spawn")
+        heard, said = context.Pipe(duplex=False)
+        folders = tuple(str(run.folder_of(part.key)) for part in run.parts)
+        job = Job(folders, tuple(part.name for part in run.parts))
+        self._cancelled = False
+        self._process = context.Process(target=work, args=(job, said), daemon=True)
+        self._process.start()
+        said.close()
+        self._watch = threading.Thread(
+            target=self._listen, args=(run, heard, self._process), daemon=True
+        )
+        self._watch.start()
+
+    def _listen(self, run: Run, heard: Connection, process: SpawnProcess) -> None:
+        try:
+            while (message := heard.recv()) is not None:
+                self._hear(run.parts[message[0]], *message[1:])
+        except (EOFError, OSError):
+            pass  # it ended before its last word
+        process.join(_END_S)
+        for part in run.parts:
+            if part.state not in ENDED:
+                part.state = "cancelled" if self._cancelled else "failed"
+                part.error = "" if self._cancelled else _how(process.exitcode)
+                self._cancelled = self._cancelled or part.state == "failed"
+        heard.close()
+        run.write()
+        self.version += 1
+
+    def _hear(self, part: Part, what: str, *more: Any) -> None:
+        if what == "progress":
+            part.state, part.share = "running", more[0] / more[1]
+        elif what == "shown":
+            part.metrics, part.state, part.share = more[0], "writing", 1.0
+        elif what == "done":
+            part.state = "done"
+        else:
+            part.error, part.state = more[0], "failed"
+        self.version += 1
+
+
+def _how(exitcode: int | None) -> str:
+    if exitcode is not None and exitcode < 0:
+        return f"the process of the run was ended by signal {-exitcode}; is there memory enough?"
+    return f"the process of the run ended without a result (exit status {exitcode})"
+
+
+def _found_in(folder: Path) -> list[Run]:
+    """Return the runs of before; those that were under way when the server ended are cancelled."""
+    found = []
+    for about in sorted(folder.glob(f"*/{ABOUT}")):
+        try:
+            said = json.loads(about.read_text(encoding="utf-8"))
+            parts = [Part(**part) for part in said["parts"]]
+            run = Run(int(about.parent.name), said["name"], about.parent, said["began"], parts)
+        except (OSError, ValueError, TypeError, KeyError):
+            continue  # it is no run of ours, or of another version
+        for part in run.parts:
+            if part.state not in ENDED:
+                part.state = "cancelled"
+        found.append(run)
+    return found

@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs in a process of their own: the same as `locfuse run`, cancelled, crashed, found again."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import os
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from locfuse.config.load import load_config
+from locfuse.io.maps import write_map
+from locfuse.results import write_results
+from locfuse.run import run
+from locfuse.sim.room import room_grid
+from locfuse.studio.estimators import CHOICES, choices, variant
+from locfuse.studio.runner import Run, Runner
+from locfuse.studio.scene import Scene
+from locfuse.studio.work import PLAY
+
+CHOICE = {choice.key: choice for choice in CHOICES}
+SHORT: dict[str, Any] = {"name": "short", "simulation": {"duration_s": 10.0}}
+# Far longer than any test waits.
+LONG: dict[str, Any] = {"name": "long", "simulation": {"duration_s": 20_000.0}}
+FILES = ("estimate.csv", "outcomes.csv", "estimate.tum", "truth.tum", "config.yaml")
+WAIT_S = 120.0
+
+
+@pytest.fixture
+def runner(tmp_path: Path) -> Iterator[Runner]:
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    made = Runner(folder)
+    yield made
+    made.close()
+
+
+def begin(runner: Runner, data: dict[str, Any], *keys: str) -> Run:
+    return runner.start(Scene(data), [CHOICE[key] for key in keys], runner.folder.parent)
+
+
+def ended(runner: Runner) -> Run:
+    made = begin(runner, SHORT, "odometry")
+    runner.wait(WAIT_S)
+    return made
+
+
+def until(wanted: Any) -> None:
+    end = time.monotonic() + WAIT_S
+    while not wanted():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def test_each_estimator_gives_what_locfuse_run_gives_bit_for_bit(
+    runner: Runner, tmp_path: Path
+) -> None:
+    made = begin(runner, SHORT, "as_set", "odometry", "odometry_uwb")
+    runner.wait(WAIT_S)
+
+    assert [(part.state, part.error) for part in made.parts] == [("done", "")] * 3
+    for part in made.parts:
+        folder = made.folder_of(part.key)
+        again = run(load_config(folder / "scene.yaml"), base=folder)
+        write_results(again, tmp_path / part.key)
+        for name in FILES:
+            assert (folder / name).read_bytes() == (tmp_path / part.key / name).read_bytes(), name
+        assert part.metrics["position_rmse_m"] == again.metrics["position_rmse_m"]
+        assert (folder / "report.html").exists()
+    rmse = [part.metrics["position_rmse_m"] for part in made.parts]
+    assert len(set(rmse)) == 3
+
+
+def test_what_is_played_has_the_name_of_the_estimator(runner: Runner) -> None:
+    made = begin(runner, SHORT, "odometry")
+    runner.wait(WAIT_S)
+
+    shown = json.loads(gzip.decompress((made.folder_of("odometry") / PLAY).read_bytes()))
+
+    assert shown["name"] == "odometry alone"
+    assert made.can_be_watched("odometry")
+    assert load_config(made.folder_of("odometry") / "config.yaml").name == "short"
+
+
+def test_a_map_beside_the_scene_is_found_from_the_folder_of_the_run(
+    runner: Runner, tmp_path: Path
+) -> None:
+    (tmp_path / "maps").mkdir()
+    write_map(room_grid((8.0, 6.0), [], 0.05), tmp_path / "maps/room.yaml")
+    scene = Scene({"simulation": {
+        "map": {"file": "maps/room.yaml"}, "path": {"shape": "roam"}, "laser": {}, "duration_s": 5,
+        "room_m": [8, 6]}, "mcl": {"max_particles": 600}})  # fmt: skip
+
+    made = runner.start(scene, [CHOICE["as_set"]], tmp_path)
+    runner.wait(WAIT_S)
+
+    assert made.parts[0].error == ""
+    shown = json.loads(gzip.decompress((made.folder_of("as_set") / PLAY).read_bytes()))
+    assert shown["map"] is not None
+    assert shown["particles"]["of"] > 5
+
+
+def test_a_run_is_cancelled_at_once_and_another_one_can_follow(runner: Runner) -> None:
+    made = begin(runner, LONG, "as_set", "odometry")
+    until(lambda: made.parts[0].state == "running")
+    began = time.monotonic()
+
+    runner.cancel()
+    runner.wait(WAIT_S)
+
+    assert time.monotonic() - began < 5.0
+    assert [part.state for part in made.parts] == ["cancelled", "cancelled"]
+    assert [part.error for part in made.parts] == ["", ""]
+    assert not runner.busy
+    again = begin(runner, SHORT, "as_set")
+    runner.wait(WAIT_S)
+    assert (again.number, again.parts[0].state) == (2, "done")
+
+
+def test_a_run_whose_process_dies_is_one_sentence(runner: Runner) -> None:
+    made = begin(runner, LONG, "as_set", "odometry")
+    until(lambda: made.parts[0].state == "running")
+    assert runner._process is not None
+    assert runner._process.pid is not None
+
+    os.kill(runner._process.pid, signal.SIGKILL)
+    runner.wait(WAIT_S)
+
+    assert [part.state for part in made.parts] == ["failed", "cancelled"]
+    assert "ended by signal 9" in made.parts[0].error
+    assert not runner.busy
+
+
+def test_what_goes_wrong_in_one_estimator_is_told_and_the_others_run(runner: Runner) -> None:
+    wall = {"walls": [[4.0, 5.0, 6.0, 5.0]]}
+    path = {"shape": "points", "points_m": [[5.0, 2.0], [5.0, 8.0]]}
+    through_a_wall = {"simulation": {"map": wall, "path": path, "duration_s": 30}}
+
+    made = begin(runner, through_a_wall, "as_set", "odometry")
+    runner.wait(WAIT_S)
+
+    assert [part.state for part in made.parts] == ["failed", "failed"]
+    assert "into a wall of the map at (5.00, 4.9" in made.parts[0].error
+    assert "Traceback" in (made.folder_of("as_set") / "error.txt").read_text()
+
+
+def test_a_log_that_is_not_there_is_one_sentence(runner: Runner) -> None:
+    made = begin(runner, {"log": "nowhere"}, "as_set")
+    runner.wait(WAIT_S)
+
+    assert made.parts[0].state == "failed"
+    assert "nowhere" in made.parts[0].error
+    assert "\n" not in made.parts[0].error
+
+
+@pytest.mark.parametrize("wrong", ["nothing", "busy", "waiting", "text"])
+def test_what_cannot_be_run_is_refused_in_words(runner: Runner, wrong: str) -> None:
+    scene = Scene(SHORT)
+    if wrong == "busy":
+        begin(runner, LONG, "as_set")
+    if wrong == "waiting":
+        scene.set(("seed",), -1)
+    if wrong == "text":
+        scene.load_text("a: [")
+
+    expected = {"nothing": "no estimator is chosen", "busy": "under way"}.get(wrong, "do not fit")
+    with pytest.raises(ValueError, match=expected):
+        runner.start(scene, [] if wrong == "nothing" else [CHOICE["as_set"]], runner.folder)
+
+
+def test_runs_are_found_again_and_those_that_were_under_way_are_cancelled(runner: Runner) -> None:
+    made = begin(runner, SHORT, "as_set", "odometry")
+    runner.wait(WAIT_S)
+    made.parts[1].state = "running"
+    made.write()
+    (runner.folder / "strange").mkdir()
+    (runner.folder / "strange/run.json").write_text("{")
+
+    (found,) = Runner(runner.folder).runs
+
+    assert (found.number, found.name) == (1, "short")
+    assert [part.state for part in found.parts] == ["done", "cancelled"]
+    assert found.parts[0].metrics == made.parts[0].metrics
+    assert found.can_be_watched("as_set")
+
+
+def test_a_run_is_deleted_with_its_folder_and_its_number_is_not_used_again(runner: Runner) -> None:
+    first = ended(runner)
+    second = ended(runner)
+
+    runner.delete(first)
+
+    assert not first.folder.exists()
+    assert (second.number, ended(runner).number) == (2, 3)
+
+
+# Estimators ----------------------------------------------------------------------------------
+
+
+def keys_of(data: dict[str, Any]) -> list[str]:
+    scene = Scene(data)
+    return [choice.key for choice in choices(scene.data, scene.config)]
+
+
+def test_estimators_are_offered_for_which_there_are_sensors() -> None:
+    room: dict[str, Any] = {"simulation": {}}
+    laser: dict[str, Any] = {"simulation": {"laser": {}, "map": {}, "ranges": None, "poses": None}}
+    marks: dict[str, Any] = {"landmarks": {"L1": [1, 1]}, "landmark_sightings": {}, "positions": {}}
+
+    assert keys_of(room) == ["as_set", "odometry", "odometry_uwb", "odometry_poses", "all"]
+    assert keys_of(laser) == ["as_set", "odometry", "mcl", "mcl_ekf"]
+    assert set(keys_of({"simulation": marks})) > {"odometry_landmarks", "odometry_positions"}
+    assert keys_of({"log": "drive"}) == [choice.key for choice in CHOICES]
+
+
+def test_a_choice_changes_what_is_used_and_nothing_else() -> None:
+    scene = Scene({"simulation": {"laser": {}, "map": {}}, "mcl": {"max_particles": 700}})
+
+    ekf = variant(CHOICE["odometry_uwb"], scene.data, scene.config)
+    both = variant(CHOICE["mcl_ekf"], scene.data, scene.config)
+
+    assert (ekf["use"], ekf["mcl"]) == (["odometry", "ranges"], None)
+    assert both["mcl"] == {"max_particles": 700, "poses_hz": 2.0, "switch": None}
+    assert ekf["simulation"] == both["simulation"] == scene.data["simulation"]
+    assert list(scene.data) == ["simulation", "mcl"]
