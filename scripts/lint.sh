@@ -16,7 +16,7 @@ step "$bin/ruff" check --quiet .
 step "$bin/mypy" python/locfuse scripts examples/python benchmarks/run.py benchmarks/rows.py benchmarks/python tests/python
 # By itself: the packages for ROS 1 and ROS 2 have the same name.
 step env MYPYPATH=ros1/locfuse_ros/src:tests/ros "$bin/mypy" ros1/locfuse_ros/src/locfuse_ros \
-  tests/ros/conftest.py tests/ros/namespace.py tests/ros/other_driver.py tests/ros/ros1_peer.py tests/ros/test_ros1_*.py
+  tests/ros/conftest.py tests/ros/namespace.py tests/ros/other_driver.py tests/ros/ros1_peer.py tests/ros/soak_ros1.py tests/ros/test_ros1_*.py
 # By itself, too: its conftest.py is not the only one.
 step env MYPYPATH=tests/browser "$bin/mypy" tests/browser/*.py
 step "$bin/codespell"

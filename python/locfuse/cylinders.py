@@ -9,6 +9,7 @@ import numpy as np
 
 from locfuse.config.build import build_cylinder_detector
 from locfuse.config.schema import RunConfig
+from locfuse.lacking import how_to_add
 from locfuse.start import scans_of
 from locfuse.types import Log, LogError
 
@@ -35,13 +36,14 @@ def with_cylinders(log: Log, config: RunConfig) -> Log:
     """
     if config.cylinders is None:
         return log
-    for table, file in (("scans", "scans.csv"), ("landmarks", "landmarks.csv")):
+    for table in ("scans", "landmarks"):
         if table not in log:
             raise LogError(f"cylinders are looked for in scans and told apart by landmarks, but "
-                           f"the log has no {file}; add it, or leave 'cylinders' out")  # fmt: skip
+                           f"the log has no {table}; {how_to_add(log, table)}, or leave "
+                           "'cylinders' out")  # fmt: skip
     if "landmark_sightings" in log:
-        raise LogError("the log has landmark_sightings.csv, which cylinders would replace; leave "
-                       "'cylinders' out, or that file")  # fmt: skip
+        raise LogError("the log has landmark_sightings, which cylinders would replace; leave "
+                       "'cylinders' out, or these")  # fmt: skip
     detector = build_cylinder_detector(config.cylinders)
     stamps, rows = [], []
     for scan in scans_of(log):

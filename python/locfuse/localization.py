@@ -17,6 +17,7 @@ from locfuse.config.build import (
     build_switching_config,
 )
 from locfuse.config.schema import RunConfig
+from locfuse.lacking import how_to_add
 from locfuse.messages import Messages, landmarks_of, radios_of, to_messages, truth_of
 from locfuse.start import grid_of, hypotheses_of, scans_of, start_of
 from locfuse.types import (
@@ -88,13 +89,12 @@ def messages_for(config: RunConfig, log: Log) -> Messages:
     """
     if config.mcl is None:
         raise ValueError("the config has no mcl")
-    simulated = config.simulation is not None
-    if "scans" not in log or len(log["scans"]["stamp_ns"]) == 0:
-        advice = "simulation.laser" if simulated else "scans.csv, and 'laser' to log.yaml"
-        raise LogError(f"mcl needs scans, but the log has none; add {advice}, or remove mcl")
-    if log.grid is None:
-        advice = "simulation.map" if simulated else "'map: FILE.yaml' to log.yaml"
-        raise LogError(f"mcl needs a map, but the log has none; add {advice}, or remove mcl")
+    scans = "scans" in log and len(log["scans"]["stamp_ns"]) > 0
+    for what, missing in (("scans", not scans), ("map", log.grid is None)):
+        if missing:
+            called = "a map" if what == "map" else what
+            raise LogError(f"mcl needs {called}, but the log has none; {how_to_add(log, what)}, "
+                           "or remove mcl")  # fmt: skip
     if config.mcl.poses_hz is not None:
         config = config.model_copy(update={"use": [s for s in config.use if s == "odometry"]})
     return to_messages(log, config)

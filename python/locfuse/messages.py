@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from locfuse import _core
 from locfuse.config.build import build_anchors
 from locfuse.config.schema import SOURCES, RunConfig
+from locfuse.lacking import how_to_add, where_named
 from locfuse.types import (
     NANOSECONDS,
     Columns,
@@ -138,23 +139,23 @@ def _names(
     if "ranges" in tables:
         ranges = tables["ranges"]
         if not anchors:
-            raise LogError("the log has ranges but no anchors.csv; add it, or leave 'ranges' out "
-                           "of use")  # fmt: skip
+            raise LogError(f"the log has ranges but no anchors; {how_to_add(log, 'anchors')}, or "
+                           "leave 'ranges' out of use")  # fmt: skip
         if not tags:
-            raise LogError("the log has ranges but its log.yaml names no tags; add "
-                           "'tags: {NAME: [x, y, z]}'")  # fmt: skip
-        for column, known, where in (("anchor", anchors, "anchors.csv"), ("tag", tags, "log.yaml")):
+            raise LogError("the log has ranges but nothing says where tags sit; "
+                           f"{how_to_add(log, 'tags')}")  # fmt: skip
+        for column, known in (("anchor", anchors), ("tag", tags)):
             named = sorted(set(ranges[column].tolist()))
             if named and not set(named) & set(known):
-                raise LogError(f"no range can be used: ranges.csv names {column}s {named}, {where} "
-                               f"names {known}")  # fmt: skip
+                raise LogError(f"no range can be used: ranges name {column}s {named}, "
+                               f"{where_named(log, column + 's')} names {known}")  # fmt: skip
         anchors += sorted(set(ranges["anchor"].tolist()) - set(anchors))
         tags += sorted(set(ranges["tag"].tolist()) - set(tags))
     if "tag" in tables.get("positions", {}):
         named = sorted(set(tables["positions"]["tag"].tolist()) - {""})
         if named and not set(named) & set(tags):
-            raise LogError(f"no position of a tag can be used: positions.csv names tags {named}, "
-                           f"log.yaml names {list(log.tags)}")  # fmt: skip
+            raise LogError(f"no position of a tag can be used: positions name tags {named}, "
+                           f"{where_named(log, 'tags')} names {list(log.tags)}")  # fmt: skip
         tags += sorted(set(named) - set(tags))
     return anchors, tags
 
@@ -165,12 +166,13 @@ def _landmark_names(log: Log, sightings: Mapping[str, NDArray[Any]] | None) -> l
     if sightings is None:
         return names
     if not names:
-        raise LogError("the log has landmark_sightings but no landmarks.csv; add it, or leave "
-                       "'landmark_sightings' out of use")  # fmt: skip
+        raise LogError("the log has landmark_sightings but no landmarks; "
+                       f"{how_to_add(log, 'landmarks')}, or leave 'landmark_sightings' out of use"
+                       )  # fmt: skip
     named = sorted(set(sightings["landmark"].tolist()) - {""})
     if named and not set(named) & set(names) and "" not in sightings["landmark"]:
-        raise LogError(f"no sighting can be used: landmark_sightings.csv names landmarks {named}, "
-                       f"landmarks.csv names {names}")  # fmt: skip
+        raise LogError(f"no sighting can be used: sightings name landmarks {named}, "
+                       f"{where_named(log, 'landmarks')} names {names}")  # fmt: skip
     return names + sorted(set(named) - set(names))
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -41,6 +42,7 @@ from locfuse.types import (
 )
 
 Progress = Callable[[int, int], None]
+_logger = logging.getLogger(__name__)
 
 OBSERVED_SHARE = (
     0.7  # of the sigma that an error began with: half its variance; above, it hardly fell
@@ -92,6 +94,7 @@ def run(
         config = config.model_copy(update={"seed": seed})
     if log is None:
         log = load_log(config, base, config.seed)
+    _say_what_is_missing(config, log)
     log = with_cylinders(log, config)
     localization = None
     if config.mcl is not None:
@@ -100,6 +103,18 @@ def run(
             return _located(config, log, localization)
         log = with_poses_of(localization, log, config.mcl.poses_hz)
     return _fuse(config, log, start, progress, localization)
+
+
+def _say_what_is_missing(config: RunConfig, log: Log) -> None:
+    """Name what ``use`` asks for in so many words and the log has not: the others go on."""
+    made = {"poses"} if config.mcl is not None else set()
+    made |= {"landmark_sightings"} if config.cylinders is not None else set()
+    if "use" not in config.model_fields_set:
+        return
+    for source in config.use:
+        if source not in made and (source not in log or len(log[source]["stamp_ns"]) == 0):
+            bag = f"; is ros.topics.{source} its topic?" if log.origin == "bag" else ""
+            _logger.warning("use names %s, but the log has none%s", source, bag)
 
 
 def _fuse(

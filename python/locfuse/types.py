@@ -258,6 +258,8 @@ class Log:
         File name of a ROS map yaml.
     grid : GridMap or None
         What that file holds.
+    origin : str
+        ``folder``, ``bag`` or ``simulation``: where people add what is not there.
     """
 
     tables: Mapping[str, Columns]
@@ -268,6 +270,7 @@ class Log:
     description: str = ""
     licence: str = ""
     landmark_sensor: Mapping[str, Any] | None = None
+    origin: str = field(default="folder", compare=False)
 
     def __contains__(self, stem: str) -> bool:
         return stem in self.tables

@@ -43,7 +43,9 @@ class Browser:
     def still(self, selector: str) -> Any:
         """Return an element that is seen in mid-window, where it was a moment ago, or nothing."""
         element = self.driver.find_element(By.CSS_SELECTOR, selector)
-        where = "const r = arguments[0].getBoundingClientRect(); return [r.x, r.y, r.width, r.height]"
+        where = (
+            "const r = arguments[0].getBoundingClientRect(); return [r.x, r.y, r.width, r.height]"
+        )
         self.run("arguments[0].scrollIntoView({block: 'center'})", element)
         before = self.run(where, element)
         time.sleep(0.1)
@@ -58,7 +60,9 @@ class Browser:
                 if element := self.still(selector):
                     element.click()
                     return
-                assert time.monotonic() < until, f"not to be clicked within {seconds:g} s: {selector}"
+                assert time.monotonic() < until, (
+                    f"not to be clicked within {seconds:g} s: {selector}"
+                )
             except WebDriverException:
                 if time.monotonic() >= until:
                     raise

@@ -172,10 +172,13 @@ def test_a_log_without_a_map_or_without_scans_is_one_sentence() -> None:
         run(config, replace(log, grid=None))
     with pytest.raises(LogError, match=r"needs scans, .*; add simulation\.laser, or remove mcl"):
         run(config, without(log, "scans"))
+    log = replace(log, origin="folder")
     with pytest.raises(LogError, match=r"add 'map: FILE\.yaml' to log\.yaml"):
         run(recorded, replace(log, grid=None))
     with pytest.raises(LogError, match=r"add scans\.csv, and 'laser' to log\.yaml"):
         run(recorded, without(log, "scans"))
+    with pytest.raises(LogError, match=r"record ros\.topics\.map, or add 'map: FILE\.yaml' to"):
+        run(recorded, replace(log, grid=None, origin="bag"))
 
 
 def test_a_log_that_ends_too_soon_is_told() -> None:

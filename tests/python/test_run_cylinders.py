@@ -146,11 +146,11 @@ def log_of(**edit: Any) -> tuple[Any, Log]:
     return config, replace(load_log(config, CONFIGS, 0), **edit)
 
 
-@pytest.mark.parametrize(("table", "file"), [("scans", "scans"), ("landmarks", "landmarks")])
-def test_a_log_without_what_they_need_is_one_sentence(table: str, file: str) -> None:
+@pytest.mark.parametrize(("table", "key"), [("scans", "laser"), ("landmarks", "landmarks")])
+def test_a_log_without_what_they_need_is_one_sentence(table: str, key: str) -> None:
     config, log = log_of()
     left = {name: columns for name, columns in log.tables.items() if name != table}
-    with pytest.raises(LogError, match=rf"the log has no {file}\.csv; add it, or leave"):
+    with pytest.raises(LogError, match=rf"the log has no {table}; add simulation\.{key}, or leave"):
         run(config, replace(log, tables=left))
 
 
@@ -160,7 +160,7 @@ def test_sightings_of_its_own_are_not_replaced() -> None:
     assert set(seen["landmark_sightings"]["landmark"].tolist()) == {""}
     assert np.all(seen["landmark_sightings"]["sigma_range_m"] > 0.0)
     assert seen.landmark_sensor == {"pose_in_body": log.laser["pose_in_body"]}  # type: ignore[index]
-    with pytest.raises(LogError, match=r"has landmark_sightings\.csv, which cylinders"):
+    with pytest.raises(LogError, match=r"has landmark_sightings, which cylinders"):
         with_cylinders(seen, config)
 
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from importlib.util import find_spec
 
@@ -32,18 +31,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.fixture(scope="session")
 def ros1(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Start a roscore, and make this process the node ``/peer`` beside it."""
-    from ros1_peer import started
+    from ros1_peer import roscore
 
-    rospy = pytest.importorskip("rospy", reason="no rospy; run ./dev test-ros")
-    folder = tmp_path_factory.mktemp("ros1")
-    os.environ |= {
-        "ROS_MASTER_URI": "http://127.0.0.1:11311",
-        "ROS_IP": "127.0.0.1",
-        "ROS_HOME": str(folder),
-        "ROSCONSOLE_FORMAT": "${severity}: ${message}",
-    }
-    with started(["roscore"], folder / "roscore.log") as core:
-        core.wait_until_said("started core service [/rosout]")
-        rospy.init_node("peer", disable_signals=True)
+    pytest.importorskip("rospy", reason="no rospy; run ./dev test-ros")
+    with roscore(tmp_path_factory.mktemp("ros1")):
         yield
-        rospy.signal_shutdown("the tests are over")

@@ -19,7 +19,7 @@ import yaml
 
 from locfuse.config.ros import Ros
 from locfuse.ros.encode import Publication
-from locfuse.ros.peers import in_order_of_arrival, static_of
+from locfuse.ros.log_player import in_order_of_arrival, later, static_of
 from locfuse.types import Log
 
 T = TypeVar("T")
@@ -74,6 +74,24 @@ def started(command: list[str], log: Path) -> Iterator[Process]:
         yield process
     finally:
         process.end()
+
+
+@contextmanager
+def roscore(folder: Path) -> Iterator[None]:
+    """Run a roscore for the time of a block, and make this process the node ``/peer`` beside it."""
+    import rospy
+
+    os.environ |= {
+        "ROS_MASTER_URI": "http://127.0.0.1:11311",
+        "ROS_IP": "127.0.0.1",
+        "ROS_HOME": str(folder),
+        "ROSCONSOLE_FORMAT": "${severity}: ${message}",
+    }
+    with started(["roscore"], folder / "roscore.log") as core:
+        core.wait_until_said("started core service [/rosout]")
+        rospy.init_node("peer", disable_signals=True)
+        yield
+        rospy.signal_shutdown("the tests are over")
 
 
 @contextmanager
@@ -178,12 +196,11 @@ class Robot:
     def say(self, told: Publication, shift_ns: int = FIRST_NS) -> None:
         """Publish what a log holds, later by so much."""
         from locfuse_ros.fill import message_class, message_of
-        from locfuse_ros.log_player import later
 
         if told.topic not in self._mouths:
             kind = message_class(told.type)
             self._mouths[told.topic] = self._mouth(told.topic, kind, told.latched)
-        self._mouths[told.topic].publish(message_of(told.type, later(told.fields, shift_ns)))
+        self._mouths[told.topic].publish(message_of(told.type, later(told, shift_ns).fields))
 
     def say_message(self, topic: str, message: Any) -> None:
         """Publish a message on a topic on which it has spoken."""

@@ -16,7 +16,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from locfuse import _core
 from locfuse.config.ros import Ros
 from locfuse.ros import decode, encode
-from locfuse.ros.peers import in_order_of_arrival, static_of
+from locfuse.ros.log_player import in_order_of_arrival, static_of
 from locfuse.run import load_log
 from locfuse.types import NANOSECONDS, Log
 from locfuse_ros.fill import message_class, message_of, time_of

@@ -11,6 +11,7 @@ import os
 import signal
 import time
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -44,16 +45,25 @@ def world(folder: Path) -> Path:
 
 
 class Hall:
-    """A robot on a circle in a hall, whose messages are stamped when they are sent."""
+    """A robot on a circle in a hall, whose messages are stamped when they are sent.
 
-    def __init__(self) -> None:
-        from locfuse_msgs.msg import UwbRanges
+    Parameters
+    ----------
+    hz : mapping
+        How often each topic speaks.
+    singly : bool
+        Whether each range is a message of its own.
+    """
+
+    def __init__(self, hz: Mapping[str, float] = HZ, *, singly: bool = False) -> None:
+        from locfuse_msgs.msg import UwbRange, UwbRanges
         from nav_msgs.msg import Odometry
         from sensor_msgs.msg import LaserScan
 
+        self._hz, self._singly = hz, singly
         self._mouths = {
             "odom": mouth("odom", Odometry),
-            "uwb": mouth("uwb", UwbRanges),
+            "uwb": mouth("uwb", UwbRange if singly else UwbRanges),
             "scan": mouth("scan", LaserScan),
         }
         self._began = time.time()
@@ -67,8 +77,10 @@ class Hall:
 
     def say(self, topic: str) -> None:
         """Publish what the sensor of a topic says now."""
-        self._mouths[topic].publish(getattr(self, f"_{topic}")())
-        self.sent[topic] += 1
+        said = getattr(self, f"_{topic}")()
+        for message in said.ranges if topic == "uwb" and self._singly else [said]:
+            self._mouths[topic].publish(message)
+            self.sent[topic] += 1
 
     def _odom(self) -> Any:
         import rospy
@@ -94,7 +106,9 @@ class Hall:
         noise = self._rng.normal(0.0, 0.1, len(ANCHORS))
         for error, (name, (ax, ay, az)) in zip(noise, ANCHORS.items(), strict=True):
             distance = math.sqrt((ax - x) ** 2 + (ay - y) ** 2 + (az - 0.5) ** 2)
-            told.ranges.append(UwbRange(tag="tag", anchor=name, range=distance + error))
+            one = UwbRange(tag="tag", anchor=name, range=distance + error)
+            one.header.stamp = told.header.stamp
+            told.ranges.append(one)
         return told
 
     def _scan(self) -> Any:
@@ -109,10 +123,10 @@ class Hall:
 
     def run(self, seconds: float) -> None:
         """Say everything at its rate."""
-        due = dict.fromkeys(HZ, 0.0)
+        due = dict.fromkeys(self._hz, 0.0)
         began = time.monotonic()
         while (now := time.monotonic() - began) < seconds:
-            for topic, hz in HZ.items():
+            for topic, hz in self._hz.items():
                 if now >= due[topic]:
                     due[topic] += 1.0 / hz
                     self.say(topic)

@@ -20,7 +20,6 @@ from ros1_peer import Ear, mouth, node, wait_for
 
 pytest.importorskip("rospy", reason="no rospy; run ./dev test-ros")
 from locfuse_ros.fill import message_of, time_of
-from locfuse_ros.uwb_simulator import Epochs, true_pose
 
 pytestmark = pytest.mark.usefixtures("ros1")
 
@@ -164,26 +163,6 @@ def test_a_missing_log_is_a_sentence(tmp_path: Path) -> None:
 # Simulator
 
 
-def test_epochs_follow_the_rate_and_a_clock_that_goes_back() -> None:
-    epochs = Epochs(5.0)
-    due = [ms for ms in range(0, 1000, 30) if epochs.is_due(ms * 10**6)]
-    assert due == [0, 210, 420, 600, 810]
-    assert epochs.is_due(0)
-
-
-def test_the_truth_of_gazebo_is_understood() -> None:
-    from types import SimpleNamespace as Message
-
-    from geometry_msgs.msg import Pose
-
-    pose = Pose()
-    pose.position.x, pose.orientation.w = 3.0, 1.0
-    told = Message(name=["floor", "robot"], pose=[Pose(), pose])
-    assert true_pose(told, "robot", 5) == (5, (3.0, 0.0, 0.0, 0.0))
-    with pytest.raises(ValueError, match="no model 'robt' in the truth; did you mean 'robot'"):
-        true_pose(told, "robt", 5)
-
-
 @pytest.mark.parametrize("form", ["ranges", "data"])
 def test_ranges_come_at_the_rate_asked_for(folder: Path, tmp_path: Path, form: str) -> None:
     from locfuse_msgs.msg import UwbData, UwbRanges
@@ -214,5 +193,5 @@ def test_ranges_come_at_the_rate_asked_for(folder: Path, tmp_path: Path, form: s
 def test_the_simulator_needs_a_world(tmp_path: Path) -> None:
     with node("locfuse_ros", "simulate_uwb", tmp_path / "log.txt", name="sim") as process:
         assert process.process.wait(20.0) == 1
-        assert "~world names no folder" in process.said()
+        assert "world names no folder" in process.said()
     wait_for("the end", lambda: process.process.poll() is not None)

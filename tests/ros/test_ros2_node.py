@@ -18,6 +18,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from locfuse.config.schema import RunConfig
 from locfuse.io.log_folder import write_log
 from locfuse.ros import decode, encode
+from locfuse.ros.encode import Publication
 from locfuse.ros.parameters import parameters
 from locfuse.types import NANOSECONDS
 from locfuse_ros.fill import message_of
@@ -231,7 +232,8 @@ def test_what_is_lost_on_the_way_is_told(peer: Peer, tmp_path: Path) -> None:
 def test_simulated_ranges_are_those_of_the_true_pose(peer: Peer, tmp_path: Path) -> None:
     log = simulated(seed=0)
     write_log(log, tmp_path / "world")
-    told = {"world": str(tmp_path / "world"), "sigma_m": 0.1, "rate_hz": 1000.0, "seed": 3}
+    told = {"world": str(tmp_path / "world"), "sigma_m": 0.1, "sigma_relative": 0.0,
+            "rate_hz": 1000.0, "seed": 3}  # fmt: skip
     peer.start("simulate_uwb", told)
     heard = peer.hear("uwb", "locfuse_msgs/UwbRanges")
     out = offered(peer, "ground_truth", "nav_msgs/Odometry")
@@ -257,6 +259,30 @@ def test_simulated_ranges_are_those_of_the_true_pose(peer: Peer, tmp_path: Path)
     assert np.std(errors) == pytest.approx(0.1, rel=0.1)
 
 
+def test_the_truth_may_be_a_pose_and_ranges_those_of_the_paper(peer: Peer, tmp_path: Path) -> None:
+    (tmp_path / "world").mkdir()
+    (tmp_path / "world" / "anchors.csv").write_text("anchor,x_m,y_m,z_m\n7,3,4,0\n")
+    (tmp_path / "world" / "log.yaml").write_text("tags: {tag: [0, 0, 0]}\n")
+    told = {"world": str(tmp_path / "world"), "sigma_relative": 0.0, "format": "data", "unit": "mm"}
+    peer.start("simulate_uwb", told)
+    heard = peer.hear("uwb", "locfuse_msgs/UwbData")
+    out = offered(peer, "ground_truth", "geometry_msgs/PoseStamped")
+    peer.wait("a match", out.get_subscription_count)
+    fields = {"header": encode.header(EPOCH_NS, "map"),
+              "pose": {"position": {}, "orientation": {"w": 1.0}}}  # fmt: skip
+    number = iter(range(10**6))
+
+    def answered() -> bool:
+        fields["header"] = encode.header(EPOCH_NS + next(number) * 10**9, "map")
+        peer.publish(Publication("ground_truth", "geometry_msgs/PoseStamped", fields))
+        peer.spin(0.05)
+        return bool(heard)
+
+    peer.wait("ranges", answered)
+    [row] = decode.ranges(heard[0], unit="mm")
+    assert (row.anchor, row.range_m) == ("7", 5.0)
+
+
 @pytest.mark.parametrize(
     ("node", "told", "says"),
     [
@@ -264,7 +290,7 @@ def test_simulated_ranges_are_those_of_the_true_pose(peer: Peer, tmp_path: Path)
         ("simulate_uwb", {"rte_hz": 1.0}, "unknown 'rte_hz'; did you mean 'rate_hz'?"),
         ("simulate_uwb", {"loss": 2.0}, "loss is 2.0, expected a number from 0 to 1"),
         ("replay_log", {"log": "/no/such"}, "/no/such: no such folder"),
-        ("replay_log", {"rate": "fast"}, "rate is 'fast', expected a number"),
+        ("replay_log", {"speed": "fast"}, "speed is 'fast', expected a number"),
     ],
 )
 def test_small_nodes_say_what_is_wrong(
@@ -280,7 +306,7 @@ def test_a_log_speaks_again_to_the_node(peer: Peer, tmp_path: Path) -> None:
     robot = Robot(peer, simulated(seed=1))
     write_log(robot.log, tmp_path / "log")
     start_localize(robot, tmp_path)
-    told = {"log": str(tmp_path / "log"), "rate": 5.0, "wait_for": "odom"}
+    told = {"log": str(tmp_path / "log"), "speed": 5.0}
     replay = peer.start("replay_log", told)
     peer.wait("the end of the log", lambda: replay.process.poll() is not None, 30.0)
     peer.spin(0.5)

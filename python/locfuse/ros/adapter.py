@@ -135,6 +135,7 @@ class Adapter:
         self._kinds: Counter[tuple[str, str]] = Counter()
         self.refused: Counter[str] = Counter()
         self._off: set[str] = set()
+        self._bodies: set[str] = set()  # frames of odometry that were looked at
         self._clear()
 
     def _clear(self) -> None:
@@ -239,7 +240,10 @@ class Adapter:
             self._problem("clock", f"the clock went back by {back:.3g} s; clock_jump is "
                           f"{self._config.clock_jump!r}")  # fmt: skip
             self._telling.clock_went_back()
-            self._early.clear()
+            for source, count in self._early.clear().items():
+                self.refused[source] += count
+                self._problem("early", f"{count} messages of {source} waited for a time that the "
+                              "clock went back from, and are left out")  # fmt: skip
             self._heard_ns = dict.fromkeys(self._heard_ns, now_ns)
             self._first_ns = self._diagnosed_ns = None
             if self._config.clock_jump == "reset":
@@ -252,7 +256,7 @@ class Adapter:
     def _odometry(self, message: Any, topic: str) -> None:
         use = self._config.ros.odometry_from
         row = decode.odometry(message, use)
-        check_frame("odometry", row.child_frame, self._config.ros.frames.base)
+        self._check_body(row.child_frame)
         self._in_time(row.stamp_ns)
         self._driven.add(row)
         if self._live is not None:
@@ -260,6 +264,13 @@ class Adapter:
             if self._live.jumps > self._jumps:
                 self._jumps = self._live.jumps
                 self._wheels = rows.Wheels(use)
+
+    def _check_body(self, frame: str) -> None:
+        """Look once at a frame that odometry is of, and again when there are new transforms."""
+        if frame not in self._bodies:
+            if told := self._world.same_body(frame):
+                self._problem("body", told)
+            self._bodies.add(frame)
 
     def _scan(self, message: Any, topic: str) -> None:
         row = decode.scan(message)
@@ -338,6 +349,7 @@ class Adapter:
 
     def _transforms(self, message: Any, topic: str) -> None:
         self._world.add_transforms(decode.transforms(message))
+        self._bodies.clear()
 
     def _initial_pose(self, message: Any, topic: str) -> None:
         row = decode.pose(message)

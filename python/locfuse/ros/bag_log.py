@@ -26,6 +26,8 @@ def log_of(heard: Heard, tables: dict[str, Columns]) -> Log | None:
     laser = _laser(heard, told.get("laser"), world)
     if laser is None and "scans" in tables:
         tables.pop("scans")
+    if "odometry" in tables and not _are_of_body(heard):
+        tables.pop("odometry")
     if not any(len(tables[stem]["stamp_ns"]) for stem in MESSAGES if stem in tables):
         return None
     grid = world.grid or heard.grid
@@ -39,6 +41,7 @@ def log_of(heard: Heard, tables: dict[str, Columns]) -> Log | None:
         description=told.get("description", ""),
         licence=told.get("licence", ""),
         landmark_sensor=_landmark_sensor(heard, told.get("landmark_sensor"), world),
+        origin="bag",
     )
 
 
@@ -64,6 +67,18 @@ def _laser(heard: Heard, told: Any, world: Log) -> Any:
     if flipped:
         geometry |= {"angle_min_rad": -start, "angle_increment_rad": -increment}
     return {"pose_in_body": pose, **geometry}
+
+
+def _are_of_body(heard: Heard) -> bool:
+    """Return whether odometry is of the body; what is taken for it is told."""
+    try:
+        told = [heard.tree.same_body(frame) for frame in sorted(heard.bodies)]
+    except MessageError as error:
+        heard.lost("odometry", f"{error}")
+        return False
+    for sentence in filter(None, told):
+        heard.tell(sentence)
+    return True
 
 
 def _tags(heard: Heard, told: Any, world: Log) -> dict[str, tuple[float, float, float]]:

@@ -274,6 +274,7 @@ class _Reading:
         return f"its fields are of other kinds than {one.sender.connection.type} should have"
 
     def _odometry(self, messages: Unpacked) -> Said:
+        self.heard.bodies.update(messages.text("child_frame_id").names)
         return decode_many.odometry(messages, self.heard.odometry_from())
 
     def _scans(self, messages: Unpacked) -> Said:

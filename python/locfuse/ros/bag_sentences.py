@@ -20,6 +20,8 @@ TYPES = {
     "map": "nav_msgs/OccupancyGrid",
 }
 
+ONE_VOICE = ("odometry", "scans")  # of which two publishers at once are a mistake
+
 
 def say(heard: Heard, bag: Bag) -> None:
     """Say what was left out, and which topics were asked for by name but are not there."""
@@ -27,6 +29,7 @@ def say(heard: Heard, bag: Bag) -> None:
         total = trouble.count + heard.counts.get(topic, 0)
         heard.tell(f"{trouble.count} of {total} messages on {topic} are left "
                        f"out: {trouble.first}")  # fmt: skip
+    _say_of_two_voices(heard, bag)
     for key, topic in _silent(heard, bag):
         if key in heard.ros.topics.model_fields_set:
             advice = _advice(heard, key, bag) or f"; {_named(bag)}"
@@ -37,6 +40,19 @@ def say(heard: Heard, bag: Bag) -> None:
         if not any(c.topic == plain(topic) for c in bag.counts):
             heard.tell(f"nothing on {plain(topic)}, where ros.range_topics "
                            f"expects an anchor; {_named(bag)}")  # fmt: skip
+
+
+def _say_of_two_voices(heard: Heard, bag: Bag) -> None:
+    """Say where several nodes, or bodies, are taken for one sensor."""
+    for key in ONE_VOICE:
+        topic = plain(getattr(heard.ros.topics, key) or "")
+        nodes = sorted({c.publisher for c in bag.counts if c.topic == topic and c.publisher})
+        bodies = sorted(heard.bodies) if key == "odometry" else []
+        for many, names in (("publishers", nodes), ("child frames", bodies)):
+            if len(names) > 1:
+                heard.tell(f"{topic} has {len(names)} {many}, {' and '.join(names)}, whose "
+                           "messages are taken for those of one sensor; give each a topic, or "
+                           "record one")  # fmt: skip
 
 
 def _silent(heard: Heard, bag: Bag) -> Iterator[tuple[str, str]]:

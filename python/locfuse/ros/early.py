@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any, NamedTuple
 
 from locfuse.types import NANOSECONDS
@@ -67,9 +68,11 @@ class EarlyMessages:
             self._waiting = [one for one in self._waiting if one.due_ns > now_ns]
         return found
 
-    def clear(self) -> None:
-        """Forget all of them."""
+    def clear(self) -> Counter[str]:
+        """Forget all of them; return how many of which source there were."""
+        forgotten = Counter(one.source for one in self._waiting)
         self._waiting = []
+        return forgotten
 
     def last(self) -> str | None:
         """Look whether messages wait all the time; return a topic of theirs if so."""

@@ -15,6 +15,7 @@ from locfuse.ros.decode import MessageError, TransformRow, heading_of
 from locfuse.types import FloatArray
 
 LEAST_UPRIGHT = 0.94  # cosine of 20 degrees: what is tilted more is no sensor of a plane
+SAME_M, SAME_RAD = 1e-3, 1e-3  # up to which two frames of the plane are one
 
 
 class Mount(NamedTuple):
@@ -93,6 +94,32 @@ class FrameTree:
             raise MessageError(f"{plain(frame)} is tilted by {tilt:.0f} deg against {self.base}; "
                                "expected a sensor that looks into the plane")  # fmt: skip
         return up < 0.0
+
+    def same_body(self, frame: str) -> str:
+        """Return what to tell of odometry of a frame, nothing where that is the body's.
+
+        Drivers call the body ``base_footprint``, ``base_link``, ``base``: a name that nothing
+        places elsewhere is taken for another of the body's.
+
+        Raises
+        ------
+        MessageError
+            If static transforms place the frame elsewhere on the body.
+        """
+        if plain(frame) in ("", self.base):
+            return ""
+        if frame not in self:
+            return (f"odometry is of {plain(frame)!r}, which no static transform places on "
+                    f"{self.base!r}: they are taken for the same; if they are, set "
+                    f"ros.frames.base: {plain(frame)}")  # fmt: skip
+        at = self.mount(frame)
+        if max(abs(at.x), abs(at.y)) > SAME_M or abs(at.heading) > SAME_RAD:
+            raise MessageError(
+                f"odometry is of {plain(frame)!r}, which sits at x {at.x:.3g} m, y {at.y:.3g} m, "
+                f"{math.degrees(at.heading):.3g} deg on {self.base!r}; set ros.frames.base: "
+                f"{plain(frame)}, and give mounts in that frame"
+            )
+        return ""
 
     def _pose(self, frame: str) -> FloatArray:
         found = self._in_body(plain(frame))

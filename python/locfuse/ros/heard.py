@@ -56,6 +56,7 @@ class Heard:
     laser: Laser | None = None
     tag_frames: dict[str, str] = field(default_factory=dict)
     sight_frame: str | None = None
+    bodies: set[str] = field(default_factory=set)  # frames that odometry is of
 
     def __post_init__(self) -> None:
         self.tree = FrameTree(self.ros.frames.base)

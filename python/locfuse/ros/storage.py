@@ -41,7 +41,8 @@ class Connection(NamedTuple):
     """What a bag says of the messages of a topic.
 
     `topic` has no leading slash; `type` is as ``nav_msgs/Odometry``; `definition` is the text that
-    defines the type, empty where the bag has none; `encoding` is ``ros1`` or ``cdr``.
+    defines the type, empty where the bag has none; `encoding` is ``ros1`` or ``cdr``; `publisher`
+    is the node that told them, empty where the bag does not say, as those of ROS 2.
     """
 
     topic: str
@@ -49,6 +50,7 @@ class Connection(NamedTuple):
     definition: str
     encoding: str
     is_idl: bool = False
+    publisher: str = ""
 
 
 Wanted = Callable[[Connection], bool]
@@ -316,8 +318,9 @@ def _record(
         told = _fields(body)
         topic = told.get(b"topic", fields[b"topic"])
         known[_number(fields, b"conn")] = Connection(
-            plain(_text(topic)), _text(told[b"type"]), _text(told[b"message_definition"]), "ros1"
-        )
+            plain(_text(topic)), _text(told[b"type"]), _text(told[b"message_definition"]), "ros1",
+            publisher=_text(told.get(b"callerid", b"")),
+        )  # fmt: skip
     elif op == MESSAGE:
         connection = known.get(_number(fields, b"conn"))
         if connection is None:

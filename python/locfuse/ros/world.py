@@ -37,6 +37,10 @@ class World:
         """Take static transforms."""
         self._tree.add(rows)
 
+    def same_body(self, frame: str) -> str:
+        """As of `FrameTree`."""
+        return self._tree.same_body(frame)
+
     def add_map(self, grid: GridMap) -> bool:
         """Take a map; return whether it is news."""
         if self._told.grid is not None or _same_map(self.log.grid, grid):

@@ -140,6 +140,7 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
         map=None if grid is None else "map.yaml",
         grid=grid,
         description=f"Simulated: {scenario.path.shape}, {scenario.duration_s:g} s",
+        origin="simulation",
     )
 
 

@@ -60,7 +60,12 @@ def configure(node: Node) -> tuple[RunConfig, Path]:
     config = config_of(told, path or None)
     text = "path of the YAML of a run, below what other parameters say"
     declare(node, [Parameter("config", "text", path, None, None, text), *parameters(config)])
-    return config, Path(path).resolve().parent if path else Path.cwd()
+    return config, folder_of(path)
+
+
+def folder_of(path: str) -> Path:
+    """Return the folder that the paths in a configuration are relative to."""
+    return Path(path).resolve().parent if path else Path.cwd()
 
 
 def options(node: Node, known: Sequence[Parameter]) -> dict[str, Any]:

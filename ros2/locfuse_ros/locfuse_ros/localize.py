@@ -10,26 +10,24 @@ from typing import Any
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 from std_srvs.srv import SetBool, Trigger
 
 from locfuse.config.schema import SOURCES
-from locfuse.ros.adapter import Adapter
+from locfuse.ros.adapter import Adapter, Subscription
 from locfuse.ros.lines import Lines
 from locfuse.types import ConfigError
 from locfuse_ros.declare import configure
 from locfuse_ros.fill import message_class, message_of
-from locfuse_ros.qos import does_not_hear, is_not_heard, to_hear, to_tell
+from locfuse_ros.hear import LOOK_S, In, resolved
+from locfuse_ros.qos import is_not_heard, to_hear, to_tell
 from locfuse_ros.start import run
 
-TICK_S = 0.1
 REPORT_S = 1.0
 LOSSES_S = 60.0  # between words in the log of what is lost; diagnostics have it at once
-AT_ONCE = 8  # messages of a topic that are taken before the others, and /clock, have their turn
 ONE_VOICE = ("odometry", "scans")  # of which two publishers at once are a mistake
-ABSOLUTE = ("tf", "tf_static", "diagnostics")  # topics that everybody shares, whatever namespace
 ADVICE = "the network or this computer is too slow for them, or a queue too small"
 
 
@@ -48,13 +46,23 @@ class Localizer(Node):
         self._outs: dict[str, Out] = {}
         for topic, kind, latched in self._adapter.announced:
             self._out(topic, kind, latched)
-        self._ins = [In(self, s) for s in self._adapter.subscriptions]
+        self._ins = {s: self._in(s) for s in self._adapter.subscriptions}
         self._offer_services()
         wall = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand
-        self.create_timer(TICK_S, self._tick, clock=wall)
+        self.create_timer(LOOK_S, self._tick, clock=wall)
         self.create_timer(REPORT_S, self._report, clock=wall)
 
-    def hear(self, source: str, topic: str, message: Any, info: Any) -> None:
+    def _in(self, subscription: Subscription) -> In:
+        source, topic = subscription.source, subscription.topic
+
+        def heard(message: Any, info: Any) -> None:
+            self._hear(source, topic, message, info)
+
+        qos = to_hear(subscription.latched, subscription.queue)
+        advice = f"another topic for ros.topics.{source}"
+        return In(self, topic, subscription.types, qos, heard, advice)
+
+    def _hear(self, source: str, topic: str, message: Any, info: Any) -> None:
         """Take a message that came on a topic."""
         # Without it, as before Kilted, numbers of several publishers cannot be told apart.
         publisher = info.get("publisher_gid", {}).get("data", b"").hex()
@@ -82,7 +90,7 @@ class Localizer(Node):
         return self._outs[topic]
 
     def _tick(self) -> None:
-        for one in self._ins:
+        for one in self._ins.values():
             one.look()
         self._handle(self._adapter.tick)
 
@@ -105,8 +113,8 @@ class Localizer(Node):
         news = self._lines.news(self._name_of)
         if news:
             self.get_logger().warning("; ".join(news), throttle_duration_sec=LOSSES_S)
-        for one in self._ins:
-            if one.source in ONE_VOICE and one.publishers > 1:
+        for subscription, one in self._ins.items():
+            if subscription.source in ONE_VOICE and one.publishers > 1:
                 self.say_once(
                     f"{one.topic} has {one.publishers} publishers, {self._voices(one.topic)}, "
                     "whose messages are taken for those of one sensor; stop all but one, or give "
@@ -172,71 +180,6 @@ class Localizer(Node):
                 self.create_service(SetBool, f"~/enable/{source}", switches(source))
 
 
-class In:
-    """A topic that is heard, in the type that its publisher has."""
-
-    def __init__(self, node: Localizer, subscription: Any) -> None:
-        self.source, self.topic = subscription.source, subscription.topic
-        self._node, self._types = node, subscription.types
-        self._qos = to_hear(subscription.latched, subscription.queue)
-        self._name = resolved(node, self.topic)
-        self._kind = self._types[0]
-        self.publishers = 0
-        self._heard = self._subscribe()
-
-    def look(self) -> None:
-        """Until somebody is heard, see who else speaks, and in what type."""
-        if self.publishers:
-            return
-        spoken = {
-            told.topic_type.replace("/msg/", "/")
-            for told in self._node.get_publishers_info_by_topic(self._name)
-            if told.node_name != self._node.get_name()
-        }
-        ours = [kind for kind in self._types if kind in spoken]
-        if ours and self._kind not in spoken:
-            self._kind = ours[0]
-            self._node.destroy_subscription(self._heard)
-            self._heard = self._subscribe()
-        elif spoken and not ours:
-            expected = " or ".join(self._types)
-            self._node.say_once(
-                f"{self._name} has messages of type {', '.join(sorted(spoken))}, which are not "
-                f"heard; expected {expected}, or another topic for ros.topics.{self.source}"
-            )
-
-    def _subscribe(self) -> Any:
-        node, source, topic = self._node, self.source, self.topic
-
-        def heard(message: Any, info: Any) -> None:
-            node.hear(source, topic, message, info)
-            self._take_more()
-
-        events = SubscriptionEventCallbacks(
-            incompatible_qos=self._mismatch, matched=self._match, use_default_callbacks=False
-        )
-        return node.create_subscription(
-            message_class(self._kind), self._name, heard, self._qos, event_callbacks=events
-        )
-
-    def _take_more(self) -> None:
-        """Take what waits behind a message: one by one rclpy asks every topic before each."""
-        heard = self._heard
-        for _ in range(AT_ONCE):
-            with heard.handle:
-                taken = heard.handle.take_message(heard.msg_type, heard.raw)
-            if taken is None:
-                return
-            self._node.hear(self.source, self.topic, *taken)
-
-    def _match(self, event: Any) -> None:
-        self.publishers = event.current_count
-
-    def _mismatch(self, event: Any) -> None:
-        if event.total_count:
-            self._node.say_once(does_not_hear(self._name, event.last_policy_kind, self._qos))
-
-
 class Out:
     """A topic that is told, at once and, if it is latched, to those who come later."""
 
@@ -275,11 +218,6 @@ class Out:
     def _mismatch(self, event: Any) -> None:
         if event.total_count:
             self._node.say_once(is_not_heard(self._name, event.last_policy_kind, self._qos))
-
-
-def resolved(node: Node, topic: str) -> str:
-    """Return the full name of a topic, by the namespace and the remappings of a node."""
-    return str(node.resolve_topic_name(f"/{topic}" if topic in ABSOLUTE else topic))
 
 
 def main() -> int:

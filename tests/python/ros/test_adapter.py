@@ -14,11 +14,11 @@ import pytest
 from locfuse.config.load import parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.io.log_folder import write_log
-from locfuse.ros import early
+from locfuse.ros import early, encode
 from locfuse.ros.adapter import Adapter
 from locfuse.ros.decode import heading_of, stamp_ns
 from locfuse.ros.encode import Fields, Publication
-from locfuse.ros.peers import in_order_of_arrival, static_of
+from locfuse.ros.log_player import in_order_of_arrival, static_of
 from locfuse.run import load_log, run
 from locfuse.types import NANOSECONDS, Columns, ConfigError, Log
 from support_ros import message
@@ -307,12 +307,37 @@ def test_a_world_that_comes_late_is_taken() -> None:
     assert robot.health()["message"] == "ok"
 
 
+@pytest.mark.parametrize(("mount", "fused"), [(None, True), ((0.0, 0.0, 0.0), True),
+                                               ((0.2, 0.0, 0.0), False)])  # fmt: skip
+def test_odometry_of_another_name_is_the_body_s_unless_it_sits_elsewhere(
+    mount: tuple[float, float, float] | None, fused: bool
+) -> None:
+    config, log = room(ros={"frames": {"base": "base_footprint"}})
+    robot = Robot(parse_config({**ROOM, "ros": {"frames": {"base": "base_link"}}}), log)
+    robot.learn()
+    robot.config = config  # of the driver of the wheels, who calls the body base_footprint
+    if mount is not None:
+        robot.hear(encode.transforms([encode.transform(0, "base_link", "base_footprint", mount)],
+                                     static=True), LATER)  # fmt: skip
+    robot.drive(end_s=10.0)
+    counts = {one["key"]: int(one["value"]) for one in robot.counts()}
+    assert (counts.get("odometry fused", 0) > 100) == fused
+    assert (counts.get("odometry refused", 0) > 100) != fused
+    if mount is None:
+        (problem,) = robot.problems
+        assert "no static transform places on 'base_link'" in problem
+    elif fused:
+        assert robot.problems == []
+    else:
+        assert "sits at x 0.2 m, y 0 m, 0 deg on 'base_link'; set ros.frames.base" in (
+            robot.problems[0])  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("topic", "changes", "says"),
     [
         ("odom", {"pose__pose__position__x": float("nan")}, "position.x is nan"),
         ("odom", {"header__stamp": {"ns": 0}}, "the stamp is 0"),
-        ("odom", {"child_frame_id": "camera"}, "in frame 'camera', expected 'base_link'"),
         ("odom", {"header__stamp": {"ns": 5 * LATER}}, "ahead of the clock"),
         ("uwb", {"ranges": [7]}, "no ranges to anchors"),
     ],

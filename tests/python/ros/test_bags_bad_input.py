@@ -13,13 +13,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rosbags.rosbag1 import Reader, Writer
 
+from locfuse.config.load import parse_config
 from locfuse.config.ros import Ros
 from locfuse.io.log_folder import write_log
 from locfuse.ros import encode
 from locfuse.ros.bags import read_bag, write_bag
 from locfuse.ros.decode import RangeRow, SightingRow
 from locfuse.ros.encode import Publication
+from locfuse.run import run
 from locfuse.types import GridMap, Log, LogError
 from support_bags import MS, T0, drive, full_log, sentences, world, write_messages
 
@@ -161,6 +164,64 @@ def _fix() -> Any:
     from locfuse.ros.decode import FixRow
 
     return FixRow(T0, 1.0, 2.0, 0.1, "", "map")
+
+
+def body_called(name: str, mount: tuple[float, float, float] | None) -> list[Told]:
+    told = [(t, changed(p, child_frame_id=name) if p.topic == "odom" else p) for t, p in drive()]
+    if mount is not None:
+        transform = encode.transform(T0, "base_link", name, mount)
+        told.insert(0, (T0, encode.transforms([transform], static=True)))
+    return told
+
+
+@pytest.mark.parametrize(("mount", "said"), [
+    (None, "which no static transform places on 'base_link': they are taken for the same"),
+    ((0.0, 0.0, 0.0), None),
+    ((0.2, 0.0, 0.5), "20 of 20 messages on odom are left out: odometry is of 'wheels', which "
+                      "sits at x 0.2 m, y 0 m, 28.6 deg on 'base_link'; set ros.frames.base"),
+])  # fmt: skip
+def test_odometry_of_another_name_is_the_body_s_unless_it_sits_elsewhere(
+    mount: tuple[float, float, float] | None,
+    said: str | None,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    path = write_messages(tmp_path / "d.mcap", body_called("wheels", mount))
+    log = read_bag(path, world=world())
+    assert ("odometry" in log) == (mount is None or mount == (0.0, 0.0, 0.0))
+    told = sentences(caplog)
+    assert len(told) == (0 if said is None else 1)
+    assert said is None or said in told[0]
+
+
+def test_odometry_of_two_bodies_on_one_topic_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    at_rest = (0.0, 0.0, 0.0)
+    told = sorted([*body_called("wheels", at_rest), *drive()], key=lambda one: one[0])
+    read_bag(write_messages(tmp_path / "d.mcap", told), world=world())
+    assert any("odom has 2 child frames, base_link and wheels, whose" in s for s in
+               sentences(caplog))  # fmt: skip
+
+
+def test_two_nodes_on_a_topic_of_ros_1_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A bag of ROS 1 says which node told what."""
+    path = write_messages(tmp_path / "d.bag", drive())
+    two = tmp_path / "two.bag"
+    with Reader(path) as reader, Writer(two) as writer:
+        known = {}
+        for number, (connection, time_ns, raw) in enumerate(reader.messages()):
+            node = f"/driver_{number % 2}" if connection.topic == "/odom" else "/robot"
+            if (connection.topic, node) not in known:
+                known[connection.topic, node] = writer.add_connection(
+                    connection.topic, connection.msgtype, msgdef=connection.msgdef.data,
+                    md5sum=connection.digest, callerid=node)  # fmt: skip
+            writer.write(known[connection.topic, node], time_ns, raw)
+    read_bag(two, world=world())
+    (said,) = sentences(caplog)
+    assert "odom has 2 publishers, /driver_0 and /driver_1, whose messages are taken" in said
 
 
 def test_a_topic_that_was_asked_for_and_is_not_there_is_named(
@@ -435,3 +496,16 @@ def test_the_package_loads_no_rosbags_until_a_bag_is_used() -> None:
     code = "import locfuse.cli, sys; print(any(n.startswith('rosbags') for n in sys.modules))"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert said.stdout == "False\n"
+
+
+def test_what_a_bag_lacks_is_named_by_where_a_bag_has_it(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = write_messages(tmp_path / "d.mcap", drive())
+    with pytest.raises(LogError, match=r"no anchors; add anchors\.csv to the folder that ros\.wor"):
+        run(parse_config({"log": str(path), "start": [0, 0, 0]}))
+    told = [(t, p) for t, p in drive() if p.topic != "uwb"]
+    path = write_messages(tmp_path / "wheels.mcap", told)
+    run(parse_config({"log": str(path), "start": [0, 0, 0], "use": ["odometry", "ranges"]}))
+    assert "use names ranges, but the log has none; is ros.topics.ranges its topic?" in (
+        caplog.messages)  # fmt: skip

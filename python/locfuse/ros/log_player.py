@@ -1,126 +1,153 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What stands around a node where there is no robot: a UWB system, and a log that speaks again."""
+"""A log that speaks again: its messages on topics, in the order in which they arrived."""
 
 from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from locfuse import _core
+from locfuse.config.load import load_config
 from locfuse.config.ros import Ros
+from locfuse.config.schema import RunConfig
 from locfuse.ros import encode
 from locfuse.ros.decode import FixRow, RangeRow, ScanRow, SightingRow
 from locfuse.ros.encode import Publication
-from locfuse.types import ConfigError, FloatArray, Log
-
-Point = tuple[float, float, float]
+from locfuse.ros.parameters import LARGEST, Parameter
+from locfuse.run import load_log
+from locfuse.types import NANOSECONDS, ConfigError, FloatArray, Log
 
 # Frames of sensors that a log has no names for.
 LASER, LANDMARK_SENSOR = "laser", "landmark_sensor"
 
+PARAMETERS = (
+    Parameter("config", "text", "", None, None, "path of a run's YAML: its log, topics and frames"),
+    Parameter("log", "text", "", None, None, "log folder or bag instead of what the YAML names"),
+    Parameter("speed", "float", 1.0, 0.0, LARGEST, "times as fast as recorded; 0: as all can"),
+    Parameter("clock", "bool", True, None, None, "stamps as recorded, and /clock; else of today"),
+    Parameter("loop", "bool", False, None, None, "begin anew at the end: the clock goes back"),
+    Parameter("wait_s", "float", 10.0, 0.0, LARGEST, "at most, for somebody who listens [s]"),
+)
+QUIET_S = 1.0  # without another listener, after which it begins
+SETTLE_S = 0.3  # the world is known before the first message comes
+TICK_NS = 5_000_000  # /clock ticks so often in the log's time,
+TICK_S = 0.002  # or in real time where that is longer
+FIRST_NS = 1000 * NANOSECONDS  # where a log begins that begins at 0: to ROS, 0 is no time
 
-class UwbSimulator:
-    """Noisy ranges from a true pose, as a UWB system at known places measures them.
+
+class Step(NamedTuple):
+    """What is to be told next: `due_s` seconds after the begin, by a clock that shows `clock_ns`.
+
+    Without a publication it is the clock itself.
+    """
+
+    due_s: float
+    clock_ns: int
+    publication: Publication | None
+
+
+class LogPlayer:
+    """Says what is to be published when: the node without its ROS.
 
     Parameters
     ----------
-    anchors, tags : mapping of name to (x, y, z)
-        In the map and in the body, metres.
-    sigma_m, sigma_relative : float
-        Standard deviation of the noise: hypot(sigma_m, sigma_relative * distance).
-    sigma_told_m : float, optional
-        Of which ranges tell; 0 where they are to tell none. Else that of the noise.
-    offset_m : float
-        By how much ranges are too long.
-    reach_m : float
-        Anchors further away than this do not answer.
-    loss : float
-        Share of rangings that fail.
-    seed : int
-        Of noise and failures: the same poses give the same ranges.
+    told : mapping
+        Values of the `PARAMETERS`.
+    base : callable
+        Returns the folder that the paths in a configuration are relative to, of its path.
+    warn : callable
+        Told a sentence where stamps are not those of the log.
+
+    Attributes
+    ----------
+    world : list of Publication
+        What is known from the start, latched.
+    topics : list of Publication
+        One of each topic.
 
     Raises
     ------
-    ConfigError
-        If there is no anchor or no tag, or a number is out of bounds.
-
-    Examples
-    --------
-    >>> uwb = UwbSimulator({"A": (3.0, 4.0, 0.0)}, {"tag": (0.0, 0.0, 0.0)}, sigma_m=0.0)
-    >>> [row] = uwb.ranges(1_000_000_000, 0.0, 0.0, 0.0)
-    >>> row.anchor, row.range_m
-    ('A', 5.0)
+    ConfigError, LogError
+        If neither a configuration nor a log is named, or one of them cannot be read.
     """
 
     def __init__(
         self,
-        anchors: Mapping[str, Sequence[float]],
-        tags: Mapping[str, Sequence[float]],
-        *,
-        sigma_m: float = 0.1,
-        sigma_relative: float = 0.0,
-        sigma_told_m: float | None = None,
-        offset_m: float = 0.0,
-        reach_m: float = math.inf,
-        loss: float = 0.0,
-        seed: int = 0,
+        told: Mapping[str, Any],
+        base: Callable[[str], Any],
+        warn: Callable[[str], object],
     ) -> None:
-        for name, points in (("anchors", anchors), ("tags", tags)):
-            if not points:
-                raise ConfigError(f"a UWB system without {name}; the world must say where they are")
-        told = sigma_m if sigma_told_m is None else sigma_told_m
-        for name, value, high in (("sigma_m", sigma_m, 1e3), ("sigma_told_m", told, 1e3),
-                                  ("sigma_relative", sigma_relative, 1.0),
-                                  ("reach_m", reach_m, math.inf), ("loss", loss, 1.0)):  # fmt: skip
-            if not 0.0 <= value <= high:
-                raise ConfigError(f"{name} is {value:g}, expected 0 <= {name} <= {high:g}")
-        if not math.isfinite(offset_m):
-            raise ConfigError(f"offset_m is {offset_m:g}, expected a finite number")
-        self._anchors = {name: np.asarray(at, np.float64) for name, at in anchors.items()}
-        self._tags = {name: np.asarray(at, np.float64) for name, at in tags.items()}
-        self._sigma, self._relative, self._told = sigma_m, sigma_relative, sigma_told_m
-        self._offset = offset_m
-        self._reach, self._loss = reach_m, loss
-        self._rng = np.random.default_rng(seed)
+        if not (told["config"] or told["log"]):
+            raise ConfigError("nothing to play; set log to a log folder, or config to a YAML that "
+                              "names one")  # fmt: skip
+        config = load_config(told["config"]) if told["config"] else RunConfig()
+        if told["log"]:
+            config = config.model_copy(update={"log": told["log"], "simulation": None})
+        log = load_log(config, base(told["config"]), config.seed)
+        self._speed, self._loop = told["speed"], told["loop"]
+        self._arrivals = list(with_transforms(in_order_of_arrival(log, config.ros), config.ros))
+        if not self._arrivals:
+            raise ConfigError("the log has no message that ros.topics has a topic for")
+        self.world = static_of(log, config.ros)
+        told_by = {p.topic: p for _, p in self._arrivals} | {p.topic: p for p in self.world}
+        self.topics = list(told_by.values())
+        self._shift_ns = self._shift(told["clock"], warn)
 
-    def ranges(
-        self, stamp_ns: int, x: float, y: float, heading: float, z: float = 0.0
-    ) -> list[RangeRow]:
-        """Return what is measured at a true pose [m, rad]: one row per tag and anchor in reach."""
-        c, s = math.cos(heading), math.sin(heading)
-        rows = []
-        for tag, mount in self._tags.items():
-            at = np.array([x + c * mount[0] - s * mount[1], y + s * mount[0] + c * mount[1],
-                           z + mount[2]])  # fmt: skip
-            for anchor, there in self._anchors.items():
-                distance = float(np.linalg.norm(there - at))
-                sigma = math.hypot(self._sigma, self._relative * distance)
-                error, fails = self._rng.normal(0.0, sigma), self._rng.random() < self._loss
-                if distance <= self._reach and not fails:
-                    heard = max(0.0, distance + self._offset + float(error))
-                    told = sigma if self._told is None else self._told
-                    rows.append(RangeRow(stamp_ns, tag, anchor, heard, told or None, ""))
-        return rows
+    def _shift(self, clock: bool, warn: Callable[[str], object]) -> int:
+        first_ns = self._arrivals[0].arrival_ns
+        if not clock:
+            return time.time_ns() - first_ns
+        if first_ns >= NANOSECONDS:
+            return 0
+        warn(f"the log begins at {first_ns / NANOSECONDS:g} s, which is no time to ROS; all stamps "
+             f"are {FIRST_NS // NANOSECONDS} s later")  # fmt: skip
+        return FIRST_NS
+
+    def steps(self) -> Iterator[Step]:
+        """Yield what is to be told: the clock up to a message, then that; once, or for ever."""
+        tick_ns = max(TICK_NS, round(self._speed * TICK_S * NANOSECONDS))
+        before_s = 0.0
+        while True:
+            first_ns = now_ns = self._arrivals[0].arrival_ns
+            due_s = before_s
+            for arrival_ns, publication in self._arrivals:
+                while now_ns < arrival_ns:  # silence: the clock goes on
+                    now_ns = min(now_ns + tick_ns, arrival_ns)
+                    if self._speed > 0.0:
+                        due_s = before_s + (now_ns - first_ns) / NANOSECONDS / self._speed
+                    yield Step(due_s, now_ns + self._shift_ns, None)
+                told = later(publication, self._shift_ns)
+                yield Step(due_s, now_ns + self._shift_ns, told)
+            if not self._loop:
+                return
+            before_s = due_s
 
 
-def uwb_of(log: Log, **options: Any) -> UwbSimulator:
-    """Return the UWB system of a log's world; options are those of `UwbSimulator`.
+class Patience:
+    """Waits until somebody listens, and for a second nobody more does; but not for ever.
 
-    Raises
-    ------
-    ConfigError
-        As `UwbSimulator`.
+    Examples
+    --------
+    >>> patience = Patience(10.0, now_s=0.0)
+    >>> [patience.is_over(2, now_s=s) for s in (0.1, 0.9, 1.2)]
+    [False, False, True]
     """
-    anchors: dict[str, Point] = {}
-    if "anchors" in log:
-        table = log["anchors"]
-        places = np.column_stack([table["x_m"], table["y_m"], table["z_m"]]).tolist()
-        anchors = dict(zip(map(str, table["anchor"]), map(tuple, places), strict=True))
-    return UwbSimulator(anchors, log.tags, **options)
+
+    def __init__(self, most_s: float, now_s: float) -> None:
+        self._end_s = now_s + most_s
+        self._listeners, self._since_s = 0, now_s
+
+    def is_over(self, listeners: int, now_s: float) -> bool:
+        """Return whether to begin, with as many listeners now."""
+        if listeners != self._listeners:
+            self._listeners, self._since_s = listeners, now_s
+        return now_s >= self._end_s or (listeners > 0 and now_s - self._since_s >= QUIET_S)
 
 
 class Arrival(NamedTuple):
@@ -292,3 +319,31 @@ def _truth(log: Log, topic: str, ros: Ros) -> Iterator[Arrival]:
         told = encode.odometry(topic, stamp, pose, (0.0, 0.0), frames.map, frames.base,
                                0.0 if z is None else float(z[row]))  # fmt: skip
         yield Arrival(arrival, told)
+
+
+def with_transforms(arrivals: Iterable[Arrival], ros: Ros) -> Iterator[Arrival]:
+    """Add what drivers of wheels say beside odometry: the transform from odom to the body."""
+    for arrival in arrivals:
+        yield arrival
+        if arrival.publication.topic != ros.topics.odometry:
+            continue
+        fields = arrival.publication.fields
+        pose = fields["pose"]["pose"]
+        moved = {"translation": pose["position"], "rotation": pose["orientation"]}
+        told = {"header": fields["header"], "child_frame_id": ros.frames.base, "transform": moved}
+        yield Arrival(arrival.arrival_ns, encode.transforms([told]))
+
+
+def later(publication: Publication, shift_ns: int) -> Publication:
+    """Return a publication with every stamp later."""
+    return replace(publication, fields=_later(publication.fields, shift_ns))
+
+
+def _later(fields: Any, shift_ns: int) -> Any:
+    if isinstance(fields, Mapping):
+        if "ns" in fields:
+            return {"ns": fields["ns"] + shift_ns}
+        return {key: _later(value, shift_ns) for key, value in fields.items()}
+    if isinstance(fields, list) and fields and isinstance(fields[0], Mapping):
+        return [_later(value, shift_ns) for value in fields]
+    return fields

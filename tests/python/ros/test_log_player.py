@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A UWB system that is simulated, and a log that is told as a robot would."""
+"""A log that is told as a robot would."""
 
 from __future__ import annotations
 
+from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,54 +13,21 @@ import pytest
 from locfuse.config.load import parse_config
 from locfuse.config.ros import Ros
 from locfuse.config.schema import RunConfig
+from locfuse.io.log_folder import write_log
 from locfuse.ros import decode
-from locfuse.ros.peers import UwbSimulator, in_order_of_arrival, static_of, uwb_of
+from locfuse.ros.log_player import (
+    FIRST_NS,
+    PARAMETERS,
+    LogPlayer,
+    in_order_of_arrival,
+    static_of,
+)
+from locfuse.ros.parameters import values_of
 from locfuse.run import load_log
 from locfuse.types import NANOSECONDS, ConfigError, Log
 from support_ros import message
 
-ANCHORS = {"A": (3.0, 4.0, 0.0), "B": (30.0, 40.0, 0.0)}
-TAGS = {"tag": (0.0, 0.0, 0.0)}
 NOW = 10**12
-
-
-def test_ranges_without_noise_are_distances_of_the_turned_tag() -> None:
-    uwb = UwbSimulator({"A": (3.0, 4.0, 2.0)}, {"front": (1.0, 0.0, 2.0)}, sigma_m=0.0)
-    [row] = uwb.ranges(NOW, 3.0, 1.0, np.pi / 2.0)
-    assert row._replace(range_m=2.0) == decode.RangeRow(NOW, "front", "A", 2.0, None, "")
-    assert row.range_m == pytest.approx(2.0)
-
-
-def test_noise_loss_offset_and_reach_are_as_told() -> None:
-    uwb = UwbSimulator(ANCHORS, TAGS, sigma_m=0.1, offset_m=0.5, reach_m=20.0, loss=0.25, seed=1)
-    rows = [row for _ in range(4_000) for row in uwb.ranges(NOW, 0.0, 0.0, 0.0)]
-    told = np.array([row.range_m for row in rows])
-    assert {row.anchor for row in rows} == {"A"}
-    assert {row.sigma_m for row in rows} == {0.1}
-    assert abs(len(rows) - 3_000) < 4.0 * np.sqrt(4_000 * 0.25 * 0.75)
-    assert abs(told.mean() - 5.5) < 4.0 * 0.1 / np.sqrt(len(told))
-    assert told.std() == pytest.approx(0.1, rel=0.06)
-
-
-def test_a_seed_gives_the_same_ranges_again() -> None:
-    one, two, other = (UwbSimulator(ANCHORS, TAGS, seed=s).ranges(NOW, 1.0, 2.0, 3.0)
-                       for s in (1, 1, 2))  # fmt: skip
-    assert one == two != other
-
-
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        ({"loss": 1.5}, "loss is 1.5, expected 0 <= loss <= 1"),
-        ({"sigma_m": float("nan")}, "sigma_m is nan"),
-        ({"offset_m": float("inf")}, "offset_m is inf"),
-        ({"anchors": {}}, "without anchors"),
-        ({"tags": {}}, "without tags"),
-    ],
-)
-def test_a_uwb_system_that_cannot_be_is_refused(options: dict[str, Any], says: str) -> None:
-    with pytest.raises(ConfigError, match=says):
-        UwbSimulator(**{"anchors": ANCHORS, "tags": TAGS, **options})
 
 
 def drive(**simulation: Any) -> tuple[RunConfig, Log]:
@@ -70,12 +39,6 @@ def drive(**simulation: Any) -> tuple[RunConfig, Log]:
         for stem, table in log.tables.items()
     }
     return config, Log(later, log.tags, log.laser, log.map, log.grid)
-
-
-def test_a_world_tells_where_its_uwb_system_is() -> None:
-    _, log = drive()
-    rows = uwb_of(log, sigma_m=0.0).ranges(NOW, 1.0, 1.0, 0.0)
-    assert [row.anchor for row in rows] == list(log["anchors"]["anchor"])
 
 
 def test_messages_are_those_of_the_log_in_order_of_arrival() -> None:
@@ -143,23 +106,61 @@ def test_the_world_is_told_latched() -> None:
     assert frames == {*log.tags, "laser"}
 
 
-def test_noise_is_a_share_of_the_distance() -> None:
-    anchors = {"near": (2.0, 0.0, 0.0), "far": (40.0, 0.0, 0.0)}
-    uwb = UwbSimulator(anchors, {"t": (0.0, 0.0, 0.0)}, sigma_m=0.0, sigma_relative=0.015, seed=1)
-    epochs = [uwb.ranges(1, 0.0, 0.0, 0.0) for _ in range(4000)]
-    heard = np.array([[row.range_m for row in epoch] for epoch in epochs])
-    assert np.allclose(heard.mean(axis=0), [2.0, 40.0], rtol=0.002)
-    assert np.allclose(heard.std(axis=0), [0.03, 0.6], rtol=0.05)
-    assert [row.sigma_m for row in epochs[0]] == pytest.approx([0.03, 0.6])
+def player(folder: Path, warned: list[str] | None = None, **told: Any) -> LogPlayer:
+    told = {"log": str(folder)} | told
+    said: list[str] = [] if warned is None else warned
+    return LogPlayer(values_of(PARAMETERS, told), lambda path: Path(path).parent, said.append)
 
 
-def test_what_fails_or_is_out_of_reach_is_not_heard_and_changes_nothing_else() -> None:
-    anchors = {str(i): (float(i), 3.0, 1.0) for i in range(1, 200)}
-    tags = {"t": (0.5, 0.0, 1.0)}
-    all_of = UwbSimulator(anchors, tags, seed=2).ranges(1, 0.0, 0.0, np.pi / 2)
-    some = UwbSimulator(anchors, tags, loss=0.3, reach_m=100.0, seed=2).ranges(
-        1, 0.0, 0.0, np.pi / 2
-    )
-    assert set(some) < set(all_of)
-    assert 50 < len(some) < 90
-    assert max(int(row.anchor) for row in some) <= 100
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    _, log = drive()
+    write_log(log, tmp_path / "log")
+    return tmp_path / "log"
+
+
+def test_the_clock_reaches_each_message_before_it_is_told(folder: Path) -> None:
+    clock = 0
+    steps = list(player(folder).steps())
+    for step in steps:
+        if step.publication is None:
+            assert clock <= step.clock_ns
+            assert step.clock_ns - clock <= 5_000_000 or clock == 0
+            clock = step.clock_ns
+        else:
+            assert step.clock_ns == max(clock, NOW)
+    assert steps[-1].due_s == pytest.approx(5.0, abs=0.2)
+    told = [step for step in steps if step.publication is not None]
+    assert len([s for s in told if s.publication and s.publication.topic == "uwb"]) > 20
+    tf = [s.publication for s in told if s.publication and s.publication.topic == "tf"]
+    assert decode.transforms(message(tf[0]))[0].child == "base_link"
+
+
+def test_speed_says_when_messages_are_due(folder: Path) -> None:
+    [slow, fast, all_can] = [list(player(folder, speed=s).steps())[-1] for s in (0.5, 10.0, 0.0)]
+    assert slow.due_s == pytest.approx(20.0 * fast.due_s)
+    assert all_can.due_s == 0.0
+    assert slow.clock_ns == fast.clock_ns == all_can.clock_ns
+
+
+def test_a_loop_begins_anew_with_the_clock_of_the_log(folder: Path) -> None:
+    once = list(player(folder).steps())
+    twice = list(islice(player(folder, loop=True).steps(), 2 * len(once)))
+    assert [s.clock_ns for s in twice] == 2 * [s.clock_ns for s in once]
+    assert twice[-1].due_s == pytest.approx(2.0 * once[-1].due_s)
+
+
+def test_a_log_that_begins_at_0_is_told_later_and_says_so(tmp_path: Path) -> None:
+    log = load_log(parse_config({"simulation": {"duration_s": 1.0}}), None, 1)
+    write_log(log, tmp_path / "log")
+    warned: list[str] = []
+    first = next(iter(player(tmp_path / "log", warned).steps()))
+    assert first.clock_ns == FIRST_NS
+    assert first.publication is not None
+    (sentence,) = warned
+    assert "which is no time to ROS; all stamps are 1000 s later" in sentence
+
+
+def test_what_cannot_be_played_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="nothing to play; set log to a log folder, or config"):
+        player(tmp_path, log="")

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What to do where a log lacks something: add a file, a topic, or a key of the simulation."""
+
+from __future__ import annotations
+
+from locfuse.types import Log
+
+_FOLDER = "the folder that ros.world names"
+_HOW = {
+    "folder": {
+        "anchors": "add anchors.csv",
+        "tags": "add 'tags: {NAME: [x, y, z]}' to log.yaml",
+        "landmarks": "add landmarks.csv",
+        "map": "add 'map: FILE.yaml' to log.yaml",
+        "scans": "add scans.csv, and 'laser' to log.yaml",
+    },
+    "bag": {
+        "anchors": f"add anchors.csv to {_FOLDER}, or record ros.topics.anchors",
+        "tags": "record tf_static with a frame of each tag's name, or add "
+                f"'tags: {{NAME: [x, y, z]}}' to log.yaml in {_FOLDER}",
+        "landmarks": f"add landmarks.csv to {_FOLDER}, or record ros.topics.landmarks",
+        "map": f"record ros.topics.map, or add 'map: FILE.yaml' to log.yaml in {_FOLDER}",
+        "scans": "record scans, whose topic ros.topics.scans names, and tf_static, or add 'laser' "
+                 f"to log.yaml in {_FOLDER}",
+    },
+    "simulation": {
+        "anchors": "add simulation.anchors",
+        "tags": "add simulation.tags",
+        "landmarks": "add simulation.landmarks",
+        "map": "add simulation.map",
+        "scans": "add simulation.laser",
+    },
+}  # fmt: skip
+_FILES = {"anchors": "anchors.csv", "tags": "log.yaml", "landmarks": "landmarks.csv"}
+
+
+def how_to_add(log: Log, what: str) -> str:
+    """Return how a log like this gets ``anchors``, ``tags``, ``landmarks``, ``map`` or ``scans``.
+
+    Examples
+    --------
+    >>> how_to_add(Log({}), "anchors")
+    'add anchors.csv'
+    >>> how_to_add(Log({}, origin="simulation"), "map")
+    'add simulation.map'
+    """
+    return _HOW[log.origin][what]
+
+
+def where_named(log: Log, what: str) -> str:
+    """Return where ``anchors``, ``tags`` or ``landmarks`` of a log have their names.
+
+    Examples
+    --------
+    >>> where_named(Log({}), "tags")
+    'log.yaml'
+    """
+    return _FILES[what] if log.origin == "folder" else f"the {log.origin}"
