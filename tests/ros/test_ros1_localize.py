@@ -8,7 +8,6 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +17,11 @@ import yaml
 
 from locfuse.config.load import parse_config
 from locfuse.io.log_folder import write_log
-from locfuse.ros.decode import decimal, decimals, heading_of, stamp_ns
+from locfuse.ros.decode import heading_of, stamp_ns
 from locfuse.run import load_log, run
 from locfuse.types import Log, wrap_angle
 from ros1_peer import Ear, Process, Robot, node, simulated_time, started
+from support_logs import as_messages_hold_it
 
 pytestmark = pytest.mark.usefixtures("ros1")
 
@@ -145,20 +145,10 @@ def test_it_finds_itself_from_nothing_and_stays_there(tmp_path: Path, seed: int)
     assert rmse[2] < np.deg2rad(3.0)
 
 
-def as_messages_hold_it(log: Log) -> Log:
-    """Return a log whose scans fit into float32, as every scan of ROS does."""
-    assert log.laser is not None
-    laser = {
-        key: decimal(value) if isinstance(value, float) else value
-        for key, value in log.laser.items()
-    }
-    ranges = decimals(log["scans"]["ranges_m"].astype(np.float32))
-    scans = {**log["scans"], "ranges_m": ranges}
-    return replace(log, laser=laser, tables={**log.tables, "scans": scans})
-
-
-@pytest.mark.parametrize("start", ["auto", "told"])
-def test_estimates_are_those_of_locfuse_run(tmp_path: Path, start: str) -> None:
+@pytest.mark.parametrize(("start", "mcl"), [("auto", None), ("told", None), ("told", {})])
+def test_estimates_are_those_of_locfuse_run(
+    tmp_path: Path, start: str, mcl: dict[str, Any] | None
+) -> None:
     log = as_messages_hold_it(simulated(4))
     truth = log["truth"]
     heading = float(np.rad2deg(truth["heading_rad"][0]))
@@ -167,10 +157,12 @@ def test_estimates_are_those_of_locfuse_run(tmp_path: Path, start: str) -> None:
     config = {
         **CONFIG,
         "start": "auto" if start == "auto" else told,
+        "mcl": mcl,
         "ros": {"estimate_at": "fused", "world": "log"},
     }
     estimate = run(parse_config(config), log).estimate
-    with localizing(log, tmp_path, config, HEARD if start == "auto" else HEARD[:2]) as it:
+    with_scans = start == "auto" or mcl is not None
+    with localizing(log, tmp_path, config, HEARD if with_scans else HEARD[:2]) as it:
         it.robot.drive(speed=4.0)
         settle(it.poses)
         poses = it.last()

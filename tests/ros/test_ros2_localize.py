@@ -18,6 +18,7 @@ from locfuse.ros import decode, encode
 from locfuse.ros.log_player import Arrival
 from locfuse.run import load_log, run
 from locfuse.types import NANOSECONDS, Log, wrap_angle
+from support_logs import as_messages_hold_it
 from support_robot import EPOCH_NS, HALL, Robot, config_of, shifted, simulated, start_localize
 from support_ros2 import Peer, peer_in
 
@@ -175,13 +176,36 @@ def test_estimates_are_those_of_locfuse_run(
 ) -> None:
     without_scans = {**HALL, "laser": None, "map": None, "duration_s": 15.0}
     log = shifted(load_log(config_of(without_scans), None, 3), EPOCH_NS)
+    keys = {"start": start, "use": ["odometry", "ranges"]}
+    expect_those_of_run(peer, tmp_path, log, world, without_scans, keys, ("anchors", "/tf_static"))
+
+
+def test_poses_of_particles_are_those_of_locfuse_run(peer: Peer, tmp_path: Path) -> None:
+    hall = {**HALL, "duration_s": 8.0}
+    log = as_messages_hold_it(shifted(load_log(config_of(hall), None, 3), EPOCH_NS))
+    truth = log["truth"]
+    heading_deg = float(np.rad2deg(truth["heading_rad"][0]))
+    start = [float(truth["x_m"][0]) + 0.05, float(truth["y_m"][0]), heading_deg]
+    keys = {"start": start, "use": ["odometry", "ranges"], "mcl": {}}
+    expect_those_of_run(peer, tmp_path, log, "log", hall, keys, ("/tf_static",))
+
+
+def expect_those_of_run(
+    peer: Peer,
+    tmp_path: Path,
+    log: Log,
+    world: str | None,
+    simulation: dict[str, Any],
+    keys: dict[str, Any],
+    latched: tuple[str, ...],
+) -> None:
+    """Compare the node and `locfuse run` on a log; without a world it is told by topics."""
     write_log(by_arrival(log), tmp_path / "log")
     log = read_log(tmp_path / "log")
-    keys = {"start": start, "use": ["odometry", "ranges"]}
-    expected = run(config_of(without_scans, **keys), log).estimate
+    expected = run(config_of(simulation, **keys), log).estimate
     robot = Robot(peer, log, rate=2.0, in_order=True)
     start_localize(robot, tmp_path, ros={"estimate_at": "fused", "world": world}, **keys)
-    wait_for_world(robot, "anchors", "/tf_static")
+    wait_for_world(robot, *latched)
     robot.drive()
     peer.spin(0.5)
     found = robot.estimate()

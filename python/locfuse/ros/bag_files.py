@@ -16,7 +16,7 @@ from locfuse.config.ros import plain
 from locfuse.ros.encode import Publication
 from locfuse.ros.needs import need
 from locfuse.ros.pack import Values, pack
-from locfuse.ros.storage import Connection
+from locfuse.ros.stored import Connection
 from locfuse.ros.wire import defined, long, serializer, store, structure
 from locfuse.types import LogError
 

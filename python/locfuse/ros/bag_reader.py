@@ -26,7 +26,8 @@ from locfuse.ros.decode_many import Said
 from locfuse.ros.frames import check_frame
 from locfuse.ros.heard import Heard, logger
 from locfuse.ros.needs import NeedError
-from locfuse.ros.storage import Bag, Connection
+from locfuse.ros.storage import Bag
+from locfuse.ros.stored import Connection
 from locfuse.ros.unpack import MisfitError, Structure, Unpacked, unpack
 from locfuse.ros.wire import broken, deserializer, structure
 from locfuse.types import Columns, Log, LogError

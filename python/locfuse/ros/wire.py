@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from locfuse.ros.needs import need
-from locfuse.ros.storage import Connection, short
+from locfuse.ros.stored import Connection, short
 from locfuse.ros.unpack import STRUCTURE, TEXT, Node, Structure
 from locfuse.types import NANOSECONDS, LogError
 

@@ -19,7 +19,7 @@ from locfuse.ros.decode import MessageError, heading_of
 from locfuse.ros.decode_many import Said
 from locfuse.ros.frames import _Quaternion
 from locfuse.ros.heard import Heard
-from locfuse.ros.storage import Connection
+from locfuse.ros.stored import Connection
 from locfuse.ros.unpack import Unpacked, unpack
 from locfuse.ros.wire import deserializer, long, store, structure
 from locfuse.types import Log

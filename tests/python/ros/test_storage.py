@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from locfuse.ros import encode
-from locfuse.ros.storage import Bag, is_bag, short
+from locfuse.ros.storage import Bag, is_bag
+from locfuse.ros.stored import short
 from locfuse.types import LogError
 from support_bags import KINDS, MS, T0, drive, write_messages, write_sqlite
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from locfuse.ros.pack import pack
-from locfuse.ros.storage import Connection
+from locfuse.ros.stored import Connection
 from locfuse.ros.unpack import MisfitError, Texts, Unpacked, unpack
 from locfuse.ros.wire import broken, deserializer, long, store, structure
 

@@ -10,7 +10,7 @@ import pytest
 
 from locfuse.ros import encode
 from locfuse.ros.decode import RangeRow
-from locfuse.ros.storage import Connection
+from locfuse.ros.stored import Connection
 from locfuse.ros.wire import defined, definitions, deserializer, long, serializer
 from locfuse.types import LogError
 
