@@ -989,3 +989,13 @@ def test_positions_that_nothing_fixes_are_not_made_up() -> None:
     anchors = np.array([[0.0, 0, 1], [5, 0, 1], [10, 0, 1], [3, 8, 1]])
     ranges = np.array([[4.0, 4, 7, np.nan], [4.0, np.nan, np.nan, 6.0]])
     assert np.isnan(located(anchors, ranges, 0.1, height=1.0)).all()
+
+
+def test_findings_on_a_bag_speak_of_no_files() -> None:
+    config = parse_config({"simulation": {"duration_s": 10}, "use": ["ranges"]})
+    log = load_log(config, None, 1)
+    told = check(config, replace(log, origin="bag")).findings
+    files = check(config, replace(log, origin="folder")).findings
+    assert any(".csv" in one.where for one in files)
+    assert [one.where.replace(".csv", "") for one in files] == [one.where for one in told]
+    assert not any(".csv" in text for one in told for text in (one.what, one.where, one.advice))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -133,8 +134,17 @@ def check(config: RunConfig, log: Log | None = None, *, base: Path | None = None
         return CheckResult([_unreadable(problem, "config")], None)
     context = Context(config, log)
     found = [replace(finding, rule=rule.__name__) for rule in RULES for finding in rule(context)]
+    if log.origin == "bag":
+        found = [_of_bag(finding) for finding in found]
     found.sort(key=lambda finding: SEVERITIES.index(finding.severity))
     return CheckResult(found, layout_of(context))
+
+
+def _of_bag(finding: Finding) -> Finding:
+    """Return a finding that speaks of tables by their names: a bag has no files of them."""
+    texts = {key: re.sub(r"\b(\w+)\.csv\b", r"\1", getattr(finding, key))
+             for key in ("what", "where", "advice")}  # fmt: skip
+    return replace(finding, **texts)
 
 
 def _unreadable(problem: ValueError, where: str) -> Finding:
