@@ -142,9 +142,9 @@ def check(config: RunConfig, log: Log | None = None, *, base: Path | None = None
 
 def _of_bag(finding: Finding) -> Finding:
     """Return a finding that speaks of tables by their names: a bag has no files of them."""
-    texts = {key: re.sub(r"\b(\w+)\.csv\b", r"\1", getattr(finding, key))
-             for key in ("what", "where", "advice")}  # fmt: skip
-    return replace(finding, **texts)
+    what, where, advice = (re.sub(r"\b(\w+)\.csv\b", r"\1", text)
+                           for text in (finding.what, finding.where, finding.advice))  # fmt: skip
+    return replace(finding, what=what, where=where, advice=advice)
 
 
 def _unreadable(problem: ValueError, where: str) -> Finding:
