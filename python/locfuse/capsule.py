@@ -223,6 +223,8 @@ def read_capsule(path: str | Path) -> Capsule:
             config, log = load_config(unpacked / CONFIG), read_log(unpacked / "log")
         except FileNotFoundError:
             raise LogError(f"{path}: no such file") from None
+        except IsADirectoryError:
+            raise LogError(f"{path}: is a folder; expected a capsule") from None
         except (ConfigError, LogError) as error:
             raise type(error)(f"{path}: {str(error).replace(f'{unpacked}/', '')}") from error
         except (OSError, EOFError, ValueError, RuntimeError, struct.error, zlib.error,

@@ -6,11 +6,9 @@ from __future__ import annotations
 import json
 import logging
 import math
-import os
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any
 from urllib.parse import urlencode
@@ -18,22 +16,12 @@ from urllib.parse import urlencode
 import typer
 import yaml
 from rich import box
-from rich.console import Console
 from rich.markup import escape
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeRemainingColumn,
-)
 from rich.table import Table
 
 from locfuse import NumericalError, __version__, compiler
 from locfuse.check import SEVERITIES, Finding
 from locfuse.check import check as check_config
-from locfuse.claims import Claim
 from locfuse.config.load import load_config
 from locfuse.config.schema import RunConfig
 from locfuse.eval.ape import ape
@@ -41,18 +29,21 @@ from locfuse.io.datasets import CONVERTERS
 from locfuse.io.tum import read_tum
 from locfuse.position import LOSSES, SOLVERS, Fix, in_one_plane, positions, read_epochs, write_fixes
 from locfuse.recording import check_other, convert_recording, read_recording
-from locfuse.reproduce import PAPERS, draw, reproduce
+from locfuse.reproduce_command import reproduce_command
 from locfuse.ros.bags import check_bag, write_bag
 from locfuse.run import run as run_config
 from locfuse.sweep import Trials, dask_cluster, run_trials, summarize
+from locfuse.terminal import check_file as _check_file
+from locfuse.terminal import check_folder as _check_folder
+from locfuse.terminal import console
+from locfuse.terminal import onto as _onto
+from locfuse.terminal import progress as _progress
 from locfuse.types import NANOSECONDS, ConfigError, Log
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
                   help="Localization for mobile robots.")  # fmt: skip
 config_app = typer.Typer(no_args_is_help=True, help="Look at configurations.")
 app.add_typer(config_app, name="config")
-# Where lines are not cut by a screen they are long enough for the widest table.
-console = Console(width=None if sys.stdout.isatty() else 140)
 ROWS = 50  # epochs that a table shows
 
 
@@ -68,13 +59,6 @@ def main() -> None:
         sys.exit(1)
     finally:
         logging.getLogger("locfuse").removeHandler(notes)
-
-
-@contextmanager
-def _progress(what: str) -> Iterator[tuple[Progress, TaskID]]:
-    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        yield bar, bar.add_task(what, total=None)
 
 
 def _version(wanted: bool) -> None:
@@ -123,7 +107,7 @@ def run(
         check_bag(bag)
         if isinstance(parsed.log, str):
             check_other(config.parent / parsed.log, bag)
-        _check_folder(bag.parent, "--bag")
+        _check_file(bag, "--bag")
     if film is not None:
         from locfuse.plot import check_film
 
@@ -132,7 +116,7 @@ def run(
         from locfuse.to_rerun import check_rerun
 
         check_rerun(rerun)
-        _check_folder(rerun.parent, "--rerun")
+        _check_file(rerun, "--rerun")
     with _progress("messages") as (bar, task):
         result = run_config(
             parsed,
@@ -176,25 +160,12 @@ def _read(log: Path, config: RunConfig, base: Path) -> Log:
         return read_recording(log, config.ros, base, _onto(bar, task))
 
 
-def _onto(bar: Progress, task: TaskID) -> Callable[[int, int], None]:
-    return lambda done, total: bar.update(task, completed=done, total=total)
-
-
 def _with_log(config: RunConfig, log: Path, base: Path) -> RunConfig:
     """Return a configuration with another log; what it names else stays where it was."""
     ros = config.ros
     if ros.world is not None:
         ros = ros.model_copy(update={"world": str((base / ros.world).resolve())})
     return config.model_copy(update={"log": str(log.resolve()), "simulation": None, "ros": ros})
-
-
-def _check_folder(out: Path, option: str = "--out") -> None:
-    """Refuse a folder that cannot be made, before the work and not after it."""
-    nearest_there = next(p for p in (out, *out.absolute().parents) if p.exists())
-    if not nearest_there.is_dir():
-        raise ConfigError(f"{option} {out}: {nearest_there} is no folder")
-    if not os.access(nearest_there, os.W_OK):
-        raise ConfigError(f"{option} {out}: {nearest_there} must not be written")
 
 
 @app.command()
@@ -253,7 +224,7 @@ def capsule(
 
     parsed = load_config(config)
     recorded = None if log is None else _read(log, parsed, config.parent)
-    _check_folder(out.parent)
+    _check_file(out, "--out")
     with _progress("messages") as (bar, task):
         made = make_capsule(
             parsed,
@@ -378,72 +349,7 @@ def position(
         console.print(f"written: {out}", soft_wrap=True)
 
 
-@app.command("reproduce")
-def reproduce_command(
-    paper: Annotated[
-        str, typer.Argument(help=f"One of: {', '.join(PAPERS)}; or all, the five papers.")
-    ],
-    seeds: Annotated[int, typer.Option(help="Runs per simulated experiment.", min=2)] = 100,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="Also write the rows here.")
-    ] = None,
-    pictures: Annotated[
-        Path | None, typer.Option(help="Also draw pictures into this folder.")
-    ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Of all: fewer seeds.")] = False,
-    out: Annotated[Path, typer.Option(help="Of all: folder for the page.")] = Path("out/papers"),
-    compare: Annotated[
-        Path | None, typer.Option(help="Of all: papers.json of another time; fail if it differs.")
-    ] = None,
-) -> None:
-    """Run a paper's experiments and compare: claim, paper's figure, ours, required, met."""
-    if paper == "all":
-        _reproduce_all(out, quick, compare)
-        return
-    with _progress("runs") as (bar, task):
-        claims = reproduce(
-            paper, seeds, lambda done, total: bar.update(task, completed=done, total=total)
-        )
-    console.print(_table(paper, seeds, claims))
-    for claim in claims:
-        if claim.met is None:
-            console.print(f"{claim.claim}: skipped: {claim.note}", soft_wrap=True, markup=False)
-    if json_file is not None:
-        json_file.write_text(json.dumps([claim.row() for claim in claims], indent=1) + "\n")
-    if pictures is not None:
-        for path in draw(paper, seeds, pictures):
-            console.print(f"picture: {path}", soft_wrap=True)
-    if any(claim.met is False for claim in claims):
-        raise typer.Exit(1)
-
-
-def _reproduce_all(out: Path, quick: bool, compare: Path | None) -> None:
-    """Repeat the five papers; one line each, where the page is, and what is not as it was."""
-    from locfuse.papers import PAGE, differences, read_rows, repeat_all  # pictures load slowly
-
-    before = None if compare is None else read_rows(compare)
-    _check_folder(out)
-    with _progress("papers") as (bar, task):
-        repeated = repeat_all(
-            out, quick, lambda done, total: bar.update(task, completed=done, total=total)
-        )
-    for one in repeated:
-        required = [row for row in one.claims if row["required"] != "-"]
-        missed = [row["claim"] for row in required if row["met"] is False]
-        console.print(
-            f"{one.paper:12} {one.error or f'{len(required) - len(missed)} of {len(required)} met'}"
-            f", {one.seeds} seeds, {one.seconds:.0f} s", markup=False)  # fmt: skip
-        for claim in missed:
-            console.print(f"{'':12} missed: {claim}", soft_wrap=True, markup=False)
-    console.print(f"page: {out / PAGE}", soft_wrap=True)
-    if before is not None:
-        found = differences(before, repeated)
-        for sentence in found:
-            console.print(sentence, soft_wrap=True, markup=False)
-        console.print(f"{len(found)} rows differ from {compare}", soft_wrap=True)
-        raise typer.Exit(1 if found else 0)
-    if any(one.error or any(row["met"] is False for row in one.claims) for one in repeated):
-        raise typer.Exit(1)
+app.command("reproduce")(reproduce_command)
 
 
 @app.command()
@@ -614,25 +520,3 @@ def _fixes_table(fixes: list[Fix]) -> Table:
 
 def _metres(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.3f}"
-
-
-def _table(paper: str, seeds: int, claims: list[Claim]) -> Table:
-    title = f"{paper}: ours is the median (of NEES the mean) [5 %..95 %] over {seeds} seeds"
-    table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False)
-    table.add_column("claim")  # on a narrow screen the words break, not the figures
-    for heading in ("paper", "ours", "required", "met"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for claim in claims:
-        unit = "" if claim.unit == "1" else f" [{claim.unit}]"
-        paper_figure = "-" if claim.paper is None else f"{claim.paper:g}"
-        met = {True: "yes", False: "NO", None: "-"}[claim.met]
-        table.add_row(escape(claim.claim + unit), paper_figure, escape(_ours(claim)),
-                      claim.required, met)  # fmt: skip
-    return table
-
-
-def _ours(claim: Claim) -> str:
-    if claim.ours_median is None:
-        return "skipped"
-    spread = f" [{claim.ours_low:#.3g}..{claim.ours_high:#.3g}]"
-    return f"{claim.ours_median:#.3g}" + ("" if claim.ours_low == claim.ours_high else spread)

@@ -57,6 +57,17 @@ th {{ color: var(--muted); font-weight: 600; font-size: 0.88rem; }}
 th:first-child, td:first-child {{ text-align: left; }}
 #rejected-table th:last-child, #rejected-table td:last-child {{ text-align: left;
   white-space: normal; min-width: 10em; }}
+.rows td:nth-child(n+2) {{ white-space: nowrap; }}
+.rows td:first-child, .rows td:last-child {{ white-space: normal; }}
+.rows td:first-child {{ min-width: 16rem; padding-left: 28px; }}
+.rows td:last-child {{ text-align: left; color: var(--muted); font-size: 0.85rem;
+  min-width: 9rem; }}
+.rows th:last-child {{ text-align: left; }}
+.rows .claim td {{ text-align: left; font-size: inherit; color: inherit; padding: 14px 10px 5px;
+  border-bottom-color: var(--muted); }}
+.rows .claim div {{ position: sticky; left: 10px; max-width: calc(100vw - 64px); }}
+a {{ color: inherit; }}
+figcaption a {{ overflow-wrap: anywhere; }}
 @media print {{
   :root {{ color-scheme: light; --page: #ffffff; --card: #ffffff; --ink: #1f2328; --muted: #5b636b;
     --line: #d9dde1; --bad: #b04a00; --good: #00694c; }}

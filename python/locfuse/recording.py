@@ -15,6 +15,7 @@ from locfuse.types import ConfigError, Log, LogError, nearest
 Progress = Callable[[int, int], None]
 
 BAGS = (".bag", ".mcap")  # how files end that are written as bags
+FILES = (".db3", ".csv", ".tum", ".yaml", ".yml", ".zip", ".gz", ".rawlog", ".rrd")  # and others
 OWN = ("log", "bag")  # kinds of recordings that are no published data set
 
 
@@ -90,6 +91,7 @@ def convert_recording(
     if kind.replace("-", "_") not in kinds:
         raise ConfigError(f"unknown data set {kind!r}; {nearest(kind.replace('-', '_'), kinds)}")
     out = Path(out)
+    _check_out(out)
     if kind not in OWN:
         if out.suffix in BAGS:
             raise LogError(f"{out}: a data set becomes log folders; 'locfuse convert log' makes "
@@ -107,6 +109,21 @@ def convert_recording(
     else:
         write_log(log, out)
     return [out]
+
+
+def _check_out(out: Path) -> None:
+    """Refuse what neither a folder nor a bag can be called, before the work and not after it."""
+    written = "what is written is a log folder, or a bag that ends in .bag (ROS 1) or .mcap (ROS 2)"
+    if out.suffix in FILES:
+        raise LogError(f"{out}: ends in {out.suffix!r}; {written}")
+    if out.suffix in BAGS:
+        if out.is_dir():
+            raise LogError(f"{out}: is a folder; a bag is a file")
+    elif out.is_file():
+        raise LogError(f"{out}: is a file; {written}")
+    for folder in out.absolute().parents:
+        if folder.is_file():
+            raise LogError(f"{out}: {folder} is a file; expected a folder")
 
 
 def check_other(source: str | Path, out: Path) -> None:

@@ -29,6 +29,8 @@ from locfuse.on_maps import map_claims
 from locfuse.on_trees import draw_pictures as draw_trees
 from locfuse.outliers import draw_pictures as draw_outliers
 from locfuse.outliers import outlier_claims
+from locfuse.plot.room import plot_room
+from locfuse.plot.style import save
 from locfuse.power_up import draw_pictures as draw_starts
 from locfuse.power_up import power_up_claims
 from locfuse.power_up.runs import recording
@@ -93,7 +95,7 @@ def draw(paper: str, seeds: int, folder: Path) -> list[Path]:
         return [*draw_drives(configs, folder), *draw_trees(configs, folder)]
     if paper == "outliers" and configs is not None:
         return draw_outliers(configs, folder)
-    return draw_starts(configs, folder) if paper == "ekim2020" else []
+    return [_draw_room(folder), *draw_starts(configs, folder)] if paper == "ekim2020" else []
 
 
 # ekim2020: section 3.2, Figs. 2 and 9 ----------------------------------------------------------
@@ -170,6 +172,28 @@ def _ekim2020(seeds: int, progress: Progress) -> list[Claim]:
     claims += power_up_claims(example_configs())
     progress(total, total)
     return claims
+
+
+def _draw_room(folder: Path) -> Path:
+    """Draw the eight of the first seed, as the paper's Figs. 2 and 9."""
+    config = room_config("eight")
+    assert config.simulation is not None
+    log = simulate(config.simulation, np.random.default_rng(0))
+    truth = truth_of(log)
+    assert truth is not None
+    result = run(config, log, start=drawn_start(config, truth, to_messages(log, config), 0))
+    ours = 100.0 * _rms(errors_against(result.estimate, truth).position)
+    source = 100.0 * _rms(_pose_source_errors(log, truth))
+    figure = plot_room(_places(log["anchors"]), truth.position, _places(log["poses"]),
+                       result.estimate.position,
+                       f"2 m of it; RMSE: source {source:.1f} cm, EKF {ours:.1f} cm")  # fmt: skip
+    folder.mkdir(parents=True, exist_ok=True)
+    save(figure, folder / "room_paths.png")
+    return folder / "room_paths.png"
+
+
+def _places(table: Any) -> FloatArray:
+    return np.column_stack([table["x_m"], table["y_m"]]).astype(np.float64)
 
 
 def _nees_claim(path: str, values: list[float]) -> Claim:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -50,6 +51,11 @@ def nearest(name: str, valid: Iterable[str]) -> str:
     options = list(valid)
     found = difflib.get_close_matches(name, options, n=1, cutoff=0.5)
     return f"did you mean {found[0]!r}?" if found else f"expected {', '.join(options)}"
+
+
+def no_folder(path: Path) -> str:
+    """Return why a path is not the folder that was expected."""
+    return f"{path}: is a file; expected a folder" if path.exists() else f"{path}: no such folder"
 
 
 @dataclass(frozen=True)

@@ -216,13 +216,10 @@ def test_results_that_cannot_be_written_are_one_sentence_with_the_place(
     assert "/proc" in locfuse("run", config, "--out", "/proc/nowhere").sentence()
 
 
-def test_rows_that_cannot_be_written_are_one_sentence(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("locfuse.reproduce.PATHS", ("circle",))
-    monkeypatch.setattr("locfuse.reproduce.power_up_claims", lambda configs: [])
+def test_rows_that_cannot_be_written_are_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "no").write_text("")
     said = locfuse("reproduce", "ekim2020", "--seeds", 2, "--json", tmp_path / "no" / "rows.json")
-    assert "rows.json" in said.sentence()
+    assert said.sentence().endswith("no is no folder")
 
 
 @pytest.mark.parametrize(
@@ -248,6 +245,19 @@ def test_a_config_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
     for command in (("run",), ("config", "dump")):
         said = locfuse(*command, tmp_path / "absent.yaml")
         assert "absent.yaml" in said.sentence()
+
+
+def test_a_folder_where_a_file_is_expected_is_one_sentence(config: Path, tmp_path: Path) -> None:
+    for arguments, said in (
+        (("replay", tmp_path), "is a folder; expected a capsule"),
+        (("replay", tmp_path / "absent.zip"), "absent.zip: no such file"),
+        (("capsule", config, "--out", tmp_path), "is a folder; expected a file"),
+        (("evaluate", tmp_path, tmp_path), "is a folder; expected a file"),
+        (("position", "--anchors", tmp_path, "--ranges", tmp_path), "is a folder; expected a file"),
+    ):
+        sentence = locfuse(*arguments).sentence()
+        assert said in sentence
+        assert "Errno" not in sentence
 
 
 @pytest.mark.parametrize(

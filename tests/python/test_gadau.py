@@ -14,8 +14,9 @@ from locfuse.config.load import load_config
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
 from locfuse.gadau import draw_pictures, gadau_claims, kidnapping
+from locfuse.gadau.recognition import OFF_M, recognized
 from locfuse.gadau.runs import Mistake, Run, microsimulation, ray_simulation
-from locfuse.gadau.world import PATHS, SENSORS, SPEEDS, filter_config
+from locfuse.gadau.world import DISCS, PATHS, SENSORS, SPEEDS, filter_config
 from locfuse.run import load_log, run
 from locfuse.types import FloatArray, RunResult
 from support_runs import CONFIGS
@@ -221,6 +222,31 @@ def test_a_robot_that_was_carried_off_notices_and_finds_itself_again(world: str)
     assert sum(run.false_alarms() for run in runs) == 0
 
 
+def test_alone_a_filter_without_names_stays_lost_and_one_with_names_does_not() -> None:
+    for seed in range(3):
+        run = kidnapping.kidnap("triangle", seed, beside=True)
+        assert run.found_s(run.alone) == np.inf
+        assert run.found_s(run.named) <= kidnapping.FOUND_S
+        assert run.found_s() <= run.found_s(run.named)
+        without = kidnapping.kidnap("triangle", seed)
+        np.testing.assert_array_equal(run.found, without.found)  # those beside it change nothing
+        assert without.named is None
+
+
+@pytest.mark.parametrize("discs", list(DISCS))
+def test_the_rule_of_the_paper_recognizes_discs_from_the_right_pose_and_half_beside_it(
+    discs: str,
+) -> None:
+    there, beside = (
+        [recognized(discs, seed, off_m) for seed in range(10)] for off_m in (0.0, OFF_M)
+    )
+    in_view = sum(one.in_view for one in there)
+    assert in_view == sum(one.in_view for one in beside) > 100
+    assert sum(one.right for one in there) > 0.97 * in_view
+    assert sum(one.right for one in there) > 0.97 * sum(one.found for one in there)
+    assert 0.3 * in_view < sum(one.right for one in beside) < 0.7 * in_view
+
+
 def test_an_alarm_that_is_hard_of_hearing_shows() -> None:
     run = kidnapping.kidnap("triangle", 0, probability_lost=1.0 - 1e-15)
     assert run.noticed_s() > kidnapping.NOTICED_S
@@ -229,6 +255,6 @@ def test_an_alarm_that_is_hard_of_hearing_shows() -> None:
 def test_pictures_are_drawn(tmp_path: Path) -> None:
     paths = draw_pictures(tmp_path, 1)
     assert [path.stem for path in paths] == [
-        "gadau_start", "gadau_sensors", "gadau_mistakes", "gadau_kidnapped"
+        "gadau_start", "gadau_sensors", "gadau_mistakes", "gadau_kidnapped", "gadau_rays"
     ]  # fmt: skip
     assert all(path.stat().st_size > 20_000 for path in paths)

@@ -103,6 +103,8 @@ def test_what_cannot_be_converted_is_one_sentence(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "log")
     bag = tmp_path / "one.mcap"
     assert locfuse("convert", "log", folder, bag).status == 0
+    (tmp_path / "text").write_text("hello\n")
+    (tmp_path / "a.bag").mkdir()
     for arguments, said in (
         (("bag", folder, tmp_path / "x"), "is no bag; did you mean 'convert log'?"),
         (("log", bag, tmp_path / "x"), "is no log folder; did you mean 'convert bag'?"),
@@ -110,13 +112,28 @@ def test_what_cannot_be_converted_is_one_sentence(tmp_path: Path) -> None:
         (("log", tmp_path / "absent", tmp_path / "x"), "no such folder"),
         (("bgg", bag, tmp_path / "x"), "unknown data set 'bgg'; did you mean 'bag'?"),
         (("plaza", folder, tmp_path / "x.mcap"), "a data set becomes log folders"),
+        (("plaza", bag, tmp_path / "x"), "is a file; expected a folder"),
+        (("plaza", tmp_path / "absent", tmp_path / "x"), "no such folder"),
+        (
+            ("log", folder, tmp_path / "x.db3"),
+            "x.db3: ends in '.db3'; what is written is a log "
+            "folder, or a bag that ends in .bag (ROS 1) or .mcap (ROS 2)",
+        ),
+        (("bag", bag, tmp_path / "x.csv"), "ends in '.csv'; what is written is a log folder"),
+        (("log", folder, folder / "log.yaml"), "ends in '.yaml'; what is written"),
+        (("log", folder, tmp_path / "text"), "text: is a file; what is written is a log folder"),
+        (("log", folder, tmp_path / "text" / "x"), "text is a file; expected a folder"),
+        (("log", folder, tmp_path / "a.bag"), "a.bag: is a folder; a bag is a file"),
     ):
         assert said in locfuse("convert", *arguments).sentence()
+        assert not any((tmp_path / name).exists() for name in ("x", "x.db3", "x.csv", "x.mcap"))
     config = tmp_path / "run.yaml"
     config.write_text("simulation: {duration_s: 1}\n")
     said_of_bag = locfuse("run", config, "--bag", tmp_path / "x.txt").sentence()
     assert "ends in '.txt'; a bag is written as .bag (ROS 1) or .mcap (ROS 2)" in said_of_bag
     assert "--bag" in locfuse("run", config, "--bag", bag / "below" / "x.bag").sentence()
+    said_of_folder = locfuse("run", config, "--bag", tmp_path / "a.bag").sentence()
+    assert f"--bag {tmp_path / 'a.bag'}: is a folder; expected a file" in said_of_folder
 
 
 def test_a_recording_is_not_written_over(robot: Path, tmp_path: Path) -> None:
@@ -136,6 +153,7 @@ def test_a_world_is_a_log_without_messages(tmp_path: Path) -> None:
     write_folder(tmp_path / "log")
     assert list(read_world(tmp_path / "log").tables) == ["anchors"]  # its messages are left alone
     for folder, said in ((tmp_path / "absent", "no such folder"),
+                         (tmp_path / "log.yaml", "is a file; expected a folder"),
                          (tmp_path / "empty", "says nothing of the world")):  # fmt: skip
         if folder.name == "empty":
             folder.mkdir()

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from locfuse import wells
+from locfuse.wells.laser import FINER, by_arc, by_beam
 
 
 def rmse(position: np.ndarray, truth: np.ndarray) -> float:
@@ -30,6 +31,15 @@ def test_the_papers_method_errs_by_its_beam_and_its_heading() -> None:
     clean, spoilt = wells.drive_both(3, spoilt=False), wells.drive_both(3, spoilt=True)
     assert rmse(clean.laser, clean.truth) > 5.0 * rmse(clean.ours[:, :2], clean.truth)
     assert rmse(spoilt.paper[:, :2], spoilt.truth) > 1.0
+
+
+def test_the_arc_and_not_finer_beams_mends_the_laser() -> None:
+    """What one beam errs by is noise: the least of many ranges is any of those near the middle."""
+    exact, one, fine, arc = by_beam(2, noisy=False), by_beam(2), by_beam(2, FINER), by_arc(2)
+    assert exact < 0.02
+    assert one > 0.05
+    assert fine > 0.5 * one
+    assert arc < 0.005
 
 
 def test_claims_and_pictures(tmp_path: Path) -> None:

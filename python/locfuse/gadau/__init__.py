@@ -16,6 +16,7 @@ from locfuse.claims import Claim, Progress, claim_of, claims_of, consistent, sha
 from locfuse.eval.consistency import band
 from locfuse.gadau.kidnapping import kidnapping_claims
 from locfuse.gadau.pictures import draw_pictures
+from locfuse.gadau.recognition import recognition_claims
 from locfuse.gadau.runs import Mistake, Run, microsimulation, ray_simulation
 from locfuse.gadau.world import (
     DISCS,
@@ -51,6 +52,7 @@ def gadau_claims(seeds: int, progress: Progress) -> list[Claim]:
         *(lambda key=key: _by_their_rule(key, max(seeds // 10, 2)) for key in BY_RULE),
         *(lambda name=name: _discs(name, max(seeds // 10, 2)) for name in DISCS),
         lambda: kidnapping_claims(seeds),
+        lambda: recognition_claims(seeds),
     ]  # fmt: skip
     return claims_of(parts, progress)
 

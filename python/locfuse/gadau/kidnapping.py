@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -52,8 +52,9 @@ class Kidnapping:
         Landmarks seen at once; alarms so far.
     put_down : int
         The first step after it was carried off.
-    alone : float64 array, shape (n, 3), or None
-        Where a PoseEkf believes to be that got the same messages.
+    alone, named : float64 arrays, shape (n, 3), or None
+        Where a PoseEkf believes to be that got the same messages, and one that is told which
+        landmark is which and believes each sighting, as the paper's.
     """
 
     truth: FloatArray
@@ -62,21 +63,23 @@ class Kidnapping:
     alarms: NDArray[np.intp]
     put_down: int
     alone: FloatArray | None = None
+    named: FloatArray | None = None
 
     def noticed_s(self) -> float:
         """Return when it noticed, after it was put down; infinity for never."""
         later = self.alarms[self.put_down :]
         return _seconds_to(later > self.alarms[self.put_down - 1])
 
-    def found_s(self) -> float:
+    def found_s(self, by: FloatArray | None = None) -> float:
         """Return when it was within 20 cm and 5 degrees, to stay, after it saw three landmarks.
 
-        Infinity for never; NaN if it never saw three at once.
+        Infinity for never; NaN if it never saw three at once. `by` are poses of another filter.
         """
+        found = self.found if by is None else by
         three = self.seen[self.put_down :] >= 3
         if not three.any():
             return float("nan")
-        off = np.abs(self.found - self.truth)[self.put_down :]
+        off = np.abs(found - self.truth)[self.put_down :]
         far = ~((np.hypot(off[:, 0], off[:, 1]) <= NEAR_M)
                 & (np.abs(wrap_angle(off[:, 2])) <= NEAR_RAD))  # fmt: skip
         stays = ~np.logical_or.accumulate(far[::-1])[::-1]
@@ -91,7 +94,7 @@ class Kidnapping:
 def kidnapping_claims(seeds: int) -> Iterator[Claim]:
     """Yield the rows: landmarks have no names."""
     for world, what in WORLDS.items():
-        runs = [kidnap(world, seed) for seed in range(seeds)]
+        runs = [kidnap(world, seed, beside=world == "triangle") for seed in range(seeds)]
         key = f"gadau_kidnapped_{world}"
         noticed = np.array([run.noticed_s() for run in runs])
         found = np.array([run.found_s() for run in runs])
@@ -108,6 +111,24 @@ def kidnapping_claims(seeds: int) -> Iterator[Claim]:
         rate = sum(run.false_alarms() for run in runs) / hours
         yield Claim(f"{key}_false", f"{what}: false alarms in {hours:.1f} h", "1/h", None, rate,
                     rate, rate, "<= 1", rate <= 1.0)  # fmt: skip
+        if world == "triangle":
+            yield from _beside_claims(key, f"kidnapped, {what}", runs)
+
+
+def _beside_claims(key: str, what: str, runs: list[Kidnapping]) -> Iterator[Claim]:
+    """Yield whether a Kalman filter finds itself again that does not ask whether it is lost."""
+    filters = {
+        "alone": ("PoseEkf alone", [run.found_s(run.alone) for run in runs]),
+        "named": ("PoseEkf alone, told which is which, no gate",
+                  [run.found_s(run.named) for run in runs]),
+    }  # fmt: skip
+    for name, (text, found) in filters.items():
+        claim = share(f"{key}_{name}", f"{what}, {text}: found within {FOUND_S:g} s",
+                      int(np.sum(np.array(found) <= FOUND_S)), len(runs), 0.0)  # fmt: skip
+        yield replace(claim, required="-")
+        yield claim_of(f"{key}_{name}_after", f"{what}, {text}: found after", "s", None,
+                       np.minimum(found, AFTER_S), "-", lambda v: True,
+                       f"never counts as {AFTER_S:g}")  # fmt: skip
 
 
 def kidnap(
@@ -123,7 +144,8 @@ def kidnap(
     probability_lost : float
         Of the `HealthConfig`.
     beside : bool
-        Whether a PoseEkf gets the same messages.
+        Whether a PoseEkf gets the same messages, and another which landmark is which. All are in
+        view in the world "triangle" alone.
     """
     rng = np.random.default_rng(seed)
     marks = marks_of(world)
@@ -135,9 +157,11 @@ def kidnap(
     before, after = _way(world, marks, BEFORE_S, rng), _way(world, marks, AFTER_S, rng)
     while np.hypot(*(after[0] - before[-1])[:2]) < LEAST_M:
         after = _way(world, marks, AFTER_S, rng)
-    ekf.start_at(_core.PoseEstimate(0, _core.Pose2(*before[0]), np.diag([0.05, 0.05, 0.02]) ** 2))
+    start = _core.PoseEstimate(0, _core.Pose2(*before[0]), np.diag([0.05, 0.05, 0.02]) ** 2)
+    ekf.start_at(start)
     alone = ekf.estimator() if beside else None
-    rows, poses = [], []
+    named = _trusting(start, marks) if beside and world == "triangle" else None
+    rows, poses, trusted = [], [], []
     for k, (here, there) in enumerate([*pairwise(before), *pairwise(after)]):
         begin, end = k * STEP_NS, (k + 1) * STEP_NS
         motion, sightings = _core.Increment(begin, end, told(here, there, rng)), look(end, there)
@@ -148,9 +172,22 @@ def kidnap(
             alone.on(motion)
             alone.on_joint(sightings)
             poses.append(_row(alone.estimate().pose))
+        if named is not None:
+            named.on(motion)
+            for landmark, one in enumerate(sightings):
+                named.on(_core.RangeBearing(end, landmark, one.range, one.bearing))
+            trusted.append(_row(named.estimate().pose))
     truth, found, seen, alarms = (np.array(column) for column in zip(*rows, strict=True))
-    beside_it = np.array(poses) if beside else None
-    return Kidnapping(truth, found, seen, alarms, len(before) - 1, beside_it)
+    return Kidnapping(truth, found, seen, alarms, len(before) - 1,
+                      np.array(poses) if poses else None,
+                      np.array(trusted) if trusted else None)  # fmt: skip
+
+
+def _trusting(start: _core.PoseEstimate, marks: FloatArray) -> _core.PoseEkf:
+    """Return a filter that believes each sighting."""
+    config = filter_config()
+    config.gate_landmark = 1.0
+    return _core.PoseEkf(config, _core.AnchorMap([]), [], start, known(marks))
 
 
 def marks_of(world: str) -> FloatArray:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's questions as pictures: wrong starts, GPS or laser, its mistakes, kidnapping."""
+"""The paper's questions as pictures: wrong starts, GPS or laser, its mistakes, kidnapping, rays."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from locfuse.gadau.kidnapping import kidnap, marks_of
-from locfuse.gadau.runs import microsimulation
-from locfuse.gadau.world import DURATION_S, LAYOUTS, SENSORS, STEP_NS
+from locfuse.gadau.runs import microsimulation, ray_simulation
+from locfuse.gadau.world import DURATION_S, LAYOUTS, SENSORS, SPEEDS, STEP_NS
 from locfuse.plot.gadau import plot_errors, plot_kidnapping, plot_sensors
 from locfuse.plot.style import save
 from locfuse.types import NANOSECONDS, FloatArray
@@ -33,11 +33,19 @@ def draw_pictures(folder: Path, seeds: int) -> list[Path]:
             "square, near", "circle", 0, wrong=False, mistake="surface"
         ).off_m,
     }
+    rays = {
+        f"theirs at {speed:g} m/s": ray_simulation(
+            "5", speed, 0, by_rule=("derivatives", "surface")
+        ).off_m
+        for speed in SPEEDS
+    }
+    rays |= {f"ours at {speed:g} m/s": ray_simulation("5", speed, 0).off_m for speed in SPEEDS}
     drawn = [
         ("gadau_start", plot_errors(time_s, starts, "start 2 m and 60 degrees wrong")),
         ("gadau_sensors", _sensors(time_s)),
         ("gadau_mistakes", plot_errors(time_s, right, "right start, four landmarks")),
         ("gadau_kidnapped", _kidnapped()),
+        ("gadau_rays", plot_errors(time_s, rays, "five discs, 151 rays")),
     ]
     paths = []
     for name, figure in drawn:

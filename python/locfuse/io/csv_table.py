@@ -69,6 +69,8 @@ def read_bytes(path: Path) -> bytes:
         data = gzip.decompress(data) if path.suffix == ".gz" else data
     except FileNotFoundError as error:
         raise LogError(f"{path}: no such file") from error
+    except IsADirectoryError as error:
+        raise LogError(f"{path}: is a folder; expected a file") from error
     except (OSError, EOFError, ValueError, zlib.error) as error:  # a name may be none
         raise LogError(f"{path}: cannot be read: {error}") from error
     return data.removeprefix(BYTE_ORDER_MARK)

@@ -20,7 +20,7 @@ from locfuse.io.csv_table import (
 )
 from locfuse.io.log_yaml import checked, read_log_yaml, write_log_yaml
 from locfuse.io.maps import read_map, write_map
-from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, LogError, nearest
+from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, LogError, nearest, no_folder
 
 # Which headers each file may have. ranges_m stands for the beams r0, r1, ... of a scan, intensities
 # for i0, i1, ...
@@ -98,7 +98,7 @@ def read_log(folder: str | Path) -> Log:
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise LogError(f"{folder}: no such folder")
+        raise LogError(no_folder(folder))
     tables = {stem: read_log_file(path, stem) for stem, path in _find_tables(folder).items()}
     settings = _read_settings(folder)
     _check_set(tables, settings, str(folder))
@@ -126,7 +126,7 @@ def read_world(folder: str | Path) -> Log:
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise LogError(f"{folder}: no such folder")
+        raise LogError(no_folder(folder))
     paths = {stem: path for stem, path in _find_tables(folder).items() if stem in OF_THE_WORLD}
     tables = {stem: read_log_file(path, stem) for stem, path in paths.items()}
     settings = _read_settings(folder)

@@ -27,7 +27,7 @@ from locfuse.io.datasets import (
     victoria_park,
     wean_hall,
 )
-from locfuse.types import ConfigError, LogError, nearest
+from locfuse.types import ConfigError, LogError, nearest, no_folder
 
 Converter: TypeAlias = Callable[[Path, Path], list[Path]]
 
@@ -81,5 +81,5 @@ def convert(name: str, source: str | Path, out: str | Path) -> list[Path]:
     if key not in CONVERTERS:
         raise ConfigError(f"unknown data set {name!r}; {nearest(key, CONVERTERS)}")
     if not Path(source).is_dir():
-        raise LogError(f"{source}: no such folder")
+        raise LogError(no_folder(Path(source)))
     return CONVERTERS[key](Path(source), Path(out))
