@@ -28,7 +28,7 @@ which `scripts/papers.py` makes these tables. Whether a machine gets the same te
 Each claim of a paper that can be checked is a numbered row, in the paper's order: where it stands,
 what the paper reports in our words, whether that is so here. Our figures about it follow: the
 median over seeds, in brackets 5 % and 95 % of them; of NEES the mean. *Required* is what we ask of
-ourselves.
+ourselves. Times are those of the runs that made the figures, on 2 cores that had other work, too.
 """
 
 Values = Mapping[str, Mapping[str, Any]]

@@ -150,9 +150,11 @@ def _table(one: Repeated) -> Table:
         said = of.statement
         text = escape(f"{of.heading} ({said.where}): {said.reports}")
         colour = {True: "green", False: "red", None: "dim"}[of.so]
-        table.add_row(f"[bold]{text}[/] [{colour}]{of.verdict}[/]")
+        remark = f"[dim]: {escape(said.remark)}[/]" if said.remark else ""
+        table.add_row(f"[bold]{text}.[/] [{colour}]{of.verdict}[/]{remark}")
         for row in of.rows:
             _add(table, row)
+        table.add_section()
     if told and own:
         table.add_row(f"[bold]{OURS}[/]")
     for row in own:

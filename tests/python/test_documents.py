@@ -621,6 +621,26 @@ def test_figures_of_the_scrubber_are_those_of_papers_json() -> None:
         assert figure in page
 
 
+def test_figures_of_zhang_are_those_of_papers_json() -> None:
+    values = {id: row["ours_median"] for id, row in papers_json().items()}
+    rows = {row[0]: row[1:4] for row in table_under(DOCS / "accuracy.md", "## Zhang")}
+
+    def three(what: str, *formats: str) -> list[str]:
+        names = ("standard", "paper", "ours")
+        return [form.format(values[f"zhang_{name}_{what}"])
+                for name, form in zip(names, formats, strict=True)]  # fmt: skip
+
+    for within in (10, 19):
+        assert rows[f"found within {within} iterations"] == three(
+            f"found_{within}", *3 * ["{:.0f} %"]
+        )
+    for at in (5, 10, 15, 30):
+        wanted = three(f"error_{at}", "{:.2f} m", "{:.3f} m", "{:.3f} m")
+        assert rows[f"error at iteration {at}"] == wanted
+    cost = three("cost", "{:.0f} ms (numpy)", "{:.0f} ms (numpy)", "{:.2f} ms (C++)")
+    assert rows["processor time per iteration"] == cost
+
+
 @pytest.mark.parametrize("name", RECORDINGS)
 def test_accuracy_of_recordings_is_as_documented(name: str) -> None:
     rows = {row[0]: row for row in table_under(DOCS / "accuracy.md", "## Recordings")}

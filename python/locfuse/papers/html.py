@@ -69,7 +69,11 @@ def _overview(repeated: Sequence[Repeated]) -> str:
         rows.append([one.paper, *(str([t.so for t in told].count(so)) for so in _KINDS),
                      str(asked.count(True)), str(asked.count(False)),
                      f"{one.seconds:.0f} s"])  # fmt: skip
-    return table("overview", head, rows)
+    overview = table("overview", head, rows)
+    for one in repeated:
+        link = f'<a href="#{one.paper}">{one.paper}</a>'
+        overview = overview.replace(f"<td>{one.paper}</td>", f"<td>{link}</td>")
+    return overview
 
 
 def _section(paper: Paper, one: Repeated, folder: Path) -> list[str]:
