@@ -57,7 +57,7 @@ def _told(name: str, run: Run) -> str:
 
 def _radios(of: Lap, runs: dict[str, Run]) -> Figure:
     fixes = np.array([[z.pose.x, z.pose.y] for z in tag_poses(of.fixes)])
-    track = Track(f"{SETUPS['lidar'].text}, and UWB where it hears of {LEAST_RANGES} anchors",
+    track = Track(f"{SETUPS['lidar'].text}, and UWB where {LEAST_RANGES} anchors are heard",
                   runs["lidar"].truth, runs["lidar"].estimate)  # fmt: skip
     return plot_radios(of.floor.map, _anchors(of), track, fixes)
 
