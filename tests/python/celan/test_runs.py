@@ -167,6 +167,13 @@ def test_uwb_that_comes_back_sure_of_a_wrong_place_overrules_no_laser(
     assert overruled.off_m.max() > 5.0
 
 
+def test_uwb_that_contradicts_what_it_hears_is_let_back_in() -> None:
+    """Sure of a place 2 m off, its filter gated all 15 ranges a second out, for 38 s."""
+    of = lap(13)
+    run = follow(of, SETUPS["hall_switch"], 13)
+    assert comparison.longest_lost_s(run) < 20.0
+
+
 def test_claims_of_the_switch_can_fail(runs: dict[str, Run]) -> None:
     far = replace(runs["hall"], estimate=runs["hall"].estimate + [5.0, 0.0, 0.0])
     given = {name: [run] for name, run in runs.items()} | {"hall": [far]}
