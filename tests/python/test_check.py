@@ -601,7 +601,6 @@ KNOWN = {
 }
 WITHOUT_RADIO = (
     "rooms_mcl.yaml",
-    "scrubber.yaml",
     "wells.yaml",
     "wells_clean.yaml",
     *(f"gadau_{name}.yaml" for name in ("square", "line", "pentagon", "gps", "discs", "discs_8",
@@ -988,7 +987,7 @@ def test_a_log_with_few_rows_is_checked_too(tmp_path: Path) -> None:
 def test_positions_that_nothing_fixes_are_not_made_up() -> None:
     anchors = np.array([[0.0, 0, 1], [5, 0, 1], [10, 0, 1], [3, 8, 1]])
     ranges = np.array([[4.0, 4, 7, np.nan], [4.0, np.nan, np.nan, 6.0]])
-    assert np.isnan(located(anchors, ranges, 0.1, height=1.0)).all()
+    assert np.isnan(located(anchors, ranges, 0.1, height=1.0)[0]).all()
 
 
 def test_findings_on_a_bag_speak_of_no_files() -> None:

@@ -19,17 +19,49 @@ from locfuse.run import load_log
 from locfuse.types import NANOSECONDS, Columns, Log
 from support_runs import CONFIGS
 
-TAG_RULES = ("tags_in_one_place", "tags_that_do_not_fit_their_fixes", "fixes_that_are_frozen",
+TAG_RULES = ("tags_in_one_place", "tags_that_do_not_fit_their_fixes",
+             "tags_that_do_not_fit_their_ranges", "fixes_that_are_frozen",
              "tags_that_fall_silent")  # fmt: skip
+EIGHT = {"shape": "eight", "center_m": [40.45, 3.5], "radius_m": 1.4, "speed_mps": 0.31}
+SWAPS = [
+    {"front": "left", "left": "front"},
+    {"left": "right", "right": "left"},
+    {"front": "left", "left": "right", "right": "front"},
+]
 FRONT, LEFT, RIGHT = (0.5, 0.0, 1.0), (-0.4, 0.3, 1.0), (-0.4, -0.3, 1.0)
 
 
 @cache
 def _recorded(seed: int) -> tuple[dict[str, Any], Log]:
-    """Return the ready configuration of the scrubber, 40 s of it, and its log."""
+    """Return the ready scrubber with an RTLS in place of ranges, 40 s of an eight, and its log."""
     data = yaml.safe_load((CONFIGS / "scrubber.yaml").read_text())
-    data["simulation"] |= {"duration_s": 40, "faults": []}
+    data["simulation"] |= {"duration_s": 40, "faults": [], "path": EIGHT, "ranges": None}
+    tags = list(data["simulation"]["tags"])
+    data["simulation"]["positions"] = {"rate_hz": 1, "sigma_xy_m": 0.12, "tags": tags}
     return data, load_log(parse_config(data), None, seed)
+
+
+@cache
+def _ranged(seed: int) -> tuple[dict[str, Any], Log]:
+    """Return the same with the ranges of its tags, none of them behind a wall."""
+    data = yaml.safe_load((CONFIGS / "scrubber.yaml").read_text())
+    data["simulation"] |= {"duration_s": 40, "faults": [], "path": EIGHT}
+    return data, load_log(parse_config(data), None, seed)
+
+
+def checked_ranges(
+    edit: Callable[[Columns], Columns] = dict, *, seed: int = 1, faults: Any = (), **settings: Any
+) -> CheckResult:
+    """Check the log of ranges; `edit` spoils them."""
+    data, log = _ranged(seed)
+    if faults:
+        data = copy.deepcopy(data)
+        data["simulation"]["faults"] = list(faults)
+        log = load_log(parse_config(data), None, seed)
+    config = {key: data[key] for key in ("start", "estimator")}
+    table = edit({key: column.copy() for key, column in log["ranges"].items()})
+    return check(parse_config(config),
+                 replace(log, tables={**log.tables, "ranges": table}, **settings))  # fmt: skip
 
 
 def checked(
@@ -83,19 +115,51 @@ def test_healthy_tags_give_no_alarm(seed: int) -> None:
     assert [f.what for f in result.findings if f.severity != "note"] == []
 
 
-@pytest.mark.parametrize(
-    "names",
-    [
-        {"front": "left", "left": "front"},
-        {"left": "right", "right": "left"},
-        {"front": "left", "left": "right", "right": "front"},
-    ],
-)
+@pytest.mark.parametrize("names", SWAPS)
 def test_swapped_ids_are_named(names: dict[str, str]) -> None:
     [found] = said(checked(renamed(**names)), *TAG_RULES)
     assert found.startswith("error: ids of tags front, left, right are swapped")
     for tag, called in names.items():
         assert f"{called} is {tag}" in found
+
+
+@pytest.mark.parametrize("names", SWAPS)
+def test_swapped_ids_of_tags_that_only_range_are_named(names: dict[str, str]) -> None:
+    [found] = said(checked_ranges(renamed(**names)), *TAG_RULES)
+    assert found.startswith("error: ids of tags front, left, right are swapped")
+    assert found.endswith("(ranges.csv)")
+    for tag, called in names.items():
+        assert f"{called} is {tag}" in found
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_healthy_ranges_swap_no_tags(seed: int) -> None:
+    behind = {"kind": "nlos", "walls": [[37.0, 1.2, 43.9, 1.2]], "extra_m": 0.4, "sigma_m": 0.3}
+    biased = {"kind": "bias", "offset_m": 0.3}
+    for faults in ([], [behind], [biased]):
+        assert said(checked_ranges(seed=seed, faults=faults), *TAG_RULES) == []
+
+
+def test_tags_that_range_one_after_the_other_are_named_too() -> None:
+    """Each tag has stamps of its own: its places are interpolated."""
+
+    def in_turn(table: Columns) -> Columns:
+        later = np.array([{"front": 0, "left": 1, "right": 2}[name] for name in table["tag"]])
+        return {**renamed(left="right", right="left")(table),
+                "stamp_ns": table["stamp_ns"] + later * NANOSECONDS // 50}  # fmt: skip
+
+    [found] = said(checked_ranges(in_turn), *TAG_RULES)
+    assert "left is right" in found
+
+
+def test_two_tags_that_range_or_two_anchors_tell_no_swap() -> None:
+    swapped = renamed(left="right", right="left")
+    two_tags = checked_ranges(lambda table: rows(swapped(table), table["tag"] != "front"))
+    assert not said(two_tags, "tags_that_do_not_fit_their_ranges")
+    heard = ("A1", "A2")
+    two_anchors = checked_ranges(lambda table: rows(swapped(table),
+                                                    np.isin(table["anchor"], heard)))  # fmt: skip
+    assert not said(two_anchors, "tags_that_do_not_fit_their_ranges")
 
 
 def test_ids_of_an_equilateral_triangle_are_swapped_in_one_of_three_ways() -> None:

@@ -250,16 +250,22 @@ def test_a_laser_that_sees_walls_is_never_rescued() -> None:
     assert result.metrics["position_rmse_m"] < 0.06
 
 
-def test_a_scrubber_in_the_dark_is_rescued_by_its_tags(tmp_path: Path) -> None:
+def test_a_scrubber_in_the_dark_is_rescued_by_its_tags_where_it_hears_them(tmp_path: Path) -> None:
     config = load_config(CONFIGS / "scrubber.yaml")
     result = run(config, base=CONFIGS, seed=0)
     events = result.outcomes.stamp_ns[result.outcomes.source == "switch"] / NANOSECONDS
+    ranges = result.outcomes.stamp_ns[result.outcomes.source == "ranges"] / NANOSECONDS
+    heard = np.histogram(ranges, np.arange(-0.5, 181.5))[0]  # in each second
+    assert (heard[95:103] == 0).all(), "the radios are out"
+    assert (heard[[74, 104]] == 15).all(), "in the room"
+    assert heard[30:50].min() < 9, "in the hallway, behind two walls"
     assert 1 <= len(events) <= 4
-    assert np.all((events > 60.0) & (events < 121.0))
+    assert np.all((events > 75.0) & (events < 126.0))
+    assert not np.any((events > 97.6) & (events < 103.0)), "nothing to switch to"
     assert result.metrics["position_rmse_m"] < 0.25
     assert result.metrics["position_max_m"] < 1.0
     assert "switch" not in result.metrics["counts"]
-    assert {row.source for row in message_rows(result.outcomes)} == {"odometry", "positions",
+    assert {row.source for row in message_rows(result.outcomes)} == {"odometry", "ranges",
                                                                      "scans"}  # fmt: skip
     page = write_report(result, tmp_path).read_text(encoding="utf-8")
     table = page.split('<table id="switches-table">')[1].split("</table>")[0]

@@ -16,7 +16,7 @@ from ros1_peer import Ear, node, roscore, wait_for
 from test_ros1_load import Hall, counts, of_topics, world
 
 BETWEEN_S = 60.0
-HZ = {"odom": 100.0, "uwb": 120.0, "scan": 20.0}  # with 24 anchors, each range a message
+HZ = {"odom": 100.0, "uwb": 122.0, "scan": 20.0}  # with 24 anchors, each range a message
 
 
 def memory_mb(pid: int) -> float:

@@ -94,14 +94,18 @@ Outcome SwitchingMcl::hear(const M& z) {
   return outcome;
 }
 
+/// Whether UWB's filter tracks, and something was fused lately.
+bool SwitchingMcl::is_heard(Stamp stamp) const {
+  return !uwb_.is_lost() && heard_ && stamp - *heard_ <= uwb_age_ &&
+         uwb_.estimator()->current().stamp <= stamp;
+}
+
 /// The pose by UWB, if it is sure, was heard lately, and what was heard agrees with it.
 std::optional<PoseEstimate> SwitchingMcl::useful(Stamp stamp) const {
-  const PoseEkf* ekf = uwb_.estimator();
-  const bool is_heard = heard_ && stamp - *heard_ <= uwb_age_ && nis_ <= config_.uwb_nis;
-  if (uwb_.is_lost() || !is_heard || ekf->current().stamp > stamp) {
+  if (!is_heard(stamp) || nis_ > config_.uwb_nis) {
     return std::nullopt;
   }
-  const PoseEstimate now = ekf->estimate(stamp);
+  const PoseEstimate now = uwb_.estimator()->estimate(stamp);
   const bool is_sure =
       now.sigma_position() <= config_.uwb_sigma_m && now.sigma_heading() <= config_.uwb_sigma_rad;
   return is_sure ? std::optional(now) : std::nullopt;
@@ -132,15 +136,37 @@ void SwitchingMcl::judge(Stamp stamp) {
   const Doubt why = doubt(here, uwb, since_.has_value());
   if (why == Doubt::kNone) {
     since_.reset();
+    contradicted_.reset();
     return;
   }
   since_ = since_.value_or(stamp);
+  widen(stamp);
   if (!uwb || stamp - *since_ < doubt_for_) {
     return;
   }
   mcl_.inject(*uwb, config_.share);
   injections_.push_back({stamp, why, here, *uwb});
   since_.reset();
+}
+
+/// A filter of UWB that is needed, and contradicts what it hears for as long as it may be silent,
+/// is less sure than it says: its covariance grows by its NIS, so that gates let in what is heard.
+void SwitchingMcl::widen(Stamp stamp) {
+  if (!is_heard(stamp)) {
+    return;
+  }
+  if (nis_ <= std::max(config_.uwb_nis, 1.0)) {
+    contradicted_.reset();
+    return;
+  }
+  contradicted_ = contradicted_.value_or(stamp);
+  if (stamp - *contradicted_ < uwb_age_) {
+    return;
+  }
+  PoseEstimate now = uwb_.estimator()->estimate(stamp);
+  now.covariance *= nis_;
+  uwb_.start_at(now);
+  contradicted_ = stamp;
 }
 
 }  // namespace locfuse

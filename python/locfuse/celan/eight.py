@@ -99,10 +99,16 @@ def uwb_alone(of: Ride) -> Trajectory:
     return _of_poses(tag_poses(of.fixes))
 
 
-def triangle(of: Ride, sigma_mps: float = SIGMA_ENCODERS_MPS) -> Trajectory:
-    """Return the paper's 12 states on wheels and fixes of tags, the heading taken as known."""
+def triangle(
+    of: Ride, sigma_mps: float = SIGMA_ENCODERS_MPS, sigma_velocity_per_sqrt_s: float = 0.2
+) -> Trajectory:
+    """Return the paper's 12 states on wheels and fixes of tags, the heading taken as known.
+
+    R of a tag's velocity by wheels is `sigma_mps` squared, Q that of white acceleration.
+    """
     config = _core.TagTriangleEkfConfig()
     config.heading_is_known = True
+    config.motion.sigma_velocity_per_sqrt_s = sigma_velocity_per_sqrt_s
     config.velocity.sigma_forward_mps = config.velocity.sigma_lateral_mps = sigma_mps
     config.velocity.sigma_turn_rate_radps = sigma_mps
     config.velocity.sigma_point_mps = sigma_mps

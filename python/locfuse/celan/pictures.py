@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from locfuse.celan.comparison import runs_of
 from locfuse.celan.eight import METHODS, NAMES, ride
 from locfuse.celan.runs import BLIND_S, SEEN_S, SETUPS, Run, tag_poses
-from locfuse.celan.world import UWB_RANGE_M, Lap, lap
+from locfuse.celan.world import LEAST_RANGES, Lap, lap
 from locfuse.plot.celan import Track, plot_doubt, plot_eight, plot_laps, plot_radios, plot_sigmas
 from locfuse.plot.style import save
 from locfuse.sim.sensors import seconds
@@ -57,7 +57,7 @@ def _told(name: str, run: Run) -> str:
 
 def _radios(of: Lap, runs: dict[str, Run]) -> Figure:
     fixes = np.array([[z.pose.x, z.pose.y] for z in tag_poses(of.fixes)])
-    track = Track(f"{SETUPS['lidar'].text}, and UWB within {UWB_RANGE_M:g} m of the master anchor",
+    track = Track(f"{SETUPS['lidar'].text}, and UWB where {LEAST_RANGES} anchors are heard",
                   runs["lidar"].truth, runs["lidar"].estimate)  # fmt: skip
     return plot_radios(of.floor.map, _anchors(of), track, fixes)
 

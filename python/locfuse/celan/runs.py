@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse import _core
-from locfuse.celan.world import LASER, TAGS, Lap
+from locfuse.celan.world import LASER, SIZE_M, TAGS, Lap
 from locfuse.config.scenario import Covered, WheelSlip
 from locfuse.sim import laser
 from locfuse.sim.faults import World, with_faults
@@ -42,8 +42,11 @@ SIGMAS_WET = SIGMAS | {
 }
 SIGMA_UWB_M = 0.25  # of a range: its noise and what its calibration leaves
 # Of the switch, chosen on seeds 100 to 111: half a metre is not to be passed, and a pose through
-# walls, half a metre off, is better than none.
+# walls, half a metre off, is better than none. Particles that are sure are never overruled, as in
+# the paper: UWB that comes back after minutes may be sure of a place across the floor.
 SWITCH = {
+    "elsewhere_m": float(np.hypot(*SIZE_M)),
+    "elsewhere_rad": np.pi,
     "sigma_unsure_m": 0.18,
     "sigma_sure_m": 0.18,
     "uwb_sigma_m": 0.18,

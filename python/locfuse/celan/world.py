@@ -12,9 +12,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.config.scenario import LaserSensor, OdometrySensor, WheelSlip
+from locfuse.config.scenario import Dropouts, LaserSensor, OdometrySensor, WheelSlip
 from locfuse.sim import laser, sensors
-from locfuse.sim.faults import World, behind_a_wall, with_faults
+from locfuse.sim.faults import World, walls_between, with_faults
 from locfuse.sim.maps import FloorPlan, floor_plan, furnished
 from locfuse.sim.space import cell_of, largest_part, middle_of, room_for, steps_from, way
 from locfuse.sim.trajectory import Drive, there_and_back
@@ -47,6 +47,9 @@ UWB_RANGE_M = 20.0  # of the master anchor
 SIGMA_RANGE_M = 0.17  # of a range in line of sight: 12 cm of a position in the room
 SIGMA_OFFSET_M = 0.05  # of an anchor, constant in a drive: what its calibration leaves
 NLOS_M, SIGMA_NLOS_M = 0.4, 0.3  # by which a range through a wall is long
+SILENT_WALLS = 2  # that a range does not get through
+LEAST_RANGES = 3  # of which the RTLS makes a position
+OUTAGE_EVERY_S, OUTAGE_S = 120.0, 8.0  # of the whole RTLS, such as of its WiFi; means
 
 
 @dataclass(frozen=True)
@@ -193,14 +196,17 @@ def _turned_from_home(plan: FloorPlan, point: tuple[float, float]) -> float:
 def lap(seed: int) -> Lap:
     """Return a floor, a lap of it, and what the sensors say; all from one seed."""
     floor = floor_of(seed)
-    for_way, for_odometry, *others = np.random.default_rng([seed, 1]).spawn(5)
-    for_laser, for_ranges, for_offsets = others
+    for_way, for_odometry, *others = np.random.default_rng([seed, 1]).spawn(6)
+    for_laser, for_ranges, for_offsets, for_outages = others
     points = stops(floor, for_way)
     drive, duration_s = there_and_back(points, SPEED_MPS, TURN_RADPS, STAND_S)
     scans_ns = sensors.stamps(LASER.rate_hz, duration_s)
     seen = laser.scans(drive, scans_ns, floor.true, LASER, for_laser)
     uwb_ns = sensors.stamps(UWB_HZ, duration_s)
-    ranges, fixes = radios(floor, drive, uwb_ns, for_ranges, for_offsets)
+    told = radios(floor, drive, uwb_ns, for_ranges, for_offsets)
+    heard = with_faults(dict(zip(("ranges", "positions"), told, strict=True)),
+                        [(out, for_outages) for out in outages(duration_s, for_outages)],
+                        World(drive, {}, {}, uwb_ns))  # fmt: skip
     odometry = wheels(drive, duration_s, for_odometry)
     stamp_ns = np.unique(np.concatenate([scans_ns, uwb_ns, odometry["stamp_ns"]]))
     at = np.array(list(floor.anchors.values()))
@@ -208,7 +214,7 @@ def lap(seed: int) -> Lap:
         tables={
             "odometry": odometry,
             "scans": seen,
-            "ranges": ranges,
+            "ranges": heard["ranges"],
             "truth": sensors.truth(drive, stamp_ns),
             "anchors": {"anchor": np.array(list(floor.anchors)), "x_m": at[:, 0], "y_m": at[:, 1],
                         "z_m": at[:, 2]},
@@ -220,7 +226,18 @@ def lap(seed: int) -> Lap:
         description=f"Simulated: lap of celan2017, seed {seed}",
     )  # fmt: skip
     length_m = float(np.hypot(*np.diff(np.array(points), axis=0).T).sum())
-    return Lap(floor, drive, duration_s, length_m, log, fixes)
+    return Lap(floor, drive, duration_s, length_m, log, heard["positions"])
+
+
+def outages(duration_s: float, rng: np.random.Generator) -> list[Dropouts]:
+    """Return when the RTLS tells neither ranges nor positions, as faults of both."""
+    found, time_s = [], float(rng.exponential(OUTAGE_EVERY_S))
+    while time_s < duration_s:
+        end_s = time_s + float(rng.exponential(OUTAGE_S))
+        found += [Dropouts(source="ranges", from_s=time_s, to_s=end_s),
+                  Dropouts(source="positions", from_s=time_s, to_s=end_s)]  # fmt: skip
+        time_s = end_s + float(rng.exponential(OUTAGE_EVERY_S))
+    return found
 
 
 def wheels(drive: Drive, duration_s: float, rng: np.random.Generator) -> Columns:
@@ -248,9 +265,10 @@ def radios(
     """Return the ranges of three tags to five anchors, and the positions the RTLS makes of them.
 
     A range has white noise, its anchor's offset, and is longer by a gamma distributed detour where
-    a wall of the floor is in the way. A position is the least squares one of its five ranges, to
-    first order; the covariance that is stated with it knows of the noise alone. A tag farther than
-    `UWB_RANGE_M` from the master anchor is not heard.
+    a wall of the floor is in the way; through `SILENT_WALLS` it is not heard, nor is any of a tag
+    farther than `UWB_RANGE_M` from the master anchor. A position is the least squares one of its
+    ranges, `LEAST_RANGES` or more, to first order; the covariance that is stated with it knows of
+    the noise alone.
 
     Returns
     -------
@@ -267,24 +285,22 @@ def radios(
     distance = np.linalg.norm(off, axis=-1)
     pairs = np.broadcast_arrays(tag[:, :, None, :2], anchor[:, :2])
     flat = [points.reshape(-1, 2) for points in pairs]
-    blocked = behind_a_wall(flat[0], flat[1], floor.plan.walls).reshape(distance.shape)
+    walls = dict.fromkeys(floor.plan.walls)  # what two rooms share stands there twice
+    through = walls_between(flat[0], flat[1], walls).reshape(distance.shape)
     shape = (NLOS_M / SIGMA_NLOS_M) ** 2
-    detour = np.where(blocked, for_noise.gamma(shape, NLOS_M / shape, distance.shape), 0.0)
+    detour = np.where(through > 0, for_noise.gamma(shape, NLOS_M / shape, distance.shape), 0.0)
     error = SIGMA_RANGE_M * for_noise.standard_normal(distance.shape) + offset + detour
-    heard = distance[:, :, 0] <= UWB_RANGE_M
-    epoch, which = np.nonzero(heard)
-    names = np.array(list(TAGS))
-    H = (off[..., :2] / distance[..., None])[heard]  # k, anchors, 2
+    heard = (through < SILENT_WALLS) & (distance[:, :, :1] <= UWB_RANGE_M)
+    names, anchors = np.array(list(TAGS)), np.array(list(floor.anchors))
+    epoch, which, of = np.nonzero(heard)
+    ranges = {"stamp_ns": stamp_ns[epoch], "tag": names[which], "anchor": anchors[of],
+              "range_m": np.maximum((distance + error)[heard], 0.0)}  # fmt: skip
+    located = heard.sum(axis=2) >= LEAST_RANGES
+    epoch, which = np.nonzero(located)
+    H = (off[..., :2] / distance[..., None] * heard[..., None])[located]  # k, anchors, 2
     P = np.linalg.inv(H.swapaxes(1, 2) @ H)
-    shift = (P @ H.swapaxes(1, 2) @ error[heard][..., None])[..., 0]
-    at = tag[heard][:, :2] + shift
+    shift = (P @ H.swapaxes(1, 2) @ error[located][..., None])[..., 0]
+    at = tag[located][:, :2] + shift
     fixes = {"stamp_ns": stamp_ns[epoch], "tag": names[which], "x_m": at[:, 0], "y_m": at[:, 1],
              "covariance": SIGMA_RANGE_M**2 * P}  # fmt: skip
-    count = len(anchor)
-    ranges = {
-        "stamp_ns": np.repeat(stamp_ns[epoch], count),
-        "tag": np.repeat(names[which], count),
-        "anchor": np.tile(np.array(list(floor.anchors)), len(epoch)),
-        "range_m": np.maximum((distance + error)[heard], 0.0).ravel(),
-    }
     return ranges, fixes

@@ -266,7 +266,7 @@ class Context:
         distance = self.corrected(rows)
         for grouped in (epochs, interpolated):
             stamp, ranges = grouped(rows, index, distance, len(self.anchors))
-            found = located(self.anchors, ranges, self.typical_sigma, height=self.height)
+            found, _ = located(self.anchors, ranges, self.typical_sigma, height=self.height)
             good = np.isfinite(found[:, 0])
             if np.count_nonzero(good) >= _LEAST_EPOCHS:
                 at, ranges = found[good], ranges[good]

@@ -81,8 +81,12 @@ def interpolated(
     return stamp, ranges
 
 
-def located(anchors: FloatArray, ranges: FloatArray, sigma: float, *, height: float) -> FloatArray:
-    """Return positions in the plane of a known height; NaN where not exactly one fits.
+def located(
+    anchors: FloatArray, ranges: FloatArray, sigma: float, *, height: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return positions (n, 2) in the plane of a known height, and their covariances (n, 2, 2).
+
+    A position is NaN where not exactly one fits.
 
     Parameters
     ----------
@@ -98,7 +102,7 @@ def located(anchors: FloatArray, ranges: FloatArray, sigma: float, *, height: fl
     status = _core.PositionStatus
     several = np.isin(found.status, [int(status.AMBIGUOUS), int(status.UNDERDETERMINED)])
     position: FloatArray = np.where(several[:, None], np.nan, found.position)
-    return position
+    return position, found.covariance
 
 
 def residuals_of(

@@ -54,6 +54,7 @@ RULES: tuple[Rule, ...] = (
     anchors.floors_that_do_not_hold_the_start,
     tags.tags_in_one_place,
     tags.tags_that_do_not_fit_their_fixes,
+    tags.tags_that_do_not_fit_their_ranges,
     tags.fixes_that_are_frozen,
     tags.tags_that_fall_silent,
     landmarks.landmarks_in_one_place,

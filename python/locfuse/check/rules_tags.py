@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from locfuse import _core
 from locfuse.check.context import Context
 from locfuse.check.finding import Finding, error, warning
+from locfuse.check.positions import BRIDGED_S, epochs, located
 from locfuse.types import NANOSECONDS, Columns, FloatArray
 
 _ONE_PLACE_M = 0.05
@@ -48,7 +49,7 @@ def tags_that_do_not_fit_their_fixes(context: Context) -> Iterator[Finding]:
     table = _of_tags(context)
     if table is None:
         return
-    swapped = _swapped(context, table)
+    swapped = _swapped(context, table, "positions.csv")
     if swapped is not None:
         yield swapped
         return
@@ -58,7 +59,15 @@ def tags_that_do_not_fit_their_fixes(context: Context) -> Iterator[Finding]:
             yield from _apart(context, table, a, b)
 
 
-def _swapped(context: Context, table: Columns) -> Finding | None:
+def tags_that_do_not_fit_their_ranges(context: Context) -> Iterator[Finding]:
+    """Name swapped ids of tags by the positions that the ranges of each give."""
+    table = _by_ranges(context)
+    swapped = None if table is None else _swapped(context, table, "ranges.csv")
+    if swapped is not None:
+        yield swapped
+
+
+def _swapped(context: Context, table: Columns, source: str) -> Finding | None:
     """Return that the fixes of three tags fit their triangle in another order, if so."""
     for names in combinations(context.arms, 3):
         tags = [_core.Tag(k, list(context.log.tags[name])) for k, name in enumerate(names)]
@@ -76,8 +85,8 @@ def _swapped(context: Context, table: Columns) -> Finding | None:
         which = wrong if len(alike) == 1 else "which of them is not told"
         return error(f"ids of tags {', '.join(names)} are swapped: {which}. The median NIS of "
                      f"{len(epochs)} fits to their triangle is {nis[0, 1, 2]:.3g}, and "
-                     f"{nis[best]:.2g} then", "log.yaml, tags",
-                     "exchange their places in log.yaml, or their names in positions.csv"
+                     f"{nis[best]:.2g} then ({source})", "log.yaml, tags",
+                     f"exchange their places in log.yaml, or their names in {source}"
                      )  # fmt: skip
     return None
 
@@ -219,3 +228,57 @@ def _of_tags(context: Context) -> Columns | None:
     """Return the positions of named tags."""
     table = context.used("positions")
     return table if table is not None and "tag" in table else None
+
+
+def _by_ranges(context: Context) -> Columns | None:
+    """Return positions of each tag as its ranges give them, at the stamps of one of the tags.
+
+    Radios that hear one tag after the other tell of each at another time: the positions of the
+    other tags are interpolated, over at most `BRIDGED_S`.
+    """
+    table = context.used("ranges")
+    if table is None or "tag" not in table or len(context.anchors) < 3:
+        return None
+    paths = {name: path for name in context.arms
+             if len((path := _path_by_ranges(context, table, name))[0]) > 1}  # fmt: skip
+    if len(paths) < 3:
+        return None
+    stamp = min((at for at, _ in paths.values()), key=len)
+    rows = {name: _at(stamp, *path) for name, path in paths.items()}
+    told = np.concatenate(list(rows.values()))
+    known = np.isfinite(told[:, 0])
+    return {
+        "stamp_ns": np.tile(stamp, len(rows))[known],
+        "tag": np.repeat(np.array(list(rows)), len(stamp))[known],
+        "x_m": told[known, 0],
+        "y_m": told[known, 1],
+        "sigma_m": told[known, 2],
+    }
+
+
+def _path_by_ranges(
+    context: Context, table: Columns, name: str
+) -> tuple[NDArray[np.int64], FloatArray]:
+    """Return stamps, and x, y and sigma per axis (n, 3) at each, where ranges fix a position."""
+    rows = np.flatnonzero(context.placed & (table["tag"] == name))
+    rows = rows[np.argsort(table["stamp_ns"][rows], kind="stable")]
+    mine = {key: values[rows] for key, values in table.items()}
+    if not len(rows):
+        return np.empty(0, np.int64), np.empty((0, 3))
+    stamp, ranges = epochs(mine, context.index(mine["anchor"]), context.corrected(mine),
+                           len(context.anchors))  # fmt: skip
+    at, covariance = located(context.anchors, ranges, context.typical_sigma,
+                             height=context.log.tags[name][2])  # fmt: skip
+    sigma = np.sqrt(0.5 * np.trace(covariance, axis1=1, axis2=2))
+    good = np.isfinite(at[:, 0]) & np.isfinite(sigma)
+    return stamp[good], np.column_stack([at, sigma])[good]
+
+
+def _at(stamp_ns: NDArray[np.int64], path_ns: NDArray[np.int64], path: FloatArray) -> FloatArray:
+    """Return the rows (n, 3) of a path in time; NaN before, behind and in its gaps."""
+    after = np.clip(np.searchsorted(path_ns, stamp_ns), 1, len(path_ns) - 1)
+    begin, end = path_ns[after - 1], path_ns[after]
+    share = (stamp_ns - begin) / np.maximum(end - begin, 1)
+    told = path[after - 1] + share[:, None] * (path[after] - path[after - 1])
+    bridged = (share >= 0.0) & (share <= 1.0) & (end - begin <= BRIDGED_S * NANOSECONDS)
+    return np.where((bridged | (share == 0.0) | (share == 1.0))[:, None], told, np.nan)

@@ -291,14 +291,16 @@ class RoomMap(Strict):
 class Nlos(Strict):
     """Ranges through a wall read long: gamma distributed, mean `extra_m`, deviation `sigma_m`.
 
-    A wall is [x1, y1, x2, y2] and reaches from floor to ceiling. Several walls in the way count
-    once; an anchor or tag that touches a wall is not behind it.
+    A wall is [x1, y1, x2, y2] and reaches from floor to ceiling. Several walls in the way lengthen
+    once; through `silent_walls` of them or more nothing is heard. An anchor or tag that touches a
+    wall is not behind it.
     """
 
     kind: Literal["nlos"] = "nlos"
     walls: Annotated[list[Segment], Field(min_length=1)]
     extra_m: Positive
     sigma_m: NonNegative = 0.0
+    silent_walls: Annotated[int, Field(ge=1)] | None = None
 
     @field_validator("walls")
     @classmethod

@@ -7,7 +7,7 @@ does never depends on another. Rows that drop out are marked, and taken away at 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,6 +78,11 @@ def with_faults(
         source = fault_source(fault)
         if isinstance(fault, Dropouts):
             keep[source] &= ~_dropped(result[source], fault, child)
+        elif isinstance(fault, Nlos):
+            through = _walls_of(result[source], fault, world)
+            result[source] = _nlos(result[source], fault, through, child)
+            if fault.silent_walls is not None:
+                keep[source] &= through < fault.silent_walls
         else:
             result[source] = _changed(result[source], fault, world, child)
     return {
@@ -88,10 +93,10 @@ def with_faults(
     }
 
 
-def behind_a_wall(
-    tag: FloatArray, anchor: FloatArray, walls: Sequence[tuple[float, float, float, float]]
-) -> Mask:
-    """Return which lines of sight cross a wall.
+def walls_between(
+    tag: FloatArray, anchor: FloatArray, walls: Iterable[tuple[float, float, float, float]]
+) -> NDArray[np.int64]:
+    """Return how many walls each line of sight crosses.
 
     Parameters
     ----------
@@ -102,10 +107,10 @@ def behind_a_wall(
 
     Returns
     -------
-    bool array, shape (n,)
+    int64 array, shape (n,)
     """
     sight = anchor - tag
-    crosses = np.zeros(len(tag), np.bool_)
+    crossed = np.zeros(len(tag), np.int64)
     for x1, y1, x2, y2 in walls:
         along = np.array([x2 - x1, y2 - y1])
         to_wall = np.array([x1, y1]) - tag
@@ -114,14 +119,14 @@ def behind_a_wall(
         area = np.where(parallel, 1.0, area)
         on_sight = _cross(to_wall, along) / area
         on_wall = _cross(to_wall, sight) / area
-        crosses |= (
+        crossed += (
             ~parallel
             & (on_sight > TOUCHING)
             & (on_sight < 1.0 - TOUCHING)
             & (on_wall >= 0.0)
             & (on_wall <= 1.0)
         )
-    return crosses
+    return crossed
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -130,12 +135,10 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def _changed(
     table: Columns,
-    fault: Nlos | Bias | Outliers | Latency | WheelSlip | SlipEpisodes,
+    fault: Bias | Outliers | Latency | WheelSlip | SlipEpisodes,
     world: World,
     rng: np.random.Generator,
 ) -> Columns:
-    if isinstance(fault, Nlos):
-        return _nlos(table, fault, world, rng)
     if isinstance(fault, Bias):
         return _bias(table, fault)
     if isinstance(fault, Outliers):
@@ -148,20 +151,27 @@ def _changed(
     return _slip_episodes(table, fault, epoch, rng)
 
 
-def _nlos(table: Columns, fault: Nlos, world: World, rng: np.random.Generator) -> Columns:
+def _walls_of(table: Columns, fault: Nlos, world: World) -> NDArray[np.int64]:
+    """Return how many walls of a fault each range goes through."""
     pose = world.drive.pose_at(seconds(table["stamp_ns"]))
     tag = np.empty((len(pose), 2))
     for name, lever in world.tags.items():
         rows = table["tag"] == name
         tag[rows] = point_in_world(pose[rows], lever)[:, :2]
     anchor = np.array([world.anchors[name][:2] for name in table["anchor"].tolist()])
-    blocked = behind_a_wall(tag, anchor.reshape(-1, 2), fault.walls)
-    extra = np.full(len(pose), fault.extra_m)
+    return walls_between(tag, anchor.reshape(-1, 2), fault.walls)
+
+
+def _nlos(
+    table: Columns, fault: Nlos, through: NDArray[np.int64], rng: np.random.Generator
+) -> Columns:
+    extra = np.full(len(through), fault.extra_m)
     if fault.sigma_m > 0.0:
         # A detour is never negative: gamma, with the mean and deviation asked for.
         shape = (fault.extra_m / fault.sigma_m) ** 2
-        extra = rng.gamma(shape, fault.extra_m / shape, size=len(pose))
-    return {**table, "range_m": np.where(blocked, table["range_m"] + extra, table["range_m"])}
+        extra = rng.gamma(shape, fault.extra_m / shape, size=len(through))
+    long = np.where(through > 0, table["range_m"] + extra, table["range_m"])
+    return {**table, "range_m": long}
 
 
 def _bias(table: Columns, fault: Bias) -> Columns:

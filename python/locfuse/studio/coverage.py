@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from locfuse.check.grid import bounds, known
 from locfuse.check.layout import WORST, dilution, information
 from locfuse.config.scenario import Scenario
-from locfuse.sim.faults import behind_a_wall
+from locfuse.sim.faults import walls_between
 from locfuse.types import FloatArray, GridMap
 
 STEP_M = 0.05
@@ -124,7 +124,7 @@ def _of_anchor(
     told = information(np.array([anchor]), points, floor.height_m)[:, 0].T.copy()
     if not walls:
         return told, np.ones(len(points), np.bool_)
-    in_view = ~behind_a_wall(points, np.broadcast_to(anchor[:2], points.shape), walls)
+    in_view = walls_between(points, np.broadcast_to(anchor[:2], points.shape), walls) == 0
     told[:, ~in_view] = 0.0
     return told, in_view
 

@@ -18,6 +18,7 @@ from locfuse.celan.runs import (
     SEEN_S,
     SETUPS,
     SPIN_WAY,
+    SWITCH,
     Run,
     follow,
     increments,
@@ -149,6 +150,28 @@ def test_the_switch_acts_in_the_hall_alone(runs: dict[str, Run]) -> None:
     assert all(event.stamp / NANOSECONDS > begin_s for event in events)
     assert runs["hall_switch"].off_m.max() < runs["hall"].off_m.max()
     assert np.hypot(*runs["hall_switch"].end[:2]) < 0.15
+
+
+def test_uwb_that_comes_back_sure_of_a_wrong_place_overrules_no_laser(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """After ten minutes out of reach its filter was sure of a place 19 m off, and was believed."""
+    of = lap(16)
+    run = follow(of, SETUPS["lidar_switch"], 16)
+    assert run.injections == ()
+    assert run.off_m.max() < 0.5
+    monkeypatch.setitem(SWITCH, "elsewhere_m", 1.0)
+    monkeypatch.setitem(SWITCH, "elsewhere_rad", 0.5)
+    overruled = follow(of, SETUPS["lidar_switch"], 16)
+    assert overruled.injections[0].doubt == _core.Doubt.ELSEWHERE
+    assert overruled.off_m.max() > 5.0
+
+
+def test_uwb_that_contradicts_what_it_hears_is_let_back_in() -> None:
+    """Sure of a place 2 m off, its filter gated all 15 ranges a second out, for 38 s."""
+    of = lap(13)
+    run = follow(of, SETUPS["hall_switch"], 13)
+    assert comparison.longest_lost_s(run) < 20.0
 
 
 def test_claims_of_the_switch_can_fail(runs: dict[str, Run]) -> None:

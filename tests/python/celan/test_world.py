@@ -11,20 +11,27 @@ from locfuse.celan.world import (
     CLEARANCE_M,
     DISTORTION_M,
     LAP_M,
+    LEAST_RANGES,
+    OUTAGE_EVERY_S,
+    OUTAGE_S,
     SIGMA_RANGE_M,
+    SILENT_WALLS,
     SIZE_M,
     SPEED_MPS,
     STAND_S,
     TAGS,
     TURN_RADPS,
+    UWB_HZ,
     UWB_RANGE_M,
     Lap,
     floor_of,
     lap,
+    outages,
     stops,
     wheels,
 )
-from locfuse.sim.sensors import point_in_world, seconds
+from locfuse.sim.faults import walls_between
+from locfuse.sim.sensors import point_in_world, seconds, stamps
 from locfuse.sim.space import cell_of, room_for
 from locfuse.sim.trajectory import there_and_back
 from locfuse.types import OCCUPIED, wrap_angle
@@ -139,8 +146,54 @@ def test_radios_are_heard_near_the_master_and_err_more_behind_walls(of: Lap) -> 
         in_room = one.floor.in_open_room(at[:, :2])
         inside.append(off[in_room])
         outside.append(off[~in_room])
-        assert len(one.log["ranges"]["range_m"]) == 5 * len(off)
     per_axis = np.sqrt(np.mean(np.concatenate(inside) ** 2))
     assert 0.10 < per_axis < 0.15
     assert np.sqrt(np.mean(np.concatenate(outside) ** 2)) > 2.0 * per_axis
     assert per_axis < SIGMA_RANGE_M, "five ranges are better than one"
+
+
+def heard(of: Lap) -> dict[tuple[int, str], set[str]]:
+    """Return which anchors each tag hears at each stamp."""
+    found: dict[tuple[int, str], set[str]] = {}
+    table = of.log["ranges"]
+    for stamp, tag, anchor in zip(*(table[key].tolist() for key in ("stamp_ns", "tag", "anchor")),
+                                  strict=True):  # fmt: skip
+        found.setdefault((stamp, tag), set()).add(anchor)
+    return found
+
+
+def test_walls_block_ranges_and_the_rtls_has_positions_where_it_hears_of_three(of: Lap) -> None:
+    names = list(of.floor.anchors)
+    at_all, walls = heard(of), list(dict.fromkeys(of.floor.plan.walls))
+    uwb_ns = np.unique([stamp for stamp, _ in at_all])
+    pose = of.drive.pose_at(seconds(uwb_ns))
+    for tag, lever in TAGS.items():
+        at = point_in_world(pose, lever)
+        within = np.linalg.norm(at - of.floor.anchors[names[0]], axis=1) <= UWB_RANGE_M
+        for name in names:
+            anchor = np.broadcast_to(of.floor.anchors[name][:2], (len(at), 2))
+            open_to = (walls_between(at[:, :2], anchor, walls) < SILENT_WALLS) & within
+            told = [name in at_all.get((stamp, tag), set()) for stamp in uwb_ns.tolist()]
+            np.testing.assert_array_equal(told, open_to)
+    fixes = set(zip(of.fixes["stamp_ns"].tolist(), of.fixes["tag"].tolist(), strict=True))
+    assert fixes == {key for key, anchors in at_all.items() if len(anchors) >= LEAST_RANGES}
+    assert {len(anchors) for anchors in at_all.values()} >= {1, 5}, "some through, some not"
+
+
+def test_where_anchors_are_the_radios_are_silent_in_outages_alone() -> None:
+    silent_s, outage_s = 0.0, 0.0
+    for seed in range(4):
+        of = lap(seed)
+        told = {stamp for stamp, _ in heard(of)}
+        stamp_ns = stamps(UWB_HZ, of.duration_s)
+        inside = of.floor.in_open_room(of.drive.pose_at(seconds(stamp_ns))[:, :2])
+        gone = [stamp for stamp in stamp_ns[inside].tolist() if stamp not in told]
+        out = [(one.from_s or 0.0, one.to_s or 0.0)
+               for one in outages(of.duration_s, np.random.default_rng([seed, 1]).spawn(6)[5])
+               if one.source == "ranges"]  # fmt: skip
+        for stamp in gone:
+            assert any(begin <= stamp / 1e9 < end for begin, end in out), stamp
+        silent_s += len(gone)
+        outage_s += sum(end - begin for begin, end in out)
+    assert silent_s > 0.0
+    assert 0.3 < outage_s / (4 * 900.0) / (OUTAGE_S / (OUTAGE_S + OUTAGE_EVERY_S)) < 3.0

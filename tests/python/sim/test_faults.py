@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from locfuse.config.scenario import Scenario
-from locfuse.sim.faults import behind_a_wall
+from locfuse.sim.faults import walls_between
 from locfuse.sim.scenario import simulate
 from locfuse.types import Columns, Log
 from support_statistics import Z, chi_squared_band
@@ -69,8 +69,8 @@ def test_a_wall_blocks_what_it_stands_between(
 ) -> None:
     tag, anchor = np.array([[0.0, 0.0]]), np.array([[4.0, 0.0]])
 
-    assert behind_a_wall(tag, anchor, [wall]).tolist() == [blocked]
-    assert behind_a_wall(anchor, tag, [wall]).tolist() == [blocked]
+    assert walls_between(tag, anchor, [wall]).tolist() == [blocked]
+    assert walls_between(anchor, tag, [wall]).tolist() == [blocked]
 
 
 def test_an_anchor_on_a_slanted_wall_is_never_behind_it() -> None:
@@ -85,7 +85,7 @@ def test_an_anchor_on_a_slanted_wall_is_never_behind_it() -> None:
 
     for k in range(500):
         wall = (*start[k].tolist(), *(start[k] + along[k]).tolist())
-        assert not behind_a_wall(tag[k : k + 1], anchor[k : k + 1], [wall])[0]
+        assert not walls_between(tag[k : k + 1], anchor[k : k + 1], [wall])[0]
 
 
 def test_nlos_lengthens_ranges_through_the_wall_by_the_extra_and_no_others() -> None:
@@ -120,6 +120,24 @@ def test_nlos_sees_the_lever_arm_and_counts_two_walls_once() -> None:
     extra = faulty["ranges"]["range_m"] - clean["ranges"]["range_m"]
     assert 0 < blocked.sum() < len(blocked)
     np.testing.assert_allclose(extra, np.where(blocked, 0.4, 0.0), atol=1e-13)
+
+
+def test_walls_count_and_enough_of_them_silence_a_range() -> None:
+    walls = [[8.5, -1.0, 8.5, 11.0], [9.0, -1.0, 9.0, 11.0], [9.5, 5.0, 9.5, 11.0]]
+    tag, anchor = np.array([[5.0, 2.0], [5.0, 8.0], [8.7, 8.0]]), np.full((3, 2), [10.0, 8.0])
+    assert walls_between(tag, anchor, [tuple(w) for w in walls]).tolist() == [3, 3, 2]  # type: ignore[misc]
+    fault = {"kind": "nlos", "walls": walls, "extra_m": 0.4, "sigma_m": 0.3}
+
+    deep = run({**fault, "silent_walls": 4})
+    long = run(fault)
+    silent = run({**fault, "silent_walls": 3})
+
+    assert_equal(deep["ranges"], long["ranges"])
+    north_east = long["ranges"]["anchor"] == "A3"  # behind all three; A2 behind two
+    assert north_east.any()
+    for name, column in long["ranges"].items():
+        np.testing.assert_array_equal(silent["ranges"][name], column[~north_east])
+    assert_others_equal(long, silent, "ranges")
 
 
 def test_random_nlos_is_never_negative_and_has_the_mean_and_deviation_asked_for() -> None:

@@ -77,19 +77,22 @@ class SwitchingMcl {
   Outcome drive(const Motion& u);
   template <class M>
   Outcome hear(const M& z);
+  [[nodiscard]] bool is_heard(Stamp stamp) const;
   [[nodiscard]] std::optional<PoseEstimate> useful(Stamp stamp) const;
   [[nodiscard]] Doubt doubt(const PoseEstimate& here, const std::optional<PoseEstimate>& uwb,
                             bool was_unsure) const;
   void judge(Stamp stamp);
+  void widen(Stamp stamp);
 
   Config config_;
   Stamp doubt_for_;
   Stamp uwb_age_;
   Mcl mcl_;
   RecoveringEkf uwb_;
-  std::optional<Stamp> heard_;  // the last range or fix that was fused
-  double nis_ = 1.0;            // of the last ones per row, on average
-  std::optional<Stamp> since_;  // in doubt
+  std::optional<Stamp> heard_;         // the last range or fix that was fused
+  double nis_ = 1.0;                   // of the last ones per row, on average
+  std::optional<Stamp> since_;         // in doubt
+  std::optional<Stamp> contradicted_;  // in doubt, UWB's filter by what it hears, or widened
   std::vector<Injection> injections_;
 };
 
