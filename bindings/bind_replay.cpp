@@ -61,15 +61,30 @@ std::vector<PoseEstimate> estimates_of(const LocalizeRun& run) {
   return estimates;
 }
 
+/// What Python is told: the number of messages done, and what copies the run so far if asked.
+template <class Run>
+using Told = std::optional<std::function<void(std::size_t, std::function<Run()>)>>;
+
 /// A callback that takes the GIL to call; none if there is none.
-std::function<void(std::size_t)> progress_of(
-    const std::optional<std::function<void(std::size_t)>>& told) {
+template <class Run>
+std::function<void(std::size_t, const Run&)> progress_of(const Told<Run>& told) {
   if (!told) {
     return {};
   }
-  return [&told](std::size_t done) {
+  return [&told](std::size_t done, const Run& so_far) {
     const py::gil_scoped_acquire acquire;
-    (*told)(done);
+    // Python may keep what copies the run for longer than there is one.
+    const auto lent = std::make_shared<const Run*>(&so_far);
+    struct TakeBack {
+      const Run** lent;
+      ~TakeBack() { *lent = nullptr; }
+    } const take_back{lent.get()};
+    (*told)(done, [lent]() -> Run {
+      if (*lent == nullptr) {
+        throw std::runtime_error("the run so far was asked for after progress had returned");
+      }
+      return **lent;
+    });
   };
 }
 
@@ -77,9 +92,8 @@ using Switches = std::vector<std::tuple<Stamp, locfuse::Source, bool>>;
 
 template <class Estimator>
 RunLog run(const Estimator& start, SharedLog& log, Stamp history, bool record,
-           const std::optional<std::function<void(std::size_t)>>& progress,
-           std::optional<Stamp> used_until, locfuse::ClockJump clock_jump,
-           std::size_t most_messages, const Switches& switches) {
+           const Told<RunLog>& progress, std::optional<Stamp> used_until,
+           locfuse::ClockJump clock_jump, std::size_t most_messages, const Switches& switches) {
   locfuse::ReplayOptions options;
   options.timeline.clock_jump = clock_jump;
   options.timeline.most_messages = most_messages;
@@ -92,7 +106,7 @@ RunLog run(const Estimator& start, SharedLog& log, Stamp history, bool record,
   options.used_until = used_until.value_or(options.used_until);
   options.history = history;
   options.record = record;
-  options.progress = progress_of(progress);
+  options.progress = progress_of<RunLog>(progress);
   const Use use(log, Use::Kind::kRead);
   const py::gil_scoped_release release;
   return locfuse::replay(start, log.log, options);
@@ -295,19 +309,19 @@ void bind_replay(py::module_& m) {
   m.def(
       "localize",
       [](locfuse::Mcl& mcl, SharedLog& log, const std::vector<locfuse::LaserScan>& scans,
-         const std::optional<std::function<void(std::size_t)>>& progress) {
+         const Told<LocalizeRun>& progress) {
         const Use use(log, Use::Kind::kRead);
         const py::gil_scoped_release release;
-        return locfuse::localize(mcl, log.log, scans, progress_of(progress));
+        return locfuse::localize(mcl, log.log, scans, progress_of<LocalizeRun>(progress));
       },
       py::arg("mcl"), py::arg("log"), py::arg("scans"), py::arg("progress") = py::none());
   m.def(
       "localize",
       [](locfuse::SwitchingMcl& mcl, SharedLog& log, const std::vector<locfuse::LaserScan>& scans,
-         const std::optional<std::function<void(std::size_t)>>& progress) {
+         const Told<LocalizeRun>& progress) {
         const Use use(log, Use::Kind::kRead);
         const py::gil_scoped_release release;
-        return locfuse::localize(mcl, log.log, scans, progress_of(progress));
+        return locfuse::localize(mcl, log.log, scans, progress_of<LocalizeRun>(progress));
       },
       py::arg("mcl"), py::arg("log"), py::arg("scans"), py::arg("progress") = py::none(),
       R"(Feeds a log and scans to an Mcl in order of the stamps at which they take effect.
@@ -318,7 +332,8 @@ mcl : Mcl or SwitchingMcl
 log : MessageLog
 scans : list of LaserScan
 progress : callable, optional
-    Told the number of messages and scans done after each scan; it may look at `mcl`.
+    Told after each scan (messages and scans done, what returns a copy of the run so far while it
+    is told); it may look at `mcl`. What is not done yet has the verdict IGNORED.
 )");
   m.def("replay", &run<PoseEkf>, py::arg("start"), py::arg("log"),
         py::arg("history") = locfuse::ReplayOptions{}.history, py::arg("record") = true,
@@ -344,7 +359,8 @@ history : int
 record : bool
     Keep outcomes and estimates, or only the last estimate.
 progress : callable, optional
-    Told the number of messages done, now and then.
+    Told now and then (messages done, what returns a copy of the run so far while it is told): the
+    outcomes of those messages, which late ones may still change, and the estimates.
 used_until : int, optional
     Messages that take effect up to this stamp [ns] were used for the start: they keep the verdict
     IGNORED.

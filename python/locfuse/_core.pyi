@@ -5484,14 +5484,16 @@ def localize(
     mcl: Mcl,
     log: MessageLog,
     scans: collections.abc.Sequence[LaserScan],
-    progress: collections.abc.Callable[[int], None] | None = None,
+    progress: collections.abc.Callable[[int, collections.abc.Callable[[], LocalizeRun]], None]
+    | None = None,
 ) -> LocalizeRun: ...
 @typing.overload
 def localize(
     mcl: SwitchingMcl,
     log: MessageLog,
     scans: collections.abc.Sequence[LaserScan],
-    progress: collections.abc.Callable[[int], None] | None = None,
+    progress: collections.abc.Callable[[int, collections.abc.Callable[[], LocalizeRun]], None]
+    | None = None,
 ) -> LocalizeRun:
     """
     Feeds a log and scans to an Mcl in order of the stamps at which they take effect.
@@ -5502,7 +5504,8 @@ def localize(
     log : MessageLog
     scans : list of LaserScan
     progress : callable, optional
-        Told the number of messages and scans done after each scan; it may look at `mcl`.
+        Told after each scan (messages and scans done, what returns a copy of the run so far while it
+        is told); it may look at `mcl`. What is not done yet has the verdict IGNORED.
     """
 
 def locate(
@@ -5732,7 +5735,8 @@ def replay(
     log: MessageLog,
     history: typing.SupportsInt | typing.SupportsIndex = 2000000000,
     record: bool = True,
-    progress: collections.abc.Callable[[int], None] | None = None,
+    progress: collections.abc.Callable[[int, collections.abc.Callable[[], RunLog]], None]
+    | None = None,
     used_until: typing.SupportsInt | typing.SupportsIndex | None = None,
     clock_jump: ClockJump = ...,
     most_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
@@ -5746,7 +5750,8 @@ def replay(
     log: MessageLog,
     history: typing.SupportsInt | typing.SupportsIndex = 2000000000,
     record: bool = True,
-    progress: collections.abc.Callable[[int], None] | None = None,
+    progress: collections.abc.Callable[[int, collections.abc.Callable[[], RunLog]], None]
+    | None = None,
     used_until: typing.SupportsInt | typing.SupportsIndex | None = None,
     clock_jump: ClockJump = ...,
     most_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
@@ -5767,7 +5772,8 @@ def replay(
     record : bool
         Keep outcomes and estimates, or only the last estimate.
     progress : callable, optional
-        Told the number of messages done, now and then.
+        Told now and then (messages done, what returns a copy of the run so far while it is told): the
+        outcomes of those messages, which late ones may still change, and the estimates.
     used_until : int, optional
         Messages that take effect up to this stamp [ns] were used for the start: they keep the verdict
         IGNORED.

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +19,7 @@ from locfuse.config.build import (
 )
 from locfuse.config.schema import RunConfig
 from locfuse.lacking import how_to_add
-from locfuse.messages import Messages, landmarks_of, radios_of, to_messages, truth_of
+from locfuse.messages import Messages, cut_off, landmarks_of, radios_of, to_messages, truth_of
 from locfuse.start import grid_of, hypotheses_of, scans_of, start_of
 from locfuse.types import (
     NANOSECONDS,
@@ -157,6 +158,7 @@ def localize(
     *,
     start: _core.PoseEstimate | None = None,
     progress: Callable[[int, int], None] | None = None,
+    watch: Callable[[Callable[[], tuple[Log, Localization]]], None] | None = None,
 ) -> Localization:
     """Localize on the map of a log with what ``mcl`` of a configuration says.
 
@@ -168,6 +170,9 @@ def localize(
         Instead of what the configuration says.
     progress : callable, optional
         Told (messages and scans done, in all).
+    watch : callable, optional
+        Called after each scan with what returns, while it is called, the log up to there and how
+        it went so far.
 
     Raises
     ------
@@ -181,33 +186,84 @@ def localize(
     search = _Search(mcl) if start is None and config.start == "auto" else None
     total = len(messages.log) + len(scans)
     film = _Frames(mcl)
+    scans_done = 0
 
-    def look(done: int) -> None:
-        film.look()
-        if search is not None:
-            search.look()
-        if progress is not None:
-            progress(done, total)
+    def localization_of(run: _core.LocalizeRun) -> Localization:
+        wall_s = clock.seconds
+        poses = run.poses
+        return Localization(
+            messages=messages,
+            begin_ns=begin,
+            end_ns=max(messages.end_ns, int(log["scans"]["stamp_ns"].max())),
+            verdict=run.verdict,
+            scan_verdict=run.scan_verdict,
+            estimate=Trajectory(run.stamp_ns, poses[:, :2].copy(), poses[:, 2].copy(),
+                                run.covariances),
+            ready=run.ready,
+            particles=run.particles,
+            searched=search is not None,
+            start=None if search is None else search.start(begin),
+            wall_s=wall_s,
+            injections=tuple(mcl.injections) if isinstance(mcl, _core.SwitchingMcl) else (),
+            frames=tuple(film.frames),
+        )  # fmt: skip
 
-    began = time.perf_counter()
-    run = _core.localize(mcl, messages.log, scans, look)
-    wall_s = time.perf_counter() - began
-    poses = run.poses
-    return Localization(
+    def look(done: int, run: Callable[[], _core.LocalizeRun]) -> None:
+        nonlocal scans_done
+        scans_done += 1
+        with clock.stopped():
+            film.look()
+            if search is not None:
+                search.look()
+            if progress is not None:
+                progress(done, total)
+            if watch is not None:
+                watch(lambda: _part(log, localization_of(run()), done - scans_done, scans_done))
+
+    clock = Stopwatch()
+    return localization_of(_core.localize(mcl, messages.log, scans, look))
+
+
+def _part(
+    log: Log, localization: Localization, messages_done: int, scans_done: int
+) -> tuple[Log, Localization]:
+    """Return a log and its localization up to what is done, in the order in which it was used."""
+    stamp = log["scans"]["stamp_ns"]
+    heard, seen = np.zeros(len(localization.verdict), np.bool_), np.zeros(len(stamp), np.bool_)
+    order = np.argsort(localization.messages.effective_ns, kind="stable")
+    heard[order[:messages_done]] = True
+    seen[np.argsort(stamp, kind="stable")[:scans_done]] = True
+    until = int(stamp[seen].max())
+    log, messages = cut_off(log, localization.messages, until, heard, seen)
+    return log, replace(
+        localization,
         messages=messages,
-        begin_ns=begin,
-        end_ns=max(messages.end_ns, int(log["scans"]["stamp_ns"].max())),
-        verdict=run.verdict,
-        scan_verdict=run.scan_verdict,
-        estimate=Trajectory(run.stamp_ns, poses[:, :2].copy(), poses[:, 2].copy(), run.covariances),
-        ready=run.ready,
-        particles=run.particles,
-        searched=search is not None,
-        start=None if search is None else search.start(begin),
-        wall_s=wall_s - film.took_s,
-        injections=tuple(mcl.injections) if isinstance(mcl, _core.SwitchingMcl) else (),
-        frames=tuple(film.frames),
+        end_ns=until,
+        verdict=localization.verdict[heard],
+        scan_verdict=localization.scan_verdict[seen],
     )
+
+
+class Stopwatch:
+    """Time that a computation takes, without what is done aside."""
+
+    def __init__(self) -> None:
+        self._began = time.perf_counter()
+        self._aside = 0.0
+
+    @property
+    def seconds(self) -> float:
+        """Time so far."""
+        return time.perf_counter() - self._began - self._aside
+
+    @contextmanager
+    def stopped(self) -> Iterator[None]:
+        """Do something aside."""
+        began = time.perf_counter()
+        try:
+            yield
+        finally:
+            self._aside += time.perf_counter() - began
 
 
 def frame_of(mcl: _core.Mcl | _core.SwitchingMcl) -> Frame:
@@ -227,17 +283,14 @@ class _Frames:
         self._mcl = mcl
         self._scans = 0
         self._each = 1
-        self.took_s = 0.0
 
     def look(self) -> None:
-        began = time.perf_counter()
         if self._scans % self._each == 0:
             self.frames.append(frame_of(self._mcl))
         self._scans += 1
         if len(self.frames) > _MOST_FRAMES:
             self.frames = self.frames[::2]
             self._each *= 2
-        self.took_s += time.perf_counter() - began
 
 
 class _Search:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -37,6 +37,8 @@ class Messages:
     stamp_ns, effective_ns, source, tag, anchor : arrays, shape (n,)
         In the same order; names for people. A landmark's name stands in `anchor`. An increment
         takes effect when its motion begins, all else at its stamp.
+    row : int array, shape (n,)
+        Of each in the log's table of its source.
     anchor_names, tag_names, landmark_names : list of str
         Name of each id.
     begin_ns, end_ns : int
@@ -49,6 +51,7 @@ class Messages:
     source: NDArray[np.str_]
     tag: NDArray[np.str_]
     anchor: NDArray[np.str_]
+    row: NDArray[np.intp]
     anchor_names: list[str]
     tag_names: list[str]
     landmark_names: list[str]
@@ -85,6 +88,7 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
         part["source"] = np.full(len(part["stamp"]), source)
         empty = np.full(len(part["stamp"]), "")
         part["tag"] = table.get("tag", empty)
+        part["row"] = np.arange(len(part["stamp"]))
         part["anchor"] = table.get("anchor", table.get("landmark", empty))
         parts.append(part)
     messages.sort()
@@ -97,12 +101,53 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
         source=column["source"][order],
         tag=column["tag"][order],
         anchor=column["anchor"][order],
+        row=column["row"][order],
         anchor_names=anchor_names,
         tag_names=tag_names,
         landmark_names=landmark_names,
         begin_ns=int(column["effective"].min()),
         end_ns=int(column["stamp"].max()),
     )
+
+
+def cut_off(
+    log: Log,
+    messages: Messages,
+    until_ns: int,
+    heard: NDArray[np.bool_],
+    scans: NDArray[np.bool_] | None = None,
+) -> tuple[Log, Messages]:
+    """Return a log and its messages as if it had ended at a stamp.
+
+    Parameters
+    ----------
+    log : Log
+    messages : Messages
+        Of that log.
+    until_ns : int
+        Of truth, and of all else that is not named here, what has a later stamp is left out.
+    heard : bool array, shape (n,)
+        Which messages stay.
+    scans : bool array, optional
+        Which scans stay.
+    """
+    rows: dict[str, NDArray[Any]] = {
+        source: np.sort(messages.row[heard & (messages.source == source)])
+        for source in np.unique(messages.source).tolist()
+    }
+    if scans is not None:
+        rows["scans"] = scans
+    tables = {}
+    for name, table in log.tables.items():
+        if "stamp_ns" in table:
+            kept = rows[name] if name in rows else table["stamp_ns"] <= until_ns
+            table = {column: values[kept] for column, values in table.items()}
+        tables[name] = table
+    columns = {
+        name: getattr(messages, name)[heard]
+        for name in ("stamp_ns", "effective_ns", "source", "tag", "anchor", "row")
+    }
+    return replace(log, tables=tables), replace(messages, **columns, end_ns=until_ns)
 
 
 def _undelayed(source: str, table: Columns, delay_s: float) -> Columns:

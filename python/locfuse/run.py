@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import logging
 import tempfile
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -22,8 +21,8 @@ from locfuse.eval.readiness import readiness
 from locfuse.health import health_metrics, health_of
 from locfuse.io.datasets import convert
 from locfuse.io.log_folder import read_log
-from locfuse.localization import Localization, localize, with_poses_of
-from locfuse.messages import landmarks_of, radios_of, to_messages, truth_of
+from locfuse.localization import Localization, Stopwatch, localize, with_poses_of
+from locfuse.messages import Messages, cut_off, landmarks_of, radios_of, to_messages, truth_of
 from locfuse.outcomes import outcomes_of, outcomes_of_mcl, with_scans, with_switches
 from locfuse.recording import read_recording
 from locfuse.sim.scenario import simulate
@@ -42,6 +41,7 @@ from locfuse.types import (
 )
 
 Progress = Callable[[int, int], None]
+Watch = Callable[[Callable[[], RunResult]], None]
 _logger = logging.getLogger(__name__)
 
 OBSERVED_SHARE = (
@@ -57,6 +57,7 @@ def run(
     seed: int | None = None,
     start: _core.PoseEstimate | None = None,
     progress: Progress | None = None,
+    watch: Watch | None = None,
 ) -> RunResult:
     """Localize along a log.
 
@@ -73,6 +74,10 @@ def run(
         Instead of what the configuration says.
     progress : callable, optional
         Told (messages done, messages in all).
+    watch : callable, optional
+        Called now and then with what returns, while it is called, the run so far: as if its log
+        ended there. Only a message that came late can change a verdict of it. Where ``mcl`` is the
+        source of poses, it is the run of the `Mcl`.
 
     Returns
     -------
@@ -96,13 +101,23 @@ def run(
         log = load_log(config, base, config.seed)
     _say_what_is_missing(config, log)
     log = with_cylinders(log, config)
-    localization = None
-    if config.mcl is not None:
-        localization = localize(config, log, start=start, progress=progress)
-        if config.mcl.poses_hz is None:
-            return _located(config, log, localization)
+    if config.mcl is None:
+        return _fuse(config, log, start, progress, watch)
+    localization = localize(config, log, start=start, progress=progress,
+                            watch=None if watch is None else _of_mcl(watch, config))  # fmt: skip
+    if config.mcl.poses_hz is not None:
         log = with_poses_of(localization, log, config.mcl.poses_hz)
-    return _fuse(config, log, start, progress, localization)
+        return _fuse(config, log, start, progress, localization=localization)
+    if localization.searched and localization.start is None:
+        raise LogError("start is 'auto', but the log ends before one place on the map is left; "
+                       "set start: [x, y, heading_deg]")  # fmt: skip
+    return _located(config, log, localization)
+
+
+def _of_mcl(
+    watch: Watch, config: RunConfig
+) -> Callable[[Callable[[], tuple[Log, Localization]]], None]:
+    return lambda part: watch(lambda: _located(config, *part()))
 
 
 def _say_what_is_missing(config: RunConfig, log: Log) -> None:
@@ -122,11 +137,11 @@ def _fuse(
     log: Log,
     start: _core.PoseEstimate | None,
     progress: Progress | None,
-    localization: Localization | None,
+    watch: Watch | None = None,
+    localization: Localization | None = None,
 ) -> RunResult:
     """Run the pose EKF; a localization is where its poses come from."""
     messages = to_messages(log, config)
-    truth = truth_of(log)
     anchors, tags = radios_of(log, messages, config)
     landmarks = landmarks_of(log, messages)
     used_until, found = None, None
@@ -134,7 +149,7 @@ def _fuse(
         ekf, used_until, found = start_from_nothing(config, log, messages.log, messages.begin_ns,
                                                     anchors, tags, landmarks)  # fmt: skip
     else:
-        start = start_of(config, truth, messages) if start is None else start
+        start = start_of(config, truth_of(log), messages) if start is None else start
         ekf = _core.PoseEkf(build_estimator_config(config.estimator), anchors, tags, start,
                             landmarks)  # fmt: skip
     start_ns = ekf.belief.stamp
@@ -142,40 +157,57 @@ def _fuse(
                                      matcher_of(log), landmarks)  # fmt: skip
     recovering.start_with(ekf)
     total = len(messages.log)
-    began = time.perf_counter()
+
+    def result_of(record: _core.RunLog, log: Log, messages: Messages) -> RunResult:
+        wall_s = clock.seconds
+        poses = record.poses
+        estimate = Trajectory(record.stamp_ns, poses[:, :2].copy(), poses[:, 2].copy(),
+                              record.covariances)  # fmt: skip
+        outcomes = outcomes_of(messages, record, log, config, start_ns, used_until)
+        if localization is not None:
+            outcomes = with_scans(outcomes, localization, log)
+            wall_s += localization.wall_s
+        duration_s = (messages.end_ns - messages.begin_ns) / NANOSECONDS
+        health = health_of(record, messages, config)
+        figures = {
+            **metrics(estimate, truth_of(log), outcomes, duration_s, wall_s),
+            "interventions": int(record.interventions.sum()),
+            "clock_jumps": record.jumps,
+            "fallen_out": record.fallen_out,
+            "noise_factors": _noise_factors(config, record),
+            "health": health_metrics(health, record),
+        }
+        result = _result(config, log, estimate, outcomes, figures, found, localization,
+                         record.errors, messages.anchor_names)  # fmt: skip
+        return replace(result, health=health)
+
+    def told(done: int, record: Callable[[], _core.RunLog]) -> None:
+        with clock.stopped():
+            if progress is not None:
+                progress(done, total)
+            if watch is not None:
+                watch(lambda: result_of(record(), *_beginning(log, messages, done)))
+
+    clock = Stopwatch()
     record = _core.replay(
         recovering,
         messages.log,
         history=round(config.history_s * NANOSECONDS),
-        progress=None if progress is None else (lambda done: progress(done, total)),
+        progress=None if progress is None and watch is None else told,
         used_until=used_until,
         clock_jump=_core.ClockJump[config.clock_jump.upper()],
         most_messages=config.history_messages,
         switches=_switches(config),
     )
-    wall_s = time.perf_counter() - began
+    result = result_of(record, log, messages)
     if progress is not None:
         progress(total, total)
-    poses = record.poses
-    estimate = Trajectory(record.stamp_ns, poses[:, :2].copy(), poses[:, 2].copy(),
-                          record.covariances)  # fmt: skip
-    outcomes = outcomes_of(messages, record, log, config, start_ns, used_until)
-    if localization is not None:
-        outcomes = with_scans(outcomes, localization, log)
-        wall_s += localization.wall_s
-    duration_s = (messages.end_ns - messages.begin_ns) / NANOSECONDS
-    health = health_of(record, messages, config)
-    figures = {
-        **metrics(estimate, truth, outcomes, duration_s, wall_s),
-        "interventions": int(record.interventions.sum()),
-        "clock_jumps": record.jumps,
-        "fallen_out": record.fallen_out,
-        "noise_factors": _noise_factors(config, record),
-        "health": health_metrics(health, record),
-    }
-    result = _result(config, log, estimate, outcomes, figures, found, localization, record.errors,
-                     messages.anchor_names)  # fmt: skip
-    return replace(result, health=health)
+    return result
+
+
+def _beginning(log: Log, messages: Messages, done: int) -> tuple[Log, Messages]:
+    heard = np.arange(len(messages.stamp_ns)) < done
+    return cut_off(log, messages, int(messages.stamp_ns[heard].max()), heard)
 
 
 def _noise_factors(config: RunConfig, record: _core.RunLog) -> dict[str, float] | None:
@@ -201,10 +233,8 @@ def _located(config: RunConfig, log: Log, localization: Localization) -> RunResu
     """Return the run whose estimator is the `Mcl`; found from nothing, it begins when ready."""
     estimate, found = localization.estimate, localization.start
     if localization.searched:
-        if found is None:
-            raise LogError("start is 'auto', but the log ends before one place on the map is left; "
-                           "set start: [x, y, heading_deg]")  # fmt: skip
-        estimate = rows_of(estimate, estimate.stamp_ns >= found.stamp_ns)
+        ready = found is not None and estimate.stamp_ns >= found.stamp_ns
+        estimate = rows_of(estimate, np.broadcast_to(ready, len(estimate)))
     outcomes = outcomes_of_mcl(localization, log)
     duration_s = (localization.end_ns - localization.begin_ns) / NANOSECONDS
     figures = {

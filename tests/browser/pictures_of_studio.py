@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -41,9 +42,24 @@ ROOM = {
 }  # fmt: skip
 
 
+# Computes for half a minute.
+SLOW = {
+    **ROOM,
+    "mcl": {"min_particles": 60_000, "max_particles": 60_000, "beams": 180},
+    "use": ["odometry", "ranges"],
+}
+
+
 @pytest.fixture
-def page(browser: Browser, serve: Callable[..., Served], tmp_path: Path) -> Page:
-    (tmp_path / "room.yaml").write_text(yaml.safe_dump(ROOM, sort_keys=False))
+def scene(request: pytest.FixtureRequest) -> Any:
+    return getattr(request, "param", ROOM)
+
+
+@pytest.fixture
+def page(
+    browser: Browser, serve: Callable[..., Served], tmp_path: Path, scene: dict[str, Any]
+) -> Page:
+    (tmp_path / "room.yaml").write_text(yaml.safe_dump(scene, sort_keys=False))
     page = Page(browser, serve(str(tmp_path / "room.yaml"))).open()
     browser.wait("studio.editor.found && studio.editor.found.way.length > 10", 60)
     browser.wait("!!studio.editor.picture")
@@ -72,6 +88,17 @@ def test_error(page: Page) -> None:
     page.type("simulation.ranges.sigma_m", "a lot")
     assert page.message("simulation.ranges.sigma_m") == "expected a number"
     taken(page, "error")
+
+
+@pytest.mark.parametrize("scene", [SLOW], indirect=True)
+def test_live(page: Page) -> None:
+    page.click("tab-run")
+    page.click("choice-odometry_uwb")
+    page.click("run")
+    page.browser.wait("studio.player && studio.player.live && studio.player.newest() > 20", 120)
+    page.browser.wait("studio.player.time > 16", 60)
+    assert page.browser.run("return studio.player.more")
+    taken(page, "live")
 
 
 def test_run_and_compare(page: Page) -> None:

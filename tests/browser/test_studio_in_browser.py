@@ -199,10 +199,11 @@ class Page:
         self.find(f"upload-{kind}").send_keys(str(file))
 
     def ran(self, number: int = 1, key: str = "as_set", seconds: float = 90.0) -> None:
-        """Wait until an estimator of a run can be watched and is compared."""
-        name = f"watch-{number}-{key}"
-        self.browser.wait(f"document.querySelector('[data-testid=\"{name}\"]')", seconds)
+        """Wait until an estimator of a run has run, can be watched and is compared."""
+        part = f'[data-testid="part-{number}-{key}"][data-whole]'
+        self.browser.wait(f"document.querySelector('{part}')", seconds)
         self.browser.wait("studio.player && document.querySelector('.st-table')", 30)
+        self.browser.wait("studio.player.runs.every((run) => run.packed.whole)", 90)
 
     def figure(self, key: str) -> list[float]:
         cells = f"[...document.querySelectorAll('[data-figure=\"{key}\"] td[data-value]')]"
@@ -493,6 +494,69 @@ def test_the_page_answers_while_a_run_computes_and_cancel_ends_it(
     assert not page.find("run").get_attribute("disabled")
 
 
+@pytest.fixture
+def slow(browser: Browser, serve: Callable[..., Served], tmp_path: Path) -> Page:
+    """Return a page whose run computes for 20 s where nobody else uses the machine."""
+    config = load_config(CONFIGS / "hallways_mcl_uwb.yaml").model_dump(mode="json")
+    config["simulation"]["duration_s"] = 300
+    config["mcl"] |= {"min_particles": 80_000, "max_particles": 80_000, "beams": 180}
+    (tmp_path / "slow.yaml").write_text(yaml.safe_dump(config))
+    page = Page(browser, serve(str(tmp_path / "slow.yaml"))).open()
+    page.click("tab-run")
+    page.click("run")
+    browser.wait("studio.player && studio.player.live", 120)
+    return page
+
+
+STATE = "document.querySelector('[data-testid=part-1-as_set]').dataset.state"
+PLACE = "[studio.player.time, studio.player._world.scale, studio.player.layers.particles]"
+
+
+def test_a_run_is_watched_live_and_who_looks_elsewhere_is_left_there(slow: Page) -> None:
+    browser = slow.browser
+    end = float(browser.run("return studio.player.end"))
+    assert browser.run(f"return {STATE}") == "running"
+    assert "so far" in browser.run("return document.querySelector('.lp-rmse').innerText")
+    assert not browser.run("return document.querySelector('.st-table')")
+    browser.wait(f"studio.player.end > {end} && studio.player.time > {end}", 120)
+    assert browser.run("return studio.player.playing && studio.player.live")
+
+    browser.press(".lp-play")
+    browser.wait("!studio.player.playing")
+    browser.press(".lp-slider")
+    browser.press('[aria-label="Zoom in"]')
+    browser.press("[data-layer=particles]")
+    assert not browser.run("return studio.player.live")
+    place, end = browser.run(f"return [{PLACE}, studio.player.end]")
+    assert 0.0 < place[0] < end
+    browser.wait(f"studio.player.end > {end}", 120)
+    assert browser.run(f"return {PLACE}") == place
+    assert browser.run(f"return {STATE}") == "running"
+
+    browser.press(".lp-live")
+    browser.wait(f"studio.player.live && studio.player.time > {end}", 120)
+    slow.ran(seconds=600)
+    browser.wait("!studio.player.playing && studio.player.time === studio.player.end", 120)
+    assert browser.run("return studio.player.end") > 299.0
+    assert browser.run("return document.querySelector('.lp-live').hidden")
+    assert "so far" not in browser.run("return document.querySelector('.lp-rmse').innerText")
+    assert browser.run("return studio.player.layers.particles") is False
+    assert browser.console() == []
+
+
+def test_what_there_is_of_a_cancelled_run_can_be_watched(slow: Page) -> None:
+    slow.click("cancel")
+    slow.browser.wait(f"{STATE} === 'cancelled' && !studio.player.more")
+
+    assert re.search(r"cancelled at \d+ %", slow.text("runs"))
+    assert not slow.browser.run("return document.querySelector('.st-table')")
+    with pytest.raises(urllib.error.HTTPError, match="404"):
+        slow.served.get("studio/runs/1/as_set/report.html")
+    slow.browser.run("studio.player.seek(0); studio.player.play(100)")
+    slow.browser.wait("!studio.player.playing && studio.player.time === studio.player.end", 60)
+    assert 0.0 < slow.browser.run("return studio.player.end") < 300.0
+
+
 def test_60_s_of_2000_particles_play_at_30_frames_a_second(
     browser: Browser,
     serve: Callable[..., Served],
@@ -563,9 +627,10 @@ def test_runs_are_compared_and_everything_can_be_had(
     browser.wait(f"{whose}.includes('odometry alone')")
     page._until(lambda: (page.served.folder / "runs/001/odometry/report.html").exists(), 60)
 
+    done = "[...document.querySelectorAll('[data-state]')].every((e) => e.dataset.state === 'done')"
+    browser.wait(done, 60)
     folder = page.served.folder / "runs/001/odometry"
     for name in ("report.html", "scene.yaml", "estimate.tum"):
-        page._until((folder / name).exists, 60)
         assert page.served.get(f"studio/runs/1/odometry/{name}") == (folder / name).read_bytes()
     bag = page.served.get("studio/runs/1/odometry/drive.mcap")
     assert bag.startswith(b"\x89MCAP")

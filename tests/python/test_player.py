@@ -311,7 +311,6 @@ def test_frames_of_a_long_run_are_evenly_chosen(monkeypatch: pytest.MonkeyPatch)
     for _ in range(scans):
         film.look()
     assert 350 <= len(film.frames) <= 700
-    assert film.took_s > 0.0
     assert film._each == 8
     assert len(film.frames) == -(-scans // 8)
 

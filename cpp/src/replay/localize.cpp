@@ -34,7 +34,7 @@ void keep(std::vector<LocalizeRun::Step>& steps, const LocalizeRun::Step& step) 
 
 template <class Estimator>
 LocalizeRun run_through(Estimator& mcl, const MessageLog& log, const std::vector<LaserScan>& scans,
-                        const std::function<void(std::size_t)>& progress) {
+                        const LocalizeProgress& progress) {
   const std::vector<MessageLog::Arrival>& arrivals = log.arrivals();
   const auto effective = [&](std::size_t i) { return effective_stamp(arrivals[i].message); };
   const std::vector<std::size_t> messages = by_stamp(arrivals.size(), effective);
@@ -58,7 +58,7 @@ LocalizeRun run_through(Estimator& mcl, const MessageLog& log, const std::vector
     }
     ++scans_done;
     if (progress) {
-      progress(next + scans_done);
+      progress(next + scans_done, run);
     }
   }
   feed_until([](Stamp) { return true; });
@@ -68,12 +68,12 @@ LocalizeRun run_through(Estimator& mcl, const MessageLog& log, const std::vector
 }  // namespace
 
 LocalizeRun localize(Mcl& mcl, const MessageLog& log, const std::vector<LaserScan>& scans,
-                     const std::function<void(std::size_t)>& progress) {
+                     const LocalizeProgress& progress) {
   return run_through(mcl, log, scans, progress);
 }
 
 LocalizeRun localize(SwitchingMcl& mcl, const MessageLog& log, const std::vector<LaserScan>& scans,
-                     const std::function<void(std::size_t)>& progress) {
+                     const LocalizeProgress& progress) {
   return run_through(mcl, log, scans, progress);
 }
 

@@ -35,6 +35,7 @@ def pack(
     *,
     particles: Sequence[Frame] | None = None,
     most_bytes: int = MOST_BYTES,
+    whole: bool = True,
 ) -> dict[str, Any]:
     """Return what a player shows of a run, as JSON holds it.
 
@@ -46,6 +47,8 @@ def pack(
     most_bytes : int
         Of the JSON. What is too long is thinned evenly, never its ends, and what was rejected goes
         last; the key ``of`` of each table says how many rows there were.
+    whole : bool
+        False for a run that still computes.
 
     Returns
     -------
@@ -63,6 +66,7 @@ def pack(
     fixed = {
         "name": str(result.config.get("name") or result.log.description or "run"),
         "start_ns": str(origin),  # more digits than numbers of JavaScript have
+        "whole": whole,
         "start": 0.0,
         "end": _end_s(result, origin),
         "ellipse_sigmas": ELLIPSE_SIGMAS,

@@ -4,8 +4,11 @@
 //   const player = new LocfusePlayer(element, [packed, ...], {controls: true, theme: "auto"});
 //   player.show([packed, ...]); player.play(2); player.pause(); player.step(-1); player.seek(12.5);
 //   player.time, playing, speed, duration, frames_per_s; player.pose(run), player.true_pose(run)
+//   player.show([...], true); player.grow([...], more); player.more, live; player.go_live()
 //   const off = player.on("time" | "play" | "pause" | "end", callback); player.destroy();
 //
+// Of runs that still compute `more` comes with `grow`, and the reader's place stays: play waits at
+// the end, or follows the newest while it is live, which it is until somebody pauses or seeks.
 // Times are seconds since the first run's first message, lengths metres, angles radians.
 "use strict";
 
@@ -250,8 +253,8 @@ globalThis.LocfusePlayer = (() => {
     load() {
       const map = this.player.runs[0].packed.map;
       this.grid = null;
-      this.box = this._box();
-      this.fit();
+      this.fitted = true;
+      this.grow();
       if (!map) return;
       const image = new Image();
       image.onload = () => {
@@ -260,6 +263,12 @@ globalThis.LocfusePlayer = (() => {
         this.player.redraw(true);
       };
       image.src = map.png;
+    }
+
+    // Sees what has come; who looks at a part of it goes on doing so.
+    grow() {
+      this.box = this._box();
+      if (this.fitted) this.fit();
     }
 
     // Gives the map the colours of the theme.
@@ -793,6 +802,12 @@ globalThis.LocfusePlayer = (() => {
     }
 
     load() {
+      this.whole = true;
+      this.grow();
+    }
+
+    // Sees what has come; who looks at a part of the time goes on doing so.
+    grow() {
       const {runs} = this.player;
       const rows = [];
       if (runs.some((run) => run.health)) rows.push({kind: "health", height: 34});
@@ -818,7 +833,7 @@ globalThis.LocfusePlayer = (() => {
         }
       }
       this.rows = rows;
-      this.zoom(1e9);
+      if (this.whole) this.zoom(1e9);
       this.height = rows.reduce((sum, row) => sum + LABEL + row.height + 5, 0) + 20;
     }
 
@@ -843,6 +858,7 @@ globalThis.LocfusePlayer = (() => {
       const {start, end} = this.player;
       const length = Math.min(Math.max(((this.end - this.start) || 1) * factor, 0.5), end - start);
       const share = (t - this.start) / ((this.end - this.start) || 1) || 0;
+      this.whole = length === end - start;
       this._begin(t - share * length, length);
     }
 
@@ -1099,6 +1115,9 @@ globalThis.LocfusePlayer = (() => {
       this.listeners = {time: [], play: [], pause: [], end: []};
       this.layers = Object.fromEntries(LAYERS.map(([name]) => [name, true]));
       this.playing = false;
+      this.live = false;
+      this._pace = 0;
+      this._grown = performance.now();
       this.speed = 1;
       this.frames_per_s = 0;
       this.version = 0;
@@ -1108,31 +1127,58 @@ globalThis.LocfusePlayer = (() => {
       this._strips = new Strips(this._parts.strips, this);
       this._dark = matchMedia("(prefers-color-scheme: dark)");
       this._observe();
-      this.show(packed);
+      this.show(packed, this.options.more);
     }
 
     // API ---
 
-    show(packed) {
-      if (packed.length === 0) throw new Error("no run to show; expected at least one");
-      const first = this.runs === undefined;
-      this.runs = packed.map((one) => new Run(one, packed[0]));
-      this.start = Math.min(...this.runs.map((run) => run.start));
-      this.end = Math.max(...this.runs.map((run) => run.end));
-      this.time = first ? this.start : Math.min(Math.max(this.time, this.start), this.end);
+    show(packed, more = false) {
+      this._load(packed, more);
       this._paint();
       this._world.load();
       this._strips.load();
       this._build_legend();
       this._layout();
+      this.live = false;
+      if (more && this._growing()) this.go_live();
       this.redraw(true);
     }
+
+    // Shows more of the same runs, or others beside them.
+    grow(packed, more = false) {
+      const hidden = this.runs.map((run) => !run.visible);
+      const begins = !this._growing() && !this.playing && this.time === this.start;
+      this._load(packed, more);
+      this.runs.forEach((run, k) => { run.visible = !hidden[k]; });
+      const now = performance.now();
+      const since_s = Math.min(Math.max((now - this._grown) / 1000, 0.5), 10);
+      this._grown = now;
+      this._pace = Math.max(this.newest() - this.time, 0) / since_s;
+      if (this.live) this.time = Math.min(this.time, this.newest());
+      this._world.grow();
+      this._strips.grow();
+      this._build_legend();
+      this._layout();
+      if (more && begins && this._growing()) this.go_live(); // who has not begun to look elsewhere
+      this.redraw(true);
+    }
+
+    go_live() {
+      this.seek(this.newest());
+      this.live = this.more;
+      this._pace = 0;
+      this._grown = performance.now();
+      this.play();
+    }
+
+    // The end of the run that computes, or of all.
+    newest() { return (this._growing() || this).end; }
 
     get duration() { return this.end - this.start; }
 
     play(speed = this.speed) {
       this._set_speed(speed);
-      if (this.time >= this.end) this.seek(this.start);
+      if (this.time >= this.end && !this.more) this.seek(this.start);
       if (!this.playing) {
         this.playing = true;
         this._last = undefined;
@@ -1143,6 +1189,7 @@ globalThis.LocfusePlayer = (() => {
     }
 
     pause() {
+      this.live = false;
       if (!this.playing) return;
       this.playing = false;
       this._emit("pause");
@@ -1161,6 +1208,7 @@ globalThis.LocfusePlayer = (() => {
     seek(seconds) {
       const time = Math.min(Math.max(Number(seconds), this.start), this.end);
       if (!Number.isFinite(time)) throw new Error(`seek to ${seconds}; expected a number of seconds`);
+      this.live = false;
       this.time = time;
       this._emit("time");
       this.redraw();
@@ -1214,15 +1262,33 @@ globalThis.LocfusePlayer = (() => {
         while (now - this._frames[0] > 1000) this._frames.shift();
         const span = (now - this._frames[0]) / 1000;
         if (span > 0.2) this.frames_per_s = (this._frames.length - 1) / span;
-        this.time = Math.min(this.time + passed * this.speed, this.end);
+        // Live, it is at the newest by when more will have come.
+        const speed = this.live ? Math.max(this.speed, this._pace) : this.speed;
+        this.time = Math.min(this.time + passed * speed, this.live ? this.newest() : this.end);
         this._emit("time");
       }
       this._draw();
-      if (this.playing && this.time >= this.end) {
+      if (!this.playing) return;
+      if (this.time < (this.live ? this.newest() : this.end)) this.redraw();
+      else if (this.more) {
+        this._last = undefined; // waits for it
+        this._tell();
+      } else {
         this.pause();
         this._emit("end");
-      } else if (this.playing) this.redraw();
+      }
     }
+
+    _load(packed, more) {
+      if (packed.length === 0) throw new Error("no run to show; expected at least one");
+      this.runs = packed.map((one) => new Run(one, packed[0]));
+      this.more = Boolean(more);
+      this.start = Math.min(...this.runs.map((run) => run.start));
+      this.end = Math.max(...this.runs.map((run) => run.end));
+      this.time = Math.min(Math.max(this.time ?? this.start, this.start), this.end);
+    }
+
+    _growing() { return this.runs.filter((run) => run.packed.whole === false).pop(); }
 
     _draw() {
       const ratio = this._printing ? 2 : Math.min(devicePixelRatio || 1, 2);
@@ -1271,7 +1337,9 @@ globalThis.LocfusePlayer = (() => {
                               {"aria-pressed": "false"}));
       parts.controls = make("div", {class: "lp-controls"},
         parts.play, button("One step back (,)", icon("back"), () => this.step(-1)),
-        button("One step on (.)", icon("on"), () => this.step(1)), parts.slider, parts.clock, parts.speed);
+        button("One step on (.)", icon("on"), () => this.step(1)), parts.slider, parts.clock,
+        parts.live = button("Follow what is being computed", "Live", () => this.go_live(),
+                            {class: "lp-live", "aria-pressed": "false"}), parts.speed);
       parts.state = make("p", {class: "lp-state"});
       parts.hint = make("div", {class: "lp-hint", "aria-hidden": "true"}, "Ctrl + wheel zooms");
       parts.whose = make("p", {class: "lp-whose"});
@@ -1291,17 +1359,11 @@ globalThis.LocfusePlayer = (() => {
     }
 
     _build_legend() {
-      const {runs, layers} = this._parts;
-      runs.replaceChildren(...this.runs.map((run, k) => {
-        const box = make("input", {type: "checkbox"});
-        box.checked = run.visible;
-        box.addEventListener("change", () => { run.visible = box.checked; this.redraw(true); });
-        const rmse = run.packed.metrics.position_rmse_m;
-        const swatch = make("span", {class: "lp-swatch"});
-        swatch.style.background = this.colour(k);
-        return make("label", {}, box, swatch, make("span", {class: "lp-name"}, run.name),
-          make("span", {class: "lp-rmse"}, typeof rmse === "number" ? `RMSE ${rounded(rmse)} m` : ""));
-      }));
+      const {slider, thinned} = this._parts;
+      thinned.textContent = this._told_thinned();
+      slider.min = this.start;
+      slider.max = this.end;
+      this._set_speed(this.speed);
       const hears = (...sources) =>
         this.runs.some((run) => run.packed.sources.some((source) => sources.includes(source)));
       const has = {
@@ -1310,7 +1372,33 @@ globalThis.LocfusePlayer = (() => {
         ranges: hears("ranges", "landmark_sightings"), fixes: hears("positions", "poses"),
         map: this.runs[0].packed.map,
       };
-      layers.replaceChildren(...LAYERS.filter(([name]) => has[name]).map(([name, label]) => {
+      const offered = LAYERS.filter(([name]) => has[name]);
+      // What is the same stays: somebody may just be pressing it.
+      const key = JSON.stringify([offered, this.runs.map((run) => run.name)]);
+      if (key !== this._legend) this._make_legend(offered);
+      this._legend = key;
+      [...this._parts.runs.children].forEach((label, k) => {
+        const {metrics: {position_rmse_m: rmse}, whole} = this.runs[k].packed;
+        const figure = typeof rmse === "number" ? `RMSE ${rounded(rmse)} m` : "";
+        label.querySelector("input").checked = this.runs[k].visible;
+        label.querySelector(".lp-rmse").textContent = figure + (whole === false ? " so far" : "");
+      });
+    }
+
+    _make_legend(offered) {
+      const {runs, layers} = this._parts;
+      runs.replaceChildren(...this.runs.map((run, k) => {
+        const box = make("input", {type: "checkbox"});
+        box.addEventListener("change", () => {
+          this.runs[k].visible = box.checked;
+          this.redraw(true);
+        });
+        const swatch = make("span", {class: "lp-swatch"});
+        swatch.style.background = this.colour(k);
+        return make("label", {}, box, swatch, make("span", {class: "lp-name"}, run.name),
+                    make("span", {class: "lp-rmse"}));
+      }));
+      layers.replaceChildren(...offered.map(([name, label]) => {
         const button = make("button", {type: "button", "aria-pressed": String(this.layers[name]),
                                        "data-layer": name},
                             make("span", {class: `lp-mark lp-mark-${name}`}), label);
@@ -1321,11 +1409,6 @@ globalThis.LocfusePlayer = (() => {
         });
         return button;
       }));
-      const {slider, thinned} = this._parts;
-      thinned.textContent = this._told_thinned();
-      slider.min = this.start;
-      slider.max = this.end;
-      this._set_speed(this.speed);
     }
 
     // What of a long run is not here, as people say it.
@@ -1363,7 +1446,9 @@ globalThis.LocfusePlayer = (() => {
 
     // Texts: the clock, the state, figures of now, the latest rejections.
     _tell() {
-      const {play, slider, clock: time, state} = this._parts;
+      const {play, slider, clock: time, state, live} = this._parts;
+      live.hidden = !this.more;
+      live.setAttribute("aria-pressed", String(this.live));
       if (document.activeElement !== slider || this.playing) slider.value = this.time;
       slider.setAttribute("aria-valuetext", `${clock(this.time)} of ${clock(this.end)}`);
       time.textContent = `${clock(this.time)} / ${clock(this.end)}`;
@@ -1519,7 +1604,8 @@ globalThis.LocfusePlayer = (() => {
         ArrowLeft: () => this.seek(this.time - far), ArrowRight: () => this.seek(this.time + far),
         ArrowUp: () => faster(1), ArrowDown: () => faster(-1),
         ",": () => this.step(-1), ".": () => this.step(1),
-        Home: () => this.seek(this.start), End: () => this.seek(this.end),
+        Home: () => this.seek(this.start),
+        End: () => this.more ? this.go_live() : this.seek(this.end),
         "+": () => this._zoom(1.5), "-": () => this._zoom(1 / 1.5),
       };
       const presses = ["BUTTON", "INPUT"].includes(event.target.tagName) && event.target.type !== "range";

@@ -108,7 +108,7 @@ def record(config: RunConfig, result: RunResult) -> list[Frame]:
     end = mcl.estimate().stamp + round(shown_s * NANOSECONDS)
     scans = [scan for scan in scans_of(result.log) if scan.stamp <= end]
     frames: list[Frame] = []
-    _core.localize(mcl, messages.log, scans, lambda _: frames.append(frame_of(mcl)))
+    _core.localize(mcl, messages.log, scans, lambda *_: frames.append(frame_of(mcl)))
     return frames
 
 

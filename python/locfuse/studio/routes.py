@@ -85,20 +85,19 @@ def _world(router: APIRouter, studio: Studio) -> None:
 
 
 def _runs(router: APIRouter, studio: Studio) -> None:
-    def folder_of(number: int, key: str) -> Path | None:
-        for run in studio.runner.runs:
-            if run.number == number and any(part.key == key for part in run.parts):
-                return run.folder_of(key)
-        return None
-
     @router.get("/runs/{number}/{key}/{name}")
     def file(number: int, key: str, name: str) -> Response:
-        folder = folder_of(number, key)
-        if folder is None:
+        found = [(run.folder_of(key), part.state) for run in studio.runner.runs
+                 for part in run.parts if (run.number, part.key) == (number, key)]  # fmt: skip
+        if not found:
             return _not_there(f"run {number}")
+        folder, state = found[0]
         if name == "play.json" and (folder / PLAY).exists():
-            return FileResponse(folder / PLAY, media_type="application/json", headers={
+            # Read at once: another takes its place while its run computes.
+            return Response((folder / PLAY).read_bytes(), media_type="application/json", headers={
                 "Content-Encoding": "gzip", "Cache-Control": "no-store"})  # fmt: skip
+        if state != "done" and name != "scene.yaml":
+            return _not_there(f"{name} of a run that is {state}")
         if name == BAG:
             try:
                 _make_bag(folder)

@@ -11,7 +11,7 @@ from nicegui import ui
 from locfuse.studio.compare import compared
 from locfuse.studio.estimators import Choice, choices
 from locfuse.studio.javascript import call
-from locfuse.studio.runner import ENDED, Part, Run
+from locfuse.studio.runner import Part, Run
 
 if TYPE_CHECKING:
     from locfuse.studio.page import StudioPage
@@ -20,6 +20,7 @@ _PLAYER = "studio-player"
 _MOST_SHOWN = 6  # runs over one another
 _DOWNLOADS = {"report.html": "Report", "scene.yaml": "Config", "estimate.tum": "Trajectory (TUM)",
               "drive.mcap": "Bag (.mcap)"}  # fmt: skip
+_UNDER_WAY = ("waiting", "running")
 _STATES = {"waiting": "waits", "running": "runs", "writing": "writes its report", "done": "done",
            "failed": "failed", "cancelled": "cancelled"}  # fmt: skip
 
@@ -32,7 +33,8 @@ class RunTab:
         self._chosen: dict[str, bool] = {"as_set": True}
         self._offered: list[Choice] = []
         self._shown: list[tuple[int, str]] = []
-        self._played: list[str] | None = None
+        self._played: tuple[list[str], bool] | None = None
+        self._compared: list[tuple[int, str, str]] = []
         self._listed: list[tuple[int, str, str, bool, bool]] = []
         self._bars: dict[tuple[int, str], Any] = {}
         self._awaited: set[tuple[int, str]] = set()
@@ -64,10 +66,11 @@ class RunTab:
     def _find_shown(self) -> None:
         """Show the last run that there is, as when the page is opened again."""
         for run in reversed(self._page.studio.runner.runs):
-            self._shown = [
-                (run.number, part.key) for part in run.parts if run.can_be_watched(part.key)
-            ]
-            if self._shown:
+            ats = [(run.number, part.key) for part in run.parts]
+            self._shown = [at for at in ats if run.can_be_watched(at[1])]
+            if not run.ended:
+                self._awaited = set(ats) - set(self._shown)
+            if self._shown or not run.ended:
                 return
 
     # What happens ----------------------------------------------------------------------------
@@ -170,8 +173,13 @@ class RunTab:
 
     def _show_part(self, run: Run, part: Part) -> None:
         at = (run.number, part.key)
-        with ui.element("div").classes("st-item"):
-            if run.can_be_watched(part.key):
+        watchable = run.can_be_watched(part.key)
+        with ui.element("div").classes("st-item") as item:
+            whole = "data-whole" if part.metrics else ""
+            item.props(
+                f'data-testid="part-{run.number}-{part.key}" data-state={part.state} {whole}'
+            )
+            if watchable:
                 box = ui.checkbox(
                     part.name, value=at in self._shown, on_change=lambda e: self._watch(at, e.value)
                 ).props("dense")
@@ -182,7 +190,9 @@ class RunTab:
             if part.state in ("done", "writing") and rmse is not None:
                 ui.label(f"{rmse:.3f} m").style("white-space:nowrap")
             elif part.state != "done":
-                ui.label(_STATES[part.state]).classes(
+                cut = run.ended and watchable and part.share and not whole
+                share = f" at {100 * part.share:.0f} %" if cut else ""
+                ui.label(_STATES[part.state] + share).classes(
                     "st-bad" if part.state == "failed" else "st-quiet")  # fmt: skip
         if part.state == "running":
             bar = ui.linear_progress(part.share, show_value=False, size="4px")
@@ -226,16 +236,21 @@ class RunTab:
     def _play(self) -> None:
         """Play what is chosen, and compare it."""
         parts = self._parts()
-        state = [f"{run.number}/{part.key}/{part.state}" for run, part in parts]
-        if state == self._played:
-            return
-        urls = [f"studio/runs/{run.number}/{part.key}/play.json" for run, part in parts]
-        before = [entry.rsplit("/", 1)[0] for entry in self._played or []]
-        if before != [entry.rsplit("/", 1)[0] for entry in state]:
-            call("play", _PLAYER, urls)
-        self._played = state
-        self._empty.set_visibility(not parts)
-        self._compare(parts)
+        urls = [f"studio/runs/{run.number}/{part.key}/play.json?{part.grown}"
+                for run, part in parts]  # fmt: skip
+        more = any(
+            part.state in _UNDER_WAY and (run.number, part.key) in (*self._shown, *self._awaited)
+            for run in self._page.studio.runner.runs
+            for part in run.parts
+        )
+        if (urls, more) != self._played:
+            self._played = (urls, more)
+            self._empty.set_visibility(not parts)
+            call("play", _PLAYER, urls, more)
+        compared = [(run.number, part.key, part.state) for run, part in parts]
+        if compared != self._compared:
+            self._compared = compared
+            self._compare(parts)
 
     def _parts(self) -> list[tuple[Run, Part]]:
         found = {(run.number, part.key): (run, part) for run in self._page.studio.runner.runs
@@ -248,8 +263,11 @@ class RunTab:
             return
         with self._table:
             names = [_named(run, part, parts) for run, part in parts]
-            ui.html("<h2>Compared</h2>", sanitize=False)
-            ui.html(compared(names, [part.metrics for _, part in parts]), sanitize=False)
+            found = zip(names, (part.metrics for _, part in parts), strict=True)
+            whole = {name: metrics for name, metrics in found if metrics}
+            if whole:
+                ui.html("<h2>Compared</h2>", sanitize=False)
+                ui.html(compared(list(whole), list(whole.values())), sanitize=False)
             ui.html("<h2>Downloads</h2>", sanitize=False)
             for name, (run, part) in zip(names, parts, strict=True):
                 with ui.element("div").classes("st-item"):
@@ -259,7 +277,7 @@ class RunTab:
     def _links(self, run: Run, part: Part) -> None:
         for file, text in _DOWNLOADS.items():
             url = f"studio/runs/{run.number}/{part.key}/{file}"
-            there = part.state in ENDED or file in ("scene.yaml", "drive.mcap")
+            there = part.state == "done" or file == "scene.yaml"
             button: Any = ui.button(text).props("outline dense no-caps size=md")
             button.style("padding:2px 10px").props(f'data-testid="get-{part.key}-{file}"')
             button.set_enabled(there)

@@ -18,7 +18,7 @@ from typing import Any
 from locfuse.studio.document import moved_to, text_of
 from locfuse.studio.estimators import Choice, variant
 from locfuse.studio.scene import Scene
-from locfuse.studio.work import CONFIG, PLAY, Job, work
+from locfuse.studio.work import CONFIG, FAILED, PLAY, Job, work
 
 ABOUT = "run.json"
 ENDED = ("done", "failed", "cancelled")
@@ -39,8 +39,10 @@ class Part:
         Of the work that is done, 0 to 1.
     error : str
         Why it failed.
+    grown : int
+        How often there was more of it to watch.
     metrics : dict
-        What ``metrics.json`` holds, from ``writing`` on.
+        What ``metrics.json`` holds, from ``writing`` on: never of a part of a run.
     """
 
     key: str
@@ -48,6 +50,7 @@ class Part:
     state: str = "waiting"
     share: float = 0.0
     error: str = ""
+    grown: int = 0
     metrics: dict[str, Any] = field(default_factory=dict)
 
 
@@ -199,6 +202,7 @@ class Runner:
         process.join(_END_S)
         for part in run.parts:
             if part.state not in ENDED:
+                _clear(run.folder_of(part.key))
                 part.state = "cancelled" if self._cancelled else "failed"
                 part.error = "" if self._cancelled else _how(process.exitcode)
                 self._cancelled = self._cancelled or part.state == "failed"
@@ -209,13 +213,23 @@ class Runner:
     def _hear(self, part: Part, what: str, *more: Any) -> None:
         if what == "progress":
             part.state, part.share = "running", more[0] / more[1]
+        elif what == "grown":
+            part.grown += 1
         elif what == "shown":
             part.metrics, part.state, part.share = more[0], "writing", 1.0
+            part.grown += 1
         elif what == "done":
             part.state = "done"
         else:
             part.error, part.state = more[0], "failed"
         self.version += 1
+
+
+def _clear(folder: Path) -> None:
+    """Leave of an estimator that was ended on its way what can be watched, and its scene."""
+    for file in folder.iterdir():
+        if file.name not in (CONFIG, PLAY, FAILED):
+            file.unlink()
 
 
 def _how(exitcode: int | None) -> str:
@@ -236,6 +250,7 @@ def _found_in(folder: Path) -> list[Run]:
             continue  # it is no run of ours, or of another version
         for part in run.parts:
             if part.state not in ENDED:
+                _clear(run.folder_of(part.key))
                 part.state = "cancelled"
         found.append(run)
     return found

@@ -7,8 +7,9 @@ import gzip
 import json
 import os
 import signal
+import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
@@ -24,6 +25,8 @@ PLAY = "play.json.gz"
 CONFIG = "scene.yaml"
 FAILED = "error.txt"
 _LEAST_STEP = 0.005  # of the whole, between two words on progress
+_LEAST_S = 1.0  # between two looks at a run that computes
+_SHARE = 0.1  # of the time of a run that looks may take
 
 
 @dataclass(frozen=True)
@@ -37,8 +40,9 @@ class Job:
 def work(job: Job, said: Connection) -> None:
     """Run the estimators of a job one after another, then write their reports.
 
-    Sends (index, "progress", done, total), (index, "shown", metrics) once it can be watched,
-    (index, "done") or (index, "failed", sentence); in the end None.
+    Sends (index, "progress", done, total), (index, "grown") when more of it can be watched,
+    (index, "shown", metrics) once all of it can be, (index, "done") or (index, "failed", sentence);
+    in the end None.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends it
     results: dict[int, RunResult] = {}
@@ -66,8 +70,9 @@ def _told(index: int, folder: Path, said: Connection) -> Iterator[None]:
 
 
 def _shown(index: int, folder: Path, name: str, said: Connection) -> RunResult:
-    """Run an estimator and write what the player shows of it."""
+    """Run an estimator and write what the player shows of it, on the way as well."""
     told = -1.0
+    due = time.perf_counter() + _LEAST_S
 
     def progress(done: int, total: int) -> None:
         nonlocal told
@@ -75,13 +80,28 @@ def _shown(index: int, folder: Path, name: str, said: Connection) -> RunResult:
             told = done / total
             said.send((index, "progress", done, total))
 
+    def watch(so_far: Callable[[], RunResult]) -> None:
+        nonlocal due
+        began = time.perf_counter()
+        if began < due:
+            return
+        _write_play(so_far(), folder, name, whole=False)
+        said.send((index, "grown"))
+        ended = time.perf_counter()
+        due = ended + max(_LEAST_S, (ended - began) * (1.0 / _SHARE - 1.0))
+
     said.send((index, "progress", 0, 1))
     config = load_config(folder / CONFIG)
-    result = run(config, base=folder, progress=progress)
+    result = run(config, base=folder, progress=progress, watch=watch)
+    _write_play(result, folder, name, whole=True)
+    said.send((index, "shown", dict(result.metrics)))
+    return result
+
+
+def _write_play(result: RunResult, folder: Path, name: str, *, whole: bool) -> None:
+    """Write what the player shows, in the place of what was there."""
     named = replace(result, config={**result.config, "name": name})
-    text = json.dumps(pack(named), separators=(",", ":"))
+    text = json.dumps(pack(named, whole=whole), separators=(",", ":"))
     part = folder / f".{PLAY}"
     part.write_bytes(gzip.compress(text.encode(), 6, mtime=0))
     os.replace(part, folder / PLAY)
-    said.send((index, "shown", dict(result.metrics)))
-    return result

@@ -132,15 +132,19 @@ TEST(Localize, steps_have_distinct_stamps_where_scans_are_faster_than_odometry) 
   EXPECT_EQ(told.steps[1].estimate.stamp, 11 * kStep);
 }
 
-TEST(Localize, tells_after_each_scan_how_much_is_done) {
+TEST(Localize, tells_after_each_scan_how_much_is_done_and_what_came_out) {
   const Drive run = drive();
   Mcl mcl = mcl_for(run);
   std::vector<std::size_t> told;
   std::vector<double> seen;
-  const LocalizeRun log = localize(mcl, run.log, run.scans, [&](std::size_t done) {
-    told.push_back(done);
-    seen.push_back(mcl.estimate().pose.x);
-  });
+  const LocalizeRun log =
+      localize(mcl, run.log, run.scans, [&](std::size_t done, const LocalizeRun& so_far) {
+        told.push_back(done);
+        seen.push_back(mcl.estimate().pose.x);
+        ASSERT_EQ(so_far.steps.size(), told.size());
+        EXPECT_EQ(so_far.steps.back().estimate.pose.x, seen.back());
+        EXPECT_NE(so_far.scan_outcomes[told.size() - 1].verdict, Verdict::kIgnored);
+      });
   ASSERT_EQ(told.size(), run.scans.size());
   EXPECT_EQ(told.front(), 2U);
   for (std::size_t i = 0; i < seen.size(); ++i) {

@@ -161,16 +161,29 @@ TEST(Replay, an_empty_log_leaves_the_start) {
   expect_same(log.last, start.current());
 }
 
-TEST(Replay, tells_of_its_progress) {
+TEST(Replay, what_it_shows_on_the_way_is_the_beginning_of_what_it_leaves_behind) {
   MessageLog log;
   for (Stamp stamp = 0; stamp < 40'000; ++stamp) {
     log.add(Velocity{stamp, 0.1, 0.0});
   }
-  std::vector<std::size_t> heard;
+  std::vector<RunLog> shown;
   ReplayOptions options;
-  options.progress = [&](std::size_t done) { heard.push_back(done); };
-  (void)replay(testing::ekf_at({}), log, options);
-  EXPECT_EQ(heard, (std::vector<std::size_t>{16384, 32768}));
+  options.progress = [&](std::size_t done, const RunLog& so_far) {
+    EXPECT_EQ(so_far.outcomes.size(), done);
+    shown.push_back(so_far);
+  };
+  const RunLog whole = replay(testing::ekf_at({}), log, options);
+  ASSERT_EQ(shown.size(), 2U);
+  EXPECT_EQ(shown[0].outcomes.size(), 16384U);
+  EXPECT_EQ(shown[1].outcomes.size(), 32768U);
+  for (const RunLog& so_far : shown) {
+    ASSERT_LT(so_far.estimates.size(), whole.estimates.size());
+    for (std::size_t k = 0; k < so_far.estimates.size(); ++k) {
+      expect_same(so_far.estimates[k], whole.estimates[k]);
+    }
+    EXPECT_EQ(so_far.last.stamp, static_cast<Stamp>(so_far.outcomes.size()) - 1);
+  }
+  EXPECT_EQ(whole.outcomes.size(), 40'000U);
 }
 
 }  // namespace

@@ -98,16 +98,41 @@ def test_replays_in_threads_give_the_same_bits() -> None:
 def test_progress_is_told_and_may_raise() -> None:
     log = drive(20_000)[0]
     told: list[int] = []
-    lf.replay(make_ekf(), log, progress=told.append)
+    lf.replay(make_ekf(), log, progress=lambda done, _: told.append(done))
     assert told == sorted(set(told))
     assert told
     assert told[-1] <= len(log)
 
-    def stop(done: int) -> None:
+    def stop(done: int, so_far: Callable[[], lf.RunLog]) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         lf.replay(make_ekf(), log, progress=stop)
+
+
+def test_the_run_so_far_is_the_beginning_of_the_whole_one() -> None:
+    log = drive(20_000)[0]
+    shown: list[tuple[int, lf.RunLog]] = []
+
+    whole = lf.replay(make_ekf(), log, progress=lambda done, run: shown.append((done, run())))
+
+    assert len(shown) == 2
+    for done, part in shown:
+        rows = len(part.stamp_ns)
+        assert len(part.verdict) == done
+        assert 0 < rows < len(whole.stamp_ns)
+        assert part.covariances.tobytes() == whole.covariances[:rows].tobytes()
+        assert part.nis.tobytes() == whole.nis[:done].tobytes()
+        assert part.verdict.tobytes() == whole.verdict[:done].tobytes()
+        assert part.last.stamp >= part.stamp_ns[-1]
+
+
+def test_the_run_so_far_cannot_be_asked_for_later() -> None:
+    kept: list[Callable[[], lf.RunLog]] = []
+    lf.replay(make_ekf(), drive(20_000)[0], progress=lambda _, so_far: kept.append(so_far))
+
+    with pytest.raises(RuntimeError, match="after progress had returned"):
+        kept[0]()
 
 
 def test_a_negative_history_is_refused() -> None:
@@ -229,7 +254,7 @@ def test_a_log_in_use_refuses_to_change() -> None:
     log.add_velocities(stamp, np.full(rows, 0.1), np.zeros(rows))
     refused = []
 
-    def grow(done: int) -> None:
+    def grow(done: int, so_far: Callable[[], lf.RunLog]) -> None:
         with pytest.raises(RuntimeError, match="in use by another call"):
             log.add_velocities(stamp, np.full(rows, 0.1), np.zeros(rows))
         refused.append(done)
@@ -245,7 +270,7 @@ def test_several_replays_of_one_log_go_on_at_once() -> None:
     log, _ = drive()
     inner = []
 
-    def again(done: int) -> None:
+    def again(done: int, so_far: Callable[[], lf.RunLog]) -> None:
         inner.append(lf.replay(make_ekf(), log, record=False).last.pose)
 
     rows = 40_000

@@ -28,6 +28,12 @@ CHOICE = {choice.key: choice for choice in CHOICES}
 SHORT: dict[str, Any] = {"name": "short", "simulation": {"duration_s": 10.0}}
 # Far longer than any test waits.
 LONG: dict[str, Any] = {"name": "long", "simulation": {"duration_s": 20_000.0}}
+# Computes for minutes, and can be watched meanwhile.
+SLOW: dict[str, Any] = {
+    "name": "slow",
+    "simulation": {"map": {}, "laser": {"beams": 180}, "duration_s": 2000.0},
+    "mcl": {"min_particles": 50_000, "max_particles": 50_000, "beams": 180},
+}
 FILES = ("estimate.csv", "outcomes.csv", "estimate.tum", "truth.tum", "config.yaml")
 WAIT_S = 120.0
 
@@ -81,9 +87,10 @@ def test_what_is_played_has_the_name_of_the_estimator(runner: Runner) -> None:
     made = begin(runner, SHORT, "odometry")
     runner.wait(WAIT_S)
 
-    shown = json.loads(gzip.decompress((made.folder_of("odometry") / PLAY).read_bytes()))
+    shown = play_of(made, "odometry")
 
     assert shown["name"] == "odometry alone"
+    assert shown["whole"] is True
     assert made.can_be_watched("odometry")
     assert load_config(made.folder_of("odometry") / "config.yaml").name == "short"
 
@@ -101,7 +108,7 @@ def test_a_map_beside_the_scene_is_found_from_the_folder_of_the_run(
     runner.wait(WAIT_S)
 
     assert made.parts[0].error == ""
-    shown = json.loads(gzip.decompress((made.folder_of("as_set") / PLAY).read_bytes()))
+    shown = play_of(made, "as_set")
     assert shown["map"] is not None
     assert shown["particles"]["of"] > 5
 
@@ -121,6 +128,41 @@ def test_a_run_is_cancelled_at_once_and_another_one_can_follow(runner: Runner) -
     again = begin(runner, SHORT, "as_set")
     runner.wait(WAIT_S)
     assert (again.number, again.parts[0].state) == (2, "done")
+
+
+def play_of(run: Run, key: str) -> dict[str, Any]:
+    packed: dict[str, Any] = json.loads(gzip.decompress((run.folder_of(key) / PLAY).read_bytes()))
+    return packed
+
+
+def test_a_run_can_be_watched_while_it_computes_and_what_there_was_when_it_is_cancelled_stays(
+    runner: Runner,
+) -> None:
+    made = begin(runner, SLOW, "as_set", "odometry")
+    part = made.parts[0]
+    until(lambda: part.grown >= 1)
+    first = play_of(made, "as_set")
+    until(lambda: part.grown >= 3)
+    later = play_of(made, "as_set")
+    assert (part.state, part.metrics) == ("running", {})
+    for shown in (first, later):
+        assert shown["whole"] is False
+        assert shown["name"] == "as set"
+    assert 0.0 < first["end"] < later["end"] < 2000.0
+
+    runner.cancel()
+    runner.wait(WAIT_S)
+
+    assert [p.state for p in made.parts] == ["cancelled", "cancelled"]
+    assert made.can_be_watched("as_set")
+    assert not made.can_be_watched("odometry")
+    left = play_of(made, "as_set")
+    assert left["whole"] is False
+    assert left["end"] >= later["end"]
+    assert {file.name for file in made.folder_of("as_set").iterdir()} == {"scene.yaml", PLAY}
+    (found,) = Runner(runner.folder).runs
+    assert (found.parts[0].state, found.parts[0].metrics) == ("cancelled", {})
+    assert 0.0 < found.parts[0].share < 1.0
 
 
 def test_a_run_whose_process_dies_is_one_sentence(runner: Runner) -> None:

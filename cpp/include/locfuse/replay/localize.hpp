@@ -25,16 +25,20 @@ struct LocalizeRun {
   std::vector<Step> steps;             ///< of distinct and increasing stamps; none of stale scans
 };
 
+/// Hears how many messages and scans are done, and what is recorded so far: of that only the last
+/// step can still change, where the next scan falls on its stamp.
+using LocalizeProgress = std::function<void(std::size_t, const LocalizeRun&)>;
+
 /// Feeds a log and scans to an Mcl in order of the stamps at which they take effect; at equal
 /// stamps messages come before scans, and both as they arrived. So a late message is used where it
-/// belongs, however late. `progress` hears after each scan how many messages and scans are done,
-/// and may look at the Mcl.
+/// belongs, however late. `progress` is called after each scan and may look at the Mcl; the outcome
+/// of what is not done yet is a default one.
 [[nodiscard]] LocalizeRun localize(Mcl& mcl, const MessageLog& log,
                                    const std::vector<LaserScan>& scans,
-                                   const std::function<void(std::size_t)>& progress = {});
+                                   const LocalizeProgress& progress = {});
 /// Likewise; the estimator's `injections` tell when UWB took over.
 [[nodiscard]] LocalizeRun localize(SwitchingMcl& mcl, const MessageLog& log,
                                    const std::vector<LaserScan>& scans,
-                                   const std::function<void(std::size_t)>& progress = {});
+                                   const LocalizeProgress& progress = {});
 
 }  // namespace locfuse

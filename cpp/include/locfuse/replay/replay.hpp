@@ -13,11 +13,11 @@
 
 namespace locfuse {
 
-/// What a replay leaves behind.
+/// What a replay leaves behind, or has recorded so far.
 struct RunLog {
   std::vector<Outcome> outcomes;        ///< per message in order of arrival, after the last rewind
   std::vector<PoseEstimate> estimates;  ///< per distinct stamp, as known when time moved on
-  PoseEstimate last;                    ///< at the end of the log
+  PoseEstimate last;                    ///< at the end of the log, or of what is done
   std::vector<CalibratedError> errors;  ///< learnt by then
   AdaptiveNoise adaptive{{}};           ///< factors of variances by then
   std::vector<HealthReport> health;     ///< of a RecoveringEkf, ten times a second
@@ -36,9 +36,12 @@ struct SourceSwitch {
 };
 
 struct ReplayOptions {
-  Stamp history = 2'000'000'000;              ///< how late a message may be [ns]
-  bool record = true;                         ///< keep outcomes and estimates, or only `last`
-  std::function<void(std::size_t)> progress;  ///< called with the number of messages done
+  Stamp history = 2'000'000'000;  ///< how late a message may be [ns]
+  bool record = true;             ///< keep outcomes and estimates, or only `last`
+  /// Called now and then with the number of messages done and what is recorded so far: outcomes of
+  /// those messages, which late ones may still change, and estimates, which nothing changes but a
+  /// jump of the clock.
+  std::function<void(std::size_t, const RunLog&)> progress;
   /// Messages that take effect up to this stamp were used for the start.
   Stamp used_until = std::numeric_limits<Stamp>::min();
   TimelineOptions timeline = {};
@@ -83,7 +86,7 @@ template <class Estimator>
   auto switched = options.switches.begin();
   const std::vector<MessageLog::Arrival>& arrivals = log.arrivals();
   if (options.record) {
-    run.outcomes.resize(arrivals.size());
+    run.outcomes.reserve(arrivals.size());
     run.estimates.reserve(arrivals.size() + 1);
   }
   const auto tracker = [&]() -> const PoseEkf& {
@@ -94,6 +97,13 @@ template <class Estimator>
       run.estimates.push_back(estimate);
     }
   };
+  const auto take_stock = [&] {
+    run.last = tracker().estimate();
+    run.errors = tracker().errors();
+    run.adaptive = tracker().adaptive();
+    run.fallen_out = timeline.fallen_out();
+    internal::keep_sources(run, timeline.estimator());
+  };
   std::vector<std::size_t> delivered;  // its messages, as places among all
   delivered.reserve(options.record ? arrivals.size() : 0);
   const auto sink = [&](std::size_t index, const Outcome& outcome) {
@@ -103,6 +113,9 @@ template <class Estimator>
   };
   for (std::size_t i = 0; i < arrivals.size(); ++i) {
     const Message& message = arrivals[i].message;
+    if (options.record) {
+      run.outcomes.emplace_back();
+    }
     if (effective_stamp(message) <= options.used_until) {
       continue;
     }
@@ -123,14 +136,11 @@ template <class Estimator>
       run.estimates.clear();
     }
     if (options.progress && (i + 1) % kProgressEvery == 0) {
-      options.progress(i + 1);
+      take_stock();
+      options.progress(i + 1, run);
     }
   }
-  run.last = tracker().estimate();
-  run.errors = tracker().errors();
-  run.adaptive = tracker().adaptive();
-  run.fallen_out = timeline.fallen_out();
-  internal::keep_sources(run, timeline.estimator());
+  take_stock();
   if (options.record) {
     keep(tracker().current());
     keep(run.last);

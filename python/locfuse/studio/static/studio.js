@@ -7,6 +7,8 @@ const SOON_MS = 300; // what is there by then need not be announced
 globalThis.studio = {
   editor: null,
   player: null,
+  _wanted: null,
+  _played: new Map(),
   _ground: 0,
   _due: false,
 
@@ -56,33 +58,53 @@ globalThis.studio = {
   },
 
   // A tab is made when it is looked at first: what it shows waits for it.
-  async _element(id, wanted) {
+  async _element(id) {
     while (!document.getElementById(id)) {
       await new Promise((resolve) => setTimeout(resolve, 100));
-      if (this._wanted !== wanted) return null;
+      if (this._wanted) return null;
     }
     return document.getElementById(id);
   },
 
-  async play(id, urls) {
-    this._wanted = urls.join();
-    const element = await this._element(id, urls.join());
+  // Plays what has these addresses, one after another where they change faster than they load; with
+  // `more` some of it still computes.
+  async play(id, urls, more) {
+    this._wanted = {id, urls, more};
+    if (this._loads) return;
+    this._loads = true;
+    try {
+      while (this._wanted) {
+        const wanted = this._wanted;
+        this._wanted = null;
+        await this._play(wanted);
+      }
+    } finally { this._loads = false; }
+  },
+
+  async _play({id, urls, more}) {
+    const element = await this._element(id);
     if (!element) return;
+    const before = this._played;
     if (!urls.length) {
+      this._played = new Map();
       if (this.player) this.player.destroy();
       this.player = null;
       element.replaceChildren();
       return;
     }
-    const packed = await Promise.all(urls.map(async (url) => (await fetch(url)).json()));
-    if (this._wanted !== urls.join()) return;
-    if (this.player && element.firstChild) this.player.show(packed);
-    else {
+    // An address ends with a number of what it holds: what has been loaded need not be again.
+    const packed = await Promise.all(
+      urls.map(async (url) => before.get(url) || (await fetch(url)).json()));
+    this._played = new Map(urls.map((url, k) => [url, packed[k]]));
+    const of = (url) => url.split("?")[0];
+    if (!this.player || !element.firstChild) {
       const inside = document.createElement("div");
       inside.className = "locfuse-player";
       element.replaceChildren(inside);
-      this.player = new LocfusePlayer(inside, packed, {controls: true});
-    }
+      this.player = new LocfusePlayer(inside, packed, {controls: true, more});
+    } else if ([...before.keys()].every((url, k) => urls[k] && of(url) === of(urls[k]))) {
+      this.player.grow(packed, more);
+    } else this.player.show(packed, more);
   },
 
   // Sends a file as it is; the server says what became of it.
