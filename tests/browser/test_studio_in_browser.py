@@ -538,7 +538,7 @@ def test_a_run_is_watched_live_and_who_looks_elsewhere_is_left_there(slow: Page)
     slow.ran(seconds=600)
     browser.wait("!studio.player.playing && studio.player.time === studio.player.end", 120)
     assert browser.run("return studio.player.end") > 299.0
-    assert browser.run("return document.querySelector('.lp-live').hidden")
+    browser.wait("!document.querySelector('.lp-live')")
     assert "so far" not in browser.run("return document.querySelector('.lp-rmse').innerText")
     assert browser.run("return studio.player.layers.particles") is False
     assert browser.console() == []

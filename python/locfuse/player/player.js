@@ -1337,9 +1337,9 @@ globalThis.LocfusePlayer = (() => {
                               {"aria-pressed": "false"}));
       parts.controls = make("div", {class: "lp-controls"},
         parts.play, button("One step back (,)", icon("back"), () => this.step(-1)),
-        button("One step on (.)", icon("on"), () => this.step(1)), parts.slider, parts.clock,
-        parts.live = button("Follow what is being computed", "Live", () => this.go_live(),
-                            {class: "lp-live", "aria-pressed": "false"}), parts.speed);
+        button("One step on (.)", icon("on"), () => this.step(1)), parts.slider, parts.clock, parts.speed);
+      parts.live = button("Follow what is being computed", "Live", () => this.go_live(),
+                          {class: "lp-live", "aria-pressed": "false"});
       parts.state = make("p", {class: "lp-state"});
       parts.hint = make("div", {class: "lp-hint", "aria-hidden": "true"}, "Ctrl + wheel zooms");
       parts.whose = make("p", {class: "lp-whose"});
@@ -1447,7 +1447,8 @@ globalThis.LocfusePlayer = (() => {
     // Texts: the clock, the state, figures of now, the latest rejections.
     _tell() {
       const {play, slider, clock: time, state, live} = this._parts;
-      live.hidden = !this.more;
+      if (!this.more) live.remove();
+      else if (!live.isConnected) time.after(live);
       live.setAttribute("aria-pressed", String(this.live));
       if (document.activeElement !== slider || this.playing) slider.value = this.time;
       slider.setAttribute("aria-valuetext", `${clock(this.time)} of ${clock(this.end)}`);
