@@ -322,5 +322,5 @@ def test_a_position_of_a_tag_without_a_place_is_counted_and_named() -> None:
 
     unknown = result.outcomes.reason[result.outcomes.tag == "rear"]
     assert set(unknown.tolist()) == {"unknown tag rear"}
-    with pytest.raises(LogError, match=r"positions\.csv names tags \['front', 'rear'\]"):
+    with pytest.raises(LogError, match=r"positions name tags \['front', 'rear'\]"):
         run(parse_config(truth), replace(log, tags={"other": (0.0, 0.0, 0.0)}))

@@ -103,7 +103,7 @@ def test_sightings_of_landmarks_without_a_place_are_refused_in_one_sentence() ->
     )
     log = load_log(config, None, 0)
     tables = {name: table for name, table in log.tables.items() if name != "landmarks"}
-    with pytest.raises(LogError, match=r"no landmarks\.csv"):
+    with pytest.raises(LogError, match=r"but no landmarks; add simulation\.landmarks"):
         run(config, replace(log, tables=tables))
 
 

@@ -58,7 +58,7 @@ def test_a_file_that_cannot_be_read_or_unpacked_is_named(tmp_path: Path) -> None
     for data in (b"no gzip at all", gzip.compress(b"a,b\n" * 100)[:-20], b""):
         with pytest.raises(LogError, match=r"t\.csv\.gz"):
             read_table(write(tmp_path, data, "t.csv.gz"))
-    with pytest.raises(LogError, match="cannot be read"):
+    with pytest.raises(LogError, match="is a folder; expected a file"):
         read_bytes(tmp_path)
 
 
