@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -77,6 +78,8 @@ class FastRobot:
         self._lap = _lap_of(log, singly)
         self._laps = 0
         self._driven = _core.Pose2(0.0, 0.0, 0.0)
+        self._messages = self._on_laps()
+        self._next = next(self._messages)
         self._clock = peer.publisher("clock", "rosgraph_msgs/Clock", QoSProfile(depth=10))
         reliable = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
         kinds = {
@@ -97,22 +100,24 @@ class FastRobot:
     def drive(self, seconds: float) -> float:
         """Drive on for so long; return how long it took by the wall's clock [s]."""
         began, end_ns = time.perf_counter(), round(seconds * NANOSECONDS)
-        first_ns = None
+        first_ns = self._next[0]
+        while self._next[0] - first_ns <= end_ns:
+            now_ns, topic, message, pose = self._next
+            self._wait_until(began + (now_ns - first_ns) / NANOSECONDS)
+            if topic == "odom":
+                self._clock.publish(message_of("rosgraph_msgs/Clock", {"clock": {"ns": now_ns}}))
+            self._publish(topic, message, now_ns, pose)
+            self._next = next(self._messages)
+        return time.perf_counter() - began
+
+    def _on_laps(self) -> Iterator[tuple[int, str, Any, _core.Pose2]]:
+        """Yield when, on which topic, which message, and the pose that odometry tells by then."""
         while True:
             shift_ns = self._laps * round(LAP_S * NANOSECONDS)
             pose = self._driven
             for at_ns, topic, message, driven in self._lap:
-                now_ns = at_ns + shift_ns
-                first_ns = now_ns if first_ns is None else first_ns
-                if now_ns - first_ns > end_ns:
-                    return time.perf_counter() - began
-                self._wait_until(began + (now_ns - first_ns) / NANOSECONDS)
-                if driven is not None:
-                    pose = self._driven * driven
-                    self._clock.publish(
-                        message_of("rosgraph_msgs/Clock", {"clock": {"ns": now_ns}})
-                    )
-                self._publish(topic, message, now_ns, pose)
+                pose = pose if driven is None else self._driven * driven
+                yield at_ns + shift_ns, topic, message, pose
             self._laps, self._driven = self._laps + 1, pose
 
     def settle(self) -> None:
