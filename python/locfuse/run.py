@@ -14,7 +14,7 @@ import numpy as np
 
 from locfuse import _core
 from locfuse.config.build import build_estimator_config, build_recovering_config
-from locfuse.config.schema import Dataset, RunConfig
+from locfuse.config.schema import SOURCES, Dataset, RunConfig
 from locfuse.cylinders import with_cylinders
 from locfuse.eval.metrics import metrics
 from locfuse.eval.readiness import readiness
@@ -121,10 +121,10 @@ def _of_mcl(
 
 
 def _say_what_is_missing(config: RunConfig, log: Log) -> None:
-    """Name what ``use`` asks for in so many words and the log has not: the others go on."""
+    """Name what ``use`` chooses and the log has not: the others go on."""
     made = {"poses"} if config.mcl is not None else set()
     made |= {"landmark_sightings"} if config.cylinders is not None else set()
-    if "use" not in config.model_fields_set:
+    if config.use == list(SOURCES):  # whatever there is
         return
     for source in config.use:
         if source not in made and (source not in log or len(log[source]["stamp_ns"]) == 0):
