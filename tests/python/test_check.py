@@ -307,7 +307,7 @@ MISCONFIGURED: dict[str, tuple[str, str, str, dict[str, Any], Any]] = {
         "what_a_run_would_refuse", "error", "nothing to fuse",
         healthy(use=["poses"]), None),
     "ranges without anchors": (
-        "what_a_run_would_refuse", "error", "has ranges but no anchors", healthy(), without("anchors")),
+        "what_a_run_would_refuse", "error", "ranges but no anchors", healthy(), without("anchors")),
     "a source in use is not in the log": (
         "sources_without_messages", "warning", "uses poses",
         healthy(use=["odometry", "ranges", "poses"]), None),
