@@ -6,10 +6,10 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from locfuse.ros.peers import in_order_of_arrival, static_of
 
 from locfuse.config.load import parse_config
 from locfuse.ros.adapter import Adapter
+from locfuse.ros.log_player import in_order_of_arrival, static_of
 from locfuse.run import load_log, run
 from support_ros import message
 
