@@ -43,7 +43,8 @@ def test_a_pose_answers_odometry_within_milliseconds(peer: Peer) -> None:
     print(f"does nothing {bare[0]:.2f} and {bare[1]:.2f} ms; {work}")
     assert len(robot.answers.waited_ms) > 1_000
     assert work["work [ms] median"] <= 2.0
-    if bare[0] <= 1.6 and bare[1] <= 5.0:  # else others had the cores, which says nothing of it
+    # Else others had the cores, or they are slow: that says nothing of the node.
+    if bare[0] <= 1.2 and bare[1] <= 5.0:
         assert node[0] <= 2.0
         assert node[1] <= 10.0
 
