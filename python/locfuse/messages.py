@@ -110,6 +110,15 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
     )
 
 
+def absent(config: RunConfig, log: Log) -> list[str]:
+    """Return the sources that ``use`` names, that nothing makes and the log has no message of."""
+    made = {"poses"} if config.mcl is not None and config.mcl.poses_hz is not None else set()
+    made |= {"landmark_sightings"} if config.cylinders is not None else set()
+    return [source for source in config.use
+            if source not in made and (source not in log or not len(log[source]["stamp_ns"]))
+            ]  # fmt: skip
+
+
 def cut_off(
     log: Log,
     messages: Messages,

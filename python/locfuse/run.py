@@ -22,7 +22,15 @@ from locfuse.health import health_metrics, health_of
 from locfuse.io.datasets import convert
 from locfuse.io.log_folder import read_log
 from locfuse.localization import Localization, Stopwatch, localize, with_poses_of
-from locfuse.messages import Messages, cut_off, landmarks_of, radios_of, to_messages, truth_of
+from locfuse.messages import (
+    Messages,
+    absent,
+    cut_off,
+    landmarks_of,
+    radios_of,
+    to_messages,
+    truth_of,
+)
 from locfuse.outcomes import outcomes_of, outcomes_of_mcl, with_scans, with_switches
 from locfuse.recording import read_recording
 from locfuse.sim.scenario import simulate
@@ -122,14 +130,11 @@ def _of_mcl(
 
 def _say_what_is_missing(config: RunConfig, log: Log) -> None:
     """Name what ``use`` chooses and the log has not: the others go on."""
-    made = {"poses"} if config.mcl is not None else set()
-    made |= {"landmark_sightings"} if config.cylinders is not None else set()
     if config.use == list(SOURCES):  # whatever there is
         return
-    for source in config.use:
-        if source not in made and (source not in log or len(log[source]["stamp_ns"]) == 0):
-            bag = f"; is ros.topics.{source} its topic?" if log.origin == "bag" else ""
-            _logger.warning("use names %s, but the log has none%s", source, bag)
+    for source in absent(config, log):
+        bag = f"; is ros.topics.{source} its topic?" if log.origin == "bag" else ""
+        _logger.warning("use names %s, but the log has none%s", source, bag)
 
 
 def _fuse(

@@ -13,18 +13,11 @@ from pathlib import Path
 
 from namespace import is_isolated
 from ros1_peer import Ear, node, roscore, wait_for
+from support_process import memory_mb
 from test_ros1_load import Hall, counts, of_topics, world
 
 BETWEEN_S = 60.0
 HZ = {"odom": 100.0, "uwb": 122.0, "scan": 20.0}  # with 24 anchors, each range a message
-
-
-def memory_mb(pid: int) -> float:
-    """Return the resident memory of a process."""
-    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
-        if line.startswith("VmRSS"):
-            return int(line.split()[1]) / 1024.0
-    raise AssertionError(f"process {pid} has ended")
 
 
 def drive(minutes: float, folder: Path) -> None:

@@ -25,6 +25,7 @@ from rclpy.qos import QoSProfile
 
 from locfuse.ros.encode import Publication
 from locfuse_ros.fill import message_class, message_of
+from support_process import memory_mb
 
 DOMAINS = itertools.count(1)
 
@@ -187,9 +188,7 @@ class Process:
 
     def memory_mb(self) -> float:
         """Return the memory that it holds."""
-        status = Path(f"/proc/{self.process.pid}/status").read_text()
-        line = next(one for one in status.splitlines() if one.startswith("VmRSS"))
-        return float(line.split()[1]) / 1024.0
+        return memory_mb(self.process.pid)
 
     def cpu_s(self) -> float:
         """Return the processor's time that it has used."""

@@ -13,7 +13,7 @@ from locfuse.check.grid import on_map
 from locfuse.check.tracks import legs
 from locfuse.config.schema import SOURCES
 from locfuse.localization import messages_for
-from locfuse.messages import to_messages
+from locfuse.messages import absent, to_messages
 from locfuse.start import start_of
 from locfuse.types import NANOSECONDS, OCCUPIED, Columns, ConfigError, LogError, StampArray
 
@@ -37,14 +37,11 @@ def what_a_run_would_refuse(context: Context) -> Iterator[Finding]:
 def sources_without_messages(context: Context) -> Iterator[Finding]:
     """Name sources that the configuration asks for and the log does not have."""
     asked = "use" in context.config.model_fields_set
-    mcl = context.config.mcl
-    made = ["poses"] if mcl is not None and mcl.poses_hz is not None else []
-    made += ["landmark_sightings"] if context.config.cylinders is not None else []
-    for source in (s for s in context.config.use if s not in made):
-        if source in context.log.tables and context.table(source) is None:
+    for source in absent(context.config, context.log):
+        if source in context.log:
             yield warning(f"{source}.csv is there, but has no message", f"{source}.csv",
                           "was the sensor switched on?")  # fmt: skip
-        elif source not in context.log.tables and asked:
+        elif asked:
             yield warning(f"the configuration uses {source}, but the log has none", "use",
                           f"record {source}, or leave them out of use")  # fmt: skip
 

@@ -385,18 +385,21 @@ class Adapter:
         """Go on with a run that knows the world as it is now, from where the last one was."""
         if not self._is_enough(self._world.log):
             return
-        before, self._live = self._live, LiveRun(self._config, self._world.log)
-        for source in self._off:
-            self._live.enable(source, False)
+        before, self._live = self._live, self._anew()
         if before is not None:
             self._live.go_on_from(before)
+
+    def _anew(self) -> LiveRun:
+        """Return a run that has heard nothing, with the sources off that are."""
+        live = LiveRun(self._config, self._world.log)
+        for source in self._off:
+            live.enable(source, False)
+        return live
 
     def reset(self) -> None:
         """Forget everything heard but the world: as at the start."""
         if self._live is not None:
-            self._live = LiveRun(self._config, self._world.log)
-            for source in self._off:
-                self._live.enable(source, False)
+            self._live = self._anew()
         self._telling.forget()
         self._clear()
 

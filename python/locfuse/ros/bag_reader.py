@@ -275,7 +275,8 @@ class _Reading:
         return f"its fields are of other kinds than {one.sender.connection.type} should have"
 
     def _odometry(self, messages: Unpacked) -> Said:
-        self.heard.bodies.update(messages.text("child_frame_id").names)
+        bodies = messages.text("child_frame_id").names
+        self.heard.bodies.update(plain(name) for name in bodies if name)
         return decode_many.odometry(messages, self.heard.odometry_from())
 
     def _scans(self, messages: Unpacked) -> Said:

@@ -19,7 +19,7 @@ from locfuse.config.schema import RunConfig
 from locfuse.ros import encode
 from locfuse.ros.decode import FixRow, RangeRow, ScanRow, SightingRow
 from locfuse.ros.encode import Publication
-from locfuse.ros.parameters import LARGEST, Parameter
+from locfuse.ros.parameters import LARGEST, Parameter, folder_of
 from locfuse.run import load_log
 from locfuse.types import NANOSECONDS, ConfigError, FloatArray, Log
 
@@ -59,8 +59,6 @@ class LogPlayer:
     ----------
     told : mapping
         Values of the `PARAMETERS`.
-    base : callable
-        Returns the folder that the paths in a configuration are relative to, of its path.
     warn : callable
         Told a sentence where stamps are not those of the log.
 
@@ -77,19 +75,14 @@ class LogPlayer:
         If neither a configuration nor a log is named, or one of them cannot be read.
     """
 
-    def __init__(
-        self,
-        told: Mapping[str, Any],
-        base: Callable[[str], Any],
-        warn: Callable[[str], object],
-    ) -> None:
+    def __init__(self, told: Mapping[str, Any], warn: Callable[[str], object]) -> None:
         if not (told["config"] or told["log"]):
             raise ConfigError("nothing to play; set log to a log folder, or config to a YAML that "
                               "names one")  # fmt: skip
         config = load_config(told["config"]) if told["config"] else RunConfig()
         if told["log"]:
             config = config.model_copy(update={"log": told["log"], "simulation": None})
-        log = load_log(config, base(told["config"]), config.seed)
+        log = load_log(config, folder_of(told["config"]), config.seed)
         self._speed, self._loop = told["speed"], told["loop"]
         self._arrivals = list(with_transforms(in_order_of_arrival(log, config.ros), config.ros))
         if not self._arrivals:

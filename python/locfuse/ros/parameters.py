@@ -109,6 +109,11 @@ def parameters(config: RunConfig) -> list[Parameter]:
     return list(_of_model(RunConfig, config, ""))
 
 
+def folder_of(path: str) -> Path:
+    """Return the folder that the paths in a configuration are relative to; without one this one."""
+    return Path(path).resolve().parent if path else Path.cwd()
+
+
 def config_of(
     given: Mapping[str, Any], path: str | Path | None = None, origin: str = "parameters"
 ) -> RunConfig:

@@ -13,7 +13,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from locfuse.config.schema import RunConfig
-from locfuse.ros.parameters import Parameter, config_of, parameters, values_of
+from locfuse.ros.parameters import Parameter, config_of, folder_of, parameters, values_of
 from locfuse.types import ConfigError
 
 # What every node of ROS 2 has, whoever wrote it.
@@ -61,11 +61,6 @@ def configure(node: Node) -> tuple[RunConfig, Path]:
     text = "path of the YAML of a run, below what other parameters say"
     declare(node, [Parameter("config", "text", path, None, None, text), *parameters(config)])
     return config, folder_of(path)
-
-
-def folder_of(path: str) -> Path:
-    """Return the folder that the paths in a configuration are relative to."""
-    return Path(path).resolve().parent if path else Path.cwd()
 
 
 def options(node: Node, known: Sequence[Parameter]) -> dict[str, Any]:

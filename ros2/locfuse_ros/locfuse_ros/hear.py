@@ -18,6 +18,20 @@ AT_ONCE = 8  # messages of a topic that are taken before the others, and /clock,
 ABSOLUTE = ("tf", "tf_static", "diagnostics")  # topics that everybody shares, whatever namespace
 
 
+class Once:
+    """Warns of what stays as it is, each sentence once."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._told: set[str] = set()
+
+    def say(self, sentence: str) -> None:
+        """Warn, if that has not been said."""
+        if sentence not in self._told:
+            self._told.add(sentence)
+            self._node.get_logger().warning(sentence)
+
+
 class In:
     """A topic that is heard, in the type that its publisher has.
 
@@ -48,7 +62,7 @@ class In:
         self._advice = advice
         self._name = resolved(node, topic)
         self._kind = types[0]
-        self._said: set[str] = set()
+        self._once = Once(node)
         self.publishers = 0
         self._heard = self._subscribe()
 
@@ -68,7 +82,7 @@ class In:
             self._heard = self._subscribe()
         elif spoken and not ours:
             expected = " or ".join(self._types)
-            self._say_once(
+            self._once.say(
                 f"{self._name} has messages of type {', '.join(sorted(spoken))}, which are not "
                 f"heard; expected {expected}, or {self._advice}"
             )
@@ -100,12 +114,7 @@ class In:
 
     def _mismatch(self, event: Any) -> None:
         if event.total_count:
-            self._say_once(does_not_hear(self._name, event.last_policy_kind, self._qos))
-
-    def _say_once(self, sentence: str) -> None:
-        if sentence not in self._said:
-            self._said.add(sentence)
-            self._node.get_logger().warning(sentence)
+            self._once.say(does_not_hear(self._name, event.last_policy_kind, self._qos))
 
 
 def resolved(node: Node, topic: str) -> str:

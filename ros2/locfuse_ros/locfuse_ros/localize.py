@@ -21,7 +21,7 @@ from locfuse.ros.lines import Lines
 from locfuse.types import ConfigError
 from locfuse_ros.declare import configure
 from locfuse_ros.fill import message_class, message_of
-from locfuse_ros.hear import LOOK_S, In, resolved
+from locfuse_ros.hear import LOOK_S, In, Once, resolved
 from locfuse_ros.qos import is_not_heard, to_hear, to_tell
 from locfuse_ros.start import run
 
@@ -40,7 +40,7 @@ class Localizer(Node):
         self._adapter = Adapter(config, base=base)
         self._lines = Lines(ADVICE)
         self._names: dict[str, str] = {}
-        self._told: set[str] = set()
+        self.once = Once(self)
         self._work: list[float] = []  # ms, of each message since the last report
         # Before the first message, so that who listens is there when it comes.
         self._outs: dict[str, Out] = {}
@@ -71,12 +71,6 @@ class Localizer(Node):
         began = time.perf_counter()
         self._handle(lambda now_ns: self._adapter.on(source, topic, message, now_ns))
         self._work.append(1e3 * (time.perf_counter() - began))
-
-    def say_once(self, sentence: str) -> None:
-        """Warn of something that stays as it is, once."""
-        if sentence not in self._told:
-            self._told.add(sentence)
-            self.get_logger().warning(sentence)
 
     def _handle(self, work: Callable[[int], Iterable[Any]]) -> None:
         for told in work(self.get_clock().now().nanoseconds):
@@ -115,7 +109,7 @@ class Localizer(Node):
             self.get_logger().warning("; ".join(news), throttle_duration_sec=LOSSES_S)
         for subscription, one in self._ins.items():
             if subscription.source in ONE_VOICE and one.publishers > 1:
-                self.say_once(
+                self.once.say(
                     f"{one.topic} has {one.publishers} publishers, {self._voices(one.topic)}, "
                     "whose messages are taken for those of one sensor; stop all but one, or give "
                     "each a topic"
@@ -217,7 +211,7 @@ class Out:
 
     def _mismatch(self, event: Any) -> None:
         if event.total_count:
-            self._node.say_once(is_not_heard(self._name, event.last_policy_kind, self._qos))
+            self._node.once.say(is_not_heard(self._name, event.last_policy_kind, self._qos))
 
 
 def main() -> int:

@@ -15,7 +15,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 
 from locfuse.ros.encode import Publication
 from locfuse.ros.log_player import PARAMETERS, SETTLE_S, LogPlayer, Patience
-from locfuse_ros.declare import folder_of, options
+from locfuse_ros.declare import options
 from locfuse_ros.fill import message_class, message_of, time_of
 from locfuse_ros.hear import resolved
 from locfuse_ros.qos import to_tell
@@ -30,7 +30,7 @@ class LogNode(Node):
     def __init__(self) -> None:
         super().__init__("replay_log", automatically_declare_parameters_from_overrides=True)
         told = options(self, PARAMETERS)
-        self._player = LogPlayer(told, folder_of, self.get_logger().warning)
+        self._player = LogPlayer(told, self.get_logger().warning)
         self._outs = {p.topic: self._publisher(p) for p in self._player.topics}
         self._clock = None
         if told["clock"]:

@@ -109,7 +109,7 @@ def test_the_world_is_told_latched() -> None:
 def player(folder: Path, warned: list[str] | None = None, **told: Any) -> LogPlayer:
     told = {"log": str(folder)} | told
     said: list[str] = [] if warned is None else warned
-    return LogPlayer(values_of(PARAMETERS, told), lambda path: Path(path).parent, said.append)
+    return LogPlayer(values_of(PARAMETERS, told), said.append)
 
 
 @pytest.fixture

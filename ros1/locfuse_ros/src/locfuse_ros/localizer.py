@@ -17,10 +17,10 @@ from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 from locfuse.config.schema import SOURCES, RunConfig
 from locfuse.ros.adapter import Adapter
 from locfuse.ros.lines import Lines
-from locfuse.ros.parameters import Parameter, config_of, parameters, values_of
+from locfuse.ros.parameters import Parameter, config_of, folder_of, parameters, values_of
 from locfuse_ros.fill import message_class, message_of
 from locfuse_ros.hear import hear
-from locfuse_ros.node import folder_of, run_node
+from locfuse_ros.node import run_node
 
 CONFIG = Parameter("config", "text", "", None, None,
                    "path of the YAML of a run, below what other parameters say")  # fmt: skip

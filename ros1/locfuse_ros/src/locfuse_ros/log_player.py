@@ -14,14 +14,14 @@ from locfuse.ros.encode import Publication
 from locfuse.ros.log_player import PARAMETERS, SETTLE_S, LogPlayer, Patience
 from locfuse.ros.parameters import values_of
 from locfuse_ros.fill import message_class, message_of, time_of
-from locfuse_ros.node import folder_of, run_node
+from locfuse_ros.node import run_node
 
 
 class LogNode:
     """Publishes a log."""
 
     def __init__(self, told: Mapping[str, Any]) -> None:
-        self._player = LogPlayer(told, folder_of, rospy.logwarn)
+        self._player = LogPlayer(told, rospy.logwarn)
         self._publishers = {p.topic: self._publisher(p) for p in self._player.topics}
         self._clock = None
         if told["clock"]:

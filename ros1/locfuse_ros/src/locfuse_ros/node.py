@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import rospy
@@ -48,11 +47,6 @@ def given() -> Mapping[str, Any]:
     if not isinstance(held, Mapping):
         raise ConfigError(f"{rospy.get_name()} holds {held!r}; expected parameters below it")
     return held
-
-
-def folder_of(path: str) -> Path:
-    """Return the folder that the paths in a configuration are relative to."""
-    return Path(path).resolve().parent if path else Path.cwd()
 
 
 def told(declared: Sequence[Parameter]) -> str:

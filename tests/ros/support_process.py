@@ -1,0 +1,13 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a process holds, as the kernel counts it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def memory_mb(pid: int) -> float:
+    """Return the memory that a process holds."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    line = next(one for one in status.splitlines() if one.startswith("VmRSS"))
+    return float(line.split()[1]) / 1024.0
