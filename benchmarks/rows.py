@@ -63,9 +63,11 @@ def filter_rows(m: Measured) -> Iterator[Row]:
 
 def landmark_rows(m: Measured) -> Iterator[Row]:
     """Compare landmarks as state with the memory they move, and known ones with Eigen by hand."""
-    yield _at_most("landmarks, an update of 403 states / its memory traffic",
-                   m["update_of_403_states"], m["traffic_of_403_states"], 2.0)  # fmt: skip
-    yield _plain("- the same: dense Eigen by hand / ours", m, "update_of_403_states",
+    for states in (403, 1003):
+        yield _at_most(f"landmarks, an update of {states} states / its memory traffic",
+                       m[f"update_one/of_{states}_states"], m[f"traffic/of_{states}_states"],
+                       2.0)  # fmt: skip
+    yield _plain("- of 403: dense Eigen by hand / ours", m, "update_one/of_403_states",
                  "dense_eigen_of_403_states")  # fmt: skip
     yield _within("landmarks, 8 sightings of 50: association and fusion", m["joint_8_of_50"], 2e-3)
     yield _within("- association where all eight fit several", m["joint_compatibility_8_of_50"],
@@ -211,6 +213,10 @@ def particle_rows(m: Measured) -> Iterator[Row]:
         yield _within("- portable", m[f"portable/{step}"], portable, plain)
         yield _at_most("- portable / plain loops", m[f"portable/{step}"], plain, 1.25)
     yield _within("- on two threads", m["mcl/step/20000/180/2/real_time"], 3e-3)
+    for size in ("200/60/1", "2000/60/1"):
+        what = f"C++, Mcl, {size[:-5]} particles drawn where a match of the scan says / by odometry"
+        yield _at_most(what, m[f"mcl/refined/{size}/real_time"], m[f"mcl/step/{size}/real_time"],
+                       4.0)  # fmt: skip
 
 
 def _at_most(what: str, ours: float, peer: float, limit: float) -> Row:

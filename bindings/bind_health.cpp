@@ -42,6 +42,9 @@ void bind_enums(py::module_& m) {
              "Innovations are larger than their covariance.")
       .value("POSITION_IS_VAGUE", HealthClue::kPositionIsVague,
              "The covariance alone leaves the limit.")
+      .value("SCANS_DO_NOT_FIT", HealthClue::kScansDoNotFit, "Scans speak against the pose.")
+      .value("LASER_IS_COVERED", HealthClue::kLaserIsCovered,
+             "A laser sees something right before it.")
       .finalize();
 }
 

@@ -40,7 +40,7 @@ least_corner_evidence : float
     By how much that of a right-angled corner must be larger. Thin cylinders look like the corners of
     boxes as small as they; -20 takes them all, for places without boxes.
 leg_radius_m, leg_distance_m : float
-    Two cylinders up to that radius and that near to each other are legs; 0: nobody walks here.
+    A cylinder up to that radius, that near to anything as thin, is a leg; 0: nobody walks here.
 least_intensity : float
     One beam must be that bright; 0: of any brightness.
 )");

@@ -77,6 +77,7 @@ void bind_mcl(py::module_& m) {
       .def_readwrite("most_gain", &Config::most_gain)
       .def_readwrite("most_drop", &Config::most_drop)
       .def_readwrite("min_explained", &Config::min_explained)
+      .def_readwrite("health", &Config::health)
       .def_readwrite("scouts", &Config::scouts)
       .def_readwrite("scout_draws", &Config::scout_draws)
       .def_readwrite("kidnapping_probability", &Config::kidnapping_probability)
@@ -189,6 +190,8 @@ False
       .def_property_readonly(
           "hypotheses", [](const Mcl& mcl) { return mcl.hypotheses(); },
           "Clusters of particles, a list of PoseHypothesis, the likeliest first.")
+      .def("health", &Mcl::health, "How far its estimate may be trusted; docs/health.md.")
+      .def_property_readonly("sources", &Mcl::sources, "A SourceStatus for each.")
       .def_property_readonly("ready", &Mcl::ready, "Whether one cluster is all but certain.")
       .def_property_readonly("explained", &Mcl::explained,
                              "Share of the last scan's returns that end at a wall.")

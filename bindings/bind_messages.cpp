@@ -105,6 +105,7 @@ void bind_messages(py::module_& m) {
       .value("POSITIONS", Source::kPositions)
       .value("POSES", Source::kPoses)
       .value("LANDMARK_SIGHTINGS", Source::kSightings)
+      .value("SCANS", Source::kScans)
       .finalize();
   py::class_<Velocity>(m, "Velocity",
                        "Wheel odometry as body velocities, held from `stamp` [ns] until the next: "

@@ -188,7 +188,9 @@ void bind_models(py::module_& m) {
                      "rad / sqrt(rad)")
       .def_readwrite("sigma_xy_per_sqrt_s", &OdometryConfig::sigma_xy_per_sqrt_s, "m / sqrt(s)")
       .def_readwrite("sigma_heading_per_sqrt_s", &OdometryConfig::sigma_heading_per_sqrt_s,
-                     "rad / sqrt(s)");
+                     "rad / sqrt(s)")
+      .def_readwrite("sigma_longitudinal_per_sqrt_s",
+                     &OdometryConfig::sigma_longitudinal_per_sqrt_s, "m / sqrt(s)");
   py::class_<OdometryMotion>(m, "OdometryMotion", "Wheel odometry; docs/models/odometry.md.")
       .def(py::init<const OdometryConfig&>(), py::arg("config"))
       .def("propagate",

@@ -61,6 +61,62 @@ std::vector<PoseEstimate> estimates_of(const LocalizeRun& run) {
   return estimates;
 }
 
+/// Columns of what is said of health: `items_of` gives the rows of a run, `health_of` the report of
+/// each.
+template <class Run, class ItemsOf, class HealthOf>
+void bind_health_columns(py::class_<Run>& bound, const ItemsOf& items_of,
+                         const HealthOf& health_of) {
+  const auto column = [&](const char* name, const auto& value_of, const char* doc) {
+    using Value = std::decay_t<decltype(value_of(std::declval<const locfuse::HealthReport&>()))>;
+    bound.def_property_readonly(
+        name,
+        [=](const Run& r) {
+          return column_of<Value>(items_of(r),
+                                  [&](const auto& item) { return value_of(health_of(item)); });
+        },
+        doc);
+  };
+  column(
+      "health_stamp_ns", [](const auto& h) { return h.stamp; },
+      "Stamps of what is said of health, (k,).");
+  column(
+      "health_state", [](const auto& h) { return static_cast<std::uint8_t>(h.state); },
+      "Index into HealthState, (k,).");
+  column(
+      "health_clue", [](const auto& h) { return static_cast<std::uint8_t>(h.clue); },
+      "Index into HealthClue, (k,).");
+  column(
+      "wrong", [](const auto& h) { return h.wrong; },
+      "Probability that the robot is somewhere else, (k,).");
+  column(
+      "within", [](const auto& h) { return h.within; },
+      "Probability that the position error is below the limit, (k,).");
+  bound
+      .def_property_readonly(
+          "health_source",
+          [=](const Run& r) {
+            std::vector<std::optional<locfuse::NamedSource>> sources;
+            sources.reserve(items_of(r).size());
+            for (const auto& item : items_of(r)) {
+              sources.push_back(health_of(item).source);
+            }
+            return sources;
+          },
+          "The source that the clue names, or None: k of them.")
+      .def_property_readonly(
+          "protection",
+          [=](const Run& r) {
+            std::vector<double> rows;
+            rows.reserve(3 * items_of(r).size());
+            for (const auto& item : items_of(r)) {
+              const auto& levels = health_of(item).protection;
+              rows.insert(rows.end(), levels.data(), levels.data() + 3);
+            }
+            return to_numpy(std::move(rows), {static_cast<py::ssize_t>(items_of(r).size()), 3});
+          },
+          "Protection levels of x, y [m] and heading [rad], (k, 3).");
+}
+
 /// What Python is told: the number of messages done, and what copies the run so far if asked.
 template <class Run>
 using Told = std::optional<std::function<void(std::size_t, std::function<Run()>)>>;
@@ -122,7 +178,11 @@ void bind_replay(py::module_& m) {
       .value("RESET", ClockJump::kReset, "Start anew, as the estimator was at first.")
       .value("CONTINUE", ClockJump::kContinue, "Go on from the same pose at the new time.")
       .finalize();
-  py::class_<RunLog>(m, "RunLog", "What a replay leaves behind, as columns.")
+  py::class_<RunLog> run_log(m, "RunLog", "What a replay leaves behind, as columns.");
+  bind_health_columns(
+      run_log, [](const RunLog& r) -> const auto& { return r.health; },
+      [](const locfuse::HealthReport& h) -> const auto& { return h; });
+  run_log
       .def_property_readonly(
           "stamp_ns",
           [](const RunLog& r) {
@@ -173,60 +233,6 @@ void bind_replay(py::module_& m) {
           "noise_factor",
           [](const RunLog& r, locfuse::Source source) { return r.adaptive.factor(source); },
           py::arg("source"), "Factor of the variances of a Source by then: 1 unless adaptive.")
-      .def_property_readonly(
-          "health_stamp_ns",
-          [](const RunLog& r) {
-            return column_of<Stamp>(r.health, [](const auto& h) { return h.stamp; });
-          },
-          "Stamps of what a RecoveringEkf says of its health, (k,).")
-      .def_property_readonly(
-          "health_state",
-          [](const RunLog& r) {
-            return column_of<std::uint8_t>(
-                r.health, [](const auto& h) { return static_cast<std::uint8_t>(h.state); });
-          },
-          "Index into HealthState, (k,).")
-      .def_property_readonly(
-          "health_clue",
-          [](const RunLog& r) {
-            return column_of<std::uint8_t>(
-                r.health, [](const auto& h) { return static_cast<std::uint8_t>(h.clue); });
-          },
-          "Index into HealthClue, (k,).")
-      .def_property_readonly(
-          "health_source",
-          [](const RunLog& r) {
-            std::vector<std::optional<locfuse::NamedSource>> sources;
-            sources.reserve(r.health.size());
-            for (const auto& h : r.health) {
-              sources.push_back(h.source);
-            }
-            return sources;
-          },
-          "The source that the clue names, or None: k of them.")
-      .def_property_readonly(
-          "wrong",
-          [](const RunLog& r) {
-            return column_of<double>(r.health, [](const auto& h) { return h.wrong; });
-          },
-          "Probability that the robot is somewhere else, (k,).")
-      .def_property_readonly(
-          "within",
-          [](const RunLog& r) {
-            return column_of<double>(r.health, [](const auto& h) { return h.within; });
-          },
-          "Probability that the position error is below the limit, (k,).")
-      .def_property_readonly(
-          "protection",
-          [](const RunLog& r) {
-            std::vector<double> rows;
-            rows.reserve(3 * r.health.size());
-            for (const auto& h : r.health) {
-              rows.insert(rows.end(), h.protection.data(), h.protection.data() + 3);
-            }
-            return to_numpy(std::move(rows), {static_cast<py::ssize_t>(r.health.size()), 3});
-          },
-          "Protection levels of x, y [m] and heading [rad], (k, 3).")
       .def_readonly("sources", &RunLog::sources, "A SourceStatus for each, at the end of the log.")
       .def_readonly("alarms", &RunLog::alarms, "How often it was lost.")
       .def_readonly("restarts", &RunLog::restarts, "How often it then found another place.")
@@ -253,7 +259,12 @@ void bind_replay(py::module_& m) {
       },
       py::arg("initializer"), py::arg("log"), py::arg("scans"),
       "Feeds a sorted log and scans until the initializer is ready or both end.");
-  py::class_<LocalizeRun>(m, "LocalizeRun", "How a localization on a map went, as columns.")
+  py::class_<LocalizeRun> localize_run(m, "LocalizeRun",
+                                       "How a localization on a map went, as columns.");
+  bind_health_columns(
+      localize_run, [](const LocalizeRun& r) -> const auto& { return r.steps; },
+      [](const LocalizeRun::Step& step) -> const auto& { return step.health; });
+  localize_run
       .def_property_readonly(
           "verdict", [](const LocalizeRun& r) { return verdicts_of(r.outcomes); },
           "Index into Verdict, one per message in order of arrival.")

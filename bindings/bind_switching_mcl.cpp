@@ -98,6 +98,11 @@ Examples
            "Takes one message. Ranges and fixes go to UWB's filter, all else weighs particles.")
       .def("estimate", &SwitchingMcl::estimate,
            "Of the particles, carried to the end of what odometry has told.")
+      .def("health", &SwitchingMcl::health,
+           "How far that may be trusted, by what particles were weighed with.")
+      .def_property_readonly(
+          "sources", [](const SwitchingMcl& s) { return s.mcl().sources(); },
+          "A SourceStatus for each that weighs particles.")
       .def_property_readonly(
           "mcl", [](const SwitchingMcl& s) { return s.mcl(); }, "A snapshot of the particles.")
       .def_property_readonly(

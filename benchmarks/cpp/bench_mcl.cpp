@@ -35,17 +35,20 @@ Mcl::Config settings(int particles, int beams, int threads) {
   return config;
 }
 
-Mcl started(int particles, int beams, int threads) {
-  Mcl mcl(settings(particles, beams, threads), room().map, 0);
+Mcl started(int particles, int beams, int threads, bool refined) {
+  Mcl::Config config = settings(particles, beams, threads);
+  config.refine_up_to = refined ? particles : 0;
+  Mcl mcl(config, room().map, 0);
   const locfuse::Vector<3> sigma(0.1, 0.1, 0.05);
   mcl.start_at({{{0, room().truth[0], sigma.cwiseAbs2().asDiagonal()}, 1.0}});
   return mcl;
 }
 
-void step(benchmark::State& state) {
+/// `refined` draws particles from odometry and a match of the scan together.
+void step(benchmark::State& state, bool refined) {
   const auto particles = static_cast<int>(state.range(0));
   const auto beams = static_cast<int>(state.range(1));
-  const Mcl fresh = started(particles, beams, static_cast<int>(state.range(2)));
+  const Mcl fresh = started(particles, beams, static_cast<int>(state.range(2)), refined);
   Mcl mcl = fresh;
   std::size_t k = 0;
   double squares = 0.0;
@@ -204,11 +207,18 @@ void plain(benchmark::State& state) {
   }
 }
 
-BENCHMARK(step)
+BENCHMARK_CAPTURE(step, odometry, false)
     ->Name("mcl/step")
+    ->Args({200, 60, 1})
     ->Args({2000, 60, 1})
     ->Args({20000, 180, 1})
     ->Args({20000, 180, 2})
+    ->Unit(benchmark::kMicrosecond)
+    ->UseRealTime();
+BENCHMARK_CAPTURE(step, match, true)
+    ->Name("mcl/refined")
+    ->Args({200, 60, 1})
+    ->Args({2000, 60, 1})
     ->Unit(benchmark::kMicrosecond)
     ->UseRealTime();
 BENCHMARK(plain)

@@ -286,6 +286,7 @@ class Source(enum.Enum):
     POSES = ...
     POSITIONS = ...
     RANGES = ...
+    SCANS = ...
 
 class Velocity:
     """
@@ -1319,7 +1320,7 @@ class CylinderDetectorConfig:
         By how much that of a right-angled corner must be larger. Thin cylinders look like the corners of
         boxes as small as they; -20 takes them all, for places without boxes.
     leg_radius_m, leg_distance_m : float
-        Two cylinders up to that radius and that near to each other are legs; 0: nobody walks here.
+        A cylinder up to that radius, that near to anything as thin, is a leg; 0: nobody walks here.
     least_intensity : float
         One beam must be that bright; 0: of any brightness.
     """
@@ -1694,6 +1695,15 @@ class OdometryConfig:
         """
     @sigma_longitudinal_per_sqrt_m.setter
     def sigma_longitudinal_per_sqrt_m(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+    @property
+    def sigma_longitudinal_per_sqrt_s(self) -> float:
+        """
+        m / sqrt(s)
+        """
+    @sigma_longitudinal_per_sqrt_s.setter
+    def sigma_longitudinal_per_sqrt_s(
         self, arg0: typing.SupportsFloat | typing.SupportsIndex
     ) -> None: ...
     @property
@@ -3503,11 +3513,13 @@ class HealthClue(enum.Enum):
     Why a state is not OK.
     """
 
+    LASER_IS_COVERED = ...
     MEASUREMENTS = ...
     NOISE_IS_LARGER = ...
     NONE = ...
     NO_ESTIMATE = ...
     POSITION_IS_VAGUE = ...
+    SCANS_DO_NOT_FIT = ...
     SEVERAL_PLACES = ...
     SILENCE = ...
     SOURCE_IS_SILENT = ...
@@ -4007,6 +4019,7 @@ class MclConfig:
 
     beam_model: BeamModelConfig
     field: LikelihoodFieldConfig
+    health: HealthConfig
     landmark: RangeBearingConfig
     likelihood: ScanLikelihood
     limits: Limits
@@ -4207,6 +4220,10 @@ class Mcl:
         """
         The likeliest cluster, carried to the end of what odometry has told.
         """
+    def health(self) -> HealthReport:
+        """
+        How far its estimate may be trusted; docs/health.md.
+        """
     def inject(
         self, pose: PoseEstimate, share: typing.SupportsFloat | typing.SupportsIndex = 1.0
     ) -> None:
@@ -4289,6 +4306,11 @@ class Mcl:
     def sigma_hit(self) -> float:
         """
         How far end points lie beside walls, as scans tell [m].
+        """
+    @property
+    def sources(self) -> list[SourceStatus]:
+        """
+        A SourceStatus for each.
         """
     @property
     def used_share(self) -> float:
@@ -4462,6 +4484,10 @@ class SwitchingMcl:
         """
         Of the particles, carried to the end of what odometry has told.
         """
+    def health(self) -> HealthReport:
+        """
+        How far that may be trusted, by what particles were weighed with.
+        """
     @typing.overload
     def on(self, message: Velocity) -> Outcome: ...
     @typing.overload
@@ -4498,6 +4524,11 @@ class SwitchingMcl:
     def ready(self) -> bool:
         """
         Whether one cluster of particles is all but certain.
+        """
+    @property
+    def sources(self) -> list[SourceStatus]:
+        """
+        A SourceStatus for each that weighs particles.
         """
     @property
     def uwb(self) -> RecoveringEkf:
@@ -5093,7 +5124,7 @@ class RunLog:
     @property
     def health_stamp_ns(self) -> numpy.typing.NDArray[numpy.int64]:
         """
-        Stamps of what a RecoveringEkf says of its health, (k,).
+        Stamps of what is said of health, (k,).
         """
     @property
     def health_state(self) -> numpy.typing.NDArray[numpy.uint8]:
@@ -5205,6 +5236,26 @@ class LocalizeRun:
         Share of the scan's returns that end at a wall, (n,).
         """
     @property
+    def health_clue(self) -> numpy.typing.NDArray[numpy.uint8]:
+        """
+        Index into HealthClue, (k,).
+        """
+    @property
+    def health_source(self) -> list[NamedSource | None]:
+        """
+        The source that the clue names, or None: k of them.
+        """
+    @property
+    def health_stamp_ns(self) -> numpy.typing.NDArray[numpy.int64]:
+        """
+        Stamps of what is said of health, (k,).
+        """
+    @property
+    def health_state(self) -> numpy.typing.NDArray[numpy.uint8]:
+        """
+        Index into HealthState, (k,).
+        """
+    @property
     def particles(self) -> numpy.typing.NDArray[numpy.int64]:
         """
         How many, (n,).
@@ -5218,6 +5269,11 @@ class LocalizeRun:
     def probability(self) -> numpy.typing.NDArray[numpy.float64]:
         """
         Of the likeliest hypothesis, (n,).
+        """
+    @property
+    def protection(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Protection levels of x, y [m] and heading [rad], (k, 3).
         """
     @property
     def ready(self) -> numpy.typing.NDArray[numpy.bool]:
@@ -5243,6 +5299,16 @@ class LocalizeRun:
     def verdict(self) -> numpy.typing.NDArray[numpy.uint8]:
         """
         Index into Verdict, one per message in order of arrival.
+        """
+    @property
+    def within(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Probability that the position error is below the limit, (k,).
+        """
+    @property
+    def wrong(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Probability that the robot is somewhere else, (k,).
         """
 
 class Live:

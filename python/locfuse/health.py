@@ -27,8 +27,10 @@ class Names(Protocol):
     def landmark_names(self) -> list[str]: ...
 
 
-def health_of(record: _core.RunLog, messages: Messages, config: RunConfig) -> Health:
-    """Return the health of a replayed `RecoveringEkf`."""
+def health_of(
+    record: _core.RunLog | _core.LocalizeRun, messages: Messages, config: RunConfig
+) -> Health:
+    """Return the health of a replayed `RecoveringEkf`, or of an `Mcl`."""
     clues = list(_core.HealthClue)
     reason = [
         reason_of(clues[clue], source, messages, config)
@@ -66,16 +68,18 @@ def _sentences(aiding_lost_s: float, limit_m: float) -> dict[_core.HealthClue, s
         _core.HealthClue.NOISE_IS_LARGER: "innovations are larger than their sigmas",
         _core.HealthClue.POSITION_IS_VAGUE: f"the position error is below {limit_m:g} m by even "
                                             "chance at most",
+        _core.HealthClue.SCANS_DO_NOT_FIT: "scans fit the map hardly better than from elsewhere",
+        _core.HealthClue.LASER_IS_COVERED: "the laser sees something right before it",
     }  # fmt: skip
 
 
-def health_metrics(health: Health, record: _core.RunLog) -> dict[str, Any]:
-    """Return what ``metrics.json`` says of health."""
+def health_metrics(health: Health, alarms: int, restarts: int) -> dict[str, Any]:
+    """Return what ``metrics.json`` says of health: how often it was lost, and found elsewhere."""
     states, counts = np.unique(health.state, return_counts=True)
     return {
         "share": dict(zip(states.tolist(), (counts / max(len(health), 1)).tolist(), strict=True)),
-        "alarms": record.alarms,
-        "restarts": record.restarts,
+        "alarms": alarms,
+        "restarts": restarts,
         "protection_available": float(np.mean(np.isfinite(health.protection[:, 0])))
         if len(health)
         else None,
@@ -95,4 +99,5 @@ def name_of(source: _core.NamedSource, names: Names) -> str:
         _core.Source.LANDMARK_SIGHTINGS: "landmark sighting",
         _core.Source.POSITIONS: "position",
         _core.Source.POSES: "pose",
+        _core.Source.SCANS: "scan",
     }[kind]

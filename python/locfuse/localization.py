@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 
 from locfuse import _core
 from locfuse.config.build import (
+    build_health_config,
     build_mcl_config,
     build_recovering_config,
     build_switching_config,
 )
 from locfuse.config.schema import RunConfig
+from locfuse.health import health_of
 from locfuse.lacking import how_to_add
 from locfuse.messages import Messages, cut_off, landmarks_of, radios_of, to_messages, truth_of
 from locfuse.start import grid_of, hypotheses_of, scans_of, start_of
@@ -25,6 +27,7 @@ from locfuse.types import (
     NANOSECONDS,
     Columns,
     Frame,
+    Health,
     Hypothesis,
     Log,
     LogError,
@@ -59,6 +62,8 @@ class Localization:
         How it found it, if it did.
     wall_s : float
         That it took.
+    health : Health
+        How far the estimates may be trusted, a row for each.
     injections : tuple of Injection
         When UWB took over, where ``mcl`` has a switch.
     frames : tuple of Frame
@@ -76,6 +81,7 @@ class Localization:
     searched: bool
     start: Start | None
     wall_s: float
+    health: Health
     injections: tuple[_core.Injection, ...] = ()
     frames: tuple[Frame, ...] = ()
 
@@ -141,7 +147,9 @@ def mcl_on(
         If the map has no free or no occupied cell.
     """
     assert config.mcl is not None
-    mcl = _core.Mcl(build_mcl_config(config.mcl, config.seed), grid, begin_ns, *radios, landmarks)
+    settings = build_mcl_config(config.mcl, config.seed)
+    settings.health = build_health_config(config.health)
+    mcl = _core.Mcl(settings, grid, begin_ns, *radios, landmarks)
     if start is not None:
         mcl.start_at([_core.PoseHypothesis(start)])
     if config.mcl.switch is None:
@@ -204,6 +212,7 @@ def localize(
             searched=search is not None,
             start=None if search is None else search.start(begin),
             wall_s=wall_s,
+            health=health_of(run, messages, config),
             injections=tuple(mcl.injections) if isinstance(mcl, _core.SwitchingMcl) else (),
             frames=tuple(film.frames),
         )  # fmt: skip

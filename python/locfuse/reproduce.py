@@ -17,6 +17,7 @@ from locfuse.claims import Claim, Progress, absent, claim_of
 from locfuse.config.load import parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.consistency import consistency_claims
+from locfuse.cylinder_worlds import cylinder_claims
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
 from locfuse.gadau import draw_pictures as draw_gadau
@@ -343,6 +344,7 @@ PAPERS: dict[str, Callable[[int, Progress], list[Claim]]] = {
     "gadau2022": gadau_claims,
     "celan2017": lambda seeds, progress: celan_claims(seeds, progress, example_configs()),
     "landmarks": lambda seeds, progress: landmark_claims(example_configs(), seeds, progress),
+    "cylinders": cylinder_claims,
     "consistency": consistency_claims,
     "air": lambda seeds, progress: air_claims(example_configs(), progress),
     "trust": trust_claims,

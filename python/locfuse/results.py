@@ -31,7 +31,7 @@ def write_results(result: RunResult, folder: str | Path) -> Path:
         Of ``report.html``. Beside it: ``config.yaml`` (effective), ``estimate.tum``, ``truth.tum``
         (interpolated to the estimate's stamps, so any program compares the same pairs that
         ``metrics.json`` does; only with truth), ``estimate.csv`` (with covariance),
-        ``outcomes.csv`` (one row per message), ``health.csv`` (of a pose EKF),
+        ``outcomes.csv`` (one row per message), ``health.csv``,
         ``metrics.json`` and the pictures.
     """
     folder = Path(folder)

@@ -180,7 +180,7 @@ def _fuse(
             "clock_jumps": record.jumps,
             "fallen_out": record.fallen_out,
             "noise_factors": _noise_factors(config, record),
-            "health": health_metrics(health, record),
+            "health": health_metrics(health, record.alarms, record.restarts),
         }
         result = _result(config, log, estimate, outcomes, figures, found, localization,
                          record.errors, messages.anchor_names)  # fmt: skip
@@ -241,13 +241,17 @@ def _located(config: RunConfig, log: Log, localization: Localization) -> RunResu
         ready = found is not None and estimate.stamp_ns >= found.stamp_ns
         estimate = rows_of(estimate, np.broadcast_to(ready, len(estimate)))
     outcomes = outcomes_of_mcl(localization, log)
+    lost = np.concatenate([[False], localization.health.state == "lost"])
+    alarms = int(np.sum(lost[1:] & ~lost[:-1]))
     duration_s = (localization.end_ns - localization.begin_ns) / NANOSECONDS
     figures = {
         **metrics(estimate, truth_of(log), outcomes, duration_s, localization.wall_s),
-        **dict.fromkeys(("interventions", "clock_jumps", "fallen_out", "noise_factors", "health")),
+        **dict.fromkeys(("interventions", "clock_jumps", "fallen_out", "noise_factors")),
+        "health": health_metrics(localization.health, alarms, alarms - int(lost[-1])),
     }
     outcomes = with_switches(outcomes, localization)
-    return _result(config, log, estimate, outcomes, figures, found, localization)
+    result = _result(config, log, estimate, outcomes, figures, found, localization)
+    return replace(result, health=localization.health)
 
 
 def _result(

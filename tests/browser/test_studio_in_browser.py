@@ -157,10 +157,22 @@ class Page:
             self.browser.wait(f"{ANCHORS} === {count}")
 
     def section(self, name: str) -> None:
-        self.click(f"section-{name}", ".q-item")
+        self._unfold(f"section-{name}", ".q-item")
 
     def unfold(self, name: str) -> None:
-        self.click(name, ".q-item .q-expansion-item__toggle-icon")
+        self._unfold(name, ".q-item .q-expansion-item__toggle-icon")
+
+    def _unfold(self, name: str, handle: str) -> None:
+        """Click until it is unfolded: a form that is made anew meanwhile is folded again."""
+        box = f"document.querySelector('[data-testid=\"{name}\"]')"
+        unfolded = (
+            f"return {box}?.closest('.q-expansion-item')?.matches('.q-expansion-item--expanded')"
+        )
+        until = time.monotonic() + 15.0
+        while not self.browser.run(unfolded):
+            assert time.monotonic() < until, f"not unfolded within 15 s: {name}"
+            self.click(name, handle)
+            time.sleep(0.5)
 
     def type(self, name: str, text: str) -> None:
         self.find(name)

@@ -13,10 +13,19 @@ from locfuse import _core
 from locfuse.config.load import load_config
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
-from locfuse.gadau import draw_pictures, gadau_claims, kidnapping
+from locfuse.gadau import draw_pictures, gadau_claims, kidnapping, runs
 from locfuse.gadau.recognition import OFF_M, recognized
 from locfuse.gadau.runs import Mistake, Run, microsimulation, ray_simulation
-from locfuse.gadau.world import DISCS, PATHS, SENSORS, SPEEDS, filter_config
+from locfuse.gadau.world import (
+    DISC_M,
+    DISCS,
+    PATHS,
+    RAY_PATHS,
+    SENSORS,
+    SPEEDS,
+    filter_config,
+    way_among,
+)
 from locfuse.run import load_log, run
 from locfuse.types import FloatArray, RunResult
 from support_runs import CONFIGS
@@ -33,6 +42,43 @@ def test_three_landmarks_and_more_find_the_pose_from_a_wrong_start(layout: str) 
 def test_the_pose_is_found_on_every_path(path: str) -> None:
     runs = [microsimulation("triangle", path, seed) for seed in range(3)]
     assert all(run.converged_s() < 5.0 for run in runs)
+
+
+def nees_of(path: str, seeds: int) -> float:
+    drives = [microsimulation("triangle", path, seed, wrong=False) for seed in range(seeds)]
+    return float(np.mean([drive.nees for drive in drives]))
+
+
+def test_noise_of_the_speed_lies_along_the_heading_also_where_robots_turn_in_place(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    low, high = band(3, 300)
+    assert low < nees_of("star", 300) < high
+
+    def as_wide_across() -> _core.PoseEkfConfig:
+        config = filter_config()
+        config.odometry.sigma_xy_per_sqrt_s = float(
+            np.hypot(
+                config.odometry.sigma_xy_per_sqrt_s, config.odometry.sigma_longitudinal_per_sqrt_s
+            )
+        )
+        config.odometry.sigma_longitudinal_per_sqrt_s = 0.0
+        return config
+
+    monkeypatch.setattr(runs, "filter_config", as_wide_across)
+    assert nees_of("star", 300) < low
+
+
+@pytest.mark.parametrize("path", RAY_PATHS)
+@pytest.mark.parametrize("discs", DISCS)
+def test_ways_among_rays_touch_no_disc_and_are_followed(path: str, discs: str) -> None:
+    marks = np.array(DISCS[discs])
+    for seed in range(3):
+        way = way_among(marks, path, 1.0, np.random.default_rng(seed))
+        assert np.hypot(*(way[:, None, :2] - marks).transpose(2, 0, 1)).min() > DISC_M
+        assert 0.0 < way[:, :2].min() < way[:, :2].max() < 10.0
+        drive = ray_simulation(discs, 1.0, seed, path)
+        assert np.sqrt(np.mean(drive.off_m**2)) < 0.05
 
 
 def test_one_landmark_does_not_tell_where_around_it_the_robot_is() -> None:

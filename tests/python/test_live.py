@@ -194,5 +194,22 @@ def test_what_particles_know_is_told_in_words() -> None:
         live.on(source, row)
         states.append(live.health().state)
     assert states[-1] == "ok"
-    assert "initializing" in states
-    assert not live.sources()
+    assert {"initializing", "ambiguous"} & set(states)
+    assert [source.name for source in live.sources()] == ["scan"]
+    health = live.health()
+    assert health.within > 0.9
+    # Another place is left with some percent: no level holds at a risk of one.
+    assert health.wrong > 0.005
+    assert np.all(np.isinf(health.protection))
+
+
+def test_particles_that_were_told_their_start_have_protection_levels() -> None:
+    capsule = read_capsule(GOLDEN / "mcl.zip")
+    start = start_of(capsule.config, truth_of(capsule.log),
+                     to_messages(capsule.log, capsule.config))  # fmt: skip
+    at = np.array([start.pose.x, start.pose.y, start.pose.heading])
+    config = capsule.config.model_copy(update={"start": "auto"})
+    live, _ = live_of(config, capsule.log, LivePose(start.stamp, at, start.covariance))
+    health = live.health()
+    assert health.state == "ok"
+    assert np.all(np.isfinite(health.protection))

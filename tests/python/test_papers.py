@@ -18,6 +18,7 @@ from typer.testing import CliRunner
 from locfuse import papers
 from locfuse.claims import share
 from locfuse.cli import app
+from locfuse.gadau.runs import NEES_ROWS
 from locfuse.papers import (
     FIVE,
     PAPERS_IN_ORDER,
@@ -354,3 +355,9 @@ def test_the_command_shows_what_a_paper_reports(stages: None) -> None:
     shown = " ".join(said("ekim2020").split())
     assert one.statements[3].about[1:] in shown
     assert "not run" in shown  # the row that stands for all is no row of any statement
+
+
+def test_the_band_of_gadaus_nees_is_that_of_all_rows_that_have_one() -> None:
+    told = next(one for one in read_rows(ROOT / "docs" / "papers.json") if one.paper == "gadau2022")
+    rows = [row for row in told.claims if row["id"].endswith("_nees") and row["required"] != "-"]
+    assert len(rows) == NEES_ROWS

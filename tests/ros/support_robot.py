@@ -176,6 +176,10 @@ class Robot:
         """Return the last state that the diagnostics told."""
         return self.status("locfuse: localization").get("state", "")
 
+    def says(self, state: str) -> None:
+        """Wait until the diagnostics, which come once a second, tell a state."""
+        self.peer.wait(f"the state {state}", lambda: self.state() == state)
+
     def status(self, name: str) -> dict[str, str]:
         """Return the last values of a status, and its message; empty where there was none."""
         for array in reversed(self.told):

@@ -227,26 +227,26 @@ def expect_those_of_run(
 def test_services_switch_sources_and_forget(robot: Robot, tmp_path: Path) -> None:
     started(robot, tmp_path)
     robot.drive(0.0, 6.0)
-    assert robot.state() == "ok"
+    robot.says("ok")
     off = robot.peer.call(f"{NODE}/enable/ranges", SetBool, data=False)
     assert (off.success, off.message) == (True, "ranges is off")
     robot.drive(6.0, 11.0)
-    assert robot.state() == "dead_reckoning"
+    robot.says("dead_reckoning")
     assert robot.status("locfuse: messages")["ranges switched off"] == "yes"
     on = robot.peer.call(f"{NODE}/enable/ranges", SetBool, data=True)
     assert on.message == "ranges is on"
     robot.drive(11.0, 13.0)
-    assert robot.state() == "ok"
+    robot.says("ok")
     assert robot.peer.call(f"{NODE}/relocalize", Trigger).success
     robot.drive(13.0, 16.0)
-    assert robot.state() == "ok"
+    robot.says("ok")
     assert robot.peer.call(f"{NODE}/reset", Trigger).success
     poses = len(robot.poses)
     robot.tell_time(EPOCH_NS + 16 * NANOSECONDS)
     robot.peer.spin(1.5)
-    assert robot.state() == "initializing"
+    robot.says("initializing")
     robot.drive(16.0, 20.0)
-    assert robot.state() == "ok"
+    robot.says("ok")
     assert robot.rmse_m(poses) < 0.1
 
 

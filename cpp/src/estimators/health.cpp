@@ -22,6 +22,18 @@ constexpr double kNotableNis = 4.0;       // of a range, for its sign to tell
 constexpr double kReadsLong = 0.9;        // share of ranges that are wrong and read long
 constexpr double kChance = 0.3;           // by which a mean NIS is above 1 by chance
 constexpr double kSilentIntervals = 10.0;
+constexpr double kUsuallyExplained = 0.9;  // share of the returns of scans, before any came
+constexpr double kUsuallyByChance = 0.3;   // likewise from anywhere else
+constexpr double kOfScans = 1.0 / 64.0;    // weight of a scan in what is usual
+constexpr double kForgets = 0.125;         // of that weight where a scan fits worse than usual
+constexpr double kShareSigma = 0.12;       // of the explained share: people, furniture that moved
+constexpr double kMostOfScan = 3.0;        // nats for or against a pose by one scan
+constexpr double kConfirms = 0.2;          // of that for a pose: a place looks alike for a while
+constexpr double kMostScanOdds = 1e3;      // that scans alone speak for another pose
+constexpr double kCoveredShare = 0.15;     // of returns more than usual: rather covered than not
+constexpr double kCoveredSigma = 0.05;     // of that share, per nat
+constexpr double kUsuallyCovered = 1e-3;   // share of the time
+constexpr double kMostlyCovered = 0.5;     // from here on a scan says nothing of the pose
 
 double odds_of(double probability) { return probability / (1.0 - probability); }
 
@@ -60,13 +72,13 @@ const Health::Config& checked(const Health::Config& c) {
 }
 
 /// Of the error in its own sigmas, for half of the risk to be beyond, to either side. That sigma is
-/// no better known than from some innovations: hence Student's distribution, eq. (8).
+/// no better known than from some innovations: hence Student's distribution, eq. (9).
 double quantile_of(double risk) {
   constexpr double kDegreesOfFreedom = 8.0;
   return boost::math::quantile(boost::math::students_t(kDegreesOfFreedom), 1.0 - 0.25 * risk);
 }
 
-/// Probability that a zero-mean Gaussian position stays within `radius`, eq. (6) of docs/health.md.
+/// Probability that a zero-mean Gaussian position stays within `radius`, eq. (7) of docs/health.md.
 double probability_within(double radius, const Matrix<2, 2>& covariance) {
   constexpr int kAngles = 8;  // over a quarter turn; the integrand is smooth and periodic
   const double middle = 0.5 * (covariance(0, 0) + covariance(1, 1));
@@ -100,9 +112,16 @@ void Health::start(Stamp stamp, double wrong) {
   sources_.clear();
   latest_ = 0;
   excluded_ = 0;
+  explained_ = kUsuallyExplained;
+  by_chance_ = kUsuallyByChance;
+  covered_ = 0.0;
+  scans_lost_ = false;
 }
 
 double Health::faulty_share(const NamedSource& source) const {
+  if (source.kind == Source::kScans) {
+    return kUsuallyCovered;
+  }
   const bool is_sensor = source.kind == Source::kSightings && source.name == NamedSource::kNameless;
   return is_sensor ? config_.faulty_share_unnamed : config_.faulty_share;
 }
@@ -133,6 +152,12 @@ void Health::advance(Stamp stamp) {
   const double seconds = seconds_between(stamp_, stamp);
   stamp_ = stamp;
   odds_ = std::min(odds_ + (1.0 + odds_) * seconds / config_.mean_s_between_losses, kMostOdds);
+  if (is_out_of_date(stamp_)) {
+    odds_ = std::max(odds_, odds_lost_);
+    doubted_ = doubted_.value_or(stamp_);
+    lost_ = true;
+    return;
+  }
   judge();
 }
 
@@ -156,9 +181,61 @@ void Health::hear(const NamedSource& source, Stamp stamp, const Outcome& outcome
   advance(stamp);
   SourceStatus& status = status_of(source, stamp);
   excluded_ -= status.faulty > config_.exclude_above ? 1 : 0;
+  heard(status, stamp, is_fused);
+  if (outcome.dof > 0) {
+    status.residual = outcome.residual;
+    status.sigma = std::sqrt(outcome.scale);
+    status.test_ratio = outcome.nis / limit;
+  }
+  scans_lost_ = false;
+  weigh(status, outcome, breadth);
+  excluded_ += status.faulty > config_.exclude_above ? 1 : 0;
+}
+
+/// A scan that fits as usual speaks for the pose, one that fits as from anywhere against it, by the
+/// distance of the two; one that is covered, against the laser.
+void Health::hear(const ScanEvidence& scan) {
+  advance(scan.stamp);
+  SourceStatus& status = status_of({Source::kScans, NamedSource::kNameless}, scan.stamp);
+  const double excess = (scan.covered - covered_ - kCoveredShare) / kCoveredSigma;
+  const bool is_clear = scan.covered < kMostlyCovered;
+  heard(status, scan.stamp, is_clear);
+  const double more = scan.news * std::min(std::max(excess, -kMostOfScan), kMostOfScan);
+  const double odds = std::min(odds_of(status.faulty) * std::exp(more), kMostScanOdds);
+  status.faulty = odds / (1.0 + odds);
+  if (!is_clear) {
+    return;
+  }
+  // A pose that was searched for fits better than one by chance.
+  const double least = lost_ ? 0.5 * (explained_ + by_chance_) : by_chance_;
+  const double apart = std::max(explained_ - least, 0.0);
+  const double middle = 0.5 * (explained_ + least);
+  const double clear = 1.0 - scan.covered;
+  const double variance =
+      kShareSigma * kShareSigma + middle * (1.0 - middle) / (scan.independent * clear);
+  const double says = clear * apart * (scan.explained - middle) / variance;
+  const double most_for = kConfirms * kMostOfScan;
+  const double nats = scan.news * std::min(std::max(says, -kMostOfScan), most_for);
+  status.residual = scan.explained - explained_;
+  status.sigma = std::sqrt(variance);
+  status.test_ratio = (explained_ - scan.explained) / std::max(0.5 * apart, 1e-3);
+  const double most = std::max(odds_, kMostScanOdds);
+  odds_ = std::min(odds_ * std::exp(-nats), most);
+  scans_lost_ = nats < 0.0;
+  // What is usual is learnt where the pose is right, and forgotten slowly: a wrong place fits
+  // worse.
+  const double share = odds_ < odds_found_ ? kOfScans * scan.news : 0.0;
+  const double worse = scan.explained < explained_ ? kForgets : 1.0;
+  explained_ += share * worse * (scan.explained - explained_);
+  by_chance_ += share * (scan.by_chance - by_chance_);
+  covered_ += share * (1.0 - status.faulty) * (scan.covered - covered_);
+  judge();
+}
+
+void Health::heard(SourceStatus& status, Stamp stamp, bool is_fused) {
   const double seconds = std::max(seconds_between(status.heard, stamp), 0.0);
   const double stays = std::max(1.0 - seconds / config_.faulty_s, 0.0);
-  const double usual = faulty_share(source);
+  const double usual = faulty_share(status.source);
   status.faulty = usual + stays * (status.faulty - usual);
   status.interval += (status.interval > 0.0 ? kOfSource : 1.0) * (seconds - status.interval);
   status.heard = std::max(status.heard, stamp);
@@ -167,13 +244,6 @@ void Health::hear(const NamedSource& source, Stamp stamp, const Outcome& outcome
     status.fused = status.heard;
     fused_ = std::max(fused_, stamp);
   }
-  if (outcome.dof > 0) {
-    status.residual = outcome.residual;
-    status.sigma = std::sqrt(outcome.scale);
-    status.test_ratio = outcome.nis / limit;
-  }
-  weigh(status, outcome, breadth);
-  excluded_ += status.faulty > config_.exclude_above ? 1 : 0;
 }
 
 /// Eq. (2) to (5) of docs/health.md.
@@ -201,8 +271,28 @@ void Health::weigh(SourceStatus& status, const Outcome& outcome, double breadth)
   }
   const double right = good * ((1.0 - wrong) * fits + wrong) + status.faulty * faulty;
   status.faulty *= faulty / right;
-  odds_ = std::min(odds_ * elsewhere / right, kMostOdds);
+  double ratio = elsewhere / right;
+  if (lost_ && ratio < 1.0) {
+    ratio = 1.0 - agreement() * (1.0 - ratio);
+  }
+  odds_ = std::min(odds_ * ratio, kMostOdds);
   judge();
+}
+
+/// Eq. (6) of docs/health.md: how far sources that are heard agree, where the pose is in doubt.
+double Health::agreement() const {
+  double right = 0.0;
+  double wrong = 0.0;
+  for (const SourceStatus& status : sources_) {
+    const double stays = 1.0 - seconds_between(status.heard, stamp_) / config_.faulty_s;
+    if (stays > 0.0) {
+      const double usual = faulty_share(status.source);
+      const double faulty = usual + stays * (status.faulty - usual);
+      right += 1.0 - faulty;
+      wrong += faulty;
+    }
+  }
+  return std::max(1.0 - wrong / right, 0.0);
 }
 
 double Health::breadth_of(const Range& /*z*/) const { return config_.wrong_span_m; }
@@ -227,7 +317,7 @@ bool Health::is_excluded(const NamedSource& source) const {
          place->faulty > config_.exclude_above;
 }
 
-/// Eq. (7) of docs/health.md: what innovations are too large by is put down to the pose.
+/// Eq. (8) of docs/health.md: what innovations are too large by is put down to the pose.
 double Health::inflation(const PoseEstimate& estimate) const {
   const double excess = std::max(nis_ - 1.0 - kChance, 0.0);
   const double sigma = estimate.sigma_position();
@@ -238,7 +328,10 @@ HealthReport Health::report(const PoseEstimate& estimate) const {
   HealthReport report;
   report.stamp = std::max(stamp_, estimate.stamp);
   const double since = seconds_between(stamp_, report.stamp);
-  const double odds = odds_ + (1.0 + odds_) * since / config_.mean_s_between_losses;
+  double odds = odds_ + (1.0 + odds_) * since / config_.mean_s_between_losses;
+  if (is_out_of_date(report.stamp)) {
+    odds = std::max(odds, odds_lost_);
+  }
   report.wrong = odds / (1.0 + odds);
   report.inflation = inflation(estimate);
   const Matrix<3, 3> P = report.inflation * estimate.covariance;
@@ -254,12 +347,21 @@ HealthReport Health::report(const PoseEstimate& estimate) const {
 void Health::find_state(HealthReport& report) const {
   report.source.reset();
   const Stamp silence = report.stamp - fused_;
-  if (lost_ || silence > invalid_) {
+  const bool is_silent = is_out_of_date(report.stamp);
+  if (lost_ || is_silent) {
     report.state = HealthState::kLost;
-    report.clue = lost_ ? HealthClue::kMeasurements : HealthClue::kSilence;
+    report.clue = is_silent     ? HealthClue::kSilence
+                  : scans_lost_ ? HealthClue::kScansDoNotFit
+                                : HealthClue::kMeasurements;
   } else if (silence > aiding_lost_) {
     report.state = HealthState::kDeadReckoning;
     report.clue = HealthClue::kSilence;
+    for (const SourceStatus& status : sources_) {
+      if (status.source.kind == Source::kScans && status.faulty > kNotable) {
+        report.clue = HealthClue::kLaserIsCovered;
+        report.source = status.source;
+      }
+    }
   } else {
     find_flaw(report);
     report.state = report.clue == HealthClue::kNone ? HealthState::kOk : HealthState::kDegraded;
@@ -270,7 +372,7 @@ void Health::find_state(HealthReport& report) const {
 void Health::find_flaw(HealthReport& report) const {
   report.clue = HealthClue::kNone;
   if (doubted_) {
-    report.clue = HealthClue::kMeasurements;
+    report.clue = scans_lost_ ? HealthClue::kScansDoNotFit : HealthClue::kMeasurements;
     return;
   }
   if (report.within < 0.5) {
@@ -287,7 +389,8 @@ void Health::find_flaw(HealthReport& report) const {
       is_silent =
           is_silent && since > std::max(config_.aiding_lost_s, kSilentIntervals * status->interval);
       if (status->faulty > kNotable) {
-        report.clue = HealthClue::kSourceIsWrong;
+        report.clue = status->source.kind == Source::kScans ? HealthClue::kLaserIsCovered
+                                                            : HealthClue::kSourceIsWrong;
         report.source = status->source;
       }
     }

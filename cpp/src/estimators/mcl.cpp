@@ -2,6 +2,7 @@
 #include "locfuse/estimators/mcl.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -18,6 +19,13 @@ constexpr int kRereads = 10;  // scans that a body reads where it stands when it
 constexpr double kTurnPerMetre = 2.0;  // shape of the boxes that particles stand for [rad / m]
 constexpr double kFarthest = 0.5;      // driven before particles are moved, for want of a scan [m]
 constexpr double kFarthestTurn = 0.3;  // likewise [rad]
+constexpr int kDraws = 16;             // per particle, of a body that may be anywhere
+constexpr int kMostDraws = 1 << 20;
+constexpr double kPlacePower = 0.5;     // of a place's weight, by which it gets particles
+constexpr double kLeastPlace = 1e-9;    // weight of a place that is given up
+constexpr double kCovered = 0.1;        // of the returns, by something right before the laser
+constexpr double kMostlyCovered = 0.5;  // likewise: the scan says nothing
+const Gate kGate(0.999);                // of what health counts as accepted
 
 double in_range(const char* name, double value, double low, double high) {
   if (!(value >= low && value <= high)) {
@@ -114,7 +122,7 @@ PoseEstimate Mcl::carried(const PoseEstimate& from, const UncertainMotion& by, S
 
 Mcl::Mcl(const Config& config, const std::shared_ptr<const OccupancyGrid>& grid, Stamp start,
          std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags, LandmarkSight landmarks)
-    : odometry_(start), stamp_(start) {
+    : odometry_(start), stamp_(start), health_(config.health) {
   const Config& c = checked(config);
   std::vector<LikelihoodField> fields = LikelihoodField::doubling(c.field, grid, c.sigma_widest_m);
   std::vector<std::int32_t> free = free_cells(*grid);
@@ -167,34 +175,43 @@ void Mcl::draw_free(ParticleBelief& belief, int k, std::uint64_t key) const {
               2.0 * kPi * random_uniform(key, n + 3)});
 }
 
-void Mcl::start_anywhere(Stamp stamp) {
+/// Forgets everything but the seed; particles of equal weight are left to be put somewhere.
+void Mcl::begin(Stamp stamp, int particles) {
   check_stamp(stamp);
-  const Config& config = recipe_->config;
-  belief_.resize(config.max_particles);
+  belief_.resize(particles);
   belief_.stamp = stamp_ = stamp;
+  std::fill(belief_.weight.begin(), belief_.weight.begin() + particles,
+            1.0F / static_cast<float>(particles));
   odometry_ = HeldMotion(stamp);
-  const std::uint64_t key = next_key();
-  // Boxes of side a and of turn_per_cell a in the heading that fill the free space and all
-  // headings.
-  belief_.turn_per_cell = kTurnPerMetre * grid().resolution();
-  const double space = 2.0 * kPi * static_cast<double>(recipe_->free.size()) / belief_.size;
-  const auto box = static_cast<float>(std::cbrt(space / belief_.turn_per_cell));
-  for (int k = 0; k < belief_.size; ++k) {
-    draw_free(belief_, k, key);
-    belief_.box[static_cast<std::size_t>(k)] = box;
-    belief_.weight[static_cast<std::size_t>(k)] = 1.0F / static_cast<float>(belief_.size);
-  }
-  target_ = config.max_particles;
+  target_ = recipe_->config.max_particles;
   pending_ = {};
   spread_.setZero();
-  scanned_ = tracking_ = false;
-  anywhere_ = true;
+  scanned_ = tracking_ = searching_ = false;
   rereads_ = kRereads;
   lately_explained_ = 1.0;
   evidence_.clear();
   scouts_ = {};
   level_ = recipe_->fields.size() - 1;
   explained_ = used_share_ = 0.0;
+  is_found_ = false;
+}
+
+void Mcl::start_anywhere(Stamp stamp) {
+  const int most = recipe_->config.max_particles;
+  begin(stamp, std::max(most, std::min(kDraws * most, kMostDraws)));
+  searching_ = true;
+  const std::uint64_t key = next_key();
+  // Boxes of side a and of turn_per_cell a in the heading that fill the free space and all
+  // headings.
+  belief_.turn_per_cell = kTurnPerMetre * grid().resolution();
+  const double space = 2.0 * kPi * static_cast<double>(recipe_->free.size()) / belief_.size;
+  const auto box = static_cast<float>(std::cbrt(space / belief_.turn_per_cell));
+  recipe_->workers->share(belief_.size, 1, [&](int from, int to) {
+    for (int k = from; k < to; ++k) {
+      draw_free(belief_, k, key);
+      belief_.box[static_cast<std::size_t>(k)] = box;
+    }
+  });
   summarize();
 }
 
@@ -212,8 +229,8 @@ void Mcl::start_at(const std::vector<PoseHypothesis>& hypotheses) {
   if (hypotheses.empty()) {
     throw std::invalid_argument("there is no pose to start at");
   }
-  start_anywhere(hypotheses.front().estimate.stamp);
-  anywhere_ = false;
+  begin(hypotheses.front().estimate.stamp, recipe_->config.max_particles);
+  ++step_;  // so that what is drawn now is what it always was
   const std::uint64_t key = next_key();
   int k = 0;
   double passed = 0.0;
@@ -247,8 +264,11 @@ void Mcl::inject(const PoseEstimate& pose, double share) {
   advance_to(pose.stamp);
   if (share == 1.0) {
     const HeldMotion odometry = odometry_;
+    const bool is_found = is_found_;
     start_at({{pose, 1.0}});
     odometry_ = odometry;
+    is_found_ = is_found;
+    health_.start(pose.stamp);
     return;
   }
   settle();
@@ -277,9 +297,8 @@ void Mcl::start_with(Stamp stamp, const Matrix<4, Eigen::Dynamic>& particles) {
         "most " +
         std::to_string(farthest) + " m (limits.distance_m)");
   }
-  start_anywhere(stamp);
-  anywhere_ = false;
-  belief_.resize(static_cast<int>(particles.cols()));
+  begin(stamp, static_cast<int>(particles.cols()));
+  ++step_;
   for (int k = 0; k < belief_.size; ++k) {
     const Pose2 world{particles(0, k), particles(1, k), wrap_angle(particles(2, k))};
     belief_.put(static_cast<std::size_t>(k), to_cells(world));
@@ -301,6 +320,8 @@ void Mcl::drive(const OdometryMotion& model, const Pose2& motion, Stamp until) {
   stamp_ = until;
   since_scan_.x += motion.position().norm();
   since_scan_.heading += std::abs(motion.heading);
+  since_judged_ += motion.position().norm() / recipe_->config.spacing_m +
+                   std::abs(motion.heading) / recipe_->config.spacing_heading_rad;
   if (pending_.motion.position().norm() > kFarthest ||
       std::abs(pending_.motion.heading) > kFarthestTurn) {
     settle();
@@ -362,20 +383,31 @@ Outcome Mcl::on(const Increment& u) {
 
 Outcome Mcl::on(const LaserScan& z) {
   const Config& config = recipe_->config;
-  const EndPoints points = recipe_->fields.front().end_points(z, config.beams);
+  validate(z);
   if (z.stamp < stamp_) {
     return {Verdict::kStale};
   }
   advance_to(z.stamp);
+  const ScanEvidence before =
+      is_found_ ? evidence_of(z, carried(hypotheses_.front().estimate, pending_, stamp_))
+                : ScanEvidence{};
+  if (before.covered >= kMostlyCovered) {
+    tell(before);
+    return {Verdict::kGated};
+  }
+  const std::optional<LaserScan> clear =
+      before.covered > kCovered ? std::optional(uncovered(z)) : std::nullopt;
+  const LaserScan& seen = clear ? *clear : z;
+  const EndPoints points = recipe_->fields.front().end_points(seen, config.beams);
   const bool moved = !scanned_ || since_scan_.x >= config.spacing_m ||
                      since_scan_.heading >= config.spacing_heading_rad;
   if (points.x.empty() || !(moved || (tracking_ && rereads_ > 0))) {
+    tell(before);
     return {Verdict::kNotModelled};
   }
-  settle(&z);
+  settle(&seen);
   fit(recipe_->fields[level_], points, belief_);
   const double beams = static_cast<double>(points.x.size());
-  const bool first = !scanned_;
   scanned_ = true;
   since_scan_ = {};
   // Once found it stays the one to beat, until another is likelier than all else.
@@ -387,12 +419,22 @@ Outcome Mcl::on(const LaserScan& z) {
   const double best =
       *std::max_element(log_likelihood_.begin(), log_likelihood_.begin() + belief_.size);
   if (recipe_->beams) {
-    fit_beams(z);
+    fit_beams(seen);
   }
   reweigh_and_resample(share);
+  searching_ = searching_ && !tracking_;
+  if (is_found_) {
+    ScanEvidence after = evidence_of(z, hypotheses_.front().estimate);
+    after.news = before.news;
+    tell(after);
+  }
   const bool sharp = choose_level(points);
   rereads_ = tracking_ && sharp ? 0 : rereads_ - (moved ? 0 : 1);
-  challenge(points, share, best, ((first && anywhere_) || was_tracking) && !tracking_);
+  challenge(points, share, best, was_tracking && !tracking_);
+  if (!is_found_ && ready()) {
+    is_found_ = true;
+    health_.start(z.stamp, std::max(1.0 - hypotheses_.front().probability, 0.0));
+  }
   return {Verdict::kFused};
 }
 
@@ -441,9 +483,11 @@ bool Mcl::choose_level(const EndPoints& points) {
   const auto likeliest = static_cast<std::size_t>(
       std::max_element(evidence_.begin(), evidence_.end()) - evidence_.begin());
   std::size_t fitting = likeliest;
-  // A field narrower than the cluster would judge its particles by chance: none lies where it is.
+  // A field narrower than the cluster, or than the particles of other places are apart, would judge
+  // by chance: none lies where it is.
   const Matrix<3, 3>& P = hypotheses_.front().estimate.covariance;
-  const double spread = std::sqrt(std::max(P(0, 0), P(1, 1)));
+  const double spread =
+      std::max(std::sqrt(std::max(P(0, 0), P(1, 1))), searching_ ? spacing() : 0.0);
   while (fitting + 1 < recipe_->fields.size() &&
          recipe_->fields[fitting].config().sigma_hit_m < spread) {
     ++fitting;
@@ -463,6 +507,29 @@ bool Mcl::fits_as_ever() const {
                                    usual_evidence_ - recipe_->config.most_drop);
 }
 
+/// A measurement against the likeliest cluster before it: what health hears of it.
+template <class Model, class Message>
+Outcome Mcl::compare(const Model& model, const Message& z) {
+  const PoseEstimate& here = hypotheses_.front().estimate;
+  const auto lin = model.linearize(here.pose, z);
+  if (!lin) {
+    return {Verdict::kFused};
+  }
+  using Lin = std::decay_t<decltype(*lin)>;
+  using Noise = decltype(Lin::noise);
+  const Noise S = lin->jacobian * here.covariance * lin->jacobian.transpose() + lin->noise;
+  const auto rows = static_cast<int>(lin->residual.size());
+  Outcome outcome{Verdict::kFused, rows, squared_mahalanobis(lin->residual, S), lin->residual(0),
+                  std::pow(S.determinant(), 1.0 / rows)};
+  if (is_found_) {
+    const double limit = kGate.limit(rows);
+    Outcome heard = outcome;
+    heard.verdict = outcome.nis > limit ? Verdict::kGated : Verdict::kFused;
+    health_.hear(named_source_of(z), z.stamp, heard, limit, health_.breadth_of(z));
+  }
+  return outcome;
+}
+
 template <class Model, class Message>
 Outcome Mcl::weigh(const Model& model, const Message& z) {
   validate(z);
@@ -480,6 +547,7 @@ Outcome Mcl::weigh(const Model& model, const Message& z) {
   }
   advance_to(z.stamp);
   settle();
+  const Outcome outcome = compare(model, z);
   const double wrong = recipe_->config.outlier_share;
   log_likelihood_.resize(belief_.x.size());
   recipe_->workers->share(static_cast<int>(belief_.x.size()), kGroup, [&](int begin, int end) {
@@ -493,7 +561,7 @@ Outcome Mcl::weigh(const Model& model, const Message& z) {
     }
   });
   reweigh_and_resample(1.0);
-  return {Verdict::kFused};
+  return outcome;
 }
 
 namespace {
@@ -551,8 +619,13 @@ void Mcl::reweigh_and_resample(double most_share) {
   const Config& config = recipe_->config;
   used_share_ = reweigh(belief_, log_likelihood_, most_share,
                         config.effective_share * effective_size(belief_));
-  if (effective_size(belief_) < config.resample_below * belief_.size) {
-    resample(belief_, target_, {}, next_key(), scratch_);
+  if (belief_.size > config.max_particles ||
+      effective_size(belief_) < config.resample_below * belief_.size) {
+    if (searching_) {
+      resample_by_bin(belief_, target_, bins(), kPlacePower, kLeastPlace, next_key(), scratch_);
+    } else {
+      resample(belief_, target_, {}, next_key(), scratch_);
+    }
     if (ready()) {
       roughen();
     }
@@ -577,6 +650,12 @@ void Mcl::roughen() {
   const Vector<3> missing = (wanted - spread_).cwiseMax(0.0);
   move(belief_, {{}, missing.asDiagonal()}, next_key(), *recipe_->workers);
   spread_.setZero();
+}
+
+/// How far the particles of a bin are apart, on average [m].
+double Mcl::spacing() const {
+  const double per_bin = belief_.size / static_cast<double>(occupied_bins(belief_, bins(), 0.0));
+  return recipe_->config.bin_m / std::cbrt(per_bin);
 }
 
 ParticleBins Mcl::bins() const {

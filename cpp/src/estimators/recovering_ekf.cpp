@@ -89,6 +89,8 @@ Outcome RecoveringEkf::drive(const M& u) {
   Outcome outcome{Verdict::kIgnored};
   if (ekf_) {
     outcome = ekf_->on(u);
+    health_.advance(ekf_->belief().stamp);
+    listen();
   }
   if (start_) {
     start_->on(u);

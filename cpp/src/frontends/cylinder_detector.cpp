@@ -29,6 +29,8 @@ constexpr int kGates = 256;
 constexpr int kFew = 3;             // beams up to which the bearing comes from which of them hit
 constexpr int kLargestGap = 3;      // beams without return that an arc may go on behind
 constexpr double kBeamGate = 16.0;  // four sigma squared, of one beam on an arc
+// A beam cannot come back from behind the point where it would touch the circle; so many sigma off.
+constexpr double kBehind = 4.0;
 // Two lines at any angle can always take some of the noise with them, this much at most.
 constexpr double kBluntMargin = 12.0;
 
@@ -74,9 +76,12 @@ double half_angle(const Circle& circle) {
   return std::asin(std::min(circle.radius / circle.centre.norm(), 1.0));
 }
 
+Vector<2> centre_of(const Cylinder& cylinder) {
+  return cylinder.range * Vector<2>(std::cos(cylinder.bearing), std::sin(cylinder.bearing));
+}
+
 double distance_between(const Cylinder& a, const Cylinder& b) {
-  return std::hypot(a.range * std::cos(a.bearing) - b.range * std::cos(b.bearing),
-                    a.range * std::sin(a.bearing) - b.range * std::sin(b.bearing));
+  return (centre_of(a) - centre_of(b)).norm();
 }
 
 /// One pass over one scan.
@@ -92,12 +97,16 @@ class Search {
         begin_(-sweep.size()),
         end_(2 * sweep.size()) {}
 
-  std::vector<Cylinder> cylinders() {
+  /// Also the middles of what is as thin as a leg, if somebody may walk here, cylinder or not.
+  std::vector<Cylinder> cylinders(std::vector<Vector<2>>& thin) {
     const Jump jump = jump_of(config_);
     int first = 0;
     for (int j = 0; j < sweep_.size(); ++j) {
       if (j + 1 == sweep_.size() || is_edge(sweep_, j, jump)) {
         split({first, j});
+        if (config_.leg_distance_m > 0.0 && is_thin({first, j})) {
+          thin.push_back(0.5 * (sweep_[first].end() + sweep_[j].end()));
+        }
         first = j + 1;
       }
     }
@@ -126,6 +135,8 @@ class Search {
   [[nodiscard]] bool stands_out(const Run& run, const CircleFit& fit) const;
   [[nodiscard]] bool seen_through(int end, int side, const Circle& circle) const;
   [[nodiscard]] Cylinder told(const Run& run, const CircleFit& fit) const;
+  [[nodiscard]] bool ends_behind(const Run& run, const Circle& circle) const;
+  [[nodiscard]] bool is_thin(const Run& run) const;
   [[nodiscard]] int returns(const Run& run) const;
 
   const CylinderDetectorConfig& config_;
@@ -316,7 +327,7 @@ bool Search::is_cylinder(const Run& run, const CircleFit& fit) const {
     return is_as_wide(run, fit);
   }
   return !seen_through(run.first, -1, fit.circle) && !seen_through(run.last, 1, fit.circle) &&
-         stands_out(run, fit);
+         !ends_behind(run, fit.circle) && stands_out(run, fit);
 }
 
 bool Search::passes_gate(const CircleFit& fit) const {
@@ -381,6 +392,28 @@ bool Search::seen_through(int end, int side, const Circle& circle) const {
   return false;
 }
 
+/// A beam of the arc came back from behind where it would touch the circle. A radius that was given
+/// is known roughly at times, and with it where that is.
+bool Search::ends_behind(const Run& run, const Circle& circle) const {
+  if (radius_known_ || run.beams() <= kFew) {
+    return false;
+  }
+  const double touches =
+      std::sqrt(std::max(circle.centre.squaredNorm() - circle.radius * circle.radius, 0.0));
+  for (int j = run.first; j <= run.last; ++j) {
+    if (sweep_[j].returned() && sweep_[j].range > touches + kBehind * noise_.range) {
+      return true;
+    }
+  }
+  return false;
+}
+
+bool Search::is_thin(const Run& run) const {
+  const double gap = sweep_.step * sweep_[run.first].range;
+  return sweep_[run.first].returned() && (sweep_[run.first].end() - sweep_[run.last].end()).norm() <
+                                             2.0 * config_.leg_radius_m + gap;
+}
+
 int Search::returns(const Run& run) const {
   int count = 0;
   for (int j = run.first; j <= run.last; ++j) {
@@ -408,16 +441,26 @@ Cylinder Search::told(const Run& run, const CircleFit& fit) const {
   return cylinder;
 }
 
-/// Leaves out two thin cylinders next to each other: somebody stands or walks there.
-void remove_legs(std::vector<Cylinder>& cylinders, const CylinderDetectorConfig& config) {
+/// Leaves out thin cylinders next to each other, or to something thin of which too little is seen:
+/// somebody stands or walks there.
+void remove_legs(std::vector<Cylinder>& cylinders, std::vector<Vector<2>> thin,
+                 const CylinderDetectorConfig& config) {
+  for (const Cylinder& one : cylinders) {
+    if (one.radius <= config.leg_radius_m) {
+      thin.push_back(centre_of(one));
+    }
+  }
+  const auto is_another = [&](const Cylinder& one, const Vector<2>& place) {
+    const Vector<2> centre = centre_of(one);
+    const double aside = std::abs(cross(centre, place)) / centre.norm();
+    return aside > one.radius && (place - centre).norm() < config.leg_distance_m;
+  };
   std::vector<bool> is_leg(cylinders.size(), false);
   for (std::size_t i = 0; i < cylinders.size(); ++i) {
-    for (std::size_t j = 0; j < i; ++j) {
-      if (std::max(cylinders[i].radius, cylinders[j].radius) <= config.leg_radius_m &&
-          distance_between(cylinders[i], cylinders[j]) < config.leg_distance_m) {
-        is_leg[i] = is_leg[j] = true;
-      }
-    }
+    const Cylinder& one = cylinders[i];
+    is_leg[i] = one.radius <= config.leg_radius_m &&
+                std::any_of(thin.begin(), thin.end(),
+                            [&](const Vector<2>& place) { return is_another(one, place); });
   }
   std::size_t kept = 0;
   for (std::size_t i = 0; i < cylinders.size(); ++i) {
@@ -445,9 +488,10 @@ std::vector<Cylinder> CylinderDetector::detect(const LaserScan& scan) const {
         "CylinderDetectorConfig.least_intensity is above 0");
   }
   const Sweep sweep = sweep_of(scan, config_.least_intensity, jump_of(config_));
-  std::vector<Cylinder> cylinders = Search(config_, gates_, sweep).cylinders();
+  std::vector<Vector<2>> thin;
+  std::vector<Cylinder> cylinders = Search(config_, gates_, sweep).cylinders(thin);
   if (config_.leg_distance_m > 0.0) {
-    remove_legs(cylinders, config_);
+    remove_legs(cylinders, std::move(thin), config_);
   }
   std::sort(cylinders.begin(), cylinders.end(),
             [](const Cylinder& a, const Cylinder& b) { return a.first < b.first; });

@@ -19,7 +19,7 @@ std::vector<std::size_t> by_stamp(std::size_t count, const StampOf& stamp_of) {
 
 LocalizeRun::Step step_of(const Mcl& mcl) {
   return {mcl.estimate(), mcl.hypotheses().front().probability, mcl.explained(), mcl.belief().size,
-          mcl.ready(),    mcl.spread().sigma_position()};
+          mcl.ready(),    mcl.spread().sigma_position(),        mcl.health()};
 }
 
 LocalizeRun::Step step_of(const SwitchingMcl& switching) { return step_of(switching.mcl()); }

@@ -33,6 +33,7 @@ class Odometry(Strict):
     sigma_heading_per_sqrt_rad: DriftSigma = 0.03
     sigma_xy_per_sqrt_s: DriftSigma = 0.0
     sigma_heading_per_sqrt_s: DriftSigma = 0.0
+    sigma_longitudinal_per_sqrt_s: DriftSigma = 0.0
 
 
 class Range(Strict):

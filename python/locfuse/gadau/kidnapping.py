@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse import _core
-from locfuse.claims import Claim, claim_of, share
+from locfuse.claims import Claim, claim_of, consistent, share
+from locfuse.gadau.runs import nees_band, nees_of
 from locfuse.gadau.world import (
     DISC_M,
     DISCS,
+    ENDLESS,
     LAYOUTS,
     NEAR_M,
     NEAR_RAD,
@@ -52,6 +54,8 @@ class Kidnapping:
         Landmarks seen at once; alarms so far.
     put_down : int
         The first step after it was carried off.
+    nees : float
+        Of the last; NaN while it is lost.
     alone, named : float64 arrays, shape (n, 3), or None
         Where a PoseEkf believes to be that got the same messages, and one that is told which
         landmark is which and believes each sighting, as the paper's.
@@ -62,6 +66,7 @@ class Kidnapping:
     seen: NDArray[np.intp]
     alarms: NDArray[np.intp]
     put_down: int
+    nees: float
     alone: FloatArray | None = None
     named: FloatArray | None = None
 
@@ -111,6 +116,8 @@ def kidnapping_claims(seeds: int) -> Iterator[Claim]:
         rate = sum(run.false_alarms() for run in runs) / hours
         yield Claim(f"{key}_false", f"{what}: false alarms in {hours:.1f} h", "1/h", None, rate,
                     rate, rate, "<= 1", rate <= 1.0)  # fmt: skip
+        nees = [min(run.nees, ENDLESS) for run in runs if not np.isnan(run.nees)]
+        yield consistent(key, f"kidnapped, {what}, found again: ", nees, nees_band(len(nees)))
         if world == "triangle":
             yield from _beside_claims(key, f"kidnapped, {what}", runs)
 
@@ -178,7 +185,7 @@ def kidnap(
                 named.on(_core.RangeBearing(end, landmark, one.range, one.bearing))
             trusted.append(_row(named.estimate().pose))
     truth, found, seen, alarms = (np.array(column) for column in zip(*rows, strict=True))
-    return Kidnapping(truth, found, seen, alarms, len(before) - 1,
+    return Kidnapping(truth, found, seen, alarms, len(before) - 1, _nees_of(ekf, truth[-1]),
                       np.array(poses) if poses else None,
                       np.array(trusted) if trusted else None)  # fmt: skip
 
@@ -204,6 +211,12 @@ def _pose_of(ekf: _core.RecoveringEkf) -> tuple[float, float, float]:
     if ekf.is_lost:
         return (np.nan, np.nan, np.nan)
     return _row(ekf.state().hypotheses[0].estimate.pose)
+
+
+def _nees_of(ekf: _core.RecoveringEkf, truth: FloatArray) -> float:
+    if ekf.is_lost:
+        return float("nan")
+    return nees_of(ekf.state().hypotheses[0].estimate, truth)
 
 
 def _row(pose: _core.Pose2) -> tuple[float, float, float]:

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from locfuse import _core
+from locfuse.eval.consistency import PROBABILITY, band
 from locfuse.gadau.world import (
     DISC_M,
     DISCS,
@@ -24,7 +25,6 @@ from locfuse.gadau.world import (
     ROOM_M,
     SIGMA_BEARING_RAD,
     SIGMA_RANGE_M,
-    SPEED_MPS,
     STEP_NS,
     WRONG_M,
     WRONG_RAD,
@@ -32,17 +32,18 @@ from locfuse.gadau.world import (
     Sensors,
     detector,
     filter_config,
-    has_constant_speed,
     known,
     map_of,
     scan_of,
     seen_by,
     sightings_of,
     told,
+    way_among,
 )
 from locfuse.sim.trajectory import plan
 from locfuse.types import NANOSECONDS, FloatArray, wrap_angle
 
+NEES_ROWS = 42  # of which a NEES is required
 Mistake = Literal["derivatives", "range_row", "bearing_row", "surface"]
 Correct = Callable[[_core.PoseEkf, int, FloatArray], None]
 
@@ -116,8 +117,7 @@ def microsimulation(
     if wrong:
         side = rng.uniform(-np.pi, np.pi)
         start += [WRONG_M * np.cos(side), WRONG_M * np.sin(side), rng.choice([-1, 1]) * WRONG_RAD]
-    constant_mps = SPEED_MPS if has_constant_speed(path) else 0.0
-    ekf = _ekf(start, marks, constant_mps, wrong)
+    ekf = _ekf(start, marks, wrong)
     for_gps = rng.spawn(1)[0]
     fixes: list[FloatArray] = []
 
@@ -141,8 +141,9 @@ def _located(
 
 
 def ray_simulation(
-    discs: str, speed_mps: float, seed: int, *, by_rule: Collection[Mistake] | None = None
-) -> Run:
+    discs: str, speed_mps: float, seed: int, path: str = "circle", *,
+    by_rule: Collection[Mistake] | None = None,
+) -> Run:  # fmt: skip
     """Drive, or stand, in a room where 151 rays end on discs and walls.
 
     Parameters
@@ -151,29 +152,35 @@ def ray_simulation(
         A key of `DISCS`.
     speed_mps : float
     seed : int
+    path : str
+        Of `RAY_PATHS`.
     by_rule : collection of str, optional
         Discs are recognized by the paper's Fig. 3 instead of fitted, and fused with these mistakes,
         maybe none: the ray of a disc and its radius make a range and a bearing.
     """
     rng = np.random.default_rng(seed)
     marks = np.array(DISCS[discs])
-    place = np.array([5.0, 3.0, 0.5])
-    if speed_mps > 0.0:
-        turn = speed_mps / 1.8  # a circle between the discs
-        time = np.arange(0, round(DURATION_S * 10) + 1) / 10.0
-        angle = turn * time - np.pi / 2.0
-        pose = np.column_stack([5.0 + 1.8 * np.cos(angle), 5.2 + 1.8 * np.sin(angle),
-                                wrap_angle(angle + np.pi / 2.0)])  # fmt: skip
-    else:
-        pose = np.tile(place, (round(DURATION_S * 10) + 1, 1))
+    pose = way_among(marks, path, speed_mps, rng)
     fuse = _fitted(marks, rng) if by_rule is None else _recognized(marks, rng, by_rule)
-    return _drive(_ekf(pose[0], marks, speed_mps), pose, rng, fuse)
+    return _drive(_ekf(pose[0], marks), pose, rng, fuse)
 
 
-def _ekf(
-    start: FloatArray, marks: FloatArray, speed_mps: float, wrong: bool = False
-) -> _core.PoseEkf:
-    config = filter_config(speed_mps)
+def nees_of(estimate: _core.PoseEstimate, truth: FloatArray) -> float:
+    """Return how large an error is by what the estimate says of itself; 3 on average."""
+    error = _core.local(estimate.pose, _core.Pose2(*truth))
+    return float(error @ np.linalg.solve(estimate.covariance, error))
+
+
+def nees_band(runs: int) -> tuple[float, float]:
+    """Return the band of a mean NEES over runs, such that all `NEES_ROWS` hold with 95 %.
+
+    Bonferroni's: what is outside is shared out evenly, whatever depends on what.
+    """
+    return band(3, runs, 1.0 - (1.0 - PROBABILITY) / NEES_ROWS)
+
+
+def _ekf(start: FloatArray, marks: FloatArray, wrong: bool = False) -> _core.PoseEkf:
+    config = filter_config()
     if wrong:
         config.gate_landmark = config.gate_position = 1.0
     sigma = [WRONG_M, WRONG_M, WRONG_RAD] if wrong else [0.05, 0.05, 0.02]
@@ -192,10 +199,7 @@ def _drive(ekf: _core.PoseEkf, pose: FloatArray, rng: np.random.Generator, fuse:
         fuse(ekf, end, after)
         at = ekf.estimate(end).pose
         found.append([at.x, at.y, at.heading])
-    last = ekf.estimate()
-    error = _core.local(last.pose, _core.Pose2(*pose[-1]))
-    nees = float(error @ np.linalg.solve(last.covariance, error))
-    return Run(pose[1:], np.array(found), nees, np.empty((0, 2)))
+    return Run(pose[1:], np.array(found), nees_of(ekf.estimate(), pose[-1]), np.empty((0, 2)))
 
 
 def _by_name(ekf: _core.PoseEkf, stamp: int, seen: FloatArray) -> None:
@@ -208,7 +212,9 @@ def _fitted(marks: FloatArray, rng: np.random.Generator) -> Correct:
     finder = detector()
 
     def fit_and_fuse(ekf: _core.PoseEkf, stamp: int, at: FloatArray) -> None:
-        ekf.on_joint(sightings_of(finder.detect(scan_of(stamp, at, marks, rng)), stamp))
+        found = finder.detect(scan_of(stamp, at, marks, rng))
+        if found:
+            ekf.on_joint(sightings_of(found, stamp))
 
     return fit_and_fuse
 

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from locfuse import _core
-from locfuse.config.scenario import Circle, Path, Polygon, Square, Star, Waypoints
+from locfuse.config.scenario import Circle, Path, Points, Polygon, Square, Star, Waypoints
 from locfuse.sim.obstacles import hidden_by
+from locfuse.sim.trajectory import plan
 from locfuse.types import NANOSECONDS, FloatArray, wrap_angle
 
 STEP_NS = NANOSECONDS // 10
@@ -34,9 +35,9 @@ LAYOUTS = {
 }
 PATHS: dict[str, Path] = {
     "circle": Circle(speed_mps=SPEED_MPS),
-    "star": Star(speed_mps=SPEED_MPS),
+    "star": Star(speed_mps=SPEED_MPS, radius_m=3.5),  # not over the landmark in the north
     "square": Square(speed_mps=SPEED_MPS),
-    "pentagon": Polygon(speed_mps=SPEED_MPS, corners=5),
+    "pentagon": Polygon(speed_mps=SPEED_MPS, radius_m=3.5, corners=5),
     "random": Waypoints(speed_mps=SPEED_MPS),
 }
 
@@ -75,11 +76,53 @@ DISCS = {
           [1.1, 5.0]],
 }  # fmt: skip
 SPEEDS = (0.0, 0.3, 1.0)
+_MIDDLE = (5.0, 5.2)  # of a disc
+AMONG_DISCS: dict[str, Path] = {  # clear of all discs; random ways are drawn so
+    "circle": Circle(center_m=_MIDDLE, radius_m=1.8),
+    "star": Star(center_m=_MIDDLE, radius_m=2.5),
+    "square": Square(center_m=_MIDDLE, side_m=4.0),
+    "pentagon": Polygon(center_m=_MIDDLE, radius_m=2.5, corners=5),
+}
+RAY_PATHS = (*AMONG_DISCS, "random")
+CLEAR_M = 0.2  # between a way and a disc, and more
 
 
-def has_constant_speed(path: str) -> bool:
-    """Return whether a path has no turns in place."""
-    return isinstance(PATHS[path], Circle)
+def way_among(
+    marks: FloatArray, path: str, speed_mps: float, rng: np.random.Generator
+) -> FloatArray:
+    """Return the poses of a minute, step by step, that touch no disc, shape (n, 3).
+
+    They begin anywhere along the path: what rays make of discs depends on the place, so errors are
+    to be looked at in many.
+
+    Parameters
+    ----------
+    marks : float64 array, shape (m, 2)
+        The middles of the discs.
+    path : str
+        Of `RAY_PATHS`.
+    speed_mps : float
+        0 stands.
+    rng : numpy Generator
+    """
+    way: Path = _between(marks, rng) if path == "random" else AMONG_DISCS[path]
+    time = np.arange(0, round(DURATION_S * 10) + 1) / 10.0
+    driven = way.model_copy(update={"speed_mps": speed_mps or SPEED_MPS})
+    drive = plan(driven, ROOM_M, 2.0 * DURATION_S, rng)
+    begin = rng.uniform(0.0, DURATION_S)
+    return drive.pose_at(begin + time if speed_mps > 0.0 else np.full_like(time, begin))
+
+
+def _between(marks: FloatArray, rng: np.random.Generator) -> Points:
+    """Return random places, each reached from the one before on a straight line that is clear."""
+    places: list[FloatArray] = []
+    while len(places) < 60:  # more than two minutes
+        place = rng.uniform(1.0, np.array(ROOM_M) - 1.0)
+        leg = np.linspace(places[-1] if places else place, place, 200)
+        apart = np.hypot(*(leg[:, None] - marks).transpose(2, 0, 1)).min()
+        if apart > DISC_M + CLEAR_M:
+            places.append(place)
+    return Points(points_m=[(float(x), float(y)) for x, y in places])
 
 
 def detector() -> _core.CylinderDetector:
@@ -133,12 +176,8 @@ def told(before: FloatArray, after: FloatArray, rng: np.random.Generator) -> _co
                        step.heading + noise[2] + noise[4])  # fmt: skip
 
 
-def filter_config(speed_mps: float = 0.0) -> _core.PoseEkfConfig:
-    """Return the filter that knows the noise.
-
-    That of the speed lies along the motion. Unless the speed is always the same, and given, the
-    filter takes it to be as large across the motion, where there is none: it is cautious.
-    """
+def filter_config() -> _core.PoseEkfConfig:
+    """Return the filter that knows the noise: that of the speed lies along the heading."""
     config = _core.PoseEkfConfig()
     rate = NANOSECONDS / STEP_NS
     config.odometry.sigma_longitudinal_per_sqrt_m = 0.0
@@ -146,14 +185,9 @@ def filter_config(speed_mps: float = 0.0) -> _core.PoseEkfConfig:
     config.odometry.sigma_heading_per_sqrt_m = 0.0
     config.odometry.sigma_heading_per_sqrt_rad = 0.0
     # In every step, so many a second: noise of the pose, and of the speeds over a step.
-    along = SIGMA_SPEED_MPS / rate
-    if speed_mps > 0.0:
-        per_sqrt_m = along / np.sqrt(speed_mps / rate)
-        config.odometry.sigma_longitudinal_per_sqrt_m = float(per_sqrt_m)
-        along = 0.0
-    xy = np.hypot(SIGMA_POSE_M, along)
     turn = np.hypot(SIGMA_POSE_RAD, SIGMA_TURN_RADPS / rate)
-    config.odometry.sigma_xy_per_sqrt_s = float(xy * np.sqrt(rate))
+    config.odometry.sigma_longitudinal_per_sqrt_s = float(SIGMA_SPEED_MPS / np.sqrt(rate))
+    config.odometry.sigma_xy_per_sqrt_s = float(SIGMA_POSE_M * np.sqrt(rate))
     config.odometry.sigma_heading_per_sqrt_s = float(turn * np.sqrt(rate))
     config.landmark.sigma_range_m = SIGMA_RANGE_M
     config.landmark.sigma_bearing_rad = SIGMA_BEARING_RAD

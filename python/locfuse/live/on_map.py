@@ -79,3 +79,12 @@ class OnMap:
     def places(self) -> int:
         """How many places fit, each with a hundredth of the probability or more."""
         return sum(h.probability >= 0.01 for h in self._mcl.hypotheses)
+
+    def health(self) -> _core.HealthReport:
+        """Return how far the estimate may be trusted."""
+        return self._mcl.health()
+
+    @property
+    def sources(self) -> list[_core.SourceStatus]:
+        """What became of each source that weighs particles."""
+        return list(self._mcl.sources)

@@ -54,10 +54,9 @@ class LiveHealth:
     reason : str
         Why, in a sentence; empty where all is well.
     within : float
-        Probability that the position error is below ``health.limit_m``; NaN where particles alone
-        tell the pose, which do not say.
+        Probability that the position error is below ``health.limit_m``.
     wrong : float
-        Probability that the robot is somewhere else; NaN likewise.
+        Probability that the robot is somewhere else.
     protection : float64 array, shape (3,)
         |error| in x [m], y [m] and heading [rad] exceeds these with ``health.risk`` at most;
         infinite where that cannot be said.
@@ -411,33 +410,26 @@ class LiveRun:
                           report.protection)  # fmt: skip
 
     def _health_on_map(self) -> LiveHealth:
-        nothing = np.full(3, np.inf)
         if self._on_map is None:
-            return LiveHealth(
-                "initializing", "no scan and no odometry yet", np.nan, np.nan, nothing
-            )
-        if self._on_map.ready:
-            return LiveHealth("ok", "", np.nan, np.nan, nothing)
-        places = self._on_map.places
-        if not self._on_map.found:
-            return LiveHealth(
-                "initializing", f"{places} places on the map fit", np.nan, np.nan, nothing
-            )
-        if places > 1:
-            return LiveHealth(
-                "ambiguous", f"{places} places on the map fit", np.nan, np.nan, nothing
-            )
-        return LiveHealth("degraded", "the particles are spread wider than mcl.sigma_xy_ready_m or "
-                          "mcl.sigma_heading_ready_rad", np.nan, np.nan, nothing)  # fmt: skip
+            nothing = np.full(3, np.inf)
+            return LiveHealth("initializing", "no scan and no odometry yet", 0.0, 1.0, nothing)
+        report = self._on_map.health()
+        reason = reason_of(report.clue, report.source, self.names, self.config)
+        state = report.state.name.lower()
+        if state == "ambiguous" or (state == "initializing" and not self._on_map.found):
+            reason = f"{self._on_map.places} places on the map fit"
+        return LiveHealth(state, reason, report.within, report.wrong, report.protection)
 
     def sources(self) -> list[LiveSource]:
         """Return what became of each source that was fused or gated."""
         if self._filter is None:
-            return []
+            told = [] if self._on_map is None else self._on_map.sources
+        else:
+            told = self._filter.sources
         return [
             LiveSource(name_of(s.source, self.names), s.heard, s.fused, s.accepted, s.residual,
                        s.sigma, s.test_ratio, s.faulty)
-            for s in self._filter.sources
+            for s in told
         ]  # fmt: skip
 
     @property

@@ -3,26 +3,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
 from locfuse.claims import Claim, Progress, claim_of, claims_of, share
 from locfuse.trust.blackout import blackout_claims
-from locfuse.trust.scenarios import LIMIT_M, SCENARIOS, Drive, drive
+from locfuse.trust.on_map import ON_MAP, UNTOLD_ON_MAP
+from locfuse.trust.scenarios import LIMIT_M, SCENARIOS, Drive, Scenario, drive, drive_in
 from locfuse.trust.scores import PATIENCE_S, Alarms, alarms_of, beyond
 
 RISKS = (1e-2, 1e-3)
-UNTOLD = "wheels slip, and nobody knows"  # no filter can be right about noise that it is not told
+# No filter can be right about noise that it is not told.
+UNTOLD = ("wheels slip, and nobody knows", UNTOLD_ON_MAP)
 
 
 def trust_claims(seeds: int, progress: Progress) -> list[Claim]:
     """Return all rows: seeds 0 to seeds - 1 of every scenario."""
-    parts = [partial(_scenario, name, seeds) for name in SCENARIOS]
-    return claims_of([*parts, partial(_together, seeds), partial(blackout_claims, seeds)], progress)
+    parts = [
+        *(partial(_scenario, name, of, seeds) for name, of in SCENARIOS.items()),
+        partial(_together, "trust", "all but that", SCENARIOS, seeds),
+        partial(blackout_claims, seeds),
+        *(partial(_scenario, name, of, seeds) for name, of in ON_MAP.items()),
+        partial(_together, "trust_scans", "scans, all but that", ON_MAP, seeds),
+    ]
+    return claims_of(parts, progress)
 
 
-def _scenario(name: str, seeds: int) -> Iterator[Claim]:
-    drives = [drive(name, seed) for seed in range(seeds)]
+def _scenario(name: str, scenario: Scenario, seeds: int) -> Iterator[Claim]:
+    drives = [drive_in(scenario, seed, 0.01) for seed in range(seeds)]
     alarms, key = alarms_of(drives), f"trust_{name.replace(',', '').replace(' ', '_')}"
     yield Claim(f"{key}_false", f"{name}: false alarms in {alarms.hours:.1f} h", "1/h", None,
                 *3 * (alarms.false_per_hour,), "-", True)  # fmt: skip
@@ -49,17 +57,19 @@ def _levels(key: str, what: str, drives: Sequence[Drive], risk: float | None) ->
                 f"worst axis: {axis}; levels at {100 * available:.1f} % of the points")  # fmt: skip
 
 
-def _together(seeds: int) -> Iterator[Claim]:
-    told = [name for name in SCENARIOS if name != UNTOLD]
-    drives = [drive(name, seed) for name in told for seed in range(seeds)]
+def _together(
+    key: str, what: str, scenarios: Mapping[str, Scenario], seeds: int
+) -> Iterator[Claim]:
+    told = [scenario for name, scenario in scenarios.items() if name not in UNTOLD]
+    drives = [drive_in(scenario, seed, 0.01) for scenario in told for seed in range(seeds)]
     alarms = alarms_of(drives)
-    yield from _losses("trust", "all but that: ", alarms)
+    yield from _losses(key, f"{what}: ", alarms)
     rate = alarms.false_per_hour
-    yield Claim("trust_false", f"all but that: false alarms in {alarms.hours:.1f} h", "1/h", None,
+    yield Claim(f"{key}_false", f"{what}: false alarms in {alarms.hours:.1f} h", "1/h", None,
                 rate, rate, rate, "<= 0.1", rate <= 0.1)  # fmt: skip
     for risk in RISKS:
-        of_risk = [drive(name, seed, risk) for name in told for seed in range(seeds)]
-        yield from _levels("trust", "all but that: ", of_risk, risk)
+        of_risk = [drive_in(scenario, seed, risk) for scenario in told for seed in range(seeds)]
+        yield from _levels(key, f"{what}: ", of_risk, risk)
 
 
 def pooled(seeds: int) -> list[Drive]:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -21,6 +21,13 @@ ANCHORS = {"SW": [0.0, 0.0, 0.0], "SE": [10.0, 0.0, 0.0], "NE": [10.0, 10.0, 0.0
            "NW": [0.0, 10.0, 0.0], "S": [4.0, 0.0, 0.0], "E": [10.0, 6.0, 0.0]}  # fmt: skip
 WALLS = [[3.0, 6.0, 7.0, 6.0], [6.0, 2.0, 6.0, 4.5]]
 LIMIT_M = 1.0  # farther off is lost
+
+Scenario = Callable[[int], tuple[RunConfig, Log]]  # of a seed
+SLIPS = {"kind": "slip_episodes", "every_s": 30.0, "lasting_s": 1.0, "translation_factor": 2.0,
+         "turn_radps": 0.3}  # fmt: skip
+# E[T^2] = 2 of lengths T with mean 1, over 30 s.
+SLIPS_TOLD = {"sigma_heading_per_sqrt_s": 0.3 * np.sqrt(2.0 / 30.0),
+              "sigma_xy_per_sqrt_s": 0.22 * np.sqrt(2.0 / 30.0)}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -63,7 +70,12 @@ def config_of(duration_s: float = DURATION_S, **simulation: Any) -> RunConfig:
 
 def drive(name: str, seed: int, risk: float = 0.01) -> Drive:
     """Drive a scenario of `SCENARIOS`, with protection levels of some risk."""
-    config, log = SCENARIOS[name](seed)
+    return drive_in(SCENARIOS[name], seed, risk)
+
+
+def drive_in(scenario: Scenario, seed: int, risk: float) -> Drive:
+    """Drive any scenario, with protection levels of some risk."""
+    config, log = scenario(seed)
     health = config.health.model_copy(update={"risk": risk, "limit_m": LIMIT_M})
     return drive_of(run(config.model_copy(update={"health": health}), log))
 
@@ -88,26 +100,28 @@ def simulated(config: RunConfig, seed: int) -> Log:
     return simulate(config.simulation, np.random.default_rng(seed))
 
 
-def _with_faults(*faults: dict[str, Any]) -> Callable[[int], tuple[RunConfig, Log]]:
+def drives_of(config_of: Callable[[int], RunConfig]) -> Scenario:
+    """Return the scenario of a configuration for each seed."""
+
     def scenario(seed: int) -> tuple[RunConfig, Log]:
-        config = config_of(faults=list(faults))
+        config = config_of(seed)
         return config, simulated(config, seed)
 
     return scenario
 
 
-def _slipping(told: bool) -> Callable[[int], tuple[RunConfig, Log]]:
+def _with_faults(*faults: dict[str, Any]) -> Scenario:
+    return drives_of(lambda _: config_of(faults=list(faults)))
+
+
+def _slipping(told: bool) -> Scenario:
     """Slip for a second twice a minute; `told` a noise of odometry that has the same variance."""
-    fault = {"kind": "slip_episodes", "every_s": 30.0, "lasting_s": 1.0, "translation_factor": 2.0,
-             "turn_radps": 0.3}  # fmt: skip
 
     def scenario(seed: int) -> tuple[RunConfig, Log]:
-        config = config_of(faults=[fault])
+        config = config_of(faults=[SLIPS])
         log = simulated(config, seed)
-        if told:  # E[T^2] = 2 of lengths T with mean 1, over 30 s
-            turn, way = (rate * np.sqrt(2.0 / 30.0) for rate in (0.3, 0.22))
-            noise = {"sigma_heading_per_sqrt_s": turn, "sigma_xy_per_sqrt_s": way}
-            odometry = config.estimator.odometry.model_copy(update=noise)
+        if told:
+            odometry = config.estimator.odometry.model_copy(update=SLIPS_TOLD)
             estimator = config.estimator.model_copy(update={"odometry": odometry})
             config = config.model_copy(update={"estimator": estimator})
         return config, log
@@ -115,17 +129,20 @@ def _slipping(told: bool) -> Callable[[int], tuple[RunConfig, Log]]:
     return scenario
 
 
-def _kidnapped(seed: int) -> tuple[RunConfig, Log]:
-    """Carry the robot off in mid-drive, to anywhere at least 2 m away."""
-    config = config_of()
-    before, other = simulated(config, seed), seed
-    cut = before.tables["truth"]["stamp_ns"][0] + round(0.5 * DURATION_S * NANOSECONDS)
-    while True:
-        other += 100_000
-        after = simulated(config, other)
-        away = _place_at(after, cut) - _place_at(before, cut)
-        if np.hypot(*away) >= 2.0:
-            return config, _joined(before, after, int(cut))
+def carried_off(config_of: Callable[[int], RunConfig], *tables: str) -> Scenario:
+    """Carry the robot off in mid-drive, to anywhere at least 2 m away, where `tables` go on."""
+
+    def scenario(seed: int) -> tuple[RunConfig, Log]:
+        config = config_of(seed)
+        before, other = simulated(config, seed), seed
+        cut = int(before["truth"]["stamp_ns"][0]) + round(0.5 * DURATION_S * NANOSECONDS)
+        while True:
+            other += 100_000
+            after = simulated(config, other)
+            if np.hypot(*(_place_at(after, cut) - _place_at(before, cut))) >= 2.0:
+                return config, _joined(before, after, cut, tables)
+
+    return scenario
 
 
 def _place_at(log: Log, stamp: int) -> FloatArray:
@@ -135,16 +152,14 @@ def _place_at(log: Log, stamp: int) -> FloatArray:
     return place
 
 
-def _joined(before: Log, after: Log, cut: int) -> Log:
+def _joined(before: Log, after: Log, cut: int, tables: Sequence[str]) -> Log:
     def rows(stem: str) -> Columns:
         early = before[stem]["stamp_ns"] <= cut
         late = after[stem]["stamp_ns"] > cut
         return {name: np.concatenate([values[early], after[stem][name][late]])
                 for name, values in before[stem].items()}  # fmt: skip
 
-    return replace(before, tables={**before.tables,
-                                   **{stem: rows(stem) for stem in ("odometry", "ranges",
-                                                                    "truth")}})  # fmt: skip
+    return replace(before, tables={**before.tables, **{stem: rows(stem) for stem in tables}})
 
 
 def _moved_anchor(seed: int) -> tuple[RunConfig, Log]:
@@ -170,7 +185,7 @@ def _swapped_anchors(seed: int) -> tuple[RunConfig, Log]:
     return config, replace(log, tables={**log.tables, "anchors": {**anchors, "anchor": names}})
 
 
-SCENARIOS: dict[str, Callable[[int], tuple[RunConfig, Log]]] = {
+SCENARIOS: dict[str, Scenario] = {
     "clean": _with_faults(),
     "walls that lengthen ranges": _with_faults(
         {"kind": "nlos", "walls": WALLS, "extra_m": 1.0, "sigma_m": 0.5}
@@ -181,5 +196,5 @@ SCENARIOS: dict[str, Callable[[int], tuple[RunConfig, Log]]] = {
     "wheels slip, and it is known": _slipping(told=True),
     "wheels slip, and nobody knows": _slipping(told=False),
     "blackout": _with_faults({"kind": "dropouts", "from_s": 140.0, "to_s": 160.0}),
-    "kidnapped": _kidnapped,
+    "kidnapped": carried_off(lambda _: config_of(), "odometry", "ranges", "truth"),
 }  # fmt: skip

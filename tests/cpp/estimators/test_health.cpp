@@ -120,6 +120,24 @@ TEST(Health, without_measurements_trust_runs_out) {
   }
 }
 
+/// What it does when it is lost follows `is_lost`, what it tells follows the report.
+TEST(Health, silence_for_too_long_is_loss_until_sources_agree_again) {
+  Room room;
+  room.health.start(0);
+  room.listen(100, 4, 0, 0.0);
+  room.stamp += 61'000'000'000;
+  room.health.advance(room.stamp);
+  EXPECT_TRUE(room.health.is_lost());
+  EXPECT_EQ(room.report().state, HealthState::kLost);
+  EXPECT_EQ(room.report().clue, HealthClue::kSilence);
+  EXPECT_GE(room.health.wrong(), 0.5);
+  room.listen(100, 4, 3, 3.0);  // one that agrees, maybe since the filter has followed it
+  EXPECT_TRUE(room.health.is_lost());
+  room.listen(20, 4, 0, 0.0);
+  EXPECT_FALSE(room.health.is_lost());
+  EXPECT_EQ(room.report().state, HealthState::kOk);
+}
+
 TEST(Health, a_kind_of_source_that_falls_silent_is_told) {
   Room room;
   room.health.start(0);
@@ -153,7 +171,7 @@ TEST(Health, noise_that_is_larger_than_told_widens_the_levels) {
   EXPECT_GT(untold.report().protection.x(), 1.5 * told.report().protection.x());
 }
 
-/// Eq. (6) against a draw of a million.
+/// Eq. (7) against a draw of a million.
 TEST(Health, within_is_the_probability_of_an_ellipse_in_a_circle) {
   Health::Config config;
   config.limit_m = 0.7;

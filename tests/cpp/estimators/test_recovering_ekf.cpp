@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -9,6 +10,7 @@
 #include "support/consistency.hpp"
 #include "support/expect.hpp"
 #include "support/random.hpp"
+#include "support/robot.hpp"
 
 namespace locfuse {
 namespace {
@@ -306,6 +308,92 @@ TEST(RecoveringEkf, position_fixes_find_it_again_too) {
   EXPECT_EQ(ekf.restarts(), 1);
   ASSERT_FALSE(ekf.is_lost());
   EXPECT_LT(drive.off(ekf), 0.2);
+}
+
+/// A robot in a hall with four anchors that hears none of them for longer than `invalid_s`, while
+/// its wheels spin for half a minute: they tell a longer way, and straight on.
+struct Outage {
+  static constexpr double kBegins = 10.0;
+  static constexpr double kEnds = 80.0;
+
+  RecoveringEkf ekf{RecoveringEkf::Config{}, testing::hall(), testing::one_tag(), nullptr};
+  Rng rng;
+  Pose2 truth;
+  int steps = 0;
+  int disagreements = 0;  // of is_lost and of the state
+
+  explicit Outage(unsigned seed) : rng(seed) {
+    truth = {uniform(rng, -6.0, 6.0), uniform(rng, -6.0, 6.0), uniform(rng, -kPi, kPi)};
+    ekf.start_at({0, truth, 0.01 * Matrix<3, 3>::Identity()});
+  }
+
+  void step(bool hears, bool spins) {
+    const double home = wrap_angle(std::atan2(-truth.y, -truth.x) - truth.heading);
+    const bool is_far = truth.position().norm() > 6.0;
+    const Pose2 motion = arc(0.05, 0.0, is_far ? 0.15 * std::min(std::max(home, -1.0), 1.0) : 0.03);
+    truth = truth * motion;
+    const double turn = std::sqrt(0.0004 * 0.05 + 0.0009 * std::abs(motion.heading));
+    const Pose2 told{motion.x + normal(rng, 0.03 * std::sqrt(0.05)) + (spins ? 0.03 : 0.0),
+                     motion.y + normal(rng, 0.01 * std::sqrt(0.05)),
+                     (spins ? 0.0 : motion.heading) + normal(rng, turn)};
+    const Stamp begin = steps++ * kStep;
+    ekf.on(Increment{begin, begin + kStep, told});
+    compare();
+    for (Id anchor = 0; hears && anchor < 4; ++anchor) {
+      ekf.on(testing::range_to(anchor, truth, begin + kStep, normal(rng, 0.1)));
+      compare();
+    }
+  }
+
+  void compare() {
+    disagreements += ekf.is_lost() == (ekf.health().state == HealthState::kLost) ? 0 : 1;
+  }
+
+  [[nodiscard]] Vector<3> error() const { return local(ekf.estimate().pose, truth); }
+};
+
+/// It said `lost` without acting on it, held the pose for right, and the anchors for wrong.
+TEST(RecoveringEkf, lost_by_silence_it_searches_and_believes_anchors_rather_than_odometry) {
+  double nees = 0.0;
+  constexpr int kRuns = 60;
+  for (unsigned seed = 0; seed < kRuns; ++seed) {
+    Outage run(seed);
+    bool was_lost = false;
+    double worst_error = 0.0;
+    for (int k = 0; k < 1000; ++k) {
+      const double time = 0.1 * k;
+      const bool is_silent = time > Outage::kBegins && time < Outage::kEnds;
+      run.step(!is_silent && k % 2 == 0, is_silent && time < Outage::kBegins + 30.0);
+      was_lost = was_lost || (is_silent && run.ekf.is_lost());
+      worst_error = std::max(worst_error, is_silent ? run.error().head<2>().norm() : 0.0);
+      if (time > Outage::kEnds && !run.ekf.is_lost()) {
+        ASSERT_LT(run.error().head<2>().norm(), 1.0) << "seed " << seed << " at " << time;
+      }
+    }
+    EXPECT_GT(worst_error, 5.0) << seed;  // else it shows nothing
+    EXPECT_TRUE(was_lost) << seed;
+    EXPECT_EQ(run.disagreements, 0) << seed;
+    ASSERT_FALSE(run.ekf.is_lost()) << seed;
+    EXPECT_EQ(run.ekf.alarms(), 1) << seed;
+    EXPECT_LT(run.error().head<2>().norm(), 0.2) << seed;
+    nees += run.error().dot(run.ekf.estimate().covariance.inverse() * run.error());
+  }
+  EXPECT_TRUE(in_band(nees / kRuns, 3, kRuns)) << nees / kRuns;
+}
+
+TEST(RecoveringEkf, lost_by_silence_alone_it_goes_on_where_it_is) {
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    Outage run(seed);
+    for (int k = 0; k < 1000; ++k) {
+      const bool is_silent = k > 100 && k < 800;
+      run.step(!is_silent, false);
+    }
+    ASSERT_FALSE(run.ekf.is_lost()) << seed;
+    EXPECT_EQ(run.ekf.alarms(), 1) << seed;
+    EXPECT_EQ(run.ekf.restarts(), 0) << seed;
+    EXPECT_EQ(run.disagreements, 0) << seed;
+    EXPECT_LT(run.error().head<2>().norm(), 0.2) << seed;
+  }
 }
 
 TEST(RecoveringEkf, starts_where_it_is_told) {

@@ -194,6 +194,85 @@ TEST(Particles, are_resampled_in_proportion_to_their_weight) {
   }
 }
 
+TEST(Particles, resampled_by_bin_no_place_gains_or_loses) {
+  // Places ten cells apart, each twice as likely as the one before, the first ones next to nothing.
+  constexpr int kPlaces = 24;
+  constexpr int kEach = 40;
+  const ParticleBins bins{5.0, 24.0};
+  Rng rng(5);
+  ParticleBelief belief = all_at({}, kPlaces * kEach);
+  std::vector<double> before(kPlaces, 0.0);
+  double sum = 0.0;
+  for (std::size_t k = 0; k < kPlaces * kEach; ++k) {
+    const std::size_t place = k % kPlaces;
+    belief.x[k] = static_cast<float>(10.0 * static_cast<double>(place) + uniform(rng, 0.5, 4.5));
+    belief.y[k] = 2.0F;
+    const double weight = std::exp2(static_cast<double>(place)) * uniform(rng, 0.2, 1.0);
+    belief.weight[k] = static_cast<float>(weight);
+    before[place] += static_cast<double>(belief.weight[k]);
+    sum += static_cast<double>(belief.weight[k]);
+  }
+  for (float& weight : belief.weight) {
+    weight = static_cast<float>(static_cast<double>(weight) / sum);
+  }
+  ParticleBelief scratch;
+  for (std::uint64_t key = 0; key < 300; ++key) {
+    resample_by_bin(belief, 500, bins, 0.5, 1e-6, key, scratch);
+    ASSERT_EQ(belief.size, 500);
+    ASSERT_NEAR(total(belief), 1.0, 1e-4);
+  }
+  std::vector<double> after(kPlaces, 0.0);
+  std::vector<int> count(kPlaces, 0);
+  for (std::size_t k = 0; k < 500; ++k) {
+    const auto place = static_cast<std::size_t>(belief.x[k] / 10.0F);
+    after[place] += static_cast<double>(belief.weight[k]);
+    ++count[place];
+  }
+  for (std::size_t place = 0; place < kPlaces; ++place) {
+    const double share = before[place] / sum;
+    if (share < 0.9e-6) {
+      EXPECT_EQ(count[place], 0) << place;
+    } else if (share > 1.1e-6) {
+      EXPECT_NEAR(after[place] / share, 1.0, 1e-3) << place;
+      EXPECT_GE(count[place], 1) << place;
+    }
+  }
+  // The square root of the weights tells how many: half of all weight is the last one's.
+  EXPECT_NEAR(count[kPlaces - 1], (500 - 20) * (1.0 - std::sqrt(0.5)), 25.0);
+}
+
+TEST(Particles, within_a_bin_are_resampled_in_proportion_to_their_weight) {
+  const ParticleBins bins{100.0, 24.0};
+  ParticleBelief belief = all_at({}, 4);
+  for (std::size_t k = 0; k < 4; ++k) {
+    belief.x[k] = static_cast<float>(k + 1);
+    belief.weight[k] = 0.1F * static_cast<float>(k + 1);
+  }
+  ParticleBelief scratch;
+  resample_by_bin(belief, 1000, bins, 0.5, 1e-9, 3, scratch);
+  ASSERT_EQ(belief.size, 1000);
+  std::vector<int> copies(5, 0);
+  for (std::size_t k = 0; k < 1000; ++k) {
+    EXPECT_NEAR(static_cast<double>(belief.weight[k]), 1e-3, 1e-8);
+    ++copies[static_cast<std::size_t>(belief.x[k])];
+  }
+  for (std::size_t k = 1; k < 5; ++k) {
+    EXPECT_NEAR(copies[k], 100.0 * static_cast<double>(k), 1.001);
+  }
+}
+
+TEST(Particles, of_more_places_than_particles_some_go_by_chance) {
+  const ParticleBins bins{5.0, 24.0};
+  ParticleBelief belief = all_at({}, 400);
+  for (std::size_t k = 0; k < 400; ++k) {
+    belief.x[k] = static_cast<float>(10 * k);
+  }
+  ParticleBelief scratch;
+  resample_by_bin(belief, 100, bins, 0.5, 1e-9, 3, scratch);
+  ASSERT_EQ(belief.size, 100);
+  EXPECT_NEAR(total(belief), 1.0, 1e-5);
+}
+
 // Ranges at a start once left copies of the one particle that was nearest, and with it a heading by
 // chance: a robot was ready, 45 degrees off.
 TEST(Particles, copies_share_the_box_that_their_original_stands_for) {

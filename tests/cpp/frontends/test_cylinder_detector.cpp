@@ -354,6 +354,33 @@ TEST(CylinderDetector, legs_are_left_out_where_somebody_may_walk) {
   EXPECT_LT(std::cos(found[0].bearing), -0.9);
 }
 
+TEST(CylinderDetector, one_leg_gives_away_another_that_shows_too_little) {
+  Rng rng(14);
+  CylinderDetectorConfig config;
+  config.least_corner_evidence = -20.0;
+  config.sigma_range_m = 0.003;
+  config.least_beams = 5;
+  // The other one is so far and thin that three beams meet it.
+  const std::vector<Disc> legs{{{1.0, 0.12}, 0.06}, {{1.2, -0.25}, 0.02}};
+  const LaserScan scan = scan_of(legs, {}, {}, rng, 0.003, turning_laser());
+  EXPECT_EQ(CylinderDetector(config).detect(scan).size(), 1U);
+  config.leg_distance_m = 0.6;
+  EXPECT_TRUE(CylinderDetector(config).detect(scan).empty());
+  config.leg_distance_m = 0.2;
+  EXPECT_EQ(CylinderDetector(config).detect(scan).size(), 1U);
+}
+
+TEST(CylinderDetector, no_beam_of_a_cylinder_comes_back_from_behind_where_it_touches) {
+  // The face of a box, and a beam on either side that meets what is beyond: a circle takes them for
+  // its ends, within four sigma of it but behind where a beam would touch it.
+  LaserScan scan{0, turning_laser(), std::vector<double>(360, std::nan(""))};
+  const std::vector<double> ranges{5.22, 4.77, 4.77, 4.78, 4.77, 4.78, 5.17};
+  for (std::size_t i = 0; i < ranges.size(); ++i) {
+    scan.ranges[177 + i] = ranges[i];
+  }
+  EXPECT_TRUE(CylinderDetector().detect(scan).empty());
+}
+
 TEST(CylinderDetector, beams_without_return_within_an_arc_do_not_cut_it) {
   Rng rng(12);
   LaserScan scan = scan_of_one({{2.0, 0.0}, 0.5}, rng);

@@ -55,6 +55,11 @@ void expect_same(const LocalizeRun::Step& a, const LocalizeRun::Step& b) {
   EXPECT_EQ(a.particles, b.particles);
   EXPECT_EQ(a.ready, b.ready);
   EXPECT_EQ(a.sigma, b.sigma);
+  EXPECT_EQ(a.health.state, b.health.state);
+  EXPECT_EQ(a.health.clue, b.health.clue);
+  EXPECT_EQ(a.health.wrong, b.health.wrong);
+  EXPECT_EQ(a.health.within, b.health.within);
+  EXPECT_TRUE(testing::same_bits(a.health.protection, b.health.protection));
 }
 
 TEST(Localize, equals_feeding_by_hand_bit_for_bit) {
@@ -72,7 +77,7 @@ TEST(Localize, equals_feeding_by_hand_bit_for_bit) {
     verdicts.push_back(by_hand.on(scan).verdict);
     steps.push_back({by_hand.estimate(), by_hand.hypotheses().front().probability,
                      by_hand.explained(), by_hand.belief().size, by_hand.ready(),
-                     by_hand.spread().sigma_position()});
+                     by_hand.spread().sigma_position(), by_hand.health()});
   }
 
   for (const int threads : {1, 2}) {

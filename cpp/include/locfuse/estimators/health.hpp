@@ -33,6 +33,8 @@ enum class HealthClue : std::uint8_t {
   kSourceIsSilent,   ///< one source says nothing any more
   kNoiseIsLarger,    ///< innovations are larger than their covariance
   kPositionIsVague,  ///< the covariance alone leaves the limit
+  kScansDoNotFit,    ///< scans speak against the pose
+  kLaserIsCovered,   ///< a laser sees something right before it
 };
 
 /// Where measurements come from: an anchor, a landmark, a tag whose position is told, or another
@@ -64,6 +66,16 @@ struct NamedSource {
   return {Source::kSightings, z.landmark.value_or(NamedSource::kNameless)};
 }
 
+/// What a scan says of a pose on a map, in shares of some of its beams.
+struct ScanEvidence {
+  Stamp stamp = 0;
+  double explained = 0.0;    ///< of the returns that nothing covers: that a wall explains
+  double by_chance = 0.0;    ///< likewise from anywhere else
+  double covered = 0.0;      ///< of the returns: right before the laser, where the map has no wall
+  double independent = 0.0;  ///< beams that it counts for
+  double news = 1.0;         ///< share of it that earlier scans have not said
+};
+
 /// What became of one source's messages.
 struct SourceStatus {
   NamedSource source;
@@ -72,10 +84,12 @@ struct SourceStatus {
   double interval = 0.0;       ///< between messages, mean [s]
   double residual = 0.0;       ///< last innovation's first row
   double sigma = 0.0;          ///< of that innovation, det(S)^(1 / (2 dof))
-  double test_ratio = 0.0;     ///< last NIS over the gate's limit: above 1 it was gated
-  double accepted = 1.0;       ///< share of the last 32 or so that was fused
-  double nis = 1.0;            ///< mean NIS per degree of freedom of what was no outlier
-  double faulty = 0.0;         ///< probability that it is wrong as a whole, if the pose is right
+  /// Last NIS over the gate's limit: above 1 it was gated. Of scans the last loss of explained
+  /// returns over that from which on a wrong pose is the better explanation.
+  double test_ratio = 0.0;
+  double accepted = 1.0;  ///< share of the last 32 or so that was fused
+  double nis = 1.0;       ///< mean NIS per degree of freedom of what was no outlier
+  double faulty = 0.0;    ///< probability that it is wrong as a whole, if the pose is right
 };
 
 /// How far an estimate may be trusted, in numbers.
@@ -128,6 +142,8 @@ class Health {
   /// may be, see breadth_of.
   void hear(const NamedSource& source, Stamp stamp, const Outcome& outcome, double limit,
             double breadth);
+  /// What a scan says; eq. (10) to (12) of docs/health.md.
+  void hear(const ScanEvidence& scan);
   /// Time passes: trust runs out.
   void advance(Stamp stamp);
 
@@ -147,10 +163,14 @@ class Health {
   [[nodiscard]] const std::vector<SourceStatus>& sources() const { return sources_; }
 
  private:
+  void heard(SourceStatus& status, Stamp stamp, bool is_fused);
   SourceStatus& status_of(const NamedSource& source, Stamp stamp);
   void weigh(SourceStatus& status, const Outcome& outcome, double breadth);
   [[nodiscard]] double faulty_share(const NamedSource& source) const;
+  [[nodiscard]] double agreement() const;
   [[nodiscard]] double inflation(const PoseEstimate& estimate) const;
+  /// What odometry alone has carried for that long is as likely wrong as what is lost.
+  [[nodiscard]] bool is_out_of_date(Stamp stamp) const { return stamp - fused_ > invalid_; }
   void judge();
   void find_state(HealthReport& report) const;
   void find_flaw(HealthReport& report) const;
@@ -163,10 +183,14 @@ class Health {
   double odds_found_;
   double quantile_;  // of an error in its sigmas, of half of the risk
   Stamp stamp_ = 0;
-  Stamp fused_ = 0;     // last time that anything was
-  double odds_ = 0.0;   // that the pose is wrong
-  double scale_ = 0.0;  // mean variance of an innovation
-  double nis_ = 1.0;    // mean per degree of freedom, of all sources
+  Stamp fused_ = 0;          // last time that anything was
+  double odds_ = 0.0;        // that the pose is wrong
+  double scale_ = 0.0;       // mean variance of an innovation
+  double nis_ = 1.0;         // mean per degree of freedom, of all sources
+  double explained_ = 0.0;   // share of a scan's returns, usually
+  double by_chance_ = 0.0;   // likewise from anywhere else
+  double covered_ = 0.0;     // likewise right before the laser
+  bool scans_lost_ = false;  // it was scans that spoke last against the pose
   bool lost_ = false;
   std::optional<Stamp> doubted_;       // since when it is more likely wrong than probability_lost
   std::vector<SourceStatus> sources_;  // sorted

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "locfuse/estimators/health.hpp"
 #include "locfuse/estimators/held_motion.hpp"
 #include "locfuse/estimators/pose_ekf.hpp"
 #include "locfuse/filters/outcome.hpp"
@@ -75,6 +76,7 @@ class Mcl {
     PoseModel::Config pose;
     RangeBearingModel::Config landmark;
     Limits limits;
+    Health::Config health;
   };
 
   /// Knows nothing at first: particles all over the free cells. `anchors` may be null. Throws
@@ -100,7 +102,8 @@ class Mcl {
   Outcome on(const Velocity& u);
   Outcome on(const Increment& u);
   /// Weighs by the likelihood field or the beam model. kNotModelled if the body has hardly moved
-  /// since the last scan that was used, or if the scan has no returns.
+  /// since the last scan that was used, or if the scan has no returns; kGated if most of them come
+  /// from right before the laser, where the map has no wall.
   Outcome on(const LaserScan& z);
   Outcome on(const Range& z);
   Outcome on(const PositionFix& z);
@@ -120,6 +123,10 @@ class Mcl {
   [[nodiscard]] double explained() const { return explained_; }
   /// Share of the last scan's information that was used, as `reweigh` returns it.
   [[nodiscard]] double used_share() const { return used_share_; }
+
+  /// How far its estimate may be trusted; docs/health.md.
+  [[nodiscard]] HealthReport health() const;
+  [[nodiscard]] const std::vector<SourceStatus>& sources() const { return health_.sources(); }
 
   [[nodiscard]] const ParticleBelief& belief() const { return belief_; }
   [[nodiscard]] const Config& config() const { return recipe_->config; }
@@ -145,6 +152,7 @@ class Mcl {
     std::shared_ptr<const ScanMatcher> matcher;  // or null
   };
 
+  void begin(Stamp stamp, int particles);
   void advance_to(Stamp stamp);
   void drive(const OdometryMotion& model, const Pose2& motion, Stamp until);
   void settle(const LaserScan* scan = nullptr);
@@ -163,11 +171,17 @@ class Mcl {
   void admit(std::size_t first, int scouts);
   void fit_beams(const LaserScan& scan);
   void fit(const LikelihoodField& field, const EndPoints& points, const ParticleBelief& belief);
+  [[nodiscard]] double spacing() const;
   [[nodiscard]] ParticleBins bins() const;
   [[nodiscard]] std::uint64_t next_key();
   [[nodiscard]] Pose2 to_world(const Pose2& cells) const;
   [[nodiscard]] Matrix<3, 3> metres_per_cell() const;
   [[nodiscard]] Pose2 to_cells(const Pose2& world) const;
+  [[nodiscard]] ScanEvidence evidence_of(const LaserScan& z, const PoseEstimate& here) const;
+  void tell(ScanEvidence evidence);
+  [[nodiscard]] static LaserScan uncovered(LaserScan z);
+  template <class Model, class Message>
+  Outcome compare(const Model& model, const Message& z);
   template <class Model, class Message>
   Outcome weigh(const Model& model, const Message& z);
   void reweigh_and_resample(double most_share);
@@ -188,7 +202,7 @@ class Mcl {
   Vector<3> spread_ = Vector<3>::Zero();  // variances that motion has added since resampling
   Pose2 since_scan_;  // driven since the last scan that was used: ways, not displacement
   bool scanned_ = false;
-  bool anywhere_ = true;  // it started so
+  bool searching_ = true;  // it started anywhere, and was not found since
   bool tracking_ = false;
   int rereads_ = 0;               // scans that may still be read without having moved
   std::vector<double> evidence_;  // mean log density of an end point, for each of the fields
@@ -199,6 +213,10 @@ class Mcl {
   double used_share_ = 0.0;
   std::uint64_t step_ = 0;
   int target_ = 0;  // particles after the next resampling
+  Health health_;
+  bool is_found_ = false;        // once since it started: from then on `health_` listens
+  std::optional<Stamp> judged_;  // the last scan
+  double since_judged_ = 0.0;    // share of a scan's spacing that was driven since
 };
 
 }  // namespace locfuse

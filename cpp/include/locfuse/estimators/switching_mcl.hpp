@@ -66,6 +66,8 @@ class SwitchingMcl {
 
   /// Of the particles, carried to where odometry ends.
   [[nodiscard]] PoseEstimate estimate() const { return mcl_.estimate(); }
+  /// How far that may be trusted, by what particles were weighed with.
+  [[nodiscard]] HealthReport health() const { return mcl_.health(); }
   [[nodiscard]] const Mcl& mcl() const { return mcl_; }
   [[nodiscard]] const RecoveringEkf& uwb() const { return uwb_; }
   /// NIS of the last ranges or fixes per row, on average: 1 where UWB's filter is right.

@@ -93,6 +93,13 @@ struct ParticleBins {
   double headings;  ///< how many all around
 };
 
+/// Resampling that keeps the weight of every bin, so that places that are unlikely so far do not
+/// die by chance; eq. (7). A bin of weight W gets one particle at least and a share of the others
+/// as W^power; bins with less than `least` of all weight go. Where more are left than `count` it is
+/// `resample`.
+void resample_by_bin(ParticleBelief& belief, int count, const ParticleBins& bins, double power,
+                     double least, std::uint64_t key, ParticleBelief& scratch);
+
 /// Number of bins that hold particles of at least `least` of an equal share of weight.
 [[nodiscard]] int occupied_bins(const ParticleBelief& belief, const ParticleBins& bins,
                                 double least);

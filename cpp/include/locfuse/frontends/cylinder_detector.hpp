@@ -24,8 +24,8 @@ struct CylinderDetectorConfig {
   /// By how much that of a right-angled corner must be larger. Thin cylinders look like the corners
   /// of boxes as small as they; -20 takes them all, for places without boxes.
   double least_corner_evidence = 4.0;
-  double leg_radius_m = 0.12;    ///< two cylinders up to this, next to each other, are legs
-  double leg_distance_m = 0.0;   ///< between their centres; 0: nobody walks here
+  double leg_radius_m = 0.12;    ///< a cylinder up to this next to anything as thin is a leg
+  double leg_distance_m = 0.0;   ///< between the two; 0: nobody walks here
   double least_intensity = 0.0;  ///< one beam must be that bright; 0: of any brightness
 };
 

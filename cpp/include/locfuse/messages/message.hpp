@@ -32,8 +32,9 @@ template <class M>
 }
 
 /// What a message comes from.
-enum class Source : std::uint8_t { kOdometry, kRanges, kPositions, kPoses, kSightings };
-constexpr std::size_t kSources = 5;
+/// Scans are no Message, as they find a start or weigh particles, but a source like the others.
+enum class Source : std::uint8_t { kOdometry, kRanges, kPositions, kPoses, kSightings, kScans };
+constexpr std::size_t kSources = 6;
 
 [[nodiscard]] inline Source source_of(const Message& message) {
   constexpr Source kOf[] = {Source::kOdometry,  Source::kOdometry, Source::kRanges,

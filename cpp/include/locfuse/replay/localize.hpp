@@ -19,6 +19,7 @@ struct LocalizeRun {
     int particles;
     bool ready;
     double sigma;  ///< of all particles, in their worst direction [m]
+    HealthReport health;
   };
   std::vector<Outcome> outcomes;       ///< per message, in order of arrival
   std::vector<Outcome> scan_outcomes;  ///< per scan

@@ -171,7 +171,7 @@ double LikelihoodField::log_density(double x, double y) const { return best_ - u
 double LikelihoodField::explained(const EndPoints& seen) const {
   int count = 0;
   for (std::size_t k = 0; k < seen.x.size(); ++k) {
-    count += static_cast<int>(cost(seen.x[k], seen.y[k]) <= hit_cost_);
+    count += static_cast<int>(explains(seen.x[k], seen.y[k]));
   }
   return seen.x.empty() ? 0.0 : static_cast<double>(count) / static_cast<double>(seen.x.size());
 }

@@ -26,6 +26,9 @@ OdometryMotion::OdometryMotion(const Config& config)
       heading_per_m_(variance_of("sigma_heading_per_sqrt_m", config.sigma_heading_per_sqrt_m)),
       heading_per_rad_(
           variance_of("sigma_heading_per_sqrt_rad", config.sigma_heading_per_sqrt_rad)),
+      longitudinal_per_s_(
+          variance_of("sigma_longitudinal_per_sqrt_s", config.sigma_longitudinal_per_sqrt_s) +
+          variance_of("sigma_xy_per_sqrt_s", config.sigma_xy_per_sqrt_s)),
       xy_per_s_(variance_of("sigma_xy_per_sqrt_s", config.sigma_xy_per_sqrt_s)),
       heading_per_s_(variance_of("sigma_heading_per_sqrt_s", config.sigma_heading_per_sqrt_s)) {}
 

@@ -181,6 +181,15 @@ TEST(OdometryMotion, standing_adds_only_what_grows_with_time) {
   EXPECT_TRUE(OdometryMotion(OdometryMotion::Config{}).propagate({}, {}, 3.0).noise.isZero(0.0));
 }
 
+TEST(OdometryMotion, a_speed_told_wrong_lies_along_the_heading) {
+  OdometryMotion::Config config;
+  config.sigma_longitudinal_per_sqrt_s = 0.1;
+  const Matrix<3, 3> standing =
+      OdometryMotion(config).propagate({1.0, 2.0, kPi / 2.0}, {}, 3.0).noise;
+  const Matrix<3, 3> ahead = Vector<3>(0.0, 0.01 * 3.0, 0.0).asDiagonal();
+  expect_near(standing, ahead, 1e-16);
+}
+
 TEST(OdometryMotion, refuses_sigmas_that_are_none) {
   OdometryMotion::Config config;
   const auto refused = [&](double& field, const char* name) {
@@ -198,6 +207,7 @@ TEST(OdometryMotion, refuses_sigmas_that_are_none) {
   refused(config.sigma_lateral_per_sqrt_m, "sigma_lateral_per_sqrt_m");
   refused(config.sigma_heading_per_sqrt_m, "sigma_heading_per_sqrt_m");
   refused(config.sigma_heading_per_sqrt_rad, "sigma_heading_per_sqrt_rad");
+  refused(config.sigma_longitudinal_per_sqrt_s, "sigma_longitudinal_per_sqrt_s");
   refused(config.sigma_xy_per_sqrt_s, "sigma_xy_per_sqrt_s");
   refused(config.sigma_heading_per_sqrt_s, "sigma_heading_per_sqrt_s");
 }

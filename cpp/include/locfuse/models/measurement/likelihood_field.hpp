@@ -59,7 +59,9 @@ class LikelihoodField {
   [[nodiscard]] double unit() const { return unit_; }
   /// Log density of an end point on a wall: cost 0.
   [[nodiscard]] double best() const { return best_; }
-  /// Share of end points in cells of the map that a wall explains: within 1.25 sigma.
+  /// Whether a wall explains an end point in cells of the map: within 1.25 sigma.
+  [[nodiscard]] bool explains(double x, double y) const { return cost(x, y) <= hit_cost_; }
+  /// Share of end points in cells of the map that a wall explains.
   [[nodiscard]] double explained(const EndPoints& seen) const;
 
  private:

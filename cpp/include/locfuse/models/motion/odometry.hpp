@@ -32,6 +32,7 @@ class OdometryMotion {
     double sigma_heading_per_sqrt_rad = 0.03;     ///< [rad / sqrt(rad)]
     double sigma_xy_per_sqrt_s = 0.0;             ///< at any speed, even standing [m / sqrt(s)]
     double sigma_heading_per_sqrt_s = 0.0;        ///< likewise [rad / sqrt(s)]
+    double sigma_longitudinal_per_sqrt_s = 0.0;   ///< likewise along the heading [m / sqrt(s)]
   };
 
   OdometryMotion() = default;
@@ -53,9 +54,8 @@ class OdometryMotion {
     step.moved = {T_world_body.x + dx, T_world_body.y + dy,
                   wrap_angle(T_world_body.heading + motion.heading)};
     step.jacobian << 1.0, 0.0, -dy, 0.0, 1.0, dx, 0.0, 0.0, 1.0;
-    const double drift = xy_per_s_ * seconds;
-    const double along = longitudinal_per_m_ * distance + drift;
-    const double across = lateral_per_m_ * distance + drift;
+    const double along = longitudinal_per_m_ * distance + longitudinal_per_s_ * seconds;
+    const double across = lateral_per_m_ * distance + xy_per_s_ * seconds;
     const double xy = c * s * (along - across);
     const double heading =
         heading_per_m_ * distance + heading_per_rad_ * turn + heading_per_s_ * seconds;
@@ -80,6 +80,7 @@ class OdometryMotion {
   double lateral_per_m_ = 0.0;
   double heading_per_m_ = 0.0;
   double heading_per_rad_ = 0.0;
+  double longitudinal_per_s_ = 0.0;
   double xy_per_s_ = 0.0;
   double heading_per_s_ = 0.0;
 };

@@ -1,0 +1,208 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "locfuse/estimators/mcl.hpp"
+#include "support/rooms.hpp"
+
+namespace locfuse {
+namespace {
+
+using testing::normal;
+using testing::Rng;
+
+constexpr Stamp kStep = 200'000'000;
+
+/// A robot drives a circle of one metre about a pose in a room.
+struct Robot {
+  Rng rng;
+  testing::Room room;
+  Pose2 pose;
+  Mcl mcl;
+  Stamp stamp = 0;
+  double cover = 0.0;  // share of the beams that something hides
+  bool blind = false;  // nothing comes back at all
+
+  explicit Robot(std::uint64_t seed)
+      : rng(seed),
+        room(testing::random_room(rng)),
+        pose(room.middle * Pose2{0.0, -1.0, 0.0}),
+        mcl(Mcl::Config{}, room.map, 0) {
+    mcl.start_at({{{0, pose, 0.0025 * Matrix<3, 3>::Identity()}, 1.0}});
+  }
+
+  void step(int count) {
+    for (int k = 0; k < count; ++k) {
+      const Pose2 motion = arc(0.1, 0.0, 0.1);
+      const Pose2 told{motion.x + normal(rng, 0.005), motion.y + normal(rng, 0.002),
+                       motion.heading + normal(rng, 0.005)};
+      pose = pose * motion;
+      mcl.on(Increment{stamp, stamp + kStep, told});
+      stamp += kStep;
+      look();
+    }
+  }
+
+  void stand() {
+    mcl.on(Increment{stamp, stamp + kStep, {}});
+    stamp += kStep;
+    look();
+  }
+
+  Outcome look() {
+    LaserScan scan = testing::scan_from(room.walls, pose, rng, 0.02);
+    scan.stamp = stamp;
+    const auto hidden = static_cast<std::size_t>(cover * static_cast<double>(scan.ranges.size()));
+    for (std::size_t i = 0; i < scan.ranges.size(); ++i) {
+      scan.ranges[i] = blind        ? std::numeric_limits<double>::quiet_NaN()
+                       : i < hidden ? 0.15
+                                    : scan.ranges[i];
+    }
+    return mcl.on(scan);
+  }
+
+  [[nodiscard]] double off() const {
+    const Pose2 found = mcl.estimate().pose;
+    return std::hypot(found.x - pose.x, found.y - pose.y);
+  }
+};
+
+TEST(MclHealth, is_initializing_until_it_is_found_and_then_ok) {
+  Robot robot(1);
+  EXPECT_EQ(robot.mcl.health().state, HealthState::kInitializing);
+  EXPECT_EQ(robot.mcl.health().wrong, 1.0);
+  for (int k = 0; k < 300; ++k) {
+    robot.step(1);
+    if (k > 5) {
+      ASSERT_EQ(robot.mcl.health().state, HealthState::kOk) << k;
+    }
+  }
+  const HealthReport report = robot.mcl.health();
+  EXPECT_GT(report.within, 0.999);
+  EXPECT_LT(report.protection.x(), 0.5);
+  EXPECT_LT(robot.off(), report.protection.head<2>().norm());
+  ASSERT_EQ(robot.mcl.sources().size(), 1U);
+  const SourceStatus& scans = robot.mcl.sources().front();
+  EXPECT_EQ(scans.source.kind, Source::kScans);
+  EXPECT_EQ(scans.fused, robot.stamp);
+  EXPECT_GT(scans.accepted, 0.99);
+  EXPECT_LT(scans.test_ratio, 1.0);
+  EXPECT_NEAR(scans.interval, 0.2, 1e-9);
+}
+
+TEST(MclHealth, anywhere_in_a_room_that_looks_the_same_from_both_sides_it_is_ambiguous) {
+  testing::Walls walls;
+  testing::add_box(walls, {}, 8.0, 5.0);
+  Mcl::Config config;
+  config.max_particles = 20000;
+  Mcl mcl(config, testing::map_of(walls, 320, 320, 0.05, {-8.0, -8.0, 0.0}), 0);
+  Rng rng(2);
+  Pose2 pose{-1.0, 0.5, 0.3};
+  for (int k = 1; k <= 40; ++k) {
+    const Pose2 motion = arc(0.05, 0.0, 0.1);
+    pose = pose * motion;
+    mcl.on(Increment{(k - 1) * kStep, k * kStep, motion});
+    LaserScan scan = testing::scan_from(walls, pose, rng, 0.02);
+    scan.stamp = k * kStep;
+    mcl.on(scan);
+  }
+  EXPECT_EQ(mcl.health().state, HealthState::kAmbiguous);
+  EXPECT_EQ(mcl.health().clue, HealthClue::kSeveralPlaces);
+  EXPECT_TRUE(std::isinf(mcl.health().protection.x()));
+}
+
+TEST(MclHealth, carried_off_it_is_lost_within_two_seconds_and_ok_once_it_is_found) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    Robot robot(seed);
+    robot.step(100);
+    ASSERT_EQ(robot.mcl.health().state, HealthState::kOk) << seed;
+    robot.pose = robot.room.middle * Pose2{0.8, 1.2, 2.5};
+    int steps = 0;
+    while (robot.mcl.health().state != HealthState::kLost && ++steps < 20) {
+      robot.step(1);
+    }
+    EXPECT_LE(steps, 10) << seed;
+    EXPECT_TRUE(std::isinf(robot.mcl.health().protection.x()));
+    int wrong = 0;
+    for (int k = 0; k < 400; ++k) {
+      robot.step(1);
+      const bool is_trusted = robot.mcl.health().wrong < 0.1;
+      wrong += is_trusted && robot.off() > 1.0 ? 1 : 0;
+    }
+    EXPECT_EQ(wrong, 0) << seed;
+    EXPECT_EQ(robot.mcl.health().state, HealthState::kOk) << seed;
+    EXPECT_LT(robot.off(), 0.2) << seed;
+  }
+}
+
+/// The pose is right, and so it is not doubted; without the cover left out it was dragged to walls.
+TEST(MclHealth, a_cover_is_named_and_the_pose_believed) {
+  for (const double cover : {0.35, 1.0}) {
+    Robot robot(4);
+    robot.step(100);
+    robot.cover = cover;
+    const bool hides_all = cover == 1.0;
+    EXPECT_EQ(robot.look().verdict == Verdict::kGated, hides_all);
+    robot.step(40);
+    const HealthReport report = robot.mcl.health();
+    EXPECT_EQ(report.state, hides_all ? HealthState::kDeadReckoning : HealthState::kDegraded);
+    EXPECT_EQ(report.clue, HealthClue::kLaserIsCovered);
+    ASSERT_TRUE(report.source);
+    EXPECT_EQ(report.source->kind, Source::kScans);
+    EXPECT_LT(report.wrong, 0.01);
+    EXPECT_LT(robot.off(), 0.3);
+    EXPECT_LT(robot.off(), report.protection.head<2>().norm());
+    robot.cover = 0.0;
+    robot.step(60);
+    EXPECT_EQ(robot.mcl.health().state, HealthState::kOk);
+  }
+}
+
+TEST(MclHealth, a_laser_that_sees_nothing_is_silent) {
+  Robot robot(5);
+  robot.step(100);
+  robot.blind = true;
+  robot.step(15);
+  EXPECT_EQ(robot.mcl.health().state, HealthState::kDeadReckoning);
+  EXPECT_EQ(robot.mcl.health().clue, HealthClue::kSilence);
+  robot.step(300);
+  EXPECT_EQ(robot.mcl.health().state, HealthState::kLost);
+}
+
+/// Scans that are no news to particles are still looked at: nobody notices a robot carried off
+/// while its wheels stand otherwise.
+TEST(MclHealth, carried_off_while_it_stands_it_is_lost) {
+  Robot robot(6);
+  robot.step(100);
+  for (int k = 0; k < 100; ++k) {
+    robot.stand();
+    ASSERT_EQ(robot.mcl.health().state, HealthState::kOk) << k;
+  }
+  robot.pose = robot.room.middle * Pose2{0.8, 1.2, 2.5};
+  for (int k = 0; k < 50; ++k) {
+    robot.stand();
+  }
+  EXPECT_EQ(robot.mcl.health().state, HealthState::kLost);
+}
+
+TEST(MclHealth, poses_speak_by_their_innovations) {
+  Robot robot(7);
+  robot.step(60);
+  PoseObservation z;
+  z.stamp = robot.stamp;
+  z.pose = robot.mcl.estimate().pose;
+  z.covariance = 0.01 * Matrix<3, 3>::Identity();
+  z.pose.x += 0.1;
+  const Outcome outcome = robot.mcl.on(z);
+  EXPECT_EQ(outcome.verdict, Verdict::kFused);
+  EXPECT_EQ(outcome.dof, 3);
+  EXPECT_NEAR(outcome.residual, 0.1, 0.02);
+  ASSERT_EQ(robot.mcl.sources().size(), 2U);
+  EXPECT_EQ(robot.mcl.sources().front().source.kind, Source::kPoses);
+  EXPECT_EQ(robot.mcl.sources().front().accepted, 1.0);
+}
+
+}  // namespace
+}  // namespace locfuse
