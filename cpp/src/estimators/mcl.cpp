@@ -412,7 +412,8 @@ Outcome Mcl::on(const LaserScan& z) {
   since_scan_ = {};
   // Once found it stays the one to beat, until another is likelier than all else.
   const bool was_tracking = tracking_;
-  tracking_ = fits_as_ever() && (ready() || (tracking_ && hypotheses_.front().probability > 0.5));
+  tracking_ = fits_as_ever() && !health_.is_lost() &&
+              (ready() || (tracking_ && hypotheses_.front().probability > 0.5));
   const double independent =
       tracking_ ? config.independent_beams : config.independent_beams_searching;
   const double share = std::min(1.0, independent / beams);
