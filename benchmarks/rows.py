@@ -49,6 +49,9 @@ def filter_rows(m: Measured) -> Iterator[Row]:
     yield _at_most("C++, a step: PoseEkf::on / Joseph reference", ours, reference, 2.0)
     yield _faster("C++, a step: Orocos BFL / PoseEkf::on", m, "bench/pose_ekf_on",
                   "bench/orocos_bfl", 15.0)  # fmt: skip
+    heard = m["bench/recovering_ekf_on"]
+    yield Row("- with health: RecoveringEkf / PoseEkf", _time(heard), _time(ours), heard / ours,
+              "x")  # fmt: skip
     allocations = m.counted["bench/pose_ekf_on"]["allocations_per_message"]
     bfl = m.counted.get("bench/orocos_bfl", {}).get("allocations_per_message")
     yield Row("C++, PoseEkf::on: heap allocations per message", f"{allocations:g}",
@@ -108,6 +111,11 @@ def live_rows(m: Measured) -> Iterator[Row]:
     yield _at_least("Python, 24 anchors and odometry at 100 Hz by the adapter: driven / heard",
                     m["through_the_adapter"], driven_s, 10.0)  # fmt: skip
     yield _plain("- the adapter / locfuse.run on the log", m, "by_run", "through_the_adapter")
+    hears = m["bench/recovering_ekf_on"] - m["bench/pose_ekf_on"]  # a step of five ranges
+    health_s = m.counted["by_run"]["ranges"] / 5.0 * hears
+    share = 100.0 * health_s / m["by_run"]
+    yield Row("- health in locfuse.run on the log", _time(health_s), _time(m["by_run"]), share, "%",
+              "< 3", share < 3.0)  # fmt: skip
 
 
 def bag_rows(m: Measured) -> Iterator[Row]:

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // One prediction and five ranges on three states, per step: a hand-written Joseph-form reference,
-// our models and filter functions, the whole PoseEkf with checks, gates and outcomes, Orocos BFL.
+// our models and filter functions, the whole PoseEkf with checks, gates and outcomes, likewise with
+// health, Orocos BFL.
 #include <benchmark/benchmark.h>
 
 #include <Eigen/Core>
@@ -121,12 +122,16 @@ std::size_t run_functions(const Circle& in, std::vector<double>& out) {
   return allocations() - before;
 }
 
-/// What a user calls: checks, time, anchor look-up, gate, outcome; the belief put back if gated.
-std::size_t run_pose_ekf(const Circle& in, std::vector<double>& out) {
+PoseEkf::Config ekf_config() {
   PoseEkf::Config config;
   config.odometry = motion_config();
   config.range = {Circle::kSigmaRange, 0.0};
-  PoseEkf ekf(config, anchor_map(), {{0, {0, 0, 0}}}, start_estimate(in));
+  return config;
+}
+
+template <class Ekf>
+std::size_t run_messages(const Circle& in, Ekf& ekf, const PoseEkf& started,
+                         std::vector<double>& out) {
   const std::size_t before = allocations();
   for (std::size_t k = 0; k < Circle::kSteps; ++k) {
     const auto begin = static_cast<locfuse::Stamp>(k) * 100'000'000;
@@ -137,10 +142,30 @@ std::size_t run_pose_ekf(const Circle& in, std::vector<double>& out) {
           ekf.on(locfuse::Range{end, 0, i, in.z[5 * k + static_cast<std::size_t>(i)], {}}));
     }
     for (int i = 0; i < 3; ++i) {
-      out[3 * k + static_cast<std::size_t>(i)] = ekf.belief().x(i);
+      out[3 * k + static_cast<std::size_t>(i)] = started.belief().x(i);
     }
   }
   return allocations() - before;
+}
+
+/// What a user calls: checks, time, anchor look-up, gate, outcome; the belief put back if gated.
+std::size_t run_pose_ekf(const Circle& in, std::vector<double>& out) {
+  static const PoseEkf fresh(ekf_config(), anchor_map(), {{0, {0, 0, 0}}}, start_estimate(in));
+  PoseEkf ekf = fresh;
+  return run_messages(in, ekf, ekf, out);
+}
+
+/// The same, and whether it may be trusted.
+std::size_t run_recovering_ekf(const Circle& in, std::vector<double>& out) {
+  static const locfuse::RecoveringEkf fresh = [&in] {
+    locfuse::RecoveringEkf::Config config;
+    config.estimator = ekf_config();
+    locfuse::RecoveringEkf ekf(config, anchor_map(), {{0, {0, 0, 0}}}, nullptr);
+    ekf.start_at(start_estimate(in));
+    return ekf;
+  }();
+  locfuse::RecoveringEkf ekf = fresh;
+  return run_messages(in, ekf, *ekf.estimator(), out);
 }
 
 template <class Run>
@@ -166,6 +191,7 @@ void bench(benchmark::State& state, const Run& run) {
 BENCHMARK_CAPTURE(bench, reference_joseph, run_reference);
 BENCHMARK_CAPTURE(bench, models_and_filter, run_functions);
 BENCHMARK_CAPTURE(bench, pose_ekf_on, run_pose_ekf);
+BENCHMARK_CAPTURE(bench, recovering_ekf_on, run_recovering_ekf);
 #ifdef LOCFUSE_WITH_BFL
 BENCHMARK_CAPTURE(bench, orocos_bfl, run_bfl);
 #endif
