@@ -17,12 +17,12 @@ from locfuse.power_up import (
     draw_pictures,
     power_up_claims,
     power_ups,
-    registration,
     rmse_over_bound,
     share,
     trials,
 )
 from locfuse.power_up.runs import recording as ready_recording
+from locfuse.references import registration
 from support_runs import CONFIGS, DATA, recording
 
 

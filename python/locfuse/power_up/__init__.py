@@ -6,8 +6,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from locfuse.claims import Claim, share
-from locfuse.power_up.gazebo import HeadingErrors, gazebo_claims, heading_errors, registration
-from locfuse.power_up.office import OFFICE_FRAMES, office_claims
+from locfuse.power_up.gazebo import HeadingErrors, gazebo_claims, heading_errors
+from locfuse.power_up.office import office_claims
 from locfuse.power_up.pictures import draw_pictures, square_room
 from locfuse.power_up.runs import auto_claims, bad_starts
 from locfuse.power_up.scans import PowerUps, power_ups, refined_errors
@@ -26,7 +26,6 @@ from locfuse.power_up.sites import epochs, site_claims
 
 __all__ = [
     "LAYOUTS",
-    "OFFICE_FRAMES",
     "PUBLISHED_SRLS",
     "SIGMA_M",
     "TRIALS",
@@ -41,7 +40,6 @@ __all__ = [
     "power_up_claims",
     "power_ups",
     "refined_errors",
-    "registration",
     "rmse_over_bound",
     "share",
     "square_room",

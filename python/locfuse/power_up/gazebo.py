@@ -4,13 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
 
 from locfuse.claims import Claim, absent, claim_of, share
-from locfuse.eval.ape import umeyama
 from locfuse.power_up.runs import bad_start_claims, recording
 from locfuse.power_up.scans import (
     PowerUps,
@@ -19,7 +18,8 @@ from locfuse.power_up.scans import (
     refined_errors,
     ten_degree_errors,
 )
-from locfuse.types import OCCUPIED, FloatArray, Log, LogError, wrap_angle
+from locfuse.references import moved_truth
+from locfuse.types import FloatArray, Log, LogError
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def gazebo_power_ups(configs: Path) -> GazeboPowerUps:
     for name in ("run3", "straight", "static"):
         config, log = recording(configs, "ieu_gazebo.yaml", name)
         states = power_up_states(log, config)
-        logs.append(_moved_truth(log, registration(log)))
+        logs.append(moved_truth(log))
         in_world.append(judged(states, log, 0.3, 10.0))
         on_map.append(judged(states, logs[-1], 0.3, 10.0))
     return GazeboPowerUps(logs, _joined(in_world), _joined(on_map))
@@ -61,39 +61,6 @@ def _joined(parts: Sequence[PowerUps]) -> PowerUps:
     columns = (np.concatenate([getattr(part, field.name) for part in parts])
                for field in fields(PowerUps))  # fmt: skip
     return PowerUps(*columns)
-
-
-def registration(log: Log) -> FloatArray:
-    """Return how the Gazebo map lies in the world: shift (x, y) [m] and turn [rad].
-
-    The world holds nine columns of 0.15 m radius on a grid of 1.1 m about its origin; a circle is
-    fitted to the occupied cells around each. Neither laser nor matcher takes part.
-    """
-    grid = log.grid
-    assert grid is not None
-    cells = grid.to_world(np.argwhere(grid.cells == OCCUPIED)[:, ::-1].astype(float) + 0.5)
-    known = np.array([[x, y] for x in (-1.1, 0.0, 1.1) for y in (-1.1, 0.0, 1.1)])
-    seen = []
-    for column in known:
-        near = cells[np.hypot(*(cells - column).T) < 0.35]
-        design = np.column_stack([2.0 * near, np.ones(len(near))])
-        seen.append(np.linalg.lstsq(design, np.sum(near**2, axis=1), rcond=None)[0][:2])
-    _, turn, shift = umeyama(known, np.array(seen), with_scale=False)
-    return np.array([*shift, turn])
-
-
-def _moved_truth(log: Log, by: FloatArray) -> Log:
-    """Return the log with its truth moved into the frame of a map that lies elsewhere."""
-    truth = log["truth"]
-    c, s = np.cos(by[2]), np.sin(by[2])
-    x, y = truth["x_m"], truth["y_m"]
-    moved = {
-        **truth,
-        "x_m": c * x - s * y + by[0],
-        "y_m": s * x + c * y + by[1],
-        "heading_rad": wrap_angle(truth["heading_rad"] + by[2]),
-    }
-    return replace(log, tables={**log.tables, "truth": moved})
 
 
 @dataclass(frozen=True)
