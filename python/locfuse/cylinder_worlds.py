@@ -50,6 +50,7 @@ class Found:
     missed: int = 0
     false_ones: int = 0
     off_m: list[float] = field(default_factory=list)
+    bound_m2: list[FloatArray] = field(default_factory=list)  # Cramer and Rao's, of the centre
     closest_off_m: list[float] = field(default_factory=list)
     nees: list[float] = field(default_factory=list)
 
@@ -78,6 +79,9 @@ def _found(name: str, known: bool, seeds: int) -> Iterator[Claim]:
     times = float(np.median(found.closest_off_m) / np.median(found.off_m))
     yield Claim(f"{key}_times", f"{what}closest beam / ours, medians", "", None, times, times,
                 times, ">= 4", times >= 4.0)  # fmt: skip
+    bound = 1e3 * float(np.median(errors_at_bound(found)))
+    yield Claim(f"{key}_bound", f"{what}median error at the bound", "mm", None, bound, bound,
+                bound, "-", True)  # fmt: skip
     nees = float(np.mean(found.nees))
     expected, slack = NEES[known]
     low, high = expected - slack, expected + slack
@@ -121,8 +125,8 @@ def _box(middle: FloatArray, size: FloatArray, turn: float) -> FloatArray:
 def scan_of(
     eye: FloatArray, discs: FloatArray, radius_m: ArrayLike, walls: FloatArray,
     rng: np.random.Generator,
-) -> tuple[_core.LaserScan, list[int]]:  # fmt: skip
-    """Return what 360 beams see, and how many of them end on each disc.
+) -> tuple[_core.LaserScan, list[FloatArray]]:  # fmt: skip
+    """Return what 360 beams see, and the bearings in its frame of those that end on each disc.
 
     Parameters
     ----------
@@ -141,7 +145,7 @@ def scan_of(
     far = far.reshape(-1, len(angle))
     wall = _to_walls(eye[:2], angle, walls)
     nearest = np.minimum(far.min(axis=0, initial=np.inf), wall)
-    on = [int(np.sum((one == nearest) & (one < RANGE_MAX_M))) for one in far]
+    on = [BEAM_RAD[(one == nearest) & (one < RANGE_MAX_M)] for one in far]
     ranges = nearest + SIGMA_BEAM_M * rng.standard_normal(len(angle))
     laser = _core.LaserGeometry(_core.Pose2(), float(BEAM_RAD[0]), float(np.deg2rad(1.0)),
                                 RANGE_MIN_M, RANGE_MAX_M)  # fmt: skip
@@ -255,14 +259,14 @@ def legs_of(time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
 
 def _judge(
     into: Found, found: list[_core.Cylinder], scan: _core.LaserScan, centres: FloatArray,
-    on: list[int], radius_m: float, known: bool,
+    on: list[FloatArray], radius_m: float, known: bool,
 ) -> None:  # fmt: skip
     at = np.array([[one.range * np.cos(one.bearing), one.range * np.sin(one.bearing)]
                    for one in found]).reshape(-1, 2)  # fmt: skip
     off = np.hypot(*(at[:, None] - centres).transpose(2, 0, 1))
     into.false_ones += int(np.sum(off.min(axis=1, initial=np.inf) > NEAR_M))
     for disc, beams in enumerate(on):
-        if beams < LEAST_BEAMS:
+        if len(beams) < LEAST_BEAMS:
             continue
         into.in_view += 1
         near = np.flatnonzero(off[:, disc] <= NEAR_M)
@@ -275,6 +279,7 @@ def _judge(
         if range_m > radius_m + FARTHEST_M:
             continue
         into.off_m.append(float(off[best, disc]))
+        into.bound_m2.append(_bound(centre, radius_m, beams, known))
         beam = _core.closest_beam(scan, one.first, one.last, radius_m)
         told = beam.range * np.array([np.cos(beam.bearing), np.sin(beam.bearing)])
         into.closest_off_m.append(float(np.hypot(*(told - centre))))
@@ -283,6 +288,30 @@ def _judge(
         rows = 2 if known else 3
         P = one.covariance[:rows, :rows]
         into.nees.append(float(error[:rows] @ np.linalg.solve(P, error[:rows])))
+
+
+def errors_at_bound(found: Found) -> FloatArray:
+    """Return one draw per centre of the error [m] of what reaches the Cramer-Rao bound."""
+    root = np.linalg.cholesky(np.array(found.bound_m2))
+    normal = np.random.default_rng(0).standard_normal((len(root), 2, 1))
+    errors: FloatArray = np.hypot(*(root @ normal)[..., 0].T)
+    return errors
+
+
+def _bound(centre: FloatArray, radius_m: float, bearings: FloatArray, known: bool) -> FloatArray:
+    """Return the least covariance of a centre [m^2] that ranges to a circle leave.
+
+    A point p on it moves along its beam b by (n . dc + dr) / (n . b), n the normal at p.
+    """
+    along = np.column_stack([np.cos(bearings), np.sin(bearings)])
+    middle = along @ centre
+    aside = np.sum(centre**2) - middle**2
+    near = middle - np.sqrt(np.maximum(radius_m**2 - aside, 0.0))
+    normal = (near[:, None] * along - centre) / radius_m
+    rows = np.column_stack([normal, np.ones(len(bearings))])[:, : 2 if known else 3]
+    rows /= SIGMA_BEAM_M * np.sum(normal * along, axis=1)[:, None]
+    bound: FloatArray = np.linalg.inv(rows.T @ rows)[:2, :2]
+    return bound
 
 
 def _from(eye: FloatArray, places: FloatArray) -> FloatArray:

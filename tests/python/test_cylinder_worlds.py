@@ -11,6 +11,7 @@ from locfuse.cylinder_worlds import (
     LEG_M,
     STRIDE_M,
     cylinder_claims,
+    errors_at_bound,
     false_ones,
     legs_of,
     look_for,
@@ -27,7 +28,8 @@ def test_beams_end_where_geometry_says() -> None:
     assert abs(ranges[180] - 1.5) < 0.05  # straight ahead: the disc hides the wall
     assert abs(ranges[0] - 2.0) < 0.05
     assert abs(ranges[200] - 4.0 / np.cos(np.deg2rad(20.0))) < 0.05  # past the disc
-    assert on == [29, 39]
+    assert [len(beams) for beams in on] == [29, 39]
+    assert abs(on[0]).max() < np.arcsin(0.5 / 2.0)
 
 
 def test_in_the_clean_world_none_is_missed_and_the_closest_beam_is_four_times_worse() -> None:
@@ -36,6 +38,16 @@ def test_in_the_clean_world_none_is_missed_and_the_closest_beam_is_four_times_wo
     assert found.in_view > 250
     assert np.median(found.off_m) < 0.005
     assert np.median(found.closest_off_m) > 4.0 * np.median(found.off_m)
+
+
+def test_a_known_radius_reaches_the_bound_and_twice_the_noise_does_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = look_for("wells", known=True, seeds=10)
+    assert 0.9 < np.median(found.off_m) / np.median(errors_at_bound(found)) < 1.1
+    monkeypatch.setattr(cylinder_worlds, "SIGMA_BEAM_M", 0.02)
+    noisy = look_for("wells", known=True, seeds=10)
+    assert np.median(noisy.off_m) > 1.5 * np.median(errors_at_bound(found))
 
 
 def test_a_detector_for_twice_the_noise_is_too_cautious(monkeypatch: pytest.MonkeyPatch) -> None:
