@@ -28,6 +28,7 @@ constexpr double kOfScans = 1.0 / 64.0;    // weight of a scan in what is usual
 constexpr double kForgets = 0.125;         // of that weight where a scan fits worse than usual
 constexpr double kShareSigma = 0.12;       // of the explained share: people, furniture that moved
 constexpr double kMostOfScan = 3.0;        // nats for or against a pose by one scan
+constexpr double kMiddle = 0.4;            // between by chance and usual: a pose that lags
 constexpr double kConfirms = 0.2;          // of that for a pose: a place looks alike for a while
 constexpr double kMostScanOdds = 1e3;      // that scans alone speak for another pose
 constexpr double kCoveredShare = 0.15;     // of returns more than usual: rather covered than not
@@ -209,7 +210,7 @@ void Health::hear(const ScanEvidence& scan) {
   // A pose that was searched for fits better than one by chance.
   const double least = lost_ ? 0.5 * (explained_ + by_chance_) : by_chance_;
   const double apart = std::max(explained_ - least, 0.0);
-  const double middle = 0.5 * (explained_ + least);
+  const double middle = least + kMiddle * (explained_ - least);
   const double clear = 1.0 - scan.covered;
   const double variance =
       kShareSigma * kShareSigma + middle * (1.0 - middle) / (scan.independent * clear);

@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 
 from locfuse.claims import Claim, Progress, claim_of, claims_of, share
 from locfuse.trust.blackout import blackout_claims
 from locfuse.trust.on_map import ON_MAP, UNTOLD_ON_MAP
 from locfuse.trust.scenarios import LIMIT_M, SCENARIOS, Drive, Scenario, drive, drive_in
-from locfuse.trust.scores import PATIENCE_S, Alarms, alarms_of, beyond
+from locfuse.trust.scores import PATIENCE_S, Alarms, alarms_of, beyond, joined
 
 RISKS = (1e-2, 1e-3)
 # No filter can be right about noise that it is not told.
@@ -19,12 +19,14 @@ UNTOLD = ("wheels slip, and nobody knows", UNTOLD_ON_MAP)
 
 def trust_claims(seeds: int, progress: Progress) -> list[Claim]:
     """Return all rows: seeds 0 to seeds - 1 of every scenario."""
-    parts = [
+    sets: list[Alarms] = []
+    parts: list[Callable[[], Iterator[Claim]]] = [
         *(partial(_scenario, name, of, seeds) for name, of in SCENARIOS.items()),
-        partial(_together, "trust", "all but that", SCENARIOS, seeds),
+        partial(_together, "trust", "all but that", SCENARIOS, seeds, sets),
         partial(blackout_claims, seeds),
         *(partial(_scenario, name, of, seeds) for name, of in ON_MAP.items()),
-        partial(_together, "trust_scans", "scans, all but that", ON_MAP, seeds),
+        partial(_together, "trust_scans", "scans, all but that", ON_MAP, seeds, sets),
+        lambda: _judged("trust_set", "both sets, all but that", joined(sets)),
     ]
     return claims_of(parts, progress)
 
@@ -58,18 +60,23 @@ def _levels(key: str, what: str, drives: Sequence[Drive], risk: float | None) ->
 
 
 def _together(
-    key: str, what: str, scenarios: Mapping[str, Scenario], seeds: int
+    key: str, what: str, scenarios: Mapping[str, Scenario], seeds: int, sets: list[Alarms]
 ) -> Iterator[Claim]:
+    """Judge the drives of all scenarios whose noise is told, and add their alarms to `sets`."""
     told = [scenario for name, scenario in scenarios.items() if name not in UNTOLD]
     drives = [drive_in(scenario, seed, 0.01) for scenario in told for seed in range(seeds)]
-    alarms = alarms_of(drives)
+    sets.append(alarms_of(drives))
+    yield from _judged(key, what, sets[-1])
+    for risk in RISKS:
+        of_risk = [drive_in(scenario, seed, risk) for scenario in told for seed in range(seeds)]
+        yield from _levels(key, f"{what}: ", of_risk, risk)
+
+
+def _judged(key: str, what: str, alarms: Alarms) -> Iterator[Claim]:
     yield from _losses(key, f"{what}: ", alarms)
     rate = alarms.false_per_hour
     yield Claim(f"{key}_false", f"{what}: false alarms in {alarms.hours:.1f} h", "1/h", None,
                 rate, rate, rate, "<= 0.1", rate <= 0.1)  # fmt: skip
-    for risk in RISKS:
-        of_risk = [drive_in(scenario, seed, risk) for scenario in told for seed in range(seeds)]
-        yield from _levels(key, f"{what}: ", of_risk, risk)
 
 
 def pooled(seeds: int) -> list[Drive]:

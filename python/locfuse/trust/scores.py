@@ -67,6 +67,17 @@ def alarms_of(drives: Iterable[Drive]) -> Alarms:
     return Alarms(losses, missed, np.array(delays), false, hours)
 
 
+def joined(sets: Sequence[Alarms]) -> Alarms:
+    """Return what became of the alarms of all."""
+    return Alarms(
+        sum(one.losses for one in sets),
+        sum(one.missed for one in sets),
+        np.concatenate([one.delays_s for one in sets]),
+        sum(one.false for one in sets),
+        sum(one.hours for one in sets),
+    )
+
+
 def stretches(
     time: FloatArray, happens: NDArray[np.bool_], least_s: float
 ) -> list[tuple[float, float]]:

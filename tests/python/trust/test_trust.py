@@ -130,8 +130,14 @@ def test_wrong_fixes_after_a_blackout_do_no_harm(way: str) -> None:
 
 def test_rows_keep_what_is_asked() -> None:
     rows = [*trust_claims(3, lambda done, total: None)]
-    # Wheels that slip turn the pose faster than scans follow; docs/health.md.
-    assert {row.id for row in rows if row.met is not True} <= {"trust_scans_false"}
+    # Wheels that slip turn the pose faster than scans follow; docs/health.md. Of two losses in
+    # drives whose noise nobody tells there is no median.
+    few = {"trust_scans_false", "trust_scans_wheels_slip_and_nobody_knows_delay"}
+    assert {row.id for row in rows if row.met is not True} <= few
+    losses = {row.id: row.note for row in rows if row.id.endswith("_missed")}
+    of = {key: int(losses[f"trust{key}_missed"].split("of ")[1].split(";")[0])
+          for key in ("", "_scans", "_set")}  # fmt: skip
+    assert of["_set"] == of[""] + of["_scans"]
     assert len([*blackout_claims(2)]) == 2 * len(WAYS)
 
 
