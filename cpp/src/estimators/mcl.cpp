@@ -16,10 +16,11 @@ namespace {
 constexpr int kGroup = 8;
 constexpr int kMostClusters = 32;
 constexpr int kRereads = 10;  // scans that a body reads where it stands when it was just started
-constexpr double kTurnPerMetre = 2.0;  // shape of the boxes that particles stand for [rad / m]
-constexpr double kFarthest = 0.5;      // driven before particles are moved, for want of a scan [m]
-constexpr double kFarthestTurn = 0.3;  // likewise [rad]
-constexpr int kDraws = 16;             // per particle, of a body that may be anywhere
+constexpr double kTurnPerMetre = 2.0;   // shape of the boxes that particles stand for [rad / m]
+constexpr double kFarthest = 0.5;       // driven before particles are moved, for want of a scan [m]
+constexpr double kFarthestTurn = 0.3;   // likewise [rad]
+constexpr double kLeastSpacing = 1e-6;  // of scans that are news [m, rad]
+constexpr int kDraws = 16;              // per particle, of a body that may be anywhere
 constexpr int kMostDraws = 1 << 20;
 constexpr double kPlacePower = 0.5;     // of a place's weight, by which it gets particles
 constexpr double kLeastPlace = 1e-9;    // weight of a place that is given up
@@ -320,8 +321,9 @@ void Mcl::drive(const OdometryMotion& model, const Pose2& motion, Stamp until) {
   stamp_ = until;
   since_scan_.x += motion.position().norm();
   since_scan_.heading += std::abs(motion.heading);
-  since_judged_ += motion.position().norm() / recipe_->config.spacing_m +
-                   std::abs(motion.heading) / recipe_->config.spacing_heading_rad;
+  since_judged_ +=
+      motion.position().norm() / std::max(recipe_->config.spacing_m, kLeastSpacing) +
+      std::abs(motion.heading) / std::max(recipe_->config.spacing_heading_rad, kLeastSpacing);
   if (pending_.motion.position().norm() > kFarthest ||
       std::abs(pending_.motion.heading) > kFarthestTurn) {
     settle();

@@ -201,6 +201,19 @@ TEST(MclHealth, carried_off_while_it_stands_it_is_lost) {
   EXPECT_EQ(robot.mcl.health().state, HealthState::kLost);
 }
 
+/// No motion over no spacing was not a number, and so was the probability of being wrong.
+TEST(MclHealth, every_scan_may_weigh_particles) {
+  Mcl::Config config;
+  config.spacing_m = config.spacing_heading_rad = 0.0;
+  Robot robot(4, config);
+  robot.step(20);
+  for (int k = 0; k < 20; ++k) {
+    robot.stand();
+    ASSERT_LT(robot.mcl.health().wrong, 0.01) << k;
+  }
+  EXPECT_EQ(robot.mcl.health().state, HealthState::kOk);
+}
+
 TEST(MclHealth, poses_speak_by_their_innovations) {
   Robot robot(7);
   robot.step(60);
