@@ -3,6 +3,7 @@
 
 #include "checks.hpp"
 #include "codec.hpp"
+#include "health.hpp"
 #include "locfuse/estimators/mcl.hpp"
 
 namespace locfuse::fuzz {
@@ -63,10 +64,11 @@ inline void read_settings(Reader& io, Mcl::Config& c) {
   bool by_beams = false;
   code(io, by_beams);
   c.likelihood = by_beams ? Mcl::Likelihood::kBeams : Mcl::Likelihood::kField;
+  code(io, c.health);
 }
 
 /// Particles are finite, headings are on the circle, weights sum to 1; the estimate has a
-/// covariance.
+/// covariance, and health probabilities.
 inline void require_sound(const Reader& io, const Mcl& mcl) {
   const ParticleBelief& belief = mcl.belief();
   double total = 0.0;
@@ -83,6 +85,8 @@ inline void require_sound(const Reader& io, const Mcl& mcl) {
             "the estimate is finite");
     require_covariance(io, estimate.covariance);
   }
+  require_sound(mcl.health());
+  require_sound(mcl.sources());
 }
 
 }  // namespace locfuse::fuzz
