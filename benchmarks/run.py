@@ -121,7 +121,8 @@ def run_python(measured: Measured) -> None:
 
 
 def _counted(run: dict[str, Any]) -> dict[str, float]:
-    known = ("allocations_per_message", "rmse_m", "right", "wrong", "peak_mb", "seconds_driven")
+    known = ("allocations_per_message", "rmse_m", "right", "wrong", "peak_mb", "seconds_driven",
+             "ranges")  # fmt: skip
     return {name: run[name] for name in known if name in run}
 
 
