@@ -134,9 +134,12 @@ def _rmse(estimate: Trajectory, truth: Trajectory) -> tuple[float, float]:
     """Return RMSE of position [m] and heading [deg] after the first twentieth of the run."""
     errors = errors_against(estimate, truth)
     assert errors.heading is not None
-    settled = len(errors.position) // 20
-    position = np.sqrt(np.mean(np.sum(errors.position[settled:] ** 2, axis=1)))
-    return float(position), float(np.rad2deg(np.sqrt(np.mean(errors.heading[settled:] ** 2))))
+    return _settled_rms(errors.position), float(np.rad2deg(_settled_rms(errors.heading[:, None])))
+
+
+def _settled_rms(errors: FloatArray) -> float:
+    """Return the root of the mean square of rows, without their first twentieth."""
+    return float(np.sqrt(np.mean(np.sum(errors[len(errors) // 20 :] ** 2, axis=1))))
 
 
 def _tracked(configs: Path, name: str, seeds: int) -> Iterator[Claim]:
@@ -241,8 +244,7 @@ def _rmse_once_ready(of: Localization, truth: Trajectory) -> float | None:
     ready = of.ready[errors.row]
     if not ready.any():
         return None
-    squares = np.sum(errors.position[ready.argmax() :] ** 2, axis=1)
-    return float(np.sqrt(np.mean(squares[len(squares) // 20 :])))
+    return _settled_rms(errors.position[ready.argmax() :])
 
 
 def _start_of_run(of: Localization, truth: Trajectory) -> tuple[bool, bool, bool]:

@@ -13,11 +13,11 @@ from locfuse.config.schema import RunConfig
 from locfuse.trust.scenarios import (
     DURATION_S,
     SLIPS,
-    SLIPS_TOLD,
     Scenario,
     carried_off,
     drives_of,
     simulated,
+    told_of_slips,
 )
 from locfuse.types import FREE, NANOSECONDS, OCCUPIED, Log
 
@@ -53,20 +53,6 @@ def config_of(seed: int, *faults: dict[str, Any]) -> RunConfig:
 
 def _with_faults(*faults: dict[str, Any]) -> Scenario:
     return drives_of(lambda seed: config_of(seed, *faults))
-
-
-def _slipping(told: bool) -> Scenario:
-    def scenario(seed: int) -> tuple[RunConfig, Log]:
-        config = config_of(seed, SLIPS)
-        log = simulated(config, seed)
-        assert config.mcl is not None
-        if told:
-            odometry = config.mcl.odometry.model_copy(update=SLIPS_TOLD)
-            mcl = config.mcl.model_copy(update={"odometry": odometry})
-            config = config.model_copy(update={"mcl": mcl})
-        return config, log
-
-    return scenario
 
 
 def _changed_map(seed: int) -> tuple[RunConfig, Log]:
@@ -113,7 +99,9 @@ ON_MAP: dict[str, Scenario] = {
     "scans, a map that has changed": _changed_map,
     "scans, a third of the laser covered": _covered(0.34),
     "scans, the laser covered": _covered(1.0),
-    "scans, wheels slip, and it is known": _slipping(told=True),
-    UNTOLD_ON_MAP: _slipping(told=False),
+    "scans, wheels slip, and it is known": drives_of(
+        lambda seed: told_of_slips(config_of(seed, SLIPS), "mcl")
+    ),
+    UNTOLD_ON_MAP: _with_faults(SLIPS),
     "scans, kidnapped": carried_off(config_of, "odometry", "scans", "truth"),
 }  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -114,19 +114,11 @@ def _with_faults(*faults: dict[str, Any]) -> Scenario:
     return drives_of(lambda _: config_of(faults=list(faults)))
 
 
-def _slipping(told: bool) -> Scenario:
-    """Slip for a second twice a minute; `told` a noise of odometry that has the same variance."""
-
-    def scenario(seed: int) -> tuple[RunConfig, Log]:
-        config = config_of(faults=[SLIPS])
-        log = simulated(config, seed)
-        if told:
-            odometry = config.estimator.odometry.model_copy(update=SLIPS_TOLD)
-            estimator = config.estimator.model_copy(update={"odometry": odometry})
-            config = config.model_copy(update={"estimator": estimator})
-        return config, log
-
-    return scenario
+def told_of_slips(config: RunConfig, part: Literal["estimator", "mcl"]) -> RunConfig:
+    """Return a configuration whose odometry has a noise of the same variance as `SLIPS`."""
+    of = getattr(config, part)
+    odometry = of.odometry.model_copy(update=SLIPS_TOLD)
+    return config.model_copy(update={part: of.model_copy(update={"odometry": odometry})})
 
 
 def carried_off(config_of: Callable[[int], RunConfig], *tables: str) -> Scenario:
@@ -193,8 +185,10 @@ SCENARIOS: dict[str, Scenario] = {
     "outliers": _with_faults({"kind": "outliers", "probability": 0.05, "magnitude_m": 5.0}),
     "an anchor moved": _moved_anchor,
     "two anchors swapped": _swapped_anchors,
-    "wheels slip, and it is known": _slipping(told=True),
-    "wheels slip, and nobody knows": _slipping(told=False),
+    "wheels slip, and it is known": drives_of(
+        lambda _: told_of_slips(config_of(faults=[SLIPS]), "estimator")
+    ),
+    "wheels slip, and nobody knows": _with_faults(SLIPS),
     "blackout": _with_faults({"kind": "dropouts", "from_s": 140.0, "to_s": 160.0}),
     "kidnapped": carried_off(lambda _: config_of(), "odometry", "ranges", "truth"),
 }  # fmt: skip

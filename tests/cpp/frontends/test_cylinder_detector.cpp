@@ -339,12 +339,18 @@ TEST(CylinderDetector, a_cylinder_that_touches_a_wall_is_found_and_the_wall_is_n
   }
 }
 
-TEST(CylinderDetector, legs_are_left_out_where_somebody_may_walk) {
-  Rng rng(11);
+/// Finds legs from near by, where there are no boxes.
+CylinderDetectorConfig for_legs() {
   CylinderDetectorConfig config;
   config.least_corner_evidence = -20.0;
   config.sigma_range_m = 0.003;
   config.least_beams = 5;
+  return config;
+}
+
+TEST(CylinderDetector, legs_are_left_out_where_somebody_may_walk) {
+  Rng rng(11);
+  CylinderDetectorConfig config = for_legs();
   const std::vector<Disc> legs{{{1.0, 0.12}, 0.06}, {{1.05, -0.12}, 0.06}, {{-1.0, 0.0}, 0.06}};
   const LaserScan scan = scan_of(legs, {}, {}, rng, 0.003, turning_laser());
   EXPECT_EQ(CylinderDetector(config).detect(scan).size(), 3U);
@@ -356,10 +362,7 @@ TEST(CylinderDetector, legs_are_left_out_where_somebody_may_walk) {
 
 TEST(CylinderDetector, one_leg_gives_away_another_that_shows_too_little) {
   Rng rng(14);
-  CylinderDetectorConfig config;
-  config.least_corner_evidence = -20.0;
-  config.sigma_range_m = 0.003;
-  config.least_beams = 5;
+  CylinderDetectorConfig config = for_legs();
   // The other one is so far and thin that three beams meet it.
   const std::vector<Disc> legs{{{1.0, 0.12}, 0.06}, {{1.2, -0.25}, 0.02}};
   const LaserScan scan = scan_of(legs, {}, {}, rng, 0.003, turning_laser());

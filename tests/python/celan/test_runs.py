@@ -180,6 +180,10 @@ def test_claims_of_the_switch_can_fail(runs: dict[str, Run]) -> None:
     good = {claim.id: claim for claim in comparison.switch_claims(given)}
     assert good["celan_false_switches"].met
     assert good["celan_switch_gain"].met
+    found = {**given, "hall": given["hall_switch"]}
+    never = {claim.id: claim for claim in comparison.switch_claims(found)}["celan_switch_gain"]
+    assert never.met is None
+    assert never.note == "no lap ends lost"
     events = runs["hall_switch"].injections
     restless = replace(runs["lidar"], injections=events)
     vain = replace(far, injections=events)
