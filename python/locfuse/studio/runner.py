@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import multiprocessing
+import os
 import shutil
 import threading
 import time
@@ -89,10 +90,12 @@ class Run:
         return (self.folder_of(key) / PLAY).exists()
 
     def write(self) -> None:
-        """Write what is known of it beside its results."""
+        """Write what is known of it beside its results, whole or not at all."""
         about = {"name": self.name, "began": self.began, "parts": [asdict(p) for p in self.parts]}
         text = json.dumps(about, indent=1, allow_nan=False)
-        (self.folder / ABOUT).write_text(text + "\n", encoding="utf-8")
+        part = self.folder / f".{ABOUT}"
+        part.write_text(text + "\n", encoding="utf-8")
+        os.replace(part, self.folder / ABOUT)
 
 
 class Runner:
@@ -176,7 +179,7 @@ class Runner:
         """End what is under way, as the server ends."""
         if self.busy:
             self.cancel()
-            self.wait(_END_S)
+        self.wait(2.0 * _END_S)  # what is done, too, is written once its process has ended
 
     def _begin(self, run: Run) -> None:
         # Spawned, not forked: the server has threads, and a run must not inherit their locks.
@@ -196,7 +199,7 @@ class Runner:
     def _listen(self, run: Run, heard: Connection, process: SpawnProcess) -> None:
         try:
             while (message := heard.recv()) is not None:
-                self._hear(run.parts[message[0]], *message[1:])
+                self._hear(run, run.parts[message[0]], *message[1:])
         except (EOFError, OSError):
             pass  # it ended before its last word
         process.join(_END_S)
@@ -210,7 +213,7 @@ class Runner:
         run.write()
         self.version += 1
 
-    def _hear(self, part: Part, what: str, *more: Any) -> None:
+    def _hear(self, run: Run, part: Part, what: str, *more: Any) -> None:
         if what == "progress":
             part.state, part.share = "running", more[0] / more[1]
         elif what == "grown":
@@ -218,6 +221,7 @@ class Runner:
         elif what == "shown":
             part.metrics, part.state, part.share = more[0], "writing", 1.0
             part.grown += 1
+            run.write()  # the server may be killed while the report is written
         elif what == "done":
             part.state = "done"
         else:

@@ -232,6 +232,34 @@ def test_runs_are_found_again_and_those_that_were_under_way_are_cancelled(runner
     assert found.can_be_watched("as_set")
 
 
+def test_a_run_that_is_done_is_found_again_however_soon_the_server_ends(runner: Runner) -> None:
+    made = begin(runner, SHORT, "as_set")
+    until(lambda: not runner.busy)  # its process still runs: it has said its last word but one
+    runner.close()
+
+    (found,) = Runner(runner.folder).runs
+
+    assert (found.parts[0].state, found.parts[0].metrics) == ("done", made.parts[0].metrics)
+    assert found.parts[0].metrics["position_rmse_m"] > 0.0
+
+
+def test_figures_of_a_run_are_kept_before_its_report_is_written(runner: Runner) -> None:
+    made = begin(runner, SHORT, "as_set")
+
+    def written() -> dict[str, Any]:
+        part: dict[str, Any] = json.loads((made.folder / "run.json").read_text())["parts"][0]
+        return part
+
+    until(lambda: written()["metrics"])
+    assert written()["state"] == "writing"
+    assert written()["metrics"]["position_rmse_m"] > 0.0
+    runner.close()
+
+    (found,) = Runner(runner.folder).runs
+    assert found.parts[0].metrics == made.parts[0].metrics
+    assert found.can_be_watched("as_set")
+
+
 def test_a_run_is_deleted_with_its_folder_and_its_number_is_not_used_again(runner: Runner) -> None:
     first = ended(runner)
     second = ended(runner)
