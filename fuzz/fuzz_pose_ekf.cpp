@@ -6,10 +6,12 @@
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace locfuse;
   fuzz::Reader io(data, size);
+  const PoseEkf::Config config = fuzz::read_config(io);
+  const PoseEstimate start = fuzz::read_start(io);
   std::optional<PoseEkf> made;
   if (!fuzz::returns([&] {
-        made.emplace(fuzz::read_config(io), testing::hall(), testing::one_tag(),
-                     fuzz::read_start(io), LandmarkSight{fuzz::poles(), {0.2, 0.0, 0.1}});
+        made.emplace(config, testing::hall(), testing::one_tag(), start,
+                     LandmarkSight{fuzz::poles(), {0.2, 0.0, 0.1}});
       })) {
     return 0;
   }

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "locfuse/filters/robust.hpp"
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -96,9 +99,103 @@ void NoiseShape::add(double share, double mean, double variance) {
   parts_[count_++] = {std::log(share), mean, variance};
 }
 
-void internal::refuse_one_sided(Eigen::Index rows) {
-  throw std::invalid_argument("a measurement of " + std::to_string(rows) +
-                              " rows has no long side: one-sided noise is of one row, as a range");
+template <int MaxM>
+NoiseShape::Softened<MaxM> NoiseShape::soften(const typename Softened<MaxM>::Residual& residual,
+                                              const typename Softened<MaxM>::Noise& C,
+                                              const typename Softened<MaxM>::Noise& noise) const {
+  using Residual = typename Softened<MaxM>::Residual;
+  using R = typename Softened<MaxM>::Noise;
+  const Eigen::Index rows = residual.size();
+  const R zero = R::Zero(rows, rows);
+  if (one_sided_ && !(residual(0) > 0.0)) {
+    return {residual, noise, zero};
+  }
+  std::array<double, kMost> weights;  // at first their logarithms
+  std::array<Residual, kMost> scores;
+  const double shift = one_sided_ ? std::sqrt(noise(0, 0)) : 0.0;
+  const auto innovation_of = [&](const Part& part) {
+    Eigen::LLT<R> factor(C + part.variance * noise);
+    if (factor.info() != Eigen::Success) {
+      throw NumericalError("innovation covariance is not positive definite");
+    }
+    return factor;
+  };
+  double largest = -std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < count_; ++k) {
+    const Eigen::LLT<R> factor = innovation_of(parts_[k]);
+    Residual off = residual;
+    off(0) -= parts_[k].mean * shift;
+    weights[k] = parts_[k].log_share - factor.matrixLLT().diagonal().array().log().sum() -
+                 0.5 * factor.matrixL().solve(off).squaredNorm();
+    scores[k] = factor.solve(off);
+    largest = std::max(largest, weights[k]);
+  }
+  double sum = 0.0;
+  Residual score = Residual::Zero(rows);
+  R information = zero;
+  R wide = zero;
+  for (std::size_t k = 0; k < count_; ++k) {
+    const double weight = std::exp(weights[k] - largest);
+    weights[k] = weight < 1e-12 ? 0.0 : weight;
+    if (weights[k] == 0.0) {
+      continue;
+    }
+    const R inverse = innovation_of(parts_[k]).solve(R::Identity(rows, rows));
+    sum += weight;
+    score += weight * scores[k];
+    information += weight * inverse;
+    wide += weight * parts_[k].variance * inverse;
+  }
+  score /= sum;
+  R doubt = zero;  // not as a difference: what is far off would leave it negative
+  for (std::size_t k = 0; k < count_; ++k) {
+    if (weights[k] > 0.0) {
+      doubt += weights[k] / sum * (scores[k] - score) * (scores[k] - score).transpose();
+    }
+  }
+  const Eigen::LLT<R> factor(information / sum);
+  const R softened = factor.solve(R(wide / sum * noise));
+  return {factor.solve(score), 0.5 * (softened + softened.transpose()), doubt};
+}
+
+template NoiseShape::Softened<1> NoiseShape::soften<1>(const Vector<1>&, const Matrix<1, 1>&,
+                                                       const Matrix<1, 1>&) const;
+template NoiseShape::Softened<3> NoiseShape::soften<3>(const Softened<3>::Residual&,
+                                                       const Softened<3>::Noise&,
+                                                       const Softened<3>::Noise&) const;
+template NoiseShape::Softened<Eigen::Dynamic> NoiseShape::soften<Eigen::Dynamic>(
+    const Eigen::VectorXd&, const Eigen::MatrixXd&, const Eigen::MatrixXd&) const;
+
+namespace {
+
+template <int M>
+Outcome update_softened_rows(GaussianBelief& belief,
+                             const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin, Slots slots,
+                             const Gate& gate, const NoiseShape& shape) {
+  const std::vector<int> rows = belief.rows(slots);
+  internal::check_columns(rows.size(), lin.jacobian.cols());
+  const Eigen::Matrix<double, Eigen::Dynamic, M> PHt =
+      belief.P(Eigen::all, rows) * lin.jacobian.transpose();
+  const Eigen::Matrix<double, M, M> C = lin.jacobian * PHt(rows, Eigen::all);
+  return internal::fuse_softened(belief, lin, slots, gate, shape, PHt, C);
+}
+
+}  // namespace
+
+Outcome internal::update_softened_part(GaussianBelief& belief,
+                                       const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin,
+                                       Slots slots, const Gate& gate, const NoiseShape& shape) {
+  return lin.residual.size() == 1
+             ? update_softened_rows<1>(belief, lin, slots, gate, shape)
+             : update_softened_rows<Eigen::Dynamic>(belief, lin, slots, gate, shape);
+}
+
+void internal::check_sides(const NoiseShape& shape, Eigen::Index rows) {
+  if (shape.is_one_sided() && rows != 1) {
+    throw std::invalid_argument(
+        "a measurement of " + std::to_string(rows) +
+        " rows has no long side: one-sided noise is of one row, as a range");
+  }
 }
 
 }  // namespace locfuse

@@ -99,20 +99,21 @@ double strong_below(const RangeLayout<N>& layout, double side_margin) {
 
 template <int N>
 bool leaves_open(const Matrix<N, N>& information, double reach) {
-  const double floor = 1.0 / (reach * reach);
+  // A sigma that is further from the others than a double has digits is as good as none.
   const double trace = information.trace();
+  const double least = std::max(1.0 / (reach * reach), 1e-13 * trace);
   // det / (trace / (N - 1))^(N - 1) is a lower bound of the least eigenvalue.
   if constexpr (N == 2) {
-    if (information.determinant() > floor * trace) {
+    if (information.determinant() > least * trace) {
       return false;
     }
   } else {
-    if (information.determinant() > 0.25 * floor * trace * trace) {
+    if (information.determinant() > 0.25 * least * trace * trace) {
       return false;
     }
   }
   const Eigen::SelfAdjointEigenSolver<Matrix<N, N>> eigen(information, Eigen::EigenvaluesOnly);
-  return !(eigen.eigenvalues()(0) > std::max(floor, 1e-14 * trace));
+  return !(eigen.eigenvalues()(0) > least);
 }
 
 template <int N>

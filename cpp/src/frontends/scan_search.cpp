@@ -115,14 +115,18 @@ struct Grid {
   }
 };
 
-Grid grid_over(const Vector<2>& mean, const Vector<2>& half_window) {
+/// The window, as far as it lies on the field: however wide it is, a scan fits nowhere else.
+Grid grid_over(const DistanceField& field, const Vector<2>& mean, const Vector<2>& half_window) {
   Grid grid;
   for (int axis = 0; axis < 2; ++axis) {
+    const double most = axis == 0 ? field.width() : field.height();
+    const double low = std::clamp(mean(axis) - half_window(axis), 0.0, most);
+    const double half_width = 0.5 * (std::clamp(mean(axis) + half_window(axis), 0.0, most) - low);
     const int half =
-        std::min(static_cast<int>(std::ceil(half_window(axis) / kFinestStep)), kMostSteps / 2);
+        std::min(static_cast<int>(std::ceil(half_width / kFinestStep)), kMostSteps / 2);
     grid.steps[static_cast<std::size_t>(axis)] = 2 * half + 1;
-    grid.step(axis) = half > 0 ? half_window(axis) / half : 0.0;
-    grid.first(axis) = mean(axis) - half * grid.step(axis);
+    grid.step(axis) = half > 0 ? half_width / half : 0.0;
+    grid.first(axis) = low;
   }
   return grid;
 }
@@ -231,7 +235,7 @@ std::vector<Pose2> coarse_minima(const ScanMap& map, const Beams& beams, const P
                                  const Vector<2>& half_window) {
   const Few few = few_of(beams);
   CoarseCost coarse(map.surface(), few);
-  Grid grid = grid_over(prior.mean.position(), half_window);
+  Grid grid = grid_over(map.surface(), prior.mean.position(), half_window);
   double heading_step = 2.0 * kPi / kHeadings;
   Vector<2> step = grid.step;
   coarse.set_steps(heading_step, step.maxCoeff());

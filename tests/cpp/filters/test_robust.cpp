@@ -182,6 +182,35 @@ TEST(Robust, a_measurement_beyond_all_precision_leaves_a_positive_variance) {
   }
 }
 
+/// Whatever the noise, the messages and how far they are off.
+TEST(Robust, leaves_a_covariance_however_far_off_a_measurement_is) {
+  testing::Rng rng(6);
+  for (int i = 0; i < 3000; ++i) {
+    GaussianBelief belief = some_belief(rng);
+    const auto decade = [&](double low, double high) {
+      return std::pow(10.0, testing::uniform(rng, low, high));
+    };
+    const Eigen::VectorXd scale =
+        Eigen::VectorXd::NullaryExpr(5, [&](Eigen::Index /*row*/) { return decade(-2.0, 1.0); });
+    belief.P = scale.asDiagonal() * belief.P * scale.asDiagonal();
+    Linearization<2, 3> lin{decade(-3.0, 12.0) * testing::random_matrix(rng, 2, 1),
+                            testing::random_matrix(rng, 2, 3),
+                            decade(-12.0, 1.0) * testing::random_covariance(rng, 2)};
+    update(belief, lin, belief.slot("body"), Gate(), i % 2 == 0 ? student_t() : cauchy());
+    ASSERT_TRUE(testing::is_covariance(belief.P)) << i << '\n' << belief.P;
+  }
+}
+
+TEST(Robust, doubt_stays_below_the_ceiling) {
+  GaussianBelief belief = GaussianBelief::of_pose(
+      0, {}, Vector<3>(1.0, 1.0, std::pow(kHeadingBounds.most, 2)).asDiagonal());
+  const Linearization<1, 3> lin{Vector<1>(5.0 * kHeadingBounds.most), Matrix<1, 3>(0.0, 0.0, 1.0),
+                                Matrix<1, 1>(0.25 * std::pow(kHeadingBounds.most, 2))};
+  update(belief, lin, belief.slot("body"), Gate(), cauchy());
+  EXPECT_EQ(std::sqrt(belief.P(2, 2)), kHeadingBounds.most);
+  EXPECT_EQ(belief.interventions, 1U);
+}
+
 TEST(Robust, refuses_what_it_cannot_be) {
   expect_refused([] { NoiseShape({NoiseKind::kStudentT, 0.9}); }, "dof");
   expect_refused([] { NoiseShape({NoiseKind::kOneSided, 4.0, 0.0}); }, "late_share");

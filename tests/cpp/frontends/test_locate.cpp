@@ -92,6 +92,24 @@ TEST(Locate, costs_are_not_negative_where_ranges_fit_to_the_bit) {
 }
 
 // Made of eigenvectors, or of cofactors, it was symmetric but for rounding.
+TEST(Locate, a_prior_that_leaves_no_digits_for_the_rest_leaves_it_open) {
+  const Anchors anchors = testing::room();
+  const std::vector<double> ranges = anchors.ranges_from(Eigen::Vector2d(3.0, 4.0));
+  for (const double tight : {1e-3, 1e-6, 1e-9, 1e-20, 1e-66, 1e-150}) {
+    for (const bool use_ceres : {false, true}) {
+      LocateOptions options;
+      options.use_ceres = use_ceres;
+      options.prior = {Eigen::Vector2d(3.0, 4.0), Eigen::Vector2d(2.0, tight)};
+      const PositionSolution found = locate_from(anchors, ranges, options);
+      const bool has_digits = tight > 1e-8;
+      EXPECT_EQ(found.status,
+                has_digits ? PositionStatus::kUnique : PositionStatus::kUnderdetermined)
+          << tight;
+      EXPECT_EQ(found.hypotheses.at(0).covariance.allFinite(), has_digits) << tight;
+    }
+  }
+}
+
 TEST(Locate, covariances_are_symmetric_to_the_bit) {
   const Anchors anchors = testing::room();
   for (int i = 0; i < 20; ++i) {

@@ -43,6 +43,21 @@ TEST(ScanSearch, finds_the_heading_from_nothing_and_never_says_ready_when_wrong)
   EXPECT_GE(ready, 58);
 }
 
+TEST(ScanSearch, a_fix_of_any_sigma_is_searched_where_the_map_is) {
+  Rng rng(5);
+  const testing::Room room = testing::random_room(rng);
+  const ScanMatcher matcher(room.map);
+  const LaserScan scan = testing::scan_from(room.walls, room.middle, rng, 0.01);
+  for (const double sigma : {1e3, 1e8, 1e12, 1e100}) {
+    for (const double off : {0.0, sigma}) {
+      const Vector<2> fix = room.middle.position() + Vector<2>(off, -off);
+      const ScanSearch found = matcher.search(scan, fix, round(sigma));
+      ASSERT_FALSE(found.hypotheses.empty()) << sigma << ' ' << off;
+      EXPECT_TRUE(close(found.hypotheses[0].match.pose, room.middle)) << sigma << ' ' << off;
+    }
+  }
+}
+
 TEST(ScanSearch, returns_both_headings_of_a_symmetric_room) {
   int both = 0;
   for (std::uint64_t seed = 0; seed < 15; ++seed) {

@@ -2,11 +2,8 @@
 #pragma once
 
 #include <Eigen/Cholesky>
-#include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstdint>
-#include <limits>
 #include <vector>
 
 #include "locfuse/filters/kalman.hpp"
@@ -51,17 +48,23 @@ class NoiseShape {
 
   /// A residual and its noise as a Gaussian filter should take them, eq. (5), and by how much, in
   /// the space of the measurement, it knows less than that, eq. (4).
-  template <class Residual, class R>
+  template <int MaxM>
   struct Softened {
+    static constexpr int kRows = MaxM == 1 ? 1 : Eigen::Dynamic;
+    using Residual = Eigen::Matrix<double, kRows, 1, Eigen::ColMajor, MaxM, 1>;
+    using Noise = Eigen::Matrix<double, kRows, kRows, Eigen::ColMajor, MaxM, MaxM>;
+
     Residual residual;
-    R noise;
-    R doubt;
+    Noise noise;
+    Noise doubt;
   };
 
-  /// `C` is H P H'. Throws NumericalError unless C + R is positive definite.
-  template <class Residual, class R>
-  [[nodiscard]] Softened<Residual, R> soften(const Residual& residual, const R& C,
-                                             const R& noise) const;
+  /// Of up to MaxM rows, which is 1, 3 or Eigen::Dynamic; `C` is H P H'. Throws NumericalError
+  /// unless C + R is positive definite.
+  template <int MaxM>
+  [[nodiscard]] Softened<MaxM> soften(const typename Softened<MaxM>::Residual& residual,
+                                      const typename Softened<MaxM>::Noise& C,
+                                      const typename Softened<MaxM>::Noise& noise) const;
 
   static constexpr std::size_t kMost = 28;
 
@@ -73,65 +76,12 @@ class NoiseShape {
   bool one_sided_ = false;
 };
 
-template <class Residual, class R>
-NoiseShape::Softened<Residual, R> NoiseShape::soften(const Residual& residual, const R& C,
-                                                     const R& noise) const {
-  const Eigen::Index rows = residual.size();
-  const R zero = R::Zero(rows, rows);
-  if (one_sided_ && !(residual(0) > 0.0)) {
-    return {residual, noise, zero};
-  }
-  std::array<double, kMost> log_weights;
-  double largest = -std::numeric_limits<double>::infinity();
-  const auto innovation_of = [&](const Part& part) {
-    Eigen::LLT<R> factor(C + part.variance * noise);
-    if (factor.info() != Eigen::Success) {
-      throw NumericalError("innovation covariance is not positive definite");
-    }
-    return factor;
-  };
-  const double shift = one_sided_ ? std::sqrt(noise(0, 0)) : 0.0;
-  const auto off = [&](const Part& part) {
-    Residual d = residual;
-    d(0) -= part.mean * shift;
-    return d;
-  };
-  for (std::size_t k = 0; k < count_; ++k) {
-    const Eigen::LLT<R> factor = innovation_of(parts_[k]);
-    log_weights[k] = parts_[k].log_share - factor.matrixLLT().diagonal().array().log().sum() -
-                     0.5 * factor.matrixL().solve(off(parts_[k])).squaredNorm();
-    largest = std::max(largest, log_weights[k]);
-  }
-  double sum = 0.0;
-  Residual score = Residual::Zero(rows);
-  R information = zero;
-  R wide = zero;
-  R spread = zero;
-  for (std::size_t k = 0; k < count_; ++k) {
-    const double weight = std::exp(log_weights[k] - largest);
-    if (weight < 1e-12) {
-      continue;
-    }
-    const Eigen::LLT<R> factor = innovation_of(parts_[k]);
-    const Residual own = factor.solve(off(parts_[k]));
-    const R inverse = factor.solve(R::Identity(rows, rows));
-    sum += weight;
-    score += weight * own;
-    information += weight * inverse;
-    wide += weight * parts_[k].variance * inverse;
-    spread += weight * own * own.transpose();
-  }
-  score /= sum;
-  const Eigen::LLT<R> factor(information / sum);
-  const R softened = factor.solve(R(wide / sum * noise));
-  return {factor.solve(score), 0.5 * (softened + softened.transpose()),
-          spread / sum - score * score.transpose()};
-}
-
 namespace internal {
 
-[[noreturn]] void refuse_one_sided(Eigen::Index rows);
+/// Throws std::invalid_argument if it has a long side and rows more than one.
+void check_sides(const NoiseShape& shape, Eigen::Index rows);
 
+/// `PHt` is of the whole belief, `C` is H P H'.
 template <class Lin, class Cross, class R>
 Outcome fuse_softened(GaussianBelief& belief, const Lin& lin, Slots slots, const Gate& gate,
                       const NoiseShape& shape, const Cross& PHt, const R& C) {
@@ -140,7 +90,9 @@ Outcome fuse_softened(GaussianBelief& belief, const Lin& lin, Slots slots, const
   if (outcome.verdict == Verdict::kGated) {
     return outcome;
   }
-  const auto softened = shape.soften(lin.residual, C, lin.noise);
+  constexpr int kMost = R::MaxRowsAtCompileTime;
+  constexpr int kRows = kMost > 3 ? Eigen::Dynamic : kMost == 2 ? 3 : kMost;
+  const auto softened = shape.soften<kRows>(lin.residual, C, lin.noise);
   Lin soft = lin;
   soft.residual = softened.residual;
   soft.noise = softened.noise;
@@ -149,38 +101,37 @@ Outcome fuse_softened(GaussianBelief& belief, const Lin& lin, Slots slots, const
   for (const int row : belief.considered_rows()) {
     moved.row(row).setZero();
   }
-  const Cross doubtful = moved * softened.doubt;
+  const Cross doubtful = moved * R(softened.doubt);
   for (Eigen::Index j = 0; j < belief.P.cols(); ++j) {  // eq. (6), the same above the diagonal
     for (Eigen::Index i = 0; i <= j; ++i) {
       belief.P(i, j) += doubtful.row(i).dot(moved.row(j));
       belief.P(j, i) = belief.P(i, j);
     }
   }
+  keep_in_bounds(belief, 0, belief.dimension());
   return outcome;
 }
+
+/// Where the slots are part of the belief, or the sizes are known at run time only.
+Outcome update_softened_part(GaussianBelief& belief,
+                             const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin, Slots slots,
+                             const Gate& gate, const NoiseShape& shape);
 
 template <int M, int N, int MaxM>
 Outcome update_softened(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slots slots,
                         const Gate& gate, const NoiseShape& shape) {
   check_rows(lin);
-  if (shape.is_one_sided() && lin.residual.size() != 1) {
-    refuse_one_sided(lin.residual.size());
-  }
-  using R = Eigen::Matrix<double, M, M, Eigen::ColMajor, MaxM, MaxM>;
+  check_sides(shape, lin.residual.size());
   if constexpr (N != Eigen::Dynamic && MaxM != Eigen::Dynamic) {
     if (belief.is_whole(slots, N)) {
+      using R = Eigen::Matrix<double, M, M, Eigen::ColMajor, MaxM, MaxM>;
       using Cross = Eigen::Matrix<double, N, M, Eigen::ColMajor, N, MaxM>;
       const Matrix<N, N> P = belief.P;
       const Cross PHt = P * lin.jacobian.transpose();
       return fuse_softened(belief, lin, slots, gate, shape, PHt, R(lin.jacobian * PHt));
     }
   }
-  const std::vector<int> rows = belief.rows(slots);
-  check_columns(rows.size(), lin.jacobian.cols());
-  using Cross = Eigen::Matrix<double, Eigen::Dynamic, M>;
-  const Cross PHt = belief.P(Eigen::all, rows) * lin.jacobian.transpose();
-  const R C = lin.jacobian * PHt(rows, Eigen::all);
-  return fuse_softened(belief, lin, slots, gate, shape, PHt, C);
+  return update_softened_part(belief, {lin.residual, lin.jacobian, lin.noise}, slots, gate, shape);
 }
 
 }  // namespace internal
