@@ -11,6 +11,7 @@ from locfuse.trust.blackout import blackout_claims
 from locfuse.trust.on_map import ON_MAP, UNTOLD_ON_MAP
 from locfuse.trust.scenarios import LIMIT_M, SCENARIOS, Drive, Scenario, drive, drive_in
 from locfuse.trust.scores import PATIENCE_S, Alarms, alarms_of, beyond, joined
+from locfuse.trust.solvers import solver_claims
 
 RISKS = (1e-2, 1e-3)
 # No filter can be right about noise that it is not told.
@@ -24,6 +25,7 @@ def trust_claims(seeds: int, progress: Progress) -> list[Claim]:
         *(partial(_scenario, name, of, seeds) for name, of in SCENARIOS.items()),
         partial(_together, "trust", "all but that", SCENARIOS, seeds, sets),
         partial(blackout_claims, seeds),
+        partial(solver_claims, seeds),
         *(partial(_scenario, name, of, seeds) for name, of in ON_MAP.items()),
         partial(_together, "trust_scans", "scans, all but that", ON_MAP, seeds, sets),
         lambda: _judged("trust_set", "both sets, all but that", joined(sets)),

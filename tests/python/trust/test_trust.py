@@ -15,6 +15,7 @@ from locfuse.trust.comparison import UNTOLD, trust_claims
 from locfuse.trust.on_map import COVERED_S, ON_MAP
 from locfuse.trust.scenarios import SCENARIOS, Drive, config_of, drive, drive_in, drive_of
 from locfuse.trust.scores import alarms_of, beyond, roc, stretches
+from locfuse.trust.solvers import moments_of
 from locfuse.types import NANOSECONDS, Health
 
 
@@ -139,6 +140,15 @@ def test_rows_keep_what_is_asked() -> None:
           for key in ("", "_scans", "_set")}  # fmt: skip
     assert of["_set"] == of[""] + of["_scans"]
     assert len([*blackout_claims(2)]) == 2 * len(WAYS)
+
+
+def test_solvers_disagree_where_an_anchor_is_wrong_and_not_where_the_pose_is() -> None:
+    for name in ("clean", "kidnapped"):
+        assert not moments_of(name, 1).disagree.any()
+    moved = moments_of("an anchor moved", 1)
+    assert np.mean(moved.disagree) > 0.5
+    assert not np.any(moved.disagree & moved.is_ok)
+    assert len(moved.disagree) > 290
 
 
 def test_pictures_are_drawn(tmp_path: Path) -> None:
