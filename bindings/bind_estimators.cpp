@@ -215,7 +215,8 @@ Examples
            py::arg("sightings"),
            py::arg_v("association", locfuse::Association::kJoint, "Association.JOINT"),
            "Fuses sightings of one stamp; those without a name are put together with landmarks "
-           "before any is fused. Returns an outcome for each: one that fits none is gated.")
+           "before any is fused. Returns an outcome for each: one that fits none is gated, one "
+           "whose numbers leave no finite result NOT_MODELLED.")
       .def("on_epoch", &on_epoch, py::arg("begin"), py::arg("stamp"), py::arg("motion"),
            py::arg("anchors"), py::arg("ranges"), py::arg("tag") = 0,
            "The motion from `begin` to `stamp` [ns], then the ranges (n,) [m] to the anchors (n,) "

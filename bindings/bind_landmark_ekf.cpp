@@ -100,7 +100,8 @@ Examples
       .def("on_joint", &LandmarkEkf::on_joint, py::arg("sightings"),
            py::arg_v("association", locfuse::Association::kJoint, "Association.JOINT"),
            "Fuses sightings of one stamp. Those that no landmark explains are of new ones, or "
-           "gated if that is not sure. Returns an outcome for each.")
+           "gated if that is not sure. Returns an outcome for each; one whose numbers leave no "
+           "finite result is NOT_MODELLED.")
       .def("advance_to", &LandmarkEkf::advance_to, py::arg("stamp"))
       .def("estimate", py::overload_cast<>(&LandmarkEkf::estimate, py::const_),
            "The pose now: carried to the end of what odometry has told.")

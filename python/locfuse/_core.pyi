@@ -2818,7 +2818,7 @@ class PoseEkf:
         self, sightings: collections.abc.Sequence[RangeBearing], association: Association = ...
     ) -> list[Outcome]:
         """
-        Fuses sightings of one stamp; those without a name are put together with landmarks before any is fused. Returns an outcome for each: one that fits none is gated.
+        Fuses sightings of one stamp; those without a name are put together with landmarks before any is fused. Returns an outcome for each: one that fits none is gated, one whose numbers leave no finite result NOT_MODELLED.
         """
     @property
     def belief(self) -> GaussianBelief: ...
@@ -3486,7 +3486,7 @@ class LandmarkEkf:
         self, sightings: collections.abc.Sequence[RangeBearing], association: Association = ...
     ) -> list[Outcome]:
         """
-        Fuses sightings of one stamp. Those that no landmark explains are of new ones, or gated if that is not sure. Returns an outcome for each.
+        Fuses sightings of one stamp. Those that no landmark explains are of new ones, or gated if that is not sure. Returns an outcome for each; one whose numbers leave no finite result is NOT_MODELLED.
         """
     @property
     def belief(self) -> GaussianBelief: ...

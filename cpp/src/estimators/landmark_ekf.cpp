@@ -158,14 +158,16 @@ std::vector<Outcome> LandmarkEkf::on_joint(const std::vector<RangeBearing>& sigh
   for (std::size_t i = 0; i < sightings.size(); ++i) {
     if (tracks[i] >= 0) {
       const auto track = static_cast<std::size_t>(tracks[i]);
-      outcomes[i] = transaction.close(correct(tracks_[track], sightings[i]));
+      outcomes[i] = transaction.close(
+          internal::one_of_several([&] { return correct(tracks_[track], sightings[i]); }));
       seen[track] = true;
     }
   }
   // What is new is judged and placed from the pose that what is known has corrected.
   for (std::size_t i = 0; i < sightings.size(); ++i) {
     if (tracks[i] < 0) {
-      outcomes[i] = transaction.close(unexplained(sightings[i], seen));
+      outcomes[i] = transaction.close(
+          internal::one_of_several([&] { return unexplained(sightings[i], seen); }));
       seen.resize(tracks_.size(), true);  // what was added now was seen now
     }
   }

@@ -230,7 +230,8 @@ std::vector<Outcome> PoseEkf::on_joint(const std::vector<RangeBearing>& sighting
                             : !recipe_->landmarks->landmarks().empty();
     outcomes[i] = landmarks[i] == nullptr && known
                       ? Outcome{Verdict::kGated}
-                      : transaction.close(on(sightings[i], landmarks[i]));
+                      : transaction.close(internal::one_of_several(
+                            [&] { return on(sightings[i], landmarks[i]); }));
   }
   return outcomes;
 }

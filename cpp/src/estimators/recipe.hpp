@@ -11,6 +11,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "locfuse/error.hpp"
 #include "locfuse/estimators/held_motion.hpp"
 #include "locfuse/filters/belief.hpp"
 #include "locfuse/filters/kalman.hpp"
@@ -98,6 +99,17 @@ std::vector<Outcome> plausible_only(const std::vector<M>& messages, const Limits
     }
   }
   return outcomes;
+}
+
+/// What `fuse` makes of one message of several: where its numbers leave no finite result it is
+/// kNotModelled, as an exception would hide that others have changed the belief already.
+template <class Fuse>
+Outcome one_of_several(const Fuse& fuse) {
+  try {
+    return fuse();
+  } catch (const NumericalError&) {
+    return {Verdict::kNotModelled};
+  }
 }
 
 /// Throws std::invalid_argument if an estimate is asked for before the belief.

@@ -41,9 +41,10 @@ constexpr double kBluntMargin = 12.0;
 }
 
 void require(const char* what, double value, double least) {
-  if (!std::isfinite(value) || value < least) {
+  constexpr double kMost = 1e9;  // its square is finite
+  if (!(value >= least && value <= kMost)) {
     std::ostringstream expected;
-    expected << "a finite number >= " << least;
+    expected << "a number >= " << least << " and <= " << kMost;
     refuse(what, value, expected.str());
   }
 }
@@ -190,7 +191,7 @@ void Search::consider(Run run) {
     return;
   }
   const std::optional<CircleFit> fit = fit_grown(run);
-  if (fit && is_cylinder(run, *fit)) {
+  if (fit && fit->covariance.allFinite() && is_cylinder(run, *fit)) {
     add(told(run, *fit));
     begin_ = run.last + 1;
     end_ = std::min(end_, run.first + sweep_.size());

@@ -496,6 +496,22 @@ TEST(LandmarkEkf, what_is_not_fused_changes_no_bit) {
   expect_no_trace(PoseObservation{later, {}, kI3}, Verdict::kIgnored);
 }
 
+/// An error would hide that the other one has been fused.
+TEST(LandmarkEkf, a_sighting_that_leaves_no_covariance_takes_none_of_the_others_along) {
+  const Vector<2> lamp(4.0, 5.0);
+  LandmarkEkf ekf = ekf_at(kStart, {}, {{1, lamp, {}}});
+  LandmarkEkf without = ekf;
+  RangeBearing flat = named(sight(kStart, {1.0, 7.0}), 2);
+  flat.range = 1e-170;  // across it there is no room
+  const std::vector<Outcome> outcomes = ekf.on_joint({named(sight(kStart, lamp), 1), flat});
+  EXPECT_EQ(outcomes[0].verdict, Verdict::kFused);
+  EXPECT_EQ(outcomes[1].verdict, Verdict::kNotModelled);
+  EXPECT_EQ(without.on(named(sight(kStart, lamp), 1)).verdict, Verdict::kFused);
+  EXPECT_TRUE(same(ekf, without));
+  EXPECT_EQ(ekf.on(flat).verdict, Verdict::kNotModelled);
+  EXPECT_TRUE(same(ekf, without));
+}
+
 TEST(LandmarkEkf, refuses_bad_messages_and_changes_no_bit) {
   LandmarkEkf ekf = moving();
   constexpr Stamp kLast = std::numeric_limits<Stamp>::max();

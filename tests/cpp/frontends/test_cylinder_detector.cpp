@@ -430,6 +430,32 @@ TEST(CylinderDetector, finds_nothing_in_scans_that_say_nothing) {
   EXPECT_TRUE(CylinderDetector().detect(scan).empty());
 }
 
+TEST(CylinderDetector, whatever_the_sizes_a_covariance_is_finite) {
+  Rng rng(4);
+  LaserScan scan = scan_of_one({{2.0, 1.0}, 0.4}, rng, 0.0);
+  LaserGeometry far = *scan.geometry;
+  far.range_max = 1e6;
+  scan.geometry = std::make_shared<const LaserGeometry>(far);
+  const std::vector<double> ranges = scan.ranges;
+  int found = 0;
+  for (const double scale : {1.0, 1e3, 4e5}) {
+    std::transform(ranges.begin(), ranges.end(), scan.ranges.begin(),
+                   [&](double range) { return scale * range; });
+    for (const double sigma : {1e-6, 0.01 * scale, 1e9}) {
+      for (const double radius : {0.0, 0.4 * scale, 1e9}) {
+        CylinderDetectorConfig config = of_radius(radius, 3);
+        config.sigma_range_m = sigma;
+        config.radius_max_m = 1e9;
+        for (const Cylinder& cylinder : CylinderDetector(config).detect(scan)) {
+          ++found;
+          EXPECT_TRUE(cylinder.covariance.allFinite()) << scale << ' ' << sigma << ' ' << radius;
+        }
+      }
+    }
+  }
+  EXPECT_GE(found, 6);
+}
+
 TEST(CylinderDetector, refuses_what_is_not_valid) {
   const auto refused = [](auto change, const auto&... words) {
     CylinderDetectorConfig config;
@@ -438,6 +464,7 @@ TEST(CylinderDetector, refuses_what_is_not_valid) {
   };
   refused([](auto& c) { c.sigma_range_m = 0.0; }, "sigma_range_m is 0", ">= 1e-06");
   refused([](auto& c) { c.sigma_bearing_rad = -1.0; }, "sigma_bearing_rad is -1", ">= 0");
+  refused([](auto& c) { c.sigma_range_m = 1e160; }, "sigma_range_m is 1e+160", "<= 1e+09");
   refused([](auto& c) { c.radius_m = std::nan(""); }, "radius_m is nan");
   refused([](auto& c) { c.radius_max_m = 0.01; }, "radius_max_m is 0.01", ">= 0.03");
   refused([](auto& c) { c.least_beams = 0; }, "least_beams is 0", ">= 1");

@@ -71,7 +71,8 @@ class LandmarkEkf {
 
   /// Sightings of one instant. Those that landmarks explain are fused first; the others are then of
   /// tentative landmarks, of new ones, or kGated. A new or tentative landmark makes it kFused.
-  /// kNotModelled: range or bearing alone of an unknown landmark, or no room for it.
+  /// kNotModelled: range or bearing alone of an unknown landmark, no room for it, or numbers that
+  /// leave no finite result.
   std::vector<Outcome> on_joint(const std::vector<RangeBearing>& sightings,
                                 Association association = Association::kJoint);
 

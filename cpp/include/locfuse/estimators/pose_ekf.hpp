@@ -115,7 +115,7 @@ class PoseEkf {
   Outcome on_joint(const std::vector<Range>& epoch);
 
   /// Sightings of one instant; those without a name are put together with landmarks before any is
-  /// fused. One that fits none is kGated.
+  /// fused. One that fits none is kGated, one whose numbers leave no finite result kNotModelled.
   std::vector<Outcome> on_joint(const std::vector<RangeBearing>& sightings,
                                 Association association = Association::kJoint);
 
