@@ -126,22 +126,25 @@ class Calibration(Strict):
         return self
 
 
+Bounded = Annotated[float, Field(ge=0.0, le=1e9)]  # its square is finite
+
+
 class Cylinders(Strict):
     """Pillars, poles and trunks in the scans; ``CylinderDetectorConfig`` in C++."""
 
-    sigma_range_m: Annotated[float, Field(ge=1e-6)] = 0.01
-    sigma_bearing_rad: NonNegative = 0.0
-    radius_m: NonNegative = 0.0
-    radius_min_m: Annotated[float, Field(ge=1e-3)] = 0.03
-    radius_max_m: Annotated[float, Field(ge=1e-3)] = 1.5
-    least_beams: Annotated[int, Field(ge=1, lt=2**31)] = 7
-    jump_gaps: Annotated[float, Field(ge=1.0)] = 6.0
+    sigma_range_m: Annotated[float, Field(ge=1e-6, le=1e9)] = 0.01
+    sigma_bearing_rad: Bounded = 0.0
+    radius_m: Bounded = 0.0
+    radius_min_m: Annotated[float, Field(ge=1e-3, le=1e9)] = 0.03
+    radius_max_m: Annotated[float, Field(ge=1e-3, le=1e9)] = 1.5
+    least_beams: Annotated[int, Field(ge=1, le=10**9)] = 7
+    jump_gaps: Annotated[float, Field(ge=1.0, le=1e9)] = 6.0
     misfit_probability: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.99999
-    least_evidence: NonNegative = 25.0
-    least_corner_evidence: Annotated[float, Field(ge=-1e9)] = 4.0
-    leg_radius_m: NonNegative = 0.12
-    leg_distance_m: NonNegative = 0.0
-    least_intensity: NonNegative = 0.0
+    least_evidence: Bounded = 25.0
+    least_corner_evidence: Annotated[float, Field(ge=-1e9, le=1e9)] = 4.0
+    leg_radius_m: Bounded = 0.12
+    leg_distance_m: Bounded = 0.0
+    least_intensity: Bounded = 0.0
 
     @model_validator(mode="after")
     def _least_and_most(self) -> Cylinders:
@@ -432,7 +435,7 @@ class RunConfig(Strict):
     when_lost: Literal["restart", "go_on"] = "restart"
     mcl: Mcl | None = None
     seed: Annotated[int, Field(ge=0)] = 0
-    history_s: Annotated[float, Field(ge=0.0, le=1e9)] = 2.0
+    history_s: Bounded = 2.0
     history_messages: Annotated[int, Field(ge=512, le=1_000_000_000)] = 100_000
     delays_s: dict[Source, Annotated[float, Field(ge=0.0, le=3600.0)]] = Field(default_factory=dict)
     clock_jump: Literal["refuse", "reset", "continue"] = "refuse"
