@@ -51,14 +51,18 @@ def claims_of(parts: Sequence[Callable[[], Iterable[Claim]]], progress: Progress
     return claims
 
 
-def share(id: str, claim: str, part: int, of: int, required: float, at_most: bool = False) -> Claim:
+def share(
+    id: str, claim: str, part: int, of: int, required: float | None, at_most: bool = False
+) -> Claim:
     """Return a row about how often something happens, in percent, with its 95 % interval."""
     p = part / of
     half = 1.96 * np.sqrt(max(p * (1.0 - p), 1.0 / of) / of)
-    met = p <= required if at_most else p >= required
-    sign = "<=" if at_most else ">="
+    met, limit = True, "-"
+    if required is not None:
+        met = p <= required if at_most else p >= required
+        limit = f"{'<=' if at_most else '>='} {100.0 * required:g}"
     return Claim(id, claim, "%", None, 100.0 * p, 100.0 * max(p - half, 0.0),
-                 100.0 * min(p + half, 1.0), f"{sign} {100.0 * required:g}", bool(met),
+                 100.0 * min(p + half, 1.0), limit, met,
                  f"{part} of {of}; {INTERVAL}")  # fmt: skip
 
 

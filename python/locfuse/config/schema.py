@@ -435,7 +435,7 @@ class RunConfig(Strict):
     when_lost: Literal["restart", "go_on"] = "restart"
     mcl: Mcl | None = None
     seed: Annotated[int, Field(ge=0)] = 0
-    history_s: Bounded = 2.0
+    history_s: Annotated[float, Field(ge=0.0, le=1e9)] = 2.0
     history_messages: Annotated[int, Field(ge=512, le=1_000_000_000)] = 100_000
     delays_s: dict[Source, Annotated[float, Field(ge=0.0, le=3600.0)]] = Field(default_factory=dict)
     clock_jump: Literal["refuse", "reset", "continue"] = "refuse"

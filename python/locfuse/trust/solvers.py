@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse._core import locate
-from locfuse.claims import Claim
+from locfuse.claims import Claim, absent, share
 from locfuse.run import run
 from locfuse.trust.scenarios import LIMIT_M, SCENARIOS, drive_of
 from locfuse.types import NANOSECONDS, FloatArray, Log
@@ -53,9 +53,10 @@ def solver_claims(seeds: int) -> Iterator[Claim]:
 
 
 def _share(key: str, what: str, happens: NDArray[np.bool_]) -> Claim:
-    percent = 100.0 * float(happens.mean()) if len(happens) else 0.0
-    return Claim(f"trust_solvers_{key}", what, "%", None, *3 * (percent,), "-", True,
-                 f"{happens.sum()} of {len(happens)} moments")  # fmt: skip
+    id = f"trust_solvers_{key}"
+    if len(happens) == 0:
+        return absent(id, what, "there is no such moment")
+    return share(id, what, int(happens.sum()), len(happens), None)
 
 
 def moments_of(name: str, seeds: int) -> Moments:

@@ -91,7 +91,6 @@ TEST(Locate, costs_are_not_negative_where_ranges_fit_to_the_bit) {
   }
 }
 
-// Made of eigenvectors, or of cofactors, it was symmetric but for rounding.
 TEST(Locate, a_prior_that_leaves_no_digits_for_the_rest_leaves_it_open) {
   const Anchors anchors = testing::room();
   const std::vector<double> ranges = anchors.ranges_from(Eigen::Vector2d(3.0, 4.0));
@@ -110,6 +109,7 @@ TEST(Locate, a_prior_that_leaves_no_digits_for_the_rest_leaves_it_open) {
   }
 }
 
+// Made of eigenvectors, or of cofactors, it was symmetric but for rounding.
 TEST(Locate, covariances_are_symmetric_to_the_bit) {
   const Anchors anchors = testing::room();
   for (int i = 0; i < 20; ++i) {
