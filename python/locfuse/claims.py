@@ -59,7 +59,7 @@ def share(
     half = 1.96 * np.sqrt(max(p * (1.0 - p), 1.0 / of) / of)
     met, limit = True, "-"
     if required is not None:
-        met = p <= required if at_most else p >= required
+        met = bool(p <= required if at_most else p >= required)  # counts may be numpy's
         limit = f"{'<=' if at_most else '>='} {100.0 * required:g}"
     return Claim(id, claim, "%", None, 100.0 * p, 100.0 * max(p - half, 0.0),
                  100.0 * min(p + half, 1.0), limit, met,

@@ -400,8 +400,7 @@ def _view_claims(key: str, what: str, counts: NDArray[np.int64]) -> Iterator[Cla
     of = f"{what}poles found, of all in view by geometry"
     yield share(f"{key}_in_view", f"{of}, within {NEAR_M:g} m", found, shown, 0.97)
     for low, high, (part, all_) in zip((0.0, *IN_VIEW_M), IN_VIEW_M, counts.tolist(), strict=False):
-        ring = share(f"{key}_in_view_{high:g}", f"{of}, {low:g} to {high:g} m", part, all_, 0.0)
-        yield replace(ring, required="-")
+        yield share(f"{key}_in_view_{high:g}", f"{of}, {low:g} to {high:g} m", part, all_, None)
 
 
 # Arena -----------------------------------------------------------------------------------------

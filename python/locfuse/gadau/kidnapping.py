@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -130,9 +130,8 @@ def _beside_claims(key: str, what: str, runs: list[Kidnapping]) -> Iterator[Clai
                   [run.found_s(run.named) for run in runs]),
     }  # fmt: skip
     for name, (text, found) in filters.items():
-        claim = share(f"{key}_{name}", f"{what}, {text}: found within {FOUND_S:g} s",
-                      int(np.sum(np.array(found) <= FOUND_S)), len(runs), 0.0)  # fmt: skip
-        yield replace(claim, required="-")
+        yield share(f"{key}_{name}", f"{what}, {text}: found within {FOUND_S:g} s",
+                    int(np.sum(np.array(found) <= FOUND_S)), len(runs), None)  # fmt: skip
         yield claim_of(f"{key}_{name}_after", f"{what}, {text}: found after", "s", None,
                        np.minimum(found, AFTER_S), "-", lambda v: True,
                        f"never counts as {AFTER_S:g}")  # fmt: skip

@@ -29,8 +29,7 @@ def office_claims(configs: Path) -> Iterator[Claim]:
         ("_stated", "the same against the reference as published", stated, None),
     ):
         good = found.fits | ~found.ready
-        row = share(f"start_office{key}", text, int(good.sum()), len(good), required or 0.0)
-        yield row if required is not None else replace(row, required="-")
+        yield share(f"start_office{key}", text, int(good.sum()), len(good), required)
     yield share("start_office_ready", "office power-ups (real): ready at once",
                 int(matched.ready.sum()), len(matched.ready), 0.5)  # fmt: skip
 
