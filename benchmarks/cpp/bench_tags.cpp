@@ -48,7 +48,7 @@ struct Circle {
         z.stamp = stamp;
         z.tag = tag.id;
         z.position = body.act(tag.position.head<2>()) +
-                     std::sqrt(kVariance) * Eigen::Vector2d(normal(rng), normal(rng));
+                     std::sqrt(kVariance) * Eigen::Vector2d{normal(rng), normal(rng)};
         z.covariance = kVariance * Eigen::Matrix2d::Identity();
         fixes.push_back(z);
       }

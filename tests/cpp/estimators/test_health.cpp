@@ -184,7 +184,7 @@ TEST(Health, within_is_the_probability_of_an_ellipse_in_a_circle) {
   int inside = 0;
   constexpr int kDraws = 200'000;
   for (int k = 0; k < kDraws; ++k) {
-    const Vector<2> e = L * Vector<2>(normal(rng, 1.0), normal(rng, 1.0));
+    const Vector<2> e = L * Vector<2>{normal(rng, 1.0), normal(rng, 1.0)};
     inside += e.norm() < 0.7 ? 1 : 0;
   }
   EXPECT_NEAR(health.report({0, {}, P}).within, static_cast<double>(inside) / kDraws, 0.005);

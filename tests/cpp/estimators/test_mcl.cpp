@@ -36,9 +36,9 @@ Drive drive(std::uint64_t seed, int steps) {
   for (int i = 0; i < steps; ++i) {
     const Pose2 step = arc(length, 0.0, length);  // a circle of one metre
     const Matrix<3, 3> Q = motion.propagate({}, step, 0.2).noise;
-    const Vector<3> off(testing::normal(rng, std::sqrt(Q(0, 0))),
+    const Vector<3> off{testing::normal(rng, std::sqrt(Q(0, 0))),
                         testing::normal(rng, std::sqrt(Q(1, 1))),
-                        testing::normal(rng, std::sqrt(Q(2, 2))));
+                        testing::normal(rng, std::sqrt(Q(2, 2)))};
     pose = pose * retract(step, off);
     run.truth.push_back(pose);
     run.increments.push_back({i * kStep, (i + 1) * kStep, step});

@@ -78,7 +78,7 @@ Consistency measure(Parts parts, double factor = 1.0) {
       const Pose2 told = arc(0.05, 0.0, 0.025);
       const Matrix<3, 3> Q = motion.propagate({}, told, 0.1).noise;
       const Vector<3> off =
-          Q.llt().matrixL() * Vector<3>(normal(rng, 1.0), normal(rng, 1.0), normal(rng, 1.0));
+          Q.llt().matrixL() * Vector<3>{normal(rng, 1.0), normal(rng, 1.0), normal(rng, 1.0)};
       body = body * retract(told, off);
       ekf.on(Increment{i * kStep, (i + 1) * kStep, told});
       for (const Landmark& post : posts()->landmarks()) {

@@ -225,7 +225,7 @@ TEST(TurnWithMean, is_the_congruence_that_turns_the_world_about_its_origin) {
     GaussianBelief belief = random_large_belief(rng);
     const Slot body = belief.slot("body");
     const int row = belief.offset(body);
-    const Vector<2> shift(testing::normal(rng, 1.0), testing::normal(rng, 1.0));
+    const Vector<2> shift{testing::normal(rng, 1.0), testing::normal(rng, 1.0)};
     Eigen::MatrixXd M = Eigen::MatrixXd::Identity(7, 7);
     M.block(row, row + 2, 2, 1) << -shift.y(), shift.x();
     const Eigen::MatrixXd expected = M * belief.P * M.transpose();

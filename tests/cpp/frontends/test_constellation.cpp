@@ -22,7 +22,7 @@ constexpr double kSigma = 0.03;
 
 SeenLandmark seen_from(const Pose2& pose, const Vector<2>& landmark, Rng* rng = nullptr) {
   const Vector<2> noise =
-      rng != nullptr ? Vector<2>(normal(*rng, kSigma), normal(*rng, kSigma)) : Vector<2>(0.0, 0.0);
+      rng != nullptr ? Vector<2>{normal(*rng, kSigma), normal(*rng, kSigma)} : Vector<2>(0.0, 0.0);
   const Pose2 to_body = inverse(pose);
   return {to_body.act(landmark) + noise, kSigma * kSigma * Matrix<2, 2>::Identity(), {}};
 }

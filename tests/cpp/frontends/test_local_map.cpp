@@ -94,8 +94,8 @@ TEST(LocalMap, comes_back_from_a_guess_20_cm_and_5_degrees_off) {
     const Pair pair = random_pair(rng);
     const LocalMap map = seen_from(pair.walls, pair.first, rng, 0.01);
     const LaserScan scan = scan_from(pair.walls, pair.first * pair.motion, rng, 0.01);
-    const Vector<3> off(uniform(rng, -0.2, 0.2), uniform(rng, -0.2, 0.2),
-                        uniform(rng, -5.0, 5.0) * kPi / 180.0);
+    const Vector<3> off{uniform(rng, -0.2, 0.2), uniform(rng, -0.2, 0.2),
+                        uniform(rng, -5.0, 5.0) * kPi / 180.0};
     const ScanMatch match = map.match(scan, retract(pair.motion, off));
     EXPECT_TRUE(match.converged) << "seed " << seed;
     EXPECT_LT((match.pose.position() - pair.motion.position()).norm(), 0.01) << "seed " << seed;

@@ -18,7 +18,7 @@ TEST(ScanMap, kd_tree_equals_the_exact_field) {
     const testing::Room room = testing::random_room(rng);
     const ScanMap map(room.map);
     for (int i = 0; i < 2000; ++i) {
-      const Vector<2> p(uniform(rng, -15.0, 15.0), uniform(rng, -15.0, 15.0));
+      const Vector<2> p{uniform(rng, -15.0, 15.0), uniform(rng, -15.0, 15.0)};
       ASSERT_NEAR(map.nearest_by_kdtree(p), map.occupied().nearest(p).distance, 2e-6);
     }
   }

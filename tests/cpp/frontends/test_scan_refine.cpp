@@ -40,7 +40,7 @@ Consistency over_rooms(double sigma, bool exact, int rooms) {
     for (int k = 0; k < 5; ++k) {
       const Pose2 truth = somewhere(room, rng);
       const LaserScan scan = testing::scan_from(room.walls, truth, rng, sigma);
-      const Vector<3> off(normal(rng, 0.07), normal(rng, 0.07), normal(rng, 0.03));
+      const Vector<3> off{normal(rng, 0.07), normal(rng, 0.07), normal(rng, 0.03)};
       const ScanMatch match = matcher.refine(scan, retract(truth, off));
       if (!match.converged || !match.covariance) {
         continue;
@@ -77,8 +77,8 @@ TEST(ScanRefine, comes_back_from_a_guess_20_cm_and_5_degrees_off) {
     const ScanMatcher matcher(room.map);
     const Pose2 truth = somewhere(room, rng);
     const LaserScan scan = testing::scan_from(room.walls, truth, rng, 0.01);
-    const Vector<3> off(uniform(rng, -0.2, 0.2), uniform(rng, -0.2, 0.2),
-                        uniform(rng, -5.0, 5.0) * kPi / 180.0);
+    const Vector<3> off{uniform(rng, -0.2, 0.2), uniform(rng, -0.2, 0.2),
+                        uniform(rng, -5.0, 5.0) * kPi / 180.0};
     const ScanMatch match = matcher.refine(scan, retract(truth, off));
     const Vector<3> e = local(match.pose, truth);
     right += static_cast<int>(match.converged && e.head<2>().norm() < 0.02 &&

@@ -32,7 +32,7 @@ TEST(ScanSearch, finds_the_heading_from_nothing_and_never_says_ready_when_wrong)
                                             uniform(rng, -kPi, kPi)};
     const LaserScan scan = testing::scan_from(room.walls, truth, rng, 0.01);
     const double sigma = seed % 3 == 0 ? 0.5 : 0.1;
-    const Vector<2> fix = truth.position() + Vector<2>(normal(rng, sigma), normal(rng, sigma));
+    const Vector<2> fix = truth.position() + Vector<2>{normal(rng, sigma), normal(rng, sigma)};
     const ScanSearch found = matcher.search(scan, fix, round(sigma));
     ASSERT_FALSE(found.hypotheses.empty());
     if (found.status == Status::kReady) {
@@ -69,7 +69,7 @@ TEST(ScanSearch, returns_both_headings_of_a_symmetric_room) {
     const Pose2 truth = retract(middle, {0.0, 0.0, uniform(rng, -kPi, kPi)});
     const LaserScan scan = testing::scan_from(walls, truth, rng, 0.01);
     const ScanSearch found = matcher.search(
-        scan, truth.position() + Vector<2>(normal(rng, 0.1), normal(rng, 0.1)), round(0.1));
+        scan, truth.position() + Vector<2>{normal(rng, 0.1), normal(rng, 0.1)}, round(0.1));
     EXPECT_EQ(found.status, Status::kAmbiguous);
     EXPECT_EQ(found.reason, ScanSearch::Reason::kSeveralFit);
     ASSERT_GE(found.hypotheses.size(), 2U);

@@ -19,7 +19,7 @@ std::vector<PositionFix> epoch(Rng& rng, double sigma, const std::vector<Tag>& t
   const Pose2 pose = testing::random_pose(rng);
   std::vector<PositionFix> fixes;
   for (const Tag& tag : tags) {
-    const Vector<2> noise(testing::normal(rng, sigma), testing::normal(rng, sigma));
+    const Vector<2> noise{testing::normal(rng, sigma), testing::normal(rng, sigma)};
     fixes.push_back({0, pose.act(tag.position.head<2>()) + noise,
                      sigma * sigma * Matrix<2, 2>::Identity(), tag.id});
   }

@@ -43,7 +43,7 @@ TEST(Pose2, acting_twice_is_acting_with_the_product) {
   for (int i = 0; i < 100; ++i) {
     const Pose2 a_b = random_pose(rng);
     const Pose2 b_c = random_pose(rng);
-    const Vector<2> p(uniform(rng, -5.0, 5.0), uniform(rng, -5.0, 5.0));
+    const Vector<2> p{uniform(rng, -5.0, 5.0), uniform(rng, -5.0, 5.0)};
     expect_near((a_b * b_c).act(p), a_b.act(b_c.act(p)), 1e-13);
   }
 }
@@ -98,8 +98,8 @@ TEST(Arc, is_accurate_to_rounding_for_turns_of_any_smallness) {
 TEST(ArcTwist, undoes_arc) {
   Rng rng(4);
   for (int i = 0; i < 100; ++i) {
-    const Vector<3> twist(uniform(rng, -2.0, 2.0), uniform(rng, -2.0, 2.0),
-                          i % 2 == 0 ? uniform(rng, -kPi, kPi) : uniform(rng, -2e-4, 2e-4));
+    const Vector<3> twist{uniform(rng, -2.0, 2.0), uniform(rng, -2.0, 2.0),
+                          i % 2 == 0 ? uniform(rng, -kPi, kPi) : uniform(rng, -2e-4, 2e-4)};
     expect_near(arc_twist(arc(twist.x(), twist.y(), twist.z())), twist, 1e-13);
   }
 }

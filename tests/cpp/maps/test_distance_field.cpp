@@ -61,7 +61,7 @@ TEST(DistanceField, nearest_equals_brute_force_at_any_point) {
     const DistanceField field(grid, 0.1, seed % 2 == 0 ? Extra::kNone : Extra::kNearestTargets);
     for (int i = 0; i < 500; ++i) {
       const double reach = i % 5 == 0 ? 300.0 : 50.0;  // cells, far beyond the map, too
-      Vector<2> p(uniform(rng, -reach, reach), uniform(rng, -reach, reach));
+      Vector<2> p{uniform(rng, -reach, reach), uniform(rng, -reach, reach)};
       if (i % 7 == 0) {  // edges and centres of cells, where two are equally near
         p = (2.0 * p).array().round() / 2.0;
       }

@@ -47,7 +47,7 @@ TEST(OccupancyGrid, turns_with_its_origin) {
   EXPECT_EQ(grid.at(Vector<2>(0.75, 2.75)), Cell::kOccupied);
   testing::Rng rng(3);
   for (int i = 0; i < 100; ++i) {
-    const Vector<2> p(testing::uniform(rng, -9.0, 9.0), testing::uniform(rng, -9.0, 9.0));
+    const Vector<2> p{testing::uniform(rng, -9.0, 9.0), testing::uniform(rng, -9.0, 9.0)};
     expect_near(grid.to_world(grid.to_grid(p)), p, 1e-12);
   }
 }

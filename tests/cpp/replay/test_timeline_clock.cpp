@@ -47,7 +47,7 @@ std::vector<Message> drive(std::uint64_t seed, double seconds = 6.0) {
   const Stamp end = static_cast<Stamp>(seconds * 1e9);
   for (Stamp stamp = 0; stamp < end; stamp += kSecond / 5) {
     const Matrix<2, 2> R = 4.0 * Matrix<2, 2>::Identity();
-    const Vector<2> at(testing::normal(rng, 0.5) + 2.0, testing::normal(rng, 0.5) - 1.0);
+    const Vector<2> at{testing::normal(rng, 0.5) + 2.0, testing::normal(rng, 0.5) - 1.0};
     run.messages.push_back(PositionFix{stamp, at, R, {}});
     run.messages.push_back(PositionFix{stamp, at, R, 10});
     run.messages.push_back(Range{stamp, 11, 1, testing::uniform(rng, 8.0, 14.0), {}});

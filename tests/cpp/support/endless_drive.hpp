@@ -13,7 +13,15 @@
 #include "support/random.hpp"
 #include "support/robot.hpp"
 
-#ifdef __SANITIZE_ADDRESS__
+#ifdef __has_feature
+#define LOCFUSE_ADDRESS_SANITIZER __has_feature(address_sanitizer)  // Clang
+#elif defined(__SANITIZE_ADDRESS__)
+#define LOCFUSE_ADDRESS_SANITIZER 1  // GCC
+#else
+#define LOCFUSE_ADDRESS_SANITIZER 0
+#endif
+
+#if LOCFUSE_ADDRESS_SANITIZER
 // Of sanitizer/allocator_interface.h, which GCC does not install.
 extern "C" std::size_t __sanitizer_get_current_allocated_bytes();
 #endif
@@ -22,7 +30,7 @@ namespace locfuse::testing {
 
 /// Bytes that the program has taken from the heap and not given back.
 [[nodiscard]] inline std::size_t held_bytes() {
-#ifdef __SANITIZE_ADDRESS__
+#if LOCFUSE_ADDRESS_SANITIZER
   return __sanitizer_get_current_allocated_bytes();
 #else
   const struct mallinfo2 heap = mallinfo2();
@@ -68,7 +76,7 @@ class EndlessDrive {
     if (step_ % 100 == 50 && !is_blackout()) {
       PositionFix fix{stamp, truth().position(), 0.09 * Matrix<2, 2>::Identity(), {}};
       const double far = uniform(rng_, 0.0, 1.0) < 0.01 ? 30.0 : 0.0;
-      fix.position += Vector<2>(far + normal(rng_, 0.3), normal(rng_, 0.3));
+      fix.position += Vector<2>{far + normal(rng_, 0.3), normal(rng_, 0.3)};
       take(Message(fix));
     }
     for (std::size_t i = 0; i < delayed_.size(); ++i) {

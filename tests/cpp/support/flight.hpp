@@ -87,7 +87,7 @@ inline void by_itself(Rng& rng, Flight& flight, Stamp /*begin*/, Stamp /*end*/,
   flight.y = -1.0 + normal(rng, sigma(1));
   flight.heading = 0.4 + normal(rng, sigma(2));
   flight.height = 3.0 + normal(rng, sigma(3));
-  Vector<3> velocity(normal(rng, 0.4), normal(rng, 0.4), normal(rng, 0.2));
+  Vector<3> velocity{normal(rng, 0.4), normal(rng, 0.4), normal(rng, 0.2)};
   const Stamp period = kSecond / 20;
   const Stamp steps = static_cast<Stamp>(seconds * 20.0);
   for (Stamp i = 1; i <= steps; ++i) {

@@ -79,7 +79,7 @@ inline void drive(Scrubber& run, std::uint64_t seed, double seconds) {
       z.tag = 10 + i;
       z.position.x() = run.x + c * Scrubber::kTagX[i] - s * Scrubber::kTagY[i];
       z.position.y() = run.y + s * Scrubber::kTagX[i] + c * Scrubber::kTagY[i];
-      z.position += Vector<2>(normal(rng, run.sigma_fix), normal(rng, run.sigma_fix));
+      z.position += Vector<2>{normal(rng, run.sigma_fix), normal(rng, run.sigma_fix)};
       z.covariance = run.sigma_fix * run.sigma_fix * Matrix<2, 2>::Identity();
       note(z);
     }

@@ -147,7 +147,7 @@ TEST(RangeBearingModel, a_landmark_is_placed_where_it_would_be_seen_so) {
   Rng rng(3);
   for (int i = 0; i < 100; ++i) {
     const Pose2 pose = testing::random_pose(rng);
-    const Vector<2> z(uniform(rng, 0.1, 20.0), uniform(rng, -kPi, kPi));
+    const Vector<2> z{uniform(rng, 0.1, 20.0), uniform(rng, -kPi, kPi)};
     const auto placed = model.place(pose, seen(z.x(), z.y()));
     ASSERT_TRUE(placed.has_value());
     const Vector<2> again = model.predict(pose, placed->position);

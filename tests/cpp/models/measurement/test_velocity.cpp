@@ -48,8 +48,8 @@ TEST(VelocityModel, noise_is_that_of_the_wheels_shared_by_the_points) {
   constexpr int kRuns = 20000;
   Matrix<6, 6> sum = Matrix<6, 6>::Zero();
   for (int run = 0; run < kRuns; ++run) {
-    const Vector<3> wrong = twist + Vector<3>(testing::normal(rng, 0.2), testing::normal(rng, 0.1),
-                                              testing::normal(rng, 0.3));
+    const Vector<3> wrong = twist + Vector<3>{testing::normal(rng, 0.2), testing::normal(rng, 0.1),
+                                              testing::normal(rng, 0.3)};
     Vector<6> off;
     for (int k = 0; k < 3; ++k) {
       off.segment<2>(2 * k) = VelocityModel::predict(0.7, wrong, points.col(k)) -
