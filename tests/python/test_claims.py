@@ -11,8 +11,8 @@ from locfuse.claims import absent, share
 
 @pytest.mark.parametrize("required", [0.5, None])
 def test_a_share_of_numpy_counts_can_be_written(required: float | None) -> None:
-    part, of = np.array([True, True, False, True]).sum(), np.int64(4)
-    row = json.loads(json.dumps(share("id", "claim", part, of, required).row()))
+    part = np.array([True, True, False, True]).sum()
+    row = json.loads(json.dumps(share("id", "claim", part, 4, required).row()))
     assert (row["ours_median"], row["met"]) == (75.0, True)
     assert row["required"] == ("-" if required is None else ">= 50")
 
