@@ -24,6 +24,7 @@ OPTIONS = (
     "-timeout=30",
     "-rss_limit_mb=3000",
     "-print_final_stats=1",
+    *(["-seed=1"] if os.environ.get("CI") else []),  # of the same state CI tells the same
 )
 ENVIRONMENT = {"UBSAN_OPTIONS": "print_stacktrace=1"}
 
