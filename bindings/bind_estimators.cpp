@@ -107,6 +107,8 @@ void bind_estimators(py::module_& m) {
                      "Of sightings behind their stamps.")
       .def_readwrite("sigma_anchor_offset_m", &Calibration::sigma_anchor_offset_m,
                      "Of ranges, for each anchor of the map.")
+      .def_readwrite("anchor_offset_correlation_s", &Calibration::anchor_offset_correlation_s,
+                     "For which those stay alike; 0: for good.")
       .def_readwrite("sigma_anchor_scale", &Calibration::sigma_anchor_scale,
                      "Likewise, added to the anchor's.")
       .def_readwrite("sigma_range_delay_s", &Calibration::sigma_range_delay_s,

@@ -45,8 +45,9 @@ void code(Io& io, PoseEkf::Config& config) {
                                                                              : 1);
   code(io, way, 3);
   if (way > 0) {
-    config.calibration = {0.05, 0.05, 0.05, 0.01, 0.001, 0.05, 0.02,
-                          0.1,  0.02, 0.05, 0.2,  0.01,  0.05, way == 2};
+    const double correlation_s = way == 2 ? 0.0 : 5.0;
+    config.calibration = {0.05, 0.05, 0.05, 0.01,          0.001, 0.05, 0.02,    0.1,
+                          0.02, 0.05, 0.2,  correlation_s, 0.01,  0.05, way == 2};
   }
   // Only ranges have a long side, so for the others one-sided noise is Gaussian.
   for (NoiseKind* kind : {&config.robust_range, &config.robust_position, &config.robust_pose}) {

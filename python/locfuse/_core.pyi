@@ -2502,6 +2502,15 @@ class CalibrationConfig:
     """
     def __init__(self) -> None: ...
     @property
+    def anchor_offset_correlation_s(self) -> float:
+        """
+        For which those stay alike; 0: for good.
+        """
+    @anchor_offset_correlation_s.setter
+    def anchor_offset_correlation_s(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+    @property
     def consider(self) -> bool:
         """
         They are accounted for, and none is learnt (Schmidt).

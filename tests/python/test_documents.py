@@ -421,6 +421,7 @@ SECTIONS: dict[str, type[Strict]] = {
     "### `simulation.map`": scenario.RoomMap,
     "### Fault `nlos`": scenario.Nlos,
     "### Fault `bias`": scenario.Bias,
+    "### Fault `wander`": scenario.Wander,
     "### Fault `outliers`": scenario.Outliers,
     "### Fault `dropouts`": scenario.Dropouts,
     "### Fault `latency`": scenario.Latency,

@@ -61,6 +61,12 @@ Calibration::Calibration(const Config& config, const AnchorMap& anchors)
       motion_slots_ = slots_;
     }
   }
+  correlation_s_ = checked("anchor_offset_correlation_s", config.anchor_offset_correlation_s);
+  if (correlation_s_ > 0.0 && config.sigma_anchor_offset_m == 0.0) {
+    throw std::invalid_argument(
+        "calibration.anchor_offset_correlation_s is set, but sigma_anchor_offset_m is 0: offsets "
+        "are no states; expected both or neither");
+  }
   add_ranges(config, anchors);
 }
 
@@ -79,6 +85,7 @@ void Calibration::add_ranges(const Config& config, const AnchorMap& anchors) {
   if (delay > 0.0) {
     add({"range delay", kCount + kRangeDelay, delay});
   }
+  offset_variance_ = offset * offset;
   const Slot shared = slots_.back();
   ranges_.reserve(anchors.anchors().size());
   for (const Anchor& anchor : anchors.anchors()) {
@@ -89,6 +96,7 @@ void Calibration::add_ranges(const Config& config, const AnchorMap& anchors) {
     };
     if (offset > 0.0) {
       add({"anchor offset", kCount + kAnchorOffset, offset, anchor.id});
+      offsets_.push_back(slots_.back());
       depend(kAnchorOffset, slots_.back());
     }
     if (scale > 0.0) {
@@ -190,6 +198,15 @@ Propagation<Eigen::VectorXd, Eigen::Dynamic> Calibration::propagate(const Gaussi
     }
   }
   return step;
+}
+
+Propagation<Eigen::VectorXd, Eigen::Dynamic> Calibration::wander(const GaussianBelief& belief,
+                                                                 double seconds) const {
+  const double kept = std::exp(-seconds / correlation_s_);
+  const double forgotten = -std::expm1(-2.0 * seconds / correlation_s_);  // 1 - kept^2
+  const auto size = static_cast<Index>(offsets_.size());
+  return {kept * belief.mean(offsets_), kept * MatrixXd::Identity(size, size),
+          forgotten * offset_variance_ * MatrixXd::Identity(size, size)};
 }
 
 std::optional<Linearization<Eigen::Dynamic, Eigen::Dynamic>> Calibration::linearize(

@@ -210,6 +210,12 @@ void advance(const Recipe& recipe, const HeldMotion& odometry, Slot body, Gaussi
   if (stamp <= belief.stamp) {
     return;
   }
+  if constexpr (kCalibrates<Recipe>) {
+    if (recipe.calibration.has_wandering()) {
+      predict(belief, recipe.calibration.wander(belief, seconds_between(belief.stamp, stamp)),
+              recipe.calibration.wandering_slots());
+    }
+  }
   odometry.advance(
       belief.stamp, stamp, recipe.hold,
       [&](const Pose2& motion, Stamp until) { drive(recipe, belief, body, motion, until); },

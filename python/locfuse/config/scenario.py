@@ -328,6 +328,18 @@ class Bias(Strict):
         return self
 
 
+class Wander(Strict):
+    """Ranges read long or short by what wanders about 0, for each anchor by itself.
+
+    A Gauss-Markov process of standard deviation `sigma_m`: errors of one anchor that are t apart
+    have the correlation exp(-t / `correlation_s`).
+    """
+
+    kind: Literal["wander"] = "wander"
+    sigma_m: Positive
+    correlation_s: Positive
+
+
 class Outliers(Strict):
     """Each row is, with some probability, wrong by exactly `magnitude_m`.
 
@@ -504,10 +516,10 @@ class Kidnap(Strict):
 
 LaserFault: TypeAlias = Glass | People | MaxRange | Covered
 SensorFault: TypeAlias = (
-    Nlos | Bias | Outliers | Dropouts | Latency | WheelSlip | SlipEpisodes | LaserFault
+    Nlos | Bias | Wander | Outliers | Dropouts | Latency | WheelSlip | SlipEpisodes | LaserFault
 )
 Fault: TypeAlias = Annotated[
-    Nlos | Bias | Outliers | Dropouts | Latency | WheelSlip | SlipEpisodes | Kidnap | LaserFault,
+    SensorFault | Kidnap,
     Field(discriminator="kind"),
 ]
 
@@ -656,7 +668,7 @@ def _require_in_room(points: list[Point2], room_m: tuple[float, float], key: str
 
 def fault_source(fault: SensorFault) -> Source | Literal["laser"]:
     """Return the sensor that a fault acts on."""
-    if isinstance(fault, Nlos | Bias):
+    if isinstance(fault, Nlos | Bias | Wander):
         return "ranges"
     if isinstance(fault, WheelSlip | SlipEpisodes):
         return "odometry"

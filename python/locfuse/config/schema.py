@@ -112,6 +112,7 @@ class Calibration(Strict):
     sigma_range_scale: NonNegative = 0.0
     sigma_delay_s: NonNegative = 0.0
     sigma_anchor_offset_m: NonNegative = 0.0
+    anchor_offset_correlation_s: NonNegative = 0.0
     sigma_anchor_scale: NonNegative = 0.0
     sigma_range_delay_s: NonNegative = 0.0
     consider: bool = False
@@ -122,6 +123,11 @@ class Calibration(Strict):
             raise ValueError(
                 "sigma_turn_bias_radps_per_sqrt_s is set, but sigma_turn_bias_radps is 0: the bias "
                 "is no state; expected both or neither"
+            )
+        if self.anchor_offset_correlation_s > 0.0 and self.sigma_anchor_offset_m == 0.0:
+            raise ValueError(
+                "anchor_offset_correlation_s is set, but sigma_anchor_offset_m is 0: offsets are no "
+                "states; expected both or neither"
             )
         return self
 

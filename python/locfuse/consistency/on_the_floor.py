@@ -101,6 +101,14 @@ def turn_bias(seed: int, told: float) -> Sample:
     return sample_of(_fused(config_of(scene, seed, learns), told), {"turn bias": bias})
 
 
+def wandering(seed: int, told: float) -> Sample:
+    """Follow errors of ranges that are alike for seconds."""
+    fault = {"kind": "wander", "sigma_m": 0.2, "correlation_s": 5.0}
+    learns = {"sigma_anchor_offset_m": 0.2, "anchor_offset_correlation_s": 5.0}
+    config = config_of({**SCENES["ranges"], "faults": [fault]}, seed, learns)
+    return sample_of(_fused(config, told))
+
+
 def start_from_nothing(seed: int, told: float) -> Sample:
     """Find the start from ranges; the sample is of the start itself."""
     config = config_of(SCENES["ranges"], seed, {}).model_copy(update={"start": "auto"})
@@ -243,6 +251,7 @@ FLOOR: Mapping[str, Callable[[int, float], Sample]] = {
     **{f"PoseEkf: {scene}": partial(pose_ekf, scene) for scene in SCENES},
     "PoseEkf: landmarks, learns scales": scale,
     "PoseEkf: landmarks, learns turn bias": turn_bias,
+    "PoseEkf: ranges, follows their errors": wandering,
     "Initializer: ranges": start_from_nothing,
     "RecoveringEkf: ranges": recovering_ekf,
     "LandmarkEkf: four posts": landmark_ekf,

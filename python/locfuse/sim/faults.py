@@ -23,6 +23,7 @@ from locfuse.config.scenario import (
     Nlos,
     Outliers,
     SlipEpisodes,
+    Wander,
     WheelSlip,
     fault_source,
 )
@@ -135,12 +136,14 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def _changed(
     table: Columns,
-    fault: Bias | Outliers | Latency | WheelSlip | SlipEpisodes,
+    fault: Bias | Wander | Outliers | Latency | WheelSlip | SlipEpisodes,
     world: World,
     rng: np.random.Generator,
 ) -> Columns:
     if isinstance(fault, Bias):
         return _bias(table, fault)
+    if isinstance(fault, Wander):
+        return _wander(table, fault, rng)
     if isinstance(fault, Outliers):
         return _outliers(table, fault, rng)
     if isinstance(fault, Latency):
@@ -179,6 +182,23 @@ def _bias(table: Columns, fault: Bias) -> Columns:
     if fault.anchor is not None:
         biased = np.where(table["anchor"] == fault.anchor, biased, table["range_m"])
     return {**table, "range_m": biased}
+
+
+def _wander(table: Columns, fault: Wander, rng: np.random.Generator) -> Columns:
+    drawn = rng.standard_normal(len(table["stamp_ns"]))
+    error = np.empty(len(drawn))
+    for anchor in np.unique(table["anchor"]):
+        rows = np.flatnonzero(table["anchor"] == anchor)
+        rows = rows[np.argsort(table["stamp_ns"][rows], kind="stable")]
+        elapsed = np.diff(seconds(table["stamp_ns"][rows])) / fault.correlation_s
+        now = drawn[rows[0]]
+        error[rows[0]] = now
+        for row, kept, news in zip(
+            rows[1:], np.exp(-elapsed), np.sqrt(-np.expm1(-2.0 * elapsed)), strict=True
+        ):
+            now = kept * now + news * drawn[row]
+            error[row] = now
+    return {**table, "range_m": np.maximum(table["range_m"] + fault.sigma_m * error, 0.0)}
 
 
 def _outliers(table: Columns, fault: Outliers, rng: np.random.Generator) -> Columns:

@@ -26,6 +26,7 @@ FAULTS: dict[str, type[BaseModel]] = {
 BEGINNINGS: dict[str, dict[str, Any]] = {
     "nlos": {"walls": [[4.0, 5.0, 6.0, 5.0]], "extra_m": 0.5, "sigma_m": 0.2},
     "bias": {"offset_m": 0.3},
+    "wander": {"sigma_m": 0.1, "correlation_s": 5.0},
     "outliers": {"source": "ranges", "probability": 0.05, "magnitude_m": 3.0},
     "dropouts": {"source": "ranges", "from_s": 20.0, "to_s": 30.0},
     "latency": {"source": "poses", "delay_s": 0.3},

@@ -258,6 +258,9 @@ TEST(Calibration, refuses_what_cannot_be) {
   config = {};
   config.sigma_turn_bias_radps_per_sqrt_s = 0.1;
   expect_refused([&] { Calibration{config}; }, "sigma_turn_bias_radps is 0", "both or neither");
+  config = {};
+  config.anchor_offset_correlation_s = 5.0;
+  expect_refused([&] { Calibration{config}; }, "sigma_anchor_offset_m is 0", "both or neither");
 }
 
 TEST(Calibration, a_bias_that_wanders_is_never_known_for_good) {

@@ -38,11 +38,13 @@ PoseEkf::Config everything() { return config_of(kSigmaOffset, kSigmaScale, kSigm
 /// A robot that winds through the hall among anchors that are off, written out in scalars.
 class Robot {
  public:
-  explicit Robot(std::uint64_t seed) : rng_(seed) {
-    delay = std::abs(normal(rng_, kSigmaDelay));  // nothing is measured before it happens
+  explicit Robot(std::uint64_t seed, const PoseEkf::Config& config = everything())
+      : correlation_s_(config.calibration.anchor_offset_correlation_s), rng_(seed) {
+    // Nothing is measured before it happens.
+    delay = std::abs(normal(rng_, config.calibration.sigma_range_delay_s));
     for (std::size_t k = 0; k < 4; ++k) {
-      offset[k] = normal(rng_, kSigmaOffset);
-      scale[k] = normal(rng_, kSigmaScale);
+      offset[k] = normal(rng_, config.calibration.sigma_anchor_offset_m);
+      scale[k] = normal(rng_, config.calibration.sigma_anchor_scale);
     }
     x = normal(rng_, 0.1);
     y = normal(rng_, 0.1);
@@ -66,6 +68,12 @@ class Robot {
       told.y += speed * dt * std::sin(told.heading);
       told.heading += rate * dt;
     }
+    for (double& of_anchor : offset) {
+      if (correlation_s_ > 0.0) {
+        const double kept = std::exp(-0.1 / correlation_s_);
+        of_anchor = kept * of_anchor + normal(rng_, kSigmaOffset * std::sqrt(1.0 - kept * kept));
+      }
+    }
     return told;
   }
 
@@ -85,6 +93,7 @@ class Robot {
   double heading;
 
  private:
+  double correlation_s_;
   Rng rng_;
   std::array<Pose2, 1000> past_{};
   std::size_t written_ = 0;
@@ -111,10 +120,11 @@ struct Result {
   double sigma_delay = 0.0;
 };
 
-Result measure(const PoseEkf::Config& config) {
+/// Robots whose errors are as `simulated` has them, to a filter that believes `config`.
+Result measure(const PoseEkf::Config& config, const PoseEkf::Config& simulated = everything()) {
   Result result;
   for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
-    Robot robot(seed);
+    Robot robot(seed, simulated);
     const PoseEkf ekf = driven(robot, config, 600);
     const PoseEstimate end = ekf.estimate();
     const Vector<3> error = local({robot.x, robot.y, wrap_angle(robot.heading)}, end.pose);
@@ -165,6 +175,53 @@ TEST(RangeCalibration, without_it_the_same_robots_break_the_filter) {
   EXPECT_GT(measure(config_of(0.0, 0.0, 0.0)).nees_of_pose, 30.0);
 }
 
+PoseEkf::Config wandering() {
+  PoseEkf::Config config = config_of(kSigmaOffset, 0.0, 0.0);
+  config.calibration.anchor_offset_correlation_s = 5.0;
+  return config;
+}
+
+TEST(RangeCalibration, offsets_that_wander_are_followed_and_known_as_well_as_they_can_be) {
+  const Result result = measure(wandering(), wandering());
+  EXPECT_TRUE(in_band(result.nees_of_pose, 3, kRuns)) << result.nees_of_pose;
+  EXPECT_TRUE(in_band(result.nees_of_all, 7, kRuns)) << result.nees_of_all;
+}
+
+TEST(RangeCalibration, taken_for_constant_offsets_that_wander_break_the_filter) {
+  EXPECT_GT(measure(config_of(kSigmaOffset, 0.0, 0.0), wandering()).nees_of_pose, 30.0);
+}
+
+TEST(RangeCalibration, offsets_that_wander_are_considered_as_large_as_they_are) {
+  PoseEkf::Config config = wandering();
+  config.calibration.consider = true;
+  const Result result = measure(config, wandering());
+  EXPECT_TRUE(in_band(result.nees_of_pose, 3, kRuns)) << result.nees_of_pose;
+  Robot robot(1, wandering());
+  for (const CalibratedError& error : driven(robot, config, 100).errors()) {
+    EXPECT_EQ(error.value, 0.0) << error.name;
+    EXPECT_NEAR(error.sigma, kSigmaOffset, 1e-12) << error.name;
+  }
+}
+
+/// By hand: with P the variance before, after T it is P e^(-2 T / t) + s^2 (1 - e^(-2 T / t)).
+TEST(RangeCalibration, what_was_learnt_of_an_offset_is_forgotten_with_time) {
+  Robot robot(3, wandering());
+  PoseEkf ekf = driven(robot, wandering(), 50);
+  const CalibratedError before = ekf.errors()[2];
+  ASSERT_LT(before.sigma, 0.9 * kSigmaOffset);
+  ASSERT_GT(std::abs(before.value), 0.01);
+  ekf.advance_to(50 * kStep + 2'000'000'000);
+  const CalibratedError after = ekf.errors()[2];
+  const double kept = std::exp(-2.0 / 5.0);
+  EXPECT_NEAR(after.value, kept * before.value, 1e-12);
+  EXPECT_NEAR(after.sigma * after.sigma,
+              std::pow(kept * before.sigma, 2) + (1.0 - kept * kept) * std::pow(kSigmaOffset, 2),
+              1e-12);
+  ekf.advance_to(1'000'000'000'000);
+  EXPECT_NEAR(ekf.errors()[2].value, 0.0, 1e-12);
+  EXPECT_NEAR(ekf.errors()[2].sigma, kSigmaOffset, 1e-12);
+}
+
 TEST(RangeCalibration, a_delay_shows_by_driving_only) {
   Robot still(1);
   Robot moving(1);
@@ -188,6 +245,7 @@ TEST(RangeCalibration, what_is_not_fused_changes_no_bit) {
   Robot robot(2);
   PoseEkf::Config config = everything();
   config.gate_range = 0.999;
+  config.calibration.anchor_offset_correlation_s = 5.0;
   PoseEkf ekf = driven(robot, config, 20);
   const GaussianBelief before = ekf.belief();
   EXPECT_EQ(ekf.on(Range{21 * kStep, 0, 1, 60.0, {}}).verdict, Verdict::kGated);

@@ -173,8 +173,10 @@ ALLOWED = {
 
 
 BIAS = ("calibration", "sigma_turn_bias_radps")
+OFFSET = ("calibration", "sigma_anchor_offset_m")
 NEEDS: dict[tuple[str, ...], tuple[str, ...]] = {
-    ("Estimator", "calibration", "sigma_turn_bias_radps_per_sqrt_s"): BIAS
+    ("Estimator", "calibration", "sigma_turn_bias_radps_per_sqrt_s"): BIAS,
+    ("Estimator", "calibration", "anchor_offset_correlation_s"): OFFSET,
 }
 
 

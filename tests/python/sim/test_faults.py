@@ -180,6 +180,27 @@ def test_bias_without_an_anchor_hits_all_and_leaves_no_negative_range() -> None:
     assert after.min() == 0.0
 
 
+# Wander --------------------------------------------------------------------------------------
+
+
+def test_errors_that_wander_are_as_large_as_stated_and_alike_for_as_long_as_stated() -> None:
+    clean = run(duration_s=4000.0)
+    faulty = run({"kind": "wander", "sigma_m": 0.3, "correlation_s": 2.0}, duration_s=4000.0)
+    assert_equal(clean["ranges"], faulty["ranges"], but=("range_m",))
+    assert_others_equal(clean, faulty, "ranges")
+
+    error = faulty["ranges"]["range_m"] - clean["ranges"]["range_m"]
+    of = [error[clean["ranges"]["anchor"] == anchor] for anchor in ("A1", "A2")]
+    step = float(np.diff(clean["ranges"]["stamp_ns"][clean["ranges"]["anchor"] == "A1"])[0]) / 1e9
+    for one in of:  # 4,000 s are 2,000 independent errors
+        assert one.std() == pytest.approx(0.3, rel=0.08)
+        assert one.mean() == pytest.approx(0.0, abs=0.03)
+        for rows in (1, round(2.0 / step)):
+            alike = np.mean(one[rows:] * one[:-rows]) / one.var()
+            assert alike == pytest.approx(np.exp(-rows * step / 2.0), abs=0.06)
+    assert abs(np.mean(of[0] * of[1])) < 0.06 * 0.3**2  # each anchor by itself
+
+
 # Outliers ------------------------------------------------------------------------------------
 
 

@@ -62,7 +62,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         {"path": {"shape": "circle", "side_m": 2.0}},
         "unknown key .side_m.",
     ),
-    "unknown fault": ({"faults": [{"kind": "gremlin"}]}, "'nlos', 'bias', 'outliers'"),
+    "unknown fault": ({"faults": [{"kind": "gremlin"}]}, "'nlos', 'bias', 'wander', 'outliers'"),
     "not a number": ({"duration_s": math.nan}, "finite number"),
     "infinite": ({"tags": {"t": [0, 0, math.inf]}}, "finite number"),
     "no time": ({"duration_s": 0.0}, "greater than 0"),

@@ -42,6 +42,7 @@ class Calibration {
     double sigma_range_scale = 0.0;               ///< likewise
     double sigma_delay_s = 0.0;                   ///< of sightings behind their stamps
     double sigma_anchor_offset_m = 0.0;           ///< of ranges, for each anchor of the map
+    double anchor_offset_correlation_s = 0.0;     ///< for which those stay alike; 0: for good
     double sigma_anchor_scale = 0.0;              ///< likewise, added to the anchor's
     double sigma_range_delay_s = 0.0;             ///< of all ranges behind their stamps
     bool consider = false;  ///< they are accounted for, and none is learnt (Schmidt)
@@ -50,8 +51,8 @@ class Calibration {
   /// Nothing is a state.
   Calibration() : Calibration(Config{}) {}
 
-  /// Throws std::invalid_argument on a sigma that is negative or not finite, and on a bias that
-  /// wanders without being a state.
+  /// Throws std::invalid_argument on a number that is negative or not finite, and on a bias or
+  /// offsets that wander without being states.
   explicit Calibration(const Config& config, const AnchorMap& anchors = {});
 
   [[nodiscard]] bool is_empty() const { return states_.empty(); }
@@ -70,6 +71,13 @@ class Calibration {
                                                                        const OdometryMotion& model,
                                                                        const Pose2& motion,
                                                                        double seconds) const;
+
+  /// Whether the offsets of anchors change with time.
+  [[nodiscard]] bool has_wandering() const { return correlation_s_ > 0.0; }
+  /// What moves `wandering_slots` in that time, eq. (4).
+  [[nodiscard]] Propagation<Eigen::VectorXd, Eigen::Dynamic> wander(const GaussianBelief& belief,
+                                                                    double seconds) const;
+  [[nodiscard]] const std::vector<Slot>& wandering_slots() const { return offsets_; }
 
   /// The body and the states that a range to this anchor depends on; null if it depends on none.
   [[nodiscard]] const std::vector<Slot>* slots_of(Id anchor) const {
@@ -112,7 +120,10 @@ class Calibration {
   std::vector<Slot> slots_;
   std::vector<Slot> motion_slots_;
   std::vector<AnchorStates> ranges_;  // in order of anchor; none if ranges are right
-  double wander_;                     // variance of the bias per second
+  std::vector<Slot> offsets_;         // of anchors
+  double offset_variance_ = 0.0;
+  double correlation_s_ = 0.0;
+  double wander_;  // variance of the bias per second
   bool consider_;
 };
 
