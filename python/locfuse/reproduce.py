@@ -51,7 +51,7 @@ RECORDINGS = {
     "ieu run3": ("ieu_gazebo.yaml", "run3", 0.010),
     "ieu straight": ("ieu_gazebo.yaml", "straight", 0.010),
     "ieu home": ("ieu_gazebo.yaml", "home", 0.010),
-    "office (real)": ("mrpt_office.yaml", None, 0.15),
+    "office (real)": ("mrpt_office.yaml", None, 0.13),
     "labyrinth (real)": ("tuc_labyrinth.yaml", None, 0.08),
     "Plaza1 (real)": ("plaza.yaml", None, 0.40),
 }

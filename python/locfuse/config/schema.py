@@ -126,8 +126,8 @@ class Calibration(Strict):
             )
         if self.anchor_offset_correlation_s > 0.0 and self.sigma_anchor_offset_m == 0.0:
             raise ValueError(
-                "anchor_offset_correlation_s is set, but sigma_anchor_offset_m is 0: offsets are no "
-                "states; expected both or neither"
+                "anchor_offset_correlation_s is set, but sigma_anchor_offset_m is 0: offsets are "
+                "no states; expected both or neither"
             )
         return self
 
