@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -76,7 +77,9 @@ const Health::Config& checked(const Health::Config& c) {
 /// no better known than from some innovations: hence Student's distribution, eq. (9).
 double quantile_of(double risk) {
   constexpr double kDegreesOfFreedom = 8.0;
-  return boost::math::quantile(boost::math::students_t(kDegreesOfFreedom), 1.0 - 0.25 * risk);
+  // Of the lower tail: 1 less a small risk is 1.
+  const double tail = std::max(0.25 * risk, std::numeric_limits<double>::min());
+  return -boost::math::quantile(boost::math::students_t(kDegreesOfFreedom), tail);
 }
 
 /// Probability that a zero-mean Gaussian position stays within `radius`, eq. (7) of docs/health.md.

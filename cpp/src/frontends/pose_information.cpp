@@ -81,11 +81,21 @@ std::optional<Matrix<3, 3>> covariance_of(const Matrix<3, 3>& information) {
 }
 
 void require_covariance(const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
+  constexpr double kMostInformation = 1e200;  // beyond, its products are not finite
   const bool symmetric = covariance.isApprox(covariance.transpose(), 1e-9);
-  if (!covariance.allFinite() || !symmetric || covariance.llt().info() != Eigen::Success) {
+  const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
+  const auto refuse = [&](const char* what) {
     std::ostringstream text;
-    text << "covariance is not a symmetric positive definite matrix:\n" << covariance;
+    text << "covariance " << what << ":\n" << covariance;
     throw std::invalid_argument(text.str());
+  };
+  if (!covariance.allFinite() || !symmetric || factor.info() != Eigen::Success) {
+    refuse("is not a symmetric positive definite matrix");
+  }
+  const Eigen::MatrixXd information =
+      factor.solve(Eigen::MatrixXd::Identity(covariance.rows(), covariance.cols()));
+  if (!information.allFinite() || information.cwiseAbs().maxCoeff() > kMostInformation) {
+    refuse("is too small for its inverse to be finite");
   }
 }
 

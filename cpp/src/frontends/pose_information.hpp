@@ -33,7 +33,8 @@ struct Observed {
 /// Empty if a direction has no information.
 [[nodiscard]] std::optional<Matrix<3, 3>> covariance_of(const Matrix<3, 3>& information);
 
-/// Throws std::invalid_argument unless it is symmetric and positive definite.
+/// Throws std::invalid_argument unless it is symmetric and positive definite, with a finite
+/// inverse.
 void require_covariance(const Eigen::Ref<const Eigen::MatrixXd>& covariance);
 
 }  // namespace locfuse::internal

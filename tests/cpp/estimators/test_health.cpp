@@ -255,6 +255,25 @@ TEST(Health, started_anew_it_is_as_new) {
   EXPECT_TRUE(room.health.sources().empty());
 }
 
+/// A fuzzer's risk of 1e-17 ended the program: 1 less a quarter of it is 1, whose quantile is
+/// infinite.
+TEST(Health, levels_of_any_risk_are_finite_and_grow_as_it_shrinks) {
+  double last = 0.0;
+  for (const double risk : {0.1, 1e-2, 1e-3, 1e-9, 1e-17, 1e-100, 1e-300}) {
+    Health::Config config;
+    config.risk = risk;
+    Health health(config);
+    health.start(0, 0.0);
+    const Vector<3> level = health.report({0, {}, Matrix<3, 3>::Identity()}).protection;
+    ASSERT_TRUE(level.allFinite()) << risk;
+    EXPECT_GT(level.x(), last) << risk;
+    last = level.x();
+  }
+  Health::Config config;
+  config.risk = 5e-324;  // half of it is 0
+  EXPECT_NO_THROW(Health{config});
+}
+
 TEST(Health, bad_config_is_refused) {
   const auto with = [](double Health::Config::*field, double value) {
     Health::Config config;

@@ -164,6 +164,8 @@ TEST(ScanRefine, refuses_what_is_not_valid) {
   expect_refused([&] { (void)matcher.refine(scan, {std::nan(""), 0.0, 0.0}); }, "guess is nan");
   const Matrix<3, 3> negative = -Matrix<3, 3>::Identity();
   expect_refused([&] { (void)matcher.refine(scan, room.middle, negative); }, "positive definite");
+  const Matrix<3, 3> flat = Vector<3>(1.0, 1.0, 8.9e-323).asDiagonal();
+  expect_refused([&] { (void)matcher.refine(scan, room.middle, flat); }, "too small");
   expect_refused([&] { (void)matcher.refine({}, room.middle); }, "geometry is null");
   ScanMatcherConfig config;
   config.sigma_range_m = 0.0;

@@ -146,6 +146,9 @@ TEST(ScanSearch, says_why_there_is_none) {
             ScanSearch::Reason::kNoReturns);
   expect_refused([&] { (void)matcher.search(scan, {std::nan(""), 0.0}, round(0.1)); }, "position");
   expect_refused([&] { (void)matcher.search(scan, {0.0, 0.0}, -round(0.1)); }, "positive definite");
+  // A fuzzer's variance of 9e-323 had an infinite inverse, and the window's size was NaN.
+  const Matrix<2, 2> line = Vector<2>(8.9e-323, 0.01).asDiagonal();
+  expect_refused([&] { (void)matcher.search(scan, {0.0, 0.0}, line); }, "too small");
 }
 
 }  // namespace
