@@ -49,9 +49,11 @@ def filter_rows(m: Measured) -> Iterator[Row]:
     yield _at_most("C++, a step: PoseEkf::on / Joseph reference", ours, reference, 2.0)
     yield _faster("C++, a step: Orocos BFL / PoseEkf::on", m, "bench/pose_ekf_on",
                   "bench/orocos_bfl", 15.0)  # fmt: skip
-    heard = m["bench/recovering_ekf_on"]
-    yield Row("- with health: RecoveringEkf / PoseEkf", _time(heard), _time(ours), heard / ours,
-              "x")  # fmt: skip
+    for what, name in (("with health: RecoveringEkf", "recovering_ekf"),
+                       ("five offsets as states: PoseEkf", "offsets"),
+                       ("five that wander: PoseEkf", "wandering")):  # fmt: skip
+        heard = m[f"bench/{name}_on"]
+        yield Row(f"- {what} / PoseEkf", _time(heard), _time(ours), heard / ours, "x")
     allocations = m.counted["bench/pose_ekf_on"]["allocations_per_message"]
     bfl = m.counted.get("bench/orocos_bfl", {}).get("allocations_per_message")
     yield Row("C++, PoseEkf::on: heap allocations per message", f"{allocations:g}",

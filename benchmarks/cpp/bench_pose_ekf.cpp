@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // One prediction and five ranges on three states, per step: a hand-written Joseph-form reference,
 // our models and filter functions, the whole PoseEkf with checks, gates and outcomes, likewise with
-// health, Orocos BFL.
+// health, likewise with an offset of each anchor as a state, Orocos BFL.
 #include <benchmark/benchmark.h>
 
 #include <Eigen/Core>
@@ -155,6 +155,23 @@ std::size_t run_pose_ekf(const Circle& in, std::vector<double>& out) {
   return run_messages(in, ekf, ekf, out);
 }
 
+/// The same with eight states: an offset of each anchor, which stays or wanders.
+std::size_t run_with_offsets(double correlation_s, const Circle& in, std::vector<double>& out) {
+  PoseEkf::Config config = ekf_config();
+  config.calibration.sigma_anchor_offset_m = 0.05;
+  config.calibration.anchor_offset_correlation_s = correlation_s;
+  PoseEkf ekf(config, anchor_map(), {{0, {0, 0, 0}}}, start_estimate(in));
+  return run_messages(in, ekf, ekf, out);
+}
+
+std::size_t run_offsets(const Circle& in, std::vector<double>& out) {
+  return run_with_offsets(0.0, in, out);
+}
+
+std::size_t run_wandering(const Circle& in, std::vector<double>& out) {
+  return run_with_offsets(5.0, in, out);
+}
+
 /// The same, and whether it may be trusted.
 std::size_t run_recovering_ekf(const Circle& in, std::vector<double>& out) {
   static const locfuse::RecoveringEkf fresh = [&in] {
@@ -192,6 +209,8 @@ BENCHMARK_CAPTURE(bench, reference_joseph, run_reference);
 BENCHMARK_CAPTURE(bench, models_and_filter, run_functions);
 BENCHMARK_CAPTURE(bench, pose_ekf_on, run_pose_ekf);
 BENCHMARK_CAPTURE(bench, recovering_ekf_on, run_recovering_ekf);
+BENCHMARK_CAPTURE(bench, offsets_on, run_offsets);
+BENCHMARK_CAPTURE(bench, wandering_on, run_wandering);
 #ifdef LOCFUSE_WITH_BFL
 BENCHMARK_CAPTURE(bench, orocos_bfl, run_bfl);
 #endif
