@@ -191,8 +191,15 @@ void Search::consider(Run run) {
     return;
   }
   const std::optional<CircleFit> fit = fit_grown(run);
-  if (fit && fit->covariance.allFinite() && is_cylinder(run, *fit)) {
-    add(told(run, *fit));
+  if (!fit || !fit->covariance.allFinite() || !is_cylinder(run, *fit)) {
+    return;
+  }
+  const Cylinder cylinder = told(run, *fit);
+  const Vector<3> variances = cylinder.covariance.diagonal();
+  // Numbers of any size may leave none; that of a radius that is known is 0.
+  if (cylinder.covariance.allFinite() && variances.head<2>().minCoeff() > 0.0 &&
+      (config_.radius_m > 0.0 || variances.z() > 0.0)) {
+    add(cylinder);
     begin_ = run.last + 1;
     end_ = std::min(end_, run.first + sweep_.size());
   }

@@ -16,6 +16,7 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kMostRings = 255;
 constexpr double kFarthest = 1e9;  // [cells]; from there on a double does not tell cells apart well
+constexpr double kLeastSlope = 1e-290;  // below, a way to an edge is infinite, or NaN
 
 /// One axis of a beam: coordinates start + t * along, t in cells from its start.
 struct Axis {
@@ -26,8 +27,8 @@ struct Axis {
 
   Axis(double from, double towards, int cells)
       : start(from),
-        along(towards),
-        per_cell(towards == 0.0 ? kInfinity : 1.0 / towards),
+        along(std::abs(towards) < kLeastSlope ? 0.0 : towards),
+        per_cell(along == 0.0 ? kInfinity : 1.0 / along),
         size(cells) {}
 
   [[nodiscard]] bool rises() const { return along >= 0.0; }
@@ -119,8 +120,8 @@ Vector<2> RayCaster::start_of(const Vector<2>& p_world, double max_range) const 
 }
 
 double RayCaster::range_from(const Vector<2>& start, double heading, double max_range) const {
-  require_finite("heading", heading, "rad");
   const double turned = heading - grid_->origin().heading;
+  require_finite("heading", turned, "rad");
   const Vector<2> along(std::cos(turned), std::sin(turned));
   // A cell more, so that none is missed by rounding where the beam ends.
   const double reach = max_range / grid_->resolution() + 1.0;

@@ -81,6 +81,20 @@ TEST(RayCaster, a_start_on_a_boundary_is_in_the_cell_of_the_higher_coordinate) {
   EXPECT_EQ(two.cast({1.5, 0.5}, 2.0, 0.0), 0.0);  // in the wall
 }
 
+/// Found by reading on after a fuzzer's finding: 0 times an infinite way to an edge was NaN.
+TEST(RayCaster, a_beam_whose_slope_has_no_inverse_goes_along_the_axis) {
+  const RayCaster wall = caster({"...#"});
+  for (const double heading : {-1e-310, 0.0, 1e-310}) {
+    EXPECT_EQ(wall.cast({2.5, 0.0}, heading, HUGE_VAL), 0.5) << heading;
+  }
+}
+
+/// A fuzzer's heading on a map that was turned as far the other way: their difference is infinite.
+TEST(RayCaster, refuses_a_heading_that_is_not_finite_in_the_map) {
+  const RayCaster turned = caster({"...#"}, 1.0, {0.0, 0.0, -1.7e308});
+  expect_refused([&] { (void)turned.cast({0.5, 0.5}, 1.7e308, 1.0); }, "heading is inf");
+}
+
 TEST(RayCaster, a_beam_may_come_from_outside_of_the_map) {
   const RayCaster one = caster({"...",  //
                                 ".#.",  //
