@@ -26,18 +26,21 @@ void code(Io& io, Matrix<N, N>& P, double largest) {
     code(io, sigma, 1e-3, largest);
     P(i, i) = sigma * sigma;
   }
-  bool correlated = !P.isDiagonal(0.0);
-  code(io, correlated);
+  std::uint8_t way = P.isDiagonal(0.0) ? 0 : 1;  // 2: the upper half is another
+  code(io, way, 3);
   for (int i = 0; i < N; ++i) {
     for (int j = 0; j < i; ++j) {
       const double scale = std::sqrt(P(i, i) * P(j, j));
       double correlation = P(i, j) / scale;
-      if (correlated) {
+      if (way > 0) {
         code(io, correlation, -0.99, 0.99);
       } else {
         correlation = 0.0;
       }
       P(i, j) = P(j, i) = correlation * scale;
+      if (way == 2) {
+        code(io, P(j, i), -1.0, 1.0);
+      }
     }
   }
 }

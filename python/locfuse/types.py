@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import difflib
+import os
+import reprlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,6 +25,8 @@ NANOSECONDS = 1_000_000_000
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1  # cells of a GridMap
 _BY_RANK = np.array([FREE, UNKNOWN, OCCUPIED], np.int8)  # what a cell of several becomes: the last
 _SLACK = 1e-9  # cells; edges closer than this to one another are the same
+RESOLUTIONS_M = (1e-6, 1e6)  # least and most of a GridMap
+FARTHEST_M = 1e9  # that a place may be from the origin of the world
 
 
 class LogError(ValueError):
@@ -34,8 +38,12 @@ class ConfigError(ValueError):
 
 
 # What PyYAML raises, beside its own errors, for tags that do not fit (`!!bool 3`, `!!int ''`),
-# impossible dates, and brackets without end.
-YAML_ERRORS = (ValueError, LookupError, AttributeError, TypeError, RecursionError)
+# impossible dates, numbers and characters, and brackets without end.
+YAML_ERRORS = (ValueError, LookupError, AttributeError, TypeError, ArithmeticError, RecursionError)
+
+_SHORT = reprlib.Repr()
+_SHORT.maxlevel = 2
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 100
 
 
 def wrap_angle(angle: ArrayLike) -> FloatArray:
@@ -53,9 +61,18 @@ def nearest(name: str, valid: Iterable[str]) -> str:
     return f"did you mean {found[0]!r}?" if found else f"expected {', '.join(options)}"
 
 
+def shown(value: object) -> str:
+    """Return a value as messages show it: of what is long or deep only a part."""
+    try:
+        return _SHORT.repr(value)
+    except ValueError:
+        return "an integer of too many digits"
+
+
 def no_folder(path: Path) -> str:
     """Return why a path is not the folder that was expected."""
-    return f"{path}: is a file; expected a folder" if path.exists() else f"{path}: no such folder"
+    exists = os.path.exists(path)  # of a name that is too long `Path.exists` raises OSError
+    return f"{path}: is a file; expected a folder" if exists else f"{path}: no such folder"
 
 
 @dataclass(frozen=True)
@@ -114,14 +131,14 @@ class GridMap:
         0 free, 100 occupied, -1 unknown. Row 0 is the row of the lowest y, column 0 that of the
         lowest x, in the frame of the map.
     resolution_m : float
-        Length of a cell's side.
+        Length of a cell's side, 1e-6 to 1e6.
     origin : (x_m, y_m, yaw_rad)
-        Pose in world of the map's frame: the outer corner of cell (0, 0).
+        Pose in world of the map's frame: the outer corner of cell (0, 0). No number beyond 1e9.
 
     Raises
     ------
     ValueError
-        If there is no cell, a cell holds another value, or a number is not finite.
+        If there is no cell, a cell holds another value, or a number is out of bounds.
     """
 
     cells: NDArray[np.int8]
@@ -137,10 +154,15 @@ class GridMap:
         odd = ~np.isin(self.cells, (FREE, OCCUPIED, UNKNOWN))
         if odd.any():
             raise ValueError(f"GridMap.cells holds {self.cells[odd][0]}, expected 0, 100 or -1")
-        if not (np.isfinite(self.resolution_m) and self.resolution_m > 0.0):
-            raise ValueError(f"GridMap.resolution_m is {self.resolution_m}, expected > 0")
-        if len(self.origin) != 3 or not np.all(np.isfinite(self.origin)):
-            raise ValueError(f"GridMap.origin is {self.origin}, expected three finite numbers")
+        least, most = RESOLUTIONS_M
+        if not least <= self.resolution_m <= most:
+            raise ValueError(
+                f"GridMap.resolution_m is {self.resolution_m}, expected {least:g} to {most:g}"
+            )
+        if len(self.origin) != 3 or not np.all(np.abs(self.origin) <= FARTHEST_M):
+            raise ValueError(
+                f"GridMap.origin is {self.origin}, expected three numbers within {FARTHEST_M:g}"
+            )
 
     def occupancy_grid(self) -> _core.OccupancyGrid:
         """Return the same as the C++ core takes it."""

@@ -180,6 +180,8 @@ BAD_CONFIGS: dict[str, tuple[str, list[str]]] = {
     "start sigma zero": ("start_sigma: {xy_m: 0}", ["start_sigma.xy_m", "0"]),
     "start nan": ("start: [.nan, 0, 0]", ["start", "nan"]),
     "history too long for the clock": ("history_s: 1.0e+12", ["history_s"]),
+    "drive of ages": ("simulation: {duration_s: 1.0e+12}",
+                      ["simulation.duration_s", "at most 1e+09"]),
     "unknown anchor": ("start: [3, 2, 0]\nanchors: {sotuh: {offset_m: 1}}", ["sotuh", "'south'"]),
     "unknown key": ("startt: truth", ["'startt'", "'start'"]),
     "unknown source": ("use: [lidar]", ["use", "lidar", "ranges"]),
@@ -209,7 +211,7 @@ def test_a_bad_config_is_refused_in_one_sentence_that_names_file_and_key(
     ("config", "part"),
     [
         ("start_sigma: {xy_m: 1.0e-200}\nsimulation: {duration_s: 1}\n", "covariance"),
-        ("simulation: {duration_s: 1.0e+12}\n", "allocate"),
+        ("simulation: {duration_s: 1.0e+9, odometry: {rate_hz: 1.0e+6}}\n", "allocate"),
         ("estimator: {range: {sigma_m: 1.0e+200}}\nsimulation: {duration_s: 1}\n", "finite"),
         ("start: [1.0e+308, 1.0e+308, 0]\nsimulation: {duration_s: 1}\n", "finite"),
     ],

@@ -30,7 +30,8 @@ AdaptiveNoise::AdaptiveNoise(const Config& config) : config_(config) {
 }
 
 void AdaptiveNoise::hear(Source source, const Outcome& outcome, double variance) {
-  if (outcome.verdict != Verdict::kFused || outcome.dof == 0) {
+  const bool counts = outcome.verdict == Verdict::kFused && outcome.dof > 0;
+  if (!counts || !std::isfinite(variance / outcome.scale + outcome.nis)) {
     return;
   }
   const double of_noise = std::min(variance / outcome.scale, 1.0);

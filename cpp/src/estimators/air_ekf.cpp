@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "estimators/recipe.hpp"
+#include "locfuse/math/symmetric.hpp"
 
 namespace locfuse {
 namespace {
@@ -30,7 +31,7 @@ Matrix<1, 1> scalar(double value) { return Matrix<1, 1>(value); }
 /// The height of a start, with what it shares with the pose.
 Slot add_height(GaussianBelief& belief, Slot body, const AirEstimate& start) {
   const Matrix<4, 4>& P = start.covariance;
-  if (!P.allFinite() || !P.isApprox(P.transpose(), 1e-9) || P.llt().info() != Eigen::Success ||
+  if (!P.allFinite() || !is_symmetric(P) || P.llt().info() != Eigen::Success ||
       !std::isfinite(start.height)) {
     throw std::invalid_argument(
         "a start has height " + std::to_string(start.height) +

@@ -52,9 +52,9 @@ const Health::Config& checked(const Health::Config& c) {
   using internal::positive;
   positive("limit_m", c.limit_m);
   share("risk", c.risk, 0.0, 0.5);
-  positive("mean_s_between_losses", c.mean_s_between_losses);
+  share("mean_s_between_losses", c.mean_s_between_losses, 1e-3, 1e12);
   share("wrong_share", c.wrong_share, 0.0, 1.0);
-  positive("wrong_span_m", c.wrong_span_m);
+  share("wrong_span_m", c.wrong_span_m, 1e-6, 1e12);
   share("chance_share", c.chance_share, 0.0, 1.0);
   share("faulty_share", c.faulty_share, 0.0, 1.0);
   share("faulty_share_unnamed", c.faulty_share_unnamed, 0.0, 1.0);
@@ -108,7 +108,12 @@ Health::Health(const Config& config)
 
 void Health::start(Stamp stamp, double wrong) {
   stamp_ = fused_ = stamp;
-  odds_ = odds_of(share("wrong", wrong, -1e-300, 1.0));
+  check_stamp(stamp);
+  if (!(wrong >= 0.0 && wrong < 1.0)) {
+    throw std::invalid_argument("wrong is " + std::to_string(wrong) +
+                                ", expected a probability less than 1");
+  }
+  odds_ = odds_of(wrong);
   nis_ = 1.0;
   scale_ = 0.0;
   lost_ = false;
@@ -150,6 +155,7 @@ SourceStatus& Health::status_of(const NamedSource& source, Stamp stamp) {
 }
 
 void Health::advance(Stamp stamp) {
+  check_stamp(stamp);
   if (stamp <= stamp_) {
     return;
   }
@@ -267,7 +273,7 @@ void Health::weigh(SourceStatus& status, const Outcome& outcome, double breadth)
     const double ratio = std::min(outcome.nis / outcome.dof, kMostNis);
     status.nis += kOfSource * good * (ratio - status.nis);
     nis_ += kOfAll * good * (ratio - nis_);
-    scale_ += kOfAll * good * (outcome.scale - scale_);
+    scale_ += kOfAll * good * (std::min(outcome.scale, kNotMeasured) - scale_);
   }
   double faulty = elsewhere;
   if (status.source.kind == Source::kRanges && outcome.nis > kNotableNis) {
@@ -332,7 +338,8 @@ HealthReport Health::report(const PoseEstimate& estimate) const {
   HealthReport report;
   report.stamp = std::max(stamp_, estimate.stamp);
   const double since = seconds_between(stamp_, report.stamp);
-  double odds = odds_ + (1.0 + odds_) * since / config_.mean_s_between_losses;
+  double odds =
+      std::min(odds_ + (1.0 + odds_) * since / config_.mean_s_between_losses, kMostOdds);
   if (is_out_of_date(report.stamp)) {
     odds = std::max(odds, odds_lost_);
   }

@@ -22,6 +22,7 @@ using internal::log_anything;
 using internal::log_density;
 using internal::log_sum;
 
+constexpr int kOften = 1 << 30;       // times that a link is heard; from there on it is not counted
 constexpr double kForgotten = -30.0;  // log-weight below the best at which a component is dropped
 constexpr double kLinked = 9.0;       // squared distance below which two tell the same story
 constexpr double kSamePlace = 1.0;    // likewise where one search for a scan serves both
@@ -91,15 +92,19 @@ struct Seen {
   double log_area;
 };
 
-/// Empty if range or bearing is missing.
+/// Empty if range or bearing is missing, or the range so short that the noise has no area.
 std::optional<Seen> seen_by(const RangeBearingModel& model, const RangeBearing& z) {
   const std::optional<RangeBearingModel::Placed> placed = model.place(Pose2{}, z);
   if (!placed) {
     return std::nullopt;
   }
   const Matrix<2, 2>& J = placed->by_sighting;
-  return Seen{{placed->position, J * model.noise(z) * J.transpose(), z.landmark},
-              std::log(std::abs(J.determinant()))};
+  const Matrix<2, 2> noise = J * model.noise(z) * J.transpose();
+  const double log_area = std::log(std::abs(J.determinant()));
+  if (!std::isfinite(log_area) || noise.llt().info() != Eigen::Success) {
+    return std::nullopt;
+  }
+  return Seen{{placed->position, noise, z.landmark}, log_area};
 }
 
 /// The ranges of an epoch to one tag, as positioning takes them.
@@ -222,13 +227,13 @@ Initializer::Initializer(const Config& config, const PoseEkf::Config& estimator,
                  std::move(landmarks)) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   in_range("epoch_s", config.epoch_s, 0.0, 3600.0);
-  in_range("headings", config.headings, 3.0, 3601.0);
+  in_range("headings", config.headings, 3.0, 361.0);
   in_range("wrong_share", config.wrong_share, 0.0, 1.0);
   in_range("wrong_span_m", config.wrong_span_m, 0.0, kInfinity);
   in_range("spacing_m", config.spacing_m, 0.0, kInfinity);
   in_range("spacing_heading_rad", config.spacing_heading_rad, 0.0, kInfinity);
-  in_range("sigma_map_m", config.sigma_map_m, 0.0, kInfinity);
-  in_range("sigma_map_rad", config.sigma_map_rad, 0.0, kInfinity);
+  in_range("sigma_map_m", config.sigma_map_m, 0.0, 1e3);
+  in_range("sigma_map_rad", config.sigma_map_rad, 0.0, 10.0);
   in_range("standing_ranges", config.standing_ranges, 0.0, kInfinity);
   in_range("probability_ready", config.probability_ready, 0.5, 1.0);
   in_range("sigma_xy_ready_m", config.sigma_xy_ready_m, 0.0, kInfinity);
@@ -304,8 +309,9 @@ void Initializer::on(const Range& z) {
   const bool is_late =
       !epoch_.empty() && seconds_between(epoch_.front().stamp, z.stamp) > config_.epoch_s;
   if (heard_before || is_late) {
-    locate();
-    epoch_.clear();
+    // Taken out first: an epoch that makes trouble does so once.
+    const std::vector<Range> epoch = std::exchange(epoch_, {});
+    locate(epoch);
   }
   if (components_.empty()) {
     epoch_.push_back(z);
@@ -327,7 +333,7 @@ void Initializer::hear(const Range& z) {
 int Initializer::heard_before(const Range& z) {
   for (Link& link : links_) {
     if (link.tag == z.tag && link.anchor == z.anchor) {
-      return link.heard++;
+      return std::exchange(link.heard, std::min(link.heard, kOften) + 1);
     }
   }
   links_.push_back({z.tag, z.anchor, 1});
@@ -479,22 +485,28 @@ void Initializer::add_positions(const Vector<2>& tag_in_world, const Matrix<2, 2
                                 const Vector<2>& tag_in_body, double log_weight, Stamp stamp) {
   const double step = 2.0 * kPi / config_.headings;
   const double sigma = 0.6 * step;  // the sum of such Gaussians is flat to 1 %
+  constexpr double kLeast = kPositionBounds.least * kPositionBounds.least;
+  Matrix<2, 2> known = covariance;  // no better than a state may be, or nothing of it is left in P
+  known.diagonal() = known.diagonal().cwiseMax(kLeast);
+  std::vector<Component> added;
   for (int k = 0; k < config_.headings; ++k) {
     const double heading = wrap_angle(k * step);
     const Vector<2> arm = Pose2{0.0, 0.0, heading}.act(tag_in_body);
     const Vector<2> body = tag_in_world - arm;
     const Vector<2> swing(arm.y(), -arm.x());  // d body / d heading
     Matrix<3, 3> P;
-    P.topLeftCorner<2, 2>() = covariance + sigma * sigma * swing * swing.transpose();
+    P.topLeftCorner<2, 2>() = known + sigma * sigma * swing * swing.transpose();
     P.topRightCorner<2, 1>() = sigma * sigma * swing;
     P.bottomLeftCorner<1, 2>() = sigma * sigma * swing.transpose();
     P(2, 2) = sigma * sigma;
-    components_.push_back(component({stamp, {body.x(), body.y(), heading}, P}, log_weight));
+    added.push_back(component({stamp, {body.x(), body.y(), heading}, P}, log_weight));
   }
+  components_.insert(components_.end(), std::make_move_iterator(added.begin()),
+                     std::make_move_iterator(added.end()));
 }
 
-void Initializer::locate() {
-  const Heard heard = most_heard(epoch_, tags_, *anchors_, estimator_.range);
+void Initializer::locate(const std::vector<Range>& epoch) {
+  const Heard heard = most_heard(epoch, tags_, *anchors_, estimator_.range);
   if (heard.rows() < 2) {
     waiting_for_ = heard.rows() == 0 ? "no range between a known tag and a known anchor"
                                      : "ranges to one anchor only";
@@ -513,9 +525,9 @@ void Initializer::locate() {
   waiting_for_ = "ranges to anchors in one place only";
   for (const Fit& fit : fits) {
     add_positions(fit.position, fit.covariance, heard.tag_in_body, -0.5 * fit.cost,
-                  epoch_.back().stamp);
+                  epoch.back().stamp);
   }
-  for (const Range& z : epoch_) {
+  for (const Range& z : epoch) {
     if (z.tag == heard.tag) {
       (void)heard_before(z);
     } else if (!components_.empty()) {  // another tag of the body tells the heading
@@ -527,7 +539,7 @@ void Initializer::locate() {
 void Initializer::on(const LaserScan& z) {
   validate(z);
   if (components_.empty() && epoch_.size() > 2) {
-    locate();
+    locate(epoch_);
   }
   const bool is_news = !scanned_ || moved_on(since_scan_);
   if (matcher_ == nullptr || components_.empty() || !is_news ||
@@ -591,7 +603,7 @@ void Initializer::reduce() {
   const double best = components_.front().log_weight;
   log_before_ -= best;
   log_nowhere_ -= best;
-  std::vector<Component> kept;
+  std::vector<Component> kept;  // copies: what fails leaves all as they are
   for (Component& next : components_) {
     next.log_weight -= best;
     if (next.log_weight < kForgotten) {
@@ -601,7 +613,7 @@ void Initializer::reduce() {
       return is_same(other.ekf.current(), next.ekf.current());
     });
     if (twin == kept.end()) {
-      kept.push_back(std::move(next));
+      kept.push_back(next);
     } else {
       const PoseEstimate both = combined({{std::exp(twin->log_weight), twin->ekf.current()},
                                           {std::exp(next.log_weight), next.ekf.current()}});

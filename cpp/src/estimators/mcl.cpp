@@ -8,6 +8,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "estimators/outlier.hpp"
+#include "locfuse/error.hpp"
 #include "locfuse/math/counter_random.hpp"
 
 namespace locfuse {
@@ -117,8 +119,15 @@ std::vector<std::int32_t> free_cells(const OccupancyGrid& grid) {
 }  // namespace
 
 PoseEstimate Mcl::carried(const PoseEstimate& from, const UncertainMotion& by, Stamp stamp) {
-  return {stamp, from.pose * by.motion,
-          covariance_after(from.pose, from.covariance, by.motion, by.covariance)};
+  PoseEstimate to{stamp, from.pose * by.motion,
+                  covariance_after(from.pose, from.covariance, by.motion, by.covariance)};
+  // A way back takes off what the way there added; what rounding left of both is not known either.
+  constexpr double kRounding = 1e-14;
+  const double summed = from.covariance.topLeftCorner<2, 2>().trace() +
+                        to.covariance.topLeftCorner<2, 2>().trace() +
+                        by.motion.position().squaredNorm() * from.covariance(2, 2);
+  to.covariance.diagonal().head<2>().array() += kRounding * summed;
+  return to;
 }
 
 Mcl::Mcl(const Config& config, const std::shared_ptr<const OccupancyGrid>& grid, Stamp start,
@@ -199,7 +208,7 @@ void Mcl::begin(Stamp stamp, int particles) {
 
 void Mcl::start_anywhere(Stamp stamp) {
   const int most = recipe_->config.max_particles;
-  begin(stamp, std::max(most, std::min(kDraws * most, kMostDraws)));
+  begin(stamp, most < kMostDraws / kDraws ? kDraws * most : std::max(most, kMostDraws));
   searching_ = true;
   const std::uint64_t key = next_key();
   // Boxes of side a and of turn_per_cell a in the heading that fill the free space and all
@@ -379,7 +388,7 @@ Outcome Mcl::on(const Increment& u) {
   if (u.begin == u.stamp) {  // a displacement without duration
     drive(recipe_->motion, u.motion, u.stamp);
   }
-  odometry_.take(u);
+  odometry_.take(u, recipe_->config.limits);
   return {Verdict::kFused};
 }
 
@@ -524,6 +533,9 @@ Outcome Mcl::compare(const Model& model, const Message& z) {
   const auto rows = static_cast<int>(lin->residual.size());
   Outcome outcome{Verdict::kFused, rows, squared_mahalanobis(lin->residual, S), lin->residual(0),
                   std::pow(S.determinant(), 1.0 / rows)};
+  if (!(outcome.nis >= 0.0 && outcome.scale > 0.0 && std::isfinite(outcome.scale))) {
+    throw NumericalError("the innovation covariance is not positive definite");
+  }
   if (is_found_) {
     const double limit = kGate.limit(rows);
     Outcome heard = outcome;
@@ -551,7 +563,8 @@ Outcome Mcl::weigh(const Model& model, const Message& z) {
   advance_to(z.stamp);
   settle();
   const Outcome outcome = compare(model, z);
-  const double wrong = recipe_->config.outlier_share;
+  const double log_right = std::log1p(-recipe_->config.outlier_share);
+  const double log_wrong = std::log(recipe_->config.outlier_share);
   log_likelihood_.resize(belief_.x.size());
   recipe_->workers->share(static_cast<int>(belief_.x.size()), kGroup, [&](int begin, int end) {
     for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
@@ -559,8 +572,8 @@ Outcome Mcl::weigh(const Model& model, const Message& z) {
       // An outlier is as likely as what is off by four standard deviations in each row.
       const double floor = -8.0 * static_cast<double>(lin ? lin->residual.size() : 1);
       const double good = lin ? -0.5 * squared_mahalanobis(lin->residual, lin->noise) : floor;
-      log_likelihood_[k] =
-          static_cast<float>(std::log((1.0 - wrong) * std::exp(good) + wrong * std::exp(floor)));
+      log_likelihood_[k] = static_cast<float>(
+          internal::log_sum(log_right + good, log_wrong + floor));
     }
   });
   reweigh_and_resample(1.0);
@@ -672,7 +685,8 @@ void Mcl::summarize() {
   const Matrix<3, 3> to_metres = metres_per_cell();
   const Vector<3> map_sigma(recipe_->config.sigma_map_m, recipe_->config.sigma_map_m,
                             recipe_->config.sigma_map_rad);
-  const Matrix<3, 3> map_covariance = map_sigma.cwiseAbs2().asDiagonal();
+  constexpr double kLeast = 1e-6;  // or particles in one place would have no covariance
+  const Matrix<3, 3> map_covariance = map_sigma.cwiseMax(kLeast).cwiseAbs2().asDiagonal();
   for (const ParticleCluster& cluster : clusters) {
     const Matrix<3, 3> P = to_metres * cluster.covariance * to_metres.transpose() + map_covariance;
     hypotheses_.push_back(

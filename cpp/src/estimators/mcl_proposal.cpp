@@ -50,6 +50,9 @@ bool Mcl::settle_by_match(const LaserScan& z, const Pose2& motion_in_cells) {
   const Matrix<3, 3> precision = odometry.solve(identity);
   const Eigen::LLT<Matrix<3, 3>> both(Matrix<3, 3>(precision + scan));
   const Matrix<3, 3> P = both.solve(identity);
+  if (!precision.allFinite() || both.info() != Eigen::Success || !P.allFinite()) {
+    return false;  // before anything is moved
+  }
   const Vector<3> pull_back = prior.covariance.llt().solve(local(match.pose, prior.pose));
 
   const Matrix<3, 3> to_world = metres_per_cell();

@@ -93,7 +93,7 @@ Outcome PoseEkf::correct(std::optional<Source> source, Stamp stamp, const Gate& 
   lin->noise *= adaptive_.factor(*source);
   const Outcome outcome = transaction.close(update(belief_, *lin, slots, gate, noise));
   const auto rows = static_cast<double>(lin->noise.rows());
-  adaptive_.hear(*source, outcome, std::pow(lin->noise.determinant(), 1.0 / rows));
+  adaptive_.hear(*source, outcome, std::pow(std::max(lin->noise.determinant(), 0.0), 1.0 / rows));
   return outcome;
 }
 

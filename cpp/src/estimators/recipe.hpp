@@ -239,10 +239,11 @@ Outcome take(const Recipe& recipe, HeldMotion& odometry, Slot body, GaussianBeli
     if (u.begin == u.stamp) {  // a displacement without duration
       drive(recipe, belief, body, u.motion, u.stamp);
     }
+    odometry.take(u, recipe.config.limits);
   } else {
     advance(recipe, odometry, body, belief, u.stamp);
+    odometry.take(u);
   }
-  odometry.take(u);
   return transaction.close({Verdict::kFused});
 }
 

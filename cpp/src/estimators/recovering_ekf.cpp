@@ -117,9 +117,8 @@ Outcome RecoveringEkf::correct(const M& z) {
     hear(z, outcome);
     listen();
   }
-  if (start_ && outcome.verdict != Verdict::kStale) {
-    start_->on(z);
-    decide();
+  if (outcome.verdict != Verdict::kStale) {
+    search([&](Initializer& start) { start.on(z); });
   }
   return outcome;
 }
@@ -135,13 +134,30 @@ std::vector<Outcome> RecoveringEkf::on_joint(const std::vector<RangeBearing>& si
     }
     listen();
   }
-  if (start_) {
+  search([&](Initializer& start) {
     for (const RangeBearing& z : sightings) {
-      start_->on(z);
+      start.on(z);
     }
-    decide();
-  }
+  });
   return outcomes;
+}
+
+/// Tells the search, if there is one. What it cannot use is fused already where a filter tracks: then
+/// another search begins, and the message is good.
+template <class Tell>
+void RecoveringEkf::search(const Tell& tell) {
+  if (!start_) {
+    return;
+  }
+  try {
+    tell(*start_);
+    decide();
+  } catch (const std::exception&) {
+    if (!ekf_) {
+      throw;
+    }
+    start_ = fresh();
+  }
 }
 
 template <class M>

@@ -108,7 +108,8 @@ std::optional<PoseEstimate> SwitchingMcl::useful(Stamp stamp) const {
   const PoseEstimate now = uwb_.estimator()->estimate(stamp);
   const bool is_sure =
       now.sigma_position() <= config_.uwb_sigma_m && now.sigma_heading() <= config_.uwb_sigma_rad;
-  return is_sure ? std::optional(now) : std::nullopt;
+  const bool is_near = now.pose.position().norm() <= mcl_.config().limits.distance_m;
+  return is_sure && is_near ? std::optional(now) : std::nullopt;
 }
 
 SwitchingMcl::Doubt SwitchingMcl::doubt(const PoseEstimate& here,
@@ -160,7 +161,7 @@ void SwitchingMcl::widen(Stamp stamp) {
     return;
   }
   contradicted_ = contradicted_.value_or(stamp);
-  if (stamp - *contradicted_ < uwb_age_) {
+  if (stamp - *contradicted_ < std::max<Stamp>(uwb_age_, 1)) {  // once at a time
     return;
   }
   PoseEstimate now = uwb_.estimator()->estimate(stamp);

@@ -13,6 +13,7 @@
 #include "estimators/recipe.hpp"
 #include "locfuse/error.hpp"
 #include "locfuse/frontends/tag_order.hpp"
+#include "locfuse/math/symmetric.hpp"
 
 namespace locfuse {
 namespace {
@@ -247,7 +248,7 @@ TagTriangleEkf::TagTriangleEkf(std::shared_ptr<const Recipe> recipe, Stamp stamp
                                const Vector<6>& positions, const Matrix<6, 6>& covariance)
     : recipe_(std::move(recipe)) {
   check_stamp(stamp);
-  if (!covariance.allFinite() || !covariance.isApprox(covariance.transpose(), 1e-9) ||
+  if (!covariance.allFinite() || !is_symmetric(covariance) ||
       covariance.llt().info() != Eigen::Success) {
     throw std::invalid_argument(
         "a start of three tags needs a symmetric positive definite covariance");

@@ -5,6 +5,8 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "locfuse/math/symmetric.hpp"
+
 namespace locfuse {
 
 GaussianBelief GaussianBelief::of_pose(Stamp stamp, const Pose2& pose,
@@ -25,10 +27,10 @@ Slot GaussianBelief::add(const std::string& name, SlotKind kind,
          << " and a covariance of " << covariance.rows() << " x " << covariance.cols();
     throw std::invalid_argument(text.str());
   }
-  const bool positive = covariance.allFinite() &&
-                        covariance.isApprox(covariance.transpose(), 1e-9) &&
+  constexpr double kMost = 1e150;  // whose square is finite
+  const bool positive = (covariance.array().abs() <= kMost).all() && is_symmetric(covariance) &&
                         Eigen::MatrixXd(covariance).llt().info() == Eigen::Success;
-  if (!mean.allFinite() || !positive) {
+  if (!(mean.array().abs() <= kMost).all() || !positive) {
     std::ostringstream text;
     text << "slot '" << name << "' needs a finite mean and a symmetric positive definite "
          << "covariance, got " << mean.transpose() << " and\n"
@@ -45,7 +47,7 @@ Slot GaussianBelief::add(const std::string& name, SlotKind kind,
   x.conservativeResize(offset + size);
   x.tail(size) = mean;
   P.grow(size);
-  P.bottomRightCorner(size, size) = 0.5 * (covariance + covariance.transpose());
+  P.bottomRightCorner(size, size) = 0.5 * covariance + 0.5 * covariance.transpose();
   find_rows();
   for (const int row : angle_rows()) {
     x(row) = wrap_angle(x(row));

@@ -66,7 +66,7 @@ bool write_joseph(Covariance& P, const MatrixXd& K, const MatrixXd& PHt, const L
   MatrixXd A = P - K * PHt.transpose();
   const MatrixXd rest = A(Eigen::all, rows) * lin.jacobian.transpose() - K * lin.noise;
   A -= rest * K.transpose();
-  if (!(A.diagonal().minCoeff() > 0.0)) {
+  if (!std::isfinite(A.sum()) || !(A.diagonal().minCoeff() > 0.0)) {
     return false;
   }
   P = 0.5 * (A + A.transpose());
@@ -101,7 +101,7 @@ Outcome update_rows(GaussianBelief& belief,
   }
   belief.x = x_new;
   internal::wrap_angles(belief.x, belief.angle_rows());
-  internal::keep_in_bounds(belief, 0, size);
+  internal::keep_in_bounds(belief, 0, size, K.cwiseAbs().maxCoeff() > internal::kSteep);
   return outcome;
 }
 
@@ -124,18 +124,32 @@ Outcome internal::update_part(GaussianBelief& belief,
 }
 
 void internal::check_columns(std::size_t variables, Index columns) {
-  if (static_cast<Index>(variables) != columns) {
+  if (static_cast<Index>(variables) != columns || columns < 1) {
     throw std::invalid_argument("the Jacobian has " + std::to_string(columns) +
                                 " columns, the slots hold " + std::to_string(variables) +
-                                " variables");
+                                " variables, expected as many of both, at least 1");
   }
+}
+
+bool internal::is_positive_definite(const Covariance& P) {
+  constexpr int kMost = 32;
+  if (P.rows() <= 3 || P.rows() > kMost) {
+    return is_pose_positive_definite(P);
+  }
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMost, kMost> A = P;
+  A.diagonal() *= kLess;
+  const Eigen::LLT<Eigen::Ref<decltype(A)>> factor(A);
+  return factor.info() == Eigen::Success;
 }
 
 void internal::put_back(GaussianBelief& belief, Index first, Index count) {
   bool widened = false;
-  for (double share = 1e-13; share < 1.0 && !is_pose_positive_definite(belief.P); share *= 10.0) {
-    belief.P.diagonal().segment(first, count) *= 1.0 + share;
+  for (double share = 1e-13; share < 0.5 && !is_positive_definite(belief.P); share *= 10.0) {
+    belief.P.diagonal() *= 1.0 + share;
     widened = true;
+  }
+  if (widened && !is_positive_definite(belief.P)) {  // nothing is left of how rows err together
+    belief.P = Eigen::MatrixXd(belief.P.diagonal().asDiagonal());
   }
   belief.interventions += widened ? 1 : 0;
   for (Index row = first; row < first + count; ++row) {
@@ -219,7 +233,7 @@ void predict(GaussianBelief& belief, const Propagation<VectorXd, Eigen::Dynamic>
   const Index moving = step.moved.size();
   if (step.jacobian.rows() != moving || step.noise.rows() != moving ||
       step.noise.cols() != moving || step.jacobian.cols() != static_cast<Index>(rows.size()) ||
-      moving > step.jacobian.cols()) {
+      moving > step.jacobian.cols() || moving < 1) {
     throw std::invalid_argument(
         "a motion of " + std::to_string(moving) + " out of " + std::to_string(rows.size()) +
         " variables got a Jacobian of " + std::to_string(step.jacobian.rows()) + " x " +

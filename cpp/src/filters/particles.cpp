@@ -13,6 +13,7 @@
 
 #include "filters/particle_lanes.hpp"
 #include "locfuse/error.hpp"
+#include "locfuse/math/angle.hpp"
 #include "locfuse/math/counter_random.hpp"
 #include "math/processor.hpp"
 
@@ -71,9 +72,10 @@ std::pair<double, double> sums_of(const std::vector<float>& values, int size) {
           std::accumulate(squares.begin(), squares.end(), 0.0)};
 }
 
-/// exp(x) for x <= 0, to 2e-7 of itself, without a branch: compilers make lanes of it.
+/// exp(x) for x <= 0, to 2e-7 of itself, without a branch: compilers make lanes of it. 1 above, and
+/// next to nothing for NaN.
 float exp_of(float x) {
-  const float y = std::max(1.4426950F * x, -126.0F);
+  const float y = std::max(-126.0F, 1.4426950F * std::min(x, 0.0F));
   const auto n = static_cast<std::int32_t>(y - 0.5F);  // towards zero
   const float f = y - static_cast<float>(n);
   const float power =
@@ -119,15 +121,22 @@ void ParticleBelief::resize(int count) {
 
 void move(ParticleBelief& belief, const UncertainMotion& step, std::uint64_t key,
           Workers& workers) {
-  const Matrix<3, 3> L = triangle_of(root_of(step.covariance));
-  if (!L.allFinite() || !std::isfinite(step.motion.x + step.motion.y + step.motion.heading)) {
+  Matrix<3, 3> L = triangle_of(root_of(step.covariance));
+  constexpr double kAny = 100.0;  // a heading with this sigma is any [rad]; it fits a lane's turns
+  if (const double turn = L.row(2).norm(); turn > kAny) {
+    L.row(2) *= kAny / turn;
+  }
+  constexpr double kFarthest = 1e30;  // in single precision, in which particles are kept
+  const double farthest = std::max({std::abs(step.motion.x), std::abs(step.motion.y),
+                                    L.topRows<2>().cwiseAbs().maxCoeff()});
+  if (!L.allFinite() || !(farthest <= kFarthest) || !std::isfinite(step.motion.heading)) {
     throw NumericalError("a motion of particles is not finite");
   }
   const auto f = [](double value) { return static_cast<float>(value); };
   const internal::LaneMotion motion{
       f(step.motion.x),
       f(step.motion.y),
-      f(step.motion.heading),
+      f(wrap_angle(step.motion.heading)),
       {f(L(0, 0)), f(L(1, 0)), f(L(1, 1)), f(L(2, 0)), f(L(2, 1)), f(L(2, 2))}};
   const internal::LaneParticles particles{belief.x.data(), belief.y.data(), belief.c.data(),
                                           belief.s.data()};
@@ -269,7 +278,13 @@ constexpr double kThin = 0.05;  // share of the heaviest bin below which one is 
 class Binning {
  public:
   explicit Binning(const ParticleBins& bins)
-      : per_side_(1.0 / bins.side), headings_(static_cast<int>(bins.headings)) {}
+      : per_side_(1.0 / bins.side), headings_(static_cast<int>(bins.headings)) {
+    if (!(bins.side > 0.0 && headings_ >= 1)) {
+      throw std::invalid_argument("bins have a side of " + std::to_string(bins.side) +
+                                  " cells and " + std::to_string(headings_) +
+                                  " headings, expected more than 0, and 1 or more");
+    }
+  }
 
   [[nodiscard]] std::int64_t bin(const ParticleBelief& belief, std::size_t k) const {
     const std::int64_t column = along(belief.x[k]);

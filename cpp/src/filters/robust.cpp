@@ -147,10 +147,12 @@ NoiseShape::Softened<MaxM> NoiseShape::soften(const typename Softened<MaxM>::Res
     wide += weight * parts_[k].variance * inverse;
   }
   score /= sum;
-  R doubt = zero;  // not as a difference: what is far off would leave it negative
+  using Doubt = typename Softened<MaxM>::Doubt;
+  Doubt doubt = Doubt::Zero(rows, static_cast<Eigen::Index>(count_));
   for (std::size_t k = 0; k < count_; ++k) {
     if (weights[k] > 0.0) {
-      doubt += weights[k] / sum * (scores[k] - score) * (scores[k] - score).transpose();
+      doubt.col(static_cast<Eigen::Index>(k)) =
+          std::sqrt(weights[k] / sum) * (scores[k] - score);
     }
   }
   const Eigen::LLT<R> factor(information / sum);

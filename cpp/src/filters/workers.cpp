@@ -4,13 +4,15 @@
 #include <algorithm>
 #include <stdexcept>
 #include <string>
+#include <system_error>
+#include <utility>
 
 namespace locfuse {
 namespace {
 
 /// Where piece `who` of `pieces` begins.
 int edge(int count, int group, int who, int pieces) {
-  const auto groups = static_cast<long long>((count + group - 1) / group);
+  const long long groups = (static_cast<long long>(count) + group - 1) / group;
   return static_cast<int>(std::min<long long>(groups * who / pieces * group, count));
 }
 
@@ -20,12 +22,22 @@ Workers::Workers(int threads) {
   if (threads < 1 || threads > 256) {
     throw std::invalid_argument("threads is " + std::to_string(threads) + ", expected 1 to 256");
   }
-  for (int who = 1; who < threads; ++who) {
-    helpers_.emplace_back([this, who] { help(who); });
+  try {
+    for (int who = 1; who < threads; ++who) {
+      helpers_.emplace_back([this, who] { help(who); });
+    }
+  } catch (const std::system_error& error) {
+    const int made = this->threads();
+    stop();
+    throw std::invalid_argument("threads is " + std::to_string(threads) +
+                                ", but the system has " + std::to_string(made) +
+                                " for this: " + error.what());
   }
 }
 
-Workers::~Workers() {
+Workers::~Workers() { stop(); }
+
+void Workers::stop() {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     stop_ = true;
@@ -51,9 +63,21 @@ void Workers::share(int count, int group, const std::function<void(int, int)>& p
     ++loop_;
   }
   begin_.notify_all();
-  part(0, edge(count, group, 1, threads()));
+  run(part, 0, edge(count, group, 1, threads()));
   std::unique_lock<std::mutex> lock(mutex_);
   done_.wait(lock, [this] { return working_ == 0; });
+  if (const std::exception_ptr thrown = std::exchange(thrown_, nullptr)) {
+    std::rethrow_exception(thrown);
+  }
+}
+
+void Workers::run(const std::function<void(int, int)>& part, int begin, int end) {
+  try {
+    part(begin, end);
+  } catch (...) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    thrown_ = std::current_exception();
+  }
 }
 
 void Workers::help(int who) {
@@ -69,7 +93,7 @@ void Workers::help(int who) {
     const int begin = edge(count_, group_, who, threads());
     const int end = edge(count_, group_, who + 1, threads());
     lock.unlock();
-    part(begin, end);
+    run(part, begin, end);
     lock.lock();
     if (--working_ == 0) {
       done_.notify_one();

@@ -2,9 +2,9 @@
 #include "locfuse/frontends/constellation.hpp"
 
 #include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "locfuse/math/chi_squared.hpp"
 
@@ -29,6 +29,21 @@ Row look(const Pose2& pose, const Vector<2>& landmark, const SeenLandmark& seen)
   return row;
 }
 
+/// In units of the noise.
+Row whitened(Row row, const Eigen::LLT<Matrix<2, 2>>& noise) {
+  noise.matrixL().solveInPlace(row.residual);
+  noise.matrixL().solveInPlace(row.jacobian);
+  return row;
+}
+
+/// NaN where there is no factor.
+template <int N>
+double log_determinant(const Eigen::LLT<Matrix<N, N>>& factor) {
+  return factor.info() == Eigen::Success
+             ? 2.0 * factor.matrixLLT().diagonal().array().log().sum()
+             : std::numeric_limits<double>::quiet_NaN();
+}
+
 /// The pose at which the line from `a` to `b` lies on that between two landmarks, middle on middle.
 Pose2 laid_over(const SeenLandmark& a, const SeenLandmark& b, const Vector<2>& of_a,
                 const Vector<2>& of_b) {
@@ -45,33 +60,34 @@ Pose2 laid_over(const SeenLandmark& a, const SeenLandmark& b, const Vector<2>& o
 std::optional<ConstellationMatch> fit(const std::array<const SeenLandmark*, 2>& seen,
                                       const std::array<Vector<2>, 2>& known, double limit) {
   constexpr int kSteps = 3;
-  const std::array<Matrix<2, 2>, 2> weight{seen[0]->covariance.inverse(),
-                                           seen[1]->covariance.inverse()};
+  const std::array<Eigen::LLT<Matrix<2, 2>>, 2> noise{seen[0]->covariance.llt(),
+                                                      seen[1]->covariance.llt()};
   Pose2 pose = laid_over(*seen[0], *seen[1], known[0], known[1]);
   Matrix<3, 3> information;
   for (int step = 0; step < kSteps; ++step) {
     information.setZero();
     Vector<3> gradient = Vector<3>::Zero();
     for (std::size_t i = 0; i < 2; ++i) {
-      const Row row = look(pose, known[i], *seen[i]);
-      information += row.jacobian.transpose() * weight[i] * row.jacobian;
-      gradient += row.jacobian.transpose() * weight[i] * row.residual;
+      const Row row = whitened(look(pose, known[i], *seen[i]), noise[i]);
+      information += row.jacobian.transpose() * row.jacobian;
+      gradient += row.jacobian.transpose() * row.residual;
     }
     pose = retract(pose, information.llt().solve(gradient));
   }
   double squared = 0.0;
   for (std::size_t i = 0; i < 2; ++i) {
-    const Row row = look(pose, known[i], *seen[i]);
-    squared += row.residual.dot(weight[i] * row.residual);
+    squared += whitened(look(pose, known[i], *seen[i]), noise[i]).residual.squaredNorm();
   }
-  if (!(squared <= limit)) {  // or not finite
+  const Eigen::LLT<Matrix<3, 3>> factor(information);
+  const Matrix<3, 3> inverse = factor.solve(Matrix<3, 3>::Identity());
+  const Matrix<3, 3> covariance = 0.5 * (inverse + inverse.transpose());
+  const double log_volumes = -log_determinant(factor) - log_determinant(noise[0]) -
+                             log_determinant(noise[1]);
+  if (!(squared <= limit) || !std::isfinite(log_volumes) ||
+      covariance.llt().info() != Eigen::Success) {  // or noise that leaves no digits
     return std::nullopt;
   }
-  const Matrix<3, 3> covariance = information.inverse();
-  const double log_volumes = std::log(covariance.determinant()) -
-                             std::log(seen[0]->covariance.determinant()) -
-                             std::log(seen[1]->covariance.determinant());
-  return ConstellationMatch{pose, 0.5 * (covariance + covariance.transpose()),
+  return ConstellationMatch{pose, covariance,
                             0.5 * (log_volumes - squared - std::log(2.0 * kPi))};
 }
 

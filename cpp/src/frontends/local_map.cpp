@@ -29,23 +29,23 @@ constexpr double kMostCells = 400.0;    // of it along one side
   throw std::invalid_argument(text.str());
 }
 
-void require_positive(const char* what, double value) {
-  if (!std::isfinite(value) || value <= 0.0) {
-    refuse(what, value, "a finite number > 0");
+void require_length(const char* what, double value, double most, const char* expected) {
+  if (!(value >= 1e-6 && value <= most)) {
+    refuse(what, value, expected);
   }
 }
 
 LocalMapConfig checked(const LocalMapConfig& config) {
-  require_positive("LocalMapConfig.sigma_range_m", config.sigma_range_m);
-  require_positive("LocalMapConfig.max_distance_m", config.max_distance_m);
+  require_length("LocalMapConfig.sigma_range_m", config.sigma_range_m, 10.0, "1e-6 to 10");
+  require_length("LocalMapConfig.max_distance_m", config.max_distance_m, kFarthest, "1e-6 to 1e6");
   if (!(config.trimmed_share >= 0.0 && config.trimmed_share < 1.0)) {
     refuse("LocalMapConfig.trimmed_share", config.trimmed_share, "at least 0 and less than 1");
   }
   if (!(config.min_explained >= 0.0 && config.min_explained <= 1.0)) {
     refuse("LocalMapConfig.min_explained", config.min_explained, "a number from 0 to 1");
   }
-  if (config.max_iterations < 1) {
-    refuse("LocalMapConfig.max_iterations", config.max_iterations, "1 or more");
+  if (config.max_iterations < 1 || config.max_iterations > 1000) {
+    refuse("LocalMapConfig.max_iterations", config.max_iterations, "1 to 1000");
   }
   return config;
 }

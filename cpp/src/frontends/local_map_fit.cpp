@@ -156,7 +156,9 @@ class Fitting {
       pair.variance += wall.gap * wall.gap / 12.0;
       pair.squared = off.squaredNorm() / pair.variance;
     }
-    pairs_.push_back(pair);
+    if (std::isfinite(pair.variance)) {  // it has a neighbour, and a length along its wall
+      pairs_.push_back(pair);
+    }
   }
 
   /// The worst of the matches are left out, as far as noise does not explain them.
@@ -236,7 +238,9 @@ class Fitting {
       return ended(ScanMatch::Reason::kTooFewMatches);
     }
     const Observed seen = normal.observed_part();
-    step(normal, 1.0);
+    if (!(step(normal, 1.0) < kLongestStep)) {
+      return ended(ScanMatch::Reason::kNoConvergence);
+    }
     match_.information = seen.information;
     if (seen.weak) {
       match_.weak_direction = *seen.weak / seen.weak->norm();

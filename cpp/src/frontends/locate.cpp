@@ -19,29 +19,40 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 std::string text_of(const Eigen::VectorXd& values) {
   std::string text = "(";
   for (Eigen::Index k = 0; k < values.size(); ++k) {
-    std::string number = std::to_string(values(k));
-    text += (k > 0 ? ", " : "") + number.substr(0, number.find('.') + 4);
+    const std::string number = std::to_string(values(k));
+    const std::size_t point = number.find('.');
+    text += (k > 0 ? ", " : "") +
+            (point == std::string::npos ? number : number.substr(0, point + 4));
   }
   return text + ")";
 }
 
 void check_ranges(const double* ranges, int size) {
   for (int i = 0; i < size; ++i) {
-    if (!(ranges[i] > 0.0 && ranges[i] < kInfinity)) {
+    if (!is_length(ranges[i])) {
       throw std::invalid_argument("range " + std::to_string(i) + " is " +
-                                  std::to_string(ranges[i]) + ", expected a positive number");
+                                  std::to_string(ranges[i]) +
+                                  ", expected a positive number, 1e-12 to 1e12");
     }
   }
 }
 
 void check_options(const LocateOptions& options, int dimensions) {
+  validate(options.loss);
+  internal::checked_alarm(options.rules.false_alarm_probability);
+  const CeresOptions& ceres = options.ceres;
+  if (!(ceres.max_iterations >= 0 && ceres.function_tolerance >= 0.0 &&
+        ceres.gradient_tolerance >= 0.0 && ceres.parameter_tolerance >= 0.0)) {
+    throw std::invalid_argument("an option of Ceres is negative or not a number");
+  }
   if (options.prior) {
     const AxisPrior& prior = *options.prior;
     if (prior.mean.size() != dimensions || prior.sigma.size() != dimensions ||
-        !prior.mean.allFinite() || !(prior.sigma.array() > 0.0).all()) {
+        !(prior.mean.array().abs() <= kLongest).all() ||
+        !(prior.sigma.array() >= kShortest).all()) {
       throw std::invalid_argument(
           "prior has mean " + text_of(prior.mean) + " and sigma " + text_of(prior.sigma) +
-          ", expected " + std::to_string(dimensions) + " finite numbers and as many positive ones");
+          ", expected " + std::to_string(dimensions) + " finite numbers and as many positive ones, 1e-12 or more");
     }
   }
   if (options.box) {

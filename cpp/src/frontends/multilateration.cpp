@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "locfuse/frontends/multilateration.hpp"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
@@ -85,6 +86,15 @@ double side_margin(double wrong_side_probability) {
   }
   // q^2 of a normal variable that exceeds q with this probability: chi-square, two sides of it.
   return chi_squared_quantile(1, 1.0 - 2.0 * wrong_side_probability);
+}
+
+double checked_alarm(double false_alarm_probability) {
+  if (!(false_alarm_probability > 0.0 && false_alarm_probability < 1.0)) {
+    throw std::invalid_argument("false_alarm_probability is " +
+                                std::to_string(false_alarm_probability) +
+                                ", expected a number between 0 and 1");
+  }
+  return false_alarm_probability;
 }
 
 template <int N>
@@ -193,11 +203,8 @@ Multilateration<N>::Multilateration(const AnchorTable& anchors, const double* si
       layout_(anchors, sigma),
       side_margin_(internal::side_margin(config.rules.wrong_side_probability)),
       strong_below_(internal::strong_below<N>(layout_, side_margin_)) {
-  const double alarm = config.rules.false_alarm_probability;
-  if (!(alarm > 0.0 && alarm < 1.0)) {
-    throw std::invalid_argument("false_alarm_probability is " + std::to_string(alarm) +
-                                ", expected a number between 0 and 1");
-  }
+  const double alarm = internal::checked_alarm(config.rules.false_alarm_probability);
+  validate(config.loss);
   std::copy_n(anchors.rows, anchors.size * anchors.columns, rows_.begin());
   std::copy_n(sigma, anchors.size, sigma_.begin());
   table_.rows = nullptr;  // the caller's
@@ -224,10 +231,11 @@ RangePosition<N> Multilateration<N>::solve(const double* ranges) const {
     if (std::isnan(ranges[i])) {
       continue;
     }
-    if (!(ranges[i] > 0.0 && ranges[i] < std::numeric_limits<double>::infinity())) {
+    if (!is_length(ranges[i])) {
       throw std::invalid_argument("range " + std::to_string(i) + " is " +
                                   std::to_string(ranges[i]) +
-                                  ", expected a positive number, or NaN if it was not heard");
+                                  ", expected a positive number, 1e-12 to 1e12, or NaN if it was "
+                                  "not heard");
     }
     heard[static_cast<std::size_t>(count++)] = i;
   }
@@ -263,12 +271,19 @@ RangePosition<N> Multilateration<N>::solve_on(const RangeLayout<N>& layout, cons
   result.has_position = true;
   result.position = layout.centre + best.position;
   result.cost = best.cost;
-  if (result.status == PositionStatus::kUnderdetermined) {
+  const bool is_open =
+      result.status == PositionStatus::kUnderdetermined ||
+      (result.status == PositionStatus::kNotConverged &&
+       (best.saddle || internal::leaves_open<N>(best.information, largest_of<N>(layout, ranges))));
+  const Matrix<N, N> P = best.information.llt().solve(Matrix<N, N>::Identity());
+  result.covariance = 0.5 * (P + P.transpose());
+  if (is_open || result.covariance.llt().info() != Eigen::Success) {
     // First order does not describe what is known: no finite covariance would be true.
+    result.covariance.setZero();
     result.covariance.diagonal().setConstant(std::numeric_limits<double>::infinity());
-  } else {
-    const Matrix<N, N> P = best.information.inverse();
-    result.covariance = 0.5 * (P + P.transpose());
+    result.status = result.status == PositionStatus::kNotConverged
+                        ? result.status
+                        : PositionStatus::kUnderdetermined;
   }
   return result;
 }

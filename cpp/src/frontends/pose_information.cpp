@@ -9,6 +9,8 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "locfuse/math/symmetric.hpp"
+
 namespace locfuse::internal {
 namespace {
 
@@ -82,7 +84,7 @@ std::optional<Matrix<3, 3>> covariance_of(const Matrix<3, 3>& information) {
 
 void require_covariance(const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
   constexpr double kMostInformation = 1e200;  // beyond, its products are not finite
-  const bool symmetric = covariance.isApprox(covariance.transpose(), 1e-9);
+  const bool symmetric = is_symmetric(covariance);
   const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
   const auto refuse = [&](const char* what) {
     std::ostringstream text;

@@ -19,7 +19,7 @@ struct Heard {
   std::array<int, kMaxRanges> row = {};
   std::array<double, kMaxRanges> range = {};
   int size = 0;
-  bool good = true;  ///< every one is a positive number
+  bool good = true;  ///< every one is a length
 };
 
 Heard heard_in(const double* ranges, int size) {
@@ -28,8 +28,7 @@ Heard heard_in(const double* ranges, int size) {
     if (std::isnan(ranges[i])) {
       continue;
     }
-    heard.good =
-        heard.good && ranges[i] > 0.0 && ranges[i] < std::numeric_limits<double>::infinity();
+    heard.good = heard.good && is_length(ranges[i]);
     heard.row[static_cast<std::size_t>(heard.size)] = i;
     heard.range[static_cast<std::size_t>(heard.size++)] = ranges[i];
   }
@@ -116,10 +115,11 @@ RangePosition<N> solve_one(const Multilateration<N>& solver, RangeSolver method,
 
 void expect_finite(const AnchorTable& table, std::size_t epoch) {
   for (int i = 0; i < table.size * table.columns; ++i) {
-    if (!std::isfinite(table.rows[i])) {
+    if (!(std::abs(table.rows[i]) <= kLongest)) {
       throw std::invalid_argument("anchor " + std::to_string(i / table.columns) + " of epoch " +
                                   std::to_string(epoch) + " has a coordinate " +
-                                  std::to_string(table.rows[i]) + ", expected finite numbers");
+                                  std::to_string(table.rows[i]) +
+                                  ", expected finite numbers within 1e12");
     }
   }
 }

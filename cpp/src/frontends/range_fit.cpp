@@ -4,6 +4,8 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
+#include <string>
 
 namespace locfuse {
 
@@ -205,6 +207,13 @@ RangeFit<N> descend_graduated(const RangeLayout<N>& layout, const double* ranges
 }
 
 }  // namespace
+
+void validate(const RangeLoss& loss) {
+  if (!(loss.scale == 0.0 || (loss.scale >= 1e-3 && loss.scale <= 1e6))) {
+    throw std::invalid_argument("the scale of a loss is " + std::to_string(loss.scale) +
+                                " sigmas, expected 0 for the usual one, or 1e-3 to 1e6");
+  }
+}
 
 double RangeLoss::effective_scale() const {
   if (scale > 0.0) {

@@ -4,8 +4,10 @@
 #include <ceres/sized_cost_function.h>
 #include <ceres/solver.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <optional>
 
@@ -151,8 +153,10 @@ RangeFit<N> fit_ranges_ceres(const RangeLayout<N>& layout, const double* ranges,
   }
   ceres::Solver::Summary summary;
   ceres::Solve(solver_options(options), &problem, &summary);
-  fit.cost = 2.0 * summary.final_cost;
-  fit.iterations = summary.num_successful_steps + summary.num_unsuccessful_steps;
+  // Where Ceres gave up before it began its numbers are none.
+  fit.cost = summary.termination_type == ceres::FAILURE ? std::numeric_limits<double>::quiet_NaN()
+                                                        : 2.0 * summary.final_cost;
+  fit.iterations = std::max(0, summary.num_successful_steps + summary.num_unsuccessful_steps);
   fit.converged = summary.termination_type == ceres::CONVERGENCE;
   fit.information = information_at<N>(layout, ranges, loss, prior, fit.position);
   if (termination != nullptr) {

@@ -40,13 +40,25 @@ Eigen::MatrixXd bounded_inverse(const Eigen::MatrixXd& information) {
     open.diagonal().setConstant(std::numeric_limits<double>::infinity());
     return open;
   }
-  return eigen.eigenvectors() * values.cwiseInverse().asDiagonal() *
-         eigen.eigenvectors().transpose();
+  const Eigen::MatrixXd P = eigen.eigenvectors() * values.cwiseInverse().asDiagonal() *
+                            eigen.eigenvectors().transpose();
+  return 0.5 * (P + P.transpose());
+}
+
+void expect_points(const AnchorTable& anchors, const Eigen::MatrixXd& points) {
+  if (points.cols() != anchors.dimensions()) {
+    throw std::invalid_argument("points have " + std::to_string(points.cols()) +
+                                " coordinates, expected " + std::to_string(anchors.dimensions()));
+  }
+  if (!(points.array().abs() <= kLongest).all()) {
+    throw std::invalid_argument("points have a coordinate that is not finite, or over 1e12");
+  }
 }
 
 }  // namespace
 
 Dilution dilution(const AnchorTable& anchors, const Eigen::VectorXd& point) {
+  expect_points(anchors, point.transpose());
   const Eigen::MatrixXd covariance = bounded_inverse(information_at(anchors, nullptr, point));
   const bool space = point.size() == 3;
   return {std::sqrt(covariance.trace()), std::sqrt(covariance(0, 0) + covariance(1, 1)),
@@ -56,13 +68,7 @@ Dilution dilution(const AnchorTable& anchors, const Eigen::VectorXd& point) {
 std::vector<Eigen::MatrixXd> cramer_rao(const AnchorTable& anchors, const double* sigma,
                                         const Eigen::MatrixXd& points) {
   validate(anchors, sigma);
-  if (points.cols() != anchors.dimensions()) {
-    throw std::invalid_argument("points have " + std::to_string(points.cols()) +
-                                " coordinates, expected " + std::to_string(anchors.dimensions()));
-  }
-  if (!points.allFinite()) {
-    throw std::invalid_argument("points have a coordinate that is not finite");
-  }
+  expect_points(anchors, points);
   std::vector<Eigen::MatrixXd> bounds;
   bounds.reserve(static_cast<std::size_t>(points.rows()));
   for (Eigen::Index k = 0; k < points.rows(); ++k) {

@@ -18,6 +18,7 @@ constexpr int kLanes = 2;
 constexpr int kSecularSteps = 3;
 constexpr int kNewtonSteps = 3;
 constexpr double kDone = 1e-8;  // as in range_fit.cpp
+constexpr double kLeastPivot = 1e-9;  // of the information, beside its diagonal; else one by one
 
 using Lanes = double __attribute__((vector_size(kLanes * sizeof(double))));
 
@@ -29,6 +30,37 @@ inline void square_root(const Lanes& x, Lanes& root) {
 
 /// Lower triangle of a symmetric matrix.
 constexpr int at(int row, int column) { return row * (row + 1) / 2 + column; }
+
+/// The same by A = L D L', whose inverse has a positive diagonal if `least`, the smallest entry of D
+/// as a share of that of A, is positive.
+template <int N>
+inline void invert_positive(const Lanes (&A)[6], Lanes (&inverse)[6], Lanes& least) {
+  const Lanes d0 = 1.0 / A[0];
+  const Lanes l10 = A[1] * d0;
+  const Lanes pivot1 = A[2] - l10 * A[1];
+  const Lanes d1 = 1.0 / pivot1;
+  least = pivot1 / A[2];
+  if constexpr (N == 2) {
+    inverse[0] = d0 + l10 * l10 * d1;
+    inverse[1] = -l10 * d1;
+    inverse[2] = d1;
+  } else {
+    const Lanes rest = A[4] - A[3] * l10;
+    const Lanes l20 = A[3] * d0;
+    const Lanes l21 = rest * d1;
+    const Lanes pivot2 = A[5] - l20 * A[3] - l21 * rest;
+    const Lanes d2 = 1.0 / pivot2;
+    const Lanes share2 = pivot2 / A[5];
+    least = share2 < least ? share2 : least;
+    const Lanes m20 = l21 * l10 - l20;  // of L^-1
+    inverse[0] = d0 + l10 * l10 * d1 + m20 * m20 * d2;
+    inverse[1] = -l10 * d1 - m20 * l21 * d2;
+    inverse[2] = d1 + l21 * l21 * d2;
+    inverse[3] = m20 * d2;
+    inverse[4] = -l21 * d2;
+    inverse[5] = d2;
+  }
+}
 
 /// inverse = A^-1 and the determinant of the symmetric A.
 template <int N>
@@ -182,13 +214,14 @@ void solve(const LaneLayout& layout, const double* ranges, LaneResult& result) {
     newton<N>(layout, range, x, jacobian, cost, decrease, positive);
   }
   Lanes covariance[6] = {};
-  Lanes determinant;
-  invert<N>(jacobian, covariance, determinant);
+  Lanes pivot;
+  invert_positive<N>(jacobian, covariance, pivot);
   for (int l = 0; l < kLanes; ++l) {
     // False where a number is NaN, too.
     result.solved[l] = least[l] > 0.0 && positive[l] > 0.0 && decrease[l] >= 0.0 &&
-                       decrease[l] <= kDone && cost[l] < layout.strong_below;
-    result.cost[l] = cost[l] - decrease[l];
+                       decrease[l] <= kDone && cost[l] < layout.strong_below &&
+                       pivot[l] > kLeastPivot;
+    result.cost[l] = cost[l] > decrease[l] ? cost[l] - decrease[l] : 0.0;
     for (int k = 0; k < N; ++k) {
       result.position[k][l] = x[k][l];
     }

@@ -16,12 +16,12 @@ namespace {
 // extent: beyond the rounding of coordinates of 1e7 m, below anything that can be surveyed.
 constexpr double kFlat = 1e-9;
 
-void expect_finite(const AnchorTable& anchors) {
+void expect_coordinates(const AnchorTable& anchors) {
   for (int i = 0; i < anchors.size * anchors.columns; ++i) {
-    if (!std::isfinite(anchors.rows[i])) {
+    if (!(std::abs(anchors.rows[i]) <= kLongest)) {
       throw std::invalid_argument("anchor " + std::to_string(i / anchors.columns) +
                                   " has a coordinate " + std::to_string(anchors.rows[i]) +
-                                  ", expected finite numbers");
+                                  ", expected finite numbers within 1e12");
     }
   }
 }
@@ -33,22 +33,21 @@ void validate(const AnchorTable& anchors, const double* sigma) {
     throw std::invalid_argument("anchors have " + std::to_string(anchors.columns) +
                                 " coordinates, expected 2 or 3");
   }
-  if (anchors.size > kMaxRanges) {
+  if (anchors.size < 0 || anchors.size > kMaxRanges) {
     throw std::invalid_argument(std::to_string(anchors.size) + " ranges, expected at most " +
                                 std::to_string(kMaxRanges) + " for one position");
   }
-  if (anchors.height && (anchors.columns != 3 || !std::isfinite(*anchors.height))) {
+  if (anchors.height && (anchors.columns != 3 || !(std::abs(*anchors.height) <= kLongest))) {
     throw std::invalid_argument("height is " + std::to_string(*anchors.height) +
                                 " over anchors of " + std::to_string(anchors.columns) +
                                 " coordinates, expected a finite number and 3 coordinates");
   }
-  expect_finite(anchors);
+  expect_coordinates(anchors);
   for (int i = 0; i < anchors.size; ++i) {
-    const double weight = 1.0 / (sigma[i] * sigma[i]);
-    if (!(sigma[i] > 0.0 && weight > 0.0 && std::isfinite(weight))) {
+    if (!is_length(sigma[i])) {
       throw std::invalid_argument("sigma of range " + std::to_string(i) + " is " +
                                   std::to_string(sigma[i]) +
-                                  ", expected a positive number that has a weight 1 / sigma^2");
+                                  ", expected a positive number, 1e-12 to 1e12");
     }
   }
 }

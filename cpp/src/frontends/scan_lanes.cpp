@@ -9,7 +9,6 @@ namespace {
 
 static_assert(kBeamGroup % kLanes == 0);
 constexpr float kFitted = 5.0F;  // cells of a line, its shortest run
-constexpr float kFar = 1e6F;     // residual of a beam without a wall
 
 double sum_distances(const DistanceTable& table, const LaneBeams& beams, const LanePose& pose) {
   const Lanes right = all(static_cast<float>(table.width));

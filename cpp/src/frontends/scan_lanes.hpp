@@ -12,6 +12,9 @@ namespace locfuse::internal {
 /// Arrays of beams are filled up to a multiple of this by beams that are not used.
 constexpr int kBeamGroup = 8;
 
+/// Residual of a beam without a wall.
+constexpr float kFar = 1e6F;
+
 /// End points in body; `used` is 1, or 0 for those that only fill up.
 struct LaneBeams {
   int count = 0;
@@ -60,7 +63,7 @@ struct ScanLanes {
   /// Nearest target of each end point, of the field's edge for those off it.
   void (*find_targets)(const std::int32_t* nearest, int width, int height, const LaneBeams&,
                        const LanePose&, std::int32_t* targets);
-  /// Residuals (1e6 without a wall), how many beams are alike, and the sums.
+  /// Residuals (kFar without a wall), how many beams are alike, and the sums.
   void (*accumulate)(const LaneBeams&, const LanePose&, const LaneWalls&, const LaneWeights&,
                      float* residuals, float* alike, LaneSums&);
 };

@@ -13,6 +13,7 @@ namespace {
 // A line over ten sigma to both sides turns by 0.17 / sqrt(ends) rad as its ends are off.
 constexpr double kReachSigmas = 10.0;
 constexpr int kLeastReach = 2;      // beams to each side, however far they are apart
+constexpr int kMostReach = 500;     // or every beam of a laser that is covered would be near all
 constexpr double kGapGrowth = 2.5;  // from one gap to the next on a wall, even a slanted one
 constexpr double kGapSigmas = 4.0;
 constexpr double kFlatSigmas = 2.0;    // that ends on a line spread across it
@@ -69,7 +70,8 @@ class Ends {
   /// Whether the end of beam j belongs to a line through that of beam i.
   [[nodiscard]] bool near(std::size_t i, std::size_t j) const {
     const std::size_t apart = i < j ? j - i : i - j;
-    return apart <= kLeastReach || (at(j) - at(i)).norm() < kReachSigmas * sigma_;
+    return apart <= kLeastReach ||
+           (apart <= kMostReach && (at(j) - at(i)).norm() < kReachSigmas * sigma_);
   }
 
   /// The line through `mean` (from the end) along which the ends spread most, if they are on one.

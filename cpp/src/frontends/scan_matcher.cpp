@@ -27,14 +27,14 @@ using internal::Prior;
 }
 
 void require_share(const char* what, double value) {
-  if (!(value > 0.0 && value < 1.0)) {
-    refuse(what, value, "a number between 0 and 1");
+  if (!(value >= 1e-12 && value < 1.0)) {
+    refuse(what, value, "1e-12 or more, and less than 1");
   }
 }
 
 ScanMatcherConfig checked(const ScanMatcherConfig& config) {
-  if (!std::isfinite(config.sigma_range_m) || config.sigma_range_m <= 0.0) {
-    refuse("ScanMatcherConfig.sigma_range_m", config.sigma_range_m, "a finite number > 0");
+  if (!(config.sigma_range_m >= 1e-6 && config.sigma_range_m <= 10.0)) {
+    refuse("ScanMatcherConfig.sigma_range_m", config.sigma_range_m, "1e-6 to 10");
   }
   require_share("ScanMatcherConfig.outlier_share", config.outlier_share);
   require_share("ScanMatcherConfig.no_return_share", config.no_return_share);
@@ -43,8 +43,8 @@ ScanMatcherConfig checked(const ScanMatcherConfig& config) {
   if (config.max_hypotheses < 2) {
     refuse("ScanMatcherConfig.max_hypotheses", config.max_hypotheses, "2 or more");
   }
-  if (config.max_iterations < 1) {
-    refuse("ScanMatcherConfig.max_iterations", config.max_iterations, "1 or more");
+  if (config.max_iterations < 1 || config.max_iterations > 1000) {
+    refuse("ScanMatcherConfig.max_iterations", config.max_iterations, "1 to 1000");
   }
   return config;
 }
@@ -60,6 +60,16 @@ Matrix<N, N> information_in_field(const Matrix<N, N>& covariance, const Occupanc
   const Matrix<N, N> solved = covariance.llt().solve(world_from_field);
   const Matrix<N, N> information = world_from_field.transpose() * solved;
   return 0.5 * (information + information.transpose());
+}
+
+/// Along the axes of the field, in cells: lengths of rows of a factor, which are never negative.
+Vector<2> sigmas_in_field(const Matrix<2, 2>& covariance, const OccupancyGrid& grid) {
+  const double c = std::cos(grid.origin().heading);
+  const double s = std::sin(grid.origin().heading);
+  Matrix<2, 2> field_from_world;
+  field_from_world << c, s, -s, c;
+  const Matrix<2, 2> factor = covariance.llt().matrixL();
+  return (field_from_world * factor).rowwise().stableNorm() / grid.resolution();
 }
 
 /// What is on the map, as `search` reports it: a fit and its cost.
@@ -201,13 +211,13 @@ ScanSearch ScanMatcher::search(const LaserScan& scan, const Vector<2>& position,
   }
   Prior prior{internal::to_field({position.x(), position.y(), 0.0}, grid, margin)};
   prior.information.topLeftCorner<2, 2>() = information_in_field(covariance, grid);
-  const Matrix<2, 2> spread = prior.information.topLeftCorner<2, 2>().inverse();
-  const Vector<2> half_window = 3.0 * spread.diagonal().cwiseSqrt();
+  const Vector<2> half_window = 3.0 * sigmas_in_field(covariance, grid);
   found.reason = ScanSearch::Reason::kOutsideMap;
   const Vector<2> low = prior.mean.position() - half_window;
   const Vector<2> high = prior.mean.position() + half_window;
-  if (high.x() < margin || high.y() < margin || low.x() > margin + grid.width() ||
-      low.y() > margin + grid.height()) {
+  const bool on_map = high.x() >= margin && high.y() >= margin &&
+                      low.x() <= margin + grid.width() && low.y() <= margin + grid.height();
+  if (!on_map) {  // or so far away that this is NaN
     return found;
   }
   std::vector<Fit> fits;

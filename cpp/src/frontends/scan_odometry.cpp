@@ -7,8 +7,12 @@
 #include <stdexcept>
 #include <vector>
 
+#include "locfuse/math/symmetric.hpp"
+
 namespace locfuse {
 namespace {
+
+constexpr double kFarthest = 1e6;  // that a LocalMap takes a scan from [m]
 
 [[noreturn]] void refuse(const char* what, double value, const char* expected) {
   std::ostringstream text;
@@ -26,6 +30,9 @@ ScanOdometryConfig checked(const ScanOdometryConfig& config) {
     }
   };
   require("ScanOdometryConfig.window_m", config.window_m);
+  if (!(config.window_m < kFarthest)) {
+    refuse("ScanOdometryConfig.window_m", config.window_m, "less than a million");
+  }
   require("ScanOdometryConfig.key_distance_m", config.key_distance_m);
   require("ScanOdometryConfig.key_turn_rad", config.key_turn_rad);
   require("ScanOdometryConfig.least_sigma_m", config.least_sigma_m, 1e-6);
@@ -34,7 +41,7 @@ ScanOdometryConfig checked(const ScanOdometryConfig& config) {
 }
 
 void require_semidefinite(const Matrix<3, 3>& covariance) {
-  const bool symmetric = covariance.isApprox(covariance.transpose(), 1e-9);
+  const bool symmetric = is_symmetric(covariance);
   if (!covariance.allFinite() || !symmetric ||
       Eigen::SelfAdjointEigenSolver<Matrix<3, 3>>(covariance, Eigen::EigenvaluesOnly)
               .eigenvalues()(0) < -1e-12) {

@@ -239,7 +239,9 @@ class Refinement {
   template <class Each>
   void for_each_match(const Each& each) const {
     for (std::size_t i = 0; i < used_; ++i) {
-      each(walls_.residuals[i], walls_.alike[i]);
+      if (walls_.residuals[i] < kFar) {
+        each(walls_.residuals[i], walls_.alike[i]);
+      }
     }
   }
 

@@ -329,9 +329,7 @@ class Scorer {
   }
 
   [[nodiscard]] double cost_of_place(const Vector<2>& body) const {
-    const int margin = map_.surface().margin_cells();
-    switch (map_.grid().at(static_cast<int>(std::floor(body.x())) - margin,
-                           static_cast<int>(std::floor(body.y())) - margin)) {
+    switch (cell_at(body)) {
       case Cell::kOccupied:
         return -std::log(kWrongCell);
       case Cell::kUnknown:
@@ -342,6 +340,16 @@ class Scorer {
   }
 
  private:
+  /// At a point of the field; one beyond is not cast, since it may be beyond integers.
+  [[nodiscard]] Cell cell_at(const Vector<2>& p) const {
+    const DistanceField& field = map_.surface();
+    if (!(p.x() >= 0.0 && p.x() < field.width() && p.y() >= 0.0 && p.y() < field.height())) {
+      return Cell::kUnknown;
+    }
+    return map_.grid().at(static_cast<int>(p.x()) - field.margin_cells(),
+                          static_cast<int>(p.y()) - field.margin_cells());
+  }
+
   /// Distance to the wall line next to the end point, and beyond the line's end to that.
   [[nodiscard]] double residual(const Vector<2>& laser, const Vector<2>& end) const {
     const ScanMap::WallLine& wall = wall_at(map_, end);
@@ -370,10 +378,7 @@ class Scorer {
 
   /// Where the map knows nothing there may be a wall anywhere, one every kUnknownFree cells.
   [[nodiscard]] double cost_in_unknown(const Vector<2>& end, double cost, double peak) const {
-    const int margin = map_.surface().margin_cells();
-    const bool unknown =
-        map_.grid().at(static_cast<int>(std::floor(end.x())) - margin,
-                       static_cast<int>(std::floor(end.y())) - margin) == Cell::kUnknown;
+    const bool unknown = cell_at(end) == Cell::kUnknown;
     return unknown ? std::min(cost, std::max(0.0, std::log(kUnknownFree / peak))) : cost;
   }
 

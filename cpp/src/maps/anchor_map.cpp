@@ -18,12 +18,13 @@ AnchorMap::AnchorMap(std::vector<Anchor> anchors) : anchors_(std::move(anchors))
     if (i > 0 && anchors_[i - 1].id == anchor.id) {
       throw std::invalid_argument(name + " is given twice");
     }
-    if (!anchor.position.allFinite() || !std::isfinite(anchor.offset)) {
-      throw std::invalid_argument(name + " has a position or an offset that is not finite");
+    if (!((anchor.position.array().abs() <= 1e12).all() && std::abs(anchor.offset) <= 1e12)) {
+      throw std::invalid_argument(name +
+                                  " has a position or an offset that is not finite, or over 1e12 m");
     }
-    if (!(std::isfinite(anchor.scale) && anchor.scale > 0.0)) {
+    if (!(anchor.scale >= 1e-6 && anchor.scale <= 1e6)) {
       throw std::invalid_argument(name + " has scale " + std::to_string(anchor.scale) +
-                                  ", expected a finite number > 0");
+                                  ", expected a number from 1e-6 to 1e6");
     }
   }
 }

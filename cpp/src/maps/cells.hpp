@@ -5,9 +5,10 @@
 
 namespace locfuse::internal {
 
-/// Cell that holds a coordinate, or the outermost one on its side.
+/// Cell that holds a coordinate, or the outermost one on its side; 0 for NaN, by the order of the
+/// arguments.
 [[nodiscard]] inline int clamped_cell(double coordinate, int size) {
-  return static_cast<int>(std::clamp(coordinate, 0.0, size - 1.0));
+  return static_cast<int>(std::min(std::max(0.0, coordinate), size - 1.0));
 }
 
 }  // namespace locfuse::internal

@@ -42,10 +42,12 @@ int margin_cells_of(double margin, const OccupancyGrid& grid) {
   return static_cast<int>(cells);
 }
 
-void require_finite(const Vector<2>& p_world) {
-  if (!p_world.allFinite()) {
+/// Of a point in the field frame, in cells: from there on a double does not tell cells apart well.
+void require_near(const Vector<2>& p, const Vector<2>& p_world) {
+  if (!(p.array().abs() < 1e9).all()) {
     throw std::invalid_argument("position is (" + std::to_string(p_world.x()) + ", " +
-                                std::to_string(p_world.y()) + ") m, expected finite numbers");
+                                std::to_string(p_world.y()) +
+                                ") m, expected finite numbers, less than 1e9 cells from the map");
   }
 }
 
@@ -240,8 +242,8 @@ void DistanceField::fill_far() {
 }
 
 double DistanceField::distance(const Vector<2>& p_world) const {
-  require_finite(p_world);
   const Vector<2> p = to_field(p_world);
+  require_near(p, p_world);
   if (!(p.x() >= 0.0 && p.x() < width_ && p.y() >= 0.0 && p.y() < height_)) {
     return nearest(p_world).distance;
   }
@@ -251,8 +253,8 @@ double DistanceField::distance(const Vector<2>& p_world) const {
 }
 
 DistanceField::Neighbour DistanceField::nearest(const Vector<2>& p_world) const {
-  require_finite(p_world);
   const Vector<2> p = to_field(p_world);
+  require_near(p, p_world);
   Neighbour found = nearest_in_field(p.x(), p.y());
   found.distance *= grid_->resolution();
   return found;

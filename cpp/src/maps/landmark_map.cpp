@@ -18,10 +18,10 @@ LandmarkMap::LandmarkMap(std::vector<Landmark> landmarks) : landmarks_(std::move
     if (i > 0 && landmarks_[i - 1].id == landmark.id) {
       throw std::invalid_argument(name + " is given twice");
     }
-    if (!std::isfinite(landmark.position.sum() + landmark.height)) {
-      throw std::invalid_argument(name + " has a position that is not finite");
+    if (!((landmark.position.array().abs() <= 1e12).all() && std::abs(landmark.height) <= 1e12)) {
+      throw std::invalid_argument(name + " has a position that is not finite, or over 1e12 m");
     }
-    if (!(std::isfinite(landmark.radius) && landmark.radius >= 0.0)) {
+    if (!(landmark.radius >= 0.0 && landmark.radius <= 1e12)) {
       throw std::invalid_argument(name + " has radius " + std::to_string(landmark.radius) +
                                   " m, expected a finite number >= 0");
     }

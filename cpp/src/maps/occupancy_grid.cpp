@@ -33,12 +33,12 @@ OccupancyGrid::OccupancyGrid(int width, int height, double resolution, const Pos
     refuse(width < 1 ? "OccupancyGrid.width" : "OccupancyGrid.height", width < 1 ? width : height,
            "1 or more, and at most 2^28 cells in all");
   }
-  if (!std::isfinite(resolution) || resolution <= 0.0) {
-    refuse("OccupancyGrid.resolution [m]", resolution, "a finite number > 0");
+  if (!(resolution >= 1e-6 && resolution <= 1e6)) {
+    refuse("OccupancyGrid.resolution [m]", resolution, "1e-6 to 1e6");
   }
   for (const double value : {origin.x, origin.y, origin.heading}) {
-    if (!std::isfinite(value)) {
-      refuse("OccupancyGrid.origin", value, "finite numbers");
+    if (!(std::abs(value) <= 1e9)) {
+      refuse("OccupancyGrid.origin", value, "numbers from -1e9 to 1e9");
     }
   }
   if (cells_.size() != static_cast<std::size_t>(width) * static_cast<std::size_t>(height)) {

@@ -15,6 +15,7 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kMostRings = 255;
+constexpr int kMostBeams = 1'000'000;
 constexpr double kFarthest = 1e9;  // [cells]; from there on a double does not tell cells apart well
 constexpr double kLeastSlope = 1e-290;  // below, a way to an edge is infinite, or NaN
 
@@ -93,8 +94,8 @@ std::vector<double> RayCaster::scan(const Pose2& T_world_laser, double angle_min
   const Vector<2> start = start_of(T_world_laser.position(), max_range);
   require_finite("angle_min", angle_min, "rad");
   require_finite("angle_increment", angle_increment, "rad");
-  if (count < 0) {
-    throw std::invalid_argument("count is " + std::to_string(count) + ", expected 0 or more");
+  if (count < 0 || count > kMostBeams) {
+    throw std::invalid_argument("count is " + std::to_string(count) + ", expected 0 to 1000000");
   }
   std::vector<double> ranges(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i) {
@@ -104,10 +105,14 @@ std::vector<double> RayCaster::scan(const Pose2& T_world_laser, double angle_min
   return ranges;
 }
 
+bool RayCaster::reaches(const Vector<2>& p_world) const {
+  return (grid_->to_grid(p_world).array().abs() < kFarthest).all();
+}
+
 /// In the grid's frame, in cells.
 Vector<2> RayCaster::start_of(const Vector<2>& p_world, double max_range) const {
-  Vector<2> start = grid_->to_grid(p_world);
-  if (!(start.array().abs() < kFarthest).all()) {
+  const Vector<2> start = grid_->to_grid(p_world);
+  if (!reaches(p_world)) {
     throw std::invalid_argument("position is (" + std::to_string(p_world.x()) + ", " +
                                 std::to_string(p_world.y()) +
                                 ") m, expected finite numbers, less than 1e9 cells from the map");

@@ -9,9 +9,9 @@ namespace locfuse {
 
 Tags::Tags(std::vector<Tag> tags) : tags_(std::move(tags)) {
   for (const Tag& tag : tags_) {
-    if (!tag.position.allFinite()) {
+    if (!(tag.position.array().abs() <= 1e6).all()) {
       throw std::invalid_argument("tag " + std::to_string(tag.id) +
-                                  " has a position that is not finite");
+                                  " has a position that is not finite, or over 1e6 m");
     }
     if (find(tag.id) != &tag) {
       throw std::invalid_argument("tag " + std::to_string(tag.id) + " is given twice");

@@ -6,6 +6,7 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "locfuse/math/symmetric.hpp"
 #include "locfuse/messages/told_covariance.hpp"
 
 namespace locfuse {
@@ -24,8 +25,8 @@ void require_finite(const char* what, double value) {
 }
 
 void require_sigma(const char* what, double sigma) {
-  if (!(std::isfinite(sigma) && sigma > 0.0 && sigma * sigma > 0.0)) {
-    refuse(what, sigma, "a finite number > 0");
+  if (!(sigma > 0.0 && sigma * sigma > 0.0 && std::isfinite(sigma * sigma))) {
+    refuse(what, sigma, "a number > 0 with a finite square > 0");
   }
 }
 
@@ -36,41 +37,54 @@ void require_scan_size(const char* what, double value) {
   }
 }
 
+template <class P>
+bool is_covariance(const P& covariance) {
+  return covariance.allFinite() && is_symmetric(covariance) &&
+         covariance.llt().info() == Eigen::Success;
+}
+
 template <int N>
-void require_covariance(const char* what, const Matrix<N, N>& covariance) {
-  const bool symmetric = covariance.isApprox(covariance.transpose(), 1e-9);
-  if (!covariance.allFinite() || !symmetric || covariance.llt().info() != Eigen::Success) {
-    std::ostringstream text;
-    text << what << " is not a symmetric positive definite matrix:\n" << covariance;
-    throw std::invalid_argument(text.str());
-  }
+[[noreturn]] void refuse_covariance(const char* what, const Matrix<N, N>& covariance) {
+  std::ostringstream text;
+  text << what << " is not a symmetric positive definite matrix:\n" << covariance;
+  throw std::invalid_argument(text.str());
 }
 
 /// As a driver tells it: what it does not measure or know may be any number.
 template <int N>
 void require_told_covariance(const char* what, const Matrix<N, N>& covariance) {
   if (covariance.hasNaN()) {
-    require_covariance(what, covariance);
+    refuse_covariance(what, covariance);
   }
   const ToldNoise<N> told = told_noise<N>(covariance, Vector<N>::Zero(), Vector<N>::Zero());
-  const auto& noise = told.noise;
-  if (told.rows > 0 && (!noise.allFinite() || !noise.isApprox(noise.transpose(), 1e-9) ||
-                        noise.llt().info() != Eigen::Success)) {
-    require_covariance(what, covariance);
+  for (Eigen::Index i = 0; is_told(covariance) && i < told.rows; ++i) {
+    for (Eigen::Index j = 0; j < i; ++j) {  // each two axes that are measured
+      const Eigen::Index a = told.axes[static_cast<std::size_t>(i)];
+      const Eigen::Index b = told.axes[static_cast<std::size_t>(j)];
+      const Matrix<2, 2> two = (Matrix<2, 2>() << covariance(a, a), covariance(a, b),
+                                covariance(b, a), covariance(b, b))
+                                   .finished();
+      if (!is_symmetric(two)) {
+        refuse_covariance(what, covariance);
+      }
+    }
+  }
+  if (told.rows > 0 && !is_covariance(told.noise)) {
+    refuse_covariance(what, covariance);
   }
 }
 
 }  // namespace
 
 void check_told_sigma(const char* name, double sigma) {
-  if (!(std::isfinite(sigma) && sigma >= 0.0)) {
-    refuse(name, sigma, "a finite number >= 0");
+  if (!(std::isfinite(sigma * sigma) && sigma >= 0.0)) {
+    refuse(name, sigma, "a number >= 0 with a finite square");
   }
 }
 
 void check_least_sigma(const char* name, double sigma) {
-  if (!(std::isfinite(sigma) && sigma > 0.0)) {
-    refuse(name, sigma, "a finite number > 0");
+  if (!(std::isfinite(sigma * sigma) && sigma > 0.0)) {
+    refuse(name, sigma, "a number > 0 with a finite square");
   }
 }
 
@@ -150,8 +164,8 @@ void validate_in_space(const RangeBearing& message) {
   if (message.bearing) {
     require_finite("RangeBearing.bearing [rad]", *message.bearing);
   }
-  if (message.covariance) {
-    require_covariance("RangeBearing.covariance", *message.covariance);
+  if (message.covariance && !is_covariance(*message.covariance)) {
+    refuse_covariance("RangeBearing.covariance", *message.covariance);
   }
 }
 

@@ -45,7 +45,8 @@ void Live::on(const LaserScan& scan) {
   }
 }
 
-/// From a place that was found, what has waited comes in the order in which it arrived.
+/// From a place that was found, what has waited comes in the order in which it arrived. It may tell
+/// that the clock jumped: what waited after that is for the next search.
 void Live::look() {
   if (!search_.is_ready()) {
     return;
@@ -54,8 +55,13 @@ void Live::look() {
   started.start_with(search_.initializer().estimator());
   found_ = true;
   track_from(std::move(started));
-  for (const Message& message : search_.waiting()) {
-    track(message);
+  const std::vector<Message> waiting = search_.waiting();  // of this search, whatever comes of it
+  for (const Message& message : waiting) {
+    if (timeline_) {
+      track(message);
+    } else {
+      (void)on(message);
+    }
   }
 }
 

@@ -32,8 +32,9 @@ bool StartSearch::Entry::operator<(const Entry& other) const {
 
 StartSearch::StartSearch(Initializer initializer, Stamp patience)
     : initializer_(std::move(initializer)), patience_(patience), state_(initializer_.state()) {
-  if (patience < 0) {
-    throw std::invalid_argument("patience is " + std::to_string(patience) + " ns, expected >= 0");
+  if (patience < 0 || patience > kStampLimit) {
+    throw std::invalid_argument("patience is " + std::to_string(patience) +
+                                " ns, expected 0 to kStampLimit");
   }
 }
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, model_validator
 
-from locfuse.types import nearest
+from locfuse.types import nearest, shown
 
 
 class Strict(BaseModel):
@@ -22,7 +22,7 @@ class Strict(BaseModel):
             for key, value in data.items():
                 if key not in cls.model_fields:
                     advice = nearest(str(key), cls.model_fields)
-                    raise ValueError(f"unknown key {key!r}; {advice}")
+                    raise ValueError(f"unknown key {shown(key)}; {advice}")
                 if isinstance(value, bool) and cls.model_fields[key].annotation is not bool:
                     # 'yes' would otherwise count as 1
                     raise ValueError(f"{key} is {value}, but it does not take yes or no")

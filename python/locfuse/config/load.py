@@ -10,20 +10,25 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
+from locfuse.careful_yaml import CarefulLoader
 from locfuse.config.schema import RunConfig
-from locfuse.types import YAML_ERRORS, ConfigError, nearest
+from locfuse.types import YAML_ERRORS, ConfigError, nearest, shown
+
+MOST_SENTENCES = 20
 
 
-class _Loader(yaml.SafeLoader):
+class _Loader(CarefulLoader):
     """Safe YAML that refuses a key given twice, where the first would be lost in silence."""
 
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        keys = [key.value for key, _ in node.value]
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
+        node: yaml.MappingNode = super().compose_mapping_node(anchor)
+        given = set()
         for key, _ in node.value:
-            if keys.count(key.value) > 1:
-                problem = f"key {key.value!r} is given twice"
-                raise yaml.constructor.ConstructorError(None, None, problem, key.start_mark)
-        return super().construct_mapping(node, deep)
+            if isinstance(key, yaml.ScalarNode):
+                if key.value in given:
+                    self.refuse(f"key {shown(key.value)} is given twice", key)
+                given.add(key.value)
+        return node
 
 
 class YamlError(ConfigError):
@@ -112,7 +117,10 @@ def parse_config(data: Any, origin: str = "config") -> RunConfig:
         return RunConfig.model_validate(data)
     except ValidationError as error:
         errors = error.errors(include_url=False)
-        raise ConfigError("; ".join(_sentence(origin, e) for e in errors)) from None
+        sentences = [_sentence(origin, e) for e in errors[:MOST_SENTENCES]]
+        if len(errors) > MOST_SENTENCES:
+            sentences.append(f"and {len(errors) - MOST_SENTENCES} more")
+        raise ConfigError("; ".join(sentences)) from None
 
 
 _UNION_TAGS = ("folder", "dataset", "literal['truth']")
@@ -124,10 +132,8 @@ def _sentence(origin: str, error: Any) -> str:
         parts = ["log", *(part for part in parts[1:] if part not in _UNION_TAGS)]
     where = ": ".join([origin, ".".join(parts)]) if parts else origin
     got = error["input"]
-    shown = got is None or isinstance(got, str | int | float | list)
-    if isinstance(got, int) and got.bit_length() > 1024:  # of so many digits there may be no text
-        shown = False
-    value = f" (got {'nothing' if got is None else repr(got)})" if shown else ""
+    is_told = got is None or isinstance(got, str | int | float | list)
+    value = f" (got {'nothing' if got is None else shown(got)})" if is_told else ""
     return f"{where}: {expected(error)}{value}"
 
 
@@ -163,10 +169,11 @@ def expected(error: Any) -> str:
             f"expected {most}{context['max_length']} values, there are {context['actual_length']}"
         )
     if kind == "literal_error":
-        return nearest(str(error["input"]), re.findall(r"'([^']*)'", context["expected"]))
+        got = error["input"]
+        name = got if isinstance(got, str) else shown(got)
+        return nearest(name, re.findall(r"'([^']*)'", context["expected"]))
     if kind == "union_tag_invalid":
         valid = re.findall(r"'([^']*)'", context["expected_tags"])
-        return f"unknown {context['discriminator'].strip(chr(39))} {context['tag']!r}; " + nearest(
-            context["tag"], valid
-        )
+        what = f"unknown {context['discriminator'].strip(chr(39))} {shown(context['tag'])}"
+        return f"{what}; {nearest(context['tag'], valid)}"
     return str(error["msg"]).removeprefix("Value error, ")

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import Field, model_validator
 
 from locfuse.config.base import Strict
-from locfuse.config.scenario import Name, NonNegative, Rate
+from locfuse.config.scenario import Name, Rate
 
 Latitude: TypeAlias = Annotated[float, Field(ge=-90.0, le=90.0)]
 Longitude: TypeAlias = Annotated[float, Field(ge=-180.0, le=180.0)]
@@ -80,21 +80,22 @@ class Ros(Strict):
     uwb_tag: Name = "tag"
     gps_origin: tuple[Latitude, Longitude, float] | None = None
     publish_transform: bool = True
-    transform_ahead_s: Annotated[NonNegative, Field(le=10.0)] = 0.1
+    transform_ahead_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.1
     path_hz: Rate = 2.0
 
     @model_validator(mode="after")
     def _range_topics_are_their_own(self) -> Ros:
         taken = {plain(topic): key for key in HEARD if (topic := getattr(self.topics, key))}
-        names = [plain(topic) for topic in self.range_topics]
-        for name in names:
+        given = set()
+        for name in map(plain, self.range_topics):
             if name in taken:
                 raise ValueError(
                     f"range_topics and topics.{taken[name]} are both {name!r}; expected a topic "
                     "for each"
                 )
-            if names.count(name) > 1:
+            if name in given:
                 raise ValueError(f"range_topics names {name!r} twice")
+            given.add(name)
         return self
 
 

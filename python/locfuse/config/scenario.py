@@ -13,8 +13,8 @@ from pydantic import Field, field_validator, model_validator
 
 from locfuse.config.base import Strict
 
-Positive: TypeAlias = Annotated[float, Field(gt=0.0)]
-NonNegative: TypeAlias = Annotated[float, Field(ge=0.0)]
+Positive: TypeAlias = Annotated[float, Field(gt=0.0, le=1e9)]
+NonNegative: TypeAlias = Annotated[float, Field(ge=0.0, le=1e9)]
 Probability: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]
 Rate: TypeAlias = Annotated[float, Field(gt=0.0, le=1e6)]
 Name: TypeAlias = Annotated[str, Field(min_length=1)]
@@ -74,7 +74,7 @@ class Star(Strict):
     turn_rate_radps: Positive = 1.0
     center_m: Point2 = (5.0, 5.0)
     radius_m: Positive = 4.0
-    points: Annotated[int, Field(ge=5)] = 5
+    points: Annotated[int, Field(ge=5, le=1000)] = 5
 
     @field_validator("points")
     @classmethod
@@ -95,7 +95,7 @@ class Polygon(Strict):
     turn_rate_radps: Positive = 1.0
     center_m: Point2 = (5.0, 5.0)
     radius_m: Positive = 4.0
-    corners: Annotated[int, Field(ge=3)] = 5
+    corners: Annotated[int, Field(ge=3, le=1000)] = 5
 
 
 class Waypoints(Strict):
@@ -268,8 +268,8 @@ class RoomMap(Strict):
 
     file: Name | None = None
     generate: Literal["rooms", "hallways", "warehouse", "zhang", "floor"] | None = None
-    seed: Annotated[int, Field(ge=0)] = 0
-    resolution_m: Positive = 0.05
+    seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
+    resolution_m: Annotated[float, Field(ge=1e-6, le=1e6)] = 0.05
     walls: list[Segment] = Field(default_factory=list)
 
     @model_validator(mode="after")
@@ -300,7 +300,7 @@ class Nlos(Strict):
     walls: Annotated[list[Segment], Field(min_length=1)]
     extra_m: Positive
     sigma_m: NonNegative = 0.0
-    silent_walls: Annotated[int, Field(ge=1)] | None = None
+    silent_walls: Annotated[int, Field(ge=1, le=1000)] | None = None
 
     @field_validator("walls")
     @classmethod
@@ -423,7 +423,7 @@ class SlipEpisodes(Strict):
     """
 
     kind: Literal["slip_episodes"] = "slip_episodes"
-    every_s: Annotated[float, Field(ge=0.1)]
+    every_s: Annotated[float, Field(ge=0.1, le=1e9)]
     lasting_s: Positive
     translation_factor: NonNegative = 1.0
     turn_radps: NonNegative = 0.0

@@ -14,8 +14,10 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from locfuse.config.base import Strict
 from locfuse.config.ros import Ros
-from locfuse.config.scenario import Name, NonNegative, Positive, Probability, Rate, Scenario
+from locfuse.config.scenario import Name, Probability, Rate, Scenario
 
+Positive: TypeAlias = Annotated[float, Field(gt=0.0)]  # as in C++: what is too much for it, it says
+NonNegative: TypeAlias = Annotated[float, Field(ge=0.0)]
 DriftSigma: TypeAlias = Annotated[float, Field(ge=0.0, le=1e6)]
 LostSigma: TypeAlias = Annotated[float, Field(gt=0.0, le=1e6)]
 Limit: TypeAlias = Annotated[float, Field(gt=0.0, le=1e12)]
@@ -364,15 +366,15 @@ class Mcl(Strict):
 class RangeError(Strict):
     """What ranges to an anchor read: scale * distance + offset."""
 
-    offset_m: float = 0.0
-    scale: Positive = 1.0
+    offset_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
+    scale: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.0
 
 
 class StartSigma(Strict):
     """How well the start pose is known."""
 
-    xy_m: Positive = 0.1
-    heading_deg: Positive = 5.0
+    xy_m: Annotated[float, Field(gt=0.0, le=1e9)] = 0.1
+    heading_deg: Annotated[float, Field(gt=0.0, le=1e9)] = 5.0
 
 
 class Dataset(Strict):
@@ -389,7 +391,10 @@ def _origin_kind(value: Any) -> str:
 
 def _is_number(value: Any) -> bool:
     is_real = isinstance(value, int | float) and not isinstance(value, bool)
-    return is_real and math.isfinite(value)
+    try:
+        return is_real and math.isfinite(value)
+    except OverflowError:  # an integer that is no float
+        return False
 
 
 def _start(value: Any) -> Any:
@@ -440,7 +445,7 @@ class RunConfig(Strict):
     health: Health = Field(default_factory=Health)
     when_lost: Literal["restart", "go_on"] = "restart"
     mcl: Mcl | None = None
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
     history_s: Annotated[float, Field(ge=0.0, le=1e9)] = 2.0
     history_messages: Annotated[int, Field(ge=512, le=1_000_000_000)] = 100_000
     delays_s: dict[Source, Annotated[float, Field(ge=0.0, le=3600.0)]] = Field(default_factory=dict)

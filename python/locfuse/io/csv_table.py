@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import gzip
+import io
 import itertools
+import os
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -16,6 +18,7 @@ from numpy.typing import NDArray
 from locfuse._core import parse_table
 from locfuse.types import NANOSECONDS, FloatArray, LogError, StampArray
 
+MOST_UNPACKED = 1 << 30  # bytes
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
@@ -62,11 +65,13 @@ def read_bytes(path: Path) -> bytes:
     Raises
     ------
     LogError
-        If it is missing or cannot be read or unpacked.
+        If it is missing, no file, or cannot be read or unpacked.
     """
+    if os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path)):
+        raise LogError(f"{path}: is a device or a pipe; expected a file")
     try:
         data = path.read_bytes()
-        data = gzip.decompress(data) if path.suffix == ".gz" else data
+        data = unpacked(data) if path.suffix == ".gz" else data
     except FileNotFoundError as error:
         raise LogError(f"{path}: no such file") from error
     except IsADirectoryError as error:
@@ -74,6 +79,15 @@ def read_bytes(path: Path) -> bytes:
     except (OSError, EOFError, ValueError, zlib.error) as error:  # a name may be none
         raise LogError(f"{path}: cannot be read: {error}") from error
     return data.removeprefix(BYTE_ORDER_MARK)
+
+
+def unpacked(data: bytes) -> bytes:
+    """Return what gzip packed; raise ValueError if that is more than `MOST_UNPACKED`."""
+    with gzip.open(io.BytesIO(data)) as packed:
+        found = packed.read(MOST_UNPACKED + 1)
+    if len(found) > MOST_UNPACKED:
+        raise ValueError(f"it unpacks to more than {MOST_UNPACKED} bytes; unpack it beforehand")
+    return found
 
 
 def read_table(path: Path) -> CsvTable:
@@ -89,9 +103,11 @@ def read_table(path: Path) -> CsvTable:
     if line == 0:
         raise LogError(f"{path}: empty file, expected a header")
     names = tuple(part.strip() for part in text.decode("utf-8", "replace").split(","))
+    given: set[str] = set()
     for name in names:
-        if names.count(name) > 1:
+        if name in given:
             raise LogError(f"{path}, line {line}: column {name!r} is named twice")
+        given.add(name)
     return CsvTable(path, data, names, line + 1)
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -20,7 +21,17 @@ from locfuse.io.csv_table import (
 )
 from locfuse.io.log_yaml import checked, read_log_yaml, write_log_yaml
 from locfuse.io.maps import read_map, write_map
-from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, LogError, nearest, no_folder
+from locfuse.types import (
+    FARTHEST_M,
+    NANOSECONDS,
+    Columns,
+    FloatArray,
+    Log,
+    LogError,
+    nearest,
+    no_folder,
+    shown,
+)
 
 # Which headers each file may have. ranges_m stands for the beams r0, r1, ... of a scan, intensities
 # for i0, i1, ...
@@ -64,6 +75,7 @@ MAY_BE_EMPTY = ("ranges", "positions", "poses", "landmark_sightings", "scans")
 INCREASING = ("odometry", "truth")  # strictly; other messages may come in any order
 NAMES = ("tag", "anchor", "landmark")
 MAY_BE_NAMELESS = (("landmark_sightings", "landmark"), ("positions", "tag"))
+PLACES = ("x_m", "y_m", "z_m")
 MAY_NOT_KNOW = ("positions", "poses")  # their sigmas: -1 or 0
 BEAMS = {"ranges_m": "r", "intensities": "i"}  # columns of scans: one letter and the beam in a file
 IN_MEMORY = {f"{key}_s": f"{key}_ns" for key in ("stamp", "arrival", "begin", "end")}
@@ -72,6 +84,7 @@ IN_MEMORY = {f"{key}_s": f"{key}_ns" for key in ("stamp", "arrival", "begin", "e
 MAX_SPEED_MPS = 100.0
 MAX_TURN_RATE_RADPS = 100.0
 MAX_RANGE_M = 100_000.0
+MAX_STAMP_NS = 1 << 62  # the difference of two fits into 64 bits
 
 LONGEST_NAME = 255  # bytes
 Problem = tuple[int, str]
@@ -97,7 +110,7 @@ def read_log(folder: str | Path) -> Log:
         names the file and the line or column.
     """
     folder = Path(folder)
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         raise LogError(no_folder(folder))
     tables = {stem: read_log_file(path, stem) for stem, path in _find_tables(folder).items()}
     settings = _read_settings(folder)
@@ -125,7 +138,7 @@ def read_world(folder: str | Path) -> Log:
         As `read_log`, or if there is nothing of that.
     """
     folder = Path(folder)
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         raise LogError(no_folder(folder))
     paths = {stem: path for stem, path in _find_tables(folder).items() if stem in OF_THE_WORLD}
     tables = {stem: read_log_file(path, stem) for stem, path in paths.items()}
@@ -198,8 +211,8 @@ def _read_settings(folder: Path) -> dict[str, Any]:
     if not path.exists():
         return {}
     settings = read_log_yaml(path)
-    if "map" in settings and not (folder / settings["map"]).is_file():
-        raise LogError(f"{path}: map {settings['map']!r} is not in the folder")
+    if "map" in settings and settings["map"] not in os.listdir(folder):
+        raise LogError(f"{path}: map {shown(settings['map'])} is not in the folder")
     return settings
 
 
@@ -317,7 +330,15 @@ def _problems(stem: str, table: Columns) -> Iterator[Problem]:
 
 
 def _bad_values(stem: str, name: str, values: NDArray[Any]) -> Iterator[Problem]:
-    if name in NAMES:
+    if name in IN_MEMORY.values():
+        for row in np.flatnonzero((values >= MAX_STAMP_NS) | (values <= -MAX_STAMP_NS)):
+            seconds, most = values[row] / NANOSECONDS, MAX_STAMP_NS / NANOSECONDS
+            written = f"{name.removesuffix('_ns')}_s is {seconds:.10g}"
+            yield int(row), f"{written}, expected less than {most:.4g} s from 0"
+    elif name in PLACES:
+        for row in np.flatnonzero(np.abs(values) > FARTHEST_M):
+            yield int(row), f"{name} is {values[row]:g}; is the file in m?"
+    elif name in NAMES:
         if (stem, name) not in MAY_BE_NAMELESS:
             yield from _first(values == "", f"{name} is empty")
         quoted = np.char.find(values, '"') >= 0
@@ -355,8 +376,9 @@ def _bad_sigmas(table: Columns) -> Iterator[Problem]:
 
 def _bad_increments(table: Columns) -> Iterator[Problem]:
     seconds = np.diff(table["stamp_ns"]) / NANOSECONDS
-    speed = np.hypot(table["dx_m"], table["dy_m"])[1:] / seconds
-    turn_rate = np.abs(table["dheading_rad"])[1:] / seconds
+    with np.errstate(over="ignore"):  # what is infinite is too fast, too
+        speed = np.hypot(table["dx_m"], table["dy_m"])[1:] / seconds
+        turn_rate = np.abs(table["dheading_rad"])[1:] / seconds
     for row in np.flatnonzero(speed > MAX_SPEED_MPS):
         yield int(row) + 1, f"{speed[row]:.4g} m/s between rows; is the file in m and s?"
     for row in np.flatnonzero(turn_rate > MAX_TURN_RATE_RADPS):

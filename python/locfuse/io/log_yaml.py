@@ -11,8 +11,9 @@ from typing import Any
 
 import yaml
 
+from locfuse.careful_yaml import CarefulLoader
 from locfuse.io.csv_table import read_bytes
-from locfuse.types import YAML_ERRORS, LogError, nearest
+from locfuse.types import YAML_ERRORS, LogError, nearest, shown
 
 KEYS = ("tags", "laser", "landmark_sensor", "map", "description", "licence")
 LASER_KEYS = (
@@ -25,7 +26,7 @@ LASER_KEYS = (
 LANDMARK_SENSOR_KEYS = ("pose_in_body",)
 
 
-class _Loader(yaml.SafeLoader):
+class _Loader(CarefulLoader):
     """Safe YAML whose keys are texts as written (a tag may be called 2) and given once."""
 
 
@@ -36,7 +37,7 @@ def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[str, Any]:
         if not isinstance(key, yaml.ScalarNode):
             raise LogError(f"line {line}: a key must be a name")
         if key.value in found:
-            raise LogError(f"line {line}: key {key.value!r} is given twice")
+            raise LogError(f"line {line}: key {shown(key.value)} is given twice")
         found[key.value] = loader.construct_object(value, deep=True)
     return found
 
@@ -88,7 +89,7 @@ def checked(settings: Any, where: str) -> dict[str, Any]:
     values = dict(settings)
     for key in ("map", "description", "licence"):
         if key in values and not isinstance(values[key], str):
-            raise LogError(f"{where}: {key} is {values[key]!r}, expected text")
+            raise LogError(f"{where}: {key} is {shown(values[key])}, expected text")
     if "tags" in values:
         values["tags"] = _tags(values["tags"], where)
     if "laser" in values:
@@ -100,15 +101,15 @@ def checked(settings: Any, where: str) -> dict[str, Any]:
 
 def _check_keys(settings: Any, known: tuple[str, ...], where: str) -> None:
     if not isinstance(settings, Mapping):
-        raise LogError(f"{where}: {settings!r}, expected keys {', '.join(known)}")
+        raise LogError(f"{where}: {shown(settings)}, expected keys {', '.join(known)}")
     for key in settings:
         if key not in known:
-            raise LogError(f"{where}: unknown key {key!r}; {nearest(str(key), known)}")
+            raise LogError(f"{where}: unknown key {shown(key)}; {nearest(str(key), known)}")
 
 
 def _tags(value: Any, where: str) -> dict[str, tuple[float, ...]]:
     if not isinstance(value, Mapping):
-        raise LogError(f"{where}: tags is {value!r}, expected NAME: [x, y, z]")
+        raise LogError(f"{where}: tags is {shown(value)}, expected NAME: [x, y, z]")
     return {name: _triple(at, f"{where}: tags.{name}") for name, at in value.items()}
 
 
@@ -142,7 +143,7 @@ def _laser(value: Any, where: str) -> dict[str, Any]:
 
 def _triple(value: Any, where: str) -> tuple[float, ...]:
     if not isinstance(value, (list, tuple)) or len(value) != 3:
-        raise LogError(f"{where} is {value!r}, expected three numbers")
+        raise LogError(f"{where} is {shown(value)}, expected three numbers")
     return tuple(number(part, where) for part in value)
 
 
@@ -152,5 +153,5 @@ def number(value: Any, where: str) -> float:
     if isinstance(value, int) and abs(value) > sys.float_info.max:  # there may be no text of it
         raise LogError(f"{where} is out of bounds, expected a finite number")
     if not is_number or not math.isfinite(value):
-        raise LogError(f"{where} is {value!r}, expected a finite number")
+        raise LogError(f"{where} is {shown(value)}, expected a finite number")
     return float(value)

@@ -6,16 +6,27 @@ from __future__ import annotations
 import difflib
 import io
 import re
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from locfuse.io.csv_table import read_bytes
 from locfuse.io.log_yaml import load_yaml, number
-from locfuse.types import FREE, OCCUPIED, UNKNOWN, FloatArray, GridMap, LogError
+from locfuse.types import (
+    FARTHEST_M,
+    FREE,
+    OCCUPIED,
+    RESOLUTIONS_M,
+    UNKNOWN,
+    FloatArray,
+    GridMap,
+    LogError,
+    shown,
+)
 
 KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 MODES = ("trinary", "scale", "raw")
@@ -70,14 +81,10 @@ def read_map(path: str | Path, free_thresh: float | None = None) -> GridMap:
     if free_thresh is not None and isinstance(settings, Mapping):
         settings = {**settings, "free_thresh": free_thresh}
     settings = _checked(settings, str(path))
-    brightness, opaque = _read_image(path.parent / settings["image"])
-    shade = 255.0 - brightness if settings["negate"] else brightness
-    occupied, known = (255.0 - shade) / 255.0, opaque
-    if settings["mode"] == "raw":
-        occupied, known = shade / 100.0, shade <= 100.0
-    cells = np.full(shade.shape, UNKNOWN, np.int8)
-    cells[known & (occupied > settings["occupied_thresh"])] = OCCUPIED
-    cells[known & (occupied < settings["free_thresh"])] = FREE
+    picture = _read_picture(path.parent / settings["image"])
+    cells = _meanings(picture.brightness, settings)[picture.codes]
+    if picture.opaque is not None and settings["mode"] != "raw":
+        cells[~picture.opaque] = UNKNOWN
     return GridMap(cells[::-1].copy(), settings["resolution"], settings["origin"])
 
 
@@ -105,50 +112,77 @@ def write_map(grid: GridMap, path: str | Path) -> None:
 def _checked(found: Any, where: str) -> dict[str, Any]:
     """Return the settings with numbers as float, or raise LogError."""
     if not isinstance(found, Mapping):
-        raise LogError(f"{where}: {found!r}, expected keys {', '.join(KEYS)}")
+        raise LogError(f"{where}: {shown(found)}, expected keys {', '.join(KEYS)}")
     absent = [key for key in (*KEYS, "mode") if key not in found]
     for key in found:  # a file may hold more, but a misspelt key would be lost in silence
         for meant in difflib.get_close_matches(key, absent, n=1, cutoff=0.75):
-            raise LogError(f"{where}: unknown key {key!r}; did you mean {meant!r}?")
+            raise LogError(f"{where}: unknown key {shown(key)}; did you mean {meant!r}?")
     for key in absent:
         if key != "mode":
             raise LogError(f"{where}: {key} is missing")
     settings = {"mode": "trinary", **found}
     if not isinstance(settings["image"], str) or not settings["image"]:
-        raise LogError(f"{where}: image is {settings['image']!r}, expected a file name")
+        raise LogError(f"{where}: image is {shown(settings['image'])}, expected a file name")
     if settings["mode"] not in MODES:
         expected = ", ".join(MODES)
-        raise LogError(f"{where}: mode is {settings['mode']!r}, expected one of {expected}")
+        raise LogError(f"{where}: mode is {shown(settings['mode'])}, expected one of {expected}")
     if settings["negate"] not in (0, 1):
-        raise LogError(f"{where}: negate is {settings['negate']!r}, expected 0 or 1")
+        raise LogError(f"{where}: negate is {shown(settings['negate'])}, expected 0 or 1")
     for key in ("resolution", "occupied_thresh", "free_thresh"):
         settings[key] = number(settings[key], f"{where}: {key}")
-    if settings["resolution"] <= 0.0:
-        raise LogError(f"{where}: resolution is {settings['resolution']:g}, expected > 0")
+    least, most = RESOLUTIONS_M
+    if not least <= settings["resolution"] <= most:
+        raise LogError(f"{where}: resolution is {settings['resolution']:g}, expected {least:g} to "
+                       f"{most:g} m")  # fmt: skip
     low, high = settings["free_thresh"], settings["occupied_thresh"]
     if not 0.0 <= low <= high <= 1.0:
         raise LogError(f"{where}: free_thresh and occupied_thresh are {low:g} and {high:g}, "
                        "expected 0 <= free <= occupied <= 1")  # fmt: skip
     origin = settings["origin"]
     if not isinstance(origin, list) or len(origin) != 3:
-        raise LogError(f"{where}: origin is {origin!r}, expected [x_m, y_m, yaw_rad]")
+        raise LogError(f"{where}: origin is {shown(origin)}, expected [x_m, y_m, yaw_rad]")
     settings["origin"] = tuple(number(part, f"{where}: origin") for part in origin)
+    if max(map(abs, settings["origin"])) > FARTHEST_M:
+        raise LogError(
+            f"{where}: origin is {shown(origin)}, expected numbers within {FARTHEST_M:g}"
+        )
     return settings
 
 
-def _read_image(path: Path) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Return the brightness of each pixel in 0..255, first row on top, and which are opaque."""
+class _Picture(NamedTuple):
+    """Codes of pixels, first row on top, and what they mean: far fewer numbers than pixels.
+
+    ``brightness`` is that of each code, in 0..255; ``opaque`` is None if all pixels are.
+    """
+
+    codes: NDArray[Any]
+    brightness: FloatArray
+    opaque: NDArray[np.bool_] | None = None
+
+
+def _meanings(brightness: FloatArray, settings: Mapping[str, Any]) -> NDArray[np.int8]:
+    """Return what a cell of each brightness holds."""
+    shade = 255.0 - brightness if settings["negate"] else brightness
+    occupied, known = (255.0 - shade) / 255.0, np.ones(shade.shape, np.bool_)
+    if settings["mode"] == "raw":
+        occupied, known = shade / 100.0, shade <= 100.0
+    cells = np.full(shade.shape, UNKNOWN, np.int8)
+    cells[known & (occupied > settings["occupied_thresh"])] = OCCUPIED
+    cells[known & (occupied < settings["free_thresh"])] = FREE
+    return cells
+
+
+def _read_picture(path: Path) -> _Picture:
     data = read_bytes(path)
     if data[:2] in (b"P2", b"P5"):
-        brightness = _pgm(data, path)
-        return brightness, np.ones(brightness.shape, np.bool_)
+        return _pgm(data, path)
     if data.startswith(b"\x89PNG"):
         return _png(data, path)
     raise LogError(f"{path}: neither PGM (P2 or P5) nor PNG, it begins with {data[:8]!r}")
 
 
-def _pgm(data: bytes, path: Path) -> FloatArray:
-    space = rb"(?:\s|#[^\n]*\n)+"
+def _pgm(data: bytes, path: Path) -> _Picture:
+    space = rb"(?:\s|#[^\n]*\n){1,1000}"  # without end, each would take memory
     match = re.match(rb"P[25]" + 3 * (space + rb"(\d{1,9})") + rb"\s", data)
     if match is None:
         raise LogError(f"{path}: no PGM header, expected P2 or P5, width, height and maximum")
@@ -172,18 +206,25 @@ def _pgm(data: bytes, path: Path) -> FloatArray:
     values = pixels[: width * height].reshape(height, width)
     if values.max() > maximum:
         raise LogError(f"{path}: a pixel of {values.max():g}, its header says at most {maximum}")
-    return np.asarray(values * 255.0 / maximum, dtype=np.float64)
+    return _Picture(values.astype(np.uint16), np.arange(maximum + 1) * 255.0 / maximum)
 
 
-def _png(data: bytes, path: Path) -> tuple[FloatArray, NDArray[np.bool_]]:
-    from PIL import Image  # loads slowly, and most maps are PGM
+def _png(data: bytes, path: Path) -> _Picture:
+    from PIL import Image, UnidentifiedImageError  # loads slowly, and most maps are PGM
 
+    too_large = (Image.DecompressionBombWarning, Image.DecompressionBombError)
     try:
-        with Image.open(io.BytesIO(data)) as image:
-            if image.mode.startswith("I"):  # 16 bits of grey
-                grey = np.asarray(image, dtype=np.float64) / 257.0
-                return grey, np.ones(grey.shape, np.bool_)
-            channels = np.asarray(image.convert("RGBA"), dtype=np.float64)
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            image = Image.open(io.BytesIO(data), formats=("PNG",))
+            is_grey = image.mode.startswith("I")  # of 16 bits
+            pixels = np.asarray(image if is_grey else image.convert("RGBA"))
+    except UnidentifiedImageError:  # which tells of a place in memory
+        raise LogError(f"{path}: cannot be read: is no PNG") from None
+    except (OSError, SyntaxError, ValueError, LookupError, *too_large) as error:
         raise LogError(f"{path}: cannot be read: {error}") from error
-    return channels[:, :, :3].mean(axis=2), channels[:, :, 3] == 255.0
+    if is_grey:
+        return _Picture(pixels.astype(np.uint16), np.arange(65536) / 257.0)
+    sums = pixels[:, :, :3].sum(axis=2, dtype=np.uint16)
+    return _Picture(sums, np.arange(3 * 255 + 1) / 3.0, pixels[:, :, 3] == 255)

@@ -16,7 +16,6 @@ class, version and byte. Offsets count bytes of the unpacked data.
 from __future__ import annotations
 
 import configparser
-import gzip
 import struct
 import zlib
 from collections.abc import Callable, Mapping
@@ -26,6 +25,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from locfuse.io.csv_table import unpacked
 from locfuse.types import Columns, FloatArray, Log, LogError
 
 T = TypeVar("T")
@@ -44,8 +44,8 @@ class Reader:
         self.offset = 0
         try:
             data = path.read_bytes()
-            self.data = gzip.decompress(data) if data.startswith(b"\x1f\x8b") else data
-        except (OSError, EOFError, zlib.error) as error:
+            self.data = unpacked(data) if data.startswith(b"\x1f\x8b") else data
+        except (OSError, EOFError, ValueError, zlib.error) as error:
             raise LogError(f"{path}: cannot be read or unpacked: {error}") from error
 
     def error(self, text: str, offset: int) -> LogError:

@@ -9,6 +9,7 @@ from typing import Any
 
 import yaml
 
+from locfuse.careful_yaml import CarefulLoader
 from locfuse.io.log_folder import SCHEMA
 from locfuse.io.log_yaml import checked
 from locfuse.ros.decode import MessageError
@@ -61,7 +62,7 @@ def settings_of(text: str) -> Settings:
         If it is something else.
     """
     try:
-        data = yaml.safe_load(text)
+        data = yaml.load(text, CarefulLoader)
         if data["format"] != FORMAT:
             raise MessageError(f"{TOPIC} has format {data['format']!r}, expected {FORMAT}")
         columns = {str(stem): [str(name) for name in names]

@@ -19,7 +19,16 @@ from numpy.typing import NDArray
 from locfuse import _core
 from locfuse.config.ros import plain
 from locfuse.ros.earth import Origin, to_plane
-from locfuse.types import FREE, NANOSECONDS, OCCUPIED, UNKNOWN, FloatArray, GridMap
+from locfuse.types import (
+    FARTHEST_M,
+    FREE,
+    NANOSECONDS,
+    OCCUPIED,
+    RESOLUTIONS_M,
+    UNKNOWN,
+    FloatArray,
+    GridMap,
+)
 
 # Which elements of a ROS covariance (6, 6) are those of (x, y, heading).
 PLANAR = np.ix_((0, 1, 5), (0, 1, 5))
@@ -575,7 +584,7 @@ def grid(message: Any) -> GridMap:
     ------
     MessageError
         If it is something else or without metadata: no cell, no resolution, no origin, or another
-        number of cells than width times height.
+        number of cells than width times height; or if it is nowhere, or of no size.
     """
     try:
         info, data = message.info, np.asarray(message.data, np.int8)
@@ -588,9 +597,13 @@ def grid(message: Any) -> GridMap:
     if width * height != len(data) or len(data) == 0:
         raise MessageError(f"the map is {width} x {height} cells and holds {len(data)}; expected "
                            "width times height, at least 1")  # fmt: skip
-    if not 0.0 < resolution < math.inf:
-        raise MessageError(f"the resolution of the map is {resolution:g} m, expected > 0")
-    _finite((x, "info.origin.position.x"), (y, "info.origin.position.y"))
+    least, most = RESOLUTIONS_M
+    if not least <= resolution <= most:
+        raise MessageError(f"the resolution of the map is {resolution:g} m, expected {least:g} to "
+                           f"{most:g}")  # fmt: skip
+    if not (abs(x) <= FARTHEST_M and abs(y) <= FARTHEST_M):
+        raise MessageError(f"the origin of the map is at ({x:g}, {y:g}) m, expected numbers within "
+                           f"{FARTHEST_M:g}")  # fmt: skip
     try:
         yaw = heading_of(orientation)
     except MessageError as error:

@@ -105,5 +105,16 @@ TEST(AdaptiveNoise, refuses_a_config_out_of_range) {
   testing::expect_refused([] { AdaptiveNoise({100.0, 0.1, 0.5}); }, "adaptive.most");
 }
 
+// Rounding left a determinant of noise below 0, whose root is NaN, for good.
+TEST(AdaptiveNoise, stays_a_number_where_a_determinant_rounds_below_zero) {
+  PoseEkf::Config config;
+  config.adaptive.messages = 10;
+  PoseEkf ekf = testing::ekf_at({0.0, 0.0, 0.3}, config);
+  PositionFix fix{0, {0.01, 0.005}, Matrix<2, 2>::Zero()};
+  fix.covariance << 0x1.2e6ef2p-1, 0x1.67fe7b649ea81p-1, 0x1.67fe7b649ea81p-1, 0x1.ac829p-1;
+  ASSERT_EQ(ekf.on(fix).verdict, Verdict::kFused);
+  EXPECT_GT(ekf.adaptive().factor(Source::kPositions), 0.0);
+}
+
 }  // namespace
 }  // namespace locfuse

@@ -289,5 +289,29 @@ TEST(Health, bad_config_is_refused) {
                  "probability_found <= probability_lost");
 }
 
+TEST(Health, a_measurement_that_says_nothing_leaves_the_report_finite) {
+  Health health(Health::Config{});
+  health.start(0, 0.0);
+  for (int k = 1; k < 50; ++k) {
+    health.hear(anchor(0), k * kStep, {Verdict::kFused, 1, 9.0, 1e154, 1e307}, kLimit, kSpan);
+  }
+  const HealthReport report = health.report({50 * kStep, {}, 1e-6 * Matrix<3, 3>::Identity()});
+  EXPECT_TRUE(std::isfinite(report.inflation));
+  EXPECT_GE(report.within, 0.0);
+  EXPECT_GE(report.protection.minCoeff(), 0.0);
+}
+
+TEST(Health, refuses_times_and_spans_that_leave_no_probability) {
+  Health::Config config;
+  config.mean_s_between_losses = 1e-310;
+  expect_refused([&] { Health{config}; }, "mean_s_between_losses");
+  config = {};
+  config.wrong_span_m = 1e155;
+  expect_refused([&] { Health{config}; }, "wrong_span_m");
+  Health health(Health::Config{});
+  expect_refused([&] { health.start(0, -1e-301); }, "wrong is");
+  expect_refused([&] { health.start(std::numeric_limits<Stamp>::min(), 0.0); }, "stamp");
+}
+
 }  // namespace
 }  // namespace locfuse

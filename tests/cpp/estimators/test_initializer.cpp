@@ -249,5 +249,65 @@ TEST(Initializer, refuses_a_config_out_of_range) {
   testing::expect_refused([&] { (void)initializer_of(robot, config); }, "probability_ready");
 }
 
+std::shared_ptr<const LandmarkMap> poles() {
+  return std::make_shared<const LandmarkMap>(std::vector<Landmark>{
+      {0, {4.0, 3.0}}, {1, {-5.0, 6.0}}, {2, {2.0, -7.0}}, {3, {4.2, 3.1}}});
+}
+
+Initializer among_poles() {
+  Initializer::Config config;
+  config.headings = 12;
+  return {config, {}, testing::hall(), testing::one_tag(), nullptr, {poles(), {}}};
+}
+
+// The weight of a constellation was NaN, and what was left of a merge that threw was used.
+TEST(Initializer, survives_sightings_of_a_micrometre) {
+  const auto diagonal = [](double a, double b) -> Matrix<2, 2> {
+    return Vector<2>(a, b).asDiagonal();
+  };
+  const std::vector<Message> messages{
+      RangeBearing{50000000, 0, 6.261432390160774, -2.1571894614785303, {}},
+      PositionFix{50000000,
+                  {-0.85564706100723242, -0.8251679296599681},
+                  diagonal(1.3538632139704171e-08, 4.1771049872992867)},
+      RangeBearing{50000000, 1, 8.0011090701333103, -0.70478302299150497,
+                   diagonal(1.4805135103717454e-12, 1.0454069705930488e-12)},
+      Increment{450000000, 500000000, {-0.18677380402771684, 0.0, 0.18702645510607252}},
+      Increment{650000000, 700000000, {-0.094561104378498406, 0.0, 0.19534305235588334}},
+      RangeBearing{750000000, 2, 6.5337854794459043, 2.0076651158603891, {}}};
+  Initializer initializer = among_poles();
+  for (const Message& message : messages) {
+    initializer.on(message);
+    for (const Initializer::Hypothesis& hypothesis : initializer.state().hypotheses) {
+      const Matrix<3, 3>& P = hypothesis.estimate.covariance;
+      ASSERT_EQ(P.llt().info(), Eigen::Success) << P;
+    }
+  }
+}
+
+TEST(Initializer, a_sighting_at_the_landmark_itself_does_not_stop_the_start) {
+  const Pose2 pose{4.0, 3.0, 0.0};
+  const Vector<2> other = poles()->find(1)->position - pose.position();
+  for (int k = -30; k < 30; ++k) {
+    Initializer initializer = among_poles();
+    initializer.on(RangeBearing{0, 0, 0.0, 0.1 * k, {}});
+    initializer.on(RangeBearing{0, 1, other.norm(), std::atan2(other.y(), other.x()), {}});
+    for (int j = 1; j < 20; ++j) {
+      initializer.on(PoseObservation{j * kSecond, pose, 1e-4 * Matrix<3, 3>::Identity()});
+    }
+    EXPECT_EQ(initializer.state().status, StartStatus::kReady) << k;
+  }
+}
+
+TEST(Initializer, refuses_a_map_that_is_known_to_no_number_and_headings_without_end) {
+  const Robot robot{{}, centred(), corners()};
+  Initializer::Config config;
+  config.sigma_map_m = 1e154;
+  testing::expect_refused([&] { (void)initializer_of(robot, config); }, "sigma_map_m");
+  config = {};
+  config.headings = 3600;
+  testing::expect_refused([&] { (void)initializer_of(robot, config); }, "headings");
+}
+
 }  // namespace
 }  // namespace locfuse

@@ -272,5 +272,11 @@ TEST(PoseEkf, covariance_of_a_straight_drive_equals_values_computed_by_hand) {
   expect_near(ekf.estimate().covariance, expected, 1e-16);
 }
 
+TEST(PoseEkf, a_motion_of_nanoseconds_is_not_held_on_faster_than_a_robot_is) {
+  PoseEkf ekf = testing::ekf_at({});
+  ekf.on(Increment{0, 100, {0.01, 0.0, 0.0}});
+  EXPECT_NEAR(ekf.estimate(testing::kSecond).pose.x, 0.01, 1e-12);
+}
+
 }  // namespace
 }  // namespace locfuse

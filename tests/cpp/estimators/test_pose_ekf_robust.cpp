@@ -146,5 +146,26 @@ TEST(RobustPoseEkf, refuses_what_has_no_long_side) {
                  "fuse them one by one");
 }
 
+// What the fix leaves in doubt was a difference of numbers 1e18 times as large.
+TEST(RobustPoseEkf, a_fix_after_an_exact_range_leaves_a_covariance) {
+  PoseEkf::Config config;
+  config.robust_position = NoiseKind::kCauchy;
+  const PoseEkf prototype(config, testing::hall(), testing::one_tag(),
+                          {0, {}, Matrix<3, 3>::Identity()});
+  for (double a = -3.0; a < 3.0; a += 0.01) {
+    PoseEkf ekf = prototype.restarted(
+        {0, {3.0 * a, 2.0, a}, Vector<3>(1e8, 1e8, 1e-6).asDiagonal()});
+    Range exact = testing::range_to(0, ekf.pose(), 0);
+    exact.sigma = 1e-3;
+    ekf.on(exact);
+    const Matrix<2, 2> noise = 1e-4 * Matrix<2, 2>::Identity();
+    const Matrix<2, 2> S = ekf.belief().P.topLeftCorner<2, 2>() + noise;
+    const Vector<2> off = S.llt().matrixL() * Vector<2>(0.5, 1.0);
+    ekf.on(PositionFix{0, ekf.pose().position() + off, noise});
+    EXPECT_TRUE(testing::is_covariance(Eigen::MatrixXd(ekf.belief().P))) << a;
+    EXPECT_EQ(ekf.belief().interventions, 0U) << a;
+  }
+}
+
 }  // namespace
 }  // namespace locfuse

@@ -164,5 +164,11 @@ TEST(GaussianBelief, a_copy_is_a_snapshot) {
   EXPECT_EQ(snapshot.mean(snapshot.slot("left"))(0), 4.0);
 }
 
+TEST(GaussianBelief, refuses_variances_without_a_square) {
+  testing::expect_refused(
+      [] { GaussianBelief::of_pose(0, {}, Vector<3>(1.7e308, 1.0, 1.0).asDiagonal()); },
+      "covariance");
+}
+
 }  // namespace
 }  // namespace locfuse

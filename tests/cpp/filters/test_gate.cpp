@@ -39,5 +39,9 @@ TEST(Gate, refuses_what_is_no_probability_that_something_passes) {
   testing::expect_refused([] { (void)Gate(std::nan("")); }, "nan");
 }
 
+TEST(Gate, closed_lets_nothing_through_however_many_rows) {
+  EXPECT_LT(Gate::closed().limit(33), 0.0);
+}
+
 }  // namespace
 }  // namespace locfuse

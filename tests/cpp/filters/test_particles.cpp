@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -395,6 +396,67 @@ TEST(Particles, that_are_far_off_share_no_cluster_with_what_is_on_the_map) {
 TEST(Particles, refuse_to_be_none) {
   ParticleBelief belief;
   testing::expect_refused([&] { belief.resize(0); }, "0 particles");
+}
+
+/// It is no part of the most likely one, so that it may be more likely than that.
+TEST(Particles, one_of_no_weight_stays_so_however_likely_it_is) {
+  for (const float better : {89.1F, 500.0F, 1e6F, std::numeric_limits<float>::quiet_NaN()}) {
+    ParticleBelief belief = all_at({}, 2);
+    belief.weight[0] = 0.0F;
+    belief.weight[1] = 1.0F;
+    std::vector<float> log_likelihood(belief.x.size(), 0.0F);
+    log_likelihood[0] = better;
+    reweigh(belief, log_likelihood, 1.0, 1.0);
+    EXPECT_EQ(belief.weight[0], 0.0F) << better;
+    EXPECT_EQ(belief.weight[1], 1.0F) << better;
+  }
+}
+
+TEST(Particles, a_heading_that_may_have_turned_any_number_of_times_stays_on_the_circle) {
+  ParticleBelief belief = all_at({}, 64);
+  UncertainMotion motion;
+  motion.motion.heading = 1e9;
+  motion.covariance(2, 2) = 1e22;
+  Workers workers(1);
+  move(belief, motion, 1, workers);
+  for (std::size_t k = 0; k < 64; ++k) {
+    EXPECT_NEAR(std::hypot(belief.c[k], belief.s[k]), 1.0F, 1e-3F);
+  }
+}
+
+TEST(Particles, refuse_a_motion_that_single_precision_does_not_hold) {
+  ParticleBelief belief = all_at({}, 8);
+  Workers workers(1);
+  EXPECT_THROW(move(belief, {{1e39, 0.0, 0.0}, Matrix<3, 3>::Zero()}, 1, workers), NumericalError);
+}
+
+TEST(Particles, bins_without_a_side_or_a_heading_are_refused) {
+  const ParticleBelief belief = all_at({}, 8);
+  testing::expect_refused([&] { (void)clusters_of(belief, {0.0, 24.0}, 3); }, "side of 0");
+  testing::expect_refused([&] { (void)clusters_of(belief, {1.0, 0.0}, 3); }, "0 headings");
+}
+
+TEST(Workers, what_a_part_throws_is_thrown_when_all_are_done) {
+  Workers workers(4);
+  for (int i = 0; i < 100; ++i) {
+    const auto part = [](int begin, int) {
+      if (begin > 0) {
+        throw NumericalError("no");
+      }
+    };
+    EXPECT_THROW(workers.share(64, 1, part), NumericalError);
+  }
+  std::atomic<int> done = 0;
+  workers.share(64, 1, [&](int begin, int end) { done += end - begin; });
+  EXPECT_EQ(done, 64);
+}
+
+TEST(Workers, share_as_many_as_an_integer_counts) {
+  constexpr int kMost = std::numeric_limits<int>::max();
+  Workers workers(2);
+  std::atomic<long long> done = 0;
+  workers.share(kMost, 8, [&](int begin, int end) { done += end - begin; });
+  EXPECT_EQ(done, kMost);
 }
 
 }  // namespace

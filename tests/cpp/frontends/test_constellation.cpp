@@ -153,5 +153,16 @@ TEST(Constellation, landmarks_in_one_place_tell_no_heading) {
       "1.5");
 }
 
+TEST(Constellation, tells_no_pose_without_a_covariance) {
+  const LandmarkMap map = map_of({{0.0, 0.0}, {1.0, 0.0}});
+  for (const double variance : {1e-12, 1e-60, 1e-110, 1e-150}) {
+    const Matrix<2, 2> R = variance * Matrix<2, 2>::Identity();
+    for (const auto& match : match_constellation({{0, 0}, R, {}}, {{1, 0}, R, {}}, map, 0.99)) {
+      EXPECT_GT(match.covariance.diagonal().minCoeff(), 0.0) << variance;
+      EXPECT_TRUE(std::isfinite(match.log_evidence)) << variance;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace locfuse

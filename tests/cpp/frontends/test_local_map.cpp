@@ -253,6 +253,38 @@ TEST(LocalMap, says_why_nothing_fits) {
             ScanMatch::Reason::kTooFewMatches);
 }
 
+/// What only matches ends that have no neighbour, or no length along a wall, matches nothing.
+TEST(LocalMap, ends_whose_noise_is_not_finite_match_nothing) {
+  const double none = std::nan("");
+  const auto laser = std::make_shared<const LaserGeometry>(
+      LaserGeometry{{}, -kPi, 2.0 * kPi / 40.0, 0.05, 10.0});
+  LaserScan single{0, laser, std::vector<double>(40, none)};
+  single.ranges[20] = 0.1;
+  LaserScan ring{0, laser, {}};  // of points on no line, and once more 0.65 m further out
+  LaserScan wider{0, laser, {}};
+  for (int i = 0; i < 40; ++i) {
+    const double range = i == 38 ? 2.7 : i % 4 != 0 ? 2.2 : 2.0;
+    ring.ranges.push_back(i % 2 != 0 ? none : range);
+    wider.ranges.push_back(i % 2 != 0 ? 0.2 : i == 38 ? none : range + 0.65);
+  }
+  const ScanMatch match = LocalMap({{ring, {}}, {single, {}}}).match(wider, {}, diagonal(0.1, 0.1));
+  EXPECT_FALSE(match.converged);
+  expect_pose_near(match.pose, {}, 0.0);
+}
+
+TEST(LocalMap, a_scan_of_one_return_leaves_the_residuals_finite) {
+  Rng rng(1);
+  LaserScan scan = scan_from(testing::room_around({}), {1.0, -1.0, 0.3}, rng, 0.01);
+  LaserScan single = scan;
+  single.ranges.assign(single.ranges.size(), std::nan(""));
+  single.ranges[3] = 1.0;
+  const LocalMap map({{scan, {}}, {single, {}}});
+  scan.ranges[3] = 1.0;
+  const ScanMatch match = map.match(scan, {0.01, 0.0, 0.0});
+  EXPECT_TRUE(match.converged);
+  EXPECT_LT(match.rms, 0.05);
+}
+
 TEST(LocalMap, refuses_what_is_not_valid) {
   Rng rng(7);
   const LaserScan scan = scan_from(random_pair(rng).walls, {}, rng, 0.01);
@@ -270,11 +302,12 @@ TEST(LocalMap, refuses_what_is_not_valid) {
     change(config);
     return [config] { LocalMap({}, config); };
   };
-  expect_refused(with([](auto& c) { c.sigma_range_m = 0.0; }), "sigma_range_m is 0", "> 0");
+  expect_refused(with([](auto& c) { c.sigma_range_m = 0.0; }), "sigma_range_m is 0", "1e-6 to 10");
   expect_refused(with([&](auto& c) { c.max_distance_m = nan; }), "max_distance_m is nan");
   expect_refused(with([](auto& c) { c.trimmed_share = 1.0; }), "trimmed_share is 1", "less than 1");
   expect_refused(with([](auto& c) { c.min_explained = -0.1; }), "min_explained is -0.1");
-  expect_refused(with([](auto& c) { c.max_iterations = 0; }), "max_iterations is 0", "1 or more");
+  expect_refused(with([](auto& c) { c.max_iterations = 0; }), "max_iterations is 0", "1 to 1000");
+  expect_refused(with([](auto& c) { c.max_iterations = 1001; }), "max_iterations is 1001");
 }
 
 }  // namespace

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Cholesky>
+#include <array>
 #include <cmath>
 
 #include "locfuse/frontends/multilateration.hpp"
 #include "locfuse/frontends/range_batch.hpp"
+#include "locfuse/frontends/range_geometry.hpp"
 #include "support/expect.hpp"
 #include "support/ranging.hpp"
 
@@ -139,6 +142,86 @@ TEST(LocateBatch, marks_an_epoch_with_a_bad_range) {
                   {position, covariance, &cost, &status});
   EXPECT_EQ(status, PositionStatus::kBadRange);
   EXPECT_TRUE(std::isnan(position[0]) && std::isnan(cost));
+}
+
+// The inverse by cofactors had negative variances, and lanes told what the scalar code did not.
+TEST(Multilateration, a_position_far_from_its_anchors_has_a_covariance_or_none) {
+  const Anchors anchors{{-1.0, -3.0, 3.0, -2.0, -2.0, 3.0, 2.0, 1.0, 2.0, 2.0, 2.0, 2.0}, 3, {}};
+  const std::vector<double> epoch{18945.095365294394, 18946.315460620281, 18944.152114553184,
+                                  18944.604086508218};
+  const std::vector<double> sigma = anchors.sigmas(0.0013684781939447871);
+  const Multilateration<3> solver(anchors.table(), sigma.data(), {});
+  const RangePosition<3> found = solver.solve(epoch.data());
+  EXPECT_TRUE(std::isinf(found.covariance(0, 0)) ||
+              found.covariance.llt().info() == Eigen::Success);
+  std::vector<double> ranges;
+  for (int k = 0; k < 4; ++k) {
+    ranges.insert(ranges.end(), epoch.begin(), epoch.end());
+  }
+  std::array<double, 12> position;
+  std::array<double, 36> covariance;
+  std::array<double, 4> cost;
+  std::array<PositionStatus, 4> status;
+  locate_batch<3>(solver, RangeSolver::kMaximumLikelihood, nullptr, ranges.data(), 4,
+                  {position.data(), covariance.data(), cost.data(), status.data()});
+  for (std::size_t k = 0; k < 4; ++k) {
+    EXPECT_EQ(status[k], found.status);
+    const Eigen::Map<const Matrix<3, 3>> P(&covariance[9 * k]);
+    EXPECT_TRUE(std::isinf(P(0, 0)) || P.llt().info() == Eigen::Success);
+  }
+}
+
+TEST(Multilateration, lanes_have_costs_that_are_not_negative_where_ranges_fit_to_the_bit) {
+  const Anchors anchors{{-5.0, -5.0, 5.0, -5.0, -5.0, 5.0}, 2, {}};
+  const std::vector<double> sigma = anchors.sigmas(0.10380419740052697);
+  const Multilateration<2> solver(anchors.table(), sigma.data(), {});
+  std::vector<double> ranges;
+  for (int k = 0; k < 4; ++k) {
+    ranges.insert(ranges.end(), {2.0, 10.198039027185567, 8.0});
+  }
+  std::array<double, 8> position;
+  std::array<double, 16> covariance;
+  std::array<double, 4> cost;
+  std::array<PositionStatus, 4> status;
+  locate_batch<2>(solver, RangeSolver::kMaximumLikelihood, nullptr, ranges.data(), 4,
+                  {position.data(), covariance.data(), cost.data(), status.data()});
+  EXPECT_GE(*std::min_element(cost.begin(), cost.end()), 0.0);
+}
+
+TEST(Multilateration, what_did_not_converge_has_no_covariance_that_is_none) {
+  const Anchors anchors{{3.0, 2.0, 1.0, 1.0, 5.0, 2.0, 2.0, 4.0, -5.0}, 3, {}};
+  const std::vector<double> sigma{1.0, 0.34755387862793147, 1.0};
+  const std::vector<double> ranges{1.8315971618627447, 25.207983676931903, 28.472496004964928};
+  const auto found = Multilateration<3>(anchors.table(), sigma.data(), {}).solve(ranges.data());
+  EXPECT_TRUE(std::isinf(found.covariance(0, 0)) ||
+              found.covariance.llt().info() == Eigen::Success);
+}
+
+TEST(Multilateration, refuses_lengths_whose_squares_are_no_numbers) {
+  const Anchors anchors = testing::room();
+  const std::vector<double> sigma = anchors.sigmas(0.1);
+  AnchorTable table = anchors.table();
+  table.size = -3;
+  testing::expect_refused([&] { validate(table, sigma.data()); }, "-3 ranges");
+  Multilateration<2>::Config config;
+  config.loss = {RangeLossKind::kCauchy, -1.0};
+  testing::expect_refused([&] { Multilateration<2>(anchors.table(), sigma.data(), config); },
+                          "scale of a loss is -1");
+  const Multilateration<2> solver(anchors.table(), sigma.data(), {});
+  std::vector<double> ranges(static_cast<std::size_t>(anchors.table().size), 1.0);
+  ranges[0] = 1e153;
+  testing::expect_refused([&] { (void)solver.solve(ranges.data()); }, "range 0", "1e12");
+  EXPECT_THROW((void)solver.cost_limit(5000), std::out_of_range);
+  testing::expect_refused([&] { (void)dilution(anchors.table(), Eigen::Vector3d::Zero()); },
+                          "3 coordinates");
+}
+
+TEST(CramerRao, bounds_are_symmetric_to_the_bit) {
+  const Anchors anchors{{0.0, 0.0, 10.0, 0.0, 10.0, 8.0, 0.0, 8.0}, 2, {}};
+  const std::vector<double> sigma = anchors.sigmas(0.1);
+  const Eigen::MatrixXd bound =
+      cramer_rao(anchors.table(), sigma.data(), Eigen::RowVector2d(3.1, 4.7)).front();
+  EXPECT_TRUE(testing::same_bits(bound, bound.transpose()));
 }
 
 }  // namespace

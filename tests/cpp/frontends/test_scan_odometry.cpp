@@ -221,6 +221,9 @@ TEST(ScanOdometry, refuses_what_is_not_valid_and_stays_as_it_was) {
   config.window_scans = 0;
   expect_refused([&] { ScanOdometry{config}; }, "window_scans is 0", "1 or more");
   config = {};
+  config.window_m = 1e7;  // from as far away a scan would be refused, when others had been dropped
+  expect_refused([&] { ScanOdometry{config}; }, "window_m is 1e+07", "less than a million");
+  config = {};
   config.key_turn_rad = -1.0;
   expect_refused([&] { ScanOdometry{config}; }, "key_turn_rad is -1", ">= 0");
   config = {};

@@ -170,6 +170,14 @@ TEST(ScanRefine, refuses_what_is_not_valid) {
   ScanMatcherConfig config;
   config.sigma_range_m = 0.0;
   expect_refused([&] { (void)ScanMatcher(room.map, config); }, "sigma_range_m is 0");
+  config.sigma_range_m = 1e5;  // explained was every beam, and those that only fill a group up
+  expect_refused([&] { (void)ScanMatcher(room.map, config); }, "sigma_range_m is 100000");
+  config = {};
+  config.outlier_share = 5e-324;  // all hypotheses had an infinite cost
+  expect_refused([&] { (void)ScanMatcher(room.map, config); }, "outlier_share");
+  config = {};
+  config.max_iterations = 2147483647;  // steps that jump from cell to cell never ended
+  expect_refused([&] { (void)ScanMatcher(room.map, config); }, "max_iterations is 2.14748e+09");
 }
 
 }  // namespace

@@ -151,5 +151,44 @@ TEST(ScanSearch, says_why_there_is_none) {
   expect_refused([&] { (void)matcher.search(scan, {0.0, 0.0}, line); }, "too small");
 }
 
+TEST(ScanSearch, any_covariance_has_a_window) {
+  const Pose2 origin = Pose2{0.0, 0.0, 2.9213757623126906} * Pose2{-4.8, -4.0, 0.0};
+  const Walls walls = testing::room_around({});
+  const ScanMatcher matcher(testing::map_of(walls, 48, 40, 0.2, origin));
+  Rng rng(1);
+  const LaserScan scan = testing::scan_from(walls, {1.0, -1.0, 0.3}, rng, 0.01);
+  Matrix<2, 2> thin;  // 50 m by 1 cm, whose inverse turned to the map has no positive determinant
+  thin << 2460.1044308555333, 0.6209479835398285, 0.6209479835398285, 0.0001567317197701639;
+  Matrix<2, 2> tiny;
+  tiny << 1e-160, 0.5e-160, 0.5e-160, 1e-160;
+  for (const Matrix<2, 2>& covariance : {thin, tiny}) {
+    double total = 0.0;
+    for (const ScanHypothesis& found : matcher.search(scan, {1.0, -1.0}, covariance).hypotheses) {
+      total += found.probability;
+    }
+    EXPECT_LE(total, 1.0 + 1e-9);
+  }
+  EXPECT_EQ(matcher.search(scan, {1.7e308, -1.0}, 1e154 * Matrix<2, 2>::Identity()).reason,
+            ScanSearch::Reason::kOutsideMap);
+}
+
+/// A beam of 1000 km on cells of 0.45 mm ends beyond the integers.
+TEST(ScanSearch, a_beam_that_ends_beyond_the_integers_ends_in_the_unknown) {
+  constexpr int kSide = 100;
+  std::vector<Cell> cells(kSide * kSide, Cell::kFree);
+  for (std::size_t i = 0; i < kSide; ++i) {
+    cells[i] = cells[i * kSide] = Cell::kOccupied;  // below and on the left
+  }
+  const ScanMatcher matcher(
+      std::make_shared<const OccupancyGrid>(kSide, kSide, 4.5e-4, Pose2{}, std::move(cells)));
+  const Walls walls{{{0.0, 0.0}, {0.045, 0.0}}, {{0.0, 0.0}, {0.0, 0.045}}};
+  Rng rng(1);
+  const auto laser = std::make_shared<const LaserGeometry>(
+      LaserGeometry{{}, -kPi, 2.0 * kPi / 360.0, 0.0, 1e6});
+  LaserScan scan = testing::scan_from(walls, {0.02, 0.02, 0.0}, rng, 0.0, laser);
+  scan.ranges[180] = 999999.0;
+  EXPECT_FALSE(matcher.search(scan, {0.02, 0.02}, round(1e-3)).hypotheses.empty());
+}
+
 }  // namespace
 }  // namespace locfuse

@@ -125,5 +125,9 @@ TEST(ArcShare, half_of_a_half_circle_is_a_quarter_circle) {
                    1e-15);
 }
 
+TEST(Pose2, half_of_a_motion_that_turned_all_around_is_no_farther_than_the_whole) {
+  EXPECT_LT(arc_share({1.0, 0.0, 2.0 * kPi}, 0.5).position().norm(), 1.0);
+}
+
 }  // namespace
 }  // namespace locfuse

@@ -175,6 +175,17 @@ TEST(RigidFit, points_that_coincide_in_world_have_no_direction) {
   EXPECT_EQ(fit.status, RigidFitStatus::kNoDirection);
 }
 
+TEST(RigidFit, leaves_no_covariance_that_is_none) {
+  const Matrix<2, 2> body = (Matrix<2, 2>() << 0.1, 0.3, 0.2, -0.1).finished();
+  const Matrix<2, 2> world = moved<2>({-1.0, -1.4, 0.644}, body);
+  for (const double variance : {1e-16, 1e-200, 1e-320}) {
+    const Matrix<4, 4> C = Vector<4>(variance, 1.0, 1.0, 1.0).asDiagonal();
+    const RigidFit fit = rigid_fit(body, world, C);
+    EXPECT_TRUE(fit.covariance.allFinite()) << variance;
+    EXPECT_TRUE(fit.status != RigidFitStatus::kFitted || fit.covariance(2, 2) > 1e-3) << variance;
+  }
+}
+
 TEST(RigidFit, refuses_what_is_no_body_or_no_covariance) {
   const Points one = Points::Zero(2, 1);
   const auto fit = [](const Points& body, const Points& world, const Eigen::MatrixXd& C) {

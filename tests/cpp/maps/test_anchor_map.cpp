@@ -79,5 +79,11 @@ TEST(AnchorMap, refuses_numbers_that_make_no_anchor) {
   expect_refused([&] { with(zero, 0.0, nan); }, "anchor 6", "nan");
 }
 
+TEST(AnchorMap, refuses_lengths_and_scales_whose_squares_are_no_numbers) {
+  expect_refused([] { AnchorMap({{6, {1e200, 0.0, 0.0}}}); }, "anchor 6", "1e12");
+  expect_refused([] { AnchorMap({{6, {0.0, 0.0, 0.0}, 1e160}}); }, "anchor 6", "1e12");
+  expect_refused([] { AnchorMap({{6, {0.0, 0.0, 0.0}, 0.0, 1e160}}); }, "anchor 6", "scale");
+}
+
 }  // namespace
 }  // namespace locfuse

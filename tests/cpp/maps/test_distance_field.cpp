@@ -135,6 +135,13 @@ TEST(DistanceField, refuses_a_map_without_walls_and_points_that_are_none) {
   const DistanceField field(grid);
   expect_refused([&] { (void)field.distance({std::nan(""), 0.0}); }, "nan");
   expect_refused([&] { (void)field.nearest({0.0, INFINITY}); }, "inf");
+  expect_refused([&] { (void)field.nearest({1e200, 0.0}); }, "1e9 cells");  // squares are infinite
+}
+
+TEST(DistanceField, a_point_that_is_none_has_the_target_next_to_the_corner) {
+  const auto grid = std::make_shared<const OccupancyGrid>(
+      2, 1, 1.0, Pose2{}, std::vector{Cell::kOccupied, Cell::kOccupied});
+  EXPECT_EQ(DistanceField(grid).nearest_in_field(std::nan(""), std::nan("")).target, 0);
 }
 
 }  // namespace

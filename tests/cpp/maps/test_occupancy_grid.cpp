@@ -61,7 +61,11 @@ TEST(OccupancyGrid, refuses_what_makes_no_map) {
   expect_refused([&] { make(2, -1, 0.1, {}, 0); }, "height is -1");
   expect_refused([&] { make(2, 2, 0.0, {}, 4); }, "resolution [m] is 0");
   expect_refused([&] { make(2, 2, std::nan(""), {}, 4); }, "resolution [m] is nan");
+  expect_refused([&] { make(2, 2, 1e-7, {}, 4); }, "resolution [m] is 1e-07", "1e-6 to 1e6");
+  expect_refused([&] { make(2, 2, 1e200, {}, 4); }, "resolution [m] is 1e+200");
   expect_refused([&] { make(2, 2, 0.1, {0.0, std::nan(""), 0.0}, 4); }, "origin");
+  // A fuzzer's beam had as large a heading the other way: their difference is infinite.
+  expect_refused([&] { make(2, 2, 0.1, {0.0, 0.0, -1.7e308}, 4); }, "origin is -1.7e+308");
   expect_refused([&] { make(2, 2, 0.1, {}, 5); }, "cells is 5");
   expect_refused([] { (void)OccupancyGrid(1, 1, 0.1, {}, {static_cast<Cell>(50)}); }, "is 50",
                  "occupied");

@@ -89,12 +89,6 @@ TEST(RayCaster, a_beam_whose_slope_has_no_inverse_goes_along_the_axis) {
   }
 }
 
-/// A fuzzer's heading on a map that was turned as far the other way: their difference is infinite.
-TEST(RayCaster, refuses_a_heading_that_is_not_finite_in_the_map) {
-  const RayCaster turned = caster({"...#"}, 1.0, {0.0, 0.0, -1.7e308});
-  expect_refused([&] { (void)turned.cast({0.5, 0.5}, 1.7e308, 1.0); }, "heading is inf");
-}
-
 TEST(RayCaster, a_beam_may_come_from_outside_of_the_map) {
   const RayCaster one = caster({"...",  //
                                 ".#.",  //
@@ -235,6 +229,7 @@ TEST(RayCaster, refuses_what_is_no_number) {
   expect_refused([&] { (void)rays.scan({}, 0.0, HUGE_VAL, 3, 1.0); }, "angle_increment is inf");
   expect_refused([&] { (void)rays.scan({}, 1e308, 1e308, 3, 1.0); }, "heading is inf");
   expect_refused([&] { (void)rays.scan({}, 0.0, 0.1, -1, 1.0); }, "count is -1");
+  expect_refused([&] { (void)rays.scan({}, 0.0, 0.1, 2147483647, 1.0); }, "count is 2147483647");
   EXPECT_TRUE(rays.scan({}, 0.0, 0.1, 0, 1.0).empty());
 }
 

@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "locfuse/messages/messages.hpp"
+#include "locfuse/messages/told_covariance.hpp"
 #include "support/expect.hpp"
 
 namespace locfuse {
@@ -99,6 +100,7 @@ TEST(Validate, refuses_a_position_covariance_that_is_none) {
   expect_refused([&] { with(-4.5, 0.0, 0.0, 1.0); }, "PositionFix.covariance", "-4.5");
   expect_refused([&] { with(1.0, 2.25, 2.25, 1.0); }, "PositionFix.covariance", "2.25");
   expect_refused([&] { with(2.0, 0.75, -0.75, 2.0); }, "PositionFix.covariance", "-0.75");
+  expect_refused([&] { with(1.0, 1e160, 0.0, 1.0); }, "PositionFix.covariance");  // squares: inf
   expect_refused([&] { with(1.0, 0.0, 0.0, kNan); }, "PositionFix.covariance", "nan");
 }
 
@@ -158,6 +160,24 @@ TEST(Messages, laser_scans_say_what_is_wrong_with_them) {
       },
       "intensities are 1", "none or 2");
   expect_refused([&] { validate(LaserScan{0, shared, {1.0}, {HUGE_VAL}}); }, "intensities is inf");
+}
+
+TEST(Validate, refuses_a_sigma_whose_square_is_infinite) {
+  expect_refused([] { validate(range_of(1.0, 1e160)); }, "Range.sigma", "1e+160");
+  expect_refused([] { check_least_sigma("least_sigma_m", 1e200); }, "least_sigma_m", "1e+200");
+  expect_refused([] { check_told_sigma("sigma_m", 1e200); }, "sigma_m", "1e+200");
+}
+
+TEST(Validate, refuses_a_covariance_whose_halves_differ_however_large_its_other_numbers_are) {
+  PositionFix fix{0, {0.0, 0.0}, Matrix<2, 2>::Identity()};
+  fix.covariance(0, 1) = 1e200;
+  expect_refused([&] { validate(fix); }, "PositionFix.covariance");
+  PoseObservation pose{0, {}, Vector<3>(1e300, 1.0, 1.0).asDiagonal()};
+  pose.covariance(1, 2) = 900.0;
+  expect_refused([&] { validate(pose); }, "PoseObservation.covariance");
+  pose.covariance = Vector<3>(9e5, 1e-6, 1e-6).asDiagonal();
+  pose.covariance(1, 2) = 4e-4;
+  expect_refused([&] { validate(pose); }, "PoseObservation.covariance");
 }
 
 }  // namespace

@@ -87,5 +87,14 @@ TEST(ToldCovariance, what_no_convention_explains_is_refused) {
   }
 }
 
+TEST(ToldCovariance, a_variance_without_a_root_is_the_least) {
+  for (const double variance : {1e-314, 1e-316, 5e-324}) {
+    const Matrix<2, 2> told = variance * Matrix<2, 2>::Identity();
+    const ToldNoise<2> noise = told_noise<2>(told, {1.0, 1.0}, {1e-3, 1e-3});
+    EXPECT_NEAR(noise.noise(0, 0), 1e-6, 1e-8) << variance;
+    EXPECT_EQ(noise.noise(0, 1), 0.0) << variance;
+  }
+}
+
 }  // namespace
 }  // namespace locfuse

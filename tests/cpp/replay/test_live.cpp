@@ -210,5 +210,48 @@ TEST(Live, refuses_options_out_of_range) {
   testing::expect_refused([&] { Live(unstarted(), options); }, "patience");
 }
 
+/// A message that waited may tell of the jump: the timeline that others waited for is gone then.
+TEST(Live, a_clock_that_jumps_among_what_waited_begins_another_search) {
+  Live::Options options;
+  options.history = 0;
+  options.patience = kSecond;
+  options.timeline.clock_jump = ClockJump::kReset;
+  options.timeline.jump_after = 1;
+  Live live(unstarted(), options);
+  const Pose2 pose{2.0, -1.0, 0.4};
+  live.on(PoseObservation{1, pose, 4e-4 * Matrix<3, 3>::Identity()});
+  for (const double seconds : {0.9, 0.5, 1.1}) {
+    live.on(testing::range_to(0, pose, testing::at(seconds)));
+  }
+  EXPECT_FALSE(live.is_tracking());
+  EXPECT_EQ(live.jumps(), 1U);
+}
+
+TEST(Live, refuses_a_patience_that_no_stamp_is_less_than) {
+  Live::Options options;
+  options.patience = std::numeric_limits<Stamp>::max();
+  testing::expect_refused([&] { Live(unstarted(), options); }, "patience");
+}
+
+TEST(Live, ranges_of_a_sigma_that_leaves_no_digits_do_not_stop_the_start) {
+  Live live(unstarted());
+  Pose2 pose{2.0, -1.0, 0.4};
+  for (Id anchor = 0; anchor < 4; ++anchor) {
+    Range z = testing::range_to(anchor, pose, 0);
+    z.sigma = 1e-10;
+    live.on(z);
+  }
+  const Pose2 step = arc(0.05, 0.0, 0.01);
+  for (int k = 1; k < 600 && !live.is_tracking(); ++k) {
+    const Stamp now = k * kSecond / 10;
+    live.on(Increment{now - kSecond / 10, now, step});
+    pose = pose * step;
+    for (Id anchor = 0; anchor < 4; ++anchor) {
+      live.on(testing::range_to(anchor, pose, now));
+    }
+  }
+  EXPECT_TRUE(live.is_tracking());
+}
+
 }  // namespace
 }  // namespace locfuse

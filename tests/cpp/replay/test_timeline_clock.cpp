@@ -356,5 +356,15 @@ TEST(Replay, switches_sources_by_arrival_and_records_it) {
   }
 }
 
+TEST(Timeline, a_clock_that_jumps_before_the_start_begins_anew) {
+  TimelineOptions options;
+  options.clock_jump = ClockJump::kContinue;
+  options.jump_after = 1;
+  Timeline<RecoveringEkf> timeline({{}, testing::hall(), testing::one_tag(), nullptr}, 0, options);
+  timeline.on(Velocity{kSecond, 0.0, 0.0}, kDeaf);
+  EXPECT_NO_THROW(timeline.on(Velocity{0, 0.0, 0.0}, kDeaf));
+  EXPECT_EQ(timeline.jumps(), 1U);
+}
+
 }  // namespace
 }  // namespace locfuse

@@ -152,8 +152,8 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "no number": ({"resolution": "five"}, "resolution is 'five', expected a finite number"),
     "yes": ({"free_thresh": "yes"}, "free_thresh is True, expected a finite number"),
     "nan": ({"occupied_thresh": ".nan"}, "occupied_thresh is nan, expected a finite"),
-    "negative": ({"resolution": "-0.05"}, "resolution is -0.05, expected > 0"),
-    "zero": ({"resolution": "0"}, "resolution is 0, expected > 0"),
+    "negative": ({"resolution": "-0.05"}, "resolution is -0.05, expected 1e-06 to 1e"),
+    "zero": ({"resolution": "0"}, "resolution is 0, expected 1e-06 to 1e"),
     "two numbers": ({"origin": "[0, 0]"}, r"origin is \[0, 0\], expected \[x_m, y_m, yaw_rad\]"),
     "infinite": ({"origin": "[0, 0, .inf]"}, "origin is inf, expected a finite number"),
     "thresholds": ({"free_thresh": "0.7"}, "0.7 and 0.65, expected 0 <= free <= occupied <= 1"),
@@ -243,9 +243,9 @@ def test_a_written_map_reads_back_bit_for_bit(tmp_path: Path) -> None:
         ({"cells": np.zeros((2, 3))}, "array of float64, expected int8"),
         ({"cells": np.full((2, 3), 50, np.int8)}, "holds 50, expected 0, 100 or -1"),
         ({"resolution_m": float("nan")}, "resolution_m is nan"),
-        ({"resolution_m": 0.0}, "resolution_m is 0.0, expected > 0"),
-        ({"resolution_m": -0.1}, "resolution_m is -0.1, expected > 0"),
-        ({"origin": (0.0, float("inf"), 0.0)}, "expected three finite numbers"),
+        ({"resolution_m": 0.0}, "resolution_m is 0.0, expected 1e-06 to 1e"),
+        ({"resolution_m": -0.1}, "resolution_m is -0.1, expected 1e-06 to 1e"),
+        ({"origin": (0.0, float("inf"), 0.0)}, "expected three numbers within 1e"),
     ],
 )
 def test_a_grid_of_other_values_is_refused(change: dict[str, Any], text: str) -> None:

@@ -103,8 +103,19 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "roaming nowhere": ({"path": {"shape": "roam"}}, "a robot that roams needs a map"),
     "seed of nothing": ({"map": {"seed": 3}}, "seed is 3, but nothing is made from it"),
     "unknown world": ({"map": {"generate": "maze"}}, "'warehouse', 'zhang' or 'floor'"),
-    "cells of no size": ({"map": {"resolution_m": 0}}, "greater than 0"),
-    "cells of less": ({"map": {"resolution_m": -0.05}}, "greater than 0"),
+    "cells of no size": ({"map": {"resolution_m": 0}}, "greater than or equal to 0.000001"),
+    "cells of less": ({"map": {"resolution_m": -0.05}}, "greater than or equal to 0.000001"),
+    "cells too large": ({"map": {"resolution_m": 2e6}}, "less than or equal to 1000000"),
+    "drive of ages": ({"duration_s": 1.1e9}, "less than or equal to 1000000000"),
+    "too many tips": ({"path": {"shape": "star", "points": 1001}}, "less than or equal to 1000"),
+    "too many corners": (
+        {"path": {"shape": "polygon", "corners": 1001}},
+        "less than or equal to 1000",
+    ),
+    "seed too large": (
+        {"map": {"generate": "rooms", "seed": 2**64}},
+        "less than 18446744073709551616",
+    ),
     "world and file": (
         {"map": {"file": "a.yaml", "generate": "rooms"}},
         "which leaves nothing for generate",

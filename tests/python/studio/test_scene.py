@@ -195,7 +195,7 @@ def test_what_defaults_say_is_written_out_where_a_part_of_it_is_set() -> None:
         ("simulation:\n  faults:\n  - {kind: latency, source: positions, delay_s: 1}\n", 3,
          "switched off"),
         ("name: [a\nseed: 1\n", 2, "is no YAML"),
-        ("seed: 1\na: 1\na: 2\n", 2, "given twice"),
+        ("seed: 1\na: 1\na: 2\n", 3, "given twice"),
         ("", None, "is empty"),
         ("- 1\n- 2\n", None, "expected keys and values"),
         ("name: !!bool 3\n", None, "is no YAML"),

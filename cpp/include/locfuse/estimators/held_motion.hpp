@@ -2,8 +2,10 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 
 #include "locfuse/geometry/pose2.hpp"
+#include "locfuse/messages/limits.hpp"
 #include "locfuse/messages/messages.hpp"
 
 namespace locfuse {
@@ -19,23 +21,26 @@ class HeldMotion {
     motion_ = {u.forward, 0.0, u.turn_rate};
     is_velocity_ = true;
   }
-  void take(const Increment& u) {
+  void take(const Increment& u, const Limits& limits) {
     begin_ = u.begin;
     end_ = u.stamp;
     motion_ = u.motion;
     is_velocity_ = false;
+    const double seconds = seconds_between(begin_, end_);
+    has_rate_ = motion_.position().norm() <= limits.speed_mps * seconds &&
+                std::abs(motion_.heading) <= limits.turn_rate_radps * seconds && seconds > 0.0;
   }
 
   /// Where what was told ends; of a velocity, when it was measured.
   [[nodiscard]] Stamp end() const { return end_; }
 
-  /// How fast it was told to go, in the body's frame per second; a displacement without duration
-  /// tells no rate.
+  /// How fast it was told to go, in the body's frame per second; a displacement without duration,
+  /// or in less time than `limits` allow, tells no rate.
   [[nodiscard]] Pose2 rate() const {
     if (is_velocity_) {
       return motion_;
     }
-    if (begin_ == end_) {
+    if (!has_rate_) {
       return {};
     }
     const Vector<3> twist = arc_twist(motion_) / seconds_between(begin_, end_);
@@ -69,8 +74,8 @@ class HeldMotion {
     if (from == begin_ && to == end_) {
       return motion_;
     }
-    if (begin_ == end_) {
-      return {};  // a displacement without duration has no rate
+    if (begin_ == end_ || (to > end_ && !has_rate_)) {
+      return {};
     }
     return arc_share(motion_, seconds_between(from, to) / seconds_between(begin_, end_));
   }
@@ -79,6 +84,7 @@ class HeldMotion {
   Stamp end_;     // of a told motion; of a held velocity: when it was measured
   Pose2 motion_;  // over begin to end; for a velocity per second
   bool is_velocity_ = true;
+  bool has_rate_ = false;  // of an increment: it may go on like that
 };
 
 }  // namespace locfuse

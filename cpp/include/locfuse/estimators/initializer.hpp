@@ -91,7 +91,7 @@ class Initializer {
     int heard;
   };
 
-  void locate();
+  void locate(const std::vector<Range>& epoch);
   void add_constellations();
   [[nodiscard]] double log_by_chance(const RangeBearing& z) const;
   void add_positions(const Vector<2>& tag_in_world, const Matrix<2, 2>& covariance,

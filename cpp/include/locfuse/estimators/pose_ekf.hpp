@@ -30,7 +30,7 @@ namespace locfuse {
 struct PoseEstimate {
   Stamp stamp = 0;
   Pose2 pose;
-  Matrix<3, 3> covariance;
+  Matrix<3, 3> covariance = Matrix<3, 3>::Zero();
 
   /// The larger half axis of the position's 1-sigma ellipse [m].
   [[nodiscard]] double sigma_position() const {

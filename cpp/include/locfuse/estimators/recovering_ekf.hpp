@@ -94,6 +94,8 @@ class RecoveringEkf {
   void hear(const M& z, const Outcome& outcome);
   void listen();  // to what health says
   void decide();
+  template <class Tell>
+  void search(const Tell& tell);
   [[nodiscard]] const PoseEkf& started() const;
   [[nodiscard]] Initializer fresh() const;  // that has heard the last odometry
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <limits>
 
@@ -19,6 +20,7 @@ class Gate {
   [[nodiscard]] static Gate closed() {
     Gate gate;
     gate.limits_.fill(-1.0);
+    gate.probability_ = 0.0;
     return gate;
   }
 
@@ -27,8 +29,10 @@ class Gate {
 
   /// Largest NIS that passes. Throws std::invalid_argument if `dof` is below 1.
   [[nodiscard]] double limit(int dof) const {
-    return dof >= 1 && dof <= kTabled ? limits_[static_cast<std::size_t>(dof)]
-                                      : chi_squared_quantile(dof, probability_);
+    if (dof >= 1 && (dof <= kTabled || probability_ == 0.0)) {
+      return limits_[static_cast<std::size_t>(std::min(dof, kTabled))];
+    }
+    return chi_squared_quantile(dof, probability_);
   }
 
   [[nodiscard]] double probability() const { return probability_; }

@@ -98,9 +98,17 @@ inline constexpr double kLess = 1.0 - 1e-14;  ///< of a diagonal: a margin over 
   return a > 0.0 && b > 0.0 && b * c > shared * shared;
 }
 
+/// Of all rows, where they are 32 at most; else of the pose.
+[[nodiscard]] bool is_positive_definite(const Covariance& P);
+
+/// Gain beyond which the rounding of P H' may outweigh what is left of a variance.
+inline constexpr double kSteep = 1e3;
+
 /// Keeps the variances of `count` rows from `first` on between their bounds, and the pose's part
-/// of P positive definite; eq. (17) and (18) of docs/models/kalman.md.
-inline void keep_in_bounds(GaussianBelief& belief, Eigen::Index first, Eigen::Index count) {
+/// of P positive definite, or after a `steep` gain all of it; eq. (17) and (18) of
+/// docs/models/kalman.md.
+inline void keep_in_bounds(GaussianBelief& belief, Eigen::Index first, Eigen::Index count,
+                           bool steep = false) {
   const std::vector<SigmaBounds>& bounds = belief.variance_bounds();
   bool inside = true;
   for (Eigen::Index row = first; row < first + count; ++row) {
@@ -108,17 +116,18 @@ inline void keep_in_bounds(GaussianBelief& belief, Eigen::Index first, Eigen::In
     const SigmaBounds& of_row = bounds[static_cast<std::size_t>(row)];
     inside = inside && variance >= of_row.least && variance <= of_row.most;
   }
-  if (!inside || !is_pose_positive_definite(belief.P)) {
+  if (!inside || !is_pose_positive_definite(belief.P) ||
+      (steep && !is_positive_definite(belief.P))) {
     put_back(belief, first, count);
   }
 }
 
 /// x += K r and Joseph's form of (I - K H) P, eq. (4) to (6) of docs/models/kalman.md, computed as
 /// A - (A H' - K R) K' with A = P - K (P H')', which costs O(n^2) per measurement row.
-/// `times_Ht(A)` is A H'.
+/// `times_Ht(A)` is A H'. Tells whether the gain was steep.
 template <class X, class Cov, class Lin, class Cross, class S, class TimesHt>
 Outcome fuse(X& x, Cov& P, const Lin& lin, const Cross& PHt, const S& innovation, const Gate& gate,
-             const std::vector<int>& angle_rows, const TimesHt& times_Ht) {
+             const std::vector<int>& angle_rows, const TimesHt& times_Ht, bool& steep) {
   Cross K;
   const Outcome outcome = compare(lin, PHt, innovation, gate, K);
   if (outcome.verdict == Verdict::kGated) {
@@ -128,9 +137,10 @@ Outcome fuse(X& x, Cov& P, const Lin& lin, const Cross& PHt, const S& innovation
   typename Cov::PlainObject A = P - K.lazyProduct(PHt.transpose());
   const Cross rest = times_Ht(A) - K * lin.noise;
   A -= rest.lazyProduct(K.transpose());
-  if (!std::isfinite(x_new.sum()) || !(A.diagonal().minCoeff() > 0.0)) {
+  if (!std::isfinite(x_new.sum() + A.sum()) || !(A.diagonal().minCoeff() > 0.0)) {
     refuse_result();
   }
+  steep = K.cwiseAbs().maxCoeff() > kSteep;
   x = x_new;
   wrap_angles(x, angle_rows);
   P = 0.5 * (A + A.transpose());
@@ -181,11 +191,12 @@ Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slo
       Eigen::Map<Matrix<N, N>> P(belief.P.data());
       const Cross PHt = P * lin.jacobian.transpose();
       const Noise S = lin.jacobian * PHt + lin.noise;
-      const Outcome outcome =
-          internal::fuse(x, P, lin, PHt, S, gate, belief.angle_rows(),
-                         [&](const auto& A) { return Cross(A * lin.jacobian.transpose()); });
+      bool steep = false;
+      const Outcome outcome = internal::fuse(
+          x, P, lin, PHt, S, gate, belief.angle_rows(),
+          [&](const auto& A) { return Cross(A * lin.jacobian.transpose()); }, steep);
       if (outcome.verdict == Verdict::kFused) {
-        internal::keep_in_bounds(belief, 0, N);
+        internal::keep_in_bounds(belief, 0, N, steep);
       }
       return outcome;
     }

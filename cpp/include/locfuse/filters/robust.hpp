@@ -37,6 +37,8 @@ class NoiseShape {
   [[nodiscard]] bool is_gaussian() const { return count_ == 0; }
   [[nodiscard]] bool is_one_sided() const { return one_sided_; }
 
+  static constexpr std::size_t kMost = 28;  ///< Gaussians
+
   /// One Gaussian of the mixture; of R = 1.
   struct Part {
     double log_share = 0.0;
@@ -53,10 +55,14 @@ class NoiseShape {
     static constexpr int kRows = MaxM == 1 ? 1 : Eigen::Dynamic;
     using Residual = Eigen::Matrix<double, kRows, 1, Eigen::ColMajor, MaxM, 1>;
     using Noise = Eigen::Matrix<double, kRows, kRows, Eigen::ColMajor, MaxM, MaxM>;
+    using Doubt =
+        Eigen::Matrix<double, kRows, Eigen::Dynamic,
+                      kRows == 1 ? Eigen::RowMajor : Eigen::ColMajor, MaxM,
+                      MaxM == Eigen::Dynamic ? Eigen::Dynamic : static_cast<int>(NoiseShape::kMost)>;
 
     Residual residual;
     Noise noise;
-    Noise doubt;
+    Doubt doubt;  ///< columns, whose outer products sum to it
   };
 
   /// Of up to MaxM rows, which is 1, 3 or Eigen::Dynamic; `C` is H P H'. Throws NumericalError
@@ -65,8 +71,6 @@ class NoiseShape {
   [[nodiscard]] Softened<MaxM> soften(const typename Softened<MaxM>::Residual& residual,
                                       const typename Softened<MaxM>::Noise& C,
                                       const typename Softened<MaxM>::Noise& noise) const;
-
-  static constexpr std::size_t kMost = 28;
 
  private:
   void add(double share, double mean, double variance);
@@ -101,10 +105,14 @@ Outcome fuse_softened(GaussianBelief& belief, const Lin& lin, Slots slots, const
   for (const int row : belief.considered_rows()) {
     moved.row(row).setZero();
   }
-  const Cross doubtful = moved * R(softened.doubt);
-  for (Eigen::Index j = 0; j < belief.P.cols(); ++j) {  // eq. (6), the same above the diagonal
+  // Eq. (6), as a sum of squares: a difference would have no digits left where P is nearly flat
+  // along what is measured. The same above the diagonal.
+  const Eigen::Matrix<double, Cross::RowsAtCompileTime, Eigen::Dynamic, Eigen::RowMajor,
+                      Cross::MaxRowsAtCompileTime, decltype(softened.doubt)::MaxColsAtCompileTime>
+      doubtful = moved * softened.doubt;
+  for (Eigen::Index j = 0; j < belief.P.cols(); ++j) {
     for (Eigen::Index i = 0; i <= j; ++i) {
-      belief.P(i, j) += doubtful.row(i).dot(moved.row(j));
+      belief.P(i, j) += doubtful.row(i).dot(doubtful.row(j));
       belief.P(j, i) = belief.P(i, j);
     }
   }

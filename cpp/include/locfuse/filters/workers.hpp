@@ -2,6 +2,7 @@
 #pragma once
 
 #include <condition_variable>
+#include <exception>
 #include <functional>
 #include <mutex>
 #include <thread>
@@ -12,7 +13,8 @@ namespace locfuse {
 /// Threads that wait for loops to share. What a loop does must not depend on who does which part.
 class Workers {
  public:
-  /// `threads` in all, the caller's own among them. Throws std::invalid_argument unless 1 to 256.
+  /// `threads` in all, the caller's own among them. Throws std::invalid_argument unless 1 to 256,
+  /// and where the system has not as many.
   explicit Workers(int threads);
   ~Workers();
   Workers(const Workers&) = delete;
@@ -21,11 +23,14 @@ class Workers {
   [[nodiscard]] int threads() const { return static_cast<int>(helpers_.size()) + 1; }
 
   /// Calls part(begin, end) for pieces of [0, count), whole groups each; returns when all are done.
-  /// `part` must not throw. One loop at a time: other callers wait.
+  /// What a part throws is thrown then. One loop at a time: other callers wait.
   void share(int count, int group, const std::function<void(int, int)>& part);
 
  private:
   void help(int who);
+  void stop();
+  /// Calls a part and keeps what it throws.
+  void run(const std::function<void(int, int)>& part, int begin, int end);
 
   std::vector<std::thread> helpers_;
   std::mutex callers_;
@@ -38,6 +43,7 @@ class Workers {
   int working_ = 0;
   unsigned loop_ = 0;
   bool stop_ = false;
+  std::exception_ptr thrown_;  // by one of the parts
 };
 
 }  // namespace locfuse

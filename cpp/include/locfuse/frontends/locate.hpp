@@ -83,7 +83,7 @@ struct PositionSolution {
 
 /// Both solvers on the ranges of one moment, and everything that fits:
 /// docs/models/multilateration.md. Throws std::invalid_argument on what `validate` refuses, ranges
-/// that are not positive, priors or boxes of other dimensions.
+/// that are not 1e-12 to 1e12 m, priors or boxes of other dimensions, options out of range.
 [[nodiscard]] PositionSolution locate(const AnchorTable& anchors, const double* ranges,
                                       const double* sigma, const LocateOptions& options = {});
 

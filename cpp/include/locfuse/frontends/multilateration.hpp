@@ -78,6 +78,9 @@ template <int N>
 template <int N>
 [[nodiscard]] bool leaves_open(const Matrix<N, N>& information, double reach);
 
+/// The same number. Throws std::invalid_argument outside (0, 1).
+double checked_alarm(double false_alarm_probability);
+
 /// Square of the normal quantile: eq. (20). Throws std::invalid_argument outside (0, 0.5).
 [[nodiscard]] double side_margin(double wrong_side_probability);
 
@@ -116,9 +119,9 @@ class Multilateration {
   [[nodiscard]] double strong_below() const { return strong_below_; }
   /// Least difference of costs that decides between two positions, eq. (20).
   [[nodiscard]] double side_margin() const { return side_margin_; }
-  /// Largest cost of good ranges by number of ranges.
+  /// Largest cost of good ranges by number of ranges, 0 to kMaxRanges.
   [[nodiscard]] double cost_limit(int ranges) const {
-    return cost_limit_[static_cast<std::size_t>(ranges)];
+    return cost_limit_.at(static_cast<std::size_t>(ranges));
   }
 
  private:

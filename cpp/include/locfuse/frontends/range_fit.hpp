@@ -28,6 +28,9 @@ struct RangeLoss {
   [[nodiscard]] double cost(double z) const;
 };
 
+/// Throws std::invalid_argument unless the scale is 0 or 1e-3 to 1e6.
+void validate(const RangeLoss& loss);
+
 /// What is known of the position before: independent Gaussians per axis.
 template <int N>
 struct PositionPrior {

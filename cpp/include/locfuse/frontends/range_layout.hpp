@@ -11,6 +11,14 @@ namespace locfuse {
 /// Most ranges that one position is computed from; their storage is of fixed size.
 inline constexpr int kMaxRanges = 64;
 
+/// Ranges and sigmas are from the shortest to the longest, and coordinates no longer: squares of
+/// those, and of their squares, are numbers [m].
+inline constexpr double kShortest = 1e-12;
+inline constexpr double kLongest = 1e12;
+[[nodiscard]] constexpr bool is_length(double value) {
+  return value >= kShortest && value <= kLongest;
+}
+
 /// Anchors as a caller holds them: `size` rows of 2 or 3 coordinates [m], one after the other. Rows
 /// of 3 and a `height` are for a tag that moves at this known height: a position in the plane.
 struct AnchorTable {
@@ -23,8 +31,8 @@ struct AnchorTable {
   [[nodiscard]] int dimensions() const { return height ? 2 : columns; }
 };
 
-/// Throws std::invalid_argument unless columns are 2 or 3 (3 with a height), every number is
-/// finite, every sigma positive and there are no more than kMaxRanges rows.
+/// Throws std::invalid_argument unless columns are 2 or 3 (3 with a height), every coordinate is
+/// within kLongest, every sigma a length and there are no more than kMaxRanges rows.
 void validate(const AnchorTable& anchors, const double* sigma);
 
 /// d x / d r: how a position moves with each range, one column per range.

@@ -84,12 +84,13 @@ struct ArcTerms {
           wrap_angle(turn)};
 }
 
-/// The twist (forward, left, turn) whose arc is `motion`: SE(2) logarithm.
+/// The twist (forward, left, turn) whose arc is `motion`: SE(2) logarithm, by the short way round.
 [[nodiscard]] inline Vector<3> arc_twist(const Pose2& motion) {
-  const internal::ArcTerms t = internal::arc_terms(motion.heading);
+  const double turn = wrap_angle(motion.heading);
+  const internal::ArcTerms t = internal::arc_terms(turn);
   const double scale = 1.0 / (t.sine * t.sine + t.versine * t.versine);
   return {scale * (t.sine * motion.x + t.versine * motion.y),
-          scale * (t.sine * motion.y - t.versine * motion.x), motion.heading};
+          scale * (t.sine * motion.y - t.versine * motion.x), turn};
 }
 
 /// The first `share` (0 to 1, or beyond to extrapolate) of a motion driven on its arc.

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "locfuse/geometry/pose2.hpp"
+#include "locfuse/math/symmetric.hpp"
 #include "locfuse/math/types.hpp"
 
 namespace locfuse {
@@ -20,7 +21,7 @@ enum class RigidFitStatus : std::uint8_t {
   kFitted,
   kMirrored,      ///< a reflection fits the points better; `pose` is the rotation that fits best
   kNoDirection,   ///< the points in world prefer no heading: they coincide, or are a reflection
-  kNotConverged,  ///< no weighted optimum found
+  kNotConverged,  ///< no weighted optimum found, or none with a covariance
 };
 
 /// The pose of a rigid body whose points were measured in world.
@@ -101,7 +102,7 @@ template <int N>
                                 std::to_string(body_centre.y()) + ") m, which leaves no heading");
   }
   if (covariance.rows() != 2 * n || covariance.cols() != 2 * n || !covariance.allFinite() ||
-      !covariance.isApprox(covariance.transpose(), 1e-9)) {
+      !is_symmetric(covariance)) {
     throw std::invalid_argument("the covariance of " + std::to_string(n) + " points is " +
                                 std::to_string(covariance.rows()) + " x " +
                                 std::to_string(covariance.cols()) +
@@ -147,7 +148,13 @@ template <int N>
     }
     fit.pose = retract(fit.pose, delta);
   }
-  const Matrix<3, 3> inverse = information.llt().solve(Matrix<3, 3>::Identity());
+  const Eigen::LLT<Matrix<3, 3>> of_pose(information);
+  const Matrix<3, 3> inverse = of_pose.solve(Matrix<3, 3>::Identity());
+  if (of_pose.info() != Eigen::Success || !inverse.allFinite() ||
+      !(inverse.diagonal().minCoeff() > 0.0)) {  // weights lie further apart than digits reach
+    fit.status = RigidFitStatus::kNotConverged;
+    return fit;
+  }
   fit.covariance = 0.5 * (inverse + inverse.transpose());
   return fit;
 }

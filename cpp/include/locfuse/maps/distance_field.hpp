@@ -44,7 +44,7 @@ class DistanceField {
   [[nodiscard]] const OccupancyGrid& grid() const { return *grid_; }
   [[nodiscard]] int targets() const { return static_cast<int>(target_cells_.size()); }
 
-  /// Centre of a target in the field frame: the grid frame shifted by `margin_cells`.
+  /// Centre of a target (0 to targets() - 1) in the field frame: the grid frame shifted by `margin_cells`.
   [[nodiscard]] Vector<2> center(int target) const {
     const int cell = target_cells_[static_cast<std::size_t>(target)];
     const int row = cell / width_;
@@ -52,10 +52,11 @@ class DistanceField {
   }
 
   /// Distance [m] to the nearest target, from the centre of the cell that holds the point: within
-  /// half a cell's diagonal. Beyond the field the distance is exact.
+  /// half a cell's diagonal. Beyond the field the distance is exact. Throws std::invalid_argument
+  /// unless the point is less than 1e9 cells from the map.
   [[nodiscard]] double distance(const Vector<2>& p_world) const;
 
-  /// The target nearest to the point, exact anywhere.
+  /// The target nearest to the point, exact. Throws as distance() does.
   [[nodiscard]] Neighbour nearest(const Vector<2>& p_world) const;
 
   /// The same in the field frame, in cells.

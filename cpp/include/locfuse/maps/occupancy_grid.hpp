@@ -21,7 +21,7 @@ class OccupancyGrid {
  public:
   /// `cells` row by row, row 0 at the lowest y; `resolution` [m] per cell; `origin` is
   /// T_world_grid, in metres. Throws std::invalid_argument on an empty grid, on sizes that do not
-  /// fit, and on numbers that are not finite or not positive.
+  /// fit, unless `resolution` is 1e-6 to 1e6, and unless the numbers of `origin` are within 1e9.
   OccupancyGrid(int width, int height, double resolution, const Pose2& origin,
                 std::vector<Cell> cells);
 

@@ -24,6 +24,9 @@ class RayCaster {
 
   [[nodiscard]] const OccupancyGrid& grid() const { return *grid_; }
 
+  /// Whether a point in world is less than 1e9 cells from the map: a beam may start there.
+  [[nodiscard]] bool reaches(const Vector<2>& p_world) const;
+
   /// Range [m] of the beam from a point in a direction [rad] of the world; infinite if it enters no
   /// such cell within `max_range` [m].
   ///
@@ -33,7 +36,7 @@ class RayCaster {
 
   /// Ranges [m] of `count` beams at angle_min + i * angle_increment [rad] in the laser's frame.
   ///
-  /// Throws as cast() does, and on a negative `count`.
+  /// Throws as cast() does, and unless `count` is 0 to 1,000,000.
   [[nodiscard]] std::vector<double> scan(const Pose2& T_world_laser, double angle_min,
                                          double angle_increment, int count, double max_range) const;
 

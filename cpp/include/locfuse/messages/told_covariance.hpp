@@ -52,9 +52,9 @@ template <int N>
   noise.noise.setZero(noise.rows, noise.rows);
   for (Eigen::Index i = 0; i < noise.rows; ++i) {
     const Eigen::Index axis = noise.axes[static_cast<std::size_t>(i)];
-    for (Eigen::Index j = 0; told && j < noise.rows; ++j) {
-      noise.noise(i, j) =
-          widened(i) * widened(j) * covariance(axis, noise.axes[static_cast<std::size_t>(j)]);
+    for (Eigen::Index j = 0; told && j <= i; ++j) {
+      const Eigen::Index other = noise.axes[static_cast<std::size_t>(j)];
+      noise.noise(i, j) = noise.noise(j, i) = widened(i) * covariance(axis, other) * widened(j);
     }
     if (!told) {
       noise.noise(i, i) = widened(i) * widened(i) * unknown(axis) * unknown(axis);

@@ -43,6 +43,23 @@ template <class Estimator>
 constexpr bool kRestarts<Estimator, std::void_t<decltype(std::declval<Estimator>().restarted(
                                         std::declval<Estimator>().current()))>> = true;
 
+/// Whether an estimator may have to find its start, and holds another until then.
+template <class Estimator, class = void>
+constexpr bool kSearches = false;
+template <class Estimator>
+constexpr bool kSearches<Estimator,
+                         std::void_t<decltype(std::declval<const Estimator&>().estimator())>> = true;
+
+/// Whether there is a pose to go on from.
+template <class Estimator>
+[[nodiscard]] bool has_started(const Estimator& estimator) {
+  if constexpr (kSearches<Estimator>) {
+    return estimator.estimator() != nullptr;
+  } else {
+    return true;
+  }
+}
+
 }  // namespace internal
 
 /// Feeds an estimator in order of (effective stamp, arrival), whatever order messages arrive in.
@@ -185,7 +202,7 @@ class Timeline {
   void jump(const std::vector<Entry>& after) {
     ++jumps_;
     if constexpr (internal::kRestarts<Estimator>) {
-      if (options_.clock_jump == ClockJump::kContinue) {
+      if (options_.clock_jump == ClockJump::kContinue && internal::has_started(estimator_)) {
         auto now = estimator_.estimate();
         now.stamp =
             std::min_element(after.begin(), after.end(), [](const Entry& a, const Entry& b) {

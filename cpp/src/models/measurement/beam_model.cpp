@@ -83,7 +83,7 @@ Beams BeamModel::beams_of(const LaserScan& scan, int most) const {
 
 double BeamModel::log_density(double range, double expected) const {
   const Config& c = config_;
-  if (!(range < c.max_range_m)) {
+  if (!(range >= 0.0 && range < c.max_range_m)) {
     return std::log(std::max(c.maximum + (expected < c.max_range_m ? 0.0 : c.hit), kLeast));
   }
   const double off = (range - expected) / c.sigma_hit_m;
@@ -92,7 +92,7 @@ double BeamModel::log_density(double range, double expected) const {
     density += c.hit * std::exp(-0.5 * off * off) / (c.sigma_hit_m * std::sqrt(2.0 * kPi));
   }
   if (range < expected) {
-    const double before = std::min(expected, c.max_range_m);
+    const double before = std::clamp(expected, 1e-9, c.max_range_m);
     density += c.shorter * c.shorter_per_m * std::exp(-c.shorter_per_m * range) /
                -std::expm1(-c.shorter_per_m * before);
   }
@@ -101,10 +101,13 @@ double BeamModel::log_density(double range, double expected) const {
 
 double BeamModel::log_likelihood(const Pose2& T_world_body, const Beams& beams) const {
   const Pose2 laser = T_world_body * beams.laser_in_body;
+  const bool is_near = caster_.reaches(laser.position());
   double sum = 0.0;
   for (std::size_t k = 0; k < beams.angle.size(); ++k) {
     const double expected =
-        caster_.cast(laser.position(), laser.heading + beams.angle[k], config_.max_range_m);
+        is_near ? caster_.cast(laser.position(), laser.heading + beams.angle[k],
+                               config_.max_range_m)
+                : kInfinity;
     sum += log_density(beams.range[k], expected);
   }
   return sum;

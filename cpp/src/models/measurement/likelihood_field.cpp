@@ -82,13 +82,20 @@ LikelihoodField::LikelihoodField(const Config& config, std::shared_ptr<const Occ
                                  const DistanceField& distances)
     : config_(config), grid_(std::move(grid)) {
   const OccupancyGrid& map = *grid_;
-  within("sigma_hit_m", config.sigma_hit_m, 0.0, 1e3);
-  within("random_share", config.random_share, 0.0, 1.0);
-  within("max_range_m", config.max_range_m, 0.0, 1e4);
+  within("sigma_hit_m", config.sigma_hit_m, 1e-6, 1e3);
+  within("random_share", config.random_share, 1e-9, 1.0);
+  within("max_range_m", config.max_range_m, 1e-3, 1e4);
   check_density("clutter_per_m", config.clutter_per_m);
   check_density("unknown_per_m", config.unknown_per_m);
   const double resolution = map.resolution();
-  rim_ = static_cast<int>(config.max_range_m / resolution) + 2;
+  constexpr double kMostCells = 1 << 28;  // a quarter of a gigabyte each
+  const double rim = std::floor(config.max_range_m / resolution) + 2.0;
+  if (!((map.width() + 2.0 * rim) * (map.height() + 2.0 * rim) <= kMostCells)) {
+    throw std::invalid_argument("max_range_m is " + std::to_string(config.max_range_m) +
+                                " m, or " + std::to_string(rim) +
+                                " cells, expected a field of at most 2^28 cells");
+  }
+  rim_ = static_cast<int>(rim);
   width_ = map.width() + 2 * rim_;
   height_ = map.height() + 2 * rim_;
 
@@ -157,11 +164,11 @@ EndPoints LikelihoodField::end_points(const LaserScan& scan, int most) const {
 }
 
 std::uint8_t LikelihoodField::cost(double x, double y) const {
+  if (!(x >= -rim_ && y >= -rim_ && x < width_ - rim_ && y < height_ - rim_)) {
+    return costs_.front();  // unknown, as all of the rim; perhaps beyond the integers
+  }
   const int column = static_cast<int>(std::floor(x)) + rim_;
   const int row = static_cast<int>(std::floor(y)) + rim_;
-  if (column < 0 || row < 0 || column >= width_ || row >= height_) {
-    return costs_.front();  // unknown, as all of the rim
-  }
   return costs_[static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
                 static_cast<std::size_t>(column)];
 }

@@ -105,5 +105,21 @@ TEST(BeamModel, has_nothing_to_say_of_an_empty_scan) {
   EXPECT_TRUE(model.beams_of(scan_of({2.0}), 0).angle.empty());
 }
 
+TEST(BeamModel, densities_are_finite_for_any_range) {
+  const BeamModel model({}, wall());
+  for (const double range : {-1.0, -1e300, 0.0}) {
+    for (const double expected : {0.0, 1e-320, 1.0, std::numeric_limits<double>::infinity()}) {
+      EXPECT_TRUE(std::isfinite(model.log_density(range, expected))) << range << ' ' << expected;
+    }
+  }
+}
+
+TEST(BeamModel, from_farther_off_the_map_than_cells_are_told_apart_all_beams_go_on) {
+  const BeamModel model({}, wall());
+  Beams beams{{}, {0.1, 0.2}, {1.0, std::numeric_limits<double>::infinity()}};
+  EXPECT_EQ(model.log_likelihood({1e20, 0.0, 0.0}, beams),
+            model.log_likelihood({-1e6, 0.0, 0.0}, beams));
+}
+
 }  // namespace
 }  // namespace locfuse

@@ -146,5 +146,23 @@ TEST(LikelihoodField, refuses_maps_and_settings_that_say_nothing) {
       "unknown_per_m is nan");
 }
 
+TEST(LikelihoodField, refuses_what_leaves_no_density_or_no_memory) {
+  for (const double sigma : {1e-200, 1e-310}) {
+    testing::expect_refused([&] { LikelihoodField({sigma}, wall()); }, "sigma_hit_m");
+  }
+  testing::expect_refused([&] { LikelihoodField({0.1, 5e-324}, wall()); }, "random_share");
+  for (const double reach : {1e-310, 1e-100, 9999.0}) {
+    testing::expect_refused([&] { LikelihoodField({0.1, 0.05, reach}, wall()); }, "max_range_m");
+  }
+}
+
+TEST(LikelihoodField, what_is_beyond_the_integers_is_unknown) {
+  const LikelihoodField field({0.1, 0.05, 2.0}, wall());
+  for (const double far : {kNan, 1e10, -1e300, 2147483646.0}) {
+    EXPECT_EQ(field.log_density(far, 0.0), field.log_density(-1e3, 0.0)) << far;
+    EXPECT_FALSE(field.explains(0.0, far)) << far;
+  }
+}
+
 }  // namespace
 }  // namespace locfuse

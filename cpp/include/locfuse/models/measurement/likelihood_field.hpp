@@ -32,8 +32,8 @@ class LikelihoodField {
     double unknown_per_m = 0.002;  ///< of ends where nothing is known, behind walls mostly [1/m]
   };
 
-  /// Throws std::invalid_argument on settings out of range, no map, or a map without occupied or
-  /// without free cells.
+  /// Throws std::invalid_argument on settings out of range, no map, a map without occupied or
+  /// without free cells, or one that with a rim of `max_range_m` has more than 2^28.
   LikelihoodField(const Config& config, const std::shared_ptr<const OccupancyGrid>& grid);
 
   /// Fields of one map whose sigma doubles from one to the next, as long as it is less than 1.5
