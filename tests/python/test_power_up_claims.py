@@ -60,7 +60,7 @@ def test_a_solver_that_is_told_a_wrong_sigma_fails_the_consistency() -> None:
 
 def test_noise_free_ranges_give_the_place_to_a_nanometre() -> None:
     for name, anchors in LAYOUTS.items():
-        drawn = trials(anchors, 1e-150, 5, 500)
+        drawn = trials(anchors, 1e-12, 5, 500)
         for solver in ("ml", "ceres", "srls", "srwls"):
             found = lf.locate_batch(anchors, drawn.ranges, 0.1, solver=solver)
             error = np.linalg.norm(found.position - drawn.points, axis=1)

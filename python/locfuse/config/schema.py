@@ -194,9 +194,9 @@ class Health(Strict):
 
     limit_m: Positive = 1.0
     risk: Annotated[float, Field(gt=0.0, lt=0.5)] = 0.01
-    mean_s_between_losses: Positive = 14400.0
+    mean_s_between_losses: Annotated[float, Field(gt=1e-3, lt=1e12)] = 14400.0
     wrong_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.02
-    wrong_span_m: Positive = 20.0
+    wrong_span_m: Annotated[float, Field(gt=1e-6, lt=1e12)] = 20.0
     chance_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.4
     faulty_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.1
     faulty_share_unnamed: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-6
@@ -222,13 +222,13 @@ class Initializer(Strict):
     """What a start from nothing asks for; ``InitializerConfig`` in C++."""
 
     epoch_s: Annotated[float, Field(gt=0.0, lt=3600.0)] = 0.2
-    headings: Annotated[int, Field(gt=3, le=3600)] = 36
+    headings: Annotated[int, Field(gt=3, le=360)] = 36
     wrong_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.01
     wrong_span_m: Positive = 20.0
     spacing_m: Positive = 0.2
     spacing_heading_rad: Positive = 0.35
-    sigma_map_m: Positive = 0.03
-    sigma_map_rad: Positive = 0.02
+    sigma_map_m: Annotated[float, Field(gt=0.0, lt=1000.0)] = 0.03
+    sigma_map_rad: Annotated[float, Field(gt=0.0, lt=10.0)] = 0.02
     standing_ranges: Annotated[int, Field(gt=0, le=1_000_000_000)] = 10
     probability_ready: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.999
     sigma_xy_ready_m: Positive = 0.5
@@ -238,9 +238,9 @@ class Initializer(Strict):
 class LikelihoodField(Strict):
     """Where beams end; ``LikelihoodFieldConfig`` in C++, with the defaults of ``MclConfig``."""
 
-    sigma_hit_m: Annotated[float, Field(gt=0.0, lt=1000.0)] = 0.05
-    random_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.05
-    max_range_m: Annotated[float, Field(gt=0.0, lt=10_000.0)] = 30.0
+    sigma_hit_m: Annotated[float, Field(gt=1e-6, lt=1000.0)] = 0.05
+    random_share: Annotated[float, Field(gt=1e-9, lt=1.0)] = 0.05
+    max_range_m: Annotated[float, Field(gt=1e-3, lt=10_000.0)] = 30.0
     clutter_per_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.1
     unknown_per_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.002
 

@@ -586,5 +586,89 @@ TEST(Mcl, a_robot_off_the_map_or_in_a_wall_leaves_numbers_finite) {
   }
 }
 
+TEST(Mcl, one_particle_on_a_map_that_is_known_has_a_covariance) {
+  const Drive run = drive(3, 1);
+  Mcl::Config c = config();
+  c.sigma_map_m = c.sigma_map_rad = 0.0;
+  Mcl mcl(c, run.room.map, 0);
+  mcl.start_with(0, Matrix<4, 1>(0.0, 0.0, 0.0, 1.0));
+  EXPECT_TRUE(testing::is_covariance(mcl.estimate().covariance));
+}
+
+/// What the way there added to a variance the way back took off, and more by rounding.
+TEST(Mcl, a_long_way_there_and_back_leaves_a_covariance) {
+  const Drive run = drive(3, 1);
+  Mcl::Config c = config();
+  c.odometry = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+  Mcl mcl(c, run.room.map, 0);
+  mcl.start_at({near(run.truth.front(), 0.1, 0.05)});
+  const Stamp there = 11'000'000LL * 1'000'000'000;
+  ASSERT_EQ(mcl.on(Increment{0, there, {1e9, 0.0, 0.0}}).verdict, Verdict::kFused);
+  ASSERT_EQ(mcl.on(Increment{there, 2 * there, {-1e9, 0.0, 0.0}}).verdict, Verdict::kFused);
+  mcl.on(Velocity{2 * there, 0.0, 0.0});
+  EXPECT_TRUE(testing::is_covariance(mcl.estimate().covariance));
+}
+
+TEST(Mcl, a_body_that_is_farther_off_the_map_than_an_integer_counts_reads_a_scan) {
+  const Drive run = drive(3, 1);
+  for (const Mcl::Likelihood likelihood : {Mcl::Likelihood::kField, Mcl::Likelihood::kBeams}) {
+    Mcl::Config c = config();
+    c.likelihood = likelihood;
+    c.threads = 2;
+    Mcl mcl(c, run.room.map, 0);
+    mcl.start_at({near(run.truth.front(), 0.05, 0.05)});
+    const Stamp end = 600'000'000LL * 1'000'000'000;
+    ASSERT_EQ(mcl.on(Increment{0, end, {5e10, 0.0, 0.0}}).verdict, Verdict::kFused);
+    LaserScan scan = run.scans.front();
+    scan.stamp = end;
+    EXPECT_NO_THROW(mcl.on(scan));
+    EXPECT_TRUE(testing::is_covariance(mcl.estimate().covariance));
+  }
+}
+
+TEST(Mcl, a_fix_of_a_variance_without_a_root_leaves_health_finite) {
+  const Drive run = drive(3, 8);
+  Mcl mcl(config(), run.room.map, 0);
+  mcl.start_at({near(run.truth.front(), 0.03, 0.02)});
+  for (std::size_t i = 0; i < run.scans.size(); ++i) {
+    mcl.on(run.increments[i]);
+    mcl.on(run.scans[i]);
+  }
+  const Matrix<2, 2> tiny = 1e-320 * Matrix<2, 2>::Identity();
+  EXPECT_EQ(mcl.on(PositionFix{9 * kStep, run.truth.back().position(), tiny}).verdict,
+            Verdict::kFused);
+  EXPECT_LE(mcl.health().wrong, 1.0);
+  for (const SourceStatus& status : mcl.sources()) {
+    EXPECT_LE(status.faulty, 1.0);
+  }
+}
+
+TEST(Mcl, without_outliers_what_fits_nowhere_is_weighed_alike) {
+  const Drive run = drive(3, 1);
+  Mcl::Config c = config();
+  c.outlier_share = 0.0;
+  Mcl mcl(c, run.room.map, 0);
+  mcl.start_at({near(run.truth.front(), 0.03, 0.02)});
+  const Vector<2> off = run.truth.front().position() + Vector<2>(5.0, 0.0);
+  EXPECT_NO_THROW(mcl.on(PositionFix{1, off, 0.01 * Matrix<2, 2>::Identity()}));
+}
+
+/// A match was used after particles had been moved, though it left no noise to draw from: the next
+/// scan moved them once more.
+TEST(Mcl, odometry_without_noise_moves_particles_once) {
+  const Drive run = drive(3, 8);
+  Mcl::Config c = config();
+  c.odometry = {1e-160, 1e-160, 1e-160, 1e-160, 1e-160, 1e-160, 0.0};
+  c.refine_up_to = 100'000;
+  Mcl mcl(c, run.room.map, 0);
+  mcl.start_at({near(run.truth.front(), 0.03, 0.02)});
+  for (std::size_t i = 0; i < run.scans.size(); ++i) {
+    mcl.on(run.increments[i]);
+    EXPECT_NO_THROW(mcl.on(run.scans[i]));
+    EXPECT_NO_THROW(mcl.on(run.scans[i]));
+  }
+  EXPECT_LT((mcl.estimate().pose.position() - run.truth.back().position()).norm(), 0.3);
+}
+
 }  // namespace
 }  // namespace locfuse

@@ -424,5 +424,21 @@ TEST(RecoveringEkf, bad_input_is_refused) {
   EXPECT_TRUE(ekf.is_lost());
 }
 
+/// A lever arm takes this covariance, which is one by a single rounding, out of the search's hands.
+TEST(RecoveringEkf, what_a_search_cannot_use_is_fused_by_the_filter_alike) {
+  RecoveringEkf::Config with_lever;
+  with_lever.estimator.position.antenna_forward_m = 0.37;
+  with_lever.estimator.position.antenna_left_m = 0.21;
+  RecoveringEkf robot(with_lever, testing::hall(), testing::one_tag(), nullptr);
+  robot.start_at({0, {2.0, -1.0, 0.4}, Vector<3>(0.01, 0.01, 0.0025).asDiagonal()});
+  constexpr Stamp kSecond = 10 * kStep;
+  robot.on(Velocity{kSecond, 0.0, 0.0});
+  robot.on(Velocity{100 * kSecond, 0.0, 0.0});
+  ASSERT_TRUE(robot.is_lost());
+  Matrix<2, 2> P;
+  P << 0x1.ffd02daf57326p-3, 0x1.18ef68457fd26p-1, 0x1.18ef68457fd26p-1, 0x1.346962583a6eep+0;
+  EXPECT_EQ(robot.on(PositionFix{100 * kSecond, {2.3, -0.8}, P}).verdict, Verdict::kFused);
+}
+
 }  // namespace
 }  // namespace locfuse

@@ -275,5 +275,23 @@ TEST(SwitchingMcl, a_copy_is_a_snapshot) {
   EXPECT_EQ(copy.mcl().belief().x, switching.mcl().belief().x);
 }
 
+/// An age of less than a nanosecond let every scan of one stamp widen it, up to infinity.
+TEST(SwitchingMcl, widens_a_filter_once_at_a_time) {
+  const Standing standing;
+  SwitchingMcl::Config config;
+  config.uwb_age_s = 1e-10;
+  SwitchingMcl robot = standing.estimator(config);
+  for (int i = 0; i < 200; ++i) {
+    const Vector<2> at(i % 2 == 0 ? 50.0 : -50.0, 0.0);
+    robot.on(PositionFix{kSecond, at, 0.01 * Matrix<2, 2>::Identity()});
+  }
+  robot.on(PositionFix{kSecond, standing.truth().position(), 0.01 * Matrix<2, 2>::Identity()});
+  LaserScan none{kSecond, testing::laser(), std::vector<double>(360, std::nan(""))};
+  for (int i = 0; i < 400; ++i) {
+    robot.on(none);
+  }
+  EXPECT_TRUE(Eigen::MatrixXd(robot.uwb().estimator()->belief().P).allFinite());
+}
+
 }  // namespace
 }  // namespace locfuse
