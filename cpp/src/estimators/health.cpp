@@ -338,8 +338,7 @@ HealthReport Health::report(const PoseEstimate& estimate) const {
   HealthReport report;
   report.stamp = std::max(stamp_, estimate.stamp);
   const double since = seconds_between(stamp_, report.stamp);
-  double odds =
-      std::min(odds_ + (1.0 + odds_) * since / config_.mean_s_between_losses, kMostOdds);
+  double odds = std::min(odds_ + (1.0 + odds_) * since / config_.mean_s_between_losses, kMostOdds);
   if (is_out_of_date(report.stamp)) {
     odds = std::max(odds, odds_lost_);
   }

@@ -96,7 +96,6 @@ void LandmarkEkf::add_known(const KnownLandmark& landmark) {
                              *landmark.covariance);
   }
   tracks_.push_back(track);
-  unnamed_ = std::min(unnamed_, landmark.id - 1);
 }
 
 Outcome LandmarkEkf::on(const Velocity& u) {
@@ -205,7 +204,8 @@ Pairings LandmarkEkf::candidates(const std::vector<RangeBearing>& sightings) con
       }
       const std::optional<Sighting> lin = linearize(track, z);
       const Outcome outcome = lin ? compare(track, *lin) : Outcome{};
-      if (!lin || !(outcome.nis <= recipe_->landmark_gate.limit(outcome.dof))) {
+      if (!lin || !std::isfinite(outcome.nis) ||
+          outcome.nis > recipe_->landmark_gate.limit(outcome.dof)) {
         continue;
       }
       Pairing pairing{static_cast<int>(k), {lin->residual, {}, lin->noise}, {0, 1, 2}, outcome.nis};
@@ -306,6 +306,9 @@ Outcome LandmarkEkf::add(const RangeBearing& z) {
   if (in_state >= recipe_->config.max_landmarks || !placed) {
     return {Verdict::kNotModelled};
   }
+  while (find(unnamed_) >= 0) {
+    --unnamed_;
+  }
   const Id id = z.landmark.value_or(unnamed_);
   const Matrix<2, 2> noise =
       placed->by_sighting * recipe_->landmark.noise(z) * placed->by_sighting.transpose();
@@ -313,7 +316,7 @@ Outcome LandmarkEkf::add(const RangeBearing& z) {
                             placed->by_pose, noise, body_);
   const bool confirmed = z.landmark || recipe_->config.min_sightings == 1;
   tracks_.push_back({id, slot, placed->position, 1, confirmed, z.stamp});
-  unnamed_ = std::min(unnamed_, id - 1);
+  unnamed_ -= z.landmark ? 0 : 1;  // no other gets it, even when this one is dropped
   return {Verdict::kFused};
 }
 

@@ -572,8 +572,8 @@ Outcome Mcl::weigh(const Model& model, const Message& z) {
       // An outlier is as likely as what is off by four standard deviations in each row.
       const double floor = -8.0 * static_cast<double>(lin ? lin->residual.size() : 1);
       const double good = lin ? -0.5 * squared_mahalanobis(lin->residual, lin->noise) : floor;
-      log_likelihood_[k] = static_cast<float>(
-          internal::log_sum(log_right + good, log_wrong + floor));
+      log_likelihood_[k] =
+          static_cast<float>(internal::log_sum(log_right + good, log_wrong + floor));
     }
   });
   reweigh_and_resample(1.0);

@@ -142,8 +142,8 @@ std::vector<Outcome> RecoveringEkf::on_joint(const std::vector<RangeBearing>& si
   return outcomes;
 }
 
-/// Tells the search, if there is one. What it cannot use is fused already where a filter tracks: then
-/// another search begins, and the message is good.
+/// Tells the search, if there is one. What it cannot use is fused already where a filter tracks:
+/// then another search begins, and the message is good.
 template <class Tell>
 void RecoveringEkf::search(const Tell& tell) {
   if (!start_) {

@@ -3,6 +3,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <set>
 
@@ -12,6 +13,7 @@ namespace locfuse {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr int kMostAppends = 100'000;  // then joint compatibility keeps the best set so far
 
 /// Rows of costs to columns, each column once, at the least sum: the Hungarian method with
 /// potentials, in O(rows^2 columns). There must be no more rows than columns.
@@ -80,12 +82,18 @@ class Joint {
   Joint(const Eigen::MatrixXd& P, const Pairings& pairings, double probability)
       : pairings_(pairings), gate_(probability), best_(pairings.size(), -1), now_(best_) {
     rows_after_.assign(pairings.size() + 1, 0);
+    pairs_after_.assign(pairings.size() + 1, 0);
+    int seen = 0;
+    std::set<int> landmarks;
     for (std::size_t i = pairings.size(); i-- > 0;) {
       Eigen::Index rows = 0;
       for (const Pairing& pairing : pairings[i]) {
         rows = std::max(rows, pairing.lin.residual.size());
+        landmarks.insert(pairing.landmark);
       }
+      seen += pairings[i].empty() ? 0 : 1;
       rows_after_[i] = rows_after_[i + 1] + rows;
+      pairs_after_[i] = std::min(seen, static_cast<int>(landmarks.size()));
     }
     for (const std::vector<Pairing>& of_one : pairings) {
       std::vector<Eigen::MatrixXd> columns;
@@ -101,11 +109,36 @@ class Joint {
   }
 
   Assignment search() {
+    start_from(global_nearest_neighbour(pairings_));
+    appends_ = 0;
     branch(0, 0, 0, 0.0);
     return best_;
   }
 
  private:
+  /// Keeps those pairs, one after the other, that fit jointly: what is to be beaten.
+  void start_from(const Assignment& assignment) {
+    Eigen::Index rows = 0;
+    double nis = 0.0;
+    for (std::size_t i = 0; i < assignment.size(); ++i) {
+      if (assignment[i] < 0) {
+        continue;
+      }
+      const auto k = static_cast<std::size_t>(assignment[i]);
+      const double with = nis + append(i, k, rows);
+      const Eigen::Index dof = rows + pairings_[i][k].lin.residual.size();
+      if (std::isfinite(with) && with <= gate_.limit(static_cast<int>(dof))) {
+        now_[i] = assignment[i];
+        rows = dof;
+        nis = with;
+        ++best_pairs_;
+      }
+    }
+    best_ = now_;
+    best_nis_ = best_pairs_ > 0 ? std::nextafter(nis, kInfinity) : kInfinity;  // may be equalled
+    now_.assign(now_.size(), -1);
+  }
+
   void branch(std::size_t sighting, int pairs, Eigen::Index rows, double nis) {
     if (sighting == pairings_.size()) {
       const bool fits = pairs == 0 || nis <= gate_.limit(static_cast<int>(rows));
@@ -116,8 +149,8 @@ class Joint {
       }
       return;
     }
-    const int left = static_cast<int>(pairings_.size() - sighting);
-    if (pairs + left < best_pairs_ || (pairs + left == best_pairs_ && nis >= best_nis_)) {
+    const int most = pairs + pairs_after_[sighting];
+    if (most < best_pairs_ || (most == best_pairs_ && nis >= best_nis_)) {
       return;
     }
     for (std::size_t k = 0; k < pairings_[sighting].size(); ++k) {
@@ -125,24 +158,29 @@ class Joint {
       if (taken_.count(pairing.landmark) != 0) {
         continue;
       }
-      const double more = append(sighting, k, rows);
+      if (appends_ == kMostAppends) {
+        return;
+      }
+      const double with = nis + append(sighting, k, rows);
       const Eigen::Index dof = rows + pairing.lin.residual.size();
       // More pairs may be allowed more, so a set that does not fit may be part of one that does.
-      if (nis + more <= gate_.limit(static_cast<int>(dof + rows_after_[sighting + 1]))) {
+      if (std::isfinite(with) &&
+          with <= gate_.limit(static_cast<int>(dof + rows_after_[sighting + 1]))) {
         now_[sighting] = static_cast<int>(k);
         taken_.insert(pairing.landmark);
-        branch(sighting + 1, pairs + 1, dof, nis + more);
+        branch(sighting + 1, pairs + 1, dof, with);
         taken_.erase(pairing.landmark);
         now_[sighting] = -1;
       }
     }
-    if (pairs + left - 1 >= best_pairs_) {
+    if (pairs + pairs_after_[sighting + 1] >= best_pairs_) {
       branch(sighting + 1, pairs, rows, nis);
     }
   }
 
   /// Adds a pair's rows to the factor; returns what they add to the joint NIS.
   double append(std::size_t sighting, std::size_t k, Eigen::Index rows) {
+    ++appends_;
     const Pairing& pairing = pairings_[sighting][k];
     const Eigen::Index size = pairing.lin.residual.size();
     Eigen::Index at = 0;
@@ -178,12 +216,14 @@ class Joint {
   const Pairings& pairings_;
   Gate gate_;
   std::vector<Eigen::Index> rows_after_;             // that sightings from one on may add
+  std::vector<int> pairs_after_;                     // likewise
   std::vector<std::vector<Eigen::MatrixXd>> cross_;  // P H' of each pairing
   Eigen::MatrixXd L_;
   Eigen::VectorXd y_;  // L^-1 r
   std::set<int> taken_;
   Assignment best_;
   Assignment now_;
+  int appends_ = 0;
   int best_pairs_ = 0;
   double best_nis_ = kInfinity;
 };
@@ -200,7 +240,8 @@ void compare(const Eigen::MatrixXd& P, double probability, Pairings& pairings) {
       pairing.nis = squared_mahalanobis(pairing.lin.residual, S);
     }
     const auto beyond = [&](const Pairing& pairing) {
-      return !(pairing.nis <= gate.limit(static_cast<int>(pairing.lin.residual.size())));
+      return !std::isfinite(pairing.nis) ||
+             pairing.nis > gate.limit(static_cast<int>(pairing.lin.residual.size()));
     };
     of_one.erase(std::remove_if(of_one.begin(), of_one.end(), beyond), of_one.end());
   }
@@ -230,12 +271,19 @@ Assignment nearest_neighbour(const Pairings& pairings) {
 }
 
 Assignment global_nearest_neighbour(const Pairings& pairings) {
+  std::size_t pairs = 1;  // never a division by 0
+  for (const std::vector<Pairing>& of_one : pairings) {
+    pairs += of_one.size();
+  }
+  const double limit = 1e300 / static_cast<double>(pairs);  // or no pair: the sum must be finite
   std::vector<int> landmarks;
   double most = 1.0;
   for (const std::vector<Pairing>& of_one : pairings) {
     for (const Pairing& pairing : of_one) {
-      landmarks.push_back(pairing.landmark);
-      most += pairing.nis;
+      if (pairing.nis <= limit) {
+        landmarks.push_back(pairing.landmark);
+        most += pairing.nis;
+      }
     }
   }
   std::sort(landmarks.begin(), landmarks.end());
@@ -247,8 +295,10 @@ Assignment global_nearest_neighbour(const Pairings& pairings) {
   cost.rightCols(rows).setConstant(most);
   for (std::size_t i = 0; i < pairings.size(); ++i) {
     for (const Pairing& pairing : pairings[i]) {
-      const auto column = std::lower_bound(landmarks.begin(), landmarks.end(), pairing.landmark);
-      cost(static_cast<Eigen::Index>(i), column - landmarks.begin()) = pairing.nis;
+      if (pairing.nis <= limit) {
+        const auto column = std::lower_bound(landmarks.begin(), landmarks.end(), pairing.landmark);
+        cost(static_cast<Eigen::Index>(i), column - landmarks.begin()) = pairing.nis;
+      }
     }
   }
   const std::vector<int> column_of = least_sum(cost);

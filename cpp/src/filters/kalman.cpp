@@ -295,7 +295,13 @@ Slot augment(GaussianBelief& belief, const std::string& name, SlotKind kind,
   if (!positive || !mean.allFinite() || !cross.allFinite() || !own.allFinite()) {
     throw NumericalError("slot '" + name + "' would not be finite with positive noise");
   }
-  const Slot added = belief.add(name, kind, mean, 0.5 * (own + own.transpose()));
+  const MatrixXd P = 0.5 * own + 0.5 * own.transpose();
+  MatrixXd less = P;  // rounding may have left no digits of the noise
+  less.diagonal() *= internal::kLess;
+  if (!P.allFinite() || Eigen::LLT<MatrixXd>(less).info() != Eigen::Success) {
+    throw NumericalError("slot '" + name + "' would have a covariance that is not positive");
+  }
+  const Slot added = belief.add(name, kind, mean, P);
   belief.P.bottomLeftCorner(size, cross.cols()) = cross;
   belief.P.topRightCorner(cross.cols(), size) = cross.transpose();
   internal::keep_in_bounds(belief, cross.cols(), size);

@@ -127,8 +127,8 @@ void move(ParticleBelief& belief, const UncertainMotion& step, std::uint64_t key
     L.row(2) *= kAny / turn;
   }
   constexpr double kFarthest = 1e30;  // in single precision, in which particles are kept
-  const double farthest = std::max({std::abs(step.motion.x), std::abs(step.motion.y),
-                                    L.topRows<2>().cwiseAbs().maxCoeff()});
+  const double farthest = std::max(
+      {std::abs(step.motion.x), std::abs(step.motion.y), L.topRows<2>().cwiseAbs().maxCoeff()});
   if (!L.allFinite() || !(farthest <= kFarthest) || !std::isfinite(step.motion.heading)) {
     throw NumericalError("a motion of particles is not finite");
   }

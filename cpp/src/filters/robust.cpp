@@ -151,8 +151,7 @@ NoiseShape::Softened<MaxM> NoiseShape::soften(const typename Softened<MaxM>::Res
   Doubt doubt = Doubt::Zero(rows, static_cast<Eigen::Index>(count_));
   for (std::size_t k = 0; k < count_; ++k) {
     if (weights[k] > 0.0) {
-      doubt.col(static_cast<Eigen::Index>(k)) =
-          std::sqrt(weights[k] / sum) * (scores[k] - score);
+      doubt.col(static_cast<Eigen::Index>(k)) = std::sqrt(weights[k] / sum) * (scores[k] - score);
     }
   }
   const Eigen::LLT<R> factor(information / sum);

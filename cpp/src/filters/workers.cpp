@@ -29,9 +29,8 @@ Workers::Workers(int threads) {
   } catch (const std::system_error& error) {
     const int made = this->threads();
     stop();
-    throw std::invalid_argument("threads is " + std::to_string(threads) +
-                                ", but the system has " + std::to_string(made) +
-                                " for this: " + error.what());
+    throw std::invalid_argument("threads is " + std::to_string(threads) + ", but the system has " +
+                                std::to_string(made) + " for this: " + error.what());
   }
 }
 

@@ -218,8 +218,11 @@ Bearings bearings_of(const Sweep& sweep, const Run& run, const Circle& guess,
   const double seen = (run.beams() - 1) * sweep.step;
   const double low = free_first ? std::max(seen - half, half - sweep.step) : seen - half;
   const double high = free_last ? std::min(half, seen + sweep.step - half) : half;
-  // More beams than its width allows: they are wide themselves, and the edges anywhere.
-  return {0.5 * (low + high), high > low ? high - low : sweep.step, free_first, free_last};
+  // No bearing is known without an error, and rounding may leave less than 0 of none. More beams
+  // than its width allows: they are wide themselves, and the edges anywhere.
+  const double width =
+      high - low > -1e-9 * sweep.step ? std::max(high - low, 1e-4 * sweep.step) : sweep.step;
+  return {0.5 * (low + high), width, free_first, free_last};
 }
 
 /// Range of the centre at a turn from the first beam, and the chi-square of the beams about it.
@@ -371,15 +374,17 @@ std::optional<CircleFit> fit_few(const Sweep& sweep, const Run& run, double radi
   constexpr int kBearings = 16;
   const Circle guess = circle_behind(sweep, run, radius);
   const Bearings may = bearings_of(sweep, run, guess, noise);
+  // Moments of range and turn about those of the guess, where squares lose no digits.
+  const Vector<2> middle(guess.centre.norm(), may.middle);
   Vector<2> mean = Vector<2>::Zero();
   Matrix<2, 2> squares = Matrix<2, 2>::Zero();
   double total = 0.0;
   double least = std::numeric_limits<double>::infinity();
   for (int k = 0; k < kBearings; ++k) {
-    const double turn = may.middle + may.width * ((k + 0.5) / kBearings - 0.5);
-    const Vector<2> found = range_and_misfit(sweep, run, guess, turn, noise);
+    const double off = may.width * ((k + 0.5) / kBearings - 0.5);
+    const Vector<2> found = range_and_misfit(sweep, run, guess, may.middle + off, noise);
     const double weight = std::exp(-0.5 * std::min(found.y(), 200.0));
-    const Vector<2> at(found.x(), turn);
+    const Vector<2> at(found.x() - middle.x(), off);
     least = std::min(least, found.y());
     total += weight;
     mean += weight * at;
@@ -389,6 +394,7 @@ std::optional<CircleFit> fit_few(const Sweep& sweep, const Run& run, double radi
   Matrix<2, 2> P = squares / total - mean * mean.transpose();
   P(0, 0) += noise.range * noise.range / run.beams();
   P(1, 1) += noise.bearing * noise.bearing + may.width * may.width / (12.0 * kBearings * kBearings);
+  mean += middle;
   const Matrix<2, 2> axes = axes_at(sweep[run.first], mean.y());
   Matrix<2, 2> to_plane = axes;
   to_plane.col(1) *= mean.x();

@@ -39,9 +39,8 @@ Row whitened(Row row, const Eigen::LLT<Matrix<2, 2>>& noise) {
 /// NaN where there is no factor.
 template <int N>
 double log_determinant(const Eigen::LLT<Matrix<N, N>>& factor) {
-  return factor.info() == Eigen::Success
-             ? 2.0 * factor.matrixLLT().diagonal().array().log().sum()
-             : std::numeric_limits<double>::quiet_NaN();
+  return factor.info() == Eigen::Success ? 2.0 * factor.matrixLLT().diagonal().array().log().sum()
+                                         : std::numeric_limits<double>::quiet_NaN();
 }
 
 /// The pose at which the line from `a` to `b` lies on that between two landmarks, middle on middle.
@@ -81,14 +80,13 @@ std::optional<ConstellationMatch> fit(const std::array<const SeenLandmark*, 2>& 
   const Eigen::LLT<Matrix<3, 3>> factor(information);
   const Matrix<3, 3> inverse = factor.solve(Matrix<3, 3>::Identity());
   const Matrix<3, 3> covariance = 0.5 * (inverse + inverse.transpose());
-  const double log_volumes = -log_determinant(factor) - log_determinant(noise[0]) -
-                             log_determinant(noise[1]);
+  const double log_volumes =
+      -log_determinant(factor) - log_determinant(noise[0]) - log_determinant(noise[1]);
   if (!(squared <= limit) || !std::isfinite(log_volumes) ||
       covariance.llt().info() != Eigen::Success) {  // or noise that leaves no digits
     return std::nullopt;
   }
-  return ConstellationMatch{pose, covariance,
-                            0.5 * (log_volumes - squared - std::log(2.0 * kPi))};
+  return ConstellationMatch{pose, covariance, 0.5 * (log_volumes - squared - std::log(2.0 * kPi))};
 }
 
 }  // namespace

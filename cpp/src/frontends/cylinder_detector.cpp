@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "locfuse/frontends/cylinder_detector.hpp"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -25,6 +26,7 @@ using internal::Ray;
 using internal::Run;
 using internal::Sweep;
 
+constexpr std::size_t kMostBeams = 100'000;  // at worst the time grows with their square
 constexpr int kGates = 256;
 constexpr int kFew = 3;             // beams up to which the bearing comes from which of them hit
 constexpr int kLargestGap = 3;      // beams without return that an arc may go on behind
@@ -115,8 +117,14 @@ class Search {
   }
 
  private:
+  struct Farthest {  // of a run's points from its chord
+    int at;
+    double behind;  // negative before it
+  };
+
   void split(const Run& run);
-  void cut(const Run& run, int& begin);
+  void cut(const Run& whole, int& begin);
+  [[nodiscard]] Farthest farthest_of(const Run& run) const;
   void consider(Run run);
   void add(const Cylinder& cylinder);
 
@@ -135,6 +143,7 @@ class Search {
   [[nodiscard]] double expected_evidence(const Run& run, const CircleFit& fit) const;
   [[nodiscard]] bool stands_out(const Run& run, const CircleFit& fit) const;
   [[nodiscard]] bool seen_through(int end, int side, const Circle& circle) const;
+  [[nodiscard]] bool is_positive(const Matrix<3, 3>& covariance) const;
   [[nodiscard]] Cylinder told(const Run& run, const CircleFit& fit) const;
   [[nodiscard]] bool ends_behind(const Run& run, const Circle& circle) const;
   [[nodiscard]] bool is_thin(const Run& run) const;
@@ -161,27 +170,39 @@ void Search::split(const Run& run) {
   }
 }
 
-void Search::cut(const Run& run, int& begin) {
-  const Vector<2> a = sweep_[run.first].end();
-  const Vector<2> chord = (sweep_[run.last].end() - a).normalized();
-  double most = 0.0;
-  int at = run.first;
-  for (int j = run.first + 1; j < run.last; ++j) {
-    const double behind = cross(sweep_[j].end() - a, chord);
-    if (std::abs(behind) > std::abs(most)) {
-      most = behind;
-      at = j;
+/// Part by part in order, without recursion: there may be as many parts as beams.
+void Search::cut(const Run& whole, int& begin) {
+  struct Part {
+    Run run;
+    bool behind_corner;
+  };
+  std::vector<Part> left{{whole, false}};  // the next one last
+  while (!left.empty()) {
+    const auto [run, behind_corner] = left.back();
+    left.pop_back();
+    if (behind_corner) {
+      consider({begin, run.first - 1});  // the corner may lie on either; the arc grows if it fits
+      begin = run.first + 1;
+    }
+    const Farthest farthest = farthest_of(run);
+    if (std::abs(farthest.behind) >= 4.0 * noise_.range) {
+      left.push_back({{farthest.at, run.last}, farthest.behind > 0.0});
+      left.push_back({{run.first, farthest.at}, false});
     }
   }
-  if (std::abs(most) < 4.0 * noise_.range) {
-    return;
+}
+
+Search::Farthest Search::farthest_of(const Run& run) const {
+  const Vector<2> a = sweep_[run.first].end();
+  const Vector<2> chord = (sweep_[run.last].end() - a).normalized();
+  Farthest farthest{run.first, 0.0};
+  for (int j = run.first + 1; j < run.last; ++j) {
+    const double behind = cross(sweep_[j].end() - a, chord);
+    if (std::abs(behind) > std::abs(farthest.behind)) {
+      farthest = {j, behind};
+    }
   }
-  cut({run.first, at}, begin);
-  if (most > 0.0) {
-    consider({begin, at - 1});  // the corner itself may lie on either; the arc grows if it fits
-    begin = at + 1;
-  }
-  cut({at, run.last}, begin);
+  return farthest;
 }
 
 void Search::consider(Run run) {
@@ -195,10 +216,7 @@ void Search::consider(Run run) {
     return;
   }
   const Cylinder cylinder = told(run, *fit);
-  const Vector<3> variances = cylinder.covariance.diagonal();
-  // Numbers of any size may leave none; that of a radius that is known is 0.
-  if (cylinder.covariance.allFinite() && variances.head<2>().minCoeff() > 0.0 &&
-      (config_.radius_m > 0.0 || variances.z() > 0.0)) {
+  if (is_positive(cylinder.covariance)) {
     add(cylinder);
     begin_ = run.last + 1;
     end_ = std::min(end_, run.first + sweep_.size());
@@ -430,6 +448,13 @@ int Search::returns(const Run& run) const {
   return count;
 }
 
+/// Numbers of any size may leave no covariance; that of a radius that is known is 0.
+bool Search::is_positive(const Matrix<3, 3>& covariance) const {
+  const auto positive = [](const auto& P) { return P.llt().info() == Eigen::Success; };
+  return covariance.allFinite() &&
+         (radius_known_ ? positive(covariance.topLeftCorner<2, 2>()) : positive(covariance));
+}
+
 Cylinder Search::told(const Run& run, const CircleFit& fit) const {
   const Vector<2>& c = fit.circle.centre;
   const double range = c.norm();
@@ -494,6 +519,10 @@ std::vector<Cylinder> CylinderDetector::detect(const LaserScan& scan) const {
     throw std::invalid_argument(
         "LaserScan.intensities is empty, expected one per beam as "
         "CylinderDetectorConfig.least_intensity is above 0");
+  }
+  if (scan.ranges.size() > kMostBeams) {
+    throw std::invalid_argument("LaserScan.ranges has " + std::to_string(scan.ranges.size()) +
+                                " beams, expected at most " + std::to_string(kMostBeams));
   }
   const Sweep sweep = sweep_of(scan, config_.least_intensity, jump_of(config_));
   std::vector<Vector<2>> thin;

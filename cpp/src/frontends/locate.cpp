@@ -21,8 +21,8 @@ std::string text_of(const Eigen::VectorXd& values) {
   for (Eigen::Index k = 0; k < values.size(); ++k) {
     const std::string number = std::to_string(values(k));
     const std::size_t point = number.find('.');
-    text += (k > 0 ? ", " : "") +
-            (point == std::string::npos ? number : number.substr(0, point + 4));
+    text +=
+        (k > 0 ? ", " : "") + (point == std::string::npos ? number : number.substr(0, point + 4));
   }
   return text + ")";
 }
@@ -50,9 +50,10 @@ void check_options(const LocateOptions& options, int dimensions) {
     if (prior.mean.size() != dimensions || prior.sigma.size() != dimensions ||
         !(prior.mean.array().abs() <= kLongest).all() ||
         !(prior.sigma.array() >= kShortest).all()) {
-      throw std::invalid_argument(
-          "prior has mean " + text_of(prior.mean) + " and sigma " + text_of(prior.sigma) +
-          ", expected " + std::to_string(dimensions) + " finite numbers and as many positive ones, 1e-12 or more");
+      throw std::invalid_argument("prior has mean " + text_of(prior.mean) + " and sigma " +
+                                  text_of(prior.sigma) + ", expected " +
+                                  std::to_string(dimensions) +
+                                  " finite numbers and as many positive ones, 1e-12 or more");
     }
   }
   if (options.box) {

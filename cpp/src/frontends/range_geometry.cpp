@@ -40,8 +40,8 @@ Eigen::MatrixXd bounded_inverse(const Eigen::MatrixXd& information) {
     open.diagonal().setConstant(std::numeric_limits<double>::infinity());
     return open;
   }
-  const Eigen::MatrixXd P = eigen.eigenvectors() * values.cwiseInverse().asDiagonal() *
-                            eigen.eigenvectors().transpose();
+  const Eigen::MatrixXd P =
+      eigen.eigenvectors() * values.cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose();
   return 0.5 * (P + P.transpose());
 }
 

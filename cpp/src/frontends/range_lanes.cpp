@@ -17,7 +17,7 @@ constexpr int kLanes = 2;
 #endif
 constexpr int kSecularSteps = 3;
 constexpr int kNewtonSteps = 3;
-constexpr double kDone = 1e-8;  // as in range_fit.cpp
+constexpr double kDone = 1e-8;        // as in range_fit.cpp
 constexpr double kLeastPivot = 1e-9;  // of the information, beside its diagonal; else one by one
 
 using Lanes = double __attribute__((vector_size(kLanes * sizeof(double))));
@@ -31,8 +31,8 @@ inline void square_root(const Lanes& x, Lanes& root) {
 /// Lower triangle of a symmetric matrix.
 constexpr int at(int row, int column) { return row * (row + 1) / 2 + column; }
 
-/// The same by A = L D L', whose inverse has a positive diagonal if `least`, the smallest entry of D
-/// as a share of that of A, is positive.
+/// The same by A = L D L', whose inverse has a positive diagonal if `least`, the smallest entry of
+/// D as a share of that of A, is positive.
 template <int N>
 inline void invert_positive(const Lanes (&A)[6], Lanes (&inverse)[6], Lanes& least) {
   const Lanes d0 = 1.0 / A[0];

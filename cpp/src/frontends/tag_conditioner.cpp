@@ -18,21 +18,28 @@ void require(bool ok, const char* name, double value, const char* expected) {
   }
 }
 
-bool is_at_least_0(double value) { return std::isfinite(value) && value >= 0.0; }
+constexpr double kMost = 1e9;       // of what is configured: sums with it are finite
+constexpr double kFarthest = 1e12;  // from the origin that a tag may be [m]
+
+bool is_positive(double value) { return std::isfinite(value) && value > 0.0; }
 
 }  // namespace
 
 TagConditioner::TagConditioner(const Config& config, const std::vector<Tag>& tags)
     : config_(config) {
-  require(is_at_least_0(config.cutoff_hz), "cutoff_hz", config.cutoff_hz, "a finite number >= 0");
-  require(std::isfinite(config.bias_x_m), "bias_x_m", config.bias_x_m, "a finite number");
-  require(std::isfinite(config.bias_y_m), "bias_y_m", config.bias_y_m, "a finite number");
-  require(config.max_speed_mps > 0.0, "max_speed_mps", config.max_speed_mps, "a number > 0");
-  require(config.jump_margin_m > 0.0, "jump_margin_m", config.jump_margin_m, "a number > 0");
+  require(config.cutoff_hz >= 0.0 && config.cutoff_hz <= kMost, "cutoff_hz", config.cutoff_hz,
+          "0 to 1e9");
+  require(std::abs(config.bias_x_m) <= kMost, "bias_x_m", config.bias_x_m, "-1e9 to 1e9");
+  require(std::abs(config.bias_y_m) <= kMost, "bias_y_m", config.bias_y_m, "-1e9 to 1e9");
+  require(is_positive(config.max_speed_mps), "max_speed_mps", config.max_speed_mps,
+          "a finite number > 0");
+  require(is_positive(config.jump_margin_m), "jump_margin_m", config.jump_margin_m,
+          "a finite number > 0");
   require(config.restart_after >= 1, "restart_after", config.restart_after, "at least 1");
-  require(config.frozen_motion_m > 0.0, "frozen_motion_m", config.frozen_motion_m, "a number > 0");
-  require(std::isfinite(config.hold_s) && config.hold_s > 0.0 && config.hold_s < 1e9, "hold_s",
-          config.hold_s, "a finite number > 0");
+  require(is_positive(config.frozen_motion_m), "frozen_motion_m", config.frozen_motion_m,
+          "a finite number > 0");
+  require(is_positive(config.hold_s) && config.hold_s < 1e9, "hold_s", config.hold_s,
+          "a finite number > 0");
   const Tags known(tags);
   for (const Tag& tag : known.all()) {
     tracks_.push_back({tag.id, tag.position.head<2>()});
@@ -83,6 +90,9 @@ ConditionedFix TagConditioner::on(const PositionFix& z) {
   if (track->has_fix && z.stamp < track->stamp) {
     return {TagVerdict::kStale, {}};
   }
+  if (!(position.cwiseAbs().maxCoeff() <= kFarthest)) {
+    return {TagVerdict::kJump, {}};
+  }
   drive_to(z.stamp);
   if (!track->has_fix) {
     track->heard = z.position;
@@ -109,11 +119,13 @@ ConditionedFix TagConditioner::on(const PositionFix& z) {
 
 ConditionedFix TagConditioner::pass(Track& track, const PositionFix& z, const Vector<2>& position,
                                     TagVerdict verdict) const {
-  double share = 1.0;  // of the new value
   if (track.has_fix && config_.cutoff_hz > 0.0) {
-    share = -std::expm1(-2.0 * kPi * config_.cutoff_hz * seconds_between(track.stamp, z.stamp));
+    const double share =  // of the new value
+        -std::expm1(-2.0 * kPi * config_.cutoff_hz * seconds_between(track.stamp, z.stamp));
+    track.smooth += share * (position - track.smooth);
+  } else {
+    track.smooth = position;
   }
-  track.smooth += share * (position - track.smooth);
   track.has_fix = true;
   track.passed = position;
   track.stamp = z.stamp;

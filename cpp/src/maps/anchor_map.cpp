@@ -19,8 +19,8 @@ AnchorMap::AnchorMap(std::vector<Anchor> anchors) : anchors_(std::move(anchors))
       throw std::invalid_argument(name + " is given twice");
     }
     if (!((anchor.position.array().abs() <= 1e12).all() && std::abs(anchor.offset) <= 1e12)) {
-      throw std::invalid_argument(name +
-                                  " has a position or an offset that is not finite, or over 1e12 m");
+      throw std::invalid_argument(
+          name + " has a position or an offset that is not finite, or over 1e12 m");
     }
     if (!(anchor.scale >= 1e-6 && anchor.scale <= 1e6)) {
       throw std::invalid_argument(name + " has scale " + std::to_string(anchor.scale) +

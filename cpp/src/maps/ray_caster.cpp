@@ -111,7 +111,7 @@ bool RayCaster::reaches(const Vector<2>& p_world) const {
 
 /// In the grid's frame, in cells.
 Vector<2> RayCaster::start_of(const Vector<2>& p_world, double max_range) const {
-  const Vector<2> start = grid_->to_grid(p_world);
+  Vector<2> start = grid_->to_grid(p_world);
   if (!reaches(p_world)) {
     throw std::invalid_argument("position is (" + std::to_string(p_world.x()) + ", " +
                                 std::to_string(p_world.y()) +

@@ -61,9 +61,9 @@ void require_told_covariance(const char* what, const Matrix<N, N>& covariance) {
     for (Eigen::Index j = 0; j < i; ++j) {  // each two axes that are measured
       const Eigen::Index a = told.axes[static_cast<std::size_t>(i)];
       const Eigen::Index b = told.axes[static_cast<std::size_t>(j)];
-      const Matrix<2, 2> two = (Matrix<2, 2>() << covariance(a, a), covariance(a, b),
-                                covariance(b, a), covariance(b, b))
-                                   .finished();
+      const Matrix<2, 2> two =
+          (Matrix<2, 2>() << covariance(a, a), covariance(a, b), covariance(b, a), covariance(b, b))
+              .finished();
       if (!is_symmetric(two)) {
         refuse_covariance(what, covariance);
       }

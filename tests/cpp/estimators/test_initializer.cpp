@@ -250,8 +250,8 @@ TEST(Initializer, refuses_a_config_out_of_range) {
 }
 
 std::shared_ptr<const LandmarkMap> poles() {
-  return std::make_shared<const LandmarkMap>(std::vector<Landmark>{
-      {0, {4.0, 3.0}}, {1, {-5.0, 6.0}}, {2, {2.0, -7.0}}, {3, {4.2, 3.1}}});
+  return std::make_shared<const LandmarkMap>(
+      std::vector<Landmark>{{0, {4.0, 3.0}}, {1, {-5.0, 6.0}}, {2, {2.0, -7.0}}, {3, {4.2, 3.1}}});
 }
 
 Initializer among_poles() {

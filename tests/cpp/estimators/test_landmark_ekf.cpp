@@ -457,7 +457,55 @@ TEST(LandmarkEkf, an_unnamed_landmark_never_gets_a_name_that_is_taken) {
   for (const LandmarkEstimate& landmark : ekf.landmarks()) {
     ids.push_back(landmark.id);
   }
-  EXPECT_EQ(ids, (std::vector<Id>{-5, -6, -20, -21}));
+  EXPECT_EQ(ids, (std::vector<Id>{-5, -1, -20, -2}));
+}
+
+// One below the least of all numbers was to be the name of the next.
+TEST(LandmarkEkf, any_number_is_a_name) {
+  constexpr Id kLeast = std::numeric_limits<Id>::min();
+  LandmarkEkf::Config config;
+  config.min_sightings = 1;
+  LandmarkEkf ekf = ekf_at(kStart, config, {{kLeast, {40.0, 0.0}, {}}, {-1, {50.0, 0.0}, {}}});
+  ekf.on(named(sight(kStart, {-4.0, 5.0}), kLeast + 1));
+  ekf.on(named(sight(kStart, {-4.0, -5.0}), std::numeric_limits<Id>::max()));
+  ekf.on(sight(kStart, {4.0, 5.0}));
+  ASSERT_EQ(ekf.landmarks().size(), 5U);
+  EXPECT_EQ(ekf.landmarks().back().id, -2);
+}
+
+// One that was dropped may have been written down somewhere.
+TEST(LandmarkEkf, no_two_unnamed_landmarks_get_the_same_name) {
+  LandmarkEkf::Config config;
+  config.confirm_within_s = 1.0;
+  LandmarkEkf ekf = ekf_at(kStart, config);
+  ekf.on(sight(kStart, {4.0, 5.0}));
+  ekf.on(named(sight(kStart, {-4.0, 5.0}, 5 * kSecond), 3));  // the first is dropped
+  ekf.on(sight(kStart, {4.0, -5.0}, 5 * kSecond));
+  ASSERT_EQ(ekf.landmarks().size(), 2U);
+  EXPECT_EQ(ekf.landmarks().back().id, -2);
+}
+
+// A heading known to 10 rad puts what is seen 9 km away anywhere: rounding left a covariance that
+// was none, and the exception hid that the other sighting had been fused.
+TEST(LandmarkEkf, a_landmark_whose_covariance_has_no_digits_takes_none_of_the_others_along) {
+  int not_modelled = 0;
+  for (int k = 0; k < 20; ++k) {
+    const Matrix<3, 3> P = Vector<3>(1e-12, 1e-12, 100.0).asDiagonal();
+    LandmarkEkf ekf({}, {0, {}, P}, Pose2{0.2, 0.0, 0.1}, {{0, {4.0, 3.0}, {}}});
+    RangeBearing near;
+    near.landmark = 0;
+    near.range = std::hypot(3.8, 3.0);
+    RangeBearing far;
+    far.landmark = 7;
+    far.range = 9000.0 + k;
+    far.bearing = 0.3 * k - 2.9;
+    far.covariance = Matrix<2, 2>(Vector<2>(1e-12, 1e-8).asDiagonal());
+    std::vector<Outcome> outcomes;
+    ASSERT_NO_THROW(outcomes = ekf.on_joint({near, far})) << k;
+    EXPECT_EQ(outcomes[0].verdict, Verdict::kFused);
+    not_modelled += outcomes[1].verdict == Verdict::kNotModelled ? 1 : 0;
+  }
+  EXPECT_GT(not_modelled, 0);
 }
 
 // ---------------------------------------------------------------- messages

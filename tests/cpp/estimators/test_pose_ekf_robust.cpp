@@ -153,8 +153,8 @@ TEST(RobustPoseEkf, a_fix_after_an_exact_range_leaves_a_covariance) {
   const PoseEkf prototype(config, testing::hall(), testing::one_tag(),
                           {0, {}, Matrix<3, 3>::Identity()});
   for (double a = -3.0; a < 3.0; a += 0.01) {
-    PoseEkf ekf = prototype.restarted(
-        {0, {3.0 * a, 2.0, a}, Vector<3>(1e8, 1e8, 1e-6).asDiagonal()});
+    PoseEkf ekf =
+        prototype.restarted({0, {3.0 * a, 2.0, a}, Vector<3>(1e8, 1e8, 1e-6).asDiagonal()});
     Range exact = testing::range_to(0, ekf.pose(), 0);
     exact.sigma = 1e-3;
     ekf.on(exact);

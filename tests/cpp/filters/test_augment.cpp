@@ -153,5 +153,26 @@ TEST(Update, of_two_slots_among_many_stays_a_covariance_and_equals_the_textbook)
   }
 }
 
+// Large parts that cancel leave nothing of the noise; rounding decides what is left.
+TEST(Augment, refuses_a_covariance_without_digits_and_leaves_the_belief) {
+  int refused = 0;
+  for (int k = 0; k < 20; ++k) {
+    GaussianBelief belief =
+        GaussianBelief::of_pose(0, {}, Vector<3>(1e-12, 1e-12, 100.0).asDiagonal());
+    const GaussianBelief before = belief;
+    Matrix<2, 3> jacobian;
+    jacobian << 1.0, 0.0, -9000.0 * std::sin(0.3 * k), 0.0, 1.0, 9000.0 * std::cos(0.3 * k);
+    try {
+      augment(belief, "point", SlotKind::kPoint2, Vector<2>::Zero(), jacobian,
+              1e-12 * Matrix<2, 2>::Identity(), belief.slot("body"));
+      EXPECT_TRUE(Eigen::MatrixXd(belief.P.bottomRightCorner(2, 2)).llt().info() == Eigen::Success);
+    } catch (const NumericalError&) {
+      ++refused;
+      EXPECT_TRUE(testing::same_bits(belief, before));
+    }
+  }
+  EXPECT_GT(refused, 0);
+}
+
 }  // namespace
 }  // namespace locfuse

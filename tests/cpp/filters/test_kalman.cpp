@@ -359,8 +359,8 @@ TEST(Kalman, refuses_a_motion_and_a_measurement_of_nothing) {
   GaussianBelief belief = GaussianBelief::of_pose(0, {}, Matrix<3, 3>::Identity());
   const Propagation<Eigen::VectorXd, Eigen::Dynamic> nothing;
   testing::expect_refused([&] { predict(belief, nothing, std::vector<Slot>{}); }, "a motion of 0");
-  const Linearization<Eigen::Dynamic, Eigen::Dynamic> seen{
-      Vector<1>(0.0), Eigen::MatrixXd(1, 0), Matrix<1, 1>(1.0)};
+  const Linearization<Eigen::Dynamic, Eigen::Dynamic> seen{Vector<1>(0.0), Eigen::MatrixXd(1, 0),
+                                                           Matrix<1, 1>(1.0)};
   testing::expect_refused([&] { (void)update(belief, seen, std::vector<Slot>{}, Gate()); },
                           "at least 1");
 }

@@ -456,6 +456,65 @@ TEST(CylinderDetector, whatever_the_sizes_a_covariance_is_finite) {
   EXPECT_GE(found, 6);
 }
 
+/// The radius that takes `beams` beams of a step, seen by two of a range.
+double radius_as_wide_as(double beams, double range, double step) {
+  double low = 0.45 * range * step;
+  double high = 5.0 * range * step;
+  for (int i = 0; i < 200; ++i) {
+    const double R = 0.5 * (low + high);
+    const double aside = range * std::sin(0.5 * step);
+    const double centre = range * std::cos(0.5 * step) + std::sqrt(R * R - aside * aside);
+    (2.0 * std::asin(std::min(R / centre, 1.0)) < beams * step ? low : high) = R;
+  }
+  return low;
+}
+
+// Where a pole is as wide as just three steps, two beams leave one bearing alone: squares of the
+// bearings lost all digits when the square of their mean was taken off.
+TEST(CylinderDetector, two_beams_at_any_width_are_told_with_a_covariance) {
+  constexpr double kRange = 11.99;
+  constexpr double kStep = 0.0232;
+  const double widest = radius_as_wide_as(3.0, kRange, kStep);
+  LaserGeometry geometry;
+  geometry.angle_min = -0.23;
+  geometry.angle_increment = kStep;
+  geometry.range_max = 100.0;
+  const double none = std::nan("");
+  const LaserScan scan{
+      0, std::make_shared<const LaserGeometry>(geometry), {none, none, kRange, kRange, none, none}};
+  for (double less = 1e-16; less < 1e-2; less *= 1.7) {
+    CylinderDetectorConfig config = of_radius(widest * (1.0 - less), 2);
+    config.sigma_range_m = 1e-3;
+    config.least_evidence = 0.0;
+    config.least_corner_evidence = -20.0;
+    const std::vector<Cylinder> found = CylinderDetector(config).detect(scan);
+    ASSERT_EQ(found.size(), 1U) << less;
+    const Matrix<2, 2> P = found.front().covariance.topLeftCorner<2, 2>();
+    EXPECT_EQ(P.llt().info(), Eigen::Success) << less << '\n' << P;
+  }
+}
+
+// What alternates is cut in as many parts as it has beams, each within the one before: the stack
+// was full.
+TEST(CylinderDetector, a_scan_that_alternates_is_cut_however_deep) {
+  LaserGeometry geometry;
+  geometry.angle_increment = 1e-6;
+  geometry.range_max = 100.0;
+  const auto alternating = [&](int beams) {
+    LaserScan scan{0, std::make_shared<const LaserGeometry>(geometry), {}};
+    for (int i = 0; i < beams; ++i) {
+      scan.ranges.push_back(5.0 + (i % 2 == 0 ? -1e-5 : 1e-5) * (beams - i));
+    }
+    return scan;
+  };
+  CylinderDetectorConfig config;
+  config.sigma_range_m = 1e-6;
+  config.jump_gaps = 1e9;
+  const CylinderDetector detector(config);
+  EXPECT_NO_THROW((void)detector.detect(alternating(30'000)));
+  expect_refused([&] { (void)detector.detect(alternating(200'000)); }, "200000", "at most 100000");
+}
+
 TEST(CylinderDetector, refuses_what_is_not_valid) {
   const auto refused = [](auto change, const auto&... words) {
     CylinderDetectorConfig config;

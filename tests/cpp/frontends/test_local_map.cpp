@@ -256,8 +256,8 @@ TEST(LocalMap, says_why_nothing_fits) {
 /// What only matches ends that have no neighbour, or no length along a wall, matches nothing.
 TEST(LocalMap, ends_whose_noise_is_not_finite_match_nothing) {
   const double none = std::nan("");
-  const auto laser = std::make_shared<const LaserGeometry>(
-      LaserGeometry{{}, -kPi, 2.0 * kPi / 40.0, 0.05, 10.0});
+  const auto laser =
+      std::make_shared<const LaserGeometry>(LaserGeometry{{}, -kPi, 2.0 * kPi / 40.0, 0.05, 10.0});
   LaserScan single{0, laser, std::vector<double>(40, none)};
   single.ranges[20] = 0.1;
   LaserScan ring{0, laser, {}};  // of points on no line, and once more 0.65 m further out

@@ -47,7 +47,8 @@ TEST(Locate, refuses_a_sigma_without_a_finite_weight) {
   const Anchors anchors = testing::room();
   const std::vector<double> ranges = anchors.ranges_from(Eigen::Vector2d(3.0, 4.0));
   for (const double sigma : {1e-170, 1e-13, 1e13, 1e170}) {
-    testing::expect_refused([&] { (void)locate_from(anchors, ranges, {}, sigma); }, "sigma", "1e12");
+    testing::expect_refused([&] { (void)locate_from(anchors, ranges, {}, sigma); }, "sigma",
+                            "1e12");
   }
 }
 

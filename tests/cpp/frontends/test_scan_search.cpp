@@ -183,8 +183,8 @@ TEST(ScanSearch, a_beam_that_ends_beyond_the_integers_ends_in_the_unknown) {
       std::make_shared<const OccupancyGrid>(kSide, kSide, 4.5e-4, Pose2{}, std::move(cells)));
   const Walls walls{{{0.0, 0.0}, {0.045, 0.0}}, {{0.0, 0.0}, {0.0, 0.045}}};
   Rng rng(1);
-  const auto laser = std::make_shared<const LaserGeometry>(
-      LaserGeometry{{}, -kPi, 2.0 * kPi / 360.0, 0.0, 1e6});
+  const auto laser =
+      std::make_shared<const LaserGeometry>(LaserGeometry{{}, -kPi, 2.0 * kPi / 360.0, 0.0, 1e6});
   LaserScan scan = testing::scan_from(walls, {0.02, 0.02, 0.0}, rng, 0.0, laser);
   scan.ranges[180] = 999999.0;
   EXPECT_FALSE(matcher.search(scan, {0.02, 0.02}, round(1e-3)).hypotheses.empty());

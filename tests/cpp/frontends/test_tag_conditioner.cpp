@@ -101,6 +101,21 @@ TEST(TagConditioner, starts_anew_after_so_many_jumps_and_no_sooner) {
   EXPECT_EQ(conditioner.on(fix(7 * step, 9.3, 0.0)).verdict, TagVerdict::kPassed);
 }
 
+// The low-pass added the difference to what was before, which took digits along.
+TEST(TagConditioner, starts_anew_where_it_restarts_whatever_was_before) {
+  TagConditioner::Config config;
+  config.restart_after = 1;
+  TagConditioner conditioner(config, kTags);
+  EXPECT_EQ(conditioner.on(fix(0, 1e308, 0.0)).verdict, TagVerdict::kJump);  // nobody is there
+  EXPECT_EQ(conditioner.on(fix(0, 9e11, -9e11)).verdict, TagVerdict::kPassed);
+  const ConditionedFix out = conditioner.on(fix(1, 0.1, 0.2));
+  EXPECT_EQ(out.verdict, TagVerdict::kRestarted);
+  EXPECT_EQ(out.fix->position, Vector<2>(0.1, 0.2));
+  EXPECT_EQ(conditioner.on(fix(2, 0.0, -1.1e12)).verdict, TagVerdict::kJump);
+  const Vector<2> next = conditioner.on(fix(3, 0.1, 0.2)).fix->position;
+  expect_near(next, Vector<2>(0.1, 0.2), 1e-15);
+}
+
 TEST(TagConditioner, recognises_a_value_that_is_stuck_while_the_wheels_turn) {
   TagConditioner conditioner(no_low_pass(), kTags);
   conditioner.on(Velocity{0, 0.3, 0.0});
@@ -164,6 +179,12 @@ TEST(TagConditioner, refuses_a_config_out_of_range) {
   expect_refused(with([](Config& c) { c.restart_after = 0; }), "restart_after");
   expect_refused(with([](Config& c) { c.frozen_motion_m = std::nan(""); }), "frozen_motion_m");
   expect_refused(with([](Config& c) { c.hold_s = 0.0; }), "hold_s");
+  expect_refused(with([](Config& c) { c.cutoff_hz = 1.1e9; }), "cutoff_hz");
+  expect_refused(with([](Config& c) { c.bias_x_m = 1.1e9; }), "bias_x_m");
+  expect_refused(with([](Config& c) { c.bias_y_m = -1.1e9; }), "bias_y_m");
+  expect_refused(with([](Config& c) { c.max_speed_mps = HUGE_VAL; }), "max_speed_mps", "inf");
+  expect_refused(with([](Config& c) { c.jump_margin_m = HUGE_VAL; }), "jump_margin_m", "inf");
+  expect_refused(with([](Config& c) { c.frozen_motion_m = HUGE_VAL; }), "frozen_motion_m", "inf");
   expect_refused([] { (void)TagConditioner({}, {kTags[0], kTags[0]}); }, "tag 1", "twice");
 }
 

@@ -33,18 +33,21 @@ enum class Association : std::uint8_t {
 };
 
 /// Fills in `nis` of each pairing under the covariance P, eq. (1), and drops those beyond the gate
-/// of that probability. Throws NumericalError if an S is not positive definite.
+/// of that probability, and those whose NIS is not finite whatever the gate. Throws NumericalError
+/// if an S is not positive definite.
 void compare(const Eigen::MatrixXd& P, double probability, Pairings& pairings);
 
 /// To each sighting its nearest landmark; if several want the same one, the nearest gets it.
 [[nodiscard]] Assignment nearest_neighbour(const Pairings& pairings);
 
 /// As many pairs as possible that use no landmark twice, and of those the least sum of NIS
-/// (Hungarian method).
+/// (Hungarian method). A NIS that is NaN, or too large to be summed, makes no pair.
 [[nodiscard]] Assignment global_nearest_neighbour(const Pairings& pairings);
 
 /// The largest set of pairs that fits jointly, all correlations counted, and of those the one with
-/// the least joint NIS: eq. (2), by branch and bound (Neira and Tardos, 2001).
+/// the least joint NIS: eq. (2), by branch and bound (Neira and Tardos, 2001). Where too much fits,
+/// it ends after trying 100,000 pairs: with the best set that it found, at least those pairs of
+/// `global_nearest_neighbour` that fit jointly one after the other.
 [[nodiscard]] Assignment joint_compatibility(const Eigen::MatrixXd& P, const Pairings& pairings,
                                              double probability);
 

@@ -250,8 +250,8 @@ void turn_with_mean(GaussianBelief& belief, Slot slot, const Vector<2>& before);
 /// `jacobian` dg/dy, `noise` the covariance that v gives it. Eq. (11) and (12) of
 /// docs/models/kalman.md. The belief is changed whole or not at all.
 ///
-/// Throws NumericalError if a number is not finite or `noise` not positive definite,
-/// std::invalid_argument on a name that is taken or sizes that do not match.
+/// Throws NumericalError if a number is not finite, or `noise` or the covariance of g not positive
+/// definite, std::invalid_argument on a name that is taken or sizes that do not match.
 Slot augment(GaussianBelief& belief, const std::string& name, SlotKind kind,
              const Eigen::Ref<const Eigen::VectorXd>& mean,
              const Eigen::Ref<const Eigen::MatrixXd>& jacobian,

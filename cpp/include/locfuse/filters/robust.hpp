@@ -55,10 +55,9 @@ class NoiseShape {
     static constexpr int kRows = MaxM == 1 ? 1 : Eigen::Dynamic;
     using Residual = Eigen::Matrix<double, kRows, 1, Eigen::ColMajor, MaxM, 1>;
     using Noise = Eigen::Matrix<double, kRows, kRows, Eigen::ColMajor, MaxM, MaxM>;
-    using Doubt =
-        Eigen::Matrix<double, kRows, Eigen::Dynamic,
-                      kRows == 1 ? Eigen::RowMajor : Eigen::ColMajor, MaxM,
-                      MaxM == Eigen::Dynamic ? Eigen::Dynamic : static_cast<int>(NoiseShape::kMost)>;
+    using Doubt = Eigen::Matrix<
+        double, kRows, Eigen::Dynamic, kRows == 1 ? Eigen::RowMajor : Eigen::ColMajor, MaxM,
+        MaxM == Eigen::Dynamic ? Eigen::Dynamic : static_cast<int>(NoiseShape::kMost)>;
 
     Residual residual;
     Noise noise;

@@ -52,8 +52,8 @@ class CylinderDetector {
 
   [[nodiscard]] const CylinderDetectorConfig& config() const { return config_; }
 
-  /// Cylinders in order of `first`. Throws std::invalid_argument if the scan is not valid, or has
-  /// no intensities where `least_intensity` asks for them.
+  /// Cylinders in order of `first`. Throws std::invalid_argument if the scan is not valid, has more
+  /// than 100,000 beams, or no intensities where `least_intensity` asks for them.
   [[nodiscard]] std::vector<Cylinder> detect(const LaserScan& scan) const;
 
  private:

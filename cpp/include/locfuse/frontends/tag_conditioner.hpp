@@ -14,7 +14,7 @@ namespace locfuse {
 enum class TagVerdict : std::uint8_t {
   kPassed,
   kRestarted,   ///< so many were jumps that this one is where it starts anew
-  kJump,        ///< further than the machine can have gone
+  kJump,        ///< further than the machine can have gone, or than 1e12 m from the origin
   kFrozen,      ///< bit for bit the fix before, though the wheels say that the tag moved
   kStale,       ///< before the one that passed last
   kUnknownTag,  ///< of no tag, or of one that is not on the body

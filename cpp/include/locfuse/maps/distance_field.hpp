@@ -44,7 +44,8 @@ class DistanceField {
   [[nodiscard]] const OccupancyGrid& grid() const { return *grid_; }
   [[nodiscard]] int targets() const { return static_cast<int>(target_cells_.size()); }
 
-  /// Centre of a target (0 to targets() - 1) in the field frame: the grid frame shifted by `margin_cells`.
+  /// Centre of a target (0 to targets() - 1) in the field frame: the grid frame shifted by
+  /// `margin_cells`.
   [[nodiscard]] Vector<2> center(int target) const {
     const int cell = target_cells_[static_cast<std::size_t>(target)];
     const int row = cell / width_;

@@ -47,8 +47,9 @@ constexpr bool kRestarts<Estimator, std::void_t<decltype(std::declval<Estimator>
 template <class Estimator, class = void>
 constexpr bool kSearches = false;
 template <class Estimator>
-constexpr bool kSearches<Estimator,
-                         std::void_t<decltype(std::declval<const Estimator&>().estimator())>> = true;
+constexpr bool
+    kSearches<Estimator, std::void_t<decltype(std::declval<const Estimator&>().estimator())>> =
+        true;
 
 /// Whether there is a pose to go on from.
 template <class Estimator>

@@ -104,10 +104,9 @@ double BeamModel::log_likelihood(const Pose2& T_world_body, const Beams& beams) 
   const bool is_near = caster_.reaches(laser.position());
   double sum = 0.0;
   for (std::size_t k = 0; k < beams.angle.size(); ++k) {
-    const double expected =
-        is_near ? caster_.cast(laser.position(), laser.heading + beams.angle[k],
-                               config_.max_range_m)
-                : kInfinity;
+    const double expected = is_near ? caster_.cast(laser.position(), laser.heading + beams.angle[k],
+                                                   config_.max_range_m)
+                                    : kInfinity;
     sum += log_density(beams.range[k], expected);
   }
   return sum;

@@ -91,8 +91,8 @@ LikelihoodField::LikelihoodField(const Config& config, std::shared_ptr<const Occ
   constexpr double kMostCells = 1 << 28;  // a quarter of a gigabyte each
   const double rim = std::floor(config.max_range_m / resolution) + 2.0;
   if (!((map.width() + 2.0 * rim) * (map.height() + 2.0 * rim) <= kMostCells)) {
-    throw std::invalid_argument("max_range_m is " + std::to_string(config.max_range_m) +
-                                " m, or " + std::to_string(rim) +
+    throw std::invalid_argument("max_range_m is " + std::to_string(config.max_range_m) + " m, or " +
+                                std::to_string(rim) +
                                 " cells, expected a field of at most 2^28 cells");
   }
   rim_ = static_cast<int>(rim);

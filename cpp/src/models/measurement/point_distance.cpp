@@ -9,9 +9,9 @@ namespace locfuse {
 
 PointDistanceModel::PointDistanceModel(const Config& config)
     : variance_(config.sigma_m * config.sigma_m) {
-  if (!(std::isfinite(config.sigma_m) && config.sigma_m > 0.0 && variance_ > 0.0)) {
+  if (!(config.sigma_m > 0.0 && variance_ > 0.0 && std::isfinite(variance_))) {
     throw std::invalid_argument("side.sigma_m is " + std::to_string(config.sigma_m) +
-                                ", expected a finite number > 0");
+                                ", expected a finite number > 0, its square as well");
   }
 }
 

@@ -13,13 +13,14 @@ RangeModel::RangeModel(const Config& config, std::shared_ptr<const AnchorMap> an
       relative_variance_(config.sigma_relative * config.sigma_relative),
       anchors_(std::move(anchors)),
       tags_(std::move(tags)) {
-  const bool sigmas_ok = std::isfinite(config.sigma_m) && config.sigma_m >= 0.0 &&
-                         std::isfinite(config.sigma_relative) && config.sigma_relative >= 0.0 &&
-                         variance_ + relative_variance_ > 0.0;
+  const bool sigmas_ok = config.sigma_m >= 0.0 && config.sigma_relative >= 0.0 &&
+                         variance_ + relative_variance_ > 0.0 &&
+                         std::isfinite(variance_ + relative_variance_);
   if (!sigmas_ok) {
     throw std::invalid_argument(
         "range.sigma_m is " + std::to_string(config.sigma_m) + " and range.sigma_relative is " +
-        std::to_string(config.sigma_relative) + ", expected finite numbers >= 0, not both 0");
+        std::to_string(config.sigma_relative) +
+        ", expected finite numbers >= 0, not both 0, their squares finite as well");
   }
   if (!anchors_) {
     throw std::invalid_argument("RangeModel needs an AnchorMap, got none");

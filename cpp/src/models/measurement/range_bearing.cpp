@@ -11,9 +11,9 @@ namespace locfuse {
 namespace {
 
 double variance_of(const char* name, double sigma) {
-  if (!(std::isfinite(sigma) && sigma > 0.0 && sigma * sigma > 0.0)) {
+  if (!(sigma > 0.0 && sigma * sigma > 0.0 && std::isfinite(sigma * sigma))) {
     throw std::invalid_argument(std::string("landmark.") + name + " is " + std::to_string(sigma) +
-                                ", expected a finite number > 0");
+                                ", expected a finite number > 0, its square as well");
   }
   return sigma * sigma;
 }

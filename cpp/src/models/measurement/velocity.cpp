@@ -8,10 +8,11 @@ namespace locfuse {
 namespace {
 
 double variance_of(const char* name, double sigma, bool may_be_zero) {
-  if (!(std::isfinite(sigma) &&
+  if (!(std::isfinite(sigma * sigma) &&
         (may_be_zero ? sigma >= 0.0 : sigma * sigma > 0.0 && sigma > 0.0))) {
     throw std::invalid_argument(std::string("velocity.") + name + " is " + std::to_string(sigma) +
-                                ", expected a finite number " + (may_be_zero ? ">= 0" : "> 0"));
+                                ", expected a finite number " + (may_be_zero ? ">= 0" : "> 0") +
+                                ", its square as well");
   }
   return sigma * sigma;
 }

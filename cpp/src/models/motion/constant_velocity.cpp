@@ -9,9 +9,9 @@ namespace locfuse {
 namespace {
 
 double density_of(const std::string& name, double sigma) {
-  if (!(std::isfinite(sigma) && sigma > 0.0 && sigma * sigma > 0.0)) {
+  if (!(sigma > 0.0 && sigma * sigma > 0.0 && std::isfinite(sigma * sigma))) {
     throw std::invalid_argument(name + " is " + std::to_string(sigma) +
-                                ", expected a finite number > 0");
+                                ", expected a finite number > 0, its square as well");
   }
   return sigma * sigma;
 }

@@ -42,7 +42,7 @@ TEST(PointDistanceModel, says_nothing_where_the_points_lie_together) {
 }
 
 TEST(PointDistanceModel, refuses_a_sigma_that_is_none) {
-  for (const double sigma : {0.0, -0.1, std::numeric_limits<double>::quiet_NaN()}) {
+  for (const double sigma : {0.0, -0.1, std::numeric_limits<double>::quiet_NaN(), 1e200}) {
     expect_refused([&] { (void)PointDistanceModel({sigma}); }, "side.sigma_m");
   }
 }

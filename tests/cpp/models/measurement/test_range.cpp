@@ -183,6 +183,8 @@ TEST(RangeModel, refuses_a_config_without_noise) {
   expect_refused([&] { with(0.0, 0.0); }, "not both 0");
   expect_refused([&] { with(std::nan(""), 0.1); }, "nan");
   expect_refused([&] { with(0.1, std::numeric_limits<double>::infinity()); }, "inf");
+  expect_refused([&] { with(1e200, 0.0); }, "sigma_m", "squares");
+  expect_refused([&] { with(0.1, 1e200); }, "sigma_relative", "squares");
   EXPECT_NO_THROW(with(0.0, 0.1));
 }
 

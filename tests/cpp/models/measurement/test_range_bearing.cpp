@@ -185,6 +185,8 @@ TEST(RangeBearingModel, a_sighting_may_bring_its_own_covariance) {
 TEST(RangeBearingModel, refuses_what_is_no_noise) {
   expect_refused([] { RangeBearingModel({0.0, 0.02}, {}); }, "sigma_range_m", "0.0");
   expect_refused([] { RangeBearingModel({0.1, kNan}, {}); }, "sigma_bearing_rad", "nan");
+  expect_refused([] { RangeBearingModel({1e200, 0.02}, {}); }, "sigma_range_m", "square");
+  expect_refused([] { RangeBearingModel({0.1, 1e200}, {}); }, "sigma_bearing_rad", "square");
   expect_refused([] { RangeBearingModel({}, {kNan, 0.0, 0.0}); }, "pose in body");
 }
 

@@ -72,6 +72,10 @@ TEST(VelocityModel, refuses_sigmas_that_are_none) {
   expect_refused([] { (void)VelocityModel({0.1, std::nan(""), 0.0, 0.1}); }, "sigma_lateral_mps");
   expect_refused([] { (void)VelocityModel({0.1, 0.0, -1.0, 0.1}); }, "sigma_turn_rate_radps");
   expect_refused([] { (void)VelocityModel({0.1, 0.0, 0.0, 0.0}); }, "sigma_point_mps", "> 0");
+  expect_refused([] { (void)VelocityModel({1e200, 0.0, 0.0, 0.1}); }, "sigma_forward", "square");
+  expect_refused([] { (void)VelocityModel({0.1, 1e200, 0.0, 0.1}); }, "sigma_lateral", "square");
+  expect_refused([] { (void)VelocityModel({0.1, 0.0, 1e200, 0.1}); }, "sigma_turn_rate", "square");
+  expect_refused([] { (void)VelocityModel({0.1, 0.0, 0.0, 1e200}); }, "sigma_point", "square");
   EXPECT_NO_THROW((void)VelocityModel({0.0, 0.0, 0.0, 0.1}));
 }
 

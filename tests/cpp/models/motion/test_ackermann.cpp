@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cmath>
 
+#include "locfuse/math/angle.hpp"
 #include "locfuse/math/numerical_jacobian.hpp"
 #include "locfuse/models/motion/ackermann.hpp"
 #include "support/expect.hpp"
@@ -118,6 +119,42 @@ TEST(AckermannVehicle, refuses_a_vehicle_that_is_none) {
   expect_refused([] { (void)AckermannVehicle({2.0, std::nan(""), 0.0, 0.0}); }, "encoder_left_m");
   expect_refused([] { (void)AckermannVehicle({2.0, 0.5, -0.1, 0.0}); }, "sigma_speed_mps", "-0.1");
   expect_refused([] { (void)AckermannVehicle({2.0, 0.5, 0.0, -0.1}); }, "sigma_steering_rad");
+  expect_refused([] { (void)AckermannVehicle({1e-320, 0.5, 0.0, 0.0}); }, "wheel_base_m", "1e-3");
+  expect_refused([] { (void)AckermannVehicle({1e4, 0.5, 0.0, 0.0}); }, "wheel_base_m", "1e3");
+  expect_refused([] { (void)AckermannVehicle({2.0, -1e300, 0.0, 0.0}); }, "encoder_left_m");
+  expect_refused([] { (void)AckermannVehicle({2.0, 0.5, 1e200, 0.0}); }, "sigma_speed_mps", "1e6");
+  expect_refused([] { (void)AckermannVehicle({2.0, 0.5, 0.0, 1e200}); }, "sigma_steering_rad");
+  expect_refused([] { (void)truck().velocity(0, 1e300, 0.1); }, "wheel_speed", "1e6");
+}
+
+// Tiny bases and long arms, where the way of the wheel was no number, are refused; at the bounds of
+// what is not, everything is finite.
+TEST(AckermannVehicle, tells_nothing_that_is_not_finite) {
+  const double edge = std::nextafter(0.5 * kPi, 0.0);
+  int told = 0;
+  const auto try_one = [&](const AckermannVehicle::Config& config, double speed, double steering) {
+    try {
+      const AckermannVehicle vehicle(config);
+      const Velocity u = vehicle.velocity(0, speed, steering);
+      EXPECT_TRUE(std::isfinite(u.forward) && std::isfinite(u.turn_rate));
+      EXPECT_TRUE(vehicle.jacobian(speed, steering).allFinite());
+      EXPECT_TRUE(vehicle.covariance(speed, steering).allFinite());
+      ++told;
+    } catch (const std::invalid_argument&) {  // refused
+    }
+  };
+  for (const double base : {1e-320, 1e-3, 2.83, 1e3, 1e300}) {
+    for (const double left : {-1e300, -1e3, -0.76, 0.0, 1e-3, 1e3, 1e300}) {
+      const double pole = left == 0.0 ? 1.0 : std::atan(base / left);
+      for (const double steering : {0.0, edge, -edge, std::nextafter(pole, 0.0), 0.999999 * pole}) {
+        for (const double speed : {-1e308, -1e6, 0.0, 1e6, 1e308}) {
+          try_one({base, left, 1e6, 1e6}, speed, steering);
+          try_one({base, left, 1e200, 1e200}, speed, steering);
+        }
+      }
+    }
+  }
+  EXPECT_GT(told, 100);
 }
 
 }  // namespace

@@ -101,6 +101,10 @@ TEST(ConstantVelocityMotion, refuses_what_is_no_noise_or_no_state) {
   expect_refused([] { ConstantVelocityMotion({0.0, 1.0, 1.0}); }, "sigma_velocity", "0.0");
   expect_refused([&] { ConstantVelocityMotion({1.0, nan, 1.0}); }, "sigma_climb", "nan");
   expect_refused([] { ConstantVelocityMotion({1.0, 1.0, -1.0}); }, "sigma_heading", "-1");
+  expect_refused([] { ConstantVelocityMotion({1e200, 1.0, 1.0}); }, "sigma_velocity", "square");
+  expect_refused([] { ConstantVelocityMotion({1.0, 1e200, 1.0}); }, "sigma_climb", "square");
+  expect_refused([] { ConstantVelocityMotion({1.0, 1.0, 1e200}); }, "sigma_heading", "square");
+  expect_refused([] { (void)PointMotion({1e200}); }, "sigma_velocity", "square");
   expect_refused([] { (void)ConstantVelocityMotion().propagate(kState.head(4), 1.0); }, "4", "7");
 }
 

@@ -20,15 +20,15 @@ class AckermannVehicle {
     double sigma_steering_rad = 0.0;  ///< of the steering angle
   };
 
-  /// Throws std::invalid_argument if the wheel base is not positive, a sigma is negative, or a
-  /// value is not finite.
+  /// Throws std::invalid_argument unless the wheel base is 1 mm to 1 km, the wheel within 1 km of
+  /// the middle, and the sigmas are 0 to 1e6.
   explicit AckermannVehicle(const Config& config);
 
   [[nodiscard]] const Config& config() const { return config_; }
 
-  /// Eq. (2) and (3). Throws std::invalid_argument if a value is not finite, or where the wheel
-  /// does not tell the speed: steered by 90 degrees and more, or about a point that is not beyond
-  /// the wheel.
+  /// Eq. (2) and (3). Throws std::invalid_argument if a value is not finite or a speed beyond
+  /// 1e6 m/s, or where the wheel does not tell the speed: steered by 90 degrees and more, or about
+  /// a point that is not beyond the wheel.
   [[nodiscard]] Velocity velocity(Stamp stamp, double wheel_speed, double steering) const;
 
   /// Of (forward, turn rate) with respect to (wheel speed, steering); eq. (4). Throws likewise.
