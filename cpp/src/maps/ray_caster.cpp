@@ -64,6 +64,9 @@ void grow(std::vector<std::uint8_t>& rings, int width, int height) {
   }
 }
 
+/// Of a point in the grid's frame.
+bool is_near(const Vector<2>& p) { return (p.array().abs() < kFarthest).all(); }
+
 void require_finite(const char* what, double value, const char* unit) {
   if (!std::isfinite(value)) {
     throw std::invalid_argument(std::string(what) + " is " + std::to_string(value) + " " + unit +
@@ -105,14 +108,12 @@ std::vector<double> RayCaster::scan(const Pose2& T_world_laser, double angle_min
   return ranges;
 }
 
-bool RayCaster::reaches(const Vector<2>& p_world) const {
-  return (grid_->to_grid(p_world).array().abs() < kFarthest).all();
-}
+bool RayCaster::reaches(const Vector<2>& p_world) const { return is_near(grid_->to_grid(p_world)); }
 
 /// In the grid's frame, in cells.
 Vector<2> RayCaster::start_of(const Vector<2>& p_world, double max_range) const {
   Vector<2> start = grid_->to_grid(p_world);
-  if (!reaches(p_world)) {
+  if (!is_near(start)) {
     throw std::invalid_argument("position is (" + std::to_string(p_world.x()) + ", " +
                                 std::to_string(p_world.y()) +
                                 ") m, expected finite numbers, less than 1e9 cells from the map");

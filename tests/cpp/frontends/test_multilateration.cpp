@@ -22,6 +22,24 @@ RangePosition<N> solve(const Anchors& anchors, const std::vector<double>& ranges
   return Multilateration<N>(anchors.table(), anchors.sigmas(sigma).data(), {}).solve(ranges.data());
 }
 
+/// What four equal epochs come to, which is as many as lanes take.
+template <int N>
+struct FourTimes {
+  std::array<double, 4 * N> position;
+  std::array<double, 4 * N * N> covariance;
+  std::array<double, 4> cost;
+  std::array<PositionStatus, 4> status;
+
+  FourTimes(const Multilateration<N>& solver, const std::vector<double>& epoch) {
+    std::vector<double> ranges;
+    for (int k = 0; k < 4; ++k) {
+      ranges.insert(ranges.end(), epoch.begin(), epoch.end());
+    }
+    locate_batch<N>(solver, RangeSolver::kMaximumLikelihood, nullptr, ranges.data(), 4,
+                    {position.data(), covariance.data(), cost.data(), status.data()});
+  }
+};
+
 TEST(Multilateration, is_consistent_over_ten_thousand_positions) {
   Rng rng(5);
   const Anchors anchors = testing::room();
@@ -154,19 +172,10 @@ TEST(Multilateration, a_position_far_from_its_anchors_has_a_covariance_or_none) 
   const RangePosition<3> found = solver.solve(epoch.data());
   EXPECT_TRUE(std::isinf(found.covariance(0, 0)) ||
               found.covariance.llt().info() == Eigen::Success);
-  std::vector<double> ranges;
-  for (int k = 0; k < 4; ++k) {
-    ranges.insert(ranges.end(), epoch.begin(), epoch.end());
-  }
-  std::array<double, 12> position;
-  std::array<double, 36> covariance;
-  std::array<double, 4> cost;
-  std::array<PositionStatus, 4> status;
-  locate_batch<3>(solver, RangeSolver::kMaximumLikelihood, nullptr, ranges.data(), 4,
-                  {position.data(), covariance.data(), cost.data(), status.data()});
+  const FourTimes<3> batch(solver, epoch);
   for (std::size_t k = 0; k < 4; ++k) {
-    EXPECT_EQ(status[k], found.status);
-    const Eigen::Map<const Matrix<3, 3>> P(&covariance[9 * k]);
+    EXPECT_EQ(batch.status[k], found.status);
+    const Eigen::Map<const Matrix<3, 3>> P(&batch.covariance[9 * k]);
     EXPECT_TRUE(std::isinf(P(0, 0)) || P.llt().info() == Eigen::Success);
   }
 }
@@ -175,17 +184,8 @@ TEST(Multilateration, lanes_have_costs_that_are_not_negative_where_ranges_fit_to
   const Anchors anchors{{-5.0, -5.0, 5.0, -5.0, -5.0, 5.0}, 2, {}};
   const std::vector<double> sigma = anchors.sigmas(0.10380419740052697);
   const Multilateration<2> solver(anchors.table(), sigma.data(), {});
-  std::vector<double> ranges;
-  for (int k = 0; k < 4; ++k) {
-    ranges.insert(ranges.end(), {2.0, 10.198039027185567, 8.0});
-  }
-  std::array<double, 8> position;
-  std::array<double, 16> covariance;
-  std::array<double, 4> cost;
-  std::array<PositionStatus, 4> status;
-  locate_batch<2>(solver, RangeSolver::kMaximumLikelihood, nullptr, ranges.data(), 4,
-                  {position.data(), covariance.data(), cost.data(), status.data()});
-  EXPECT_GE(*std::min_element(cost.begin(), cost.end()), 0.0);
+  const FourTimes<2> batch(solver, {2.0, 10.198039027185567, 8.0});
+  EXPECT_GE(*std::min_element(batch.cost.begin(), batch.cost.end()), 0.0);
 }
 
 TEST(Multilateration, what_did_not_converge_has_no_covariance_that_is_none) {
