@@ -31,8 +31,7 @@ Matrix<1, 1> scalar(double value) { return Matrix<1, 1>(value); }
 /// The height of a start, with what it shares with the pose.
 Slot add_height(GaussianBelief& belief, Slot body, const AirEstimate& start) {
   const Matrix<4, 4>& P = start.covariance;
-  if (!P.allFinite() || !is_symmetric(P) || P.llt().info() != Eigen::Success ||
-      !std::isfinite(start.height)) {
+  if (!is_covariance(P) || !std::isfinite(start.height)) {
     throw std::invalid_argument(
         "a start has height " + std::to_string(start.height) +
         " m, expected a finite one with a symmetric positive definite covariance");

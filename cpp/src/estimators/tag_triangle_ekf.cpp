@@ -248,8 +248,7 @@ TagTriangleEkf::TagTriangleEkf(std::shared_ptr<const Recipe> recipe, Stamp stamp
                                const Vector<6>& positions, const Matrix<6, 6>& covariance)
     : recipe_(std::move(recipe)) {
   check_stamp(stamp);
-  if (!covariance.allFinite() || !is_symmetric(covariance) ||
-      covariance.llt().info() != Eigen::Success) {
+  if (!is_covariance(covariance)) {
     throw std::invalid_argument(
         "a start of three tags needs a symmetric positive definite covariance");
   }

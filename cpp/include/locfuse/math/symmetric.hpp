@@ -1,25 +1,39 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <cmath>
 
 namespace locfuse {
 
-/// Whether the halves of a covariance are the same but for 1e-9 of the two standard deviations, so
-/// that a large variance hides nothing of the others, and no square is infinite. False where a
-/// number that counts is none.
+/// Whether a covariance is told once of two rows: both entries are the same but for 1e-9 of the two
+/// standard deviations, so that a large variance hides nothing of the others, and no square is
+/// infinite. False where a number that counts is none.
+template <class Derived>
+[[nodiscard]] bool is_symmetric(const Eigen::MatrixBase<Derived>& P, Eigen::Index i,
+                                Eigen::Index j) {
+  const double scale = std::sqrt(std::abs(P(i, i))) * std::sqrt(std::abs(P(j, j)));
+  return std::abs(P(i, j) - P(j, i)) <= 1e-9 * scale;
+}
+
+/// The same of all rows.
 template <class Derived>
 [[nodiscard]] bool is_symmetric(const Eigen::MatrixBase<Derived>& P) {
   for (Eigen::Index j = 0; j < P.cols(); ++j) {
     for (Eigen::Index i = 0; i < j; ++i) {
-      const double scale = std::sqrt(std::abs(P(i, i))) * std::sqrt(std::abs(P(j, j)));
-      if (!(std::abs(P(i, j) - P(j, i)) <= 1e-9 * scale)) {
+      if (!is_symmetric(P, i, j)) {
         return false;
       }
     }
   }
   return true;
+}
+
+/// Whether a matrix is finite, symmetric and positive definite.
+template <class Derived>
+[[nodiscard]] bool is_covariance(const Eigen::MatrixBase<Derived>& P) {
+  return P.allFinite() && is_symmetric(P) && P.eval().llt().info() == Eigen::Success;
 }
 
 }  // namespace locfuse
