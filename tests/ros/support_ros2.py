@@ -76,7 +76,9 @@ class Peer:
         return self._publishers[topic]
 
     def publish(self, told: Publication) -> None:
-        """Publish what locfuse's encoders made."""
+        """Publish what locfuse's encoders made, to all who listen: ROS 2 loses what came before."""
+        if not told.latched and told.topic not in self._publishers:
+            self.wait_until_matched(told.topic, told.type)
         publisher = self.publisher(told.topic, told.type, to_tell(told.latched))
         publisher.publish(message_of(told.type, told.fields))
 
