@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <initializer_list>
 #include <limits>
 #include <optional>
 #include <type_traits>
@@ -126,6 +127,14 @@ void code(Io& io, double& value, double low, double high) {
     if (bits == kMark + std::size(kNasty)) {
       io.raw(&value, sizeof(value));
     }
+  }
+}
+
+/// Numbers of one kind.
+template <class Io>
+void code(Io& io, std::initializer_list<double*> numbers, double low, double high) {
+  for (double* number : numbers) {
+    code(io, *number, low, high);
   }
 }
 

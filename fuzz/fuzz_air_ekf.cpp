@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "checks.hpp"
+#include "settings.hpp"
 #include "support/flight.hpp"
-#include "worlds.hpp"
 
 namespace {
 
@@ -21,9 +21,11 @@ void tell(fuzz::Reader& io, AirEkf& ekf, Stamp& now) {
 
 }  // namespace
 
-/// An AirEkf, with odometry or with constant velocity, is told anything.
+/// An AirEkf of any settings, with odometry or with constant velocity, is told anything.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   fuzz::Reader io(data, size);
+  AirEkf::Config config;
+  fuzz::read_if_unusual(io, config);
   bool by_itself = false;
   code(io, by_itself);
   AirEstimate start;
@@ -32,7 +34,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   code(io, start.pose, 30.0);
   code(io, start.height, -10.0, 30.0);
   code(io, start.covariance, 10.0);
-  AirEkf::Config config;
   config.motion = by_itself ? AirMotion::kConstantVelocity : AirMotion::kOdometry;
   std::optional<AirEkf> ekf;
   if (!fuzz::returns([&] { ekf.emplace(testing::air_ekf(config, start)); })) {

@@ -12,15 +12,14 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   bool as_usual = true;
   code(io, as_usual);
   if (!as_usual) {
-    for (double* number :
+    code(io,
          {&config.sigma_range_m, &config.sigma_bearing_rad, &config.radius_m, &config.radius_min_m,
-          &config.radius_max_m, &config.leg_radius_m, &config.leg_distance_m}) {
-      code(io, *number, 0.0, 2.0);
-    }
-    for (double* number : {&config.jump_gaps, &config.least_evidence, &config.least_corner_evidence,
-                           &config.least_intensity}) {
-      code(io, *number, -30.0, 30.0);
-    }
+          &config.radius_max_m, &config.leg_radius_m, &config.leg_distance_m},
+         0.0, 2.0);
+    code(io,
+         {&config.jump_gaps, &config.least_evidence, &config.least_corner_evidence,
+          &config.least_intensity},
+         -30.0, 30.0);
     code(io, config.misfit_probability, 0.0, 1.0);
     code(io, config.least_beams);
   }

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "checks.hpp"
-#include "locfuse/estimators/landmark_ekf.hpp"
-#include "worlds.hpp"
+#include "settings.hpp"
 
-/// A LandmarkEkf that knows two landmarks, one of them for sure, is told anything.
+/// A LandmarkEkf of any settings that knows two landmarks, one of them for sure, is told anything.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace locfuse;
   fuzz::Reader io(data, size);
   LandmarkEkf::Config config;
+  fuzz::read_if_unusual(io, config);
   config.max_landmarks = 12;
   std::optional<LandmarkEkf> made;
   if (!fuzz::returns([&] {

@@ -8,11 +8,12 @@ namespace {
 
 using namespace locfuse;
 
+/// The first epoch by itself, and all of them.
 template <int N>
-void solve(const fuzz::Reader& io, const AnchorTable& table, const double* ranges,
-           const double* sigma, const RangeLoss& loss) {
+void solve(const fuzz::Reader& io, const AnchorTable& table, const std::vector<double>& ranges,
+           std::size_t epochs, const double* sigma, const RangeLoss& loss) {
   const Multilateration<N> solver(table, sigma, {loss, {}});
-  const RangePosition<N> found = solver.solve(ranges);
+  const RangePosition<N> found = solver.solve(ranges.data());
   if (found.has_position) {
     fuzz::require(found.position.allFinite(), "a position is finite");
   }
@@ -22,14 +23,20 @@ void solve(const fuzz::Reader& io, const AnchorTable& table, const double* range
   }
   for (const RangeSolver method : {RangeSolver::kSquaredRange, RangeSolver::kWeightedSquaredRange,
                                    RangeSolver::kMaximumLikelihood}) {
-    Vector<N> position;
-    Matrix<N, N> covariance;
-    double cost = 0.0;
-    PositionStatus status = PositionStatus::kUnique;
-    locate_batch<N>(solver, method, nullptr, ranges, 1,
-                    {position.data(), covariance.data(), &cost, &status});
-    if (status == PositionStatus::kUnique) {
-      fuzz::require(position.allFinite(), "a position of a batch is finite");
+    std::vector<Vector<N>> position(epochs);
+    std::vector<Matrix<N, N>> covariance(epochs);
+    std::vector<double> cost(epochs);
+    std::vector<PositionStatus> status(epochs);
+    locate_batch<N>(
+        solver, method, nullptr, ranges.data(), epochs,
+        {position.front().data(), covariance.front().data(), cost.data(), status.data()});
+    for (std::size_t i = 0; i < epochs; ++i) {
+      if (status[i] == PositionStatus::kUnique) {
+        fuzz::require(position[i].allFinite(), "a position of a batch is finite");
+        if (method == RangeSolver::kMaximumLikelihood) {
+          fuzz::require_covariance(io, covariance[i]);
+        }
+      }
     }
   }
 }
@@ -83,6 +90,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       code(io, options.box->high(axis), 0.0, 30.0);
     }
   }
+  std::uint8_t more = 0;  // epochs: lanes take four at once
+  code(io, more, 10);
+  ranges.resize(ranges.size() * (more + 1U));
+  for (auto range = ranges.begin() + anchors; range != ranges.end(); ++range) {
+    code(io, *range, 0.0, 40.0);
+  }
   fuzz::returns([&] {
     const PositionSolution found = locate(table, ranges.data(), sigma.data(), options);
     fuzz::require((found.status == PositionStatus::kUnique) == found.reason.empty(),
@@ -97,9 +110,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   });
   fuzz::returns([&] {
     if (dimensions == 2) {
-      solve<2>(io, table, ranges.data(), sigma.data(), options.loss);
+      solve<2>(io, table, ranges, more + 1U, sigma.data(), options.loss);
     } else {
-      solve<3>(io, table, ranges.data(), sigma.data(), options.loss);
+      solve<3>(io, table, ranges, more + 1U, sigma.data(), options.loss);
     }
   });
   return 0;

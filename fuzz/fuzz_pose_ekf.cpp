@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "checks.hpp"
-#include "worlds.hpp"
+#include "settings.hpp"
 
-/// A PoseEkf, with or without calibration, with noise of any shape, is told anything.
+/// A PoseEkf of any settings, with or without calibration, with noise of any shape, is told
+/// anything.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace locfuse;
   fuzz::Reader io(data, size);
-  const PoseEkf::Config config = fuzz::read_config(io);
+  PoseEkf::Config config;
+  fuzz::read_if_unusual(io, config);
+  code(io, config);
   const PoseEstimate start = fuzz::read_start(io);
   std::optional<PoseEkf> made;
   if (!fuzz::returns([&] {

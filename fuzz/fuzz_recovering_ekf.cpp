@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "checks.hpp"
 #include "health.hpp"
-#include "locfuse/estimators/recovering_ekf.hpp"
-#include "worlds.hpp"
+#include "locfuse/replay/live.hpp"
+#include "settings.hpp"
 
 namespace {
 
@@ -26,26 +26,45 @@ void require_sound(const fuzz::Reader& io, const RecoveringEkf& robot) {
   fuzz::require(total <= 1.0 + 1e-9, "probabilities of hypotheses are at most 1 together");
 }
 
-}  // namespace
-
-/// A RecoveringEkf starts by itself or is started, tracks, is lost and starts anew, whatever it is
-/// told, and says how far it may be trusted.
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  static const auto matcher = std::make_shared<const ScanMatcher>(fuzz::small_room());
-  fuzz::Reader io(data, size);
-  RecoveringEkf::Config config;
-  config.start.headings = 12;
-  code(io, config.restart);
-  code(io, config.health);
-  code(io, config.estimator);
-  std::optional<RecoveringEkf> made;
-  if (!fuzz::returns([&] {
-        made.emplace(config, testing::hall(), testing::one_tag(), matcher,
-                     LandmarkSight{fuzz::poles(), {0.2, 0.0, 0.1}});
-      })) {
-    return 0;
+/// What it is told by itself.
+void tell(fuzz::Reader& io, RecoveringEkf& robot, std::uint8_t call, Stamp& now) {
+  if (call == 1) {
+    std::vector<RangeBearing> sightings;
+    for (int i = 0; i < 3; ++i) {
+      sightings.push_back(fuzz::read<RangeBearing>(io, now));
+      sightings.back().stamp = sightings.front().stamp;
+    }
+    robot.on_joint(sightings);
+  } else if (call == 3 && robot.estimator() != nullptr) {
+    robot = robot.restarted(fuzz::read_start(io));
+    now = robot.current().stamp;
+  } else {
+    robot.on(fuzz::read<Message>(io, now));
   }
-  RecoveringEkf& robot = *made;
+}
+
+/// What it is told on a robot.
+void tell(fuzz::Reader& io, Live& robot, std::uint8_t call, Stamp& now) {
+  if (call == 1) {
+    std::uint8_t source = 0;
+    code(io, source, static_cast<int>(kSources));
+    bool enabled = false;
+    code(io, enabled);
+    robot.enable(static_cast<Source>(source), enabled);
+  } else if (call == 3) {
+    bool is_all = false;
+    code(io, is_all);
+    is_all ? robot.reset() : robot.relocalize();
+  } else {
+    robot.on(fuzz::read<Message>(io, now));
+  }
+}
+
+const RecoveringEkf& estimator_of(const RecoveringEkf& robot) { return robot; }
+const RecoveringEkf& estimator_of(const Live& robot) { return robot.estimator(); }
+
+template <class Robot>
+void run(fuzz::Reader& io, Robot& robot) {
   Stamp now = 0;
   for (int calls = 0; !io.empty() && calls < 100; ++calls) {
     std::uint8_t call = 0;
@@ -53,24 +72,48 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     fuzz::returns([&] {
       if (call == 0) {
         robot.on(fuzz::read<LaserScan>(io, now));
-      } else if (call == 1) {
-        std::vector<RangeBearing> sightings;
-        for (int i = 0; i < 3; ++i) {
-          sightings.push_back(fuzz::read<RangeBearing>(io, now));
-          sightings.back().stamp = sightings.front().stamp;
-        }
-        robot.on_joint(sightings);
       } else if (call == 2) {
-        robot.start_at(fuzz::read_start(io));
-        now = robot.current().stamp;
-      } else if (call == 3 && robot.estimator() != nullptr) {
-        robot = robot.restarted(fuzz::read_start(io));
-        now = robot.current().stamp;
+        const PoseEstimate start = fuzz::read_start(io);
+        robot.start_at(start);
+        now = start.stamp;
       } else {
-        robot.on(fuzz::read<Message>(io, now));
+        tell(io, robot, call, now);
       }
     });
-    require_sound(io, robot);
+    require_sound(io, estimator_of(robot));
   }
+}
+
+}  // namespace
+
+/// A RecoveringEkf of any settings starts by itself or is started, tracks, is lost and starts anew,
+/// whatever it is told, by itself or on a robot, and says how far it may be trusted.
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static const auto matcher = std::make_shared<const ScanMatcher>(fuzz::small_room());
+  fuzz::Reader io(data, size);
+  RecoveringEkf::Config config;
+  config.start.headings = 12;
+  fuzz::read_if_unusual(io, config.estimator);
+  bool live = false;
+  code(io, live);
+  code(io, config.restart);
+  code(io, config.health);
+  code(io, config.estimator);
+  fuzz::returns([&] {
+    RecoveringEkf robot(config, testing::hall(), testing::one_tag(), matcher,
+                        LandmarkSight{fuzz::poles(), {0.2, 0.0, 0.1}});
+    if (live) {
+      Live::Options options;
+      Stamp zero = 0;
+      code(io, options.history, zero);
+      zero = 0;
+      code(io, options.patience, zero);
+      code(io, options.timeline);
+      Live on_a_robot(std::move(robot), options);
+      run(io, on_a_robot);
+    } else {
+      run(io, robot);
+    }
+  });
   return 0;
 }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "checks.hpp"
-#include "locfuse/frontends/scan_odometry.hpp"
-#include "worlds.hpp"
+#include "settings.hpp"
 
 namespace {
 
@@ -21,11 +20,30 @@ void require_sound(const fuzz::Reader& io, const ScanMatch& match) {
 
 }  // namespace
 
-/// Scans are fitted to a map, searched on it, and fitted to each other.
+/// Scans are fitted to a map, searched on it, and fitted to each other, with any settings.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  static const ScanMatcher matcher(fuzz::small_room());
+  static const ScanMatcher usual(fuzz::small_room());
   fuzz::Reader io(data, size);
-  ScanOdometry odometry;
+  ScanMatcherConfig matching;
+  ScanOdometryConfig driving;
+  bool as_usual = true;
+  code(io, as_usual);
+  if (!as_usual) {
+    code_settings(io, matching);
+    code_settings(io, driving);
+  }
+  std::optional<ScanMatcher> unusual;
+  std::optional<ScanOdometry> made;
+  if (!fuzz::returns([&] {
+        made.emplace(driving);
+        if (!as_usual) {
+          unusual.emplace(fuzz::small_room(), matching);
+        }
+      })) {
+    return 0;
+  }
+  const ScanMatcher& matcher = unusual ? *unusual : usual;
+  ScanOdometry& odometry = *made;
   Stamp now = 0;
   for (int calls = 0; !io.empty() && calls < 6; ++calls) {
     std::uint8_t call = 0;

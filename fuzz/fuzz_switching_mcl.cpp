@@ -14,12 +14,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   bool as_usual = true;
   code(io, as_usual);
   if (!as_usual) {
-    for (double* number :
+    code(io,
          {&config.sigma_unsure_m, &config.sigma_sure_m, &config.sigma_unsure_rad,
           &config.sigma_sure_rad, &config.elsewhere_m, &config.elsewhere_rad, &config.doubt_s,
-          &config.uwb_sigma_m, &config.uwb_sigma_rad, &config.uwb_age_s, &config.uwb_nis}) {
-      code(io, *number, 0.0, 3.0);
-    }
+          &config.uwb_sigma_m, &config.uwb_sigma_rad, &config.uwb_age_s, &config.uwb_nis},
+         0.0, 3.0);
     code(io, config.share, 0.0, 1.0);
   }
   std::optional<SwitchingMcl> robot;

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "checks.hpp"
+#include "settings.hpp"
 #include "support/scrubber.hpp"
-#include "worlds.hpp"
 
-/// A TagTriangleEkf, whose heading is taken as known or not, is told anything.
+/// A TagTriangleEkf of any settings, whose heading is taken as known or not, is told anything.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace locfuse;
   fuzz::Reader io(data, size);
   TagTriangleEkf::Config config;
+  fuzz::read_if_unusual(io, config);
   code(io, config.heading_is_known);
   std::optional<TagTriangleEkf> made;
   if (!fuzz::returns([&] {

@@ -2,7 +2,6 @@
 #include <algorithm>
 
 #include "checks.hpp"
-#include "locfuse/replay/timeline.hpp"
 #include "worlds.hpp"
 
 /// A Timeline takes messages in any order: what it believes is, bit for bit, what the sorted ones
@@ -16,12 +15,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Stamp history = 0;
   code(io, history, now);
   TimelineOptions options;
-  std::uint8_t jump = 0;
-  std::uint8_t jump_after = 0;
-  code(io, jump, 3);
-  code(io, jump_after, 40);
-  options.clock_jump = static_cast<ClockJump>(jump);
-  options.jump_after = jump_after;
+  code(io, options);
   std::optional<Timeline<PoseEkf>> timeline;
   if (!fuzz::returns([&] { timeline.emplace(fresh, history, options); })) {
     return 0;

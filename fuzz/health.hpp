@@ -15,15 +15,12 @@ void code(Io& io, Health::Config& c) {
   if (as_usual) {
     return;
   }
-  for (double* share :
+  code(io,
        {&c.risk, &c.wrong_share, &c.chance_share, &c.faulty_share, &c.faulty_share_unnamed,
-        &c.exclude_above, &c.probability_lost, &c.probability_found}) {
-    code(io, *share, 0.0, 1.0);
-  }
-  for (double* seconds :
-       {&c.mean_s_between_losses, &c.faulty_s, &c.doubt_s, &c.aiding_lost_s, &c.invalid_s}) {
-    code(io, *seconds, 0.0, 100.0);
-  }
+        &c.exclude_above, &c.probability_lost, &c.probability_found},
+       0.0, 1.0);
+  code(io, {&c.mean_s_between_losses, &c.faulty_s, &c.doubt_s, &c.aiding_lost_s, &c.invalid_s}, 0.0,
+       100.0);
   code(io, c.limit_m, 0.0, 10.0);
   code(io, c.wrong_span_m, 0.0, 100.0);
 }

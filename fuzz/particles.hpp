@@ -24,41 +24,40 @@ inline void read_settings(Reader& io, Mcl::Config& c) {
                      &c.refine_up_to, &c.bin_headings}) {
     code(io, *count);
   }
-  for (double* share :
+  code(io,
        {&c.kld_error, &c.effective_share, &c.outlier_share, &c.resample_below, &c.min_explained,
-        &c.kidnapping_probability, &c.probability_ready, &c.field.random_share}) {
-    code(io, *share, 0.0, 1.0);
-  }
-  for (double* number : {&c.kld_quantile,
-                         &c.independent_beams,
-                         &c.independent_beams_searching,
-                         &c.spacing_m,
-                         &c.spacing_heading_rad,
-                         &c.most_drop,
-                         &c.most_gain,
-                         &c.hold_s,
-                         &c.sigma_lost_xy_per_sqrt_s,
-                         &c.sigma_lost_heading_per_sqrt_s,
-                         &c.sigma_xy_ready_m,
-                         &c.sigma_heading_ready_rad,
-                         &c.bin_m,
-                         &c.sigma_map_m,
-                         &c.sigma_map_rad,
-                         &c.sigma_widest_m,
-                         &c.field.sigma_hit_m,
-                         &c.field.clutter_per_m,
-                         &c.field.unknown_per_m,
-                         &c.beam_model.hit,
-                         &c.beam_model.shorter,
-                         &c.beam_model.maximum,
-                         &c.beam_model.random,
-                         &c.beam_model.sigma_hit_m,
-                         &c.beam_model.shorter_per_m,
-                         &c.odometry.sigma_xy_per_sqrt_s,
-                         &c.odometry.sigma_longitudinal_per_sqrt_m,
-                         &c.range.sigma_m}) {
-    code(io, *number, 0.0, 3.0);
-  }
+        &c.kidnapping_probability, &c.probability_ready, &c.field.random_share},
+       0.0, 1.0);
+  code(io,
+       {&c.kld_quantile,
+        &c.independent_beams,
+        &c.independent_beams_searching,
+        &c.spacing_m,
+        &c.spacing_heading_rad,
+        &c.most_drop,
+        &c.most_gain,
+        &c.hold_s,
+        &c.sigma_lost_xy_per_sqrt_s,
+        &c.sigma_lost_heading_per_sqrt_s,
+        &c.sigma_xy_ready_m,
+        &c.sigma_heading_ready_rad,
+        &c.bin_m,
+        &c.sigma_map_m,
+        &c.sigma_map_rad,
+        &c.sigma_widest_m,
+        &c.field.sigma_hit_m,
+        &c.field.clutter_per_m,
+        &c.field.unknown_per_m,
+        &c.beam_model.hit,
+        &c.beam_model.shorter,
+        &c.beam_model.maximum,
+        &c.beam_model.random,
+        &c.beam_model.sigma_hit_m,
+        &c.beam_model.shorter_per_m,
+        &c.odometry.sigma_xy_per_sqrt_s,
+        &c.odometry.sigma_longitudinal_per_sqrt_m,
+        &c.range.sigma_m},
+       0.0, 3.0);
   code(io, c.field.max_range_m, 0.0, 30.0);
   code(io, c.beam_model.max_range_m, 0.0, 30.0);
   bool by_beams = false;

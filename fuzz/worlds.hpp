@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/replay/timeline.hpp"
 #include "messages.hpp"
 #include "support/robot.hpp"
 #include "support/rooms.hpp"
@@ -36,6 +37,32 @@ void code(Io& io, PoseEstimate& start) {
   code(io, start.covariance, 10.0);
 }
 
+template <class Io>
+void code(Io& io, TimelineOptions& options) {
+  auto jump = static_cast<std::uint8_t>(options.clock_jump);
+  auto jump_after = static_cast<std::uint8_t>(options.jump_after);
+  code(io, jump, 3);
+  code(io, jump_after, 40);
+  options.clock_jump = static_cast<ClockJump>(jump);
+  options.jump_after = jump_after;
+}
+
+/// Shapes of noise, of a filter that has a choice. Only ranges have a long side, so for the others
+/// one-sided noise is Gaussian.
+template <class Io, class Config>
+void code_noise(Io& io, Config& config) {
+  for (NoiseKind* kind : {&config.robust_range, &config.robust_position, &config.robust_pose}) {
+    auto shape = static_cast<std::uint8_t>(*kind);
+    code(io, shape, 4);
+    *kind = static_cast<NoiseKind>(shape);
+    if (kind != &config.robust_range && *kind == NoiseKind::kOneSided) {
+      *kind = NoiseKind::kGaussian;
+    }
+  }
+  code(io, config.robust_dof, 1.0, 30.0);
+  code(io, config.robust_late_share, 0.01, 0.5);
+}
+
 /// What changes the way of a PoseEkf: errors that are states, learnt or considered, shapes of
 /// noise.
 template <class Io>
@@ -49,23 +76,7 @@ void code(Io& io, PoseEkf::Config& config) {
     config.calibration = {0.05, 0.05, 0.05, 0.01,          0.001, 0.05, 0.02,    0.1,
                           0.02, 0.05, 0.2,  correlation_s, 0.01,  0.05, way == 2};
   }
-  // Only ranges have a long side, so for the others one-sided noise is Gaussian.
-  for (NoiseKind* kind : {&config.robust_range, &config.robust_position, &config.robust_pose}) {
-    auto shape = static_cast<std::uint8_t>(*kind);
-    code(io, shape, 4);
-    *kind = static_cast<NoiseKind>(shape);
-    if (kind != &config.robust_range && *kind == NoiseKind::kOneSided) {
-      *kind = NoiseKind::kGaussian;
-    }
-  }
-  code(io, config.robust_dof, 1.0, 30.0);
-  code(io, config.robust_late_share, 0.01, 0.5);
-}
-
-[[nodiscard]] inline PoseEkf::Config read_config(Reader& io) {
-  PoseEkf::Config config;
-  code(io, config);
-  return config;
+  code_noise(io, config);
 }
 
 [[nodiscard]] inline PoseEstimate read_start(Reader& io) {

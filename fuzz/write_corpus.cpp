@@ -5,11 +5,11 @@
 #include <string>
 
 #include "health.hpp"
+#include "settings.hpp"
 #include "support/discs.hpp"
 #include "support/flight.hpp"
 #include "support/scrubber.hpp"
 #include "support/simulation.hpp"
-#include "worlds.hpp"
 
 /// Meaningful streams as inputs of the fuzz targets: `write_corpus DIR`.
 namespace locfuse::fuzz {
@@ -53,6 +53,15 @@ class Input {
     code(io_, value, bounds...);
     return *this;
   }
+  /// Those it has by itself, by a flag or number by number.
+  template <class... Config>
+  Input& settings(bool as_usual) {
+    flag(as_usual);
+    if (!as_usual) {
+      (write_settings(Config{}), ...);
+    }
+    return *this;
+  }
   template <class M>
   Input& message(M message) {
     code(io_, message, now_);
@@ -60,6 +69,11 @@ class Input {
   }
 
  private:
+  template <class Config>
+  void write_settings(Config config) {
+    code_settings(io_, config);
+  }
+
   std::filesystem::path file_;
   Writer io_;
   Stamp now_ = 0;
@@ -158,6 +172,15 @@ PoseEkf::Config settings(bool robust) {
   return config;
 }
 
+/// On a robot with histories of 2 s.
+void begin_recovering(Input& input, bool live, const PoseEkf::Config& config) {
+  input.settings<PoseEkf::Config>(!live).flag(live).flag(true).part(Health::Config{}).part(config);
+  if (live) {
+    constexpr Stamp kHistory = 2'000'000'000;
+    input.part(kHistory, Stamp{0}).part(kHistory, Stamp{0}).part(TimelineOptions{});
+  }
+}
+
 void write_estimators(const std::filesystem::path& folder) {
   for (const Stream& stream : streams()) {
     const std::string name = stream.name;
@@ -165,21 +188,24 @@ void write_estimators(const std::filesystem::path& folder) {
       const std::string file = name + (flag ? "_1" : "_0");
       Input pose(folder / "pose_ekf" / file);
       Input tags(folder / "tag_triangle_ekf" / file);
-      pose.part(settings(flag)).start(start());
-      tags.flag(flag).start(start());
+      pose.settings<PoseEkf::Config>(!flag).part(settings(flag)).start(start());
+      tags.settings<TagTriangleEkf::Config>(!flag).flag(flag).start(start());
       for (const Message& message : stream.messages) {
         pose.choice(2).message(message);
         tags.choice(1).message(message);
       }
     }
     Input landmark(folder / "landmark_ekf" / name);
-    landmark.start(start());
+    landmark.settings<LandmarkEkf::Config>(name != "landmarks").start(start());
     Input tracking(folder / "recovering_ekf" / (name + "_tracking"));
-    tracking.flag(true).part(Health::Config{}).part(settings(false)).choice(2).start(start());
+    begin_recovering(tracking, false, settings(false));
+    tracking.choice(2).start(start());
     Input lost(folder / "recovering_ekf" / (name + "_lost"));
-    lost.flag(true).part(Health::Config{}).part(settings(true));
+    begin_recovering(lost, false, settings(true));
+    Input live(folder / "recovering_ekf" / (name + "_live"));
+    begin_recovering(live, true, settings(false));
     Input in_order(folder / "timeline" / name);
-    in_order.message(Stamp{2'000'000'000}).choice(0).choice(19);
+    in_order.message(Stamp{2'000'000'000}).part(TimelineOptions{});
     Input mcl(folder / "mcl" / name);
     mcl.flag(true).choice(0).start(start()).number(1.0, 0.0, 1.0);
     Input switching(folder / "switching_mcl" / name);
@@ -193,6 +219,7 @@ void write_estimators(const std::filesystem::path& folder) {
     }
     for (const Message& message : late(stream.messages)) {
       in_order.message(message);
+      live.choice(4).message(message);
     }
   }
 }
@@ -203,7 +230,7 @@ void write_scans(const std::filesystem::path& folder) {
   Input switching(folder / "switching_mcl" / "scans");
   switching.flag(true).start(start());
   Input lost(folder / "recovering_ekf" / "scans");
-  lost.flag(true).part(Health::Config{}).part(settings(false));
+  begin_recovering(lost, false, settings(false));
   for (const Message& message : first(with_ranges(), 8)) {
     lost.choice(4).message(message);
   }
@@ -219,6 +246,7 @@ void write_scans(const std::filesystem::path& folder) {
   }
   for (const int call : {0, 1, 2, 3}) {
     Input scans(folder / "scans" / std::to_string(call));
+    scans.settings<ScanMatcherConfig, ScanOdometryConfig>(call % 2 == 0);
     for (int i = 0; i < 2; ++i) {
       const Pose2 pose{-1.0 + 0.2 * i, 0.5, 0.3};
       const Matrix<3, 3> covariance = Vector<3>(0.01, 0.01, 0.001).asDiagonal();
@@ -243,7 +271,8 @@ void write_flights(const std::filesystem::path& folder) {
     Input air(folder / "air_ekf" / (by_itself ? "by_itself" : "by_odometry"));
     testing::Flight flight =
         testing::fly(2, 1.6, by_itself ? testing::by_itself : testing::by_odometry);
-    air.flag(by_itself).message(Stamp{0}).part(flight.start.pose, 30.0);
+    air.settings<AirEkf::Config>(by_itself).flag(by_itself).message(Stamp{0}).part(
+        flight.start.pose, 30.0);
     air.number(flight.start.height, -10.0, 30.0).part(flight.start.covariance, 10.0);
     struct Visitor {
       Input& air;

@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "locfuse/estimators/air_ekf.hpp"
+#include "locfuse/estimators/landmark_ekf.hpp"
+#include "locfuse/estimators/tag_triangle_ekf.hpp"
+#include "locfuse/frontends/scan_matcher.hpp"
+#include "locfuse/frontends/scan_odometry.hpp"
+#include "worlds.hpp"
+
+/// Settings of filters and of scan matching that are any numbers.
+namespace locfuse::fuzz {
+
+template <class Io>
+void code_settings(Io& io, OdometryMotion::Config& c) {
+  code(io,
+       {&c.sigma_longitudinal_per_sqrt_m, &c.sigma_lateral_per_sqrt_m, &c.sigma_heading_per_sqrt_m,
+        &c.sigma_heading_per_sqrt_rad, &c.sigma_xy_per_sqrt_s, &c.sigma_heading_per_sqrt_s,
+        &c.sigma_longitudinal_per_sqrt_s},
+       0.0, 1.0);
+}
+template <class Io>
+void code_settings(Io& io, RangeModel::Config& c) {
+  code(io, {&c.sigma_m, &c.sigma_relative}, 0.0, 1.0);
+}
+template <class Io>
+void code_settings(Io& io, PositionModel::Config& c) {
+  code(io, {&c.antenna_forward_m, &c.antenna_left_m}, -1.0, 1.0);
+  code(io, {&c.sigma_m, &c.least_sigma_m}, 0.0, 3.0);
+}
+template <class Io>
+void code_settings(Io& io, PoseModel::Config& c) {
+  code(io, {&c.sigma_m, &c.sigma_heading_rad, &c.least_sigma_m, &c.least_sigma_heading_rad}, 0.0,
+       3.0);
+}
+template <class Io>
+void code_settings(Io& io, RangeBearingModel::Config& c) {
+  code(io, {&c.sigma_range_m, &c.sigma_bearing_rad, &c.sigma_range_relative}, 0.0, 1.0);
+}
+template <class Io>
+void code_settings(Io& io, Limits& c) {
+  code(io, {&c.speed_mps, &c.turn_rate_radps}, 0.0, 100.0);
+  code(io, c.range_m, 0.0, 1e4);
+  code(io, c.distance_m, 0.0, 2e7);
+}
+template <class Io>
+void code_settings(Io& io, Calibration::Config& c) {
+  code(io,
+       {&c.sigma_scale, &c.sigma_direction_rad, &c.sigma_turn_scale, &c.sigma_turn_bias_radps,
+        &c.sigma_turn_bias_radps_per_sqrt_s, &c.sigma_sensor_m, &c.sigma_sensor_rad,
+        &c.sigma_range_offset_m, &c.sigma_range_scale, &c.sigma_delay_s, &c.sigma_anchor_offset_m,
+        &c.sigma_anchor_scale, &c.sigma_range_delay_s},
+       0.0, 0.5);
+  code(io, c.anchor_offset_correlation_s, 0.0, 30.0);
+  code(io, c.consider);
+}
+
+template <class Io>
+void code_settings(Io& io, PoseEkf::Config& c) {
+  code_settings(io, c.odometry);
+  code_settings(io, c.range);
+  code_settings(io, c.position);
+  code_settings(io, c.pose);
+  code_settings(io, c.landmark);
+  code_settings(io, c.calibration);
+  code_settings(io, c.limits);
+  code(io, {&c.adaptive.messages, &c.adaptive.most}, 0.0, 200.0);
+  code(io,
+       {&c.adaptive.least, &c.gate_range, &c.gate_position, &c.gate_pose, &c.gate_landmark,
+        &c.sigma_lost_xy_per_sqrt_s, &c.sigma_lost_heading_per_sqrt_s},
+       0.0, 1.0);
+  code(io, c.hold_s, 0.0, 10.0);
+}
+
+template <class Io>
+void code_settings(Io& io, LandmarkEkf::Config& c) {
+  code_settings(io, c.odometry);
+  code_settings(io, c.landmark);
+  code_settings(io, c.position);
+  code_settings(io, c.limits);
+  code(io,
+       {&c.gate_landmark, &c.gate_position, &c.gate_new, &c.sigma_lost_xy_per_sqrt_s,
+        &c.sigma_lost_heading_per_sqrt_s},
+       0.0, 1.0);
+  code(io, c.min_sightings);
+  code(io, {&c.confirm_within_s, &c.hold_s}, 0.0, 10.0);
+}
+
+template <class Io>
+void code_settings(Io& io, TagTriangleEkf::Config& c) {
+  code_settings(io, c.range);
+  code_settings(io, c.position);
+  code_settings(io, c.limits);
+  code(io,
+       {&c.motion.sigma_velocity_per_sqrt_s, &c.velocity.sigma_forward_mps,
+        &c.velocity.sigma_lateral_mps, &c.velocity.sigma_turn_rate_radps,
+        &c.velocity.sigma_point_mps, &c.side.sigma_m, &c.sigma_start_velocity_mps, &c.gate_position,
+        &c.gate_velocity, &c.gate_side, &c.gate_range},
+       0.0, 1.0);
+}
+
+template <class Io>
+void code_settings(Io& io, AirEkf::Config& c) {
+  code_settings(io, c.odometry);
+  code_settings(io, c.range);
+  code_settings(io, c.position);
+  code_settings(io, c.pose);
+  code_settings(io, c.landmark);
+  code_settings(io, c.limits);
+  code(io, {&c.altitude.altimeter_up_m, &c.landmark_in_space.sensor_up_m}, -1.0, 1.0);
+  code(io,
+       {&c.landmark_in_space.sigma_elevation_rad, &c.constant_velocity.sigma_velocity_per_sqrt_s,
+        &c.constant_velocity.sigma_climb_per_sqrt_s, &c.constant_velocity.sigma_heading_per_sqrt_s,
+        &c.sigma_height_per_sqrt_s, &c.sigma_start_velocity_mps, &c.sigma_start_climb_mps,
+        &c.gate_range, &c.gate_position, &c.gate_pose, &c.gate_altitude, &c.gate_landmark,
+        &c.sigma_lost_xy_per_sqrt_s, &c.sigma_lost_heading_per_sqrt_s,
+        &c.sigma_lost_height_per_sqrt_s},
+       0.0, 1.0);
+  code_noise(io, c);
+  code(io, c.hold_s, 0.0, 10.0);
+}
+
+template <class Io>
+void code_settings(Io& io, ScanMatcherConfig& c) {
+  code(io,
+       {&c.sigma_range_m, &c.outlier_share, &c.no_return_share, &c.wrong_probability,
+        &c.min_explained},
+       0.0, 1.0);
+  code(io, c.max_hypotheses);
+  code(io, c.max_iterations);
+  code(io, c.exact_neighbours);
+}
+template <class Io>
+void code_settings(Io& io, ScanOdometryConfig& c) {
+  code(io, {&c.map.sigma_range_m, &c.map.trimmed_share, &c.map.min_explained}, 0.0, 1.0);
+  code(io,
+       {&c.map.max_distance_m, &c.window_m, &c.key_distance_m, &c.key_turn_rad, &c.least_sigma_m,
+        &c.least_sigma_rad},
+       0.0, 10.0);
+  code(io, c.map.max_iterations);
+  code(io, c.window_scans);
+}
+
+/// After whether they are as usual.
+template <class Config>
+void read_if_unusual(Reader& io, Config& config) {
+  bool as_usual = true;
+  code(io, as_usual);
+  if (!as_usual) {
+    code_settings(io, config);
+  }
+}
+
+}  // namespace locfuse::fuzz
