@@ -38,10 +38,10 @@ bool returns(const Call& call) {
   }
 }
 
-/// Positive definite as long as every number was plausible. Beyond, where variances lie further
-/// apart than a double has digits, every variance is positive.
+/// Positive definite, of a filter whatever it was told. Of a front end as long as every number was
+/// plausible: beyond, where variances lie further apart than a double has digits, each is positive.
 template <class Derived>
-void require_covariance(const Reader& io, const Eigen::MatrixBase<Derived>& P) {
+void require_covariance(bool plausible, const Eigen::MatrixBase<Derived>& P) {
   const Eigen::MatrixXd dense = P;
   const auto require_of_it = [&](bool holds, const char* claim) {
     if (!holds) {
@@ -52,17 +52,22 @@ void require_covariance(const Reader& io, const Eigen::MatrixBase<Derived>& P) {
   require_of_it(dense.allFinite(), "the covariance is finite");
   require_of_it(testing::same_bits(dense, dense.transpose()), "the covariance is symmetric");
   require_of_it(dense.diagonal().minCoeff() > 0.0, "variances are positive");
-  require_of_it(!io.plausible() || dense.llt().info() == Eigen::Success,
+  require_of_it(!plausible || dense.llt().info() == Eigen::Success,
                 "the covariance is positive definite");
 }
 
-inline void require_sound(const Reader& io, const GaussianBelief& belief) {
+template <class Derived>
+void require_covariance(const Reader& io, const Eigen::MatrixBase<Derived>& P) {
+  require_covariance(io.plausible(), P);
+}
+
+inline void require_sound(const GaussianBelief& belief) {
   require(belief.stamp > -kStampLimit && belief.stamp < kStampLimit, "the stamp is in its limit");
   require(belief.x.allFinite(), "the state is finite");
   for (const int row : belief.angle_rows()) {
     require(belief.x(row) >= -kPi && belief.x(row) < kPi, "angles are wrapped");
   }
-  require_covariance(io, belief.P);
+  require_covariance(true, belief.P);
 }
 
 inline bool is_fused(const Outcome& outcome) { return outcome.verdict == Verdict::kFused; }
@@ -74,11 +79,11 @@ inline bool is_fused(const std::vector<Outcome>& outcomes) {
 /// Tells an estimator something: what is not fused, or refused, changes no bit of the belief and of
 /// where odometry carries it; and the belief stays sound.
 template <class Estimator, class Call>
-void tell(const Reader& io, Estimator& estimator, const Call& call) {
+void tell(Estimator& estimator, const Call& call) {
   const Estimator before = estimator;
   bool fused = false;
   returns([&] { fused = is_fused(call(estimator)); });
-  require_sound(io, estimator.belief());
+  require_sound(estimator.belief());
   if (fused) {
     return;
   }

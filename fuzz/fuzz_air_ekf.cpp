@@ -13,9 +13,9 @@ void tell(fuzz::Reader& io, AirEkf& ekf, Stamp& now) {
   if constexpr (std::is_same_v<M, Velocity> || std::is_same_v<M, Increment>) {
     double climb_rate = 0.0;
     code(io, climb_rate, -3.0, 3.0);
-    fuzz::tell(io, ekf, [&](AirEkf& e) { return e.on(message, climb_rate); });
+    fuzz::tell(ekf, [&](AirEkf& e) { return e.on(message, climb_rate); });
   } else {
-    fuzz::tell(io, ekf, [&](AirEkf& e) { return e.on(message); });
+    fuzz::tell(ekf, [&](AirEkf& e) { return e.on(message); });
   }
 }
 

@@ -31,7 +31,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         sightings.push_back(fuzz::read<RangeBearing>(io, now));
         sightings.back().stamp = sightings.front().stamp;
       }
-      fuzz::tell(io, ekf, [&](PoseEkf& e) {
+      fuzz::tell(ekf, [&](PoseEkf& e) {
         return e.on_joint(sightings, static_cast<Association>(size_and_way % 3));
       });
     } else if (call == 1) {
@@ -40,10 +40,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         code(io, range, now);
         range.stamp = epoch.front().stamp;
       }
-      fuzz::tell(io, ekf, [&](PoseEkf& e) { return e.on_joint(epoch); });
+      fuzz::tell(ekf, [&](PoseEkf& e) { return e.on_joint(epoch); });
     } else {
       const auto message = fuzz::read<Message>(io, now);
-      fuzz::tell(io, ekf, [&](PoseEkf& e) { return e.on(message); });
+      fuzz::tell(ekf, [&](PoseEkf& e) { return e.on(message); });
     }
   }
   return 0;

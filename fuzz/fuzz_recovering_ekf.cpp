@@ -12,7 +12,7 @@ void require_sound(const fuzz::Reader& io, const RecoveringEkf& robot) {
   fuzz::require_sound(robot.health());
   fuzz::require_sound(robot.sources());
   if (robot.estimator() != nullptr) {
-    fuzz::require_sound(io, robot.estimator()->belief());
+    fuzz::require_sound(robot.estimator()->belief());
   } else {
     fuzz::require(robot.is_lost(), "one that has not started is lost");
   }

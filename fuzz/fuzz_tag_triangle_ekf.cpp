@@ -23,10 +23,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     std::uint8_t call = 0;
     code(io, call, 8);
     if (call == 0) {
-      fuzz::tell(io, ekf, [](TagTriangleEkf& e) { return e.hold_sides(); });
+      fuzz::tell(ekf, [](TagTriangleEkf& e) { return e.hold_sides(); });
     } else {
       const auto message = fuzz::read<Message>(io, now);
-      fuzz::tell(io, ekf, [&](TagTriangleEkf& e) { return e.on(message); });
+      fuzz::tell(ekf, [&](TagTriangleEkf& e) { return e.on(message); });
     }
   }
   return 0;

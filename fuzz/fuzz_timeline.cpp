@@ -28,7 +28,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const Stamp stamp = effective_stamp(message);
     const bool returned =
         fuzz::returns([&] { timeline->on(message, [](std::size_t, const Outcome&) {}); });
-    fuzz::require_sound(io, timeline->estimator().belief());
+    fuzz::require_sound(timeline->estimator().belief());
     if (returned &&
         (taken.empty() || stamp >= newest || (stamp > -kStampLimit && newest - stamp <= history))) {
       taken.push_back(message);

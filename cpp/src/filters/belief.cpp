@@ -38,12 +38,14 @@ Slot GaussianBelief::add(const std::string& name, SlotKind kind,
     throw std::invalid_argument(text.str());
   }
   for (const Variable& variable : layout_->variables) {
-    if (variable.offset >= 0 && variable.name == name) {
+    if (variable.name == name) {
       throw std::invalid_argument("there is a slot '" + name + "' already");
     }
   }
   const int offset = dimension();
-  own_layout().variables.push_back({name, kind, offset});
+  Layout& layout = own_layout();
+  const int id = layout.next_id++;
+  layout.variables.push_back({id, name, kind, offset});
   x.conservativeResize(offset + size);
   x.tail(size) = mean;
   P.grow(size);
@@ -52,10 +54,11 @@ Slot GaussianBelief::add(const std::string& name, SlotKind kind,
   for (const int row : angle_rows()) {
     x(row) = wrap_angle(x(row));
   }
-  return {static_cast<int>(layout_->variables.size()) - 1};
+  return {id};
 }
 
 void GaussianBelief::remove(Slot slot) {
+  const auto index = static_cast<std::ptrdiff_t>(index_of(slot));
   const int start = offset(slot);
   const int size = dimension_of(kind(slot));
   const int after = dimension() - start - size;
@@ -64,18 +67,16 @@ void GaussianBelief::remove(Slot slot) {
   x.conservativeResize(start + after);
   P.remove(start, size);
   Layout& layout = own_layout();
-  layout.variables[static_cast<std::size_t>(slot.id)].offset = -1;
-  for (Variable& variable : layout.variables) {
-    if (variable.offset > start) {
-      variable.offset -= size;
-    }
+  for (auto later = layout.variables.erase(layout.variables.begin() + index);
+       later != layout.variables.end(); ++later) {
+    later->offset -= size;
   }
   find_rows();
 }
 
 void GaussianBelief::consider(Slot slot) {
-  (void)variable(slot);
-  own_layout().variables[static_cast<std::size_t>(slot.id)].considered = true;
+  const std::size_t index = index_of(slot);
+  own_layout().variables[index].considered = true;
   find_rows();
 }
 
@@ -92,9 +93,6 @@ void GaussianBelief::find_rows() {
   layout_->considered_rows.clear();
   layout_->variance_bounds.resize(static_cast<std::size_t>(dimension()));
   for (const Variable& variable : layout_->variables) {
-    if (variable.offset < 0) {
-      continue;
-    }
     if (variable.kind == SlotKind::kPose2) {
       layout_->angle_rows.push_back(variable.offset + 2);
     }
@@ -114,13 +112,9 @@ void GaussianBelief::find_rows() {
 
 Slot GaussianBelief::slot(const std::string& name) const {
   std::string known;
-  for (std::size_t id = 0; id < layout_->variables.size(); ++id) {
-    const Variable& variable = layout_->variables[id];
-    if (variable.offset < 0) {
-      continue;
-    }
+  for (const Variable& variable : layout_->variables) {
     if (variable.name == name) {
-      return {static_cast<int>(id)};
+      return {variable.id};
     }
     known += (known.empty() ? "" : ", ") + variable.name;
   }

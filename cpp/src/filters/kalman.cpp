@@ -105,14 +105,9 @@ Outcome update_rows(GaussianBelief& belief,
   return outcome;
 }
 
-}  // namespace
-
-Outcome internal::update_part(GaussianBelief& belief,
-                              const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin, Slots slots,
-                              const Gate& gate) {
-  const std::vector<int> rows = belief.rows(slots);
-  check_columns(rows.size(), lin.jacobian.cols());
-  // Kernels take A as symmetric, which it is with the gain of (3) alone.
+/// Kernels take A as symmetric, which it is with the gain of (3) alone.
+Outcome update_any(GaussianBelief& belief, const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin,
+                   const std::vector<int>& rows, const Gate& gate) {
   switch (belief.considered_rows().empty() ? lin.residual.size() : Eigen::Dynamic) {
     case 1:
       return update_rows<1>(belief, lin, rows, gate);
@@ -121,6 +116,20 @@ Outcome internal::update_part(GaussianBelief& belief,
     default:
       return update_rows<Eigen::Dynamic>(belief, lin, rows, gate);
   }
+}
+
+}  // namespace
+
+Outcome internal::update_part(GaussianBelief& belief,
+                              const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin, Slots slots,
+                              const Gate& gate) {
+  const std::vector<int> rows = belief.rows(slots);
+  check_columns(rows.size(), lin.jacobian.cols());
+  const auto variances = belief.P.diagonal()(rows);
+  if (loses_noise(lin, variances)) {
+    return count_fused(belief, update_any(belief, with_noise_kept(lin, variances), rows, gate));
+  }
+  return update_any(belief, lin, rows, gate);
 }
 
 void internal::check_columns(std::size_t variables, Index columns) {
@@ -132,24 +141,31 @@ void internal::check_columns(std::size_t variables, Index columns) {
 }
 
 bool internal::is_positive_definite(const Covariance& P) {
-  constexpr int kMost = 32;
-  if (P.rows() <= 3 || P.rows() > kMost) {
-    return is_pose_positive_definite(P);
+  constexpr int kFew = 32;
+  const auto has_factor = [](auto A) {
+    A.diagonal() *= kLess;
+    return Eigen::LLT<Eigen::Ref<decltype(A)>>(A).info() == Eigen::Success;
+  };
+  if (P.rows() > kFew) {
+    return has_factor(MatrixXd(P));
   }
-  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMost, kMost> A = P;
-  A.diagonal() *= kLess;
-  const Eigen::LLT<Eigen::Ref<decltype(A)>> factor(A);
-  return factor.info() == Eigen::Success;
+  return has_factor(
+      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kFew, kFew>(P));
 }
 
-void internal::put_back(GaussianBelief& belief, Index first, Index count) {
+void internal::put_back(GaussianBelief& belief, Index first, Index count, bool steep) {
+  const auto is_sound = steep ? is_positive_definite : is_pose_positive_definite;
+  const Index unsound = steep ? belief.P.rows() : 3;  // where a motion changes no other rows
   bool widened = false;
-  for (double share = 1e-13; share < 0.5 && !is_positive_definite(belief.P); share *= 10.0) {
-    belief.P.diagonal() *= 1.0 + share;
+  for (double share = 1e-13; share < 0.5 && !is_sound(belief.P); share *= 10.0) {
+    belief.P.diagonal().head(unsound) *= 1.0 + share;
     widened = true;
   }
-  if (widened && !is_positive_definite(belief.P)) {  // nothing is left of how rows err together
-    belief.P = Eigen::MatrixXd(belief.P.diagonal().asDiagonal());
+  if (widened && !is_sound(belief.P)) {  // nothing is left of how rows err together
+    const VectorXd variances = belief.P.diagonal().head(unsound);
+    belief.P.topRows(unsound).setZero();
+    belief.P.leftCols(unsound).setZero();
+    belief.P.diagonal().head(unsound) = variances;
   }
   belief.interventions += widened ? 1 : 0;
   for (Index row = first; row < first + count; ++row) {
@@ -192,6 +208,8 @@ void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slo
   const Matrix<3, 3> FP = step.jacobian * P;
   Matrix<3, 3> P_new = step.noise;
   P_new.noalias() += FP * step.jacobian.transpose();
+  const std::uint64_t interventions =
+      internal::keep_noise(P_new, P.diagonal(), step.noise.diagonal());
   if (!std::isfinite(P_new.sum() + moved.sum()) || !(P_new.diagonal().minCoeff() > 0.0)) {
     internal::refuse_prediction();
   }
@@ -201,6 +219,7 @@ void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slo
     belief.P.block<3, 1>(row, other) = cross;
     belief.P.block<1, 3>(other, row) = cross.transpose();
   }
+  belief.interventions += interventions;
   belief.P.block<3, 3>(row, row) = 0.5 * (P_new + P_new.transpose());
   belief.x.segment<3>(row) = moved;
   internal::keep_in_bounds(belief, row, 3);
@@ -213,8 +232,11 @@ void turn_with_mean(GaussianBelief& belief, Slot slot, const Vector<2>& before) 
   const Vector<2> cross = belief.P.block<2, 1>(row, row + 2);
   const double heading = belief.P(row + 2, row + 2);
   Matrix<2, 2> own = belief.P.block<2, 2>(row, row);
+  const Vector<2> variances = own.diagonal();
   own += turn * cross.transpose() + cross * turn.transpose();
   own += heading * turn * turn.transpose();
+  const std::uint64_t interventions =
+      internal::keep_noise(own, internal::kMuch * variances, Vector<2>(0.0, 0.0));
   if (!std::isfinite(own.sum()) || !(own.diagonal().minCoeff() > 0.0)) {
     return;
   }
@@ -223,6 +245,7 @@ void turn_with_mean(GaussianBelief& belief, Slot slot, const Vector<2>& before) 
     belief.P.block<2, 1>(row, other) += moved;
     belief.P.block<1, 2>(other, row) = belief.P.block<2, 1>(row, other).transpose();
   }
+  belief.interventions += interventions;
   belief.P.block<2, 2>(row, row) = 0.5 * (own + own.transpose());
   internal::keep_in_bounds(belief, row, 2);
 }
@@ -249,10 +272,13 @@ void predict(GaussianBelief& belief, const Propagation<VectorXd, Eigen::Dynamic>
   for (std::size_t k = 0; k < rows.size(); ++k) {
     own.noalias() += across.col(rows[k]) * step.jacobian.col(static_cast<Index>(k)).transpose();
   }
+  const VectorXd before = belief.P.diagonal()(rows);
+  const std::uint64_t interventions = internal::keep_noise(own, before, step.noise.diagonal());
   if (!std::isfinite(across.sum() + own.sum() + step.moved.sum()) ||
       !(own.diagonal().minCoeff() > 0.0)) {
     internal::refuse_prediction();
   }
+  belief.interventions += interventions;
   for (Index i = 0; i < moving; ++i) {
     belief.P.row(rows[static_cast<std::size_t>(i)]) = across.row(i);
     belief.P.col(rows[static_cast<std::size_t>(i)]) = across.row(i).transpose();
@@ -291,17 +317,13 @@ Slot augment(GaussianBelief& belief, const std::string& name, SlotKind kind,
   for (std::size_t k = 0; k < rows.size(); ++k) {
     own.noalias() += cross.col(rows[k]) * jacobian.col(static_cast<Index>(k)).transpose();
   }
-  const bool positive = noise.allFinite() && Eigen::LLT<MatrixXd>(noise).info() == Eigen::Success;
+  MatrixXd kept = noise;  // what rounding leaves of it
+  kept.diagonal() -= internal::kDigits * own.diagonal();
+  const bool positive = kept.allFinite() && Eigen::LLT<MatrixXd>(kept).info() == Eigen::Success;
   if (!positive || !mean.allFinite() || !cross.allFinite() || !own.allFinite()) {
     throw NumericalError("slot '" + name + "' would not be finite with positive noise");
   }
-  const MatrixXd P = 0.5 * own + 0.5 * own.transpose();
-  MatrixXd less = P;  // rounding may have left no digits of the noise
-  less.diagonal() *= internal::kLess;
-  if (!P.allFinite() || Eigen::LLT<MatrixXd>(less).info() != Eigen::Success) {
-    throw NumericalError("slot '" + name + "' would have a covariance that is not positive");
-  }
-  const Slot added = belief.add(name, kind, mean, P);
+  const Slot added = belief.add(name, kind, mean, 0.5 * own + 0.5 * own.transpose());
   belief.P.bottomLeftCorner(size, cross.cols()) = cross;
   belief.P.topRightCorner(cross.cols(), size) = cross.transpose();
   internal::keep_in_bounds(belief, cross.cols(), size);

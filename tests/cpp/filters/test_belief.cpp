@@ -76,6 +76,22 @@ TEST(GaussianBelief, removing_a_variable_keeps_the_handles_of_the_others) {
   expect_refused([&] { (void)belief.offset(left); }, "slot 1");
 }
 
+TEST(GaussianBelief, finds_variables_after_others_came_and_went) {
+  GaussianBelief belief = body_and_two_points();
+  const Slot right = belief.slot("right");
+  for (int i = 0; i < 100; ++i) {
+    belief.remove(belief.add("guest", SlotKind::kPoint2, Vector<2>(8.0, 9.0), kI2));
+  }
+  belief.remove(belief.slot("left"));
+  const Slot added = belief.add("new", SlotKind::kScalar, Vector<1>(8.0), Matrix<1, 1>(1.0));
+  EXPECT_EQ(belief.offset(right), 3);
+  EXPECT_EQ(belief.offset(added), 5);
+  EXPECT_EQ(belief.mean(added), Vector<1>(8.0));
+  EXPECT_EQ(belief.slot("new").id, added.id);
+  expect_refused([&] { (void)belief.offset(Slot{added.id - 1}); }, "is not in this belief");
+  expect_refused([&] { (void)belief.offset(Slot{added.id + 1}); }, "is not in this belief");
+}
+
 TEST(GaussianBelief, removing_the_pose_moves_angle_rows) {
   GaussianBelief belief = body_and_two_points();
   belief.add("second", SlotKind::kPose2, Vector<3>(0.0, 0.0, 0.0), kI3);

@@ -77,58 +77,115 @@ TEST(Bounds, hold_for_every_kind_of_variable_and_for_beliefs_too_large_for_fixed
   const Linearization<Eigen::Dynamic, Eigen::Dynamic> all{Eigen::VectorXd::Zero(n),
                                                           Eigen::MatrixXd::Identity(n, n),
                                                           1e-24 * Eigen::MatrixXd::Identity(n, n)};
-  update(belief, all, slots, Gate());
+  for (int i = 0; i < 3; ++i) {
+    update(belief, all, slots, Gate());
+  }
   for (Eigen::Index row = 0; row < n; ++row) {
     const double least = row == 2       ? kHeadingBounds.least
                          : row == n - 1 ? kScalarBounds.least
                                         : kPositionBounds.least;
     EXPECT_NEAR(std::sqrt(belief.P(row, row)), least, 1e-3 * least) << row;
   }
-  EXPECT_EQ(belief.interventions, static_cast<std::uint64_t>(n));
+  EXPECT_GE(belief.interventions, static_cast<std::uint64_t>(n));
 }
 
-/// Steps and measurements of any size, correlated at will.
-template <class Step>
-void expect_sound_after(int steps, std::uint64_t seed, const Step& step) {
-  testing::Rng rng(seed);
-  GaussianBelief belief = known_to(testing::uniform(rng, 1e-3, 1e3), 0.3);
-  for (int i = 0; i < steps; ++i) {
-    try {
-      step(belief, rng);
-    } catch (const NumericalError&) {  // refused whole
+TEST(Bounds, noise_that_rounding_would_lose_is_kept) {
+  GaussianBelief belief = known_to(1e4, 1.0);
+  Linearization<1, 3> lin;
+  lin.residual << 0.0;
+  lin.jacobian << 1.0, 0.0, 0.0;
+  lin.noise << 1e-4;  // 1 cm beside 10 km
+  update(belief, lin, belief.slot("body"), Gate());
+  EXPECT_NEAR(belief.P(0, 0), 1e-4, 1e-7);
+  EXPECT_EQ(belief.interventions, 0U);
+  lin.jacobian << 0.0, 1.0, 0.0;
+  lin.noise << 1e-8;
+  update(belief, lin, belief.slot("body"), Gate());
+  EXPECT_NEAR(belief.P(1, 1), 1e-13 * 1e8, 1e-7);
+  EXPECT_EQ(belief.interventions, 1U);
+}
+
+TEST(Bounds, noise_of_a_step_that_rounding_would_lose_is_kept) {
+  GaussianBelief belief = known_to(0.1, 1.0);
+  Propagation<Pose2, 3> step = spread(0.0);
+  step.noise.diagonal() << 1e-12, 1e-12, 0.0;
+  step.jacobian(0, 2) = 1e3;
+  predict(belief, step, belief.slot("body"));
+  EXPECT_EQ(belief.interventions, 1U);  // x alone hangs on the heading
+  const double rest = belief.P(0, 0) - belief.P(0, 2) * belief.P(0, 2) / belief.P(2, 2);
+  EXPECT_NEAR(rest, 0.01 + 1e-13 * 1e6, 1e-8);
+}
+
+double power(testing::Rng& rng, double low, double high) {
+  return std::pow(10.0, testing::uniform(rng, low, high));
+}
+double signed_power(testing::Rng& rng, double low, double high) {
+  return testing::uniform(rng, -1.0, 1.0) * power(rng, low, high);
+}
+
+/// A pose and `points`, each known to anything from a tenth of a millimetre to ten kilometres.
+GaussianBelief with_points(testing::Rng& rng, int points) {
+  GaussianBelief belief = known_to(power(rng, -3.0, 3.0), 0.3);
+  for (int i = 0; i < points; ++i) {
+    belief.add(std::to_string(i), SlotKind::kPoint2, Vector<2>::Zero(),
+               power(rng, -8.0, 8.0) * Matrix<2, 2>::Identity());
+  }
+  return belief;
+}
+
+/// A step, or a measurement of M rows of the pose and of one of `points`, correlated at will.
+template <int M>
+void tell_anything(GaussianBelief& belief, testing::Rng& rng, int points) {
+  const Slot body = belief.slot("body");
+  if (testing::uniform(rng, 0.0, 1.0) < 0.3) {
+    Propagation<Pose2, 3> step = spread(power(rng, -20.0, 9.0));
+    step.jacobian(0, 2) = signed_power(rng, -3.0, 6.0);
+    step.jacobian(1, 2) = signed_power(rng, -3.0, 6.0);
+    predict(belief, step, body);
+    return;
+  }
+  Linearization<M, 5> lin;
+  for (int i = 0; i < M; ++i) {
+    lin.residual(i) = signed_power(rng, -3.0, 6.0);
+    for (int k = 0; k < 5; ++k) {
+      lin.jacobian(i, k) = testing::uniform(rng, -1.0, 1.0);
     }
-    ASSERT_TRUE(belief.x.allFinite());
-    ASSERT_TRUE(belief.P.llt().info() == Eigen::Success) << "seed " << seed << ", step " << i;
-    ASSERT_TRUE(testing::same_bits(belief.P, belief.P.transpose()));
-    for (Eigen::Index row = 0; row < 3; ++row) {
-      const SigmaBounds& bounds = belief.variance_bounds()[static_cast<std::size_t>(row)];
-      ASSERT_GE(belief.P(row, row), bounds.least) << "seed " << seed << ", step " << i;
-      ASSERT_LE(belief.P(row, row), bounds.most) << "seed " << seed;
-    }
+    lin.jacobian(i, 2) = signed_power(rng, -3.0, 4.0);
+  }
+  lin.noise = power(rng, -16.0, 6.0) * testing::random_covariance(rng, M);
+  if (points == 0) {
+    update(belief,
+           Linearization<M, 3>{lin.residual, lin.jacobian.template leftCols<3>(), lin.noise}, body,
+           Gate());
+  } else {
+    const auto point = std::to_string(static_cast<int>(testing::uniform(rng, 0.0, points)));
+    update(belief, lin, std::vector<Slot>{body, belief.slot(point)}, Gate());
   }
 }
 
-TEST(Bounds, a_pose_is_sound_after_any_sequence_of_steps_and_measurements) {
-  const auto power = [](testing::Rng& rng, double low, double high) {
-    return std::pow(10.0, testing::uniform(rng, low, high));
-  };
-  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
-    expect_sound_after(100, seed, [&](GaussianBelief& belief, testing::Rng& rng) {
-      const Slot body = belief.slot("body");
-      if (testing::uniform(rng, 0.0, 1.0) < 0.3) {
-        Propagation<Pose2, 3> step = spread(power(rng, -20.0, 9.0));
-        step.jacobian(0, 2) = testing::uniform(rng, -1.0, 1.0) * power(rng, -3.0, 6.0);
-        step.jacobian(1, 2) = testing::uniform(rng, -1.0, 1.0) * power(rng, -3.0, 6.0);
-        predict(belief, step, body);
-        return;
+// With more variables than a pose it was left to Joseph's form, which these numbers break.
+TEST(Bounds, a_belief_of_any_size_is_sound_after_any_sequence_of_steps_and_measurements) {
+  for (const int points : {0, 1, 5, 20}) {
+    for (std::uint64_t seed = 1; seed <= 50; ++seed) {
+      testing::Rng rng(seed);
+      GaussianBelief belief = with_points(rng, points);
+      for (int i = 0; i < 100; ++i) {
+        try {
+          i % 2 == 0 ? tell_anything<1>(belief, rng, points)
+                     : tell_anything<2>(belief, rng, points);
+        } catch (const NumericalError&) {  // refused whole
+        }
+        ASSERT_TRUE(belief.x.allFinite());
+        ASSERT_TRUE(belief.P.llt().info() == Eigen::Success)
+            << points << " points, seed " << seed << ", step " << i;
+        ASSERT_TRUE(testing::same_bits(belief.P, belief.P.transpose()));
+        for (Eigen::Index row = 0; row < belief.x.size(); ++row) {
+          const SigmaBounds& bounds = belief.variance_bounds()[static_cast<std::size_t>(row)];
+          ASSERT_GE(belief.P(row, row), bounds.least) << "seed " << seed << ", step " << i;
+          ASSERT_LE(belief.P(row, row), bounds.most) << "seed " << seed;
+        }
       }
-      Linearization<1, 3> lin;
-      lin.residual << testing::uniform(rng, -1.0, 1.0) * power(rng, -3.0, 6.0);
-      lin.jacobian << testing::uniform(rng, -1.0, 1.0), testing::uniform(rng, -1.0, 1.0),
-          testing::uniform(rng, -1.0, 1.0) * power(rng, -3.0, 4.0);
-      lin.noise << power(rng, -16.0, 6.0);
-      update(belief, lin, body, Gate());
-    });
+    }
   }
 }
 

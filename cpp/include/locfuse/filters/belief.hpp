@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <stdexcept>
@@ -45,7 +46,8 @@ inline constexpr SigmaBounds kPositionBounds{1e-6, 1e4};  ///< [m], and velociti
 inline constexpr SigmaBounds kHeadingBounds{1e-7, 10.0};  ///< [rad]
 inline constexpr SigmaBounds kScalarBounds{1e-9, 1e4};    ///< such as a height or a sensor's error
 
-/// Handle of a variable in a belief. An id, not an offset: removing one never invalidates another.
+/// Handle of a variable in a belief. An id, not an offset: removing one never invalidates another,
+/// nor is its own given again.
 struct Slot {
   int id = 0;
 };
@@ -138,23 +140,35 @@ class GaussianBelief {
 
  private:
   struct Variable {
+    int id;  // of its slot
     std::string name;
     SlotKind kind;
-    int offset;  // -1 once removed
+    int offset;
     bool considered = false;
   };
   struct Layout {
-    std::vector<Variable> variables;  // index is the slot's id
+    std::vector<Variable> variables;  // ascending, id and offset
+    int next_id = 0;
     std::vector<int> angle_rows;
     std::vector<int> considered_rows;
     std::vector<SigmaBounds> variance_bounds;
   };
-  [[nodiscard]] const Variable& variable(Slot slot) const {
-    const auto id = static_cast<std::size_t>(slot.id);
-    if (id >= layout_->variables.size() || layout_->variables[id].offset < 0) {
-      throw std::invalid_argument("slot " + std::to_string(slot.id) + " is not in this belief");
+  /// Where all that were added are still there, the id is the index.
+  [[nodiscard]] std::size_t index_of(Slot slot) const {
+    const std::vector<Variable>& all = layout_->variables;
+    auto index = static_cast<std::size_t>(slot.id);
+    if (index >= all.size() || all[index].id != slot.id) {
+      const auto found = std::lower_bound(all.begin(), all.end(), slot.id,
+                                          [](const Variable& v, int id) { return v.id < id; });
+      if (found == all.end() || found->id != slot.id) {
+        throw std::invalid_argument("slot " + std::to_string(slot.id) + " is not in this belief");
+      }
+      index = static_cast<std::size_t>(found - all.begin());
     }
-    return layout_->variables[id];
+    return index;
+  }
+  [[nodiscard]] const Variable& variable(Slot slot) const {
+    return layout_->variables[index_of(slot)];
   }
   Layout& own_layout();
   void find_rows();

@@ -82,7 +82,17 @@ void wrap_angles(X& x, const std::vector<int>& angle_rows) {
 [[noreturn]] void refuse_result();
 [[noreturn]] void refuse_prediction();
 
-void put_back(GaussianBelief& belief, Eigen::Index first, Eigen::Index count);
+void put_back(GaussianBelief& belief, Eigen::Index first, Eigen::Index count, bool steep);
+
+/// Share of a variance that noise added to it is at least: less would be lost in its rounding, and
+/// with it what is left to keep P positive definite; eq. (19) and (20) of docs/models/kalman.md.
+inline constexpr double kDigits = 1e-13;
+
+/// Factor by which a variance may grow without noise and leave what is below it its digits.
+inline constexpr double kMuch = 100.0;
+
+/// Gain beyond which an update multiplies the rounding of P to more than that share.
+inline constexpr double kSteep = 1e3;
 
 inline constexpr double kLess = 1.0 - 1e-14;  ///< of a diagonal: a margin over what rounding does
 
@@ -98,11 +108,64 @@ inline constexpr double kLess = 1.0 - 1e-14;  ///< of a diagonal: a margin over 
   return a > 0.0 && b > 0.0 && b * c > shared * shared;
 }
 
-/// Of all rows, where they are 32 at most; else of the pose.
+/// Of all rows, which costs O(n^3).
 [[nodiscard]] bool is_positive_definite(const Covariance& P);
 
-/// Gain beyond which the rounding of P H' may outweigh what is left of a variance.
-inline constexpr double kSteep = 1e3;
+/// Adds what variances of `moved` that grew from those `before` need besides their `noise`. How
+/// many needed some.
+template <class P, class Before, class Noise>
+std::uint64_t keep_noise(P& moved, const Before& before, const Noise& noise) {
+  std::uint64_t count = 0;
+  for (Eigen::Index i = 0; i < noise.size(); ++i) {
+    const double least = kDigits * (moved(i, i) - before(i));
+    if (noise(i) < least) {
+      moved(i, i) += least;
+      ++count;
+    }
+  }
+  return count;
+}
+
+/// The least noise of row `i` of a measurement that P and the noise of other rows do not hide.
+template <class Lin, class Variances>
+[[nodiscard]] double least_noise(const Lin& lin, const Variances& variances, Eigen::Index i) {
+  return kDigits * (lin.noise(i, i) + lin.jacobian.row(i).cwiseAbs2().dot(variances));
+}
+
+/// Whether a measurement has less noise than that, in any direction: R - diag(least) is not
+/// positive definite. Where its diagonal outweighs the rest, it is.
+template <class Lin, class Variances>
+[[nodiscard]] bool loses_noise(const Lin& lin, const Variances& variances) {
+  bool outweighs = true;
+  for (Eigen::Index i = 0; i < lin.residual.size(); ++i) {
+    const double rest = lin.noise.row(i).cwiseAbs().sum() - lin.noise(i, i);
+    outweighs = outweighs && lin.noise(i, i) - rest >= least_noise(lin, variances, i);
+  }
+  if (outweighs || lin.residual.size() == 1) {
+    return !outweighs;
+  }
+  auto more = lin.noise;
+  for (Eigen::Index i = 0; i < lin.residual.size(); ++i) {
+    more(i, i) -= least_noise(lin, variances, i);
+  }
+  return more.llt().info() != Eigen::Success;
+}
+
+/// The same with noise that is not lost.
+template <class Lin, class Variances>
+[[nodiscard]] Lin with_noise_kept(const Lin& lin, const Variances& variances) {
+  Lin kept = lin;
+  for (Eigen::Index i = 0; i < lin.residual.size(); ++i) {
+    kept.noise(i, i) += least_noise(lin, variances, i);
+  }
+  return kept;
+}
+
+/// One intervention more, if it was fused.
+inline Outcome count_fused(GaussianBelief& belief, const Outcome& outcome) {
+  belief.interventions += outcome.verdict == Verdict::kFused ? 1 : 0;
+  return outcome;
+}
 
 /// Keeps the variances of `count` rows from `first` on between their bounds, and the pose's part
 /// of P positive definite, or after a `steep` gain all of it; eq. (17) and (18) of
@@ -118,7 +181,7 @@ inline void keep_in_bounds(GaussianBelief& belief, Eigen::Index first, Eigen::In
   }
   if (!inside || !is_pose_positive_definite(belief.P) ||
       (steep && !is_positive_definite(belief.P))) {
-    put_back(belief, first, count);
+    put_back(belief, first, count, steep);
   }
 }
 
@@ -144,6 +207,26 @@ Outcome fuse(X& x, Cov& P, const Lin& lin, const Cross& PHt, const S& innovation
   x = x_new;
   wrap_angles(x, angle_rows);
   P = 0.5 * (A + A.transpose());
+  return outcome;
+}
+
+/// The update where the local variables are the whole belief, in order.
+template <int M, int N, int MaxM>
+Outcome update_whole(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin,
+                     const Gate& gate) {
+  using Noise = Eigen::Matrix<double, M, M, Eigen::ColMajor, MaxM, MaxM>;
+  using Cross = Eigen::Matrix<double, N, M, Eigen::ColMajor, N, MaxM>;
+  Eigen::Map<Vector<N>> x(belief.x.data());
+  Eigen::Map<Matrix<N, N>> P(belief.P.data());
+  const Cross PHt = P * lin.jacobian.transpose();
+  const Noise S = lin.jacobian * PHt + lin.noise;
+  bool steep = false;
+  const Outcome outcome = fuse(
+      x, P, lin, PHt, S, gate, belief.angle_rows(),
+      [&](const auto& A) { return Cross(A * lin.jacobian.transpose()); }, steep);
+  if (outcome.verdict == Verdict::kFused) {
+    keep_in_bounds(belief, 0, N, steep);
+  }
   return outcome;
 }
 
@@ -185,20 +268,13 @@ Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slo
   if constexpr (N != Eigen::Dynamic && MaxM != Eigen::Dynamic) {
     if (belief.is_whole(slots, N) && belief.P.outerStride() == N &&
         belief.considered_rows().empty()) {
-      using Noise = Eigen::Matrix<double, M, M, Eigen::ColMajor, MaxM, MaxM>;
-      using Cross = Eigen::Matrix<double, N, M, Eigen::ColMajor, N, MaxM>;
-      Eigen::Map<Vector<N>> x(belief.x.data());
-      Eigen::Map<Matrix<N, N>> P(belief.P.data());
-      const Cross PHt = P * lin.jacobian.transpose();
-      const Noise S = lin.jacobian * PHt + lin.noise;
-      bool steep = false;
-      const Outcome outcome = internal::fuse(
-          x, P, lin, PHt, S, gate, belief.angle_rows(),
-          [&](const auto& A) { return Cross(A * lin.jacobian.transpose()); }, steep);
-      if (outcome.verdict == Verdict::kFused) {
-        internal::keep_in_bounds(belief, 0, N, steep);
+      const Eigen::Map<const Matrix<N, N>> P(belief.P.data());
+      if (internal::loses_noise(lin, P.diagonal())) {
+        return internal::count_fused(
+            belief,
+            internal::update_whole(belief, internal::with_noise_kept(lin, P.diagonal()), gate));
       }
-      return outcome;
+      return internal::update_whole(belief, lin, gate);
     }
   }
   return internal::update_part(belief, {lin.residual, lin.jacobian, lin.noise}, slots, gate);
@@ -232,9 +308,12 @@ void predict(GaussianBelief& belief, const Propagation<Vector<N>, N>& step, Slot
   const Matrix<N, N> FP = step.jacobian * P;
   Matrix<N, N> moved = step.noise;
   moved.noalias() += FP * step.jacobian.transpose();
+  const std::uint64_t interventions =
+      internal::keep_noise(moved, P.diagonal(), step.noise.diagonal());
   if (!std::isfinite(moved.sum() + step.moved.sum()) || !(moved.diagonal().minCoeff() > 0.0)) {
     internal::refuse_prediction();
   }
+  belief.interventions += interventions;
   P = 0.5 * (moved + moved.transpose());
   belief.x = step.moved;
   internal::wrap_angles(belief.x, belief.angle_rows());

@@ -110,9 +110,14 @@ Outcome fuse_softened(GaussianBelief& belief, const Lin& lin, Slots slots, const
                       Cross::MaxRowsAtCompileTime, decltype(softened.doubt)::MaxColsAtCompileTime>
       doubtful = moved * softened.doubt;
   for (Eigen::Index j = 0; j < belief.P.cols(); ++j) {
+    const double before = belief.P(j, j);
     for (Eigen::Index i = 0; i <= j; ++i) {
       belief.P(i, j) += doubtful.row(i).dot(doubtful.row(j));
       belief.P(j, i) = belief.P(i, j);
+    }
+    if (belief.P(j, j) > kMuch * before) {
+      belief.P(j, j) *= 1.0 + kDigits;
+      ++belief.interventions;
     }
   }
   keep_in_bounds(belief, 0, belief.dimension());

@@ -71,7 +71,7 @@ TEST(PositionModel, of_a_point_is_the_point) {
 }
 
 TEST(PositionModel, refuses_tags_given_twice_and_without_a_place) {
-  expect_refused([] { (void)PositionModel({}, {{1, {}}, {2, {}}, {1, {}}}); }, "tag 1", "twice");
+  expect_refused([] { (void)PositionModel({}, {{1}, {2}, {1}}); }, "tag 1", "twice");
   expect_refused(
       [] {
         (void)PositionModel({}, {{7, {std::nan(""), 0.0, 0.0}}});
