@@ -95,13 +95,14 @@ Outcome update_rows(GaussianBelief& belief,
   for (const int row : belief.considered_rows()) {
     K.row(row).setZero();  // eq. (16)
   }
+  const bool steep = internal::is_steep(lin, K, belief.P.diagonal()(rows), belief.P.diagonal());
   const VectorXd x_new = belief.x + K.lazyProduct(lin.residual);
   if (!std::isfinite(x_new.sum()) || !write_joseph(belief.P, K, PHt, lin, rows)) {
     internal::refuse_result();
   }
   belief.x = x_new;
   internal::wrap_angles(belief.x, belief.angle_rows());
-  internal::keep_in_bounds(belief, 0, size, K.cwiseAbs().maxCoeff() > internal::kSteep);
+  internal::keep_in_bounds(belief, 0, size, steep);
   return outcome;
 }
 

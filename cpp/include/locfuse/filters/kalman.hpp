@@ -92,7 +92,7 @@ inline constexpr double kDigits = 1e-13;
 inline constexpr double kMuch = 100.0;
 
 /// Gain beyond which an update multiplies the rounding of P to more than that share.
-inline constexpr double kSteep = 1e3;
+inline constexpr double kSteep = 300.0;
 
 inline constexpr double kLess = 1.0 - 1e-14;  ///< of a diagonal: a margin over what rounding does
 
@@ -161,6 +161,20 @@ template <class Lin, class Variances>
   return kept;
 }
 
+/// Whether a gain multiplies the rounding of P, in units of its standard deviations: it is at most
+/// 1 unless what is measured is a small difference of what is known much less.
+template <class Lin, class K, class Measured, class Variances>
+[[nodiscard]] bool is_steep(const Lin& lin, const K& gain, const Measured& measured,
+                            const Variances& variances) {
+  bool steep = false;
+  for (Eigen::Index i = 0; i < lin.residual.size(); ++i) {
+    const double reach = lin.jacobian.row(i).cwiseAbs2().dot(measured);
+    const double pull = gain.col(i).cwiseAbs2().cwiseQuotient(variances).maxCoeff();
+    steep = steep || reach * pull > kSteep * kSteep;
+  }
+  return steep;
+}
+
 /// One intervention more, if it was fused.
 inline Outcome count_fused(GaussianBelief& belief, const Outcome& outcome) {
   belief.interventions += outcome.verdict == Verdict::kFused ? 1 : 0;
@@ -203,7 +217,7 @@ Outcome fuse(X& x, Cov& P, const Lin& lin, const Cross& PHt, const S& innovation
   if (!std::isfinite(x_new.sum() + A.sum()) || !(A.diagonal().minCoeff() > 0.0)) {
     refuse_result();
   }
-  steep = K.cwiseAbs().maxCoeff() > kSteep;
+  steep = is_steep(lin, K, P.diagonal(), P.diagonal());
   x = x_new;
   wrap_angles(x, angle_rows);
   P = 0.5 * (A + A.transpose());
