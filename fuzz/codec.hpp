@@ -193,4 +193,15 @@ void code_optional(Io& io, std::optional<T>& value, const Code& code_value) {
   code_value(*value);
 }
 
+/// After whether they are as usual, which is returned.
+template <class... Config>
+bool read_if_unusual(Reader& io, Config&... config) {
+  bool as_usual = true;
+  code(io, as_usual);
+  if (!as_usual) {
+    (code_settings(io, config), ...);
+  }
+  return as_usual;
+}
+
 }  // namespace locfuse::fuzz

@@ -7,11 +7,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   using namespace locfuse;
   fuzz::Reader io(data, size);
   Mcl::Config config = fuzz::few_particles();
-  bool as_usual = true;
-  code(io, as_usual);
-  if (!as_usual) {
-    fuzz::read_settings(io, config);
-  }
+  fuzz::read_if_unusual(io, config);
   std::optional<Mcl> mcl;
   if (!fuzz::returns([&] {
         mcl.emplace(config, fuzz::small_room(), 0, testing::hall(), testing::one_tag(),

@@ -26,12 +26,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::Reader io(data, size);
   ScanMatcherConfig matching;
   ScanOdometryConfig driving;
-  bool as_usual = true;
-  code(io, as_usual);
-  if (!as_usual) {
-    code_settings(io, matching);
-    code_settings(io, driving);
-  }
+  const bool as_usual = fuzz::read_if_unusual(io, matching, driving);
   std::optional<ScanMatcher> unusual;
   std::optional<ScanOdometry> made;
   if (!fuzz::returns([&] {

@@ -19,7 +19,7 @@ namespace locfuse::fuzz {
 }
 
 /// Any settings, but for those that stand for memory and time: these are small.
-inline void read_settings(Reader& io, Mcl::Config& c) {
+inline void code_settings(Reader& io, Mcl::Config& c) {
   for (int* count : {&c.min_particles, &c.max_particles, &c.beams, &c.scouts, &c.scout_draws,
                      &c.refine_up_to, &c.bin_headings}) {
     code(io, *count);

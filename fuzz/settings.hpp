@@ -141,14 +141,4 @@ void code_settings(Io& io, ScanOdometryConfig& c) {
   code(io, c.window_scans);
 }
 
-/// After whether they are as usual.
-template <class Config>
-void read_if_unusual(Reader& io, Config& config) {
-  bool as_usual = true;
-  code(io, as_usual);
-  if (!as_usual) {
-    code_settings(io, config);
-  }
-}
-
 }  // namespace locfuse::fuzz

@@ -76,7 +76,7 @@ bool write_joseph(Covariance& P, const MatrixXd& K, const MatrixXd& PHt, const L
 template <int M>
 Outcome update_rows(GaussianBelief& belief,
                     const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin,
-                    const std::vector<int>& rows, const Gate& gate) {
+                    const std::vector<int>& rows, const VectorXd& reach, const Gate& gate) {
   const Index size = belief.dimension();
   const Index m = lin.residual.size();
   Columns<M> PHt = Columns<M>::Zero(size, m);
@@ -95,7 +95,7 @@ Outcome update_rows(GaussianBelief& belief,
   for (const int row : belief.considered_rows()) {
     K.row(row).setZero();  // eq. (16)
   }
-  const bool steep = internal::is_steep(lin, K, belief.P.diagonal()(rows), belief.P.diagonal());
+  const bool steep = internal::is_steep(K, reach, belief.P.diagonal());
   const VectorXd x_new = belief.x + K.lazyProduct(lin.residual);
   if (!std::isfinite(x_new.sum()) || !write_joseph(belief.P, K, PHt, lin, rows)) {
     internal::refuse_result();
@@ -108,14 +108,14 @@ Outcome update_rows(GaussianBelief& belief,
 
 /// Kernels take A as symmetric, which it is with the gain of (3) alone.
 Outcome update_any(GaussianBelief& belief, const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin,
-                   const std::vector<int>& rows, const Gate& gate) {
+                   const std::vector<int>& rows, const VectorXd& reach, const Gate& gate) {
   switch (belief.considered_rows().empty() ? lin.residual.size() : Eigen::Dynamic) {
     case 1:
-      return update_rows<1>(belief, lin, rows, gate);
+      return update_rows<1>(belief, lin, rows, reach, gate);
     case 2:
-      return update_rows<2>(belief, lin, rows, gate);
+      return update_rows<2>(belief, lin, rows, reach, gate);
     default:
-      return update_rows<Eigen::Dynamic>(belief, lin, rows, gate);
+      return update_rows<Eigen::Dynamic>(belief, lin, rows, reach, gate);
   }
 }
 
@@ -126,11 +126,11 @@ Outcome internal::update_part(GaussianBelief& belief,
                               const Gate& gate) {
   const std::vector<int> rows = belief.rows(slots);
   check_columns(rows.size(), lin.jacobian.cols());
-  const auto variances = belief.P.diagonal()(rows);
-  if (loses_noise(lin, variances)) {
-    return count_fused(belief, update_any(belief, with_noise_kept(lin, variances), rows, gate));
+  const VectorXd reach = reach_of(lin, belief.P.diagonal()(rows));
+  if (loses_noise(lin, reach)) {
+    return count_fused(belief, update_any(belief, with_noise_kept(lin, reach), rows, reach, gate));
   }
-  return update_any(belief, lin, rows, gate);
+  return update_any(belief, lin, rows, reach, gate);
 }
 
 void internal::check_columns(std::size_t variables, Index columns) {

@@ -158,13 +158,13 @@ TEST(RobustPoseEkf, a_fix_after_an_exact_range_leaves_a_covariance) {
     Range exact = testing::range_to(0, ekf.pose(), 0);
     exact.sigma = 1e-3;
     ekf.on(exact);
-    const std::uint64_t before = ekf.belief().interventions;
+    EXPECT_EQ(ekf.belief().interventions, 1U) << a;  // 1 mm beside 10 km
     const Matrix<2, 2> noise = 1e-4 * Matrix<2, 2>::Identity();
     const Matrix<2, 2> S = ekf.belief().P.topLeftCorner<2, 2>() + noise;
     const Vector<2> off = S.llt().matrixL() * Vector<2>(0.5, 1.0);
     ekf.on(PositionFix{0, ekf.pose().position() + off, noise});
     EXPECT_TRUE(testing::is_covariance(Eigen::MatrixXd(ekf.belief().P))) << a;
-    EXPECT_EQ(ekf.belief().interventions, before) << a;
+    EXPECT_EQ(ekf.belief().interventions, 1U) << a;
   }
 }
 

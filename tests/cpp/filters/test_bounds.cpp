@@ -72,21 +72,20 @@ TEST(Bounds, hold_for_every_kind_of_variable_and_for_beliefs_too_large_for_fixed
     slots.push_back(belief.add("landmark " + std::to_string(i), SlotKind::kPoint2,
                                Vector<2>::Zero(), Matrix<2, 2>::Identity()));
   }
-  slots.push_back(belief.add("height", SlotKind::kScalar, Vector<1>(1.0), Matrix<1, 1>(0.01)));
+  slots.push_back(belief.add("height", SlotKind::kScalar, Vector<1>(1.0), Matrix<1, 1>(1e-8)));
   const auto n = static_cast<Eigen::Index>(belief.dimension());
-  const Linearization<Eigen::Dynamic, Eigen::Dynamic> all{Eigen::VectorXd::Zero(n),
-                                                          Eigen::MatrixXd::Identity(n, n),
-                                                          1e-24 * Eigen::MatrixXd::Identity(n, n)};
-  for (int i = 0; i < 3; ++i) {
-    update(belief, all, slots, Gate());
-  }
+  const Eigen::MatrixXd noise = 2e-13 * belief.P.diagonal().asDiagonal().toDenseMatrix();
+  update(belief,
+         Linearization<Eigen::Dynamic, Eigen::Dynamic>{Eigen::VectorXd::Zero(n),
+                                                       Eigen::MatrixXd::Identity(n, n), noise},
+         slots, Gate());
   for (Eigen::Index row = 0; row < n; ++row) {
     const double least = row == 2       ? kHeadingBounds.least
                          : row == n - 1 ? kScalarBounds.least
                                         : kPositionBounds.least;
     EXPECT_NEAR(std::sqrt(belief.P(row, row)), least, 1e-3 * least) << row;
   }
-  EXPECT_GE(belief.interventions, static_cast<std::uint64_t>(n));
+  EXPECT_EQ(belief.interventions, static_cast<std::uint64_t>(n));
 }
 
 TEST(Bounds, noise_that_rounding_would_lose_is_kept) {
@@ -166,7 +165,7 @@ void tell_anything(GaussianBelief& belief, testing::Rng& rng, int points) {
 // With more variables than a pose it was left to Joseph's form, which these numbers break.
 TEST(Bounds, a_belief_of_any_size_is_sound_after_any_sequence_of_steps_and_measurements) {
   for (const int points : {0, 1, 5, 20}) {
-    for (std::uint64_t seed = 1; seed <= 50; ++seed) {
+    for (std::uint64_t seed = 1; seed <= 200; ++seed) {
       testing::Rng rng(seed);
       GaussianBelief belief = with_points(rng, points);
       for (int i = 0; i < 100; ++i) {

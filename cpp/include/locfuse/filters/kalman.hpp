@@ -126,51 +126,49 @@ std::uint64_t keep_noise(P& moved, const Before& before, const Noise& noise) {
   return count;
 }
 
-/// The least noise of row `i` of a measurement that P and the noise of other rows do not hide.
+/// Of each row of a measurement, the sum of H_ij^2 P_jj: how far apart what it measures may be.
 template <class Lin, class Variances>
-[[nodiscard]] double least_noise(const Lin& lin, const Variances& variances, Eigen::Index i) {
-  return kDigits * (lin.noise(i, i) + lin.jacobian.row(i).cwiseAbs2().dot(variances));
+[[nodiscard]] auto reach_of(const Lin& lin, const Variances& variances) {
+  decltype(lin.residual) reach = lin.residual;
+  for (Eigen::Index i = 0; i < reach.size(); ++i) {
+    reach(i) = lin.jacobian.row(i).cwiseAbs2().dot(variances);
+  }
+  return reach;
 }
 
-/// Whether a measurement has less noise than that, in any direction: R - diag(least) is not
-/// positive definite. Where its diagonal outweighs the rest, it is.
-template <class Lin, class Variances>
-[[nodiscard]] bool loses_noise(const Lin& lin, const Variances& variances) {
+/// Whether a measurement of that reach has less noise than P and the noise of other rows do not
+/// hide, in any direction: R - d diag(R + reach) is not positive definite. Where its diagonal
+/// outweighs the rest, it is.
+template <class Lin, class Reach>
+[[nodiscard]] bool loses_noise(const Lin& lin, const Reach& reach) {
   bool outweighs = true;
-  for (Eigen::Index i = 0; i < lin.residual.size(); ++i) {
+  for (Eigen::Index i = 0; i < reach.size(); ++i) {
     const double rest = lin.noise.row(i).cwiseAbs().sum() - lin.noise(i, i);
-    outweighs = outweighs && lin.noise(i, i) - rest >= least_noise(lin, variances, i);
+    outweighs = outweighs && lin.noise(i, i) - rest >= kDigits * (lin.noise(i, i) + reach(i));
   }
-  if (outweighs || lin.residual.size() == 1) {
+  if (outweighs || reach.size() == 1) {
     return !outweighs;
   }
   auto more = lin.noise;
-  for (Eigen::Index i = 0; i < lin.residual.size(); ++i) {
-    more(i, i) -= least_noise(lin, variances, i);
-  }
+  more.diagonal() -= kDigits * (lin.noise.diagonal() + reach);
   return more.llt().info() != Eigen::Success;
 }
 
 /// The same with noise that is not lost.
-template <class Lin, class Variances>
-[[nodiscard]] Lin with_noise_kept(const Lin& lin, const Variances& variances) {
-  Lin kept = lin;
-  for (Eigen::Index i = 0; i < lin.residual.size(); ++i) {
-    kept.noise(i, i) += least_noise(lin, variances, i);
-  }
-  return kept;
+template <class Lin, class Reach>
+[[nodiscard]] Lin with_noise_kept(Lin lin, const Reach& reach) {
+  lin.noise.diagonal() += kDigits * (lin.noise.diagonal() + reach);
+  return lin;
 }
 
 /// Whether a gain multiplies the rounding of P, in units of its standard deviations: it is at most
 /// 1 unless what is measured is a small difference of what is known much less.
-template <class Lin, class K, class Measured, class Variances>
-[[nodiscard]] bool is_steep(const Lin& lin, const K& gain, const Measured& measured,
-                            const Variances& variances) {
+template <class K, class Reach, class Variances>
+[[nodiscard]] bool is_steep(const K& gain, const Reach& reach, const Variances& variances) {
   bool steep = false;
-  for (Eigen::Index i = 0; i < lin.residual.size(); ++i) {
-    const double reach = lin.jacobian.row(i).cwiseAbs2().dot(measured);
+  for (Eigen::Index i = 0; i < reach.size(); ++i) {
     const double pull = gain.col(i).cwiseAbs2().cwiseQuotient(variances).maxCoeff();
-    steep = steep || reach * pull > kSteep * kSteep;
+    steep = steep || reach(i) * pull > kSteep * kSteep;
   }
   return steep;
 }
@@ -199,48 +197,35 @@ inline void keep_in_bounds(GaussianBelief& belief, Eigen::Index first, Eigen::In
   }
 }
 
-/// x += K r and Joseph's form of (I - K H) P, eq. (4) to (6) of docs/models/kalman.md, computed as
-/// A - (A H' - K R) K' with A = P - K (P H')', which costs O(n^2) per measurement row.
-/// `times_Ht(A)` is A H'. Tells whether the gain was steep.
-template <class X, class Cov, class Lin, class Cross, class S, class TimesHt>
-Outcome fuse(X& x, Cov& P, const Lin& lin, const Cross& PHt, const S& innovation, const Gate& gate,
-             const std::vector<int>& angle_rows, const TimesHt& times_Ht, bool& steep) {
-  Cross K;
-  const Outcome outcome = compare(lin, PHt, innovation, gate, K);
-  if (outcome.verdict == Verdict::kGated) {
-    return outcome;
-  }
-  const typename X::PlainObject x_new = x + K * lin.residual;
-  typename Cov::PlainObject A = P - K.lazyProduct(PHt.transpose());
-  const Cross rest = times_Ht(A) - K * lin.noise;
-  A -= rest.lazyProduct(K.transpose());
-  if (!std::isfinite(x_new.sum() + A.sum()) || !(A.diagonal().minCoeff() > 0.0)) {
-    refuse_result();
-  }
-  steep = is_steep(lin, K, P.diagonal(), P.diagonal());
-  x = x_new;
-  wrap_angles(x, angle_rows);
-  P = 0.5 * (A + A.transpose());
-  return outcome;
-}
-
-/// The update where the local variables are the whole belief, in order.
-template <int M, int N, int MaxM>
+/// The update where the local variables are the whole belief, in order: x += K r and Joseph's form
+/// of (I - K H) P, eq. (4) to (6) of docs/models/kalman.md, computed as A - (A H' - K R) K' with
+/// A = P - K (P H')', which costs O(n^2) per measurement row.
+template <int M, int N, int MaxM, class Reach>
 Outcome update_whole(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin,
-                     const Gate& gate) {
+                     const Reach& reach, const Gate& gate) {
   using Noise = Eigen::Matrix<double, M, M, Eigen::ColMajor, MaxM, MaxM>;
   using Cross = Eigen::Matrix<double, N, M, Eigen::ColMajor, N, MaxM>;
   Eigen::Map<Vector<N>> x(belief.x.data());
   Eigen::Map<Matrix<N, N>> P(belief.P.data());
   const Cross PHt = P * lin.jacobian.transpose();
   const Noise S = lin.jacobian * PHt + lin.noise;
-  bool steep = false;
-  const Outcome outcome = fuse(
-      x, P, lin, PHt, S, gate, belief.angle_rows(),
-      [&](const auto& A) { return Cross(A * lin.jacobian.transpose()); }, steep);
-  if (outcome.verdict == Verdict::kFused) {
-    keep_in_bounds(belief, 0, N, steep);
+  Cross K;
+  const Outcome outcome = compare(lin, PHt, S, gate, K);
+  if (outcome.verdict == Verdict::kGated) {
+    return outcome;
   }
+  const Vector<N> x_new = x + K * lin.residual;
+  Matrix<N, N> A = P - K.lazyProduct(PHt.transpose());
+  const Cross rest = Cross(A * lin.jacobian.transpose()) - K * lin.noise;
+  A -= rest.lazyProduct(K.transpose());
+  if (!std::isfinite(x_new.sum() + A.sum()) || !(A.diagonal().minCoeff() > 0.0)) {
+    refuse_result();
+  }
+  const bool steep = is_steep(K, reach, P.diagonal());
+  x = x_new;
+  wrap_angles(x, belief.angle_rows());
+  P = 0.5 * (A + A.transpose());
+  keep_in_bounds(belief, 0, N, steep);
   return outcome;
 }
 
@@ -283,12 +268,13 @@ Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slo
     if (belief.is_whole(slots, N) && belief.P.outerStride() == N &&
         belief.considered_rows().empty()) {
       const Eigen::Map<const Matrix<N, N>> P(belief.P.data());
-      if (internal::loses_noise(lin, P.diagonal())) {
+      const auto reach = internal::reach_of(lin, P.diagonal());
+      if (internal::loses_noise(lin, reach)) {
         return internal::count_fused(
             belief,
-            internal::update_whole(belief, internal::with_noise_kept(lin, P.diagonal()), gate));
+            internal::update_whole(belief, internal::with_noise_kept(lin, reach), reach, gate));
       }
-      return internal::update_whole(belief, lin, gate);
+      return internal::update_whole(belief, lin, reach, gate);
     }
   }
   return internal::update_part(belief, {lin.residual, lin.jacobian, lin.noise}, slots, gate);
