@@ -21,40 +21,61 @@ constexpr Index kWide = 2 * kLanes;  // columns that are written together
 using Lanes = double __attribute__((vector_size(kLanes * sizeof(double))));
 
 inline void load(Lanes& lanes, const double* from) { __builtin_memcpy(&lanes, from, sizeof lanes); }
+inline void load(double& one, const double* from) { one = *from; }
 
 inline void store(const Lanes& lanes, double* to) { __builtin_memcpy(to, &lanes, sizeof lanes); }
 
-/// One entry of A, or those of one column: p - sum K C.
+/// One entry, or those of one column: p - sum a b.
 template <int M, class Value>
-inline void shorten(Value& p, const Value (&K)[2], const double* C_column, Index size) {
-  p = p - K[0] * C_column[0];
+inline void shorten(Value& p, const Value (&a)[2], const double* b_column, Index size) {
+  p = p - a[0] * b_column[0];
   if constexpr (M == 2) {
-    p = p - K[1] * C_column[size];
+    p = p - a[1] * b_column[size];
   }
 }
+
+/// What one row, or as many as there are lanes, have of the columns.
+template <int M, class Value>
+struct Rows {
+  Value Y[2];
+  Value K[2];
+  Value W[2];
+
+  Rows(const JosephUpdate& u, Index row) {
+    const Index second = M == 1 ? row : row + u.size;
+    load(Y[0], u.Y + row);
+    load(Y[1], u.Y + second);
+    load(K[0], u.K + row);
+    load(K[1], u.K + second);
+    load(W[0], u.rest + row);
+    load(W[1], u.rest + second);
+  }
+
+  /// P+ from P in a column: eq. (10).
+  void write(Value& p, const JosephUpdate& u, Index column) const {
+    shorten<M>(p, Y, u.Y + column, u.size);
+    shorten<M>(p, W, u.K + column, u.size);
+    shorten<M>(p, K, u.rest + column, u.size);
+  }
+};
 
 // By value: what is behind a reference would be read again after every store.
 template <int M>
 inline void write_one(const JosephUpdate u, Index row, Index column) {
-  const Index second = M == 1 ? row : row + u.size;
-  const double K[2] = {u.K[row], u.K[second]};
-  const double W[2] = {u.rest[row], u.rest[second]};
-  double& p = u.P[row + column * u.stride];
-  shorten<M, double>(p, K, u.PHt + column, u.size);
-  shorten<M, double>(p, W, u.K + column, u.size);
+  double p = u.P[row + column * u.stride];
+  Rows<M, double>(u, row).write(p, u, column);
+  u.P[row + column * u.stride] = p;
   u.P[column + row * u.stride] = p;
 }
 
 /// As many rows as columns, and the same across the diagonal.
 template <int M>
-inline void write_square(const JosephUpdate u, const Lanes (&K)[2], const Lanes (&W)[2], Index row,
-                         Index column) {
+inline void write_square(const JosephUpdate u, const Rows<M, Lanes> rows, Index row, Index column) {
   double* const below = u.P + row + column * u.stride;
   double* const above = u.P + column + row * u.stride;
   const auto write = [&](Lanes& p, Index i) {
     load(p, below + i * u.stride);
-    shorten<M, Lanes>(p, K, u.PHt + column + i, u.size);
-    shorten<M, Lanes>(p, W, u.K + column + i, u.size);
+    rows.write(p, u, column + i);
     store(p, below + i * u.stride);
   };
   Lanes a;
@@ -91,15 +112,9 @@ inline void write_joseph(const JosephUpdate u) {
     }
     Index row = end;
     for (; row + kLanes <= u.size; row += kLanes) {
-      const Index second = M == 1 ? row : row + u.size;
-      Lanes K[2];
-      Lanes W[2];
-      load(K[0], u.K + row);
-      load(K[1], u.K + second);
-      load(W[0], u.rest + row);
-      load(W[1], u.rest + second);
-      write_square<M>(u, K, W, row, column);
-      write_square<M>(u, K, W, row, column + kLanes);
+      const Rows<M, Lanes> rows(u, row);
+      write_square<M>(u, rows, row, column);
+      write_square<M>(u, rows, row, column + kLanes);
     }
     for (; row < u.size; ++row) {
       for (Index c = column; c < end; ++c) {
@@ -109,44 +124,31 @@ inline void write_joseph(const JosephUpdate u) {
   }
 }
 
-/// Rows `begin` to `end` of a column of A, by columns of one factor and a row of the other.
-template <int M>
-inline void shorten_rows(const double* columns, const double* row, const JosephUpdate u,
-                         const double* p, Index begin, Index end, double* a) {
-  Index i = begin;
-  for (; i + kLanes <= end; i += kLanes) {
-    Lanes value;
-    Lanes factor[2];
-    load(value, p + i);
-    load(factor[0], columns + i);
-    load(factor[1], columns + (M == 1 ? i : i + u.size));
-    shorten<M, Lanes>(value, factor, row, u.size);
-    store(value, a + i);
-  }
-  for (; i < end; ++i) {
-    const double factor[2] = {columns[i], columns[M == 1 ? i : i + u.size]};
-    a[i] = p[i];
-    shorten<M, double>(a[i], factor, row, u.size);
-  }
-}
-
 template <int M>
 inline void short_column(const JosephUpdate u, Index column, double* a) {
-  // An entry below the diagonal stands for that above it.
   const double* const p = u.P + column * u.stride;
-  shorten_rows<M>(u.PHt, u.K + column, u, p, 0, column, a);
-  shorten_rows<M>(u.K, u.PHt + column, u, p, column, u.size, a);
+  Index row = 0;
+  for (; row + kLanes <= u.size; row += kLanes) {
+    Lanes value;
+    Lanes Y[2];
+    load(value, p + row);
+    load(Y[0], u.Y + row);
+    load(Y[1], u.Y + (M == 1 ? row : row + u.size));
+    shorten<M>(value, Y, u.Y + column, u.size);
+    store(value, a + row);
+  }
+  for (; row < u.size; ++row) {
+    const double Y[2] = {u.Y[row], u.Y[M == 1 ? row : row + u.size]};
+    a[row] = p[row];
+    shorten<M>(a[row], Y, u.Y + column, u.size);
+  }
 }
 
 template <int M>
 inline bool stays_positive(const JosephUpdate u) {
   for (Index row = 0; row < u.size; ++row) {
-    const Index second = M == 1 ? row : row + u.size;
-    const double K[2] = {u.K[row], u.K[second]};
-    const double W[2] = {u.rest[row], u.rest[second]};
     double p = u.P[row + row * u.stride];
-    shorten<M, double>(p, K, u.PHt + row, u.size);
-    shorten<M, double>(p, W, u.K + row, u.size);
+    Rows<M, double>(u, row).write(p, u, row);
     if (!(p > 0.0)) {
       return false;
     }

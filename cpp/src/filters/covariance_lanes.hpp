@@ -12,14 +12,14 @@ struct JosephUpdate {
   double* P;
   std::ptrdiff_t stride;  ///< of the columns of P
   std::ptrdiff_t size;    ///< n
+  const double* Y;
   const double* K;
-  const double* PHt;
   const double* rest;
 };
 
 /// Functions for one M that round alike: what one foretells, another writes.
 struct JosephKernel {
-  /// Column of A = P - K (P H')', to n numbers; needs no `rest`.
+  /// Column of A = P - Y Y', to n numbers; needs no `rest`.
   void (*short_column)(JosephUpdate, std::ptrdiff_t column, double* a);
   /// Whether the diagonal of P+ will be positive.
   bool (*stays_positive)(JosephUpdate);

@@ -41,17 +41,21 @@ const internal::JosephKernel& kernel() {
 /// P+ where a measurement has M = 1 or 2 rows, in place: eq. (10) of docs/models/kalman.md. False,
 /// and P as it was, if a variance would not be positive.
 template <int M, class Lin>
-bool write_joseph(Covariance& P, const Columns<M>& K, const Columns<M>& PHt, const Lin& lin,
+bool write_joseph(Covariance& P, const Columns<M>& K, const Columns<M>& PHt,
+                  const Eigen::Matrix<double, M, M>& S, const Lin& lin,
                   const std::vector<int>& rows) {
+  Columns<M> Y = PHt;
+  internal::solve_forward(S.llt().matrixLLT(), Y);
   const Eigen::Matrix<double, M, M> noise = lin.noise;
   Columns<M> rest = -K.lazyProduct(noise);
   const internal::JosephUpdate joseph{P.data(), P.outerStride(), P.rows(),
-                                      K.data(), PHt.data(),      rest.data()};
+                                      Y.data(), K.data(),        rest.data()};
   VectorXd a(P.rows());
   for (std::size_t k = 0; k < rows.size(); ++k) {
     kernel<M>().short_column(joseph, rows[k], a.data());
     add_outer(a, lin.jacobian.col(static_cast<Index>(k)), rest);
   }
+  rest *= 0.5;
   if (!kernel<M>().stays_positive(joseph)) {
     return false;
   }
@@ -61,8 +65,8 @@ bool write_joseph(Covariance& P, const Columns<M>& K, const Columns<M>& PHt, con
 
 /// The same for any number of rows, in two steps.
 template <class Lin>
-bool write_joseph(Covariance& P, const MatrixXd& K, const MatrixXd& PHt, const Lin& lin,
-                  const std::vector<int>& rows) {
+bool write_joseph(Covariance& P, const MatrixXd& K, const MatrixXd& PHt, const MatrixXd& /*S*/,
+                  const Lin& lin, const std::vector<int>& rows) {
   MatrixXd A = P - K * PHt.transpose();
   const MatrixXd rest = A(Eigen::all, rows) * lin.jacobian.transpose() - K * lin.noise;
   A -= rest * K.transpose();
@@ -95,18 +99,18 @@ Outcome update_rows(GaussianBelief& belief,
   for (const int row : belief.considered_rows()) {
     K.row(row).setZero();  // eq. (16)
   }
-  const bool steep = internal::is_steep(K, reach, belief.P.diagonal());
+  const bool few = internal::leaves_few_digits(lin.noise, S, reach);
   const VectorXd x_new = belief.x + K.lazyProduct(lin.residual);
-  if (!std::isfinite(x_new.sum()) || !write_joseph(belief.P, K, PHt, lin, rows)) {
+  if (!std::isfinite(x_new.sum()) || !write_joseph(belief.P, K, PHt, S, lin, rows)) {
     internal::refuse_result();
   }
   belief.x = x_new;
   internal::wrap_angles(belief.x, belief.angle_rows());
-  internal::keep_in_bounds(belief, 0, size, steep);
+  internal::keep_in_bounds(belief, 0, size, few);
   return outcome;
 }
 
-/// Kernels take A as symmetric, which it is with the gain of (3) alone.
+/// Kernels take A as P - Y Y', which it is with the gain of (3) alone.
 Outcome update_any(GaussianBelief& belief, const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin,
                    const std::vector<int>& rows, const VectorXd& reach, const Gate& gate) {
   switch (belief.considered_rows().empty() ? lin.residual.size() : Eigen::Dynamic) {
@@ -126,8 +130,8 @@ Outcome internal::update_part(GaussianBelief& belief,
                               const Gate& gate) {
   const std::vector<int> rows = belief.rows(slots);
   check_columns(rows.size(), lin.jacobian.cols());
-  const VectorXd reach = reach_of(lin, belief.P.diagonal()(rows));
-  if (loses_noise(lin, reach)) {
+  const VectorXd reach = reach_of(lin.jacobian, belief.P.diagonal()(rows));
+  if (is_less_than(kDigits, lin.noise, reach)) {
     return count_fused(belief, update_any(belief, with_noise_kept(lin, reach), rows, reach, gate));
   }
   return update_any(belief, lin, rows, reach, gate);
@@ -154,9 +158,9 @@ bool internal::is_positive_definite(const Covariance& P) {
       Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kFew, kFew>(P));
 }
 
-void internal::put_back(GaussianBelief& belief, Index first, Index count, bool steep) {
-  const auto is_sound = steep ? is_positive_definite : is_pose_positive_definite;
-  const Index unsound = steep ? belief.P.rows() : 3;  // where a motion changes no other rows
+void internal::put_back(GaussianBelief& belief, Index first, Index count, bool few) {
+  const auto is_sound = few ? is_positive_definite : is_pose_positive_definite;
+  const Index unsound = few ? belief.P.rows() : 3;  // where a motion changes no other rows
   bool widened = false;
   for (double share = 1e-13; share < 0.5 && !is_sound(belief.P); share *= 10.0) {
     belief.P.diagonal().head(unsound) *= 1.0 + share;
@@ -209,8 +213,8 @@ void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slo
   const Matrix<3, 3> FP = step.jacobian * P;
   Matrix<3, 3> P_new = step.noise;
   P_new.noalias() += FP * step.jacobian.transpose();
-  const std::uint64_t interventions =
-      internal::keep_noise(P_new, P.diagonal(), step.noise.diagonal());
+  const std::uint64_t interventions = internal::keep_noise(
+      P_new, internal::reach_of(step.jacobian, P.diagonal()), P.diagonal(), step.noise.diagonal());
   if (!std::isfinite(P_new.sum() + moved.sum()) || !(P_new.diagonal().minCoeff() > 0.0)) {
     internal::refuse_prediction();
   }
@@ -236,8 +240,6 @@ void turn_with_mean(GaussianBelief& belief, Slot slot, const Vector<2>& before) 
   const Vector<2> variances = own.diagonal();
   own += turn * cross.transpose() + cross * turn.transpose();
   own += heading * turn * turn.transpose();
-  const std::uint64_t interventions =
-      internal::keep_noise(own, internal::kMuch * variances, Vector<2>(0.0, 0.0));
   if (!std::isfinite(own.sum()) || !(own.diagonal().minCoeff() > 0.0)) {
     return;
   }
@@ -246,9 +248,9 @@ void turn_with_mean(GaussianBelief& belief, Slot slot, const Vector<2>& before) 
     belief.P.block<2, 1>(row, other) += moved;
     belief.P.block<1, 2>(other, row) = belief.P.block<2, 1>(row, other).transpose();
   }
-  belief.interventions += interventions;
   belief.P.block<2, 2>(row, row) = 0.5 * (own + own.transpose());
-  internal::keep_in_bounds(belief, row, 2);
+  const bool few = (own.diagonal().array() > internal::kMuch * variances.array()).any();
+  internal::keep_in_bounds(belief, row, 2, few);
 }
 
 void predict(GaussianBelief& belief, const Propagation<VectorXd, Eigen::Dynamic>& step,
@@ -274,7 +276,8 @@ void predict(GaussianBelief& belief, const Propagation<VectorXd, Eigen::Dynamic>
     own.noalias() += across.col(rows[k]) * step.jacobian.col(static_cast<Index>(k)).transpose();
   }
   const VectorXd before = belief.P.diagonal()(rows);
-  const std::uint64_t interventions = internal::keep_noise(own, before, step.noise.diagonal());
+  const std::uint64_t interventions = internal::keep_noise(
+      own, internal::reach_of(step.jacobian, before), before, step.noise.diagonal());
   if (!std::isfinite(across.sum() + own.sum() + step.moved.sum()) ||
       !(own.diagonal().minCoeff() > 0.0)) {
     internal::refuse_prediction();
@@ -318,16 +321,17 @@ Slot augment(GaussianBelief& belief, const std::string& name, SlotKind kind,
   for (std::size_t k = 0; k < rows.size(); ++k) {
     own.noalias() += cross.col(rows[k]) * jacobian.col(static_cast<Index>(k)).transpose();
   }
-  MatrixXd kept = noise;  // what rounding leaves of it
-  kept.diagonal() -= internal::kDigits * own.diagonal();
-  const bool positive = kept.allFinite() && Eigen::LLT<MatrixXd>(kept).info() == Eigen::Success;
+  const VectorXd reach = internal::reach_of(jacobian, belief.P.diagonal()(rows));
+  const bool positive =
+      noise.allFinite() && !internal::is_less_than(internal::kDigits, noise, reach);
   if (!positive || !mean.allFinite() || !cross.allFinite() || !own.allFinite()) {
     throw NumericalError("slot '" + name + "' would not be finite with positive noise");
   }
   const Slot added = belief.add(name, kind, mean, 0.5 * own + 0.5 * own.transpose());
   belief.P.bottomLeftCorner(size, cross.cols()) = cross;
   belief.P.topRightCorner(cross.cols(), size) = cross.transpose();
-  internal::keep_in_bounds(belief, cross.cols(), size);
+  internal::keep_in_bounds(belief, cross.cols(), size,
+                           internal::is_less_than(internal::kFewDigits, noise, reach));
   return added;
 }
 

@@ -19,17 +19,23 @@ namespace locfuse {
 
 namespace internal {
 
-/// K = C (L L')^-1, column by column: Eigen's own solver is made for larger L.
+/// Y L'^-1 in place of Y, column by column: Eigen's own solver is made for larger L.
+template <class L, class Cross>
+void solve_forward(const L& factor, Cross& Y) {
+  for (Eigen::Index i = 0; i < Y.cols(); ++i) {
+    for (Eigen::Index j = 0; j < i; ++j) {
+      Y.col(i) -= factor(i, j) * Y.col(j);
+    }
+    Y.col(i) /= factor(i, i);
+  }
+}
+
+/// K = C (L L')^-1.
 template <class L, class Cross>
 void solve_columns(const L& factor, const Cross& C, Cross& K) {
   const Eigen::Index m = C.cols();
   K = C;
-  for (Eigen::Index i = 0; i < m; ++i) {
-    for (Eigen::Index j = 0; j < i; ++j) {
-      K.col(i) -= factor(i, j) * K.col(j);
-    }
-    K.col(i) /= factor(i, i);
-  }
+  solve_forward(factor, K);
   for (Eigen::Index i = m - 1; i >= 0; --i) {
     for (Eigen::Index j = i + 1; j < m; ++j) {
       K.col(i) -= factor(j, i) * K.col(j);
@@ -82,19 +88,19 @@ void wrap_angles(X& x, const std::vector<int>& angle_rows) {
 [[noreturn]] void refuse_result();
 [[noreturn]] void refuse_prediction();
 
-void put_back(GaussianBelief& belief, Eigen::Index first, Eigen::Index count, bool steep);
+void put_back(GaussianBelief& belief, Eigen::Index first, Eigen::Index count, bool few);
 
 /// Share of a variance that noise added to it is at least: less would be lost in its rounding, and
 /// with it what is left to keep P positive definite; eq. (19) and (20) of docs/models/kalman.md.
 inline constexpr double kDigits = 1e-13;
 
-/// Factor by which a variance may grow without noise and leave what is below it its digits.
+/// Share below which what is left has few digits, and all of P is looked at.
+inline constexpr double kFewDigits = 10.0 * kDigits;
+
+/// Factor by which a variance may grow without noise before all of P is looked at.
 inline constexpr double kMuch = 100.0;
 
-/// Gain beyond which an update multiplies the rounding of P to more than that share.
-inline constexpr double kSteep = 300.0;
-
-inline constexpr double kLess = 1.0 - 1e-14;  ///< of a diagonal: a margin over what rounding does
+inline constexpr double kLess = 1.0 - 0.5 * kDigits;  ///< of a diagonal: what rounding may take
 
 /// Of the first three rows, which are the pose if there is one: elimination without divisions.
 [[nodiscard]] inline bool is_pose_positive_definite(const Covariance& P) {
@@ -111,13 +117,19 @@ inline constexpr double kLess = 1.0 - 1e-14;  ///< of a diagonal: a margin over 
 /// Of all rows, which costs O(n^3).
 [[nodiscard]] bool is_positive_definite(const Covariance& P);
 
-/// Adds what variances of `moved` that grew from those `before` need besides their `noise`. How
-/// many needed some.
-template <class P, class Before, class Noise>
-std::uint64_t keep_noise(P& moved, const Before& before, const Noise& noise) {
+/// Of each row of a Jacobian, the sum of J_ij^2 P_jj: how far apart what it adds up may be.
+template <class Jacobian, class Variances>
+[[nodiscard]] auto reach_of(const Jacobian& jacobian, const Variances& variances) {
+  return (jacobian.cwiseAbs2() * variances).eval();
+}
+
+/// Adds what variances of `moved`, whose Jacobian has that reach, need besides their `noise`, where
+/// they were those `before`. How many needed some.
+template <class P, class Reach, class Before, class Noise>
+std::uint64_t keep_noise(P& moved, const Reach& reach, const Before& before, const Noise& noise) {
   std::uint64_t count = 0;
   for (Eigen::Index i = 0; i < noise.size(); ++i) {
-    const double least = kDigits * (moved(i, i) - before(i));
+    const double least = kDigits * (reach(i) + noise(i) - before(i));
     if (noise(i) < least) {
       moved(i, i) += least;
       ++count;
@@ -126,32 +138,32 @@ std::uint64_t keep_noise(P& moved, const Before& before, const Noise& noise) {
   return count;
 }
 
-/// Of each row of a measurement, the sum of H_ij^2 P_jj: how far apart what it measures may be.
-template <class Lin, class Variances>
-[[nodiscard]] auto reach_of(const Lin& lin, const Variances& variances) {
-  decltype(lin.residual) reach = lin.residual;
-  for (Eigen::Index i = 0; i < reach.size(); ++i) {
-    reach(i) = lin.jacobian.row(i).cwiseAbs2().dot(variances);
-  }
-  return reach;
-}
-
-/// Whether a measurement of that reach has less noise than P and the noise of other rows do not
-/// hide, in any direction: R - d diag(R + reach) is not positive definite. Where its diagonal
-/// outweighs the rest, it is.
-template <class Lin, class Reach>
-[[nodiscard]] bool loses_noise(const Lin& lin, const Reach& reach) {
+/// Whether noise is less than that share of itself and of that reach, in any direction:
+/// R - share diag(R + reach) is not positive definite. Where its diagonal outweighs the rest, it
+/// is.
+template <class Noise, class Reach>
+[[nodiscard]] bool is_less_than(double share, const Noise& noise, const Reach& reach) {
   bool outweighs = true;
   for (Eigen::Index i = 0; i < reach.size(); ++i) {
-    const double rest = lin.noise.row(i).cwiseAbs().sum() - lin.noise(i, i);
-    outweighs = outweighs && lin.noise(i, i) - rest >= kDigits * (lin.noise(i, i) + reach(i));
+    const double rest = noise.row(i).cwiseAbs().sum() - noise(i, i);
+    outweighs = outweighs && noise(i, i) - rest >= share * (noise(i, i) + reach(i));
   }
   if (outweighs || reach.size() == 1) {
     return !outweighs;
   }
-  auto more = lin.noise;
-  more.diagonal() -= kDigits * (lin.noise.diagonal() + reach);
+  auto more = noise.eval();
+  more.diagonal() -= share * (noise.diagonal() + reach);
   return more.llt().info() != Eigen::Success;
+}
+
+/// Whether an update may leave few digits of P along what is measured: of H P H', or of R.
+template <class Noise, class S, class Reach>
+[[nodiscard]] bool leaves_few_digits(const Noise& noise, const S& innovation, const Reach& reach) {
+  bool few = false;
+  for (Eigen::Index i = 0; i < reach.size(); ++i) {
+    few = few || innovation(i, i) - noise(i, i) < kFewDigits * reach(i);
+  }
+  return few || is_less_than(kFewDigits, noise, reach);
 }
 
 /// The same with noise that is not lost.
@@ -161,18 +173,6 @@ template <class Lin, class Reach>
   return lin;
 }
 
-/// Whether a gain multiplies the rounding of P, in units of its standard deviations: it is at most
-/// 1 unless what is measured is a small difference of what is known much less.
-template <class K, class Reach, class Variances>
-[[nodiscard]] bool is_steep(const K& gain, const Reach& reach, const Variances& variances) {
-  bool steep = false;
-  for (Eigen::Index i = 0; i < reach.size(); ++i) {
-    const double pull = gain.col(i).cwiseAbs2().cwiseQuotient(variances).maxCoeff();
-    steep = steep || reach(i) * pull > kSteep * kSteep;
-  }
-  return steep;
-}
-
 /// One intervention more, if it was fused.
 inline Outcome count_fused(GaussianBelief& belief, const Outcome& outcome) {
   belief.interventions += outcome.verdict == Verdict::kFused ? 1 : 0;
@@ -180,10 +180,10 @@ inline Outcome count_fused(GaussianBelief& belief, const Outcome& outcome) {
 }
 
 /// Keeps the variances of `count` rows from `first` on between their bounds, and the pose's part
-/// of P positive definite, or after a `steep` gain all of it; eq. (17) and (18) of
+/// of P positive definite, or where it may have `few` digits left all of it; eq. (17) and (18) of
 /// docs/models/kalman.md.
 inline void keep_in_bounds(GaussianBelief& belief, Eigen::Index first, Eigen::Index count,
-                           bool steep = false) {
+                           bool few = false) {
   const std::vector<SigmaBounds>& bounds = belief.variance_bounds();
   bool inside = true;
   for (Eigen::Index row = first; row < first + count; ++row) {
@@ -191,9 +191,8 @@ inline void keep_in_bounds(GaussianBelief& belief, Eigen::Index first, Eigen::In
     const SigmaBounds& of_row = bounds[static_cast<std::size_t>(row)];
     inside = inside && variance >= of_row.least && variance <= of_row.most;
   }
-  if (!inside || !is_pose_positive_definite(belief.P) ||
-      (steep && !is_positive_definite(belief.P))) {
-    put_back(belief, first, count, steep);
+  if (!inside || !is_pose_positive_definite(belief.P) || (few && !is_positive_definite(belief.P))) {
+    put_back(belief, first, count, few);
   }
 }
 
@@ -221,11 +220,11 @@ Outcome update_whole(GaussianBelief& belief, const Linearization<M, N, MaxM>& li
   if (!std::isfinite(x_new.sum() + A.sum()) || !(A.diagonal().minCoeff() > 0.0)) {
     refuse_result();
   }
-  const bool steep = is_steep(K, reach, P.diagonal());
   x = x_new;
   wrap_angles(x, belief.angle_rows());
   P = 0.5 * (A + A.transpose());
-  keep_in_bounds(belief, 0, N, steep);
+  // Three rows are looked at always.
+  keep_in_bounds(belief, 0, N, N != 3 && leaves_few_digits(lin.noise, S, reach));
   return outcome;
 }
 
@@ -268,8 +267,8 @@ Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slo
     if (belief.is_whole(slots, N) && belief.P.outerStride() == N &&
         belief.considered_rows().empty()) {
       const Eigen::Map<const Matrix<N, N>> P(belief.P.data());
-      const auto reach = internal::reach_of(lin, P.diagonal());
-      if (internal::loses_noise(lin, reach)) {
+      const auto reach = internal::reach_of(lin.jacobian, P.diagonal());
+      if (internal::is_less_than(internal::kDigits, lin.noise, reach)) {
         return internal::count_fused(
             belief,
             internal::update_whole(belief, internal::with_noise_kept(lin, reach), reach, gate));
@@ -308,8 +307,8 @@ void predict(GaussianBelief& belief, const Propagation<Vector<N>, N>& step, Slot
   const Matrix<N, N> FP = step.jacobian * P;
   Matrix<N, N> moved = step.noise;
   moved.noalias() += FP * step.jacobian.transpose();
-  const std::uint64_t interventions =
-      internal::keep_noise(moved, P.diagonal(), step.noise.diagonal());
+  const std::uint64_t interventions = internal::keep_noise(
+      moved, internal::reach_of(step.jacobian, P.diagonal()), P.diagonal(), step.noise.diagonal());
   if (!std::isfinite(moved.sum() + step.moved.sum()) || !(moved.diagonal().minCoeff() > 0.0)) {
     internal::refuse_prediction();
   }
@@ -317,7 +316,7 @@ void predict(GaussianBelief& belief, const Propagation<Vector<N>, N>& step, Slot
   P = 0.5 * (moved + moved.transpose());
   belief.x = step.moved;
   internal::wrap_angles(belief.x, belief.angle_rows());
-  internal::keep_in_bounds(belief, 0, N);
+  internal::keep_in_bounds(belief, 0, N, interventions > 0);
 }
 
 /// Turns the covariance of the pose in `slot` with its mean, which an update has moved away from

@@ -109,18 +109,16 @@ Outcome fuse_softened(GaussianBelief& belief, const Lin& lin, Slots slots, const
   const Eigen::Matrix<double, Cross::RowsAtCompileTime, Eigen::Dynamic, Eigen::RowMajor,
                       Cross::MaxRowsAtCompileTime, decltype(softened.doubt)::MaxColsAtCompileTime>
       doubtful = moved * softened.doubt;
+  bool few = false;
   for (Eigen::Index j = 0; j < belief.P.cols(); ++j) {
     const double before = belief.P(j, j);
     for (Eigen::Index i = 0; i <= j; ++i) {
       belief.P(i, j) += doubtful.row(i).dot(doubtful.row(j));
       belief.P(j, i) = belief.P(i, j);
     }
-    if (belief.P(j, j) > kMuch * before) {
-      belief.P(j, j) *= 1.0 + kDigits;
-      ++belief.interventions;
-    }
+    few = few || belief.P(j, j) > kMuch * before;
   }
-  keep_in_bounds(belief, 0, belief.dimension());
+  keep_in_bounds(belief, 0, belief.dimension(), few);
   return outcome;
 }
 
