@@ -51,7 +51,7 @@ struct Rows {
     load(W[1], u.rest + second);
   }
 
-  /// P+ from P in a column: eq. (10).
+  /// P+ from P in a column.
   void write(Value& p, const JosephUpdate& u, Index column) const {
     shorten<M>(p, Y, u.Y + column, u.size);
     shorten<M>(p, W, u.K + column, u.size);
