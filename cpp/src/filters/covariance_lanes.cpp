@@ -25,57 +25,42 @@ inline void load(double& one, const double* from) { one = *from; }
 
 inline void store(const Lanes& lanes, double* to) { __builtin_memcpy(to, &lanes, sizeof lanes); }
 
-/// One entry, or those of one column: p - sum a b.
-template <int M, class Value>
-inline void shorten(Value& p, const Value (&a)[2], const double* b_column, Index size) {
-  p = p - a[0] * b_column[0];
-  if constexpr (M == 2) {
-    p = p - a[1] * b_column[size];
-  }
-}
-
-/// What one row, or as many as there are lanes, have of the columns.
+/// What one row, or as many as there are lanes, have of the columns of Y.
 template <int M, class Value>
 struct Rows {
   Value Y[2];
-  Value K[2];
-  Value W[2];
 
-  Rows(const JosephUpdate& u, Index row) {
-    const Index second = M == 1 ? row : row + u.size;
+  Rows(const OuterUpdate& u, Index row) {
     load(Y[0], u.Y + row);
-    load(Y[1], u.Y + second);
-    load(K[0], u.K + row);
-    load(K[1], u.K + second);
-    load(W[0], u.rest + row);
-    load(W[1], u.rest + second);
+    load(Y[1], u.Y + (M == 1 ? row : row + u.size));
   }
 
   /// P+ from P in a column.
-  void write(Value& p, const JosephUpdate& u, Index column) const {
-    shorten<M>(p, Y, u.Y + column, u.size);
-    shorten<M>(p, W, u.K + column, u.size);
-    shorten<M>(p, K, u.rest + column, u.size);
+  void shorten(Value& p, const OuterUpdate& u, Index column) const {
+    p = p - Y[0] * u.Y[column];
+    if constexpr (M == 2) {
+      p = p - Y[1] * u.Y[column + u.size];
+    }
   }
 };
 
 // By value: what is behind a reference would be read again after every store.
 template <int M>
-inline void write_one(const JosephUpdate u, Index row, Index column) {
+inline void write_one(const OuterUpdate u, Index row, Index column) {
   double p = u.P[row + column * u.stride];
-  Rows<M, double>(u, row).write(p, u, column);
+  Rows<M, double>(u, row).shorten(p, u, column);
   u.P[row + column * u.stride] = p;
   u.P[column + row * u.stride] = p;
 }
 
 /// As many rows as columns, and the same across the diagonal.
 template <int M>
-inline void write_square(const JosephUpdate u, const Rows<M, Lanes> rows, Index row, Index column) {
+inline void write_square(const OuterUpdate u, const Rows<M, Lanes> rows, Index row, Index column) {
   double* const below = u.P + row + column * u.stride;
   double* const above = u.P + column + row * u.stride;
   const auto write = [&](Lanes& p, Index i) {
     load(p, below + i * u.stride);
-    rows.write(p, u, column + i);
+    rows.shorten(p, u, column + i);
     store(p, below + i * u.stride);
   };
   Lanes a;
@@ -102,7 +87,7 @@ inline void write_square(const JosephUpdate u, const Rows<M, Lanes> rows, Index 
 }
 
 template <int M>
-inline void write_joseph(const JosephUpdate u) {
+inline void write_outer(const OuterUpdate u) {
   for (Index column = 0; column < u.size; column += kWide) {
     const Index end = column + kWide < u.size ? column + kWide : u.size;
     for (Index c = column; c < end; ++c) {  // the tile on the diagonal
@@ -125,30 +110,10 @@ inline void write_joseph(const JosephUpdate u) {
 }
 
 template <int M>
-inline void short_column(const JosephUpdate u, Index column, double* a) {
-  const double* const p = u.P + column * u.stride;
-  Index row = 0;
-  for (; row + kLanes <= u.size; row += kLanes) {
-    Lanes value;
-    Lanes Y[2];
-    load(value, p + row);
-    load(Y[0], u.Y + row);
-    load(Y[1], u.Y + (M == 1 ? row : row + u.size));
-    shorten<M>(value, Y, u.Y + column, u.size);
-    store(value, a + row);
-  }
-  for (; row < u.size; ++row) {
-    const double Y[2] = {u.Y[row], u.Y[M == 1 ? row : row + u.size]};
-    a[row] = p[row];
-    shorten<M>(a[row], Y, u.Y + column, u.size);
-  }
-}
-
-template <int M>
-inline bool stays_positive(const JosephUpdate u) {
+inline bool stays_positive(const OuterUpdate u) {
   for (Index row = 0; row < u.size; ++row) {
     double p = u.P[row + row * u.stride];
-    Rows<M, double>(u, row).write(p, u, row);
+    Rows<M, double>(u, row).shorten(p, u, row);
     if (!(p > 0.0)) {
       return false;
     }
@@ -158,7 +123,7 @@ inline bool stays_positive(const JosephUpdate u) {
 
 }  // namespace
 
-const JosephKernel kJoseph1 = {short_column<1>, stays_positive<1>, write_joseph<1>};
-const JosephKernel kJoseph2 = {short_column<2>, stays_positive<2>, write_joseph<2>};
+const OuterKernel kOuter1 = {stays_positive<1>, write_outer<1>};
+const OuterKernel kOuter2 = {stays_positive<2>, write_outer<2>};
 
 }  // namespace locfuse::internal::LOCFUSE_LANES

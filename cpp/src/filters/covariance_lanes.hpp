@@ -8,33 +8,29 @@ namespace locfuse::internal {
 
 /// A symmetric matrix by columns, and n x M columns without gaps of eq. (10) of
 /// docs/models/kalman.md.
-struct JosephUpdate {
+struct OuterUpdate {
   double* P;
   std::ptrdiff_t stride;  ///< of the columns of P
   std::ptrdiff_t size;    ///< n
   const double* Y;
-  const double* K;
-  const double* rest;
 };
 
 /// Functions for one M that round alike: what one foretells, another writes.
-struct JosephKernel {
-  /// Column of A = P - Y Y', to n numbers; needs no `rest`.
-  void (*short_column)(JosephUpdate, std::ptrdiff_t column, double* a);
+struct OuterKernel {
   /// Whether the diagonal of P+ will be positive.
-  bool (*stays_positive)(JosephUpdate);
+  bool (*stays_positive)(OuterUpdate);
   /// Puts P+ in the place of P, what is above the diagonal as a copy of what is below.
-  void (*write)(JosephUpdate);
+  void (*write)(OuterUpdate);
 };
 
 namespace portable {
-extern const JosephKernel kJoseph1;
-extern const JosephKernel kJoseph2;
+extern const OuterKernel kOuter1;
+extern const OuterKernel kOuter2;
 }  // namespace portable
 #ifdef LOCFUSE_LANES_AVX2
 namespace avx2 {
-extern const JosephKernel kJoseph1;
-extern const JosephKernel kJoseph2;
+extern const OuterKernel kOuter1;
+extern const OuterKernel kOuter2;
 }  // namespace avx2
 #endif
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "filters/covariance_lanes.hpp"
 #include "math/processor.hpp"
@@ -29,44 +30,32 @@ void add_outer(const Column& column, const Row& row, Sum& sum) {
 }
 
 template <int M>
-const internal::JosephKernel& kernel() {
+const internal::OuterKernel& kernel() {
 #ifdef LOCFUSE_LANES_AVX2
   if (internal::has_avx2()) {
-    return M == 1 ? internal::avx2::kJoseph1 : internal::avx2::kJoseph2;
+    return M == 1 ? internal::avx2::kOuter1 : internal::avx2::kOuter2;
   }
 #endif
-  return M == 1 ? internal::portable::kJoseph1 : internal::portable::kJoseph2;
+  return M == 1 ? internal::portable::kOuter1 : internal::portable::kOuter2;
 }
 
-/// P+ where a measurement has M = 1 or 2 rows, in place: eq. (10) of docs/models/kalman.md. False,
-/// and P as it was, if a variance would not be positive.
-template <int M, class Lin>
-bool write_joseph(Covariance& P, const Columns<M>& K, const Columns<M>& PHt,
-                  const Eigen::Matrix<double, M, M>& S, const Lin& lin,
-                  const std::vector<int>& rows) {
-  Columns<M> Y = PHt;
+/// P+ where a measurement has M = 1 or 2 rows and the gain of (3), from Y = P H', in place: eq.
+/// (10) of docs/models/kalman.md. False, and P as it was, if a variance would not be positive.
+template <int M>
+bool write_outer(Covariance& P, Columns<M> Y, const Eigen::Matrix<double, M, M>& S) {
   internal::solve_forward(S.llt().matrixLLT(), Y);
-  const Eigen::Matrix<double, M, M> noise = lin.noise;
-  Columns<M> rest = -K.lazyProduct(noise);
-  const internal::JosephUpdate joseph{P.data(), P.outerStride(), P.rows(),
-                                      Y.data(), K.data(),        rest.data()};
-  VectorXd a(P.rows());
-  for (std::size_t k = 0; k < rows.size(); ++k) {
-    kernel<M>().short_column(joseph, rows[k], a.data());
-    add_outer(a, lin.jacobian.col(static_cast<Index>(k)), rest);
-  }
-  rest *= 0.5;
-  if (!kernel<M>().stays_positive(joseph)) {
+  const internal::OuterUpdate outer{P.data(), P.outerStride(), P.rows(), Y.data()};
+  if (!kernel<M>().stays_positive(outer)) {
     return false;
   }
-  kernel<M>().write(joseph);
+  kernel<M>().write(outer);
   return true;
 }
 
-/// The same for any number of rows, in two steps.
+/// For any number of rows and any gain, in two steps: eq. (6).
 template <class Lin>
-bool write_joseph(Covariance& P, const MatrixXd& K, const MatrixXd& PHt, const MatrixXd& /*S*/,
-                  const Lin& lin, const std::vector<int>& rows) {
+bool write_joseph(Covariance& P, const MatrixXd& K, const MatrixXd& PHt, const Lin& lin,
+                  const std::vector<int>& rows) {
   MatrixXd A = P - K * PHt.transpose();
   const MatrixXd rest = A(Eigen::all, rows) * lin.jacobian.transpose() - K * lin.noise;
   A -= rest * K.transpose();
@@ -101,7 +90,14 @@ Outcome update_rows(GaussianBelief& belief,
   }
   const bool few = internal::leaves_few_digits(lin.noise, S, reach);
   const VectorXd x_new = belief.x + K.lazyProduct(lin.residual);
-  if (!std::isfinite(x_new.sum()) || !write_joseph(belief.P, K, PHt, S, lin, rows)) {
+  const auto write = [&] {
+    if constexpr (M == Eigen::Dynamic) {
+      return write_joseph(belief.P, K, PHt, lin, rows);
+    } else {
+      return write_outer<M>(belief.P, std::move(PHt), S);
+    }
+  };
+  if (!std::isfinite(x_new.sum() + S.sum()) || !write()) {
     internal::refuse_result();
   }
   belief.x = x_new;
@@ -110,7 +106,6 @@ Outcome update_rows(GaussianBelief& belief,
   return outcome;
 }
 
-/// Kernels take A as P - Y Y', which it is with the gain of (3) alone.
 Outcome update_any(GaussianBelief& belief, const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin,
                    const std::vector<int>& rows, const VectorXd& reach, const Gate& gate) {
   switch (belief.considered_rows().empty() ? lin.residual.size() : Eigen::Dynamic) {
