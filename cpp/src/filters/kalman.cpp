@@ -157,7 +157,7 @@ void internal::put_back(GaussianBelief& belief, Index first, Index count, bool f
   const auto is_sound = few ? is_positive_definite : is_pose_positive_definite;
   const Index unsound = few ? belief.P.rows() : 3;  // where a motion changes no other rows
   bool widened = false;
-  for (double share = 1e-13; share < 0.5 && !is_sound(belief.P); share *= 10.0) {
+  for (double share = kDigits; share < 0.5 && !is_sound(belief.P); share *= 10.0) {
     belief.P.diagonal().head(unsound) *= 1.0 + share;
     widened = true;
   }

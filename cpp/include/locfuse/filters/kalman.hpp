@@ -166,7 +166,7 @@ template <class Noise, class S, class Reach>
   return few || is_less_than(kFewDigits, noise, reach);
 }
 
-/// The same with noise that is not lost.
+/// A measurement of that reach with noise that is not lost.
 template <class Lin, class Reach>
 [[nodiscard]] Lin with_noise_kept(Lin lin, const Reach& reach) {
   lin.noise.diagonal() += kDigits * (lin.noise.diagonal() + reach);
