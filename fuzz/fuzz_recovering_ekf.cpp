@@ -63,13 +63,33 @@ void tell(fuzz::Reader& io, Live& robot, std::uint8_t call, Stamp& now) {
 const RecoveringEkf& estimator_of(const RecoveringEkf& robot) { return robot; }
 const RecoveringEkf& estimator_of(const Live& robot) { return robot.estimator(); }
 
+/// All that it tells of where it may be.
+std::vector<double> told_by(const RecoveringEkf& robot) {
+  std::vector<double> numbers;
+  for (const PoseHypothesis& hypothesis : robot.state().hypotheses) {
+    const auto& [stamp, pose, covariance] = hypothesis.estimate;
+    numbers.insert(numbers.end(), {static_cast<double>(stamp), pose.x, pose.y, pose.heading,
+                                   covariance(0, 0), hypothesis.probability});
+  }
+  return numbers;
+}
+
+/// Of none, of the corners of a hall, or of a line, which leaves two sides.
+std::shared_ptr<const AnchorMap> anchors_of(int which) {
+  static const auto none = std::make_shared<const AnchorMap>();
+  static const auto line = std::make_shared<const AnchorMap>(std::vector<Anchor>{
+      {0, {-4.0, 0.0, 1.0}}, {1, {0.0, 0.0, 1.0}}, {2, {4.0, 0.0, 1.0}}, {3, {8.0, 0.0, 1.0}}});
+  return which == 1 ? none : which == 2 ? line : testing::hall();
+}
+
 template <class Robot>
 void run(fuzz::Reader& io, Robot& robot) {
   Stamp now = 0;
   for (int calls = 0; !io.empty() && calls < 100; ++calls) {
     std::uint8_t call = 0;
     code(io, call, 10);
-    fuzz::returns([&] {
+    const std::vector<double> before = told_by(estimator_of(robot));
+    const bool returned = fuzz::returns([&] {
       if (call == 0) {
         robot.on(fuzz::read<LaserScan>(io, now));
       } else if (call == 2) {
@@ -81,6 +101,9 @@ void run(fuzz::Reader& io, Robot& robot) {
       }
     });
     require_sound(io, estimator_of(robot));
+    if constexpr (std::is_same_v<Robot, RecoveringEkf>) {
+      fuzz::require(returned || before == told_by(robot), "what is refused changes nothing");
+    }
   }
 }
 
@@ -94,13 +117,14 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   RecoveringEkf::Config config;
   config.start.headings = 12;
   fuzz::read_if_unusual(io, config.estimator);
-  bool live = false;
-  code(io, live);
+  std::uint8_t world = 0;
+  code(io, world, 8);
+  const bool live = world % 2 == 1;
   code(io, config.restart);
   code(io, config.health);
   code(io, config.estimator);
   fuzz::returns([&] {
-    RecoveringEkf robot(config, testing::hall(), testing::one_tag(), matcher,
+    RecoveringEkf robot(config, anchors_of(world / 2), testing::one_tag(), matcher,
                         LandmarkSight{fuzz::poles(), {0.2, 0.0, 0.1}});
     if (live) {
       Live::Options options;

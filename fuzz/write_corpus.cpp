@@ -266,6 +266,31 @@ void write_scans(const std::filesystem::path& folder) {
   }
 }
 
+/// Three anchors that agree, then one that does not, and scans.
+void write_health(const std::filesystem::path& folder) {
+  Input health(folder / "health" / "anchors");
+  health.part(Health::Config{}).choice(0).message(Stamp{0}).number(0.0, 0.0, 1.0);
+  for (int k = 1; k <= 30; ++k) {
+    const double residual = k > 15 && k % 3 == 0 ? 5.0 : 0.1;
+    const bool is_gated = residual > 1.0;
+    health.choice(3)
+        .message(k * testing::kSecond / 10)
+        .choice(static_cast<std::uint8_t>(Source::kRanges))
+        .integer(k % 3)
+        .choice(is_gated ? 1 : 0)
+        .choice(1)
+        .number(is_gated ? 50.0 : 1.0, 0.0, 50.0)
+        .number(residual, -10.0, 10.0)
+        .number(0.01, 0.0, 10.0);
+    if (k % 10 == 0) {
+      health.choice(2).message(k * testing::kSecond / 10);
+      for (const int share : {230, 76, 10, 40, 128}) {
+        health.choice(static_cast<std::uint8_t>(share));
+      }
+    }
+  }
+}
+
 void write_flights(const std::filesystem::path& folder) {
   for (const bool by_itself : {false, true}) {
     Input air(folder / "air_ekf" / (by_itself ? "by_itself" : "by_odometry"));
@@ -350,6 +375,7 @@ int main(int argc, char** argv) {
   locfuse::fuzz::write_estimators(argv[1]);
   locfuse::fuzz::write_scans(argv[1]);
   locfuse::fuzz::write_flights(argv[1]);
+  locfuse::fuzz::write_health(argv[1]);
   locfuse::fuzz::write_ranges(argv[1]);
   locfuse::fuzz::write_maps(argv[1]);
   return 0;

@@ -5,6 +5,7 @@
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <limits>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 
@@ -19,6 +20,7 @@ constexpr double kMostOdds = 1e9;         // more says no more, and would never 
 constexpr double kNotable = 0.5;          // probability that a source is wrong, to be told
 constexpr double kNoisy = 2.0;            // NIS per degree of freedom, to be told
 constexpr double kMostNis = 10.0;         // of one message: more says no more
+constexpr double kMostPeak = 1e100;       // of a likelihood over that of anything, likewise
 constexpr double kNotableNis = 4.0;       // of a range, for its sign to tell
 constexpr double kReadsLong = 0.9;        // share of ranges that are wrong and read long
 constexpr double kChance = 0.3;           // by which a mean NIS is above 1 by chance
@@ -41,9 +43,9 @@ double odds_of(double probability) { return probability / (1.0 - probability); }
 
 double share(const char* name, double value, double least, double most) {
   if (!(value > least && value < most)) {
-    throw std::invalid_argument(std::string(name) + " is " + std::to_string(value) +
-                                ", expected a number between " + std::to_string(least) + " and " +
-                                std::to_string(most));
+    std::ostringstream text;
+    text << name << " is " << value << ", expected a number between " << least << " and " << most;
+    throw std::invalid_argument(text.str());
   }
   return value;
 }
@@ -53,7 +55,7 @@ const Health::Config& checked(const Health::Config& c) {
   positive("limit_m", c.limit_m);
   share("risk", c.risk, 0.0, 0.5);
   share("mean_s_between_losses", c.mean_s_between_losses, 1e-3, 1e12);
-  share("wrong_share", c.wrong_share, 0.0, 1.0);
+  share("wrong_share", c.wrong_share, 1e-9, 1.0);
   share("wrong_span_m", c.wrong_span_m, 1e-6, 1e12);
   share("chance_share", c.chance_share, 0.0, 1.0);
   share("faulty_share", c.faulty_share, 0.0, 1.0);
@@ -107,12 +109,12 @@ Health::Health(const Config& config)
       quantile_(quantile_of(config.risk)) {}
 
 void Health::start(Stamp stamp, double wrong) {
-  stamp_ = fused_ = stamp;
   check_stamp(stamp);
   if (!(wrong >= 0.0 && wrong < 1.0)) {
     throw std::invalid_argument("wrong is " + std::to_string(wrong) +
                                 ", expected a probability less than 1");
   }
+  stamp_ = fused_ = stamp;
   odds_ = odds_of(wrong);
   nis_ = 1.0;
   scale_ = 0.0;
@@ -264,7 +266,7 @@ void Health::weigh(SourceStatus& status, const Outcome& outcome, double breadth)
     const double peak = outcome.dof == 1   ? 1.0 / std::sqrt(volume)
                         : outcome.dof == 2 ? 1.0 / volume
                                            : std::pow(volume, -0.5 * outcome.dof);
-    fits = std::exp(-0.5 * outcome.nis) * (breadth * peak + 2.0);
+    fits = std::exp(-0.5 * outcome.nis) * (std::min(breadth * peak, kMostPeak) + 2.0);
   }
   const double wrong = config_.wrong_share;
   const double elsewhere = 1.0 - config_.chance_share + config_.chance_share * fits;
@@ -280,7 +282,7 @@ void Health::weigh(SourceStatus& status, const Outcome& outcome, double breadth)
     faulty *= 2.0 * (outcome.residual > 0.0 ? kReadsLong : 1.0 - kReadsLong);
   }
   const double right = good * ((1.0 - wrong) * fits + wrong) + status.faulty * faulty;
-  status.faulty *= faulty / right;
+  status.faulty = std::min(status.faulty * (faulty / right), 1.0);
   double ratio = elsewhere / right;
   if (lost_ && ratio < 1.0) {
     ratio = 1.0 - agreement() * (1.0 - ratio);
@@ -302,7 +304,7 @@ double Health::agreement() const {
       wrong += faulty;
     }
   }
-  return std::max(1.0 - wrong / right, 0.0);
+  return right > wrong ? 1.0 - wrong / right : 0.0;
 }
 
 double Health::breadth_of(const Range& /*z*/) const { return config_.wrong_span_m; }
@@ -335,6 +337,7 @@ double Health::inflation(const PoseEstimate& estimate) const {
 }
 
 HealthReport Health::report(const PoseEstimate& estimate) const {
+  check_stamp(estimate.stamp);
   HealthReport report;
   report.stamp = std::max(stamp_, estimate.stamp);
   const double since = seconds_between(stamp_, report.stamp);

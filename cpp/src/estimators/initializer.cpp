@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "estimators/outlier.hpp"
+#include "locfuse/error.hpp"
 #include "locfuse/frontends/constellation.hpp"
 #include "locfuse/frontends/multilateration.hpp"
 
@@ -27,6 +28,9 @@ constexpr double kForgotten = -30.0;  // log-weight below the best at which a co
 constexpr double kLinked = 9.0;       // squared distance below which two tell the same story
 constexpr double kSamePlace = 1.0;    // likewise where one search for a scan serves both
 constexpr double kShown = 1e-3;       // probability below which a cluster counts for nothing
+constexpr std::size_t kMostSightings = 128;  // of one stamp: more take long and say no more
+
+constexpr const char* kNoneKnown = "no range between a known tag and a known anchor";
 
 /// The rest of what odometry last said, from `stamp` on; empty where nothing is left.
 std::optional<Message> from(const Message& control, Stamp stamp) {
@@ -244,6 +248,18 @@ void Initializer::on(const Message& message) {
   std::visit([this](const auto& m) { on(m); }, message);
 }
 
+/// What fails leaves all as it was.
+template <class Call>
+void Initializer::attempt(const Call& call) {
+  Initializer before = *this;
+  try {
+    call();
+  } catch (...) {
+    *this = std::move(before);
+    throw;
+  }
+}
+
 // Odometry ----------------------------------------------------------------------------------------
 
 void Initializer::on(const Velocity& u) {
@@ -251,12 +267,14 @@ void Initializer::on(const Velocity& u) {
   if (!is_plausible(u, estimator_.limits)) {
     return;
   }
-  const Velocity* last = control_ ? std::get_if<Velocity>(&*control_) : nullptr;
-  if (last != nullptr && u.stamp > last->stamp) {
-    const double seconds = std::min(seconds_between(last->stamp, u.stamp), estimator_.hold_s);
-    moved(arc(last->forward * seconds, 0.0, last->turn_rate * seconds));
-  }
-  drive(u);
+  attempt([&] {
+    const Velocity* last = control_ ? std::get_if<Velocity>(&*control_) : nullptr;
+    if (last != nullptr && u.stamp > last->stamp) {
+      const double seconds = std::min(seconds_between(last->stamp, u.stamp), estimator_.hold_s);
+      moved(arc(last->forward * seconds, 0.0, last->turn_rate * seconds));
+    }
+    drive(u);
+  });
 }
 
 void Initializer::on(const Increment& u) {
@@ -264,8 +282,10 @@ void Initializer::on(const Increment& u) {
   if (!is_plausible(u, estimator_.limits)) {
     return;
   }
-  moved(u.motion);
-  drive(u);
+  attempt([&] {
+    moved(u.motion);
+    drive(u);
+  });
 }
 
 template <class M>
@@ -299,25 +319,32 @@ void Initializer::on(const Range& z) {
   if (!is_plausible(z, estimator_.limits)) {
     return;
   }
-  if (!components_.empty()) {
-    hear(z);
-    return;
-  }
-  const bool heard_before = std::any_of(epoch_.begin(), epoch_.end(), [&](const Range& other) {
-    return other.tag == z.tag && other.anchor == z.anchor;
+  attempt([&] {
+    if (components_.empty() && ends_epoch(z)) {
+      locate();
+      epoch_.clear();
+    }
+    if (!components_.empty()) {
+      hear(z);
+    } else if (is_known(z)) {
+      epoch_.push_back(z);
+    } else if (epoch_.empty()) {
+      waiting_for_ = kNoneKnown;
+    }
   });
-  const bool is_late =
-      !epoch_.empty() && seconds_between(epoch_.front().stamp, z.stamp) > config_.epoch_s;
-  if (heard_before || is_late) {
-    // Taken out first: an epoch that makes trouble does so once.
-    const std::vector<Range> epoch = std::exchange(epoch_, {});
-    locate(epoch);
-  }
-  if (components_.empty()) {
-    epoch_.push_back(z);
-  } else {
-    on(z);
-  }
+}
+
+bool Initializer::is_known(const Range& z) const {
+  return anchors_->find(z.anchor) != nullptr &&
+         std::any_of(tags_.begin(), tags_.end(), [&](const Tag& tag) { return tag.id == z.tag; });
+}
+
+bool Initializer::ends_epoch(const Range& z) const {
+  const auto is_same_link = [&](const Range& other) {
+    return other.tag == z.tag && other.anchor == z.anchor;
+  };
+  return !epoch_.empty() && (seconds_between(epoch_.front().stamp, z.stamp) > config_.epoch_s ||
+                             std::any_of(epoch_.begin(), epoch_.end(), is_same_link));
 }
 
 void Initializer::hear(const Range& z) {
@@ -331,6 +358,9 @@ void Initializer::hear(const Range& z) {
 }
 
 int Initializer::heard_before(const Range& z) {
+  if (!is_known(z)) {
+    return 0;
+  }
   for (Link& link : links_) {
     if (link.tag == z.tag && link.anchor == z.anchor) {
       return std::exchange(link.heard, std::min(link.heard, kOften) + 1);
@@ -347,16 +377,18 @@ void Initializer::on(const PositionFix& z) {
   if (!is_plausible(z, estimator_.limits)) {
     return;
   }
-  if (components_.empty()) {
+  attempt([&] {
+    if (!components_.empty()) {
+      weigh(z, log_anything(z, config_.wrong_span_m));
+      reduce();
+      return;
+    }
     const PositionModel model(estimator_.position, tags_);
     const std::optional<Vector<2>> lever = model.lever(z.tag);
     if (const ToldNoise<2> noise = model.noise(z); lever && noise.rows == 2) {
       add_positions(z.position, noise.noise, *lever, 0.0, z.stamp);
     }
-  } else {
-    weigh(z, log_anything(z, config_.wrong_span_m));
-    reduce();
-  }
+  });
 }
 
 void Initializer::on(const PoseObservation& z) {
@@ -364,23 +396,33 @@ void Initializer::on(const PoseObservation& z) {
   if (!is_plausible(z, estimator_.limits)) {
     return;
   }
-  if (components_.empty()) {
-    if (const ToldNoise<3> noise = PoseModel(estimator_.pose).noise(z); noise.rows == 3) {
-      components_.push_back(component({z.stamp, z.pose, noise.noise}, 0.0));
+  attempt([&] {
+    if (!components_.empty()) {
+      weigh(z, log_anything(z, config_.wrong_span_m));
+      reduce();
+      return;
     }
-  } else {
-    weigh(z, log_anything(z, config_.wrong_span_m));
-    reduce();
-  }
+    const Pose2 pose{z.pose.x, z.pose.y, wrap_angle(z.pose.heading)};
+    if (const ToldNoise<3> noise = PoseModel(estimator_.pose).noise(z); noise.rows == 3) {
+      components_.push_back(component({z.stamp, pose, noise.noise}, 0.0));
+    }
+  });
 }
 
 void Initializer::on(const RangeBearing& z) {
   validate(z);
-  if (!is_plausible(z, estimator_.limits)) {
-    return;
+  if (is_plausible(z, estimator_.limits) &&
+      (!z.landmark || prototype_.landmark_map().find(*z.landmark) != nullptr)) {
+    attempt([&] { see(z); });
   }
+}
+
+void Initializer::see(const RangeBearing& z) {
   if (!sightings_.empty() && sightings_.front().stamp != z.stamp) {
     sightings_.clear();
+  }
+  if (sightings_.size() == kMostSightings) {
+    return;
   }
   if (sightings_.empty()) {
     if (moved_on(since_sightings_)) {
@@ -505,11 +547,23 @@ void Initializer::add_positions(const Vector<2>& tag_in_world, const Matrix<2, 2
                      std::make_move_iterator(added.end()));
 }
 
-void Initializer::locate(const std::vector<Range>& epoch) {
+/// Adds the poses that the epoch's ranges allow. They were taken before: an epoch that makes
+/// trouble is forgotten.
+void Initializer::locate() {
+  try {
+    attempt([&] { locate_by(epoch_); });
+    return;
+  } catch (const std::invalid_argument&) {
+  } catch (const NumericalError&) {
+  }
+  epoch_.clear();
+  waiting_for_ = "ranges that no position is found of";
+}
+
+void Initializer::locate_by(const std::vector<Range>& epoch) {
   const Heard heard = most_heard(epoch, tags_, *anchors_, estimator_.range);
   if (heard.rows() < 2) {
-    waiting_for_ = heard.rows() == 0 ? "no range between a known tag and a known anchor"
-                                     : "ranges to one anchor only";
+    waiting_for_ = heard.rows() == 0 ? kNoneKnown : "ranges to one anchor only";
     return;
   }
   std::vector<Fit> fits = positions(heard, -1);
@@ -523,8 +577,12 @@ void Initializer::locate(const std::vector<Range>& epoch) {
     }
   }
   waiting_for_ = "ranges to anchors in one place only";
+  double least = std::numeric_limits<double>::infinity();
   for (const Fit& fit : fits) {
-    add_positions(fit.position, fit.covariance, heard.tag_in_body, -0.5 * fit.cost,
+    least = std::min(least, fit.cost);
+  }
+  for (const Fit& fit : fits) {
+    add_positions(fit.position, fit.covariance, heard.tag_in_body, -0.5 * (fit.cost - least),
                   epoch.back().stamp);
   }
   for (const Range& z : epoch) {
@@ -538,8 +596,12 @@ void Initializer::locate(const std::vector<Range>& epoch) {
 
 void Initializer::on(const LaserScan& z) {
   validate(z);
+  attempt([&] { match(z); });
+}
+
+void Initializer::match(const LaserScan& z) {
   if (components_.empty() && epoch_.size() > 2) {
-    locate(epoch_);
+    locate();
   }
   const bool is_news = !scanned_ || moved_on(since_scan_);
   if (matcher_ == nullptr || components_.empty() || !is_news ||
@@ -603,7 +665,7 @@ void Initializer::reduce() {
   const double best = components_.front().log_weight;
   log_before_ -= best;
   log_nowhere_ -= best;
-  std::vector<Component> kept;  // copies: what fails leaves all as they are
+  std::vector<Component> kept;
   for (Component& next : components_) {
     next.log_weight -= best;
     if (next.log_weight < kForgotten) {
@@ -613,7 +675,7 @@ void Initializer::reduce() {
       return is_same(other.ekf.current(), next.ekf.current());
     });
     if (twin == kept.end()) {
-      kept.push_back(next);
+      kept.push_back(std::move(next));
     } else {
       const PoseEstimate both = combined({{std::exp(twin->log_weight), twin->ekf.current()},
                                           {std::exp(next.log_weight), next.ekf.current()}});

@@ -75,11 +75,9 @@ Outcome RecoveringEkf::on(const Message& message) {
 }
 
 Outcome RecoveringEkf::on(const LaserScan& z) {
-  if (start_) {
-    start_->on(z);
+  validate(z);
+  if (search([&](Initializer& start) { start.on(z); })) {
     decide();
-  } else {
-    validate(z);
   }
   return {Verdict::kIgnored};
 }
@@ -92,9 +90,7 @@ Outcome RecoveringEkf::drive(const M& u) {
     health_.advance(ekf_->belief().stamp);
     listen();
   }
-  if (start_) {
-    start_->on(u);
-  }
+  (void)search([&](Initializer& start) { start.on(u); });
   control_ = u;
   return outcome;
 }
@@ -117,8 +113,8 @@ Outcome RecoveringEkf::correct(const M& z) {
     hear(z, outcome);
     listen();
   }
-  if (outcome.verdict != Verdict::kStale) {
-    search([&](Initializer& start) { start.on(z); });
+  if (outcome.verdict != Verdict::kStale && search([&](Initializer& start) { start.on(z); })) {
+    decide();
   }
   return outcome;
 }
@@ -134,29 +130,37 @@ std::vector<Outcome> RecoveringEkf::on_joint(const std::vector<RangeBearing>& si
     }
     listen();
   }
-  search([&](Initializer& start) {
-    for (const RangeBearing& z : sightings) {
-      start.on(z);
+  const bool searches = search([&](Initializer& start) {
+    Initializer told = start;
+    for (std::size_t i = 0; i < sightings.size(); ++i) {
+      if (outcomes[i].verdict != Verdict::kStale) {
+        told.on(sightings[i]);
+      }
     }
+    start = std::move(told);
   });
+  if (searches) {
+    decide();
+  }
   return outcomes;
 }
 
-/// Tells the search, if there is one. What it cannot use is fused already where a filter tracks:
-/// then another search begins, and the message is good.
+/// Whether there is a search, and it took what it is told. What it cannot use is fused already
+/// where a filter tracks: then another search begins, and the message is good.
 template <class Tell>
-void RecoveringEkf::search(const Tell& tell) {
+bool RecoveringEkf::search(const Tell& tell) {
   if (!start_) {
-    return;
+    return false;
   }
   try {
     tell(*start_);
-    decide();
+    return true;
   } catch (const std::exception&) {
     if (!ekf_) {
       throw;
     }
     start_ = fresh();
+    return false;
   }
 }
 
@@ -180,12 +184,19 @@ void RecoveringEkf::listen() {
   }
 }
 
+/// Of a place that no filter can start from the search has nothing: another one begins.
 void RecoveringEkf::decide() {
   const Initializer::State now = start_->state();
-  if (now.status == StartStatus::kReady) {
+  if (now.status != StartStatus::kReady) {
+    return;
+  }
+  try {
+    PoseEkf found = start_->started_at(now.hypotheses.front().estimate);
     restarts_ += ekf_ ? 1 : 0;
-    start_with(start_->started_at(now.hypotheses.front().estimate));
+    start_with(std::move(found));
     health_.start(ekf_->current().stamp, 1.0 - recipe_->config.start.probability_ready);
+  } catch (const std::exception&) {
+    start_ = fresh();
   }
 }
 

@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kNews = 1.0 / 50.0;  // weight of a range or fix in the average of their NIS
 constexpr double kMostNis = 10.0;     // of one of them: more says no more
+constexpr std::size_t kMostInjections = 1000;  // that are remembered
 
 /// Throws std::invalid_argument unless low <= high; `why` ends the sentence.
 void check_order(const char* low_name, double low, const char* high_name, double high,
@@ -146,6 +147,9 @@ void SwitchingMcl::judge(Stamp stamp) {
     return;
   }
   mcl_.inject(*uwb, config_.share);
+  if (injections_.size() == kMostInjections) {
+    injections_.erase(injections_.begin());
+  }
   injections_.push_back({stamp, why, here, *uwb});
   since_.reset();
 }

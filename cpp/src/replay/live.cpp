@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "locfuse/replay/live.hpp"
 
+#include <stdexcept>
 #include <utility>
+
+#include "locfuse/error.hpp"
 
 namespace locfuse {
 
@@ -39,14 +42,15 @@ Outcome Live::on(const Message& message) {
 
 void Live::on(const LaserScan& scan) {
   validate(scan);
-  if (!timeline_) {
+  if (!timeline_ && !disabled_[static_cast<std::size_t>(Source::kScans)]) {
     search_.on(scan);
     look();
   }
 }
 
 /// From a place that was found, what has waited comes in the order in which it arrived. It may tell
-/// that the clock jumped: what waited after that is for the next search.
+/// that the clock jumped: what waited after that is for the next search. What cannot be fused is
+/// left out: it was taken before.
 void Live::look() {
   if (!search_.is_ready()) {
     return;
@@ -57,10 +61,10 @@ void Live::look() {
   track_from(std::move(started));
   const std::vector<Message> waiting = search_.waiting();  // of this search, whatever comes of it
   for (const Message& message : waiting) {
-    if (timeline_) {
-      track(message);
-    } else {
-      (void)on(message);
+    try {
+      timeline_ ? track(message) : on(message);
+    } catch (const std::invalid_argument&) {
+    } catch (const NumericalError&) {
     }
   }
 }
@@ -68,11 +72,22 @@ void Live::look() {
 Outcome Live::track(const Message& message) {
   Outcome outcome{Verdict::kStale};
   const std::size_t mine = told_++;
-  timeline_->on(message, [&](std::size_t index, const Outcome& told) {
-    if (index == mine) {
-      outcome = told;
-    }
-  });
+  try {
+    timeline_->on(message, [&](std::size_t index, const Outcome& told) {
+      if (index == mine) {
+        outcome = told;
+      }
+    });
+  } catch (...) {
+    follow_clock();
+    throw;
+  }
+  follow_clock();
+  return outcome;
+}
+
+/// Where it jumped and there is no pose to go back to, another search begins.
+void Live::follow_clock() {
   if (timeline_->jumps() > jumps_seen_) {
     jumps_seen_ = timeline_->jumps();
     ++jumps_;
@@ -80,7 +95,6 @@ Outcome Live::track(const Message& message) {
       relocalize();
     }
   }
-  return outcome;
 }
 
 void Live::track_from(RecoveringEkf estimator) {
@@ -100,6 +114,7 @@ void Live::start_at(const PoseEstimate& start) {
 void Live::relocalize() {
   fallen_out_ = fallen_out();
   timeline_.reset();
+  found_ = false;
   search_ = StartSearch(initial_.initializer(), options_.patience);
   late_in_a_row_ = 0;
 }

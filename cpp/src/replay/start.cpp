@@ -9,6 +9,8 @@
 #include <tuple>
 #include <utility>
 
+#include "locfuse/error.hpp"
+
 namespace locfuse {
 namespace {
 
@@ -59,6 +61,9 @@ void StartSearch::wait(Entry entry) {
   newest_ = std::max(newest_, entry.stamp);
   waiting_.insert(std::upper_bound(waiting_.begin(), waiting_.end(), entry), std::move(entry));
   use_until(newest_ - patience_ - 1);
+  if (waiting_.size() > kMostWaiting) {  // a clock that stands
+    use_until(waiting_.front().stamp);
+  }
 }
 
 void StartSearch::finish() { use_until(newest_); }
@@ -79,12 +84,16 @@ void StartSearch::use(const std::vector<Entry>& instant) {
   used_until_ = instant.front().stamp;
   bool asks = false;
   for (const Entry& entry : instant) {
-    std::visit(
-        [&](const auto& heard) {
-          initializer_.on(heard);
-          asks = asks || may_decide(heard);
-        },
-        entry.heard);
+    try {
+      std::visit(
+          [&](const auto& heard) {
+            initializer_.on(heard);
+            asks = asks || may_decide(heard);
+          },
+          entry.heard);
+    } catch (const std::invalid_argument&) {  // left out: it was taken before
+    } catch (const NumericalError&) {
+    }
   }
   if (asks) {
     state_ = initializer_.state();

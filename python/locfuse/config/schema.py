@@ -195,7 +195,7 @@ class Health(Strict):
     limit_m: Positive = 1.0
     risk: Annotated[float, Field(gt=0.0, lt=0.5)] = 0.01
     mean_s_between_losses: Annotated[float, Field(gt=1e-3, lt=1e12)] = 14400.0
-    wrong_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.02
+    wrong_share: Annotated[float, Field(gt=1e-9, lt=1.0)] = 0.02
     wrong_span_m: Annotated[float, Field(gt=1e-6, lt=1e12)] = 20.0
     chance_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.4
     faulty_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.1

@@ -256,5 +256,16 @@ TEST(RangeCalibration, what_is_not_fused_changes_no_bit) {
                           "fuse them one by one");
 }
 
+TEST(RangeCalibration, without_anchors_no_offset_wanders) {
+  PoseEkf::Config config;
+  config.calibration.sigma_anchor_offset_m = kSigmaOffset;
+  config.calibration.anchor_offset_correlation_s = 5.0;
+  PoseEkf ekf(config, std::make_shared<const AnchorMap>(), {},
+              {0, {1.0, 1.0, 0.0}, 0.01 * Matrix<3, 3>::Identity()});
+  EXPECT_EQ(ekf.on(Velocity{kStep, 0.1, 0.0}).verdict, Verdict::kFused);
+  const PositionFix fix{2 * kStep, {1.0, 1.0}, Matrix<2, 2>::Identity()};
+  EXPECT_EQ(ekf.on(fix).verdict, Verdict::kFused);
+}
+
 }  // namespace
 }  // namespace locfuse

@@ -283,7 +283,8 @@ TEST(Health, bad_config_is_refused) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   expect_refused(with(&Health::Config::limit_m, 0.0), "limit_m is 0.0");
   expect_refused(with(&Health::Config::risk, nan), "risk is nan");
-  expect_refused(with(&Health::Config::faulty_share, 1.0), "faulty_share is 1.0");
+  expect_refused(with(&Health::Config::faulty_share, 1.0),
+                 "faulty_share is 1, expected a number between 0 and 1");
   expect_refused(with(&Health::Config::exclude_above, 1.5), "exclude_above is 1.5");
   expect_refused(with(&Health::Config::probability_found, 0.9),
                  "probability_found <= probability_lost");
@@ -311,6 +312,83 @@ TEST(Health, refuses_times_and_spans_that_leave_no_probability) {
   Health health(Health::Config{});
   expect_refused([&] { health.start(0, -1e-301); }, "wrong is");
   expect_refused([&] { health.start(std::numeric_limits<Stamp>::min(), 0.0); }, "stamp");
+}
+
+TEST(Health, a_start_that_is_refused_changes_nothing) {
+  Room room;
+  room.health.start(0);
+  room.listen(20, 3, 0, 0.0);
+  const HealthReport before = room.report();
+  expect_refused([&] { room.health.start(std::numeric_limits<Stamp>::min()); }, "stamp");
+  expect_refused([&] { room.health.start(1000 * kStep, 2.0); }, "wrong is 2");
+  const HealthReport after = room.report();
+  EXPECT_EQ(after.stamp, before.stamp);
+  EXPECT_EQ(after.wrong, before.wrong);
+  EXPECT_EQ(room.health.sources().size(), 3U);
+  room.health.advance(room.stamp + 1);
+}
+
+TEST(Health, refuses_an_estimate_of_a_stamp_that_is_none) {
+  Health health(Health::Config{});
+  health.start(-1000);
+  expect_refused(
+      [&] {
+        (void)health.report({std::numeric_limits<Stamp>::max(), {}, Matrix<3, 3>::Identity()});
+      },
+      "stamp");
+}
+
+/// Nobody was heard within the time for which sources are remembered: their agreement was 0 / 0.
+TEST(Health, one_that_is_lost_and_hears_a_late_message_finds_itself_again) {
+  Health health(Health::Config{});
+  health.start(0);
+  Stamp stamp = 610 * kStep;
+  health.advance(stamp);
+  ASSERT_TRUE(health.is_lost());
+  health.hear(anchor(0), stamp - 110 * kStep, of_residual(0.03), kLimit, kSpan);
+  EXPECT_LE(health.wrong(), 1.0);
+  for (int k = 0; k < 100; ++k) {
+    stamp += kStep;
+    health.hear(anchor(k % 4), stamp, of_residual(0.03), kLimit, kSpan);
+  }
+  EXPECT_FALSE(health.is_lost());
+}
+
+/// Rounding made it 1 + 2^-52: more than a limit of 1, so the source was excluded.
+TEST(Health, no_source_is_more_than_certainly_wrong) {
+  Rng rng(3);
+  for (int run = 0; run < 20000; ++run) {
+    Health::Config config;
+    config.wrong_share = 1.1e-9;
+    config.exclude_above = 1.0;
+    config.faulty_share = uniform(rng, 1e-3, 0.999);
+    Health health(config);
+    health.start(0);
+    for (int k = 0; k < 14; ++k) {
+      const double residual = std::sqrt(kScale * uniform(rng, 60.0, 1060.0));
+      health.hear(anchor(0), 0, of_residual(residual), kLimit, kSpan);
+      ASSERT_LE(health.sources()[0].faulty, 1.0) << run;
+      ASSERT_FALSE(health.is_excluded(anchor(0))) << run;
+    }
+  }
+}
+
+/// So few are wrong by themselves that a likelihood was divided by 0, or by what a double has no
+/// digits for.
+TEST(Health, refuses_a_share_that_leaves_no_likelihood) {
+  Health::Config config;
+  config.wrong_share = 5e-324;
+  expect_refused([&] { Health{config}; }, "wrong_share is", "between 1e-09 and 1");
+}
+
+/// The likelihood of a measurement that fits to the bit was infinite.
+TEST(Health, a_measurement_of_no_noise_leaves_probabilities) {
+  Health health(Health::Config{});
+  health.start(0, 0.5);
+  health.hear({Source::kPoses, NamedSource::kNameless}, 0, {Verdict::kFused, 3, 0.0, 0.0, 1e-300},
+              kLimit, kSpan);
+  EXPECT_GE(health.wrong(), 0.0);
+  EXPECT_LE(health.wrong(), 1.0);
 }
 
 }  // namespace

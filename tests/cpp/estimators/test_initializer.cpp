@@ -2,6 +2,7 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 
+#include "locfuse/error.hpp"
 #include "locfuse/estimators/initializer.hpp"
 #include "locfuse/math/chi_squared.hpp"
 #include "locfuse/replay/start.hpp"
@@ -307,6 +308,85 @@ TEST(Initializer, refuses_a_map_that_is_known_to_no_number_and_headings_without_
   config = {};
   config.headings = 3600;
   testing::expect_refused([&] { (void)initializer_of(robot, config); }, "headings");
+}
+
+/// Weights of 1e18 have no digits for their differences.
+TEST(Initializer, probabilities_are_1_together_whatever_the_ranges_cost) {
+  const auto line = std::make_shared<const AnchorMap>(std::vector<Anchor>{{0, {-4.0, 0.0, 1.0}},
+                                                                          {1, {0.0, 0.0, 1.0}},
+                                                                          {2, {4.0, 0.0, 1.0}},
+                                                                          {3, {-8.0, 0.0, 1.0}},
+                                                                          {4, {8.0, 0.0, 1.0}},
+                                                                          {5, {12.0, 0.0, 1.0}}});
+  const auto geometry = std::make_shared<LaserGeometry>();
+  geometry->angle_increment = 0.1;
+  geometry->range_max = 10.0;
+  for (const double sigma : {1e-2, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10}) {
+    Initializer initializer({}, {}, line, centred(), nullptr);
+    const double ranges[]{5.0, 4.0, 6.0, 8.0, 11.0, 9.0};
+    for (Id anchor = 0; anchor < 6; ++anchor) {
+      initializer.on(Range{0, 0, anchor, ranges[anchor], sigma});
+    }
+    initializer.on(LaserScan{kTick / 10, geometry, {1.0, 2.0}});
+    double total = 0.0;
+    for (const Initializer::Hypothesis& hypothesis : initializer.state().hypotheses) {
+      total += hypothesis.probability;
+    }
+    EXPECT_NEAR(total, 1.0, 1e-9) << sigma;
+    EXPECT_EQ(initializer.state().hypotheses.size(), 2U) << sigma;  // both sides of the line
+  }
+}
+
+std::vector<double> numbers_of(const Initializer& initializer) {
+  std::vector<double> numbers;
+  for (const Initializer::Hypothesis& hypothesis : initializer.state().hypotheses) {
+    const Pose2& pose = hypothesis.estimate.pose;
+    numbers.insert(numbers.end(), {static_cast<double>(hypothesis.estimate.stamp), pose.x, pose.y,
+                                   pose.heading, hypothesis.probability});
+  }
+  return numbers;
+}
+
+/// One component had taken it, the next had not.
+TEST(Initializer, what_it_throws_for_changes_nothing) {
+  PoseEkf::Config estimator;
+  estimator.adaptive.messages = 5;
+  Initializer initializer({}, estimator, testing::hall(), {{0, {2.0, 0.0, 1.0}}}, nullptr);
+  initializer.on(PositionFix{0, {1.0, 2.0}, 1e-2 * Matrix<2, 2>::Identity()});
+  for (Id anchor = 0; anchor < 4; ++anchor) {
+    initializer.on(Range{kTick, 0, anchor, 12.0 + anchor, {}});
+  }
+  Initializer other = initializer;
+  const std::vector<double> before = numbers_of(initializer);
+  EXPECT_THROW(initializer.on(Range{10 * kTick, 0, 0, 12.0, 1e154}), NumericalError);
+  EXPECT_EQ(numbers_of(initializer), before);
+  for (Id anchor = 0; anchor < 4; ++anchor) {
+    initializer.on(Range{11 * kTick, 0, anchor, 13.0, {}});
+    other.on(Range{11 * kTick, 0, anchor, 13.0, {}});
+  }
+  EXPECT_EQ(numbers_of(initializer), numbers_of(other));
+}
+
+TEST(Initializer, sightings_without_end_at_one_stamp_are_not_all_paired) {
+  Initializer initializer = among_poles();
+  for (int k = 0; k < 100'000; ++k) {
+    initializer.on(RangeBearing{0, {}, 30.0 + k * 1e-3, 0.1, {}});
+  }
+  initializer.on(PoseObservation{0, {4.0, 3.0, 0.0}, 1e-4 * Matrix<3, 3>::Identity()});
+  EXPECT_FALSE(initializer.state().hypotheses.empty());
+}
+
+TEST(Initializer, takes_no_notice_of_landmarks_that_are_not_on_the_map) {
+  Initializer initializer = among_poles();
+  Initializer other = initializer;
+  for (Initializer* robot : {&initializer, &other}) {
+    robot->on(RangeBearing{0, 0, 2.0, 0.1, {}});
+    robot->on(RangeBearing{0, 1, 9.0, 2.0, {}});
+  }
+  for (Id unknown = 100; unknown < 120; ++unknown) {
+    initializer.on(RangeBearing{0, unknown, 5.0, -1.0, {}});
+  }
+  EXPECT_EQ(numbers_of(initializer), numbers_of(other));
 }
 
 }  // namespace

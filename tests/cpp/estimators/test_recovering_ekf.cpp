@@ -409,7 +409,7 @@ TEST(RecoveringEkf, bad_input_is_refused) {
   RecoveringEkf::Config c = config();
   c.health.risk = 0.0;
   expect_refused([&] { RecoveringEkf(c, std::make_shared<const AnchorMap>(), {}, nullptr); },
-                 "risk is 0.0");
+                 "risk is 0, expected");
   RecoveringEkf ekf = robot_among(kPosts);
   RangeBearing z;
   z.range = std::numeric_limits<double>::infinity();
@@ -438,6 +438,32 @@ TEST(RecoveringEkf, what_a_search_cannot_use_is_fused_by_the_filter_alike) {
   Matrix<2, 2> P;
   P << 0x1.ffd02daf57326p-3, 0x1.18ef68457fd26p-1, 0x1.18ef68457fd26p-1, 0x1.346962583a6eep+0;
   EXPECT_EQ(robot.on(PositionFix{100 * kSecond, {2.3, -0.8}, P}).verdict, Verdict::kFused);
+}
+
+/// Told together they began another start, in the past.
+TEST(RecoveringEkf, stale_sightings_are_no_start) {
+  Drive drive(1);
+  drive.names = true;
+  RecoveringEkf robot = robot_among(kPosts);
+  robot.start_at({100 * kStep, {}, 0.01 * Matrix<3, 3>::Identity()});
+  for (int k = 101; k < 800 && !robot.is_lost(); ++k) {
+    RangeBearing wrong;
+    wrong.stamp = k * kStep;
+    wrong.landmark = k % 3;
+    wrong.range = 40.0 + 3.0 * (k % 3);
+    wrong.bearing = 0.7 * k;
+    robot.on(wrong);
+  }
+  ASSERT_TRUE(robot.is_lost());
+  for (int k = 1; k < 20; ++k) {
+    drive.stamp = k;
+    for (const Outcome& outcome : robot.on_joint(drive.look(kPosts))) {
+      ASSERT_EQ(outcome.verdict, Verdict::kStale);
+    }
+  }
+  EXPECT_TRUE(robot.is_lost());
+  EXPECT_EQ(robot.restarts(), 0);
+  EXPECT_GE(robot.current().stamp, 100 * kStep);
 }
 
 }  // namespace

@@ -293,5 +293,25 @@ TEST(SwitchingMcl, widens_a_filter_once_at_a_time) {
   EXPECT_TRUE(Eigen::MatrixXd(robot.uwb().estimator()->belief().P).allFinite());
 }
 
+TEST(SwitchingMcl, remembers_the_last_thousand_injections) {
+  Standing world;
+  SwitchingMcl::Config hasty;
+  hasty.doubt_s = 1e-3;
+  hasty.sigma_unsure_rad = hasty.sigma_sure_rad = hasty.uwb_sigma_rad = 10.0;  // it stands
+  SwitchingMcl switching = world.estimator(hasty);
+  std::size_t times = 0;
+  Stamp last = 0;
+  for (int i = 1; times < 1010 && i < 5000; ++i) {
+    switching.on(world.fix(2.0 * i));
+    switching.on(world.scan(2.0 * i, true));
+    if (!switching.injections().empty() && switching.injections().back().stamp > last) {
+      last = switching.injections().back().stamp;
+      ++times;
+    }
+  }
+  EXPECT_EQ(times, 1010U);
+  EXPECT_EQ(switching.injections().size(), 1000U);
+}
+
 }  // namespace
 }  // namespace locfuse

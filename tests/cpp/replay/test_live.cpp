@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <map>
 
+#include "locfuse/error.hpp"
 #include "locfuse/replay/live.hpp"
 #include "locfuse/replay/replay.hpp"
 #include "support/expect.hpp"
@@ -251,6 +252,121 @@ TEST(Live, ranges_of_a_sigma_that_leaves_no_digits_do_not_stop_the_start) {
     }
   }
   EXPECT_TRUE(live.is_tracking());
+}
+
+/// Around it in all directions, so that they tell the pose at once.
+std::shared_ptr<const LandmarkMap> posts() {
+  return std::make_shared<const LandmarkMap>(
+      std::vector<Landmark>{{0, {3.0, 0.0}}, {1, {0.0, 4.0}}, {2, {-2.0, 1.0}}});
+}
+
+RecoveringEkf among_posts(const RecoveringEkf::Config& config = {}) {
+  return {config, testing::hall(), testing::one_tag(), nullptr, {posts(), {}}};
+}
+
+std::vector<RangeBearing> look(Stamp stamp, const Pose2& pose) {
+  const RangeBearingModel model({}, {});
+  const std::shared_ptr<const LandmarkMap> map = posts();
+  std::vector<RangeBearing> sightings;
+  for (const Landmark& post : map->landmarks()) {
+    const Vector<2> z = model.predict(pose, post.position);
+    sightings.push_back({stamp, post.id, z.x(), z.y(), {}});
+  }
+  return sightings;
+}
+
+PositionFix fix_at(Stamp stamp) { return {stamp, {0.0, 0.0}, Matrix<2, 2>::Identity()}; }
+
+/// A search found a place before it was reset: a jump of the clock was no longer as at first.
+TEST(Live, reset_is_as_it_was_made_where_it_was_made_tracking) {
+  const auto made = [] {
+    RecoveringEkf robot = among_posts();
+    robot.start_at({0, {0.0, 0.0, 0.0}, 0.01 * Matrix<3, 3>::Identity()});
+    Live::Options options;
+    options.timeline.clock_jump = ClockJump::kReset;
+    options.timeline.jump_after = 3;
+    return Live(robot, options);
+  };
+  Live live = made();
+  live.relocalize();
+  for (int k = 0; k < 5; ++k) {
+    for (const RangeBearing& z : look(k * kSecond, {1.0, 1.0, 0.5})) {
+      live.on(z);
+    }
+  }
+  ASSERT_TRUE(live.is_tracking());
+  live.reset();
+  Live fresh = made();
+  for (const Stamp seconds : {1000, 1, 2, 3, 4}) {
+    live.on(fix_at(seconds * kSecond));
+    fresh.on(fix_at(seconds * kSecond));
+  }
+  EXPECT_EQ(live.jumps(), 1U);
+  ASSERT_TRUE(fresh.is_tracking());
+  ASSERT_TRUE(live.is_tracking());
+  expect_same(live.estimator().estimate(), fresh.estimator().estimate());
+}
+
+TEST(Live, scans_are_a_source_that_may_be_off) {
+  const auto geometry = std::make_shared<LaserGeometry>();
+  geometry->angle_increment = 0.01;
+  geometry->range_max = 10.0;
+  for (const bool hears : {true, false}) {
+    Live live(among_posts());
+    live.enable(Source::kScans, hears);
+    for (Id anchor = 0; anchor < 3; ++anchor) {
+      live.on(testing::range_to(anchor, {2.0, -1.0, 0.4}, 0));
+    }
+    live.on(LaserScan{kSecond / 10, geometry, std::vector<double>(100, 1.0)});
+    live.on(Velocity{kSecond, 0.0, 0.0});
+    EXPECT_EQ(live.search().hypotheses.empty(), !hears);  // a scan ends the epoch of ranges
+  }
+}
+
+TEST(StartSearch, a_clock_that_stands_makes_no_more_wait_than_there_is_room_for) {
+  StartSearch search(unstarted().initializer());
+  for (std::size_t k = 0; k < StartSearch::kMostWaiting + 10; ++k) {
+    search.on(Range{0, 0, static_cast<Id>(k % 4), 10.0, {}});
+    ASSERT_LE(search.waiting().size(), StartSearch::kMostWaiting);
+  }
+  EXPECT_EQ(search.used_until(), 0);
+  search.on(Range{kSecond, 0, 0, 10.0, {}});
+  EXPECT_EQ(search.waiting().size(), 1U);
+}
+
+/// A filter takes such a heading; the search threw for it when the next, good message came, and
+/// forgot the rest of its stamp.
+TEST(Live, a_heading_of_any_size_is_one_to_start_with) {
+  Live live(unstarted());
+  live.on(PoseObservation{0, {2.0, -1.0, 1e200}, 0.01 * Matrix<3, 3>::Identity()});
+  EXPECT_NO_THROW(live.on(Range{kSecond, 0, 3, 10.0, {}}));
+  EXPECT_FALSE(live.search().hypotheses.empty());
+}
+
+/// What told of the jump was fused before another message of it was refused.
+TEST(Live, a_clock_that_jumps_to_a_message_that_is_refused_has_jumped) {
+  RecoveringEkf::Config config;
+  config.estimator.adaptive.messages = 5;
+  Live::Options options;
+  options.timeline.clock_jump = ClockJump::kReset;
+  options.timeline.jump_after = 3;
+  Live live(among_posts(config), options);
+  const Pose2 pose{1.0, 1.0, 0.5};
+  for (int k = 100; k < 200; ++k) {
+    for (const RangeBearing& z : look(k * kSecond, pose)) {
+      live.on(z);
+    }
+  }
+  ASSERT_TRUE(live.is_tracking());
+  live.on(PositionFix{150 * kSecond, {1.0, 1.0}, Matrix<2, 2>::Identity()});
+  Range far = testing::range_to(0, pose, 150 * kSecond, 2.5);  // makes adaptive noise larger
+  far.sigma = 1.0;
+  live.on(far);
+  Range vague = testing::range_to(1, pose, 150 * kSecond + 1);
+  vague.sigma = 1.3e154;
+  EXPECT_THROW(live.on(vague), NumericalError);
+  EXPECT_EQ(live.jumps(), 1U);
+  EXPECT_FALSE(live.is_tracking());
 }
 
 }  // namespace

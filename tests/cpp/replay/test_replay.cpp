@@ -186,5 +186,26 @@ TEST(Replay, what_it_shows_on_the_way_is_the_beginning_of_what_it_leaves_behind)
   EXPECT_EQ(whole.outcomes.size(), 40'000U);
 }
 
+TEST(Replay, records_health_after_a_clock_that_went_back) {
+  for (const ClockJump policy : {ClockJump::kContinue, ClockJump::kReset}) {
+    RecoveringEkf robot({}, testing::hall(), testing::one_tag(), nullptr);
+    robot.start_at({0, {1.0, 1.0, 0.0}, 0.01 * Matrix<3, 3>::Identity()});
+    MessageLog log;
+    for (int k = 0; k < 900; ++k) {
+      const Stamp stamp = (k < 300 ? 10000 + k : k - 300) * kSecond / 10;
+      log.add(Velocity{stamp, 0.0, 0.0}, k * kSecond / 10);
+      log.add(PositionFix{stamp, {1.3, 0.8}, 0.01 * Matrix<2, 2>::Identity()}, k * kSecond / 10);
+    }
+    log.sort();
+    ReplayOptions options;
+    options.timeline.clock_jump = policy;
+    const RunLog run = replay(robot, log, options);
+    ASSERT_EQ(run.jumps, 1U);
+    EXPECT_GT(run.health.size(), 500U);
+    EXPECT_LT(run.health.back().stamp, 60 * kSecond);
+    EXPECT_GT(run.health.back().stamp, 59 * kSecond);
+  }
+}
+
 }  // namespace
 }  // namespace locfuse

@@ -4,6 +4,7 @@
 #include <limits>
 #include <map>
 
+#include "locfuse/error.hpp"
 #include "locfuse/estimators/pose_ekf.hpp"
 #include "locfuse/replay/timeline.hpp"
 #include "support/expect.hpp"
@@ -186,6 +187,32 @@ TEST(Timeline, refuses_a_history_that_no_two_stamps_are_apart) {
   Timeline<PoseEkf> longest(testing::ekf_at({}), kStampLimit);
   longest.on(Velocity{2 - kStampLimit, 0.1, 0.0}, kDeaf);
   longest.on(Velocity{1 - kStampLimit, 0.1, 0.0}, kDeaf);
+}
+
+/// Counts what it takes, and what it does not.
+struct Careless {
+  int heard = 0;
+  Outcome on(const Message& message) {
+    ++heard;
+    if (std::holds_alternative<Range>(message)) {
+      throw NumericalError("no ranges");
+    }
+    return {Verdict::kFused};
+  }
+};
+
+TEST(Timeline, what_an_estimator_throws_for_leaves_no_trace_in_it) {
+  Timeline<Careless> timeline({}, kSecond);
+  int good = 0;
+  for (int k = 0; k < 100; ++k) {
+    const Stamp stamp = k * kSecond / 10;
+    timeline.on(Velocity{stamp, 0.0, 0.0}, kDeaf);
+    ++good;
+    EXPECT_THROW(timeline.on(Range{stamp, 0, 0, 1.0, {}}, kDeaf), NumericalError);
+    ASSERT_EQ(timeline.estimator().heard, good);
+    EXPECT_THROW(timeline.on(Range{stamp - 1, 0, 0, 1.0, {}}, kDeaf), NumericalError);
+    ASSERT_EQ(timeline.estimator().heard, good);
+  }
 }
 
 }  // namespace

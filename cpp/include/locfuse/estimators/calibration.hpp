@@ -73,7 +73,7 @@ class Calibration {
                                                                        double seconds) const;
 
   /// Whether the offsets of anchors change with time.
-  [[nodiscard]] bool has_wandering() const { return correlation_s_ > 0.0; }
+  [[nodiscard]] bool has_wandering() const { return correlation_s_ > 0.0 && !offsets_.empty(); }
   /// What moves `wandering_slots` in that time, eq. (4).
   [[nodiscard]] Propagation<Eigen::VectorXd, Eigen::Dynamic> wander(const GaussianBelief& belief,
                                                                     double seconds) const;

@@ -153,7 +153,8 @@ class Health {
   [[nodiscard]] double breadth_of(const PoseObservation& z) const;
   [[nodiscard]] double breadth_of(const RangeBearing& z) const;
 
-  /// How far `estimate`, which the measurements heard belong to, may be trusted.
+  /// How far `estimate`, which the measurements heard belong to, may be trusted. Throws
+  /// std::invalid_argument, as all that takes a stamp, where that is beyond +-kStampLimit.
   [[nodiscard]] HealthReport report(const PoseEstimate& estimate) const;
   /// Probability that the pose is wrong.
   [[nodiscard]] double wrong() const { return odds_ / (1.0 + odds_); }

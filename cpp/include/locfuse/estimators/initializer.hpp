@@ -27,7 +27,9 @@ enum class StartStatus : std::uint8_t {
 /// every heading, weighed by how well each predicts what comes next. Scans on a map, ranges to
 /// other tags, and ranges after some motion tell the headings apart; docs/start.md.
 ///
-/// Every `on` throws std::invalid_argument for a message that is not valid.
+/// Every `on` throws std::invalid_argument for a message that is not valid, and NumericalError for
+/// one that no filter can use; then nothing has changed. Of landmarks, anchors and tags that are
+/// not on the map it takes no notice.
 class Initializer {
  public:
   struct Config {
@@ -91,7 +93,14 @@ class Initializer {
     int heard;
   };
 
-  void locate(const std::vector<Range>& epoch);
+  template <class Call>
+  void attempt(const Call& call);
+  [[nodiscard]] bool is_known(const Range& z) const;
+  [[nodiscard]] bool ends_epoch(const Range& z) const;
+  void locate();
+  void locate_by(const std::vector<Range>& epoch);
+  void see(const RangeBearing& z);
+  void match(const LaserScan& z);
   void add_constellations();
   [[nodiscard]] double log_by_chance(const RangeBearing& z) const;
   void add_positions(const Vector<2>& tag_in_world, const Matrix<2, 2>& covariance,

@@ -95,7 +95,7 @@ class RecoveringEkf {
   void listen();  // to what health says
   void decide();
   template <class Tell>
-  void search(const Tell& tell);
+  [[nodiscard]] bool search(const Tell& tell);
   [[nodiscard]] const PoseEkf& started() const;
   [[nodiscard]] Initializer fresh() const;  // that has heard the last odometry
 

@@ -72,6 +72,7 @@ class SwitchingMcl {
   [[nodiscard]] const RecoveringEkf& uwb() const { return uwb_; }
   /// NIS of the last ranges or fixes per row, on average: 1 where UWB's filter is right.
   [[nodiscard]] double uwb_nis() const { return nis_; }
+  /// The last thousand.
   [[nodiscard]] const std::vector<Injection>& injections() const { return injections_; }
 
  private:

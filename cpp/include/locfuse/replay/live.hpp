@@ -58,7 +58,7 @@ class Live {
 
  private:
   Outcome track(const Message& message);
-  void seek(const Message& message);
+  void follow_clock();
   void look();
   void track_from(RecoveringEkf estimator);
 

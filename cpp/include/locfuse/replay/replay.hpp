@@ -24,8 +24,8 @@ struct RunLog {
   std::vector<SourceStatus> sources;    ///< likewise, at the end of the log
   int alarms = 0;                       ///< likewise: how often it was lost
   int restarts = 0;                     ///< likewise: how often it then found another place
-  std::size_t jumps = 0;                ///< of the clock; estimates are those after the last
-  std::size_t fallen_out = 0;           ///< as of Timeline
+  std::size_t jumps = 0;       ///< of the clock; estimates and health are of after the last
+  std::size_t fallen_out = 0;  ///< as of Timeline
 };
 
 /// A source is switched off or on before the messages that arrive from `arrival` on.
@@ -134,6 +134,7 @@ template <class Estimator>
     if (timeline.jumps() > run.jumps) {
       run.jumps = timeline.jumps();
       run.estimates.clear();
+      run.health.clear();
     }
     if (options.progress && (i + 1) % kProgressEvery == 0) {
       take_stock();

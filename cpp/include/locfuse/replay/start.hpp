@@ -15,7 +15,9 @@ namespace locfuse {
 /// What arrives waits until something has come that is `patience` younger: so an increment, which
 /// tells of a motion that has ended, is driven before the ranges that were taken on the way. At
 /// equal stamps odometry comes first and scans last, and the Initializer is asked when all of a
-/// stamp has been heard: what is of one instant belongs together.
+/// stamp has been heard: what is of one instant belongs together. A message that the Initializer
+/// cannot use is left out. Of a clock that stands kMostWaiting messages are used, and what comes
+/// then is late until it goes on.
 class StartSearch {
  public:
   /// `patience` [ns]; 0 for what comes in order. Throws std::invalid_argument if it is negative.
@@ -41,6 +43,7 @@ class StartSearch {
   [[nodiscard]] std::vector<Message> waiting() const;
 
   static constexpr Stamp kPatience = 250'000'000;
+  static constexpr std::size_t kMostWaiting = 10'000;
 
  private:
   struct Entry {

@@ -234,7 +234,12 @@ class Timeline {
     if (entries_.size() % kStride == 0 && !taken) {
       take_snapshot();
     }
-    sink(entry.index, estimator_.on(entry.message));
+    try {
+      sink(entry.index, estimator_.on(entry.message));
+    } catch (...) {  // whatever it left behind
+      fuse_again(entries_.size(), sink);
+      throw;
+    }
     entries_.push_back(entry);
     if (entries_.size() >= kStride * kStride) {
       forget();
