@@ -148,7 +148,7 @@ margin : float
 Raises
 ------
 ValueError
-    If no cell is occupied.
+    If there is no map, or no cell of it is occupied.
 )")
       .def(py::init<std::shared_ptr<OccupancyGrid>, double>(), py::arg("grid"),
            py::arg("margin") = 1.0)
@@ -186,6 +186,11 @@ Parameters
 grid : OccupancyGrid
 unknown_stops : bool
     Whether unknown cells stop beams as occupied ones do; else they let them pass.
+
+Raises
+------
+ValueError
+    If there is no map.
 
 Examples
 --------

@@ -143,7 +143,8 @@ exact_neighbours : bool
 Raises
 ------
 ValueError
-    If the map has no occupied cell; by the methods if a scan or a number is not valid.
+    If there is no map or it has no occupied cell; by the methods if a scan or a number is not
+    valid.
 
 Examples
 --------

@@ -681,7 +681,7 @@ class DistanceField:
     Raises
     ------
     ValueError
-        If no cell is occupied.
+        If there is no map, or no cell of it is occupied.
     """
     def __init__(
         self, grid: OccupancyGrid, margin: typing.SupportsFloat | typing.SupportsIndex = 1.0
@@ -711,6 +711,11 @@ class RayCaster:
     grid : OccupancyGrid
     unknown_stops : bool
         Whether unknown cells stop beams as occupied ones do; else they let them pass.
+
+    Raises
+    ------
+    ValueError
+        If there is no map.
 
     Examples
     --------
@@ -981,7 +986,8 @@ class ScanMatcher:
     Raises
     ------
     ValueError
-        If the map has no occupied cell; by the methods if a scan or a number is not valid.
+        If there is no map or it has no occupied cell; by the methods if a scan or a number is not
+        valid.
 
     Examples
     --------

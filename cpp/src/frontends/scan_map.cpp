@@ -9,6 +9,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "maps/given.hpp"
+
 namespace locfuse {
 namespace {
 
@@ -179,7 +181,7 @@ struct ScanMap::Tree {
 };
 
 ScanMap::ScanMap(const std::shared_ptr<const OccupancyGrid>& grid)
-    : occupied_(grid, kMargin, DistanceField::Extra::kSurroundings),
+    : occupied_(internal::given(grid, "ScanMap"), kMargin, DistanceField::Extra::kSurroundings),
       surface_(grid, surface_cells(*grid), kMargin, DistanceField::Extra::kNearestTargets),
       tree_(std::make_unique<Tree>()) {
   const LineFit fit(surface_);

@@ -12,6 +12,7 @@
 
 #include "frontends/scan_refine.hpp"
 #include "frontends/scan_search.hpp"
+#include "maps/given.hpp"
 
 namespace locfuse {
 namespace {
@@ -168,7 +169,8 @@ void judge(ScanSearch& found, const ScanMatcherConfig& config) {
 
 ScanMatcher::ScanMatcher(const std::shared_ptr<const OccupancyGrid>& grid,
                          const ScanMatcherConfig& config)
-    : map_(std::make_shared<const ScanMap>(grid)), config_(checked(config)) {}
+    : map_(std::make_shared<const ScanMap>(internal::given(grid, "ScanMatcher"))),
+      config_(checked(config)) {}
 
 ScanMatch ScanMatcher::refine(const LaserScan& scan, const Pose2& guess,
                               const std::optional<Matrix<3, 3>>& covariance) const {

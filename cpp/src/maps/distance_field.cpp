@@ -6,9 +6,9 @@
 #include <limits>
 #include <stdexcept>
 #include <string>
-#include <utility>
 
 #include "maps/cells.hpp"
+#include "maps/given.hpp"
 
 namespace locfuse {
 namespace {
@@ -114,11 +114,11 @@ class DistanceField::Envelope {
 
 DistanceField::DistanceField(const std::shared_ptr<const OccupancyGrid>& grid, double margin,
                              Extra extra)
-    : DistanceField(grid, occupied_cells(*grid), margin, extra) {}
+    : DistanceField(grid, occupied_cells(*internal::given(grid, "DistanceField")), margin, extra) {}
 
-DistanceField::DistanceField(std::shared_ptr<const OccupancyGrid> grid,
+DistanceField::DistanceField(const std::shared_ptr<const OccupancyGrid>& grid,
                              const std::vector<std::uint8_t>& is_target, double margin, Extra extra)
-    : grid_(std::move(grid)),
+    : grid_(internal::given(grid, "DistanceField")),
       margin_cells_(margin_cells_of(margin, *grid_)),
       width_(grid_->width() + 2 * margin_cells_),
       height_(grid_->height() + 2 * margin_cells_) {

@@ -6,9 +6,9 @@
 #include <limits>
 #include <stdexcept>
 #include <string>
-#include <utility>
 
 #include "maps/cells.hpp"
+#include "maps/given.hpp"
 
 namespace locfuse {
 namespace {
@@ -76,8 +76,8 @@ void require_finite(const char* what, double value, const char* unit) {
 
 }  // namespace
 
-RayCaster::RayCaster(std::shared_ptr<const OccupancyGrid> grid, bool unknown_stops)
-    : grid_(std::move(grid)), clear_(grid_->cells().size()) {
+RayCaster::RayCaster(const std::shared_ptr<const OccupancyGrid>& grid, bool unknown_stops)
+    : grid_(internal::given(grid, "RayCaster")), clear_(grid_->cells().size()) {
   std::transform(grid_->cells().begin(), grid_->cells().end(), clear_.begin(), [&](Cell cell) {
     const bool stops = cell == Cell::kOccupied || (unknown_stops && cell == Cell::kUnknown);
     return static_cast<std::uint8_t>(stops ? 0 : kMostRings);

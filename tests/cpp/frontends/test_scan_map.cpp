@@ -70,6 +70,10 @@ TEST(ScanMap, a_corner_shows_no_line) {
   EXPECT_EQ(line.run, 0.0);
 }
 
+TEST(ScanMap, refuses_to_do_without_a_map) {
+  expect_refused([] { (void)ScanMap(nullptr); }, "ScanMap has no map");
+}
+
 TEST(ScanMap, refuses_a_map_without_walls_and_points_that_pcl_would_abort_on) {
   const auto free =
       std::make_shared<const OccupancyGrid>(2, 2, 0.1, Pose2{}, std::vector<Cell>(4, Cell::kFree));

@@ -120,6 +120,11 @@ TEST(DistanceField, holds_what_is_asked_for_and_no_more) {
                          far.distances().begin()));
 }
 
+TEST(DistanceField, refuses_to_do_without_a_map) {
+  expect_refused([] { (void)DistanceField(nullptr); }, "DistanceField has no map");
+  expect_refused([] { (void)DistanceField(nullptr, {1}, 0.0); }, "DistanceField has no map");
+}
+
 TEST(DistanceField, refuses_a_map_without_walls_and_points_that_are_none) {
   const auto empty =
       std::make_shared<const OccupancyGrid>(2, 2, 0.1, Pose2{}, std::vector<Cell>(4, Cell::kFree));

@@ -215,6 +215,10 @@ TEST(RayCaster, skips_over_a_map_that_is_larger_than_it_counts_rings) {
   EXPECT_EQ(rays.cast({0.5, 0.5}, angle + 0.002, kNoHit), kNoHit);
 }
 
+TEST(RayCaster, refuses_to_do_without_a_map) {
+  expect_refused([] { (void)RayCaster(nullptr); }, "RayCaster has no map");
+}
+
 TEST(RayCaster, refuses_what_is_no_number) {
   const RayCaster rays = caster({".#"});
   const double nan = std::nan("");

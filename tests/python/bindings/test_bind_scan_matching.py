@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import threading
+from typing import Any
 
 import numpy as np
 import pytest
@@ -149,6 +150,12 @@ def test_bad_input_has_one_error_or_status_each() -> None:
     free = lf.OccupancyGrid(np.zeros((3, 3), dtype=np.int8), 0.1)
     with pytest.raises(ValueError, match="0 occupied cells"):
         lf.ScanMatcher(free)
+
+
+@pytest.mark.parametrize("user", [lf.DistanceField, lf.RayCaster, lf.ScanMatcher])
+def test_none_is_no_map(user: Any) -> None:  # it ended the interpreter once
+    with pytest.raises(ValueError, match=f"{user.__name__} has no map, expected an OccupancyGrid"):
+        user(None)
 
 
 def test_settings_are_keywords_and_checked() -> None:

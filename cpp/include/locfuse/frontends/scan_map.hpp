@@ -33,7 +33,7 @@ class ScanMap {
   /// How far off a wall, and off the map, an end point may be and still be of use [m].
   static constexpr double kMargin = 1.0;
 
-  /// Throws std::invalid_argument if the map has no occupied cell.
+  /// Throws std::invalid_argument if there is no map or it has no occupied cell.
   explicit ScanMap(const std::shared_ptr<const OccupancyGrid>& grid);
   ~ScanMap();
   ScanMap(const ScanMap&) = delete;

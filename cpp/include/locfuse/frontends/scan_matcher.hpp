@@ -75,7 +75,8 @@ struct ScanSearch {
 /// Finds a body on a map from single scans; docs/models/scan_matching.md. Immutable.
 class ScanMatcher {
  public:
-  /// Throws std::invalid_argument if the map has no occupied cell, or on a setting out of bounds.
+  /// Throws std::invalid_argument if there is no map or it has no occupied cell, or on a setting
+  /// out of bounds.
   explicit ScanMatcher(const std::shared_ptr<const OccupancyGrid>& grid,
                        const ScanMatcherConfig& config = {});
 

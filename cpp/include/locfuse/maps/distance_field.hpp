@@ -31,13 +31,14 @@ class DistanceField {
     double distance = 0.0;
   };
 
-  /// Throws std::invalid_argument if no cell is occupied, if `margin` [m] is not in [0, 1e4], or if
-  /// a side of the field comes out longer than 2^24 cells or the field larger than 2^30.
+  /// Throws std::invalid_argument if there is no map or no cell of it is occupied, if `margin` [m]
+  /// is not in [0, 1e4], or if a side of the field comes out longer than 2^24 cells or the field
+  /// larger than 2^30.
   explicit DistanceField(const std::shared_ptr<const OccupancyGrid>& grid, double margin = 1.0,
                          Extra extra = Extra::kNone);
 
   /// The targets are the cells where `is_target` (row by row) is not 0.
-  DistanceField(std::shared_ptr<const OccupancyGrid> grid,
+  DistanceField(const std::shared_ptr<const OccupancyGrid>& grid,
                 const std::vector<std::uint8_t>& is_target, double margin,
                 Extra extra = Extra::kNone);
 

@@ -20,7 +20,8 @@ namespace locfuse {
 /// Takes a byte a cell beside the grid.
 class RayCaster {
  public:
-  explicit RayCaster(std::shared_ptr<const OccupancyGrid> grid, bool unknown_stops = false);
+  /// Throws std::invalid_argument if there is no map.
+  explicit RayCaster(const std::shared_ptr<const OccupancyGrid>& grid, bool unknown_stops = false);
 
   [[nodiscard]] const OccupancyGrid& grid() const { return *grid_; }
 

@@ -8,6 +8,8 @@
 #include <string>
 #include <utility>
 
+#include "maps/given.hpp"
+
 namespace locfuse {
 namespace {
 
@@ -35,14 +37,6 @@ BeamModel::Config normalized(BeamModel::Config config) {
   return config;
 }
 
-const std::shared_ptr<const OccupancyGrid>& given(
-    const std::shared_ptr<const OccupancyGrid>& grid) {
-  if (!grid) {
-    throw std::invalid_argument("BeamModel has no map");
-  }
-  return grid;
-}
-
 }  // namespace
 
 const BeamModel::Config& BeamModel::checked(const Config& config) {
@@ -60,7 +54,7 @@ const BeamModel::Config& BeamModel::checked(const Config& config) {
 }
 
 BeamModel::BeamModel(const Config& config, const std::shared_ptr<const OccupancyGrid>& grid)
-    : config_(normalized(checked(config))), caster_(given(grid)) {}
+    : config_(normalized(checked(config))), caster_(internal::given(grid, "BeamModel")) {}
 
 Beams BeamModel::beams_of(const LaserScan& scan, int most) const {
   validate(scan);

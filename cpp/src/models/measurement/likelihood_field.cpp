@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "maps/given.hpp"
 #include "math/processor.hpp"
 #include "models/measurement/field_lanes.hpp"
 
@@ -39,10 +40,8 @@ void check_density(const char* name, double value) {
 }
 
 DistanceField distances_on(const std::shared_ptr<const OccupancyGrid>& grid) {
-  if (!grid) {
-    throw std::invalid_argument("LikelihoodField has no map");
-  }
-  if (std::find(grid->cells().begin(), grid->cells().end(), Cell::kFree) == grid->cells().end()) {
+  const std::vector<Cell>& cells = internal::given(grid, "LikelihoodField")->cells();
+  if (std::find(cells.begin(), cells.end(), Cell::kFree) == cells.end()) {
     throw std::invalid_argument("the map has 0 free cells, expected at least 1");
   }
   return DistanceField(grid, 0.0);

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <stdexcept>
+#include <string>
+
+#include "locfuse/maps/occupancy_grid.hpp"
+
+namespace locfuse::internal {
+
+/// The map that `user` cannot do without. Throws std::invalid_argument if there is none.
+inline const std::shared_ptr<const OccupancyGrid>& given(
+    const std::shared_ptr<const OccupancyGrid>& grid, const char* user) {
+  if (!grid) {
+    throw std::invalid_argument(std::string(user) + " has no map, expected an OccupancyGrid");
+  }
+  return grid;
+}
+
+}  // namespace locfuse::internal
