@@ -22,6 +22,8 @@ namespace py = pybind11;
 namespace {
 
 constexpr std::size_t kLongestName = 255;  // bytes; numpy pads every name to the longest
+constexpr std::size_t kMostPadded = 16;    // times the text, and some that every text may have:
+constexpr std::size_t kAlwaysPadded = 64 << 20;  // bytes
 constexpr int kNanosecondDigits = 9;
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
@@ -179,6 +181,7 @@ struct Column {
   std::vector<std::int64_t> stamps;
   std::vector<std::string_view> names;  ///< into the text
   std::ptrdiff_t longest_name = 1;      ///< [code points]
+  std::int64_t longest_line = 0;        ///< that has it
 
   std::size_t rows() const { return numbers.size() + stamps.size() + names.size(); }
   void reserve(std::size_t rows) {
@@ -206,6 +209,7 @@ class TableParser {
   }
 
   std::vector<Column> parse(std::int64_t first_line) {
+    const std::size_t most = kMostPadded * static_cast<std::size_t>(end_ - at_) + kAlwaysPadded;
     for (line_ = 1; at_ != end_; ++line_) {
       if (line_ >= first_line && !is_skipped()) {
         if (columns_.front().rows() == 0) reserve();
@@ -214,6 +218,7 @@ class TableParser {
       at_ = line_end(at_);
       if (at_ != end_) ++at_;
     }
+    check_padding(most);
     return std::move(columns_);
   }
 
@@ -276,6 +281,25 @@ class TableParser {
     return stop;
   }
 
+  /// All the names in numpy's memory may take `most` bytes: a long one makes all of a column long.
+  void check_padding(std::size_t most) {
+    const auto bytes = [](const Column& column) {
+      return sizeof(char32_t) * static_cast<std::size_t>(column.longest_name) * column.names.size();
+    };
+    std::size_t sum = 0;
+    for (const Column& column : columns_) sum += bytes(column);
+    if (sum <= most) return;
+    const auto worst =
+        std::max_element(columns_.begin(), columns_.end(),
+                         [&](const Column& a, const Column& b) { return bytes(a) < bytes(b); });
+    line_ = worst->longest_line;
+    fail("column " + std::to_string(worst - columns_.begin() + 1) + " has a name of " +
+         std::to_string(worst->longest_name) + " characters, and " +
+         std::to_string(worst->names.size()) +
+         " rows whose names would take as much memory each: " + std::to_string(sum >> 20U) +
+         " MB in all; shorten it");
+  }
+
   const char* parse_name(Column& column, const char* at) const {
     const char* stop = at;
     while (!ends_line(stop) && *stop != delimiter_ && !(delimiter_ == ' ' && *stop == '\t')) ++stop;
@@ -284,7 +308,10 @@ class TableParser {
     const std::string_view name(at, static_cast<std::size_t>(stop - at));
     const std::ptrdiff_t length = name.size() > kLongestName ? -1 : count_code_points(name);
     if (length < 0 || (name.empty() && delimiter_ == ' ')) return nullptr;
-    column.longest_name = std::max(column.longest_name, length);
+    if (length > column.longest_name) {
+      column.longest_name = length;
+      column.longest_line = line_;
+    }
     column.names.push_back(name);
     return field_end;
   }
@@ -452,7 +479,8 @@ Raises
 ------
 ValueError
     If a line has too few or too many fields or a field is not of its kind; the text names the
-    line and the column, both from 1.
+    line and the column, both from 1. Or if names would take more than 64 MB and 16 times the
+    text, as each takes as much as the longest of its column.
 
 Examples
 --------

@@ -5754,7 +5754,8 @@ def parse_table(
     ------
     ValueError
         If a line has too few or too many fields or a field is not of its kind; the text names the
-        line and the column, both from 1.
+        line and the column, both from 1. Or if names would take more than 64 MB and 16 times the
+        text, as each takes as much as the longest of its column.
 
     Examples
     --------

@@ -83,6 +83,17 @@ def test_text_keeps_its_letters_and_is_bounded() -> None:
         parse_table(b"\xff\xfe", "t", ",", 1, "t")
 
 
+def test_one_long_name_does_not_make_a_short_text_a_table_of_gigabytes() -> None:
+    rows = 100_000
+    text = b"0,a,b\n" * rows
+    parse_table(text, "stt", ",", 1, "t")
+    long = text + b"0,a," + b"b" * 250 + b"\n"
+    with pytest.raises(ValueError, match=r"^t, line 100001: column 3 has a name of 250 characters"):
+        parse_table(long, "stt", ",", 1, "t")
+    _, _, names = parse_table(long.replace(b"b" * 250, b"b" * 150), "stt", ",", 1, "t")
+    assert names[-1] == "b" * 150
+
+
 def test_nothing_is_an_empty_table() -> None:
     for text in (b"", b"\n\n", b"# only a comment"):
         a, b = parse_table(text, "sf", ",", 1, "t")
