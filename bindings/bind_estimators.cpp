@@ -20,8 +20,9 @@ namespace {
 
 // Odometry since the last epoch, then every range of this one, in a single call.
 std::vector<Outcome> on_epoch(PoseEkf& ekf, Stamp begin, Stamp stamp, const Pose2& motion,
-                              const Column<locfuse::Id>& anchors, const Column<double>& ranges,
+                              const Integers<locfuse::Id>& anchor_ids, const Column<double>& ranges,
                               locfuse::Id tag) {
+  const Column<locfuse::Id> anchors = checked("anchors", anchor_ids, "an id of 32 bits");
   expect_shape("anchors", anchors, anchors.size());
   expect_shape("ranges", ranges, anchors.size());
   std::vector<Range> epoch;

@@ -23,8 +23,10 @@ using locfuse::RayCaster;
 
 namespace {
 
-std::shared_ptr<OccupancyGrid> grid_from(const Column<std::int8_t>& cells, double resolution,
+std::shared_ptr<OccupancyGrid> grid_from(const Integers<std::int8_t>& given, double resolution,
                                          const Pose2& origin) {
+  const Column<std::int8_t> cells =
+      checked("cells", given, "0 (free), 100 (occupied) or -1 (unknown)");
   if (cells.ndim() != 2) {
     throw std::invalid_argument("cells has " + std::to_string(cells.ndim()) +
                                 " dimensions, expected 2: (height, width)");
@@ -89,7 +91,7 @@ void bind_grid(py::module_& m) {
 
 Parameters
 ----------
-cells : int8 array, shape (height, width)
+cells : integer array, shape (height, width)
     0 free, 100 occupied, -1 unknown; row 0 has the lowest y.
 resolution : float
     Metres per cell.
@@ -100,6 +102,8 @@ Raises
 ------
 ValueError
     On other cells, an empty grid, or numbers that are not finite.
+TypeError
+    On cells that are not integers.
 
 Examples
 --------

@@ -10,20 +10,31 @@ using locfuse::Id;
 using locfuse::Message;
 using locfuse::MessageLog;
 using locfuse::Stamp;
-using Stamps = py::array_t<Stamp, py::array::c_style>;  // no cast: seconds as floats are refused
+using Stamps = Integers<Stamp>;
+using Ids = Integers<Id>;
 
 namespace {
 
+Column<Stamp> checked_stamps(const char* name, const Stamps& stamps) {
+  return checked(name, stamps, "nanoseconds of 64 bits");
+}
+
+Column<Id> checked_ids(const char* name, const Ids& ids) {
+  return checked(name, ids, "an id of 32 bits");
+}
+
 // Adds one message per row; `arrivals` may be absent.
 template <class Make>
-void add_rows(SharedLog& log, const Stamps& stamps, const std::optional<Stamps>& arrivals,
+void add_rows(SharedLog& log, const Column<Stamp>& stamps, const std::optional<Stamps>& arrivals,
               const Make& make) {
   const py::ssize_t n = stamps.size();
   expect_shape("stamp_ns", stamps, n);
+  std::optional<Column<Stamp>> arrival_ns;
   if (arrivals) {
-    expect_shape("arrival_ns", *arrivals, n);
+    arrival_ns = checked_stamps("arrival_ns", *arrivals);
+    expect_shape("arrival_ns", *arrival_ns, n);
   }
-  const Stamp* arrival = arrivals ? arrivals->data() : nullptr;
+  const Stamp* arrival = arrival_ns ? arrival_ns->data() : nullptr;
   const Use use(log, Use::Kind::kChange);
   const py::gil_scoped_release release;
   log.log.add_rows(static_cast<std::size_t>(n), [&](std::size_t row) -> MessageLog::Arrival {
@@ -51,8 +62,9 @@ void bind_message_log(py::module_& m) {
 
 Every `add_...` takes arrays of equal length; `arrival_ns`, where given, is when each message
 reaches the estimator, otherwise it arrives when it takes effect. A row that is not valid raises
-ValueError, names the row, and nothing is added. A log that another thread adds to, sorts or
-replays raises RuntimeError; several threads may replay it at once.
+ValueError, names the row, and nothing is added; ids and stamps that are not integers raise
+TypeError. A log that another thread adds to, sorts or replays raises RuntimeError; several threads
+may replay it at once.
 )")
       .def(py::init<>())
       .def("__len__",
@@ -62,8 +74,9 @@ replays raises RuntimeError; several threads may replay it at once.
            })
       .def(
           "add_velocities",
-          [](SharedLog& log, const Stamps& stamp, const Column<double>& forward,
+          [](SharedLog& log, const Stamps& stamps, const Column<double>& forward,
              const Column<double>& turn_rate, const std::optional<Stamps>& arrival) {
+            const Column<Stamp> stamp = checked_stamps("stamp_ns", stamps);
             expect_shape("forward", forward, stamp.size());
             expect_shape("turn_rate", turn_rate, stamp.size());
             add_rows(log, stamp, arrival,
@@ -75,8 +88,10 @@ replays raises RuntimeError; several threads may replay it at once.
           py::arg("stamp_ns"), py::arg("forward"), py::arg("turn_rate"), no_arrival)
       .def(
           "add_increments",
-          [](SharedLog& log, const Stamps& begin, const Stamps& stamp, const Column<double>& motion,
-             const std::optional<Stamps>& arrival) {
+          [](SharedLog& log, const Stamps& begins, const Stamps& stamps,
+             const Column<double>& motion, const std::optional<Stamps>& arrival) {
+            const Column<Stamp> stamp = checked_stamps("stamp_ns", stamps);
+            const Column<Stamp> begin = checked_stamps("begin_ns", begins);
             expect_shape("begin_ns", begin, stamp.size());
             expect_shape("motion", motion, stamp.size(), 3);
             add_rows(
@@ -90,9 +105,12 @@ replays raises RuntimeError; several threads may replay it at once.
           "Motions (n, 3): dx, dy [m], dheading [rad] from begin_ns to stamp_ns.")
       .def(
           "add_ranges",
-          [](SharedLog& log, const Stamps& stamp, const Column<Id>& tag, const Column<Id>& anchor,
+          [](SharedLog& log, const Stamps& stamps, const Ids& tags, const Ids& anchors,
              const Column<double>& range, const std::optional<Column<double>>& sigma,
              const std::optional<Stamps>& arrival) {
+            const Column<Stamp> stamp = checked_stamps("stamp_ns", stamps);
+            const Column<Id> tag = checked_ids("tag", tags);
+            const Column<Id> anchor = checked_ids("anchor", anchors);
             expect_shape("tag", tag, stamp.size());
             expect_shape("anchor", anchor, stamp.size());
             expect_shape("range", range, stamp.size());
@@ -111,14 +129,17 @@ replays raises RuntimeError; several threads may replay it at once.
           py::arg("sigma") = py::none(), no_arrival)
       .def(
           "add_positions",
-          [](SharedLog& log, const Stamps& stamp, const Column<double>& position,
+          [](SharedLog& log, const Stamps& stamps, const Column<double>& position,
              const Column<double>& sigma, const std::optional<Stamps>& arrival,
-             const std::optional<Column<Id>>& tag) {
-            expect_shape("position", position, stamp.size(), 2);
-            expect_shape("sigma", sigma, stamp.size());
-            if (tag) {
+             const std::optional<Ids>& tags) {
+            const Column<Stamp> stamp = checked_stamps("stamp_ns", stamps);
+            std::optional<Column<Id>> tag;
+            if (tags) {
+              tag = checked_ids("tag", *tags);
               expect_shape("tag", *tag, stamp.size());
             }
+            expect_shape("position", position, stamp.size(), 2);
+            expect_shape("sigma", sigma, stamp.size());
             add_rows(log, stamp, arrival,
                      [t = stamp.data(), p = position.data(), s = sigma.data(),
                       g = tag ? tag->data() : nullptr](py::ssize_t i) -> Message {
@@ -137,9 +158,10 @@ replays raises RuntimeError; several threads may replay it at once.
           "measured.")
       .def(
           "add_poses",
-          [](SharedLog& log, const Stamps& stamp, const Column<double>& pose,
+          [](SharedLog& log, const Stamps& stamps, const Column<double>& pose,
              const Column<double>& sigma_xy, const Column<double>& sigma_heading,
              const std::optional<Stamps>& arrival) {
+            const Column<Stamp> stamp = checked_stamps("stamp_ns", stamps);
             expect_shape("pose", pose, stamp.size(), 3);
             expect_shape("sigma_xy", sigma_xy, stamp.size());
             expect_shape("sigma_heading", sigma_heading, stamp.size());
@@ -158,11 +180,13 @@ replays raises RuntimeError; several threads may replay it at once.
           "known; 1000 and more: not measured.")
       .def(
           "add_sightings",
-          [](SharedLog& log, const Stamps& stamp, const Column<Id>& landmark,
+          [](SharedLog& log, const Stamps& stamps, const Ids& landmarks,
              const Column<double>& range, const Column<double>& bearing,
              const std::optional<Column<double>>& sigma_range,
              const std::optional<Column<double>>& sigma_bearing,
              const std::optional<Stamps>& arrival) {
+            const Column<Stamp> stamp = checked_stamps("stamp_ns", stamps);
+            const Column<Id> landmark = checked_ids("landmark", landmarks);
             expect_shape("landmark", landmark, stamp.size());
             expect_shape("range", range, stamp.size());
             expect_shape("bearing", bearing, stamp.size());

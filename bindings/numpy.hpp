@@ -12,6 +12,50 @@
 template <class T>
 using Column = pybind11::array_t<T, pybind11::array::c_style | pybind11::array::forcecast>;
 
+/// Column from Python that is to hold integers, as it came: made one of type T, they would be cut
+/// off.
+template <class T>
+struct Integers {
+  pybind11::array as_given;
+};
+
+namespace pybind11::detail {
+template <class T>
+struct type_caster<Integers<T>> {
+  PYBIND11_TYPE_CASTER(Integers<T>, make_caster<Column<T>>::name);
+  bool load(handle source, bool) {
+    value.as_given = array::ensure(source);
+    return static_cast<bool>(value.as_given);
+  }
+};
+}  // namespace pybind11::detail
+
+/// The same as a column of type T. Throws pybind11::type_error unless they are integers, and
+/// std::invalid_argument for the first that T does not hold.
+template <class T>
+Column<T> checked(const char* name, const Integers<T>& integers, const char* expected) {
+  const pybind11::array& given = integers.as_given;
+  if (pybind11::isinstance<pybind11::array_t<T>>(given)) {
+    return Column<T>(given);
+  }
+  const char kind = given.dtype().kind();
+  if (given.size() > 0 && kind != 'i' && kind != 'u') {  // an empty list has no type
+    throw pybind11::type_error(std::string(name) + " holds " +
+                               std::string(pybind11::str(given.dtype())) + ", expected integers");
+  }
+  Column<T> column(given);
+  const pybind11::array wrong =
+      given.attr("__ne__")(column).attr("ravel")().attr("nonzero")()[pybind11::int_(0)];
+  if (wrong.size() > 0) {
+    const auto first = wrong.attr("item")(0).template cast<pybind11::ssize_t>();
+    const pybind11::ssize_t rows = given.ndim() > 0 ? given.shape(0) : 1;
+    throw std::invalid_argument(
+        "row " + std::to_string(first / (given.size() / rows)) + ": " + name + " holds " +
+        std::string(pybind11::str(given.attr("item")(first))) + ", expected " + expected);
+  }
+  return column;
+}
+
 /// Throws std::invalid_argument unless `column` has shape (rows,) or (rows, width).
 inline void expect_shape(const char* name, const pybind11::array& column, pybind11::ssize_t rows,
                          pybind11::ssize_t width = 0) {

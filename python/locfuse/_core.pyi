@@ -608,7 +608,7 @@ class OccupancyGrid:
 
     Parameters
     ----------
-    cells : int8 array, shape (height, width)
+    cells : integer array, shape (height, width)
         0 free, 100 occupied, -1 unknown; row 0 has the lowest y.
     resolution : float
         Metres per cell.
@@ -619,6 +619,8 @@ class OccupancyGrid:
     ------
     ValueError
         On other cells, an empty grid, or numbers that are not finite.
+    TypeError
+        On cells that are not integers.
 
     Examples
     --------
@@ -5015,8 +5017,9 @@ class MessageLog:
 
     Every `add_...` takes arrays of equal length; `arrival_ns`, where given, is when each message
     reaches the estimator, otherwise it arrives when it takes effect. A row that is not valid raises
-    ValueError, names the row, and nothing is added. A log that another thread adds to, sorts or
-    replays raises RuntimeError; several threads may replay it at once.
+    ValueError, names the row, and nothing is added; ids and stamps that are not integers raise
+    TypeError. A log that another thread adds to, sorts or replays raises RuntimeError; several threads
+    may replay it at once.
     """
     def __init__(self) -> None: ...
     def __len__(self) -> int: ...

@@ -129,6 +129,8 @@ def test_an_epoch_with_one_bad_range_is_refused_whole() -> None:
             ekf.on_epoch(0, STEP, lf.Pose2(0.05, 0, 0), [0, 1], [3.6, bad])
     with pytest.raises(ValueError, match=r"ranges has shape \(3,?\), expected \(2,\)"):
         ekf.on_epoch(0, STEP, lf.Pose2(0.05, 0, 0), [0, 1], [3.6, 5.5, 1.0])
+    with pytest.raises(ValueError, match="row 1: anchors holds 4294967297"):  # not anchor 1
+        ekf.on_epoch(0, STEP, lf.Pose2(0.05, 0, 0), [0, 2**32 + 1], [3.6, 5.5])
     assert bits(ekf) == before
     assert ekf.estimate().stamp == 0
 

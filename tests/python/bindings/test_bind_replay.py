@@ -196,6 +196,52 @@ def test_a_row_that_is_not_valid_is_named_and_nothing_is_added(field: str, bad: 
     assert len(log) == 4
 
 
+IDS_OF: dict[str, Callable[[Any], Any]] = {
+    "ranges.tag": lambda ids: lf.MessageLog().add_ranges(STAMPS, ids, IDS, ONES),
+    "ranges.anchor": lambda ids: lf.MessageLog().add_ranges(STAMPS, IDS, ids, ONES),
+    "positions.tag": lambda ids: lf.MessageLog().add_positions(
+        STAMPS, np.ones((4, 2)), ONES, tag=ids
+    ),
+    "sightings.landmark": lambda ids: lf.MessageLog().add_sightings(STAMPS, ids, ONES, ONES),
+}
+
+
+@pytest.mark.parametrize("ids_of", IDS_OF)
+@pytest.mark.parametrize(
+    ("dtype", "huge"),
+    [(np.int64, 2**32), (np.int64, -(2**31) - 1), (np.uint32, 2**31), (np.uint64, 2**64 - 1)],
+)
+def test_an_id_that_would_be_another_one_is_named_by_row(
+    ids_of: str, dtype: type[np.integer[Any]], huge: int
+) -> None:
+    ids = np.array([0, 1, 0, 1], dtype)
+    IDS_OF[ids_of](ids)
+    ids[2] = huge  # of 32 bits it was 0, or -1, which is no landmark and the antenna
+    said = rf"row 2: {ids_of.split('.')[1]} holds {huge}, expected an id of 32 bits"
+    with pytest.raises(ValueError, match=said):
+        IDS_OF[ids_of](ids)
+
+
+@pytest.mark.parametrize("ids_of", IDS_OF)
+@pytest.mark.parametrize("ids", [[0, 0.7, 1, 1], np.array([0.0, 1.0, math.nan, 1.0]), ["a"] * 4])
+def test_ids_that_are_no_integers_are_refused(ids_of: str, ids: Any) -> None:
+    with pytest.raises(TypeError, match=rf"{ids_of.split('.')[1]} holds .*, expected integers"):
+        IDS_OF[ids_of](ids)
+
+
+def test_seconds_are_no_stamps_even_in_a_list() -> None:
+    log = lf.MessageLog()
+    for stamps in ([0.1, 0.2, 0.3, 0.4], STAMPS / 1e9):
+        with pytest.raises(TypeError, match="stamp_ns holds float64, expected integers"):
+            log.add_velocities(stamps, ONES, ONES)
+        with pytest.raises(TypeError, match="begin_ns holds float64"):
+            log.add_increments(stamps, STAMPS, np.zeros((4, 3)))
+        with pytest.raises(TypeError, match="arrival_ns holds float64"):
+            log.add_velocities(STAMPS, ONES, ONES, stamps)
+    assert len(log) == 0
+    log.add_velocities([], [], [], [])  # an empty list is none of either
+
+
 @pytest.mark.parametrize("field", ["Range.range", "Range.sigma"])
 def test_a_negative_range_or_sigma_is_named_by_row(field: str) -> None:
     with pytest.raises(ValueError, match=rf"row 2: {field}"):

@@ -68,6 +68,21 @@ def test_what_makes_no_grid_is_refused(cells: FloatArray, resolution: float, tex
         lf.OccupancyGrid(cells, resolution)
 
 
+@pytest.mark.parametrize("dtype", [np.int16, np.int64, np.uint8])
+def test_cells_of_other_integers_are_those_they_say(dtype: type[np.integer[Any]]) -> None:
+    cells = np.array([[0, 100, 0], [0, 0, 0]], dtype)
+    np.testing.assert_array_equal(lf.OccupancyGrid(cells, 0.5).cells, cells)
+    cells[1, 2] = 255  # unknown it would be, cut off to eight bits
+    with pytest.raises(ValueError, match=r"row 1: cells holds 255, expected 0 \(free\), 100"):
+        lf.OccupancyGrid(cells, 0.5)
+
+
+@pytest.mark.parametrize("cells", [[[0.9, 100.7]], [[math.nan, 100.0]], np.zeros((3, 4)), [["0"]]])
+def test_cells_that_are_no_integers_are_refused(cells: Any) -> None:
+    with pytest.raises(TypeError, match=r"cells holds .*, expected integers"):
+        lf.OccupancyGrid(cells, 0.5)
+
+
 def test_distances_are_those_of_brute_force() -> None:
     grid = room()
     row, column = np.nonzero(grid.cells == 100)
