@@ -56,6 +56,30 @@ TEST(RigidFit, finds_poses_exactly_whatever_the_weights) {
   }
 }
 
+TEST(RigidFit, fits_nothing_where_digits_leave_no_covariance) {
+  // Points millimetres apart, a thousand kilometres from the body's origin: where that is and its
+  // heading are one thing to sixteen digits, whose covariance had positive variances all the same.
+  Rng rng(6);
+  int fitted = 0;
+  int given_up = 0;
+  for (int i = 0; i < 5000; ++i) {
+    const Vector<2> far =
+        std::pow(10.0, testing::uniform(rng, 4.5, 7.0)) * testing::random_matrix(rng, 2, 1);
+    const Matrix<2, 2> body = (0.01 * testing::random_matrix(rng, 2, 2)).colwise() + far;
+    const double sigma = 0.1;
+    const RigidFit fit = rigid_fit<2>(body, moved<2>(testing::random_pose(rng), body),
+                                      sigma * sigma * Matrix<4, 4>::Identity());
+    if (fit.status == RigidFitStatus::kNotConverged) {
+      ++given_up;
+    } else if (fit.status == RigidFitStatus::kFitted) {
+      ++fitted;
+      EXPECT_TRUE(is_covariance(fit.covariance)) << fit.covariance;
+    }
+  }
+  EXPECT_GT(fitted, 100);
+  EXPECT_GT(given_up, 100);
+}
+
 TEST(RigidFit, is_the_weighted_optimum) {
   Rng rng(9);
   for (int i = 0; i < 50; ++i) {

@@ -150,12 +150,13 @@ template <int N>
   }
   const Eigen::LLT<Matrix<3, 3>> of_pose(information);
   const Matrix<3, 3> inverse = of_pose.solve(Matrix<3, 3>::Identity());
-  if (of_pose.info() != Eigen::Success || !inverse.allFinite() ||
-      !(inverse.diagonal().minCoeff() > 0.0)) {  // weights lie further apart than digits reach
-    fit.status = RigidFitStatus::kNotConverged;
+  const Matrix<3, 3> of_fit = 0.5 * (inverse + inverse.transpose());
+  if (of_pose.info() != Eigen::Success || !is_covariance(of_fit)) {
+    fit.status =
+        RigidFitStatus::kNotConverged;  // weights or places further apart than digits reach
     return fit;
   }
-  fit.covariance = 0.5 * (inverse + inverse.transpose());
+  fit.covariance = of_fit;
   return fit;
 }
 
