@@ -18,6 +18,7 @@ from typing import Any
 import yaml
 
 from locfuse import NumericalError, __version__, compiler, kernels
+from locfuse.careful_yaml import HALF_OF_A_PAIR
 from locfuse.config.load import load_config
 from locfuse.config.schema import RunConfig
 from locfuse.io.log_folder import SCHEMA, read_log, write_log
@@ -79,8 +80,8 @@ class Difference:
     stamp_s : str
         Of that line; empty without one.
     was, found : mapping of column to text
-        What differs in that line, in the capsule and now; a line that is not in both is one column
-        ``line``.
+        What differs in that line, in the capsule and now; a line that is not in both, or has more
+        columns in one of them, is one column ``line``.
     """
 
     file: str
@@ -265,6 +266,8 @@ def _first(file: str, was: str, found: str) -> Iterator[Difference]:
     row = other[0]
     names = before[0].split(",") if before[0] == now[0] and before[row] and now[row] else ["line"]
     a, b = (lines[row].split(",", len(names) - 1) for lines in (before, now))
+    if len(a) != len(b):
+        names, a, b = ["line"], [before[row]], [now[row]]
     columns = [i for i, (old, new) in enumerate(zip(a, b, strict=True)) if old != new]
     stamp_s = a[0] if names[0] == "stamp_s" else ""
     yield Difference(file, row + 1, len(other), stamp_s, {names[i]: a[i] for i in columns},
@@ -303,6 +306,8 @@ def _about_in(folder: Path) -> dict[str, Any]:
     for key in ("version", "machine", "compiler", "result"):
         if not isinstance(about.get(key), str):
             raise LogError(f"{ABOUT} has no {key}")
+        if HALF_OF_A_PAIR.search(about[key]):
+            raise LogError(f"{ABOUT}: {key} has half of a surrogate pair, which is no character")
     return dict(about)
 
 

@@ -13,7 +13,7 @@ LONGEST_NUMBER = 300  # characters: it has a text then, and as powers of 60 it i
 MOST_MERGED = 1000  # keys that a mapping takes from others, which may have taken them, too
 _NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
 _MERGE = "tag:yaml.org,2002:merge"
-_HALF = re.compile("[\ud800-\udfff]")
+HALF_OF_A_PAIR = re.compile("[\ud800-\udfff]")
 
 
 class CarefulLoader(yaml.SafeLoader):
@@ -23,7 +23,7 @@ class CarefulLoader(yaml.SafeLoader):
         node: yaml.ScalarNode = super().compose_scalar_node(anchor)
         if node.tag in _NUMBERS and len(node.value) > LONGEST_NUMBER:
             self.refuse(f"a number of {len(node.value)} characters is out of bounds", node)
-        if _HALF.search(node.value):
+        if HALF_OF_A_PAIR.search(node.value):
             self.refuse("half of a surrogate pair is no character", node)
         return node
 

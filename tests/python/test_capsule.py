@@ -16,6 +16,7 @@ import pytest
 
 from locfuse.capsule import (
     Capsule,
+    differences,
     make_capsule,
     read_capsule,
     replay_capsule,
@@ -144,6 +145,14 @@ def test_it_says_where_a_result_is_first_another_one(capsule: Capsule) -> None:
     assert all(first.was[name] != first.found[name] for name in first.was)
 
 
+@pytest.mark.parametrize(("was", "found"), [("3", "3,1,2"), ("3,1,2", "3,1")])
+def test_a_line_that_is_cut_off_differs_as_a_whole(was: str, found: str) -> None:
+    one, other = ({"estimate.csv": f"stamp_s,x_m,y_m\n{line}\n"} for line in (was, found))
+    (difference,) = differences(one, other)
+    assert difference.line == 2
+    assert (difference.was, difference.found) == ({"line": was}, {"line": found})
+
+
 # A stranger's file -----------------------------------------------------------------------------
 
 
@@ -216,6 +225,10 @@ def test_a_map_from_elsewhere_is_refused(path: Path, tmp_path: Path, file: str, 
         ({"capsule.json": b"[" * 100_000}, "no capsule, or damaged"),
         ({"capsule.json": b'{"format": 2}'}, "says format 2, expected 1"),
         ({"capsule.json": b'{"format": 1}'}, "capsule.json has no version"),
+        (
+            {"capsule.json": b'{"format": 1, "version": "\\ud800"}'},
+            "capsule.json: version has half of a surrogate pair",
+        ),
         ({"estimate.csv": b"stamp_s\n"}, "its result is not the one that it was made with"),
         ({"outcomes.csv": b"\xff"}, "no capsule, or damaged"),
         ({"config.yaml": b"mlc: {}"}, "config.yaml: unknown key 'mlc'"),
