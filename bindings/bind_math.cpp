@@ -2,6 +2,7 @@
 #include "bindings.hpp"
 #include "locfuse/math/angle.hpp"
 #include "locfuse/math/chi_squared.hpp"
+#include "locfuse/math/symmetric.hpp"
 
 namespace py = pybind11;
 
@@ -20,7 +21,7 @@ AnyLinearization make(const Eigen::VectorXd& residual, const Eigen::MatrixXd& ja
   if (!residual.allFinite() || !jacobian.allFinite() || !noise.allFinite()) {
     throw std::invalid_argument("Linearization holds a number that is not finite");
   }
-  if (!noise.isApprox(noise.transpose(), 1e-9) || noise.llt().info() != Eigen::Success) {
+  if (!locfuse::is_covariance(noise)) {
     throw std::invalid_argument("Linearization.noise is not symmetric positive definite");
   }
   return {residual, jacobian, noise};

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "bindings.hpp"
+#include "locfuse/math/symmetric.hpp"
 #include "locfuse/models/measurement/pose.hpp"
 #include "locfuse/models/measurement/position.hpp"
 #include "locfuse/models/measurement/range.hpp"
@@ -43,6 +44,21 @@ py::array_t<double> velocities(const AckermannVehicle& vehicle, const Column<dou
   return to_numpy(std::move(found), {n, 2});
 }
 
+/// Whether a finite matrix is symmetric and, but for rounding, positive semidefinite: with 1e-9 of
+/// each variance more it is positive definite, and what has no variance has no covariance.
+bool is_noise(Eigen::MatrixXd Q) {
+  if (!locfuse::is_symmetric(Q)) {
+    return false;
+  }
+  for (Eigen::Index i = 0; i < Q.rows(); ++i) {
+    if (Q(i, i) == 0.0 && !Q.row(i).isZero(0.0)) {
+      return false;
+    }
+    Q(i, i) = Q(i, i) == 0.0 ? 1.0 : (1.0 + 1e-9) * Q(i, i);
+  }
+  return Q.llt().info() == Eigen::Success;
+}
+
 void bind_body_step(py::module_& m) {
   py::class_<BodyStep>(m, "BodyPropagation",
                        R"(What a motion model says about one step of several variables.
@@ -54,12 +70,13 @@ moved : float64 array, shape (n,)
 jacobian : float64 array, shape (n, m)
     d f / d(all m variables that it depends on); those that move come first.
 noise : float64 array, shape (n, n)
-    Q of this step, symmetric.
+    Q of this step, symmetric positive semidefinite.
 
 Raises
 ------
 ValueError
-    If the shapes do not fit, a number is not finite or the noise not symmetric.
+    If the shapes do not fit, a number is not finite or the noise not symmetric positive
+    semidefinite.
 
 Examples
 --------
@@ -82,10 +99,12 @@ Examples
                    " and noise of " + std::to_string(noise.rows()) + " x " +
                    std::to_string(noise.cols()) + ", expected n x m with m >= n >= 1, and n x n");
              }
-             if (!moved.allFinite() || !jacobian.allFinite() || !noise.allFinite() ||
-                 !noise.isApprox(noise.transpose(), 1e-9)) {
+             if (!moved.allFinite() || !jacobian.allFinite() || !noise.allFinite()) {
+               throw std::invalid_argument("BodyPropagation holds a number that is not finite");
+             }
+             if (!is_noise(noise)) {
                throw std::invalid_argument(
-                   "a step needs finite numbers and noise that is symmetric");
+                   "BodyPropagation.noise is not symmetric positive semidefinite");
              }
              return BodyStep{moved, jacobian, noise};
            }),

@@ -1616,12 +1616,13 @@ class BodyPropagation:
     jacobian : float64 array, shape (n, m)
         d f / d(all m variables that it depends on); those that move come first.
     noise : float64 array, shape (n, n)
-        Q of this step, symmetric.
+        Q of this step, symmetric positive semidefinite.
 
     Raises
     ------
     ValueError
-        If the shapes do not fit, a number is not finite or the noise not symmetric.
+        If the shapes do not fit, a number is not finite or the noise not symmetric positive
+        semidefinite.
 
     Examples
     --------
