@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "locfuse/filters/workers.hpp"
 
+#include <unistd.h>
+
 #include <algorithm>
+#include <new>
 #include <stdexcept>
 #include <string>
 #include <system_error>
@@ -18,7 +21,7 @@ int edge(int count, int group, int who, int pieces) {
 
 }  // namespace
 
-Workers::Workers(int threads) {
+Workers::Workers(int threads) : owner_(::getpid()) {
   if (threads < 1 || threads > 256) {
     throw std::invalid_argument("threads is " + std::to_string(threads) + ", expected 1 to 256");
   }
@@ -36,7 +39,19 @@ Workers::Workers(int threads) {
 
 Workers::~Workers() { stop(); }
 
+bool Workers::is_forked() const { return ::getpid() != owner_; }
+
 void Workers::stop() {
+  if (is_forked()) {
+    // Helpers that this process does not have still wait, and would be waited for: they are
+    // forgotten with what they wait on, not destroyed.
+    for (std::thread& helper : helpers_) {
+      new (&helper) std::thread;
+    }
+    new (&begin_) std::condition_variable;
+    new (&done_) std::condition_variable;
+    return;
+  }
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     stop_ = true;
@@ -48,7 +63,7 @@ void Workers::stop() {
 }
 
 void Workers::share(int count, int group, const std::function<void(int, int)>& part) {
-  if (helpers_.empty()) {
+  if (helpers_.empty() || is_forked()) {
     part(0, count);
     return;
   }

@@ -23,7 +23,8 @@ class Workers {
   [[nodiscard]] int threads() const { return static_cast<int>(helpers_.size()) + 1; }
 
   /// Calls part(begin, end) for pieces of [0, count), whole groups each; returns when all are done.
-  /// What a part throws is thrown then. One loop at a time: other callers wait.
+  /// What a part throws is thrown then. One loop at a time: other callers wait. In a forked child,
+  /// which has no threads but its own, the caller does it all.
   void share(int count, int group, const std::function<void(int, int)>& part);
 
  private:
@@ -32,6 +33,9 @@ class Workers {
   /// Calls a part and keeps what it throws.
   void run(const std::function<void(int, int)>& part, int begin, int end);
 
+  [[nodiscard]] bool is_forked() const;
+
+  int owner_;  // the process that the helpers live in
   std::vector<std::thread> helpers_;
   std::mutex callers_;
   std::mutex mutex_;
