@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <pybind11/native_enum.h>
 
+#include "alone.hpp"
 #include "bindings.hpp"
 #include "locfuse/estimators/initializer.hpp"
 
@@ -84,8 +85,8 @@ Examples
            py::arg("message"))
       .def("on", py::overload_cast<const locfuse::RangeBearing&>(&Initializer::on),
            py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::LaserScan&>(&Initializer::on), py::arg("message"),
-           py::call_guard<py::gil_scoped_release>(), "Takes one message.")
+      .def("on", unlocked_on<Initializer, locfuse::LaserScan>(), py::arg("message"),
+           "Takes one message.")
       .def("state", &Initializer::state)
       .def("estimator", &Initializer::estimator,
            "The PoseEkf to go on with.\n\nRaises\n------\nValueError\n    Unless the state is "

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "alone.hpp"
 #include "bindings.hpp"
 #include "locfuse/replay/live.hpp"
 
@@ -56,11 +57,9 @@ Examples
            py::arg_v("clock_jump", locfuse::ClockJump::kRefuse, "ClockJump.REFUSE"),
            py::arg("most_messages") = locfuse::TimelineOptions{}.most_messages,
            py::arg("patience") = Live::Options{}.patience)
-      .def("on", py::overload_cast<const locfuse::LaserScan&>(&Live::on), py::arg("scan"),
-           py::call_guard<py::gil_scoped_release>(),
+      .def("on", unlocked_on<Live, locfuse::LaserScan>(), py::arg("scan"),
            "Takes a scan, which is of use while it searches.")
-      .def("on", py::overload_cast<const locfuse::Message&>(&Live::on), py::arg("message"),
-           py::call_guard<py::gil_scoped_release>(),
+      .def("on", unlocked_on<Live, locfuse::Message>(), py::arg("message"),
            R"(Takes a message and returns its Outcome.
 
 IGNORED while it searches and from a source that is off, STALE if it is too late.

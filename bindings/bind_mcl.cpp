@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <pybind11/native_enum.h>
 
+#include "alone.hpp"
 #include "bindings.hpp"
 #include "locfuse/estimators/mcl.hpp"
 #include "numpy.hpp"
@@ -172,16 +173,11 @@ False
            "too early, or not 0 < share <= 1.")
       .def("on", py::overload_cast<const locfuse::Velocity&>(&Mcl::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Increment&>(&Mcl::on), py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::Range&>(&Mcl::on), py::arg("message"),
-           py::call_guard<py::gil_scoped_release>())
-      .def("on", py::overload_cast<const locfuse::PositionFix&>(&Mcl::on), py::arg("message"),
-           py::call_guard<py::gil_scoped_release>())
-      .def("on", py::overload_cast<const locfuse::PoseObservation&>(&Mcl::on), py::arg("message"),
-           py::call_guard<py::gil_scoped_release>())
-      .def("on", py::overload_cast<const locfuse::RangeBearing&>(&Mcl::on), py::arg("message"),
-           py::call_guard<py::gil_scoped_release>())
-      .def("on", py::overload_cast<const locfuse::LaserScan&>(&Mcl::on), py::arg("message"),
-           py::call_guard<py::gil_scoped_release>(), "Takes one message.")
+      .def("on", unlocked_on<Mcl, locfuse::Range>(), py::arg("message"))
+      .def("on", unlocked_on<Mcl, locfuse::PositionFix>(), py::arg("message"))
+      .def("on", unlocked_on<Mcl, locfuse::PoseObservation>(), py::arg("message"))
+      .def("on", unlocked_on<Mcl, locfuse::RangeBearing>(), py::arg("message"))
+      .def("on", unlocked_on<Mcl, locfuse::LaserScan>(), py::arg("message"), "Takes one message.")
       .def("estimate", &Mcl::estimate,
            "The likeliest cluster, carried to the end of what odometry has told.")
       .def("spread", &Mcl::spread,

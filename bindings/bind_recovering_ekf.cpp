@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "alone.hpp"
 #include "bindings.hpp"
 #include "locfuse/estimators/recovering_ekf.hpp"
 
@@ -75,8 +76,7 @@ True
            py::arg("message"))
       .def("on", py::overload_cast<const locfuse::RangeBearing&>(&RecoveringEkf::on),
            py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::LaserScan&>(&RecoveringEkf::on),
-           py::arg("message"), py::call_guard<py::gil_scoped_release>(),
+      .def("on", unlocked_on<RecoveringEkf, locfuse::LaserScan>(), py::arg("message"),
            "Takes one message. Its outcome is IGNORED until it has started.")
       .def("on_joint", &RecoveringEkf::on_joint, py::arg("sightings"),
            py::arg_v("association", locfuse::Association::kJoint, "Association.JOINT"),

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <tuple>
 
+#include "alone.hpp"
 #include "bindings.hpp"
 #include "locfuse/replay/localize.hpp"
 #include "locfuse/replay/replay.hpp"
@@ -164,8 +165,9 @@ RunLog run(const Estimator& start, SharedLog& log, Stamp history, bool record,
   options.record = record;
   options.progress = progress_of<RunLog>(progress);
   const Use use(log, Use::Kind::kRead);
+  const Estimator from = start;  // others may use it
   const py::gil_scoped_release release;
-  return locfuse::replay(start, log.log, options);
+  return locfuse::replay(from, log.log, options);
 }
 
 }  // namespace
@@ -254,7 +256,7 @@ void bind_replay(py::module_& m) {
       [](locfuse::Initializer& initializer, SharedLog& log,
          const std::vector<locfuse::LaserScan>& scans) {
         const Use use(log, Use::Kind::kRead);
-        const py::gil_scoped_release release;
+        const Alone alone(&initializer);
         return locfuse::find_start(initializer, log.log, scans);
       },
       py::arg("initializer"), py::arg("log"), py::arg("scans"),
@@ -322,7 +324,7 @@ void bind_replay(py::module_& m) {
       [](locfuse::Mcl& mcl, SharedLog& log, const std::vector<locfuse::LaserScan>& scans,
          const Told<LocalizeRun>& progress) {
         const Use use(log, Use::Kind::kRead);
-        const py::gil_scoped_release release;
+        const Alone alone(&mcl);
         return locfuse::localize(mcl, log.log, scans, progress_of<LocalizeRun>(progress));
       },
       py::arg("mcl"), py::arg("log"), py::arg("scans"), py::arg("progress") = py::none());
@@ -331,7 +333,7 @@ void bind_replay(py::module_& m) {
       [](locfuse::SwitchingMcl& mcl, SharedLog& log, const std::vector<locfuse::LaserScan>& scans,
          const Told<LocalizeRun>& progress) {
         const Use use(log, Use::Kind::kRead);
-        const py::gil_scoped_release release;
+        const Alone alone(&mcl);
         return locfuse::localize(mcl, log.log, scans, progress_of<LocalizeRun>(progress));
       },
       py::arg("mcl"), py::arg("log"), py::arg("scans"), py::arg("progress") = py::none(),

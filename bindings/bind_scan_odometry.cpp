@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "alone.hpp"
 #include "bindings.hpp"
 #include "locfuse/frontends/scan_odometry.hpp"
 
@@ -185,9 +186,15 @@ Examples
 )")
       .def(py::init<const ScanOdometryConfig&>(), py::arg_v("config", d, "ScanOdometryConfig()"))
       .def_property_readonly("config", &ScanOdometry::config)
-      .def("on", &ScanOdometry::on, py::arg("scan"), py::arg("motion"), py::arg("covariance"),
-           Unlocked(),
-           R"(Take the next scan.
+      .def(
+          "on",
+          [](ScanOdometry& odometry, const LaserScan& scan, const Pose2& motion,
+             const locfuse::Matrix<3, 3>& covariance) {
+            const Alone alone(&odometry);
+            return odometry.on(scan, motion, covariance);
+          },
+          py::arg("scan"), py::arg("motion"), py::arg("covariance"),
+          R"(Take the next scan.
 
 Parameters
 ----------

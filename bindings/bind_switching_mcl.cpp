@@ -2,6 +2,7 @@
 #include <pybind11/native_enum.h>
 #include <pybind11/stl.h>
 
+#include "alone.hpp"
 #include "bindings.hpp"
 #include "locfuse/estimators/switching_mcl.hpp"
 
@@ -89,12 +90,9 @@ Examples
       .def("on", py::overload_cast<const locfuse::Range&>(&SwitchingMcl::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::PositionFix&>(&SwitchingMcl::on),
            py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::PoseObservation&>(&SwitchingMcl::on),
-           py::arg("message"), py::call_guard<py::gil_scoped_release>())
-      .def("on", py::overload_cast<const locfuse::RangeBearing&>(&SwitchingMcl::on),
-           py::arg("message"), py::call_guard<py::gil_scoped_release>())
-      .def("on", py::overload_cast<const locfuse::LaserScan&>(&SwitchingMcl::on),
-           py::arg("message"), py::call_guard<py::gil_scoped_release>(),
+      .def("on", unlocked_on<SwitchingMcl, locfuse::PoseObservation>(), py::arg("message"))
+      .def("on", unlocked_on<SwitchingMcl, locfuse::RangeBearing>(), py::arg("message"))
+      .def("on", unlocked_on<SwitchingMcl, locfuse::LaserScan>(), py::arg("message"),
            "Takes one message. Ranges and fixes go to UWB's filter, all else weighs particles.")
       .def("estimate", &SwitchingMcl::estimate,
            "Of the particles, carried to the end of what odometry has told.")
