@@ -18,10 +18,12 @@ using Transaction = internal::Transaction<3>;
 
 const NoiseShape kGaussian;
 
+constexpr double kMostSigma = 1e6;  // its variance is finite after any time
+
 double variance_of(const char* name, double sigma) {
-  if (!(std::isfinite(sigma) && sigma >= 0.0)) {
+  if (!(sigma >= 0.0 && sigma <= kMostSigma)) {
     throw std::invalid_argument(std::string(name) + " is " + std::to_string(sigma) +
-                                ", expected a finite number >= 0");
+                                ", expected 0 to 1e6");
   }
   return sigma * sigma;
 }

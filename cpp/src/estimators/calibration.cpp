@@ -20,10 +20,12 @@ constexpr const char* kNames[] = {"scale",       "direction", "turn scale",     
                                   "sensor x",    "sensor y",  "sensor heading", "range offset",
                                   "range scale", "delay"};
 
+constexpr double kMostSigma = 1e6;  // its variance is finite after any time
+
 double checked(const char* name, double sigma) {
-  if (!(std::isfinite(sigma) && sigma >= 0.0)) {
+  if (!(sigma >= 0.0 && sigma <= kMostSigma)) {
     throw std::invalid_argument(std::string("calibration.") + name + " is " +
-                                std::to_string(sigma) + ", expected a finite number >= 0");
+                                std::to_string(sigma) + ", expected 0 to 1e6");
   }
   return sigma;
 }

@@ -87,8 +87,9 @@ inline void invert(const Lanes (&A)[6], Lanes (&inverse)[6], Lanes& determinant)
 }
 
 /// SR-LS, eq. (7) and (8) of docs/models/multilateration.md; as a start it need not be exact.
+/// `inside` is positive where it is the root of eq. (9), and not one beyond, on the wrong side.
 template <int N>
-inline void start(const LaneLayout& layout, const Lanes* range, Lanes (&x)[3]) {
+inline void start(const LaneLayout& layout, const Lanes* range, Lanes (&x)[3], Lanes& inside) {
   Lanes moment[3] = {};
   Lanes sum = {};
   for (int i = 0; i < layout.size; ++i) {
@@ -123,6 +124,7 @@ inline void start(const LaneLayout& layout, const Lanes* range, Lanes (&x)[3]) {
     }
     alpha += gap / (2.0 * fall + slope);
   }
+  inside = layout.stiffness[0] + alpha;
   for (int k = 0; k < N; ++k) {
     x[k] = Lanes{};
     for (int l = 0; l < N; ++l) {
@@ -205,7 +207,8 @@ void solve(const LaneLayout& layout, const double* ranges, LaneResult& result) {
     least = range[i] < least ? range[i] : least;
   }
   Lanes x[3];
-  start<N>(layout, range, x);
+  Lanes inside;
+  start<N>(layout, range, x, inside);
   Lanes jacobian[6];
   Lanes cost;
   Lanes decrease;
@@ -218,9 +221,9 @@ void solve(const LaneLayout& layout, const double* ranges, LaneResult& result) {
   invert_positive<N>(jacobian, covariance, pivot);
   for (int l = 0; l < kLanes; ++l) {
     // False where a number is NaN, too.
-    result.solved[l] = least[l] > 0.0 && positive[l] > 0.0 && decrease[l] >= 0.0 &&
-                       decrease[l] <= kDone && cost[l] < layout.strong_below &&
-                       pivot[l] > kLeastPivot;
+    result.solved[l] = least[l] > 0.0 && inside[l] > 0.0 && positive[l] > 0.0 &&
+                       decrease[l] >= 0.0 && decrease[l] <= kDone &&
+                       cost[l] < layout.strong_below && pivot[l] > kLeastPivot;
     result.cost[l] = cost[l] > decrease[l] ? cost[l] - decrease[l] : 0.0;
     for (int k = 0; k < N; ++k) {
       result.position[k][l] = x[k][l];

@@ -277,6 +277,8 @@ TEST(AirEkf, refuses_settings_and_starts_that_are_none) {
     expect_refused([&] { (void)testing::air_ekf(config, start); }, word);
   };
   refused([](AirEkf::Config& c) { c.sigma_height_per_sqrt_s = -0.1; }, "sigma_height_per_sqrt_s");
+  refused([](AirEkf::Config& c) { c.sigma_height_per_sqrt_s = 1e160; }, "expected 0 to 1e6");
+  refused([](AirEkf::Config& c) { c.sigma_lost_height_per_sqrt_s = 1e160; }, "expected 0 to 1e6");
   refused([](AirEkf::Config& c) { c.sigma_lost_height_per_sqrt_s = 0.0; }, "sigma_lost_height");
   refused([](AirEkf::Config& c) { c.sigma_start_velocity_mps = 0.0; }, "sigma_start_velocity_mps");
   refused([](AirEkf::Config& c) { c.sigma_start_climb_mps = kNan; }, "sigma_start_climb_mps");

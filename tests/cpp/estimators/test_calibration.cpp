@@ -252,6 +252,7 @@ TEST(Calibration, started_anew_it_has_learnt_nothing) {
 
 TEST(Calibration, refuses_what_cannot_be) {
   expect_refused([] { Calibration({-0.1}); }, "calibration.sigma_scale", "-0.1");
+  expect_refused([] { Calibration({1e160}); }, "calibration.sigma_scale", "expected 0 to 1e6");
   Calibration::Config config;
   config.sigma_delay_s = std::numeric_limits<double>::quiet_NaN();
   expect_refused([&] { Calibration{config}; }, "calibration.sigma_delay_s", "nan");

@@ -224,5 +224,36 @@ TEST(CramerRao, bounds_are_symmetric_to_the_bit) {
   EXPECT_TRUE(testing::same_bits(bound, bound.transpose()));
 }
 
+/// Newton's method went beyond the interval of the root that is sought: to the other side of
+/// anchors that are almost on a line, told as unique.
+TEST(LocateBatch, takes_the_side_of_anchors_almost_on_a_line_that_one_epoch_takes) {
+  const double rows[]{-7.8850491124541922, 2.9824225176991233, 7.0333145448496062,
+                      3.1313416017249129,  8.9141442505646289, 2.9253289270663254,
+                      -2.53445797811532,   3.1427492820972645, -3.039354209319713,
+                      2.9722785041470146,  5.7854403234287659, 2.9907402451261436,
+                      -8.4952555970064587, 2.994430680270447,  -8.3108798663409438,
+                      3.0851710617012222,  9.4700463249205562, 2.8981342849457534};
+  const std::vector<double> one{13.828661969214242, 28.740656068774946, 30.622077030904659,
+                                19.175337456542302, 18.672993161277248, 27.487063184754572,
+                                13.217019927785296, 13.405033482417576, 31.171527923030087};
+  const std::vector<double> sigma(9, 0.0032831926475160962);
+  const Multilateration<2> solver({rows, 9, 2}, sigma.data(), {});
+  const auto alone = solver.solve(one.data());
+  constexpr std::size_t kEpochs = 4;
+  std::vector<double> ranges;
+  for (std::size_t i = 0; i < kEpochs; ++i) {
+    ranges.insert(ranges.end(), one.begin(), one.end());
+  }
+  std::vector<double> position(2 * kEpochs);
+  std::vector<double> covariance(4 * kEpochs);
+  std::vector<double> cost(kEpochs);
+  std::vector<PositionStatus> status(kEpochs);
+  locate_batch<2>(solver, RangeSolver::kMaximumLikelihood, nullptr, ranges.data(), kEpochs,
+                  {position.data(), covariance.data(), cost.data(), status.data()});
+  EXPECT_EQ(status[0], alone.status);
+  EXPECT_NEAR(cost[0], alone.cost, 1e-6 * alone.cost);
+  EXPECT_NEAR(position[1], alone.position(1), 1e-6);
+}
+
 }  // namespace
 }  // namespace locfuse
