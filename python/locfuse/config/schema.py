@@ -103,20 +103,20 @@ class Landmark(Strict):
 class Calibration(Strict):
     """Errors that the pose EKF learns, 0 for none; ``CalibrationConfig`` in C++."""
 
-    sigma_scale: NonNegative = 0.0
-    sigma_direction_rad: NonNegative = 0.0
-    sigma_turn_scale: NonNegative = 0.0
-    sigma_turn_bias_radps: NonNegative = 0.0
-    sigma_turn_bias_radps_per_sqrt_s: NonNegative = 0.0
-    sigma_sensor_m: NonNegative = 0.0
-    sigma_sensor_rad: NonNegative = 0.0
-    sigma_range_offset_m: NonNegative = 0.0
-    sigma_range_scale: NonNegative = 0.0
-    sigma_delay_s: NonNegative = 0.0
-    sigma_anchor_offset_m: NonNegative = 0.0
+    sigma_scale: DriftSigma = 0.0
+    sigma_direction_rad: DriftSigma = 0.0
+    sigma_turn_scale: DriftSigma = 0.0
+    sigma_turn_bias_radps: DriftSigma = 0.0
+    sigma_turn_bias_radps_per_sqrt_s: DriftSigma = 0.0
+    sigma_sensor_m: DriftSigma = 0.0
+    sigma_sensor_rad: DriftSigma = 0.0
+    sigma_range_offset_m: DriftSigma = 0.0
+    sigma_range_scale: DriftSigma = 0.0
+    sigma_delay_s: DriftSigma = 0.0
+    sigma_anchor_offset_m: DriftSigma = 0.0
     anchor_offset_correlation_s: NonNegative = 0.0
-    sigma_anchor_scale: NonNegative = 0.0
-    sigma_range_delay_s: NonNegative = 0.0
+    sigma_anchor_scale: DriftSigma = 0.0
+    sigma_range_delay_s: DriftSigma = 0.0
     consider: bool = False
 
     @model_validator(mode="after")
