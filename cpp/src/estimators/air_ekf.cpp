@@ -10,6 +10,7 @@
 
 #include "estimators/recipe.hpp"
 #include "locfuse/math/symmetric.hpp"
+#include "math/sigma.hpp"
 
 namespace locfuse {
 namespace {
@@ -18,13 +19,8 @@ using Transaction = internal::Transaction<3>;
 
 const NoiseShape kGaussian;
 
-constexpr double kMostSigma = 1e6;  // its variance is finite after any time
-
 double variance_of(const char* name, double sigma) {
-  if (!(sigma >= 0.0 && sigma <= kMostSigma)) {
-    throw std::invalid_argument(std::string(name) + " is " + std::to_string(sigma) +
-                                ", expected 0 to 1e6");
-  }
+  internal::sigma_in_bounds(name, sigma);
   return sigma * sigma;
 }
 

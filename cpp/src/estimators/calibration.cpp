@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "math/sigma.hpp"
+
 namespace locfuse {
 namespace {
 
@@ -20,14 +22,8 @@ constexpr const char* kNames[] = {"scale",       "direction", "turn scale",     
                                   "sensor x",    "sensor y",  "sensor heading", "range offset",
                                   "range scale", "delay"};
 
-constexpr double kMostSigma = 1e6;  // its variance is finite after any time
-
 double checked(const char* name, double sigma) {
-  if (!(sigma >= 0.0 && sigma <= kMostSigma)) {
-    throw std::invalid_argument(std::string("calibration.") + name + " is " +
-                                std::to_string(sigma) + ", expected 0 to 1e6");
-  }
-  return sigma;
+  return internal::sigma_in_bounds(std::string("calibration.") + name, sigma);
 }
 
 Matrix<1, 1> variance_of(double sigma) { return Matrix<1, 1>(sigma * sigma); }

@@ -117,6 +117,23 @@ TEST(Multilateration, refuses_probabilities_and_dimensions_that_make_no_sense) {
                           "2 dimensions", "expected 3");
 }
 
+struct Located {
+  std::vector<double> position;
+  std::vector<double> covariance;
+  std::vector<double> cost;
+  std::vector<PositionStatus> status;
+};
+
+/// A batch of epochs.
+Located located(const Multilateration<2>& solver, const std::vector<double>& ranges,
+                std::size_t epochs) {
+  Located all{std::vector<double>(2 * epochs), std::vector<double>(4 * epochs),
+              std::vector<double>(epochs), std::vector<PositionStatus>(epochs)};
+  locate_batch<2>(solver, RangeSolver::kMaximumLikelihood, nullptr, ranges.data(), epochs,
+                  {all.position.data(), all.covariance.data(), all.cost.data(), all.status.data()});
+  return all;
+}
+
 TEST(LocateBatch, equals_one_epoch_at_a_time) {
   Rng rng(7);
   const Anchors anchors = testing::room();
@@ -129,12 +146,7 @@ TEST(LocateBatch, equals_one_epoch_at_a_time) {
     row[i % 5] = i % 11 == 0 ? std::nan("") : row[i % 5];
     ranges.insert(ranges.end(), row.begin(), row.end());
   }
-  std::vector<double> position(2 * kEpochs);
-  std::vector<double> covariance(4 * kEpochs);
-  std::vector<double> cost(kEpochs);
-  std::vector<PositionStatus> status(kEpochs);
-  locate_batch<2>(solver, RangeSolver::kMaximumLikelihood, nullptr, ranges.data(), kEpochs,
-                  {position.data(), covariance.data(), cost.data(), status.data()});
+  const auto [position, covariance, cost, status] = located(solver, ranges, kEpochs);
   for (std::size_t i = 0; i < kEpochs; ++i) {
     const auto found = solver.solve(ranges.data() + 5 * i);
     EXPECT_EQ(status[i], found.status);
@@ -244,12 +256,7 @@ TEST(LocateBatch, takes_the_side_of_anchors_almost_on_a_line_that_one_epoch_take
   for (std::size_t i = 0; i < kEpochs; ++i) {
     ranges.insert(ranges.end(), one.begin(), one.end());
   }
-  std::vector<double> position(2 * kEpochs);
-  std::vector<double> covariance(4 * kEpochs);
-  std::vector<double> cost(kEpochs);
-  std::vector<PositionStatus> status(kEpochs);
-  locate_batch<2>(solver, RangeSolver::kMaximumLikelihood, nullptr, ranges.data(), kEpochs,
-                  {position.data(), covariance.data(), cost.data(), status.data()});
+  const auto [position, covariance, cost, status] = located(solver, ranges, kEpochs);
   EXPECT_EQ(status[0], alone.status);
   EXPECT_NEAR(cost[0], alone.cost, 1e-6 * alone.cost);
   EXPECT_NEAR(position[1], alone.position(1), 1e-6);

@@ -4,16 +4,13 @@
 #include <stdexcept>
 #include <string>
 
+#include "math/sigma.hpp"
+
 namespace locfuse {
 namespace {
 
-constexpr double kMostSigma = 1e6;  // its variance is finite after any way in any time
-
 double variance_of(const char* name, double sigma) {
-  if (!(sigma >= 0.0 && sigma <= kMostSigma)) {
-    throw std::invalid_argument(std::string("odometry.") + name + " is " + std::to_string(sigma) +
-                                ", expected 0 to 1e6");
-  }
+  internal::sigma_in_bounds(std::string("odometry.") + name, sigma);
   return sigma * sigma;
 }
 
