@@ -8,6 +8,18 @@ namespace {
 
 using namespace locfuse;
 
+/// An epoch of a batch is what it is alone: its lanes have their own way to the same position.
+template <int N>
+void require_as_alone(const RangePosition<N>& alone, PositionStatus status,
+                      const Vector<N>& position) {
+  fuzz::require(status == alone.status, "an epoch of a batch has the status that it has alone");
+  if (status == PositionStatus::kUnique) {
+    const Vector<N> d = position - alone.position;
+    fuzz::require(d.dot(alone.covariance.llt().solve(d)) < 1e-4,
+                  "an epoch of a batch is where it is alone, to a hundredth of its sigma");
+  }
+}
+
 /// The first epoch by itself, and all of them.
 template <int N>
 void solve(const fuzz::Reader& io, const AnchorTable& table, const std::vector<double>& ranges,
@@ -36,6 +48,11 @@ void solve(const fuzz::Reader& io, const AnchorTable& table, const std::vector<d
         if (method == RangeSolver::kMaximumLikelihood) {
           fuzz::require_covariance(io, covariance[i]);
         }
+      }
+      if (io.plausible() && method == RangeSolver::kMaximumLikelihood &&
+          status[i] != PositionStatus::kBadRange) {
+        const std::size_t row = i * static_cast<std::size_t>(table.size);
+        require_as_alone<N>(solver.solve(&ranges[row]), status[i], position[i]);
       }
     }
   }

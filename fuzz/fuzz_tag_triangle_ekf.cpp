@@ -3,9 +3,35 @@
 #include "settings.hpp"
 #include "support/scrubber.hpp"
 
-/// A TagTriangleEkf of any settings, whose heading is taken as known or not, is told anything.
+namespace {
+
+using namespace locfuse;
+
+/// Whether the filter is told a message; of a fix what is left of it.
+bool passes(TagConditioner& conditioner, Message& message) {
+  if (const auto* const velocity = std::get_if<Velocity>(&message)) {
+    conditioner.on(*velocity);
+  } else if (const auto* const increment = std::get_if<Increment>(&message)) {
+    conditioner.on(*increment);
+  } else if (auto* const heard = std::get_if<PositionFix>(&message)) {
+    const auto [verdict, fix] = conditioner.on(*heard);
+    fuzz::require(
+        fix.has_value() == (verdict == TagVerdict::kPassed || verdict == TagVerdict::kRestarted),
+        "what passes is told");
+    if (!fix) {
+      return false;
+    }
+    fuzz::require(fix->position.allFinite(), "a fix that passes is finite");
+    *heard = *fix;
+  }
+  return true;
+}
+
+}  // namespace
+
+/// A TagTriangleEkf of any settings, whose heading is taken as known or not, is told anything,
+/// fixes by themselves or conditioned in any way.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace locfuse;
   fuzz::Reader io(data, size);
   TagTriangleEkf::Config config;
   fuzz::read_if_unusual(io, config);
@@ -17,6 +43,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     return 0;
   }
   TagTriangleEkf& ekf = *made;
+  std::optional<TagConditioner> conditioner;
   Stamp now = ekf.belief().stamp;
   // In hours of silence what nobody measures outgrows the tape's millimetres by all digits.
   for (int calls = 0; !io.empty() && calls < 60; ++calls) {
@@ -24,9 +51,19 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     code(io, call, 8);
     if (call == 0) {
       fuzz::tell(ekf, [](TagTriangleEkf& e) { return e.hold_sides(); });
+    } else if (call == 2) {
+      TagConditioner::Config how;
+      fuzz::read_if_unusual(io, how);
+      fuzz::returns([&] { conditioner.emplace(how, testing::triangle()); });
     } else {
-      const auto message = fuzz::read<Message>(io, now);
-      fuzz::tell(ekf, [&](TagTriangleEkf& e) { return e.on(message); });
+      auto message = fuzz::read<Message>(io, now);
+      bool passed = !conditioner;
+      if (conditioner) {
+        fuzz::returns([&] { passed = passes(*conditioner, message); });
+      }
+      if (passed) {
+        fuzz::tell(ekf, [&](TagTriangleEkf& e) { return e.on(message); });
+      }
     }
   }
   return 0;

@@ -6,6 +6,7 @@
 #include "locfuse/estimators/tag_triangle_ekf.hpp"
 #include "locfuse/frontends/scan_matcher.hpp"
 #include "locfuse/frontends/scan_odometry.hpp"
+#include "locfuse/frontends/tag_conditioner.hpp"
 #include "worlds.hpp"
 
 /// Settings of filters and of scan matching that are any numbers.
@@ -97,6 +98,15 @@ void code_settings(Io& io, TagTriangleEkf::Config& c) {
         &c.velocity.sigma_point_mps, &c.side.sigma_m, &c.sigma_start_velocity_mps, &c.gate_position,
         &c.gate_velocity, &c.gate_side, &c.gate_range},
        0.0, 1.0);
+}
+
+template <class Io>
+void code_settings(Io& io, TagConditioner::Config& c) {
+  code(io,
+       {&c.cutoff_hz, &c.bias_x_m, &c.bias_y_m, &c.max_speed_mps, &c.jump_margin_m,
+        &c.frozen_motion_m, &c.hold_s},
+       0.0, 5.0);
+  code(io, c.restart_after);
 }
 
 template <class Io>

@@ -195,6 +195,8 @@ void write_estimators(const std::filesystem::path& folder) {
         tags.choice(1).message(message);
       }
     }
+    Input conditioned(folder / "tag_triangle_ekf" / (name + "_conditioned"));
+    conditioned.flag(true).flag(true).start(start()).choice(2).flag(true);
     Input landmark(folder / "landmark_ekf" / name);
     landmark.settings<LandmarkEkf::Config>(name != "landmarks").start(start());
     Input tracking(folder / "recovering_ekf" / (name + "_tracking"));
@@ -211,6 +213,7 @@ void write_estimators(const std::filesystem::path& folder) {
     Input switching(folder / "switching_mcl" / name);
     switching.flag(true).start(start());
     for (const Message& message : stream.messages) {
+      conditioned.choice(1).message(message);
       landmark.choice(1).message(message);
       tracking.choice(4).message(message);
       lost.choice(4).message(message);
