@@ -317,7 +317,7 @@ class _Reading:
         topic = sender.connection.topic
         try:
             self.world[topic](deserializer(sender.connection)(data))
-        except (MessageError, LogError) as error:
+        except (MessageError, LogError, AttributeError) as error:  # also a map without header
             self.heard.left_out(topic, partial(str, error))
         except broken() as error:
             self.heard.left_out(topic, partial(NO_MESSAGE.format, error))

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from functools import lru_cache, partial
-from typing import Any, NamedTuple
+from functools import lru_cache, partial, wraps
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,8 +40,30 @@ LEAST_LENGTH = 1e-12  # squared, of a quaternion that was set
 NOT_MEASURED_M = 1e6  # a sigma of infinity, as a log can have it
 
 
+P = ParamSpec("P")
+Row = TypeVar("Row")
+
+
 class MessageError(ValueError):
     """A message cannot mean anything; the text says what is wrong with which field."""
+
+
+def _is(expected: str) -> Callable[[Callable[P, Row]], Callable[P, Row]]:
+    """Have a function say that its message is no such one, where a field is missing or another."""
+
+    def of(read: Callable[P, Row]) -> Callable[P, Row]:
+        @wraps(read)
+        def checked(*args: P.args, **kwargs: P.kwargs) -> Row:
+            try:
+                return read(*args, **kwargs)
+            except MessageError:
+                raise
+            except (AttributeError, TypeError, ValueError, OverflowError) as error:
+                raise MessageError(f"the message is no {expected} ({error})") from None
+
+        return checked
+
+    return of
 
 
 class OdometryRow(NamedTuple):
@@ -164,6 +186,7 @@ def stamp_ns(stamp: Any) -> int:
     return int(seconds) * NANOSECONDS + int(rest)
 
 
+@_is("nav_msgs/Odometry")
 def odometry(message: Any, use: str = "pose") -> OdometryRow:
     """Return what a nav_msgs/Odometry says.
 
@@ -189,13 +212,10 @@ def odometry(message: Any, use: str = "pose") -> OdometryRow:
     >>> row.x, row.y, round(row.heading, 3), row.v, row.omega, row.frame
     (1.0, 2.0, 1.571, 0.5, 0.25, 'odom')
     """
-    try:
-        header, child = message.header, message.child_frame_id
-        pose, twist = message.pose.pose, message.twist.twist
-        at, v, omega = pose.position, float(twist.linear.x), float(twist.angular.z)
-        x, y, z = float(at.x), float(at.y), float(at.z)
-    except AttributeError as error:
-        raise _other("nav_msgs/Odometry", error) from None
+    header, child = message.header, message.child_frame_id
+    pose, twist = message.pose.pose, message.twist.twist
+    at, v, omega = pose.position, float(twist.linear.x), float(twist.angular.z)
+    x, y, z = float(at.x), float(at.y), float(at.z)
     stamp = _stamped(header)
     if use == "pose":
         _finite((x, "pose.position.x"), (y, "pose.position.y"))
@@ -227,6 +247,7 @@ def heading_of(quaternion: Any) -> float:
     return float(_core.wrap_angle(math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)))
 
 
+@_is("sensor_msgs/LaserScan")
 def scan(message: Any) -> ScanRow:
     """Return what a sensor_msgs/LaserScan says.
 
@@ -239,14 +260,11 @@ def scan(message: Any) -> ScanRow:
     MessageError
         If it is no LaserScan, its stamp is 0, it has no beam, or its geometry is none.
     """
-    try:
-        header = message.header
-        told = np.asarray(message.ranges, np.float32)
-        bright = np.asarray(message.intensities, np.float32)
-        geometry = tuple(decimal(getattr(message, key)) for key in
-                         ("angle_min", "angle_increment", "range_min", "range_max"))  # fmt: skip
-    except (AttributeError, TypeError) as error:
-        raise _other("sensor_msgs/LaserScan", error) from None
+    header = message.header
+    told = np.asarray(message.ranges, np.float32)
+    bright = np.asarray(message.intensities, np.float32)
+    geometry = tuple(decimal(getattr(message, key)) for key in
+                     ("angle_min", "angle_increment", "range_min", "range_max"))  # fmt: skip
     stamp = _stamped(header)
     start, increment, nearest, farthest = geometry
     _finite((start, "angle_min"), (increment, "angle_increment"))
@@ -295,6 +313,7 @@ def decimals(values: NDArray[np.float32]) -> FloatArray:
     return found
 
 
+@_is("locfuse_msgs/UwbRanges, UwbRange or UwbData")
 def ranges(
     message: Any,
     unit: str = "m",
@@ -376,10 +395,7 @@ def _uwb_range(message: Any, tag: str, outer: int, frame: str) -> RangeRow:
 def _uwb_data(
     message: Any, unit: str, tag: str, spoilt: Callable[[MessageError], None] | None
 ) -> list[RangeRow]:
-    try:
-        ids, distances, stamps = message.destination_id, message.distance, message.stamp
-    except AttributeError as error:
-        raise _other("locfuse_msgs/UwbData", error) from None
+    ids, distances, stamps = message.destination_id, message.distance, message.stamp
     if not len(ids) == len(distances) == len(stamps):
         raise MessageError(f"destination_id, distance and stamp have {len(ids)}, {len(distances)} "
                            f"and {len(stamps)} elements; expected as many of each")  # fmt: skip
@@ -397,6 +413,7 @@ def _uwb_data(
     return _each((partial(row, *one) for one in each), spoilt)
 
 
+@_is("sensor_msgs/Range")
 def range_of(message: Any, tag: str, anchor: str) -> RangeRow | None:
     """Return what a sensor_msgs/Range says, on a topic of one anchor; None out of its reach.
 
@@ -405,11 +422,8 @@ def range_of(message: Any, tag: str, anchor: str) -> RangeRow | None:
     MessageError
         If it is no Range, its stamp is 0, or its range negative or NaN.
     """
-    try:
-        header, distance = message.header, decimal(message.range)
-        nearest, farthest = decimal(message.min_range), decimal(message.max_range)
-    except (AttributeError, TypeError) as error:
-        raise _other("sensor_msgs/Range", error) from None
+    header, distance = message.header, decimal(message.range)
+    nearest, farthest = decimal(message.min_range), decimal(message.max_range)
     stamp = _stamped(header)
     if math.isinf(distance) or (farthest > 0.0 and not nearest <= distance <= farthest
                                 and not math.isnan(distance)):  # fmt: skip
@@ -418,6 +432,7 @@ def range_of(message: Any, tag: str, anchor: str) -> RangeRow | None:
     return RangeRow(stamp, tag, anchor, distance, None, plain(header.frame_id))
 
 
+@_is("geometry_msgs/PoseWithCovarianceStamped")
 def pose(message: Any) -> PoseRow:
     """Return what a geometry_msgs/PoseWithCovarianceStamped says.
 
@@ -426,12 +441,9 @@ def pose(message: Any) -> PoseRow:
     MessageError
         If it is something else, its stamp is 0, a number is NaN, or the orientation no rotation.
     """
-    try:
-        header, at = message.header, message.pose.pose.position
-        x, y, orientation = float(at.x), float(at.y), message.pose.pose.orientation
-        told = np.array(message.pose.covariance, np.float64)
-    except (AttributeError, TypeError, ValueError) as error:
-        raise _other("geometry_msgs/PoseWithCovarianceStamped", error) from None
+    header, at = message.header, message.pose.pose.position
+    x, y, orientation = float(at.x), float(at.y), message.pose.pose.orientation
+    told = np.array(message.pose.covariance, np.float64)
     stamp = _stamped(header)
     _finite((x, "pose.position.x"), (y, "pose.position.y"))
     if told.size != 36:
@@ -442,6 +454,7 @@ def pose(message: Any) -> PoseRow:
     return PoseRow(stamp, plain(header.frame_id), x, y, heading_of(orientation), covariance)
 
 
+@_is("nav_msgs/Odometry, geometry_msgs/PoseStamped or PointStamped")
 def truth(message: Any) -> TruthRow:
     """Return what a reference says: a nav_msgs/Odometry, PoseStamped or PointStamped.
 
@@ -450,23 +463,19 @@ def truth(message: Any) -> TruthRow:
     MessageError
         If it is none of them, its stamp is 0, or a number is not finite.
     """
-    try:
-        header, told = message.header, getattr(message, "point", None)
-        orientation = None
-        if told is None:
-            at = message.pose if hasattr(message.pose, "position") else message.pose.pose
-            told, orientation = at.position, at.orientation
-        x, y, z = float(told.x), float(told.y), float(told.z)
-    except AttributeError as error:
-        raise _other(
-            "nav_msgs/Odometry, geometry_msgs/PoseStamped or PointStamped", error
-        ) from None
+    header, told = message.header, getattr(message, "point", None)
+    orientation = None
+    if told is None:
+        at = message.pose if hasattr(message.pose, "position") else message.pose.pose
+        told, orientation = at.position, at.orientation
+    x, y, z = float(told.x), float(told.y), float(told.z)
     stamp = _stamped(header)
     _finite((x, "x"), (y, "y"), (z, "z"))
     heading = math.nan if orientation is None else heading_of(orientation)
     return TruthRow(stamp, x, y, z, heading, plain(header.frame_id))
 
 
+@_is("nav_msgs/Path of two poses")
 def relation(message: Any) -> tuple[int, int, float, float, float]:
     """Return begin, end, dx, dy and dheading of a nav_msgs/Path of two poses, the first at 0.
 
@@ -475,17 +484,15 @@ def relation(message: Any) -> tuple[int, int, float, float, float]:
     MessageError
         If it is no such path.
     """
-    try:
-        (first, last) = message.poses
-        at = last.pose.position
-        found = (stamp_ns(first.header.stamp), stamp_ns(last.header.stamp), float(at.x),
-                 float(at.y), heading_of(last.pose.orientation))  # fmt: skip
-    except (AttributeError, ValueError, TypeError) as error:
-        raise _other("nav_msgs/Path of two poses", error) from None
+    (first, last) = message.poses
+    at = last.pose.position
+    found = (stamp_ns(first.header.stamp), stamp_ns(last.header.stamp), float(at.x),
+             float(at.y), heading_of(last.pose.orientation))  # fmt: skip
     _finite((found[2], "x"), (found[3], "y"))
     return found
 
 
+@_is("sensor_msgs/NavSatFix or locfuse_msgs/TagPosition")
 def fix(message: Any, origin: Origin | None = None) -> FixRow | None:
     """Return what a sensor_msgs/NavSatFix or a locfuse_msgs/TagPosition says; None without a fix.
 
@@ -502,13 +509,10 @@ def fix(message: Any, origin: Origin | None = None) -> FixRow | None:
     """
     if hasattr(message, "position") and hasattr(message, "tag"):
         return _tag_position(message)
-    try:
-        header, status = message.header, int(message.status.status)
-        latitude, longitude = float(message.latitude), float(message.longitude)
-        altitude, kind = float(message.altitude), int(message.position_covariance_type)
-        covariance = np.array(message.position_covariance, np.float64)
-    except (AttributeError, TypeError, ValueError) as error:
-        raise _other("sensor_msgs/NavSatFix", error) from None
+    header, status = message.header, int(message.status.status)
+    latitude, longitude = float(message.latitude), float(message.longitude)
+    altitude, kind = float(message.altitude), int(message.position_covariance_type)
+    covariance = np.array(message.position_covariance, np.float64)
     if status < 0:
         return None
     stamp = _stamped(header)
@@ -538,6 +542,7 @@ def _tag_position(message: Any) -> FixRow:
     return FixRow(stamp, x, y, sigma, str(message.tag), plain(message.header.frame_id))
 
 
+@_is("locfuse_msgs/LandmarkSightings or LandmarkSighting")
 def sightings(message: Any) -> list[SightingRow]:
     """Return what a LandmarkSightings or a LandmarkSighting says.
 
@@ -574,6 +579,7 @@ def _sighting(message: Any, outer: int, frame: str) -> SightingRow:
                        plain(message.header.frame_id or frame))  # fmt: skip
 
 
+@_is("nav_msgs/OccupancyGrid")
 def grid(message: Any) -> GridMap:
     """Return the map that a nav_msgs/OccupancyGrid holds, in world coordinates.
 
@@ -586,14 +592,11 @@ def grid(message: Any) -> GridMap:
         If it is something else or without metadata: no cell, no resolution, no origin, or another
         number of cells than width times height; or if it is nowhere, or of no size.
     """
-    try:
-        info, data = message.info, np.asarray(message.data, np.int8)
-        width, height = int(info.width), int(info.height)
-        resolution = decimal(info.resolution)
-        at, orientation = info.origin.position, info.origin.orientation
-        x, y = float(at.x), float(at.y)
-    except (AttributeError, TypeError, ValueError, OverflowError) as error:
-        raise _other("nav_msgs/OccupancyGrid", error) from None
+    info, data = message.info, np.asarray(message.data, np.int8)
+    width, height = int(info.width), int(info.height)
+    resolution = decimal(info.resolution)
+    at, orientation = info.origin.position, info.origin.orientation
+    x, y = float(at.x), float(at.y)
     if width * height != len(data) or len(data) == 0:
         raise MessageError(f"the map is {width} x {height} cells and holds {len(data)}; expected "
                            "width times height, at least 1")  # fmt: skip
@@ -617,6 +620,7 @@ def grid(message: Any) -> GridMap:
     return GridMap(cells.reshape(height, width), resolution, (x, y, yaw))
 
 
+@_is("locfuse_msgs/NamedPoints")
 def points(message: Any) -> tuple[list[str], FloatArray, FloatArray | None]:
     """Return names, points (n, 3) and radii (n,) or None of a locfuse_msgs/NamedPoints.
 
@@ -626,12 +630,9 @@ def points(message: Any) -> tuple[list[str], FloatArray, FloatArray | None]:
         If it is something else, lengths differ, a name is empty or there twice, or a number is not
         finite or a radius not positive.
     """
-    try:
-        names = [str(name) for name in message.names]
-        at = np.array([[p.x, p.y, p.z] for p in message.points], np.float64).reshape(-1, 3)
-        radii = np.asarray(message.radii, np.float64)
-    except (AttributeError, TypeError) as error:
-        raise _other("locfuse_msgs/NamedPoints", error) from None
+    names = [str(name) for name in message.names]
+    at = np.array([[p.x, p.y, p.z] for p in message.points], np.float64).reshape(-1, 3)
+    radii = np.asarray(message.radii, np.float64)
     if len(at) != len(names) or len(radii) not in (0, len(names)):
         raise MessageError(f"there are {len(names)} names, {len(at)} points and {len(radii)} "
                            "radii; expected as many of each, or no radii")  # fmt: skip
@@ -646,6 +647,7 @@ def points(message: Any) -> tuple[list[str], FloatArray, FloatArray | None]:
     return names, at, radii if len(radii) else None
 
 
+@_is("tf2_msgs/TFMessage")
 def transforms(message: Any) -> list[TransformRow]:
     """Return what a tf2_msgs/TFMessage or a geometry_msgs/TransformStamped says.
 
@@ -654,11 +656,8 @@ def transforms(message: Any) -> list[TransformRow]:
     MessageError
         If it is something else, a frame has no name, or a transform is none.
     """
-    try:
-        several = message.transforms if hasattr(message, "transforms") else [message]
-        return [_transform(one) for one in several]
-    except AttributeError as error:
-        raise _other("tf2_msgs/TFMessage", error) from None
+    several = message.transforms if hasattr(message, "transforms") else [message]
+    return [_transform(one) for one in several]
 
 
 def _transform(message: Any) -> TransformRow:
@@ -673,10 +672,6 @@ def _transform(message: Any) -> TransformRow:
         raise MessageError(f"the transform from {child} to {parent} is none: translation {where}, "
                            f"rotation {quaternion}")  # fmt: skip
     return TransformRow(parent, child, *where, quaternion)
-
-
-def _other(expected: str, error: Exception) -> MessageError:
-    return MessageError(f"the message is no {expected} ({error})")
 
 
 def _stamped(header: Any) -> int:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -402,6 +403,36 @@ def test_types_that_nobody_knows_are_passed_over_unless_they_are_asked_for(
     read_bag(path, Ros.model_validate({"topics": {"odometry": "odd"}}))
     (said,) = sentences(caplog)
     assert "messages on odd are left out: the definition of odd_msgs/Odd cannot be used" in said
+
+
+def test_a_type_of_the_same_name_with_another_field_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Another package's message, or an older one: it told an error of Python for some fields."""
+    whole, path = tmp_path / "whole.bag", tmp_path / "odd.bag"
+    write_bag(full_log(), whole)
+    with Reader(whole) as reader:
+        told = [(c, t, bytes(data)) for c, t, data in reader.messages()]
+    complete = set(read_bag(whole).tables)
+    texts = {c.topic: c.msgdef.data for c, _, _ in told}
+    outcomes = set()
+    for topic, text in texts.items():
+        for field in re.finditer(r"^\S+ (\w+)$", text, re.MULTILINE):
+            other = f"{text[: field.start(1)]}odd_one{text[field.end(1) :]}"
+            with Writer(path) as writer:
+                known = {
+                    c: writer.add_connection(c.topic, c.msgtype, md5sum="0" * 32,
+                                             msgdef=other if c.topic == topic else c.msgdef.data)
+                    for c in dict.fromkeys(c for c, _, _ in told)
+                }  # fmt: skip
+                for connection, time_ns, data in told:
+                    writer.write(known[connection], time_ns, data)
+            caplog.clear()
+            is_whole = set(read_bag(path).tables) == complete
+            assert is_whole or topic.strip("/") in " ".join(sentences(caplog)), (topic, field[1])
+            outcomes.add(is_whole)
+            path.unlink()
+    assert outcomes == {True, False}  # fields that are not used, and those that are
 
 
 def test_bytes_that_are_not_what_their_type_says_are_left_out(
