@@ -35,7 +35,6 @@ from locfuse.types import Columns, Log, LogError
 Progress = Callable[[int, int], None]
 
 BLOCK_MESSAGES, BLOCK_BYTES = 8192, 1 << 22  # that are unpacked at once
-LAST_NS = 2**62  # beyond it is no time
 NO_TIME = "it was recorded at {} ns, which is no time"
 NO_MESSAGE = "it cannot be unpacked ({})"
 MOST_TRANSFORMS = 20_000  # messages on tf that are looked through for a mount that tf_static lacks
@@ -171,7 +170,7 @@ class _Reading:
             sender = self._sender(connection)
             if sender is None:
                 continue
-            if not 0 <= time_ns < LAST_NS:
+            if not 0 <= time_ns < bag_settings.LAST_NS:
                 self.heard.left_out(connection.topic, partial(NO_TIME.format, time_ns))
             elif connection.topic not in self.tables:
                 self._take(sender, data)

@@ -10,14 +10,15 @@ from typing import Any
 import yaml
 
 from locfuse.careful_yaml import CarefulLoader
-from locfuse.io.log_folder import SCHEMA
+from locfuse.io.log_folder import IN_MEMORY, MESSAGES, SCHEMA
 from locfuse.io.log_yaml import checked
 from locfuse.ros.decode import MessageError
-from locfuse.types import YAML_ERRORS, Log, LogError
+from locfuse.types import YAML_ERRORS, Log, LogError, shown
 
 TOPIC = "locfuse/log"
 RELATIONS = "locfuse/relations"
 FORMAT = 1
+LAST_NS = 2**62  # beyond it is no time
 
 
 @dataclass(frozen=True)
@@ -67,10 +68,22 @@ def settings_of(text: str) -> Settings:
             raise MessageError(f"{TOPIC} has format {data['format']!r}, expected {FORMAT}")
         columns = {str(stem): [str(name) for name in names]
                    for stem, names in data["columns"].items() if stem in SCHEMA}  # fmt: skip
-        return Settings(int(data["shift_ns"]), columns, checked(data["log"], TOPIC))
+        for stem, names in columns.items():
+            _check_columns(stem, names)
+        shift_ns = int(data["shift_ns"])
+        if not 0 <= shift_ns < LAST_NS:
+            raise MessageError(f"{TOPIC} has stamps that are {shift_ns} ns late, which is no time")
+        return Settings(shift_ns, columns, checked(data["log"], TOPIC))
     except LogError as error:
         raise MessageError(str(error)) from None
     except (*YAML_ERRORS, yaml.YAMLError) as error:
         if isinstance(error, MessageError):
             raise
         raise MessageError(f"{TOPIC} holds something else ({error})") from None
+
+
+def _check_columns(stem: str, names: list[str]) -> None:
+    forms = [{IN_MEMORY.get(name, name) for name in form} for form in SCHEMA[stem]]
+    if set(names) - ({"arrival_ns"} if stem in MESSAGES else set()) not in forms:
+        raise MessageError(f"{TOPIC} has {stem} with the columns {shown(names)}, which no such "
+                           "table has")  # fmt: skip

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from rosbags.rosbag1 import Reader, Writer
 
 from locfuse.config.load import parse_config
@@ -48,6 +49,12 @@ def deep(fields: Any) -> Any:
     if isinstance(fields, dict):
         return {key: deep(value) for key, value in fields.items()}
     return [deep(one) for one in fields] if isinstance(fields, list) else fields
+
+
+def _settings(**changes: Any) -> str:
+    """Return what a bag says of its log, changed."""
+    told = {"format": 1, "shift_ns": 0, "columns": {}, "log": {}}
+    return yaml.safe_dump(told | changes)
 
 
 def edited(topic: str, every: int = 4, **changes: Any) -> list[Told]:
@@ -139,6 +146,15 @@ BAD = {
         [replace(drive()[3][1], topic="uwb")], "holds no ranges to anchors"),
     "text that is no log's": ([encode.text("locfuse/log", "a: [")], "locfuse/log holds something"),
     "text of the future": ([encode.text("locfuse/log", "format: 9")], "has format 9, expected 1"),
+    "columns of no table": (
+        [encode.text("locfuse/log", _settings(columns={"positions": []}))],
+        "positions with the columns [], which no such table has"),
+    "columns of another table": (
+        [encode.text("locfuse/log", _settings(columns={"ranges": ["stamp_ns", "dx_m"]}))],
+        "ranges with the columns ['stamp_ns', 'dx_m'], which no such table has"),
+    "a shift of centuries": (
+        [encode.text("locfuse/log", _settings(shift_ns=2**70))],
+        "1180591620717411303424 ns late, which is no time"),
     "wheels faster than light": (
         [encode.odometry("odom", T0, (0, 0, 0), (1e9, 0.0), "odom", "base_link")],
         "1e+09 m/s and 0 rad/s, which no robot drives"),
