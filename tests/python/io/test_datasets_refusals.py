@@ -101,3 +101,11 @@ def test_a_missing_file_is_named_and_nothing_is_written(
     with pytest.raises(LogError, match=rf"{file}: no such file"):
         convert(name, source, tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+def test_an_anchor_that_is_missing_is_told_and_nothing_is_written(tmp_path: Path) -> None:
+    folder = recording("ieu-gazebo-uwb-lidar")
+    source = damaged(folder, tmp_path / "source", "home_anchors.csv", 3)
+    with pytest.raises(LogError, match=r"home_anchors.csv: 3 anchors, .* columns of ranges, 4"):
+        convert("ieu_gazebo", source, tmp_path / "out")
+    assert not (tmp_path / "out").exists()

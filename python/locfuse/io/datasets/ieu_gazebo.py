@@ -9,7 +9,7 @@ import numpy as np
 
 from locfuse.io.datasets.source import check_map, copy_map, read_source, runs_of
 from locfuse.io.log_folder import write_log
-from locfuse.types import Log, wrap_angle
+from locfuse.types import Log, LogError, wrap_angle
 
 WITHOUT_MAP = ("home",)  # driven in another world
 TAG = "tag"
@@ -58,6 +58,9 @@ def _read(source: Path, run: str) -> Log:
     scans = read_source(source / f"{run}_scans.csv.gz", dict(t="s"), beams="s")
     names = anchors["id"][np.argsort(anchors["index"])]
     there = ~np.isnan(heard["beams"])
+    if there.shape[1] != len(names):
+        raise LogError(f"{source / run}_anchors.csv: {len(names)} anchors, expected as many as "
+                       f"{run}_ranges.csv has columns of ranges, {there.shape[1]}")  # fmt: skip
     row, column = np.nonzero(there)
     return Log(
         tables={
