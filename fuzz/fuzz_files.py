@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fuzz target of what is parsed in Python: `fuzz_files.py config|log|map` and libFuzzer's options.
+"""Fuzz target of what Python parses: `fuzz_files.py config|log|map|bag` and libFuzzer's options.
 
 Any bytes are a file: it is read, or refused by a ConfigError or a LogError.
 """
@@ -7,6 +7,7 @@ Any bytes are a file: it is read, or refused by a ConfigError or a LogError.
 from __future__ import annotations
 
 import contextlib
+import logging
 import sys
 import tempfile
 from pathlib import Path
@@ -20,6 +21,8 @@ with atheris.instrument_imports(include=["locfuse", "yaml"]):
     from locfuse.io.log_folder import SCHEMA, read_log_file
     from locfuse.io.log_yaml import read_log_yaml
     from locfuse.io.maps import read_map
+    from locfuse.ros import wire
+    from locfuse.ros.bags import read_bag
     from locfuse.types import ConfigError, LogError
 
 STEMS = ("log.yaml", *SCHEMA)
@@ -51,11 +54,23 @@ def read_picture(data: bytes, folder: Path) -> None:
     read_map(folder / "map.yaml")
 
 
-TARGETS = {"config": read_config, "log": read_log_part, "map": read_picture}
+def read_bag_file(data: bytes, folder: Path) -> None:
+    """Read a bag, whose first bytes tell its kind, and forget the types that it defines."""
+    (folder / "bag").write_bytes(data)
+    try:
+        read_bag(folder / "bag")
+    finally:
+        for kept in OF_TYPES:
+            kept.cache_clear()
+
+
+OF_TYPES = (wire.structure, wire.deserializer, wire._definition)
+TARGETS = {"config": read_config, "log": read_log_part, "map": read_picture, "bag": read_bag_file}
 
 
 def main() -> None:
     """Run the target that is named."""
+    logging.disable()  # sentences on damage
     read = TARGETS[sys.argv.pop(1)]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from locfuse.io.log_yaml import load_yaml
 from locfuse.ros import stored_mcap, stored_ros1, stored_sqlite
-from locfuse.ros.stored import BLOCK, Message, Reading, Wanted, decompressed, zstd
+from locfuse.ros.stored import BLOCK, CutError, Message, Reading, Wanted, decompressed, zstd
 from locfuse.types import LogError
 
 KINDS = "a .bag of ROS 1, a .mcap, or a .db3 or folder of ROS 2"
@@ -91,7 +92,9 @@ def _unpacked(bag: Bag, path: Path, packing: str, wanted: Wanted) -> Iterator[Me
             yield from _of_file(bag, file, wanted, packed=path)
     elif packing == "message":
         for connection, time_ns, data in _of_file(bag, path, wanted):
-            yield connection, time_ns, decompressed(data, "zstd", None)
+            with suppress(CutError):  # packed bytes are no message either
+                data = decompressed(data, "zstd", None)
+            yield connection, time_ns, data
     else:
         yield from _of_file(bag, path, wanted)
 

@@ -16,6 +16,7 @@ from typing import Any, BinaryIO, NamedTuple
 from locfuse.ros.needs import need
 
 BLOCK = 1 << 20
+LONGEST_CHUNK = 1 << 30  # bytes that one may have when it is unpacked
 LONGEST_REASON = 200  # letters; some errors quote what they could not read
 
 
@@ -110,19 +111,29 @@ def text(data: bytes) -> str:
 
 def decompressed(data: bytes, packing: str, size: int | None) -> bytes:
     """Return a chunk; `size` is that which it must have."""
+    if packing in ("none", ""):
+        return _whole(data, size)
+    if packing == "bz2":
+        unpacker: Any = bz2.BZ2Decompressor()
+    elif packing == "lz4":
+        unpacker = need("lz4.frame").LZ4FrameDecompressor()
+    elif packing == "zstd":
+        unpacker = zstd().ZstdDecompressor()
+    else:
+        raise CutError(f"a chunk is packed by {packing}, expected bz2, lz4 or zstd")
+    most = LONGEST_CHUNK if size is None else min(size, LONGEST_CHUNK)
     try:
-        if packing in ("none", ""):
-            found = data
-        elif packing == "bz2":
-            found = bz2.decompress(data)
-        elif packing == "lz4":
-            found = need("lz4.frame").decompress(data)
-        elif packing == "zstd":
-            found = zstd().decompress(data)
-        else:
-            raise CutError(f"a chunk is packed by {packing}, expected bz2, lz4 or zstd")
+        found = bytes(unpacker.decompress(data, max_length=most + 1))
     except (OSError, EOFError, ValueError, RuntimeError, zstd().ZstdError) as error:
         raise CutError(f"a chunk cannot be unpacked: {error}") from error
+    if len(found) <= most and not unpacker.eof:
+        raise CutError("a chunk cannot be unpacked: it ends too early")
+    if len(found) > most:
+        raise CutError(f"a chunk of more than {most} bytes")
+    return _whole(found, size)
+
+
+def _whole(found: bytes, size: int | None) -> bytes:
     if size is not None and len(found) != size:
         raise CutError(f"a chunk of {len(found)} bytes, expected {size}")
     return found

@@ -3,16 +3,21 @@
 
 from __future__ import annotations
 
+import bz2
+import sqlite3
 from collections import Counter
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
-from locfuse.ros import encode
+from locfuse.ros import encode, stored
+from locfuse.ros.bags import read_bag
+from locfuse.ros.needs import need
 from locfuse.ros.storage import Bag, is_bag
 from locfuse.ros.stored import short
 from locfuse.types import LogError
-from support_bags import KINDS, MS, T0, drive, write_messages, write_sqlite
+from support_bags import KINDS, MS, T0, drive, sentences, world, write_messages, write_sqlite
 
 STEPS = 400  # fill several chunks
 TOLD = Counter({"odom": STEPS, "uwb": STEPS, "scan": STEPS, "tf_static": 1})
@@ -226,3 +231,36 @@ def test_a_topic_may_have_two_publishers_and_two_types(tmp_path: Path) -> None:
     told = drive(3) + [(T0, encode.text("odom", "not odometry"))]
     found, damage = heard(write_messages(tmp_path / "two.bag", told))
     assert (found["odom"], damage) == (4, [])
+
+
+def test_a_packed_message_that_is_damaged_is_left_out(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode
+
+    path = write_sqlite(tmp_path / "packed", drive(STEPS), mode=CompressionMode.MESSAGE,
+                        fmt=CompressionFormat.ZSTD)  # fmt: skip
+    with closing(sqlite3.connect(file_of(path))) as base:
+        base.execute("UPDATE messages SET data = x'28b52ffd00' WHERE id = 3")
+        base.commit()
+    found, damage = heard(path)
+    assert (found, damage) == (TOLD, [])
+    assert len(read_bag(path, world=world())["ranges"]["stamp_ns"]) == 2 * (STEPS - 1)
+    (said,) = sentences(caplog)
+    assert f"1 of {STEPS} messages on uwb are left out: it cannot be unpacked" in said
+
+
+@pytest.mark.parametrize("packing", ["bz2", "lz4", "zstd"])
+def test_a_chunk_that_grows_when_it_is_unpacked_is_not(
+    packing: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stored, "LONGEST_CHUNK", 1000)
+    pack = {"bz2": bz2.compress, "lz4": need("lz4.frame").compress, "zstd": stored.zstd().compress}
+    for size in (999, 1000):
+        assert stored.decompressed(pack[packing](bytes(size)), packing, None) == bytes(size)
+        assert stored.decompressed(pack[packing](bytes(size)), packing, size) == bytes(size)
+    for told in (None, 999, 1001, 5_000_000):
+        with pytest.raises(stored.CutError, match=r"more than|expected"):
+            stored.decompressed(pack[packing](bytes(5_000_000)), packing, told)
+    with pytest.raises(stored.CutError, match="cannot be unpacked"):
+        stored.decompressed(pack[packing](bytes(999))[:-8], packing, None)
