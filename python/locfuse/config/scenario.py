@@ -16,7 +16,7 @@ from locfuse.config.base import Strict
 Positive: TypeAlias = Annotated[float, Field(gt=0.0, le=1e9)]
 NonNegative: TypeAlias = Annotated[float, Field(ge=0.0, le=1e9)]
 Probability: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]
-Rate: TypeAlias = Annotated[float, Field(ge=1e-6, le=1e6)]
+Rate: TypeAlias = Annotated[float, Field(gt=0.0, le=1e6)]
 Name: TypeAlias = Annotated[str, Field(min_length=1)]
 Point2: TypeAlias = tuple[float, float]
 Point3: TypeAlias = tuple[float, float, float]

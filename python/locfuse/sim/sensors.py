@@ -35,8 +35,9 @@ def stamps(rate_hz: float, duration_s: float) -> StampArray:
         round(k * 1e9 / rate) nanoseconds.
     """
     ticks = np.arange(int(duration_s * rate_hz) + 2)
-    stamp_ns: StampArray = np.rint(ticks * float(NANOSECONDS) / rate_hz).astype(np.int64)
-    return np.compress(stamp_ns <= round(duration_s * NANOSECONDS), stamp_ns)
+    with np.errstate(over="ignore"):  # the one after the last may be beyond all integers
+        at_ns = np.rint(ticks * float(NANOSECONDS) / rate_hz)
+    return np.asarray(at_ns[at_ns <= round(duration_s * NANOSECONDS)], np.int64)
 
 
 def seconds(stamp_ns: StampArray) -> FloatArray:

@@ -50,6 +50,11 @@ def test_stamps_are_rounded_multiples_of_the_period_from_zero_to_the_duration() 
     assert len(sensors.stamps(5.0, 0.199)) == 1
 
 
+@pytest.mark.parametrize("rate_hz", [1e-9, 1e-160, 5e-324])
+def test_a_sensor_that_never_tells_again_tells_once(rate_hz: float) -> None:
+    np.testing.assert_array_equal(sensors.stamps(rate_hz, 3.0), [0])
+
+
 # Odometry ------------------------------------------------------------------------------------
 
 
