@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from locfuse.config.ros import Ros, plain
+from locfuse.io.log_folder import MAX_STAMP_NS
 from locfuse.ros import bag_checks as checks
 from locfuse.ros import bag_settings, decode, decode_many
 from locfuse.ros.bag_log import log_of
@@ -170,7 +171,7 @@ class _Reading:
             sender = self._sender(connection)
             if sender is None:
                 continue
-            if not 0 <= time_ns < bag_settings.LAST_NS:
+            if not 0 <= time_ns < MAX_STAMP_NS:
                 self.heard.left_out(connection.topic, partial(NO_TIME.format, time_ns))
             elif connection.topic not in self.tables:
                 self._take(sender, data)

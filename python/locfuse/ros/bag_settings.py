@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from locfuse.careful_yaml import CarefulLoader
-from locfuse.io.log_folder import IN_MEMORY, MESSAGES, SCHEMA
+from locfuse.io.log_folder import IN_MEMORY, MAX_STAMP_NS, MESSAGES, SCHEMA
 from locfuse.io.log_yaml import checked
 from locfuse.ros.decode import MessageError
 from locfuse.types import YAML_ERRORS, Log, LogError, shown
@@ -18,7 +18,6 @@ from locfuse.types import YAML_ERRORS, Log, LogError, shown
 TOPIC = "locfuse/log"
 RELATIONS = "locfuse/relations"
 FORMAT = 1
-LAST_NS = 2**62  # beyond it is no time
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ def settings_of(text: str) -> Settings:
         for stem, names in columns.items():
             _check_columns(stem, names)
         shift_ns = int(data["shift_ns"])
-        if not 0 <= shift_ns < LAST_NS:
+        if not 0 <= shift_ns < MAX_STAMP_NS:
             raise MessageError(f"{TOPIC} has stamps that are {shift_ns} ns late, which is no time")
         return Settings(shift_ns, columns, checked(data["log"], TOPIC))
     except LogError as error:
