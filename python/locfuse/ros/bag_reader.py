@@ -317,7 +317,7 @@ class _Reading:
         topic = sender.connection.topic
         try:
             self.world[topic](deserializer(sender.connection)(data))
-        except (MessageError, LogError, AttributeError) as error:  # also a map without header
+        except (MessageError, LogError) as error:
             self.heard.left_out(topic, partial(str, error))
         except broken() as error:
             self.heard.left_out(topic, partial(NO_MESSAGE.format, error))
@@ -332,13 +332,13 @@ class _Reading:
 
     def _map(self, message: Any) -> None:
         grid = decode.grid(message)
-        check_frame("maps", message.header.frame_id, self.heard.ros.frames.map)
+        check_frame("maps", decode.frame_of(message), self.heard.ros.frames.map)
         self.heard.grid = grid
 
     def _points(self, stem: str, message: Any) -> None:
         """Take points; those of a name that came before are replaced."""
         names, at, radii = decode.points(message)
-        check_frame(stem, message.header.frame_id, self.heard.ros.frames.map)
+        check_frame(stem, decode.frame_of(message), self.heard.ros.frames.map)
         points = self.heard.tables[stem] = Blocks()
         points.add({"name": np.array(names, np.str_), "x_m": at[:, 0], "y_m": at[:, 1],
                     "z_m": at[:, 2],

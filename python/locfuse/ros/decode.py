@@ -674,6 +674,18 @@ def _transform(message: Any) -> TransformRow:
     return TransformRow(parent, child, *where, quaternion)
 
 
+@_is("stamped message")
+def frame_of(message: Any) -> str:
+    """Return the frame that a message is in.
+
+    Raises
+    ------
+    MessageError
+        If it has no header.
+    """
+    return str(message.header.frame_id)
+
+
 def _stamped(header: Any) -> int:
     stamp = stamp_ns(header.stamp)
     _after_zero(stamp)
