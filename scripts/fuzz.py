@@ -129,6 +129,8 @@ def keep(target: str, programs: Path) -> int:
             capture_output=True,
         )
     inputs = sorted(path for path in chosen.iterdir() if path.stat().st_size <= KEPT_BYTES)
+    if not inputs:  # no bag is short
+        return 0
     KEPT.mkdir(exist_ok=True)
     with tarfile.open(KEPT / f"{target}.tar.xz", "w:xz", preset=9) as file:
         for path in inputs:
