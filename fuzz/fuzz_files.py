@@ -21,8 +21,8 @@ with atheris.instrument_imports(include=["locfuse", "yaml"]):
     from locfuse.io.log_folder import SCHEMA, read_log_file
     from locfuse.io.log_yaml import read_log_yaml
     from locfuse.io.maps import read_map
-    from locfuse.ros import wire
-    from locfuse.ros.bags import read_bag
+    from locfuse.io.rosbag import wire
+    from locfuse.io.rosbag.bags import read_bag
     from locfuse.types import ConfigError, LogError
 
 STEMS = ("log.yaml", *SCHEMA)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from locfuse.papers import FIVE, HEAD, OURS, PAPERS_IN_ORDER, Repeated, cells_of, read_rows, tell
+from papers.page import FIVE, HEAD, OURS, PAPERS_IN_ORDER, Repeated, cells_of, read_rows, tell
 
 ROOT = Path(__file__).resolve().parent.parent
 ROWS, PAGE, README = ROOT / "docs/papers.json", ROOT / "docs/papers.md", ROOT / "README.md"

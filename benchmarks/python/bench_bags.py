@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from locfuse.ros.bags import read_bag, write_bag
+from locfuse.io.rosbag.bags import read_bag, write_bag
 from locfuse.types import Log
 
 SECONDS = 60

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import locfuse as lf
-from locfuse.celan.runs import SETUPS, Setup, messages, told_start
-from locfuse.celan.world import Lap, lap
+from papers.celan2017.runs import SETUPS, Setup, messages, told_start
+from papers.celan2017.world import Lap, lap
 
 SEED = 0
 

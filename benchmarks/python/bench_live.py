@@ -10,7 +10,7 @@ import pytest
 from locfuse.config.load import parse_config
 from locfuse.ros.adapter import Adapter
 from locfuse.ros.log_player import in_order_of_arrival, static_of
-from locfuse.run import load_log, run
+from locfuse.run.run import load_log, run
 from support_ros import message
 
 RATES = {"odometry": {"rate_hz": 100}, "ranges": {"rate_hz": 100}, "poses": None}

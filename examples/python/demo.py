@@ -13,8 +13,8 @@ from rich.table import Table
 
 from locfuse.config.load import load_config
 from locfuse.config.schema import RunConfig
-from locfuse.results import write_results
-from locfuse.run import load_log, run
+from locfuse.report.results import write_results
+from locfuse.run.run import load_log, run
 from locfuse.types import Log, LogError, RunResult
 
 CONFIGS = Path(__file__).resolve().parent.parent / "configs"

@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 
 from locfuse.config.load import load_config
-from locfuse.plot import write_film
-from locfuse.run import run
+from locfuse.report.plot import write_film
+from locfuse.run.run import run
 
 CONFIG = Path(__file__).resolve().parent.parent / "configs" / "rooms_mcl.yaml"
 OUT = Path("out/global_localization.gif")

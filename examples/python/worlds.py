@@ -9,9 +9,9 @@ from pathlib import Path
 from matplotlib.axes import Axes
 
 from locfuse.config.load import parse_config
-from locfuse.plot.style import ESTIMATE, INK, dress, new_figure, save, title
-from locfuse.plot.world import draw_map
-from locfuse.run import load_log
+from locfuse.report.plot.style import ESTIMATE, INK, dress, new_figure, save, title
+from locfuse.report.plot.world import draw_map
+from locfuse.run.run import load_log
 
 OUT = Path("out/worlds.png")
 SIZES_M = {"hallways": (40, 20), "rooms": (16, 12), "warehouse": (30, 20), "zhang": (10, 10),

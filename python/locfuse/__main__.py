@@ -6,7 +6,7 @@ def main() -> None:
     """Run the command line."""
     # Not at the top: each worker of a sweep imports the script that started it, and does not need
     # the second that all commands take.
-    from locfuse.cli import main as run
+    from locfuse.cli.app import main as run
 
     run()
 

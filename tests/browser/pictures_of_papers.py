@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from locfuse.papers import PAGE, ROWS, read_rows
+from papers.page import PAGE, ROWS, read_rows
 from support_browser import Browser
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from locfuse.papers import PAGE, read_rows, write_page
+from papers.page import PAGE, read_rows, write_page
 from support_browser import Browser
 
 ROWS = Path(__file__).resolve().parents[2] / "docs" / "papers.json"

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 from locfuse.config.load import load_config, parse_config
-from locfuse.page import page
-from locfuse.player import pack, player_html, player_script
-from locfuse.results import write_results
-from locfuse.run import run
+from locfuse.report.html_page import page
+from locfuse.report.player import pack, player_html, player_script
+from locfuse.report.results import write_results
+from locfuse.run.run import run
 from locfuse.types import RunResult
 from support_browser import Browser
 

@@ -23,8 +23,8 @@ import yaml
 
 from locfuse.config.load import load_config, parse_config
 from locfuse.io.log_folder import write_log
-from locfuse.ros import encode
-from locfuse.run import load_log, run
+from locfuse.io.rosbag import encode
+from locfuse.run.run import load_log, run
 from support_bags import KINDS, T0, drive, write_messages
 from support_browser import Browser
 

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from locfuse.ros import encode
-from locfuse.ros.bag_files import bag_sink
-from locfuse.ros.decode import RangeRow, ScanRow
-from locfuse.ros.encode import Publication
-from locfuse.ros.wire import long, serializer, store
+from locfuse.io.rosbag import encode
+from locfuse.io.rosbag.bag_files import bag_sink
+from locfuse.io.rosbag.decode import RangeRow, ScanRow
+from locfuse.io.rosbag.encode import Publication
+from locfuse.io.rosbag.wire import long, serializer, store
 from locfuse.types import GridMap, Log
 
 T0 = 1_700_000_000_000_000_000

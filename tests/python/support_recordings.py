@@ -15,7 +15,7 @@ from locfuse.io.csv_table import read_bytes
 from locfuse.io.datasets import convert
 from locfuse.io.datasets.source import arc
 from locfuse.io.log_folder import read_log
-from locfuse.messages import truth_of
+from locfuse.run.messages import truth_of
 from locfuse.types import NANOSECONDS, FloatArray, Log, StampArray, Trajectory, wrap_angle
 from support_runs import recording
 

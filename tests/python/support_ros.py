@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages as rospy and rclpy make them, of the fields of `locfuse.ros.encode`; no ROS needed."""
+"""Messages as rospy and rclpy make them, of the fields that `encode` returns; no ROS needed."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
 
-from locfuse.ros.encode import Fields, Publication
+from locfuse.io.rosbag.encode import Fields, Publication
 from locfuse.types import NANOSECONDS
 
 TIMES = {"ros1": ("secs", "nsecs"), "ros2": ("sec", "nanosec")}

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from locfuse.cli import main
+from locfuse.cli.app import main
 from locfuse.config.load import load_config, parse_config
 from locfuse.config.schema import RunConfig
 

@@ -20,7 +20,7 @@ import pytest
 import locfuse as lf
 from locfuse.config.load import parse_config
 from locfuse.io.log_folder import read_log
-from locfuse.run import run
+from locfuse.run.run import run
 from locfuse.types import ConfigError, LogError
 from support_runs import GOOD, Said, locfuse, rows_of, write_folder
 

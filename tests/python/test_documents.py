@@ -29,15 +29,16 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 import locfuse
-from locfuse.claims import Claim
-from locfuse.cli import app
+from locfuse.cli.app import app
 from locfuse.config import ros, scenario, schema
 from locfuse.config.base import Strict
 from locfuse.config.load import load_config, parse_config
 from locfuse.io.datasets import CONVERTERS
-from locfuse.reproduce import PAPERS, RECORDINGS
-from locfuse.results import write_results
-from locfuse.run import run
+from locfuse.report.results import write_results
+from locfuse.run.run import run
+from papers.claims import Claim
+from papers.ekim2020.room import RECORDINGS
+from papers.reproduce import PAPERS
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"

@@ -25,8 +25,8 @@ from locfuse.config.scenario import (
 )
 from locfuse.config.schema import SOURCES
 from locfuse.io.log_folder import MESSAGES, SCHEMA
-from locfuse.messages import to_messages
-from locfuse.run import run
+from locfuse.run.messages import to_messages
+from locfuse.run.run import run
 from locfuse.sim.scenario import simulate
 from locfuse.types import FloatArray, Log, LogError
 from support_runs import ROOT

@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from locfuse.config.load import load_config
-from locfuse.results import write_results
-from locfuse.run import run
+from locfuse.report.results import write_results
+from locfuse.run.run import run
 from support_runs import CONFIGS, require_recording_of
 
 

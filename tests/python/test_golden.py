@@ -11,7 +11,10 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from locfuse.capsule import (
+from locfuse.config.load import load_config
+from locfuse.config.scenario import Fault
+from locfuse.config.schema import SOURCES, RunConfig
+from locfuse.run.capsule import (
     Capsule,
     differences,
     machine,
@@ -19,9 +22,6 @@ from locfuse.capsule import (
     read_capsule,
     replay_capsule,
 )
-from locfuse.config.load import load_config
-from locfuse.config.scenario import Fault
-from locfuse.config.schema import SOURCES, RunConfig
 from support_runs import ROOT
 
 GOLDEN = ROOT / "tests" / "golden"

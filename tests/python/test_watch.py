@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from locfuse.config.load import parse_config
-from locfuse.localization import Stopwatch
-from locfuse.player import pack
-from locfuse.run import load_log, run
+from locfuse.report.player import pack
+from locfuse.run.mcl import Stopwatch
+from locfuse.run.run import load_log, run
 from locfuse.types import Log, Outcomes, RunResult, Trajectory
 
 DRIVE = {"duration_s": 600.0}

@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import yaml
 
 from locfuse.config.ros import Ros
-from locfuse.ros.encode import Publication
+from locfuse.io.rosbag.encode import Publication
 from locfuse.ros.log_player import in_order_of_arrival, later, static_of
 from locfuse.types import Log
 

@@ -16,9 +16,9 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from locfuse import _core
 from locfuse.config.ros import Ros
-from locfuse.ros import decode, encode
+from locfuse.io.rosbag import decode, encode
 from locfuse.ros.log_player import in_order_of_arrival, static_of
-from locfuse.run import load_log
+from locfuse.run.run import load_log
 from locfuse.types import NANOSECONDS, Log
 from locfuse_ros.fill import message_class, message_of, time_of
 from support_robot import DIAGNOSTICS, EPOCH_NS, POSE, STARTED, config_of, shifted, write_config

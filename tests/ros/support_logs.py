@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from locfuse.ros.decode import decimal, decimals
+from locfuse.io.rosbag.decode import decimal, decimals
 from locfuse.types import Log
 
 BETWEEN_NS = 7_000_000

@@ -16,9 +16,9 @@ from locfuse.config.load import parse_config
 from locfuse.config.ros import Ros
 from locfuse.config.schema import RunConfig
 from locfuse.eval.errors import errors_against
-from locfuse.ros import decode, encode
+from locfuse.io.rosbag import decode, encode
 from locfuse.ros.log_player import Arrival, in_order_of_arrival, static_of
-from locfuse.run import load_log
+from locfuse.run.run import load_log
 from locfuse.types import NANOSECONDS, Log, Trajectory
 from support_ros2 import Peer, Process
 

@@ -23,7 +23,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 
-from locfuse.ros.encode import Publication
+from locfuse.io.rosbag.encode import Publication
 from locfuse_ros.fill import message_class, message_of
 from support_process import memory_mb
 

@@ -10,8 +10,8 @@ import pytest
 
 from locfuse.config.load import load_config, parse_config
 from locfuse.io.log_folder import write_log
-from locfuse.ros.decode import stamp_ns
-from locfuse.run import load_log
+from locfuse.io.rosbag.decode import stamp_ns
+from locfuse.run.run import load_log
 from ros1_peer import Ear, Robot, simulated_time, started
 
 pytestmark = pytest.mark.usefixtures("ros1")

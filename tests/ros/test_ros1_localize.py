@@ -17,8 +17,8 @@ import yaml
 
 from locfuse.config.load import parse_config
 from locfuse.io.log_folder import write_log
-from locfuse.ros.decode import heading_of, stamp_ns
-from locfuse.run import load_log, run
+from locfuse.io.rosbag.decode import heading_of, stamp_ns
+from locfuse.run.run import load_log, run
 from locfuse.types import Log, wrap_angle
 from ros1_peer import Ear, Process, Robot, node, simulated_time, started
 from support_logs import as_messages_hold_it

@@ -12,9 +12,9 @@ import pytest
 
 from locfuse.config.load import parse_config
 from locfuse.io.log_folder import write_log
-from locfuse.ros.decode import odometry, ranges, scan, stamp_ns
-from locfuse.ros.lines import Lines
-from locfuse.run import load_log
+from locfuse.io.rosbag.decode import odometry, ranges, scan, stamp_ns
+from locfuse.ros.dropped_messages import Lines
+from locfuse.run.run import load_log
 from locfuse.types import ConfigError, Log
 from ros1_peer import Ear, mouth, node, wait_for
 

@@ -14,9 +14,9 @@ import pytest
 from std_srvs.srv import SetBool, Trigger
 
 from locfuse.io.log_folder import read_log, write_log
-from locfuse.ros import decode, encode
+from locfuse.io.rosbag import decode, encode
 from locfuse.ros.log_player import Arrival
-from locfuse.run import load_log, run
+from locfuse.run.run import load_log, run
 from locfuse.types import NANOSECONDS, Log, wrap_angle
 from support_logs import as_messages_hold_it
 from support_robot import EPOCH_NS, HALL, Robot, config_of, shifted, simulated, start_localize

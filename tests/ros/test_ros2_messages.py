@@ -12,7 +12,7 @@ import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 
 import support_ros2
-from locfuse.ros import decode, encode
+from locfuse.io.rosbag import decode, encode
 from locfuse.types import GridMap
 from locfuse_ros.fill import message_class, message_of, time_of
 
@@ -26,7 +26,7 @@ def through_the_wire(told: encode.Publication) -> Any:
 
 
 def test_definitions_are_those_that_bags_are_read_by() -> None:
-    ours = {p.name: p.read_text() for p in (ROOT / "python/locfuse/ros/msg").glob("*.msg")}
+    ours = {p.name: p.read_text() for p in (ROOT / "python/locfuse/io/rosbag/msg").glob("*.msg")}
     theirs = {p.name: p.read_text() for p in (ROOT / "ros2/locfuse_msgs/msg").glob("*.msg")}
     assert ours == theirs
     cmake = (ROOT / "ros2/locfuse_msgs/CMakeLists.txt").read_text()

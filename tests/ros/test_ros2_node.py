@@ -17,8 +17,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from locfuse.config.schema import RunConfig
 from locfuse.io.log_folder import write_log
-from locfuse.ros import decode, encode
-from locfuse.ros.encode import Publication
+from locfuse.io.rosbag import decode, encode
+from locfuse.io.rosbag.encode import Publication
 from locfuse.ros.parameters import parameters
 from locfuse.types import NANOSECONDS
 from locfuse_ros.fill import message_of

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from locfuse.check.grid import bounds
 from locfuse.check.positions import epochs, interpolated, located, residuals_of
-from locfuse.check.tracks import Track, align, at_times, dead_reckon, levered
 from locfuse.config.schema import SOURCES, Estimator, Mcl, RangeError, RunConfig
-from locfuse.messages import truth_of
+from locfuse.eval.dead_reckoning import Track, align, at_times, dead_reckon, levered
+from locfuse.run.messages import truth_of
 from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, StampArray, Trajectory
 
 _LEAST_EPOCHS = 10

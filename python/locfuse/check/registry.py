@@ -21,8 +21,8 @@ from locfuse.check.context import Context
 from locfuse.check.finding import SEVERITIES, Finding, error
 from locfuse.check.layout import Layout, layout_of
 from locfuse.config.schema import RunConfig
-from locfuse.cylinders import with_cylinders
-from locfuse.run import load_log
+from locfuse.run.cylinders import with_cylinders
+from locfuse.run.run import load_log
 from locfuse.types import ConfigError, Log, LogError
 
 Rule: TypeAlias = Callable[[Context], Iterator[Finding]]

@@ -12,7 +12,7 @@ from locfuse.check.context import Context
 from locfuse.check.finding import Finding, error, note, warning
 from locfuse.config.build import build_cylinder_detector
 from locfuse.config.schema import SOURCES
-from locfuse.start import scans_of
+from locfuse.run.start import scans_of
 from locfuse.types import FloatArray
 
 _FILE = "landmarks.csv"

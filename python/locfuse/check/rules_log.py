@@ -10,11 +10,11 @@ import numpy as np
 from locfuse.check.context import Context
 from locfuse.check.finding import Finding, error, note, warning
 from locfuse.check.grid import on_map
-from locfuse.check.tracks import legs
 from locfuse.config.schema import SOURCES
-from locfuse.localization import messages_for
-from locfuse.messages import absent, to_messages
-from locfuse.start import start_of
+from locfuse.eval.dead_reckoning import legs
+from locfuse.run.mcl import messages_for
+from locfuse.run.messages import absent, to_messages
+from locfuse.run.start import start_of
 from locfuse.types import NANOSECONDS, OCCUPIED, Columns, ConfigError, LogError, StampArray
 
 _FAR_M = 1e5  # coordinates beyond are of a map projection

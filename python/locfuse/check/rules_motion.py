@@ -10,7 +10,7 @@ import numpy as np
 
 from locfuse.check.context import Context
 from locfuse.check.finding import Finding, error, note, warning
-from locfuse.check.tracks import (
+from locfuse.eval.dead_reckoning import (
     Alignment,
     Track,
     align,

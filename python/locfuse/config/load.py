@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
-from locfuse.careful_yaml import CarefulLoader
+from locfuse.config.safe_yaml import CarefulLoader
 from locfuse.config.schema import RunConfig
 from locfuse.types import YAML_ERRORS, ConfigError, nearest, shown
 

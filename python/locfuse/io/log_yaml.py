@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from locfuse.careful_yaml import CarefulLoader
+from locfuse.config.safe_yaml import CarefulLoader
 from locfuse.io.csv_table import read_bytes
 from locfuse.types import YAML_ERRORS, LogError, nearest, shown
 

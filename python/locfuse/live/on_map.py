@@ -8,8 +8,8 @@ import heapq
 from locfuse import _core
 from locfuse.config.schema import RunConfig
 from locfuse.live.rows import Message, effective_ns
-from locfuse.localization import mcl_on
-from locfuse.start import grid_of
+from locfuse.run.mcl import mcl_on
+from locfuse.run.start import grid_of
 from locfuse.types import ConfigError, Log
 
 PATIENCE_NS = 250_000_000

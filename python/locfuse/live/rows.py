@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from locfuse import _core
 from locfuse.config.schema import SOURCES, RunConfig
-from locfuse.start import laser_geometry
+from locfuse.run.start import laser_geometry
 from locfuse.types import NANOSECONDS, FloatArray, Log
 
 Row = Mapping[str, Any]

@@ -15,11 +15,11 @@ from locfuse.config.build import (
     build_recovering_config,
 )
 from locfuse.config.schema import RunConfig
-from locfuse.health import name_of, reason_of
 from locfuse.live.on_map import PATIENCE_NS, OnMap
 from locfuse.live.rows import Message, Row, Rows, effective_ns, told_covariance
-from locfuse.messages import landmark_sight
-from locfuse.start import matcher_of, told_start
+from locfuse.run.health import name_of, reason_of
+from locfuse.run.messages import landmark_sight
+from locfuse.run.start import matcher_of, told_start
 from locfuse.types import NANOSECONDS, ConfigError, FloatArray, Log, nearest
 
 MOST_HEARD = 5000  # messages that are kept for a run that takes over before there is a pose

@@ -14,13 +14,13 @@ import numpy as np
 from locfuse.config.ros import plain
 from locfuse.config.schema import SOURCES, RunConfig
 from locfuse.io.log_folder import read_world
+from locfuse.io.rosbag import decode, encode, rows
+from locfuse.io.rosbag.decode import MessageError
+from locfuse.io.rosbag.encode import Publication
+from locfuse.io.rosbag.frames import check_frame
 from locfuse.live import LiveHealth, LivePose, LiveRun
-from locfuse.ros import decode, encode, rows
-from locfuse.ros.decode import MessageError
-from locfuse.ros.early import FUTURE_NS, PATIENCE_NS, EarlyMessage, EarlyMessages
-from locfuse.ros.encode import Publication
-from locfuse.ros.frames import check_frame
-from locfuse.ros.telling import Odometry, Telling, health_status, source_status
+from locfuse.ros.future_stamps import FUTURE_NS, PATIENCE_NS, EarlyMessage, EarlyMessages
+from locfuse.ros.publications import Odometry, Telling, health_status, source_status
 from locfuse.ros.world import World
 from locfuse.types import NANOSECONDS, ConfigError, Log, nearest
 

@@ -16,11 +16,11 @@ from locfuse import _core
 from locfuse.config.load import load_config
 from locfuse.config.ros import Ros
 from locfuse.config.schema import RunConfig
-from locfuse.ros import encode
-from locfuse.ros.decode import FixRow, RangeRow, ScanRow, SightingRow
-from locfuse.ros.encode import Publication
+from locfuse.io.rosbag import encode
+from locfuse.io.rosbag.decode import FixRow, RangeRow, ScanRow, SightingRow
+from locfuse.io.rosbag.encode import Publication
 from locfuse.ros.parameters import LARGEST, Parameter, folder_of
-from locfuse.run import load_log
+from locfuse.run.run import load_log
 from locfuse.types import NANOSECONDS, ConfigError, FloatArray, Log
 
 # Frames of sensors that a log has no names for.

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from locfuse.io.log_folder import read_world
-from locfuse.ros.decode import UNIT_M, MessageError, RangeRow, heading_of, stamp_ns
-from locfuse.ros.encode import Publication, uwb_ranges
+from locfuse.io.rosbag.decode import UNIT_M, MessageError, RangeRow, heading_of, stamp_ns
+from locfuse.io.rosbag.encode import Publication, uwb_ranges
 from locfuse.ros.parameters import LARGEST, Parameter
 from locfuse.types import NANOSECONDS, ConfigError, Log, nearest
 

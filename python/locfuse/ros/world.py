@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from locfuse.ros.decode import MessageError, TransformRow
-from locfuse.ros.frames import FrameTree, Mount
+from locfuse.io.rosbag.decode import MessageError, TransformRow
+from locfuse.io.rosbag.frames import FrameTree, Mount
 from locfuse.types import Columns, FloatArray, GridMap, Log
 
 

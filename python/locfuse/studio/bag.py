@@ -8,8 +8,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from locfuse.config.load import load_config
-from locfuse.ros.bags import write_bag
-from locfuse.run import run
+from locfuse.io.rosbag.bags import write_bag
+from locfuse.run.run import run
 from locfuse.studio.work import CONFIG
 
 

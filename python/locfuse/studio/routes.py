@@ -14,7 +14,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import FileResponse, JSONResponse, Response
 from starlette.concurrency import run_in_threadpool
 
-from locfuse.player import player_css, player_js
+from locfuse.report.player import player_css, player_js
 from locfuse.studio.bag import write_bag_of
 from locfuse.studio.coverage import packed
 from locfuse.studio.ground import TROUBLE

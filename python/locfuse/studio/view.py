@@ -11,8 +11,8 @@ import numpy as np
 
 from locfuse.config.schema import RunConfig
 from locfuse.io.maps import read_map
-from locfuse.player.world import map_picture
-from locfuse.run import load_log
+from locfuse.report.player.world import map_picture
+from locfuse.run.run import load_log
 from locfuse.sim.scenario import check_way, grid_of, true_drive
 from locfuse.studio.coverage import Coverage, coverage, floor_of
 from locfuse.studio.document import Data, Draft, checked

@@ -16,9 +16,9 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from locfuse.config.load import load_config
-from locfuse.player import pack
-from locfuse.results import write_results
-from locfuse.run import run
+from locfuse.report.player import pack
+from locfuse.report.results import write_results
+from locfuse.run.run import run
 from locfuse.types import RunResult
 
 PLAY = "play.json.gz"

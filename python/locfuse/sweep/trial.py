@@ -24,8 +24,8 @@ from locfuse.eval.scores import (
     recovery,
     relative_errors,
 )
-from locfuse.health import STATES
-from locfuse.run import load_log, run
+from locfuse.run.health import STATES
+from locfuse.run.run import load_log, run
 from locfuse.sweep.vary import Axis, with_values
 from locfuse.types import NANOSECONDS, ConfigError, Log, Outcomes, RunResult
 

@@ -17,7 +17,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from locfuse.config.schema import SOURCES
 from locfuse.ros.adapter import Adapter, Subscription
-from locfuse.ros.lines import Lines
+from locfuse.ros.dropped_messages import Lines
 from locfuse.types import ConfigError
 from locfuse_ros.declare import configure
 from locfuse_ros.fill import message_class, message_of

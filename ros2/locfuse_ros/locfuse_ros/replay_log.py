@@ -13,7 +13,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock as ClockMessage
 
-from locfuse.ros.encode import Publication
+from locfuse.io.rosbag.encode import Publication
 from locfuse.ros.log_player import PARAMETERS, SETTLE_S, LogPlayer, Patience
 from locfuse_ros.declare import options
 from locfuse_ros.fill import message_class, message_of, time_of

@@ -7,7 +7,7 @@ from typing import Any
 
 from rclpy.node import Node
 
-from locfuse.ros.decode import MessageError
+from locfuse.io.rosbag.decode import MessageError
 from locfuse.ros.uwb_simulator import PARAMETERS, TOPIC, TRUTH, TRUTH_TYPES, UwbSystem
 from locfuse_ros.declare import options
 from locfuse_ros.fill import message_class, message_of

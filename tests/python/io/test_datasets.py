@@ -22,8 +22,8 @@ from locfuse.io.datasets import CONVERTERS, convert
 from locfuse.io.datasets.intel_lab import rows_at, stamps_of
 from locfuse.io.datasets.source import increments, read_source
 from locfuse.io.log_folder import read_log
-from locfuse.messages import truth_of
-from locfuse.run import run
+from locfuse.run.messages import truth_of
+from locfuse.run.run import run
 from locfuse.types import (
     NANOSECONDS,
     UNKNOWN,

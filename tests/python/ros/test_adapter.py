@@ -14,12 +14,13 @@ import pytest
 from locfuse.config.load import parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.io.log_folder import write_log
-from locfuse.ros import early, encode
+from locfuse.io.rosbag import encode
+from locfuse.io.rosbag.decode import heading_of, stamp_ns
+from locfuse.io.rosbag.encode import Fields, Publication
+from locfuse.ros import future_stamps as early
 from locfuse.ros.adapter import Adapter
-from locfuse.ros.decode import heading_of, stamp_ns
-from locfuse.ros.encode import Fields, Publication
 from locfuse.ros.log_player import in_order_of_arrival, static_of
-from locfuse.run import load_log, run
+from locfuse.run.run import load_log, run
 from locfuse.types import NANOSECONDS, Columns, ConfigError, Log
 from support_ros import message
 

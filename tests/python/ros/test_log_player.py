@@ -14,7 +14,7 @@ from locfuse.config.load import parse_config
 from locfuse.config.ros import Ros
 from locfuse.config.schema import RunConfig
 from locfuse.io.log_folder import write_log
-from locfuse.ros import decode
+from locfuse.io.rosbag import decode
 from locfuse.ros.log_player import (
     FIRST_NS,
     PARAMETERS,
@@ -23,7 +23,7 @@ from locfuse.ros.log_player import (
     static_of,
 )
 from locfuse.ros.parameters import values_of
-from locfuse.run import load_log
+from locfuse.run.run import load_log
 from locfuse.types import NANOSECONDS, ConfigError, Log
 from support_ros import message
 

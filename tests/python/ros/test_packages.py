@@ -12,7 +12,7 @@ import pytest
 from locfuse.config.load import load_config
 
 ROOT = Path(__file__).resolve().parents[3]
-OURS = ROOT / "python" / "locfuse" / "ros" / "msg"
+OURS = ROOT / "python" / "locfuse" / "io" / "rosbag" / "msg"
 DISTRIBUTIONS = ["ros1", "ros2"]
 # ROS 1 has names of its own for two types.
 OF_ROS1 = {"Header": "std_msgs/Header", "time": "builtin_interfaces/Time"}

@@ -12,8 +12,8 @@ import pytest
 
 from locfuse.config.load import parse_config
 from locfuse.io.log_folder import write_log
-from locfuse.ros import decode, encode
-from locfuse.ros.decode import MessageError
+from locfuse.io.rosbag import decode, encode
+from locfuse.io.rosbag.decode import MessageError
 from locfuse.ros.parameters import values_of
 from locfuse.ros.uwb_simulator import (
     PARAMETERS,
@@ -23,7 +23,7 @@ from locfuse.ros.uwb_simulator import (
     true_pose,
     uwb_of,
 )
-from locfuse.run import load_log
+from locfuse.run.run import load_log
 from locfuse.types import ConfigError
 from support_ros import message
 

@@ -14,7 +14,7 @@ from locfuse.config.load import parse_config
 from locfuse.config.scenario import Covered, LaserSensor, MaxRange, Scenario
 from locfuse.io.log_folder import read_log, write_log
 from locfuse.io.maps import write_map
-from locfuse.run import run
+from locfuse.run.run import run
 from locfuse.sim import laser
 from locfuse.sim.room import room_grid
 from locfuse.sim.scenario import simulate

@@ -8,7 +8,7 @@ import re
 import pytest
 
 from locfuse.config.load import parse_config
-from locfuse.run import run
+from locfuse.run.run import run
 from locfuse.studio.compare import FIGURES, compared, value_of
 
 

@@ -16,8 +16,8 @@ import pytest
 
 from locfuse.config.load import load_config
 from locfuse.io.maps import write_map
-from locfuse.results import write_results
-from locfuse.run import run
+from locfuse.report.results import write_results
+from locfuse.run.run import run
 from locfuse.sim.room import room_grid
 from locfuse.studio.estimators import CHOICES, choices, variant
 from locfuse.studio.runner import Run, Runner

@@ -11,7 +11,7 @@ import pytest
 
 from locfuse.config.load import parse_config
 from locfuse.io.log_folder import write_log
-from locfuse.run import load_log
+from locfuse.run.run import load_log
 from locfuse.studio.scene import Scene
 from locfuse.studio.view import coverage_of, ground_of
 from locfuse.types import LogError

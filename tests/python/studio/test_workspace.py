@@ -13,7 +13,7 @@ from PIL import Image
 
 from locfuse.config.load import load_config, parse_config
 from locfuse.io.log_folder import read_log, write_log
-from locfuse.run import load_log
+from locfuse.run.run import load_log
 from locfuse.studio.scene import Scene
 from locfuse.studio.studio import Studio
 from locfuse.studio.workspace import NameTakenError, Workspace

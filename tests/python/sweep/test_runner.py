@@ -265,6 +265,6 @@ def test_workers_do_not_import_the_command_line() -> None:
     # They import the script that started them: that of the console, as pip writes it.
     entry = '[project.scripts]\nlocfuse = "locfuse.__main__:main"\n'
     assert entry in (Path(__file__).resolve().parents[3] / "pyproject.toml").read_text()
-    code = "import sys; from locfuse.__main__ import main; print('locfuse.cli' in sys.modules)"
+    code = "import sys; from locfuse.__main__ import main; print('locfuse.cli.app' in sys.modules)"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True, text=True)
     assert found.stdout == "False\n"

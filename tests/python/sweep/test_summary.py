@@ -13,8 +13,14 @@ import pytest
 
 from locfuse.eval.intervals import mean_interval, median_interval, share_interval
 from locfuse.eval.scores import LEVELS
-from locfuse.plot.style import ESTIMATE, MUTED
-from locfuse.plot.sweep import draw_sweep, plot_against, plot_calibration, plot_cdfs, plot_nees
+from locfuse.report.plot.style import ESTIMATE, MUTED
+from locfuse.report.plot.sweep import (
+    draw_sweep,
+    plot_against,
+    plot_calibration,
+    plot_cdfs,
+    plot_nees,
+)
 from locfuse.sweep.summary import SLICES, calibration, groups_of, nees_band, score, summarize
 from locfuse.sweep.table import Trials, trials_of
 from locfuse.sweep.trial import COVERAGE, INSTANTS, Row, Trial, empty_row

@@ -13,7 +13,7 @@ import locfuse
 from locfuse import _core
 from locfuse.config.load import parse_config
 from locfuse.config.schema import RunConfig
-from locfuse.run import run
+from locfuse.run.run import run
 from locfuse.sweep.runner import _work, plan
 from locfuse.sweep.trial import INSTANTS, SCORES, Row, fault_ends_ns, row_of, run_batch, scores
 from locfuse.types import ConfigError

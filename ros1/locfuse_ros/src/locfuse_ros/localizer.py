@@ -16,7 +16,7 @@ from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 from locfuse.config.schema import SOURCES, RunConfig
 from locfuse.ros.adapter import Adapter
-from locfuse.ros.lines import Lines
+from locfuse.ros.dropped_messages import Lines
 from locfuse.ros.parameters import Parameter, config_of, folder_of, parameters, values_of
 from locfuse_ros.fill import message_class, message_of
 from locfuse_ros.hear import hear

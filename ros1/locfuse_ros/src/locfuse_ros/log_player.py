@@ -10,7 +10,7 @@ from typing import Any
 
 import rospy
 
-from locfuse.ros.encode import Publication
+from locfuse.io.rosbag.encode import Publication
 from locfuse.ros.log_player import PARAMETERS, SETTLE_S, LogPlayer, Patience
 from locfuse.ros.parameters import values_of
 from locfuse_ros.fill import message_class, message_of, time_of

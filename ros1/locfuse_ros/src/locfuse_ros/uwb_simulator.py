@@ -8,7 +8,7 @@ from typing import Any
 
 import rospy
 
-from locfuse.ros.decode import MessageError
+from locfuse.io.rosbag.decode import MessageError
 from locfuse.ros.parameters import values_of
 from locfuse.ros.uwb_simulator import PARAMETERS, TOPIC, TRUTH, UwbSystem
 from locfuse_ros.fill import message_class, message_of

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``locfuse reproduce``: the experiments of a checkout's ``papers``, loaded when called."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from locfuse.types import ConfigError
+
+
+def reproduce_command(
+    paper: Annotated[str, typer.Argument(help="A paper or experiment; or all, the five papers.")],
+    seeds: Annotated[
+        int | None,
+        typer.Option(help="Runs per simulated experiment; default: the paper's, else 100.", min=2),
+    ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Also write the rows here.")
+    ] = None,
+    pictures: Annotated[
+        Path | None, typer.Option(help="Also draw pictures into this folder.")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Few seeds, of the five papers.")] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder for page, rows and pictures; default of all: out/papers."),
+    ] = None,
+    compare: Annotated[
+        Path | None, typer.Option(help="papers.json of another run; fail if it differs.")
+    ] = None,
+) -> None:
+    """Run a paper's experiments and compare: claim, paper's figure, ours, required, met."""
+    root = checkout()
+    if root is None:
+        raise ConfigError(
+            "locfuse reproduce needs a checkout of locfuse: its experiments are not installed; "
+            "call it inside one"
+        )
+    if str(root) not in sys.path:
+        sys.path.insert(0, str(root))
+    command = importlib.import_module("papers.cli").reproduce_command
+    command(paper, seeds, json_file, pictures, quick, out, compare)
+
+
+def checkout() -> Path | None:
+    """Return the checkout around the working folder or this file; None if there is none."""
+    for start in (Path.cwd() / "here", Path(__file__).resolve()):
+        for folder in start.parents:
+            if (folder / "papers" / "reproduce.py").is_file():
+                return folder
+    return None

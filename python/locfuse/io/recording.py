@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings of whichever kind: log folders, bags, and what others published."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from locfuse.config.ros import Ros
+from locfuse.io.datasets import CONVERTERS, convert
+from locfuse.io.log_folder import read_log, read_world, write_log
+from locfuse.io.rosbag.bags import is_bag, read_bag, write_bag
+from locfuse.types import ConfigError, Log, LogError, nearest
+
+Progress = Callable[[int, int], None]
+
+BAGS = (".bag", ".mcap")  # how files end that are written as bags
+FILES = (".db3", ".csv", ".tum", ".yaml", ".yml", ".zip", ".gz", ".rawlog", ".rrd")  # and others
+OWN = ("log", "bag")  # kinds of recordings that are no published data set
+
+
+def read_recording(
+    path: str | Path,
+    ros: Ros | None = None,
+    base: Path | None = None,
+    progress: Progress | None = None,
+) -> Log:
+    """Read a log folder or a bag.
+
+    Parameters
+    ----------
+    path : str or Path
+    ros : Ros, optional
+        What a bag says where; by default the usual topics.
+    base : Path, optional
+        Folder that ``ros.world`` is relative to.
+    progress : callable, optional
+        Told (bytes read, bytes in all) of a bag.
+
+    Raises
+    ------
+    LogError
+        As `read_log`, `read_world` or `read_bag`.
+    """
+    path = Path(path)
+    if not is_bag(path):
+        return read_log(path)
+    world = None
+    if ros is not None and ros.world is not None:
+        world = read_world((Path() if base is None else base) / ros.world)
+    return read_bag(path, ros, world, progress)
+
+
+def convert_recording(
+    kind: str,
+    source: str | Path,
+    out: str | Path,
+    ros: Ros | None = None,
+    base: Path | None = None,
+    progress: Progress | None = None,
+) -> list[Path]:
+    """Convert a recording: a published one to log folders, a log or a bag to either.
+
+    Parameters
+    ----------
+    kind : str
+        A key of `CONVERTERS`, ``log`` for a log folder, or ``bag``.
+    source : str or Path
+    out : str or Path
+        A folder; of a log or a bag also a file that ends in ``.bag`` (ROS 1) or ``.mcap`` (ROS 2).
+    ros : Ros, optional
+        What is said where in a bag.
+    base : Path, optional
+        Folder that ``ros.world`` is relative to.
+    progress : callable, optional
+        Told (done, in all) while a bag is read or written.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such kind.
+    LogError
+        If the source cannot be read, or `out` cannot be what was asked for.
+    """
+    kinds = [*CONVERTERS, *OWN]
+    if kind.replace("-", "_") not in kinds:
+        raise ConfigError(f"unknown data set {kind!r}; {nearest(kind.replace('-', '_'), kinds)}")
+    out = Path(out)
+    _check_out(out)
+    if kind not in OWN:
+        if out.suffix in BAGS:
+            raise LogError(f"{out}: a data set becomes log folders; 'locfuse convert log' makes "
+                           "bags of them")  # fmt: skip
+        return convert(kind, source, out)
+    if (kind == "bag") != is_bag(Path(source)):
+        if Path(source).exists():
+            other = "bag" if kind == "log" else "log"
+            raise LogError(f"{source}: is no {_called(kind)}; did you mean 'convert {other}'?")
+        raise LogError(f"{source}: no such {_called(kind)}")
+    check_other(source, out)
+    log = read_recording(source, ros, base, progress)
+    if out.suffix in BAGS:
+        write_bag(log, out, ros, progress)
+    else:
+        write_log(log, out)
+    return [out]
+
+
+def _check_out(out: Path) -> None:
+    """Refuse what neither a folder nor a bag can be called, before the work and not after it."""
+    written = "what is written is a log folder, or a bag that ends in .bag (ROS 1) or .mcap (ROS 2)"
+    if out.suffix in FILES:
+        raise LogError(f"{out}: ends in {out.suffix!r}; {written}")
+    if out.suffix in BAGS:
+        if out.is_dir():
+            raise LogError(f"{out}: is a folder; a bag is a file")
+    elif out.is_file():
+        raise LogError(f"{out}: is a file; {written}")
+    for folder in out.absolute().parents:
+        if folder.is_file():
+            raise LogError(f"{out}: {folder} is a file; expected a folder")
+
+
+def check_other(source: str | Path, out: Path) -> None:
+    """Refuse to write over what is read.
+
+    Raises
+    ------
+    LogError
+        If both are the same file or folder.
+    """
+    if out.exists() and out.samefile(source):
+        raise LogError(f"{out}: is the recording itself; give what is written another name")
+
+
+def _called(kind: str) -> str:
+    return "log folder" if kind == "log" else "bag"

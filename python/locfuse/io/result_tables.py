@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tables of a result: estimate and outcomes, every bit of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from locfuse.io.csv_table import number_texts, stamp_texts, write_table
+from locfuse.types import FloatArray, Health, Outcomes, Trajectory
+
+
+def write_estimate(path: Path, estimate: Trajectory) -> None:
+    """Write ``estimate.csv``: poses with their covariance, every bit of them."""
+    assert estimate.heading is not None
+    assert estimate.covariance is not None
+    header = ["stamp_s", "x_m", "y_m", "heading_rad"]
+    columns: list[FloatArray] = [estimate.position[:, 0], estimate.position[:, 1], estimate.heading]
+    names = ("x", "y", "heading")
+    for row in range(3):
+        for column in range(row, 3):
+            header.append(f"cov_{names[row]}_{names[column]}")
+            columns.append(estimate.covariance[:, row, column])
+    write_table(path, header, [stamp_texts(estimate.stamp_ns), *map(number_texts, columns)])
+
+
+def write_outcomes(path: Path, outcomes: Outcomes) -> None:
+    """Write ``outcomes.csv``: what became of each message, every bit of it."""
+    header = ["stamp_s", "source", "tag", "anchor", "verdict", "nis", "dof", "log_likelihood",
+              "residual", "reason"]  # fmt: skip
+    columns = [
+        stamp_texts(outcomes.stamp_ns),
+        outcomes.source.tolist(),
+        outcomes.tag.tolist(),
+        outcomes.anchor.tolist(),
+        outcomes.verdict.tolist(),
+        number_texts(outcomes.nis),
+        [str(dof) for dof in outcomes.dof.tolist()],
+        number_texts(outcomes.log_likelihood),
+        number_texts(outcomes.residual),
+        outcomes.reason.tolist(),
+    ]
+    write_table(path, header, columns)
+
+
+def write_health(path: Path, health: Health) -> None:
+    """Write ``health.csv``: state, probabilities and protection levels over time."""
+    header = ["stamp_s", "state", "within", "wrong", "protection_x_m", "protection_y_m",
+              "protection_heading_rad", "reason"]  # fmt: skip
+    columns = [
+        stamp_texts(health.stamp_ns),
+        health.state.tolist(),
+        number_texts(health.within),
+        number_texts(health.wrong),
+        *(number_texts(np.where(np.isfinite(level), level, np.nan))
+          for level in health.protection.T),
+        health.reason.tolist(),
+    ]  # fmt: skip
+    write_table(path, header, columns)

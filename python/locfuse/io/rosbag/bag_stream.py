@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The messages that a bag holds, as bytes, one by one in the order of its file.
+
+Bags are read from their beginning on, never by their index: so memory does not grow with them, and
+of one that is damaged or was never closed everything before the damage is read.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from locfuse.io.log_yaml import load_yaml
+from locfuse.io.rosbag import stored_mcap, stored_ros1, stored_sqlite
+from locfuse.io.rosbag.container import (
+    BLOCK,
+    CutError,
+    Message,
+    Reading,
+    Wanted,
+    decompressed,
+    zstd,
+)
+from locfuse.types import LogError
+
+KINDS = "a .bag of ROS 1, a .mcap, or a .db3 or folder of ROS 2"
+READERS = {one.MAGIC: one.messages for one in (stored_ros1, stored_mcap, stored_sqlite)}
+
+
+class Bag(Reading):
+    """A bag.
+
+    Parameters
+    ----------
+    path : Path
+        A file, or a folder of ROS 2.
+    progress : callable, optional
+        Told (bytes read, bytes in all).
+    """
+
+    def __init__(self, path: Path, progress: Callable[[int, int], None] | None = None) -> None:
+        super().__init__(progress)
+        self.path = path
+
+    def messages(self, wanted: Wanted) -> Iterator[Message]:
+        """Yield connection, record time [ns] and bytes of the messages that are wanted.
+
+        Raises
+        ------
+        LogError
+            If there is no such bag, or it is none.
+        """
+        files = _files(self.path)
+        self.size = sum(path.stat().st_size for path, _ in files)
+        self.before = self._told = 0
+        self.counts, self.damage = Counter(), []
+        for path, packing in files:
+            yield from _unpacked(self, path, packing, wanted)
+            self.before += path.stat().st_size
+            self.share = 0.0
+            self.at(0)
+
+
+def is_bag(path: Path) -> bool:
+    """Return whether a path is not that of a log folder: a file, or a folder of a ROS 2 bag."""
+    return path.is_file() or (path / "metadata.yaml").is_file()
+
+
+def _files(path: Path) -> list[tuple[Path, str]]:
+    """Return the files of a bag, and how they are packed: ``file``, ``message`` or not."""
+    if not path.exists():
+        raise LogError(f"{path}: no such bag; expected {KINDS}")
+    if path.is_file():
+        return [(path, "")]
+    if not (path / "metadata.yaml").is_file():
+        raise LogError(f"{path}: a folder without metadata.yaml is no bag; expected {KINDS}")
+    told = load_yaml(path / "metadata.yaml")
+    try:
+        told = told["rosbag2_bagfile_information"]
+        names = [str(name) for name in told["relative_file_paths"]]
+        packing = str(told.get("compression_mode") or "").lower()
+    except (KeyError, TypeError, AttributeError):
+        raise LogError(f"{path / 'metadata.yaml'}: names no files, expected the "
+                       "relative_file_paths of a ROS 2 bag") from None  # fmt: skip
+    files = [path / Path(name).name for name in names]
+    for file in files:
+        if not file.is_file():
+            raise LogError(f"{path}: {file.name}, which metadata.yaml names, is not there")
+    return [(file, "" if packing == "none" else packing) for file in files]
+
+
+def _unpacked(bag: Bag, path: Path, packing: str, wanted: Wanted) -> Iterator[Message]:
+    if packing == "file":
+        with TemporaryDirectory() as folder:
+            file = Path(folder) / path.stem
+            _unpack(path, file)
+            yield from _of_file(bag, file, wanted, packed=path)
+    elif packing == "message":
+        for connection, time_ns, data in _of_file(bag, path, wanted):
+            with suppress(CutError):  # packed bytes are no message either
+                data = decompressed(data, "zstd", None)
+            yield connection, time_ns, data
+    else:
+        yield from _of_file(bag, path, wanted)
+
+
+def _unpack(packed: Path, file: Path) -> None:
+    library = zstd()
+    try:
+        with library.open(packed, "rb") as source, file.open("wb") as target:
+            while block := source.read(BLOCK):
+                target.write(block)
+    except (EOFError, OSError, library.ZstdError) as error:
+        raise LogError(f"{packed}: cannot be unpacked ({error})") from error
+
+
+def _of_file(bag: Bag, path: Path, wanted: Wanted, packed: Path | None = None) -> Iterator[Message]:
+    """Yield the messages of one file, whose kind its first bytes tell."""
+    with path.open("rb") as file:
+        magic = file.read(16)
+        reader = next((r for start, r in READERS.items() if magic.startswith(start)), None)
+        if reader is None:
+            what = f"begins with {magic!r}" if magic else "is empty"
+            raise LogError(f"{packed or path}: {what}; expected {KINDS}")
+        size = path.stat().st_size
+        bag.share = 1.0 if packed is None else packed.stat().st_size / size
+        file.seek(0)
+        yield from reader(bag, path, file, wanted)

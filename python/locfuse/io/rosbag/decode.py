@@ -1,0 +1,708 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a ROS message says, in our units: rows of numbers and names.
+
+A message is anything with the fields of the standard one, so that those of ROS 1 (``rospy``), of
+ROS 2 (``rclpy``) and of bags (``rosbags``) all do; types are never looked at. Stamps are
+nanoseconds, lengths metres, angles radians in [-pi, pi), names of frames without leading slash.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from functools import lru_cache, partial, wraps
+from typing import Any, NamedTuple, ParamSpec, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locfuse import _core
+from locfuse.config.ros import plain
+from locfuse.io.rosbag.geodesy import Origin, to_plane
+from locfuse.types import (
+    FARTHEST_M,
+    FREE,
+    NANOSECONDS,
+    OCCUPIED,
+    RESOLUTIONS_M,
+    UNKNOWN,
+    FloatArray,
+    GridMap,
+)
+
+# Which elements of a ROS covariance (6, 6) are those of (x, y, heading).
+PLANAR = np.ix_((0, 1, 5), (0, 1, 5))
+# Probabilities in percent at which map_server takes a cell for free and for occupied.
+FREE_UP_TO, OCCUPIED_FROM = 19, 66
+FLOAT_MAX = float(np.finfo(np.float64).max)
+UNIT_M = {"m": 1.0, "mm": 1e-3}
+LEAST_LENGTH = 1e-12  # squared, of a quaternion that was set
+NOT_MEASURED_M = 1e6  # a sigma of infinity, as a log can have it
+
+
+P = ParamSpec("P")
+Row = TypeVar("Row")
+
+
+class MessageError(ValueError):
+    """A message cannot mean anything; the text says what is wrong with which field."""
+
+
+def _is(expected: str) -> Callable[[Callable[P, Row]], Callable[P, Row]]:
+    """Have a function say that its message is no such one, where a field is missing or another."""
+
+    def of(read: Callable[P, Row]) -> Callable[P, Row]:
+        @wraps(read)
+        def checked(*args: P.args, **kwargs: P.kwargs) -> Row:
+            try:
+                return read(*args, **kwargs)
+            except MessageError:
+                raise
+            except (AttributeError, TypeError, ValueError, OverflowError) as error:
+                raise MessageError(f"the message is no {expected} ({error})") from None
+
+        return checked
+
+    return of
+
+
+class OdometryRow(NamedTuple):
+    """Where wheels say the body is, in a frame that drifts, and how fast it is there."""
+
+    stamp_ns: int
+    x: float
+    y: float
+    heading: float
+    v: float
+    omega: float
+    frame: str
+    child_frame: str
+    z: float = 0.0
+
+
+class ScanRow(NamedTuple):
+    """A turn of a laser: `ranges` [m] and `intensities`, float64 (beams,), NaN for no return."""
+
+    stamp_ns: int
+    frame: str
+    angle_min: float
+    angle_increment: float
+    range_min: float
+    range_max: float
+    ranges: FloatArray
+    intensities: FloatArray | None
+
+
+class RangeRow(NamedTuple):
+    """A distance between a tag and an anchor; `sigma_m` is None where it is not known."""
+
+    stamp_ns: int
+    tag: str
+    anchor: str
+    range_m: float
+    sigma_m: float | None
+    frame: str
+
+
+class PoseRow(NamedTuple):
+    """A pose of another localizer; `covariance` is (3, 3), of x, y and heading."""
+
+    stamp_ns: int
+    frame: str
+    x: float
+    y: float
+    heading: float
+    covariance: FloatArray
+
+
+class TruthRow(NamedTuple):
+    """Where the body was, as a reference says; `heading` is NaN where it does not say."""
+
+    stamp_ns: int
+    x: float
+    y: float
+    z: float
+    heading: float
+    frame: str
+
+
+class FixRow(NamedTuple):
+    """A position of a tag or, with an empty `tag`, the antenna; `sigma_m` -1 where not known."""
+
+    stamp_ns: int
+    x: float
+    y: float
+    sigma_m: float
+    tag: str
+    frame: str
+
+
+class SightingRow(NamedTuple):
+    """A landmark seen from `frame`; sigmas are None where they are not known."""
+
+    stamp_ns: int
+    landmark: str
+    range_m: float
+    bearing_rad: float
+    sigma_range_m: float | None
+    sigma_bearing_rad: float | None
+    frame: str
+
+
+class TransformRow(NamedTuple):
+    """Pose of the frame `child` in `parent`; `quaternion` is (x, y, z, w)."""
+
+    parent: str
+    child: str
+    x: float
+    y: float
+    z: float
+    quaternion: tuple[float, float, float, float]
+
+
+def stamp_ns(stamp: Any) -> int:
+    """Return a stamp of ROS 1 (``secs``, ``nsecs``) or ROS 2 (``sec``, ``nanosec``) [ns]; 0 is 0.
+
+    Raises
+    ------
+    MessageError
+        If it has neither, or its nanoseconds are no part of a second.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Message
+    >>> stamp_ns(Message(sec=3, nanosec=5)), stamp_ns(Message(secs=3, nsecs=5))
+    (3000000005, 3000000005)
+    """
+    try:
+        seconds, rest = stamp.sec, stamp.nanosec
+    except AttributeError:
+        try:
+            seconds, rest = stamp.secs, stamp.nsecs
+        except AttributeError:
+            raise MessageError(f"the stamp {stamp!r} has no seconds and nanoseconds") from None
+    if not 0 <= rest < NANOSECONDS:
+        raise MessageError(f"the stamp has {rest} nanoseconds, expected 0 to 999999999")
+    return int(seconds) * NANOSECONDS + int(rest)
+
+
+@_is("nav_msgs/Odometry")
+def odometry(message: Any, use: str = "pose") -> OdometryRow:
+    """Return what a nav_msgs/Odometry says.
+
+    Parameters
+    ----------
+    message : nav_msgs/Odometry
+    use : str
+        ``pose`` or ``twist``: the half that is checked; of the other NaN may come.
+
+    Raises
+    ------
+    MessageError
+        If it is no Odometry, its stamp is 0, or a number that is used is not finite.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Message
+    >>> at = Message(position=Message(x=1.0, y=2.0, z=0.0),
+    ...              orientation=Message(x=0.0, y=0.0, z=1.0, w=1.0))
+    >>> moving = Message(linear=Message(x=0.5, y=0.0, z=0.0), angular=Message(x=0, y=0, z=0.25))
+    >>> row = odometry(Message(header=Message(stamp=Message(sec=1, nanosec=0), frame_id="/odom"),
+    ...     child_frame_id="base_link", pose=Message(pose=at), twist=Message(twist=moving)))
+    >>> row.x, row.y, round(row.heading, 3), row.v, row.omega, row.frame
+    (1.0, 2.0, 1.571, 0.5, 0.25, 'odom')
+    """
+    header, child = message.header, message.child_frame_id
+    pose, twist = message.pose.pose, message.twist.twist
+    at, v, omega = pose.position, float(twist.linear.x), float(twist.angular.z)
+    x, y, z = float(at.x), float(at.y), float(at.z)
+    stamp = _stamped(header)
+    if use == "pose":
+        _finite((x, "pose.position.x"), (y, "pose.position.y"))
+        heading = heading_of(pose.orientation)
+    else:
+        _finite((v, "twist.linear.x"), (omega, "twist.angular.z"))
+        heading = math.nan
+    return OdometryRow(stamp, x, y, heading, v, omega, plain(header.frame_id), plain(child), z)
+
+
+def heading_of(quaternion: Any) -> float:
+    """Return where the x axis of a body points that a quaternion turns, in the plane [rad].
+
+    Its length does not matter. Without roll and pitch this undoes `encode.quaternion` bit for bit.
+
+    Raises
+    ------
+    MessageError
+        If it has no length, as one that was never set, or is not finite.
+    """
+    x, y, z, w = (float(quaternion.x), float(quaternion.y), float(quaternion.z),
+                  float(quaternion.w))  # fmt: skip
+    length = x * x + y * y + z * z + w * w
+    if not LEAST_LENGTH < length < math.inf:
+        raise MessageError(f"the orientation ({x:g}, {y:g}, {z:g}, {w:g}) is no rotation; "
+                           "expected a quaternion of length 1")  # fmt: skip
+    if x == 0.0 and y == 0.0:
+        return float(_core.wrap_angle(2.0 * math.atan2(z, w)))
+    return float(_core.wrap_angle(math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)))
+
+
+@_is("sensor_msgs/LaserScan")
+def scan(message: Any) -> ScanRow:
+    """Return what a sensor_msgs/LaserScan says.
+
+    Ranges outside [range_min, range_max] are no returns, nor is what is not finite. A float32
+    stands for the shortest decimal that it is nearest to: of a laser that counts millimetres
+    come millimetres.
+
+    Raises
+    ------
+    MessageError
+        If it is no LaserScan, its stamp is 0, it has no beam, or its geometry is none.
+    """
+    header = message.header
+    told = np.asarray(message.ranges, np.float32)
+    bright = np.asarray(message.intensities, np.float32)
+    geometry = tuple(decimal(getattr(message, key)) for key in
+                     ("angle_min", "angle_increment", "range_min", "range_max"))  # fmt: skip
+    stamp = _stamped(header)
+    start, increment, nearest, farthest = geometry
+    _finite((start, "angle_min"), (increment, "angle_increment"))
+    if len(told) == 0:
+        raise MessageError("the scan has no beam")
+    if increment == 0.0:
+        raise MessageError("angle_increment is 0, expected the angle between two beams")
+    if not 0.0 <= nearest < farthest < math.inf:
+        raise MessageError(f"range_min and range_max are {nearest:g} and {farthest:g}, expected "
+                           "0 <= range_min < range_max")  # fmt: skip
+    if len(bright) not in (0, len(told)):
+        raise MessageError(f"the scan has {len(told)} ranges and {len(bright)} intensities; "
+                           "expected as many, or none")  # fmt: skip
+    ranges = within(decimals(told), nearest, farthest)
+    intensities = within(bright.astype(np.float64), 0.0, FLOAT_MAX) if len(bright) else None
+    return ScanRow(stamp, plain(header.frame_id), start, increment, nearest, farthest, ranges,
+                   intensities)  # fmt: skip
+
+
+def within(values: FloatArray, low: float, high: float) -> FloatArray:
+    """Return the array itself, NaN now where it was not in [low, high]."""
+    with np.errstate(invalid="ignore"):
+        values[~((values >= low) & (values <= high))] = math.nan
+    return values
+
+
+@lru_cache(4096)  # a scan's geometry is told with each scan
+def decimal(value: float | np.float32) -> float:
+    """Return the shortest decimal that is nearest to a float32: 0.1 for 0.10000000149."""
+    single = np.float32(value)
+    return float(str(single)) if np.isfinite(single) else float(single)
+
+
+def decimals(values: NDArray[np.float32]) -> FloatArray:
+    """Return float32 (n,) as float64, at the shortest decimal of 3 to 6 places, if one is it."""
+    wide = values.astype(np.float64)
+    found = wide.copy()
+    left = np.isfinite(values)
+    for scale in (1e3, 1e4, 1e5, 1e6):
+        if not left.any():
+            break
+        rounded = np.rint(wide * scale) / scale
+        hit = left & (rounded.astype(np.float32) == values)
+        found[hit] = rounded[hit]
+        left &= ~hit
+    return found
+
+
+@_is("locfuse_msgs/UwbRanges, UwbRange or UwbData")
+def ranges(
+    message: Any,
+    unit: str = "m",
+    tag: str = "tag",
+    spoilt: Callable[[MessageError], None] | None = None,
+) -> list[RangeRow]:
+    """Return what a UwbRanges, a UwbRange or a UwbData says.
+
+    Parameters
+    ----------
+    message : locfuse_msgs/UwbRanges, UwbRange or UwbData
+        Of a UwbData ids become names, and a distance of 0 is a ranging that failed.
+    unit : str
+        ``m`` or ``mm``, of the distances of a UwbData.
+    tag : str
+        Name of the tag where the message has none.
+    spoilt : callable, optional
+        Told what is wrong with a single range, which is then left out; without it, that is raised.
+
+    Raises
+    ------
+    MessageError
+        If it is something else, a stamp is 0, a range negative or not finite, an anchor without
+        name, or arrays differ in length.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Message
+    >>> rows = ranges(Message(destination_id=[7, 9], distance=[1500, 0],
+    ...     stamp=[Message(sec=1, nanosec=0)] * 2), unit="mm")
+    >>> [(row.tag, row.anchor, row.range_m) for row in rows]
+    [('tag', '7', 1.5)]
+    """
+    if hasattr(message, "destination_id"):
+        return _uwb_data(message, unit, tag, spoilt)
+    if hasattr(message, "anchor"):
+        return [_uwb_range(message, tag, 0, "")]
+    if not hasattr(message, "ranges") or (len(message.ranges) and
+                                          not hasattr(message.ranges[0], "anchor")):  # fmt: skip
+        raise MessageError(f"{type(message).__name__} holds no ranges to anchors; expected "
+                           "locfuse_msgs/UwbRanges, UwbRange or UwbData")  # fmt: skip
+    outer = stamp_ns(message.header.stamp)
+    frame = message.header.frame_id
+    each = (partial(_uwb_range, one, tag, outer, frame) for one in message.ranges)
+    return _each(each, spoilt)
+
+
+def _each(
+    rows: Iterable[Callable[[], RangeRow | None]], spoilt: Callable[[MessageError], None] | None
+) -> list[RangeRow]:
+    found = []
+    for make in rows:
+        try:
+            row = make()
+        except MessageError as error:
+            if spoilt is None:
+                raise
+            spoilt(error)
+        else:
+            if row is not None:
+                found.append(row)
+    return found
+
+
+def _uwb_range(message: Any, tag: str, outer: int, frame: str) -> RangeRow:
+    stamp = stamp_ns(message.header.stamp) or outer
+    anchor, distance, sigma = str(message.anchor), float(message.range), float(message.sigma)
+    _after_zero(stamp)
+    if not anchor:
+        raise MessageError("a range has no anchor; expected its name")
+    _distance(distance, f"the range to {anchor}")
+    if not 0.0 <= sigma < math.inf:
+        raise MessageError(f"the sigma of the range to {anchor} is {sigma:g}; expected > 0, or 0 "
+                           "where it is not known")  # fmt: skip
+    return RangeRow(stamp, message.tag or tag, anchor, distance, sigma or None,
+                    plain(message.header.frame_id or frame))  # fmt: skip
+
+
+def _uwb_data(
+    message: Any, unit: str, tag: str, spoilt: Callable[[MessageError], None] | None
+) -> list[RangeRow]:
+    ids, distances, stamps = message.destination_id, message.distance, message.stamp
+    if not len(ids) == len(distances) == len(stamps):
+        raise MessageError(f"destination_id, distance and stamp have {len(ids)}, {len(distances)} "
+                           f"and {len(stamps)} elements; expected as many of each")  # fmt: skip
+
+    def row(anchor: Any, told: Any, stamp: Any) -> RangeRow | None:
+        distance = float(told) * UNIT_M[unit]
+        _distance(distance, f"the distance to {int(anchor)}")
+        if distance == 0.0:
+            return None
+        at = stamp_ns(stamp)
+        _after_zero(at)
+        return RangeRow(at, tag, str(int(anchor)), distance, None, "")
+
+    each = zip(ids, distances, stamps, strict=True)
+    return _each((partial(row, *one) for one in each), spoilt)
+
+
+@_is("sensor_msgs/Range")
+def range_of(message: Any, tag: str, anchor: str) -> RangeRow | None:
+    """Return what a sensor_msgs/Range says, on a topic of one anchor; None out of its reach.
+
+    Raises
+    ------
+    MessageError
+        If it is no Range, its stamp is 0, or its range negative or NaN.
+    """
+    header, distance = message.header, decimal(message.range)
+    nearest, farthest = decimal(message.min_range), decimal(message.max_range)
+    stamp = _stamped(header)
+    if math.isinf(distance) or (farthest > 0.0 and not nearest <= distance <= farthest
+                                and not math.isnan(distance)):  # fmt: skip
+        return None
+    _distance(distance, f"the range to {anchor}")
+    return RangeRow(stamp, tag, anchor, distance, None, plain(header.frame_id))
+
+
+@_is("geometry_msgs/PoseWithCovarianceStamped")
+def pose(message: Any) -> PoseRow:
+    """Return what a geometry_msgs/PoseWithCovarianceStamped says.
+
+    Raises
+    ------
+    MessageError
+        If it is something else, its stamp is 0, a number is NaN, or the orientation no rotation.
+    """
+    header, at = message.header, message.pose.pose.position
+    x, y, orientation = float(at.x), float(at.y), message.pose.pose.orientation
+    told = np.array(message.pose.covariance, np.float64)
+    stamp = _stamped(header)
+    _finite((x, "pose.position.x"), (y, "pose.position.y"))
+    if told.size != 36:
+        raise MessageError(f"the covariance has {told.size} elements, expected 36")
+    covariance = told.reshape(6, 6)[PLANAR]
+    if np.isnan(covariance).any():
+        raise MessageError("the covariance holds NaN; expected -1 first where it is not known")
+    return PoseRow(stamp, plain(header.frame_id), x, y, heading_of(orientation), covariance)
+
+
+@_is("nav_msgs/Odometry, geometry_msgs/PoseStamped or PointStamped")
+def truth(message: Any) -> TruthRow:
+    """Return what a reference says: a nav_msgs/Odometry, PoseStamped or PointStamped.
+
+    Raises
+    ------
+    MessageError
+        If it is none of them, its stamp is 0, or a number is not finite.
+    """
+    header, told = message.header, getattr(message, "point", None)
+    orientation = None
+    if told is None:
+        at = message.pose if hasattr(message.pose, "position") else message.pose.pose
+        told, orientation = at.position, at.orientation
+    x, y, z = float(told.x), float(told.y), float(told.z)
+    stamp = _stamped(header)
+    _finite((x, "x"), (y, "y"), (z, "z"))
+    heading = math.nan if orientation is None else heading_of(orientation)
+    return TruthRow(stamp, x, y, z, heading, plain(header.frame_id))
+
+
+@_is("nav_msgs/Path of two poses")
+def relation(message: Any) -> tuple[int, int, float, float, float]:
+    """Return begin, end, dx, dy and dheading of a nav_msgs/Path of two poses, the first at 0.
+
+    Raises
+    ------
+    MessageError
+        If it is no such path.
+    """
+    (first, last) = message.poses
+    at = last.pose.position
+    found = (stamp_ns(first.header.stamp), stamp_ns(last.header.stamp), float(at.x),
+             float(at.y), heading_of(last.pose.orientation))  # fmt: skip
+    _finite((found[2], "x"), (found[3], "y"))
+    return found
+
+
+@_is("sensor_msgs/NavSatFix or locfuse_msgs/TagPosition")
+def fix(message: Any, origin: Origin | None = None) -> FixRow | None:
+    """Return what a sensor_msgs/NavSatFix or a locfuse_msgs/TagPosition says; None without a fix.
+
+    Parameters
+    ----------
+    message : sensor_msgs/NavSatFix or locfuse_msgs/TagPosition
+    origin : (latitude_deg, longitude_deg, heading_deg), optional
+        Of the map, its x axis that much counter-clockwise from east; only a NavSatFix needs it.
+
+    Raises
+    ------
+    MessageError
+        If it is something else, its stamp is 0, or a number out of bounds or not finite.
+    """
+    if hasattr(message, "position") and hasattr(message, "tag"):
+        return _tag_position(message)
+    header, status = message.header, int(message.status.status)
+    latitude, longitude = float(message.latitude), float(message.longitude)
+    altitude, kind = float(message.altitude), int(message.position_covariance_type)
+    covariance = np.array(message.position_covariance, np.float64)
+    if status < 0:
+        return None
+    stamp = _stamped(header)
+    if not (abs(latitude) <= 90.0 and abs(longitude) <= 360.0):
+        raise MessageError(f"latitude and longitude are {latitude:g} and {longitude:g}; expected "
+                           "degrees")  # fmt: skip
+    if covariance.size != 9:
+        raise MessageError(f"position_covariance has {covariance.size} elements, expected 9")
+    of_x, of_y, of_z = covariance[[0, 4, 8]].tolist()
+    variance = 0.5 * ((of_x + of_y + of_z) - of_z)
+    if math.isnan(variance):
+        raise MessageError("position_covariance holds NaN; expected type 0 where it is not known")
+    known = kind != 0 and variance > 0.0
+    if origin is None:
+        raise MessageError("a latitude needs the origin of the map; set ros.gps_origin")
+    x, y = to_plane(latitude, longitude, altitude if math.isfinite(altitude) else 0.0, origin)
+    return FixRow(stamp, x, y, min(math.sqrt(variance), NOT_MEASURED_M) if known else -1.0, "",
+                  plain(header.frame_id))  # fmt: skip
+
+
+def _tag_position(message: Any) -> FixRow:
+    stamp = _stamped(message.header)
+    x, y, sigma = float(message.position.x), float(message.position.y), float(message.sigma)
+    _finite((x, "position.x"), (y, "position.y"))
+    if not (0.0 <= sigma < math.inf or sigma == -1.0):
+        raise MessageError(f"sigma is {sigma:g}; expected > 0, or 0 or -1 where it is not known")
+    return FixRow(stamp, x, y, sigma, str(message.tag), plain(message.header.frame_id))
+
+
+@_is("locfuse_msgs/LandmarkSightings or LandmarkSighting")
+def sightings(message: Any) -> list[SightingRow]:
+    """Return what a LandmarkSightings or a LandmarkSighting says.
+
+    Raises
+    ------
+    MessageError
+        If it is something else, a stamp is 0, a number not finite, or a range negative.
+    """
+    if hasattr(message, "bearing"):
+        return [_sighting(message, 0, "")]
+    if not hasattr(message, "sightings"):
+        raise MessageError(f"{type(message).__name__} holds no sightings of landmarks; expected "
+                           "locfuse_msgs/LandmarkSightings or LandmarkSighting")  # fmt: skip
+    outer = stamp_ns(message.header.stamp)
+    frame = message.header.frame_id
+    return [_sighting(one, outer, frame) for one in message.sightings]
+
+
+def _sighting(message: Any, outer: int, frame: str) -> SightingRow:
+    stamp = stamp_ns(message.header.stamp) or outer
+    _after_zero(stamp)
+    name = str(message.landmark)
+    called = name or "a landmark without name"
+    distance, bearing = float(message.range), float(message.bearing)
+    _distance(distance, f"the range to {called}")
+    _finite((bearing, f"the bearing of {called}"))
+    sigmas = float(message.sigma_range), float(message.sigma_bearing)
+    known = any(sigmas)
+    if not all(0.0 <= sigma < math.inf and (sigma > 0.0) == known for sigma in sigmas):
+        raise MessageError(f"sigma_range and sigma_bearing of {called} are {sigmas[0]:g} and "
+                           f"{sigmas[1]:g}; expected both > 0, or both 0")  # fmt: skip
+    return SightingRow(stamp, name, distance, bearing, sigmas[0] if known else None,
+                       sigmas[1] if known else None,
+                       plain(message.header.frame_id or frame))  # fmt: skip
+
+
+@_is("nav_msgs/OccupancyGrid")
+def grid(message: Any) -> GridMap:
+    """Return the map that a nav_msgs/OccupancyGrid holds, in world coordinates.
+
+    As map_server writes probabilities: from 66 % a cell is occupied, up to 19 % free, between them
+    unknown, as is -1.
+
+    Raises
+    ------
+    MessageError
+        If it is something else or without metadata: no cell, no resolution, no origin, or another
+        number of cells than width times height; or if it is nowhere, or of no size.
+    """
+    info, data = message.info, np.asarray(message.data, np.int8)
+    width, height = int(info.width), int(info.height)
+    resolution = decimal(info.resolution)
+    at, orientation = info.origin.position, info.origin.orientation
+    x, y = float(at.x), float(at.y)
+    if width * height != len(data) or len(data) == 0:
+        raise MessageError(f"the map is {width} x {height} cells and holds {len(data)}; expected "
+                           "width times height, at least 1")  # fmt: skip
+    least, most = RESOLUTIONS_M
+    if not least <= resolution <= most:
+        raise MessageError(f"the resolution of the map is {resolution:g} m, expected {least:g} to "
+                           f"{most:g}")  # fmt: skip
+    if not (abs(x) <= FARTHEST_M and abs(y) <= FARTHEST_M):
+        raise MessageError(f"the origin of the map is at ({x:g}, {y:g}) m, expected numbers within "
+                           f"{FARTHEST_M:g}")  # fmt: skip
+    try:
+        yaw = heading_of(orientation)
+    except MessageError as error:
+        raise MessageError(f"the map's origin is not set: {error}") from None
+    odd = (data < -1) | (data > 100)
+    if odd.any():
+        raise MessageError(f"a cell of the map is {data[odd][0]}, expected -1 to 100")
+    cells = np.full(len(data), UNKNOWN, np.int8)
+    cells[(data >= 0) & (data <= FREE_UP_TO)] = FREE
+    cells[data >= OCCUPIED_FROM] = OCCUPIED
+    return GridMap(cells.reshape(height, width), resolution, (x, y, yaw))
+
+
+@_is("locfuse_msgs/NamedPoints")
+def points(message: Any) -> tuple[list[str], FloatArray, FloatArray | None]:
+    """Return names, points (n, 3) and radii (n,) or None of a locfuse_msgs/NamedPoints.
+
+    Raises
+    ------
+    MessageError
+        If it is something else, lengths differ, a name is empty or there twice, or a number is not
+        finite or a radius not positive.
+    """
+    names = [str(name) for name in message.names]
+    at = np.array([[p.x, p.y, p.z] for p in message.points], np.float64).reshape(-1, 3)
+    radii = np.asarray(message.radii, np.float64)
+    if len(at) != len(names) or len(radii) not in (0, len(names)):
+        raise MessageError(f"there are {len(names)} names, {len(at)} points and {len(radii)} "
+                           "radii; expected as many of each, or no radii")  # fmt: skip
+    for name in names:
+        if not name or names.count(name) > 1:
+            raise MessageError(f"the name {name!r} is empty or there twice")
+    if not np.isfinite(at).all():
+        raise MessageError(f"the point {names[int(np.argmin(np.isfinite(at).all(axis=1)))]} is "
+                           "not finite")  # fmt: skip
+    if not ((radii > 0.0) & np.isfinite(radii)).all():
+        raise MessageError("a radius is not positive; leave radii empty where not known")
+    return names, at, radii if len(radii) else None
+
+
+@_is("tf2_msgs/TFMessage")
+def transforms(message: Any) -> list[TransformRow]:
+    """Return what a tf2_msgs/TFMessage or a geometry_msgs/TransformStamped says.
+
+    Raises
+    ------
+    MessageError
+        If it is something else, a frame has no name, or a transform is none.
+    """
+    several = message.transforms if hasattr(message, "transforms") else [message]
+    return [_transform(one) for one in several]
+
+
+def _transform(message: Any) -> TransformRow:
+    parent, child = plain(message.header.frame_id), plain(message.child_frame_id)
+    at, turned = message.transform.translation, message.transform.rotation
+    if not parent or not child or parent == child:
+        raise MessageError(f"a transform leads from {child!r} to {parent!r}; expected two frames")
+    quaternion = (float(turned.x), float(turned.y), float(turned.z), float(turned.w))
+    where = (float(at.x), float(at.y), float(at.z))
+    length = sum(part * part for part in quaternion)
+    if not (all(map(math.isfinite, where)) and LEAST_LENGTH < length < math.inf):
+        raise MessageError(f"the transform from {child} to {parent} is none: translation {where}, "
+                           f"rotation {quaternion}")  # fmt: skip
+    return TransformRow(parent, child, *where, quaternion)
+
+
+@_is("stamped message")
+def frame_of(message: Any) -> str:
+    """Return the frame that a message is in.
+
+    Raises
+    ------
+    MessageError
+        If it has no header.
+    """
+    return str(message.header.frame_id)
+
+
+def _stamped(header: Any) -> int:
+    stamp = stamp_ns(header.stamp)
+    _after_zero(stamp)
+    return stamp
+
+
+def _after_zero(stamp: int) -> None:
+    if stamp <= 0:
+        raise MessageError("the stamp is 0; the driver must stamp its messages")
+
+
+def _finite(*values: tuple[float, str]) -> None:
+    for value, what in values:
+        if not math.isfinite(value):
+            raise MessageError(f"{what} is {value:g}, expected a finite number")
+
+
+def _distance(value: float, what: str) -> None:
+    if not 0.0 <= value < math.inf:
+        raise MessageError(f"{what} is {value:g} m, expected a finite number that is not negative")

@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where sensors sit on the body, as static transforms say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from locfuse import _core
+from locfuse.config.ros import plain
+from locfuse.io.rosbag.decode import MessageError, TransformRow, heading_of
+from locfuse.types import FloatArray
+
+LEAST_UPRIGHT = 0.94  # cosine of 20 degrees: what is tilted more is no sensor of a plane
+SAME_M, SAME_RAD = 1e-3, 1e-3  # up to which two frames of the plane are one
+
+
+class Mount(NamedTuple):
+    """Pose of a frame in the body: metres and radians."""
+
+    x: float
+    y: float
+    z: float
+    heading: float
+
+
+class _Quaternion(NamedTuple):
+    x: float
+    y: float
+    z: float
+    w: float
+
+
+class FrameTree:
+    """Static transforms between frames, as they were heard.
+
+    Parameters
+    ----------
+    base : str
+        The body's frame.
+
+    Examples
+    --------
+    >>> tree = FrameTree("base_link")
+    >>> tree.add([TransformRow("base_link", "mast", 0.5, 0.0, 1.0, (0.0, 0.0, 0.0, 1.0)),
+    ...           TransformRow("mast", "laser", 0.0, 0.0, 0.25, (0.0, 0.0, 0.0, 1.0))])
+    >>> tree.mount("laser")
+    Mount(x=0.5, y=0.0, z=1.25, heading=0.0)
+    """
+
+    def __init__(self, base: str) -> None:
+        self.base = plain(base)
+        self._rows: dict[str, TransformRow] = {}  # by child
+
+    def add(self, transforms: Iterable[TransformRow]) -> None:
+        """Take transforms; the last of a child counts."""
+        for row in transforms:
+            child = plain(row.child)
+            self._rows[child] = row._replace(parent=plain(row.parent), child=child)
+
+    def __contains__(self, frame: str) -> bool:
+        """Return whether transforms lead from a frame to the body."""
+        return plain(frame) == self.base or self._in_body(plain(frame)) is not None
+
+    def mount(self, frame: str) -> Mount:
+        """Return where a frame sits on the body, and where its x axis points in the plane.
+
+        Raises
+        ------
+        MessageError
+            If no static transforms lead from the frame to the body: names both.
+        """
+        row = self._rows.get(plain(frame))
+        if row is not None and row.parent == self.base:  # as it was told, to the last bit
+            return Mount(row.x, row.y, row.z, heading_of(_Quaternion(*row.quaternion)))
+        pose = self._pose(frame)
+        heading = float(_core.wrap_angle(math.atan2(pose[1, 0], pose[0, 0])))
+        return Mount(float(pose[0, 3]), float(pose[1, 3]), float(pose[2, 3]), heading)
+
+    def upside_down(self, frame: str) -> bool:
+        """Return whether a sensor of the plane hangs head down, so that angles count clockwise.
+
+        Raises
+        ------
+        MessageError
+            As `mount`; or if the sensor does not look into the plane.
+        """
+        up = float(self._pose(frame)[2, 2])
+        if abs(up) < LEAST_UPRIGHT:
+            tilt = np.degrees(np.arccos(abs(up)))
+            raise MessageError(f"{plain(frame)} is tilted by {tilt:.0f} deg against {self.base}; "
+                               "expected a sensor that looks into the plane")  # fmt: skip
+        return up < 0.0
+
+    def same_body(self, frame: str) -> str:
+        """Return what to tell of odometry of a frame, nothing where that is the body's.
+
+        Drivers call the body ``base_footprint``, ``base_link``, ``base``: a name that nothing
+        places elsewhere is taken for another of the body's.
+
+        Raises
+        ------
+        MessageError
+            If static transforms place the frame elsewhere on the body.
+        """
+        if plain(frame) in ("", self.base):
+            return ""
+        if frame not in self:
+            return (f"odometry is of {plain(frame)!r}, which no static transform places on "
+                    f"{self.base!r}: they are taken for the same; if they are, set "
+                    f"ros.frames.base: {plain(frame)}")  # fmt: skip
+        at = self.mount(frame)
+        if max(abs(at.x), abs(at.y)) > SAME_M or abs(at.heading) > SAME_RAD:
+            raise MessageError(
+                f"odometry is of {plain(frame)!r}, which sits at x {at.x:.3g} m, y {at.y:.3g} m, "
+                f"{math.degrees(at.heading):.3g} deg on {self.base!r}; set ros.frames.base: "
+                f"{plain(frame)}, and give mounts in that frame"
+            )
+        return ""
+
+    def _pose(self, frame: str) -> FloatArray:
+        found = self._in_body(plain(frame))
+        if found is None:
+            raise MessageError(
+                f"no static transform leads from {plain(frame) or 'a frame without name'} to "
+                f"{self.base}; publish it on tf_static, or say in ros.world where the sensor is"
+            )
+        return found
+
+    def _in_body(self, frame: str) -> FloatArray | None:
+        """Return the pose (4, 4) of a frame in the body: up from both to what they share."""
+        ours, theirs = self._ancestors(self.base), self._ancestors(frame)
+        for shared, pose in theirs.items():
+            if shared in ours:
+                return np.asarray(np.linalg.solve(ours[shared], pose), np.float64)
+        return None
+
+    def _ancestors(self, frame: str) -> dict[str, FloatArray]:
+        """Return the pose of a frame in itself, its parent, and so on, nearest first."""
+        found = {frame: np.eye(4)}
+        pose = found[frame]
+        while frame in self._rows:
+            row = self._rows[frame]
+            frame = row.parent
+            if frame in found:
+                break  # a loop, which tf refuses as well
+            pose = _matrix(row) @ pose
+            found[frame] = pose
+        return found
+
+
+def check_frame(what: str, found: str, expected: str) -> None:
+    """Refuse a message in another frame; one that names none is taken at its word.
+
+    Raises
+    ------
+    MessageError
+        If the names differ by more than a leading slash.
+
+    Examples
+    --------
+    >>> check_frame("poses", "/map", "map")
+    >>> check_frame("poses", "odom", "map")
+    Traceback (most recent call last):
+    locfuse.io.rosbag.decode.MessageError: poses are in frame 'odom', expected 'map'; see ros.frames
+    """
+    if found and plain(found) != plain(expected):
+        raise MessageError(f"{what} are in frame {plain(found)!r}, expected {plain(expected)!r}; "
+                           "see ros.frames")  # fmt: skip
+
+
+def _matrix(row: TransformRow) -> FloatArray:
+    """Return a transform as (4, 4); the quaternion need not have length 1."""
+    x, y, z, w = row.quaternion
+    n = x * x + y * y + z * z + w * w
+    pose = np.eye(4)
+    pose[:3, :3] = [
+        [1 - 2 * (y * y + z * z) / n, 2 * (x * y - z * w) / n, 2 * (x * z + y * w) / n],
+        [2 * (x * y + z * w) / n, 1 - 2 * (x * x + z * z) / n, 2 * (y * z - x * w) / n],
+        [2 * (x * z - y * w) / n, 2 * (y * z + x * w) / n, 1 - 2 * (x * x + y * y) / n],
+    ]
+    pose[:3, 3] = row.x, row.y, row.z
+    return pose

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Decoded messages as rows of the tables of a log: columns by name, in the units of the format."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from locfuse import _core
+from locfuse.io.rosbag.decode import (
+    FixRow,
+    OdometryRow,
+    PoseRow,
+    RangeRow,
+    ScanRow,
+    SightingRow,
+)
+from locfuse.io.rosbag.frames import Mount
+
+Row = dict[str, Any]
+
+
+class Wheels:
+    """Makes increments of the poses of odometry, or takes its velocities.
+
+    Parameters
+    ----------
+    use : str
+        ``pose`` or ``twist``, as `ros.odometry_from`.
+    """
+
+    def __init__(self, use: str) -> None:
+        self._use = use
+        self._before: OdometryRow | None = None
+
+    def row(self, now: OdometryRow) -> Row:
+        """Return the row of a message; of the first one only the stamp says something."""
+        if self._use == "twist":
+            return {"stamp_ns": now.stamp_ns, "v_mps": now.v, "omega_radps": now.omega}
+        before = self._before
+        if before is None or now.stamp_ns > before.stamp_ns:
+            self._before = now
+        moved = _core.Pose2()
+        if before is not None and now.stamp_ns > before.stamp_ns:
+            was = _core.Pose2(before.x, before.y, before.heading)
+            moved = was.inverse() * _core.Pose2(now.x, now.y, now.heading)
+        return {
+            "stamp_ns": now.stamp_ns,
+            "dx_m": moved.x,
+            "dy_m": moved.y,
+            "dheading_rad": moved.heading,
+        }
+
+
+def laser_of(row: ScanRow, mount: Mount, upside_down: bool = False) -> dict[str, Any]:
+    """Return the geometry of a scan as `Log.laser` has it; head down, angles count clockwise."""
+    sign = -1.0 if upside_down else 1.0
+    return {
+        "pose_in_body": [mount.x, mount.y, mount.heading],
+        "angle_min_rad": sign * row.angle_min,
+        "angle_increment_rad": sign * row.angle_increment,
+        "range_min_m": row.range_min,
+        "range_max_m": row.range_max,
+    }
+
+
+def scan_row(row: ScanRow, laser: Mapping[str, Any]) -> Row:
+    """Return a scan with the geometry of its laser."""
+    told = {"stamp_ns": row.stamp_ns, "ranges_m": row.ranges, "laser": laser}
+    return told if row.intensities is None else {**told, "intensities": row.intensities}
+
+
+def range_row(row: RangeRow) -> Row:
+    """Return a range; without ``sigma_m`` where that is not known."""
+    told: Row = {"stamp_ns": row.stamp_ns, "tag": row.tag, "anchor": row.anchor,
+                 "range_m": row.range_m}  # fmt: skip
+    return told if row.sigma_m is None else {**told, "sigma_m": row.sigma_m}
+
+
+def position_row(row: FixRow) -> Row:
+    """Return a position of a tag, or of the antenna."""
+    return {"stamp_ns": row.stamp_ns, "tag": row.tag, "x_m": row.x, "y_m": row.y,
+            "sigma_m": row.sigma_m}  # fmt: skip
+
+
+def pose_row(row: PoseRow) -> Row:
+    """Return a pose with one sigma of its position and one of its heading; -1 if not known."""
+    xy, heading = sigmas_of(row.covariance)
+    return {
+        "stamp_ns": row.stamp_ns,
+        "x_m": row.x,
+        "y_m": row.y,
+        "heading_rad": row.heading,
+        "sigma_xy_m": xy,
+        "sigma_heading_rad": heading,
+    }
+
+
+def sigmas_of(covariance: Any) -> tuple[float, float]:
+    """Return sigmas of position and heading of a covariance (3, 3); (-1, -1) if it tells of none.
+
+    Examples
+    --------
+    >>> sigmas_of(np.diag([0.04, 0.04, 0.01])), sigmas_of(np.zeros((3, 3)))
+    ((0.2, 0.1), (-1.0, -1.0))
+    """
+    variance = np.diag(covariance)
+    if not (variance > 0.0).all():
+        return -1.0, -1.0
+    return float(np.sqrt(variance[:2].mean())), float(np.sqrt(variance[2]))
+
+
+def sighting_row(row: SightingRow) -> Row:
+    """Return a landmark seen; without sigmas where they are not known."""
+    told: Row = {"stamp_ns": row.stamp_ns, "landmark": row.landmark, "range_m": row.range_m,
+                 "bearing_rad": row.bearing_rad}  # fmt: skip
+    if row.sigma_range_m is None:
+        return told
+    return {**told, "sigma_range_m": row.sigma_range_m, "sigma_bearing_rad": row.sigma_bearing_rad}

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The messages of a .bag of ROS 1."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from locfuse.config.ros import plain
+from locfuse.io.rosbag.container import (
+    Connection,
+    CutError,
+    Message,
+    Reading,
+    Wanted,
+    decompressed,
+    exactly,
+    left,
+    text,
+    words,
+)
+from locfuse.types import LogError
+
+MAGIC = b"#ROSBAG V"
+LONGEST_HEADER = 1 << 24  # bytes of a record's header; more is damage
+
+_U32 = struct.Struct("<I").unpack_from
+_TIME = struct.Struct("<II").unpack
+MESSAGE, BAG_HEADER, CHUNK, CONNECTION = 2, 3, 5, 7
+
+
+def messages(bag: Reading, path: Path, file: BinaryIO, wanted: Wanted) -> Iterator[Message]:
+    """Yield the messages of a file that are wanted."""
+    version = file.readline(32).strip()
+    if version != b"#ROSBAG V2.0":
+        raise LogError(f"{path}: {version.decode('ascii', 'replace')}, expected #ROSBAG V2.0")
+    known: dict[int, Connection] = {}
+    closed = False
+    at = file.tell()
+    try:
+        while head := file.read(4):
+            at = file.tell() - len(head)
+            bag.at(at)
+            fields = _fields(_header(file, head))
+            op = _number(fields, b"op")
+            (length,) = _U32(exactly(file, 4))
+            if op == CHUNK:
+                yield from _chunk_of_ros1(bag, path, file, fields, length, known, wanted)
+            elif op in (MESSAGE, CONNECTION):
+                yield from _record(bag, fields, op, exactly(file, length), known, wanted)
+            elif length > left(file):
+                raise CutError(f"{length} bytes were to follow, there are {left(file)}")
+            else:
+                if op == BAG_HEADER:
+                    closed = 0 < _number(fields, b"index_pos") <= path.stat().st_size
+                file.seek(length, 1)
+    except (CutError, KeyError, struct.error) as error:
+        bag.damaged(path, at, words(error))
+        return
+    if not closed:
+        bag.damaged(path, "at its end", "it was never closed")
+
+
+def _header(file: BinaryIO, head: bytes) -> bytes:
+    if len(head) < 4:
+        raise CutError("a record has no length")
+    (length,) = _U32(head)
+    if length > LONGEST_HEADER:
+        raise CutError(f"a record's header of {length} bytes")
+    return exactly(file, length)
+
+
+def _fields(data: bytes) -> dict[bytes, bytes]:
+    found: dict[bytes, bytes] = {}
+    at = 0
+    while at < len(data):
+        (length,) = _U32(data, at)
+        name, equals, value = data[at + 4 : at + 4 + length].partition(b"=")
+        at += 4 + length
+        if not equals or at > len(data):
+            raise CutError("a record's header is none")
+        found[name] = value
+    return found
+
+
+def _number(fields: dict[bytes, bytes], name: bytes) -> int:
+    return int.from_bytes(fields[name], "little")
+
+
+def _chunk_of_ros1(
+    bag: Reading,
+    path: Path,
+    file: BinaryIO,
+    fields: dict[bytes, bytes],
+    length: int,
+    known: dict[int, Connection],
+    wanted: Wanted,
+) -> Iterator[Message]:
+    """Yield the messages of a chunk; one that is damaged is left, and the next one read."""
+    at = file.tell()
+    data = file.read(min(length, left(file)))
+    packing = fields[b"compression"].decode("ascii", "replace")
+    try:
+        if len(data) == length or packing == "none":
+            yield from _records(bag, decompressed(data, packing, None), known, wanted)
+    except (CutError, KeyError, struct.error) as error:
+        if len(data) == length:
+            bag.damaged(path, at, words(error))
+            return
+    if len(data) < length:
+        raise CutError(f"a chunk of {length} bytes was to follow, there are {len(data)}")
+
+
+def _records(
+    bag: Reading, data: bytes, known: dict[int, Connection], wanted: Wanted
+) -> Iterator[Message]:
+    at = 0
+    while at < len(data):
+        (length,) = _U32(data, at)
+        end = at + 4 + length
+        fields = _fields(data[at + 4 : end])
+        (size,) = _U32(data, end)
+        if end + 4 + size > len(data):
+            raise CutError(f"{size} bytes were to follow, there are {len(data) - end - 4}")
+        body = data[end + 4 : end + 4 + size]
+        at = end + 4 + size
+        yield from _record(bag, fields, _number(fields, b"op"), body, known, wanted)
+
+
+def _record(
+    bag: Reading,
+    fields: dict[bytes, bytes],
+    op: int,
+    body: bytes,
+    known: dict[int, Connection],
+    wanted: Wanted,
+) -> Iterator[Message]:
+    if op == CONNECTION:
+        told = _fields(body)
+        topic = told.get(b"topic", fields[b"topic"])
+        known[_number(fields, b"conn")] = Connection(
+            plain(text(topic)), text(told[b"type"]), text(told[b"message_definition"]), "ros1",
+            publisher=text(told.get(b"callerid", b"")),
+        )  # fmt: skip
+    elif op == MESSAGE:
+        connection = known.get(_number(fields, b"conn"))
+        if connection is None:
+            raise CutError("a message of no connection")
+        seconds, rest = _TIME(fields[b"time"])
+        bag.counts[connection] += 1
+        if wanted(connection):
+            yield connection, seconds * 1_000_000_000 + rest, body

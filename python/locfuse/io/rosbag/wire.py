@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages as bytes and back, by rosbags, which knows the types of both ROS."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Mapping
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from locfuse.io.rosbag.container import Connection, short
+from locfuse.io.rosbag.optional_rosbags import need
+from locfuse.io.rosbag.unpack import STRUCTURE, TEXT, Node, Structure
+from locfuse.types import NANOSECONDS, LogError
+
+NO_PACKAGE = {
+    # of tf2_msgs, which rosbags does not count as one of ROS 1
+    "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n",
+}
+
+
+@cache
+def definitions() -> Mapping[str, str]:
+    """Return the texts that define our own messages, by type."""
+    folder = files("locfuse.io.rosbag") / "msg"
+    return {f"locfuse_msgs/msg/{file.name.removesuffix('.msg')}": file.read_text("utf-8")
+            for file in folder.iterdir() if file.name.endswith(".msg")}  # fmt: skip
+
+
+@cache
+def store(encoding: str) -> Any:
+    """Return the types that either ROS has, and ours; `encoding` is ``ros1`` or ``cdr``.
+
+    Raises
+    ------
+    LogError
+        If rosbags is not installed.
+    """
+    typesys = need("rosbags.typesys")
+    stores = typesys.Stores
+    found = typesys.get_typestore(stores.ROS1_NOETIC if encoding == "ros1" else stores.ROS2_HUMBLE)
+    types = {}
+    for name, text in {**NO_PACKAGE, **definitions()}.items():
+        if name not in found.types:
+            types.update(typesys.get_types_from_msg(text, name))
+    found.register(types)
+    return found
+
+
+def long(name: str) -> str:
+    """Return the name of a type as rosbags has it.
+
+    Examples
+    --------
+    >>> long("nav_msgs/Odometry")
+    'nav_msgs/msg/Odometry'
+    """
+    return "/msg/".join(name.split("/")) if name.count("/") == 1 else name
+
+
+@cache
+def structure(connection: Connection) -> Structure:
+    """Return the fields of the messages of a connection, for `locfuse.io.rosbag.unpack.unpack`.
+
+    By the bag's own definition; by ROS's where it has none.
+
+    Raises
+    ------
+    LogError
+        If the bag has no definition of the type and there is none here, or it is no definition.
+    """
+    try:
+        return _structure(_definition(connection), long(connection.type), connection.encoding)
+    except KeyError as error:
+        raise _unusable(connection, error) from error
+
+
+@cache
+def deserializer(connection: Connection) -> Callable[[bytes], Any]:
+    """Return what makes a message of the bytes of a connection.
+
+    What it makes raises one of `broken()` where bytes are not what the definition says.
+
+    Raises
+    ------
+    LogError
+        As `structure`.
+    """
+    name = long(connection.type)
+    types = store(connection.encoding)
+    if connection.definition:
+        typesys = need("rosbags.typesys")
+        types = typesys.get_typestore(typesys.Stores.EMPTY)
+        try:
+            types.register(_definition(connection))
+            types.get_msgdef(name)
+        except (typesys.TypesysError, KeyError, ValueError) as error:
+            raise _unusable(connection, error) from error
+    else:
+        _definition(connection)
+    if connection.encoding == "ros1":
+        return lambda data: types.deserialize_ros1(data, name)
+    return lambda data: types.deserialize_cdr(data, name)
+
+
+@cache
+def _definition(connection: Connection) -> Mapping[str, Any]:
+    """Return the fields of the type of a connection, and of those that it is made of."""
+    name = long(connection.type)
+    if connection.encoding not in ("ros1", "cdr"):
+        raise LogError(
+            f"{connection.type} is encoded as {connection.encoding!r}, expected ros1 or cdr"
+        )
+    if not connection.definition:
+        known: Mapping[str, Any] = store(connection.encoding).fielddefs
+        if name not in known:
+            raise LogError(f"nothing defines {short(name)}: the bag brings no definition of it")
+        return known
+    typesys = need("rosbags.typesys")
+    try:
+        found = (typesys.get_types_from_idl(connection.definition) if connection.is_idl else
+                 typesys.get_types_from_msg(connection.definition, name))  # fmt: skip
+    except (typesys.TypesysError, KeyError, ValueError) as error:
+        raise _unusable(connection, error) from error
+    return {**typesys.get_typestore(typesys.Stores.EMPTY).fielddefs, **found}
+
+
+def _unusable(connection: Connection, error: Exception) -> LogError:
+    return LogError(f"the definition of {connection.type} cannot be used ({error})")
+
+
+def _structure(definition: Mapping[str, Any], name: str, encoding: str) -> Structure:
+    nodes = need("rosbags.interfaces").Nodetype
+
+    def node(told: Any) -> Node:
+        kind, what = told
+        if kind == nodes.BASE:
+            return Node(TEXT if what[0] == "string" else _dtype(what[0]))
+        if kind == nodes.NAME:
+            return Node(STRUCTURE, _structure(definition, what, encoding))
+        element, length = what
+        return node(element)._replace(length=length if kind == nodes.ARRAY else -1)
+
+    return tuple(
+        (field, node(told)) for field, told in definition[name][1]
+        if encoding != "ros1" or field != "structure_needs_at_least_one_member"
+    )  # fmt: skip
+
+
+def _dtype(name: str) -> np.dtype[Any]:
+    return np.dtype({"byte": "u1", "char": "u1", "octet": "u1", "float128": "V16"}.get(name, name))
+
+
+@cache
+def broken() -> tuple[type[Exception], ...]:
+    """Return what deserializers raise where bytes are not what their type says."""
+    of_rosbags: type[Exception] = need("rosbags.serde").SerdeError
+    return (of_rosbags, struct.error, ValueError, IndexError, AssertionError)
+
+
+def serializer(encoding: str, name: str) -> Callable[[Mapping[str, Any]], bytes]:
+    """Return the function that serializes the fields of a message as `encode` returns them."""
+    types = store(encoding)
+    fill = _filler(encoding, long(name))
+    if encoding == "ros1":
+        return lambda fields: types.serialize_ros1(fill(fields), long(name))
+    return lambda fields: types.serialize_cdr(fill(fields), long(name))
+
+
+def defined(encoding: str, name: str) -> tuple[str, str]:
+    """Return the definition of a type and its MD5 sum, which only ROS 1 has."""
+    types = store(encoding)
+    if encoding == "ros1":
+        text, digest = types.generate_msgdef(long(name))
+        return str(text), str(digest)
+    return str(types.generate_msgdef(long(name), ros_version=2)[0]), ""
+
+
+@cache
+def _filler(encoding: str, name: str) -> Callable[[Any], Any]:
+    """Return what makes a message of rosbags of its fields; those that are left out are 0."""
+    if name in ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"):
+        return _time(store(encoding).types[name])
+    kind = store(encoding).types[name]
+    parts = [(field, *_part(encoding, told)) for field, told in store(encoding).fielddefs[name][1]]
+
+    def fill(fields: Any) -> Any:
+        return kind(**{
+            field: make(fields[field]) if field in fields else default()
+            for field, make, default in parts
+        })  # fmt: skip
+
+    return fill
+
+
+def _time(kind: Callable[..., Any]) -> Callable[[Any], Any]:
+    def fill(fields: Any) -> Any:
+        seconds, rest = divmod(fields.get("ns", 0), NANOSECONDS)
+        return kind(sec=seconds, nanosec=rest)
+
+    return fill
+
+
+def _part(encoding: str, told: Any) -> tuple[Callable[[Any], Any], Callable[[], Any]]:
+    """Return what makes a field of what is said, and what makes it of nothing."""
+    nodes = need("rosbags.interfaces").Nodetype
+    node, what = told
+    if node == nodes.BASE:
+        return _base(what[0])
+    if node == nodes.NAME:
+        fill = _filler(encoding, what)
+        return fill, lambda: fill({})
+    (inner, element), length = what
+    if inner == nodes.NAME:
+        fill = _filler(encoding, element)
+        return lambda several: [fill(one) for one in several], list
+    if element[0] == "string":
+        return lambda several: [str(one) for one in several], list
+    dtype = _dtype(element[0])
+    size = length if node == nodes.ARRAY else 0
+    return lambda several: np.asarray(several, dtype), lambda: np.zeros(size, dtype)
+
+
+def _base(name: str) -> tuple[Callable[[Any], Any], Callable[[], Any]]:
+    if name == "string":
+        return str, str
+    if name == "bool":
+        return bool, bool
+    if name.startswith("float"):
+        return float, float
+    return int, int

@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a player shows of a run, small enough for a page."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locfuse.eval.consistency import band
+from locfuse.eval.errors import errors_against
+from locfuse.report.player.messages import messages_part
+from locfuse.report.player.parts import Part, encoded, encoded_bytes, shares, table_part
+from locfuse.report.player.world import world_of
+from locfuse.report.plot.errors import BAND_SIGMAS
+from locfuse.report.plot.path import ELLIPSE_SIGMAS
+from locfuse.report.plot.text import seconds, start_ns
+from locfuse.report.plot.thinning import stride
+from locfuse.types import NANOSECONDS, FloatArray, Frame, Health, Log, RunResult, Trajectory
+
+MOST_BYTES = 4_000_000  # of a packed run as JSON
+
+_LEAST_BEAMS = 90  # to which a scan is thinned before scans are left out
+_LEAST_PARTICLES = 300  # to which a cloud is
+_LEVELS = 65535  # of a coordinate of a particle
+_METRICS = ("position_rmse_m", "position_p95_m", "position_max_m", "heading_rmse_deg",
+            "nees_mean", "nees_dof")  # fmt: skip
+
+
+def pack(
+    result: RunResult,
+    *,
+    particles: Sequence[Frame] | None = None,
+    most_bytes: int = MOST_BYTES,
+    whole: bool = True,
+) -> dict[str, Any]:
+    """Return what a player shows of a run, as JSON holds it.
+
+    Parameters
+    ----------
+    result : RunResult
+    particles : sequence of Frame, optional
+        In order of time, instead of those of the run.
+    most_bytes : int
+        Of the JSON. What is too long is thinned evenly, never its ends, and what was rejected goes
+        last; the key ``of`` of each table says how many rows there were.
+    whole : bool
+        False for a run that still computes.
+
+    Returns
+    -------
+    dict
+        Times are seconds since ``start_ns``, the first message or estimate; lengths are metres,
+        angles radians. Arrays are base64 of little-endian numbers, with their shape.
+
+    Raises
+    ------
+    ValueError
+        If the run has neither estimates nor messages, or the map and the names alone take more
+        than `most_bytes`.
+    """
+    origin = start_ns(result)
+    fixed = {
+        "name": str(result.config.get("name") or result.log.description or "run"),
+        "start_ns": str(origin),  # more digits than numbers of JavaScript have
+        "whole": whole,
+        "start": 0.0,
+        "end": _end_s(result, origin),
+        "ellipse_sigmas": ELLIPSE_SIGMAS,
+        "band_sigmas": BAND_SIGMAS,
+        "metrics": {key: result.metrics.get(key) for key in _METRICS},
+        "events": _events(result, origin),
+        **world_of(result, most_bytes // 4),
+    }
+    parts = _parts(result, result.frames if particles is None else particles, origin)
+    words, parts["messages"] = messages_part(result, origin)
+    fixed |= words
+    dofs = np.unique(result.outcomes.dof[result.outcomes.dof > 0]).tolist()
+    fixed["bands"] = {str(dof): band(dof) for dof in dofs}
+    left = most_bytes - len(json.dumps(fixed)) - 200 * (len(parts) + 1)
+    if left < 0:
+        raise ValueError(f"most_bytes is {most_bytes}, but the map and the names of this run alone "
+                         f"take {most_bytes - left}")  # fmt: skip
+    given = shares({name: part.wanted for name, part in parts.items()}, left)
+    return fixed | {name: part.packed(given[name]) for name, part in parts.items()}
+
+
+def _end_s(result: RunResult, origin: int) -> float:
+    last = max(int(s.max()) for s in (result.estimate.stamp_ns, result.outcomes.stamp_ns) if len(s))
+    return (last - origin) / NANOSECONDS
+
+
+def _parts(result: RunResult, particles: Sequence[Frame], origin: int) -> dict[str, Part]:
+    parts = {"estimate": _track(result.estimate, origin)}
+    if result.truth is not None and len(result.truth):
+        parts["truth"] = _track(result.truth, origin)
+        parts["errors"] = _errors(result, origin)
+    if result.health is not None and len(result.health):
+        parts["health"] = _health(result.health, origin)
+    if "scans" in result.log and result.log.laser is not None:
+        parts["scans"] = _scans(result.log, origin)
+    if particles:
+        parts["particles"] = _particles(particles, origin)
+    return parts
+
+
+def _track(track: Trajectory, origin: int) -> Part:
+    unknown = np.full(len(track), np.nan, np.float32)
+    columns: dict[str, NDArray[Any]] = {
+        "t": seconds(track.stamp_ns, origin),
+        "x": track.position[:, 0],
+        "y": track.position[:, 1],
+        "heading": unknown if track.heading is None else track.heading.astype(np.float32),
+    }
+    if track.covariance is not None:
+        P = track.covariance.astype(np.float32)
+        columns["covariance"] = np.stack([P[:, 0, 0], P[:, 0, 1], P[:, 1, 1]], axis=1)
+        columns["sigma_heading"] = np.sqrt(np.maximum(P[:, 2, 2], 0.0))
+    return table_part(columns, np.zeros(len(track), np.bool_))
+
+
+def _errors(result: RunResult, origin: int) -> Part:
+    """Return estimate minus truth, with the claimed sigmas; the largest error stays."""
+    assert result.truth is not None
+    errors = errors_against(result.estimate, result.truth)
+    n = len(errors)
+    heading = np.full(n, np.nan) if errors.heading is None else errors.heading
+    columns: dict[str, NDArray[Any]] = {
+        "t": seconds(errors.stamp_ns, origin),
+        "error": np.column_stack([errors.position, heading]).astype(np.float32),
+    }
+    if errors.sigma is not None:
+        columns["sigma"] = errors.sigma.astype(np.float32)
+    keep = np.zeros(n, np.bool_)
+    if n:
+        keep[np.argmax(np.hypot(*errors.position.T))] = True
+    return table_part(columns, keep)
+
+
+def _health(health: Health, origin: int) -> Part:
+    states, state = np.unique(health.state, return_inverse=True)
+    reasons, reason = np.unique(health.reason, return_inverse=True)
+    columns: dict[str, NDArray[Any]] = {
+        "t": seconds(health.stamp_ns, origin),
+        "state": state.astype(np.uint8),
+        "within": health.within.astype(np.float32),
+        "reason": reason.astype(np.uint16),
+    }
+    edge = np.concatenate([[True], state[1:] != state[:-1]])
+    table = table_part(columns, edge | np.append(edge[1:], True))
+    names = {"states": states.tolist(), "reasons": reasons.tolist()}
+    return Part(table.wanted + len(json.dumps(names)),
+                lambda most: names | table.packed(most - len(json.dumps(names))))  # fmt: skip
+
+
+def _scans(log: Log, origin: int) -> Part:
+    """Return the scans in whole centimetres, 0 where nothing came back."""
+    laser, table = log.laser, log["scans"]
+    assert laser is not None
+    ranges: FloatArray = table["ranges_m"]
+    n, beams = ranges.shape
+    mount = [float(value) for value in laser["pose_in_body"]]
+
+    def packed(most_bytes: int) -> dict[str, Any]:
+        most = max(most_bytes * 3 // 4, 1)
+        fine = min(beams, max(_LEAST_BEAMS, (most // max(n, 1) - 8) // 2))
+        step = -(-beams // fine)
+        shown = -(-beams // step)
+        rows = stride(n, min(n, max(2, most // (2 * shown + 8))))
+        part = ranges[rows, ::step]
+        hit = np.isfinite(part) & (part > 0.0) & (part < laser["range_max_m"]) & (part < 655.0)
+        return {
+            "of": n,
+            "t": encoded(seconds(table["stamp_ns"][rows], origin)),
+            "ranges_cm": encoded(np.where(hit, np.round(100.0 * part), 0.0).astype(np.uint16)),
+            "angle_min": float(laser["angle_min_rad"]),
+            "angle_increment": float(laser["angle_increment_rad"]) * step,
+            "mount": mount,
+        }
+
+    return Part(encoded_bytes(n * (2 * beams + 8)), packed)
+
+
+def _particles(frames: Sequence[Frame], origin: int) -> Part:
+    """Return clouds as whole steps of a box around them all."""
+    clouds = [frame.particles[:, :2] for frame in frames]
+    sizes = np.array([len(cloud) for cloud in clouds])
+    low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0)
+    high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0)
+    scale = np.where(high > low, high - low, 1.0) / _LEVELS
+
+    def packed(most_bytes: int) -> dict[str, Any]:
+        most = most_bytes * 3 // 16
+        each = max(_LEAST_PARTICLES, most // len(frames))
+        rows = stride(len(frames), max(2, most // int(max(1, np.minimum(sizes, each).mean()))))
+        thin = [clouds[row][:: -(-len(clouds[row]) // each)] for row in rows]
+        at = np.concatenate([np.round((cloud - low) / scale) for cloud in thin])
+        stamps = np.array([frames[row].stamp_ns for row in rows], np.int64)
+        return {
+            "of": len(frames),
+            "t": encoded(seconds(stamps, origin)),
+            "first": encoded(np.cumsum([0, *map(len, thin)]).astype(np.uint32)),
+            "xy": encoded(at.astype(np.uint16)),
+            "low": low.tolist(),
+            "scale": scale.tolist(),
+            "ready": encoded(np.array([frames[row].ready for row in rows]).astype(np.uint8)),
+        }
+
+    return Part(encoded_bytes(4 * int(sizes.sum()) + 16 * len(frames)), packed)
+
+
+def _events(result: RunResult, origin: int) -> list[dict[str, Any]]:
+    """Return what happened to the estimator: found its pose, was lost, UWB took over."""
+    events: list[tuple[int, str]] = []
+    if result.start is not None:
+        events.append((result.start.stamp_ns, "pose found from nothing"))
+    for row in np.flatnonzero(result.outcomes.source == "switch").tolist():
+        why = str(result.outcomes.reason[row]).split(":", 1)[0]
+        events.append((int(result.outcomes.stamp_ns[row]), f"UWB took over: {why}"))
+    if result.health is not None:
+        events += _losses(result.health)
+    return [{"t": (stamp - origin) / NANOSECONDS, "text": text} for stamp, text in sorted(events)]
+
+
+def _losses(health: Health) -> list[tuple[int, str]]:
+    lost = np.concatenate([[False], health.state == "lost"])
+    events = []
+    for row in np.flatnonzero(lost[1:] != lost[:-1]).tolist():
+        text = f"lost: {health.reason[row]}" if lost[row + 1] else "found again"
+        events.append((int(health.stamp_ns[row]), text))
+    return events[:1000]

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Picture of the errors over time, inside or outside the band that the estimator claims."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from locfuse.eval.errors import errors_against
+from locfuse.report.plot.style import (
+    ESTIMATE,
+    ESTIMATE_PALE,
+    MOST_POINTS,
+    MUTED,
+    Handle,
+    legend,
+    panels,
+    time_axis,
+    title,
+)
+from locfuse.report.plot.text import percent, seconds, start_ns
+from locfuse.report.plot.thinning import keep_extremes
+from locfuse.types import FloatArray, RunResult
+
+BAND_SIGMAS = 3.0
+
+
+def plot_errors(result: RunResult) -> Figure | None:
+    """Draw the errors of x, y and heading over time with the 3-sigma bands the estimator claims.
+
+    Parameters
+    ----------
+    result : RunResult
+
+    Returns
+    -------
+    Figure or None
+        One axes per component, heading in degrees and only if truth has one. The lines are broken
+        where truth is silent. None without truth or where truth and estimate do not overlap in
+        time.
+    """
+    if result.truth is None or len(result.truth) == 0:
+        return None
+    errors = errors_against(result.estimate, result.truth)
+    if len(errors) == 0:
+        return None
+    components = [("x", "m", errors.position[:, 0]), ("y", "m", errors.position[:, 1])]
+    scales = [1.0, 1.0, float(np.degrees(1.0))]
+    if errors.heading is not None:
+        components.append(("heading", "deg", np.degrees(errors.heading)))
+    figure, column = panels(len(components), 2.1)
+    time_s = seconds(errors.stamp_ns, start_ns(result))
+    piece = np.cumsum(np.diff(errors.row, prepend=errors.row[0]) > 1, dtype=np.intp)
+    for k, (axes, (name, unit, error)) in enumerate(zip(column, components, strict=True)):
+        bound = None if errors.sigma is None else BAND_SIGMAS * scales[k] * errors.sigma[:, k]
+        _draw(axes, time_s, error, bound, piece)
+        title(axes, _summary(name, unit, error, bound))
+        axes.set_ylabel(f"{name} error [{unit}]")
+    time_axis(column[-1], time_s)
+    figure.align_ylabels(column)
+    handles: list[Handle] = [Line2D([], [], color=ESTIMATE, lw=1.0, label="estimate minus truth")]
+    if errors.sigma is not None:
+        label = f"±{BAND_SIGMAS:g} sigma claimed by the estimator"
+        handles.append(Patch(facecolor=ESTIMATE_PALE, label=label))
+    legend(figure, handles)
+    return figure
+
+
+def _draw(
+    axes: Axes,
+    time_s: FloatArray,
+    error: FloatArray,
+    bound: FloatArray | None,
+    piece: NDArray[np.intp],
+) -> None:
+    rows = keep_extremes(error, MOST_POINTS)
+    breaks = np.flatnonzero(np.diff(piece[rows])) + 1
+    at_s = np.insert(time_s[rows], breaks, np.nan)
+    axes.axhline(0.0, color=MUTED, lw=0.8, zorder=1)
+    axes.plot(at_s, np.insert(error[rows], breaks, np.nan), color=ESTIMATE, lw=1.0)
+    top = float(np.max(np.abs(error)))
+    if bound is not None:
+        edge = np.insert(bound[rows], breaks, np.nan)
+        axes.fill_between(at_s, -edge, edge, color=ESTIMATE_PALE, linewidth=0, zorder=0)
+        # An unknown start may claim kilometres: the band may leave the picture, the error not.
+        top = max(top, float(np.quantile(bound, 0.95)))
+    top = 1.12 * max(top, 1e-6)
+    axes.set_ylim(-top, top)
+
+
+def _summary(name: str, unit: str, error: FloatArray, bound: FloatArray | None) -> str:
+    rms, largest = float(np.sqrt(np.mean(error**2))), float(np.max(np.abs(error)))
+    text = f"{name}: RMS {rms:.3g} {unit}, largest {largest:.3g} {unit}"
+    if bound is not None:
+        text += f", outside the band {percent(float(np.mean(np.abs(error) > bound)))}"
+    return text

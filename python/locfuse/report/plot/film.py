@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Film of a localization on a map: particles, what is made of them, and where the body is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.animation import PillowWriter
+from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
+
+from locfuse import _core
+from locfuse.config.schema import RunConfig
+from locfuse.eval.errors import interpolate
+from locfuse.report.plot.style import (
+    ANCHOR,
+    ESTIMATE,
+    GRID,
+    INK,
+    MUTED,
+    REJECTED,
+    TRUTH,
+    WIDTH_IN,
+    dress,
+    legend,
+    new_figure,
+)
+from locfuse.report.plot.world import box_around, draw_map, drawable
+from locfuse.run.mcl import frame_of, mcl_of, messages_for
+from locfuse.run.start import scans_of
+from locfuse.types import (
+    NANOSECONDS,
+    UNKNOWN,
+    ConfigError,
+    FloatArray,
+    Frame,
+    GridMap,
+    RunResult,
+    Trajectory,
+)
+
+_AFTER_S = 6.0  # shown once the pose is found
+_NEVER_S = 60.0  # shown if it never was
+_FRAMES_PER_S = 8
+_MOST_FRAMES = 120
+_LAST_FRAMES = 12  # for which the last one stays
+_DPI = 64
+
+
+def write_film(result: RunResult, path: Path) -> Path:
+    """Localize again, look after each scan, and write what is seen as an animated GIF.
+
+    Parameters
+    ----------
+    result : RunResult
+        Of a configuration with ``mcl``, started as that says.
+    path : Path
+        Ends in ``.gif``.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    ConfigError
+        As `check_film`.
+    """
+    config = RunConfig.model_validate(dict(result.config))
+    check_film(config, path)
+    frames = record(config, result)
+    shown = frames[:: -(-len(frames) // _MOST_FRAMES)]
+    shown += [frames[-1]] * _LAST_FRAMES
+    stage = _Stage(result, frames[0].stamp_ns)
+    writer = PillowWriter(fps=_FRAMES_PER_S)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with writer.saving(stage.figure, str(path), _DPI):
+        for frame in shown:
+            stage.show(frame)
+            writer.grab_frame()
+    return path
+
+
+def check_film(config: RunConfig, path: Path) -> None:
+    """Refuse what no film can be made of, before the work and not after it.
+
+    Raises
+    ------
+    ConfigError
+        If the configuration has no ``mcl``, or the path another ending.
+    """
+    if config.mcl is None:
+        raise ConfigError("a film shows the particles of mcl; add 'mcl: {}' to the configuration")
+    if path.suffix.lower() != ".gif":
+        raise ConfigError(f"{path}: a film is a GIF; give it a name that ends in .gif")
+
+
+def record(config: RunConfig, result: RunResult) -> list[Frame]:
+    """Return a frame per scan, from the start until a while after the pose was found."""
+    messages = messages_for(config, result.log)
+    mcl = mcl_of(config, result.log, messages)
+    ready_s = result.metrics["mcl"]["ready_s"]
+    shown_s = _NEVER_S if ready_s is None else ready_s + _AFTER_S
+    end = mcl.estimate().stamp + round(shown_s * NANOSECONDS)
+    scans = [scan for scan in scans_of(result.log) if scan.stamp <= end]
+    frames: list[Frame] = []
+    _core.localize(mcl, messages.log, scans, lambda *_: frames.append(frame_of(mcl)))
+    return frames
+
+
+class _Stage:
+    """A figure whose marks move from frame to frame."""
+
+    def __init__(self, result: RunResult, origin_ns: int) -> None:
+        assert result.log.grid is not None
+        self._truth = result.truth
+        self._origin_ns = origin_ns
+        self.figure, axes = _set(result.log.grid)
+        self._cloud: PathCollection = axes.scatter([], [], s=7.0, color=ESTIMATE, alpha=0.6,
+                                                   linewidths=0, zorder=3)  # fmt: skip
+        self._true = _Arrow(axes, TRUTH, "truth", ring=True)
+        self._estimate = _Arrow(axes, REJECTED, "estimate", ring=False)
+        self._clock: Text = axes.set_title("0.0 s", loc="right", fontsize=16, color=INK, pad=10)
+        self._status: Text = axes.set_title("ambiguous", loc="left", fontsize=16, pad=10,
+                                            fontweight="bold")  # fmt: skip
+        particle = Line2D([], [], ls="none", marker="o", markersize=4, color=ESTIMATE,
+                          label="particle")  # fmt: skip
+        legend(self.figure, [particle, self._estimate.handle, self._true.handle])
+        self.figure.draw_without_rendering()
+        self.figure.set_layout_engine("none")  # or the picture would tremble
+
+    def show(self, frame: Frame) -> None:
+        self._cloud.set_offsets(frame.particles[:, :2])
+        self._estimate.point(frame.pose)
+        self._true.point(_pose_at(self._truth, frame.stamp_ns))
+        seconds = (frame.stamp_ns - self._origin_ns) / NANOSECONDS
+        self._clock.set_text(f"{seconds:.1f} s")
+        self._status.set_text("ready" if frame.ready else "ambiguous")
+        self._status.set_color(ANCHOR if frame.ready else REJECTED)
+
+
+class _Arrow:
+    """A dot or a ring with a line ahead: a pose."""
+
+    def __init__(self, axes: Axes, colour: str, label: str, *, ring: bool) -> None:
+        self._reach = 0.04 * float(np.ptp(axes.get_xlim()))
+        size, fill, edge = (14, "none", colour) if ring else (9, colour, "white")
+        (self._line,) = axes.plot([], [], color=colour, lw=2.5, zorder=5)
+        (self.handle,) = axes.plot([], [], ls="none", marker="o", markersize=size, label=label,
+                                   markerfacecolor=fill, markeredgecolor=edge,
+                                   markeredgewidth=2.0 if ring else 1.0, zorder=6)  # fmt: skip
+
+    def point(self, pose: FloatArray | None) -> None:
+        if pose is None:
+            self._line.set_data([], [])
+            self.handle.set_data([], [])
+            return
+        x, y, heading = pose.tolist()
+        ahead = x + self._reach * np.cos(heading), y + self._reach * np.sin(heading)
+        self._line.set_data([x, ahead[0]], [y, ahead[1]])
+        self.handle.set_data([x], [y])
+
+
+def _set(grid: GridMap) -> tuple[Figure, Axes]:
+    """Return a figure of the known part of a map, with equal scales."""
+    known = grid.to_world(np.argwhere(grid.cells != UNKNOWN)[:, ::-1].astype(float))
+    low, high = box_around(known, 0.02, 0.4, 0.9)
+    width, height = (high - low).tolist()
+    figure = new_figure(0.94 * WIDTH_IN * height / width + 1.5)
+    axes = figure.add_subplot()
+    dress(axes)
+    axes.grid(visible=False)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    axes.set(xlabel="x in world [m]", ylabel="y in world [m]")
+    draw_map(axes, drawable(grid, width), ("white", GRID, MUTED), zorder=0)
+    return figure, axes
+
+
+def _pose_at(truth: Trajectory | None, stamp_ns: int) -> FloatArray | None:
+    """Return where the body was, None where nobody knows."""
+    if truth is None or truth.heading is None or len(truth) == 0:
+        return None
+    at, inside = interpolate(truth, np.array([stamp_ns], dtype=np.int64))
+    if not inside[0] or at.heading is None:
+        return None
+    return np.array([*at.position[0], at.heading[0]])

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Picture of how far an estimate was to be trusted, over time."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from locfuse.report.plot.style import ESTIMATE, MUTED, Handle, legend, panels, time_axis, title
+from locfuse.report.plot.text import percent, seconds, start_ns
+from locfuse.types import FloatArray, RunResult
+
+STATE_COLORS = {
+    "initializing": "#d9d9d9",
+    "ok": "#cdeadd",
+    "degraded": "#f3e6b3",
+    "ambiguous": "#ead1e3",
+    "dead_reckoning": "#f6d3b0",
+    "lost": "#f0a58a",
+}
+
+
+def plot_health(result: RunResult) -> Figure | None:
+    """Draw the probability that the error is below the limit, and the protection levels.
+
+    Parameters
+    ----------
+    result : RunResult
+
+    Returns
+    -------
+    Figure or None
+        The background is the state. None where the run has no health.
+    """
+    health = result.health
+    if health is None or len(health) == 0:
+        return None
+    time_s = seconds(health.stamp_ns, start_ns(result))
+    figure, (within, level) = panels(2, 2.1)
+    limit = float(result.config["health"]["limit_m"])
+    risk = float(result.config["health"]["risk"])
+    within.plot(time_s, health.within, color=ESTIMATE, lw=1.0)
+    within.set_ylim(-0.03, 1.03)
+    within.set_ylabel("probability")
+    states, counts = np.unique(health.state, return_counts=True)
+    shares = ", ".join(f"{state.replace('_', ' ')} {percent(count / len(health))}"
+                       for state, count in zip(states.tolist(), counts, strict=True))  # fmt: skip
+    title(within, f"that the position error is below {limit:g} m; {shares}")
+    names, colors = ("x", "y"), (ESTIMATE, MUTED)
+    for axis in range(2):
+        level.plot(time_s, health.protection[:, axis], color=colors[axis], lw=1.0)
+    finite = health.protection[:, :2][np.isfinite(health.protection[:, :2])]
+    level.set_ylim(0.0, 1.15 * float(np.quantile(finite, 0.99)) if len(finite) else 1.0)
+    level.set_ylabel("protection level [m]")
+    title(level, f"errors exceed these with probability {risk:g} at most; none where that cannot "
+                 "be said")  # fmt: skip
+    for axes in (within, level):
+        draw_states(axes, time_s, health.state)
+    time_axis(level, time_s)
+    handles: list[Handle] = [Line2D([], [], color=color, lw=1.0, label=name)
+                             for name, color in zip(names, colors, strict=True)]  # fmt: skip
+    handles += [Patch(facecolor=STATE_COLORS[state], label=state.replace("_", " "))
+                for state in states.tolist()]  # fmt: skip
+    legend(figure, handles)
+    return figure
+
+
+def draw_states(axes: Axes, time_s: FloatArray, state: NDArray[np.str_]) -> None:
+    """Colour the background by the state."""
+    edges = np.flatnonzero(np.concatenate([[True], state[1:] != state[:-1]]))
+    ends = np.append(time_s[edges[1:]], time_s[-1])
+    for begin, end, name in zip(time_s[edges], ends, state[edges].tolist(), strict=True):
+        axes.axvspan(begin, end, color=STATE_COLORS[name], linewidth=0, zorder=0)

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Picture of the normalised innovation squared (NIS) over time, against its chi-square band."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from locfuse.eval.consistency import band, share_in_band
+from locfuse.eval.verdicts import source_rank
+from locfuse.report.plot.style import (
+    DASHED,
+    ESTIMATE,
+    ESTIMATE_PALE,
+    MEAN,
+    MOST_POINTS,
+    MUTED,
+    REJECTED,
+    Handle,
+    legend,
+    panels,
+    sentence,
+    time_axis,
+    title,
+)
+from locfuse.report.plot.text import VERDICT_LABELS, count, percent, seconds, start_ns
+from locfuse.report.plot.thinning import keep_cloud
+from locfuse.types import FloatArray, RunResult
+
+_MEAN_BINS = 60
+_LEAST_PER_MEAN = 15
+
+
+def plot_nis(result: RunResult) -> Figure:
+    """Draw the normalised innovation squared of each source over time, with its 95 % band.
+
+    Parameters
+    ----------
+    result : RunResult
+
+    Returns
+    -------
+    Figure
+        One axes per source and number of degrees of freedom, logarithmic; values below an axes lie
+        on its lower edge. A sentence instead if no message was compared with a prediction.
+    """
+    outcomes = result.outcomes
+    compared = np.isfinite(outcomes.nis) & (outcomes.dof > 0)
+    groups = set(zip(outcomes.source[compared].tolist(), outcomes.dof[compared].tolist(),
+                     strict=True))  # fmt: skip
+    if not groups:
+        return sentence("No message was compared with a prediction, so there is no NIS.")
+    figure, column = panels(len(groups), 2.5)
+    time_s = seconds(outcomes.stamp_ns, start_ns(result))
+    gated = outcomes.verdict == "gated"
+    ordered = sorted(groups, key=lambda group: (source_rank(group[0]), *group))
+    for axes, (source, dof) in zip(column, ordered, strict=True):
+        member = compared & (outcomes.source == source) & (outcomes.dof == dof)
+        nis, bad = outcomes.nis[member], gated[member]
+        _draw(axes, time_s[member], nis, bad, dof)
+        title(axes, _summary(source, dof, nis, bad))
+    time_axis(column[-1], time_s[compared])
+    figure.align_ylabels(column)
+    handles: list[Handle] = [_dot(ESTIMATE, VERDICT_LABELS["fused"])]
+    if (gated & compared).any():
+        handles.append(_dot(REJECTED, VERDICT_LABELS["gated"]))
+    handles.append(Line2D([], [], color=MEAN, lw=1.4, label="mean of fused"))
+    handles.append(Line2D([], [], color=MUTED, lw=1.0, ls=DASHED, label="expected mean"))
+    handles.append(Patch(facecolor=ESTIMATE_PALE, label="two-sided 95 % band"))
+    legend(figure, handles)
+    return figure
+
+
+def _draw(
+    axes: Axes, time_s: FloatArray, nis: FloatArray, gated: NDArray[np.bool_], dof: int
+) -> None:
+    low, high = band(dof)
+    floor = low / 3.0
+    axes.set_yscale("log")
+    axes.axhspan(low, high, color=ESTIMATE_PALE, linewidth=0, zorder=0)
+    axes.axhline(dof, color=MUTED, lw=1.0, ls=DASHED, zorder=1)
+    for chosen, colour, size, alpha, order in (
+        (~gated, ESTIMATE, 2.2, 0.65, 2),
+        (gated, REJECTED, 3.0, 0.9, 3),
+    ):
+        rows = np.flatnonzero(chosen)
+        rows = rows[keep_cloud(nis[rows], MOST_POINTS)]
+        axes.plot(
+            time_s[rows],
+            np.maximum(nis[rows], floor),
+            ls="none",
+            marker="o",
+            markersize=size,
+            markeredgewidth=0,
+            color=colour,
+            alpha=alpha,
+            zorder=order,
+        )
+    axes.plot(*_binned_mean(time_s[~gated], nis[~gated]), color=MEAN, lw=1.4, zorder=4)
+    axes.set_ylim(floor, max(3.0 * high, 1.6 * float(nis.max())))
+    axes.set_ylabel("NIS")
+
+
+def _summary(source: str, dof: int, nis: FloatArray, gated: NDArray[np.bool_]) -> str:
+    low, high = band(dof)
+    freedom = "1 degree of freedom" if dof == 1 else f"{dof} degrees of freedom"
+    return (
+        f"{source}, {freedom}: {percent(share_in_band(nis, dof))} of {count(len(nis))} inside the "
+        f"band {low:.3g} to {high:.3g}, {percent(float(gated.mean()))} rejected"
+    )
+
+
+def _dot(colour: str, label: str) -> Line2D:
+    return Line2D([], [], color=colour, ls="none", marker="o", markersize=5, label=label)
+
+
+def _binned_mean(time_s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the mean of `values` in equal slices of time; empty slices give NaN, a gap."""
+    slices = min(_MEAN_BINS, len(values) // _LEAST_PER_MEAN)
+    if slices < 2 or time_s.max() == time_s.min():
+        return np.empty(0), np.empty(0)
+    low, high = float(time_s.min()), float(time_s.max())
+    width = (high - low) / slices
+    at = np.minimum(((time_s - low) / width).astype(np.intp), slices - 1)
+    members = np.bincount(at, minlength=slices)
+    total = np.bincount(at, weights=values, minlength=slices)
+    mean: FloatArray = np.where(members > 0, total / np.maximum(members, 1), np.nan)
+    centre: FloatArray = low + (np.arange(slices, dtype=np.float64) + 0.5) * width
+    return centre, mean

@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Picture of the path in the world frame: estimate with ellipses, truth, anchors, map."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Ellipse, Patch
+
+from locfuse.eval.verdicts import SUSPECT_SHARE, MessageRow, message_rows
+from locfuse.report.plot.labels import Label, join_same_spot, place_labels
+from locfuse.report.plot.style import (
+    ANCHOR,
+    DASHED,
+    ESTIMATE,
+    GRID,
+    INK,
+    MUTED,
+    REJECTED,
+    TRUTH,
+    WIDTH_IN,
+    Handle,
+    dress,
+    legend,
+    new_figure,
+)
+from locfuse.report.plot.text import percent, short
+from locfuse.report.plot.thinning import evenly_along, stride
+from locfuse.report.plot.world import box_around, draw_map, drawable
+from locfuse.types import FloatArray, RunResult, Trajectory
+
+ELLIPSE_SIGMAS = 3.0
+
+_ELLIPSES = 30
+_MOST_PATH_POINTS = 20000
+_MOST_NAMED = 60
+
+
+def plot_path(result: RunResult) -> Figure:
+    """Draw estimate with 3-sigma ellipses, truth, anchors, landmarks and map in the world frame.
+
+    Parameters
+    ----------
+    result : RunResult
+
+    Returns
+    -------
+    Figure
+        One axes, equal scales, metres. Anchors with at least 10 % of their ranges rejected are
+        marked and carry that share.
+
+    Raises
+    ------
+    ValueError
+        If the estimate is empty.
+    """
+    estimate = result.estimate
+    if len(estimate) == 0:
+        raise ValueError("the estimate has no rows; expected at least one pose to draw")
+    anchors = _places(result, "anchors", "anchor")
+    landmarks = _places(result, "landmarks", "landmark")
+    shown = [estimate.position, *anchors.values(), *landmarks.values()]
+    if result.truth is not None:
+        shown.append(result.truth.position)
+    low, high = box_around(np.vstack(shown), 0.07, 0.4, 0.9)
+    figure = new_figure(0.94 * WIDTH_IN * (high - low)[1] / (high - low)[0] + 0.95)
+    axes = figure.add_subplot()
+    dress(axes)
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    axes.set_aspect("equal", adjustable="box")
+    axes.set_xlabel("x in world [m]")
+    axes.set_ylabel("y in world [m]")
+
+    if result.log.grid is not None:
+        draw_map(axes, drawable(result.log.grid, (high - low)[0]), ("white", GRID, MUTED), zorder=0)
+        axes.grid(visible=False)
+    handles = _draw_tracks(axes, estimate, result.truth)
+    rows = {row.anchor: row for row in message_rows(result.outcomes) if row.anchor}
+    labels = _draw_anchors(axes, handles, anchors, rows)
+    labels += _draw_landmarks(axes, handles, landmarks)
+    for at, radius in zip(landmarks.values(), _radii(result), strict=False):
+        axes.add_patch(Circle((at[0], at[1]), radius, facecolor=GRID, edgecolor=MUTED, zorder=0))
+    legend(figure, handles)
+    place_labels(figure, axes, join_same_spot(labels), estimate.position)
+    return figure
+
+
+def ellipse_axes(covariance: FloatArray, sigmas: float) -> tuple[float, float, float]:
+    """Return the axes of the covariance ellipse of a planar position.
+
+    Parameters
+    ----------
+    covariance : float64 array, shape (2, 2)
+        Square metres.
+    sigmas : float
+        Half axes in standard deviations.
+
+    Returns
+    -------
+    major, minor : float
+        Full lengths of the axes, metres.
+    angle : float
+        Direction of the major axis, radians from x towards y.
+
+    Raises
+    ------
+    ValueError
+        If the shape differs or an eigenvalue is negative beyond rounding.
+    """
+    if covariance.shape != (2, 2):
+        raise ValueError(f"covariance has shape {covariance.shape}, expected (2, 2)")
+    values, vectors = np.linalg.eigh(covariance)
+    if values[0] < -1e-9 * max(float(values[1]), 1e-12):
+        raise ValueError(f"covariance has the eigenvalue {values[0]:g}, expected none below zero")
+    minor, major = (2.0 * sigmas * float(np.sqrt(max(v, 0.0))) for v in values)
+    return major, minor, float(np.arctan2(vectors[1, 1], vectors[0, 1]))
+
+
+def draw_ellipse(
+    axes: Axes, at: FloatArray, covariance: FloatArray, sigmas: float, **style: Any
+) -> Ellipse:
+    """Draw the covariance ellipse (2, 2) of a position (2,), as `style` says, and return it."""
+    major, minor, angle = ellipse_axes(covariance, sigmas)
+    x, y = at.tolist()
+    ellipse = Ellipse((x, y), major, minor, angle=float(np.degrees(angle)), **style)
+    axes.add_patch(ellipse)
+    return ellipse
+
+
+def _places(result: RunResult, stem: str, name: str) -> dict[str, FloatArray]:
+    """Return the named points of a table of the log, none if the log has no such table."""
+    if stem not in result.log:
+        return {}
+    table = result.log[stem]
+    xy = np.column_stack([table["x_m"], table["y_m"]]).astype(np.float64)
+    return dict(zip(table[name].tolist(), xy, strict=True))
+
+
+def _draw_tracks(axes: Axes, estimate: Trajectory, truth: Trajectory | None) -> list[Handle]:
+    handles: list[Handle] = []
+    if truth is not None and len(truth):
+        line = truth.position[stride(len(truth), _MOST_PATH_POINTS)]
+        handles += axes.plot(*line.T, color=TRUTH, lw=1.2, ls=DASHED, label="truth", zorder=3)
+    line = estimate.position[stride(len(estimate), _MOST_PATH_POINTS)]
+    handles += axes.plot(*line.T, color=ESTIMATE, lw=1.5, label="estimate", zorder=4)
+    if estimate.covariance is not None:
+        handles.append(_draw_ellipses(axes, estimate.position, estimate.covariance))
+    ends = ((0, "o", 8, "white", "start"), (-1, "s", 10, "none", "end"))
+    for row, marker, size, fill, label in ends:
+        handles += axes.plot(
+            *estimate.position[row],
+            marker=marker,
+            markersize=size,
+            markerfacecolor=fill,
+            markeredgecolor=ESTIMATE,
+            markeredgewidth=2.0,
+            ls="none",
+            label=label,
+            zorder=6,
+        )
+    return handles
+
+
+def _draw_ellipses(axes: Axes, position: FloatArray, covariance: FloatArray) -> Patch:
+    face, edge = to_rgba(ESTIMATE, 0.13), to_rgba(ESTIMATE, 0.75)
+    for row in evenly_along(position, _ELLIPSES):
+        draw_ellipse(axes, position[row], covariance[row, :2, :2], ELLIPSE_SIGMAS, facecolor=face,
+                     edgecolor=edge, linewidth=0.7, zorder=2)  # fmt: skip
+    return Patch(facecolor=face, edgecolor=edge, label=f"{ELLIPSE_SIGMAS:g}-sigma ellipse")
+
+
+def _draw_anchors(
+    axes: Axes,
+    handles: list[Handle],
+    anchors: Mapping[str, FloatArray],
+    rows: Mapping[str, MessageRow],
+) -> list[Label]:
+    """Draw the anchors, add their legend handles to `handles`, return what to write beside them."""
+    suspects = [name for name in anchors if name in rows and rows[name].suspect]
+    labels: list[Label] = []
+    for name, at in anchors.items():
+        if name in suspects:
+            text = f"{short(name)}: {percent(rows[name].rejected_share)} rejected"
+            labels.append(Label(text, at, REJECTED))
+        elif len(anchors) <= _MOST_NAMED:
+            labels.append(Label(short(name), at, INK))
+    suspect_label = f"anchor, at least {100 * SUSPECT_SHARE:.0f} % rejected"
+    for chosen, colour, label in (
+        ([at for name, at in anchors.items() if name not in suspects], ANCHOR, "anchor"),
+        ([anchors[name] for name in suspects], REJECTED, suspect_label),
+    ):
+        if chosen:
+            handles += axes.plot(
+                *np.array(chosen).T,
+                marker="^",
+                markersize=9,
+                markerfacecolor=colour,
+                markeredgecolor="white",
+                ls="none",
+                label=label,
+                zorder=8,
+            )
+    return labels
+
+
+def _radii(result: RunResult) -> list[float]:
+    table = result.log.tables.get("landmarks", {})
+    radii: list[float] = table["radius_m"].tolist() if "radius_m" in table else []
+    return radii
+
+
+def _draw_landmarks(
+    axes: Axes, handles: list[Handle], landmarks: Mapping[str, FloatArray]
+) -> list[Label]:
+    if not landmarks:
+        return []
+    xy = np.array(list(landmarks.values()))
+    handles += axes.plot(*xy.T, marker="D", markersize=5, color=MUTED, ls="none", label="landmark")
+    if len(landmarks) > _MOST_NAMED:
+        return []
+    return [Label(short(name), at, MUTED) for name, at in landmarks.items()]

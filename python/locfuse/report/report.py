@@ -1,0 +1,293 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One self-contained page about a run: a player, key figures, pictures, tables, configuration."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from matplotlib.figure import Figure
+
+from locfuse import _core
+from locfuse.eval.verdicts import (
+    SUSPECT_SHARE,
+    MessageRow,
+    message_rows,
+    rejected_stretches,
+    source_rank,
+)
+from locfuse.report import plot
+from locfuse.report.html_page import page, picture, table
+from locfuse.report.player import MOST_BYTES, pack, player_css, player_html, player_script
+from locfuse.report.summary_cards import cards, counts_of
+from locfuse.types import NANOSECONDS, RunResult
+
+__all__ = ["write_report"]
+
+_MOST_STRETCHES = 8
+_MOST_PAGE_BYTES = 8_000_000  # what a mail still takes
+_PAGE_BYTES = 20_000  # of its head and of what is around the player's data
+
+_CAPTIONS = {
+    "path": (
+        "Path",
+        "The estimated path with {sigmas:g}-sigma ellipses of its position{truth}: truth should "
+        "run inside the ellipses, and an orange anchor had at least {notable:.0f} % of its ranges "
+        "rejected.",
+    ),
+    "start": (
+        "Start",
+        "How the pose was found from nothing: every pose that fitted when the doubt was widest, "
+        "with its probability, and the one that was left.",
+    ),
+    "errors": (
+        "Errors",
+        "Estimate minus truth against the {band:g}-sigma band the estimator claims: a consistent "
+        "filter leaves the band in about 0.3 % of the stamps, and a band far wider than the error "
+        "is too cautious.",
+    ),
+    "health": (
+        "Health",
+        "How far the estimate was to be trusted, by itself: the background is the state, and "
+        "health.csv says why.",
+    ),
+    "nis": (
+        "Innovations",
+        "Normalised innovation squared (NIS) of each message that was compared with a prediction: "
+        "95 % should lie inside the band; a cloud above it means too small sigmas or a wrong "
+        "model, below it too large sigmas.",
+    ),
+    "outcomes": (
+        "Rejected messages",
+        "Each row is one anchor, landmark or source and time runs to the right: pale where "
+        "messages arrived, strong where the filter turned them down, full height where it turned "
+        "down all of them.",
+    ),
+}
+
+
+def write_report(result: RunResult, out_dir: Path) -> Path:
+    """Write the pictures of a run and one page that plays it and shows them without a network.
+
+    Parameters
+    ----------
+    result : RunResult
+    out_dir : Path
+        Folder, made if absent. ``path.png``, ``nis.png``, ``outcomes.png``, ``report.html`` and,
+        with truth, ``errors.png`` are written; an ``errors.png`` of an earlier run is removed
+        where this run has none.
+
+    Returns
+    -------
+    Path
+        Of ``report.html``, which holds player and pictures inside itself and is smaller than 8 MB:
+        of a long run the player shows thinned rows.
+
+    Raises
+    ------
+    ValueError
+        If the estimate is empty.
+    OSError
+        If the folder cannot be written.
+    """
+    figures: dict[str, Figure | None] = {
+        "path": plot.plot_path(result),
+        "start": plot.plot_start(result),
+        "outcomes": plot.plot_outcomes(result),
+        "errors": plot.plot_errors(result),
+        "health": plot.plot_health(result),
+        "nis": plot.plot_nis(result),
+    }
+    out_dir.mkdir(parents=True, exist_ok=True)
+    pictures: list[str] = []
+    for name, figure in figures.items():
+        file = out_dir / f"{name}.png"
+        if figure is None:
+            file.unlink(missing_ok=True)
+            if name not in ("start", "health"):  # most runs are told where they start
+                pictures.append(_missing(name, result))
+        else:
+            plot.save(figure, file)
+            pictures.append(_picture(name, file, result))
+
+    title = _title(result)
+    heading = _heading(title, result)
+    below = "\n".join(
+        [
+            cards(result),
+            *pictures,
+            _counts_table(result),
+            _rejected_table(result),
+            _switches_table(result),
+            _configuration(result),
+        ]
+    )
+    body = "\n".join([heading, _player(result, len((heading + below).encode("utf-8"))), below])
+    file = out_dir / "report.html"
+    file.write_text(page(title, body, player_script()), encoding="utf-8")
+    return file
+
+
+def _player(result: RunResult, others_bytes: int) -> str:
+    """Return the player with as much of the run as the page has room for."""
+    others_bytes += len((player_script() + player_css()).encode("utf-8")) + _PAGE_BYTES
+    packed = pack(result, most_bytes=min(MOST_BYTES, _MOST_PAGE_BYTES - others_bytes))
+    return player_html([packed])
+
+
+def _title(result: RunResult) -> str:
+    return str(result.config.get("name") or "Localization run")
+
+
+def _heading(title: str, result: RunResult) -> str:
+    description = str(result.config.get("description") or result.log.description)
+    truth = str(result.metrics.get("truth") or "")
+    if result.truth is None:
+        truth = "This run has no truth, so there are no errors and no NEES to show."
+    lines = [f"<h1>{escape(title)}</h1>"]
+    if description:
+        lines.append(f"<p>{escape(description)}</p>")
+    if truth:
+        lines.append(f'<p class="quiet">{escape(truth)}</p>')
+    return "\n".join(lines)
+
+
+def _picture(name: str, file: Path, result: RunResult) -> str:
+    heading, caption = _CAPTIONS[name]
+    caption = caption.format(
+        sigmas=plot.ELLIPSE_SIGMAS,
+        band=plot.BAND_SIGMAS,
+        notable=100 * SUSPECT_SHARE,
+        truth="" if result.truth is None else " against truth",
+    )
+    return picture(name, heading, caption, file)
+
+
+def _missing(name: str, result: RunResult) -> str:
+    heading, _ = _CAPTIONS[name]
+    why = (
+        "This run has no truth, so the errors are unknown."
+        if result.truth is None
+        else "Truth and estimate do not overlap in time, so the errors are unknown."
+    )
+    return f'<h2 id="{name}">{heading}</h2>\n<p>{why}</p>'
+
+
+def _counts_table(result: RunResult) -> str:
+    counts = counts_of(result)
+    present = [v for v in plot.VERDICT_LABELS if any(row.get(v) for row in counts.values())]
+    present += sorted({v for row in counts.values() for v in row if v not in plot.VERDICT_LABELS})
+    nis = result.metrics.get("nis_mean") or {}
+    head = ["source", *(v.replace("_", " ") for v in present), "total", "mean NIS", "expected NIS"]
+    rows = [
+        [
+            source,
+            *(plot.count(verdicts.get(v, 0)) for v in present),
+            plot.count(sum(verdicts.values())),
+            "-" if nis.get(source) is None else f"{float(nis[source]):.3g}",
+            _expected_nis(result, source),
+        ]
+        for source, verdicts in sorted(counts.items(), key=lambda item: source_rank(item[0]))
+    ]
+    meaning = "; ".join(
+        f"{v.replace('_', ' ')}: {plot.VERDICT_LABELS[v]}"
+        for v in present
+        if plot.VERDICT_LABELS.get(v, v) != v.replace("_", " ")
+    )
+    lines = ['<h2 id="counts">What became of the messages</h2>']
+    if meaning:
+        lines.append(f'<p class="quiet">{escape(meaning)}.</p>')
+    return "\n".join([*lines, table("counts", head, rows)])
+
+
+def _expected_nis(result: RunResult, source: str) -> str:
+    """Return the mean number of innovation rows, which the mean NIS of a good filter equals."""
+    outcomes = result.outcomes
+    compared = (outcomes.source == source) & np.isfinite(outcomes.nis) & (outcomes.dof > 0)
+    return f"{float(outcomes.dof[compared].mean()):.3g}" if compared.any() else "-"
+
+
+def _rejected_table(result: RunResult) -> str:
+    heading = '<h2 id="rejected">Who was rejected</h2>\n'
+    rows = [row for row in message_rows(result.outcomes) if row.rejected]
+    if not rows:
+        return heading + "<p>No message was rejected by the gate.</p>"
+    rows.sort(key=lambda row: -row.rejected_share)
+    origin = plot.start_ns(result)
+    cells = [
+        [
+            row.label,
+            f"{plot.count(row.rejected)} of {plot.count(len(row.stamp_ns))} "
+            f"({plot.percent(row.rejected_share)})",
+            _stretches(row, origin),
+        ]
+        for row in rows
+    ]
+    head = ["anchor or source", "rejected", "when, and how many in a row"]
+    return heading + table("rejected", head, cells)
+
+
+def _switches_table(result: RunResult) -> str:
+    """Return when UWB took over from scans, why, and from how wide a belief; nothing if never."""
+    rows = np.flatnonzero(result.outcomes.source == "switch")
+    if len(rows) == 0:
+        return ""
+    cells = []
+    for row in rows.tolist():
+        after_s = (int(result.outcomes.stamp_ns[row]) - plot.start_ns(result)) / NANOSECONDS
+        why, covariances = str(result.outcomes.reason[row]).split(":", 1)
+        before, after = (_sigmas(text) for text in re.findall(r"\[(.*?)\]", covariances))
+        cells.append([f"{after_s:.1f} s", why, before, after])
+    head = ["when", "why", "sigma of the particles before", "sigma by UWB, after"]
+    return '<h2 id="switches">When UWB took over</h2>\n' + table("switches", head, cells)
+
+
+def _sigmas(upper: str) -> str:
+    """Return standard deviations, from the upper triangle of a covariance of (x, y, heading)."""
+    P = np.zeros((3, 3))
+    P[np.triu_indices(3)] = P.T[np.triu_indices(3)] = [float(word) for word in upper.split()]
+    of = _core.PoseEstimate(0, _core.Pose2(), P)
+    return f"{of.sigma_position:.2f} m, {math.degrees(of.sigma_heading):.1f} deg"
+
+
+def _stretches(row: MessageRow, origin_ns: int) -> str:
+    """Return the longest stretches of rejections, in order of time."""
+    stretches = rejected_stretches(row)
+    longest = sorted(stretches, key=lambda stretch: -stretch.messages)[:_MOST_STRETCHES]
+    texts = []
+    for stretch in sorted(longest, key=lambda stretch: stretch.first_ns):
+        first = (stretch.first_ns - origin_ns) / NANOSECONDS
+        last = (stretch.last_ns - origin_ns) / NANOSECONDS
+        when = f"{first:.1f}" if stretch.messages == 1 else f"{first:.1f} to {last:.1f}"
+        text = f"{when} s ({plot.count(stretch.messages)})"
+        texts.append(text.replace(" ", "\N{NO-BREAK SPACE}"))
+    left = len(stretches) - len(longest)
+    return ", ".join(texts) + (f" and {plot.count(left)} shorter ones" if left else "")
+
+
+def _configuration(result: RunResult) -> str:
+    text = yaml.safe_dump(
+        _plain(result.config), sort_keys=False, allow_unicode=True, default_flow_style=None
+    )
+    return f"<details><summary>Effective configuration</summary><pre>{escape(text)}</pre></details>"
+
+
+def _plain(value: Any) -> Any:
+    """Return the value built of what YAML can write: dict, list, str, number, bool, None."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    return str(value)

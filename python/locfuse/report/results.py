@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The folder that a run leaves behind: numbers for programs, a report for people."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import yaml
+
+from locfuse.eval.errors import interpolate
+from locfuse.io.result_tables import write_estimate, write_health, write_outcomes
+from locfuse.io.tum import write_tum
+from locfuse.report.report import write_report
+from locfuse.types import RunResult
+
+
+def write_results(result: RunResult, folder: str | Path) -> Path:
+    """Write everything there is to know of a run.
+
+    Parameters
+    ----------
+    result : RunResult
+    folder : path
+        Made if it is not there; files of the same name are replaced.
+
+    Returns
+    -------
+    Path
+        Of ``report.html``. Beside it: ``config.yaml`` (effective), ``estimate.tum``, ``truth.tum``
+        (interpolated to the estimate's stamps, so any program compares the same pairs that
+        ``metrics.json`` does; only with truth), ``estimate.csv`` (with covariance),
+        ``outcomes.csv`` (one row per message), ``health.csv``,
+        ``metrics.json`` and the pictures.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    text = yaml.safe_dump(dict(result.config), sort_keys=False)
+    (folder / "config.yaml").write_text(text, encoding="utf-8")
+    write_tum(folder / "estimate.tum", result.estimate)
+    (folder / "truth.tum").unlink(missing_ok=True)
+    if result.truth is not None:
+        at, _ = interpolate(result.truth, result.estimate.stamp_ns)
+        if len(at) > 0:
+            write_tum(folder / "truth.tum", at)
+    write_estimate(folder / "estimate.csv", result.estimate)
+    write_outcomes(folder / "outcomes.csv", result.outcomes)
+    (folder / "health.csv").unlink(missing_ok=True)
+    if result.health is not None:
+        write_health(folder / "health.csv", result.health)
+    metrics = json.dumps(dict(result.metrics), indent=1, allow_nan=False)
+    (folder / "metrics.json").write_text(metrics + "\n", encoding="utf-8")
+    return write_report(result, folder)

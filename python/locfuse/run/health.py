@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far a run's estimate may be trusted, in words and figures."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, Protocol
+
+import numpy as np
+
+from locfuse import _core
+from locfuse.config.schema import RunConfig
+from locfuse.run.messages import Messages
+from locfuse.types import Health
+
+STATES = np.array([state.name.lower() for state in _core.HealthState])
+
+
+class Names(Protocol):
+    """What anchors, tags and landmarks are called: in order of their ids."""
+
+    @property
+    def anchor_names(self) -> list[str]: ...
+    @property
+    def tag_names(self) -> list[str]: ...
+    @property
+    def landmark_names(self) -> list[str]: ...
+
+
+def health_of(
+    record: _core.RunLog | _core.LocalizeRun, messages: Messages, config: RunConfig
+) -> Health:
+    """Return the health of a replayed `RecoveringEkf`, or of an `Mcl`."""
+    clues = list(_core.HealthClue)
+    reason = [
+        reason_of(clues[clue], source, messages, config)
+        for clue, source in zip(record.health_clue.tolist(), record.health_source, strict=True)
+    ]
+    return Health(
+        stamp_ns=record.health_stamp_ns,
+        state=STATES[record.health_state],
+        within=record.within,
+        wrong=record.wrong,
+        protection=record.protection,
+        reason=np.array(reason, dtype=np.str_),
+    )
+
+
+def reason_of(
+    clue: _core.HealthClue, source: _core.NamedSource | None, names: Names, config: RunConfig
+) -> str:
+    """Return why a health is as it is, as a sentence; empty where there is nothing to say."""
+    sentence = _sentences(config.health.aiding_lost_s, config.health.limit_m)[clue]
+    return sentence.format("" if source is None else name_of(source, names))
+
+
+@cache
+def _sentences(aiding_lost_s: float, limit_m: float) -> dict[_core.HealthClue, str]:
+    return {
+        _core.HealthClue.NONE: "",
+        _core.HealthClue.NO_ESTIMATE: "not started yet",
+        _core.HealthClue.SEVERAL_PLACES: "several poses fit",
+        _core.HealthClue.MEASUREMENTS: "measurements of several sources speak against the pose",
+        _core.HealthClue.SILENCE: f"nothing but odometry was fused for {aiding_lost_s:g} s or "
+                                  "longer",
+        _core.HealthClue.SOURCE_IS_WRONG: "{} is likely wrong as a whole",
+        _core.HealthClue.SOURCE_IS_SILENT: "no {} any more",
+        _core.HealthClue.NOISE_IS_LARGER: "innovations are larger than their sigmas",
+        _core.HealthClue.POSITION_IS_VAGUE: f"the position error is below {limit_m:g} m by even "
+                                            "chance at most",
+        _core.HealthClue.SCANS_DO_NOT_FIT: "scans fit the map hardly better than from elsewhere",
+        _core.HealthClue.LASER_IS_COVERED: "the laser sees something right before it",
+    }  # fmt: skip
+
+
+def health_metrics(health: Health, alarms: int, restarts: int) -> dict[str, Any]:
+    """Return what ``metrics.json`` says of health: how often it was lost, and found elsewhere."""
+    states, counts = np.unique(health.state, return_counts=True)
+    return {
+        "share": dict(zip(states.tolist(), (counts / max(len(health), 1)).tolist(), strict=True)),
+        "alarms": alarms,
+        "restarts": restarts,
+        "protection_available": float(np.mean(np.isfinite(health.protection[:, 0])))
+        if len(health)
+        else None,
+    }
+
+
+def name_of(source: _core.NamedSource, names: Names) -> str:
+    """Return how people call a source."""
+    kind, name = source.kind, source.name
+    if kind is _core.Source.RANGES:
+        return f"anchor {names.anchor_names[name]}" if name is not None else "range"
+    if kind is _core.Source.LANDMARK_SIGHTINGS and name is not None:
+        return f"landmark {names.landmark_names[name]}"
+    if kind is _core.Source.POSITIONS and name is not None:
+        return f"position of tag {names.tag_names[name]}"
+    return {
+        _core.Source.LANDMARK_SIGHTINGS: "landmark sighting",
+        _core.Source.POSITIONS: "position",
+        _core.Source.POSES: "pose",
+        _core.Source.SCANS: "scan",
+    }[kind]

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Mapping landmarks along a log while localizing on them."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locfuse import _core
+from locfuse.run.messages import instants_of, landmark_sensor_of, trajectory_of
+from locfuse.types import FloatArray, Log, Trajectory
+
+
+@dataclass(frozen=True)
+class LandmarkMapping:
+    """How a `LandmarkEkf` went along a log.
+
+    Attributes
+    ----------
+    estimate : Trajectory
+        After the sightings of each instant, with heading and covariance.
+    landmark : int array, shape (m,)
+        Ids of the confirmed landmarks, negative where no sighting named them.
+    position : float64 array, shape (m, 2)
+        Where they are in the end, metres in world.
+    covariance : float64 array, shape (m, 2, 2)
+    sightings : int array, shape (m,)
+    verdict : uint8 array, shape (n,)
+        Indices into `Verdict`, in the order of the log's sightings.
+    wall_s : float
+        That it took.
+    """
+
+    estimate: Trajectory
+    landmark: NDArray[np.int32]
+    position: FloatArray
+    covariance: FloatArray
+    sightings: NDArray[np.int32]
+    verdict: NDArray[np.uint8]
+    wall_s: float
+
+
+def map_landmarks(
+    log: Log,
+    config: _core.LandmarkEkfConfig,
+    start: _core.PoseEstimate,
+    association: _core.Association = _core.Association.JOINT,
+) -> LandmarkMapping:
+    """Drive a log by its odometry and its sightings, and by nothing else.
+
+    Parameters
+    ----------
+    log : Log
+        With ``odometry`` as velocities and ``landmark_sightings``; names are not used.
+    config : LandmarkEkfConfig
+    start : PoseEstimate
+    association : Association
+        Which sighting is of which landmark.
+
+    Returns
+    -------
+    LandmarkMapping
+
+    Raises
+    ------
+    LogError
+        If the log lacks one of the two, or its odometry is not velocities.
+    """
+    instants = list(instants_of(log))
+    ekf = _core.LandmarkEkf(config, start, landmark_sensor_of(log))
+    begin = time.perf_counter()
+    poses = []
+    verdict = np.zeros(sum(len(instant.rows) for instant in instants), np.uint8)
+    for instant in instants:
+        for velocity in instant.driven:
+            ekf.on(velocity)
+        outcomes = ekf.on_joint(instant.seen, association)
+        verdict[instant.rows] = [outcome.verdict.value for outcome in outcomes]
+        poses.append(ekf.estimate(instant.stamp))
+    wall_s = time.perf_counter() - begin
+    found = [landmark for landmark in ekf.landmarks() if landmark.confirmed]
+    return LandmarkMapping(
+        estimate=trajectory_of(poses),
+        landmark=np.array([landmark.id for landmark in found], np.int32),
+        position=np.array([landmark.position for landmark in found]).reshape(-1, 2),
+        covariance=np.array([landmark.covariance for landmark in found]).reshape(-1, 2, 2),
+        sightings=np.array([landmark.sightings for landmark in found], np.int32),
+        verdict=verdict,
+        wall_s=wall_s,
+    )

@@ -1,0 +1,356 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Monte Carlo localization along a log: scans on its map, odometry, and what else is used."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locfuse import _core
+from locfuse.config.build import (
+    build_health_config,
+    build_mcl_config,
+    build_recovering_config,
+    build_switching_config,
+)
+from locfuse.config.schema import RunConfig
+from locfuse.run.health import health_of
+from locfuse.run.messages import Messages, cut_off, landmarks_of, radios_of, to_messages, truth_of
+from locfuse.run.missing_inputs import how_to_add
+from locfuse.run.start import grid_of, hypotheses_of, scans_of, start_of
+from locfuse.types import (
+    NANOSECONDS,
+    Columns,
+    Frame,
+    Health,
+    Hypothesis,
+    Log,
+    LogError,
+    Start,
+    Trajectory,
+)
+
+_MOST_FRAMES = 700  # of a run, so that a long one stays small: a minute at ten scans a second
+_MOST_PARTICLES = 2000  # of a frame
+_LIKELY = 0.01  # probability from which a place is told as one that fits
+
+
+@dataclass(frozen=True)
+class Localization:
+    """How an `Mcl` went along a log.
+
+    Attributes
+    ----------
+    messages : Messages
+        What it was given beside scans.
+    begin_ns, end_ns : int
+        When it started, and the last stamp of a message or scan.
+    verdict, scan_verdict : uint8 arrays, shapes (m,) and (s,)
+        Indices into `Verdict`, in the order of the messages and of the log's scans.
+    estimate : Trajectory
+        After each scan, n rows; with heading and covariance.
+    ready : bool array, shape (n,)
+    particles : int64 array, shape (n,)
+    searched : bool
+        Whether it had to find its pose.
+    start : Start or None
+        How it found it, if it did.
+    wall_s : float
+        That it took.
+    health : Health
+        How far the estimates may be trusted, a row for each.
+    injections : tuple of Injection
+        When UWB took over, where ``mcl`` has a switch.
+    frames : tuple of Frame
+        Particles on the way, evenly chosen of a long log.
+    """
+
+    messages: Messages
+    begin_ns: int
+    end_ns: int
+    verdict: NDArray[np.uint8]
+    scan_verdict: NDArray[np.uint8]
+    estimate: Trajectory
+    ready: NDArray[np.bool_]
+    particles: NDArray[np.int64]
+    searched: bool
+    start: Start | None
+    wall_s: float
+    health: Health
+    injections: tuple[_core.Injection, ...] = ()
+    frames: tuple[Frame, ...] = ()
+
+
+def messages_for(config: RunConfig, log: Log) -> Messages:
+    """Return the messages that the `Mcl` takes: odometry alone where the pose EKF has the others.
+
+    Raises
+    ------
+    LogError
+        If the log lacks scans or a map, or has none of these messages.
+    """
+    if config.mcl is None:
+        raise ValueError("the config has no mcl")
+    scans = "scans" in log and len(log["scans"]["stamp_ns"]) > 0
+    for what, missing in (("scans", not scans), ("map", log.grid is None)):
+        if missing:
+            called = "a map" if what == "map" else what
+            raise LogError(f"mcl needs {called}, but the log has none; {how_to_add(log, what)}, "
+                           "or remove mcl")  # fmt: skip
+    if config.mcl.poses_hz is not None:
+        config = config.model_copy(update={"use": [s for s in config.use if s == "odometry"]})
+    return to_messages(log, config)
+
+
+def mcl_of(
+    config: RunConfig, log: Log, messages: Messages, start: _core.PoseEstimate | None = None
+) -> _core.Mcl | _core.SwitchingMcl:
+    """Return the estimator at its start: at a pose, or anywhere in free space (``start: auto``).
+
+    With ``mcl.switch`` a filter of ranges and positions stands beside it, started alike.
+
+    Raises
+    ------
+    ConfigError
+        If the start is ``truth`` and the log has none, or none with a heading.
+    ValueError
+        If the map has no free or no occupied cell.
+    """
+    assert config.mcl is not None
+    grid = grid_of(log)
+    assert grid is not None
+    anchors, tags = radios_of(log, messages, config)
+    begin = min(messages.begin_ns, int(log["scans"]["stamp_ns"].min()))
+    if start is None and config.start != "auto":
+        start = start_of(config, truth_of(log), messages)
+    return mcl_on(config, grid, begin, (anchors, tags), landmarks_of(log, messages), start)
+
+
+def mcl_on(
+    config: RunConfig,
+    grid: _core.OccupancyGrid,
+    begin_ns: int,
+    radios: tuple[_core.AnchorMap, list[_core.Tag]],
+    landmarks: _core.LandmarkSight | None,
+    start: _core.PoseEstimate | None,
+) -> _core.Mcl | _core.SwitchingMcl:
+    """Return the estimator of ``mcl`` on a map, at a pose or, without one, anywhere in free space.
+
+    Raises
+    ------
+    ValueError
+        If the map has no free or no occupied cell.
+    """
+    assert config.mcl is not None
+    settings = build_mcl_config(config.mcl, config.seed)
+    settings.health = build_health_config(config.health)
+    mcl = _core.Mcl(settings, grid, begin_ns, *radios, landmarks)
+    if start is not None:
+        mcl.start_at([_core.PoseHypothesis(start)])
+    if config.mcl.switch is None:
+        return mcl
+    uwb = _core.RecoveringEkf(build_recovering_config(config), *radios)
+    if start is not None:
+        uwb.start_at(start)
+    return _core.SwitchingMcl(build_switching_config(config.mcl.switch), mcl, uwb)
+
+
+def localize(
+    config: RunConfig,
+    log: Log,
+    *,
+    start: _core.PoseEstimate | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    watch: Callable[[Callable[[], tuple[Log, Localization]]], None] | None = None,
+) -> Localization:
+    """Localize on the map of a log with what ``mcl`` of a configuration says.
+
+    Parameters
+    ----------
+    config : RunConfig
+    log : Log
+    start : PoseEstimate, optional
+        Instead of what the configuration says.
+    progress : callable, optional
+        Told (messages and scans done, in all).
+    watch : callable, optional
+        Called after each scan with what returns, while it is called, the log up to there and how
+        it went so far.
+
+    Raises
+    ------
+    ConfigError, LogError
+        As `messages_for` and `mcl_of`.
+    """
+    messages = messages_for(config, log)
+    mcl = mcl_of(config, log, messages, start)
+    scans = scans_of(log)
+    begin = mcl.estimate().stamp
+    search = _Search(mcl) if start is None and config.start == "auto" else None
+    total = len(messages.log) + len(scans)
+    film = _Frames(mcl)
+    scans_done = 0
+
+    def localization_of(run: _core.LocalizeRun) -> Localization:
+        wall_s = clock.seconds
+        poses = run.poses
+        return Localization(
+            messages=messages,
+            begin_ns=begin,
+            end_ns=max(messages.end_ns, int(log["scans"]["stamp_ns"].max())),
+            verdict=run.verdict,
+            scan_verdict=run.scan_verdict,
+            estimate=Trajectory(run.stamp_ns, poses[:, :2].copy(), poses[:, 2].copy(),
+                                run.covariances),
+            ready=run.ready,
+            particles=run.particles,
+            searched=search is not None,
+            start=None if search is None else search.start(begin),
+            wall_s=wall_s,
+            health=health_of(run, messages, config),
+            injections=tuple(mcl.injections) if isinstance(mcl, _core.SwitchingMcl) else (),
+            frames=tuple(film.frames),
+        )  # fmt: skip
+
+    def look(done: int, run: Callable[[], _core.LocalizeRun]) -> None:
+        nonlocal scans_done
+        scans_done += 1
+        with clock.stopped():
+            film.look()
+            if search is not None:
+                search.look()
+            if progress is not None:
+                progress(done, total)
+            if watch is not None:
+                watch(lambda: _part(log, localization_of(run()), done - scans_done, scans_done))
+
+    clock = Stopwatch()
+    return localization_of(_core.localize(mcl, messages.log, scans, look))
+
+
+def _part(
+    log: Log, localization: Localization, messages_done: int, scans_done: int
+) -> tuple[Log, Localization]:
+    """Return a log and its localization up to what is done, in the order in which it was used."""
+    stamp = log["scans"]["stamp_ns"]
+    heard, seen = np.zeros(len(localization.verdict), np.bool_), np.zeros(len(stamp), np.bool_)
+    order = np.argsort(localization.messages.effective_ns, kind="stable")
+    heard[order[:messages_done]] = True
+    seen[np.argsort(stamp, kind="stable")[:scans_done]] = True
+    until = int(stamp[seen].max())
+    log, messages = cut_off(log, localization.messages, until, heard, seen)
+    return log, replace(
+        localization,
+        messages=messages,
+        end_ns=until,
+        verdict=localization.verdict[heard],
+        scan_verdict=localization.scan_verdict[seen],
+    )
+
+
+class Stopwatch:
+    """Time that a computation takes, without what is done aside."""
+
+    def __init__(self) -> None:
+        self._began = time.perf_counter()
+        self._aside = 0.0
+
+    @property
+    def seconds(self) -> float:
+        """Time so far."""
+        return time.perf_counter() - self._began - self._aside
+
+    @contextmanager
+    def stopped(self) -> Iterator[None]:
+        """Do something aside."""
+        began = time.perf_counter()
+        try:
+            yield
+        finally:
+            self._aside += time.perf_counter() - began
+
+
+def frame_of(mcl: _core.Mcl | _core.SwitchingMcl) -> Frame:
+    """Return what is believed now, with a copy of at most 2000 particles."""
+    now = mcl.estimate()
+    particles = (mcl.mcl if isinstance(mcl, _core.SwitchingMcl) else mcl).particles
+    step = -(-len(particles) // _MOST_PARTICLES)
+    pose = np.array([now.pose.x, now.pose.y, now.pose.heading])
+    return Frame(now.stamp, particles[::step].copy(), pose, mcl.ready)
+
+
+class _Frames:
+    """Looks at an `Mcl` after each scan; of many scans, after every second, fourth and so on."""
+
+    def __init__(self, mcl: _core.Mcl | _core.SwitchingMcl) -> None:
+        self.frames: list[Frame] = []
+        self._mcl = mcl
+        self._scans = 0
+        self._each = 1
+
+    def look(self) -> None:
+        if self._scans % self._each == 0:
+            self.frames.append(frame_of(self._mcl))
+        self._scans += 1
+        if len(self.frames) > _MOST_FRAMES:
+            self.frames = self.frames[::2]
+            self._each *= 2
+
+
+class _Search:
+    """Looks at an `Mcl` after each scan until it is ready."""
+
+    def __init__(self, mcl: _core.Mcl | _core.SwitchingMcl) -> None:
+        self._mcl = mcl
+        self._steps: list[tuple[int, tuple[Hypothesis, ...]]] = []
+        self._found = False
+
+    def look(self) -> None:
+        if not self._found:
+            found = self._mcl.hypotheses
+            likely = [h for h in found if h.probability >= _LIKELY] or found[:1]
+            self._steps.append((found[0].estimate.stamp, hypotheses_of(likely)))
+            self._found = self._mcl.ready
+
+    def start(self, begin_ns: int) -> Start | None:
+        if not self._found:
+            return None
+        stamp, hypotheses = self._steps[-1]
+        return Start(
+            stamp_ns=stamp,
+            seconds=(stamp - begin_ns) / NANOSECONDS,
+            pose=hypotheses[0].pose,
+            covariance=hypotheses[0].covariance,
+            steps=tuple(self._steps),
+            used_scans=True,
+        )
+
+
+def with_poses_of(localization: Localization, log: Log, rate_hz: float) -> Log:
+    """Return the log with the estimates of an `Mcl` in place of its poses.
+
+    Estimates are poses while they are ready, and at most one in each tick of the rate.
+    """
+    estimate = localization.estimate
+    assert estimate.heading is not None
+    assert estimate.covariance is not None
+    ready = np.flatnonzero(localization.ready)
+    seconds = (estimate.stamp_ns[ready] - localization.begin_ns) / NANOSECONDS
+    # A tick that falls on a stamp is that stamp's, however the division was rounded.
+    tick = np.floor(seconds * rate_hz + 1e-6)
+    rows = ready[np.unique(tick, return_index=True)[1]]
+    variance = np.diagonal(estimate.covariance[rows], axis1=1, axis2=2)
+    poses: Columns = {
+        "stamp_ns": estimate.stamp_ns[rows],
+        "x_m": estimate.position[rows, 0],
+        "y_m": estimate.position[rows, 1],
+        "heading_rad": estimate.heading[rows],
+        "sigma_xy_m": np.sqrt(variance[:, :2].mean(axis=1)),
+        "sigma_heading_rad": np.sqrt(variance[:, 2]),
+    }
+    return replace(log, tables={**log.tables, "poses": poses})

@@ -1,0 +1,403 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From the tables of a log to messages in order of arrival."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from locfuse import _core
+from locfuse.config.build import build_anchors
+from locfuse.config.schema import SOURCES, RunConfig
+from locfuse.run.missing_inputs import how_to_add, where_named
+from locfuse.types import (
+    NANOSECONDS,
+    Columns,
+    FloatArray,
+    Log,
+    LogError,
+    StampArray,
+    Trajectory,
+)
+
+
+@dataclass(frozen=True)
+class Messages:
+    """A log made ready for replay, and what each message was.
+
+    Attributes
+    ----------
+    log : MessageLog
+        Sorted by arrival.
+    stamp_ns, effective_ns, source, tag, anchor : arrays, shape (n,)
+        In the same order; names for people. A landmark's name stands in `anchor`. An increment
+        takes effect when its motion begins, all else at its stamp.
+    row : int array, shape (n,)
+        Of each in the log's table of its source.
+    anchor_names, tag_names, landmark_names : list of str
+        Name of each id.
+    begin_ns, end_ns : int
+        First effective stamp and last stamp.
+    """
+
+    log: _core.MessageLog
+    stamp_ns: StampArray
+    effective_ns: StampArray
+    source: NDArray[np.str_]
+    tag: NDArray[np.str_]
+    anchor: NDArray[np.str_]
+    row: NDArray[np.intp]
+    anchor_names: list[str]
+    tag_names: list[str]
+    landmark_names: list[str]
+    begin_ns: int
+    end_ns: int
+
+
+def to_messages(log: Log, config: RunConfig) -> Messages:
+    """Turn the tables that a configuration uses into messages, in order of arrival.
+
+    The first row of odometry increments tells a motion from before the log: only its stamp is used.
+
+    Raises
+    ------
+    LogError
+        If nothing is left to fuse, or ranges come without anchors or tags.
+    """
+    tables: dict[str, Mapping[str, NDArray[Any]]] = {
+        source: _undelayed(source, log[source], config.delays_s.get(source, 0.0))
+        for source in SOURCES
+        if source in log and source in config.use and len(log[source]["stamp_ns"]) > 0
+    }
+    if not tables:
+        present = [s for s in SOURCES if s in log and len(log[s]["stamp_ns"]) > 0]
+        raise LogError(f"nothing to fuse: the log has {present or 'no messages'}, "
+                       f"the config uses {list(config.use)}")  # fmt: skip
+    _check_clocks(tables)
+    anchor_names, tag_names = _names(log, tables)
+    landmark_names = _landmark_names(log, tables.get("landmark_sightings"))
+    messages = _core.MessageLog()
+    parts: list[dict[str, Any]] = []
+    for source, table in tables.items():
+        part = _add(messages, source, table, anchor_names, tag_names, landmark_names)
+        part["source"] = np.full(len(part["stamp"]), source)
+        empty = np.full(len(part["stamp"]), "")
+        part["tag"] = table.get("tag", empty)
+        part["row"] = np.arange(len(part["stamp"]))
+        part["anchor"] = table.get("anchor", table.get("landmark", empty))
+        parts.append(part)
+    messages.sort()
+    column = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+    order = np.argsort(column["arrival"], kind="stable")
+    return Messages(
+        log=messages,
+        stamp_ns=column["stamp"][order],
+        effective_ns=column["effective"][order],
+        source=column["source"][order],
+        tag=column["tag"][order],
+        anchor=column["anchor"][order],
+        row=column["row"][order],
+        anchor_names=anchor_names,
+        tag_names=tag_names,
+        landmark_names=landmark_names,
+        begin_ns=int(column["effective"].min()),
+        end_ns=int(column["stamp"].max()),
+    )
+
+
+def absent(config: RunConfig, log: Log) -> list[str]:
+    """Return the sources that ``use`` names, that nothing makes and the log has no message of."""
+    made = {"poses"} if config.mcl is not None and config.mcl.poses_hz is not None else set()
+    made |= {"landmark_sightings"} if config.cylinders is not None else set()
+    return [source for source in config.use
+            if source not in made and (source not in log or not len(log[source]["stamp_ns"]))
+            ]  # fmt: skip
+
+
+def cut_off(
+    log: Log,
+    messages: Messages,
+    until_ns: int,
+    heard: NDArray[np.bool_],
+    scans: NDArray[np.bool_] | None = None,
+) -> tuple[Log, Messages]:
+    """Return a log and its messages as if it had ended at a stamp.
+
+    Parameters
+    ----------
+    log : Log
+    messages : Messages
+        Of that log.
+    until_ns : int
+        Of truth, and of all else that is not named here, what has a later stamp is left out.
+    heard : bool array, shape (n,)
+        Which messages stay.
+    scans : bool array, optional
+        Which scans stay.
+    """
+    rows: dict[str, NDArray[Any]] = {
+        source: np.sort(messages.row[heard & (messages.source == source)])
+        for source in np.unique(messages.source).tolist()
+    }
+    if scans is not None:
+        rows["scans"] = scans
+    tables = {}
+    for name, table in log.tables.items():
+        if "stamp_ns" in table:
+            kept = rows[name] if name in rows else table["stamp_ns"] <= until_ns
+            table = {column: values[kept] for column, values in table.items()}
+        tables[name] = table
+    columns = {
+        name: getattr(messages, name)[heard]
+        for name in ("stamp_ns", "effective_ns", "source", "tag", "anchor", "row")
+    }
+    return replace(log, tables=tables), replace(messages, **columns, end_ns=until_ns)
+
+
+def _undelayed(source: str, table: Columns, delay_s: float) -> Columns:
+    """Return a table at the stamps at which it was taken; it arrives when it did."""
+    delay = round(delay_s * NANOSECONDS)
+    if delay == 0:
+        return table
+    stamp = table["stamp_ns"]
+    takes_effect = stamp
+    if source == "odometry" and "dx_m" in table:
+        takes_effect = np.concatenate([stamp[:1], stamp[:-1]])
+    return {**table, "stamp_ns": stamp - delay, "arrival_ns": table.get("arrival_ns", takes_effect)}
+
+
+def _check_clocks(tables: Mapping[str, Mapping[str, NDArray[Any]]]) -> None:
+    """Refuse sources that are an hour or more apart: they count time from different origins."""
+    spans = sorted(
+        (int(table["stamp_ns"].min()), int(table["stamp_ns"].max()), source)
+        for source, table in tables.items()
+        if len(table["stamp_ns"]) > 0
+    )
+    for (_, end, first), (later, _, second) in pairwise(spans):
+        if later - end > 3600 * NANOSECONDS:
+            raise LogError(f"{second} begin {(later - end) / NANOSECONDS:.6g} s after {first} end; "
+                           "do all files count time from the same origin?")  # fmt: skip
+
+
+def _names(
+    log: Log, tables: Mapping[str, Mapping[str, NDArray[Any]]]
+) -> tuple[list[str], list[str]]:
+    """Return anchor and tag names in order of id: those with a place first."""
+    anchors = [str(name) for name in log["anchors"]["anchor"]] if "anchors" in log else []
+    tags = list(log.tags)
+    if "ranges" in tables:
+        ranges = tables["ranges"]
+        if not anchors:
+            raise LogError(f"the log has ranges but no anchors; {how_to_add(log, 'anchors')}, or "
+                           "leave 'ranges' out of use")  # fmt: skip
+        if not tags:
+            raise LogError("the log has ranges but nothing says where tags sit; "
+                           f"{how_to_add(log, 'tags')}")  # fmt: skip
+        for column, known in (("anchor", anchors), ("tag", tags)):
+            named = sorted(set(ranges[column].tolist()))
+            if named and not set(named) & set(known):
+                raise LogError(f"no range can be used: ranges name {column}s {named}, "
+                               f"{where_named(log, column + 's')} names {known}")  # fmt: skip
+        anchors += sorted(set(ranges["anchor"].tolist()) - set(anchors))
+        tags += sorted(set(ranges["tag"].tolist()) - set(tags))
+    if "tag" in tables.get("positions", {}):
+        named = sorted(set(tables["positions"]["tag"].tolist()) - {""})
+        if named and not set(named) & set(tags):
+            raise LogError(f"no position of a tag can be used: positions name tags {named}, "
+                           f"{where_named(log, 'tags')} names {list(log.tags)}")  # fmt: skip
+        tags += sorted(set(named) - set(tags))
+    return anchors, tags
+
+
+def _landmark_names(log: Log, sightings: Mapping[str, NDArray[Any]] | None) -> list[str]:
+    """Return landmark names in order of id: those with a place first."""
+    names = [str(name) for name in log["landmarks"]["landmark"]] if "landmarks" in log else []
+    if sightings is None:
+        return names
+    if not names:
+        raise LogError("the log has landmark_sightings but no landmarks; "
+                       f"{how_to_add(log, 'landmarks')}, or leave 'landmark_sightings' out of use"
+                       )  # fmt: skip
+    named = sorted(set(sightings["landmark"].tolist()) - {""})
+    if named and not set(named) & set(names) and "" not in sightings["landmark"]:
+        raise LogError(f"no sighting can be used: sightings name landmarks {named}, "
+                       f"{where_named(log, 'landmarks')} names {names}")  # fmt: skip
+    return names + sorted(set(named) - set(names))
+
+
+def _ids(names: list[str], column: NDArray[Any]) -> NDArray[np.int32]:
+    unique, inverse = np.unique(column, return_inverse=True)
+    lookup = np.array(
+        [names.index(str(name)) if str(name) else -1 for name in unique], dtype=np.int32
+    )
+    ids: NDArray[np.int32] = lookup[inverse]
+    return ids
+
+
+def _add(
+    messages: _core.MessageLog,
+    source: str,
+    table: Mapping[str, NDArray[Any]],
+    anchor_names: list[str],
+    tag_names: list[str],
+    landmark_names: list[str],
+) -> dict[str, Any]:
+    """Add one table; return its stamps, effective stamps and arrivals."""
+    stamp, arrival = table["stamp_ns"], table.get("arrival_ns")
+    effective = stamp
+    if source == "odometry" and "dx_m" in table:
+        begin = np.concatenate([stamp[:1], stamp[:-1]])
+        motion = np.column_stack([table["dx_m"], table["dy_m"], table["dheading_rad"]])
+        motion[:1] = 0.0
+        effective = begin
+        messages.add_increments(begin, stamp, motion, arrival)
+    elif source == "odometry":
+        messages.add_velocities(stamp, table["v_mps"], table["omega_radps"], arrival)
+    elif source == "ranges":
+        tag, anchor = _ids(tag_names, table["tag"]), _ids(anchor_names, table["anchor"])
+        messages.add_ranges(stamp, tag, anchor, table["range_m"], table.get("sigma_m"), arrival)
+    elif source == "positions":
+        position = np.column_stack([table["x_m"], table["y_m"]])
+        of_tag = _ids(tag_names, table["tag"]) if "tag" in table else None
+        messages.add_positions(stamp, position, table["sigma_m"], arrival, of_tag)
+    elif source == "landmark_sightings":
+        messages.add_sightings(stamp, _ids(landmark_names, table["landmark"]), table["range_m"],
+                               table["bearing_rad"], table.get("sigma_range_m"),
+                               table.get("sigma_bearing_rad"), arrival)  # fmt: skip
+    else:
+        pose = np.column_stack([table["x_m"], table["y_m"], table["heading_rad"]])
+        sigma_xy, sigma_heading = table["sigma_xy_m"], table["sigma_heading_rad"]
+        messages.add_poses(stamp, pose, sigma_xy, sigma_heading, arrival)
+    heard = effective if arrival is None else arrival
+    return {"stamp": stamp, "effective": effective, "arrival": heard}
+
+
+def radios_of(
+    log: Log, messages: Messages, config: RunConfig
+) -> tuple[_core.AnchorMap, list[_core.Tag]]:
+    """Return the anchors and the tags that have a place, with the ids of the messages.
+
+    Raises
+    ------
+    ConfigError
+        If the configuration names an anchor that the log does not have.
+    """
+    anchors = build_anchors(log.tables.get("anchors"), messages.anchor_names, config.anchors)
+    tags = [_core.Tag(i, list(log.tags[name])) for i, name in enumerate(messages.tag_names)
+            if name in log.tags]  # fmt: skip
+    return anchors, tags
+
+
+def landmarks_of(log: Log, messages: Messages) -> _core.LandmarkSight | None:
+    """Return the landmarks that have a place, with the ids of the messages, and their sensor."""
+    if "landmarks" not in log:
+        return None
+    return landmark_sight(log, messages.landmark_names)
+
+
+def landmark_sight(log: Log, names: list[str]) -> _core.LandmarkSight:
+    """Return the landmarks of a log, whose ids are their places in `names`, and their sensor."""
+    table = log["landmarks"]
+    radius = table.get("radius_m", np.zeros(len(table["landmark"])))
+    ids = _ids(names, table["landmark"]).tolist()
+    rows = zip(ids, table["x_m"].tolist(), table["y_m"].tolist(), radius.tolist(), strict=True)
+    known = _core.LandmarkMap([_core.Landmark(i, [x, y], r) for i, x, y, r in rows])
+    return _core.LandmarkSight(known, landmark_sensor_of(log))
+
+
+def landmark_sensor_of(log: Log) -> _core.Pose2:
+    """Return where on the body the sensor sits that sees landmarks."""
+    mount = log.landmark_sensor
+    return _core.Pose2() if mount is None else _core.Pose2(*map(float, mount["pose_in_body"]))
+
+
+@dataclass(frozen=True)
+class Instant:
+    """What is seen at one stamp, without names, and what was driven since the one before.
+
+    Attributes
+    ----------
+    stamp : int
+        Nanoseconds.
+    driven : list of Velocity
+        Those with stamps up to it.
+    seen : list of RangeBearing
+    rows : int array
+        Of what is seen, in the log's sightings.
+    """
+
+    stamp: int
+    driven: list[_core.Velocity]
+    seen: list[_core.RangeBearing]
+    rows: NDArray[np.intp]
+
+
+def instants_of(log: Log) -> Iterator[Instant]:
+    """Yield the instants of a log at which landmarks are seen.
+
+    Raises
+    ------
+    LogError
+        If it has no sightings, or its odometry is not velocities.
+    """
+    seen, odometry = log.tables.get("landmark_sightings"), log.tables.get("odometry")
+    if seen is None or odometry is None or "v_mps" not in odometry:
+        raise LogError(
+            "seeing landmarks needs landmark_sightings.csv, and odometry.csv with v_mps and "
+            f"omega_radps; the log has {sorted(log.tables)}"
+        )
+    velocities = [
+        _core.Velocity(*row)
+        for row in zip(*(odometry[name].tolist() for name in ("stamp_ns", "v_mps", "omega_radps")),
+                       strict=True)
+    ]  # fmt: skip
+    sightings = [
+        _core.RangeBearing(stamp, None, _number(distance), _number(bearing), covariance)
+        for stamp, distance, bearing, covariance in zip(
+            *(seen[name].tolist() for name in ("stamp_ns", "range_m", "bearing_rad")),
+            _covariances(seen),
+            strict=True,
+        )
+    ]
+    stamps, group = np.unique(seen["stamp_ns"], return_inverse=True)
+    rows = np.split(np.argsort(group, kind="stable"), np.cumsum(np.bincount(group))[:-1])
+    until = np.searchsorted(odometry["stamp_ns"], stamps, side="right").tolist()
+    for stamp, these, begin, end in zip(stamps.tolist(), rows, [0, *until], until, strict=False):
+        yield Instant(stamp, velocities[begin:end], [sightings[row] for row in these], these)
+
+
+def _covariances(seen: Columns) -> list[FloatArray | None]:
+    if "sigma_range_m" not in seen:
+        return [None] * len(seen["stamp_ns"])
+    sigmas = np.column_stack([seen["sigma_range_m"], seen["sigma_bearing_rad"]])
+    return [np.diag(sigma**2) for sigma in sigmas]
+
+
+def _number(value: float) -> float | None:
+    return None if np.isnan(value) else value
+
+
+def trajectory_of(estimates: list[_core.PoseEstimate]) -> Trajectory:
+    """Return estimates as one trajectory, with covariances."""
+    return Trajectory(
+        np.array([e.stamp for e in estimates], np.int64),
+        np.array([[e.pose.x, e.pose.y] for e in estimates]).reshape(-1, 2),
+        np.array([e.pose.heading for e in estimates]),
+        np.array([e.covariance for e in estimates]).reshape(-1, 3, 3),
+    )
+
+
+def truth_of(log: Log) -> Trajectory | None:
+    """Return the reference trajectory of a log, if it has one."""
+    if "truth" not in log:
+        return None
+    table = log["truth"]
+    heading = table.get("heading_rad")
+    return Trajectory(
+        table["stamp_ns"], np.column_stack([table["x_m"], table["y_m"]]).astype(float), heading
+    )

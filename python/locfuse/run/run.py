@@ -1,0 +1,323 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One run: messages in, poses, outcomes and metrics out."""
+
+from __future__ import annotations
+
+import logging
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from locfuse import _core
+from locfuse.config.build import build_estimator_config, build_recovering_config
+from locfuse.config.schema import SOURCES, Dataset, RunConfig
+from locfuse.eval.metrics import metrics
+from locfuse.eval.readiness import readiness
+from locfuse.io.datasets import convert
+from locfuse.io.log_folder import read_log
+from locfuse.io.recording import read_recording
+from locfuse.run.cylinders import with_cylinders
+from locfuse.run.health import health_metrics, health_of
+from locfuse.run.mcl import Localization, Stopwatch, localize, with_poses_of
+from locfuse.run.messages import (
+    Messages,
+    absent,
+    cut_off,
+    landmarks_of,
+    radios_of,
+    to_messages,
+    truth_of,
+)
+from locfuse.run.outcomes import outcomes_of, outcomes_of_mcl, with_scans, with_switches
+from locfuse.run.start import matcher_of, start_from_nothing, start_of
+from locfuse.sim.scenario import simulate
+from locfuse.types import (
+    NANOSECONDS,
+    ConfigError,
+    Log,
+    LogError,
+    Outcomes,
+    RunResult,
+    Start,
+    Trajectory,
+    nearest,
+    rows_of,
+)
+
+Progress = Callable[[int, int], None]
+Watch = Callable[[Callable[[], RunResult]], None]
+_logger = logging.getLogger(__name__)
+
+OBSERVED_SHARE = (
+    0.7  # of the sigma that an error began with: half its variance; above, it hardly fell
+)
+
+
+def run(
+    config: RunConfig,
+    log: Log | None = None,
+    *,
+    base: Path | None = None,
+    seed: int | None = None,
+    start: _core.PoseEstimate | None = None,
+    progress: Progress | None = None,
+    watch: Watch | None = None,
+) -> RunResult:
+    """Localize along a log.
+
+    Parameters
+    ----------
+    config : RunConfig
+    log : Log, optional
+        Instead of what the configuration names.
+    base : Path, optional
+        Folder that the configuration's paths are relative to.
+    seed : int, optional
+        Of the simulation and of particles, instead of what the configuration says.
+    start : PoseEstimate, optional
+        Instead of what the configuration says.
+    progress : callable, optional
+        Told (messages done, messages in all).
+    watch : callable, optional
+        Called now and then with what returns, while it is called, the run so far: as if its log
+        ended there. Only a message that came late can change a verdict of it. Where ``mcl`` is the
+        source of poses, it is the run of the `Mcl`.
+
+    Returns
+    -------
+    RunResult
+
+    Raises
+    ------
+    ConfigError, LogError
+        If the configuration or the log cannot be used as they are.
+
+    Examples
+    --------
+    >>> from locfuse.config.load import parse_config
+    >>> result = run(parse_config({"simulation": {"duration_s": 10}}), seed=1)
+    >>> result.metrics["position_rmse_m"] < 0.1
+    True
+    """
+    if seed is not None:
+        config = config.model_copy(update={"seed": seed})
+    if log is None:
+        log = load_log(config, base, config.seed)
+    _say_what_is_missing(config, log)
+    log = with_cylinders(log, config)
+    if config.mcl is None:
+        return _fuse(config, log, start, progress, watch)
+    localization = localize(config, log, start=start, progress=progress,
+                            watch=None if watch is None else _of_mcl(watch, config))  # fmt: skip
+    if config.mcl.poses_hz is not None:
+        log = with_poses_of(localization, log, config.mcl.poses_hz)
+        return _fuse(config, log, start, progress, localization=localization)
+    if localization.searched and localization.start is None:
+        raise LogError("start is 'auto', but the log ends before one place on the map is left; "
+                       "set start: [x, y, heading_deg]")  # fmt: skip
+    return _located(config, log, localization)
+
+
+def _of_mcl(
+    watch: Watch, config: RunConfig
+) -> Callable[[Callable[[], tuple[Log, Localization]]], None]:
+    return lambda part: watch(lambda: _located(config, *part()))
+
+
+def _say_what_is_missing(config: RunConfig, log: Log) -> None:
+    """Name what ``use`` chooses and the log has not: the others go on."""
+    if config.use == list(SOURCES):  # whatever there is
+        return
+    for source in absent(config, log):
+        bag = f"; is ros.topics.{source} its topic?" if log.origin == "bag" else ""
+        _logger.warning("use names %s, but the log has none%s", source, bag)
+
+
+def _fuse(
+    config: RunConfig,
+    log: Log,
+    start: _core.PoseEstimate | None,
+    progress: Progress | None,
+    watch: Watch | None = None,
+    localization: Localization | None = None,
+) -> RunResult:
+    """Run the pose EKF; a localization is where its poses come from."""
+    messages = to_messages(log, config)
+    anchors, tags = radios_of(log, messages, config)
+    landmarks = landmarks_of(log, messages)
+    used_until, found = None, None
+    if start is None and config.start == "auto":
+        ekf, used_until, found = start_from_nothing(config, log, messages.log, messages.begin_ns,
+                                                    anchors, tags, landmarks)  # fmt: skip
+    else:
+        start = start_of(config, truth_of(log), messages) if start is None else start
+        ekf = _core.PoseEkf(build_estimator_config(config.estimator), anchors, tags, start,
+                            landmarks)  # fmt: skip
+    start_ns = ekf.belief.stamp
+    recovering = _core.RecoveringEkf(build_recovering_config(config), anchors, tags,
+                                     matcher_of(log), landmarks)  # fmt: skip
+    recovering.start_with(ekf)
+    total = len(messages.log)
+
+    def result_of(record: _core.RunLog, log: Log, messages: Messages) -> RunResult:
+        wall_s = clock.seconds
+        poses = record.poses
+        estimate = Trajectory(record.stamp_ns, poses[:, :2].copy(), poses[:, 2].copy(),
+                              record.covariances)  # fmt: skip
+        outcomes = outcomes_of(messages, record, log, config, start_ns, used_until)
+        if localization is not None:
+            outcomes = with_scans(outcomes, localization, log)
+            wall_s += localization.wall_s
+        duration_s = (messages.end_ns - messages.begin_ns) / NANOSECONDS
+        health = health_of(record, messages, config)
+        figures = {
+            **metrics(estimate, truth_of(log), outcomes, duration_s, wall_s),
+            "interventions": int(record.interventions.sum()),
+            "clock_jumps": record.jumps,
+            "fallen_out": record.fallen_out,
+            "noise_factors": _noise_factors(config, record),
+            "health": health_metrics(health, record.alarms, record.restarts),
+        }
+        result = _result(config, log, estimate, outcomes, figures, found, localization,
+                         record.errors, messages.anchor_names)  # fmt: skip
+        return replace(result, health=health)
+
+    def told(done: int, record: Callable[[], _core.RunLog]) -> None:
+        with clock.stopped():
+            if progress is not None:
+                progress(done, total)
+            if watch is not None:
+                watch(lambda: result_of(record(), *_beginning(log, messages, done)))
+
+    clock = Stopwatch()
+    record = _core.replay(
+        recovering,
+        messages.log,
+        history=round(config.history_s * NANOSECONDS),
+        progress=None if progress is None and watch is None else told,
+        used_until=used_until,
+        clock_jump=_core.ClockJump[config.clock_jump.upper()],
+        most_messages=config.history_messages,
+        switches=_switches(config),
+    )
+    result = result_of(record, log, messages)
+    if progress is not None:
+        progress(total, total)
+    return result
+
+
+def _beginning(log: Log, messages: Messages, done: int) -> tuple[Log, Messages]:
+    heard = np.arange(len(messages.stamp_ns)) < done
+    return cut_off(log, messages, int(messages.stamp_ns[heard].max()), heard)
+
+
+def _noise_factors(config: RunConfig, record: _core.RunLog) -> dict[str, float] | None:
+    """Return the factors of variances at the end, where they follow innovations."""
+    if config.estimator.adaptive.messages == 0.0:
+        return None
+    return {source: record.noise_factor(_core.Source[source.upper()])
+            for source in config.use if source != "odometry"}  # fmt: skip
+
+
+def _switches(config: RunConfig) -> list[tuple[int, _core.Source, bool]]:
+    """Return when which source goes off, and when on."""
+    switches = []
+    for off in config.switched_off:
+        source = _core.Source[off.source.upper()]
+        switches.append((round(off.from_s * NANOSECONDS), source, False))
+        if off.until_s is not None:
+            switches.append((round(off.until_s * NANOSECONDS), source, True))
+    return switches
+
+
+def _located(config: RunConfig, log: Log, localization: Localization) -> RunResult:
+    """Return the run whose estimator is the `Mcl`; found from nothing, it begins when ready."""
+    estimate, found = localization.estimate, localization.start
+    if localization.searched:
+        ready = found is not None and estimate.stamp_ns >= found.stamp_ns
+        estimate = rows_of(estimate, np.broadcast_to(ready, len(estimate)))
+    outcomes = outcomes_of_mcl(localization, log)
+    lost = np.concatenate([[False], localization.health.state == "lost"])
+    alarms = int(np.sum(lost[1:] & ~lost[:-1]))
+    duration_s = (localization.end_ns - localization.begin_ns) / NANOSECONDS
+    figures = {
+        **metrics(estimate, truth_of(log), outcomes, duration_s, localization.wall_s),
+        **dict.fromkeys(("interventions", "clock_jumps", "fallen_out", "noise_factors")),
+        "health": health_metrics(localization.health, alarms, alarms - int(lost[-1])),
+    }
+    outcomes = with_switches(outcomes, localization)
+    result = _result(config, log, estimate, outcomes, figures, found, localization)
+    return replace(result, health=localization.health)
+
+
+def _result(
+    config: RunConfig,
+    log: Log,
+    estimate: Trajectory,
+    outcomes: Outcomes,
+    figures: dict[str, Any],
+    found: Start | None,
+    localization: Localization | None,
+    errors: Sequence[_core.CalibratedError] = (),
+    anchor_names: Sequence[str] = (),
+) -> RunResult:
+    truth = truth_of(log)
+    return RunResult(
+        config=config.model_dump(mode="json"),
+        log=log,
+        estimate=estimate,
+        truth=truth,
+        outcomes=outcomes,
+        metrics={
+            **figures,
+            "start_s": None if found is None else found.seconds,
+            "calibration": _learnt(errors, anchor_names) or None,
+            "mcl": None if localization is None else _mcl_metrics(localization, truth),
+        },
+        start=found,
+        frames=() if localization is None else localization.frames,
+    )
+
+
+def _learnt(
+    errors: Sequence[_core.CalibratedError], anchor_names: Sequence[str]
+) -> dict[str, dict[str, float | bool]]:
+    return {
+        e.name if e.anchor is None else f"{e.name} {anchor_names[e.anchor]}": {
+            "value": e.value,
+            "sigma": e.sigma,
+            "observed": e.sigma < OBSERVED_SHARE * e.sigma_start,
+        }
+        for e in errors
+    }
+
+
+def _mcl_metrics(localization: Localization, truth: Trajectory | None) -> dict[str, Any]:
+    return {
+        **readiness(localization.estimate, localization.ready, localization.begin_ns, truth),
+        "particles_median": float(np.median(localization.particles)),
+        "switches": len(localization.injections),
+    }
+
+
+def load_log(config: RunConfig, base: Path | None, seed: int) -> Log:
+    """Return the log that a configuration names: simulated, read or converted."""
+    base = Path() if base is None else base
+    if config.simulation is not None:
+        return simulate(config.simulation, np.random.default_rng(seed), base)
+    if isinstance(config.log, Dataset):
+        source = (base / config.log.path).resolve()
+        with tempfile.TemporaryDirectory() as out:
+            folders = {folder.name: folder for folder in convert(config.log.dataset, source,
+                                                                 Path(out) / "log")}  # fmt: skip
+            name = config.log.run or next(iter(folders))
+            if name not in folders:
+                raise ConfigError(f"log.run: no run {name!r}; {nearest(name, folders)}")
+            return read_log(folders[name])
+    if config.log is not None:
+        return read_recording(base / config.log, config.ros, base)
+    raise ConfigError("the config names no 'log' and no 'simulation'; give one, or --log DIR")

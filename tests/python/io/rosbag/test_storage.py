@@ -1,0 +1,267 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags are read from their beginning on: of whichever kind, however packed, and up to damage."""
+
+from __future__ import annotations
+
+import bz2
+import sqlite3
+from collections import Counter
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from locfuse.io.rosbag import container as stored
+from locfuse.io.rosbag import encode
+from locfuse.io.rosbag.bag_stream import Bag, is_bag
+from locfuse.io.rosbag.bags import read_bag
+from locfuse.io.rosbag.container import short
+from locfuse.io.rosbag.optional_rosbags import need
+from locfuse.types import LogError
+from support_bags import KINDS, MS, T0, drive, sentences, world, write_messages, write_sqlite
+
+STEPS = 400  # fill several chunks
+TOLD = Counter({"odom": STEPS, "uwb": STEPS, "scan": STEPS, "tf_static": 1})
+
+
+def heard(path: Path) -> tuple[Counter[str], list[str]]:
+    """Return how many messages of each topic are read, and what was damaged."""
+    bag = Bag(path)
+    found = Counter(connection.topic for connection, _, _ in bag.messages(lambda _: True))
+    assert found.total() == bag.counts.total()
+    return found, bag.damage
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("bags")
+    return {kind: write_messages(folder / f"drive.{kind}", drive(STEPS)) for kind in KINDS}
+
+
+def file_of(path: Path) -> Path:
+    return next(path.glob("*.db3")) if path.is_dir() else path
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_message_is_read_with_its_record_time_and_type(
+    kind: str, bags: dict[str, Path]
+) -> None:
+    assert heard(bags[kind]) == (TOLD, [])
+    assert heard(file_of(bags[kind])) == (TOLD, [])
+    bag = Bag(bags[kind])
+    first = next(m for m in bag.messages(lambda c: c.topic == "odom"))
+    assert (first[0].type, first[1]) == ("nav_msgs/Odometry", T0 + 5_000_000)
+    assert first[0].encoding == ("ros1" if kind == "bag" else "cdr")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_only_what_is_wanted_is_read_and_the_rest_is_known_of(
+    kind: str, bags: dict[str, Path]
+) -> None:
+    bag = Bag(bags[kind])
+    topics = {c.topic for c, _, _ in bag.messages(lambda c: c.topic == "uwb")}
+    assert topics == {"uwb"}
+    assert {c.topic for c in bag.counts} == set(TOLD)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_progress_ends_with_all_of_the_bag(kind: str, bags: dict[str, Path]) -> None:
+    told: list[tuple[int, int]] = []
+    for _ in Bag(bags[kind], lambda *done: told.append(done)).messages(lambda _: True):
+        pass
+    assert told == sorted(told)
+    assert told[-1][0] == told[-1][1] == file_of(bags[kind]).stat().st_size
+
+
+@pytest.mark.parametrize("packing", ["bz2", "lz4"])
+def test_packed_chunks_of_ros_1_are_unpacked(
+    packing: str, tmp_path: Path, bags: dict[str, Path]
+) -> None:
+    from rosbags.rosbag1 import Reader, Writer
+
+    writer = Writer(tmp_path / "packed.bag")
+    writer.set_compression(Writer.CompressionFormat[packing.upper()])
+    with Reader(bags["bag"]) as reader, writer:
+        known = {
+            c.id: writer.add_connection(c.topic, c.msgtype, msgdef=c.msgdef.data, md5sum=c.digest)
+            for c in reader.connections
+        }
+        for connection, time_ns, data in reader.messages():
+            writer.write(known[connection.id], time_ns, data)
+    assert heard(tmp_path / "packed.bag") == (TOLD, [])
+
+
+@pytest.mark.parametrize("mode", ["FILE", "MESSAGE"])
+def test_packed_folders_of_ros_2_are_unpacked(mode: str, tmp_path: Path) -> None:
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode
+
+    path = write_sqlite(tmp_path / "packed", drive(STEPS), mode=CompressionMode[mode],
+                        fmt=CompressionFormat.ZSTD)  # fmt: skip
+    assert heard(path) == (TOLD, [])
+
+
+@pytest.mark.parametrize("kind", ["bag", "mcap"])
+@pytest.mark.parametrize("share", [0.15, 0.5, 0.9])
+def test_a_bag_that_is_cut_off_is_read_up_to_there(
+    kind: str, share: float, tmp_path: Path, bags: dict[str, Path]
+) -> None:
+    data = bags[kind].read_bytes()
+    path = tmp_path / f"cut.{kind}"
+    path.write_bytes(data[: int(share * len(data))])
+    found, damage = heard(path)
+    (said,) = damage
+    assert said.startswith(f"{path} is damaged at ")
+    assert f"the {found.total()} messages before are kept" in said
+    if kind == "bag":  # whose chunks are not packed, so that half a chunk is worth something
+        assert found.total() > 0.9 * share * TOLD.total() - 50
+
+
+def test_no_length_of_a_bag_is_a_traceback(tmp_path: Path, bags: dict[str, Path]) -> None:
+    for kind in ("bag", "mcap"):
+        data = bags[kind].read_bytes()
+        for length in [*range(1, 200), *range(200, len(data), len(data) // 60)]:
+            path = tmp_path / f"cut.{kind}"
+            path.write_bytes(data[:length])
+            try:
+                found, damage = heard(path)
+            except LogError:
+                assert length < 32  # not enough to tell what it is
+            else:
+                assert found == TOLD or len(damage) == 1
+
+
+def test_no_changed_byte_of_a_bag_is_a_traceback(tmp_path: Path, bags: dict[str, Path]) -> None:
+    for kind in ("bag", "mcap"):
+        data = bytearray(write_messages(tmp_path / f"small.{kind}", drive(3)).read_bytes())
+        for at in range(0, len(data), 31):
+            before, data[at] = data[at], data[at] ^ 0xA5
+            path = tmp_path / f"odd.{kind}"
+            path.write_bytes(data)
+            data[at] = before
+            try:
+                heard(path)
+            except LogError:
+                assert at < 32
+
+
+def test_a_chunk_that_is_damaged_is_left_and_the_next_read(
+    tmp_path: Path, bags: dict[str, Path]
+) -> None:
+    data = bytearray(write_messages(tmp_path / "long.mcap", drive(3000)).read_bytes())
+    first = data.index(b"\x28\xb5\x2f\xfd")  # zstd's own mark
+    second = data.index(b"\x28\xb5\x2f\xfd", first + 4)
+    data[second : second + 4] = bytes(4)
+    path = tmp_path / "odd.mcap"
+    path.write_bytes(data)
+    stamps = [time_ns for _, time_ns, _ in Bag(path).messages(lambda c: c.topic == "odom")]
+    _, damage = heard(path)
+    assert len(damage) == 1
+    assert "a chunk cannot be unpacked" in damage[0]
+    assert (stamps[0], stamps[-1]) == (T0 + 5 * MS, T0 + (5 + 100 * 2999) * MS)
+    assert 0 < len(stamps) < 3000
+
+
+def test_a_bag_that_was_never_closed_is_read(tmp_path: Path) -> None:
+    closed = write_messages(tmp_path / "closed.bag", drive(STEPS))
+    data = bytearray(closed.read_bytes())
+    at = data.index(b"index_pos=") + len(b"index_pos=")
+    data[at : at + 8] = bytes(8)
+    path = tmp_path / "active.bag"
+    path.write_bytes(data)
+    found, damage = heard(path)
+    assert found == TOLD
+    assert damage == [f"{path} is damaged at its end (it was never closed); the {TOLD.total()} "
+                      "messages before are kept"]  # fmt: skip
+
+
+def test_a_database_that_is_damaged_is_read_up_to_there(
+    tmp_path: Path, bags: dict[str, Path]
+) -> None:
+    data = bytearray(file_of(bags["db3"]).read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 40_000] = b"\xff" * 40_000
+    path = tmp_path / "odd.db3"
+    path.write_bytes(data)
+    found, damage = heard(path)
+    assert 0 < found.total() < TOLD.total()
+    assert f"the {found.total()} messages before are kept" in damage[0]
+
+
+def test_what_is_no_bag_is_said_in_a_sentence(tmp_path: Path) -> None:
+    (tmp_path / "empty.bag").write_bytes(b"")
+    (tmp_path / "text.mcap").write_text("hello")
+    (tmp_path / "old.bag").write_text("#ROSBAG V1.2\n")
+    (tmp_path / "odd.db3").write_bytes(b"SQLite format 3\x00" + b"\xff" * 500)
+    (tmp_path / "folder").mkdir()
+    for name, said in (
+        ("absent.bag", "no such bag; expected a .bag of ROS 1"),
+        ("empty.bag", "is empty; expected a .bag of ROS 1"),
+        ("text.mcap", "begins with b'hello'"),
+        ("old.bag", "#ROSBAG V1.2, expected #ROSBAG V2.0"),
+        ("odd.db3", "cannot be read"),
+        ("folder", "a folder without metadata.yaml is no bag"),
+    ):
+        with pytest.raises(LogError) as error:
+            list(Bag(tmp_path / name).messages(lambda _: True))
+        assert str(error.value).startswith(str(tmp_path / name))
+        assert said in str(error.value)
+
+
+def test_a_folder_whose_metadata_is_wrong_is_said_in_a_sentence(tmp_path: Path) -> None:
+    for text, said in (
+        ("hello", "names no files"),
+        ("rosbag2_bagfile_information: {relative_file_paths: [a.db3]}", "a.db3, which metadata"),
+        ("rosbag2_bagfile_information: {}", "names no files"),
+    ):
+        (tmp_path / "metadata.yaml").write_text(text)
+        with pytest.raises(LogError, match=said):
+            list(Bag(tmp_path).messages(lambda _: True))
+
+
+def test_a_bag_is_told_from_a_log_folder(tmp_path: Path, bags: dict[str, Path]) -> None:
+    assert all(is_bag(path) for path in bags.values())
+    assert not is_bag(tmp_path)
+    assert not is_bag(tmp_path / "absent")
+
+
+def test_types_are_named_as_people_name_them() -> None:
+    assert short("nav_msgs/msg/Odometry") == short("nav_msgs/Odometry") == "nav_msgs/Odometry"
+
+
+def test_a_topic_may_have_two_publishers_and_two_types(tmp_path: Path) -> None:
+    told = drive(3) + [(T0, encode.text("odom", "not odometry"))]
+    found, damage = heard(write_messages(tmp_path / "two.bag", told))
+    assert (found["odom"], damage) == (4, [])
+
+
+def test_a_packed_message_that_is_damaged_is_left_out(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode
+
+    path = write_sqlite(tmp_path / "packed", drive(STEPS), mode=CompressionMode.MESSAGE,
+                        fmt=CompressionFormat.ZSTD)  # fmt: skip
+    with closing(sqlite3.connect(file_of(path))) as base:
+        base.execute("UPDATE messages SET data = x'28b52ffd00' WHERE id = 3")
+        base.commit()
+    found, damage = heard(path)
+    assert (found, damage) == (TOLD, [])
+    assert len(read_bag(path, world=world())["ranges"]["stamp_ns"]) == 2 * (STEPS - 1)
+    (said,) = sentences(caplog)
+    assert f"1 of {STEPS} messages on uwb are left out: it cannot be unpacked" in said
+
+
+@pytest.mark.parametrize("packing", ["bz2", "lz4", "zstd"])
+def test_a_chunk_that_grows_when_it_is_unpacked_is_not(
+    packing: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stored, "LONGEST_CHUNK", 1000)
+    pack = {"bz2": bz2.compress, "lz4": need("lz4.frame").compress, "zstd": stored.zstd().compress}
+    for size in (999, 1000):
+        assert stored.decompressed(pack[packing](bytes(size)), packing, None) == bytes(size)
+        assert stored.decompressed(pack[packing](bytes(size)), packing, size) == bytes(size)
+    for told in (None, 999, 1001, 5_000_000):
+        with pytest.raises(stored.CutError, match=r"more than|expected"):
+            stored.decompressed(pack[packing](bytes(5_000_000)), packing, told)
+    with pytest.raises(stored.CutError, match="cannot be unpacked"):
+        stored.decompressed(pack[packing](bytes(999))[:-8], packing, None)

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run on messages as they arrive is the run of their log."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from locfuse.config.load import parse_config
+from locfuse.config.schema import SOURCES, RunConfig
+from locfuse.live import LivePose, LiveRun
+from locfuse.run.capsule import read_capsule
+from locfuse.run.messages import to_messages, truth_of
+from locfuse.run.run import load_log, run
+from locfuse.run.start import start_of
+from locfuse.types import ConfigError, Log
+
+GOLDEN = Path(__file__).parents[2] / "golden"
+ROOM: dict[str, Any] = {
+    "simulation": {"path": {"shape": "eight", "radius_m": 2.0}, "duration_s": 30.0},
+    "start": "auto",
+    "seed": 3,
+}
+
+
+def arrivals(log: Log) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the rows of a log in order of arrival: messages before scans, as `run` takes them."""
+    rows = []
+    for order, source in enumerate((*SOURCES, "scans")):
+        if source not in log:
+            continue
+        table = log[source]
+        effective = table["stamp_ns"]
+        if source == "odometry" and "dx_m" in table:
+            effective = np.concatenate([effective[:1], effective[:-1]])
+        heard = table.get("arrival_ns", effective)
+        rows += [(int(heard[i]), order, i, source) for i in range(len(heard))]
+    for _, _, i, source in sorted(rows):
+        yield source, {key: values[i] for key, values in log[source].items()}
+
+
+def live_of(
+    config: RunConfig, log: Log, start: LivePose | None = None
+) -> tuple[LiveRun, dict[int, LivePose]]:
+    """Return a live run that has heard a log, and its last pose of each stamp."""
+    live, poses = LiveRun(config, replace(log, tables=world_of(log))), {}
+    if start is not None:
+        live.start_at(start)
+    for source, row in arrivals(log):
+        live.on(source, row)
+        pose = live.fused()
+        if pose is not None:
+            poses[pose.stamp_ns] = pose
+    return live, poses
+
+
+def world_of(log: Log) -> dict[str, Any]:
+    return {name: log[name] for name in ("anchors", "landmarks") if name in log}
+
+
+def assert_same(config: RunConfig, log: Log, least: float = 0.9) -> None:
+    """Compare the poses of a live run with those of `run` at the same stamps."""
+    told = None
+    if config.start == "truth":
+        start = start_of(config, truth_of(log), to_messages(log, config))
+        at = np.array([start.pose.x, start.pose.y, start.pose.heading])
+        told = LivePose(start.stamp, at, start.covariance)
+        estimate = run(config, log, start=start).estimate
+        config = config.model_copy(update={"start": "auto"})
+    else:
+        estimate = run(config, log).estimate
+    assert estimate.heading is not None
+    assert estimate.covariance is not None
+    _, poses = live_of(config, log, told)
+    rows = [row for row, stamp in enumerate(estimate.stamp_ns.tolist()) if stamp in poses]
+    assert len(rows) >= least * len(estimate)
+    for row in rows:
+        pose = poses[int(estimate.stamp_ns[row])]
+        assert pose.pose[:2].tolist() == estimate.position[row].tolist()
+        assert pose.pose[2] == estimate.heading[row]
+        assert np.array_equal(pose.covariance, estimate.covariance[row])
+
+
+@pytest.mark.parametrize("start", ["auto", [5.0, 5.0, 0.0]])
+def test_poses_are_those_of_the_run(start: Any) -> None:
+    config = parse_config({**ROOM, "start": start})
+    assert_same(config, load_log(config, None, config.seed))
+
+
+def test_late_messages_are_fused_where_they_belong() -> None:
+    config = parse_config(ROOM | {"simulation": ROOM["simulation"] | {"faults": [
+        {"kind": "latency", "source": "ranges", "delay_s": 0.05, "jitter_s": 0.1},
+        {"kind": "latency", "source": "odometry", "delay_s": 0.02},
+    ]}})  # fmt: skip
+    assert_same(config, load_log(config, None, config.seed), least=0.5)
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in GOLDEN.glob("*.zip")))
+def test_poses_are_those_of_the_golden_runs(name: str) -> None:
+    capsule = read_capsule(GOLDEN / f"{name}.zip")
+    assert_same(capsule.config, capsule.log, least=0.5)
+
+
+def a_range(stamp_ns: int, **changes: Any) -> dict[str, Any]:
+    return {"stamp_ns": stamp_ns, "tag": "tag", "anchor": "A1", "range_m": 5.0, **changes}
+
+
+def room() -> tuple[RunConfig, Log]:
+    config = parse_config(ROOM)
+    return config, load_log(config, None, config.seed)
+
+
+def test_it_searches_anew_when_it_is_told_to() -> None:
+    config, log = room()
+    live, _ = live_of(config, log)
+    assert live.pose() is not None
+    assert live.health().state == "ok"
+    live.relocalize()
+    assert live.pose() is None
+    assert live.health().state == "initializing"
+    assert live.health().reason
+
+
+def test_reset_is_as_it_was_made() -> None:
+    config, log = room()
+    live, poses = live_of(config, log)
+    live.reset()
+    assert not live.counts
+    assert live.pose() is None
+    for source, row in arrivals(log):
+        live.on(source, row)
+    pose = live.fused()
+    assert pose is not None
+    assert np.array_equal(pose.pose, poses[pose.stamp_ns].pose)
+
+
+def test_a_recording_that_begins_again_is_followed_where_the_clock_may_jump() -> None:
+    config, log = room()
+    for policy, follows in (("refuse", False), ("reset", True), ("continue", True)):
+        live, poses = live_of(config.model_copy(update={"clock_jump": policy}), log)
+        last = max(poses)
+        for source, row in arrivals(log):
+            if row["stamp_ns"] < last // 2:
+                live.on(source, row)
+        pose = live.fused()
+        assert pose is not None
+        assert (pose.stamp_ns < last) == follows, policy
+        assert (live.jumps == 1) == follows, policy
+
+
+def test_a_source_that_is_off_is_ignored_and_a_wrong_name_is_refused() -> None:
+    config, log = room()
+    live, _ = live_of(config, log)
+    stamp = live.heard_ns
+    assert stamp is not None
+    live.enable("ranges", False)
+    assert live.on("ranges", a_range(stamp)) == "ignored"
+    live.enable("ranges", True)
+    assert live.on("ranges", a_range(stamp)) != "ignored"
+    assert live.counts["ranges", "ignored"] >= 1
+    with pytest.raises(ConfigError, match="did you mean 'ranges'"):
+        live.enable("range", False)
+
+
+def test_what_the_world_does_not_know_is_not_modelled_and_what_is_not_valid_is_refused() -> None:
+    config, log = room()
+    live, _ = live_of(config, log)
+    stamp = live.heard_ns
+    assert stamp is not None
+    assert live.on("ranges", a_range(stamp, anchor="A9")) == "not_modelled"
+    assert live.names.anchor_names[-1] == "A9"
+    with pytest.raises(ValueError, match="range"):
+        live.on("ranges", a_range(stamp, range_m=-1.0))
+
+
+def test_a_robot_does_not_know_the_truth_and_particles_need_a_map() -> None:
+    with pytest.raises(ConfigError, match="'truth', which a robot does not know"):
+        LiveRun(parse_config({}), Log({}))
+    with pytest.raises(ConfigError, match="needs a map"):
+        LiveRun(parse_config({"start": "auto", "mcl": {}}), Log({}))
+
+
+def test_what_particles_know_is_told_in_words() -> None:
+    capsule = read_capsule(GOLDEN / "mcl_global.zip")
+    live = LiveRun(capsule.config, replace(capsule.log, tables={}))
+    assert live.health().state == "initializing"
+    states = []
+    for source, row in arrivals(capsule.log):
+        live.on(source, row)
+        states.append(live.health().state)
+    assert states[-1] == "ok"
+    assert {"initializing", "ambiguous"} & set(states)
+    assert [source.name for source in live.sources()] == ["scan"]
+    health = live.health()
+    assert health.within > 0.9
+    # Another place is left with some percent: no level holds at a risk of one.
+    assert health.wrong > 0.005
+    assert np.all(np.isinf(health.protection))
+
+
+def test_particles_that_were_told_their_start_have_protection_levels() -> None:
+    capsule = read_capsule(GOLDEN / "mcl.zip")
+    start = start_of(capsule.config, truth_of(capsule.log),
+                     to_messages(capsule.log, capsule.config))  # fmt: skip
+    at = np.array([start.pose.x, start.pose.y, start.pose.heading])
+    config = capsule.config.model_copy(update={"start": "auto"})
+    live, _ = live_of(config, capsule.log, LivePose(start.stamp, at, start.covariance))
+    health = live.health()
+    assert health.state == "ok"
+    assert np.all(np.isfinite(health.protection))
