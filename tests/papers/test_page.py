@@ -260,7 +260,7 @@ def test_rows_of_another_file_are_refused(tmp_path: Path) -> None:
 
 
 def test_tables_are_those_of_the_committed_figures() -> None:
-    check = [sys.executable, str(ROOT / "scripts/papers.py"), "--check"]
+    check = [sys.executable, str(ROOT / "scripts/paper_tables.py"), "--check"]
     done = subprocess.run(check, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
 
