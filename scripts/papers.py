@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Write docs/papers.md and the papers' rows of README.md from docs/papers.json; --check compares.
 
-docs/papers.json is what `locfuse reproduce all` leaves.
+`locfuse reproduce all` writes docs/papers.json.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ BEGIN, END = "<!-- rows of the papers, by scripts/papers.py -->", "<!-- end of t
 
 TOP = """# Five papers, repeated
 
-`locfuse reproduce all` writes this as one page with pictures, and `papers.json` beside it, of
-which `scripts/papers.py` makes these tables. Whether a machine gets the same tells
+`locfuse reproduce all` writes this as one page with pictures, and next to it `papers.json`, from
+which `scripts/papers.py` generates these tables. To check the results on another machine, run
 `locfuse reproduce all --quick --compare docs/papers.json`.
 
 ![The page: the five papers, and what the first reports above our figures](images/papers_page.png)
 
-Each claim of a paper that can be checked is a numbered row, in the paper's order: where it stands,
-what the paper reports in our words, whether that is so here. Our figures about it follow: the
-median over seeds, in brackets 5 % and 95 % of them; of NEES the mean. *Required* is what we ask of
-ourselves. Times are those of the runs that made the figures, on 2 cores that had other work, too.
+Each verifiable claim of a paper is a numbered row, in the order of the paper: its section, what
+the paper reports in our words, whether it holds here. Our figures follow: the median over seeds
+with the 5 % and 95 % quantiles in brackets; for NEES the mean. *Required* is our own bound. Times
+are those of the runs that produced the figures, on 2 cores with other load.
 """
 
 Values = Mapping[str, Mapping[str, Any]]
@@ -36,14 +36,14 @@ Row = tuple[str, Callable[[Values, int], list[str]]]
 
 
 def main() -> int:
-    """Write or compare; return 1 if something is not as it is to be."""
+    """Write or compare; return 1 if a page is out of date."""
     repeated = read_rows(ROWS)
     wanted = {PAGE: page_of(repeated), README: readme_with(repeated)}
     stale = [file for file, text in wanted.items()
              if not file.exists() or file.read_text(encoding="utf-8") != text]  # fmt: skip
     if "--check" in sys.argv:
         for file in stale:
-            print(f"{file.name} is not what scripts/papers.py makes of docs/papers.json; run it")
+            print(f"{file.name} is out of date: run scripts/papers.py")
         return 1 if stale else 0
     for file in stale:
         file.write_text(wanted[file], encoding="utf-8")
@@ -61,10 +61,10 @@ def page_of(repeated: list[Repeated]) -> str:
 
 
 def _overview(repeated: list[Repeated]) -> str:
-    """Return how many claims of each paper are so here, and how many requirements are met."""
+    """Return how many claims of each paper hold here, and how many requirements are met."""
     rows = [["paper", "claims", "so here", "not so", "not run", "required", "met", "time"]]
     for one in repeated:
-        so = [told.so for told in tell(FIVE[one.paper], one.claims)[0]]
+        so = [checked.so for checked in tell(FIVE[one.paper], one.claims)[0]]
         met = [row["met"] for row in one.claims if row["required"] != "-"]
         rows.append([one.paper, str(len(so)), *(str(so.count(x)) for x in (True, False, None)),
                      str(len(met)), str(met.count(True)), f"{one.seconds:.0f} s"])  # fmt: skip
@@ -73,9 +73,9 @@ def _overview(repeated: list[Repeated]) -> str:
 
 def _rows_about(one: Repeated) -> list[list[str]]:
     """Return the claims of a paper, our rows below each, and our own rows last."""
-    told, own = tell(FIVE[one.paper], one.claims)
+    checked, own = tell(FIVE[one.paper], one.claims)
     rows = []
-    for of in told:
+    for of in checked:
         said = of.statement
         rows.append([f"**{of.heading}** ({said.where})", said.reports,
                      f"**{of.verdict}**", "", "", said.remark])  # fmt: skip
@@ -92,7 +92,7 @@ def _table(rows: list[list[str]], line: str) -> str:
 
 
 def readme_with(repeated: list[Repeated]) -> str:
-    """Return README.md with the rows of the papers made anew."""
+    """Return README.md with the rows of the papers regenerated."""
     text = README.read_text(encoding="utf-8")
     before, _, rest = text.partition(BEGIN)
     _, _, after = rest.partition(END)
@@ -111,12 +111,12 @@ def rows_of(repeated: list[Repeated]) -> str:
 
 
 def figure(values: Values, id: str, digits: int = 2) -> str:
-    """Return one figure, to so many digits."""
+    """Return one figure with `digits` significant digits."""
     return f"{values[id]['ours_median']:.{digits}g}"
 
 
 def between(values: Values, ids: list[str]) -> str:
-    """Return the least and the largest of several figures."""
+    """Return the minimum and the maximum of several figures."""
     found = sorted(values[id]["ours_median"] for id in ids)
     return f"{found[0]:.2g} to {found[-1]:.2g}"
 
@@ -143,7 +143,7 @@ def _recorded(values: Values, _: int) -> list[str]:
 
 
 def _power_up(values: Values, _: int) -> list[str]:
-    return ["the same, switched on anywhere", "real office, 199 power-ups, ranges and one scan",
+    return ["the same, global initialization", "real office, 199 starts, ranges and one scan",
             f"{figure(values, 'start_office_ready', 3)} % ready at once, "
             f"{figure(values, 'start_office', 3)} % right or not ready",
             "a search in steps of 10 degrees"]  # fmt: skip
@@ -165,15 +165,15 @@ def _eights(values: Values, seeds: int) -> list[str]:
 
     return ["Celan, 2017: three tags and wheels on a scrubber", f"simulated eights, {seeds} rides",
             of("rigid"),
-            f"its 12 states here, with the noise of least error: {of('kindest')}"]  # fmt: skip
+            f"its 12 states here, with the noise of minimum error: {of('kindest')}"]  # fmt: skip
 
 
 def _switch(values: Values, seeds: int) -> list[str]:
-    """Tell of the laser alone, for which a switch has nothing to do, and of the hall."""
+    """Return the row of the laser alone, where no switch is needed, and of the hall."""
     theirs, without = (values[f"celan_{name}_end"]["paper"]
                        for name in ("covered_switch", "covered"))  # fmt: skip
     near = [figure(values, f"celan_{name}_room", 3) for name in ("hall_switch", "hall")]
-    return ["the same, half a laser on a map; blind in a wet hall, UWB by a switch",
+    return ["the same, half-occluded laser on a map; blind in a wet hall, switches to UWB",
             f"simulated, {seeds} laps of 200 m",
             f"{100.0 * values['celan_covered_end']['ours_median']:.2g} cm at the end by the laser "
             f"alone; hall, where the anchors are: {near[0]} % of the time within 0.5 m, "
@@ -190,13 +190,14 @@ def _landmarks(values: Values, _: int) -> list[str]:
 
 def _kidnapped(values: Values, _: int) -> list[str]:
     id = "gadau_kidnapped_triangle"
-    return ["the same, kidnapped", "simulated, three landmarks without names",
-            f"noticed after {figure(values, id + '_noticed')} s, "
-            f"found after {figure(values, id + '_found_after')} s", "never found"]  # fmt: skip
+    return ["the same, kidnapped", "simulated, three landmarks without ids",
+            f"detected after {figure(values, id + '_noticed')} s, "
+            f"relocalized after {figure(values, id + '_found_after')} s",
+            "never relocalized"]  # fmt: skip
 
 
 def _zhang(values: Values, seeds: int) -> list[str]:
-    return ["Zhang: particles refined by an EKF", f"{seeds} simulated floors, nothing known",
+    return ["Zhang: particles refined by an EKF", f"{seeds} simulated floors, unknown start",
             f"found within 10 iterations: {figure(values, 'zhang_ours_found_10', 3)} %",
             f"{values['zhang_paper_iterations']['paper']:g} iterations"]  # fmt: skip
 
