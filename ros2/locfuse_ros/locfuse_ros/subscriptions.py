@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Topics that are heard in whichever of several types their publisher has."""
+"""Subscriptions to topics in whichever of several types their publisher has."""
 
 from __future__ import annotations
 
@@ -11,41 +11,41 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from locfuse_ros.fill import message_class
-from locfuse_ros.qos import does_not_hear
+from locfuse_ros.qos import publisher_mismatch
 
-LOOK_S = 0.1  # between two calls of `In.look`
-AT_ONCE = 8  # messages of a topic that are taken before the others, and /clock, have their turn
-ABSOLUTE = ("tf", "tf_static", "diagnostics")  # topics that everybody shares, whatever namespace
+LOOK_S = 0.1  # interval of `In.look`
+AT_ONCE = 8  # maximum messages of a topic processed before other topics and /clock
+ABSOLUTE = ("tf", "tf_static", "diagnostics")  # global topics, regardless of the namespace
 
 
 class Once:
-    """Warns of what stays as it is, each sentence once."""
+    """Logs each warning once."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._told: set[str] = set()
+        self._logged: set[str] = set()
 
     def say(self, sentence: str) -> None:
-        """Warn, if that has not been said."""
-        if sentence not in self._told:
-            self._told.add(sentence)
+        """Log a warning unless it was logged before."""
+        if sentence not in self._logged:
+            self._logged.add(sentence)
             self._node.get_logger().warning(sentence)
 
 
 class In:
-    """A topic that is heard, in the type that its publisher has.
+    """Subscription to a topic in the type of its publisher.
 
     Parameters
     ----------
     node : Node
     topic : str
     types : sequence of str
-        That it may have; the first is the usual one.
+        Possible types; the first is the default.
     qos : QoSProfile
-    heard : callable
-        Called with a message and what rclpy says of it.
+    callback : callable
+        Called with a message and its info from rclpy.
     advice : str
-        What to do if its publisher has another type.
+        What to do if the publisher has another type.
     """
 
     def __init__(
@@ -54,69 +54,69 @@ class In:
         topic: str,
         types: Sequence[str],
         qos: QoSProfile,
-        heard: Callable[[Any, Any], None],
+        callback: Callable[[Any, Any], None],
         advice: str,
     ) -> None:
         self.topic = topic
-        self._node, self._types, self._qos, self._tell = node, types, qos, heard
+        self._node, self._types, self._qos, self._callback = node, types, qos, callback
         self._advice = advice
         self._name = resolved(node, topic)
         self._kind = types[0]
         self._once = Once(node)
         self.publishers = 0
-        self._heard = self._subscribe()
+        self._subscription = self._subscribe()
 
     def look(self) -> None:
-        """Until somebody is heard, see who else speaks, and in what type."""
+        """Without a matched publisher, look for publishers and switch to their type."""
         if self.publishers:
             return
-        spoken = {
-            told.topic_type.replace("/msg/", "/")
-            for told in self._node.get_publishers_info_by_topic(self._name)
-            if told.node_name != self._node.get_name()
+        offered = {
+            info.topic_type.replace("/msg/", "/")
+            for info in self._node.get_publishers_info_by_topic(self._name)
+            if info.node_name != self._node.get_name()
         }
-        ours = [kind for kind in self._types if kind in spoken]
-        if ours and self._kind not in spoken:
+        ours = [kind for kind in self._types if kind in offered]
+        if ours and self._kind not in offered:
             self._kind = ours[0]
-            self._node.destroy_subscription(self._heard)
-            self._heard = self._subscribe()
-        elif spoken and not ours:
+            self._node.destroy_subscription(self._subscription)
+            self._subscription = self._subscribe()
+        elif offered and not ours:
             expected = " or ".join(self._types)
             self._once.say(
-                f"{self._name} has messages of type {', '.join(sorted(spoken))}, which are not "
-                f"heard; expected {expected}, or {self._advice}"
+                f"{self._name} has messages of type {', '.join(sorted(offered))}, which "
+                f"cannot be used; expected {expected}, or {self._advice}"
             )
 
     def _subscribe(self) -> Any:
-        def heard(message: Any, info: Any) -> None:
-            self._tell(message, info)
+        def receive(message: Any, info: Any) -> None:
+            self._callback(message, info)
             self._take_more()
 
         events = SubscriptionEventCallbacks(
             incompatible_qos=self._mismatch, matched=self._match, use_default_callbacks=False
         )
         return self._node.create_subscription(
-            message_class(self._kind), self._name, heard, self._qos, event_callbacks=events
+            message_class(self._kind), self._name, receive, self._qos, event_callbacks=events
         )
 
     def _take_more(self) -> None:
-        """Take what waits behind a message: one by one rclpy asks every topic before each."""
-        heard = self._heard
+        """Take queued messages at once; rclpy polls every topic before each single one."""
+        subscription = self._subscription
         for _ in range(AT_ONCE):
-            with heard.handle:
-                taken = heard.handle.take_message(heard.msg_type, heard.raw)
+            with subscription.handle:
+                taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
             if taken is None:
                 return
-            self._tell(*taken)
+            self._callback(*taken)
 
     def _match(self, event: Any) -> None:
         self.publishers = event.current_count
 
     def _mismatch(self, event: Any) -> None:
         if event.total_count:
-            self._once.say(does_not_hear(self._name, event.last_policy_kind, self._qos))
+            self._once.say(publisher_mismatch(self._name, event.last_policy_kind, self._qos))
 
 
 def resolved(node: Node, topic: str) -> str:
-    """Return the full name of a topic, by the namespace and the remappings of a node."""
+    """Return the full name of a topic with the namespace and remappings of a node."""
     return str(node.resolve_topic_name(f"/{topic}" if topic in ABSOLUTE else topic))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Subscriptions that take any type of message, whether its package is installed or not."""
+"""Subscriptions to any message type, whether or not its package is installed."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from locfuse_ros.fill import message_class
 
 
 @cache
-def class_told(type_name: str, md5sum: str, definition: str) -> Any:
-    """Return the class of what a publisher sends, by its own definition where ours is another.
+def class_from_publisher(type_name: str, md5sum: str, definition: str) -> Any:
+    """Return the message class of a publisher, from its own definition if that differs from ours.
 
-    A driver's `uwb_data` with other integers is read so, without its package.
+    So a driver's `uwb_data` with other integer types is decoded without its package.
     """
     try:
         known = message_class(type_name)
@@ -38,20 +38,20 @@ def decoded(raw: Any) -> Any:
         If the bytes or the definition of its type are damaged.
     """
     header = raw._connection_header
-    made = class_told(header["type"], header["md5sum"], header["message_definition"])()
+    made = class_from_publisher(header["type"], header["md5sum"], header["message_definition"])()
     made.deserialize(raw._buff)
     return made
 
 
-def hear(topic: str, heard: Callable[[str, str, Any], None]) -> Any:
-    """Subscribe to a topic; ``heard(topic, publisher, message)`` is called with every message.
+def subscribe(topic: str, callback: Callable[[str, str, Any], None]) -> Any:
+    """Subscribe to a topic; every message calls ``callback(topic, publisher, message)``.
 
-    Nothing is thrown away on this side: what the node cannot take in time waits in the socket,
-    and what a publisher throws away shows in the sequence numbers.
+    No message is dropped on this side: messages that the node cannot process in time wait in the
+    socket, and those that a publisher drops show in the sequence numbers.
     """
 
-    def take(raw: Any) -> None:
-        heard(topic, raw._connection_header["callerid"], decoded(raw))
+    def receive(raw: Any) -> None:
+        callback(topic, raw._connection_header["callerid"], decoded(raw))
 
-    # Larger than any message: else rospy falls behind for good after one that was.
-    return rospy.Subscriber(topic, rospy.AnyMsg, take, buff_size=2**24, tcp_nodelay=True)
+    # Must exceed any message: otherwise rospy lags permanently after a larger one.
+    return rospy.Subscriber(topic, rospy.AnyMsg, receive, buff_size=2**24, tcp_nodelay=True)
