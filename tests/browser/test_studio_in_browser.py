@@ -790,9 +790,9 @@ def test_a_picture_becomes_the_map(page: Page, tmp_path: Path) -> None:
     ("kind", "name", "content", "message"),
     [
         ("scene", "a.yaml", b"simulation: {duration_s: -1}", "greater than 0"),
-        ("scene", "a.yaml", b"name: [", "is no YAML"),
-        ("scene", "a.yaml", b"\xff\xfe\x00", "is no text"),
-        ("log", "a.zip", b"no zip", "is no zip"),
+        ("scene", "a.yaml", b"name: [", "YAML"),
+        ("scene", "a.yaml", b"\xff\xfe\x00", "text"),
+        ("log", "a.zip", b"no zip", "zip"),
         ("log", "a.mcap", b"no bag", "a.mcap: begins with"),
         ("log", "a.db3", b"SQLite format 3\x00" + b"\xff" * 500, "a.db3: cannot be read"),
         ("log", "a.txt", b"", "expected a bag"),

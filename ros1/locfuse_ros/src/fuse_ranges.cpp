@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Node that uses the C++ library directly: subscribes to odometry and UWB ranges, publishes the pose of
-// the body in the map. For robots that need no more, and as an example. It requires the initial pose
-// ~start. Stamps of odometry must increase; ranges may arrive late.
+// Node that uses the C++ library directly: subscribes to odometry and UWB ranges, publishes the
+// pose of the body in the map. For robots that need no more, and as an example. It requires the
+// initial pose ~start. Stamps of odometry must increase; ranges may arrive late.
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <locfuse_msgs/UwbRanges.h>
 #include <nav_msgs/Odometry.h>
@@ -55,7 +55,8 @@ template <class Point>
 std::vector<Point> points_of(const ros::NodeHandle& own, const std::string& parameter,
                              Names& names) {
   XmlRpc::XmlRpcValue parameter_value;
-  if (!own.getParam(parameter, parameter_value) || parameter_value.getType() != XmlRpc::XmlRpcValue::TypeStruct) {
+  if (!own.getParam(parameter, parameter_value) ||
+      parameter_value.getType() != XmlRpc::XmlRpcValue::TypeStruct) {
     throw std::invalid_argument("parameter ~" + parameter + ": expected {NAME: [x, y, z]}");
   }
   std::vector<Point> points;
@@ -123,7 +124,8 @@ class Node {
       const auto tag = tags_.find(z.tag);
       if (anchor == anchors_.end() || tag == tags_.end()) {
         ROS_WARN_THROTTLE(
-            10.0, "range from tag '%s' to anchor '%s' ignored: expected names in ~tags and ~anchors",
+            10.0,
+            "range from tag '%s' to anchor '%s' ignored: expected names in ~tags and ~anchors",
             z.tag.c_str(), z.anchor.c_str());
         continue;
       }
