@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is compared with what, and how much is required: the rows of the table."""
+"""Rows of the benchmark table: comparisons and requirements."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table: `figure` is a ratio, a rate or a time and has to be as `required`."""
+    """One line of the table; `figure` is a ratio, a rate or a time that `required` bounds."""
 
     what: str
     ours: str
@@ -22,7 +22,7 @@ class Row:
 
 @dataclass
 class Measured:
-    """Per benchmark: seconds per item (a message, an epoch, a scan, a run) and what it counted."""
+    """Per benchmark: seconds per item (a message, an epoch, a scan, a run) and its counters."""
 
     seconds: dict[str, float] = field(default_factory=dict)
     counted: dict[str, dict[str, float]] = field(default_factory=dict)
@@ -35,7 +35,7 @@ class Measured:
 
 
 def all_rows(m: Measured) -> list[Row]:
-    """Return every row; those of peers that are not there say so."""
+    """Return every row; those of missing peers say so."""
     return [*filter_rows(m), *evaluation_rows(m), *range_rows(m), *scan_rows(m), *map_rows(m),
             *cylinder_rows(m), *particle_rows(m), *landmark_rows(m), *tag_rows(m),
             *lap_rows(m), *live_rows(m), *bag_rows(m)]  # fmt: skip
@@ -52,8 +52,8 @@ def filter_rows(m: Measured) -> Iterator[Row]:
     for what, name in (("with health: RecoveringEkf", "recovering_ekf"),
                        ("five offsets as states: PoseEkf", "offsets"),
                        ("five that wander: PoseEkf", "wandering")):  # fmt: skip
-        heard = m[f"bench/{name}_on"]
-        yield Row(f"- {what} / PoseEkf", _time(heard), _time(ours), heard / ours, "x")
+        extended = m[f"bench/{name}_on"]
+        yield Row(f"- {what} / PoseEkf", _time(extended), _time(ours), extended / ours, "x")
     allocations = m.counted["bench/pose_ekf_on"]["allocations_per_message"]
     bfl = m.counted.get("bench/orocos_bfl", {}).get("allocations_per_message")
     yield Row("C++, PoseEkf::on: heap allocations per message", f"{allocations:g}",
@@ -67,7 +67,7 @@ def filter_rows(m: Measured) -> Iterator[Row]:
 
 
 def landmark_rows(m: Measured) -> Iterator[Row]:
-    """Compare landmarks as state with the memory they move, and known ones with Eigen by hand."""
+    """Compare landmarks as states with memory traffic, and known ones with hand-written Eigen."""
     for states in (403, 1003):
         yield _at_most(f"landmarks, an update of {states} states / its memory traffic",
                        m[f"update_one/of_{states}_states"], m[f"traffic/of_{states}_states"],
@@ -75,13 +75,13 @@ def landmark_rows(m: Measured) -> Iterator[Row]:
     yield _plain("- of 403: dense Eigen by hand / ours", m, "update_one/of_403_states",
                  "dense_eigen_of_403_states")  # fmt: skip
     yield _within("landmarks, 8 sightings of 50: association and fusion", m["joint_8_of_50"], 2e-3)
-    yield _within("- association where all eight fit several", m["joint_compatibility_8_of_50"],
+    yield _within("- association where all eight match several", m["joint_compatibility_8_of_50"],
                   2e-3)  # fmt: skip
     yield _at_most("known landmarks, a step: PoseEkf::on / Eigen by hand",
                    m["known_map_pose_ekf"], m["known_map_fixed_size_eigen"], 2.0)  # fmt: skip
-    yield _at_most("- with the alarm: RecoveringEkf / PoseEkf", m["known_map_recovering_ekf"],
+    yield _at_most("- with health: RecoveringEkf / PoseEkf", m["known_map_recovering_ekf"],
                    m["known_map_pose_ekf"], 1.5)  # fmt: skip
-    yield _within("landmarks, constellations of 500 without names", m["constellations_of/500"],
+    yield _within("landmarks, constellations of 500 without ids", m["constellations_of/500"],
                   2e-3)  # fmt: skip
     for peer in ("gtsam", "stonesoup"):
         yield _faster(f"Python, known landmarks, a step of a log: {peer} / ours", m, "known_replay",
@@ -92,7 +92,7 @@ def landmark_rows(m: Measured) -> Iterator[Row]:
 
 
 def tag_rows(m: Measured) -> Iterator[Row]:
-    """Compare one prediction and 15 rows on the twelve states of three tags with Eigen by hand."""
+    """Compare a prediction and 15 rows on twelve states of three tags with hand-written Eigen."""
     by_hand = m["tags_fixed_size_eigen"]
     yield _at_most("three tags, a step of 15 rows: TagTriangleEkf::on / Eigen by hand",
                    m["tags_ekf_of_the_paper"], by_hand, 3.0)  # fmt: skip
@@ -100,7 +100,7 @@ def tag_rows(m: Measured) -> Iterator[Row]:
 
 
 def lap_rows(m: Measured) -> Iterator[Row]:
-    """Compare a lap of 15 minutes with the time that its replay takes, on one core."""
+    """Compare the duration of a lap of 15 minutes with that of its replay, on one core."""
     for name, what in (("lidar", "Python, a lap of celan2017, Mcl of 2,000: driven / replayed"),
                        ("covered_switch", "- half a laser, UWB by a switch")):  # fmt: skip
         driven_s = m.counted[f"lap[{name}]"]["seconds_driven"]
@@ -108,26 +108,26 @@ def lap_rows(m: Measured) -> Iterator[Row]:
 
 
 def live_rows(m: Measured) -> Iterator[Row]:
-    """Compare 10 s of a robot with what its adapter takes, on one core, without middleware."""
+    """Compare 10 s of a robot with the time in its adapter, on one core, without middleware."""
     driven_s = m.counted["through_the_adapter"]["seconds_driven"]
-    yield _at_least("Python, 24 anchors and odometry at 100 Hz by the adapter: driven / heard",
+    yield _at_least( "Python, 24 anchors, odometry at 100 Hz by the adapter: driven / processed",
                     m["through_the_adapter"], driven_s, 10.0)  # fmt: skip
     yield _plain("- the adapter / locfuse.run on the log", m, "by_run", "through_the_adapter")
-    hears = m["bench/recovering_ekf_on"] - m["bench/pose_ekf_on"]  # a step of five ranges
-    health_s = m.counted["by_run"]["ranges"] / 5.0 * hears
+    health_step_s = m["bench/recovering_ekf_on"] - m["bench/pose_ekf_on"]  # a step of five ranges
+    health_s = m.counted["by_run"]["ranges"] / 5.0 * health_step_s
     share = 100.0 * health_s / m["by_run"]
     yield Row("- health in locfuse.run on the log", _time(health_s), _time(m["by_run"]), share, "%",
               "< 3", share < 3.0)  # fmt: skip
 
 
 def bag_rows(m: Measured) -> Iterator[Row]:
-    """Compare reading bags as logs with unpacking their messages, and writing with what is asked.
+    """Compare reading bags as logs with unpacking their messages, and writing with a target rate.
 
-    A second holds 100 messages of odometry, 50 of four ranges each, 40 scans of 360 beams.
+    One second has 100 messages of odometry, 50 of four ranges each, 40 scans of 360 beams.
     """
     for kind, of in (("bag", "ROS 1"), ("mcap", "ROS 2")):
         yield _rate(f"Python, a message of a .{kind} ({of}) to a log", m[f"read_bag[{kind}]"], 2e4)
-        yield _plain("- rosbags, which only unpacks it / ours", m, f"read_bag[{kind}]",
+        yield _plain("- rosbags, which only unpacks / ours", m, f"read_bag[{kind}]",
                      f"unpack_bag[{kind}]")  # fmt: skip
         yield _rate(f"- of a log to a .{kind}, transforms besides", m[f"write_bag[{kind}]"], 2e4)
 
@@ -135,7 +135,7 @@ def bag_rows(m: Measured) -> Iterator[Row]:
 def evaluation_rows(m: Measured) -> Iterator[Row]:
     """Compare reading, associating, aligning and scoring 100,000 poses.
 
-    evo runs as a program only. What it needs for three poses, which is to start, is taken off.
+    evo runs only as a program; its time for three poses, the start-up, is subtracted.
     """
     what = "100,000 poses: evo without its start / ours"
     if "evo_program" not in m:
@@ -192,14 +192,14 @@ def scan_rows(m: Measured) -> Iterator[Row]:
             mine, theirs = m.counted[ours]["rmse_m"], m.counted[peer]["rmse_m"]
             yield Row(what, f"{1e3 * mine:.2f} mm", f"{1e3 * theirs:.2f} mm", theirs / mine, "x",
                       ">= 1", theirs >= mine)  # fmt: skip
-    yield _within("C++, power-up: search, refine, covariance", m["power_up"], 5e-3)
+    yield _within("C++, global initialization: search, refine, covariance", m["power_up"], 5e-3)
     yield _within("C++, preparing the map", m["prepare"], 30e-3)
     for what, name in (("36 headings", "heading"), ("registration", "refine")):
         yield Row(f"- {what} by look-up, portable", _time(m[f"portable/{name}/lookup"]))
 
 
 def map_rows(m: Measured) -> Iterator[Row]:
-    """Look at what maps take: one of 10,000 x 7,000 cells, beams on one of 400 x 400."""
+    """Check the cost of maps: one of 10,000 x 7,000 cells, ray casting on one of 400 x 400."""
     yield _within("C++, distances on 10,000 x 7,000 cells", m["distance_field"], 3.0)
     peak_mb = m.counted["distance_field"]["peak_mb"]
     yield Row("- peak memory, with the map", f"{peak_mb:.0f} MB", required="<= 600 MB",
@@ -208,7 +208,7 @@ def map_rows(m: Measured) -> Iterator[Row]:
 
 
 def cylinder_rows(m: Measured) -> Iterator[Row]:
-    """Find four cylinders in 360 beams."""
+    """Check the detection of four cylinders in 360 beams."""
     for what, name in (("known radius", "radius_known"), ("free radius", "radius_free")):
         yield _within(f"C++, cylinders in 360 beams, {what}", m[f"detect/{name}"], 50e-6)
         yield _within("- with walls around them", m[f"detect/{name}_walls"], 50e-6)
@@ -217,14 +217,14 @@ def cylinder_rows(m: Measured) -> Iterator[Row]:
 def particle_rows(m: Measured) -> Iterator[Row]:
     """Compare a step of Monte Carlo localization with the same step as plain loops."""
     for size, limit, portable in (("2000/60", 0.2e-3, 0.3e-3), ("20000/180", 5e-3, 9.5e-3)):
-        what = f"C++, Mcl, {size.replace('/', ' x ')}: predict, weigh, resample"
+        what = f"C++, Mcl, {size.replace('/', ' x ')}: predict, weight, resample"
         step, plain = f"mcl/step/{size}/1/real_time", m[f"mcl/plain/{size}/real_time"]
         yield _within(f"{what}; plain loops", m[step], limit, plain)
         yield _within("- portable", m[f"portable/{step}"], portable, plain)
         yield _at_most("- portable / plain loops", m[f"portable/{step}"], plain, 1.25)
     yield _within("- on two threads", m["mcl/step/20000/180/2/real_time"], 3e-3)
     for size in ("200/60/1", "2000/60/1"):
-        what = f"C++, Mcl, {size[:-5]} particles drawn where a match of the scan says / by odometry"
+        what = f"C++, Mcl, {size[:-5]} particles with scan-matching proposal / with odometry"
         yield _at_most(what, m[f"mcl/refined/{size}/real_time"], m[f"mcl/step/{size}/real_time"],
                        4.0)  # fmt: skip
 
@@ -234,15 +234,15 @@ def _at_most(what: str, ours: float, peer: float, limit: float) -> Row:
     return Row(what, _time(ours), _time(peer), ratio, "x", f"<= {limit:g}", ratio <= limit)
 
 
-def _at_least(what: str, ours: float, peer: float, least: float) -> Row:
+def _at_least(what: str, ours: float, peer: float, minimum: float) -> Row:
     ratio = peer / ours
-    return Row(what, _time(ours), _time(peer), ratio, "x", f">= {least:g}", ratio >= least)
+    return Row(what, _time(ours), _time(peer), ratio, "x", f">= {minimum:g}", ratio >= minimum)
 
 
-def _faster(what: str, m: Measured, ours: str, peer: str, least: float) -> Row:
+def _faster(what: str, m: Measured, ours: str, peer: str, minimum: float) -> Row:
     if peer not in m:
         return Row(what, _time(m[ours]), "skipped: not installed")
-    return _at_least(what, m[ours], m[peer], least)
+    return _at_least(what, m[ours], m[peer], minimum)
 
 
 def _within(what: str, ours: float, limit: float, peer: float | None = None) -> Row:
@@ -257,9 +257,9 @@ def _plain(what: str, m: Measured, ours: str, peer: str) -> Row:
     return Row(what, _time(m[ours]), _time(m[peer]), m[peer] / m[ours], "x")
 
 
-def _rate(what: str, seconds: float, least: float) -> Row:
-    return Row(what, _time(seconds), "", 1.0 / seconds, "/s", f">= {least:,.0f}",
-               1.0 / seconds >= least)  # fmt: skip
+def _rate(what: str, seconds: float, minimum: float) -> Row:
+    return Row(what, _time(seconds), "", 1.0 / seconds, "/s", f">= {minimum:,.0f}",
+               1.0 / seconds >= minimum)  # fmt: skip
 
 
 def _time(seconds: float) -> str:
@@ -268,5 +268,5 @@ def _time(seconds: float) -> str:
 
 
 def short(value: float) -> str:
-    """Return three digits of a number, or all before the point."""
+    """Return a number with three digits, or all digits before the point."""
     return f"{value:,.0f}" if value >= 1000.0 else f"{value:.3g}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Run every benchmark and print ours beside the peers': medians of one run, and their ratios."""
+"""Run all benchmarks and print medians of locfuse and its peers with their ratios."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ def main(programs: Path) -> int:
                      "landmarks", "tags"):  # fmt: skip
             progress.update(task, description=f"running bench_{name}, minutes")
             context = run_cpp(measured, programs / f"bench_{name}") | context
-        progress.update(task, description="running what is portable, and counting allocations")
+        progress.update(task, description="running the portable kernels and counting allocations")
         run_cpp(measured, programs / "bench_multilateration", "plane_batch", "portable/")
         run_cpp(measured, programs / "bench_scan_matcher", "lookup", "portable/")
         run_cpp(measured, programs / "bench_mcl", "step", "portable/")
         count_allocations(measured, programs / "count_allocations")
-        progress.update(task, description="running what is in Python, minutes")
+        progress.update(task, description="running the Python benchmarks, minutes")
         run_python(measured)
     rows = all_rows(measured)
     made_with = {"C++ benchmarks": context["compiler"], "Python": platform.python_version()}
@@ -63,7 +63,7 @@ def main(programs: Path) -> int:
 
 
 def table_of(rows: list[Row]) -> Table:
-    """Return the rows as they are printed."""
+    """Return the rows as a table for printing."""
     table = Table(title="Medians of one run", box=box.SIMPLE_HEAD, pad_edge=False)
     for heading in ("what", "ours", "peer or reference", "ratio or rate", "required", "met"):
         table.add_column(heading, justify="left" if heading == "what" else "right")
@@ -75,9 +75,9 @@ def table_of(rows: list[Row]) -> Table:
 
 
 def run_cpp(measured: Measured, program: Path, only: str = "", prefix: str = "") -> dict[str, str]:
-    """Run C++ benchmarks; repetitions take turns, so that a disturbance hits all alike.
+    """Run C++ benchmarks; repetitions are interleaved, so that a disturbance affects all equally.
 
-    With a prefix, without what is compiled for some processors only. Returns how it was built.
+    With a prefix, only the portable kernels are used. Returns the context of the build.
     """
     file = OUT / f"{prefix.rstrip('/')}{program.name}.json"
     _run(
@@ -100,7 +100,7 @@ def run_cpp(measured: Measured, program: Path, only: str = "", prefix: str = "")
 
 
 def count_allocations(measured: Measured, program: Path) -> None:
-    """Run the program that counts them."""
+    """Run the program that counts heap allocations."""
     file = OUT / "allocations.json"
     _run([program, "--benchmark_min_time=0.001", f"--benchmark_out={file}"])
     for run in json.loads(file.read_text())["benchmarks"]:
@@ -108,7 +108,7 @@ def count_allocations(measured: Measured, program: Path) -> None:
 
 
 def run_python(measured: Measured) -> None:
-    """Run the Python benchmarks; those of peers that are not installed are missing."""
+    """Run the Python benchmarks; peers that are not installed are skipped."""
     file = OUT / "python.json"
     _run(
         [sys.executable, "-m", "pytest", "-q", "-c", HERE / "pytest.ini", "--rootdir", HERE,

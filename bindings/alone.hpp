@@ -16,8 +16,8 @@
 #include "locfuse/replay/live.hpp"
 #include "locfuse/replay/localize.hpp"
 
-/// Releases the GIL while an object changes. Other threads that use the object wait for their turn,
-/// as they would for the GIL; this one may look at it when it is called back.
+/// Releases the GIL while an object is modified. Other threads that use the object wait for their
+/// turn, as they would for the GIL; a callback on the owning thread may access it.
 class Alone {
  public:
   explicit Alone(const void* object) : object_(object) {
@@ -39,12 +39,13 @@ class Alone {
     if (used == in_use_.end() || used->second.owner == std::this_thread::get_id()) {
       return;
     }
-    Use& use = used->second;  // stays where it is while there is somebody waiting
+    Use& use = used->second;  // not erased while anyone waits
     for (const std::size_t turn = use.waiting++;
          use.owner != std::thread::id{} || use.turn != turn;) {
       const pybind11::gil_scoped_release unlocked;
       std::unique_lock<std::mutex> lock(mutex_);
-      changed_.wait_for(lock, std::chrono::milliseconds(1));  // or it was changed before
+      changed_.wait_for(
+          lock, std::chrono::milliseconds(1));  // a notification may have come before the wait
     }
     ++use.turn;
     forget(object);
@@ -54,8 +55,8 @@ class Alone {
  private:
   struct Use {
     std::thread::id owner;
-    std::size_t waiting = 0;  // how many came
-    std::size_t turn = 0;     // and whose it is
+    std::size_t waiting = 0;  // next ticket
+    std::size_t turn = 0;     // ticket being served
   };
 
   static void forget(const void* object) {
@@ -74,7 +75,7 @@ class Alone {
   std::optional<pybind11::gil_scoped_release> unlocked_;
 };
 
-/// A method `on` that runs without the GIL.
+/// Method `on` that runs without the GIL.
 template <class T, class M>
 auto unlocked_on() {
   return [](T& object, const M& message) {
@@ -83,7 +84,7 @@ auto unlocked_on() {
   };
 }
 
-/// As an argument, self among them, an object is there once no other thread changes it.
+/// Type caster that waits until no other thread modifies the object; applies to `self`, too.
 template <class T>
 struct Awaited : pybind11::detail::type_caster_base<T> {
   bool load(pybind11::handle source, bool convert) {

@@ -15,10 +15,11 @@ namespace {
 
 void bind_air_models(py::module_& m) {
   using AltitudeConfig = AltitudeModel::Config;
-  py::class_<AltitudeConfig>(m, "AltitudeConfig", "Where the altimeter sits.")
+  py::class_<AltitudeConfig>(m, "AltitudeConfig", "Mounting of the altimeter.")
       .def(py::init<>())
-      .def_readwrite("altimeter_up_m", &AltitudeConfig::altimeter_up_m, "Over the body's origin.");
-  py::class_<AltitudeModel>(m, "AltitudeModel", "Height of an altimeter; docs/air.md.")
+      .def_readwrite("altimeter_up_m", &AltitudeConfig::altimeter_up_m,
+                     "Height of the altimeter above the body's origin [m].");
+  py::class_<AltitudeModel>(m, "AltitudeModel", "Altimeter height; docs/air.md.")
       .def(py::init<const AltitudeConfig&>(), py::arg("config"))
       .def("predict", &AltitudeModel::predict, py::arg("height"))
       .def(
@@ -30,35 +31,34 @@ void bind_air_models(py::module_& m) {
 
   using VelocityConfig = ConstantVelocityMotion::Config;
   py::class_<VelocityConfig>(m, "ConstantVelocityConfig",
-                             "Square roots of spectral densities of white acceleration.")
+                             "Square roots of the spectral densities of white acceleration.")
       .def(py::init<>())
       .def_readwrite("sigma_velocity_per_sqrt_s", &VelocityConfig::sigma_velocity_per_sqrt_s,
-                     "m/s / sqrt(s), of each of the velocity's axes")
+                     "m/s / sqrt(s), each axis of the velocity.")
       .def_readwrite("sigma_climb_per_sqrt_s", &VelocityConfig::sigma_climb_per_sqrt_s,
                      "m/s / sqrt(s)")
       .def_readwrite("sigma_heading_per_sqrt_s", &VelocityConfig::sigma_heading_per_sqrt_s,
                      "rad / sqrt(s)");
-  py::class_<ConstantVelocityMotion>(m, "ConstantVelocityMotion",
-                                     "A body that nobody measures the motion of; "
-                                     "docs/models/constant_velocity.md.")
+  py::class_<ConstantVelocityMotion>(
+      m, "ConstantVelocityMotion",
+      "Constant-velocity motion without odometry; docs/models/constant_velocity.md.")
       .def(py::init<const VelocityConfig&>(), py::arg("config"))
       .def("propagate", &ConstantVelocityMotion::propagate, py::arg("state"), py::arg("seconds"),
-           "(x, y, heading, height, velocity x and y, climb rate), (7,), `seconds` later.");
+           "State (7,) `seconds` later: x, y, heading, height, velocity x and y, climb rate.");
 }
 
 void bind_config(py::module_& m) {
   using Config = AirEkf::Config;
-  py::native_enum<AirMotion>(m, "AirMotion", "enum.Enum",
-                             "What carries an AirEkf from one measurement to the next.")
-      .value("ODOMETRY", AirMotion::kOdometry, "Velocity or Increment, and a climb rate.")
-      .value("CONSTANT_VELOCITY", AirMotion::kConstantVelocity, "Nobody measures it.")
+  py::native_enum<AirMotion>(m, "AirMotion", "enum.Enum", "Motion model of an AirEkf.")
+      .value("ODOMETRY", AirMotion::kOdometry, "Velocity or Increment messages with a climb rate.")
+      .value("CONSTANT_VELOCITY", AirMotion::kConstantVelocity, "Constant velocity, no odometry.")
       .finalize();
   py::class_<Config>(m, "AirEkfConfig", "Motion, noise, gates and behaviour of an AirEkf.")
       .def(py::init<>())
       .def_readwrite("motion", &Config::motion)
       .def_readwrite("odometry", &Config::odometry)
       .def_readwrite("sigma_height_per_sqrt_s", &Config::sigma_height_per_sqrt_s,
-                     "Beside a climb rate that was told; m / sqrt(s).")
+                     "Process noise of the height on top of the climb rate, m / sqrt(s).")
       .def_readwrite("constant_velocity", &Config::constant_velocity)
       .def_readwrite("sigma_start_velocity_mps", &Config::sigma_start_velocity_mps)
       .def_readwrite("sigma_start_climb_mps", &Config::sigma_start_climb_mps)
@@ -69,20 +69,19 @@ void bind_config(py::module_& m) {
       .def_readwrite("altitude", &Config::altitude)
       .def_readwrite("landmark", &Config::landmark)
       .def_readwrite("landmark_in_space", &Config::landmark_in_space)
-      .def_readwrite("gate_range", &Config::gate_range, "Probability that a good range passes.")
+      .def_readwrite("gate_range", &Config::gate_range, "Probability that an inlier range passes.")
       .def_readwrite("gate_position", &Config::gate_position)
       .def_readwrite("gate_pose", &Config::gate_pose)
       .def_readwrite("gate_altitude", &Config::gate_altitude)
       .def_readwrite("gate_landmark", &Config::gate_landmark)
-      .def_readwrite("robust_range", &Config::robust_range, "What noise of ranges looks like.")
+      .def_readwrite("robust_range", &Config::robust_range, "Noise shape of ranges.")
       .def_readwrite("robust_position", &Config::robust_position)
       .def_readwrite("robust_pose", &Config::robust_pose)
-      .def_readwrite("robust_dof", &Config::robust_dof,
-                     "Degrees of freedom where that is STUDENT_T.")
+      .def_readwrite("robust_dof", &Config::robust_dof, "Degrees of freedom of STUDENT_T noise.")
       .def_readwrite("robust_late_share", &Config::robust_late_share,
-                     "Of the ranges that are too long, where it is ONE_SIDED.")
+                     "Fraction of ranges that read long under ONE_SIDED noise.")
       .def_readwrite("hold_s", &Config::hold_s,
-                     "How long the last motion is believed without new odometry.")
+                     "Timeout of odometry [s]: how long the last motion is extrapolated.")
       .def_readwrite("sigma_lost_xy_per_sqrt_s", &Config::sigma_lost_xy_per_sqrt_s)
       .def_readwrite("sigma_lost_heading_per_sqrt_s", &Config::sigma_lost_heading_per_sqrt_s)
       .def_readwrite("sigma_lost_height_per_sqrt_s", &Config::sigma_lost_height_per_sqrt_s);
@@ -94,8 +93,8 @@ void bind_air_ekf(py::module_& m) {
   bind_air_models(m);
   bind_config(m);
   py::class_<AirEstimate>(m, "AirEstimate",
-                          "Where a body that flies is at one instant [ns], with the covariance of "
-                          "(x, y, heading, height).")
+                          "Pose and height of a flying body at one stamp [ns], with the covariance "
+                          "(4, 4) of (x, y, heading, height).")
       .def(py::init([](locfuse::Stamp stamp, const locfuse::Pose2& pose, double height,
                        const locfuse::Matrix<4, 4>& covariance) {
              return AirEstimate{stamp, pose, height, covariance};
@@ -103,7 +102,7 @@ void bind_air_ekf(py::module_& m) {
            py::arg("stamp"), py::arg("pose"), py::arg("height"), py::arg("covariance"))
       .def_readonly("stamp", &AirEstimate::stamp)
       .def_readonly("pose", &AirEstimate::pose)
-      .def_readonly("height", &AirEstimate::height, "Over z = 0 of the world [m].")
+      .def_readonly("height", &AirEstimate::height, "Above z = 0 of the world frame [m].")
       .def_readonly("covariance", &AirEstimate::covariance, "Shape (4, 4).")
       .def("__repr__", [](const AirEstimate& e) {
         return "AirEstimate(stamp=" + std::to_string(e.stamp) + ", pose=(" +
@@ -111,9 +110,9 @@ void bind_air_ekf(py::module_& m) {
                std::to_string(e.pose.heading) + "), height=" + std::to_string(e.height) + ")";
       });
   py::class_<AirEkf>(m, "AirEkf",
-                     R"(Extended Kalman filter over (x, y, heading, height) of a body that flies.
+                     R"(Extended Kalman filter over (x, y, heading, height) of a flying body.
 
-It stays level. Odometry with a climb rate carries it, or a constant velocity that it estimates.
+The body stays level. The motion is odometry with a climb rate, or an estimated constant velocity.
 
 Parameters
 ----------
@@ -160,21 +159,22 @@ Examples
       .def("on", py::overload_cast<const locfuse::PoseObservation&>(&AirEkf::on),
            py::arg("message"))
       .def("on", py::overload_cast<const locfuse::RangeBearing&>(&AirEkf::on), py::arg("message"),
-           "Fuses one message. One that is not fused changes no bit of the estimator. `climb_rate` "
-           "[m/s] goes with odometry, for as long as that is held.")
+           "Fuses one message; a message that is not fused leaves the estimator unchanged. "
+           "`climb_rate` [m/s] applies as long as the odometry message.")
       .def("advance_to", &AirEkf::advance_to, py::arg("stamp"))
       .def("estimate", py::overload_cast<>(&AirEkf::estimate, py::const_),
-           "Where it is now: carried to the end of what odometry has told.")
+           "AirEstimate propagated to the end of the latest odometry.")
       .def("estimate", py::overload_cast<locfuse::Stamp>(&AirEkf::estimate, py::const_),
-           py::arg("stamp"), "Where it is at `stamp` [ns], not before the belief.")
+           py::arg("stamp"),
+           "AirEstimate propagated to `stamp` [ns], which must not precede the belief.")
       .def_property_readonly("belief", &AirEkf::belief, py::return_value_policy::copy)
       .def_property_readonly("interventions", &AirEkf::interventions,
-                             "How often a variance left its bounds and was put back.")
+                             "Number of times a variance was clamped to its bounds.")
       .def(
-          "__copy__", [](const AirEkf& ekf) { return ekf; }, "A snapshot.")
+          "__copy__", [](const AirEkf& ekf) { return ekf; }, "Independent copy.")
       .def(
           "__deepcopy__", [](const AirEkf& ekf, const py::object& /*memo*/) { return ekf; },
-          py::arg("memo"), "A snapshot.")
+          py::arg("memo"), "Independent copy.")
       .def("__repr__", [](const AirEkf& ekf) {
         return "AirEkf(at " + std::to_string(ekf.belief().stamp) + " ns)";
       });

@@ -18,7 +18,7 @@ using locfuse::Tag;
 
 namespace {
 
-// Odometry since the last epoch, then every range of this one, in a single call.
+// Odometry since the last epoch, then every range of this epoch, in a single call.
 std::vector<Outcome> on_epoch(PoseEkf& ekf, Stamp begin, Stamp stamp, const Pose2& motion,
                               const Integers<locfuse::Id>& anchor_ids, const Column<double>& ranges,
                               locfuse::Id tag) {
@@ -41,8 +41,9 @@ std::vector<Outcome> on_epoch(PoseEkf& ekf, Stamp begin, Stamp stamp, const Pose
 }  // namespace
 
 void bind_estimators(py::module_& m) {
-  py::class_<PoseEstimate>(m, "PoseEstimate",
-                           "A pose at one instant [ns], with the covariance of (x, y, heading).")
+  py::class_<PoseEstimate>(
+      m, "PoseEstimate",
+      "Pose T_world_body at one stamp [ns], with the covariance (3, 3) of (x, y, heading).")
       .def(py::init([](Stamp stamp, const Pose2& pose, const locfuse::Matrix<3, 3>& covariance) {
              return PoseEstimate{stamp, pose, covariance};
            }),
@@ -51,7 +52,7 @@ void bind_estimators(py::module_& m) {
       .def_readonly("pose", &PoseEstimate::pose)
       .def_readonly("covariance", &PoseEstimate::covariance, "Shape (3, 3).")
       .def_property_readonly("sigma_position", &PoseEstimate::sigma_position,
-                             "The larger half axis of the position's 1-sigma ellipse [m].")
+                             "Semi-major axis of the 1-sigma position ellipse [m].")
       .def_property_readonly("sigma_heading", &PoseEstimate::sigma_heading, "[rad].")
       .def("__repr__", [](const PoseEstimate& e) {
         return "PoseEstimate(stamp=" + std::to_string(e.stamp) + ", pose=(" +
@@ -60,71 +61,74 @@ void bind_estimators(py::module_& m) {
       });
   using Config = PoseEkf::Config;
   using locfuse::PoseHypothesis;
-  py::class_<PoseHypothesis>(m, "PoseHypothesis", "A pose that fits, one of several.")
+  py::class_<PoseHypothesis>(m, "PoseHypothesis", "One of several pose hypotheses.")
       .def(py::init([](const PoseEstimate& estimate, double probability) {
              return PoseHypothesis{estimate, probability};
            }),
            py::arg("estimate"), py::arg("probability") = 1.0)
       .def_readonly("estimate", &PoseHypothesis::estimate)
-      .def_readonly("probability", &PoseHypothesis::probability, "Beside the others, 0 to 1.")
+      .def_readonly("probability", &PoseHypothesis::probability,
+                    "Relative to the other hypotheses, 0 to 1.")
       .def("__repr__", [](const PoseHypothesis& h) {
         return "PoseHypothesis(probability=" + std::to_string(h.probability) + ")";
       });
   using locfuse::CalibratedError;
-  py::class_<CalibratedError>(m, "CalibratedError",
-                              "An error of a robot's sensors, as far as it is known.")
+  py::class_<CalibratedError>(m, "CalibratedError", "Estimate of a systematic sensor error.")
       .def_readonly("name", &CalibratedError::name)
-      .def_readonly("anchor", &CalibratedError::anchor, "Whose error it is, if it is one's.")
+      .def_readonly("anchor", &CalibratedError::anchor,
+                    "Id of the anchor whose error it is, or None.")
       .def_readonly("value", &CalibratedError::value)
       .def_readonly("sigma", &CalibratedError::sigma)
-      .def_readonly("sigma_start", &CalibratedError::sigma_start, "How far off it might have been.")
+      .def_readonly("sigma_start", &CalibratedError::sigma_start, "Prior standard deviation.")
       .def("__repr__", [](const CalibratedError& e) {
         const std::string anchor = e.anchor ? " " + std::to_string(*e.anchor) : "";
         return "CalibratedError(" + e.name + anchor + ": " + std::to_string(e.value) + " +- " +
                std::to_string(e.sigma) + ")";
       });
   using Calibration = locfuse::Calibration::Config;
-  py::class_<Calibration>(m, "CalibrationConfig",
-                          "Errors of odometry, of the sensor of landmarks and of ranges that a "
-                          "PoseEkf learns: how far off each may "
-                          "be at the start, as a standard deviation. 0: it is right, and no state.")
+  py::class_<Calibration>(
+      m, "CalibrationConfig",
+      "Prior standard deviations of the systematic errors of odometry, landmark sensor and ranges "
+      "that a PoseEkf estimates. An error with sigma 0 is not a state.")
       .def(py::init<>())
-      .def_readwrite("sigma_scale", &Calibration::sigma_scale, "Of the way that odometry tells.")
+      .def_readwrite("sigma_scale", &Calibration::sigma_scale,
+                     "Scale error of the odometry distance.")
       .def_readwrite("sigma_direction_rad", &Calibration::sigma_direction_rad,
-                     "Of travel, seen from the heading.")
+                     "Direction of travel relative to the heading.")
       .def_readwrite("sigma_turn_scale", &Calibration::sigma_turn_scale,
-                     "Of the turn that odometry tells.")
-      .def_readwrite("sigma_turn_bias_radps", &Calibration::sigma_turn_bias_radps, "Of a gyro.")
+                     "Scale error of the odometry turn.")
+      .def_readwrite("sigma_turn_bias_radps", &Calibration::sigma_turn_bias_radps,
+                     "Turn rate bias, as of a gyro.")
       .def_readwrite("sigma_turn_bias_radps_per_sqrt_s",
-                     &Calibration::sigma_turn_bias_radps_per_sqrt_s, "By which that bias wanders.")
+                     &Calibration::sigma_turn_bias_radps_per_sqrt_s, "Random walk of that bias.")
       .def_readwrite("sigma_sensor_m", &Calibration::sigma_sensor_m,
-                     "Of the sensor's place in body, x and y.")
+                     "Position of the sensor in the body frame, x and y.")
       .def_readwrite("sigma_sensor_rad", &Calibration::sigma_sensor_rad,
-                     "Of the sensor's heading in body.")
+                     "Heading of the sensor in the body frame.")
       .def_readwrite("sigma_range_offset_m", &Calibration::sigma_range_offset_m,
-                     "Of ranges to landmarks.")
+                     "Offset of ranges to landmarks.")
       .def_readwrite("sigma_range_scale", &Calibration::sigma_range_scale)
       .def_readwrite("sigma_delay_s", &Calibration::sigma_delay_s,
-                     "Of sightings behind their stamps.")
+                     "Latency of landmark observations.")
       .def_readwrite("sigma_anchor_offset_m", &Calibration::sigma_anchor_offset_m,
-                     "Of ranges, for each anchor of the map.")
+                     "Range offset of each anchor of the map.")
       .def_readwrite("anchor_offset_correlation_s", &Calibration::anchor_offset_correlation_s,
-                     "For which those stay alike; 0: for good.")
+                     "Correlation time of the anchor offsets; 0: constant.")
       .def_readwrite("sigma_anchor_scale", &Calibration::sigma_anchor_scale,
-                     "Likewise, added to the anchor's.")
+                     "Range scale error of each anchor, added to the scale in the map.")
       .def_readwrite("sigma_range_delay_s", &Calibration::sigma_range_delay_s,
-                     "Of all ranges behind their stamps.")
+                     "Latency of all ranges.")
       .def_readwrite("consider", &Calibration::consider,
-                     "They are accounted for, and none is learnt (Schmidt).");
+                     "Account for the errors without estimating them (Schmidt-Kalman filter).");
   using Adaptive = locfuse::AdaptiveNoise::Config;
   py::class_<Adaptive>(m, "AdaptiveNoiseConfig",
-                       "How variances of measurements follow their innovations; factors of what is "
-                       "told.")
+                       "Adaptation of measurement variances to their innovations, as a factor on "
+                       "the reported variance.")
       .def(py::init<>())
       .def_readwrite("messages", &Adaptive::messages,
-                     "That are remembered, of each kind; 0: variances stay as told.")
-      .def_readwrite("least", &Adaptive::least)
-      .def_readwrite("most", &Adaptive::most);
+                     "Window length per kind of message; 0: no adaptation.")
+      .def_readwrite("least", &Adaptive::least, "Minimum factor.")
+      .def_readwrite("most", &Adaptive::most, "Maximum factor.");
   py::class_<Config>(m, "PoseEkfConfig", "Noise, gates and behaviour of a PoseEkf.")
       .def(py::init<>())
       .def_readwrite("odometry", &Config::odometry)
@@ -135,38 +139,40 @@ void bind_estimators(py::module_& m) {
       .def_readwrite("calibration", &Config::calibration)
       .def_readwrite("limits", &Config::limits)
       .def_readwrite("adaptive", &Config::adaptive)
-      .def_readwrite("gate_range", &Config::gate_range, "Probability that a good range passes.")
+      .def_readwrite("gate_range", &Config::gate_range, "Probability that an inlier range passes.")
       .def_readwrite("gate_position", &Config::gate_position)
       .def_readwrite("gate_pose", &Config::gate_pose)
       .def_readwrite("gate_landmark", &Config::gate_landmark)
-      .def_readwrite("robust_range", &Config::robust_range, "What noise of ranges looks like.")
+      .def_readwrite("robust_range", &Config::robust_range, "Noise shape of ranges.")
       .def_readwrite("robust_position", &Config::robust_position)
       .def_readwrite("robust_pose", &Config::robust_pose)
-      .def_readwrite("robust_dof", &Config::robust_dof,
-                     "Degrees of freedom where that is STUDENT_T.")
+      .def_readwrite("robust_dof", &Config::robust_dof, "Degrees of freedom of STUDENT_T noise.")
       .def_readwrite("robust_late_share", &Config::robust_late_share,
-                     "Of the ranges that are too long, where it is ONE_SIDED.")
+                     "Fraction of ranges that read long under ONE_SIDED noise.")
       .def_readwrite("hold_s", &Config::hold_s,
-                     "How long the last motion is believed without new odometry.")
+                     "Timeout of odometry [s]: how long the last motion is extrapolated.")
       .def_readwrite("sigma_lost_xy_per_sqrt_s", &Config::sigma_lost_xy_per_sqrt_s)
       .def_readwrite("sigma_lost_heading_per_sqrt_s", &Config::sigma_lost_heading_per_sqrt_s);
   py::class_<locfuse::LandmarkSight>(
       m, "LandmarkSight",
-      "The landmarks that are known, and where on the body the sensor sits that sees them.")
+      "Known landmarks and the pose T_body_sensor of the sensor that observes them.")
       .def(py::init([](std::shared_ptr<locfuse::LandmarkMap> map, const Pose2& sensor_in_body) {
              return locfuse::LandmarkSight{std::move(map), sensor_in_body};
            }),
            py::arg("map"), py::arg("sensor_in_body") = Pose2{})
       .def_readonly("sensor_in_body", &locfuse::LandmarkSight::sensor_in_body);
   py::native_enum<locfuse::Association>(m, "Association", "enum.Enum",
-                                        "Which landmark a sighting without a name is of.")
-      .value("NEAREST", locfuse::Association::kNearest, "The nearest, each by itself.")
-      .value("GLOBAL", locfuse::Association::kGlobal, "The least sum over all sightings.")
-      .value("JOINT", locfuse::Association::kJoint, "The largest set that fits jointly.")
+                                        "Data association of landmark observations without an id.")
+      .value("NEAREST", locfuse::Association::kNearest,
+             "Nearest neighbour, each observation by itself.")
+      .value("GLOBAL", locfuse::Association::kGlobal,
+             "Global nearest neighbour: minimum total cost over all observations.")
+      .value("JOINT", locfuse::Association::kJoint,
+             "Joint compatibility: the largest set of pairings that passes the joint gate.")
       .finalize();
   py::class_<PoseEkf>(m, "PoseEkf", R"(Extended Kalman filter over (x, y, heading) in world.
 
-Odometry predicts; ranges, positions, poses and landmarks correct (ekim2020, section 2.1).
+Odometry predicts; ranges, positions, poses and landmarks update (ekim2020, section 2.1).
 
 Parameters
 ----------
@@ -179,7 +185,7 @@ landmarks : LandmarkSight, optional
 Raises
 ------
 ValueError
-    If the config is out of range or the start not finite and positive definite.
+    If the config is out of range, or the start is not finite or not positive definite.
 
 Examples
 --------
@@ -208,7 +214,7 @@ Examples
       .def("on", py::overload_cast<const locfuse::PoseObservation&>(&PoseEkf::on),
            py::arg("message"))
       .def("on", py::overload_cast<const locfuse::RangeBearing&>(&PoseEkf::on), py::arg("message"),
-           "Fuses one message. One that is not fused changes no bit of the estimator.")
+           "Fuses one message; a message that is not fused leaves the estimator unchanged.")
       .def("on_joint", py::overload_cast<const std::vector<Range>&>(&PoseEkf::on_joint),
            py::arg("epoch"),
            "Fuses ranges of one stamp as one measurement: one linearization, one gate.")
@@ -217,14 +223,13 @@ Examples
                &PoseEkf::on_joint),
            py::arg("sightings"),
            py::arg_v("association", locfuse::Association::kJoint, "Association.JOINT"),
-           "Fuses sightings of one stamp; those without a name are put together with landmarks "
-           "before any is fused. Returns an outcome for each: one that fits none is gated, one "
-           "whose numbers leave no finite result NOT_MODELLED.")
+           "Fuses landmark observations of one stamp. Those without an id are associated before "
+           "any is fused. Returns one Outcome each: GATED if no landmark matches, NOT_MODELLED if "
+           "the result would not be finite.")
       .def("on_epoch", &on_epoch, py::arg("begin"), py::arg("stamp"), py::arg("motion"),
            py::arg("anchors"), py::arg("ranges"), py::arg("tag") = 0,
-           "The motion from `begin` to `stamp` [ns], then the ranges (n,) [m] to the anchors (n,) "
-           "at "
-           "`stamp`, in one call. Returns n + 1 outcomes.")
+           "Fuses the motion from `begin` to `stamp` [ns], then the ranges (n,) [m] to the anchors "
+           "(n,) at `stamp`. Returns n + 1 outcomes.")
       .def(
           "fuse",
           [](PoseEkf& ekf, Stamp stamp, const AnyLinearization& lin, const Gate& gate) {
@@ -236,25 +241,25 @@ Examples
             return ekf.fuse(stamp, {lin.residual, lin.jacobian, lin.noise}, gate);
           },
           py::arg("stamp"), py::arg("linearization"), py::arg("gate"),
-          "Fuses what a model of your own says of the pose at `stamp` [ns]: a Jacobian of m x 3. "
+          "Fuses a user-defined measurement of the pose at `stamp` [ns] with a Jacobian (m, 3). "
           "Linearize at `estimate(stamp).pose`.")
       .def("advance_to", &PoseEkf::advance_to, py::arg("stamp"))
       .def("estimate", py::overload_cast<>(&PoseEkf::estimate, py::const_),
-           "The pose now: the belief carried to the end of what odometry has told.")
+           "PoseEstimate propagated to the end of the latest odometry.")
       .def("estimate", py::overload_cast<Stamp>(&PoseEkf::estimate, py::const_), py::arg("stamp"),
-           "The belief carried to `stamp` [ns], which must not lie before it.")
+           "PoseEstimate propagated to `stamp` [ns], which must not precede the belief.")
       .def_property_readonly("errors", &PoseEkf::errors,
-                             "What it has learnt of the errors that are states.")
+                             "A CalibratedError for each error that is a state.")
       .def_property_readonly("belief", &PoseEkf::belief, py::return_value_policy::copy)
       .def_property_readonly("interventions", &PoseEkf::interventions,
-                             "How often a variance left its bounds and was put back.")
+                             "Number of times a variance was clamped to its bounds.")
       .def_property_readonly("range_model", &PoseEkf::range_model, py::return_value_policy::copy)
       .def_property_readonly("motion_model", &PoseEkf::motion_model, py::return_value_policy::copy)
       .def(
-          "__copy__", [](const PoseEkf& ekf) { return ekf; }, "A snapshot.")
+          "__copy__", [](const PoseEkf& ekf) { return ekf; }, "Independent copy.")
       .def(
           "__deepcopy__", [](const PoseEkf& ekf, const py::object& /*memo*/) { return ekf; },
-          py::arg("memo"), "A snapshot.")
+          py::arg("memo"), "Independent copy.")
       .def("__repr__", [](const PoseEkf& ekf) {
         return "PoseEkf(at " + std::to_string(ekf.belief().stamp) + " ns)";
       });

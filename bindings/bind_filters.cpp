@@ -37,7 +37,7 @@ const char* name_of(Verdict verdict) {
 }  // namespace
 
 void bind_filters(py::module_& m) {
-  py::native_enum<Verdict>(m, "Verdict", "enum.IntEnum", "What became of a message.")
+  py::native_enum<Verdict>(m, "Verdict", "enum.IntEnum", "Result of processing a message.")
       .value("FUSED", Verdict::kFused)
       .value("GATED", Verdict::kGated)
       .value("NOT_MODELLED", Verdict::kNotModelled)
@@ -45,32 +45,34 @@ void bind_filters(py::module_& m) {
       .value("STALE", Verdict::kStale)
       .value("IMPLAUSIBLE", Verdict::kImplausible)
       .finalize();
-  py::class_<Outcome>(m, "Outcome", "Verdict on one message, with the numbers behind it.")
+  py::class_<Outcome>(m, "Outcome", "Verdict on one message with its innovation statistics.")
       .def_readonly("verdict", &Outcome::verdict)
-      .def_readonly("nis", &Outcome::nis, "r' S^-1 r; NaN where nothing was compared.")
+      .def_readonly("nis", &Outcome::nis,
+                    "Normalized innovation squared r' S^-1 r; NaN if the message was not compared.")
       .def_readonly("dof", &Outcome::dof, "Rows of the innovation.")
       .def_readonly("residual", &Outcome::residual, "First row of the innovation.")
       .def_property_readonly("log_likelihood", &Outcome::log_likelihood, "log N(r; 0, S).")
       .def_readonly("interventions", &Outcome::interventions,
-                    "Variances that were put back into their bounds on the way.")
+                    "Number of variances clamped to their bounds.")
       .def("__repr__", [](const Outcome& outcome) {
         return "Outcome(" + std::string(name_of(outcome.verdict)) +
                ", nis=" + std::to_string(outcome.nis) + ", dof=" + std::to_string(outcome.dof) +
                ")";
       });
   py::class_<Gate>(m, "Gate",
-                   "Chi-square gate: `probability` that a good measurement passes, 1 for no gate.")
+                   "Chi-square gate; `probability` that an inlier passes, 1 for no gate.")
       .def(py::init<double>(), py::arg("probability"))
       .def("limit", &Gate::limit, py::arg("dof"), "Largest NIS that passes.")
       .def_property_readonly("probability", &Gate::probability);
-  py::native_enum<NoiseKind>(m, "NoiseKind", "enum.Enum", "What noise looks like beyond its sigma.")
-      .value("GAUSSIAN", NoiseKind::kGaussian, "As its sigma says.")
+  py::native_enum<NoiseKind>(m, "NoiseKind", "enum.Enum", "Shape of the measurement noise.")
+      .value("GAUSSIAN", NoiseKind::kGaussian, "Gaussian with the given sigma.")
       .value("ONE_SIDED", NoiseKind::kOneSided,
-             "A share of the measurements is too long, by anything; of one row only.")
-      .value("STUDENT_T", NoiseKind::kStudentT, "With tails to both sides.")
-      .value("CAUCHY", NoiseKind::kCauchy, "The same with one degree of freedom.")
+             "A fraction of the measurements reads long; scalar measurements only.")
+      .value("STUDENT_T", NoiseKind::kStudentT, "Student's t with heavy tails on both sides.")
+      .value("CAUCHY", NoiseKind::kCauchy, "Student's t with one degree of freedom.")
       .finalize();
-  py::class_<NoiseShape>(m, "NoiseShape", R"(Noise as a mixture of Gaussians that are wider than R.
+  py::class_<NoiseShape>(m, "NoiseShape",
+                         R"(Measurement noise as a mixture of Gaussians wider than R.
 
 Parameters
 ----------
@@ -78,7 +80,7 @@ kind : NoiseKind
 dof : float, optional
     Degrees of freedom of STUDENT_T, at least 1.
 late_share : float, optional
-    Of the measurements that are too long, by ONE_SIDED; between 0 and 1.
+    Fraction of measurements that read long under ONE_SIDED; between 0 and 1.
 
 Raises
 ------
@@ -103,8 +105,8 @@ ValueError
             }
             return rows;
           },
-          "Share, mean and variance of each Gaussian where R is 1, (n, 3); none if Gaussian.");
-  py::native_enum<SlotKind>(m, "SlotKind", "enum.Enum", "What a slot of a belief holds.")
+          "Weight, mean and variance of each component for R = 1, (n, 3); empty if Gaussian.");
+  py::native_enum<SlotKind>(m, "SlotKind", "enum.Enum", "Type of variable in a slot.")
       .value("POSE2", SlotKind::kPose2)
       .value("POINT2", SlotKind::kPoint2)
       .value("SCALAR", SlotKind::kScalar)
@@ -133,8 +135,8 @@ Examples
            py::arg("covariance"))
       .def("remove", &GaussianBelief::remove, py::arg("slot"))
       .def("consider", &GaussianBelief::consider, py::arg("slot"),
-           "From now on no measurement moves this variable: what is not known of it is accounted "
-           "for, and never learnt (Schmidt).")
+           "Marks a variable as considered: its uncertainty is accounted for, but measurements no "
+           "longer change it (Schmidt-Kalman filter).")
       .def("slot", &GaussianBelief::slot, py::arg("name"))
       .def("pose", &GaussianBelief::pose, py::arg("slot"))
       .def(
@@ -155,22 +157,22 @@ Examples
         locfuse::predict(belief, step, slot);
       },
       py::arg("belief"), py::arg("step"), py::arg("slot"),
-      "Moves the pose in `slot`: P to F P F' + Q with its cross-covariances.");
+      "Predicts the pose in `slot`: P becomes F P F' + Q, cross-covariances included.");
   m.def(
       "predict",
       [](GaussianBelief& belief, const locfuse::Propagation<Eigen::VectorXd, Eigen::Dynamic>& step,
          const std::vector<Slot>& slots) { locfuse::predict(belief, step, slots); },
       py::arg("belief"), py::arg("step"), py::arg("slots"),
-      R"(Moves the first variables of `slots`, as many as the step moves, by a motion of your own.
+      R"(Predicts the leading variables of `slots` with a user-defined motion.
 
-It may depend on all of them: P to F P F' + Q with their cross-covariances.
+The motion may depend on all of them; P becomes F P F' + Q, cross-covariances included.
 
 Raises
 ------
 ValueError
     If the slots do not match the step.
 NumericalError
-    If a result is not finite or a variance not positive; the belief is untouched.
+    If a result is not finite or a variance not positive; the belief is unchanged.
 )");
   m.def(
       "update",
@@ -184,11 +186,11 @@ NumericalError
 Parameters
 ----------
 belief : GaussianBelief
-    Updated whole or not at all.
+    Updated completely or not at all.
 linearization : Linearization
-    From a model of the library or made by hand.
+    From a model of the library or user-defined.
 slots : list of Slot
-    Variables that the Jacobian's columns stand for, in order.
+    Variables of the Jacobian's columns, in order.
 gate : Gate
 noise : NoiseShape, optional
     Gaussian by default.

@@ -49,5 +49,5 @@ Pose2(x=1.5, y=2, heading=0.25)
         "Motion along the arc of a constant body twist (metres, metres, radians): SE(2) "
         "exponential.");
   m.def("local", &locfuse::local, py::arg("to"), py::arg("origin"),
-        "Error state (3,) that leads from `origin` to `to`, heading wrapped.");
+        "Error state (3,) from `origin` to `to` [m, m, rad], heading wrapped.");
 }

@@ -10,21 +10,22 @@ using locfuse::Initializer;
 using locfuse::StartStatus;
 
 void bind_initializer(py::module_& m) {
-  py::native_enum<StartStatus>(m, "StartStatus", "enum.Enum", "How far a start has come.")
+  py::native_enum<StartStatus>(m, "StartStatus", "enum.Enum", "Progress of the initialization.")
       .value("WAITING", StartStatus::kWaiting)
       .value("AMBIGUOUS", StartStatus::kAmbiguous)
       .value("READY", StartStatus::kReady)
       .finalize();
   using State = Initializer::State;
-  py::class_<State>(m, "StartState", "Where a start stands.")
+  py::class_<State>(m, "StartState", "State of an Initializer.")
       .def_readonly("status", &State::status)
-      .def_readonly("reason", &State::reason, "Why it is not ready; empty if it is.")
-      .def_readonly("hypotheses", &State::hypotheses, "The poses that fit, the likeliest first.")
+      .def_readonly("reason", &State::reason, "Why it is not ready; empty if ready.")
+      .def_readonly("hypotheses", &State::hypotheses, "Pose hypotheses, likeliest first.")
       .def("__repr__", [](const State& s) {
         return "StartState(" + std::to_string(s.hypotheses.size()) + " hypotheses)";
       });
   using Config = Initializer::Config;
-  py::class_<Config>(m, "InitializerConfig", "When a start is ready, and what it takes for wrong.")
+  py::class_<Config>(m, "InitializerConfig",
+                     "Settings of an Initializer: readiness thresholds and outlier model.")
       .def(py::init<>())
       .def_readwrite("epoch_s", &Config::epoch_s)
       .def_readwrite("headings", &Config::headings)
@@ -39,10 +40,10 @@ void bind_initializer(py::module_& m) {
       .def_readwrite("sigma_xy_ready_m", &Config::sigma_xy_ready_m)
       .def_readwrite("sigma_heading_ready_rad", &Config::sigma_heading_ready_rad);
   py::class_<Initializer>(m, "Initializer",
-                          R"(Finds the pose of a robot that was switched on anywhere.
+                          R"(Estimates the initial pose without a prior.
 
-A Gaussian sum: one PoseEkf for every position that the first ranges allow and every heading,
-weighed by how well each predicts what comes next (docs/start.md; ekim2020, section 2.2).
+Gaussian sum: one PoseEkf per position that the first ranges allow and per heading, weighted by the
+likelihood of the messages that follow (docs/start.md; ekim2020, section 2.2).
 
 Parameters
 ----------
@@ -51,7 +52,7 @@ estimator : PoseEkfConfig
 anchors : AnchorMap
 tags : list of Tag
 matcher : ScanMatcher, optional
-    With it, scans on the map tell the heading; without, motion has to.
+    Obtains the heading from scans on the map; without it, the heading follows from motion.
 
 Raises
 ------
@@ -86,11 +87,11 @@ Examples
       .def("on", py::overload_cast<const locfuse::RangeBearing&>(&Initializer::on),
            py::arg("message"))
       .def("on", unlocked_on<Initializer, locfuse::LaserScan>(), py::arg("message"),
-           "Takes one message.")
+           "Processes one message.")
       .def("state", &Initializer::state)
       .def("estimator", &Initializer::estimator,
-           "The PoseEkf to go on with.\n\nRaises\n------\nValueError\n    Unless the state is "
-           "ready.")
+           "The PoseEkf to continue with.\n\nRaises\n------\nValueError\n    If the state is not "
+           "READY.")
       .def("__repr__", [](const Initializer& i) {
         return "Initializer(" + std::to_string(i.state().hypotheses.size()) + " hypotheses)";
       });

@@ -11,8 +11,8 @@ void bind_landmark_ekf(py::module_& m) {
   using Covariance2 = locfuse::Matrix<2, 2>;
   using Config = LandmarkEkf::Config;
   py::class_<KnownLandmark>(m, "KnownLandmark",
-                            "A landmark that a LandmarkEkf knows before the first message. Without "
-                            "a covariance (2, 2) its position [m] is exact.")
+                            "Landmark known to a LandmarkEkf before the first message. Without a "
+                            "covariance (2, 2) [m^2] its position (2,) [m] is exact.")
       .def(py::init([](locfuse::Id id, const locfuse::Vector<2>& position,
                        const std::optional<Covariance2>& covariance) {
              return KnownLandmark{id, position, covariance};
@@ -24,13 +24,14 @@ void bind_landmark_ekf(py::module_& m) {
       .def("__repr__", [](const KnownLandmark& landmark) {
         return "KnownLandmark(" + std::to_string(landmark.id) + ")";
       });
-  py::class_<LandmarkEstimate>(m, "LandmarkEstimate", "What a LandmarkEkf says of a landmark.")
-      .def_readonly("id", &LandmarkEstimate::id, "Negative if no sighting named it.")
+  py::class_<LandmarkEstimate>(m, "LandmarkEstimate", "Estimate of one landmark by a LandmarkEkf.")
+      .def_readonly("id", &LandmarkEstimate::id, "Negative if no observation carried an id.")
       .def_readonly("position", &LandmarkEstimate::position, "Shape (2,), in world [m].")
       .def_readonly("covariance", &LandmarkEstimate::covariance,
-                    "Shape (2, 2) [m^2]; zero if it is exact.")
+                    "Shape (2, 2) [m^2]; zero if exact.")
       .def_readonly("sightings", &LandmarkEstimate::sightings)
-      .def_readonly("confirmed", &LandmarkEstimate::confirmed, "Whether it corrects the pose.")
+      .def_readonly("confirmed", &LandmarkEstimate::confirmed,
+                    "Whether it is used to update the pose.")
       .def("__repr__", [](const LandmarkEstimate& landmark) {
         return "LandmarkEstimate(" + std::to_string(landmark.id) + ", " +
                std::to_string(landmark.sightings) + " sightings)";
@@ -42,37 +43,37 @@ void bind_landmark_ekf(py::module_& m) {
       .def_readwrite("position", &Config::position)
       .def_readwrite("limits", &Config::limits)
       .def_readwrite("gate_landmark", &Config::gate_landmark,
-                     "Probability that a sighting passes its landmark's gate.")
+                     "Probability that an observation passes the gate of its landmark.")
       .def_readwrite("gate_position", &Config::gate_position)
       .def_readwrite("gate_new", &Config::gate_new,
-                     "Only a sighting outside this wider gate of every landmark is of a new one.")
+                     "An observation outside this wider gate of every landmark starts a new one.")
       .def_readwrite("min_sightings", &Config::min_sightings,
-                     "That make a tentative landmark a confirmed one.")
+                     "Number of observations that confirms a tentative landmark.")
       .def_readwrite("confirm_within_s", &Config::confirm_within_s,
-                     "A tentative landmark is dropped this long after its first sighting.")
+                     "A tentative landmark is dropped this long after its first observation [s].")
       .def_readwrite("max_landmarks", &Config::max_landmarks)
       .def_readwrite("hold_s", &Config::hold_s,
-                     "How long the last motion is believed without new odometry.")
+                     "Timeout of odometry [s]: how long the last motion is extrapolated.")
       .def_readwrite("sigma_lost_xy_per_sqrt_s", &Config::sigma_lost_xy_per_sqrt_s)
       .def_readwrite("sigma_lost_heading_per_sqrt_s", &Config::sigma_lost_heading_per_sqrt_s);
   py::class_<LandmarkEkf>(m, "LandmarkEkf",
-                          R"(Extended Kalman filter over the pose and the landmarks it sees.
+                          R"(Extended Kalman filter over the pose and the observed landmarks (SLAM).
 
-It maps while it localizes: a sighting that no landmark explains puts a new one into the state.
+An observation that matches no landmark adds a new one to the state.
 
 Parameters
 ----------
 config : LandmarkEkfConfig
 start : PoseEstimate
 sensor_in_body : Pose2, optional
-    Where the sensor sits that sees landmarks.
+    T_body_sensor of the landmark sensor.
 known : list of KnownLandmark, optional
 
 Raises
 ------
 ValueError
-    If the config is out of range, the start not finite and positive definite, or a landmark is
-    given twice.
+    If the config is out of range, the start is not finite or not positive definite, or a landmark
+    id is duplicate.
 
 Examples
 --------
@@ -96,27 +97,27 @@ Examples
            py::arg("message"))
       .def("on", py::overload_cast<const locfuse::RangeBearing&>(&LandmarkEkf::on),
            py::arg("message"),
-           "Fuses one message. One that is not fused changes no bit of the estimator.")
+           "Fuses one message; a message that is not fused leaves the estimator unchanged.")
       .def("on_joint", &LandmarkEkf::on_joint, py::arg("sightings"),
            py::arg_v("association", locfuse::Association::kJoint, "Association.JOINT"),
-           "Fuses sightings of one stamp. Those that no landmark explains are of new ones, or "
-           "gated if that is not sure. Returns an outcome for each; one whose numbers leave no "
-           "finite result is NOT_MODELLED.")
+           "Fuses landmark observations of one stamp. One that matches no landmark starts a new "
+           "one, or is gated if that is uncertain. Returns one Outcome each, NOT_MODELLED if the "
+           "result would not be finite.")
       .def("advance_to", &LandmarkEkf::advance_to, py::arg("stamp"))
       .def("estimate", py::overload_cast<>(&LandmarkEkf::estimate, py::const_),
-           "The pose now: carried to the end of what odometry has told.")
+           "PoseEstimate propagated to the end of the latest odometry.")
       .def("estimate", py::overload_cast<locfuse::Stamp>(&LandmarkEkf::estimate, py::const_),
-           py::arg("stamp"), "The pose at `stamp` [ns], which must not lie before the belief.")
-      .def("landmarks", &LandmarkEkf::landmarks,
-           "All landmarks, in the order in which they came in.")
+           py::arg("stamp"),
+           "PoseEstimate propagated to `stamp` [ns], which must not precede the belief.")
+      .def("landmarks", &LandmarkEkf::landmarks, "All landmarks, in the order of their creation.")
       .def_property_readonly("belief", &LandmarkEkf::belief, py::return_value_policy::copy)
       .def_property_readonly("interventions", &LandmarkEkf::interventions,
-                             "How often a variance left its bounds and was put back.")
+                             "Number of times a variance was clamped to its bounds.")
       .def(
-          "__copy__", [](const LandmarkEkf& ekf) { return ekf; }, "A snapshot.")
+          "__copy__", [](const LandmarkEkf& ekf) { return ekf; }, "Independent copy.")
       .def(
           "__deepcopy__", [](const LandmarkEkf& ekf, const py::object& /*memo*/) { return ekf; },
-          py::arg("memo"), "A snapshot.")
+          py::arg("memo"), "Independent copy.")
       .def("__repr__", [](const LandmarkEkf& ekf) {
         return "LandmarkEkf(at " + std::to_string(ekf.belief().stamp) + " ns, " +
                std::to_string(ekf.landmarks().size()) + " landmarks)";

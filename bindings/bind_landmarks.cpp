@@ -22,27 +22,28 @@ void bind_detector_config(py::module_& m) {
 Parameters
 ----------
 sigma_range_m, sigma_bearing_rad : float
-    Noise of one beam: of its length; of its direction (its width, quantization).
+    Noise of the length and of the direction (beam width, quantization) of one beam.
 radius_m : float
-    Of all cylinders; 0: each has its own, found by the fit.
+    Radius of all cylinders; 0: estimated for each.
 radius_min_m, radius_max_m : float
-    Of a cylinder whose radius is found.
+    Bounds of an estimated radius.
 least_beams : int
-    On a cylinder.
+    Minimum number of beams on a cylinder.
 jump_gaps : float
-    A depth step between two beams is an edge from six sigma and so many gaps between beams on.
+    A depth step between two beams is an edge if it exceeds six sigma plus this multiple of the gap
+    between beams.
 misfit_probability : float
-    That the arc of a cylinder passes the chi-square gate.
+    Probability that the arc of a cylinder passes the chi-square gate.
 least_evidence : float
-    By how much the chi-square of a straight wall must be larger. What is too small to tell is a
-    cylinder if it stands alone and `radius_m` says its width; with 0 of any width in bounds.
+    Minimum chi-square difference to a straight wall. An object too small to decide is a cylinder
+    if it is isolated and as wide as `radius_m`, or for 0 any width within bounds.
 least_corner_evidence : float
-    By how much that of a right-angled corner must be larger. Thin cylinders look like the corners of
-    boxes as small as they; -20 takes them all, for places without boxes.
+    Minimum chi-square difference to a right-angled corner. Thin cylinders resemble corners of
+    equally small boxes; -20 accepts all of them where there are no boxes.
 leg_radius_m, leg_distance_m : float
-    A cylinder up to that radius, that near to anything as thin, is a leg; 0: nobody walks here.
+    A cylinder up to this radius and this close to anything as thin is a leg; 0: no people.
 least_intensity : float
-    One beam must be that bright; 0: of any brightness.
+    Minimum intensity of at least one beam; 0: any.
 )");
   config
       .def(py::init([](double sigma_range_m, double sigma_bearing_rad, double radius_m,
@@ -82,25 +83,27 @@ least_intensity : float
 
 void bind_detector(py::module_& m) {
   bind_detector_config(m);
-  py::class_<Cylinder>(m, "Cylinder", "An upright cylinder in the plane of a laser.")
-      .def_readonly("range", &Cylinder::range, "Of the centre, from the laser [m].")
-      .def_readonly("bearing", &Cylinder::bearing, "Of the centre, in the laser's frame [rad].")
+  py::class_<Cylinder>(m, "Cylinder", "Upright cylinder in the scan plane.")
+      .def_readonly("range", &Cylinder::range, "Range of the centre from the laser [m].")
+      .def_readonly("bearing", &Cylinder::bearing,
+                    "Bearing of the centre in the laser frame [rad].")
       .def_readonly("radius", &Cylinder::radius, "Metres.")
       .def_readonly("covariance", &Cylinder::covariance,
-                    "Of (range, bearing, radius) [m, rad, m], shape (3, 3); zero in row and column "
-                    "of a radius that was given.")
-      .def_readonly("first", &Cylinder::first,
-                    "Beam of its arc where the bearing is least; above `last` across the cut.")
-      .def_readonly("last", &Cylinder::last, "Beam of its arc where the bearing is largest.")
-      .def_readonly("beams", &Cylinder::beams, "How many the fit used.")
-      .def_readonly("misfit", &Cylinder::misfit, "Chi-square by degree of freedom.")
+                    "Covariance of (range, bearing, radius) [m, rad, m], shape (3, 3); row and "
+                    "column of a fixed radius are zero.")
+      .def_readonly(
+          "first", &Cylinder::first,
+          "First beam of the arc by bearing; larger than `last` across the end of the scan.")
+      .def_readonly("last", &Cylinder::last, "Last beam of the arc by bearing.")
+      .def_readonly("beams", &Cylinder::beams, "Number of beams in the fit.")
+      .def_readonly("misfit", &Cylinder::misfit, "Chi-square per degree of freedom.")
       .def("__repr__", [](const Cylinder& c) {
         std::ostringstream text;
         text << "Cylinder(range=" << c.range << ", bearing=" << c.bearing << ", radius=" << c.radius
              << ", beams=" << c.beams << ")";
         return text.str();
       });
-  py::class_<CylinderDetector>(m, "CylinderDetector", R"(Finds cylinders in single scans.
+  py::class_<CylinderDetector>(m, "CylinderDetector", R"(Detects cylinders in single scans.
 
 Raises
 ------
@@ -109,7 +112,7 @@ ValueError
 
 Examples
 --------
-A cylinder of radius 0.5 m, 2 m ahead, and nothing around it:
+A single cylinder of radius 0.5 m, 2 m ahead:
 
 >>> import numpy as np
 >>> from locfuse import CylinderDetector, LaserGeometry, LaserScan, Pose2
@@ -126,7 +129,7 @@ A cylinder of radius 0.5 m, 2 m ahead, and nothing around it:
            py::arg_v("config", CylinderDetectorConfig{}, "CylinderDetectorConfig()"))
       .def_property_readonly("config", &CylinderDetector::config)
       .def("detect", &CylinderDetector::detect, py::arg("scan"), Unlocked(),
-           R"(Find the cylinders of a scan.
+           R"(Detect the cylinders of a scan.
 
 Parameters
 ----------
@@ -140,27 +143,28 @@ list of Cylinder
 Raises
 ------
 ValueError
-    If the scan is not valid, or has no intensities where `least_intensity` asks for them.
+    If the scan is not valid, or lacks the intensities that `least_intensity` requires.
 )");
 }
 
 void bind_single_beams(py::module_& m) {
   py::class_<BeamLandmark>(m, "BeamLandmark",
-                           "What the beam that stands for a landmark says: `beam`, `range` [m], "
-                           "`bearing` in the laser's frame [rad]; -1, -1 and 0 where no beam does.")
+                           "Beam that represents a landmark: `beam`, `range` [m], `bearing` in the "
+                           "laser frame [rad]; -1, -1 and 0 if there is none.")
       .def_readonly("beam", &BeamLandmark::beam)
       .def_readonly("range", &BeamLandmark::range)
       .def_readonly("bearing", &BeamLandmark::bearing);
   m.def("closest_beam", &locfuse::closest_beam, py::arg("scan"), py::arg("first"), py::arg("last"),
-        py::arg("radius"), Unlocked(), R"(Centre of a cylinder by its closest beam (wells eq. 8-11).
+        py::arg("radius"), Unlocked(),
+        R"(Centre of a cylinder from its closest beam (wells eq. 8-11).
 
 Parameters
 ----------
 scan : LaserScan
 first, last : int
-    Beams of the cylinder; `first` above `last` goes across the end of the scan.
+    Beams of the cylinder; `first` > `last` wraps around the end of the scan.
 radius : float
-    Added to the least range [m].
+    Added to the minimum range [m].
 
 Returns
 -------
@@ -185,12 +189,12 @@ landmarks : LandmarkMap
 Returns
 -------
 list of BeamLandmark
-    One per landmark in order of id; the range is that to the surface, as the beam says it.
+    One per landmark in order of id, with the measured range to the surface.
 
 Raises
 ------
 ValueError
-    If scan or pose are not valid.
+    If scan or pose is not valid.
 )");
 }
 

@@ -8,24 +8,24 @@ using locfuse::Live;
 
 void bind_live(py::module_& m) {
   py::class_<Live>(m, "Live",
-                   R"(A RecoveringEkf on a robot: messages as they arrive, from the first one on.
+                   R"(RecoveringEkf fed with live messages in order of arrival.
 
-It searches until one place is left; from there late messages are fused where they belong. Fed with
-a log in its order of arrival it gives the estimates of `find_start` and `replay`, bit for bit, if
-none came later than `patience` while it searched.
+It searches until a single hypothesis remains; from then on late messages are fused at their stamp.
+A log fed in order of arrival gives the estimates of `find_start` and `replay` bit for bit, if no
+message was later than `patience` during the search.
 
 Parameters
 ----------
 estimator : RecoveringEkf
-    It tracks from the beginning if this one has started.
+    If it has started, tracking begins at once.
 history : int
-    How late a message may be once it tracks, nanoseconds.
+    Maximum delay of a message while tracking [ns].
 clock_jump : ClockJump
-    What to do when the clock of all messages goes back.
+    Reaction to a backward jump of the message clock.
 most_messages : int
-    Held for late ones, at least 512.
+    Maximum number of messages kept for reordering, at least 512.
 patience : int
-    How late a message may be while it searches, nanoseconds.
+    Maximum delay of a message while searching [ns].
 
 Raises
 ------
@@ -58,52 +58,53 @@ Examples
            py::arg("most_messages") = locfuse::TimelineOptions{}.most_messages,
            py::arg("patience") = Live::Options{}.patience)
       .def("on", unlocked_on<Live, locfuse::LaserScan>(), py::arg("scan"),
-           "Takes a scan, which is of use while it searches.")
+           "Processes a scan, which is used only while searching.")
       .def("on", unlocked_on<Live, locfuse::Message>(), py::arg("message"),
-           R"(Takes a message and returns its Outcome.
+           R"(Processes a message and returns its Outcome.
 
-IGNORED while it searches and from a source that is off, STALE if it is too late.
+IGNORED while searching or from a disabled source, STALE if too late.
 
 Raises
 ------
 ValueError
-    If the message is not valid; it is forgotten.
+    If the message is not valid; it is discarded.
 )")
       .def("start_at", &Live::start_at, py::arg("start"),
-           "Tracks from a PoseEstimate on, whatever was known before.")
-      .def("relocalize", &Live::relocalize, "Forgets the pose and searches anew.")
-      .def("reset", &Live::reset, "As it was made.")
+           "Discards the current state and tracks from a PoseEstimate.")
+      .def("relocalize", &Live::relocalize, "Discards the pose and searches again.")
+      .def("reset", &Live::reset, "Restores the state after construction.")
       .def("enable", &Live::enable, py::arg("source"), py::arg("enabled"),
-           "Switches a Source off, or on again: while it is off its messages are IGNORED.")
+           "Enables or disables a Source; messages of a disabled source are IGNORED.")
       .def_property_readonly("is_tracking", &Live::is_tracking)
       .def(
           "current", [](const Live& live) { return live.estimator().current(); },
-          "The PoseEstimate at the stamp of the last message. Raises RuntimeError while it "
-          "searches.")
+          "PoseEstimate at the stamp of the last message. Raises RuntimeError while searching.")
       .def(
           "estimate", [](const Live& live) { return live.estimator().estimate(); },
-          "Likewise, carried to the end of odometry.")
+          "PoseEstimate propagated to the end of the latest odometry. Raises RuntimeError while "
+          "searching.")
       .def(
           "health", [](const Live& live) { return live.estimator().health(); },
-          "A HealthReport: how far its estimate may be trusted.")
+          "HealthReport of the estimate.")
       .def_property_readonly(
           "sources", [](const Live& live) { return live.estimator().sources(); },
-          "A SourceStatus for each.")
-      .def("search", &Live::search, "How far the search has come, with its hypotheses.")
+          "One SourceStatus per source.")
+      .def("search", &Live::search, "Progress of the search with its hypotheses.")
       .def_property_readonly(
           "errors",
           [](const Live& live) {
             return live.is_tracking() ? live.estimator().estimator()->errors()
                                       : std::vector<locfuse::CalibratedError>{};
           },
-          "A CalibratedError for each error that is a state, as learnt by now.")
+          "A CalibratedError for each error that is a state.")
       .def_property_readonly(
           "restarts", [](const Live& live) { return live.estimator().restarts(); },
-          "How often it was lost and found another place.")
+          "Number of relocalizations after being lost.")
       .def_property_readonly("jumps", &Live::jumps,
-                             "How often the clock went back and it started anew or went on.")
-      .def_property_readonly("fallen_out", &Live::fallen_out,
-                             "Messages inside the history that were forgotten: too many.")
+                             "Number of backward clock jumps handled by RESET or CONTINUE.")
+      .def_property_readonly(
+          "fallen_out", &Live::fallen_out,
+          "Messages inside the history that were dropped because there were too many.")
       .def("__repr__", [](const Live& live) {
         return std::string("Live(") + (live.is_tracking() ? "tracking" : "searching") + ")";
       });

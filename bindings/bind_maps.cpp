@@ -40,7 +40,7 @@ std::shared_ptr<OccupancyGrid> grid_from(const Integers<std::int8_t>& given, dou
                                          std::move(values));
 }
 
-/// Answers for points (n, 2), counted, as an array (n,).
+/// Evaluates `answer(i)` for points (n, 2); shape (n,).
 template <class Answer>
 py::array_t<double> for_points(const Column<double>& points, const Answer& answer) {
   expect_shape("points", points, points.ndim() > 0 ? points.shape(0) : 0, 2);
@@ -57,8 +57,8 @@ py::array_t<double> for_points(const Column<double>& points, const Answer& answe
 
 void bind_landmark_map(py::module_& m) {
   py::class_<Landmark>(m, "Landmark",
-                       "Something fixed that a sensor recognizes: its centre at `position` (2,) in "
-                       "world, its `radius` and, for an AirEkf, its `height` [m].")
+                       "Landmark with its centre at `position` (2,) in world, its `radius` and, "
+                       "for an AirEkf, its `height` [m].")
       .def(py::init([](locfuse::Id id, const locfuse::Vector<2>& position, double radius,
                        double height) {
              return Landmark{id, position, radius, height};
@@ -73,8 +73,8 @@ void bind_landmark_map(py::module_& m) {
            [](const Landmark& l) { return "Landmark(id=" + std::to_string(l.id) + ")"; });
   py::class_<LandmarkMap, std::shared_ptr<LandmarkMap>>(
       m, "LandmarkMap",
-      "The landmarks, by id; immutable.\n\nRaises\n------\nValueError\n    On a duplicate id, a "
-      "number that is not finite or a radius that is negative.")
+      "Immutable map of landmarks by id.\n\nRaises\n------\nValueError\n    On a duplicate id, a "
+      "number that is not finite or a negative radius.")
       .def(py::init<std::vector<Landmark>>(), py::arg("landmarks"))
       .def_property_readonly("landmarks", &LandmarkMap::landmarks, "All landmarks in order of id.")
       .def("__len__", [](const LandmarkMap& map) { return map.landmarks().size(); })
@@ -87,7 +87,7 @@ void bind_landmark_map(py::module_& m) {
 
 void bind_grid(py::module_& m) {
   py::class_<OccupancyGrid, std::shared_ptr<OccupancyGrid>>(
-      m, "OccupancyGrid", R"(Square cells that are free, occupied or unknown; immutable.
+      m, "OccupancyGrid", R"(Immutable occupancy grid of square cells: free, occupied or unknown.
 
 Parameters
 ----------
@@ -96,12 +96,12 @@ cells : integer array, shape (height, width)
 resolution : float
     Metres per cell.
 origin : Pose2
-    Lower left corner of the grid in world.
+    T_world_grid: lower left corner of the grid.
 
 Raises
 ------
 ValueError
-    On other cells, an empty grid, or numbers that are not finite.
+    On other cell values, an empty grid, or numbers that are not finite.
 TypeError
     On cells that are not integers.
 
@@ -140,8 +140,9 @@ OccupancyGrid(4 x 3 cells of 0.05 m)
              << grid.resolution() << " m)";
         return text.str();
       });
-  py::class_<DistanceField>(m, "DistanceField",
-                            R"(Nearest occupied cell of every cell of a map, and around it.
+  py::class_<DistanceField>(
+      m, "DistanceField",
+      R"(Distances to the nearest occupied cell, precomputed for a map and a margin.
 
 Parameters
 ----------
@@ -164,8 +165,8 @@ ValueError
             });
           },
           py::arg("points"),
-          "Distances (n,) [m] looked up for points (n, 2) in world: from the centre of the cell "
-          "that holds the point to the centre of the nearest occupied cell.")
+          "Distances (n,) [m] for points (n, 2) in world by table lookup: from the centre of the "
+          "cell of the point to the centre of the nearest occupied cell.")
       .def(
           "nearest_distance",
           [](const DistanceField& field, const Column<double>& points) {
@@ -174,22 +175,23 @@ ValueError
             });
           },
           py::arg("points"),
-          "Distances (n,) [m] from points (n, 2) to the nearest occupied centre, exact anywhere.");
+          "Exact distances (n,) [m] from points (n, 2) in world to the centre of the nearest "
+          "occupied cell.");
 }
 
 void bind_ray_caster(py::module_& m) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   py::class_<RayCaster>(m, "RayCaster",
-                        R"(How far beams go on a map until they enter an occupied cell, exactly.
+                        R"(Exact ranges of beams on a map to the first occupied cell.
 
-A beam that starts in an occupied cell has gone 0. Free cells and the outside of the map let beams
-pass, so one may start outside.
+The range from an occupied cell is 0. Beams pass through free cells and outside the map, so they may
+start outside.
 
 Parameters
 ----------
 grid : OccupancyGrid
 unknown_stops : bool
-    Whether unknown cells stop beams as occupied ones do; else they let them pass.
+    Whether unknown cells stop beams like occupied ones.
 
 Raises
 ------
@@ -230,9 +232,9 @@ pose : Pose2
 angle_min, angle_increment : float
     Beam i points at angle_min + i * angle_increment in the laser's frame [rad].
 count : int
-    Beams.
+    Number of beams.
 max_range : float
-    Beams end there [m].
+    Maximum range [m].
 
 Returns
 -------
@@ -261,11 +263,11 @@ ValueError
 Parameters
 ----------
 points : float64 array, shape (n, 2)
-    Where they start in world [m].
+    Start points in world [m].
 headings : float64 array, shape (n,)
-    Their directions in world [rad].
+    Directions in world [rad].
 max_range : float
-    Beams end there [m].
+    Maximum range [m].
 
 Returns
 -------
@@ -284,7 +286,7 @@ ValueError
 
 void bind_maps(py::module_& m) {
   py::class_<Anchor>(m, "Anchor",
-                     "A fixed radio at `position` (3,) [m] in world; a range to it reads scale * "
+                     "Fixed radio at `position` (3,) [m] in world; a range to it reads scale * "
                      "distance + offset [m].")
       .def(py::init(
                [](locfuse::Id id, const locfuse::Vector<3>& position, double offset, double scale) {
@@ -299,9 +301,8 @@ void bind_maps(py::module_& m) {
       .def("__repr__", [](const Anchor& a) { return "Anchor(id=" + std::to_string(a.id) + ")"; });
   py::class_<AnchorMap, std::shared_ptr<AnchorMap>>(
       m, "AnchorMap",
-      "The anchors, by id; immutable.\n\nRaises\n------\nValueError\n    On a duplicate id, a "
-      "number "
-      "that is not finite or a scale that is not positive.")
+      "Immutable map of anchors by id.\n\nRaises\n------\nValueError\n    On a duplicate id, a "
+      "number that is not finite or a scale that is not positive.")
       .def(py::init<std::vector<Anchor>>(), py::arg("anchors"))
       .def_property_readonly("anchors", &AnchorMap::anchors, "All anchors in order of id.")
       .def("__len__", [](const AnchorMap& map) { return map.anchors().size(); })

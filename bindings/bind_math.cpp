@@ -30,14 +30,14 @@ AnyLinearization make(const Eigen::VectorXd& residual, const Eigen::MatrixXd& ja
 }  // namespace
 
 void bind_math(py::module_& m) {
-  m.def("wrap_angle", &locfuse::wrap_angle, py::arg("angle"),
-        "The same direction in [-pi, pi) [rad].");
+  m.def("wrap_angle", &locfuse::wrap_angle, py::arg("angle"), "Angle wrapped to [-pi, pi) [rad].");
   m.def("chi_squared_quantile", &locfuse::chi_squared_quantile, py::arg("dof"),
         py::arg("probability"),
-        "Value that a chi-squared variable with `dof` degrees of freedom stays below with "
+        "Quantile of the chi-squared distribution with `dof` degrees of freedom at "
         "`probability`.\n\nRaises\n------\nValueError\n    Unless dof >= 1 and 0 <= probability <= "
         "1.");
-  py::class_<AnyLinearization>(m, "Linearization", R"(What a measurement says about its variables.
+  py::class_<AnyLinearization>(m, "Linearization",
+                               R"(Linearized measurement: residual, Jacobian and noise.
 
 Parameters
 ----------

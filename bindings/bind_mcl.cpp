@@ -32,7 +32,8 @@ py::array_t<double> particles_of(const Mcl& mcl) {
 
 void bind_mcl(py::module_& m) {
   using FieldConfig = LikelihoodField::Config;
-  py::class_<FieldConfig>(m, "LikelihoodFieldConfig", "Where beams end; docs/models/mcl.md.")
+  py::class_<FieldConfig>(m, "LikelihoodFieldConfig",
+                          "Likelihood field of beam end points; docs/models/mcl.md.")
       .def(py::init<>())
       .def_readwrite("sigma_hit_m", &FieldConfig::sigma_hit_m)
       .def_readwrite("random_share", &FieldConfig::random_share)
@@ -40,11 +41,12 @@ void bind_mcl(py::module_& m) {
       .def_readwrite("clutter_per_m", &FieldConfig::clutter_per_m)
       .def_readwrite("unknown_per_m", &FieldConfig::unknown_per_m);
   using BeamConfig = BeamModel::Config;
-  py::class_<BeamConfig>(m, "BeamModelConfig",
-                         "How far beams go: weights of a mixture; docs/models/beam_model.md.")
+  py::class_<BeamConfig>(
+      m, "BeamModelConfig",
+      "Beam model: weights of a mixture over the range; docs/models/beam_model.md.")
       .def(py::init<>())
       .def_static("zhang", &BeamModel::zhang,
-                  "The mixture of zhang: a Gaussian, and beams without return.")
+                  "Mixture of a Gaussian and beams without return (zhang).")
       .def_readwrite("hit", &BeamConfig::hit)
       .def_readwrite("shorter", &BeamConfig::shorter)
       .def_readwrite("maximum", &BeamConfig::maximum)
@@ -53,9 +55,9 @@ void bind_mcl(py::module_& m) {
       .def_readwrite("shorter_per_m", &BeamConfig::shorter_per_m)
       .def_readwrite("max_range_m", &BeamConfig::max_range_m);
   py::native_enum<Mcl::Likelihood>(m, "ScanLikelihood", "enum.Enum",
-                                   "What a scan's likelihood is made of.")
-      .value("FIELD", Mcl::Likelihood::kField, "Where beams end.")
-      .value("BEAMS", Mcl::Likelihood::kBeams, "How far they go.")
+                                   "Model of a scan's likelihood.")
+      .value("FIELD", Mcl::Likelihood::kField, "Likelihood field of the end points.")
+      .value("BEAMS", Mcl::Likelihood::kBeams, "Beam model of the ranges.")
       .finalize();
   using Config = Mcl::Config;
   py::class_<Config>(m, "MclConfig", "Noise and behaviour of an Mcl.")
@@ -104,8 +106,8 @@ void bind_mcl(py::module_& m) {
       .def_readwrite("landmark", &Config::landmark);
   py::class_<Mcl>(m, "Mcl", R"(Monte Carlo localization on a grid map.
 
-Scans weigh particles by the likelihood field or the beam model; ranges, positions, poses and
-landmarks may weigh them, too (docs/models/mcl.md). At first the particles are all over the free cells.
+Scans weight particles by the likelihood field or the beam model; ranges, positions, poses and
+landmarks can weight them, too (docs/models/mcl.md). Initially they cover all free cells.
 
 Parameters
 ----------
@@ -150,10 +152,11 @@ False
            py::arg("anchors") = py::none(), py::arg("tags") = std::vector<locfuse::Tag>{},
            py::arg("landmarks") = py::none())
       .def("start_anywhere", &Mcl::start_anywhere, py::arg("stamp"),
-           "Starts anew, anywhere in free space.")
+           "Reinitializes the particles uniformly over free space.")
       .def("start_at", &Mcl::start_at, py::arg("hypotheses"),
-           "Starts anew near poses, a list of PoseHypothesis; those of an Initializer will do.\n\n"
-           "Raises\n------\nValueError\n    On a list without poses, or one that is not finite.")
+           "Reinitializes the particles around a list of PoseHypothesis, such as those of an "
+           "Initializer.\n\nRaises\n------\nValueError\n    On an empty list or numbers that are "
+           "not finite.")
       .def(
           "start_with",
           [](Mcl& mcl, locfuse::Stamp stamp, const Column<double>& particles) {
@@ -163,42 +166,43 @@ False
             mcl.start_with(stamp, columns);
           },
           py::arg("stamp"), py::arg("particles"),
-          "Starts anew with particles, float64 (n, 4) as in `particles`; the weights need not sum "
-          "to 1.\n\nRaises\n------\nValueError\n    On another shape, on numbers that are not "
+          "Reinitializes with particles, float64 (n, 4) as in `particles`; the weights need not "
+          "sum to 1.\n\nRaises\n------\nValueError\n    On another shape, on numbers that are not "
           "finite, on weights that are negative or all 0.")
       .def("inject", &Mcl::inject, py::arg("pose"), py::arg("share") = 1.0,
-           "Replaces a share of the particles, evenly, by draws from a PoseEstimate that somebody "
-           "else is sure of, at a stamp that is not before the last message; odometry goes on.\n\n"
-           "Raises\n------\nValueError\n    If the covariance is not positive definite, the stamp "
-           "too early, or not 0 < share <= 1.")
+           "Replaces a fraction of the particles, evenly spread, by draws from a PoseEstimate of "
+           "another localizer, whose stamp must not precede the last "
+           "message.\n\nRaises\n------\nValueError\n    If the covariance is not positive "
+           "definite, the stamp is too early, or not 0 < share <= 1.")
       .def("on", py::overload_cast<const locfuse::Velocity&>(&Mcl::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Increment&>(&Mcl::on), py::arg("message"))
       .def("on", unlocked_on<Mcl, locfuse::Range>(), py::arg("message"))
       .def("on", unlocked_on<Mcl, locfuse::PositionFix>(), py::arg("message"))
       .def("on", unlocked_on<Mcl, locfuse::PoseObservation>(), py::arg("message"))
       .def("on", unlocked_on<Mcl, locfuse::RangeBearing>(), py::arg("message"))
-      .def("on", unlocked_on<Mcl, locfuse::LaserScan>(), py::arg("message"), "Takes one message.")
+      .def("on", unlocked_on<Mcl, locfuse::LaserScan>(), py::arg("message"),
+           "Processes one message.")
       .def("estimate", &Mcl::estimate,
-           "The likeliest cluster, carried to the end of what odometry has told.")
+           "PoseEstimate of the likeliest cluster, propagated to the end of the latest odometry.")
       .def("spread", &Mcl::spread,
-           "The same with the covariance of all particles about their mean, whatever cluster they "
-           "are in.")
+           "PoseEstimate with the covariance of all particles about their mean, over all clusters.")
       .def_property_readonly(
           "hypotheses", [](const Mcl& mcl) { return mcl.hypotheses(); },
-          "Clusters of particles, a list of PoseHypothesis, the likeliest first.")
-      .def("health", &Mcl::health, "How far its estimate may be trusted; docs/health.md.")
-      .def_property_readonly("sources", &Mcl::sources, "A SourceStatus for each.")
-      .def_property_readonly("ready", &Mcl::ready, "Whether one cluster is all but certain.")
+          "Clusters of particles as a list of PoseHypothesis, likeliest first.")
+      .def("health", &Mcl::health, "HealthReport of the estimate; docs/health.md.")
+      .def_property_readonly("sources", &Mcl::sources, "One SourceStatus per source.")
+      .def_property_readonly("ready", &Mcl::ready, "Whether one cluster is almost certain.")
       .def_property_readonly("explained", &Mcl::explained,
-                             "Share of the last scan's returns that end at a wall.")
-      .def_property_readonly("sigma_hit", &Mcl::sigma_hit,
-                             "How far end points lie beside walls, as scans tell [m].")
+                             "Fraction of the last scan's returns that end at a wall.")
+      .def_property_readonly(
+          "sigma_hit", &Mcl::sigma_hit,
+          "Distance of end points from walls, estimated from scans (standard deviation) [m].")
       .def_property_readonly("used_share", &Mcl::used_share,
-                             "Share of the last measurement's information that was used.")
+                             "Fraction of the last measurement's information that was used.")
       .def_property_readonly("particles", &particles_of,
                              "float64 (n, 4): x, y [m], heading [rad] in world, weight.")
       .def(
-          "__copy__", [](const Mcl& mcl) { return mcl; }, "A snapshot.")
+          "__copy__", [](const Mcl& mcl) { return mcl; }, "Independent copy.")
       .def(
           "__deepcopy__", [](const Mcl& mcl, const py::object& /*memo*/) { return mcl; },
           py::arg("memo"))

@@ -16,11 +16,11 @@ using Ids = Integers<Id>;
 namespace {
 
 Column<Stamp> checked_stamps(const char* name, const Stamps& stamps) {
-  return checked(name, stamps, "nanoseconds of 64 bits");
+  return checked(name, stamps, "64-bit nanoseconds");
 }
 
 Column<Id> checked_ids(const char* name, const Ids& ids) {
-  return checked(name, ids, "an id of 32 bits");
+  return checked(name, ids, "a 32-bit id");
 }
 
 // Adds one message per row; `arrivals` may be absent.
@@ -43,8 +43,8 @@ void add_rows(SharedLog& log, const Column<Stamp>& stamps, const std::optional<S
   });
 }
 
-/// The variance of a sigma as logs tell it: -1 and 0 are what drivers mean by them.
-double told_variance(double sigma) { return sigma * std::abs(sigma); }
+/// Variance of a reported sigma; -1 and 0 mean that it is unknown.
+double reported_variance(double sigma) { return sigma * std::abs(sigma); }
 
 double checked_sigma(const char* what, double sigma) {
   if (!(std::isfinite(sigma) && sigma > 0.0)) {
@@ -58,7 +58,7 @@ double checked_sigma(const char* what, double sigma) {
 
 void bind_message_log(py::module_& m) {
   const auto no_arrival = py::arg("arrival_ns") = py::none();
-  py::class_<SharedLog>(m, "MessageLog", R"(Recorded messages, added as columns.
+  py::class_<SharedLog>(m, "MessageLog", R"(Recorded messages, added column by column.
 
 Every `add_...` takes arrays of equal length; `arrival_ns`, where given, is when each message
 reaches the estimator, otherwise it arrives when it takes effect. A row that is not valid raises
@@ -102,7 +102,8 @@ may replay it at once.
                 });
           },
           py::arg("begin_ns"), py::arg("stamp_ns"), py::arg("motion"), no_arrival,
-          "Motions (n, 3): dx, dy [m], dheading [rad] from begin_ns to stamp_ns.")
+          "Motions (n, 3) from begin_ns to stamp_ns: dx, dy [m], dheading [rad] in the body frame "
+          "at begin_ns.")
       .def(
           "add_ranges",
           [](SharedLog& log, const Stamps& stamps, const Ids& tags, const Ids& anchors,
@@ -147,15 +148,15 @@ may replay it at once.
                        return locfuse::PositionFix{
                            t[i],
                            {p[2 * i], p[2 * i + 1]},
-                           told_variance(s[i]) * locfuse::Matrix<2, 2>::Identity(),
+                           reported_variance(s[i]) * locfuse::Matrix<2, 2>::Identity(),
                            has_tag ? std::optional(g[i]) : std::nullopt};
                      });
           },
           py::arg("stamp_ns"), py::arg("position"), py::arg("sigma"), no_arrival,
           py::arg("tag") = py::none(),
-          "Positions (n, 2) [m] with one sigma [m] each, of the antenna, or of the tags with these "
-          "ids (n,); a negative id is the antenna. Sigma -1 or 0: not known; 1000 and more: not "
-          "measured.")
+          "Positions (n, 2) [m] in world with one sigma (n,) [m] each, of the antenna or of the "
+          "tags with ids (n,); a negative id is the antenna. Sigma -1 or 0: unknown; 1000 and "
+          "more: not measured.")
       .def(
           "add_poses",
           [](SharedLog& log, const Stamps& stamps, const Column<double>& pose,
@@ -168,16 +169,17 @@ may replay it at once.
             add_rows(log, stamp, arrival,
                      [t = stamp.data(), p = pose.data(), xy = sigma_xy.data(),
                       h = sigma_heading.data()](py::ssize_t i) -> Message {
-                       const locfuse::Vector<3> variances(
-                           told_variance(xy[i]), told_variance(xy[i]), told_variance(h[i]));
+                       const locfuse::Vector<3> variances(reported_variance(xy[i]),
+                                                          reported_variance(xy[i]),
+                                                          reported_variance(h[i]));
                        return locfuse::PoseObservation{
                            t[i], {p[3 * i], p[3 * i + 1], p[3 * i + 2]}, variances.asDiagonal()};
                      });
           },
           py::arg("stamp_ns"), py::arg("pose"), py::arg("sigma_xy"), py::arg("sigma_heading"),
           no_arrival,
-          "Poses (n, 3): x, y [m], heading [rad], with their sigmas. Both -1, or both 0: not "
-          "known; 1000 and more: not measured.")
+          "Poses (n, 3): x, y [m], heading [rad], with their sigmas. Both -1 or both 0: unknown; "
+          "1000 and more: not measured.")
       .def(
           "add_sightings",
           [](SharedLog& log, const Stamps& stamps, const Ids& landmarks,
@@ -192,8 +194,7 @@ may replay it at once.
             expect_shape("bearing", bearing, stamp.size());
             if (sigma_range.has_value() != sigma_bearing.has_value()) {
               throw std::invalid_argument(
-                  "sigma_range and sigma_bearing: one is given, expected "
-                  "both or none");
+                  "only one of sigma_range and sigma_bearing is given, expected both or none");
             }
             if (sigma_range) {
               expect_shape("sigma_range", *sigma_range, stamp.size());
@@ -225,8 +226,8 @@ may replay it at once.
           },
           py::arg("stamp_ns"), py::arg("landmark"), py::arg("range"), py::arg("bearing"),
           py::arg("sigma_range") = py::none(), py::arg("sigma_bearing") = py::none(), no_arrival,
-          "Landmarks by id (-1: not known which), range [m] and bearing [rad], NaN where not "
-          "measured, with their sigmas.")
+          "Landmark observations: id (-1: unknown), range [m] and bearing [rad] (NaN: not "
+          "measured), with their sigmas.")
       .def(
           "sort",
           [](SharedLog& log) {
@@ -234,5 +235,5 @@ may replay it at once.
             const py::gil_scoped_release release;
             log.log.sort();
           },
-          "Sorts by arrival; messages of one instant stay in the order they were added in.");
+          "Sorts by arrival; the sort is stable.");
 }

@@ -45,8 +45,8 @@ py::array_t<double> view_of(const std::vector<double>& column, const py::object&
 void bind_laser(py::module_& m) {
   py::class_<LaserGeometry, std::shared_ptr<LaserGeometry>>(
       m, "LaserGeometry",
-      "How a 2D laser sits on the body and sees: beam i leaves at angle_min + i * angle_increment "
-      "[rad] from the laser's x axis; `pose_in_body` is T_body_laser; ranges [m].")
+      "Mounting and beams of a 2D laser: beam i points at angle_min + i * angle_increment [rad] "
+      "from the laser's x axis; `pose_in_body` is T_body_laser; ranges [m].")
       .def(py::init([](const Pose2& pose_in_body, double angle_min, double angle_increment,
                        double range_min, double range_max) {
              return std::make_shared<LaserGeometry>(checked(
@@ -59,11 +59,11 @@ void bind_laser(py::module_& m) {
       .def_readonly("angle_increment", &LaserGeometry::angle_increment)
       .def_readonly("range_min", &LaserGeometry::range_min)
       .def_readonly("range_max", &LaserGeometry::range_max);
-  py::class_<LaserScan>(m, "LaserScan",
-                        "One turn of a 2D laser: `ranges` (beams,) [m], NaN without return. Those "
-                        "outside [range_min, range_max) are no returns either: many lasers report "
-                        "range_max where nothing came back. `intensities` (beams,) in the laser's "
-                        "own unit; empty if it tells none.")
+  py::class_<LaserScan>(
+      m, "LaserScan",
+      "One scan of a 2D laser: `ranges` (beams,) [m], NaN without return. Ranges outside "
+      "[range_min, range_max) do not count as returns: many lasers report range_max if there is "
+      "none. `intensities` (beams,) in the unit of the laser; empty if not reported.")
       .def(py::init([](Stamp stamp, std::shared_ptr<LaserGeometry> geometry,
                        const Column<double>& ranges,
                        const std::optional<Column<double>>& intensities) {
@@ -88,7 +88,7 @@ void bind_laser(py::module_& m) {
           [](const py::object& self) {
             return view_of(self.cast<const LaserScan&>().intensities, self);
           },
-          "In the laser's own unit (beams,) or (0,), a read-only view.")
+          "In the unit of the laser, (beams,) or (0,), a read-only view.")
       .def("__repr__", [](const LaserScan& scan) {
         return "LaserScan(stamp=" + std::to_string(scan.stamp) + ", " +
                std::to_string(scan.ranges.size()) + " beams)";
@@ -99,7 +99,7 @@ void bind_laser(py::module_& m) {
 
 void bind_messages(py::module_& m) {
   using locfuse::Source;
-  py::native_enum<Source>(m, "Source", "enum.Enum", "What a message comes from.")
+  py::native_enum<Source>(m, "Source", "enum.Enum", "Kind of sensor that a message comes from.")
       .value("ODOMETRY", Source::kOdometry)
       .value("RANGES", Source::kRanges)
       .value("POSITIONS", Source::kPositions)
@@ -108,8 +108,8 @@ void bind_messages(py::module_& m) {
       .value("SCANS", Source::kScans)
       .finalize();
   py::class_<Velocity>(m, "Velocity",
-                       "Wheel odometry as body velocities, held from `stamp` [ns] until the next: "
-                       "`forward` [m/s], `turn_rate` [rad/s].")
+                       "Wheel odometry as body velocities, constant from `stamp` [ns] until the "
+                       "next message: `forward` [m/s], `turn_rate` [rad/s].")
       .def(py::init([](Stamp stamp, double forward, double turn_rate) {
              return checked(Velocity{stamp, forward, turn_rate});
            }),
@@ -124,16 +124,16 @@ void bind_messages(py::module_& m) {
         return text.str();
       });
   py::class_<Increment>(m, "Increment",
-                        "Wheel odometry as the motion driven from `begin` to `stamp` [ns]: a Pose2 "
-                        "in the body frame at `begin`.")
+                        "Wheel odometry as the motion from `begin` to `stamp` [ns]: a Pose2 in the "
+                        "body frame at `begin`.")
       .def(py::init([](Stamp begin, Stamp stamp, const Pose2& motion) {
              return checked(Increment{begin, stamp, motion});
            }),
            py::arg("begin"), py::arg("stamp"), py::arg("motion"))
-      .def_static("from_trans_rot", &Increment::from_trans_rot, py::arg("begin"), py::arg("stamp"),
-                  py::arg("trans"), py::arg("rot"),
-                  "ekim2020 eq. (6): drive `trans` [m] along the old heading, then turn by `rot` "
-                  "[rad].")
+      .def_static(
+          "from_trans_rot", &Increment::from_trans_rot, py::arg("begin"), py::arg("stamp"),
+          py::arg("trans"), py::arg("rot"),
+          "ekim2020 eq. (6): drive `trans` [m] along the old heading, then turn by `rot` [rad].")
       .def_readonly("begin", &Increment::begin)
       .def_readonly("stamp", &Increment::stamp)
       .def_readonly("motion", &Increment::motion)
@@ -144,8 +144,8 @@ void bind_messages(py::module_& m) {
         return text.str();
       });
   py::class_<Range>(m, "Range",
-                    "Distance [m] between a tag on the body and an anchor in the world. Without "
-                    "`sigma` [m] the model's own is used.")
+                    "Distance [m] between a tag on the body and an anchor in the world. `sigma` "
+                    "[m] defaults to that of the model.")
       .def(py::init([](Stamp stamp, Id tag, Id anchor, double range, std::optional<double> sigma) {
              return checked(Range{stamp, tag, anchor, range, sigma});
            }),
@@ -167,8 +167,8 @@ void bind_messages(py::module_& m) {
         return text.str();
       });
   py::class_<PositionFix>(m, "PositionFix",
-                          "Position (2,) [m] in world with its covariance (2, 2) [m^2], of the tag "
-                          "named, without one of the antenna.")
+                          "Position (2,) [m] in world with its covariance (2, 2) [m^2], of `tag` "
+                          "or, without one, of the antenna.")
       .def(py::init([](Stamp stamp, const locfuse::Vector<2>& position,
                        const locfuse::Matrix<2, 2>& covariance, std::optional<Id> tag) {
              return checked(PositionFix{stamp, position, covariance, tag});
@@ -189,9 +189,9 @@ void bind_messages(py::module_& m) {
         text << ")";
         return text.str();
       });
-  py::class_<PoseObservation>(m, "PoseObservation",
-                              "T_world_body from another localizer, with the covariance (3, 3) of "
-                              "(x, y, heading).")
+  py::class_<PoseObservation>(
+      m, "PoseObservation",
+      "T_world_body from another localizer, with the covariance (3, 3) of (x, y, heading).")
       .def(py::init([](Stamp stamp, const Pose2& pose, const locfuse::Matrix<3, 3>& covariance) {
              return checked(PoseObservation{stamp, pose, covariance});
            }),
@@ -206,8 +206,8 @@ void bind_messages(py::module_& m) {
         return text.str();
       });
   py::class_<Altitude>(m, "Altitude",
-                       "Height [m] of an altimeter on the body over z = 0 of the world. With a "
-                       "PositionFix of the same stamp it is a fix in space.")
+                       "Height [m] of an altimeter above z = 0 of the world. With a PositionFix of "
+                       "the same stamp it forms a 3D fix.")
       .def(py::init([](Stamp stamp, double height, double sigma) {
              return checked(Altitude{stamp, height, sigma});
            }),
@@ -223,10 +223,10 @@ void bind_messages(py::module_& m) {
       });
   py::class_<RangeBearing>(
       m, "RangeBearing",
-      "A landmark seen from a sensor on the body: `range` [m] to its centre, `bearing` [rad] "
-      "counter-clockwise from the sensor's x, or one of the two. Without `landmark` it is of "
-      "whichever fits; without `covariance` (2, 2) of (range, bearing) the model's own is used. "
-      "Only an AirEkf takes an `elevation` [rad], up, of the line of sight along which the range "
+      "Landmark observation from a sensor on the body: `range` [m] to its centre, `bearing` [rad] "
+      "counter-clockwise from the sensor's x axis, or one of the two. Without `landmark` it is "
+      "associated; `covariance` (2, 2) of (range, bearing) defaults to that of the model. Only an "
+      "AirEkf uses `elevation` [rad], positive upwards, of the line of sight along which the range "
       "is measured.")
       .def(py::init([](Stamp stamp, std::optional<Id> landmark, std::optional<double> range,
                        std::optional<double> bearing,
@@ -267,11 +267,11 @@ void bind_messages(py::module_& m) {
       });
   bind_laser(m);
   py::class_<Limits>(m, "Limits",
-                     "What no robot and no sensor exceeds: a message beyond is IMPLAUSIBLE.")
+                     "Physical limits of robot and sensors; a message beyond them is IMPLAUSIBLE.")
       .def(py::init<>())
       .def_readwrite("speed_mps", &Limits::speed_mps)
       .def_readwrite("turn_rate_radps", &Limits::turn_rate_radps)
       .def_readwrite("range_m", &Limits::range_m)
       .def_readwrite("distance_m", &Limits::distance_m,
-                     "Of positions from the world's origin [m].");
+                     "Maximum distance of positions from the world origin [m].");
 }

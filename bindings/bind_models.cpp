@@ -24,7 +24,7 @@ using Step = locfuse::Propagation<Pose2, 3>;
 
 namespace {
 
-/// Of readings (n,), each counted, as an array (n, 2).
+/// Forward speed and turn rate (n, 2) for readings (n,).
 py::array_t<double> velocities(const AckermannVehicle& vehicle, const Column<double>& wheel_speed,
                                const Column<double>& steering) {
   const py::ssize_t n = wheel_speed.ndim() == 1 ? wheel_speed.shape(0) : 0;
@@ -44,8 +44,8 @@ py::array_t<double> velocities(const AckermannVehicle& vehicle, const Column<dou
   return to_numpy(std::move(found), {n, 2});
 }
 
-/// Whether a finite matrix is symmetric and, but for rounding, positive semidefinite: with 1e-9 of
-/// each variance more it is positive definite, and what has no variance has no covariance.
+/// Whether a finite matrix is symmetric and, up to rounding, positive semidefinite: positive
+/// definite with each variance enlarged by 1e-9, and without covariance where the variance is zero.
 bool is_noise(Eigen::MatrixXd Q) {
   if (!locfuse::is_symmetric(Q)) {
     return false;
@@ -61,14 +61,14 @@ bool is_noise(Eigen::MatrixXd Q) {
 
 void bind_body_step(py::module_& m) {
   py::class_<BodyStep>(m, "BodyPropagation",
-                       R"(What a motion model says about one step of several variables.
+                       R"(One prediction step of several variables by a motion model.
 
 Parameters
 ----------
 moved : float64 array, shape (n,)
-    f(x) of the variables that move.
+    f(x) of the predicted variables.
 jacobian : float64 array, shape (n, m)
-    d f / d(all m variables that it depends on); those that move come first.
+    d f / d(all m variables that f depends on), the predicted ones first.
 noise : float64 array, shape (n, n)
     Q of this step, symmetric positive semidefinite.
 
@@ -94,7 +94,7 @@ Examples
              if (n == 0 || jacobian.rows() != n || jacobian.cols() < n || noise.rows() != n ||
                  noise.cols() != n) {
                throw std::invalid_argument(
-                   "a step of " + std::to_string(n) + " variables has a jacobian of " +
+                   "BodyPropagation of " + std::to_string(n) + " variables has a jacobian of " +
                    std::to_string(jacobian.rows()) + " x " + std::to_string(jacobian.cols()) +
                    " and noise of " + std::to_string(noise.rows()) + " x " +
                    std::to_string(noise.cols()) + ", expected n x m with m >= n >= 1, and n x n");
@@ -117,14 +117,16 @@ Examples
 void bind_ackermann(py::module_& m) {
   using Config = AckermannVehicle::Config;
   const Config d;
-  py::class_<Config>(m, "AckermannConfig", R"(A vehicle that steers its front wheels.
+  py::class_<Config>(m, "AckermannConfig",
+                     R"(Geometry and noise of a vehicle with steered front wheels.
 
 Parameters
 ----------
 wheel_base_m : float
-    From the rear to the front axle.
+    Distance from the rear to the front axle.
 encoder_left_m : float
-    Of the rear wheel that is counted, from the middle of its axle, negative to the right.
+    Lateral offset of the rear wheel with the encoder from the middle of the axle, positive to the
+    left.
 sigma_speed_mps, sigma_steering_rad : float
     Noise of that wheel's speed and of the steering angle.
 )")
@@ -139,14 +141,15 @@ sigma_speed_mps, sigma_steering_rad : float
       .def_readonly("encoder_left_m", &Config::encoder_left_m)
       .def_readonly("sigma_speed_mps", &Config::sigma_speed_mps)
       .def_readonly("sigma_steering_rad", &Config::sigma_steering_rad);
-  py::class_<AckermannVehicle>(m, "AckermannVehicle",
-                               R"(Turns wheel speed and steering angle into velocities.
+  py::class_<AckermannVehicle>(
+      m, "AckermannVehicle",
+      R"(Body velocity of an Ackermann vehicle from wheel speed and steering angle.
 
-Those of the middle of the rear axle, which is the body's origin; docs/models/ackermann.md. A
-steering angle is that of a wheel in the middle of the front axle [rad], to the left positive; a
-wheel's speed is negative backwards [m/s]. Every method raises ValueError for a value that is not
-finite, and where the wheel does not tell the speed: steered by 90 degrees and more, or about a
-point that is not beyond the wheel.
+The body origin is the middle of the rear axle; docs/models/ackermann.md. The steering angle [rad]
+is that of a virtual wheel in the middle of the front axle, positive to the left; the wheel speed
+[m/s] is negative backwards. Every method raises ValueError for a value that is not finite and where
+the speed is not observable: steering angles of 90 degrees and more, or a turning centre that does
+not lie beyond the wheel.
 
 Raises
 ------
@@ -168,10 +171,11 @@ Examples
            py::arg("steering"), "A Velocity at `stamp` [ns].")
       .def("velocities", &velocities, py::arg("wheel_speed"), py::arg("steering"),
            "Forward speed [m/s] and turn rate [rad/s], shape (n, 2), of readings of shape (n,).")
-      .def("jacobian", &AckermannVehicle::jacobian, py::arg("wheel_speed"), py::arg("steering"),
-           "Of (forward, turn rate) with respect to (wheel speed, steering), shape (2, 2).")
+      .def(
+          "jacobian", &AckermannVehicle::jacobian, py::arg("wheel_speed"), py::arg("steering"),
+          "Jacobian of (forward, turn rate) with respect to (wheel speed, steering), shape (2, 2).")
       .def("covariance", &AckermannVehicle::covariance, py::arg("wheel_speed"), py::arg("steering"),
-           "Of (forward, turn rate), by the sigmas, shape (2, 2).");
+           "Covariance of (forward, turn rate) from the sigmas, shape (2, 2).");
 }
 
 }  // namespace
@@ -179,7 +183,7 @@ Examples
 void bind_models(py::module_& m) {
   bind_ackermann(m);
   py::class_<Tag>(m, "Tag",
-                  "A radio on the robot, at `position` (3,) in body: forward, left, up [m].")
+                  "Radio on the robot at `position` (3,) in the body frame: forward, left, up [m].")
       .def(py::init([](locfuse::Id id, const locfuse::Vector<3>& position) {
              return Tag{id, position};
            }),
@@ -187,7 +191,7 @@ void bind_models(py::module_& m) {
       .def_readonly("id", &Tag::id)
       .def_readonly("position", &Tag::position)
       .def("__repr__", [](const Tag& t) { return "Tag(id=" + std::to_string(t.id) + ")"; });
-  py::class_<Step>(m, "Propagation", "What a motion model says about one step of a pose.")
+  py::class_<Step>(m, "Propagation", "One prediction step of a pose by a motion model.")
       .def_readonly("moved", &Step::moved, "f(x, u).")
       .def_readonly("jacobian", &Step::jacobian, "F, shape (3, 3).")
       .def_readonly("noise", &Step::noise, "Q of this step, shape (3, 3).");
@@ -219,12 +223,12 @@ void bind_models(py::module_& m) {
            "Pose after `motion` (a Pose2 in the previous body frame), which took `seconds`.");
 
   using RangeConfig = RangeModel::Config;
-  py::class_<RangeConfig>(m, "RangeConfig",
-                          "R = sigma_m^2 + (sigma_relative * distance)^2 where a range brings no "
-                          "sigma.")
+  py::class_<RangeConfig>(
+      m, "RangeConfig",
+      "Noise of ranges without a sigma: R = sigma_m^2 + (sigma_relative * distance)^2.")
       .def(py::init<>())
       .def_readwrite("sigma_m", &RangeConfig::sigma_m, "m")
-      .def_readwrite("sigma_relative", &RangeConfig::sigma_relative, "share of the distance");
+      .def_readwrite("sigma_relative", &RangeConfig::sigma_relative, "fraction of the distance");
   py::class_<RangeModel>(
       m, "RangeModel",
       "Range from a body-fixed tag to an anchor, both in 3D; docs/models/range.md.")
@@ -238,7 +242,8 @@ void bind_models(py::module_& m) {
            py::overload_cast<const Pose2&, double, const locfuse::Range&>(&RangeModel::predict,
                                                                           py::const_),
            py::arg("T_world_body"), py::arg("height"), py::arg("z"),
-           "The same from a height of the body over z = 0 [m].")
+           "Expected range [m] with the body at `height` [m] above z = 0; None if anchor or tag is "
+           "unknown.")
       .def(
           "linearize",
           [](const RangeModel& model, const Pose2& pose,
@@ -247,8 +252,7 @@ void bind_models(py::module_& m) {
             return lin ? std::optional(any_size(*lin)) : std::nullopt;
           },
           py::arg("T_world_body"), py::arg("z"),
-          "Linearization (1 x 3); None if anchor or tag is unknown, or the tag sits on the "
-          "anchor.")
+          "Linearization (1 x 3); None if anchor or tag is unknown or their positions coincide.")
       .def(
           "linearize",
           [](const RangeModel& model, const Pose2& pose, double height,
@@ -266,28 +270,27 @@ void bind_models(py::module_& m) {
             return lin ? std::optional(any_size(*lin)) : std::nullopt;
           },
           py::arg("tag_in_world"), py::arg("z"),
-          "Linearization (1 x 2) with respect to the tag itself (2,) in world.");
+          "Linearization (1 x 2) with respect to the position of the tag (2,) in world.");
 
   using RangeBearingConfig = RangeBearingModel::Config;
   using RangeBearingInSpace = RangeBearingModel::InSpace;
   py::class_<RangeBearingConfig>(m, "RangeBearingConfig",
-                                 "Noise of sightings that bring no covariance of their own.")
+                                 "Noise of landmark observations without a covariance.")
       .def(py::init<>())
       .def_readwrite("sigma_range_m", &RangeBearingConfig::sigma_range_m, "m")
       .def_readwrite("sigma_bearing_rad", &RangeBearingConfig::sigma_bearing_rad, "rad")
       .def_readwrite("sigma_range_relative", &RangeBearingConfig::sigma_range_relative,
-                     "share of the range, on top of sigma_range_m");
+                     "fraction of the range, in addition to sigma_range_m");
   py::class_<RangeBearingInSpace>(m, "RangeBearingInSpace",
-                                  "What range and bearing take besides on a body that flies.")
+                                  "Additional settings of range and bearing on a flying body.")
       .def(py::init<>())
       .def_readwrite("sensor_up_m", &RangeBearingInSpace::sensor_up_m,
-                     "Height of the sensor over the body's origin.")
+                     "Height of the sensor above the body's origin [m].")
       .def_readwrite("sigma_elevation_rad", &RangeBearingInSpace::sigma_elevation_rad,
-                     "Where a sighting brings none.");
-  py::class_<RangeBearingModel>(
-      m, "RangeBearingModel",
-      "Range and bearing from a sensor on the body to a landmark at (2,) in world; "
-      "docs/models/range_bearing.md.")
+                     "Sigma of an elevation without its own [rad].");
+  py::class_<RangeBearingModel>(m, "RangeBearingModel",
+                                "Range and bearing from a sensor on the body to a landmark at (2,) "
+                                "in world; docs/models/range_bearing.md.")
       .def(py::init<const RangeBearingConfig&, const Pose2&>(), py::arg("config"),
            py::arg("sensor_in_body") = Pose2{})
       .def(py::init<const RangeBearingConfig&, const Pose2&, const RangeBearingInSpace&>(),
@@ -312,8 +315,8 @@ void bind_models(py::module_& m) {
             return lin ? std::optional(any_size(*lin)) : std::nullopt;
           },
           py::arg("T_world_body"), py::arg("height"), py::arg("landmark"), py::arg("z"),
-          "Linearization (1 to 3 x 4), the last column that of the height; None if the landmark "
-          "is straight above or below the sensor.")
+          "Linearization (1 to 3 x 4), the last column that of the height; None if the landmark is "
+          "straight above or below the sensor.")
       .def(
           "linearize",
           [](const RangeBearingModel& model, const Pose2& pose, const locfuse::Vector<2>& landmark,
@@ -323,27 +326,28 @@ void bind_models(py::module_& m) {
                        : std::nullopt;
           },
           py::arg("T_world_body"), py::arg("landmark"), py::arg("z"),
-          "Linearization (1 or 2 x 3); None if the landmark sits on the sensor.");
+          "Linearization (1 or 2 x 3); None if landmark and sensor coincide.");
 
   using PositionConfig = PositionModel::Config;
-  py::class_<PositionConfig>(m, "PositionConfig", "Lever arm of the antenna of position fixes.")
+  py::class_<PositionConfig>(m, "PositionConfig",
+                             "Lever arm of the antenna and noise of position fixes.")
       .def(py::init<>())
       .def_readwrite("antenna_forward_m", &PositionConfig::antenna_forward_m)
       .def_readwrite("antenna_left_m", &PositionConfig::antenna_left_m)
       .def_readwrite("sigma_m", &PositionConfig::sigma_m,
-                     "Of a fix without a covariance; 0: it is not modelled.")
-      .def_readwrite("least_sigma_m", &PositionConfig::least_sigma_m,
-                     "Of any fix: less is not believed.");
-  py::class_<PositionModel>(m, "PositionModel",
-                            "Position of an antenna on the body, or of one of its tags; "
-                            "docs/models/position.md.")
+                     "Sigma of a fix without a covariance; 0: not modelled.")
+      .def_readwrite("least_sigma_m", &PositionConfig::least_sigma_m, "Minimum sigma of any fix.");
+  py::class_<PositionModel>(
+      m, "PositionModel",
+      "Position of an antenna on the body, or of one of its tags; docs/models/position.md.")
       .def(py::init<const PositionConfig&, std::vector<locfuse::Tag>>(), py::arg("config"),
            py::arg("tags") = std::vector<locfuse::Tag>{})
       .def("predict", py::overload_cast<const Pose2&>(&PositionModel::predict, py::const_),
-           py::arg("T_world_body"), "Of the antenna (2,) [m].")
+           py::arg("T_world_body"), "Position of the antenna (2,) in world [m].")
       .def("predict",
            py::overload_cast<const Pose2&, locfuse::Id>(&PositionModel::predict, py::const_),
-           py::arg("T_world_body"), py::arg("tag"), "Of a tag (2,) [m]; None if it is unknown.")
+           py::arg("T_world_body"), py::arg("tag"),
+           "Position of a tag (2,) in world [m]; None if the tag is unknown.")
       .def(
           "linearize",
           [](const PositionModel& model, const Pose2& pose,
@@ -353,8 +357,7 @@ void bind_models(py::module_& m) {
           },
           py::arg("T_world_body"), py::arg("z"),
           "Linearization (2 x 3, or 1 x 3 where an axis is not measured); None if the tag is "
-          "unknown "
-          "or nothing is measured.")
+          "unknown or nothing is measured.")
       .def(
           "linearize_point",
           [](const PositionModel& model, const locfuse::Vector<2>& point,
@@ -363,10 +366,11 @@ void bind_models(py::module_& m) {
             return lin ? std::optional(any_size(*lin)) : std::nullopt;
           },
           py::arg("point"), py::arg("z"),
-          "Linearization (2 x 2) with respect to the point itself (2,) in world.");
+          "Linearization (2 x 2) with respect to the point (2,) in world.");
   using PoseConfig = PoseModel::Config;
-  py::class_<PoseConfig>(m, "PoseConfig",
-                         "Sigmas of poses whose localizer tells none, 0 for none; and the least.")
+  py::class_<PoseConfig>(
+      m, "PoseConfig",
+      "Sigmas of poses without a covariance (0: not modelled) and minimum sigmas of any pose.")
       .def(py::init<>())
       .def_readwrite("sigma_m", &PoseConfig::sigma_m)
       .def_readwrite("sigma_heading_rad", &PoseConfig::sigma_heading_rad)
@@ -384,5 +388,5 @@ void bind_models(py::module_& m) {
             return lin ? std::optional(any_size(*lin)) : std::nullopt;
           },
           py::arg("T_world_body"), py::arg("z"),
-          "Linearization (3 x 3, fewer rows where an axis is not measured); None if nothing is.");
+          "Linearization (3 x 3, fewer rows if an axis is not measured); None if none is.");
 }

@@ -26,7 +26,7 @@ using Pair = std::pair<Eigen::VectorXd, Eigen::VectorXd>;
 
 namespace {
 
-/// A struct of its own, as pybind11 takes a bare variant for a union of types.
+/// A struct, because pybind11 converts a bare variant to a union of types.
 struct AnyMultilateration {
   std::variant<Multilateration<2>, Multilateration<3>> in;
 };
@@ -72,8 +72,8 @@ AnchorTable table_of(const Column<double>& anchors, std::optional<double> height
     throw std::invalid_argument("anchors have " + std::to_string(anchors.ndim()) +
                                 " dimensions, expected an array of shape (m, 2) or (m, 3)");
   }
-  constexpr py::ssize_t kMost = locfuse::kMaxRanges + 1;  // refused by validate
-  return {anchors.data(), static_cast<int>(std::min(anchors.shape(0), kMost)),
+  constexpr py::ssize_t kMaxRows = locfuse::kMaxRanges + 1;  // rejected by validate
+  return {anchors.data(), static_cast<int>(std::min(anchors.shape(0), kMaxRows)),
           static_cast<int>(std::min<py::ssize_t>(anchors.shape(1), 4)), height};
 }
 
@@ -184,14 +184,14 @@ PositionBatch locate_batch(const Column<double>& anchors, const Column<double>& 
 template <int N>
 void bind_position(py::module_& m, const char* name) {
   using Position = RangePosition<N>;
-  py::class_<Position>(m, name, "Position at one moment, as `Multilateration.solve` returns it.")
+  py::class_<Position>(m, name, "Position of one epoch, returned by `Multilateration.solve`.")
       .def_readonly("status", &Position::status)
       .def_property_readonly(
           "position",
           [](const Position& p) {
             return p.has_position ? std::optional(p.position) : std::nullopt;
           },
-          "Best fit [m]; None if nothing can be said. Look at `status` first.")
+          "Best fit [m], or None. Check `status` first.")
       .def_readonly("covariance", &Position::covariance, "First order [m^2].")
       .def_readonly("cost", &Position::cost, "Chi-square, or the sum of losses.");
 }
@@ -204,9 +204,9 @@ void bind_solution(py::module_& m) {
       .def_readonly("position", &PositionHypothesis::position, "Shape (d,) [m].")
       .def_readonly("cost", &PositionHypothesis::cost, "Chi-square, or the sum of losses.")
       .def_readonly("covariance", &PositionHypothesis::covariance,
-                    "First order, shape (d, d) [m^2]; infinite if a direction is open.")
+                    "First order, shape (d, d) [m^2]; infinite if a direction is unobservable.")
       .def_readonly("weak_direction", &PositionHypothesis::weak_direction,
-                    "Unit vector along which it is least certain.")
+                    "Unit vector of the largest uncertainty.")
       .def_readonly("weak_sigma", &PositionHypothesis::weak_sigma, "Sigma along it [m].")
       .def("__repr__", [](const PositionHypothesis& h) {
         return "PositionHypothesis(position=" +
@@ -214,32 +214,33 @@ void bind_solution(py::module_& m) {
                ", cost=" + std::to_string(h.cost) + ")";
       });
   py::class_<SolverComparison>(m, "SolverComparison",
-                               "SR-LS beside maximum likelihood on the same ranges.")
+                               "SR-LS compared to maximum likelihood on the same ranges.")
       .def_readonly("squared_range_position", &SolverComparison::squared_range_position, "[m]")
       .def_readonly("squared_range_covariance", &SolverComparison::squared_range_covariance,
-                    "SR-LS's own first-order covariance [m^2].")
+                    "First-order covariance of SR-LS [m^2].")
       .def_readonly("difference", &SolverComparison::difference,
                     "Maximum likelihood minus SR-LS [m].")
       .def_readonly("statistic", &SolverComparison::statistic,
-                    "Squared, in units of its predicted covariance.")
-      .def_readonly("dof", &SolverComparison::dof, "0 if nothing can be compared.")
-      .def_readonly("limit", &SolverComparison::limit, "Largest statistic of good ranges.")
+                    "Squared Mahalanobis norm of the difference under its predicted covariance.")
+      .def_readonly("dof", &SolverComparison::dof, "0 if they cannot be compared.")
+      .def_readonly("limit", &SolverComparison::limit, "Largest statistic of inlier ranges.")
       .def_property_readonly("agree", &SolverComparison::agree);
-  py::class_<RangeCulprit>(m, "RangeCulprit", "The range whose removal explains a bad fit best.")
-      .def_readonly("index", &RangeCulprit::index, "Of the range.")
+  py::class_<RangeCulprit>(m, "RangeCulprit", "Range whose removal improves a bad fit most.")
+      .def_readonly("index", &RangeCulprit::index, "Index of the range.")
       .def_readonly("statistic", &RangeCulprit::statistic,
-                    "By how much its removal lowers the cost: chi-square of 1 dof.")
-      .def_readonly("explains", &RangeCulprit::explains, "The other ranges fit.")
+                    "Decrease of the cost by its removal: chi-square of 1 dof.")
+      .def_readonly("explains", &RangeCulprit::explains, "Whether the other ranges are consistent.")
       .def_readonly("without", &RangeCulprit::without, "Position from the others [m].");
   py::class_<locfuse::Dilution>(m, "Dilution",
                                 "Dilution of precision: sigma of a position per sigma of ranges.")
       .def_readonly("position", &locfuse::Dilution::position)
       .def_readonly("horizontal", &locfuse::Dilution::horizontal)
       .def_readonly("vertical", &locfuse::Dilution::vertical);
-  py::class_<PositionSolution>(m, "PositionSolution", "All that one set of ranges says.")
+  py::class_<PositionSolution>(m, "PositionSolution",
+                               "Position and diagnostics from one set of ranges.")
       .def_readonly("status", &PositionSolution::status)
       .def_readonly("reason", &PositionSolution::reason, "The status in words; '' if unique.")
-      .def_readonly("hypotheses", &PositionSolution::hypotheses, "Everything that fits, by cost.")
+      .def_readonly("hypotheses", &PositionSolution::hypotheses, "All hypotheses, ordered by cost.")
       .def_property_readonly(
           "position",
           [](const PositionSolution& s) {
@@ -257,7 +258,7 @@ void bind_solution(py::module_& m) {
       .def_readonly("residuals", &PositionSolution::residuals,
                     "Range minus distance from the best hypothesis, shape (m,) [m].")
       .def_property_readonly("fits", &PositionSolution::fits)
-      .def_readonly("fit_limit", &PositionSolution::fit_limit, "Largest cost of good ranges.")
+      .def_readonly("fit_limit", &PositionSolution::fit_limit, "Largest cost of inlier ranges.")
       .def_readonly("fit_dof", &PositionSolution::fit_dof)
       .def_readonly("comparison", &PositionSolution::comparison)
       .def_readonly("culprit", &PositionSolution::culprit)
@@ -267,7 +268,7 @@ void bind_solution(py::module_& m) {
 }
 
 constexpr const char* kLocateDoc =
-    R"(Position from ranges: SR-LS and maximum likelihood side by side, and everything that fits.
+    R"(Position from ranges by SR-LS and maximum likelihood, with all hypotheses.
 
 Parameters
 ----------
@@ -278,19 +279,19 @@ ranges : array, shape (m,)
 sigma : float or array, shape (m,)
     Standard deviation of the ranges [m].
 height : float, optional
-    Known height of the tag [m]: the position is sought in the plane.
+    Known height of the tag [m]; the position is then estimated in the plane.
 loss : {'none', 'huber', 'cauchy', 'one_sided'}
-    What residuals cost; 'one_sided' is for ranges that read long.
+    Loss of the residuals; 'one_sided' suits ranges that read long (NLOS).
 loss_scale : float, optional
-    Where it departs from the square [sigmas]; by default 95 % efficient.
+    Residual at which the loss departs from the square [sigmas]; by default 95 % efficient.
 prior : (mean, sigma), optional
-    What is known before, per axis [m]; an infinite sigma for nothing.
+    Prior mean and sigma per axis [m]; an infinite sigma for none.
 box : (low, high), optional
-    Ends of a box that the position is in [m].
+    Corners of a box that contains the position [m].
 weights : {'equal', 'variance'}
     SR-LS or SR-WLS.
 ml : {'ceres', 'fast'}
-    Which solver does maximum likelihood.
+    Solver of maximum likelihood.
 
 Returns
 -------
@@ -324,7 +325,7 @@ Parameters
 anchors : array, shape (m, 2) or (m, 3), or (n, m, 2 or 3)
     Positions of the anchors [m], of all epochs or one set per epoch.
 ranges : array, shape (n, m)
-    One row per epoch [m]; NaN where an anchor was not heard.
+    One row per epoch [m]; NaN for an anchor without a range.
 sigma : float or array, shape (m,)
     Standard deviation of the ranges [m].
 height : float, optional
@@ -362,7 +363,7 @@ Parameters
 anchors : array, shape (m, 2) or (m, 3)
     Positions of the anchors [m].
 points : array, shape (k, 2) or (k, 3)
-    Where the tag might be [m].
+    Possible positions of the tag [m].
 sigma : float or array, shape (m,)
     Standard deviation of the ranges [m].
 height : float, optional
@@ -371,8 +372,8 @@ height : float, optional
 Returns
 -------
 array, shape (k, d, d)
-    Least covariance of any unbiased estimator [m^2]; infinite on the diagonal where the ranges
-    leave a direction open.
+    Minimum covariance of any unbiased estimator [m^2]; infinite on the diagonal where the ranges
+    do not determine a direction.
 
 Examples
 --------
@@ -400,13 +401,14 @@ py::array_t<double> cramer_rao(const Column<double>& anchors, const Eigen::Matri
 
 void bind_multilateration(py::module_& m) {
   py::native_enum<PositionStatus>(m, "PositionStatus", "enum.IntEnum",
-                                  "What range-only positioning can say.")
+                                  "Result of range-only positioning.")
       .value("UNIQUE", PositionStatus::kUnique, "one position fits")
       .value("INCONSISTENT", PositionStatus::kInconsistent,
-             "one fits best, but worse than the sigmas allow")
+             "one fits best, but worse than the sigmas permit")
       .value("AMBIGUOUS", PositionStatus::kAmbiguous, "several positions fit")
-      .value("UNDERDETERMINED", PositionStatus::kUnderdetermined, "the ranges leave something open")
-      .value("EXCLUDED", PositionStatus::kExcluded, "everything that fits is outside the box")
+      .value("UNDERDETERMINED", PositionStatus::kUnderdetermined,
+             "the ranges do not determine the position")
+      .value("EXCLUDED", PositionStatus::kExcluded, "all positions that fit are outside the box")
       .value("NOT_CONVERGED", PositionStatus::kNotConverged, "no minimum was reached")
       .value("BAD_RANGE", PositionStatus::kBadRange, "a range is zero, negative or infinite")
       .finalize();
@@ -422,7 +424,7 @@ void bind_multilateration(py::module_& m) {
   const locfuse::PositionRules rules;
   py::class_<AnyMultilateration>(
       m, "Multilateration",
-      "Range-only positioning over one set of anchors, prepared once: parameters as in `locate`.")
+      "Range-only positioning with a fixed set of anchors; parameters as in `locate`.")
       .def(py::init(&make_solver), py::arg("anchors"), py::arg("sigma") = 0.1, py::kw_only(),
            py::arg("height") = py::none(), py::arg("loss") = "none",
            py::arg("loss_scale") = py::none(),
@@ -439,7 +441,8 @@ void bind_multilateration(py::module_& m) {
                 },
                 any.in);
           },
-          py::arg("ranges"), "Position from one range per anchor [m]; NaN where not heard.");
+          py::arg("ranges"),
+          "Position from one range per anchor [m]; NaN for an anchor without a range.");
   m.def("locate", &locate, py::arg("anchors"), py::arg("ranges"), py::arg("sigma") = 0.1,
         py::kw_only(), py::arg("height") = py::none(), py::arg("loss") = "none",
         py::arg("loss_scale") = py::none(), py::arg("prior") = py::none(),

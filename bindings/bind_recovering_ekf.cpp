@@ -8,19 +8,19 @@ using locfuse::RecoveringEkf;
 
 void bind_recovering_ekf(py::module_& m) {
   using Config = RecoveringEkf::Config;
-  py::class_<Config>(m, "RecoveringEkfConfig", "Filter, start and health of a RecoveringEkf.")
+  py::class_<Config>(m, "RecoveringEkfConfig",
+                     "Filter, initialization and health of a RecoveringEkf.")
       .def(py::init<>())
       .def_readwrite("estimator", &Config::estimator)
       .def_readwrite("start", &Config::start)
       .def_readwrite("health", &Config::health)
-      .def_readwrite("restart", &Config::restart,
-                     "Whether it looks for another place while it is lost.");
+      .def_readwrite("restart", &Config::restart, "Whether to relocalize while lost.");
   py::class_<RecoveringEkf>(m, "RecoveringEkf",
-                            R"(A PoseEkf that starts by itself, notices when it is lost, and
-starts anew (docs/health.md).
+                            R"(PoseEkf that initializes itself, detects when it is lost, and
+relocalizes (docs/health.md).
 
-Until it has started, and beside it while it is lost, landmarks seen together, ranges, fixes and
-poses start hypotheses until one wins.
+During initialization and while lost, landmark observations of one stamp, ranges, fixes and poses
+start hypotheses until a single one remains.
 
 Parameters
 ----------
@@ -28,7 +28,7 @@ config : RecoveringEkfConfig
 anchors : AnchorMap, optional
 tags : list of Tag, optional
 matcher : ScanMatcher, optional
-    With it, scans on the map tell the heading while it is lost.
+    Obtains the heading from scans on the map while lost.
 landmarks : LandmarkSight, optional
 
 Raises
@@ -62,9 +62,9 @@ True
            py::arg("tags") = std::vector<locfuse::Tag>{}, py::arg("matcher") = py::none(),
            py::arg("landmarks") = py::none())
       .def("start_at", &RecoveringEkf::start_at, py::arg("start"),
-           "Tracks from a PoseEstimate on.\n\nRaises\n------\nValueError\n    As a PoseEkf does.")
+           "Tracks from a PoseEstimate.\n\nRaises\n------\nValueError\n    As a PoseEkf does.")
       .def("start_with", &RecoveringEkf::start_with, py::arg("ekf"),
-           "Tracks on with a PoseEkf that somebody else has started.")
+           "Tracks with a PoseEkf that is already initialized.")
       .def("on", py::overload_cast<const locfuse::Velocity&>(&RecoveringEkf::on),
            py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Increment&>(&RecoveringEkf::on),
@@ -77,27 +77,26 @@ True
       .def("on", py::overload_cast<const locfuse::RangeBearing&>(&RecoveringEkf::on),
            py::arg("message"))
       .def("on", unlocked_on<RecoveringEkf, locfuse::LaserScan>(), py::arg("message"),
-           "Takes one message. Its outcome is IGNORED until it has started.")
+           "Processes one message. Its outcome is IGNORED until tracking starts.")
       .def("on_joint", &RecoveringEkf::on_joint, py::arg("sightings"),
            py::arg_v("association", locfuse::Association::kJoint, "Association.JOINT"),
-           "Takes sightings of one stamp. Returns an outcome for each.")
+           "Processes landmark observations of one stamp. Returns one Outcome each.")
       .def("state", &RecoveringEkf::state,
-           "READY while it tracks; otherwise how far the start has come, with its hypotheses.")
+           "READY while tracking; otherwise the progress of the search with its hypotheses.")
       .def_property_readonly("is_lost", &RecoveringEkf::is_lost,
-                             "Whether there is no estimate to be trusted.")
-      .def("health", &RecoveringEkf::health, "A HealthReport: how far its estimate may be trusted.")
-      .def_property_readonly("sources", &RecoveringEkf::sources, "A SourceStatus for each.")
-      .def_property_readonly("restarts", &RecoveringEkf::restarts,
-                             "How often it then found another place.")
+                             "Whether there is no trustworthy estimate.")
+      .def("health", &RecoveringEkf::health, "HealthReport of the estimate.")
+      .def_property_readonly("sources", &RecoveringEkf::sources, "One SourceStatus per source.")
+      .def_property_readonly("restarts", &RecoveringEkf::restarts, "Number of relocalizations.")
       .def_property_readonly("alarms", &RecoveringEkf::alarms,
-                             "How often it noticed that it was lost.")
+                             "Number of times the estimate was declared lost.")
       .def(
           "estimator",
           [](const RecoveringEkf& ekf) {
             return ekf.estimator() == nullptr ? std::nullopt : std::optional(*ekf.estimator());
           },
-          "A snapshot of the PoseEkf, or None until it has started. While lost, of the place it "
-          "had.")
+          "Copy of the PoseEkf, or None before the first start. While lost, the filter at the "
+          "previous pose.")
       .def("__repr__", [](const RecoveringEkf& ekf) {
         return "RecoveringEkf(" + std::string(ekf.is_lost() ? "lost" : "tracking") + ", " +
                std::to_string(ekf.alarms()) + " alarms)";

@@ -62,8 +62,8 @@ std::vector<PoseEstimate> estimates_of(const LocalizeRun& run) {
   return estimates;
 }
 
-/// Columns of what is said of health: `items_of` gives the rows of a run, `health_of` the report of
-/// each.
+/// Binds the columns of health reports: `items_of` gives the rows of a run, `health_of` the report
+/// of each row.
 template <class Run, class ItemsOf, class HealthOf>
 void bind_health_columns(py::class_<Run>& bound, const ItemsOf& items_of,
                          const HealthOf& health_of) {
@@ -79,7 +79,7 @@ void bind_health_columns(py::class_<Run>& bound, const ItemsOf& items_of,
   };
   column(
       "health_stamp_ns", [](const auto& h) { return h.stamp; },
-      "Stamps of what is said of health, (k,).");
+      "Stamps of the health reports, (k,).");
   column(
       "health_state", [](const auto& h) { return static_cast<std::uint8_t>(h.state); },
       "Index into HealthState, (k,).");
@@ -87,8 +87,7 @@ void bind_health_columns(py::class_<Run>& bound, const ItemsOf& items_of,
       "health_clue", [](const auto& h) { return static_cast<std::uint8_t>(h.clue); },
       "Index into HealthClue, (k,).");
   column(
-      "wrong", [](const auto& h) { return h.wrong; },
-      "Probability that the robot is somewhere else, (k,).");
+      "wrong", [](const auto& h) { return h.wrong; }, "Probability that the pose is wrong, (k,).");
   column(
       "within", [](const auto& h) { return h.within; },
       "Probability that the position error is below the limit, (k,).");
@@ -103,7 +102,7 @@ void bind_health_columns(py::class_<Run>& bound, const ItemsOf& items_of,
             }
             return sources;
           },
-          "The source that the clue names, or None: k of them.")
+          "Source that the reason refers to, or None; k items.")
       .def_property_readonly(
           "protection",
           [=](const Run& r) {
@@ -118,27 +117,28 @@ void bind_health_columns(py::class_<Run>& bound, const ItemsOf& items_of,
           "Protection levels of x, y [m] and heading [rad], (k, 3).");
 }
 
-/// What Python is told: the number of messages done, and what copies the run so far if asked.
+/// Progress callback: number of processed messages, and a function that returns a copy of the run.
 template <class Run>
-using Told = std::optional<std::function<void(std::size_t, std::function<Run()>)>>;
+using Progress = std::optional<std::function<void(std::size_t, std::function<Run()>)>>;
 
-/// A callback that takes the GIL to call; none if there is none.
+/// Wraps `progress` in a callback that acquires the GIL; empty if there is none.
 template <class Run>
-std::function<void(std::size_t, const Run&)> progress_of(const Told<Run>& told) {
-  if (!told) {
+std::function<void(std::size_t, const Run&)> progress_of(const Progress<Run>& report) {
+  if (!report) {
     return {};
   }
-  return [&told](std::size_t done, const Run& so_far) {
+  return [&report](std::size_t done, const Run& so_far) {
     const py::gil_scoped_acquire acquire;
-    // Python may keep what copies the run for longer than there is one.
+    // Python may keep the copy function longer than the run exists.
     const auto lent = std::make_shared<const Run*>(&so_far);
     struct TakeBack {
       const Run** lent;
       ~TakeBack() { *lent = nullptr; }
     } const take_back{lent.get()};
-    (*told)(done, [lent]() -> Run {
+    (*report)(done, [lent]() -> Run {
       if (*lent == nullptr) {
-        throw std::runtime_error("the run so far was asked for after progress had returned");
+        throw std::runtime_error(
+            "a copy of the run was requested after the progress callback had returned");
       }
       return **lent;
     });
@@ -149,7 +149,7 @@ using Switches = std::vector<std::tuple<Stamp, locfuse::Source, bool>>;
 
 template <class Estimator>
 RunLog run(const Estimator& start, SharedLog& log, Stamp history, bool record,
-           const Told<RunLog>& progress, std::optional<Stamp> used_until,
+           const Progress<RunLog>& progress, std::optional<Stamp> used_until,
            locfuse::ClockJump clock_jump, std::size_t most_messages, const Switches& switches) {
   locfuse::ReplayOptions options;
   options.timeline.clock_jump = clock_jump;
@@ -165,7 +165,7 @@ RunLog run(const Estimator& start, SharedLog& log, Stamp history, bool record,
   options.record = record;
   options.progress = progress_of<RunLog>(progress);
   const Use use(log, Use::Kind::kRead);
-  const Estimator from = start;  // others may use it
+  const Estimator from = start;  // a copy, as other threads may use it
   const py::gil_scoped_release release;
   return locfuse::replay(from, log.log, options);
 }
@@ -175,12 +175,12 @@ RunLog run(const Estimator& start, SharedLog& log, Stamp history, bool record,
 void bind_replay(py::module_& m) {
   using locfuse::ClockJump;
   py::native_enum<ClockJump>(m, "ClockJump", "enum.Enum",
-                             "What to do when the clock of all messages goes back.")
-      .value("REFUSE", ClockJump::kRefuse, "All is stale until the clock has caught up.")
-      .value("RESET", ClockJump::kReset, "Start anew, as the estimator was at first.")
-      .value("CONTINUE", ClockJump::kContinue, "Go on from the same pose at the new time.")
+                             "Reaction to a backward jump of the message clock.")
+      .value("REFUSE", ClockJump::kRefuse, "Messages are STALE until the clock has caught up.")
+      .value("RESET", ClockJump::kReset, "Restart with the initial estimator.")
+      .value("CONTINUE", ClockJump::kContinue, "Continue from the same pose at the new time.")
       .finalize();
-  py::class_<RunLog> run_log(m, "RunLog", "What a replay leaves behind, as columns.");
+  py::class_<RunLog> run_log(m, "RunLog", "Result of a replay, as columns.");
   bind_health_columns(
       run_log, [](const RunLog& r) -> const auto& { return r.health; },
       [](const locfuse::HealthReport& h) -> const auto& { return h; });
@@ -224,33 +224,36 @@ void bind_replay(py::module_& m) {
             return column_of<std::int64_t>(r.outcomes,
                                            [](const Outcome& o) { return o.interventions; });
           },
-          "Variances put back into their bounds, per message.")
+          "Number of variances clamped to their bounds, per message.")
       .def_readonly("jumps", &RunLog::jumps,
-                    "How often the clock went back; estimates are those after the last.")
+                    "Number of backward clock jumps; the estimates are those after the last.")
       .def_readonly("fallen_out", &RunLog::fallen_out,
-                    "Messages inside the history that were forgotten: there were too many.")
+                    "Messages inside the history that were dropped because there were too many.")
       .def_readonly("last", &RunLog::last, "The estimate at the end of the log.")
-      .def_readonly("errors", &RunLog::errors, "Errors that are states, as learnt by then.")
+      .def_readonly("errors", &RunLog::errors,
+                    "A CalibratedError for each error that is a state, at the end of the log.")
       .def(
           "noise_factor",
           [](const RunLog& r, locfuse::Source source) { return r.adaptive.factor(source); },
-          py::arg("source"), "Factor of the variances of a Source by then: 1 unless adaptive.")
-      .def_readonly("sources", &RunLog::sources, "A SourceStatus for each, at the end of the log.")
-      .def_readonly("alarms", &RunLog::alarms, "How often it was lost.")
-      .def_readonly("restarts", &RunLog::restarts, "How often it then found another place.")
+          py::arg("source"),
+          "Factor on the variances of a Source at the end of the log; 1 unless adaptive.")
+      .def_readonly("sources", &RunLog::sources,
+                    "One SourceStatus per source, at the end of the log.")
+      .def_readonly("alarms", &RunLog::alarms, "Number of times the estimate was declared lost.")
+      .def_readonly("restarts", &RunLog::restarts, "Number of relocalizations.")
       .def("__repr__", [](const RunLog& r) {
         return "RunLog(" + std::to_string(r.outcomes.size()) + " messages, " +
                std::to_string(r.estimates.size()) + " estimates)";
       });
   using Step = locfuse::StartRun::Step;
-  py::class_<Step>(m, "StartStep", "A change on the way to a start.")
+  py::class_<Step>(m, "StartStep", "Change of state during initialization.")
       .def_readonly("stamp", &Step::stamp, "[ns].")
       .def_readonly("state", &Step::state);
-  py::class_<locfuse::StartRun>(m, "StartRun", "How a start went.")
+  py::class_<locfuse::StartRun>(m, "StartRun", "Course of an initialization.")
       .def_readonly("used_until", &locfuse::StartRun::used_until,
-                    "Messages that take effect up to this stamp were used [ns].")
+                    "Messages that take effect up to this stamp [ns] were used.")
       .def_readonly("steps", &locfuse::StartRun::steps,
-                    "Whenever status or number of hypotheses changed.");
+                    "One step per change of status or of the number of hypotheses.");
   m.def(
       "find_start",
       [](locfuse::Initializer& initializer, SharedLog& log,
@@ -260,9 +263,9 @@ void bind_replay(py::module_& m) {
         return locfuse::find_start(initializer, log.log, scans);
       },
       py::arg("initializer"), py::arg("log"), py::arg("scans"),
-      "Feeds a sorted log and scans until the initializer is ready or both end.");
+      "Feeds a sorted log and scans to an Initializer until it is READY or both end.");
   py::class_<LocalizeRun> localize_run(m, "LocalizeRun",
-                                       "How a localization on a map went, as columns.");
+                                       "Result of a localization on a map, as columns.");
   bind_health_columns(
       localize_run, [](const LocalizeRun& r) -> const auto& { return r.steps; },
       [](const LocalizeRun::Step& step) -> const auto& { return step.health; });
@@ -272,7 +275,7 @@ void bind_replay(py::module_& m) {
           "Index into Verdict, one per message in order of arrival.")
       .def_property_readonly(
           "scan_verdict", [](const LocalizeRun& r) { return verdicts_of(r.scan_outcomes); },
-          "Likewise, one per scan.")
+          "Index into Verdict, one per scan.")
       .def_property_readonly(
           "stamp_ns",
           [](const LocalizeRun& r) {
@@ -290,25 +293,25 @@ void bind_replay(py::module_& m) {
           [](const LocalizeRun& r) {
             return column_of<double>(r.steps, [](const auto& s) { return s.probability; });
           },
-          "Of the likeliest hypothesis, (n,).")
+          "Probability of the likeliest hypothesis, (n,).")
       .def_property_readonly(
           "explained",
           [](const LocalizeRun& r) {
             return column_of<double>(r.steps, [](const auto& s) { return s.explained; });
           },
-          "Share of the scan's returns that end at a wall, (n,).")
+          "Fraction of the scan's returns that end at a wall, (n,).")
       .def_property_readonly(
           "particles",
           [](const LocalizeRun& r) {
             return column_of<std::int64_t>(r.steps, [](const auto& s) { return s.particles; });
           },
-          "How many, (n,).")
+          "Number of particles, (n,).")
       .def_property_readonly(
           "sigma",
           [](const LocalizeRun& r) {
             return column_of<double>(r.steps, [](const auto& s) { return s.sigma; });
           },
-          "Of all particles, in their worst direction [m], (n,).")
+          "Standard deviation of all particles along the worst direction [m], (n,).")
       .def_property_readonly(
           "ready",
           [](const LocalizeRun& r) {
@@ -322,7 +325,7 @@ void bind_replay(py::module_& m) {
   m.def(
       "localize",
       [](locfuse::Mcl& mcl, SharedLog& log, const std::vector<locfuse::LaserScan>& scans,
-         const Told<LocalizeRun>& progress) {
+         const Progress<LocalizeRun>& progress) {
         const Use use(log, Use::Kind::kRead);
         const Alone alone(&mcl);
         return locfuse::localize(mcl, log.log, scans, progress_of<LocalizeRun>(progress));
@@ -331,7 +334,7 @@ void bind_replay(py::module_& m) {
   m.def(
       "localize",
       [](locfuse::SwitchingMcl& mcl, SharedLog& log, const std::vector<locfuse::LaserScan>& scans,
-         const Told<LocalizeRun>& progress) {
+         const Progress<LocalizeRun>& progress) {
         const Use use(log, Use::Kind::kRead);
         const Alone alone(&mcl);
         return locfuse::localize(mcl, log.log, scans, progress_of<LocalizeRun>(progress));
@@ -345,8 +348,9 @@ mcl : Mcl or SwitchingMcl
 log : MessageLog
 scans : list of LaserScan
 progress : callable, optional
-    Told after each scan (messages and scans done, what returns a copy of the run so far while it
-    is told); it may look at `mcl`. What is not done yet has the verdict IGNORED.
+    Called after each scan with the number of messages and scans processed and a function that
+    returns a copy of the run during the call; it may read `mcl`. Items not processed yet have the
+    verdict IGNORED.
 )");
   m.def("replay", &run<PoseEkf>, py::arg("start"), py::arg("log"),
         py::arg("history") = locfuse::ReplayOptions{}.history, py::arg("record") = true,
@@ -360,28 +364,28 @@ progress : callable, optional
         py::arg_v("clock_jump", locfuse::ClockJump::kRefuse, "ClockJump.REFUSE"),
         py::arg("most_messages") = locfuse::TimelineOptions{}.most_messages,
         py::arg("switches") = Switches{},
-        R"(Feeds a sorted log to a copy of an estimator; late messages are fused where they belong.
+        R"(Feeds a sorted log to a copy of an estimator; late messages are fused at their stamp.
 
 Parameters
 ----------
 start : PoseEkf or RecoveringEkf
-    The latter must have started.
+    A RecoveringEkf must have started.
 log : MessageLog
 history : int
-    How late a message may be, nanoseconds; older ones are stale.
+    Maximum delay of a message [ns]; older ones are STALE.
 record : bool
-    Keep outcomes and estimates, or only the last estimate.
+    Whether to keep outcomes and estimates, or only the last estimate.
 progress : callable, optional
-    Told now and then (messages done, what returns a copy of the run so far while it is told): the
-    outcomes of those messages, which late ones may still change, and the estimates.
+    Called from time to time with the number of messages processed and a function that returns a
+    copy of the run during the call: outcomes, which late messages may still change, and estimates.
 used_until : int, optional
-    Messages that take effect up to this stamp [ns] were used for the start: they keep the verdict
+    Messages that take effect up to this stamp [ns] were used for the initialization and are
     IGNORED.
 clock_jump : ClockJump
-    What to do when the clock of all messages goes back.
+    Reaction to a backward jump of the message clock.
 most_messages : int
-    Held for late ones, at least 512; what falls out is counted.
+    Maximum number of messages kept for reordering, at least 512; `fallen_out` counts the dropped.
 switches : list of (int, Source, bool)
-    From this arrival [ns] on a source is off (False) or on again.
+    Disables (False) or enables (True) a source from this arrival [ns].
 )");
 }

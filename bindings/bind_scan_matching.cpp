@@ -23,17 +23,18 @@ namespace {
 
 void bind_results(py::module_& m) {
   py::native_enum<HeadingSearch::Reason>(m, "HeadingSearchReason", "enum.Enum",
-                                         "Why there is a heading, or none.")
+                                         "Result of a heading search.")
       .value("FOUND", HeadingSearch::Reason::kFound)
       .value("NO_RETURNS", HeadingSearch::Reason::kNoReturns)
       .value("OUTSIDE_MAP", HeadingSearch::Reason::kOutsideMap)
       .finalize();
   py::class_<HeadingSearch>(m, "HeadingSearch", "Result of the heading search of ekim2020.")
-      .def_readonly("heading", &HeadingSearch::heading,
-                    "Of the body in world [rad], a multiple of ten degrees; None unless found.")
+      .def_readonly(
+          "heading", &HeadingSearch::heading,
+          "Heading of the body in world [rad], a multiple of ten degrees; None unless found.")
       .def_property_readonly(
           "sums", [](const HeadingSearch& h) { return py::array_t<double>(36, h.sums.data()); },
-          "Sums (36,) [m] of nearest distances, the body turned by 0, 10, ..., 350 degrees.")
+          "Sums (36,) [m] of nearest distances with the body at 0, 10, ..., 350 degrees.")
       .def_readonly("reason", &HeadingSearch::reason);
 
   py::native_enum<ScanMatch::Reason>(m, "ScanMatchReason", "enum.Enum", "How a refinement ended.")
@@ -43,38 +44,41 @@ void bind_results(py::module_& m) {
       .value("TOO_FEW_MATCHES", ScanMatch::Reason::kTooFewMatches)
       .value("NO_CONVERGENCE", ScanMatch::Reason::kNoConvergence)
       .finalize();
-  py::class_<ScanMatch>(m, "ScanMatch", "Where a scan fits the map next to a guess.")
+  py::class_<ScanMatch>(m, "ScanMatch", "Fit of a scan to the map near a guess.")
       .def_readonly("pose", &ScanMatch::pose, "T_world_body; the guess unless `converged`.")
       .def_readonly("converged", &ScanMatch::converged,
-                    "Without it, only `reason` and `iterations` say something.")
+                    "If False, only `reason` and `iterations` are valid.")
       .def_readonly("reason", &ScanMatch::reason)
       .def_readonly("iterations", &ScanMatch::iterations)
-      .def_readonly("explained", &ScanMatch::explained, "Share of the returns that end at a wall.")
-      .def_readonly("rms", &ScanMatch::rms, "Of their distances to the wall lines [m].")
+      .def_readonly("explained", &ScanMatch::explained,
+                    "Fraction of the returns that end at a wall.")
+      .def_readonly("rms", &ScanMatch::rms, "RMS distance of those returns to the wall lines [m].")
       .def_readonly("information", &ScanMatch::information,
-                    "What the scan alone says of (x, y, heading), shape (3, 3).")
+                    "Information matrix of (x, y, heading) from the scan alone, shape (3, 3).")
       .def_readonly("covariance", &ScanMatch::covariance,
-                    "Of (x, y, heading), shape (3, 3), with the prior; None if a direction is "
-                    "known from neither.")
+                    "Covariance of (x, y, heading) from scan and prior, shape (3, 3); None if "
+                    "neither determines a direction.")
       .def_readonly("weak_direction", &ScanMatch::weak_direction,
-                    "Change (3,) of (x, y, heading) that the scan would not see, or None.")
+                    "Unobservable change (3,) of (x, y, heading), or None.")
       .def("__repr__", [](const ScanMatch& match) {
         return "ScanMatch(converged=" + std::string(match.converged ? "True" : "False") +
                ", x=" + std::to_string(match.pose.x) + ", y=" + std::to_string(match.pose.y) +
                ", heading=" + std::to_string(match.pose.heading) + ")";
       });
-  py::class_<ScanHypothesis>(m, "ScanHypothesis", "A pose at which a scan fits.")
+  py::class_<ScanHypothesis>(m, "ScanHypothesis", "Pose hypothesis of a scan search.")
       .def_readonly("match", &ScanHypothesis::match)
       .def_readonly("cost", &ScanHypothesis::cost,
-                    "Minus log of likelihood and prior; 0 is a perfect fit.")
-      .def_readonly("probability", &ScanHypothesis::probability, "Among the hypotheses found.");
+                    "Negative log of likelihood and prior; 0 is a perfect fit.")
+      .def_readonly("probability", &ScanHypothesis::probability,
+                    "Probability among the hypotheses found.");
   py::native_enum<ScanSearch::Status>(m, "ScanSearchStatus", "enum.Enum",
-                                      "Whether a search knows the pose.")
+                                      "Result of a scan search.")
       .value("READY", ScanSearch::Status::kReady)
       .value("AMBIGUOUS", ScanSearch::Status::kAmbiguous)
       .value("NONE", ScanSearch::Status::kNone)
       .finalize();
-  py::native_enum<ScanSearch::Reason>(m, "ScanSearchReason", "enum.Enum", "Why.")
+  py::native_enum<ScanSearch::Reason>(m, "ScanSearchReason", "enum.Enum",
+                                      "Reason for a ScanSearchStatus.")
       .value("UNIQUE", ScanSearch::Reason::kUnique)
       .value("SEVERAL_FIT", ScanSearch::Reason::kSeveralFit)
       .value("HEADING_UNOBSERVED", ScanSearch::Reason::kHeadingUnobserved)
@@ -82,7 +86,7 @@ void bind_results(py::module_& m) {
       .value("NO_RETURNS", ScanSearch::Reason::kNoReturns)
       .value("OUTSIDE_MAP", ScanSearch::Reason::kOutsideMap)
       .finalize();
-  py::class_<ScanSearch>(m, "ScanSearch", "Every pose of a window at which a scan fits.")
+  py::class_<ScanSearch>(m, "ScanSearch", "All poses in a search window at which a scan fits.")
       .def_readonly("status", &ScanSearch::status)
       .def_readonly("reason", &ScanSearch::reason)
       .def_readonly("hypotheses", &ScanSearch::hypotheses, "Likeliest first.");
@@ -98,21 +102,21 @@ void bind_scan_matching(py::module_& m) {
 Parameters
 ----------
 sigma_range_m : float
-    Noise of one beam.
+    Range noise of one beam.
 outlier_share : float
-    Returns from things that are not on the map.
+    Fraction of returns from objects that are not on the map.
 no_return_share : float
-    Beams that should come back and do not.
+    Fraction of beams without a return where one is expected.
 wrong_probability : float
-    What the other hypotheses may keep when a search is ready.
+    Maximum total probability of the other hypotheses when a search is READY.
 min_explained : float
-    Share of the returns that a pose must explain.
+    Minimum fraction of the returns that a pose explains.
 max_hypotheses : int
-    That a search returns.
+    Maximum number of hypotheses of a search.
 max_iterations : int
-    Of one refinement.
+    Maximum number of iterations of one refinement.
 exact_neighbours : bool
-    Nearest cell of each end point instead of that of the cell it is in.
+    Use the nearest cell of each end point instead of that of the cell it lies in.
 )")
       .def(py::init([](double sigma_range_m, double outlier_share, double no_return_share,
                        double wrong_probability, double min_explained, int max_hypotheses,
@@ -138,12 +142,12 @@ exact_neighbours : bool
       .def_readonly("exact_neighbours", &ScanMatcherConfig::exact_neighbours);
 
   py::class_<ScanMatcher, std::shared_ptr<ScanMatcher>>(
-      m, "ScanMatcher", R"(Finds a body on a map from single laser scans.
+      m, "ScanMatcher", R"(Finds the pose of a body on a map from single laser scans.
 
 Raises
 ------
 ValueError
-    If there is no map or it has no occupied cell; by the methods if a scan or a number is not
+    If there is no map or it has no occupied cell; from the methods, if a scan or a number is not
     valid.
 
 Examples
@@ -174,18 +178,18 @@ Examples
             return heading_search(matcher.map(), scan, position);
           },
           py::arg("scan"), py::arg("position"), Unlocked(),
-          "The search of ekim2020, Table 1, about a position (2,) [m]: 36 headings, nearest cells "
-          "by PCL's kd-tree.")
+          "Heading search of ekim2020, Table 1, at a position (2,) in world [m]: 36 headings, "
+          "nearest cells by PCL's kd-tree.")
       .def(
           "heading_search_by_lookup",
           [](const ScanMatcher& matcher, const LaserScan& scan, const Vector<2>& position) {
             return heading_search_by_lookup(matcher.map(), scan, position);
           },
           py::arg("scan"), py::arg("position"), Unlocked(),
-          "The same with distances looked up, right within half a cell's diagonal.")
+          "Heading search with distances from a lookup table, exact within half a cell diagonal.")
       .def("refine", &ScanMatcher::refine, py::arg("scan"), py::arg("guess"),
            py::arg("covariance") = py::none(), Unlocked(),
-           R"(Fit the scan to the map next to a guess.
+           R"(Fit the scan to the map near a guess.
 
 Parameters
 ----------
@@ -193,7 +197,7 @@ scan : LaserScan
 guess : Pose2
     T_world_body, within 20 cm and 5 degrees.
 covariance : array, shape (3, 3), optional
-    Of (x, y, heading); with it the guess is a prior, too.
+    Covariance of (x, y, heading) [m, rad]; with it the guess is also a prior.
 
 Returns
 -------
@@ -207,9 +211,9 @@ Parameters
 ----------
 scan : LaserScan
 position : array, shape (2,)
-    Of the body in world [m].
+    Position of the body in world [m].
 covariance : array, shape (2, 2)
-    Of the position [m^2]; the search covers three sigma.
+    Covariance of the position [m^2]; the search covers three sigma.
 
 Returns
 -------

@@ -23,15 +23,15 @@ void bind_local_map(py::module_& m) {
 Parameters
 ----------
 sigma_range_m : float
-    Noise of one beam.
+    Range noise of one beam.
 max_distance_m : float
-    From the end of a beam to what it is matched with.
+    Maximum distance between an end point and its match.
 trimmed_share : float
-    Of the matches, the worst, left out if they are off three sigma.
+    Fraction of the matches, the worst, that is dropped if beyond three sigma.
 min_explained : float
-    Share of the returns; below it the fit is searched anew.
+    Minimum fraction of explained returns; below it the fit is searched again.
 max_iterations : int
-    Of one fit.
+    Maximum number of iterations of one fit.
 )")
       .def(py::init([](double sigma_range_m, double max_distance_m, double trimmed_share,
                        double min_explained, int max_iterations) {
@@ -47,18 +47,19 @@ max_iterations : int
       .def_readonly("min_explained", &LocalMapConfig::min_explained)
       .def_readonly("max_iterations", &LocalMapConfig::max_iterations);
 
-  py::class_<LocalMap>(m, "LocalMap", R"(Ends of the beams of a few scans, to fit another scan to.
+  py::class_<LocalMap>(
+      m, "LocalMap", R"(Local map of the end points of a few scans, to which another scan is fitted.
 
 Parameters
 ----------
 scans : list of (LaserScan, Pose2)
-    And where each was taken, T_map_body. One for scan to scan.
+    Scans and their poses T_map_body; a single one for scan-to-scan matching.
 config : LocalMapConfig, optional
 
 Raises
 ------
 ValueError
-    If a setting is out of bounds; if a scan, pose or covariance is not valid.
+    If a setting is out of bounds, or a scan, pose or covariance is not valid.
 
 Examples
 --------
@@ -87,7 +88,7 @@ A room of 8 x 6 m, seen from its middle and from 0.2 m further on:
       .def_property_readonly("config", &LocalMap::config)
       .def("match", &LocalMap::match, py::arg("scan"), py::arg("guess"),
            py::arg("covariance") = py::none(), Unlocked(),
-           R"(Fit a scan next to a guess.
+           R"(Fit a scan near a guess.
 
 Parameters
 ----------
@@ -95,9 +96,9 @@ scan : LaserScan
 guess : Pose2
     T_map_body, within 20 cm and 5 degrees.
 covariance : array, shape (3, 3), optional
-    Of (x, y, heading) [m, rad]; with it the guess is a prior, too, and if it may be further off,
-    or the fit explains too little, a search over three sigma of the position and all headings
-    gives another start.
+    Covariance of (x, y, heading) [m, rad]; with it the guess is also a prior. If it exceeds those
+    bounds or the fit explains too little, a search over three sigma of the position and all
+    headings gives another start.
 
 Returns
 -------
@@ -107,7 +108,7 @@ ScanMatch
 Raises
 ------
 ValueError
-    If scan, guess or covariance are not valid.
+    If scan, guess or covariance is not valid.
 )");
 }
 
@@ -122,14 +123,14 @@ Parameters
 ----------
 map : LocalMapConfig
 window_scans : int
-    Key scans that make the local map; 1 is scan to scan.
+    Number of key scans in the local map; 1 is scan-to-scan matching.
 window_m : float
-    How far from the newest of them the others may be.
+    Maximum distance of key scans from the newest one.
 key_distance_m, key_turn_rad : float
-    From the newest key scan, after which a scan becomes the next; 0 makes every one a key scan.
+    Motion since the newest key scan after which a scan becomes a key scan; 0: every scan.
 least_sigma_m, least_sigma_rad : float
-    That odometry is known to at best, whatever it says of itself: it is not told in the very
-    moment of the scan, and a robot that seems to stand may be on its way.
+    Minimum sigmas of odometry, whatever its covariance: it is not sampled at the instant of the
+    scan, and a robot that seems to stand may be moving.
 )")
       .def(py::init([](const LocalMapConfig& map, int window_scans, double window_m,
                        double key_distance_m, double key_turn_rad, double least_sigma_m,
@@ -150,20 +151,22 @@ least_sigma_m, least_sigma_rad : float
       .def_readonly("least_sigma_m", &ScanOdometryConfig::least_sigma_m)
       .def_readonly("least_sigma_rad", &ScanOdometryConfig::least_sigma_rad);
 
-  py::class_<ScanMotion>(m, "ScanMotion", "What a scan says of the motion.")
+  py::class_<ScanMotion>(m, "ScanMotion", "Motion estimated from a scan.")
       .def_readonly("increment", &ScanMotion::increment,
-                    "Since the scan before: a message for a PoseEkf. Of no duration for the first.")
-      .def_readonly("pose", &ScanMotion::pose, "T_start_body: increments from the first scan on.")
-      .def_readonly("match", &ScanMotion::match,
-                    "Against the local map, in the body frame of the newest key scan (T_key_body).")
+                    "Motion since the previous scan as a message for a PoseEkf; zero duration for "
+                    "the first scan.")
+      .def_readonly("pose", &ScanMotion::pose, "T_start_body, accumulated since the first scan.")
+      .def_readonly(
+          "match", &ScanMotion::match,
+          "Match against the local map in the body frame of the newest key scan (T_key_body).")
       .def_readonly("key", &ScanMotion::key, "Stamp of that key scan [ns].")
       .def_readonly("covariance", &ScanMotion::covariance,
-                    "Of T_key_body, (x, y, heading) [m, rad], shape (3, 3); without a match what "
-                    "odometry alone says.");
+                    "Covariance of T_key_body, (x, y, heading) [m, rad], shape (3, 3); that of "
+                    "odometry if there is no match.");
 
-  py::class_<ScanOdometry>(m, "ScanOdometry", R"(Motion of a body from its laser, without a map.
+  py::class_<ScanOdometry>(m, "ScanOdometry", R"(Laser odometry without a map.
 
-Each scan is fitted to the key scans driven through last, next to what odometry says.
+Each scan is fitted to the latest key scans, starting from wheel odometry.
 
 Raises
 ------
@@ -177,11 +180,11 @@ Examples
 >>> angle = np.pi / 180 * (np.arange(360) + 0.5)
 >>> around = LaserGeometry(Pose2(), angle[0], np.pi / 180, range_min=0.1, range_max=10.0)
 >>> odometry = ScanOdometry()
->>> for k, x in enumerate([0.0, 0.1, 0.2]):  # in a room of 8 x 6 m; the wheels say 12 cm each time
+>>> for k, x in enumerate([0.0, 0.1, 0.2]):  # in a room of 8 x 6 m; wheels report 12 cm each time
 ...     ahead = (np.where(np.cos(angle) > 0, 4.0, -4.0) - x) / np.cos(angle)
 ...     scan = LaserScan(k * 10**9, around, np.minimum(ahead, 3.0 / np.abs(np.sin(angle))))
-...     told = odometry.on(scan, Pose2(0.12, 0.0, 0.0), np.diag([0.03, 0.01, 0.02]) ** 2)
->>> round(told.pose.x, 2)
+...     result = odometry.on(scan, Pose2(0.12, 0.0, 0.0), np.diag([0.03, 0.01, 0.02]) ** 2)
+>>> round(result.pose.x, 2)
 0.2
 )")
       .def(py::init<const ScanOdometryConfig&>(), py::arg_v("config", d, "ScanOdometryConfig()"))
@@ -194,25 +197,25 @@ Examples
             return odometry.on(scan, motion, covariance);
           },
           py::arg("scan"), py::arg("motion"), py::arg("covariance"),
-          R"(Take the next scan.
+          R"(Process the next scan.
 
 Parameters
 ----------
 scan : LaserScan
 motion : Pose2
-    Since the scan before, as odometry tells it; nothing becomes of that of the first scan.
+    Motion since the previous scan from odometry; ignored for the first scan.
 covariance : array, shape (3, 3)
-    Of that motion: (x, y, heading) in the body frame where it begins [m, rad].
+    Covariance of that motion: (x, y, heading) in the body frame of its start [m, rad].
 
 Returns
 -------
 ScanMotion
-    Where the scan does not fit, the motion is odometry's.
+    The motion is that of odometry if the scan does not fit.
 
 Raises
 ------
 ValueError
-    If scan, motion or covariance are not valid or the stamp is not later than the one before;
-    nothing has changed then.
+    If scan, motion or covariance is not valid or the stamp is not later than the previous one; the
+    state is then unchanged.
 )");
 }

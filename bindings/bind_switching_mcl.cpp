@@ -13,56 +13,63 @@ void bind_switching_mcl(py::module_& m) {
   using Config = SwitchingMcl::Config;
   using Doubt = SwitchingMcl::Doubt;
   using Injection = SwitchingMcl::Injection;
-  py::native_enum<Doubt>(m, "Doubt", "enum.Enum", "Why scans are in doubt.")
-      .value("NONE", Doubt::kNone, "They are not.")
-      .value("UNCERTAIN", Doubt::kUncertain, "The particles have spread.")
-      .value("ELSEWHERE", Doubt::kElsewhere, "They are beside where UWB says.")
+  py::native_enum<Doubt>(m, "Doubt", "enum.Enum", "Reason to distrust scans.")
+      .value("NONE", Doubt::kNone, "Scans are trusted.")
+      .value("UNCERTAIN", Doubt::kUncertain, "The particles have spread out.")
+      .value("ELSEWHERE", Doubt::kElsewhere, "The particles disagree with the UWB pose.")
       .finalize();
-  py::class_<Config>(m, "SwitchingMclConfig", "When UWB takes over from scans.")
+  py::class_<Config>(m, "SwitchingMclConfig", "Thresholds at which UWB takes over from scans.")
       .def(py::init<>())
-      .def_readwrite("sigma_unsure_m", &Config::sigma_unsure_m,
-                     "Of the particles, in their worst direction: in doubt [m].")
-      .def_readwrite("sigma_sure_m", &Config::sigma_sure_m, "Below it no longer [m].")
-      .def_readwrite("sigma_unsure_rad", &Config::sigma_unsure_rad, "Likewise of the heading.")
+      .def_readwrite(
+          "sigma_unsure_m", &Config::sigma_unsure_m,
+          "Particle spread along the worst direction above which scans are distrusted [m].")
+      .def_readwrite("sigma_sure_m", &Config::sigma_sure_m,
+                     "Particle spread below which scans are trusted again [m].")
+      .def_readwrite("sigma_unsure_rad", &Config::sigma_unsure_rad,
+                     "The same for the heading [rad].")
       .def_readwrite("sigma_sure_rad", &Config::sigma_sure_rad)
-      .def_readwrite("elsewhere_m", &Config::elsewhere_m,
-                     "Off UWB by more than this and three sigmas: in doubt [m].")
-      .def_readwrite("elsewhere_rad", &Config::elsewhere_rad, "Likewise turned [rad].")
-      .def_readwrite("doubt_s", &Config::doubt_s, "That doubt must last [s].")
+      .def_readwrite(
+          "elsewhere_m", &Config::elsewhere_m,
+          "Distance from the UWB pose, beyond three sigmas, above which scans are distrusted [m].")
+      .def_readwrite("elsewhere_rad", &Config::elsewhere_rad, "The same for the heading [rad].")
+      .def_readwrite("doubt_s", &Config::doubt_s,
+                     "Minimum duration of distrust before UWB takes over [s].")
       .def_readwrite("uwb_sigma_m", &Config::uwb_sigma_m,
-                     "Of the pose by UWB, at most, to be of use [m].")
-      .def_readwrite("uwb_sigma_rad", &Config::uwb_sigma_rad, "Likewise [rad].")
+                     "Maximum position sigma of a usable UWB pose [m].")
+      .def_readwrite("uwb_sigma_rad", &Config::uwb_sigma_rad,
+                     "Maximum heading sigma of a usable UWB pose [rad].")
       .def_readwrite("uwb_age_s", &Config::uwb_age_s,
-                     "Since the last range or fix that was fused, likewise [s].")
+                     "Maximum time since the last fused range or fix [s].")
       .def_readwrite("uwb_nis", &Config::uwb_nis,
-                     "NIS of the last ranges or fixes per row, on average, at most, likewise.")
-      .def_readwrite("share", &Config::share, "Of the particles that are replaced.");
-  py::class_<Injection>(m, "Injection", "UWB took over from scans.")
+                     "Maximum mean NIS per row of the last ranges or fixes.")
+      .def_readwrite("share", &Config::share, "Fraction of the particles that is replaced.");
+  py::class_<Injection>(m, "Injection", "Event at which UWB took over from scans.")
       .def_readonly("stamp", &Injection::stamp)
       .def_readonly("doubt", &Injection::doubt)
-      .def_readonly("before", &Injection::before, "With the covariance of all particles.")
-      .def_readonly("after", &Injection::after, "By UWB.")
+      .def_readonly("before", &Injection::before,
+                    "PoseEstimate before, with the covariance of all particles.")
+      .def_readonly("after", &Injection::after, "PoseEstimate after, from UWB.")
       .def("__repr__",
            [](const Injection& i) { return "Injection(stamp=" + std::to_string(i.stamp) + ")"; });
   py::class_<SwitchingMcl>(m, "SwitchingMcl",
-                           R"(An Mcl that UWB rescues (celan2017, sections III.C and V.B).
+                           R"(Mcl that UWB relocalizes (celan2017, sections III.C and V.B).
 
-Scans alone tell of the pose while they leave no doubt; where they do, the pose by UWB and odometry
+Scans alone determine the pose while they are trusted; otherwise the pose from UWB and odometry
 becomes the particles' belief (docs/models/switching_mcl.md). Ranges and fixes go to a
-RecoveringEkf beside the particles, which starts by itself and knows when it is lost.
+RecoveringEkf that runs in parallel, initializes itself and detects when it is lost.
 
 Parameters
 ----------
 config : SwitchingMclConfig
 mcl : Mcl
-    Is copied, as is `uwb`.
+    Copied, as is `uwb`.
 uwb : RecoveringEkf
 
 Raises
 ------
 ValueError
-    If the config is out of range, or a threshold could fire for ever: `sure` must lie below
-    `unsure`, and a pose by UWB that is of use must be sure.
+    If the config is out of range, or UWB could take over endlessly: `sigma_sure_*` must be below
+    `sigma_unsure_*`, and a usable UWB pose must satisfy `sigma_sure_*`.
 
 Examples
 --------
@@ -93,31 +100,32 @@ Examples
       .def("on", unlocked_on<SwitchingMcl, locfuse::PoseObservation>(), py::arg("message"))
       .def("on", unlocked_on<SwitchingMcl, locfuse::RangeBearing>(), py::arg("message"))
       .def("on", unlocked_on<SwitchingMcl, locfuse::LaserScan>(), py::arg("message"),
-           "Takes one message. Ranges and fixes go to UWB's filter, all else weighs particles.")
+           "Processes one message. Ranges and fixes go to the UWB filter, all others weight "
+           "particles.")
       .def("estimate", &SwitchingMcl::estimate,
-           "Of the particles, carried to the end of what odometry has told.")
+           "PoseEstimate of the particles, propagated to the end of the latest odometry.")
       .def("health", &SwitchingMcl::health,
-           "How far that may be trusted, by what particles were weighed with.")
+           "HealthReport of that estimate from the measurements that weighted particles.")
       .def_property_readonly(
           "sources", [](const SwitchingMcl& s) { return s.mcl().sources(); },
-          "A SourceStatus for each that weighs particles.")
+          "One SourceStatus per source that weights particles.")
       .def_property_readonly(
-          "mcl", [](const SwitchingMcl& s) { return s.mcl(); }, "A snapshot of the particles.")
+          "mcl", [](const SwitchingMcl& s) { return s.mcl(); }, "Copy of the Mcl.")
       .def_property_readonly(
-          "uwb", [](const SwitchingMcl& s) { return s.uwb(); }, "A snapshot of UWB's filter.")
-      .def_property_readonly("uwb_nis", &SwitchingMcl::uwb_nis,
-                             "NIS of the last ranges or fixes per row, on average: 1 where UWB's "
-                             "filter is right.")
+          "uwb", [](const SwitchingMcl& s) { return s.uwb(); }, "Copy of the UWB filter.")
+      .def_property_readonly(
+          "uwb_nis", &SwitchingMcl::uwb_nis,
+          "Mean NIS per row of the last ranges or fixes: 1 if the UWB filter is consistent.")
       .def_property_readonly("injections", &SwitchingMcl::injections,
-                             "When UWB took over, a list of Injection.")
+                             "List of Injection, one per takeover by UWB.")
       .def_property_readonly(
           "hypotheses", [](const SwitchingMcl& s) { return s.mcl().hypotheses(); },
-          "Clusters of particles, a list of PoseHypothesis, the likeliest first.")
+          "Clusters of particles as a list of PoseHypothesis, likeliest first.")
       .def_property_readonly(
           "ready", [](const SwitchingMcl& s) { return s.mcl().ready(); },
-          "Whether one cluster of particles is all but certain.")
+          "Whether one cluster of particles is almost certain.")
       .def(
-          "__copy__", [](const SwitchingMcl& s) { return s; }, "A snapshot.")
+          "__copy__", [](const SwitchingMcl& s) { return s; }, "Independent copy.")
       .def(
           "__deepcopy__", [](const SwitchingMcl& s, const py::object& /*memo*/) { return s; },
           py::arg("memo"))

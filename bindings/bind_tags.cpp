@@ -52,26 +52,27 @@ locfuse::RigidFit fit(const Column<double>& body, const Column<double>& world,
 void bind_rigid_fit(py::module_& m) {
   using locfuse::RigidFit;
   using locfuse::RigidFitStatus;
-  py::native_enum<RigidFitStatus>(m, "RigidFitStatus", "enum.Enum", "How a rigid fit went.")
+  py::native_enum<RigidFitStatus>(m, "RigidFitStatus", "enum.Enum", "Result of a rigid fit.")
       .value("FITTED", RigidFitStatus::kFitted)
       .value("MIRRORED", RigidFitStatus::kMirrored,
              "A reflection fits better; `pose` is the rotation that fits best.")
       .value("NO_DIRECTION", RigidFitStatus::kNoDirection,
-             "The points in world prefer no heading: they coincide, or are a reflection.")
+             "The points in world do not determine a heading: they coincide, or are a reflection.")
       .value("NOT_CONVERGED", RigidFitStatus::kNotConverged)
       .finalize();
-  py::class_<RigidFit>(m, "RigidFit", "The pose of a rigid body whose points were measured.")
+  py::class_<RigidFit>(m, "RigidFit", "Pose of a rigid body from measured points.")
       .def_readonly("status", &RigidFit::status)
-      .def_readonly("pose", &RigidFit::pose, "T_world_body; NaN without a direction.")
-      .def_readonly("covariance", &RigidFit::covariance, "Of (x, y, heading), shape (3, 3).")
-      .def_readonly("nis", &RigidFit::nis, "How badly the points fit a rigid body.")
-      .def_readonly("dof", &RigidFit::dof, "Of nis: 2 n - 3.")
+      .def_readonly("pose", &RigidFit::pose, "T_world_body; NaN if NO_DIRECTION.")
+      .def_readonly("covariance", &RigidFit::covariance,
+                    "Covariance of (x, y, heading), shape (3, 3).")
+      .def_readonly("nis", &RigidFit::nis, "Chi-square of the points against a rigid body.")
+      .def_readonly("dof", &RigidFit::dof, "Degrees of freedom of `nis`: 2 n - 3.")
       .def("__repr__", [](const RigidFit& f) {
         return "RigidFit(pose=(" + std::to_string(f.pose.x) + ", " + std::to_string(f.pose.y) +
                ", " + std::to_string(f.pose.heading) + "), nis=" + std::to_string(f.nis) + ")";
       });
   m.def("rigid_fit", &fit, py::arg("body"), py::arg("world"), py::arg("covariance"),
-        R"(Return the pose that takes points of a body to where they were measured.
+        R"(Pose that maps points of a body to their measured positions.
 
 Least squares weighted with the covariance; docs/models/rigid_fit.md.
 
@@ -82,7 +83,7 @@ body : array, shape (n, 2)
 world : array, shape (n, 2)
     Metres, in world.
 covariance : array, shape (2 n, 2 n) or (n, 2, 2)
-    Of `world` [m^2]: of (x0, y0, x1, y1, ...), or of each point where they share nothing.
+    Covariance of `world` [m^2]: joint over (x0, y0, x1, y1, ...), or per point if independent.
 
 Returns
 -------
@@ -115,27 +116,27 @@ void bind_point_models(py::module_& m) {
                      "m/s / sqrt(s), of each axis.");
   using VelocityConfig = VelocityModel::Config;
   py::class_<VelocityConfig>(m, "VelocityConfig",
-                             "What wheels err by, which points of the body share, and what each "
-                             "errs by itself.")
+                             "Velocity noise: that of the wheels, common to all points of the "
+                             "body, and that of each point.")
       .def(py::init<>())
       .def_readwrite("sigma_forward_mps", &VelocityConfig::sigma_forward_mps)
       .def_readwrite("sigma_lateral_mps", &VelocityConfig::sigma_lateral_mps)
       .def_readwrite("sigma_turn_rate_radps", &VelocityConfig::sigma_turn_rate_radps)
       .def_readwrite("sigma_point_mps", &VelocityConfig::sigma_point_mps,
-                     "Each point, each axis; > 0.");
+                     "Independent per point and axis; > 0.");
   using DistanceConfig = PointDistanceModel::Config;
-  py::class_<DistanceConfig>(m, "PointDistanceConfig", "How well a distance is known.")
+  py::class_<DistanceConfig>(m, "PointDistanceConfig", "Noise of a known distance.")
       .def(py::init<>())
       .def_readwrite("sigma_m", &DistanceConfig::sigma_m);
 
-  py::class_<VelocityModel>(m, "VelocityModel",
-                            "Velocities of points on a body as its wheels tell them; "
-                            "docs/models/velocity.md.")
+  py::class_<VelocityModel>(
+      m, "VelocityModel",
+      "Velocities of points on a body from wheel odometry; docs/models/velocity.md.")
       .def(py::init<const VelocityConfig&>(), py::arg("config"))
       .def_static("predict", &VelocityModel::predict, py::arg("heading"), py::arg("twist"),
                   py::arg("point_in_body"),
-                  "In world (2,) [m/s], of a body with `twist` (forward [m/s], left [m/s], turn "
-                  "rate [rad/s]).")
+                  "Velocity (2,) in world [m/s] of a point on a body with `twist` (forward [m/s], "
+                  "left [m/s], turn rate [rad/s]).")
       .def(
           "linearize",
           [](const VelocityModel& model, const Vector<6>& velocities, double heading,
@@ -145,9 +146,8 @@ void bind_point_models(py::module_& m) {
           },
           py::arg("velocities"), py::arg("heading"), py::arg("twist"), py::arg("points_in_body"),
           "Linearization (6 x 6) of three points (3, 2) with velocities (6,) in world.");
-  py::class_<PointDistanceModel>(m, "PointDistanceModel",
-                                 "A known distance between two points; "
-                                 "docs/models/point_distance.md.")
+  py::class_<PointDistanceModel>(
+      m, "PointDistanceModel", "Known distance between two points; docs/models/point_distance.md.")
       .def(py::init<const DistanceConfig&>(), py::arg("config"))
       .def_static("predict", &PointDistanceModel::predict, py::arg("a"), py::arg("b"))
       .def(
@@ -158,46 +158,48 @@ void bind_point_models(py::module_& m) {
             return lin ? std::optional(any_size(*lin)) : std::nullopt;
           },
           py::arg("a"), py::arg("b"), py::arg("distance"),
-          "Linearization (1 x 4) with respect to (a, b); None if they lie together.");
+          "Linearization (1 x 4) with respect to (a, b); None if the points coincide.");
 }
 
 void bind_tag_order(py::module_& m) {
   using locfuse::TagOrder;
   using locfuse::TagOrderVerdict;
   py::native_enum<TagOrderVerdict>(m, "TagOrderVerdict", "enum.Enum",
-                                   "Whether fixes of three tags fit their triangle.")
-      .value("FITS", TagOrderVerdict::kFits, "With the ids they bear.")
-      .value("SWAPPED", TagOrderVerdict::kSwapped, "Only with other ids, and only these.")
-      .value("AMBIGUOUS", TagOrderVerdict::kAmbiguous, "Only with other ids, several of them.")
-      .value("NO_FIT", TagOrderVerdict::kNoFit, "With no ids.")
+                                   "Whether fixes of three tags match their triangle.")
+      .value("FITS", TagOrderVerdict::kFits, "With the given ids.")
+      .value("SWAPPED", TagOrderVerdict::kSwapped, "Only with other ids, uniquely.")
+      .value("AMBIGUOUS", TagOrderVerdict::kAmbiguous, "Only with other ids, in several orders.")
+      .value("NO_FIT", TagOrderVerdict::kNoFit, "In no order of ids.")
       .finalize();
-  py::class_<TagOrder>(m, "TagOrder", "Which tag is which, as fixes of one epoch tell.")
+  py::class_<TagOrder>(m, "TagOrder", "Assignment of ids to three tags from fixes of one epoch.")
       .def_readonly("verdict", &TagOrder::verdict)
       .def_readonly("given", &TagOrder::given, "The ids of the fixes.")
-      .def_readonly("ids", &TagOrder::ids, "Those that fit best, in the order of the fixes.")
-      .def_readonly("nis", &TagOrder::nis, "Of the ids given, 3 degrees of freedom.")
-      .def_readonly("limit", &TagOrder::limit, "What that may be.")
-      .def_readonly("best", &TagOrder::best, "nis of `ids`.")
+      .def_readonly("ids", &TagOrder::ids, "Ids that fit best, in the order of the fixes.")
+      .def_readonly("nis", &TagOrder::nis, "NIS with the given ids, 3 degrees of freedom.")
+      .def_readonly("limit", &TagOrder::limit, "Largest `nis` that passes.")
+      .def_readonly("best", &TagOrder::best, "NIS with `ids`.")
       .def("__str__", [](const TagOrder& order) { return locfuse::to_string(order); })
       .def("__repr__",
            [](const TagOrder& order) { return "TagOrder(" + locfuse::to_string(order) + ")"; });
   m.def("tag_order", &locfuse::tag_order, py::arg("tags"), py::arg("fixes"),
         py::arg("probability") = 0.999,
-        R"(Try the fixes of three tags of one epoch on their triangle in every order.
+        R"(Check the ids of three tag fixes of one epoch against their triangle.
+
+Every order of the ids is tried.
 
 Parameters
 ----------
 tags : list of Tag
     Three.
 fixes : list of PositionFix
-    One of each, of one stamp.
+    One per tag, all with the same stamp.
 probability : float
-    Of a right order to pass.
+    Probability that the correct order passes.
 
 Returns
 -------
 TagOrder
-    Its text names the ids that would fit.
+    `str()` of it names the ids that would fit.
 
 Raises
 ------
@@ -211,38 +213,41 @@ void bind_conditioner(py::module_& m) {
   using locfuse::TagConditioner;
   using locfuse::TagVerdict;
   using Config = TagConditioner::Config;
-  py::native_enum<TagVerdict>(m, "TagVerdict", "enum.Enum", "What became of a fix of an RTLS.")
+  py::native_enum<TagVerdict>(m, "TagVerdict", "enum.Enum", "Result of conditioning an RTLS fix.")
       .value("PASSED", TagVerdict::kPassed)
-      .value("RESTARTED", TagVerdict::kRestarted, "So many were jumps that it starts anew here.")
-      .value("JUMP", TagVerdict::kJump, "Further than the machine can have gone.")
+      .value("RESTARTED", TagVerdict::kRestarted,
+             "Accepted after too many jumps in a row; the filter restarts here.")
+      .value("JUMP", TagVerdict::kJump, "Farther than the machine can have moved.")
       .value("FROZEN", TagVerdict::kFrozen,
-             "Bit for bit the fix before, though the wheels say that the tag moved.")
-      .value("STALE", TagVerdict::kStale, "Before the one that passed last.")
-      .value("UNKNOWN_TAG", TagVerdict::kUnknownTag, "Of no tag, or one that is not on the body.")
+             "Bitwise equal to the previous fix although the tag moved according to the wheels.")
+      .value("STALE", TagVerdict::kStale, "Older than the last fix that passed.")
+      .value("UNKNOWN_TAG", TagVerdict::kUnknownTag,
+             "Without a tag id, or of a tag that is not on the body.")
       .finalize();
-  py::class_<ConditionedFix>(m, "ConditionedFix", "A fix of an RTLS and what became of it.")
+  py::class_<ConditionedFix>(m, "ConditionedFix", "RTLS fix after conditioning.")
       .def_readonly("verdict", &ConditionedFix::verdict)
       .def_readonly("fix", &ConditionedFix::fix, "Bias removed, low-passed; None unless it passed.")
       .def("__repr__", [](const ConditionedFix& c) {
         return std::string("ConditionedFix(") + (c.fix ? "passed" : "rejected") + ")";
       });
-  py::class_<Config>(m, "TagConditionerConfig", "What an RTLS does, and what the machine can do.")
+  py::class_<Config>(m, "TagConditionerConfig", "Properties of the RTLS and limits of the machine.")
       .def(py::init<>())
-      .def_readwrite("cutoff_hz", &Config::cutoff_hz, "Of the low-pass; 0 is none.")
-      .def_readwrite("bias_x_m", &Config::bias_x_m, "Taken from every fix, in world.")
+      .def_readwrite("cutoff_hz", &Config::cutoff_hz, "Cutoff of the low-pass [Hz]; 0: none.")
+      .def_readwrite("bias_x_m", &Config::bias_x_m, "Bias subtracted from every fix, in world [m].")
       .def_readwrite("bias_y_m", &Config::bias_y_m)
-      .def_readwrite("max_speed_mps", &Config::max_speed_mps, "Of a tag.")
-      .def_readwrite("jump_margin_m", &Config::jump_margin_m, "Beyond what that speed allows.")
-      .def_readwrite("restart_after", &Config::restart_after, "Jumps in a row.")
+      .def_readwrite("max_speed_mps", &Config::max_speed_mps, "Maximum speed of a tag [m/s].")
+      .def_readwrite("jump_margin_m", &Config::jump_margin_m,
+                     "Margin beyond the distance at that speed [m].")
+      .def_readwrite("restart_after", &Config::restart_after,
+                     "Number of jumps in a row after which it restarts.")
       .def_readwrite("frozen_motion_m", &Config::frozen_motion_m,
-                     "A tag that went further has another fix.")
-      .def_readwrite("hold_s", &Config::hold_s,
-                     "How long a velocity is believed without a new one.");
+                     "A fix that stays equal over this motion is FROZEN [m].")
+      .def_readwrite("hold_s", &Config::hold_s, "Timeout of a velocity [s].");
   py::class_<TagConditioner>(
       m, "TagConditioner",
-      R"(Conditions the fixes of an RTLS, tag by tag, before a filter sees them.
+      R"(Conditions the fixes of an RTLS, per tag, before they reach a filter.
 
-Takes a constant bias off, rejects jumps and values that are stuck, and low-passes the rest;
+Removes a constant bias, rejects jumps and frozen values, and low-passes the rest;
 docs/models/tag_triangle_ekf.md.
 
 Parameters
@@ -259,7 +264,9 @@ ValueError
       .def("on", py::overload_cast<const locfuse::Velocity&>(&TagConditioner::on),
            py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Increment&>(&TagConditioner::on),
-           py::arg("message"), "Wheel odometry, which tells how far each tag went.")
+           py::arg("message"),
+           "Processes wheel odometry, from which the motion of each tag follows, or conditions a "
+           "fix.")
       .def("on", py::overload_cast<const PositionFix&>(&TagConditioner::on), py::arg("message"))
       .def("__repr__", [](const TagConditioner&) { return "TagConditioner()"; });
 }
@@ -277,37 +284,38 @@ void bind_ekf(py::module_& m) {
       .def_readwrite("position", &Config::position)
       .def_readwrite("limits", &Config::limits)
       .def_readwrite("sides_m", &Config::sides_m,
-                     "None, or (3,) from tag 0 to 1, 1 to 2, 2 to 0 as a tape tells.")
+                     "Measured sides (3,) [m] from tag 0 to 1, 1 to 2, 2 to 0, or None.")
       .def_readwrite("heading_is_known", &Config::heading_is_known,
-                     "Whether wheels turn to velocities by a heading without error, as in the "
-                     "paper; else by that of the tags, with its Jacobian.")
+                     "Whether the heading that rotates wheel velocities is taken as exact, as in "
+                     "the paper; otherwise that of the tags is used, with its Jacobian.")
       .def_readwrite("sigma_start_velocity_mps", &Config::sigma_start_velocity_mps)
-      .def_readwrite("gate_position", &Config::gate_position, "Probability that a good fix passes.")
+      .def_readwrite("gate_position", &Config::gate_position,
+                     "Probability that an inlier fix passes.")
       .def_readwrite("gate_velocity", &Config::gate_velocity)
       .def_readwrite("gate_side", &Config::gate_side)
       .def_readwrite("gate_range", &Config::gate_range);
   py::class_<TagTriangleEkf>(m, "TagTriangleEkf",
                              R"(Extended Kalman filter over positions and velocities of three tags.
 
-The 12-state filter of celan2017, section III.D: fixes of the tags, the velocities that wheel
-odometry gives them, the sides of their triangle; docs/models/tag_triangle_ekf.md. Slots are
+The 12-state filter of celan2017, section III.D: fixes of the tags, their velocities from wheel
+odometry, the sides of their triangle; docs/models/tag_triangle_ekf.md. Slots are
 `tag0.position` to `tag2.position`, then `tag0.velocity` to `tag2.velocity`.
 
 Parameters
 ----------
 config : TagTriangleEkfConfig
 tags : list of Tag
-    Three that make a triangle.
+    Three, not collinear.
 start : PoseEstimate or list of PositionFix
-    A pose, or a fix of each tag with one stamp.
+    A pose, or one fix per tag with the same stamp.
 anchors : AnchorMap, optional
     For ranges.
 
 Raises
 ------
 ValueError
-    If the config is out of range, the tags make no triangle, the start is not finite and positive
-    definite, or fixes do not fit the triangle; the text names the order of ids that would.
+    If the config is out of range, the tags do not form a triangle, the start is not finite and
+    positive definite, or fixes do not match the triangle; the text names the ids that would.
 
 Examples
 --------
@@ -339,28 +347,30 @@ Examples
       .def("on", py::overload_cast<const locfuse::Increment&>(&TagTriangleEkf::on),
            py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Range&>(&TagTriangleEkf::on), py::arg("message"),
-           "Fuses one message. One that is not fused changes no bit of the estimator. Odometry is "
-           "followed by the sides of the triangle.")
+           "Fuses one message; a message that is not fused leaves the estimator unchanged. After "
+           "odometry the sides of the triangle are fused.")
       .def("hold_sides", &TagTriangleEkf::hold_sides,
-           "Fuses the three sides where the belief is: for who has no odometry.")
+           "Fuses the three sides at the current belief; for use without odometry.")
       .def("advance_to", &TagTriangleEkf::advance_to, py::arg("stamp"))
-      .def("fit", &TagTriangleEkf::fit, "The body on the tags; its nis tells how rigid they are.")
+      .def("fit", &TagTriangleEkf::fit,
+           "RigidFit of the body to the tags; its `nis` measures their rigidity.")
       .def("pose", &TagTriangleEkf::pose)
       .def("estimate", py::overload_cast<>(&TagTriangleEkf::estimate, py::const_),
-           "The belief at its own stamp.")
+           "PoseEstimate at the stamp of the belief.")
       .def("estimate", py::overload_cast<Stamp>(&TagTriangleEkf::estimate, py::const_),
-           py::arg("stamp"), "The belief carried to `stamp` [ns], which must not lie before it.")
+           py::arg("stamp"),
+           "PoseEstimate propagated to `stamp` [ns], which must not precede the belief.")
       .def_property_readonly("sides", &TagTriangleEkf::sides,
-                             "What became of the three sides that were fused last.")
+                             "Outcomes of the three sides that were fused last.")
       .def_property_readonly("tags", &TagTriangleEkf::tags)
       .def_property_readonly("belief", &TagTriangleEkf::belief, py::return_value_policy::copy)
       .def_property_readonly("interventions", &TagTriangleEkf::interventions,
-                             "How often a variance left its bounds and was put back.")
+                             "Number of times a variance was clamped to its bounds.")
       .def(
-          "__copy__", [](const TagTriangleEkf& ekf) { return ekf; }, "A snapshot.")
+          "__copy__", [](const TagTriangleEkf& ekf) { return ekf; }, "Independent copy.")
       .def(
           "__deepcopy__", [](const TagTriangleEkf& ekf, const py::object& /*memo*/) { return ekf; },
-          py::arg("memo"), "A snapshot.")
+          py::arg("memo"), "Independent copy.")
       .def("__repr__", [](const TagTriangleEkf& ekf) {
         return "TagTriangleEkf(at " + std::to_string(ekf.belief().stamp) + " ns)";
       });

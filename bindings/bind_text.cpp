@@ -21,9 +21,9 @@ namespace py = pybind11;
 
 namespace {
 
-constexpr std::size_t kLongestName = 255;  // bytes; numpy pads every name to the longest
-constexpr std::size_t kMostPadded = 16;    // times the text, and some that every text may have:
-constexpr std::size_t kAlwaysPadded = 64 << 20;  // bytes
+constexpr std::size_t kLongestName = 255;       // bytes; numpy pads every name to the longest
+constexpr std::size_t kMaxPadding = 16;         // times the size of the text, plus
+constexpr std::size_t kFreePadding = 64 << 20;  // bytes for any text
 constexpr int kNanosecondDigits = 9;
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
@@ -36,7 +36,7 @@ std::size_t bytes_of_code_point(char lead) {
   return byte >= 0xF0 && byte < 0xF5 ? 4 : 0;
 }
 
-/// Read one code point and step over it; false if the bytes are not UTF-8.
+/// Reads one code point and advances `at`; false if the bytes are not UTF-8.
 bool next_code_point(const char*& at, const char* end, char32_t& code) {
   constexpr char32_t kSmallest[] = {0, 0, 0x80, 0x800, 0x10000};
   const std::size_t size = bytes_of_code_point(*at);
@@ -52,7 +52,7 @@ bool next_code_point(const char*& at, const char* end, char32_t& code) {
   return code >= kSmallest[size] && code <= 0x10FFFF && (code < 0xD800 || code > 0xDFFF);
 }
 
-/// Code points of UTF-8 text, or -1 if it is something else.
+/// Number of code points of UTF-8 text, or -1 if the text is not UTF-8.
 std::ptrdiff_t count_code_points(std::string_view text) {
   std::ptrdiff_t count = 0;
   char32_t code = 0;
@@ -62,7 +62,7 @@ std::ptrdiff_t count_code_points(std::string_view text) {
   return count;
 }
 
-/// Bytes as they can be shown in an error message.
+/// Printable form of bytes for an error message.
 std::string quoted(std::string_view text) {
   constexpr std::size_t kLongest = 40;
   constexpr char kHex[] = "0123456789abcdef";
@@ -78,14 +78,14 @@ std::string quoted(std::string_view text) {
   return shown + (text.size() > kLongest ? "...'" : "'");
 }
 
-/// std::from_chars reports underflow and overflow alike; underflow is a number all the same.
+/// std::from_chars does not distinguish underflow from overflow; underflow is a valid number.
 bool parse_extreme(const char* first, const char* last, double& value) {
   std::istringstream stream(std::string(first, last));
   stream.imbue(std::locale::classic());
   return static_cast<bool>(stream >> value);
 }
 
-/// Where a float64 (finite or not) that starts at `at` ends; nullptr if none does.
+/// End of the float64 (finite or not) that starts at `at`; nullptr if there is none.
 const char* scan_double(const char* at, const char* end, double& value) {
   if (end - at > 1 && *at == '+' && at[1] != '-' && at[1] != '+') ++at;
   const auto [stop, error] = std::from_chars(at, end, value);
@@ -100,7 +100,7 @@ const char* scan_finite(const char* at, const char* end, double& value) {
   return stop != nullptr && std::isfinite(value) ? stop : nullptr;
 }
 
-/// A decimal number in parts: its digits without the point, and how many stand before it.
+/// Decimal number in parts: its digits, and how many of them precede the point.
 struct Decimal {
   bool negative = false;
   const char* digits = nullptr;  ///< may contain one '.'
@@ -108,9 +108,10 @@ struct Decimal {
   std::int64_t before_point = 0;
 };
 
-/// Where the exponent that starts at `at` ends; `at` itself if there is none.
+/// End of the exponent that starts at `at`; `at` itself if there is none.
 const char* scan_exponent(const char* at, const char* end, std::int64_t& exponent) {
-  constexpr std::int64_t kHuge = 1'000'000'000;  // beyond any text; keeps the sum from wrapping
+  constexpr std::int64_t kHuge =
+      1'000'000'000;  // larger than any text; prevents overflow of the sum
   exponent = 0;
   if (at == end || (*at != 'e' && *at != 'E')) return at;
   const char* c = at + 1;
@@ -142,7 +143,7 @@ const char* scan_decimal(const char* at, const char* end, Decimal& decimal) {
   return at;
 }
 
-/// Decimal seconds in nanoseconds, rounded half away from zero; false if they do not fit.
+/// Converts decimal seconds to nanoseconds, rounded half away from zero; false on overflow.
 bool to_nanoseconds(const Decimal& decimal, std::int64_t& nanoseconds) {
   const std::uint64_t limit =
       static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max()) + decimal.negative;
@@ -174,14 +175,14 @@ const char* scan_seconds(const char* at, const char* end, std::int64_t& nanoseco
   return stop != nullptr && to_nanoseconds(decimal, nanoseconds) ? stop : nullptr;
 }
 
-/// One column while it grows; only the vector of its kind is in use.
+/// Column under construction; only the vector of its kind is used.
 struct Column {
   char kind = 'f';
   std::vector<double> numbers;
   std::vector<std::int64_t> stamps;
   std::vector<std::string_view> names;  ///< into the text
   std::ptrdiff_t longest_name = 1;      ///< [code points]
-  std::int64_t longest_line = 0;        ///< that has it
+  std::int64_t longest_line = 0;        ///< line of the longest name
 
   std::size_t rows() const { return numbers.size() + stamps.size() + names.size(); }
   void reserve(std::size_t rows) {
@@ -195,9 +196,8 @@ struct Column {
   }
 };
 
-/// Reads a table in one pass. A number is read where it stands and its end must be the end of the
-/// field, so fields are not searched first; a line that does not go through is then looked at
-/// again, slowly, to say what is wrong with it.
+/// Parses a table in one pass. Numbers are parsed in place and must end where the field ends, so
+/// fields are not split first; a line that fails is parsed again, slowly, to explain the error.
 class TableParser {
  public:
   TableParser(std::string_view text, const std::string& kinds, char delimiter, std::string name)
@@ -209,7 +209,7 @@ class TableParser {
   }
 
   std::vector<Column> parse(std::int64_t first_line) {
-    const std::size_t most = kMostPadded * static_cast<std::size_t>(end_ - at_) + kAlwaysPadded;
+    const std::size_t max_bytes = kMaxPadding * static_cast<std::size_t>(end_ - at_) + kFreePadding;
     for (line_ = 1; at_ != end_; ++line_) {
       if (line_ >= first_line && !is_skipped()) {
         if (columns_.front().rows() == 0) reserve();
@@ -218,7 +218,7 @@ class TableParser {
       at_ = line_end(at_);
       if (at_ != end_) ++at_;
     }
-    check_padding(most);
+    check_padding(max_bytes);
     return std::move(columns_);
   }
 
@@ -237,7 +237,7 @@ class TableParser {
   }
   bool is_skipped() const { return *at_ == '#' || ends_line(skip_blanks(at_)); }
 
-  /// Room for the rest of the text if all lines are about as long as this one.
+  /// Reserves rows for the rest of the text, assuming lines about as long as this one.
   void reserve() {
     const auto line = static_cast<std::size_t>(line_end(at_) - at_) + 1;
     const auto rows = static_cast<std::size_t>(end_ - at_) / line;
@@ -252,7 +252,7 @@ class TableParser {
     }
   }
 
-  /// Step from the end of a field to the begin of the next, or to the end of the line.
+  /// Advances from the end of a field to the start of the next, or to the end of the line.
   bool step_over_separator(bool is_last) {
     const char* stop = skip_blanks(at_);
     if (is_last) {
@@ -264,7 +264,7 @@ class TableParser {
     return is_separated;
   }
 
-  /// Read the field that starts at `at` and return its end, or nullptr if it is no value.
+  /// Parses the field that starts at `at` and returns its end, or nullptr if it is not valid.
   const char* parse_field(Column& column, const char* at) const {
     if (column.kind == 't') return parse_name(column, at);
     if (column.kind == 's') {
@@ -281,23 +281,23 @@ class TableParser {
     return stop;
   }
 
-  /// All the names in numpy's memory may take `most` bytes: a long one makes all of a column long.
-  void check_padding(std::size_t most) {
+  /// Throws if the names take more than `max_bytes` in numpy, which pads a column to its longest
+  /// name.
+  void check_padding(std::size_t max_bytes) {
     const auto bytes = [](const Column& column) {
       return sizeof(char32_t) * static_cast<std::size_t>(column.longest_name) * column.names.size();
     };
     std::size_t sum = 0;
     for (const Column& column : columns_) sum += bytes(column);
-    if (sum <= most) return;
+    if (sum <= max_bytes) return;
     const auto worst =
         std::max_element(columns_.begin(), columns_.end(),
                          [&](const Column& a, const Column& b) { return bytes(a) < bytes(b); });
     line_ = worst->longest_line;
     fail("column " + std::to_string(worst - columns_.begin() + 1) + " has a name of " +
          std::to_string(worst->longest_name) + " characters, and " +
-         std::to_string(worst->names.size()) +
-         " rows whose names would take as much memory each: " + std::to_string(sum >> 20U) +
-         " MB in all; shorten it");
+         std::to_string(worst->names.size()) + " rows, each padded to that length: " +
+         std::to_string(sum >> 20U) + " MB in all; shorten it");
   }
 
   const char* parse_name(Column& column, const char* at) const {
@@ -346,7 +346,7 @@ class TableParser {
     }
   }
 
-  /// What is wrong with a field, empty if nothing is.
+  /// Description of what is wrong with a field; empty if it is valid.
   static std::string complaint(char kind, std::string_view field) {
     const char *first = field.data(), *last = first + field.size();
     if (kind == 't') {
@@ -387,7 +387,7 @@ class TableParser {
   std::vector<Column> columns_;
 };
 
-/// Hand a vector to numpy without copying it.
+/// Moves a vector into a numpy array without copying.
 template <class T>
 py::array to_numpy(std::vector<T>&& values) {
   auto owner = std::make_unique<std::vector<T>>(std::move(values));
@@ -452,8 +452,8 @@ void bind_text(py::module_& m) {
         py::arg("first_line"), py::arg("name"),
         R"(Parse delimited decimal text, column by column.
 
-Blank lines and lines that start with ``#`` are skipped. Spaces and tabs around a field do not
-count. Nothing is quoted.
+Blank lines and lines that start with ``#`` are skipped. Spaces and tabs around a field are ignored.
+Quotes have no special meaning.
 
 Parameters
 ----------
@@ -461,12 +461,12 @@ text : bytes
     UTF-8; lines end in ``\n`` or ``\r\n``.
 kinds : str
     One letter per column: ``f`` finite float64; ``g`` the same, where an empty field is NaN;
-    ``s`` decimal seconds read exactly as int64 nanoseconds (what is below a nanosecond is rounded
-    half away from zero); ``t`` text of at most 255 bytes.
+    ``s`` decimal seconds converted exactly to int64 nanoseconds (fractions of a nanosecond are
+    rounded half away from zero); ``t`` text of at most 255 bytes.
 delimiter : str
     ``,``, ``;``, ``|``, tab, or a space for any run of spaces and tabs.
 first_line : int
-    Number of the first line to parse, from 1; those before it (a header) are passed over.
+    Number of the first line to parse, from 1; lines before it (a header) are skipped.
 name : str
     Name of the text in error messages.
 
@@ -479,8 +479,8 @@ Raises
 ------
 ValueError
     If a line has too few or too many fields or a field is not of its kind; the text names the
-    line and the column, both from 1. Or if names would take more than 64 MB and 16 times the
-    text, as each takes as much as the longest of its column.
+    line and the column, both from 1. Also if the names, each padded to the longest of its column,
+    would take more than 64 MB plus 16 times the size of the text.
 
 Examples
 --------

@@ -9,7 +9,7 @@
 
 #include "locfuse/math/linearization.hpp"
 
-/// One function per room registers what Python sees of it; module.cpp calls them in order.
+/// Binding functions, one per topic; module.cpp calls them in order.
 void bind_math(pybind11::module_& m);
 void bind_geometry(pybind11::module_& m);
 void bind_messages(pybind11::module_& m);
@@ -34,7 +34,7 @@ void bind_replay(pybind11::module_& m);
 void bind_live(pybind11::module_& m);
 void bind_text(pybind11::module_& m);
 
-/// Linearization of any size: what Python makes and gets.
+/// Linearization of any size, the type Python constructs and receives.
 using AnyLinearization = locfuse::Linearization<Eigen::Dynamic, Eigen::Dynamic>;
 
 template <int M, int N, int MaxM>

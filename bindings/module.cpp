@@ -9,10 +9,10 @@ PYBIND11_MODULE(_core, m) {
   m.doc() = "The C++ core of locfuse; use it through `import locfuse`.";
   m.attr("__version__") = LOCFUSE_VERSION;
   py::register_exception<locfuse::NumericalError>(m, "NumericalError", PyExc_ArithmeticError);
-  m.def("compiler", &locfuse::compiler, "The compiler that made the core, such as 'GCC 12.2.0'.");
+  m.def("compiler", &locfuse::compiler, "Compiler that built the core, such as 'GCC 12.2.0'.");
   m.def("kernels", &locfuse::kernels,
-        "Which kernels run here: 'avx2', with fused products and sums, or 'portable'. Both do the "
-        "same, but for the last bits.");
+        "Vector kernels in use: 'avx2', with fused multiply-add, or 'portable'. Results differ "
+        "only by rounding.");
   bind_math(m);
   bind_geometry(m);
   bind_messages(m);

@@ -8,12 +8,11 @@
 #include <utility>
 #include <vector>
 
-/// Column of numbers from Python, made contiguous and of this type.
+/// Numbers from Python, converted to a contiguous array of type T.
 template <class T>
 using Column = pybind11::array_t<T, pybind11::array::c_style | pybind11::array::forcecast>;
 
-/// Column from Python that is to hold integers, as it came: made one of type T, they would be cut
-/// off.
+/// Integers from Python, not converted yet: a conversion to T would truncate silently.
 template <class T>
 struct Integers {
   pybind11::array as_given;
@@ -30,8 +29,8 @@ struct type_caster<Integers<T>> {
 };
 }  // namespace pybind11::detail
 
-/// The same as a column of type T. Throws pybind11::type_error unless they are integers, and
-/// std::invalid_argument for the first that T does not hold.
+/// Converts `integers` to type T. Throws pybind11::type_error unless they are integers, and
+/// std::invalid_argument for the first value that T cannot represent.
 template <class T>
 Column<T> checked(const char* name, const Integers<T>& integers, const char* expected) {
   const pybind11::array& given = integers.as_given;
@@ -74,7 +73,7 @@ inline void expect_shape(const char* name, const pybind11::array& column, pybind
   }
 }
 
-/// Hands a vector to numpy without copying it.
+/// Moves a vector into a numpy array without copying.
 template <class T>
 pybind11::array_t<T> to_numpy(std::vector<T>&& values, std::vector<pybind11::ssize_t> shape) {
   auto owner = std::make_unique<std::vector<T>>(std::move(values));

@@ -5,14 +5,14 @@
 
 #include "locfuse/replay/message_log.hpp"
 
-/// A log that is replayed or grown without the GIL. `uses` changes under the GIL only.
+/// Log that is replayed or extended without the GIL. `uses` changes only while holding the GIL.
 struct SharedLog {
   locfuse::MessageLog log;
-  int uses = 0;  // replays that go on, or -1 while it changes
+  int uses = 0;  // number of running replays, or -1 while the log is modified
 };
 
-/// One use of a log, refused where another use goes on that it would disturb. Made before the GIL
-/// is released, destroyed after it is back.
+/// Guard for one use of a log: throws std::runtime_error if a conflicting use is running. Construct
+/// it before the GIL is released and destroy it after the GIL is reacquired.
 class Use {
  public:
   enum class Kind { kRead, kChange };

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# Flags for our own code only: link PRIVATE to locfuse_warnings.
+# Warning flags for locfuse itself: link PRIVATE to locfuse_warnings.
 add_library(locfuse_warnings INTERFACE)
 target_compile_options(
   locfuse_warnings
@@ -9,9 +9,9 @@ if(LOCFUSE_WERROR)
   target_compile_options(locfuse_warnings INTERFACE -Werror)
 endif()
 if(LOCFUSE_SANITIZE)
-  # Unoptimized, the tests take many times as long; optimized and sanitized, GCC 12 calls empty
-  # optionals of Eigen's matrices uninitialized. The checks left out double the time of compiling
-  # Eigen, and find what AddressSanitizer and Eigen's assertions find, too.
+  # The tests are many times slower without optimization; with optimization and sanitizers, GCC 12
+  # reports empty optionals of Eigen matrices as uninitialized. The disabled checks double the compile
+  # time of Eigen and only find errors that AddressSanitizer and Eigen's assertions find as well.
   target_compile_options(
     locfuse_warnings
     INTERFACE
@@ -36,7 +36,7 @@ if(LOCFUSE_SANITIZE_THREADS)
   target_link_options(locfuse_warnings INTERFACE -fsanitize=thread)
 endif()
 if(LOCFUSE_COVERAGE)
-  # Counters that several threads write, and none in the headers of others: they take minutes a test.
+  # Atomic counters for threads, and none in third-party headers, which would take minutes per test.
   target_compile_options(
     locfuse_warnings
     INTERFACE

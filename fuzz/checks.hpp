@@ -15,7 +15,7 @@
 #include "locfuse/filters/outcome.hpp"
 #include "support/bits.hpp"
 
-/// What holds after every call, whatever it was told.
+/// Invariants that hold after every call, whatever the input.
 namespace locfuse::fuzz {
 
 inline void require(bool holds, const char* claim) {
@@ -25,7 +25,8 @@ inline void require(bool holds, const char* claim) {
   }
 }
 
-/// Whether the call returned; the errors that are documented are the only ones there are.
+/// Whether the call returned; any exception other than the documented ones escapes and is a
+/// finding.
 template <class Call>
 bool returns(const Call& call) {
   try {
@@ -38,22 +39,23 @@ bool returns(const Call& call) {
   }
 }
 
-/// Positive definite, of a filter whatever it was told. Of a front end as long as every number was
-/// plausible: beyond, where variances lie further apart than a double has digits, each is positive.
+/// Aborts unless a covariance is sound: positive definite if `plausible`, as for every filter. For
+/// the implausible numbers of a front end, whose variances can differ by more than the precision of
+/// a double, only the variances must be positive.
 template <class Derived>
 void require_covariance(bool plausible, const Eigen::MatrixBase<Derived>& P) {
   const Eigen::MatrixXd dense = P;
-  const auto require_of_it = [&](bool holds, const char* claim) {
+  const auto require_or_print = [&](bool holds, const char* claim) {
     if (!holds) {
       std::cerr << std::setprecision(17) << dense << '\n';
       require(false, claim);
     }
   };
-  require_of_it(dense.allFinite(), "the covariance is finite");
-  require_of_it(testing::same_bits(dense, dense.transpose()), "the covariance is symmetric");
-  require_of_it(dense.diagonal().minCoeff() > 0.0, "variances are positive");
-  require_of_it(!plausible || dense.llt().info() == Eigen::Success,
-                "the covariance is positive definite");
+  require_or_print(dense.allFinite(), "the covariance is finite");
+  require_or_print(testing::same_bits(dense, dense.transpose()), "the covariance is symmetric");
+  require_or_print(dense.diagonal().minCoeff() > 0.0, "variances are positive");
+  require_or_print(!plausible || dense.llt().info() == Eigen::Success,
+                   "the covariance is positive definite");
 }
 
 template <class Derived>
@@ -62,7 +64,8 @@ void require_covariance(const Reader& io, const Eigen::MatrixBase<Derived>& P) {
 }
 
 inline void require_sound(const GaussianBelief& belief) {
-  require(belief.stamp > -kStampLimit && belief.stamp < kStampLimit, "the stamp is in its limit");
+  require(belief.stamp > -kStampLimit && belief.stamp < kStampLimit,
+          "the stamp is within its limit");
   require(belief.x.allFinite(), "the state is finite");
   for (const int row : belief.angle_rows()) {
     require(belief.x(row) >= -kPi && belief.x(row) < kPi, "angles are wrapped");
@@ -76,10 +79,10 @@ inline bool is_fused(const std::vector<Outcome>& outcomes) {
                      [](const Outcome& outcome) { return is_fused(outcome); });
 }
 
-/// Tells an estimator something: what is not fused, or refused, changes no bit of the belief and of
-/// where odometry carries it; and the belief stays sound.
+/// Calls an estimator and checks it: a message that is not fused, or rejected, changes neither the
+/// belief nor the propagated estimate bitwise, and the belief stays sound.
 template <class Estimator, class Call>
-void tell(Estimator& estimator, const Call& call) {
+void call_and_check(Estimator& estimator, const Call& call) {
   const Estimator before = estimator;
   bool fused = false;
   returns([&] { fused = is_fused(call(estimator)); });
@@ -88,12 +91,12 @@ void tell(Estimator& estimator, const Call& call) {
     return;
   }
   require(testing::same_bits(before.belief(), estimator.belief()),
-          "a message that is not fused changes no bit");
+          "a message that is not fused leaves the belief unchanged");
   returns([&] {
     const auto a = before.estimate();
     const auto b = estimator.estimate();
     require(a.stamp == b.stamp && testing::same_bits(a.covariance, b.covariance),
-            "a message that is not fused changes no bit of what odometry told");
+            "a message that is not fused leaves the estimate unchanged");
   });
 }
 

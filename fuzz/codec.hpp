@@ -14,12 +14,11 @@
 #include "locfuse/geometry/pose2.hpp"
 #include "locfuse/time.hpp"
 
-/// Inputs of fuzz targets as bytes. What is told to `code` for a Reader is what it reads, and for a
-/// Writer what it writes, so that meaningful streams and what the fuzzer makes of them share one
-/// form.
+/// Byte format of the inputs of fuzz targets. One function `code` reads from a Reader and writes to
+/// a Writer, so that the generated corpus and the inputs of the fuzzer share one format.
 namespace locfuse::fuzz {
 
-/// Values that break sums, squares, casts and comparisons.
+/// Values likely to break sums, squares, casts and comparisons.
 inline constexpr double kNasty[] = {
     0.0,
     -0.0,
@@ -41,23 +40,23 @@ inline constexpr double kNasty[] = {
     -kPi,
 };
 
-/// Reads from the front; zeros after the end. Two bytes make a plausible number, a mark before a
-/// byte or eight any other.
+/// Reads bytes in order, zeros after the end. Two bytes encode a plausible number; a mark followed
+/// by eight bytes, or a mark of a value in kNasty, any other.
 class Reader {
  public:
   Reader(const std::uint8_t* data, std::size_t size) : data_(data), end_(data + size) {}
 
   [[nodiscard]] bool empty() const { return data_ == end_; }
 
-  /// Whether every number so far was a plausible one, and no clock jumped.
+  /// Whether every number so far was plausible and no clock jumped.
   [[nodiscard]] bool plausible() const { return plausible_; }
-  void say_implausible() { plausible_ = false; }
+  void mark_implausible() { plausible_ = false; }
 
   void raw(void* value, std::size_t size) {
     std::memset(value, 0, size);
-    const std::size_t there = std::min(size, static_cast<std::size_t>(end_ - data_));
-    std::memcpy(value, data_, there);
-    data_ += there;
+    const std::size_t available = std::min(size, static_cast<std::size_t>(end_ - data_));
+    std::memcpy(value, data_, available);
+    data_ += available;
   }
 
  private:
@@ -78,9 +77,9 @@ class Writer {
   std::vector<std::uint8_t> bytes_;
 };
 
-inline constexpr std::uint16_t kMark = 0xff00;  // from here on a number is not a plausible one
+inline constexpr std::uint16_t kMark = 0xff00;  // from here on a number is implausible
 
-/// One of 0 to `count` - 1.
+/// Choice from 0 to `count` - 1.
 template <class Io>
 void code(Io& io, std::uint8_t& choice, int count) {
   io.raw(&choice, 1);
@@ -96,7 +95,7 @@ void code(Io& io, bool& value) {
   value = byte != 0;
 }
 
-/// A number, plausible if it is in low to high.
+/// Number, plausible if within [low, high].
 template <class Io>
 void code(Io& io, double& value, double low, double high) {
   if constexpr (std::is_same_v<Io, Reader>) {
@@ -106,7 +105,7 @@ void code(Io& io, double& value, double low, double high) {
       value = low + (high - low) * bits / (kMark - 1);
       return;
     }
-    io.say_implausible();
+    io.mark_implausible();
     const auto which = static_cast<std::size_t>(bits - kMark);
     if (which < std::size(kNasty)) {
       value = kNasty[which];
@@ -130,7 +129,7 @@ void code(Io& io, double& value, double low, double high) {
   }
 }
 
-/// Numbers of one kind.
+/// Numbers with common bounds.
 template <class Io>
 void code(Io& io, std::initializer_list<double*> numbers, double low, double high) {
   for (double* number : numbers) {
@@ -138,7 +137,7 @@ void code(Io& io, std::initializer_list<double*> numbers, double low, double hig
   }
 }
 
-/// An integer from -128 to 127.
+/// Integer from -128 to 127.
 template <class Io>
 void code(Io& io, std::int32_t& value) {
   auto byte = static_cast<std::int8_t>(value);
@@ -146,8 +145,8 @@ void code(Io& io, std::int32_t& value) {
   value = byte;
 }
 
-/// A stamp next to `now`, up to 48 s later and 16 s earlier, in ms, or any. One that is valid is
-/// the next `now`.
+/// Stamp near `now`, up to 48 s later and 16 s earlier, in ms, or any. A valid one becomes the next
+/// `now`.
 template <class Io>
 void code(Io& io, Stamp& value, Stamp& now) {
   constexpr Stamp kMillisecond = 1'000'000;
@@ -160,7 +159,7 @@ void code(Io& io, Stamp& value, Stamp& now) {
     } else if (bits < 0xff80) {
       value = now + (bits - kMark);  // nanoseconds
     } else {
-      io.say_implausible();
+      io.mark_implausible();
       io.raw(&value, sizeof(value));
     }
   } else if (const Stamp bits = kEarlier + (value - now) / kMillisecond;
@@ -178,7 +177,7 @@ void code(Io& io, Stamp& value, Stamp& now) {
   }
 }
 
-/// An optional, by a byte and the value.
+/// Optional value: one byte, then the value.
 template <class Io, class T, class Code>
 void code_optional(Io& io, std::optional<T>& value, const Code& code_value) {
   bool has_value = value.has_value();
@@ -193,7 +192,7 @@ void code_optional(Io& io, std::optional<T>& value, const Code& code_value) {
   code_value(*value);
 }
 
-/// After whether they are as usual, which is returned.
+/// Reads whether the settings are the defaults, and the settings if not; returns whether they are.
 template <class... Config>
 bool read_if_unusual(Reader& io, Config&... config) {
   bool as_usual = true;

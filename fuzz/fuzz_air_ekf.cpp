@@ -8,20 +8,20 @@ namespace {
 using namespace locfuse;
 
 template <class M>
-void tell(fuzz::Reader& io, AirEkf& ekf, Stamp& now) {
+void send(fuzz::Reader& io, AirEkf& ekf, Stamp& now) {
   const M message = fuzz::read<M>(io, now);
   if constexpr (std::is_same_v<M, Velocity> || std::is_same_v<M, Increment>) {
     double climb_rate = 0.0;
     code(io, climb_rate, -3.0, 3.0);
-    fuzz::tell(ekf, [&](AirEkf& e) { return e.on(message, climb_rate); });
+    fuzz::call_and_check(ekf, [&](AirEkf& e) { return e.on(message, climb_rate); });
   } else {
-    fuzz::tell(ekf, [&](AirEkf& e) { return e.on(message); });
+    fuzz::call_and_check(ekf, [&](AirEkf& e) { return e.on(message); });
   }
 }
 
 }  // namespace
 
-/// An AirEkf of any settings, with odometry or with constant velocity, is told anything.
+/// AirEkf with arbitrary settings and messages, with odometry or constant velocity.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   fuzz::Reader io(data, size);
   AirEkf::Config config;
@@ -42,11 +42,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   while (!io.empty()) {
     std::uint8_t call = 0;
     code(io, call, 7);
-    using Tell = void (*)(fuzz::Reader&, AirEkf&, Stamp&);
-    static constexpr Tell kTell[] = {tell<Velocity>,    tell<Increment>, tell<Range>,
-                                     tell<PositionFix>, tell<Altitude>,  tell<PoseObservation>,
-                                     tell<RangeBearing>};
-    kTell[call](io, *ekf, now);
+    using Send = void (*)(fuzz::Reader&, AirEkf&, Stamp&);
+    static constexpr Send kSend[] = {send<Velocity>,    send<Increment>, send<Range>,
+                                     send<PositionFix>, send<Altitude>,  send<PoseObservation>,
+                                     send<RangeBearing>};
+    kSend[call](io, *ekf, now);
   }
   return 0;
 }

@@ -4,7 +4,7 @@
 #include "locfuse/frontends/single_beam_landmarks.hpp"
 #include "worlds.hpp"
 
-/// Cylinders are found in a scan by a detector of any settings.
+/// CylinderDetector with arbitrary settings on an arbitrary scan.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace locfuse;
   fuzz::Reader io(data, size);
@@ -30,7 +30,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const auto scan = fuzz::read<LaserScan>(io, now);
     fuzz::returns([&] {
       for (const BeamLandmark& beam : recognize_landmarks(scan, predicted, *fuzz::poles())) {
-        fuzz::require(beam.beam < static_cast<int>(scan.ranges.size()), "a beam is of the scan");
+        fuzz::require(beam.beam < static_cast<int>(scan.ranges.size()),
+                      "a beam is an index into the scan");
       }
     });
     const auto beams = static_cast<int>(scan.ranges.size());
@@ -40,7 +41,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
                     "a cylinder is finite");
       fuzz::require(
           found.first >= 0 && found.first < beams && found.last >= 0 && found.last < beams,
-          "its beams are of the scan");
+          "its beams are indices into the scan");
       if (config.radius_m > 0.0) {
         fuzz::require_covariance(io, found.covariance.topLeftCorner<2, 2>());
       } else {

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fuzz target of what Python parses: `fuzz_files.py config|log|map|bag` and libFuzzer's options.
+"""Fuzz target of the Python parsers: `fuzz_files.py config|log|map|bag` and libFuzzer's options.
 
-Any bytes are a file: it is read, or refused by a ConfigError or a LogError.
+Arbitrary bytes are either read or rejected with a ConfigError or a LogError.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def read_log_part(data: bytes, folder: Path) -> None:
 
 
 def read_picture(data: bytes, folder: Path) -> None:
-    """Read a map: its YAML file, a zero, and its picture."""
+    """Read a map: its YAML file, a zero byte, and its image."""
     text, _, picture = data.partition(b"\0")
     (folder / "map.yaml").write_bytes(text)
     (folder / "map.pgm").write_bytes(picture)
@@ -55,22 +55,22 @@ def read_picture(data: bytes, folder: Path) -> None:
 
 
 def read_bag_file(data: bytes, folder: Path) -> None:
-    """Read a bag, whose first bytes tell its kind, and forget the types that it defines."""
+    """Read a bag, whose first bytes give its format, and clear the caches of its types."""
     (folder / "bag").write_bytes(data)
     try:
         read_bag(folder / "bag")
     finally:
-        for kept in OF_TYPES:
-            kept.cache_clear()
+        for cached in TYPE_CACHES:
+            cached.cache_clear()
 
 
-OF_TYPES = (wire.structure, wire.deserializer, wire._definition)
+TYPE_CACHES = (wire.structure, wire.deserializer, wire._definition)
 TARGETS = {"config": read_config, "log": read_log_part, "map": read_picture, "bag": read_bag_file}
 
 
 def main() -> None:
-    """Run the target that is named."""
-    logging.disable()  # sentences on damage
+    """Run the target named by the first argument."""
+    logging.disable()  # warnings about damaged files
     read = TARGETS[sys.argv.pop(1)]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

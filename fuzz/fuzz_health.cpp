@@ -6,7 +6,7 @@ namespace {
 
 using namespace locfuse;
 
-/// What a filter may have made of a measurement; empty where none would.
+/// Outcome that a filter could produce; empty if none could.
 std::optional<Outcome> read_outcome(fuzz::Reader& io) {
   std::uint8_t verdict = 0;
   std::uint8_t dof = 0;
@@ -20,9 +20,10 @@ std::optional<Outcome> read_outcome(fuzz::Reader& io) {
                     : verdict == 1 ? Verdict::kGated
                                    : Verdict::kStale;
   outcome.dof = dof;
-  const bool is_one = outcome.nis >= 0.0 && std::isfinite(outcome.nis) && outcome.scale > 0.0 &&
-                      std::isfinite(outcome.scale) && std::isfinite(outcome.residual);
-  return is_one ? std::optional(outcome) : std::nullopt;
+  const bool is_possible = outcome.nis >= 0.0 && std::isfinite(outcome.nis) &&
+                           outcome.scale > 0.0 && std::isfinite(outcome.scale) &&
+                           std::isfinite(outcome.residual);
+  return is_possible ? std::optional(outcome) : std::nullopt;
 }
 
 ScanEvidence read_evidence(fuzz::Reader& io, Stamp& now) {
@@ -49,7 +50,7 @@ NamedSource read_source(fuzz::Reader& io) {
   return source;
 }
 
-void tell(fuzz::Reader& io, Health& health, std::uint8_t call, Stamp& now) {
+void send(fuzz::Reader& io, Health& health, std::uint8_t call, Stamp& now) {
   if (call == 0) {
     Stamp stamp = 0;
     double wrong = 0.0;
@@ -76,8 +77,8 @@ void tell(fuzz::Reader& io, Health& health, std::uint8_t call, Stamp& now) {
 
 }  // namespace
 
-/// Health of any settings hears anything at any time, and its probabilities are some; what it
-/// refuses changes nothing that it tells.
+/// Health with arbitrary settings, outcomes and stamps: its probabilities stay in [0, 1], and
+/// rejected input does not change its report.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   fuzz::Reader io(data, size);
   Health::Config config;
@@ -92,13 +93,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     code(io, call, 8);
     const HealthReport before = health->report({now, {}, Matrix<3, 3>::Identity()});
     const Stamp then = now;
-    if (!fuzz::returns([&] { tell(io, *health, call, now); })) {
+    if (!fuzz::returns([&] { send(io, *health, call, now); })) {
       const HealthReport after = health->report({then, {}, Matrix<3, 3>::Identity()});
       fuzz::require(before.stamp == after.stamp && before.wrong == after.wrong &&
                         before.within == after.within && before.state == after.state,
-                    "what is refused changes nothing");
+                    "rejected input changes nothing");
     }
-    fuzz::require_share(health->wrong(), "the probability to be wrong is one");
+    fuzz::require_probability(health->wrong(), "the probability of a wrong pose is in [0, 1]");
     fuzz::require_sound(health->sources());
     fuzz::require_sound(health->report({now, {}, Matrix<3, 3>::Identity()}));
   }

@@ -2,13 +2,13 @@
 #include "checks.hpp"
 #include "settings.hpp"
 
-/// A LandmarkEkf of any settings that knows two landmarks, one of them for sure, is told anything.
+/// LandmarkEkf with arbitrary settings and messages and two known landmarks, one of them exact.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace locfuse;
   fuzz::Reader io(data, size);
   LandmarkEkf::Config config;
   fuzz::read_if_unusual(io, config);
-  config.max_landmarks = 20;  // more rows than have a fixed size
+  config.max_landmarks = 20;  // more rows than fixed-size matrices hold
   std::optional<LandmarkEkf> made;
   if (!fuzz::returns([&] {
         made.emplace(config, fuzz::read_start(io), Pose2{0.2, 0.0, 0.1},
@@ -33,7 +33,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         sightings.push_back(fuzz::read<RangeBearing>(io, now));
         sightings.back().stamp = sightings.front().stamp;
       }
-      fuzz::tell(ekf, [&](LandmarkEkf& e) {
+      fuzz::call_and_check(ekf, [&](LandmarkEkf& e) {
         const std::vector<Outcome> outcomes =
             e.on_joint(sightings, static_cast<Association>(size_and_way % 3));
         may_drop = fuzz::is_fused(outcomes);
@@ -41,14 +41,14 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       });
     } else {
       const auto message = fuzz::read<Message>(io, now);
-      fuzz::tell(ekf, [&](LandmarkEkf& e) {
+      fuzz::call_and_check(ekf, [&](LandmarkEkf& e) {
         const Outcome outcome = e.on(message);
         may_drop = fuzz::is_fused(outcome);
         return outcome;
       });
     }
     fuzz::require(may_drop || ekf.landmarks().size() == before,
-                  "a message that is not fused brings and drops no landmark");
+                  "a message that is not fused adds and drops no landmark");
   }
   return 0;
 }

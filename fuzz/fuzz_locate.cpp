@@ -8,19 +8,20 @@ namespace {
 
 using namespace locfuse;
 
-/// An epoch of a batch is what it is alone: its lanes have their own way to the same position.
+/// Checks that an epoch of a batch, solved in SIMD lanes, equals the same epoch solved alone.
 template <int N>
-void require_as_alone(const RangePosition<N>& alone, PositionStatus status,
-                      const Vector<N>& position) {
-  fuzz::require(status == alone.status, "an epoch of a batch has the status that it has alone");
+void require_equal_to_single(const RangePosition<N>& alone, PositionStatus status,
+                             const Vector<N>& position) {
+  fuzz::require(status == alone.status,
+                "an epoch of a batch has the status of the single solution");
   if (status == PositionStatus::kUnique) {
     const Vector<N> d = position - alone.position;
     fuzz::require(d.dot(alone.covariance.llt().solve(d)) < 1e-4,
-                  "an epoch of a batch is where it is alone, to a hundredth of its sigma");
+                  "an epoch of a batch equals the single solution to a hundredth of its sigma");
   }
 }
 
-/// The first epoch by itself, and all of them.
+/// Solves the first epoch alone, then all epochs as a batch.
 template <int N>
 void solve(const fuzz::Reader& io, const AnchorTable& table, const std::vector<double>& ranges,
            std::size_t epochs, const double* sigma, const RangeLoss& loss) {
@@ -30,7 +31,7 @@ void solve(const fuzz::Reader& io, const AnchorTable& table, const std::vector<d
     fuzz::require(found.position.allFinite(), "a position is finite");
   }
   if (found.status == PositionStatus::kUnique) {
-    fuzz::require(found.has_position, "a unique position is there");
+    fuzz::require(found.has_position, "a unique solution has a position");
     fuzz::require_covariance(io, found.covariance);
   }
   for (const RangeSolver method : {RangeSolver::kSquaredRange, RangeSolver::kWeightedSquaredRange,
@@ -52,7 +53,7 @@ void solve(const fuzz::Reader& io, const AnchorTable& table, const std::vector<d
       if (io.plausible() && method == RangeSolver::kMaximumLikelihood &&
           status[i] != PositionStatus::kBadRange) {
         const std::size_t row = i * static_cast<std::size_t>(table.size);
-        require_as_alone<N>(solver.solve(&ranges[row]), status[i], position[i]);
+        require_equal_to_single<N>(solver.solve(&ranges[row]), status[i], position[i]);
       }
     }
   }
@@ -60,7 +61,7 @@ void solve(const fuzz::Reader& io, const AnchorTable& table, const std::vector<d
 
 }  // namespace
 
-/// A position is computed from any ranges to any anchors, in the plane, in space and at a height.
+/// Multilateration from arbitrary ranges and anchors, in the plane, in space and at a known height.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   fuzz::Reader io(data, size);
   std::uint8_t way = 0;
@@ -94,10 +95,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   bool weighted = false;
   code(io, weighted);
   options.weights = weighted ? SquaredRangeWeights::kVariance : SquaredRangeWeights::kEqual;
-  bool is_told = false;
-  code(io, is_told);
+  bool has_prior = false;
+  code(io, has_prior);
   const int dimensions = table.dimensions();
-  if (is_told) {
+  if (has_prior) {
     options.prior = {Eigen::VectorXd(dimensions), Eigen::VectorXd(dimensions)};
     options.box = {Eigen::VectorXd(dimensions), Eigen::VectorXd(dimensions)};
     for (int axis = 0; axis < dimensions; ++axis) {
@@ -107,7 +108,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       code(io, options.box->high(axis), 0.0, 30.0);
     }
   }
-  std::uint8_t more = 0;  // epochs: lanes take four at once
+  std::uint8_t more = 0;  // epochs; lanes solve four at once
   code(io, more, 10);
   ranges.resize(ranges.size() * (more + 1U));
   for (auto range = ranges.begin() + anchors; range != ranges.end(); ++range) {
@@ -116,7 +117,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::returns([&] {
     const PositionSolution found = locate(table, ranges.data(), sigma.data(), options);
     fuzz::require((found.status == PositionStatus::kUnique) == found.reason.empty(),
-                  "what is not unique has a reason");
+                  "a status other than UNIQUE has a reason");
     for (const PositionHypothesis& hypothesis : found.hypotheses) {
       fuzz::require(hypothesis.position.allFinite(), "a hypothesis is finite");
       fuzz::require(!io.plausible() || hypothesis.cost >= 0.0, "a cost is not negative");

@@ -4,7 +4,7 @@
 #include "locfuse/maps/ray_caster.hpp"
 #include "messages.hpp"
 
-/// Any small map: its cells, the distances to its walls, and beams that end at them.
+/// Arbitrary small maps: cells, distance fields and ray casting.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace locfuse;
   fuzz::Reader io(data, size);
@@ -17,7 +17,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   double margin = 0.0;
   code(io, margin, 0.0, 2.0);
   if (margin > 32.0 * resolution) {
-    return 0;  // allowed, and large
+    return 0;  // valid, but large
   }
   Pose2 origin;
   code(io, origin, 30.0);
@@ -57,15 +57,15 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       fuzz::returns([&] {
         const DistanceField::Neighbour found = field->nearest(pose.position());
         fuzz::require(found.target >= 0 && found.target < field->targets(),
-                      "the nearest target is one");
+                      "the nearest target is occupied");
         fuzz::require(found.distance >= 0.0 && field->distance(pose.position()) >= 0.0,
                       "a distance is not negative");
       });
     }
     fuzz::returns([&] {
       const double range = caster.cast(pose.position(), pose.heading, reach);
-      fuzz::require(range >= 0.0, "a beam goes ahead");
-      fuzz::require(range <= reach || std::isinf(range), "a beam ends within its reach");
+      fuzz::require(range >= 0.0, "a range is not negative");
+      fuzz::require(range <= reach || std::isinf(range), "a beam ends within the maximum range");
     });
     fuzz::returns([&] { (void)caster.scan(pose, -1.0, 0.5, 5, reach); });
   }

@@ -2,7 +2,7 @@
 #include "particles.hpp"
 #include "worlds.hpp"
 
-/// An Mcl of any settings, within what memory and time allow, is told anything.
+/// Mcl with arbitrary settings and messages, within limits of memory and time.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace locfuse;
   fuzz::Reader io(data, size);

@@ -2,8 +2,7 @@
 #include "checks.hpp"
 #include "settings.hpp"
 
-/// A PoseEkf of any settings, with or without calibration, with noise of any shape, is told
-/// anything.
+/// PoseEkf with arbitrary settings and messages, with or without calibration, with any noise shape.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace locfuse;
   fuzz::Reader io(data, size);
@@ -31,7 +30,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         sightings.push_back(fuzz::read<RangeBearing>(io, now));
         sightings.back().stamp = sightings.front().stamp;
       }
-      fuzz::tell(ekf, [&](PoseEkf& e) {
+      fuzz::call_and_check(ekf, [&](PoseEkf& e) {
         return e.on_joint(sightings, static_cast<Association>(size_and_way % 3));
       });
     } else if (call == 1) {
@@ -40,10 +39,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         code(io, range, now);
         range.stamp = epoch.front().stamp;
       }
-      fuzz::tell(ekf, [&](PoseEkf& e) { return e.on_joint(epoch); });
+      fuzz::call_and_check(ekf, [&](PoseEkf& e) { return e.on_joint(epoch); });
     } else {
       const auto message = fuzz::read<Message>(io, now);
-      fuzz::tell(ekf, [&](PoseEkf& e) { return e.on(message); });
+      fuzz::call_and_check(ekf, [&](PoseEkf& e) { return e.on(message); });
     }
   }
   return 0;

@@ -14,7 +14,7 @@ void require_sound(const fuzz::Reader& io, const RecoveringEkf& robot) {
   if (robot.estimator() != nullptr) {
     fuzz::require_sound(robot.estimator()->belief());
   } else {
-    fuzz::require(robot.is_lost(), "one that has not started is lost");
+    fuzz::require(robot.is_lost(), "an estimator that has not started is lost");
   }
   double total = 0.0;
   const Initializer::State state = robot.state();
@@ -23,11 +23,11 @@ void require_sound(const fuzz::Reader& io, const RecoveringEkf& robot) {
     fuzz::require(hypothesis.probability >= 0.0, "a probability is not negative");
     total += hypothesis.probability;
   }
-  fuzz::require(total <= 1.0 + 1e-9, "probabilities of hypotheses are at most 1 together");
+  fuzz::require(total <= 1.0 + 1e-9, "probabilities of hypotheses sum to at most 1");
 }
 
-/// What it is told by itself.
-void tell(fuzz::Reader& io, RecoveringEkf& robot, std::uint8_t call, Stamp& now) {
+/// Sends arbitrary input to the estimator alone.
+void send(fuzz::Reader& io, RecoveringEkf& robot, std::uint8_t call, Stamp& now) {
   if (call == 1) {
     std::vector<RangeBearing> sightings;
     for (int i = 0; i < 3; ++i) {
@@ -43,8 +43,8 @@ void tell(fuzz::Reader& io, RecoveringEkf& robot, std::uint8_t call, Stamp& now)
   }
 }
 
-/// What it is told on a robot.
-void tell(fuzz::Reader& io, Live& robot, std::uint8_t call, Stamp& now) {
+/// Sends arbitrary input to the estimator inside a Live.
+void send(fuzz::Reader& io, Live& robot, std::uint8_t call, Stamp& now) {
   if (call == 1) {
     std::uint8_t source = 0;
     code(io, source, static_cast<int>(kSources));
@@ -63,8 +63,8 @@ void tell(fuzz::Reader& io, Live& robot, std::uint8_t call, Stamp& now) {
 const RecoveringEkf& estimator_of(const RecoveringEkf& robot) { return robot; }
 const RecoveringEkf& estimator_of(const Live& robot) { return robot.estimator(); }
 
-/// All that it tells of where it may be.
-std::vector<double> told_by(const RecoveringEkf& robot) {
+/// Numbers of all hypotheses, for comparison.
+std::vector<double> hypotheses_of(const RecoveringEkf& robot) {
   std::vector<double> numbers;
   for (const PoseHypothesis& hypothesis : robot.state().hypotheses) {
     const auto& [stamp, pose, covariance] = hypothesis.estimate;
@@ -74,7 +74,7 @@ std::vector<double> told_by(const RecoveringEkf& robot) {
   return numbers;
 }
 
-/// Of none, of the corners of a hall, or of a line, which leaves two sides.
+/// No anchors, the corners of a hall, or a line of anchors, which leaves a mirror ambiguity.
 std::shared_ptr<const AnchorMap> anchors_of(int which) {
   static const auto none = std::make_shared<const AnchorMap>();
   static const auto line = std::make_shared<const AnchorMap>(std::vector<Anchor>{
@@ -88,7 +88,7 @@ void run(fuzz::Reader& io, Robot& robot) {
   for (int calls = 0; !io.empty() && calls < 100; ++calls) {
     std::uint8_t call = 0;
     code(io, call, 10);
-    const std::vector<double> before = told_by(estimator_of(robot));
+    const std::vector<double> before = hypotheses_of(estimator_of(robot));
     const bool returned = fuzz::returns([&] {
       if (call == 0) {
         robot.on(fuzz::read<LaserScan>(io, now));
@@ -97,20 +97,20 @@ void run(fuzz::Reader& io, Robot& robot) {
         robot.start_at(start);
         now = start.stamp;
       } else {
-        tell(io, robot, call, now);
+        send(io, robot, call, now);
       }
     });
     require_sound(io, estimator_of(robot));
     if constexpr (std::is_same_v<Robot, RecoveringEkf>) {
-      fuzz::require(returned || before == told_by(robot), "what is refused changes nothing");
+      fuzz::require(returned || before == hypotheses_of(robot), "rejected input changes nothing");
     }
   }
 }
 
 }  // namespace
 
-/// A RecoveringEkf of any settings starts by itself or is started, tracks, is lost and starts anew,
-/// whatever it is told, by itself or on a robot, and says how far it may be trusted.
+/// RecoveringEkf with arbitrary settings and messages, alone or inside a Live: it initializes or is
+/// started, tracks, gets lost, relocalizes, and reports its health.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static const auto matcher = std::make_shared<const ScanMatcher>(fuzz::small_room());
   fuzz::Reader io(data, size);
@@ -133,8 +133,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       zero = 0;
       code(io, options.patience, zero);
       code(io, options.timeline);
-      Live on_a_robot(std::move(robot), options);
-      run(io, on_a_robot);
+      Live running(std::move(robot), options);
+      run(io, running);
     } else {
       run(io, robot);
     }

@@ -11,7 +11,7 @@ void require_sound(const fuzz::Reader& io, const ScanMatch& match) {
                 "a matched pose is finite");
   if (match.converged) {
     fuzz::require(match.information.allFinite(), "information is finite");
-    fuzz::require(match.explained >= 0.0 && match.explained <= 1.0, "a share is in 0 to 1");
+    fuzz::require(match.explained >= 0.0 && match.explained <= 1.0, "a fraction is in [0, 1]");
     if (match.covariance) {
       fuzz::require_covariance(io, *match.covariance);
     }
@@ -20,7 +20,7 @@ void require_sound(const fuzz::Reader& io, const ScanMatch& match) {
 
 }  // namespace
 
-/// Scans are fitted to a map, searched on it, and fitted to each other, with any settings.
+/// Scan matching on a map, scan search and laser odometry with arbitrary settings.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static const ScanMatcher usual(fuzz::small_room());
   fuzz::Reader io(data, size);
@@ -60,7 +60,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
           require_sound(io, found.match);
           total += found.probability;
         }
-        fuzz::require(total <= 1.0 + 1e-9, "probabilities are at most 1 together");
+        fuzz::require(total <= 1.0 + 1e-9, "probabilities sum to at most 1");
       } else {
         const ScanMotion motion = odometry.on(scan, pose, covariance);
         require_sound(io, motion.match);

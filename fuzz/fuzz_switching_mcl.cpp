@@ -3,7 +3,7 @@
 #include "particles.hpp"
 #include "worlds.hpp"
 
-/// A SwitchingMcl is told anything.
+/// SwitchingMcl with arbitrary messages.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace locfuse;
   static const Mcl particles(fuzz::few_particles(), fuzz::small_room(), 0, nullptr, {},

@@ -7,30 +7,30 @@ namespace {
 
 using namespace locfuse;
 
-/// Whether the filter is told a message; of a fix what is left of it.
+/// Whether a message passes the conditioner; replaces a fix by the conditioned one.
 bool passes(TagConditioner& conditioner, Message& message) {
   if (const auto* const velocity = std::get_if<Velocity>(&message)) {
     conditioner.on(*velocity);
   } else if (const auto* const increment = std::get_if<Increment>(&message)) {
     conditioner.on(*increment);
-  } else if (auto* const heard = std::get_if<PositionFix>(&message)) {
-    const auto [verdict, fix] = conditioner.on(*heard);
+  } else if (auto* const received = std::get_if<PositionFix>(&message)) {
+    const auto [verdict, fix] = conditioner.on(*received);
     fuzz::require(
         fix.has_value() == (verdict == TagVerdict::kPassed || verdict == TagVerdict::kRestarted),
-        "what passes is told");
+        "a fix is returned exactly if it passes");
     if (!fix) {
       return false;
     }
     fuzz::require(fix->position.allFinite(), "a fix that passes is finite");
-    *heard = *fix;
+    *received = *fix;
   }
   return true;
 }
 
 }  // namespace
 
-/// A TagTriangleEkf of any settings, whose heading is taken as known or not, is told anything,
-/// fixes by themselves or conditioned in any way.
+/// TagTriangleEkf with arbitrary settings and messages, with known or estimated heading, and with
+/// raw or conditioned fixes.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   fuzz::Reader io(data, size);
   TagTriangleEkf::Config config;
@@ -45,16 +45,16 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   TagTriangleEkf& ekf = *made;
   std::optional<TagConditioner> conditioner;
   Stamp now = ekf.belief().stamp;
-  // In hours of silence what nobody measures outgrows the tape's millimetres by all digits.
+  // Over hours without messages, unmeasured variances exceed those of the sides by all digits.
   for (int calls = 0; !io.empty() && calls < 60; ++calls) {
     std::uint8_t call = 0;
     code(io, call, 8);
     if (call == 0) {
-      fuzz::tell(ekf, [](TagTriangleEkf& e) { return e.hold_sides(); });
+      fuzz::call_and_check(ekf, [](TagTriangleEkf& e) { return e.hold_sides(); });
     } else if (call == 2) {
-      TagConditioner::Config how;
-      fuzz::read_if_unusual(io, how);
-      fuzz::returns([&] { conditioner.emplace(how, testing::triangle()); });
+      TagConditioner::Config settings;
+      fuzz::read_if_unusual(io, settings);
+      fuzz::returns([&] { conditioner.emplace(settings, testing::triangle()); });
     } else {
       auto message = fuzz::read<Message>(io, now);
       bool passed = !conditioner;
@@ -62,7 +62,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         fuzz::returns([&] { passed = passes(*conditioner, message); });
       }
       if (passed) {
-        fuzz::tell(ekf, [&](TagTriangleEkf& e) { return e.on(message); });
+        fuzz::call_and_check(ekf, [&](TagTriangleEkf& e) { return e.on(message); });
       }
     }
   }

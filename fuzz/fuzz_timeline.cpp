@@ -4,8 +4,8 @@
 #include "checks.hpp"
 #include "worlds.hpp"
 
-/// A Timeline takes messages in any order: what it believes is, bit for bit, what the sorted ones
-/// make of it, less those that were refused or older than the history; as long as no clock jumps.
+/// Timeline with messages in any order: without clock jumps its belief equals bit for bit that
+/// after the sorted messages, except those rejected or older than the history.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace locfuse;
   const PoseEkf fresh({}, testing::hall(), testing::one_tag(), fuzz::start(),
@@ -21,34 +21,34 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     return 0;
   }
   now = 0;
-  std::vector<Message> taken;
+  std::vector<Message> accepted;
   Stamp newest = -kStampLimit;
-  while (!io.empty() && taken.size() < 400) {
+  while (!io.empty() && accepted.size() < 400) {
     const auto message = fuzz::read<Message>(io, now);
     const Stamp stamp = effective_stamp(message);
     const bool returned =
         fuzz::returns([&] { timeline->on(message, [](std::size_t, const Outcome&) {}); });
     fuzz::require_sound(timeline->estimator().belief());
-    if (returned &&
-        (taken.empty() || stamp >= newest || (stamp > -kStampLimit && newest - stamp <= history))) {
-      taken.push_back(message);
+    if (returned && (accepted.empty() || stamp >= newest ||
+                     (stamp > -kStampLimit && newest - stamp <= history))) {
+      accepted.push_back(message);
       newest = std::max(newest, stamp);
     }
   }
   if (timeline->jumps() > 0) {
     timeline->reset();
     fuzz::require(testing::same_bits(timeline->estimator().belief(), fresh.belief()),
-                  "one that was reset is as it was made");
+                  "reset restores the initial state");
     return 0;
   }
-  std::stable_sort(taken.begin(), taken.end(), [](const Message& a, const Message& b) {
+  std::stable_sort(accepted.begin(), accepted.end(), [](const Message& a, const Message& b) {
     return effective_stamp(a) < effective_stamp(b);
   });
   PoseEkf sorted = fresh;
-  for (const Message& message : taken) {
+  for (const Message& message : accepted) {
     sorted.on(message);
   }
   fuzz::require(testing::same_bits(timeline->estimator().belief(), sorted.belief()),
-                "late messages are fused where they belong");
+                "late messages are fused at their stamp");
   return 0;
 }

@@ -25,26 +25,27 @@ void code(Io& io, Health::Config& c) {
   code(io, c.wrong_span_m, 0.0, 100.0);
 }
 
-inline void require_share(double value, const char* claim) {
+inline void require_probability(double value, const char* claim) {
   require(value >= 0.0 && value <= 1.0, claim);
 }
 
 inline void require_sound(const HealthReport& report) {
-  require_share(report.wrong, "the probability to be wrong is one");
-  require_share(report.within, "the probability to be within the limit is one");
-  require(report.inflation >= 1.0, "a covariance is not made smaller");
+  require_probability(report.wrong, "the probability of a wrong pose is in [0, 1]");
+  require_probability(report.within, "the probability of an error within the limit is in [0, 1]");
+  require(report.inflation >= 1.0, "a covariance is never deflated");
   require(report.protection.minCoeff() >= 0.0, "protection levels are not negative");
   require((report.state == HealthState::kOk) == (report.clue == HealthClue::kNone),
-          "what is not ok has a clue");
+          "a state other than OK has a reason");
 }
 
 inline void require_sound(const std::vector<SourceStatus>& sources) {
   for (const SourceStatus& status : sources) {
-    require_share(status.faulty, "the probability that a source is wrong is one");
-    require_share(status.accepted, "the share that is accepted is one");
+    require_probability(status.faulty, "the probability of a faulty source is in [0, 1]");
+    require_probability(status.accepted, "the accepted fraction is in [0, 1]");
     require(status.nis >= 0.0 && std::isfinite(status.nis), "a mean NIS is finite");
-    require(status.interval >= 0.0, "time goes on between messages");
-    require(!status.fused || *status.fused <= status.heard, "what was fused was heard");
+    require(status.interval >= 0.0, "intervals between messages are not negative");
+    require(!status.fused || *status.fused <= status.heard,
+            "a message was received before it was fused");
   }
 }
 

@@ -8,7 +8,7 @@
 #include "codec.hpp"
 #include "locfuse/messages/message.hpp"
 
-/// Messages as bytes; see codec.hpp.
+/// Byte format of messages; see codec.hpp.
 namespace locfuse::fuzz {
 
 template <class Io>
@@ -18,7 +18,7 @@ void code(Io& io, Pose2& pose, double reach) {
   code(io, pose.heading, -4.0, 4.0);
 }
 
-/// A covariance by its sigmas, and correlations, which may be anything.
+/// Covariance as sigmas and arbitrary correlations.
 template <class Io, int N>
 void code(Io& io, Matrix<N, N>& P, double largest) {
   for (int i = 0; i < N; ++i) {
@@ -26,7 +26,7 @@ void code(Io& io, Matrix<N, N>& P, double largest) {
     code(io, sigma, 1e-3, largest);
     P(i, i) = sigma * sigma;
   }
-  std::uint8_t way = P.isDiagonal(0.0) ? 0 : 1;  // 2: the upper half is another
+  std::uint8_t way = P.isDiagonal(0.0) ? 0 : 1;  // 2: not symmetric
   code(io, way, 3);
   for (int i = 0; i < N; ++i) {
     for (int j = 0; j < i; ++j) {
@@ -95,7 +95,7 @@ void code(Io& io, RangeBearing& m, Stamp& now) {
   code_optional(io, m.elevation, [&](double& angle) { code(io, angle, -1.5, 1.5); });
   code_optional(io, m.sigma_elevation, [&](double& sigma) { code(io, sigma, 1e-3, 1.0); });
 }
-/// Of up to 255 beams.
+/// Scan of up to 255 beams.
 template <class Io>
 void code(Io& io, LaserScan& m, Stamp& now) {
   code(io, m.stamp, now);
@@ -124,7 +124,7 @@ void code(Io& io, LaserScan& m, Stamp& now) {
   }
 }
 
-/// One that is the default of the alternative `index`.
+/// Default-constructed message of the alternative `index`.
 template <std::size_t... I>
 [[nodiscard]] Message message_of(std::size_t index, std::index_sequence<I...> /*all*/) {
   Message message;
@@ -132,7 +132,7 @@ template <std::size_t... I>
   return message;
 }
 
-/// Of any kind.
+/// Message of any kind.
 template <class Io>
 void code(Io& io, Message& message, Stamp& now) {
   constexpr std::size_t kKinds = std::variant_size_v<Message>;

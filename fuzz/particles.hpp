@@ -18,7 +18,7 @@ namespace locfuse::fuzz {
   return config;
 }
 
-/// Any settings, but for those that stand for memory and time: these are small.
+/// Arbitrary settings, except that those that determine memory and time are small.
 inline void code_settings(Reader& io, Mcl::Config& c) {
   for (int* count : {&c.min_particles, &c.max_particles, &c.beams, &c.scouts, &c.scout_draws,
                      &c.refine_up_to, &c.bin_headings}) {
@@ -66,15 +66,15 @@ inline void code_settings(Reader& io, Mcl::Config& c) {
   code(io, c.health);
 }
 
-/// Particles are finite, headings are on the circle, weights sum to 1; the estimate has a
-/// covariance, and health probabilities.
+/// Checks particles (finite, unit headings, weights sum to 1), the covariance of the estimates and
+/// the probabilities of health.
 inline void require_sound(const Reader& io, const Mcl& mcl) {
   const ParticleBelief& belief = mcl.belief();
   double total = 0.0;
   for (std::size_t k = 0; k < static_cast<std::size_t>(belief.size); ++k) {
     require(std::isfinite(belief.x[k]) && std::isfinite(belief.y[k]), "particles are finite");
     require(std::abs(std::hypot(belief.c[k], belief.s[k]) - 1.0F) < 1e-3F,
-            "headings are on the circle");
+            "headings are unit vectors");
     require(belief.weight[k] >= 0.0F, "a weight is not negative");
     total += static_cast<double>(belief.weight[k]);
   }

@@ -9,7 +9,7 @@
 #include "locfuse/frontends/tag_conditioner.hpp"
 #include "worlds.hpp"
 
-/// Settings of filters and of scan matching that are any numbers.
+/// Byte format of the settings of filters and scan matching.
 namespace locfuse::fuzz {
 
 template <class Io>

@@ -10,7 +10,7 @@
 #include "support/robot.hpp"
 #include "support/rooms.hpp"
 
-/// Where fuzz targets live.
+/// Maps, anchors and starts of the fuzz targets.
 namespace locfuse::fuzz {
 
 [[nodiscard]] inline std::shared_ptr<const LandmarkMap> poles() {
@@ -47,8 +47,8 @@ void code(Io& io, TimelineOptions& options) {
   options.jump_after = jump_after;
 }
 
-/// Shapes of noise, of a filter that has a choice. Only ranges have a long side, so for the others
-/// one-sided noise is Gaussian.
+/// Noise shapes of a filter. One-sided noise applies to ranges only; for the others it becomes
+/// Gaussian.
 template <class Io, class Config>
 void code_noise(Io& io, Config& config) {
   for (NoiseKind* kind : {&config.robust_range, &config.robust_position, &config.robust_pose}) {
@@ -63,8 +63,8 @@ void code_noise(Io& io, Config& config) {
   code(io, config.robust_late_share, 0.01, 0.5);
 }
 
-/// What changes the way of a PoseEkf: errors that are states, learnt or considered, shapes of
-/// noise.
+/// Settings that select code paths of a PoseEkf: calibration states, estimated or considered, and
+/// noise shapes.
 template <class Io>
 void code(Io& io, PoseEkf::Config& config) {
   auto way = static_cast<std::uint8_t>(config.calibration.sigma_scale == 0.0 ? 0

@@ -11,11 +11,11 @@
 #include "support/scrubber.hpp"
 #include "support/simulation.hpp"
 
-/// Meaningful streams as inputs of the fuzz targets: `write_corpus DIR`.
+/// Writes a corpus of realistic streams for the fuzz targets: `write_corpus DIR`.
 namespace locfuse::fuzz {
 namespace {
 
-/// The bytes of one input.
+/// One input file, written on destruction.
 class Input {
  public:
   explicit Input(std::filesystem::path file) : file_(std::move(file)) {}
@@ -53,7 +53,7 @@ class Input {
     code(io_, value, bounds...);
     return *this;
   }
-  /// Those it has by itself, by a flag or number by number.
+  /// Default settings, as a flag or number by number.
   template <class... Config>
   Input& settings(bool as_usual) {
     flag(as_usual);
@@ -94,7 +94,7 @@ Messages with_tags() {
   return first(run.messages, 40);
 }
 
-/// Poles seen from where `start` is, with names and without, while it creeps ahead.
+/// Observations of poles near `start`, with and without ids, during slow motion.
 Messages with_landmarks() {
   Messages messages;
   testing::Rng rng(5);
@@ -115,7 +115,7 @@ Messages with_landmarks() {
   return messages;
 }
 
-/// Fixes and poses of somebody else around `start`, one of them far off.
+/// Position fixes and poses of another localizer around `start`, with one outlier.
 Messages with_fixes() {
   Messages messages;
   testing::Rng rng(6);
@@ -130,7 +130,7 @@ Messages with_fixes() {
   return messages;
 }
 
-/// What was late: every fourth message three places on.
+/// Delays every fourth message by three places.
 Messages late(Messages messages) {
   for (std::size_t i = 0; i + 3 < messages.size(); i += 4) {
     std::rotate(messages.begin() + static_cast<std::ptrdiff_t>(i),
@@ -160,7 +160,7 @@ LaserScan scan_at(const Pose2& pose, Stamp stamp) {
   return scan;
 }
 
-/// As it is by itself, or learning errors with noise of every shape.
+/// Default settings, or calibration with every robust noise shape.
 PoseEkf::Config settings(bool robust) {
   PoseEkf::Config config;
   if (robust) {
@@ -172,7 +172,7 @@ PoseEkf::Config settings(bool robust) {
   return config;
 }
 
-/// On a robot with histories of 2 s.
+/// Header of an input for the RecoveringEkf target; if `live`, inside a Live with histories of 2 s.
 void begin_recovering(Input& input, bool live, const PoseEkf::Config& config) {
   input.settings<PoseEkf::Config>(!live).flag(live).flag(true).part(Health::Config{}).part(config);
   if (live) {
@@ -269,7 +269,7 @@ void write_scans(const std::filesystem::path& folder) {
   }
 }
 
-/// Three anchors that agree, then one that does not, and scans.
+/// Three consistent anchors, of which one then becomes inconsistent, and scans.
 void write_health(const std::filesystem::path& folder) {
   Input health(folder / "health" / "anchors");
   health.part(Health::Config{}).choice(0).message(Stamp{0}).number(0.0, 0.0, 1.0);
@@ -321,8 +321,8 @@ void write_ranges(const std::filesystem::path& folder) {
   const std::vector<Anchor> anchors = testing::corners();
   const Vector<3> place(2.0, -1.0, 1.0);
   for (const int way : {0, 1, 2}) {
-    for (const bool is_told : {false, true}) {
-      Input locate(folder / "locate" / (std::to_string(way) + (is_told ? "_told" : "")));
+    for (const bool has_prior : {false, true}) {
+      Input locate(folder / "locate" / (std::to_string(way) + (has_prior ? "_prior" : "")));
       locate.choice(static_cast<std::uint8_t>(way))
           .choice(static_cast<std::uint8_t>(anchors.size()));
       const int columns = way == 0 ? 2 : 3;
@@ -340,12 +340,12 @@ void write_ranges(const std::filesystem::path& folder) {
       if (way == 2) {
         locate.number(1.0, -5.0, 5.0);
       }
-      locate.choice(is_told ? 3 : 0)
+      locate.choice(has_prior ? 3 : 0)
           .number(0.0, 0.0, 5.0)
-          .flag(is_told)
-          .flag(is_told)
-          .flag(is_told);
-      for (int axis = 0; is_told && axis < (way == 1 ? 3 : 2); ++axis) {
+          .flag(has_prior)
+          .flag(has_prior)
+          .flag(has_prior);
+      for (int axis = 0; has_prior && axis < (way == 1 ? 3 : 2); ++axis) {
         locate.number(0.0, -20.0, 20.0).number(5.0, 1e-3, 10.0);
         locate.number(-20.0, -30.0, 0.0).number(20.0, 0.0, 30.0);
       }

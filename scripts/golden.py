@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the golden runs anew and keeps what comes out: ``./dev golden``.
+"""Regenerates the golden runs: ``./dev golden``.
 
-Each configuration in ``tests/golden`` has a capsule beside it, whose log stays what it was recorded
-as; without a capsule, or with one that this version cannot read, it is simulated.
+Each configuration in ``tests/golden`` has a capsule next to it, whose recorded log is kept. Without
+a capsule, or with one that this version cannot read, the log is simulated.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ GOLDEN = Path(__file__).resolve().parent.parent / "tests" / "golden"
 
 
 def main() -> None:
-    """Write every capsule and say which has another result, and from where on."""
+    """Write every capsule and print which results changed, and from which line on."""
     for source in sorted(GOLDEN.glob("*.yaml")):
         path = source.with_suffix(".zip")
         old = _capsule_at(path)
@@ -35,7 +35,7 @@ def main() -> None:
 def _capsule_at(path: Path) -> Capsule | None:
     try:
         return read_capsule(path) if path.exists() else None
-    except ConfigError:  # a key went
+    except ConfigError:  # a key was removed
         return None
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Write what each key of a configuration means, from its documentation."""
+"""Write the descriptions of the configuration keys from their documentation page."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TARGET = ROOT / "python" / "locfuse" / "config" / "meanings.yaml"
 
 
 def meanings() -> dict[str, str]:
-    """Return the text of each key of each model, by ``Model.key``, without links and marks."""
+    """Return the description of each key by ``Model.key``, without links and markup."""
     found = {}
     for heading, model in SECTIONS.items():
         for key, _, unit, _, meaning in table_under(CONFIGURATION, heading):
@@ -29,7 +29,7 @@ def meanings() -> dict[str, str]:
 
 
 def text() -> str:
-    """Return the file that the package holds."""
+    """Return the contents of the packaged file."""
     head = "# SPDX-License-Identifier: Apache-2.0\n# Made by scripts/meanings.py.\n"
     return head + yaml.safe_dump(meanings(), sort_keys=False, allow_unicode=True, width=1000)
 

@@ -1,8 +1,8 @@
 # shellcheck shell=sh disable=SC2154
 # SPDX-License-Identifier: Apache-2.0
-# Part of ./dev: what the tests of the ROS packages need, and how they are run.
+# Part of ./dev: requirements of the tests of the ROS packages, and their commands.
 
-# Packages of Debian's own ROS 1; rviz and a screen for it are for its picture alone.
+# Debian's ROS 1 packages; rviz and xvfb only for its picture.
 ros1_packages="ros-core ros-message-generation rosbash catkin libroscpp-dev python3-rospy python3-setuptools
   ros-std-msgs ros-geometry-msgs libgeometry-msgs-dev libnav-msgs-dev libsensor-msgs-dev libstd-srvs-dev
   libdiagnostic-msgs-dev libtf2-msgs-dev python3-diagnostic-msgs python3-geometry-msgs python3-nav-msgs
@@ -17,10 +17,10 @@ build_ros1() {
   ln -sfn "$PWD/ros1/locfuse_msgs" "$PWD/ros1/locfuse_ros" "$workspace/src"
   [ -x "$workspace/venv/bin/python" ] ||
     quietly "python3 -m venv failed" /usr/bin/python3 -m venv --system-site-packages --without-pip "$workspace/venv"
-  # What is installed for locfuse comes before what Debian has for ROS.
+  # Packages installed for locfuse take precedence over Debian's.
   echo "import site; site.addsitedir('$($venv/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')')" \
     >"$($workspace/venv/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/locfuse.pth"
-  # The library of the extension, for the node in C++.
+  # The C++ library of the extension, for the C++ node.
   quietly "the C++ library does not install" \
     cmake --install "$(ls -td build/cp*-linux* | head -n 1)" --component cpp --prefix "$workspace/locfuse"
   quietly "the catkin packages do not build" catkin_make_isolated -C "$workspace" --install -j2 --cmake-args \
@@ -28,8 +28,8 @@ build_ros1() {
     "-Dlocfuse_DIR=$workspace/locfuse/lib/cmake/locfuse"
 }
 
-# What the tests of ROS 2 need: rclpy and the generators of messages from wheels, and our packages
-# built by colcon as on a robot. PyPI has neither launch nor ros2cli, tf2_msgs nor rviz.
+# Requirements of the ROS 2 tests: rclpy and the message generators from wheels, and our packages built
+# by colcon as on a robot. launch, ros2cli, tf2_msgs and rviz are not on PyPI.
 ros2_python=build/ros2-venv/bin/python
 ros2_wheels="ros-rclpy==9.1.2 ros-rmw-fastrtps-cpp==9.3.3 ros-nav-msgs==5.5.1 ros-sensor-msgs==5.5.1
   ros-geometry-msgs==5.5.1 ros-diagnostic-msgs==5.5.1 ros-std-srvs==5.5.1 ros-rosgraph-msgs==2.3.0
@@ -61,11 +61,11 @@ need_ros2_wheels() {
     $ros2_python -m pip install --quiet $ros2_wheels
   venv_here=$PWD/build/ros2-venv
   site=$($ros2_python -c "import sysconfig; print(sysconfig.get_path('purelib'))")
-  # The wheels name headers where they were built; ours are elsewhere.
+  # The wheels contain header paths of the machine that built them; replace them by ours.
   include=$($ros2_python -c "import sysconfig; print(sysconfig.get_config_var('INCLUDEPY'))")
   grep -rl /opt/python/ "$venv_here/share" --include='*.cmake' | xargs sed -i -E \
     "s|/opt/python/[^/]*/lib/[^/]*/site-packages|$site|g; s|/opt/python/[^/]*/include/[^/;\"]*|$include|g"
-  # The package of the checkout and its requirements, as its own installation knows them.
+  # The package of the checkout and its requirements, from its own installation.
   ours=$($venv/bin/python -c "import sysconfig; print(sysconfig.get_path('purelib'))")
   echo "import site; site.addsitedir('$ours')" >"$site/locfuse_checkout.pth"
   touch "$stamp"
@@ -80,8 +80,8 @@ ros2_build() {
     --cmake-args -DBUILD_TESTING=OFF "-DPython3_EXECUTABLE=$PWD/$ros2_python"
 }
 
-# Runs the tests of ROS 1, of ROS 2 or, as told nothing, of both; options go to pytest. In a network
-# namespace with nothing but loopback, so that no packet leaves.
+# Runs the tests of ROS 1, of ROS 2 or, by default, of both; options go to pytest. In a network
+# namespace with only loopback, so that no packet leaves the machine.
 test_ros() {
   which=${1:-12}
   [ $# -eq 0 ] || shift
@@ -97,7 +97,7 @@ test_ros1() {
   [ "$python" = /usr/bin/python3 ] || fail "ROS of Debian needs Debian's own Python: leave PYTHON unset"
   build_ros1
   (
-    set +u # the setup of catkin names what may be unset
+    set +u # the setup of catkin uses variables that may be unset
     . build/ros1/install_isolated/setup.sh
     PATH=$PWD/build/ros1/venv/bin:$PATH
     python tests/ros/namespace.py python -m pytest -q tests/ros/test_ros1_*.py "$@"
@@ -107,9 +107,9 @@ test_ros1() {
 test_ros2() {
   ros2_setup
   (
-    set +u # the setup of colcon, too
+    set +u # so does the setup of colcon
     . build/ros2/install/setup.sh
-    # What the wheels import is deprecated.
+    # The wheels import deprecated modules.
     $ros2_python tests/ros/namespace.py "$PWD/$ros2_python" -W ignore::DeprecationWarning \
       -m pytest -q -W ignore::DeprecationWarning tests/ros/test_ros2_*.py "$@"
   )

@@ -7,7 +7,7 @@ out=build/stubs
 rm -rf $out
 "$bin/pybind11-stubgen" locfuse._core --output-dir $out --numpy-array-use-type-var \
   --exit-code >/dev/null
-# Members of native enums come out as annotations, which type checkers do not take for members.
+# pybind11-stubgen writes members of native enums as annotations, which type checkers do not accept.
 sed -i -e 's/^    \([A-Z][A-Z0-9_]*\): typing.ClassVar\[.*\]$/    \1 = .../' \
   -e '/^    @classmethod$/{N;N;/def __new__(cls, value)/d}' \
   -e 's/__hash__: typing.ClassVar\[None\] = None/&  # type: ignore[assignment]/' \

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Cylinders in the world of wells, with and without walls around it, 360 beams of 1 cm.
+// Cylinder detection in the world of wells with and without walls, 360 beams with 1 cm of noise.
 #include <benchmark/benchmark.h>
 
 #include "locfuse/frontends/cylinder_detector.hpp"
@@ -13,7 +13,7 @@ using locfuse::LaserScan;
 using locfuse::Pose2;
 using locfuse::testing::Walls;
 
-/// From a circle of 0.8 m in the middle, where all four are seen.
+/// Scans from a circle of 0.8 m in the middle, where all four cylinders are visible.
 std::vector<LaserScan> scans_of_wells(bool walled) {
   locfuse::testing::Rng rng(3);
   Walls walls;

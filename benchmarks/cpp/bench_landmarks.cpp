@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Landmarks as state: an update beside the memory traffic of its covariance and beside dense Eigen,
-// adding landmarks one by one, joint compatibility; and a known map beside fixed-size Eigen.
+// Landmarks as states: an update compared to the memory traffic of its covariance and to dense
+// Eigen, adding landmarks one by one, joint compatibility; and a known map compared to fixed-size
+// Eigen.
 #include <benchmark/benchmark.h>
 
 #include <Eigen/Cholesky>
@@ -29,7 +30,7 @@ using Vector2 = Eigen::Vector2d;
 constexpr int kLandmarks = 200;
 constexpr int kMost = 500;
 
-/// Places on a spiral, 2 m and more from one another.
+/// Points on a spiral, at least 2 m apart.
 Vector2 place(int k) {
   const double radius = 3.0 + 1.2 * std::sqrt(static_cast<double>(k));
   const double angle = 2.4 * k;
@@ -44,7 +45,7 @@ RangeBearing sight(const Pose2& body, const Vector2& landmark) {
   return z;
 }
 
-/// A body and landmarks that it has just put up, all correlated.
+/// Belief over a body and new landmarks, all correlated.
 GaussianBelief mapped(int landmarks, std::vector<Slot>& slots) {
   const RangeBearingModel model;
   GaussianBelief belief = GaussianBelief::of_pose(0, {}, 1e-3 * Eigen::Matrix3d::Identity());
@@ -62,7 +63,7 @@ GaussianBelief mapped(int landmarks, std::vector<Slot>& slots) {
 
 using Four = double __attribute__((vector_size(4 * sizeof(double))));
 
-/// Numbers times a factor, four at once where the processor can, as the update has them.
+/// Scales numbers by a factor, four at once where the processor supports it, like the update.
 #ifdef __x86_64__
 __attribute__((target_clones("avx2", "default")))
 #endif
@@ -79,7 +80,7 @@ void scale(double* numbers, Eigen::Index count, double factor) {
   }
 }
 
-/// The bound: each entry of the same covariance read and written once, in order.
+/// Lower bound: reads and writes each entry of the same covariance once, in order.
 void traffic(benchmark::State& state, int landmarks) {
   std::vector<Slot> slots;
   GaussianBelief belief = mapped(landmarks, slots);
@@ -149,7 +150,7 @@ void augment_to(benchmark::State& state) {
 }
 BENCHMARK(augment_to)->Arg(125)->Arg(250)->Arg(500)->Unit(benchmark::kMillisecond);
 
-/// Eight sightings without a name against fifty landmarks, association and fusion.
+/// Eight observations without ids against fifty landmarks, association and fusion.
 void joint_8_of_50(benchmark::State& state) {
   std::vector<locfuse::KnownLandmark> known;
   for (int k = 0; k < 50; ++k) {
@@ -166,14 +167,14 @@ void joint_8_of_50(benchmark::State& state) {
     ekf = start;
     for (const locfuse::Outcome& outcome : ekf.on_joint(sightings)) {
       if (outcome.verdict != locfuse::Verdict::kFused) {
-        state.SkipWithError("a sighting was not fused");
+        state.SkipWithError("an observation was not fused");
       }
     }
   }
 }
 BENCHMARK(joint_8_of_50)->Unit(benchmark::kMicrosecond);
 
-/// Association alone, where no sighting is clearly of one landmark: all eight fit several.
+/// Association alone in an ambiguous case: all eight observations match several landmarks.
 void joint_compatibility_8_of_50(benchmark::State& state) {
   std::vector<Slot> slots;
   const GaussianBelief belief = mapped(50, slots);
@@ -204,7 +205,7 @@ void joint_compatibility_8_of_50(benchmark::State& state) {
 }
 BENCHMARK(joint_compatibility_8_of_50)->Unit(benchmark::kMicrosecond);
 
-// One prediction and three sightings of a known map, per step.
+// One prediction and three observations of a known map, per step.
 
 constexpr int kSteps = 1000;
 
@@ -268,7 +269,7 @@ void known_map_pose_ekf(benchmark::State& state) {
 }
 BENCHMARK(known_map_pose_ekf)->Unit(benchmark::kMicrosecond);
 
-/// The same, and always asking whether it was carried away.
+/// The same with detection of kidnapping.
 void known_map_recovering_ekf(benchmark::State& state) {
   locfuse::RecoveringEkf ekf({}, std::make_shared<locfuse::AnchorMap>(), {}, nullptr, known_map(3));
   ekf.start_at(kStart);
@@ -279,7 +280,7 @@ void known_map_recovering_ekf(benchmark::State& state) {
 }
 BENCHMARK(known_map_recovering_ekf)->Unit(benchmark::kMicrosecond);
 
-/// Every pose that two sightings without a name allow among so many landmarks.
+/// All poses consistent with two observations without ids among the given number of landmarks.
 void constellations_of(benchmark::State& state) {
   const locfuse::LandmarkSight known = known_map(static_cast<int>(state.range(0)));
   const Eigen::Matrix2d covariance = 0.01 * Eigen::Matrix2d::Identity();
@@ -291,7 +292,7 @@ void constellations_of(benchmark::State& state) {
 }
 BENCHMARK(constellations_of)->Arg(50)->Arg(500)->Unit(benchmark::kMicrosecond);
 
-/// Fixed-size Eigen, written for this problem and nothing else: no checks, no gate, no outcome.
+/// Fixed-size Eigen, specialized for this problem: no checks, no gate, no outcome.
 void known_map_fixed_size_eigen(benchmark::State& state) {
   const Vector2 places[] = {place(0), place(1), place(2)};
   const Eigen::Matrix3d I = Eigen::Matrix3d::Identity();

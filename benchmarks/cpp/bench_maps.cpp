@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Distances on a large map, and beams in the hall of scan_room.hpp.
+// Distance field of a large map, and ray casting in the hall of scan_room.hpp.
 #include <benchmark/benchmark.h>
 #include <sys/resource.h>
 
@@ -31,7 +31,7 @@ std::shared_ptr<const OccupancyGrid> many_halls() {
                                                std::move(cells));
 }
 
-/// Most memory that this process has ever had resident [MB], the grid and all.
+/// Peak resident memory of this process [MB], including the grid.
 double peak_mb() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);

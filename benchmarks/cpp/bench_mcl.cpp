@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A step of Monte Carlo localization (predict, weigh, resample) in the hall of scan_room.hpp,
-// beside the same step written as plain loops.
+// A step of Monte Carlo localization (predict, weight, resample) in the hall of scan_room.hpp,
+// compared to the same step written as plain loops.
 #include <benchmark/benchmark.h>
 
 #include <cmath>
@@ -23,7 +23,7 @@ const ScanRoom& room() {
   return made;
 }
 
-/// Every particle is moved, weighed and drawn anew at every scan, and none is looked for elsewhere.
+/// Every particle is propagated, weighted and resampled at every scan; no recovery particles.
 Mcl::Config settings(int particles, int beams, int threads) {
   Mcl::Config config;
   config.min_particles = config.max_particles = particles;
@@ -44,7 +44,7 @@ Mcl started(int particles, int beams, int threads, bool refined) {
   return mcl;
 }
 
-/// `refined` draws particles from odometry and a match of the scan together.
+/// `refined` draws particles from the product of odometry and a scan match.
 void step(benchmark::State& state, bool refined) {
   const auto particles = static_cast<int>(state.range(0));
   const auto beams = static_cast<int>(state.range(1));
@@ -73,7 +73,7 @@ void step(benchmark::State& state, bool refined) {
   state.counters["rmse_m"] = std::sqrt(squares / std::max(count, 1));
 }
 
-/// The same step as plain loops over floats: what the method costs without a library about it.
+/// The same step as plain loops over floats: the cost of the method without a library.
 class Plain {
  public:
   Plain(int particles, int beams) : beams_(static_cast<std::size_t>(beams)) {

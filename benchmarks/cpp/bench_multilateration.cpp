@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Range-only positioning: ours beside Ceres with automatic derivatives and ceres::TinySolver, each
-// from the centre of the box as their users start them.
+// Range-only positioning: locfuse compared to Ceres with automatic derivatives and
+// ceres::TinySolver, both started from the centre of the box.
 #include <benchmark/benchmark.h>
 #include <ceres/autodiff_cost_function.h>
 #include <ceres/problem.h>

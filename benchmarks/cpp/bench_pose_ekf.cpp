@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // One prediction and five ranges on three states, per step: a hand-written Joseph-form reference,
-// our models and filter functions, the whole PoseEkf with checks, gates and outcomes, likewise with
-// health, likewise with an offset of each anchor as a state, Orocos BFL.
+// our models and filter functions, the whole PoseEkf with checks, gates and outcomes, the same with
+// health, the same with an offset of each anchor as a state, Orocos BFL.
 #include <benchmark/benchmark.h>
 
 #include <Eigen/Core>
@@ -26,9 +26,9 @@ const Circle& input() {
   return circle;
 }
 
-// Every run fills in the estimates and returns the heap allocations of its steps.
+// Every run writes the estimates and returns the number of heap allocations of its steps.
 
-/// Fixed-size Eigen, written for this problem and nothing else: no checks, no gate, no outcome.
+/// Fixed-size Eigen, specialized for this problem: no checks, no gate, no outcome.
 std::size_t run_reference(const Circle& in, std::vector<double>& out) {
   Eigen::Vector3d x(in.start[0], in.start[1], in.start[2]);
   Eigen::Matrix3d P = Eigen::Matrix3d::Zero();
@@ -148,14 +148,14 @@ std::size_t run_messages(const Circle& in, Ekf& ekf, const PoseEkf& started,
   return allocations() - before;
 }
 
-/// What a user calls: checks, time, anchor look-up, gate, outcome; the belief put back if gated.
+/// The public call: checks, time, anchor look-up, gate, outcome; the belief is restored if gated.
 std::size_t run_pose_ekf(const Circle& in, std::vector<double>& out) {
   static const PoseEkf fresh(ekf_config(), anchor_map(), {{0, {0, 0, 0}}}, start_estimate(in));
   PoseEkf ekf = fresh;
   return run_messages(in, ekf, ekf, out);
 }
 
-/// The same with eight states: an offset of each anchor, which stays or wanders.
+/// The same with eight states: an offset per anchor, constant or a random walk.
 std::size_t run_with_offsets(double correlation_s, const Circle& in, std::vector<double>& out) {
   PoseEkf::Config config = ekf_config();
   config.calibration.sigma_anchor_offset_m = 0.05;
@@ -172,7 +172,7 @@ std::size_t run_wandering(const Circle& in, std::vector<double>& out) {
   return run_with_offsets(5.0, in, out);
 }
 
-/// The same, and whether it may be trusted.
+/// The same with health monitoring.
 std::size_t run_recovering_ekf(const Circle& in, std::vector<double>& out) {
   static const locfuse::RecoveringEkf fresh = [&in] {
     locfuse::RecoveringEkf::Config config;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Heading search, registration, power-up and scan odometry in the hall of scan_room.hpp, against
-// PCL.
+// Heading search, registration, global initialization and scan odometry in the hall of
+// scan_room.hpp, compared to PCL.
 #include <benchmark/benchmark.h>
 
 #include "icp_peer.hpp"
@@ -19,7 +19,7 @@ const ScanRoom& room() {
   return made;
 }
 
-/// How often a result is right, and how far off it is.
+/// Success rate and error of the results.
 class Errors {
  public:
   void add(const Pose2& pose, const Pose2& truth) {
@@ -104,7 +104,7 @@ locfuse::LocalMapConfig noise_of_room() {
   return config;
 }
 
-/// Each scan to the one before it, 20 cm back.
+/// Matches each scan to the previous one, 20 cm back.
 void scan_to_scan(benchmark::State& state) {
   std::vector<locfuse::LocalMap> maps;
   for (std::size_t k = 0; k < room().scans.size(); ++k) {
@@ -126,10 +126,10 @@ void scan_odometry(benchmark::State& state) {
   locfuse::ScanOdometryConfig config;
   config.map = noise_of_room();
   const locfuse::Matrix<3, 3> covariance = 1e-4 * locfuse::Matrix<3, 3>::Identity();
-  std::vector<Pose2> told;
+  std::vector<Pose2> increments;
   for (std::size_t k = 0; k + 1 < room().scans.size(); ++k) {
     const Pose2 motion = inverse(room().truth[k]) * room().truth[k + 1];
-    told.push_back(retract(motion, {0.01, -0.01, 0.01}));
+    increments.push_back(retract(motion, {0.01, -0.01, 0.01}));
   }
   std::vector<locfuse::LaserScan> scans = room().scans;
   for (std::size_t k = 0; k < scans.size(); ++k) {
@@ -139,7 +139,7 @@ void scan_odometry(benchmark::State& state) {
     locfuse::ScanOdometry odometry(config);
     for (std::size_t k = 0; k < scans.size(); ++k) {
       const locfuse::ScanMotion now =
-          odometry.on(scans[k], k > 0 ? told[k - 1] : Pose2{}, covariance);
+          odometry.on(scans[k], k > 0 ? increments[k - 1] : Pose2{}, covariance);
       benchmark::DoNotOptimize(&now);
     }
   }

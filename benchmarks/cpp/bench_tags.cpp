@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Three tags as twelve states: a prediction and the 15 rows of celan2017, beside fixed-size Eigen.
+// Three tags as twelve states: a prediction and the 15 rows of celan2017, compared to fixed-size
+// Eigen.
 #include <benchmark/benchmark.h>
 
 #include <Eigen/Cholesky>
@@ -30,7 +31,7 @@ const std::vector<locfuse::Tag>& tags() {
   return triangle;
 }
 
-/// A circle: wheels and a fix of each tag in every step.
+/// Circle with wheel odometry and a fix of each tag in every step.
 struct Circle {
   std::vector<Velocity> wheels;
   std::vector<PositionFix> fixes;  // three per step
@@ -86,16 +87,16 @@ void drive(benchmark::State& state, bool heading_is_known) {
   state.SetItemsProcessed(state.iterations() * kSteps);
 }
 
-/// As the paper has it: the heading of the wheels is known.
+/// As in the paper: the heading is taken as known.
 void tags_ekf_of_the_paper(benchmark::State& state) { drive(state, true); }
 BENCHMARK(tags_ekf_of_the_paper)->Unit(benchmark::kMicrosecond);
 
-/// With the Jacobian of the heading, too.
+/// With the Jacobian of the heading.
 void tags_ekf(benchmark::State& state) { drive(state, false); }
 BENCHMARK(tags_ekf)->Unit(benchmark::kMicrosecond);
 
-/// Fixed-size Eigen, written for this problem and nothing else: one update of 15 rows, no checks,
-/// no gate, no outcome, the heading by the closed form without weights.
+/// Fixed-size Eigen, specialized for this problem: one update of 15 rows, no checks, no gate, no
+/// outcome, the heading by the closed form without weights.
 void tags_fixed_size_eigen(benchmark::State& state) {
   using Vector12 = Eigen::Matrix<double, 12, 1>;
   using Matrix12 = Eigen::Matrix<double, 12, 12>;

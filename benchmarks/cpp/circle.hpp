@@ -5,8 +5,8 @@
 #include <random>
 #include <vector>
 
-/// The input of every filter here: 2,000 steps on a circle of 2.5 m radius, five anchors, an
-/// increment and five ranges a step; seed 1.
+/// Common input of the filter benchmarks: 2,000 steps on a circle of 2.5 m radius, five anchors, an
+/// increment and five ranges per step; seed 1.
 struct Circle {
   static constexpr int kSteps = 2000;
   static constexpr int kAnchors = 5;
@@ -16,9 +16,9 @@ struct Circle {
   static constexpr double kAnchorXY[kAnchors][2] = {{0, 0}, {10, 0}, {10, 10}, {0, 10}, {5, 0.5}};
 
   double start[3] = {5.3, 1.8, 0.1};
-  std::vector<double> u;      // 3 a step
-  std::vector<double> z;      // 5 a step
-  std::vector<double> truth;  // x, y a step
+  std::vector<double> u;      // 3 per step
+  std::vector<double> z;      // 5 per step
+  std::vector<double> truth;  // x, y per step
 
   Circle() {
     std::mt19937_64 engine(1);
@@ -41,7 +41,7 @@ struct Circle {
     }
   }
 
-  /// Position RMSE of estimates (x, y, heading a step) once they have settled [m].
+  /// Position RMSE of estimates (x, y, heading per step) after convergence [m].
   [[nodiscard]] double rmse(const std::vector<double>& estimates) const {
     double sum = 0.0;
     for (int k = 100; k < kSteps; ++k) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-/// Registers scan_room's scans to its surface points by PCL's ICP; named pcl_ICP.
+/// Benchmark pcl_icp: registers the scans of scan_room to its surface points by PCL's ICP.
 void register_icp_peer();

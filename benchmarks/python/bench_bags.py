@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Read bags as logs and write logs as bags, beside rosbags that only unpacks the messages.
+"""Reading bags as logs and writing logs as bags, compared to rosbags that only unpacks messages.
 
 In time of the processor, so that disks and what else runs do not count.
 """
@@ -17,7 +17,7 @@ from locfuse.io.rosbag.bags import read_bag, write_bag
 from locfuse.types import Log
 
 SECONDS = 60
-RATES = {"odometry": 100, "ranges": 50, "scans": 40}  # messages a second
+RATES = {"odometry": 100, "ranges": 50, "scans": 40}  # messages per second
 MESSAGES = SECONDS * sum(RATES.values())
 ANCHORS, BEAMS = 4, 360
 OF_THE_PROCESSOR = pytest.mark.benchmark(timer=time.process_time)
@@ -49,7 +49,7 @@ def drive() -> Log:
 
 @pytest.fixture(scope="session")
 def bags(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Return the drive as a bag of either ROS."""
+    """Return the drive as a bag of ROS 1 and of ROS 2."""
     folder = tmp_path_factory.mktemp("bags")
     for kind in ("bag", "mcap"):
         write_bag(drive(), folder / f"drive.{kind}")
@@ -73,7 +73,7 @@ def test_unpack_bag(benchmark: Any, kind: str, bags: dict[str, Path]) -> None:
 
 
 def unpack(path: Path) -> int:
-    """Return how many messages of the topics rosbags unpacks, by its own index."""
+    """Return the number of messages of the topics that rosbags unpacks, by its index."""
     from rosbags.highlevel import AnyReader
 
     count = 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Read, associate, align and score two trajectories of 100,000 poses, beside the evo program."""
+"""Reading, association, alignment and scores of 100,000 poses, compared to the evo program."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 @pytest.fixture(scope="session")
 def short_files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """Return the paths of three poses and their truth: all a program does for them is start."""
+    """Return the paths of three poses and their truth, which take hardly more than a start-up."""
     return write_pair(tmp_path_factory.mktemp("short"), 3)
 
 
 def write_pair(folder: Path, poses: int) -> tuple[Path, Path]:
-    """Write a 10 Hz truth and an estimate: turned by 1 rad, 5 cm of noise per axis, stamps to 4 ms.
+    """Write a 10 Hz truth and an estimate: rotated by 1 rad, 5 cm of noise, stamps off by 4 ms.
 
     In the plane, so that an alignment in space and one in the plane are the same.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pose EKF from Python, in bulk and call by call, beside filterpy on the same messages."""
+"""The pose EKF from Python, in bulk and call by call, compared to filterpy."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from circle import pose_ekf as new_ekf
 
 BULK = circle(100_000)
 SHORT = circle(2_000)
-RMSE_M = 0.1  # any filter that works settles well below
+RMSE_M = 0.1  # any correct filter converges well below
 
 
 def test_replay(benchmark: Any) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Range and bearing of landmarks from Python, known and mapped, beside gtsam and Stone Soup."""
+"""Known and mapped landmarks from Python, compared to gtsam and Stone Soup."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TURN = 0.4 * np.arange(16)
 TREES = [5.0, 4.5] + (6.0 + np.arange(16)[:, None] % 3) * np.column_stack(
     [np.cos(TURN), np.sin(TURN)]
 )
-ORIGIN, SIGMA_ORIGIN = np.array([5.0, 2.0, 0.0]), np.full(3, 0.01)  # a map begins where one is
+ORIGIN, SIGMA_ORIGIN = np.array([5.0, 2.0, 0.0]), np.full(3, 0.01)  # map frame of mapping
 
 
 def sightings(landmarks: FloatArray) -> tuple[Any, FloatArray]:
@@ -47,7 +47,7 @@ def wrapped(angle: float) -> float:
 
 
 def judge(last: Any, expected: lf.Pose2 | None = None, within_m: float = 0.01) -> None:
-    """Compare the last pose (x, y, heading) with the truth, and with that of another estimator."""
+    """Check the last pose (x, y, heading) against the truth and another estimator."""
     x, y, heading = last
     assert np.hypot(*(np.array([x, y]) - DRIVE.truth[-1])) < 0.15
     if expected is not None:
@@ -55,7 +55,7 @@ def judge(last: Any, expected: lf.Pose2 | None = None, within_m: float = 0.01) -
         assert abs(wrapped(heading - expected.heading)) < within_m
 
 
-# Ours -----------------------------------------------------------------------------------------
+# locfuse --------------------------------------------------------------------------------------
 
 
 def start(pose: FloatArray, sigma: FloatArray) -> lf.PoseEstimate:
@@ -101,8 +101,8 @@ def message_log(seen: tuple[Any, FloatArray]) -> lf.MessageLog:
     return log
 
 
-def drive(ekf: Any, told: list[Any]) -> Any:
-    for message in told:
+def drive(ekf: Any, stream: list[Any]) -> Any:
+    for message in stream:
         ekf.on(message)
     return ekf
 
@@ -113,9 +113,9 @@ def last_of(ekf: Any, seen: tuple[Any, FloatArray]) -> lf.Pose2:
 
 
 def test_known_calls(benchmark: Any) -> None:
-    told = messages(OF_POSTS)
+    stream = messages(OF_POSTS)
     benchmark.extra_info["items"] = STEPS
-    pose = benchmark(lambda: drive(known_map_ekf(), told)).estimate().pose
+    pose = benchmark(lambda: drive(known_map_ekf(), stream)).estimate().pose
     judge((pose.x, pose.y, pose.heading))
 
 
@@ -128,9 +128,9 @@ def test_known_replay(benchmark: Any) -> None:
 
 
 def test_mapping_calls(benchmark: Any) -> None:
-    told = messages(OF_TREES)
+    stream = messages(OF_TREES)
     benchmark.extra_info["items"] = STEPS
-    ekf = benchmark(lambda: drive(mapping_ekf(), told))
+    ekf = benchmark(lambda: drive(mapping_ekf(), stream))
     assert len(ekf.landmarks()) == len(np.unique(OF_TREES[0]))
     pose = ekf.estimate().pose
     judge((pose.x, pose.y, pose.heading))
@@ -140,7 +140,7 @@ def test_mapping_calls(benchmark: Any) -> None:
 
 
 def smooth(gtsam: Any, seen: tuple[Any, FloatArray], known: FloatArray | None) -> Any:
-    """Update ISAM2 once per step; without known landmarks they come in as they are seen."""
+    """Update ISAM2 once per step; unknown landmarks are added when first observed."""
     pose, sigma = (ORIGIN, SIGMA_ORIGIN) if known is None else (START, SIGMA_START)
     of_start = gtsam.noiseModel.Diagonal.Sigmas(sigma)
     of_motion = gtsam.noiseModel.Diagonal.Sigmas(SIGMA_MOTION)
@@ -184,7 +184,7 @@ def test_mapping_gtsam(benchmark: Any) -> None:
     gtsam = pytest.importorskip("gtsam", reason="gtsam is not installed")
     benchmark.extra_info["items"] = STEPS
     last = benchmark.pedantic(smooth, (gtsam, OF_TREES, None), rounds=5)
-    judge(last, last_of(mapping_ekf(), OF_TREES), 0.05)  # it linearizes the past anew, we do not
+    judge(last, last_of(mapping_ekf(), OF_TREES), 0.05)  # it relinearizes the past, we do not
 
 
 # Stone Soup -----------------------------------------------------------------------------------
@@ -195,7 +195,7 @@ def stonesoup(module: str) -> Any:
 
 
 def models() -> tuple[Any, Any]:
-    """Return what Stone Soup lacks: odometry, and a sighting where the sensor is estimated."""
+    """Return models missing in Stone Soup: odometry, and observations from an estimated pose."""
     Measurement: Any = stonesoup("models.measurement.nonlinear").NonLinearGaussianMeasurement
     Transition: Any = stonesoup("models.transition.nonlinear").GaussianTransitionModel
     Property = stonesoup("base").Property
@@ -205,34 +205,34 @@ def models() -> tuple[Any, Any]:
     class Odometry(Transition):  # type: ignore[misc]
         ndim_state = 3
 
-        def function(self, state: Any, noise: Any = False, **told: Any) -> Any:
-            dx, dy, turn = told["motion"]
+        def function(self, state: Any, noise: Any = False, **given: Any) -> Any:
+            dx, dy, turn = given["motion"]
             x, y, heading = (float(value) for value in state.state_vector)
             c, s = np.cos(heading), np.sin(heading)
             return StateVector([x + c * dx - s * dy, y + s * dx + c * dy, heading + turn])
 
-        def jacobian(self, state: Any, **told: Any) -> Any:
-            dx, dy, _ = told["motion"]
+        def jacobian(self, state: Any, **given: Any) -> Any:
+            dx, dy, _ = given["motion"]
             heading = float(state.state_vector[2, 0])
             c, s = np.cos(heading), np.sin(heading)
             return np.array([[1.0, 0.0, -s * dx - c * dy], [0.0, 1.0, c * dx - s * dy],
                              [0.0, 0.0, 1.0]])  # fmt: skip
 
-        def covar(self, **told: Any) -> Any:
-            c, s = np.cos(told["heading"]), np.sin(told["heading"])
+        def covar(self, **given: Any) -> Any:
+            c, s = np.cos(given["heading"]), np.sin(given["heading"])
             G = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
             return (G * SIGMA_MOTION**2) @ G.T
 
     class Sighting(Measurement):  # type: ignore[misc]
-        landmark: FloatArray = Property(doc="Where it is, metres.")
+        landmark: FloatArray = Property(doc="Position, metres.")
         ndim_meas = 2
 
-        def function(self, state: Any, noise: Any = False, **told: Any) -> Any:
+        def function(self, state: Any, noise: Any = False, **given: Any) -> Any:
             x, y, heading = (float(value) for value in state.state_vector)
             dx, dy = self.landmark[0] - x, self.landmark[1] - y
             return StateVector([Bearing(np.arctan2(dy, dx) - heading), np.hypot(dx, dy)])
 
-        def jacobian(self, state: Any, **told: Any) -> Any:
+        def jacobian(self, state: Any, **given: Any) -> Any:
             x, y, _ = (float(value) for value in state.state_vector)
             dx, dy = self.landmark[0] - x, self.landmark[1] - y
             squared = dx * dx + dy * dy

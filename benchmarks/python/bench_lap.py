@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A lap of a floor scrubber through an office, replayed: particles, and UWB that may switch."""
+"""Replay of a lap of a floor scrubber through an office: Mcl and SwitchingMcl."""
 
 from __future__ import annotations
 

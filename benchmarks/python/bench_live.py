@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an adapter costs per message, beside the same messages in one replay."""
+"""Cost of the adapter per message, compared to a replay of the same messages."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ def drive() -> tuple[Any, Any]:
 def test_through_the_adapter(benchmark: Any) -> None:
     config, log = drive()
     later = 10**12
-    heard = [(a.arrival_ns, a.publication.topic, message(a.publication))
+    received = [(a.arrival_ns, a.publication.topic, message(a.publication))
              for a in in_order_of_arrival(log, config.ros)]  # fmt: skip
 
     def setup() -> tuple[tuple[Adapter], dict[str, Any]]:
         adapter = Adapter(config)
         of = {s.topic.lstrip("/"): s.source for s in adapter.subscriptions}
-        for told in static_of(log, config.ros):
-            adapter.on(of[told.topic.lstrip("/")], told.topic, message(told), later)
+        for static in static_of(log, config.ros):
+            adapter.on(of[static.topic.lstrip("/")], static.topic, message(static), later)
         return (adapter,), {}
 
     def feed(adapter: Adapter) -> None:
         of = {s.topic.lstrip("/"): s.source for s in adapter.subscriptions}
-        for now, topic, one in heard:
+        for now, topic, one in received:
             if topic in of:
                 adapter.on(of[topic], topic, one, now)
 

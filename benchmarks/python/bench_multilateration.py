@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Range-only positioning from Python, call by call and in bulk, beside scipy and gtsam."""
+"""Range-only positioning from Python, in bulk and call by call, compared to scipy and gtsam."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TRUTH = RNG.uniform(0.5, 9.5, (10_000, 2))
 RANGES = np.abs(
     np.linalg.norm(TRUTH[:, None] - ANCHORS, axis=2) + RNG.normal(0.0, SIGMA, (10_000, 5))
 )
-FEW = 200  # epochs for what takes long
+FEW = 200  # epochs for slow peers
 RMSE_M = 0.12
 
 
@@ -86,7 +86,7 @@ def test_locate_gtsam(benchmark: Any) -> None:
 
 @pytest.mark.parametrize(("dimensions", "seed"), [(2, 200), (3, 201)])
 def test_random_layouts(benchmark: Any, dimensions: int, seed: int) -> None:
-    """Count wrong minima among layouts good and bad: five anchors anywhere in the box.
+    """Count wrong minima over random layouts: five anchors anywhere in the box.
 
     The right minimum is what Levenberg and Marquardt's method finds from the truth; a wrong one
     costs 0.5 more.

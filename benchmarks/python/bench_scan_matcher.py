@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One scan onto a map from Python: point to line by look-up beside small_gicp's ICP."""
+"""Registration of a scan to a map from Python: point to line by look-up, and small_gicp's ICP."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The input of every filter here: a circle of 2.5 m radius, an increment and five ranges a step."""
+"""Common input of the filters: a circle of 2.5 m radius, an increment and five ranges per step."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SETTLED = 100
 
 @dataclass(frozen=True)
 class Circle:
-    """`motion` (n, 3), `range_m` (n, 5), `truth` (n, 2), `stamp_ns` (n + 1,): where steps begin."""
+    """`motion` (n, 3), `range_m` (n, 5), `truth` (n, 2), `stamp_ns` (n + 1,): starts of steps."""
 
     motion: FloatArray
     range_m: FloatArray
@@ -31,7 +31,7 @@ class Circle:
     stamp_ns: StampArray
 
     def rmse(self, position: FloatArray) -> float:
-        """Return the position RMSE once it has settled, metres."""
+        """Return the position RMSE after convergence, metres."""
         error = position[SETTLED:] - self.truth[SETTLED : len(position)]
         return float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
 
@@ -50,7 +50,7 @@ def circle(steps: int, seed: int = 1) -> Circle:
 
 
 def pose_config() -> lf.PoseEkfConfig:
-    """Return a configuration that knows the input's noise: sigmas per step over 0.05 m each."""
+    """Return a configuration with the noise of the input: sigmas per step of 0.05 m."""
     config = lf.PoseEkfConfig()
     per_step = SIGMA_MOTION / np.sqrt(STEP_M)
     config.odometry.sigma_longitudinal_per_sqrt_m = float(per_step[0])

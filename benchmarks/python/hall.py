@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A hall of 20 x 20 m with boxes, and scans from a circle: as benchmarks/cpp/scan_room.hpp."""
+"""A hall of 20 x 20 m with boxes and scans along a circle, like benchmarks/cpp/scan_room.hpp."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ class Hall:
     ranges_m: FloatArray
 
     def points(self, k: int) -> FloatArray:
-        """Return the end points of a scan in body, metres."""
+        """Return the end points of a scan in the body frame, metres."""
         points: FloatArray = self.ranges_m[k][:, None] * np.column_stack(
             [np.cos(self.angles), np.sin(self.angles)]
         )
         return points
 
     def errors(self, pose: FloatArray) -> dict[str, float]:
-        """Return the position RMSE in metres and the share within 5 cm and a degree."""
+        """Return the position RMSE in metres and the fraction within 5 cm and one degree."""
         off = np.hypot(*(pose - self.truth).T[:2])
         turned = np.abs(np.mod(pose[:, 2] - self.truth[:, 2] + np.pi, 2 * np.pi) - np.pi)
         right = (off < 0.05) & (turned < np.deg2rad(1.0))

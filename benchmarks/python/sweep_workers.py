@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long a sweep takes by one process, by two, and by two workers of a Dask cluster on loopback.
+"""Duration of a sweep with one process, with two, and with two local workers of a Dask cluster.
 
 ``PYTHONPATH=tests/python .venv/bin/python benchmarks/python/sweep_workers.py [TRIALS] [ROUNDS]``
 
@@ -30,7 +30,7 @@ INSIDE = "LOCFUSE_IN_NAMESPACE"
 
 def main(trials: int, rounds: int) -> None:
     """Measure and print."""
-    from support_dask import ADDRESS, cluster  # not above: each process of a pool imports this file
+    from support_dask import ADDRESS, cluster  # here: each process of a pool imports this file
 
     taken: dict[str, list[float]] = {"1 process": [], "2 processes": [], "2 workers, Dask": []}
     tables: dict[str, Trials] = {}
@@ -60,7 +60,7 @@ def main(trials: int, rounds: int) -> None:
 
 
 def killed_and_resumed(trials: int, out: Path) -> Trials:
-    """Return the table of a sweep that was killed when half of it was done."""
+    """Return the table of a sweep that was killed halfway and resumed."""
     command = [sys.executable, "-m", "locfuse", "sweep", str(ROOM), f"--trials={trials}",
                "--workers=2", f"--out={out}"]  # fmt: skip
     started = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -75,18 +75,18 @@ def killed_and_resumed(trials: int, out: Path) -> Trials:
 
 
 def kept(out: Path) -> int:
-    """Return how many trials a folder holds."""
+    """Return the number of trials in a folder."""
     import pyarrow.parquet as pq
 
     files = [out / TABLE, *(out / PARTS).glob("*.parquet")]
     try:
         return sum(pq.read_metadata(file).num_rows for file in files if file.is_file())
-    except FileNotFoundError:  # parts were just put together
+    except FileNotFoundError:  # the parts were merged meanwhile
         return 0
 
 
 def difference(table: Trials, expected: Trials) -> str:
-    """Return in words which columns are not the same bit for bit."""
+    """Return a sentence that names the columns that differ bitwise."""
     names = [name for name, column in expected.columns.items() if name not in NOT_REPEATED
              and table[name].tobytes() != column.tobytes()]  # fmt: skip
     return f"other values of {', '.join(names)}" if names else "the same bit for bit"

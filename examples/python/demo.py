@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulated drive and a real one: what each sensor tells alone, and all of them fused."""
+"""Accuracy of each sensor alone and of all fused, on a simulated and a real drive."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SEEDS = 20
 
 
 def variant(config: RunConfig, use: list[str], **estimator: Any) -> RunConfig:
-    """Return the configuration with other messages, and with other keys of the estimator."""
+    """Return the configuration with other sources and other settings of the estimator."""
     changed = config.estimator.model_copy(update=estimator)
     return config.model_copy(update={"use": use, "estimator": changed})
 
@@ -34,7 +34,7 @@ def rmse(config: RunConfig, log: Log) -> float:
 
 
 def pose_source_rmse(result: RunResult) -> float:
-    """Return what one would have with the simulated pose source alone, metres."""
+    """Return the position RMSE of the simulated pose source alone, metres."""
     poses, truth = result.log["poses"], result.truth
     assert truth is not None
     row = np.searchsorted(truth.stamp_ns, poses["stamp_ns"])
@@ -66,14 +66,14 @@ def simulated(table: Table) -> Path:
 
 
 def recorded(table: Table) -> Path:
-    """Replay the office drive that Debian's package mrpt-common brings."""
+    """Replay the office drive of Debian's package mrpt-common."""
     config = load_config(CONFIGS / "mrpt_office.yaml")
     log = load_log(config, CONFIGS, 0)
     result = run(config, log)
-    believing = variant(config, ["odometry", "ranges"], robust_range="gaussian", gate_range=1.0)
+    without_gate = variant(config, ["odometry", "ranges"], robust_range="gaussian", gate_range=1.0)
     rows: dict[str, Any] = {
         "odometry alone": rmse(variant(config, ["odometry"]), log),
-        "odometry + UWB, all believed": rmse(believing, log),
+        "odometry + UWB, no outlier rejection": rmse(without_gate, log),
         "odometry + UWB": result.metrics["position_rmse_m"],
     }
     for name, value in rows.items():
@@ -82,7 +82,7 @@ def recorded(table: Table) -> Path:
 
 
 def main() -> int:
-    """Run both, print the comparison and where the reports are."""
+    """Run both, print the comparison and the paths of the reports."""
     console = Console()
     table = Table(title=f"Position RMSE (simulated: median of seeds 0 to {SEEDS - 1})")
     for heading in ("drive", "fused", "RMSE", "paper"):
@@ -91,7 +91,7 @@ def main() -> int:
     try:
         reports.append(recorded(table))
     except LogError as error:
-        console.print(f"The real drive is left out: {error}")
+        console.print(f"The real drive is skipped: {error}")
     console.print(table)
     for report in reports:
         console.print(f"report: {report.resolve()}", soft_wrap=True, highlight=False)

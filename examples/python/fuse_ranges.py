@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A map, a start, odometry, three ranges: a pose with its uncertainty."""
+"""Fuse odometry and three ranges into a pose with its uncertainty."""
 
 import numpy as np
 

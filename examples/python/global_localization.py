@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The film of docs/localize.md: a robot that is switched on anywhere finds its place on a map."""
+"""The animation of docs/localize.md: global initialization of a robot on a map."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SEED = 1
 
 
 def main() -> int:
-    """Run, draw the film, print where it is."""
+    """Run, draw the animation, print its path."""
     result = run(load_config(CONFIG), base=CONFIG.parent, seed=SEED)
     print(f"ready after {result.metrics['mcl']['ready_s']:.1f} s")
     print(f"film: {write_film(result, OUT).resolve()}")

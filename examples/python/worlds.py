@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The picture of docs/simulation.md: a world of each kind, and a drive that roams it."""
+"""The picture of docs/simulation.md: a world of each kind with a roaming drive."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SIZES_M = {"hallways": (40, 20), "rooms": (16, 12), "warehouse": (30, 20), "zhan
 MAP_SEED = 2
 DRIVE_SEED = 1
 DRIVE_S = {"hallways": 120.0, "rooms": 120.0, "warehouse": 120.0, "zhang": 60.0, "floor": 300.0}
-DRAWN_M = 0.1  # side of the cells that are drawn; smaller ones would fall between pixels
+DRAWN_M = 0.1  # cell size of the drawing; smaller cells would vanish between pixels
 
 
 def draw(axes: Axes, world: str) -> None:
@@ -44,7 +44,7 @@ def draw(axes: Axes, world: str) -> None:
 
 
 def main() -> int:
-    """Draw all worlds, print where the picture is."""
+    """Draw all worlds, print the path of the picture."""
     figure = new_figure(12.0)
     cells = figure.add_gridspec(3, 2, width_ratios=(1.6, 1.0))
     for number, world in enumerate(SIZES_M):

@@ -175,7 +175,7 @@ class NumericalError(ArithmeticError):
 
 class Linearization:
     """
-    What a measurement says about its variables.
+    Linearized measurement: residual, Jacobian and noise.
 
     Parameters
     ----------
@@ -278,7 +278,7 @@ class Pose2:
 
 class Source(enum.Enum):
     """
-    What a message comes from.
+    Kind of sensor that a message comes from.
     """
 
     LANDMARK_SIGHTINGS = ...
@@ -290,7 +290,7 @@ class Source(enum.Enum):
 
 class Velocity:
     """
-    Wheel odometry as body velocities, held from `stamp` [ns] until the next: `forward` [m/s], `turn_rate` [rad/s].
+    Wheel odometry as body velocities, constant from `stamp` [ns] until the next message: `forward` [m/s], `turn_rate` [rad/s].
     """
     def __init__(
         self,
@@ -308,7 +308,7 @@ class Velocity:
 
 class Increment:
     """
-    Wheel odometry as the motion driven from `begin` to `stamp` [ns]: a Pose2 in the body frame at `begin`.
+    Wheel odometry as the motion from `begin` to `stamp` [ns]: a Pose2 in the body frame at `begin`.
     """
     @staticmethod
     def from_trans_rot(
@@ -336,7 +336,7 @@ class Increment:
 
 class Range:
     """
-    Distance [m] between a tag on the body and an anchor in the world. Without `sigma` [m] the model's own is used.
+    Distance [m] between a tag on the body and an anchor in the world. `sigma` [m] defaults to that of the model.
     """
     def __init__(
         self,
@@ -360,7 +360,7 @@ class Range:
 
 class PositionFix:
     """
-    Position (2,) [m] in world with its covariance (2, 2) [m^2], of the tag named, without one of the antenna.
+    Position (2,) [m] in world with its covariance (2, 2) [m^2], of `tag` or, without one, of the antenna.
     """
     def __init__(
         self,
@@ -399,7 +399,7 @@ class PoseObservation:
 
 class Altitude:
     """
-    Height [m] of an altimeter on the body over z = 0 of the world. With a PositionFix of the same stamp it is a fix in space.
+    Height [m] of an altimeter above z = 0 of the world. With a PositionFix of the same stamp it forms a 3D fix.
     """
     def __init__(
         self,
@@ -417,7 +417,7 @@ class Altitude:
 
 class RangeBearing:
     """
-    A landmark seen from a sensor on the body: `range` [m] to its centre, `bearing` [rad] counter-clockwise from the sensor's x, or one of the two. Without `landmark` it is of whichever fits; without `covariance` (2, 2) of (range, bearing) the model's own is used. Only an AirEkf takes an `elevation` [rad], up, of the line of sight along which the range is measured.
+    Landmark observation from a sensor on the body: `range` [m] to its centre, `bearing` [rad] counter-clockwise from the sensor's x axis, or one of the two. Without `landmark` it is associated; `covariance` (2, 2) of (range, bearing) defaults to that of the model. Only an AirEkf uses `elevation` [rad], positive upwards, of the line of sight along which the range is measured.
     """
     def __init__(
         self,
@@ -449,7 +449,7 @@ class RangeBearing:
 
 class LaserGeometry:
     """
-    How a 2D laser sits on the body and sees: beam i leaves at angle_min + i * angle_increment [rad] from the laser's x axis; `pose_in_body` is T_body_laser; ranges [m].
+    Mounting and beams of a 2D laser: beam i points at angle_min + i * angle_increment [rad] from the laser's x axis; `pose_in_body` is T_body_laser; ranges [m].
     """
     def __init__(
         self,
@@ -472,7 +472,7 @@ class LaserGeometry:
 
 class LaserScan:
     """
-    One turn of a 2D laser: `ranges` (beams,) [m], NaN without return. Those outside [range_min, range_max) are no returns either: many lasers report range_max where nothing came back. `intensities` (beams,) in the laser's own unit; empty if it tells none.
+    One scan of a 2D laser: `ranges` (beams,) [m], NaN without return. Ranges outside [range_min, range_max) do not count as returns: many lasers report range_max if there is none. `intensities` (beams,) in the unit of the laser; empty if not reported.
     """
     def __init__(
         self,
@@ -487,7 +487,7 @@ class LaserScan:
     @property
     def intensities(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        In the laser's own unit (beams,) or (0,), a read-only view.
+        In the unit of the laser, (beams,) or (0,), a read-only view.
         """
     @property
     def ranges(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -499,13 +499,13 @@ class LaserScan:
 
 class Limits:
     """
-    What no robot and no sensor exceeds: a message beyond is IMPLAUSIBLE.
+    Physical limits of robot and sensors; a message beyond them is IMPLAUSIBLE.
     """
     def __init__(self) -> None: ...
     @property
     def distance_m(self) -> float:
         """
-        Of positions from the world's origin [m].
+        Maximum distance of positions from the world origin [m].
         """
     @distance_m.setter
     def distance_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
@@ -524,7 +524,7 @@ class Limits:
 
 class Anchor:
     """
-    A fixed radio at `position` (3,) [m] in world; a range to it reads scale * distance + offset [m].
+    Fixed radio at `position` (3,) [m] in world; a range to it reads scale * distance + offset [m].
     """
     def __init__(
         self,
@@ -545,7 +545,7 @@ class Anchor:
 
 class AnchorMap:
     """
-    The anchors, by id; immutable.
+    Immutable map of anchors by id.
 
     Raises
     ------
@@ -564,7 +564,7 @@ class AnchorMap:
 
 class Landmark:
     """
-    Something fixed that a sensor recognizes: its centre at `position` (2,) in world, its `radius` and, for an AirEkf, its `height` [m].
+    Landmark with its centre at `position` (2,) in world, its `radius` and, for an AirEkf, its `height` [m].
     """
     def __init__(
         self,
@@ -585,12 +585,12 @@ class Landmark:
 
 class LandmarkMap:
     """
-    The landmarks, by id; immutable.
+    Immutable map of landmarks by id.
 
     Raises
     ------
     ValueError
-        On a duplicate id, a number that is not finite or a radius that is negative.
+        On a duplicate id, a number that is not finite or a negative radius.
     """
     def __contains__(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> bool: ...
     def __init__(self, landmarks: collections.abc.Sequence[Landmark]) -> None: ...
@@ -604,7 +604,7 @@ class LandmarkMap:
 
 class OccupancyGrid:
     """
-    Square cells that are free, occupied or unknown; immutable.
+    Immutable occupancy grid of square cells: free, occupied or unknown.
 
     Parameters
     ----------
@@ -613,12 +613,12 @@ class OccupancyGrid:
     resolution : float
         Metres per cell.
     origin : Pose2
-        Lower left corner of the grid in world.
+        T_world_grid: lower left corner of the grid.
 
     Raises
     ------
     ValueError
-        On other cells, an empty grid, or numbers that are not finite.
+        On other cell values, an empty grid, or numbers that are not finite.
     TypeError
         On cells that are not integers.
 
@@ -672,7 +672,7 @@ class OccupancyGrid:
 
 class DistanceField:
     """
-    Nearest occupied cell of every cell of a map, and around it.
+    Distances to the nearest occupied cell, precomputed for a map and a margin.
 
     Parameters
     ----------
@@ -692,27 +692,27 @@ class DistanceField:
         self, points: typing.Annotated[numpy.typing.ArrayLike, numpy.float64]
     ) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Distances (n,) [m] looked up for points (n, 2) in world: from the centre of the cell that holds the point to the centre of the nearest occupied cell.
+        Distances (n,) [m] for points (n, 2) in world by table lookup: from the centre of the cell of the point to the centre of the nearest occupied cell.
         """
     def nearest_distance(
         self, points: typing.Annotated[numpy.typing.ArrayLike, numpy.float64]
     ) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Distances (n,) [m] from points (n, 2) to the nearest occupied centre, exact anywhere.
+        Exact distances (n,) [m] from points (n, 2) in world to the centre of the nearest occupied cell.
         """
 
 class RayCaster:
     """
-    How far beams go on a map until they enter an occupied cell, exactly.
+    Exact ranges of beams on a map to the first occupied cell.
 
-    A beam that starts in an occupied cell has gone 0. Free cells and the outside of the map let beams
-    pass, so one may start outside.
+    The range from an occupied cell is 0. Beams pass through free cells and outside the map, so they may
+    start outside.
 
     Parameters
     ----------
     grid : OccupancyGrid
     unknown_stops : bool
-        Whether unknown cells stop beams as occupied ones do; else they let them pass.
+        Whether unknown cells stop beams like occupied ones.
 
     Raises
     ------
@@ -742,11 +742,11 @@ class RayCaster:
         Parameters
         ----------
         points : float64 array, shape (n, 2)
-            Where they start in world [m].
+            Start points in world [m].
         headings : float64 array, shape (n,)
-            Their directions in world [rad].
+            Directions in world [rad].
         max_range : float
-            Beams end there [m].
+            Maximum range [m].
 
         Returns
         -------
@@ -777,9 +777,9 @@ class RayCaster:
         angle_min, angle_increment : float
             Beam i points at angle_min + i * angle_increment in the laser's frame [rad].
         count : int
-            Beams.
+            Number of beams.
         max_range : float
-            Beams end there [m].
+            Maximum range [m].
 
         Returns
         -------
@@ -795,7 +795,7 @@ class RayCaster:
 
 class HeadingSearchReason(enum.Enum):
     """
-    Why there is a heading, or none.
+    Result of a heading search.
     """
 
     FOUND = ...
@@ -809,14 +809,14 @@ class HeadingSearch:
     @property
     def heading(self) -> float | None:
         """
-        Of the body in world [rad], a multiple of ten degrees; None unless found.
+        Heading of the body in world [rad], a multiple of ten degrees; None unless found.
         """
     @property
     def reason(self) -> HeadingSearchReason: ...
     @property
     def sums(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Sums (36,) [m] of nearest distances, the body turned by 0, 10, ..., 350 degrees.
+        Sums (36,) [m] of nearest distances with the body at 0, 10, ..., 350 degrees.
         """
 
 class ScanMatchReason(enum.Enum):
@@ -832,28 +832,28 @@ class ScanMatchReason(enum.Enum):
 
 class ScanMatch:
     """
-    Where a scan fits the map next to a guess.
+    Fit of a scan to the map near a guess.
     """
     def __repr__(self) -> str: ...
     @property
     def converged(self) -> bool:
         """
-        Without it, only `reason` and `iterations` say something.
+        If False, only `reason` and `iterations` are valid.
         """
     @property
     def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 3]"] | None:
         """
-        Of (x, y, heading), shape (3, 3), with the prior; None if a direction is known from neither.
+        Covariance of (x, y, heading) from scan and prior, shape (3, 3); None if neither determines a direction.
         """
     @property
     def explained(self) -> float:
         """
-        Share of the returns that end at a wall.
+        Fraction of the returns that end at a wall.
         """
     @property
     def information(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 3]"]:
         """
-        What the scan alone says of (x, y, heading), shape (3, 3).
+        Information matrix of (x, y, heading) from the scan alone, shape (3, 3).
         """
     @property
     def iterations(self) -> int: ...
@@ -867,36 +867,36 @@ class ScanMatch:
     @property
     def rms(self) -> float:
         """
-        Of their distances to the wall lines [m].
+        RMS distance of those returns to the wall lines [m].
         """
     @property
     def weak_direction(
         self,
     ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"] | None:
         """
-        Change (3,) of (x, y, heading) that the scan would not see, or None.
+        Unobservable change (3,) of (x, y, heading), or None.
         """
 
 class ScanHypothesis:
     """
-    A pose at which a scan fits.
+    Pose hypothesis of a scan search.
     """
     @property
     def cost(self) -> float:
         """
-        Minus log of likelihood and prior; 0 is a perfect fit.
+        Negative log of likelihood and prior; 0 is a perfect fit.
         """
     @property
     def match(self) -> ScanMatch: ...
     @property
     def probability(self) -> float:
         """
-        Among the hypotheses found.
+        Probability among the hypotheses found.
         """
 
 class ScanSearchStatus(enum.Enum):
     """
-    Whether a search knows the pose.
+    Result of a scan search.
     """
 
     AMBIGUOUS = ...
@@ -905,7 +905,7 @@ class ScanSearchStatus(enum.Enum):
 
 class ScanSearchReason(enum.Enum):
     """
-    Why.
+    Reason for a ScanSearchStatus.
     """
 
     HEADING_UNOBSERVED = ...
@@ -917,7 +917,7 @@ class ScanSearchReason(enum.Enum):
 
 class ScanSearch:
     """
-    Every pose of a window at which a scan fits.
+    All poses in a search window at which a scan fits.
     """
     @property
     def hypotheses(self) -> list[ScanHypothesis]:
@@ -936,21 +936,21 @@ class ScanMatcherConfig:
     Parameters
     ----------
     sigma_range_m : float
-        Noise of one beam.
+        Range noise of one beam.
     outlier_share : float
-        Returns from things that are not on the map.
+        Fraction of returns from objects that are not on the map.
     no_return_share : float
-        Beams that should come back and do not.
+        Fraction of beams without a return where one is expected.
     wrong_probability : float
-        What the other hypotheses may keep when a search is ready.
+        Maximum total probability of the other hypotheses when a search is READY.
     min_explained : float
-        Share of the returns that a pose must explain.
+        Minimum fraction of the returns that a pose explains.
     max_hypotheses : int
-        That a search returns.
+        Maximum number of hypotheses of a search.
     max_iterations : int
-        Of one refinement.
+        Maximum number of iterations of one refinement.
     exact_neighbours : bool
-        Nearest cell of each end point instead of that of the cell it is in.
+        Use the nearest cell of each end point instead of that of the cell it lies in.
     """
     def __init__(
         self,
@@ -983,12 +983,12 @@ class ScanMatcherConfig:
 
 class ScanMatcher:
     """
-    Finds a body on a map from single laser scans.
+    Finds the pose of a body on a map from single laser scans.
 
     Raises
     ------
     ValueError
-        If there is no map or it has no occupied cell; by the methods if a scan or a number is not
+        If there is no map or it has no occupied cell; from the methods, if a scan or a number is not
         valid.
 
     Examples
@@ -1010,7 +1010,7 @@ class ScanMatcher:
         position: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
     ) -> HeadingSearch:
         """
-        The search of ekim2020, Table 1, about a position (2,) [m]: 36 headings, nearest cells by PCL's kd-tree.
+        Heading search of ekim2020, Table 1, at a position (2,) in world [m]: 36 headings, nearest cells by PCL's kd-tree.
         """
     def heading_search_by_lookup(
         self,
@@ -1018,7 +1018,7 @@ class ScanMatcher:
         position: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
     ) -> HeadingSearch:
         """
-        The same with distances looked up, right within half a cell's diagonal.
+        Heading search with distances from a lookup table, exact within half a cell diagonal.
         """
     def nearest_by_kdtree(
         self, point: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"]
@@ -1033,7 +1033,7 @@ class ScanMatcher:
         covariance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 3]"] | None = None,
     ) -> ScanMatch:
         """
-        Fit the scan to the map next to a guess.
+        Fit the scan to the map near a guess.
 
         Parameters
         ----------
@@ -1041,7 +1041,7 @@ class ScanMatcher:
         guess : Pose2
             T_world_body, within 20 cm and 5 degrees.
         covariance : array, shape (3, 3), optional
-            Of (x, y, heading); with it the guess is a prior, too.
+            Covariance of (x, y, heading) [m, rad]; with it the guess is also a prior.
 
         Returns
         -------
@@ -1060,9 +1060,9 @@ class ScanMatcher:
         ----------
         scan : LaserScan
         position : array, shape (2,)
-            Of the body in world [m].
+            Position of the body in world [m].
         covariance : array, shape (2, 2)
-            Of the position [m^2]; the search covers three sigma.
+            Covariance of the position [m^2]; the search covers three sigma.
 
         Returns
         -------
@@ -1078,15 +1078,15 @@ class LocalMapConfig:
     Parameters
     ----------
     sigma_range_m : float
-        Noise of one beam.
+        Range noise of one beam.
     max_distance_m : float
-        From the end of a beam to what it is matched with.
+        Maximum distance between an end point and its match.
     trimmed_share : float
-        Of the matches, the worst, left out if they are off three sigma.
+        Fraction of the matches, the worst, that is dropped if beyond three sigma.
     min_explained : float
-        Share of the returns; below it the fit is searched anew.
+        Minimum fraction of explained returns; below it the fit is searched again.
     max_iterations : int
-        Of one fit.
+        Maximum number of iterations of one fit.
     """
     def __init__(
         self,
@@ -1110,18 +1110,18 @@ class LocalMapConfig:
 
 class LocalMap:
     """
-    Ends of the beams of a few scans, to fit another scan to.
+    Local map of the end points of a few scans, to which another scan is fitted.
 
     Parameters
     ----------
     scans : list of (LaserScan, Pose2)
-        And where each was taken, T_map_body. One for scan to scan.
+        Scans and their poses T_map_body; a single one for scan-to-scan matching.
     config : LocalMapConfig, optional
 
     Raises
     ------
     ValueError
-        If a setting is out of bounds; if a scan, pose or covariance is not valid.
+        If a setting is out of bounds, or a scan, pose or covariance is not valid.
 
     Examples
     --------
@@ -1148,7 +1148,7 @@ class LocalMap:
         covariance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 3]"] | None = None,
     ) -> ScanMatch:
         """
-        Fit a scan next to a guess.
+        Fit a scan near a guess.
 
         Parameters
         ----------
@@ -1156,9 +1156,9 @@ class LocalMap:
         guess : Pose2
             T_map_body, within 20 cm and 5 degrees.
         covariance : array, shape (3, 3), optional
-            Of (x, y, heading) [m, rad]; with it the guess is a prior, too, and if it may be further off,
-            or the fit explains too little, a search over three sigma of the position and all headings
-            gives another start.
+            Covariance of (x, y, heading) [m, rad]; with it the guess is also a prior. If it exceeds those
+            bounds or the fit explains too little, a search over three sigma of the position and all
+            headings gives another start.
 
         Returns
         -------
@@ -1168,7 +1168,7 @@ class LocalMap:
         Raises
         ------
         ValueError
-            If scan, guess or covariance are not valid.
+            If scan, guess or covariance is not valid.
         """
     @property
     def config(self) -> LocalMapConfig: ...
@@ -1181,14 +1181,14 @@ class ScanOdometryConfig:
     ----------
     map : LocalMapConfig
     window_scans : int
-        Key scans that make the local map; 1 is scan to scan.
+        Number of key scans in the local map; 1 is scan-to-scan matching.
     window_m : float
-        How far from the newest of them the others may be.
+        Maximum distance of key scans from the newest one.
     key_distance_m, key_turn_rad : float
-        From the newest key scan, after which a scan becomes the next; 0 makes every one a key scan.
+        Motion since the newest key scan after which a scan becomes a key scan; 0: every scan.
     least_sigma_m, least_sigma_rad : float
-        That odometry is known to at best, whatever it says of itself: it is not told in the very
-        moment of the scan, and a robot that seems to stand may be on its way.
+        Minimum sigmas of odometry, whatever its covariance: it is not sampled at the instant of the
+        scan, and a robot that seems to stand may be moving.
     """
     def __init__(
         self,
@@ -1218,17 +1218,17 @@ class ScanOdometryConfig:
 
 class ScanMotion:
     """
-    What a scan says of the motion.
+    Motion estimated from a scan.
     """
     @property
     def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 3]"]:
         """
-        Of T_key_body, (x, y, heading) [m, rad], shape (3, 3); without a match what odometry alone says.
+        Covariance of T_key_body, (x, y, heading) [m, rad], shape (3, 3); that of odometry if there is no match.
         """
     @property
     def increment(self) -> Increment:
         """
-        Since the scan before: a message for a PoseEkf. Of no duration for the first.
+        Motion since the previous scan as a message for a PoseEkf; zero duration for the first scan.
         """
     @property
     def key(self) -> int:
@@ -1238,19 +1238,19 @@ class ScanMotion:
     @property
     def match(self) -> ScanMatch:
         """
-        Against the local map, in the body frame of the newest key scan (T_key_body).
+        Match against the local map in the body frame of the newest key scan (T_key_body).
         """
     @property
     def pose(self) -> Pose2:
         """
-        T_start_body: increments from the first scan on.
+        T_start_body, accumulated since the first scan.
         """
 
 class ScanOdometry:
     """
-    Motion of a body from its laser, without a map.
+    Laser odometry without a map.
 
-    Each scan is fitted to the key scans driven through last, next to what odometry says.
+    Each scan is fitted to the latest key scans, starting from wheel odometry.
 
     Raises
     ------
@@ -1264,11 +1264,11 @@ class ScanOdometry:
     >>> angle = np.pi / 180 * (np.arange(360) + 0.5)
     >>> around = LaserGeometry(Pose2(), angle[0], np.pi / 180, range_min=0.1, range_max=10.0)
     >>> odometry = ScanOdometry()
-    >>> for k, x in enumerate([0.0, 0.1, 0.2]):  # in a room of 8 x 6 m; the wheels say 12 cm each time
+    >>> for k, x in enumerate([0.0, 0.1, 0.2]):  # in a room of 8 x 6 m; wheels report 12 cm each time
     ...     ahead = (np.where(np.cos(angle) > 0, 4.0, -4.0) - x) / np.cos(angle)
     ...     scan = LaserScan(k * 10**9, around, np.minimum(ahead, 3.0 / np.abs(np.sin(angle))))
-    ...     told = odometry.on(scan, Pose2(0.12, 0.0, 0.0), np.diag([0.03, 0.01, 0.02]) ** 2)
-    >>> round(told.pose.x, 2)
+    ...     result = odometry.on(scan, Pose2(0.12, 0.0, 0.0), np.diag([0.03, 0.01, 0.02]) ** 2)
+    >>> round(result.pose.x, 2)
     0.2
     """
     def __init__(self, config: ScanOdometryConfig = ...) -> None: ...
@@ -1279,26 +1279,26 @@ class ScanOdometry:
         covariance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 3]"],
     ) -> ScanMotion:
         """
-        Take the next scan.
+        Process the next scan.
 
         Parameters
         ----------
         scan : LaserScan
         motion : Pose2
-            Since the scan before, as odometry tells it; nothing becomes of that of the first scan.
+            Motion since the previous scan from odometry; ignored for the first scan.
         covariance : array, shape (3, 3)
-            Of that motion: (x, y, heading) in the body frame where it begins [m, rad].
+            Covariance of that motion: (x, y, heading) in the body frame of its start [m, rad].
 
         Returns
         -------
         ScanMotion
-            Where the scan does not fit, the motion is odometry's.
+            The motion is that of odometry if the scan does not fit.
 
         Raises
         ------
         ValueError
-            If scan, motion or covariance are not valid or the stamp is not later than the one before;
-            nothing has changed then.
+            If scan, motion or covariance is not valid or the stamp is not later than the previous one; the
+            state is then unchanged.
         """
     @property
     def config(self) -> ScanOdometryConfig: ...
@@ -1310,27 +1310,28 @@ class CylinderDetectorConfig:
     Parameters
     ----------
     sigma_range_m, sigma_bearing_rad : float
-        Noise of one beam: of its length; of its direction (its width, quantization).
+        Noise of the length and of the direction (beam width, quantization) of one beam.
     radius_m : float
-        Of all cylinders; 0: each has its own, found by the fit.
+        Radius of all cylinders; 0: estimated for each.
     radius_min_m, radius_max_m : float
-        Of a cylinder whose radius is found.
+        Bounds of an estimated radius.
     least_beams : int
-        On a cylinder.
+        Minimum number of beams on a cylinder.
     jump_gaps : float
-        A depth step between two beams is an edge from six sigma and so many gaps between beams on.
+        A depth step between two beams is an edge if it exceeds six sigma plus this multiple of the gap
+        between beams.
     misfit_probability : float
-        That the arc of a cylinder passes the chi-square gate.
+        Probability that the arc of a cylinder passes the chi-square gate.
     least_evidence : float
-        By how much the chi-square of a straight wall must be larger. What is too small to tell is a
-        cylinder if it stands alone and `radius_m` says its width; with 0 of any width in bounds.
+        Minimum chi-square difference to a straight wall. An object too small to decide is a cylinder
+        if it is isolated and as wide as `radius_m`, or for 0 any width within bounds.
     least_corner_evidence : float
-        By how much that of a right-angled corner must be larger. Thin cylinders look like the corners of
-        boxes as small as they; -20 takes them all, for places without boxes.
+        Minimum chi-square difference to a right-angled corner. Thin cylinders resemble corners of
+        equally small boxes; -20 accepts all of them where there are no boxes.
     leg_radius_m, leg_distance_m : float
-        A cylinder up to that radius, that near to anything as thin, is a leg; 0: nobody walks here.
+        A cylinder up to this radius and this close to anything as thin is a leg; 0: no people.
     least_intensity : float
-        One beam must be that bright; 0: of any brightness.
+        Minimum intensity of at least one beam; 0: any.
     """
     def __init__(
         self,
@@ -1378,38 +1379,38 @@ class CylinderDetectorConfig:
 
 class Cylinder:
     """
-    An upright cylinder in the plane of a laser.
+    Upright cylinder in the scan plane.
     """
     def __repr__(self) -> str: ...
     @property
     def beams(self) -> int:
         """
-        How many the fit used.
+        Number of beams in the fit.
         """
     @property
     def bearing(self) -> float:
         """
-        Of the centre, in the laser's frame [rad].
+        Bearing of the centre in the laser frame [rad].
         """
     @property
     def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 3]"]:
         """
-        Of (range, bearing, radius) [m, rad, m], shape (3, 3); zero in row and column of a radius that was given.
+        Covariance of (range, bearing, radius) [m, rad, m], shape (3, 3); row and column of a fixed radius are zero.
         """
     @property
     def first(self) -> int:
         """
-        Beam of its arc where the bearing is least; above `last` across the cut.
+        First beam of the arc by bearing; larger than `last` across the end of the scan.
         """
     @property
     def last(self) -> int:
         """
-        Beam of its arc where the bearing is largest.
+        Last beam of the arc by bearing.
         """
     @property
     def misfit(self) -> float:
         """
-        Chi-square by degree of freedom.
+        Chi-square per degree of freedom.
         """
     @property
     def radius(self) -> float:
@@ -1419,12 +1420,12 @@ class Cylinder:
     @property
     def range(self) -> float:
         """
-        Of the centre, from the laser [m].
+        Range of the centre from the laser [m].
         """
 
 class CylinderDetector:
     """
-    Finds cylinders in single scans.
+    Detects cylinders in single scans.
 
     Raises
     ------
@@ -1433,7 +1434,7 @@ class CylinderDetector:
 
     Examples
     --------
-    A cylinder of radius 0.5 m, 2 m ahead, and nothing around it:
+    A single cylinder of radius 0.5 m, 2 m ahead:
 
     >>> import numpy as np
     >>> from locfuse import CylinderDetector, LaserGeometry, LaserScan, Pose2
@@ -1449,7 +1450,7 @@ class CylinderDetector:
     def __init__(self, config: CylinderDetectorConfig = ...) -> None: ...
     def detect(self, scan: LaserScan) -> list[Cylinder]:
         """
-        Find the cylinders of a scan.
+        Detect the cylinders of a scan.
 
         Parameters
         ----------
@@ -1463,14 +1464,14 @@ class CylinderDetector:
         Raises
         ------
         ValueError
-            If the scan is not valid, or has no intensities where `least_intensity` asks for them.
+            If the scan is not valid, or lacks the intensities that `least_intensity` requires.
         """
     @property
     def config(self) -> CylinderDetectorConfig: ...
 
 class BeamLandmark:
     """
-    What the beam that stands for a landmark says: `beam`, `range` [m], `bearing` in the laser's frame [rad]; -1, -1 and 0 where no beam does.
+    Beam that represents a landmark: `beam`, `range` [m], `bearing` in the laser frame [rad]; -1, -1 and 0 if there is none.
     """
     @property
     def beam(self) -> int: ...
@@ -1481,14 +1482,15 @@ class BeamLandmark:
 
 class AckermannConfig:
     """
-    A vehicle that steers its front wheels.
+    Geometry and noise of a vehicle with steered front wheels.
 
     Parameters
     ----------
     wheel_base_m : float
-        From the rear to the front axle.
+        Distance from the rear to the front axle.
     encoder_left_m : float
-        Of the rear wheel that is counted, from the middle of its axle, negative to the right.
+        Lateral offset of the rear wheel with the encoder from the middle of the axle, positive to the
+        left.
     sigma_speed_mps, sigma_steering_rad : float
         Noise of that wheel's speed and of the steering angle.
     """
@@ -1511,13 +1513,13 @@ class AckermannConfig:
 
 class AckermannVehicle:
     """
-    Turns wheel speed and steering angle into velocities.
+    Body velocity of an Ackermann vehicle from wheel speed and steering angle.
 
-    Those of the middle of the rear axle, which is the body's origin; docs/models/ackermann.md. A
-    steering angle is that of a wheel in the middle of the front axle [rad], to the left positive; a
-    wheel's speed is negative backwards [m/s]. Every method raises ValueError for a value that is not
-    finite, and where the wheel does not tell the speed: steered by 90 degrees and more, or about a
-    point that is not beyond the wheel.
+    The body origin is the middle of the rear axle; docs/models/ackermann.md. The steering angle [rad]
+    is that of a virtual wheel in the middle of the front axle, positive to the left; the wheel speed
+    [m/s] is negative backwards. Every method raises ValueError for a value that is not finite and where
+    the speed is not observable: steering angles of 90 degrees and more, or a turning centre that does
+    not lie beyond the wheel.
 
     Raises
     ------
@@ -1540,7 +1542,7 @@ class AckermannVehicle:
         steering: typing.SupportsFloat | typing.SupportsIndex,
     ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 2]"]:
         """
-        Of (forward, turn rate), by the sigmas, shape (2, 2).
+        Covariance of (forward, turn rate) from the sigmas, shape (2, 2).
         """
     def jacobian(
         self,
@@ -1548,7 +1550,7 @@ class AckermannVehicle:
         steering: typing.SupportsFloat | typing.SupportsIndex,
     ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 2]"]:
         """
-        Of (forward, turn rate) with respect to (wheel speed, steering), shape (2, 2).
+        Jacobian of (forward, turn rate) with respect to (wheel speed, steering), shape (2, 2).
         """
     def velocities(
         self,
@@ -1572,7 +1574,7 @@ class AckermannVehicle:
 
 class Tag:
     """
-    A radio on the robot, at `position` (3,) in body: forward, left, up [m].
+    Radio on the robot at `position` (3,) in the body frame: forward, left, up [m].
     """
     def __init__(
         self,
@@ -1587,7 +1589,7 @@ class Tag:
 
 class Propagation:
     """
-    What a motion model says about one step of a pose.
+    One prediction step of a pose by a motion model.
     """
     @property
     def jacobian(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 3]"]:
@@ -1607,14 +1609,14 @@ class Propagation:
 
 class BodyPropagation:
     """
-    What a motion model says about one step of several variables.
+    One prediction step of several variables by a motion model.
 
     Parameters
     ----------
     moved : float64 array, shape (n,)
-        f(x) of the variables that move.
+        f(x) of the predicted variables.
     jacobian : float64 array, shape (n, m)
-        d f / d(all m variables that it depends on); those that move come first.
+        d f / d(all m variables that f depends on), the predicted ones first.
     noise : float64 array, shape (n, n)
         Q of this step, symmetric positive semidefinite.
 
@@ -1740,7 +1742,7 @@ class OdometryMotion:
 
 class RangeConfig:
     """
-    R = sigma_m^2 + (sigma_relative * distance)^2 where a range brings no sigma.
+    Noise of ranges without a sigma: R = sigma_m^2 + (sigma_relative * distance)^2.
     """
     def __init__(self) -> None: ...
     @property
@@ -1753,7 +1755,7 @@ class RangeConfig:
     @property
     def sigma_relative(self) -> float:
         """
-        share of the distance
+        fraction of the distance
         """
     @sigma_relative.setter
     def sigma_relative(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
@@ -1768,7 +1770,7 @@ class RangeModel:
     @typing.overload
     def linearize(self, T_world_body: Pose2, z: Range) -> Linearization | None:
         """
-        Linearization (1 x 3); None if anchor or tag is unknown, or the tag sits on the anchor.
+        Linearization (1 x 3); None if anchor or tag is unknown or their positions coincide.
         """
     @typing.overload
     def linearize(
@@ -1783,7 +1785,7 @@ class RangeModel:
         z: Range,
     ) -> Linearization | None:
         """
-        Linearization (1 x 2) with respect to the tag itself (2,) in world.
+        Linearization (1 x 2) with respect to the position of the tag (2,) in world.
         """
     @typing.overload
     def predict(self, T_world_body: Pose2, z: Range) -> float | None:
@@ -1795,12 +1797,12 @@ class RangeModel:
         self, T_world_body: Pose2, height: typing.SupportsFloat | typing.SupportsIndex, z: Range
     ) -> float | None:
         """
-        The same from a height of the body over z = 0 [m].
+        Expected range [m] with the body at `height` [m] above z = 0; None if anchor or tag is unknown.
         """
 
 class RangeBearingConfig:
     """
-    Noise of sightings that bring no covariance of their own.
+    Noise of landmark observations without a covariance.
     """
     def __init__(self) -> None: ...
     @property
@@ -1820,27 +1822,27 @@ class RangeBearingConfig:
     @property
     def sigma_range_relative(self) -> float:
         """
-        share of the range, on top of sigma_range_m
+        fraction of the range, in addition to sigma_range_m
         """
     @sigma_range_relative.setter
     def sigma_range_relative(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
 
 class RangeBearingInSpace:
     """
-    What range and bearing take besides on a body that flies.
+    Additional settings of range and bearing on a flying body.
     """
     def __init__(self) -> None: ...
     @property
     def sensor_up_m(self) -> float:
         """
-        Height of the sensor over the body's origin.
+        Height of the sensor above the body's origin [m].
         """
     @sensor_up_m.setter
     def sensor_up_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def sigma_elevation_rad(self) -> float:
         """
-        Where a sighting brings none.
+        Sigma of an elevation without its own [rad].
         """
     @sigma_elevation_rad.setter
     def sigma_elevation_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
@@ -1874,7 +1876,7 @@ class RangeBearingModel:
         z: RangeBearing,
     ) -> Linearization | None:
         """
-        Linearization (1 or 2 x 3); None if the landmark sits on the sensor.
+        Linearization (1 or 2 x 3); None if landmark and sensor coincide.
         """
     @typing.overload
     def predict(
@@ -1898,7 +1900,7 @@ class RangeBearingModel:
 
 class PositionConfig:
     """
-    Lever arm of the antenna of position fixes.
+    Lever arm of the antenna and noise of position fixes.
     """
     def __init__(self) -> None: ...
     @property
@@ -1912,14 +1914,14 @@ class PositionConfig:
     @property
     def least_sigma_m(self) -> float:
         """
-        Of any fix: less is not believed.
+        Minimum sigma of any fix.
         """
     @least_sigma_m.setter
     def least_sigma_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def sigma_m(self) -> float:
         """
-        Of a fix without a covariance; 0: it is not modelled.
+        Sigma of a fix without a covariance; 0: not modelled.
         """
     @sigma_m.setter
     def sigma_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
@@ -1941,26 +1943,26 @@ class PositionModel:
         z: PositionFix,
     ) -> Linearization | None:
         """
-        Linearization (2 x 2) with respect to the point itself (2,) in world.
+        Linearization (2 x 2) with respect to the point (2,) in world.
         """
     @typing.overload
     def predict(
         self, T_world_body: Pose2
     ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"]:
         """
-        Of the antenna (2,) [m].
+        Position of the antenna (2,) in world [m].
         """
     @typing.overload
     def predict(
         self, T_world_body: Pose2, tag: typing.SupportsInt | typing.SupportsIndex
     ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"] | None:
         """
-        Of a tag (2,) [m]; None if it is unknown.
+        Position of a tag (2,) in world [m]; None if the tag is unknown.
         """
 
 class PoseConfig:
     """
-    Sigmas of poses whose localizer tells none, 0 for none; and the least.
+    Sigmas of poses without a covariance (0: not modelled) and minimum sigmas of any pose.
     """
     def __init__(self) -> None: ...
     @property
@@ -1992,13 +1994,13 @@ class PoseModel:
     def __init__(self, config: PoseConfig) -> None: ...
     def linearize(self, T_world_body: Pose2, z: PoseObservation) -> Linearization | None:
         """
-        Linearization (3 x 3, fewer rows where an axis is not measured); None if nothing is.
+        Linearization (3 x 3, fewer rows if an axis is not measured); None if none is.
         """
     def predict(self, T_world_body: Pose2) -> Pose2: ...
 
 class PositionStatus(enum.IntEnum):
     """
-    What range-only positioning can say.
+    Result of range-only positioning.
     """
 
     AMBIGUOUS = ...
@@ -2011,7 +2013,7 @@ class PositionStatus(enum.IntEnum):
 
 class RangePosition2:
     """
-    Position at one moment, as `Multilateration.solve` returns it.
+    Position of one epoch, returned by `Multilateration.solve`.
     """
     @property
     def cost(self) -> float:
@@ -2026,14 +2028,14 @@ class RangePosition2:
     @property
     def position(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"] | None:
         """
-        Best fit [m]; None if nothing can be said. Look at `status` first.
+        Best fit [m], or None. Check `status` first.
         """
     @property
     def status(self) -> PositionStatus: ...
 
 class RangePosition3:
     """
-    Position at one moment, as `Multilateration.solve` returns it.
+    Position of one epoch, returned by `Multilateration.solve`.
     """
     @property
     def cost(self) -> float:
@@ -2048,7 +2050,7 @@ class RangePosition3:
     @property
     def position(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"] | None:
         """
-        Best fit [m]; None if nothing can be said. Look at `status` first.
+        Best fit [m], or None. Check `status` first.
         """
     @property
     def status(self) -> PositionStatus: ...
@@ -2066,7 +2068,7 @@ class PositionHypothesis:
     @property
     def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]"]:
         """
-        First order, shape (d, d) [m^2]; infinite if a direction is open.
+        First order, shape (d, d) [m^2]; infinite if a direction is unobservable.
         """
     @property
     def position(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, 1]"]:
@@ -2076,7 +2078,7 @@ class PositionHypothesis:
     @property
     def weak_direction(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, 1]"]:
         """
-        Unit vector along which it is least certain.
+        Unit vector of the largest uncertainty.
         """
     @property
     def weak_sigma(self) -> float:
@@ -2086,7 +2088,7 @@ class PositionHypothesis:
 
 class SolverComparison:
     """
-    SR-LS beside maximum likelihood on the same ranges.
+    SR-LS compared to maximum likelihood on the same ranges.
     """
     @property
     def agree(self) -> bool: ...
@@ -2098,19 +2100,19 @@ class SolverComparison:
     @property
     def dof(self) -> int:
         """
-        0 if nothing can be compared.
+        0 if they cannot be compared.
         """
     @property
     def limit(self) -> float:
         """
-        Largest statistic of good ranges.
+        Largest statistic of inlier ranges.
         """
     @property
     def squared_range_covariance(
         self,
     ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]"]:
         """
-        SR-LS's own first-order covariance [m^2].
+        First-order covariance of SR-LS [m^2].
         """
     @property
     def squared_range_position(
@@ -2122,27 +2124,27 @@ class SolverComparison:
     @property
     def statistic(self) -> float:
         """
-        Squared, in units of its predicted covariance.
+        Squared Mahalanobis norm of the difference under its predicted covariance.
         """
 
 class RangeCulprit:
     """
-    The range whose removal explains a bad fit best.
+    Range whose removal improves a bad fit most.
     """
     @property
     def explains(self) -> bool:
         """
-        The other ranges fit.
+        Whether the other ranges are consistent.
         """
     @property
     def index(self) -> int:
         """
-        Of the range.
+        Index of the range.
         """
     @property
     def statistic(self) -> float:
         """
-        By how much its removal lowers the cost: chi-square of 1 dof.
+        Decrease of the cost by its removal: chi-square of 1 dof.
         """
     @property
     def without(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, 1]"]:
@@ -2163,7 +2165,7 @@ class Dilution:
 
 class PositionSolution:
     """
-    All that one set of ranges says.
+    Position and diagnostics from one set of ranges.
     """
     @property
     def comparison(self) -> SolverComparison | None: ...
@@ -2181,14 +2183,14 @@ class PositionSolution:
     @property
     def fit_limit(self) -> float:
         """
-        Largest cost of good ranges.
+        Largest cost of inlier ranges.
         """
     @property
     def fits(self) -> bool: ...
     @property
     def hypotheses(self) -> list[PositionHypothesis]:
         """
-        Everything that fits, by cost.
+        All hypotheses, ordered by cost.
         """
     @property
     def iterations(self) -> int: ...
@@ -2242,7 +2244,7 @@ class PositionBatch:
 
 class Multilateration:
     """
-    Range-only positioning over one set of anchors, prepared once: parameters as in `locate`.
+    Range-only positioning with a fixed set of anchors; parameters as in `locate`.
     """
     def __init__(
         self,
@@ -2261,12 +2263,12 @@ class Multilateration:
         self, ranges: typing.Annotated[numpy.typing.ArrayLike, numpy.float64]
     ) -> RangePosition2 | RangePosition3:
         """
-        Position from one range per anchor [m]; NaN where not heard.
+        Position from one range per anchor [m]; NaN for an anchor without a range.
         """
 
 class Verdict(enum.IntEnum):
     """
-    What became of a message.
+    Result of processing a message.
     """
 
     FUSED = ...
@@ -2278,7 +2280,7 @@ class Verdict(enum.IntEnum):
 
 class Outcome:
     """
-    Verdict on one message, with the numbers behind it.
+    Verdict on one message with its innovation statistics.
     """
     def __repr__(self) -> str: ...
     @property
@@ -2289,7 +2291,7 @@ class Outcome:
     @property
     def interventions(self) -> int:
         """
-        Variances that were put back into their bounds on the way.
+        Number of variances clamped to their bounds.
         """
     @property
     def log_likelihood(self) -> float:
@@ -2299,7 +2301,7 @@ class Outcome:
     @property
     def nis(self) -> float:
         """
-        r' S^-1 r; NaN where nothing was compared.
+        Normalized innovation squared r' S^-1 r; NaN if the message was not compared.
         """
     @property
     def residual(self) -> float:
@@ -2311,7 +2313,7 @@ class Outcome:
 
 class Gate:
     """
-    Chi-square gate: `probability` that a good measurement passes, 1 for no gate.
+    Chi-square gate; `probability` that an inlier passes, 1 for no gate.
     """
     def __init__(self, probability: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     def limit(self, dof: typing.SupportsInt | typing.SupportsIndex) -> float:
@@ -2323,7 +2325,7 @@ class Gate:
 
 class NoiseKind(enum.Enum):
     """
-    What noise looks like beyond its sigma.
+    Shape of the measurement noise.
     """
 
     CAUCHY = ...
@@ -2333,7 +2335,7 @@ class NoiseKind(enum.Enum):
 
 class NoiseShape:
     """
-    Noise as a mixture of Gaussians that are wider than R.
+    Measurement noise as a mixture of Gaussians wider than R.
 
     Parameters
     ----------
@@ -2341,7 +2343,7 @@ class NoiseShape:
     dof : float, optional
         Degrees of freedom of STUDENT_T, at least 1.
     late_share : float, optional
-        Of the measurements that are too long, by ONE_SIDED; between 0 and 1.
+        Fraction of measurements that read long under ONE_SIDED; between 0 and 1.
 
     Raises
     ------
@@ -2359,12 +2361,12 @@ class NoiseShape:
     @property
     def parts(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]"]:
         """
-        Share, mean and variance of each Gaussian where R is 1, (n, 3); none if Gaussian.
+        Weight, mean and variance of each component for R = 1, (n, 3); empty if Gaussian.
         """
 
 class SlotKind(enum.Enum):
     """
-    What a slot of a belief holds.
+    Type of variable in a slot.
     """
 
     POINT2 = ...
@@ -2405,7 +2407,7 @@ class GaussianBelief:
     ) -> Slot: ...
     def consider(self, slot: Slot) -> None:
         """
-        From now on no measurement moves this variable: what is not known of it is accounted for, and never learnt (Schmidt).
+        Marks a variable as considered: its uncertainty is accounted for, but measurements no longer change it (Schmidt-Kalman filter).
         """
     def marginal(
         self, slots: collections.abc.Sequence[Slot]
@@ -2438,7 +2440,7 @@ class GaussianBelief:
 
 class PoseEstimate:
     """
-    A pose at one instant [ns], with the covariance of (x, y, heading).
+    Pose T_world_body at one stamp [ns], with the covariance (3, 3) of (x, y, heading).
     """
     def __init__(
         self,
@@ -2462,14 +2464,14 @@ class PoseEstimate:
     @property
     def sigma_position(self) -> float:
         """
-        The larger half axis of the position's 1-sigma ellipse [m].
+        Semi-major axis of the 1-sigma position ellipse [m].
         """
     @property
     def stamp(self) -> int: ...
 
 class PoseHypothesis:
     """
-    A pose that fits, one of several.
+    One of several pose hypotheses.
     """
     def __init__(
         self, estimate: PoseEstimate, probability: typing.SupportsFloat | typing.SupportsIndex = 1.0
@@ -2480,18 +2482,18 @@ class PoseHypothesis:
     @property
     def probability(self) -> float:
         """
-        Beside the others, 0 to 1.
+        Relative to the other hypotheses, 0 to 1.
         """
 
 class CalibratedError:
     """
-    An error of a robot's sensors, as far as it is known.
+    Estimate of a systematic sensor error.
     """
     def __repr__(self) -> str: ...
     @property
     def anchor(self) -> int | None:
         """
-        Whose error it is, if it is one's.
+        Id of the anchor whose error it is, or None.
         """
     @property
     def name(self) -> str: ...
@@ -2500,20 +2502,20 @@ class CalibratedError:
     @property
     def sigma_start(self) -> float:
         """
-        How far off it might have been.
+        Prior standard deviation.
         """
     @property
     def value(self) -> float: ...
 
 class CalibrationConfig:
     """
-    Errors of odometry, of the sensor of landmarks and of ranges that a PoseEkf learns: how far off each may be at the start, as a standard deviation. 0: it is right, and no state.
+    Prior standard deviations of the systematic errors of odometry, landmark sensor and ranges that a PoseEkf estimates. An error with sigma 0 is not a state.
     """
     def __init__(self) -> None: ...
     @property
     def anchor_offset_correlation_s(self) -> float:
         """
-        For which those stay alike; 0: for good.
+        Correlation time of the anchor offsets; 0: constant.
         """
     @anchor_offset_correlation_s.setter
     def anchor_offset_correlation_s(
@@ -2522,49 +2524,49 @@ class CalibrationConfig:
     @property
     def consider(self) -> bool:
         """
-        They are accounted for, and none is learnt (Schmidt).
+        Account for the errors without estimating them (Schmidt-Kalman filter).
         """
     @consider.setter
     def consider(self, arg0: bool) -> None: ...
     @property
     def sigma_anchor_offset_m(self) -> float:
         """
-        Of ranges, for each anchor of the map.
+        Range offset of each anchor of the map.
         """
     @sigma_anchor_offset_m.setter
     def sigma_anchor_offset_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def sigma_anchor_scale(self) -> float:
         """
-        Likewise, added to the anchor's.
+        Range scale error of each anchor, added to the scale in the map.
         """
     @sigma_anchor_scale.setter
     def sigma_anchor_scale(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def sigma_delay_s(self) -> float:
         """
-        Of sightings behind their stamps.
+        Latency of landmark observations.
         """
     @sigma_delay_s.setter
     def sigma_delay_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def sigma_direction_rad(self) -> float:
         """
-        Of travel, seen from the heading.
+        Direction of travel relative to the heading.
         """
     @sigma_direction_rad.setter
     def sigma_direction_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def sigma_range_delay_s(self) -> float:
         """
-        Of all ranges behind their stamps.
+        Latency of all ranges.
         """
     @sigma_range_delay_s.setter
     def sigma_range_delay_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def sigma_range_offset_m(self) -> float:
         """
-        Of ranges to landmarks.
+        Offset of ranges to landmarks.
         """
     @sigma_range_offset_m.setter
     def sigma_range_offset_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
@@ -2575,35 +2577,35 @@ class CalibrationConfig:
     @property
     def sigma_scale(self) -> float:
         """
-        Of the way that odometry tells.
+        Scale error of the odometry distance.
         """
     @sigma_scale.setter
     def sigma_scale(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def sigma_sensor_m(self) -> float:
         """
-        Of the sensor's place in body, x and y.
+        Position of the sensor in the body frame, x and y.
         """
     @sigma_sensor_m.setter
     def sigma_sensor_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def sigma_sensor_rad(self) -> float:
         """
-        Of the sensor's heading in body.
+        Heading of the sensor in the body frame.
         """
     @sigma_sensor_rad.setter
     def sigma_sensor_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def sigma_turn_bias_radps(self) -> float:
         """
-        Of a gyro.
+        Turn rate bias, as of a gyro.
         """
     @sigma_turn_bias_radps.setter
     def sigma_turn_bias_radps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def sigma_turn_bias_radps_per_sqrt_s(self) -> float:
         """
-        By which that bias wanders.
+        Random walk of that bias.
         """
     @sigma_turn_bias_radps_per_sqrt_s.setter
     def sigma_turn_bias_radps_per_sqrt_s(
@@ -2612,29 +2614,35 @@ class CalibrationConfig:
     @property
     def sigma_turn_scale(self) -> float:
         """
-        Of the turn that odometry tells.
+        Scale error of the odometry turn.
         """
     @sigma_turn_scale.setter
     def sigma_turn_scale(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
 
 class AdaptiveNoiseConfig:
     """
-    How variances of measurements follow their innovations; factors of what is told.
+    Adaptation of measurement variances to their innovations, as a factor on the reported variance.
     """
     def __init__(self) -> None: ...
     @property
-    def least(self) -> float: ...
+    def least(self) -> float:
+        """
+        Minimum factor.
+        """
     @least.setter
     def least(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def messages(self) -> float:
         """
-        That are remembered, of each kind; 0: variances stay as told.
+        Window length per kind of message; 0: no adaptation.
         """
     @messages.setter
     def messages(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
-    def most(self) -> float: ...
+    def most(self) -> float:
+        """
+        Maximum factor.
+        """
     @most.setter
     def most(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
 
@@ -2669,35 +2677,35 @@ class PoseEkfConfig:
     @property
     def gate_range(self) -> float:
         """
-        Probability that a good range passes.
+        Probability that an inlier range passes.
         """
     @gate_range.setter
     def gate_range(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def hold_s(self) -> float:
         """
-        How long the last motion is believed without new odometry.
+        Timeout of odometry [s]: how long the last motion is extrapolated.
         """
     @hold_s.setter
     def hold_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def robust_dof(self) -> float:
         """
-        Degrees of freedom where that is STUDENT_T.
+        Degrees of freedom of STUDENT_T noise.
         """
     @robust_dof.setter
     def robust_dof(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def robust_late_share(self) -> float:
         """
-        Of the ranges that are too long, where it is ONE_SIDED.
+        Fraction of ranges that read long under ONE_SIDED noise.
         """
     @robust_late_share.setter
     def robust_late_share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def robust_range(self) -> NoiseKind:
         """
-        What noise of ranges looks like.
+        Noise shape of ranges.
         """
     @robust_range.setter
     def robust_range(self, arg0: NoiseKind) -> None: ...
@@ -2716,7 +2724,7 @@ class PoseEkfConfig:
 
 class LandmarkSight:
     """
-    The landmarks that are known, and where on the body the sensor sits that sees them.
+    Known landmarks and the pose T_body_sensor of the sensor that observes them.
     """
     def __init__(self, map: LandmarkMap, sensor_in_body: Pose2 = ...) -> None: ...
     @property
@@ -2724,7 +2732,7 @@ class LandmarkSight:
 
 class Association(enum.Enum):
     """
-    Which landmark a sighting without a name is of.
+    Data association of landmark observations without an id.
     """
 
     GLOBAL = ...
@@ -2735,7 +2743,7 @@ class PoseEkf:
     """
     Extended Kalman filter over (x, y, heading) in world.
 
-    Odometry predicts; ranges, positions, poses and landmarks correct (ekim2020, section 2.1).
+    Odometry predicts; ranges, positions, poses and landmarks update (ekim2020, section 2.1).
 
     Parameters
     ----------
@@ -2748,7 +2756,7 @@ class PoseEkf:
     Raises
     ------
     ValueError
-        If the config is out of range or the start not finite and positive definite.
+        If the config is out of range, or the start is not finite or not positive definite.
 
     Examples
     --------
@@ -2764,11 +2772,11 @@ class PoseEkf:
     """
     def __copy__(self) -> PoseEkf:
         """
-        A snapshot.
+        Independent copy.
         """
     def __deepcopy__(self, memo: typing.Any) -> PoseEkf:
         """
-        A snapshot.
+        Independent copy.
         """
     def __init__(
         self,
@@ -2783,12 +2791,12 @@ class PoseEkf:
     @typing.overload
     def estimate(self) -> PoseEstimate:
         """
-        The pose now: the belief carried to the end of what odometry has told.
+        PoseEstimate propagated to the end of the latest odometry.
         """
     @typing.overload
     def estimate(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> PoseEstimate:
         """
-        The belief carried to `stamp` [ns], which must not lie before it.
+        PoseEstimate propagated to `stamp` [ns], which must not precede the belief.
         """
     def fuse(
         self,
@@ -2797,7 +2805,7 @@ class PoseEkf:
         gate: Gate,
     ) -> Outcome:
         """
-        Fuses what a model of your own says of the pose at `stamp` [ns]: a Jacobian of m x 3. Linearize at `estimate(stamp).pose`.
+        Fuses a user-defined measurement of the pose at `stamp` [ns] with a Jacobian (m, 3). Linearize at `estimate(stamp).pose`.
         """
     @typing.overload
     def on(self, message: Velocity) -> Outcome: ...
@@ -2812,7 +2820,7 @@ class PoseEkf:
     @typing.overload
     def on(self, message: RangeBearing) -> Outcome:
         """
-        Fuses one message. One that is not fused changes no bit of the estimator.
+        Fuses one message; a message that is not fused leaves the estimator unchanged.
         """
     def on_epoch(
         self,
@@ -2824,7 +2832,7 @@ class PoseEkf:
         tag: typing.SupportsInt | typing.SupportsIndex = 0,
     ) -> list[Outcome]:
         """
-        The motion from `begin` to `stamp` [ns], then the ranges (n,) [m] to the anchors (n,) at `stamp`, in one call. Returns n + 1 outcomes.
+        Fuses the motion from `begin` to `stamp` [ns], then the ranges (n,) [m] to the anchors (n,) at `stamp`. Returns n + 1 outcomes.
         """
     @typing.overload
     def on_joint(self, epoch: collections.abc.Sequence[Range]) -> Outcome:
@@ -2836,19 +2844,19 @@ class PoseEkf:
         self, sightings: collections.abc.Sequence[RangeBearing], association: Association = ...
     ) -> list[Outcome]:
         """
-        Fuses sightings of one stamp; those without a name are put together with landmarks before any is fused. Returns an outcome for each: one that fits none is gated, one whose numbers leave no finite result NOT_MODELLED.
+        Fuses landmark observations of one stamp. Those without an id are associated before any is fused. Returns one Outcome each: GATED if no landmark matches, NOT_MODELLED if the result would not be finite.
         """
     @property
     def belief(self) -> GaussianBelief: ...
     @property
     def errors(self) -> list[CalibratedError]:
         """
-        What it has learnt of the errors that are states.
+        A CalibratedError for each error that is a state.
         """
     @property
     def interventions(self) -> int:
         """
-        How often a variance left its bounds and was put back.
+        Number of times a variance was clamped to its bounds.
         """
     @property
     def motion_model(self) -> OdometryMotion: ...
@@ -2857,20 +2865,20 @@ class PoseEkf:
 
 class AltitudeConfig:
     """
-    Where the altimeter sits.
+    Mounting of the altimeter.
     """
     def __init__(self) -> None: ...
     @property
     def altimeter_up_m(self) -> float:
         """
-        Over the body's origin.
+        Height of the altimeter above the body's origin [m].
         """
     @altimeter_up_m.setter
     def altimeter_up_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
 
 class AltitudeModel:
     """
-    Height of an altimeter; docs/air.md.
+    Altimeter height; docs/air.md.
     """
     def __init__(self, config: AltitudeConfig) -> None: ...
     def linearize(
@@ -2883,7 +2891,7 @@ class AltitudeModel:
 
 class ConstantVelocityConfig:
     """
-    Square roots of spectral densities of white acceleration.
+    Square roots of the spectral densities of white acceleration.
     """
     def __init__(self) -> None: ...
     @property
@@ -2905,7 +2913,7 @@ class ConstantVelocityConfig:
     @property
     def sigma_velocity_per_sqrt_s(self) -> float:
         """
-        m/s / sqrt(s), of each of the velocity's axes
+        m/s / sqrt(s), each axis of the velocity.
         """
     @sigma_velocity_per_sqrt_s.setter
     def sigma_velocity_per_sqrt_s(
@@ -2914,7 +2922,7 @@ class ConstantVelocityConfig:
 
 class ConstantVelocityMotion:
     """
-    A body that nobody measures the motion of; docs/models/constant_velocity.md.
+    Constant-velocity motion without odometry; docs/models/constant_velocity.md.
     """
     def __init__(self, config: ConstantVelocityConfig) -> None: ...
     def propagate(
@@ -2923,12 +2931,12 @@ class ConstantVelocityMotion:
         seconds: typing.SupportsFloat | typing.SupportsIndex,
     ) -> BodyPropagation:
         """
-        (x, y, heading, height, velocity x and y, climb rate), (7,), `seconds` later.
+        State (7,) `seconds` later: x, y, heading, height, velocity x and y, climb rate.
         """
 
 class AirMotion(enum.Enum):
     """
-    What carries an AirEkf from one measurement to the next.
+    Motion model of an AirEkf.
     """
 
     CONSTANT_VELOCITY = ...
@@ -2971,42 +2979,42 @@ class AirEkfConfig:
     @property
     def gate_range(self) -> float:
         """
-        Probability that a good range passes.
+        Probability that an inlier range passes.
         """
     @gate_range.setter
     def gate_range(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def hold_s(self) -> float:
         """
-        How long the last motion is believed without new odometry.
+        Timeout of odometry [s]: how long the last motion is extrapolated.
         """
     @hold_s.setter
     def hold_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def robust_dof(self) -> float:
         """
-        Degrees of freedom where that is STUDENT_T.
+        Degrees of freedom of STUDENT_T noise.
         """
     @robust_dof.setter
     def robust_dof(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def robust_late_share(self) -> float:
         """
-        Of the ranges that are too long, where it is ONE_SIDED.
+        Fraction of ranges that read long under ONE_SIDED noise.
         """
     @robust_late_share.setter
     def robust_late_share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def robust_range(self) -> NoiseKind:
         """
-        What noise of ranges looks like.
+        Noise shape of ranges.
         """
     @robust_range.setter
     def robust_range(self, arg0: NoiseKind) -> None: ...
     @property
     def sigma_height_per_sqrt_s(self) -> float:
         """
-        Beside a climb rate that was told; m / sqrt(s).
+        Process noise of the height on top of the climb rate, m / sqrt(s).
         """
     @sigma_height_per_sqrt_s.setter
     def sigma_height_per_sqrt_s(
@@ -3043,7 +3051,7 @@ class AirEkfConfig:
 
 class AirEstimate:
     """
-    Where a body that flies is at one instant [ns], with the covariance of (x, y, heading, height).
+    Pose and height of a flying body at one stamp [ns], with the covariance (4, 4) of (x, y, heading, height).
     """
     def __init__(
         self,
@@ -3061,7 +3069,7 @@ class AirEstimate:
     @property
     def height(self) -> float:
         """
-        Over z = 0 of the world [m].
+        Above z = 0 of the world frame [m].
         """
     @property
     def pose(self) -> Pose2: ...
@@ -3070,9 +3078,9 @@ class AirEstimate:
 
 class AirEkf:
     """
-    Extended Kalman filter over (x, y, heading, height) of a body that flies.
+    Extended Kalman filter over (x, y, heading, height) of a flying body.
 
-    It stays level. Odometry with a climb rate carries it, or a constant velocity that it estimates.
+    The body stays level. The motion is odometry with a climb rate, or an estimated constant velocity.
 
     Parameters
     ----------
@@ -3103,11 +3111,11 @@ class AirEkf:
     """
     def __copy__(self) -> AirEkf:
         """
-        A snapshot.
+        Independent copy.
         """
     def __deepcopy__(self, memo: typing.Any) -> AirEkf:
         """
-        A snapshot.
+        Independent copy.
         """
     def __init__(
         self,
@@ -3122,12 +3130,12 @@ class AirEkf:
     @typing.overload
     def estimate(self) -> AirEstimate:
         """
-        Where it is now: carried to the end of what odometry has told.
+        AirEstimate propagated to the end of the latest odometry.
         """
     @typing.overload
     def estimate(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> AirEstimate:
         """
-        Where it is at `stamp` [ns], not before the belief.
+        AirEstimate propagated to `stamp` [ns], which must not precede the belief.
         """
     @typing.overload
     def on(
@@ -3148,19 +3156,19 @@ class AirEkf:
     @typing.overload
     def on(self, message: RangeBearing) -> Outcome:
         """
-        Fuses one message. One that is not fused changes no bit of the estimator. `climb_rate` [m/s] goes with odometry, for as long as that is held.
+        Fuses one message; a message that is not fused leaves the estimator unchanged. `climb_rate` [m/s] applies as long as the odometry message.
         """
     @property
     def belief(self) -> GaussianBelief: ...
     @property
     def interventions(self) -> int:
         """
-        How often a variance left its bounds and was put back.
+        Number of times a variance was clamped to its bounds.
         """
 
 class StartStatus(enum.Enum):
     """
-    How far a start has come.
+    Progress of the initialization.
     """
 
     AMBIGUOUS = ...
@@ -3169,25 +3177,25 @@ class StartStatus(enum.Enum):
 
 class StartState:
     """
-    Where a start stands.
+    State of an Initializer.
     """
     def __repr__(self) -> str: ...
     @property
     def hypotheses(self) -> list[PoseHypothesis]:
         """
-        The poses that fit, the likeliest first.
+        Pose hypotheses, likeliest first.
         """
     @property
     def reason(self) -> str:
         """
-        Why it is not ready; empty if it is.
+        Why it is not ready; empty if ready.
         """
     @property
     def status(self) -> StartStatus: ...
 
 class InitializerConfig:
     """
-    When a start is ready, and what it takes for wrong.
+    Settings of an Initializer: readiness thresholds and outlier model.
     """
     def __init__(self) -> None: ...
     @property
@@ -3243,10 +3251,10 @@ class InitializerConfig:
 
 class Initializer:
     """
-    Finds the pose of a robot that was switched on anywhere.
+    Estimates the initial pose without a prior.
 
-    A Gaussian sum: one PoseEkf for every position that the first ranges allow and every heading,
-    weighed by how well each predicts what comes next (docs/start.md; ekim2020, section 2.2).
+    Gaussian sum: one PoseEkf per position that the first ranges allow and per heading, weighted by the
+    likelihood of the messages that follow (docs/start.md; ekim2020, section 2.2).
 
     Parameters
     ----------
@@ -3255,7 +3263,7 @@ class Initializer:
     anchors : AnchorMap
     tags : list of Tag
     matcher : ScanMatcher, optional
-        With it, scans on the map tell the heading; without, motion has to.
+        Obtains the heading from scans on the map; without it, the heading follows from motion.
 
     Raises
     ------
@@ -3282,12 +3290,12 @@ class Initializer:
     def __repr__(self) -> str: ...
     def estimator(self) -> PoseEkf:
         """
-        The PoseEkf to go on with.
+        The PoseEkf to continue with.
 
         Raises
         ------
         ValueError
-            Unless the state is ready.
+            If the state is not READY.
         """
     @typing.overload
     def on(self, message: Velocity) -> None: ...
@@ -3304,13 +3312,13 @@ class Initializer:
     @typing.overload
     def on(self, message: LaserScan) -> None:
         """
-        Takes one message.
+        Processes one message.
         """
     def state(self) -> StartState: ...
 
 class KnownLandmark:
     """
-    A landmark that a LandmarkEkf knows before the first message. Without a covariance (2, 2) its position [m] is exact.
+    Landmark known to a LandmarkEkf before the first message. Without a covariance (2, 2) [m^2] its position (2,) [m] is exact.
     """
     def __init__(
         self,
@@ -3334,23 +3342,23 @@ class KnownLandmark:
 
 class LandmarkEstimate:
     """
-    What a LandmarkEkf says of a landmark.
+    Estimate of one landmark by a LandmarkEkf.
     """
     def __repr__(self) -> str: ...
     @property
     def confirmed(self) -> bool:
         """
-        Whether it corrects the pose.
+        Whether it is used to update the pose.
         """
     @property
     def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 2]"]:
         """
-        Shape (2, 2) [m^2]; zero if it is exact.
+        Shape (2, 2) [m^2]; zero if exact.
         """
     @property
     def id(self) -> int:
         """
-        Negative if no sighting named it.
+        Negative if no observation carried an id.
         """
     @property
     def position(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"]:
@@ -3373,21 +3381,21 @@ class LandmarkEkfConfig:
     @property
     def confirm_within_s(self) -> float:
         """
-        A tentative landmark is dropped this long after its first sighting.
+        A tentative landmark is dropped this long after its first observation [s].
         """
     @confirm_within_s.setter
     def confirm_within_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def gate_landmark(self) -> float:
         """
-        Probability that a sighting passes its landmark's gate.
+        Probability that an observation passes the gate of its landmark.
         """
     @gate_landmark.setter
     def gate_landmark(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def gate_new(self) -> float:
         """
-        Only a sighting outside this wider gate of every landmark is of a new one.
+        An observation outside this wider gate of every landmark starts a new one.
         """
     @gate_new.setter
     def gate_new(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
@@ -3398,7 +3406,7 @@ class LandmarkEkfConfig:
     @property
     def hold_s(self) -> float:
         """
-        How long the last motion is believed without new odometry.
+        Timeout of odometry [s]: how long the last motion is extrapolated.
         """
     @hold_s.setter
     def hold_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
@@ -3409,7 +3417,7 @@ class LandmarkEkfConfig:
     @property
     def min_sightings(self) -> int:
         """
-        That make a tentative landmark a confirmed one.
+        Number of observations that confirms a tentative landmark.
         """
     @min_sightings.setter
     def min_sightings(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
@@ -3428,23 +3436,23 @@ class LandmarkEkfConfig:
 
 class LandmarkEkf:
     """
-    Extended Kalman filter over the pose and the landmarks it sees.
+    Extended Kalman filter over the pose and the observed landmarks (SLAM).
 
-    It maps while it localizes: a sighting that no landmark explains puts a new one into the state.
+    An observation that matches no landmark adds a new one to the state.
 
     Parameters
     ----------
     config : LandmarkEkfConfig
     start : PoseEstimate
     sensor_in_body : Pose2, optional
-        Where the sensor sits that sees landmarks.
+        T_body_sensor of the landmark sensor.
     known : list of KnownLandmark, optional
 
     Raises
     ------
     ValueError
-        If the config is out of range, the start not finite and positive definite, or a landmark is
-        given twice.
+        If the config is out of range, the start is not finite or not positive definite, or a landmark
+        id is duplicate.
 
     Examples
     --------
@@ -3460,11 +3468,11 @@ class LandmarkEkf:
     """
     def __copy__(self) -> LandmarkEkf:
         """
-        A snapshot.
+        Independent copy.
         """
     def __deepcopy__(self, memo: typing.Any) -> LandmarkEkf:
         """
-        A snapshot.
+        Independent copy.
         """
     def __init__(
         self,
@@ -3478,16 +3486,16 @@ class LandmarkEkf:
     @typing.overload
     def estimate(self) -> PoseEstimate:
         """
-        The pose now: carried to the end of what odometry has told.
+        PoseEstimate propagated to the end of the latest odometry.
         """
     @typing.overload
     def estimate(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> PoseEstimate:
         """
-        The pose at `stamp` [ns], which must not lie before the belief.
+        PoseEstimate propagated to `stamp` [ns], which must not precede the belief.
         """
     def landmarks(self) -> list[LandmarkEstimate]:
         """
-        All landmarks, in the order in which they came in.
+        All landmarks, in the order of their creation.
         """
     @typing.overload
     def on(self, message: Velocity) -> Outcome: ...
@@ -3498,25 +3506,25 @@ class LandmarkEkf:
     @typing.overload
     def on(self, message: RangeBearing) -> Outcome:
         """
-        Fuses one message. One that is not fused changes no bit of the estimator.
+        Fuses one message; a message that is not fused leaves the estimator unchanged.
         """
     def on_joint(
         self, sightings: collections.abc.Sequence[RangeBearing], association: Association = ...
     ) -> list[Outcome]:
         """
-        Fuses sightings of one stamp. Those that no landmark explains are of new ones, or gated if that is not sure. Returns an outcome for each; one whose numbers leave no finite result is NOT_MODELLED.
+        Fuses landmark observations of one stamp. One that matches no landmark starts a new one, or is gated if that is uncertain. Returns one Outcome each, NOT_MODELLED if the result would not be finite.
         """
     @property
     def belief(self) -> GaussianBelief: ...
     @property
     def interventions(self) -> int:
         """
-        How often a variance left its bounds and was put back.
+        Number of times a variance was clamped to its bounds.
         """
 
 class HealthState(enum.Enum):
     """
-    How far an estimate may be trusted.
+    Trust in an estimate.
     """
 
     AMBIGUOUS = ...
@@ -3528,7 +3536,7 @@ class HealthState(enum.Enum):
 
 class HealthClue(enum.Enum):
     """
-    Why a state is not OK.
+    Reason for a state other than OK.
     """
 
     LASER_IS_COVERED = ...
@@ -3545,71 +3553,71 @@ class HealthClue(enum.Enum):
 
 class NamedSource:
     """
-    Where measurements come from.
+    A measurement source.
     """
     @property
     def kind(self) -> Source: ...
     @property
     def name(self) -> int | None:
         """
-        Of the anchor, the tag or the landmark; None without one.
+        Id of the anchor, tag or landmark, or None.
         """
 
 class SourceStatus:
     """
-    What became of one source's messages.
+    Statistics of the messages of one source.
     """
     @property
     def accepted(self) -> float:
         """
-        Share of the last 32 or so that was fused.
+        Fraction of about the last 32 messages that was fused.
         """
     @property
     def faulty(self) -> float:
         """
-        Probability that it is wrong as a whole, if the pose is right.
+        Probability that the source is faulty, given that the pose is right.
         """
     @property
     def fused(self) -> int | None:
         """
-        Last [ns], or None.
+        Stamp of the last message fused [ns], or None.
         """
     @property
     def heard(self) -> int:
         """
-        Last [ns].
+        Stamp of the last message received [ns].
         """
     @property
     def interval(self) -> float:
         """
-        Between messages, mean [s].
+        Mean interval between messages [s].
         """
     @property
     def nis(self) -> float:
         """
-        Mean NIS per degree of freedom of what was no outlier.
+        Mean NIS per degree of freedom of inliers.
         """
     @property
     def residual(self) -> float:
         """
-        Last innovation's first row.
+        First row of the last innovation.
         """
     @property
     def sigma(self) -> float:
         """
-        Of that innovation.
+        Standard deviation of that innovation.
         """
     @property
     def source(self) -> NamedSource: ...
     @property
     def test_ratio(self) -> float:
         """
-        Last NIS over the gate's limit: above 1 it was gated.
+        Last NIS divided by the gate limit; above 1 the message was gated.
         """
 
 class HealthReport:
     """
-    How far an estimate may be trusted, in numbers.
+    Health of an estimate: state, probabilities and protection levels.
     """
     def __repr__(self) -> str: ...
     @property
@@ -3617,17 +3625,17 @@ class HealthReport:
     @property
     def inflation(self) -> float:
         """
-        Of the covariance, by innovations larger than believed.
+        Factor on the covariance from innovations larger than modelled.
         """
     @property
     def protection(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
         """
-        |error| in x [m], y [m] and heading [rad] exceeds these with the stated risk at most, (3,); infinite where that cannot be said.
+        Protection levels of x [m], y [m] and heading [rad], (3,): |error| exceeds them at most with probability `risk`; infinite if no bound is known.
         """
     @property
     def source(self) -> NamedSource | None:
         """
-        That the clue names, or None.
+        Source that the reason refers to, or None.
         """
     @property
     def stamp(self) -> int:
@@ -3644,126 +3652,126 @@ class HealthReport:
     @property
     def wrong(self) -> float:
         """
-        Probability that the robot is somewhere else.
+        Probability that the pose is wrong.
         """
 
 class HealthConfig:
     """
-    What a Health believes of robots and sources.
+    Priors and thresholds of a Health.
     """
     def __init__(self) -> None: ...
     @property
     def aiding_lost_s(self) -> float:
         """
-        Without anything fused: dead reckoning [s].
+        Time without a fused measurement until DEAD_RECKONING [s].
         """
     @aiding_lost_s.setter
     def aiding_lost_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def chance_share(self) -> float:
         """
-        Of measurements that fit a pose that is wrong.
+        Fraction of measurements that match a wrong pose by chance.
         """
     @chance_share.setter
     def chance_share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def doubt_s(self) -> float:
         """
-        For which it must have been that likely wrong, to be lost [s].
+        Duration above `probability_lost` before the state becomes LOST [s].
         """
     @doubt_s.setter
     def doubt_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def exclude_above(self) -> float:
         """
-        A range's source more likely wrong than this is not fused.
+        Ranges of a source with a higher fault probability are not fused.
         """
     @exclude_above.setter
     def exclude_above(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def faulty_s(self) -> float:
         """
-        How long it is, on average [s].
+        Mean duration of a fault [s].
         """
     @faulty_s.setter
     def faulty_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def faulty_share(self) -> float:
         """
-        Of the time that a source is wrong as a whole.
+        Fraction of time in which a source is faulty.
         """
     @faulty_share.setter
     def faulty_share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def faulty_share_unnamed(self) -> float:
         """
-        Likewise of a sensor of landmarks without names.
+        The same for a sensor of landmarks without ids.
         """
     @faulty_share_unnamed.setter
     def faulty_share_unnamed(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def invalid_s(self) -> float:
         """
-        Likewise: lost [s].
+        Time without a fused measurement until LOST [s].
         """
     @invalid_s.setter
     def invalid_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def limit_m(self) -> float:
         """
-        Position error that `within` asks about [m].
+        Position error limit of `within` [m].
         """
     @limit_m.setter
     def limit_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def mean_s_between_losses(self) -> float:
         """
-        How rarely a robot loses its place [s].
+        Mean time between losses of the pose [s].
         """
     @mean_s_between_losses.setter
     def mean_s_between_losses(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def probability_found(self) -> float:
         """
-        Of being wrong, below which it is not any more.
+        Probability of a wrong pose below which LOST is cleared.
         """
     @probability_found.setter
     def probability_found(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def probability_lost(self) -> float:
         """
-        Of being wrong, from which on it is lost.
+        Probability of a wrong pose above which the state becomes LOST.
         """
     @probability_lost.setter
     def probability_lost(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def risk(self) -> float:
         """
-        That an error exceeds its protection level.
+        Probability that an error exceeds its protection level.
         """
     @risk.setter
     def risk(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def wrong_share(self) -> float:
         """
-        Of measurements that say nothing, each by itself.
+        Fraction of independent outliers.
         """
     @wrong_share.setter
     def wrong_share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def wrong_span_m(self) -> float:
         """
-        What is wrong is wrong by anything up to this [m].
+        Outliers are uniform over this span [m].
         """
     @wrong_span_m.setter
     def wrong_span_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
 
 class Health:
     """
-    Says how far an estimate may be trusted, from what becomes of measurements.
+    Monitors the trust in an estimate from the outcomes of its measurements.
 
-    One bit says whether the pose is right, one bit for every source whether it is: a hidden Markov
-    model (docs/health.md). A RecoveringEkf has one inside; any other estimator may be listened to.
+    Hidden Markov model with one bit for the pose (right or wrong) and one per source (docs/health.md).
+    A RecoveringEkf contains one; feed a separate one with the outcomes of any other estimator.
 
     Parameters
     ----------
@@ -3783,7 +3791,7 @@ class Health:
     >>> ekf = PoseEkf(PoseEkfConfig(), anchors, [Tag(0, [0, 0, 0])], start)
     >>> health = Health(HealthConfig())
     >>> gate = Gate(PoseEkfConfig().gate_range)
-    >>> for k in range(30):  # ranges that fit nowhere near
+    >>> for k in range(30):  # ranges that contradict the pose
     ...     z = Range(k * 100_000_000, 0, 1 + k % 3, 0.1)
     ...     health.hear(z, ekf.on(z), gate)
     >>> health.is_lost
@@ -3792,7 +3800,7 @@ class Health:
     def __init__(self, config: HealthConfig) -> None: ...
     def advance(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> None:
         """
-        Time passes: trust runs out.
+        Advances time to `stamp` [ns]; trust decays.
         """
     def hear(
         self,
@@ -3801,11 +3809,11 @@ class Health:
         gate: Gate,
     ) -> None:
         """
-        Takes what became of a measurement that `gate` judged.
+        Records a measurement and its Outcome under `gate`.
         """
     def report(self, estimate: PoseEstimate) -> HealthReport:
         """
-        How far a PoseEstimate, which the measurements heard belong to, may be trusted.
+        HealthReport of the PoseEstimate that the recorded measurements belong to.
         """
     def start(
         self,
@@ -3813,14 +3821,14 @@ class Health:
         wrong: typing.SupportsFloat | typing.SupportsIndex = 0.0,
     ) -> None:
         """
-        The pose is wrong with that probability at `stamp` [ns], and nothing is known of the sources.
+        Restarts at `stamp` [ns] with probability `wrong` of a wrong pose; source statistics are cleared.
         """
     @property
     def is_lost(self) -> bool: ...
     @property
     def sources(self) -> list[SourceStatus]:
         """
-        A SourceStatus for each.
+        One SourceStatus per source.
         """
     @property
     def wrong(self) -> float:
@@ -3830,7 +3838,7 @@ class Health:
 
 class RecoveringEkfConfig:
     """
-    Filter, start and health of a RecoveringEkf.
+    Filter, initialization and health of a RecoveringEkf.
     """
 
     estimator: PoseEkfConfig
@@ -3840,18 +3848,18 @@ class RecoveringEkfConfig:
     @property
     def restart(self) -> bool:
         """
-        Whether it looks for another place while it is lost.
+        Whether to relocalize while lost.
         """
     @restart.setter
     def restart(self, arg0: bool) -> None: ...
 
 class RecoveringEkf:
     """
-    A PoseEkf that starts by itself, notices when it is lost, and
-    starts anew (docs/health.md).
+    PoseEkf that initializes itself, detects when it is lost, and
+    relocalizes (docs/health.md).
 
-    Until it has started, and beside it while it is lost, landmarks seen together, ranges, fixes and
-    poses start hypotheses until one wins.
+    During initialization and while lost, landmark observations of one stamp, ranges, fixes and poses
+    start hypotheses until a single one remains.
 
     Parameters
     ----------
@@ -3859,7 +3867,7 @@ class RecoveringEkf:
     anchors : AnchorMap, optional
     tags : list of Tag, optional
     matcher : ScanMatcher, optional
-        With it, scans on the map tell the heading while it is lost.
+        Obtains the heading from scans on the map while lost.
     landmarks : LandmarkSight, optional
 
     Raises
@@ -3890,11 +3898,11 @@ class RecoveringEkf:
     def __repr__(self) -> str: ...
     def estimator(self) -> PoseEkf | None:
         """
-        A snapshot of the PoseEkf, or None until it has started. While lost, of the place it had.
+        Copy of the PoseEkf, or None before the first start. While lost, the filter at the previous pose.
         """
     def health(self) -> HealthReport:
         """
-        A HealthReport: how far its estimate may be trusted.
+        HealthReport of the estimate.
         """
     @typing.overload
     def on(self, message: Velocity) -> Outcome: ...
@@ -3911,17 +3919,17 @@ class RecoveringEkf:
     @typing.overload
     def on(self, message: LaserScan) -> Outcome:
         """
-        Takes one message. Its outcome is IGNORED until it has started.
+        Processes one message. Its outcome is IGNORED until tracking starts.
         """
     def on_joint(
         self, sightings: collections.abc.Sequence[RangeBearing], association: Association = ...
     ) -> list[Outcome]:
         """
-        Takes sightings of one stamp. Returns an outcome for each.
+        Processes landmark observations of one stamp. Returns one Outcome each.
         """
     def start_at(self, start: PoseEstimate) -> None:
         """
-        Tracks from a PoseEstimate on.
+        Tracks from a PoseEstimate.
 
         Raises
         ------
@@ -3930,36 +3938,36 @@ class RecoveringEkf:
         """
     def start_with(self, ekf: PoseEkf) -> None:
         """
-        Tracks on with a PoseEkf that somebody else has started.
+        Tracks with a PoseEkf that is already initialized.
         """
     def state(self) -> StartState:
         """
-        READY while it tracks; otherwise how far the start has come, with its hypotheses.
+        READY while tracking; otherwise the progress of the search with its hypotheses.
         """
     @property
     def alarms(self) -> int:
         """
-        How often it noticed that it was lost.
+        Number of times the estimate was declared lost.
         """
     @property
     def is_lost(self) -> bool:
         """
-        Whether there is no estimate to be trusted.
+        Whether there is no trustworthy estimate.
         """
     @property
     def restarts(self) -> int:
         """
-        How often it then found another place.
+        Number of relocalizations.
         """
     @property
     def sources(self) -> list[SourceStatus]:
         """
-        A SourceStatus for each.
+        One SourceStatus per source.
         """
 
 class LikelihoodFieldConfig:
     """
-    Where beams end; docs/models/mcl.md.
+    Likelihood field of beam end points; docs/models/mcl.md.
     """
     def __init__(self) -> None: ...
     @property
@@ -3985,12 +3993,12 @@ class LikelihoodFieldConfig:
 
 class BeamModelConfig:
     """
-    How far beams go: weights of a mixture; docs/models/beam_model.md.
+    Beam model: weights of a mixture over the range; docs/models/beam_model.md.
     """
     @staticmethod
     def zhang() -> BeamModelConfig:
         """
-        The mixture of zhang: a Gaussian, and beams without return.
+        Mixture of a Gaussian and beams without return (zhang).
         """
     def __init__(self) -> None: ...
     @property
@@ -4024,7 +4032,7 @@ class BeamModelConfig:
 
 class ScanLikelihood(enum.Enum):
     """
-    What a scan's likelihood is made of.
+    Model of a scan's likelihood.
     """
 
     BEAMS = ...
@@ -4187,8 +4195,8 @@ class Mcl:
     """
     Monte Carlo localization on a grid map.
 
-    Scans weigh particles by the likelihood field or the beam model; ranges, positions, poses and
-    landmarks may weigh them, too (docs/models/mcl.md). At first the particles are all over the free cells.
+    Scans weight particles by the likelihood field or the beam model; ranges, positions, poses and
+    landmarks can weight them, too (docs/models/mcl.md). Initially they cover all free cells.
 
     Parameters
     ----------
@@ -4221,7 +4229,7 @@ class Mcl:
     """
     def __copy__(self) -> Mcl:
         """
-        A snapshot.
+        Independent copy.
         """
     def __deepcopy__(self, memo: typing.Any) -> Mcl: ...
     def __init__(
@@ -4236,22 +4244,22 @@ class Mcl:
     def __repr__(self) -> str: ...
     def estimate(self) -> PoseEstimate:
         """
-        The likeliest cluster, carried to the end of what odometry has told.
+        PoseEstimate of the likeliest cluster, propagated to the end of the latest odometry.
         """
     def health(self) -> HealthReport:
         """
-        How far its estimate may be trusted; docs/health.md.
+        HealthReport of the estimate; docs/health.md.
         """
     def inject(
         self, pose: PoseEstimate, share: typing.SupportsFloat | typing.SupportsIndex = 1.0
     ) -> None:
         """
-        Replaces a share of the particles, evenly, by draws from a PoseEstimate that somebody else is sure of, at a stamp that is not before the last message; odometry goes on.
+        Replaces a fraction of the particles, evenly spread, by draws from a PoseEstimate of another localizer, whose stamp must not precede the last message.
 
         Raises
         ------
         ValueError
-            If the covariance is not positive definite, the stamp too early, or not 0 < share <= 1.
+            If the covariance is not positive definite, the stamp is too early, or not 0 < share <= 1.
         """
     @typing.overload
     def on(self, message: Velocity) -> Outcome: ...
@@ -4268,24 +4276,24 @@ class Mcl:
     @typing.overload
     def on(self, message: LaserScan) -> Outcome:
         """
-        Takes one message.
+        Processes one message.
         """
     def spread(self) -> PoseEstimate:
         """
-        The same with the covariance of all particles about their mean, whatever cluster they are in.
+        PoseEstimate with the covariance of all particles about their mean, over all clusters.
         """
     def start_anywhere(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> None:
         """
-        Starts anew, anywhere in free space.
+        Reinitializes the particles uniformly over free space.
         """
     def start_at(self, hypotheses: collections.abc.Sequence[PoseHypothesis]) -> None:
         """
-        Starts anew near poses, a list of PoseHypothesis; those of an Initializer will do.
+        Reinitializes the particles around a list of PoseHypothesis, such as those of an Initializer.
 
         Raises
         ------
         ValueError
-            On a list without poses, or one that is not finite.
+            On an empty list or numbers that are not finite.
         """
     def start_with(
         self,
@@ -4293,7 +4301,7 @@ class Mcl:
         particles: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     ) -> None:
         """
-        Starts anew with particles, float64 (n, 4) as in `particles`; the weights need not sum to 1.
+        Reinitializes with particles, float64 (n, 4) as in `particles`; the weights need not sum to 1.
 
         Raises
         ------
@@ -4303,12 +4311,12 @@ class Mcl:
     @property
     def explained(self) -> float:
         """
-        Share of the last scan's returns that end at a wall.
+        Fraction of the last scan's returns that end at a wall.
         """
     @property
     def hypotheses(self) -> list[PoseHypothesis]:
         """
-        Clusters of particles, a list of PoseHypothesis, the likeliest first.
+        Clusters of particles as a list of PoseHypothesis, likeliest first.
         """
     @property
     def particles(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -4318,27 +4326,27 @@ class Mcl:
     @property
     def ready(self) -> bool:
         """
-        Whether one cluster is all but certain.
+        Whether one cluster is almost certain.
         """
     @property
     def sigma_hit(self) -> float:
         """
-        How far end points lie beside walls, as scans tell [m].
+        Distance of end points from walls, estimated from scans (standard deviation) [m].
         """
     @property
     def sources(self) -> list[SourceStatus]:
         """
-        A SourceStatus for each.
+        One SourceStatus per source.
         """
     @property
     def used_share(self) -> float:
         """
-        Share of the last measurement's information that was used.
+        Fraction of the last measurement's information that was used.
         """
 
 class Doubt(enum.Enum):
     """
-    Why scans are in doubt.
+    Reason to distrust scans.
     """
 
     ELSEWHERE = ...
@@ -4347,41 +4355,41 @@ class Doubt(enum.Enum):
 
 class SwitchingMclConfig:
     """
-    When UWB takes over from scans.
+    Thresholds at which UWB takes over from scans.
     """
     def __init__(self) -> None: ...
     @property
     def doubt_s(self) -> float:
         """
-        That doubt must last [s].
+        Minimum duration of distrust before UWB takes over [s].
         """
     @doubt_s.setter
     def doubt_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def elsewhere_m(self) -> float:
         """
-        Off UWB by more than this and three sigmas: in doubt [m].
+        Distance from the UWB pose, beyond three sigmas, above which scans are distrusted [m].
         """
     @elsewhere_m.setter
     def elsewhere_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def elsewhere_rad(self) -> float:
         """
-        Likewise turned [rad].
+        The same for the heading [rad].
         """
     @elsewhere_rad.setter
     def elsewhere_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def share(self) -> float:
         """
-        Of the particles that are replaced.
+        Fraction of the particles that is replaced.
         """
     @share.setter
     def share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def sigma_sure_m(self) -> float:
         """
-        Below it no longer [m].
+        Particle spread below which scans are trusted again [m].
         """
     @sigma_sure_m.setter
     def sigma_sure_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
@@ -4392,60 +4400,60 @@ class SwitchingMclConfig:
     @property
     def sigma_unsure_m(self) -> float:
         """
-        Of the particles, in their worst direction: in doubt [m].
+        Particle spread along the worst direction above which scans are distrusted [m].
         """
     @sigma_unsure_m.setter
     def sigma_unsure_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def sigma_unsure_rad(self) -> float:
         """
-        Likewise of the heading.
+        The same for the heading [rad].
         """
     @sigma_unsure_rad.setter
     def sigma_unsure_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def uwb_age_s(self) -> float:
         """
-        Since the last range or fix that was fused, likewise [s].
+        Maximum time since the last fused range or fix [s].
         """
     @uwb_age_s.setter
     def uwb_age_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def uwb_nis(self) -> float:
         """
-        NIS of the last ranges or fixes per row, on average, at most, likewise.
+        Maximum mean NIS per row of the last ranges or fixes.
         """
     @uwb_nis.setter
     def uwb_nis(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def uwb_sigma_m(self) -> float:
         """
-        Of the pose by UWB, at most, to be of use [m].
+        Maximum position sigma of a usable UWB pose [m].
         """
     @uwb_sigma_m.setter
     def uwb_sigma_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def uwb_sigma_rad(self) -> float:
         """
-        Likewise [rad].
+        Maximum heading sigma of a usable UWB pose [rad].
         """
     @uwb_sigma_rad.setter
     def uwb_sigma_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
 
 class Injection:
     """
-    UWB took over from scans.
+    Event at which UWB took over from scans.
     """
     def __repr__(self) -> str: ...
     @property
     def after(self) -> PoseEstimate:
         """
-        By UWB.
+        PoseEstimate after, from UWB.
         """
     @property
     def before(self) -> PoseEstimate:
         """
-        With the covariance of all particles.
+        PoseEstimate before, with the covariance of all particles.
         """
     @property
     def doubt(self) -> Doubt: ...
@@ -4454,24 +4462,24 @@ class Injection:
 
 class SwitchingMcl:
     """
-    An Mcl that UWB rescues (celan2017, sections III.C and V.B).
+    Mcl that UWB relocalizes (celan2017, sections III.C and V.B).
 
-    Scans alone tell of the pose while they leave no doubt; where they do, the pose by UWB and odometry
+    Scans alone determine the pose while they are trusted; otherwise the pose from UWB and odometry
     becomes the particles' belief (docs/models/switching_mcl.md). Ranges and fixes go to a
-    RecoveringEkf beside the particles, which starts by itself and knows when it is lost.
+    RecoveringEkf that runs in parallel, initializes itself and detects when it is lost.
 
     Parameters
     ----------
     config : SwitchingMclConfig
     mcl : Mcl
-        Is copied, as is `uwb`.
+        Copied, as is `uwb`.
     uwb : RecoveringEkf
 
     Raises
     ------
     ValueError
-        If the config is out of range, or a threshold could fire for ever: `sure` must lie below
-        `unsure`, and a pose by UWB that is of use must be sure.
+        If the config is out of range, or UWB could take over endlessly: `sigma_sure_*` must be below
+        `sigma_unsure_*`, and a usable UWB pose must satisfy `sigma_sure_*`.
 
     Examples
     --------
@@ -4493,18 +4501,18 @@ class SwitchingMcl:
     """
     def __copy__(self) -> SwitchingMcl:
         """
-        A snapshot.
+        Independent copy.
         """
     def __deepcopy__(self, memo: typing.Any) -> SwitchingMcl: ...
     def __init__(self, config: SwitchingMclConfig, mcl: Mcl, uwb: RecoveringEkf) -> None: ...
     def __repr__(self) -> str: ...
     def estimate(self) -> PoseEstimate:
         """
-        Of the particles, carried to the end of what odometry has told.
+        PoseEstimate of the particles, propagated to the end of the latest odometry.
         """
     def health(self) -> HealthReport:
         """
-        How far that may be trusted, by what particles were weighed with.
+        HealthReport of that estimate from the measurements that weighted particles.
         """
     @typing.overload
     def on(self, message: Velocity) -> Outcome: ...
@@ -4521,47 +4529,47 @@ class SwitchingMcl:
     @typing.overload
     def on(self, message: LaserScan) -> Outcome:
         """
-        Takes one message. Ranges and fixes go to UWB's filter, all else weighs particles.
+        Processes one message. Ranges and fixes go to the UWB filter, all others weight particles.
         """
     @property
     def hypotheses(self) -> list[PoseHypothesis]:
         """
-        Clusters of particles, a list of PoseHypothesis, the likeliest first.
+        Clusters of particles as a list of PoseHypothesis, likeliest first.
         """
     @property
     def injections(self) -> list[Injection]:
         """
-        When UWB took over, a list of Injection.
+        List of Injection, one per takeover by UWB.
         """
     @property
     def mcl(self) -> Mcl:
         """
-        A snapshot of the particles.
+        Copy of the Mcl.
         """
     @property
     def ready(self) -> bool:
         """
-        Whether one cluster of particles is all but certain.
+        Whether one cluster of particles is almost certain.
         """
     @property
     def sources(self) -> list[SourceStatus]:
         """
-        A SourceStatus for each that weighs particles.
+        One SourceStatus per source that weights particles.
         """
     @property
     def uwb(self) -> RecoveringEkf:
         """
-        A snapshot of UWB's filter.
+        Copy of the UWB filter.
         """
     @property
     def uwb_nis(self) -> float:
         """
-        NIS of the last ranges or fixes per row, on average: 1 where UWB's filter is right.
+        Mean NIS per row of the last ranges or fixes: 1 if the UWB filter is consistent.
         """
 
 class RigidFitStatus(enum.Enum):
     """
-    How a rigid fit went.
+    Result of a rigid fit.
     """
 
     FITTED = ...
@@ -4571,28 +4579,28 @@ class RigidFitStatus(enum.Enum):
 
 class RigidFit:
     """
-    The pose of a rigid body whose points were measured.
+    Pose of a rigid body from measured points.
     """
     def __repr__(self) -> str: ...
     @property
     def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 3]"]:
         """
-        Of (x, y, heading), shape (3, 3).
+        Covariance of (x, y, heading), shape (3, 3).
         """
     @property
     def dof(self) -> int:
         """
-        Of nis: 2 n - 3.
+        Degrees of freedom of `nis`: 2 n - 3.
         """
     @property
     def nis(self) -> float:
         """
-        How badly the points fit a rigid body.
+        Chi-square of the points against a rigid body.
         """
     @property
     def pose(self) -> Pose2:
         """
-        T_world_body; NaN without a direction.
+        T_world_body; NaN if NO_DIRECTION.
         """
     @property
     def status(self) -> RigidFitStatus: ...
@@ -4614,7 +4622,7 @@ class PointMotionConfig:
 
 class VelocityConfig:
     """
-    What wheels err by, which points of the body share, and what each errs by itself.
+    Velocity noise: that of the wheels, common to all points of the body, and that of each point.
     """
     def __init__(self) -> None: ...
     @property
@@ -4628,7 +4636,7 @@ class VelocityConfig:
     @property
     def sigma_point_mps(self) -> float:
         """
-        Each point, each axis; > 0.
+        Independent per point and axis; > 0.
         """
     @sigma_point_mps.setter
     def sigma_point_mps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
@@ -4639,7 +4647,7 @@ class VelocityConfig:
 
 class PointDistanceConfig:
     """
-    How well a distance is known.
+    Noise of a known distance.
     """
     def __init__(self) -> None: ...
     @property
@@ -4649,7 +4657,7 @@ class PointDistanceConfig:
 
 class VelocityModel:
     """
-    Velocities of points on a body as its wheels tell them; docs/models/velocity.md.
+    Velocities of points on a body from wheel odometry; docs/models/velocity.md.
     """
     @staticmethod
     def predict(
@@ -4658,7 +4666,7 @@ class VelocityModel:
         point_in_body: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
     ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"]:
         """
-        In world (2,) [m/s], of a body with `twist` (forward [m/s], left [m/s], turn rate [rad/s]).
+        Velocity (2,) in world [m/s] of a point on a body with `twist` (forward [m/s], left [m/s], turn rate [rad/s]).
         """
     def __init__(self, config: VelocityConfig) -> None: ...
     def linearize(
@@ -4674,7 +4682,7 @@ class VelocityModel:
 
 class PointDistanceModel:
     """
-    A known distance between two points; docs/models/point_distance.md.
+    Known distance between two points; docs/models/point_distance.md.
     """
     @staticmethod
     def predict(
@@ -4689,12 +4697,12 @@ class PointDistanceModel:
         distance: typing.SupportsFloat | typing.SupportsIndex,
     ) -> Linearization | None:
         """
-        Linearization (1 x 4) with respect to (a, b); None if they lie together.
+        Linearization (1 x 4) with respect to (a, b); None if the points coincide.
         """
 
 class TagOrderVerdict(enum.Enum):
     """
-    Whether fixes of three tags fit their triangle.
+    Whether fixes of three tags match their triangle.
     """
 
     AMBIGUOUS = ...
@@ -4704,14 +4712,14 @@ class TagOrderVerdict(enum.Enum):
 
 class TagOrder:
     """
-    Which tag is which, as fixes of one epoch tell.
+    Assignment of ids to three tags from fixes of one epoch.
     """
     def __repr__(self) -> str: ...
     def __str__(self) -> str: ...
     @property
     def best(self) -> float:
         """
-        nis of `ids`.
+        NIS with `ids`.
         """
     @property
     def given(self) -> typing.Annotated[list[int], "FixedSize(3)"]:
@@ -4721,24 +4729,24 @@ class TagOrder:
     @property
     def ids(self) -> typing.Annotated[list[int], "FixedSize(3)"]:
         """
-        Those that fit best, in the order of the fixes.
+        Ids that fit best, in the order of the fixes.
         """
     @property
     def limit(self) -> float:
         """
-        What that may be.
+        Largest `nis` that passes.
         """
     @property
     def nis(self) -> float:
         """
-        Of the ids given, 3 degrees of freedom.
+        NIS with the given ids, 3 degrees of freedom.
         """
     @property
     def verdict(self) -> TagOrderVerdict: ...
 
 class TagVerdict(enum.Enum):
     """
-    What became of a fix of an RTLS.
+    Result of conditioning an RTLS fix.
     """
 
     FROZEN = ...
@@ -4750,7 +4758,7 @@ class TagVerdict(enum.Enum):
 
 class ConditionedFix:
     """
-    A fix of an RTLS and what became of it.
+    RTLS fix after conditioning.
     """
     def __repr__(self) -> str: ...
     @property
@@ -4763,13 +4771,13 @@ class ConditionedFix:
 
 class TagConditionerConfig:
     """
-    What an RTLS does, and what the machine can do.
+    Properties of the RTLS and limits of the machine.
     """
     def __init__(self) -> None: ...
     @property
     def bias_x_m(self) -> float:
         """
-        Taken from every fix, in world.
+        Bias subtracted from every fix, in world [m].
         """
     @bias_x_m.setter
     def bias_x_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
@@ -4780,51 +4788,51 @@ class TagConditionerConfig:
     @property
     def cutoff_hz(self) -> float:
         """
-        Of the low-pass; 0 is none.
+        Cutoff of the low-pass [Hz]; 0: none.
         """
     @cutoff_hz.setter
     def cutoff_hz(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def frozen_motion_m(self) -> float:
         """
-        A tag that went further has another fix.
+        A fix that stays equal over this motion is FROZEN [m].
         """
     @frozen_motion_m.setter
     def frozen_motion_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def hold_s(self) -> float:
         """
-        How long a velocity is believed without a new one.
+        Timeout of a velocity [s].
         """
     @hold_s.setter
     def hold_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def jump_margin_m(self) -> float:
         """
-        Beyond what that speed allows.
+        Margin beyond the distance at that speed [m].
         """
     @jump_margin_m.setter
     def jump_margin_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def max_speed_mps(self) -> float:
         """
-        Of a tag.
+        Maximum speed of a tag [m/s].
         """
     @max_speed_mps.setter
     def max_speed_mps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def restart_after(self) -> int:
         """
-        Jumps in a row.
+        Number of jumps in a row after which it restarts.
         """
     @restart_after.setter
     def restart_after(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
 
 class TagConditioner:
     """
-    Conditions the fixes of an RTLS, tag by tag, before a filter sees them.
+    Conditions the fixes of an RTLS, per tag, before they reach a filter.
 
-    Takes a constant bias off, rejects jumps and values that are stuck, and low-passes the rest;
+    Removes a constant bias, rejects jumps and frozen values, and low-passes the rest;
     docs/models/tag_triangle_ekf.md.
 
     Parameters
@@ -4846,7 +4854,7 @@ class TagConditioner:
     @typing.overload
     def on(self, message: Increment) -> None:
         """
-        Wheel odometry, which tells how far each tag went.
+        Processes wheel odometry, from which the motion of each tag follows, or conditions a fix.
         """
     @typing.overload
     def on(self, message: PositionFix) -> ConditionedFix: ...
@@ -4866,7 +4874,7 @@ class TagTriangleEkfConfig:
     @property
     def gate_position(self) -> float:
         """
-        Probability that a good fix passes.
+        Probability that an inlier fix passes.
         """
     @gate_position.setter
     def gate_position(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
@@ -4885,14 +4893,14 @@ class TagTriangleEkfConfig:
     @property
     def heading_is_known(self) -> bool:
         """
-        Whether wheels turn to velocities by a heading without error, as in the paper; else by that of the tags, with its Jacobian.
+        Whether the heading that rotates wheel velocities is taken as exact, as in the paper; otherwise that of the tags is used, with its Jacobian.
         """
     @heading_is_known.setter
     def heading_is_known(self, arg0: bool) -> None: ...
     @property
     def sides_m(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"] | None:
         """
-        None, or (3,) from tag 0 to 1, 1 to 2, 2 to 0 as a tape tells.
+        Measured sides (3,) [m] from tag 0 to 1, 1 to 2, 2 to 0, or None.
         """
     @sides_m.setter
     def sides_m(
@@ -4909,25 +4917,25 @@ class TagTriangleEkf:
     """
     Extended Kalman filter over positions and velocities of three tags.
 
-    The 12-state filter of celan2017, section III.D: fixes of the tags, the velocities that wheel
-    odometry gives them, the sides of their triangle; docs/models/tag_triangle_ekf.md. Slots are
+    The 12-state filter of celan2017, section III.D: fixes of the tags, their velocities from wheel
+    odometry, the sides of their triangle; docs/models/tag_triangle_ekf.md. Slots are
     `tag0.position` to `tag2.position`, then `tag0.velocity` to `tag2.velocity`.
 
     Parameters
     ----------
     config : TagTriangleEkfConfig
     tags : list of Tag
-        Three that make a triangle.
+        Three, not collinear.
     start : PoseEstimate or list of PositionFix
-        A pose, or a fix of each tag with one stamp.
+        A pose, or one fix per tag with the same stamp.
     anchors : AnchorMap, optional
         For ranges.
 
     Raises
     ------
     ValueError
-        If the config is out of range, the tags make no triangle, the start is not finite and positive
-        definite, or fixes do not fit the triangle; the text names the order of ids that would.
+        If the config is out of range, the tags do not form a triangle, the start is not finite and
+        positive definite, or fixes do not match the triangle; the text names the ids that would.
 
     Examples
     --------
@@ -4943,11 +4951,11 @@ class TagTriangleEkf:
     """
     def __copy__(self) -> TagTriangleEkf:
         """
-        A snapshot.
+        Independent copy.
         """
     def __deepcopy__(self, memo: typing.Any) -> TagTriangleEkf:
         """
-        A snapshot.
+        Independent copy.
         """
     @typing.overload
     def __init__(
@@ -4970,20 +4978,20 @@ class TagTriangleEkf:
     @typing.overload
     def estimate(self) -> PoseEstimate:
         """
-        The belief at its own stamp.
+        PoseEstimate at the stamp of the belief.
         """
     @typing.overload
     def estimate(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> PoseEstimate:
         """
-        The belief carried to `stamp` [ns], which must not lie before it.
+        PoseEstimate propagated to `stamp` [ns], which must not precede the belief.
         """
     def fit(self) -> RigidFit:
         """
-        The body on the tags; its nis tells how rigid they are.
+        RigidFit of the body to the tags; its `nis` measures their rigidity.
         """
     def hold_sides(self) -> Outcome:
         """
-        Fuses the three sides where the belief is: for who has no odometry.
+        Fuses the three sides at the current belief; for use without odometry.
         """
     @typing.overload
     def on(self, message: PositionFix) -> Outcome: ...
@@ -4994,7 +5002,7 @@ class TagTriangleEkf:
     @typing.overload
     def on(self, message: Range) -> Outcome:
         """
-        Fuses one message. One that is not fused changes no bit of the estimator. Odometry is followed by the sides of the triangle.
+        Fuses one message; a message that is not fused leaves the estimator unchanged. After odometry the sides of the triangle are fused.
         """
     def pose(self) -> Pose2: ...
     @property
@@ -5002,19 +5010,19 @@ class TagTriangleEkf:
     @property
     def interventions(self) -> int:
         """
-        How often a variance left its bounds and was put back.
+        Number of times a variance was clamped to its bounds.
         """
     @property
     def sides(self) -> Outcome:
         """
-        What became of the three sides that were fused last.
+        Outcomes of the three sides that were fused last.
         """
     @property
     def tags(self) -> list[Tag]: ...
 
 class MessageLog:
     """
-    Recorded messages, added as columns.
+    Recorded messages, added column by column.
 
     Every `add_...` takes arrays of equal length; `arrival_ns`, where given, is when each message
     reaches the estimator, otherwise it arrives when it takes effect. A row that is not valid raises
@@ -5032,7 +5040,7 @@ class MessageLog:
         arrival_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64] | None = None,
     ) -> None:
         """
-        Motions (n, 3): dx, dy [m], dheading [rad] from begin_ns to stamp_ns.
+        Motions (n, 3) from begin_ns to stamp_ns: dx, dy [m], dheading [rad] in the body frame at begin_ns.
         """
     def add_poses(
         self,
@@ -5043,7 +5051,7 @@ class MessageLog:
         arrival_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64] | None = None,
     ) -> None:
         """
-        Poses (n, 3): x, y [m], heading [rad], with their sigmas. Both -1, or both 0: not known; 1000 and more: not measured.
+        Poses (n, 3): x, y [m], heading [rad], with their sigmas. Both -1 or both 0: unknown; 1000 and more: not measured.
         """
     def add_positions(
         self,
@@ -5054,7 +5062,7 @@ class MessageLog:
         tag: typing.Annotated[numpy.typing.ArrayLike, numpy.int32] | None = None,
     ) -> None:
         """
-        Positions (n, 2) [m] with one sigma [m] each, of the antenna, or of the tags with these ids (n,); a negative id is the antenna. Sigma -1 or 0: not known; 1000 and more: not measured.
+        Positions (n, 2) [m] in world with one sigma (n,) [m] each, of the antenna or of the tags with ids (n,); a negative id is the antenna. Sigma -1 or 0: unknown; 1000 and more: not measured.
         """
     def add_ranges(
         self,
@@ -5076,7 +5084,7 @@ class MessageLog:
         arrival_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64] | None = None,
     ) -> None:
         """
-        Landmarks by id (-1: not known which), range [m] and bearing [rad], NaN where not measured, with their sigmas.
+        Landmark observations: id (-1: unknown), range [m] and bearing [rad] (NaN: not measured), with their sigmas.
         """
     def add_velocities(
         self,
@@ -5087,12 +5095,12 @@ class MessageLog:
     ) -> None: ...
     def sort(self) -> None:
         """
-        Sorts by arrival; messages of one instant stay in the order they were added in.
+        Sorts by arrival; the sort is stable.
         """
 
 class ClockJump(enum.Enum):
     """
-    What to do when the clock of all messages goes back.
+    Reaction to a backward jump of the message clock.
     """
 
     CONTINUE = ...
@@ -5101,17 +5109,17 @@ class ClockJump(enum.Enum):
 
 class RunLog:
     """
-    What a replay leaves behind, as columns.
+    Result of a replay, as columns.
     """
     def __repr__(self) -> str: ...
     def noise_factor(self, source: Source) -> float:
         """
-        Factor of the variances of a Source by then: 1 unless adaptive.
+        Factor on the variances of a Source at the end of the log; 1 unless adaptive.
         """
     @property
     def alarms(self) -> int:
         """
-        How often it was lost.
+        Number of times the estimate was declared lost.
         """
     @property
     def covariances(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -5123,12 +5131,12 @@ class RunLog:
     @property
     def errors(self) -> list[CalibratedError]:
         """
-        Errors that are states, as learnt by then.
+        A CalibratedError for each error that is a state, at the end of the log.
         """
     @property
     def fallen_out(self) -> int:
         """
-        Messages inside the history that were forgotten: there were too many.
+        Messages inside the history that were dropped because there were too many.
         """
     @property
     def health_clue(self) -> numpy.typing.NDArray[numpy.uint8]:
@@ -5138,12 +5146,12 @@ class RunLog:
     @property
     def health_source(self) -> list[NamedSource | None]:
         """
-        The source that the clue names, or None: k of them.
+        Source that the reason refers to, or None; k items.
         """
     @property
     def health_stamp_ns(self) -> numpy.typing.NDArray[numpy.int64]:
         """
-        Stamps of what is said of health, (k,).
+        Stamps of the health reports, (k,).
         """
     @property
     def health_state(self) -> numpy.typing.NDArray[numpy.uint8]:
@@ -5153,12 +5161,12 @@ class RunLog:
     @property
     def interventions(self) -> numpy.typing.NDArray[numpy.int64]:
         """
-        Variances put back into their bounds, per message.
+        Number of variances clamped to their bounds, per message.
         """
     @property
     def jumps(self) -> int:
         """
-        How often the clock went back; estimates are those after the last.
+        Number of backward clock jumps; the estimates are those after the last.
         """
     @property
     def last(self) -> PoseEstimate:
@@ -5184,12 +5192,12 @@ class RunLog:
     @property
     def restarts(self) -> int:
         """
-        How often it then found another place.
+        Number of relocalizations.
         """
     @property
     def sources(self) -> list[SourceStatus]:
         """
-        A SourceStatus for each, at the end of the log.
+        One SourceStatus per source, at the end of the log.
         """
     @property
     def stamp_ns(self) -> numpy.typing.NDArray[numpy.int64]:
@@ -5209,12 +5217,12 @@ class RunLog:
     @property
     def wrong(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Probability that the robot is somewhere else, (k,).
+        Probability that the pose is wrong, (k,).
         """
 
 class StartStep:
     """
-    A change on the way to a start.
+    Change of state during initialization.
     """
     @property
     def stamp(self) -> int:
@@ -5226,22 +5234,22 @@ class StartStep:
 
 class StartRun:
     """
-    How a start went.
+    Course of an initialization.
     """
     @property
     def steps(self) -> list[StartStep]:
         """
-        Whenever status or number of hypotheses changed.
+        One step per change of status or of the number of hypotheses.
         """
     @property
     def used_until(self) -> int:
         """
-        Messages that take effect up to this stamp were used [ns].
+        Messages that take effect up to this stamp [ns] were used.
         """
 
 class LocalizeRun:
     """
-    How a localization on a map went, as columns.
+    Result of a localization on a map, as columns.
     """
     def __repr__(self) -> str: ...
     @property
@@ -5252,7 +5260,7 @@ class LocalizeRun:
     @property
     def explained(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Share of the scan's returns that end at a wall, (n,).
+        Fraction of the scan's returns that end at a wall, (n,).
         """
     @property
     def health_clue(self) -> numpy.typing.NDArray[numpy.uint8]:
@@ -5262,12 +5270,12 @@ class LocalizeRun:
     @property
     def health_source(self) -> list[NamedSource | None]:
         """
-        The source that the clue names, or None: k of them.
+        Source that the reason refers to, or None; k items.
         """
     @property
     def health_stamp_ns(self) -> numpy.typing.NDArray[numpy.int64]:
         """
-        Stamps of what is said of health, (k,).
+        Stamps of the health reports, (k,).
         """
     @property
     def health_state(self) -> numpy.typing.NDArray[numpy.uint8]:
@@ -5277,7 +5285,7 @@ class LocalizeRun:
     @property
     def particles(self) -> numpy.typing.NDArray[numpy.int64]:
         """
-        How many, (n,).
+        Number of particles, (n,).
         """
     @property
     def poses(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -5287,7 +5295,7 @@ class LocalizeRun:
     @property
     def probability(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Of the likeliest hypothesis, (n,).
+        Probability of the likeliest hypothesis, (n,).
         """
     @property
     def protection(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -5302,12 +5310,12 @@ class LocalizeRun:
     @property
     def scan_verdict(self) -> numpy.typing.NDArray[numpy.uint8]:
         """
-        Likewise, one per scan.
+        Index into Verdict, one per scan.
         """
     @property
     def sigma(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Of all particles, in their worst direction [m], (n,).
+        Standard deviation of all particles along the worst direction [m], (n,).
         """
     @property
     def stamp_ns(self) -> numpy.typing.NDArray[numpy.int64]:
@@ -5327,29 +5335,29 @@ class LocalizeRun:
     @property
     def wrong(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Probability that the robot is somewhere else, (k,).
+        Probability that the pose is wrong, (k,).
         """
 
 class Live:
     """
-    A RecoveringEkf on a robot: messages as they arrive, from the first one on.
+    RecoveringEkf fed with live messages in order of arrival.
 
-    It searches until one place is left; from there late messages are fused where they belong. Fed with
-    a log in its order of arrival it gives the estimates of `find_start` and `replay`, bit for bit, if
-    none came later than `patience` while it searched.
+    It searches until a single hypothesis remains; from then on late messages are fused at their stamp.
+    A log fed in order of arrival gives the estimates of `find_start` and `replay` bit for bit, if no
+    message was later than `patience` during the search.
 
     Parameters
     ----------
     estimator : RecoveringEkf
-        It tracks from the beginning if this one has started.
+        If it has started, tracking begins at once.
     history : int
-        How late a message may be once it tracks, nanoseconds.
+        Maximum delay of a message while tracking [ns].
     clock_jump : ClockJump
-        What to do when the clock of all messages goes back.
+        Reaction to a backward jump of the message clock.
     most_messages : int
-        Held for late ones, at least 512.
+        Maximum number of messages kept for reordering, at least 512.
     patience : int
-        How late a message may be while it searches, nanoseconds.
+        Maximum delay of a message while searching [ns].
 
     Raises
     ------
@@ -5378,81 +5386,81 @@ class Live:
     def __repr__(self) -> str: ...
     def current(self) -> PoseEstimate:
         """
-        The PoseEstimate at the stamp of the last message. Raises RuntimeError while it searches.
+        PoseEstimate at the stamp of the last message. Raises RuntimeError while searching.
         """
     def enable(self, source: Source, enabled: bool) -> None:
         """
-        Switches a Source off, or on again: while it is off its messages are IGNORED.
+        Enables or disables a Source; messages of a disabled source are IGNORED.
         """
     def estimate(self) -> PoseEstimate:
         """
-        Likewise, carried to the end of odometry.
+        PoseEstimate propagated to the end of the latest odometry. Raises RuntimeError while searching.
         """
     def health(self) -> HealthReport:
         """
-        A HealthReport: how far its estimate may be trusted.
+        HealthReport of the estimate.
         """
     @typing.overload
     def on(self, scan: LaserScan) -> None:
         """
-        Takes a scan, which is of use while it searches.
+        Processes a scan, which is used only while searching.
         """
     @typing.overload
     def on(
         self, message: Velocity | Increment | Range | PositionFix | PoseObservation | RangeBearing
     ) -> Outcome:
         """
-        Takes a message and returns its Outcome.
+        Processes a message and returns its Outcome.
 
-        IGNORED while it searches and from a source that is off, STALE if it is too late.
+        IGNORED while searching or from a disabled source, STALE if too late.
 
         Raises
         ------
         ValueError
-            If the message is not valid; it is forgotten.
+            If the message is not valid; it is discarded.
         """
     def relocalize(self) -> None:
         """
-        Forgets the pose and searches anew.
+        Discards the pose and searches again.
         """
     def reset(self) -> None:
         """
-        As it was made.
+        Restores the state after construction.
         """
     def search(self) -> StartState:
         """
-        How far the search has come, with its hypotheses.
+        Progress of the search with its hypotheses.
         """
     def start_at(self, start: PoseEstimate) -> None:
         """
-        Tracks from a PoseEstimate on, whatever was known before.
+        Discards the current state and tracks from a PoseEstimate.
         """
     @property
     def errors(self) -> list[CalibratedError]:
         """
-        A CalibratedError for each error that is a state, as learnt by now.
+        A CalibratedError for each error that is a state.
         """
     @property
     def fallen_out(self) -> int:
         """
-        Messages inside the history that were forgotten: too many.
+        Messages inside the history that were dropped because there were too many.
         """
     @property
     def is_tracking(self) -> bool: ...
     @property
     def jumps(self) -> int:
         """
-        How often the clock went back and it started anew or went on.
+        Number of backward clock jumps handled by RESET or CONTINUE.
         """
     @property
     def restarts(self) -> int:
         """
-        How often it was lost and found another place.
+        Number of relocalizations after being lost.
         """
     @property
     def sources(self) -> list[SourceStatus]:
         """
-        A SourceStatus for each.
+        One SourceStatus per source.
         """
 
 def arc(
@@ -5469,7 +5477,7 @@ def chi_squared_quantile(
     probability: typing.SupportsFloat | typing.SupportsIndex,
 ) -> float:
     """
-    Value that a chi-squared variable with `dof` degrees of freedom stays below with `probability`.
+    Quantile of the chi-squared distribution with `dof` degrees of freedom at `probability`.
 
     Raises
     ------
@@ -5484,15 +5492,15 @@ def closest_beam(
     radius: typing.SupportsFloat | typing.SupportsIndex,
 ) -> BeamLandmark:
     """
-    Centre of a cylinder by its closest beam (wells eq. 8-11).
+    Centre of a cylinder from its closest beam (wells eq. 8-11).
 
     Parameters
     ----------
     scan : LaserScan
     first, last : int
-        Beams of the cylinder; `first` above `last` goes across the end of the scan.
+        Beams of the cylinder; `first` > `last` wraps around the end of the scan.
     radius : float
-        Added to the least range [m].
+        Added to the minimum range [m].
 
     Returns
     -------
@@ -5506,7 +5514,7 @@ def closest_beam(
 
 def compiler() -> str:
     """
-    The compiler that made the core, such as 'GCC 12.2.0'.
+    Compiler that built the core, such as 'GCC 12.2.0'.
     """
 
 def cramer_rao(
@@ -5525,7 +5533,7 @@ def cramer_rao(
     anchors : array, shape (m, 2) or (m, 3)
         Positions of the anchors [m].
     points : array, shape (k, 2) or (k, 3)
-        Where the tag might be [m].
+        Possible positions of the tag [m].
     sigma : float or array, shape (m,)
         Standard deviation of the ranges [m].
     height : float, optional
@@ -5534,8 +5542,8 @@ def cramer_rao(
     Returns
     -------
     array, shape (k, d, d)
-        Least covariance of any unbiased estimator [m^2]; infinite on the diagonal where the ranges
-        leave a direction open.
+        Minimum covariance of any unbiased estimator [m^2]; infinite on the diagonal where the ranges
+        do not determine a direction.
 
     Examples
     --------
@@ -5549,19 +5557,19 @@ def find_start(
     initializer: Initializer, log: MessageLog, scans: collections.abc.Sequence[LaserScan]
 ) -> StartRun:
     """
-    Feeds a sorted log and scans until the initializer is ready or both end.
+    Feeds a sorted log and scans to an Initializer until it is READY or both end.
     """
 
 def kernels() -> str:
     """
-    Which kernels run here: 'avx2', with fused products and sums, or 'portable'. Both do the same, but for the last bits.
+    Vector kernels in use: 'avx2', with fused multiply-add, or 'portable'. Results differ only by rounding.
     """
 
 def local(
     to: Pose2, origin: Pose2
 ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
     """
-    Error state (3,) that leads from `origin` to `to`, heading wrapped.
+    Error state (3,) from `origin` to `to` [m, m, rad], heading wrapped.
     """
 
 @typing.overload
@@ -5589,8 +5597,9 @@ def localize(
     log : MessageLog
     scans : list of LaserScan
     progress : callable, optional
-        Told after each scan (messages and scans done, what returns a copy of the run so far while it
-        is told); it may look at `mcl`. What is not done yet has the verdict IGNORED.
+        Called after each scan with the number of messages and scans processed and a function that
+        returns a copy of the run during the call; it may read `mcl`. Items not processed yet have the
+        verdict IGNORED.
     """
 
 def locate(
@@ -5620,7 +5629,7 @@ def locate(
     max_iterations: typing.SupportsInt | typing.SupportsIndex = 50,
 ) -> PositionSolution:
     """
-    Position from ranges: SR-LS and maximum likelihood side by side, and everything that fits.
+    Position from ranges by SR-LS and maximum likelihood, with all hypotheses.
 
     Parameters
     ----------
@@ -5631,19 +5640,19 @@ def locate(
     sigma : float or array, shape (m,)
         Standard deviation of the ranges [m].
     height : float, optional
-        Known height of the tag [m]: the position is sought in the plane.
+        Known height of the tag [m]; the position is then estimated in the plane.
     loss : {'none', 'huber', 'cauchy', 'one_sided'}
-        What residuals cost; 'one_sided' is for ranges that read long.
+        Loss of the residuals; 'one_sided' suits ranges that read long (NLOS).
     loss_scale : float, optional
-        Where it departs from the square [sigmas]; by default 95 % efficient.
+        Residual at which the loss departs from the square [sigmas]; by default 95 % efficient.
     prior : (mean, sigma), optional
-        What is known before, per axis [m]; an infinite sigma for nothing.
+        Prior mean and sigma per axis [m]; an infinite sigma for none.
     box : (low, high), optional
-        Ends of a box that the position is in [m].
+        Corners of a box that contains the position [m].
     weights : {'equal', 'variance'}
         SR-LS or SR-WLS.
     ml : {'ceres', 'fast'}
-        Which solver does maximum likelihood.
+        Solver of maximum likelihood.
 
     Returns
     -------
@@ -5691,7 +5700,7 @@ def locate_batch(
     anchors : array, shape (m, 2) or (m, 3), or (n, m, 2 or 3)
         Positions of the anchors [m], of all epochs or one set per epoch.
     ranges : array, shape (n, m)
-        One row per epoch [m]; NaN where an anchor was not heard.
+        One row per epoch [m]; NaN for an anchor without a range.
     sigma : float or array, shape (m,)
         Standard deviation of the ranges [m].
     height : float, optional
@@ -5731,8 +5740,8 @@ def parse_table(
     """
     Parse delimited decimal text, column by column.
 
-    Blank lines and lines that start with ``#`` are skipped. Spaces and tabs around a field do not
-    count. Nothing is quoted.
+    Blank lines and lines that start with ``#`` are skipped. Spaces and tabs around a field are ignored.
+    Quotes have no special meaning.
 
     Parameters
     ----------
@@ -5740,12 +5749,12 @@ def parse_table(
         UTF-8; lines end in ``\\n`` or ``\\r\\n``.
     kinds : str
         One letter per column: ``f`` finite float64; ``g`` the same, where an empty field is NaN;
-        ``s`` decimal seconds read exactly as int64 nanoseconds (what is below a nanosecond is rounded
-        half away from zero); ``t`` text of at most 255 bytes.
+        ``s`` decimal seconds converted exactly to int64 nanoseconds (fractions of a nanosecond are
+        rounded half away from zero); ``t`` text of at most 255 bytes.
     delimiter : str
         ``,``, ``;``, ``|``, tab, or a space for any run of spaces and tabs.
     first_line : int
-        Number of the first line to parse, from 1; those before it (a header) are passed over.
+        Number of the first line to parse, from 1; lines before it (a header) are skipped.
     name : str
         Name of the text in error messages.
 
@@ -5758,8 +5767,8 @@ def parse_table(
     ------
     ValueError
         If a line has too few or too many fields or a field is not of its kind; the text names the
-        line and the column, both from 1. Or if names would take more than 64 MB and 16 times the
-        text, as each takes as much as the longest of its column.
+        line and the column, both from 1. Also if the names, each padded to the longest of its column,
+        would take more than 64 MB plus 16 times the size of the text.
 
     Examples
     --------
@@ -5771,7 +5780,7 @@ def parse_table(
 @typing.overload
 def predict(belief: GaussianBelief, step: Propagation, slot: Slot) -> None:
     """
-    Moves the pose in `slot`: P to F P F' + Q with its cross-covariances.
+    Predicts the pose in `slot`: P becomes F P F' + Q, cross-covariances included.
     """
 
 @typing.overload
@@ -5779,16 +5788,16 @@ def predict(
     belief: GaussianBelief, step: BodyPropagation, slots: collections.abc.Sequence[Slot]
 ) -> None:
     """
-    Moves the first variables of `slots`, as many as the step moves, by a motion of your own.
+    Predicts the leading variables of `slots` with a user-defined motion.
 
-    It may depend on all of them: P to F P F' + Q with their cross-covariances.
+    The motion may depend on all of them; P becomes F P F' + Q, cross-covariances included.
 
     Raises
     ------
     ValueError
         If the slots do not match the step.
     NumericalError
-        If a result is not finite or a variance not positive; the belief is untouched.
+        If a result is not finite or a variance not positive; the belief is unchanged.
     """
 
 def recognize_landmarks(
@@ -5807,12 +5816,12 @@ def recognize_landmarks(
     Returns
     -------
     list of BeamLandmark
-        One per landmark in order of id; the range is that to the surface, as the beam says it.
+        One per landmark in order of id, with the measured range to the surface.
 
     Raises
     ------
     ValueError
-        If scan or pose are not valid.
+        If scan or pose is not valid.
     """
 
 @typing.overload
@@ -5846,29 +5855,29 @@ def replay(
     ] = [],
 ) -> RunLog:
     """
-    Feeds a sorted log to a copy of an estimator; late messages are fused where they belong.
+    Feeds a sorted log to a copy of an estimator; late messages are fused at their stamp.
 
     Parameters
     ----------
     start : PoseEkf or RecoveringEkf
-        The latter must have started.
+        A RecoveringEkf must have started.
     log : MessageLog
     history : int
-        How late a message may be, nanoseconds; older ones are stale.
+        Maximum delay of a message [ns]; older ones are STALE.
     record : bool
-        Keep outcomes and estimates, or only the last estimate.
+        Whether to keep outcomes and estimates, or only the last estimate.
     progress : callable, optional
-        Told now and then (messages done, what returns a copy of the run so far while it is told): the
-        outcomes of those messages, which late ones may still change, and the estimates.
+        Called from time to time with the number of messages processed and a function that returns a
+        copy of the run during the call: outcomes, which late messages may still change, and estimates.
     used_until : int, optional
-        Messages that take effect up to this stamp [ns] were used for the start: they keep the verdict
+        Messages that take effect up to this stamp [ns] were used for the initialization and are
         IGNORED.
     clock_jump : ClockJump
-        What to do when the clock of all messages goes back.
+        Reaction to a backward jump of the message clock.
     most_messages : int
-        Held for late ones, at least 512; what falls out is counted.
+        Maximum number of messages kept for reordering, at least 512; `fallen_out` counts the dropped.
     switches : list of (int, Source, bool)
-        From this arrival [ns] on a source is off (False) or on again.
+        Disables (False) or enables (True) a source from this arrival [ns].
     """
 
 def rigid_fit(
@@ -5877,7 +5886,7 @@ def rigid_fit(
     covariance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
 ) -> RigidFit:
     """
-    Return the pose that takes points of a body to where they were measured.
+    Pose that maps points of a body to their measured positions.
 
     Least squares weighted with the covariance; docs/models/rigid_fit.md.
 
@@ -5888,7 +5897,7 @@ def rigid_fit(
     world : array, shape (n, 2)
         Metres, in world.
     covariance : array, shape (2 n, 2 n) or (n, 2, 2)
-        Of `world` [m^2]: of (x0, y0, x1, y1, ...), or of each point where they share nothing.
+        Covariance of `world` [m^2]: joint over (x0, y0, x1, y1, ...), or per point if independent.
 
     Returns
     -------
@@ -5915,21 +5924,23 @@ def tag_order(
     probability: typing.SupportsFloat | typing.SupportsIndex = 0.999,
 ) -> TagOrder:
     """
-    Try the fixes of three tags of one epoch on their triangle in every order.
+    Check the ids of three tag fixes of one epoch against their triangle.
+
+    Every order of the ids is tried.
 
     Parameters
     ----------
     tags : list of Tag
         Three.
     fixes : list of PositionFix
-        One of each, of one stamp.
+        One per tag, all with the same stamp.
     probability : float
-        Of a right order to pass.
+        Probability that the correct order passes.
 
     Returns
     -------
     TagOrder
-        Its text names the ids that would fit.
+        `str()` of it names the ids that would fit.
 
     Raises
     ------
@@ -5950,11 +5961,11 @@ def update(
     Parameters
     ----------
     belief : GaussianBelief
-        Updated whole or not at all.
+        Updated completely or not at all.
     linearization : Linearization
-        From a model of the library or made by hand.
+        From a model of the library or user-defined.
     slots : list of Slot
-        Variables that the Jacobian's columns stand for, in order.
+        Variables of the Jacobian's columns, in order.
     gate : Gate
     noise : NoiseShape, optional
         Gaussian by default.
@@ -5969,7 +5980,7 @@ def update(
 
 def wrap_angle(angle: typing.SupportsFloat | typing.SupportsIndex) -> float:
     """
-    The same direction in [-pi, pi) [rad].
+    Angle wrapped to [-pi, pi) [rad].
     """
 
 __version__: str = "0.1.0"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Read by catkin alone: which Python package is in this folder."""
+"""Python package of this folder, for catkin only."""
 
 from catkin_pkg.python_setup import generate_distutils_setup
 from setuptools import setup

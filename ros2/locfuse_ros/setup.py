@@ -15,7 +15,7 @@ setup(
         (f"share/{NAME}/config", ["config/localize.yaml"]),
         (f"share/{NAME}/rviz", ["rviz/locfuse.rviz"]),
     ],
-    install_requires=["setuptools"],  # and locfuse, by pip: rosdep does not know it
+    install_requires=["setuptools"],  # and locfuse by pip: rosdep does not list it
     zip_safe=True,
     entry_points={
         "console_scripts": [

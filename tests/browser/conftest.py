@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Debian's Chromium without a screen, for the tests of what people see in a browser."""
+"""Headless Chromium of Debian for the tests in a browser."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ _MEASURED = pytest.StashKey[list[str]]()
 
 @pytest.fixture
 def measured(request: pytest.FixtureRequest) -> Callable[[str], None]:
-    """Return what tells a figure that was measured; it stands at the end of what pytest says."""
+    """Return a function that adds a measured figure to pytest's summary."""
     return request.config.stash.setdefault(_MEASURED, []).append
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
-    """Tell what was measured."""
+    """Print the measured figures."""
     for line in config.stash.get(_MEASURED, []):
         terminalreporter.write_line(f"measured: {line}")
 

@@ -67,7 +67,7 @@ def page(
 
 
 def taken(page: Page, name: str) -> None:
-    time.sleep(0.6)  # what moves has come to rest
+    time.sleep(0.6)  # until animations have ended
     page.browser.driver.save_screenshot(str(IMAGES / f"studio_{name}.png"))
 
 
@@ -110,7 +110,7 @@ def test_run_and_compare(page: Page) -> None:
         page.ran(1, key, 180)
     page._until((page.served.folder / "runs/001/odometry_uwb/report.html").exists, 120)
     page.browser.wait("studio.player.runs.length === 3 && studio.player.runs[0].particles")
-    # A moment at which a scan, a cloud and more than one rejected range are seen.
+    # A moment with a scan, a particle cloud and more than one rejected range.
     page.browser.run("""
         const {player} = studio, run = player.runs[0], {messages} = run;
         const many = (t) => run.turned_down.filter((row) => run.source(row) === "ranges"
@@ -121,7 +121,7 @@ def test_run_and_compare(page: Page) -> None:
         studio.best = many(best);""")
     assert page.browser.run("return studio.best") >= 1
     taken(page, "run")
-    # The robot large: its ellipse, its particles and the ends of its beams.
+    # Zoom on the robot: its ellipse, its particles and the end points of its beams.
     page.browser.run("""
         const {player} = studio;
         player.runs[1].visible = player.runs[2].visible = false;

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A window of a browser as the tests see it."""
+"""A browser window for the tests."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from selenium.webdriver.common.by import By
 
 
 class Browser:
-    """A window of Chromium: `driver` is selenium's, the rest is what tests ask again and again."""
+    """A window of Chromium: `driver` is selenium's, the rest are common helpers."""
 
     def __init__(self, driver: Any) -> None:
         self.driver = driver
 
     def open(self, address: str | Path) -> None:
-        """Load a file or an address, and forget what was loaded before."""
+        """Load a file or an address; clear earlier console messages and requests."""
         self.driver.get("about:blank")
         self.console()
         self.requests()
         self.driver.get(address.as_uri() if isinstance(address, Path) else address)
 
     def run(self, script: str, *arguments: Any) -> Any:
-        """Return what a script returns."""
+        """Run a script and return its result."""
         return self.driver.execute_script(script, *arguments)
 
     def wait(self, script: str, seconds: float = 10.0) -> Any:
-        """Return what an expression gives, once it is true."""
+        """Return the value of an expression once it is true."""
         until = time.monotonic() + seconds
         while True:
             value = self.run(f"return {script}")
@@ -41,7 +41,7 @@ class Browser:
             time.sleep(0.05)
 
     def still(self, selector: str) -> Any:
-        """Return an element that is seen in mid-window, where it was a moment ago, or nothing."""
+        """Return an element scrolled into view if it is visible and does not move, or None."""
         element = self.driver.find_element(By.CSS_SELECTOR, selector)
         where = (
             "const r = arguments[0].getBoundingClientRect(); return [r.x, r.y, r.width, r.height]"
@@ -53,7 +53,7 @@ class Browser:
         return element if now == before and now[2] > 0 and now[3] > 0 else None
 
     def press(self, selector: str, seconds: float = 15.0) -> None:
-        """Click on an element once it can be: sections unfold slowly, fields are made anew."""
+        """Click on an element once possible: sections unfold slowly, fields are recreated."""
         until = time.monotonic() + seconds
         while True:
             try:
@@ -68,18 +68,18 @@ class Browser:
                     raise
 
     def console(self) -> list[str]:
-        """Return what the console told since it was asked last: errors, warnings, all else."""
+        """Return all console messages since the last call."""
         return [entry["message"] for entry in self.driver.get_log("browser")]
 
     def requests(self) -> list[str]:
-        """Return the addresses that were asked for since this was asked last, but for data URLs."""
-        told = (json.loads(e["message"])["message"] for e in self.driver.get_log("performance"))
-        asked = [one["params"]["request"]["url"] for one in told
-                 if one["method"] == "Network.requestWillBeSent"]  # fmt: skip
-        return [url for url in asked if not url.startswith("data:")]
+        """Return the requested addresses since the last call, except data URLs."""
+        events = (json.loads(e["message"])["message"] for e in self.driver.get_log("performance"))
+        urls = [one["params"]["request"]["url"] for one in events
+                if one["method"] == "Network.requestWillBeSent"]  # fmt: skip
+        return [url for url in urls if not url.startswith("data:")]
 
     def screen(self, width: int, height: int, *, mobile: bool = False) -> None:
-        """Give the window another size; a mobile one has two pixels for one."""
+        """Resize the window; a mobile one has a device pixel ratio of 2."""
         metrics = {"width": width, "height": height, "mobile": mobile,
                    "deviceScaleFactor": 2 if mobile else 1}  # fmt: skip
         self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
@@ -90,9 +90,9 @@ class Browser:
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
 
     def reaches(self, script: str, wanted: float, seconds: float = 60.0) -> float:
-        """Return the best value of an expression within a time: others may use the machine.
+        """Return the maximum of an expression within a time, as the machine may be shared.
 
-        It is asked every second, and no more once it is what was wanted.
+        It is evaluated every second until it reaches `wanted`.
         """
         until, best = time.monotonic() + seconds, -math.inf
         while best < wanted and time.monotonic() < until:

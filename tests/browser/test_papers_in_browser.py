@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page of the papers: read on a narrow screen, its links lead somewhere, nothing is fetched."""
+"""The page of the papers: readable on a narrow screen, valid links, no requests."""
 
 from __future__ import annotations
 

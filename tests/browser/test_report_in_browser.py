@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The report of a run as a browser shows it: it plays, tells the numbers of the run, and prints."""
+"""The report of a run in a browser: it plays, shows the numbers of the run, and prints."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def particles() -> RunResult:
     return run(parse_config(config), seed=1)
 
 
-def test_it_opens_from_disk_without_a_word_and_without_a_request(
+def test_it_opens_from_disk_without_a_console_message_and_without_a_request(
     browser: Browser, report: Path
 ) -> None:
     browser.open(report)
@@ -70,15 +70,15 @@ def test_the_policy_forbids_to_load_and_to_execute_anything_else(
     )
     time.sleep(0.3)
     assert browser.run("return window.evil") is None
-    told = " ".join(browser.console())
-    assert "script-src" in told
-    assert "img-src" in told
+    console = " ".join(browser.console())
+    assert "script-src" in console
+    assert "img-src" in console
 
 
 def test_play_moves_time_and_pause_stops_it(browser: Browser, report: Path) -> None:
     browser.open(report)
-    browser.run(f"window.told = []; for (const name of ['play', 'pause', 'end', 'time']) "
-                f"{PLAYER}.on(name, () => told.push(name)); {PLAYER}.play(2)")  # fmt: skip
+    browser.run(f"window.events = []; for (const name of ['play', 'pause', 'end', 'time']) "
+                f"{PLAYER}.on(name, () => events.push(name)); {PLAYER}.play(2)")  # fmt: skip
     began = time.monotonic()
     browser.wait(f"{PLAYER}.time > 1.5")
     took = time.monotonic() - began
@@ -87,12 +87,12 @@ def test_play_moves_time_and_pause_stops_it(browser: Browser, report: Path) -> N
     time.sleep(0.3)
     assert browser.run(f"return {PLAYER}.time") == at
     assert 0.6 < took < 5.0
-    told = browser.run("return told")
-    assert (told[0], told[-1]) == ("play", "pause")
-    assert "time" in told
+    events = browser.run("return events")
+    assert (events[0], events[-1]) == ("play", "pause")
+    assert "time" in events
 
 
-def test_it_stops_at_the_end_and_begins_anew(browser: Browser, report: Path) -> None:
+def test_it_stops_at_the_end_and_restarts(browser: Browser, report: Path) -> None:
     browser.open(report)
     browser.run(f"{PLAYER}.on('end', () => window.ended = true); {PLAYER}.seek(29.5); "
                 f"{PLAYER}.play(5)")  # fmt: skip
@@ -168,7 +168,7 @@ def test_the_slider_scrubs_and_everything_that_is_pressed_has_a_name(
     assert all(element.accessible_name for element in names)
 
 
-def test_a_rejected_range_is_told_with_its_reason(
+def test_a_rejected_range_is_shown_with_its_reason(
     browser: Browser, report: Path, room: RunResult
 ) -> None:
     row = int(np.flatnonzero(room.outcomes.verdict == "gated")[0])
@@ -176,21 +176,23 @@ def test_a_rejected_range_is_told_with_its_reason(
     time_s = (int(room.outcomes.stamp_ns[row]) - origin) / 1e9
     browser.open(report)
     browser.run(f"{PLAYER}.seek(arguments[0])", time_s)
-    told = browser.wait("document.querySelector('.lp-news li b') && "
-                        "document.querySelector('.lp-news').innerText")  # fmt: skip
+    shown = browser.wait("document.querySelector('.lp-news li b') && "
+                         "document.querySelector('.lp-news').innerText")  # fmt: skip
     limit = str(room.outcomes.reason[row]).rpartition("> ")[2]
     nis = f"{room.outcomes.nis[row]:.3g}"
-    assert f"anchor {room.outcomes.anchor[row]}: NIS {nis} above the gate of {limit}" in told
+    assert f"anchor {room.outcomes.anchor[row]}: NIS {nis} above the gate of {limit}" in shown
 
 
 def test_layers_change_what_is_drawn(browser: Browser, report: Path) -> None:
     browser.open(report)
     picture = ("return new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => "
                "done(document.querySelector('.lp-world').toDataURL()))))")  # fmt: skip
-    browser.run(f"{PLAYER}.seek(10); {PLAYER}.redraw(true)")  # smoothing knows how a line grew
+    browser.run(
+        f"{PLAYER}.seek(10); {PLAYER}.redraw(true)"
+    )  # smoothing depends on how a line was drawn
     browser.press("[aria-label='Follow the robot']")
     browser.run(f"{PLAYER}._zoom(4)")  # or the ellipse would be smaller than the robot's mark
-    time.sleep(0.5)  # until the page has its width
+    time.sleep(0.5)  # until the layout has settled
     seen = {"all": browser.run(picture)}
     for layer in ("truth", "trail", "ellipse", "ranges", "fixes"):
         button = browser.driver.find_element("css selector", f"[data-layer={layer}]")
@@ -228,7 +230,7 @@ def test_strips_show_less_time_by_the_wheel_and_keep_up(browser: Browser, report
     begin, end = browser.run(window)
     assert end - begin == pytest.approx((whole[1] - whole[0]) * np.exp(-1.5))
     time.sleep(0.3)
-    assert browser.run(window) == [begin, end]  # though it is not where the player is
+    assert browser.run(window) == [begin, end]  # although the player is elsewhere
     assert begin < (whole[0] + whole[1]) / 2 < end
     browser.run(f"{PLAYER}.seek({end} + 3)")
     browser.wait(f"{PLAYER}._strips.start > {begin}")
@@ -245,7 +247,7 @@ def test_60_seconds_of_2000_particles_play_smoothly(
     report = write_results(particles, tmp_path)
     browser.open(report)
     packed = browser.run(f"return {PLAYER}.runs[0].particles.first.length")
-    assert packed == len(particles.frames) + 1  # of a minute none is left out
+    assert packed == len(particles.frames) + 1  # no frame of a minute is dropped
 
     browser.run(f"{PLAYER}.on('end', () => {PLAYER}.play()); {PLAYER}.seek(5); {PLAYER}.play(1)")
     assert browser.reaches(f"{PLAYER}.frames_per_s", 30.0) >= 30.0
@@ -260,9 +262,9 @@ def test_a_thinned_run_says_so(browser: Browser, room: RunResult, tmp_path: Path
     file = tmp_path / "thin.html"
     file.write_text(page("t", player_html([pack(room, most_bytes=60_000)]), player_script()))
     browser.open(file)
-    told = browser.run("return document.querySelector('.lp-thinned').textContent")
+    shown = browser.run("return document.querySelector('.lp-thinned').textContent")
     share = browser.run(f"const {{t, of}} = {PLAYER}.runs[0].estimate; return t.length / of")
-    assert f"estimate {int(np.ceil(100 * share))} %" in told
+    assert f"estimate {int(np.ceil(100 * share))} %" in shown
     assert share < 0.5
 
 
@@ -339,7 +341,7 @@ def test_paper_shows_one_still_picture_in_light_colours(
 
 
 def _darkness(url: str) -> float:
-    """Return the share of dark pixels of a picture."""
+    """Return the fraction of dark pixels of an image."""
     import io
 
     from PIL import Image

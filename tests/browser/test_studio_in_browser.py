@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The studio as people use it: drawn with the mouse, run, watched, broken in every way."""
+"""The studio in a browser: drawing, running, watching, and errors."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ ANCHORS = "Object.keys(studio.editor.world.anchors).length"
 
 
 def patiently(measure: Callable[[], float], enough: Callable[[float], bool]) -> float:
-    """Measure until it is enough, for up to two minutes: others use the machine, too."""
+    """Measure until it is enough, for up to two minutes, as the machine may be shared."""
     until = time.monotonic() + 120.0
     while not enough(value := measure()) and time.monotonic() < until:
         time.sleep(1.0)
@@ -50,7 +50,7 @@ def patiently(measure: Callable[[], float], enough: Callable[[float], bool]) -> 
 
 
 class Served:
-    """A studio that is served by a process of its own, as the command does."""
+    """A studio served by a separate process, like the command."""
 
     def __init__(self, folder: Path, *arguments: str) -> None:
         self.folder = folder
@@ -123,7 +123,7 @@ class Page:
         return self.browser.driver.find_element(By.CSS_SELECTOR, f'[data-testid="{name}"]')
 
     def text(self, name: str) -> str:
-        """Return what stands there now, nothing if it is not there: it may be made anew."""
+        """Return the current text, or nothing: the element may be recreated."""
         found = f"document.querySelector('[data-testid=\"{name}\"]')"
         return str(self.browser.run(f"return {found}?.innerText || ''"))
 
@@ -134,7 +134,7 @@ class Page:
         return ActionChains(self.browser.driver, duration=20)
 
     def at(self, place: Sequence[float]) -> tuple[Any, int, int]:
-        """Return what the mouse must move to for a place in metres."""
+        """Return the mouse offset of a place in metres."""
         canvas = self.browser.driver.find_element(By.CSS_SELECTOR, ".studio-canvas")
         x, y, w, h = self.browser.run(
             "const e = studio.editor; return [...e.to_px(...arguments[0]), e.canvas.clientWidth,"
@@ -163,7 +163,7 @@ class Page:
         self._unfold(name, ".q-item .q-expansion-item__toggle-icon")
 
     def _unfold(self, name: str, handle: str) -> None:
-        """Click until it is unfolded: a form that is made anew meanwhile is folded again."""
+        """Click until it is unfolded: a form recreated meanwhile is folded again."""
         box = f"document.querySelector('[data-testid=\"{name}\"]')"
         unfolded = (
             f"return {box}?.closest('.q-expansion-item')?.matches('.q-expansion-item--expanded')"
@@ -182,17 +182,17 @@ class Page:
         field.send_keys(Keys.TAB)
 
     def shows(self, name: str, value: str) -> None:
-        """Wait until a field shows a value; it may be made anew on the way."""
+        """Wait until a field shows a value; it may be recreated meanwhile."""
         shown = f"return document.querySelector('[data-testid=\"{name}\"]')?.value"
         self._until(lambda: self.browser.run(shown) == value)
 
     def message(self, name: str) -> str:
-        """Return what stands below a field that is wrong, once it is there."""
+        """Wait for the error below a field and return it."""
         field = self.find(name)
         script = "arguments[0].closest('.q-field').querySelector('[role=alert]')?.innerText || ''"
         return str(self._until(lambda: self.browser.run(f"return {script}", field)))
 
-    def told(self, what: str) -> None:
+    def wait_for_notification(self, what: str) -> None:
         """Wait for a notification."""
         script = "[...document.querySelectorAll('.q-notification')].map(e => e.innerText).join()"
         self._until(lambda: what in self.browser.run(f"return {script}"))
@@ -211,7 +211,7 @@ class Page:
         self.find(f"upload-{kind}").send_keys(str(file))
 
     def ran(self, number: int = 1, key: str = "as_set", seconds: float = 90.0) -> None:
-        """Wait until an estimator of a run has run, can be watched and is compared."""
+        """Wait until an estimator of a run has finished, can be watched and is compared."""
         part = f'[data-testid="part-{number}-{key}"][data-whole]'
         self.browser.wait(f"document.querySelector('{part}')", seconds)
         self.browser.wait("studio.player && document.querySelector('.st-table')", 30)
@@ -237,7 +237,7 @@ def serve(tmp_path: Path) -> Iterator[Callable[..., Served]]:
 
 @pytest.fixture(scope="module")
 def lasting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    """Return a studio for tests that leave it as it was."""
+    """Return a studio for tests that do not change it."""
     served = Served(tmp_path_factory.mktemp("lasting") / "studio")
     yield served
     served.stop()
@@ -413,7 +413,7 @@ def test_the_form_shows_where_a_thing_was_dragged_to(page: Page) -> None:
         ("estimator", None, "start", "[1, 2]", "expected 'truth', 'auto'"),
     ],
 )
-def test_a_wrong_value_is_told_at_its_field_and_the_scene_stays(
+def test_a_wrong_value_is_reported_at_its_field_and_the_scene_stays(
     same_page: Page, section: str, inside: str | None, field: str, value: str, message: str
 ) -> None:
     page = same_page
@@ -435,7 +435,7 @@ def test_a_wrong_value_is_told_at_its_field_and_the_scene_stays(
     page.browser.wait("!document.querySelector('.q-field--error')")
 
 
-def test_a_choice_that_is_refused_is_told_where_it_was_made(page: Page) -> None:
+def test_a_rejected_choice_is_reported_where_it_was_made(page: Page) -> None:
     before = page.served.scene()
     page.section("sensors")
     page.click("simulation.ranges-on")
@@ -459,7 +459,7 @@ def test_a_choice_that_is_refused_is_told_where_it_was_made(page: Page) -> None:
     assert page.text("simulation.faults-add-refused") == ""
 
 
-def test_a_wrong_text_is_told_with_its_line_and_the_scene_stays(page: Page) -> None:
+def test_a_wrong_text_is_reported_with_its_line_and_the_scene_stays(page: Page) -> None:
     before = page.served.scene()
     page.click("tab-yaml")
     page.click("yaml", ".cm-content")
@@ -508,7 +508,7 @@ def test_the_page_answers_while_a_run_computes_and_cancel_ends_it(
 
 @pytest.fixture
 def slow(browser: Browser, serve: Callable[..., Served], tmp_path: Path) -> Page:
-    """Return a page whose run computes for 20 s where nobody else uses the machine."""
+    """Return a page whose run takes 20 s on a quiet machine."""
     config = load_config(CONFIGS / "hallways_mcl_uwb.yaml").model_dump(mode="json")
     config["simulation"]["duration_s"] = 300
     config["mcl"] |= {"min_particles": 80_000, "max_particles": 80_000, "beams": 180}
@@ -524,7 +524,7 @@ STATE = "document.querySelector('[data-testid=part-1-as_set]').dataset.state"
 PLACE = "[studio.player.time, studio.player._world.scale, studio.player.layers.particles]"
 
 
-def test_a_run_is_watched_live_and_who_looks_elsewhere_is_left_there(slow: Page) -> None:
+def test_a_run_is_watched_live_without_moving_a_user_who_looks_elsewhere(slow: Page) -> None:
     browser = slow.browser
     end = float(browser.run("return studio.player.end"))
     assert browser.run(f"return {STATE}") == "running"
@@ -674,7 +674,7 @@ def test_a_closed_browser_and_a_server_that_ends_lose_nothing(page: Page) -> Non
     assert page.figure("position_rmse_m") == rmse
 
 
-def test_a_run_is_deleted_only_by_who_means_it(page: Page) -> None:
+def test_a_run_is_deleted_only_after_confirmation(page: Page) -> None:
     page.type("simulation.duration_s", "3")
     page.until_scene(lambda scene: scene["simulation"]["duration_s"] == 3)
     page.click("tab-run")
@@ -695,7 +695,7 @@ def test_a_run_is_deleted_only_by_who_means_it(page: Page) -> None:
     page._until(lambda: not folder.exists())
 
 
-def test_a_saved_scene_is_replaced_only_by_who_means_it(page: Page) -> None:
+def test_a_saved_scene_is_replaced_only_after_confirmation(page: Page) -> None:
     file = page.served.folder / "my-room.yaml"
     file.write_text("name: of yesterday\nsimulation: {}\n")
     page.click("save")
@@ -706,7 +706,7 @@ def test_a_saved_scene_is_replaced_only_by_who_means_it(page: Page) -> None:
     assert "my-room.yaml is another scene" in page.message("save-name")
     assert file.read_text() == "name: of yesterday\nsimulation: {}\n"
     page.click("save-over")
-    page.told("saved as my-room.yaml")
+    page.wait_for_notification("saved as my-room.yaml")
     assert yaml.safe_load(file.read_text()) == page.served.scene()
 
 
@@ -790,9 +790,9 @@ def test_a_picture_becomes_the_map(page: Page, tmp_path: Path) -> None:
     ("kind", "name", "content", "message"),
     [
         ("scene", "a.yaml", b"simulation: {duration_s: -1}", "greater than 0"),
-        ("scene", "a.yaml", b"name: [", "is no YAML"),
-        ("scene", "a.yaml", b"\xff\xfe\x00", "is no text"),
-        ("log", "a.zip", b"no zip", "is no zip"),
+        ("scene", "a.yaml", b"name: [", "YAML"),
+        ("scene", "a.yaml", b"\xff\xfe\x00", "text"),
+        ("log", "a.zip", b"no zip", "zip"),
         ("log", "a.mcap", b"no bag", "a.mcap: begins with"),
         ("log", "a.db3", b"SQLite format 3\x00" + b"\xff" * 500, "a.db3: cannot be read"),
         ("log", "a.txt", b"", "expected a bag"),
@@ -820,7 +820,7 @@ def test_a_bad_file_is_one_sentence_and_the_server_lives(
 
 @pytest.mark.parametrize("name", ["log-path", "scene-path", "world-path"])
 @pytest.mark.parametrize("path", ["/nowhere/at/all", "", "/dev"])
-def test_a_bad_path_is_told_at_its_field(same_page: Page, name: str, path: str) -> None:
+def test_a_bad_path_is_reported_at_its_field(same_page: Page, name: str, path: str) -> None:
     page = same_page
     before = page.served.scene()
     page.click("tab-open")
@@ -836,7 +836,7 @@ def test_a_bad_path_is_told_at_its_field(same_page: Page, name: str, path: str) 
 # The page ------------------------------------------------------------------------------------
 
 
-def test_it_is_seen_within_two_seconds_and_asks_nobody_else(
+def test_it_is_visible_within_two_seconds_and_makes_no_external_request(
     page: Page, measured: Callable[[str], None]
 ) -> None:
     def seconds() -> float:
@@ -877,7 +877,7 @@ def test_with_a_token_nothing_is_answered_without_it(
     browser.driver.delete_all_cookies()
 
 
-def test_without_a_token_it_does_not_start_for_others(tmp_path: Path) -> None:
+def test_without_a_token_it_does_not_listen_on_the_network(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "locfuse", "studio", "--folder", str(tmp_path / "studio"),
                "--host", "0.0.0.0"]  # fmt: skip
     clean = {k: v for k, v in os.environ.items() if "TOKEN" not in k}

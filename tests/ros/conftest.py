@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""These tests start a real ROS; `./dev test-ros` installs it and runs them where nobody hears."""
+"""Tests with a real ROS; `./dev test-ros` installs it and runs them in an isolated network."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ import pytest
 
 from namespace import is_isolated
 
-# Each by its own ./dev test-ros: one Python has rospy, another rclpy.
+# ROS 1 and ROS 2 use different Pythons: one has rospy, the other rclpy.
 collect_ignore_glob = [] if find_spec("rclpy") else ["test_ros2_*.py"]
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Let rospy use what newer Python does not like, and leave sockets to the collector."""
+    """Ignore deprecations in rospy and sockets that it does not close."""
     config.addinivalue_line("filterwarnings", r"ignore::DeprecationWarning:ros.*")
     config.addinivalue_line("filterwarnings", "ignore::pytest.PytestUnraisableExceptionWarning")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip everything outside a network namespace of its own."""
+    """Skip all tests outside a separate network namespace."""
     if not is_isolated():
-        reason = "needs ROS and a network namespace of its own; run ./dev test-ros"
+        reason = "needs ROS and a separate network namespace; run ./dev test-ros"
         for item in items:
             item.add_marker(pytest.mark.skip(reason=reason))
 
 
 @pytest.fixture(scope="session")
 def ros1(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Start a roscore, and make this process the node ``/peer`` beside it."""
+    """Start a roscore and make this process the node ``/peer``."""
     from ros1_peer import roscore
 
     pytest.importorskip("rospy", reason="no rospy; run ./dev test-ros")

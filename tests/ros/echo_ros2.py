@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node that answers odometry with a pose and does nothing else: what the middleware costs."""
+"""A node that answers odometry with a pose, to measure the latency of the middleware."""
 
 from __future__ import annotations
 
@@ -7,19 +7,21 @@ from contextlib import suppress
 
 import rclpy
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from locfuse_ros.qos import to_hear, to_tell
+from locfuse_ros.qos import publisher_qos, subscriber_qos
 from nav_msgs.msg import Odometry
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 
 
 class Echo(Node):
-    """Copies stamp and pose."""
+    """Copies stamp and pose of odometry."""
 
     def __init__(self) -> None:
         super().__init__("echo")
-        self._out = self.create_publisher(PoseWithCovarianceStamped, "locfuse/pose", to_tell(False))
-        self.create_subscription(Odometry, "odom", self._on, to_hear(False, 100))
+        self._out = self.create_publisher(
+            PoseWithCovarianceStamped, "locfuse/pose", publisher_qos(False)
+        )
+        self.create_subscription(Odometry, "odom", self._on, subscriber_qos(False, 100))
 
     def _on(self, message: Odometry) -> None:
         self._out.publish(PoseWithCovarianceStamped(header=message.header, pose=message.pose))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A network namespace whose only interface is loopback: what tests send there reaches nobody.
+"""A network namespace whose only interface is loopback, so that no packet of a test leaves.
 
 ``python tests/ros/namespace.py COMMAND...`` runs a command inside one.
 """
@@ -19,23 +19,23 @@ _GET_FLAGS, _SET_FLAGS, _UP = 0x8913, 0x8914, 0x1
 
 
 def is_isolated() -> bool:
-    """Return whether this process can reach nothing but itself: loopback is up and alone."""
+    """Return whether loopback is up and the only interface of this process."""
     return [name for _, name in socket.if_nameindex()] == ["lo"] and bool(_flags() & _UP)
 
 
 def isolate() -> None:
-    """Move this process, and all it starts, into a namespace of its own.
+    """Move this process and its children into a separate namespace.
 
     Raises
     ------
     OSError
-        If the kernel does not allow it: says what to do.
+        If the kernel does not permit it.
     """
     if is_isolated():
         return
     user, group = os.getuid(), os.getgid()
     _unshare(_CLONE_NEWNET | (_CLONE_NEWUSER if user else 0))
-    if user:  # to be root in a namespace of users is enough to raise an interface
+    if user:  # root in a user namespace may raise an interface
         Path("/proc/self/setgroups").write_text("deny")
         Path("/proc/self/uid_map").write_text(f"0 {user} 1")
         Path("/proc/self/gid_map").write_text(f"0 {group} 1")
@@ -47,7 +47,7 @@ def _unshare(flags: int) -> None:
         error = ctypes.get_errno()
         raise OSError(
             error,
-            f"no network namespace of its own ({os.strerror(error)}); run as root, or allow user "
+            f"no separate network namespace ({os.strerror(error)}); run as root, or allow user "
             "namespaces: sysctl kernel.unprivileged_userns_clone=1",
         )
 

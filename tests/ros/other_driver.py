@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A UWB driver of somebody else: messages of its own package, made of the ranges on ``uwb_truth``.
+"""A third-party UWB driver with messages of its own package.
 
-It hears the true pose, and sends ids as int32 and millimetres as uint32, 10 times a second.
+It subscribes to the true pose and publishes ids as int32 and millimetres as uint32 at 10 Hz.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def main() -> None:
     out = rospy.Publisher("uwb", kind, queue_size=10)
     count = [0]
 
-    def heard(truth: Any) -> None:
+    def on_truth(truth: Any) -> None:
         count[0] += 1
         if count[0] % 3:
             return
@@ -37,7 +37,7 @@ def main() -> None:
                      for at in ANCHORS.values()]  # fmt: skip
         out.publish(kind(list(ANCHORS), distances, [truth.header.stamp] * len(ANCHORS)))
 
-    rospy.Subscriber("ground_truth", Odometry, heard)
+    rospy.Subscriber("ground_truth", Odometry, on_truth)
     while out.get_num_connections() == 0:
         rospy.rostime.wallsleep(0.01)
     print("ready", flush=True)

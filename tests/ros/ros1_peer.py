@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS 1 for tests: a real roscore, nodes as processes of their own, and this process a peer."""
+"""ROS 1 for tests: a real roscore, nodes in separate processes, and this process as a peer."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ PATIENCE_S = 20.0
 
 
 def wait_for(what: str, found: Callable[[], T], patience_s: float = PATIENCE_S) -> T:
-    """Return the first true answer; fail with `what` if none comes in time."""
+    """Return the first true result; fail with `what` on timeout."""
     end = time.monotonic() + patience_s
     while time.monotonic() < end:
         answer = found()
@@ -39,24 +39,24 @@ def wait_for(what: str, found: Callable[[], T], patience_s: float = PATIENCE_S) 
 
 
 class Process:
-    """A program that was started, what it said, and its end."""
+    """A started program and its output."""
 
     def __init__(self, command: list[str], log: Path) -> None:
         self.log = log
         with log.open("ab") as out:
             self.process = subprocess.Popen(command, stdout=out, stderr=out, start_new_session=True)
 
-    def said(self) -> str:
-        """Return all it said so far, without colours."""
+    def output(self) -> str:
+        """Return its output so far, without colours."""
         return self.log.read_text(errors="replace").replace("\x1b[33m", "").replace("\x1b[0m", "")
 
-    def wait_until_said(self, words: str, patience_s: float = PATIENCE_S) -> str:
-        """Return what it said once that holds some words."""
-        wait_for(f"{words!r} in {self.log}", lambda: words in self.said(), patience_s)
-        return self.said()
+    def wait_for_output(self, words: str, patience_s: float = PATIENCE_S) -> str:
+        """Return its output once it contains some words."""
+        wait_for(f"{words!r} in {self.log}", lambda: words in self.output(), patience_s)
+        return self.output()
 
     def end(self, how: int = signal.SIGINT) -> int:
-        """Return its exit status, having told it and all it started to end."""
+        """End it and its children; return its exit status."""
         if self.process.poll() is None:
             os.killpg(self.process.pid, how)
             try:
@@ -68,7 +68,7 @@ class Process:
 
 @contextmanager
 def started(command: list[str], log: Path) -> Iterator[Process]:
-    """Run a program for the time of a block."""
+    """Run a program during a block."""
     process = Process(command, log)
     try:
         yield process
@@ -78,7 +78,7 @@ def started(command: list[str], log: Path) -> Iterator[Process]:
 
 @contextmanager
 def roscore(folder: Path) -> Iterator[None]:
-    """Run a roscore for the time of a block, and make this process the node ``/peer`` beside it."""
+    """Run a roscore during a block and make this process the node ``/peer``."""
     import rospy
 
     os.environ |= {
@@ -88,7 +88,7 @@ def roscore(folder: Path) -> Iterator[None]:
         "ROSCONSOLE_FORMAT": "${severity}: ${message}",
     }
     with started(["roscore"], folder / "roscore.log") as core:
-        core.wait_until_said("started core service [/rosout]")
+        core.wait_for_output("started core service [/rosout]")
         rospy.init_node("peer", disable_signals=True)
         yield
         rospy.signal_shutdown("the tests are over")
@@ -103,7 +103,7 @@ def node(
     name: str | None = None,
     remap: Mapping[str, str] | None = None,
 ) -> Iterator[Process]:
-    """Run a node for the time of a block, as rosrun does, with parameters of its own."""
+    """Run a node during a block, like rosrun, with its own parameters."""
     import rospy
 
     name = name or program
@@ -118,40 +118,40 @@ def node(
             rospy.delete_param(f"/{name}")
 
 
-class Ear:
-    """Messages heard on a topic, with when they came by this process's clock [s]."""
+class Listener:
+    """Messages received on a topic, with their time of arrival by this process's clock [s]."""
 
-    def __init__(self, topic: str, kind: Any, speakers: int = 1) -> None:
+    def __init__(self, topic: str, kind: Any, publishers: int = 1) -> None:
         import rospy
 
         self.messages: list[Any] = []
-        self.heard_s: list[float] = []
+        self.received_s: list[float] = []
         self._lock = threading.Lock()
         self._subscriber = rospy.Subscriber(
-            topic, kind, self._take, tcp_nodelay=True, buff_size=2**24
+            topic, kind, self._receive, tcp_nodelay=True, buff_size=2**24
         )
-        heard = self._subscriber.get_num_connections
-        wait_for(f"a publisher of {topic}", lambda: heard() >= speakers)
+        connections = self._subscriber.get_num_connections
+        wait_for(f"a publisher of {topic}", lambda: connections() >= publishers)
 
-    def _take(self, message: Any) -> None:
+    def _receive(self, message: Any) -> None:
         with self._lock:
-            self.heard_s.append(time.time())
+            self.received_s.append(time.time())
             self.messages.append(message)
 
     def wait(self, count: int = 1, patience_s: float = PATIENCE_S) -> list[Any]:
-        """Return at least so many messages."""
+        """Return the messages once there are at least `count`."""
         topic = self._subscriber.resolved_name
         what = f"{count} messages on {topic}"
         wait_for(what, lambda: len(self.messages) >= count, patience_s)
         return list(self.messages)
 
     def close(self) -> None:
-        """Hear no more."""
+        """Unsubscribe."""
         self._subscriber.unregister()
 
 
-def mouth(topic: str, kind: Any, listeners: int = 1, latch: bool = False) -> Any:
-    """Return a publisher that somebody listens to."""
+def connected_publisher(topic: str, kind: Any, listeners: int = 1, latch: bool = False) -> Any:
+    """Return a publisher with at least `listeners` subscribers."""
     import rospy
 
     made = rospy.Publisher(topic, kind, queue_size=1000, latch=latch, tcp_nodelay=True)
@@ -160,15 +160,15 @@ def mouth(topic: str, kind: Any, listeners: int = 1, latch: bool = False) -> Any
 
 
 class Robot:
-    """Says on its topics what a log holds, as fast as it is told to.
+    """Publishes a log on its topics at a given speed.
 
     Parameters
     ----------
     log : Log
-        Shifted by `FIRST_NS` if it begins at 0, which is no time to ROS.
+        Shifted by `FIRST_NS`, as stamp 0 is not valid in ROS.
     ros : Ros
     world : bool
-        Whether it says, latched, where anchors, map and mounts are.
+        Whether it publishes anchors, map and mounts, latched.
     """
 
     FIRST_NS = 1000 * 10**9
@@ -178,36 +178,40 @@ class Robot:
 
         self.arrivals = list(in_order_of_arrival(log, ros))
         self._world = static_of(log, ros) if world else []
-        self._mouths: dict[str, Any] = {}
-        self._clock = self._mouth("/clock", Clock, latch=False)
-        for told in self._world:
-            self.say(told, 0)
+        self._publishers: dict[str, Any] = {}
+        self._clock = self._publisher("/clock", Clock, latch=False)
+        for publication in self._world:
+            self.publish(publication, 0)
         self.now_ns = self.FIRST_NS
-        self.tell_clock(self.now_ns)
+        self.set_clock(self.now_ns)
 
     @staticmethod
-    def _mouth(topic: str, kind: Any, latch: bool) -> Any:
+    def _publisher(topic: str, kind: Any, latch: bool) -> Any:
         import rospy
 
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SyntaxWarning)  # no queue: nothing is lost here
+            warnings.simplefilter("ignore", SyntaxWarning)  # no queue: no message is lost here
             return rospy.Publisher(topic, kind, latch=latch, queue_size=None, tcp_nodelay=True)
 
-    def say(self, told: Publication, shift_ns: int = FIRST_NS) -> None:
-        """Publish what a log holds, later by so much."""
+    def publish(self, publication: Publication, shift_ns: int = FIRST_NS) -> None:
+        """Publish a message of a log, shifted in time."""
         from locfuse_ros.fill import message_class, message_of
 
-        if told.topic not in self._mouths:
-            kind = message_class(told.type)
-            self._mouths[told.topic] = self._mouth(told.topic, kind, told.latched)
-        self._mouths[told.topic].publish(message_of(told.type, later(told, shift_ns).fields))
+        if publication.topic not in self._publishers:
+            kind = message_class(publication.type)
+            self._publishers[publication.topic] = self._publisher(
+                publication.topic, kind, publication.latched
+            )
+        self._publishers[publication.topic].publish(
+            message_of(publication.type, later(publication, shift_ns).fields)
+        )
 
-    def say_message(self, topic: str, message: Any) -> None:
-        """Publish a message on a topic on which it has spoken."""
-        self._mouths[topic].publish(message)
+    def publish_message(self, topic: str, message: Any) -> None:
+        """Publish a message on a topic that it has already used."""
+        self._publishers[topic].publish(message)
 
-    def tell_clock(self, now_ns: int) -> None:
-        """Let simulated time be that."""
+    def set_clock(self, now_ns: int) -> None:
+        """Set the simulated time."""
         from rosgraph_msgs.msg import Clock
 
         from locfuse_ros.fill import time_of
@@ -216,14 +220,16 @@ class Robot:
         self._clock.publish(Clock(clock=time_of(now_ns)))
 
     def meet(self, topics: Sequence[str]) -> None:
-        """Wait until somebody listens to each topic."""
+        """Wait for a subscriber of each topic."""
         from locfuse_ros.fill import message_class
 
-        kinds = {told.topic: told.type for _, told in self.arrivals}
+        kinds = {publication.topic: publication.type for _, publication in self.arrivals}
         for topic in topics:
-            if topic not in self._mouths:
-                self._mouths[topic] = self._mouth(topic, message_class(kinds[topic]), latch=False)
-            wait_for(f"a subscriber of {topic}", self._mouths[topic].get_num_connections)
+            if topic not in self._publishers:
+                self._publishers[topic] = self._publisher(
+                    topic, message_class(kinds[topic]), latch=False
+                )
+            wait_for(f"a subscriber of {topic}", self._publishers[topic].get_num_connections)
         time.sleep(0.3)
 
     def drive(
@@ -234,29 +240,29 @@ class Robot:
         silent: Sequence[str] = (),
         shift_s: float = 0.0,
     ) -> None:
-        """Say what arrives in [begin_s, end_s), but for topics that are silent."""
+        """Publish arrivals in [begin_s, end_s), except on silent topics."""
         shift_ns = self.FIRST_NS + round(shift_s * 1e9)
         began, first = time.monotonic(), None
-        for arrival_ns, told in self.arrivals:
+        for arrival_ns, publication in self.arrivals:
             if not begin_s * 1e9 <= arrival_ns < end_s * 1e9:
                 continue
             first = arrival_ns if first is None else first
             due = began + (arrival_ns - first) / 1e9 / speed
             time.sleep(max(0.0, due - time.monotonic()))
             if arrival_ns + shift_ns != self.now_ns:
-                self.tell_clock(arrival_ns + shift_ns)
-            if told.topic not in silent:
-                self.say(told, shift_ns)
+                self.set_clock(arrival_ns + shift_ns)
+            if publication.topic not in silent:
+                self.publish(publication, shift_ns)
 
     def close(self) -> None:
-        """Say no more."""
-        for mouth_of in (*self._mouths.values(), self._clock):
-            mouth_of.unregister()
+        """Unregister all publishers."""
+        for publisher in (*self._publishers.values(), self._clock):
+            publisher.unregister()
 
 
 @contextmanager
 def simulated_time() -> Iterator[None]:
-    """Nodes that are started in this block go by /clock."""
+    """Nodes started in this block use /clock."""
     import rospy
 
     rospy.set_param("/use_sim_time", True)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Drive for minutes at 3,000 messages/s; say memory and losses on the way.
+"""Soak test: drive for minutes at 3,000 messages/s and print memory and losses.
 
-Inside what ``./dev test-ros`` makes: ``python tests/ros/soak_ros2.py MINUTES``.
+In the environment of ``./dev test-ros``: ``python tests/ros/soak_ros2.py MINUTES``.
 """
 
 from __future__ import annotations
@@ -18,27 +18,28 @@ BETWEEN_S = 60.0
 
 
 def main(minutes: float) -> None:
-    """Print a line a minute."""
+    """Print a line per minute."""
     if not is_isolated():
-        sys.exit("run this where there is no network: python tests/ros/namespace.py python ...")
+        sys.exit("run this in an isolated network: python tests/ros/namespace.py python ...")
     with tempfile.TemporaryDirectory() as folder, peer_in(Path(folder)) as peer:
         robot = FastRobot(peer, lap(ranges={"rate_hz": 120}, laser={"rate_hz": 20}), singly=True)
-        process = robot.tell_world_to("localize")
+        process = robot.start_with_world("localize")
         print(
-            "minutes  wall_s  sent  heard  lost  memory_MB  work_median_ms  work_99_ms", flush=True
+            "minutes  wall_s  sent  received  lost  memory_MB  work_median_ms  work_99_ms",
+            flush=True,
         )
         took = 0.0
         for minute in range(1, round(minutes) + 1):
             took += robot.drive(BETWEEN_S)
             counted = robot.counted()
-            heard = sum(counted[topic][0] for topic in robot.sent)
+            received = sum(counted[topic][0] for topic in robot.sent)
             lost = sum(counted[topic][1] for topic in robot.sent)
-            topics = robot.told["locfuse: topics"]
-            print(f"{minute:7d}  {took:6.0f}  {sum(robot.sent.values())}  {heard}  {lost}  "
+            topics = robot.statuses["locfuse: topics"]
+            print(f"{minute:7d}  {took:6.0f}  {sum(robot.sent.values())}  {received}  {lost}  "
                   f"{process.memory_mb():.1f}  {topics['work [ms] median']}  "
                   f"{topics['work [ms] 99 %']}", flush=True)  # fmt: skip
         robot.settle()
-        print("neither heard nor told to be lost:", robot.unaccounted())
+        print("neither received nor reported lost:", robot.unaccounted())
         print(process.log()[-3000:])
 
 

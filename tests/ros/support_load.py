@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot that speaks fast: 24 anchors and odometry at 100 Hz, scans at 40 Hz."""
+"""A robot with high message rates: 24 anchors and odometry at 100 Hz, scans at 40 Hz."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from locfuse_ros.qos import to_hear
+from locfuse_ros.qos import subscriber_qos
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from locfuse import _core
@@ -25,7 +25,7 @@ from support_robot import DIAGNOSTICS, EPOCH_NS, POSE, STARTED, config_of, shift
 from support_ros2 import Peer, Process
 
 ANCHORS = {f"A{i}": (2.0 * (i % 6), 3.0 * (i // 6), 2.0) for i in range(24)}
-LAP_S = 2.0 * math.pi * 3.0 / 0.5  # after which the robot is where it began
+LAP_S = 2.0 * math.pi * 3.0 / 0.5  # duration of one lap
 FAST: dict[str, Any] = {
     "path": {"shape": "circle", "radius_m": 3.0, "speed_mps": 0.5},
     "anchors": ANCHORS,
@@ -40,14 +40,14 @@ FAST: dict[str, Any] = {
 
 @dataclass
 class Answers:
-    """How long each odometry message waited for the pose of its stamp."""
+    """Latency from each odometry message to the pose of its stamp."""
 
-    sent: dict[int, float] = field(default_factory=dict)  # stamp: when, by perf_counter
+    sent: dict[int, float] = field(default_factory=dict)  # stamp: time by perf_counter
     waited_ms: list[float] = field(default_factory=list)
     poses: int = 0
 
-    def heard(self, message: Any) -> None:
-        """Take a pose."""
+    def on_pose(self, message: Any) -> None:
+        """Record a pose."""
         now = time.perf_counter()
         self.poses += 1
         began = self.sent.pop(decode.stamp_ns(message.header.stamp), None)
@@ -61,7 +61,7 @@ class Answers:
 
 
 class FastRobot:
-    """Drives laps for as long as is asked, with messages that were made before.
+    """Drives laps with messages prepared in advance.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class FastRobot:
 
     def __init__(self, peer: Peer, log: Log, *, singly: bool = False) -> None:
         self.peer, self.log, self.answers, self.sent = peer, log, Answers(), Counter[str]()
-        self.told: dict[str, dict[str, str]] = {}
+        self.statuses: dict[str, dict[str, str]] = {}
         self._lap = _lap_of(log, singly)
         self._laps = 0
         self._driven = _core.Pose2(0.0, 0.0, 0.0)
@@ -89,16 +89,20 @@ class FastRobot:
         }
         self._out = {topic: peer.publisher(topic, kind, reliable) for topic, kind in kinds.items()}
         listen = peer.node.create_subscription
-        listen(message_class(POSE), "locfuse/pose", self.answers.heard, to_hear(False, 1000))
-        listen(message_class(DIAGNOSTICS), "/diagnostics", self._on_status, to_hear(False, 100))
+        listen(
+            message_class(POSE), "locfuse/pose", self.answers.on_pose, subscriber_qos(False, 1000)
+        )
+        listen(
+            message_class(DIAGNOSTICS), "/diagnostics", self._on_status, subscriber_qos(False, 100)
+        )
 
-    def tell_world(self) -> None:
+    def publish_world(self) -> None:
         """Publish mounts, anchors and map, latched."""
         for publication in static_of(self.log, Ros()):
             self.peer.publish(publication)
 
     def drive(self, seconds: float) -> float:
-        """Drive on for so long; return how long it took by the wall's clock [s]."""
+        """Drive for some time; return the duration by the wall clock [s]."""
         began, end_ns = time.perf_counter(), round(seconds * NANOSECONDS)
         first_ns = self._next[0]
         while self._next[0] - first_ns <= end_ns:
@@ -111,7 +115,7 @@ class FastRobot:
         return time.perf_counter() - began
 
     def _on_laps(self) -> Iterator[tuple[int, str, Any, _core.Pose2]]:
-        """Yield when, on which topic, which message, and the pose that odometry tells by then."""
+        """Yield time, topic, message, and the odometry pose at that time."""
         while True:
             shift_ns = self._laps * round(LAP_S * NANOSECONDS)
             pose = self._driven
@@ -121,10 +125,10 @@ class FastRobot:
             self._laps, self._driven = self._laps + 1, pose
 
     def settle(self) -> None:
-        """Wait until the node has counted what it will ever hear, and said so.
+        """Wait until the node has reported the counts of all messages.
 
-        What is lost shows by the next message of its topic that is not: one of each ends all, or
-        another where that was lost, too.
+        A loss is detected by the next received message of the topic, so one more message per
+        topic is sent, and again if that one is lost, too.
         """
         self.peer.spin(1.0)
         end_ns = self._lap[-1][0] + self._laps * round(LAP_S * NANOSECONDS)
@@ -157,15 +161,15 @@ class FastRobot:
 
     def _on_status(self, message: Any) -> None:
         for status in message.status:
-            self.told[status.name] = {v.key: v.value for v in status.values}
+            self.statuses[status.name] = {v.key: v.value for v in status.values}
 
-    def tell_world_to(self, node: str, **keys: Any) -> Process:
-        """Start a node and wait until it knows the world."""
-        self.tell_world()
+    def start_with_world(self, node: str, **keys: Any) -> Process:
+        """Start a node and wait until it has received the world."""
+        self.publish_world()
         config = write_config(self.peer.folder, **{**STARTED, **keys})
         process = self.peer.start(node, {"config": config, "use_sim_time": True})
         self.peer.wait_for_subscriber("odom", "uwb", "scan")
-        for out in self._out.values():  # of the type that is published, which the node finds out
+        for out in self._out.values():  # the node discovers the published type
             self.peer.wait("a match", out.get_subscription_count)
         known = {"map", "anchors", "/tf_static"}
         self.peer.wait("the world", lambda: known <= set(self.counted()), 60.0)
@@ -173,10 +177,10 @@ class FastRobot:
         return process
 
     def _greet(self) -> None:
-        """Speak on each topic, before the lap, until the node has heard it; count from there.
+        """Publish on each topic before the lap until the node has received it; count from there.
 
-        A publisher knows of a subscriber before that one knows of it: what is sent in between
-        reaches nobody, and nobody can tell that it was sent.
+        A publisher discovers a subscriber before the reverse: messages sent in between are lost
+        without being detected.
         """
         early_ns = EPOCH_NS - 5 * NANOSECONDS
         while not set(self._out) <= set(self.counted()):
@@ -184,7 +188,7 @@ class FastRobot:
                 self._publish(topic, self._first(topic), early_ns, self._driven)
             early_ns += NANOSECONDS // 100
             self.peer.spin(0.1)
-        self.peer.spin(1.5)  # until what was on its way when it was told is told, too
+        self.peer.spin(1.5)  # until messages still under way are counted
         for topic in self._out:
             self.sent[topic] = sum(self.counted()[topic])
 
@@ -192,18 +196,18 @@ class FastRobot:
         return next(message for _, name, message, _ in self._lap if name == topic)
 
     def unaccounted(self) -> dict[str, int]:
-        """Return how many messages of each topic were neither heard nor told to be lost."""
+        """Return the number of messages per topic neither received nor reported lost."""
         counted = self.counted()
         return {topic: sent - sum(counted[topic]) for topic, sent in self.sent.items()}
 
     def counted(self) -> dict[str, tuple[int, int]]:
-        """Return how many messages of each topic the node has heard and lost, as it says."""
-        values = self.told.get("locfuse: topics", {})
+        """Return how many messages of each topic the node reports as received and lost."""
+        values = self.statuses.get("locfuse: topics", {})
         found = {}
         for key, value in values.items():
             if " from " in key:
-                heard, lost = (int(word.split()[0]) for word in value.split(", "))
-                found[key.split(" from ")[0]] = heard, lost
+                received, lost = (int(word.split()[0]) for word in value.split(", "))
+                found[key.split(" from ")[0]] = received, lost
         return found
 
 
@@ -213,19 +217,19 @@ def lap(seed: int = 0, **more: Any) -> Log:
 
 
 def _lap_of(log: Log, singly: bool) -> list[tuple[int, str, Any, _core.Pose2 | None]]:
-    """Return arrival, topic, message, and of odometry the pose since the lap began."""
+    """Return arrival, topic, message and, for odometry, the pose since the start of the lap."""
     found = []
-    for at_ns, told in in_order_of_arrival(log, Ros()):
-        if told.topic == "ground_truth":
+    for at_ns, publication in in_order_of_arrival(log, Ros()):
+        if publication.topic == "ground_truth":
             continue
-        if told.topic == "uwb" and singly:
+        if publication.topic == "uwb" and singly:
             found += [(at_ns, "uwb", message_of("locfuse_msgs/UwbRange", one), None)
-                      for one in told.fields["ranges"]]  # fmt: skip
+                      for one in publication.fields["ranges"]]  # fmt: skip
             continue
         driven = None
-        message = message_of(told.type, told.fields)
-        if told.topic == "odom":
+        message = message_of(publication.type, publication.fields)
+        if publication.topic == "odom":
             row = decode.odometry(message)
             driven = _core.Pose2(row.x, row.y, row.heading)
-        found.append((at_ns, told.topic, message, driven))
+        found.append((at_ns, publication.topic, message, driven))
     return found

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulated robot that speaks on topics, and what is made of what the node answers."""
+"""A simulated robot that publishes on topics, and the evaluation of the node's output."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from locfuse.run.run import load_log
 from locfuse.types import NANOSECONDS, Log, Trajectory
 from support_ros2 import Peer, Process
 
-EPOCH_NS = 1_000 * NANOSECONDS  # where simulated time begins: a stamp of 0 is refused
-BEHIND_NS = NANOSECONDS // 4  # that far may a node be behind the log
+EPOCH_NS = 1_000 * NANOSECONDS  # start of simulated time: a stamp of 0 is rejected
+BEHIND_NS = NANOSECONDS // 4  # maximum lag of a node behind the log
 SILENT_S = 3.0
 IN_ORDER_S = 0.005
 NOISE = {"range": {"sigma_m": 0.02, "sigma_relative": 0.015}}
@@ -45,13 +45,13 @@ def config_of(simulation: Mapping[str, Any], **more: Any) -> RunConfig:
 
 
 def simulated(seed: int, simulation: Mapping[str, Any] = HALL) -> Log:
-    """Return a drive whose messages arrive at their stamps, from the epoch on."""
+    """Return a drive from the epoch on, whose messages arrive at their stamps."""
     log = load_log(config_of(simulation), None, seed)
     return shifted(log, EPOCH_NS)
 
 
 def shifted(log: Log, by_ns: int) -> Log:
-    """Return a log at other stamps."""
+    """Return a log with shifted stamps."""
     moved = {
         stem: {k: v + by_ns if k.endswith("_ns") else v for k, v in table.items()}
         for stem, table in log.tables.items()
@@ -60,13 +60,13 @@ def shifted(log: Log, by_ns: int) -> Log:
 
 
 def between(log: Log, begin_s: float, end_s: float) -> Callable[[Arrival], bool]:
-    """Return whether an arrival is in a part of a log, seconds from the epoch."""
+    """Return a predicate: whether an arrival is within a part of a log [s from the epoch]."""
     begin, end = (EPOCH_NS + round(s * NANOSECONDS) for s in (begin_s, end_s))
     return lambda one: begin <= one.arrival_ns < end
 
 
 class Robot:
-    """Plays a log on topics, in the time of the log, which it tells.
+    """Replays a log on topics and publishes its time.
 
     Parameters
     ----------
@@ -74,10 +74,10 @@ class Robot:
     log : Log
     ros : Ros
     rate : float
-        How many times as fast as the log.
+        Speed relative to the log.
     in_order : bool
-        Whether to wait for each message to be taken before the next one: a busy machine hands
-        topics on in another order, and a pose is told without a range that comes after it.
+        Whether to wait until each message is processed before the next one: on a busy machine
+        topics arrive out of order, and a pose is published without a range that comes after it.
     """
 
     def __init__(
@@ -91,15 +91,15 @@ class Robot:
     ) -> None:
         self.peer, self.log, self.rate, self.in_order = peer, log, rate, in_order
         self.ros = Ros() if ros is None else ros
-        self.poses = peer.hear("locfuse/pose", POSE)
-        self.told = peer.hear("/diagnostics", DIAGNOSTICS)
-        self.transforms = peer.hear("/tf", "tf2_msgs/TFMessage")
-        self.first: dict[str, float] = {}  # when a topic was first told, by the wall's clock
+        self.poses = peer.subscribe("locfuse/pose", POSE)
+        self.diagnostics = peer.subscribe("/diagnostics", DIAGNOSTICS)
+        self.transforms = peer.subscribe("/tf", "tf2_msgs/TFMessage")
+        self.first: dict[str, float] = {}  # first publication of each topic by the wall clock
         self.behind_ns = BEHIND_NS
         self._announced = False
-        self._silent_at = 0  # how many poses had come when the node was found not to answer
+        self._silent_at = 0  # number of poses when the node stopped responding
 
-    def tell_world(self) -> None:
+    def publish_world(self) -> None:
         """Publish mounts, anchors and map, latched."""
         for publication in static_of(self.log, self.ros):
             self.peer.publish(publication)
@@ -113,7 +113,7 @@ class Robot:
         until: Callable[[], object] = lambda: False,
         change: Callable[[Arrival], Arrival] = lambda one: one,
     ) -> None:
-        """Publish a part of the log as it happens; stop where `until` is true."""
+        """Publish a part of the log in real time; stop when `until` is true."""
         silent, wanted = set(without), between(self.log, begin_s, end_s)
         self._announce()
         began = time.monotonic()
@@ -126,27 +126,26 @@ class Robot:
             self.peer.executor.spin_once(timeout_sec=0.0)
             if until():
                 return
-            self.tell_time(one.arrival_ns)
+            self.set_time(one.arrival_ns)
             self.peer.publish(one.publication)
             self.first.setdefault(one.publication.topic, time.monotonic())
             self._keep_pace(one.arrival_ns)
 
     def _announce(self) -> None:
-        """Make the publishers; wait until listeners know them, as ROS 2 loses what came before."""
+        """Create the publishers and wait for matches, as earlier messages are lost in ROS 2."""
         if self._announced:
             return
         self._announced = True
-        self.tell_time(EPOCH_NS)
+        self.set_time(EPOCH_NS)
         kinds = {one.publication.topic: one.publication.type
                  for one in in_order_of_arrival(self.log, self.ros)}  # fmt: skip
         for topic, kind in {"clock": "rosgraph_msgs/Clock", **kinds}.items():
             self.peer.wait_until_matched(topic, kind)
 
     def _keep_pace(self, now_ns: int) -> None:
-        """Wait for a node that cannot keep up, as on a machine that others use, too.
+        """Wait for a node that cannot keep up, as on a shared machine.
 
-        One that does not answer at all, as when it was killed, is not waited for again until it
-        does.
+        A node that does not respond at all, such as a killed one, is not waited for until it does.
         """
         if self.in_order:
             self._wait_until_taken()
@@ -160,29 +159,29 @@ class Robot:
             self.peer.executor.spin_once(timeout_sec=0.01)
 
     def _wait_until_taken(self) -> None:
-        """Wait until the nodes have nothing to do, three looks in a row."""
+        """Wait until the nodes are idle in three consecutive checks."""
         self.peer.wait_until_received()
         idle = 0
         while idle < 3:
             self.peer.spin(IN_ORDER_S)
             idle = 0 if any(one.works() for one in self.peer.processes) else idle + 1
 
-    def tell_time(self, now_ns: int) -> None:
+    def set_time(self, now_ns: int) -> None:
         """Publish simulated time."""
         clock = encode.Publication("clock", "rosgraph_msgs/Clock", {"clock": {"ns": now_ns}})
         self.peer.publish(clock)
 
     def state(self) -> str:
-        """Return the last state that the diagnostics told."""
+        """Return the last state of the diagnostics."""
         return self.status("locfuse: localization").get("state", "")
 
-    def says(self, state: str) -> None:
-        """Wait until the diagnostics, which come once a second, tell a state."""
+    def wait_for_state(self, state: str) -> None:
+        """Wait until the diagnostics, which come at 1 Hz, report a state."""
         self.peer.wait(f"the state {state}", lambda: self.state() == state)
 
     def status(self, name: str) -> dict[str, str]:
-        """Return the last values of a status, and its message; empty where there was none."""
-        for array in reversed(self.told):
+        """Return the last values and message of a status; empty if there is none."""
+        for array in reversed(self.diagnostics):
             for status in array.status:
                 if status.name == name:
                     values = {v.key: v.value for v in status.values}
@@ -190,7 +189,7 @@ class Robot:
         return {}
 
     def estimate(self, begin: int = 0) -> Trajectory:
-        """Return the poses that came, one for each stamp, the last of a stamp."""
+        """Return the received poses, the last one per stamp."""
         rows = {row.stamp_ns: row for row in map(decode.pose, self.poses[begin:])}
         stamps = sorted(rows)
         return Trajectory(
@@ -200,7 +199,7 @@ class Robot:
         )
 
     def rmse_m(self, begin: int = 0) -> float:
-        """Return the RMSE of the position of what came, from an index on."""
+        """Return the position RMSE of the received poses from an index on."""
         table = self.log["truth"]
         truth = Trajectory(
             table["stamp_ns"], np.column_stack([table["x_m"], table["y_m"]]), table["heading_rad"]
@@ -217,7 +216,7 @@ def write_config(folder: Path, **keys: Any) -> str:
 
 
 def start_localize(robot: Robot, folder: Path, *topics: str, **keys: Any) -> Process:
-    """Start the node and wait until it listens."""
+    """Start the node and wait for its subscriptions."""
     config = write_config(folder, **{**STARTED, **keys})
     process = robot.peer.start("localize", {"config": config, "use_sim_time": True})
     robot.peer.wait_for_subscriber(*(topics or ("odom", "uwb")))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A real ROS 2 around the nodes: peers in the test's process, nodes in processes of their own."""
+"""ROS 2 for tests: peers in the process of the test, nodes in separate processes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from locfuse_ros.qos import to_tell
+from locfuse_ros.qos import publisher_qos
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks
@@ -31,9 +31,9 @@ DOMAINS = itertools.count(1)
 
 
 class Peer:
-    """Everything that stands around a node: publishers, subscribers, callers of services.
+    """Publishers, subscribers and service clients around a node.
 
-    Each peer has a domain of its own, so that tests do not hear one another.
+    Each peer has a separate domain, so that tests do not interfere.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -47,16 +47,16 @@ class Peer:
         self._publishers: dict[str, Any] = {}
 
     def close(self) -> None:
-        """End the processes that were started, and leave."""
+        """End the started processes and shut down."""
         for process in self.processes:
             process.end()
         self.executor.shutdown()
         rclpy.try_shutdown(context=self.context)
 
-    def start(self, node: str, told: Mapping[str, Any] | None = None, *more: str) -> Process:
-        """Start a node of locfuse_ros in a process of its own."""
+    def start(self, node: str, parameters: Mapping[str, Any] | None = None, *more: str) -> Process:
+        """Start a node of locfuse_ros in a separate process."""
         arguments = [executable(node), "--ros-args", *more]
-        for name, value in (told or {}).items():
+        for name, value in (parameters or {}).items():
             arguments += ["-p", f"{name}:={_yaml(value)}"]
         return self.run(node, arguments)
 
@@ -67,7 +67,7 @@ class Peer:
         return process
 
     def publisher(self, topic: str, kind: str, profile: QoSProfile) -> Any:
-        """Return a publisher that has been made once."""
+        """Return the publisher of a topic, created once."""
         if topic not in self._publishers:
             name = f"/{topic}" if topic in ("tf", "tf_static", "clock") else topic
             self._publishers[topic] = self.node.create_publisher(
@@ -75,60 +75,64 @@ class Peer:
             )
         return self._publishers[topic]
 
-    def publish(self, told: Publication) -> None:
-        """Publish what locfuse's encoders made, to all who listen: ROS 2 loses what came before."""
-        if not told.latched and told.topic not in self._publishers:
-            self.wait_until_matched(told.topic, told.type)
-        publisher = self.publisher(told.topic, told.type, to_tell(told.latched))
-        publisher.publish(message_of(told.type, told.fields))
+    def publish(self, publication: Publication) -> None:
+        """Publish a publication once all subscribers are matched; ROS 2 loses earlier messages."""
+        if not publication.latched and publication.topic not in self._publishers:
+            self.wait_until_matched(publication.topic, publication.type)
+        publisher = self.publisher(
+            publication.topic, publication.type, publisher_qos(publication.latched)
+        )
+        publisher.publish(message_of(publication.type, publication.fields))
 
-    def hear(self, topic: str, kind: str, latched: bool = False) -> list[Any]:
-        """Return a list to which messages are added as they come."""
-        heard: list[Any] = []
-        profile = to_tell(latched)
+    def subscribe(self, topic: str, kind: str, latched: bool = False) -> list[Any]:
+        """Return a list to which received messages are appended."""
+        received: list[Any] = []
+        profile = publisher_qos(latched)
         profile.depth = 10_000
-        self.node.create_subscription(message_class(kind), topic, heard.append, profile)
-        return heard
+        self.node.create_subscription(message_class(kind), topic, received.append, profile)
+        return received
 
     def spin(self, seconds: float) -> None:
-        """Let messages come and go for a while."""
+        """Process messages for some time."""
         until = time.monotonic() + seconds
         while (left := until - time.monotonic()) > 0.0:
             self.executor.spin_once(timeout_sec=min(left, 0.05))
 
     def wait(self, what: str, true: Callable[[], object], seconds: float = 60.0) -> None:
-        """Spin until something is so; fail if it never is, or if a process has ended."""
+        """Spin until a condition holds; fail on timeout or if a process has ended."""
         until = time.monotonic() + seconds
         while not true():
             for process in self.processes:
                 process.check()
             if time.monotonic() > until:
                 logs = "\n".join(process.log() for process in self.processes)
-                raise AssertionError(f"{what}: not within {seconds} s; the nodes said:\n{logs}")
+                raise AssertionError(
+                    f"{what}: not within {seconds} s; output of the nodes:\n{logs}"
+                )
             self.executor.spin_once(timeout_sec=0.01)
 
     def wait_for_subscriber(self, *topics: str) -> None:
-        """Spin until somebody listens to each topic."""
+        """Spin until each topic has a subscriber."""
         for topic in topics:
             name = self.node.resolve_topic_name(topic)
             self.wait(f"a subscriber of {topic}", lambda n=name: self.node.count_subscribers(n))
 
     def wait_until_matched(self, topic: str, kind: str) -> None:
-        """Spin until the publisher of a topic has met as many as listen to it."""
-        publisher = self.publisher(topic, kind, to_tell(latched=False))
+        """Spin until the publisher of a topic is matched with all its subscribers."""
+        publisher = self.publisher(topic, kind, publisher_qos(latched=False))
         name = publisher.topic_name
         self.wait(
-            f"the subscribers of {topic} to be met",
+            f"matches of all subscribers of {topic}",
             lambda: publisher.get_subscription_count() >= self.node.count_subscribers(name),
         )
 
     def wait_until_received(self, seconds: float = 5.0) -> None:
-        """Wait until all that was published has reached those who listen."""
+        """Wait until all published messages have reached their subscribers."""
         for topic, publisher in self._publishers.items():
             assert publisher.wait_for_all_acked(Duration(seconds=seconds)), topic
 
     def call(self, service: str, kind: Any, **fields: Any) -> Any:
-        """Call a service and return its answer."""
+        """Call a service and return its response."""
         client = self.node.create_client(kind, service)
         self.wait(f"service {service}", client.service_is_ready)
         answer = client.call_async(kind.Request(**fields))
@@ -138,7 +142,7 @@ class Peer:
 
 
 class Process:
-    """A node in a process of its own, whose words go to a file."""
+    """A node in a separate process, whose output goes to a file."""
 
     def __init__(self, folder: Path, name: str, domain: int, arguments: list[str]) -> None:
         self.node, self._ended = name, False
@@ -150,29 +154,29 @@ class Process:
             )
 
     def log(self) -> str:
-        """Return what it said."""
+        """Return its output."""
         return self._file.read_text(errors="replace")
 
     def check(self) -> None:
-        """Fail if it ended by itself."""
+        """Fail if it ended unexpectedly."""
         code = self.process.poll()
         if code not in (None, 0) and not self._ended:
             self._ended = True
-            raise AssertionError(f"{self.node} ended with {code}, having said:\n{self.log()}")
+            raise AssertionError(f"{self.node} ended with {code}, output:\n{self.log()}")
 
     def wait(self, seconds: float = 60.0) -> int:
-        """Wait until it ends by itself; return its code."""
+        """Wait for its end; return its exit status."""
         self._ended = True
         return self.process.wait(seconds)
 
     def kill(self) -> None:
-        """End it as a crash does."""
+        """Kill it, like a crash."""
         self._ended = True
         self.process.send_signal(signal.SIGKILL)
         self.process.wait(10.0)
 
     def end(self) -> int:
-        """Ask it to end as launch does; return its code."""
+        """Interrupt it, like launch; return its exit status."""
         self._ended = True
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
@@ -184,16 +188,16 @@ class Process:
         return self.process.returncode
 
     def works(self) -> bool:
-        """Return whether one of its threads computes, or would if it had a core."""
+        """Return whether one of its threads is running or runnable."""
         tasks = Path(f"/proc/{self.process.pid}/task").iterdir()
         return any(_state(task / "stat") == "R" for task in tasks)
 
     def memory_mb(self) -> float:
-        """Return the memory that it holds."""
+        """Return its resident memory."""
         return memory_mb(self.process.pid)
 
     def cpu_s(self) -> float:
-        """Return the processor's time that it has used."""
+        """Return its CPU time."""
         fields = Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(")", 1)[1].split()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
@@ -222,7 +226,7 @@ def _yaml(value: Any) -> str:
 
 @contextmanager
 def peer_in(folder: Path) -> Iterator[Peer]:
-    """Give a peer for a while."""
+    """Provide a peer during a block."""
     peer = Peer(folder)
     try:
         yield peer
@@ -231,5 +235,5 @@ def peer_in(folder: Path) -> Iterator[Peer]:
 
 
 def simulated_time() -> Parameter:
-    """Return the parameter that makes a node live by /clock."""
+    """Return the parameter that makes a node use /clock."""
     return Parameter("use_sim_time", Parameter.Type.BOOL, True)

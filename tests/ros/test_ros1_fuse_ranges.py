@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node in C++ that links the library itself: odometry and ranges in, poses out."""
+"""The C++ node `fuse_ranges`: odometry and ranges in, poses out."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from locfuse.types import wrap_angle
-from ros1_peer import Ear, mouth, node
+from ros1_peer import Listener, connected_publisher, node
 
 pytestmark = pytest.mark.usefixtures("ros1")
 
@@ -33,17 +33,21 @@ def truth(t: float) -> tuple[float, float, float]:
 
 
 def odometry_at(stamp: Any, t: float) -> Any:
-    """Return what wheels say that turn 3 % too much and start at the origin."""
+    """Return odometry that starts at the origin and turns 3 % too much."""
     from nav_msgs.msg import Odometry
 
     turned = 1.03 * SPEED_MPS / RADIUS_M * t
-    told = Odometry()
-    told.header.stamp, told.header.frame_id, told.child_frame_id = stamp, "odom", "base_link"
-    told.pose.pose.position.x = RADIUS_M * math.sin(turned)
-    told.pose.pose.position.y = RADIUS_M * (1.0 - math.cos(turned))
-    told.pose.pose.orientation.z = math.sin(0.5 * turned)
-    told.pose.pose.orientation.w = math.cos(0.5 * turned)
-    return told
+    message = Odometry()
+    message.header.stamp, message.header.frame_id, message.child_frame_id = (
+        stamp,
+        "odom",
+        "base_link",
+    )
+    message.pose.pose.position.x = RADIUS_M * math.sin(turned)
+    message.pose.pose.position.y = RADIUS_M * (1.0 - math.cos(turned))
+    message.pose.pose.orientation.z = math.sin(0.5 * turned)
+    message.pose.pose.orientation.w = math.cos(0.5 * turned)
+    return message
 
 
 def ranges_at(stamp: Any, t: float, rng: np.random.Generator, bias_m: float) -> Any:
@@ -51,14 +55,14 @@ def ranges_at(stamp: Any, t: float, rng: np.random.Generator, bias_m: float) -> 
 
     x, y, heading = truth(t)
     tag = np.array([x + 0.2 * math.cos(heading), y + 0.2 * math.sin(heading), 1.0])
-    told = UwbRanges()
-    told.header.stamp = stamp
+    message = UwbRanges()
+    message.header.stamp = stamp
     for name, place in ANCHORS.items():
         one = UwbRange(tag="tag", anchor=name)
         one.range = float(np.linalg.norm(np.array(place) - tag) + rng.normal(bias_m, 0.05))
-        told.ranges.append(one)
-    told.ranges[0].anchor = told.ranges[0].anchor if t > 1.0 else "nobody"
-    return told
+        message.ranges.append(one)
+    message.ranges[0].anchor = message.ranges[0].anchor if t > 1.0 else "nobody"
+    return message
 
 
 def drive(bias_m: float, seed: int) -> np.ndarray:
@@ -69,8 +73,8 @@ def drive(bias_m: float, seed: int) -> np.ndarray:
     from nav_msgs.msg import Odometry
 
     rng = np.random.default_rng(seed)
-    ear = Ear("locfuse/pose", PoseWithCovarianceStamped)
-    odometry, ranges = mouth("odom", Odometry), mouth("uwb", UwbRanges)
+    listener = Listener("locfuse/pose", PoseWithCovarianceStamped)
+    odometry, ranges = connected_publisher("odom", Odometry), connected_publisher("uwb", UwbRanges)
     begin = 1_700_000_000.0
     try:
         for i in range(STEPS):
@@ -79,17 +83,17 @@ def drive(bias_m: float, seed: int) -> np.ndarray:
             odometry.publish(odometry_at(stamp, t))
             ranges.publish(ranges_at(stamp, t, rng, bias_m))
             time.sleep(0.002)
-        poses = [m for m in ear.wait(STEPS) if m.header.stamp.to_sec() > begin + 5.0]
+        poses = [m for m in listener.wait(STEPS) if m.header.stamp.to_sec() > begin + 5.0]
         return np.array([error_of(m, m.header.stamp.to_sec() - begin) for m in poses])
     finally:
-        for end in (ear.close, odometry.unregister, ranges.unregister):
+        for end in (listener.close, odometry.unregister, ranges.unregister):
             end()
 
 
 def error_of(message: Any, t: float) -> list[float]:
     pose, (x, y, heading) = message.pose.pose, truth(t)
-    told = 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
-    return [pose.position.x - x, pose.position.y - y, float(wrap_angle(told - heading))]
+    estimated = 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
+    return [pose.position.x - x, pose.position.y - y, float(wrap_angle(estimated - heading))]
 
 
 def test_a_drive_is_followed_and_a_bias_of_the_ranges_shows(tmp_path: Path) -> None:
@@ -97,9 +101,9 @@ def test_a_drive_is_followed_and_a_bias_of_the_ranges_shows(tmp_path: Path) -> N
     for bias_m in (0.0, 0.5):
         with node("locfuse_ros", "fuse_ranges", tmp_path / "log", PARAMETERS) as process:
             errors = drive(bias_m, seed=1)
-            said = process.said()
+            output = process.output()
         rmse[bias_m] = np.sqrt(np.mean(errors**2, axis=0))
-        assert "'nobody'" in said
+        assert "'nobody'" in output
     assert np.hypot(*rmse[0.0][:2]) < 0.06
     assert rmse[0.0][2] < 0.03
     assert np.hypot(*rmse[0.5][:2]) > 0.06
@@ -117,7 +121,9 @@ def test_a_drive_is_followed_and_a_bias_of_the_ranges_shows(tmp_path: Path) -> N
 def test_parameters_that_are_wrong_end_it_with_a_sentence(
     tmp_path: Path, change: dict[str, Any], words: str
 ) -> None:
-    told = {key: value for key, value in {**PARAMETERS, **change}.items() if value is not None}
-    with node("locfuse_ros", "fuse_ranges", tmp_path / "log", told) as process:
-        assert words in process.wait_until_said(words)
+    parameters = {
+        key: value for key, value in {**PARAMETERS, **change}.items() if value is not None
+    }
+    with node("locfuse_ros", "fuse_ranges", tmp_path / "log", parameters) as process:
+        assert words in process.wait_for_output(words)
         assert process.process.wait(10.0) == 1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The launch files: the system of ekim2020 by its names, with simulated ranges."""
+"""The launch files: the system of ekim2020 with simulated ranges."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from locfuse.config.load import load_config, parse_config
 from locfuse.io.log_folder import write_log
 from locfuse.io.rosbag.decode import stamp_ns
 from locfuse.run.run import load_log
-from ros1_peer import Ear, Robot, simulated_time, started
+from ros1_peer import Listener, Robot, simulated_time, started
 
 pytestmark = pytest.mark.usefixtures("ros1")
 
@@ -24,7 +24,7 @@ SIMULATION = {
     "duration_s": 15.0,
     "laser": {},
     "odometry": {"rate_hz": 30},
-    "ranges": None,  # simulate_uwb makes them of the truth
+    "ranges": None,  # from simulate_uwb
     "poses": {"rate_hz": 2},
     "anchors": {"1": [0, 0, 2], "2": [10, 0, 2], "3": [10, 10, 2], "4": [0, 10, 2], "5": [5, 5, 3]},
     "tags": {"tag": [0.1, 0.0, 0.5]},
@@ -44,14 +44,14 @@ def test_the_system_of_the_paper_starts_by_itself(tmp_path: Path) -> None:
               "simulation:=true", "truth:=ground_truth"]  # fmt: skip
     try:
         with simulated_time(), started(launch, tmp_path / "launch.log"):
-            estimates = Ear("localization_data_topic", PoseWithCovarianceStamped)
-            ranges = Ear("uwb_data_topic", UwbData)
-            starts = Ear("initialpose", PoseWithCovarianceStamped)
+            estimates = Listener("localization_data_topic", PoseWithCovarianceStamped)
+            ranges = Listener("uwb_data_topic", UwbData)
+            starts = Listener("initialpose", PoseWithCovarianceStamped)
             robot.meet(["odom", "scan", "amcl_pose", "ground_truth"])
             robot.drive(speed=3.0)
             estimates.wait(100)
-            for ear in (estimates, ranges, starts):
-                ear.close()
+            for listener in (estimates, ranges, starts):
+                listener.close()
     finally:
         robot.close()
     assert len(starts.messages) == 1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the node `localize` takes in, and how fast an estimate follows a message.
+"""Throughput of the node `localize` and latency of its estimates.
 
 ``./dev test-ros -k ros1_load -s`` prints the figures.
 """
@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 import yaml
 
-from ros1_peer import Ear, mouth, node, wait_for
+from ros1_peer import Listener, connected_publisher, node, wait_for
 
 pytestmark = pytest.mark.usefixtures("ros1")
 
@@ -45,12 +45,12 @@ def world(folder: Path) -> Path:
 
 
 class Hall:
-    """A robot on a circle in a hall, whose messages are stamped when they are sent.
+    """A robot on a circle in a hall, whose messages are stamped on publication.
 
     Parameters
     ----------
     hz : mapping
-        How often each topic speaks.
+        Rate of each topic.
     singly : bool
         Whether each range is a message of its own.
     """
@@ -61,10 +61,10 @@ class Hall:
         from sensor_msgs.msg import LaserScan
 
         self._hz, self._singly = hz, singly
-        self._mouths = {
-            "odom": mouth("odom", Odometry),
-            "uwb": mouth("uwb", UwbRange if singly else UwbRanges),
-            "scan": mouth("scan", LaserScan),
+        self._publishers = {
+            "odom": connected_publisher("odom", Odometry),
+            "uwb": connected_publisher("uwb", UwbRange if singly else UwbRanges),
+            "scan": connected_publisher("scan", LaserScan),
         }
         self._began = time.time()
         self._rng = np.random.default_rng(1)
@@ -75,11 +75,11 @@ class Hall:
         turned = 0.2 * (time.time() - self._began)
         return 10.0 + 3.0 * math.sin(turned), 6.0 - 3.0 * math.cos(turned), turned
 
-    def say(self, topic: str) -> None:
-        """Publish what the sensor of a topic says now."""
-        said = getattr(self, f"_{topic}")()
-        for message in said.ranges if topic == "uwb" and self._singly else [said]:
-            self._mouths[topic].publish(message)
+    def publish(self, topic: str) -> None:
+        """Publish the current measurement of a topic."""
+        made = getattr(self, f"_{topic}")()
+        for message in made.ranges if topic == "uwb" and self._singly else [made]:
+            self._publishers[topic].publish(message)
             self.sent[topic] += 1
 
     def _odom(self) -> Any:
@@ -87,57 +87,57 @@ class Hall:
         from nav_msgs.msg import Odometry
 
         x, y, heading = self._pose()
-        told = Odometry(child_frame_id="base_link")
-        told.header.stamp = rospy.Time.from_sec(time.time())
-        told.header.frame_id = "odom"
-        told.pose.pose.position.x, told.pose.pose.position.y = x, y
-        told.pose.pose.orientation.z = math.sin(0.5 * heading)
-        told.pose.pose.orientation.w = math.cos(0.5 * heading)
-        self.odometry_s.append(told.header.stamp.to_sec())
-        return told
+        message = Odometry(child_frame_id="base_link")
+        message.header.stamp = rospy.Time.from_sec(time.time())
+        message.header.frame_id = "odom"
+        message.pose.pose.position.x, message.pose.pose.position.y = x, y
+        message.pose.pose.orientation.z = math.sin(0.5 * heading)
+        message.pose.pose.orientation.w = math.cos(0.5 * heading)
+        self.odometry_s.append(message.header.stamp.to_sec())
+        return message
 
     def _uwb(self) -> Any:
         import rospy
         from locfuse_msgs.msg import UwbRange, UwbRanges
 
         x, y, _ = self._pose()
-        told = UwbRanges()
-        told.header.stamp = rospy.Time.from_sec(time.time())
+        message = UwbRanges()
+        message.header.stamp = rospy.Time.from_sec(time.time())
         noise = self._rng.normal(0.0, 0.1, len(ANCHORS))
         for error, (name, (ax, ay, az)) in zip(noise, ANCHORS.items(), strict=True):
             distance = math.sqrt((ax - x) ** 2 + (ay - y) ** 2 + (az - 0.5) ** 2)
             one = UwbRange(tag="tag", anchor=name, range=distance + error)
-            one.header.stamp = told.header.stamp
-            told.ranges.append(one)
-        return told
+            one.header.stamp = message.header.stamp
+            message.ranges.append(one)
+        return message
 
     def _scan(self) -> Any:
         import rospy
         from sensor_msgs.msg import LaserScan
 
-        told = LaserScan(angle_min=-3.14, angle_increment=0.0175, range_min=0.1, range_max=12.0)
-        told.header.stamp = rospy.Time.from_sec(time.time())
-        told.header.frame_id = "laser"
-        told.ranges = [5.0] * BEAMS
-        return told
+        message = LaserScan(angle_min=-3.14, angle_increment=0.0175, range_min=0.1, range_max=12.0)
+        message.header.stamp = rospy.Time.from_sec(time.time())
+        message.header.frame_id = "laser"
+        message.ranges = [5.0] * BEAMS
+        return message
 
     def run(self, seconds: float) -> None:
-        """Say everything at its rate."""
+        """Publish all topics at their rates."""
         due = dict.fromkeys(self._hz, 0.0)
         began = time.monotonic()
         while (now := time.monotonic() - began) < seconds:
             for topic, hz in self._hz.items():
                 if now >= due[topic]:
                     due[topic] += 1.0 / hz
-                    self.say(topic)
+                    self.publish(topic)
             time.sleep(max(0.0, min(due.values()) - (time.monotonic() - began)))
 
     def close(self) -> None:
-        for one in self._mouths.values():
+        for one in self._publishers.values():
             one.unregister()
 
 
-def of_topics(diagnostics: Ear) -> dict[str, str]:
+def of_topics(diagnostics: Listener) -> dict[str, str]:
     """Return the last values of the status of the topics."""
     for message in reversed(diagnostics.messages):
         for status in message.status:
@@ -147,21 +147,21 @@ def of_topics(diagnostics: Ear) -> dict[str, str]:
 
 
 def counts(values: dict[str, str], topic: str) -> tuple[int, int]:
-    """Return how many messages of this process were heard on a topic, and how many lost."""
-    text = values.get(f"{topic} from /peer", "0 heard, 0 lost")
-    heard, lost = (int(part.split()[0]) for part in text.split(","))
-    return heard, lost
+    """Return how many messages of this process were received on a topic, and how many lost."""
+    text = values.get(f"{topic} from /peer", "0 received, 0 lost")
+    received, lost = (int(part.split()[0]) for part in text.split(","))
+    return received, lost
 
 
 def test_nothing_is_lost_and_estimates_follow_at_once(tmp_path: Path) -> None:
     from diagnostic_msgs.msg import DiagnosticArray
     from geometry_msgs.msg import PoseWithCovarianceStamped
 
-    told = {"config": str(world(tmp_path / "world"))}
-    with node("locfuse_ros", "localize", tmp_path / "log.txt", told, "locfuse") as process:
+    parameters = {"config": str(world(tmp_path / "world"))}
+    with node("locfuse_ros", "localize", tmp_path / "log.txt", parameters, "locfuse") as process:
         poses, diagnostics = (
-            Ear("locfuse/pose", PoseWithCovarianceStamped),
-            Ear("/diagnostics", DiagnosticArray),
+            Listener("locfuse/pose", PoseWithCovarianceStamped),
+            Listener("/diagnostics", DiagnosticArray),
         )
         hall = Hall()
         try:
@@ -171,7 +171,7 @@ def test_nothing_is_lost_and_estimates_follow_at_once(tmp_path: Path) -> None:
             values = of_topics(diagnostics)
             for topic, sent in hall.sent.items():
                 assert counts(values, topic) == (sent, 0)
-            assert "lost" not in process.said()
+            assert "lost" not in process.output()
         finally:
             hall.close()
             poses.close()
@@ -184,31 +184,31 @@ def test_nothing_is_lost_and_estimates_follow_at_once(tmp_path: Path) -> None:
     print(f"odometry in -> estimate out: median {median:.2f} ms, 99 % {high:.2f} ms")
     print(f"of that the node itself, per message: median {values['work_ms_median']} ms, "
           f"99 % {values['work_ms_99_percent']} ms")  # fmt: skip
-    assert median <= 20.0  # where others compute beside it; docs/ros.md has figures of a quiet one
+    assert median <= 20.0  # on a shared machine; docs/ros.md has figures of a quiet one
 
 
-def latencies(poses: Ear, odometry_s: list[float]) -> np.ndarray:
-    """Return how long after each odometry the first pose of its stamp came [s]."""
+def latencies(poses: Listener, odometry_s: list[float]) -> np.ndarray:
+    """Return the latency from each odometry message to the first pose of its stamp [s]."""
     first: dict[int, float] = {}
-    for message, heard_s in zip(poses.messages, poses.heard_s, strict=True):
-        first.setdefault(message.header.stamp.to_nsec() // 1000, heard_s)
+    for message, received_s in zip(poses.messages, poses.received_s, strict=True):
+        first.setdefault(message.header.stamp.to_nsec() // 1000, received_s)
     keys = [(round(sent * 1e6), sent) for sent in odometry_s]
     found = [first[k] - sent for key, sent in keys for k in (key - 1, key, key + 1) if k in first]
     return np.array(found)
 
 
-def test_what_is_lost_is_told(tmp_path: Path) -> None:
-    """A node that is stopped for a second cannot hear; it says afterwards how much that was."""
+def test_lost_messages_are_reported(tmp_path: Path) -> None:
+    """A node that is stopped for a second reports afterwards how many messages it lost."""
     from diagnostic_msgs.msg import DiagnosticArray
     from rospy import Publisher
     from sensor_msgs.msg import LaserScan
 
-    told = {"config": str(world(tmp_path / "world"))}
-    with node("locfuse_ros", "localize", tmp_path / "log.txt", told, "locfuse") as process:
-        diagnostics = Ear("/diagnostics", DiagnosticArray)
+    parameters = {"config": str(world(tmp_path / "world"))}
+    with node("locfuse_ros", "localize", tmp_path / "log.txt", parameters, "locfuse") as process:
+        diagnostics = Listener("/diagnostics", DiagnosticArray)
         out = Publisher("scan", LaserScan, queue_size=2)
         wait_for("the node", out.get_num_connections)
-        scan = LaserScan(ranges=[1.0] * 200_000)  # fills what the kernel holds
+        scan = LaserScan(ranges=[1.0] * 200_000)  # fills the buffers of the kernel
         sent = 0
         try:
             for stopped in (False, True, False):
@@ -217,10 +217,10 @@ def test_what_is_lost_is_told(tmp_path: Path) -> None:
                     out.publish(scan)
                     sent += 1
                     time.sleep(0.02)
-            said = process.wait_until_said("messages of scan from /peer were lost on the way")
+            output = process.wait_for_output("messages of scan from /peer were lost on the way")
             wait_for("the sum", lambda: sum(counts(of_topics(diagnostics), "scan")) == sent)
             assert counts(of_topics(diagnostics), "scan")[1] > 0
-            assert "queue_size of their publisher too small" in said
+            assert "queue_size of their publisher too small" in output
         finally:
             os.killpg(process.process.pid, signal.SIGCONT)
             out.unregister()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node `localize` beside a real roscore: a simulated robot in, estimates out."""
+"""The node `localize` with a real roscore: a simulated robot in, estimates out."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from locfuse.io.log_folder import write_log
 from locfuse.io.rosbag.decode import heading_of, stamp_ns
 from locfuse.run.run import load_log, run
 from locfuse.types import Log, wrap_angle
-from ros1_peer import Ear, Process, Robot, node, simulated_time, started
+from ros1_peer import Listener, Process, Robot, node, simulated_time, started
 from support_logs import as_messages_hold_it
 
 pytestmark = pytest.mark.usefixtures("ros1")
@@ -42,7 +42,7 @@ CONFIG: dict[str, Any] = {
     "estimator": {"range": {"sigma_m": 0.0, "sigma_relative": 0.015}},
     "ros": {"estimate_at": "fused"},
 }
-HEARD = ("odom", "uwb", "scan")
+TOPICS = ("odom", "uwb", "scan")
 
 
 def simulated(seed: int, **changes: Any) -> Log:
@@ -50,9 +50,11 @@ def simulated(seed: int, **changes: Any) -> Log:
 
 
 class Localizing:
-    """A node, its robot, and what it tells."""
+    """A node, its robot, and its output."""
 
-    def __init__(self, process: Process, robot: Robot, poses: Ear, diagnostics: Ear) -> None:
+    def __init__(
+        self, process: Process, robot: Robot, poses: Listener, diagnostics: Listener
+    ) -> None:
         self.process, self.robot = process, robot
         self.poses, self.diagnostics = poses, diagnostics
 
@@ -63,14 +65,14 @@ class Localizing:
         }
 
     def states(self) -> list[tuple[float, str, str]]:
-        """Return when [s of the log] it said which state, and why."""
-        told = []
+        """Return time [s of the log], state and reason of each diagnostics message."""
+        found = []
         for message in list(self.diagnostics.messages):
             for status in message.status:
                 if status.name == "locfuse: localization":
                     at = (stamp_ns(message.header.stamp) - Robot.FIRST_NS) / 1e9
-                    told.append((at, status.values[0].value, status.message))
-        return told
+                    found.append((at, status.values[0].value, status.message))
+        return found
 
     def statuses(self, name: str) -> list[Any]:
         return [s for m in list(self.diagnostics.messages) for s in m.status if s.name == name]
@@ -81,21 +83,21 @@ def localizing(
     log: Log,
     tmp_path: Path,
     config: dict[str, Any] | None = None,
-    topics: tuple[str, ...] = HEARD,
-    **told: Any,
+    topics: tuple[str, ...] = TOPICS,
+    **overrides: Any,
 ) -> Iterator[Localizing]:
     from diagnostic_msgs.msg import DiagnosticArray
     from geometry_msgs.msg import PoseWithCovarianceStamped
 
     path = tmp_path / "run.yaml"
     path.write_text(yaml.safe_dump(CONFIG | (config or {})))
-    parameters = {"config": str(path), **told}
+    parameters = {"config": str(path), **overrides}
     robot = Robot(log, parse_config(CONFIG | (config or {})).ros)
     try:
         with simulated_time(), node("locfuse_ros", "localize", tmp_path / "node.log", parameters,
                                     "locfuse") as process:  # fmt: skip
-            poses = Ear("locfuse/pose", PoseWithCovarianceStamped)
-            diagnostics = Ear("/diagnostics", DiagnosticArray)
+            poses = Listener("locfuse/pose", PoseWithCovarianceStamped)
+            diagnostics = Listener("/diagnostics", DiagnosticArray)
             robot.meet(topics)
             yield Localizing(process, robot, poses, diagnostics)
             poses.close()
@@ -104,11 +106,11 @@ def localizing(
         robot.close()
 
 
-def settle(ear: Ear, quiet_s: float = 0.3) -> None:
-    """Wait until nothing more comes."""
+def settle(listener: Listener, quiet_s: float = 0.3) -> None:
+    """Wait until no more messages arrive."""
     count = -1
-    while count != len(ear.messages):
-        count = len(ear.messages)
+    while count != len(listener.messages):
+        count = len(listener.messages)
         time.sleep(quiet_s)
 
 
@@ -145,27 +147,27 @@ def test_it_finds_itself_from_nothing_and_stays_there(tmp_path: Path, seed: int)
     assert rmse[2] < np.deg2rad(3.0)
 
 
-@pytest.mark.parametrize("start", ["auto", "told"])
+@pytest.mark.parametrize("start", ["auto", "given"])
 def test_estimates_are_those_of_locfuse_run(tmp_path: Path, start: str) -> None:
     log = as_messages_hold_it(simulated(4))
     truth = log["truth"]
     heading = float(np.rad2deg(truth["heading_rad"][0]))
-    told = [float(truth["x_m"][0]) + 0.05, float(truth["y_m"][0]), heading]
+    given = [float(truth["x_m"][0]) + 0.05, float(truth["y_m"][0]), heading]
     write_log(log, tmp_path / "log")
     config = {
         **CONFIG,
-        "start": "auto" if start == "auto" else told,
+        "start": "auto" if start == "auto" else given,
         "ros": {"estimate_at": "fused", "world": "log"},
     }
     estimate = run(parse_config(config), log).estimate
-    with localizing(log, tmp_path, config, HEARD if start == "auto" else HEARD[:2]) as it:
-        it.robot.drive(speed=1.0)  # a range that comes after the next odometry is told later
+    with localizing(log, tmp_path, config, TOPICS if start == "auto" else TOPICS[:2]) as it:
+        it.robot.drive(speed=1.0)  # ranges after the next odometry are published later
         settle(it.poses)
         poses = it.last()
     assert estimate.heading is not None
     assert estimate.covariance is not None
     rows = [row for row, stamp in enumerate(estimate.stamp_ns.tolist()) if stamp in poses]
-    # What comes from two sockets at once is fused at once, and told once.
+    # Messages that arrive together from two sockets are fused and published together.
     assert len(rows) > 0.8 * len(estimate)
     for row in rows:
         pose = poses[int(estimate.stamp_ns[row])]
@@ -177,7 +179,7 @@ def test_estimates_are_those_of_locfuse_run(tmp_path: Path, start: str) -> None:
         assert np.allclose(covariance, estimate.covariance[row], rtol=0.0, atol=1e-9)
 
 
-def test_a_source_that_dies_is_told_and_returns(tmp_path: Path) -> None:
+def test_a_source_that_stops_is_reported_and_returns(tmp_path: Path) -> None:
     log = simulated(5)
     with localizing(log, tmp_path) as it:
         it.robot.drive(0.0, 6.0)
@@ -206,8 +208,8 @@ def test_a_node_that_is_killed_and_restarted_goes_on(tmp_path: Path) -> None:
         before = len(it.poses.messages)
         command = ["rosrun", "locfuse_ros", "localize", "__name:=locfuse"]
         with started(command, tmp_path / "second.log"):
-            again = Ear("locfuse/pose", PoseWithCovarianceStamped)
-            it.robot.meet(HEARD)
+            again = Listener("locfuse/pose", PoseWithCovarianceStamped)
+            it.robot.meet(TOPICS)
             it.robot.drive(8.0)
             settle(again)
             again.close()
@@ -223,19 +225,19 @@ def test_a_clock_that_jumps_back_is_followed(tmp_path: Path, jump: str) -> None:
 
     log = simulated(7)
     with localizing(log, tmp_path, {"clock_jump": jump}) as it:
-        transforms = Ear("/tf", TFMessage)
+        transforms = Listener("/tf", TFMessage)
         it.robot.drive(0.0, 10.0)
         settle(it.poses)
-        count, told = len(it.poses.messages), len(transforms.messages)
+        count, first_transform = len(it.poses.messages), len(transforms.messages)
         it.robot.drive(10.0, shift_s=-8.0)
         settle(it.poses)
-        said = it.process.said()
+        output = it.process.output()
         after = it.poses.messages[count:]
-        back = transforms.messages[told:]
+        back = transforms.messages[first_transform:]
         transforms.close()
-    assert "the clock went back by" in said
+    assert "the clock went back by" in output
     assert after
-    # What came after the jump is shifted by 8 s, and the pose follows the truth.
+    # Messages after the jump are shifted by 8 s, and the pose follows the truth.
     poses = {stamp_ns(m.header.stamp) - Robot.FIRST_NS + 8 * 10**9: m.pose for m in after}
     late = errors(log, poses, after_s=15.0)
     assert len(late) > 50
@@ -251,18 +253,18 @@ def test_the_transform_leads_from_map_to_odom_and_never_goes_back(tmp_path: Path
 
     log = simulated(8)
     with localizing(log, tmp_path) as it:
-        transforms, wheels = Ear("/tf", TFMessage), Ear("odom", Odometry)
+        transforms, wheels = Listener("/tf", TFMessage), Listener("odom", Odometry)
         it.robot.drive()
         settle(it.poses)
-        told = [t for m in transforms.messages for t in m.transforms]
+        sent = [t for m in transforms.messages for t in m.transforms]
         driven = {stamp_ns(m.header.stamp): m.pose for m in wheels.messages}
         transforms.close()
         wheels.close()
         poses = it.last()
-    assert {(t.header.frame_id, t.child_frame_id) for t in told} == {("map", "odom")}
-    assert np.all(np.diff([stamp_ns(t.header.stamp) for t in told]) > 0)
+    assert {(t.header.frame_id, t.child_frame_id) for t in sent} == {("map", "odom")}
+    assert np.all(np.diff([stamp_ns(t.header.stamp) for t in sent]) > 0)
     # The last one, and odometry at the end, give the last pose.
-    last = told[-1].transform
+    last = sent[-1].transform
     turn = heading_of(last.rotation)
     odometry = driven[max(driven)].pose.position
     x = last.translation.x + np.cos(turn) * odometry.x - np.sin(turn) * odometry.y
@@ -278,8 +280,8 @@ def test_two_publishers_on_a_topic_are_named(tmp_path: Path) -> None:
         other = "{header: {stamp: {secs: 1002}}, pose: {pose: {orientation: {w: 1}}}}"
         command = ["rostopic", "pub", "-r", "20", "/odom", "nav_msgs/Odometry", other]
         with started(command, tmp_path / "other.log"):
-            said = it.process.wait_until_said("has 2 publishers")
-    assert "odom has 2 publishers, /peer and /rostopic" in said
+            output = it.process.wait_for_output("has 2 publishers")
+    assert "odom has 2 publishers, /peer and /rostopic" in output
 
 
 def test_bad_messages_are_named_and_harm_nothing(tmp_path: Path) -> None:
@@ -297,28 +299,28 @@ def test_bad_messages_are_named_and_harm_nothing(tmp_path: Path) -> None:
     with localizing(log, tmp_path) as it:
         it.robot.drive(0.0, 6.0)
         for topic, kind, fields in bad:
-            it.robot.say_message(topic, message_of(kind, fields))
-        for words in ("nan", "-3", "(0, 0, 0, 0) is no rotation", "angle_increment is 0"):
-            it.process.wait_until_said(words)
+            it.robot.publish_message(topic, message_of(kind, fields))
+        for words in ("nan", "-3", "(0, 0, 0, 0)", "angle_increment is 0"):
+            it.process.wait_for_output(words)
         it.robot.drive(6.0)
         settle(it.poses)
         poses = it.last()
         counted = it.statuses("locfuse: messages")[-1].values
-    told = {value.key: value.value for value in counted}
-    assert told["odometry refused"] == "2"
-    assert told["ranges refused"] == "2"
-    assert told["scans refused"] == "1"
+    counts = {value.key: value.value for value in counted}
+    assert counts["odometry refused"] == "2"
+    assert counts["ranges refused"] == "2"
+    assert counts["scans refused"] == "1"
     assert np.hypot(*errors(log, poses, after_s=3.0)[:, :2].T).max() < 0.25
 
 
 def test_uwb_data_of_another_package_is_understood(tmp_path: Path) -> None:
-    """As the paper's driver sends it: a type of its own, int32 ids and millimetres."""
+    """The paper's driver has its own type with int32 ids and millimetres."""
     log = simulated(11, duration_s=6.0)
     with localizing(log, tmp_path, {"ros": {"uwb_unit": "mm"}}, ("odom", "scan")) as it:
         driver = started([sys.executable, str(Path(__file__).with_name("other_driver.py"))],
                          tmp_path / "driver.log")  # fmt: skip
         with driver as other:
-            other.wait_until_said("ready")
+            other.wait_for_output("ready")
             it.robot.drive(silent=["uwb"], speed=2.0)
             settle(it.poses)
         poses = it.last()
@@ -360,23 +362,23 @@ def test_services_reset_relocalize_and_switch(tmp_path: Path) -> None:
     assert np.hypot(*errors(log, poses, after_s=18.0)[:, :2].T).max() < 0.25
 
 
-def test_the_start_is_told_to_another_localizer(tmp_path: Path) -> None:
+def test_the_start_is_published_to_another_localizer(tmp_path: Path) -> None:
     from geometry_msgs.msg import PoseWithCovarianceStamped
 
     log = simulated(13, duration_s=5.0)
     with localizing(log, tmp_path, {"ros": {"topics": {"start": "initialpose"}}}) as it:
         it.robot.drive()
         settle(it.poses)
-        late = Ear("initialpose", PoseWithCovarianceStamped)  # as an AMCL that starts later
-        told = late.wait()
+        late = Listener("initialpose", PoseWithCovarianceStamped)  # like an AMCL that starts later
+        received = late.wait()
         late.close()
-    assert len(told) == 1
-    at = {stamp_ns(told[0].header.stamp) - Robot.FIRST_NS: told[0].pose}
+    assert len(received) == 1
+    at = {stamp_ns(received[0].header.stamp) - Robot.FIRST_NS: received[0].pose}
     assert np.hypot(*errors(log, at)[0, :2]) < 0.3
 
 
 @pytest.mark.parametrize(
-    ("told", "words"),
+    ("parameters", "words"),
     [
         ({"startt": "auto"}, "/locfuse: unknown key 'startt'; did you mean 'start'?"),
         ({"config": 3}, "/locfuse: config is 3, expected text"),
@@ -387,9 +389,9 @@ def test_the_start_is_told_to_another_localizer(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_wrong_with_parameters_is_a_sentence(
-    tmp_path: Path, told: dict[str, Any], words: str
+    tmp_path: Path, parameters: dict[str, Any], words: str
 ) -> None:
-    with node("locfuse_ros", "localize", tmp_path / "log.txt", told, "locfuse") as process:
+    with node("locfuse_ros", "localize", tmp_path / "log.txt", parameters, "locfuse") as process:
         assert process.process.wait(20.0) == 1
-        assert words in process.said()
-        assert "Traceback" not in process.said()
+        assert words in process.output()
+        assert "Traceback" not in process.output()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replay of a log, the simulator of UWB ranges, and what all nodes share."""
+"""Replay of a log, the simulator of UWB ranges, and common parts of the nodes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from locfuse.io.rosbag.decode import odometry, ranges, scan, stamp_ns
 from locfuse.ros.dropped_messages import Lines
 from locfuse.run.run import load_log
 from locfuse.types import ConfigError, Log
-from ros1_peer import Ear, mouth, node, wait_for
+from ros1_peer import Listener, connected_publisher, node, wait_for
 
 pytest.importorskip("rospy", reason="no rospy; run ./dev test-ros")
 from locfuse_ros.fill import message_of, time_of
@@ -48,14 +48,14 @@ def folder(log: Log, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.getbasetemp() / "logs0" / "room"
 
 
-# Parts of all nodes
+# Common parts
 
 
 def test_fields_become_messages_at_any_depth() -> None:
     one = {"header": {"stamp": {"ns": 1_500_000_000}, "frame_id": "map"}, "child_frame_id": "odom"}
-    told = message_of("tf2_msgs/TFMessage", {"transforms": [one]})
-    assert told.transforms[0].header.stamp.to_nsec() == 1_500_000_000
-    assert told.transforms[0].child_frame_id == "odom"
+    message = message_of("tf2_msgs/TFMessage", {"transforms": [one]})
+    assert message.transforms[0].header.stamp.to_nsec() == 1_500_000_000
+    assert message.transforms[0].child_frame_id == "odom"
     data = message_of("locfuse_msgs/UwbData", {"stamp": [{"ns": 3}], "destination_id": [7]})
     assert data.stamp[0].to_nsec() == 3
 
@@ -70,14 +70,14 @@ def test_what_a_message_cannot_hold_is_refused() -> None:
             time_of(stamp)
 
 
-def test_gaps_in_sequence_numbers_are_told_once() -> None:
+def test_gaps_in_sequence_numbers_are_reported_once() -> None:
     lines = Lines("the network is too slow")
     for number in (4_294_967_294, 4_294_967_295, 0, 1, 5):
         lines.heard("/scan", "/laser", number)
     assert lines.lost == 3
     assert "3 messages of /scan from /laser were lost on the way (of 8)" in lines.news()[0]
     assert lines.news() == []
-    lines.heard("/scan", "/laser", 0)  # started anew
+    lines.heard("/scan", "/laser", 0)  # restarted
     lines.heard("/scan", "/other", 77)
     assert lines.lost == 3
     assert lines.publishers("/scan") == ["/laser", "/other"]
@@ -97,67 +97,69 @@ def played(log_folder: Path, tmp_path: Path, **parameters: Any) -> dict[str, lis
     kinds = {"odom": Odometry, "uwb": UwbRanges, "scan": LaserScan, "map": OccupancyGrid,
              "anchors": NamedPoints, "tf_static": TFMessage, "amcl_pose": PoseWithCovarianceStamped,
              "ground_truth": Odometry, "clock": Clock}  # fmt: skip
-    told = {"log": str(log_folder), "speed": 0.0, **parameters}
-    with node("locfuse_ros", "replay_log", tmp_path / "log.txt", told) as process:
-        ears = {topic: Ear(f"/{topic}", kind) for topic, kind in kinds.items()}
-        assert process.process.wait(30.0) == 0, process.said()
+    overrides = {"log": str(log_folder), "speed": 0.0, **parameters}
+    with node("locfuse_ros", "replay_log", tmp_path / "log.txt", overrides) as process:
+        listeners = {topic: Listener(f"/{topic}", kind) for topic, kind in kinds.items()}
+        assert process.process.wait(30.0) == 0, process.output()
         time.sleep(0.2)
-    for ear in ears.values():
-        ear.close()
-    return {topic: ear.messages for topic, ear in ears.items()}
+    for listener in listeners.values():
+        listener.close()
+    return {topic: listener.messages for topic, listener in listeners.items()}
 
 
 @pytest.fixture(scope="module")
-def heard(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Any]]:
+def replayed(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Any]]:
     return played(folder, tmp_path_factory.mktemp("played"))
 
 
-def test_a_log_comes_out_of_its_topics_as_it_went_in(log: Log, heard: dict[str, list[Any]]) -> None:
-    rows = [row for message in heard["uwb"] for row in ranges(message)]
+def test_a_log_comes_out_of_its_topics_as_it_went_in(
+    log: Log, replayed: dict[str, list[Any]]
+) -> None:
+    rows = [row for message in replayed["uwb"] for row in ranges(message)]
     assert [row.stamp_ns - FIRST_NS for row in rows] == log["ranges"]["stamp_ns"].tolist()
     assert [row.range_m for row in rows] == log["ranges"]["range_m"].tolist()
     assert [row.anchor for row in rows] == log["ranges"]["anchor"].tolist()
-    poses = [odometry(message) for message in heard["odom"]]
+    poses = [odometry(message) for message in replayed["odom"]]
     steps = np.hypot(np.diff([p.x for p in poses]), np.diff([p.y for p in poses]))
-    told = np.hypot(log["odometry"]["dx_m"], log["odometry"]["dy_m"])[1:]
-    assert np.allclose(steps, told, atol=1e-12)
-    scans = [scan(message) for message in heard["scan"]]
+    logged = np.hypot(log["odometry"]["dx_m"], log["odometry"]["dy_m"])[1:]
+    assert np.allclose(steps, logged, atol=1e-12)
+    scans = [scan(message) for message in replayed["scan"]]
     assert len(scans) == len(log["scans"]["stamp_ns"])
     assert np.allclose(scans[3].ranges, log["scans"]["ranges_m"][3], atol=1e-5, equal_nan=True)
     assert log.grid is not None
-    assert list(heard["map"][0].data) == log.grid.cells.ravel().tolist()
-    assert heard["anchors"][0].names == ["1", "2", "3", "4"]
-    assert {t.child_frame_id for t in heard["tf_static"][0].transforms} == {"tag", "laser"}
-    assert len(heard["amcl_pose"]) == len(log["poses"]["stamp_ns"])
+    assert list(replayed["map"][0].data) == log.grid.cells.ravel().tolist()
+    assert replayed["anchors"][0].names == ["1", "2", "3", "4"]
+    assert {t.child_frame_id for t in replayed["tf_static"][0].transforms} == {"tag", "laser"}
+    assert len(replayed["amcl_pose"]) == len(log["poses"]["stamp_ns"])
 
 
 def test_the_clock_is_never_behind_a_message_and_never_goes_back(
-    heard: dict[str, list[Any]],
+    replayed: dict[str, list[Any]],
 ) -> None:
-    ticks = [message.clock.to_nsec() for message in heard["clock"]]
+    ticks = [message.clock.to_nsec() for message in replayed["clock"]]
     assert ticks == sorted(ticks)
     assert np.diff(ticks).max() <= 5_000_000
-    assert ticks[-1] == max(stamp_ns(message.header.stamp) for message in heard["ground_truth"])
+    assert ticks[-1] == max(stamp_ns(message.header.stamp) for message in replayed["ground_truth"])
 
 
 def test_a_log_takes_as_long_as_the_speed_says(folder: Path, tmp_path: Path) -> None:
     from rosgraph_msgs.msg import Clock
 
-    told = {"log": str(folder), "speed": 2.5, "wait_s": 0.0}
-    with node("locfuse_ros", "replay_log", tmp_path / "log.txt", told) as process:
-        ear = Ear("/clock", Clock)
+    parameters = {"log": str(folder), "speed": 2.5, "wait_s": 0.0}
+    with node("locfuse_ros", "replay_log", tmp_path / "log.txt", parameters) as process:
+        listener = Listener("/clock", Clock)
         process.process.wait(30.0)
-    ear.close()
-    took_s = ear.heard_s[-1] - ear.heard_s[0]
-    told_s = (ear.messages[-1].clock - ear.messages[0].clock).to_sec()
-    assert took_s == pytest.approx(told_s / 2.5, rel=0.05)
+    listener.close()
+    took_s = listener.received_s[-1] - listener.received_s[0]
+    logged_s = (listener.messages[-1].clock - listener.messages[0].clock).to_sec()
+    assert took_s == pytest.approx(logged_s / 2.5, rel=0.05)
 
 
 def test_a_missing_log_is_a_sentence(tmp_path: Path) -> None:
-    told = {"log": str(tmp_path / "nothing")}
-    with node("locfuse_ros", "replay_log", tmp_path / "log.txt", told) as process:
+    parameters = {"log": str(tmp_path / "nothing")}
+    with node("locfuse_ros", "replay_log", tmp_path / "log.txt", parameters) as process:
         assert process.process.wait(20.0) == 1
-        assert "nothing: no such folder" in process.said()
+        assert "nothing: no such folder" in process.output()
 
 
 # Simulator
@@ -168,22 +170,22 @@ def test_ranges_come_at_the_rate_asked_for(folder: Path, tmp_path: Path, form: s
     from locfuse_msgs.msg import UwbData, UwbRanges
     from nav_msgs.msg import Odometry
 
-    told = {"world": str(folder), "rate_hz": 10.0, "format": form, "unit": "mm", "seed": 4}
-    with node("locfuse_ros", "simulate_uwb", tmp_path / "log.txt", told, name="sim"):
-        ear = Ear("uwb", UwbData if form == "data" else UwbRanges)
-        out = mouth("ground_truth", Odometry)
+    parameters = {"world": str(folder), "rate_hz": 10.0, "format": form, "unit": "mm", "seed": 4}
+    with node("locfuse_ros", "simulate_uwb", tmp_path / "log.txt", parameters, name="sim"):
+        listener = Listener("uwb", UwbData if form == "data" else UwbRanges)
+        out = connected_publisher("ground_truth", Odometry)
         for i in range(101):
             truth = message_of(
                 "nav_msgs/Odometry", {"header": {"stamp": {"ns": 10**12 + i * 10**7}}}
             )
             truth.pose.pose.orientation.w = 1.0
             out.publish(truth)
-        heard = ear.wait(11)
+        received = listener.wait(11)
         time.sleep(0.1)
         out.unregister()
-        ear.close()
-    assert len(heard) == 11
-    rows = ranges(heard[0], unit="mm")
+        listener.close()
+    assert len(received) == 11
+    rows = ranges(received[0], unit="mm")
     assert [row.anchor for row in rows] == ["1", "2", "3", "4"]
     expected = [np.linalg.norm(np.array(at) - (0.1, 0.0, 0.5)) for at in
                 ROOM["simulation"]["anchors"].values()]  # fmt: skip
@@ -193,5 +195,5 @@ def test_ranges_come_at_the_rate_asked_for(folder: Path, tmp_path: Path, form: s
 def test_the_simulator_needs_a_world(tmp_path: Path) -> None:
     with node("locfuse_ros", "simulate_uwb", tmp_path / "log.txt", name="sim") as process:
         assert process.process.wait(20.0) == 1
-        assert "world names no folder" in process.said()
+        assert "world names no folder" in process.output()
     wait_for("the end", lambda: process.process.poll() is not None)

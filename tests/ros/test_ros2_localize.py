@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulated robot, the node `localize` in a process of its own, and what comes back."""
+"""The node `localize` in a separate process with a simulated robot."""
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -37,17 +38,17 @@ def robot(peer: Peer) -> Robot:
 
 
 def started(robot: Robot, folder: Path, **keys: Any) -> Any:
-    """Start the node; wait until it knows the world."""
+    """Start the node; wait until it has received the world."""
     process = start_localize(robot, folder, "odom", "uwb", "scan", **keys)
     wait_for_world(robot, "map", "anchors", "/tf_static")
     return process
 
 
 def wait_for_world(robot: Robot, *topics: str) -> None:
-    robot.tell_world()
+    robot.publish_world()
     for topic in topics:
-        heard = f"{topic} from /peer"
-        robot.peer.wait(heard, lambda h=heard: h in robot.status("locfuse: topics"))
+        received = f"{topic} from /peer"
+        robot.peer.wait(received, lambda h=received: h in robot.status("locfuse: topics"))
 
 
 def wait_for_word(robot: Robot, words: str) -> None:
@@ -55,7 +56,7 @@ def wait_for_word(robot: Robot, words: str) -> None:
     robot.peer.wait(f"{words!r} in the log", lambda: words in process.log())
 
 
-# From nothing, and on the way -------------------------------------------------------------------
+# Initialization and tracking --------------------------------------------------------------------
 
 
 def test_first_pose_comes_within_three_seconds_of_ranges_and_scan(
@@ -117,15 +118,15 @@ def test_a_source_dies_and_returns(robot: Robot, tmp_path: Path) -> None:
     assert robot.rmse_m(alone + 100) < 0.1
 
 
-def test_nothing_heard_is_lost(robot: Robot, tmp_path: Path) -> None:
+def test_silence_means_lost(robot: Robot, tmp_path: Path) -> None:
     started(robot, tmp_path)
     robot.drive(0.0, 5.0)
     assert robot.state() == "ok"
     for tick in range(40):
-        robot.tell_time(EPOCH_NS + 5 * NANOSECONDS + tick * NANOSECONDS // 10)
+        robot.set_time(EPOCH_NS + 5 * NANOSECONDS + tick * NANOSECONDS // 10)
         robot.peer.spin(0.05)
     assert robot.state() == "lost"
-    assert "nothing has been heard for" in robot.status("locfuse: localization")["message"]
+    assert re.search(r"for \d[\d.]* s", robot.status("locfuse: localization")["message"])
 
 
 @pytest.mark.parametrize("does", ["reset", "continue"])
@@ -141,13 +142,13 @@ def test_a_simulation_that_begins_again(robot: Robot, tmp_path: Path, does: str)
     assert robot.state() == "ok"
 
 
-def test_a_node_killed_in_mid_drive_is_started_anew(robot: Robot, tmp_path: Path) -> None:
+def test_a_node_killed_in_mid_drive_is_restarted(robot: Robot, tmp_path: Path) -> None:
     process = started(robot, tmp_path)
     robot.drive(0.0, 7.0)
     process.kill()
     robot.drive(7.0, 9.0)
     poses = len(robot.poses)
-    robot.told.clear()
+    robot.diagnostics.clear()
     started(robot, tmp_path)
     robot.drive(9.0, 20.0)
     assert robot.state() == "ok"
@@ -199,7 +200,7 @@ def expect_those_of_run(
     keys: dict[str, Any],
     latched: tuple[str, ...],
 ) -> None:
-    """Compare the node and `locfuse run` on a log; without a world it is told by topics."""
+    """Compare the node and `locfuse run` on a log; without a world it comes by topics."""
     write_log(by_arrival(log), tmp_path / "log")
     log = read_log(tmp_path / "log")
     expected = run(config_of(simulation, **keys), log).estimate
@@ -227,59 +228,61 @@ def expect_those_of_run(
 def test_services_switch_sources_and_forget(robot: Robot, tmp_path: Path) -> None:
     started(robot, tmp_path)
     robot.drive(0.0, 6.0)
-    robot.says("ok")
+    robot.wait_for_state("ok")
     off = robot.peer.call(f"{NODE}/enable/ranges", SetBool, data=False)
     assert (off.success, off.message) == (True, "ranges is off")
     robot.drive(6.0, 11.0)
-    robot.says("dead_reckoning")
+    robot.wait_for_state("dead_reckoning")
     assert robot.status("locfuse: messages")["ranges switched off"] == "yes"
     on = robot.peer.call(f"{NODE}/enable/ranges", SetBool, data=True)
     assert on.message == "ranges is on"
     robot.drive(11.0, 13.0)
-    robot.says("ok")
+    robot.wait_for_state("ok")
     assert robot.peer.call(f"{NODE}/relocalize", Trigger).success
     robot.drive(13.0, 16.0)
-    robot.says("ok")
+    robot.wait_for_state("ok")
     assert robot.peer.call(f"{NODE}/reset", Trigger).success
     poses = len(robot.poses)
-    robot.tell_time(EPOCH_NS + 16 * NANOSECONDS)
+    robot.set_time(EPOCH_NS + 16 * NANOSECONDS)
     robot.peer.spin(1.5)
-    robot.says("initializing")
+    robot.wait_for_state("initializing")
     robot.drive(16.0, 20.0)
-    robot.says("ok")
+    robot.wait_for_state("ok")
     assert robot.rmse_m(poses) < 0.1
 
 
 def test_an_initial_pose_from_a_person_is_taken(robot: Robot, tmp_path: Path) -> None:
     start_localize(robot, tmp_path, "odom", "initialpose", start=[2.0, 2.0, 0.0])
     robot.drive(0.0, 2.0, without=["uwb", "scan"])
-    told = encode.pose_with_covariance("initialpose", EPOCH_NS + 2 * NANOSECONDS,
+    message = encode.pose_with_covariance("initialpose", EPOCH_NS + 2 * NANOSECONDS,
                                        (6.0, 7.0, 1.0), np.eye(3) * 0.01, "map")  # fmt: skip
-    robot.peer.publish(told)
+    robot.peer.publish(message)
     robot.drive(2.0, 2.5, without=["uwb", "scan"])
     last = decode.pose(robot.poses[-1])
     assert abs(last.x - 6.0) < 1.0
     assert abs(last.y - 7.0) < 1.0
 
 
-def test_a_localizer_that_comes_later_is_told_where_to_start(robot: Robot, tmp_path: Path) -> None:
+def test_a_localizer_that_comes_later_receives_the_start(robot: Robot, tmp_path: Path) -> None:
     started(robot, tmp_path, ros={"topics": {"start": "initialpose"}})
     robot.drive(0.0, 4.0)
-    late = robot.peer.hear("initialpose", "geometry_msgs/PoseWithCovarianceStamped", latched=True)
-    volatile = robot.peer.hear("initialpose", "geometry_msgs/PoseWithCovarianceStamped")
+    late = robot.peer.subscribe(
+        "initialpose", "geometry_msgs/PoseWithCovarianceStamped", latched=True
+    )
+    volatile = robot.peer.subscribe("initialpose", "geometry_msgs/PoseWithCovarianceStamped")
     robot.peer.wait("the start, latched", lambda: late)
-    robot.peer.wait("the start, for one who asks for nothing of before", lambda: volatile)
+    robot.peer.wait("the start, for a volatile subscriber", lambda: volatile)
     assert decode.pose(late[0])[:5] == decode.pose(volatile[0])[:5]
     poses = len(robot.poses)
     robot.drive(4.0, 8.0)
-    assert robot.rmse_m(poses) < 0.1  # it does not take its own word for that of a person
+    assert robot.rmse_m(poses) < 0.1  # it ignores its own message
 
 
 # Bad input --------------------------------------------------------------------------------------
 
 
-def spoilt(topic: str, change: Any) -> Any:
-    """Return a change that spoils one message of a topic in five."""
+def damaged(topic: str, change: Any) -> Any:
+    """Return a change that damages one message of a topic in five."""
     count = [0]
 
     def change_one(one: Arrival) -> Arrival:
@@ -331,10 +334,12 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_messages_are_told_once_and_do_no_harm(robot: Robot, tmp_path: Path, name: str) -> None:
+def test_bad_messages_are_reported_once_and_do_no_harm(
+    robot: Robot, tmp_path: Path, name: str
+) -> None:
     topic, change, says = BAD[name]
     process = started(robot, tmp_path)
-    robot.drive(0.0, 10.0, change=spoilt(topic, change))
+    robot.drive(0.0, 10.0, change=damaged(topic, change))
     wait_for_word(robot, says)
     assert robot.rmse_m(100) < 0.1
     assert process.log().count("WARN") <= 3

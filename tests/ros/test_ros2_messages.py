@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Our messages, made by the generators of ROS 2, and the fields that fill them."""
+"""Our messages from the generators of ROS 2, and the fields that fill them."""
 
 from __future__ import annotations
 
@@ -20,9 +20,11 @@ ROOT = Path(__file__).parents[2]
 STAMP = 1_700_000_000_123_456_789
 
 
-def through_the_wire(told: encode.Publication) -> Any:
-    kind = message_class(told.type)
-    return deserialize_message(serialize_message(message_of(told.type, told.fields)), kind)
+def through_the_wire(publication: encode.Publication) -> Any:
+    kind = message_class(publication.type)
+    return deserialize_message(
+        serialize_message(message_of(publication.type, publication.fields)), kind
+    )
 
 
 def test_definitions_are_those_that_bags_are_read_by() -> None:
@@ -67,14 +69,16 @@ def test_a_scan_comes_through() -> None:
 
 
 def test_odometry_comes_through() -> None:
-    told = encode.odometry("odom", STAMP, (1.0, 2.0, 0.7), (0.5, -0.1), "odom", "base_link", 0.2)
+    publication = encode.odometry(
+        "odom", STAMP, (1.0, 2.0, 0.7), (0.5, -0.1), "odom", "base_link", 0.2
+    )
     expected = decode.OdometryRow(STAMP, 1.0, 2.0, 0.7, 0.5, -0.1, "odom", "base_link", 0.2)
-    assert decode.odometry(through_the_wire(told)) == expected
+    assert decode.odometry(through_the_wire(publication)) == expected
 
 
 def test_a_pose_comes_through() -> None:
-    told = encode.pose_with_covariance("pose", STAMP, (1.0, 2.0, -3.0), COVARIANCE, "map")
-    row = decode.pose(through_the_wire(told))
+    publication = encode.pose_with_covariance("pose", STAMP, (1.0, 2.0, -3.0), COVARIANCE, "map")
+    row = decode.pose(through_the_wire(publication))
     assert row[:5] == (STAMP, "map", 1.0, 2.0, -3.0)
     np.testing.assert_array_equal(row.covariance, COVARIANCE)
 
@@ -94,8 +98,8 @@ def test_a_map_comes_through() -> None:
 
 def test_points_and_transforms_come_through() -> None:
     at, radii = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]), np.array([0.1, 0.2])
-    told = encode.named_points("anchors", ["A", "B"], at, radii, "map")
-    names, points, found = decode.points(through_the_wire(told))[:3]
+    publication = encode.named_points("anchors", ["A", "B"], at, radii, "map")
+    names, points, found = decode.points(through_the_wire(publication))[:3]
     assert list(names) == ["A", "B"]
     np.testing.assert_array_equal(points, at)
     np.testing.assert_array_equal(found, radii)
@@ -122,7 +126,7 @@ def test_path_and_diagnostics_come_through() -> None:
         (lambda: time_of(2**31 * 10**9), ValueError, "1901 to 2038"),
     ],
 )
-def test_what_cannot_be_filled_is_said(
+def test_what_cannot_be_filled_is_an_error(
     fails: Callable[[], object], error: type[Exception], says: str
 ) -> None:
     with pytest.raises(error, match=says):
@@ -136,9 +140,9 @@ def test_messages_go_from_process_to_process(tmp_path: Path) -> None:
     (world / "ranges.csv").write_text("stamp_s,tag,anchor,range_m\n5,t,A,5.0\n5.1,t,A,5.25\n")
     (world / "log.yaml").write_text("tags: {t: [0, 0, 0]}\n")
     with support_ros2.peer_in(tmp_path) as peer:
-        ranges = peer.hear("uwb", "locfuse_msgs/UwbRanges")
-        anchors = peer.hear("anchors", "locfuse_msgs/NamedPoints", latched=True)
-        mounts = peer.hear("/tf_static", "tf2_msgs/TFMessage", latched=True)
+        ranges = peer.subscribe("uwb", "locfuse_msgs/UwbRanges")
+        anchors = peer.subscribe("anchors", "locfuse_msgs/NamedPoints", latched=True)
+        mounts = peer.subscribe("/tf_static", "tf2_msgs/TFMessage", latched=True)
         replay = peer.start("replay_log", {"log": str(world)})
         peer.wait("both ranges", lambda: len(ranges) == 2 and anchors and mounts)
         assert replay.wait() == 0

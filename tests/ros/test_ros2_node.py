@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is of ROS 2 in the nodes: parameters, quality of service, types, publishers, losses."""
+"""ROS 2 parts of the nodes: parameters, quality of service, types, publishers, losses."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def peer(tmp_path: Path) -> Iterator[Peer]:
 
 
 @pytest.mark.parametrize(
-    ("told", "says"),
+    ("given", "says"),
     [
         (
             {**STARTS, "estimator.gate_rnge": 0.99},
@@ -54,9 +54,9 @@ def peer(tmp_path: Path) -> Iterator[Peer]:
     ],
 )
 def test_what_is_not_allowed_ends_the_node_with_one_sentence(
-    peer: Peer, told: dict[str, Any], says: str
+    peer: Peer, given: dict[str, Any], says: str
 ) -> None:
-    process = peer.start("localize", told)
+    process = peer.start("localize", given)
     assert process.wait() == 1
     assert says in process.log()
     assert "Traceback" not in process.log()
@@ -86,8 +86,8 @@ def test_parameters_are_declared_with_type_range_and_description(
     values = peer.call("/locfuse/get_parameters", GetParameters, names=names).values
     assert [v.double_value for v in values[:3]] == [0.99, 2.0, 3.0]
     assert values[3].integer_value == 0
-    told = Parameter("estimator.gate_range", value=0.5).to_parameter_msg()
-    [result] = peer.call("/locfuse/set_parameters", SetParameters, parameters=[told]).results
+    changed = Parameter("estimator.gate_range", value=0.5).to_parameter_msg()
+    [result] = peer.call("/locfuse/set_parameters", SetParameters, parameters=[changed]).results
     assert not result.successful
     assert isinstance(gate, ParameterDescriptor)
 
@@ -119,24 +119,23 @@ def words(peer: Peer, says: str) -> None:
     peer.wait(f"{says!r} in the log", lambda: says in peer.processes[0].log())
 
 
-def test_a_map_that_is_not_latched_is_told(peer: Peer) -> None:
+def test_a_map_that_is_not_latched_is_reported(peer: Peer) -> None:
     peer.start("localize", STARTS)
     offered(peer, "map", "nav_msgs/OccupancyGrid")
     words(
         peer,
-        "QoS mismatch on /map: none of a publisher's messages arrive, as its durability is less "
-        "than this node asks for, transient_local; start the publisher with that",
+        "its durability is lower than this node requests, transient_local",
     )
 
 
-def test_a_subscriber_that_asks_for_too_much_is_told(peer: Peer) -> None:
+def test_a_subscriber_with_incompatible_qos_is_reported(peer: Peer) -> None:
     peer.start("localize", STARTS)
-    peer.hear("locfuse/pose", "geometry_msgs/PoseWithCovarianceStamped", latched=True)
-    words(peer, "QoS mismatch on /locfuse/pose: a subscriber hears nothing")
+    peer.subscribe("locfuse/pose", "geometry_msgs/PoseWithCovarianceStamped", latched=True)
+    words(peer, "QoS mismatch on /locfuse/pose: a subscriber receives nothing")
 
 
 @pytest.mark.parametrize("reliability", [ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT])
-def test_sensors_are_heard_whether_reliable_or_not(
+def test_sensors_are_received_whether_reliable_or_not(
     peer: Peer, reliability: ReliabilityPolicy
 ) -> None:
     robot = Robot(peer, simulated(seed=0))
@@ -154,30 +153,30 @@ def test_sensors_are_heard_whether_reliable_or_not(
 # Types and publishers ---------------------------------------------------------------------------
 
 
-def test_ranges_of_each_type_are_heard(peer: Peer) -> None:
+def test_ranges_of_each_type_are_received(peer: Peer) -> None:
     robot = Robot(peer, simulated(seed=0))
     start_localize(robot, peer.folder)
-    robot.tell_world()
+    robot.publish_world()
     stamp = {"ns": EPOCH_NS}
-    robot.tell_time(EPOCH_NS)
+    robot.set_time(EPOCH_NS)
     data = {"destination_id": [1], "distance": [2.0], "stamp": [stamp]}
-    told = encode.Publication("uwb", "locfuse_msgs/UwbData", data)
+    publication = encode.Publication("uwb", "locfuse_msgs/UwbData", data)
     for _ in range(40):
-        robot.peer.publish(told)
+        robot.peer.publish(publication)
         robot.peer.spin(0.1)
         if "uwb from /peer" in robot.status("locfuse: topics"):
             break
     assert "uwb from /peer" in robot.status("locfuse: topics")
 
 
-def test_a_topic_of_another_type_is_told(peer: Peer) -> None:
+def test_a_topic_of_another_type_is_reported(peer: Peer) -> None:
     peer.start("localize", STARTS)
     offered(peer, "odom", "nav_msgs/Path")
-    words(peer, "/odom has messages of type nav_msgs/Path, which are not heard; expected "
+    words(peer, "/odom has messages of type nav_msgs/Path, which cannot be used; expected "
           "nav_msgs/Odometry, or another topic for ros.topics.odometry")  # fmt: skip
 
 
-def test_two_publishers_of_one_sensor_are_told(peer: Peer, tmp_path: Path) -> None:
+def test_two_publishers_of_one_sensor_are_reported(peer: Peer, tmp_path: Path) -> None:
     robot = Robot(peer, simulated(seed=0))
     process = start_localize(robot, tmp_path)
     with_another = peer.node.create_publisher(
@@ -199,35 +198,35 @@ def test_silence_names_the_topic(peer: Peer) -> None:
 
 
 def counted(robot: Robot) -> tuple[int, int]:
-    """Return how many messages of odometry the node heard, and how many it says were lost."""
+    """Return how many messages of odometry the node received, and how many it reports lost."""
     robot.peer.spin(2.5)
-    heard, lost = robot.status("locfuse: topics")["odom from /peer"].split(", ")
-    return int(heard.split()[0]), int(lost.split()[0])
+    received, lost = robot.status("locfuse: topics")["odom from /peer"].split(", ")
+    return int(received.split()[0]), int(lost.split()[0])
 
 
-def test_what_is_lost_on_the_way_is_told(peer: Peer, tmp_path: Path) -> None:
+def test_lost_messages_are_reported(peer: Peer, tmp_path: Path) -> None:
     robot = Robot(peer, simulated(seed=0))
     process = start_localize(robot, tmp_path)
     robot.drive(0.0, 1.0)
-    heard, lost = counted(robot)  # what came before the two had found each other counts as neither
+    received, lost = counted(robot)  # messages before discovery count as neither
     assert lost == 0
-    assert heard > 20
-    before, stamps = heard, EPOCH_NS + NANOSECONDS + np.arange(3_000) * 100_000
+    assert received > 20
+    before, stamps = received, EPOCH_NS + NANOSECONDS + np.arange(3_000) * 100_000
 
-    def tell(stamp: int) -> None:
+    def publish(stamp: int) -> None:
         peer.publish(encode.odometry("odom", stamp, (1.0, 0.0, 0.0), (0.0, 0.0), "odom",
                                      "base_link"))  # fmt: skip
 
-    process.process.send_signal(signal.SIGSTOP)  # while more comes than its queue holds
+    process.process.send_signal(signal.SIGSTOP)  # while more messages arrive than its queue holds
     for stamp in stamps[:2_000].tolist():
-        tell(stamp)
+        publish(stamp)
     process.process.send_signal(signal.SIGCONT)
-    for stamp in stamps[2_000:].tolist():  # what was the last cannot be missed
-        tell(stamp)
+    for stamp in stamps[2_000:].tolist():  # a loss of the last ones would not be detected
+        publish(stamp)
         peer.spin(0.002)
     words(peer, "messages of odom from /peer were lost on the way (of ")
-    heard, lost = counted(robot)
-    assert heard + lost == before + 3_000
+    received, lost = counted(robot)
+    assert received + lost == before + 3_000
     assert lost > 500
     [sentence] = [line for line in process.log().splitlines() if "odom from /peer were" in line]
     assert 0 < int(sentence.rsplit("]: ")[1].split()[0]) <= lost  # once a minute
@@ -239,19 +238,19 @@ def test_what_is_lost_on_the_way_is_told(peer: Peer, tmp_path: Path) -> None:
 def test_simulated_ranges_are_those_of_the_true_pose(peer: Peer, tmp_path: Path) -> None:
     log = simulated(seed=0)
     write_log(log, tmp_path / "world")
-    told = {"world": str(tmp_path / "world"), "sigma_m": 0.1, "sigma_relative": 0.0,
+    given = {"world": str(tmp_path / "world"), "sigma_m": 0.1, "sigma_relative": 0.0,
             "rate_hz": 1000.0, "seed": 3}  # fmt: skip
-    peer.start("simulate_uwb", told)
-    heard = peer.hear("uwb", "locfuse_msgs/UwbRanges")
+    peer.start("simulate_uwb", given)
+    received = peer.subscribe("uwb", "locfuse_msgs/UwbRanges")
     out = offered(peer, "ground_truth", "nav_msgs/Odometry")
-    peer.wait("a match", lambda: out.get_subscription_count() and heard is not None)
+    peer.wait("a match", lambda: out.get_subscription_count() and received is not None)
     peer.spin(0.5)
     for i in range(200):
         peer.publish(encode.odometry("ground_truth", EPOCH_NS + i * 10**7, (3.0, 4.0, 0.5),
                                      (0.0, 0.0), "map", "base_link"))  # fmt: skip
         peer.spin(0.005)
-    peer.wait("ranges", lambda: len(heard) >= 190)
-    rows = [row for message in heard for row in decode.ranges(message)]
+    peer.wait("ranges", lambda: len(received) >= 190)
+    rows = [row for message in received for row in decode.ranges(message)]
     [tag] = log.tags.values()
     c, s = np.cos(0.5), np.sin(0.5)
     at = np.array([3.0 + c * tag[0] - s * tag[1], 4.0 + s * tag[0] + c * tag[1], tag[2]])
@@ -270,9 +269,14 @@ def test_the_truth_may_be_a_pose_and_ranges_those_of_the_paper(peer: Peer, tmp_p
     (tmp_path / "world").mkdir()
     (tmp_path / "world" / "anchors.csv").write_text("anchor,x_m,y_m,z_m\n7,3,4,0\n")
     (tmp_path / "world" / "log.yaml").write_text("tags: {tag: [0, 0, 0]}\n")
-    told = {"world": str(tmp_path / "world"), "sigma_relative": 0.0, "format": "data", "unit": "mm"}
-    peer.start("simulate_uwb", told)
-    heard = peer.hear("uwb", "locfuse_msgs/UwbData")
+    given = {
+        "world": str(tmp_path / "world"),
+        "sigma_relative": 0.0,
+        "format": "data",
+        "unit": "mm",
+    }
+    peer.start("simulate_uwb", given)
+    received = peer.subscribe("uwb", "locfuse_msgs/UwbData")
     out = offered(peer, "ground_truth", "geometry_msgs/PoseStamped")
     peer.wait("a match", out.get_subscription_count)
     fields = {"header": encode.header(EPOCH_NS, "map"),
@@ -283,15 +287,15 @@ def test_the_truth_may_be_a_pose_and_ranges_those_of_the_paper(peer: Peer, tmp_p
         fields["header"] = encode.header(EPOCH_NS + next(number) * 10**9, "map")
         peer.publish(Publication("ground_truth", "geometry_msgs/PoseStamped", fields))
         peer.spin(0.05)
-        return bool(heard)
+        return bool(received)
 
     peer.wait("ranges", answered)
-    [row] = decode.ranges(heard[0], unit="mm")
+    [row] = decode.ranges(received[0], unit="mm")
     assert (row.anchor, row.range_m) == ("7", 5.0)
 
 
 @pytest.mark.parametrize(
-    ("node", "told", "says"),
+    ("node", "given", "says"),
     [
         ("simulate_uwb", {"world": "/no/such"}, "/no/such: no such folder"),
         ("simulate_uwb", {"rte_hz": 1.0}, "unknown 'rte_hz'; did you mean 'rate_hz'?"),
@@ -301,20 +305,20 @@ def test_the_truth_may_be_a_pose_and_ranges_those_of_the_paper(peer: Peer, tmp_p
     ],
 )
 def test_small_nodes_say_what_is_wrong(
-    peer: Peer, node: str, told: dict[str, Any], says: str
+    peer: Peer, node: str, given: dict[str, Any], says: str
 ) -> None:
-    process = peer.start(node, told)
+    process = peer.start(node, given)
     assert process.wait() == 1
     assert says in process.log()
     assert "Traceback" not in process.log()
 
 
-def test_a_log_speaks_again_to_the_node(peer: Peer, tmp_path: Path) -> None:
+def test_a_log_is_replayed_to_the_node(peer: Peer, tmp_path: Path) -> None:
     robot = Robot(peer, simulated(seed=1))
     write_log(robot.log, tmp_path / "log")
     start_localize(robot, tmp_path)
-    told = {"log": str(tmp_path / "log"), "speed": 5.0}
-    replay = peer.start("replay_log", told)
+    given = {"log": str(tmp_path / "log"), "speed": 5.0}
+    replay = peer.start("replay_log", given)
     peer.wait("the end of the log", lambda: replay.process.poll() is not None, 30.0)
     peer.spin(0.5)
     assert "the log has ended" in replay.log()

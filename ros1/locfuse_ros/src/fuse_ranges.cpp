@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A node on the C++ library itself: odometry and UWB ranges in, the pose of the body in the map
-// out. For robots that need no more than that, and as an example of a node of one's own. It does
-// not find its start: ~start says it. Stamps of odometry must increase; ranges may come late.
+// Node that uses the C++ library directly: subscribes to odometry and UWB ranges, publishes the
+// pose of the body in the map. For robots that need no more, and as an example. It requires the
+// initial pose ~start. Stamps of odometry must increase; ranges may arrive late.
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <locfuse_msgs/UwbRanges.h>
 #include <nav_msgs/Odometry.h>
@@ -22,7 +22,7 @@ namespace {
 using locfuse::Id;
 using locfuse::Stamp;
 
-constexpr Stamp kHistory = 1'000'000'000;  // how late a range may be [ns]
+constexpr Stamp kHistory = 1'000'000'000;  // maximum delay of a range [ns]
 constexpr double kDegree = 3.14159265358979323846 / 180.0;
 
 Stamp stamp_of(const ros::Time& time) { return static_cast<Stamp>(time.toNSec()); }
@@ -31,7 +31,7 @@ double heading_of(const geometry_msgs::Quaternion& q) {
   return std::atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z));
 }
 
-// Names become numbers, in the order in which they are told.
+// Ids of names, numbered in order of first use.
 using Names = std::map<std::string, Id>;
 
 std::vector<double> numbers_of(XmlRpc::XmlRpcValue& value, const std::string& what, int count) {
@@ -54,12 +54,13 @@ std::vector<double> numbers_of(XmlRpc::XmlRpcValue& value, const std::string& wh
 template <class Point>
 std::vector<Point> points_of(const ros::NodeHandle& own, const std::string& parameter,
                              Names& names) {
-  XmlRpc::XmlRpcValue told;
-  if (!own.getParam(parameter, told) || told.getType() != XmlRpc::XmlRpcValue::TypeStruct) {
+  XmlRpc::XmlRpcValue parameter_value;
+  if (!own.getParam(parameter, parameter_value) ||
+      parameter_value.getType() != XmlRpc::XmlRpcValue::TypeStruct) {
     throw std::invalid_argument("parameter ~" + parameter + ": expected {NAME: [x, y, z]}");
   }
   std::vector<Point> points;
-  for (auto& [name, value] : told) {
+  for (auto& [name, value] : parameter_value) {
     const std::vector<double> at = numbers_of(value, "~" + parameter + "/" + name, 3);
     Point point;
     point.id = names.emplace(name, static_cast<Id>(names.size())).first->second;
@@ -73,7 +74,7 @@ class Node {
  public:
   Node(ros::NodeHandle& node, const ros::NodeHandle& own)
       : map_frame_(own.param<std::string>("map_frame", "map")), start_(estimator(own)) {
-    // Without Nagle's algorithm, which holds small messages back.
+    // Without Nagle's algorithm, which delays small messages.
     const ros::TransportHints hints = ros::TransportHints().tcpNoDelay();
     pose_ = node.advertise<geometry_msgs::PoseWithCovarianceStamped>("locfuse/pose", 100);
     odometry_ = node.subscribe("odom", 1000, &Node::on_odometry, this, hints);
@@ -84,11 +85,11 @@ class Node {
   locfuse::PoseEkf estimator(const ros::NodeHandle& own) {
     auto anchors = points_of<locfuse::Anchor>(own, "anchors", anchors_);
     auto tags = points_of<locfuse::Tag>(own, "tags", tags_);
-    XmlRpc::XmlRpcValue told;
-    if (!own.getParam("start", told)) {
+    XmlRpc::XmlRpcValue parameter_value;
+    if (!own.getParam("start", parameter_value)) {
       throw std::invalid_argument("parameter ~start: expected [x_m, y_m, heading_deg]");
     }
-    const std::vector<double> start = numbers_of(told, "parameter ~start", 3);
+    const std::vector<double> start = numbers_of(parameter_value, "parameter ~start", 3);
     const double sigma = own.param("start_sigma_m", 0.5);
     const double turn = own.param("start_sigma_heading_deg", 10.0) * kDegree;
     const locfuse::Vector<3> variances(sigma * sigma, sigma * sigma, turn * turn);
@@ -123,7 +124,8 @@ class Node {
       const auto tag = tags_.find(z.tag);
       if (anchor == anchors_.end() || tag == tags_.end()) {
         ROS_WARN_THROTTLE(
-            10.0, "a range from tag '%s' to anchor '%s', of which one is not among the parameters",
+            10.0,
+            "range from tag '%s' to anchor '%s' ignored: expected names in ~tags and ~anchors",
             z.tag.c_str(), z.anchor.c_str());
         continue;
       }
@@ -143,27 +145,27 @@ class Node {
     try {
       timeline_->on(message, [](std::size_t, const locfuse::Outcome&) {});
     } catch (const std::exception& error) {
-      ROS_WARN_THROTTLE(1.0, "a message is left out: %s", error.what());
+      ROS_WARN_THROTTLE(1.0, "message ignored: %s", error.what());
     }
   }
 
-  // The pose at the end of what odometry has told, or at a range that was ahead of it.
+  // Publishes the pose at the end of the latest odometry, or at a later range.
   void publish() {
     const locfuse::PoseEstimate estimate = timeline_->estimator().estimate();
-    geometry_msgs::PoseWithCovarianceStamped told;
-    told.header.stamp.fromNSec(static_cast<std::uint64_t>(estimate.stamp));
-    told.header.frame_id = map_frame_;
-    told.pose.pose.position.x = estimate.pose.x;
-    told.pose.pose.position.y = estimate.pose.y;
-    told.pose.pose.orientation.z = std::sin(0.5 * estimate.pose.heading);
-    told.pose.pose.orientation.w = std::cos(0.5 * estimate.pose.heading);
-    constexpr std::size_t kRow[] = {0, 1, 5};  // of x, y and yaw among the six of ROS
+    geometry_msgs::PoseWithCovarianceStamped message;
+    message.header.stamp.fromNSec(static_cast<std::uint64_t>(estimate.stamp));
+    message.header.frame_id = map_frame_;
+    message.pose.pose.position.x = estimate.pose.x;
+    message.pose.pose.position.y = estimate.pose.y;
+    message.pose.pose.orientation.z = std::sin(0.5 * estimate.pose.heading);
+    message.pose.pose.orientation.w = std::cos(0.5 * estimate.pose.heading);
+    constexpr std::size_t kRow[] = {0, 1, 5};  // rows of x, y and yaw in the 6x6 covariance
     for (int i = 0; i < 3; ++i) {
       for (int j = 0; j < 3; ++j) {
-        told.pose.covariance[6 * kRow[i] + kRow[j]] = estimate.covariance(i, j);
+        message.pose.covariance[6 * kRow[i] + kRow[j]] = estimate.covariance(i, j);
       }
     }
-    pose_.publish(told);
+    pose_.publish(message);
   }
 
   struct Last {
@@ -175,7 +177,7 @@ class Node {
   Names anchors_;
   Names tags_;
   locfuse::PoseEkf start_;
-  std::optional<locfuse::Timeline<locfuse::PoseEkf>> timeline_;  // from the first odometry on
+  std::optional<locfuse::Timeline<locfuse::PoseEkf>> timeline_;  // created by the first odometry
   std::optional<Last> last_;
   ros::Publisher pose_;
   ros::Subscriber odometry_;

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes of locfuse for ROS 2; all that is not about ROS 2 is in the package locfuse."""
+"""Nodes of locfuse for ROS 2; code independent of ROS 2 is in the package locfuse."""

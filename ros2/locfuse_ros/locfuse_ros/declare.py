@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of a node, declared with type, range and meaning; others are refused."""
+"""Declaration of node parameters with type, range and description; others are rejected."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from locfuse.config.schema import RunConfig
 from locfuse.ros.parameters import Parameter, config_of, folder_of, parameters, values_of
 from locfuse.types import ConfigError
 
-# What every node of ROS 2 has, whoever wrote it.
+# Parameters that every ROS 2 node has.
 OF_ROS = ("use_sim_time", "start_type_description_service")
 KINDS = {
     "bool": RosParameter.Type.BOOL,
@@ -30,41 +30,42 @@ KINDS = {
 
 
 def given(node: Node) -> dict[str, Any]:
-    """Return what a node was told, and forget that it was declared so.
+    """Return the parameter overrides of a node and undeclare them.
 
-    The node must declare its parameters from what it is told, so that none is overlooked.
+    The node must be created with `automatically_declare_parameters_from_overrides`, so that none
+    is missed.
     """
-    told = {
+    overrides = {
         name: parameter.value
         for name, parameter in node.get_parameters_by_prefix("").items()
         if name not in OF_ROS and not name.startswith("qos_overrides.")
     }
-    for name in told:
+    for name in overrides:
         node.undeclare_parameter(name)
-    return told
+    return overrides
 
 
 def configure(node: Node) -> tuple[RunConfig, Path]:
-    """Declare every key of a run's configuration; return it, and what its paths are relative to.
+    """Declare every key of a run's configuration; return it and the base of its paths.
 
     Raises
     ------
     ConfigError
-        If a parameter is unknown (names the nearest one) or has a value that is not allowed, or
-        the file that ``config`` names is wrong.
+        If a parameter is unknown (names the nearest one), a value is not allowed, or the file
+        ``config`` is not valid.
     """
-    told = given(node)
-    path = told.pop("config", "")
+    overrides = given(node)
+    path = overrides.pop("config", "")
     if not isinstance(path, str):
         raise ConfigError(f"parameters: config is {path!r}, expected the path of a YAML file")
-    config = config_of(told, path or None)
-    text = "path of the YAML of a run, below what other parameters say"
+    config = config_of(overrides, path or None)
+    text = "path of the YAML of a run; other parameters override it"
     declare(node, [Parameter("config", "text", path, None, None, text), *parameters(config)])
     return config, folder_of(path)
 
 
 def options(node: Node, known: Sequence[Parameter]) -> dict[str, Any]:
-    """Declare the parameters of a small node; return their values by name.
+    """Declare the given parameters of a node; return their values by name.
 
     Raises
     ------
@@ -77,7 +78,7 @@ def options(node: Node, known: Sequence[Parameter]) -> dict[str, Any]:
 
 
 def declare(node: Node, known: Sequence[Parameter]) -> None:
-    """Declare parameters as a node holds them: they say what is, and cannot be set on the way."""
+    """Declare parameters as read-only with their current values."""
     for parameter in known:
         descriptor = ParameterDescriptor(
             description=parameter.description,
@@ -86,10 +87,10 @@ def declare(node: Node, known: Sequence[Parameter]) -> None:
             dynamic_typing=parameter.kind == "any",
         )
         _bound(descriptor, parameter)
-        told = parameter.value
-        if told is None and parameter.kind != "any":
-            told = KINDS[parameter.kind]
-        node.declare_parameter(parameter.name, told, descriptor, ignore_override=True)
+        default = parameter.value
+        if default is None and parameter.kind != "any":
+            default = KINDS[parameter.kind]
+        node.declare_parameter(parameter.name, default, descriptor, ignore_override=True)
 
 
 def _bound(descriptor: ParameterDescriptor, parameter: Parameter) -> None:

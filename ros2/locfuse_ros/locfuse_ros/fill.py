@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plain fields, as locfuse tells what to publish, become ROS 2 messages."""
+"""ROS 2 messages from the plain fields of a publication."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def message_class(type_name: str) -> Any:
     Raises
     ------
     LookupError
-        If its package is not installed or has no such message: names both and what to do.
+        If its package is not installed or has no such message.
     """
     package, _, name = type_name.replace("/msg/", "/").partition("/")
     try:
@@ -38,7 +38,7 @@ def message_class(type_name: str) -> Any:
 
 
 def message_of(type_name: str, fields: Mapping[str, Any]) -> Any:
-    """Return a message with these fields; stamps are ``{"ns": int}``, what is not given is zero.
+    """Return a message with these fields; stamps are ``{"ns": int}``, the default is zero.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def message_of(type_name: str, fields: Mapping[str, Any]) -> Any:
     LookupError
         As `message_class`.
     ValueError
-        If a stamp lies outside of what ROS 2 can say.
+        If a stamp is outside the limits of ROS 2.
 
     Examples
     --------
@@ -63,11 +63,11 @@ def time_of(stamp_ns: int) -> Time:
     Raises
     ------
     ValueError
-        If it lies before 1901 or beyond 2038.
+        If it is before 1901 or after 2038, the limits of ROS 2.
     """
     seconds, rest = divmod(int(stamp_ns), NANOSECONDS)
     if not -(2**31) <= seconds < 2**31:
-        raise ValueError(f"a stamp of {stamp_ns} ns, which ROS 2 cannot say; expected 1901 to 2038")
+        raise ValueError(f"stamp of {stamp_ns} ns does not fit into ROS 2, expected 1901 to 2038")
     return Time(sec=seconds, nanosec=rest)
 
 
@@ -85,8 +85,8 @@ def _fill(message: Any, fields: Mapping[str, Any]) -> Any:
 
 
 def _value(kind: str, value: Any) -> Any:
-    """Return a value as a field takes it; a kind is such as ``sequence<geometry_msgs/Point>``."""
-    if kind == "octet":  # a byte, as the level of diagnostics
+    """Return a value for a field of a type such as ``sequence<geometry_msgs/Point>``."""
+    if kind == "octet":  # a byte, like the level of diagnostics
         return bytes([value])
     if isinstance(value, np.ndarray):
         return value.tolist() if kind.startswith("sequence<string") else value

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node `localize`: topics in and out around `locfuse.ros.adapter.Adapter`, which decides."""
+"""Node `localize`: connects topics to `locfuse.ros.adapter.Adapter`."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from locfuse.ros.dropped_messages import Lines
 from locfuse.types import ConfigError
 from locfuse_ros.declare import configure
 from locfuse_ros.fill import message_class, message_of
-from locfuse_ros.hear import LOOK_S, In, Once, resolved
-from locfuse_ros.qos import is_not_heard, to_hear, to_tell
+from locfuse_ros.qos import publisher_qos, subscriber_mismatch, subscriber_qos
 from locfuse_ros.start import run
+from locfuse_ros.subscriptions import LOOK_S, In, Once, resolved
 
 REPORT_S = 1.0
-LOSSES_S = 60.0  # between words in the log of what is lost; diagnostics have it at once
-ONE_VOICE = ("odometry", "scans")  # of which two publishers at once are a mistake
+LOSSES_S = 60.0  # interval of log messages about losses; diagnostics report them at once
+SINGLE_PUBLISHER = ("odometry", "scans")  # sources with at most one publisher
 ADVICE = "the network or this computer is too slow for them, or a queue too small"
 
 
 class Localizer(Node):
-    """Hands messages to the adapter one at a time, and publishes what it says."""
+    """Passes messages to the adapter one at a time and publishes its results."""
 
     def __init__(self) -> None:
         super().__init__("locfuse", automatically_declare_parameters_from_overrides=True)
@@ -41,30 +41,30 @@ class Localizer(Node):
         self._lines = Lines(ADVICE)
         self._names: dict[str, str] = {}
         self.once = Once(self)
-        self._work: list[float] = []  # ms, of each message since the last report
-        # Before the first message, so that who listens is there when it comes.
+        self._work: list[float] = []  # [ms] per message since the last report
+        # Advertised before the first message, so that subscribers are connected by then.
         self._outs: dict[str, Out] = {}
         for topic, kind, latched in self._adapter.announced:
             self._out(topic, kind, latched)
         self._ins = {s: self._in(s) for s in self._adapter.subscriptions}
         self._offer_services()
-        wall = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand
+        wall = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         self.create_timer(LOOK_S, self._tick, clock=wall)
         self.create_timer(REPORT_S, self._report, clock=wall)
 
     def _in(self, subscription: Subscription) -> In:
         source, topic = subscription.source, subscription.topic
 
-        def heard(message: Any, info: Any) -> None:
-            self._hear(source, topic, message, info)
+        def receive(message: Any, info: Any) -> None:
+            self._receive(source, topic, message, info)
 
-        qos = to_hear(subscription.latched, subscription.queue)
+        qos = subscriber_qos(subscription.latched, subscription.queue)
         advice = f"another topic for ros.topics.{source}"
-        return In(self, topic, subscription.types, qos, heard, advice)
+        return In(self, topic, subscription.types, qos, receive, advice)
 
-    def _hear(self, source: str, topic: str, message: Any, info: Any) -> None:
-        """Take a message that came on a topic."""
-        # Without it, as before Kilted, numbers of several publishers cannot be told apart.
+    def _receive(self, source: str, topic: str, message: Any, info: Any) -> None:
+        """Process a message of a topic."""
+        # Without a gid, as before Kilted, sequence numbers cannot be assigned to publishers.
         publisher = info.get("publisher_gid", {}).get("data", b"").hex()
         number = info["publication_sequence_number"] if publisher else None
         self._lines.heard(topic, publisher, number)
@@ -73,8 +73,8 @@ class Localizer(Node):
         self._work.append(1e3 * (time.perf_counter() - began))
 
     def _handle(self, work: Callable[[int], Iterable[Any]]) -> None:
-        for told in work(self.get_clock().now().nanoseconds):
-            self._out(told.topic, told.type, told.latched).publish(told.fields)
+        for p in work(self.get_clock().now().nanoseconds):
+            self._out(p.topic, p.type, p.latched).publish(p.fields)
         for problem in self._adapter.problems():
             self.get_logger().warning(problem)
 
@@ -89,43 +89,43 @@ class Localizer(Node):
         self._handle(self._adapter.tick)
 
     def _name_of(self, topic: str, publisher: str) -> str:
-        """Return the name of the node that has a publisher, if it has told."""
+        """Return the name of the node of a publisher, if discovered."""
         if publisher not in self._names:
-            for told in self.get_publishers_info_by_topic(resolved(self, topic)):
-                if "UNKNOWN" not in told.node_name:  # who is not discovered yet
-                    namespace = told.node_namespace.rstrip("/")
-                    name = f"{namespace}/{told.node_name}"
-                    self._names[bytes(told.endpoint_gid).hex()] = name
-        return self._names.get(publisher, "a publisher without name")
+            for info in self.get_publishers_info_by_topic(resolved(self, topic)):
+                if "UNKNOWN" not in info.node_name:  # not discovered yet
+                    namespace = info.node_namespace.rstrip("/")
+                    name = f"{namespace}/{info.node_name}"
+                    self._names[bytes(info.endpoint_gid).hex()] = name
+        return self._names.get(publisher, "an unnamed publisher")
 
-    def _voices(self, topic: str) -> str:
-        voices = self._lines.publishers(topic)
-        return " and ".join(self._name_of(topic, publisher) for publisher in voices)
+    def _publisher_names(self, topic: str) -> str:
+        publishers = self._lines.publishers(topic)
+        return " and ".join(self._name_of(topic, publisher) for publisher in publishers)
 
     def _report(self) -> None:
-        """Say what was lost on the way, in the log and as diagnostics."""
-        news = self._lines.news(self._name_of)
-        if news:
-            self.get_logger().warning("; ".join(news), throttle_duration_sec=LOSSES_S)
+        """Report lost messages in the log and as diagnostics."""
+        losses = self._lines.news(self._name_of)
+        if losses:
+            self.get_logger().warning("; ".join(losses), throttle_duration_sec=LOSSES_S)
         for subscription, one in self._ins.items():
-            if subscription.source in ONE_VOICE and one.publishers > 1:
+            if subscription.source in SINGLE_PUBLISHER and one.publishers > 1:
                 self.once.say(
-                    f"{one.topic} has {one.publishers} publishers, {self._voices(one.topic)}, "
-                    "whose messages are taken for those of one sensor; stop all but one, or give "
-                    "each a topic"
+                    f"{one.topic} has {one.publishers} publishers, "
+                    f"{self._publisher_names(one.topic)}, whose messages are treated as one "
+                    "sensor's; stop all but one, or give each its own topic"
                 )
         values = [
             {
                 "key": f"{topic} from {self._name_of(topic, publisher)}",
-                "value": f"{n.received} heard, {n.lost} lost",
+                "value": f"{n.received} received, {n.lost} lost",
             }
             for (topic, publisher), n in self._lines.lines.items()
         ]
         values += self._worked()
         status = {
-            "level": 1 if news else 0,
+            "level": 1 if losses else 0,
             "name": "locfuse: topics",
-            "message": news[0] if news else "nothing was lost since the last report",
+            "message": losses[0] if losses else "no message was lost since the last report",
             "hardware_id": "locfuse",
             "values": values,
         }
@@ -134,13 +134,13 @@ class Localizer(Node):
         out.publish({"header": {"stamp": stamp}, "status": [status]})
 
     def _worked(self) -> list[dict[str, str]]:
-        """Return how long the messages of the last second took, from taken to published."""
+        """Return processing times of the messages of the last second, up to publication."""
         work, self._work = sorted(self._work), []
         if not work:
             return []
-        told = {"median": work[len(work) // 2], "99 %": work[len(work) * 99 // 100],
-                "longest": work[-1]}  # fmt: skip
-        return [{"key": f"work [ms] {name}", "value": f"{ms:.3f}"} for name, ms in told.items()]
+        work_ms = {"median": work[len(work) // 2], "99 %": work[len(work) * 99 // 100],
+                   "longest": work[-1]}  # fmt: skip
+        return [{"key": f"work [ms] {name}", "value": f"{ms:.3f}"} for name, ms in work_ms.items()]
 
     def _offer_services(self) -> None:
         def calls(work: Callable[[], None], done: str) -> Callable[[Any, Any], Any]:
@@ -164,22 +164,22 @@ class Localizer(Node):
 
             return answer
 
-        reset = calls(self._adapter.reset, "all that was heard is forgotten")
-        relocalize = calls(self._adapter.relocalize, "the pose is forgotten and searched anew")
+        reset = calls(self._adapter.reset, "the estimator was reset")
+        relocalize = calls(self._adapter.relocalize, "the pose is searched again")
         self.create_service(Trigger, "~/reset", reset)
         self.create_service(Trigger, "~/relocalize", relocalize)
-        heard = {one.source for one in self._ins}
+        subscribed = {one.source for one in self._ins}
         for source in (*SOURCES, "scans"):
-            if source in heard:
+            if source in subscribed:
                 self.create_service(SetBool, f"~/enable/{source}", switches(source))
 
 
 class Out:
-    """A topic that is told, at once and, if it is latched, to those who come later."""
+    """Publisher of a topic; if latched, also for subscribers that come later."""
 
     def __init__(self, node: Localizer, topic: str, kind: str, latched: bool) -> None:
         self._node, self._kind, self._latched = node, kind, latched
-        self._name, self._qos = resolved(node, topic), to_tell(latched)
+        self._name, self._qos = resolved(node, topic), publisher_qos(latched)
         self._last: Any = None
         events = PublisherEventCallbacks(
             incompatible_qos=self._mismatch,
@@ -198,28 +198,28 @@ class Out:
         self._publisher.publish(message)
 
     def _match(self, event: Any) -> None:
-        """Tell it again to one who came later and did not ask for what was: an AMCL does not."""
+        """Publish again for a late subscriber with volatile durability, such as AMCL."""
         if self._last is None or event.current_count_change <= 0:
             return
         others = self._node.get_subscriptions_info_by_topic(self._name)
         if any(
-            told.qos_profile.durability != DurabilityPolicy.TRANSIENT_LOCAL
-            and told.node_name != self._node.get_name()
-            for told in others
+            info.qos_profile.durability != DurabilityPolicy.TRANSIENT_LOCAL
+            and info.node_name != self._node.get_name()
+            for info in others
         ):
             self._publisher.publish(self._last)
 
     def _mismatch(self, event: Any) -> None:
         if event.total_count:
-            self._node.once.say(is_not_heard(self._name, event.last_policy_kind, self._qos))
+            self._node.once.say(subscriber_mismatch(self._name, event.last_policy_kind, self._qos))
 
 
 def main() -> int:
-    """Run the node; return 1 if it cannot start, having said why."""
+    """Run the node; return 1 if it cannot start, after logging why."""
 
     def made() -> Localizer:
         node = Localizer()
-        gc.freeze()  # what lives as long as the node need not be looked at again and again
+        gc.freeze()  # spares the collector objects that live as long as the node
         return node
 
     return run(made)

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How topics are heard and told, and what is said where two sides do not fit."""
+"""QoS profiles of subscriptions and publishers, and warnings on mismatches."""
 
 from __future__ import annotations
 
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 
-QUEUE = 100  # messages of ours that wait for a subscriber who is slow
-LATCHED = 100  # as many publishers of tf_static may have told theirs before the node came
+QUEUE = 100  # outgoing messages queued for a slow subscriber
+LATCHED = 100  # maximum publishers of tf_static that published before the node started
 
 _WORDS = {
     QoSPolicyKind.DURABILITY: "durability",
@@ -16,11 +16,11 @@ _WORDS = {
 }
 
 
-def to_hear(latched: bool, queue: int) -> QoSProfile:
-    """Return how a topic is heard.
+def subscriber_qos(latched: bool, queue: int) -> QoSProfile:
+    """Return the QoS of a subscription.
 
-    What is latched must be offered reliable and transient local. Of all else best effort is
-    enough, so that publishers that are reliable fit as well as those that are not.
+    Latched topics require reliable, transient local publishers. All others request best effort, so
+    that reliable and best-effort publishers are both compatible.
     """
     if latched:
         return QoSProfile(
@@ -35,8 +35,8 @@ def to_hear(latched: bool, queue: int) -> QoSProfile:
     )
 
 
-def to_tell(latched: bool) -> QoSProfile:
-    """Return how a topic is told: reliable, and if it is latched, to those who come later."""
+def publisher_qos(latched: bool) -> QoSProfile:
+    """Return the QoS of a publisher: reliable, and transient local if latched."""
     return QoSProfile(
         depth=1 if latched else QUEUE,
         reliability=ReliabilityPolicy.RELIABLE,
@@ -44,20 +44,20 @@ def to_tell(latched: bool) -> QoSProfile:
     )
 
 
-def does_not_hear(topic: str, policy: QoSPolicyKind, asked: QoSProfile) -> str:
-    """Return what to say of a publisher whose messages do not arrive."""
+def publisher_mismatch(topic: str, policy: QoSPolicyKind, asked: QoSProfile) -> str:
+    """Return the warning about a publisher with incompatible QoS."""
     return (
-        f"QoS mismatch on {topic}: none of a publisher's messages arrive, as its "
-        f"{_WORDS.get(policy, policy.name.lower())} is less than this node asks for, "
+        f"QoS mismatch on {topic}: no messages of a publisher are received, as its "
+        f"{_WORDS.get(policy, policy.name.lower())} is lower than this node requests, "
         f"{_asked(policy, asked)}; start the publisher with that"
     )
 
 
-def is_not_heard(topic: str, policy: QoSPolicyKind, offered: QoSProfile) -> str:
-    """Return what to say of a subscriber whom our messages do not reach."""
+def subscriber_mismatch(topic: str, policy: QoSPolicyKind, offered: QoSProfile) -> str:
+    """Return the warning about a subscriber with incompatible QoS."""
     return (
-        f"QoS mismatch on {topic}: a subscriber hears nothing, as the "
-        f"{_WORDS.get(policy, policy.name.lower())} that it asks for is more than this node "
+        f"QoS mismatch on {topic}: a subscriber receives nothing, as the "
+        f"{_WORDS.get(policy, policy.name.lower())} that it requests is higher than this node "
         f"offers, {_asked(policy, offered)}; start the subscriber with that"
     )
 

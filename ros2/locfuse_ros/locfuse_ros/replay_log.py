@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node `replay_log`: topics around `locfuse.ros.log_player.LogPlayer`."""
+"""Node `replay_log`: publishes the messages of `locfuse.ros.log_player.LogPlayer`."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from locfuse.io.rosbag.encode import Publication
 from locfuse.ros.log_player import PARAMETERS, SETTLE_S, LogPlayer, Patience
 from locfuse_ros.declare import options
 from locfuse_ros.fill import message_class, message_of, time_of
-from locfuse_ros.hear import resolved
-from locfuse_ros.qos import to_tell
+from locfuse_ros.qos import publisher_qos
 from locfuse_ros.start import run
+from locfuse_ros.subscriptions import resolved
 
-LONGEST_S = 0.005  # of work at once, so that services and signals get their turn
+MAX_WORK_S = 0.005  # maximum work per call, so that services and signals are handled
 
 
 class LogNode(Node):
-    """Publishes what is due; ends the process when all is said."""
+    """Publishes due messages; ends the process after the last."""
 
     def __init__(self) -> None:
         super().__init__("replay_log", automatically_declare_parameters_from_overrides=True)
-        told = options(self, PARAMETERS)
-        self._player = LogPlayer(told, self.get_logger().warning)
+        parameters = options(self, PARAMETERS)
+        self._player = LogPlayer(parameters, self.get_logger().warning)
         self._outs = {p.topic: self._publisher(p) for p in self._player.topics}
         self._clock = None
-        if told["clock"]:
+        if parameters["clock"]:
             self._clock = self.create_publisher(ClockMessage, "/clock", QoSProfile(depth=10))
-        self._patience: Patience | None = Patience(told["wait_s"], time.monotonic())
+        self._patience: Patience | None = Patience(parameters["wait_s"], time.monotonic())
         self._began = 0.0
         self._steps = self._player.steps()
         self._next = next(self._steps, None)
@@ -52,15 +52,15 @@ class LogNode(Node):
                     self._publish(publication)
             return
         while self._next is not None and self._began + self._next.due_s <= time.monotonic():
-            self._tell(self._next.clock_ns, self._next.publication)
+            self._step(self._next.clock_ns, self._next.publication)
             self._next = next(self._steps, None)
-            if time.monotonic() > now + LONGEST_S:
+            if time.monotonic() > now + MAX_WORK_S:
                 return
         if self._next is None:
             self.get_logger().info("the log has ended")
             rclpy.try_shutdown()
 
-    def _tell(self, clock_ns: int, publication: Publication | None) -> None:
+    def _step(self, clock_ns: int, publication: Publication | None) -> None:
         if publication is not None:
             self._publish(publication)
         elif self._clock is not None:
@@ -68,7 +68,7 @@ class LogNode(Node):
 
     def _publisher(self, p: Publication) -> Any:
         return self.create_publisher(
-            message_class(p.type), resolved(self, p.topic), to_tell(p.latched)
+            message_class(p.type), resolved(self, p.topic), publisher_qos(p.latched)
         )
 
     def _publish(self, p: Publication) -> None:
@@ -76,5 +76,5 @@ class LogNode(Node):
 
 
 def main() -> int:
-    """Run the node; return 1 if it cannot start, having said why."""
+    """Run the node; return 1 if it cannot start, after logging why."""
     return run(LogNode)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How every node here begins and ends."""
+"""Start and end of a node."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from locfuse.types import ConfigError, LogError
 
 
 def run(make: Callable[[], Node]) -> int:
-    """Run a node until it is told to end; return 1 if it cannot start, having said why."""
+    """Run a node until shutdown; return 1 if it cannot start, after logging why."""
     rclpy.init(args=sys.argv)
     try:
         rclpy.spin(make())

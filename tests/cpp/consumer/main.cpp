@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ranges from three anchors pull a start that is 36 cm off to the truth. Returns 0 only if they do.
+// Ranges from three anchors correct a start that is 36 cm off. Returns 0 on success.
 #include <cmath>
 #include <locfuse/locfuse.hpp>
 
@@ -24,7 +24,7 @@ int main() {
       }
     }
   }
-  // What is in PCL's libraries must be found, too.
+  // Symbols of the PCL libraries must be found, too.
   const auto grid = std::make_shared<locfuse::OccupancyGrid>(
       2, 1, 1.0, locfuse::Pose2{},
       std::vector<locfuse::Cell>{locfuse::Cell::kFree, locfuse::Cell::kOccupied});

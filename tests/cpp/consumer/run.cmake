@@ -7,11 +7,11 @@ endfunction()
 file(REMOVE_RECURSE ${WORK_DIR})
 if(WAY STREQUAL "installed")
   run(${CMAKE_COMMAND} --install ${LOCFUSE_BINARY_DIR} --prefix ${WORK_DIR}/built --component cpp)
-  file(RENAME ${WORK_DIR}/built ${WORK_DIR}/prefix) # whoever remembers the first path will fail
+  file(RENAME ${WORK_DIR}/built ${WORK_DIR}/prefix) # absolute paths of the first prefix must not be used
   set(where -D CMAKE_PREFIX_PATH=${WORK_DIR}/prefix)
 elseif(WAY STREQUAL "as_subdirectory")
-  # With the options of this build, and as many folders below the sources, the compiler's cache
-  # has the whole library.
+  # With the options of this build and the same depth below the sources, the whole library is in the
+  # compiler cache.
   set(
     where
     -DCONSUMER_SOURCE_DIR=${LOCFUSE_SOURCE_DIR}

@@ -38,7 +38,7 @@ def test_a_motion_may_depend_on_what_it_does_not_move() -> None:
 
 
 @pytest.mark.parametrize(("moved", "jacobian", "noise", "why"), [
-    ([], np.empty((0, 0)), np.empty((0, 0)), "a step of 0 variables"),
+    ([], np.empty((0, 0)), np.empty((0, 0)), "0 variables"),
     ([1.0, 2.0], np.eye(2)[:1], np.eye(2), "jacobian of 1 x 2"),
     ([1.0, 2.0], np.eye(2)[:, :1], np.eye(2), "jacobian of 2 x 1"),
     ([1.0], [[1.0]], np.eye(2), "noise of 2 x 2"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plain fields, as locfuse tells what to publish, become ROS 1 messages."""
+"""ROS 1 messages from the plain fields of a publication."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import roslib.message
 
 from locfuse.types import ConfigError
 
-# Where a type has another name than in ROS 1.
+# Full names of ROS 1's built-in types.
 _BUILTIN = {"Header": "std_msgs/Header"}
 
 
@@ -23,7 +23,7 @@ def message_class(type_name: str) -> Any:
     Raises
     ------
     ConfigError
-        If its package is not installed: names the package and what to do.
+        If its package is not installed.
     """
     found = roslib.message.get_message_class(type_name)
     if found is None:
@@ -36,7 +36,7 @@ def message_class(type_name: str) -> Any:
 
 
 def message_of(type_name: str, fields: Mapping[str, Any]) -> Any:
-    """Return a message with these fields; stamps are ``{"ns": int}``, what is not given is zero.
+    """Return a message with these fields; stamps are ``{"ns": int}``, the default is zero.
 
     Raises
     ------
@@ -81,8 +81,8 @@ def time_of(stamp_ns: int) -> Any:
     Raises
     ------
     ValueError
-        If it lies before 1970, or beyond 2106, which ROS 1 cannot say.
+        If it is before 1970 or after 2106, the limits of ROS 1.
     """
     if not 0 <= stamp_ns < 2**32 * 1_000_000_000:
-        raise ValueError(f"a stamp of {stamp_ns} ns, which ROS 1 cannot say; expected 1970 to 2106")
+        raise ValueError(f"stamp of {stamp_ns} ns does not fit into ROS 1, expected 1970 to 2106")
     return genpy.Time(*divmod(stamp_ns, 1_000_000_000))

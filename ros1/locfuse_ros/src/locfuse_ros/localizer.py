@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node `localize`: topics in and out around `locfuse.ros.adapter.Adapter`, which decides."""
+"""Node `localize`: connects topics to `locfuse.ros.adapter.Adapter`."""
 
 from __future__ import annotations
 
@@ -19,41 +19,41 @@ from locfuse.ros.adapter import Adapter
 from locfuse.ros.dropped_messages import Lines
 from locfuse.ros.parameters import Parameter, config_of, folder_of, parameters, values_of
 from locfuse_ros.fill import message_class, message_of
-from locfuse_ros.hear import hear
 from locfuse_ros.node import run_node
+from locfuse_ros.subscriptions import subscribe
 
 CONFIG = Parameter("config", "text", "", None, None,
-                   "path of the YAML of a run, below what other parameters say")  # fmt: skip
+                   "path of the YAML of a run; other parameters override it")  # fmt: skip
 ADVICE = (
     "the network or this computer is too slow for them, or queue_size of their publisher too small"
 )
 TICK_S = 0.1
 REPORT_S = 1.0
-LOSSES_S = 60.0  # between words in the log of what is lost; diagnostics have it at once
-WORKED = 5000  # messages of which the diagnostics tell how long they took
-QUEUE = 100  # messages of ours that wait for a subscriber who is slow
-ONE_VOICE = ("odometry", "scans")  # of which two publishers at once are a mistake
-SWITCH_S = 0.0005  # threads take turns: with Python's 5 ms one message waits for another's work
+LOSSES_S = 60.0  # interval of log messages about losses; diagnostics report them at once
+WORKED = 5000  # number of messages in the processing times of the diagnostics
+QUEUE = 100  # outgoing messages queued for a slow subscriber
+SINGLE_PUBLISHER = ("odometry", "scans")  # sources with at most one publisher
+SWITCH_S = 0.0005  # Python's default of 5 ms delays messages behind other threads
 
 
 class Localizer:
-    """Hands messages to the adapter one at a time, and publishes what it says."""
+    """Passes messages to the adapter one at a time and publishes its results."""
 
     def __init__(self, adapter: Adapter) -> None:
         self._adapter = adapter
         self._lock = threading.RLock()  # rospy calls from a thread per connection
         self._lines = Lines(ADVICE)
-        self._two_voices: set[str] = set()
+        self._multiple_publishers: set[str] = set()
         self._work_s: deque[float] = deque(maxlen=WORKED)
-        # Before the first message, so that who listens is there when it comes.
+        # Advertised before the first message, so that subscribers are connected by then.
         self._publishers = {
             topic: _publisher(topic, kind, latched) for topic, kind, latched in adapter.announced
         }
         self._services = list(self._offer_services())
-        self._heard = [hear(s.topic, self._hearer(s)) for s in adapter.subscriptions]
+        self._subscribers = [subscribe(s.topic, self._callback(s)) for s in adapter.subscriptions]
 
     def run(self) -> None:
-        """Tick until the node is told to end, by the wall's clock: simulated time may stand."""
+        """Tick by the wall clock until shutdown; simulated time may stand still."""
         reported = time.monotonic()
         while not rospy.is_shutdown():
             time.sleep(TICK_S)
@@ -62,49 +62,52 @@ class Localizer:
                 reported = time.monotonic()
                 self._report()
 
-    def _hearer(self, subscription: Any) -> Callable[[str, str, Any], None]:
+    def _callback(self, subscription: Any) -> Callable[[str, str, Any], None]:
         source = subscription.source
 
-        def heard(topic: str, publisher: str, message: Any) -> None:
+        def receive(topic: str, publisher: str, message: Any) -> None:
             number = getattr(getattr(message, "header", None), "seq", None)
             with self._lock:
                 began = time.perf_counter()
                 self._lines.heard(topic, publisher, number)
                 self._handle(lambda now_ns: self._adapter.on(source, topic, message, now_ns))
-                if source in ONE_VOICE:
-                    self._expect_one_voice(topic)
+                if source in SINGLE_PUBLISHER:
+                    self._expect_one_publisher(topic)
                 self._work_s.append(time.perf_counter() - began)
 
-        return heard
+        return receive
 
     def _handle(self, work: Callable[[int], Iterable[Any]]) -> None:
         with self._lock:
-            for told in work(rospy.get_rostime().to_nsec()):
-                self._publish(told)
+            for publication in work(rospy.get_rostime().to_nsec()):
+                self._publish(publication)
             problems = self._adapter.problems()
         for problem in problems:
             rospy.logwarn(problem)
 
-    def _publish(self, told: Any) -> None:
-        if told.topic not in self._publishers:
-            self._publishers[told.topic] = _publisher(told.topic, told.type, told.latched)
-        self._publishers[told.topic].publish(message_of(told.type, told.fields))
+    def _publish(self, p: Any) -> None:
+        if p.topic not in self._publishers:
+            self._publishers[p.topic] = _publisher(p.topic, p.type, p.latched)
+        self._publishers[p.topic].publish(message_of(p.type, p.fields))
 
-    def _expect_one_voice(self, topic: str) -> None:
+    def _expect_one_publisher(self, topic: str) -> None:
         publishers = self._lines.publishers(topic)
-        if len(publishers) > 1 and topic not in self._two_voices:
-            self._two_voices.add(topic)
+        if len(publishers) > 1 and topic not in self._multiple_publishers:
+            self._multiple_publishers.add(topic)
             rospy.logwarn(
                 f"{topic} has {len(publishers)} publishers, {' and '.join(publishers)}, whose "
-                "messages are taken for those of one sensor; stop all but one, or give each a topic"
+                "messages are treated as one sensor's; stop all but one, or give each its own topic"
             )
 
     def _report(self) -> None:
-        """Say what was lost on the way, in the log and as diagnostics."""
+        """Report lost messages in the log and as diagnostics."""
         with self._lock:
-            news = self._lines.news()
+            losses = self._lines.news()
             values = [
-                {"key": f"{topic} from {publisher}", "value": f"{n.received} heard, {n.lost} lost"}
+                {
+                    "key": f"{topic} from {publisher}",
+                    "value": f"{n.received} received, {n.lost} lost",
+                }
                 for (topic, publisher), n in self._lines.lines.items()
             ]
             work_ms = 1000.0 * np.array(self._work_s or [0.0])
@@ -112,12 +115,12 @@ class Localizer:
             {"key": f"work_ms_{name}", "value": f"{np.percentile(work_ms, share):.3f}"}
             for name, share in (("median", 50), ("99_percent", 99))
         ]
-        if news:
-            rospy.logwarn_throttle(LOSSES_S, "; ".join(news))
+        if losses:
+            rospy.logwarn_throttle(LOSSES_S, "; ".join(losses))
         status = {
-            "level": 1 if news else 0,
+            "level": 1 if losses else 0,
             "name": "locfuse: topics",
-            "message": news[0] if news else "nothing was lost since the last report",
+            "message": losses[0] if losses else "no message was lost since the last report",
             "hardware_id": "locfuse",
             "values": values,
         }
@@ -144,22 +147,22 @@ class Localizer:
 
             return answer
 
-        reset = calls(self._adapter.reset, "all that was heard is forgotten")
-        relocalize = calls(self._adapter.relocalize, "the pose is forgotten and searched anew")
+        reset = calls(self._adapter.reset, "the estimator was reset")
+        relocalize = calls(self._adapter.relocalize, "the pose is searched again")
         yield rospy.Service("~reset", Trigger, reset)
         yield rospy.Service("~relocalize", Trigger, relocalize)
-        heard = {s.source for s in self._adapter.subscriptions}
-        for source in (s for s in (*SOURCES, "scans") if s in heard):
+        subscribed = {s.source for s in self._adapter.subscriptions}
+        for source in (s for s in (*SOURCES, "scans") if s in subscribed):
             yield rospy.Service(f"~enable/{source}", SetBool, switches(source))
 
 
 def _publisher(topic: str, type_name: str, latched: bool) -> Any:
-    name = f"/{topic}" if topic in ("tf", "diagnostics") else topic  # as everybody has them
+    name = f"/{topic}" if topic in ("tf", "diagnostics") else topic  # global by convention
     return rospy.Publisher(name, message_class(type_name), latch=latched, queue_size=QUEUE)
 
 
 def localize(given: Mapping[str, Any]) -> None:
-    """Localize until the node is told to end."""
+    """Localize until the node is shut down."""
     sys.setswitchinterval(SWITCH_S)
     name = rospy.get_name()
     path = values_of([CONFIG], {k: v for k, v in given.items() if k == "config"}, name)["config"]
@@ -169,5 +172,5 @@ def localize(given: Mapping[str, Any]) -> None:
 
 
 def main() -> int:
-    """Run the node; return 1 if it cannot start, having said why."""
+    """Run the node; return 1 if it cannot start, after logging why."""
     return run_node("locfuse", [CONFIG, *parameters(RunConfig())], localize)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node `replay_log`: topics around `locfuse.ros.log_player.LogPlayer`."""
+"""Node `replay_log`: publishes the messages of `locfuse.ros.log_player.LogPlayer`."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from locfuse_ros.node import run_node
 class LogNode:
     """Publishes a log."""
 
-    def __init__(self, told: Mapping[str, Any]) -> None:
-        self._player = LogPlayer(told, rospy.logwarn)
+    def __init__(self, parameters: Mapping[str, Any]) -> None:
+        self._player = LogPlayer(parameters, rospy.logwarn)
         self._publishers = {p.topic: self._publisher(p) for p in self._player.topics}
         self._clock = None
-        if told["clock"]:
+        if parameters["clock"]:
             self._clock = self._publisher(Publication("/clock", "rosgraph_msgs/Clock", {}))
-        self._wait(told["wait_s"])
+        self._wait(parameters["wait_s"])
         for publication in self._player.world:
             self._publish(publication)
         time.sleep(SETTLE_S)
@@ -34,12 +34,12 @@ class LogNode:
     @staticmethod
     def _publisher(p: Publication) -> Any:
         with warnings.catch_warnings():
-            # Without a queue a subscriber who is slow slows the log down, and loses nothing.
+            # Without a queue a slow subscriber slows the replay down instead of losing messages.
             warnings.simplefilter("ignore", SyntaxWarning)
             return rospy.Publisher(p.topic, message_class(p.type), latch=p.latched, queue_size=None)
 
-    def _wait(self, most_s: float) -> None:
-        patience = Patience(most_s, time.monotonic())
+    def _wait(self, max_s: float) -> None:
+        patience = Patience(max_s, time.monotonic())
         while not rospy.is_shutdown():
             listeners = sum(p.get_num_connections() for p in self._publishers.values())
             if patience.is_over(listeners, time.monotonic()):
@@ -50,7 +50,7 @@ class LogNode:
         self._publishers[p.topic].publish(message_of(p.type, p.fields))
 
     def play(self) -> None:
-        """Publish all, once or for ever."""
+        """Publish all messages, once or in a loop."""
         began = time.monotonic()
         for due_s, clock_ns, publication in self._player.steps():
             time.sleep(max(0.0, began + due_s - time.monotonic()))
@@ -64,10 +64,10 @@ class LogNode:
 
 
 def play(given: Mapping[str, Any]) -> None:
-    """Publish a log until it, or the node, ends."""
+    """Publish a log until its end or the shutdown of the node."""
     LogNode(values_of(PARAMETERS, given, rospy.get_name())).play()
 
 
 def main() -> int:
-    """Run the node; return 1 if it cannot start, having said why."""
+    """Run the node; return 1 if it cannot start, after logging why."""
     return run_node("replay_log", PARAMETERS, play)

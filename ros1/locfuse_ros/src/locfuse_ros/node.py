@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How every node begins and ends."""
+"""Start and end of a node."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from locfuse.types import ConfigError, LogError
 def run_node(
     name: str, declared: Sequence[Parameter], work: Callable[[Mapping[str, Any]], object]
 ) -> int:
-    """Start a node and do its work with the parameters that it was given.
+    """Start a node and run its work with the given parameters.
 
     Returns
     -------
     int
-        Exit status: 1 if it could not start, having said why in a sentence.
+        Exit status: 1 if it could not start, after logging why.
     """
     if {"-h", "--help"} & set(sys.argv[1:]):
-        print(f"{name} of locfuse_ros\nParameters:\n{told(declared)}")
+        print(f"{name} of locfuse_ros\nParameters:\n{parameters_text(declared)}")
         return 0
     rospy.init_node(name)
     try:
@@ -36,12 +36,12 @@ def run_node(
 
 
 def given() -> Mapping[str, Any]:
-    """Return what the parameter server holds below the node's name.
+    """Return the parameters of the node from the parameter server.
 
     Raises
     ------
     ConfigError
-        If that is a value itself.
+        If the name of the node is itself a value.
     """
     held = rospy.get_param("~", {})
     if not isinstance(held, Mapping):
@@ -49,7 +49,7 @@ def given() -> Mapping[str, Any]:
     return held
 
 
-def told(declared: Sequence[Parameter]) -> str:
+def parameters_text(declared: Sequence[Parameter]) -> str:
     """Return the declared parameters as text, one per line."""
     names = [f"~{p.name.replace('.', '/')}" for p in declared]
     width = max(map(len, names))
@@ -60,4 +60,4 @@ def told(declared: Sequence[Parameter]) -> str:
 
 
 def _value(parameter: Parameter) -> str:
-    return "none unless told" if parameter.value is None else f"{parameter.value!r} unless told"
+    return "no default" if parameter.value is None else f"default {parameter.value!r}"
