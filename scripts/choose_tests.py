@@ -3,9 +3,9 @@
 
 Usage: choose_tests.py cpp BUILD_FOLDER ROOM_OR_FILE | py PATH
 
-`cpp` prints one line per test executable, its name and a filter for GoogleTest; `py` prints one path
-per line for pytest. The tests of a source are those that mirror it by name; where there are none,
-those that include or import it; where there are none either, those of its room.
+`cpp` prints one line per test executable, its name and a filter for GoogleTest; `py` prints one
+path per line for pytest. The tests of a source are those that mirror it by name; where there are
+none, those that include or import it; where there are none either, those of its room.
 """
 
 from __future__ import annotations
@@ -24,23 +24,28 @@ CPP_SOURCES = (ROOT / "cpp/src", ROOT / "cpp/include/locfuse")
 PYTHON_PARTS = (
     (ROOT / "python/locfuse", ROOT / "tests/python", "locfuse"),
     (ROOT / "papers", ROOT / "tests/papers", "papers"),
-    (ROOT / "tests/python", ROOT / "tests/python", ""),
 )
 TEST = re.compile(r"^\s*(TEST|TEST_F|TEST_P|TYPED_TEST)\(\s*(\w+),\s*(\w+)", re.MULTILINE)
 
 
 def mirrors(stem: str, siblings: Iterable[str], tests: Iterable[Path]) -> list[Path]:
-    """Return the tests `test_STEM*` of which no sibling's name covers more."""
+    """Return the tests `test_STEM*` of which no sibling's name covers more.
+
+    Where there are none, those of the name without its last word: mcl for mcl_scouts.
+    """
+    siblings, tests = set(siblings), list(tests)
     longer = [other for other in siblings if other.startswith(f"{stem}_")]
 
     def covers(name: str, test: Path) -> bool:
         return f"{test.stem}_".startswith(f"test_{name}_")
 
-    return sorted(
+    found = sorted(
         test
         for test in tests
         if covers(stem, test) and not any(covers(other, test) for other in longer)
     )
+    shorter = stem.rpartition("_")[0]
+    return found if found or not shorter else mirrors(shorter, siblings, tests)
 
 
 def cpp_tests(path: Path) -> list[Path]:
@@ -62,7 +67,9 @@ def cpp_tests(path: Path) -> list[Path]:
     else:
         room = CPP_TESTS / inside.parent
         siblings = {
-            source.stem for folder in CPP_SOURCES for source in (folder / inside.parent).glob("*.?pp")
+            source.stem
+            for folder in CPP_SOURCES
+            for source in (folder / inside.parent).glob("*.?pp")
         }
         header = f'"{(Path("locfuse") / inside).with_suffix(".hpp")}"'
         chosen = (
@@ -110,13 +117,10 @@ def cpp(build: Path, name: str) -> Iterable[str]:
 
 def python_tests(path: Path) -> list[Path]:
     """Return the tests of a package or a module, or a path of tests itself."""
-    for folder, tests, package in PYTHON_PARTS:
-        if path.is_relative_to(folder):
-            break
-    else:
+    part = next((part for part in PYTHON_PARTS if path.is_relative_to(part[0])), None)
+    if part is None:
         return [path]
-    if not package:
-        return [path]
+    folder, tests, package = part
     inside = path.relative_to(folder)
     if path.stem == "__init__":
         inside, path = inside.parent, path.parent
@@ -138,8 +142,8 @@ def python_tests(path: Path) -> list[Path]:
     )
     found = sorted(
         test
-        for part in ("tests/python", "tests/papers")
-        for test in (ROOT / part).rglob("test_*.py")
+        for _, root, _ in PYTHON_PARTS
+        for test in root.rglob("test_*.py")
         if imports.search(test.read_text())
     )
     if found:

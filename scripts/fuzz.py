@@ -2,10 +2,10 @@
 """Run every fuzz target for some seconds of processor time, as many at once as there are cores.
 
 Usage: fuzz.py FOLDER_OF_TARGETS [SECONDS | keep [TARGET ...]]. New inputs are kept in
-build/fuzz/corpus, and an input that breaks something in build/fuzz/findings. `keep` writes the short
-inputs of build/fuzz/corpus that reach code which others do not reach to fuzz/kept, where the next run
-begins. In CI a target that has passed with the same program, corpus, seed and time is not run again;
-see passed.py.
+build/fuzz/corpus, and an input that breaks something in build/fuzz/findings. `keep` writes the
+short inputs of build/fuzz/corpus that reach code which others do not reach to fuzz/kept, where the
+next run begins. In CI a target that has passed with the same program, corpus, seed and time is not
+run again; see passed.py.
 """
 
 from __future__ import annotations

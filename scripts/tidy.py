@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Check sources by clang-tidy, except those that have passed as they are.
 
-Usage: tidy.py FOLDER_WITH_COMPILE_COMMANDS SOURCE ... A source that has passed is known by its text,
-the text of everything it includes, and the settings of clang-tidy; see passed.py.
+Usage: tidy.py FOLDER_WITH_COMPILE_COMMANDS SOURCE ... A source that has passed is known by its
+text, the text of everything it includes, and the settings of clang-tidy; see passed.py.
 """
 
 from __future__ import annotations
@@ -61,7 +61,9 @@ def main() -> int:
         for count, done in enumerate(as_completed(running), 1):
             verdict, output = done.result()
             failed |= verdict != "ok"
-            print(f"[{count}/{len(changed)}] {running[done]}: {verdict}\n{output}", end="", flush=True)
+            print(
+                f"[{count}/{len(changed)}] {running[done]}: {verdict}\n{output}", end="", flush=True
+            )
     return 1 if failed else 0
 
 
