@@ -39,6 +39,7 @@ from locfuse.run.run import run
 from papers.claims import Claim
 from papers.ekim2020.room import RECORDINGS
 from papers.reproduce import PAPERS
+from scripts.configuration_page import CONFIGURATION, SECTIONS, configuration_page
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -378,62 +379,6 @@ def test_there_is_one_version() -> None:
 
 # Configuration ---------------------------------------------------------------------------------
 
-CONFIGURATION = DOCS / "configuration.md"
-SECTIONS: dict[str, type[Strict]] = {
-    "## Top level": schema.RunConfig,
-    "### `switched_off`": schema.SwitchedOff,
-    "### `log` as a data set": schema.Dataset,
-    "### `start_sigma`": schema.StartSigma,
-    "### `initializer`": schema.Initializer,
-    "### `health`": schema.Health,
-    "### `anchors`": schema.RangeError,
-    "## `cylinders`": schema.Cylinders,
-    "## `estimator`": schema.Estimator,
-    "### `estimator.odometry`": schema.Odometry,
-    "### `estimator.range`": schema.Range,
-    "### `estimator.position`": schema.Position,
-    "### `estimator.landmark`": schema.Landmark,
-    "### `estimator.calibration`": schema.Calibration,
-    "### `estimator.pose`": schema.Pose,
-    "### `estimator.limits`": schema.Limits,
-    "### `estimator.adaptive`": schema.Adaptive,
-    "## `mcl`": schema.Mcl,
-    "### `mcl.switch`": schema.Switch,
-    "### `mcl.field`": schema.LikelihoodField,
-    "### `mcl.beam_model`": schema.BeamModel,
-    "## `ros`": ros.Ros,
-    "### `ros.topics`": ros.Topics,
-    "### `ros.frames`": ros.Frames,
-    "## `simulation`": scenario.Scenario,
-    "### `path`, shape `circle`": scenario.Circle,
-    "### `path`, shape `eight`": scenario.Eight,
-    "### `path`, shape `square`": scenario.Square,
-    "### `path`, shape `star`": scenario.Star,
-    "### `path`, shape `polygon`": scenario.Polygon,
-    "### `path`, shape `waypoints`": scenario.Waypoints,
-    "### `path`, shape `points`": scenario.Points,
-    "### `path`, shape `roam`": scenario.Roam,
-    "### `simulation.odometry`": scenario.OdometrySensor,
-    "### `simulation.ranges`": scenario.RangeSensor,
-    "### `simulation.poses`": scenario.PoseSensor,
-    "### `simulation.positions`": scenario.PositionSensor,
-    "### `simulation.landmark_sightings`": scenario.SightingSensor,
-    "### `simulation.laser`": scenario.LaserSensor,
-    "### `simulation.map`": scenario.RoomMap,
-    "### Fault `nlos`": scenario.Nlos,
-    "### Fault `bias`": scenario.Bias,
-    "### Fault `wander`": scenario.Wander,
-    "### Fault `outliers`": scenario.Outliers,
-    "### Fault `dropouts`": scenario.Dropouts,
-    "### Fault `latency`": scenario.Latency,
-    "### Fault `wheel_slip`": scenario.WheelSlip,
-    "### Fault `slip_episodes`": scenario.SlipEpisodes,
-    "### Fault `kidnap`": scenario.Kidnap,
-    "### Fault `glass`": scenario.Glass,
-    "### Fault `people`": scenario.People,
-    "### Fault `max_range`": scenario.MaxRange,
-    "### Fault `covered`": scenario.Covered,
-}
 UNITS = {
     "_per_m": "1/m",
     "_per_sqrt_m": "/√m",
@@ -528,6 +473,12 @@ def section_linked(cell: str) -> str:
     match = re.fullmatch(r"\[.+\]\(#(.+)\)", cell)
     assert match is not None, cell
     return next(h for h in SECTIONS if anchor_of(h.lstrip("# ")) == match[1])
+
+
+def test_configuration_tables_are_generated_from_the_schema() -> None:
+    assert CONFIGURATION.read_text() == configuration_page(), (
+        "run python scripts/configuration_page.py"
+    )
 
 
 def test_every_part_of_a_configuration_has_its_table() -> None:

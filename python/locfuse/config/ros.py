@@ -23,19 +23,35 @@ class Topics(Strict):
     """Names of topics, with or without a leading slash; null switches one off."""
 
     odometry: Name | None = "odom"
+    """nav_msgs/Odometry."""
     scans: Name | None = "scan"
+    """sensor_msgs/LaserScan."""
     ranges: Name | None = "uwb"
+    """locfuse_msgs/UwbRanges, UwbRange or UwbData."""
     poses: Name | None = "amcl_pose"
+    """geometry_msgs/PoseWithCovarianceStamped of another localizer."""
     positions: Name | None = "fix"
+    """sensor_msgs/NavSatFix or locfuse_msgs/TagPosition."""
     landmark_sightings: Name | None = "sightings"
+    """locfuse_msgs/LandmarkSightings or LandmarkSighting."""
     map: Name | None = "map"
+    """nav_msgs/OccupancyGrid."""
     anchors: Name | None = "anchors"
+    """locfuse_msgs/NamedPoints."""
     landmarks: Name | None = "landmarks"
+    """locfuse_msgs/NamedPoints."""
     initial_pose: Name | None = "initialpose"
+    """geometry_msgs/PoseWithCovarianceStamped: start pose given by a person."""
     truth: Name | None = "ground_truth"
+    """nav_msgs/Odometry of a reference, in bags."""
     estimate: Name | None = "locfuse/pose"
+    """Published: geometry_msgs/PoseWithCovarianceStamped."""
     path: Name | None = "locfuse/path"
+    """Published: nav_msgs/Path."""
     start: Name | None = None
+    """Published latched once a start without a prior is `ready`: PoseWithCovarianceStamped for
+    AMCL, usually `initialpose`.
+    """
 
     @model_validator(mode="after")
     def _one_meaning(self) -> Topics:
@@ -52,8 +68,11 @@ class Frames(Strict):
     """Names of the frames of REP 105, with or without a leading slash."""
 
     map: Name = "map"
+    """World frame."""
     odom: Name = "odom"
+    """Frame of odometry."""
     base: Name = "base_link"
+    """Body frame."""
 
     @model_validator(mode="after")
     def _three(self) -> Frames:
@@ -71,17 +90,36 @@ class Ros(Strict):
     """
 
     world: Name | None = None
+    """Anchors, landmarks, tags, mounts and map as in a [log folder](log_format.md), without
+    messages; they override those of topics.
+    """
     topics: Topics = Field(default_factory=Topics)
+    """Names of topics."""
     range_topics: dict[Name, Name] = Field(default_factory=dict)
+    """sensor_msgs/Range, one topic per anchor."""
     frames: Frames = Field(default_factory=Frames)
+    """Names of frames."""
     odometry_from: Literal["pose", "twist"] = "pose"
+    """Use increments between the poses of odometry, or its velocities."""
     estimate_at: Literal["odometry", "fused"] = "odometry"
+    """`odometry`: the published pose is propagated to the newest odometry, once for each of its
+    stamps and ten times a second at rest; `fused`: it is that of the newest fused message, as in
+    `estimate.csv`.
+    """
     uwb_unit: Literal["m", "mm"] = "m"
+    """Unit of the distances of locfuse_msgs/UwbData."""
     uwb_tag: Name = "tag"
+    """Name of the tag where a range names none."""
     gps_origin: tuple[Latitude, Longitude, float] | None = None
+    """Origin of the map, and angle of its x axis counter-clockwise from east; default: the first
+    fix, x to the east [deg].
+    """
     publish_transform: bool = True
+    """Publish the transform from map to odom."""
     transform_ahead_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.1
+    """Time by which the stamp of that transform lies in the future [s]."""
     path_hz: Rate = 2.0
+    """Poses of the path per second [Hz]."""
 
     @model_validator(mode="after")
     def _range_topics_are_their_own(self) -> Ros:

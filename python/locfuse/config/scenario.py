@@ -37,8 +37,11 @@ class Circle(Strict):
 
     shape: Literal["circle"] = "circle"
     speed_mps: NonNegative = 0.22
+    """Speed on the arc; 0: the robot stands [m/s]."""
     center_m: Point2 = (5.0, 5.0)
+    """Centre (x, y) in world [m]."""
     radius_m: Positive = 3.0
+    """Radius of the circle [m]."""
 
 
 class Eight(Strict):
@@ -49,8 +52,11 @@ class Eight(Strict):
 
     shape: Literal["eight"] = "eight"
     speed_mps: Positive = 0.22
+    """Speed [m/s]."""
     center_m: Point2 = (5.0, 5.0)
+    """Centre (x, y) in world [m]."""
     radius_m: Positive = 2.0
+    """Radius of each circle [m]."""
 
 
 class Square(Strict):
@@ -58,9 +64,13 @@ class Square(Strict):
 
     shape: Literal["square"] = "square"
     speed_mps: Positive = 0.22
+    """Speed on straights [m/s]."""
     turn_rate_radps: Positive = 1.0
+    """Turn rate when turning in place [rad/s]."""
     center_m: Point2 = (5.0, 5.0)
+    """Centre (x, y) in world [m]."""
     side_m: Positive = 6.0
+    """Side of the square [m]."""
 
 
 class Star(Strict):
@@ -71,10 +81,15 @@ class Star(Strict):
 
     shape: Literal["star"] = "star"
     speed_mps: Positive = 0.22
+    """Speed on straights [m/s]."""
     turn_rate_radps: Positive = 1.0
+    """Turn rate when turning in place [rad/s]."""
     center_m: Point2 = (5.0, 5.0)
+    """Centre (x, y) in world [m]."""
     radius_m: Positive = 4.0
+    """Distance of the tips from the centre [m]."""
     points: Annotated[int, Field(ge=5, le=1000)] = 5
+    """Number of tips."""
 
     @field_validator("points")
     @classmethod
@@ -92,10 +107,15 @@ class Polygon(Strict):
 
     shape: Literal["polygon"] = "polygon"
     speed_mps: Positive = 0.22
+    """Speed on straights [m/s]."""
     turn_rate_radps: Positive = 1.0
+    """Turn rate when turning in place [rad/s]."""
     center_m: Point2 = (5.0, 5.0)
+    """Centre (x, y) in world [m]."""
     radius_m: Positive = 4.0
+    """Distance of the corners from the centre [m]."""
     corners: Annotated[int, Field(ge=3, le=1000)] = 5
+    """Number of corners."""
 
 
 class Waypoints(Strict):
@@ -106,8 +126,11 @@ class Waypoints(Strict):
 
     shape: Literal["waypoints"] = "waypoints"
     speed_mps: Positive = 0.22
+    """Speed on straights [m/s]."""
     turn_rate_radps: Positive = 1.0
+    """Turn rate when turning in place [rad/s]."""
     margin_m: NonNegative = 1.0
+    """Minimum distance from each wall [m]."""
 
 
 class Roam(Strict):
@@ -119,8 +142,11 @@ class Roam(Strict):
 
     shape: Literal["roam"] = "roam"
     speed_mps: Positive = 0.22
+    """Speed on straights [m/s]."""
     turn_rate_radps: Positive = 1.0
+    """Turn rate when turning in place [rad/s]."""
     clearance_m: NonNegative = 0.3
+    """Minimum distance from cells that are not free, less half the diagonal of a cell [m]."""
 
 
 class Points(Strict):
@@ -131,9 +157,15 @@ class Points(Strict):
 
     shape: Literal["points"] = "points"
     speed_mps: Positive = 0.22
+    """Speed on straights [m/s]."""
     turn_rate_radps: Positive = 1.0
+    """Turn rate when turning in place [rad/s]."""
     points_m: Annotated[list[Point2], Field(min_length=2)]
+    """Points in world, in the room (or on the map of a `file`), each different from the one before
+    [m].
+    """
     closed: bool = False
+    """Drive from the last point to the first, lap after lap; else the robot stands at the last."""
 
     @model_validator(mode="after")
     def _legs_have_length(self) -> Points:
@@ -164,12 +196,19 @@ class OdometrySensor(Strict):
     """
 
     rate_hz: Rate = 30.0
+    """Rows per second [Hz]."""
     output: Literal["increments", "velocities"] = "increments"
+    """Content of the rows."""
     sigma_longitudinal_per_sqrt_m: NonNegative = 0.03
+    """Along the motion, per distance driven [m/√m]."""
     sigma_lateral_per_sqrt_m: NonNegative = 0.0
+    """Across the motion, per distance driven; must be 0 with `velocities` [m/√m]."""
     sigma_heading_per_sqrt_m: NonNegative = 0.02
+    """Heading, per distance driven [rad/√m]."""
     sigma_heading_per_sqrt_rad: NonNegative = 0.03
+    """Heading, per angle turned [rad/√rad]."""
     turn_bias_radps: float = 0.0
+    """Bias added to the turn rate, as of a gyro that drifts [rad/s]."""
 
     @model_validator(mode="after")
     def _velocities_have_no_lateral_part(self) -> OdometrySensor:
@@ -185,8 +224,11 @@ class RangeSensor(Strict):
     """UWB: every tag to every anchor at each epoch; sigma = hypot(sigma_m, relative * distance)."""
 
     rate_hz: Rate = 5.0
+    """Epochs per second [Hz]."""
     sigma_m: NonNegative = 0.0
+    """Absolute part of the noise [m]."""
     sigma_relative: NonNegative = 0.015
+    """Fraction of the distance; both parts are combined by hypot."""
 
 
 class PoseSensor(Strict):
@@ -196,8 +238,11 @@ class PoseSensor(Strict):
     """
 
     rate_hz: Rate = 2.0
+    """Poses per second [Hz]."""
     sigma_xy_m: NonNegative = 0.06 / math.sqrt(2.0)
+    """Sigma per axis; the default is an RMSE of 6 cm over both [m]."""
     sigma_heading_deg: NonNegative = 2.0
+    """Sigma of the heading [deg]."""
 
 
 class PositionSensor(Strict):
@@ -207,10 +252,17 @@ class PositionSensor(Strict):
     """
 
     rate_hz: Rate = 1.0
+    """Fixes per second [Hz]."""
     sigma_xy_m: NonNegative = 0.5
+    """Sigma per axis [m]."""
     antenna_forward_m: float = 0.0
+    """Antenna in body, forward [m]."""
     antenna_left_m: float = 0.0
+    """Antenna in body, to the left [m]."""
     tags: list[Name] = Field(default_factory=list)
+    """Report the positions of these tags instead of the antenna's, all at each epoch, as an RTLS
+    does.
+    """
 
 
 class SightingSensor(Strict):
@@ -221,12 +273,19 @@ class SightingSensor(Strict):
     """
 
     rate_hz: Rate = 5.0
+    """Epochs per second [Hz]."""
     pose_in_body: Point3 = (0.0, 0.0, 0.0)
+    """Pose of the sensor in body [m, m, deg]."""
     sigma_range_m: NonNegative = 0.05
+    """Sigma of each range [m]."""
     sigma_bearing_deg: NonNegative = 1.0
+    """Sigma of each bearing [deg]."""
     range_max_m: Positive = 10.0
+    """Maximum range at which a landmark is seen [m]."""
     field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)] = 360.0
+    """Field of view, centred straight ahead [deg]."""
     landmarks: Literal["named", "unnamed"] = "named"
+    """Whether observations name their landmark."""
 
 
 class LaserSensor(Strict):
@@ -240,14 +299,25 @@ class LaserSensor(Strict):
     """
 
     rate_hz: Rate = 5.0
+    """Scans per second [Hz]."""
     pose_in_body: Point3 = (0.0, 0.0, 0.0)
+    """Pose of the scanner in body [m, m, deg]."""
     mounting: Literal["upright", "upside_down"] = "upright"
+    """Upside down, beams run clockwise: a negative `angle_increment_rad` in the log."""
     beams: Annotated[int, Field(ge=2, le=100_000)] = 360
+    """Number of beams of a scan, evenly spaced."""
     field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)] = 360.0
+    """Field of view, centred straight ahead, from the first beam to the last; a full turn omits the
+    last step [deg].
+    """
     range_min_m: NonNegative = 0.12
+    """Minimum range of a return [m]."""
     range_max_m: Positive = 3.5
+    """Maximum range of a return; more than `range_min_m` [m]."""
     sigma_m: NonNegative = 0.01
+    """Sigma of each beam [m]."""
     dropout: Probability = 0.0
+    """Probability that a beam gives no return."""
 
     @model_validator(mode="after")
     def _sees_something(self) -> LaserSensor:
@@ -267,10 +337,15 @@ class RoomMap(Strict):
     """
 
     file: Name | None = None
+    """YAML file of a ROS map; excludes the other keys."""
     generate: Literal["rooms", "hallways", "warehouse", "zhang", "floor"] | None = None
+    """World generated inside the room, whose size is `room_m`."""
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
+    """Seed of the generated world, independent of the `seed` of the run."""
     resolution_m: Annotated[float, Field(ge=1e-6, le=1e6)] = 0.05
+    """Side of a cell; at most 10,000 along a side of the room, and 0.25 m with `generate` [m]."""
     walls: list[Segment] = Field(default_factory=list)
+    """Additional walls, which block beams but no ranges [m]."""
 
     @model_validator(mode="after")
     def _one_origin(self) -> RoomMap:
@@ -298,9 +373,13 @@ class Nlos(Strict):
 
     kind: Literal["nlos"] = "nlos"
     walls: Annotated[list[Segment], Field(min_length=1)]
+    """Walls from floor to ceiling; several in the way lengthen a range once [m]."""
     extra_m: Positive
+    """Mean excess of a blocked range [m]."""
     sigma_m: NonNegative = 0.0
+    """Standard deviation of the excess; gamma distributed, never negative [m]."""
     silent_walls: Annotated[int, Field(ge=1, le=1000)] | None = None
+    """Number of walls that block a range completely; default: none does."""
 
     @field_validator("walls")
     @classmethod
@@ -318,8 +397,11 @@ class Bias(Strict):
 
     kind: Literal["bias"] = "bias"
     anchor: Name | None = None
+    """Anchor; default: all."""
     offset_m: float = 0.0
+    """Offset added to the range [m]."""
     scale: Positive = 1.0
+    """Factor applied before the offset."""
 
     @model_validator(mode="after")
     def _has_an_effect(self) -> Bias:
@@ -337,7 +419,9 @@ class Wander(Strict):
 
     kind: Literal["wander"] = "wander"
     sigma_m: Positive
+    """Standard deviation of the error of each anchor at any time [m]."""
     correlation_s: Positive
+    """Time after which the correlation of the error has fallen to 1/e [s]."""
 
 
 class Outliers(Strict):
@@ -349,8 +433,11 @@ class Outliers(Strict):
 
     kind: Literal["outliers"] = "outliers"
     source: Literal["ranges", "poses", "positions"] = "ranges"
+    """Sensor."""
     probability: Probability
+    """Probability that a row is an outlier."""
     magnitude_m: Positive
+    """Size of the error: ranges longer or shorter, positions in a random direction [m]."""
 
 
 class Dropouts(Strict):
@@ -362,10 +449,15 @@ class Dropouts(Strict):
 
     kind: Literal["dropouts"] = "dropouts"
     source: Source = "ranges"
+    """Sensor."""
     probability: Probability | None = None
+    """Probability that a row is lost; default: every row of the interval."""
     from_s: NonNegative | None = None
+    """Begin of the interval, inclusive; default: always [s]."""
     to_s: NonNegative | None = None
+    """End of the interval [s]."""
     anchor: Name | None = None
+    """Only ranges to this anchor."""
 
     @model_validator(mode="after")
     def _says_when(self) -> Dropouts:
@@ -390,8 +482,11 @@ class Latency(Strict):
 
     kind: Literal["latency"] = "latency"
     source: Source = "poses"
+    """Sensor."""
     delay_s: NonNegative
+    """Time from stamp to arrival [s]."""
     jitter_s: NonNegative = 0.0
+    """Maximum additional delay, uniformly distributed [s]."""
 
 
 class WheelSlip(Strict):
@@ -402,9 +497,13 @@ class WheelSlip(Strict):
 
     kind: Literal["wheel_slip"] = "wheel_slip"
     from_s: NonNegative
+    """Begin [s]."""
     to_s: NonNegative
+    """End, after the begin [s]."""
     translation_factor: NonNegative = 1.0
+    """Factor of the translation that odometry reports."""
     rotation_factor: NonNegative = 1.0
+    """Factor of the rotation that odometry reports; not both 1."""
 
     @model_validator(mode="after")
     def _has_an_effect(self) -> WheelSlip:
@@ -424,9 +523,15 @@ class SlipEpisodes(Strict):
 
     kind: Literal["slip_episodes"] = "slip_episodes"
     every_s: Annotated[float, Field(ge=0.1, le=1e9)]
+    """Mean time from one episode to the next, exponentially distributed [s]."""
     lasting_s: Positive
+    """Mean length of an episode, exponentially distributed [s]."""
     translation_factor: NonNegative = 1.0
+    """Factor of the translation that odometry reports during an episode."""
     turn_radps: NonNegative = 0.0
+    """Turn rate added during an episode, left or right with equal probability; not both without
+    effect [rad/s].
+    """
 
     @model_validator(mode="after")
     def _has_an_effect(self) -> SlipEpisodes:
@@ -446,8 +551,11 @@ class Glass(Strict):
 
     kind: Literal["glass"] = "glass"
     panes: list[Segment] = Field(default_factory=list)
+    """Walls of the map that these lines touch are glass [m]."""
     share: Probability = 0.0
+    """Fraction of all walls of the map that are glass, by pieces of a metre."""
     probability: Annotated[float, Field(gt=0.0, le=1.0)]
+    """Probability that a beam passes."""
 
     @model_validator(mode="after")
     def _has_an_effect(self) -> Glass:
@@ -465,8 +573,11 @@ class People(Strict):
 
     kind: Literal["people"] = "people"
     count: Annotated[int, Field(ge=1, le=1000)]
+    """Number of people."""
     radius_m: Positive = 0.25
+    """Radius of each [m]."""
     speed_mps: Positive = 1.0
+    """Walking speed [m/s]."""
 
 
 class MaxRange(Strict):
@@ -474,6 +585,7 @@ class MaxRange(Strict):
 
     kind: Literal["max_range"] = "max_range"
     probability: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
+    """Probability that a beam without a return reads `range_max_m`."""
 
 
 class Covered(Strict):
@@ -485,9 +597,15 @@ class Covered(Strict):
 
     kind: Literal["covered"] = "covered"
     from_deg: Annotated[float, Field(ge=-360.0, le=360.0)]
+    """First hidden angle, from straight ahead of the laser, counter-clockwise seen from above
+    [deg].
+    """
     to_deg: Annotated[float, Field(ge=-360.0, le=360.0)]
+    """Last hidden angle; `from_deg` < `to_deg`, and at most a full turn between them [deg]."""
     from_s: NonNegative | None = None
+    """First instant; with `to_s`; default: always [s]."""
     to_s: NonNegative | None = None
+    """End, after `from_s` [s]."""
 
     @model_validator(mode="after")
     def _has_an_effect(self) -> Covered:
@@ -511,7 +629,9 @@ class Kidnap(Strict):
 
     kind: Literal["kidnap"] = "kidnap"
     at_s: Positive
+    """Instant at which the robot is moved [s]."""
     to: Point3
+    """Pose to which it is moved; odometry does not report the motion [m, m, deg]."""
 
 
 LaserFault: TypeAlias = Glass | People | MaxRange | Covered
@@ -556,20 +676,35 @@ class Scenario(Strict):
     """
 
     room_m: tuple[Positive, Positive] = (10.0, 10.0)
+    """Width (x) and depth (y); one corner is the origin [m]."""
     anchors: dict[Name, Point3] = Field(default_factory=_paper_anchors)
+    """Anchors in world [m]."""
     landmarks: dict[Name, Point2] = Field(default_factory=dict)
+    """Landmarks in world [m]."""
     landmark_radius_m: NonNegative = 0.0
+    """Radius of all landmarks: discs that the laser sees and the map does not contain [m]."""
     tags: dict[Name, Point3] = Field(default_factory=_one_tag)
+    """Tags in body [m]."""
     path: Path = Field(default_factory=Circle)
+    """Path of the robot."""
     duration_s: Positive = 60.0
+    """Length of the drive [s]."""
     odometry: OdometrySensor | None = Field(default_factory=OdometrySensor)
+    """Wheel odometry."""
     ranges: RangeSensor | None = Field(default_factory=RangeSensor)
+    """UWB."""
     poses: PoseSensor | None = Field(default_factory=PoseSensor)
+    """Stand-in for another localizer."""
     positions: PositionSensor | None = None
+    """GPS-like fixes; off by default."""
     landmark_sightings: SightingSensor | None = None
+    """Ranges and bearings to landmarks; off by default. Needs `landmarks`."""
     laser: LaserSensor | None = None
+    """2D laser scanner; off by default. Needs a `map`."""
     map: RoomMap | None = None
+    """World that the laser sees; written into the log."""
     faults: list[Fault] = Field(default_factory=list)
+    """Faults, applied in this order."""
 
     @model_validator(mode="after")
     def _sensors_have_what_they_need(self) -> Scenario:

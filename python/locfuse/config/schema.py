@@ -30,19 +30,28 @@ class Odometry(Strict):
     """Noise of wheel odometry; ``OdometryConfig`` in C++."""
 
     sigma_longitudinal_per_sqrt_m: DriftSigma = 0.03
+    """Along the motion, per distance driven [m/√m]."""
     sigma_lateral_per_sqrt_m: DriftSigma = 0.01
+    """Across the motion, per distance driven [m/√m]."""
     sigma_heading_per_sqrt_m: DriftSigma = 0.02
+    """Heading, per distance driven [rad/√m]."""
     sigma_heading_per_sqrt_rad: DriftSigma = 0.03
+    """Heading, per angle turned [rad/√rad]."""
     sigma_xy_per_sqrt_s: DriftSigma = 0.0
+    """Position, at any speed and at rest [m/√s]."""
     sigma_heading_per_sqrt_s: DriftSigma = 0.0
+    """Heading, at any speed and at rest [rad/√s]."""
     sigma_longitudinal_per_sqrt_s: DriftSigma = 0.0
+    """Along the heading only, at any speed and at rest, as from a speed error [m/√s]."""
 
 
 class Range(Strict):
     """Noise of ranges that bring no sigma of their own; ``RangeConfig`` in C++."""
 
     sigma_m: NonNegative = 0.1
+    """Absolute part [m]."""
     sigma_relative: NonNegative = 0.0
+    """Fraction of the distance; not both 0."""
 
     @model_validator(mode="after")
     def _some_noise(self) -> Range:
@@ -55,35 +64,54 @@ class Position(Strict):
     """Position fixes: lever arm of the antenna, and sigmas; ``PositionConfig`` in C++."""
 
     antenna_forward_m: float = 0.0
+    """Antenna in body, forward [m]."""
     antenna_left_m: float = 0.0
+    """Antenna in body, to the left [m]."""
     sigma_m: NonNegative = 0.0
+    """Sigma of a fix [without a sigma of its own](filter.md#what-drivers-do-not-know); 0: such a
+    fix is not modelled [m].
+    """
     least_sigma_m: Positive = 1e-3
+    """Minimum sigma of any fix [m]."""
 
 
 class Pose(Strict):
     """Sigmas of poses of other localizers; ``PoseConfig`` in C++."""
 
     sigma_m: NonNegative = 0.0
+    """Position sigma of a pose without sigmas of its own; 0: its position is not modelled [m]."""
     sigma_heading_rad: NonNegative = 0.0
+    """Heading sigma of a pose without sigmas of its own; 0: its heading is not modelled [rad]."""
     least_sigma_m: Positive = 1e-3
+    """Minimum position sigma of any pose [m]."""
     least_sigma_heading_rad: Positive = 1e-4
+    """Minimum heading sigma of any pose [rad]."""
 
 
 class Limits(Strict):
     """What no robot and no sensor exceeds; ``Limits`` in C++."""
 
     speed_mps: Limit = 100.0
+    """Maximum speed of odometry [m/s]."""
     turn_rate_radps: Limit = 50.0
+    """Maximum turn rate of odometry [rad/s]."""
     range_m: Limit = 1e4
+    """Maximum range to an anchor or landmark [m]."""
     distance_m: Limit = 2e7
+    """Maximum distance of a position or pose from the origin of the world [m]."""
 
 
 class Adaptive(Strict):
     """Variances that follow innovations, 0 for none; ``AdaptiveNoise::Config`` in C++."""
 
     messages: NonNegative = 0.0
+    """Number of messages in the memory; 0: off, else at least 5: 200 for a sensor of constant
+    quality, fewer if it varies.
+    """
     least: Annotated[float, Field(gt=0.0, le=1.0)] = 0.1
+    """Minimum factor of the reported variance."""
     most: Annotated[float, Field(ge=1.0)] = 100.0
+    """Maximum factor of the reported variance."""
 
     @model_validator(mode="after")
     def _more_than_an_echo(self) -> Adaptive:
@@ -96,28 +124,46 @@ class Landmark(Strict):
     """Noise of sightings that bring no sigmas of their own; ``RangeBearingConfig`` in C++."""
 
     sigma_range_m: Positive = 0.1
+    """Sigma of the range to a landmark [m]."""
     sigma_bearing_rad: Positive = 0.02
+    """Sigma of its bearing [rad]."""
     sigma_range_relative: NonNegative = 0.0
+    """Fraction of the range, added to `sigma_range_m`."""
 
 
 class Calibration(Strict):
     """Errors that the pose EKF learns, 0 for none; ``CalibrationConfig`` in C++."""
 
     sigma_scale: DriftSigma = 0.0
+    """Scale error of the odometry distance."""
     sigma_direction_rad: DriftSigma = 0.0
+    """Angle between travel and heading [rad]."""
     sigma_turn_scale: DriftSigma = 0.0
+    """Scale error of the odometry turn."""
     sigma_turn_bias_radps: DriftSigma = 0.0
+    """Bias of the turn rate, as of a gyro [rad/s]."""
     sigma_turn_bias_radps_per_sqrt_s: DriftSigma = 0.0
+    """Random walk of that bias; only with the bias [rad/s/√s]."""
     sigma_sensor_m: DriftSigma = 0.0
+    """Position of the landmark sensor in body, forward and left [m]."""
     sigma_sensor_rad: DriftSigma = 0.0
+    """Heading of the landmark sensor in body [rad]."""
     sigma_range_offset_m: DriftSigma = 0.0
+    """Constant part of the error of ranges to landmarks [m]."""
     sigma_range_scale: DriftSigma = 0.0
+    """Proportional part of the error of ranges to landmarks."""
     sigma_delay_s: DriftSigma = 0.0
+    """Latency of landmark observations [s]."""
     sigma_anchor_offset_m: DriftSigma = 0.0
+    """Constant part of the range error of each anchor, beyond `anchors` [m]."""
     anchor_offset_correlation_s: NonNegative = 0.0
+    """Correlation time of that offset, a Gauss-Markov process about 0; 0: it is constant [s]."""
     sigma_anchor_scale: DriftSigma = 0.0
+    """Proportional part of the range error of each anchor, beyond `anchors`."""
     sigma_range_delay_s: DriftSigma = 0.0
+    """Latency of all ranges [s]."""
     consider: bool = False
+    """Account for these errors without estimating them."""
 
     @model_validator(mode="after")
     def _wanders_as_state(self) -> Calibration:
@@ -141,18 +187,33 @@ class Cylinders(Strict):
     """Pillars, poles and trunks in the scans; ``CylinderDetectorConfig`` in C++."""
 
     sigma_range_m: Annotated[float, Field(ge=1e-6, le=1e9)] = 0.01
+    """Range noise of one beam [m]."""
     sigma_bearing_rad: Bounded = 0.0
+    """Direction noise of one beam: beam width, quantization [rad]."""
     radius_m: Bounded = 0.0
+    """Radius of all cylinders; 0: fitted for each cylinder [m]."""
     radius_min_m: Annotated[float, Field(ge=1e-3, le=1e9)] = 0.03
+    """Minimum fitted radius [m]."""
     radius_max_m: Annotated[float, Field(ge=1e-3, le=1e9)] = 1.5
+    """Maximum fitted radius; at least `radius_min_m` [m]."""
     least_beams: Annotated[int, Field(ge=1, le=10**9)] = 7
+    """Minimum number of beams on a cylinder."""
     jump_gaps: Annotated[float, Field(ge=1.0, le=1e9)] = 6.0
+    """A depth step is an edge if it exceeds six sigma plus this many gaps between beams."""
     misfit_probability: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.99999
+    """Probability that the arc of a cylinder passes the chi-square gate."""
     least_evidence: Bounded = 25.0
+    """Minimum by which the chi-square of a straight wall exceeds that of the cylinder."""
     least_corner_evidence: Annotated[float, Field(ge=-1e9, le=1e9)] = 4.0
+    """Minimum by which the chi-square of a right-angled corner exceeds it; -20 for places without
+    boxes.
+    """
     leg_radius_m: Bounded = 0.12
+    """Maximum radius of a leg: two thin cylinders side by side are legs [m]."""
     leg_distance_m: Bounded = 0.0
+    """Maximum distance between two legs; 0: nobody walks here [m]."""
     least_intensity: Bounded = 0.0
+    """Minimum intensity of the brightest beam; 0: any intensity."""
 
     @model_validator(mode="after")
     def _least_and_most(self) -> Cylinders:
@@ -168,45 +229,80 @@ class Estimator(Strict):
     """The pose EKF; ``PoseEkfConfig`` in C++."""
 
     odometry: Odometry = Field(default_factory=Odometry)
+    """Noise of odometry."""
     range: Range = Field(default_factory=Range)
+    """Noise of ranges."""
     position: Position = Field(default_factory=Position)
+    """Antenna position in body and sigmas of position fixes."""
     pose: Pose = Field(default_factory=Pose)
+    """Sigmas of poses."""
     landmark: Landmark = Field(default_factory=Landmark)
+    """Noise of landmark observations."""
     calibration: Calibration = Field(default_factory=Calibration)
+    """Calibration errors that are estimated during the run."""
     limits: Limits = Field(default_factory=Limits)
+    """Physical limits of robot and sensors."""
     adaptive: Adaptive = Field(default_factory=Adaptive)
+    """Variances that adapt to the innovations."""
     gate_range: GateProbability = 0.999
+    """Probability that a good range passes its gate; 1: no gate."""
     gate_position: GateProbability = 0.999
+    """Probability that a good position fix passes its gate; 1: no gate."""
     gate_pose: GateProbability = 0.999
+    """Probability that a good pose passes its gate; 1: no gate."""
     gate_landmark: GateProbability = 0.999
+    """Probability that a good landmark observation passes its gate; 1: no gate."""
     robust_range: Literal["gaussian", "one_sided", "student_t", "cauchy"] = "gaussian"
+    """Noise distribution of ranges: [Robust updates](models/robust.md)."""
     robust_position: Literal["gaussian", "student_t", "cauchy"] = "gaussian"
+    """Noise distribution of position fixes."""
     robust_pose: Literal["gaussian", "student_t", "cauchy"] = "gaussian"
+    """Noise distribution of poses."""
     robust_dof: Annotated[float, Field(ge=1.0, le=1e6)] = 4.0
+    """Degrees of freedom of `student_t`: fewer have heavier tails."""
     robust_late_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.05
+    """Fraction of ranges that read too long, for `one_sided`."""
     hold_s: Positive = 1.0
+    """Odometry timeout: the last motion is extrapolated for this time [s]."""
     sigma_lost_xy_per_sqrt_s: LostSigma = 0.5
+    """Position process noise after the odometry timeout; the robot is assumed to stand [m/√s]."""
     sigma_lost_heading_per_sqrt_s: LostSigma = 0.5
+    """Heading process noise after the odometry timeout [rad/√s]."""
 
 
 class Health(Strict):
     """What tells how far an estimate may be trusted; ``HealthConfig`` in C++."""
 
     limit_m: Positive = 1.0
+    """Position error whose probability `within` reports [m]."""
     risk: Annotated[float, Field(gt=0.0, lt=0.5)] = 0.01
+    """Probability that an error exceeds its protection level."""
     mean_s_between_losses: Annotated[float, Field(gt=1e-3, lt=1e12)] = 14400.0
+    """Mean time between two losses of the pose [s]."""
     wrong_share: Annotated[float, Field(gt=1e-9, lt=1.0)] = 0.02
+    """Fraction of independent outliers among the measurements."""
     wrong_span_m: Annotated[float, Field(gt=1e-6, lt=1e12)] = 20.0
+    """Outliers are uniform over this span [m]."""
     chance_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.4
+    """Fraction of measurements that fit a wrong pose by chance."""
     faulty_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.1
+    """Fraction of the time in which a source as a whole is faulty."""
     faulty_share_unnamed: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-6
+    """Fraction of the time in which a sensor of unnamed landmarks is faulty."""
     faulty_s: Positive = 10.0
+    """Mean duration of a source fault [s]."""
     exclude_above: Annotated[float, Field(gt=0.0, le=1.0)] = 0.999
+    """Ranges of a source that is faulty with a higher probability than this are not fused."""
     probability_lost: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.5
+    """Probability of a wrong pose above which the estimate is lost."""
     probability_found: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.1
+    """Probability of a wrong pose below which it is no longer lost; at most `probability_lost`."""
     doubt_s: Positive = 0.5
+    """Time above `probability_lost` until the estimate is declared lost [s]."""
     aiding_lost_s: Positive = 2.0
+    """Time without a fused measurement until the state is dead reckoning [s]."""
     invalid_s: Positive = 60.0
+    """Time without a fused measurement until the state is lost [s]."""
 
     @model_validator(mode="after")
     def _found_ends_lost(self) -> Health:
@@ -222,39 +318,63 @@ class Initializer(Strict):
     """What a start from nothing asks for; ``InitializerConfig`` in C++."""
 
     epoch_s: Annotated[float, Field(gt=0.0, lt=3600.0)] = 0.2
+    """Ranges within this time are combined into the first position [s]."""
     headings: Annotated[int, Field(gt=3, le=360)] = 36
+    """Number of headings tried where none is known."""
     wrong_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.01
+    """Fraction of ranges and positions that are outliers."""
     wrong_span_m: Positive = 20.0
+    """Outliers are uniform over this span [m]."""
     spacing_m: Positive = 0.2
+    """Minimum distance driven between two scans that are used [m]."""
     spacing_heading_rad: Positive = 0.35
+    """Minimum angle turned between two scans that are used [rad]."""
     sigma_map_m: Annotated[float, Field(gt=0.0, lt=1000.0)] = 0.03
+    """Position uncertainty of the map relative to the anchors [m]."""
     sigma_map_rad: Annotated[float, Field(gt=0.0, lt=10.0)] = 0.02
+    """Heading uncertainty of the map relative to the anchors [rad]."""
     standing_ranges: Annotated[int, Field(gt=0, le=1_000_000_000)] = 10
+    """Maximum number of ranges per link that count while the robot stands."""
     probability_ready: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.999
+    """Minimum probability of the pose for `ready`."""
     sigma_xy_ready_m: Positive = 0.5
+    """Maximum position sigma for `ready` [m]."""
     sigma_heading_ready_rad: Positive = 0.087
+    """Maximum heading sigma for `ready` [rad]."""
 
 
 class LikelihoodField(Strict):
     """Where beams end; ``LikelihoodFieldConfig`` in C++, with the defaults of ``MclConfig``."""
 
     sigma_hit_m: Annotated[float, Field(gt=1e-6, lt=1000.0)] = 0.05
+    """Minimum sigma of a return about its wall [m]."""
     random_share: Annotated[float, Field(gt=1e-9, lt=1.0)] = 0.05
+    """Fraction of the returns that end anywhere."""
     max_range_m: Annotated[float, Field(gt=1e-3, lt=10_000.0)] = 30.0
+    """Maximum range of a return that is used [m]."""
     clutter_per_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.1
+    """Density of returns in free space, from people and objects off the map [1/m]."""
     unknown_per_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.002
+    """Density of returns in unknown space [1/m]."""
 
 
 class BeamModel(Strict):
     """How far beams go; ``BeamModelConfig`` in C++."""
 
     hit: Probability = 0.8
+    """Weight of readings near the range that the map predicts."""
     shorter: Probability = 0.1
+    """Weight of readings of objects off the map."""
     maximum: Probability = 0.05
+    """Weight of beams without a return."""
     random: Probability = 0.05
+    """Weight of readings anywhere."""
     sigma_hit_m: Annotated[float, Field(ge=1e-6, le=1000.0)] = 0.1
+    """Sigma of a reading about the range that the map predicts [m]."""
     shorter_per_m: Annotated[float, Field(ge=1e-6, le=1e6)] = 0.5
+    """Rate at which a beam meets objects off the map [1/m]."""
     max_range_m: Annotated[float, Field(ge=1e-3, le=10_000.0)] = 30.0
+    """Readings beyond this count as no return [m]."""
 
     @model_validator(mode="after")
     def _some_weight(self) -> BeamModel:
@@ -267,17 +387,34 @@ class Switch(Strict):
     """When UWB takes over from scans; ``SwitchingMclConfig`` in C++."""
 
     sigma_unsure_m: Positive = 0.5
+    """Position sigma of the particles, along the largest axis, above which scans are suspect [m].
+    """
     sigma_sure_m: Positive = 0.3
+    """Position sigma below which they no longer are; at most `sigma_unsure_m` [m]."""
     sigma_unsure_rad: Positive = 0.35
+    """Heading sigma of the particles above which scans are suspect [rad]."""
     sigma_sure_rad: Positive = 0.2
+    """Heading sigma below which they no longer are; at most `sigma_unsure_rad` [rad]."""
     elsewhere_m: Positive = 1.0
+    """Scans are suspect if the particles are farther from the UWB pose than this and three sigmas
+    [m].
+    """
     elsewhere_rad: Positive = 0.5
+    """The same for the heading [rad]."""
     doubt_s: Positive = 2.0
+    """Time for which scans must be suspect until UWB takes over [s]."""
     uwb_sigma_m: Positive = 0.25
+    """Maximum position sigma of a UWB pose that is used; at most `sigma_sure_m` [m]."""
     uwb_sigma_rad: Positive = 0.2
+    """Maximum heading sigma of a UWB pose that is used; at most `sigma_sure_rad` [rad]."""
     uwb_age_s: Positive = 2.5
+    """Maximum time since the last fused range or position for a UWB pose that is used [s]."""
     uwb_nis: Positive = 1.4
+    """Maximum mean NIS per row of about the last 50 ranges or positions for a UWB pose that is
+    used.
+    """
     share: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
+    """Fraction of the particles that are replaced."""
 
     @model_validator(mode="after")
     def _doubt_ends(self) -> Switch:
@@ -306,48 +443,102 @@ class Mcl(Strict):
     """
 
     poses_hz: Rate | None = None
+    """Rate at which estimates are given to the pose EKF as poses, which fuses everything else;
+    default: they are the estimate of the run [Hz].
+    """
     switch: Switch | None = None
+    """Ranges and positions do not weight particles, but relocalize them; also as `switch: {}`."""
     min_particles: Annotated[int, Field(ge=1, le=2**28)] = 500
+    """Minimum number of particles."""
     max_particles: Annotated[int, Field(ge=1, le=2**28)] = 5000
+    """Maximum number of particles, used while searching; at least `min_particles`."""
     kld_error: Annotated[float, Field(ge=1e-6, le=1.0)] = 0.05
+    """Maximum error of the particle distribution (Kullback-Leibler divergence), which sets the
+    number of particles.
+    """
     kld_quantile: Annotated[float, Field(ge=0.0, le=10.0)] = 2.33
+    """Normal quantile of the probability that this error is kept: 99 %."""
     beams: Annotated[int, Field(ge=1, le=100_000)] = 60
+    """Number of returns of a scan that are used, evenly spaced."""
     independent_beams: Annotated[float, Field(ge=1e-3, le=1e6)] = 10.0
+    """Number of independent beams that they count as, since neighbours share errors of the map."""
     independent_beams_searching: Annotated[float, Field(ge=1e-3, le=1e6)] = 2.0
+    """Number of independent beams while several hypotheses remain: fewer discard none early."""
     effective_share: Probability = 0.2
+    """Minimum effective fraction of the particles after a measurement."""
     outlier_share: Annotated[float, Field(ge=0.0, le=0.999)] = 0.01
+    """Fraction of ranges, positions and poses that are outliers."""
     resample_below: Probability = 0.5
+    """Effective fraction of the particles below which they are resampled."""
     refine_up_to: Annotated[int, Field(ge=0, le=2**28)] = 0
+    """Use the scan-matching proposal when at most this many particles are active."""
     spacing_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.1
+    """Minimum distance driven between two scans that are used [m]."""
     spacing_heading_rad: Annotated[float, Field(ge=0.0, le=1e6)] = 0.05
+    """Minimum angle turned between two scans that are used [rad]."""
     most_drop: Annotated[float, Field(ge=0.0, le=1e6)] = 1.5
+    """Tracking is declared lost when the mean log-likelihood per beam drops this far below its
+    running average [nats].
+    """
     min_explained: Probability = 0.75
+    """Tracking is declared lost when the map explains a smaller fraction of the returns of ten
+    scans.
+    """
     scouts: Annotated[int, Field(ge=0, le=100_000)] = 64
+    """Number of recovery particles, which look for the robot elsewhere."""
     scout_draws: Annotated[int, Field(ge=0, le=2**28)] = 20_000
+    """Number of poses drawn per scan to choose them from; at least `scouts`."""
     most_gain: Annotated[float, Field(ge=0.1, le=1e6)] = 2.0
+    """Maximum log-likelihood that a recovery particle gains over the estimate by one scan [nats].
+    """
     kidnapping_probability: Annotated[float, Field(ge=0.0, le=0.5)] = 1e-4
+    """Prior probability of kidnapping, which a recovery particle must outweigh."""
     hold_s: Annotated[float, Field(ge=1e-9, le=1e9)] = 1.0
+    """Odometry timeout: the last motion is extrapolated for this time [s]."""
     sigma_lost_xy_per_sqrt_s: Annotated[float, Field(ge=0.0, le=1e6)] = 0.5
+    """Position process noise after the odometry timeout; the robot is assumed to stand [m/√s]."""
     sigma_lost_heading_per_sqrt_s: Annotated[float, Field(ge=0.0, le=1e6)] = 0.5
+    """Heading process noise after the odometry timeout [rad/√s]."""
     probability_ready: Annotated[float, Field(ge=0.5, le=1.0)] = 0.999
+    """Minimum probability of the best hypothesis for `ready`."""
     sigma_xy_ready_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.5
+    """Maximum position sigma for `ready` [m]."""
     sigma_heading_ready_rad: Annotated[float, Field(ge=0.0, le=10.0)] = 0.17
+    """Maximum heading sigma for `ready` [rad]."""
     bin_m: Annotated[float, Field(ge=1e-3, le=1e6)] = 0.5
+    """Side of the position bins that cluster particles [m]."""
     bin_headings: Annotated[int, Field(ge=1, le=3600)] = 24
+    """Number of heading bins that cluster particles."""
     sigma_map_m: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.03
+    """Position uncertainty of the map, which scans cannot reduce [m]."""
     sigma_map_rad: Annotated[float, Field(ge=0.0, le=10.0)] = 0.005
+    """Heading uncertainty of the map, which scans cannot reduce [rad]."""
     seed: Annotated[int, Field(ge=0, lt=2**64)] | None = None
+    """Seed of the particle filter; default: the seed of the run."""
     threads: Annotated[int, Field(ge=1, le=256)] = 1
+    """Number of threads; results do not depend on it."""
     odometry: Odometry = Field(default_factory=Odometry)
+    """Noise of odometry."""
     field: LikelihoodField = Field(default_factory=LikelihoodField)
+    """Likelihood field: where beams end."""
     sigma_widest_m: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.4
+    """Maximum `sigma_hit_m` that is tried; the one that fits is used [m]."""
     likelihood: Literal["field", "beams", "zhang"] = "field"
+    """Likelihood of a scan: [where beams end](models/likelihood_field.md), or [how far they
+    go](models/beam_model.md), with `beam_model` or the mixture of zhang.
+    """
     beam_model: BeamModel = Field(default_factory=BeamModel)
+    """Beam model: how far beams go."""
     range: Range = Field(default_factory=Range)
+    """Noise of ranges."""
     position: Position = Field(default_factory=Position)
+    """Antenna position in body and sigmas of position fixes."""
     pose: Pose = Field(default_factory=Pose)
+    """Sigmas of poses."""
     landmark: Landmark = Field(default_factory=Landmark)
+    """Noise of landmark observations."""
     limits: Limits = Field(default_factory=Limits)
+    """Physical limits of robot and sensors."""
 
     @model_validator(mode="after")
     def _least_and_most(self) -> Mcl:
@@ -367,22 +558,29 @@ class RangeError(Strict):
     """What ranges to an anchor read: scale * distance + offset."""
 
     offset_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
+    """Constant part of the range error [m]."""
     scale: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.0
+    """Proportional part: a range reads scale * distance + offset."""
 
 
 class StartSigma(Strict):
     """How well the start pose is known."""
 
     xy_m: Annotated[float, Field(gt=0.0, le=1e9)] = 0.1
+    """Standard deviation of x and of y [m]."""
     heading_deg: Annotated[float, Field(gt=0.0, le=1e9)] = 5.0
+    """Standard deviation of the heading [deg]."""
 
 
 class Dataset(Strict):
     """A recording in its publishers' format: converter, folder, and which run of it."""
 
     dataset: Name
+    """Converter."""
     path: Name
+    """Folder as published."""
     run: Name | None = None
+    """Run to convert, if there are several; default: the first."""
 
 
 def _origin_kind(value: Any) -> str:
@@ -417,8 +615,11 @@ class SwitchedOff(Strict):
     """A source that is off from one arrival on, and perhaps on again from another."""
 
     source: Source
+    """Source that is off."""
     from_s: Annotated[float, Field(ge=-4e9, le=4e9)]
+    """First arrival time, on the clock of the log, at which it is off [s]."""
     until_s: Annotated[float, Field(ge=-4e9, le=4e9)] | None = None
+    """Arrival time from which it is on again; default: never [s]."""
 
 
 class RunConfig(Strict):
@@ -432,26 +633,51 @@ class RunConfig(Strict):
     """
 
     name: str = "run"
+    """Title of the report."""
     description: str = ""
+    """Shown in the report; default: the description of the log."""
     log: Origin | None = None
+    """Recorded messages; `--log` overrides it."""
     simulation: Scenario | None = None
+    """Simulated messages instead of a log."""
     start: Start = "truth"
+    """Start pose. `truth`: the reference at the first message, or its first pose if that is later;
+    `auto`: [found without a prior](start.md) [m, m, deg].
+    """
     start_sigma: StartSigma = Field(default_factory=StartSigma)
+    """Uncertainty of the start pose."""
     initializer: Initializer = Field(default_factory=Initializer)
+    """Settings of the search for the start pose."""
     use: Annotated[list[Source], Field(min_length=1)] = Field(default_factory=lambda: list(SOURCES))
+    """Sources that are fused; messages of the others are left out."""
     anchors: dict[Name, RangeError] = Field(default_factory=dict)
+    """Known errors of the ranges to an anchor; `all` holds for anchors that are not named."""
     cylinders: Cylinders | None = None
+    """Detect round objects in the scans as landmark observations."""
     estimator: Estimator = Field(default_factory=Estimator)
+    """Pose EKF."""
     health: Health = Field(default_factory=Health)
+    """Monitor of [how far the estimate may be trusted](health.md)."""
     when_lost: Literal["restart", "go_on"] = "restart"
+    """What a pose EKF does once it is lost: relocalize, or continue."""
     mcl: Mcl | None = None
+    """Fuse scans on the map of the log, too: [Localize on a map](localize.md)."""
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
+    """Seed of the simulation and of the particle filter."""
     history_s: Annotated[float, Field(ge=0.0, le=1e9)] = 2.0
+    """Maximum lateness of a message that is still fused at its stamp [s]."""
     history_messages: Annotated[int, Field(ge=512, le=1_000_000_000)] = 100_000
+    """Maximum number of messages kept for late ones."""
     delays_s: dict[Source, Annotated[float, Field(ge=0.0, le=3600.0)]] = Field(default_factory=dict)
+    """Constant latency of a source, subtracted from each of its stamps [s]."""
     clock_jump: Literal["refuse", "reset", "continue"] = "refuse"
+    """When [the clock goes back](filter.md#a-clock-that-goes-back): reject messages as stale, start
+    again, or continue from the same pose.
+    """
     switched_off: list[SwitchedOff] = Field(default_factory=list)
+    """Intervals in which a source is switched off."""
     ros: Ros = Field(default_factory=Ros)
+    """Topics and frames of a ROS robot."""
 
     @model_validator(mode="after")
     def _one_origin(self) -> RunConfig:

@@ -15,8 +15,8 @@ import yaml
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from locfuse.config.base import meaning
 from locfuse.config.load import load_config, parse_config
-from locfuse.config.meanings import meaning
 from locfuse.config.schema import RunConfig
 from locfuse.types import ConfigError, nearest
 
@@ -280,9 +280,10 @@ def _of_mapping(
         if _is_model(inside):
             yield from _of_model(inside, item, f"{prefix}{key}.{name}.")
         else:
-            text = meaning(model, key)
             kind = "float" if isinstance(item, float) else "text"
-            yield Parameter(f"{prefix}{key}.{name}", kind, item, None, None, text)
+            yield Parameter(
+                f"{prefix}{key}.{name}", kind, item, None, None, _description(model, key)
+            )
 
 
 def _of_field(
@@ -299,7 +300,12 @@ def _of_field(
         raise ConfigError(f"{prefix}{key} is {value}; a parameter holds up to {LARGEST_INTEGER}")
     choices = tuple(c for o in _options(field.annotation) if get_origin(o) is Literal
                     for c in get_args(o))  # fmt: skip
-    return Parameter(prefix + key, kind, value, low, high, meaning(model, key), choices)
+    return Parameter(prefix + key, kind, value, low, high, _description(model, key), choices)
+
+
+def _description(model: type[BaseModel], key: str) -> str:
+    text, unit = meaning(model, key)
+    return f"{text} [{unit}]" if unit else text
 
 
 def _options(annotation: Any) -> list[Any]:

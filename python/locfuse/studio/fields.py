@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -11,7 +10,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 import yaml
 from pydantic import BaseModel
 
-from locfuse.config.meanings import meaning
+from locfuse.config.base import meaning
 from locfuse.types import YAML_ERRORS
 
 _UNITS = ("_per_sqrt_rad", "_per_sqrt_m", "_per_sqrt_s", "_per_m", "_radps", "_mps", "_deg",
@@ -63,12 +62,11 @@ def field_of(model: type[BaseModel], name: str) -> Field:
     >>> found.kind, found.label, found.unit
     ('number', 'rate', 'Hz')
     """
-    said = re.fullmatch(r"(.*?)(?: \[([^\]]*)\])?", meaning(model, name), re.DOTALL)
-    assert said is not None
+    text, unit = meaning(model, name)
     every = _members(model.model_fields[name].annotation)
     members = [member for member in every if member is not NoneType]
     kind, choices, section = _kind(members)
-    return Field(name, kind, label_of(name), said[2] or "", said[1], choices,
+    return Field(name, kind, label_of(name), unit, text, choices,
                  len(members) < len(every), section)  # fmt: skip
 
 

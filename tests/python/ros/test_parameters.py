@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 from typing import Any
 
@@ -48,16 +47,6 @@ def test_parameters_make_the_configuration_they_are_of(keys: dict[str, Any]) -> 
 
 def test_every_parameter_says_what_it_means() -> None:
     assert [p.name for p in parameters(parse_config(EVERYTHING)) if not p.description] == []
-
-
-def test_meanings_are_those_of_the_page() -> None:
-    path = ROOT / "scripts" / "meanings.py"
-    spec = importlib.util.spec_from_file_location("meanings", path)
-    assert spec is not None
-    assert spec.loader is not None
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    assert script.TARGET.read_text() == script.text(), "run python scripts/meanings.py"
 
 
 def test_bounds_are_those_of_the_schema() -> None:

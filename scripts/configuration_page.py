@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Write keys, units and meanings of the tables in docs/configuration.md from the schema.
+
+Headings, prose and the columns "default" and "allowed" are kept; a test compares these with the
+schema.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from locfuse.config import ros, scenario, schema
+from locfuse.config.base import Strict, description
+
+CONFIGURATION = Path(__file__).parents[1] / "docs" / "configuration.md"
+SECTIONS: dict[str, type[Strict]] = {
+    "## Top level": schema.RunConfig,
+    "### `switched_off`": schema.SwitchedOff,
+    "### `log` as a data set": schema.Dataset,
+    "### `start_sigma`": schema.StartSigma,
+    "### `initializer`": schema.Initializer,
+    "### `health`": schema.Health,
+    "### `anchors`": schema.RangeError,
+    "## `cylinders`": schema.Cylinders,
+    "## `estimator`": schema.Estimator,
+    "### `estimator.odometry`": schema.Odometry,
+    "### `estimator.range`": schema.Range,
+    "### `estimator.position`": schema.Position,
+    "### `estimator.landmark`": schema.Landmark,
+    "### `estimator.calibration`": schema.Calibration,
+    "### `estimator.pose`": schema.Pose,
+    "### `estimator.limits`": schema.Limits,
+    "### `estimator.adaptive`": schema.Adaptive,
+    "## `mcl`": schema.Mcl,
+    "### `mcl.switch`": schema.Switch,
+    "### `mcl.field`": schema.LikelihoodField,
+    "### `mcl.beam_model`": schema.BeamModel,
+    "## `ros`": ros.Ros,
+    "### `ros.topics`": ros.Topics,
+    "### `ros.frames`": ros.Frames,
+    "## `simulation`": scenario.Scenario,
+    "### `path`, shape `circle`": scenario.Circle,
+    "### `path`, shape `eight`": scenario.Eight,
+    "### `path`, shape `square`": scenario.Square,
+    "### `path`, shape `star`": scenario.Star,
+    "### `path`, shape `polygon`": scenario.Polygon,
+    "### `path`, shape `waypoints`": scenario.Waypoints,
+    "### `path`, shape `points`": scenario.Points,
+    "### `path`, shape `roam`": scenario.Roam,
+    "### `simulation.odometry`": scenario.OdometrySensor,
+    "### `simulation.ranges`": scenario.RangeSensor,
+    "### `simulation.poses`": scenario.PoseSensor,
+    "### `simulation.positions`": scenario.PositionSensor,
+    "### `simulation.landmark_sightings`": scenario.SightingSensor,
+    "### `simulation.laser`": scenario.LaserSensor,
+    "### `simulation.map`": scenario.RoomMap,
+    "### Fault `nlos`": scenario.Nlos,
+    "### Fault `bias`": scenario.Bias,
+    "### Fault `wander`": scenario.Wander,
+    "### Fault `outliers`": scenario.Outliers,
+    "### Fault `dropouts`": scenario.Dropouts,
+    "### Fault `latency`": scenario.Latency,
+    "### Fault `wheel_slip`": scenario.WheelSlip,
+    "### Fault `slip_episodes`": scenario.SlipEpisodes,
+    "### Fault `kidnap`": scenario.Kidnap,
+    "### Fault `glass`": scenario.Glass,
+    "### Fault `people`": scenario.People,
+    "### Fault `max_range`": scenario.MaxRange,
+    "### Fault `covered`": scenario.Covered,
+}
+
+
+def configuration_page() -> str:
+    """Return the page with its tables as the schema says."""
+    lines = iter(CONFIGURATION.read_text("utf-8").splitlines())
+    written: list[str] = []
+    model = None
+    for line in lines:
+        written.append(line)
+        if line.startswith("#"):
+            model = SECTIONS.get(line)
+        elif line.startswith("|---") and model is not None:
+            written += _rows(model, lines)
+    return "\n".join(written) + "\n"
+
+
+def _rows(model: type[Strict], lines: Iterator[str]) -> Iterator[str]:
+    """Yield a row per key, and the line after the table, which `lines` stand at."""
+    line, old = next(lines, None), {}
+    while line is not None and line.startswith("|"):
+        key, default, _, allowed, _ = (cell.strip() for cell in line.strip("|").split("|"))
+        old[key] = default, allowed
+        line = next(lines, None)
+    for key in model.model_fields:
+        if key not in ("shape", "kind"):  # which the heading names
+            default, allowed = old.get(f"`{key}`", ("", ""))
+            text, unit = description(model, key)
+            yield f"| `{key}` | {default} | {unit or '-'} | {allowed} | {text.removesuffix('.')} |"
+    if line is not None:
+        yield line
+
+
+if __name__ == "__main__":
+    CONFIGURATION.write_text(configuration_page(), encoding="utf-8")
