@@ -2,7 +2,7 @@
 """A Dask cluster on loopback, in a network of its own: a scheduler and two workers.
 
 ``python support_dask.py FOLDER``, in a fresh network namespace, runs a sweep on it, ends one of the
-workers in the middle, and writes the table into FOLDER. It tells what it did as JSON.
+workers in the middle, and writes the table into FOLDER. It prints what it did as JSON.
 """
 
 from __future__ import annotations

@@ -254,20 +254,20 @@ def test_a_position_whose_driver_tells_no_sigma_takes_that_of_the_config(
     assert run_on(tmp_path / "none", files).status == 0
     (row,) = of_source(tmp_path / "none", "positions")
     assert row["verdict"] == "not_modelled"
-    assert row["reason"] == "its sigma tells nothing; set estimator.position.sigma_m"
+    assert row["reason"] == "has no usable sigma; set estimator.position.sigma_m"
 
     config = f"{CONFIG}estimator: {{position: {{sigma_m: 0.5}}}}\n"
     assert run_on(tmp_path / "own", files, config).status == 0
-    assert run_on(tmp_path / "told", changed("positions.csv", "0.5", "0.5")).status == 0
-    assert of_source(tmp_path / "own", "positions") == of_source(tmp_path / "told", "positions")
+    assert run_on(tmp_path / "reported", changed("positions.csv", "0.5", "0.5")).status == 0
+    assert of_source(tmp_path / "own", "positions") == of_source(tmp_path / "reported", "positions")
 
 
 def test_a_pose_without_a_heading_is_fused_as_a_position(tmp_path: Path) -> None:
     assert run_on(tmp_path, changed("poses.csv", "0.5,0.1", "0.5,1e3")).status == 0
     (row,) = of_source(tmp_path, "poses")
     assert (row["verdict"], row["dof"]) == ("fused", "2")
-    for told in ("-1,-1", "0,0", "1e9,1e300"):
-        assert run_on(tmp_path, changed("poses.csv", "0.5,0.1", told)).status == 0
+    for sigmas in ("-1,-1", "0,0", "1e9,1e300"):
+        assert run_on(tmp_path, changed("poses.csv", "0.5,0.1", sigmas)).status == 0
         (row,) = of_source(tmp_path, "poses")
         assert row["verdict"] == "not_modelled"
         assert "set estimator.pose.sigma_m" in row["reason"]

@@ -336,7 +336,7 @@ def test_pages_that_the_sources_name_exist() -> None:
 
 
 def test_tests_that_the_answers_name_exist() -> None:
-    rows = table_under(DOCS / "complaints.md", "# Fifteen complaints")
+    rows = table_under(DOCS / "complaints.md", "# Common problems of localizers")
     assert len(rows) == 15
     tests = {path.name: path for path in (ROOT / "tests").rglob("test_*.*")}
     text = "".join(path.read_text() for path in tests.values() if path.suffix in (".py", ".cpp"))
@@ -538,8 +538,8 @@ def test_rows_of_reproduce_are_documented() -> None:
 
 def papers_json() -> dict[str, dict[str, Any]]:
     """Return the claims of docs/papers.json by id."""
-    told = json.loads((DOCS / "papers.json").read_text())
-    return {row["id"]: row for paper in told["papers"] for row in paper["claims"]}
+    found = json.loads((DOCS / "papers.json").read_text())
+    return {row["id"]: row for paper in found["papers"] for row in paper["claims"]}
 
 
 def test_figures_of_celan2017_stand_on_one_page() -> None:
@@ -560,7 +560,7 @@ def test_figures_of_the_scrubber_are_those_of_papers_json() -> None:
     rows = {"a constant per link, `PoseEkf`": "rigid_ranges",
             "a constant per link, rolling": "rolling_ranges",
             "antennas known, rolling": "rolling_antennas_antennas"}  # fmt: skip
-    told = [
+    figures = [
         f"12 states err {gain[0]:.2g} times as much in position and {gain[1]:.2g} times in heading",
         f"in {worse} of 20 rides",
         f"it is {gain[2]:.3g} and {gain[3]:.2g}",
@@ -569,8 +569,8 @@ def test_figures_of_the_scrubber_are_those_of_papers_json() -> None:
     ]
     for name, id in rows.items():
         position, heading = (values[f"celan_trolley_{id}_10{what}"] for what in ("", "_heading"))
-        told.append(f"| {name} | {100.0 * position:.1f} cm | {heading:.1f} deg |")
-    for figure in told:
+        figures.append(f"| {name} | {100.0 * position:.1f} cm | {heading:.1f} deg |")
+    for figure in figures:
         assert figure in page
 
 

@@ -35,7 +35,7 @@ DEEP = "[&a0 [1]" + "".join(f", &a{i + 1} [*a{i}]" for i in range(2000)) + "]"  
         "tags: " + "{a: " * 1500,  # RecursionError, once it was parsed
         f"estimator: {{gate_range: {HUGE}}}",  # ValueError where its text was made
         f"description: [{HUGE}]",
-        f"description: {DEEP}",  # RecursionError, likewise
+        f"description: {DEEP}",  # RecursionError, too
         "description: " + "1:" * 200 + "1.5",  # OverflowError: a power of 60 that is no float
         'description: "\\UFFFFFFFF"',  # OverflowError: of what chr() makes no character
         'description: "\\ud800"',  # UnicodeEncodeError where the report was written
@@ -70,7 +70,7 @@ def test_an_integer_that_does_not_fit_is_refused(text: str, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("config", [{"start": [10**400, 0, 0]}, {"clock_jump": 10**5000}])
-def test_an_integer_that_no_yaml_told_is_refused_as_well(config: dict[str, Any]) -> None:
+def test_an_integer_from_elsewhere_than_yaml_is_refused_as_well(config: dict[str, Any]) -> None:
     with pytest.raises(ConfigError, match=next(iter(config))):
         parse_config(config)
 
@@ -81,7 +81,7 @@ def test_an_integer_that_no_yaml_told_is_refused_as_well(config: dict[str, Any])
         png_of(20_000, 20_000, 8, b""),  # Pillow: DecompressionBombError
         png_of(1, 1, 8, b"\0\0", (b"iCCP", b"")),  # IndexError
         b"P5 " + b"9" * 5000 + b" 1 255 \0",  # more digits than Python makes an integer of
-        b"P2 1 1 255 " + b"9" * 5000,  # likewise
+        b"P2 1 1 255 " + b"9" * 5000,  # too long as well
         b"P2 1 1 255 " + b"9" * 400,  # an integer that is no float
     ],
 )

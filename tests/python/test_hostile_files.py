@@ -65,7 +65,7 @@ def test_keys_may_be_merged_up_to_a_measure() -> None:
     assert len(read_yaml(both)["b"]) == 501
     with pytest.raises(ConfigError, match=r"line 2: .*more than 1000 keys are merged"):
         read_yaml(both.replace("*many]", "*many, {one: 1}]"))
-    with pytest.raises(ConfigError, match="is no YAML"):
+    with pytest.raises(ConfigError, match="not valid YAML"):
         read_yaml("a: &a {<<: *a}")
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What holds whatever estimators, logs and configurations are told; Hypothesis looks for examples.
+"""What holds for all estimators, logs and configurations; Hypothesis looks for counterexamples.
 
 The same run always tries the same examples. ``fuzz`` tries what is not plausible in C++.
 """

@@ -77,7 +77,7 @@ def test_what_is_seen_of_a_run_is_its_beginning_and_watching_changes_no_bit(kind
         for name in ("truth", "scans"):
             if name in part.log:
                 assert part.log[name]["stamp_ns"].max() <= end
-        counted = sum(sum(told.values()) for told in part.metrics["counts"].values())
+        counted = sum(sum(counts.values()) for counts in part.metrics["counts"].values())
         assert counted == part.metrics["messages"] == len(part.outcomes)
         assert pack(part, whole=False)["whole"] is False
 
@@ -110,9 +110,9 @@ def test_what_arrives_late_is_missing_until_it_is_there() -> None:
             part.outcomes.stamp_ns, whole.outcomes.stamp_ns[: len(part.outcomes)]
         )
         assert not np.any(part.outcomes.verdict == "ignored")
-        heard = part.outcomes.stamp_ns[part.outcomes.source == "ranges"]
-        assert sorted(part.log["ranges"]["stamp_ns"].tolist()) == sorted(heard.tolist())
-        assert heard.max() < part.outcomes.stamp_ns.max() - 400_000_000
+        received = part.outcomes.stamp_ns[part.outcomes.source == "ranges"]
+        assert sorted(part.log["ranges"]["stamp_ns"].tolist()) == sorted(received.tolist())
+        assert received.max() < part.outcomes.stamp_ns.max() - 400_000_000
 
 
 def test_of_poses_from_mcl_the_mcl_is_seen() -> None:

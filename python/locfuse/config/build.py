@@ -63,7 +63,7 @@ def build_switching_config(switch: Switch) -> _core.SwitchingMclConfig:
 
 
 def build_recovering_config(config: RunConfig) -> _core.RecoveringEkfConfig:
-    """Return a filter that starts by itself and knows when it is lost, as a run is told."""
+    """Return a filter that starts by itself and reports when it is lost, as a run configures it."""
     recovering = _core.RecoveringEkfConfig()
     recovering.estimator = build_estimator_config(config.estimator)
     recovering.start = build_initializer_config(config.initializer)

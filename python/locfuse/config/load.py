@@ -10,14 +10,14 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
-from locfuse.config.safe_yaml import CarefulLoader
+from locfuse.config.safe_yaml import StrictYamlLoader
 from locfuse.config.schema import RunConfig
 from locfuse.types import YAML_ERRORS, ConfigError, nearest, shown
 
 MOST_SENTENCES = 20
 
 
-class _Loader(CarefulLoader):
+class _Loader(StrictYamlLoader):
     """Safe YAML that refuses a key given twice, where the first would be lost in silence."""
 
     def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
@@ -32,7 +32,7 @@ class _Loader(CarefulLoader):
 
 
 class YamlError(ConfigError):
-    """A text is no YAML; `line`, counted from 1, is where, if that is known."""
+    """A text is not valid YAML; `line`, counted from 1, is where, if that is known."""
 
     def __init__(self, text: str, line: int | None) -> None:
         super().__init__(text)
@@ -49,8 +49,8 @@ def load_config(path: str | Path) -> RunConfig:
     Raises
     ------
     ConfigError
-        If the file cannot be read, is no YAML mapping, or a key or value is not allowed: names the
-        key, the value and what is expected.
+        If the file cannot be read, is not a YAML mapping, or a key or value is not allowed. The
+        text names the key, the value and what is expected.
     """
     path = Path(path)
     try:
@@ -74,7 +74,7 @@ def read_yaml(text: str, origin: str = "config") -> Any:
     Raises
     ------
     YamlError
-        If it is no YAML, gives a key twice, or is empty.
+        If it is not valid YAML, gives a key twice, or is empty.
     """
     try:
         data = yaml.load(text, _Loader)
@@ -83,9 +83,9 @@ def read_yaml(text: str, origin: str = "config") -> Any:
         line = None if mark is None else mark.line + 1
         where = origin if line is None else f"{origin}, line {line}"
         what = getattr(error, "problem", None) or " ".join(str(error).split())
-        raise YamlError(f"{where}: is no YAML ({what})", line) from None
+        raise YamlError(f"{where}: is not valid YAML ({what})", line) from None
     except YAML_ERRORS as error:
-        raise YamlError(f"{origin}: is no YAML ({error})", None) from None
+        raise YamlError(f"{origin}: is not valid YAML ({error})", None) from None
     if data is None:
         raise YamlError(f"{origin}: is empty; expected at least 'log' or 'simulation'", None)
     return data
@@ -132,12 +132,12 @@ def _sentence(origin: str, error: Any) -> str:
         parts = ["log", *(part for part in parts[1:] if part not in _UNION_TAGS)]
     where = ": ".join([origin, ".".join(parts)]) if parts else origin
     got = error["input"]
-    is_told = got is None or isinstance(got, str | int | float | list)
-    value = f" (got {'nothing' if got is None else shown(got)})" if is_told else ""
+    is_shown = got is None or isinstance(got, str | int | float | list)
+    value = f" (got {'nothing' if got is None else shown(got)})" if is_shown else ""
     return f"{where}: {expected(error)}{value}"
 
 
-# By pydantic's kind of an error; the rest are told in its words, or in ours below.
+# By pydantic's kind of an error; the rest keep its text, or have ours below.
 _EXPECTED = {
     **dict.fromkeys(("model_type", "dict_type", "model_attributes_type"),
                     "expected keys and values"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is where in a robot's ROS: topics, frames, units; for bags and for the live nodes alike."""
+"""Topics, frames and units of a ROS robot, for bags and for the live nodes."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from locfuse.config.scenario import Name, Rate
 Latitude: TypeAlias = Annotated[float, Field(ge=-90.0, le=90.0)]
 Longitude: TypeAlias = Annotated[float, Field(ge=-180.0, le=180.0)]
 
-HEARD = ("odometry", "scans", "ranges", "poses", "positions", "landmark_sightings", "map",
+SUBSCRIBED = ("odometry", "scans", "ranges", "poses", "positions", "landmark_sightings", "map",
          "anchors", "landmarks", "initial_pose", "truth")  # fmt: skip
-TOLD = ("estimate", "path", "start")
+PUBLISHED = ("estimate", "path", "start")
 
 
 class Topics(Strict):
@@ -55,7 +55,7 @@ class Topics(Strict):
 
     @model_validator(mode="after")
     def _one_meaning(self) -> Topics:
-        for names in (HEARD, TOLD):
+        for names in (SUBSCRIBED, PUBLISHED):
             given = {key: plain(topic) for key in names if (topic := getattr(self, key))}
             for topic, times in Counter(given.values()).items():
                 if times > 1:
@@ -83,10 +83,10 @@ class Frames(Strict):
 
 
 class Ros(Strict):
-    """Where a robot's ROS says what, read from bags and heard by the nodes.
+    """Topics, frames and units that bags are read by and nodes subscribe to.
 
     `world` names a log folder without messages, relative to the configuration: anchors, landmarks,
-    tags, mounts and map, which count more than what topics say of them.
+    tags, mounts and map, which override those of topics.
     """
 
     world: Name | None = None
@@ -123,7 +123,7 @@ class Ros(Strict):
 
     @model_validator(mode="after")
     def _range_topics_are_their_own(self) -> Ros:
-        taken = {plain(topic): key for key in HEARD if (topic := getattr(self.topics, key))}
+        taken = {plain(topic): key for key in SUBSCRIBED if (topic := getattr(self.topics, key))}
         given = set()
         for name in map(plain, self.range_topics):
             if name in taken:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Safe YAML without what its parser makes too much of."""
+"""SafeLoader with limits on merge keys and number length."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from typing import Any
 
 import yaml
 
-LONGEST_NUMBER = 300  # characters: it has a text then, and as powers of 60 it is a float
-MOST_MERGED = 1000  # keys that a mapping takes from others, which may have taken them, too
+MAX_NUMBER_LENGTH = 300  # characters: still printable, and a float as powers of 60
+MAX_MERGED_KEYS = 1000  # per mapping, nested merges included
 _NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
 _MERGE = "tag:yaml.org,2002:merge"
 HALF_OF_A_PAIR = re.compile("[\ud800-\udfff]")
 
 
-class CarefulLoader(yaml.SafeLoader):
-    """Refuses numbers and merges without measure, and halves of surrogate pairs."""
+class StrictYamlLoader(yaml.SafeLoader):
+    """SafeLoader with limits on merge keys and number length, without unpaired surrogates."""
 
     def compose_scalar_node(self, anchor: Any) -> yaml.ScalarNode:
         node: yaml.ScalarNode = super().compose_scalar_node(anchor)
-        if node.tag in _NUMBERS and len(node.value) > LONGEST_NUMBER:
+        if node.tag in _NUMBERS and len(node.value) > MAX_NUMBER_LENGTH:
             self.refuse(f"a number of {len(node.value)} characters is out of bounds", node)
         if HALF_OF_A_PAIR.search(node.value):
-            self.refuse("half of a surrogate pair is no character", node)
+            self.refuse("half of a surrogate pair is not a character", node)
         return node
 
     def flatten_mapping(self, node: yaml.MappingNode) -> None:
@@ -32,8 +32,8 @@ class CarefulLoader(yaml.SafeLoader):
         for taken in _taken_in(node):
             self.flatten_mapping(taken)
             merged += len(taken.value)
-            if merged > MOST_MERGED:
-                self.refuse(f"more than {MOST_MERGED} keys are merged", node)
+            if merged > MAX_MERGED_KEYS:
+                self.refuse(f"more than {MAX_MERGED_KEYS} keys are merged", node)
         super().flatten_mapping(node)
 
     def refuse(self, problem: str, node: yaml.Node) -> None:

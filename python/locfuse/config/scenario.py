@@ -192,7 +192,7 @@ class OdometrySensor(Strict):
     """Wheel odometry, with variances that grow with the distance driven and the angle turned.
 
     ``increments`` are motions since the row before; ``velocities`` are forward speed and turn rate
-    held until the row after. `turn_bias_radps` is told on top of the turn, as by a gyro.
+    held until the row after. `turn_bias_radps` is added to the turn rate, as by a gyro.
     """
 
     rate_hz: Rate = 30.0
@@ -367,8 +367,7 @@ class Nlos(Strict):
     """Ranges through a wall read long: gamma distributed, mean `extra_m`, deviation `sigma_m`.
 
     A wall is [x1, y1, x2, y2] and reaches from floor to ceiling. Several walls in the way lengthen
-    once; through `silent_walls` of them or more nothing is heard. An anchor or tag that touches a
-    wall is not behind it.
+    once; `silent_walls` of them or more block it. A wall does not hide what touches it.
     """
 
     kind: Literal["nlos"] = "nlos"
@@ -443,8 +442,8 @@ class Outliers(Strict):
 class Dropouts(Strict):
     """Rows that are missing: each with `probability`, from `from_s` (inclusive) to `to_s`.
 
-    A probability alone holds all the time; an interval alone loses every row in it. The motion told
-    by a lost odometry increment is lost with it.
+    A probability alone holds all the time; an interval alone loses every row in it. The motion of
+    a lost odometry increment is lost with it.
     """
 
     kind: Literal["dropouts"] = "dropouts"
@@ -622,9 +621,9 @@ class Covered(Strict):
 
 
 class Kidnap(Strict):
-    """The robot is carried at `at_s` to another pose, `to` (m, m, deg), and odometry tells nothing.
+    """The robot is carried at `at_s` to another pose, `to` (m, m, deg), without odometry.
 
-    It does not notice: from there on it moves as it would have from where it was.
+    It continues its motion from the new pose.
     """
 
     kind: Literal["kidnap"] = "kidnap"
@@ -667,12 +666,12 @@ def _one_tag() -> dict[Name, Point3]:
 
 
 class Scenario(Strict):
-    """A drive through a room and what the sensors said of it.
+    """A drive through a room and the sensors that measure it.
 
     A sensor set to None is switched off. Faults are applied in the order in which they stand.
     Anchors and landmarks are in world, tags in body; the body moves on z = 0, and by default so do
     all of them, as in the planar model of ekim2020 eq. (8). Landmarks with a radius are discs that
-    the laser sees; the map does not tell of them.
+    the laser sees and the map does not contain.
     """
 
     room_m: tuple[Positive, Positive] = (10.0, 10.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run is told: where messages come from, where the robot starts, what the filter believes.
+"""Configuration of a run: source of messages, start pose, estimators.
 
 The estimator's models repeat the names, bounds and defaults of the C++ structs, which own them; a
 test compares the two.
@@ -16,7 +16,7 @@ from locfuse.config.base import Strict
 from locfuse.config.ros import Ros
 from locfuse.config.scenario import Name, Probability, Rate, Scenario
 
-Positive: TypeAlias = Annotated[float, Field(gt=0.0)]  # as in C++: what is too much for it, it says
+Positive: TypeAlias = Annotated[float, Field(gt=0.0)]  # C++ checks the upper bound
 NonNegative: TypeAlias = Annotated[float, Field(ge=0.0)]
 DriftSigma: TypeAlias = Annotated[float, Field(ge=0.0, le=1e6)]
 LostSigma: TypeAlias = Annotated[float, Field(gt=0.0, le=1e6)]
@@ -89,7 +89,7 @@ class Pose(Strict):
 
 
 class Limits(Strict):
-    """What no robot and no sensor exceeds; ``Limits`` in C++."""
+    """Physical limits of robot and sensors; ``Limits`` in C++."""
 
     speed_mps: Limit = 100.0
     """Maximum speed of odometry [m/s]."""
@@ -271,7 +271,7 @@ class Estimator(Strict):
 
 
 class Health(Strict):
-    """What tells how far an estimate may be trusted; ``HealthConfig`` in C++."""
+    """Monitor of how far an estimate may be trusted; ``HealthConfig`` in C++."""
 
     limit_m: Positive = 1.0
     """Position error whose probability `within` reports [m]."""
@@ -422,8 +422,8 @@ class Switch(Strict):
             uwb, sure, unsure = (f"{name}_{unit}" for name in ("uwb_sigma", "sigma_sure",
                                                                "sigma_unsure"))  # fmt: skip
             for low, high, why in (
-                (sure, unsure, "else doubt would end where it begins"),
-                (uwb, sure, "else UWB would take over for ever, as its own pose leaves doubt"),
+                (sure, unsure, "else a suspicion would end where it begins"),
+                (uwb, sure, "else UWB would take over for ever, as its own pose is suspect"),
             ):
                 if getattr(self, low) > getattr(self, high):
                     raise ValueError(
@@ -627,9 +627,9 @@ class RunConfig(Strict):
 
     Messages come from ``simulation``, or from ``log``: a log folder, or a dataset to convert.
     Paths are relative to the configuration's file. ``anchors`` says what is known of the ranges to
-    an anchor, by name; ``all`` holds for those not named. With ``mcl`` scans tell of the pose, too;
-    with ``cylinders`` what is round in them is a sighting of a landmark. A pose EKF that is lost
-    looks for another place, or does as ``when_lost`` says.
+    an anchor, by name; ``all`` holds for those not named. With ``mcl`` scans are fused, too;
+    with ``cylinders`` round objects in them are landmark observations. ``when_lost`` says what a
+    pose EKF does once it is lost.
     """
 
     name: str = "run"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Paths laid over one another: dead reckoning against whatever else tells where the robot was."""
+"""Paths laid over one another: dead reckoning against another source of positions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LEAST_SPREAD_M = 0.3
 
 @dataclass(frozen=True)
 class Track:
-    """Where something on the robot was, as one source tells it.
+    """Where something on the robot was, as one source reports it.
 
     Attributes
     ----------

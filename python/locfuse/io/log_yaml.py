@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from locfuse.config.safe_yaml import CarefulLoader
+from locfuse.config.safe_yaml import StrictYamlLoader
 from locfuse.io.csv_table import read_bytes
 from locfuse.types import YAML_ERRORS, LogError, nearest, shown
 
@@ -26,7 +26,7 @@ LASER_KEYS = (
 LANDMARK_SENSOR_KEYS = ("pose_in_body",)
 
 
-class _Loader(CarefulLoader):
+class _Loader(StrictYamlLoader):
     """Safe YAML whose keys are texts as written (a tag may be called 2) and given once."""
 
 

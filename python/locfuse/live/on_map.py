@@ -26,7 +26,7 @@ class OnMap:
     Attributes
     ----------
     found : bool
-        Whether one place was left at some time, or the start was told.
+        Whether one place was left at some time, or the start was given.
     """
 
     def __init__(
@@ -49,14 +49,14 @@ class OnMap:
         self._newest_ns = begin_ns
         self._odometry_ns: int | None = None
 
-    def on(self, heard: Message | _core.LaserScan) -> list[_core.PoseEstimate]:
+    def on(self, item: Message | _core.LaserScan) -> list[_core.PoseEstimate]:
         """Take a message or a scan; return the estimates after scans whose turn it is now."""
-        is_scan = isinstance(heard, _core.LaserScan)
-        stamp = heard.stamp if isinstance(heard, _core.LaserScan) else effective_ns(heard)
-        if isinstance(heard, _core.Increment | _core.Velocity):
-            self._odometry_ns = max(heard.stamp, self._odometry_ns or heard.stamp)
+        is_scan = isinstance(item, _core.LaserScan)
+        stamp = item.stamp if isinstance(item, _core.LaserScan) else effective_ns(item)
+        if isinstance(item, _core.Increment | _core.Velocity):
+            self._odometry_ns = max(item.stamp, self._odometry_ns or item.stamp)
         self._newest_ns = max(self._newest_ns, stamp)
-        heapq.heappush(self._waiting, (stamp, is_scan, self._arrivals, heard))
+        heapq.heappush(self._waiting, (stamp, is_scan, self._arrivals, item))
         self._arrivals += 1
         due = self._newest_ns - PATIENCE_NS - 1
         if self._odometry_ns is not None:

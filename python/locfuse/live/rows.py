@@ -36,7 +36,7 @@ class Rows:
     Attributes
     ----------
     anchor_names, tag_names, landmark_names : list of str
-        In order of id; those of the world first, then others as they are heard.
+        In order of id; those of the world first, then others as they are received.
     """
 
     def __init__(self, config: RunConfig, world: Log) -> None:
@@ -70,7 +70,7 @@ class Rows:
         self._odometry_ns = before._odometry_ns
 
     def forget_odometry(self) -> None:
-        """Begin motion anew: the next increment tells of one from before."""
+        """Begin motion anew: the next increment covers a motion from before."""
         self._odometry_ns = None
 
     def scan(self, row: Row) -> _core.LaserScan:
@@ -109,14 +109,14 @@ class Rows:
         return _core.PositionFix(
             stamp,
             [float(row["x_m"]), float(row["y_m"])],
-            told_covariance([row["sigma_m"]] * 2),
+            reported_covariance([row["sigma_m"]] * 2),
             None if tag is None else _id(self._ids[1], self.tag_names, tag),
         )
 
     def _pose(self, stamp: int, row: Row) -> Message:
         pose = _core.Pose2(*(float(row[key]) for key in ("x_m", "y_m", "heading_rad")))
         sigmas = [row["sigma_xy_m"], row["sigma_xy_m"], row["sigma_heading_rad"]]
-        return _core.PoseObservation(stamp, pose, told_covariance(sigmas))
+        return _core.PoseObservation(stamp, pose, reported_covariance(sigmas))
 
     def _sighting(self, stamp: int, row: Row) -> Message:
         name = row.get("landmark") or None
@@ -126,7 +126,7 @@ class Rows:
         )
         covariance = None
         if "sigma_range_m" in row:
-            covariance = told_covariance([row["sigma_range_m"], row["sigma_bearing_rad"]])
+            covariance = reported_covariance([row["sigma_range_m"], row["sigma_bearing_rad"]])
         return _core.RangeBearing(stamp, landmark, range_m, bearing, covariance)
 
 
@@ -141,7 +141,7 @@ def _id(ids: dict[str, int], names: list[str], name: str) -> int:
     return ids[name]
 
 
-def told_covariance(sigmas: ArrayLike) -> FloatArray:
+def reported_covariance(sigmas: ArrayLike) -> FloatArray:
     """Return the covariance of sigmas; -1 and 0, which say that none is known, stay."""
     values = np.array(sigmas, dtype=np.float64)
     return np.diag(values * np.abs(values))

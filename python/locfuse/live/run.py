@@ -16,13 +16,13 @@ from locfuse.config.build import (
 )
 from locfuse.config.schema import RunConfig
 from locfuse.live.on_map import PATIENCE_NS, OnMap
-from locfuse.live.rows import Message, Row, Rows, effective_ns, told_covariance
+from locfuse.live.rows import Message, Row, Rows, effective_ns, reported_covariance
 from locfuse.run.health import name_of, reason_of
 from locfuse.run.messages import landmark_sight
-from locfuse.run.start import matcher_of, told_start
+from locfuse.run.start import given_start, matcher_of
 from locfuse.types import NANOSECONDS, ConfigError, FloatArray, Log, nearest
 
-MOST_HEARD = 5000  # messages that are kept for a run that takes over before there is a pose
+MAX_KEPT = 5000  # messages that are kept for a run that takes over before there is a pose
 
 
 @dataclass(frozen=True)
@@ -160,18 +160,18 @@ class LiveRun:
             build_anchors(world.tables.get("anchors"), self.names.anchor_names, config.anchors),
             [_core.Tag(i, list(world.tags[name])) for i, name in enumerate(self.names.tag_names)],
         )
-        self._told = None if config.start == "auto" else config.start
+        self._given = None if config.start == "auto" else config.start
         self._held: list[Message] = []
         self._driven: Row = {}  # the last odometry
-        self._heard: deque[tuple[str, Row]] = deque(maxlen=MOST_HEARD)  # while it searches
-        self._heard_ns: int | None = None
+        self._received: deque[tuple[str, Row]] = deque(maxlen=MAX_KEPT)  # while it searches
+        self._received_ns: int | None = None
         self._tick: int | None = None
         self._on_map: OnMap | None = None
         self._map_pose: _core.PoseEstimate | None = None
         self._begin_ns: int | None = None
         self._filter: _core.Live | None = None
         if config.mcl is None or config.mcl.poses_hz is not None:
-            matcher = matcher_of(world) if self._told is None else None
+            matcher = matcher_of(world) if self._given is None else None
             self._filter = _core.Live(
                 _core.RecoveringEkf(build_recovering_config(config), *self._radios, matcher,
                                     self._landmarks()),
@@ -189,7 +189,7 @@ class LiveRun:
             world = replace(world, landmark_sensor={"pose_in_body": world.laser["pose_in_body"]})
         return landmark_sight(world, self.names.landmark_names)
 
-    # What is heard -------------------------------------------------------------------------------
+    # Received -----------------------------------------------------------------------------------
 
     def on(self, source: str, row: Row) -> str:
         """Take a row of the table `source` of a log, with the names and units of its columns.
@@ -210,9 +210,9 @@ class LiveRun:
         """
         stamp = int(row["stamp_ns"])
         if not self._is_found:
-            self._heard.append((source, row))
-        elif self._heard:
-            self._heard.clear()
+            self._received.append((source, row))
+        elif self._received:
+            self._received.clear()
         if source == "odometry":
             self._driven = row
         if source == "scans":
@@ -221,7 +221,7 @@ class LiveRun:
             verdict = _core.Verdict.IGNORED
         else:
             verdict = self._on_message(self.names.message(source, row))
-        self._heard_ns = stamp if self._heard_ns is None else max(stamp, self._heard_ns)
+        self._received_ns = stamp if self._received_ns is None else max(stamp, self._received_ns)
         word = verdict.name.lower()
         self.counts[source, word] += 1
         return word
@@ -244,28 +244,29 @@ class LiveRun:
             return _core.Verdict.IGNORED
         if self._cylinders is not None:
             for one in self._cylinders.detect(scan):
-                told = told_covariance(np.sqrt(np.diag(one.covariance)[:2]))  # as in a table
-                seen = _core.RangeBearing(scan.stamp, None, one.range, one.bearing, told)
+                sigmas = np.sqrt(np.diag(one.covariance)[:2])
+                covariance = reported_covariance(sigmas)  # as in a table
+                seen = _core.RangeBearing(scan.stamp, None, one.range, one.bearing, covariance)
                 self._on_message(seen)
         if self.config.mcl is not None:
             self._into_map(scan)
-        elif self._filter is not None and self._told is None:
+        elif self._filter is not None and self._given is None:
             self._filter.on(scan)
         return _core.Verdict.IGNORED
 
-    def _into_map(self, heard: Message | _core.LaserScan) -> None:
+    def _into_map(self, item: Message | _core.LaserScan) -> None:
         if self._on_map is None:
-            begin = heard.stamp if isinstance(heard, _core.LaserScan) else effective_ns(heard)
-            start = None if self._told is None else self._told_start(begin)
+            begin = item.stamp if isinstance(item, _core.LaserScan) else effective_ns(item)
+            start = None if self._given is None else self._given_start(begin)
             self._begin_ns = begin
             self._on_map = OnMap(self.config, self.world, self._radios, self._landmarks(), begin,
                                  start)  # fmt: skip
-        for estimate in self._on_map.on(heard):
+        for estimate in self._on_map.on(item):
             self._map_pose = estimate
             if self._filter is not None and self._on_map.ready:
-                self._tell_filter(estimate)
+                self._feed_filter(estimate)
 
-    def _tell_filter(self, estimate: _core.PoseEstimate) -> None:
+    def _feed_filter(self, estimate: _core.PoseEstimate) -> None:
         """Pass on a pose of the map, at most one in each tick of ``mcl.poses_hz``."""
         assert self.config.mcl is not None
         assert self.config.mcl.poses_hz is not None
@@ -277,12 +278,13 @@ class LiveRun:
         self._tick = tick
         variance = np.diag(estimate.covariance)
         position = np.sqrt(variance[:2].mean())
-        told = told_covariance([position, position, np.sqrt(variance[2])])  # as in a table
-        self._into_filter(_core.PoseObservation(estimate.stamp, estimate.pose, told))
+        sigmas = [position, position, np.sqrt(variance[2])]
+        covariance = reported_covariance(sigmas)  # as in a table
+        self._into_filter(_core.PoseObservation(estimate.stamp, estimate.pose, covariance))
 
     def _into_filter(self, message: Message) -> _core.Verdict:
         assert self._filter is not None
-        if self._told is not None and not self._filter.is_tracking:
+        if self._given is not None and not self._filter.is_tracking:
             return self._into_start(message)
         jumps = self._filter.jumps
         outcome = self._filter.on(message)
@@ -291,23 +293,23 @@ class LiveRun:
         return outcome.verdict
 
     def _into_start(self, message: Message) -> _core.Verdict:
-        """Hold messages until it is known which is the first in time: there a told start holds."""
+        """Hold messages until it is known which is the first in time: there a given start holds."""
         assert self._filter is not None
         self._held.append(message)
         begin = min(map(effective_ns, self._held))
         if effective_ns(message) - begin < PATIENCE_NS:
             return _core.Verdict.IGNORED
-        self._filter.start_at(self._told_start(begin))
+        self._filter.start_at(self._given_start(begin))
         verdict = _core.Verdict.IGNORED
         for held in self._held:
             verdict = self._filter.on(held).verdict
         self._held = []
         return verdict
 
-    def _told_start(self, stamp: int) -> _core.PoseEstimate:
-        assert self._told is not None
-        assert self._told != "truth"  # refused when it was made
-        return told_start(self._told, self.config.start_sigma, stamp)
+    def _given_start(self, stamp: int) -> _core.PoseEstimate:
+        assert self._given is not None
+        assert self._given != "truth"  # refused when it was made
+        return given_start(self._given, self.config.start_sigma, stamp)
 
     # What is asked of it -------------------------------------------------------------------------
 
@@ -331,17 +333,17 @@ class LiveRun:
         self._held = []
 
     def go_on_from(self, before: LiveRun) -> None:
-        """Go on where a run of another world has come to: from its pose, or with what it heard.
+        """Continue from a run of another world: from its pose, or with its latest messages.
 
         Parameters
         ----------
         before : LiveRun
             Of the same configuration. While it tracks its pose is taken, at the end of its
-            odometry; until then this run hears again what that one has heard of late.
+            odometry; until then this run is fed the latest messages of that one.
         """
         pose = before.pose()
         if pose is None:
-            for source, row in before._heard:
+            for source, row in before._received:
                 self.on(source, row)
         else:
             self.names.go_on_from(before.names)
@@ -350,14 +352,14 @@ class LiveRun:
                 self.on("odometry", before._driven)
 
     def relocalize(self) -> None:
-        """Forget the pose and search it, though the start was told."""
-        self._told, self._held = None, []
+        """Forget the pose and search it, though the start was given."""
+        self._given, self._held = None, []
         self._on_map = self._map_pose = self._tick = None
         if self._filter is not None:
             self._filter.relocalize()
 
     def reset(self) -> None:
-        """Forget everything heard: as it was made, but for sources that are switched off."""
+        """Forget every message: as it was made, but for sources that are switched off."""
         self._forget()
 
     def enable(self, source: str, enabled: bool) -> None:
@@ -404,7 +406,7 @@ class LiveRun:
         report = self._filter.health()
         reason = reason_of(report.clue, report.source, self.names, self.config)
         if not self._filter.is_tracking:
-            searching = "" if self._told is not None else self._filter.search().reason
+            searching = "" if self._given is not None else self._filter.search().reason
             reason = searching or reason
         return LiveHealth(report.state.name.lower(), reason, report.within, report.wrong,
                           report.protection)  # fmt: skip
@@ -423,19 +425,19 @@ class LiveRun:
     def sources(self) -> list[LiveSource]:
         """Return what became of each source that was fused or gated."""
         if self._filter is None:
-            told = [] if self._on_map is None else self._on_map.sources
+            statuses = [] if self._on_map is None else self._on_map.sources
         else:
-            told = self._filter.sources
+            statuses = self._filter.sources
         return [
             LiveSource(name_of(s.source, self.names), s.heard, s.fused, s.accepted, s.residual,
                        s.sigma, s.test_ratio, s.faulty)
-            for s in told
+            for s in statuses
         ]  # fmt: skip
 
     @property
     def heard_ns(self) -> int | None:
-        """Newest stamp heard, nanoseconds."""
-        return self._heard_ns
+        """Newest stamp received, nanoseconds."""
+        return self._received_ns
 
     @property
     def restarts(self) -> int:

@@ -38,7 +38,7 @@ def with_cylinders(log: Log, config: RunConfig) -> Log:
         return log
     for table in ("scans", "landmarks"):
         if table not in log:
-            raise LogError(f"cylinders are looked for in scans and told apart by landmarks, but "
+            raise LogError(f"cylinders are detected in scans and identified by landmarks, but "
                            f"the log has no {table}; {how_to_add(log, table)}, or leave "
                            "'cylinders' out")  # fmt: skip
     if "landmark_sightings" in log:

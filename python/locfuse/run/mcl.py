@@ -37,7 +37,7 @@ from locfuse.types import (
 
 _MOST_FRAMES = 700  # of a run, so that a long one stays small: a minute at ten scans a second
 _MOST_PARTICLES = 2000  # of a frame
-_LIKELY = 0.01  # probability from which a place is told as one that fits
+_LIKELY = 0.01  # probability from which a pose is reported as a hypothesis
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def mcl_of(
 ) -> _core.Mcl | _core.SwitchingMcl:
     """Return the estimator at its start: at a pose, or anywhere in free space (``start: auto``).
 
-    With ``mcl.switch`` a filter of ranges and positions stands beside it, started alike.
+    With ``mcl.switch`` a filter of ranges and positions runs in parallel, from the same start.
 
     Raises
     ------
@@ -177,7 +177,7 @@ def localize(
     start : PoseEstimate, optional
         Instead of what the configuration says.
     progress : callable, optional
-        Told (messages and scans done, in all).
+        Called with (messages and scans done, in all).
     watch : callable, optional
         Called after each scan with what returns, while it is called, the log up to there and how
         it went so far.
@@ -238,17 +238,17 @@ def _part(
 ) -> tuple[Log, Localization]:
     """Return a log and its localization up to what is done, in the order in which it was used."""
     stamp = log["scans"]["stamp_ns"]
-    heard, seen = np.zeros(len(localization.verdict), np.bool_), np.zeros(len(stamp), np.bool_)
+    received, seen = np.zeros(len(localization.verdict), np.bool_), np.zeros(len(stamp), np.bool_)
     order = np.argsort(localization.messages.effective_ns, kind="stable")
-    heard[order[:messages_done]] = True
+    received[order[:messages_done]] = True
     seen[np.argsort(stamp, kind="stable")[:scans_done]] = True
     until = int(stamp[seen].max())
-    log, messages = cut_off(log, localization.messages, until, heard, seen)
+    log, messages = cut_off(log, localization.messages, until, received, seen)
     return log, replace(
         localization,
         messages=messages,
         end_ns=until,
-        verdict=localization.verdict[heard],
+        verdict=localization.verdict[received],
         scan_verdict=localization.scan_verdict[seen],
     )
 

@@ -62,7 +62,7 @@ class Messages:
 def to_messages(log: Log, config: RunConfig) -> Messages:
     """Turn the tables that a configuration uses into messages, in order of arrival.
 
-    The first row of odometry increments tells a motion from before the log: only its stamp is used.
+    The first row of odometry increments is a motion from before the log: only its stamp is used.
 
     Raises
     ------
@@ -123,7 +123,7 @@ def cut_off(
     log: Log,
     messages: Messages,
     until_ns: int,
-    heard: NDArray[np.bool_],
+    received: NDArray[np.bool_],
     scans: NDArray[np.bool_] | None = None,
 ) -> tuple[Log, Messages]:
     """Return a log and its messages as if it had ended at a stamp.
@@ -135,13 +135,13 @@ def cut_off(
         Of that log.
     until_ns : int
         Of truth, and of all else that is not named here, what has a later stamp is left out.
-    heard : bool array, shape (n,)
+    received : bool array, shape (n,)
         Which messages stay.
     scans : bool array, optional
         Which scans stay.
     """
     rows: dict[str, NDArray[Any]] = {
-        source: np.sort(messages.row[heard & (messages.source == source)])
+        source: np.sort(messages.row[received & (messages.source == source)])
         for source in np.unique(messages.source).tolist()
     }
     if scans is not None:
@@ -153,7 +153,7 @@ def cut_off(
             table = {column: values[kept] for column, values in table.items()}
         tables[name] = table
     columns = {
-        name: getattr(messages, name)[heard]
+        name: getattr(messages, name)[received]
         for name in ("stamp_ns", "effective_ns", "source", "tag", "anchor", "row")
     }
     return replace(log, tables=tables), replace(messages, **columns, end_ns=until_ns)
@@ -273,8 +273,8 @@ def _add(
         pose = np.column_stack([table["x_m"], table["y_m"], table["heading_rad"]])
         sigma_xy, sigma_heading = table["sigma_xy_m"], table["sigma_heading_rad"]
         messages.add_poses(stamp, pose, sigma_xy, sigma_heading, arrival)
-    heard = effective if arrival is None else arrival
-    return {"stamp": stamp, "effective": effective, "arrival": heard}
+    arrived = effective if arrival is None else arrival
+    return {"stamp": stamp, "effective": effective, "arrival": arrived}
 
 
 def radios_of(
@@ -311,7 +311,7 @@ def landmark_sight(log: Log, names: list[str]) -> _core.LandmarkSight:
 
 
 def landmark_sensor_of(log: Log) -> _core.Pose2:
-    """Return where on the body the sensor sits that sees landmarks."""
+    """Return the pose of the landmark sensor in body."""
     mount = log.landmark_sensor
     return _core.Pose2() if mount is None else _core.Pose2(*map(float, mount["pose_in_body"]))
 

@@ -121,8 +121,8 @@ def with_scans(outcomes: Outcomes, localization: Localization, log: Log) -> Outc
 
 def _with(outcomes: Outcomes, others: Outcomes) -> Outcomes:
     """Return outcomes with rows of others, each after all up to its stamp."""
-    heard = np.maximum.accumulate(outcomes.stamp_ns)
-    order = np.argsort(np.concatenate([heard, others.stamp_ns]), kind="stable")
+    received = np.maximum.accumulate(outcomes.stamp_ns)
+    order = np.argsort(np.concatenate([received, others.stamp_ns]), kind="stable")
     columns = {field.name: [getattr(part, field.name) for part in (outcomes, others)]
                for field in fields(Outcomes)}  # fmt: skip
     return Outcomes(**{name: np.concatenate(parts)[order] for name, parts in columns.items()})
@@ -141,7 +141,7 @@ def _reasons(
             reason[row] = f"unknown tag {messages.tag[row]}"
         elif messages.source[row] in ("positions", "poses"):
             kind = str(messages.source[row])[:-1]
-            reason[row] = f"its sigma tells nothing; set estimator.{kind}.sigma_m"
+            reason[row] = f"has no usable sigma; set estimator.{kind}.sigma_m"
         elif messages.anchor[row] not in placed:
             reason[row] = f"unknown anchor {messages.anchor[row]}"
         elif messages.tag[row] not in log.tags:

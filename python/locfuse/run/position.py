@@ -42,7 +42,7 @@ class Epochs:
         Of the first range of each epoch.
     tag : array of str, shape (n,)
     ranges, sigma : float64 arrays, shape (n, m)
-        Metres; NaN where an anchor was not heard.
+        Metres; NaN where an anchor has no range.
     """
 
     names: list[str]
@@ -58,7 +58,7 @@ class Epochs:
 
 @dataclass(frozen=True)
 class Fix:
-    """What the ranges of one epoch say of where the tag was.
+    """Position of a tag from the ranges of one epoch.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Fix:
     difference : float
         Between the two, in its own standard deviations; NaN where only one was asked.
     residual : float64 array, shape (k, m)
-        Range minus distance at each position, metres; NaN where an anchor was not heard.
+        Range minus distance at each position, metres; NaN where an anchor has no range.
     culprit : str
         Anchor whose removal explains a bad fit best; empty if the fit is good.
     culprit_test : float
@@ -119,7 +119,7 @@ def read_epochs(
     """Read ranges and group them into epochs.
 
     An epoch of a tag begins with a range and takes those that follow within `epoch_s`, until one of
-    its anchors is heard again.
+    its anchors has another range.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def read_epochs(
     ------
     LogError
         If a file cannot be read, a range is 0 or names an anchor that is not in the file of
-        anchors, or an anchor is heard twice by a tag at one stamp.
+        anchors, or a tag has two ranges to an anchor at one stamp.
     ConfigError
         If `sigma_m` is not positive or `epoch_s` negative.
     """
@@ -143,24 +143,24 @@ def read_epochs(
     if not 0.0 <= epoch_s <= 1e9:
         raise ConfigError(f"epoch is {epoch_s}, expected 0 to 1e9 seconds")
     places = read_log_file(Path(anchors), "anchors")
-    heard = read_log_file(Path(ranges), "ranges")
-    order = np.argsort(heard["stamp_ns"], kind="stable")  # arrival_s may have left it in another
-    heard = {name: values[order] for name, values in heard.items()}
+    table = read_log_file(Path(ranges), "ranges")
+    order = np.argsort(table["stamp_ns"], kind="stable")  # arrival_s may have left it in another
+    table = {name: values[order] for name, values in table.items()}
     names = [str(name) for name in places["anchor"]]
-    column = _columns_of(heard, names, ranges)
-    rows = _epoch_of_each(heard, column, round(epoch_s * NANOSECONDS), ranges)
+    column = _columns_of(table, names, ranges)
+    rows = _epoch_of_each(table, column, round(epoch_s * NANOSECONDS), ranges)
     n = int(rows.max()) + 1 if len(rows) > 0 else 0
     _, first = np.unique(rows, return_index=True)
     epochs = Epochs(
         names=names,
         anchors=np.column_stack([places[f"{axis}_m"] for axis in AXES]),
-        stamp_ns=heard["stamp_ns"][first],
-        tag=heard["tag"][first],
+        stamp_ns=table["stamp_ns"][first],
+        tag=table["tag"][first],
         ranges=np.full((n, len(names)), np.nan),
         sigma=np.full((n, len(names)), np.nan),
     )
-    epochs.ranges[rows, column] = heard["range_m"]
-    epochs.sigma[rows, column] = heard.get("sigma_m", np.full(len(rows), sigma_m))
+    epochs.ranges[rows, column] = table["range_m"]
+    epochs.sigma[rows, column] = table.get("sigma_m", np.full(len(rows), sigma_m))
     return epochs
 
 
@@ -197,9 +197,9 @@ def positions(
 
 def _compared(epochs: Epochs, row: int, height: float | None, loss: str) -> Fix:
     """Return what both solvers say of an epoch."""
-    heard = np.flatnonzero(~np.isnan(epochs.ranges[row]))
-    anchors, ranges = epochs.anchors[heard], epochs.ranges[row, heard]
-    solution = _core.locate(anchors, ranges, epochs.sigma[row, heard], height=height, loss=loss)
+    measured = np.flatnonzero(~np.isnan(epochs.ranges[row]))
+    anchors, ranges = epochs.anchors[measured], epochs.ranges[row, measured]
+    solution = _core.locate(anchors, ranges, epochs.sigma[row, measured], height=height, loss=loss)
     d = 3 if height is None else 2
     position = np.array([h.position for h in solution.hypotheses]).reshape(-1, d)
     culprit, compared = solution.culprit, solution.comparison
@@ -216,7 +216,7 @@ def _compared(epochs: Epochs, row: int, height: float | None, loss: str) -> Fix:
         agree=None if compared is None else compared.agree,
         difference=float("nan") if compared is None else float(np.sqrt(compared.statistic)),
         residual=_residuals(epochs, row, position, height),
-        culprit="" if culprit is None else epochs.names[heard[culprit.index]],
+        culprit="" if culprit is None else epochs.names[measured[culprit.index]],
         culprit_test=float("nan") if culprit is None else culprit.statistic,
         explained=None if culprit is None else culprit.explains,
     )
@@ -225,8 +225,8 @@ def _compared(epochs: Epochs, row: int, height: float | None, loss: str) -> Fix:
 def _alone(epochs: Epochs, height: float | None, solver: str, loss: str) -> list[Fix]:
     """Return what one solver says of all epochs."""
     fixes: dict[int, Fix] = {}
-    unheard = np.isnan(epochs.sigma)
-    filled = np.where(unheard, np.nanmax(epochs.sigma, axis=1, keepdims=True), epochs.sigma)
+    missing = np.isnan(epochs.sigma)
+    filled = np.where(missing, np.nanmax(epochs.sigma, axis=1, keepdims=True), epochs.sigma)
     sigmas, group = np.unique(filled, axis=0, return_inverse=True)
     for number, sigma in enumerate(sigmas):
         rows = np.flatnonzero(group.ravel() == number)
@@ -314,21 +314,21 @@ def _texts(*values: float) -> list[str]:
     return number_texts(np.array(values, dtype=np.float64))
 
 
-def _columns_of(heard: Columns, names: Sequence[str], path: str | Path) -> NDArray[np.int64]:
+def _columns_of(table: Columns, names: Sequence[str], path: str | Path) -> NDArray[np.int64]:
     """Return the number of the anchor of each range."""
-    for row in np.flatnonzero(heard["range_m"] == 0.0)[:1]:
-        stamp, anchor = stamp_texts(heard["stamp_ns"][row : row + 1])[0], heard["anchor"][row]
+    for row in np.flatnonzero(table["range_m"] == 0.0)[:1]:
+        stamp, anchor = stamp_texts(table["stamp_ns"][row : row + 1])[0], table["anchor"][row]
         raise LogError(f"{path}: the range to anchor {anchor} at {stamp} s is 0, expected > 0; "
-                       "leave out what was not heard")  # fmt: skip
+                       "leave out ranges that were not measured")  # fmt: skip
     index = {name: number for number, name in enumerate(names)}
-    for name in np.unique(heard["anchor"]).tolist():
+    for name in np.unique(table["anchor"]).tolist():
         if name not in index:
             raise LogError(f"{path}: anchor {name!r} has no place; {nearest(name, names)}")
-    return np.array([index[name] for name in heard["anchor"].tolist()], dtype=np.int64)
+    return np.array([index[name] for name in table["anchor"].tolist()], dtype=np.int64)
 
 
 def _epoch_of_each(
-    heard: Columns, column: NDArray[np.int64], length_ns: int, path: str | Path
+    table: Columns, column: NDArray[np.int64], length_ns: int, path: str | Path
 ) -> NDArray[np.int64]:
     """Return the number of the epoch of each range; the table is sorted by stamp."""
     rows = np.empty(len(column), np.int64)
@@ -336,14 +336,14 @@ def _epoch_of_each(
     last: dict[tuple[str, int], tuple[int, int]] = {}  # each link's last range: epoch, stamp
     count = 0
     for row, (stamp, tag, anchor) in enumerate(
-        zip(heard["stamp_ns"].tolist(), heard["tag"].tolist(), column.tolist(), strict=True)
+        zip(table["stamp_ns"].tolist(), table["tag"].tolist(), column.tolist(), strict=True)
     ):
         number, begin = epoch.get(tag, (-1, 0))
         before, at = last.get((tag, anchor), (-1, 0))
         if before >= 0 and at == stamp:
-            name, when = heard["anchor"][row], stamp_texts(heard["stamp_ns"][row : row + 1])[0]
-            raise LogError(f"{path}: tag {tag} hears anchor {name} twice at {when} s, expected "
-                           "one range")  # fmt: skip
+            name, when = table["anchor"][row], stamp_texts(table["stamp_ns"][row : row + 1])[0]
+            raise LogError(f"{path}: tag {tag} has two ranges to anchor {name} at {when} s, "
+                           "expected one")  # fmt: skip
         if number < 0 or stamp - begin > length_ns or before == number:
             number, count = count, count + 1
             epoch[tag] = (number, stamp)

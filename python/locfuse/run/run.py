@@ -81,7 +81,7 @@ def run(
     start : PoseEstimate, optional
         Instead of what the configuration says.
     progress : callable, optional
-        Told (messages done, messages in all).
+        Called with (messages done, messages in all).
     watch : callable, optional
         Called now and then with what returns, while it is called, the run so far: as if its log
         ended there. Only a message that came late can change a verdict of it. Where ``mcl`` is the
@@ -107,7 +107,7 @@ def run(
         config = config.model_copy(update={"seed": seed})
     if log is None:
         log = load_log(config, base, config.seed)
-    _say_what_is_missing(config, log)
+    warn_missing_sources(config, log)
     log = with_cylinders(log, config)
     if config.mcl is None:
         return _fuse(config, log, start, progress, watch)
@@ -128,8 +128,8 @@ def _of_mcl(
     return lambda part: watch(lambda: _located(config, *part()))
 
 
-def _say_what_is_missing(config: RunConfig, log: Log) -> None:
-    """Name what ``use`` chooses and the log has not: the others go on."""
+def warn_missing_sources(config: RunConfig, log: Log) -> None:
+    """Warn of sources that ``use`` names and the log does not have."""
     if config.use == list(SOURCES):  # whatever there is
         return
     for source in absent(config, log):
@@ -186,7 +186,7 @@ def _fuse(
                          record.errors, messages.anchor_names)  # fmt: skip
         return replace(result, health=health)
 
-    def told(done: int, record: Callable[[], _core.RunLog]) -> None:
+    def report(done: int, record: Callable[[], _core.RunLog]) -> None:
         with clock.stopped():
             if progress is not None:
                 progress(done, total)
@@ -198,7 +198,7 @@ def _fuse(
         recovering,
         messages.log,
         history=round(config.history_s * NANOSECONDS),
-        progress=None if progress is None and watch is None else told,
+        progress=None if progress is None and watch is None else report,
         used_until=used_until,
         clock_jump=_core.ClockJump[config.clock_jump.upper()],
         most_messages=config.history_messages,
@@ -211,8 +211,8 @@ def _fuse(
 
 
 def _beginning(log: Log, messages: Messages, done: int) -> tuple[Log, Messages]:
-    heard = np.arange(len(messages.stamp_ns)) < done
-    return cut_off(log, messages, int(messages.stamp_ns[heard].max()), heard)
+    received = np.arange(len(messages.stamp_ns)) < done
+    return cut_off(log, messages, int(messages.stamp_ns[received].max()), received)
 
 
 def _noise_factors(config: RunConfig, record: _core.RunLog) -> dict[str, float] | None:

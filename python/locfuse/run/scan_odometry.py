@@ -55,13 +55,13 @@ def scan_odometry(
     odometry = _core.ScanOdometry(config or _core.ScanOdometryConfig())
     moved, covariance = _core.Pose2(), np.zeros((3, 3))  # since the last scan
     fitted = _core.Pose2()  # there
-    last, told_ns = _core.Pose2(*rows[0]), int(stamps[0])
+    last, reported_ns = _core.Pose2(*rows[0]), int(stamps[0])
     poses = []
     for stamp, row in zip(stamps.tolist(), rows, strict=True):
         wheel = _core.Pose2(*row)
-        step = model.propagate(moved, last.inverse() * wheel, (stamp - told_ns) / NANOSECONDS)
+        step = model.propagate(moved, last.inverse() * wheel, (stamp - reported_ns) / NANOSECONDS)
         covariance = step.jacobian @ covariance @ step.jacobian.T + step.noise
-        moved, last, told_ns = step.moved, wheel, stamp
+        moved, last, reported_ns = step.moved, wheel, stamp
         if stamp in scans:
             fitted = odometry.on(scans[stamp], moved, covariance).pose
             moved, covariance = _core.Pose2(), np.zeros((3, 3))

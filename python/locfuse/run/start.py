@@ -36,7 +36,7 @@ def start_of(config: RunConfig, truth: Trajectory | None, messages: Messages) ->
     if config.start == "auto":
         raise ConfigError("start is 'auto'; expected 'truth' or [x, y, heading_deg] here")
     if config.start != "truth":
-        return told_start(config.start, config.start_sigma, messages.begin_ns)
+        return given_start(config.start, config.start_sigma, messages.begin_ns)
     if truth is None or truth.heading is None:
         lacks = "no truth.csv" if truth is None else "a truth.csv without headings"
         raise ConfigError(f"start is 'truth', but the log has {lacks}; "
@@ -57,7 +57,7 @@ def start_of(config: RunConfig, truth: Trajectory | None, messages: Messages) ->
     return _core.PoseEstimate(stamp, pose, _covariance(config.start_sigma))
 
 
-def told_start(
+def given_start(
     start: tuple[float, float, float], sigma: StartSigma, stamp: int
 ) -> _core.PoseEstimate:
     """Return the start [x_m, y_m, heading_deg] of a configuration, at a stamp [ns]."""
@@ -73,18 +73,22 @@ def _covariance(sigma: StartSigma) -> FloatArray:
 
 
 def drawn_start(
-    config: RunConfig, truth: Trajectory | None, messages: Messages, seed: int, told: float = 1.0
+    config: RunConfig,
+    truth: Trajectory | None,
+    messages: Messages,
+    seed: int,
+    sigma_factor: float = 1.0,
 ) -> _core.PoseEstimate:
     """Return a start as wrong as its covariance says: that of `start_of` plus a draw.
 
-    The sigmas that it is told with are `told` times those that it is drawn with.
+    Its covariance is that of the draw times `sigma_factor` squared.
     """
     start = start_of(config, truth, messages)
     rng = np.random.default_rng([seed, 1])
     dx, dy, turn = rng.standard_normal(3) * np.sqrt(np.diag(start.covariance))
     pose = _core.Pose2(start.pose.x + dx, start.pose.y + dy,
                        _core.wrap_angle(start.pose.heading + turn))  # fmt: skip
-    return _core.PoseEstimate(start.stamp, pose, told**2 * start.covariance)
+    return _core.PoseEstimate(start.stamp, pose, sigma_factor**2 * start.covariance)
 
 
 def scans_of(log: Log) -> list[_core.LaserScan]:

@@ -47,7 +47,7 @@ class World:
     tags : mapping of name to (x, y, z) in body, metres
     anchors : mapping of name to (x, y, z) in world, metres
     odometry_ns : int64 array, shape (n,)
-        Stamps between which odometry tells motions; empty without odometry.
+        Stamps between which odometry reports motions; empty without odometry.
     """
 
     drive: Drive
@@ -193,10 +193,10 @@ def _wander(table: Columns, fault: Wander, rng: np.random.Generator) -> Columns:
         elapsed = np.diff(seconds(table["stamp_ns"][rows])) / fault.correlation_s
         now = drawn[rows[0]]
         error[rows[0]] = now
-        for row, kept, news in zip(
+        for row, kept, innovation in zip(
             rows[1:], np.exp(-elapsed), np.sqrt(-np.expm1(-2.0 * elapsed)), strict=True
         ):
-            now = kept * now + news * drawn[row]
+            now = kept * now + innovation * drawn[row]
             error[row] = now
     return {**table, "range_m": np.maximum(table["range_m"] + fault.sigma_m * error, 0.0)}
 
@@ -235,15 +235,15 @@ def _latency(table: Columns, fault: Latency, rng: np.random.Generator) -> Column
     return {**table, "arrival_ns": table.get("arrival_ns", table["stamp_ns"]) + delay_ns}
 
 
-def _told_between(table: Columns, epoch: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return begin and end of what each row of odometry tells, seconds."""
+def _reported_between(table: Columns, epoch: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return begin and end of the motion in each row of odometry, seconds."""
     if "dx_m" in table:  # motions up to the stamp, the first of which lasts no time
         return np.concatenate([epoch[:1], epoch[:-1]]), epoch
     return epoch[:-1], epoch[1:]  # velocities from the stamp on
 
 
 def _wheel_slip(table: Columns, fault: WheelSlip, epoch: FloatArray) -> Columns:
-    begin, end = _told_between(table, epoch)
+    begin, end = _reported_between(table, epoch)
     inside = np.maximum(np.minimum(end, fault.to_s) - np.maximum(begin, fault.from_s), 0.0)
     share = np.divide(inside, end - begin, out=np.zeros_like(end), where=end > begin)
     translation = 1.0 + (fault.translation_factor - 1.0) * share
@@ -272,7 +272,7 @@ def _slip_episodes(
         time += [time[-1] + rests, time[-1] + rests + lasts]
         slipped += [slipped[-1], slipped[-1] + lasts]
         turned += [turned[-1], turned[-1] + turn]
-    begin, end = _told_between(table, epoch)
+    begin, end = _reported_between(table, epoch)
     inside, more = (
         np.interp(end, time, known) - np.interp(begin, time, known) for known in (slipped, turned)
     )

@@ -83,7 +83,7 @@ def rooms(rng: np.random.Generator, size_m: Size, resolution_m: float) -> GridMa
 def hallways(rng: np.random.Generator, size_m: Size, resolution_m: float) -> GridMap:
     """Return hallways along the longer side, joined by two across; what lies between is unknown.
 
-    Along a hallway there is little to tell places apart: recesses of doors, and the junctions.
+    Along a hallway few features distinguish places: recesses of doors, and the junctions.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def hallways(rng: np.random.Generator, size_m: Size, resolution_m: float) -> Gri
 
 
 def warehouse(rng: np.random.Generator, size_m: Size, resolution_m: float) -> GridMap:
-    """Return aisles between shelves that all look alike, and a yard of pallets in the south.
+    """Return aisles between shelves that all look the same, and a yard of pallets in the south.
 
     The seed decides the width of the aisles and where pallets stand; the aisles are equally wide,
     and crossed where shelves would be longer than 15 m.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a map does not tell of what a laser sees: walls of glass, people on their way."""
+"""Obstacles that a map does not show as a laser sees them: glass walls, walking people."""
 
 from __future__ import annotations
 

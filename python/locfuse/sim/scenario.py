@@ -80,30 +80,30 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
         )
         if sensor is not None
     }
-    heard: dict[str, Columns] = {}
+    measured: dict[str, Columns] = {}
     if scenario.odometry is not None:
-        heard["odometry"] = sensors.odometry(
+        measured["odometry"] = sensors.odometry(
             driven, epochs["odometry"], scenario.odometry, for_odometry
         )
     if scenario.ranges is not None:
-        heard["ranges"] = sensors.ranges(
+        measured["ranges"] = sensors.ranges(
             drive, epochs["ranges"], scenario.tags, scenario.anchors, scenario.ranges, for_ranges
         )
     if scenario.poses is not None:
-        heard["poses"] = sensors.poses(drive, epochs["poses"], scenario.poses, for_poses)
+        measured["poses"] = sensors.poses(drive, epochs["poses"], scenario.poses, for_poses)
     if scenario.positions is not None:
-        heard["positions"] = sensors.positions(
+        measured["positions"] = sensors.positions(
             drive, epochs["positions"], scenario.tags, scenario.positions, for_positions
         )
     if scenario.landmark_sightings is not None:
-        heard["landmark_sightings"] = sensors.sightings(
+        measured["landmark_sightings"] = sensors.sightings(
             drive, epochs["landmark_sightings"], scenario.landmarks, scenario.landmark_sightings,
             for_sightings,
         )  # fmt: skip
     odometry_ns = epochs.get("odometry", np.empty(0, np.int64))
     world = World(drive, scenario.tags, scenario.anchors, odometry_ns)
     faults = list(zip(scenario.faults, for_faults.spawn(len(scenario.faults)), strict=True))
-    tables = with_faults(heard, faults, world)
+    tables = with_faults(measured, faults, world)
     truth = sensors.truth(drive, np.unique(np.concatenate(list(epochs.values()))))
     check_way(scenario, grid, truth)
     landmarks = np.array(list(scenario.landmarks.values()), np.float64).reshape(-1, 2)
@@ -161,7 +161,7 @@ def true_drive(scenario: Scenario, seed: int, grid: GridMap | None = None) -> Dr
 
 
 def _kidnapped(drive: Drive, scenario: Scenario) -> Drive:
-    """Return where the robot is in truth; the wheels tell of the drive that it believes to make."""
+    """Return where the robot is in truth; the wheels measure the planned drive."""
     carries = [fault for fault in scenario.faults if isinstance(fault, Kidnap)]
     for fault in sorted(carries, key=lambda fault: fault.at_s):
         x, y, heading_deg = fault.to

@@ -115,7 +115,7 @@ def odometry(
     Over an interval with a chord of d metres and a turn of a radians, in the body frame at its
     beginning, the variances are sigma_longitudinal^2 |d|, sigma_lateral^2 |d| and
     sigma_heading_per_sqrt_m^2 |d| + sigma_heading_per_sqrt_rad^2 |a|: over a distance they add
-    up to the same at any rate. A turn bias is told on top, per second.
+    up to the same at any rate. A turn bias is added, per second.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def odometry(
     columns
         ``increments``: n rows of dx_m, dy_m, dheading_rad since the row before; the first is zero.
         ``velocities``: n - 1 rows of v_mps, omega_radps, held until the next stamp; what
-        holds until the last stamp is told by the row before it.
+        holds until the last stamp is reported by the row before it.
     """
     motion = relative_poses(drive.pose_at(seconds(stamp_ns)))
     distance, turn = np.hypot(motion[:, 0], motion[:, 1]), np.abs(motion[:, 2])

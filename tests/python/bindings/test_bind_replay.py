@@ -95,13 +95,13 @@ def test_replays_in_threads_give_the_same_bits() -> None:
     assert found == [expected] * 4
 
 
-def test_progress_is_told_and_may_raise() -> None:
+def test_progress_is_reported_and_may_raise() -> None:
     log = drive(20_000)[0]
-    told: list[int] = []
-    lf.replay(make_ekf(), log, progress=lambda done, _: told.append(done))
-    assert told == sorted(set(told))
-    assert told
-    assert told[-1] <= len(log)
+    calls: list[int] = []
+    lf.replay(make_ekf(), log, progress=lambda done, _: calls.append(done))
+    assert calls == sorted(set(calls))
+    assert calls
+    assert calls[-1] <= len(log)
 
     def stop(done: int, so_far: Callable[[], lf.RunLog]) -> None:
         raise KeyboardInterrupt

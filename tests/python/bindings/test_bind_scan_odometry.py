@@ -41,14 +41,14 @@ def test_scan_odometry_tells_increments_for_a_filter() -> None:
     assert odometry.config.map.sigma_range_m == lf.LocalMapConfig().sigma_range_m
     keys = []
     for k in range(5):
-        told = odometry.on(seen_at(0.1 * k, stamp=k), lf.Pose2(0.12, 0.0, 0.0), NOISE)
-        keys.append(told.key)
-        assert (told.increment.begin, told.increment.stamp) == (max(k - 1, 0), k)
-        assert told.increment.motion.x == pytest.approx(0.1 if k else 0.0, abs=2e-3)
-        assert told.covariance.shape == (3, 3)
+        result = odometry.on(seen_at(0.1 * k, stamp=k), lf.Pose2(0.12, 0.0, 0.0), NOISE)
+        keys.append(result.key)
+        assert (result.increment.begin, result.increment.stamp) == (max(k - 1, 0), k)
+        assert result.increment.motion.x == pytest.approx(0.1 if k else 0.0, abs=2e-3)
+        assert result.covariance.shape == (3, 3)
     assert keys == [0, 0, 0, 2, 2]
-    assert told.pose.x == pytest.approx(0.4, abs=2e-3)
-    assert told.match.converged
+    assert result.pose.x == pytest.approx(0.4, abs=2e-3)
+    assert result.match.converged
 
 
 def test_bad_input_is_refused() -> None:

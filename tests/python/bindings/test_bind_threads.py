@@ -98,10 +98,10 @@ def test_a_pose_is_read_while_other_threads_tell_of_it() -> None:
     live.start_at(lf.PoseEstimate(0, lf.Pose2(1, 2, 0), 0.01 * np.eye(3)))
     stamps = iter(range(10**6, 10**12, 10**6))
 
-    def tell() -> None:
+    def feed() -> None:
         stamp = next(stamps)
         live.on(lf.Velocity(stamp, 0.1, 0.05))
         live.on(lf.PositionFix(stamp, [1.0, 2.0], 0.01 * np.eye(2)))
 
-    count = read_while_it_changes(tell, (live.current, live.estimate, live.health))
+    count = read_while_it_changes(feed, (live.current, live.estimate, live.health))
     assert count > 1

@@ -105,7 +105,7 @@ def test_two_origins_of_messages_are_refused() -> None:
     assert "both log and simulation" in refused({"log": "somewhere", **SIMULATED})
 
 
-def test_every_mistake_is_told_at_once() -> None:
+def test_every_mistake_is_reported_at_once() -> None:
     text = refused({"history_s": -1, "start_sigma": {"xy_m": 0}})
     assert "history_s" in text
     assert "start_sigma.xy_m" in text
@@ -114,8 +114,8 @@ def test_every_mistake_is_told_at_once() -> None:
 @pytest.mark.parametrize(
     ("text", "part"),
     [
-        ("estimator: [unclosed", "is no YAML"),
-        ("a: 1\n\tb: 2\n", "is no YAML"),
+        ("estimator: [unclosed", "not valid YAML"),
+        ("a: 1\n\tb: 2\n", "not valid YAML"),
         ("", "is empty"),
         ("- a\n- b\n", "holds list"),
         ("42", "holds int"),

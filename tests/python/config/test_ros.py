@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from locfuse.config.load import parse_config
-from locfuse.config.ros import HEARD, TOLD, Ros, Topics
+from locfuse.config.ros import PUBLISHED, SUBSCRIBED, Ros, Topics
 
 
 def test_without_a_block_the_usual_names_count() -> None:
@@ -20,9 +20,9 @@ def test_without_a_block_the_usual_names_count() -> None:
     assert (ros.frames.map, ros.frames.odom, ros.frames.base) == ("map", "odom", "base_link")
 
 
-def test_every_topic_is_heard_or_told() -> None:
-    assert set(HEARD) | set(TOLD) == set(Topics.model_fields)
-    assert not set(HEARD) & set(TOLD)
+def test_every_topic_is_subscribed_or_published() -> None:
+    assert set(SUBSCRIBED) | set(PUBLISHED) == set(Topics.model_fields)
+    assert not set(SUBSCRIBED) & set(PUBLISHED)
 
 
 def test_a_topic_is_switched_off_by_null() -> None:

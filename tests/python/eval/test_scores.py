@@ -38,11 +38,11 @@ def estimated(truth: Trajectory, error: FloatArray, covariance: FloatArray) -> T
                       np.broadcast_to(covariance, (len(truth), 3, 3)).copy())  # fmt: skip
 
 
-def drawn(seconds: int, told: float = 1.0) -> tuple[Trajectory, Trajectory]:
-    """Return truth, and an estimate whose covariance is `told` squared times that of its errors."""
+def drawn(seconds: int, factor: float = 1.0) -> tuple[Trajectory, Trajectory]:
+    """Return truth, and an estimate whose covariance is `factor` squared times the true one."""
     truth = straight(seconds)
     error = np.random.default_rng(3).multivariate_normal(np.zeros(3), COVARIANCE, len(truth))
-    return truth, estimated(truth, error, told**2 * COVARIANCE)
+    return truth, estimated(truth, error, factor**2 * COVARIANCE)
 
 
 def test_the_likelihood_is_that_of_a_gaussian() -> None:
@@ -56,8 +56,8 @@ def test_the_likelihood_is_that_of_a_gaussian() -> None:
 
 def test_the_likelihood_is_best_where_the_covariance_is_true() -> None:
     means = []
-    for told in (0.5, 1.0, 2.0):
-        truth, estimate = drawn(200, told)
+    for factor in (0.5, 1.0, 2.0):
+        truth, estimate = drawn(200, factor)
         value = negative_log_likelihood(estimate, errors_against(estimate, truth))
         means.append(float(value.mean()))
     assert means[1] < means[0]
@@ -77,9 +77,9 @@ def test_errors_drawn_from_the_covariance_are_covered_as_it_says() -> None:
     assert found == pytest.approx(LEVELS, abs=0.02)
 
 
-@pytest.mark.parametrize(("told", "too"), [(0.7, -1), (1.4, 1)])
-def test_a_covariance_that_is_wrong_is_seen_in_the_coverage(told: float, too: int) -> None:
-    truth, estimate = drawn(1000, told)
+@pytest.mark.parametrize(("factor", "too"), [(0.7, -1), (1.4, 1)])
+def test_a_covariance_that_is_wrong_is_seen_in_the_coverage(factor: float, too: int) -> None:
+    truth, estimate = drawn(1000, factor)
     difference = coverage(errors_against(estimate, truth)) - np.array(LEVELS)
     assert np.all(too * difference[:-1] > 0.02)
 

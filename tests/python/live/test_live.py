@@ -38,8 +38,8 @@ def arrivals(log: Log) -> Iterator[tuple[str, dict[str, Any]]]:
         effective = table["stamp_ns"]
         if source == "odometry" and "dx_m" in table:
             effective = np.concatenate([effective[:1], effective[:-1]])
-        heard = table.get("arrival_ns", effective)
-        rows += [(int(heard[i]), order, i, source) for i in range(len(heard))]
+        arrival = table.get("arrival_ns", effective)
+        rows += [(int(arrival[i]), order, i, source) for i in range(len(arrival))]
     for _, _, i, source in sorted(rows):
         yield source, {key: values[i] for key, values in log[source].items()}
 
@@ -47,7 +47,7 @@ def arrivals(log: Log) -> Iterator[tuple[str, dict[str, Any]]]:
 def live_of(
     config: RunConfig, log: Log, start: LivePose | None = None
 ) -> tuple[LiveRun, dict[int, LivePose]]:
-    """Return a live run that has heard a log, and its last pose of each stamp."""
+    """Return a live run that has received a log, and its last pose of each stamp."""
     live, poses = LiveRun(config, replace(log, tables=world_of(log))), {}
     if start is not None:
         live.start_at(start)
@@ -65,18 +65,18 @@ def world_of(log: Log) -> dict[str, Any]:
 
 def assert_same(config: RunConfig, log: Log, least: float = 0.9) -> None:
     """Compare the poses of a live run with those of `run` at the same stamps."""
-    told = None
+    given = None
     if config.start == "truth":
         start = start_of(config, truth_of(log), to_messages(log, config))
         at = np.array([start.pose.x, start.pose.y, start.pose.heading])
-        told = LivePose(start.stamp, at, start.covariance)
+        given = LivePose(start.stamp, at, start.covariance)
         estimate = run(config, log, start=start).estimate
         config = config.model_copy(update={"start": "auto"})
     else:
         estimate = run(config, log).estimate
     assert estimate.heading is not None
     assert estimate.covariance is not None
-    _, poses = live_of(config, log, told)
+    _, poses = live_of(config, log, given)
     rows = [row for row, stamp in enumerate(estimate.stamp_ns.tolist()) if stamp in poses]
     assert len(rows) >= least * len(estimate)
     for row in rows:
@@ -115,7 +115,7 @@ def room() -> tuple[RunConfig, Log]:
     return config, load_log(config, None, config.seed)
 
 
-def test_it_searches_anew_when_it_is_told_to() -> None:
+def test_it_searches_anew_on_request() -> None:
     config, log = room()
     live, _ = live_of(config, log)
     assert live.pose() is not None
@@ -185,7 +185,7 @@ def test_a_robot_does_not_know_the_truth_and_particles_need_a_map() -> None:
         LiveRun(parse_config({"start": "auto", "mcl": {}}), Log({}))
 
 
-def test_what_particles_know_is_told_in_words() -> None:
+def test_what_particles_know_is_reported_in_words() -> None:
     capsule = read_capsule(GOLDEN / "mcl_global.zip")
     live = LiveRun(capsule.config, replace(capsule.log, tables={}))
     assert live.health().state == "initializing"
@@ -203,7 +203,7 @@ def test_what_particles_know_is_told_in_words() -> None:
     assert np.all(np.isinf(health.protection))
 
 
-def test_particles_that_were_told_their_start_have_protection_levels() -> None:
+def test_particles_with_a_given_start_have_protection_levels() -> None:
     capsule = read_capsule(GOLDEN / "mcl.zip")
     start = start_of(capsule.config, truth_of(capsule.log),
                      to_messages(capsule.log, capsule.config))  # fmt: skip

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs on a map: found from nothing or told, alone or as the poses of a pose EKF."""
+"""Runs on a map: found without a prior or given, alone or as the poses of a pose EKF."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def without(log: Log, *stems: str) -> Log:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_body_that_is_told_where_it_is_keeps_to_centimetres(seed: int) -> None:
+def test_a_body_with_a_given_start_keeps_to_centimetres(seed: int) -> None:
     result = run(config_of(), seed=seed)
     assert result.start is None
     assert result.metrics["start_s"] is None
@@ -132,15 +132,15 @@ def test_poses_of_mcl_with_ranges_and_odometry_are_better_than_mcl_alone() -> No
     assert mcl is not None
     alone = both.model_copy(update={"use": ["odometry"],
                                     "mcl": mcl.model_copy(update={"poses_hz": None})})  # fmt: skip
-    fused, told = [], []
+    fused, single = [], []
     for seed in range(3):
         log = load_log(both, None, seed)
         result = run(both, log, seed=seed)
         assert set(result.metrics["counts"]) == {"odometry", "ranges", "poses", "scans"}
         assert result.metrics["mcl"]["ready_share"] > 0.9
         fused.append(result.metrics["position_rmse_m"])
-        told.append(run(alone, log, seed=seed).metrics["position_rmse_m"])
-    assert np.mean(fused) < 0.8 * np.mean(told)
+        single.append(run(alone, log, seed=seed).metrics["position_rmse_m"])
+    assert np.mean(fused) < 0.8 * np.mean(single)
 
 
 def test_poses_come_at_the_rate_and_only_while_one_place_is_certain() -> None:
@@ -181,7 +181,7 @@ def test_a_log_without_a_map_or_without_scans_is_one_sentence() -> None:
         run(recorded, replace(log, grid=None, origin="bag"))
 
 
-def test_a_log_that_ends_too_soon_is_told() -> None:
+def test_a_log_that_ends_too_soon_is_reported() -> None:
     config = config_of(start="auto", simulation={**FLOOR, "duration_s": 1.0})
     with pytest.raises(LogError, match="the log ends before one place on the map is left"):
         run(config)
@@ -191,9 +191,9 @@ def test_a_check_says_what_the_run_would_and_nothing_that_does_not_concern_it() 
     config = config_of()
     log = load_log(config, None, 0)
     assert not check(config, log).failed
-    told = [finding.what for finding in check(config, replace(log, grid=None)).findings
+    found = [finding.what for finding in check(config, replace(log, grid=None)).findings
             if finding.severity == "error"]  # fmt: skip
-    assert any("mcl needs a map" in what for what in told)
+    assert any("mcl needs a map" in what for what in found)
     warned = {f.rule for f in check(config, log).findings if f.severity == "warning"}
     assert not warned & {"states_that_nothing_tells", "messages_too_late"}
 
@@ -240,8 +240,8 @@ def test_uwb_rescues_particles_that_have_spread() -> None:
     for reason in rescued.outcomes.reason[switches]:
         assert re.fullmatch(r"(uncertain|elsewhere): covariance before \[(\S+ ){5}\S+\], "
                             r"after \[(\S+ ){5}\S+\]", reason)  # fmt: skip
-    heard = rescued.outcomes.source == "ranges"
-    assert np.mean(rescued.outcomes.verdict[heard] == "fused") > 0.98
+    received = rescued.outcomes.source == "ranges"
+    assert np.mean(rescued.outcomes.verdict[received] == "fused") > 0.98
 
 
 def test_a_laser_that_sees_walls_is_never_rescued() -> None:
@@ -255,10 +255,10 @@ def test_a_scrubber_in_the_dark_is_rescued_by_its_tags_where_it_hears_them(tmp_p
     result = run(config, base=CONFIGS, seed=0)
     events = result.outcomes.stamp_ns[result.outcomes.source == "switch"] / NANOSECONDS
     ranges = result.outcomes.stamp_ns[result.outcomes.source == "ranges"] / NANOSECONDS
-    heard = np.histogram(ranges, np.arange(-0.5, 181.5))[0]  # in each second
-    assert (heard[95:103] == 0).all(), "the radios are out"
-    assert (heard[[74, 104]] == 15).all(), "in the room"
-    assert heard[30:50].min() < 9, "in the hallway, behind two walls"
+    received = np.histogram(ranges, np.arange(-0.5, 181.5))[0]  # in each second
+    assert (received[95:103] == 0).all(), "the radios are out"
+    assert (received[[74, 104]] == 15).all(), "in the room"
+    assert received[30:50].min() < 9, "in the hallway, behind two walls"
     assert 1 <= len(events) <= 4
     assert np.all((events > 75.0) & (events < 126.0))
     assert not np.any((events > 97.6) & (events < 103.0)), "nothing to switch to"
@@ -270,8 +270,8 @@ def test_a_scrubber_in_the_dark_is_rescued_by_its_tags_where_it_hears_them(tmp_p
     page = write_report(result, tmp_path).read_text(encoding="utf-8")
     table = page.split('<table id="switches-table">')[1].split("</table>")[0]
     cell = r"<td>\d\.\d\d m, \d+\.\d deg</td>"
-    told = re.findall(rf"<td>(\S+) s</td><td>uncertain</td>{cell}{cell}", table)
-    np.testing.assert_allclose([float(at) for at in told], events, atol=0.051)
+    listed = re.findall(rf"<td>(\S+) s</td><td>uncertain</td>{cell}{cell}", table)
+    np.testing.assert_allclose([float(at) for at in listed], events, atol=0.051)
     text = config.model_dump(mode="json")
     text["mcl"]["switch"] = None
     text["use"] = ["odometry"]

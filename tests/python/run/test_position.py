@@ -19,27 +19,27 @@ from support_runs import Said, locfuse, recording, rows_of
 
 # Distances from (3, 4): 3-4-5 and its like, all at the height of the tag.
 PLANE = "anchor,x_m,y_m,z_m\nA,0,0,1\nB,6,0,1\nC,3,0,1\nD,0,4,1\n"
-HEARD = "stamp_s,tag,anchor,range_m\n0,t,A,5\n0,t,B,5\n0,t,C,4\n0,t,D,3\n"
+MEASURED = "stamp_s,tag,anchor,range_m\n0,t,A,5\n0,t,B,5\n0,t,C,4\n0,t,D,3\n"
 # Not in one plane; the tag is at (2, 3, 6).
 SPACE = "anchor,x_m,y_m,z_m\nA,0,0,0\nB,2,3,0\nC,2,0,6\nD,0,3,6\nE,9,3,6\n"
-HEARD_IN_SPACE = (
+MEASURED_IN_SPACE = (
     "stamp_s,tag,anchor,range_m\n0,t,A,7\n0,t,B,6\n0,t,C,3\n0,t,D,2\n0,t,E,7\n"
 )  # fmt: skip
 
 
-def files(folder: Path, ranges: str = HEARD, anchors: str = PLANE) -> tuple[Path, Path]:
+def files(folder: Path, ranges: str = MEASURED, anchors: str = PLANE) -> tuple[Path, Path]:
     (folder / "anchors.csv").write_text(anchors)
     (folder / "ranges.csv").write_text(ranges)
     return folder / "anchors.csv", folder / "ranges.csv"
 
 
-def heard_at(*rows: tuple[float, str, str]) -> str:
+def ranges_at(*rows: tuple[float, str, str]) -> str:
     lines = [f"{stamp},{tag},{anchor},5\n" for stamp, tag, anchor in rows]
     return "".join(["stamp_s,tag,anchor,range_m\n", *lines])
 
 
-def heard_by(epochs: Epochs) -> list[tuple[float, str, str]]:
-    """Return stamp, tag and the anchors heard of each epoch."""
+def anchors_of(epochs: Epochs) -> list[tuple[float, str, str]]:
+    """Return stamp, tag and the measured anchors of each epoch."""
     return [
         (stamp / 1e9, str(tag), "".join(np.array(epochs.names)[~np.isnan(ranges)]))
         for stamp, tag, ranges in zip(epochs.stamp_ns, epochs.tag, epochs.ranges, strict=True)
@@ -50,21 +50,21 @@ def heard_by(epochs: Epochs) -> list[tuple[float, str, str]]:
 
 
 def test_ranges_of_one_stamp_and_tag_are_an_epoch(tmp_path: Path) -> None:
-    ranges = heard_at((1, "t", "A"), (1, "u", "A"), (1, "t", "C"), (2, "t", "B"), (1, "u", "D"))
+    ranges = ranges_at((1, "t", "A"), (1, "u", "A"), (1, "t", "C"), (2, "t", "B"), (1, "u", "D"))
     epochs = read_epochs(*files(tmp_path, ranges))
-    assert heard_by(epochs) == [(1.0, "t", "AC"), (1.0, "u", "AD"), (2.0, "t", "B")]
+    assert anchors_of(epochs) == [(1.0, "t", "AC"), (1.0, "u", "AD"), (2.0, "t", "B")]
 
 
 def test_an_epoch_takes_what_follows_within_its_length(tmp_path: Path) -> None:
-    ranges = heard_at((0.0, "t", "A"), (0.02, "t", "B"), (0.05, "t", "C"), (0.051, "t", "D"))
+    ranges = ranges_at((0.0, "t", "A"), (0.02, "t", "B"), (0.05, "t", "C"), (0.051, "t", "D"))
     epochs = read_epochs(*files(tmp_path, ranges), epoch_s=0.05)
-    assert heard_by(epochs) == [(0.0, "t", "ABC"), (0.051, "t", "D")]
+    assert anchors_of(epochs) == [(0.0, "t", "ABC"), (0.051, "t", "D")]
 
 
-def test_an_anchor_that_is_heard_again_begins_another_epoch(tmp_path: Path) -> None:
-    ranges = heard_at((0, "t", "A"), (0.1, "t", "B"), (0.2, "u", "A"), (0.3, "t", "A"))
+def test_an_anchor_that_is_measured_again_begins_another_epoch(tmp_path: Path) -> None:
+    ranges = ranges_at((0, "t", "A"), (0.1, "t", "B"), (0.2, "u", "A"), (0.3, "t", "A"))
     epochs = read_epochs(*files(tmp_path, ranges), epoch_s=1.0)
-    assert heard_by(epochs) == [(0.0, "t", "AB"), (0.2, "u", "A"), (0.3, "t", "A")]
+    assert anchors_of(epochs) == [(0.0, "t", "AB"), (0.2, "u", "A"), (0.3, "t", "A")]
 
 
 def test_ranges_are_grouped_by_stamp_whenever_they_arrived(tmp_path: Path) -> None:
@@ -72,7 +72,7 @@ def test_ranges_are_grouped_by_stamp_whenever_they_arrived(tmp_path: Path) -> No
         "stamp_s,tag,anchor,range_m,arrival_s\n1,t,A,5,1.1\n2,t,A,5,2.1\n1,t,B,5,2.2\n2,t,C,5,2.3\n"
     )
     epochs = read_epochs(*files(tmp_path, ranges))
-    assert heard_by(epochs) == [(1.0, "t", "AB"), (2.0, "t", "AC")]
+    assert anchors_of(epochs) == [(1.0, "t", "AB"), (2.0, "t", "AC")]
 
 
 def test_a_sigma_of_the_file_goes_before_that_of_the_caller(tmp_path: Path) -> None:
@@ -84,18 +84,24 @@ def test_a_sigma_of_the_file_goes_before_that_of_the_caller(tmp_path: Path) -> N
 
 
 def test_a_file_without_a_range_has_no_epoch(tmp_path: Path) -> None:
-    epochs = read_epochs(*files(tmp_path, heard_at()))
+    epochs = read_epochs(*files(tmp_path, ranges_at()))
     assert len(epochs) == 0
     assert positions(epochs, height=1.0) == []
 
 
 REFUSED: dict[str, tuple[str, str]] = {
-    "zero": (HEARD.replace("C,4", "C,0"), r"the range to anchor C at 0\.0+ s is 0, expected > 0"),
-    "negative": (HEARD.replace("C,4", "C,-4"), "line 4: a range is negative"),
-    "nan": (HEARD.replace("C,4", "C,nan"), "line 4: column 4"),
-    "twice": (HEARD.replace("C,4", "B,5"), r"tag t hears anchor B twice at 0\.0+ s"),
-    "unknown anchor": (HEARD.replace("C,4", "AA,4"), "anchor 'AA' has no place; did you mean 'A'"),
-    "column": (HEARD.replace("range_m", "range"), "unknown column 'range'"),
+    "zero": (
+        MEASURED.replace("C,4", "C,0"),
+        r"the range to anchor C at 0\.0+ s is 0, expected > 0",
+    ),
+    "negative": (MEASURED.replace("C,4", "C,-4"), "line 4: a range is negative"),
+    "nan": (MEASURED.replace("C,4", "C,nan"), "line 4: column 4"),
+    "twice": (MEASURED.replace("C,4", "B,5"), r"tag t has two ranges to anchor B at 0\.0+ s"),
+    "unknown anchor": (
+        MEASURED.replace("C,4", "AA,4"),
+        "anchor 'AA' has no place; did you mean 'A'",
+    ),
+    "column": (MEASURED.replace("range_m", "range"), "unknown column 'range'"),
 }
 
 
@@ -146,11 +152,11 @@ def test_options_of_positions_are_checked(
 
 def test_a_plane_is_seen_wherever_it_lies(tmp_path: Path) -> None:
     assert in_one_plane(read_epochs(*files(tmp_path)))
-    assert not in_one_plane(read_epochs(*files(tmp_path, HEARD_IN_SPACE, SPACE)))
+    assert not in_one_plane(read_epochs(*files(tmp_path, MEASURED_IN_SPACE, SPACE)))
     slanted = "anchor,x_m,y_m,z_m\nA,0,0,0\nB,1,0,1\nC,0,1,1\nD,1,1,2\n"
     assert in_one_plane(read_epochs(*files(tmp_path, anchors=slanted)))
     three = "anchor,x_m,y_m,z_m\nA,0,0,0\nB,1,0,1\nC,0,1,4\n"
-    assert in_one_plane(read_epochs(*files(tmp_path, heard_at((0, "t", "A")), three)))
+    assert in_one_plane(read_epochs(*files(tmp_path, ranges_at((0, "t", "A")), three)))
 
 
 # The file ------------------------------------------------------------------------------------
@@ -221,7 +227,7 @@ def located(tmp_path: Path, ranges: str, anchors: str = PLANE, **options: Any) -
 
 @pytest.mark.parametrize("solver", ["both", "ml", "ceres", "srls", "srwls"])
 def test_exact_ranges_give_the_position_in_the_plane(solver: str, tmp_path: Path) -> None:
-    (one,) = located(tmp_path, HEARD, height=1.0, solver=solver)
+    (one,) = located(tmp_path, MEASURED, height=1.0, solver=solver)
 
     assert one.status == "unique"
     np.testing.assert_allclose(one.position, [[3.0, 4.0]], atol=1e-9)
@@ -232,7 +238,7 @@ def test_exact_ranges_give_the_position_in_the_plane(solver: str, tmp_path: Path
 
 @pytest.mark.parametrize("solver", ["both", "ml", "ceres", "srls", "srwls"])
 def test_exact_ranges_give_the_position_in_space(solver: str, tmp_path: Path) -> None:
-    (one,) = located(tmp_path, HEARD_IN_SPACE, SPACE, solver=solver)
+    (one,) = located(tmp_path, MEASURED_IN_SPACE, SPACE, solver=solver)
 
     assert one.status == "unique"
     np.testing.assert_allclose(one.position, [[2.0, 3.0, 6.0]], atol=1e-9)
@@ -301,13 +307,13 @@ def test_ranges_a_hundred_metres_wrong_are_no_unique_position(tmp_path: Path) ->
 def test_anchors_far_from_the_origin_lose_no_accuracy(tmp_path: Path) -> None:
     far = PLANE.replace("A,0,0", "A,10000000,10000000").replace("B,6,0", "B,10000006,10000000")
     far = far.replace("C,3,0", "C,10000003,10000000").replace("D,0,4", "D,10000000,10000004")
-    (one,) = located(tmp_path, HEARD, far, height=1.0)
+    (one,) = located(tmp_path, MEASURED, far, height=1.0)
     np.testing.assert_allclose(one.position, [[10000003.0, 10000004.0]], atol=1e-8)
 
 
 def test_anchors_in_one_point_fix_nothing(tmp_path: Path) -> None:
     point = "anchor,x_m,y_m,z_m\nA,1,1,1\nB,1,1,1\nC,1,1,1\nD,1,1,1\n"
-    (one,) = located(tmp_path, heard_at(*((0, "t", name) for name in "ABCD")), point, height=1.0)
+    (one,) = located(tmp_path, ranges_at(*((0, "t", name) for name in "ABCD")), point, height=1.0)
     assert one.status == "underdetermined"
     assert not np.isnan(one.position).any()
 
@@ -316,13 +322,13 @@ def test_anchors_in_one_point_fix_nothing(tmp_path: Path) -> None:
 
 
 def said_of(tmp_path: Path, ranges: str, *options: object, anchors: str = PLANE) -> Said:
-    places, heard = files(tmp_path, ranges, anchors)
-    return locfuse("position", "--anchors", places, "--ranges", heard, *options)
+    places, measured = files(tmp_path, ranges, anchors)
+    return locfuse("position", "--anchors", places, "--ranges", measured, *options)
 
 
 def test_the_command_shows_every_position_and_writes_the_file(tmp_path: Path) -> None:
     out = tmp_path / "fixes.csv"
-    two = HEARD + "1,t,A,5\n1,t,B,5\n"
+    two = MEASURED + "1,t,A,5\n1,t,B,5\n"
     said = said_of(tmp_path, two, "--height", 1, "--out", out)
 
     assert said.status == 0
@@ -349,12 +355,12 @@ def test_without_a_height_the_command_says_what_a_plane_leaves_open(tmp_path: Pa
     assert "-11.000" in said.out
     assert "--height" in said.out
     assert "one plane" not in said_of(tmp_path, ABOVE, "--height", 13).out
-    assert "one plane" not in said_of(tmp_path, HEARD_IN_SPACE, anchors=SPACE).out
+    assert "one plane" not in said_of(tmp_path, MEASURED_IN_SPACE, anchors=SPACE).out
 
 
 def test_a_long_table_says_that_it_is_cut(tmp_path: Path) -> None:
     many = [(float(k), "t", anchor) for k in range(60) for anchor in "ABCD"]
-    said = said_of(tmp_path, heard_at(*many), "--height", 1)
+    said = said_of(tmp_path, ranges_at(*many), "--height", 1)
     assert "first 50 of 60 epochs" in said.out
 
 
@@ -368,11 +374,11 @@ def test_a_long_table_says_that_it_is_cut(tmp_path: Path) -> None:
     ],
 )
 def test_wrong_options_are_one_sentence(options: list[str], expected: str, tmp_path: Path) -> None:
-    assert expected in said_of(tmp_path, HEARD, *options).sentence()
+    assert expected in said_of(tmp_path, MEASURED, *options).sentence()
 
 
 def test_an_unknown_anchor_is_one_sentence(tmp_path: Path) -> None:
-    sentence = said_of(tmp_path, HEARD.replace("t,C", "t,CC")).sentence()
+    sentence = said_of(tmp_path, MEASURED.replace("t,C", "t,CC")).sentence()
     assert "anchor 'CC' has no place; did you mean 'C'" in sentence
 
 

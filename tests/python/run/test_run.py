@@ -121,7 +121,7 @@ def test_a_start_at_a_truth_that_has_no_pose_is_refused_with_advice(with_truth: 
 # Messages -------------------------------------------------------------------------------------
 
 
-def test_messages_are_told_of_in_the_order_of_arrival(tmp_path: Path) -> None:
+def test_messages_are_reported_in_the_order_of_arrival(tmp_path: Path) -> None:
     log = read_log(write_folder(tmp_path))
 
     result = run(parse_config(START), log)
@@ -184,9 +184,9 @@ def test_a_range_that_cannot_be_is_gated_with_its_reason_and_changes_no_bit(tmp_
 
 
 def test_progress_ends_with_all_messages() -> None:
-    told: list[tuple[int, int]] = []
-    result = run(room(), seed=0, progress=lambda done, total: told.append((done, total)))
-    assert told[-1] == (len(result.outcomes),) * 2
+    calls: list[tuple[int, int]] = []
+    result = run(room(), seed=0, progress=lambda done, total: calls.append((done, total)))
+    assert calls[-1] == (len(result.outcomes),) * 2
 
 
 # Time -----------------------------------------------------------------------------------------
@@ -237,9 +237,9 @@ def test_messages_later_than_the_history_are_stale_and_change_no_bit() -> None:
 
     result = run(config, log)
 
-    heard = result.outcomes.source != "odometry"
-    assert set(result.outcomes.verdict[heard].tolist()) == {"stale"}
-    assert set(result.outcomes.reason[heard].tolist()) == {"older than the history of 0.1 s"}
+    received = result.outcomes.source != "odometry"
+    assert set(result.outcomes.verdict[received].tolist()) == {"stale"}
+    assert set(result.outcomes.reason[received].tolist()) == {"older than the history of 0.1 s"}
     assert last(result) == last(run(room(use=["odometry"]), log))
 
 
@@ -348,7 +348,7 @@ def test_truth_of_a_log_without_one_is_none() -> None:
     assert truth_of(with_table(log, "truth", None)) is None
 
 
-def test_variances_follow_innovations_where_they_are_told_to() -> None:
+def test_variances_follow_innovations_where_it_is_configured() -> None:
     simulation = {"path": {"shape": "eight", "radius_m": 2.0}, "duration_s": 60, "poses": None,
                   "ranges": {"sigma_m": 0.1, "sigma_relative": 0.0}}  # fmt: skip
     for sigma_m, right in ((0.05, 4.0), (0.2, 0.25)):

@@ -85,28 +85,28 @@ def test_no_truth_is_needed_and_none_is_used() -> None:
     assert ours.estimate.position.tobytes() == theirs.estimate.position.tobytes()
 
 
-def test_messages_used_for_the_start_are_told_and_not_fused_twice() -> None:
+def test_messages_used_for_the_start_are_reported_and_not_fused_twice() -> None:
     result = run(config_of(HALL), seed=2)
     assert result.start is not None
     used = result.outcomes.verdict == "ignored"
     assert used.any()
     assert set(result.outcomes.reason[used]) == {"used for the start"}
-    heard = used & (result.outcomes.source == "ranges")
-    assert (result.outcomes.stamp_ns[heard] <= result.start.stamp_ns).all()
-    later = (result.outcomes.source == "ranges") & ~heard
+    received = used & (result.outcomes.source == "ranges")
+    assert (result.outcomes.stamp_ns[received] <= result.start.stamp_ns).all()
+    later = (result.outcomes.source == "ranges") & ~received
     assert (result.outcomes.stamp_ns[later] > result.start.stamp_ns).all()
     assert (result.outcomes.verdict[later] == "fused").mean() > 0.99
     assert int(result.estimate.stamp_ns[0]) == result.start.stamp_ns
 
 
-def test_a_robot_that_stands_without_a_laser_is_told_what_is_missing() -> None:
+def test_a_robot_that_stands_without_a_laser_gets_the_missing_input_named() -> None:
     config = config_of({"path": {"shape": "circle", "speed_mps": 1e-6}, "duration_s": 5.0,
                         "poses": None})  # fmt: skip
     with pytest.raises(LogError, match="heading is not known yet: drive on"):
         run(config)
 
 
-def test_a_log_without_ranges_is_told_what_is_missing(tmp_path: Path) -> None:
+def test_a_log_without_ranges_gets_the_missing_input_named(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "log", {"ranges.csv": None})
     with pytest.raises(LogError, match="no range, position or pose yet, and no two landmarks"):
         run(parse_config({"start": "auto"}), read_log(folder))
@@ -231,7 +231,7 @@ def test_the_picture_of_a_start_shows_a_turned_map_where_it_lies() -> None:
     assert figure.axes[0].get_ylim()[1] > 23.0
 
 
-def test_a_run_that_was_told_its_start_has_no_picture_of_it(tmp_path: Path) -> None:
+def test_a_run_with_a_given_start_has_no_picture_of_it(tmp_path: Path) -> None:
     result = run(config_of(HALL).model_copy(update={"start": "truth"}))
     assert plot_start(result) is None
     write_results(result, tmp_path)

@@ -196,8 +196,8 @@ def test_errors_that_wander_are_as_large_as_stated_and_alike_for_as_long_as_stat
         assert one.std() == pytest.approx(0.3, rel=0.08)
         assert one.mean() == pytest.approx(0.0, abs=0.03)
         for rows in (1, round(2.0 / step)):
-            alike = np.mean(one[rows:] * one[:-rows]) / one.var()
-            assert alike == pytest.approx(np.exp(-rows * step / 2.0), abs=0.06)
+            correlation = np.mean(one[rows:] * one[:-rows]) / one.var()
+            assert correlation == pytest.approx(np.exp(-rows * step / 2.0), abs=0.06)
     assert abs(np.mean(of[0] * of[1])) < 0.06 * 0.3**2  # each anchor by itself
 
 

@@ -131,19 +131,19 @@ def test_velocities_and_increments_of_one_seed_tell_the_same_motion() -> None:
     arc = drive_of((0.0, 0.0, 0.0), [(100.0, 0.3, 0.4)])
     noisy = OdometrySensor(sigma_heading_per_sqrt_m=0.0, sigma_heading_per_sqrt_rad=0.0)
 
-    told = motions(sensors.odometry(arc, stamp_ns, noisy, rng()))[1:]
+    reported = motions(sensors.odometry(arc, stamp_ns, noisy, rng()))[1:]
     held = sensors.odometry(arc, stamp_ns, noisy.model_copy(update={"output": "velocities"}), rng())
 
     driven = drive_on(
-        np.zeros((len(told), 3)),
+        np.zeros((len(reported), 3)),
         np.diff(sensors.seconds(stamp_ns)),
         held["v_mps"],
         held["omega_radps"],
     )
-    np.testing.assert_allclose(driven[:, 2], told[:, 2], atol=1e-15)
+    np.testing.assert_allclose(driven[:, 2], reported[:, 2], atol=1e-15)
     # An increment's noise points along the old heading, an arc's half a turn (7 mrad) further left:
     # that turns an error of a few millimetres into a lateral one of some 20 micrometres.
-    np.testing.assert_allclose(driven[:, :2], told[:, :2], atol=1e-4)
+    np.testing.assert_allclose(driven[:, :2], reported[:, :2], atol=1e-4)
 
 
 def per_metre(columns: Columns, rate_hz: int, name: str, expected: float) -> FloatArray:

@@ -194,11 +194,11 @@ def test_what_defaults_say_is_written_out_where_a_part_of_it_is_set() -> None:
         ("simulation:\n  room_m: [9, 9]\n  path: {shape: eight, radius_m: 4}\n", 1, "eight around"),
         ("simulation:\n  faults:\n  - {kind: latency, source: positions, delay_s: 1}\n", 3,
          "switched off"),
-        ("name: [a\nseed: 1\n", 2, "is no YAML"),
+        ("name: [a\nseed: 1\n", 2, "not valid YAML"),
         ("seed: 1\na: 1\na: 2\n", 3, "given twice"),
         ("", None, "is empty"),
         ("- 1\n- 2\n", None, "expected keys and values"),
-        ("name: !!bool 3\n", None, "is no YAML"),
+        ("name: !!bool 3\n", None, "not valid YAML"),
     ],
 )  # fmt: skip
 def test_a_wrong_text_is_kept_and_told_in_its_line_and_the_scene_stays(

@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from locfuse.config.safe_yaml import CarefulLoader
+from locfuse.config.safe_yaml import StrictYamlLoader
 from locfuse.io.log_folder import IN_MEMORY, MAX_STAMP_NS, MESSAGES, SCHEMA
 from locfuse.io.log_yaml import checked
 from locfuse.io.rosbag.decode import MessageError
@@ -62,7 +62,7 @@ def settings_of(text: str) -> Settings:
         If it is something else.
     """
     try:
-        data = yaml.load(text, CarefulLoader)
+        data = yaml.load(text, StrictYamlLoader)
         if data["format"] != FORMAT:
             raise MessageError(f"{TOPIC} has format {data['format']!r}, expected {FORMAT}")
         columns = {str(stem): [str(name) for name in names]
