@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One run: messages in, poses, outcomes and metrics out."""
+"""A run: from the messages of a log to poses, outcomes and metrics."""
 
 from __future__ import annotations
 
 import logging
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -52,9 +52,8 @@ Progress = Callable[[int, int], None]
 Watch = Callable[[Callable[[], RunResult]], None]
 _logger = logging.getLogger(__name__)
 
-OBSERVED_SHARE = (
-    0.7  # of the sigma that an error began with: half its variance; above, it hardly fell
-)
+# An error is observed once its sigma falls below this share of the initial one: half the variance.
+OBSERVED_SHARE = 0.7
 
 
 def run(
@@ -73,18 +72,18 @@ def run(
     ----------
     config : RunConfig
     log : Log, optional
-        Instead of what the configuration names.
+        Overrides the log that the configuration names.
     base : Path, optional
         Folder that the configuration's paths are relative to.
     seed : int, optional
-        Of the simulation and of particles, instead of what the configuration says.
+        Overrides the seed of simulation and particle filter.
     start : PoseEstimate, optional
-        Instead of what the configuration says.
+        Overrides the start that the configuration names.
     progress : callable, optional
         Called with (messages done, messages in all).
     watch : callable, optional
-        Called now and then with what returns, while it is called, the run so far: as if its log
-        ended there. Only a message that came late can change a verdict of it. Where ``mcl`` is the
+        Called now and then with a function that returns, during the call, the run so far: as if
+        its log ended there. Only a late message can change a verdict of it. Where ``mcl`` is the
         source of poses, it is the run of the `Mcl`.
 
     Returns
@@ -137,6 +136,25 @@ def warn_missing_sources(config: RunConfig, log: Log) -> None:
         _logger.warning("use names %s, but the log has none%s", source, bag)
 
 
+@dataclass(frozen=True)
+class _Started:
+    """A pose EKF at its start.
+
+    Attributes
+    ----------
+    filter : RecoveringEkf
+    stamp_ns : int
+    used_until : int or None
+        Stamp up to which messages were used to find the start; None if it was given.
+    found : Start or None
+    """
+
+    filter: _core.RecoveringEkf
+    stamp_ns: int
+    used_until: int | None
+    found: Start | None
+
+
 def _fuse(
     config: RunConfig,
     log: Log,
@@ -145,46 +163,13 @@ def _fuse(
     watch: Watch | None = None,
     localization: Localization | None = None,
 ) -> RunResult:
-    """Run the pose EKF; a localization is where its poses come from."""
+    """Run the pose EKF; its poses may come from a localization."""
     messages = to_messages(log, config)
-    anchors, tags = radios_of(log, messages, config)
-    landmarks = landmarks_of(log, messages)
-    used_until, found = None, None
-    if start is None and config.start == "auto":
-        ekf, used_until, found = start_from_nothing(config, log, messages.log, messages.begin_ns,
-                                                    anchors, tags, landmarks)  # fmt: skip
-    else:
-        start = start_of(config, truth_of(log), messages) if start is None else start
-        ekf = _core.PoseEkf(build_estimator_config(config.estimator), anchors, tags, start,
-                            landmarks)  # fmt: skip
-    start_ns = ekf.belief.stamp
-    recovering = _core.RecoveringEkf(build_recovering_config(config), anchors, tags,
-                                     matcher_of(log), landmarks)  # fmt: skip
-    recovering.start_with(ekf)
+    started = _start(config, log, messages, start)
     total = len(messages.log)
 
     def result_of(record: _core.RunLog, log: Log, messages: Messages) -> RunResult:
-        wall_s = clock.seconds
-        poses = record.poses
-        estimate = Trajectory(record.stamp_ns, poses[:, :2].copy(), poses[:, 2].copy(),
-                              record.covariances)  # fmt: skip
-        outcomes = outcomes_of(messages, record, log, config, start_ns, used_until)
-        if localization is not None:
-            outcomes = with_scans(outcomes, localization, log)
-            wall_s += localization.wall_s
-        duration_s = (messages.end_ns - messages.begin_ns) / NANOSECONDS
-        health = health_of(record, messages, config)
-        figures = {
-            **metrics(estimate, truth_of(log), outcomes, duration_s, wall_s),
-            "interventions": int(record.interventions.sum()),
-            "clock_jumps": record.jumps,
-            "fallen_out": record.fallen_out,
-            "noise_factors": _noise_factors(config, record),
-            "health": health_metrics(health, record.alarms, record.restarts),
-        }
-        result = _result(config, log, estimate, outcomes, figures, found, localization,
-                         record.errors, messages.anchor_names)  # fmt: skip
-        return replace(result, health=health)
+        return _fused(config, log, messages, started, record, clock.seconds, localization)
 
     def report(done: int, record: Callable[[], _core.RunLog]) -> None:
         with clock.stopped():
@@ -195,11 +180,11 @@ def _fuse(
 
     clock = Stopwatch()
     record = _core.replay(
-        recovering,
+        started.filter,
         messages.log,
         history=round(config.history_s * NANOSECONDS),
         progress=None if progress is None and watch is None else report,
-        used_until=used_until,
+        used_until=started.used_until,
         clock_jump=_core.ClockJump[config.clock_jump.upper()],
         most_messages=config.history_messages,
         switches=_switches(config),
@@ -210,13 +195,66 @@ def _fuse(
     return result
 
 
+def _start(
+    config: RunConfig, log: Log, messages: Messages, start: _core.PoseEstimate | None
+) -> _Started:
+    """Return the pose EKF at a given start, or at the one that the configuration asks for."""
+    anchors, tags = radios_of(log, messages, config)
+    landmarks = landmarks_of(log, messages)
+    used_until, found = None, None
+    if start is None and config.start == "auto":
+        ekf, used_until, found = start_from_nothing(config, log, messages.log, messages.begin_ns,
+                                                    anchors, tags, landmarks)  # fmt: skip
+    else:
+        start = start_of(config, truth_of(log), messages) if start is None else start
+        ekf = _core.PoseEkf(build_estimator_config(config.estimator), anchors, tags, start,
+                            landmarks)  # fmt: skip
+    stamp_ns = ekf.belief.stamp
+    recovering = _core.RecoveringEkf(build_recovering_config(config), anchors, tags,
+                                     matcher_of(log), landmarks)  # fmt: skip
+    recovering.start_with(ekf)
+    return _Started(recovering, stamp_ns, used_until, found)
+
+
+def _fused(
+    config: RunConfig,
+    log: Log,
+    messages: Messages,
+    started: _Started,
+    record: _core.RunLog,
+    wall_s: float,
+    localization: Localization | None,
+) -> RunResult:
+    """Return the run of a pose EKF from the record of its replay."""
+    poses = record.poses
+    estimate = Trajectory(record.stamp_ns, poses[:, :2].copy(), poses[:, 2].copy(),
+                          record.covariances)  # fmt: skip
+    outcomes = outcomes_of(messages, record, log, config, started.stamp_ns, started.used_until)
+    if localization is not None:
+        outcomes = with_scans(outcomes, localization, log)
+        wall_s += localization.wall_s
+    duration_s = (messages.end_ns - messages.begin_ns) / NANOSECONDS
+    health = health_of(record, messages, config)
+    figures = {
+        **metrics(estimate, truth_of(log), outcomes, duration_s, wall_s),
+        "interventions": int(record.interventions.sum()),
+        "clock_jumps": record.jumps,
+        "fallen_out": record.fallen_out,
+        "noise_factors": _noise_factors(config, record),
+        "health": health_metrics(health, record.alarms, record.restarts),
+    }
+    result = _result(config, log, estimate, outcomes, figures, started.found, localization,
+                     record.errors, messages.anchor_names)  # fmt: skip
+    return replace(result, health=health)
+
+
 def _beginning(log: Log, messages: Messages, done: int) -> tuple[Log, Messages]:
     received = np.arange(len(messages.stamp_ns)) < done
     return cut_off(log, messages, int(messages.stamp_ns[received].max()), received)
 
 
 def _noise_factors(config: RunConfig, record: _core.RunLog) -> dict[str, float] | None:
-    """Return the factors of variances at the end, where they follow innovations."""
+    """Return the final factors of adaptive variances; None if they do not adapt."""
     if config.estimator.adaptive.messages == 0.0:
         return None
     return {source: record.noise_factor(_core.Source[source.upper()])
@@ -224,7 +262,7 @@ def _noise_factors(config: RunConfig, record: _core.RunLog) -> dict[str, float] 
 
 
 def _switches(config: RunConfig) -> list[tuple[int, _core.Source, bool]]:
-    """Return when which source goes off, and when on."""
+    """Return the stamps [ns] at which sources are switched off (False) and on (True)."""
     switches = []
     for off in config.switched_off:
         source = _core.Source[off.source.upper()]
@@ -235,7 +273,7 @@ def _switches(config: RunConfig) -> list[tuple[int, _core.Source, bool]]:
 
 
 def _located(config: RunConfig, log: Log, localization: Localization) -> RunResult:
-    """Return the run whose estimator is the `Mcl`; found from nothing, it begins when ready."""
+    """Return the run of the `Mcl`; without a prior it begins when ready."""
     estimate, found = localization.estimate, localization.start
     if localization.searched:
         ready = found is not None and estimate.stamp_ns >= found.stamp_ns
@@ -275,7 +313,7 @@ def _result(
         metrics={
             **figures,
             "start_s": None if found is None else found.seconds,
-            "calibration": _learnt(errors, anchor_names) or None,
+            "calibration": _calibration(errors, anchor_names) or None,
             "mcl": None if localization is None else _mcl_metrics(localization, truth),
         },
         start=found,
@@ -283,7 +321,7 @@ def _result(
     )
 
 
-def _learnt(
+def _calibration(
     errors: Sequence[_core.CalibratedError], anchor_names: Sequence[str]
 ) -> dict[str, dict[str, float | bool]]:
     return {
