@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Configurations: what a YAML file may say, checked, and turned into C++ objects."""
+"""Configurations: YAML files, their schema, and the C++ objects built from them."""

@@ -63,7 +63,7 @@ def load_config(path: str | Path) -> RunConfig:
 
 
 def read_yaml(text: str, origin: str = "config") -> Any:
-    """Return what a text of YAML holds.
+    """Parse a YAML text.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def read_yaml(text: str, origin: str = "config") -> Any:
 
 
 def parse_config(data: Any, origin: str = "config") -> RunConfig:
-    """Check what YAML said.
+    """Check parsed YAML against the schema.
 
     Parameters
     ----------

@@ -410,7 +410,7 @@ class Bias(Strict):
 
 
 class Wander(Strict):
-    """Ranges read long or short by what wanders about 0, for each anchor by itself.
+    """Range errors that wander about 0, independent for each anchor.
 
     A Gauss-Markov process of standard deviation `sigma_m`: errors of one anchor that are t apart
     have the correlation exp(-t / `correlation_s`).
@@ -566,8 +566,8 @@ class Glass(Strict):
 class People(Strict):
     """Discs that walk about the free space of the map and hide what is behind them.
 
-    They walk at `speed_mps`, turn by and by, and turn away where there is no room. They do not mind
-    the robot: a laser inside of one sees nothing.
+    They walk at `speed_mps`, turn from time to time, and turn away where there is no room. They
+    ignore the robot: a laser inside of one sees nothing.
     """
 
     kind: Literal["people"] = "people"

@@ -170,12 +170,12 @@ class Calibration(Strict):
         if self.sigma_turn_bias_radps_per_sqrt_s > 0.0 and self.sigma_turn_bias_radps == 0.0:
             raise ValueError(
                 "sigma_turn_bias_radps_per_sqrt_s is set, but sigma_turn_bias_radps is 0: the bias "
-                "is no state; expected both or neither"
+                "is not a state; expected both or neither"
             )
         if self.anchor_offset_correlation_s > 0.0 and self.sigma_anchor_offset_m == 0.0:
             raise ValueError(
                 "anchor_offset_correlation_s is set, but sigma_anchor_offset_m is 0: offsets are "
-                "no states; expected both or neither"
+                "not states; expected both or neither"
             )
         return self
 
@@ -591,7 +591,7 @@ def _is_number(value: Any) -> bool:
     is_real = isinstance(value, int | float) and not isinstance(value, bool)
     try:
         return is_real and math.isfinite(value)
-    except OverflowError:  # an integer that is no float
+    except OverflowError:  # an integer beyond float
         return False
 
 

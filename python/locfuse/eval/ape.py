@@ -15,7 +15,7 @@ ALIGNMENTS = ("none", "se2", "sim2")
 
 @dataclass(frozen=True)
 class Ape:
-    """Absolute position errors and what was done to get them.
+    """Absolute position errors and the alignment behind them.
 
     Attributes
     ----------

@@ -88,7 +88,7 @@ _TAIL = (1.0 - PROBABILITY) / 2.0
 
 
 def _where(true_from: Callable[[float], bool]) -> float:
-    """Return from which probability on something is true, to 1e-12."""
+    """Return the smallest probability for which a condition holds, to 1e-12."""
     low, high = 0.0, 1.0
     while high - low > 1e-12:
         middle = 0.5 * (low + high)

@@ -79,7 +79,7 @@ def message_rows(outcomes: Outcomes) -> list[MessageRow]:
     -------
     list of MessageRow
         Odometry, ranges, positions, poses, scans, then others; anchors in natural order (A2 before
-        A10). No row is empty. Switches are no messages.
+        A10). No row is empty. Switches are not messages.
     """
     if not np.any(outcomes.source != "switch"):
         return []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run whose messages arrive one by one: what `run` does with a log, on a robot."""
+"""A live run: messages arrive one by one, as on a robot."""
 
 from locfuse.live.run import LiveHealth, LivePose, LiveRun, LiveSource
 

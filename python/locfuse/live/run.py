@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `locfuse.run.run` does with a log, on messages as they arrive."""
+"""The counterpart of `locfuse.run.run` for messages as they arrive."""
 
 from __future__ import annotations
 
@@ -120,8 +120,8 @@ class LiveRun:
     Raises
     ------
     ConfigError
-        If the start is ``truth``, which no robot knows, or the world lacks what the configuration
-        needs.
+        If the start is ``truth``, which no robot knows, or the world does not have what the
+        configuration needs.
 
     Examples
     --------
@@ -293,7 +293,7 @@ class LiveRun:
         return outcome.verdict
 
     def _into_start(self, message: Message) -> _core.Verdict:
-        """Hold messages until it is known which is the first in time: there a given start holds."""
+        """Hold messages until the earliest is known: the given start holds at its stamp."""
         assert self._filter is not None
         self._held.append(message)
         begin = min(map(effective_ns, self._held))
@@ -311,7 +311,7 @@ class LiveRun:
         assert self._given != "truth"  # refused when it was made
         return given_start(self._given, self.config.start_sigma, stamp)
 
-    # What is asked of it -------------------------------------------------------------------------
+    # Commands -----------------------------------------------------------------------------------
 
     def start_at(self, start: LivePose) -> None:
         """Go on from a pose that somebody knows, whatever was known before.
@@ -378,7 +378,7 @@ class LiveRun:
         else:
             self._disabled.add(source)
 
-    # What it knows -------------------------------------------------------------------------------
+    # State --------------------------------------------------------------------------------------
 
     def pose(self) -> LivePose | None:
         """Return where the robot is, carried to the end of odometry; None while it searches."""
@@ -423,7 +423,7 @@ class LiveRun:
         return LiveHealth(state, reason, report.within, report.wrong, report.protection)
 
     def sources(self) -> list[LiveSource]:
-        """Return what became of each source that was fused or gated."""
+        """Return the status of each source that was fused or gated."""
         if self._filter is None:
             statuses = [] if self._on_map is None else self._on_map.sources
         else:

@@ -45,7 +45,7 @@ _AS_OLD_AS_ZIP = (1980, 1, 1, 0, 0, 0)  # a date would be other bytes each time
 
 @dataclass(frozen=True)
 class Capsule:
-    """What is needed to run again, and what came out.
+    """The inputs of a run, to repeat it, and its results.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ class Difference:
 
 
 def machine() -> str:
-    """Return on what the last bits of a result may depend beside the code: processor, libc."""
+    """Return the properties of this machine that the last bits depend on: processor, libc."""
     return f"{platform.machine()} {kernels()}, {' '.join(platform.libc_ver())}"
 
 
@@ -105,7 +105,7 @@ def make_capsule(
     seed: int | None = None,
     progress: Progress | None = None,
 ) -> Capsule:
-    """Run, and keep what it takes to run again.
+    """Run, and keep the inputs and results.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def make_capsule(
 
 
 def replay_capsule(capsule: Capsule, progress: Progress | None = None) -> list[Difference]:
-    """Run what is in a capsule again and say where the result is another one.
+    """Repeat the run of a capsule and return where its results differ.
 
     Parameters
     ----------
@@ -201,8 +201,8 @@ def read_capsule(path: str | Path) -> Capsule:
     Raises
     ------
     LogError
-        If it is no capsule, damaged, too large, of another format, or was changed by hand; or its
-        log cannot be read.
+        If it is not a capsule, is damaged, too large, of another format, or was changed by hand; or
+        its log cannot be read.
     ConfigError
         If this version does not understand its configuration.
     """
@@ -295,7 +295,7 @@ def _unpack(path: Path, folder: Path) -> None:
 
 
 def _about_in(folder: Path) -> dict[str, Any]:
-    """Return what a capsule says of itself, checked."""
+    """Return the checked metadata of a capsule."""
     for name in (ABOUT, CONFIG):
         if not (folder / name).exists():
             raise LogError(f"no capsule: it has no {name}")
@@ -307,7 +307,7 @@ def _about_in(folder: Path) -> dict[str, Any]:
         if not isinstance(about.get(key), str):
             raise LogError(f"{ABOUT} has no {key}")
         if HALF_OF_A_PAIR.search(about[key]):
-            raise LogError(f"{ABOUT}: {key} has half of a surrogate pair, which is no character")
+            raise LogError(f"{ABOUT}: {key} has half of a surrogate pair, which is not a character")
     return dict(about)
 
 

@@ -15,7 +15,7 @@ from locfuse.types import Log, LogError
 
 
 def with_cylinders(log: Log, config: RunConfig) -> Log:
-    """Return the log with what its laser sees of cylinders, if the configuration asks for them.
+    """Return the log with the cylinders in its scans, if the configuration asks for them.
 
     Parameters
     ----------

@@ -74,7 +74,7 @@ def _sentences(aiding_lost_s: float, limit_m: float) -> dict[_core.HealthClue, s
 
 
 def health_metrics(health: Health, alarms: int, restarts: int) -> dict[str, Any]:
-    """Return what ``metrics.json`` says of health: how often it was lost, and found elsewhere."""
+    """Return the entry ``health`` of ``metrics.json``."""
     states, counts = np.unique(health.state, return_counts=True)
     return {
         "share": dict(zip(states.tolist(), (counts / max(len(health), 1)).tolist(), strict=True)),

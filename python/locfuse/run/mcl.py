@@ -92,7 +92,7 @@ def messages_for(config: RunConfig, log: Log) -> Messages:
     Raises
     ------
     LogError
-        If the log lacks scans or a map, or has none of these messages.
+        If the log has no scans or no map, or has none of these messages.
     """
     if config.mcl is None:
         raise ValueError("the config has no mcl")
@@ -168,7 +168,7 @@ def localize(
     progress: Callable[[int, int], None] | None = None,
     watch: Callable[[Callable[[], tuple[Log, Localization]]], None] | None = None,
 ) -> Localization:
-    """Localize on the map of a log with what ``mcl`` of a configuration says.
+    """Localize on the map of a log, as ``mcl`` of a configuration says.
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ class Stopwatch:
 
 
 def frame_of(mcl: _core.Mcl | _core.SwitchingMcl) -> Frame:
-    """Return what is believed now, with a copy of at most 2000 particles."""
+    """Return the present estimate, with a copy of at most 2000 particles."""
     now = mcl.estimate()
     particles = (mcl.mcl if isinstance(mcl, _core.SwitchingMcl) else mcl).particles
     step = -(-len(particles) // _MOST_PARTICLES)

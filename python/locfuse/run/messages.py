@@ -28,7 +28,7 @@ from locfuse.types import (
 
 @dataclass(frozen=True)
 class Messages:
-    """A log made ready for replay, and what each message was.
+    """The messages of a log, ready for replay, and the source, names and row of each.
 
     Attributes
     ----------
@@ -318,7 +318,7 @@ def landmark_sensor_of(log: Log) -> _core.Pose2:
 
 @dataclass(frozen=True)
 class Instant:
-    """What is seen at one stamp, without names, and what was driven since the one before.
+    """Unnamed landmark observations of one stamp, and the odometry since the one before.
 
     Attributes
     ----------

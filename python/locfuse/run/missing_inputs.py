@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What to do where a log lacks something: add a file, a topic, or a key of the simulation."""
+"""Remedies for missing inputs: add a file, a topic, or a key of the simulation."""
 
 from __future__ import annotations
 

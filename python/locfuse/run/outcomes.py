@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What became of each message of a run, with a reason where it was not fused."""
+"""Outcome of each message of a run, with a reason where it was not fused."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def _with(outcomes: Outcomes, others: Outcomes) -> Outcomes:
 def _reasons(
     messages: Messages, verdict: NDArray[np.str_], log: Log, start_ns: int
 ) -> NDArray[np.object_]:
-    """Return what does not depend on the estimator."""
+    """Return the reasons that do not depend on the estimator."""
     reason = np.full(len(verdict), "", dtype=object)
     placed = set(log["anchors"]["anchor"].tolist()) if "anchors" in log else set()
     for row in np.flatnonzero(verdict == "not_modelled"):

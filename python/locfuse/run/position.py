@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Positions from ranges alone: every epoch of a file by itself, nothing fused over time."""
+"""Positions from ranges alone: each epoch of a file independently."""
 
 from __future__ import annotations
 
@@ -196,7 +196,7 @@ def positions(
 
 
 def _compared(epochs: Epochs, row: int, height: float | None, loss: str) -> Fix:
-    """Return what both solvers say of an epoch."""
+    """Return the position of an epoch by both solvers."""
     measured = np.flatnonzero(~np.isnan(epochs.ranges[row]))
     anchors, ranges = epochs.anchors[measured], epochs.ranges[row, measured]
     solution = _core.locate(anchors, ranges, epochs.sigma[row, measured], height=height, loss=loss)
@@ -223,7 +223,7 @@ def _compared(epochs: Epochs, row: int, height: float | None, loss: str) -> Fix:
 
 
 def _alone(epochs: Epochs, height: float | None, solver: str, loss: str) -> list[Fix]:
-    """Return what one solver says of all epochs."""
+    """Return the positions of all epochs by one solver."""
     fixes: dict[int, Fix] = {}
     missing = np.isnan(epochs.sigma)
     filled = np.where(missing, np.nanmax(epochs.sigma, axis=1, keepdims=True), epochs.sigma)

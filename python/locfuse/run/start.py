@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a run starts: a pose that is given, or found from ranges, scans on a map, and motion."""
+"""Start of a run: a given pose, or one found from ranges, scans on a map, and motion."""
 
 from __future__ import annotations
 
