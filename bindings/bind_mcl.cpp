@@ -180,7 +180,7 @@ False
       .def("on", unlocked_on<Mcl, locfuse::LaserScan>(), py::arg("message"), "Takes one message.")
       .def("estimate", &Mcl::estimate,
            "The likeliest cluster, carried to the end of what odometry has told.")
-      .def("spread", &Mcl::spread,
+      .def("spread", &Mcl::overall_estimate,
            "The same with the covariance of all particles about their mean, whatever cluster they "
            "are in.")
       .def_property_readonly(
