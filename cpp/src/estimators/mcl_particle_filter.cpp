@@ -39,7 +39,7 @@ void ParticleLikelihoods::evaluate(const LikelihoodField& field, const EndPoints
   costs.resize(belief.x.size());
   log.resize(belief.x.size());
   const auto unit = static_cast<float>(field.unit());
-  workers.share(static_cast<int>(belief.x.size()), kGroup, [&](int begin, int end) {
+  workers.share(static_cast<int>(belief.x.size()), kFieldGroup, [&](int begin, int end) {
     field.costs(points, belief.x.data(), belief.y.data(), belief.c.data(), belief.s.data(), begin,
                 end, costs.data());
     for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {

@@ -17,7 +17,7 @@ using testing::same_bits;
 RecoveringEkf unstarted() { return {{}, testing::hall(), testing::one_tag(), nullptr}; }
 
 /// Messages arrive at their stamp or up to 0.1 s later, so increments after the ranges during them.
-MessageLog as_heard(const testing::Simulation& run) {
+MessageLog with_latencies(const testing::Simulation& run) {
   testing::Rng rng(9);
   MessageLog log;
   for (const Message& message : run.messages) {
@@ -36,7 +36,7 @@ void expect_same(const PoseEstimate& a, const PoseEstimate& b) {
 }
 
 /// The last estimate of each stamp.
-std::map<Stamp, PoseEstimate> heard_by(Live& live, const MessageLog& log) {
+std::map<Stamp, PoseEstimate> poses_of(Live& live, const MessageLog& log) {
   std::map<Stamp, PoseEstimate> poses;
   for (const MessageLog::Arrival& arrival : log.arrivals()) {
     live.on(arrival.message);
@@ -49,9 +49,9 @@ std::map<Stamp, PoseEstimate> heard_by(Live& live, const MessageLog& log) {
 
 TEST(Live, starts_and_tracks_as_find_start_and_replay_do_with_the_log) {
   const testing::Simulation run = testing::simulate(3, 30.0);
-  const MessageLog log = as_heard(run);
+  const MessageLog log = with_latencies(run);
   Live live(unstarted());
-  const std::map<Stamp, PoseEstimate> poses = heard_by(live, log);
+  const std::map<Stamp, PoseEstimate> poses = poses_of(live, log);
 
   Initializer initializer = unstarted().initializer();
   const StartRun start = find_start(initializer, log, {});
@@ -79,7 +79,7 @@ TEST(Live, an_increment_that_arrives_after_the_ranges_during_it_is_used_before_t
   const testing::Simulation run = testing::simulate(4, 10.0);
   StartSearch in_order(unstarted().initializer(), 0);
   StartSearch as_they_come(unstarted().initializer());
-  const MessageLog log = as_heard(run);
+  const MessageLog log = with_latencies(run);
   std::vector<Message> sorted;
   for (const MessageLog::Arrival& arrival : log.arrivals()) {
     sorted.push_back(arrival.message);

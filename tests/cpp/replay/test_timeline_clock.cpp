@@ -107,7 +107,7 @@ TYPED_TEST(TimelineOf, late_messages_leave_the_bits_of_the_sorted_log) {
   }
 }
 
-TYPED_TEST(TimelineOf, reset_is_a_fresh_one_to_the_bit) {
+TYPED_TEST(TimelineOf, reset_equals_a_new_one_to_the_bit) {
   Timeline timeline(TypeParam::make(), kSecond);
   timeline.enable(Source::kOdometry, false);
   feed(timeline, late(drive(1), 2, kSecond / 2));
@@ -125,7 +125,7 @@ TYPED_TEST(TimelineOf, reset_is_a_fresh_one_to_the_bit) {
   EXPECT_TRUE(same_bits(timeline.estimator().belief(), fresh.estimator().belief()));
 }
 
-TYPED_TEST(TimelineOf, a_loop_of_the_recording_gives_the_bits_of_the_first_round) {
+TYPED_TEST(TimelineOf, a_looped_recording_gives_the_bits_of_the_first_round) {
   const std::vector<Message> round = drive(1);
   TimelineOptions options;
   options.clock_jump = ClockJump::kReset;
@@ -139,7 +139,7 @@ TYPED_TEST(TimelineOf, a_loop_of_the_recording_gives_the_bits_of_the_first_round
   }
 }
 
-TYPED_TEST(TimelineOf, a_clock_that_goes_back_is_refused_unless_told_otherwise) {
+TYPED_TEST(TimelineOf, a_clock_jump_is_refused_by_default) {
   const std::vector<Message> round = drive(1);
   Timeline timeline(TypeParam::make(), kSecond);
   feed(timeline, round);
@@ -167,7 +167,7 @@ TYPED_TEST(TimelineOf, a_source_that_stops_delays_no_other) {
   EXPECT_GT(timeline.estimator().belief().stamp, 5 * kSecond);
 }
 
-TYPED_TEST(TimelineOf, a_source_that_is_off_is_as_if_it_had_said_nothing) {
+TYPED_TEST(TimelineOf, a_disabled_source_has_no_effect) {
   const std::vector<Message> all = drive(1);
   Timeline with(TypeParam::make(), kSecond);
   Timeline without(TypeParam::make(), kSecond);

@@ -16,7 +16,7 @@ namespace locfuse::internal {
 /// Log likelihoods of one measurement from each particle, up to a constant.
 struct ParticleLikelihoods {
   /// Particles that a likelihood field evaluates at once.
-  static constexpr int kGroup = 8;
+  static constexpr int kFieldGroup = 8;
 
   std::vector<float> log;           ///< [nats]
   std::vector<std::int32_t> costs;  ///< memory to reuse
@@ -127,14 +127,14 @@ class ParticleFilter {
 template <class LogLikelihood>
 void ParticleFilter::weigh_poses(const LogLikelihood& log_likelihood) {
   likelihoods_.log.resize(belief_.x.size());
-  recipe_->workers->share(
-      static_cast<int>(belief_.x.size()), ParticleLikelihoods::kGroup, [&](int begin, int end) {
-        for (int i = begin; i < end; ++i) {
-          const auto k = static_cast<std::size_t>(i);
-          likelihoods_.log[k] =
-              static_cast<float>(log_likelihood(recipe_->to_world(belief_.pose(k))));
-        }
-      });
+  recipe_->workers->share(static_cast<int>(belief_.x.size()), ParticleLikelihoods::kFieldGroup,
+                          [&](int begin, int end) {
+                            for (int i = begin; i < end; ++i) {
+                              const auto k = static_cast<std::size_t>(i);
+                              likelihoods_.log[k] = static_cast<float>(
+                                  log_likelihood(recipe_->to_world(belief_.pose(k))));
+                            }
+                          });
 }
 
 }  // namespace locfuse::internal

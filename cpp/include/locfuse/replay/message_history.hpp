@@ -11,14 +11,14 @@
 
 namespace locfuse::internal {
 
-/// Fused messages in order, with snapshots of the estimator every kStride of them, from which a
-/// late message and those after it are fused again.
+/// Fused messages in order, with snapshots of the estimator every kSnapshotInterval of them, from
+/// which a late message and those after it are fused again.
 template <class Estimator>
 class MessageHistory {
  public:
-  static constexpr std::size_t kStride = 16;
+  static constexpr std::size_t kSnapshotInterval = 16;
   /// Messages that are kept at least.
-  static constexpr std::size_t kMinMessages = 2 * kStride * kStride;
+  static constexpr std::size_t kMinMessages = 2 * kSnapshotInterval * kSnapshotInterval;
 
   /// `length` [ns] is how late a message may be.
   explicit MessageHistory(Stamp length) : length_(length) {}
@@ -72,7 +72,7 @@ class MessageHistory {
   void append(const TimelineEntry& entry, Estimator& estimator, Sink& sink) {
     const bool has_snapshot =  // taken before a message here that was refused
         snapshots_used_ > 0 && last_snapshot().position == entries_.size();
-    if (entries_.size() % kStride == 0 && !has_snapshot) {
+    if (entries_.size() % kSnapshotInterval == 0 && !has_snapshot) {
       take_snapshot(entries_.size(), estimator);
     }
     try {
@@ -82,7 +82,7 @@ class MessageHistory {
       throw;
     }
     entries_.push_back(entry);
-    if (entries_.size() >= kStride * kStride) {
+    if (entries_.size() >= kSnapshotInterval * kSnapshotInterval) {
       drop_expired();
     }
   }
@@ -112,7 +112,7 @@ class MessageHistory {
     std::size_t next = last_snapshot().position;
     estimator = last_snapshot().estimator;
     for (; next < entries_.size(); ++next) {
-      if (next % kStride == 0 && next > last_snapshot().position) {
+      if (next % kSnapshotInterval == 0 && next > last_snapshot().position) {
         take_snapshot(next, estimator);
       }
       const Outcome outcome = estimator.on(entries_[next].message);
@@ -163,8 +163,9 @@ class MessageHistory {
 
   Stamp length_;
   Stamp forgotten_until_ = std::numeric_limits<Stamp>::min();
-  std::vector<TimelineEntry> entries_;  // by (stamp, arrival); the oldest at a multiple of kStride
-  std::vector<Snapshot> snapshots_;     // the first snapshots_used_ are valid
+  std::vector<TimelineEntry>
+      entries_;  // by (stamp, arrival); the oldest at a multiple of kSnapshotInterval
+  std::vector<Snapshot> snapshots_;  // the first snapshots_used_ are valid
   std::size_t snapshots_used_ = 0;
 };
 
