@@ -184,7 +184,7 @@ False
            "Processes one message.")
       .def("estimate", &Mcl::estimate,
            "PoseEstimate of the likeliest cluster, propagated to the end of the latest odometry.")
-      .def("spread", &Mcl::spread,
+      .def("spread", &Mcl::overall_estimate,
            "PoseEstimate with the covariance of all particles about their mean, over all clusters.")
       .def_property_readonly(
           "hypotheses", [](const Mcl& mcl) { return mcl.hypotheses(); },

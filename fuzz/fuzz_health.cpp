@@ -37,7 +37,7 @@ ScanEvidence read_evidence(fuzz::Reader& io, Stamp& now) {
   scan.by_chance = of_255[1] / 255.0;
   scan.covered = of_255[2] / 255.0;
   scan.independent = 1.0 + of_255[3];
-  scan.news = of_255[4] / 255.0;
+  scan.novelty = of_255[4] / 255.0;
   return scan;
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-/// Everything a user of the library needs.
+/// Umbrella header: all public classes and functions.
 #include "locfuse/build_info.hpp"
 #include "locfuse/error.hpp"
 #include "locfuse/estimators/air_ekf.hpp"

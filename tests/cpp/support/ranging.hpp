@@ -9,7 +9,7 @@
 
 namespace locfuse::testing {
 
-/// Anchors with the memory that AnchorTable points to.
+/// Anchors, with the memory that AnchorTable points to.
 struct Anchors {
   std::vector<double> rows;
   int columns = 2;
