@@ -43,7 +43,7 @@ void bind_mcl(py::module_& m) {
   py::class_<BeamConfig>(m, "BeamModelConfig",
                          "How far beams go: weights of a mixture; docs/models/beam_model.md.")
       .def(py::init<>())
-      .def_static("zhang", &BeamModel::zhang,
+      .def_static("zhang", &BeamModel::gaussian_and_no_return,
                   "The mixture of zhang: a Gaussian, and beams without return.")
       .def_readwrite("hit", &BeamConfig::hit)
       .def_readwrite("shorter", &BeamConfig::shorter)

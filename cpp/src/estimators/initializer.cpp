@@ -385,7 +385,7 @@ void Initializer::on(const PositionFix& z) {
     }
     const PositionModel model(estimator_.position, tags_);
     const std::optional<Vector<2>> lever = model.lever(z.tag);
-    if (const ToldNoise<2> noise = model.noise(z); lever && noise.rows == 2) {
+    if (const ReportedNoise<2> noise = model.noise(z); lever && noise.rows == 2) {
       add_positions(z.position, noise.noise, *lever, 0.0, z.stamp);
     }
   });
@@ -403,7 +403,7 @@ void Initializer::on(const PoseObservation& z) {
       return;
     }
     const Pose2 pose{z.pose.x, z.pose.y, wrap_angle(z.pose.heading)};
-    if (const ToldNoise<3> noise = PoseModel(estimator_.pose).noise(z); noise.rows == 3) {
+    if (const ReportedNoise<3> noise = PoseModel(estimator_.pose).noise(z); noise.rows == 3) {
       components_.push_back(component({z.stamp, pose, noise.noise}, 0.0));
     }
   });
