@@ -23,9 +23,13 @@ void require_as_alone(const RangePosition<N>& alone, PositionStatus status,
 /// The first epoch by itself, and all of them.
 template <int N>
 void solve(const fuzz::Reader& io, const AnchorTable& table, const std::vector<double>& ranges,
-           std::size_t epochs, const double* sigma, const RangeLoss& loss) {
+           std::size_t epochs, const RangesView& sigma, const RangeLoss& loss) {
+  const auto epoch_ranges = [&](std::size_t i) {
+    const auto size = static_cast<std::size_t>(table.size());
+    return Eigen::Map<const Eigen::VectorXd>(ranges.data() + i * size, table.size());
+  };
   const Multilateration<N> solver(table, sigma, {loss, {}});
-  const RangePosition<N> found = solver.solve(ranges.data());
+  const RangePosition<N> found = solver.solve(epoch_ranges(0));
   if (found.has_position) {
     fuzz::require(found.position.allFinite(), "a position is finite");
   }
@@ -39,9 +43,12 @@ void solve(const fuzz::Reader& io, const AnchorTable& table, const std::vector<d
     std::vector<Matrix<N, N>> covariance(epochs);
     std::vector<double> cost(epochs);
     std::vector<PositionStatus> status(epochs);
-    locate_batch<N>(
-        solver, method, nullptr, ranges.data(), epochs,
-        {position.front().data(), covariance.front().data(), cost.data(), status.data()});
+    const auto count = static_cast<Eigen::Index>(epochs);
+    locate_batch<N>(solver, method, {}, RowsView(ranges.data(), count, table.size()),
+                    {{position.front().data(), count, N},
+                     {covariance.front().data(), count, N * N},
+                     {cost.data(), count},
+                     {status.data(), count}});
     for (std::size_t i = 0; i < epochs; ++i) {
       if (status[i] == PositionStatus::kUnique) {
         fuzz::require(position[i].allFinite(), "a position of a batch is finite");
@@ -51,8 +58,7 @@ void solve(const fuzz::Reader& io, const AnchorTable& table, const std::vector<d
       }
       if (io.plausible() && method == RangeSolver::kMaximumLikelihood &&
           status[i] != PositionStatus::kBadRange) {
-        const std::size_t row = i * static_cast<std::size_t>(table.size);
-        require_as_alone<N>(solver.solve(&ranges[row]), status[i], position[i]);
+        require_as_alone<N>(solver.solve(epoch_ranges(i)), status[i], position[i]);
       }
     }
   }
@@ -80,7 +86,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   for (double& s : sigma) {
     code(io, s, 1e-3, 2.0);
   }
-  AnchorTable table{rows.data(), anchors, columns, {}};
+  AnchorTable table{RowsView(rows.data(), anchors, columns), {}};
+  const Eigen::Map<const Eigen::VectorXd> sigmas(sigma.data(), anchors);
   if (way == 2) {
     table.height.emplace();
     code(io, *table.height, -5.0, 5.0);
@@ -114,7 +121,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     code(io, *range, 0.0, 40.0);
   }
   fuzz::returns([&] {
-    const PositionSolution found = locate(table, ranges.data(), sigma.data(), options);
+    const PositionSolution found =
+        locate(table, Eigen::Map<const Eigen::VectorXd>(ranges.data(), anchors), sigmas, options);
     fuzz::require((found.status == PositionStatus::kUnique) == found.reason.empty(),
                   "what is not unique has a reason");
     for (const PositionHypothesis& hypothesis : found.hypotheses) {
@@ -127,9 +135,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   });
   fuzz::returns([&] {
     if (dimensions == 2) {
-      solve<2>(io, table, ranges, more + 1U, sigma.data(), options.loss);
+      solve<2>(io, table, ranges, more + 1U, sigmas, options.loss);
     } else {
-      solve<3>(io, table, ranges, more + 1U, sigma.data(), options.loss);
+      solve<3>(io, table, ranges, more + 1U, sigmas, options.loss);
     }
   });
   return 0;

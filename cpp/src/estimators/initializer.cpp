@@ -179,9 +179,11 @@ std::vector<Fit> positions(const Heard& heard, int left_out) {
       sigmas.push_back(heard.sigma[k]);
     }
   }
-  const AnchorTable table{rows.data(), static_cast<int>(ranges.size()), 3, heard.height};
-  const RangeLayout<2> layout(table, sigmas.data());
-  const RangeMinima<2> minima = internal::find_minima<2>(layout, ranges.data(), RangeLoss{}, -1.0);
+  const auto size = static_cast<Eigen::Index>(ranges.size());
+  const AnchorTable table{RowsView(rows.data(), size, 3), heard.height};
+  const RangeLayout<2> layout(table, Eigen::Map<const Eigen::VectorXd>(sigmas.data(), size));
+  const RangeMinima<2> minima = internal::find_minima<2>(
+      layout, Eigen::Map<const Eigen::VectorXd>(ranges.data(), size), RangeLoss{}, -1.0);
   const double reach = *std::max_element(ranges.begin(), ranges.end());
   std::vector<Fit> fits;
   for (std::size_t j = 0; j < static_cast<std::size_t>(minima.count); ++j) {
