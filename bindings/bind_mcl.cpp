@@ -45,7 +45,7 @@ void bind_mcl(py::module_& m) {
       m, "BeamModelConfig",
       "Beam model: weights of a mixture over the range; docs/models/beam_model.md.")
       .def(py::init<>())
-      .def_static("zhang", &BeamModel::zhang,
+      .def_static("gaussian_and_no_return", &BeamModel::gaussian_and_no_return,
                   "Mixture of a Gaussian and beams without return (zhang).")
       .def_readwrite("hit", &BeamConfig::hit)
       .def_readwrite("shorter", &BeamConfig::shorter)

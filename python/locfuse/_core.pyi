@@ -3996,7 +3996,7 @@ class BeamModelConfig:
     Beam model: weights of a mixture over the range; docs/models/beam_model.md.
     """
     @staticmethod
-    def zhang() -> BeamModelConfig:
+    def gaussian_and_no_return() -> BeamModelConfig:
         """
         Mixture of a Gaussian and beams without return (zhang).
         """

@@ -29,7 +29,7 @@
 #include "locfuse/math/numerical_jacobian.hpp"
 #include "locfuse/messages/limits.hpp"
 #include "locfuse/messages/message.hpp"
-#include "locfuse/messages/told_covariance.hpp"
+#include "locfuse/messages/reported_covariance.hpp"
 #include "locfuse/models/motion/ackermann.hpp"
 #include "locfuse/replay/live.hpp"
 #include "locfuse/replay/localize.hpp"

@@ -179,9 +179,11 @@ std::vector<Fit> positions(const Heard& heard, int left_out) {
       sigmas.push_back(heard.sigma[k]);
     }
   }
-  const AnchorTable table{rows.data(), static_cast<int>(ranges.size()), 3, heard.height};
-  const RangeLayout<2> layout(table, sigmas.data());
-  const RangeMinima<2> minima = internal::find_minima<2>(layout, ranges.data(), RangeLoss{}, -1.0);
+  const auto size = static_cast<Eigen::Index>(ranges.size());
+  const AnchorTable table{RowsView(rows.data(), size, 3), heard.height};
+  const RangeLayout<2> layout(table, Eigen::Map<const Eigen::VectorXd>(sigmas.data(), size));
+  const RangeMinima<2> minima = internal::find_minima<2>(
+      layout, Eigen::Map<const Eigen::VectorXd>(ranges.data(), size), RangeLoss{}, -1.0);
   const double reach = *std::max_element(ranges.begin(), ranges.end());
   std::vector<Fit> fits;
   for (std::size_t j = 0; j < static_cast<std::size_t>(minima.count); ++j) {
@@ -385,7 +387,7 @@ void Initializer::on(const PositionFix& z) {
     }
     const PositionModel model(estimator_.position, tags_);
     const std::optional<Vector<2>> lever = model.lever(z.tag);
-    if (const ToldNoise<2> noise = model.noise(z); lever && noise.rows == 2) {
+    if (const ReportedNoise<2> noise = model.noise(z); lever && noise.rows == 2) {
       add_positions(z.position, noise.noise, *lever, 0.0, z.stamp);
     }
   });
@@ -403,7 +405,7 @@ void Initializer::on(const PoseObservation& z) {
       return;
     }
     const Pose2 pose{z.pose.x, z.pose.y, wrap_angle(z.pose.heading)};
-    if (const ToldNoise<3> noise = PoseModel(estimator_.pose).noise(z); noise.rows == 3) {
+    if (const ReportedNoise<3> noise = PoseModel(estimator_.pose).noise(z); noise.rows == 3) {
       components_.push_back(component({z.stamp, pose, noise.noise}, 0.0));
     }
   });

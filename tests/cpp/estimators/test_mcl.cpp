@@ -159,7 +159,7 @@ TEST(Mcl, tracks_with_the_beam_model_as_well) {
       Mcl::Config by_beams = config(seed);
       by_beams.min_particles = by_beams.max_particles = 500;
       by_beams.likelihood = Mcl::Likelihood::kBeams;
-      by_beams.beam_model = zhang ? BeamModel::zhang() : BeamModel::Config{};
+      by_beams.beam_model = zhang ? BeamModel::gaussian_and_no_return() : BeamModel::Config{};
       Mcl mcl(by_beams, run.room.map, 0);
       mcl.start_at({near(run.truth[0], 0.2, 0.1)});
       for (std::size_t i = 0; i < run.scans.size(); ++i) {

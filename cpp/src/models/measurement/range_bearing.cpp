@@ -18,7 +18,7 @@ double variance_of(const char* name, double sigma) {
   return sigma * sigma;
 }
 
-/// The rows of those parts that a sighting has.
+/// Rows of the parts that an observation has.
 template <int N>
 Linearization<Eigen::Dynamic, N, 2> measured(const Linearization<2, N>& both,
                                              const RangeBearing& z) {
@@ -60,22 +60,22 @@ Vector<2> RangeBearingModel::predict(const Pose2& T_world_body, const Vector<2>&
 
 std::optional<Linearization<Eigen::Dynamic, 3, 2>> RangeBearingModel::linearize(
     const Pose2& T_world_body, const Vector<2>& landmark, const RangeBearing& z) const {
-  const std::optional<Sight> sight = look(T_world_body, landmark);
-  if (!sight || (!z.range && !z.bearing)) {
+  const std::optional<Observation> seen = look(T_world_body, landmark);
+  if (!seen || (!z.range && !z.bearing)) {
     return std::nullopt;
   }
-  return measured<3>({residual(*sight, z), sight->by_pose, noise(z)}, z);
+  return measured<3>({residual(*seen, z), seen->by_pose, noise(z)}, z);
 }
 
 std::optional<Linearization<Eigen::Dynamic, 5, 2>> RangeBearingModel::linearize_with_landmark(
     const Pose2& T_world_body, const Vector<2>& landmark, const RangeBearing& z) const {
-  const std::optional<Sight> sight = look(T_world_body, landmark);
-  if (!sight || (!z.range && !z.bearing)) {
+  const std::optional<Observation> seen = look(T_world_body, landmark);
+  if (!seen || (!z.range && !z.bearing)) {
     return std::nullopt;
   }
   Matrix<2, 5> jacobian;
-  jacobian << sight->by_pose, sight->by_landmark;
-  return measured<5>({residual(*sight, z), jacobian, noise(z)}, z);
+  jacobian << seen->by_pose, seen->by_landmark;
+  return measured<5>({residual(*seen, z), jacobian, noise(z)}, z);
 }
 
 std::optional<Linearization<Eigen::Dynamic, 3 + SightErrors::kCount, 2>>
@@ -86,14 +86,14 @@ RangeBearingModel::linearize_with_errors(const Pose2& T_world_body, const Vector
                                         -errors.delay * rate.heading);
   const Pose2 mount{sensor_in_body_.x + errors.mount.x, sensor_in_body_.y + errors.mount.y,
                     sensor_in_body_.heading + errors.mount.heading};
-  std::optional<Sight> sight = look(then, mount, landmark);
-  if (!sight || (!z.range && !z.bearing)) {
+  std::optional<Observation> seen = look(then, mount, landmark);
+  if (!seen || (!z.range && !z.bearing)) {
     return std::nullopt;
   }
-  const double distance = sight->expected.x();
+  const double distance = seen->expected.x();
   const double slope = 1.0 + errors.range_scale;
-  sight->expected.x() = slope * distance + errors.range_offset;
-  sight->by_pose.row(0) *= slope;
+  seen->expected.x() = slope * distance + errors.range_offset;
+  seen->by_pose.row(0) *= slope;
 
   const Vector<2> back = then.position() - T_world_body.position();
   const Vector<2> velocity = Pose2{0.0, 0.0, then.heading}.act({rate.x, rate.y});
@@ -101,14 +101,14 @@ RangeBearingModel::linearize_with_errors(const Pose2& T_world_body, const Vector
   axes << std::cos(then.heading), -std::sin(then.heading), std::sin(then.heading),
       std::cos(then.heading);
   Matrix<2, 3 + SightErrors::kCount> jacobian;
-  jacobian.leftCols<3>() = sight->by_pose;
-  jacobian.col(2) += sight->by_pose.leftCols<2>() * Vector<2>(-back.y(), back.x());
-  jacobian.middleCols<2>(3) = sight->by_pose.leftCols<2>() * axes;
+  jacobian.leftCols<3>() = seen->by_pose;
+  jacobian.col(2) += seen->by_pose.leftCols<2>() * Vector<2>(-back.y(), back.x());
+  jacobian.middleCols<2>(3) = seen->by_pose.leftCols<2>() * axes;
   jacobian.col(5) << 0.0, -1.0;
   jacobian.col(6) << 1.0, 0.0;
   jacobian.col(7) << distance, 0.0;
-  jacobian.col(8) = -sight->by_pose * Vector<3>(velocity.x(), velocity.y(), rate.heading);
-  return measured<3 + SightErrors::kCount>({residual(*sight, z), jacobian, noise(z)}, z);
+  jacobian.col(8) = -seen->by_pose * Vector<3>(velocity.x(), velocity.y(), rate.heading);
+  return measured<3 + SightErrors::kCount>({residual(*seen, z), jacobian, noise(z)}, z);
 }
 
 Vector<3> RangeBearingModel::predict(const Pose2& T_world_body, double height,
@@ -121,7 +121,7 @@ Vector<3> RangeBearingModel::predict(const Pose2& T_world_body, double height,
 std::optional<Linearization<Eigen::Dynamic, 4, 3>> RangeBearingModel::linearize(
     const Pose2& T_world_body, double height, const Vector<3>& landmark,
     const RangeBearing& z) const {
-  const std::optional<Sight> planar = look(T_world_body, landmark.head<2>());
+  const std::optional<Observation> planar = look(T_world_body, landmark.head<2>());
   if (!planar) {
     return std::nullopt;
   }
