@@ -62,7 +62,7 @@ void send(fuzz::Reader& io, Health& health, std::uint8_t call, Stamp& now) {
     code(io, stamp, now);
     health.advance(stamp);
   } else if (call == 2) {
-    health.hear(read_evidence(io, now));
+    health.record(read_evidence(io, now));
   } else {
     Stamp stamp = 0;
     code(io, stamp, now);
@@ -70,7 +70,7 @@ void send(fuzz::Reader& io, Health& health, std::uint8_t call, Stamp& now) {
     constexpr double kLimit = 10.8;
     constexpr double kBreadth = 20.0;
     if (const std::optional<Outcome> outcome = read_outcome(io)) {
-      health.hear(source, stamp, *outcome, kLimit, kBreadth);
+      health.record(source, stamp, *outcome, kLimit, kBreadth);
     }
   }
 }

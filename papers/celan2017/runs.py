@@ -241,7 +241,7 @@ SETUPS: Mapping[str, Setup] = {
 
 def follow(lap: Lap, setup: Setup, seed: int) -> Run:
     """Replay a lap by a set-up."""
-    told = told_start(lap, seed)
+    told = reported_start(lap, seed)
     given = list(messages(lap, setup))
     stamps, found = [], []
     begin = time.perf_counter()
@@ -270,7 +270,7 @@ def follow(lap: Lap, setup: Setup, seed: int) -> Run:
     )
 
 
-def told_start(lap: Lap, seed: int) -> _core.PoseEstimate:
+def reported_start(lap: Lap, seed: int) -> _core.PoseEstimate:
     """Return the pose of the mark on the floor, off by as much as its covariance says."""
     off = SIGMA_START * np.random.default_rng([seed, 2]).standard_normal(3)
     x, y, heading = (lap.drive.pose_at(0.0)[0] + off).tolist()

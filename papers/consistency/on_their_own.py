@@ -37,13 +37,13 @@ def air_ekf(motion: _core.AirMotion, seed: int, told: float) -> Sample:
     start = np.array([2.0, -1.0, 0.4, 3.0])
     state = start + SIGMA_START * rng.standard_normal(4)
     speed = np.array([SIGMA_SPEED, SIGMA_SPEED, SIGMA_CLIMB]) * rng.standard_normal(3)
-    told_start = _core.AirEstimate(0, _core.Pose2(*start[:3].tolist()), start[3],
+    reported_start = _core.AirEstimate(0, _core.Pose2(*start[:3].tolist()), start[3],
                                    np.diag(np.square(told * SIGMA_START)))  # fmt: skip
     anchors = _core.AnchorMap([_core.Anchor(i, list(at)) for i, at in enumerate(CORNERS)])
-    sight = _core.LandmarkSight(_core.LandmarkMap(
+    sight = _core.LandmarkSensor(_core.LandmarkMap(
         [_core.Landmark(i, [x, y], height=z) for i, (x, y, z) in enumerate(BEACONS)]))  # fmt: skip
-    ekf = _core.AirEkf(_air_config(motion, told), anchors, [_core.Tag(0, list(LEVER))], told_start,
-                       sight)  # fmt: skip
+    ekf = _core.AirEkf(_air_config(motion, told), anchors, [_core.Tag(0, list(LEVER))],
+                       reported_start, sight)  # fmt: skip
     sample = Sample()
     for step in range(1, round(FLIGHT_S / STEP_S) + 1):
         begin, end = (round(n * STEP_S * NANOSECONDS) for n in (step - 1, step))

@@ -200,6 +200,6 @@ def map_of(marks: FloatArray) -> _core.LandmarkMap:
     return _core.LandmarkMap([_core.Landmark(i, at, DISC_M) for i, at in enumerate(marks)])
 
 
-def known(marks: FloatArray) -> _core.LandmarkSight:
+def known(marks: FloatArray) -> _core.LandmarkSensor:
     """Return landmarks as the filter knows them."""
-    return _core.LandmarkSight(map_of(marks))
+    return _core.LandmarkSensor(map_of(marks))

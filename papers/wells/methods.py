@@ -31,7 +31,7 @@ class Ours:
         self._ekf = _core.PoseEkf(
             config, _core.AnchorMap([]), [],
             _core.PoseEstimate(0, _core.Pose2(*start), np.diag([0.05, 0.05, 0.05]) ** 2),
-            _core.LandmarkSight(_core.LandmarkMap(landmarks)),
+            _core.LandmarkSensor(_core.LandmarkMap(landmarks)),
         )  # fmt: skip
 
     def on(self, begin: int, end: int, told: FloatArray, scan: _core.LaserScan) -> None:

@@ -67,7 +67,7 @@ struct AirEkf::Recipe {
 };
 
 AirEkf::AirEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
-               std::vector<Tag> tags, const AirEstimate& start, LandmarkSight landmarks)
+               std::vector<Tag> tags, const AirEstimate& start, LandmarkSensor landmarks)
     : recipe_(std::make_shared<const Recipe>(Recipe{
           config,
           OdometryMotion(config.odometry),
@@ -81,7 +81,7 @@ AirEkf::AirEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
           PositionModel(config.position, std::move(tags)),
           AltitudeModel(config.altitude),
           PoseModel(config.pose),
-          RangeBearingModel(config.landmark, landmarks.sensor_in_body, config.landmark_in_space),
+          RangeBearingModel(config.landmark, landmarks.T_body_sensor, config.landmark_in_space),
           landmarks.map ? std::move(landmarks.map) : std::make_shared<const LandmarkMap>(),
           Gate(config.gate_range),
           Gate(config.gate_position),

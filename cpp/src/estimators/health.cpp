@@ -110,7 +110,7 @@ double Health::faulty_share(const NamedSource& source) const {
   if (source.kind == Source::kScans) {
     return Tuning::kUsualCover;
   }
-  const bool is_sensor = source.kind == Source::kSightings && source.name == NamedSource::kNameless;
+  const bool is_sensor = source.kind == Source::kSightings && source.name == NamedSource::kUnnamed;
   return is_sensor ? config_.faulty_share_unnamed : config_.faulty_share;
 }
 
@@ -126,7 +126,7 @@ SourceStatus& Health::status_of(const NamedSource& source, Stamp stamp) {
   if (place == sources_.end() || !(place->source == source)) {
     SourceStatus fresh;
     fresh.source = source;
-    fresh.heard = stamp;
+    fresh.last_received = stamp;
     fresh.faulty = faulty_share(source);
     sources_.insert(place, fresh);
   }
@@ -162,8 +162,8 @@ void Health::update_state() {
   lost_ = lost_ || stamp_ - *suspect_since_ >= lost_delay_;
 }
 
-void Health::hear(const NamedSource& source, Stamp stamp, const Outcome& outcome, double limit,
-                  double outlier_volume) {
+void Health::record(const NamedSource& source, Stamp stamp, const Outcome& outcome, double limit,
+                    double outlier_volume) {
   const bool is_fused = outcome.verdict == Verdict::kFused;
   if (!is_fused && outcome.verdict != Verdict::kGated) {
     return;
@@ -182,9 +182,9 @@ void Health::hear(const NamedSource& source, Stamp stamp, const Outcome& outcome
   excluded_ += status.faulty > config_.exclude_above ? 1 : 0;
 }
 
-void Health::hear(const ScanEvidence& scan) {
+void Health::record(const ScanEvidence& scan) {
   advance(scan.stamp);
-  SourceStatus& status = status_of({Source::kScans, NamedSource::kNameless}, scan.stamp);
+  SourceStatus& status = status_of({Source::kScans, NamedSource::kUnnamed}, scan.stamp);
   const bool is_clear = scan.covered < Tuning::kBlindingCover;
   receive(status, scan.stamp, is_clear);
   weigh_cover(status, scan);
@@ -237,16 +237,16 @@ void Health::learn_usual(const SourceStatus& status, const ScanEvidence& scan) {
 }
 
 void Health::receive(SourceStatus& status, Stamp stamp, bool is_fused) {
-  const double seconds = std::max(seconds_between(status.heard, stamp), 0.0);
+  const double seconds = std::max(seconds_between(status.last_received, stamp), 0.0);
   const double stays = std::max(1.0 - seconds / config_.faulty_s, 0.0);
   const double usual = faulty_share(status.source);
   status.faulty = usual + stays * (status.faulty - usual);
   status.interval +=
       (status.interval > 0.0 ? Tuning::kSourceWeight : 1.0) * (seconds - status.interval);
-  status.heard = std::max(status.heard, stamp);
+  status.last_received = std::max(status.last_received, stamp);
   status.accepted += Tuning::kSourceWeight * ((is_fused ? 1.0 : 0.0) - status.accepted);
   if (is_fused) {
-    status.fused = status.heard;
+    status.fused = status.last_received;
     fused_ = std::max(fused_, stamp);
   }
 }
@@ -289,7 +289,7 @@ double Health::agreement() const {
   double right = 0.0;
   double wrong = 0.0;
   for (const SourceStatus& status : sources_) {
-    const double stays = 1.0 - seconds_between(status.heard, stamp_) / config_.faulty_s;
+    const double stays = 1.0 - seconds_between(status.last_received, stamp_) / config_.faulty_s;
     if (stays > 0.0) {
       const double usual = faulty_share(status.source);
       const double faulty = usual + stays * (status.faulty - usual);
@@ -300,14 +300,14 @@ double Health::agreement() const {
   return right > wrong ? 1.0 - wrong / right : 0.0;
 }
 
-double Health::breadth_of(const Range& /*z*/) const { return config_.wrong_span_m; }
-double Health::breadth_of(const PositionFix& /*z*/) const {
+double Health::outlier_volume(const Range& /*z*/) const { return config_.wrong_span_m; }
+double Health::outlier_volume(const PositionFix& /*z*/) const {
   return config_.wrong_span_m * config_.wrong_span_m;
 }
-double Health::breadth_of(const PoseObservation& /*z*/) const {
+double Health::outlier_volume(const PoseObservation& /*z*/) const {
   return config_.wrong_span_m * config_.wrong_span_m * 2.0 * kPi;
 }
-double Health::breadth_of(const RangeBearing& z) const {
+double Health::outlier_volume(const RangeBearing& z) const {
   return (z.range ? config_.wrong_span_m : 1.0) * (z.bearing ? 2.0 * kPi : 1.0);
 }
 
@@ -357,52 +357,52 @@ void Health::find_state(HealthReport& report) const {
   const bool is_silent = is_out_of_date(report.stamp);
   if (lost_ || is_silent) {
     report.state = HealthState::kLost;
-    report.clue = is_silent           ? HealthClue::kSilence
-                  : scans_contradict_ ? HealthClue::kScansDoNotFit
-                                      : HealthClue::kMeasurements;
+    report.reason = is_silent           ? HealthReason::kSilence
+                    : scans_contradict_ ? HealthReason::kScansDoNotFit
+                                        : HealthReason::kMeasurements;
   } else if (silence > aiding_lost_) {
     report.state = HealthState::kDeadReckoning;
-    report.clue = HealthClue::kSilence;
+    report.reason = HealthReason::kSilence;
     for (const SourceStatus& status : sources_) {
       if (status.source.kind == Source::kScans && status.faulty > Tuning::kFaultySource) {
-        report.clue = HealthClue::kLaserIsCovered;
+        report.reason = HealthReason::kLaserIsCovered;
         report.source = status.source;
       }
     }
   } else {
     find_degradation(report);
-    report.state = report.clue == HealthClue::kNone ? HealthState::kOk : HealthState::kDegraded;
+    report.state = report.reason == HealthReason::kNone ? HealthState::kOk : HealthState::kDegraded;
   }
 }
 
 /// Why a right pose is not kOk.
 void Health::find_degradation(HealthReport& report) const {
-  report.clue = HealthClue::kNone;
+  report.reason = HealthReason::kNone;
   if (suspect_since_) {
-    report.clue = scans_contradict_ ? HealthClue::kScansDoNotFit : HealthClue::kMeasurements;
+    report.reason = scans_contradict_ ? HealthReason::kScansDoNotFit : HealthReason::kMeasurements;
     return;
   }
   if (report.within < 0.5) {
-    report.clue = HealthClue::kPositionIsVague;
+    report.reason = HealthReason::kPositionIsVague;
   } else if (nis_ > Tuning::kLargeNis) {
-    report.clue = HealthClue::kNoiseIsLarger;
+    report.reason = HealthReason::kNoiseIsLarger;
   }
   const auto end = sources_.end();
   for (auto first = sources_.begin(); first != end;) {  // one kind after another
     bool is_silent = true;
     auto status = first;
     for (; status != end && status->source.kind == first->source.kind; ++status) {
-      const double since = seconds_between(status->heard, report.stamp);
+      const double since = seconds_between(status->last_received, report.stamp);
       is_silent = is_silent && since > std::max(config_.aiding_lost_s,
                                                 Tuning::kSilentIntervals * status->interval);
       if (status->faulty > Tuning::kFaultySource) {
-        report.clue = status->source.kind == Source::kScans ? HealthClue::kLaserIsCovered
-                                                            : HealthClue::kSourceIsWrong;
+        report.reason = status->source.kind == Source::kScans ? HealthReason::kLaserIsCovered
+                                                              : HealthReason::kSourceIsWrong;
         report.source = status->source;
       }
     }
     if (is_silent && !report.source) {
-      report.clue = HealthClue::kSourceIsSilent;
+      report.reason = HealthReason::kSourceIsSilent;
       report.source = first->source;
     }
     first = status;

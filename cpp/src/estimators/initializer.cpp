@@ -102,7 +102,7 @@ std::optional<Seen> seen_by(const RangeBearingModel& model, const RangeBearing& 
   if (!placed) {
     return std::nullopt;
   }
-  const Matrix<2, 2>& J = placed->by_sighting;
+  const Matrix<2, 2>& J = placed->by_observation;
   const Matrix<2, 2> noise = J * model.noise(z) * J.transpose();
   const double log_area = std::log(std::abs(J.determinant()));
   if (!std::isfinite(log_area) || noise.llt().info() != Eigen::Success) {
@@ -222,7 +222,7 @@ PoseEstimate combined(const std::vector<std::pair<double, PoseEstimate>>& weight
 
 Initializer::Initializer(const Config& config, const PoseEkf::Config& estimator,
                          std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags,
-                         std::shared_ptr<const ScanMatcher> matcher, LandmarkSight landmarks)
+                         std::shared_ptr<const ScanMatcher> matcher, LandmarkSensor landmarks)
     : config_(config),
       estimator_(estimator),
       anchors_(std::move(anchors)),

@@ -102,7 +102,7 @@ struct BestLandmark {
 }  // namespace
 
 Mcl::Mcl(const Config& config, const std::shared_ptr<const OccupancyGrid>& grid, Stamp start,
-         std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags, LandmarkSight landmarks)
+         std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags, LandmarkSensor landmarks)
     : recipe_(internal::make_mcl_recipe(config, grid, std::move(anchors), std::move(tags),
                                         std::move(landmarks))),
       filter_(recipe_),

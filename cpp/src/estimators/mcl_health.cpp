@@ -130,7 +130,7 @@ void MclHealth::report_scan(ScanEvidence evidence) {
     evidence.novelty *= std::min(travelled_ + std::max(waited, 0.0), 1.0);
     last_scan_ = evidence.stamp;
     travelled_ = 0.0;
-    health_.hear(evidence);
+    health_.record(evidence);
   }
 }
 
@@ -151,7 +151,7 @@ void MclHealth::record(const Message& z, Outcome outcome) {
   if (is_active_) {
     const double limit = kAcceptanceGate.limit(outcome.dof);
     outcome.verdict = outcome.nis > limit ? Verdict::kGated : Verdict::kFused;
-    health_.hear(named_source_of(z), z.stamp, outcome, limit, health_.breadth_of(z));
+    health_.record(named_source_of(z), z.stamp, outcome, limit, health_.outlier_volume(z));
   }
 }
 template void MclHealth::record(const Range& z, Outcome outcome);
@@ -167,7 +167,7 @@ HealthReport MclHealth::report(double probability, const PoseEstimate& estimate,
     report.stamp = estimate.stamp;
     if (has_scan && chosen < Tuning::kMinProbabilityChosen) {
       report.state = HealthState::kAmbiguous;
-      report.clue = HealthClue::kSeveralPlaces;
+      report.reason = HealthReason::kSeveralPlaces;
     }
     return report;
   }
@@ -181,7 +181,7 @@ HealthReport MclHealth::report(double probability, const PoseEstimate& estimate,
   if (report.state != HealthState::kLost && chosen < Tuning::kMinProbabilityChosen) {
     const bool is_lost = report.wrong > config.probability_lost;
     report.state = is_lost ? HealthState::kLost : HealthState::kAmbiguous;
-    report.clue = HealthClue::kSeveralPlaces;
+    report.reason = HealthReason::kSeveralPlaces;
     report.source.reset();
   }
   return report;

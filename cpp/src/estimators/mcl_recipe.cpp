@@ -75,7 +75,7 @@ std::vector<std::int32_t> free_cells(const OccupancyGrid& grid) {
 std::shared_ptr<const MclRecipe> make_mcl_recipe(const MclConfig& config,
                                                  const std::shared_ptr<const OccupancyGrid>& grid,
                                                  std::shared_ptr<const AnchorMap> anchors,
-                                                 std::vector<Tag> tags, LandmarkSight landmarks) {
+                                                 std::vector<Tag> tags, LandmarkSensor landmarks) {
   const MclConfig& c = checked(config);
   std::vector<LikelihoodField> fields = LikelihoodField::doubling(c.field, grid, c.sigma_widest_m);
   std::vector<std::int32_t> free = free_cells(*grid);
@@ -90,7 +90,7 @@ std::shared_ptr<const MclRecipe> make_mcl_recipe(const MclConfig& config,
   return std::make_shared<const MclRecipe>(
       MclRecipe{c, OdometryMotion(c.odometry), lost_motion(c), std::move(fields), std::move(beams),
                 std::move(range), PositionModel(c.position, std::move(tags)), PoseModel(c.pose),
-                RangeBearingModel(c.landmark, landmarks.sensor_in_body), std::move(landmarks.map),
+                RangeBearingModel(c.landmark, landmarks.T_body_sensor), std::move(landmarks.map),
                 static_cast<Stamp>(c.hold_s * kNanosecondsPerSecond), std::move(free),
                 std::make_shared<Workers>(c.threads),
                 c.refine_up_to > 0 ? std::make_shared<const ScanMatcher>(grid) : nullptr});

@@ -43,11 +43,11 @@ auto nearest(const GaussianBelief& belief, const LandmarkMap& map, const Lineari
 }  // namespace
 
 PoseEkf::PoseEkf(const Config& config, const std::shared_ptr<const AnchorMap>& anchors,
-                 std::vector<Tag> tags, const PoseEstimate& start, LandmarkSight landmarks)
+                 std::vector<Tag> tags, const PoseEstimate& start, LandmarkSensor landmarks)
     : recipe_(std::make_shared<const Recipe>(Recipe{
           config, OdometryMotion(config.odometry), internal::lost_motion(config),
           RangeModel(config.range, anchors, tags), PositionModel(config.position, std::move(tags)),
-          PoseModel(config.pose), RangeBearingModel(config.landmark, landmarks.sensor_in_body),
+          PoseModel(config.pose), RangeBearingModel(config.landmark, landmarks.T_body_sensor),
           Calibration(config.calibration, *anchors),
           landmarks.map ? std::move(landmarks.map) : std::make_shared<const LandmarkMap>(),
           Gate(config.gate_range), Gate(config.gate_position), Gate(config.gate_pose),

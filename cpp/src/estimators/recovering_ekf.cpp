@@ -30,7 +30,7 @@ const Gate& gate_of(const Recipe& recipe, const RangeBearing& /*z*/) {
 
 RecoveringEkf::RecoveringEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
                              std::vector<Tag> tags, std::shared_ptr<const ScanMatcher> matcher,
-                             LandmarkSight landmarks)
+                             LandmarkSensor landmarks)
     : recipe_(std::make_shared<const Recipe>(
           Recipe{config, Gate(config.estimator.gate_range), Gate(config.estimator.gate_position),
                  Gate(config.estimator.gate_pose), Gate(config.estimator.gate_landmark),
@@ -166,9 +166,9 @@ bool RecoveringEkf::search(const Tell& tell) {
 
 template <class M>
 void RecoveringEkf::hear(const M& z, const Outcome& outcome) {
-  health_.hear(named_source_of(z), z.stamp, outcome,
-               outcome.dof > 0 ? gate_of(*recipe_, z).limit(outcome.dof) : 1.0,
-               health_.breadth_of(z));
+  health_.record(named_source_of(z), z.stamp, outcome,
+                 outcome.dof > 0 ? gate_of(*recipe_, z).limit(outcome.dof) : 1.0,
+                 health_.outlier_volume(z));
 }
 
 /// Lost, another start begins; found again without it, it ends.
@@ -221,7 +221,7 @@ HealthReport RecoveringEkf::health() const {
   HealthReport report;
   if (start_->state().status == StartStatus::kAmbiguous) {
     report.state = HealthState::kAmbiguous;
-    report.clue = HealthClue::kSeveralPlaces;
+    report.reason = HealthReason::kSeveralPlaces;
   }
   return report;
 }

@@ -118,13 +118,13 @@ std::optional<PoseEstimate> SwitchingMcl::usable_uwb_pose(Stamp stamp) const {
   return is_certain && is_near ? std::optional(now) : std::nullopt;
 }
 
-SwitchingMcl::Doubt SwitchingMcl::assess(const PoseEstimate& here,
-                                         const std::optional<PoseEstimate>& uwb,
-                                         bool was_suspect) const {
+SwitchingMcl::InjectionReason SwitchingMcl::assess(const PoseEstimate& here,
+                                                   const std::optional<PoseEstimate>& uwb,
+                                                   bool was_suspect) const {
   const double max_sigma = was_suspect ? config_.sigma_sure_m : config_.sigma_unsure_m;
   const double max_sigma_heading = was_suspect ? config_.sigma_sure_rad : config_.sigma_unsure_rad;
   if (here.sigma_position() > max_sigma || here.sigma_heading() > max_sigma_heading) {
-    return Doubt::kUncertain;
+    return InjectionReason::kUncertain;
   }
   if (uwb) {
     const Vector<3> off = local(here.pose, uwb->pose);
@@ -133,17 +133,17 @@ SwitchingMcl::Doubt SwitchingMcl::assess(const PoseEstimate& here,
                                                          both.sigma_position() ||
         std::abs(off(2)) > config_.elsewhere_rad +
                                SwitchingMclTuning::kContradictionSigmas * both.sigma_heading()) {
-      return Doubt::kElsewhere;
+      return InjectionReason::kElsewhere;
     }
   }
-  return Doubt::kNone;
+  return InjectionReason::kNone;
 }
 
 void SwitchingMcl::switch_if_suspect(Stamp stamp) {
   const PoseEstimate here = mcl_.overall_estimate();
   const std::optional<PoseEstimate> uwb = usable_uwb_pose(stamp);
-  const Doubt why = assess(here, uwb, suspect_since_.has_value());
-  if (why == Doubt::kNone) {
+  const InjectionReason why = assess(here, uwb, suspect_since_.has_value());
+  if (why == InjectionReason::kNone) {
     suspect_since_.reset();
     inconsistent_since_.reset();
     return;

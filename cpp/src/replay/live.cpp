@@ -98,9 +98,9 @@ void Live::follow_clock() {
 }
 
 void Live::track_from(RecoveringEkf estimator) {
-  const std::size_t fallen_out = this->fallen_out();
+  const std::size_t dropped_messages = this->dropped_messages();
   timeline_.emplace(std::move(estimator), options_.history, options_.timeline);
-  fallen_out_ = fallen_out;
+  dropped_messages_ = dropped_messages;
   delivered_ = timeline_jumps_ = 0;
 }
 
@@ -112,7 +112,7 @@ void Live::start_at(const PoseEstimate& start) {
 }
 
 void Live::relocalize() {
-  fallen_out_ = fallen_out();
+  dropped_messages_ = dropped_messages();
   timeline_.reset();
   is_from_search_ = false;
   search_ = StartSearch(initial_.initializer(), options_.patience);
@@ -121,7 +121,7 @@ void Live::relocalize() {
 
 void Live::reset() {
   relocalize();
-  fallen_out_ = jumps_ = 0;
+  dropped_messages_ = jumps_ = 0;
   disabled_ = {};
   if (initial_.estimator() != nullptr) {
     track_from(initial_);
@@ -132,8 +132,8 @@ void Live::enable(Source source, bool enabled) {
   disabled_[static_cast<std::size_t>(source)] = !enabled;
 }
 
-std::size_t Live::fallen_out() const {
-  return fallen_out_ + (timeline_ ? timeline_->fallen_out() : 0);
+std::size_t Live::dropped_messages() const {
+  return dropped_messages_ + (timeline_ ? timeline_->dropped_messages() : 0);
 }
 
 }  // namespace locfuse

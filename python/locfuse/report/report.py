@@ -137,7 +137,7 @@ def write_report(result: RunResult, out_dir: Path) -> Path:
 def _player(result: RunResult, others_bytes: int) -> str:
     """Return the player with as much of the run as the page has room for."""
     others_bytes += len((player_script() + player_css()).encode("utf-8")) + _PAGE_BYTES
-    packed = pack(result, most_bytes=min(MOST_BYTES, _MOST_PAGE_BYTES - others_bytes))
+    packed = pack(result, max_bytes=min(MOST_BYTES, _MOST_PAGE_BYTES - others_bytes))
     return player_html([packed])
 
 

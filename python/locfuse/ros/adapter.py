@@ -353,7 +353,7 @@ class Adapter:
 
     def _initial_pose(self, message: Any, topic: str) -> None:
         row = decode.pose(message)
-        if self._telling.told_start(row.stamp_ns):
+        if self._telling.reported_start(row.stamp_ns):
             return  # our own
         check_frame("the initial pose", row.frame, self._config.ros.frames.map)
         if self._live is None:

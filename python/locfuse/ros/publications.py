@@ -150,7 +150,7 @@ class Telling:
         """Tell the next start, too."""
         self._start_pose = None
 
-    def told_start(self, stamp_ns: int) -> bool:
+    def reported_start(self, stamp_ns: int) -> bool:
         """Return whether a start of this stamp is the one that was told from here."""
         return self._start_pose is not None and self._start_pose.stamp_ns == stamp_ns
 

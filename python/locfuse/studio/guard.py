@@ -59,14 +59,14 @@ class Guard:
     ----------
     app : ASGI application
     token : str or None
-    most_bytes : int
+    max_bytes : int
         Of a request.
     """
 
-    def __init__(self, app: ASGIApp, token: str | None, most_bytes: int) -> None:
+    def __init__(self, app: ASGIApp, token: str | None, max_bytes: int) -> None:
         self.app = app
         self._token = token
-        self._most_bytes = most_bytes
+        self._most_bytes = max_bytes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on, or answer it with what is wrong."""

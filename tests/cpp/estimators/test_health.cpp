@@ -39,7 +39,7 @@ struct Room {
       stamp += kStep;
       for (int i = 0; i < anchors; ++i) {
         const double noise = normal(rng, std::sqrt(kScale));
-        health.hear(anchor(i), stamp, of_residual(i < wrong ? by + noise : noise), kLimit, kSpan);
+        health.record(anchor(i), stamp, of_residual(i < wrong ? by + noise : noise), kLimit, kSpan);
       }
     }
   }
@@ -55,7 +55,7 @@ TEST(Health, is_ok_while_all_agree) {
   room.listen(600, 4, 0, 0.0);
   const HealthReport report = room.report();
   EXPECT_EQ(report.state, HealthState::kOk);
-  EXPECT_EQ(report.clue, HealthClue::kNone);
+  EXPECT_EQ(report.reason, HealthReason::kNone);
   EXPECT_LT(report.wrong, 1e-4);
   EXPECT_GT(report.within, 0.999);
 }
@@ -67,7 +67,7 @@ TEST(Health, a_single_faulty_source_is_named_and_the_pose_trusted) {
   room.listen(600, 4, 1, 3.0);
   const HealthReport report = room.report();
   EXPECT_EQ(report.state, HealthState::kDegraded);
-  EXPECT_EQ(report.clue, HealthClue::kSourceIsWrong);
+  EXPECT_EQ(report.reason, HealthReason::kSourceIsWrong);
   ASSERT_TRUE(report.source);
   EXPECT_EQ(report.source->name, 0);
   EXPECT_TRUE(room.health.is_excluded(anchor(0)));
@@ -83,7 +83,7 @@ TEST(Health, several_at_once_contradict_the_pose) {
   room.listen(100, 4, 0, 0.0);
   room.listen(3, 4, 4, -3.0);
   EXPECT_FALSE(room.health.is_lost());  // it must last
-  EXPECT_EQ(room.report().clue, HealthClue::kMeasurements);
+  EXPECT_EQ(room.report().reason, HealthReason::kMeasurements);
   EXPECT_LT(room.report().within, 0.1);
   EXPECT_TRUE(std::isinf(room.report().protection.x()));
   room.listen(5, 4, 4, -3.0);
@@ -129,7 +129,7 @@ TEST(Health, silence_for_too_long_is_loss_until_sources_agree_again) {
   room.health.advance(room.stamp);
   EXPECT_TRUE(room.health.is_lost());
   EXPECT_EQ(room.report().state, HealthState::kLost);
-  EXPECT_EQ(room.report().clue, HealthClue::kSilence);
+  EXPECT_EQ(room.report().reason, HealthReason::kSilence);
   EXPECT_GE(room.health.wrong(), 0.5);
   room.listen(100, 4, 3, 3.0);  // one that agrees, maybe since the filter has followed it
   EXPECT_TRUE(room.health.is_lost());
@@ -143,13 +143,13 @@ TEST(Health, a_kind_of_source_that_falls_silent_is_reported) {
   room.health.start(0);
   for (int k = 0; k < 50; ++k) {
     room.listen(1, 3, 0, 0.0);
-    room.health.hear({Source::kPoses, NamedSource::kNameless}, room.stamp, of_residual(0.01),
-                     kLimit, kSpan);
+    room.health.record({Source::kPoses, NamedSource::kUnnamed}, room.stamp, of_residual(0.01),
+                       kLimit, kSpan);
   }
   EXPECT_EQ(room.report().state, HealthState::kOk);
   room.listen(50, 3, 0, 0.0);
   EXPECT_EQ(room.report().state, HealthState::kDegraded);
-  EXPECT_EQ(room.report().clue, HealthClue::kSourceIsSilent);
+  EXPECT_EQ(room.report().reason, HealthReason::kSourceIsSilent);
   EXPECT_EQ(room.report().source->kind, Source::kPoses);
 }
 
@@ -162,8 +162,8 @@ TEST(Health, noise_larger_than_reported_widens_the_levels) {
   for (int k = 0; k < 300; ++k) {
     larger.stamp += kStep;
     for (int i = 0; i < 4; ++i) {
-      larger.health.hear(anchor(i), larger.stamp,
-                         of_residual(normal(larger.rng, 1.8 * std::sqrt(kScale))), kLimit, kSpan);
+      larger.health.record(anchor(i), larger.stamp,
+                           of_residual(normal(larger.rng, 1.8 * std::sqrt(kScale))), kLimit, kSpan);
     }
   }
   EXPECT_NEAR(as_reported.report().inflation, 1.0, 0.5);
@@ -211,9 +211,10 @@ TEST(Health, the_probability_of_being_wrong_is_calibrated) {
         const double r = uniform(rng, 0.0, 1.0) < share ? normal(rng, kSigma)
                                                         : uniform(rng, -0.5 * kSpan, 0.5 * kSpan);
         const double nis = r * r / (kSigma * kSigma);
-        health.hear(anchor(i), k * kStep,
-                    {nis > kLimit ? Verdict::kGated : Verdict::kFused, 1, nis, r, kSigma * kSigma},
-                    kLimit, kSpan);
+        health.record(
+            anchor(i), k * kStep,
+            {nis > kLimit ? Verdict::kGated : Verdict::kFused, 1, nis, r, kSigma * kSigma}, kLimit,
+            kSpan);
       }
     }
     said += health.wrong();
@@ -294,7 +295,7 @@ TEST(Health, a_measurement_without_information_leaves_the_report_finite) {
   Health health(Health::Config{});
   health.start(0, 0.0);
   for (int k = 1; k < 50; ++k) {
-    health.hear(anchor(0), k * kStep, {Verdict::kFused, 1, 9.0, 1e154, 1e307}, kLimit, kSpan);
+    health.record(anchor(0), k * kStep, {Verdict::kFused, 1, 9.0, 1e154, 1e307}, kLimit, kSpan);
   }
   const HealthReport report = health.report({50 * kStep, {}, 1e-6 * Matrix<3, 3>::Identity()});
   EXPECT_TRUE(std::isfinite(report.inflation));
@@ -345,11 +346,11 @@ TEST(Health, recovers_from_lost_by_a_late_message) {
   Stamp stamp = 610 * kStep;
   health.advance(stamp);
   ASSERT_TRUE(health.is_lost());
-  health.hear(anchor(0), stamp - 110 * kStep, of_residual(0.03), kLimit, kSpan);
+  health.record(anchor(0), stamp - 110 * kStep, of_residual(0.03), kLimit, kSpan);
   EXPECT_LE(health.wrong(), 1.0);
   for (int k = 0; k < 100; ++k) {
     stamp += kStep;
-    health.hear(anchor(k % 4), stamp, of_residual(0.03), kLimit, kSpan);
+    health.record(anchor(k % 4), stamp, of_residual(0.03), kLimit, kSpan);
   }
   EXPECT_FALSE(health.is_lost());
 }
@@ -366,7 +367,7 @@ TEST(Health, no_probability_of_a_faulty_source_exceeds_one) {
     health.start(0);
     for (int k = 0; k < 14; ++k) {
       const double residual = std::sqrt(kScale * uniform(rng, 60.0, 1060.0));
-      health.hear(anchor(0), 0, of_residual(residual), kLimit, kSpan);
+      health.record(anchor(0), 0, of_residual(residual), kLimit, kSpan);
       ASSERT_LE(health.sources()[0].faulty, 1.0) << run;
       ASSERT_FALSE(health.is_excluded(anchor(0))) << run;
     }
@@ -384,8 +385,8 @@ TEST(Health, refuses_a_share_that_leaves_no_likelihood) {
 TEST(Health, a_measurement_without_noise_leaves_valid_probabilities) {
   Health health(Health::Config{});
   health.start(0, 0.5);
-  health.hear({Source::kPoses, NamedSource::kNameless}, 0, {Verdict::kFused, 3, 0.0, 0.0, 1e-300},
-              kLimit, kSpan);
+  health.record({Source::kPoses, NamedSource::kUnnamed}, 0, {Verdict::kFused, 3, 0.0, 0.0, 1e-300},
+                kLimit, kSpan);
   EXPECT_GE(health.wrong(), 0.0);
   EXPECT_LE(health.wrong(), 1.0);
 }

@@ -195,7 +195,7 @@ double nees_without_cross_covariance(std::uint64_t seed, bool with_it) {
       }
       const RangeBearingModel::Placed placed = model.place(belief.pose(body), z).value();
       const Matrix<2, 2> noise =
-          placed.by_sighting * model.noise(z) * placed.by_sighting.transpose();
+          placed.by_observation * model.noise(z) * placed.by_observation.transpose();
       const std::string name = std::to_string(*z.landmark);
       const Matrix<2, 2> own =
           placed.by_pose * belief.marginal(body) * placed.by_pose.transpose() + noise;

@@ -471,8 +471,8 @@ TEST(Mcl, landmarks_weigh_particles_with_and_without_a_name) {
   for (int i = 0; i < 4; ++i) {
     posts.push_back({i, run.room.middle.act({i % 2 == 0 ? -4.0 : 4.0, i < 2 ? -3.0 : 2.0 + i})});
   }
-  const LandmarkSight sight{std::make_shared<const LandmarkMap>(posts), {0.2, 0.0, 0.3}};
-  const RangeBearingModel model({0.1, 0.05}, sight.sensor_in_body);
+  const LandmarkSensor sight{std::make_shared<const LandmarkMap>(posts), {0.2, 0.0, 0.3}};
+  const RangeBearingModel model({0.1, 0.05}, sight.T_body_sensor);
   for (const bool named : {true, false}) {
     Mcl::Config settings = config();
     settings.max_particles = 20'000;

@@ -109,7 +109,7 @@ TEST(MclHealth, is_ambiguous_in_a_symmetric_room) {
     mcl.on(scan);
   }
   EXPECT_EQ(mcl.health().state, HealthState::kAmbiguous);
-  EXPECT_EQ(mcl.health().clue, HealthClue::kSeveralPlaces);
+  EXPECT_EQ(mcl.health().reason, HealthReason::kSeveralPlaces);
   EXPECT_TRUE(std::isinf(mcl.health().protection.x()));
 }
 
@@ -162,7 +162,7 @@ TEST(MclHealth, a_covered_laser_is_named_and_the_pose_trusted) {
     robot.step(40);
     const HealthReport report = robot.mcl.health();
     EXPECT_EQ(report.state, hides_all ? HealthState::kDeadReckoning : HealthState::kDegraded);
-    EXPECT_EQ(report.clue, HealthClue::kLaserIsCovered);
+    EXPECT_EQ(report.reason, HealthReason::kLaserIsCovered);
     ASSERT_TRUE(report.source);
     EXPECT_EQ(report.source->kind, Source::kScans);
     EXPECT_LT(report.wrong, 0.01);
@@ -180,7 +180,7 @@ TEST(MclHealth, a_laser_without_returns_is_silent) {
   robot.blind = true;
   robot.step(15);
   EXPECT_EQ(robot.mcl.health().state, HealthState::kDeadReckoning);
-  EXPECT_EQ(robot.mcl.health().clue, HealthClue::kSilence);
+  EXPECT_EQ(robot.mcl.health().reason, HealthReason::kSilence);
   robot.step(300);
   EXPECT_EQ(robot.mcl.health().state, HealthState::kLost);
 }

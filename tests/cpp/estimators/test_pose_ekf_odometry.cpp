@@ -168,7 +168,7 @@ TEST(PoseEkf, an_increment_heard_of_late_counts_with_the_share_that_is_left) {
 
 TEST(PoseEkf, translation_and_rotation_follow_equation_6_of_ekim2020) {
   PoseEkf ekf = ekf_at(kStart);
-  ekf.on(Increment::from_trans_rot(0, kSecond, 0.8, 0.3));
+  ekf.on(Increment::from_drive_then_turn(0, kSecond, 0.8, 0.3));
   expect_pose_near(ekf.estimate().pose,
                    {1.0 + 0.8 * std::cos(0.5), 2.0 + 0.8 * std::sin(0.5), 0.5 + 0.3}, 1e-15);
 }

@@ -12,7 +12,7 @@ namespace {
 
 using testing::expect_refused;
 using testing::Rng;
-using Doubt = SwitchingMcl::Doubt;
+using InjectionReason = SwitchingMcl::InjectionReason;
 
 constexpr auto kSecond = static_cast<Stamp>(kNanosecondsPerSecond);
 
@@ -95,7 +95,7 @@ TEST(SwitchingMcl, injects_the_uwb_pose_where_particles_have_spread) {
   }
   ASSERT_EQ(switching.injections().size(), 1U);
   const SwitchingMcl::Injection& event = switching.injections().front();
-  EXPECT_EQ(event.doubt, Doubt::kUncertain);
+  EXPECT_EQ(event.reason, InjectionReason::kUncertain);
   // sigma 0.4 per root of a second is 0.5 m after 1.6 s: at the scan of 2 s, and doubt_s is 2 s.
   EXPECT_EQ(event.stamp, Standing::stamp(4.0));
   EXPECT_NEAR(event.before.sigma_position(), 0.4 * 2.0, 0.05);
@@ -185,7 +185,7 @@ TEST(SwitchingMcl, certain_particles_that_contradict_uwb_are_suspect) {
     switching.on(world.scan(0.5 * i, true));
   }
   ASSERT_EQ(switching.injections().size(), 1U);
-  EXPECT_EQ(switching.injections().front().doubt, Doubt::kElsewhere);
+  EXPECT_EQ(switching.injections().front().reason, InjectionReason::kElsewhere);
   EXPECT_LT(distance(switching.estimate().pose.position(), world.truth().position()), 0.15);
 }
 

@@ -56,7 +56,7 @@ void expect_same(const LocalizeRun::Step& a, const LocalizeRun::Step& b) {
   EXPECT_EQ(a.ready, b.ready);
   EXPECT_EQ(a.sigma, b.sigma);
   EXPECT_EQ(a.health.state, b.health.state);
-  EXPECT_EQ(a.health.clue, b.health.clue);
+  EXPECT_EQ(a.health.reason, b.health.reason);
   EXPECT_EQ(a.health.wrong, b.health.wrong);
   EXPECT_EQ(a.health.within, b.health.within);
   EXPECT_TRUE(testing::same_bits(a.health.protection, b.health.protection));

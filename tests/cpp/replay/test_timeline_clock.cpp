@@ -295,16 +295,15 @@ TEST(Timeline, refuses_to_continue_an_estimator_that_cannot) {
   testing::expect_refused([] { Timeline(OfAirEkf::make(), kSecond, with(ClockJump::kContinue)); },
                           "kReset");
   TimelineOptions few;
-  few.most_messages = 10;
-  testing::expect_refused([&] { Timeline(OfPoseEkf::make(), kSecond, few); }, "most_messages",
-                          "10");
+  few.max_messages = 10;
+  testing::expect_refused([&] { Timeline(OfPoseEkf::make(), kSecond, few); }, "max_messages", "10");
 }
 
 // Bounds ------------------------------------------------------------------------------------------
 
 TEST(Timeline, drops_messages_beyond_the_maximum_and_counts_them) {
   TimelineOptions options;
-  options.most_messages = 512;
+  options.max_messages = 512;
   Timeline few(testing::ekf_at(kStart), 1000 * kSecond, options);
   Timeline all(testing::ekf_at(kStart), 1000 * kSecond);
   const std::vector<Message> messages = drive(1, 20.0);
@@ -312,9 +311,9 @@ TEST(Timeline, drops_messages_beyond_the_maximum_and_counts_them) {
   feed(few, messages);
   feed(all, messages);
   EXPECT_TRUE(same_bits(few.estimator().belief(), all.estimator().belief()));
-  EXPECT_EQ(all.fallen_out(), 0U);
-  EXPECT_GE(few.fallen_out(), messages.size() - 512);
-  EXPECT_LT(few.fallen_out(), messages.size() - 256);
+  EXPECT_EQ(all.dropped_messages(), 0U);
+  EXPECT_GE(few.dropped_messages(), messages.size() - 512);
+  EXPECT_LT(few.dropped_messages(), messages.size() - 256);
 
   std::vector<Verdict> verdicts;
   const auto sink = [&](std::size_t, const Outcome& o) { verdicts.push_back(o.verdict); };

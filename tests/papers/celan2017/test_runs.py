@@ -27,9 +27,9 @@ from papers.celan2017.runs import (
     increments,
     mcl,
     messages,
+    reported_start,
     spinning,
     tag_poses,
-    told_start,
 )
 from papers.celan2017.world import LASER, TAGS, Lap, lap
 from papers.claims import Claim
@@ -86,7 +86,7 @@ def test_wheels_spin_in_the_hall_and_nowhere_else(of: Lap) -> None:
 
 
 def test_odometry_adds_up_to_the_sum_of_its_motions(of: Lap, runs: dict[str, Run]) -> None:
-    pose = told_start(of, SEED).pose
+    pose = reported_start(of, SEED).pose
     for u in increments(of.log["odometry"]):
         pose = pose * u.motion
     np.testing.assert_allclose(runs["odometry"].estimate[-1],
@@ -163,7 +163,7 @@ def test_uwb_that_comes_back_sure_of_a_wrong_place_overrules_no_laser(
     monkeypatch.setitem(SWITCH, "elsewhere_m", 1.0)
     monkeypatch.setitem(SWITCH, "elsewhere_rad", 0.5)
     overruled = follow(of, SETUPS["lidar_switch"], 16)
-    assert overruled.injections[0].doubt == _core.Doubt.ELSEWHERE
+    assert overruled.injections[0].reason == _core.InjectionReason.ELSEWHERE
     assert overruled.off_m.max() > 5.0
 
 
@@ -221,7 +221,7 @@ def test_any_estimator_can_be_plugged_in(of: Lap) -> None:
     class Counting:
         def __init__(self) -> None:
             self.scans = 0
-            self.mcl = mcl(of, told_start(of, SEED), SEED)
+            self.mcl = mcl(of, reported_start(of, SEED), SEED)
 
         def on(self, message: object, /) -> None:
             self.scans += isinstance(message, _core.LaserScan)

@@ -137,13 +137,13 @@ def test_a_log_without_its_messages_says_nothing_of_what_they_saw() -> None:
     assert np.isnan(seen_of(make_result())).all()
 
 
-@pytest.mark.parametrize("most_bytes", [40_000, 150_000, 1_000_000, 4_000_000])
-def test_any_run_stays_within_its_bytes(most_bytes: int) -> None:
+@pytest.mark.parametrize("max_bytes", [40_000, 150_000, 1_000_000, 4_000_000])
+def test_any_run_stays_within_its_bytes(max_bytes: int) -> None:
     result = make_result(n=20_000, every_source=True, rejected={"A2": (100.0, 300.0)})
     result = with_scans(result, 4000, 400)
-    packed = pack(result, particles=clouds(300, 2000), most_bytes=most_bytes)
+    packed = pack(result, particles=clouds(300, 2000), max_bytes=max_bytes)
     size = len(json.dumps(packed))
-    assert 0.8 * most_bytes < size <= most_bytes
+    assert 0.8 * max_bytes < size <= max_bytes
 
 
 def test_a_short_run_is_not_thinned() -> None:
@@ -159,7 +159,7 @@ def test_thinning_keeps_the_ends_the_rejected_and_the_largest_error() -> None:
     position = result.estimate.position.copy()
     position[3217] += 5.0
     result = replace(result, estimate=replace(result.estimate, position=position))
-    packed = pack(result, most_bytes=150_000)
+    packed = pack(result, max_bytes=150_000)
     end = 499.9
     for name in ("estimate", "truth", "errors", "messages"):
         t = array(packed[name]["t"])
@@ -172,7 +172,7 @@ def test_thinning_keeps_the_ends_the_rejected_and_the_largest_error() -> None:
 
 
 def test_thinned_messages_are_of_every_anchor() -> None:
-    packed = pack(make_result(n=5000), most_bytes=100_000)
+    packed = pack(make_result(n=5000), max_bytes=100_000)
     counts = np.bincount(array(packed["messages"]["who"]))
     assert len(counts) == 4
     assert counts.min() > 0.9 * counts.max()
@@ -180,7 +180,7 @@ def test_thinned_messages_are_of_every_anchor() -> None:
 
 def test_more_rejected_ones_than_there_is_room_for_are_thinned_themselves() -> None:
     result = make_result(n=20_000, rejected=dict.fromkeys(("A1", "A2", "A3"), (0.0, 2000.0)))
-    packed = pack(result, most_bytes=60_000)
+    packed = pack(result, max_bytes=60_000)
     t = array(packed["messages"]["t"])
     assert (t[0], t[-1]) == (0.0, pytest.approx(1999.9))
     assert len(json.dumps(packed)) <= 60_000
@@ -191,7 +191,7 @@ def test_scans_are_whole_centimetres_and_coarser_before_they_are_fewer() -> None
     ranges = array(packed["ranges_cm"])
     assert ranges.shape == (100, 200)
     assert ranges[0].tolist() == list(range(200))  # nothing came back to beam 0
-    thin = pack(with_scans(make_result(n=20), 400, 400), most_bytes=200_000)["scans"]
+    thin = pack(with_scans(make_result(n=20), 400, 400), max_bytes=200_000)["scans"]
     assert thin["ranges_cm"]["shape"][0] == 400
     assert 90 <= thin["ranges_cm"]["shape"][1] < 400
     step = round(thin["angle_increment"] / 0.01)
@@ -220,7 +220,7 @@ def test_health_keeps_each_change_of_state() -> None:
         protection=np.zeros((n, 3)),
         reason=np.where(state == "lost", "measurements speak against the pose", ""),
     )
-    packed = pack(replace(make_result(), health=health), most_bytes=100_000)
+    packed = pack(replace(make_result(), health=health), max_bytes=100_000)
     t, told = array(packed["health"]["t"]), array(packed["health"]["state"])
     lost = t[told == packed["health"]["states"].index("lost")]
     assert len(t) < n
@@ -253,15 +253,15 @@ def test_a_large_map_becomes_coarser_until_it_fits() -> None:
     noise = rng.choice(np.array([FREE, OCCUPIED], np.int8), (1500, 1500))
     result = make_result(n=50)
     packed = pack(replace(result, log=replace(result.log, grid=GridMap(noise, 0.05))),
-                  most_bytes=120_000)  # fmt: skip
+                  max_bytes=120_000)  # fmt: skip
     assert packed["map"]["resolution_m"] > 0.05
     assert packed["map"]["width"] * packed["map"]["resolution_m"] >= 75.0
     assert len(json.dumps(packed)) <= 120_000
 
 
 def test_too_few_bytes_are_refused_with_what_it_takes() -> None:
-    with pytest.raises(ValueError, match="most_bytes is 900, but the map and the names"):
-        pack(make_result(), most_bytes=900)
+    with pytest.raises(ValueError, match="max_bytes is 900, but the map and the names"):
+        pack(make_result(), max_bytes=900)
 
 
 def test_a_run_without_truth_health_or_messages_is_packed() -> None:

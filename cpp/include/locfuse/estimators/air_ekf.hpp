@@ -69,7 +69,7 @@ class AirEkf {
   /// std::invalid_argument on a config out of range or a start that is not finite and positive
   /// definite.
   AirEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags,
-         const AirEstimate& start, LandmarkSight landmarks = {});
+         const AirEstimate& start, LandmarkSensor landmarks = {});
 
   /// Odometry in the plane, and the climb rate [m/s] that goes with it for as long. Ignored with
   /// constant velocity.

@@ -96,7 +96,7 @@ class Calibration {
       const RangeBearing& z, const Pose2& rate) const;
 
  private:
-  static constexpr int kCount = OdometryErrors::kCount + SightErrors::kCount;
+  static constexpr int kCount = OdometryErrors::kCount + LandmarkErrors::kCount;
   static constexpr int kNone = -1;
 
   struct State {

@@ -23,7 +23,7 @@ enum class HealthState : std::uint8_t {
 };
 
 /// Why a state is not kOk.
-enum class HealthClue : std::uint8_t {
+enum class HealthReason : std::uint8_t {
   kNone,
   kNoEstimate,       ///< not started yet
   kSeveralPlaces,    ///< several poses fit
@@ -40,10 +40,10 @@ enum class HealthClue : std::uint8_t {
 /// Where measurements come from: an anchor, a landmark, a tag with a position, or another
 /// localizer.
 struct NamedSource {
-  static constexpr Id kNameless = std::numeric_limits<Id>::min();
+  static constexpr Id kUnnamed = std::numeric_limits<Id>::min();
 
   Source kind = Source::kRanges;
-  Id name = kNameless;  ///< of the anchor, the tag or the landmark
+  Id name = kUnnamed;  ///< of the anchor, the tag or the landmark
 
   friend bool operator==(const NamedSource& a, const NamedSource& b) {
     return a.kind == b.kind && a.name == b.name;
@@ -57,13 +57,13 @@ struct NamedSource {
   return {Source::kRanges, z.anchor};
 }
 [[nodiscard]] inline NamedSource named_source_of(const PositionFix& z) {
-  return {Source::kPositions, z.tag.value_or(NamedSource::kNameless)};
+  return {Source::kPositions, z.tag.value_or(NamedSource::kUnnamed)};
 }
 [[nodiscard]] inline NamedSource named_source_of(const PoseObservation& /*z*/) {
-  return {Source::kPoses, NamedSource::kNameless};
+  return {Source::kPoses, NamedSource::kUnnamed};
 }
 [[nodiscard]] inline NamedSource named_source_of(const RangeBearing& z) {
-  return {Source::kSightings, z.landmark.value_or(NamedSource::kNameless)};
+  return {Source::kSightings, z.landmark.value_or(NamedSource::kUnnamed)};
 }
 
 /// How well a scan fits a pose on a map.
@@ -79,7 +79,7 @@ struct ScanEvidence {
 /// Statistics of one source's messages.
 struct SourceStatus {
   NamedSource source;
-  Stamp heard = 0;             ///< last message received [ns]
+  Stamp last_received = 0;     ///< last message received [ns]
   std::optional<Stamp> fused;  ///< last message fused [ns]
   double interval = 0.0;       ///< mean time between messages [s]
   double residual = 0.0;       ///< first row of the last innovation
@@ -96,7 +96,7 @@ struct SourceStatus {
 struct HealthReport {
   Stamp stamp = 0;
   HealthState state = HealthState::kInitializing;
-  HealthClue clue = HealthClue::kNoEstimate;
+  HealthReason reason = HealthReason::kNoEstimate;
   std::optional<NamedSource> source;  ///< the one at fault, if one is
   double wrong = 1.0;                 ///< probability that the robot is somewhere else
   double within = 0.0;                ///< probability that the position error is below limit_m
@@ -139,18 +139,18 @@ class Health {
   void start(Stamp stamp, double wrong = 0.0);
 
   /// Records the outcome of a measurement, with the limit of its gate and its outlier volume.
-  void hear(const NamedSource& source, Stamp stamp, const Outcome& outcome, double limit,
-            double outlier_volume);
+  void record(const NamedSource& source, Stamp stamp, const Outcome& outcome, double limit,
+              double outlier_volume);
   /// Records a scan; eq. (10) to (12) of docs/health.md.
-  void hear(const ScanEvidence& scan);
+  void record(const ScanEvidence& scan);
   /// Lets time pass: trust runs out.
   void advance(Stamp stamp);
 
   /// Volume over which an outlier is uniform: 1 / q of docs/health.md [m^i rad^j].
-  [[nodiscard]] double breadth_of(const Range& z) const;
-  [[nodiscard]] double breadth_of(const PositionFix& z) const;
-  [[nodiscard]] double breadth_of(const PoseObservation& z) const;
-  [[nodiscard]] double breadth_of(const RangeBearing& z) const;
+  [[nodiscard]] double outlier_volume(const Range& z) const;
+  [[nodiscard]] double outlier_volume(const PositionFix& z) const;
+  [[nodiscard]] double outlier_volume(const PoseObservation& z) const;
+  [[nodiscard]] double outlier_volume(const RangeBearing& z) const;
 
   /// How far `estimate`, that of the recorded measurements, may be trusted. Throws
   /// std::invalid_argument, as do all methods that take a stamp, beyond +-kStampLimit.

@@ -59,7 +59,7 @@ class Initializer {
   /// config out of range.
   Initializer(const Config& config, const PoseEkf::Config& estimator,
               std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags,
-              std::shared_ptr<const ScanMatcher> matcher, LandmarkSight landmarks = {});
+              std::shared_ptr<const ScanMatcher> matcher, LandmarkSensor landmarks = {});
 
   void on(const Velocity& u);
   void on(const Increment& u);

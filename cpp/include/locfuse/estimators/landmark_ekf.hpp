@@ -55,10 +55,10 @@ class LandmarkEkf {
     double sigma_lost_heading_per_sqrt_s = 0.5;  ///< likewise [rad / sqrt(s)]
   };
 
-  /// Starts from `start`; `sensor_in_body` is T_body_sensor of what sees landmarks. Throws
+  /// Starts from `start`; `T_body_sensor` is the pose of what sees landmarks. Throws
   /// std::invalid_argument on a config out of range, a start that is not finite and positive
   /// definite, or landmarks that are given twice or have no valid position or covariance.
-  LandmarkEkf(const Config& config, const PoseEstimate& start, const Pose2& sensor_in_body = {},
+  LandmarkEkf(const Config& config, const PoseEstimate& start, const Pose2& T_body_sensor = {},
               const std::vector<KnownLandmark>& known = {});
 
   Outcome on(const Velocity& u);
@@ -121,7 +121,7 @@ class LandmarkEkf {
   };
   using Sighting = Linearization<Eigen::Dynamic, 5, 2>;
 
-  static Recipe recipe_of(const Config& config, const Pose2& sensor_in_body);
+  static Recipe recipe_of(const Config& config, const Pose2& T_body_sensor);
   void add_known(const KnownLandmark& landmark);
   [[nodiscard]] int find(Id id) const;
   [[nodiscard]] Vector<2> position_of(const Track& track) const;

@@ -34,7 +34,7 @@ class Mcl {
   /// std::invalid_argument on a config out of range.
   Mcl(const Config& config, const std::shared_ptr<const OccupancyGrid>& grid, Stamp start,
       std::shared_ptr<const AnchorMap> anchors = nullptr, std::vector<Tag> tags = {},
-      LandmarkSight landmarks = {});
+      LandmarkSensor landmarks = {});
 
   /// Restarts: anywhere in free space, or near poses in proportion to their probabilities. Throw
   /// std::invalid_argument for a pose, or a sigma of its position, beyond limits.distance_m.

@@ -63,6 +63,6 @@ struct MclRecipe {
 /// use. `anchors` may be null.
 [[nodiscard]] std::shared_ptr<const MclRecipe> make_mcl_recipe(
     const MclConfig& config, const std::shared_ptr<const OccupancyGrid>& grid,
-    std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags, LandmarkSight landmarks);
+    std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags, LandmarkSensor landmarks);
 
 }  // namespace locfuse::internal

@@ -48,9 +48,9 @@ struct PoseHypothesis {
 };
 
 /// The landmarks that are known, and where on the body the sensor sits that sees them.
-struct LandmarkSight {
+struct LandmarkSensor {
   std::shared_ptr<const LandmarkMap> map;  ///< or null
-  Pose2 sensor_in_body;                    ///< T_body_sensor
+  Pose2 T_body_sensor;                     ///< of the sensor
 };
 
 /// Extended Kalman filter over (x, y, heading) in world: odometry predicts; ranges, positions,
@@ -91,7 +91,7 @@ class PoseEkf {
   /// Starts from `start`. Throws std::invalid_argument on a config out of range or a start that is
   /// not finite and positive definite.
   PoseEkf(const Config& config, const std::shared_ptr<const AnchorMap>& anchors,
-          std::vector<Tag> tags, const PoseEstimate& start, LandmarkSight landmarks = {});
+          std::vector<Tag> tags, const PoseEstimate& start, LandmarkSensor landmarks = {});
 
   /// The same filter, started anew: models and gates are shared, so this is cheap. Throws as the
   /// constructor does.

@@ -30,7 +30,7 @@ class RecoveringEkf {
   /// Not started. Throws std::invalid_argument on a config out of range.
   RecoveringEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
                 std::vector<Tag> tags, std::shared_ptr<const ScanMatcher> matcher,
-                LandmarkSight landmarks = {});
+                LandmarkSensor landmarks = {});
 
   /// Tracks from `start` on. Throws std::invalid_argument as a PoseEkf does.
   void start_at(const PoseEstimate& start);

@@ -21,7 +21,7 @@ namespace locfuse {
 class SwitchingMcl {
  public:
   /// Why the particles are suspect.
-  enum class Doubt : std::uint8_t {
+  enum class InjectionReason : std::uint8_t {
     kNone,
     kUncertain,  ///< their covariance is large
     kElsewhere,  ///< they contradict UWB
@@ -45,9 +45,9 @@ class SwitchingMcl {
   /// UWB took over.
   struct Injection {
     Stamp stamp;
-    Doubt doubt;          ///< the reason
-    PoseEstimate before;  ///< with the covariance of all particles
-    PoseEstimate after;   ///< from UWB
+    InjectionReason reason;  ///< the reason
+    PoseEstimate before;     ///< with the covariance of all particles
+    PoseEstimate after;      ///< from UWB
   };
 
   /// Throws std::invalid_argument on a config out of range, or if UWB would take over again and
@@ -82,8 +82,9 @@ class SwitchingMcl {
   Outcome update_uwb(const M& z);
   [[nodiscard]] bool is_uwb_tracking(Stamp stamp) const;
   [[nodiscard]] std::optional<PoseEstimate> usable_uwb_pose(Stamp stamp) const;
-  [[nodiscard]] Doubt assess(const PoseEstimate& here, const std::optional<PoseEstimate>& uwb,
-                             bool was_suspect) const;
+  [[nodiscard]] InjectionReason assess(const PoseEstimate& here,
+                                       const std::optional<PoseEstimate>& uwb,
+                                       bool was_suspect) const;
   void switch_if_suspect(Stamp stamp);
   void inflate_uwb(Stamp stamp);
 

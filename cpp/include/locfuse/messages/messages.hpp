@@ -34,8 +34,8 @@ struct Increment {
   Pose2 motion;  ///< T_body(begin)_body(stamp): dx, dy [m], dheading [rad]
 
   /// Motion of `trans` [m] along the old heading, then a turn by `rot` [rad]: ekim2020 eq. (6).
-  [[nodiscard]] static Increment from_trans_rot(Stamp begin, Stamp stamp, double trans,
-                                                double rot) {
+  [[nodiscard]] static Increment from_drive_then_turn(Stamp begin, Stamp stamp, double trans,
+                                                      double rot) {
     return {begin, stamp, {trans, 0.0, rot}};
   }
 };

@@ -54,8 +54,8 @@ class Live {
   [[nodiscard]] const Initializer::State& search() const { return search_.state(); }
   /// Clock jumps after which it restarted or continued.
   [[nodiscard]] std::size_t jumps() const { return jumps_; }
-  /// See Timeline::fallen_out.
-  [[nodiscard]] std::size_t fallen_out() const;
+  /// See Timeline::dropped_messages.
+  [[nodiscard]] std::size_t dropped_messages() const;
 
  private:
   Outcome track(const Message& message);
@@ -72,8 +72,8 @@ class Live {
   std::size_t delivered_ = 0;  // messages to the timeline
   std::size_t consecutive_late_ = 0;
   std::size_t jumps_ = 0;
-  std::size_t timeline_jumps_ = 0;  // counted in jumps_
-  std::size_t fallen_out_ = 0;      // of earlier timelines
+  std::size_t timeline_jumps_ = 0;    // counted in jumps_
+  std::size_t dropped_messages_ = 0;  // of earlier timelines
 };
 
 }  // namespace locfuse

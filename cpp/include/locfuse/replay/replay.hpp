@@ -26,7 +26,7 @@ struct RunLog {
   int alarms = 0;                       ///< how often a RecoveringEkf was lost
   int restarts = 0;                     ///< how often it then relocalized elsewhere
   std::size_t jumps = 0;                ///< of the clock; estimates and health are from the last on
-  std::size_t fallen_out = 0;           ///< see Timeline
+  std::size_t dropped_messages = 0;     ///< see Timeline
 };
 
 /// Switches a source off or on before the messages that arrive from `arrival` [ns] on.
@@ -121,7 +121,7 @@ class RunRecorder {
     run_.last = tracker().estimate();
     run_.errors = tracker().errors();
     run_.adaptive = tracker().adaptive();
-    run_.fallen_out = timeline_.fallen_out();
+    run_.dropped_messages = timeline_.dropped_messages();
     keep_sources(run_, timeline_.estimator());
     return run_;
   }

@@ -23,7 +23,7 @@ struct TimelineOptions {
   /// Number of consecutive stale messages that signals a clock jump. With several sources they must
   /// come from at least two.
   std::size_t jump_after = 20;
-  std::size_t most_messages = 100'000;  ///< kept for late ones; at least 512
+  std::size_t max_messages = 100'000;  ///< kept for late ones; at least 512
 };
 
 namespace internal {
@@ -78,8 +78,8 @@ class Timeline {
       throw std::invalid_argument("history is " + std::to_string(history) +
                                   " ns, expected 0 to 2^62 ns");
     }
-    if (options.most_messages < History::kMinMessages || options.jump_after < 1) {
-      throw std::invalid_argument("most_messages is " + std::to_string(options.most_messages) +
+    if (options.max_messages < History::kMinMessages || options.jump_after < 1) {
+      throw std::invalid_argument("max_messages is " + std::to_string(options.max_messages) +
                                   " and jump_after " + std::to_string(options.jump_after) +
                                   ", expected >= " + std::to_string(History::kMinMessages) +
                                   " and >= 1");
@@ -119,16 +119,16 @@ class Timeline {
   /// Back to the state after construction: estimator, sources, counts.
   void reset() {
     clear();
-    arrivals_ = jumps_ = fallen_out_ = 0;
+    arrivals_ = jumps_ = dropped_messages_ = 0;
     disabled_ = {};
   }
 
   [[nodiscard]] const Estimator& estimator() const { return estimator_; }
   /// Clock jumps after which the estimator restarted or continued.
   [[nodiscard]] std::size_t jumps() const { return jumps_; }
-  /// Messages inside the history that were dropped since there were more than most_messages: later
+  /// Messages inside the history that were dropped since there were more than max_messages: later
   /// ones from before them are stale.
-  [[nodiscard]] std::size_t fallen_out() const { return fallen_out_; }
+  [[nodiscard]] std::size_t dropped_messages() const { return dropped_messages_; }
 
  private:
   using Entry = internal::TimelineEntry;
@@ -137,8 +137,8 @@ class Timeline {
   template <class Sink>
   void fuse(const Entry& entry, Sink& sink) {
     history_.fuse(entry, estimator_, sink);
-    if (history_.size() > options_.most_messages) {
-      fallen_out_ += history_.drop_oldest();
+    if (history_.size() > options_.max_messages) {
+      dropped_messages_ += history_.drop_oldest();
     }
   }
 
@@ -202,7 +202,7 @@ class Timeline {
   std::array<bool, kSources> disabled_{};
   std::size_t arrivals_ = 0;
   std::size_t jumps_ = 0;
-  std::size_t fallen_out_ = 0;
+  std::size_t dropped_messages_ = 0;
 };
 
 }  // namespace locfuse

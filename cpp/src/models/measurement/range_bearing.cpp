@@ -34,10 +34,10 @@ Linearization<Eigen::Dynamic, N, 2> measured(const Linearization<2, N>& both,
 
 }  // namespace
 
-RangeBearingModel::RangeBearingModel(const Config& config, const Pose2& sensor_in_body,
+RangeBearingModel::RangeBearingModel(const Config& config, const Pose2& T_body_sensor,
                                      const InSpace& in_space)
     : relative_variance_(config.sigma_range_relative * config.sigma_range_relative),
-      sensor_in_body_(sensor_in_body),
+      T_body_sensor_(T_body_sensor),
       sensor_up_(in_space.sensor_up_m),
       elevation_variance_(variance_of("sigma_elevation_rad", in_space.sigma_elevation_rad)) {
   if (!(std::isfinite(relative_variance_) && config.sigma_range_relative >= 0.0)) {
@@ -48,13 +48,13 @@ RangeBearingModel::RangeBearingModel(const Config& config, const Pose2& sensor_i
   const double range = variance_of("sigma_range_m", config.sigma_range_m);
   const double bearing = variance_of("sigma_bearing_rad", config.sigma_bearing_rad);
   covariance_ << range, 0.0, 0.0, bearing;  // a throw amid it would leave it half filled
-  if (!std::isfinite(sensor_in_body.x + sensor_in_body.y + sensor_in_body.heading + sensor_up_)) {
+  if (!std::isfinite(T_body_sensor.x + T_body_sensor.y + T_body_sensor.heading + sensor_up_)) {
     throw std::invalid_argument("the sensor of landmarks has a pose in body that is not finite");
   }
 }
 
 Vector<2> RangeBearingModel::predict(const Pose2& T_world_body, const Vector<2>& landmark) const {
-  const Vector<2> d = inverse(T_world_body * sensor_in_body_).act(landmark);
+  const Vector<2> d = inverse(T_world_body * T_body_sensor_).act(landmark);
   return {d.norm(), std::atan2(d.y(), d.x())};
 }
 
@@ -78,14 +78,14 @@ std::optional<Linearization<Eigen::Dynamic, 5, 2>> RangeBearingModel::linearize_
   return measured<5>({residual(*seen, z), jacobian, noise(z)}, z);
 }
 
-std::optional<Linearization<Eigen::Dynamic, 3 + SightErrors::kCount, 2>>
+std::optional<Linearization<Eigen::Dynamic, 3 + LandmarkErrors::kCount, 2>>
 RangeBearingModel::linearize_with_errors(const Pose2& T_world_body, const Vector<2>& landmark,
-                                         const RangeBearing& z, const SightErrors& errors,
+                                         const RangeBearing& z, const LandmarkErrors& errors,
                                          const Pose2& rate) const {
   const Pose2 then = T_world_body * arc(-errors.delay * rate.x, -errors.delay * rate.y,
                                         -errors.delay * rate.heading);
-  const Pose2 mount{sensor_in_body_.x + errors.mount.x, sensor_in_body_.y + errors.mount.y,
-                    sensor_in_body_.heading + errors.mount.heading};
+  const Pose2 mount{T_body_sensor_.x + errors.mount.x, T_body_sensor_.y + errors.mount.y,
+                    T_body_sensor_.heading + errors.mount.heading};
   std::optional<Observation> seen = look(then, mount, landmark);
   if (!seen || (!z.range && !z.bearing)) {
     return std::nullopt;
@@ -100,7 +100,7 @@ RangeBearingModel::linearize_with_errors(const Pose2& T_world_body, const Vector
   Matrix<2, 2> axes;  // of the body, in world
   axes << std::cos(then.heading), -std::sin(then.heading), std::sin(then.heading),
       std::cos(then.heading);
-  Matrix<2, 3 + SightErrors::kCount> jacobian;
+  Matrix<2, 3 + LandmarkErrors::kCount> jacobian;
   jacobian.leftCols<3>() = seen->by_pose;
   jacobian.col(2) += seen->by_pose.leftCols<2>() * Vector<2>(-back.y(), back.x());
   jacobian.middleCols<2>(3) = seen->by_pose.leftCols<2>() * axes;
@@ -108,7 +108,7 @@ RangeBearingModel::linearize_with_errors(const Pose2& T_world_body, const Vector
   jacobian.col(6) << 1.0, 0.0;
   jacobian.col(7) << distance, 0.0;
   jacobian.col(8) = -seen->by_pose * Vector<3>(velocity.x(), velocity.y(), rate.heading);
-  return measured<3 + SightErrors::kCount>({residual(*seen, z), jacobian, noise(z)}, z);
+  return measured<3 + LandmarkErrors::kCount>({residual(*seen, z), jacobian, noise(z)}, z);
 }
 
 Vector<3> RangeBearingModel::predict(const Pose2& T_world_body, double height,
@@ -159,14 +159,14 @@ std::optional<RangeBearingModel::Placed> RangeBearingModel::place(const Pose2& T
   if (!z.range || !z.bearing) {
     return std::nullopt;
   }
-  const Pose2 sensor = T_world_body * sensor_in_body_;
+  const Pose2 sensor = T_world_body * T_body_sensor_;
   const double c = std::cos(sensor.heading + *z.bearing);
   const double s = std::sin(sensor.heading + *z.bearing);
   Placed placed;
   placed.position = sensor.position() + *z.range * Vector<2>(c, s);
   const Vector<2> arm = placed.position - T_world_body.position();
   placed.by_pose << 1.0, 0.0, -arm.y(), 0.0, 1.0, arm.x();
-  placed.by_sighting << c, -*z.range * s, s, *z.range * c;
+  placed.by_observation << c, -*z.range * s, s, *z.range * c;
   return placed;
 }
 

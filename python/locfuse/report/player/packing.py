@@ -34,7 +34,7 @@ def pack(
     result: RunResult,
     *,
     particles: Sequence[Frame] | None = None,
-    most_bytes: int = MOST_BYTES,
+    max_bytes: int = MOST_BYTES,
     whole: bool = True,
 ) -> dict[str, Any]:
     """Return what a player shows of a run, as JSON holds it.
@@ -44,7 +44,7 @@ def pack(
     result : RunResult
     particles : sequence of Frame, optional
         In order of time, instead of those of the run.
-    most_bytes : int
+    max_bytes : int
         Of the JSON. What is too long is thinned evenly, never its ends, and what was rejected goes
         last; the key ``of`` of each table says how many rows there were.
     whole : bool
@@ -60,7 +60,7 @@ def pack(
     ------
     ValueError
         If the run has neither estimates nor messages, or the map and the names alone take more
-        than `most_bytes`.
+        than `max_bytes`.
     """
     origin = start_ns(result)
     fixed = {
@@ -73,17 +73,17 @@ def pack(
         "band_sigmas": BAND_SIGMAS,
         "metrics": {key: result.metrics.get(key) for key in _METRICS},
         "events": _events(result, origin),
-        **world_of(result, most_bytes // 4),
+        **world_of(result, max_bytes // 4),
     }
     parts = _parts(result, result.frames if particles is None else particles, origin)
     words, parts["messages"] = messages_part(result, origin)
     fixed |= words
     dofs = np.unique(result.outcomes.dof[result.outcomes.dof > 0]).tolist()
     fixed["bands"] = {str(dof): band(dof) for dof in dofs}
-    left = most_bytes - len(json.dumps(fixed)) - 200 * (len(parts) + 1)
+    left = max_bytes - len(json.dumps(fixed)) - 200 * (len(parts) + 1)
     if left < 0:
-        raise ValueError(f"most_bytes is {most_bytes}, but the map and the names of this run alone "
-                         f"take {most_bytes - left}")  # fmt: skip
+        raise ValueError(f"max_bytes is {max_bytes}, but the map and the names of this run alone "
+                         f"take {max_bytes - left}")  # fmt: skip
     given = shares({name: part.wanted for name, part in parts.items()}, left)
     return fixed | {name: part.packed(given[name]) for name, part in parts.items()}
 
@@ -164,8 +164,8 @@ def _scans(log: Log, origin: int) -> Part:
     n, beams = ranges.shape
     mount = [float(value) for value in laser["pose_in_body"]]
 
-    def packed(most_bytes: int) -> dict[str, Any]:
-        most = max(most_bytes * 3 // 4, 1)
+    def packed(max_bytes: int) -> dict[str, Any]:
+        most = max(max_bytes * 3 // 4, 1)
         fine = min(beams, max(_LEAST_BEAMS, (most // max(n, 1) - 8) // 2))
         step = -(-beams // fine)
         shown = -(-beams // step)
@@ -192,8 +192,8 @@ def _particles(frames: Sequence[Frame], origin: int) -> Part:
     high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0)
     scale = np.where(high > low, high - low, 1.0) / _LEVELS
 
-    def packed(most_bytes: int) -> dict[str, Any]:
-        most = most_bytes * 3 // 16
+    def packed(max_bytes: int) -> dict[str, Any]:
+        most = max_bytes * 3 // 16
         each = max(_LEAST_PARTICLES, most // len(frames))
         rows = stride(len(frames), max(2, most // int(max(1, np.minimum(sizes, each).mean()))))
         thin = [clouds[row][:: -(-len(clouds[row]) // each)] for row in rows]

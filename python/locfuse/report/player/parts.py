@@ -72,8 +72,8 @@ def table_part(columns: Mapping[str, NDArray[Any]], keep: NDArray[np.bool_]) -> 
     n = len(keep)
     per_row = sum(column.itemsize * int(np.prod(column.shape[1:])) for column in columns.values())
 
-    def packed(most_bytes: int) -> dict[str, Any]:
-        rows = chosen(keep, most_bytes // max(encoded_bytes(per_row), 1))
+    def packed(max_bytes: int) -> dict[str, Any]:
+        rows = chosen(keep, max_bytes // max(encoded_bytes(per_row), 1))
         return {"of": n, **{name: encoded(column[rows]) for name, column in columns.items()}}
 
     return Part(n * encoded_bytes(per_row), packed)

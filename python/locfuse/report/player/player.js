@@ -1346,13 +1346,13 @@ globalThis.LocfusePlayer = (() => {
       parts.now = make("table", {class: "lp-now"});
       parts.runs = make("div", {class: "lp-runs"});
       parts.layers = make("div", {class: "lp-layers", role: "group", "aria-label": "Layers"});
-      parts.news = make("ol", {class: "lp-news"});
+      parts.news = make("ol", {class: "lp-latest"});
       this.element.replaceChildren(make("div", {class: "lp-body"},
         make("div", {class: "lp-main"}, make("div", {class: "lp-stage"}, parts.world, zooms, parts.hint),
              parts.controls, parts.strips),
         make("div", {class: "lp-side"}, parts.runs, parts.layers, parts.whose, parts.state, parts.now,
              make("h3", {}, "Latest rejections and events"), parts.news,
-             parts.thinned = make("p", {class: "lp-thinned"}))));
+             parts.thinned = make("p", {class: "lp-decimated"}))));
       this.element.classList.add("locfuse-player");
       if (!this.options.controls) parts.controls.hidden = true;
       this._parts = parts;

@@ -34,15 +34,15 @@ def world_of(result: RunResult, most_map_bytes: int) -> dict[str, Any]:
     }
 
 
-def map_picture(grid: GridMap, most_bytes: int) -> dict[str, Any]:
+def map_picture(grid: GridMap, max_bytes: int) -> dict[str, Any]:
     """Return a map as a picture of at most so many bytes, and where it lies."""
     grid = _known(grid)
     side = max(grid.cells.shape)
     if side > _MOST_CELLS:
         grid = grid.resampled(grid.resolution_m * side / _MOST_CELLS)
     png = _png(grid)
-    while len(png) > most_bytes and max(grid.cells.shape) > 1:
-        coarser = max(1.2, (len(png) / max(most_bytes, 1)) ** 0.5)
+    while len(png) > max_bytes and max(grid.cells.shape) > 1:
+        coarser = max(1.2, (len(png) / max(max_bytes, 1)) ** 0.5)
         grid = grid.resampled(coarser * grid.resolution_m)
         png = _png(grid)
     height, width = grid.cells.shape

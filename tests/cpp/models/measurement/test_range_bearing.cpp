@@ -62,7 +62,7 @@ TEST(RangeBearingModel, jacobian_matches_differences) {
 TEST(RangeBearingModel, with_errors_equals_values_computed_by_hand) {
   // A second ago, before it had driven 2 m east and turned, it was at (1, 2) looking north.
   const RangeBearingModel model({0.1, 0.02}, {0.0, -0.3, 0.1});
-  const SightErrors errors{{0.0, -0.2, -0.1}, 0.25, 0.1, 1.0};
+  const LandmarkErrors errors{{0.0, -0.2, -0.1}, 0.25, 0.1, 1.0};
   const Pose2 then{1.0, 2.0, kPi / 2.0};
   const Pose2 rate{1.0, -2.0, 0.3};
   const auto lin = model.linearize_with_errors(then * arc(rate.x, rate.y, rate.heading), {4.5, 6.0},
@@ -156,13 +156,13 @@ TEST(RangeBearingModel, place_inverts_predict) {
     expect_jacobian<2>(
         placed->by_pose,
         [&](const Pose2& p) { return model.place(p, seen(z.x(), z.y()))->position; }, pose);
-    const Matrix<2, 2> by_sighting = numerical_jacobian<2, 2>(
+    const Matrix<2, 2> by_observation = numerical_jacobian<2, 2>(
         [&](const Vector<2>& delta) {
           return Vector<2>(model.place(pose, seen(z.x() + delta.x(), z.y() + delta.y()))->position -
                            placed->position);
         },
         1e-6);
-    expect_near(placed->by_sighting, by_sighting, 1e-7);
+    expect_near(placed->by_observation, by_observation, 1e-7);
   }
   EXPECT_FALSE(model.place({}, seen(2.0, {})).has_value());
 }

@@ -162,7 +162,7 @@ TEST(OdometryMotion, step_is_that_of_equations_6_and_7_of_ekim2020) {
   const double theta = 0.7;
   const double trans = 0.5;
   const double rot = -0.3;
-  const Pose2 motion = Increment::from_trans_rot(0, 1, trans, rot).motion;
+  const Pose2 motion = Increment::from_drive_then_turn(0, 1, trans, rot).motion;
   const Propagation<Pose2, 3> step =
       OdometryMotion(all_sigmas()).propagate({1.0, 2.0, theta}, motion, 0.1);
   expect_pose_near(step.moved,

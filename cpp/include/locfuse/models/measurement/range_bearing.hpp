@@ -10,7 +10,7 @@
 namespace locfuse {
 
 /// Systematic errors of a landmark sensor and its mount.
-struct SightErrors {
+struct LandmarkErrors {
   Pose2 mount;                ///< added to x, y and heading of T_body_sensor
   double range_offset = 0.0;  ///< by which ranges are too long [m]
   double range_scale = 0.0;   ///< ranges are (1 + range_scale) times the distance
@@ -41,11 +41,11 @@ class RangeBearingModel {
 
   RangeBearingModel() : RangeBearingModel(Config{}, Pose2{}) {}
 
-  /// `sensor_in_body` is T_body_sensor. Throws std::invalid_argument on sigmas that are not finite
+  /// `T_body_sensor` is the pose. Throws std::invalid_argument on sigmas that are not finite
   /// and positive (the relative one: not negative), or a mount that is not finite.
-  RangeBearingModel(const Config& config, const Pose2& sensor_in_body)
-      : RangeBearingModel(config, sensor_in_body, InSpace{}) {}
-  RangeBearingModel(const Config& config, const Pose2& sensor_in_body, const InSpace& in_space);
+  RangeBearingModel(const Config& config, const Pose2& T_body_sensor)
+      : RangeBearingModel(config, T_body_sensor, InSpace{}) {}
+  RangeBearingModel(const Config& config, const Pose2& T_body_sensor, const InSpace& in_space);
 
   /// Expected range [m] and bearing [rad].
   [[nodiscard]] Vector<2> predict(const Pose2& T_world_body, const Vector<2>& landmark) const;
@@ -74,9 +74,9 @@ class RangeBearingModel {
   /// Linearization for a sensor with `errors`, on a body that moves by `rate` per second in its own
   /// frame: with respect to (x, y, theta) and the errors, x, y and heading of the mount first; eq.
   /// (5) to (7).
-  [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, 3 + SightErrors::kCount, 2>>
+  [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, 3 + LandmarkErrors::kCount, 2>>
   linearize_with_errors(const Pose2& T_world_body, const Vector<2>& landmark, const RangeBearing& z,
-                        const SightErrors& errors, const Pose2& rate) const;
+                        const LandmarkErrors& errors, const Pose2& rate) const;
 
   /// Expected range [m], bearing and elevation [rad] of a landmark (x, y, z) from a body at a
   /// height above z = 0 [m].
@@ -95,7 +95,7 @@ class RangeBearingModel {
   struct Placed {
     Vector<2> position;
     Matrix<2, 3> by_pose;
-    Matrix<2, 2> by_sighting;
+    Matrix<2, 2> by_observation;
   };
   /// Empty if range or bearing is missing.
   [[nodiscard]] std::optional<Placed> place(const Pose2& T_world_body, const RangeBearing& z) const;
@@ -111,7 +111,7 @@ class RangeBearingModel {
     }
     return covariance;
   }
-  [[nodiscard]] const Pose2& sensor_in_body() const { return sensor_in_body_; }
+  [[nodiscard]] const Pose2& T_body_sensor() const { return T_body_sensor_; }
 
  private:
   struct Observation {
@@ -121,12 +121,12 @@ class RangeBearingModel {
   };
   [[nodiscard]] std::optional<Observation> look(const Pose2& T_world_body,
                                                 const Vector<2>& landmark) const {
-    return look(T_world_body, sensor_in_body_, landmark);
+    return look(T_world_body, T_body_sensor_, landmark);
   }
   [[nodiscard]] static std::optional<Observation> look(const Pose2& T_world_body,
-                                                       const Pose2& sensor_in_body,
+                                                       const Pose2& T_body_sensor,
                                                        const Vector<2>& landmark) {
-    const Pose2 sensor = T_world_body * sensor_in_body;
+    const Pose2 sensor = T_world_body * T_body_sensor;
     const Vector<2> d = landmark - sensor.position();
     const Vector<2> arm = sensor.position() - T_world_body.position();
     const double squared = d.squaredNorm();
@@ -150,7 +150,7 @@ class RangeBearingModel {
 
   Matrix<2, 2> covariance_;
   double relative_variance_;
-  Pose2 sensor_in_body_;
+  Pose2 T_body_sensor_;
   double sensor_up_;
   double elevation_variance_;
 };
