@@ -11,6 +11,7 @@
 
 #include "estimators/health_tuning.hpp"
 #include "estimators/recipe.hpp"
+#include "locfuse/messages/reported_covariance.hpp"
 
 namespace locfuse {
 namespace {

@@ -12,8 +12,9 @@
 #include "locfuse/estimators/mcl_particle_filter.hpp"
 #include "locfuse/estimators/mcl_recipe.hpp"
 #include "locfuse/estimators/mcl_recovery.hpp"
-#include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/estimators/pose_estimate.hpp"
 #include "locfuse/filters/outcome.hpp"
+#include "locfuse/filters/particle_bins.hpp"
 #include "locfuse/filters/particles.hpp"
 
 namespace locfuse {
