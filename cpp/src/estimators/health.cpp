@@ -10,6 +10,7 @@
 #include <string>
 
 #include "estimators/recipe.hpp"
+#include "locfuse/messages/told_covariance.hpp"
 
 namespace locfuse {
 namespace {

@@ -271,7 +271,7 @@ Outcome LandmarkEkf::unexplained(const RangeBearing& z, std::vector<bool>& seen)
   return count(track, z, match.outcome);
 }
 
-/// The landmark with the least NIS among those in reach, tentative ones as well.
+/// The landmark with the smallest NIS among those in reach, tentative ones as well.
 LandmarkEkf::Match LandmarkEkf::nearest(const RangeBearing& z) const {
   Match match;
   for (std::size_t k = 0; k < tracks_.size(); ++k) {
@@ -409,7 +409,7 @@ PoseEstimate LandmarkEkf::estimate() const {
 PoseEstimate LandmarkEkf::estimate(Stamp stamp) const {
   internal::check_not_before(belief_.stamp, stamp);
   const PoseEstimate now = current();
-  // The landmarks do not move: the pose alone tells it, and its slot has the same id.
+  // The landmarks do not move: the pose is enough, and its slot has the same id.
   GaussianBelief body = GaussianBelief::of_pose(now.stamp, now.pose, now.covariance);
   internal::advance(*recipe_, odometry_, body_, body, stamp);
   return {body.stamp, body.pose(body_), Matrix<3, 3>(body.P)};

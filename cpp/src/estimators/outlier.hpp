@@ -14,10 +14,10 @@ namespace locfuse::internal {
 /// Log density of a message that may be anything within `span` [m], and any angle.
 inline double log_anything(const Range& /*z*/, double span) { return -std::log(span); }
 template <int N>
-double log_anything(const Matrix<N, N>& told, double span) {
+double log_anything(const Matrix<N, N>& covariance, double span) {
   double sum = 0.0;
   for (int axis = 0; axis < N; ++axis) {
-    if (!is_told<N>(told) || told(axis, axis) < kNotMeasured) {
+    if (!is_told<N>(covariance) || covariance(axis, axis) < kNotMeasured) {
       sum -= std::log(axis < 2 ? span : 2.0 * kPi);
     }
   }

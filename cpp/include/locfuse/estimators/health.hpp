@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/estimators/pose_estimate.hpp"
 #include "locfuse/filters/outcome.hpp"
 #include "locfuse/messages/message.hpp"
 

@@ -9,12 +9,24 @@
 
 #include "locfuse/estimators/health.hpp"
 #include "locfuse/estimators/held_motion.hpp"
-#include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/estimators/landmark_sight.hpp"
+#include "locfuse/estimators/pose_estimate.hpp"
+#include "locfuse/filters/clustering.hpp"
+#include "locfuse/filters/gate.hpp"
 #include "locfuse/filters/outcome.hpp"
+#include "locfuse/filters/particle_bins.hpp"
 #include "locfuse/filters/particles.hpp"
+#include "locfuse/filters/resampling.hpp"
 #include "locfuse/frontends/scan_matcher.hpp"
+#include "locfuse/messages/limits.hpp"
+#include "locfuse/messages/message.hpp"
 #include "locfuse/models/measurement/beam_model.hpp"
 #include "locfuse/models/measurement/likelihood_field.hpp"
+#include "locfuse/models/measurement/pose.hpp"
+#include "locfuse/models/measurement/position.hpp"
+#include "locfuse/models/measurement/range.hpp"
+#include "locfuse/models/measurement/range_bearing.hpp"
+#include "locfuse/models/motion/odometry.hpp"
 
 namespace locfuse {
 
