@@ -460,7 +460,7 @@ TEST(LandmarkEkf, an_unnamed_landmark_never_gets_a_name_that_is_taken) {
   EXPECT_EQ(ids, (std::vector<Id>{-5, -1, -20, -2}));
 }
 
-// One below the least of all numbers was to be the name of the next.
+// One below the smallest of all numbers was to be the name of the next.
 TEST(LandmarkEkf, any_number_is_a_name) {
   constexpr Id kLeast = std::numeric_limits<Id>::min();
   LandmarkEkf::Config config;

@@ -162,7 +162,7 @@ def test_configuration_holds_the_sides_of_a_tape() -> None:
     config.sides_m = sides
     assert ekf(config).sides.verdict == lf.Verdict.IGNORED  # none was fused yet
     config.sides_m = sides + 0.1
-    with pytest.raises(ValueError, match=r"sides_m tells .* from tag 1 to tag 2"):
+    with pytest.raises(ValueError, match=r"sides_m has .* from tag 1 to tag 2"):
         ekf(config)
     flat = [lf.Tag(i, [0.5 * i, 0.0, 0.0]) for i in range(3)]
     with pytest.raises(ValueError, match="line"):
