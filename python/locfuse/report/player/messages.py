@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from locfuse.eval.verdicts import source_rank
 from locfuse.report.player.parts import Part, table_part
-from locfuse.report.plot.text import VERDICT_LABELS, seconds
+from locfuse.report.text import VERDICT_LABELS, seconds
 from locfuse.types import FloatArray, RunResult
 
 # Columns of a log's table that tell where a message puts the robot.

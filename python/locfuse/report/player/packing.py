@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
+from locfuse.report.decimation import stride
+from locfuse.report.palette import BAND_SIGMAS, ELLIPSE_SIGMAS
 from locfuse.report.player.messages import messages_part
 from locfuse.report.player.parts import Part, encoded, encoded_bytes, shares, table_part
 from locfuse.report.player.world import world_of
-from locfuse.report.plot.errors import BAND_SIGMAS
-from locfuse.report.plot.path import ELLIPSE_SIGMAS
-from locfuse.report.plot.text import seconds, start_ns
-from locfuse.report.plot.thinning import stride
+from locfuse.report.text import seconds, start_ns
 from locfuse.types import NANOSECONDS, FloatArray, Frame, Health, Log, RunResult, Trajectory
 
 MOST_BYTES = 4_000_000  # of a packed run as JSON

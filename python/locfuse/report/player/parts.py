@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.report.plot.thinning import stride
+from locfuse.report.decimation import stride
 
 _NAMES = {"f8": "f64", "f4": "f32", "u4": "u32", "u2": "u16", "u1": "u8"}
 _GOLDEN = 0.6180339887498949

@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 import base64
-import io
+import struct
+import zlib
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from locfuse.types import FREE, OCCUPIED, UNKNOWN, Columns, GridMap, RunResult
 
@@ -65,9 +65,17 @@ def _png(grid: GridMap) -> str:
     grey = np.full(grid.cells.shape, 128, np.uint8)
     for cell, value in _GREY.items():
         grey[grid.cells == cell] = value
-    file = io.BytesIO()
-    Image.fromarray(grey[::-1]).save(file, format="png")
-    return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode("ascii")
+    height, width = grid.cells.shape
+    rows = np.pad(grey[::-1], ((0, 0), (1, 0)))  # each begins with its filter: none
+    png = b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in (
+            (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)),
+            (b"IDAT", zlib.compress(rows.tobytes(), 9)),
+            (b"IEND", b""),
+        )
+    )
+    return "data:image/png;base64," + base64.b64encode(png).decode("ascii")
 
 
 def _walls(result: RunResult) -> list[list[float]]:

@@ -11,6 +11,8 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from locfuse.eval.errors import errors_against
+from locfuse.report.decimation import keep_extremes
+from locfuse.report.palette import BAND_SIGMAS
 from locfuse.report.plot.style import (
     ESTIMATE,
     ESTIMATE_PALE,
@@ -22,11 +24,8 @@ from locfuse.report.plot.style import (
     time_axis,
     title,
 )
-from locfuse.report.plot.text import percent, seconds, start_ns
-from locfuse.report.plot.thinning import keep_extremes
+from locfuse.report.text import percent, seconds, start_ns
 from locfuse.types import FloatArray, RunResult
-
-BAND_SIGMAS = 3.0
 
 
 def plot_errors(result: RunResult) -> Figure | None:

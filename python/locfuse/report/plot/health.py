@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from locfuse.report.plot.style import ESTIMATE, MUTED, Handle, legend, panels, time_axis, title
-from locfuse.report.plot.text import percent, seconds, start_ns
+from locfuse.report.text import percent, seconds, start_ns
 from locfuse.types import FloatArray, RunResult
 
 STATE_COLORS = {

@@ -15,6 +15,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from locfuse.check.layout import Layout
+from locfuse.report.decimation import stride
 from locfuse.report.plot.labels import Label, join_same_spot, place_labels
 from locfuse.report.plot.style import (
     ANCHOR,
@@ -29,9 +30,8 @@ from locfuse.report.plot.style import (
     new_figure,
     title,
 )
-from locfuse.report.plot.text import short
-from locfuse.report.plot.thinning import stride
 from locfuse.report.plot.world import box_around, draw_map
+from locfuse.report.text import short
 
 _MOST_NAMED = 60
 _MOST_POINTS = 20000

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from locfuse.eval.consistency import band, share_in_band
 from locfuse.eval.verdicts import source_rank
+from locfuse.report.decimation import keep_cloud
 from locfuse.report.plot.style import (
     DASHED,
     ESTIMATE,
@@ -27,8 +28,7 @@ from locfuse.report.plot.style import (
     time_axis,
     title,
 )
-from locfuse.report.plot.text import VERDICT_LABELS, count, percent, seconds, start_ns
-from locfuse.report.plot.thinning import keep_cloud
+from locfuse.report.text import VERDICT_LABELS, count, percent, seconds, start_ns
 from locfuse.types import FloatArray, RunResult
 
 _MEAN_BINS = 60

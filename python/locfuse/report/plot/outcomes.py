@@ -24,7 +24,7 @@ from locfuse.report.plot.style import (
     sentence,
     time_axis,
 )
-from locfuse.report.plot.text import VERDICT_LABELS, count, percent, seconds, short, start_ns
+from locfuse.report.text import VERDICT_LABELS, count, percent, seconds, short, start_ns
 from locfuse.types import NANOSECONDS, FloatArray, RunResult, StampArray
 
 VERDICT_COLOURS = {

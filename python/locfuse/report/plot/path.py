@@ -13,6 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Ellipse, Patch
 
 from locfuse.eval.verdicts import SUSPECT_SHARE, MessageRow, message_rows
+from locfuse.report.decimation import evenly_along, stride
+from locfuse.report.palette import ELLIPSE_SIGMAS
 from locfuse.report.plot.labels import Label, join_same_spot, place_labels
 from locfuse.report.plot.style import (
     ANCHOR,
@@ -29,12 +31,9 @@ from locfuse.report.plot.style import (
     legend,
     new_figure,
 )
-from locfuse.report.plot.text import percent, short
-from locfuse.report.plot.thinning import evenly_along, stride
 from locfuse.report.plot.world import box_around, draw_map, drawable
+from locfuse.report.text import percent, short
 from locfuse.types import FloatArray, RunResult, Trajectory
-
-ELLIPSE_SIGMAS = 3.0
 
 _ELLIPSES = 30
 _MOST_PATH_POINTS = 20000

@@ -7,7 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from locfuse.report.plot.path import ELLIPSE_SIGMAS, draw_ellipse
+from locfuse.report.palette import ELLIPSE_SIGMAS
+from locfuse.report.plot.path import draw_ellipse
 from locfuse.report.plot.style import (
     ANCHOR,
     ESTIMATE,

@@ -14,20 +14,18 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from locfuse.report.palette import ANCHOR as ANCHOR
+from locfuse.report.palette import ESTIMATE as ESTIMATE
+from locfuse.report.palette import ESTIMATE_PALE as ESTIMATE_PALE
+from locfuse.report.palette import GRID as GRID
+from locfuse.report.palette import INK as INK
+from locfuse.report.palette import MEAN as MEAN
+from locfuse.report.palette import MUTED as MUTED
+from locfuse.report.palette import REJECTED as REJECTED
+from locfuse.report.palette import TRUTH as TRUTH
 from locfuse.types import FloatArray
 
 Handle: TypeAlias = Line2D | Patch
-
-# Okabe and Ito's palette: distinguishable with every common colour blindness.
-INK = "#222222"
-MUTED = "#6b6b6b"
-GRID = "#e4e4e4"
-ESTIMATE = "#0072B2"
-ESTIMATE_PALE = "#cfe3f1"
-TRUTH = "#222222"
-REJECTED = "#D55E00"
-ANCHOR = "#009E73"
-MEAN = "#222222"
 
 WIDTH_IN = 10.0
 DASHED = (0, (4, 2))

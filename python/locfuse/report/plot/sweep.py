@@ -17,6 +17,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
 
 from locfuse.eval.intervals import median_interval
 from locfuse.eval.scores import LEVELS
+from locfuse.report.decimation import keep_cloud
 from locfuse.report.plot.style import (
     ANCHOR,
     DASHED,
@@ -34,8 +35,7 @@ from locfuse.report.plot.style import (
     save,
     title,
 )
-from locfuse.report.plot.text import count, percent, short
-from locfuse.report.plot.thinning import keep_cloud
+from locfuse.report.text import count, percent, short
 from locfuse.sweep.summary import Group, calibration, groups_of, known, nees_band
 from locfuse.sweep.table import Trials
 from locfuse.sweep.vary import Axis

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from locfuse import cramer_rao
 from locfuse.check import Layout, check
 from locfuse.check.grid import known
 from locfuse.config.load import parse_config
+from locfuse.core import cramer_rao
 from locfuse.report import plot
 from locfuse.report.plot.style import ANCHOR, INK, REJECTED
 from locfuse.types import FREE, OCCUPIED, UNKNOWN, FloatArray, GridMap

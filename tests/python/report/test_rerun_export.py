@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from locfuse.config.load import parse_config
-from locfuse.report.plot.path import ELLIPSE_SIGMAS
-from locfuse.report.rerun import check_rerun, write_rerun
+from locfuse.report.palette import ELLIPSE_SIGMAS
+from locfuse.report.rerun_export import check_rerun, write_rerun
 from locfuse.run.run import run
 from locfuse.types import ConfigError, RunResult
 from support_runs import locfuse

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against, interpolate
+from locfuse.report.palette import ANCHOR, ELLIPSE_SIGMAS, ESTIMATE, MUTED, REJECTED, TRUTH
 from locfuse.report.player.messages import seen_of
-from locfuse.report.plot.path import ELLIPSE_SIGMAS
-from locfuse.report.plot.style import ANCHOR, ESTIMATE, MUTED, REJECTED, TRUTH
-from locfuse.report.plot.text import start_ns
+from locfuse.report.text import start_ns
 from locfuse.types import (
     ConfigError,
     FloatArray,

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from locfuse.report.plot.thinning import evenly_along, keep_cloud, keep_extremes, stride
+from locfuse.report.decimation import evenly_along, keep_cloud, keep_extremes, stride
 
 
 @pytest.mark.parametrize(("n", "most"), [(0, 5), (1, 5), (5, 5), (1000, 7)])
