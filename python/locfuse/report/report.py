@@ -24,15 +24,15 @@ from locfuse.eval.verdicts import (
 from locfuse.report.html_page import page, picture, table
 from locfuse.report.palette import BAND_SIGMAS, ELLIPSE_SIGMAS
 from locfuse.report.pictures import NO_PICTURES, has_matplotlib
-from locfuse.report.player import MOST_BYTES, pack, player_css, player_html, player_script
+from locfuse.report.player import MAX_BYTES, pack, player_css, player_html, player_script
 from locfuse.report.summary_cards import cards, counts_of
 from locfuse.report.text import VERDICT_LABELS, count, percent, start_ns
 from locfuse.types import NANOSECONDS, RunResult
 
 __all__ = ["write_report"]
 
-_MOST_STRETCHES = 8
-_MOST_PAGE_BYTES = 8_000_000  # so that it can be sent by mail
+_MAX_STRETCHES = 8
+_MAX_PAGE_BYTES = 8_000_000  # so that it can be sent by mail
 _PAGE_BYTES = 20_000  # of the head of the page and of the HTML around the player's data
 
 _CAPTIONS = {
@@ -156,7 +156,7 @@ def _draw(result: RunResult, out_dir: Path) -> dict[str, Path | None]:
 def _player(result: RunResult, others_bytes: int) -> str:
     """Return the player with as much of the run as the page has room for."""
     others_bytes += len((player_script() + player_css()).encode("utf-8")) + _PAGE_BYTES
-    packed = pack(result, most_bytes=min(MOST_BYTES, _MOST_PAGE_BYTES - others_bytes))
+    packed = pack(result, most_bytes=min(MAX_BYTES, _MAX_PAGE_BYTES - others_bytes))
     return player_html([packed])
 
 
@@ -277,7 +277,7 @@ def _sigmas(upper: str) -> str:
 def _stretches(row: MessageRow, origin_ns: int) -> str:
     """Return the longest stretches of rejections, in order of time."""
     stretches = rejected_stretches(row)
-    longest = sorted(stretches, key=lambda stretch: -stretch.messages)[:_MOST_STRETCHES]
+    longest = sorted(stretches, key=lambda stretch: -stretch.messages)[:_MAX_STRETCHES]
     texts = []
     for stretch in sorted(longest, key=lambda stretch: stretch.first_ns):
         first = (stretch.first_ns - origin_ns) / NANOSECONDS

@@ -12,7 +12,7 @@ from locfuse.eval.readiness import WRONG_M
 from locfuse.report.text import count, percent
 from locfuse.types import RunResult
 
-_LEAST_IN_BAND = 0.90  # of the stamps; below 95 %, as neighbouring stamps err alike
+_MIN_IN_BAND = 0.90  # share of stamps; below 95 %, as errors of neighbouring stamps correlate
 
 
 def cards(result: RunResult) -> str:
@@ -49,7 +49,7 @@ def _nees_card(metrics: Mapping[str, Any]) -> str:
     mean, dof = float(metrics["nees_mean"]), int(metrics["nees_dof"])
     share = float(metrics["nees_in_band"])
     low, high = band(dof)
-    if low <= mean <= high and share >= _LEAST_IN_BAND:
+    if low <= mean <= high and share >= _MIN_IN_BAND:
         verdict = '<span class="good">consistent</span>'
     elif mean > dof:
         verdict = '<span class="bad">over-confident</span>'

@@ -168,5 +168,5 @@ def test_without_the_package_one_sentence_says_how_to_get_it(
 
 
 def test_another_ending_is_refused() -> None:
-    with pytest.raises(ConfigError, match=r"out.mcap: a recording of rerun needs a name that ends"):
+    with pytest.raises(ConfigError, match=r"out.mcap: a rerun recording needs a name that ends"):
         check_rerun(Path("out.mcap"))

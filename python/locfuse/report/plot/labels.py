@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names beside marks in the picture of the path, placed so that they cover little."""
+"""Labels beside marks, placed so that they cover little."""
 
 from __future__ import annotations
 

@@ -17,8 +17,8 @@ from locfuse.report.plot.style import (
     DASHED,
     ESTIMATE,
     ESTIMATE_PALE,
+    MAX_POINTS,
     MEAN,
-    MOST_POINTS,
     MUTED,
     REJECTED,
     Handle,
@@ -88,7 +88,7 @@ def _draw(
         (gated, REJECTED, 3.0, 0.9, 3),
     ):
         rows = np.flatnonzero(chosen)
-        rows = rows[keep_cloud(nis[rows], MOST_POINTS)]
+        rows = rows[keep_cloud(nis[rows], MAX_POINTS)]
         axes.plot(
             time_s[rows],
             np.maximum(nis[rows], floor),

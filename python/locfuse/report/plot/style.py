@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the pictures have in common: colours, sizes, axes, legends, files."""
+"""What the pictures have in common: sizes, axes, legends, files."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ Handle: TypeAlias = Line2D | Patch
 
 WIDTH_IN = 10.0
 DASHED = (0, (4, 2))
-MOST_POINTS = 4000  # of a line or cloud; a picture is 1300 pixels wide
+MAX_POINTS = 4000  # of a line or cloud; a picture is 1300 pixels wide
 
 _DPI = 130
 
 
 def new_figure(height_in: float) -> Figure:
-    """Return an empty figure of the common width whose parts make room for one another."""
+    """Return an empty figure of the common width with a constrained layout."""
     figure = Figure(figsize=(WIDTH_IN, height_in), dpi=_DPI)
     figure.set_layout_engine("constrained", w_pad=0.1, h_pad=0.08)
     figure.set_facecolor("white")
@@ -44,7 +44,7 @@ def new_figure(height_in: float) -> Figure:
 
 
 def sentence(text: str) -> Figure:
-    """Return a figure that says why there is no picture."""
+    """Return a figure with a sentence instead of a picture."""
     figure = new_figure(1.2)
     figure.text(0.5, 0.5, text, ha="center", va="center", fontsize=11, color=MUTED)
     return figure
@@ -73,7 +73,7 @@ def dress(axes: Axes) -> None:
 
 
 def title(axes: Axes, text: str) -> None:
-    """Write the sentence above an axes, as it is: names may hold signs of formulas."""
+    """Write the title of an axes literally: names may contain signs of formulas."""
     axes.set_title(text, loc="left", fontsize=9, color=INK, parse_math=False)
 
 

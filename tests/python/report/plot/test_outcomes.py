@@ -67,8 +67,8 @@ def test_height_of_a_mark_is_the_rejected_share_and_never_vanishes() -> None:
 
 def test_a_silent_anchor_leaves_a_gap_and_a_steady_one_none() -> None:
     result = make_result(n=300, anchors=("A",))
-    heard = (np.arange(300) < 100) | (np.arange(300) >= 200)
-    outcomes = replace(result.outcomes, **{k: v[heard] for k, v in vars(result.outcomes).items()})
+    kept = (np.arange(300) < 100) | (np.arange(300) >= 200)
+    outcomes = replace(result.outcomes, **{k: v[kept] for k, v in vars(result.outcomes).items()})
     boxes = sorted(_bars(plot.plot_outcomes(replace(result, outcomes=outcomes)), ESTIMATE_PALE))
 
     gaps = [b[0] - a[1] for a, b in pairwise(boxes)]
