@@ -32,7 +32,7 @@ from locfuse.report.text import VERDICT_LABELS, count, percent, seconds, start_n
 from locfuse.types import FloatArray, RunResult
 
 _MEAN_BINS = 60
-_LEAST_PER_MEAN = 15
+_MIN_PER_MEAN = 15
 
 
 def plot_nis(result: RunResult) -> Figure:
@@ -120,7 +120,7 @@ def _dot(colour: str, label: str) -> Line2D:
 
 def _binned_mean(time_s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the mean of `values` in equal slices of time; empty slices give NaN, a gap."""
-    slices = min(_MEAN_BINS, len(values) // _LEAST_PER_MEAN)
+    slices = min(_MEAN_BINS, len(values) // _MIN_PER_MEAN)
     if slices < 2 or time_s.max() == time_s.min():
         return np.empty(0), np.empty(0)
     low, high = float(time_s.min()), float(time_s.max())

@@ -36,8 +36,8 @@ from locfuse.report.text import percent, short
 from locfuse.types import FloatArray, RunResult, Trajectory
 
 _ELLIPSES = 30
-_MOST_PATH_POINTS = 20000
-_MOST_NAMED = 60
+_MAX_PATH_POINTS = 20000
+_MAX_NAMED = 60
 
 
 def plot_path(result: RunResult) -> Figure:
@@ -144,9 +144,9 @@ def _places(result: RunResult, stem: str, name: str) -> dict[str, FloatArray]:
 def _draw_tracks(axes: Axes, estimate: Trajectory, truth: Trajectory | None) -> list[Handle]:
     handles: list[Handle] = []
     if truth is not None and len(truth):
-        line = truth.position[stride(len(truth), _MOST_PATH_POINTS)]
+        line = truth.position[stride(len(truth), _MAX_PATH_POINTS)]
         handles += axes.plot(*line.T, color=TRUTH, lw=1.2, ls=DASHED, label="truth", zorder=3)
-    line = estimate.position[stride(len(estimate), _MOST_PATH_POINTS)]
+    line = estimate.position[stride(len(estimate), _MAX_PATH_POINTS)]
     handles += axes.plot(*line.T, color=ESTIMATE, lw=1.5, label="estimate", zorder=4)
     if estimate.covariance is not None:
         handles.append(_draw_ellipses(axes, estimate.position, estimate.covariance))
@@ -187,7 +187,7 @@ def _draw_anchors(
         if name in suspects:
             text = f"{short(name)}: {percent(rows[name].rejected_share)} rejected"
             labels.append(Label(text, at, REJECTED))
-        elif len(anchors) <= _MOST_NAMED:
+        elif len(anchors) <= _MAX_NAMED:
             labels.append(Label(short(name), at, INK))
     suspect_label = f"anchor, at least {100 * SUSPECT_SHARE:.0f} % rejected"
     for chosen, colour, label in (
@@ -221,6 +221,6 @@ def _draw_landmarks(
         return []
     xy = np.array(list(landmarks.values()))
     handles += axes.plot(*xy.T, marker="D", markersize=5, color=MUTED, ls="none", label="landmark")
-    if len(landmarks) > _MOST_NAMED:
+    if len(landmarks) > _MAX_NAMED:
         return []
     return [Label(short(name), at, MUTED) for name, at in landmarks.items()]

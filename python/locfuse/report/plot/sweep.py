@@ -43,8 +43,8 @@ from locfuse.types import FloatArray
 
 ERRORS = (("position_rmse_m", "position RMSE [m]"), ("heading_rmse_deg", "heading RMSE [deg]"))
 CURVES = (ESTIMATE, REJECTED, ANCHOR, "#CC79A7", "#E69F00", INK, "#56B4E9", MUTED)
-MOST_CURVES = len(CURVES)  # of values with a curve each
-_MOST_TICKS = 12
+MAX_CURVES = len(CURVES)  # of values with a curve each
+_MAX_TICKS = 12
 _WIDE = 4.0  # ratio of errors from which their axis is logarithmic
 
 
@@ -116,7 +116,7 @@ def _key_axis(axes: Axes, axis: Axis, groups: Sequence[Group]) -> None:
     if axis.log:
         axes.set_xscale("log")
         _plain(axes.xaxis)
-    if axis.values and len(groups) <= _MOST_TICKS:
+    if axis.values and len(groups) <= _MAX_TICKS:
         axes.set_xticks([g.low for g in groups], [f"{g.low:.3g}" for g in groups])
         axes.xaxis.set_minor_locator(NullLocator())
 
@@ -232,7 +232,7 @@ def _curves(trials: Trials) -> tuple[list[tuple[str, Trials]], str]:
     """Return the trials of each curve with its label, and what the curves are split by."""
     for axis in trials.axes:
         groups = groups_of(trials, axis)
-        if axis.values and 1 < len(groups) <= MOST_CURVES:
+        if axis.values and 1 < len(groups) <= MAX_CURVES:
             named = [(group.label, trials.some(group.rows)) for group in groups]
             return [(text, some) for text, some in named if len(some)], f"by {axis.key}"
     return [("all trials", trials)], ""
@@ -299,7 +299,7 @@ def plot_calibration(trials: Trials) -> Figure | None:
     dress(axes)
     axes.plot([0, 1], [0, 1], color=MUTED, lw=1.0, ls=DASHED, zorder=1)
     handles: list[Handle] = [Line2D([], [], color=MUTED, lw=1.0, ls=DASHED, label="as it says")]
-    least = 0.4
+    lowest = 0.4
     for place, ((text, some), color) in enumerate(zip(curves, CURVES, strict=False)):
         points = calibration(some)
         if not points:
@@ -307,13 +307,13 @@ def plot_calibration(trials: Trials) -> Figure | None:
         level, share, low, high = (
             np.array([point[key] for point in points]) for key in ("level", "share", "low", "high")
         )
-        least = min(least, float(low.min()))
+        lowest = min(lowest, float(low.min()))
         level = level + 0.003 * (place - 0.5 * (len(curves) - 1))  # so that intervals are seen
         axes.errorbar(level, share, [share - low, high - share], fmt="o-", ms=4, lw=1.4, capsize=3,
                       color=color, zorder=3)  # fmt: skip
         handles.append(Line2D([], [], color=color, lw=1.4, marker="o", ms=4, label=short(text)))
     axes.set_xlim(0.45, 1.02)
-    axes.set_ylim(least - 0.03, 1.03)
+    axes.set_ylim(lowest - 0.03, 1.03)
     axes.set_xticks(LEVELS, [f"{100 * level:g}" for level in LEVELS])
     axes.yaxis.set_major_formatter(lambda value, place: f"{100 * value:g}")
     axes.set_xlabel("errors that should be inside [%]")
