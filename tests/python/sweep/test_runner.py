@@ -238,8 +238,11 @@ class Broken(Executor):
 
 
 def test_an_executor_that_is_gone_is_one_sentence(tmp_path: Path) -> None:
-    for error, said in ((BrokenExecutor("gone"), "is broken"), (CancelledError(), "gave its work")):
-        with pytest.raises(OSError, match=f"{said}.*run the same again to go on"):
+    for error, said in (
+        (BrokenExecutor("gone"), "is broken"),
+        (CancelledError(), "cancelled its work"),
+    ):
+        with pytest.raises(OSError, match=f"{said}.*run the same again to resume"):
             run_trials(short_room(), 3, executor=Broken(error), out=tmp_path)
 
 
