@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from locfuse.report.pictures import require_matplotlib
 from locfuse.types import ConfigError
 
 app = typer.Typer(add_completion=False)
@@ -44,6 +45,7 @@ def reproduce(
             "locfuse reproduce needs a checkout of locfuse, as its experiments are not installed; "
             "call it inside one"
         )
+    require_matplotlib()  # which the modules of the papers import
     if str(root) not in sys.path:
         sys.path.insert(0, str(root))
     command = importlib.import_module("papers.cli").reproduce_command

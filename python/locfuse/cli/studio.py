@@ -10,7 +10,7 @@ from urllib.parse import urlencode
 import typer
 
 from locfuse.cli.terminal import console
-from locfuse.studio.server import serve
+from locfuse.types import ConfigError
 
 app = typer.Typer(add_completion=False)
 
@@ -30,6 +30,13 @@ def studio(
     ] = None,
 ) -> None:
     """Draw a world in the browser and run estimators in it."""
+    try:
+        from locfuse.studio.server import serve
+    except ModuleNotFoundError as error:
+        raise ConfigError(
+            f"the studio needs the package {error.name!r}; pip install 'locfuse[studio]'"
+        ) from None
+
     name = f"[{host}]" if ":" in host else host
     query = f"/?{urlencode({'token': token})}" if token else "/"
 

@@ -11,6 +11,10 @@ INSTALL = "pip install 'locfuse[plots]'"
 NO_PICTURES = f"no pictures without matplotlib; to add them: {INSTALL}"
 
 
+class MissingMatplotlibError(ConfigError, ImportError):
+    """An import that needs matplotlib; also a ConfigError, which commands print as one sentence."""
+
+
 def has_matplotlib() -> bool:
     """Return whether matplotlib can be imported."""
     try:
@@ -21,6 +25,6 @@ def has_matplotlib() -> bool:
 
 
 def require_matplotlib() -> None:
-    """Raise ConfigError, naming the extra to install, if matplotlib cannot be imported."""
+    """Raise MissingMatplotlibError, naming the extra to install, if there is no matplotlib."""
     if not has_matplotlib():
-        raise ConfigError(f"drawing needs the package matplotlib: {INSTALL}")
+        raise MissingMatplotlibError(f"drawing needs the package matplotlib: {INSTALL}")

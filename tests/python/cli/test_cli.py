@@ -384,10 +384,19 @@ def test_check_and_sweep_without_matplotlib_say_how_to_add_pictures(
     assert not list(out.glob("*.png"))
 
 
+@pytest.mark.usefixtures("no_matplotlib")
+def test_reproduce_without_matplotlib_is_one_sentence() -> None:
+    assert "pip install 'locfuse[plots]'" in locfuse("reproduce", "ekim2020").sentence()
+
+
+@pytest.mark.parametrize("missing", ["nicegui", "starlette.types"])
 def test_the_studio_without_its_extra_is_one_sentence(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, missing: str
 ) -> None:
-    monkeypatch.setitem(sys.modules, "nicegui", None)
+    for name in [*sys.modules]:
+        if name.startswith("locfuse.studio"):
+            monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, missing, None)
     said = locfuse("studio", "--folder", tmp_path / "studio", "--port", 8699)
     assert "pip install 'locfuse[studio]'" in said.sentence()
 
