@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from locfuse import _core
+from locfuse.report.decimation import evenly_along
 from locfuse.report.plot.path import draw_ellipse
 from locfuse.report.plot.style import (
     ANCHOR,
@@ -26,7 +27,6 @@ from locfuse.report.plot.style import (
     new_figure,
     title,
 )
-from locfuse.report.plot.thinning import evenly_along
 from locfuse.report.plot.world import box_around, draw_map, drawable
 from locfuse.types import FloatArray, GridMap
 

@@ -130,9 +130,9 @@ def _scans_and_fixes(
 ) -> Iterator[tuple[_core.LaserScan, FloatArray, FloatArray, FloatArray]]:
     """Yield scan, true pose, and position and covariance from the ranges heard last before it."""
     anchors, ranges, height = epochs(log, next(iter(log.tags)))
-    heard_ns = np.unique(log["ranges"]["stamp_ns"])
+    received_ns = np.unique(log["ranges"]["stamp_ns"])
     fixes = _core.locate_batch(anchors, ranges, SIGMA_M, height=height, solver=solver)
     for scan, true in _scans_and_truth(log):
-        row = int(np.searchsorted(heard_ns, scan.stamp, side="right")) - 1
+        row = int(np.searchsorted(received_ns, scan.stamp, side="right")) - 1
         if row >= 0:
             yield scan, true, fixes.position[row], fixes.covariance[row]

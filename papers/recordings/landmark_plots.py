@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
 
-from locfuse.report.plot.path import ELLIPSE_SIGMAS
+from locfuse.report.palette import ELLIPSE_SIGMAS
 from locfuse.report.plot.style import ANCHOR, ESTIMATE, MUTED, dress, legend, new_figure
 from locfuse.types import FloatArray, Trajectory
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import locfuse as lf
+import locfuse.core as lf
 from locfuse.config.load import load_config, parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.run.messages import to_messages, truth_of

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-import locfuse as lf
+import locfuse.core as lf
 from locfuse.io.datasets import convert
 from locfuse.io.log_folder import read_log
 from locfuse.types import FloatArray, wrap_angle

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import locfuse as lf
+import locfuse.core as lf
 from locfuse.config.load import parse_config
 from locfuse.io.log_folder import read_log
 from locfuse.run.run import run

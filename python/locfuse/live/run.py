@@ -76,7 +76,7 @@ class LiveSource:
     Attributes
     ----------
     name : str
-    heard_ns, fused_ns : int
+    received_ns, fused_ns : int
         Stamps of the last message, and of the last that was fused (None if none was).
     accepted : float
         Share of the last messages that was fused.
@@ -87,7 +87,7 @@ class LiveSource:
     """
 
     name: str
-    heard_ns: int
+    received_ns: int
     fused_ns: int | None
     accepted: float
     residual: float
@@ -433,7 +433,7 @@ class LiveRun:
         ]  # fmt: skip
 
     @property
-    def heard_ns(self) -> int | None:
+    def received_ns(self) -> int | None:
         """Newest stamp heard, nanoseconds."""
         return self._heard_ns
 

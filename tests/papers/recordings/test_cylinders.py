@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import locfuse as lf
+import locfuse.core as lf
 from locfuse.types import NANOSECONDS, FloatArray, Log
 from papers.recordings import cylinders as on_cylinders
 from papers.recordings.cylinders import Drive, arena_drive, park_drive, poles_found

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-import locfuse as lf
+import locfuse.core as lf
 
 SECOND = 1_000_000_000
 BEACONS = lf.LandmarkMap([lf.Landmark(7, [4.0, 3.0], height=5.0)])

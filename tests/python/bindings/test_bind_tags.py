@@ -8,7 +8,7 @@ import copy
 import numpy as np
 import pytest
 
-import locfuse as lf
+import locfuse.core as lf
 
 SECOND = 1_000_000_000
 TAGS = [lf.Tag(1, [0.6, 0.0, 1.0]), lf.Tag(2, [-0.3, 0.4, 1.0]), lf.Tag(3, [-0.3, -0.2, 1.0])]

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import locfuse as lf
+import locfuse.core as lf
 from locfuse.config.load import parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.eval.consistency import band

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Thinning: fewer rows, and still first, last, extremes and proportions."""
+"""Decimation: fewer rows, and still first, last, extremes and proportions."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from locfuse.report.plot.thinning import evenly_along, keep_cloud, keep_extremes, stride
+from locfuse.report.decimation import evenly_along, keep_cloud, keep_extremes, stride
 
 
 @pytest.mark.parametrize(("n", "most"), [(0, 5), (1, 5), (5, 5), (1000, 7)])
@@ -27,14 +27,14 @@ def test_extremes_of_a_long_line_stay() -> None:
     assert {0, 4_321, 40_007, 49_999} <= set(rows.tolist())
 
 
-def test_thinning_a_cloud_keeps_each_of_three_anchors_that_take_turns() -> None:
+def test_decimating_a_cloud_keeps_each_of_three_anchors_that_take_turns() -> None:
     turns = np.tile([1.0, 2.0, 3.0], 20_000)
     kept = turns[keep_cloud(turns, 4000)]
     assert len(kept) == pytest.approx(4000, abs=50)
     assert np.array([np.mean(kept == v) for v in (1.0, 2.0, 3.0)]) == pytest.approx(1 / 3, abs=0.02)
 
 
-def test_thinning_a_cloud_keeps_its_highest_points() -> None:
+def test_decimating_a_cloud_keeps_its_highest_points() -> None:
     values = np.ones(60_000)
     highest = np.arange(7, 60_000, 3001)[:20]
     values[highest] = 100.0

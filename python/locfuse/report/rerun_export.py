@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run as a recording for rerun: every row of it, on one timeline of seconds since its start."""
+"""Exports a run for the rerun viewer: every row, on a timeline of seconds since the start."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against, interpolate
+from locfuse.report.palette import ANCHOR, ELLIPSE_SIGMAS, ESTIMATE, MUTED, REJECTED, TRUTH
 from locfuse.report.player.messages import seen_of
-from locfuse.report.plot.path import ELLIPSE_SIGMAS
-from locfuse.report.plot.style import ANCHOR, ESTIMATE, MUTED, REJECTED, TRUTH
-from locfuse.report.plot.text import start_ns
+from locfuse.report.text import start_ns
 from locfuse.types import (
     ConfigError,
     FloatArray,
@@ -28,25 +27,24 @@ from locfuse.types import (
 
 _SCAN = "#B0407F"
 _ARROW_M = 0.5
-_TURNED_DOWN = ("gated", "not_modelled", "implausible")
+_REJECTED_VERDICTS = ("gated", "not_modelled", "implausible")
 
 
 def check_rerun(path: Path) -> None:
-    """Refuse what cannot be written, before the work and not after it.
+    """Raise ConfigError before the work if the recording cannot be written.
 
     Raises
     ------
     ConfigError
-        If the path has another ending than ``.rrd``, or rerun is not installed: the text says how
-        to get it.
+        If the path does not end in ``.rrd``, or rerun is not installed.
     """
     if path.suffix.lower() != ".rrd":
-        raise ConfigError(f"{path}: a recording of rerun needs a name that ends in .rrd")
+        raise ConfigError(f"{path}: a rerun recording needs a name that ends in .rrd")
     _library()
 
 
 def write_rerun(result: RunResult, path: Path) -> Path:
-    """Write all of a run for the viewer of rerun.
+    """Write a run for the rerun viewer.
 
     Parameters
     ----------
@@ -54,7 +52,7 @@ def write_rerun(result: RunResult, path: Path) -> Path:
     path : Path
         Ends in ``.rrd``. Below ``world`` are map, anchors, landmarks, truth, estimate with its
         ellipse, scan, ranges and particles; ``nis``, ``health`` and ``error`` are curves and
-        ``messages`` tells what was turned down, and why.
+        ``messages`` lists the rejected ones with their reasons.
 
     Returns
     -------
@@ -100,20 +98,20 @@ def _library() -> Any:
 
 
 def _blueprint(rr: Any, result: RunResult) -> Any:
-    """Return how the viewer begins: the world at the left, curves and words at the right."""
+    """Return the initial layout of the viewer: world at the left, curves and texts at the right."""
     b = importlib.import_module("rerun.blueprint")
     curves = [b.TimeSeriesView(origin="nis", name="NIS")]
     if result.truth is not None:
         curves.insert(0, b.TimeSeriesView(origin="error", name="estimate minus truth"))
     if result.health is not None:
         curves.append(b.TimeSeriesView(origin="health", name="health"))
-    words = b.TextLogView(origin="messages", name="turned down")
+    words = b.TextLogView(origin="messages", name="rejected")
     return b.Blueprint(b.Horizontal(b.Spatial3DView(origin="world", name="world"),
                                     b.Vertical(*curves, words), column_shares=[3, 2]))  # fmt: skip
 
 
 class _Writer:
-    """Sends the parts of a run; `z` is 0 but for anchors, which stand where they stand."""
+    """Sends the parts of a run; z is 0 for everything but anchors and landmarks."""
 
     def __init__(self, rr: Any, stream: Any, origin_ns: int) -> None:
         self._rr = rr
@@ -177,7 +175,7 @@ class _Writer:
         ))  # fmt: skip
 
     def scans(self, log: Log, estimate: Trajectory) -> None:
-        """Send the ends of beams, as seen from the estimate."""
+        """Send the ends of beams, from the estimated pose of the laser."""
         laser, table = log.laser, log["scans"]
         assert laser is not None
         at, inside = interpolate(estimate, table["stamp_ns"])
@@ -218,10 +216,10 @@ class _Writer:
                 continue
             up = anchor[2] - np.array([height.get(tag, 0.0) for tag in outcomes.tag[rows].tolist()])
             radius = np.sqrt(np.maximum(seen[rows] ** 2 - up**2, 0.0))
-            colour = np.where(np.isin(outcomes.verdict[rows], _TURNED_DOWN)[:, None],
+            colour = np.where(np.isin(outcomes.verdict[rows], _REJECTED_VERDICTS)[:, None],
                               _rgb(REJECTED), _rgb(ANCHOR))  # fmt: skip
             entity = f"world/ranges/{self._part(name)}"
-            self._outlines(entity, None)  # what is static would hide the colours of each row
+            self._outlines(entity, None)  # static colours would hide those of the rows
             self._send(entity, outcomes.stamp_ns[rows], self._rr.Ellipsoids3D.columns(
                 centers=np.tile([anchor[0], anchor[1], 0.0], (len(rows), 1)),
                 half_sizes=_flat(np.column_stack([radius, radius])),
@@ -229,7 +227,7 @@ class _Writer:
             ))  # fmt: skip
 
     def nis(self, result: RunResult) -> None:
-        """Send NIS by source and degrees of freedom, with the band it should keep to."""
+        """Send NIS by source and degrees of freedom, with its 95 % band."""
         outcomes = result.outcomes
         compared = np.isfinite(outcomes.nis) & (outcomes.dof > 0)
         groups = set(zip(outcomes.source[compared].tolist(), outcomes.dof[compared].tolist(),
@@ -252,8 +250,8 @@ class _Writer:
         self._curve("health/within", health.stamp_ns, health.within)
         self._curve("health/wrong", health.stamp_ns, health.wrong)
         edge = np.concatenate([[True], health.state[1:] != health.state[:-1]])
-        told = zip(health.state[edge].tolist(), health.reason[edge].tolist(), strict=True)
-        texts = [f"{state.replace('_', ' ')}: {why}".removesuffix(": ") for state, why in told]
+        changes = zip(health.state[edge].tolist(), health.reason[edge].tolist(), strict=True)
+        texts = [f"{state.replace('_', ' ')}: {why}".removesuffix(": ") for state, why in changes]
         self._send("messages/health", health.stamp_ns[edge], self._rr.TextLog.columns(text=texts))
 
     def errors(self, result: RunResult) -> None:
@@ -266,10 +264,10 @@ class _Writer:
             self._curve(f"error/{name}", errors.stamp_ns, column)
 
     def messages(self, result: RunResult) -> None:
-        """Tell what was turned down, and why."""
+        """Send the rejected messages with their reasons."""
         outcomes = result.outcomes
         rows = np.flatnonzero(
-            np.isin(outcomes.verdict, _TURNED_DOWN) & (outcomes.source != "scans")
+            np.isin(outcomes.verdict, _REJECTED_VERDICTS) & (outcomes.source != "scans")
         )
         texts = [
             f"{outcomes.source[row]} {outcomes.anchor[row]}".strip() + f": {outcomes.reason[row]}"
@@ -294,7 +292,7 @@ class _Writer:
         sizes: NDArray[np.int64],
         colour: str,
     ) -> None:
-        """Send as many of the points at each stamp as its size says."""
+        """Send point clouds: `sizes` says how many of the points belong to each stamp."""
         self._stream.log(entity, self._rr.Points3D.from_fields(colors=_rgb(colour), radii=0.03),
                          static=True)  # fmt: skip
         columns = self._rr.Points3D.columns(positions=_flat(points)).partition(lengths=sizes)

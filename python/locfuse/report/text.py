@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers, names and times as people read them, the same in pictures and tables."""
+"""Numbers, names and times as text, the same in pictures and tables."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ def start_ns(result: RunResult) -> int:
 
 
 def seconds(stamp_ns: StampArray, origin_ns: int) -> FloatArray:
-    """Return seconds since `origin_ns`; differences first, as stamps do not fit a double."""
+    """Return seconds since `origin_ns`; subtracts first, as stamps in ns exceed a double."""
     return (stamp_ns - origin_ns) / float(NANOSECONDS)
 
 
 def percent(share: float) -> str:
-    """Return a share as text, never rounding something to nothing or to all."""
+    """Return a share as percent; never rounds to 0 or 100 % what is not."""
     if 0.0 < share < 0.001:
         return "<0.1 %"
     if 0.999 < share < 1.0:
@@ -53,10 +53,10 @@ def percent(share: float) -> str:
 
 
 def count(n: int) -> str:
-    """Return a number with its thousands set apart."""
+    """Return a number with thousands separators."""
     return f"{int(n):,}".replace(",", "\N{NARROW NO-BREAK SPACE}")
 
 
 def short(name: str) -> str:
-    """Return a name cut to what fits beside a mark."""
+    """Return a name, cut to the length that fits beside a marker."""
     return name if len(name) <= 24 else name[:23] + "…"

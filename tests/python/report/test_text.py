@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from locfuse.report.plot.text import count, percent, short, start_ns
+from locfuse.report.text import count, percent, short, start_ns
 from support_results import EPOCH_NS, make_result
 
 

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from locfuse.config.load import parse_config
-from locfuse.report.plot.path import ELLIPSE_SIGMAS
-from locfuse.report.rerun import check_rerun, write_rerun
+from locfuse.report.palette import ELLIPSE_SIGMAS
+from locfuse.report.rerun_export import check_rerun, write_rerun
 from locfuse.run.run import run
 from locfuse.types import ConfigError, RunResult
 from support_runs import locfuse
@@ -168,5 +168,5 @@ def test_without_the_package_one_sentence_says_how_to_get_it(
 
 
 def test_another_ending_is_refused() -> None:
-    with pytest.raises(ConfigError, match=r"out.mcap: a recording of rerun needs a name that ends"):
+    with pytest.raises(ConfigError, match=r"out.mcap: a rerun recording needs a name that ends"):
         check_rerun(Path("out.mcap"))
