@@ -11,16 +11,27 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from papers.page import FIVE, HEAD, OURS, PAPERS_IN_ORDER, Repeated, cells_of, read_rows, tell
-
 ROOT = Path(__file__).resolve().parent.parent
+sys.path[0] = str(ROOT)  # otherwise `papers` is this file
+
+from papers.page import (  # noqa: E402
+    FIVE,
+    HEAD,
+    OURS,
+    PAPERS_IN_ORDER,
+    Repeated,
+    cells_of,
+    judge,
+    read_rows,
+)
+
 ROWS, PAGE, README = ROOT / "docs/papers.json", ROOT / "docs/papers.md", ROOT / "README.md"
 BEGIN, END = "<!-- rows of the papers, by scripts/papers.py -->", "<!-- end of these rows -->"
 
 TOP = """# Five papers, repeated
 
 `locfuse reproduce all` writes this as one page with pictures, and `papers.json` beside it, of
-which `scripts/papers.py` makes these tables. Whether a machine gets the same tells
+which `scripts/papers.py` makes these tables. To check that a machine gets the same:
 `locfuse reproduce all --quick --compare docs/papers.json`.
 
 ![The page: the five papers, and what the first reports above our figures](images/papers_page.png)
@@ -64,7 +75,7 @@ def _overview(repeated: list[Repeated]) -> str:
     """Return how many claims of each paper are so here, and how many requirements are met."""
     rows = [["paper", "claims", "so here", "not so", "not run", "required", "met", "time"]]
     for one in repeated:
-        so = [told.so for told in tell(FIVE[one.paper], one.claims)[0]]
+        so = [claim.so for claim in judge(FIVE[one.paper], one.claims)[0]]
         met = [row["met"] for row in one.claims if row["required"] != "-"]
         rows.append([one.paper, str(len(so)), *(str(so.count(x)) for x in (True, False, None)),
                      str(len(met)), str(met.count(True)), f"{one.seconds:.0f} s"])  # fmt: skip
@@ -73,9 +84,9 @@ def _overview(repeated: list[Repeated]) -> str:
 
 def _rows_about(one: Repeated) -> list[list[str]]:
     """Return the claims of a paper, our rows below each, and our own rows last."""
-    told, own = tell(FIVE[one.paper], one.claims)
+    judged, own = judge(FIVE[one.paper], one.claims)
     rows = []
-    for of in told:
+    for of in judged:
         said = of.statement
         rows.append([f"**{of.heading}** ({said.where})", said.reports,
                      f"**{of.verdict}**", "", "", said.remark])  # fmt: skip

@@ -11,11 +11,11 @@ from typing import Any
 
 from locfuse import __version__
 from locfuse.types import ConfigError
-from papers.celan2017.statements import PAPER as CELAN2017
-from papers.ekim2020.statements import PAPER as EKIM2020
-from papers.gadau2022.statements import PAPER as GADAU2022
-from papers.wells.statements import PAPER as WELLS
-from papers.zhang.statements import PAPER as ZHANG
+from papers.celan2017.claims import PAPER as CELAN2017
+from papers.ekim2020.claims import PAPER as EKIM2020
+from papers.gadau2022.claims import PAPER as GADAU2022
+from papers.wells.claims import PAPER as WELLS
+from papers.zhang.claims import PAPER as ZHANG
 
 ROWS = "papers.json"
 PAPERS_IN_ORDER = (EKIM2020, WELLS, CELAN2017, GADAU2022, ZHANG)

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse import _core
-from locfuse.config.load import parse_config
 from locfuse.eval.errors import interpolate
 from locfuse.run.messages import truth_of
-from locfuse.run.run import load_log
 from locfuse.types import NANOSECONDS, FloatArray, Log, LogError, StampArray, Trajectory
 from papers.claims import Claim, Progress, absent, claims_of
+from papers.recorded import load_recording
+from papers.scores import rms
 
 
 @dataclass(frozen=True)
@@ -68,12 +68,12 @@ class Flight:
     gated: NDArray[np.bool_]
 
 
-def air_claims(configs: Path | None, progress: Progress) -> list[Claim]:
+def air_claims(progress: Progress, configs: Path | None) -> list[Claim]:
     """Return all rows; recordings lie beside the project, whose ready configurations are given."""
     return claims_of([partial(_recorded, configs, name) for name in RECORDINGS], progress)
 
 
-def recorded(configs: Path | None, recording: Recording) -> Log:
+def load_flight(configs: Path | None, recording: Recording) -> Log:
     """Return the log of a recording.
 
     Raises
@@ -81,11 +81,7 @@ def recorded(configs: Path | None, recording: Recording) -> Log:
     LogError
         If the recording is not there.
     """
-    if configs is None:
-        raise LogError("no examples/configs here")
-    origin = {"dataset": recording.dataset, "path": f"../../../shared/data/{recording.folder}",
-              "run": recording.run}  # fmt: skip
-    return load_log(parse_config({"log": origin}), configs, 0)
+    return load_recording(configs, recording.dataset, recording.folder, recording.run)[1]
 
 
 def filter_config() -> _core.AirEkfConfig:
@@ -155,7 +151,7 @@ def localize(
 
 
 def _start(log: Log) -> _core.AirEstimate:
-    heard = _all_heard(log)
+    heard = _all_received(log)
     place, heading, inside = true_at(log, heard)
     if len(place) == 0:
         raise LogError("there is no second in which all anchors were heard and the truth is known")
@@ -164,7 +160,7 @@ def _start(log: Log) -> _core.AirEstimate:
                              np.diag(np.square(START_SIGMA)))  # fmt: skip
 
 
-def _all_heard(log: Log) -> StampArray:
+def _all_received(log: Log) -> StampArray:
     """Return the stamps of ranges before which each anchor was heard within a second."""
     ranges, count = log["ranges"], len(log["anchors"]["anchor"])
     last: dict[str, int] = {}
@@ -200,15 +196,10 @@ def errors_of(flight: Flight, log: Log) -> tuple[FloatArray, FloatArray]:
     return error, nees
 
 
-def rms(errors: FloatArray) -> float:
-    """Return the root of the mean squared length of errors (n, d)."""
-    return float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
-
-
 def _recorded(configs: Path | None, name: str) -> Iterator[Claim]:
     key, what = f"air_{name.replace(' ', '_')}", f"{name} (real): "
     try:
-        log = recorded(configs, RECORDINGS[name])
+        log = load_flight(configs, RECORDINGS[name])
     except LogError as missing:
         yield absent(key, f"{what}position RMSE", str(missing))
         return

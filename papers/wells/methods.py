@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ours and the paper's, scan by scan."""
+"""Our filter and the paper's, scan by scan."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from locfuse.types import FloatArray
 from papers.wells.world import BEAM_RAD, CYLINDERS, RADIUS_M, SIGMA_BEAM_M, detector
 
 
-class Ours:
+class OurEkf:
     """Cylinders fitted, associated jointly, fused in a `PoseEkf` that learns how its gyro drifts.
 
     It is not told when wheels slip, and its noise does not follow: 5 cm per root of a metre, clean
@@ -51,7 +51,7 @@ class Ours:
         return self._ekf.estimate().covariance
 
 
-class Paper:
+class PaperEkf:
     """wells eq. 2 to 14: the position by a Kalman filter, the heading of the odometry."""
 
     def __init__(self, start: FloatArray) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated world of Zhang: what a robot hears of each iteration; docs/models/zhang.md."""
+"""The simulated world of Zhang and its messages, iteration by iteration; docs/models/zhang.md."""
 
 from __future__ import annotations
 

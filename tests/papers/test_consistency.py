@@ -11,14 +11,8 @@ from scipy.stats import binom
 
 import locfuse
 from locfuse.eval.consistency import PROBABILITY, band
-from papers.consistency import (
-    MCL_BAND,
-    SCENARIOS,
-    each_probability,
-    figures,
-    most_outside,
-)
-from papers.consistency.on_the_floor import mcl
+from papers.consistency.claims import MCL_BAND, SCENARIOS, each_probability, figures, max_outside
+from papers.consistency.planar_estimators import mcl
 from papers.consistency.sample import Sample
 
 SEEDS = 50
@@ -68,7 +62,7 @@ def test_all_figures_of_consistent_filters_are_inside_together_as_often_as_state
     low, high = band(1, 100, each_probability())
     all_inside = np.mean(np.all((means >= low) & (means <= high), axis=1))
     assert all_inside == pytest.approx(0.951, abs=0.012)
-    assert most_outside(family) == binom.ppf(0.999, family, 1.0 - PROBABILITY)
+    assert max_outside(family) == binom.ppf(0.999, family, 1.0 - PROBABILITY)
 
 
 def test_only_what_was_fused_counts() -> None:

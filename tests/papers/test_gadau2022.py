@@ -15,19 +15,11 @@ from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
 from locfuse.run.run import load_log, run
 from locfuse.types import FloatArray, RunResult
-from papers.gadau2022 import draw_pictures, gadau_claims, kidnapping, runs
-from papers.gadau2022.recognition import OFF_M, recognized
-from papers.gadau2022.runs import Mistake, Run, microsimulation, ray_simulation
-from papers.gadau2022.world import (
-    DISC_M,
-    DISCS,
-    PATHS,
-    RAY_PATHS,
-    SENSORS,
-    SPEEDS,
-    filter_config,
-    way_among,
-)
+from papers.gadau2022 import draw_figures, experiments, methods
+from papers.gadau2022.claims import gadau_claims
+from papers.gadau2022.experiments import OFF_M, Run, microsimulation, ray_simulation, recognized
+from papers.gadau2022.methods import Mistake, filter_config
+from papers.gadau2022.world import DISC_M, DISCS, PATHS, RAY_PATHS, SENSORS, SPEEDS, way_among
 from support_runs import CONFIGS
 
 
@@ -65,7 +57,7 @@ def test_noise_of_the_speed_lies_along_the_heading_also_where_robots_turn_in_pla
         config.odometry.sigma_longitudinal_per_sqrt_s = 0.0
         return config
 
-    monkeypatch.setattr(runs, "filter_config", as_wide_across)
+    monkeypatch.setattr(methods, "filter_config", as_wide_across)
     assert nees_of("star", 300) < low
 
 
@@ -260,21 +252,21 @@ def test_claims_tell_progress() -> None:
     assert len({claim.id for claim in claims}) == len(claims)
 
 
-@pytest.mark.parametrize("world", list(kidnapping.WORLDS))
+@pytest.mark.parametrize("world", list(experiments.WORLDS))
 def test_a_robot_that_was_carried_off_notices_and_finds_itself_again(world: str) -> None:
-    runs = [kidnapping.kidnap(world, seed) for seed in range(3)]
-    assert max(run.noticed_s() for run in runs) <= kidnapping.NOTICED_S
-    assert max(run.found_s() for run in runs) <= kidnapping.FOUND_S
+    runs = [experiments.kidnap(world, seed) for seed in range(3)]
+    assert max(run.noticed_s() for run in runs) <= experiments.NOTICED_S
+    assert max(run.found_s() for run in runs) <= experiments.FOUND_S
     assert sum(run.false_alarms() for run in runs) == 0
 
 
 def test_alone_a_filter_without_names_stays_lost_and_one_with_names_does_not() -> None:
     for seed in range(3):
-        run = kidnapping.kidnap("triangle", seed, beside=True)
+        run = experiments.kidnap("triangle", seed, beside=True)
         assert run.found_s(run.alone) == np.inf
-        assert run.found_s(run.named) <= kidnapping.FOUND_S
+        assert run.found_s(run.named) <= experiments.FOUND_S
         assert run.found_s() <= run.found_s(run.named)
-        without = kidnapping.kidnap("triangle", seed)
+        without = experiments.kidnap("triangle", seed)
         np.testing.assert_array_equal(run.found, without.found)  # those beside it change nothing
         assert without.named is None
 
@@ -294,12 +286,12 @@ def test_the_rule_of_the_paper_recognizes_discs_from_the_right_pose_and_half_bes
 
 
 def test_an_alarm_that_is_hard_of_hearing_shows() -> None:
-    run = kidnapping.kidnap("triangle", 0, probability_lost=1.0 - 1e-15)
-    assert run.noticed_s() > kidnapping.NOTICED_S
+    run = experiments.kidnap("triangle", 0, probability_lost=1.0 - 1e-15)
+    assert run.noticed_s() > experiments.NOTICED_S
 
 
 def test_pictures_are_drawn(tmp_path: Path) -> None:
-    paths = draw_pictures(tmp_path, 1)
+    paths = draw_figures(tmp_path)
     assert [path.stem for path in paths] == [
         "gadau_start", "gadau_sensors", "gadau_mistakes", "gadau_kidnapped", "gadau_rays"
     ]  # fmt: skip

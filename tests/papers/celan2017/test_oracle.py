@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from papers.celan2017.oracle import best_causal
+from papers.celan2017.methods import best_causal
 
 
 def test_white_noise_on_a_constant_averages_away() -> None:

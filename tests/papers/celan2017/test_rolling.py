@@ -9,15 +9,16 @@ import pytest
 from locfuse import _core
 from locfuse.eval.consistency import band
 from locfuse.types import FloatArray
-from papers.celan2017.antennas import Antennas, learn
-from papers.celan2017.rolling import (
+from papers.celan2017.methods import (
     SIGMA_SPEED_MPS,
     SIGMA_TURN_RADPS,
     SLIP_M,
     SPEED_MPS,
     SPEED_S,
     TURN_S,
+    Antennas,
     Rolling,
+    learn,
     rolled,
 )
 

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from locfuse import _core
-from papers.celan2017 import trolley as module
-from papers.celan2017.trolley import FOLDER, Trolley, by_fixes, follow, trolley, trolley_claims
+from papers.celan2017 import claims as module
+from papers.celan2017.claims import trolley_claims
+from papers.celan2017.trolley import FOLDER, Trolley, by_fixes, follow, trolley
 from support_runs import CONFIGS
 
 DATA = (CONFIGS / FOLDER).resolve()

@@ -16,7 +16,7 @@ from papers.celan2017.world import (
     CLEARANCE_M,
     DISTORTION_M,
     LAP_M,
-    LEAST_RANGES,
+    MIN_RANGES,
     OUTAGE_EVERY_S,
     OUTAGE_S,
     SIGMA_RANGE_M,
@@ -176,7 +176,7 @@ def test_walls_block_ranges_and_the_rtls_has_positions_where_it_hears_of_three(o
             told = [name in at_all.get((stamp, tag), set()) for stamp in uwb_ns.tolist()]
             np.testing.assert_array_equal(told, open_to)
     fixes = set(zip(of.fixes["stamp_ns"].tolist(), of.fixes["tag"].tolist(), strict=True))
-    assert fixes == {key for key, anchors in at_all.items() if len(anchors) >= LEAST_RANGES}
+    assert fixes == {key for key, anchors in at_all.items() if len(anchors) >= MIN_RANGES}
     assert {len(anchors) for anchors in at_all.values()} >= {1, 5}, "some through, some not"
 
 
