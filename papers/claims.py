@@ -42,7 +42,7 @@ def claim_of(
 
 
 def claims_of(parts: Sequence[Callable[[], Iterable[Claim]]], progress: Progress) -> list[Claim]:
-    """Return the rows of all parts, telling (parts done, parts in all)."""
+    """Return the rows of all parts, reporting (parts done, parts in all)."""
     claims: list[Claim] = []
     for done, part in enumerate(parts):
         progress(done, len(parts))
@@ -174,12 +174,12 @@ class Judged:
 def judge(paper: Paper, rows: Sequence[Row]) -> tuple[list[Judged], list[Row]]:
     """Return the statements of a paper with our rows, and the rows that no statement asks for."""
     by_id = {row["id"]: row for row in rows}
-    told = []
+    judged = []
     for number, statement in enumerate(paper.statements, start=1):
         found = [by_id[id] for id in statement.rows if id in by_id]
         medians = [row["ours_median"] for row in found]
         complete = len(found) == len(statement.rows) and None not in medians
         so = bool(statement.holds(*medians)) if complete else None
-        told.append(Judged(number, statement, found, so))
+        judged.append(Judged(number, statement, found, so))
     asked = {id for statement in paper.statements for id in statement.rows}
-    return told, [row for row in rows if row["id"] not in asked]
+    return judged, [row for row in rows if row["id"] not in asked]

@@ -32,7 +32,7 @@ from papers.page import (
 )
 from papers.reproduce import PAPERS
 
-SEEDS = 100  # of what is none of the five papers
+SEEDS = 100  # of all but the five papers
 ALL = Path("out/papers")  # where the page of all goes
 
 

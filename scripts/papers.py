@@ -127,7 +127,7 @@ def figure(values: Values, id: str, digits: int = 2) -> str:
 
 
 def between(values: Values, ids: list[str]) -> str:
-    """Return the least and the largest of several figures."""
+    """Return the minimum and the maximum of several figures."""
     found = sorted(values[id]["ours_median"] for id in ids)
     return f"{found[0]:.2g} to {found[-1]:.2g}"
 
@@ -180,7 +180,7 @@ def _eights(values: Values, seeds: int) -> list[str]:
 
 
 def _switch(values: Values, seeds: int) -> list[str]:
-    """Tell of the laser alone, for which a switch has nothing to do, and of the hall."""
+    """Return the row of the laser alone, where a switch has nothing to do, and of the hall."""
     theirs, without = (values[f"celan_{name}_end"]["paper"]
                        for name in ("covered_switch", "covered"))  # fmt: skip
     near = [figure(values, f"celan_{name}_room", 3) for name in ("hall_switch", "hall")]

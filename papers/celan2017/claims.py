@@ -158,7 +158,7 @@ PAPER = Paper(
         "celan_radios": "A lap by LiDAR, and what UWB says in its reach: close in the room with "
         "the anchors, off behind walls.",
         "celan_doubt": "The end of a lap through a wet hall, in the room with the anchors: "
-        "ellipses of two sigmas, and what each injection put in place of what.",
+        "ellipses of two sigmas, and estimates before and after each injection.",
         "celan_sigmas": "Standard deviations ahead and to the side over a lap; grey: in the room "
         "with the anchors.",
         "celan_eight": "22 s of an eight: truth, wheels, UWB, and three filters.",
@@ -174,7 +174,7 @@ def celan_claims(seeds: int, progress: Progress, configs: Path | None = None) ->
     seeds : int
         Laps, and rides.
     progress : callable
-        Told (laps done, laps in all).
+        Receives (laps done, laps in all).
     configs : Path, optional
         Folder of the ready configurations: recordings lie beside the project.
     """
@@ -382,11 +382,11 @@ def trolley_claims(configs: Path | None) -> Iterator[Claim]:
         return
     yield from oracle_claims(of, key, what)
     for rate_hz in RATES_HZ:
-        for told, by in WAYS:
-            off, nees = follow(of, by, told, rate_hz)
-            asked = rate_hz == 10 and (told, by) in ASKED
-            row = f"{key}_{by}_{told}_{rate_hz}"
-            text = f"{what}{told} at {rate_hz} Hz, {FILTER_NAMES[by]}: "
+        for given, by in WAYS:
+            off, nees = follow(of, by, given, rate_hz)
+            asked = rate_hz == 10 and (given, by) in ASKED
+            row = f"{key}_{by}_{given}_{rate_hz}"
+            text = f"{what}{given} at {rate_hz} Hz, {FILTER_NAMES[by]}: "
             rmse = float(np.sqrt(np.mean(np.sum(off[:, :2] ** 2, axis=1))))
             turn = float(np.rad2deg(np.sqrt(np.mean(wrap_angle(off[:, 2]) ** 2))))
             yield _row(row, f"{text}position RMSE", "m", rmse, LIMIT_M if asked else None)

@@ -44,7 +44,7 @@ class Setup:
     ----------
     text : str
     make : callable
-        Takes the lap, the pose it is told at the start, and a seed; returns an `Estimator`.
+        Takes the lap, the pose at the start, and a seed; returns an `Estimator`.
     cover : callable, optional
         Takes the lap and returns the covers of the laser.
     uwb : str
@@ -133,11 +133,11 @@ SETUPS: Mapping[str, Setup] = {
 
 def follow(lap: Lap, setup: Setup, seed: int) -> Run:
     """Replay a lap by a set-up."""
-    told = marked_start(lap, seed)
+    start = marked_start(lap, seed)
     given = list(messages(lap, setup))
     stamps, found = [], []
     begin = time.perf_counter()
-    estimator = setup.make(lap, told, seed)
+    estimator = setup.make(lap, start, seed)
     for is_scan, message in given:
         if not is_scan or setup.scans:
             estimator.on(message)

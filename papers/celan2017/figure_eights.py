@@ -53,7 +53,7 @@ class Ride:
     drive : Drive
     odometry : columns
     fixes : columns
-        As in `Lap`; those of a late RTLS carry the stamp at which they are told.
+        As in `Lap`; those of a late RTLS carry the stamp of their publication.
     """
 
     floor: Floor
@@ -64,7 +64,7 @@ class Ride:
 
 @cache
 def ride(seed: int, late_s: float = 0.0) -> Ride:
-    """Return a ride; an RTLS that is late tells where its tags were.
+    """Return a ride; an RTLS that is late reports where its tags were.
 
     Ranges have no offsets: the paper takes the bias of its RTLS off (section III.C).
     """
@@ -145,12 +145,12 @@ def _fused(of: Ride, ekf: _core.TagTriangleEkf | _core.PoseEkf) -> Trajectory:
     An increment takes effect where it begins, so a fix within it comes behind it and before the
     belief is carried to its end.
     """
-    heard = deque(tag_fixes(of.fixes))
+    waiting = deque(tag_fixes(of.fixes))
     found = []
     for u in increments(of.odometry):
         ekf.on(u)
-        while heard and heard[0].stamp <= u.stamp:
-            ekf.on(heard.popleft())
+        while waiting and waiting[0].stamp <= u.stamp:
+            ekf.on(waiting.popleft())
         ekf.advance_to(u.stamp)
         found.append(ekf.estimate(u.stamp))
     return _of_poses(found)

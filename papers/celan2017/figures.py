@@ -70,7 +70,7 @@ def _caption(name: str, run: Run) -> str:
 
 def _radios(of: Lap, runs: dict[str, Run]) -> Figure:
     fixes = np.array([[z.pose.x, z.pose.y] for z in tag_poses(of.fixes)])
-    track = Track(f"{SETUPS['lidar'].text}, and UWB where {MIN_RANGES} anchors are heard",
+    track = Track(f"{SETUPS['lidar'].text}, and UWB where {MIN_RANGES} anchors are received",
                   runs["lidar"].truth, runs["lidar"].estimate)  # fmt: skip
     return plot_radios(of.floor.map, _anchors(of), track, fixes)
 
@@ -217,7 +217,7 @@ def plot_uncertainty(grid: GridMap, anchors: FloatArray, tracks: Sequence[Track]
 
 
 def _injections(axes: Axes, injections: Sequence[_core.Injection]) -> list[Handle]:
-    """Draw what each injection put in place of what."""
+    """Draw the estimate before and after each injection."""
     handles: list[Handle] = []
     for one in injections:
         before, after = one.before.pose, one.after.pose

@@ -39,7 +39,7 @@ SIGMAS = {
     "sigma_heading_per_sqrt_rad": 0.05,
 }
 # The same for the filter of UWB, which is asked where they may spin: as on a floor that is wet.
-# Particles told that spread without need, and the switch acts in clean laps (docs/accuracy.md).
+# Particles with that noise spread needlessly: the switch acts in clean laps (docs/accuracy.md).
 SIGMAS_WET = SIGMAS | {
     "sigma_longitudinal_per_sqrt_m": 0.2,
     "sigma_heading_per_sqrt_m": 0.06,
@@ -48,7 +48,7 @@ SIGMAS_WET = SIGMAS | {
 SIGMA_UWB_M = 0.25  # of a range: its noise and what its calibration leaves
 # Of the switch, chosen on seeds 100 to 111: half a metre is not to be passed, and a pose through
 # walls, half a metre off, is better than none. Particles that are sure are never overruled, as in
-# the paper: UWB that comes back after minutes may be sure of a place across the floor.
+# the paper: UWB that comes back after minutes may be certain of a place across the floor.
 SWITCH = {
     "elsewhere_m": float(np.hypot(*SIZE_M)),
     "elsewhere_rad": np.pi,
@@ -84,16 +84,16 @@ class Wheels:
         return _core.PoseEstimate(self._stamp, self._pose, self._start.covariance)
 
 
-def sigmas(told: Mapping[str, float] = SIGMAS) -> _core.OdometryConfig:
+def sigmas(values: Mapping[str, float] = SIGMAS) -> _core.OdometryConfig:
     """Return the noise of the wheels as estimators know it."""
     config = _core.OdometryConfig()
-    for name, value in told.items():
+    for name, value in values.items():
         setattr(config, name, value)
     return config
 
 
 def mcl(lap: Lap, start: _core.PoseEstimate, seed: int) -> _core.Mcl:
-    """Return `Mcl` on the robot's map, at the pose that it is told."""
+    """Return `Mcl` on the robot's map, at a known pose."""
     config = _core.MclConfig()
     config.min_particles = config.max_particles = PARTICLES
     config.seed = seed
@@ -136,7 +136,7 @@ def covariance_bounds(
     stamp_ns : int64 array, shape (n,)
         Of the wheels, from the start on.
     fixes : columns
-        As in `Lap`, in order of time, told when they are measured.
+        As in `Lap`, in order of time, published when they are measured.
     sigma_start : (x, y, heading)
         Metres and radians.
 
@@ -194,7 +194,7 @@ def _turn(heading: float) -> FloatArray:
 
 
 def best_causal(found: FloatArray, truth: FloatArray, taps: int) -> float:
-    """Return the least RMSE of any weighing of a value with those before it.
+    """Return the minimum RMSE of any weighing of a value with those before it.
 
     Weights sum up to one, so that a constant stays one; they and an offset are fitted to the truth
     of the very series, which no filter can know: whatever is linear and looks no further back is
@@ -224,8 +224,8 @@ class Antennas:
     """What ranges read long by: b = c + k d + a cos(2 beta) + s sin(2 beta).
 
     d is the distance from tag to anchor, and beta the direction to the anchor in body. Antennas are
-    alike to both ends of their axis, so the first direction that matters is twice the angle; what
-    goes with the angle itself is no other than a tag elsewhere on the body.
+    symmetric about their axis, so the first direction that matters is twice the angle; a
+    term in the angle itself is the same as a tag elsewhere on the body.
 
     Attributes
     ----------
@@ -310,12 +310,12 @@ class Rolling:
     anchors : mapping of id to (x, y, z)
     tags : sequence of Tag
     antennas : Antennas, optional
-        Errors of the ranges that are told.
+        Errors of the ranges.
 
     Attributes
     ----------
     tails : NoiseShape
-        Of ranges: Cauchy's unless told otherwise.
+        Of ranges: Cauchy by default.
     """
 
     def __init__(

@@ -26,8 +26,8 @@ RATE_HZ = 100  # of the recording
 RATES_HZ = (RATE_HZ, 10, 1)  # as recorded, and decimated
 # Tags are read turned by this against the body's heading: it leaves the least scatter at rest.
 TURNS_RAD = np.arange(0.0, 0.21, 0.02)
-NOISE = 2.0  # of ranges that are told, over their scatter at rest: successive errors are alike
-# Nobody tells how it is pushed, at 0.4 m/s and up to 1 rad/s: a random walk as far and as much.
+NOISE = 2.0  # sigma of a range over its scatter at rest: successive errors are correlated
+# Its motion is not measured, at 0.4 m/s and up to 1 rad/s: a random walk as far and as much.
 WALK_M, WALK_RAD = 0.4, 0.5  # per root of a second
 SIGMA_START = (0.3, 0.3, 0.3)
 SETTLED_S = 5.0
@@ -172,7 +172,7 @@ def _epochs(
     return epochs, np.array([epoch[0].stamp for epoch in epochs], np.int64)
 
 
-# What is told of an epoch: its ranges, or positions of tags made of them ------------------
+# Messages of an epoch: its ranges, or positions of tags made of them ----------------------
 
 
 def by_ranges(of: Trolley, epoch: list[_core.Range]) -> list[_core.Range | _core.PositionFix]:
@@ -190,11 +190,11 @@ def by_fixes(of: Trolley, epoch: list[_core.Range]) -> list[_core.Range | _core.
     """Return the position of each tag by its ranges alone, as an RTLS does."""
     fixes: list[_core.Range | _core.PositionFix] = []
     for tag in of.tags:
-        heard = [z for z in epoch if z.tag == tag.id]
-        if len(heard) < 3:
+        received = [z for z in epoch if z.tag == tag.id]
+        if len(received) < 3:
             continue
-        found = _core.locate(np.array([of.places[z.anchor] for z in heard]),
-                             np.array([z.range for z in heard]), of.sigma_m,
+        found = _core.locate(np.array([of.places[z.anchor] for z in received]),
+                             np.array([z.range for z in received]), of.sigma_m,
                              height=float(tag.position[2]), loss="cauchy")  # fmt: skip
         if found.position is not None and found.covariance is not None:
             fixes.append(_core.PositionFix(epoch[0].stamp, found.position, found.covariance,
@@ -243,7 +243,7 @@ WAYS = (("ranges", "rigid"), ("ranges", "twelve"), ("ranges", "rolling"),
 ASKED = (("ranges", "rigid"), ("antennas", "rolling_antennas"))
 
 
-def follow(of: Trolley, by: str, told: str, rate_hz: int) -> tuple[FloatArray, FloatArray]:
+def follow(of: Trolley, by: str, given: str, rate_hz: int) -> tuple[FloatArray, FloatArray]:
     """Return errors (n, 3) of x, y [m] and heading [rad], and NEES, of every epoch once settled."""
     step = RATE_HZ // rate_hz
     assert of.truth.heading is not None
@@ -256,8 +256,8 @@ def follow(of: Trolley, by: str, told: str, rate_hz: int) -> tuple[FloatArray, F
         truth = _core.Pose2(x, y, float(of.truth.heading[k]))
         if ekf is None:
             ekf = FILTERS[by](of, _core.PoseEstimate(stamp, truth, np.diag(SIGMA_START) ** 2))
-        for message in MESSAGES[told](of, epoch):
-            ekf.on(message)  # type: ignore[arg-type]  # positions are told to two of them alone
+        for message in MESSAGES[given](of, epoch):
+            ekf.on(message)  # type: ignore[arg-type]  # only two of them take positions
         ekf.advance_to(stamp)
         if isinstance(ekf, _core.TagTriangleEkf):
             ekf.hold_sides()

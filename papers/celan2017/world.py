@@ -204,8 +204,8 @@ def lap(seed: int) -> Lap:
     scans_ns = sensors.stamps(LASER.rate_hz, duration_s)
     seen = laser.scans(drive, scans_ns, floor.true, LASER, for_laser)
     uwb_ns = sensors.stamps(UWB_HZ, duration_s)
-    told = radios(floor, drive, uwb_ns, for_ranges, for_offsets)
-    heard = with_faults(dict(zip(("ranges", "positions"), told, strict=True)),
+    measured = radios(floor, drive, uwb_ns, for_ranges, for_offsets)
+    received = with_faults(dict(zip(("ranges", "positions"), measured, strict=True)),
                         [(out, for_outages) for out in outages(duration_s, for_outages)],
                         World(drive, {}, {}, uwb_ns))  # fmt: skip
     odometry = wheels(drive, duration_s, for_odometry)
@@ -215,7 +215,7 @@ def lap(seed: int) -> Lap:
         tables={
             "odometry": odometry,
             "scans": seen,
-            "ranges": heard["ranges"],
+            "ranges": received["ranges"],
             "truth": sensors.truth(drive, stamp_ns),
             "anchors": {"anchor": np.array(list(floor.anchors)), "x_m": at[:, 0], "y_m": at[:, 1],
                         "z_m": at[:, 2]},
@@ -227,11 +227,11 @@ def lap(seed: int) -> Lap:
         description=f"Simulated: lap of celan2017, seed {seed}",
     )  # fmt: skip
     length_m = float(np.hypot(*np.diff(np.array(points), axis=0).T).sum())
-    return Lap(floor, drive, duration_s, length_m, log, heard["positions"])
+    return Lap(floor, drive, duration_s, length_m, log, received["positions"])
 
 
 def outages(duration_s: float, rng: np.random.Generator) -> list[Dropouts]:
-    """Return when the RTLS tells neither ranges nor positions, as faults of both."""
+    """Return when the RTLS reports neither ranges nor positions, as faults of both."""
     found, time_s = [], float(rng.exponential(OUTAGE_EVERY_S))
     while time_s < duration_s:
         end_s = time_s + float(rng.exponential(OUTAGE_S))
@@ -253,10 +253,10 @@ def wheels(drive: Drive, duration_s: float, rng: np.random.Generator) -> Columns
         turn_bias_radps=bias,
     )
     stamp_ns = sensors.stamps(ODOMETRY_HZ, duration_s)
-    told = {"odometry": sensors.odometry(drive, stamp_ns, sensor, rng)}
+    measured = {"odometry": sensors.odometry(drive, stamp_ns, sensor, rng)}
     wrong = WheelSlip(from_s=0.0, to_s=duration_s, translation_factor=1.0 + scale,
                       rotation_factor=1.0 + rotation)  # fmt: skip
-    return with_faults(told, [(wrong, rng)], World(drive, {}, {}, stamp_ns))["odometry"]
+    return with_faults(measured, [(wrong, rng)], World(drive, {}, {}, stamp_ns))["odometry"]
 
 
 def radios(
@@ -266,7 +266,7 @@ def radios(
     """Return the ranges of three tags to five anchors, and the positions the RTLS makes of them.
 
     A range has white noise, its anchor's offset, and is longer by a gamma distributed detour where
-    a wall of the floor is in the way; through `SILENT_WALLS` it is not heard, nor is any of a tag
+    a wall of the floor is in the way; through `SILENT_WALLS` none is received, nor any of a tag
     farther than `UWB_RANGE_M` from the master anchor. A position is the least squares one of its
     ranges, `MIN_RANGES` or more, to first order; the covariance that is stated with it knows of
     the noise alone.
@@ -291,14 +291,14 @@ def radios(
     shape = (NLOS_M / SIGMA_NLOS_M) ** 2
     detour = np.where(through > 0, for_noise.gamma(shape, NLOS_M / shape, distance.shape), 0.0)
     error = SIGMA_RANGE_M * for_noise.standard_normal(distance.shape) + offset + detour
-    heard = (through < SILENT_WALLS) & (distance[:, :, :1] <= UWB_RANGE_M)
+    received = (through < SILENT_WALLS) & (distance[:, :, :1] <= UWB_RANGE_M)
     names, anchors = np.array(list(TAGS)), np.array(list(floor.anchors))
-    epoch, which, of = np.nonzero(heard)
+    epoch, which, of = np.nonzero(received)
     ranges = {"stamp_ns": stamp_ns[epoch], "tag": names[which], "anchor": anchors[of],
-              "range_m": np.maximum((distance + error)[heard], 0.0)}  # fmt: skip
-    located = heard.sum(axis=2) >= MIN_RANGES
+              "range_m": np.maximum((distance + error)[received], 0.0)}  # fmt: skip
+    located = received.sum(axis=2) >= MIN_RANGES
     epoch, which = np.nonzero(located)
-    H = (off[..., :2] / distance[..., None] * heard[..., None])[located]  # k, anchors, 2
+    H = (off[..., :2] / distance[..., None] * received[..., None])[located]  # k, anchors, 2
     P = np.linalg.inv(H.swapaxes(1, 2) @ H)
     shift = (P @ H.swapaxes(1, 2) @ error[located][..., None])[..., 0]
     at = tag[located][:, :2] + shift
@@ -308,7 +308,7 @@ def radios(
 
 
 BLIND_S, SEEN_S = 180.0, 20.0  # with nothing in sight, and thereafter until the end of the lap
-SPIN_WAY, SPIN_TURN = 1.25, 1.1  # what wheels tell there over what is driven
+SPIN_WAY, SPIN_TURN = 1.25, 1.1  # reported by the wheels there over what is driven
 
 
 def radios_known(lap: Lap) -> tuple[_core.AnchorMap, list[_core.Tag]]:
@@ -331,7 +331,7 @@ def hall(lap: Lap) -> tuple[Covered, ...]:
 
 
 def spinning(lap: Lap) -> Columns:
-    """Return what the wheels tell where they spin in that hall, as on a floor that is wet."""
+    """Return the odometry of wheels that spin in that hall, as on a floor that is wet."""
     end_s = lap.duration_s - SEEN_S
     slip = WheelSlip(from_s=end_s - BLIND_S, to_s=end_s, translation_factor=SPIN_WAY,
                      rotation_factor=SPIN_TURN)  # fmt: skip
@@ -380,11 +380,11 @@ def tag_fixes(fixes: Columns) -> Iterator[_core.PositionFix]:
 
 
 def tag_poses(fixes: Columns) -> Iterator[_core.PoseObservation]:
-    """Yield the pose that fits the positions of all three tags best, wherever all are heard."""
+    """Yield the pose that fits the positions of all three tags best, wherever all are received."""
     stamps, count = np.unique(fixes["stamp_ns"], return_counts=True)
-    heard = set(stamps[count == len(TAGS)].tolist())
+    received = set(stamps[count == len(TAGS)].tolist())
     arms = {k: at[:2] for k, at in enumerate(TAGS.values())}
-    every = (z for z in tag_fixes(fixes) if z.stamp in heard)
+    every = (z for z in tag_fixes(fixes) if z.stamp in received)
     for stamp, together in groupby(every, key=lambda z: z.stamp):
         epoch = list(together)
         fit = _core.rigid_fit(np.array([arms[z.tag] for z in epoch if z.tag is not None]),

@@ -31,18 +31,18 @@ SIGMA_FIX, SIGMA_WHEELS = 0.15, 0.02
 RIDE_S, FOUND_S = 60.0, 20.0  # its heading is found by then
 
 
-def air_ekf(motion: _core.AirMotion, seed: int, told: float) -> Sample:
-    """Fly ten seconds by what is told of the motion, or by nothing."""
+def air_ekf(motion: _core.AirMotion, seed: int, factor: float) -> Sample:
+    """Fly ten seconds by odometry, or at constant velocity without any."""
     rng = np.random.default_rng(seed)
     start = np.array([2.0, -1.0, 0.4, 3.0])
     state = start + SIGMA_START * rng.standard_normal(4)
     speed = np.array([SIGMA_SPEED, SIGMA_SPEED, SIGMA_CLIMB]) * rng.standard_normal(3)
-    told_start = _core.AirEstimate(0, _core.Pose2(*start[:3].tolist()), start[3],
-                                   np.diag(np.square(told * SIGMA_START)))  # fmt: skip
+    prior = _core.AirEstimate(0, _core.Pose2(*start[:3].tolist()), start[3],
+                                   np.diag(np.square(factor * SIGMA_START)))  # fmt: skip
     anchors = _core.AnchorMap([_core.Anchor(i, list(at)) for i, at in enumerate(CORNERS)])
     sight = _core.LandmarkSight(_core.LandmarkMap(
         [_core.Landmark(i, [x, y], height=z) for i, (x, y, z) in enumerate(BEACONS)]))  # fmt: skip
-    ekf = _core.AirEkf(_air_config(motion, told), anchors, [_core.Tag(0, list(LEVER))], told_start,
+    ekf = _core.AirEkf(_air_config(motion, factor), anchors, [_core.Tag(0, list(LEVER))], prior,
                        sight)  # fmt: skip
     sample = Sample()
     for step in range(1, round(FLIGHT_S / STEP_S) + 1):
@@ -52,7 +52,7 @@ def air_ekf(motion: _core.AirMotion, seed: int, told: float) -> Sample:
             ekf.on(_core.Increment(begin, end, increment), climb)
         else:
             _drifted(rng, state, speed)
-        for source, message in _measured(rng, state, step, end, told):
+        for source, message in _measured(rng, state, step, end, factor):
             sample.add(source, ekf.on(message))
     last = ekf.estimate()
     turned = _core.wrap_angle(state[2] - last.pose.heading)
@@ -63,31 +63,31 @@ def air_ekf(motion: _core.AirMotion, seed: int, told: float) -> Sample:
     return sample
 
 
-def _air_config(motion: _core.AirMotion, told: float) -> _core.AirEkfConfig:
+def _air_config(motion: _core.AirMotion, factor: float) -> _core.AirEkfConfig:
     config = _core.AirEkfConfig()
     config.motion = motion
-    config.odometry.sigma_longitudinal_per_sqrt_m = 0.03 * told
-    config.odometry.sigma_lateral_per_sqrt_m = 0.01 * told
-    config.odometry.sigma_heading_per_sqrt_m = 0.02 * told
-    config.odometry.sigma_heading_per_sqrt_rad = 0.03 * told
-    config.sigma_height_per_sqrt_s = 0.1 * told
-    config.constant_velocity.sigma_velocity_per_sqrt_s = 0.5 * told
-    config.constant_velocity.sigma_climb_per_sqrt_s = 0.3 * told
-    config.constant_velocity.sigma_heading_per_sqrt_s = 0.2 * told
-    config.sigma_start_velocity_mps = SIGMA_SPEED * told
-    config.sigma_start_climb_mps = SIGMA_CLIMB * told
-    config.range.sigma_m = 0.1 * told
-    config.landmark.sigma_range_m = 0.1 * told
-    config.landmark.sigma_bearing_rad = 0.02 * told
+    config.odometry.sigma_longitudinal_per_sqrt_m = 0.03 * factor
+    config.odometry.sigma_lateral_per_sqrt_m = 0.01 * factor
+    config.odometry.sigma_heading_per_sqrt_m = 0.02 * factor
+    config.odometry.sigma_heading_per_sqrt_rad = 0.03 * factor
+    config.sigma_height_per_sqrt_s = 0.1 * factor
+    config.constant_velocity.sigma_velocity_per_sqrt_s = 0.5 * factor
+    config.constant_velocity.sigma_climb_per_sqrt_s = 0.3 * factor
+    config.constant_velocity.sigma_heading_per_sqrt_s = 0.2 * factor
+    config.sigma_start_velocity_mps = SIGMA_SPEED * factor
+    config.sigma_start_climb_mps = SIGMA_CLIMB * factor
+    config.range.sigma_m = 0.1 * factor
+    config.landmark.sigma_range_m = 0.1 * factor
+    config.landmark.sigma_bearing_rad = 0.02 * factor
     config.landmark_in_space.sensor_up_m = 0.2
-    config.landmark_in_space.sigma_elevation_rad = 0.03 * told
+    config.landmark_in_space.sigma_elevation_rad = 0.03 * factor
     config.altitude.altimeter_up_m = 0.05
     config.gate_range = config.gate_altitude = config.gate_landmark = 1.0
     return config
 
 
 def _carried(rng: np.random.Generator, state: FloatArray, end: int) -> tuple[_core.Pose2, float]:
-    """Move as is told but for noise; return what is told, and the climb rate."""
+    """Move the state with noise; return the noisy odometry, and the climb rate."""
     ahead, turn = 0.04, 0.03
     climb = 0.4 * math.cos(0.3 * end / NANOSECONDS)
     state[0] += ahead * math.cos(state[2])
@@ -103,7 +103,7 @@ def _carried(rng: np.random.Generator, state: FloatArray, end: int) -> tuple[_co
 def _drifted(rng: np.random.Generator, state: FloatArray, speed: FloatArray) -> None:
     """Move by white acceleration; the heading walks."""
     sigma = np.array([0.5, 0.5, 0.3])
-    # Of what the kick to the velocity does within the step, half goes with it and the rest is new.
+    # Half of the kick's displacement within the step correlates with it, the rest is independent.
     kick = sigma * math.sqrt(STEP_S) * rng.standard_normal(3)
     rest = sigma * math.sqrt(STEP_S**3 / 12.0) * rng.standard_normal(3)
     state[[0, 1, 3]] += STEP_S * (speed + 0.5 * kick) + rest
@@ -112,7 +112,7 @@ def _drifted(rng: np.random.Generator, state: FloatArray, speed: FloatArray) -> 
 
 
 def _measured(
-    rng: np.random.Generator, state: FloatArray, step: int, end: int, told: float
+    rng: np.random.Generator, state: FloatArray, step: int, end: int, factor: float
 ) -> Iterator[tuple[str, AirMessage]]:
     """Yield ranges to all corners at 4 Hz, an altitude and sightings at 1 Hz."""
     x, y, heading, height = state.tolist()
@@ -124,7 +124,7 @@ def _measured(
         yield "ranges", _core.Range(end, 0, anchor, math.dist(tag, at) + rng.normal(0.0, 0.1))
     if step % 20 != 0:
         return
-    yield "altitudes", _core.Altitude(end, height + 0.05 + rng.normal(0.0, 0.2), 0.2 * told)
+    yield "altitudes", _core.Altitude(end, height + 0.05 + rng.normal(0.0, 0.2), 0.2 * factor)
     for landmark, (lx, ly, lz) in enumerate(BEACONS):
         dx, dy, dz = lx - x, ly - y, lz - (height + 0.2)
         along = math.hypot(dx, dy)
@@ -142,21 +142,21 @@ def _measured(
         )
 
 
-def tag_triangle_ekf(seed: int, told: float) -> Sample:
+def tag_triangle_ekf(seed: int, factor: float) -> Sample:
     """Drive a minute by the wheels and fixes of three tags."""
     rng = np.random.default_rng(seed)
     sigma = np.array([0.1, 0.1, 0.1])
     start = np.array([3.0, 4.0, 0.3])
     state = start + sigma * rng.standard_normal(3)
     config = _core.TagTriangleEkfConfig()
-    config.motion.sigma_velocity_per_sqrt_s = 0.1 * told
+    config.motion.sigma_velocity_per_sqrt_s = 0.1 * factor
     for name in ("sigma_forward_mps", "sigma_lateral_mps", "sigma_turn_rate_radps",
                  "sigma_point_mps"):  # fmt: skip
-        setattr(config.velocity, name, told * getattr(config.velocity, name))
+        setattr(config.velocity, name, factor * getattr(config.velocity, name))
     config.gate_position = config.gate_velocity = 1.0
     tags = [_core.Tag(10 + i, [*at, 1.0]) for i, at in enumerate(TRIANGLE)]
     ekf = _core.TagTriangleEkf(config, tags, _core.PoseEstimate(
-        0, _core.Pose2(*start.tolist()), np.diag(np.square(told * sigma))))  # fmt: skip
+        0, _core.Pose2(*start.tolist()), np.diag(np.square(factor * sigma))))  # fmt: skip
     sample, rate, now = Sample(), 7.5, 0
     for step in range(1, round(RIDE_S * rate) + 1):
         end = round(step / rate * NANOSECONDS)
@@ -172,7 +172,7 @@ def tag_triangle_ekf(seed: int, told: float) -> Sample:
         for tag, (ahead, left) in zip(tags, TRIANGLE, strict=True):
             at = state[:2] + [c * ahead - s * left, s * ahead + c * left]
             at += SIGMA_FIX * rng.standard_normal(2)
-            covariance = np.eye(2) * (told * SIGMA_FIX) ** 2
+            covariance = np.eye(2) * (factor * SIGMA_FIX) ** 2
             outcome = ekf.on(_core.PositionFix(end, at, covariance, tag=tag.id))
             if end > FOUND_S * NANOSECONDS:
                 sample.add("positions", outcome)

@@ -44,7 +44,7 @@ class Figure:
 
 
 def figures(
-    scenario: Callable[[int, float], Sample], seeds: int, told: float = 1.0
+    scenario: Callable[[int, float], Sample], seeds: int, factor: float = 1.0
 ) -> list[Figure]:
     """Return the figures of a scenario over seeds 0 to seeds - 1.
 
@@ -53,13 +53,12 @@ def figures(
     scenario : callable
         One of `SCENARIOS`.
     seeds : int
-    told : float
-        The filter is told of this many times the sigmas that there are: below 1 it is overconfident
-        and above it is timid.
+    factor : float
+        The filter uses the true sigmas times this: below 1 it is overconfident, above conservative.
     """
     sums: dict[str, Squared] = {}
     for seed in range(seeds):
-        sample = scenario(seed, told)
+        sample = scenario(seed, factor)
         for kind, found in (("NEES", sample.nees), ("NIS", sample.nis)):
             for name, (squared, components) in found.items():
                 total, so_far = sums.get(f"{kind} of {name}", (0.0, 0))
@@ -110,7 +109,7 @@ def _gated(
 
 
 def _not_gated(seeds: int) -> Iterator[Claim]:
-    """Return rows of what is not held to a band of chance."""
+    """Return rows that the family of bands does not cover."""
     low, high = MCL_BAND
     for figure in figures(mcl, seeds):
         gated = figure.what == "NEES of all"

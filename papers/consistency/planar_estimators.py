@@ -77,51 +77,51 @@ def config_of(scene: Mapping[str, Any], seed: int, calibration: Mapping[str, flo
     )
 
 
-def pose_ekf(scene: str, seed: int, told: float) -> Sample:
+def pose_ekf(scene: str, seed: int, factor: float) -> Sample:
     """Drive a scene of `SCENES`."""
-    return sample_of(_fused(config_of(SCENES[scene], seed, {}), told))
+    return sample_of(_fused(config_of(SCENES[scene], seed, {}), factor))
 
 
-def scale(seed: int, told: float) -> Sample:
-    """Learn by how much wheels tell too little, of way and of turns."""
+def scale(seed: int, factor: float) -> Sample:
+    """Estimate the scale errors of distance and turns."""
     of_way, of_turns = np.random.default_rng([seed, 2]).standard_normal(2) * SIGMA_SCALE
     slip = {"kind": "wheel_slip", "from_s": 0, "to_s": 20, "translation_factor": 1 / (1 + of_way),
             "rotation_factor": 1 / (1 + of_turns)}  # fmt: skip
     scene = {**SCENES["landmarks"], "faults": [slip]}
     learns = {"sigma_scale": SIGMA_SCALE, "sigma_turn_scale": SIGMA_SCALE}
-    result = _fused(config_of(scene, seed, learns), told)
+    result = _fused(config_of(scene, seed, learns), factor)
     return sample_of(result, {"scale": of_way, "turn scale": of_turns})
 
 
-def turn_bias(seed: int, told: float) -> Sample:
+def turn_bias(seed: int, factor: float) -> Sample:
     """Learn the bias of a gyro."""
     bias = float(np.random.default_rng([seed, 2]).standard_normal()) * SIGMA_TURN_BIAS
     scene = {**SCENES["landmarks"], "odometry": {"turn_bias_radps": bias}}
     learns = {"sigma_turn_bias_radps": SIGMA_TURN_BIAS}
-    return sample_of(_fused(config_of(scene, seed, learns), told), {"turn bias": bias})
+    return sample_of(_fused(config_of(scene, seed, learns), factor), {"turn bias": bias})
 
 
-def wandering(seed: int, told: float) -> Sample:
-    """Follow errors of ranges that are alike for seconds."""
+def wandering(seed: int, factor: float) -> Sample:
+    """Track range errors that stay correlated for seconds."""
     fault = {"kind": "wander", "sigma_m": 0.2, "correlation_s": 5.0}
     learns = {"sigma_anchor_offset_m": 0.2, "anchor_offset_correlation_s": 5.0}
     config = config_of({**SCENES["ranges"], "faults": [fault]}, seed, learns)
-    return sample_of(_fused(config, told))
+    return sample_of(_fused(config, factor))
 
 
-def start_from_nothing(seed: int, told: float) -> Sample:
+def start_from_nothing(seed: int, factor: float) -> Sample:
     """Find the start from ranges; the sample is of the start itself."""
     config = config_of(SCENES["ranges"], seed, {}).model_copy(update={"start": "auto"})
-    result = _fused(config, told)
+    result = _fused(config, factor)
     assert result.start is not None
     found = _core.PoseEstimate(result.start.stamp_ns, _core.Pose2(*result.start.pose.tolist()),
                                result.start.covariance)  # fmt: skip
     return Sample(pose_nees(_truth_at(result.truth, found.stamp), found))
 
 
-def recovering_ekf(seed: int, told: float) -> Sample:
+def recovering_ekf(seed: int, factor: float) -> Sample:
     """Start from nothing by itself and go on, message by message."""
-    config, log = _with_stated_sigmas(config_of(SCENES["ranges"], seed, {}), told)
+    config, log = _with_stated_sigmas(config_of(SCENES["ranges"], seed, {}), factor)
     messages = to_messages(log, config)
     settings = build_recovering_config(config)
     ekf = _core.RecoveringEkf(settings, *radios_of(log, messages, config))
@@ -136,10 +136,10 @@ def recovering_ekf(seed: int, told: float) -> Sample:
     return Sample(pose_nees(_truth_at(truth_of(log), last.stamp), last), sample.nis)
 
 
-def landmark_ekf(seed: int, told: float, heading_deg: float = 1.0) -> Sample:
+def landmark_ekf(seed: int, factor: float, heading_deg: float = 1.0) -> Sample:
     """Map four posts while localizing on them; the start's heading turns the whole map."""
     scene = {**SCENES["landmarks"], "odometry": {"output": "velocities"}}
-    config, log = _with_stated_sigmas(config_of(scene, seed, {}), told)
+    config, log = _with_stated_sigmas(config_of(scene, seed, {}), factor)
     start_sigma = StartSigma(xy_m=0.1, heading_deg=heading_deg)
     config = config.model_copy(update={"start_sigma": start_sigma})
     truth = truth_of(log)
@@ -151,7 +151,7 @@ def landmark_ekf(seed: int, told: float, heading_deg: float = 1.0) -> Sample:
     settings.landmark.sigma_bearing_rad = config.estimator.landmark.sigma_bearing_rad
     settings.gate_landmark = settings.gate_new = 1.0
     ekf = _core.LandmarkEkf(
-        settings, drawn_start(config, truth, to_messages(log, config), seed, told)
+        settings, drawn_start(config, truth, to_messages(log, config), seed, factor)
     )
     names = log["landmark_sightings"]["landmark"]
     ids = {str(name): row for row, name in enumerate(log["landmarks"]["landmark"])}
@@ -170,33 +170,33 @@ def landmark_ekf(seed: int, told: float, heading_deg: float = 1.0) -> Sample:
     return sample
 
 
-def mcl(seed: int, told: float) -> Sample:
+def mcl(seed: int, factor: float) -> Sample:
     """Track by particles on the map that the world was made of."""
     config, log = simulated(seed, **MCL)
     assert config.mcl is not None
-    config = config.model_copy(update={"mcl": with_sigmas_times(config.mcl, told)})
+    config = config.model_copy(update={"mcl": with_sigmas_times(config.mcl, factor)})
     return sample_of(run(config, log, start=drawn(log, seed)))
 
 
-def _fused(config: RunConfig, told: float) -> RunResult:
-    config, log = _with_stated_sigmas(config, told)
+def _fused(config: RunConfig, factor: float) -> RunResult:
+    config, log = _with_stated_sigmas(config, factor)
     truth = truth_of(log)
     assert truth is not None
     if config.start == "auto":
         return run(config, log)
-    start = drawn_start(config, truth, to_messages(log, config), config.seed, told)
+    start = drawn_start(config, truth, to_messages(log, config), config.seed, factor)
     return run(config, log, start=start)
 
 
-def _with_stated_sigmas(config: RunConfig, told: float) -> tuple[RunConfig, Log]:
-    """Return configuration and log with every sigma that the filter is told times `told`."""
+def _with_stated_sigmas(config: RunConfig, factor: float) -> tuple[RunConfig, Log]:
+    """Return configuration and log with every sigma that the filter uses times `factor`."""
     log = load_log(config, None, config.seed)
     tables = {
-        stem: {name: told * column if name.startswith("sigma_") else column
+        stem: {name: factor * column if name.startswith("sigma_") else column
                for name, column in table.items()}
         for stem, table in log.tables.items()
     }  # fmt: skip
-    estimator = with_sigmas_times(config.estimator, told)
+    estimator = with_sigmas_times(config.estimator, factor)
     return config.model_copy(update={"estimator": estimator}), replace(log, tables=tables)
 
 
@@ -230,7 +230,7 @@ def _truth_at(truth: Trajectory | None, stamp: int) -> FloatArray:
 
 def _in_order(log: Log) -> list[tuple[str, _core.Increment | _core.Range]]:
     """Return increments and ranges of one tag in the order in which they take effect."""
-    driven, heard = log["odometry"], log["ranges"]
+    driven, measured = log["odometry"], log["ranges"]
     ids = {str(name): row for row, name in enumerate(log["anchors"]["anchor"])}
     stamps = driven["stamp_ns"].tolist()
     found: list[tuple[int, str, _core.Increment | _core.Range]] = [
@@ -241,7 +241,7 @@ def _in_order(log: Log) -> list[tuple[str, _core.Increment | _core.Range]]:
     found += [
         (stamp, "ranges", _core.Range(stamp, 0, ids[anchor], distance))
         for stamp, anchor, distance in zip(
-            *(heard[name].tolist() for name in ("stamp_ns", "anchor", "range_m")), strict=True)
+            *(measured[name].tolist() for name in ("stamp_ns", "anchor", "range_m")), strict=True)
     ]  # fmt: skip
     found.sort(key=lambda entry: (entry[0], entry[1] == "odometry"))
     return [entry[1:] for entry in found]

@@ -59,13 +59,13 @@ def pose_nees(truth: FloatArray, estimate: _core.PoseEstimate) -> dict[str, Squa
     return nees_of(error, estimate.covariance, {"position": (0, 1), "heading": (2,)})
 
 
-def with_sigmas_times(model: Model, told: float) -> Model:
-    """Return a model of a configuration with every sigma in it times `told`."""
+def with_sigmas_times(model: Model, factor: float) -> Model:
+    """Return a model of a configuration with every sigma in it times `factor`."""
     changed: dict[str, Any] = {}
     for name in type(model).model_fields:
         value = getattr(model, name)
         if isinstance(value, BaseModel):
-            changed[name] = with_sigmas_times(value, told)
+            changed[name] = with_sigmas_times(value, factor)
         elif name.startswith("sigma_"):
-            changed[name] = told * value
+            changed[name] = factor * value
     return model.model_copy(update=changed)

@@ -67,7 +67,7 @@ PAPER = Paper(
     statements=(
         Statement(
             "2.2.1, eq. 13", "start position from squared ranges",
-            "SR-LS tells it, simply enough for a robot (no figure)",
+            "SR-LS gives it, simply enough for a robot (no figure)",
             tuple(f"start_{size}_srls_bound" for size in _SIZES),
             lambda *over_bound: max(over_bound) <= 1.25,
             "start_bound",
@@ -122,7 +122,7 @@ PAPER = Paper(
         ),
         Statement(
             "3.2, Fig. 9", "when AMCL gives no pose",
-            "the EKF goes on telling where the robot is (no figure)",
+            "the EKF continues to estimate the pose (no figure)",
             ("ieu_run3_rmse", "ieu_straight_rmse", "ieu_home_rmse", "office_rmse"),
             lambda *rmse: max(rmse[:3]) <= 0.03 and rmse[3] <= 0.15,
             remark="odometry and ranges alone: Gazebo runs of the paper's authors, a real office",
@@ -137,7 +137,7 @@ PAPER = Paper(
         "one scan; right, the one that is left once the robot has moved.",
         "start_searches": "Heading error of the search in steps of ten degrees and of ours, over "
         "the power-ups of the Gazebo recordings.",
-        "start_bad": "What a start that is told a wrong heading costs: by odometry alone, with "
+        "start_bad": "What a start with a wrong heading costs: by odometry alone, with "
         "ranges, and started from nothing.",
     },
 )  # fmt: skip
@@ -455,8 +455,8 @@ def auto_claims(configs: Path) -> Iterator[Claim]:
             yield absent(key, text, str(error))
             continue
         auto = run(config.model_copy(update={"start": "auto"}), log)
-        told = run(config, log)
+        known = run(config, log)
         assert auto.start is not None
-        ratio = final_rmse(auto) / final_rmse(told)
+        ratio = final_rmse(auto) / final_rmse(known)
         yield Claim(key, text, "1", None, ratio, ratio, ratio, "<= 1.05", ratio <= 1.05,
                     f"ready after {auto.start.seconds:.2f} s")  # fmt: skip

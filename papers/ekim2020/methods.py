@@ -40,7 +40,7 @@ class PowerUps:
 
 
 def power_ups(log: Log, config: RunConfig, within_m: float, within_deg: float) -> PowerUps:
-    """Start anew at every scan, from the ranges heard last before it and the scan alone."""
+    """Start anew at every scan, from the last ranges before it and the scan alone."""
     return judged(power_up_states(log, config), log, within_m, within_deg)
 
 
@@ -128,12 +128,12 @@ def ten_degree_errors(log: Log) -> FloatArray:
 def _scans_and_fixes(
     log: Log, solver: str
 ) -> Iterator[tuple[_core.LaserScan, FloatArray, FloatArray, FloatArray]]:
-    """Yield scan, true pose, and position and covariance from the ranges heard last before it."""
+    """Yield scan, true pose, and position and covariance from the last ranges before it."""
     anchors, ranges, height = epochs(log, next(iter(log.tags)))
-    heard_ns = np.unique(log["ranges"]["stamp_ns"])
+    range_ns = np.unique(log["ranges"]["stamp_ns"])
     fixes = _core.locate_batch(anchors, ranges, SIGMA_M, height=height, solver=solver)
     for scan, true in _scans_and_truth(log):
-        row = int(np.searchsorted(heard_ns, scan.stamp, side="right")) - 1
+        row = int(np.searchsorted(range_ns, scan.stamp, side="right")) - 1
         if row >= 0:
             yield scan, true, fixes.position[row], fixes.covariance[row]
 
@@ -183,11 +183,11 @@ def linearized_at_truth(config: RunConfig, log: Log, start: _core.PoseEstimate) 
         if k > 0:
             before = true_poses[at[previous]]
             driven = before.inverse() * here
-            told = _core.Pose2(odometry["dx_m"][k], odometry["dy_m"][k],
+            measured = _core.Pose2(odometry["dx_m"][k], odometry["dy_m"][k],
                                odometry["dheading_rad"][k])  # fmt: skip
             step = motion.propagate(before, driven, 0.0)
-            told_step = motion.propagate(before, told, 0.0)
-            e = step.jacobian @ e + _core.local(told_step.moved, step.moved)
+            measured_step = motion.propagate(before, measured, 0.0)
+            e = step.jacobian @ e + _core.local(measured_step.moved, step.moved)
             P = step.jacobian @ P @ step.jacobian.T + step.noise
         for row in range_rows.get(stamp, ()):
             z = _core.Range(stamp, 0, anchor_ids[str(log["ranges"]["anchor"][row])],

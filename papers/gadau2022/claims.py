@@ -78,7 +78,7 @@ PAPER = Paper(
             ("gadau_two", "gadau_two_time", "gadau_two_error"),
             lambda converges, after, error: converges < 50.0,
             "gadau_start",
-            "ranges and bearings of two tell the pose",
+            "ranges and bearings of two determine the pose",
         ),
         Statement(
             "IV.A.2; V", "three landmarks in a triangle, wrong start",
@@ -92,7 +92,7 @@ PAPER = Paper(
             "better than another arrangement of three",
             ("gadau_triangle_right_rmse", "gadau_line_right_rmse"),
             lambda triangle, line: triangle < 0.9 * line,
-            remark="taken as a tenth better; bearings tell the sides of a line apart",
+            remark="taken as a tenth better; bearings distinguish the sides of a line",
         ),
         Statement(
             "IV.A.2", "four landmarks in a square, near",
@@ -129,12 +129,12 @@ PAPER = Paper(
         ),
         Statement(
             "IV.A.4, Fig. 7; V", "carried off to another place",
-            "a Gaussian is sure to be where it was: the EKF does not find itself again",
+            "a Gaussian stays certain of where it was: the EKF does not find itself again",
             ("gadau_kidnapped_triangle_named", "gadau_kidnapped_triangle_named_after",
              "gadau_kidnapped_triangle_alone", "gadau_kidnapped_triangle_found"),
             lambda named, after, alone, ours: named < 50.0,
             "gadau_kidnapped",
-            "asked of the first row, a filter that is told which landmark is which and gates "
+            "asked of the first row, a filter that knows which landmark is which and gates "
             "nothing, as theirs: large residuals pull it over; without names it is lost for good, "
             "unless it notices",
         ),
@@ -193,7 +193,7 @@ PAPER = Paper(
         ),
         Statement(
             "V", "GPS against the laser",
-            "GPS gives the better estimate, as it tells the position itself",
+            "GPS gives the better estimate, as it measures the position itself",
             ("gadau_by_GPS_right_rmse", "gadau_by_laser_right_rmse",
              "gadau_by_GPS_as_good_as_the_laser_right_rmse",
              "gadau_by_laser_one_landmark_wrong_rmse"),
@@ -205,7 +205,7 @@ PAPER = Paper(
     ),
     captions={
         "gadau_start": "Error of the position after a start that is 2 m and 60 degrees wrong, for "
-        "each arrangement of landmarks: one alone does not tell the pose.",
+        "each arrangement of landmarks: one alone does not determine the pose.",
         "gadau_sensors": "One drive on a circle by GPS and by laser on three landmarks: the floor, "
         "and the errors of position and heading.",
         "gadau_mistakes": "Errors from the right start among four landmarks: ours, with the "
@@ -218,7 +218,7 @@ PAPER = Paper(
 )  # fmt: skip
 
 
-RIGHT = 5  # times as many right starts: of NEES, few seeds tell little
+RIGHT = 5  # times as many right starts: of NEES, few seeds show little
 
 # How the paper's rule for discs is fused.
 BY_RULE: dict[str, tuple[tuple[Mistake, ...], str]] = {

@@ -113,7 +113,7 @@ def microsimulation(
         ``range_row``, ``bearing_row``; ranges to the ``surface`` of discs of 30 cm taken for those
         to their centres.
     sensors : Sensors
-        The start, the drive and what odometry tells are the same with all of them.
+        The start, the drive and the odometry are the same with all of them.
     """
     rng = np.random.default_rng(seed)
     marks = np.array(LAYOUTS[layout], dtype=np.float64)

@@ -143,7 +143,7 @@ def plot_sensors(
     marks : float64 array, shape (m, 2)
         The landmarks.
     fixes : float64 array, shape (k, 2)
-        What GPS told.
+        Of the GPS.
     time_s : float64 array, shape (n,)
     truth : float64 array, shape (n, 3)
     found : mapping of name to float64 array, shape (n, 3)

@@ -14,7 +14,7 @@ from papers.health.scenarios import LIMIT_M, SCENARIOS, Drive, Scenario, drive, 
 from papers.health.solver_disagreement import solver_claims
 
 RISKS = (1e-2, 1e-3)
-# No filter can be right about noise that it is not told.
+# No filter can be right about noise that its settings leave out.
 UNMODELLED = ("wheels slip, and nobody knows", UNMODELLED_ON_MAP)
 
 
@@ -54,8 +54,8 @@ def _levels(key: str, what: str, drives: Sequence[Drive], risk: float | None) ->
     broken, available = beyond(drives)
     worst = float(broken.max())
     axis = ("x", "y", "heading")[int(broken.argmax())]
-    told = "0.01" if risk is None else f"{risk:g}"
-    yield Claim(f"{key}_beyond_{told}", f"{what}beyond the protection level of risk {told}", "1",
+    level = "0.01" if risk is None else f"{risk:g}"
+    yield Claim(f"{key}_beyond_{level}", f"{what}beyond the protection level of risk {level}", "1",
                 None, worst, float(broken.min()), worst,
                 "-" if risk is None else f"<= {risk:g}", risk is None or worst <= risk,
                 f"worst axis: {axis}; levels at {100 * available:.1f} % of the points")  # fmt: skip
@@ -64,13 +64,13 @@ def _levels(key: str, what: str, drives: Sequence[Drive], risk: float | None) ->
 def _together(
     key: str, what: str, scenarios: Mapping[str, Scenario], seeds: int, sets: list[Alarms]
 ) -> Iterator[Claim]:
-    """Judge the drives of all scenarios whose noise is told, and add their alarms to `sets`."""
-    told = [scenario for name, scenario in scenarios.items() if name not in UNMODELLED]
-    drives = [drive_in(scenario, seed, 0.01) for scenario in told for seed in range(seeds)]
+    """Judge the drives of all scenarios whose noise is modelled, and add their alarms to `sets`."""
+    modelled = [scenario for name, scenario in scenarios.items() if name not in UNMODELLED]
+    drives = [drive_in(scenario, seed, 0.01) for scenario in modelled for seed in range(seeds)]
     sets.append(alarms_of(drives))
     yield from _judged(key, what, sets[-1])
     for risk in RISKS:
-        of_risk = [drive_in(scenario, seed, risk) for scenario in told for seed in range(seeds)]
+        of_risk = [drive_in(scenario, seed, risk) for scenario in modelled for seed in range(seeds)]
         yield from _levels(key, f"{what}: ", of_risk, risk)
 
 

@@ -155,7 +155,7 @@ def _joined(before: Log, after: Log, cut: int, tables: Sequence[str]) -> Log:
 
 
 def _moved_anchor(seed: int) -> tuple[RunConfig, Log]:
-    """Move an anchor by 1.5 m after half a minute, without telling anybody."""
+    """Move an anchor by 1.5 m after half a minute, which the map does not show."""
     config = config_of()
     log = simulated(config, seed)
     moved = simulated(config_of(anchors={**ANCHORS, "NE": [9.0, 8.9, 0.0]}), seed)

@@ -78,13 +78,15 @@ def _of_drive(name: str, seed: int) -> Iterator[tuple[bool, bool, bool]]:
 
 def _epochs(log: Log) -> Iterator[tuple[int, FloatArray, FloatArray]]:
     """Yield stamp, anchors, shape (m, 2), and ranges, shape (m,), of a moment every `EVERY_S`."""
-    table, heard = log["anchors"], log["ranges"]
+    table, measured = log["anchors"], log["ranges"]
     place = dict(zip(table["anchor"].tolist(),
                      np.column_stack([table["x_m"], table["y_m"]]), strict=True))  # fmt: skip
-    stamps = heard["stamp_ns"]
+    stamps = measured["stamp_ns"]
     for begin in range(int(stamps[0]), int(stamps[-1]), round(EVERY_S * NANOSECONDS)):
         rows = slice(*np.searchsorted(stamps, [begin, begin + round(EPOCH_S * NANOSECONDS)]))
-        of = dict(zip(heard["anchor"][rows].tolist(), heard["range_m"][rows].tolist(), strict=True))
+        of = dict(
+            zip(measured["anchor"][rows].tolist(), measured["range_m"][rows].tolist(), strict=True)
+        )
         if len(of) >= MIN_RANGES:
             yield (int(stamps[rows][-1]), np.array([place[name] for name in of]),
                    np.array(list(of.values())))  # fmt: skip

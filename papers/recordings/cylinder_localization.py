@@ -44,7 +44,7 @@ FROM_POSE_M = 0.5  # a pole at 20 m, from a pose whose heading is off by a degre
 # The arena: no boxes are there; beams scatter by 1.5 cm about a circle, and are 6 mrad apart.
 ARENA_START = (1.850, 1.897, np.deg2rad(213.5))
 TO_CENTRE_M = 0.090  # the lectures add it to the mean range of a cylinder
-SIGMA_CAMERA_M = 0.001  # which tells millimetres
+SIGMA_CAMERA_M = 0.001  # which resolves millimetres
 ARENA_REQUIRED_M = 0.015
 
 
@@ -60,7 +60,7 @@ def load_drive(configs: Path | None, dataset: str) -> Log:
 
 @dataclass(frozen=True)
 class Drive:
-    """Positions beside those that a reference tells, which the estimator does not know.
+    """Positions and those of a reference, which the estimator does not use.
 
     Attributes
     ----------
@@ -247,12 +247,12 @@ def gps_of(log: Log) -> Trajectory:
 
 @dataclass(frozen=True)
 class Found:
-    """Counts over the scans that leave no doubt of the heading.
+    """Counts over the scans that determine the heading.
 
     Attributes
     ----------
     shown, found : int
-        Poles of which a beam tells tape within `NEAR_M`, and those of them that were found.
+        Poles whose tape a beam meets within `NEAR_M`, and those of them that were found.
     reported, false : int
         Cylinders found within `NEAR_M`, and those of them where no pole is.
     """
@@ -281,12 +281,12 @@ def poles_found(log: Log, config: _core.CylinderDetectorConfig = POLES) -> Found
         there = _turned(poles, eye, taped)
         if there is None:
             continue
-        told = [(c.range, c.bearing) for c in detector.detect(scan) if c.range < NEAR_M]
-        off = _distances(_ends(*np.array(told).reshape(-1, 2).T), there)
+        reported = [(c.range, c.bearing) for c in detector.detect(scan) if c.range < NEAR_M]
+        off = _distances(_ends(*np.array(reported).reshape(-1, 2).T), there)
         shown = _distances(taped, there).min(axis=0) < AT_POLE_M
         found = (off < AT_POLE_M).any(axis=0) & shown
         false = ~(off < AT_POLE_M).any(axis=1)
-        counts += [shown.sum(), found.sum(), len(told), false.sum()]
+        counts += [shown.sum(), found.sum(), len(reported), false.sum()]
     return Found(*counts.tolist())
 
 
@@ -315,8 +315,8 @@ def poles_in_view(log: Log, poses: list[_core.PoseEstimate]) -> NDArray[np.int64
         there = np.array([eye.act(pole) for pole in poles])
         distance, bearing = np.hypot(*there.T), np.arctan2(there[:, 1], there[:, 0])
         view = (distance < NEAR_M) & (np.abs(bearing) < IN_VIEW_RAD)
-        told = [(c.range, c.bearing) for c in detector.detect(scans[pose.stamp])]
-        off = _distances(_ends(*np.array(told).reshape(-1, 2).T), there[view])
+        reported = [(c.range, c.bearing) for c in detector.detect(scans[pose.stamp])]
+        off = _distances(_ends(*np.array(reported).reshape(-1, 2).T), there[view])
         found = (off < FROM_POSE_M).any(axis=0)
         ring = np.searchsorted(IN_VIEW_M, distance[view], side="right")
         np.add.at(counts, ring, np.column_stack([found, np.ones_like(found)]))
@@ -383,7 +383,7 @@ def _view_claims(key: str, what: str, counts: NDArray[np.int64]) -> Iterator[Cla
 def arena_config() -> _core.PoseEkfConfig:
     """Return the noise that the lectures have: 200 mm and 15 degrees, 0.35 of a way, 0.6 of a turn.
 
-    Each wheel errs by 0.35 of its way in each step, and by 0.6 of what the other goes further. As
+    Each wheel errs by 0.35 of its way in each step, and by 0.6 of the other's excess. As
     random walks, for its steps of 4 cm or 0.15 rad on wheels 173 mm apart.
     """
     way_m, turn_rad, apart_m = 0.04, 0.15, 0.173

@@ -26,9 +26,9 @@ from papers.recordings.cylinder_localization import cylinder_parts
 from papers.recordings.victoria_park import tree_parts
 from papers.scores import rms
 
-# A laser: its noise is twice what the publishers state, for errors of one tube stay alike for
-# seconds. That the robot travels askew is known of it; lasers sit where they were drawn to sit to a
-# centimetre or two, and tell late.
+# A laser: its noise is twice what the publishers state, for errors of one tube are correlated
+# for seconds. The robot is known to travel askew; lasers are mounted within a centimetre or two of
+# the drawing, and report late.
 TUBES = {
     "landmark": {"sigma_range_m": 0.060, "sigma_bearing_rad": 0.052},
     "calibration": {"sigma_direction_rad": 0.1, "sigma_sensor_m": 0.02, "sigma_delay_s": 0.1},
@@ -40,7 +40,7 @@ CAMERA = {
     "landmark": {"sigma_range_m": 0.1, "sigma_range_relative": 0.05, "sigma_bearing_rad": 0.02},
     "gate_landmark": 0.99999,
 }
-# Dataset, folder, run, what its estimator is told, required position RMSE [m].
+# Dataset, folder, run, sections of its estimator, required position RMSE [m].
 RECORDINGS: dict[str, tuple[str, str, str | None, dict[str, Any], float]] = {
     "tubes": ("utias_tubes", "utias-tubes", None, TUBES, 0.035),
     "MRCLAM robot 1": ("mrclam6", "mrclam6", "robot1", CAMERA, 0.20),
@@ -48,7 +48,7 @@ RECORDINGS: dict[str, tuple[str, str, str | None, dict[str, Any], float]] = {
     "MRCLAM robot 5": ("mrclam6", "mrclam6", "robot5", CAMERA, 0.20),
 }
 APART_S = 10.0  # errors of these recordings, so far apart, have nothing to do with each other
-# Small robots that turn on the spot, whose odometers tell the way well and the turn badly: by dead
+# Small robots that turn on the spot, whose odometers measure distance well and turns badly: by dead
 # reckoning the headings of MRCLAM's end 136, 94 and 61 degrees off after turning 46, 64 and 93 rad.
 WHEELS = {
     "sigma_longitudinal_per_sqrt_m": 0.05,
@@ -69,7 +69,7 @@ def landmark_claims(seeds: int, progress: Progress, configs: Path | None) -> lis
     seeds : int
         Runs of the simulated rows.
     progress : callable
-        Told (parts done, parts in all).
+        Receives (parts done, parts in all).
     """
     parts: list[Callable[[], Iterator[Claim]]] = [
         *(lambda names=names: _simulated(names, seeds) for names in ("named", "unnamed")),
@@ -126,7 +126,7 @@ def recorded(configs: Path, name: str) -> tuple[RunConfig, Log]:
 
 
 def _without_sigmas(log: Log) -> Log:
-    """Return the log with sightings whose noise is what the estimator is told."""
+    """Return the log with sightings whose noise is that of the estimator's configuration."""
     table = log["landmark_sightings"]
     plain = {key: table[key] for key in table if not key.startswith("sigma_")}
     return replace(log, tables={**log.tables, "landmark_sightings": plain})
@@ -193,10 +193,10 @@ def _recorded(configs: Path, name: str) -> Iterator[Claim]:
     assert truth is not None
     figures = run(config, log).metrics
     rmse = float(figures["position_rmse_m"])
-    nameless = without_names(log)
-    errors = errors_against(localize_jointly(config, nameless), truth)
+    unnamed_log = without_names(log)
+    errors = errors_against(localize_jointly(config, unnamed_log), truth)
     unnamed = rms(errors.position)
-    found, lost = localize_from_nothing(config, nameless)
+    found, lost = localize_from_nothing(config, unnamed_log)
     off = np.hypot(*errors_against(found, truth).position.T)
     for row, part, unit, value, required, met in (
         ("", "position RMSE", "m", rmse, f"<= {limit:g}", rmse <= limit),

@@ -76,7 +76,7 @@ def map_claims(seeds: int, progress: Progress, configs: Path | None) -> list[Cla
     seeds : int
         Runs per row of tracking and simulation.
     progress : callable
-        Told (parts done, parts in all).
+        Receives (parts done, parts in all).
     """
     parts: list[Callable[[], Iterator[Claim]]] = [
         lambda: _simulated(seeds),
@@ -237,7 +237,7 @@ def _found(configs: Path, name: str) -> Iterator[Claim]:
 def _rmse_once_ready(of: Localization, truth: Trajectory) -> float | None:
     """Return the RMSE of position [m] from where it is first called ready; None where it never is.
 
-    As of a run from a start that is told, without the first twentieth.
+    As of a run from a known start, without the first twentieth.
     """
     errors = errors_against(of.estimate, truth)
     ready = of.ready[errors.row]
@@ -330,7 +330,7 @@ def simulated(seed: int, **keys: Any) -> tuple[RunConfig, Log]:
 
 
 def warehouse(seed: int, *, ranges: bool) -> tuple[RunConfig, Log]:
-    """Return a warehouse of alike aisles, 30 x 24 m, searched from nothing, and its log.
+    """Return a warehouse of similar aisles, 30 x 24 m, searched from nothing, and its log.
 
     The laser sees 6 m; eight UWB anchors hang along the walls.
     """
@@ -358,7 +358,7 @@ def warehouse(seed: int, *, ranges: bool) -> tuple[RunConfig, Log]:
 
 
 def _aisles(seeds: int) -> Iterator[Claim]:
-    """Find the aisle among others that look alike: with ranges at once, without them honestly."""
+    """Find the aisle among similar ones: with ranges at once; without, never ready and wrong."""
     at_travel, wrong, found = [], [], []
     for seed in range(seeds):
         for ranges in (True, False):

@@ -100,8 +100,8 @@ def localize(
 ) -> Flight:
     """Localize by the ranges of a log, and by altitudes.
 
-    It starts at the truth as soon as every anchor was heard within a second: before, there are long
-    gaps in which a body may be anywhere.
+    It starts at the truth once every anchor has reported within a second: there are long
+    gaps before, in which a body may be anywhere.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def localize(
     altitudes : sequence of Altitude
         In order of their stamps.
     kept : bool array, shape (ranges,), optional
-        Which ranges the filter hears, all if None. At the stamps of the others it tells, too.
+        Which ranges the filter fuses, all if None. It estimates at the stamps of the others, too.
     """
     ranges, table = log["ranges"], log["anchors"]
     names = [str(name) for name in table["anchor"]]
@@ -141,27 +141,27 @@ def localize(
                             None if sigmas is None else float(sigmas[row]))  # fmt: skip
             gated[row] = ekf.on(z).verdict == _core.Verdict.GATED
         estimates[stamp] = ekf.estimate(stamp)
-    told = list(estimates.values())
+    found = list(estimates.values())
     return Flight(
         np.array(list(estimates)),
-        np.array([[e.pose.x, e.pose.y, e.height] for e in told]),
-        np.array([e.covariance[np.ix_([0, 1, 3], [0, 1, 3])] for e in told]),
+        np.array([[e.pose.x, e.pose.y, e.height] for e in found]),
+        np.array([e.covariance[np.ix_([0, 1, 3], [0, 1, 3])] for e in found]),
         gated,
     )
 
 
 def _start(log: Log) -> _core.AirEstimate:
-    heard = _all_received(log)
-    place, heading, inside = true_at(log, heard)
+    stamps = _all_received(log)
+    place, heading, inside = true_at(log, stamps)
     if len(place) == 0:
-        raise LogError("there is no second in which all anchors were heard and the truth is known")
+        raise LogError("there is no second in which all anchors reported and the truth is known")
     pose = _core.Pose2(float(place[0, 0]), float(place[0, 1]), float(heading[0]))
-    return _core.AirEstimate(int(heard[inside][0]), pose, float(place[0, 2]),
+    return _core.AirEstimate(int(stamps[inside][0]), pose, float(place[0, 2]),
                              np.diag(np.square(START_SIGMA)))  # fmt: skip
 
 
 def _all_received(log: Log) -> StampArray:
-    """Return the stamps of ranges before which each anchor was heard within a second."""
+    """Return the stamps of ranges before which each anchor reported within a second."""
     ranges, count = log["ranges"], len(log["anchors"]["anchor"])
     last: dict[str, int] = {}
     stamps = []
@@ -205,12 +205,12 @@ def _recorded(configs: Path | None, name: str) -> Iterator[Claim]:
         return
     flight = localize(log, float(np.mean(RECORDINGS[name].long)), filter_config())
     error, nees = errors_of(flight, log)
-    heard = log["ranges"]["stamp_ns"] >= flight.stamp_ns[0]
+    used = log["ranges"]["stamp_ns"] >= flight.stamp_ns[0]
     for row, part, unit, value in (
         ("", "position RMSE", "m", rms(error)),
         ("_horizontal", "horizontal RMSE", "m", rms(error[:, :2])),
         ("_height", "height RMSE", "m", rms(error[:, 2:])),
         ("_nees", "NEES of 3", "1", float(np.mean(nees))),
-        ("_gated", "ranges gated", "%", 100.0 * float(np.mean(flight.gated[heard]))),
+        ("_gated", "ranges gated", "%", 100.0 * float(np.mean(flight.gated[used]))),
     ):
         yield Claim(key + row, what + part, unit, None, value, value, value, "-", True)

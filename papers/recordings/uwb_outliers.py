@@ -31,7 +31,7 @@ from papers.recordings.uwb_3d import (
 from papers.scores import rms
 
 OUTLIER_M = 0.5  # from the median of its anchor: what the notes of the drone call gross
-FINE_M = 0.3  # likewise, of a sharper eye: three sigma of the filter's default
+FINE_M = 0.3  # the same, stricter: three sigma of the filter's default
 LARGEST_RATIO = 1.1
 OFFICE_M = 0.13
 ROOM_M, YARD_M = 3.0, 5.0  # half the width of where bodies move
@@ -52,8 +52,8 @@ class Case:
         From log and seed.
     drawn : bool
         Whether the seed makes a difference.
-    told : bool
-        Whether all this tells where the body is.
+    observable : bool
+        Whether these measurements determine the position.
     lost_m : float
         Who errs by more is lost [m].
     """
@@ -61,7 +61,7 @@ class Case:
     recording: Recording
     heights: Heights = lambda log, seed: ()
     drawn: bool = False
-    told: bool = True
+    observable: bool = True
     lost_m: float = ROOM_M
 
 
@@ -117,7 +117,7 @@ def altimeter(log: Log, seed: int) -> list[_core.Altitude]:
 def _cases() -> dict[str, Case]:
     """Return what flies or is carried, drones once more with an altimeter, and what drives."""
     cases = {
-        name: Case(recording, told=name not in ("drone seq1", "drone seq5"))
+        name: Case(recording, observable=name not in ("drone seq1", "drone seq5"))
         for name, recording in RECORDINGS.items()
     }
     for name in ("drone seq1", "drone seq3", "drone seq5"):
@@ -216,9 +216,9 @@ def _rows(configs: Path | None, name: str, seeds: int) -> Iterator[Claim]:
                    whole / sharp, "-", _any)  # fmt: skip
     yield claim_of(f"{key}_gate", f"{what}RMSE, all, a gate instead", "m", None, gated, "-", _any)
     yield claim_of(f"{key}_largest", f"{what}largest error", "m", None, largest,
-                   f"<= {case.lost_m:g}" if case.told else "-",
-                   lambda v: v <= case.lost_m or not case.told,
-                   "" if case.told else "its ranges do not tell")  # fmt: skip
+                   f"<= {case.lost_m:g}" if case.observable else "-",
+                   lambda v: v <= case.lost_m or not case.observable,
+                   "" if case.observable else "its ranges do not determine it")  # fmt: skip
 
 
 def _office(configs: Path | None) -> Iterator[Claim]:

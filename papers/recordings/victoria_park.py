@@ -97,7 +97,7 @@ def load_park(configs: Path | None, run: str) -> Log:
 def with_trees(log: Log) -> Log:
     """Return the log with trunks that our detector finds in its scans as sightings.
 
-    Half of the trunks are one or two beams wide, which tell no curvature: `least_evidence` is 0.
+    Half of the trunks are one or two beams wide, which show no curvature: `least_evidence` is 0.
     """
     detector = _core.CylinderDetector(
         _core.CylinderDetectorConfig(

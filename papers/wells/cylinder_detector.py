@@ -24,8 +24,8 @@ NEAR_M = 0.5  # of a cylinder: it is the one that was found
 MAX_RANGE_M = 3.5  # centres whose error counts
 # Expected with the radius free and known, and how far off: 99.9 % of the mean of 400.
 NEES = {False: (3.0, 0.45), True: (2.0, 0.33)}
-SCANS = 30  # of a seed, of what is to be found
-SCANS_FALSE = 200  # likewise of worlds without a cylinder
+SCANS = 30  # of a seed, with cylinders to find
+SCANS_FALSE = 200  # the same, of worlds without a cylinder
 THIN_M = (0.5, 0.2, 0.1)  # radii of cylinders that stand alone
 # Somebody who walks, at the height of a laser: two legs that swing.
 LEG_M, ASIDE_M, STRIDE_M = 0.07, 0.1, 0.7  # radius, of each from the middle, of a step
@@ -281,8 +281,8 @@ def _judge(
         into.off_m.append(float(off[best, disc]))
         into.bound_m2.append(_bound(centre, radius_m, beams, known))
         beam = _core.closest_beam(scan, one.first, one.last, radius_m)
-        told = beam.range * np.array([np.cos(beam.bearing), np.sin(beam.bearing)])
-        into.closest_off_m.append(float(np.hypot(*(told - centre))))
+        end = beam.range * np.array([np.cos(beam.bearing), np.sin(beam.bearing)])
+        into.closest_off_m.append(float(np.hypot(*(end - centre))))
         error = np.array([one.range - range_m, _core.wrap_angle(float(one.bearing - bearing)),
                           one.radius - radius_m])  # fmt: skip
         rows = 2 if known else 3
@@ -299,7 +299,7 @@ def errors_at_bound(found: Found) -> FloatArray:
 
 
 def _bound(centre: FloatArray, radius_m: float, bearings: FloatArray, known: bool) -> FloatArray:
-    """Return the least covariance of a centre [m^2] that ranges to a circle leave.
+    """Return the minimum covariance of a centre [m^2] that ranges to a circle leave.
 
     A point p on it moves along its beam b by (n . dc + dr) / (n . b), n the normal at p.
     """

@@ -53,7 +53,7 @@ def drive_both(seed: int, *, slip: bool) -> Paths:
     """Drive among the cylinders and localize by both methods.
 
     Odometry errs by 5 mm and 0.3 degrees per root of a metre and of a radian, which is little;
-    slip, wheels slip for two of every twelve seconds, telling 30 % too much, and the gyro drifts
+    with `slip`, wheels slip for two of every twelve seconds, 30 % too far, and the gyro drifts
     by half a degree a second.
     """
     rng = np.random.default_rng(seed)
@@ -64,12 +64,12 @@ def drive_both(seed: int, *, slip: bool) -> Paths:
     odometry = [truth[0]]
     rows = []
     for k, (begin, end) in enumerate(pairwise(scan_ns.tolist()), start=1):
-        told = measured_motion(drive, begin, end, rng, slip)
-        here = _core.Pose2(*odometry[-1]) * _core.Pose2(*told)
+        measured = measured_motion(drive, begin, end, rng, slip)
+        here = _core.Pose2(*odometry[-1]) * _core.Pose2(*measured)
         odometry.append(np.array([here.x, here.y, here.heading]))
         scan = scan_of(truth[k], end, rng)
-        ours.on(begin, end, told, scan)
-        seen = paper.on(told, here.heading, scan)
+        ours.on(begin, end, measured, scan)
+        seen = paper.on(measured, here.heading, scan)
         rows.append((ours.pose(), ours.covariance(), ours.cylinders, paper.pose, seen))
     pose, covariance, count, of_paper, laser = (np.array(part) for part in zip(*rows, strict=True))
     return Paths(truth[1:], pose, covariance, count, of_paper, laser, np.array(odometry[1:]))

@@ -49,7 +49,7 @@ def random_drive(rng: np.random.Generator) -> Drive:
 def measured_motion(
     drive: Drive, begin: int, end: int, rng: np.random.Generator, slip: bool
 ) -> FloatArray:
-    """Return the motion that wheels and gyro tell between two scans."""
+    """Return the motion that wheels and gyro measure between two scans."""
     time = np.linspace(begin, end, STEPS + 1) / NANOSECONDS
     pose = [_core.Pose2(*row) for row in drive.pose_at(time)]
     total = _core.Pose2()

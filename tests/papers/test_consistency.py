@@ -24,12 +24,12 @@ def test_errors_and_innovations_are_as_large_as_it_believes(name: str) -> None:
         assert figure.inside(each_probability()), figure
 
 
-@pytest.mark.parametrize(("told", "below"), [(0.7, False), (1.4, True)])
+@pytest.mark.parametrize(("factor", "below"), [(0.7, False), (1.4, True)])
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_one_that_is_too_sure_and_one_that_is_too_timid_fail(
-    name: str, told: float, below: bool
+    name: str, factor: float, below: bool
 ) -> None:
-    found = {f.what: f for f in figures(SCENARIOS[name], SEEDS, told)}
+    found = {f.what: f for f in figures(SCENARIOS[name], SEEDS, factor)}
     for what, figure in found.items():
         if what.startswith("NIS") or what == "NEES of all":
             assert not figure.inside(each_probability()), figure

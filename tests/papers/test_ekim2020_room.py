@@ -95,12 +95,12 @@ def test_absent_recordings_are_skipped_with_a_reason(monkeypatch: pytest.MonkeyP
         assert "nowhere" in claim.note
 
 
-def test_progress_is_told_to_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_progress_is_reported_to_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "PATHS", ("eight", "star"))
-    told: list[tuple[int, int]] = []
-    reproduce("ekim2020", 2, lambda done, total: told.append((done, total)))
+    steps: list[tuple[int, int]] = []
+    reproduce("ekim2020", 2, lambda done, total: steps.append((done, total)))
     total = 2 * 2 + len(RECORDINGS) + 1  # all rows about starts are one
-    assert told == [(done, total) for done in range(1, total + 1)]
+    assert steps == [(done, total) for done in range(1, total + 1)]
 
 
 def test_an_unknown_paper_is_refused_with_the_nearest() -> None:
@@ -175,7 +175,7 @@ def straight_kalman(log: Any, start: lf.PoseEstimate, config: RunConfig) -> Floa
             c, s = np.cos(at[k - 1, 2]), np.sin(at[k - 1, 2])
             turn = np.array([[c, -s], [s, c]])
             step = at[k, :2] - at[k - 1, :2]
-            told = turn @ [odometry["dx_m"][k], odometry["dy_m"][k]]
+            measured = turn @ [odometry["dx_m"][k], odometry["dy_m"][k]]
             spun = lf.wrap_angle(odometry["dheading_rad"][k] - (at[k, 2] - at[k - 1, 2]))
             F = np.array([[1.0, 0.0, -step[1]], [0.0, 1.0, step[0]], [0.0, 0.0, 1.0]])
             length = float(np.hypot(*step))
@@ -187,7 +187,7 @@ def straight_kalman(log: Any, start: lf.PoseEstimate, config: RunConfig) -> Floa
             turned = abs(lf.wrap_angle(at[k, 2] - at[k - 1, 2]))
             Q[2, 2] = (noise.sigma_heading_per_sqrt_m**2 * length
                        + noise.sigma_heading_per_sqrt_rad**2 * turned)  # fmt: skip
-            e = F @ e + np.array([*(told - step), spun])
+            e = F @ e + np.array([*(measured - step), spun])
             P = F @ P @ F.T + Q
         if int(stamp) in rows:
             row = rows[int(stamp)]

@@ -45,7 +45,7 @@ def test_without_the_ready_configurations_only_simulated_rows_are_left() -> None
     assert len(power_up_claims(None)) == 4 * 6 + 3
 
 
-def test_a_solver_that_is_told_a_wrong_sigma_fails_the_consistency() -> None:
+def test_a_solver_with_a_wrong_sigma_fails_the_consistency() -> None:
     drawn = trials(LAYOUTS["2D, 5 anchors"], 0.1, 1, 2000)
     _, nees = rmse_over_bound(drawn, 0.1, "ml")
     _, bold = rmse_over_bound(drawn, 0.05, "ml")

@@ -99,7 +99,7 @@ def test_an_exception_of_a_paper_is_what_came_out_of_it(tmp_path: Path) -> None:
     assert one.claims == []
 
 
-def test_what_is_missed_or_skipped_is_told(tmp_path: Path) -> None:
+def test_what_is_missed_or_skipped_is_shown(tmp_path: Path) -> None:
     rows = [a_row(), a_row(id="b", claim="b", met=False, ours_median=2.9),
             a_row(id="c", claim="c", met=None, ours_median=None, note="no recording")]  # fmt: skip
     page = page_of([repeated(*rows)] + [replace(repeated(), paper=p.key)
@@ -166,7 +166,7 @@ def test_every_statement_has_rows_that_were_run_and_every_picture_says_what_is_s
         assert all(one.so is not None for one in judged), paper.key
 
 
-def test_statements_tell_what_is_not_so_here() -> None:
+def test_statements_can_come_out_either_way() -> None:
     """Each can come out either way: medians turned into their inverses change half of them."""
     for one in read_rows(ROOT / "docs/papers.json"):
         paper = FIVE[one.paper]
@@ -354,7 +354,7 @@ def test_the_command_shows_what_a_paper_reports(stages: None) -> None:
     (one,) = (p for p in PAPERS_IN_ORDER if p.key == "ekim2020")
     shown = " ".join(said("ekim2020").split())
     assert one.statements[3].about[1:] in shown
-    assert "not run" in shown  # the row that stands for all is no row of any statement
+    assert "not run" in shown  # the row that stands for all is not a row of any statement
 
 
 def test_the_band_of_gadaus_nees_is_that_of_all_rows_that_have_one() -> None:

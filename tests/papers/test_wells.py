@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""wells: cylinders tell pose and heading; one beam and the wheels' heading do not."""
+"""wells: cylinders determine position and heading; one beam and the wheels' heading do not."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def rmse(position: np.ndarray, truth: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("slip", [False, True])
-def test_cylinders_tell_where_the_robot_is_whatever_the_odometry(slip: bool) -> None:
+def test_cylinders_localize_the_robot_whatever_the_odometry(slip: bool) -> None:
     drive = drive_both(3, slip=slip)
     two = drive.cylinders >= 2
     assert 0.3 < np.mean(two) < 0.9
@@ -34,7 +34,7 @@ def test_the_papers_method_errs_by_its_beam_and_its_heading() -> None:
 
 
 def test_the_arc_and_not_finer_beams_mends_the_laser() -> None:
-    """What one beam errs by is noise: the least of many ranges is any of those near the middle."""
+    """One beam's error is noise: the minimum of many ranges is any of those near the middle."""
     exact, one, fine, arc = by_beam(2, noisy=False), by_beam(2), by_beam(2, FINER), by_arc(2)
     assert exact < 0.02
     assert one > 0.05
@@ -43,9 +43,9 @@ def test_the_arc_and_not_finer_beams_mends_the_laser() -> None:
 
 
 def test_claims_and_pictures(tmp_path: Path) -> None:
-    told: list[tuple[int, int]] = []
-    claims = wells_claims(2, lambda done, total: told.append((done, total)))
-    assert told[-1] == (4, 4)
+    steps: list[tuple[int, int]] = []
+    claims = wells_claims(2, lambda done, total: steps.append((done, total)))
+    assert steps[-1] == (4, 4)
     assert {claim.id for claim in claims} >= {"wells", "wells_heading", "wells_spoilt_two"}
     assert all(claim.met for claim in claims if not claim.id.endswith("_nees"))
     for path in draw_figures(tmp_path):

@@ -62,7 +62,7 @@ def test_one_row_for_each_stamp_of_the_wheels_with_the_fixes_until_then() -> Non
     found = bound(0.5, fixes_at(between))
     assert len(found) == len(stamps(ODOMETRY_HZ, 4.0)) - 1
     sigma = np.sqrt(found[:, 1, 1])
-    assert sigma[6] > START[1], "at 0.93 s it has not been heard yet"
+    assert sigma[6] > START[1], "at 0.93 s no fix has arrived yet"
     assert sigma[7] < 0.9 * sigma[6], "at 1.07 s it has"
 
 
@@ -80,7 +80,7 @@ def test_the_rigid_body_stands_at_the_bound_and_twelve_states_above() -> None:
     assert np.all((rigid > 0.9) & (rigid < 1.2)), rigid
     for worse in ("triangle", "kindest"):
         assert np.all(over(worse) > np.maximum(rigid, 1.1)), worse
-    deaf = [replace(of, fixes={k: v[: len(v) // 2] for k, v in of.fixes.items()}) for of in rides]
+    silent = [replace(of, fixes={k: v[: len(v) // 2] for k, v in of.fixes.items()}) for of in rides]
     assert np.all(
-        np.mean([figure_eights.bound_of(of) for of in deaf], axis=0) > 1.5 * np.sqrt(least)
+        np.mean([figure_eights.bound_of(of) for of in silent], axis=0) > 1.5 * np.sqrt(least)
     )

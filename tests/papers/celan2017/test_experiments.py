@@ -74,10 +74,10 @@ def test_covers_hide_the_right_half_and_everything_in_the_hall(of: Lap) -> None:
 
 
 def test_wheels_spin_in_the_hall_and_nowhere_else(of: Lap) -> None:
-    told = spinning(of)
-    ratio = told["dx_m"] / np.where(of.log["odometry"]["dx_m"] == 0.0, np.nan,
+    driven = spinning(of)
+    ratio = driven["dx_m"] / np.where(of.log["odometry"]["dx_m"] == 0.0, np.nan,
                                     of.log["odometry"]["dx_m"])  # fmt: skip
-    time_s = seconds(told["stamp_ns"])
+    time_s = seconds(driven["stamp_ns"])
     end_s = of.duration_s - SEEN_S
     inside = (time_s > end_s - BLIND_S + 0.2) & (time_s < end_s - 0.2)
     outside = (time_s < end_s - BLIND_S) | (time_s > end_s + 0.2)
@@ -117,7 +117,7 @@ def test_the_pose_of_three_tags_is_exact_without_noise_and_its_covariance_is_rig
     assert 2.5 < np.mean(nees[1]) < 3.6, "three, of which 200 draws leave 0.17"
 
 
-def test_epochs_at_which_a_tag_is_not_heard_make_no_pose(of: Lap) -> None:
+def test_epochs_at_which_a_tag_is_not_received_make_no_pose(of: Lap) -> None:
     keep = np.arange(len(of.fixes["stamp_ns"])) != 4
     less = {name: column[keep] for name, column in of.fixes.items()}
     stamps = [z.stamp for z in tag_poses(of.fixes)]
@@ -134,7 +134,7 @@ def test_wheels_lose_the_way_and_the_laser_does_not_even_half_covered(runs: dict
     assert np.median(runs["lidar"].off_map_m) < np.median(runs["lidar"].off_m), "the map is bent"
 
 
-def test_doubt_grows_without_a_laser_and_uwb_takes_it_away(runs: dict[str, Run]) -> None:
+def test_uncertainty_grows_without_a_laser_and_uwb_reduces_it(runs: dict[str, Run]) -> None:
     in_hall = slice(-round((BLIND_S + SEEN_S) * LASER.rate_hz), -round(SEEN_S * LASER.rate_hz))
     widest = {name: runs[name].sigma_in_body[in_hall].max() for name in SETUPS}
     assert widest["hall"] > 5.0 * widest["lidar"]
@@ -152,10 +152,10 @@ def test_the_switch_acts_in_the_hall_alone(runs: dict[str, Run]) -> None:
     assert np.hypot(*runs["hall_switch"].end[:2]) < 0.15
 
 
-def test_uwb_that_comes_back_sure_of_a_wrong_place_overrules_no_laser(
+def test_uwb_that_comes_back_certain_of_a_wrong_place_overrules_no_laser(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """After ten minutes out of reach its filter was sure of a place 19 m off, and was believed."""
+    """After ten minutes out of reach its filter was certain of a place 19 m off."""
     of = lap(16)
     run = follow(of, SETUPS["lidar_switch"], 16)
     assert run.injections == ()
@@ -167,8 +167,8 @@ def test_uwb_that_comes_back_sure_of_a_wrong_place_overrules_no_laser(
     assert overruled.off_m.max() > 5.0
 
 
-def test_uwb_that_contradicts_what_it_hears_is_let_back_in() -> None:
-    """Sure of a place 2 m off, its filter gated all 15 ranges a second out, for 38 s."""
+def test_uwb_filter_that_contradicts_its_ranges_recovers() -> None:
+    """Certain of a place 2 m off, its filter gated all 15 ranges a second out, for 38 s."""
     of = lap(13)
     run = follow(of, SETUPS["hall_switch"], 13)
     assert experiments.longest_lost_s(run) < 20.0
@@ -253,13 +253,13 @@ def test_claims_hold_on_one_lap_and_fail_for_another_estimator(runs: dict[str, R
     assert rows_of.speed_claim([slow]).met is False
 
 
-def test_claims_tell_progress_and_have_ids_of_their_own(
+def test_claims_report_progress_and_have_ids_of_their_own(
     runs: dict[str, Run], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(experiments, "runs_of", lambda seed: runs)
-    told: list[tuple[int, int]] = []
-    claims = celan_claims(2, lambda done, total: told.append((done, total)))
-    assert told == [(1, 2), (2, 2)]
+    steps: list[tuple[int, int]] = []
+    claims = celan_claims(2, lambda done, total: steps.append((done, total)))
+    assert steps == [(1, 2), (2, 2)]
     assert len({claim.id for claim in claims}) == len(claims)
     assert {claim.paper for claim in claims} >= {18.96, 38.68, 0.78, 3.86, 2.22, 15.14}
 
@@ -284,7 +284,7 @@ def test_eights_are_55_m_in_three_minutes_and_both_are_better_than_one() -> None
     assert ours < 0.1 < odometry
 
 
-def test_a_late_rtls_tells_where_the_tags_were() -> None:
+def test_a_late_rtls_reports_where_the_tags_were() -> None:
     late = figure_eights.ride(0, 3.0)
     found = figure_eights.uwb_alone(late)
     truth = late.drive.pose_at(seconds(found.stamp_ns) - 3.0)[:, :2]

@@ -81,7 +81,7 @@ def test_no_loss_goes_unnoticed_and_none_is_made_up(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in ON_MAP if "slip" not in name])
-def test_scans_tell_of_a_loss_and_make_none_up(name: str) -> None:
+def test_scans_reveal_a_loss_and_raise_no_false_one(name: str) -> None:
     alarms = alarms_of([drive_in(ON_MAP[name], seed, 0.01) for seed in range(2)])
     assert (alarms.losses > 0) == (name == "scans, kidnapped")
     assert (alarms.missed, alarms.false) == (0, 0)
@@ -132,7 +132,7 @@ def test_wrong_fixes_after_a_blackout_do_no_harm(way: str) -> None:
 def test_rows_keep_what_is_asked() -> None:
     rows = [*health_claims(3, lambda done, total: None)]
     # Wheels that slip turn the pose faster than scans follow; docs/health.md. Of two losses in
-    # drives whose noise nobody tells there is no median.
+    # drives with unmodelled noise there is no median.
     few = {"trust_scans_false", "trust_scans_wheels_slip_and_nobody_knows_delay"}
     assert {row.id for row in rows if row.met is not True} <= few
     losses = {row.id: row.note for row in rows if row.id.endswith("_missed")}

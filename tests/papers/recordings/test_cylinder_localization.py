@@ -198,7 +198,7 @@ def end_of(sighting: lf.RangeBearing) -> FloatArray:
 def fitted(arena: Log, to_centre_m: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return where three cylinders or more say that the axle was, and the camera; fits' residuals.
 
-    The camera, and wheels for the heading, only tell which cylinder is which.
+    The camera, and wheels for the heading, only say which cylinder is which.
     """
     truth, wheels, laser = arena["truth"], arena["odometry"], cylinders.laser_of(arena)
     poles = np.column_stack([arena["landmarks"]["x_m"], arena["landmarks"]["y_m"]])

@@ -35,7 +35,7 @@ def test_a_log_can_begin_later() -> None:
     assert int(part["odometry"]["stamp_ns"][0]) >= stamp
 
 
-def test_a_simulated_floor_is_tracked_to_centimetres_and_one_told_wrong_is_not() -> None:
+def test_a_simulated_floor_is_tracked_to_centimetres_and_with_one_beam_it_is_not() -> None:
     config, log = map_localization.simulated(3)
     truth = truth_of(log)
     assert truth is not None

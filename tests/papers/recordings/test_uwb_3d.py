@@ -36,7 +36,7 @@ def errors(log: Log, offset: float, gate: float = 0.999) -> tuple[FloatArray, Fl
 def test_exact_ranges_are_followed_and_wrong_ones_are_not() -> None:
     log = on_a_spiral()
     followed, _ = errors(log, 0.1)
-    assert len(followed) == len(log["ranges"]["stamp_ns"]) - 3  # all, once each anchor was heard
+    assert len(followed) == len(log["ranges"]["stamp_ns"]) - 3  # all, once each anchor has reported
     assert rms(followed) < 0.05
     assert rms(errors(log, 0.0)[0]) > 0.1
     assert rms(errors(flat(log), 0.1)[0]) > 0.5
@@ -67,7 +67,7 @@ def test_a_drone_is_followed_in_space_where_anchors_have_heights_of_their_own() 
     assert rms(errors(flat(log), offset)[0]) > 0.8
 
 
-def test_anchors_of_one_height_tell_where_a_drone_is_but_not_on_which_side_of_them() -> None:
+def test_anchors_of_one_height_determine_where_a_drone_is_but_not_on_which_side_of_them() -> None:
     log, offset = recorded("drone seq1")
     error, _ = errors(log, offset)
     assert rms(error[:, :2]) < 0.3

@@ -73,11 +73,11 @@ def test_the_error_of_a_range_is_unknown_where_truth_is() -> None:
     assert np.isnan(off).tolist() == [row < 100 for row in range(len(off))]
 
 
-def test_ranges_that_truth_calls_wrong_are_gated_or_never_heard() -> None:
+def test_ranges_that_truth_calls_wrong_are_gated_or_never_used() -> None:
     log, wrong = with_outliers(on_a_spiral(), 3.0)
     flown = outliers.fly(SPIRAL, log, 0, uwb_3d.filter_config())
-    heard = log["ranges"]["stamp_ns"] >= flown.whole.stamp_ns[0]
-    assert flown.whole.gated.tolist() == (wrong & heard).tolist()
+    used = log["ranges"]["stamp_ns"] >= flown.whole.stamp_ns[0]
+    assert flown.whole.gated.tolist() == (wrong & used).tolist()
     assert flown.gated.gated.tolist() == flown.whole.gated.tolist()
     assert not flown.clean.gated.any()
     assert flown.whole.stamp_ns.tolist() == flown.clean.stamp_ns.tolist()
@@ -93,13 +93,13 @@ def test_outliers_cost_little_and_who_believes_them_much() -> None:
 
 def test_heights_are_those_of_truth_with_their_noise_or_the_ground() -> None:
     log = on_a_spiral()
-    told = outliers.altimeter(log, 3)
-    t = np.array([z.stamp for z in told]) / NANOSECONDS
+    heights = outliers.altimeter(log, 3)
+    t = np.array([z.stamp for z in heights]) / NANOSECONDS
     assert np.diff(t) == pytest.approx(0.2)
-    off = np.array([z.height for z in told]) - (1.0 + 0.1 * t)
+    off = np.array([z.height for z in heights]) - (1.0 + 0.1 * t)
     assert np.std(off) == pytest.approx(outliers.ALTIMETER_SIGMA_M, rel=0.2)
-    assert [z.height for z in told] == [z.height for z in outliers.altimeter(log, 3)]
-    assert [z.height for z in told] != [z.height for z in outliers.altimeter(log, 4)]
+    assert [z.height for z in heights] == [z.height for z in outliers.altimeter(log, 3)]
+    assert [z.height for z in heights] != [z.height for z in outliers.altimeter(log, 4)]
     assert {z.height for z in outliers.ground_heights(log, 0)} == {0.0}
     assert len(outliers.ground_heights(log, 0)) == 30
 
@@ -120,7 +120,7 @@ def test_small_outliers_cost_a_tenth_at_most(name: str) -> None:
     assert ratio(CASES[name], recorded(name)) <= 1.1
 
 
-def test_a_range_that_passes_the_gate_shuts_out_good_ones_and_a_robust_filter_hears_them() -> None:
+def test_a_range_that_passes_the_gate_shuts_out_good_ones_and_a_robust_filter_fuses_them() -> None:
     """One range 0.55 m short: two of four anchors were gated for 8 s, 2 m beside the truth."""
     name = "drone seq3 with altimeter"
     log = recorded(name)
