@@ -37,7 +37,7 @@ from locfuse.io.datasets import CONVERTERS
 from locfuse.report.results import write_results
 from locfuse.run.run import run
 from papers.claims import Claim
-from papers.ekim2020.room import RECORDINGS
+from papers.ekim2020.world import RECORDINGS
 from papers.reproduce import PAPERS
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -145,7 +145,7 @@ def test_convert_says_where_the_logs_are(tmp_path: Path) -> None:
 def test_reproduce_prints_the_table_and_writes_the_rows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("papers.ekim2020.room.power_up_claims", lambda configs: [])
+    monkeypatch.setattr("papers.ekim2020.claims.power_up_claims", lambda configs: [])
     said = locfuse("reproduce", "ekim2020", "--seeds", 4, "--json", tmp_path / "rows.json")
     rows = json.loads((tmp_path / "rows.json").read_text())
     assert said.status == (1 if any(row["met"] is False for row in rows) else 0)
