@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
 from numpy.typing import NDArray
 
-from locfuse.report.plot.path import ELLIPSE_SIGMAS
+from locfuse.report.palette import ELLIPSE_SIGMAS
 from locfuse.report.plot.style import (
     ANCHOR,
     ESTIMATE,
