@@ -76,7 +76,7 @@ class LiveSource:
     Attributes
     ----------
     name : str
-    heard_ns, fused_ns : int
+    received_ns, fused_ns : int
         Stamps of the last message, and of the last that was fused (None if none was).
     accepted : float
         Share of the last messages that was fused.
@@ -87,7 +87,7 @@ class LiveSource:
     """
 
     name: str
-    heard_ns: int
+    received_ns: int
     fused_ns: int | None
     accepted: float
     residual: float
@@ -181,7 +181,7 @@ class LiveRun:
                 PATIENCE_NS,
             )  # fmt: skip
 
-    def _landmarks(self) -> _core.LandmarkSight | None:
+    def _landmarks(self) -> _core.LandmarkSensor | None:
         world = self.world
         if "landmarks" not in world:
             return None
@@ -404,7 +404,7 @@ class LiveRun:
         if self._filter is None:
             return self._health_on_map()
         report = self._filter.health()
-        reason = reason_of(report.clue, report.source, self.names, self.config)
+        reason = reason_of(report.reason, report.source, self.names, self.config)
         if not self._filter.is_tracking:
             searching = "" if self._given is not None else self._filter.search().reason
             reason = searching or reason
@@ -416,7 +416,7 @@ class LiveRun:
             nothing = np.full(3, np.inf)
             return LiveHealth("initializing", "no scan and no odometry yet", 0.0, 1.0, nothing)
         report = self._on_map.health()
-        reason = reason_of(report.clue, report.source, self.names, self.config)
+        reason = reason_of(report.reason, report.source, self.names, self.config)
         state = report.state.name.lower()
         if state == "ambiguous" or (state == "initializing" and not self._on_map.found):
             reason = f"{self._on_map.places} places on the map fit"
@@ -429,13 +429,13 @@ class LiveRun:
         else:
             statuses = self._filter.sources
         return [
-            LiveSource(name_of(s.source, self.names), s.heard, s.fused, s.accepted, s.residual,
-                       s.sigma, s.test_ratio, s.faulty)
+            LiveSource(name_of(s.source, self.names), s.last_received, s.fused, s.accepted,
+                       s.residual, s.sigma, s.test_ratio, s.faulty)
             for s in statuses
         ]  # fmt: skip
 
     @property
-    def heard_ns(self) -> int | None:
+    def received_ns(self) -> int | None:
         """Newest stamp received, nanoseconds."""
         return self._received_ns
 

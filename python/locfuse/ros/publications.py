@@ -150,7 +150,7 @@ class Telling:
         """Tell the next start, too."""
         self._start_pose = None
 
-    def told_start(self, stamp_ns: int) -> bool:
+    def reported_start(self, stamp_ns: int) -> bool:
         """Return whether a start of this stamp is the one that was told from here."""
         return self._start_pose is not None and self._start_pose.stamp_ns == stamp_ns
 
@@ -175,7 +175,7 @@ def source_status(source: LiveSource, now_ns: int) -> encode.Fields:
         "test_ratio": source.test_ratio,
         "accepted_share": source.accepted,
         "probability_faulty": source.faulty,
-        "heard_s_ago": (now_ns - source.heard_ns) / NANOSECONDS,
+        "heard_s_ago": (now_ns - source.received_ns) / NANOSECONDS,
         "fused_s_ago": "never" if fused is None else fused,
     }
     return encode.diagnostic_status(f"locfuse: {source.name}", level, message, values)

@@ -144,7 +144,7 @@ def start_from_nothing(
     begin_ns: int,
     anchors: _core.AnchorMap,
     tags: Sequence[_core.Tag],
-    landmarks: _core.LandmarkSight | None = None,
+    landmarks: _core.LandmarkSensor | None = None,
 ) -> tuple[_core.PoseEkf, int, Start]:
     """Feed messages and scans to an `Initializer` until it is ready.
 

@@ -176,11 +176,11 @@ class _Telling:
         return found
 
     def _heard(self, stem: str, table: dict[str, NDArray[Any]]) -> Columns:
-        """Return a table in the bag's time and in order of `heard_ns`, its arrival there."""
+        """Return a table in the bag's time and in order of `received_ns`, its arrival there."""
         stamp = table["stamp_ns"] + self.shift
         arrival = table.pop("arrival_ns", None) if stem in MESSAGES else None
         heard = stamp if arrival is None else arrival + self.shift
-        table |= {"stamp_ns": stamp, "heard_ns": heard}
+        table |= {"stamp_ns": stamp, "received_ns": heard}
         if (np.diff(heard) < 0).any():
             order = np.argsort(heard, kind="stable")
             table = {name: values[order] for name, values in table.items()}
@@ -273,7 +273,7 @@ class _Telling:
         variances[xy == -1.0] = -1.0, 0.0, 0.0
         covariance[:, range(3), range(3)] = variances
         yield self._with_covariance(self._topic("poses"), {
-            "stamp_ns": table["stamp_ns"], "heard_ns": table["heard_ns"], "x": table["x_m"],
+            "stamp_ns": table["stamp_ns"], "received_ns": table["received_ns"], "x": table["x_m"],
             "y": table["y_m"], "heading": table["heading_rad"],
             "covariance": covariance})  # fmt: skip
 
@@ -300,7 +300,7 @@ class _Telling:
     def _truth(self, table: Columns) -> Iterator[_Stream]:
         topic, frame = self._topic("truth"), plain(self.ros.frames.map)
         unknown = np.full(len(table["x_m"]), math.nan)
-        told = {"stamp_ns": table["stamp_ns"], "heard_ns": table["stamp_ns"], "x": table["x_m"],
+        told = {"stamp_ns": table["stamp_ns"], "received_ns": table["stamp_ns"], "x": table["x_m"],
                 "y": table["y_m"], "z": table.get("z_m", np.zeros(len(unknown))),
                 "heading": table.get("heading_rad", unknown)}  # fmt: skip
         turned = ~np.isnan(told["heading"])
@@ -320,13 +320,13 @@ class _Telling:
         if self.ros.topics.estimate is not None:
             none = np.zeros((len(stamp), 3, 3))
             yield self._with_covariance(plain(self.ros.topics.estimate), {
-                "stamp_ns": stamp, "heard_ns": stamp, "x": poses[:, 0], "y": poses[:, 1],
+                "stamp_ns": stamp, "received_ns": stamp, "x": poses[:, 0], "y": poses[:, 1],
                 "heading": heading,
                 "covariance": none if track.covariance is None else track.covariance,
             })  # fmt: skip
         in_odom = self._in_odom(track.stamp_ns)
         moved = np.array(list(map(encode.map_to_odom, poses.tolist(), in_odom))).reshape(-1, 3)
-        table = {"stamp_ns": stamp, "heard_ns": stamp, "x": moved[:, 0], "y": moved[:, 1],
+        table = {"stamp_ns": stamp, "received_ns": stamp, "x": moved[:, 0], "y": moved[:, 1],
                  "heading": moved[:, 2]}  # fmt: skip
         yield _each("tf", TRANSFORMS, table, lambda part: encode_many.transforms(
             part, plain(frames.map), plain(frames.odom)))  # fmt: skip
@@ -361,7 +361,7 @@ class _Telling:
 
 def _each(topic: str, kind: str, table: Columns, tell: Callable[[Columns], Values]) -> _Many:
     """Return a message for each row."""
-    heard = table["heard_ns"]
+    heard = table["received_ns"]
     return _Many(topic, kind, table, heard, lambda part, _: tell(part), np.arange(len(heard) + 1))
 
 
@@ -370,7 +370,7 @@ def _together(
     tell: Callable[[Columns, NDArray[np.int64]], Values],
 ) -> _Many:  # fmt: skip
     """Return a message for all rows that are heard at once."""
-    heard = table["heard_ns"]
+    heard = table["received_ns"]
     firsts = np.flatnonzero(np.diff(heard, prepend=heard[0] - 1, append=heard[-1] + 1))
     return _Many(topic, kind, table, heard[firsts[:-1]], tell, firsts)
 
