@@ -7,6 +7,7 @@
 #include "locfuse/messages/limits.hpp"
 #include "locfuse/models/measurement/beam_model.hpp"
 #include "locfuse/models/measurement/likelihood_field.hpp"
+#include "locfuse/models/measurement/pose.hpp"
 #include "locfuse/models/measurement/position.hpp"
 #include "locfuse/models/measurement/range.hpp"
 #include "locfuse/models/measurement/range_bearing.hpp"

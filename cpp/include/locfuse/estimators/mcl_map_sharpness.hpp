@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "locfuse/estimators/mcl_recipe.hpp"
-#include "locfuse/estimators/pose_ekf.hpp"
 
 namespace locfuse::internal {
 

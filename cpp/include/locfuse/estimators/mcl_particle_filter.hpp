@@ -9,7 +9,10 @@
 
 #include "locfuse/estimators/held_motion.hpp"
 #include "locfuse/estimators/mcl_recipe.hpp"
-#include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/estimators/pose_estimate.hpp"
+#include "locfuse/filters/clustering.hpp"
+#include "locfuse/filters/particle_bins.hpp"
+#include "locfuse/filters/resampling.hpp"
 
 namespace locfuse::internal {
 

@@ -6,8 +6,11 @@
 #include <optional>
 #include <vector>
 
+#include "locfuse/estimators/landmark_sensor.hpp"
 #include "locfuse/estimators/mcl_config.hpp"
-#include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/estimators/pose_estimate.hpp"
+#include "locfuse/filters/gate.hpp"
+#include "locfuse/filters/particle_bins.hpp"
 #include "locfuse/filters/particles.hpp"
 #include "locfuse/filters/workers.hpp"
 #include "locfuse/frontends/scan_matcher.hpp"
