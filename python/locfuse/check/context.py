@@ -31,7 +31,7 @@ class Fits:
         Of the tag, metres.
     stamp_ns : int64 array, shape (n,)
     ranges : float64 array, shape (n, m)
-        Corrected as the configuration says, NaN where missing; interpolated if the radio hears one
+        Corrected as the configuration says, NaN where missing; interpolated if ranges are to one
         anchor at a time.
     position : float64 array, shape (n, 2)
         Of the tag in world, NaN where the ranges fix none.
@@ -168,12 +168,12 @@ class Context:
     @cached_property
     def arms(self) -> dict[str, FloatArray]:
         """Places (2,) on the body of the tags whose ranges or positions are used."""
-        heard: set[str] = set()
+        received: set[str] = set()
         for source in ("ranges", "positions"):
             table = self.used(source)
             if table is not None and "tag" in table:
-                heard |= set(table["tag"].tolist())
-        return {name: np.array(at[:2]) for name, at in self.log.tags.items() if name in heard}
+                received |= set(table["tag"].tolist())
+        return {name: np.array(at[:2]) for name, at in self.log.tags.items() if name in received}
 
     @cached_property
     def begin_ns(self) -> int:
@@ -282,7 +282,7 @@ class Context:
 
     @cached_property
     def references(self) -> list[Track]:
-        """What else tells where the robot was, the best first."""
+        """Other references of the robot's position, best first."""
         found = []
         if self.truth is not None and len(self.truth) > 1:
             found.append(Track("truth.csv", self.truth))
@@ -334,8 +334,8 @@ class Context:
                 return found
         if self.fits is None:
             return None
-        heard = np.isfinite(self.fits.residual)
-        epoch, anchor = np.nonzero(heard)
+        received = np.isfinite(self.fits.residual)
+        epoch, anchor = np.nonzero(received)
         free = 1.0 - 2.0 * len(self.fits.position) / len(epoch)
         value = self.fits.residual[epoch, anchor]
         distance = self.fits.ranges[epoch, anchor] - value

@@ -138,16 +138,16 @@ def _one_more(context: Context) -> tuple[FloatArray, FloatArray, FloatArray]:
         floor = known(context.log.grid, places)
         places = places[floor] if floor.any() else places
     level = float(np.median(context.anchors[:, 2]))
-    told = information(context.anchors, places, context.height).sum(axis=1)
+    found = information(context.anchors, places, context.height).sum(axis=1)
     candidates = np.column_stack([places, np.full(len(places), level)])
     added = information(candidates, places, context.height)
-    trials = dilution(told[:, None] + added)
+    trials = dilution(found[:, None] + added)
     best = int(np.argmin(trials.mean(axis=0)))
-    return candidates[best], dilution(told), trials[:, best]
+    return candidates[best], dilution(found), trials[:, best]
 
 
 def information(anchors: FloatArray, points: FloatArray, height: float) -> FloatArray:
-    """Return what each range tells of each point, for a unit sigma.
+    """Return the information of each range at each point, for a unit sigma.
 
     Parameters
     ----------
@@ -164,14 +164,14 @@ def information(anchors: FloatArray, points: FloatArray, height: float) -> Float
     off = points[:, None, :] - anchors[None, :, :2]
     square = np.sum(off**2, axis=2) + (anchors[:, 2] - height) ** 2
     xx, xy, yy = off[..., 0] ** 2, off[..., 0] * off[..., 1], off[..., 1] ** 2
-    told: FloatArray = np.stack([xx, xy, yy], axis=-1)
-    told /= np.maximum(square, 1e-9)[..., None]
-    return told
+    found: FloatArray = np.stack([xx, xy, yy], axis=-1)
+    found /= np.maximum(square, 1e-9)[..., None]
+    return found
 
 
-def dilution(told: FloatArray) -> FloatArray:
+def dilution(found: FloatArray) -> FloatArray:
     """Return the root of the trace of the inverse of information (..., 3), at most `WORST`."""
-    xx, xy, yy = np.moveaxis(told, -1, 0)
+    xx, xy, yy = np.moveaxis(found, -1, 0)
     determinant = np.maximum(xx * yy - xy**2, 1e-12)
     value: FloatArray = np.minimum(np.sqrt((xx + yy) / determinant), WORST)
     return value

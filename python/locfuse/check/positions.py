@@ -40,15 +40,15 @@ def epochs(
     stamp_ns : int64 array, shape (k,)
         Mean stamp of each moment.
     ranges : float64 array, shape (k, anchors)
-        NaN where an anchor was not heard.
+        NaN where an anchor was not received.
     """
     stamp = table["stamp_ns"]
     group = np.zeros(len(stamp), np.intp)
-    begin, heard, index = 0, set[int](), -1
+    begin, received, index = 0, set[int](), -1
     for row, (at, of) in enumerate(zip(stamp.tolist(), anchor.tolist(), strict=True)):
-        if index < 0 or of in heard or at - begin > EPOCH_S * NANOSECONDS:
-            begin, heard, index = at, set(), index + 1
-        heard.add(of)
+        if index < 0 or of in received or at - begin > EPOCH_S * NANOSECONDS:
+            begin, received, index = at, set(), index + 1
+        received.add(of)
         group[row] = index
     ranges = np.full((index + 1, anchors), np.nan)
     ranges[group, anchor] = distance
@@ -62,7 +62,7 @@ def epochs(
 def interpolated(
     table: Columns, anchor: NDArray[np.intp], distance: FloatArray, anchors: int
 ) -> tuple[StampArray, FloatArray]:
-    """Interpolate the ranges to each anchor, for radios that hear one anchor at a time.
+    """Interpolate the ranges to each anchor, for radios that range to one anchor at a time.
 
     Parameters and returns as of `epochs`; NaN between ranges that are more than `BRIDGED_S` apart.
     """
@@ -76,8 +76,8 @@ def interpolated(
         after = np.clip(np.searchsorted(known, stamp), 1, len(known) - 1)
         bridged = known[after] - known[after - 1] <= BRIDGED_S * NANOSECONDS
         inside = (stamp >= known[0]) & (stamp <= known[-1]) & bridged
-        heard = distance[anchor == index][first]
-        ranges[inside, index] = np.interp(stamp[inside] - known[0], known - known[0], heard)
+        received = distance[anchor == index][first]
+        ranges[inside, index] = np.interp(stamp[inside] - known[0], known - known[0], received)
     return stamp, ranges
 
 

@@ -47,10 +47,10 @@ def anchors_in_one_line(context: Context) -> Iterator[Finding]:
     """Say which anchors leave a mirror image of every position, or no position at all."""
     if context.used("ranges") is None:
         return
-    anchors = _heard(context)
+    anchors = _received(context)
     names = ", ".join(anchors)
     at = np.array([context.anchors[context.names.index(name), :2] for name in anchors])
-    answers = "; other sources tell the side" if _placed_otherwise(context) else ""
+    answers = "; other sources resolve the side" if _placed_otherwise(context) else ""
     judge = warning if answers or str(context.config.start) != "auto" else error
     if len(at) == 1:
         yield judge(f"one anchor ({names}): ranges fix a circle, not a position{answers}",
@@ -70,11 +70,11 @@ def anchors_in_one_line(context: Context) -> Iterator[Finding]:
                       "add an anchor well off the line")  # fmt: skip
 
 
-def _heard(context: Context) -> list[str]:
+def _received(context: Context) -> list[str]:
     """Return the placed anchors that speak."""
     table = context.used("ranges")
-    heard = set() if table is None else set(table["anchor"].tolist())
-    return [name for name in context.names if name in heard]
+    received = set() if table is None else set(table["anchor"].tolist())
+    return [name for name in context.names if name in received]
 
 
 def _placed_otherwise(context: Context) -> bool:
@@ -91,7 +91,7 @@ def _length_and_width(at: FloatArray) -> tuple[float, float]:
 
 
 def anchors_in_one_plane(context: Context) -> Iterator[Finding]:
-    """Say whether height can be told from ranges, and how the tag's height is known instead."""
+    """Report whether ranges determine height, and how the tag's height is known otherwise."""
     if context.used("ranges") is None or len(context.anchors) < 4:
         return
     off = context.anchors - context.anchors.mean(axis=0)
@@ -103,7 +103,7 @@ def anchors_in_one_plane(context: Context) -> Iterator[Finding]:
     height = float(context.anchors[:, 2].mean())
     how = f"at one height ({height:.3g} m)" if level else "in one plane"
     same = ", that of the tag" if level and abs(height - context.height) < 0.1 else ""
-    yield note(f"anchors {', '.join(context.names)} are coplanar, {how}{same}: ranges do not tell "
+    yield note(f"anchors {', '.join(context.names)} are coplanar, {how}{same}: ranges do not give "
                f"a height from its mirror image; the tag's, {context.height:g} m, is taken as "
                "known", "anchors.csv")  # fmt: skip
 
@@ -120,10 +120,10 @@ def tags_on_the_floor(context: Context) -> Iterator[Finding]:
                           "measure heights of tags and anchors from the same floor")  # fmt: skip
 
 
-def states_that_nothing_tells(context: Context) -> Iterator[Finding]:
-    """Say which of position and heading no source in use can tell."""
+def unobservable_states(context: Context) -> Iterator[Finding]:
+    """Report which of position and heading no source in use observes."""
     sources = [s for s in SOURCES if context.used(s)]
-    if not sources or context.config.mcl is not None:  # scans on a map tell both
+    if not sources or context.config.mcl is not None:  # scans on a map give both
         return
     if sources == ["odometry"]:
         yield warning("position and heading are unobservable: odometry alone drifts from the start "
@@ -135,23 +135,23 @@ def states_that_nothing_tells(context: Context) -> Iterator[Finding]:
     if _arms_apart(context):
         return
     if "odometry" not in sources:
-        yield warning("heading is unobservable: nothing tells it, and without odometry driving "
+        yield warning("heading is unobservable: nothing measures it, and without odometry driving "
                       "does not help", "use",
                       "use odometry, or a second tag half a metre from the first")  # fmt: skip
         return
-    told = "ranges to one tag" if "ranges" in sources else "fixes of one antenna"
+    text = "ranges to one tag" if "ranges" in sources else "fixes of one antenna"
     driven = _driven(context)
     if driven < _STILL_M:
-        yield warning(f"heading is unobservable: {told} do not tell it standing still, and the "
+        yield warning(f"heading is unobservable: {text} do not give it standing still, and the "
                       f"odometry drives {driven:.2g} m in all", "odometry.csv",
                       "the heading stays what start says; drive some metres")  # fmt: skip
     else:
-        yield note(f"heading is unobservable standing still ({told}); driving tells it: "
+        yield note(f"heading is unobservable standing still ({text}); driving resolves it: "
                    f"{driven:.3g} m in this log", "use")  # fmt: skip
 
 
 def _arms_apart(context: Context) -> bool:
-    """Return whether ranges or positions of several tags tell the heading."""
+    """Return whether ranges or positions of several tags give the heading."""
     arms = np.array(list(context.arms.values())).reshape(-1, 2)
     if len(arms) < 2:
         return False
@@ -162,29 +162,29 @@ def _arms_apart(context: Context) -> bool:
 
 
 def _driven(context: Context) -> float:
-    """Return the length of the path that odometry tells, metres."""
+    """Return the length of the path that odometry reports, metres."""
     if context.odometry is None:
         return 0.0
     return float(np.linalg.norm(np.diff(context.odometry.position, axis=0), axis=1).sum())
 
 
 def geometry_where_the_robot_is(context: Context) -> Iterator[Finding]:
-    """Tell the dilution of precision along the way, and how much of it is outside the anchors."""
+    """Report the dilution of precision along the way, and how much of it is outside the anchors."""
     where = _where(context)
-    if where is None or len(_heard(context)) < 3:
+    if where is None or len(_received(context)) < 3:
         return
     values = np.minimum(dop(_core.cramer_rao(context.anchors, where, 1.0, context.height)), _LOST)
     typical, worst = float(np.median(values)), float(np.quantile(values, 0.95))
     outside = 1.0 - float(inside_hull(where, context.anchors[:, :2]).mean())
-    told = (
+    text = (
         f"horizontal dilution of precision along the way: median {typical:.2g}, 95 % {worst:.2g}; "
         f"{100 * outside:.0f} % of the way is outside the anchors' hull"
     )
     if worst > 5.0:
-        yield warning(f"{told}: an error of a range counts {worst:.2g} times", "anchors.csv",
+        yield warning(f"{text}: an error of a range counts {worst:.2g} times", "anchors.csv",
                       "add the anchor that the picture of the layout proposes")  # fmt: skip
     else:
-        yield note(told, "anchors.csv")
+        yield note(text, "anchors.csv")
 
 
 def _where(context: Context) -> FloatArray | None:
@@ -228,7 +228,7 @@ def inside_hull(points: FloatArray, corners: FloatArray) -> NDArray[np.bool_]:
     return inside
 
 
-def floors_that_do_not_hold_the_start(context: Context) -> Iterator[Finding]:
+def start_outside_floors(context: Context) -> Iterator[Finding]:
     """Name a start off the map, outside the room, or far from every anchor."""
     start = context.config.start
     if isinstance(start, str):

@@ -23,8 +23,8 @@ _NEVER = 1.0 - 1e-7  # a gate above lets everything pass that anyone will see
 _STRICT = 0.95
 
 
-def gates_that_cannot_bind(context: Context) -> Iterator[Finding]:
-    """Tell each gate as a probability and in metres; name those that never or always reject."""
+def ineffective_gates(context: Context) -> Iterator[Finding]:
+    """Report each gate as a probability and in metres; name those that never or always reject."""
     if context.section == "mcl":  # has none
         return
     for key, source in GATES.items():
@@ -41,20 +41,20 @@ def _gate(context: Context, key: str, source: str) -> Iterator[Finding]:
         return
     sigmas = math.sqrt(_core.chi_squared_quantile(1, probability))
     metres = sigmas * _sigma_of(context, source)
-    told = (f"{where} {probability:g}: {source} beyond {sigmas:.1f} sigma are rejected, "
+    text = (f"{where} {probability:g}: {source} beyond {sigmas:.1f} sigma are rejected, "
             f"{_metres(metres)} from a pose that is known exactly")  # fmt: skip
     if probability > _NEVER:
-        yield warning(f"{told}; it is so close to 1 that it cannot bind", where,
+        yield warning(f"{text}; it is so close to 1 that it cannot bind", where,
                       "set a probability such as 0.999")  # fmt: skip
     elif context.extent > 0.0 and metres > context.extent:
-        yield warning(f"{told}; that is more than the {context.extent:.3g} m that the anchors "
+        yield warning(f"{text}; that is more than the {context.extent:.3g} m that the anchors "
                       "span, so it cannot bind", _sigma_key(context, source),
                       "check the unit of sigma (metres)")  # fmt: skip
     elif probability < _STRICT:
-        yield warning(f"{told}; it rejects {100 * (1 - probability):.3g} % of the good ones", where,
+        yield warning(f"{text}; it rejects {100 * (1 - probability):.3g} % of the good ones", where,
                       "set a probability such as 0.999")  # fmt: skip
     else:
-        yield note(told, where)
+        yield note(text, where)
 
 
 def _sigma_of(context: Context, source: str) -> float:
@@ -80,7 +80,7 @@ def _metres(value: float) -> str:
     return f"{value:.3g} m"
 
 
-def sigmas_that_say_nothing(context: Context) -> Iterator[Finding]:
+def implausible_sigmas(context: Context) -> Iterator[Finding]:
     """Name poses and positions whose sigma is a placeholder, and odometry believed without end."""
     for source, column in (("poses", "sigma_xy_m"), ("positions", "sigma_m")):
         table = context.used(source)
@@ -103,8 +103,8 @@ def sigmas_that_say_nothing(context: Context) -> Iterator[Finding]:
                     "give what the wheels do, such as sigma_heading_per_sqrt_m: 0.02")  # fmt: skip
 
 
-def sigma_of_the_config_is_not_used(context: Context) -> Iterator[Finding]:
-    """Tell that ranges with a sigma of their own pass over the configuration's."""
+def unused_config_sigma(context: Context) -> Iterator[Finding]:
+    """Report that sigmas in the log override the configuration's."""
     table = context.used("ranges")
     if table is None or "sigma_m" not in table:
         return
@@ -114,7 +114,7 @@ def sigma_of_the_config_is_not_used(context: Context) -> Iterator[Finding]:
                    "remove it, or the column sigma_m of ranges.csv")  # fmt: skip
 
 
-def anchors_named_in_vain(context: Context) -> Iterator[Finding]:
+def unknown_anchors(context: Context) -> Iterator[Finding]:
     """Name anchors of the configuration that the log does not have."""
     for name in context.config.anchors:
         if name != "all" and name not in context.names:
@@ -123,8 +123,8 @@ def anchors_named_in_vain(context: Context) -> Iterator[Finding]:
                         f"anchors.{name}", f"anchors of the log: {known}")  # fmt: skip
 
 
-def lever_arms_that_are_zero(context: Context) -> Iterator[Finding]:
-    """Tell which lever arms are zero, and whether someone wrote that."""
+def zero_lever_arms(context: Context) -> Iterator[Finding]:
+    """Report zero lever arms, and whether the log states them."""
     positions = context.used("positions")
     if positions is not None and ("tag" not in positions or "" in positions["tag"]):
         yield from _antenna(context)  # the rest are of tags, which have places of their own
@@ -160,7 +160,7 @@ def _antenna(context: Context) -> Iterator[Finding]:
             yield note(f"{where}.{key} is 0, as written", f"{where}.{key}")
 
 
-def start_that_cannot_be_meant(context: Context) -> Iterator[Finding]:
+def implausible_start(context: Context) -> Iterator[Finding]:
     """Name a start heading in radians, and starts less certain than a filter can bear."""
     start, sigma = context.config.start, context.config.start_sigma
     if not isinstance(start, str):

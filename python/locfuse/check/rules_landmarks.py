@@ -17,16 +17,16 @@ from locfuse.types import FloatArray
 
 _FILE = "landmarks.csv"
 _LINE = 0.02  # width over length below which landmarks count as standing in one line
-_ALIKE = 0.1  # radii that differ by less than this share of the larger are the same
+_SIMILAR = 0.1  # radii that differ by less than this share of the larger are the same
 _SCANS = 200  # looked at with a free radius, spread over the log
-_ARC = 8  # beams from which an arc tells its radius
+_ARC = 8  # minimum beams to fit the radius of an arc
 _ARCS = 20
 _RARELY = 0.02  # cylinders per scan
 
 
 @dataclass(frozen=True)
 class _Seen:
-    """The landmarks of a map, and how they are told apart."""
+    """The landmarks of a map, and how they are distinguished."""
 
     names: list[str]
     at: FloatArray  # (n, 2) [m]
@@ -56,7 +56,7 @@ def _seen(context: Context) -> _Seen | None:
 
 
 def _placed_otherwise(context: Context) -> bool:
-    """Return whether something besides odometry and landmarks tells the position."""
+    """Return whether something besides odometry and landmarks gives the position."""
     others = set(SOURCES) - {"odometry", "landmark_sightings"}
     by_scans = context.log.grid is not None and context.table("scans") is not None
     return any(context.used(source) for source in others) or by_scans or bool(context.config.mcl)
@@ -81,7 +81,7 @@ def landmarks_in_one_place(context: Context) -> Iterator[Finding]:
                           "check their places and radii")  # fmt: skip
 
 
-def landmark_names_that_do_not_match(context: Context) -> Iterator[Finding]:
+def unknown_landmarks(context: Context) -> Iterator[Finding]:
     """Name landmarks that are seen but not placed, or placed but never seen."""
     table, sightings = context.table("landmarks"), context.used("landmark_sightings")
     if table is None or sightings is None:
@@ -93,15 +93,15 @@ def landmark_names_that_do_not_match(context: Context) -> Iterator[Finding]:
         share = 100.0 * seen[name] / len(sightings["stamp_ns"])
         yield warning(f"landmark {name!r} is seen ({share:.3g} % of the sightings) but has no "
                       "place: those sightings are ignored", _FILE,
-                      f"add {name!r}, or correct its name; placed are: "
+                      f"add {name!r}, or correct its name; known are: "
                       f"{', '.join(placed)}")  # fmt: skip
     never = [] if "" in seen else [name for name in placed if name not in seen]
     if never:
         yield warning(f"landmarks {', '.join(never)} have a place but are never seen", _FILE,
-                      "are their names those that the sensor tells?")  # fmt: skip
+                      "do their names match those in the log?")  # fmt: skip
 
 
-def states_that_few_landmarks_leave_open(context: Context) -> Iterator[Finding]:
+def too_few_landmarks(context: Context) -> Iterator[Finding]:
     """Say what of the pose one or two landmarks, or a line of them, leave open."""
     seen = _seen(context)
     if seen is None or _placed_otherwise(context):
@@ -118,7 +118,7 @@ def states_that_few_landmarks_leave_open(context: Context) -> Iterator[Finding]:
                     "taken", _FILE, add)  # fmt: skip
     elif len(seen.names) == 2 and not seen.ranges:
         yield warning(f"bearings only, of two landmarks ({seen}): standing still a circle of poses "
-                      "through both fits; driving with odometry tells which", _FILE,
+                      "through both fits; driving with odometry resolves it", _FILE,
                       "add a third landmark, or ranges")  # fmt: skip
     elif len(seen.names) == 2:
         yield note(f"two landmarks ({seen}): range and bearing of both fix the pose"
@@ -131,7 +131,7 @@ def _in_one_line(at: FloatArray) -> bool:
     return len(at) == 2 or bool(extents[1] < _LINE * extents[0])
 
 
-def landmarks_that_look_alike(context: Context) -> Iterator[Finding]:
+def ambiguous_landmarks(context: Context) -> Iterator[Finding]:
     """Say that a map without names has poses that see the same: its constellation is symmetric."""
     seen = _seen(context)
     if seen is None or seen.named or len(seen.names) < 2:
@@ -144,13 +144,13 @@ def landmarks_that_look_alike(context: Context) -> Iterator[Finding]:
         f"turned by {360 / poses:.3g} degrees about" if seen.bearings else "turned or mirrored at"
     )
     judge: Callable[[str, str, str], Finding] = note
-    tells = "the start decides which"
+    resolved = "the start decides which"
     if _placed_otherwise(context):
-        tells = "other sources tell which"
+        resolved = "other sources resolve it"
     elif context.config.start == "auto":
-        judge, tells = error, "nothing tells which"
+        judge, resolved = error, "nothing resolves it"
     yield judge(f"the map of landmarks is the same {turn} ({x:.3g}, {y:.3g}), and sightings have "
-                f"no names: {poses} poses see the same; {tells}", _FILE,
+                f"no names: {poses} poses see the same; {resolved}", _FILE,
                 "place a landmark that breaks the symmetry, or give a start")  # fmt: skip
 
 
@@ -170,7 +170,7 @@ def _symmetries(at: FloatArray, within_m: float, *, mirrored: bool) -> int:
     return count
 
 
-def cylinders_that_are_hardly_found(context: Context) -> Iterator[Finding]:
+def undetected_cylinders(context: Context) -> Iterator[Finding]:
     """Say that scans show no cylinder, or hardly any, and whether they show anything."""
     table, scans = context.log.tables.get("landmark_sightings"), context.table("scans")
     laser = context.log.laser
@@ -187,15 +187,15 @@ def cylinders_that_are_hardly_found(context: Context) -> Iterator[Finding]:
                   "whether the laser sees anything")  # fmt: skip
 
 
-def radii_that_do_not_match(context: Context) -> Iterator[Finding]:
+def mismatched_radii(context: Context) -> Iterator[Finding]:
     """Compare radii of the configuration, of the map, and of arcs fitted with a free radius."""
     cylinders, landmarks = context.config.cylinders, context.table("landmarks")
     if cylinders is None or landmarks is None:
         return
-    told, placed = cylinders.radius_m, landmarks.get("radius_m", np.zeros(0))
+    given, placed = cylinders.radius_m, landmarks.get("radius_m", np.zeros(0))
     placed = placed[placed > 0.0]
-    if told > 0.0 and len(placed) and not np.any(_alike(placed, told)):
-        yield warning(f"cylinders.radius_m is {told:g} m, the landmarks of landmarks.csv have "
+    if given > 0.0 and len(placed) and not np.any(_similar(placed, given)):
+        yield warning(f"cylinders.radius_m is {given:g} m, the landmarks of landmarks.csv have "
                       f"{_span(placed)}", "cylinders.radius_m", "measure one, and write it in "
                       "both")  # fmt: skip
     arcs = _radii_of_arcs(context)
@@ -203,19 +203,19 @@ def radii_that_do_not_match(context: Context) -> Iterator[Finding]:
         return
     middle = float(np.median(arcs))
     seen = f"{len(arcs)} arcs fitted with a free radius have {middle:.3g} m (median)"
-    if told > 0.0 and not _alike(np.array([told]), middle).all():
-        yield warning(f"cylinders.radius_m is {told:g} m, but {seen}: cylinders are missed, or off "
-                      "along the beam", "cylinders.radius_m", f"set it to {middle:.2g}, or leave "
-                      "it out to fit each")  # fmt: skip
+    if given > 0.0 and not _similar(np.array([given]), middle).all():
+        yield warning(f"cylinders.radius_m is {given:g} m, but {seen}: cylinders are missed, or "
+                      "off along the beam", "cylinders.radius_m", f"set it to {middle:.2g}, or "
+                      "leave it out to fit each")  # fmt: skip
     ends = np.array([placed.min(), placed.max()]) if len(placed) else np.full(2, middle)
-    if not (_alike(ends, middle).any() or ends[0] < middle < ends[1]):
+    if not (_similar(ends, middle).any() or ends[0] < middle < ends[1]):
         yield warning(f"the landmarks of landmarks.csv have a radius of {_span(placed)}, but "
                       f"{seen}", f"{_FILE}, radius_m", "measure a landmark")  # fmt: skip
 
 
-def _alike(radii: FloatArray, other: float) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+def _similar(radii: FloatArray, other: float) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
     same: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
-    same = np.abs(radii - other) <= _ALIKE * np.maximum(radii, other)
+    same = np.abs(radii - other) <= _SIMILAR * np.maximum(radii, other)
     return same
 
 
@@ -225,7 +225,7 @@ def _span(radii: FloatArray) -> str:
 
 
 def _radii_of_arcs(context: Context) -> FloatArray:
-    """Return the radii of arcs that tell one well, of scans spread over the log."""
+    """Return the well-determined radii of arcs, of scans spread over the log."""
     cylinders = context.config.cylinders
     assert cylinders is not None
     scans = scans_of(context.log)
@@ -234,5 +234,5 @@ def _radii_of_arcs(context: Context) -> FloatArray:
         one for scan in scans[:: max(1, len(scans) // _SCANS)] for one in detector.detect(scan)
     ]
     clear = [one.radius for one in found if one.beams >= _ARC
-             and np.sqrt(one.covariance[2, 2]) < _ALIKE * one.radius]  # fmt: skip
+             and np.sqrt(one.covariance[2, 2]) < _SIMILAR * one.radius]  # fmt: skip
     return np.array(clear, np.float64)

@@ -20,8 +20,8 @@ from locfuse.types import NANOSECONDS, OCCUPIED, Columns, ConfigError, LogError,
 _FAR_M = 1e5  # coordinates beyond are of a map projection
 
 
-def what_a_run_would_refuse(context: Context) -> Iterator[Finding]:
-    """Tell the error with which `run` would stop."""
+def run_errors(context: Context) -> Iterator[Finding]:
+    """Report the error with which `run` would stop."""
     try:
         if context.config.mcl is not None:
             messages_for(context.config, context.log)
@@ -65,7 +65,7 @@ def _scans_are_used(context: Context) -> bool:
 
 
 def rates_and_gaps(context: Context) -> Iterator[Finding]:
-    """Tell how often each source speaks, and name silences longer than the filter bridges."""
+    """Report the rate of each source, and gaps longer than the filter bridges."""
     for source in SOURCES:
         table = context.used(source)
         if table is None or len(np.unique(table["stamp_ns"])) < 3:
@@ -110,8 +110,8 @@ def messages_too_late(context: Context) -> Iterator[Finding]:
                           f"set history_s to {1.2 * late.max():.2g} or more")  # fmt: skip
 
 
-def rows_told_twice(context: Context) -> Iterator[Finding]:
-    """Name ranges that stand in the log twice."""
+def duplicate_rows(context: Context) -> Iterator[Finding]:
+    """Report duplicate ranges."""
     table = context.used("ranges")
     if table is None:
         return
@@ -119,12 +119,12 @@ def rows_told_twice(context: Context) -> Iterator[Finding]:
     rows = set(zip(*(key.tolist() for key in keys), strict=True))
     twice = len(keys[0]) - len(rows)
     if twice > 0:
-        yield warning(f"{twice} ranges have the stamp, tag and anchor of another row; each counts "
-                      "as news", "ranges.csv", "remove the copies")  # fmt: skip
+        yield warning(f"{twice} ranges have the stamp, tag and anchor of another row; each is "
+                      "fused as a new measurement", "ranges.csv", "remove the copies")  # fmt: skip
 
 
-def names_that_do_not_match(context: Context) -> Iterator[Finding]:
-    """Name anchors and tags that are heard but not placed, or placed but never heard."""
+def unknown_names(context: Context) -> Iterator[Finding]:
+    """Report anchors and tags with ranges but no position, or a position but no ranges."""
     table = context.used("ranges")
     if table is None:
         return
@@ -133,16 +133,16 @@ def names_that_do_not_match(context: Context) -> Iterator[Finding]:
         ("tag", list(context.log.tags), "log.yaml, tags"),
     ):
         names, counts = np.unique(table[column], return_counts=True)
-        heard = dict(zip(names.tolist(), counts.tolist(), strict=True))
-        for name in sorted(set(heard) - set(placed)):
-            share = 100.0 * heard[name] / len(table["stamp_ns"])
-            yield warning(f"{column} {name!r} is heard ({share:.3g} % of the ranges) but has no "
-                          "place: those ranges are ignored", where,
-                          f"add {name!r}, or correct its name; placed are: "
+        received = dict(zip(names.tolist(), counts.tolist(), strict=True))
+        for name in sorted(set(received) - set(placed)):
+            share = 100.0 * received[name] / len(table["stamp_ns"])
+            yield warning(f"{column} {name!r} is received ({share:.3g} % of the ranges) but has no "
+                          "position: those ranges are ignored", where,
+                          f"add {name!r}, or correct its name; known are: "
                           f"{', '.join(placed) or 'none'}")  # fmt: skip
         for name in placed:
-            if name not in heard:
-                yield warning(f"{column} {name!r} has a place but is never heard", where,
+            if name not in received:
+                yield warning(f"{column} {name!r} has a position but sends no ranges", where,
                               "is it switched on, and is its name the one it sends?")  # fmt: skip
 
 
@@ -212,12 +212,12 @@ def _follows_in_degrees(table: Columns) -> bool:
         return False
     move = at[rows[:, 1]] - at[rows[:, 0]]
     course = np.arctan2(move[:, 1], move[:, 0])
-    told = table["heading_rad"][rows[:, 0]]
-    agree = [abs(np.mean(np.exp(1j * (course - h)))) for h in (told, np.radians(told))]
+    heading = table["heading_rad"][rows[:, 0]]
+    agree = [abs(np.mean(np.exp(1j * (course - h)))) for h in (heading, np.radians(heading))]
     return bool(agree[1] > 0.8 and agree[1] > agree[0] + 0.2)
 
 
-def maps_that_help_nobody(context: Context) -> Iterator[Finding]:
+def unused_maps(context: Context) -> Iterator[Finding]:
     """Name maps without walls, and starts or truths off the map."""
     if context.table("scans") is not None and context.log.map is None:
         yield note("the log has scans but no map to match them against", "log.yaml, map")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks of odometry and start against whatever else tells where the robot was."""
+"""Checks of odometry and start against other references of the robot's position."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ def _independent(context: Context) -> Iterator[Track]:
             yield track
 
 
-def sense_of_turns(context: Context) -> Iterator[Finding]:
-    """Tell odometry that turns the wrong way or in another unit, or a mirrored anchor map."""
+def turn_direction(context: Context) -> Iterator[Finding]:
+    """Report odometry that turns the wrong way or in another unit, or a mirrored anchor map."""
     table = context.used("odometry")
     if context.odometry is None or table is None:
         return
@@ -84,7 +84,7 @@ def _jitter(track: Track) -> float:
 
 
 def scale_of_the_odometry(context: Context) -> Iterator[Finding]:
-    """Tell odometry that drives further or less far than the robot."""
+    """Report odometry that drives further or less far than the robot."""
     if context.odometry is None:
         return
     for track in context.references:
@@ -92,18 +92,18 @@ def scale_of_the_odometry(context: Context) -> Iterator[Finding]:
         if not found:
             continue
         scale = float(np.median([a.scale for a in found]))
-        told = f"by {track.name} the robot drives {scale:.4g} times what odometry tells"
+        measured = f"by {track.name} the robot drives {scale:.4g} times what odometry reports"
         if not 0.02 < scale < 50.0:
-            yield error(f"{told}: millimetres?", "odometry.csv", "write metres")
+            yield error(f"{measured}: millimetres?", "odometry.csv", "write metres")
         elif not 0.85 < scale < 1.18:
-            yield warning(told, "odometry.csv", "calibrate the wheels, or check the gear ratio")
+            yield warning(measured, "odometry.csv", "calibrate the wheels, or check the gear ratio")
         else:
-            yield note(told, "odometry.csv")
+            yield note(measured, "odometry.csv")
         return
 
 
 def heading_against_the_course(context: Context) -> Iterator[Finding]:
-    """Compare the heading that truth or poses tell with the course that odometry drives."""
+    """Compare the heading of truth or poses with the course that odometry drives."""
     if context.odometry is None:
         return
     for track in context.references:
@@ -112,7 +112,7 @@ def heading_against_the_course(context: Context) -> Iterator[Finding]:
         off = _heading_offset(context, track)
         if off is not None and abs(off) > math.radians(20.0):
             yield error(
-                f"{track.name} tells a heading {math.degrees(off):.0f} deg from the one in "
+                f"{track.name} reports a heading {math.degrees(off):.0f} deg from the one in "
                 "which odometry drives",
                 f"odometry.csv or {track.name}",
                 _axes(off),
@@ -128,7 +128,7 @@ def _axes(off: float) -> str:
 
 
 def _heading_offset(context: Context, track: Track) -> float | None:
-    """Return the mean of heading told minus heading driven, radians; None if they disagree."""
+    """Return the mean of measured minus driven heading, radians; None if they disagree."""
     assert context.odometry is not None
     path, steps = track.path, []
     stamp = path.stamp_ns
@@ -136,14 +136,14 @@ def _heading_offset(context: Context, track: Track) -> float | None:
     rows = np.flatnonzero(inside)
     if len(rows) < 2:
         return None
-    told, driven = at_times(path, stamp[rows]), at_times(context.odometry, stamp[rows])
+    measured, driven = at_times(path, stamp[rows]), at_times(context.odometry, stamp[rows])
     point = levered(driven, track.lever)
-    for begin, end in legs(told[:, :2]):
+    for begin, end in legs(measured[:, :2]):
         moved = point[end] - point[begin]
         if np.linalg.norm(moved) > 0.2:
-            course = np.arctan2(*(told[end, :2] - told[begin, :2])[::-1])
+            course = np.arctan2(*(measured[end, :2] - measured[begin, :2])[::-1])
             body = np.arctan2(*moved[::-1]) - driven[begin, 2]
-            steps.append(course - body - told[begin, 2])
+            steps.append(course - body - measured[begin, 2])
     if len(steps) < 3:
         return None
     mean = np.mean(np.exp(1j * np.array(steps)))
@@ -151,7 +151,7 @@ def _heading_offset(context: Context, track: Track) -> float | None:
 
 
 def clock_of_the_odometry(context: Context) -> Iterator[Finding]:
-    """Tell an offset between the clock of odometry and that of a reference."""
+    """Report an offset between the clock of odometry and that of a reference."""
     if context.odometry is None:
         return
     for track in context.references:
@@ -160,8 +160,8 @@ def clock_of_the_odometry(context: Context) -> Iterator[Finding]:
             continue
         misfit, unexplained = np.array(left, dtype=np.float64).T
         best, now = int(np.argmin(misfit)), len(misfit) // 2
-        is_told = unexplained[best] < _UNEXPLAINED  # turns that are all alike tell of no clock
-        if abs(_SHIFTS_S[best]) > 0.15 and misfit[now] - misfit[best] > _SURE and is_told:
+        is_observable = unexplained[best] < _UNEXPLAINED  # equal turns do not determine the clock
+        if abs(_SHIFTS_S[best]) > 0.15 and misfit[now] - misfit[best] > _SURE and is_observable:
             yield warning(f"turns of odometry fit those of {track.name} best if its clock is "
                           f"shifted by {-_SHIFTS_S[best]:+.1f} s", "odometry.csv",
                           "stamp both with one clock, when the motion happens")  # fmt: skip
@@ -183,11 +183,11 @@ def _rate_misfit(odometry: Trajectory, track: Track, shift_s: float) -> tuple[fl
     stamp = np.arange(begin, end, step, dtype=np.int64)
     if len(stamp) < 20 or len(path) < len(stamp) / 2:
         return None
-    told = np.diff(at_times(path, stamp)[:, 2])
+    measured = np.diff(at_times(path, stamp)[:, 2])
     driven = np.diff(at_times(odometry, stamp + round(shift_s * NANOSECONDS))[:, 2])
-    off = wrap_angle(told - driven)
+    off = wrap_angle(measured - driven)
     scatter = float(np.mean(off**2)) + _FLOOR_RAD**2
-    variance = float(np.var(wrap_angle(told)))
+    variance = float(np.var(wrap_angle(measured)))
     return 0.5 * len(off) * math.log(scatter), scatter / max(variance, 1e-12)
 
 
@@ -203,9 +203,9 @@ def start_against_the_first_metres(context: Context) -> Iterator[Finding]:
         fit, place = found
         heading = math.radians(float(start[2]))
         turned = float(wrap_angle(fit.angle - heading))
-        doubt = fit.rms / max(fit.spread, 1e-9)
+        sigma = fit.rms / max(fit.spread, 1e-9)
         limit = max(math.radians(15.0), 3.0 * math.radians(context.config.start_sigma.heading_deg),
-                    doubt)  # fmt: skip
+                    sigma)  # fmt: skip
         if abs(turned) > limit:
             yield error(f"start has a heading of {start[2]:g} deg, but over the first metres "
                         f"{track.name} shows {math.degrees(fit.angle):.0f} deg", "start",

@@ -41,7 +41,7 @@ def units_of_ranges(context: Context) -> Iterator[Finding]:
                     "write anchors in metres")  # fmt: skip
 
 
-def ranges_that_cannot_be(context: Context) -> Iterator[Finding]:
+def invalid_ranges(context: Context) -> Iterator[Finding]:
     """Name ranges of zero, ranges far beyond the floor, and radios that repeat one number."""
     table = context.used("ranges")
     if table is None or context.extent <= 0.0:
@@ -49,7 +49,7 @@ def ranges_that_cannot_be(context: Context) -> Iterator[Finding]:
     zero = float(np.mean(table["range_m"] == 0.0))
     if zero > 0.0:
         yield warning(f"{100 * zero:.3g} % of the ranges are exactly 0: a radio's way to say that "
-                      "it heard nothing", "ranges.csv", "drop them when recording")  # fmt: skip
+                      "it received nothing", "ranges.csv", "drop them when recording")  # fmt: skip
     reach = 3.0 * float(np.hypot(*_sides(context)))
     for name in context.names:
         mine = table["range_m"][table["anchor"] == name]
@@ -89,7 +89,7 @@ def _moves(context: Context) -> bool:
 
 
 def anchors_swapped(context: Context) -> Iterator[Finding]:
-    """Try to exchange the names of two anchors; tell it if the ranges fit clearly better."""
+    """Try to exchange the names of two anchors; report it if the ranges fit clearly better."""
     by_truth = list(_swapped_by_truth(context))
     if by_truth:
         yield from by_truth
@@ -137,7 +137,7 @@ def _trials(
 
 def _misfit(anchors: FloatArray, ranges: FloatArray, height: float) -> float:
     """Return the typical residual of a moment, as a standard deviation."""
-    found = _core.locate_batch(anchors, ranges, height=height)  # of two sides, residuals are alike
+    found = _core.locate_batch(anchors, ranges, height=height)  # both sides have the same residuals
     left = residuals_of(anchors, ranges, found.position, height)
     free = np.isfinite(left).sum(axis=1) - 2
     good = free > 0
@@ -147,7 +147,7 @@ def _misfit(anchors: FloatArray, ranges: FloatArray, height: float) -> float:
 
 
 def _swapped_by_truth(context: Context) -> Iterator[Finding]:
-    """Likewise against the truth, which also sees exchanges that mirror the layout."""
+    """Compare with the truth, which also shows exchanges that mirror the layout."""
     if context.residuals is None or context.residuals.against != "truth.csv":
         return
     table = context.used("ranges")
@@ -188,7 +188,7 @@ def _scatter(values: FloatArray) -> float:
 
 
 def _medians(context: Context, residuals: Residuals) -> dict[int, float]:
-    """Return the median residual of each anchor that was heard often enough."""
+    """Return the median residual of each anchor with enough ranges."""
     found = {}
     for index in range(len(context.names)):
         mine = residuals.value[residuals.anchor == index]
@@ -198,7 +198,7 @@ def _medians(context: Context, residuals: Residuals) -> dict[int, float]:
 
 
 def ranges_with_a_common_error(context: Context) -> Iterator[Finding]:
-    """Tell an offset or a scale that the ranges to all anchors share."""
+    """Report an offset or a scale that the ranges to all anchors share."""
     residuals = context.residuals
     if residuals is None:
         return
@@ -222,11 +222,11 @@ def _common_by_truth(context: Context, residuals: Residuals) -> Iterator[Finding
     as_offset = float(np.median(np.abs(residuals.value - long)))
     as_scale = float(np.median(np.abs(residuals.value - slope * residuals.distance)))
     if as_scale < as_offset:
-        told = f"{100 * slope:+.2g} % of the distance, which leaves {as_scale:.2g} m"
-        yield _common(long, told, "anchors.all.scale", f"{1 + slope:.4g}")
+        text = f"{100 * slope:+.2g} % of the distance, which leaves {as_scale:.2g} m"
+        yield _common(long, text, "anchors.all.scale", f"{1 + slope:.4g}")
     else:
-        told = f"an offset, which leaves {as_offset:.2g} m"
-        yield _common(long, told, "anchors.all.offset_m", f"{long:.2g}")
+        text = f"an offset, which leaves {as_offset:.2g} m"
+        yield _common(long, text, "anchors.all.offset_m", f"{long:.2g}")
 
 
 def _common_by_fit(explained: Explained | None, sigma: float) -> Iterator[Finding]:
@@ -234,15 +234,15 @@ def _common_by_fit(explained: Explained | None, sigma: float) -> Iterator[Findin
         return
     before, after, offset = explained.before, explained.without_offset, explained.offset
     if abs(offset) > max(0.1, sigma) and after < 0.7 * before:
-        told = f"the residual falls from {before:.2g} m to {after:.2g} m without it"
-        yield _common(offset, told, "anchors.all.offset_m", f"{offset:.2g}")
+        text = f"the residual falls from {before:.2g} m to {after:.2g} m without it"
+        yield _common(offset, text, "anchors.all.offset_m", f"{offset:.2g}")
 
 
 @dataclass(frozen=True)
 class Explained:
     """How well one offset of all ranges, or another height of the tag, lets positions fit.
 
-    Both make ranges read long, so that only the better of the two is told.
+    Both make ranges read long, so only the better of the two is reported.
     """
 
     before: float
@@ -279,14 +279,14 @@ def _explained(context: Context) -> Explained | None:
     return Explained(at[0], offset, misfit(offset, 0.0), fits.height + rises[best], at[best])
 
 
-def _common(long: float, told: str, key: str, value: str) -> Finding:
+def _common(long: float, text: str, key: str, value: str) -> Finding:
     word = "long" if long > 0.0 else "short"
-    return warning(f"ranges to all anchors read {word} by about {abs(long):.2g} m ({told}): a "
+    return warning(f"ranges to all anchors read {word} by about {abs(long):.2g} m ({text}): a "
                    "fault of the radios that no filter should absorb", key,
                    f"calibrate the antenna delay, or set {key} to {value}")  # fmt: skip
 
 
-def anchors_with_an_error_of_their_own(context: Context) -> Iterator[Finding]:
+def anchor_errors(context: Context) -> Iterator[Finding]:
     """Name anchors whose ranges are off from what the others read."""
     residuals = context.residuals
     if residuals is None or residuals.against != "truth.csv":
@@ -331,21 +331,21 @@ def sigma_against_the_scatter(context: Context) -> Iterator[Finding]:
         return
     spread = float(np.median([_scatter(part) for part in left])) / np.sqrt(residuals.freedom)
     sigma = context.typical_sigma
-    told = f"the filter takes {sigma:.2g} m for the noise of ranges, they scatter by {spread:.2g} m"
+    text = f"the filter takes {sigma:.2g} m for the noise of ranges, they scatter by {spread:.2g} m"
     brings = "sigma_m" in context.log["ranges"]
     where = "ranges.csv, sigma_m" if brings else f"{context.section}.range"
     if sigma < 0.4 * spread:
-        yield warning(f"{told}: good ranges will be gated and the covariance too small", where,
+        yield warning(f"{text}: good ranges will be gated and the covariance too small", where,
                       f"set a sigma near {spread:.2g} m")  # fmt: skip
     elif sigma > 5.0 * max(spread, 0.005):
-        yield warning(f"{told}: ranges will hardly count", where,
+        yield warning(f"{text}: ranges will hardly count", where,
                       f"set a sigma near {max(2 * spread, 0.01):.2g} m")  # fmt: skip
     else:
-        yield note(f"{told} about {residuals.against}", where)
+        yield note(f"{text} about {residuals.against}", where)
 
 
-def height_that_the_ranges_want(context: Context) -> Iterator[Finding]:
-    """Try other heights of the tag; tell one that fits clearly better."""
+def tag_height_mismatch(context: Context) -> Iterator[Finding]:
+    """Try other heights of the tag; report one that fits clearly better."""
     found = _explained(context)
     if found is None or not found.by_height:
         return
@@ -357,7 +357,7 @@ def height_that_the_ranges_want(context: Context) -> Iterator[Finding]:
 
 
 def frame_of_the_truth(context: Context) -> Iterator[Finding]:
-    """Tell that truth and anchors are in different frames."""
+    """Report that truth and anchors are in different frames."""
     found = context.frame_of_truth
     if found is None:
         return
@@ -369,7 +369,7 @@ def frame_of_the_truth(context: Context) -> Iterator[Finding]:
 
 
 def clock_of_the_ranges(context: Context) -> Iterator[Finding]:
-    """Tell an offset between the clocks of ranges and truth."""
+    """Report an offset between the clocks of ranges and truth."""
     if context.frame_of_truth is not None or context.residuals is None:
         return
     shifts = np.arange(-20, 21) * 0.1
@@ -387,7 +387,7 @@ def clock_of_the_ranges(context: Context) -> Iterator[Finding]:
 
 
 def precision_to_expect(context: Context) -> Iterator[Finding]:
-    """Tell what one moment of ranges can give in the middle of the floor."""
+    """Report the precision of one epoch of ranges in the middle of the floor."""
     if context.used("ranges") is None or len(context.anchors) < 3 or context.floor is None:
         return
     middle = 0.5 * (context.floor[0] + context.floor[1])[None]

@@ -13,14 +13,14 @@ from locfuse.check.finding import Finding, error, warning
 from locfuse.config.schema import Mcl, Switch
 from locfuse.types import NANOSECONDS
 
-_NIS_AS_TOLD = 1.0  # per row, where noise is as the configuration says
+_NIS_NOMINAL = 1.0  # per row, where noise is as the configuration says
 _NIS_NEVER = 0.1  # sigmas three times too wide
 _NIS_MOST = 10.0  # as which a larger one counts
 _ANY_HEADING = math.pi / math.sqrt(3.0)  # standard deviation of headings all around
 _RADIOS = ("ranges", "positions")
 
 
-def switch_that_never_or_always_acts(context: Context) -> Iterator[Finding]:
+def ineffective_switch(context: Context) -> Iterator[Finding]:
     """Name thresholds of a switch that no particles ever pass, or all of them do."""
     mcl = context.config.mcl
     if mcl is None or mcl.switch is None:
@@ -72,8 +72,9 @@ def _never_in_doubt(context: Context, switch: Switch) -> Iterator[Finding]:
 def _uwb_never_of_use(context: Context, switch: Switch) -> Iterator[Finding]:
     period_s = _period_s(context)
     if switch.uwb_age_s < period_s:
-        yield _fault("uwb_age_s", f"is {switch.uwb_age_s:g}, but UWB is heard every {period_s:.3g} "
-                     "s: it would be too old almost always", f"set it to {2.5 * period_s:.2g}"
+        yield _fault("uwb_age_s", f"is {switch.uwb_age_s:g}, but UWB is received every "
+                     f"{period_s:.3g} s: it would be too old almost always",
+                     f"set it to {2.5 * period_s:.2g}"
                      )  # fmt: skip
     best, driving = _least_sigmas(context, period_s)
     if switch.uwb_sigma_m < best:
@@ -90,9 +91,9 @@ def _uwb_never_of_use(context: Context, switch: Switch) -> Iterator[Finding]:
                      f"right, and {_NIS_MOST:g} at most: it would "
                      f"{'never' if switch.uwb_nis < 1.0 else 'always'} be of use",
                      "set it to 1.4, to 3 behind walls")  # fmt: skip
-    elif switch.uwb_nis < _NIS_AS_TOLD:
+    elif switch.uwb_nis < _NIS_NOMINAL:
         yield warning(f"mcl.switch.uwb_nis is {switch.uwb_nis:g}, but the NIS per row is 1 where "
-                      "noise is as told: UWB that is right is refused", "mcl.switch.uwb_nis",
+                      "noise is nominal: correct UWB is rejected", "mcl.switch.uwb_nis",
                       "set it to 1.4, or sigmas to what ranges scatter by")  # fmt: skip
 
 
@@ -108,7 +109,7 @@ def _period_s(context: Context) -> float:
 
 
 def _least_sigmas(context: Context, period_s: float) -> tuple[float, float]:
-    """Return what the filter of UWB cannot be surer than: with all it ever heard, and driving.
+    """Return the minimum sigmas of the UWB filter while driving, with every measurement.
 
     n ranges leave at least sigma sqrt(2 / n) along the worse axis, n fixes sigma / sqrt(n).
     Driving, half of the wheels' noise along the way, q per epoch, comes to each axis:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks of tags on the body, and of the positions that an RTLS tells of them."""
+"""Checks of tags on the body, and of their positions reported by an RTLS."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ONE_PLACE_M = 0.05
 _LINE = 0.05  # width over length below which tags count as on one line
 _EPOCHS = 500  # that are looked at
 _CLEARLY, _MOST_NIS = 2.0, 6.0  # times as well in another order; of three rows, half of all
-_ALIKE = 10.0  # errors of fixes are alike for as many in a row
+_CORRELATED = 10.0  # consecutive fixes with correlated errors
 _FROZEN = 3  # fixes in a row
 _SILENT_S, _SILENT_PERIODS = 5.0, 10.0
 
@@ -31,7 +31,7 @@ def tags_in_one_place(context: Context) -> Iterator[Finding]:
     for a, b in combinations(arms, 2):
         apart = float(np.hypot(*(arms[a] - arms[b])))
         if apart < _ONE_PLACE_M:
-            yield warning(f"tags {a} and {b} are {apart:.2g} m apart in body: together they tell "
+            yield warning(f"tags {a} and {b} are {apart:.2g} m apart in body: together they give "
                           "no heading", "log.yaml, tags",
                           "measure both; put them at the corners of the machine")  # fmt: skip
     at = np.array(list(arms.values())).reshape(-1, 2)
@@ -39,12 +39,12 @@ def tags_in_one_place(context: Context) -> Iterator[Finding]:
         return
     _, size, _ = np.linalg.svd(at - at.mean(axis=0), full_matrices=False)
     if size[0] > _ONE_PLACE_M and size[1] < _LINE * size[0]:
-        yield warning(f"tags {', '.join(arms)} are in one line on the body: their triangle tells "
+        yield warning(f"tags {', '.join(arms)} are in one line on the body: their triangle gives "
                       "no swapped ids, and TagTriangleEkf refuses it", "log.yaml, tags",
                       "put one of them well off the line")  # fmt: skip
 
 
-def tags_that_do_not_fit_their_fixes(context: Context) -> Iterator[Finding]:
+def tags_inconsistent_with_fixes(context: Context) -> Iterator[Finding]:
     """Name swapped ids of tags, else pairs that are not as far apart as on the body."""
     table = _of_tags(context)
     if table is None:
@@ -59,7 +59,7 @@ def tags_that_do_not_fit_their_fixes(context: Context) -> Iterator[Finding]:
             yield from _apart(context, table, a, b)
 
 
-def tags_that_do_not_fit_their_ranges(context: Context) -> Iterator[Finding]:
+def tags_inconsistent_with_ranges(context: Context) -> Iterator[Finding]:
     """Name swapped ids of tags by the positions that the ranges of each give."""
     table = _by_ranges(context)
     swapped = None if table is None else _swapped(context, table, "ranges.csv")
@@ -79,10 +79,10 @@ def _swapped(context: Context, table: Columns, source: str) -> Finding | None:
         best = min(nis, key=lambda ids: nis[ids])
         if nis[0, 1, 2] < _CLEARLY * nis[best] or nis[0, 1, 2] < _MOST_NIS:
             continue
-        alike = [ids for ids in nis if nis[ids] < _CLEARLY * nis[best]]
+        similar = [ids for ids in nis if nis[ids] < _CLEARLY * nis[best]]
         wrong = ", ".join(f"{names[k]} is {names[right]}"
                           for k, right in enumerate(best) if k != right)  # fmt: skip
-        which = wrong if len(alike) == 1 else "which of them is not told"
+        which = wrong if len(similar) == 1 else "which of them is unknown"
         return error(f"ids of tags {', '.join(names)} are swapped: {which}. The median NIS of "
                      f"{len(epochs)} fits to their triangle is {nis[0, 1, 2]:.3g}, and "
                      f"{nis[best]:.2g} then ({source})", "log.yaml, tags",
@@ -122,18 +122,18 @@ def _by_stamp(table: Columns, name: str) -> dict[int, tuple[list[float], float]]
 
 
 def _apart(context: Context, table: Columns, a: str, b: str) -> Iterator[Finding]:
-    """Tell if fixes of two tags are farther apart, or nearer, than the tags on the body."""
+    """Report if fixes of two tags are farther apart, or nearer, than the tags on the body."""
     one, other = _by_stamp(table, a), _by_stamp(table, b)
     shared = sorted(set(one) & set(other))
     if len(shared) < 10:
         return
     off = np.array([one[stamp][0] for stamp in shared]) - [other[stamp][0] for stamp in shared]
-    told = np.hypot(*off.T)
-    noise = 1.4826 * float(np.median(np.abs(told - np.median(told))))
+    measured = np.hypot(*off.T)
+    noise = 1.4826 * float(np.median(np.abs(measured - np.median(measured))))
     # The median of a distance with that noise along and across is longer than the distance.
-    found = float(np.sqrt(max(np.median(told) ** 2 - noise**2, 0.0)))
+    found = float(np.sqrt(max(np.median(measured) ** 2 - noise**2, 0.0)))
     body = float(np.hypot(*(context.arms[a] - context.arms[b])))
-    scatter = 3.0 * noise / float(np.sqrt(max(len(shared) / _ALIKE, 1.0)))
+    scatter = 3.0 * noise / float(np.sqrt(max(len(shared) / _CORRELATED, 1.0)))
     bent = noise**2 / max(found, noise, _ONE_PLACE_M)  # of a distance as short as its noise
     if abs(found - body) > 0.1 + scatter + bent:
         yield error(f"tags {a} and {b} are {body:.2f} m apart on the body, but their fixes "
@@ -150,7 +150,7 @@ class _Frozen:
     driven_m: float
 
 
-def fixes_that_are_frozen(context: Context) -> Iterator[Finding]:
+def frozen_fixes(context: Context) -> Iterator[Finding]:
     """Name tags whose position stays bit for bit the same while the machine drives."""
     for run in _frozen(context):
         begin, end = ((at - context.begin_ns) / NANOSECONDS for at in (run.begin_ns, run.end_ns))
@@ -190,8 +190,8 @@ def _longest_same(at: FloatArray) -> tuple[int, int]:
     return int(bounds[longest]), int(bounds[longest + 1]) - 1
 
 
-def tags_that_fall_silent(context: Context) -> Iterator[Finding]:
-    """Name tags that are not heard for long while others of the same source are."""
+def silent_tags(context: Context) -> Iterator[Finding]:
+    """Name tags without measurements for long while others of the same source are."""
     for source in ("positions", "ranges"):
         table = context.used(source)
         if table is None or "tag" not in table:
@@ -214,12 +214,12 @@ def _silence(
     period_s = float(np.median(np.diff(mine))) / NANOSECONDS if len(mine) > 1 else 0.0
     # Not a place where radio is poor: there the others fall silent too.
     between = np.unique(others[(others > begin) & (others < end)])
-    heard = len(between) > 0.5 * length_s / max(period_s, 0.1)
-    if length_s > max(_SILENT_S, _SILENT_PERIODS * period_s) and heard:
+    received = len(between) > 0.5 * length_s / max(period_s, 0.1)
+    if length_s > max(_SILENT_S, _SILENT_PERIODS * period_s) and received:
         of = (begin - context.begin_ns) / NANOSECONDS
         until = "to the end" if end > mine[-1] else f"for {length_s:.3g} s"
         yield warning(f"tag {tag} is silent from {of:.3g} s after the start {until} while other "
-                      f"tags are heard ({source})", f"{source}.csv",
+                      f"tags are received ({source})", f"{source}.csv",
                       "look at its battery and its mount; the heading rests on the others"
                       )  # fmt: skip
 
@@ -233,7 +233,7 @@ def _of_tags(context: Context) -> Columns | None:
 def _by_ranges(context: Context) -> Columns | None:
     """Return positions of each tag as its ranges give them, at the stamps of one of the tags.
 
-    Radios that hear one tag after the other tell of each at another time: the positions of the
+    Radios that range to one tag after the other measure each at another time: the positions of the
     other tags are interpolated, over at most `BRIDGED_S`.
     """
     table = context.used("ranges")
@@ -245,14 +245,14 @@ def _by_ranges(context: Context) -> Columns | None:
         return None
     stamp = min((at for at, _ in paths.values()), key=len)
     rows = {name: _at(stamp, *path) for name, path in paths.items()}
-    told = np.concatenate(list(rows.values()))
-    known = np.isfinite(told[:, 0])
+    measured = np.concatenate(list(rows.values()))
+    known = np.isfinite(measured[:, 0])
     return {
         "stamp_ns": np.tile(stamp, len(rows))[known],
         "tag": np.repeat(np.array(list(rows)), len(stamp))[known],
-        "x_m": told[known, 0],
-        "y_m": told[known, 1],
-        "sigma_m": told[known, 2],
+        "x_m": measured[known, 0],
+        "y_m": measured[known, 1],
+        "sigma_m": measured[known, 2],
     }
 
 
@@ -279,6 +279,6 @@ def _at(stamp_ns: NDArray[np.int64], path_ns: NDArray[np.int64], path: FloatArra
     after = np.clip(np.searchsorted(path_ns, stamp_ns), 1, len(path_ns) - 1)
     begin, end = path_ns[after - 1], path_ns[after]
     share = (stamp_ns - begin) / np.maximum(end - begin, 1)
-    told = path[after - 1] + share[:, None] * (path[after] - path[after - 1])
+    measured = path[after - 1] + share[:, None] * (path[after] - path[after - 1])
     bridged = (share >= 0.0) & (share <= 1.0) & (end - begin <= BRIDGED_S * NANOSECONDS)
-    return np.where((bridged | (share == 0.0) | (share == 1.0))[:, None], told, np.nan)
+    return np.where((bridged | (share == 0.0) | (share == 1.0))[:, None], measured, np.nan)

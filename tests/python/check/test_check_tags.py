@@ -19,9 +19,9 @@ from locfuse.run.run import load_log
 from locfuse.types import NANOSECONDS, Columns, Log
 from support_runs import CONFIGS
 
-TAG_RULES = ("tags_in_one_place", "tags_that_do_not_fit_their_fixes",
-             "tags_that_do_not_fit_their_ranges", "fixes_that_are_frozen",
-             "tags_that_fall_silent")  # fmt: skip
+TAG_RULES = ("tags_in_one_place", "tags_inconsistent_with_fixes",
+             "tags_inconsistent_with_ranges", "frozen_fixes",
+             "silent_tags")  # fmt: skip
 EIGHT = {"shape": "eight", "center_m": [40.45, 3.5], "radius_m": 1.4, "speed_mps": 0.31}
 SWAPS = [
     {"front": "left", "left": "front"},
@@ -152,14 +152,14 @@ def test_tags_that_range_one_after_the_other_are_named_too() -> None:
     assert "left is right" in found
 
 
-def test_two_tags_that_range_or_two_anchors_tell_no_swap() -> None:
+def test_two_tags_that_range_or_two_anchors_show_no_swap() -> None:
     swapped = renamed(left="right", right="left")
     two_tags = checked_ranges(lambda table: rows(swapped(table), table["tag"] != "front"))
-    assert not said(two_tags, "tags_that_do_not_fit_their_ranges")
-    heard = ("A1", "A2")
+    assert not said(two_tags, "tags_inconsistent_with_ranges")
+    pair = ("A1", "A2")
     two_anchors = checked_ranges(lambda table: rows(swapped(table),
-                                                    np.isin(table["anchor"], heard)))  # fmt: skip
-    assert not said(two_anchors, "tags_that_do_not_fit_their_ranges")
+                                                    np.isin(table["anchor"], pair)))  # fmt: skip
+    assert not said(two_anchors, "tags_inconsistent_with_ranges")
 
 
 def test_ids_of_an_equilateral_triangle_are_swapped_in_one_of_three_ways() -> None:
@@ -173,7 +173,7 @@ def test_ids_of_an_equilateral_triangle_are_swapped_in_one_of_three_ways() -> No
     [found] = said(check(config, replace(log, tables={**log.tables, "positions": table})),
                    *TAG_RULES)  # fmt: skip
     assert "are swapped" in found
-    assert "which of them is not told" in found
+    assert "which of them is unknown" in found
 
 
 @pytest.mark.parametrize(
@@ -190,7 +190,7 @@ def test_tags_without_a_triangle_are_named(tags: dict[str, Any], what: str) -> N
 
 def test_a_tag_measured_in_the_wrong_place_is_seen_by_the_distances_of_fixes() -> None:
     moved = {"front": (1.1, 0.0, 1.0), "left": LEFT, "right": RIGHT}
-    found = said(checked(tags=moved), "tags_that_do_not_fit_their_fixes")
+    found = said(checked(tags=moved), "tags_inconsistent_with_fixes")
     assert {one.split(" are ")[0] for one in found} == {"error: tags front and left",
                                                         "error: tags front and right"}  # fmt: skip
 
@@ -206,12 +206,12 @@ def test_one_antenna_without_a_name_freezes_too() -> None:
         only = rows(stuck("front")(table), table["tag"] == "front")
         return {key: column for key, column in only.items() if key != "tag"}
 
-    [found] = said(checked(alone), "fixes_that_are_frozen")
+    [found] = said(checked(alone), "frozen_fixes")
     assert "the position is frozen" in found
 
 
 def test_standing_still_is_not_frozen() -> None:
-    """A quantised RTLS at rest tells the same again and again."""
+    """A quantised RTLS at rest reports the same again and again."""
     _, log = _recorded(1)
     still = {key: column.copy() for key, column in log["odometry"].items()}
     for key in ("dx_m", "dy_m", "dheading_rad"):
@@ -219,18 +219,20 @@ def test_standing_still_is_not_frozen() -> None:
     log = replace(log, tables={**log.tables, "odometry": still,
                                "positions": stuck("left")(dict(log["positions"]))})  # fmt: skip
     config = parse_config({"start": "truth"})
-    assert not said(check(config, log), "fixes_that_are_frozen")
+    assert not said(check(config, log), "frozen_fixes")
 
 
-@pytest.mark.parametrize(("begin_s", "end_s", "told"), [(10, 99, "to the end"), (10, 25, "for 15")])
-def test_a_tag_that_dies_is_named_with_when(begin_s: float, end_s: float, told: str) -> None:
+@pytest.mark.parametrize(
+    ("begin_s", "end_s", "duration"), [(10, 99, "to the end"), (10, 25, "for 15")]
+)
+def test_a_tag_that_dies_is_named_with_when(begin_s: float, end_s: float, duration: str) -> None:
     def dies(table: Columns) -> Columns:
         at = table["stamp_ns"] / NANOSECONDS
         return rows(table, (table["tag"] != "right") | (at <= begin_s) | (at >= end_s))
 
     [found] = said(checked(dies), *TAG_RULES)
     assert "warning: tag right is silent from 10 s" in found
-    assert told in found
+    assert duration in found
 
 
 def test_a_place_without_radio_is_no_dead_tag() -> None:
@@ -238,17 +240,17 @@ def test_a_place_without_radio_is_no_dead_tag() -> None:
         at = table["stamp_ns"] / NANOSECONDS
         return rows(table, (at <= 10.0) | (at >= 30.0))
 
-    assert not said(checked(away), "tags_that_fall_silent")
+    assert not said(checked(away), "silent_tags")
 
 
-def test_fixes_of_named_tags_have_lever_arms_and_tell_the_heading() -> None:
+def test_fixes_of_named_tags_have_lever_arms_and_give_the_heading() -> None:
     """They once were taken for fixes of one antenna that nobody has measured."""
     text = " ".join(f.what for f in checked().findings)
     assert "nobody said otherwise" not in text
     assert "heading is unobservable" not in text
     named = rows(dict(_recorded(1)[1]["positions"]), _recorded(1)[1]["positions"]["tag"] == "left")
     text = " ".join(f.what for f in checked(lambda table: named).findings)
-    assert "heading is unobservable standing still" in text, "one tag does not tell it"
+    assert "heading is unobservable standing still" in text, "one tag does not give it"
 
 
 def test_the_start_is_compared_with_the_tag_that_was_located() -> None:
@@ -269,7 +271,7 @@ def test_the_start_is_compared_with_the_tag_that_was_located() -> None:
 @pytest.mark.parametrize(
     ("switch", "severity", "what"),
     [
-        ({"uwb_age_s": 0.2}, "error", "UWB is heard every 1 s"),
+        ({"uwb_age_s": 0.2}, "error", "UWB is received every 1 s"),
         ({"uwb_sigma_m": 0.001}, "error", "all of UWB together leaves"),
         ({"uwb_sigma_m": 0.02}, "warning", "driving UWB's filter states"),
         ({"uwb_nis": 0.01}, "error", "it would never be of use"),
@@ -287,6 +289,6 @@ def test_the_start_is_compared_with_the_tag_that_was_located() -> None:
 def test_a_threshold_of_the_switch_that_never_or_always_acts_is_refused(
     switch: dict[str, float], severity: str, what: str
 ) -> None:
-    found = said(checked(mcl={"switch": switch}), "switch_that_never_or_always_acts")
+    found = said(checked(mcl={"switch": switch}), "ineffective_switch")
     assert [one.split(":")[0] for one in found] == ([severity] if severity else [])
     assert all(what in one for one in found)

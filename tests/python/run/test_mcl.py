@@ -195,7 +195,7 @@ def test_a_check_says_what_the_run_would_and_nothing_that_does_not_concern_it() 
             if finding.severity == "error"]  # fmt: skip
     assert any("mcl needs a map" in what for what in found)
     warned = {f.rule for f in check(config, log).findings if f.severity == "warning"}
-    assert not warned & {"states_that_nothing_tells", "messages_too_late"}
+    assert not warned & {"unobservable_states", "messages_too_late"}
 
 
 @pytest.mark.parametrize("name", ["rooms_mcl.yaml", "hallways_mcl_uwb.yaml"])
