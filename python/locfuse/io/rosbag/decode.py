@@ -388,7 +388,7 @@ def _uwb_range(message: Any, tag: str, outer: int, frame: str) -> RangeRow:
     if not 0.0 <= sigma < math.inf:
         raise MessageError(f"the sigma of the range to {anchor} is {sigma:g}; expected > 0, or 0 "
                            "where it is not known")  # fmt: skip
-    return RangeRow(stamp, message.tag or tag, anchor, distance, sigma or None,
+    return RangeRow(stamp, str(message.tag) or tag, anchor, distance, sigma or None,
                     plain(message.header.frame_id or frame))  # fmt: skip
 
 

@@ -525,7 +525,7 @@ def test_without_rosbags_the_error_names_the_extra(
     path = write_messages(tmp_path / "d.mcap", drive())
     from locfuse.io.rosbag import wire
 
-    for cached in (wire.store, wire.broken, wire.structure, wire.deserializer, wire._definition,
+    for cached in (wire.store, wire.broken, wire.serializer, wire.deserializer, wire._definition,
                    wire._filler):  # fmt: skip
         cached.cache_clear()
     monkeypatch.setitem(sys.modules, "rosbags", None)
