@@ -170,10 +170,10 @@ def _time(kind: Callable[..., Any]) -> Callable[[Any], Any]:
     return fill
 
 
-def _part(encoding: str, told: Any) -> tuple[Callable[[Any], Any], Callable[[], Any]]:
+def _part(encoding: str, published: Any) -> tuple[Callable[[Any], Any], Callable[[], Any]]:
     """Return what makes a field of what is said, and what makes it of nothing."""
     nodes = need("rosbags.interfaces").Nodetype
-    node, what = told
+    node, what = published
     if node == nodes.BASE:
         return _base(what[0])
     if node == nodes.NAME:
