@@ -120,7 +120,7 @@ config : AirEkfConfig
 anchors : AnchorMap
 tags : list of Tag
 start : AirEstimate
-landmarks : LandmarkSight, optional
+landmarks : LandmarkSensor, optional
 
 Raises
 ------
@@ -143,9 +143,9 @@ Examples
 )")
       .def(py::init([](const AirEkf::Config& config, std::shared_ptr<locfuse::AnchorMap> anchors,
                        std::vector<locfuse::Tag> tags, const AirEstimate& start,
-                       const std::optional<locfuse::LandmarkSight>& landmarks) {
+                       const std::optional<locfuse::LandmarkSensor>& landmarks) {
              return AirEkf(config, std::move(anchors), std::move(tags), start,
-                           landmarks.value_or(locfuse::LandmarkSight{}));
+                           landmarks.value_or(locfuse::LandmarkSensor{}));
            }),
            py::arg("config"), py::arg("anchors"), py::arg("tags"), py::arg("start"),
            py::arg("landmarks") = py::none())

@@ -153,14 +153,14 @@ void bind_estimators(py::module_& m) {
                      "Timeout of odometry [s]: how long the last motion is extrapolated.")
       .def_readwrite("sigma_lost_xy_per_sqrt_s", &Config::sigma_lost_xy_per_sqrt_s)
       .def_readwrite("sigma_lost_heading_per_sqrt_s", &Config::sigma_lost_heading_per_sqrt_s);
-  py::class_<locfuse::LandmarkSight>(
-      m, "LandmarkSight",
+  py::class_<locfuse::LandmarkSensor>(
+      m, "LandmarkSensor",
       "Known landmarks and the pose T_body_sensor of the sensor that observes them.")
-      .def(py::init([](std::shared_ptr<locfuse::LandmarkMap> map, const Pose2& sensor_in_body) {
-             return locfuse::LandmarkSight{std::move(map), sensor_in_body};
+      .def(py::init([](std::shared_ptr<locfuse::LandmarkMap> map, const Pose2& T_body_sensor) {
+             return locfuse::LandmarkSensor{std::move(map), T_body_sensor};
            }),
-           py::arg("map"), py::arg("sensor_in_body") = Pose2{})
-      .def_readonly("sensor_in_body", &locfuse::LandmarkSight::sensor_in_body);
+           py::arg("map"), py::arg("T_body_sensor") = Pose2{})
+      .def_readonly("T_body_sensor", &locfuse::LandmarkSensor::T_body_sensor);
   py::native_enum<locfuse::Association>(m, "Association", "enum.Enum",
                                         "Data association of landmark observations without an id.")
       .value("NEAREST", locfuse::Association::kNearest,
@@ -180,7 +180,7 @@ config : PoseEkfConfig
 anchors : AnchorMap
 tags : list of Tag
 start : PoseEstimate
-landmarks : LandmarkSight, optional
+landmarks : LandmarkSensor, optional
 
 Raises
 ------
@@ -201,9 +201,9 @@ Examples
 )")
       .def(py::init([](const Config& config, std::shared_ptr<AnchorMap> anchors,
                        std::vector<Tag> tags, const PoseEstimate& start,
-                       const std::optional<locfuse::LandmarkSight>& landmarks) {
+                       const std::optional<locfuse::LandmarkSensor>& landmarks) {
              return PoseEkf(config, std::move(anchors), std::move(tags), start,
-                            landmarks.value_or(locfuse::LandmarkSight{}));
+                            landmarks.value_or(locfuse::LandmarkSensor{}));
            }),
            py::arg("config"), py::arg("anchors"), py::arg("tags"), py::arg("start"),
            py::arg("landmarks") = py::none())

@@ -8,7 +8,7 @@
 
 namespace py = pybind11;
 using locfuse::Health;
-using locfuse::HealthClue;
+using locfuse::HealthReason;
 using locfuse::HealthReport;
 using locfuse::HealthState;
 using locfuse::NamedSource;
@@ -31,19 +31,21 @@ void bind_enums(py::module_& m) {
       .value("LOST", HealthState::kLost,
              "The pose is probably wrong, or dead reckoning took too long.")
       .finalize();
-  py::native_enum<HealthClue>(m, "HealthClue", "enum.Enum", "Reason for a state other than OK.")
-      .value("NONE", HealthClue::kNone)
-      .value("NO_ESTIMATE", HealthClue::kNoEstimate, "Not initialized.")
-      .value("SEVERAL_PLACES", HealthClue::kSeveralPlaces, "Several hypotheses remain.")
-      .value("MEASUREMENTS", HealthClue::kMeasurements, "Measurements contradict the pose.")
-      .value("SILENCE", HealthClue::kSilence, "No measurement was fused for some time.")
-      .value("SOURCE_IS_WRONG", HealthClue::kSourceIsWrong, "One source contradicts the others.")
-      .value("SOURCE_IS_SILENT", HealthClue::kSourceIsSilent, "One kind of source timed out.")
-      .value("NOISE_IS_LARGER", HealthClue::kNoiseIsLarger, "Innovations exceed their covariance.")
-      .value("POSITION_IS_VAGUE", HealthClue::kPositionIsVague,
+  py::native_enum<HealthReason>(m, "HealthReason", "enum.Enum", "Reason for a state other than OK.")
+      .value("NONE", HealthReason::kNone)
+      .value("NO_ESTIMATE", HealthReason::kNoEstimate, "Not initialized.")
+      .value("SEVERAL_PLACES", HealthReason::kSeveralPlaces, "Several hypotheses remain.")
+      .value("MEASUREMENTS", HealthReason::kMeasurements, "Measurements contradict the pose.")
+      .value("SILENCE", HealthReason::kSilence, "No measurement was fused for some time.")
+      .value("SOURCE_IS_WRONG", HealthReason::kSourceIsWrong, "One source contradicts the others.")
+      .value("SOURCE_IS_SILENT", HealthReason::kSourceIsSilent, "One kind of source timed out.")
+      .value("NOISE_IS_LARGER", HealthReason::kNoiseIsLarger,
+             "Innovations exceed their covariance.")
+      .value("POSITION_IS_VAGUE", HealthReason::kPositionIsVague,
              "The covariance alone exceeds the limit.")
-      .value("SCANS_DO_NOT_FIT", HealthClue::kScansDoNotFit, "Scans contradict the pose.")
-      .value("LASER_IS_COVERED", HealthClue::kLaserIsCovered, "A laser is occluded at close range.")
+      .value("SCANS_DO_NOT_FIT", HealthReason::kScansDoNotFit, "Scans contradict the pose.")
+      .value("LASER_IS_COVERED", HealthReason::kLaserIsCovered,
+             "A laser is occluded at close range.")
       .finalize();
 }
 
@@ -56,12 +58,13 @@ void bind_health(py::module_& m) {
       .def_property_readonly(
           "name",
           [](const NamedSource& s) {
-            return s.name == NamedSource::kNameless ? std::nullopt : std::optional(s.name);
+            return s.name == NamedSource::kUnnamed ? std::nullopt : std::optional(s.name);
           },
           "Id of the anchor, tag or landmark, or None.");
   py::class_<SourceStatus>(m, "SourceStatus", "Statistics of the messages of one source.")
       .def_readonly("source", &SourceStatus::source)
-      .def_readonly("heard", &SourceStatus::heard, "Stamp of the last message received [ns].")
+      .def_readonly("last_received", &SourceStatus::last_received,
+                    "Stamp of the last message received [ns].")
       .def_readonly("fused", &SourceStatus::fused, "Stamp of the last message fused [ns], or None.")
       .def_readonly("interval", &SourceStatus::interval, "Mean interval between messages [s].")
       .def_readonly("residual", &SourceStatus::residual, "First row of the last innovation.")
@@ -77,7 +80,7 @@ void bind_health(py::module_& m) {
                            "Health of an estimate: state, probabilities and protection levels.")
       .def_readonly("stamp", &HealthReport::stamp, "[ns].")
       .def_readonly("state", &HealthReport::state)
-      .def_readonly("clue", &HealthReport::clue)
+      .def_readonly("reason", &HealthReport::reason)
       .def_readonly("source", &HealthReport::source, "Source that the reason refers to, or None.")
       .def_readonly("wrong", &HealthReport::wrong, "Probability that the pose is wrong.")
       .def_readonly("within", &HealthReport::within,
@@ -147,7 +150,7 @@ Examples
 >>> gate = Gate(PoseEkfConfig().gate_range)
 >>> for k in range(30):  # ranges that contradict the pose
 ...     z = Range(k * 100_000_000, 0, 1 + k % 3, 0.1)
-...     health.hear(z, ekf.on(z), gate)
+...     health.record(z, ekf.on(z), gate)
 >>> health.is_lost
 True
 )")
@@ -156,14 +159,14 @@ True
            "Restarts at `stamp` [ns] with probability `wrong` of a wrong pose; source statistics "
            "are cleared.")
       .def(
-          "hear",
+          "record",
           [](Health& health, const Measurement& z, const locfuse::Outcome& outcome,
              const locfuse::Gate& gate) {
             std::visit(
                 [&](const auto& message) {
-                  health.hear(named_source_of(message), message.stamp, outcome,
-                              outcome.dof > 0 ? gate.limit(outcome.dof) : 1.0,
-                              health.breadth_of(message));
+                  health.record(named_source_of(message), message.stamp, outcome,
+                                outcome.dof > 0 ? gate.limit(outcome.dof) : 1.0,
+                                health.outlier_volume(message));
                 },
                 z);
           },

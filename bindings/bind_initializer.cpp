@@ -70,10 +70,10 @@ Examples
       .def(py::init([](const Config& config, const locfuse::PoseEkf::Config& estimator,
                        std::shared_ptr<locfuse::AnchorMap> anchors, std::vector<locfuse::Tag> tags,
                        const std::optional<std::shared_ptr<locfuse::ScanMatcher>>& matcher,
-                       const std::optional<locfuse::LandmarkSight>& landmarks) {
+                       const std::optional<locfuse::LandmarkSensor>& landmarks) {
              return Initializer(config, estimator, std::move(anchors), std::move(tags),
                                 matcher.value_or(nullptr),
-                                landmarks.value_or(locfuse::LandmarkSight{}));
+                                landmarks.value_or(locfuse::LandmarkSensor{}));
            }),
            py::arg("config"), py::arg("estimator"), py::arg("anchors"), py::arg("tags"),
            py::arg("matcher") = py::none(), py::arg("landmarks") = py::none())

@@ -65,7 +65,7 @@ Parameters
 ----------
 config : LandmarkEkfConfig
 start : PoseEstimate
-sensor_in_body : Pose2, optional
+T_body_sensor : Pose2, optional
     T_body_sensor of the landmark sensor.
 known : list of KnownLandmark, optional
 
@@ -89,7 +89,7 @@ Examples
 )")
       .def(py::init<const Config&, const locfuse::PoseEstimate&, const locfuse::Pose2&,
                     const std::vector<KnownLandmark>&>(),
-           py::arg("config"), py::arg("start"), py::arg("sensor_in_body") = locfuse::Pose2{},
+           py::arg("config"), py::arg("start"), py::arg("T_body_sensor") = locfuse::Pose2{},
            py::arg("known") = std::vector<KnownLandmark>{})
       .def("on", py::overload_cast<const locfuse::Velocity&>(&LandmarkEkf::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Increment&>(&LandmarkEkf::on), py::arg("message"))

@@ -22,7 +22,7 @@ history : int
     Maximum delay of a message while tracking [ns].
 clock_jump : ClockJump
     Reaction to a backward jump of the message clock.
-most_messages : int
+max_messages : int
     Maximum number of messages kept for reordering, at least 512.
 patience : int
     Maximum delay of a message while searching [ns].
@@ -44,18 +44,18 @@ Examples
 0
 )")
       .def(py::init([](const locfuse::RecoveringEkf& estimator, locfuse::Stamp history,
-                       locfuse::ClockJump clock_jump, std::size_t most_messages,
+                       locfuse::ClockJump clock_jump, std::size_t max_messages,
                        locfuse::Stamp patience) {
              Live::Options options;
              options.history = history;
              options.timeline.clock_jump = clock_jump;
-             options.timeline.most_messages = most_messages;
+             options.timeline.max_messages = max_messages;
              options.patience = patience;
              return Live(estimator, options);
            }),
            py::arg("estimator"), py::arg("history") = Live::Options{}.history,
            py::arg_v("clock_jump", locfuse::ClockJump::kRefuse, "ClockJump.REFUSE"),
-           py::arg("most_messages") = locfuse::TimelineOptions{}.most_messages,
+           py::arg("max_messages") = locfuse::TimelineOptions{}.max_messages,
            py::arg("patience") = Live::Options{}.patience)
       .def("on", unlocked_on<Live, locfuse::LaserScan>(), py::arg("scan"),
            "Processes a scan, which is used only while searching.")
@@ -103,7 +103,7 @@ ValueError
       .def_property_readonly("jumps", &Live::jumps,
                              "Number of backward clock jumps handled by RESET or CONTINUE.")
       .def_property_readonly(
-          "fallen_out", &Live::fallen_out,
+          "dropped_messages", &Live::dropped_messages,
           "Messages inside the history that were dropped because there were too many.")
       .def("__repr__", [](const Live& live) {
         return std::string("Live(") + (live.is_tracking() ? "tracking" : "searching") + ")";

@@ -45,7 +45,7 @@ void bind_mcl(py::module_& m) {
       m, "BeamModelConfig",
       "Beam model: weights of a mixture over the range; docs/models/beam_model.md.")
       .def(py::init<>())
-      .def_static("zhang", &BeamModel::zhang,
+      .def_static("gaussian_and_no_return", &BeamModel::gaussian_and_no_return,
                   "Mixture of a Gaussian and beams without return (zhang).")
       .def_readwrite("hit", &BeamConfig::hit)
       .def_readwrite("shorter", &BeamConfig::shorter)
@@ -118,7 +118,7 @@ start : int
 anchors : AnchorMap, optional
 tags : list of Tag, optional
     For ranges.
-landmarks : LandmarkSight, optional
+landmarks : LandmarkSensor, optional
 
 Raises
 ------
@@ -142,11 +142,11 @@ False
                        locfuse::Stamp start,
                        const std::optional<std::shared_ptr<locfuse::AnchorMap>>& anchors,
                        std::vector<locfuse::Tag> tags,
-                       const std::optional<locfuse::LandmarkSight>& landmarks) {
+                       const std::optional<locfuse::LandmarkSensor>& landmarks) {
              const py::gil_scoped_release unlocked;
              return std::make_unique<Mcl>(config, std::move(grid), start, anchors.value_or(nullptr),
                                           std::move(tags),
-                                          landmarks.value_or(locfuse::LandmarkSight{}));
+                                          landmarks.value_or(locfuse::LandmarkSensor{}));
            }),
            py::arg("config"), py::arg("grid"), py::arg("start") = 0,
            py::arg("anchors") = py::none(), py::arg("tags") = std::vector<locfuse::Tag>{},
@@ -184,7 +184,7 @@ False
            "Processes one message.")
       .def("estimate", &Mcl::estimate,
            "PoseEstimate of the likeliest cluster, propagated to the end of the latest odometry.")
-      .def("spread", &Mcl::spread,
+      .def("overall_estimate", &Mcl::overall_estimate,
            "PoseEstimate with the covariance of all particles about their mean, over all clusters.")
       .def_property_readonly(
           "hypotheses", [](const Mcl& mcl) { return mcl.hypotheses(); },

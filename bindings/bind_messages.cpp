@@ -131,8 +131,8 @@ void bind_messages(py::module_& m) {
            }),
            py::arg("begin"), py::arg("stamp"), py::arg("motion"))
       .def_static(
-          "from_trans_rot", &Increment::from_trans_rot, py::arg("begin"), py::arg("stamp"),
-          py::arg("trans"), py::arg("rot"),
+          "from_drive_then_turn", &Increment::from_drive_then_turn, py::arg("begin"),
+          py::arg("stamp"), py::arg("trans"), py::arg("rot"),
           "ekim2020 eq. (6): drive `trans` [m] along the old heading, then turn by `rot` [rad].")
       .def_readonly("begin", &Increment::begin)
       .def_readonly("stamp", &Increment::stamp)

@@ -292,9 +292,9 @@ void bind_models(py::module_& m) {
                                 "Range and bearing from a sensor on the body to a landmark at (2,) "
                                 "in world; docs/models/range_bearing.md.")
       .def(py::init<const RangeBearingConfig&, const Pose2&>(), py::arg("config"),
-           py::arg("sensor_in_body") = Pose2{})
+           py::arg("T_body_sensor") = Pose2{})
       .def(py::init<const RangeBearingConfig&, const Pose2&, const RangeBearingInSpace&>(),
-           py::arg("config"), py::arg("sensor_in_body"), py::arg("in_space"))
+           py::arg("config"), py::arg("T_body_sensor"), py::arg("in_space"))
       .def("predict",
            py::overload_cast<const Pose2&, const locfuse::Vector<2>&>(&RangeBearingModel::predict,
                                                                       py::const_),

@@ -73,17 +73,22 @@ AnchorTable table_of(const Column<double>& anchors, std::optional<double> height
                                 " dimensions, expected an array of shape (m, 2) or (m, 3)");
   }
   constexpr py::ssize_t kMaxRows = locfuse::kMaxRanges + 1;  // rejected by validate
-  return {anchors.data(), static_cast<int>(std::min(anchors.shape(0), kMaxRows)),
-          static_cast<int>(std::min<py::ssize_t>(anchors.shape(1), 4)), height};
+  return {locfuse::RowsView(anchors.data(), std::min(anchors.shape(0), kMaxRows),
+                            std::min<py::ssize_t>(anchors.shape(1), 4)),
+          height};
 }
 
-std::vector<double> sigmas_of(const Sigma& sigma, int size) {
+Eigen::Map<const Eigen::VectorXd> view(const Column<double>& numbers) {
+  return {numbers.data(), numbers.size()};
+}
+
+Eigen::VectorXd sigmas_of(const Sigma& sigma, int size) {
   if (const double* one = std::get_if<double>(&sigma)) {
-    return std::vector<double>(static_cast<std::size_t>(size), *one);
+    return Eigen::VectorXd::Constant(size, *one);
   }
   const auto& each = std::get<Column<double>>(sigma);
   expect_shape("sigma", each, size);
-  return {each.data(), each.data() + size};
+  return view(each);
 }
 
 AnyMultilateration make_solver(const Column<double>& anchors, const Sigma& sigma,
@@ -91,13 +96,13 @@ AnyMultilateration make_solver(const Column<double>& anchors, const Sigma& sigma
                                std::optional<double> loss_scale, double wrong_side_probability,
                                double false_alarm_probability) {
   const AnchorTable table = table_of(anchors, height);
-  const std::vector<double> sigmas = sigmas_of(sigma, table.size);
+  const Eigen::VectorXd sigmas = sigmas_of(sigma, table.size());
   const locfuse::RangeLoss range_loss = loss_of(loss, loss_scale);
   const locfuse::PositionRules rules{wrong_side_probability, false_alarm_probability};
   if (table.dimensions() == 3) {
-    return {Multilateration<3>(table, sigmas.data(), {range_loss, rules})};
+    return {Multilateration<3>(table, sigmas, {range_loss, rules})};
   }
-  return {Multilateration<2>(table, sigmas.data(), {range_loss, rules})};
+  return {Multilateration<2>(table, sigmas, {range_loss, rules})};
 }
 
 PositionSolution locate(const Column<double>& anchors, const Column<double>& ranges,
@@ -112,8 +117,8 @@ PositionSolution locate(const Column<double>& anchors, const Column<double>& ran
   constexpr std::array<std::pair<const char*, Weights>, 2> kWeights = {
       {{"equal", Weights::kEqual}, {"variance", Weights::kVariance}}};
   const AnchorTable table = table_of(anchors, height);
-  const std::vector<double> sigmas = sigmas_of(sigma, table.size);
-  expect_shape("ranges", ranges, table.size);
+  const Eigen::VectorXd sigmas = sigmas_of(sigma, table.size());
+  expect_shape("ranges", ranges, table.size());
   LocateOptions options;
   options.loss = loss_of(loss, loss_scale);
   options.rules = {wrong_side_probability, false_alarm_probability};
@@ -126,7 +131,7 @@ PositionSolution locate(const Column<double>& anchors, const Column<double>& ran
   if (box) {
     options.box = {box->first, box->second};
   }
-  return locfuse::locate(table, ranges.data(), sigmas.data(), options);
+  return locfuse::locate(table, view(ranges), sigmas, options);
 }
 
 /// Positions of many epochs, as arrays.
@@ -138,20 +143,23 @@ struct PositionBatch {
 };
 
 template <int N>
-PositionBatch run_batch(const Multilateration<N>& solver, RangeSolver method, const double* anchors,
+PositionBatch run_batch(const Multilateration<N>& solver, RangeSolver method,
+                        const std::optional<locfuse::RowsView>& anchors,
                         const Column<double>& ranges) {
   const py::ssize_t n = ranges.shape(0);
   PositionBatch batch{py::array_t<double>({n, py::ssize_t(N)}),
                       py::array_t<double>({n, py::ssize_t(N), py::ssize_t(N)}),
                       py::array_t<double>(n), py::array_t<std::uint8_t>(n)};
   static_assert(sizeof(PositionStatus) == 1);
-  const locfuse::PositionRows out{batch.position.mutable_data(), batch.covariance.mutable_data(),
-                                  batch.cost.mutable_data(),
-                                  reinterpret_cast<PositionStatus*>(batch.status.mutable_data())};
-  const double* data = ranges.data();
+  const locfuse::PositionRows<N> out{
+      {batch.position.mutable_data(), n, N},
+      {batch.covariance.mutable_data(), n, N * N},
+      {batch.cost.mutable_data(), n},
+      {reinterpret_cast<PositionStatus*>(batch.status.mutable_data()), n}};
+  const locfuse::RowsView rows(ranges.data(), n, solver.layout().size);
   {
     const py::gil_scoped_release release;
-    locfuse::locate_batch<N>(solver, method, anchors, data, static_cast<std::size_t>(n), out);
+    locfuse::locate_batch<N>(solver, method, anchors, rows, out);
   }
   return batch;
 }
@@ -174,11 +182,12 @@ PositionBatch locate_batch(const Column<double>& anchors, const Column<double>& 
   const py::ssize_t epochs = own ? anchors.shape(0) : (ranges.ndim() > 0 ? ranges.shape(0) : 0);
   expect_shape("ranges", ranges, epochs, std::max<py::ssize_t>(first.shape(0), 1));
   const RangeSolver method = solver_of(solver);
+  std::optional<locfuse::RowsView> own_anchors;
+  if (own) {
+    own_anchors.emplace(anchors.data(), anchors.shape(0) * anchors.shape(1), anchors.shape(2));
+  }
   return std::visit(
-      [&](const auto& chosen) {
-        return run_batch(chosen, method, own ? anchors.data() : nullptr, ranges);
-      },
-      any.in);
+      [&](const auto& chosen) { return run_batch(chosen, method, own_anchors, ranges); }, any.in);
 }
 
 template <int N>
@@ -386,8 +395,8 @@ Examples
 py::array_t<double> cramer_rao(const Column<double>& anchors, const Eigen::MatrixXd& points,
                                const Sigma& sigma, std::optional<double> height) {
   const AnchorTable table = table_of(anchors, height);
-  const std::vector<double> sigmas = sigmas_of(sigma, table.size);
-  const std::vector<Eigen::MatrixXd> bounds = locfuse::cramer_rao(table, sigmas.data(), points);
+  const Eigen::VectorXd sigmas = sigmas_of(sigma, table.size());
+  const std::vector<Eigen::MatrixXd> bounds = locfuse::cramer_rao(table, sigmas, points);
   const py::ssize_t d = table.dimensions();
   py::array_t<double> out({static_cast<py::ssize_t>(bounds.size()), d, d});
   double* to = out.mutable_data();
@@ -437,7 +446,7 @@ void bind_multilateration(py::module_& m) {
             return std::visit(
                 [&](const auto& solver) -> std::variant<RangePosition<2>, RangePosition<3>> {
                   expect_shape("ranges", ranges, solver.layout().size);
-                  return solver.solve(ranges.data());
+                  return solver.solve(view(ranges));
                 },
                 any.in);
           },

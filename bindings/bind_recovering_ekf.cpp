@@ -29,7 +29,7 @@ anchors : AnchorMap, optional
 tags : list of Tag, optional
 matcher : ScanMatcher, optional
     Obtains the heading from scans on the map while lost.
-landmarks : LandmarkSight, optional
+landmarks : LandmarkSensor, optional
 
 Raises
 ------
@@ -40,7 +40,7 @@ Examples
 --------
 >>> from locfuse import *
 >>> posts = LandmarkMap([Landmark(0, [3, 0]), Landmark(1, [0, 4]), Landmark(2, [-2, 1])])
->>> ekf = RecoveringEkf(RecoveringEkfConfig(), landmarks=LandmarkSight(posts))
+>>> ekf = RecoveringEkf(RecoveringEkfConfig(), landmarks=LandmarkSensor(posts))
 >>> ekf.is_lost
 True
 >>> _ = ekf.on_joint([RangeBearing(0, None, 3.0, 0.0), RangeBearing(0, None, 4.0, 1.5708),
@@ -52,11 +52,11 @@ True
                        const std::optional<std::shared_ptr<locfuse::AnchorMap>>& anchors,
                        std::vector<locfuse::Tag> tags,
                        const std::optional<std::shared_ptr<locfuse::ScanMatcher>>& matcher,
-                       const std::optional<locfuse::LandmarkSight>& landmarks) {
+                       const std::optional<locfuse::LandmarkSensor>& landmarks) {
              return RecoveringEkf(config,
                                   anchors ? *anchors : std::make_shared<locfuse::AnchorMap>(),
                                   std::move(tags), matcher.value_or(nullptr),
-                                  landmarks.value_or(locfuse::LandmarkSight{}));
+                                  landmarks.value_or(locfuse::LandmarkSensor{}));
            }),
            py::arg("config"), py::arg("anchors") = py::none(),
            py::arg("tags") = std::vector<locfuse::Tag>{}, py::arg("matcher") = py::none(),

@@ -84,8 +84,8 @@ void bind_health_columns(py::class_<Run>& bound, const ItemsOf& items_of,
       "health_state", [](const auto& h) { return static_cast<std::uint8_t>(h.state); },
       "Index into HealthState, (k,).");
   column(
-      "health_clue", [](const auto& h) { return static_cast<std::uint8_t>(h.clue); },
-      "Index into HealthClue, (k,).");
+      "health_reason", [](const auto& h) { return static_cast<std::uint8_t>(h.reason); },
+      "Index into HealthReason, (k,).");
   column(
       "wrong", [](const auto& h) { return h.wrong; }, "Probability that the pose is wrong, (k,).");
   column(
@@ -150,10 +150,10 @@ using Switches = std::vector<std::tuple<Stamp, locfuse::Source, bool>>;
 template <class Estimator>
 RunLog run(const Estimator& start, SharedLog& log, Stamp history, bool record,
            const Progress<RunLog>& progress, std::optional<Stamp> used_until,
-           locfuse::ClockJump clock_jump, std::size_t most_messages, const Switches& switches) {
+           locfuse::ClockJump clock_jump, std::size_t max_messages, const Switches& switches) {
   locfuse::ReplayOptions options;
   options.timeline.clock_jump = clock_jump;
-  options.timeline.most_messages = most_messages;
+  options.timeline.max_messages = max_messages;
   options.switches.reserve(switches.size());
   for (const auto& [arrival, source, enabled] : switches) {
     options.switches.push_back({arrival, source, enabled});
@@ -227,7 +227,7 @@ void bind_replay(py::module_& m) {
           "Number of variances clamped to their bounds, per message.")
       .def_readonly("jumps", &RunLog::jumps,
                     "Number of backward clock jumps; the estimates are those after the last.")
-      .def_readonly("fallen_out", &RunLog::fallen_out,
+      .def_readonly("dropped_messages", &RunLog::dropped_messages,
                     "Messages inside the history that were dropped because there were too many.")
       .def_readonly("last", &RunLog::last, "The estimate at the end of the log.")
       .def_readonly("errors", &RunLog::errors,
@@ -356,13 +356,13 @@ progress : callable, optional
         py::arg("history") = locfuse::ReplayOptions{}.history, py::arg("record") = true,
         py::arg("progress") = py::none(), py::arg("used_until") = py::none(),
         py::arg_v("clock_jump", locfuse::ClockJump::kRefuse, "ClockJump.REFUSE"),
-        py::arg("most_messages") = locfuse::TimelineOptions{}.most_messages,
+        py::arg("max_messages") = locfuse::TimelineOptions{}.max_messages,
         py::arg("switches") = Switches{});
   m.def("replay", &run<RecoveringEkf>, py::arg("start"), py::arg("log"),
         py::arg("history") = locfuse::ReplayOptions{}.history, py::arg("record") = true,
         py::arg("progress") = py::none(), py::arg("used_until") = py::none(),
         py::arg_v("clock_jump", locfuse::ClockJump::kRefuse, "ClockJump.REFUSE"),
-        py::arg("most_messages") = locfuse::TimelineOptions{}.most_messages,
+        py::arg("max_messages") = locfuse::TimelineOptions{}.max_messages,
         py::arg("switches") = Switches{},
         R"(Feeds a sorted log to a copy of an estimator; late messages are fused at their stamp.
 
@@ -383,8 +383,8 @@ used_until : int, optional
     IGNORED.
 clock_jump : ClockJump
     Reaction to a backward jump of the message clock.
-most_messages : int
-    Maximum number of messages kept for reordering, at least 512; `fallen_out` counts the dropped.
+max_messages : int
+    Maximum number of messages kept for reordering, at least 512; `dropped_messages` counts the dropped.
 switches : list of (int, Source, bool)
     Disables (False) or enables (True) a source from this arrival [ns].
 )");

@@ -11,12 +11,12 @@ using locfuse::SwitchingMcl;
 
 void bind_switching_mcl(py::module_& m) {
   using Config = SwitchingMcl::Config;
-  using Doubt = SwitchingMcl::Doubt;
+  using InjectionReason = SwitchingMcl::InjectionReason;
   using Injection = SwitchingMcl::Injection;
-  py::native_enum<Doubt>(m, "Doubt", "enum.Enum", "Reason to distrust scans.")
-      .value("NONE", Doubt::kNone, "Scans are trusted.")
-      .value("UNCERTAIN", Doubt::kUncertain, "The particles have spread out.")
-      .value("ELSEWHERE", Doubt::kElsewhere, "The particles disagree with the UWB pose.")
+  py::native_enum<InjectionReason>(m, "InjectionReason", "enum.Enum", "Reason to distrust scans.")
+      .value("NONE", InjectionReason::kNone, "Scans are trusted.")
+      .value("UNCERTAIN", InjectionReason::kUncertain, "The particles have spread out.")
+      .value("ELSEWHERE", InjectionReason::kElsewhere, "The particles disagree with the UWB pose.")
       .finalize();
   py::class_<Config>(m, "SwitchingMclConfig", "Thresholds at which UWB takes over from scans.")
       .def(py::init<>())
@@ -45,7 +45,7 @@ void bind_switching_mcl(py::module_& m) {
       .def_readwrite("share", &Config::share, "Fraction of the particles that is replaced.");
   py::class_<Injection>(m, "Injection", "Event at which UWB took over from scans.")
       .def_readonly("stamp", &Injection::stamp)
-      .def_readonly("doubt", &Injection::doubt)
+      .def_readonly("reason", &Injection::reason)
       .def_readonly("before", &Injection::before,
                     "PoseEstimate before, with the covariance of all particles.")
       .def_readonly("after", &Injection::after, "PoseEstimate after, from UWB.")
@@ -86,7 +86,7 @@ Examples
 ...     _ = switching.on(Velocity(second * 10**9, 0.0, 0.0))
 ...     _ = switching.on(PositionFix(second * 10**9, [1.0, 1.0], 0.01 * np.eye(2)))
 ...     _ = switching.on(LaserScan(second * 10**9, around, [2.95, 1.95, 0.95, 0.95]))
->>> [(i.doubt.name, i.stamp // 10**9) for i in switching.injections]
+>>> [(i.reason.name, i.stamp // 10**9) for i in switching.injections]
 [('UNCERTAIN', 2)]
 )")
       .def(py::init<const Config&, locfuse::Mcl, locfuse::RecoveringEkf>(), py::arg("config"),

@@ -37,7 +37,7 @@ ScanEvidence read_evidence(fuzz::Reader& io, Stamp& now) {
   scan.by_chance = of_255[1] / 255.0;
   scan.covered = of_255[2] / 255.0;
   scan.independent = 1.0 + of_255[3];
-  scan.news = of_255[4] / 255.0;
+  scan.novelty = of_255[4] / 255.0;
   return scan;
 }
 
@@ -62,7 +62,7 @@ void send(fuzz::Reader& io, Health& health, std::uint8_t call, Stamp& now) {
     code(io, stamp, now);
     health.advance(stamp);
   } else if (call == 2) {
-    health.hear(read_evidence(io, now));
+    health.record(read_evidence(io, now));
   } else {
     Stamp stamp = 0;
     code(io, stamp, now);
@@ -70,7 +70,7 @@ void send(fuzz::Reader& io, Health& health, std::uint8_t call, Stamp& now) {
     constexpr double kLimit = 10.8;
     constexpr double kBreadth = 20.0;
     if (const std::optional<Outcome> outcome = read_outcome(io)) {
-      health.hear(source, stamp, *outcome, kLimit, kBreadth);
+      health.record(source, stamp, *outcome, kLimit, kBreadth);
     }
   }
 }

@@ -24,9 +24,13 @@ void require_equal_to_single(const RangePosition<N>& alone, PositionStatus statu
 /// Solves the first epoch alone, then all epochs as a batch.
 template <int N>
 void solve(const fuzz::Reader& io, const AnchorTable& table, const std::vector<double>& ranges,
-           std::size_t epochs, const double* sigma, const RangeLoss& loss) {
+           std::size_t epochs, const RangesView& sigma, const RangeLoss& loss) {
+  const auto epoch_ranges = [&](std::size_t i) {
+    const auto size = static_cast<std::size_t>(table.size());
+    return Eigen::Map<const Eigen::VectorXd>(ranges.data() + i * size, table.size());
+  };
   const Multilateration<N> solver(table, sigma, {loss, {}});
-  const RangePosition<N> found = solver.solve(ranges.data());
+  const RangePosition<N> found = solver.solve(epoch_ranges(0));
   if (found.has_position) {
     fuzz::require(found.position.allFinite(), "a position is finite");
   }
@@ -40,9 +44,12 @@ void solve(const fuzz::Reader& io, const AnchorTable& table, const std::vector<d
     std::vector<Matrix<N, N>> covariance(epochs);
     std::vector<double> cost(epochs);
     std::vector<PositionStatus> status(epochs);
-    locate_batch<N>(
-        solver, method, nullptr, ranges.data(), epochs,
-        {position.front().data(), covariance.front().data(), cost.data(), status.data()});
+    const auto count = static_cast<Eigen::Index>(epochs);
+    locate_batch<N>(solver, method, {}, RowsView(ranges.data(), count, table.size()),
+                    {{position.front().data(), count, N},
+                     {covariance.front().data(), count, N * N},
+                     {cost.data(), count},
+                     {status.data(), count}});
     for (std::size_t i = 0; i < epochs; ++i) {
       if (status[i] == PositionStatus::kUnique) {
         fuzz::require(position[i].allFinite(), "a position of a batch is finite");
@@ -52,8 +59,7 @@ void solve(const fuzz::Reader& io, const AnchorTable& table, const std::vector<d
       }
       if (io.plausible() && method == RangeSolver::kMaximumLikelihood &&
           status[i] != PositionStatus::kBadRange) {
-        const std::size_t row = i * static_cast<std::size_t>(table.size);
-        require_equal_to_single<N>(solver.solve(&ranges[row]), status[i], position[i]);
+        require_equal_to_single<N>(solver.solve(epoch_ranges(i)), status[i], position[i]);
       }
     }
   }
@@ -81,7 +87,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   for (double& s : sigma) {
     code(io, s, 1e-3, 2.0);
   }
-  AnchorTable table{rows.data(), anchors, columns, {}};
+  AnchorTable table{RowsView(rows.data(), anchors, columns), {}};
+  const Eigen::Map<const Eigen::VectorXd> sigmas(sigma.data(), anchors);
   if (way == 2) {
     table.height.emplace();
     code(io, *table.height, -5.0, 5.0);
@@ -115,7 +122,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     code(io, *range, 0.0, 40.0);
   }
   fuzz::returns([&] {
-    const PositionSolution found = locate(table, ranges.data(), sigma.data(), options);
+    const PositionSolution found =
+        locate(table, Eigen::Map<const Eigen::VectorXd>(ranges.data(), anchors), sigmas, options);
     fuzz::require((found.status == PositionStatus::kUnique) == found.reason.empty(),
                   "a status other than UNIQUE has a reason");
     for (const PositionHypothesis& hypothesis : found.hypotheses) {
@@ -128,9 +136,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   });
   fuzz::returns([&] {
     if (dimensions == 2) {
-      solve<2>(io, table, ranges, more + 1U, sigma.data(), options.loss);
+      solve<2>(io, table, ranges, more + 1U, sigmas, options.loss);
     } else {
-      solve<3>(io, table, ranges, more + 1U, sigma.data(), options.loss);
+      solve<3>(io, table, ranges, more + 1U, sigmas, options.loss);
     }
   });
   return 0;

@@ -11,7 +11,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   std::optional<Mcl> mcl;
   if (!fuzz::returns([&] {
         mcl.emplace(config, fuzz::small_room(), 0, testing::hall(), testing::one_tag(),
-                    LandmarkSight{fuzz::poles(), {0.2, 0.0, 0.1}});
+                    LandmarkSensor{fuzz::poles(), {0.2, 0.0, 0.1}});
       })) {
     return 0;
   }

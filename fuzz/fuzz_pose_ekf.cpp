@@ -13,7 +13,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   std::optional<PoseEkf> made;
   if (!fuzz::returns([&] {
         made.emplace(config, testing::hall(), testing::one_tag(), start,
-                     LandmarkSight{fuzz::poles(), {0.2, 0.0, 0.1}});
+                     LandmarkSensor{fuzz::poles(), {0.2, 0.0, 0.1}});
       })) {
     return 0;
   }

@@ -125,7 +125,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   code(io, config.estimator);
   fuzz::returns([&] {
     RecoveringEkf robot(config, anchors_of(world / 2), testing::one_tag(), matcher,
-                        LandmarkSight{fuzz::poles(), {0.2, 0.0, 0.1}});
+                        LandmarkSensor{fuzz::poles(), {0.2, 0.0, 0.1}});
     if (live) {
       Live::Options options;
       Stamp zero = 0;

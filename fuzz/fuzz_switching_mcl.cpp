@@ -7,7 +7,7 @@
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace locfuse;
   static const Mcl particles(fuzz::few_particles(), fuzz::small_room(), 0, nullptr, {},
-                             LandmarkSight{fuzz::poles(), Pose2{}});
+                             LandmarkSensor{fuzz::poles(), Pose2{}});
   static const RecoveringEkf uwb({}, testing::hall(), testing::one_tag(), nullptr);
   fuzz::Reader io(data, size);
   SwitchingMcl::Config config;

@@ -34,7 +34,7 @@ inline void require_sound(const HealthReport& report) {
   require_probability(report.within, "the probability of an error within the limit is in [0, 1]");
   require(report.inflation >= 1.0, "a covariance is never deflated");
   require(report.protection.minCoeff() >= 0.0, "protection levels are not negative");
-  require((report.state == HealthState::kOk) == (report.clue == HealthClue::kNone),
+  require((report.state == HealthState::kOk) == (report.reason == HealthReason::kNone),
           "a state other than OK has a reason");
 }
 
@@ -44,7 +44,7 @@ inline void require_sound(const std::vector<SourceStatus>& sources) {
     require_probability(status.accepted, "the accepted fraction is in [0, 1]");
     require(status.nis >= 0.0 && std::isfinite(status.nis), "a mean NIS is finite");
     require(status.interval >= 0.0, "intervals between messages are not negative");
-    require(!status.fused || *status.fused <= status.heard,
+    require(!status.fused || *status.fused <= status.last_received,
             "a message was received before it was fused");
   }
 }

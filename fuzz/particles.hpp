@@ -79,7 +79,7 @@ inline void require_sound(const Reader& io, const Mcl& mcl) {
     total += static_cast<double>(belief.weight[k]);
   }
   require(std::abs(total - 1.0) < 1e-3, "weights sum to 1");
-  for (const PoseEstimate& estimate : {mcl.estimate(), mcl.spread()}) {
+  for (const PoseEstimate& estimate : {mcl.estimate(), mcl.overall_estimate()}) {
     require(estimate.pose.position().allFinite() && std::isfinite(estimate.pose.heading),
             "the estimate is finite");
     require_covariance(io, estimate.covariance);

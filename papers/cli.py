@@ -13,6 +13,7 @@ from rich.table import Table
 
 from locfuse.cli.terminal import check_file, check_folder, console, onto, progress
 from locfuse.types import ConfigError, nearest
+from papers.claims import Row
 from papers.page import (
     FIVE,
     HEAD,
@@ -22,17 +23,16 @@ from papers.page import (
     Repeated,
     cells_of,
     differences,
+    judge,
     read_rows,
     repeat_all,
     seeds_of,
     stages,
-    tell,
     write_page,
 )
-from papers.page.paper import Row
 from papers.reproduce import PAPERS
 
-SEEDS = 100  # of what is none of the five papers
+SEEDS = 100  # of all but the five papers
 ALL = Path("out/papers")  # where the page of all goes
 
 
@@ -130,8 +130,8 @@ def _table(one: Repeated) -> Table:
     table.add_column("claim")  # on a narrow screen the words break, not the figures
     for heading in HEAD[1:-1]:
         table.add_column(heading, justify="right", no_wrap=True)
-    told, own = tell(FIVE.get(one.paper, Paper(one.paper, "", "", 0, 0)), one.claims)
-    for of in told:
+    judged, own = judge(FIVE.get(one.paper, Paper(one.paper, "", "", 0, 0)), one.claims)
+    for of in judged:
         said = of.statement
         text = escape(f"{of.heading} ({said.where}): {said.reports}")
         colour = {True: "green", False: "red", None: "dim"}[of.so]
@@ -140,7 +140,7 @@ def _table(one: Repeated) -> Table:
         for row in of.rows:
             _add(table, row)
         table.add_section()
-    if told and own:
+    if judged and own:
         table.add_row(f"[bold]{OURS}[/]")
     for row in own:
         _add(table, row)

@@ -1,35 +1,91 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The papers' experiments, repeated: claim, the paper's figure, ours over seeds, required, met."""
+"""The table of all experiments: for each key its rows and its figures."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from locfuse.types import ConfigError, nearest
 from papers.celan2017 import celan_claims
-from papers.celan2017 import draw_pictures as draw_celan
+from papers.celan2017 import draw_figures as draw_celan
 from papers.claims import Claim, Progress
-from papers.configs import example_configs
 from papers.consistency import consistency_claims
-from papers.ekim2020 import draw_pictures as draw_starts
-from papers.ekim2020.room import draw_room, ekim2020_claims
-from papers.gadau2022 import draw_pictures as draw_gadau
+from papers.ekim2020 import draw_figures as draw_ekim
+from papers.ekim2020 import ekim2020_claims
+from papers.gadau2022 import draw_figures as draw_gadau
 from papers.gadau2022 import gadau_claims
-from papers.recordings.cylinders import draw_pictures as draw_drives
-from papers.recordings.landmarks import landmark_claims
-from papers.recordings.maps import map_claims
-from papers.recordings.uwb_3d import air_claims
-from papers.recordings.uwb_outliers import draw_pictures as draw_outliers
-from papers.recordings.uwb_outliers import outlier_claims
-from papers.recordings.victoria_park import draw_pictures as draw_trees
-from papers.trust import draw_pictures as draw_trust
-from papers.trust import trust_claims
-from papers.wells import draw_pictures as draw_wells
-from papers.wells import wells_claims
-from papers.wells.cylinder_detector import cylinder_claims
-from papers.zhang import draw_pictures as draw_zhang
+from papers.health import draw_figures as draw_health
+from papers.health import health_claims
+from papers.recorded import example_configs
+from papers.recordings import (
+    air_claims,
+    draw_drives,
+    draw_outliers,
+    draw_trees,
+    landmark_claims,
+    map_claims,
+    outlier_claims,
+)
+from papers.wells import cylinder_claims, wells_claims
+from papers.wells import draw_figures as draw_wells
+from papers.zhang import draw_figures as draw_zhang
 from papers.zhang import zhang_claims
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What `locfuse reproduce KEY` runs.
+
+    Attributes
+    ----------
+    claims : callable
+        Takes seeds, progress and the folder of ready configurations; returns the rows.
+    figures : callable
+        Takes a folder, seeds and the folder of ready configurations; writes figures, returns
+        their paths.
+    """
+
+    claims: Callable[[int, Progress, Path | None], list[Claim]]
+    figures: Callable[[Path, int, Path | None], list[Path]] = lambda folder, seeds, configs: []
+
+
+PAPERS: dict[str, Experiment] = {
+    "ekim2020": Experiment(
+        ekim2020_claims, lambda folder, seeds, configs: draw_ekim(folder, configs)
+    ),
+    "zhang": Experiment(
+        lambda seeds, progress, configs: zhang_claims(seeds, progress),
+        lambda folder, seeds, configs: draw_zhang(folder, seeds),
+    ),
+    "maps": Experiment(map_claims),
+    "wells": Experiment(
+        lambda seeds, progress, configs: wells_claims(seeds, progress),
+        lambda folder, seeds, configs: draw_wells(folder),
+    ),
+    "gadau2022": Experiment(
+        lambda seeds, progress, configs: gadau_claims(seeds, progress),
+        lambda folder, seeds, configs: draw_gadau(folder),
+    ),
+    "celan2017": Experiment(celan_claims, lambda folder, seeds, configs: draw_celan(folder)),
+    "landmarks": Experiment(
+        landmark_claims,
+        lambda folder, seeds, configs: [
+            *draw_drives(folder, configs), *draw_trees(folder, configs)
+        ],
+    ),
+    "cylinders": Experiment(lambda seeds, progress, configs: cylinder_claims(seeds, progress)),
+    "consistency": Experiment(lambda seeds, progress, configs: consistency_claims(seeds, progress)),
+    "air": Experiment(lambda seeds, progress, configs: air_claims(progress, configs)),
+    "trust": Experiment(
+        lambda seeds, progress, configs: health_claims(seeds, progress),
+        lambda folder, seeds, configs: draw_health(folder, seeds),
+    ),
+    "outliers": Experiment(
+        outlier_claims, lambda folder, seeds, configs: draw_outliers(folder, configs)
+    ),
+}  # fmt: skip
 
 
 def reproduce(paper: str, seeds: int, progress: Progress | None = None) -> list[Claim]:
@@ -42,7 +98,7 @@ def reproduce(paper: str, seeds: int, progress: Progress | None = None) -> list[
     seeds : int
         Runs per simulated experiment: seeds 0 to seeds - 1.
     progress : callable, optional
-        Told (runs done, runs in all).
+        Receives (runs done, runs in all).
 
     Raises
     ------
@@ -51,40 +107,9 @@ def reproduce(paper: str, seeds: int, progress: Progress | None = None) -> list[
     """
     if paper not in PAPERS:
         raise ConfigError(f"no paper {paper!r}; {nearest(paper, PAPERS)}")
-    return PAPERS[paper](seeds, progress or (lambda done, total: None))
+    return PAPERS[paper].claims(seeds, progress or (lambda done, total: None), example_configs())
 
 
 def draw(paper: str, seeds: int, folder: Path) -> list[Path]:
-    """Draw the pictures of a paper that `reproduce` knows into a folder; return their paths."""
-    if paper == "zhang":
-        return draw_zhang(folder, seeds)
-    if paper == "wells":
-        return draw_wells(folder, seeds)
-    if paper == "gadau2022":
-        return draw_gadau(folder, seeds)
-    if paper == "celan2017":
-        return draw_celan(folder, seeds)
-    if paper == "trust":
-        return draw_trust(folder, seeds)
-    configs = example_configs()
-    if paper == "landmarks" and configs is not None:
-        return [*draw_drives(configs, folder), *draw_trees(configs, folder)]
-    if paper == "outliers" and configs is not None:
-        return draw_outliers(configs, folder)
-    return [draw_room(folder), *draw_starts(configs, folder)] if paper == "ekim2020" else []
-
-
-PAPERS: dict[str, Callable[[int, Progress], list[Claim]]] = {
-    "ekim2020": ekim2020_claims,
-    "zhang": zhang_claims,
-    "maps": lambda seeds, progress: map_claims(example_configs(), seeds, progress),
-    "wells": wells_claims,
-    "gadau2022": gadau_claims,
-    "celan2017": lambda seeds, progress: celan_claims(seeds, progress, example_configs()),
-    "landmarks": lambda seeds, progress: landmark_claims(example_configs(), seeds, progress),
-    "cylinders": cylinder_claims,
-    "consistency": consistency_claims,
-    "air": lambda seeds, progress: air_claims(example_configs(), progress),
-    "trust": trust_claims,
-    "outliers": lambda seeds, progress: outlier_claims(example_configs(), seeds, progress),
-}
+    """Draw the figures of a paper that `reproduce` knows into a folder; return their paths."""
+    return PAPERS[paper].figures(folder, seeds, example_configs())

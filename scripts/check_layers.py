@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fail on an include that points the wrong way between rooms, or that shows PCL or Ceres."""
+"""Fail on an include that points the wrong way between rooms, or that shows PCL or Ceres.
+
+Checks public headers (`locfuse/ROOM/...`) and private ones (`ROOM/...` below cpp/src).
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,27 @@ MAY_INCLUDE = {
     "estimators": {"math", "geometry", "messages", "maps", "models", "frontends", "filters"},
     "replay": {"math", "geometry", "messages", "maps", "models", "filters", "estimators"},
 }
-INCLUDE = re.compile(r'^\s*#include\s+["<]([^">]+)[">]', re.MULTILINE)
+INCLUDE = re.compile(r'^\s*#\s*include\s+(["<])([^">]+)[">]', re.MULTILINE)
+
+
+def room_of(quote: str, name: str) -> str | None:
+    """Return the room that an included header belongs to, None for one of another library."""
+    parts = name.split("/")
+    if parts[0] == "locfuse":
+        return parts[1] if len(parts) > 2 else None  # error.hpp, time.hpp belong to no room
+    return parts[0] if quote == '"' and parts[0] in MAY_INCLUDE else None
+
+
+def wrong_in(room: str, is_header: bool, text: str) -> list[str]:
+    """Return what is wrong with the includes of one file of a room."""
+    wrong = []
+    for quote, name in INCLUDE.findall(text):
+        if name.startswith(("pcl/", "ceres/")) and is_header:
+            wrong.append(f"{name} in a header")
+        other = room_of(quote, name)
+        if other is not None and other != room and other not in MAY_INCLUDE[room]:
+            wrong.append(f"{room} must not include {other} ({name})")
+    return wrong
 
 
 def wrong_includes() -> list[str]:
@@ -29,20 +52,23 @@ def wrong_includes() -> list[str]:
         sources = CPP / "src"
         public = not path.is_relative_to(sources)
         relative = path.relative_to(CPP / "include/locfuse" if public else sources)
-        room = relative.parts[0]
         if len(relative.parts) == 1:  # locfuse.hpp, error.hpp, time.hpp belong to no room
             continue
-        for name in INCLUDE.findall(path.read_text()):
-            if name.startswith(("pcl/", "ceres/")) and path.suffix == ".hpp":
-                wrong.append(f"{path}: {name} in a public header")
-            parts = name.split("/")
-            if parts[0] != "locfuse" or len(parts) == 2:
-                continue
-            if parts[1] != room and parts[1] not in MAY_INCLUDE[room]:
-                wrong.append(f"{path}: {room} must not include {parts[1]} ({name})")
+        found = wrong_in(relative.parts[0], path.suffix == ".hpp", path.read_text())
+        wrong += [f"{path}: {line}" for line in found]
     return wrong
 
 
+def check_self() -> None:
+    """Raise AssertionError unless wrong includes of each kind are found, and right ones are not."""
+    for include in ('"estimators/recipe.hpp"', '"locfuse/replay/live.hpp"', '"maps/given.hpp"'):
+        assert wrong_in("filters", False, f"#include {include}\n"), include
+    assert wrong_in("frontends", True, "#include <ceres/ceres.h>\n")
+    for include in ('"filters/gate.hpp"', '"locfuse/math/angle.hpp"', "<filters/other.hpp>"):
+        assert not wrong_in("filters", True, f"#include {include}\n"), include
+
+
 if __name__ == "__main__":
+    check_self()
     print("\n".join(found := wrong_includes()))
     sys.exit(1 if found else 0)

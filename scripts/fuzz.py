@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Run every fuzz target for some seconds of processor time, as many at once as there are cores.
 
-Usage: fuzz.py FOLDER_OF_TARGETS [SECONDS | keep [TARGET ...]]. What is new is kept in
-build/fuzz/corpus, and an input that breaks something in build/fuzz/findings. `keep` writes those of
-build/fuzz/corpus that are short and reach what others do not to fuzz/kept, where the next one
-begins.
+Usage: fuzz.py FOLDER_OF_TARGETS [SECONDS | keep [TARGET ...]]. New inputs are kept in
+build/fuzz/corpus, and an input that breaks something in build/fuzz/findings. `keep` writes the
+short inputs of build/fuzz/corpus that reach code which others do not reach to fuzz/kept, where the
+next run begins. In CI a target that has passed with the same program, corpus, seed and time is not
+run again; see passed.py.
 """
 
 from __future__ import annotations
@@ -16,16 +17,22 @@ import shutil
 import subprocess
 import sys
 import tarfile
+import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from importlib.metadata import distributions
 from pathlib import Path
+
+from passed import Passed, digest_of
 
 ROOT = Path(__file__).resolve().parent.parent
 WORK = ROOT / "build/fuzz"
 KEPT = ROOT / "fuzz/kept"
 KEPT_BYTES = 256  # of an input
 FILES = ("config", "log", "map", "bag")
-IN_CI = bool(os.environ.get("CI"))  # of the same state it tells the same: no luck in what it finds
+IN_CI = bool(os.environ.get("CI"))  # where the same state gives the same result, by a fixed seed
+HEARTBEAT_S = 10.0
 OPTIONS = (
     "-max_len=4096",
     "-len_control=0",
@@ -39,7 +46,7 @@ ENVIRONMENT = {"UBSAN_OPTIONS": "print_stacktrace=1"}
 
 @dataclass(frozen=True)
 class Result:
-    """What became of a target."""
+    """The result of one target."""
 
     target: str
     runs: int
@@ -50,14 +57,14 @@ class Result:
 
 
 def command(target: str, programs: Path) -> list[str]:
-    """Return how a target is started."""
+    """Return the command that starts a target."""
     if target in FILES:
         return [sys.executable, str(ROOT / "fuzz/fuzz_files.py"), target]
     return [str(programs / f"fuzz_{target}")]
 
 
 def begin(target: str, found: Path) -> None:
-    """Make a folder of what was kept of a target; in CI an empty one."""
+    """Make the folder of a target's inputs from those kept; in CI an empty one."""
     found.mkdir(parents=True)
     kept = KEPT / f"{target}.tar.xz"
     if kept.exists() and not IN_CI:
@@ -69,9 +76,9 @@ def begin(target: str, found: Path) -> None:
 
 
 def fuzz(target: str, programs: Path, seconds: int) -> Result:
-    """Run one target on the committed corpus, and on what it found before.
+    """Run one target on the committed corpus and on the inputs it found before.
 
-    Where others use the machine it is run again, for what is left of its time.
+    Where other programs use the machine it is run again, for the rest of its processor time.
     """
     found, findings = WORK / "corpus" / target, WORK / "findings"
     if not found.exists():
@@ -80,7 +87,7 @@ def fuzz(target: str, programs: Path, seconds: int) -> Result:
     log = WORK / f"{target}.log"
     result = Result(target, 0, 0, 0.0, False, "")
     while result.seconds < seconds and not result.failed:
-        with log.open("w") as told:
+        with log.open("w") as output:
             started = subprocess.Popen(
                 [
                     *command(target, programs),
@@ -92,7 +99,7 @@ def fuzz(target: str, programs: Path, seconds: int) -> Result:
                 ],
                 env={**os.environ, **ENVIRONMENT},
                 stdout=subprocess.DEVNULL,
-                stderr=told,
+                stderr=output,
             )
             _, status, used = os.wait4(started.pid, 0)
             started.returncode = os.waitstatus_to_exitcode(status)
@@ -110,7 +117,7 @@ def fuzz(target: str, programs: Path, seconds: int) -> Result:
 
 
 def keep(target: str, programs: Path) -> int:
-    """Write what was found and is short to `KEPT`, and return how many inputs that are."""
+    """Write the short inputs that were found to `KEPT`, and return their number."""
     chosen = found = WORK / "corpus" / target
     if target not in FILES:  # merging starts a program anew, which a script cannot be
         chosen = WORK / "chosen" / target
@@ -141,8 +148,29 @@ def keep(target: str, programs: Path) -> int:
     return len(inputs)
 
 
+def state(target: str, programs: Path, seconds: int) -> str:
+    """Return a digest of all that the result of a target in CI depends on."""
+    files = sorted(path for path in (ROOT / "fuzz/corpus" / target).rglob("*") if path.is_file())
+    settings = repr((target, seconds, OPTIONS, ENVIRONMENT, sys.version))
+    if target in FILES:
+        settings += repr(sorted(f"{package.name} {package.version}" for package in distributions()))
+        files.append(ROOT / "fuzz/fuzz_files.py")
+        package = ROOT / "python/locfuse"
+        files += sorted(
+            path
+            for path in package.rglob("*")
+            if path.is_file() and "__pycache__" not in path.parts
+        )
+        files += sorted(Path(sys.prefix).glob("lib/python*/site-packages/locfuse/_core*.so"))
+    else:
+        program = programs / f"fuzz_{target}"
+        linked = subprocess.run(["ldd", str(program)], capture_output=True, text=True, check=True)
+        files += [program, *(Path(path) for path in re.findall(r"(/\S+) \(0x", linked.stdout))]
+    return digest_of(settings.encode(), files)
+
+
 def main() -> int:
-    """Print a line per target when it is done, and what broke."""
+    """Print a line per target when it is done, and the output of those that broke."""
     programs = Path(sys.argv[1])
     known = [path.stem.removeprefix("fuzz_") for path in sorted((ROOT / "fuzz").glob("fuzz_*.cpp"))]
     targets = sys.argv[3:] or [*known, *FILES]
@@ -151,15 +179,39 @@ def main() -> int:
             print(f"{target:16} {keep(target, programs):6} inputs", flush=True)
         return 0
     seconds = int(sys.argv[2]) if len(sys.argv) > 2 else 3600
+    passed = Passed("fuzz")
+    states = {target: state(target, programs, seconds) for target in targets} if IN_CI else {}
+    unchanged = [target for target in states if passed.has(states[target])]
+    if unchanged:
+        print(f"passed before, as they are: {', '.join(unchanged)}")
+    targets = [target for target in targets if target not in unchanged]
     cores = os.cpu_count() or 1
     rounds = -(-len(targets) // cores)
     print(
         f"{len(targets)} targets, {seconds} s of processor time each, {cores} at once: "
-        f"{rounds * seconds} s"
+        f"{rounds * seconds} s",
+        flush=True,
     )
     broken = 0
+    running: set[str] = set()
+    ended = threading.Event()
+    began = time.monotonic()
+
+    def run(target: str) -> Result:
+        running.add(target)
+        try:
+            return fuzz(target, programs, seconds)
+        finally:
+            running.discard(target)
+
+    def report() -> None:
+        while not ended.wait(HEARTBEAT_S):
+            elapsed = time.monotonic() - began
+            print(f"  {elapsed:.0f} s: {', '.join(sorted(running.copy()))}", flush=True)
+
+    threading.Thread(target=report, daemon=True).start()
     with ThreadPoolExecutor(cores) as pool:
-        for result in pool.map(lambda target: fuzz(target, programs, seconds), targets):
+        for result in pool.map(run, targets):
             verdict = "BROKEN" if result.failed else "ok"
             print(
                 f"{result.target:16} {verdict:7} {result.seconds:5.0f} s, {result.runs:9} runs, "
@@ -169,6 +221,9 @@ def main() -> int:
             if result.failed:
                 broken += 1
                 print(result.tail)
+            elif IN_CI:
+                passed.add(states[result.target])
+    ended.set()
     print(f"{broken} of {len(targets)} targets broke; findings are in {WORK / 'findings'}")
     return 1 if broken else 0
 

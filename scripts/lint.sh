@@ -3,9 +3,11 @@
 # Every check that needs no test run. $1 is the folder of the Python tools.
 set -eu
 bin=$1
+. scripts/progress.sh
 step() {
   echo "lint: $*" | cut -c1-100
-  "$@"
+  showing "build/lint.$$.log" "$@" || fail "lint: $1 failed"
+  rm -f "build/lint.$$.log"
 }
 
 step python3 scripts/check_layers.py
@@ -13,7 +15,7 @@ git ls-files '*.hpp' '*.cpp' | step xargs clang-format --dry-run --Werror
 git ls-files '*CMakeLists.txt' '*.cmake' | step xargs "$bin/gersemi" --check
 step "$bin/ruff" format --check --quiet .
 step "$bin/ruff" check --quiet .
-step "$bin/mypy" python/locfuse scripts papers examples/python benchmarks/run.py benchmarks/rows.py benchmarks/python tests/python tests/papers
+step env MYPYPATH=scripts "$bin/mypy" python/locfuse scripts papers examples/python benchmarks/run.py benchmarks/rows.py benchmarks/python tests/python tests/papers
 # By itself: the packages for ROS 1 and ROS 2 have the same name.
 step env MYPYPATH=ros1/locfuse_ros/src:tests/ros "$bin/mypy" ros1/locfuse_ros/src/locfuse_ros \
   tests/ros/conftest.py tests/ros/namespace.py tests/ros/other_driver.py tests/ros/ros1_peer.py tests/ros/soak_ros1.py tests/ros/test_ros1_*.py
@@ -22,5 +24,7 @@ step env MYPYPATH=tests/browser "$bin/mypy" tests/browser/*.py
 step "$bin/codespell"
 step "$bin/lint-imports" --no-logo
 step sh scripts/stubs.sh "$bin" --check
-cmake --preset dev -DCMAKE_EXPORT_COMPILE_COMMANDS=ON -DLOCFUSE_BUILD_TESTS=OFF >/dev/null
-git ls-files 'cpp/src/*.cpp' | step xargs "$bin/python" scripts/tidy.py build/dev
+# Without precompiled headers, which are of another compiler than clang-tidy.
+cmake -S . -B build/lint -G Ninja -DCMAKE_BUILD_TYPE=Debug -DCMAKE_EXPORT_COMPILE_COMMANDS=ON \
+  -DLOCFUSE_BUILD_TESTS=OFF -DLOCFUSE_BUILD_EXAMPLES=OFF -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON >/dev/null
+git ls-files 'cpp/src/*.cpp' | step xargs "$bin/python" scripts/tidy.py build/lint

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT)]
+sys.path[0] = str(ROOT)  # otherwise `papers` is this file
 
 from papers.page import (  # noqa: E402
     FIVE,
@@ -21,25 +21,25 @@ from papers.page import (  # noqa: E402
     PAPERS_IN_ORDER,
     Repeated,
     cells_of,
+    judge,
     read_rows,
-    tell,
 )
 
 ROWS, PAGE, README = ROOT / "docs/papers.json", ROOT / "docs/papers.md", ROOT / "README.md"
-BEGIN, END = "<!-- rows of the papers, by scripts/paper_tables.py -->", "<!-- end of these rows -->"
+BEGIN, END = "<!-- rows of the papers, by scripts/papers.py -->", "<!-- end of these rows -->"
 
-TOP = """# Five papers reproduced
+TOP = """# Five papers, repeated
 
-`locfuse reproduce all` writes this as one page with pictures, and `papers.json`, from
-which `scripts/paper_tables.py` generates these tables. To compare the results of another machine,
-run `locfuse reproduce all --quick --compare docs/papers.json`.
+`locfuse reproduce all` writes this as one page with pictures, and `papers.json` beside it, of
+which `scripts/papers.py` makes these tables. To check that a machine gets the same:
+`locfuse reproduce all --quick --compare docs/papers.json`.
 
 ![The page: the five papers, and what the first reports above our figures](images/papers_page.png)
 
-Each testable claim of a paper is a numbered row, in the paper's order: where it is made,
-what the paper reports in our words, and whether we reproduce it ("so here"). Our figures follow:
-the median over seeds, in brackets the 5th and 95th percentile; for NEES the mean. *Required* is our
-own requirement. Times are of the runs that made the figures, on 2 cores shared with other work.
+Each claim of a paper that can be checked is a numbered row, in the paper's order: where it stands,
+what the paper reports in our words, whether that is so here. Our figures about it follow: the
+median over seeds, in brackets 5 % and 95 % of them; of NEES the mean. *Required* is what we ask of
+ourselves. Times are those of the runs that made the figures, on 2 cores that had other work, too.
 """
 
 Values = Mapping[str, Mapping[str, Any]]
@@ -54,9 +54,7 @@ def main() -> int:
              if not file.exists() or file.read_text(encoding="utf-8") != text]  # fmt: skip
     if "--check" in sys.argv:
         for file in stale:
-            print(
-                f"{file.name} is not what scripts/paper_tables.py makes of docs/papers.json; run it"
-            )
+            print(f"{file.name} is not what scripts/papers.py makes of docs/papers.json; run it")
         return 1 if stale else 0
     for file in stale:
         file.write_text(wanted[file], encoding="utf-8")
@@ -77,7 +75,7 @@ def _overview(repeated: list[Repeated]) -> str:
     """Return how many claims of each paper are so here, and how many requirements are met."""
     rows = [["paper", "claims", "so here", "not so", "not run", "required", "met", "time"]]
     for one in repeated:
-        so = [told.so for told in tell(FIVE[one.paper], one.claims)[0]]
+        so = [claim.so for claim in judge(FIVE[one.paper], one.claims)[0]]
         met = [row["met"] for row in one.claims if row["required"] != "-"]
         rows.append([one.paper, str(len(so)), *(str(so.count(x)) for x in (True, False, None)),
                      str(len(met)), str(met.count(True)), f"{one.seconds:.0f} s"])  # fmt: skip
@@ -86,9 +84,9 @@ def _overview(repeated: list[Repeated]) -> str:
 
 def _rows_about(one: Repeated) -> list[list[str]]:
     """Return the claims of a paper, our rows below each, and our own rows last."""
-    told, own = tell(FIVE[one.paper], one.claims)
+    judged, own = judge(FIVE[one.paper], one.claims)
     rows = []
-    for of in told:
+    for of in judged:
         said = of.statement
         rows.append([f"**{of.heading}** ({said.where})", said.reports,
                      f"**{of.verdict}**", "", "", said.remark])  # fmt: skip
@@ -129,7 +127,7 @@ def figure(values: Values, id: str, digits: int = 2) -> str:
 
 
 def between(values: Values, ids: list[str]) -> str:
-    """Return the smallest and the largest of several figures."""
+    """Return the minimum and the maximum of several figures."""
     found = sorted(values[id]["ours_median"] for id in ids)
     return f"{found[0]:.2g} to {found[-1]:.2g}"
 
@@ -156,7 +154,7 @@ def _recorded(values: Values, _: int) -> list[str]:
 
 
 def _power_up(values: Values, _: int) -> list[str]:
-    return ["the same, unknown start", "real office, 199 power-ups, ranges and one scan",
+    return ["the same, switched on anywhere", "real office, 199 power-ups, ranges and one scan",
             f"{figure(values, 'start_office_ready', 3)} % ready at once, "
             f"{figure(values, 'start_office', 3)} % right or not ready",
             "a search in steps of 10 degrees"]  # fmt: skip
@@ -178,11 +176,11 @@ def _eights(values: Values, seeds: int) -> list[str]:
 
     return ["Celan, 2017: three tags and wheels on a scrubber", f"simulated eights, {seeds} rides",
             of("rigid"),
-            f"its 12 states here, with error-minimizing noise: {of('kindest')}"]  # fmt: skip
+            f"its 12 states here, with the noise of least error: {of('kindest')}"]  # fmt: skip
 
 
 def _switch(values: Values, seeds: int) -> list[str]:
-    """Return the row of the laser alone, where the switch never acts, and of the wet hall."""
+    """Return the row of the laser alone, where a switch has nothing to do, and of the hall."""
     theirs, without = (values[f"celan_{name}_end"]["paper"]
                        for name in ("covered_switch", "covered"))  # fmt: skip
     near = [figure(values, f"celan_{name}_room", 3) for name in ("hall_switch", "hall")]
@@ -203,13 +201,13 @@ def _landmarks(values: Values, _: int) -> list[str]:
 
 def _kidnapped(values: Values, _: int) -> list[str]:
     id = "gadau_kidnapped_triangle"
-    return ["the same, kidnapped", "simulated, three unnamed landmarks",
+    return ["the same, kidnapped", "simulated, three landmarks without names",
             f"noticed after {figure(values, id + '_noticed')} s, "
             f"found after {figure(values, id + '_found_after')} s", "never found"]  # fmt: skip
 
 
 def _zhang(values: Values, seeds: int) -> list[str]:
-    return ["Zhang: particles refined by an EKF", f"{seeds} simulated floors, unknown start",
+    return ["Zhang: particles refined by an EKF", f"{seeds} simulated floors, nothing known",
             f"found within 10 iterations: {figure(values, 'zhang_ours_found_10', 3)} %",
             f"{values['zhang_paper_iterations']['paper']:g} iterations"]  # fmt: skip
 

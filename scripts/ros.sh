@@ -23,6 +23,7 @@ build_ros1() {
   # The C++ library of the extension, for the C++ node.
   quietly "the C++ library does not install" \
     cmake --install "$(ls -td build/cp*-linux* | head -n 1)" --component cpp --prefix "$workspace/locfuse"
+  echo "building the ROS 1 packages"
   quietly "the catkin packages do not build" catkin_make_isolated -C "$workspace" --install -j2 --cmake-args \
     "-DPYTHON_EXECUTABLE=$workspace/venv/bin/python" -DCMAKE_BUILD_TYPE=Release \
     "-Dlocfuse_DIR=$workspace/locfuse/lib/cmake/locfuse"
@@ -43,7 +44,7 @@ ros2_setup() {
   need_ros2_wheels
   sources=$(find ros2 tests/ros/stand_ins -type f -exec cksum {} +; echo "$ros2_wheels")
   [ "$(cat build/ros2/built 2>/dev/null)" = "$sources" ] && return 0
-  echo "building the ROS 2 packages (a minute)"
+  echo "building the ROS 2 packages"
   rm -rf build/ros2
   mkdir -p build/ros2
   quietly "the ROS 2 packages do not build" ros2_build
@@ -53,12 +54,12 @@ ros2_setup() {
 need_ros2_wheels() {
   stamp=build/ros2-venv/$(echo "$ros2_wheels" | cksum | cut -d' ' -f1).installed
   [ -e "$stamp" ] && return 0
-  echo "installing ROS 2 from wheels (minutes)"
+  echo "installing ROS 2 from wheels"
   rm -rf build/ros2-venv
   quietly "python3 -m venv failed" "$python" -m venv build/ros2-venv
   # shellcheck disable=SC2086
   quietly "pip could not install ROS 2: is there a network, and room on the disk?" \
-    $ros2_python -m pip install --quiet $ros2_wheels
+    $ros2_python -m pip install --progress-bar off $ros2_wheels
   venv_here=$PWD/build/ros2-venv
   site=$($ros2_python -c "import sysconfig; print(sysconfig.get_path('purelib'))")
   # The wheels contain header paths of the machine that built them; replace them by ours.
@@ -100,7 +101,7 @@ test_ros1() {
     set +u # the setup of catkin uses variables that may be unset
     . build/ros1/install_isolated/setup.sh
     PATH=$PWD/build/ros1/venv/bin:$PATH
-    python tests/ros/namespace.py python -m pytest -q tests/ros/test_ros1_*.py "$@"
+    showing build/test-ros1.log python tests/ros/namespace.py python -m pytest -q tests/ros/test_ros1_*.py "$@"
   )
 }
 
@@ -110,7 +111,7 @@ test_ros2() {
     set +u # so does the setup of colcon
     . build/ros2/install/setup.sh
     # The wheels import deprecated modules.
-    $ros2_python tests/ros/namespace.py "$PWD/$ros2_python" -W ignore::DeprecationWarning \
+    showing build/test-ros2.log $ros2_python tests/ros/namespace.py "$PWD/$ros2_python" -W ignore::DeprecationWarning \
       -m pytest -q -W ignore::DeprecationWarning tests/ros/test_ros2_*.py "$@"
   )
 }

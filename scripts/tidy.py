@@ -1,27 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Check sources by clang-tidy, but for what has passed before, as it is.
+"""Check sources by clang-tidy, except those that have passed as they are.
 
-Usage: tidy.py FOLDER_WITH_COMPILE_COMMANDS SOURCE ... What passed is remembered by its text, the
-text of all it includes, and the checks.
+Usage: tidy.py FOLDER_WITH_COMPILE_COMMANDS SOURCE ... A source that has passed is known by its
+text, the text of everything it includes, and the settings of clang-tidy; see passed.py.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import shlex
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
+from passed import Passed, digest_of
+
 ROOT = Path(__file__).resolve().parent.parent
-PASSED = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "locfuse-tidy"
 
 
 def main() -> int:
-    """Check all, say what clang-tidy finds, and return 1 if it found something."""
+    """Check all, print what clang-tidy finds, and return 1 if it found something."""
     build, *sources = sys.argv[1:]
     commands = {
         str(Path(entry["file"]).relative_to(ROOT)): (
@@ -32,15 +32,15 @@ def main() -> int:
         if Path(entry["file"]).is_relative_to(ROOT)
     }
     version = subprocess.run(["clang-tidy", "--version"], capture_output=True, check=True).stdout
-    checks = version + (ROOT / ".clang-tidy").read_bytes()
-    PASSED.mkdir(parents=True, exist_ok=True)
+    settings = version + (ROOT / ".clang-tidy").read_bytes()
+    passed = Passed("tidy")
 
-    def passes(source: str) -> bool:
+    def digest(source: str) -> str:
         words, folder = commands[source]
         flags = " ".join(words).replace(str(ROOT), "").encode()
-        mark = PASSED / digest(checks + flags, included(words, folder))
-        if mark.exists():
-            return True
+        return digest_of(settings + flags, included(words, folder))
+
+    def check(source: str, mark: str) -> tuple[str, str]:
         done = subprocess.run(
             ["clang-tidy", "-p", build, "--quiet", "--extra-arg=-std=c++17", source],
             stdout=subprocess.PIPE,
@@ -48,30 +48,32 @@ def main() -> int:
             text=True,
             check=False,
         )
-        print(done.stdout, end="", flush=True)
         if done.returncode == 0:
-            mark.touch()
-        return done.returncode == 0
+            passed.add(mark)
+        return ("ok" if done.returncode == 0 else "FAILED"), done.stdout
 
+    failed = False
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return 0 if all(list(pool.map(passes, sources))) else 1
+        marks = dict(zip(sources, pool.map(digest, sources), strict=True))
+        changed = {source: mark for source, mark in marks.items() if not passed.has(mark)}
+        print(f"clang-tidy: {len(sources) - len(changed)} of {len(sources)} have passed before")
+        running = {pool.submit(check, source, mark): source for source, mark in changed.items()}
+        for count, done in enumerate(as_completed(running), 1):
+            verdict, output = done.result()
+            failed |= verdict != "ok"
+            print(
+                f"[{count}/{len(changed)}] {running[done]}: {verdict}\n{output}", end="", flush=True
+            )
+    return 1 if failed else 0
 
 
 def included(words: list[str], folder: str) -> list[Path]:
-    """Return a source and all that it includes, the system's headers, too."""
+    """Return a source and everything that it includes, with the system's headers."""
     compiler = words.index("-o") if "-o" in words else len(words)
-    told = subprocess.run(
+    rule = subprocess.run(
         [*words[:compiler], "-M", words[-1]], cwd=folder, capture_output=True, text=True, check=True
     )
-    return [Path(folder, word) for word in told.stdout.split(":", 1)[1].split() if word != "\\"]
-
-
-def digest(checks: bytes, files: list[Path]) -> str:
-    """Return what stands for what is in these files, under these checks."""
-    whole = hashlib.sha256(checks)
-    for file in files:
-        whole.update(file.read_bytes())
-    return whole.hexdigest()
+    return [Path(folder, word) for word in rule.stdout.split(":", 1)[1].split() if word != "\\"]
 
 
 if __name__ == "__main__":

@@ -54,7 +54,7 @@ GaussianBelief mapped(int landmarks, std::vector<Slot>& slots) {
     const RangeBearing z = sight({}, place(k));
     const RangeBearingModel::Placed placed = *model.place({}, z);
     const Eigen::Matrix2d noise =
-        placed.by_sighting * model.noise(z) * placed.by_sighting.transpose();
+        placed.by_observation * model.noise(z) * placed.by_observation.transpose();
     slots.push_back(augment(belief, std::to_string(k), locfuse::SlotKind::kPoint2, placed.position,
                             placed.by_pose, noise, body));
   }
@@ -237,7 +237,7 @@ const Circle& circle() {
   return input;
 }
 
-locfuse::LandmarkSight known_map(int count) {
+locfuse::LandmarkSensor known_map(int count) {
   std::vector<locfuse::Landmark> places;
   for (int k = 0; k < count; ++k) {
     places.push_back({k, place(k), 0.0});
@@ -282,7 +282,7 @@ BENCHMARK(known_map_recovering_ekf)->Unit(benchmark::kMicrosecond);
 
 /// All poses consistent with two observations without ids among the given number of landmarks.
 void constellations_of(benchmark::State& state) {
-  const locfuse::LandmarkSight known = known_map(static_cast<int>(state.range(0)));
+  const locfuse::LandmarkSensor known = known_map(static_cast<int>(state.range(0)));
   const Eigen::Matrix2d covariance = 0.01 * Eigen::Matrix2d::Identity();
   const locfuse::SeenLandmark a{place(0), covariance, {}};
   const locfuse::SeenLandmark b{place(7), covariance, {}};

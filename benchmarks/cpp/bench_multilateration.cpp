@@ -28,7 +28,10 @@ struct Input {
   std::vector<double> anchors, points, ranges;
   std::vector<double> sigma;
 
-  [[nodiscard]] locfuse::AnchorTable table() const { return {anchors.data(), size, N, {}}; }
+  [[nodiscard]] locfuse::AnchorTable table() const {
+    return {locfuse::RowsView(anchors.data(), size, N), {}};
+  }
+  [[nodiscard]] Eigen::Map<const Eigen::VectorXd> sigmas() const { return {sigma.data(), size}; }
 };
 
 template <int N>
@@ -76,6 +79,8 @@ void report(benchmark::State& state, const Input<N>& in, const std::vector<doubl
   state.SetItemsProcessed(state.iterations() * solves);
 }
 
+using Numbers = Eigen::Map<const Eigen::VectorXd>;
+
 /// One solve per call of `solve(ranges, x)`.
 template <int N, class Solve>
 void one_by_one(benchmark::State& state, const Input<N>& in, int trials, const Solve& solve) {
@@ -91,27 +96,29 @@ void one_by_one(benchmark::State& state, const Input<N>& in, int trials, const S
 
 template <int N>
 void fast(benchmark::State& state, const Input<N>& in) {
-  const Multilateration<N> solver(in.table(), in.sigma.data(), {});
+  const Multilateration<N> solver(in.table(), in.sigmas(), {});
   one_by_one(state, in, kTrials, [&](const double* ranges, double* x) {
     Eigen::Map<Vector<N>> position(x);
-    position = solver.solve(ranges).position;
+    position = solver.solve(Numbers(ranges, in.size)).position;
   });
 }
 
 template <int N>
 void squared_ranges(benchmark::State& state, const Input<N>& in) {
-  const locfuse::RangeLayout<N> layout(in.table(), in.sigma.data());
+  const locfuse::RangeLayout<N> layout(in.table(), in.sigmas());
   one_by_one(state, in, kTrials, [&](const double* ranges, double* x) {
     Eigen::Map<Vector<N>> position(x);
-    position = layout.centre + locfuse::solve_squared_ranges<N>(layout, ranges).position[0];
+    position = layout.centre +
+               locfuse::solve_squared_ranges<N>(layout, Numbers(ranges, in.size)).position[0];
   });
 }
 
 template <int N>
 void with_ceres(benchmark::State& state, const Input<N>& in, locfuse::RangeLossKind loss,
                 bool warm = true) {
-  const locfuse::RangeLayout<N> layout(in.table(), in.sigma.data());
-  one_by_one(state, in, 500, [&](const double* ranges, double* x) {
+  const locfuse::RangeLayout<N> layout(in.table(), in.sigmas());
+  one_by_one(state, in, 500, [&](const double* epoch, double* x) {
+    const Numbers ranges(epoch, in.size);
     Eigen::Map<Vector<N>> position(x);
     Vector<N> start = locfuse::solve_squared_ranges<N>(layout, ranges).position[0];
     if (warm && loss != locfuse::RangeLossKind::kNone) {  // as in locate: near the minimum
@@ -124,15 +131,18 @@ void with_ceres(benchmark::State& state, const Input<N>& in, locfuse::RangeLossK
 
 template <int N>
 void batch(benchmark::State& state, const Input<N>& in) {
-  const Multilateration<N> solver(in.table(), in.sigma.data(), {});
+  const Multilateration<N> solver(in.table(), in.sigmas(), {});
   std::vector<double> position(kTrials * N);
   std::vector<double> covariance(kTrials * N * N);
   std::vector<double> cost(kTrials);
   std::vector<locfuse::PositionStatus> status(kTrials);
   for (auto _ : state) {
-    locfuse::locate_batch<N>(solver, locfuse::RangeSolver::kMaximumLikelihood, nullptr,
-                             in.ranges.data(), kTrials,
-                             {position.data(), covariance.data(), cost.data(), status.data()});
+    locfuse::locate_batch<N>(solver, locfuse::RangeSolver::kMaximumLikelihood, {},
+                             locfuse::RowsView(in.ranges.data(), kTrials, in.size),
+                             {{position.data(), kTrials, N},
+                              {covariance.data(), kTrials, N * N},
+                              {cost.data(), kTrials},
+                              {status.data(), kTrials}});
     benchmark::DoNotOptimize(position.data());
   }
   report(state, in, position, kTrials);

@@ -68,7 +68,7 @@ def known_map_ekf() -> lf.PoseEkf:
     config.gate_landmark = 1.0  # the peers have no gate
     posts = lf.LandmarkMap([lf.Landmark(i, post) for i, post in enumerate(POSTS)])
     return lf.PoseEkf(
-        config, lf.AnchorMap([]), [], start(START, SIGMA_START), lf.LandmarkSight(posts)
+        config, lf.AnchorMap([]), [], start(START, SIGMA_START), lf.LandmarkSensor(posts)
     )
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replay of a lap of a floor scrubber through an office: Mcl and SwitchingMcl."""
+"""A lap of a floor scrubber through an office, replayed: particles, and UWB that may switch."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import locfuse as lf
-from papers.celan2017.runs import SETUPS, Setup, messages, told_start
+from papers.celan2017.experiments import SETUPS, Setup, marked_start, messages
 from papers.celan2017.world import Lap, lap
 
 SEED = 0
@@ -21,7 +21,7 @@ def of() -> Lap:
 
 
 def replay(of: Lap, setup: Setup, given: list[tuple[bool, Any]]) -> lf.PoseEstimate:
-    estimator = setup.make(of, told_start(of, SEED), SEED)
+    estimator = setup.make(of, marked_start(of, SEED), SEED)
     for _, message in given:
         estimator.on(message)
     return estimator.estimate()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import locfuse as lf
+import locfuse.core as lf
 
 ANCHORS = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0], [5.0, 0.0]])
 SIGMA = 0.1

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import locfuse as lf
+import locfuse.core as lf
 from hall import POSES, hall
 from locfuse.types import FloatArray
 

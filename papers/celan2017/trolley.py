@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Three tags on a real trolley, without wheels: 12 states of celan2017 beside one rigid body."""
+"""Three tags on a recorded trolley without wheels: 12 states of celan2017, one rigid body."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -17,11 +17,8 @@ from locfuse.eval.errors import interpolate
 from locfuse.io.datasets import convert
 from locfuse.io.log_folder import read_log
 from locfuse.run.messages import truth_of
-from locfuse.types import FloatArray, Log, LogError, StampArray, Trajectory, wrap_angle
-from papers.celan2017.antennas import Antennas, learn
-from papers.celan2017.oracle import best_causal
-from papers.celan2017.rolling import Rolling
-from papers.claims import Claim, absent, claim_of
+from locfuse.types import FloatArray, Log, LogError, StampArray, Trajectory
+from papers.celan2017.methods import Antennas, Rolling, learn
 
 FOLDER = Path("../../../shared/data/lias-planar")  # from examples/configs
 MOVING, SESSION = "fast", "session 8.14"
@@ -29,12 +26,13 @@ RATE_HZ = 100  # of the recording
 RATES_HZ = (RATE_HZ, 10, 1)  # as recorded, and decimated
 # Tags are read turned by this against the body's heading: it leaves the least scatter at rest.
 TURNS_RAD = np.arange(0.0, 0.21, 0.02)
-NOISE = 2.0  # of ranges that are told, over their scatter at rest: successive errors are alike
-# Nobody tells how it is pushed, at 0.4 m/s and up to 1 rad/s: a random walk as far and as much.
+NOISE = 2.0  # sigma of a range over its scatter at rest: successive errors are correlated
+# Its motion is not measured, at 0.4 m/s and up to 1 rad/s: a random walk as far and as much.
 WALK_M, WALK_RAD = 0.4, 0.5  # per root of a second
 SIGMA_START = (0.3, 0.3, 0.3)
 SETTLED_S = 5.0
-LIMIT_M, LIMIT_DEG = 0.10, 3.0
+
+
 MEMORY = 40  # epochs that the best linear filter looks back
 
 
@@ -174,7 +172,7 @@ def _epochs(
     return epochs, np.array([epoch[0].stamp for epoch in epochs], np.int64)
 
 
-# What is told of an epoch: its ranges, or positions of tags made of them ------------------
+# Messages of an epoch: its ranges, or positions of tags made of them ----------------------
 
 
 def by_ranges(of: Trolley, epoch: list[_core.Range]) -> list[_core.Range | _core.PositionFix]:
@@ -192,11 +190,11 @@ def by_fixes(of: Trolley, epoch: list[_core.Range]) -> list[_core.Range | _core.
     """Return the position of each tag by its ranges alone, as an RTLS does."""
     fixes: list[_core.Range | _core.PositionFix] = []
     for tag in of.tags:
-        heard = [z for z in epoch if z.tag == tag.id]
-        if len(heard) < 3:
+        received = [z for z in epoch if z.tag == tag.id]
+        if len(received) < 3:
             continue
-        found = _core.locate(np.array([of.places[z.anchor] for z in heard]),
-                             np.array([z.range for z in heard]), of.sigma_m,
+        found = _core.locate(np.array([of.places[z.anchor] for z in received]),
+                             np.array([z.range for z in received]), of.sigma_m,
                              height=float(tag.position[2]), loss="cauchy")  # fmt: skip
         if found.position is not None and found.covariance is not None:
             fixes.append(_core.PositionFix(epoch[0].stamp, found.position, found.covariance,
@@ -230,7 +228,7 @@ FILTERS: Mapping[str, Callable[[Trolley, _core.PoseEstimate],
     "rolling": _rolling,
     "rolling_antennas": _rolling_antennas,
 }  # fmt: skip
-TOLD: Mapping[str, Callable[[Trolley, list[_core.Range]],
+MESSAGES: Mapping[str, Callable[[Trolley, list[_core.Range]],
                             list[_core.Range | _core.PositionFix]]] = {
     "ranges": by_ranges,
     "fixes": by_fixes,
@@ -238,14 +236,14 @@ TOLD: Mapping[str, Callable[[Trolley, list[_core.Range]],
 }  # fmt: skip
 
 
-NAMES = {"rigid": "PoseEkf", "twelve": "12 states", "rolling": "rolling body",
+FILTER_NAMES = {"rigid": "PoseEkf", "twelve": "12 states", "rolling": "rolling body",
          "rolling_antennas": "rolling body, antennas known"}  # fmt: skip
 WAYS = (("ranges", "rigid"), ("ranges", "twelve"), ("ranges", "rolling"),
         ("antennas", "rolling_antennas"), ("fixes", "rigid"), ("fixes", "twelve"))  # fmt: skip
 ASKED = (("ranges", "rigid"), ("antennas", "rolling_antennas"))
 
 
-def follow(of: Trolley, by: str, told: str, rate_hz: int) -> tuple[FloatArray, FloatArray]:
+def follow(of: Trolley, by: str, given: str, rate_hz: int) -> tuple[FloatArray, FloatArray]:
     """Return errors (n, 3) of x, y [m] and heading [rad], and NEES, of every epoch once settled."""
     step = RATE_HZ // rate_hz
     assert of.truth.heading is not None
@@ -258,8 +256,8 @@ def follow(of: Trolley, by: str, told: str, rate_hz: int) -> tuple[FloatArray, F
         truth = _core.Pose2(x, y, float(of.truth.heading[k]))
         if ekf is None:
             ekf = FILTERS[by](of, _core.PoseEstimate(stamp, truth, np.diag(SIGMA_START) ** 2))
-        for message in TOLD[told](of, epoch):
-            ekf.on(message)  # type: ignore[arg-type]  # positions are told to two of them alone
+        for message in MESSAGES[given](of, epoch):
+            ekf.on(message)  # type: ignore[arg-type]  # only two of them take positions
         ekf.advance_to(stamp)
         if isinstance(ekf, _core.TagTriangleEkf):
             ekf.hold_sides()
@@ -269,45 +267,6 @@ def follow(of: Trolley, by: str, told: str, rate_hz: int) -> tuple[FloatArray, F
             errors.append(off)
             nees.append(float(off @ np.linalg.solve(now.covariance, off)))
     return np.array(errors), np.array(nees)
-
-
-def trolley_claims(configs: Path | None) -> Iterator[Claim]:
-    """Yield the rows of the recording, or one that says why there are none."""
-    key, what = "celan_trolley", "trolley, recorded, "
-    if configs is None:
-        yield absent(key, f"{what}position RMSE", "no examples/configs here")
-        return
-    try:
-        of = trolley((configs / FOLDER).resolve())
-    except LogError as missing:
-        yield absent(key, f"{what}position RMSE", str(missing), f"<= {LIMIT_M:g}")
-        return
-    yield from oracle_claims(of, key, what)
-    for rate_hz in RATES_HZ:
-        for told, by in WAYS:
-            off, nees = follow(of, by, told, rate_hz)
-            asked = rate_hz == 10 and (told, by) in ASKED
-            row = f"{key}_{by}_{told}_{rate_hz}"
-            text = f"{what}{told} at {rate_hz} Hz, {NAMES[by]}: "
-            rmse = float(np.sqrt(np.mean(np.sum(off[:, :2] ** 2, axis=1))))
-            turn = float(np.rad2deg(np.sqrt(np.mean(wrap_angle(off[:, 2]) ** 2))))
-            yield _row(row, f"{text}position RMSE", "m", rmse, LIMIT_M if asked else None)
-            yield _row(f"{row}_heading", f"{text}heading RMSE", "deg", turn,
-                       LIMIT_DEG if asked else None)  # fmt: skip
-            yield _row(f"{row}_nees", f"{text}NEES of 3", "1", float(np.mean(nees)), None)
-
-
-def oracle_claims(of: Trolley, key: str, what: str) -> Iterator[Claim]:
-    """Yield what can be had of the heading with a constant for each link, whatever the filter."""
-    truth, found = headings(of, RATE_HZ // 10)
-    off = wrap_angle(found - truth)
-    for id, text, value in (
-        ("epochs", "rigid fit of each epoch", float(np.sqrt(np.mean(off**2)))),
-        ("oracle", "the best causal linear filter of that, fitted to the truth",
-         best_causal(truth + off, truth, MEMORY)),
-    ):  # fmt: skip
-        yield _row(f"{key}_{id}_heading", f"{what}ranges at 10 Hz, {text}: heading RMSE", "deg",
-                   float(np.rad2deg(value)), None)  # fmt: skip
 
 
 def headings(of: Trolley, step: int) -> tuple[FloatArray, FloatArray]:
@@ -323,8 +282,3 @@ def headings(of: Trolley, step: int) -> tuple[FloatArray, FloatArray]:
             truth.append(of.truth.heading[k])
             found.append(fit.pose.heading)
     return np.unwrap(truth), np.array(found)
-
-
-def _row(id: str, claim: str, unit: str, value: float, limit: float | None) -> Claim:
-    return claim_of(id, claim, unit, None, [value], "-" if limit is None else f"<= {limit:g}",
-                    lambda v: limit is None or v <= limit)  # fmt: skip

@@ -3,16 +3,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.config.scenario import Dropouts, LaserSensor, OdometrySensor, WheelSlip
+from locfuse import _core
+from locfuse.config.scenario import Covered, Dropouts, LaserSensor, OdometrySensor, WheelSlip
 from locfuse.sim import laser, sensors
 from locfuse.sim.faults import World, walls_between, with_faults
 from locfuse.sim.maps import FloorPlan, floor_plan, furnished
@@ -48,7 +49,7 @@ SIGMA_RANGE_M = 0.17  # of a range in line of sight: 12 cm of a position in the 
 SIGMA_OFFSET_M = 0.05  # of an anchor, constant in a drive: what its calibration leaves
 NLOS_M, SIGMA_NLOS_M = 0.4, 0.3  # by which a range through a wall is long
 SILENT_WALLS = 2  # that a range does not get through
-LEAST_RANGES = 3  # of which the RTLS makes a position
+MIN_RANGES = 3  # of which the RTLS makes a position
 OUTAGE_EVERY_S, OUTAGE_S = 120.0, 8.0  # of the whole RTLS, such as of its WiFi; means
 
 
@@ -203,8 +204,8 @@ def lap(seed: int) -> Lap:
     scans_ns = sensors.stamps(LASER.rate_hz, duration_s)
     seen = laser.scans(drive, scans_ns, floor.true, LASER, for_laser)
     uwb_ns = sensors.stamps(UWB_HZ, duration_s)
-    told = radios(floor, drive, uwb_ns, for_ranges, for_offsets)
-    heard = with_faults(dict(zip(("ranges", "positions"), told, strict=True)),
+    measured = radios(floor, drive, uwb_ns, for_ranges, for_offsets)
+    received = with_faults(dict(zip(("ranges", "positions"), measured, strict=True)),
                         [(out, for_outages) for out in outages(duration_s, for_outages)],
                         World(drive, {}, {}, uwb_ns))  # fmt: skip
     odometry = wheels(drive, duration_s, for_odometry)
@@ -214,7 +215,7 @@ def lap(seed: int) -> Lap:
         tables={
             "odometry": odometry,
             "scans": seen,
-            "ranges": heard["ranges"],
+            "ranges": received["ranges"],
             "truth": sensors.truth(drive, stamp_ns),
             "anchors": {"anchor": np.array(list(floor.anchors)), "x_m": at[:, 0], "y_m": at[:, 1],
                         "z_m": at[:, 2]},
@@ -226,11 +227,11 @@ def lap(seed: int) -> Lap:
         description=f"Simulated: lap of celan2017, seed {seed}",
     )  # fmt: skip
     length_m = float(np.hypot(*np.diff(np.array(points), axis=0).T).sum())
-    return Lap(floor, drive, duration_s, length_m, log, heard["positions"])
+    return Lap(floor, drive, duration_s, length_m, log, received["positions"])
 
 
 def outages(duration_s: float, rng: np.random.Generator) -> list[Dropouts]:
-    """Return when the RTLS tells neither ranges nor positions, as faults of both."""
+    """Return when the RTLS reports neither ranges nor positions, as faults of both."""
     found, time_s = [], float(rng.exponential(OUTAGE_EVERY_S))
     while time_s < duration_s:
         end_s = time_s + float(rng.exponential(OUTAGE_S))
@@ -252,10 +253,10 @@ def wheels(drive: Drive, duration_s: float, rng: np.random.Generator) -> Columns
         turn_bias_radps=bias,
     )
     stamp_ns = sensors.stamps(ODOMETRY_HZ, duration_s)
-    told = {"odometry": sensors.odometry(drive, stamp_ns, sensor, rng)}
+    measured = {"odometry": sensors.odometry(drive, stamp_ns, sensor, rng)}
     wrong = WheelSlip(from_s=0.0, to_s=duration_s, translation_factor=1.0 + scale,
                       rotation_factor=1.0 + rotation)  # fmt: skip
-    return with_faults(told, [(wrong, rng)], World(drive, {}, {}, stamp_ns))["odometry"]
+    return with_faults(measured, [(wrong, rng)], World(drive, {}, {}, stamp_ns))["odometry"]
 
 
 def radios(
@@ -265,9 +266,9 @@ def radios(
     """Return the ranges of three tags to five anchors, and the positions the RTLS makes of them.
 
     A range has white noise, its anchor's offset, and is longer by a gamma distributed detour where
-    a wall of the floor is in the way; through `SILENT_WALLS` it is not heard, nor is any of a tag
+    a wall of the floor is in the way; through `SILENT_WALLS` none is received, nor any of a tag
     farther than `UWB_RANGE_M` from the master anchor. A position is the least squares one of its
-    ranges, `LEAST_RANGES` or more, to first order; the covariance that is stated with it knows of
+    ranges, `MIN_RANGES` or more, to first order; the covariance that is stated with it knows of
     the noise alone.
 
     Returns
@@ -290,17 +291,104 @@ def radios(
     shape = (NLOS_M / SIGMA_NLOS_M) ** 2
     detour = np.where(through > 0, for_noise.gamma(shape, NLOS_M / shape, distance.shape), 0.0)
     error = SIGMA_RANGE_M * for_noise.standard_normal(distance.shape) + offset + detour
-    heard = (through < SILENT_WALLS) & (distance[:, :, :1] <= UWB_RANGE_M)
+    received = (through < SILENT_WALLS) & (distance[:, :, :1] <= UWB_RANGE_M)
     names, anchors = np.array(list(TAGS)), np.array(list(floor.anchors))
-    epoch, which, of = np.nonzero(heard)
+    epoch, which, of = np.nonzero(received)
     ranges = {"stamp_ns": stamp_ns[epoch], "tag": names[which], "anchor": anchors[of],
-              "range_m": np.maximum((distance + error)[heard], 0.0)}  # fmt: skip
-    located = heard.sum(axis=2) >= LEAST_RANGES
+              "range_m": np.maximum((distance + error)[received], 0.0)}  # fmt: skip
+    located = received.sum(axis=2) >= MIN_RANGES
     epoch, which = np.nonzero(located)
-    H = (off[..., :2] / distance[..., None] * heard[..., None])[located]  # k, anchors, 2
+    H = (off[..., :2] / distance[..., None] * received[..., None])[located]  # k, anchors, 2
     P = np.linalg.inv(H.swapaxes(1, 2) @ H)
     shift = (P @ H.swapaxes(1, 2) @ error[located][..., None])[..., 0]
     at = tag[located][:, :2] + shift
     fixes = {"stamp_ns": stamp_ns[epoch], "tag": names[which], "x_m": at[:, 0], "y_m": at[:, 1],
              "covariance": SIGMA_RANGE_M**2 * P}  # fmt: skip
     return ranges, fixes
+
+
+BLIND_S, SEEN_S = 180.0, 20.0  # with nothing in sight, and thereafter until the end of the lap
+SPIN_WAY, SPIN_TURN = 1.25, 1.1  # reported by the wheels there over what is driven
+
+
+def radios_known(lap: Lap) -> tuple[_core.AnchorMap, list[_core.Tag]]:
+    """Return anchors and tags with the ids of the messages."""
+    places = lap.floor.anchors.values()
+    anchors = _core.AnchorMap([_core.Anchor(k, list(at)) for k, at in enumerate(places)])
+    return anchors, tags_known()
+
+
+def half(lap: Lap) -> tuple[Covered, ...]:
+    """Return the cardboard of Fig. 12, over the right half."""
+    return (Covered(from_deg=-180.0, to_deg=0.0),)
+
+
+def hall(lap: Lap) -> tuple[Covered, ...]:
+    """Return the cardboard, and a time with nothing in sight, as in a hall wider than the reach."""
+    end_s = lap.duration_s - SEEN_S
+    return (*half(lap), Covered(from_deg=-180.0, to_deg=180.0, from_s=end_s - BLIND_S,
+                                to_s=end_s))  # fmt: skip
+
+
+def spinning(lap: Lap) -> Columns:
+    """Return the odometry of wheels that spin in that hall, as on a floor that is wet."""
+    end_s = lap.duration_s - SEEN_S
+    slip = WheelSlip(from_s=end_s - BLIND_S, to_s=end_s, translation_factor=SPIN_WAY,
+                     rotation_factor=SPIN_TURN)  # fmt: skip
+    odometry = {"odometry": lap.log["odometry"]}
+    world = World(lap.drive, {}, {}, lap.log["odometry"]["stamp_ns"])
+    return with_faults(odometry, [(slip, np.random.default_rng(0))], world)["odometry"]
+
+
+def covered(lap: Lap, covers: tuple[Covered, ...]) -> Log:
+    scans = lap.log["scans"]
+    hidden = [laser.covered(scans["stamp_ns"], LASER, cover) for cover in covers]
+    table = {**scans, "ranges_m": np.where(np.any(hidden, axis=0), np.nan, scans["ranges_m"])}
+    return replace(lap.log, tables={**lap.log.tables, "scans": table})
+
+
+def increments(odometry: Columns) -> Iterator[_core.Increment]:
+    """Yield the motions of a table of odometry."""
+    stamps = odometry["stamp_ns"].tolist()
+    motions = zip(
+        *(odometry[key].tolist() for key in ("dx_m", "dy_m", "dheading_rad")), strict=True
+    )
+    for begin, end, motion in zip(stamps[:-1], stamps[1:], list(motions)[1:], strict=True):
+        yield _core.Increment(begin, end, _core.Pose2(*motion))
+
+
+def ranges_of(lap: Lap) -> Iterator[_core.Range]:
+    table = lap.log["ranges"]
+    tags, anchors = list(TAGS), list(lap.floor.anchors)
+    columns = (table[key].tolist() for key in ("stamp_ns", "tag", "anchor", "range_m"))
+    for stamp, tag, anchor, distance in zip(*columns, strict=True):
+        yield _core.Range(stamp, tags.index(tag), anchors.index(anchor), distance)
+
+
+def tags_known() -> list[_core.Tag]:
+    """Return the tags with the ids of the messages."""
+    return [_core.Tag(k, list(at)) for k, at in enumerate(TAGS.values())]
+
+
+def tag_fixes(fixes: Columns) -> Iterator[_core.PositionFix]:
+    """Yield the positions that an RTLS gives, one tag after the other."""
+    ids = {name: k for k, name in enumerate(TAGS)}
+    rows = zip(*(fixes[key].tolist() for key in ("stamp_ns", "tag", "x_m", "y_m")),
+               fixes["covariance"], strict=True)  # fmt: skip
+    for stamp, tag, x, y, covariance in rows:
+        yield _core.PositionFix(stamp, [x, y], covariance, ids[tag])
+
+
+def tag_poses(fixes: Columns) -> Iterator[_core.PoseObservation]:
+    """Yield the pose that fits the positions of all three tags best, wherever all are received."""
+    stamps, count = np.unique(fixes["stamp_ns"], return_counts=True)
+    received = set(stamps[count == len(TAGS)].tolist())
+    arms = {k: at[:2] for k, at in enumerate(TAGS.values())}
+    every = (z for z in tag_fixes(fixes) if z.stamp in received)
+    for stamp, together in groupby(every, key=lambda z: z.stamp):
+        epoch = list(together)
+        fit = _core.rigid_fit(np.array([arms[z.tag] for z in epoch if z.tag is not None]),
+                              np.array([z.position for z in epoch]),
+                              np.array([z.covariance for z in epoch]))  # fmt: skip
+        if fit.status == _core.RigidFitStatus.FITTED:
+            yield _core.PoseObservation(stamp, fit.pose, fit.covariance)

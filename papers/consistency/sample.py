@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What one seed says of how sure an estimator is: NEES by group of states, NIS by source."""
+"""Errors of one seed in units of an estimator's own covariance: NEES and NIS."""
 
 from __future__ import annotations
 
@@ -59,13 +59,13 @@ def pose_nees(truth: FloatArray, estimate: _core.PoseEstimate) -> dict[str, Squa
     return nees_of(error, estimate.covariance, {"position": (0, 1), "heading": (2,)})
 
 
-def believing(model: Model, told: float) -> Model:
-    """Return a model of a configuration with every sigma in it times `told`."""
+def with_sigmas_times(model: Model, factor: float) -> Model:
+    """Return a model of a configuration with every sigma in it times `factor`."""
     changed: dict[str, Any] = {}
     for name in type(model).model_fields:
         value = getattr(model, name)
         if isinstance(value, BaseModel):
-            changed[name] = believing(value, told)
+            changed[name] = with_sigmas_times(value, factor)
         elif name.startswith("sigma_"):
-            changed[name] = told * value
+            changed[name] = factor * value
     return model.model_copy(update=changed)

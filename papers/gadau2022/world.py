@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The worlds of gadau2022: landmarks, paths, noise, rays, and our filter in them."""
+"""The worlds of gadau2022: landmarks, paths, noise and rays."""
 
 from __future__ import annotations
 
@@ -125,13 +125,6 @@ def _between(marks: FloatArray, rng: np.random.Generator) -> Points:
     return Points(points_m=[(float(x), float(y)) for x, y in places])
 
 
-def detector() -> _core.CylinderDetector:
-    """Return what finds the discs among the rays."""
-    return _core.CylinderDetector(
-        _core.CylinderDetectorConfig(radius_m=DISC_M, sigma_range_m=SIGMA_RAY_M, least_beams=4)
-    )
-
-
 def scan_of(
     stamp: int, at: FloatArray, marks: FloatArray, rng: np.random.Generator
 ) -> _core.LaserScan:
@@ -148,12 +141,6 @@ def scan_of(
     return _core.LaserScan(stamp, geometry, np.where(ranges < REACH_M, ranges, np.nan))
 
 
-def sightings_of(found: list[_core.Cylinder], stamp: int) -> list[_core.RangeBearing]:
-    """Return cylinders as sightings without names."""
-    return [_core.RangeBearing(stamp, None, one.range, one.bearing, one.covariance[:2, :2])
-            for one in found]  # fmt: skip
-
-
 def seen_by(
     at: FloatArray, marks: FloatArray, rng: np.random.Generator, short_m: float = 0.0
 ) -> FloatArray:
@@ -165,7 +152,7 @@ def seen_by(
     return np.column_stack([np.maximum(noisy[:, 0], 0.0), wrap_angle(noisy[:, 1])])
 
 
-def told(before: FloatArray, after: FloatArray, rng: np.random.Generator) -> _core.Pose2:
+def measured_motion(before: FloatArray, after: FloatArray, rng: np.random.Generator) -> _core.Pose2:
     """Return the motion of a step with the noise of Fig. 1."""
     step = _core.Pose2(*before).inverse() * _core.Pose2(*after)
     seconds = STEP_NS / NANOSECONDS
@@ -174,32 +161,3 @@ def told(before: FloatArray, after: FloatArray, rng: np.random.Generator) -> _co
                                       SIGMA_TURN_RADPS * seconds]  # fmt: skip
     return _core.Pose2(step.x + noise[0] + noise[3], step.y + noise[1],
                        step.heading + noise[2] + noise[4])  # fmt: skip
-
-
-def filter_config() -> _core.PoseEkfConfig:
-    """Return the filter that knows the noise: that of the speed lies along the heading."""
-    config = _core.PoseEkfConfig()
-    rate = NANOSECONDS / STEP_NS
-    config.odometry.sigma_longitudinal_per_sqrt_m = 0.0
-    config.odometry.sigma_lateral_per_sqrt_m = 0.0
-    config.odometry.sigma_heading_per_sqrt_m = 0.0
-    config.odometry.sigma_heading_per_sqrt_rad = 0.0
-    # In every step, so many a second: noise of the pose, and of the speeds over a step.
-    turn = np.hypot(SIGMA_POSE_RAD, SIGMA_TURN_RADPS / rate)
-    config.odometry.sigma_longitudinal_per_sqrt_s = float(SIGMA_SPEED_MPS / np.sqrt(rate))
-    config.odometry.sigma_xy_per_sqrt_s = float(SIGMA_POSE_M * np.sqrt(rate))
-    config.odometry.sigma_heading_per_sqrt_s = float(turn * np.sqrt(rate))
-    config.landmark.sigma_range_m = SIGMA_RANGE_M
-    config.landmark.sigma_bearing_rad = SIGMA_BEARING_RAD
-    config.gate_landmark = 0.9999
-    return config
-
-
-def map_of(marks: FloatArray) -> _core.LandmarkMap:
-    """Return landmarks as a map of discs."""
-    return _core.LandmarkMap([_core.Landmark(i, at, DISC_M) for i, at in enumerate(marks)])
-
-
-def known(marks: FloatArray) -> _core.LandmarkSight:
-    """Return landmarks as the filter knows them."""
-    return _core.LandmarkSight(map_of(marks))

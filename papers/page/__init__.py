@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """All five papers: what each reports, what came out here, one page of it."""
 
+from papers.claims import Judged, Paper, Statement, judge
 from papers.page.cells import HEAD, OURS, cells_of, figure_of
 from papers.page.compare import differences
 from papers.page.html import PAGE, page_of
-from papers.page.paper import Paper, Statement, Told, tell
 from papers.page.repeated import (
     FIVE,
     PAPERS_IN_ORDER,
@@ -22,20 +22,20 @@ __all__ = [
     "PAGE",
     "PAPERS_IN_ORDER",
     "ROWS",
+    "Judged",
     "Paper",
     "Repeated",
     "Statement",
-    "Told",
     "cells_of",
     "differences",
     "figure_of",
+    "judge",
     "page_of",
     "read_rows",
     "repeat",
     "repeat_all",
     "seeds_of",
     "stages",
-    "tell",
     "write_page",
     "write_rows",
 ]

@@ -11,7 +11,7 @@ from papers.page.cells import figure_of
 from papers.page.repeated import Repeated
 
 UNSTABLE_UNITS = ("ms", "us", "s/s")  # of the machine, not of the method
-RATES = ("1/h",)  # of what is rare: a few hours hold none or one
+RATES = ("1/h",)  # rare events: a few hours hold none or one
 EXACT = 0.05  # of a figure that no seed changes, by which processors and libraries may move it
 
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from locfuse import __version__
 from locfuse.report.html_page import page, table
+from papers.claims import Judged, Paper, Row, judge
 from papers.page.cells import HEAD, OURS, cells_of
-from papers.page.paper import Paper, Row, Told, tell
 from papers.page.repeated import FIVE, PAPERS_IN_ORDER, Repeated
 
 PAGE = "papers.html"
@@ -64,9 +64,9 @@ def _overview(repeated: Sequence[Repeated]) -> str:
     head = ("paper", "its claims so here", "not so", "not run", "required: met", "missed", "time")
     rows = []
     for one in repeated:
-        told, _ = tell(FIVE[one.paper], one.claims)
+        judged, _ = judge(FIVE[one.paper], one.claims)
         asked = [row["met"] for row in one.claims if row["required"] != "-"]
-        rows.append([one.paper, *(str([t.so for t in told].count(so)) for so in _KINDS),
+        rows.append([one.paper, *(str([t.so for t in judged].count(so)) for so in _KINDS),
                      str(asked.count(True)), str(asked.count(False)),
                      f"{one.seconds:.0f} s"])  # fmt: skip
     overview = table("overview", head, rows)
@@ -91,14 +91,14 @@ def _section(paper: Paper, one: Repeated, folder: Path) -> list[str]:
     for row in one.claims:
         if row["met"] is False:
             parts.append(f'<p class="bad">Missed: {escape(row["claim"])}</p>')
-    told, own = tell(paper, one.claims)
+    judged, own = judge(paper, one.claims)
     shown = [Path(name).stem for name in one.pictures if name.endswith(".png")]
-    return [*parts, _table(paper, told, own, shown), *_figures(paper, told, shown, folder)]
+    return [*parts, _table(paper, judged, own, shown), *_figures(paper, judged, shown, folder)]
 
 
-def _table(paper: Paper, told: Sequence[Told], own: Sequence[Row], shown: Sequence[str]) -> str:
+def _table(paper: Paper, judged: Sequence[Judged], own: Sequence[Row], shown: Sequence[str]) -> str:
     lines = ["<tr>" + "".join(f"<th>{cell}</th>" for cell in HEAD) + "</tr>"]
-    for one in told:
+    for one in judged:
         lines += [_claim(paper.key, one, shown), *map(_line, one.rows)]
     if own:
         lines.append(f'<tr class="claim"><td colspan="{len(HEAD)}"><div><b>{escape(OURS)}</b>'
@@ -108,15 +108,15 @@ def _table(paper: Paper, told: Sequence[Told], own: Sequence[Row], shown: Sequen
     return f'<div class="wide"><table class="rows" id="{paper.key}-table">\n{body}\n</table></div>'
 
 
-def _claim(key: str, told: Told, shown: Sequence[str]) -> str:
-    of = told.statement
+def _claim(key: str, judged: Judged, shown: Sequence[str]) -> str:
+    of = judged.statement
     link = f' <a href="#{key}-{of.picture}">picture</a>' if of.picture in shown else ""
     remark = f'<span class="quiet">: {escape(of.remark)}</span>' if of.remark else ""
     return (
-        f'<tr class="claim" id="{key}-{told.number}"><td colspan="{len(HEAD)}"><div>'
-        f'<b>{escape(told.heading)}</b> <span class="quiet">({escape(of.where)})</span>: '
+        f'<tr class="claim" id="{key}-{judged.number}"><td colspan="{len(HEAD)}"><div>'
+        f'<b>{escape(judged.heading)}</b> <span class="quiet">({escape(of.where)})</span>: '
         f"{escape(of.reports)}. "
-        f'<span class="{_KINDS[told.so]}">{told.verdict}</span>{remark}{link}</div></td></tr>'
+        f'<span class="{_KINDS[judged.so]}">{judged.verdict}</span>{remark}{link}</div></td></tr>'
     )
 
 
@@ -126,12 +126,14 @@ def _line(row: Row) -> str:
     return f"<tr{kind}>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
 
 
-def _figures(paper: Paper, told: Sequence[Told], shown: Sequence[str], folder: Path) -> list[str]:
+def _figures(
+    paper: Paper, judged: Sequence[Judged], shown: Sequence[str], folder: Path
+) -> list[str]:
     """Return the pictures, each with what is seen and links to the claims that it shows."""
     parts = []
     for stem in shown:
         links = [f'<a href="#{paper.key}-{one.number}">{escape(one.heading)}</a>'
-                 for one in told if one.statement.picture == stem]  # fmt: skip
+                 for one in judged if one.statement.picture == stem]  # fmt: skip
         caption = escape(paper.captions.get(stem, ""))
         shows = f" Claims: {', '.join(links)}." if links else ""
         data = base64.b64encode((folder / f"{stem}.png").read_bytes()).decode("ascii")

@@ -11,11 +11,11 @@ from typing import Any
 
 from locfuse import __version__
 from locfuse.types import ConfigError
-from papers.celan2017.statements import PAPER as CELAN2017
-from papers.ekim2020.statements import PAPER as EKIM2020
-from papers.gadau2022.statements import PAPER as GADAU2022
-from papers.wells.statements import PAPER as WELLS
-from papers.zhang.statements import PAPER as ZHANG
+from papers.celan2017.claims import PAPER as CELAN2017
+from papers.ekim2020.claims import PAPER as EKIM2020
+from papers.gadau2022.claims import PAPER as GADAU2022
+from papers.wells.claims import PAPER as WELLS
+from papers.zhang.claims import PAPER as ZHANG
 
 ROWS = "papers.json"
 PAPERS_IN_ORDER = (EKIM2020, WELLS, CELAN2017, GADAU2022, ZHANG)
@@ -50,7 +50,7 @@ class Repeated:
 
 def write_rows(repeated: Sequence[Repeated], file: Path, quick: bool) -> None:
     """Write what came out as JSON."""
-    told = {
+    content = {
         "version": __version__,
         "quick": quick,
         "papers": [
@@ -59,7 +59,7 @@ def write_rows(repeated: Sequence[Repeated], file: Path, quick: bool) -> None:
             for one in repeated
         ],
     }  # fmt: skip
-    file.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+    file.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
 def read_rows(file: Path) -> list[Repeated]:
@@ -71,8 +71,8 @@ def read_rows(file: Path) -> list[Repeated]:
         If the file cannot be read, or is something else.
     """
     try:
-        told = json.loads(file.read_text(encoding="utf-8"))
-        return [Repeated(**one) for one in told["papers"]]
+        content = json.loads(file.read_text(encoding="utf-8"))
+        return [Repeated(**one) for one in content["papers"]]
     except OSError as error:
         raise ConfigError(f"{file}: cannot be read ({error.strerror})") from error
     except (ValueError, KeyError, TypeError) as error:

@@ -32,7 +32,7 @@ def stages(
     folder : Path, optional
         For its pictures, made if absent; without one there are none.
     progress : callable, optional
-        Told (runs done, runs in all).
+        Receives (runs done, runs in all).
 
     Raises
     ------
@@ -50,7 +50,7 @@ def stages(
 
 
 def repeat(key: str, seeds: int, folder: Path) -> Repeated:
-    """Repeat one paper, of which the others must not suffer: its error is part of what came out."""
+    """Repeat one paper; its exception is kept as its result, so that the others go on."""
     began = time.monotonic()
     one = Repeated(key, seeds, 0.0, [], [])
     try:
@@ -95,7 +95,7 @@ def repeat_all(
     quick : bool
         What the rows say of it.
     progress : callable, optional
-        Told (papers done, papers in all).
+        Receives (papers done, papers in all).
     executor : Executor, optional
         That runs them; a pool of `workers` processes otherwise.
 

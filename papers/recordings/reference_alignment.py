@@ -90,7 +90,7 @@ def _icp(grid: GridMap, nearest: FloatArray, scan: FloatArray, pose: FloatArray)
 def _nearest_of_cells(grid: GridMap) -> FloatArray:
     """Return the centre of the occupied cell nearest to each cell, (height, width, 2) [m].
 
-    By jump flooding: cells tell one another the nearest they know of, in halving jumps.
+    By jump flooding: cells exchange the nearest they know of, in halving jumps.
     """
     height, width = grid.cells.shape
     column, row = np.meshgrid(np.arange(width), np.arange(height))
@@ -102,11 +102,11 @@ def _nearest_of_cells(grid: GridMap) -> FloatArray:
             for dx in (-jump, 0, jump):
                 if abs(dy) >= height or abs(dx) >= width:
                     continue
-                heard = np.full_like(nearest, 1e9)
+                offered = np.full_like(nearest, 1e9)
                 to = np.s_[max(dy, 0) : height + min(dy, 0), max(dx, 0) : width + min(dx, 0)]
                 of = np.s_[max(-dy, 0) : height + min(-dy, 0), max(-dx, 0) : width + min(-dx, 0)]
-                heard[to] = nearest[of]
-                closer = np.sum((heard - at) ** 2, axis=-1) < np.sum((nearest - at) ** 2, axis=-1)
-                nearest[closer] = heard[closer]
+                offered[to] = nearest[of]
+                closer = np.sum((offered - at) ** 2, axis=-1) < np.sum((nearest - at) ** 2, axis=-1)
+                nearest[closer] = offered[closer]
         jump //= 2
     return grid.to_world(nearest + 0.5)

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse import _core
-from locfuse.config.load import parse_config
 from locfuse.eval.errors import interpolate
 from locfuse.run.messages import truth_of
-from locfuse.run.run import load_log
 from locfuse.types import NANOSECONDS, FloatArray, Log, LogError, StampArray, Trajectory
 from papers.claims import Claim, Progress, absent, claims_of
+from papers.recorded import load_recording
+from papers.scores import rms
 
 
 @dataclass(frozen=True)
@@ -68,12 +68,12 @@ class Flight:
     gated: NDArray[np.bool_]
 
 
-def air_claims(configs: Path | None, progress: Progress) -> list[Claim]:
+def air_claims(progress: Progress, configs: Path | None) -> list[Claim]:
     """Return all rows; recordings lie beside the project, whose ready configurations are given."""
     return claims_of([partial(_recorded, configs, name) for name in RECORDINGS], progress)
 
 
-def recorded(configs: Path | None, recording: Recording) -> Log:
+def load_flight(configs: Path | None, recording: Recording) -> Log:
     """Return the log of a recording.
 
     Raises
@@ -81,11 +81,7 @@ def recorded(configs: Path | None, recording: Recording) -> Log:
     LogError
         If the recording is not there.
     """
-    if configs is None:
-        raise LogError("no examples/configs here")
-    origin = {"dataset": recording.dataset, "path": f"../../../shared/data/{recording.folder}",
-              "run": recording.run}  # fmt: skip
-    return load_log(parse_config({"log": origin}), configs, 0)
+    return load_recording(configs, recording.dataset, recording.folder, recording.run)[1]
 
 
 def filter_config() -> _core.AirEkfConfig:
@@ -104,8 +100,8 @@ def localize(
 ) -> Flight:
     """Localize by the ranges of a log, and by altitudes.
 
-    It starts at the truth as soon as every anchor was heard within a second: before, there are long
-    gaps in which a body may be anywhere.
+    It starts at the truth once every anchor has reported within a second: there are long
+    gaps before, in which a body may be anywhere.
 
     Parameters
     ----------
@@ -117,7 +113,7 @@ def localize(
     altitudes : sequence of Altitude
         In order of their stamps.
     kept : bool array, shape (ranges,), optional
-        Which ranges the filter hears, all if None. At the stamps of the others it tells, too.
+        Which ranges the filter fuses, all if None. It estimates at the stamps of the others, too.
     """
     ranges, table = log["ranges"], log["anchors"]
     names = [str(name) for name in table["anchor"]]
@@ -145,27 +141,27 @@ def localize(
                             None if sigmas is None else float(sigmas[row]))  # fmt: skip
             gated[row] = ekf.on(z).verdict == _core.Verdict.GATED
         estimates[stamp] = ekf.estimate(stamp)
-    told = list(estimates.values())
+    found = list(estimates.values())
     return Flight(
         np.array(list(estimates)),
-        np.array([[e.pose.x, e.pose.y, e.height] for e in told]),
-        np.array([e.covariance[np.ix_([0, 1, 3], [0, 1, 3])] for e in told]),
+        np.array([[e.pose.x, e.pose.y, e.height] for e in found]),
+        np.array([e.covariance[np.ix_([0, 1, 3], [0, 1, 3])] for e in found]),
         gated,
     )
 
 
 def _start(log: Log) -> _core.AirEstimate:
-    heard = _all_heard(log)
-    place, heading, inside = true_at(log, heard)
+    stamps = _all_received(log)
+    place, heading, inside = true_at(log, stamps)
     if len(place) == 0:
-        raise LogError("there is no second in which all anchors were heard and the truth is known")
+        raise LogError("there is no second in which all anchors reported and the truth is known")
     pose = _core.Pose2(float(place[0, 0]), float(place[0, 1]), float(heading[0]))
-    return _core.AirEstimate(int(heard[inside][0]), pose, float(place[0, 2]),
+    return _core.AirEstimate(int(stamps[inside][0]), pose, float(place[0, 2]),
                              np.diag(np.square(START_SIGMA)))  # fmt: skip
 
 
-def _all_heard(log: Log) -> StampArray:
-    """Return the stamps of ranges before which each anchor was heard within a second."""
+def _all_received(log: Log) -> StampArray:
+    """Return the stamps of ranges before which each anchor reported within a second."""
     ranges, count = log["ranges"], len(log["anchors"]["anchor"])
     last: dict[str, int] = {}
     stamps = []
@@ -200,26 +196,21 @@ def errors_of(flight: Flight, log: Log) -> tuple[FloatArray, FloatArray]:
     return error, nees
 
 
-def rms(errors: FloatArray) -> float:
-    """Return the root of the mean squared length of errors (n, d)."""
-    return float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
-
-
 def _recorded(configs: Path | None, name: str) -> Iterator[Claim]:
     key, what = f"air_{name.replace(' ', '_')}", f"{name} (real): "
     try:
-        log = recorded(configs, RECORDINGS[name])
+        log = load_flight(configs, RECORDINGS[name])
     except LogError as missing:
         yield absent(key, f"{what}position RMSE", str(missing))
         return
     flight = localize(log, float(np.mean(RECORDINGS[name].long)), filter_config())
     error, nees = errors_of(flight, log)
-    heard = log["ranges"]["stamp_ns"] >= flight.stamp_ns[0]
+    used = log["ranges"]["stamp_ns"] >= flight.stamp_ns[0]
     for row, part, unit, value in (
         ("", "position RMSE", "m", rms(error)),
         ("_horizontal", "horizontal RMSE", "m", rms(error[:, :2])),
         ("_height", "height RMSE", "m", rms(error[:, 2:])),
         ("_nees", "NEES of 3", "1", float(np.mean(nees))),
-        ("_gated", "ranges gated", "%", 100.0 * float(np.mean(flight.gated[heard]))),
+        ("_gated", "ranges gated", "%", 100.0 * float(np.mean(flight.gated[used]))),
     ):
         yield Claim(key + row, what + part, unit, None, value, value, value, "-", True)

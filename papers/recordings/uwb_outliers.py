@@ -17,20 +17,21 @@ from locfuse.config.schema import Dataset
 from locfuse.run.run import run
 from locfuse.types import NANOSECONDS, ConfigError, FloatArray, Log, LogError
 from papers.claims import Claim, Progress, absent, claim_of, claims_of
-from papers.recordings import uwb_3d as in_the_air
+from papers.recorded import DATA
 from papers.recordings.uwb_3d import (
+    RECORDINGS,
     Flight,
     Recording,
     errors_of,
     filter_config,
+    load_flight,
     localize,
-    recorded,
-    rms,
     true_at,
 )
+from papers.scores import rms
 
 OUTLIER_M = 0.5  # from the median of its anchor: what the notes of the drone call gross
-FINE_M = 0.3  # likewise, of a sharper eye: three sigma of the filter's default
+FINE_M = 0.3  # the same, stricter: three sigma of the filter's default
 LARGEST_RATIO = 1.1
 OFFICE_M = 0.13
 ROOM_M, YARD_M = 3.0, 5.0  # half the width of where bodies move
@@ -51,8 +52,8 @@ class Case:
         From log and seed.
     drawn : bool
         Whether the seed makes a difference.
-    told : bool
-        Whether all this tells where the body is.
+    observable : bool
+        Whether these measurements determine the position.
     lost_m : float
         Who errs by more is lost [m].
     """
@@ -60,7 +61,7 @@ class Case:
     recording: Recording
     heights: Heights = lambda log, seed: ()
     drawn: bool = False
-    told: bool = True
+    observable: bool = True
     lost_m: float = ROOM_M
 
 
@@ -92,7 +93,7 @@ def robust_config() -> _core.AirEkfConfig:
     return config
 
 
-def on_the_ground(log: Log, seed: int) -> list[_core.Altitude]:
+def ground_heights(log: Log, seed: int) -> list[_core.Altitude]:
     """Return a height of zero every second, for what drives."""
     stamps = log["ranges"]["stamp_ns"]
     return [
@@ -116,22 +117,22 @@ def altimeter(log: Log, seed: int) -> list[_core.Altitude]:
 def _cases() -> dict[str, Case]:
     """Return what flies or is carried, drones once more with an altimeter, and what drives."""
     cases = {
-        name: Case(recording, told=name not in ("drone seq1", "drone seq5"))
-        for name, recording in in_the_air.RECORDINGS.items()
+        name: Case(recording, observable=name not in ("drone seq1", "drone seq5"))
+        for name, recording in RECORDINGS.items()
     }
     for name in ("drone seq1", "drone seq3", "drone seq5"):
-        recording = in_the_air.RECORDINGS[name]
+        recording = RECORDINGS[name]
         cases[f"{name} with altimeter"] = Case(recording, altimeter, drawn=True)
     for name in ("los_a1", "los_b3", "nlos_a1", "nlos_b3"):
         recording = Recording("hanyang_outdoor", "hanyang-outdoor", name, (0.0, 0.0))
-        cases[f"yard {name}"] = Case(recording, on_the_ground, lost_m=YARD_M)
+        cases[f"yard {name}"] = Case(recording, ground_heights, lost_m=YARD_M)
     return cases
 
 
 CASES = _cases()
 
 
-def outlier_claims(configs: Path | None, seeds: int, progress: Progress) -> list[Claim]:
+def outlier_claims(seeds: int, progress: Progress, configs: Path | None) -> list[Claim]:
     """Return all rows; recordings lie beside the project, whose ready configurations are given."""
     flights = [partial(_rows, configs, name, seeds) for name in CASES]
     return claims_of([*flights, partial(_office, configs)], progress)
@@ -188,7 +189,7 @@ def _rows(configs: Path | None, name: str, seeds: int) -> Iterator[Claim]:
     case = CASES[name]
     key, what = f"outliers_{name.replace(' ', '_')}", f"{name} (real): "
     try:
-        log = recorded(configs, case.recording)
+        log = load_flight(configs, case.recording)
     except LogError as missing:
         yield absent(key, f"{what}RMSE, all ranges / without outliers", str(missing))
         return
@@ -215,9 +216,9 @@ def _rows(configs: Path | None, name: str, seeds: int) -> Iterator[Claim]:
                    whole / sharp, "-", _any)  # fmt: skip
     yield claim_of(f"{key}_gate", f"{what}RMSE, all, a gate instead", "m", None, gated, "-", _any)
     yield claim_of(f"{key}_largest", f"{what}largest error", "m", None, largest,
-                   f"<= {case.lost_m:g}" if case.told else "-",
-                   lambda v: v <= case.lost_m or not case.told,
-                   "" if case.told else "its ranges do not tell")  # fmt: skip
+                   f"<= {case.lost_m:g}" if case.observable else "-",
+                   lambda v: v <= case.lost_m or not case.observable,
+                   "" if case.observable else "its ranges do not determine it")  # fmt: skip
 
 
 def _office(configs: Path | None) -> Iterator[Claim]:
@@ -226,7 +227,7 @@ def _office(configs: Path | None) -> Iterator[Claim]:
     try:
         if configs is None:
             raise LogError("no examples/configs here")
-        log = Dataset(dataset="mrpt_office", path="../../../shared/data/mrpt-uwb-lidar")
+        log = Dataset(dataset="mrpt_office", path=f"{DATA}/mrpt-uwb-lidar")
         config = load_config(configs / "mrpt_office.yaml").model_copy(update={"log": log})
         result = run(config, base=configs)
     except (ConfigError, LogError) as missing:
@@ -238,42 +239,3 @@ def _office(configs: Path | None) -> Iterator[Claim]:
 
 def _any(value: float) -> bool:
     return True
-
-
-def draw_pictures(configs: Path, folder: Path) -> list[Path]:
-    """Draw the cases whose recordings are there into a folder; return the paths."""
-    from locfuse.report.plot.style import save
-    from papers.recordings.outlier_plots import (
-        plot_outliers,  # pictures load slowly; rows need none
-    )
-
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = []
-    for name, case in CASES.items():
-        try:
-            log = recorded(configs, case.recording)
-        except LogError:
-            continue
-        flown = fly(case, log, 0, robust_config())
-        begin = flown.whole.stamp_ns[0]
-        known = true_at(log, flown.whole.stamp_ns)[2]
-        stamps = log["ranges"]["stamp_ns"]
-        heard = stamps >= begin
-        paths.append(folder / f"{name.replace(' ', '_')}.png")
-        save(
-            plot_outliers(
-                name,
-                (flown.whole.stamp_ns[known] - begin) / NANOSECONDS,
-                {
-                    "Gaussian, gated": distances(flown.gated, log),
-                    "robust": distances(flown.whole, log),
-                    "robust, without outliers": distances(flown.clean, log),
-                },
-                (stamps[heard] - begin) / NANOSECONDS,
-                flown.off[heard],
-                flown.gated.gated[heard],
-                OUTLIER_M,
-            ),
-            paths[-1],
-        )
-    return paths

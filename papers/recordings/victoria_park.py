@@ -16,15 +16,13 @@ from pathlib import Path
 import numpy as np
 
 from locfuse import _core
-from locfuse.config.load import parse_config
 from locfuse.eval.errors import interpolate
-from locfuse.report.plot.style import save
 from locfuse.run.landmark_slam import LandmarkMapping, map_landmarks
-from locfuse.run.run import load_log
 from locfuse.run.start import scans_of
 from locfuse.types import NANOSECONDS, FloatArray, Log, LogError, Trajectory
 from papers.claims import Claim, absent
-from papers.recordings.landmark_plots import plot_landmarks
+from papers.recorded import load_recording
+from papers.scores import rms
 
 ANTENNA_M = (3.78, 0.5)
 HEADING_DEG = 38.0  # at the first fix, as the recording's notes have it
@@ -56,7 +54,7 @@ class Mapped:
     @property
     def rmse_m(self) -> float:
         """Root mean square of the distances to GPS."""
-        return float(np.sqrt(np.mean(self.off_m**2)))
+        return rms(self.off_m)
 
     @property
     def times_real_time(self) -> float:
@@ -70,26 +68,8 @@ def tree_parts(configs: Path) -> list[Callable[[], Iterator[Claim]]]:
     return [lambda chain=chain: _claims(configs, chain) for chain in CHAINS]  # type: ignore[misc]
 
 
-def draw_pictures(configs: Path, folder: Path) -> list[Path]:
-    """Draw the map of trees of each chain, if the recording is there; return the paths."""
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = []
-    for chain in CHAINS:
-        try:
-            mapped = mapped_by(configs, chain)
-        except LogError:
-            continue
-        fixes, mapping = mapped.log["positions"], mapped.mapping
-        gps = np.column_stack([fixes["x_m"], fixes["y_m"]])
-        paths.append(folder / f"victoria_park_{chain}.png")
-        figure = plot_landmarks(antenna_of(mapping.estimate), mapping.position,
-                                mapping.covariance, gps, "GPS, not told")  # fmt: skip
-        save(figure, paths[-1])
-    return paths
-
-
 @cache
-def mapped_by(configs: Path, chain: str) -> Mapped:
+def mapped_by(configs: Path | None, chain: str) -> Mapped:
     """Drive Victoria Park by odometry and the trees of one of `CHAINS`.
 
     Trees of the dataset's detector are put together jointly, ours each with its nearest.
@@ -99,7 +79,7 @@ def mapped_by(configs: Path, chain: str) -> Mapped:
     LogError
         If the recording is not there.
     """
-    log, detect_s = recorded(configs, chain), 0.0
+    log, detect_s = load_park(configs, chain), 0.0
     association = _core.Association.JOINT
     if chain == "laser":
         began = time.perf_counter()
@@ -109,16 +89,15 @@ def mapped_by(configs: Path, chain: str) -> Mapped:
     return Mapped(mapping, log, off_gps(log, mapping), detect_s)
 
 
-def recorded(configs: Path, run: str) -> Log:
+def load_park(configs: Path | None, run: str) -> Log:
     """Return the recording with trees of the dataset's detector, or with raw scans."""
-    origin = {"dataset": "victoria_park", "path": "../../../shared/data/victoria-park", "run": run}
-    return load_log(parse_config({"log": origin}), configs, 0)
+    return load_recording(configs, "victoria_park", "victoria-park", run)[1]
 
 
 def with_trees(log: Log) -> Log:
     """Return the log with trunks that our detector finds in its scans as sightings.
 
-    Half of the trunks are one or two beams wide, which tell no curvature: `least_evidence` is 0.
+    Half of the trunks are one or two beams wide, which show no curvature: `least_evidence` is 0.
     """
     detector = _core.CylinderDetector(
         _core.CylinderDetectorConfig(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The cylinder detector in simulated scans: what it misses, its errors, what is none to it."""
+"""The cylinder detector in simulated scans: missed cylinders, false ones, errors."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from papers.claims import Claim, Progress, claim_of, claims_of
 from papers.wells.world import BEAM_RAD, CYLINDERS, RADIUS_M, SIGMA_BEAM_M
 
 RANGE_MIN_M, RANGE_MAX_M = 0.05, 12.0
-LEAST_BEAMS = 8  # that end on a cylinder which must be found
+MIN_BEAMS = 8  # that end on a cylinder which must be found
 NEAR_M = 0.5  # of a cylinder: it is the one that was found
-FARTHEST_M = 3.5  # centres whose error counts
+MAX_RANGE_M = 3.5  # centres whose error counts
 # Expected with the radius free and known, and how far off: 99.9 % of the mean of 400.
 NEES = {False: (3.0, 0.45), True: (2.0, 0.33)}
-SCANS = 30  # of a seed, of what is to be found
-SCANS_FALSE = 200  # likewise of worlds without a cylinder
+SCANS = 30  # of a seed, with cylinders to find
+SCANS_FALSE = 200  # the same, of worlds without a cylinder
 THIN_M = (0.5, 0.2, 0.1)  # radii of cylinders that stand alone
 # Somebody who walks, at the height of a laser: two legs that swing.
 LEG_M, ASIDE_M, STRIDE_M = 0.07, 0.1, 0.7  # radius, of each from the middle, of a step
@@ -44,7 +44,7 @@ LEGS: dict[str, tuple[str, dict[str, float]]] = {  # what a detector knows where
 
 @dataclass
 class Found:
-    """What became of cylinders with `LEAST_BEAMS` beams and more."""
+    """What became of cylinders with `MIN_BEAMS` beams and more."""
 
     in_view: int = 0
     missed: int = 0
@@ -73,7 +73,7 @@ def _found(name: str, known: bool, seeds: int) -> Iterator[Claim]:
     clean = name == "wells"
     yield Claim(f"{key}_missed", f"{what}missed", "", None, found.missed, found.missed,
                 found.missed, "0" if clean else "-", found.missed == 0 or not clean,
-                f"of {found.in_view} that {LEAST_BEAMS} beams and more show")  # fmt: skip
+                f"of {found.in_view} that {MIN_BEAMS} beams and more show")  # fmt: skip
     yield claim_of(f"{key}_error", f"{what}error of the centre", "mm", None,
                    [1e3 * off for off in found.off_m], "<= 5", lambda v: v <= 5.0)  # fmt: skip
     times = float(np.median(found.closest_off_m) / np.median(found.off_m))
@@ -108,7 +108,7 @@ def _walking(name: str, seeds: int) -> Iterator[Claim]:
         return
     share = 100.0 * (1.0 - found.missed / found.in_view)
     yield Claim(f"{key}_poles", f"{what}poles found", "%", None, share, share, share, "-", True,
-                f"of {found.in_view} that {LEAST_BEAMS} beams and more show")  # fmt: skip
+                f"of {found.in_view} that {MIN_BEAMS} beams and more show")  # fmt: skip
 
 
 # Worlds -----------------------------------------------------------------------------------------
@@ -177,7 +177,7 @@ def _wells(rng: np.random.Generator) -> FloatArray:
 
 def _alone(radius_m: float, rng: np.random.Generator) -> FloatArray:
     """Return where the laser is if the cylinder stands at the origin."""
-    range_m, side = radius_m + rng.uniform(0.5, FARTHEST_M), rng.uniform(-np.pi, np.pi)
+    range_m, side = radius_m + rng.uniform(0.5, MAX_RANGE_M), rng.uniform(-np.pi, np.pi)
     return np.array([range_m * np.cos(side), range_m * np.sin(side), rng.uniform(-np.pi, np.pi)])
 
 
@@ -266,7 +266,7 @@ def _judge(
     off = np.hypot(*(at[:, None] - centres).transpose(2, 0, 1))
     into.false_ones += int(np.sum(off.min(axis=1, initial=np.inf) > NEAR_M))
     for disc, beams in enumerate(on):
-        if len(beams) < LEAST_BEAMS:
+        if len(beams) < MIN_BEAMS:
             continue
         into.in_view += 1
         near = np.flatnonzero(off[:, disc] <= NEAR_M)
@@ -276,13 +276,13 @@ def _judge(
         best = near[np.argmin(off[near, disc])]
         one, centre = found[best], centres[disc]
         range_m, bearing = np.hypot(*centre), np.arctan2(centre[1], centre[0])
-        if range_m > radius_m + FARTHEST_M:
+        if range_m > radius_m + MAX_RANGE_M:
             continue
         into.off_m.append(float(off[best, disc]))
         into.bound_m2.append(_bound(centre, radius_m, beams, known))
         beam = _core.closest_beam(scan, one.first, one.last, radius_m)
-        told = beam.range * np.array([np.cos(beam.bearing), np.sin(beam.bearing)])
-        into.closest_off_m.append(float(np.hypot(*(told - centre))))
+        end = beam.range * np.array([np.cos(beam.bearing), np.sin(beam.bearing)])
+        into.closest_off_m.append(float(np.hypot(*(end - centre))))
         error = np.array([one.range - range_m, _core.wrap_angle(float(one.bearing - bearing)),
                           one.radius - radius_m])  # fmt: skip
         rows = 2 if known else 3
@@ -299,7 +299,7 @@ def errors_at_bound(found: Found) -> FloatArray:
 
 
 def _bound(centre: FloatArray, radius_m: float, bearings: FloatArray, known: bool) -> FloatArray:
-    """Return the least covariance of a centre [m^2] that ranges to a circle leave.
+    """Return the minimum covariance of a centre [m^2] that ranges to a circle leave.
 
     A point p on it moves along its beam b by (n . dc + dr) / (n . b), n the normal at p.
     """

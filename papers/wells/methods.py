@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ours and the paper's, scan by scan."""
+"""Our filter and the paper's, scan by scan."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ from locfuse.types import FloatArray
 from papers.wells.world import BEAM_RAD, CYLINDERS, RADIUS_M, SIGMA_BEAM_M, detector
 
 
-class Ours:
+class OurEkf:
     """Cylinders fitted, associated jointly, fused in a `PoseEkf` that learns how its gyro drifts.
 
-    It is not told when wheels slip, and its noise does not follow: 5 cm per root of a metre, clean
-    or spoilt. That is ten times the noise of clean wheels, and a quarter of what a slip tells too
-    much: 13 cm over 44 cm.
+    Its noise does not follow slip, which it does not know of: 5 cm per root of a metre. That is ten
+    times the noise of clean wheels, and a quarter of the excess of a slip: 13 cm over 44 cm.
     """
 
     def __init__(self, start: FloatArray) -> None:
@@ -31,11 +30,11 @@ class Ours:
         self._ekf = _core.PoseEkf(
             config, _core.AnchorMap([]), [],
             _core.PoseEstimate(0, _core.Pose2(*start), np.diag([0.05, 0.05, 0.05]) ** 2),
-            _core.LandmarkSight(_core.LandmarkMap(landmarks)),
+            _core.LandmarkSensor(_core.LandmarkMap(landmarks)),
         )  # fmt: skip
 
-    def on(self, begin: int, end: int, told: FloatArray, scan: _core.LaserScan) -> None:
-        self._ekf.on(_core.Increment(begin, end, _core.Pose2(*told)))
+    def on(self, begin: int, end: int, measured: FloatArray, scan: _core.LaserScan) -> None:
+        self._ekf.on(_core.Increment(begin, end, _core.Pose2(*measured)))
         found = self._detector.detect(scan)
         self.cylinders = len(found)
         self._ekf.on_joint(
@@ -51,19 +50,22 @@ class Ours:
         return self._ekf.estimate().covariance
 
 
-class Paper:
+class PaperEkf:
     """wells eq. 2 to 14: the position by a Kalman filter, the heading of the odometry."""
 
     def __init__(self, start: FloatArray) -> None:
         self.pose = start.copy()
         self._P = np.diag([0.05, 0.05]) ** 2
 
-    def on(self, told: FloatArray, heading: float, scan: _core.LaserScan) -> FloatArray:
+    def on(self, measured: FloatArray, heading: float, scan: _core.LaserScan) -> FloatArray:
         """Predict, correct by the closest beam; return where that puts the robot, or NaN."""
         c, s = np.cos(self.pose[2]), np.sin(self.pose[2])
-        moved = self.pose[:2] + [c * told[0] - s * told[1], s * told[0] + c * told[1]]
+        moved = self.pose[:2] + [
+            c * measured[0] - s * measured[1],
+            s * measured[0] + c * measured[1],
+        ]
         self.pose = np.array([*moved, heading])
-        self._P = self._P + 0.005**2 * float(np.hypot(*told[:2])) * np.eye(2)
+        self._P = self._P + 0.005**2 * float(np.hypot(*measured[:2])) * np.eye(2)
         ranges = np.asarray(scan.ranges)
         if not np.isfinite(ranges).any():
             return np.full(2, np.nan)

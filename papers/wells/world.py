@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Four cylinders, drives among them, and what wheels and laser tell of these."""
+"""Four cylinders, drives among them, and what wheels and laser measure of them."""
 
 from __future__ import annotations
 
@@ -46,10 +46,10 @@ def random_drive(rng: np.random.Generator) -> Drive:
     return drive_of((0.0, 0.0, 0.0), motions)
 
 
-def told_motion(
-    drive: Drive, begin: int, end: int, rng: np.random.Generator, spoilt: bool
+def measured_motion(
+    drive: Drive, begin: int, end: int, rng: np.random.Generator, slip: bool
 ) -> FloatArray:
-    """Return the motion that wheels and gyro tell between two scans."""
+    """Return the motion that wheels and gyro measure between two scans."""
     time = np.linspace(begin, end, STEPS + 1) / NANOSECONDS
     pose = [_core.Pose2(*row) for row in drive.pose_at(time)]
     total = _core.Pose2()
@@ -58,7 +58,7 @@ def told_motion(
         way, turn = np.hypot(step.x, step.y), abs(step.heading)
         along = step.x + 0.005 * np.sqrt(way) * rng.standard_normal()
         heading = step.heading + 0.005 * np.sqrt(way + turn) * rng.standard_normal()
-        if spoilt:
+        if slip:
             along *= 1.0 + SLIP * (time[k] % EVERY_S < SLIPPING_S)
             heading += GYRO_BIAS_RADPS * (time[k + 1] - time[k])
         total = total * _core.Pose2(along, step.y, heading)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated world of Zhang: what a robot hears of each iteration; docs/models/zhang.md."""
+"""The simulated world of Zhang and its messages, iteration by iteration; docs/models/zhang.md."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def scenario(seed: int, people: int = PEOPLE) -> Scenario:
 
 
 def world(seed: int, people: int = PEOPLE) -> World:
-    """Return a floor plan, a drive over it and what the robot hears, all from one seed."""
+    """Return a floor plan, a drive over it and the robot's messages, all from one seed."""
     rng = np.random.default_rng(seed)
     log = simulate(scenario(seed, people), rng)
     assert log.grid is not None

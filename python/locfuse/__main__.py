@@ -4,8 +4,7 @@
 
 def main() -> None:
     """Run the command line."""
-    # Not at the top: each worker of a sweep imports the script that started it, and does not need
-    # the second that all commands take.
+    # Here, as each worker of a sweep imports the script that started it, without running it.
     from locfuse.cli.app import main as run
 
     run()

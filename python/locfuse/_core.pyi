@@ -37,13 +37,13 @@ __all__: list[str] = [
     "CylinderDetectorConfig",
     "Dilution",
     "DistanceField",
-    "Doubt",
+    "InjectionReason",
     "Gate",
     "GaussianBelief",
     "HeadingSearch",
     "HeadingSearchReason",
     "Health",
-    "HealthClue",
+    "HealthReason",
     "HealthConfig",
     "HealthReport",
     "HealthState",
@@ -57,7 +57,7 @@ __all__: list[str] = [
     "LandmarkEkfConfig",
     "LandmarkEstimate",
     "LandmarkMap",
-    "LandmarkSight",
+    "LandmarkSensor",
     "LaserGeometry",
     "LaserScan",
     "LikelihoodFieldConfig",
@@ -311,7 +311,7 @@ class Increment:
     Wheel odometry as the motion from `begin` to `stamp` [ns]: a Pose2 in the body frame at `begin`.
     """
     @staticmethod
-    def from_trans_rot(
+    def from_drive_then_turn(
         begin: typing.SupportsInt | typing.SupportsIndex,
         stamp: typing.SupportsInt | typing.SupportsIndex,
         trans: typing.SupportsFloat | typing.SupportsIndex,
@@ -1852,10 +1852,10 @@ class RangeBearingModel:
     Range and bearing from a sensor on the body to a landmark at (2,) in world; docs/models/range_bearing.md.
     """
     @typing.overload
-    def __init__(self, config: RangeBearingConfig, sensor_in_body: Pose2 = ...) -> None: ...
+    def __init__(self, config: RangeBearingConfig, T_body_sensor: Pose2 = ...) -> None: ...
     @typing.overload
     def __init__(
-        self, config: RangeBearingConfig, sensor_in_body: Pose2, in_space: RangeBearingInSpace
+        self, config: RangeBearingConfig, T_body_sensor: Pose2, in_space: RangeBearingInSpace
     ) -> None: ...
     @typing.overload
     def linearize(
@@ -2722,13 +2722,13 @@ class PoseEkfConfig:
         self, arg0: typing.SupportsFloat | typing.SupportsIndex
     ) -> None: ...
 
-class LandmarkSight:
+class LandmarkSensor:
     """
     Known landmarks and the pose T_body_sensor of the sensor that observes them.
     """
-    def __init__(self, map: LandmarkMap, sensor_in_body: Pose2 = ...) -> None: ...
+    def __init__(self, map: LandmarkMap, T_body_sensor: Pose2 = ...) -> None: ...
     @property
-    def sensor_in_body(self) -> Pose2: ...
+    def T_body_sensor(self) -> Pose2: ...
 
 class Association(enum.Enum):
     """
@@ -2751,7 +2751,7 @@ class PoseEkf:
     anchors : AnchorMap
     tags : list of Tag
     start : PoseEstimate
-    landmarks : LandmarkSight, optional
+    landmarks : LandmarkSensor, optional
 
     Raises
     ------
@@ -2784,7 +2784,7 @@ class PoseEkf:
         anchors: AnchorMap,
         tags: collections.abc.Sequence[Tag],
         start: PoseEstimate,
-        landmarks: LandmarkSight | None = None,
+        landmarks: LandmarkSensor | None = None,
     ) -> None: ...
     def __repr__(self) -> str: ...
     def advance_to(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> None: ...
@@ -3088,7 +3088,7 @@ class AirEkf:
     anchors : AnchorMap
     tags : list of Tag
     start : AirEstimate
-    landmarks : LandmarkSight, optional
+    landmarks : LandmarkSensor, optional
 
     Raises
     ------
@@ -3123,7 +3123,7 @@ class AirEkf:
         anchors: AnchorMap,
         tags: collections.abc.Sequence[Tag],
         start: AirEstimate,
-        landmarks: LandmarkSight | None = None,
+        landmarks: LandmarkSensor | None = None,
     ) -> None: ...
     def __repr__(self) -> str: ...
     def advance_to(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> None: ...
@@ -3285,7 +3285,7 @@ class Initializer:
         anchors: AnchorMap,
         tags: collections.abc.Sequence[Tag],
         matcher: ScanMatcher | None = None,
-        landmarks: LandmarkSight | None = None,
+        landmarks: LandmarkSensor | None = None,
     ) -> None: ...
     def __repr__(self) -> str: ...
     def estimator(self) -> PoseEkf:
@@ -3444,7 +3444,7 @@ class LandmarkEkf:
     ----------
     config : LandmarkEkfConfig
     start : PoseEstimate
-    sensor_in_body : Pose2, optional
+    T_body_sensor : Pose2, optional
         T_body_sensor of the landmark sensor.
     known : list of KnownLandmark, optional
 
@@ -3478,7 +3478,7 @@ class LandmarkEkf:
         self,
         config: LandmarkEkfConfig,
         start: PoseEstimate,
-        sensor_in_body: Pose2 = ...,
+        T_body_sensor: Pose2 = ...,
         known: collections.abc.Sequence[KnownLandmark] = [],
     ) -> None: ...
     def __repr__(self) -> str: ...
@@ -3534,7 +3534,7 @@ class HealthState(enum.Enum):
     LOST = ...
     OK = ...
 
-class HealthClue(enum.Enum):
+class HealthReason(enum.Enum):
     """
     Reason for a state other than OK.
     """
@@ -3583,7 +3583,7 @@ class SourceStatus:
         Stamp of the last message fused [ns], or None.
         """
     @property
-    def heard(self) -> int:
+    def last_received(self) -> int:
         """
         Stamp of the last message received [ns].
         """
@@ -3621,7 +3621,7 @@ class HealthReport:
     """
     def __repr__(self) -> str: ...
     @property
-    def clue(self) -> HealthClue: ...
+    def reason(self) -> HealthReason: ...
     @property
     def inflation(self) -> float:
         """
@@ -3793,7 +3793,7 @@ class Health:
     >>> gate = Gate(PoseEkfConfig().gate_range)
     >>> for k in range(30):  # ranges that contradict the pose
     ...     z = Range(k * 100_000_000, 0, 1 + k % 3, 0.1)
-    ...     health.hear(z, ekf.on(z), gate)
+    ...     health.record(z, ekf.on(z), gate)
     >>> health.is_lost
     True
     """
@@ -3802,7 +3802,7 @@ class Health:
         """
         Advances time to `stamp` [ns]; trust decays.
         """
-    def hear(
+    def record(
         self,
         message: Range | PositionFix | PoseObservation | RangeBearing,
         outcome: Outcome,
@@ -3868,7 +3868,7 @@ class RecoveringEkf:
     tags : list of Tag, optional
     matcher : ScanMatcher, optional
         Obtains the heading from scans on the map while lost.
-    landmarks : LandmarkSight, optional
+    landmarks : LandmarkSensor, optional
 
     Raises
     ------
@@ -3879,7 +3879,7 @@ class RecoveringEkf:
     --------
     >>> from locfuse import *
     >>> posts = LandmarkMap([Landmark(0, [3, 0]), Landmark(1, [0, 4]), Landmark(2, [-2, 1])])
-    >>> ekf = RecoveringEkf(RecoveringEkfConfig(), landmarks=LandmarkSight(posts))
+    >>> ekf = RecoveringEkf(RecoveringEkfConfig(), landmarks=LandmarkSensor(posts))
     >>> ekf.is_lost
     True
     >>> _ = ekf.on_joint([RangeBearing(0, None, 3.0, 0.0), RangeBearing(0, None, 4.0, 1.5708),
@@ -3893,7 +3893,7 @@ class RecoveringEkf:
         anchors: AnchorMap | None = None,
         tags: collections.abc.Sequence[Tag] = [],
         matcher: ScanMatcher | None = None,
-        landmarks: LandmarkSight | None = None,
+        landmarks: LandmarkSensor | None = None,
     ) -> None: ...
     def __repr__(self) -> str: ...
     def estimator(self) -> PoseEkf | None:
@@ -3996,7 +3996,7 @@ class BeamModelConfig:
     Beam model: weights of a mixture over the range; docs/models/beam_model.md.
     """
     @staticmethod
-    def zhang() -> BeamModelConfig:
+    def gaussian_and_no_return() -> BeamModelConfig:
         """
         Mixture of a Gaussian and beams without return (zhang).
         """
@@ -4207,7 +4207,7 @@ class Mcl:
     anchors : AnchorMap, optional
     tags : list of Tag, optional
         For ranges.
-    landmarks : LandmarkSight, optional
+    landmarks : LandmarkSensor, optional
 
     Raises
     ------
@@ -4239,7 +4239,7 @@ class Mcl:
         start: typing.SupportsInt | typing.SupportsIndex = 0,
         anchors: AnchorMap | None = None,
         tags: collections.abc.Sequence[Tag] = [],
-        landmarks: LandmarkSight | None = None,
+        landmarks: LandmarkSensor | None = None,
     ) -> None: ...
     def __repr__(self) -> str: ...
     def estimate(self) -> PoseEstimate:
@@ -4278,7 +4278,7 @@ class Mcl:
         """
         Processes one message.
         """
-    def spread(self) -> PoseEstimate:
+    def overall_estimate(self) -> PoseEstimate:
         """
         PoseEstimate with the covariance of all particles about their mean, over all clusters.
         """
@@ -4344,7 +4344,7 @@ class Mcl:
         Fraction of the last measurement's information that was used.
         """
 
-class Doubt(enum.Enum):
+class InjectionReason(enum.Enum):
     """
     Reason to distrust scans.
     """
@@ -4456,7 +4456,7 @@ class Injection:
         PoseEstimate before, with the covariance of all particles.
         """
     @property
-    def doubt(self) -> Doubt: ...
+    def reason(self) -> InjectionReason: ...
     @property
     def stamp(self) -> int: ...
 
@@ -4496,7 +4496,7 @@ class SwitchingMcl:
     ...     _ = switching.on(Velocity(second * 10**9, 0.0, 0.0))
     ...     _ = switching.on(PositionFix(second * 10**9, [1.0, 1.0], 0.01 * np.eye(2)))
     ...     _ = switching.on(LaserScan(second * 10**9, around, [2.95, 1.95, 0.95, 0.95]))
-    >>> [(i.doubt.name, i.stamp // 10**9) for i in switching.injections]
+    >>> [(i.reason.name, i.stamp // 10**9) for i in switching.injections]
     [('UNCERTAIN', 2)]
     """
     def __copy__(self) -> SwitchingMcl:
@@ -5134,14 +5134,14 @@ class RunLog:
         A CalibratedError for each error that is a state, at the end of the log.
         """
     @property
-    def fallen_out(self) -> int:
+    def dropped_messages(self) -> int:
         """
         Messages inside the history that were dropped because there were too many.
         """
     @property
-    def health_clue(self) -> numpy.typing.NDArray[numpy.uint8]:
+    def health_reason(self) -> numpy.typing.NDArray[numpy.uint8]:
         """
-        Index into HealthClue, (k,).
+        Index into HealthReason, (k,).
         """
     @property
     def health_source(self) -> list[NamedSource | None]:
@@ -5263,9 +5263,9 @@ class LocalizeRun:
         Fraction of the scan's returns that end at a wall, (n,).
         """
     @property
-    def health_clue(self) -> numpy.typing.NDArray[numpy.uint8]:
+    def health_reason(self) -> numpy.typing.NDArray[numpy.uint8]:
         """
-        Index into HealthClue, (k,).
+        Index into HealthReason, (k,).
         """
     @property
     def health_source(self) -> list[NamedSource | None]:
@@ -5354,7 +5354,7 @@ class Live:
         Maximum delay of a message while tracking [ns].
     clock_jump : ClockJump
         Reaction to a backward jump of the message clock.
-    most_messages : int
+    max_messages : int
         Maximum number of messages kept for reordering, at least 512.
     patience : int
         Maximum delay of a message while searching [ns].
@@ -5380,7 +5380,7 @@ class Live:
         estimator: RecoveringEkf,
         history: typing.SupportsInt | typing.SupportsIndex = 2000000000,
         clock_jump: ClockJump = ...,
-        most_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
+        max_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
         patience: typing.SupportsInt | typing.SupportsIndex = 250000000,
     ) -> None: ...
     def __repr__(self) -> str: ...
@@ -5441,7 +5441,7 @@ class Live:
         A CalibratedError for each error that is a state.
         """
     @property
-    def fallen_out(self) -> int:
+    def dropped_messages(self) -> int:
         """
         Messages inside the history that were dropped because there were too many.
         """
@@ -5834,7 +5834,7 @@ def replay(
     | None = None,
     used_until: typing.SupportsInt | typing.SupportsIndex | None = None,
     clock_jump: ClockJump = ...,
-    most_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
+    max_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
     switches: collections.abc.Sequence[
         tuple[typing.SupportsInt | typing.SupportsIndex, Source, bool]
     ] = [],
@@ -5849,7 +5849,7 @@ def replay(
     | None = None,
     used_until: typing.SupportsInt | typing.SupportsIndex | None = None,
     clock_jump: ClockJump = ...,
-    most_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
+    max_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
     switches: collections.abc.Sequence[
         tuple[typing.SupportsInt | typing.SupportsIndex, Source, bool]
     ] = [],
@@ -5874,8 +5874,8 @@ def replay(
         IGNORED.
     clock_jump : ClockJump
         Reaction to a backward jump of the message clock.
-    most_messages : int
-        Maximum number of messages kept for reordering, at least 512; `fallen_out` counts the dropped.
+    max_messages : int
+        Maximum number of messages kept for reordering, at least 512; `dropped_messages` counts the dropped.
     switches : list of (int, Source, bool)
         Disables (False) or enables (True) a source from this arrival [ns].
     """

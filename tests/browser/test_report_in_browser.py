@@ -160,7 +160,7 @@ def test_the_slider_scrubs_and_everything_that_is_pressed_has_a_name(
     assert browser.run(
         "return document.querySelector('.lp-slider').getAttribute('aria-valuetext')"
     ).startswith("12.50 s of ")
-    assert browser.run("return document.querySelector('.lp-thinned').textContent") == ""
+    assert browser.run("return document.querySelector('.lp-decimated').textContent") == ""
     names = browser.driver.find_elements(
         "css selector", ".locfuse-player :is(button, input, select, canvas)"
     )
@@ -176,8 +176,8 @@ def test_a_rejected_range_is_shown_with_its_reason(
     time_s = (int(room.outcomes.stamp_ns[row]) - origin) / 1e9
     browser.open(report)
     browser.run(f"{PLAYER}.seek(arguments[0])", time_s)
-    shown = browser.wait("document.querySelector('.lp-news li b') && "
-                         "document.querySelector('.lp-news').innerText")  # fmt: skip
+    shown = browser.wait("document.querySelector('.lp-latest li b') && "
+                         "document.querySelector('.lp-latest').innerText")  # fmt: skip
     limit = str(room.outcomes.reason[row]).rpartition("> ")[2]
     nis = f"{room.outcomes.nis[row]:.3g}"
     assert f"anchor {room.outcomes.anchor[row]}: NIS {nis} above the gate of {limit}" in shown
@@ -260,9 +260,9 @@ def test_60_seconds_of_2000_particles_play_smoothly(
 
 def test_a_thinned_run_says_so(browser: Browser, room: RunResult, tmp_path: Path) -> None:
     file = tmp_path / "thin.html"
-    file.write_text(page("t", player_html([pack(room, most_bytes=60_000)]), player_script()))
+    file.write_text(page("t", player_html([pack(room, max_bytes=60_000)]), player_script()))
     browser.open(file)
-    shown = browser.run("return document.querySelector('.lp-thinned').textContent")
+    shown = browser.run("return document.querySelector('.lp-decimated').textContent")
     share = browser.run(f"const {{t, of}} = {PLAYER}.runs[0].estimate; return t.length / of")
     assert f"estimate {int(np.ceil(100 * share))} %" in shown
     assert share < 0.5

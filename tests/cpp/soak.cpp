@@ -10,22 +10,22 @@
 #include "support/endless_drive.hpp"
 
 /// A day of messages at full speed through a Timeline of a RecoveringEkf: `soak [HOURS]` prints
-/// memory and time per message of every hour, and fails unless both stay flat.
+/// memory and time per message of each hour, and fails unless both stay flat.
 namespace locfuse {
 namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr double kMostGrowth = 1.0;  // of resident memory after the first hour [MB]
-constexpr double kMostSlower = 1.2;  // the median hour of the second half beside that of the first
+constexpr double kMaxGrowth = 1.0;    // of resident memory after the first hour [MB]
+constexpr double kMaxSlowdown = 1.2;  // median hour of the second half over that of the first
 
 struct Hour {
   std::size_t messages = 0;
-  double median = 0.0;    // of the time for a message [us]
-  double highest = 0.0;   // that one in a thousand exceeds [us]
+  double median = 0.0;    // time per message [us]
+  double highest = 0.0;   // 99.9th percentile [us]
   double resident = 0.0;  // [MB]
   double held = 0.0;      // of the heap [MB]
-  double rmse = 0.0;      // of the position, once a second while it can be known [m]
+  double rmse = 0.0;      // of the position, once a second while there is aid [m]
   std::size_t interventions = 0;
 };
 
@@ -89,7 +89,7 @@ int soak(int count) {
   auto timeline = testing::endless_timeline();
   std::vector<float> times;
   times.reserve(1'000'000);
-  times.resize(times.capacity());  // so that its pages are there before the first hour ends
+  times.resize(times.capacity());  // allocates its pages before the first hour ends
   std::vector<Hour> hours;
   std::printf("hour  messages  median [us]  1/1000 [us]  RSS [MB]  heap [MB]  RMSE [m]\n");
   for (int i = 1; i <= count; ++i) {
@@ -112,8 +112,8 @@ int soak(int count) {
       "half; %d alarms, %d restarts, %zu interventions\n",
       growth, slower, timeline.estimator().alarms(), timeline.estimator().restarts(),
       hours.back().interventions);
-  const bool memory = holds(growth <= kMostGrowth, "resident memory is flat after an hour");
-  const bool time = holds(slower <= kMostSlower, "the time for a message is flat");
+  const bool memory = holds(growth <= kMaxGrowth, "resident memory is flat after an hour");
+  const bool time = holds(slower <= kMaxSlowdown, "the time for a message is flat");
   const bool place = holds(worst <= 0.5, "where it can be, the position is known in every hour");
   const bool found = holds(timeline.estimator().restarts() > 0, "carried away, it found itself");
   return memory && time && place && found ? 0 : 1;

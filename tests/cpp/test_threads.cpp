@@ -7,7 +7,7 @@
 #include "support/rooms.hpp"
 #include "support/simulation.hpp"
 
-/// What threads share. `./dev tsan` runs these under ThreadSanitizer.
+/// State shared by threads. `./dev tsan` runs these under ThreadSanitizer.
 namespace locfuse {
 namespace {
 
@@ -70,7 +70,7 @@ TEST(Threads, particles_are_the_same_bits_on_one_two_and_four) {
   }
 }
 
-TEST(Threads, snapshots_that_share_workers_are_driven_at_once) {
+TEST(Threads, snapshots_that_share_workers_run_concurrently) {
   const Drive run = drive();
   const Mcl start = particles(run, 2);
   std::vector<Mcl> snapshots(3, start);
@@ -88,12 +88,12 @@ TEST(Threads, snapshots_that_share_workers_are_driven_at_once) {
   }
 }
 
-TEST(Threads, replay_one_log_from_one_start_at_once) {
+TEST(Threads, replay_one_log_from_one_start_concurrently) {
   const testing::Simulation run = testing::simulate(3, 20.0);
   MessageLog log;
   Stamp delay = 0;
   for (const Message& message : run.messages) {
-    delay = (delay + 37'000'000) % 100'000'000;  // some are late, and are fused where they belong
+    delay = (delay + 37'000'000) % 100'000'000;  // some messages are late
     log.add(message, effective_stamp(message) + delay);
   }
   log.sort();

@@ -9,16 +9,10 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-import locfuse
+import locfuse.core
 from locfuse.eval.consistency import PROBABILITY, band
-from papers.consistency import (
-    MCL_BAND,
-    SCENARIOS,
-    each_probability,
-    figures,
-    most_outside,
-)
-from papers.consistency.on_the_floor import mcl
+from papers.consistency.claims import MCL_BAND, SCENARIOS, each_probability, figures, max_outside
+from papers.consistency.planar_estimators import mcl
 from papers.consistency.sample import Sample
 
 SEEDS = 50
@@ -30,12 +24,12 @@ def test_errors_and_innovations_are_as_large_as_it_believes(name: str) -> None:
         assert figure.inside(each_probability()), figure
 
 
-@pytest.mark.parametrize(("told", "below"), [(0.7, False), (1.4, True)])
+@pytest.mark.parametrize(("factor", "below"), [(0.7, False), (1.4, True)])
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_one_that_is_too_sure_and_one_that_is_too_timid_fail(
-    name: str, told: float, below: bool
+    name: str, factor: float, below: bool
 ) -> None:
-    found = {f.what: f for f in figures(SCENARIOS[name], SEEDS, told)}
+    found = {f.what: f for f in figures(SCENARIOS[name], SEEDS, factor)}
     for what, figure in found.items():
         if what.startswith("NIS") or what == "NEES of all":
             assert not figure.inside(each_probability()), figure
@@ -49,8 +43,8 @@ def test_particles_keep_a_band_of_their_own() -> None:
 
 
 def test_every_estimator_is_in_the_gate() -> None:
-    estimators = {name for name in locfuse.__all__
-                  if is_estimator(name) and inspect.isclass(getattr(locfuse, name))}  # fmt: skip
+    names = locfuse.core.__all__
+    estimators = {n for n in names if is_estimator(n) and inspect.isclass(getattr(locfuse.core, n))}
     covered = {name.split(":")[0] for name in SCENARIOS} | {"Mcl"}
     # It is an Mcl as long as nothing is wrong, and an injected pose is that of a PoseEkf.
     assert estimators - covered == {"SwitchingMcl"}
@@ -68,7 +62,7 @@ def test_all_figures_of_consistent_filters_are_inside_together_as_often_as_state
     low, high = band(1, 100, each_probability())
     all_inside = np.mean(np.all((means >= low) & (means <= high), axis=1))
     assert all_inside == pytest.approx(0.951, abs=0.012)
-    assert most_outside(family) == binom.ppf(0.999, family, 1.0 - PROBABILITY)
+    assert max_outside(family) == binom.ppf(0.999, family, 1.0 - PROBABILITY)
 
 
 def test_only_what_was_fused_counts() -> None:

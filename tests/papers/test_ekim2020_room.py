@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import locfuse as lf
+import locfuse.core as lf
 from locfuse.config.load import load_config, parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.run.messages import to_messages, truth_of
@@ -18,8 +18,9 @@ from locfuse.run.run import load_log, run
 from locfuse.run.start import start_of
 from locfuse.types import ConfigError, FloatArray
 from papers.claims import Claim
-from papers.ekim2020 import room as module
-from papers.ekim2020.room import PATHS, linearized_at_truth, room_config
+from papers.ekim2020 import claims as module
+from papers.ekim2020.methods import linearized_at_truth
+from papers.ekim2020.world import PATHS, RECORDINGS, room_config
 from papers.reproduce import reproduce
 from support_runs import DATA, MRPT
 
@@ -43,7 +44,7 @@ def claims(without_power_ups: None) -> list[Claim]:
 def test_every_row_has_the_keys_of_the_comparison(claims: list[Claim]) -> None:
     rows = json.loads(json.dumps([claim.row() for claim in claims], allow_nan=False))
     assert all(set(row) >= ROW for row in rows)
-    assert len({row["id"] for row in rows}) == len(rows) == SIMULATED + len(module.RECORDINGS)
+    assert len({row["id"] for row in rows}) == len(rows) == SIMULATED + len(RECORDINGS)
     for row in rows:
         if row["met"] is not None:
             assert row["ours_low"] <= row["ours_high"]
@@ -85,21 +86,21 @@ def test_absent_recordings_are_skipped_with_a_reason(monkeypatch: pytest.MonkeyP
         return config.model_copy(update={"log": log.model_copy(update={"path": "nowhere"})})
 
     original = load_config
-    monkeypatch.setattr("papers.ekim2020.runs.load_config", moved)
+    monkeypatch.setattr("papers.ekim2020.world.load_config", moved)
     monkeypatch.setattr(module, "PATHS", ("eight",))
     skipped = reproduce("ekim2020", seeds=2)[4:]
-    assert len(skipped) == len(module.RECORDINGS)
+    assert len(skipped) == len(RECORDINGS)
     for claim in skipped:
         assert claim.met is None
         assert "nowhere" in claim.note
 
 
-def test_progress_is_told_to_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_progress_is_reported_to_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "PATHS", ("eight", "star"))
-    told: list[tuple[int, int]] = []
-    reproduce("ekim2020", 2, lambda done, total: told.append((done, total)))
-    total = 2 * 2 + len(module.RECORDINGS) + 1  # all rows about starts are one
-    assert told == [(done, total) for done in range(1, total + 1)]
+    steps: list[tuple[int, int]] = []
+    reproduce("ekim2020", 2, lambda done, total: steps.append((done, total)))
+    total = 2 * 2 + len(RECORDINGS) + 1  # all rows about starts are one
+    assert steps == [(done, total) for done in range(1, total + 1)]
 
 
 def test_an_unknown_paper_is_refused_with_the_nearest() -> None:
@@ -174,7 +175,7 @@ def straight_kalman(log: Any, start: lf.PoseEstimate, config: RunConfig) -> Floa
             c, s = np.cos(at[k - 1, 2]), np.sin(at[k - 1, 2])
             turn = np.array([[c, -s], [s, c]])
             step = at[k, :2] - at[k - 1, :2]
-            told = turn @ [odometry["dx_m"][k], odometry["dy_m"][k]]
+            measured = turn @ [odometry["dx_m"][k], odometry["dy_m"][k]]
             spun = lf.wrap_angle(odometry["dheading_rad"][k] - (at[k, 2] - at[k - 1, 2]))
             F = np.array([[1.0, 0.0, -step[1]], [0.0, 1.0, step[0]], [0.0, 0.0, 1.0]])
             length = float(np.hypot(*step))
@@ -186,7 +187,7 @@ def straight_kalman(log: Any, start: lf.PoseEstimate, config: RunConfig) -> Floa
             turned = abs(lf.wrap_angle(at[k, 2] - at[k - 1, 2]))
             Q[2, 2] = (noise.sigma_heading_per_sqrt_m**2 * length
                        + noise.sigma_heading_per_sqrt_rad**2 * turned)  # fmt: skip
-            e = F @ e + np.array([*(told - step), spun])
+            e = F @ e + np.array([*(measured - step), spun])
             P = F @ P @ F.T + Q
         if int(stamp) in rows:
             row = rows[int(stamp)]

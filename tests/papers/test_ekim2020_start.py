@@ -3,8 +3,8 @@
 
 Two facts about the recordings decide how errors are counted; both are checked here without the
 matcher, from the end points at the recorded poses alone. The map of the Gazebo runs is a laser map
-that lies turned by 1.5 degrees and shifted by 4 cm in the simulator's frame, alike in each run: its
-place, three numbers, is fitted to the end points of all runs. The reference of the MRPT run
+that lies turned by 1.5 degrees and shifted by 4 cm in the simulator's frame, the same in each run:
+its place, three numbers, is fitted to the end points of all runs. The reference of the MRPT run
 lets the median beam of a frame end up to 15 cm beside the wall.
 """
 
@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-import locfuse as lf
+import locfuse.core as lf
 from locfuse.io.datasets import convert
 from locfuse.io.log_folder import read_log
 from locfuse.types import FloatArray, wrap_angle
@@ -162,7 +162,7 @@ def power_up(
 
 
 @needs_gazebo
-def test_the_gazebo_map_is_turned_alike_in_every_run() -> None:
+def test_the_gazebo_map_is_turned_by_the_same_in_every_run() -> None:
     offsets = np.array([map_from_simulator((run,)) for run in RUNS])
     print(f"map from simulator, by run (m, m, deg):\n{offsets * [1, 1, 180 / np.pi]}")
     assert np.all(np.abs(np.rad2deg(offsets[:, 2]) - 1.45) < 0.15)

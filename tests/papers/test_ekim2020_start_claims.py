@@ -10,18 +10,13 @@ import pytest
 
 import locfuse as lf
 from locfuse.config.load import load_config
-from papers.claims import Claim
-from papers.ekim2020 import (
-    LAYOUTS,
-    bad_starts,
-    draw_pictures,
-    power_up_claims,
-    power_ups,
-    rmse_over_bound,
-    share,
-    trials,
-)
-from papers.ekim2020.runs import recording as ready_recording
+from papers.claims import Claim, share
+from papers.ekim2020 import draw_figures
+from papers.ekim2020.claims import power_up_claims
+from papers.ekim2020.experiments import bad_starts
+from papers.ekim2020.methods import power_ups, rmse_over_bound
+from papers.ekim2020.world import LAYOUTS, trials
+from papers.ekim2020.world import recording as ready_recording
 from papers.recordings.reference_alignment import registration
 from support_runs import CONFIGS, DATA, recording
 
@@ -50,7 +45,7 @@ def test_without_the_ready_configurations_only_simulated_rows_are_left() -> None
     assert len(power_up_claims(None)) == 4 * 6 + 3
 
 
-def test_a_solver_that_is_told_a_wrong_sigma_fails_the_consistency() -> None:
+def test_a_solver_with_a_wrong_sigma_fails_the_consistency() -> None:
     drawn = trials(LAYOUTS["2D, 5 anchors"], 0.1, 1, 2000)
     _, nees = rmse_over_bound(drawn, 0.1, "ml")
     _, bold = rmse_over_bound(drawn, 0.05, "ml")
@@ -105,8 +100,8 @@ def test_a_wrong_start_leads_odometry_astray_and_a_start_from_nothing_does_not()
 
 
 def test_pictures_are_drawn(tmp_path: Path) -> None:
-    names = {path.name for path in draw_pictures(None, tmp_path)}
-    assert names == {"start_bound.png", "start_ambiguous.png"}
+    names = {path.name for path in draw_figures(tmp_path, None)}
+    assert names == {"room_paths.png", "start_bound.png", "start_ambiguous.png"}
     assert all((tmp_path / name).stat().st_size > 10_000 for name in names)
 
 

@@ -15,19 +15,11 @@ from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
 from locfuse.run.run import load_log, run
 from locfuse.types import FloatArray, RunResult
-from papers.gadau2022 import draw_pictures, gadau_claims, kidnapping, runs
-from papers.gadau2022.recognition import OFF_M, recognized
-from papers.gadau2022.runs import Mistake, Run, microsimulation, ray_simulation
-from papers.gadau2022.world import (
-    DISC_M,
-    DISCS,
-    PATHS,
-    RAY_PATHS,
-    SENSORS,
-    SPEEDS,
-    filter_config,
-    way_among,
-)
+from papers.gadau2022 import draw_figures, experiments, methods
+from papers.gadau2022.claims import gadau_claims
+from papers.gadau2022.experiments import OFF_M, Run, microsimulation, ray_simulation, recognized
+from papers.gadau2022.methods import Mistake, filter_config
+from papers.gadau2022.world import DISC_M, DISCS, PATHS, RAY_PATHS, SENSORS, SPEEDS, way_among
 from support_runs import CONFIGS
 
 
@@ -65,7 +57,7 @@ def test_noise_of_the_speed_lies_along_the_heading_also_where_robots_turn_in_pla
         config.odometry.sigma_longitudinal_per_sqrt_s = 0.0
         return config
 
-    monkeypatch.setattr(runs, "filter_config", as_wide_across)
+    monkeypatch.setattr(methods, "filter_config", as_wide_across)
     assert nees_of("star", 300) < low
 
 
@@ -81,7 +73,7 @@ def test_ways_among_rays_touch_no_disc_and_are_followed(path: str, discs: str) -
         assert np.sqrt(np.mean(drive.off_m**2)) < 0.05
 
 
-def test_one_landmark_does_not_tell_where_around_it_the_robot_is() -> None:
+def test_one_landmark_does_not_determine_where_around_it_the_robot_is() -> None:
     runs = [microsimulation("one", "circle", seed) for seed in range(5)]
     assert np.median([run.off_m[100] for run in runs]) > 0.2
 
@@ -121,7 +113,7 @@ def test_a_laser_on_three_landmarks_beats_gps_even_one_that_is_as_good() -> None
     assert rms([run.off_m for run in sensed("GPS as good as the laser", 5)]) > 1.2 * laser
 
 
-def test_gps_tells_where_around_one_landmark_the_robot_is() -> None:
+def test_gps_determines_where_around_one_landmark_the_robot_is() -> None:
     alone = sensed("laser, one landmark", 5, wrong=True)
     helped = sensed("GPS and laser, one landmark", 5, wrong=True)
     assert rms([run.off_m[300:] for run in helped]) < 0.5 * rms([run.off_m[300:] for run in alone])
@@ -156,9 +148,7 @@ def test_a_fix_that_jumps_by_100_m_changes_no_bit() -> None:
         ("near", 0.03, 0.8),
     ],
 )
-def test_ready_worlds_tell_where_the_robot_is(
-    ready: str, position_m: float, heading_deg: float
-) -> None:
+def test_ready_worlds_localize_the_robot(ready: str, position_m: float, heading_deg: float) -> None:
     config = load_config(CONFIGS / f"gadau_{ready}.yaml")
     late = [second_half(run(config, seed=seed)) for seed in range(3)]
     off_m, off_deg, nees = (max(values) for values in zip(*late, strict=True))
@@ -185,14 +175,14 @@ def off_at_the_end(result: RunResult) -> float:
     return float(np.hypot(*errors_against(result.estimate, result.truth).position[-50:].T).max())
 
 
-# A gate kept a textbook EKF, which was soon too sure of a wrong heading, in the mirrored place with
-# 23 of 40 seeds.
+# A gate kept a textbook EKF, which was soon too certain of a wrong heading, in the mirrored place
+# with 23 of 40 seeds.
 def test_no_gate_keeps_a_filter_in_the_mirrored_place_where_it_starts() -> None:
     config = load_config(CONFIGS / "gadau_line.yaml")
     assert config.estimator.gate_landmark == 0.999
     assert max(second_half(run(config, seed=seed))[0] for seed in range(10)) < 0.03
-    nothing_told = config.model_copy(update={"start": "auto"})
-    assert max(second_half(run(nothing_told, seed=seed))[0] for seed in range(4)) < 0.03
+    unknown_start = config.model_copy(update={"start": "auto"})
+    assert max(second_half(run(unknown_start, seed=seed))[0] for seed in range(4)) < 0.03
 
 
 def second_half(result: RunResult) -> tuple[float, float, float]:
@@ -212,8 +202,8 @@ def test_of_the_ready_gps_those_fixes_are_gated_that_jump() -> None:
     fixes, truth = log["positions"], log["truth"]
     rows = np.searchsorted(truth["stamp_ns"], fixes["stamp_ns"])
     off = np.hypot(fixes["x_m"] - truth["x_m"][rows], fixes["y_m"] - truth["y_m"][rows])
-    told = run(config, log).outcomes
-    gated = told.stamp_ns[(told.source == "positions") & (told.verdict == "gated")]
+    outcomes = run(config, log).outcomes
+    gated = outcomes.stamp_ns[(outcomes.source == "positions") & (outcomes.verdict == "gated")]
     assert gated.tolist() == fixes["stamp_ns"][off > 90.0].tolist()
     assert len(gated) > 2
     open_gate = config.estimator.model_copy(update={"gate_position": 1.0})
@@ -253,28 +243,28 @@ def test_discs_seen_by_rays_never_let_it_diverge(speed_mps: float) -> None:
     assert run.off_m.max() < 0.05
 
 
-def test_claims_tell_progress() -> None:
-    told: list[tuple[int, int]] = []
-    claims = gadau_claims(2, lambda done, total: told.append((done, total)))
-    assert told[-1][0] == told[-1][1] == len(told) - 1
+def test_claims_report_progress() -> None:
+    steps: list[tuple[int, int]] = []
+    claims = gadau_claims(2, lambda done, total: steps.append((done, total)))
+    assert steps[-1][0] == steps[-1][1] == len(steps) - 1
     assert len({claim.id for claim in claims}) == len(claims)
 
 
-@pytest.mark.parametrize("world", list(kidnapping.WORLDS))
+@pytest.mark.parametrize("world", list(experiments.WORLDS))
 def test_a_robot_that_was_carried_off_notices_and_finds_itself_again(world: str) -> None:
-    runs = [kidnapping.kidnap(world, seed) for seed in range(3)]
-    assert max(run.noticed_s() for run in runs) <= kidnapping.NOTICED_S
-    assert max(run.found_s() for run in runs) <= kidnapping.FOUND_S
+    runs = [experiments.kidnap(world, seed) for seed in range(3)]
+    assert max(run.noticed_s() for run in runs) <= experiments.NOTICED_S
+    assert max(run.found_s() for run in runs) <= experiments.FOUND_S
     assert sum(run.false_alarms() for run in runs) == 0
 
 
 def test_alone_a_filter_without_names_stays_lost_and_one_with_names_does_not() -> None:
     for seed in range(3):
-        run = kidnapping.kidnap("triangle", seed, beside=True)
+        run = experiments.kidnap("triangle", seed, beside=True)
         assert run.found_s(run.alone) == np.inf
-        assert run.found_s(run.named) <= kidnapping.FOUND_S
+        assert run.found_s(run.named) <= experiments.FOUND_S
         assert run.found_s() <= run.found_s(run.named)
-        without = kidnapping.kidnap("triangle", seed)
+        without = experiments.kidnap("triangle", seed)
         np.testing.assert_array_equal(run.found, without.found)  # those beside it change nothing
         assert without.named is None
 
@@ -293,13 +283,13 @@ def test_the_rule_of_the_paper_recognizes_discs_from_the_right_pose_and_half_bes
     assert 0.3 * in_view < sum(one.right for one in beside) < 0.7 * in_view
 
 
-def test_an_alarm_that_is_hard_of_hearing_shows() -> None:
-    run = kidnapping.kidnap("triangle", 0, probability_lost=1.0 - 1e-15)
-    assert run.noticed_s() > kidnapping.NOTICED_S
+def test_an_alarm_with_an_extreme_threshold_is_late() -> None:
+    run = experiments.kidnap("triangle", 0, probability_lost=1.0 - 1e-15)
+    assert run.noticed_s() > experiments.NOTICED_S
 
 
 def test_pictures_are_drawn(tmp_path: Path) -> None:
-    paths = draw_pictures(tmp_path, 1)
+    paths = draw_figures(tmp_path)
     assert [path.stem for path in paths] == [
         "gadau_start", "gadau_sensors", "gadau_mistakes", "gadau_kidnapped", "gadau_rays"
     ]  # fmt: skip

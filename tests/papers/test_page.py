@@ -19,7 +19,7 @@ from locfuse.cli.app import app
 from locfuse.types import ConfigError
 from papers import page as papers
 from papers.claims import share
-from papers.gadau2022.runs import NEES_ROWS
+from papers.gadau2022.experiments import NEES_ROWS
 from papers.page import (
     FIVE,
     PAPERS_IN_ORDER,
@@ -27,12 +27,12 @@ from papers.page import (
     Repeated,
     Statement,
     differences,
+    judge,
     page_of,
     read_rows,
     repeat,
     repeat_all,
     seeds_of,
-    tell,
     write_rows,
 )
 
@@ -99,7 +99,7 @@ def test_an_exception_of_a_paper_is_what_came_out_of_it(tmp_path: Path) -> None:
     assert one.claims == []
 
 
-def test_what_is_missed_or_skipped_is_told(tmp_path: Path) -> None:
+def test_what_is_missed_or_skipped_is_shown(tmp_path: Path) -> None:
     rows = [a_row(), a_row(id="b", claim="b", met=False, ours_median=2.9),
             a_row(id="c", claim="c", met=None, ours_median=None, note="no recording")]  # fmt: skip
     page = page_of([repeated(*rows)] + [replace(repeated(), paper=p.key)
@@ -121,10 +121,10 @@ def a_statement(*rows: str, picture: str = "") -> Statement:
 def test_a_statement_is_so_by_its_rows_alone() -> None:
     rows = [a_row(id="a"), a_row(id="b", ours_median=2.5), a_row(id="c", ours_median=None)]
     paper = a_paper(*(a_statement(*ids) for ids in (("a",), ("b", "a"), ("c",), ("a", "gone"))))
-    told, own = tell(paper, [*rows, a_row(id="d")])
-    assert [one.so for one in told] == [True, False, None, None]
-    assert [one.verdict for one in told] == ["so here", "NOT so here", "not run", "not run"]
-    assert [[row["id"] for row in one.rows] for one in told] == [["a"], ["b", "a"], ["c"], ["a"]]
+    judged, own = judge(paper, [*rows, a_row(id="d")])
+    assert [one.so for one in judged] == [True, False, None, None]
+    assert [one.verdict for one in judged] == ["so here", "NOT so here", "not run", "not run"]
+    assert [[row["id"] for row in one.rows] for one in judged] == [["a"], ["b", "a"], ["c"], ["a"]]
     assert [row["id"] for row in own] == ["d"]
 
 
@@ -162,17 +162,17 @@ def test_every_statement_has_rows_that_were_run_and_every_picture_says_what_is_s
             assert statement.picture in {"", *paper.captions}, statement
         drawn = {Path(name).stem for name in committed[paper.key].pictures}
         assert drawn == set(paper.captions), paper.key
-        told, _ = tell(paper, committed[paper.key].claims)
-        assert all(one.so is not None for one in told), paper.key
+        judged, _ = judge(paper, committed[paper.key].claims)
+        assert all(one.so is not None for one in judged), paper.key
 
 
-def test_statements_tell_what_is_not_so_here() -> None:
+def test_statements_can_come_out_either_way() -> None:
     """Each can come out either way: medians turned into their inverses change half of them."""
     for one in read_rows(ROOT / "docs/papers.json"):
         paper = FIVE[one.paper]
         other = [{**row, "ours_median": 1.0 / (row["ours_median"] or 1e-3)} for row in one.claims
                  if row["ours_median"] is not None]  # fmt: skip
-        was, now = ([told.so for told in tell(paper, rows)[0]] for rows in (one.claims, other))
+        was, now = ([judged.so for judged in judge(paper, rows)[0]] for rows in (one.claims, other))
         assert sum(a != b for a, b in zip(was, now, strict=True)) > len(was) / 2, one.paper
 
 
@@ -268,7 +268,7 @@ def test_tables_are_those_of_the_committed_figures() -> None:
 # The command ------------------------------------------------------------------------------------
 
 
-def told_stages(paper: str, seeds: int, folder: Path | None, progress: Any) -> Any:
+def fake_stages(paper: str, seeds: int, folder: Path | None, progress: Any) -> Any:
     """Stand for `stages`: rows without pictures, then with one."""
     one = replace(repeated(a_row()), paper=paper, seeds=seeds)
     yield one
@@ -280,7 +280,7 @@ def told_stages(paper: str, seeds: int, folder: Path | None, progress: Any) -> A
 
 @pytest.fixture
 def stages(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("papers.cli.stages", told_stages)
+    monkeypatch.setattr("papers.cli.stages", fake_stages)
 
 
 def said(*command: Any) -> str:
@@ -354,10 +354,12 @@ def test_the_command_shows_what_a_paper_reports(stages: None) -> None:
     (one,) = (p for p in PAPERS_IN_ORDER if p.key == "ekim2020")
     shown = " ".join(said("ekim2020").split())
     assert one.statements[3].about[1:] in shown
-    assert "not run" in shown  # the row that stands for all is no row of any statement
+    assert "not run" in shown  # the row that stands for all is not a row of any statement
 
 
 def test_the_band_of_gadaus_nees_is_that_of_all_rows_that_have_one() -> None:
-    told = next(one for one in read_rows(ROOT / "docs" / "papers.json") if one.paper == "gadau2022")
-    rows = [row for row in told.claims if row["id"].endswith("_nees") and row["required"] != "-"]
+    judged = next(
+        one for one in read_rows(ROOT / "docs" / "papers.json") if one.paper == "gadau2022"
+    )
+    rows = [row for row in judged.claims if row["id"].endswith("_nees") and row["required"] != "-"]
     assert len(rows) == NEES_ROWS

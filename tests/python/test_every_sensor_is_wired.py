@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-import locfuse as lf
+import locfuse
+import locfuse.core as lf
 from locfuse.config.build import build_anchors
 from locfuse.config.load import parse_config
 from locfuse.config.scenario import (
@@ -98,7 +99,7 @@ def scenario(output: str = "increments") -> Scenario:
 def missing_pieces(name: str, wiring: Wiring | None) -> list[str]:
     """Return what a message of the variant still lacks, in words."""
     missing = []
-    if name not in lf.__all__:
+    if name not in locfuse.__all__:
         missing.append("its class in bind_messages.cpp and locfuse.__all__")
     if name not in fused_by_the_estimator():
         missing.append("an on() of an estimator in bind_estimators.cpp")

@@ -74,7 +74,7 @@ def make_ekf() -> lf.PoseEkf:
     anchors = lf.AnchorMap([lf.Anchor(i, place) for i, place in enumerate(places)])
     landmarks = lf.LandmarkMap([lf.Landmark(0, [5.0, 5.0]), lf.Landmark(1, [-3.0, 2.0])])
     start = lf.PoseEstimate(0, lf.Pose2(3.0, 2.0, 0.3), np.diag([0.3, 0.3, 0.1]) ** 2)
-    sight = lf.LandmarkSight(landmarks, lf.Pose2(0.1, 0.0, 0.0))
+    sight = lf.LandmarkSensor(landmarks, lf.Pose2(0.1, 0.0, 0.0))
     return lf.PoseEkf(lf.PoseEkfConfig(), anchors, [lf.Tag(0, [0.2, 0.1, 1.0])], start, sight)
 
 

@@ -5,11 +5,11 @@
 
 namespace locfuse {
 
-/// The compiler that made the library, such as "GCC 12.2.0".
+/// The compiler of the library, such as "GCC 12.2.0".
 [[nodiscard]] std::string compiler();
 
-/// Which kernels run here: "avx2", with fused products and sums, or "portable". Both do the same,
-/// but for the last bits.
+/// The kernels in use: "avx2", with fused multiply-add, or "portable". Their results differ in the
+/// last bits only.
 [[nodiscard]] std::string kernels();
 
 }  // namespace locfuse

@@ -5,8 +5,8 @@
 
 namespace locfuse {
 
-/// Numbers broke: an innovation covariance that is not positive definite, a result that is not
-/// finite. Whatever threw it left the belief as it was.
+/// Numerical failure: an innovation covariance that is not positive definite, a result that is not
+/// finite. The belief is unchanged where it is thrown.
 class NumericalError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-/// Everything a user of the library needs.
+/// Umbrella header: all public classes and functions.
 #include "locfuse/build_info.hpp"
 #include "locfuse/error.hpp"
 #include "locfuse/estimators/air_ekf.hpp"
@@ -29,7 +29,7 @@
 #include "locfuse/math/numerical_jacobian.hpp"
 #include "locfuse/messages/limits.hpp"
 #include "locfuse/messages/message.hpp"
-#include "locfuse/messages/told_covariance.hpp"
+#include "locfuse/messages/reported_covariance.hpp"
 #include "locfuse/models/motion/ackermann.hpp"
 #include "locfuse/replay/live.hpp"
 #include "locfuse/replay/localize.hpp"

@@ -7,13 +7,13 @@
 
 namespace locfuse {
 
-/// Nanoseconds on the log's clock. An integer, so that equality, order and replays are exact.
+/// Nanoseconds on the log's clock, as an integer: equality, order and replays are exact.
 using Stamp = std::int64_t;
 
 inline constexpr double kNanosecondsPerSecond = 1e9;
 
-/// Stamps lie strictly between -kStampLimit and kStampLimit [ns], 146 years, so that no difference
-/// of two of them overflows.
+/// Stamps lie strictly between -kStampLimit and kStampLimit [ns], 146 years: differences do not
+/// overflow.
 inline constexpr Stamp kStampLimit = Stamp{1} << 62;
 
 /// Throws std::invalid_argument unless the stamp lies within the limit.

@@ -9,14 +9,15 @@
 namespace locfuse {
 namespace {
 
-constexpr double kMostNis = 8.0;        // per degree of freedom: more says no more
-constexpr double kLeastMessages = 5.0;  // a factor stays positive, and is no echo of the last one
+constexpr double kMaxNisPerRow = 8.0;  // per degree of freedom; larger ones count as this
+constexpr double kMinMemory =
+    5.0;  // messages; a factor stays positive, and is not the last innovation alone
 
 }  // namespace
 
 AdaptiveNoise::AdaptiveNoise(const Config& config) : config_(config) {
   if (config.messages != 0.0 &&
-      !(std::isfinite(config.messages) && config.messages >= kLeastMessages)) {
+      !(std::isfinite(config.messages) && config.messages >= kMinMemory)) {
     throw std::invalid_argument("adaptive.messages is " + std::to_string(config.messages) +
                                 ", expected 0 for off, or at least 5");
   }
@@ -29,13 +30,13 @@ AdaptiveNoise::AdaptiveNoise(const Config& config) : config_(config) {
   factors_.fill(1.0);
 }
 
-void AdaptiveNoise::hear(Source source, const Outcome& outcome, double variance) {
+void AdaptiveNoise::record(Source source, const Outcome& outcome, double variance) {
   const bool counts = outcome.verdict == Verdict::kFused && outcome.dof > 0;
   if (!counts || !std::isfinite(variance / outcome.scale + outcome.nis)) {
     return;
   }
   const double of_noise = std::min(variance / outcome.scale, 1.0);
-  const double excess = std::min(outcome.nis / outcome.dof, kMostNis) - 1.0;
+  const double excess = std::min(outcome.nis / outcome.dof, kMaxNisPerRow) - 1.0;
   double& factor = factors_[index(source)];
   factor = std::clamp(factor * (1.0 + of_noise * excess / config_.messages), config_.least,
                       config_.most);

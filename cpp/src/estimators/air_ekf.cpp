@@ -17,7 +17,7 @@ namespace {
 
 using Transaction = internal::Transaction<3>;
 
-const NoiseShape kGaussian;
+constexpr internal::AlwaysGaussian kGaussian;
 
 double variance_of(const char* name, double sigma) {
   internal::sigma_in_bounds(name, sigma);
@@ -67,7 +67,7 @@ struct AirEkf::Recipe {
 };
 
 AirEkf::AirEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
-               std::vector<Tag> tags, const AirEstimate& start, LandmarkSight landmarks)
+               std::vector<Tag> tags, const AirEstimate& start, LandmarkSensor landmarks)
     : recipe_(std::make_shared<const Recipe>(Recipe{
           config,
           OdometryMotion(config.odometry),
@@ -81,7 +81,7 @@ AirEkf::AirEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
           PositionModel(config.position, std::move(tags)),
           AltitudeModel(config.altitude),
           PoseModel(config.pose),
-          RangeBearingModel(config.landmark, landmarks.sensor_in_body, config.landmark_in_space),
+          RangeBearingModel(config.landmark, landmarks.T_body_sensor, config.landmark_in_space),
           landmarks.map ? std::move(landmarks.map) : std::make_shared<const LandmarkMap>(),
           Gate(config.gate_range),
           Gate(config.gate_position),
@@ -140,8 +140,8 @@ Outcome AirEkf::take(const Motion& u, double climb_rate) {
   return outcome;
 }
 
-template <class Linearize>
-Outcome AirEkf::correct(Stamp stamp, const Gate& gate, const NoiseShape& noise, Slots slots,
+template <class Noise, class Linearize>
+Outcome AirEkf::correct(Stamp stamp, const Gate& gate, const Noise& noise, Slots slots,
                         const Linearize& linearize) {
   if (stamp < belief_.stamp) {
     return {Verdict::kStale};
@@ -149,7 +149,7 @@ Outcome AirEkf::correct(Stamp stamp, const Gate& gate, const NoiseShape& noise, 
   Transaction transaction(belief_, stamp);
   advance_to(stamp);
   const auto lin = linearize();
-  return transaction.close(lin ? update(belief_, *lin, slots, gate, noise)
+  return transaction.close(lin ? internal::fuse(belief_, *lin, slots, gate, noise)
                                : Outcome{Verdict::kNotModelled});
 }
 
@@ -216,14 +216,14 @@ Outcome AirEkf::on(const Message& message) {
   return std::visit([this](const auto& m) { return on(m); }, message);
 }
 
-/// Carries the height, alone, to `stamp` with the climb rate that was told.
+/// Carries the height, alone, to `stamp` with the last climb rate.
 void AirEkf::lift(Stamp stamp) {
   if (stamp <= belief_.stamp) {
     return;
   }
-  const Stamp told = std::clamp(odometry_.end() + recipe_->hold, belief_.stamp, stamp);
-  const double rising = seconds_between(belief_.stamp, told);
-  const double lost = seconds_between(told, stamp);
+  const Stamp held = std::clamp(odometry_.end() + recipe_->hold, belief_.stamp, stamp);
+  const double rising = seconds_between(belief_.stamp, held);
+  const double lost = seconds_between(held, stamp);
   const double noise = recipe_->height_per_s * rising + recipe_->lost_height_per_s * lost;
   predict(belief_,
           Propagation<Eigen::VectorXd, Eigen::Dynamic>{scalar(height() + climb_rate_ * rising),

@@ -222,7 +222,7 @@ std::optional<Linearization<Eigen::Dynamic, Eigen::Dynamic>> Calibration::linear
   lin.jacobian.leftCols<3>() = full->jacobian.leftCols<3>();
   for (std::size_t k = 0; k < states_.size(); ++k) {
     if (const int error = states_[k].error - OdometryErrors::kCount;
-        error >= 0 && error < SightErrors::kCount) {
+        error >= 0 && error < LandmarkErrors::kCount) {
       lin.jacobian.col(static_cast<Index>(3 + k)) = full->jacobian.col(3 + error);
     }
   }

@@ -9,42 +9,21 @@
 #include <stdexcept>
 #include <string>
 
+#include "estimators/health_tuning.hpp"
 #include "estimators/recipe.hpp"
+#include "locfuse/messages/reported_covariance.hpp"
 
 namespace locfuse {
 namespace {
 
-constexpr double kOfSource = 1.0 / 32.0;  // weight of a message in the means of its source
-constexpr double kOfAll = 1.0 / 64.0;     // likewise of all sources
-constexpr double kMostOdds = 1e9;         // more says no more, and would never come back
-constexpr double kNotable = 0.5;          // probability that a source is wrong, to be told
-constexpr double kNoisy = 2.0;            // NIS per degree of freedom, to be told
-constexpr double kMostNis = 10.0;         // of one message: more says no more
-constexpr double kMostPeak = 1e100;       // of a likelihood over that of anything, likewise
-constexpr double kNotableNis = 4.0;       // of a range, for its sign to tell
-constexpr double kReadsLong = 0.9;        // share of ranges that are wrong and read long
-constexpr double kChance = 0.3;           // by which a mean NIS is above 1 by chance
-constexpr double kSilentIntervals = 10.0;
-constexpr double kUsuallyExplained = 0.9;  // share of the returns of scans, before any came
-constexpr double kUsuallyByChance = 0.3;   // likewise from anywhere else
-constexpr double kOfScans = 1.0 / 64.0;    // weight of a scan in what is usual
-constexpr double kForgets = 0.125;         // of that weight where a scan fits worse than usual
-constexpr double kShareSigma = 0.12;       // of the explained share: people, furniture that moved
-constexpr double kMostOfScan = 3.0;        // nats for or against a pose by one scan
-constexpr double kMiddle = 0.4;            // between by chance and usual: a pose that lags
-constexpr double kConfirms = 0.2;          // of that for a pose: a place looks alike for a while
-constexpr double kMostScanOdds = 1e3;      // that scans alone speak for another pose
-constexpr double kCoveredShare = 0.15;     // of returns more than usual: rather covered than not
-constexpr double kCoveredSigma = 0.05;     // of that share, per nat
-constexpr double kUsuallyCovered = 1e-3;   // share of the time
-constexpr double kMostlyCovered = 0.5;     // from here on a scan says nothing of the pose
+using Tuning = internal::HealthTuning;
 
 double odds_of(double probability) { return probability / (1.0 - probability); }
 
-double share(const char* name, double value, double least, double most) {
-  if (!(value > least && value < most)) {
+double between(const char* name, double value, double low, double high) {
+  if (!(value > low && value < high)) {
     std::ostringstream text;
-    text << name << " is " << value << ", expected a number between " << least << " and " << most;
+    text << name << " is " << value << ", expected a number between " << low << " and " << high;
     throw std::invalid_argument(text.str());
   }
   return value;
@@ -53,16 +32,16 @@ double share(const char* name, double value, double least, double most) {
 const Health::Config& checked(const Health::Config& c) {
   using internal::positive;
   positive("limit_m", c.limit_m);
-  share("risk", c.risk, 0.0, 0.5);
-  share("mean_s_between_losses", c.mean_s_between_losses, 1e-3, 1e12);
-  share("wrong_share", c.wrong_share, 1e-9, 1.0);
-  share("wrong_span_m", c.wrong_span_m, 1e-6, 1e12);
-  share("chance_share", c.chance_share, 0.0, 1.0);
-  share("faulty_share", c.faulty_share, 0.0, 1.0);
-  share("faulty_share_unnamed", c.faulty_share_unnamed, 0.0, 1.0);
+  between("risk", c.risk, 0.0, 0.5);
+  between("mean_s_between_losses", c.mean_s_between_losses, 1e-3, 1e12);
+  between("wrong_share", c.wrong_share, 1e-9, 1.0);
+  between("wrong_span_m", c.wrong_span_m, 1e-6, 1e12);
+  between("chance_share", c.chance_share, 0.0, 1.0);
+  between("faulty_share", c.faulty_share, 0.0, 1.0);
+  between("faulty_share_unnamed", c.faulty_share_unnamed, 0.0, 1.0);
   positive("faulty_s", c.faulty_s);
-  share("probability_lost", c.probability_lost, 0.0, 1.0);
-  share("probability_found", c.probability_found, 0.0, 1.0);
+  between("probability_lost", c.probability_lost, 0.0, 1.0);
+  between("probability_found", c.probability_found, 0.0, 1.0);
   if (!(c.exclude_above > 0.0 && c.exclude_above <= 1.0)) {
     throw std::invalid_argument("exclude_above is " + std::to_string(c.exclude_above) +
                                 ", expected 0 < exclude_above <= 1");
@@ -75,18 +54,17 @@ const Health::Config& checked(const Health::Config& c) {
   return c;
 }
 
-/// Of the error in its own sigmas, for half of the risk to be beyond, to either side. That sigma is
-/// no better known than from some innovations: hence Student's distribution, eq. (9).
+/// Error in sigmas that half of the risk exceeds, to either side, eq. (9): Student's distribution,
+/// since sigma is known from a few innovations only.
 double quantile_of(double risk) {
-  constexpr double kDegreesOfFreedom = 8.0;
-  // Of the lower tail: 1 less a small risk is 1.
+  // The lower tail: 1 minus a small risk rounds to 1.
   const double tail = std::max(0.25 * risk, std::numeric_limits<double>::min());
-  return -boost::math::quantile(boost::math::students_t(kDegreesOfFreedom), tail);
+  return -boost::math::quantile(boost::math::students_t(Tuning::kDegreesOfFreedom), tail);
 }
 
 /// Probability that a zero-mean Gaussian position stays within `radius`, eq. (7) of docs/health.md.
 double probability_within(double radius, const Matrix<2, 2>& covariance) {
-  constexpr int kAngles = 8;  // over a quarter turn; the integrand is smooth and periodic
+  constexpr int kAngles = 8;  // t from 0 to pi; the integrand is smooth and periodic
   const double middle = 0.5 * (covariance(0, 0) + covariance(1, 1));
   const double half = std::hypot(0.5 * (covariance(0, 0) - covariance(1, 1)), covariance(0, 1));
   double sum = 0.0;
@@ -103,7 +81,7 @@ Health::Health(const Config& config)
     : config_(checked(config)),
       aiding_lost_(internal::stamps_of("aiding_lost_s", config.aiding_lost_s)),
       invalid_(internal::stamps_of("invalid_s", config.invalid_s)),
-      doubt_(internal::stamps_of("doubt_s", config.doubt_s)),
+      lost_delay_(internal::stamps_of("doubt_s", config.doubt_s)),
       odds_lost_(odds_of(config.probability_lost)),
       odds_found_(odds_of(config.probability_found)),
       quantile_(quantile_of(config.risk)) {}
@@ -119,21 +97,21 @@ void Health::start(Stamp stamp, double wrong) {
   nis_ = 1.0;
   scale_ = 0.0;
   lost_ = false;
-  doubted_.reset();
+  suspect_since_.reset();
   sources_.clear();
   latest_ = 0;
   excluded_ = 0;
-  explained_ = kUsuallyExplained;
-  by_chance_ = kUsuallyByChance;
+  explained_ = Tuning::kInitialExplained;
+  by_chance_ = Tuning::kInitialByChance;
   covered_ = 0.0;
-  scans_lost_ = false;
+  scans_contradict_ = false;
 }
 
 double Health::faulty_share(const NamedSource& source) const {
   if (source.kind == Source::kScans) {
-    return kUsuallyCovered;
+    return Tuning::kUsualCover;
   }
-  const bool is_sensor = source.kind == Source::kSightings && source.name == NamedSource::kNameless;
+  const bool is_sensor = source.kind == Source::kSightings && source.name == NamedSource::kUnnamed;
   return is_sensor ? config_.faulty_share_unnamed : config_.faulty_share;
 }
 
@@ -149,7 +127,7 @@ SourceStatus& Health::status_of(const NamedSource& source, Stamp stamp) {
   if (place == sources_.end() || !(place->source == source)) {
     SourceStatus fresh;
     fresh.source = source;
-    fresh.heard = stamp;
+    fresh.last_received = stamp;
     fresh.faulty = faulty_share(source);
     sources_.insert(place, fresh);
   }
@@ -163,29 +141,30 @@ void Health::advance(Stamp stamp) {
   }
   const double seconds = seconds_between(stamp_, stamp);
   stamp_ = stamp;
-  odds_ = std::min(odds_ + (1.0 + odds_) * seconds / config_.mean_s_between_losses, kMostOdds);
+  odds_ =
+      std::min(odds_ + (1.0 + odds_) * seconds / config_.mean_s_between_losses, Tuning::kMaxOdds);
   if (is_out_of_date(stamp_)) {
     odds_ = std::max(odds_, odds_lost_);
-    doubted_ = doubted_.value_or(stamp_);
+    suspect_since_ = suspect_since_.value_or(stamp_);
     lost_ = true;
     return;
   }
-  judge();
+  update_state();
 }
 
-/// Doubt that lasts becomes loss: outliers that come together by chance do not last.
-void Health::judge() {
+/// The pose is lost once suspicion has lasted: a burst of outliers does not.
+void Health::update_state() {
   if (odds_ <= (lost_ ? odds_found_ : odds_lost_)) {
     lost_ = false;
-    doubted_.reset();
+    suspect_since_.reset();
     return;
   }
-  doubted_ = doubted_.value_or(stamp_);
-  lost_ = lost_ || stamp_ - *doubted_ >= doubt_;
+  suspect_since_ = suspect_since_.value_or(stamp_);
+  lost_ = lost_ || stamp_ - *suspect_since_ >= lost_delay_;
 }
 
-void Health::hear(const NamedSource& source, Stamp stamp, const Outcome& outcome, double limit,
-                  double breadth) {
+void Health::record(const NamedSource& source, Stamp stamp, const Outcome& outcome, double limit,
+                    double outlier_volume) {
   const bool is_fused = outcome.verdict == Verdict::kFused;
   if (!is_fused && outcome.verdict != Verdict::kGated) {
     return;
@@ -193,93 +172,108 @@ void Health::hear(const NamedSource& source, Stamp stamp, const Outcome& outcome
   advance(stamp);
   SourceStatus& status = status_of(source, stamp);
   excluded_ -= status.faulty > config_.exclude_above ? 1 : 0;
-  heard(status, stamp, is_fused);
+  receive(status, stamp, is_fused);
   if (outcome.dof > 0) {
     status.residual = outcome.residual;
     status.sigma = std::sqrt(outcome.scale);
     status.test_ratio = outcome.nis / limit;
   }
-  scans_lost_ = false;
-  weigh(status, outcome, breadth);
+  scans_contradict_ = false;
+  weigh(status, outcome, outlier_volume);
   excluded_ += status.faulty > config_.exclude_above ? 1 : 0;
 }
 
-/// A scan that fits as usual speaks for the pose, one that fits as from anywhere against it, by the
-/// distance of the two; one that is covered, against the laser.
-void Health::hear(const ScanEvidence& scan) {
+void Health::record(const ScanEvidence& scan) {
   advance(scan.stamp);
-  SourceStatus& status = status_of({Source::kScans, NamedSource::kNameless}, scan.stamp);
-  const double excess = (scan.covered - covered_ - kCoveredShare) / kCoveredSigma;
-  const bool is_clear = scan.covered < kMostlyCovered;
-  heard(status, scan.stamp, is_clear);
-  const double more = scan.news * std::min(std::max(excess, -kMostOfScan), kMostOfScan);
-  const double odds = std::min(odds_of(status.faulty) * std::exp(more), kMostScanOdds);
-  status.faulty = odds / (1.0 + odds);
-  if (!is_clear) {
-    return;
+  SourceStatus& status = status_of({Source::kScans, NamedSource::kUnnamed}, scan.stamp);
+  const bool is_clear = scan.covered < Tuning::kBlindingCover;
+  receive(status, scan.stamp, is_clear);
+  weigh_cover(status, scan);
+  if (is_clear) {
+    weigh(status, scan);
+    learn_usual(status, scan);
+    update_state();
   }
-  // A pose that was searched for fits better than one by chance.
-  const double least = lost_ ? 0.5 * (explained_ + by_chance_) : by_chance_;
-  const double apart = std::max(explained_ - least, 0.0);
-  const double middle = least + kMiddle * (explained_ - least);
-  const double clear = 1.0 - scan.covered;
-  const double variance =
-      kShareSigma * kShareSigma + middle * (1.0 - middle) / (scan.independent * clear);
-  const double says = clear * apart * (scan.explained - middle) / variance;
-  const double most_for = kConfirms * kMostOfScan;
-  const double nats = scan.news * std::min(std::max(says, -kMostOfScan), most_for);
-  status.residual = scan.explained - explained_;
-  status.sigma = std::sqrt(variance);
-  status.test_ratio = (explained_ - scan.explained) / std::max(0.5 * apart, 1e-3);
-  const double most = std::max(odds_, kMostScanOdds);
-  odds_ = std::min(odds_ * std::exp(-nats), most);
-  scans_lost_ = nats < 0.0;
-  // What is usual is learnt where the pose is right, and forgotten slowly: a wrong place fits
-  // worse.
-  const double share = odds_ < odds_found_ ? kOfScans * scan.news : 0.0;
-  const double worse = scan.explained < explained_ ? kForgets : 1.0;
-  explained_ += share * worse * (scan.explained - explained_);
-  by_chance_ += share * (scan.by_chance - by_chance_);
-  covered_ += share * (1.0 - status.faulty) * (scan.covered - covered_);
-  judge();
 }
 
-void Health::heard(SourceStatus& status, Stamp stamp, bool is_fused) {
-  const double seconds = std::max(seconds_between(status.heard, stamp), 0.0);
+/// A scan with more cover than usual contradicts the laser.
+void Health::weigh_cover(SourceStatus& status, const ScanEvidence& scan) const {
+  const double excess = (scan.covered - covered_ - Tuning::kCoverExcess) / Tuning::kCoverSigma;
+  const double nats =
+      scan.novelty * std::min(std::max(excess, -Tuning::kMaxScanGain), Tuning::kMaxScanGain);
+  const double odds = std::min(odds_of(status.faulty) * std::exp(nats), Tuning::kMaxScanOdds);
+  status.faulty = odds / (1.0 + odds);
+}
+
+/// A scan that fits as usual supports the pose, one that fits as from random poses contradicts it;
+/// eq. (10) to (12) of docs/health.md.
+void Health::weigh(SourceStatus& status, const ScanEvidence& scan) {
+  // A pose that a search found fits better than a random one.
+  const double by_chance = lost_ ? 0.5 * (explained_ + by_chance_) : by_chance_;
+  const double contrast = std::max(explained_ - by_chance, 0.0);
+  const double middle = by_chance + Tuning::kBreakEven * (explained_ - by_chance);
+  const double clear = 1.0 - scan.covered;
+  const double variance = Tuning::kShareSigma * Tuning::kShareSigma +
+                          middle * (1.0 - middle) / (scan.independent * clear);
+  const double support = clear * contrast * (scan.explained - middle) / variance;
+  const double max_support = Tuning::kSupportShare * Tuning::kMaxScanGain;
+  const double nats =
+      scan.novelty * std::min(std::max(support, -Tuning::kMaxScanGain), max_support);
+  status.residual = scan.explained - explained_;
+  status.sigma = std::sqrt(variance);
+  status.test_ratio = (explained_ - scan.explained) / std::max(0.5 * contrast, 1e-3);
+  const double max_odds = std::max(odds_, Tuning::kMaxScanOdds);
+  odds_ = std::min(odds_ * std::exp(-nats), max_odds);
+  scans_contradict_ = nats < 0.0;
+}
+
+/// Learns what is usual while the pose is right, and slowly where scans fit worse: that may be a
+/// wrong place.
+void Health::learn_usual(const SourceStatus& status, const ScanEvidence& scan) {
+  const double weight = odds_ < odds_found_ ? Tuning::kScanWeight * scan.novelty : 0.0;
+  const double worse = scan.explained < explained_ ? Tuning::kWorseScanWeight : 1.0;
+  explained_ += weight * worse * (scan.explained - explained_);
+  by_chance_ += weight * (scan.by_chance - by_chance_);
+  covered_ += weight * (1.0 - status.faulty) * (scan.covered - covered_);
+}
+
+void Health::receive(SourceStatus& status, Stamp stamp, bool is_fused) {
+  const double seconds = std::max(seconds_between(status.last_received, stamp), 0.0);
   const double stays = std::max(1.0 - seconds / config_.faulty_s, 0.0);
   const double usual = faulty_share(status.source);
   status.faulty = usual + stays * (status.faulty - usual);
-  status.interval += (status.interval > 0.0 ? kOfSource : 1.0) * (seconds - status.interval);
-  status.heard = std::max(status.heard, stamp);
-  status.accepted += kOfSource * ((is_fused ? 1.0 : 0.0) - status.accepted);
+  status.interval +=
+      (status.interval > 0.0 ? Tuning::kSourceWeight : 1.0) * (seconds - status.interval);
+  status.last_received = std::max(status.last_received, stamp);
+  status.accepted += Tuning::kSourceWeight * ((is_fused ? 1.0 : 0.0) - status.accepted);
   if (is_fused) {
-    status.fused = status.heard;
+    status.fused = status.last_received;
     fused_ = std::max(fused_, stamp);
   }
 }
 
 /// Eq. (2) to (5) of docs/health.md.
-void Health::weigh(SourceStatus& status, const Outcome& outcome, double breadth) {
-  double fits = 0.0;  // likelihood if it is right, over that of anything
+void Health::weigh(SourceStatus& status, const Outcome& outcome, double outlier_volume) {
+  double fits = 0.0;  // likelihood of an inlier over that of an outlier, eq. (1)
   if (outcome.dof > 0) {
     const double volume = 2.0 * kPi * outcome.scale;
     const double peak = outcome.dof == 1   ? 1.0 / std::sqrt(volume)
                         : outcome.dof == 2 ? 1.0 / volume
                                            : std::pow(volume, -0.5 * outcome.dof);
-    fits = std::exp(-0.5 * outcome.nis) * (std::min(breadth * peak, kMostPeak) + 2.0);
+    fits = std::exp(-0.5 * outcome.nis) * (std::min(outlier_volume * peak, Tuning::kMaxPeak) + 2.0);
   }
   const double wrong = config_.wrong_share;
   const double elsewhere = 1.0 - config_.chance_share + config_.chance_share * fits;
   const double good = 1.0 - status.faulty;
   if (outcome.dof > 0) {
-    const double ratio = std::min(outcome.nis / outcome.dof, kMostNis);
-    status.nis += kOfSource * good * (ratio - status.nis);
-    nis_ += kOfAll * good * (ratio - nis_);
-    scale_ += kOfAll * good * (std::min(outcome.scale, kNotMeasured) - scale_);
+    const double ratio = std::min(outcome.nis / outcome.dof, Tuning::kMaxMeanNis);
+    status.nis += Tuning::kSourceWeight * good * (ratio - status.nis);
+    nis_ += Tuning::kOverallWeight * good * (ratio - nis_);
+    scale_ += Tuning::kOverallWeight * good * (std::min(outcome.scale, kNotMeasured) - scale_);
   }
   double faulty = elsewhere;
-  if (status.source.kind == Source::kRanges && outcome.nis > kNotableNis) {
-    faulty *= 2.0 * (outcome.residual > 0.0 ? kReadsLong : 1.0 - kReadsLong);
+  if (status.source.kind == Source::kRanges && outcome.nis > Tuning::kSignificantNis) {
+    faulty *= 2.0 * (outcome.residual > 0.0 ? Tuning::kLongShare : 1.0 - Tuning::kLongShare);
   }
   const double right = good * ((1.0 - wrong) * fits + wrong) + status.faulty * faulty;
   status.faulty = std::min(status.faulty * (faulty / right), 1.0);
@@ -287,16 +281,16 @@ void Health::weigh(SourceStatus& status, const Outcome& outcome, double breadth)
   if (lost_ && ratio < 1.0) {
     ratio = 1.0 - agreement() * (1.0 - ratio);
   }
-  odds_ = std::min(odds_ * ratio, kMostOdds);
-  judge();
+  odds_ = std::min(odds_ * ratio, Tuning::kMaxOdds);
+  update_state();
 }
 
-/// Eq. (6) of docs/health.md: how far sources that are heard agree, where the pose is in doubt.
+/// Eq. (6) of docs/health.md: how far the sources that publish agree.
 double Health::agreement() const {
   double right = 0.0;
   double wrong = 0.0;
   for (const SourceStatus& status : sources_) {
-    const double stays = 1.0 - seconds_between(status.heard, stamp_) / config_.faulty_s;
+    const double stays = 1.0 - seconds_between(status.last_received, stamp_) / config_.faulty_s;
     if (stays > 0.0) {
       const double usual = faulty_share(status.source);
       const double faulty = usual + stays * (status.faulty - usual);
@@ -307,20 +301,20 @@ double Health::agreement() const {
   return right > wrong ? 1.0 - wrong / right : 0.0;
 }
 
-double Health::breadth_of(const Range& /*z*/) const { return config_.wrong_span_m; }
-double Health::breadth_of(const PositionFix& /*z*/) const {
+double Health::outlier_volume(const Range& /*z*/) const { return config_.wrong_span_m; }
+double Health::outlier_volume(const PositionFix& /*z*/) const {
   return config_.wrong_span_m * config_.wrong_span_m;
 }
-double Health::breadth_of(const PoseObservation& /*z*/) const {
+double Health::outlier_volume(const PoseObservation& /*z*/) const {
   return config_.wrong_span_m * config_.wrong_span_m * 2.0 * kPi;
 }
-double Health::breadth_of(const RangeBearing& z) const {
+double Health::outlier_volume(const RangeBearing& z) const {
   return (z.range ? config_.wrong_span_m : 1.0) * (z.bearing ? 2.0 * kPi : 1.0);
 }
 
 bool Health::is_excluded(const NamedSource& source) const {
   if (excluded_ == 0 || odds_ > odds_found_) {
-    return false;  // rather the pose is wrong than the source
+    return false;  // the pose is likelier wrong than the source
   }
   const auto place = std::lower_bound(
       sources_.begin(), sources_.end(), source,
@@ -329,9 +323,9 @@ bool Health::is_excluded(const NamedSource& source) const {
          place->faulty > config_.exclude_above;
 }
 
-/// Eq. (8) of docs/health.md: what innovations are too large by is put down to the pose.
+/// Eq. (8) of docs/health.md: attributes too large innovations to the pose.
 double Health::inflation(const PoseEstimate& estimate) const {
-  const double excess = std::max(nis_ - 1.0 - kChance, 0.0);
+  const double excess = std::max(nis_ - 1.0 - Tuning::kNisTolerance, 0.0);
   const double sigma = estimate.sigma_position();
   return 1.0 + excess * std::max(scale_ / (sigma * sigma), 1.0);
 }
@@ -341,7 +335,8 @@ HealthReport Health::report(const PoseEstimate& estimate) const {
   HealthReport report;
   report.stamp = std::max(stamp_, estimate.stamp);
   const double since = seconds_between(stamp_, report.stamp);
-  double odds = std::min(odds_ + (1.0 + odds_) * since / config_.mean_s_between_losses, kMostOdds);
+  double odds =
+      std::min(odds_ + (1.0 + odds_) * since / config_.mean_s_between_losses, Tuning::kMaxOdds);
   if (is_out_of_date(report.stamp)) {
     odds = std::max(odds, odds_lost_);
   }
@@ -363,52 +358,52 @@ void Health::find_state(HealthReport& report) const {
   const bool is_silent = is_out_of_date(report.stamp);
   if (lost_ || is_silent) {
     report.state = HealthState::kLost;
-    report.clue = is_silent     ? HealthClue::kSilence
-                  : scans_lost_ ? HealthClue::kScansDoNotFit
-                                : HealthClue::kMeasurements;
+    report.reason = is_silent           ? HealthReason::kSilence
+                    : scans_contradict_ ? HealthReason::kScansDoNotFit
+                                        : HealthReason::kMeasurements;
   } else if (silence > aiding_lost_) {
     report.state = HealthState::kDeadReckoning;
-    report.clue = HealthClue::kSilence;
+    report.reason = HealthReason::kSilence;
     for (const SourceStatus& status : sources_) {
-      if (status.source.kind == Source::kScans && status.faulty > kNotable) {
-        report.clue = HealthClue::kLaserIsCovered;
+      if (status.source.kind == Source::kScans && status.faulty > Tuning::kFaultySource) {
+        report.reason = HealthReason::kLaserIsCovered;
         report.source = status.source;
       }
     }
   } else {
-    find_flaw(report);
-    report.state = report.clue == HealthClue::kNone ? HealthState::kOk : HealthState::kDegraded;
+    find_degradation(report);
+    report.state = report.reason == HealthReason::kNone ? HealthState::kOk : HealthState::kDegraded;
   }
 }
 
-/// What a right pose may suffer from.
-void Health::find_flaw(HealthReport& report) const {
-  report.clue = HealthClue::kNone;
-  if (doubted_) {
-    report.clue = scans_lost_ ? HealthClue::kScansDoNotFit : HealthClue::kMeasurements;
+/// Why a right pose is not kOk.
+void Health::find_degradation(HealthReport& report) const {
+  report.reason = HealthReason::kNone;
+  if (suspect_since_) {
+    report.reason = scans_contradict_ ? HealthReason::kScansDoNotFit : HealthReason::kMeasurements;
     return;
   }
   if (report.within < 0.5) {
-    report.clue = HealthClue::kPositionIsVague;
-  } else if (nis_ > kNoisy) {
-    report.clue = HealthClue::kNoiseIsLarger;
+    report.reason = HealthReason::kPositionIsVague;
+  } else if (nis_ > Tuning::kLargeNis) {
+    report.reason = HealthReason::kNoiseIsLarger;
   }
   const auto end = sources_.end();
   for (auto first = sources_.begin(); first != end;) {  // one kind after another
     bool is_silent = true;
     auto status = first;
     for (; status != end && status->source.kind == first->source.kind; ++status) {
-      const double since = seconds_between(status->heard, report.stamp);
-      is_silent =
-          is_silent && since > std::max(config_.aiding_lost_s, kSilentIntervals * status->interval);
-      if (status->faulty > kNotable) {
-        report.clue = status->source.kind == Source::kScans ? HealthClue::kLaserIsCovered
-                                                            : HealthClue::kSourceIsWrong;
+      const double since = seconds_between(status->last_received, report.stamp);
+      is_silent = is_silent && since > std::max(config_.aiding_lost_s,
+                                                Tuning::kSilentIntervals * status->interval);
+      if (status->faulty > Tuning::kFaultySource) {
+        report.reason = status->source.kind == Source::kScans ? HealthReason::kLaserIsCovered
+                                                              : HealthReason::kSourceIsWrong;
         report.source = status->source;
       }
     }
     if (is_silent && !report.source) {
-      report.clue = HealthClue::kSourceIsSilent;
+      report.reason = HealthReason::kSourceIsSilent;
       report.source = first->source;
     }
     first = status;

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
-#include <numeric>
 #include <stdexcept>
 #include <utility>
 
@@ -23,12 +22,22 @@ using internal::log_anything;
 using internal::log_density;
 using internal::log_sum;
 
-constexpr int kOften = 1 << 30;       // times that a link is heard; from there on it is not counted
-constexpr double kForgotten = -30.0;  // log-weight below the best at which a component is dropped
-constexpr double kLinked = 9.0;       // squared distance below which two tell the same story
-constexpr double kSamePlace = 1.0;    // likewise where one search for a scan serves both
-constexpr double kShown = 1e-3;       // probability below which a cluster counts for nothing
-constexpr std::size_t kMostSightings = 128;  // of one stamp: more take long and say no more
+/// What shapes the start besides Initializer::Config; docs/start.md.
+struct InitializerTuning {
+  static constexpr int kMaxLinkCount = 1 << 30;  ///< messages of a link, beyond which none count
+  /// Squared Mahalanobis distance below which two positions are one: three sigma.
+  static constexpr double kSamePositionDistance = 9.0;
+  /// Probability below which a hypothesis is not reported.
+  static constexpr double kMinProbability = 1e-3;
+  /// Sightings of one stamp; more take long and add nothing.
+  static constexpr std::size_t kMaxSightings = 128;
+  /// Share of the largest eigenvalue of a scan match's information below which a direction is not
+  /// observed.
+  static constexpr double kMinEigenvalueShare = 1e-6;
+  /// Sigma of a component's heading, in steps between headings: the sum of such Gaussians is flat
+  /// to 1 %.
+  static constexpr double kHeadingSigmaSteps = 0.6;
+};
 
 constexpr const char* kNoneKnown = "no range between a known tag and a known anchor";
 
@@ -37,15 +46,15 @@ std::optional<Message> from(const Message& control, Stamp stamp) {
   if (const Velocity* held = std::get_if<Velocity>(&control)) {
     return Velocity{std::max(held->stamp, stamp), held->forward, held->turn_rate};
   }
-  const Increment& told = std::get<Increment>(control);
-  if (told.begin >= stamp) {
-    return told;
+  const Increment& last = std::get<Increment>(control);
+  if (last.begin >= stamp) {
+    return last;
   }
-  if (told.stamp <= stamp) {
+  if (last.stamp <= stamp) {
     return std::nullopt;
   }
-  const double left = seconds_between(stamp, told.stamp) / seconds_between(told.begin, told.stamp);
-  return Increment{stamp, told.stamp, arc_share(told.motion, left)};
+  const double left = seconds_between(stamp, last.stamp) / seconds_between(last.begin, last.stamp);
+  return Increment{stamp, last.stamp, arc_share(last.motion, left)};
 }
 
 double in_range(const char* name, double value, double low, double high) {
@@ -61,10 +70,9 @@ double in_range(const char* name, double value, double low, double high) {
 /// to `map_covariance`.
 Linearization<Eigen::Dynamic, 3> pose_rows(const ScanMatch& match, const Pose2& pose,
                                            const Matrix<3, 3>& map_covariance) {
-  constexpr double kSeen = 1e-6;  // of the largest eigenvalue
   const Eigen::SelfAdjointEigenSolver<Matrix<3, 3>> eigen(match.information);
-  const double least = kSeen * eigen.eigenvalues()(2);
-  const Eigen::Index unseen = (eigen.eigenvalues().array() <= least).count();
+  const double min_eigenvalue = InitializerTuning::kMinEigenvalueShare * eigen.eigenvalues()(2);
+  const Eigen::Index unseen = (eigen.eigenvalues().array() <= min_eigenvalue).count();
   const Eigen::Index seen = 3 - unseen;
   Linearization<Eigen::Dynamic, 3> lin;
   lin.jacobian = eigen.eigenvectors().rightCols(seen).transpose();
@@ -72,21 +80,6 @@ Linearization<Eigen::Dynamic, 3> pose_rows(const ScanMatch& match, const Pose2& 
   lin.noise = lin.jacobian * map_covariance * lin.jacobian.transpose();
   lin.noise.diagonal() += eigen.eigenvalues().tail(seen).cwiseInverse();
   return lin;
-}
-
-/// Squared Mahalanobis distance of two estimates, of the whole pose or of the position alone.
-double squared_distance(const PoseEstimate& a, const PoseEstimate& b, bool with_heading) {
-  const Vector<3> apart = local(a.pose, b.pose);
-  const Matrix<3, 3> P = a.covariance + b.covariance;
-  if (with_heading) {
-    return apart.dot(P.llt().solve(apart));
-  }
-  return apart.head<2>().dot(P.topLeftCorner<2, 2>().llt().solve(apart.head<2>()));
-}
-
-bool is_same(const PoseEstimate& a, const PoseEstimate& b) {
-  constexpr double kSame = 0.3;
-  return squared_distance(a, b, true) < kSame;
 }
 
 /// A sighting as the body sees it, and the log of the area [m^2] that a range and a bearing of one
@@ -102,7 +95,7 @@ std::optional<Seen> seen_by(const RangeBearingModel& model, const RangeBearing& 
   if (!placed) {
     return std::nullopt;
   }
-  const Matrix<2, 2>& J = placed->by_sighting;
+  const Matrix<2, 2>& J = placed->by_observation;
   const Matrix<2, 2> noise = J * model.noise(z) * J.transpose();
   const double log_area = std::log(std::abs(J.determinant()));
   if (!std::isfinite(log_area) || noise.llt().info() != Eigen::Success) {
@@ -112,7 +105,7 @@ std::optional<Seen> seen_by(const RangeBearingModel& model, const RangeBearing& 
 }
 
 /// The ranges of an epoch to one tag, as positioning takes them.
-struct Heard {
+struct TagRanges {
   Id tag = 0;
   Vector<2> tag_in_body = Vector<2>::Zero();
   double height = 0.0;
@@ -123,30 +116,30 @@ struct Heard {
   [[nodiscard]] int rows() const { return static_cast<int>(range.size()); }
 };
 
-Heard heard_by(const Tag& tag, const std::vector<Range>& epoch, const AnchorMap& anchors,
-               const RangeModel::Config& noise) {
-  Heard heard{tag.id, tag.position.head<2>(), tag.position.z(), {}, {}, {}};
+TagRanges ranges_of(const Tag& tag, const std::vector<Range>& epoch, const AnchorMap& anchors,
+                    const RangeModel::Config& noise) {
+  TagRanges epoch_ranges{tag.id, tag.position.head<2>(), tag.position.z(), {}, {}, {}};
   for (const Range& z : epoch) {
     const Anchor* anchor = z.tag == tag.id ? anchors.find(z.anchor) : nullptr;
     const double range = anchor != nullptr ? (z.range - anchor->offset) / anchor->scale : 0.0;
     if (range > 0.0) {
       const double sigma = std::hypot(noise.sigma_m, noise.sigma_relative * z.range);
-      heard.anchor.push_back(anchor->position);
-      heard.range.push_back(range);
-      heard.sigma.push_back(z.sigma.value_or(sigma) / anchor->scale);
+      epoch_ranges.anchor.push_back(anchor->position);
+      epoch_ranges.range.push_back(range);
+      epoch_ranges.sigma.push_back(z.sigma.value_or(sigma) / anchor->scale);
     }
   }
-  return heard;
+  return epoch_ranges;
 }
 
-/// Of the tag that heard most anchors.
-Heard most_heard(const std::vector<Range>& epoch, const std::vector<Tag>& tags,
-                 const AnchorMap& anchors, const RangeModel::Config& noise) {
-  Heard most;
+/// Of the tag with ranges to most anchors.
+TagRanges most_ranges(const std::vector<Range>& epoch, const std::vector<Tag>& tags,
+                      const AnchorMap& anchors, const RangeModel::Config& noise) {
+  TagRanges most;
   for (const Tag& tag : tags) {
-    Heard heard = heard_by(tag, epoch, anchors, noise);
-    if (heard.rows() > most.rows()) {
-      most = std::move(heard);
+    TagRanges epoch_ranges = ranges_of(tag, epoch, anchors, noise);
+    if (epoch_ranges.rows() > most.rows()) {
+      most = std::move(epoch_ranges);
     }
   }
   return most;
@@ -163,25 +156,28 @@ struct Fit {
 bool is_same_place(const Fit& fit, const Fit& other) {
   const Vector<2> apart = fit.position - other.position;
   return other.cost <= fit.cost &&
-         apart.dot((fit.covariance + other.covariance).llt().solve(apart)) < kLinked;
+         apart.dot((fit.covariance + other.covariance).llt().solve(apart)) <
+             InitializerTuning::kSamePositionDistance;
 }
 
 /// Every position that ranges allow, without the range `left_out` if that is not negative.
-std::vector<Fit> positions(const Heard& heard, int left_out) {
+std::vector<Fit> positions(const TagRanges& epoch_ranges, int left_out) {
   std::vector<double> rows;
   std::vector<double> ranges;
   std::vector<double> sigmas;
-  for (int i = 0; i < heard.rows(); ++i) {
+  for (int i = 0; i < epoch_ranges.rows(); ++i) {
     const auto k = static_cast<std::size_t>(i);
     if (i != left_out && static_cast<int>(ranges.size()) < kMaxRanges) {
-      rows.insert(rows.end(), heard.anchor[k].data(), heard.anchor[k].data() + 3);
-      ranges.push_back(heard.range[k]);
-      sigmas.push_back(heard.sigma[k]);
+      rows.insert(rows.end(), epoch_ranges.anchor[k].data(), epoch_ranges.anchor[k].data() + 3);
+      ranges.push_back(epoch_ranges.range[k]);
+      sigmas.push_back(epoch_ranges.sigma[k]);
     }
   }
-  const AnchorTable table{rows.data(), static_cast<int>(ranges.size()), 3, heard.height};
-  const RangeLayout<2> layout(table, sigmas.data());
-  const RangeMinima<2> minima = internal::find_minima<2>(layout, ranges.data(), RangeLoss{}, -1.0);
+  const auto size = static_cast<Eigen::Index>(ranges.size());
+  const AnchorTable table{RowsView(rows.data(), size, 3), epoch_ranges.height};
+  const RangeLayout<2> layout(table, Eigen::Map<const Eigen::VectorXd>(sigmas.data(), size));
+  const RangeMinima<2> minima = internal::find_minima<2>(
+      layout, Eigen::Map<const Eigen::VectorXd>(ranges.data(), size), RangeLoss{}, -1.0);
   const double reach = *std::max_element(ranges.begin(), ranges.end());
   std::vector<Fit> fits;
   for (std::size_t j = 0; j < static_cast<std::size_t>(minima.count); ++j) {
@@ -195,32 +191,11 @@ std::vector<Fit> positions(const Heard& heard, int left_out) {
   return fits;
 }
 
-/// The mean heading of components spread all around is no mean: the covariance says so.
-PoseEstimate combined(const std::vector<std::pair<double, PoseEstimate>>& weighted) {
-  double total = 0.0;
-  Vector<2> position = Vector<2>::Zero();
-  double sine = 0.0;
-  double cosine = 0.0;
-  for (const auto& [weight, estimate] : weighted) {
-    total += weight;
-    position += weight * estimate.pose.position();
-    sine += weight * std::sin(estimate.pose.heading);
-    cosine += weight * std::cos(estimate.pose.heading);
-  }
-  PoseEstimate mean{weighted.front().second.stamp, {}, Matrix<3, 3>::Zero()};
-  mean.pose = {position.x() / total, position.y() / total, wrap_angle(std::atan2(sine, cosine))};
-  for (const auto& [weight, estimate] : weighted) {
-    const Vector<3> apart = local(estimate.pose, mean.pose);
-    mean.covariance += weight / total * (estimate.covariance + apart * apart.transpose());
-  }
-  return mean;
-}
-
 }  // namespace
 
 Initializer::Initializer(const Config& config, const PoseEkf::Config& estimator,
                          std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags,
-                         std::shared_ptr<const ScanMatcher> matcher, LandmarkSight landmarks)
+                         std::shared_ptr<const ScanMatcher> matcher, LandmarkSensor landmarks)
     : config_(config),
       estimator_(estimator),
       anchors_(std::move(anchors)),
@@ -325,7 +300,7 @@ void Initializer::on(const Range& z) {
       epoch_.clear();
     }
     if (!components_.empty()) {
-      hear(z);
+      weigh_range(z);
     } else if (is_known(z)) {
       epoch_.push_back(z);
     } else if (epoch_.empty()) {
@@ -347,23 +322,23 @@ bool Initializer::ends_epoch(const Range& z) const {
                              std::any_of(epoch_.begin(), epoch_.end(), is_same_link));
 }
 
-void Initializer::hear(const Range& z) {
+void Initializer::weigh_range(const Range& z) {
   // What a radio reads wrong while it stands is wrong again next time: it is evidence once, and
   // averaging has an end.
-  const int before = heard_before(z);
+  const int before = counted_before(z);
   if (before < config_.standing_ranges) {
     weigh(z, before == 0 ? std::optional(log_anything(z, config_.wrong_span_m)) : std::nullopt);
     reduce();
   }
 }
 
-int Initializer::heard_before(const Range& z) {
+int Initializer::counted_before(const Range& z) {
   if (!is_known(z)) {
     return 0;
   }
   for (Link& link : links_) {
     if (link.tag == z.tag && link.anchor == z.anchor) {
-      return std::exchange(link.heard, std::min(link.heard, kOften) + 1);
+      return std::exchange(link.count, std::min(link.count, InitializerTuning::kMaxLinkCount) + 1);
     }
   }
   links_.push_back({z.tag, z.anchor, 1});
@@ -385,7 +360,7 @@ void Initializer::on(const PositionFix& z) {
     }
     const PositionModel model(estimator_.position, tags_);
     const std::optional<Vector<2>> lever = model.lever(z.tag);
-    if (const ToldNoise<2> noise = model.noise(z); lever && noise.rows == 2) {
+    if (const ReportedNoise<2> noise = model.noise(z); lever && noise.rows == 2) {
       add_positions(z.position, noise.noise, *lever, 0.0, z.stamp);
     }
   });
@@ -403,7 +378,7 @@ void Initializer::on(const PoseObservation& z) {
       return;
     }
     const Pose2 pose{z.pose.x, z.pose.y, wrap_angle(z.pose.heading)};
-    if (const ToldNoise<3> noise = PoseModel(estimator_.pose).noise(z); noise.rows == 3) {
+    if (const ReportedNoise<3> noise = PoseModel(estimator_.pose).noise(z); noise.rows == 3) {
       components_.push_back(component({z.stamp, pose, noise.noise}, 0.0));
     }
   });
@@ -421,7 +396,7 @@ void Initializer::see(const RangeBearing& z) {
   if (!sightings_.empty() && sightings_.front().stamp != z.stamp) {
     sightings_.clear();
   }
-  if (sightings_.size() == kMostSightings) {
+  if (sightings_.size() == InitializerTuning::kMaxSightings) {
     return;
   }
   if (sightings_.empty()) {
@@ -457,7 +432,7 @@ double Initializer::log_by_chance(const RangeBearing& z) const {
 }
 
 /// Adds the poses that the newest sighting allows with each of the same stamp before it, unless a
-/// component tells them already: eq. (2) of docs/start.md.
+/// component is there already: eq. (2) of docs/start.md.
 void Initializer::add_constellations() {
   const std::optional<Seen> newest = seen_by(prototype_.landmark_model(), sightings_.back());
   const double probability = std::min(estimator_.gate_landmark, 0.9999);
@@ -475,7 +450,8 @@ void Initializer::add_constellations() {
              other->landmark, newest->landmark, prototype_.landmark_map(), probability)) {
       const PoseEstimate estimate{sightings_.back().stamp, match.pose, match.covariance};
       const auto tells_it = [&](const Component& known) {
-        return squared_distance(known.ekf.current(), estimate, true) < kLinked;
+        return internal::squared_distance(known.ekf.current(), estimate, true) <
+               InitializerTuning::kSamePositionDistance;
       };
       if (std::any_of(components_.begin(), components_.end(), tells_it) ||
           std::any_of(found.begin(), found.end(), tells_it)) {
@@ -526,10 +502,10 @@ Initializer::Component Initializer::component(const PoseEstimate& start, double 
 void Initializer::add_positions(const Vector<2>& tag_in_world, const Matrix<2, 2>& covariance,
                                 const Vector<2>& tag_in_body, double log_weight, Stamp stamp) {
   const double step = 2.0 * kPi / config_.headings;
-  const double sigma = 0.6 * step;  // the sum of such Gaussians is flat to 1 %
-  constexpr double kLeast = kPositionBounds.least * kPositionBounds.least;
+  const double sigma = InitializerTuning::kHeadingSigmaSteps * step;
+  constexpr double kMinVariance = kPositionBounds.min * kPositionBounds.min;
   Matrix<2, 2> known = covariance;  // no better than a state may be, or nothing of it is left in P
-  known.diagonal() = known.diagonal().cwiseMax(kLeast);
+  known.diagonal() = known.diagonal().cwiseMax(kMinVariance);
   std::vector<Component> added;
   for (int k = 0; k < config_.headings; ++k) {
     const double heading = wrap_angle(k * step);
@@ -561,14 +537,14 @@ void Initializer::locate() {
 }
 
 void Initializer::locate_by(const std::vector<Range>& epoch) {
-  const Heard heard = most_heard(epoch, tags_, *anchors_, estimator_.range);
-  if (heard.rows() < 2) {
-    waiting_for_ = heard.rows() == 0 ? kNoneKnown : "ranges to one anchor only";
+  const TagRanges epoch_ranges = most_ranges(epoch, tags_, *anchors_, estimator_.range);
+  if (epoch_ranges.rows() < 2) {
+    waiting_for_ = epoch_ranges.rows() == 0 ? kNoneKnown : "ranges to one anchor only";
     return;
   }
-  std::vector<Fit> fits = positions(heard, -1);
-  for (int left_out = 0; heard.rows() > 2 && left_out < heard.rows(); ++left_out) {
-    for (Fit& fit : positions(heard, left_out)) {  // any range may be wrong
+  std::vector<Fit> fits = positions(epoch_ranges, -1);
+  for (int left_out = 0; epoch_ranges.rows() > 2 && left_out < epoch_ranges.rows(); ++left_out) {
+    for (Fit& fit : positions(epoch_ranges, left_out)) {  // any range may be wrong
       fit.cost -= 2.0 * std::log(config_.wrong_share);
       if (std::none_of(fits.begin(), fits.end(),
                        [&](const Fit& other) { return is_same_place(fit, other); })) {
@@ -582,14 +558,14 @@ void Initializer::locate_by(const std::vector<Range>& epoch) {
     least = std::min(least, fit.cost);
   }
   for (const Fit& fit : fits) {
-    add_positions(fit.position, fit.covariance, heard.tag_in_body, -0.5 * (fit.cost - least),
+    add_positions(fit.position, fit.covariance, epoch_ranges.tag_in_body, -0.5 * (fit.cost - least),
                   epoch.back().stamp);
   }
   for (const Range& z : epoch) {
-    if (z.tag == heard.tag) {
-      (void)heard_before(z);
-    } else if (!components_.empty()) {  // another tag of the body tells the heading
-      hear(z);
+    if (z.tag == epoch_ranges.tag) {
+      (void)counted_before(z);
+    } else if (!components_.empty()) {  // another tag of the body shows the heading
+      weigh_range(z);
     }
   }
 }
@@ -612,7 +588,7 @@ void Initializer::match(const LaserScan& z) {
     component.ekf.advance_to(z.stamp);
   }
   std::vector<Component> matched;
-  for (const Cluster& place : clusters(false)) {
+  for (const internal::GaussianCluster& place : internal::clusters(components_, false)) {
     const Vector<2> position = place.estimate.pose.position();
     const Matrix<2, 2> covariance = place.estimate.covariance.topLeftCorner<2, 2>();
     const ScanSearch found = matcher_->search(z, position, covariance);
@@ -657,71 +633,11 @@ void Initializer::match(Stamp stamp, const ScanMatch& fit, double log_likelihood
   }
 }
 
-// The Gaussian sum --------------------------------------------------------------------------------
-
 void Initializer::reduce() {
-  std::sort(components_.begin(), components_.end(),
-            [](const Component& a, const Component& b) { return a.log_weight > b.log_weight; });
-  const double best = components_.front().log_weight;
+  const double best = internal::reduce(
+      components_, [this](const PoseEstimate& start) { return started_at(start); });
   log_before_ -= best;
   log_nowhere_ -= best;
-  std::vector<Component> kept;
-  for (Component& next : components_) {
-    next.log_weight -= best;
-    if (next.log_weight < kForgotten) {
-      break;
-    }
-    const auto twin = std::find_if(kept.begin(), kept.end(), [&](const Component& other) {
-      return is_same(other.ekf.current(), next.ekf.current());
-    });
-    if (twin == kept.end()) {
-      kept.push_back(std::move(next));
-    } else {
-      const PoseEstimate both = combined({{std::exp(twin->log_weight), twin->ekf.current()},
-                                          {std::exp(next.log_weight), next.ekf.current()}});
-      *twin = component(both, log_sum(twin->log_weight, next.log_weight));
-    }
-  }
-  components_ = std::move(kept);
-}
-
-std::vector<Initializer::Cluster> Initializer::clusters(bool by_heading) const {
-  std::vector<std::size_t> left(components_.size());
-  std::iota(left.begin(), left.end(), 0U);
-  std::vector<Cluster> found;
-  while (!left.empty()) {
-    std::vector<std::size_t> members{left.front()};
-    left.erase(left.begin());
-    for (std::size_t i = 0; i < members.size(); ++i) {  // grows while neighbours are found
-      const PoseEstimate here = components_[members[i]].ekf.current();
-      const auto is_near = [&](std::size_t k) {
-        const PoseEstimate there = components_[k].ekf.current();
-        return squared_distance(here, there, by_heading) < (by_heading ? kLinked : kSamePlace);
-      };
-      const auto near = std::stable_partition(left.begin(), left.end(),
-                                              [&](std::size_t k) { return !is_near(k); });
-      members.insert(members.end(), near, left.end());
-      left.erase(near, left.end());
-    }
-    found.push_back(cluster(members));
-  }
-  std::stable_sort(found.begin(), found.end(),
-                   [](const Cluster& a, const Cluster& b) { return a.log_weight > b.log_weight; });
-  return found;
-}
-
-Initializer::Cluster Initializer::cluster(const std::vector<std::size_t>& members) const {
-  double log_weight = -std::numeric_limits<double>::infinity();
-  for (const std::size_t member : members) {
-    log_weight = log_sum(log_weight, components_[member].log_weight);
-  }
-  std::vector<std::pair<double, PoseEstimate>> weighted;
-  weighted.reserve(members.size());
-  for (const std::size_t member : members) {
-    weighted.emplace_back(std::exp(components_[member].log_weight - log_weight),
-                          components_[member].ekf.current());
-  }
-  return {combined(weighted), log_weight};
 }
 
 Initializer::State Initializer::state() const {
@@ -730,14 +646,14 @@ Initializer::State Initializer::state() const {
     state.reason = waiting_for_;
     return state;
   }
-  const std::vector<Cluster> all = clusters(true);
+  const std::vector<internal::GaussianCluster> all = internal::clusters(components_, true);
   double total = log_nowhere_;
-  for (const Cluster& one : all) {
+  for (const internal::GaussianCluster& one : all) {
     total = log_sum(total, one.log_weight);
   }
-  for (const Cluster& one : all) {
+  for (const internal::GaussianCluster& one : all) {
     const double probability = std::exp(one.log_weight - total);
-    if (probability >= kShown) {
+    if (probability >= InitializerTuning::kMinProbability) {
       state.hypotheses.push_back({one.estimate, probability});
     }
   }

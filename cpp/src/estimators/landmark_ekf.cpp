@@ -50,7 +50,7 @@ Eigen::MatrixXd compressed(const Covariance& P, Pairings& pairings) {
 
 }  // namespace
 
-LandmarkEkf::Recipe LandmarkEkf::recipe_of(const Config& config, const Pose2& sensor_in_body) {
+LandmarkEkf::Recipe LandmarkEkf::recipe_of(const Config& config, const Pose2& T_body_sensor) {
   validate(config.limits);
   at_least(1, "min_sightings", config.min_sightings);
   at_least(0, "max_landmarks", config.max_landmarks);
@@ -62,7 +62,7 @@ LandmarkEkf::Recipe LandmarkEkf::recipe_of(const Config& config, const Pose2& se
   return {config,
           OdometryMotion(config.odometry),
           internal::lost_motion(config),
-          RangeBearingModel(config.landmark, sensor_in_body),
+          RangeBearingModel(config.landmark, T_body_sensor),
           PositionModel(config.position),
           Gate(config.gate_landmark),
           Gate(config.gate_position),
@@ -72,8 +72,8 @@ LandmarkEkf::Recipe LandmarkEkf::recipe_of(const Config& config, const Pose2& se
 }
 
 LandmarkEkf::LandmarkEkf(const Config& config, const PoseEstimate& start,
-                         const Pose2& sensor_in_body, const std::vector<KnownLandmark>& known)
-    : recipe_(std::make_shared<const Recipe>(recipe_of(config, sensor_in_body))),
+                         const Pose2& T_body_sensor, const std::vector<KnownLandmark>& known)
+    : recipe_(std::make_shared<const Recipe>(recipe_of(config, T_body_sensor))),
       belief_(GaussianBelief::of_pose(start.stamp, start.pose, start.covariance)),
       body_(belief_.slot("body")),
       odometry_(start.stamp) {
@@ -271,7 +271,7 @@ Outcome LandmarkEkf::unexplained(const RangeBearing& z, std::vector<bool>& seen)
   return count(track, z, match.outcome);
 }
 
-/// The landmark with the least NIS among those in reach, tentative ones as well.
+/// The landmark with the smallest NIS among those in reach, tentative ones as well.
 LandmarkEkf::Match LandmarkEkf::nearest(const RangeBearing& z) const {
   Match match;
   for (std::size_t k = 0; k < tracks_.size(); ++k) {
@@ -311,7 +311,7 @@ Outcome LandmarkEkf::add(const RangeBearing& z) {
   }
   const Id id = z.landmark.value_or(unnamed_);
   const Matrix<2, 2> noise =
-      placed->by_sighting * recipe_->landmark.noise(z) * placed->by_sighting.transpose();
+      placed->by_observation * recipe_->landmark.noise(z) * placed->by_observation.transpose();
   const Slot slot = augment(belief_, name_of(id), SlotKind::kPoint2, placed->position,
                             placed->by_pose, noise, body_);
   const bool confirmed = z.landmark || recipe_->config.min_sightings == 1;
@@ -361,8 +361,8 @@ bool LandmarkEkf::in_reach(const Track& track, const RangeBearing& z) const {
   if (!z.range) {
     return true;
   }
-  const Pose2 sensor = pose() * recipe_->landmark.sensor_in_body();
-  const double squared_arm = recipe_->landmark.sensor_in_body().position().squaredNorm();
+  const Pose2 sensor = pose() * recipe_->landmark.T_body_sensor();
+  const double squared_arm = recipe_->landmark.T_body_sensor().position().squaredNorm();
   double spread = belief_.P(0, 0) + belief_.P(1, 1) + squared_arm * belief_.P(2, 2);
   if (track.slot) {
     const int row = belief_.offset(*track.slot);
@@ -409,7 +409,7 @@ PoseEstimate LandmarkEkf::estimate() const {
 PoseEstimate LandmarkEkf::estimate(Stamp stamp) const {
   internal::check_not_before(belief_.stamp, stamp);
   const PoseEstimate now = current();
-  // The landmarks do not move: the pose alone tells it, and its slot has the same id.
+  // The landmarks do not move: the pose is enough, and its slot has the same id.
   GaussianBelief body = GaussianBelief::of_pose(now.stamp, now.pose, now.covariance);
   internal::advance(*recipe_, odometry_, body_, body, stamp);
   return {body.stamp, body.pose(body_), Matrix<3, 3>(body.P)};

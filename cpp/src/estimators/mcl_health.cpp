@@ -1,134 +1,190 @@
 // SPDX-License-Identifier: Apache-2.0
-// How far an Mcl's estimate may be trusted: what scans say to its Health.
+#include "locfuse/estimators/mcl_health.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 
-#include "locfuse/estimators/mcl.hpp"
+#include "estimators/mcl_tuning.hpp"
+#include "locfuse/filters/gate.hpp"
 #include "locfuse/math/counter_random.hpp"
 
-namespace locfuse {
+namespace locfuse::internal {
 namespace {
 
-constexpr double kNear = 0.3;    // from the laser: what covers it is nearer [m]
-constexpr double kStands = 1.0;  // after which a scan is news though nothing moved [s]
-constexpr double kChosen = 0.9;  // probability of a cluster below which others fit, too
-constexpr int kElsewhere = 2;    // poses from which a scan is explained by chance
-constexpr std::uint64_t kKey = 0x6865616C7468ULL;  // of their draws, which no other shares
+using Tuning = MclHealthTuning;
+
+const Gate kAcceptanceGate(Tuning::kGateConfidence);
+
+/// Poses of the laser in cells at which a scan is evaluated: that of the estimate, then random
+/// ones in free space, which show what fits by chance.
+std::array<Pose2, 1 + Tuning::kChancePoses> laser_poses(const MclRecipe& recipe, const LaserScan& z,
+                                                        const Pose2& here) {
+  const double per_cell = 1.0 / recipe.grid().resolution();
+  std::array<Pose2, 1 + Tuning::kChancePoses> poses{recipe.to_cells(here)};
+  const std::uint64_t key =
+      random_bits(recipe.config.seed ^ Tuning::kChanceKey, static_cast<std::uint64_t>(z.stamp));
+  for (std::uint64_t k = 1; k < poses.size(); ++k) {
+    const Vector<2> corner = recipe.free_cell(random_uniform(key, 2 * k));
+    poses[k] = {corner.x() + 0.5, corner.y() + 0.5, 2.0 * kPi * random_uniform(key, 2 * k + 1)};
+  }
+  const Pose2& mount = z.geometry->pose_in_body;
+  const Pose2 mount_in_cells{mount.x * per_cell, mount.y * per_cell, mount.heading};
+  for (Pose2& pose : poses) {
+    pose = pose * mount_in_cells;
+  }
+  return poses;
+}
+
+/// Counts of a scan's returns.
+struct Counts {
+  std::array<int, 1 + Tuning::kChancePoses> explained{};  // by a wall, per pose
+  int returns = 0;
+  int covered = 0;
+  double squares = 0.0;  // sum of squared ranges [m^2]
+};
+
+/// Counts as many returns as weigh particles.
+Counts count_returns(const MclRecipe& recipe, const LikelihoodField& field, const LaserScan& z,
+                     const Pose2& here) {
+  const MclConfig& config = recipe.config;
+  const LaserGeometry& geometry = *z.geometry;
+  const double per_cell = 1.0 / recipe.grid().resolution();
+  const auto poses = laser_poses(recipe, z, here);
+  const double max_range = std::min(geometry.range_max, config.field.max_range_m);
+  const std::size_t step = std::max<std::size_t>(
+      z.ranges.size() / static_cast<std::size_t>(std::max(config.beams, 1)), 1);
+  Counts counts;
+  for (std::size_t i = 0; i < z.ranges.size(); i += step) {
+    const double range = z.ranges[i];
+    if (!(range > 0.0 && range < max_range)) {
+      continue;
+    }
+    ++counts.returns;
+    counts.squares += range * range;
+    const bool is_near = range < std::max(Tuning::kCoverDistance, geometry.range_min);
+    const double angle = geometry.angle_min + static_cast<double>(i) * geometry.angle_increment;
+    const Vector<2> end = range * per_cell * Vector<2>(std::cos(angle), std::sin(angle));
+    for (std::size_t k = 0; k < poses.size(); ++k) {
+      const Vector<2> seen = poses[k].act(end);
+      const bool fits = field.explains(seen.x(), seen.y());
+      if (k == 0 && is_near && (range < geometry.range_min || !fits)) {
+        ++counts.covered;
+        break;
+      }
+      counts.explained[k] += fits ? 1 : 0;
+    }
+  }
+  return counts;
+}
 
 }  // namespace
 
-/// What a scan says of a pose; shares by as many beams as weigh particles.
-ScanEvidence Mcl::evidence_of(const LaserScan& z, const PoseEstimate& here) const {
-  const Config& config = recipe_->config;
-  const LaserGeometry& geometry = *z.geometry;
-  // Sharp enough to tell places apart, wider than a cluster that is found.
+void MclHealth::start(Stamp stamp, double wrong) {
+  is_active_ = true;
+  health_.start(stamp, wrong);
+}
+
+void MclHealth::restart(Stamp stamp, bool is_active) {
+  is_active_ = is_active;
+  health_.start(stamp);
+}
+
+void MclHealth::add_motion(const Pose2& motion) {
+  const MclConfig& config = recipe_->config;
+  travelled_ +=
+      motion.position().norm() / std::max(config.spacing_m, Tuning::kMinScanSpacing) +
+      std::abs(motion.heading) / std::max(config.spacing_heading_rad, Tuning::kMinScanSpacing);
+}
+
+ScanEvidence MclHealth::evidence_of(const LaserScan& z, const PoseEstimate& here) const {
+  // The second narrowest field: sharp enough to separate places, wider than a tracked cluster.
   const LikelihoodField& field =
       recipe_->fields[std::min<std::size_t>(1, recipe_->fields.size() - 1)];
-  const double per_cell = 1.0 / grid().resolution();
-  std::array<Pose2, 1 + kElsewhere> eyes{to_cells(here.pose)};
-  const std::uint64_t key = random_bits(config.seed ^ kKey, static_cast<std::uint64_t>(z.stamp));
-  for (std::uint64_t k = 1; k < eyes.size(); ++k) {
-    const auto cell = recipe_->free[static_cast<std::size_t>(
-        random_uniform(key, 2 * k) * static_cast<double>(recipe_->free.size()))];
-    const std::int32_t row = cell / grid().width();
-    eyes[k] = {cell % grid().width() + 0.5, row + 0.5, 2.0 * kPi * random_uniform(key, 2 * k + 1)};
-  }
-  const Pose2 mount{geometry.pose_in_body.x * per_cell, geometry.pose_in_body.y * per_cell,
-                    geometry.pose_in_body.heading};
-  for (Pose2& eye : eyes) {
-    eye = eye * mount;
-  }
-  const double longest = std::min(geometry.range_max, config.field.max_range_m);
-  const std::size_t step = std::max<std::size_t>(
-      z.ranges.size() / static_cast<std::size_t>(std::max(config.beams, 1)), 1);
-  std::array<int, 1 + kElsewhere> explained{};
-  double squares = 0.0;  // of ranges [m^2]
-  int returns = 0;
-  int covered = 0;
-  for (std::size_t i = 0; i < z.ranges.size(); i += step) {
-    const double range = z.ranges[i];
-    if (!(range > 0.0 && range < longest)) {
-      continue;
-    }
-    ++returns;
-    squares += range * range;
-    const bool is_near = range < std::max(kNear, geometry.range_min);
-    const double angle = geometry.angle_min + static_cast<double>(i) * geometry.angle_increment;
-    const Vector<2> end = range * per_cell * Vector<2>(std::cos(angle), std::sin(angle));
-    for (std::size_t k = 0; k < eyes.size(); ++k) {
-      const Vector<2> seen = eyes[k].act(end);
-      const bool fits = field.explains(seen.x(), seen.y());
-      if (k == 0 && is_near && (range < geometry.range_min || !fits)) {
-        ++covered;
-        break;
-      }
-      explained[k] += fits ? 1 : 0;
-    }
-  }
+  const Counts counts = count_returns(*recipe_, field, z, here.pose);
   ScanEvidence evidence;
   evidence.stamp = z.stamp;
-  const auto clear = static_cast<double>(std::max(returns - covered, 1));
-  evidence.explained = explained[0] / clear;
-  for (std::size_t k = 1; k < eyes.size(); ++k) {
-    evidence.by_chance += explained[k] / (clear * kElsewhere);
+  const auto clear = static_cast<double>(std::max(counts.returns - counts.covered, 1));
+  evidence.explained = counts.explained[0] / clear;
+  for (std::size_t k = 1; k < counts.explained.size(); ++k) {
+    evidence.by_chance += counts.explained[k] / (clear * Tuning::kChancePoses);
   }
-  evidence.covered = returns > 0 ? static_cast<double>(covered) / returns : 0.0;
-  // From a pose that is vaguely known a scan says little: its ends are as vague.
+  evidence.covered =
+      counts.returns > 0 ? static_cast<double>(counts.covered) / counts.returns : 0.0;
+  // Where the pose is uncertain its end points are as well, and the scan says little.
   const Matrix<3, 3>& P = here.covariance;
-  const double vague = std::max(P(0, 0), P(1, 1)) + P(2, 2) * squares / std::max(returns, 1);
+  const double variance =
+      std::max(P(0, 0), P(1, 1)) + P(2, 2) * counts.squares / std::max(counts.returns, 1);
   const double reach = 1.25 * field.config().sigma_hit_m;
-  evidence.news = reach * reach / (reach * reach + vague);
-  evidence.independent = std::min(config.independent_beams, static_cast<double>(returns));
+  evidence.novelty = reach * reach / (reach * reach + variance);
+  evidence.independent =
+      std::min(recipe_->config.independent_beams, static_cast<double>(counts.returns));
   return evidence;
 }
 
-/// Lets health hear a scan, as far as it is news.
-void Mcl::tell(ScanEvidence evidence) {
+void MclHealth::report_scan(ScanEvidence evidence) {
   if (evidence.independent > 0.0) {
-    const double waited = judged_ ? seconds_between(*judged_, evidence.stamp) / kStands : 1.0;
-    evidence.news *= std::min(since_judged_ + std::max(waited, 0.0), 1.0);
-    judged_ = evidence.stamp;
-    since_judged_ = 0.0;
-    health_.hear(evidence);
+    const double waited =
+        last_scan_ ? seconds_between(*last_scan_, evidence.stamp) / Tuning::kStationaryPeriod : 1.0;
+    evidence.novelty *= std::min(travelled_ + std::max(waited, 0.0), 1.0);
+    last_scan_ = evidence.stamp;
+    travelled_ = 0.0;
+    health_.record(evidence);
   }
 }
 
-/// A scan without what is right before the laser.
-LaserScan Mcl::uncovered(LaserScan z) {
-  for (double& range : z.ranges) {
-    range = range < kNear ? std::numeric_limits<double>::quiet_NaN() : range;
+std::optional<LaserScan> MclHealth::without_cover(const LaserScan& z,
+                                                  const ScanEvidence& evidence) {
+  if (!(evidence.covered > Tuning::kRemovedCover)) {
+    return std::nullopt;
   }
-  return z;
+  LaserScan clear = z;
+  for (double& range : clear.ranges) {
+    range = range < Tuning::kCoverDistance ? std::numeric_limits<double>::quiet_NaN() : range;
+  }
+  return clear;
 }
 
-/// What health knows of the likeliest cluster, and that the body may be in another.
-HealthReport Mcl::health() const {
-  const double chosen = std::min(hypotheses_.front().probability, 1.0);  // sums of floats
+template <class Message>
+void MclHealth::record(const Message& z, Outcome outcome) {
+  if (is_active_) {
+    const double limit = kAcceptanceGate.limit(outcome.dof);
+    outcome.verdict = outcome.nis > limit ? Verdict::kGated : Verdict::kFused;
+    health_.record(named_source_of(z), z.stamp, outcome, limit, health_.outlier_volume(z));
+  }
+}
+template void MclHealth::record(const Range& z, Outcome outcome);
+template void MclHealth::record(const PositionFix& z, Outcome outcome);
+template void MclHealth::record(const PoseObservation& z, Outcome outcome);
+template void MclHealth::record(const RangeBearing& z, Outcome outcome);
+
+HealthReport MclHealth::report(double probability, const PoseEstimate& estimate,
+                               bool has_scan) const {
+  const double chosen = std::min(probability, 1.0);  // a sum of floats may exceed 1
   HealthReport report;
-  if (!is_found_) {
-    report.stamp = std::max(stamp_, odometry_.end());
-    if (scanned_ && chosen < kChosen) {
+  if (!is_active_) {
+    report.stamp = estimate.stamp;
+    if (has_scan && chosen < Tuning::kMinProbabilityChosen) {
       report.state = HealthState::kAmbiguous;
-      report.clue = HealthClue::kSeveralPlaces;
+      report.reason = HealthReason::kSeveralPlaces;
     }
     return report;
   }
   const Health::Config& config = recipe_->config.health;
-  report = health_.report(estimate());
+  report = health_.report(estimate);
   report.wrong = 1.0 - (1.0 - report.wrong) * chosen;
   report.within *= chosen;
   if (!(report.wrong < 0.5 * config.risk)) {
     report.protection.setConstant(std::numeric_limits<double>::infinity());
   }
-  if (report.state != HealthState::kLost && chosen < kChosen) {
+  if (report.state != HealthState::kLost && chosen < Tuning::kMinProbabilityChosen) {
     const bool is_lost = report.wrong > config.probability_lost;
     report.state = is_lost ? HealthState::kLost : HealthState::kAmbiguous;
-    report.clue = HealthClue::kSeveralPlaces;
+    report.reason = HealthReason::kSeveralPlaces;
     report.source.reset();
   }
   return report;
 }
 
-}  // namespace locfuse
+}  // namespace locfuse::internal

@@ -1,21 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where an Mcl draws its particles from: odometry and a match of the scan together.
+// The proposal of FastSLAM 2.0: draws particles from odometry and a scan match together.
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
-#include "locfuse/estimators/mcl.hpp"
-#include "locfuse/math/counter_random.hpp"
+#include "locfuse/estimators/mcl_particle_filter.hpp"
 
-namespace locfuse {
+namespace locfuse::internal {
 namespace {
 
-/// What odometry and a scan say together of a particle that odometry alone moves to m, in cells:
-/// N(m + pull (place - m) + shift, L L').
+/// Where a particle that odometry alone moves to m is drawn, in cells:
+/// N(m + gain (match - m) + shift, L L'); eq. (4) of docs/models/mcl.md.
 struct Proposal {
-  Pose2 place;  // where the match fits
-  Matrix<3, 3> pull;
+  Pose2 match;
+  Matrix<3, 3> gain;
   Vector<3> shift;
   Matrix<3, 3> L;
   Matrix<3, 3> precision;  // of odometry alone
@@ -23,14 +22,13 @@ struct Proposal {
 
 }  // namespace
 
-/// Returns false, and moves nothing, where there is no match to draw from.
-bool Mcl::settle_by_match(const LaserScan& z, const Pose2& motion_in_cells) {
-  const Config& config = recipe_->config;
-  if (belief_.size > config.refine_up_to || !tracking_ || belief_.stamp == stamp_) {
+bool ParticleFilter::propagate_by_match(const LaserScan& z, double sigma_hit, RandomKeys& keys) {
+  const MclConfig& config = recipe_->config;
+  if (belief_.size > config.refine_up_to || !has_pending_motion()) {
     return false;
   }
-  const PoseEstimate& before = hypotheses_.front().estimate;
-  const PoseEstimate prior = carried(before, pending_, stamp_);
+  const PoseEstimate& before = best().estimate;
+  const PoseEstimate prior = predicted(before);
   const ScanMatch match = recipe_->matcher->refine(z, prior.pose, prior.covariance);
   Matrix<3, 3> turned = Matrix<3, 3>::Identity();
   const double c = std::cos(before.pose.heading);
@@ -42,9 +40,9 @@ bool Mcl::settle_by_match(const LaserScan& z, const Pose2& motion_in_cells) {
     return false;
   }
   // No narrower than the likelihood that will weigh the draws.
-  const double most = config.independent_beams / (2.0 * sigma_hit() * sigma_hit());
+  const double max_information = config.independent_beams / (2.0 * sigma_hit * sigma_hit);
   const Eigen::SelfAdjointEigenSolver<Matrix<2, 2>> xy(match.information.topLeftCorner<2, 2>());
-  const double share = std::min(1.0, most / xy.eigenvalues()(1));
+  const double share = std::min(1.0, max_information / xy.eigenvalues()(1));
   const Matrix<3, 3> scan = share * match.information;
   const Matrix<3, 3> identity = Matrix<3, 3>::Identity();
   const Matrix<3, 3> precision = odometry.solve(identity);
@@ -55,28 +53,30 @@ bool Mcl::settle_by_match(const LaserScan& z, const Pose2& motion_in_cells) {
   }
   const Vector<3> pull_back = prior.covariance.llt().solve(local(match.pose, prior.pose));
 
-  const Matrix<3, 3> to_world = metres_per_cell();
+  const Matrix<3, 3> to_world = recipe_->world_per_cell();
   const Matrix<3, 3> from_world = to_world.inverse();
-  const Proposal q{to_cells(match.pose), from_world * P * scan * to_world,
+  const Proposal q{recipe_->to_cells(match.pose), from_world * P * scan * to_world,
                    from_world * P * (share * pull_back),
                    (from_world * P * from_world.transpose()).llt().matrixL(),
                    to_world.transpose() * precision * to_world};
 
-  const std::uint64_t key = next_key();
-  move(belief_, {motion_in_cells, Matrix<3, 3>::Zero()}, next_key(), *recipe_->workers);
+  const UncertainMotion step = pending_in_cells();
+  const std::uint64_t key = keys.next();
+  move(belief_, {step.motion, Matrix<3, 3>::Zero()}, keys.next(), *recipe_->workers);
   correction_.assign(static_cast<std::size_t>(belief_.size), 0.0F);
   recipe_->workers->share(belief_.size, 1, [&](int begin, int end) {
     for (int i = begin; i < end; ++i) {
       const auto k = static_cast<std::size_t>(i);
       const Pose2 moved = belief_.pose(k);
       const Vector<3> normal = random_normal3(key, static_cast<std::uint64_t>(i));
-      const Vector<3> by = q.pull * local(q.place, moved) + q.shift + q.L * normal;
+      const Vector<3> by = q.gain * local(q.match, moved) + q.shift + q.L * normal;
       correction_[k] = static_cast<float>(0.5 * (normal.squaredNorm() - by.dot(q.precision * by)));
       belief_.put(k, retract(moved, by));
     }
   });
   reweigh(belief_, correction_, 1.0, 1.0);
+  finish_propagation(step);
   return true;
 }
 
-}  // namespace locfuse
+}  // namespace locfuse::internal

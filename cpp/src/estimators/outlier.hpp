@@ -6,7 +6,7 @@
 
 #include "locfuse/filters/outcome.hpp"
 #include "locfuse/messages/messages.hpp"
-#include "locfuse/messages/told_covariance.hpp"
+#include "locfuse/messages/reported_covariance.hpp"
 
 /// What messages say that say nothing of the pose: docs/start.md eq. (1).
 namespace locfuse::internal {
@@ -14,10 +14,10 @@ namespace locfuse::internal {
 /// Log density of a message that may be anything within `span` [m], and any angle.
 inline double log_anything(const Range& /*z*/, double span) { return -std::log(span); }
 template <int N>
-double log_anything(const Matrix<N, N>& told, double span) {
+double log_anything(const Matrix<N, N>& covariance, double span) {
   double sum = 0.0;
   for (int axis = 0; axis < N; ++axis) {
-    if (!is_told<N>(told) || told(axis, axis) < kNotMeasured) {
+    if (!is_reported<N>(covariance) || covariance(axis, axis) < kNotMeasured) {
       sum -= std::log(axis < 2 ? span : 2.0 * kPi);
     }
   }

@@ -16,9 +16,9 @@ using internal::Transaction;
 
 namespace {
 
-const NoiseShape kGaussian;
+constexpr internal::AlwaysGaussian kGaussian;
 
-/// A sighting of the landmark with the least NIS under the belief, if there is one.
+/// A sighting of the landmark with the smallest NIS under the belief, if there is one.
 template <class Linearize>
 auto nearest(const GaussianBelief& belief, const LandmarkMap& map, const Linearize& linearize) {
   using Lin = std::decay_t<decltype(*linearize(std::declval<const Landmark&>()))>;
@@ -40,14 +40,31 @@ auto nearest(const GaussianBelief& belief, const LandmarkMap& map, const Lineari
   return found;
 }
 
+/// Of up to kMaxJoint rows: one decomposition for all sizes known at run time.
+double determinant_at_run_time(const Eigen::Ref<const Eigen::MatrixXd>& noise) {
+  constexpr int kMaxRows = PoseEkf::kMaxJoint;
+  return Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMaxRows, kMaxRows>(
+             noise)
+      .determinant();
+}
+
+template <class Noise>
+double determinant_of(const Noise& noise) {
+  if constexpr (Noise::RowsAtCompileTime == Eigen::Dynamic) {
+    return determinant_at_run_time(noise);
+  } else {
+    return noise.determinant();
+  }
+}
+
 }  // namespace
 
 PoseEkf::PoseEkf(const Config& config, const std::shared_ptr<const AnchorMap>& anchors,
-                 std::vector<Tag> tags, const PoseEstimate& start, LandmarkSight landmarks)
+                 std::vector<Tag> tags, const PoseEstimate& start, LandmarkSensor landmarks)
     : recipe_(std::make_shared<const Recipe>(Recipe{
           config, OdometryMotion(config.odometry), internal::lost_motion(config),
           RangeModel(config.range, anchors, tags), PositionModel(config.position, std::move(tags)),
-          PoseModel(config.pose), RangeBearingModel(config.landmark, landmarks.sensor_in_body),
+          PoseModel(config.pose), RangeBearingModel(config.landmark, landmarks.T_body_sensor),
           Calibration(config.calibration, *anchors),
           landmarks.map ? std::move(landmarks.map) : std::make_shared<const LandmarkMap>(),
           Gate(config.gate_range), Gate(config.gate_position), Gate(config.gate_pose),
@@ -75,9 +92,9 @@ PoseEkf PoseEkf::restarted(const PoseEstimate& start) const {
   return other;
 }
 
-template <class Linearize>
+template <class Noise, class Linearize>
 Outcome PoseEkf::correct(std::optional<Source> source, Stamp stamp, const Gate& gate,
-                         const NoiseShape& noise, Slots slots, const Linearize& linearize) {
+                         const Noise& noise, Slots slots, const Linearize& linearize) {
   if (stamp < belief_.stamp) {
     return {Verdict::kStale};
   }
@@ -88,12 +105,13 @@ Outcome PoseEkf::correct(std::optional<Source> source, Stamp stamp, const Gate& 
     return transaction.close({Verdict::kNotModelled});
   }
   if (!source || !adaptive_.is_on()) {
-    return transaction.close(update(belief_, *lin, slots, gate, noise));
+    return transaction.close(internal::fuse(belief_, *lin, slots, gate, noise));
   }
   lin->noise *= adaptive_.factor(*source);
-  const Outcome outcome = transaction.close(update(belief_, *lin, slots, gate, noise));
+  const Outcome outcome = transaction.close(internal::fuse(belief_, *lin, slots, gate, noise));
   const auto rows = static_cast<double>(lin->noise.rows());
-  adaptive_.hear(*source, outcome, std::pow(std::max(lin->noise.determinant(), 0.0), 1.0 / rows));
+  adaptive_.record(*source, outcome,
+                   std::pow(std::max(determinant_of(lin->noise), 0.0), 1.0 / rows));
   return outcome;
 }
 

@@ -33,8 +33,8 @@ inline double positive(const char* name, double value) {
 }
 
 inline Stamp stamps_of(const char* name, double seconds) {
-  constexpr double kForever = 1e9;  // 32 years: end of a hold and any clock's time fit in a Stamp
-  return static_cast<Stamp>(std::min(positive(name, seconds), kForever) * kNanosecondsPerSecond);
+  constexpr double kMaxSeconds = 1e9;  // 32 years: with any clock's time it fits in a Stamp
+  return static_cast<Stamp>(std::min(positive(name, seconds), kMaxSeconds) * kNanosecondsPerSecond);
 }
 
 template <class Config>
@@ -51,6 +51,20 @@ NoiseShape noise_of(const char* name, NoiseKind kind, const Config& config) {
                                 "ranges have a long side");
   }
   return NoiseShape({kind, config.robust_dof, config.robust_late_share});
+}
+
+/// Stands for noise that no config can make anything but Gaussian.
+struct AlwaysGaussian {};
+
+template <class Lin>
+Outcome fuse(GaussianBelief& belief, const Lin& lin, Slots slots, const Gate& gate,
+             const NoiseShape& noise) {
+  return update(belief, lin, slots, gate, noise);
+}
+template <class Lin>
+Outcome fuse(GaussianBelief& belief, const Lin& lin, Slots slots, const Gate& gate,
+             AlwaysGaussian /*noise*/) {
+  return update(belief, lin, slots, gate);
 }
 
 /// Standing where nothing is known of the motion any more.
@@ -186,7 +200,7 @@ constexpr bool kCalibrates = false;
 template <class Recipe>
 constexpr bool kCalibrates<Recipe, std::void_t<decltype(Recipe::calibration)>> = true;
 
-/// Moves the body, and the errors that are states, as odometry tells.
+/// Moves the body, and the errors that are states, by odometry.
 template <class Recipe>
 void drive(const Recipe& recipe, GaussianBelief& belief, Slot body, const Pose2& motion,
            Stamp stamp) {

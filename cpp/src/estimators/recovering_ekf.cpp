@@ -30,7 +30,7 @@ const Gate& gate_of(const Recipe& recipe, const RangeBearing& /*z*/) {
 
 RecoveringEkf::RecoveringEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
                              std::vector<Tag> tags, std::shared_ptr<const ScanMatcher> matcher,
-                             LandmarkSight landmarks)
+                             LandmarkSensor landmarks)
     : recipe_(std::make_shared<const Recipe>(
           Recipe{config, Gate(config.estimator.gate_range), Gate(config.estimator.gate_position),
                  Gate(config.estimator.gate_pose), Gate(config.estimator.gate_landmark),
@@ -110,7 +110,7 @@ Outcome RecoveringEkf::correct(const M& z) {
   Outcome outcome{Verdict::kIgnored};
   if (ekf_) {
     outcome = fuse(z);
-    hear(z, outcome);
+    record(z, outcome);
     listen();
   }
   if (outcome.verdict != Verdict::kStale && search([&](Initializer& start) { start.on(z); })) {
@@ -126,18 +126,18 @@ std::vector<Outcome> RecoveringEkf::on_joint(const std::vector<RangeBearing>& si
   if (ekf_) {
     outcomes = ekf_->on_joint(sightings, association);
     for (std::size_t i = 0; i < sightings.size(); ++i) {
-      hear(sightings[i], outcomes[i]);
+      record(sightings[i], outcomes[i]);
     }
     listen();
   }
   const bool searches = search([&](Initializer& start) {
-    Initializer told = start;
+    Initializer fed = start;
     for (std::size_t i = 0; i < sightings.size(); ++i) {
       if (outcomes[i].verdict != Verdict::kStale) {
-        told.on(sightings[i]);
+        fed.on(sightings[i]);
       }
     }
-    start = std::move(told);
+    start = std::move(fed);
   });
   if (searches) {
     decide();
@@ -145,15 +145,15 @@ std::vector<Outcome> RecoveringEkf::on_joint(const std::vector<RangeBearing>& si
   return outcomes;
 }
 
-/// Whether there is a search, and it took what it is told. What it cannot use is fused already
+/// Whether there is a search, and it took what it is given. What it cannot use is fused already
 /// where a filter tracks: then another search begins, and the message is good.
-template <class Tell>
-bool RecoveringEkf::search(const Tell& tell) {
+template <class Feed>
+bool RecoveringEkf::search(const Feed& feed) {
   if (!start_) {
     return false;
   }
   try {
-    tell(*start_);
+    feed(*start_);
     return true;
   } catch (const std::exception&) {
     if (!ekf_) {
@@ -165,10 +165,10 @@ bool RecoveringEkf::search(const Tell& tell) {
 }
 
 template <class M>
-void RecoveringEkf::hear(const M& z, const Outcome& outcome) {
-  health_.hear(named_source_of(z), z.stamp, outcome,
-               outcome.dof > 0 ? gate_of(*recipe_, z).limit(outcome.dof) : 1.0,
-               health_.breadth_of(z));
+void RecoveringEkf::record(const M& z, const Outcome& outcome) {
+  health_.record(named_source_of(z), z.stamp, outcome,
+                 outcome.dof > 0 ? gate_of(*recipe_, z).limit(outcome.dof) : 1.0,
+                 health_.outlier_volume(z));
 }
 
 /// Lost, another start begins; found again without it, it ends.
@@ -221,7 +221,7 @@ HealthReport RecoveringEkf::health() const {
   HealthReport report;
   if (start_->state().status == StartStatus::kAmbiguous) {
     report.state = HealthState::kAmbiguous;
-    report.clue = HealthClue::kSeveralPlaces;
+    report.reason = HealthReason::kSeveralPlaces;
   }
   return report;
 }

@@ -12,9 +12,13 @@
 namespace locfuse {
 namespace {
 
-constexpr double kNews = 1.0 / 50.0;  // weight of a range or fix in the average of their NIS
-constexpr double kMostNis = 10.0;     // of one of them: more says no more
-constexpr std::size_t kMostInjections = 1000;  // that are remembered
+/// Constants that are not settings; docs/models/switching_mcl.md.
+struct SwitchingMclTuning {
+  static constexpr double kNisWeight = 1.0 / 50.0;  ///< of a range or fix in their mean NIS
+  static constexpr double kMaxNis = 10.0;           ///< per row, of one of them
+  static constexpr double kContradictionSigmas = 3.0;
+  static constexpr std::size_t kMaxInjections = 1000;  ///< that are remembered
+};
 
 /// Throws std::invalid_argument unless low <= high; `why` ends the sentence.
 void check_order(const char* low_name, double low, const char* high_name, double high,
@@ -41,10 +45,10 @@ const SwitchingMcl::Config& checked(const SwitchingMcl::Config& c) {
     throw std::invalid_argument("share is " + std::to_string(c.share) +
                                 ", expected 0 < share <= 1");
   }
-  const char* const ends = "else doubt would end where it begins";
+  const char* const ends = "else particles would be suspect again at once";
   check_order("sigma_sure_m", c.sigma_sure_m, "sigma_unsure_m", c.sigma_unsure_m, ends);
   check_order("sigma_sure_rad", c.sigma_sure_rad, "sigma_unsure_rad", c.sigma_unsure_rad, ends);
-  const char* const cures = "else UWB would take over for ever, as its own pose leaves doubt";
+  const char* const cures = "else UWB would take over again and again, as its own pose is suspect";
   check_order("uwb_sigma_m", c.uwb_sigma_m, "sigma_sure_m", c.sigma_sure_m, cures);
   check_order("uwb_sigma_rad", c.uwb_sigma_rad, "sigma_sure_rad", c.sigma_sure_rad, cures);
   return c;
@@ -54,22 +58,22 @@ const SwitchingMcl::Config& checked(const SwitchingMcl::Config& c) {
 
 SwitchingMcl::SwitchingMcl(const Config& config, Mcl mcl, RecoveringEkf uwb)
     : config_(checked(config)),
-      doubt_for_(internal::stamps_of("doubt_s", config.doubt_s)),
+      switch_delay_(internal::stamps_of("doubt_s", config.doubt_s)),
       uwb_age_(internal::stamps_of("uwb_age_s", config.uwb_age_s)),
       mcl_(std::move(mcl)),
       uwb_(std::move(uwb)) {}
 
 Outcome SwitchingMcl::on(const Velocity& u) { return drive(u); }
 Outcome SwitchingMcl::on(const Increment& u) { return drive(u); }
-Outcome SwitchingMcl::on(const Range& z) { return hear(z); }
-Outcome SwitchingMcl::on(const PositionFix& z) { return hear(z); }
+Outcome SwitchingMcl::on(const Range& z) { return update_uwb(z); }
+Outcome SwitchingMcl::on(const PositionFix& z) { return update_uwb(z); }
 Outcome SwitchingMcl::on(const PoseObservation& z) { return mcl_.on(z); }
 Outcome SwitchingMcl::on(const RangeBearing& z) { return mcl_.on(z); }
 
 Outcome SwitchingMcl::on(const LaserScan& z) {
   const Outcome outcome = mcl_.on(z);
   if (outcome.verdict != Verdict::kStale) {
-    judge(z.stamp);
+    switch_if_suspect(z.stamp);
   }
   return outcome;
 }
@@ -84,94 +88,97 @@ Outcome SwitchingMcl::drive(const Motion& u) {
 }
 
 template <class M>
-Outcome SwitchingMcl::hear(const M& z) {
+Outcome SwitchingMcl::update_uwb(const M& z) {
   const Outcome outcome = uwb_.on(z);
   if (outcome.verdict == Verdict::kFused) {
-    heard_ = z.stamp;
+    last_fused_ = z.stamp;
   }
   if (outcome.dof > 0) {
-    nis_ += kNews * (std::min(outcome.nis / outcome.dof, kMostNis) - nis_);
+    nis_ += SwitchingMclTuning::kNisWeight *
+            (std::min(outcome.nis / outcome.dof, SwitchingMclTuning::kMaxNis) - nis_);
   }
   return outcome;
 }
 
-/// Whether UWB's filter tracks, and something was fused lately.
-bool SwitchingMcl::is_heard(Stamp stamp) const {
-  return !uwb_.is_lost() && heard_ && stamp - *heard_ <= uwb_age_ &&
+/// Whether the UWB filter tracks, and fused a range or fix lately.
+bool SwitchingMcl::is_uwb_tracking(Stamp stamp) const {
+  return !uwb_.is_lost() && last_fused_ && stamp - *last_fused_ <= uwb_age_ &&
          uwb_.estimator()->current().stamp <= stamp;
 }
 
-/// The pose by UWB, if it is sure, was heard lately, and what was heard agrees with it.
-std::optional<PoseEstimate> SwitchingMcl::useful(Stamp stamp) const {
-  if (!is_heard(stamp) || nis_ > config_.uwb_nis) {
+/// The pose from UWB, if it is recent, consistent and its sigmas are small.
+std::optional<PoseEstimate> SwitchingMcl::usable_uwb_pose(Stamp stamp) const {
+  if (!is_uwb_tracking(stamp) || nis_ > config_.uwb_nis) {
     return std::nullopt;
   }
   const PoseEstimate now = uwb_.estimator()->estimate(stamp);
-  const bool is_sure =
+  const bool is_certain =
       now.sigma_position() <= config_.uwb_sigma_m && now.sigma_heading() <= config_.uwb_sigma_rad;
   const bool is_near = now.pose.position().norm() <= mcl_.config().limits.distance_m;
-  return is_sure && is_near ? std::optional(now) : std::nullopt;
+  return is_certain && is_near ? std::optional(now) : std::nullopt;
 }
 
-SwitchingMcl::Doubt SwitchingMcl::doubt(const PoseEstimate& here,
-                                        const std::optional<PoseEstimate>& uwb,
-                                        bool was_unsure) const {
-  const double most = was_unsure ? config_.sigma_sure_m : config_.sigma_unsure_m;
-  const double most_turn = was_unsure ? config_.sigma_sure_rad : config_.sigma_unsure_rad;
-  if (here.sigma_position() > most || here.sigma_heading() > most_turn) {
-    return Doubt::kUncertain;
+SwitchingMcl::InjectionReason SwitchingMcl::assess(const PoseEstimate& here,
+                                                   const std::optional<PoseEstimate>& uwb,
+                                                   bool was_suspect) const {
+  const double max_sigma = was_suspect ? config_.sigma_sure_m : config_.sigma_unsure_m;
+  const double max_sigma_heading = was_suspect ? config_.sigma_sure_rad : config_.sigma_unsure_rad;
+  if (here.sigma_position() > max_sigma || here.sigma_heading() > max_sigma_heading) {
+    return InjectionReason::kUncertain;
   }
   if (uwb) {
     const Vector<3> off = local(here.pose, uwb->pose);
     const PoseEstimate both{here.stamp, here.pose, here.covariance + uwb->covariance};
-    if (off.head<2>().norm() > config_.elsewhere_m + 3.0 * both.sigma_position() ||
-        std::abs(off(2)) > config_.elsewhere_rad + 3.0 * both.sigma_heading()) {
-      return Doubt::kElsewhere;
+    if (off.head<2>().norm() > config_.elsewhere_m + SwitchingMclTuning::kContradictionSigmas *
+                                                         both.sigma_position() ||
+        std::abs(off(2)) > config_.elsewhere_rad +
+                               SwitchingMclTuning::kContradictionSigmas * both.sigma_heading()) {
+      return InjectionReason::kElsewhere;
     }
   }
-  return Doubt::kNone;
+  return InjectionReason::kNone;
 }
 
-void SwitchingMcl::judge(Stamp stamp) {
-  const PoseEstimate here = mcl_.spread();
-  const std::optional<PoseEstimate> uwb = useful(stamp);
-  const Doubt why = doubt(here, uwb, since_.has_value());
-  if (why == Doubt::kNone) {
-    since_.reset();
-    contradicted_.reset();
+void SwitchingMcl::switch_if_suspect(Stamp stamp) {
+  const PoseEstimate here = mcl_.overall_estimate();
+  const std::optional<PoseEstimate> uwb = usable_uwb_pose(stamp);
+  const InjectionReason why = assess(here, uwb, suspect_since_.has_value());
+  if (why == InjectionReason::kNone) {
+    suspect_since_.reset();
+    inconsistent_since_.reset();
     return;
   }
-  since_ = since_.value_or(stamp);
-  widen(stamp);
-  if (!uwb || stamp - *since_ < doubt_for_) {
+  suspect_since_ = suspect_since_.value_or(stamp);
+  inflate_uwb(stamp);
+  if (!uwb || stamp - *suspect_since_ < switch_delay_) {
     return;
   }
   mcl_.inject(*uwb, config_.share);
-  if (injections_.size() == kMostInjections) {
+  if (injections_.size() == SwitchingMclTuning::kMaxInjections) {
     injections_.erase(injections_.begin());
   }
   injections_.push_back({stamp, why, here, *uwb});
-  since_.reset();
+  suspect_since_.reset();
 }
 
-/// A filter of UWB that is needed, and contradicts what it hears for as long as it may be silent,
-/// is less sure than it says: its covariance grows by its NIS, so that gates let in what is heard.
-void SwitchingMcl::widen(Stamp stamp) {
-  if (!is_heard(stamp)) {
+/// Multiplies the covariance of the UWB filter by its NIS where it is needed and has been
+/// inconsistent for uwb_age_s, so that gates accept measurements again.
+void SwitchingMcl::inflate_uwb(Stamp stamp) {
+  if (!is_uwb_tracking(stamp)) {
     return;
   }
   if (nis_ <= std::max(config_.uwb_nis, 1.0)) {
-    contradicted_.reset();
+    inconsistent_since_.reset();
     return;
   }
-  contradicted_ = contradicted_.value_or(stamp);
-  if (stamp - *contradicted_ < std::max<Stamp>(uwb_age_, 1)) {  // once at a time
+  inconsistent_since_ = inconsistent_since_.value_or(stamp);
+  if (stamp - *inconsistent_since_ < std::max<Stamp>(uwb_age_, 1)) {  // once per stamp
     return;
   }
   PoseEstimate now = uwb_.estimator()->estimate(stamp);
   now.covariance *= nis_;
   uwb_.start_at(now);
-  contradicted_ = stamp;
+  inconsistent_since_ = stamp;
 }
 
 }  // namespace locfuse

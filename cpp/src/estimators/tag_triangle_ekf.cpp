@@ -21,9 +21,9 @@ namespace {
 constexpr int kTags = TagTriangleEkf::kTags;
 constexpr int kVariables = TagTriangleEkf::kVariables;
 constexpr int kHalf = kVariables / 2;
-constexpr double kFinestSide = 1e-4;  // [m]; finer than that 12 variables are not kept positive
-constexpr double kFlattest = 0.05;    // height of the triangle as a share of its longest side
-constexpr double kTapeSigmas = 3.0;
+constexpr double kMinSideSigma = 1e-4;    // [m]; finer than that 12 variables are not kept positive
+constexpr double kMinHeightShare = 0.05;  // height of the triangle as a share of its longest side
+constexpr double kMaxTapeSigmas = 3.0;
 
 using Triangle = Matrix<2, kTags>;
 template <int M>
@@ -63,7 +63,7 @@ Triangle triangle_of(const std::vector<Tag>& tags) {
   }
   const auto tag = [&](int i) { return name_of(tags[static_cast<std::size_t>(i)]); };
   for (int i = 0; i < kTags; ++i) {
-    if (!((body.col(i) - body.col(after(i))).norm() > kFinestSide)) {
+    if (!((body.col(i) - body.col(after(i))).norm() > kMinSideSigma)) {
       throw std::invalid_argument(tag(i) + " and " + tag(after(i)) +
                                   " lie in one point of the body's plane, which makes no triangle");
     }
@@ -72,11 +72,11 @@ Triangle triangle_of(const std::vector<Tag>& tags) {
     const Vector<2> side = body.col(after(after(i))) - body.col(after(i));
     const Vector<2> other = body.col(i) - body.col(after(i));
     const double height = std::abs(side.x() * other.y() - side.y() * other.x()) / side.norm();
-    if (!(height > kFlattest * std::max(side.norm(), other.norm()))) {
+    if (!(height > kMinHeightShare * std::max(side.norm(), other.norm()))) {
       std::ostringstream text;
       text << tag(i) << " lies " << height << " m from the line through " << tag(after(i))
            << " and " << tag(after(after(i)))
-           << ": on a line they make no triangle, expected more than " << kFlattest
+           << ": on a line they make no triangle, expected more than " << kMinHeightShare
            << " of the longest side";
       throw std::invalid_argument(text.str());
     }
@@ -86,7 +86,7 @@ Triangle triangle_of(const std::vector<Tag>& tags) {
 
 Vector<3> sides_of(const TagTriangleEkf::Config& config, const std::vector<Tag>& tags,
                    const Triangle& body) {
-  if (!(config.side.sigma_m >= kFinestSide)) {
+  if (!(config.side.sigma_m >= kMinSideSigma)) {
     throw std::invalid_argument("side.sigma_m is " + std::to_string(config.side.sigma_m) +
                                 " m, expected at least 0.0001");
   }
@@ -94,13 +94,13 @@ Vector<3> sides_of(const TagTriangleEkf::Config& config, const std::vector<Tag>&
   for (int i = 0; i < kTags; ++i) {
     sides(i) = PointDistanceModel::predict(body.col(i), body.col(after(i)));
     if (config.sides_m &&
-        !(std::abs((*config.sides_m)(i)-sides(i)) <= kTapeSigmas * config.side.sigma_m)) {
+        !(std::abs((*config.sides_m)(i)-sides(i)) <= kMaxTapeSigmas * config.side.sigma_m)) {
       std::ostringstream text;
-      text << "sides_m tells " << (*config.sides_m)(i) << " m from "
+      text << "sides_m has " << (*config.sides_m)(i) << " m from "
            << name_of(tags[static_cast<std::size_t>(i)]) << " to "
            << name_of(tags[static_cast<std::size_t>(after(i))]) << ", their places in body "
-           << sides(i) << " m; expected the same within " << kTapeSigmas << " side.sigma_m, "
-           << kTapeSigmas * config.side.sigma_m << " m";
+           << sides(i) << " m; expected the same within " << kMaxTapeSigmas << " side.sigma_m, "
+           << kMaxTapeSigmas * config.side.sigma_m << " m";
       throw std::invalid_argument(text.str());
     }
   }
@@ -158,22 +158,22 @@ std::vector<PositionFix> in_order(const TagTriangleEkf::Config& config,
 }  // namespace
 
 struct TagTriangleEkf::Recipe {
-  Recipe(const Config& told, const std::vector<Tag>& on_body,
+  Recipe(const Config& given, const std::vector<Tag>& on_body,
          std::shared_ptr<const AnchorMap> anchors)
-      : config(told),
+      : config(given),
         tags(on_body),
         body(triangle_of(on_body)),
-        lengths(sides_of(told, on_body, body)),
-        motion(told.motion),
-        velocity(told.velocity),
-        side(told.side),
-        range(told.range, anchors ? std::move(anchors) : std::make_shared<const AnchorMap>(),
+        lengths(sides_of(given, on_body, body)),
+        motion(given.motion),
+        velocity(given.velocity),
+        side(given.side),
+        range(given.range, anchors ? std::move(anchors) : std::make_shared<const AnchorMap>(),
               on_body),
-        position(told.position),
-        position_gate(told.gate_position),
-        velocity_gate(told.gate_velocity),
-        side_gate(told.gate_side),
-        range_gate(told.gate_range) {
+        position(given.position),
+        position_gate(given.gate_position),
+        velocity_gate(given.gate_velocity),
+        side_gate(given.gate_side),
+        range_gate(given.gate_range) {
     validate(config.limits);
     internal::positive("sigma_start_velocity_mps", config.sigma_start_velocity_mps);
     for (int i = 0; i < 2 * kTags; ++i) {
@@ -375,7 +375,7 @@ Outcome TagTriangleEkf::on(const Increment& u) {
   }
   const Vector<3> twist = arc_twist(u.motion) / seconds_between(u.begin, u.stamp);
   const Velocity rate{u.stamp, twist.head<2>().norm(), twist.z()};
-  if (!is_plausible(rate, recipe_->config.limits)) {  // stamps that jitter tell no velocity
+  if (!is_plausible(rate, recipe_->config.limits)) {  // stamps that jitter give no velocity
     return {Verdict::kImplausible};
   }
   return take(u.begin, u.stamp, twist);

@@ -13,9 +13,9 @@ namespace locfuse {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr int kMostAppends = 100'000;  // then joint compatibility keeps the best set so far
+constexpr int kMaxAppends = 100'000;  // then joint compatibility keeps the best set so far
 
-/// Rows of costs to columns, each column once, at the least sum: the Hungarian method with
+/// Rows of costs to columns, each column once, at the minimum sum: the Hungarian method with
 /// potentials, in O(rows^2 columns). There must be no more rows than columns.
 std::vector<int> least_sum(const Eigen::MatrixXd& cost) {
   const auto rows = static_cast<int>(cost.rows());
@@ -158,7 +158,7 @@ class Joint {
       if (taken_.count(pairing.landmark) != 0) {
         continue;
       }
-      if (appends_ == kMostAppends) {
+      if (appends_ == kMaxAppends) {
         return;
       }
       const double with = nis + append(sighting, k, rows);
@@ -216,7 +216,7 @@ class Joint {
   const Pairings& pairings_;
   Gate gate_;
   std::vector<Eigen::Index> rows_after_;             // that sightings from one on may add
-  std::vector<int> pairs_after_;                     // likewise
+  std::vector<int> pairs_after_;                     // of pairs
   std::vector<std::vector<Eigen::MatrixXd>> cross_;  // P H' of each pairing
   Eigen::MatrixXd L_;
   Eigen::VectorXd y_;  // L^-1 r

@@ -27,10 +27,11 @@ Slot GaussianBelief::add(const std::string& name, SlotKind kind,
          << " and a covariance of " << covariance.rows() << " x " << covariance.cols();
     throw std::invalid_argument(text.str());
   }
-  constexpr double kMost = 1e150;  // whose square is finite
-  const bool positive = (covariance.array().abs() <= kMost).all() && is_symmetric(covariance) &&
+  constexpr double kMaxMagnitude = 1e150;  // its square is finite
+  const bool positive = (covariance.array().abs() <= kMaxMagnitude).all() &&
+                        is_symmetric(covariance) &&
                         Eigen::MatrixXd(covariance).llt().info() == Eigen::Success;
-  if (!(mean.array().abs() <= kMost).all() || !positive) {
+  if (!(mean.array().abs() <= kMaxMagnitude).all() || !positive) {
     std::ostringstream text;
     text << "slot '" << name << "' needs a finite mean and a symmetric positive definite "
          << "covariance, got " << mean.transpose() << " and\n"
@@ -101,8 +102,8 @@ void GaussianBelief::find_rows() {
                                  : i == 2                           ? kHeadingBounds
                                                                     : kPositionBounds;
       layout_->variance_bounds[static_cast<std::size_t>(variable.offset) +
-                               static_cast<std::size_t>(i)] = {sigma.least * sigma.least,
-                                                               sigma.most * sigma.most};
+                               static_cast<std::size_t>(i)] = {sigma.min * sigma.min,
+                                                               sigma.max * sigma.max};
       if (variable.considered) {
         layout_->considered_rows.push_back(variable.offset + i);
       }

@@ -15,11 +15,11 @@ struct OuterUpdate {
   const double* Y;
 };
 
-/// Functions for one M that round alike: what one foretells, another writes.
+/// Functions for one M with the same rounding: one predicts what another writes.
 struct OuterKernel {
   /// Whether the diagonal of P+ will be positive.
   bool (*stays_positive)(OuterUpdate);
-  /// Puts P+ in the place of P, what is above the diagonal as a copy of what is below.
+  /// Puts P+ in the place of P, the upper triangle as a copy of the lower.
   void (*write)(OuterUpdate);
 };
 

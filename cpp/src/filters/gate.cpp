@@ -11,7 +11,7 @@ Gate::Gate(double probability) : probability_(probability) {
     throw std::invalid_argument("gate probability is " + std::to_string(probability) +
                                 ", expected more than 0 and at most 1");
   }
-  for (int dof = 1; dof <= kTabled; ++dof) {
+  for (int dof = 1; dof <= kMaxTabledDof; ++dof) {
     limits_[static_cast<std::size_t>(dof)] = chi_squared_quantile(dof, probability);
   }
 }

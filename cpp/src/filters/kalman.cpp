@@ -126,7 +126,7 @@ Outcome internal::update_part(GaussianBelief& belief,
   const std::vector<int> rows = belief.rows(slots);
   check_columns(rows.size(), lin.jacobian.cols());
   const VectorXd reach = reach_of(lin.jacobian, belief.P.diagonal()(rows));
-  if (is_less_than(kDigits, lin.noise, reach)) {
+  if (is_less_than(GuardTuning::kMinNoiseShare, lin.noise, reach)) {
     return count_fused(belief, update_any(belief, with_noise_kept(lin, reach), rows, reach, gate));
   }
   return update_any(belief, lin, rows, reach, gate);
@@ -137,50 +137,6 @@ void internal::check_columns(std::size_t variables, Index columns) {
     throw std::invalid_argument("the Jacobian has " + std::to_string(columns) +
                                 " columns, the slots hold " + std::to_string(variables) +
                                 " variables, expected as many of both, at least 1");
-  }
-}
-
-bool internal::is_positive_definite(const Covariance& P) {
-  constexpr int kFew = 32;
-  const auto has_factor = [](auto A) {
-    A.diagonal() *= kLess;
-    return Eigen::LLT<Eigen::Ref<decltype(A)>>(A).info() == Eigen::Success;
-  };
-  if (P.rows() > kFew) {
-    return has_factor(MatrixXd(P));
-  }
-  return has_factor(
-      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kFew, kFew>(P));
-}
-
-void internal::put_back(GaussianBelief& belief, Index first, Index count, bool few) {
-  const auto is_sound = few ? is_positive_definite : is_pose_positive_definite;
-  const Index unsound = few ? belief.P.rows() : 3;  // where a motion changes no other rows
-  bool widened = false;
-  for (double share = kDigits; share < 0.5 && !is_sound(belief.P); share *= 10.0) {
-    belief.P.diagonal().head(unsound) *= 1.0 + share;
-    widened = true;
-  }
-  if (widened && !is_sound(belief.P)) {  // nothing is left of how rows err together
-    const VectorXd variances = belief.P.diagonal().head(unsound);
-    belief.P.topRows(unsound).setZero();
-    belief.P.leftCols(unsound).setZero();
-    belief.P.diagonal().head(unsound) = variances;
-  }
-  belief.interventions += widened ? 1 : 0;
-  for (Index row = first; row < first + count; ++row) {
-    const SigmaBounds& bounds = belief.variance_bounds()[static_cast<std::size_t>(row)];
-    const double variance = belief.P(row, row);
-    if (variance > bounds.most) {  // not the diagonal alone: P would be positive no more
-      const double scale = std::sqrt(bounds.most / variance);
-      belief.P.row(row) *= scale;
-      belief.P.col(row) *= scale;
-      belief.P(row, row) = bounds.most;
-      ++belief.interventions;
-    } else if (variance < bounds.least) {
-      belief.P(row, row) = bounds.least;
-      ++belief.interventions;
-    }
   }
 }
 
@@ -244,7 +200,8 @@ void turn_with_mean(GaussianBelief& belief, Slot slot, const Vector<2>& before) 
     belief.P.block<1, 2>(other, row) = belief.P.block<2, 1>(row, other).transpose();
   }
   belief.P.block<2, 2>(row, row) = 0.5 * (own + own.transpose());
-  const bool few = (own.diagonal().array() > internal::kMuch * variances.array()).any();
+  const bool few =
+      (own.diagonal().array() > internal::GuardTuning::kMaxGrowth * variances.array()).any();
   internal::keep_in_bounds(belief, row, 2, few);
 }
 
@@ -318,15 +275,17 @@ Slot augment(GaussianBelief& belief, const std::string& name, SlotKind kind,
   }
   const VectorXd reach = internal::reach_of(jacobian, belief.P.diagonal()(rows));
   const bool positive =
-      noise.allFinite() && !internal::is_less_than(internal::kDigits, noise, reach);
+      noise.allFinite() &&
+      !internal::is_less_than(internal::GuardTuning::kMinNoiseShare, noise, reach);
   if (!positive || !mean.allFinite() || !cross.allFinite() || !own.allFinite()) {
     throw NumericalError("slot '" + name + "' would not be finite with positive noise");
   }
   const Slot added = belief.add(name, kind, mean, 0.5 * own + 0.5 * own.transpose());
   belief.P.bottomLeftCorner(size, cross.cols()) = cross;
   belief.P.topRightCorner(cross.cols(), size) = cross.transpose();
-  internal::keep_in_bounds(belief, cross.cols(), size,
-                           internal::is_less_than(internal::kFewDigits, noise, reach));
+  internal::keep_in_bounds(
+      belief, cross.cols(), size,
+      internal::is_less_than(internal::GuardTuning::kFewDigitsShare, noise, reach));
   return added;
 }
 

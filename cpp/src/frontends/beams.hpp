@@ -9,10 +9,10 @@
 
 namespace locfuse::internal {
 
-/// End points as the lanes read them, filled up with copies of the last one.
+/// End points as columns for the lanes, padded with copies of the last one.
 struct BeamColumns {
   std::vector<float> x, y, used;
-  std::vector<float> per_spacing;  ///< end points of a beam and the next, per cell of wall
+  std::vector<float> per_spacing;  ///< beams per cell of wall at this range
 
   [[nodiscard]] LaneBeams view() const {
     return {static_cast<int>(x.size()), x.data(), y.data(), used.data()};
@@ -21,10 +21,10 @@ struct BeamColumns {
 
 /// A scan in the body frame, in cells.
 struct Beams {
-  Vector<2> laser;             ///< where the beams begin
-  std::vector<double> x, y;    ///< end points of the beams that came back
+  Vector<2> laser;             ///< origin of the beams
+  std::vector<double> x, y;    ///< end points of the returns
   std::vector<double> range;   ///< their length
-  std::vector<double> silent;  ///< directions of the beams that did not
+  std::vector<double> silent;  ///< directions of the beams without return
   double step;                 ///< between two beams [rad]
   double range_max;
 };
@@ -32,10 +32,10 @@ struct Beams {
 /// Throws std::invalid_argument if the scan is not valid.
 [[nodiscard]] Beams beams_of(const LaserScan& scan, double resolution);
 
-/// Every `stride`-th of the beams that came back, of which there is one at least.
+/// Every `stride`-th of the returns; there must be one.
 [[nodiscard]] BeamColumns columns_of(const Beams& beams, std::size_t stride = 1);
 
-/// A pose in the frame of a field whose cells are the unit, and back.
+/// Pose in the field frame, in cells, and back in world.
 [[nodiscard]] Pose2 to_field(const Pose2& pose, const OccupancyGrid& grid, int margin_cells);
 [[nodiscard]] Pose2 to_world(const Pose2& pose, const OccupancyGrid& grid, int margin_cells);
 

@@ -10,7 +10,51 @@
 namespace locfuse::internal {
 namespace {
 
-constexpr int kIterations = 12;
+/// Constants of the circle fit; docs/models/cylinders.md eq. (2) to (6). Values without another
+/// source are empirical.
+struct CircleFitTuning {
+  // Gauss-Newton.
+  static constexpr int kMaxIterations = 12;
+  /// Length of a step below which the fit has converged [standard deviations of a range].
+  static constexpr double kConvergedSigmas = 0.05;
+  /// Maximum length of a step [radii]; beyond it the linearization does not hold.
+  static constexpr double kMaxStepRadii = 0.5;
+  /// Minimum radius of a circle, and length that is not 0 [m].
+  static constexpr double kMinRadius = 1e-3;
+  static constexpr double kMinLength = 1e-9;
+  /// Minimum curvature of the algebraic circle [1/m]; below it the points lie on a line.
+  static constexpr double kMinCurvature = 1e-9;
+
+  // Beams at the edge of a circle.
+  /// Bounds of the edge's share of the squared radius, where a beam may hit or miss: (u/R)^2 is at
+  /// most 1 minus it.
+  static constexpr double kMinEdge = 0.02;
+  static constexpr double kMaxEdge = 0.5;
+  /// A beam passes the circle if it ends this far behind its middle [standard deviations].
+  static constexpr double kPassSigmas = 3.0;
+
+  // Few beams: sums over bearings.
+  static constexpr int kBearings = 16;
+  /// Minimum width of the interval of bearings, and of one that is not empty [steps of the scan].
+  static constexpr double kMinBearingSteps = 1e-4;
+  static constexpr double kRoundingSteps = 1e-9;
+  /// Maximum offset of a beam from the centre [radii].
+  static constexpr double kMaxOffsetRadii = 0.98;
+  /// Maximum chi-square of a weight, so that not all underflow.
+  static constexpr double kMaxMisfit = 200.0;
+
+  // Lines and corners.
+  /// Minimum squared cosine of the incidence: beams that graze a wall are less precise than their
+  /// geometry implies.
+  static constexpr double kMinGrazing = 0.04;
+  /// Corners that are tried along a run; the misfit hardly changes in between.
+  static constexpr int kCorners = 16;
+  /// Passes of reweighting.
+  static constexpr int kLinePasses = 3;
+  static constexpr int kCornerPasses = 2;
+};
+
+using Tuning = CircleFitTuning;
 
 /// Sums of the points of a run.
 struct Moments {
@@ -46,7 +90,7 @@ Matrix<2, 2> scatter_of(const Moments& m) {
   return scatter;
 }
 
-/// Direction in which a scatter is least.
+/// Line through points: direction of their smallest scatter.
 struct Line {
   double squares;          ///< of the distances from the line, summed
   Matrix<2, 2> projector;  ///< normal * normal': without turning to angles
@@ -57,10 +101,10 @@ Line line_of(const Matrix<2, 2>& scatter) {
   const double b = scatter(0, 1);
   const double c = scatter(1, 1);
   const double half = std::sqrt(0.25 * (a - c) * (a - c) + b * b);
-  const double most = 0.5 * (a + c) + half;
-  Line line{std::max(most - 2.0 * half, 0.0), Matrix<2, 2>::Identity()};
-  if (half > 0.0) {  // otherwise any direction is as good
-    line.projector << most - a, -b, -b, most - c;
+  const double largest = 0.5 * (a + c) + half;
+  Line line{std::max(largest - 2.0 * half, 0.0), Matrix<2, 2>::Identity()};
+  if (half > 0.0) {
+    line.projector << largest - a, -b, -b, largest - c;
     line.projector /= 2.0 * half;
   }
   return line;
@@ -69,8 +113,7 @@ Line line_of(const Matrix<2, 2>& scatter) {
 /// Variance of the end of a beam across a line with the projector onto its normal.
 double variance_across(const Ray& ray, const Matrix<2, 2>& projector, const BeamNoise& noise) {
   const double along = ray.along.dot(projector * ray.along);
-  // What grazes a wall is less sure than its geometry says.
-  const double share = std::max(along, 0.04);
+  const double share = std::max(along, Tuning::kMinGrazing);
   const double sideways = ray.range * noise.bearing;
   return noise.range * noise.range * share + sideways * sideways * (1.0 - along);
 }
@@ -86,7 +129,7 @@ Matrix<2, 2> turned(const Matrix<2, 2>& m) {
 double right_angle_misfit(const Matrix<2, 2>& left, const Matrix<2, 2>& right, const Ray& ray,
                           const BeamNoise& noise) {
   Line line = line_of(left + turned(right));
-  for (int pass = 0; pass < 2; ++pass) {  // the noise across the lines depends on how they lie
+  for (int pass = 0; pass < Tuning::kCornerPasses; ++pass) {  // noise depends on the lines
     const double of_left = variance_across(ray, line.projector, noise);
     const double of_right = variance_across(ray, turned(line.projector), noise);
     line = line_of(left / of_left + turned(right) / of_right);
@@ -97,12 +140,13 @@ double right_angle_misfit(const Matrix<2, 2>& left, const Matrix<2, 2>& right, c
 /// Where an arc ends: the tangent half-way between its last beam and the first that passes it.
 struct Edge {
   Vector<2> along;
-  double side;  ///< 1 where the bearing is largest, -1 where it is least
+  double side;  ///< 1 at the largest bearing, -1 at the smallest
 };
 
 std::optional<Edge> edge_of(const Sweep& sweep, int end, int side, const Circle& circle,
                             const BeamNoise& noise) {
-  if (!sweep.has(end + side) || !passes(sweep[end + side], circle, 3.0 * noise.range)) {
+  if (!sweep.has(end + side) ||
+      !passes(sweep[end + side], circle, Tuning::kPassSigmas * noise.range)) {
     return std::nullopt;
   }
   const Vector<2> between = sweep[end].along + sweep[end + side].along;
@@ -121,7 +165,7 @@ struct Normal {
   }
 };
 
-/// Adds the beams of a run; by scalars, as this is where the time goes.
+/// Adds the beams of a run; in scalars, as this is the hot loop.
 void add_beams(Normal& normal, const Sweep& sweep, const Run& run, const Circle& circle,
                const BeamNoise& noise) {
   double xx = 0.0, xy = 0.0, yy = 0.0, x = 0.0, y = 0.0, n = 0.0;
@@ -189,17 +233,17 @@ Matrix<3, 3> covariance_of(const Matrix<3, 3>& information, bool radius_known) {
   return 0.5 * (P + P.transpose());
 }
 
-/// Moves a circle, by half its radius at most: farther the lines of the equations do not hold.
+/// Moves a circle by a limited step; returns its length.
 double move(Circle& circle, const Vector<3>& step) {
   const double length = step.norm();
-  const double most = 0.5 * circle.radius;
-  const double share = length > most ? most / length : 1.0;
+  const double max_length = Tuning::kMaxStepRadii * circle.radius;
+  const double share = length > max_length ? max_length / length : 1.0;
   circle.centre += share * step.head<2>();
   circle.radius += share * step.z();
   return share * length;
 }
 
-/// Where the centre may be, by which beams hit it: turns from the first beam of a run.
+/// Interval of the bearing of the centre, from the beams that hit it: angles from the first beam.
 struct Bearings {
   double middle;
   double width;
@@ -210,7 +254,7 @@ struct Bearings {
 Bearings bearings_of(const Sweep& sweep, const Run& run, const Circle& guess,
                      const BeamNoise& noise) {
   const auto is_free = [&](int j) {
-    return sweep.has(j) && passes(sweep[j], guess, 3.0 * noise.range);
+    return sweep.has(j) && passes(sweep[j], guess, Tuning::kPassSigmas * noise.range);
   };
   const bool free_first = is_free(run.first - 1);
   const bool free_last = is_free(run.last + 1);
@@ -218,14 +262,15 @@ Bearings bearings_of(const Sweep& sweep, const Run& run, const Circle& guess,
   const double seen = (run.beams() - 1) * sweep.step;
   const double low = free_first ? std::max(seen - half, half - sweep.step) : seen - half;
   const double high = free_last ? std::min(half, seen + sweep.step - half) : half;
-  // No bearing is known without an error, and rounding may leave less than 0 of none. More beams
-  // than its width allows: they are wide themselves, and the edges anywhere.
-  const double width =
-      high - low > -1e-9 * sweep.step ? std::max(high - low, 1e-4 * sweep.step) : sweep.step;
+  // Rounding may make an empty interval negative. With more beams than the width allows, the beams
+  // themselves are wide, and the edges may be anywhere in a step.
+  const double width = high - low > -Tuning::kRoundingSteps * sweep.step
+                           ? std::max(high - low, Tuning::kMinBearingSteps * sweep.step)
+                           : sweep.step;
   return {0.5 * (low + high), width, free_first, free_last};
 }
 
-/// Range of the centre at a turn from the first beam, and the chi-square of the beams about it.
+/// Range of the centre at an angle from the first beam, and the chi-square of the beams.
 Vector<2> range_and_misfit(const Sweep& sweep, const Run& run, const Circle& guess, double turn,
                            const BeamNoise& noise) {
   const double R = guess.radius;
@@ -235,7 +280,8 @@ Vector<2> range_and_misfit(const Sweep& sweep, const Run& run, const Circle& gue
   for (int j = run.first; j <= run.last; ++j) {
     if (sweep[j].returned()) {
       const double off = (j - run.first) * sweep.step - turn;
-      const double u = std::clamp(guess.centre.norm() * std::sin(off), -0.98 * R, 0.98 * R);
+      const double u = std::clamp(guess.centre.norm() * std::sin(off), -Tuning::kMaxOffsetRadii * R,
+                                  Tuning::kMaxOffsetRadii * R);
       const double range = sweep[j].range * std::cos(off) + std::sqrt(R * R - u * u);
       sum += range;
       squares += range * range;
@@ -286,7 +332,7 @@ std::optional<Circle> algebraic_circle(const Sweep& sweep, const Run& run) {
   solver.computeDirect(M);
   const Vector<3> best = solver.eigenvectors().col(0);
   const double a = best.z() / (2.0 * std::sqrt(spread));
-  if (std::abs(a) < 1e-9) {
+  if (std::abs(a) < Tuning::kMinCurvature) {
     return std::nullopt;
   }
   const Vector<2> from_mean = -best.head<2>() / (2.0 * a);
@@ -298,7 +344,7 @@ Circle circle_behind(const Sweep& sweep, const Run& run, double radius) {
   const Vector<2> b = sweep[run.last].end();
   const Vector<2> middle = 0.5 * (a + b);
   const double half = 0.5 * (b - a).norm();
-  if (half < 1e-9) {
+  if (half < Tuning::kMinLength) {
     return {middle + radius * sweep[run.first].along, radius};
   }
   Vector<2> behind = Vector<2>(a.y() - b.y(), b.x() - a.x()) / (2.0 * half);
@@ -310,14 +356,15 @@ Circle circle_behind(const Sweep& sweep, const Run& run, double radius) {
 Offset offset_of(const Ray& ray, const Circle& circle, const BeamNoise& noise) {
   const double per_radius = 1.0 / circle.radius;
   const double u = cross(ray.along, circle.centre) * per_radius;
-  // At the edge a beam hits anywhere within half a gap, and may as well miss.
-  const double edge = std::clamp(0.5 * noise.step * ray.range * per_radius, 0.02, 0.5);
+  // At the edge a beam hits anywhere within half a gap, or misses.
+  const double edge =
+      std::clamp(0.5 * noise.step * ray.range * per_radius, Tuning::kMinEdge, Tuning::kMaxEdge);
   const double across = std::min(u * u, 1.0 - edge);
   const double v = noise.range * noise.range;
   const double sideways = ray.range * noise.bearing;
-  const double bent = 0.5 * v * across * per_radius;  // what noise along a tangent does
+  const double bent = 0.5 * v * across * per_radius;  // second order: noise along a tangent
   const Vector<2> from = ray.end() - circle.centre;
-  const double length = std::max(from.norm(), 1e-9);
+  const double length = std::max(from.norm(), Tuning::kMinLength);
   return {length - circle.radius - bent,
           v * (1.0 - across) + sideways * sideways * across + 2.0 * bent * bent, from / length};
 }
@@ -331,7 +378,7 @@ std::optional<CircleFit> fit_circle(const Sweep& sweep, const Run& run, const Ci
   Circle circle = start;
   Normal normal;
   std::optional<Edge> edges[2];
-  for (int k = 0; k < kIterations; ++k) {
+  for (int k = 0; k < Tuning::kMaxIterations; ++k) {
     normal = {};
     add_beams(normal, sweep, run, circle, noise);
     edges[0] = edge_of(sweep, run.first, -1, circle, noise);
@@ -346,10 +393,10 @@ std::optional<CircleFit> fit_circle(const Sweep& sweep, const Run& run, const Ci
       return std::nullopt;
     }
     const double moved = move(circle, *step);
-    if (!(circle.radius > 1e-3) || circle.centre.norm() <= circle.radius) {
+    if (!(circle.radius > Tuning::kMinRadius) || circle.centre.norm() <= circle.radius) {
       return std::nullopt;  // the laser is not inside a cylinder
     }
-    if (moved < 0.05 * noise.range) {  // the next would be far shorter still
+    if (moved < Tuning::kConvergedSigmas * noise.range) {
       break;
     }
   }
@@ -371,7 +418,6 @@ std::optional<CircleFit> fit_circle(const Sweep& sweep, const Run& run, const Ci
 
 std::optional<CircleFit> fit_few(const Sweep& sweep, const Run& run, double radius,
                                  const BeamNoise& noise) {
-  constexpr int kBearings = 16;
   const Circle guess = circle_behind(sweep, run, radius);
   const Bearings may = bearings_of(sweep, run, guess, noise);
   // Moments of range and turn about those of the guess, where squares lose no digits.
@@ -379,13 +425,13 @@ std::optional<CircleFit> fit_few(const Sweep& sweep, const Run& run, double radi
   Vector<2> mean = Vector<2>::Zero();
   Matrix<2, 2> squares = Matrix<2, 2>::Zero();
   double total = 0.0;
-  double least = std::numeric_limits<double>::infinity();
-  for (int k = 0; k < kBearings; ++k) {
-    const double off = may.width * ((k + 0.5) / kBearings - 0.5);
+  double misfit = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < Tuning::kBearings; ++k) {
+    const double off = may.width * ((k + 0.5) / Tuning::kBearings - 0.5);
     const Vector<2> found = range_and_misfit(sweep, run, guess, may.middle + off, noise);
-    const double weight = std::exp(-0.5 * std::min(found.y(), 200.0));
+    const double weight = std::exp(-0.5 * std::min(found.y(), Tuning::kMaxMisfit));
     const Vector<2> at(found.x() - middle.x(), off);
-    least = std::min(least, found.y());
+    misfit = std::min(misfit, found.y());
     total += weight;
     mean += weight * at;
     squares += weight * (at * at.transpose());
@@ -393,7 +439,8 @@ std::optional<CircleFit> fit_few(const Sweep& sweep, const Run& run, double radi
   mean /= total;
   Matrix<2, 2> P = squares / total - mean * mean.transpose();
   P(0, 0) += noise.range * noise.range / run.beams();
-  P(1, 1) += noise.bearing * noise.bearing + may.width * may.width / (12.0 * kBearings * kBearings);
+  P(1, 1) += noise.bearing * noise.bearing +
+             may.width * may.width / (12.0 * Tuning::kBearings * Tuning::kBearings);
   mean += middle;
   const Matrix<2, 2> axes = axes_at(sweep[run.first], mean.y());
   Matrix<2, 2> to_plane = axes;
@@ -402,7 +449,7 @@ std::optional<CircleFit> fit_few(const Sweep& sweep, const Run& run, double radi
   covariance.topLeftCorner<2, 2>() = to_plane * P * to_plane.transpose();
   return CircleFit{{mean.x() * axes.col(0), radius},
                    covariance,
-                   least,
+                   misfit,
                    run.beams() - 1,
                    may.free_first,
                    may.free_last};
@@ -410,7 +457,7 @@ std::optional<CircleFit> fit_few(const Sweep& sweep, const Run& run, double radi
 
 double line_misfit(const Sweep& sweep, const Run& run, const BeamNoise& noise) {
   Line line{};
-  for (int pass = 0; pass < 3; ++pass) {
+  for (int pass = 0; pass < Tuning::kLinePasses; ++pass) {
     Moments moments;
     const Vector<2> origin = sweep[run.first].end();  // sums of squares stay small
     for (int j = run.first; j <= run.last; ++j) {
@@ -435,7 +482,7 @@ Corner best_corner(const Sweep& sweep, const Run& run, const BeamNoise& noise) {
   }
   Corner best{std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
   Moments before;
-  const int stride = 1 + run.beams() / 16;  // between beams that close, the misfit hardly changes
+  const int stride = 1 + run.beams() / Tuning::kCorners;
   for (int j = run.first; j < run.last; ++j) {
     if (!sweep[j].returned()) {
       continue;

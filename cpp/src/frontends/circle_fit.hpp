@@ -38,7 +38,7 @@ struct CircleFit {
 /// Circle of a known radius behind the chord of the run.
 [[nodiscard]] Circle circle_behind(const Sweep& sweep, const Run& run, double radius);
 
-/// How far the end of a beam lies outside of a circle, and the variance of that.
+/// Distance of the end of a beam from a circle, positive outside, and its variance.
 /// docs/models/cylinders.md eq. (2) and (3).
 struct Offset {
   double distance;
@@ -47,17 +47,17 @@ struct Offset {
 };
 [[nodiscard]] Offset offset_of(const Ray& ray, const Circle& circle, const BeamNoise& noise);
 
-/// Whether a beam goes on beside or behind the middle of a circle.
+/// Whether a beam ends behind the middle of a circle, or beside it.
 [[nodiscard]] bool passes(const Ray& ray, const Circle& circle, double margin);
 
-/// Least squares along the beams and at the ends of the arc, from `start`. None if it leaves what
-/// can be a circle or is not determined.
+/// Least squares along the beams and at the ends of the arc, from `start`. None if it leaves the
+/// valid circles or is not determined.
 [[nodiscard]] std::optional<CircleFit> fit_circle(const Sweep& sweep, const Run& run,
                                                   const Circle& start, bool radius_known,
                                                   const BeamNoise& noise);
 
-/// Circle of a known radius hit by a few beams: moments over all bearings that explain which beams
-/// hit it. docs/models/cylinders.md eq. (6).
+/// Circle of a known radius hit by a few beams: moments over all bearings consistent with the beams
+/// that hit it. docs/models/cylinders.md eq. (6).
 [[nodiscard]] std::optional<CircleFit> fit_few(const Sweep& sweep, const Run& run, double radius,
                                                const BeamNoise& noise);
 

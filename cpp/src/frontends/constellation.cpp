@@ -11,7 +11,21 @@
 namespace locfuse {
 namespace {
 
-/// What one landmark says of the pose where it is linearized: eq. (3) of
+/// Constants of match_constellation; docs/models/constellation.md.
+struct ConstellationTuning {
+  /// Gauss-Newton steps, from a start that is nearly exact.
+  static constexpr int kSteps = 3;
+  /// Minimum distance between two landmarks that gives a heading [standard deviations].
+  static constexpr double kMinDistanceSigmas = 3.0;
+  /// First test of a pair, loose as its noise is that of the observed positions: factor of the
+  /// gate, and the minimum distance on the map as a share of the observed one.
+  static constexpr double kPairGateFactor = 2.0;
+  static constexpr double kMinDistanceShare = 0.5;
+};
+
+using Tuning = ConstellationTuning;
+
+/// Linearized measurement of one landmark: eq. (3) of
 /// docs/models/constellation.md.
 struct Row {
   Vector<2> residual;
@@ -36,7 +50,7 @@ Row whitened(Row row, const Eigen::LLT<Matrix<2, 2>>& noise) {
   return row;
 }
 
-/// NaN where there is no factor.
+/// NaN if the factorization failed.
 template <int N>
 double log_determinant(const Eigen::LLT<Matrix<N, N>>& factor) {
   return factor.info() == Eigen::Success ? 2.0 * factor.matrixLLT().diagonal().array().log().sum()
@@ -55,15 +69,14 @@ Pose2 laid_over(const SeenLandmark& a, const SeenLandmark& b, const Vector<2>& o
   return {at.x(), at.y(), heading};
 }
 
-/// Gauss-Newton from there; the pose has three unknowns, the positions four numbers.
+/// Gauss-Newton for three unknowns of the pose from four numbers of two positions.
 std::optional<ConstellationMatch> fit(const std::array<const SeenLandmark*, 2>& seen,
                                       const std::array<Vector<2>, 2>& known, double limit) {
-  constexpr int kSteps = 3;
   const std::array<Eigen::LLT<Matrix<2, 2>>, 2> noise{seen[0]->covariance.llt(),
                                                       seen[1]->covariance.llt()};
   Pose2 pose = laid_over(*seen[0], *seen[1], known[0], known[1]);
   Matrix<3, 3> information;
-  for (int step = 0; step < kSteps; ++step) {
+  for (int step = 0; step < Tuning::kSteps; ++step) {
     information.setZero();
     Vector<3> gradient = Vector<3>::Zero();
     for (std::size_t i = 0; i < 2; ++i) {
@@ -83,7 +96,7 @@ std::optional<ConstellationMatch> fit(const std::array<const SeenLandmark*, 2>& 
   const double log_volumes =
       -log_determinant(factor) - log_determinant(noise[0]) - log_determinant(noise[1]);
   if (!(squared <= limit) || !std::isfinite(log_volumes) ||
-      covariance.llt().info() != Eigen::Success) {  // or noise that leaves no digits
+      covariance.llt().info() != Eigen::Success) {  // also where rounding leaves no digits
     return std::nullopt;
   }
   return ConstellationMatch{pose, covariance, 0.5 * (log_volumes - squared - std::log(2.0 * kPi))};
@@ -93,13 +106,12 @@ std::optional<ConstellationMatch> fit(const std::array<const SeenLandmark*, 2>& 
 
 std::vector<ConstellationMatch> match_constellation(const SeenLandmark& a, const SeenLandmark& b,
                                                     const LandmarkMap& map, double probability) {
-  constexpr double kToldApart = 3.0;  // standard deviations
   const double limit = chi_squared_quantile(1, probability);
   const Vector<2> between = b.position - a.position;
   const double apart = between.norm();
   const double variance = between.dot((a.covariance + b.covariance) * between) / (apart * apart);
   std::vector<ConstellationMatch> matches;
-  if (!(apart > kToldApart * std::sqrt(variance))) {
+  if (!(apart > Tuning::kMinDistanceSigmas * std::sqrt(variance))) {
     return matches;
   }
   for (const Landmark& of_a : map.landmarks()) {
@@ -111,9 +123,8 @@ std::vector<ConstellationMatch> match_constellation(const SeenLandmark& a, const
         continue;
       }
       const double known = (of_b.position - of_a.position).norm();
-      // Only a first look, for the noise is known where the landmarks were seen, not where they
-      // are.
-      if ((known - apart) * (known - apart) > 2.0 * limit * variance || known < 0.5 * apart) {
+      if ((known - apart) * (known - apart) > Tuning::kPairGateFactor * limit * variance ||
+          known < Tuning::kMinDistanceShare * apart) {
         continue;
       }
       if (const auto match = fit({&a, &b}, {of_a.position, of_b.position}, limit)) {

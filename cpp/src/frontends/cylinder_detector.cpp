@@ -26,15 +26,67 @@ using internal::Ray;
 using internal::Run;
 using internal::Sweep;
 
-constexpr std::size_t kMostBeams = 100'000;  // at worst the time grows with their square
-constexpr int kGates = 256;
-constexpr int kFew = 3;             // beams up to which the bearing comes from which of them hit
-constexpr int kLargestGap = 3;      // beams without return that an arc may go on behind
-constexpr double kBeamGate = 16.0;  // four sigma squared, of one beam on an arc
-// A beam cannot come back from behind the point where it would touch the circle; so many sigma off.
-constexpr double kBehind = 4.0;
-// Two lines at any angle can always take some of the noise with them, this much at most.
-constexpr double kBluntMargin = 12.0;
+/// Constants of CylinderDetector; docs/models/cylinders.md. Values without another source are
+/// empirical.
+struct CylinderDetectorTuning {
+  // Limits.
+  /// Maximum number of beams; at worst the time grows with its square.
+  static constexpr std::size_t kMaxBeams = 100'000;
+  /// Degrees of freedom up to which chi-square gates are tabulated.
+  static constexpr int kGates = 256;
+
+  // Pieces.
+  /// Depth step between two objects, beside the configured gaps [standard deviations].
+  static constexpr double kJumpSigmas = 6.0;
+  /// Distance from the chord at which a piece is cut [standard deviations].
+  static constexpr double kChordSigmas = 4.0;
+
+  // Sparse runs: the bearing follows from which beams hit.
+  /// Maximum number of beams of such a run.
+  static constexpr int kMaxSparseBeams = 3;
+  /// Half the angle of a circle below which its runs count as such [beams].
+  static constexpr double kSparseHalfWidth = 2.0;
+
+  // Start of the fit.
+  /// Runs that are longer than a known radius by this many gaps between beams are walls.
+  static constexpr double kChordGaps = 2.0;
+  /// Minimum height over the chord as a share of that of a cylinder of the known radius.
+  static constexpr double kMinHeightShare = 0.4;
+  /// Maximum radius of the algebraic start [radius_max_m].
+  static constexpr double kMaxStartRadii = 3.0;
+  /// Maximum angle that a start from few beams fills [rad].
+  static constexpr double kMaxStartAngle = 1.0;
+
+  // Growth of an arc.
+  static constexpr int kMaxRounds = 8;
+  /// Maximum number of beams without return that an arc may continue behind.
+  static constexpr int kMaxGapBeams = 3;
+  /// Squared deviation of one beam of an arc [variances]: four standard deviations.
+  static constexpr double kBeamGate = 16.0;
+  /// Beams farther from the centre than this do not extend an arc [radii].
+  static constexpr double kGrowRadii = 0.98;
+
+  // Evidence.
+  /// Distance beyond the tangent point, from where no beam returns [standard deviations].
+  static constexpr double kBehindSigmas = 4.0;
+  /// Chi-square by which two lines at any angle fit better, as they also fit part of the noise.
+  static constexpr double kAnyCornerMargin = 12.0;
+  /// Chi-square by which a line must fit worse, if the piece is not isolated.
+  static constexpr double kMinShapeEvidence = 25.0;
+  /// Evidence of an isolated piece: a share of the expected one, minus a slack [chi-square].
+  static constexpr double kAloneShare = 0.25;
+  static constexpr double kAloneSlack = 4.0;
+  /// Error of the width of an arc [beams], and that of an arc of bright beams.
+  static constexpr double kBlur = 1.0;
+  static constexpr double kBrightBlur = 3.0;
+  /// A beam this close to the centre [radii] passes through the circle; margins beside it
+  /// [standard deviations of range and bearing].
+  static constexpr double kThroughRadii = 0.9;
+  static constexpr double kThroughSigmas = 3.0;
+  static constexpr double kThroughBearingSigmas = 2.0;
+};
+
+using Tuning = CylinderDetectorTuning;
 
 [[noreturn]] void refuse(const char* what, double value, const std::string& expected) {
   std::ostringstream text;
@@ -42,11 +94,11 @@ constexpr double kBluntMargin = 12.0;
   throw std::invalid_argument(text.str());
 }
 
-void require(const char* what, double value, double least) {
-  constexpr double kMost = 1e9;  // its square is finite
-  if (!(value >= least && value <= kMost)) {
+void require(const char* what, double value, double min) {
+  constexpr double kMax = 1e9;  // its square is finite
+  if (!(value >= min && value <= kMax)) {
     std::ostringstream expected;
-    expected << "a number >= " << least << " and <= " << kMost;
+    expected << "a number >= " << min << " and <= " << kMax;
     refuse(what, value, expected.str());
   }
 }
@@ -71,10 +123,10 @@ CylinderDetectorConfig checked(const CylinderDetectorConfig& config) {
 }
 
 Jump jump_of(const CylinderDetectorConfig& config) {
-  return {6.0 * config.sigma_range_m, config.jump_gaps};
+  return {Tuning::kJumpSigmas * config.sigma_range_m, config.jump_gaps};
 }
 
-/// Half the angle that a circle takes, from the laser.
+/// Half the angle that a circle fills, seen from the laser.
 double half_angle(const Circle& circle) {
   return std::asin(std::min(circle.radius / circle.centre.norm(), 1.0));
 }
@@ -100,7 +152,7 @@ class Search {
         begin_(-sweep.size()),
         end_(2 * sweep.size()) {}
 
-  /// Also the middles of what is as thin as a leg, if somebody may walk here, cylinder or not.
+  /// Cylinders, and in `thin` the centres of all pieces as thin as a leg, if legs are expected.
   std::vector<Cylinder> cylinders(std::vector<Vector<2>>& thin) {
     const Jump jump = jump_of(config_);
     int first = 0;
@@ -117,9 +169,9 @@ class Search {
   }
 
  private:
-  struct Farthest {  // of a run's points from its chord
+  struct Farthest {  // point of a run from its chord
     int at;
-    double behind;  // negative before it
+    double behind;  // [m], negative in front of it
   };
 
   void split(const Run& run);
@@ -144,7 +196,7 @@ class Search {
   [[nodiscard]] bool stands_out(const Run& run, const CircleFit& fit) const;
   [[nodiscard]] bool seen_through(int end, int side, const Circle& circle) const;
   [[nodiscard]] bool is_positive(const Matrix<3, 3>& covariance) const;
-  [[nodiscard]] Cylinder told(const Run& run, const CircleFit& fit) const;
+  [[nodiscard]] Cylinder to_cylinder(const Run& run, const CircleFit& fit) const;
   [[nodiscard]] bool ends_behind(const Run& run, const Circle& circle) const;
   [[nodiscard]] bool is_thin(const Run& run) const;
   [[nodiscard]] int returns(const Run& run) const;
@@ -155,13 +207,13 @@ class Search {
   BeamNoise noise_;
   bool radius_known_;
   bool only_bright_;
-  int begin_;  // beams before are on cylinders that were found
-  int end_;    // so are those from here on, those of the first one around a full turn
+  int begin_;  // beams before it are on cylinders that were found
+  int end_;    // beams from here on belong to the first cylinder, around a full turn
   std::vector<Cylinder> found_;
 };
 
-/// What lies between two edges is cut where it lies behind its chord, as in the corner between a
-/// wall and a cylinder before it. What is left bulges.
+/// Cuts what lies between two edges where it lies behind its chord, as in the corner between a wall
+/// and a cylinder in front of it. The remaining pieces are convex.
 void Search::split(const Run& run) {
   if (sweep_[run.first].returned() && (!only_bright_ || sweep_[run.first].bright)) {
     int begin = run.first;
@@ -170,7 +222,7 @@ void Search::split(const Run& run) {
   }
 }
 
-/// Part by part in order, without recursion: there may be as many parts as beams.
+/// Part by part in order, without recursion, as there may be as many parts as beams.
 void Search::cut(const Run& whole, int& begin) {
   struct Part {
     Run run;
@@ -185,7 +237,7 @@ void Search::cut(const Run& whole, int& begin) {
       begin = run.first + 1;
     }
     const Farthest farthest = farthest_of(run);
-    if (std::abs(farthest.behind) >= 4.0 * noise_.range) {
+    if (std::abs(farthest.behind) >= Tuning::kChordSigmas * noise_.range) {
       left.push_back({{farthest.at, run.last}, farthest.behind > 0.0});
       left.push_back({{run.first, farthest.at}, false});
     }
@@ -208,14 +260,14 @@ Search::Farthest Search::farthest_of(const Run& run) const {
 void Search::consider(Run run) {
   run.first = std::max(run.first, begin_);
   run.last = std::min(run.last, end_ - 1);
-  if (run.beams() < std::min(config_.least_beams, kFew)) {
+  if (run.beams() < std::min(config_.least_beams, Tuning::kMaxSparseBeams)) {
     return;
   }
   const std::optional<CircleFit> fit = fit_grown(run);
   if (!fit || !fit->covariance.allFinite() || !is_cylinder(run, *fit)) {
     return;
   }
-  const Cylinder cylinder = told(run, *fit);
+  const Cylinder cylinder = to_cylinder(run, *fit);
   if (is_positive(cylinder.covariance)) {
     add(cylinder);
     begin_ = run.last + 1;
@@ -223,7 +275,7 @@ void Search::consider(Run run) {
   }
 }
 
-/// Two that overlap are one, cut in two by a beam that is far off.
+/// Two cylinders that overlap are one that an outlier cut in two.
 void Search::add(const Cylinder& cylinder) {
   for (Cylinder& other : found_) {
     if (distance_between(cylinder, other) < std::max(cylinder.radius, other.radius)) {
@@ -234,43 +286,46 @@ void Search::add(const Cylinder& cylinder) {
   found_.push_back(cylinder);
 }
 
-/// Fits, leaves out ends that do not lie on the circle, takes neighbours in that do.
+/// Fits, drops ends that are off the circle, adds neighbours that are on it, and repeats.
 std::optional<CircleFit> Search::fit_grown(Run& run) const {
-  constexpr int kRounds = 8;
   std::optional<Circle> from = start(run);
   std::optional<CircleFit> found = from ? fit(run, *from) : std::nullopt;
-  for (int k = 0; k < kRounds && found; ++k) {
+  for (int k = 0; k < Tuning::kMaxRounds && found; ++k) {
     const Circle circle = found->circle;
     if (!trim(run, circle) && !grow(run, circle)) {
       break;
     }
-    found = returns(run) < std::min(config_.least_beams, kFew) ? std::nullopt : fit(run, circle);
+    found = returns(run) < std::min(config_.least_beams, Tuning::kMaxSparseBeams)
+                ? std::nullopt
+                : fit(run, circle);
   }
   return found;
 }
 
 std::optional<CircleFit> Search::fit(const Run& run, const Circle& from) const {
-  // Which beams hit it says as much as their ranges.
-  if (radius_known_ && (run.beams() <= kFew || half_angle(from) < 2.0 * sweep_.step)) {
+  if (radius_known_ && (run.beams() <= Tuning::kMaxSparseBeams ||
+                        half_angle(from) < Tuning::kSparseHalfWidth * sweep_.step)) {
     return fit_few(sweep_, run, config_.radius_m, noise_);
   }
   return fit_circle(sweep_, run, from, radius_known_, noise_);
 }
 
-/// Whether a run is not longer than a cylinder of the known radius, and about as high as that over
-/// its chord: walls are neither, and need no fit.
+/// Whether a run may be a cylinder of the known radius, by its length and its height over the
+/// chord. Excludes walls without a fit.
 bool Search::may_be_one(const Run& run) const {
   const double R = config_.radius_m;
   const Vector<2> a = sweep_[run.first].end();
   const Vector<2> chord = sweep_[run.last].end() - a;
   const double half = 0.5 * chord.norm();
-  const double slack = 4.0 * noise_.range + 2.0 * sweep_.step * sweep_[run.first].range;
+  const double slack = Tuning::kChordSigmas * noise_.range +
+                       Tuning::kChordGaps * sweep_.step * sweep_[run.first].range;
   if (half > R + slack) {
     return false;
   }
   const double height = R - std::sqrt(std::max(R * R - half * half, 0.0));
   const Vector<2> middle = sweep_[(run.first + run.last) / 2].end() - a;
-  return run.beams() <= kFew || cross(chord, middle) / (2.0 * half) > 0.4 * height - slack;
+  return run.beams() <= Tuning::kMaxSparseBeams ||
+         cross(chord, middle) / (2.0 * half) > Tuning::kMinHeightShare * height - slack;
 }
 
 std::optional<Circle> Search::start(const Run& run) const {
@@ -279,19 +334,19 @@ std::optional<Circle> Search::start(const Run& run) const {
                            : std::nullopt;
   }
   const Ray& middle = sweep_[(run.first + run.last) / 2];
-  if (run.beams() > kFew) {
+  if (run.beams() > Tuning::kMaxSparseBeams) {
     std::optional<Circle> circle = algebraic_circle(sweep_, run);
     const bool bulges = circle && middle.returned() && !passes(middle, *circle, 0.0);
-    if (bulges && circle->radius < 3.0 * config_.radius_max_m) {
+    if (bulges && circle->radius < Tuning::kMaxStartRadii * config_.radius_max_m) {
       return circle;
     }
     if (config_.least_evidence > 0.0) {
       return std::nullopt;  // flat or hollow
     }
   }
-  const double wide = std::min(run.beams() * sweep_.step, 1.0);
+  const double width = std::min(run.beams() * sweep_.step, Tuning::kMaxStartAngle);
   const double range = sweep_[run.first].range;
-  return circle_behind(sweep_, run, range * std::sin(0.5 * wide));
+  return circle_behind(sweep_, run, range * std::sin(0.5 * width));
 }
 
 bool Search::trim(Run& run, const Circle& circle) const {
@@ -299,12 +354,12 @@ bool Search::trim(Run& run, const Circle& circle) const {
     const internal::Offset offset = offset_of(sweep_[j], circle, noise_);
     return offset.distance * offset.distance / offset.variance;
   };
-  if (run.beams() <= kFew) {
+  if (run.beams() <= Tuning::kMaxSparseBeams) {
     return false;
   }
   const double first = worst(run.first);
   const double last = worst(run.last);
-  if (std::max(first, last) <= kBeamGate) {
+  if (std::max(first, last) <= Tuning::kBeamGate) {
     return false;
   }
   int& end = first > last ? run.first : run.last;
@@ -322,14 +377,14 @@ bool Search::grow(Run& run, const Circle& circle) const {
 
 bool Search::grow(int& end, int side, const Circle& circle) const {
   const int from = end;
-  for (int j = end + side; std::abs(j - end) <= kLargestGap + 1; j += side) {
+  for (int j = end + side; std::abs(j - end) <= Tuning::kMaxGapBeams + 1; j += side) {
     if (!sweep_.has(j) || j < begin_ || j >= end_ ||
-        std::abs(cross(sweep_[j].along, circle.centre)) > 0.98 * circle.radius) {
+        std::abs(cross(sweep_[j].along, circle.centre)) > Tuning::kGrowRadii * circle.radius) {
       break;
     }
     if (sweep_[j].returned()) {
       const internal::Offset offset = offset_of(sweep_[j], circle, noise_);
-      if (offset.distance * offset.distance > kBeamGate * offset.variance) {
+      if (offset.distance * offset.distance > Tuning::kBeamGate * offset.variance) {
         break;
       }
       end = j;
@@ -358,42 +413,44 @@ bool Search::is_cylinder(const Run& run, const CircleFit& fit) const {
 
 bool Search::passes_gate(const CircleFit& fit) const {
   if (fit.dof == 0) {
-    return true;  // nothing to say against it
+    return true;
   }
-  const int known = std::min(fit.dof, kGates - 1);
+  const int known = std::min(fit.dof, Tuning::kGates - 1);
   return fit.misfit <= gates_[static_cast<std::size_t>(known)] * fit.dof / known;
 }
 
-/// A straight wall, or two that meet, do not fit as well.
+/// Whether a straight wall, or two that meet, fit clearly worse.
 bool Search::stands_out(const Run& run, const CircleFit& fit) const {
-  if (run.beams() <= kFew) {
+  if (run.beams() <= Tuning::kMaxSparseBeams) {
     return is_alone(run, fit);
   }
   const internal::Corner corner = best_corner(sweep_, run, noise_);
   if (corner.right < fit.misfit + config_.least_corner_evidence ||
-      corner.any < fit.misfit - kBluntMargin) {
+      corner.any < fit.misfit - Tuning::kAnyCornerMargin) {
     return false;
   }
   const double evidence = line_misfit(sweep_, run, noise_) - fit.misfit;
-  return evidence >= std::max(config_.least_evidence, 25.0) ||
-         (evidence > 0.25 * expected_evidence(run, fit) - 4.0 && is_alone(run, fit));
+  return evidence >= std::max(config_.least_evidence, Tuning::kMinShapeEvidence) ||
+         (evidence > Tuning::kAloneShare * expected_evidence(run, fit) - Tuning::kAloneSlack &&
+          is_alone(run, fit));
 }
 
-/// As many beams as a cylinder of this radius would have.
+/// Whether the arc has as many beams as a cylinder of this radius.
 bool Search::is_as_wide(const Run& run, const CircleFit& fit) const {
-  const double wide = 2.0 * half_angle(fit.circle) / sweep_.step;
-  const double blur = 2.0 * noise_.bearing / sweep_.step + (only_bright_ ? 3.0 : 1.0);
-  return !radius_known_ || (run.beams() - 1 <= wide + blur && run.beams() + 1 >= wide - blur);
+  const double width = 2.0 * half_angle(fit.circle) / sweep_.step;
+  const double blur =
+      2.0 * noise_.bearing / sweep_.step + (only_bright_ ? Tuning::kBrightBlur : Tuning::kBlur);
+  return !radius_known_ || (run.beams() - 1 <= width + blur && run.beams() + 1 >= width - blur);
 }
 
-/// A thing of its own, of the right width, where its shape tells too little.
+/// Whether the piece is isolated and of the right width, for arcs too short to judge by shape.
 bool Search::is_alone(const Run& run, const CircleFit& fit) const {
   return fit.free_first && fit.free_last && is_as_wide(run, fit) &&
          (radius_known_ || config_.least_evidence == 0.0);
 }
 
-/// By how much a line should fit worse than a cylinder: a line leaves 4/45 of the squared height of
-/// an arc.
+/// Expected chi-square by which a line fits worse than a cylinder: its residual is 4/45 of the
+/// squared height of an arc.
 double Search::expected_evidence(const Run& run, const CircleFit& fit) const {
   const double radius = fit.circle.radius;
   const double half = std::min(0.5 * run.beams() * sweep_.step * fit.circle.centre.norm(), radius);
@@ -401,33 +458,34 @@ double Search::expected_evidence(const Run& run, const CircleFit& fit) const {
   return run.beams() * 4.0 / 45.0 * height * height / (noise_.range * noise_.range);
 }
 
-/// Beside the end of an arc, a beam went where the circle should be.
+/// Whether a beam beside the end of an arc passed through the circle.
 bool Search::seen_through(int end, int side, const Circle& circle) const {
   const double reach = half_angle(circle) / sweep_.step;
   const double slack =
-      circle.centre.norm() * (0.5 * sweep_.step + 2.0 * noise_.bearing) + 3.0 * noise_.range;
+      circle.centre.norm() * (0.5 * sweep_.step + Tuning::kThroughBearingSigmas * noise_.bearing) +
+      Tuning::kThroughSigmas * noise_.range;
   for (int k = 1; k <= 2.0 * reach && sweep_.has(end + side * k); ++k) {
     const Ray& ray = sweep_[end + side * k];
-    if (std::abs(cross(ray.along, circle.centre)) > 0.9 * circle.radius - slack) {
+    if (std::abs(cross(ray.along, circle.centre)) > Tuning::kThroughRadii * circle.radius - slack) {
       return false;
     }
-    if (ray.returned() && passes(ray, circle, 3.0 * noise_.range)) {
+    if (ray.returned() && passes(ray, circle, Tuning::kThroughSigmas * noise_.range)) {
       return true;
     }
   }
   return false;
 }
 
-/// A beam of the arc came back from behind where it would touch the circle. A radius that was given
-/// is known roughly at times, and with it where that is.
+/// Whether a beam of the arc came back from behind its tangent point. Not tested for a given
+/// radius, which may be rough, and the tangent point with it.
 bool Search::ends_behind(const Run& run, const Circle& circle) const {
-  if (radius_known_ || run.beams() <= kFew) {
+  if (radius_known_ || run.beams() <= Tuning::kMaxSparseBeams) {
     return false;
   }
   const double touches =
       std::sqrt(std::max(circle.centre.squaredNorm() - circle.radius * circle.radius, 0.0));
   for (int j = run.first; j <= run.last; ++j) {
-    if (sweep_[j].returned() && sweep_[j].range > touches + kBehind * noise_.range) {
+    if (sweep_[j].returned() && sweep_[j].range > touches + Tuning::kBehindSigmas * noise_.range) {
       return true;
     }
   }
@@ -448,14 +506,14 @@ int Search::returns(const Run& run) const {
   return count;
 }
 
-/// Numbers of any size may leave no covariance; that of a radius that is known is 0.
+/// Whether a covariance is positive definite; without the row of a known radius, which is 0.
 bool Search::is_positive(const Matrix<3, 3>& covariance) const {
   const auto positive = [](const auto& P) { return P.llt().info() == Eigen::Success; };
   return covariance.allFinite() &&
          (radius_known_ ? positive(covariance.topLeftCorner<2, 2>()) : positive(covariance));
 }
 
-Cylinder Search::told(const Run& run, const CircleFit& fit) const {
+Cylinder Search::to_cylinder(const Run& run, const CircleFit& fit) const {
   const Vector<2>& c = fit.circle.centre;
   const double range = c.norm();
   Matrix<3, 3> to_polar = Matrix<3, 3>::Identity();
@@ -474,8 +532,7 @@ Cylinder Search::told(const Run& run, const CircleFit& fit) const {
   return cylinder;
 }
 
-/// Leaves out thin cylinders next to each other, or to something thin of which too little is seen:
-/// somebody stands or walks there.
+/// Removes thin cylinders next to each other or to another thin piece: legs of people.
 void remove_legs(std::vector<Cylinder>& cylinders, std::vector<Vector<2>> thin,
                  const CylinderDetectorConfig& config) {
   for (const Cylinder& one : cylinders) {
@@ -509,7 +566,7 @@ void remove_legs(std::vector<Cylinder>& cylinders, std::vector<Vector<2>> thin,
 CylinderDetector::CylinderDetector(const CylinderDetectorConfig& config)
     : config_(checked(config)) {
   gates_.push_back(0.0);
-  for (int dof = 1; dof < kGates; ++dof) {
+  for (int dof = 1; dof < Tuning::kGates; ++dof) {
     gates_.push_back(chi_squared_quantile(dof, config_.misfit_probability));
   }
 }
@@ -520,9 +577,9 @@ std::vector<Cylinder> CylinderDetector::detect(const LaserScan& scan) const {
         "LaserScan.intensities is empty, expected one per beam as "
         "CylinderDetectorConfig.least_intensity is above 0");
   }
-  if (scan.ranges.size() > kMostBeams) {
+  if (scan.ranges.size() > Tuning::kMaxBeams) {
     throw std::invalid_argument("LaserScan.ranges has " + std::to_string(scan.ranges.size()) +
-                                " beams, expected at most " + std::to_string(kMostBeams));
+                                " beams, expected at most " + std::to_string(Tuning::kMaxBeams));
   }
   const Sweep sweep = sweep_of(scan, config_.least_intensity, jump_of(config_));
   std::vector<Vector<2>> thin;

@@ -18,7 +18,7 @@ using internal::LanePose;
 
 double heading_of(int step) { return wrap_angle(step * (2.0 * kPi / HeadingSearch::kSteps)); }
 
-/// Asks `sum_at` for the sum of each heading of the body in world.
+/// Searches the heading of the smallest `sum_at`, in world.
 template <class Sum>
 HeadingSearch search(const ScanMap& map, const Beams& beams, const Vector<2>& position,
                      const Sum& sum_at) {
@@ -35,8 +35,8 @@ HeadingSearch search(const ScanMap& map, const Beams& beams, const Vector<2>& po
     for (int step = 0; step < HeadingSearch::kSteps; ++step) {
       found.sums[static_cast<std::size_t>(step)] = sum_at(heading_of(step));
     }
-    const auto least = std::min_element(found.sums.begin(), found.sums.end());
-    found.heading = heading_of(static_cast<int>(least - found.sums.begin()));
+    const auto smallest = std::min_element(found.sums.begin(), found.sums.end());
+    found.heading = heading_of(static_cast<int>(smallest - found.sums.begin()));
   }
   return found;
 }
@@ -52,7 +52,7 @@ double looked_up(const DistanceField& field, const Beams& beams, const LaneBeams
   const LanePose lane_pose{static_cast<float>(c), static_cast<float>(s), static_cast<float>(pose.x),
                            static_cast<float>(pose.y)};
   double sum = internal::scan_lanes().sum_distances(table, columns, lane_pose);
-  if (sum < 0.0) {  // farther away than the field is large
+  if (sum < 0.0) {  // an end point beyond the surroundings of the field
     sum = 0.0;
     for (std::size_t i = 0; i < beams.x.size(); ++i) {
       sum += field

@@ -21,7 +21,7 @@ struct LineCloud::Tree {
 
 LineCloud::LineCloud(std::vector<LinePoint> points)
     : points_(std::move(points)), tree_(std::make_unique<Tree>()) {
-  if (points_.empty()) {  // of which PCL makes no tree
+  if (points_.empty()) {  // PCL builds no tree of an empty cloud
     return;
   }
   const pcl::PointCloud<pcl::PointXYZ>::Ptr cloud(new pcl::PointCloud<pcl::PointXYZ>);

@@ -17,11 +17,23 @@ namespace {
 using internal::LinePoint;
 using internal::Prior;
 
-constexpr double kFarthest = 1e6;       // or the kd-tree's float squares overflow [m]
-constexpr double kCaptured = 0.3;       // how far off a guess may be for the fit [m]
-constexpr double kCapturedTurn = 0.25;  // [rad]
-constexpr double kFinestCell = 0.05;    // of the search [m]
-constexpr double kMostCells = 400.0;    // of it along one side
+/// Constants of LocalMap; docs/models/scan_matching.md, "Without a map".
+struct LocalMapTuning {
+  /// Bound of lengths and coordinates [m]; squares of larger ones overflow the kd-tree's floats.
+  static constexpr double kMaxLength = 1e6;
+  /// Minimum of a configured length [m].
+  static constexpr double kMinLength = 1e-6;
+  /// Error of a guess from which the fit converges [m], [rad].
+  static constexpr double kCaptureDistance = 0.3;
+  static constexpr double kCaptureTurn = 0.25;
+  /// Uncertainty of a guess that must be below these [standard deviations].
+  static constexpr double kGuessSigmas = 3.0;
+  /// Minimum cell of the search [m], and maximum number of cells along one side.
+  static constexpr double kMinCell = 0.05;
+  static constexpr double kMaxCells = 400.0;
+};
+
+using Tuning = LocalMapTuning;
 
 [[noreturn]] void refuse(const char* what, double value, const char* expected) {
   std::ostringstream text;
@@ -29,15 +41,16 @@ constexpr double kMostCells = 400.0;    // of it along one side
   throw std::invalid_argument(text.str());
 }
 
-void require_length(const char* what, double value, double most, const char* expected) {
-  if (!(value >= 1e-6 && value <= most)) {
+void require_length(const char* what, double value, double max, const char* expected) {
+  if (!(value >= Tuning::kMinLength && value <= max)) {
     refuse(what, value, expected);
   }
 }
 
 LocalMapConfig checked(const LocalMapConfig& config) {
   require_length("LocalMapConfig.sigma_range_m", config.sigma_range_m, 10.0, "1e-6 to 10");
-  require_length("LocalMapConfig.max_distance_m", config.max_distance_m, kFarthest, "1e-6 to 1e6");
+  require_length("LocalMapConfig.max_distance_m", config.max_distance_m, Tuning::kMaxLength,
+                 "1e-6 to 1e6");
   if (!(config.trimmed_share >= 0.0 && config.trimmed_share < 1.0)) {
     refuse("LocalMapConfig.trimmed_share", config.trimmed_share, "at least 0 and less than 1");
   }
@@ -52,7 +65,7 @@ LocalMapConfig checked(const LocalMapConfig& config) {
 
 void require_pose(const char* what, const Pose2& pose) {
   for (const double value : {pose.x, pose.y, pose.heading}) {
-    if (!(std::abs(value) < kFarthest)) {
+    if (!(std::abs(value) < Tuning::kMaxLength)) {
       refuse(what, value, "numbers less than a million");
     }
   }
@@ -60,7 +73,7 @@ void require_pose(const char* what, const Pose2& pose) {
 
 std::vector<LinePoint> lines_of(const LaserScan& scan, double sigma) {
   std::vector<LinePoint> lines = internal::line_points(scan, sigma);
-  if (!(scan.geometry->range_max < kFarthest)) {
+  if (!(scan.geometry->range_max < Tuning::kMaxLength)) {
     refuse("range_max [m]", scan.geometry->range_max, "less than a million");
   }
   return lines;
@@ -77,7 +90,7 @@ std::vector<LinePoint> points_of(const std::vector<PlacedScan>& scans, double si
   return points;
 }
 
-/// The ends as the occupied cells of a map of which nothing else is known.
+/// Map whose occupied cells are the ends, unknown elsewhere.
 std::shared_ptr<const OccupancyGrid> raster_of(const std::vector<LinePoint>& points) {
   Vector<2> low = points.front().end;
   Vector<2> high = low;
@@ -85,7 +98,7 @@ std::shared_ptr<const OccupancyGrid> raster_of(const std::vector<LinePoint>& poi
     low = low.cwiseMin(point.end);
     high = high.cwiseMax(point.end);
   }
-  const double cell = std::max(kFinestCell, (high - low).maxCoeff() / kMostCells);
+  const double cell = std::max(Tuning::kMinCell, (high - low).maxCoeff() / Tuning::kMaxCells);
   const Eigen::Vector2i size = ((high - low) / cell).array().floor().matrix().cast<int>();
   const int width = size.x() + 1;
   const int height = size.y() + 1;
@@ -100,7 +113,7 @@ std::shared_ptr<const OccupancyGrid> raster_of(const std::vector<LinePoint>& poi
                                                std::move(cells));
 }
 
-/// Where a search finds the scan, likeliest by its cost and the prior's heading.
+/// Likeliest pose of a search, by its cost and the prior's heading.
 std::optional<Pose2> searched(const std::vector<LinePoint>& points, const LaserScan& scan,
                               const LocalMapConfig& config, const Pose2& guess,
                               const Matrix<3, 3>& covariance) {
@@ -109,22 +122,23 @@ std::optional<Pose2> searched(const std::vector<LinePoint>& points, const LaserS
   const ScanMatcher matcher(raster_of(points), settings);
   const ScanSearch found = matcher.search(scan, guess.position(), covariance.topLeftCorner<2, 2>());
   std::optional<Pose2> best;
-  double least = std::numeric_limits<double>::infinity();
+  double min_cost = std::numeric_limits<double>::infinity();
   for (const ScanHypothesis& hypothesis : found.hypotheses) {
     const double turned = angle_difference(hypothesis.match.pose.heading, guess.heading);
     const double cost = hypothesis.cost + 0.5 * turned * turned / covariance(2, 2);
-    if (cost < least) {
-      least = cost;
+    if (cost < min_cost) {
+      min_cost = cost;
       best = hypothesis.match.pose;
     }
   }
   return best;
 }
 
-/// Whether three sigma of a guess are more than the fit comes back from.
+/// Whether the uncertainty of a guess exceeds the errors from which the fit converges.
 bool is_poor(const Matrix<3, 3>& covariance) {
-  const Vector<3> off = 3.0 * covariance.diagonal().cwiseSqrt();
-  return off.x() > kCaptured || off.y() > kCaptured || off.z() > kCapturedTurn;
+  const Vector<3> off = Tuning::kGuessSigmas * covariance.diagonal().cwiseSqrt();
+  return off.x() > Tuning::kCaptureDistance || off.y() > Tuning::kCaptureDistance ||
+         off.z() > Tuning::kCaptureTurn;
 }
 
 }  // namespace

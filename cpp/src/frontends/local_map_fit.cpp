@@ -8,25 +8,54 @@
 namespace locfuse::internal {
 namespace {
 
-constexpr double kFirstKernel = 0.4;  // share of max_distance_m
-constexpr double kKernelSigmas = 4.0;
-constexpr double kInlierSigmas = 3.0;
-constexpr double kReachKernels = 3.0;  // of a kernel: weights beyond are below 1 %
-constexpr double kExplainedM = 0.05;
-constexpr double kSameSide = 0.5;      // cosine between two normals of one wall, at least
-constexpr double kSettled = 0.1;       // share of a kernel below which steps leave it
-constexpr double kStillSigmas = 0.02;  // a step below this is none
-constexpr double kNearlyStill = 0.2;   // where ends near a wall's end change their match
-constexpr double kLongestStep = 1e3;   // of numbers that broke [m]
-constexpr int kFullSteps = 10;
-constexpr double kWideSigmas = 10.0;  // a kernel for which few beams do
-constexpr std::size_t kStride = 4;    // then
-constexpr std::size_t kMany = 100;    // beams, of which a few are enough
-constexpr double kSameMatches = 0.5;  // sigmas that an end may move and keep its match
-constexpr double kLeastRange = 0.1;   // typical range, at least [m]
-constexpr std::size_t kLeastMatches = 6;
+/// Constants of the fit to a local map; docs/models/scan_matching.md eq. (11) to (13). Values
+/// without another source are empirical.
+struct LocalMapFitTuning {
+  // Kernel (Geman-McClure) and matches.
+  /// Width of the first kernel as a share of max_distance_m.
+  static constexpr double kFirstKernelShare = 0.4;
+  /// Narrowest kernel, and residual of an inlier [standard deviations].
+  static constexpr double kMinKernelSigmas = 4.0;
+  static constexpr double kInlierSigmas = 3.0;
+  /// Factor of the kernel from one width to the next.
+  static constexpr double kKernelShrink = 0.5;
+  /// The kernel shrinks once a step is shorter than this share of it.
+  static constexpr double kSettledKernelShare = 0.1;
+  /// Maximum distance of a match [kernels]; weights beyond are below 1 %.
+  static constexpr double kReachKernels = 3.0;
+  /// Minimum cosine between the normals of two matched lines: 60 degrees.
+  static constexpr double kMinNormalCosine = 0.5;
+  static constexpr std::size_t kMinMatches = 6;
+  /// Above this kernel [standard deviations] only every kSubsampleStride-th beam is used, of scans
+  /// with kMinSubsampledBeams or more.
+  static constexpr double kSubsampledKernelSigmas = 10.0;
+  static constexpr std::size_t kSubsampleStride = 4;
+  static constexpr std::size_t kMinSubsampledBeams = 100;
+  /// Motion of the pose after which matches are searched again [standard deviations].
+  static constexpr double kRematchSigmas = 0.5;
+  /// Minimum distance within which a return counts as explained [m].
+  static constexpr double kExplainedDistance = 0.05;
+  /// Minimum typical range, by which a radian becomes a length [m].
+  static constexpr double kMinTypicalRange = 0.1;
 
-/// The end of a beam beside what it is matched with.
+  // Convergence.
+  /// Length of a step below which the fit has converged [standard deviations].
+  static constexpr double kConvergedStepSigmas = 0.02;
+  /// After kFullSteps iterations steps are damped by kDamping, as matches may alternate near the
+  /// end of a wall, and a step below kConvergedHalfStepSigmas has converged.
+  static constexpr int kFullSteps = 10;
+  static constexpr double kDamping = 0.5;
+  static constexpr double kConvergedHalfStepSigmas = 0.2;
+  /// Length of a step from which on the fit has diverged [m].
+  static constexpr double kMaxStep = 1e3;
+};
+
+using Tuning = LocalMapFitTuning;
+
+/// Standard deviation of a normal variable over the median of its magnitude.
+constexpr double kSigmaPerMedian = 1.4826;
+
+/// End of a beam and its match.
 struct Pair {
   Vector<2> off;     // from the match to the end
   Vector<2> normal;  // zero: the match is a point
@@ -65,7 +94,7 @@ struct Normal {
   }
 
   [[nodiscard]] Observed observed_part() const {
-    return observed(H, g, std::max(std::sqrt(lever / weight), kLeastRange));
+    return observed(H, g, std::max(std::sqrt(lever / weight), Tuning::kMinTypicalRange));
   }
 };
 
@@ -81,29 +110,32 @@ class Fitting {
 
   ScanMatch run() {
     const double sigma = config_.sigma_range_m;
-    double kernel = kFirstKernel * config_.max_distance_m;
+    double kernel = Tuning::kFirstKernelShare * config_.max_distance_m;
     bool narrow = false;
     for (match_.iterations = 1; match_.iterations <= config_.max_iterations; ++match_.iterations) {
-      const bool few_do = kernel > kWideSigmas * sigma && beams_.size() >= kMany;
-      pair_up(kernel, few_do ? kStride : 1);
+      const bool subsample = kernel > Tuning::kSubsampledKernelSigmas * sigma &&
+                             beams_.size() >= Tuning::kMinSubsampledBeams;
+      pair_up(kernel, subsample ? Tuning::kSubsampleStride : 1);
       const Normal normal = accumulate(kernel);
-      if (normal.matches < kLeastMatches) {
+      if (normal.matches < Tuning::kMinMatches) {
         return ended(ScanMatch::Reason::kTooFewMatches);
       }
-      const bool jumps = match_.iterations > kFullSteps;
-      const double moved = step(normal, jumps ? 0.5 : 1.0);
-      if (narrow && moved < (jumps ? kNearlyStill : kStillSigmas) * sigma) {
+      const bool damped = match_.iterations > Tuning::kFullSteps;
+      const double moved = step(normal, damped ? Tuning::kDamping : 1.0);
+      if (narrow &&
+          moved <
+              (damped ? Tuning::kConvergedHalfStepSigmas : Tuning::kConvergedStepSigmas) * sigma) {
         return finished();
       }
-      if (!(moved < kLongestStep)) {
+      if (!(moved < Tuning::kMaxStep)) {
         return ended(ScanMatch::Reason::kNoConvergence);
       }
       narrow = narrow || kernel <= floor();
       if (narrow) {
         estimate_scale();
       }
-      if (narrow || moved < kSettled * kernel) {
-        kernel = std::max(0.5 * kernel, floor());
+      if (narrow || moved < Tuning::kSettledKernelShare * kernel) {
+        kernel = std::max(Tuning::kKernelShrink * kernel, floor());
       }
     }
     match_.iterations = config_.max_iterations;
@@ -111,12 +143,12 @@ class Fitting {
   }
 
  private:
-  /// Four sigma of an end beside a line of as many ends [m].
+  /// Narrowest kernel: of an end point beside a line through as many ends [m].
   [[nodiscard]] double floor() const {
-    return kKernelSigmas * scale_ * std::sqrt(2.0) * config_.sigma_range_m;
+    return Tuning::kMinKernelSigmas * scale_ * std::sqrt(2.0) * config_.sigma_range_m;
   }
 
-  /// Ends keep their match as long as they hardly move.
+  /// Matches the ends of the beams; searches again once the pose has moved.
   void pair_up(double kernel, std::size_t stride) {
     const double c = std::cos(match_.pose.heading);
     const double s = std::sin(match_.pose.heading);
@@ -126,7 +158,8 @@ class Fitting {
     for (std::size_t i = 0; i < beams_.size(); i += stride) {
       places_.emplace_back(match_.pose.position() + turn * beams_[i].end);
     }
-    if (found_.size() != places_.size() || moved_since_ > kSameMatches * config_.sigma_range_m) {
+    if (found_.size() != places_.size() ||
+        moved_since_ > Tuning::kRematchSigmas * config_.sigma_range_m) {
       cloud_.nearest(places_, found_);
       moved_since_ = 0.0;
     }
@@ -141,10 +174,11 @@ class Fitting {
   void pair_with(const LinePoint& beam, const LinePoint& wall, const Vector<2>& end,
                  const Matrix<2, 2>& turn, double kernel) {
     const Vector<2> off = end - wall.foot;
-    const double reach = std::min(kReachKernels * kernel + wall.gap, config_.max_distance_m);
+    const double reach =
+        std::min(Tuning::kReachKernels * kernel + wall.gap, config_.max_distance_m);
     const bool lines = wall.normal.squaredNorm() > 0.5 && beam.normal.squaredNorm() > 0.5;
     if (off.squaredNorm() > reach * reach ||
-        (lines && wall.normal.dot(turn * beam.normal) < kSameSide)) {
+        (lines && wall.normal.dot(turn * beam.normal) < Tuning::kMinNormalCosine)) {
       return;
     }
     Pair pair{off, wall.normal, turn * beam.end,
@@ -156,19 +190,19 @@ class Fitting {
       pair.variance += wall.gap * wall.gap / 12.0;
       pair.squared = off.squaredNorm() / pair.variance;
     }
-    if (std::isfinite(pair.variance)) {  // it has a neighbour, and a length along its wall
+    if (std::isfinite(pair.variance)) {  // not without a neighbour
       pairs_.push_back(pair);
     }
   }
 
-  /// The worst of the matches are left out, as far as noise does not explain them.
+  /// Bound of squared residuals: leaves out the worst trimmed_share, but no inliers.
   [[nodiscard]] double trimmed() {
     squares_.clear();
     for (const Pair& pair : pairs_) {
       squares_.push_back(pair.squared);
     }
     const double kept = (1.0 - config_.trimmed_share) * static_cast<double>(squares_.size());
-    const double inlier = kInlierSigmas * kInlierSigmas * scale_ * scale_;
+    const double inlier = Tuning::kInlierSigmas * Tuning::kInlierSigmas * scale_ * scale_;
     const auto last = static_cast<std::size_t>(kept);
     if (last >= squares_.size()) {
       return std::numeric_limits<double>::infinity();
@@ -194,7 +228,7 @@ class Fitting {
   Normal accumulate_inliers() {
     Normal normal;
     for (const Pair& pair : pairs_) {
-      if (pair.squared <= kInlierSigmas * kInlierSigmas * scale_ * scale_) {
+      if (pair.squared <= Tuning::kInlierSigmas * Tuning::kInlierSigmas * scale_ * scale_) {
         normal.add(pair, 1.0 / (scale_ * scale_ * pair.variance));
       }
     }
@@ -202,14 +236,14 @@ class Fitting {
   }
 
   double step(const Normal& normal, double damping) {
-    const Observed seen = normal.observed_part();
-    const Vector<3> moved = damping * newton_step(seen, prior_, match_.pose);
-    match_.pose = retract(match_.pose, seen.per_scale.cwiseProduct(moved));
+    const Observed observed = normal.observed_part();
+    const Vector<3> moved = damping * newton_step(observed, prior_, match_.pose);
+    match_.pose = retract(match_.pose, observed.per_scale.cwiseProduct(moved));
     moved_since_ += moved.norm();
     return moved.norm();
   }
 
-  /// Residuals over what is expected, by their median: at least 1.
+  /// Estimates the scale of residuals over their expected noise, by their median; at least 1.
   void estimate_scale() {
     squares_.clear();
     for (const Pair& pair : pairs_) {
@@ -222,7 +256,7 @@ class Fitting {
     }
     const auto middle = squares_.begin() + static_cast<std::ptrdiff_t>(squares_.size() / 2);
     std::nth_element(squares_.begin(), middle, squares_.end());
-    scale_ = std::max(1.0, 1.4826 * std::sqrt(*middle));
+    scale_ = std::max(1.0, kSigmaPerMedian * std::sqrt(*middle));
   }
 
   ScanMatch ended(ScanMatch::Reason reason) {
@@ -234,16 +268,16 @@ class Fitting {
   ScanMatch finished() {
     pair_up(floor(), 1);
     const Normal normal = accumulate_inliers();
-    if (normal.matches < kLeastMatches) {
+    if (normal.matches < Tuning::kMinMatches) {
       return ended(ScanMatch::Reason::kTooFewMatches);
     }
-    const Observed seen = normal.observed_part();
-    if (!(step(normal, 1.0) < kLongestStep)) {
+    const Observed observed = normal.observed_part();
+    if (!(step(normal, 1.0) < Tuning::kMaxStep)) {
       return ended(ScanMatch::Reason::kNoConvergence);
     }
-    match_.information = seen.information;
-    if (seen.weak) {
-      match_.weak_direction = *seen.weak / seen.weak->norm();
+    match_.information = observed.information;
+    if (observed.weak) {
+      match_.weak_direction = *observed.weak / observed.weak->norm();
     }
     match_.covariance = covariance_of(match_.information + prior_.information);
     measure();
@@ -257,8 +291,8 @@ class Fitting {
     double count = 0.0;
     for (const Pair& pair : pairs_) {
       const double e2 = pair.squared * pair.variance;
-      if (e2 <= kExplainedM * kExplainedM ||
-          pair.squared <= kInlierSigmas * kInlierSigmas * scale_ * scale_) {
+      if (e2 <= Tuning::kExplainedDistance * Tuning::kExplainedDistance ||
+          pair.squared <= Tuning::kInlierSigmas * Tuning::kInlierSigmas * scale_ * scale_) {
         sum += e2;
         count += 1.0;
       }
@@ -274,8 +308,8 @@ class Fitting {
   const Prior& prior_;
   double scale_ = 1.0;
   std::vector<Vector<2>> places_;
-  std::vector<int> found_;    // the nearest foot to each
-  double moved_since_ = 0.0;  // they were searched
+  std::vector<int> found_;    // nearest foot to each
+  double moved_since_ = 0.0;  // their search [m]
   std::vector<Pair> pairs_;
   std::vector<double> squares_;
   ScanMatch match_;

@@ -16,6 +16,24 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
+/// Constants of `locate`; docs/models/multilateration.md eq. (18) to (21).
+struct LocateTuning {
+  /// Distance below which two minima are one [largest sigma of a range].
+  static constexpr double kResolution = 0.01;
+  /// Starts around the circle or sphere that fits, and the sine of the elevation of the upper and
+  /// lower circles of the sphere.
+  static constexpr int kSamplesAround = 16;
+  static constexpr double kSampleTilt = 0.7;
+  /// Smallest eigenvalue of an information, and of the covariance of a difference, beside the
+  /// largest: rounding of a double.
+  static constexpr double kMinInformationShare = 1e-14;
+  static constexpr double kMinVarianceShare = 1e-12;
+  /// Minimum redundancy of ranges for a culprit: with one, all removals fit equally well.
+  static constexpr int kMinRedundancy = 2;
+};
+
+using Tuning = LocateTuning;
+
 std::string text_of(const Eigen::VectorXd& values) {
   std::string text = "(";
   for (Eigen::Index k = 0; k < values.size(); ++k) {
@@ -27,7 +45,11 @@ std::string text_of(const Eigen::VectorXd& values) {
   return text + ")";
 }
 
-void check_ranges(const double* ranges, int size) {
+void check_ranges(const RangesView& ranges, int size) {
+  if (ranges.size() != size) {
+    throw std::invalid_argument(std::to_string(ranges.size()) + " ranges, expected " +
+                                std::to_string(size) + ", one per anchor");
+  }
   for (int i = 0; i < size; ++i) {
     if (!is_length(ranges[i])) {
       throw std::invalid_argument("range " + std::to_string(i) + " is " +
@@ -48,8 +70,8 @@ void check_options(const LocateOptions& options, int dimensions) {
   if (options.prior) {
     const AxisPrior& prior = *options.prior;
     if (prior.mean.size() != dimensions || prior.sigma.size() != dimensions ||
-        !(prior.mean.array().abs() <= kLongest).all() ||
-        !(prior.sigma.array() >= kShortest).all()) {
+        !(prior.mean.array().abs() <= kMaxLength).all() ||
+        !(prior.sigma.array() >= kMinLength).all()) {
       throw std::invalid_argument("prior has mean " + text_of(prior.mean) + " and sigma " +
                                   text_of(prior.sigma) + ", expected " +
                                   std::to_string(dimensions) +
@@ -71,7 +93,7 @@ void check_options(const LocateOptions& options, int dimensions) {
 template <int N>
 class Locator {
  public:
-  Locator(const AnchorTable& anchors, const double* ranges, const double* sigma,
+  Locator(const AnchorTable& anchors, const RangesView& ranges, const RangesView& sigma,
           const LocateOptions& options)
       : anchors_(anchors),
         ranges_(ranges),
@@ -107,11 +129,11 @@ class Locator {
   }
 
  private:
-  RangeFit<N> fit(const RangeLayout<N>& layout, const double* ranges, const Vector<N>& start,
+  RangeFit<N> fit(const RangeLayout<N>& layout, const RangesView& ranges, const Vector<N>& start,
                   std::string* termination = nullptr) const {
     PositionPrior<N> prior = prior_;
     prior.mean += layout_.centre - layout.centre;
-    // The scale is graduated by our own solver; Ceres finishes from there.
+    // Our solver graduates the scale of a robust loss; Ceres continues from there.
     const bool robust = options_.loss.kind != RangeLossKind::kNone;
     if (!options_.use_ceres) {
       return fit_ranges<N>(layout, ranges, start, options_.loss, prior);
@@ -120,7 +142,7 @@ class Locator {
         robust ? fit_ranges<N>(layout, ranges, start, options_.loss, prior).position : start;
     RangeFit<N> by_ceres = fit_ranges_ceres<N>(layout, ranges, near, options_.loss, prior,
                                                options_.ceres, termination);
-    // Where residuals are large Ceres converges slowly; Newton's last steps tell minima apart.
+    // Ceres converges slowly on large residuals; Newton's last steps separate minima.
     const RangeFit<N> finished =
         fit_ranges<N>(layout, ranges, by_ceres.position, options_.loss, prior);
     by_ceres.saddle = finished.saddle;
@@ -133,7 +155,7 @@ class Locator {
   }
 
   void try_start(const Vector<N>& start) {
-    minima_.add(fit(layout_, ranges_, start), 0.01 * layout_.largest_sigma);
+    minima_.add(fit(layout_, ranges_, start), Tuning::kResolution * layout_.largest_sigma);
   }
 
   void find_minima() {
@@ -165,10 +187,10 @@ class Locator {
 
   [[nodiscard]] bool constrained() const { return options_.prior || options_.box; }
 
-  /// A whole circle or sphere fits the ranges alone, and no prior bends the cost along it.
+  /// Whether a whole circle or sphere fits and no prior changes the cost along it.
   [[nodiscard]] bool is_continuum_sampled() const { return squared_.count == 0 && !options_.prior; }
 
-  /// Distance from the anchors' line or plane that the ranges speak for.
+  /// Distance from the anchors' line or plane that the ranges imply.
   [[nodiscard]] double off_plane(const Vector<N>& x) const {
     double sum = 0.0;
     double largest = 0.0;
@@ -179,7 +201,7 @@ class Locator {
     return std::sqrt(std::max(sum / layout_.size, layout_.largest_sigma * largest));
   }
 
-  /// Starts along the circle or over the sphere that fits, for a prior or a box to choose from.
+  /// Tries starts on the circle or sphere that fits, for a prior or a box to decide.
   void try_samples() {
     double radius_squared = 0.0;
     for (int i = 0; i < layout_.size; ++i) {
@@ -187,11 +209,10 @@ class Locator {
           (ranges_[i] * ranges_[i] - layout_.squared_distance(Vector<N>::Zero(), i)) / layout_.size;
     }
     const double radius = std::sqrt(std::max(radius_squared, 0.0));
-    constexpr int kAround = 16;
-    for (int k = 0; k < kAround; ++k) {
-      const double angle = 2.0 * kPi * (k + 0.5) / kAround;
+    for (int k = 0; k < Tuning::kSamplesAround; ++k) {
+      const double angle = 2.0 * kPi * (k + 0.5) / Tuning::kSamplesAround;
       for (int tilt = -1; tilt <= (N == 3 ? 1 : -1); ++tilt) {
-        const double along = N == 3 ? 0.7 * tilt : 0.0;
+        const double along = N == 3 ? Tuning::kSampleTilt * tilt : 0.0;
         const double around = std::sqrt(1.0 - along * along);
         Vector<N> direction = Vector<N>::Zero();
         direction(0) = around * std::cos(angle);
@@ -226,13 +247,13 @@ class Locator {
         break;
       }
       const Eigen::SelfAdjointEigenSolver<Matrix<N, N>> eigen(found.information);
-      const double least = eigen.eigenvalues()(0);
+      const double smallest = eigen.eigenvalues()(0);
       PositionHypothesis hypothesis;
       hypothesis.position = layout_.centre + found.position;
       hypothesis.cost = found.cost;
       hypothesis.weak_direction = eigen.eigenvectors().col(0);
-      const bool open = !(least > 1e-14 * eigen.eigenvalues()(N - 1));
-      hypothesis.weak_sigma = open ? kInfinity : 1.0 / std::sqrt(least);
+      const bool open = !(smallest > Tuning::kMinInformationShare * eigen.eigenvalues()(N - 1));
+      hypothesis.weak_sigma = open ? kInfinity : 1.0 / std::sqrt(smallest);
       hypothesis.covariance = Matrix<N, N>(Vector<N>::Constant(kInfinity).asDiagonal());
       for (int k = 0; open && k < N * N; ++k) {
         hypothesis.covariance(k / N, k % N) = k / N == k % N ? kInfinity : 0.0;
@@ -324,7 +345,7 @@ class Locator {
       const Eigen::SelfAdjointEigenSolver<Matrix<N, N>> eigen(covariance);
       const Vector<N> along = eigen.eigenvectors().transpose() * comparison.difference;
       for (int k = N - dof; k < N; ++k) {
-        if (eigen.eigenvalues()(k) > 1e-12 * eigen.eigenvalues()(N - 1)) {
+        if (eigen.eigenvalues()(k) > Tuning::kMinVarianceShare * eigen.eigenvalues()(N - 1)) {
           comparison.statistic += along(k) * along(k) / eigen.eigenvalues()(k);
           ++comparison.dof;
         }
@@ -334,23 +355,23 @@ class Locator {
     solution_.comparison = comparison;
   }
 
-  /// Removes each range in turn. With one range to spare all removals explain alike.
+  /// Finds the culprit by removing each range in turn.
   void find_culprit() {
-    if (layout_.size - N < 2) {
+    if (layout_.size - N < Tuning::kMinRedundancy) {
       return;
     }
     RangeCulprit culprit;
     for (int out = 0; out < layout_.size; ++out) {
-      std::array<int, kMaxRanges> others = {};
-      std::array<double, kMaxRanges> ranges = {};
+      RangeIndices others(layout_.size - 1);
+      Ranges ranges(layout_.size - 1);
       for (int i = 0, j = 0; i < layout_.size; ++i) {
         if (i != out) {
-          ranges[static_cast<std::size_t>(j)] = ranges_[i];
-          others[static_cast<std::size_t>(j++)] = i;
+          ranges(j) = ranges_[i];
+          others(j++) = i;
         }
       }
-      const RangeLayout<N> layout(anchors_, sigma_, others.data(), layout_.size - 1);
-      const RangeMinima<N> minima = internal::find_minima<N>(layout, ranges.data(), {}, -1.0);
+      const RangeLayout<N> layout(anchors_, sigma_, others);
+      const RangeMinima<N> minima = internal::find_minima<N>(layout, ranges, {}, -1.0);
       if (minima.count == 0) {
         continue;
       }
@@ -410,7 +431,7 @@ class Locator {
                                         : "the ranges fit worse than the sigmas allow";
     if (!solution_.culprit) {
       return text + "; with " + std::to_string(layout_.size) +
-             " ranges no single one can be told to be wrong";
+             " ranges no single one can be identified as wrong";
     }
     return text + (solution_.culprit->explains ? "; all but range " : "; the worst is range ") +
            std::to_string(solution_.culprit->index) +
@@ -418,8 +439,8 @@ class Locator {
   }
 
   const AnchorTable& anchors_;
-  const double* ranges_;
-  const double* sigma_;
+  const RangesView& ranges_;
+  const RangesView& sigma_;
   const LocateOptions& options_;
   RangeLayout<N> layout_;
   double margin_;
@@ -431,10 +452,10 @@ class Locator {
 
 }  // namespace
 
-PositionSolution locate(const AnchorTable& anchors, const double* ranges, const double* sigma,
-                        const LocateOptions& options) {
+PositionSolution locate(const AnchorTable& anchors, const RangesView& ranges,
+                        const RangesView& sigma, const LocateOptions& options) {
   validate(anchors, sigma);
-  check_ranges(ranges, anchors.size);
+  check_ranges(ranges, anchors.size());
   check_options(options, anchors.dimensions());
   if (anchors.dimensions() == 2) {
     return Locator<2>(anchors, ranges, sigma, options).run();

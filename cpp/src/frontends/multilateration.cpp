@@ -16,11 +16,25 @@ namespace locfuse {
 
 namespace {
 
-// Share of its distance by which another position as good may lie away before it is looked for.
-constexpr double kNear = 0.1;
+/// Constants of range-only positioning; docs/models/multilateration.md eq. (19) to (21).
+struct MultilaterationTuning {
+  /// Share of its distance by which an equally good position may lie away before it is searched.
+  static constexpr double kSecondPositionShare = 0.1;
+  /// Distance below which two minima are one [largest sigma of a range].
+  static constexpr double kResolution = 0.01;
+  /// Minimum information of a direction beside the trace: rounding of a double.
+  static constexpr double kMinInformationShare = 1e-13;
+  /// Test of first order: distance from the minimum [sigmas], and the bounds of the rise of the
+  /// cost there as a share of the predicted one.
+  static constexpr double kTestSigmas = 3.0;
+  static constexpr double kMinRise = 0.5;
+  static constexpr double kMaxRise = 2.0;
+};
+
+using Tuning = MultilaterationTuning;
 
 template <int N>
-double largest_of(const RangeLayout<N>& layout, const double* ranges) {
+double largest_of(const RangeLayout<N>& layout, const RangesView& ranges) {
   double largest = 0.0;
   for (int i = 0; i < layout.size; ++i) {
     largest = std::max(largest, ranges[i]);
@@ -28,9 +42,9 @@ double largest_of(const RangeLayout<N>& layout, const double* ranges) {
   return largest;
 }
 
-/// How far off the anchors' line or plane the ranges would place a position that lies in it.
+/// Distance from the anchors' line or plane that the ranges imply, for a position that lies in it.
 template <int N>
-double excess(const RangeLayout<N>& layout, const double* ranges, const Vector<N>& x) {
+double excess(const RangeLayout<N>& layout, const RangesView& ranges, const Vector<N>& x) {
   double sum = 0.0;
   double total = 0.0;
   for (int i = 0; i < layout.size; ++i) {
@@ -42,7 +56,7 @@ double excess(const RangeLayout<N>& layout, const double* ranges, const Vector<N
 }
 
 template <int N>
-AnchorTable checked(const AnchorTable& anchors, const double* sigma) {
+AnchorTable checked(const AnchorTable& anchors, const RangesView& sigma) {
   validate(anchors, sigma);
   if (anchors.dimensions() != N) {
     throw std::invalid_argument("anchors are for positions of " +
@@ -57,7 +71,7 @@ AnchorTable checked(const AnchorTable& anchors, const double* sigma) {
 template <int N>
 void RangeMinima<N>::add(const RangeFit<N>& found, double resolution) {
   if (!std::isfinite(found.cost + found.position.sum())) {
-    return;  // of numbers that squares do not hold
+    return;  // its squares overflow
   }
   int place = count;
   for (int j = 0; j < count; ++j) {
@@ -67,11 +81,11 @@ void RangeMinima<N>::add(const RangeFit<N>& found, double resolution) {
     }
     place = std::min(place, found.cost < other.cost ? j : place);
   }
-  count = std::min(count + 1, kMost);
+  count = std::min(count + 1, kCapacity);
   for (int j = count - 1; j > place; --j) {
     fit[static_cast<std::size_t>(j)] = fit[static_cast<std::size_t>(j - 1)];
   }
-  if (place < kMost) {
+  if (place < kCapacity) {
     fit[static_cast<std::size_t>(place)] = found;
   }
 }
@@ -84,7 +98,7 @@ double side_margin(double wrong_side_probability) {
                                 std::to_string(wrong_side_probability) +
                                 ", expected a number between 0 and 0.5");
   }
-  // q^2 of a normal variable that exceeds q with this probability: chi-square, two sides of it.
+  // Squared quantile of a normal variable: a chi-square quantile of both sides.
   return chi_squared_quantile(1, 1.0 - 2.0 * wrong_side_probability);
 }
 
@@ -99,7 +113,8 @@ double checked_alarm(double false_alarm_probability) {
 
 template <int N>
 double strong_below(const RangeLayout<N>& layout, double side_margin) {
-  const double reach = 2.0 * kNear * std::sqrt(layout.spread(0)) / layout.largest_sigma;
+  const double reach =
+      2.0 * Tuning::kSecondPositionShare * std::sqrt(layout.spread(0)) / layout.largest_sigma;
   if (!(reach * reach > side_margin)) {
     return -1.0;
   }
@@ -109,28 +124,28 @@ double strong_below(const RangeLayout<N>& layout, double side_margin) {
 
 template <int N>
 bool leaves_open(const Matrix<N, N>& information, double reach) {
-  // A sigma that is further from the others than a double has digits is as good as none.
   const double trace = information.trace();
-  const double least = std::max(1.0 / (reach * reach), 1e-13 * trace);
-  // det / (trace / (N - 1))^(N - 1) is a lower bound of the least eigenvalue.
+  const double min_information =
+      std::max(1.0 / (reach * reach), Tuning::kMinInformationShare * trace);
+  // det / (trace / (N - 1))^(N - 1) is a lower bound of the smallest eigenvalue.
   if constexpr (N == 2) {
-    if (information.determinant() > least * trace) {
+    if (information.determinant() > min_information * trace) {
       return false;
     }
   } else {
-    if (information.determinant() > 0.25 * least * trace * trace) {
+    if (information.determinant() > 0.25 * min_information * trace * trace) {
       return false;
     }
   }
   const Eigen::SelfAdjointEigenSolver<Matrix<N, N>> eigen(information, Eigen::EigenvaluesOnly);
-  return !(eigen.eigenvalues()(0) > least);
+  return !(eigen.eigenvalues()(0) > min_information);
 }
 
 template <int N>
-RangeMinima<N> find_minima(const RangeLayout<N>& layout, const double* ranges,
+RangeMinima<N> find_minima(const RangeLayout<N>& layout, const RangesView& ranges,
                            const RangeLoss& loss, double strong) {
   RangeMinima<N> minima;
-  const double resolution = 0.01 * layout.largest_sigma;
+  const double resolution = Tuning::kResolution * layout.largest_sigma;
   const SquaredRangePosition<N> start = solve_squared_ranges<N>(layout, ranges);
   for (int j = 0; j < start.count; ++j) {
     minima.add(fit_ranges<N>(layout, ranges, start.position[static_cast<std::size_t>(j)], loss),
@@ -156,19 +171,19 @@ RangeMinima<N> find_minima(const RangeLayout<N>& layout, const double* ranges,
 }
 
 template <int N>
-bool defies_first_order(const RangeFit<N>& fit, const RangeLayout<N>& layout, const double* ranges,
-                        const RangeLoss& loss) {
-  constexpr double kSigmas = 3.0;
+bool defies_first_order(const RangeFit<N>& fit, const RangeLayout<N>& layout,
+                        const RangesView& ranges, const RangeLoss& loss) {
   const Eigen::SelfAdjointEigenSolver<Matrix<N, N>> eigen(fit.information);
-  const Vector<N> reach = kSigmas / std::sqrt(eigen.eigenvalues()(0)) * eigen.eigenvectors().col(0);
+  const Vector<N> reach =
+      Tuning::kTestSigmas / std::sqrt(eigen.eigenvalues()(0)) * eigen.eigenvectors().col(0);
   for (const double side : {-1.0, 1.0}) {
     double cost = 0.0;
     for (int i = 0; i < layout.size; ++i) {
       const double h = std::sqrt(layout.squared_distance(fit.position + side * reach, i));
       cost += loss.cost((ranges[i] - h) / layout.sigma[static_cast<std::size_t>(i)]);
     }
-    const double share = (cost - fit.cost) / (kSigmas * kSigmas);
-    if (!(share > 0.5 && share < 2.0)) {
+    const double share = (cost - fit.cost) / (Tuning::kTestSigmas * Tuning::kTestSigmas);
+    if (!(share > Tuning::kMinRise && share < Tuning::kMaxRise)) {
       return true;
     }
   }
@@ -177,7 +192,7 @@ bool defies_first_order(const RangeFit<N>& fit, const RangeLayout<N>& layout, co
 
 template <int N>
 PositionStatus judge(const RangeMinima<N>& minima, const RangeLayout<N>& layout,
-                     const double* ranges, double side_margin) {
+                     const RangesView& ranges, double side_margin) {
   if (minima.count == 0) {
     return PositionStatus::kUnderdetermined;
   }
@@ -196,38 +211,39 @@ PositionStatus judge(const RangeMinima<N>& minima, const RangeLayout<N>& layout,
 }  // namespace internal
 
 template <int N>
-Multilateration<N>::Multilateration(const AnchorTable& anchors, const double* sigma,
+Multilateration<N>::Multilateration(const AnchorTable& anchors, const RangesView& sigma,
                                     const Config& config)
     : config_(config),
-      table_(checked<N>(anchors, sigma)),
+      rows_(checked<N>(anchors, sigma).rows),
+      height_(anchors.height),
+      sigma_(sigma),
       layout_(anchors, sigma),
       side_margin_(internal::side_margin(config.rules.wrong_side_probability)),
       strong_below_(internal::strong_below<N>(layout_, side_margin_)) {
   const double alarm = internal::checked_alarm(config.rules.false_alarm_probability);
   validate(config.loss);
-  std::copy_n(anchors.rows, anchors.size * anchors.columns, rows_.begin());
-  std::copy_n(sigma, anchors.size, sigma_.begin());
-  table_.rows = nullptr;  // the caller's
   for (int m = 0; m <= kMaxRanges; ++m) {
     cost_limit_[static_cast<std::size_t>(m)] =
         m > N && config.loss.kind == RangeLossKind::kNone
-            ? (m <= anchors.size ? chi_squared_quantile(m - N, 1.0 - alarm) : 0.0)
+            ? (m <= anchors.size() ? chi_squared_quantile(m - N, 1.0 - alarm) : 0.0)
             : std::numeric_limits<double>::infinity();
   }
 }
 
 template <int N>
 AnchorTable Multilateration<N>::table() const {
-  AnchorTable table = table_;
-  table.rows = rows_.data();
-  return table;
+  return {RowsView(rows_.data(), rows_.rows(), rows_.cols()), height_};
 }
 
 template <int N>
-RangePosition<N> Multilateration<N>::solve(const double* ranges) const {
-  std::array<int, kMaxRanges> heard = {};
+RangePosition<N> Multilateration<N>::solve(const RangesView& ranges) const {
+  if (ranges.size() != sigma_.size()) {
+    throw std::invalid_argument(std::to_string(ranges.size()) + " ranges, expected " +
+                                std::to_string(sigma_.size()) + ", one per anchor");
+  }
+  RangeIndices received(ranges.size());
   int count = 0;
-  for (int i = 0; i < table_.size; ++i) {
+  for (int i = 0; i < layout_.size; ++i) {
     if (std::isnan(ranges[i])) {
       continue;
     }
@@ -235,24 +251,24 @@ RangePosition<N> Multilateration<N>::solve(const double* ranges) const {
       throw std::invalid_argument("range " + std::to_string(i) + " is " +
                                   std::to_string(ranges[i]) +
                                   ", expected a positive number, 1e-12 to 1e12, or NaN if it was "
-                                  "not heard");
+                                  "not received");
     }
-    heard[static_cast<std::size_t>(count++)] = i;
+    received(count++) = i;
   }
-  if (count == table_.size) {
+  if (count == layout_.size) {
     return solve_on(layout_, ranges, strong_below_);
   }
-  const RangeLayout<N> layout(table(), sigma_.data(), heard.data(), count);
-  std::array<double, kMaxRanges> few = {};
+  received.conservativeResize(count);
+  Ranges without_gaps(count);
   for (int j = 0; j < count; ++j) {
-    few[static_cast<std::size_t>(j)] = ranges[heard[static_cast<std::size_t>(j)]];
+    without_gaps(j) = ranges(received(j));
   }
-  return solve_over(layout, few.data());
+  return solve_over(RangeLayout<N>(table(), sigma_, received), without_gaps);
 }
 
 template <int N>
-RangePosition<N> Multilateration<N>::solve_on(const RangeLayout<N>& layout, const double* ranges,
-                                              double strong) const {
+RangePosition<N> Multilateration<N>::solve_on(const RangeLayout<N>& layout,
+                                              const RangesView& ranges, double strong) const {
   RangePosition<N> result;
   const RangeMinima<N> minima = internal::find_minima<N>(layout, ranges, config_.loss, strong);
   result.status = internal::judge<N>(minima, layout, ranges, side_margin_);
@@ -278,7 +294,7 @@ RangePosition<N> Multilateration<N>::solve_on(const RangeLayout<N>& layout, cons
   const Matrix<N, N> P = best.information.llt().solve(Matrix<N, N>::Identity());
   result.covariance = 0.5 * (P + P.transpose());
   if (is_open || result.covariance.llt().info() != Eigen::Success) {
-    // First order does not describe what is known: no finite covariance would be true.
+    // First order does not hold, so no finite covariance would be true.
     result.covariance.setZero();
     result.covariance.diagonal().setConstant(std::numeric_limits<double>::infinity());
     result.status = result.status == PositionStatus::kNotConverged
@@ -288,17 +304,17 @@ RangePosition<N> Multilateration<N>::solve_on(const RangeLayout<N>& layout, cons
   return result;
 }
 
-#define LOCFUSE_INSTANTIATE(N)                                                             \
-  template struct RangeMinima<N>;                                                          \
-  template class Multilateration<N>;                                                       \
-  template double internal::strong_below<N>(const RangeLayout<N>&, double);                \
-  template bool internal::defies_first_order<N>(const RangeFit<N>&, const RangeLayout<N>&, \
-                                                const double*, const RangeLoss&);          \
-  template bool internal::leaves_open<N>(const Matrix<N, N>&, double);                     \
-  template RangeMinima<N> internal::find_minima<N>(const RangeLayout<N>&, const double*,   \
-                                                   const RangeLoss&, double);              \
-  template PositionStatus internal::judge<N>(const RangeMinima<N>&, const RangeLayout<N>&, \
-                                             const double*, double);
+#define LOCFUSE_INSTANTIATE(N)                                                               \
+  template struct RangeMinima<N>;                                                            \
+  template class Multilateration<N>;                                                         \
+  template double internal::strong_below<N>(const RangeLayout<N>&, double);                  \
+  template bool internal::defies_first_order<N>(const RangeFit<N>&, const RangeLayout<N>&,   \
+                                                const RangesView&, const RangeLoss&);        \
+  template bool internal::leaves_open<N>(const Matrix<N, N>&, double);                       \
+  template RangeMinima<N> internal::find_minima<N>(const RangeLayout<N>&, const RangesView&, \
+                                                   const RangeLoss&, double);                \
+  template PositionStatus internal::judge<N>(const RangeMinima<N>&, const RangeLayout<N>&,   \
+                                             const RangesView&, double);
 LOCFUSE_INSTANTIATE(2)
 LOCFUSE_INSTANTIATE(3)
 #undef LOCFUSE_INSTANTIATE

@@ -16,10 +16,21 @@ namespace {
 
 using Solver3 = Eigen::SelfAdjointEigenSolver<Matrix<3, 3>>;
 
-// Lines of a straight wall turn by up to 0.11 rad as its cells come out rounded, those through a
-// few noisy end points by as much: below twice the square of that, information is no more than what
-// they make up.
-constexpr double kWeakShare = 0.024;
+/// Constants of the information of a scan; docs/models/scan_matching.md eq. (7).
+struct PoseInformationTuning {
+  /// Information of a weak direction as a share of the largest: twice the square of 0.11 rad, by
+  /// which lines of a straight wall turn as its cells are rounded, and lines through a few noisy
+  /// end points.
+  static constexpr double kWeakShare = 0.024;
+  /// Eigenvalue of a direction without information as a share of the largest: rounding.
+  static constexpr double kMinEigenvalueShare = 1e-9;
+  /// Minimum of an information that scales a matrix.
+  static constexpr double kMinScaleInformation = 1e-12;
+  /// Maximum information; products of larger ones overflow.
+  static constexpr double kMaxInformation = 1e200;
+};
+
+using Tuning = PoseInformationTuning;
 
 /// Smallest solution of A x = b where A may leave directions open, at which b is zero.
 Vector<3> solve(const Matrix<3, 3>& A, const Vector<3>& b, bool open) {
@@ -30,7 +41,7 @@ Vector<3> solve(const Matrix<3, 3>& A, const Vector<3>& b, bool open) {
   Vector<3> x = eigen.eigenvectors().transpose() * b;
   for (int i = 0; i < 3; ++i) {
     const double lambda = eigen.eigenvalues()(i);
-    x(i) = lambda > 1e-9 * eigen.eigenvalues()(2) ? x(i) / lambda : 0.0;
+    x(i) = lambda > Tuning::kMinEigenvalueShare * eigen.eigenvalues()(2) ? x(i) / lambda : 0.0;
   }
   return eigen.eigenvectors() * x;
 }
@@ -43,11 +54,12 @@ Observed observed(const Matrix<3, 3>& information, const Vector<3>& gradient, do
       left.per_scale.asDiagonal() * information * left.per_scale.asDiagonal();
   // The product of the larger two eigenvalues is at most a quarter of the squared trace.
   const double trace = scaled.trace();
-  if (4.0 * scaled.determinant() > kWeakShare * trace * trace * trace) {
+  if (4.0 * scaled.determinant() > Tuning::kWeakShare * trace * trace * trace) {
     return left;
   }
   const Solver3 eigen(scaled);
-  for (int i = 0; i < 2 && eigen.eigenvalues()(i) < kWeakShare * eigen.eigenvalues()(2); ++i) {
+  for (int i = 0; i < 2 && eigen.eigenvalues()(i) < Tuning::kWeakShare * eigen.eigenvalues()(2);
+       ++i) {
     const Vector<3> v = eigen.eigenvectors().col(i);
     const Vector<3> row = v.cwiseQuotient(left.per_scale);
     left.information -= eigen.eigenvalues()(i) * row * row.transpose();
@@ -68,12 +80,13 @@ Vector<3> newton_step(const Observed& scan, const Prior& prior, const Pose2& pos
 }
 
 std::optional<Matrix<3, 3>> covariance_of(const Matrix<3, 3>& information) {
-  const double place = 1.0 / std::sqrt(std::max(information(0, 0) + information(1, 1), 1e-12));
-  const double turn = 1.0 / std::sqrt(std::max(information(2, 2), 1e-12));
+  const double place = 1.0 / std::sqrt(std::max(information(0, 0) + information(1, 1),
+                                                Tuning::kMinScaleInformation));
+  const double turn = 1.0 / std::sqrt(std::max(information(2, 2), Tuning::kMinScaleInformation));
   const Vector<3> scale(place, place, turn);
   const Matrix<3, 3> unit = scale.asDiagonal() * information * scale.asDiagonal();
   const Solver3 eigen(unit);
-  if (eigen.eigenvalues()(0) <= 1e-9) {
+  if (eigen.eigenvalues()(0) <= Tuning::kMinEigenvalueShare) {
     return {};
   }
   const Vector<3> inverse = eigen.eigenvalues().cwiseInverse();
@@ -83,7 +96,6 @@ std::optional<Matrix<3, 3>> covariance_of(const Matrix<3, 3>& information) {
 }
 
 void require_covariance(const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
-  constexpr double kMostInformation = 1e200;  // beyond, its products are not finite
   const bool symmetric = is_symmetric(covariance);
   const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
   const auto refuse = [&](const char* what) {
@@ -96,7 +108,7 @@ void require_covariance(const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
   }
   const Eigen::MatrixXd information =
       factor.solve(Eigen::MatrixXd::Identity(covariance.rows(), covariance.cols()));
-  if (!information.allFinite() || information.cwiseAbs().maxCoeff() > kMostInformation) {
+  if (!information.allFinite() || information.cwiseAbs().maxCoeff() > Tuning::kMaxInformation) {
     refuse("is too small for its inverse to be finite");
   }
 }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "locfuse/frontends/range_batch.hpp"
 
-#include <array>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -14,45 +13,52 @@ namespace locfuse {
 
 namespace {
 
-/// The ranges of one epoch that were heard, and their rows.
-struct Heard {
-  std::array<int, kMaxRanges> row = {};
-  std::array<double, kMaxRanges> range = {};
-  int size = 0;
-  bool good = true;  ///< every one is a length
+// Increase of the cost, absolute and relative, at which a position by Ceres is still the same one.
+constexpr double kCeresCostTolerance = 1e-6;
+
+/// The ranges of one epoch that were received, and their anchors.
+struct Received {
+  RangeIndices row;
+  Ranges range;
+  bool are_lengths = true;
 };
 
-Heard heard_in(const double* ranges, int size) {
-  Heard heard;
-  for (int i = 0; i < size; ++i) {
-    if (std::isnan(ranges[i])) {
+Received received_in(const RowsView& ranges, Eigen::Index epoch) {
+  Received received;
+  received.row.resize(ranges.cols());
+  received.range.resize(ranges.cols());
+  int count = 0;
+  for (int i = 0; i < ranges.cols(); ++i) {
+    const double range = ranges(epoch, i);
+    if (std::isnan(range)) {
       continue;
     }
-    heard.good = heard.good && is_length(ranges[i]);
-    heard.row[static_cast<std::size_t>(heard.size)] = i;
-    heard.range[static_cast<std::size_t>(heard.size++)] = ranges[i];
+    received.are_lengths = received.are_lengths && is_length(range);
+    received.row(count) = i;
+    received.range(count++) = range;
   }
-  return heard;
+  received.row.conservativeResize(count);
+  received.range.conservativeResize(count);
+  return received;
 }
 
 template <int N>
-void write(const RangePosition<N>& found, std::size_t epoch, const PositionRows& out) {
-  out.status[epoch] = found.status;
+void write(const RangePosition<N>& found, Eigen::Index epoch, PositionRows<N>& out) {
+  out.status(epoch) = found.status;
   const double missing = std::numeric_limits<double>::quiet_NaN();
   const bool has = found.has_position;
-  out.cost[epoch] = has ? found.cost : missing;
+  out.cost(epoch) = has ? found.cost : missing;
   for (int k = 0; k < N; ++k) {
-    out.position[epoch * N + static_cast<std::size_t>(k)] = has ? found.position(k) : missing;
+    out.position(epoch, k) = has ? found.position(k) : missing;
   }
   for (int k = 0; k < N * N; ++k) {
-    out.covariance[epoch * N * N + static_cast<std::size_t>(k)] =
-        has ? found.covariance(k / N, k % N) : missing;
+    out.covariance(epoch, k) = has ? found.covariance(k / N, k % N) : missing;
   }
 }
 
 /// SR-LS or SR-WLS alone.
 template <int N>
-RangePosition<N> by_squares(const RangeLayout<N>& layout, const double* ranges,
+RangePosition<N> by_squares(const RangeLayout<N>& layout, const RangesView& ranges,
                             SquaredRangeWeights weights) {
   RangePosition<N> result;
   const SquaredRangePosition<N> found = solve_squared_ranges<N>(layout, ranges, weights);
@@ -78,7 +84,7 @@ RangePosition<N> by_squares(const RangeLayout<N>& layout, const double* ranges,
 
 template <int N>
 RangePosition<N> by_ceres(const Multilateration<N>& solver, const RangeLayout<N>& layout,
-                          const double* ranges) {
+                          const RangesView& ranges) {
   RangePosition<N> result = solver.solve_over(layout, ranges);
   const SquaredRangePosition<N> start = solve_squared_ranges<N>(layout, ranges);
   if (start.count == 0) {
@@ -88,7 +94,7 @@ RangePosition<N> by_ceres(const Multilateration<N>& solver, const RangeLayout<N>
   const Vector<N> near =
       robust || start.count > 1 ? Vector<N>(result.position - layout.centre) : start.position[0];
   const RangeFit<N> fit = fit_ranges_ceres<N>(layout, ranges, near, solver.config().loss);
-  if (fit.converged && fit.cost <= result.cost + 1e-6 * (1.0 + result.cost)) {
+  if (fit.converged && fit.cost <= result.cost + kCeresCostTolerance * (1.0 + result.cost)) {
     result.position = layout.centre + fit.position;
     result.cost = fit.cost;
   } else if (!fit.converged) {
@@ -99,7 +105,7 @@ RangePosition<N> by_ceres(const Multilateration<N>& solver, const RangeLayout<N>
 
 template <int N>
 RangePosition<N> solve_one(const Multilateration<N>& solver, RangeSolver method,
-                           const RangeLayout<N>& layout, const double* ranges) {
+                           const RangeLayout<N>& layout, const RangesView& ranges) {
   switch (method) {
     case RangeSolver::kSquaredRange:
       return by_squares<N>(layout, ranges, SquaredRangeWeights::kEqual);
@@ -113,13 +119,15 @@ RangePosition<N> solve_one(const Multilateration<N>& solver, RangeSolver method,
   return solver.solve_over(layout, ranges);
 }
 
-void expect_finite(const AnchorTable& table, std::size_t epoch) {
-  for (int i = 0; i < table.size * table.columns; ++i) {
-    if (!(std::abs(table.rows[i]) <= kLongest)) {
-      throw std::invalid_argument("anchor " + std::to_string(i / table.columns) + " of epoch " +
-                                  std::to_string(epoch) + " has a coordinate " +
-                                  std::to_string(table.rows[i]) +
-                                  ", expected finite numbers within 1e12");
+void expect_finite(const AnchorTable& table, Eigen::Index epoch) {
+  for (int i = 0; i < table.size(); ++i) {
+    for (int k = 0; k < table.columns(); ++k) {
+      if (!(std::abs(table.rows(i, k)) <= kMaxLength)) {
+        throw std::invalid_argument("anchor " + std::to_string(i) + " of epoch " +
+                                    std::to_string(epoch) + " has a coordinate " +
+                                    std::to_string(table.rows(i, k)) +
+                                    ", expected finite numbers within 1e12");
+      }
     }
   }
 }
@@ -153,92 +161,123 @@ internal::LaneLayout lane_layout(const Multilateration<N>& solver) {
 
 template <int N>
 void write(const Multilateration<N>& solver, const internal::LaneResult& found, int lane,
-           std::size_t epoch, const PositionRows& out) {
+           Eigen::Index epoch, PositionRows<N>& out) {
   const RangeLayout<N>& layout = solver.layout();
-  out.cost[epoch] = found.cost[lane];
-  out.status[epoch] = found.cost[lane] > solver.cost_limit(layout.size)
+  out.cost(epoch) = found.cost[lane];
+  out.status(epoch) = found.cost[lane] > solver.cost_limit(layout.size)
                           ? PositionStatus::kInconsistent
                           : PositionStatus::kUnique;
-  double* position = out.position + epoch * N;
-  double* covariance = out.covariance + epoch * N * N;
   for (int k = 0; k < N; ++k) {
-    position[k] = layout.centre(k) + found.position[k][lane];
+    out.position(epoch, k) = layout.centre(k) + found.position[k][lane];
     for (int l = 0; l <= k; ++l) {
       const double entry = found.covariance[k * (k + 1) / 2 + l][lane];
-      covariance[k * N + l] = entry;
-      covariance[l * N + k] = entry;
+      out.covariance(epoch, k * N + l) = entry;
+      out.covariance(epoch, l * N + k) = entry;
     }
   }
 }
 
+/// Anchors of an epoch that has its own.
 template <int N>
-void solve_epoch(const Multilateration<N>& solver, RangeSolver method, const double* anchors,
-                 const double* ranges, std::size_t epoch, const PositionRows& out) {
-  AnchorTable table = solver.table();
-  const auto size = static_cast<std::size_t>(table.size);
-  const Heard heard = heard_in(ranges + epoch * size, table.size);
-  if (!heard.good) {
+AnchorTable own_table(const Multilateration<N>& solver, const RowsView& anchors,
+                      Eigen::Index epoch) {
+  const AnchorTable common = solver.table();
+  const AnchorTable own{RowsView(anchors.data() + epoch * common.size() * anchors.cols(),
+                                 common.size(), anchors.cols()),
+                        common.height};
+  expect_finite(own, epoch);
+  return own;
+}
+
+template <int N>
+void solve_epoch(const Multilateration<N>& solver, RangeSolver method,
+                 const std::optional<RowsView>& anchors, const RowsView& ranges, Eigen::Index epoch,
+                 PositionRows<N>& out) {
+  const Received received = received_in(ranges, epoch);
+  if (!received.are_lengths) {
     RangePosition<N> refused;
     refused.status = PositionStatus::kBadRange;
     write<N>(refused, epoch, out);
     return;
   }
-  if (anchors == nullptr && heard.size == table.size) {
+  if (!anchors && received.range.size() == ranges.cols()) {
     write<N>(method == RangeSolver::kMaximumLikelihood
-                 ? solver.solve(heard.range.data())
-                 : solve_one<N>(solver, method, solver.layout(), heard.range.data()),
+                 ? solver.solve(received.range)
+                 : solve_one<N>(solver, method, solver.layout(), received.range),
              epoch, out);
     return;
   }
-  if (anchors != nullptr) {
-    table.rows = anchors + epoch * size * static_cast<std::size_t>(table.columns);
-    expect_finite(table, epoch);
-  }
-  const RangeLayout<N> layout(table, solver.sigma(), heard.row.data(), heard.size);
-  write<N>(solve_one<N>(solver, method, layout, heard.range.data()), epoch, out);
+  const AnchorTable table = anchors ? own_table(solver, *anchors, epoch) : solver.table();
+  const RangeLayout<N> layout(table, solver.sigma(), received.row);
+  write<N>(solve_one<N>(solver, method, layout, received.range), epoch, out);
 }
 
-/// Epochs by the group, as far as the lanes can do them. Returns how many are done.
+/// Solves whole groups of epochs in lanes. Returns the number of epochs done.
 template <int N>
-std::size_t solve_groups(const Multilateration<N>& solver, const double* ranges, std::size_t epochs,
-                         const PositionRows& out) {
+Eigen::Index solve_groups(const Multilateration<N>& solver, const RowsView& ranges,
+                          PositionRows<N>& out) {
   const internal::LaneSolver by_lanes = lanes();
   const internal::LaneLayout view = lane_layout<N>(solver);
-  const auto size = static_cast<std::size_t>(view.size);
-  const auto width = static_cast<std::size_t>(by_lanes.lanes);
+  const Eigen::Index width = by_lanes.lanes;
   internal::LaneResult found = {};
-  std::size_t epoch = 0;
-  for (; epoch + width <= epochs; epoch += width) {
-    (N == 2 ? by_lanes.solve2 : by_lanes.solve3)(view, ranges + epoch * size, found);
+  Eigen::Index epoch = 0;
+  for (; epoch + width <= ranges.rows(); epoch += width) {
+    (N == 2 ? by_lanes.solve2 : by_lanes.solve3)(view, ranges.data() + epoch * view.size, found);
     for (int lane = 0; lane < by_lanes.lanes; ++lane) {
-      const std::size_t each = epoch + static_cast<std::size_t>(lane);
+      const Eigen::Index each = epoch + lane;
       if (found.solved[lane]) {
         write<N>(solver, found, lane, each, out);
       } else {
-        solve_epoch<N>(solver, RangeSolver::kMaximumLikelihood, nullptr, ranges, each, out);
+        solve_epoch<N>(solver, RangeSolver::kMaximumLikelihood, {}, ranges, each, out);
       }
     }
   }
   return epoch;
 }
 
+template <int N>
+void check_shapes(const Multilateration<N>& solver, const std::optional<RowsView>& anchors,
+                  const RowsView& ranges, const PositionRows<N>& out) {
+  const AnchorTable common = solver.table();
+  const Eigen::Index epochs = ranges.rows();
+  if (ranges.cols() != common.size()) {
+    throw std::invalid_argument("ranges have " + std::to_string(ranges.cols()) +
+                                " columns, expected " + std::to_string(common.size()) +
+                                ", one per anchor");
+  }
+  if (anchors &&
+      (anchors->rows() != epochs * common.size() || anchors->cols() != common.columns())) {
+    throw std::invalid_argument("anchors of the epochs are " + std::to_string(anchors->rows()) +
+                                " x " + std::to_string(anchors->cols()) + " numbers, expected " +
+                                std::to_string(epochs * common.size()) + " x " +
+                                std::to_string(common.columns()));
+  }
+  if (out.position.rows() != epochs || out.covariance.rows() != epochs ||
+      out.cost.size() != epochs || out.status.size() != epochs) {
+    throw std::invalid_argument("the output has not one row for each of " + std::to_string(epochs) +
+                                " epochs");
+  }
+}
+
 }  // namespace
 
 template <int N>
-void locate_batch(const Multilateration<N>& solver, RangeSolver method, const double* anchors,
-                  const double* ranges, std::size_t epochs, const PositionRows& out) {
-  const bool by_groups = anchors == nullptr && method == RangeSolver::kMaximumLikelihood &&
+void locate_batch(const Multilateration<N>& solver, RangeSolver method,
+                  const std::optional<RowsView>& anchors, const RowsView& ranges,
+                  PositionRows<N> out) {
+  check_shapes<N>(solver, anchors, ranges, out);
+  const bool by_groups = !anchors && method == RangeSolver::kMaximumLikelihood &&
                          solver.config().loss.kind == RangeLossKind::kNone &&
                          solver.strong_below() > 0.0;
-  std::size_t epoch = by_groups ? solve_groups<N>(solver, ranges, epochs, out) : 0;
-  for (; epoch < epochs; ++epoch) {
+  Eigen::Index epoch = by_groups ? solve_groups<N>(solver, ranges, out) : 0;
+  for (; epoch < ranges.rows(); ++epoch) {
     solve_epoch<N>(solver, method, anchors, ranges, epoch, out);
   }
 }
 
-#define LOCFUSE_INSTANTIATE(N)                                                         \
-  template void locate_batch<N>(const Multilateration<N>&, RangeSolver, const double*, \
-                                const double*, std::size_t, const PositionRows&);
+#define LOCFUSE_INSTANTIATE(N)                                          \
+  template void locate_batch<N>(const Multilateration<N>&, RangeSolver, \
+                                const std::optional<RowsView>&, const RowsView&, PositionRows<N>);
 LOCFUSE_INSTANTIATE(2)
 LOCFUSE_INSTANTIATE(3)
 #undef LOCFUSE_INSTANTIATE

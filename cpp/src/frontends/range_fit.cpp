@@ -11,11 +11,33 @@ namespace locfuse {
 
 namespace {
 
-constexpr int kMaxIterations = 50;
-// A step that lowers the cost by less moves the position by less than 1e-4 of its sigma; the error
-// that is left is the square of that.
-constexpr double kDone = 1e-8;
-constexpr double kNoDirection = 1e-12;  // [m]
+/// Constants of fit_ranges; docs/models/multilateration.md eq. (14) to (17).
+struct RangeFitTuning {
+  static constexpr int kMaxIterations = 50;
+  /// Decrease of the cost below which the fit has converged: it moves the position by less than
+  /// 1e-4 of its sigma, and the remaining error is the square of that. Also as a share of the cost,
+  /// where rounding exceeds it.
+  static constexpr double kConvergedDecrease = 1e-8;
+  static constexpr double kConvergedShare = 1e-13;
+  /// Distance from an anchor below which a range has no direction [m].
+  static constexpr double kMinDistance = 1e-12;
+  /// Minimum pivot of a positive definite matrix, beside its diagonal: rounding of a double.
+  static constexpr double kMinPivot = 1e-14;
+  /// Levenberg-Marquardt damping [trace of the information]: minimum ridge, first value after a
+  /// step that fails, factors on failure and success, and the value below which it is 0.
+  static constexpr double kMinRidge = 1e-9;
+  static constexpr double kFirstDamping = 1e-3;
+  static constexpr double kDampingGrowth = 10.0;
+  static constexpr double kDampingDecay = 0.1;
+  static constexpr double kNoDamping = 1e-6;
+  /// Scales of a robust loss, from wide to narrow [scale].
+  static constexpr double kWidenings[] = {16.0, 4.0, 1.0};
+  /// Scales at which a loss is 95 % efficient on Gaussian noise [sigmas].
+  static constexpr double kHuberScale = 1.345;
+  static constexpr double kCauchyScale = 2.385;
+};
+
+using Tuning = RangeFitTuning;
 
 /// Loss of z with rho' and rho'' as functions of z^2, eq. (15) of docs/models/multilateration.md.
 struct LossValue {
@@ -68,7 +90,7 @@ struct Expansion {
 };
 
 template <int N, RangeLossKind kKind>
-Expansion<N> expand(const RangeLayout<N>& layout, const double* ranges, double scale,
+Expansion<N> expand(const RangeLayout<N>& layout, const RangesView& ranges, double scale,
                     const PositionPrior<N>& prior, const Vector<N>& x) {
   Expansion<N> at;
   double isotropic = 0.0;
@@ -76,7 +98,7 @@ Expansion<N> expand(const RangeLayout<N>& layout, const double* ranges, double s
     const auto slot = static_cast<std::size_t>(i);
     const Vector<N> d = x - layout.offset(i);
     const double h = std::sqrt(d.squaredNorm() + layout.height_squared[slot]);
-    const double inverse = h > kNoDirection ? 1.0 / h : 0.0;
+    const double inverse = h > Tuning::kMinDistance ? 1.0 / h : 0.0;
     const Vector<N> u = inverse * d;
     const double error = h - ranges[i];
     double weight = layout.information[slot];
@@ -115,10 +137,10 @@ Expansion<N> expand(const RangeLayout<N>& layout, const double* ranges, double s
   return at;
 }
 
-/// x of A x = b, if the symmetric A is clearly positive definite.
+/// Solves A x = b; false unless the symmetric A is clearly positive definite.
 bool solve_positive(const Matrix<2, 2>& A, const Vector<2>& b, Vector<2>& x) {
   const double determinant = A(0, 0) * A(1, 1) - A(1, 0) * A(1, 0);
-  if (!(A(0, 0) > 0.0 && determinant > 1e-14 * A(0, 0) * A(1, 1))) {
+  if (!(A(0, 0) > 0.0 && determinant > Tuning::kMinPivot * A(0, 0) * A(1, 1))) {
     return false;
   }
   const double inverse = 1.0 / determinant;
@@ -133,7 +155,7 @@ bool solve_positive(const Matrix<3, 3>& A, const Vector<3>& b, Vector<3>& x) {
   const double c21 = A(2, 1) - l20 * A(1, 0);
   const double l21 = c21 / d1;
   const double d2 = A(2, 2) - l20 * A(2, 0) - l21 * c21;
-  if (!(A(0, 0) > 0.0 && d1 > 1e-14 * A(1, 1) && d2 > 1e-14 * A(2, 2))) {
+  if (!(A(0, 0) > 0.0 && d1 > Tuning::kMinPivot * A(1, 1) && d2 > Tuning::kMinPivot * A(2, 2))) {
     return false;
   }
   const double y1 = b(1) - l10 * b(0);
@@ -150,41 +172,41 @@ bool step_of(const Expansion<N>& at, double damping, Vector<N>& step) {
   if (damping == 0.0 && solve_positive(at.hessian, Vector<N>(-at.gradient), step)) {
     return true;
   }
-  const double ridge = std::max(damping, 1e-9) * at.gauss_newton.trace();
+  const double ridge = std::max(damping, Tuning::kMinRidge) * at.gauss_newton.trace();
   const Matrix<N, N> damped = at.gauss_newton + ridge * Matrix<N, N>::Identity();
   (void)solve_positive(damped, Vector<N>(-at.gradient), step);
   return false;
 }
 
 template <int N, RangeLossKind kKind>
-RangeFit<N> descend(const RangeLayout<N>& layout, const double* ranges, const Vector<N>& start,
+RangeFit<N> descend(const RangeLayout<N>& layout, const RangesView& ranges, const Vector<N>& start,
                     double scale, const PositionPrior<N>& prior) {
   RangeFit<N> fit;
   fit.position = start;
   Expansion<N> at = expand<N, kKind>(layout, ranges, scale, prior, start);
   double damping = 0.0;
-  while (fit.iterations < kMaxIterations && !fit.converged) {
+  while (fit.iterations < Tuning::kMaxIterations && !fit.converged) {
     ++fit.iterations;
     Vector<N> step = Vector<N>::Zero();
     const bool newton = step_of<N>(at, damping, step);
     const double gain = -at.gradient.dot(step);
     const Vector<N> next = fit.position + step;
-    if (gain <= std::max(kDone, 1e-13 * at.cost)) {
+    if (gain <= std::max(Tuning::kConvergedDecrease, Tuning::kConvergedShare * at.cost)) {
       fit.position = next;
-      fit.converged = newton || damping <= 1e-3;
+      fit.converged = newton || damping <= Tuning::kFirstDamping;
       Vector<N> unused;
       fit.saddle = !newton && !solve_positive(at.hessian, at.gradient, unused);
       at.cost = std::max(at.cost - gain, 0.0);
-      damping *= 0.1;
+      damping *= Tuning::kDampingDecay;
       continue;
     }
     const Expansion<N> there = expand<N, kKind>(layout, ranges, scale, prior, next);
     if (there.cost <= at.cost) {
       fit.position = next;
       at = there;
-      damping = damping <= 1e-6 ? 0.0 : 0.1 * damping;
+      damping = damping <= Tuning::kNoDamping ? 0.0 : Tuning::kDampingDecay * damping;
     } else {
-      damping = std::max(1e-3, 10.0 * damping);
+      damping = std::max(Tuning::kFirstDamping, Tuning::kDampingGrowth * damping);
     }
   }
   fit.cost = at.cost;
@@ -193,12 +215,12 @@ RangeFit<N> descend(const RangeLayout<N>& layout, const double* ranges, const Ve
 }
 
 template <int N, RangeLossKind kKind>
-RangeFit<N> descend_graduated(const RangeLayout<N>& layout, const double* ranges,
+RangeFit<N> descend_graduated(const RangeLayout<N>& layout, const RangesView& ranges,
                               const Vector<N>& start, double scale, const PositionPrior<N>& prior) {
   RangeFit<N> fit;
   fit.position = start;
   int iterations = 0;
-  for (const double widening : {16.0, 4.0, 1.0}) {
+  for (const double widening : Tuning::kWidenings) {
     fit = descend<N, kKind>(layout, ranges, fit.position, widening * scale, prior);
     iterations += fit.iterations;
   }
@@ -219,7 +241,7 @@ double RangeLoss::effective_scale() const {
   if (scale > 0.0) {
     return scale;
   }
-  return kind == RangeLossKind::kHuber ? 1.345 : 2.385;
+  return kind == RangeLossKind::kHuber ? Tuning::kHuberScale : Tuning::kCauchyScale;
 }
 
 double RangeLoss::weight(double z) const { return loss_of(*this, z).slope; }
@@ -227,8 +249,9 @@ double RangeLoss::weight(double z) const { return loss_of(*this, z).slope; }
 double RangeLoss::cost(double z) const { return loss_of(*this, z).rho; }
 
 template <int N>
-RangeFit<N> fit_ranges(const RangeLayout<N>& layout, const double* ranges, const Vector<N>& start,
-                       const RangeLoss& loss, const PositionPrior<N>& prior) {
+RangeFit<N> fit_ranges(const RangeLayout<N>& layout, const RangesView& ranges,
+                       const Vector<N>& start, const RangeLoss& loss,
+                       const PositionPrior<N>& prior) {
   const double scale = loss.effective_scale();
   switch (loss.kind) {
     case RangeLossKind::kHuber:
@@ -247,22 +270,22 @@ template <int N>
 bool range_fit_gain(const RangeLayout<N>& layout, const RangeFit<N>& fit, RangeGain<N>& gain) {
   gain.resize(N, layout.size);
   const Eigen::LDLT<Matrix<N, N>> factor(fit.information);
-  if (!factor.isPositive() || !(factor.rcond() > 1e-14)) {
+  if (!factor.isPositive() || !(factor.rcond() > Tuning::kMinPivot)) {
     return false;
   }
   for (int i = 0; i < layout.size; ++i) {
     const auto slot = static_cast<std::size_t>(i);
     const Vector<N> d = fit.position - layout.offset(i);
     const double h = std::sqrt(d.squaredNorm() + layout.height_squared[slot]);
-    gain.col(i) = (h > kNoDirection ? layout.information[slot] / h : 0.0) * d;
+    gain.col(i) = (h > Tuning::kMinDistance ? layout.information[slot] / h : 0.0) * d;
   }
   gain = factor.solve(gain).eval();
   return true;
 }
 
-#define LOCFUSE_INSTANTIATE(N)                                                               \
-  template RangeFit<N> fit_ranges<N>(const RangeLayout<N>&, const double*, const Vector<N>&, \
-                                     const RangeLoss&, const PositionPrior<N>&);             \
+#define LOCFUSE_INSTANTIATE(N)                                                                   \
+  template RangeFit<N> fit_ranges<N>(const RangeLayout<N>&, const RangesView&, const Vector<N>&, \
+                                     const RangeLoss&, const PositionPrior<N>&);                 \
   template bool range_fit_gain<N>(const RangeLayout<N>&, const RangeFit<N>&, RangeGain<N>&);
 LOCFUSE_INSTANTIATE(2)
 LOCFUSE_INSTANTIATE(3)

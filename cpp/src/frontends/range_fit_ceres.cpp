@@ -17,12 +17,16 @@ namespace locfuse {
 
 namespace {
 
-/// (h(x) - r) / sigma. The one-sided loss acts on the sign, which ceres::LossFunction never sees:
-/// for ranges that read long the residual is itself bent to sqrt(rho), smoothly at zero.
+// Squared residual beside the scale of the one-sided loss below which rho is its square.
+constexpr double kMinShare = 1e-12;
+
+/// Residual (h(x) - r) / sigma. The one-sided loss depends on the sign, which ceres::LossFunction
+/// does not get: residuals of ranges that are too long are themselves mapped to sqrt(rho).
 template <int N>
 class RangeResidual final : public ceres::SizedCostFunction<1, N> {
  public:
-  RangeResidual(const RangeLayout<N>& layout, const double* ranges, int i, double one_sided_scale)
+  RangeResidual(const RangeLayout<N>& layout, const RangesView& ranges, int i,
+                double one_sided_scale)
       : anchor_(layout.offset(i)),
         height_squared_(layout.height_squared[static_cast<std::size_t>(i)]),
         range_(ranges[i]),
@@ -37,7 +41,7 @@ class RangeResidual final : public ceres::SizedCostFunction<1, N> {
     double slope = root_information_;
     if (one_sided_scale_ > 0.0 && z < 0.0) {
       const double share = z * z / (one_sided_scale_ * one_sided_scale_);
-      const double bent = share < 1e-12 ? z : -one_sided_scale_ * std::sqrt(std::log1p(share));
+      const double bent = share < kMinShare ? z : -one_sided_scale_ * std::sqrt(std::log1p(share));
       slope *= z / bent / (1.0 + share);
       z = bent;
     }
@@ -113,7 +117,7 @@ ceres::Solver::Options solver_options(const CeresOptions& options) {
 
 /// J' W R^-1 J at the solution, without a second problem.
 template <int N>
-Matrix<N, N> information_at(const RangeLayout<N>& layout, const double* ranges,
+Matrix<N, N> information_at(const RangeLayout<N>& layout, const RangesView& ranges,
                             const RangeLoss& loss, const PositionPrior<N>& prior,
                             const Vector<N>& x) {
   Matrix<N, N> information = prior.information.asDiagonal();
@@ -131,7 +135,7 @@ Matrix<N, N> information_at(const RangeLayout<N>& layout, const double* ranges,
 }  // namespace
 
 template <int N>
-RangeFit<N> fit_ranges_ceres(const RangeLayout<N>& layout, const double* ranges,
+RangeFit<N> fit_ranges_ceres(const RangeLayout<N>& layout, const RangesView& ranges,
                              const Vector<N>& start, const RangeLoss& loss,
                              const PositionPrior<N>& prior, const CeresOptions& options,
                              std::string* termination) {
@@ -153,7 +157,7 @@ RangeFit<N> fit_ranges_ceres(const RangeLayout<N>& layout, const double* ranges,
   }
   ceres::Solver::Summary summary;
   ceres::Solve(solver_options(options), &problem, &summary);
-  // Where Ceres gave up before it began its numbers are none.
+  // Where Ceres failed before its first step, its cost is undefined.
   fit.cost = summary.termination_type == ceres::FAILURE ? std::numeric_limits<double>::quiet_NaN()
                                                         : 2.0 * summary.final_cost;
   fit.iterations = std::max(0, summary.num_successful_steps + summary.num_unsuccessful_steps);
@@ -165,10 +169,10 @@ RangeFit<N> fit_ranges_ceres(const RangeLayout<N>& layout, const double* ranges,
   return fit;
 }
 
-#define LOCFUSE_INSTANTIATE(N)                                                                     \
-  template RangeFit<N> fit_ranges_ceres<N>(const RangeLayout<N>&, const double*, const Vector<N>&, \
-                                           const RangeLoss&, const PositionPrior<N>&,              \
-                                           const CeresOptions&, std::string*);
+#define LOCFUSE_INSTANTIATE(N)                                                      \
+  template RangeFit<N> fit_ranges_ceres<N>(                                         \
+      const RangeLayout<N>&, const RangesView&, const Vector<N>&, const RangeLoss&, \
+      const PositionPrior<N>&, const CeresOptions&, std::string*);
 LOCFUSE_INSTANTIATE(2)
 LOCFUSE_INSTANTIATE(3)
 #undef LOCFUSE_INSTANTIATE

@@ -3,7 +3,6 @@
 
 #include <Eigen/Eigenvalues>
 #include <cmath>
-#include <cstddef>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -12,19 +11,18 @@ namespace locfuse {
 
 namespace {
 
-// Directions of which the anchors say less than this share of what they say of others are open.
-constexpr double kOpen = 1e-14;
+// A direction is open if its information is below this share of the largest: rounding of a double.
+constexpr double kMinInformationShare = 1e-14;
 
-Eigen::MatrixXd information_at(const AnchorTable& anchors, const double* sigma,
+Eigen::MatrixXd information_at(const AnchorTable& anchors, const RangesView& sigma,
                                const Eigen::VectorXd& point) {
   const Eigen::Index n = point.size();
   Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
-  for (int i = 0; i < anchors.size; ++i) {
-    const double* row = anchors.rows + static_cast<std::ptrdiff_t>(i) * anchors.columns;
-    const Eigen::VectorXd d = point - Eigen::Map<const Eigen::VectorXd>(row, n);
-    const double height = anchors.height ? *anchors.height - row[2] : 0.0;
+  for (int i = 0; i < anchors.size(); ++i) {
+    const Eigen::VectorXd d = point - anchors.rows.row(i).head(n).transpose();
+    const double height = anchors.height ? *anchors.height - anchors.rows(i, 2) : 0.0;
     const double squared = d.squaredNorm() + height * height;
-    const double weight = sigma != nullptr ? 1.0 / (sigma[i] * sigma[i]) : 1.0;
+    const double weight = 1.0 / (sigma(i) * sigma(i));
     if (squared > 0.0) {
       information += weight / squared * d * d.transpose();
     }
@@ -35,7 +33,7 @@ Eigen::MatrixXd information_at(const AnchorTable& anchors, const double* sigma,
 Eigen::MatrixXd bounded_inverse(const Eigen::MatrixXd& information) {
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(information);
   const Eigen::VectorXd& values = eigen.eigenvalues();
-  if (!(values(0) > kOpen * values(values.size() - 1))) {
+  if (!(values(0) > kMinInformationShare * values(values.size() - 1))) {
     Eigen::MatrixXd open = Eigen::MatrixXd::Zero(information.rows(), information.cols());
     open.diagonal().setConstant(std::numeric_limits<double>::infinity());
     return open;
@@ -50,7 +48,7 @@ void expect_points(const AnchorTable& anchors, const Eigen::MatrixXd& points) {
     throw std::invalid_argument("points have " + std::to_string(points.cols()) +
                                 " coordinates, expected " + std::to_string(anchors.dimensions()));
   }
-  if (!(points.array().abs() <= kLongest).all()) {
+  if (!(points.array().abs() <= kMaxLength).all()) {
     throw std::invalid_argument("points have a coordinate that is not finite, or over 1e12");
   }
 }
@@ -59,13 +57,14 @@ void expect_points(const AnchorTable& anchors, const Eigen::MatrixXd& points) {
 
 Dilution dilution(const AnchorTable& anchors, const Eigen::VectorXd& point) {
   expect_points(anchors, point.transpose());
-  const Eigen::MatrixXd covariance = bounded_inverse(information_at(anchors, nullptr, point));
+  const Eigen::MatrixXd covariance =
+      bounded_inverse(information_at(anchors, Eigen::VectorXd::Ones(anchors.size()), point));
   const bool space = point.size() == 3;
   return {std::sqrt(covariance.trace()), std::sqrt(covariance(0, 0) + covariance(1, 1)),
           space ? std::sqrt(covariance(2, 2)) : 0.0};
 }
 
-std::vector<Eigen::MatrixXd> cramer_rao(const AnchorTable& anchors, const double* sigma,
+std::vector<Eigen::MatrixXd> cramer_rao(const AnchorTable& anchors, const RangesView& sigma,
                                         const Eigen::MatrixXd& points) {
   validate(anchors, sigma);
   expect_points(anchors, points);

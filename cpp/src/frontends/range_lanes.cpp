@@ -15,10 +15,20 @@ constexpr int kLanes = 4;
 #else
 constexpr int kLanes = 2;
 #endif
-constexpr int kSecularSteps = 3;
-constexpr int kNewtonSteps = 3;
-constexpr double kDone = 1e-8;        // as in range_fit.cpp
-constexpr double kLeastPivot = 1e-9;  // of the information, beside its diagonal; else one by one
+
+/// Constants of the solver in lanes; epochs that it does not finish are left to the scalar code.
+struct RangeLanesTuning {
+  static constexpr int kSecularSteps = 3;
+  static constexpr int kNewtonSteps = 3;
+  /// Decrease of the cost below which the fit has converged, as in range_fit.cpp.
+  static constexpr double kConvergedDecrease = 1e-8;
+  /// Minimum pivot of the information beside its diagonal.
+  static constexpr double kMinPivot = 1e-9;
+  /// Storage for the ranges of an epoch, as kMaxRanges of range_layout.hpp.
+  static constexpr int kCapacity = 64;
+};
+
+using Tuning = RangeLanesTuning;
 
 using Lanes = double __attribute__((vector_size(kLanes * sizeof(double))));
 
@@ -31,15 +41,15 @@ inline void square_root(const Lanes& x, Lanes& root) {
 /// Lower triangle of a symmetric matrix.
 constexpr int at(int row, int column) { return row * (row + 1) / 2 + column; }
 
-/// The same by A = L D L', whose inverse has a positive diagonal if `least`, the smallest entry of
-/// D as a share of that of A, is positive.
+/// Inverse of a symmetric A = L D L', with a positive diagonal if `min_pivot` is positive: the
+/// smallest entry of D as a share of that of A.
 template <int N>
-inline void invert_positive(const Lanes (&A)[6], Lanes (&inverse)[6], Lanes& least) {
+inline void invert_positive(const Lanes (&A)[6], Lanes (&inverse)[6], Lanes& min_pivot) {
   const Lanes d0 = 1.0 / A[0];
   const Lanes l10 = A[1] * d0;
   const Lanes pivot1 = A[2] - l10 * A[1];
   const Lanes d1 = 1.0 / pivot1;
-  least = pivot1 / A[2];
+  min_pivot = pivot1 / A[2];
   if constexpr (N == 2) {
     inverse[0] = d0 + l10 * l10 * d1;
     inverse[1] = -l10 * d1;
@@ -51,7 +61,7 @@ inline void invert_positive(const Lanes (&A)[6], Lanes (&inverse)[6], Lanes& lea
     const Lanes pivot2 = A[5] - l20 * A[3] - l21 * rest;
     const Lanes d2 = 1.0 / pivot2;
     const Lanes share2 = pivot2 / A[5];
-    least = share2 < least ? share2 : least;
+    min_pivot = share2 < min_pivot ? share2 : min_pivot;
     const Lanes m20 = l21 * l10 - l20;  // of L^-1
     inverse[0] = d0 + l10 * l10 * d1 + m20 * m20 * d2;
     inverse[1] = -l10 * d1 - m20 * l21 * d2;
@@ -86,8 +96,9 @@ inline void invert(const Lanes (&A)[6], Lanes (&inverse)[6], Lanes& determinant)
   }
 }
 
-/// SR-LS, eq. (7) and (8) of docs/models/multilateration.md; as a start it need not be exact.
-/// `inside` is positive where it is the root of eq. (9), and not one beyond, on the wrong side.
+/// SR-LS, eq. (7) and (8) of docs/models/multilateration.md; not exact, as it is only a start.
+/// `inside` is positive where the root is in the interval of eq. (9): beyond it lies the wrong
+/// side.
 template <int N>
 inline void start(const LaneLayout& layout, const Lanes* range, Lanes (&x)[3], Lanes& inside) {
   Lanes moment[3] = {};
@@ -113,7 +124,7 @@ inline void start(const LaneLayout& layout, const Lanes* range, Lanes (&x)[3], L
   const Lanes level = sum / static_cast<double>(layout.size);
   Lanes alpha = {};
   Lanes y[3] = {};
-  for (int step = 0; step <= kSecularSteps; ++step) {
+  for (int step = 0; step <= Tuning::kSecularSteps; ++step) {
     Lanes gap = -level - slope * alpha;
     Lanes fall = {};
     for (int k = 0; k < N; ++k) {
@@ -133,7 +144,7 @@ inline void start(const LaneLayout& layout, const Lanes* range, Lanes (&x)[3], L
   }
 }
 
-/// One Newton step, eq. (16). `decrease` is what it lowers the cost by; `positive` is positive in
+/// One Newton step, eq. (16). `decrease` is that of the cost; `positive` is positive in
 /// lanes where the Hessian is positive definite.
 template <int N>
 inline void newton(const LaneLayout& layout, const Lanes* range, Lanes (&x)[3],
@@ -197,14 +208,13 @@ inline void newton(const LaneLayout& layout, const Lanes* range, Lanes (&x)[3],
 
 template <int N>
 void solve(const LaneLayout& layout, const double* ranges, LaneResult& result) {
-  constexpr int kMost = 64;
-  Lanes range[kMost];
-  Lanes least = Lanes{} + 1.0;
+  Lanes range[Tuning::kCapacity];
+  Lanes shortest = Lanes{} + 1.0;
   for (int i = 0; i < layout.size; ++i) {
     for (int l = 0; l < kLanes; ++l) {
       range[i][l] = ranges[l * layout.size + i];
     }
-    least = range[i] < least ? range[i] : least;
+    shortest = range[i] < shortest ? range[i] : shortest;
   }
   Lanes x[3];
   Lanes inside;
@@ -213,7 +223,7 @@ void solve(const LaneLayout& layout, const double* ranges, LaneResult& result) {
   Lanes cost;
   Lanes decrease;
   Lanes positive;
-  for (int step = 0; step < kNewtonSteps; ++step) {
+  for (int step = 0; step < Tuning::kNewtonSteps; ++step) {
     newton<N>(layout, range, x, jacobian, cost, decrease, positive);
   }
   Lanes covariance[6] = {};
@@ -221,9 +231,9 @@ void solve(const LaneLayout& layout, const double* ranges, LaneResult& result) {
   invert_positive<N>(jacobian, covariance, pivot);
   for (int l = 0; l < kLanes; ++l) {
     // False where a number is NaN, too.
-    result.solved[l] = least[l] > 0.0 && inside[l] > 0.0 && positive[l] > 0.0 &&
-                       decrease[l] >= 0.0 && decrease[l] <= kDone &&
-                       cost[l] < layout.strong_below && pivot[l] > kLeastPivot;
+    result.solved[l] = shortest[l] > 0.0 && inside[l] > 0.0 && positive[l] > 0.0 &&
+                       decrease[l] >= 0.0 && decrease[l] <= Tuning::kConvergedDecrease &&
+                       cost[l] < layout.strong_below && pivot[l] > Tuning::kMinPivot;
     result.cost[l] = cost[l] > decrease[l] ? cost[l] - decrease[l] : 0.0;
     for (int k = 0; k < N; ++k) {
       result.position[k][l] = x[k][l];

@@ -16,16 +16,16 @@ struct LaneLayout {
   const double* information = nullptr;     ///< 1 / sigma^2
   double axes[3][3] = {};                  ///< [row][column]
   double stiffness[3] = {};                ///< 4 mu [m^2]
-  double strong_below = 0.0;               ///< costs from here on are left to the scalar code
+  double strong_below = 0.0;               ///< larger costs are left to the scalar code
 };
 
-/// One lane group of epochs; `solved[l]` is false where the scalar code has to do it.
+/// Results of one group of epochs; `solved[l]` is false where the scalar code has to solve.
 struct LaneResult {
-  static constexpr int kMostLanes = 8;
-  double position[3][kMostLanes];    ///< relative to the centroid [m]
-  double covariance[6][kMostLanes];  ///< lower triangle, row by row [m^2]
-  double cost[kMostLanes];
-  bool solved[kMostLanes];
+  static constexpr int kMaxLanes = 8;
+  double position[3][kMaxLanes];    ///< relative to the centroid [m]
+  double covariance[6][kMaxLanes];  ///< lower triangle, row by row [m^2]
+  double cost[kMaxLanes];
+  bool solved[kMaxLanes];
 };
 
 /// Solves `lanes()` epochs of `layout.size` ranges each, N = 2 or 3: SR-LS, then three Newton steps

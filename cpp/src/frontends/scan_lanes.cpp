@@ -8,7 +8,7 @@ namespace locfuse::internal::LOCFUSE_LANES {
 namespace {
 
 static_assert(kBeamGroup % kLanes == 0);
-constexpr float kFitted = 5.0F;  // cells of a line, its shortest run
+constexpr float kFittedCells = 5.0F;  // of a wall line: its shortest run, as WallLineTuning has it
 
 double sum_distances(const DistanceTable& table, const LaneBeams& beams, const LanePose& pose) {
   const Lanes right = all(static_cast<float>(table.width));
@@ -64,7 +64,8 @@ void find_targets(const std::int32_t* nearest, int width, int height, const Lane
 
 template <bool kHard>
 void accumulate(const LaneBeams& beams, const LanePose& pose, const LaneWalls& walls,
-                const LaneWeights& weights, float* residuals, float* alike_beams, LaneSums& sums) {
+                const LaneWeights& weights, float* residuals, float* correlated_beams,
+                LaneSums& sums) {
   const float per_kernel = 1.0F / weights.kernel_squared;
   const Lanes one = all(1.0F);
   Lanes xx{}, xy{}, xt{}, x{}, yy{}, yt{}, y{}, tt{}, t{}, w{};
@@ -80,7 +81,7 @@ void accumulate(const LaneBeams& beams, const LanePose& pose, const LaneWalls& w
     const Lanes ey = ry + pose.y - load(walls.y + i);
     Lanes nx = load(walls.nx + i);
     Lanes ny = load(walls.ny + i);
-    // A wall without a normal is met along the beam.
+    // The normal of a wall without a line is along the beam.
     const Indices bare = nx * nx + ny * ny < 0.5F;
     if (any(bare)) {
       const Lanes back = 1.0F / square_root(bx * bx + by * by + 1e-6F);
@@ -95,11 +96,12 @@ void accumulate(const LaneBeams& beams, const LanePose& pose, const LaneWalls& w
     const Indices wall =
         (ex * ex + ey * ey < weights.reach_squared) & (run > 0.0F) & (load(beams.used + i) > 0.0F);
     const Lanes residual = wall ? nx * ex + ny * ey - weights.offset : all(kFar);
-    const Lanes alike = larger(run * load(walls.per_spacing + i), one);
+    const Lanes correlated = larger(run * load(walls.per_spacing + i), one);
     store(residual, residuals + i);
-    store(alike, alike_beams + i);
-    const Lanes rounding = (kFitted / 12.0F) * (1.0F / kFitted - 1.0F / larger(run, all(kFitted)));
-    const Lanes noise = (rounding + weights.map_variance) * alike + weights.beam_variance;
+    store(correlated, correlated_beams + i);
+    const Lanes rounding =
+        (kFittedCells / 12.0F) * (1.0F / kFittedCells - 1.0F / larger(run, all(kFittedCells)));
+    const Lanes noise = (rounding + weights.map_variance) * correlated + weights.beam_variance;
     const Lanes ratio = residual * residual * per_kernel;
     const Indices counts = kHard ? wall & (ratio < 1.0F) : wall;
     const Lanes share = counts ? one : Lanes{};
@@ -131,11 +133,12 @@ void accumulate(const LaneBeams& beams, const LanePose& pose, const LaneWalls& w
 }
 
 void accumulate_any(const LaneBeams& beams, const LanePose& pose, const LaneWalls& walls,
-                    const LaneWeights& weights, float* residuals, float* alike, LaneSums& sums) {
+                    const LaneWeights& weights, float* residuals, float* correlated,
+                    LaneSums& sums) {
   if (weights.hard) {
-    accumulate<true>(beams, pose, walls, weights, residuals, alike, sums);
+    accumulate<true>(beams, pose, walls, weights, residuals, correlated, sums);
   } else {
-    accumulate<false>(beams, pose, walls, weights, residuals, alike, sums);
+    accumulate<false>(beams, pose, walls, weights, residuals, correlated, sums);
   }
 }
 

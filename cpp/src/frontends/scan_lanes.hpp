@@ -3,19 +3,19 @@
 
 #include <cstdint>
 
-/// Many beams at once, one per lane of a vector register, in single precision: right to 1e-3 cells
-/// on the largest maps. Compiled once for every processor and once for those with AVX2; nothing
-/// that is compiled twice may be shared, so only plain arrays appear here. All lengths are in
+/// Many beams at once, one per lane of a vector register, in single precision: accurate to 1e-3
+/// cells on the largest maps. Compiled once for every processor and once for those with AVX2;
+/// nothing that is compiled twice may be shared, so only plain arrays appear here. Lengths are in
 /// cells.
 namespace locfuse::internal {
 
-/// Arrays of beams are filled up to a multiple of this by beams that are not used.
+/// Arrays of beams are padded to a multiple of this.
 constexpr int kBeamGroup = 8;
 
 /// Residual of a beam without a wall.
 constexpr float kFar = 1e6F;
 
-/// End points in body; `used` is 1, or 0 for those that only fill up.
+/// End points in body; `used` is 1, or 0 for padding.
 struct LaneBeams {
   int count = 0;
   const float* x = nullptr;
@@ -36,20 +36,20 @@ struct DistanceTable {
   float far_cells;  ///< side of a far cell
 };
 
-/// Line next to each end point, and how many beams see as much wall as it was fitted to.
+/// Wall line matched with each end point, and the beams per length of wall.
 struct LaneWalls {
   const float *x, *y, *nx, *ny, *run, *per_spacing;
 };
 
-/// What weighs a residual; docs/models/scan_matching.md eq. (4) to (6).
+/// Weighting of residuals; docs/models/scan_matching.md eq. (4) to (6).
 struct LaneWeights {
   float laser_x, laser_y;  ///< from the body, in the field's axes
-  float reach_squared;     ///< walls farther away than this are none
+  float reach_squared;     ///< walls farther away than this do not match
   float kernel_squared;
   float map_variance;
   float beam_variance;
   float offset;
-  bool hard;  ///< all within the kernel alike, instead of a smooth kernel
+  bool hard;  ///< full weight within the kernel, instead of a smooth kernel
 };
 
 /// Weighted sums of products of (nx, ny, turn, 1, residual), as accumulate() fills them.
@@ -60,12 +60,12 @@ struct LaneSums {
 struct ScanLanes {
   /// Sum of the distances at the end points; negative if one is too far off for the table.
   double (*sum_distances)(const DistanceTable&, const LaneBeams&, const LanePose&);
-  /// Nearest target of each end point, of the field's edge for those off it.
+  /// Nearest target of each end point; off the field that of its edge.
   void (*find_targets)(const std::int32_t* nearest, int width, int height, const LaneBeams&,
                        const LanePose&, std::int32_t* targets);
-  /// Residuals (kFar without a wall), how many beams are alike, and the sums.
+  /// Residuals (kFar without a wall), the number of beams that share an error, and the sums.
   void (*accumulate)(const LaneBeams&, const LanePose&, const LaneWalls&, const LaneWeights&,
-                     float* residuals, float* alike, LaneSums&);
+                     float* residuals, float* correlated, LaneSums&);
 };
 
 namespace portable {
@@ -77,7 +77,7 @@ namespace avx2 {
 }
 #endif
 
-/// The fastest that this processor has.
+/// Fastest kernels that this processor supports.
 [[nodiscard]] ScanLanes scan_lanes();
 
 }  // namespace locfuse::internal

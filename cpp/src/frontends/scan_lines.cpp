@@ -10,16 +10,31 @@
 namespace locfuse::internal {
 namespace {
 
-// A line over ten sigma to both sides turns by 0.17 / sqrt(ends) rad as its ends are off.
-constexpr double kReachSigmas = 10.0;
-constexpr int kLeastReach = 2;      // beams to each side, however far they are apart
-constexpr int kMostReach = 500;     // or every beam of a laser that is covered would be near all
-constexpr double kGapGrowth = 2.5;  // from one gap to the next on a wall, even a slanted one
-constexpr double kGapSigmas = 4.0;
-constexpr double kFlatSigmas = 2.0;    // that ends on a line spread across it
-constexpr double kFlatShare = 0.01;    // of their variance along it, where that is more
-constexpr double kMostBent = 0.2;      // of it, however noisy the beams
-constexpr double kLeastAcross = 0.25;  // beams that graze are off by more than their range
+/// Constants of the lines through neighbouring end points; docs/models/scan_matching.md, "Without a
+/// map". Values without another source are empirical.
+struct ScanLinesTuning {
+  /// Distance of the end points on a line from its middle [standard deviations]: noise turns a line
+  /// through n of them by 0.17 / sqrt(n) rad.
+  static constexpr double kReachSigmas = 10.0;
+  /// Beams to each side: at least, however far apart their ends are; at most, as all beams of a
+  /// covered laser end near each other.
+  static constexpr int kMinReachBeams = 2;
+  static constexpr int kMaxReachBeams = 500;
+  /// Maximum gap between two ends on a line: in gaps beside the end, as on a slanted wall, and in
+  /// standard deviations.
+  static constexpr double kGapGrowth = 2.5;
+  static constexpr double kGapSigmas = 4.0;
+  /// Maximum spread across a line [standard deviations], or, where that is more, the share of the
+  /// variance along it; and the share that noise does not excuse.
+  static constexpr double kFlatSigmas = 2.0;
+  static constexpr double kFlatShare = 0.01;
+  static constexpr double kMaxFlatness = 0.2;
+  /// Minimum share of the variance of a range that counts across the line: grazing beams have other
+  /// errors besides.
+  static constexpr double kMinAcrossShare = 0.25;
+};
+
+using Tuning = ScanLinesTuning;
 
 /// Ends of beams in the order of the scan.
 class Ends {
@@ -34,7 +49,7 @@ class Ends {
     const Vector<2> end = at(i);
     LinePoint point{
         end, end, Vector<2>::Zero(), sigma_ * sigma_, beams_.range[i] * beams_.step, nearer_gap(i)};
-    const double limit = kGapGrowth * point.gap + kGapSigmas * sigma_;
+    const double limit = Tuning::kGapGrowth * point.gap + Tuning::kGapSigmas * sigma_;
     Vector<2> mean = Vector<2>::Zero();
     Matrix<2, 2> scatter = Matrix<2, 2>::Zero();
     const auto add = [&](std::size_t j) {
@@ -70,19 +85,21 @@ class Ends {
   /// Whether the end of beam j belongs to a line through that of beam i.
   [[nodiscard]] bool near(std::size_t i, std::size_t j) const {
     const std::size_t apart = i < j ? j - i : i - j;
-    return apart <= kLeastReach ||
-           (apart <= kMostReach && (at(j) - at(i)).norm() < kReachSigmas * sigma_);
+    return apart <= Tuning::kMinReachBeams ||
+           (apart <= Tuning::kMaxReachBeams &&
+            (at(j) - at(i)).norm() < Tuning::kReachSigmas * sigma_);
   }
 
-  /// The line through `mean` (from the end) along which the ends spread most, if they are on one.
+  /// Fits the line through `mean` (relative to the end) along the largest spread, if there is one.
   void fit(LinePoint& point, const Vector<2>& mean, const Matrix<2, 2>& scatter,
            double count) const {
     const double half = 0.5 * (scatter(0, 0) - scatter(1, 1));
     const double spread = std::hypot(half, scatter(0, 1));
     const double along = 0.5 * scatter.trace() + spread;
     const double across = 0.5 * scatter.trace() - spread;
-    const double noise = kFlatSigmas * kFlatSigmas * sigma_ * sigma_;
-    if (across > std::min(std::max(noise, kFlatShare * along), kMostBent * along)) {
+    const double noise = Tuning::kFlatSigmas * Tuning::kFlatSigmas * sigma_ * sigma_;
+    if (across >
+        std::min(std::max(noise, Tuning::kFlatShare * along), Tuning::kMaxFlatness * along)) {
       return;
     }
     const double direction = 0.5 * std::atan2(scatter(0, 1), half);
@@ -91,9 +108,9 @@ class Ends {
     const double into = normal.dot(beam);
     point.foot += normal * normal.dot(mean);
     point.normal = into > 0.0 ? Vector<2>(-normal) : normal;
-    point.variance =
-        across > noise ? across * count / (count - 2.0)
-                       : point.variance * std::max(kLeastAcross, into * into / beam.squaredNorm());
+    point.variance = across > noise ? across * count / (count - 2.0)
+                                    : point.variance * std::max(Tuning::kMinAcrossShare,
+                                                                into * into / beam.squaredNorm());
   }
 
   const Beams& beams_;

@@ -34,7 +34,7 @@ std::vector<std::uint8_t> touching(const OccupancyGrid& grid, const Open& open) 
 
 std::vector<std::uint8_t> surface_cells(const OccupancyGrid& grid) {
   std::vector<std::uint8_t> surface = touching(grid, [](Cell cell) { return cell == Cell::kFree; });
-  if (std::find(surface.begin(), surface.end(), 1) == surface.end()) {  // a map of walls alone
+  if (std::find(surface.begin(), surface.end(), 1) == surface.end()) {  // a map without free cells
     surface = touching(grid, [](Cell cell) { return cell != Cell::kOccupied; });
   }
   if (std::find(surface.begin(), surface.end(), 1) == surface.end()) {
@@ -45,19 +45,32 @@ std::vector<std::uint8_t> surface_cells(const OccupancyGrid& grid) {
   return surface;
 }
 
-constexpr int kReach = 3;         // cells to each side that a line is fitted to
-constexpr double kSpread = 1.5;   // standard deviation of their weights [cells]
-constexpr double kFitted = 5.0;   // what such a window weighs in all [cells]
-constexpr int kLongestRun = 200;  // that is counted [cells]
-// A straight wall, rounded to cells, spreads by 0.05 of its length to the sides, a column of 30 cm
-// in cells of 5 cm by 0.15, a right corner by 0.37.
-constexpr double kMostBent = 0.2;
-// Cells before a solid wall face 15 cells' steps to free space; those of a wall of one or two
-// cells, free on both sides, face here 5 and there 5 the other way, and are one wall.
-constexpr double kOpposite = 50.0;
-constexpr double kThin = 0.8;  // all the cells of a thin pole spread by less [cells^2]
+/// Constants of the wall lines of a map; docs/models/scan_matching.md eq. (3). Values without
+/// another source are empirical.
+struct WallLineTuning {
+  /// Half the window that a line is fitted to, standard deviation of its weights and their sum
+  /// [cells].
+  static constexpr int kReach = 3;
+  static constexpr double kWeightSigma = 1.5;
+  static constexpr double kFittedCells = 5.0;
+  static constexpr int kMinCells = 3;
+  /// Maximum counted length of a run [cells].
+  static constexpr int kMaxRun = 200;
+  /// Maximum spread across a line, as a share of that along it. A straight wall, rounded to cells,
+  /// has 0.05, a column of 30 cm in cells of 5 cm 0.15, a right corner 0.37.
+  static constexpr double kMaxFlatness = 0.2;
+  /// Cells face opposite sides from this product of their directions to free space on [cells^2]. A
+  /// cell of a solid wall has a direction of length 15; in a wall of one or two cells, free on both
+  /// sides, neighbours have lengths up to 5 in opposite directions and are one wall.
+  static constexpr double kOppositeProduct = 50.0;
+  /// Maximum spread of all the cells of a thin pole [cells^2].
+  static constexpr double kMaxPoleSpread = 0.8;
+};
 
-/// From the cell to the free space around it; near zero in a wall that is free on both sides.
+using Tuning = WallLineTuning;
+
+/// Direction from a cell to the free space around it; near zero in a wall that is free on both
+/// sides.
 Vector<2> to_free(const OccupancyGrid& grid, int column, int row) {
   Vector<2> sum = Vector<2>::Zero();
   for (int dy = -2; dy <= 2; ++dy) {
@@ -77,8 +90,8 @@ class LineFit {
     for (int i = 0; i < surface.targets(); ++i) {
       facing_.push_back(to_free(surface.grid(), cell(i).x(), cell(i).y()));
     }
-    for (int k = 0; k <= 2 * kReach * kReach; ++k) {
-      weights_.push_back(std::exp(-0.5 * k / (kSpread * kSpread)));
+    for (int k = 0; k <= 2 * Tuning::kReach * Tuning::kReach; ++k) {
+      weights_.push_back(std::exp(-0.5 * k / (Tuning::kWeightSigma * Tuning::kWeightSigma)));
     }
   }
 
@@ -87,8 +100,8 @@ class LineFit {
     Matrix<2, 2> scatter = Matrix<2, 2>::Zero();
     double weight = 0.0;
     int cells = 0;
-    for (int dy = -kReach; dy <= kReach; ++dy) {
-      for (int dx = -kReach; dx <= kReach; ++dx) {
+    for (int dy = -Tuning::kReach; dy <= Tuning::kReach; ++dy) {
+      for (int dx = -Tuning::kReach; dx <= Tuning::kReach; ++dx) {
         if (same_side(target, dx, dy)) {
           const int squared = dx * dx + dy * dy;
           const double w = weights_[static_cast<std::size_t>(squared)];
@@ -107,12 +120,12 @@ class LineFit {
     const double long_axis = 0.5 * scatter.trace() + spread;
     const double short_axis = 0.5 * scatter.trace() - spread;
     ScanMap::WallLine line{surface_.center(target) + mean, Vector<2>::Zero(),
-                           scatter.trace() < kThin ? kFitted : 0.0};
-    if (cells >= 3 && short_axis < kMostBent * long_axis) {
+                           scatter.trace() < Tuning::kMaxPoleSpread ? Tuning::kFittedCells : 0.0};
+    if (cells >= Tuning::kMinCells && short_axis < Tuning::kMaxFlatness * long_axis) {
       const double along = 0.5 * std::atan2(scatter(0, 1), half);
       line.normal = {-std::sin(along), std::cos(along)};
       const Eigen::Vector2i step = grid_direction(line.normal);
-      line.run = std::max(kFitted, 1.0 + run_to(target, step) + run_to(target, -step));
+      line.run = std::max(Tuning::kFittedCells, 1.0 + run_to(target, step) + run_to(target, -step));
     }
     return line;
   }
@@ -124,17 +137,17 @@ class LineFit {
 
   /// Step from cell to cell along a wall with this normal: to a side or to a corner.
   [[nodiscard]] static Eigen::Vector2i grid_direction(const Vector<2>& normal) {
-    constexpr double kBetween = 0.38268343;  // sin 22.5 degrees
+    constexpr double kSineBetween = 0.38268343;  // of 22.5 degrees
     const auto part = [](double value) {
-      return value > kBetween ? 1 : value < -kBetween ? -1 : 0;
+      return value > kSineBetween ? 1 : value < -kSineBetween ? -1 : 0;
     };
     return {part(-normal.y()), part(normal.x())};
   }
 
-  /// Surface cells next to one another, from the target on in one direction.
+  /// Number of contiguous surface cells from the target on in one direction.
   [[nodiscard]] int run_to(int target, const Eigen::Vector2i& step) const {
     int cells = 0;
-    while (cells < kLongestRun &&
+    while (cells < Tuning::kMaxRun &&
            same_side(target, (cells + 1) * step.x(), (cells + 1) * step.y())) {
       ++cells;
     }
@@ -155,7 +168,7 @@ class LineFit {
     }
     const Vector<2>& here = facing_[static_cast<std::size_t>(target)];
     const Vector<2>& there = facing_[static_cast<std::size_t>(surface_.nearest_targets()[at])];
-    return here.dot(there) >= -kOpposite;
+    return here.dot(there) >= -Tuning::kOppositeProduct;
   }
 
   const DistanceField& surface_;
@@ -175,7 +188,7 @@ pcl::PointXYZ to_pcl(const Vector<2>& p) {
 
 }  // namespace
 
-/// Over the field frame, in cells: the world may be far from its origin, a float is not.
+/// Tree over the field frame, in cells: a float would not resolve world coordinates far away.
 struct ScanMap::Tree {
   pcl::KdTreeFLANN<pcl::PointXYZ> tree{false};
 };

@@ -50,6 +50,29 @@ ScanMatcherConfig checked(const ScanMatcherConfig& config) {
   return config;
 }
 
+/// Constants of ScanMatcher; docs/models/scan_matching.md.
+struct ScanMatcherTuning {
+  /// Error of the guess that a refinement starts with [m], and of a coarse minimum [cells].
+  static constexpr double kRefineCapture = 0.4;
+  static constexpr double kSearchCapture = 6.0;
+  /// The same of a fit that is repeated with exact neighbours [cells].
+  static constexpr double kExactCapture = 2.0;
+  /// Half the window of a search [standard deviations of the position].
+  static constexpr double kWindowSigmas = 3.0;
+  /// Two fits within these are one: distance [cells] and turn [rad].
+  static constexpr double kDuplicateDistance = 2.0;
+  static constexpr double kDuplicateTurn = 3.0 * kPi / 180.0;
+  /// So are two within these whose squared Mahalanobis distance is below three sigma squared: the
+  /// scan does not distinguish them.
+  static constexpr double kSimilarDistance = 10.0;
+  static constexpr double kSimilarTurn = 10.0 * kPi / 180.0;
+  static constexpr double kSimilarSquared = 9.0;
+  /// Minimum standard deviation by which hypotheses are compared [cells]: precision of a map.
+  static constexpr double kMinSigma = 0.5;
+};
+
+using Tuning = ScanMatcherTuning;
+
 /// Covariance of (x, y, ...) in world as information in the field frame, in cells.
 template <int N>
 Matrix<N, N> information_in_field(const Matrix<N, N>& covariance, const OccupancyGrid& grid) {
@@ -63,7 +86,7 @@ Matrix<N, N> information_in_field(const Matrix<N, N>& covariance, const Occupanc
   return 0.5 * (information + information.transpose());
 }
 
-/// Along the axes of the field, in cells: lengths of rows of a factor, which are never negative.
+/// Standard deviations along the axes of the field [cells]: row norms of a factor, never negative.
 Vector<2> sigmas_in_field(const Matrix<2, 2>& covariance, const OccupancyGrid& grid) {
   const double c = std::cos(grid.origin().heading);
   const double s = std::sin(grid.origin().heading);
@@ -73,22 +96,23 @@ Vector<2> sigmas_in_field(const Matrix<2, 2>& covariance, const OccupancyGrid& g
   return (field_from_world * factor).rowwise().stableNorm() / grid.resolution();
 }
 
-/// What is on the map, as `search` reports it: a fit and its cost.
+/// A fit and its score.
 struct Candidate {
   Fit fit;
   internal::Score score;
 };
 
-/// One pose found twice, or two that the scan cannot tell apart: within two cells and three
-/// degrees, or within three sigma of each other.
+/// Whether two fits are one pose found twice, or two that the scan does not distinguish.
 bool same_place(const Fit& a, const Fit& b, const Prior& prior) {
   const Vector<3> off = local(a.pose, b.pose);
-  if (off.head<2>().norm() < 2.0 && std::abs(off.z()) < 3.0 * kPi / 180.0) {
+  if (off.head<2>().norm() < Tuning::kDuplicateDistance &&
+      std::abs(off.z()) < Tuning::kDuplicateTurn) {
     return true;
   }
   const Matrix<3, 3> information = 0.25 * (a.information + b.information) + 0.5 * prior.information;
-  return off.head<2>().norm() < 10.0 && std::abs(off.z()) < 10.0 * kPi / 180.0 &&
-         off.dot(information * off) < 9.0;
+  return off.head<2>().norm() < Tuning::kSimilarDistance &&
+         std::abs(off.z()) < Tuning::kSimilarTurn &&
+         off.dot(information * off) < Tuning::kSimilarSquared;
 }
 
 std::vector<Fit> distinct_fits(const std::vector<Fit>& fits, const Prior& prior) {
@@ -110,13 +134,12 @@ double prior_cost(const Fit& fit, const Prior& prior) {
   return 0.5 * off.dot(prior.information * off);
 }
 
-/// All hypotheses are judged by one sigma: that of the best of them, and no less than the map's own
-/// precision of half a cell.
+/// Candidates by cost. All are judged by one sigma: that of the best one, at least kMinSigma.
 std::vector<Candidate> ranked(const ScanMap& map, const ScanMatcherConfig& config,
                               const Beams& beams, const std::vector<Fit>& fits,
                               const Prior& prior) {
   std::vector<Candidate> candidates;
-  double sigma = 0.5;
+  double sigma = Tuning::kMinSigma;
   for (int round = 0; round < 2; ++round) {
     candidates.clear();
     for (const Fit& fit : fits) {
@@ -193,7 +216,8 @@ ScanMatch ScanMatcher::refine(const LaserScan& scan, const Pose2& guess,
   } else if (!grid.contains(guess.position())) {
     fit.reason = ScanMatch::Reason::kOutsideMap;
   } else {
-    fit = internal::refine_around(*map_, config_, beams, prior, 0.4 / grid.resolution());
+    fit = internal::refine_around(*map_, config_, beams, prior,
+                                  Tuning::kRefineCapture / grid.resolution());
   }
   return internal::to_match(fit, grid, margin, guess, prior);
 }
@@ -213,20 +237,20 @@ ScanSearch ScanMatcher::search(const LaserScan& scan, const Vector<2>& position,
   }
   Prior prior{internal::to_field({position.x(), position.y(), 0.0}, grid, margin)};
   prior.information.topLeftCorner<2, 2>() = information_in_field(covariance, grid);
-  const Vector<2> half_window = 3.0 * sigmas_in_field(covariance, grid);
+  const Vector<2> half_window = Tuning::kWindowSigmas * sigmas_in_field(covariance, grid);
   found.reason = ScanSearch::Reason::kOutsideMap;
   const Vector<2> low = prior.mean.position() - half_window;
   const Vector<2> high = prior.mean.position() + half_window;
   const bool on_map = high.x() >= margin && high.y() >= margin &&
                       low.x() <= margin + grid.width() && low.y() <= margin + grid.height();
-  if (!on_map) {  // or so far away that this is NaN
+  if (!on_map) {  // also where it is so far away that this is NaN
     return found;
   }
   std::vector<Fit> fits;
   ScanMatcherConfig looked_up = config_;
-  looked_up.exact_neighbours = false;  // until few are left
+  looked_up.exact_neighbours = false;
   for (const Pose2& start : internal::coarse_minima(*map_, beams, prior, half_window)) {
-    const Fit fit = internal::refine(*map_, looked_up, beams, start, prior, 6.0);
+    const Fit fit = internal::refine(*map_, looked_up, beams, start, prior, Tuning::kSearchCapture);
     if (fit.reason == ScanMatch::Reason::kConverged) {
       fits.push_back(fit);
     }
@@ -238,7 +262,8 @@ ScanSearch ScanMatcher::search(const LaserScan& scan, const Vector<2>& position,
   }
   if (config_.exact_neighbours) {
     for (Fit& fit : fits) {
-      const Fit exact = internal::refine(*map_, config_, beams, fit.pose, prior, 2.0);
+      const Fit exact =
+          internal::refine(*map_, config_, beams, fit.pose, prior, Tuning::kExactCapture);
       fit = exact.reason == ScanMatch::Reason::kConverged ? exact : fit;
     }
   }

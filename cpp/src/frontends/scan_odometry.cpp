@@ -12,7 +12,9 @@
 namespace locfuse {
 namespace {
 
-constexpr double kFarthest = 1e6;  // that a LocalMap takes a scan from [m]
+constexpr double kMaxWindow = 1e6;   // bound of the poses that LocalMap takes [m]
+constexpr double kMinSigma = 1e-6;   // of odometry [m], [rad]
+constexpr double kRounding = 1e-12;  // magnitude of a negative eigenvalue that may be 0
 
 [[noreturn]] void refuse(const char* what, double value, const char* expected) {
   std::ostringstream text;
@@ -24,19 +26,19 @@ ScanOdometryConfig checked(const ScanOdometryConfig& config) {
   if (config.window_scans < 1) {
     refuse("ScanOdometryConfig.window_scans", config.window_scans, "1 or more");
   }
-  const auto require = [](const char* what, double value, double least = 0.0) {
-    if (!std::isfinite(value) || value < least) {
-      refuse(what, value, least > 0.0 ? "a finite number >= 1e-6" : "a finite number >= 0");
+  const auto require = [](const char* what, double value, double min = 0.0) {
+    if (!std::isfinite(value) || value < min) {
+      refuse(what, value, min > 0.0 ? "a finite number >= 1e-6" : "a finite number >= 0");
     }
   };
   require("ScanOdometryConfig.window_m", config.window_m);
-  if (!(config.window_m < kFarthest)) {
+  if (!(config.window_m < kMaxWindow)) {
     refuse("ScanOdometryConfig.window_m", config.window_m, "less than a million");
   }
   require("ScanOdometryConfig.key_distance_m", config.key_distance_m);
   require("ScanOdometryConfig.key_turn_rad", config.key_turn_rad);
-  require("ScanOdometryConfig.least_sigma_m", config.least_sigma_m, 1e-6);
-  require("ScanOdometryConfig.least_sigma_rad", config.least_sigma_rad, 1e-6);
+  require("ScanOdometryConfig.least_sigma_m", config.least_sigma_m, kMinSigma);
+  require("ScanOdometryConfig.least_sigma_rad", config.least_sigma_rad, kMinSigma);
   return config;
 }
 
@@ -44,7 +46,7 @@ void require_semidefinite(const Matrix<3, 3>& covariance) {
   const bool symmetric = is_symmetric(covariance);
   if (!covariance.allFinite() || !symmetric ||
       Eigen::SelfAdjointEigenSolver<Matrix<3, 3>>(covariance, Eigen::EigenvaluesOnly)
-              .eigenvalues()(0) < -1e-12) {
+              .eigenvalues()(0) < -kRounding) {
     std::ostringstream text;
     text << "covariance of the motion is not a symmetric positive semidefinite matrix:\n"
          << covariance;
@@ -71,21 +73,21 @@ ScanMotion ScanOdometry::on(const LaserScan& scan, const Pose2& motion,
   const Pose2 guess = stamp_ ? in_key_ * motion : in_key_;
   const Matrix<3, 3> driven =
       stamp_ ? covariance_after(in_key_, driven_, motion, covariance) : driven_;
-  ScanMotion told{{}, {}, {}, stamp_ ? key_stamp_ : scan.stamp, driven};
-  told.covariance.diagonal() +=
+  ScanMotion result{{}, {}, {}, stamp_ ? key_stamp_ : scan.stamp, driven};
+  result.covariance.diagonal() +=
       Vector<3>(config_.least_sigma_m, config_.least_sigma_m, config_.least_sigma_rad).cwiseAbs2();
-  told.match = map_.match(scan, guess, told.covariance);
-  told.covariance = told.match.covariance.value_or(told.covariance);
-  told.pose = key_ * told.match.pose;
-  told.increment = {begin, scan.stamp, inverse(before) * told.pose};
+  result.match = map_.match(scan, guess, result.covariance);
+  result.covariance = result.match.covariance.value_or(result.covariance);
+  result.pose = key_ * result.match.pose;
+  result.increment = {begin, scan.stamp, inverse(before) * result.pose};
   stamp_ = scan.stamp;
-  key_stamp_ = told.key;
-  in_key_ = told.match.pose;
+  key_stamp_ = result.key;
+  in_key_ = result.match.pose;
   driven_ = driven;
-  if (becomes_key(told.match)) {
-    set_key(scan, told.match.converged);
+  if (becomes_key(result.match)) {
+    set_key(scan, result.match.converged);
   }
-  return told;
+  return result;
 }
 
 bool ScanOdometry::becomes_key(const ScanMatch& match) const {
@@ -95,7 +97,7 @@ bool ScanOdometry::becomes_key(const ScanMatch& match) const {
 }
 
 void ScanOdometry::set_key(const LaserScan& scan, bool fits) {
-  if (!fits) {  // where the scans before lie is no longer known
+  if (!fits) {  // the poses of earlier scans are no longer known
     window_.clear();
   }
   key_ = key_ * in_key_;

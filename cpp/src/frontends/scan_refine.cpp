@@ -8,24 +8,67 @@
 namespace locfuse::internal {
 namespace {
 
-constexpr double kOffsetSigma = 0.5;  // of a surface about its line: it lies in its cell [cells]
-constexpr double kCellSigma = 0.28867513;  // of a point that is anywhere in its cell [cells]
-constexpr double kLineSigma = 0.12909944;  // of a line through the five cells of a fit [cells]
-constexpr double kLeastMapSigma = 0.05;    // no map is better than this [cells]
-constexpr double kMostAtFirst = 1.0;       // nor, while the pose is rough, worse than this
-constexpr double kMostMapSigma = 4.0;      // nor ever worse than this
-constexpr double kPriorRuns = 4.0;         // weight of kLineSigma against the residuals
-constexpr double kKernelSigmas = 4.0;
-constexpr double kInlierSigmas = 3.0;
-constexpr double kExplainedCells = 2.0;
-constexpr double kStill = 0.005;       // a step below this is none [cells]
-constexpr double kSettled = 0.1;       // share of a kernel below which steps leave it
-constexpr double kNearlyStill = 0.05;  // where it jumps; a millimetre or two
-constexpr int kFullSteps = 10;
-constexpr double kWide = 2.0;        // a kernel for which few beams do [cells]
-constexpr std::size_t kStride = 4;   // then
-constexpr double kLeastReach = 3.0;  // of a beam to its wall, so that all explained ones are seen
-constexpr std::size_t kLeastMatches = 6;
+/// Constants of the refinement, lengths in cells of the map; docs/models/scan_matching.md eq. (4)
+/// to (7). Values without another source are empirical.
+struct ScanRefineTuning {
+  // Noise of the map.
+  /// Standard deviation of a surface about its wall line, which lies in the same cell.
+  static constexpr double kSurfaceOffsetSigma = 0.5;
+  /// Standard deviation of a point that is uniform in its cell: 1 / sqrt(12).
+  static constexpr double kCellSigma = 0.28867513;
+  /// Standard deviation of a line through five rounded cells: sqrt(1 / 60).
+  static constexpr double kLineSigma = 0.12909944;
+  /// Bounds of the estimated standard deviation of the map's errors, the lower maximum while the
+  /// pose is rough.
+  static constexpr double kMinMapSigma = 0.05;
+  static constexpr double kMaxMapSigmaWhileRough = 1.0;
+  static constexpr double kMaxMapSigma = 4.0;
+  /// Weight of kLineSigma against the residuals [runs of wall].
+  static constexpr double kPriorRuns = 4.0;
+  /// Histogram of residual magnitudes for their median: range and bins.
+  static constexpr float kHistogramReach = 4.0F;
+  static constexpr float kBinsPerCell = 64.0F;
+  static constexpr std::size_t kBins = 256;
+
+  // Kernel (Geman-McClure) and matches.
+  /// Narrowest kernel, and residual of an inlier [standard deviations].
+  static constexpr double kMinKernelSigmas = 4.0;
+  static constexpr double kInlierSigmas = 3.0;
+  /// Factor of the kernel from one width to the next.
+  static constexpr double kKernelShrink = 0.5;
+  /// The kernel shrinks once a step is shorter than this share of it.
+  static constexpr double kSettledKernelShare = 0.1;
+  /// Above this kernel only every kSubsampleStride-th beam is used.
+  static constexpr double kSubsampledKernel = 2.0;
+  static constexpr std::size_t kSubsampleStride = 4;
+  /// Maximum distance from an end point to its wall, in kernels; at least kMinReach, so that every
+  /// explained end point is matched.
+  static constexpr double kReachKernels = 3.0;
+  static constexpr double kMinReach = 3.0;
+  static constexpr std::size_t kMinMatches = 6;
+  /// Minimum distance to the wall within which a return counts as explained.
+  static constexpr double kExplainedCells = 2.0;
+
+  // Convergence.
+  /// Length of a step below which the fit has converged.
+  static constexpr double kConvergedStep = 0.005;
+  /// After kFullSteps iterations steps are damped by kDamping, as nearest cells may alternate near
+  /// the end of a wall, and a step below kConvergedHalfStep has converged.
+  static constexpr int kFullSteps = 10;
+  static constexpr double kDamping = 0.5;
+  static constexpr double kConvergedHalfStep = 0.05;
+
+  // Restarts.
+  /// A fit that explains less than this share of the returns is repeated from headings kRetryTurn
+  /// [rad] to both sides, which moves the ends of 10 m beams by 0.6 m.
+  static constexpr double kGoodExplained = 0.85;
+  static constexpr double kRetryTurn = 0.06;
+};
+
+using Tuning = ScanRefineTuning;
+
+/// Standard deviation of a normal variable over the median of its magnitude.
+constexpr double kSigmaPerMedian = 1.4826;
 
 /// Normal equations over (x, y, heading, offset); docs/models/scan_matching.md.
 struct Normal {
@@ -37,11 +80,11 @@ struct Normal {
 
 using Line = ScanMap::CompactLine;
 
-/// The walls next to the end points, and their residuals.
+/// Wall lines matched with the end points, and their residuals.
 class Walls {
  public:
   void resize(std::size_t count) {
-    for (std::vector<float>* column : {&x_, &y_, &nx_, &ny_, &run_, &residuals, &alike}) {
+    for (std::vector<float>* column : {&x_, &y_, &nx_, &ny_, &run_, &residuals, &correlated}) {
       column->resize(count);
     }
     targets.resize(count);
@@ -64,8 +107,8 @@ class Walls {
   }
 
   std::vector<std::int32_t> targets;
-  std::vector<float> residuals;  ///< eq. (4)
-  std::vector<float> alike;      ///< k of eq. (6)
+  std::vector<float> residuals;   ///< eq. (4)
+  std::vector<float> correlated;  ///< k of eq. (6): beams that share their wall's error
 
  private:
   std::vector<float> x_, y_, nx_, ny_, run_;
@@ -83,9 +126,9 @@ class Refinement {
         sigma_beam_(config.sigma_range_m / map.grid().resolution()),
         start_(start),
         all_(columns_of(beams)),
-        few_(columns_of(beams, kStride)) {
+        subsampled_(columns_of(beams, Tuning::kSubsampleStride)) {
     fit_.pose = start;
-    set_map_variance(kCellSigma * kCellSigma);
+    set_map_variance(Tuning::kCellSigma * Tuning::kCellSigma);
     walls_.resize(all_.x.size());
   }
 
@@ -93,28 +136,27 @@ class Refinement {
     double kernel = capture;
     bool narrow = false;
     for (fit_.iterations = 1; fit_.iterations <= max_iterations; ++fit_.iterations) {
-      // While the kernel is wide, every fourth beam shows the way.
-      const Normal normal = accumulate(kernel, false, !narrow && kernel > kWide ? few_ : all_);
-      if (matches_ < kLeastMatches) {
+      const Normal normal = accumulate(
+          kernel, false, !narrow && kernel > Tuning::kSubsampledKernel ? subsampled_ : all_);
+      if (matches_ < Tuning::kMinMatches) {
         return ended(ScanMatch::Reason::kTooFewMatches);
       }
-      // Near a wall's end the nearest cell may jump back and forth; shorter steps settle between.
-      const bool jumps = fit_.iterations > kFullSteps;
-      const double moved = step(normal, jumps ? 0.5 : 1.0);
+      const bool damped = fit_.iterations > Tuning::kFullSteps;
+      const double moved = step(normal, damped ? Tuning::kDamping : 1.0);
       if (!inside()) {
         return ended(ScanMatch::Reason::kOutsideMap);
       }
-      if (narrow && moved < (jumps ? kNearlyStill : kStill)) {
-        estimate_sigma(kMostMapSigma);
+      if (narrow && moved < (damped ? Tuning::kConvergedHalfStep : Tuning::kConvergedStep)) {
+        estimate_sigma(Tuning::kMaxMapSigma);
         step(accumulate(floor(), false, all_), 1.0);
         return finished();
       }
       if (!narrow && kernel <= floor()) {
         narrow = true;
-        estimate_sigma(kMostAtFirst);
+        estimate_sigma(Tuning::kMaxMapSigmaWhileRough);
       }
-      if (narrow || moved < kSettled * kernel) {
-        kernel = std::max(0.5 * kernel, floor());
+      if (narrow || moved < Tuning::kSettledKernelShare * kernel) {
+        kernel = std::max(Tuning::kKernelShrink * kernel, floor());
       }
     }
     fit_.iterations = max_iterations;
@@ -122,7 +164,7 @@ class Refinement {
   }
 
  private:
-  [[nodiscard]] double floor() const { return kKernelSigmas * fit_.sigma; }
+  [[nodiscard]] double floor() const { return Tuning::kMinKernelSigmas * fit_.sigma; }
 
   void set_map_variance(double variance) {
     map_variance_ = variance;
@@ -134,8 +176,8 @@ class Refinement {
            fit_.pose.y < field_.height();
   }
 
-  /// Finds the target next to each end point; one off the field gets the one that is nearest to the
-  /// field's edge, and is farther than the margin from it.
+  /// Finds the nearest target of each end point. An end point off the field gets the target nearest
+  /// to the field's edge, which is farther away than the margin.
   void find_targets(const BeamColumns& columns, const LanePose& pose) {
     if (!exact_) {
       lanes_.find_targets(field_.nearest_targets().data(), field_.width(), field_.height(),
@@ -150,11 +192,11 @@ class Refinement {
     }
   }
 
-  /// Normal equations of eq. (4) and (5), weighted by eq. (6): by a smooth kernel, or all of those
-  /// within `kernel` alike if `hard`.
+  /// Normal equations of eq. (4) and (5), weighted by eq. (6) and a smooth kernel, or, if `hard`,
+  /// with full weight within `kernel`.
   Normal accumulate(double kernel, bool hard, const BeamColumns& columns) {
-    const double reach =
-        std::min(std::max(3.0 * kernel, kLeastReach), static_cast<double>(field_.margin_cells()));
+    const double reach = std::min(std::max(Tuning::kReachKernels * kernel, Tuning::kMinReach),
+                                  static_cast<double>(field_.margin_cells()));
     const Vector<2> laser = Pose2{0.0, 0.0, fit_.pose.heading}.act(beams_.laser);
     const LanePose pose{static_cast<float>(std::cos(fit_.pose.heading)),
                         static_cast<float>(std::sin(fit_.pose.heading)),
@@ -169,7 +211,7 @@ class Refinement {
         static_cast<float>(fit_.offset),   hard};
     LaneSums sums{};
     lanes_.accumulate(columns.view(), pose, walls_.view(columns), weights, walls_.residuals.data(),
-                      walls_.alike.data(), sums);
+                      walls_.correlated.data(), sums);
     return normal_of(sums);
   }
 
@@ -178,15 +220,17 @@ class Refinement {
     normal.H << sums.xx, sums.xy, sums.xt, -sums.x,  //
         sums.xy, sums.yy, sums.yt, -sums.y,          //
         sums.xt, sums.yt, sums.tt, -sums.t,          //
-        -sums.x, -sums.y, -sums.t, sums.w + 1.0 / (kOffsetSigma * kOffsetSigma);
-    normal.g << sums.xe, sums.ye, sums.te, fit_.offset / (kOffsetSigma * kOffsetSigma) - sums.e;
+        -sums.x, -sums.y, -sums.t,
+        sums.w + 1.0 / (Tuning::kSurfaceOffsetSigma * Tuning::kSurfaceOffsetSigma);
+    normal.g << sums.xe, sums.ye, sums.te,
+        fit_.offset / (Tuning::kSurfaceOffsetSigma * Tuning::kSurfaceOffsetSigma) - sums.e;
     normal.lever = sums.lever;
     normal.weight = sums.w;
     matches_ = static_cast<std::size_t>(sums.matches);
     return normal;
   }
 
-  /// Eq. (7): the scan's word on the pose alone, the offset eliminated.
+  /// Eq. (7): the scan's information on the pose, the offset eliminated.
   [[nodiscard]] static Observed reduce(const Normal& normal) {
     const Vector<3> h = normal.H.block<3, 1>(0, 3);
     return observed(normal.H.topLeftCorner<3, 3>() - h * h.transpose() / normal.H(3, 3),
@@ -194,7 +238,7 @@ class Refinement {
                     std::max(std::sqrt(normal.lever / normal.weight), 1.0));
   }
 
-  /// One step over the directions that scan or prior know; its length [cells].
+  /// One step over the directions that scan or prior observe. Returns its length [cells].
   double step(const Normal& normal, double damping) {
     const Observed reduced = reduce(normal);
     const Vector<3> moved = damping * newton_step(reduced, prior_, fit_.pose);
@@ -204,43 +248,46 @@ class Refinement {
     return moved.norm();
   }
 
-  /// Map errors from the residuals: their spread without outliers, less the beams' own noise.
-  void estimate_sigma(double most) {
-    constexpr float kBins = 64.0F;  // per cell, up to 4 cells
-    std::array<int, 256> histogram{};
+  /// Estimates the map's errors: variance of the residuals without outliers, minus beam noise.
+  void estimate_sigma(double max_sigma) {
+    std::array<int, Tuning::kBins> histogram{};
     int count = 0;
     for_each_match([&](float e, float) {
-      if (std::abs(e) < 4.0F) {
-        ++histogram[static_cast<std::size_t>(std::abs(e) * kBins)];
+      if (std::abs(e) < Tuning::kHistogramReach) {
+        ++histogram[static_cast<std::size_t>(std::abs(e) * Tuning::kBinsPerCell)];
         ++count;
       }
     });
     std::size_t middle = 0;
     for (int below = histogram[0]; 2 * below < count; below += histogram[++middle]) {
     }
-    const double median = (static_cast<double>(middle) + 0.5) / static_cast<double>(kBins);
+    const double median =
+        (static_cast<double>(middle) + 0.5) / static_cast<double>(Tuning::kBinsPerCell);
     const double bound =
-        kInlierSigmas * std::max(1.4826 * median, std::hypot(kLeastMapSigma, sigma_beam_));
+        Tuning::kInlierSigmas *
+        std::max(kSigmaPerMedian * median, std::hypot(Tuning::kMinMapSigma, sigma_beam_));
     double runs = 0.0;
     double sum = 0.0;
-    for_each_match([&](float e, float alike) {
+    for_each_match([&](float e, float correlated) {
       if (static_cast<double>(std::abs(e)) < bound) {
         const double square = static_cast<double>(e) * static_cast<double>(e);
-        runs += 1.0 / static_cast<double>(alike);
-        sum += (square - sigma_beam_ * sigma_beam_) / static_cast<double>(alike);
+        runs += 1.0 / static_cast<double>(correlated);
+        sum += (square - sigma_beam_ * sigma_beam_) / static_cast<double>(correlated);
       }
     });
-    const double free = std::max(runs - 4.0, 0.0);  // four are fitted
+    const double free = std::max(runs - 4.0, 0.0);  // four variables are fitted
     const double variance =
-        (kPriorRuns * kLineSigma * kLineSigma + std::max(sum, 0.0)) / (kPriorRuns + free);
-    set_map_variance(std::min(std::max(variance, kLeastMapSigma * kLeastMapSigma), most * most));
+        (Tuning::kPriorRuns * Tuning::kLineSigma * Tuning::kLineSigma + std::max(sum, 0.0)) /
+        (Tuning::kPriorRuns + free);
+    set_map_variance(std::min(std::max(variance, Tuning::kMinMapSigma * Tuning::kMinMapSigma),
+                              max_sigma * max_sigma));
   }
 
   template <class Each>
   void for_each_match(const Each& each) const {
     for (std::size_t i = 0; i < used_; ++i) {
       if (walls_.residuals[i] < kFar) {
-        each(walls_.residuals[i], walls_.alike[i]);
+        each(walls_.residuals[i], walls_.correlated[i]);
       }
     }
   }
@@ -252,13 +299,13 @@ class Refinement {
   }
 
   Fit finished() {
-    const Observed reduced = reduce(accumulate(kInlierSigmas * fit_.sigma, true, all_));
-    if (matches_ < kLeastMatches) {
+    const Observed reduced = reduce(accumulate(Tuning::kInlierSigmas * fit_.sigma, true, all_));
+    if (matches_ < Tuning::kMinMatches) {
       return ended(ScanMatch::Reason::kTooFewMatches);
     }
     fit_.information = reduced.information;
     fit_.weak = reduced.weak;
-    const double bound = std::max(kExplainedCells, kInlierSigmas * fit_.sigma);
+    const double bound = std::max(Tuning::kExplainedCells, Tuning::kInlierSigmas * fit_.sigma);
     double sum = 0.0;
     double count = 0.0;
     for_each_match([&](float e, float) {
@@ -282,7 +329,7 @@ class Refinement {
   double sigma_beam_;
   Pose2 start_;
   double map_variance_ = 0.0;
-  BeamColumns all_, few_;
+  BeamColumns all_, subsampled_;
   Walls walls_;
   std::size_t used_ = 0;  // of walls_
   std::size_t matches_ = 0;
@@ -298,11 +345,9 @@ Fit refine(const ScanMap& map, const ScanMatcherConfig& config, const Beams& bea
 
 Fit refine_around(const ScanMap& map, const ScanMatcherConfig& config, const Beams& beams,
                   const Prior& prior, double capture) {
-  constexpr double kGood = 0.85;  // of the returns explained
-  constexpr double kTurn = 0.06;  // rad; beams of 10 m then end 0.6 m elsewhere
   Fit best = refine(map, config, beams, prior.mean, prior, capture);
-  for (const double turn : {kTurn, -kTurn}) {
-    if (best.reason == ScanMatch::Reason::kConverged && best.explained >= kGood) {
+  for (const double turn : {Tuning::kRetryTurn, -Tuning::kRetryTurn}) {
+    if (best.reason == ScanMatch::Reason::kConverged && best.explained >= Tuning::kGoodExplained) {
       break;
     }
     const Pose2 start = retract(prior.mean, {0.0, 0.0, turn});

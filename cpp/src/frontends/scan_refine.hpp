@@ -9,7 +9,7 @@
 
 namespace locfuse::internal {
 
-/// How many end points of range `r` lie on a run of wall, whose errors are one error; at least 1.
+/// Number of end points of range `r` on a run of wall, which share one error; at least 1.
 [[nodiscard]] inline double beams_per_run(double r, double step, double run) {
   const double spacing = r * step;
   return spacing < run ? run / spacing : 1.0;
@@ -20,23 +20,23 @@ struct Fit {
   Pose2 pose;
   ScanMatch::Reason reason = ScanMatch::Reason::kNoConvergence;
   int iterations = 0;
-  double offset = 0.0;  ///< of the surfaces before the wall lines
-  double sigma = 0.0;   ///< of a beam about them
+  double offset = 0.0;  ///< from the wall lines to the surfaces, towards the laser
+  double sigma = 0.0;   ///< standard deviation of an end point about its surface
   double explained = 0.0;
   double rms = 0.0;
   Matrix<3, 3> information = Matrix<3, 3>::Zero();
   std::optional<Vector<3>> weak;
 };
 
-/// Gauss-Newton from `start`, which may be `capture` cells off.
+/// Gauss-Newton from `start`, whose error may be up to `capture` cells.
 [[nodiscard]] Fit refine(const ScanMap& map, const ScanMatcherConfig& config, const Beams& beams,
                          const Pose2& start, const Prior& prior, double capture);
 
-/// From the prior's mean; where that explains little, also from headings beside it.
+/// Fit from the prior's mean; if that explains little, also from headings to both sides.
 [[nodiscard]] Fit refine_around(const ScanMap& map, const ScanMatcherConfig& config,
                                 const Beams& beams, const Prior& prior, double capture);
 
-/// The same in world and metres.
+/// A fit in world and metres.
 [[nodiscard]] ScanMatch to_match(const Fit& fit, const OccupancyGrid& grid, int margin_cells,
                                  const Pose2& guess, const Prior& prior);
 

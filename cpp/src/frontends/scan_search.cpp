@@ -9,51 +9,71 @@
 namespace locfuse::internal {
 namespace {
 
-constexpr std::size_t kBlock = 8;         // loops of known length become vector instructions
-constexpr std::size_t kCoarseBeams = 64;  // spread over the scan
-constexpr int kHeadings = 90;
-constexpr int kMostSteps = 11;       // of the coarse grid along x or y
-constexpr double kFinestStep = 2.0;  // of a grid over x and y [cells]
-constexpr std::size_t kMostMinima = 24;
-constexpr float kMostWorse = 0.25F;  // than the best: share of the beams that end elsewhere
+constexpr std::size_t kBlock = 8;  // loops of known length become vector instructions
 
-/// Few beams in single precision, and how far off each may be and still count for something.
-struct Few {
+/// Constants of the coarse search; docs/models/scan_matching.md, "Power-up". Values without another
+/// source are empirical.
+struct ScanSearchTuning {
+  /// Beams that score a place, spread evenly over the scan.
+  static constexpr std::size_t kCoarseBeams = 64;
+  /// Headings around the full circle.
+  static constexpr int kHeadings = 90;
+  /// Maximum number of places along x or y, an odd number.
+  static constexpr int kMaxSteps = 11;
+  /// Finest step of a grid over x and y [cells].
+  static constexpr double kMinStep = 2.0;
+  /// Part of the window that is searched [standard deviations of the prior].
+  static constexpr double kWindowSigmas = 4.0;
+  /// Tolerance of an end point [cells]: a constant, half the diagonal of a step, half a turn.
+  static constexpr double kToleranceCells = 2.0;
+  static constexpr double kStepDiagonal = 0.7;
+  /// Maximum number of local minima that are refined further.
+  static constexpr std::size_t kMaxMinima = 24;
+  /// Maximum cost above the best one: share of beams that end elsewhere.
+  static constexpr float kMaxExcessCost = 0.25F;
+  /// Cost of a node outside the window; within it costs are at most 1.
+  static constexpr float kOutsideCost = 2.0F;
+};
+
+using Tuning = ScanSearchTuning;
+
+/// Subset of the beams in single precision.
+struct CoarseBeams {
   std::vector<float> x, y, range;
 };
 
-Few few_of(const Beams& beams) {
-  Few few;
+CoarseBeams subset_of(const Beams& beams) {
+  CoarseBeams subset;
   const std::size_t count = beams.x.size();
-  const std::size_t wanted = std::min(kCoarseBeams, count);
+  const std::size_t wanted = std::min(Tuning::kCoarseBeams, count);
   for (std::size_t i = 0; i < wanted; ++i) {
     const std::size_t k = i * count / wanted;
-    few.x.push_back(static_cast<float>(beams.x[k]));
-    few.y.push_back(static_cast<float>(beams.y[k]));
-    few.range.push_back(static_cast<float>(beams.range[k]));
+    subset.x.push_back(static_cast<float>(beams.x[k]));
+    subset.y.push_back(static_cast<float>(beams.y[k]));
+    subset.range.push_back(static_cast<float>(beams.range[k]));
   }
-  while (few.x.size() % kBlock != 0) {  // repeats fill the last block
-    few.x.push_back(few.x[few.x.size() - wanted]);
-    few.y.push_back(few.y[few.y.size() - wanted]);
-    few.range.push_back(few.range[few.range.size() - wanted]);
+  while (subset.x.size() % kBlock != 0) {  // repeats fill the last block
+    subset.x.push_back(subset.x[subset.x.size() - wanted]);
+    subset.y.push_back(subset.y[subset.y.size() - wanted]);
+    subset.range.push_back(subset.range[subset.range.size() - wanted]);
   }
-  return few;
+  return subset;
 }
 
-/// Mean over the few beams of min(1, distance / tolerance)^2, where the tolerance of a beam is what
-/// half a step of the grid moves its end point by, and two cells.
+/// Mean over the beams of min(1, distance / tolerance)^2. The tolerance of a beam is two cells and
+/// the distance by which half a step of the grid moves its end point.
 class CoarseCost {
  public:
-  CoarseCost(const DistanceField& field, const Few& few) : field_(field), few_(few) {
-    x_.resize(few.x.size());
-    y_.resize(few.x.size());
-    per_tolerance_.resize(few.x.size());
+  CoarseCost(const DistanceField& field, const CoarseBeams& beams) : field_(field), beams_(beams) {
+    x_.resize(beams.x.size());
+    y_.resize(beams.x.size());
+    per_tolerance_.resize(beams.x.size());
   }
 
   void set_steps(double heading_step, double step) {
-    for (std::size_t i = 0; i < few_.range.size(); ++i) {
-      const double tolerance =
-          2.0 + 0.7 * step + 0.5 * heading_step * static_cast<double>(few_.range[i]);
+    for (std::size_t i = 0; i < beams_.range.size(); ++i) {
+      const double tolerance = Tuning::kToleranceCells + Tuning::kStepDiagonal * step +
+                               0.5 * heading_step * static_cast<double>(beams_.range[i]);
       per_tolerance_[i] =
           static_cast<float>(1.0 / std::min(tolerance, field_.margin_cells() - 1.0));
     }
@@ -63,8 +83,8 @@ class CoarseCost {
     const auto c = static_cast<float>(std::cos(heading));
     const auto s = static_cast<float>(std::sin(heading));
     for (std::size_t i = 0; i < x_.size(); ++i) {
-      x_[i] = c * few_.x[i] - s * few_.y[i];
-      y_[i] = s * few_.x[i] + c * few_.y[i];
+      x_[i] = c * beams_.x[i] - s * beams_.y[i];
+      y_[i] = s * beams_.x[i] + c * beams_.y[i];
     }
   }
 
@@ -78,8 +98,8 @@ class CoarseCost {
     for (std::size_t i = 0; i < x_.size(); i += kBlock) {
       int index[kBlock];
       for (std::size_t k = 0; k < kBlock; ++k) {
-        // Off the field is off by its margin at least, which no tolerance reaches. In this order a
-        // NaN, of an end that is infinitely far, becomes 0.
+        // Off the field the distance is at least the margin, which exceeds every tolerance. In this
+        // order of arguments the NaN of an infinitely far end becomes 0.
         const float x = std::min(std::max(0.0F, x_[i + k] + x0), right);
         const float y = std::min(std::max(0.0F, y_[i + k] + y0), top);
         index[k] = static_cast<int>(y) * field_.width() + static_cast<int>(x);
@@ -94,7 +114,7 @@ class CoarseCost {
 
  private:
   const DistanceField& field_;
-  const Few& few_;
+  const CoarseBeams& beams_;
   std::vector<float> x_, y_, per_tolerance_;
 };
 
@@ -107,23 +127,23 @@ struct Grid {
 
   [[nodiscard]] float at(int h, int iy, int ix) const {
     if (iy < 0 || iy >= steps[1] || ix < 0 || ix >= steps[0]) {
-      return 2.0F;  // costs are at most 1
+      return Tuning::kOutsideCost;
     }
-    const int row = (h + kHeadings) % kHeadings * steps[1] + iy;
+    const int row = (h + Tuning::kHeadings) % Tuning::kHeadings * steps[1] + iy;
     const int node = row * steps[0] + ix;
     return cost[static_cast<std::size_t>(node)];
   }
 };
 
-/// The window, as far as it lies on the field: however wide it is, a scan fits nowhere else.
+/// Grid over the part of the window that lies on the field.
 Grid grid_over(const DistanceField& field, const Vector<2>& mean, const Vector<2>& half_window) {
   Grid grid;
   for (int axis = 0; axis < 2; ++axis) {
-    const double most = axis == 0 ? field.width() : field.height();
-    const double low = std::clamp(mean(axis) - half_window(axis), 0.0, most);
-    const double half_width = 0.5 * (std::clamp(mean(axis) + half_window(axis), 0.0, most) - low);
+    const double size = axis == 0 ? field.width() : field.height();
+    const double low = std::clamp(mean(axis) - half_window(axis), 0.0, size);
+    const double half_width = 0.5 * (std::clamp(mean(axis) + half_window(axis), 0.0, size) - low);
     const int half =
-        std::min(static_cast<int>(std::ceil(half_width / kFinestStep)), kMostSteps / 2);
+        std::min(static_cast<int>(std::ceil(half_width / Tuning::kMinStep)), Tuning::kMaxSteps / 2);
     grid.steps[static_cast<std::size_t>(axis)] = 2 * half + 1;
     grid.step(axis) = half > 0 ? half_width / half : 0.0;
     grid.first(axis) = low;
@@ -138,16 +158,17 @@ double mahalanobis(const Prior& prior, const Pose2& pose) {
 }
 
 void fill(Grid& grid, CoarseCost& coarse, const Prior& prior) {
-  const int nodes = kHeadings * grid.steps[0] * grid.steps[1];
+  const int nodes = Tuning::kHeadings * grid.steps[0] * grid.steps[1];
   grid.cost.reserve(static_cast<std::size_t>(nodes));
-  for (int h = 0; h < kHeadings; ++h) {
-    coarse.turn(h * 2.0 * kPi / kHeadings);
+  for (int h = 0; h < Tuning::kHeadings; ++h) {
+    coarse.turn(h * 2.0 * kPi / Tuning::kHeadings);
     for (int iy = 0; iy < grid.steps[1]; ++iy) {
       for (int ix = 0; ix < grid.steps[0]; ++ix) {
         const double x = grid.first.x() + ix * grid.step.x();
         const double y = grid.first.y() + iy * grid.step.y();
-        const bool in_window = mahalanobis(prior, {x, y, prior.mean.heading}) <= 16.0;
-        grid.cost.push_back(in_window ? coarse.at(x, y) : 2.0F);
+        const bool in_window = mahalanobis(prior, {x, y, prior.mean.heading}) <=
+                               Tuning::kWindowSigmas * Tuning::kWindowSigmas;
+        grid.cost.push_back(in_window ? coarse.at(x, y) : Tuning::kOutsideCost);
       }
     }
   }
@@ -171,21 +192,22 @@ struct Node {
 
 std::vector<Node> minima_of(const Grid& grid) {
   std::vector<Node> minima;
-  for (int h = 0; h < kHeadings; ++h) {
+  for (int h = 0; h < Tuning::kHeadings; ++h) {
     for (int iy = 0; iy < grid.steps[1]; ++iy) {
       for (int ix = 0; ix < grid.steps[0]; ++ix) {
         if (is_minimum(grid, h, iy, ix)) {
-          minima.push_back({grid.at(h, iy, ix),
-                            {grid.first.x() + ix * grid.step.x(),
-                             grid.first.y() + iy * grid.step.y(), h * 2.0 * kPi / kHeadings}});
+          minima.push_back(
+              {grid.at(h, iy, ix),
+               {grid.first.x() + ix * grid.step.x(), grid.first.y() + iy * grid.step.y(),
+                h * 2.0 * kPi / Tuning::kHeadings}});
         }
       }
     }
   }
   std::sort(minima.begin(), minima.end(),
             [](const Node& a, const Node& b) { return a.cost < b.cost; });
-  if (minima.size() > kMostMinima) {
-    minima.resize(kMostMinima);
+  if (minima.size() > Tuning::kMaxMinima) {
+    minima.resize(Tuning::kMaxMinima);
   }
   return minima;
 }
@@ -193,7 +215,7 @@ std::vector<Node> minima_of(const Grid& grid) {
 /// Best of the 27 nodes around, a step away each.
 Node best_around(CoarseCost& coarse, const Node& start, double heading_step,
                  const Vector<2>& step) {
-  Node best{2.0F, start.pose};
+  Node best{Tuning::kOutsideCost, start.pose};
   for (int h = -1; h <= 1; ++h) {
     const double heading = start.pose.heading + h * heading_step;
     coarse.turn(heading);
@@ -211,18 +233,18 @@ Node best_around(CoarseCost& coarse, const Node& start, double heading_step,
   return best;
 }
 
-/// Those not much worse than the best, each once.
+/// Minima close to the best cost, without duplicates.
 std::vector<Pose2> separate(std::vector<Node> minima, double heading_step) {
   std::sort(minima.begin(), minima.end(),
             [](const Node& a, const Node& b) { return a.cost < b.cost; });
   std::vector<Pose2> poses;
   for (const Node& node : minima) {
     const Pose2 pose{node.pose.x, node.pose.y, wrap_angle(node.pose.heading)};
-    const bool seen = std::any_of(poses.begin(), poses.end(), [&](const Pose2& other) {
+    const bool duplicate = std::any_of(poses.begin(), poses.end(), [&](const Pose2& other) {
       const Vector<3> off = local(pose, other);
-      return off.head<2>().norm() < kFinestStep && std::abs(off.z()) < heading_step;
+      return off.head<2>().norm() < Tuning::kMinStep && std::abs(off.z()) < heading_step;
     });
-    if (!seen && node.cost <= minima.front().cost + kMostWorse) {
+    if (!duplicate && node.cost <= minima.front().cost + Tuning::kMaxExcessCost) {
       poses.push_back(pose);
     }
   }
@@ -233,10 +255,10 @@ std::vector<Pose2> separate(std::vector<Node> minima, double heading_step) {
 
 std::vector<Pose2> coarse_minima(const ScanMap& map, const Beams& beams, const Prior& prior,
                                  const Vector<2>& half_window) {
-  const Few few = few_of(beams);
-  CoarseCost coarse(map.surface(), few);
+  const CoarseBeams subset = subset_of(beams);
+  CoarseCost coarse(map.surface(), subset);
   Grid grid = grid_over(map.surface(), prior.mean.position(), half_window);
-  double heading_step = 2.0 * kPi / kHeadings;
+  double heading_step = 2.0 * kPi / Tuning::kHeadings;
   Vector<2> step = grid.step;
   coarse.set_steps(heading_step, step.maxCoeff());
   fill(grid, coarse, prior);
@@ -248,20 +270,37 @@ std::vector<Pose2> coarse_minima(const ScanMap& map, const Beams& beams, const P
     for (Node& node : minima) {
       node = best_around(coarse, node, heading_step, step);
     }
-  } while (step.maxCoeff() > kFinestStep);
+  } while (step.maxCoeff() > Tuning::kMinStep);
   return separate(std::move(minima), heading_step);
 }
 
 namespace {
 
-constexpr double kLikeness = 7.0;      // length of wall that is off, or hidden, alike [cells]
-constexpr double kUnknownFree = 20.0;  // how far a beam gets in unknown space, in the mean [cells]
-constexpr double kWrongCell = 0.01;    // share of the cells that are not what the map says
+/// Constants of the score of a pose; docs/models/scan_matching.md eq. (8). Lengths in cells.
+struct ScanScoreTuning {
+  /// Length of wall whose end points share one error, or are hidden together.
+  static constexpr double kCorrelatedWall = 7.0;
+  /// Mean length of a beam in unknown space.
+  static constexpr double kMeanFreeInUnknown = 20.0;
+  /// Share of the cells that the map has wrong.
+  static constexpr double kWrongCellShare = 0.01;
+  /// Minimum length of a beam over which outliers are spread.
+  static constexpr double kMinOutlierSpan = 20.0;
+  /// Maximum distance of an explained end point from its wall, and the same in standard deviations:
+  /// the larger one counts.
+  static constexpr double kExplainedCells = 2.0;
+  static constexpr double kExplainedSigmas = 3.0;
+  /// Distance beyond the end of a wall line at which an end point still lies on it.
+  static constexpr double kLineHalfLength = 2.0;
+  /// Diagonal of a cell, by which the distance of its centre may be too short, rounded up; and the
+  /// shortest step along a ray.
+  static constexpr double kCellDiagonal = 1.42;
+  static constexpr double kMinRayStep = 0.5;
+};
 
 /// Length at which a ray meets the first occupied cell, or `length` if it meets none.
 double free_length(const DistanceField& field, const Vector<2>& from, const Vector<2>& along,
                    double length) {
-  constexpr double kDiagonal = 1.42;  // of a cell: its centre's distance may be short by that much
   double at = 0.0;
   while (at < length) {
     const Vector<2> p = from + at * along;
@@ -275,7 +314,8 @@ double free_length(const DistanceField& field, const Vector<2>& from, const Vect
     if (distance == 0.0F) {
       return at;
     }
-    at += std::max(static_cast<double>(distance) - kDiagonal, 0.5);
+    at += std::max(static_cast<double>(distance) - ScanScoreTuning::kCellDiagonal,
+                   ScanScoreTuning::kMinRayStep);
   }
   return length;
 }
@@ -289,7 +329,7 @@ const ScanMap::WallLine& wall_at(const ScanMap& map, const Vector<2>& p) {
       field.nearest_targets()[y * static_cast<std::size_t>(field.width()) + x])];
 }
 
-/// What one hypothesis costs, beam by beam; docs/models/scan_matching.md eq. (8).
+/// Cost of one hypothesis, beam by beam; docs/models/scan_matching.md eq. (8).
 class Scorer {
  public:
   Scorer(const ScanMap& map, const ScanMatcherConfig& config, const Fit& fit, double sigma)
@@ -297,41 +337,43 @@ class Scorer {
         config_(config),
         offset_(fit.offset),
         sigma_(sigma),
-        bound_(std::max(2.0, 3.0 * sigma)) {}
+        bound_(std::max(ScanScoreTuning::kExplainedCells,
+                        ScanScoreTuning::kExplainedSigmas * sigma)) {}
 
-  /// Explained by a wall within the kernel, or by something that is not on the map.
+  /// Cost of a return: `explained` by a wall nearby, or an object that is not on the map.
   [[nodiscard]] double cost_of(const Vector<2>& laser, const Vector<2>& end, double range,
                                bool& explained) const {
     const double peak = sigma_ * std::sqrt(2.0 * kPi);
-    const double stray =
-        config_.outlier_share / (1.0 - config_.outlier_share) * peak / std::max(range, 20.0);
-    const double most = -std::log(stray / (1.0 + stray));
+    const double stray = config_.outlier_share / (1.0 - config_.outlier_share) * peak /
+                         std::max(range, ScanScoreTuning::kMinOutlierSpan);
+    const double max_cost = -std::log(stray / (1.0 + stray));
     explained = false;
     if (behind_a_wall(laser, end, range)) {
-      return most;
+      return max_cost;
     }
     const double e = residual(laser, end);
     explained = e <= bound_;
     const double cost =
         -std::log((std::exp(-0.5 * e * e / (sigma_ * sigma_)) + stray) / (1.0 + stray));
-    return cost_in_unknown(end, std::min(cost, most), peak);
+    return cost_in_unknown(end, std::min(cost, max_cost), peak);
   }
 
-  /// A beam without return where the map has a wall within reach.
-  [[nodiscard]] double cost_of_silence(const Vector<2>& laser, const Vector<2>& along,
-                                       double range_max, double step) const {
+  /// Cost of a beam without return, where the map has a wall within reach.
+  [[nodiscard]] double cost_of_no_return(const Vector<2>& laser, const Vector<2>& along,
+                                         double range_max, double step) const {
     const double wall = free_length(map_.occupied(), laser, along, range_max);
     // A wall near the end of the range may or may not be seen.
     if (wall >= range_max - bound_) {
       return 0.0;
     }
-    return -std::log(config_.no_return_share) / beams_per_run(std::max(wall, 1.0), step, kLikeness);
+    return -std::log(config_.no_return_share) /
+           beams_per_run(std::max(wall, 1.0), step, ScanScoreTuning::kCorrelatedWall);
   }
 
   [[nodiscard]] double cost_of_place(const Vector<2>& body) const {
     switch (cell_at(body)) {
       case Cell::kOccupied:
-        return -std::log(kWrongCell);
+        return -std::log(ScanScoreTuning::kWrongCellShare);
       case Cell::kUnknown:
         return std::log(2.0);
       default:
@@ -340,7 +382,7 @@ class Scorer {
   }
 
  private:
-  /// At a point of the field; one beyond is not cast, since it may be beyond integers.
+  /// Cell at a point of the field; a point outside may exceed integers and is not cast.
   [[nodiscard]] Cell cell_at(const Vector<2>& p) const {
     const DistanceField& field = map_.surface();
     if (!(p.x() >= 0.0 && p.x() < field.width() && p.y() >= 0.0 && p.y() < field.height())) {
@@ -350,7 +392,7 @@ class Scorer {
                           static_cast<int>(p.y()) - field.margin_cells());
   }
 
-  /// Distance to the wall line next to the end point, and beyond the line's end to that.
+  /// Distance to the wall line nearest to the end point, or to the end of that line.
   [[nodiscard]] double residual(const Vector<2>& laser, const Vector<2>& end) const {
     const ScanMap::WallLine& wall = wall_at(map_, end);
     const Vector<2> off = end - wall.point;
@@ -360,10 +402,10 @@ class Scorer {
     const double side = wall.normal.dot(end - laser) > 0.0 ? -1.0 : 1.0;
     const double across = side * wall.normal.dot(off) - offset_;
     const double along = std::abs(wall.normal.x() * off.y() - wall.normal.y() * off.x());
-    return std::hypot(across, std::max(along - 2.0, 0.0));
+    return std::hypot(across, std::max(along - ScanScoreTuning::kLineHalfLength, 0.0));
   }
 
-  /// The beam went through a wall on its way; grazing along one does not count.
+  /// Whether the beam went through a wall; grazing one does not count.
   [[nodiscard]] bool behind_a_wall(const Vector<2>& laser, const Vector<2>& end,
                                    double range) const {
     const Vector<2> along = (end - laser) / range;
@@ -376,10 +418,12 @@ class Scorer {
     return std::abs(wall.normal.isZero(0.0) ? behind.norm() : wall.normal.dot(behind)) > bound_;
   }
 
-  /// Where the map knows nothing there may be a wall anywhere, one every kUnknownFree cells.
+  /// Cost of an end in unknown space, where a wall may be anywhere.
   [[nodiscard]] double cost_in_unknown(const Vector<2>& end, double cost, double peak) const {
     const bool unknown = cell_at(end) == Cell::kUnknown;
-    return unknown ? std::min(cost, std::max(0.0, std::log(kUnknownFree / peak))) : cost;
+    return unknown
+               ? std::min(cost, std::max(0.0, std::log(ScanScoreTuning::kMeanFreeInUnknown / peak)))
+               : cost;
   }
 
   const ScanMap& map_;
@@ -403,13 +447,13 @@ Score score(const ScanMap& map, const ScanMatcherConfig& config, const Beams& be
                         fit.pose.y + s * beams.x[i] + c * beams.y[i]);
     bool explained = false;
     score.cost += scorer.cost_of(laser, end, beams.range[i], explained) /
-                  beams_per_run(beams.range[i], beams.step, kLikeness);
+                  beams_per_run(beams.range[i], beams.step, ScanScoreTuning::kCorrelatedWall);
     score.explained += explained ? 1.0 : 0.0;
   }
   for (const double direction : beams.silent) {
     const double angle = fit.pose.heading + direction;
-    score.cost += scorer.cost_of_silence(laser, {std::cos(angle), std::sin(angle)}, beams.range_max,
-                                         beams.step);
+    score.cost += scorer.cost_of_no_return(laser, {std::cos(angle), std::sin(angle)},
+                                           beams.range_max, beams.step);
   }
   score.explained /= static_cast<double>(beams.x.size());
   return score;

@@ -5,13 +5,13 @@
 
 namespace locfuse::internal {
 
-/// Poses (field frame) at which few beams, coarsely, fit better than around them; best first.
+/// Local minima of the coarse cost of a scan, as poses in the field frame, best first.
 [[nodiscard]] std::vector<Pose2> coarse_minima(const ScanMap& map, const Beams& beams,
                                                const Prior& prior, const Vector<2>& half_window);
 
-/// Minus the log likelihood of a refined pose, docs/models/scan_matching.md eq. (8), with `sigma`
-/// [cells] for all hypotheses. `explained` is the share of the returns it explains with nothing in
-/// their way.
+/// Negative log likelihood of a refined pose, docs/models/scan_matching.md eq. (8), with one
+/// `sigma` [cells] for all hypotheses. `explained` is the share of the returns that end at a wall
+/// without passing through another one.
 struct Score {
   double cost;
   double explained;

@@ -42,9 +42,9 @@ BeamLandmark beam_of(const LaserScan& scan, int beam) {
           wrap_angle(geometry.angle_min + beam * geometry.angle_increment)};
 }
 
-void keep_nearer(BeamLandmark& least, const BeamLandmark& beam) {
-  if (beam.range >= 0.0 && (least.beam < 0 || beam.range < least.range)) {
-    least = beam;
+void keep_nearer(BeamLandmark& nearest, const BeamLandmark& beam) {
+  if (beam.range >= 0.0 && (nearest.beam < 0 || beam.range < nearest.range)) {
+    nearest = beam;
   }
 }
 
@@ -56,13 +56,13 @@ BeamLandmark recognize(const LaserScan& scan, const Pose2& laser, const Landmark
   }
   const double bearing = std::atan2(to.y(), to.x());
   const double largest_angle = std::asin(landmark.radius / distance);
-  const double least = distance - landmark.radius;
-  const double most = std::sqrt(distance * distance - landmark.radius * landmark.radius);
+  const double min_range = distance - landmark.radius;
+  const double max_range = std::sqrt(distance * distance - landmark.radius * landmark.radius);
   BeamLandmark nearest;
   for (int i = 0; i < static_cast<int>(scan.ranges.size()); ++i) {
     const BeamLandmark beam = beam_of(scan, i);
-    if (std::abs(angle_difference(beam.bearing, bearing)) <= largest_angle && beam.range >= least &&
-        beam.range <= most) {
+    if (std::abs(angle_difference(beam.bearing, bearing)) <= largest_angle &&
+        beam.range >= min_range && beam.range <= max_range) {
       keep_nearer(nearest, beam);
     }
   }

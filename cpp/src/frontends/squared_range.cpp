@@ -6,11 +6,23 @@
 #include <cmath>
 #include <limits>
 
+#include "frontends/flat_anchors.hpp"
+
 namespace locfuse {
 
 namespace {
 
-constexpr double kFlat = 1e-9;  // see RangeLayout::within
+/// Constants of SR-LS; docs/models/multilateration.md eq. (7) to (10).
+struct SquaredRangeTuning {
+  /// Stiffness, or its right side, that counts as 0: anchors on a line or plane.
+  static constexpr double kFlat = internal::FlatAnchors::kShare;
+  /// Newton's method: maximum number of steps, and the step below which it has converged, as a
+  /// share of the distance to the end of the interval.
+  static constexpr int kMaxSteps = 200;
+  static constexpr double kConverged = 1e-12;
+};
+
+using Tuning = SquaredRangeTuning;
 
 /// Frame in which A'WA is diagonal: eq. (5) of docs/models/multilateration.md.
 template <int N>
@@ -30,13 +42,13 @@ struct Secular {
   double level = 0.0;
   double slope = 0.0;
   double lower = 0.0;     ///< end of the interval of alpha, eq. (9)
-  double rounding = 0.0;  ///< what of g may be the rounding of zero
+  double rounding = 0.0;  ///< largest rounding error of g
 };
 
 /// 1 / variance of a squared range, eq. (11).
 template <int N>
-double weight_of(const RangeLayout<N>& layout, const double* ranges, SquaredRangeWeights weights,
-                 int i) {
+double weight_of(const RangeLayout<N>& layout, const RangesView& ranges,
+                 SquaredRangeWeights weights, int i) {
   if (weights == SquaredRangeWeights::kEqual) {
     return 1.0;
   }
@@ -46,7 +58,7 @@ double weight_of(const RangeLayout<N>& layout, const double* ranges, SquaredRang
 }
 
 template <int N>
-void weigh(const RangeLayout<N>& layout, const double* ranges, SquaredRangeWeights weights,
+void weigh(const RangeLayout<N>& layout, const RangesView& ranges, SquaredRangeWeights weights,
            Frame<N>& frame) {
   frame.centre.setZero();
   for (int i = 0; i < layout.size; ++i) {
@@ -78,12 +90,12 @@ Secular<N> secular_of(const Matrix<N, N>& axes, const Vector<N>& spread, const V
   secular.level = sum / total;
   secular.slope = 0.5 / total;
   secular.lower = -secular.stiffness(0);
-  secular.rounding = kFlat * magnitude * std::sqrt(spread(N - 1) / total);
+  secular.rounding = Tuning::kFlat * magnitude * std::sqrt(spread(N - 1) / total);
   return secular;
 }
 
 template <int N>
-Secular<N> equal_weights(const RangeLayout<N>& layout, const double* ranges) {
+Secular<N> equal_weights(const RangeLayout<N>& layout, const RangesView& ranges) {
   Vector<N> moment = Vector<N>::Zero();
   double sum = 0.0;
   double magnitude = 0.0;
@@ -99,7 +111,8 @@ Secular<N> equal_weights(const RangeLayout<N>& layout, const double* ranges) {
 }
 
 template <int N>
-Secular<N> with_weights(const RangeLayout<N>& layout, const double* ranges, const Frame<N>& frame) {
+Secular<N> with_weights(const RangeLayout<N>& layout, const RangesView& ranges,
+                        const Frame<N>& frame) {
   Vector<N> moment = Vector<N>::Zero();
   double sum = 0.0;
   double magnitude = 0.0;
@@ -115,8 +128,8 @@ Secular<N> with_weights(const RangeLayout<N>& layout, const double* ranges, cons
   return secular_of<N>(frame.axes, frame.spread, moment, sum, magnitude, frame.total);
 }
 
-/// Newton's method inside a bracket. The left side falls and is convex, the right side rises: from
-/// the left of the root every step is one towards it.
+/// Root by Newton's method inside a bracket. The left side is convex and decreasing, the right side
+/// increasing, so steps from the left of the root never overshoot.
 template <int N>
 double root(const Secular<N>& secular) {
   double low = secular.lower;
@@ -125,7 +138,7 @@ double root(const Secular<N>& secular) {
   if (secular.lower == 0.0) {
     alpha = secular.stiffness(N - 1);  // flat anchors: the interval starts here
   }
-  for (int i = 0; i < 200; ++i) {
+  for (int i = 0; i < Tuning::kMaxSteps; ++i) {
     double length = 0.0;
     double fall = 0.0;
     for (int k = 0; k < N; ++k) {
@@ -138,8 +151,8 @@ double root(const Secular<N>& secular) {
     (gap > 0.0 ? low : high) = alpha;
     const double newton = gap / (2.0 * fall + secular.slope);
     double next = alpha + newton;
-    if (next == alpha || std::abs(newton) <= 1e-12 * (alpha - secular.lower)) {
-      return std::max(next, secular.lower);  // a further step would be one of rounding
+    if (next == alpha || std::abs(newton) <= Tuning::kConverged * (alpha - secular.lower)) {
+      return std::max(next, secular.lower);  // a further step would be rounding
     }
     if (!(next > low && next < high)) {
       next = 0.5 * (low + high);
@@ -161,7 +174,7 @@ bool solve_hard_case(const Secular<N>& secular, SquaredRangePosition<N>& found) 
   found.position[0].setZero();
   for (int k = 0; k < N; ++k) {
     const double left = secular.stiffness(k) + secular.lower;
-    if (left <= kFlat * secular.stiffness(N - 1)) {
+    if (left <= Tuning::kFlat * secular.stiffness(N - 1)) {
       if (std::abs(secular.g(k)) > secular.rounding) {
         return false;
       }
@@ -189,7 +202,7 @@ SquaredRangePosition<N> minimise(Secular<N>& secular) {
     if (solve_hard_case<N>(secular, found)) {
       return found;
     }
-    if (secular.stiffness(0) <= kFlat * secular.stiffness(N - 1)) {
+    if (secular.stiffness(0) <= Tuning::kFlat * secular.stiffness(N - 1)) {
       secular.g(0) = 0.0;  // flat anchors and a position among them
     }
   }
@@ -205,7 +218,7 @@ SquaredRangePosition<N> minimise(Secular<N>& secular) {
 }  // namespace
 
 template <int N>
-SquaredRangePosition<N> solve_squared_ranges(const RangeLayout<N>& layout, const double* ranges,
+SquaredRangePosition<N> solve_squared_ranges(const RangeLayout<N>& layout, const RangesView& ranges,
                                              SquaredRangeWeights weights) {
   if (layout.size == 0 || layout.within(N - 2)) {
     return {};
@@ -231,7 +244,7 @@ SquaredRangePosition<N> solve_squared_ranges(const RangeLayout<N>& layout, const
 }
 
 template <int N>
-bool squared_range_gain(const RangeLayout<N>& layout, const Vector<N>& x, const double* ranges,
+bool squared_range_gain(const RangeLayout<N>& layout, const Vector<N>& x, const RangesView& ranges,
                         SquaredRangeWeights weights, RangeGain<N>& gain) {
   Matrix<N, N> stiffness = Matrix<N, N>::Zero();
   gain.resize(N, layout.size);
@@ -259,11 +272,11 @@ Matrix<N, N> covariance_of(const RangeLayout<N>& layout, const RangeGain<N>& gai
   return covariance;
 }
 
-#define LOCFUSE_INSTANTIATE(N)                                                                   \
-  template SquaredRangePosition<N> solve_squared_ranges<N>(const RangeLayout<N>&, const double*, \
-                                                           SquaredRangeWeights);                 \
-  template bool squared_range_gain<N>(const RangeLayout<N>&, const Vector<N>&, const double*,    \
-                                      SquaredRangeWeights, RangeGain<N>&);                       \
+#define LOCFUSE_INSTANTIATE(N)                                                                    \
+  template SquaredRangePosition<N> solve_squared_ranges<N>(                                       \
+      const RangeLayout<N>&, const RangesView&, SquaredRangeWeights);                             \
+  template bool squared_range_gain<N>(const RangeLayout<N>&, const Vector<N>&, const RangesView&, \
+                                      SquaredRangeWeights, RangeGain<N>&);                        \
   template Matrix<N, N> covariance_of<N>(const RangeLayout<N>&, const RangeGain<N>&);
 LOCFUSE_INSTANTIATE(2)
 LOCFUSE_INSTANTIATE(3)

@@ -19,7 +19,7 @@ struct Ray {
   [[nodiscard]] Vector<2> end() const { return range * along; }
 };
 
-/// Beams in order of their bearing. Around a full turn numbers go on beyond both ends, once.
+/// Beams in order of their bearing. Indices of a full turn may exceed both ends by one turn.
 struct Sweep {
   std::vector<Ray> rays;
   bool closed = false;  ///< a full turn
@@ -42,18 +42,18 @@ struct Run {
   [[nodiscard]] int beams() const { return last - first + 1; }
 };
 
-/// What two neighbours must differ by to lie on two things.
+/// Minimum difference between the ranges of two neighbours on two objects: the sum of both.
 struct Jump {
   double range;  ///< [m]
-  double gaps;   ///< and so many gaps between beams
+  double gaps;   ///< [gaps between beams]
 };
 
-/// Between a beam and the next, a thing ends: a jump, no return, the border of what is bright.
+/// Whether an object ends between a beam and the next: a jump, no return, a change of brightness.
 [[nodiscard]] bool is_edge(const Sweep& sweep, int j, const Jump& jump);
 
-/// A scan in order. What a laser sees twice, beyond a full turn, comes once; a full turn begins
-/// after an edge, so that no thing is cut in two. With a `least_intensity` above 0 some are bright.
+/// Beams of a scan in order. Directions beyond a full turn are dropped; a full turn begins after an
+/// edge, so that no object is cut in two. Beams are bright from a `min_intensity` above 0 on.
 /// Throws std::invalid_argument if the scan is not valid.
-[[nodiscard]] Sweep sweep_of(const LaserScan& scan, double least_intensity, const Jump& jump);
+[[nodiscard]] Sweep sweep_of(const LaserScan& scan, double min_intensity, const Jump& jump);
 
 }  // namespace locfuse::internal

@@ -18,8 +18,8 @@ void require(bool ok, const char* name, double value, const char* expected) {
   }
 }
 
-constexpr double kMost = 1e9;       // of what is configured: sums with it are finite
-constexpr double kFarthest = 1e12;  // from the origin that a tag may be [m]
+constexpr double kMaxSetting = 1e9;    // magnitude of a setting, so that sums with it are finite
+constexpr double kMaxPosition = 1e12;  // magnitude of a coordinate of a tag [m]
 
 bool is_positive(double value) { return std::isfinite(value) && value > 0.0; }
 
@@ -27,10 +27,10 @@ bool is_positive(double value) { return std::isfinite(value) && value > 0.0; }
 
 TagConditioner::TagConditioner(const Config& config, const std::vector<Tag>& tags)
     : config_(config) {
-  require(config.cutoff_hz >= 0.0 && config.cutoff_hz <= kMost, "cutoff_hz", config.cutoff_hz,
+  require(config.cutoff_hz >= 0.0 && config.cutoff_hz <= kMaxSetting, "cutoff_hz", config.cutoff_hz,
           "0 to 1e9");
-  require(std::abs(config.bias_x_m) <= kMost, "bias_x_m", config.bias_x_m, "-1e9 to 1e9");
-  require(std::abs(config.bias_y_m) <= kMost, "bias_y_m", config.bias_y_m, "-1e9 to 1e9");
+  require(std::abs(config.bias_x_m) <= kMaxSetting, "bias_x_m", config.bias_x_m, "-1e9 to 1e9");
+  require(std::abs(config.bias_y_m) <= kMaxSetting, "bias_y_m", config.bias_y_m, "-1e9 to 1e9");
   require(is_positive(config.max_speed_mps), "max_speed_mps", config.max_speed_mps,
           "a finite number > 0");
   require(is_positive(config.jump_margin_m), "jump_margin_m", config.jump_margin_m,
@@ -38,7 +38,7 @@ TagConditioner::TagConditioner(const Config& config, const std::vector<Tag>& tag
   require(config.restart_after >= 1, "restart_after", config.restart_after, "at least 1");
   require(is_positive(config.frozen_motion_m), "frozen_motion_m", config.frozen_motion_m,
           "a finite number > 0");
-  require(is_positive(config.hold_s) && config.hold_s < 1e9, "hold_s", config.hold_s,
+  require(is_positive(config.hold_s) && config.hold_s < kMaxSetting, "hold_s", config.hold_s,
           "a finite number > 0");
   const Tags known(tags);
   for (const Tag& tag : known.all()) {
@@ -46,7 +46,7 @@ TagConditioner::TagConditioner(const Config& config, const std::vector<Tag>& tag
   }
 }
 
-/// Adds what the velocity that is held makes of the time until `stamp`.
+/// Adds the distance driven until `stamp` at the held velocity.
 void TagConditioner::drive_to(Stamp stamp) {
   if (!held_) {
     return;
@@ -90,17 +90,17 @@ ConditionedFix TagConditioner::on(const PositionFix& z) {
   if (track->has_fix && z.stamp < track->stamp) {
     return {TagVerdict::kStale, {}};
   }
-  if (!(position.cwiseAbs().maxCoeff() <= kFarthest)) {
+  if (!(position.cwiseAbs().maxCoeff() <= kMaxPosition)) {
     return {TagVerdict::kJump, {}};
   }
   drive_to(z.stamp);
   if (!track->has_fix) {
-    track->heard = z.position;
+    track->reported = z.position;
     track->driven = 0.0;
     return pass(*track, z, position, TagVerdict::kPassed);
   }
-  if (z.position != track->heard) {
-    track->heard = z.position;
+  if (z.position != track->reported) {
+    track->reported = z.position;
     track->driven = 0.0;
   } else if (track->driven > config_.frozen_motion_m) {
     return {TagVerdict::kFrozen, {}};

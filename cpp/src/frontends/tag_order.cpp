@@ -8,7 +8,7 @@
 
 #include "locfuse/geometry/rigid_fit.hpp"
 #include "locfuse/math/chi_squared.hpp"
-#include "locfuse/messages/told_covariance.hpp"
+#include "locfuse/messages/reported_covariance.hpp"
 
 namespace locfuse {
 namespace {
@@ -25,8 +25,8 @@ void check(const Tags& tags, const std::vector<PositionFix>& fixes) {
   }
   for (std::size_t i = 0; i < 3; ++i) {
     validate(fixes[i]);
-    if (told_noise<2>(fixes[i].covariance, Vector<2>::Zero(), Vector<2>::Zero()).rows < 2) {
-      throw std::invalid_argument("a fix of an epoch tells no covariance of both axes");
+    if (reported_noise<2>(fixes[i].covariance, Vector<2>::Zero(), Vector<2>::Zero()).rows < 2) {
+      throw std::invalid_argument("a fix of an epoch reports no covariance of both axes");
     }
     if (!fixes[i].tag || tags.find(*fixes[i].tag) == nullptr) {
       throw std::invalid_argument(

@@ -8,6 +8,13 @@
 #include <utility>
 
 namespace locfuse {
+namespace {
+
+constexpr double kMaxLength = 1e12;  // magnitude of coordinates and lengths [m]
+constexpr double kMinScale = 1e-6;   // of ranges
+constexpr double kMaxScale = 1e6;
+
+}  // namespace
 
 AnchorMap::AnchorMap(std::vector<Anchor> anchors) : anchors_(std::move(anchors)) {
   std::sort(anchors_.begin(), anchors_.end(),
@@ -18,11 +25,12 @@ AnchorMap::AnchorMap(std::vector<Anchor> anchors) : anchors_(std::move(anchors))
     if (i > 0 && anchors_[i - 1].id == anchor.id) {
       throw std::invalid_argument(name + " is given twice");
     }
-    if (!((anchor.position.array().abs() <= 1e12).all() && std::abs(anchor.offset) <= 1e12)) {
+    if (!((anchor.position.array().abs() <= kMaxLength).all() &&
+          std::abs(anchor.offset) <= kMaxLength)) {
       throw std::invalid_argument(
           name + " has a position or an offset that is not finite, or over 1e12 m");
     }
-    if (!(anchor.scale >= 1e-6 && anchor.scale <= 1e6)) {
+    if (!(anchor.scale >= kMinScale && anchor.scale <= kMaxScale)) {
       throw std::invalid_argument(name + " has scale " + std::to_string(anchor.scale) +
                                   ", expected a number from 1e-6 to 1e6");
     }

@@ -5,8 +5,7 @@
 
 namespace locfuse::internal {
 
-/// Cell that holds a coordinate, or the outermost one on its side; 0 for NaN, by the order of the
-/// arguments.
+/// Cell of a coordinate, clamped to the grid; 0 for NaN, by the order of the arguments.
 [[nodiscard]] inline int clamped_cell(double coordinate, int size) {
   return static_cast<int>(std::min(std::max(0.0, coordinate), size - 1.0));
 }

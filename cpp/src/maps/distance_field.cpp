@@ -13,10 +13,22 @@
 namespace locfuse {
 namespace {
 
-constexpr double kLongestSide = 1 << 24;  // [cells]; a float counts them
-constexpr double kMostCells = 1 << 30;    // an int counts them
-// Columns that are filled at a time: cells of one column are far apart in memory.
+/// Limits of DistanceField.
+struct DistanceFieldLimits {
+  static constexpr double kMaxSide = 1 << 24;   // [cells], exact in a float
+  static constexpr double kMaxCells = 1 << 30;  // fits an int
+  static constexpr double kMaxMargin = 1e4;     // [m]
+  /// Distance of a point from the map, in cells: a double does not resolve cells well beyond it.
+  static constexpr double kMaxDistance = 1e9;
+};
+
+// Columns that are filled at a time, as cells of one column are far apart in memory.
 constexpr int kBlock = 32;
+
+// Relative and absolute margin for the rounding of a squared upper bound of the distance [cells].
+constexpr double kBoundFactor = 1.000001;
+constexpr double kBoundMargin = 1e-6;
+
 constexpr float kNoTarget = std::numeric_limits<float>::infinity();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
@@ -28,13 +40,14 @@ std::vector<std::uint8_t> occupied_cells(const OccupancyGrid& grid) {
 }
 
 int margin_cells_of(double margin, const OccupancyGrid& grid) {
-  if (!(margin >= 0.0 && margin <= 1e4)) {
+  if (!(margin >= 0.0 && margin <= DistanceFieldLimits::kMaxMargin)) {
     throw std::invalid_argument("margin is " + std::to_string(margin) + " m, expected 0 to 10000");
   }
   const double cells = std::ceil(margin / grid.resolution()) + 1.0;
   const double width = grid.width() + 2.0 * cells;
   const double height = grid.height() + 2.0 * cells;
-  if (!(std::max(width, height) <= kLongestSide && width * height <= kMostCells)) {
+  if (!(std::max(width, height) <= DistanceFieldLimits::kMaxSide &&
+        width * height <= DistanceFieldLimits::kMaxCells)) {
     throw std::invalid_argument("margin is " + std::to_string(margin) + " m, or " +
                                 std::to_string(cells) +
                                 " cells, expected a field of at most 2^30 cells, 2^24 a side");
@@ -42,9 +55,9 @@ int margin_cells_of(double margin, const OccupancyGrid& grid) {
   return static_cast<int>(cells);
 }
 
-/// Of a point in the field frame, in cells: from there on a double does not tell cells apart well.
+/// Checks a point in the field frame, in cells.
 void require_near(const Vector<2>& p, const Vector<2>& p_world) {
-  if (!(p.array().abs() < 1e9).all()) {
+  if (!(p.array().abs() < DistanceFieldLimits::kMaxDistance).all()) {
     throw std::invalid_argument("position is (" + std::to_string(p_world.x()) + ", " +
                                 std::to_string(p_world.y()) +
                                 ") m, expected finite numbers, less than 1e9 cells from the map");
@@ -58,8 +71,8 @@ std::size_t at(int row, int column, int width) {
 
 double square(double value) { return value * value; }
 
-/// (y - row)^2 + height, the lowest one from y = from / per on. Not divided: that takes longer than
-/// all else.
+/// Parabola (y - row)^2 + height, the lowest one from y = from / per on. Without the division,
+/// which would dominate the run time.
 struct Parabola {
   double row;
   double height;
@@ -72,7 +85,7 @@ struct Parabola {
 /// Lower envelope of parabolas (Felzenszwalb and Huttenlocher, 2012).
 class DistanceField::Envelope {
  public:
-  /// Of the distances to each row's target; rows without one are left out, one at least must stay.
+  /// Builds it from the distances to the target of each row. At least one row must have a target.
   void build(int rows, const float* distances) {
     parabolas_.clear();
     for (int row = 0; row < rows; ++row) {
@@ -83,7 +96,7 @@ class DistanceField::Envelope {
     at_ = 0;
   }
 
-  /// The lowest one at y, which must not fall from call to call.
+  /// Lowest parabola at y, which must not decrease between calls.
   [[nodiscard]] const Parabola& lowest_at(double y) {
     while (at_ + 1 < parabolas_.size() && parabolas_[at_ + 1].from <= y * parabolas_[at_ + 1].per) {
       ++at_;
@@ -202,7 +215,7 @@ void DistanceField::fill_column(int column, float* distances, Envelope& envelope
     const Parabola& lowest = envelope.lowest_at(row);
     distances[row] = static_cast<float>(std::sqrt(square(lowest.row - row) + lowest.height));
     if (!nearest_.empty()) {
-      // Targets keep distance 0 and their number, whichever columns are through.
+      // Targets keep distance 0 and their number, whichever columns are done.
       const int target_row = static_cast<int>(lowest.row);
       const int aside = static_cast<int>(std::sqrt(lowest.height));
       const bool left =
@@ -263,11 +276,11 @@ DistanceField::Neighbour DistanceField::nearest(const Vector<2>& p_world) const 
 DistanceField::Neighbour DistanceField::nearest_in_field(double x, double y) const {
   const int column = internal::clamped_cell(x, width_);
   const int middle = internal::clamped_cell(y, height_);
-  // The way over the centre of the cell is an upper bound; no row farther away than that is looked
-  // at. It is rounded, and what is sought may be that far away.
+  // The distance by way of the centre of the cell is an upper bound, which limits the rows to
+  // search. It is widened for rounding, as the target may be exactly that far away.
   const double bound = static_cast<double>(distances_[at(middle, column, width_)]) +
                        (Vector<2>(column + 0.5, middle + 0.5) - Vector<2>(x, y)).norm();
-  double best = square(1.000001 * bound + 1e-6);
+  double best = square(kBoundFactor * bound + kBoundMargin);
   std::size_t found = 0;
   const auto look = [&](int row) {
     const double above = square(row + 0.5 - y);
@@ -291,14 +304,13 @@ DistanceField::Neighbour DistanceField::nearest_in_field(double x, double y) con
   return {target_at(found), std::sqrt(best)};
 }
 
-/// Column of the target in a row of the field that is nearest to x, if one is nearer than `within`;
-/// else -1.
+/// Column of the target in a row of the field that is nearest to x and nearer than `within`, or -1.
 int DistanceField::nearest_in_row(int row, double x, double within) const {
   const float* const distance = &distances_[at(row, 0, width_)];
   const int start = internal::clamped_cell(x, width_);
   int found = -1;
   for (const int side : {1, -1}) {
-    // No target is nearer to a cell than its distance says, so that many cells can be skipped.
+    // No target is nearer to a cell than its distance, so that many cells can be skipped.
     for (int column = start; column >= 0 && column < width_;
          column += side * static_cast<int>(distance[column])) {
       const double off = std::abs(column + 0.5 - x);

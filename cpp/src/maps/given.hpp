@@ -9,7 +9,7 @@
 
 namespace locfuse::internal {
 
-/// The map that `user` cannot do without. Throws std::invalid_argument if there is none.
+/// The map that `user` requires. Throws std::invalid_argument if it is null.
 inline const std::shared_ptr<const OccupancyGrid>& given(
     const std::shared_ptr<const OccupancyGrid>& grid, const char* user) {
   if (!grid) {

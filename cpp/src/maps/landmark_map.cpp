@@ -8,6 +8,11 @@
 #include <utility>
 
 namespace locfuse {
+namespace {
+
+constexpr double kMaxLength = 1e12;  // magnitude of coordinates and lengths [m]
+
+}  // namespace
 
 LandmarkMap::LandmarkMap(std::vector<Landmark> landmarks) : landmarks_(std::move(landmarks)) {
   std::sort(landmarks_.begin(), landmarks_.end(),
@@ -18,10 +23,11 @@ LandmarkMap::LandmarkMap(std::vector<Landmark> landmarks) : landmarks_(std::move
     if (i > 0 && landmarks_[i - 1].id == landmark.id) {
       throw std::invalid_argument(name + " is given twice");
     }
-    if (!((landmark.position.array().abs() <= 1e12).all() && std::abs(landmark.height) <= 1e12)) {
+    if (!((landmark.position.array().abs() <= kMaxLength).all() &&
+          std::abs(landmark.height) <= kMaxLength)) {
       throw std::invalid_argument(name + " has a position that is not finite, or over 1e12 m");
     }
-    if (!(landmark.radius >= 0.0 && landmark.radius <= 1e12)) {
+    if (!(landmark.radius >= 0.0 && landmark.radius <= kMaxLength)) {
       throw std::invalid_argument(name + " has radius " + std::to_string(landmark.radius) +
                                   " m, expected a finite number >= 0");
     }

@@ -9,8 +9,10 @@
 namespace locfuse {
 namespace {
 
-constexpr std::size_t kMostCells = std::size_t{1}
-                                   << 28;  // so that an index fits an int, padded too
+constexpr std::size_t kMaxCells = std::size_t{1} << 28;  // indices fit an int, also with a margin
+constexpr double kMinResolution = 1e-6;                  // [m]
+constexpr double kMaxResolution = 1e6;                   // [m]
+constexpr double kMaxOrigin = 1e9;                       // magnitude of its numbers [m], [rad]
 
 [[noreturn]] void refuse(const char* what, double value, const char* expected) {
   std::ostringstream text;
@@ -29,15 +31,15 @@ OccupancyGrid::OccupancyGrid(int width, int height, double resolution, const Pos
       grid_from_world_(inverse(origin)),
       cells_(std::move(cells)) {
   if (width < 1 || height < 1 ||
-      static_cast<std::size_t>(width) > kMostCells / static_cast<std::size_t>(height)) {
+      static_cast<std::size_t>(width) > kMaxCells / static_cast<std::size_t>(height)) {
     refuse(width < 1 ? "OccupancyGrid.width" : "OccupancyGrid.height", width < 1 ? width : height,
            "1 or more, and at most 2^28 cells in all");
   }
-  if (!(resolution >= 1e-6 && resolution <= 1e6)) {
+  if (!(resolution >= kMinResolution && resolution <= kMaxResolution)) {
     refuse("OccupancyGrid.resolution [m]", resolution, "1e-6 to 1e6");
   }
   for (const double value : {origin.x, origin.y, origin.heading}) {
-    if (!(std::abs(value) <= 1e9)) {
+    if (!(std::abs(value) <= kMaxOrigin)) {
       refuse("OccupancyGrid.origin", value, "numbers from -1e9 to 1e9");
     }
   }

@@ -14,10 +14,16 @@ namespace locfuse {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr int kMostRings = 255;
-constexpr int kMostBeams = 1'000'000;
-constexpr double kFarthest = 1e9;  // [cells]; from there on a double does not tell cells apart well
-constexpr double kLeastSlope = 1e-290;  // below, a way to an edge is infinite, or NaN
+/// Limits of RayCaster.
+struct RayCasterLimits {
+  static constexpr int kMaxRings = 255;  // largest number of a byte
+  static constexpr int kMaxBeams = 1'000'000;
+  /// Distance of a beam's start from the map [cells]: a double does not resolve cells well beyond
+  /// it.
+  static constexpr double kMaxDistance = 1e9;
+  /// Direction along an axis below which its inverse may be infinite.
+  static constexpr double kMinSlope = 1e-290;
+};
 
 /// One axis of a beam: coordinates start + t * along, t in cells from its start.
 struct Axis {
@@ -28,7 +34,7 @@ struct Axis {
 
   Axis(double from, double towards, int cells)
       : start(from),
-        along(std::abs(towards) < kLeastSlope ? 0.0 : towards),
+        along(std::abs(towards) < RayCasterLimits::kMinSlope ? 0.0 : towards),
         per_cell(along == 0.0 ? kInfinity : 1.0 / along),
         size(cells) {}
 
@@ -46,26 +52,26 @@ struct Axis {
   [[nodiscard]] int cell_at(double t) const { return static_cast<int>(start + t * along); }
 };
 
-/// Makes no cell's rings more than those of the cells before it and below it, and one.
+/// Limits the rings of each cell to one more than those of the cells before it and below it.
 void grow(std::vector<std::uint8_t>& rings, int width, int height) {
   for (int row = 0; row < height; ++row) {
     std::uint8_t* const here =
         &rings[static_cast<std::size_t>(row) * static_cast<std::size_t>(width)];
     for (int column = 0; column < width; ++column) {
-      int least = column > 0 ? here[column - 1] : kMostRings;
+      int rings_around = column > 0 ? here[column - 1] : RayCasterLimits::kMaxRings;
       if (row > 0) {
         const std::uint8_t* const below = here - width;
         for (int c = std::max(column - 1, 0); c <= std::min(column + 1, width - 1); ++c) {
-          least = std::min<int>(least, below[c]);
+          rings_around = std::min<int>(rings_around, below[c]);
         }
       }
-      here[column] = static_cast<std::uint8_t>(std::min<int>(here[column], least + 1));
+      here[column] = static_cast<std::uint8_t>(std::min<int>(here[column], rings_around + 1));
     }
   }
 }
 
-/// Of a point in the grid's frame.
-bool is_near(const Vector<2>& p) { return (p.array().abs() < kFarthest).all(); }
+/// Whether a beam may start at a point in the grid frame.
+bool is_near(const Vector<2>& p) { return (p.array().abs() < RayCasterLimits::kMaxDistance).all(); }
 
 void require_finite(const char* what, double value, const char* unit) {
   if (!std::isfinite(value)) {
@@ -80,7 +86,7 @@ RayCaster::RayCaster(const std::shared_ptr<const OccupancyGrid>& grid, bool unkn
     : grid_(internal::given(grid, "RayCaster")), clear_(grid_->cells().size()) {
   std::transform(grid_->cells().begin(), grid_->cells().end(), clear_.begin(), [&](Cell cell) {
     const bool stops = cell == Cell::kOccupied || (unknown_stops && cell == Cell::kUnknown);
-    return static_cast<std::uint8_t>(stops ? 0 : kMostRings);
+    return static_cast<std::uint8_t>(stops ? 0 : RayCasterLimits::kMaxRings);
   });
   grow(clear_, grid_->width(), grid_->height());
   std::reverse(clear_.begin(), clear_.end());
@@ -97,7 +103,7 @@ std::vector<double> RayCaster::scan(const Pose2& T_world_laser, double angle_min
   const Vector<2> start = start_of(T_world_laser.position(), max_range);
   require_finite("angle_min", angle_min, "rad");
   require_finite("angle_increment", angle_increment, "rad");
-  if (count < 0 || count > kMostBeams) {
+  if (count < 0 || count > RayCasterLimits::kMaxBeams) {
     throw std::invalid_argument("count is " + std::to_string(count) + ", expected 0 to 1000000");
   }
   std::vector<double> ranges(static_cast<std::size_t>(count));
@@ -110,7 +116,7 @@ std::vector<double> RayCaster::scan(const Pose2& T_world_laser, double angle_min
 
 bool RayCaster::reaches(const Vector<2>& p_world) const { return is_near(grid_->to_grid(p_world)); }
 
-/// In the grid's frame, in cells.
+/// Start in the grid frame, in cells.
 Vector<2> RayCaster::start_of(const Vector<2>& p_world, double max_range) const {
   Vector<2> start = grid_->to_grid(p_world);
   if (!is_near(start)) {
@@ -129,7 +135,7 @@ double RayCaster::range_from(const Vector<2>& start, double heading, double max_
   const double turned = heading - grid_->origin().heading;
   require_finite("heading", turned, "rad");
   const Vector<2> along(std::cos(turned), std::sin(turned));
-  // A cell more, so that none is missed by rounding where the beam ends.
+  // One cell more, so that rounding at the end of the beam misses none.
   const double reach = max_range / grid_->resolution() + 1.0;
   const double range = cells_to_hit(start, along, reach) * grid_->resolution();
   if (range > max_range) {
@@ -138,7 +144,7 @@ double RayCaster::range_from(const Vector<2>& start, double heading, double max_
   return range;
 }
 
-/// From cell to cell, past all the rings around one that are clear.
+/// Steps from cell to cell, over all clear rings around one.
 ///
 /// J. Amanatides and A. Woo, "A fast voxel traversal algorithm for ray tracing", Eurographics 1987,
 /// is the case of one ring.
@@ -165,7 +171,7 @@ double RayCaster::cells_to_hit(const Vector<2>& start, const Vector<2>& along, d
     if (travelled > end) {
       break;
     }
-    // One edge is crossed: through a corner the beam might slip between two cells.
+    // Only one edge is crossed at a time: through a corner a beam might pass between two cells.
     const int last = rings - 1;
     const int beside_x = std::clamp(x.cell_at(travelled), column - last, column + last);
     const int beside_y = std::clamp(y.cell_at(travelled), row - last, row + last);

@@ -3,9 +3,9 @@
 
 #include <cstdint>
 
-/// Vectors of single precision, as wide as the processor that is compiled for. Files that include
-/// this are compiled twice; LOCFUSE_LANES names the namespace and thereby what the compiler may
-/// use, so that the two versions share nothing.
+/// Vectors of single precision, as wide as the target processor allows. Files that include this are
+/// compiled twice; LOCFUSE_LANES is the namespace, one per instruction set, so that the two
+/// versions share nothing.
 #ifndef LOCFUSE_LANES
 #define LOCFUSE_LANES portable
 #endif
@@ -35,7 +35,7 @@ inline Lanes larger(const Lanes& a, const Lanes& b) { return a > b ? a : b; }
 
 inline Lanes smaller(const Lanes& a, const Lanes& b) { return a < b ? a : b; }
 
-/// Without what is behind the point.
+/// Integer parts, rounded towards zero.
 inline Indices whole(const Lanes& value) { return __builtin_convertvector(value, Indices); }
 
 inline Lanes number(const Indices& value) { return __builtin_convertvector(value, Lanes); }

@@ -5,8 +5,8 @@
 
 namespace locfuse::internal {
 
-/// Whether what was compiled for AVX2, if anything was, may run here. It may not if the environment
-/// has LOCFUSE_PORTABLE, which is for measuring and testing what runs on other processors.
+/// Whether kernels for AVX2 were compiled and may run on this processor. The environment variable
+/// LOCFUSE_PORTABLE disables them, to measure and test the portable ones.
 [[nodiscard]] inline bool has_avx2() {
 #ifdef LOCFUSE_LANES_AVX2
   static const bool has = std::getenv("LOCFUSE_PORTABLE") == nullptr &&

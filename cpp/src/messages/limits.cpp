@@ -8,12 +8,11 @@
 namespace locfuse {
 namespace {
 
-constexpr double kJitter = 0.1;  // [s]
-
-constexpr double kMost = 1e12;  // after any time it is finite in single precision
+constexpr double kStampJitter = 0.1;  // [s]
+constexpr double kMaxLimit = 1e12;    // finite in single precision after any time
 
 void require(const char* name, double value) {
-  if (!(value > 0.0 && value <= kMost)) {
+  if (!(value > 0.0 && value <= kMaxLimit)) {
     throw std::invalid_argument(std::string("limits.") + name + " is " + std::to_string(value) +
                                 ", expected more than 0, at most 1e12");
   }
@@ -34,7 +33,7 @@ bool is_plausible(const Velocity& message, const Limits& limits) {
 }
 
 bool is_plausible(const Increment& message, const Limits& limits) {
-  const double seconds = seconds_between(message.begin, message.stamp) + kJitter;
+  const double seconds = seconds_between(message.begin, message.stamp) + kStampJitter;
   return std::hypot(message.motion.x, message.motion.y) <= limits.speed_mps * seconds &&
          std::abs(message.motion.heading) <= limits.turn_rate_radps * seconds;
 }

@@ -6,10 +6,12 @@
 #include <stdexcept>
 
 #include "locfuse/math/symmetric.hpp"
-#include "locfuse/messages/told_covariance.hpp"
+#include "locfuse/messages/reported_covariance.hpp"
 
 namespace locfuse {
 namespace {
+
+constexpr double kMaxScanNumber = 1e6;  // of a laser's geometry
 
 [[noreturn]] void refuse(const char* what, double value, const char* expected) {
   std::ostringstream text;
@@ -29,9 +31,9 @@ void require_sigma(const char* what, double sigma) {
   }
 }
 
-/// Scans are matched in single precision, and their sines by multiples of the increment.
+/// Scans are matched in single precision, with sines by recurrence over the increment.
 void require_scan_size(const char* what, double value) {
-  if (!(std::abs(value) <= 1e6)) {
+  if (!(std::abs(value) <= kMaxScanNumber)) {
     refuse(what, value, "a finite number from -1e6 to 1e6");
   }
 }
@@ -43,35 +45,36 @@ template <int N>
   throw std::invalid_argument(text.str());
 }
 
-/// As a driver tells it: what it does not measure or know may be any number.
+/// Axes that the driver does not measure may hold any number.
 template <int N>
-void require_told_covariance(const char* what, const Matrix<N, N>& covariance) {
+void require_reported_covariance(const char* what, const Matrix<N, N>& covariance) {
   if (covariance.hasNaN()) {
     refuse_covariance(what, covariance);
   }
-  const ToldNoise<N> told = told_noise<N>(covariance, Vector<N>::Zero(), Vector<N>::Zero());
-  for (Eigen::Index i = 0; is_told(covariance) && i < told.rows; ++i) {
-    for (Eigen::Index j = 0; j < i; ++j) {  // each two axes that are measured
-      if (!is_symmetric(covariance, told.axes[static_cast<std::size_t>(i)],
-                        told.axes[static_cast<std::size_t>(j)])) {
+  const ReportedNoise<N> reported =
+      reported_noise<N>(covariance, Vector<N>::Zero(), Vector<N>::Zero());
+  for (Eigen::Index i = 0; is_reported(covariance) && i < reported.rows; ++i) {
+    for (Eigen::Index j = 0; j < i; ++j) {  // pairs of measured axes
+      if (!is_symmetric(covariance, reported.axes[static_cast<std::size_t>(i)],
+                        reported.axes[static_cast<std::size_t>(j)])) {
         refuse_covariance(what, covariance);
       }
     }
   }
-  if (told.rows > 0 && !is_covariance(told.noise)) {
+  if (reported.rows > 0 && !is_covariance(reported.noise)) {
     refuse_covariance(what, covariance);
   }
 }
 
 }  // namespace
 
-void check_told_sigma(const char* name, double sigma) {
+void check_unknown_sigma(const char* name, double sigma) {
   if (!(std::isfinite(sigma * sigma) && sigma >= 0.0)) {
     refuse(name, sigma, "a number >= 0 with a finite square");
   }
 }
 
-void check_least_sigma(const char* name, double sigma) {
+void check_min_sigma(const char* name, double sigma) {
   if (!(std::isfinite(sigma * sigma) && sigma > 0.0)) {
     refuse(name, sigma, "a number > 0 with a finite square");
   }
@@ -110,7 +113,7 @@ void validate(const PositionFix& message) {
   check_stamp(message.stamp);
   require_finite("PositionFix.position.x [m]", message.position.x());
   require_finite("PositionFix.position.y [m]", message.position.y());
-  require_told_covariance("PositionFix.covariance", message.covariance);
+  require_reported_covariance("PositionFix.covariance", message.covariance);
 }
 
 void validate(const PoseObservation& message) {
@@ -118,7 +121,7 @@ void validate(const PoseObservation& message) {
   require_finite("PoseObservation.pose.x [m]", message.pose.x);
   require_finite("PoseObservation.pose.y [m]", message.pose.y);
   require_finite("PoseObservation.pose.heading [rad]", message.pose.heading);
-  require_told_covariance("PoseObservation.covariance", message.covariance);
+  require_reported_covariance("PoseObservation.covariance", message.covariance);
 }
 
 void validate(const Altitude& message) {

@@ -12,7 +12,7 @@ Live::Live(RecoveringEkf estimator, const Options& options)
     : initial_(std::move(estimator)),
       options_(options),
       search_(initial_.initializer(), options.patience) {
-  // A timeline that is never fed says whether the options are good.
+  // Throws if the options are out of range.
   const Timeline<RecoveringEkf> probe(initial_, options.history, options.timeline);
   reset();
 }
@@ -26,17 +26,17 @@ Outcome Live::on(const Message& message) {
     return track(message);
   }
   if (search_.is_late(message)) {
-    const bool waits = options_.timeline.clock_jump == ClockJump::kRefuse ||
-                       ++late_in_a_row_ < options_.timeline.jump_after;
-    if (waits) {
+    const bool is_merely_late = options_.timeline.clock_jump == ClockJump::kRefuse ||
+                                ++consecutive_late_ < options_.timeline.jump_after;
+    if (is_merely_late) {
       return {Verdict::kStale};
     }
     ++jumps_;
     relocalize();
   }
-  late_in_a_row_ = 0;
+  consecutive_late_ = 0;
   search_.on(message);
-  look();
+  check_search();
   return {Verdict::kIgnored};
 }
 
@@ -44,22 +44,22 @@ void Live::on(const LaserScan& scan) {
   validate(scan);
   if (!timeline_ && !disabled_[static_cast<std::size_t>(Source::kScans)]) {
     search_.on(scan);
-    look();
+    check_search();
   }
 }
 
-/// From a place that was found, what has waited comes in the order in which it arrived. It may tell
-/// that the clock jumped: what waited after that is for the next search. What cannot be fused is
-/// left out: it was taken before.
-void Live::look() {
+/// Once the search is ready, the messages that wait are delivered in order of arrival. They may
+/// show a clock jump: those after it belong to the next search. Refused ones are skipped, as their
+/// callers have returned.
+void Live::check_search() {
   if (!search_.is_ready()) {
     return;
   }
   RecoveringEkf started = initial_;
   started.start_with(search_.initializer().estimator());
-  found_ = true;
+  is_from_search_ = true;
   track_from(std::move(started));
-  const std::vector<Message> waiting = search_.waiting();  // of this search, whatever comes of it
+  const std::vector<Message> waiting = search_.waiting();  // a copy: search_ may change
   for (const Message& message : waiting) {
     try {
       timeline_ ? track(message) : on(message);
@@ -71,11 +71,11 @@ void Live::look() {
 
 Outcome Live::track(const Message& message) {
   Outcome outcome{Verdict::kStale};
-  const std::size_t mine = told_++;
+  const std::size_t index_of_message = delivered_++;
   try {
-    timeline_->on(message, [&](std::size_t index, const Outcome& told) {
-      if (index == mine) {
-        outcome = told;
+    timeline_->on(message, [&](std::size_t index, const Outcome& fused) {
+      if (index == index_of_message) {
+        outcome = fused;
       }
     });
   } catch (...) {
@@ -86,42 +86,42 @@ Outcome Live::track(const Message& message) {
   return outcome;
 }
 
-/// Where it jumped and there is no pose to go back to, another search begins.
+/// Counts clock jumps; after one, another search begins where there is no start to return to.
 void Live::follow_clock() {
-  if (timeline_->jumps() > jumps_seen_) {
-    jumps_seen_ = timeline_->jumps();
+  if (timeline_->jumps() > timeline_jumps_) {
+    timeline_jumps_ = timeline_->jumps();
     ++jumps_;
-    if (found_ && options_.timeline.clock_jump == ClockJump::kReset) {
+    if (is_from_search_ && options_.timeline.clock_jump == ClockJump::kReset) {
       relocalize();
     }
   }
 }
 
 void Live::track_from(RecoveringEkf estimator) {
-  const std::size_t fallen_out = this->fallen_out();
+  const std::size_t dropped_messages = this->dropped_messages();
   timeline_.emplace(std::move(estimator), options_.history, options_.timeline);
-  fallen_out_ = fallen_out;
-  told_ = jumps_seen_ = 0;
+  dropped_messages_ = dropped_messages;
+  delivered_ = timeline_jumps_ = 0;
 }
 
 void Live::start_at(const PoseEstimate& start) {
   RecoveringEkf started = initial_;
   started.start_at(start);
-  found_ = false;
+  is_from_search_ = false;
   track_from(std::move(started));
 }
 
 void Live::relocalize() {
-  fallen_out_ = fallen_out();
+  dropped_messages_ = dropped_messages();
   timeline_.reset();
-  found_ = false;
+  is_from_search_ = false;
   search_ = StartSearch(initial_.initializer(), options_.patience);
-  late_in_a_row_ = 0;
+  consecutive_late_ = 0;
 }
 
 void Live::reset() {
   relocalize();
-  fallen_out_ = jumps_ = 0;
+  dropped_messages_ = jumps_ = 0;
   disabled_ = {};
   if (initial_.estimator() != nullptr) {
     track_from(initial_);
@@ -132,8 +132,8 @@ void Live::enable(Source source, bool enabled) {
   disabled_[static_cast<std::size_t>(source)] = !enabled;
 }
 
-std::size_t Live::fallen_out() const {
-  return fallen_out_ + (timeline_ ? timeline_->fallen_out() : 0);
+std::size_t Live::dropped_messages() const {
+  return dropped_messages_ + (timeline_ ? timeline_->dropped_messages() : 0);
 }
 
 }  // namespace locfuse

@@ -18,13 +18,15 @@ std::vector<std::size_t> by_stamp(std::size_t count, const StampOf& stamp_of) {
 }
 
 LocalizeRun::Step step_of(const Mcl& mcl) {
-  return {mcl.estimate(), mcl.hypotheses().front().probability, mcl.explained(), mcl.belief().size,
-          mcl.ready(),    mcl.spread().sigma_position(),        mcl.health()};
+  return {
+      mcl.estimate(), mcl.hypotheses().front().probability,    mcl.explained(), mcl.belief().size,
+      mcl.ready(),    mcl.overall_estimate().sigma_position(), mcl.health()};
 }
 
 LocalizeRun::Step step_of(const SwitchingMcl& switching) { return step_of(switching.mcl()); }
 
-/// The last step of a stamp stays: odometry slower than the scans carries several to one stamp.
+/// Replaces a step of the same stamp: where odometry is slower than scans, several are carried to
+/// its end.
 void keep(std::vector<LocalizeRun::Step>& steps, const LocalizeRun::Step& step) {
   while (!steps.empty() && steps.back().estimate.stamp >= step.estimate.stamp) {
     steps.pop_back();

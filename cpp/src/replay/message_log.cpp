@@ -11,7 +11,7 @@ void MessageLog::add(const Message& message, Stamp arrival) {
   arrivals_.push_back({arrival, message});
 }
 
-// Merges the runs that are in order already: a log is made of a few columns, each sorted.
+// Merges sorted runs: a log consists of a few columns, each sorted.
 void MessageLog::sort() {
   const auto earlier = [](const Arrival& a, const Arrival& b) { return a.arrival < b.arrival; };
   std::vector<std::vector<Arrival>::iterator> bounds{arrivals_.begin()};

@@ -14,22 +14,22 @@
 namespace locfuse {
 namespace {
 
-/// Odometry alone never makes a start ready, and asking costs time.
-bool may_decide(const Message& message) { return source_of(message) != Source::kOdometry; }
-bool may_decide(const LaserScan& /*scan*/) { return true; }
+/// Odometry alone never makes a start ready, and reading the state costs time.
+bool is_measurement(const Message& message) { return source_of(message) != Source::kOdometry; }
+bool is_measurement(const LaserScan& /*scan*/) { return true; }
 
 }  // namespace
 
-int StartSearch::Entry::turn() const {
+int StartSearch::Entry::rank() const {
   if (is_scan()) {
     return 2;
   }
-  return source_of(std::get<Message>(heard)) == Source::kOdometry ? 0 : 1;
+  return source_of(std::get<Message>(message)) == Source::kOdometry ? 0 : 1;
 }
 
 bool StartSearch::Entry::operator<(const Entry& other) const {
-  return std::make_tuple(stamp, turn(), arrival) <
-         std::make_tuple(other.stamp, other.turn(), other.arrival);
+  return std::make_tuple(stamp, rank(), arrival) <
+         std::make_tuple(other.stamp, other.rank(), other.arrival);
 }
 
 StartSearch::StartSearch(Initializer initializer, Stamp patience)
@@ -61,7 +61,7 @@ void StartSearch::wait(Entry entry) {
   newest_ = std::max(newest_, entry.stamp);
   waiting_.insert(std::upper_bound(waiting_.begin(), waiting_.end(), entry), std::move(entry));
   use_until(newest_ - patience_ - 1);
-  if (waiting_.size() > kMostWaiting) {  // a clock that stands
+  if (waiting_.size() > kMaxWaiting) {  // the clock stands still
     use_until(waiting_.front().stamp);
   }
 }
@@ -82,20 +82,20 @@ void StartSearch::use_until(Stamp stamp) {
 
 void StartSearch::use(const std::vector<Entry>& instant) {
   used_until_ = instant.front().stamp;
-  bool asks = false;
+  bool has_measurement = false;
   for (const Entry& entry : instant) {
     try {
       std::visit(
-          [&](const auto& heard) {
-            initializer_.on(heard);
-            asks = asks || may_decide(heard);
+          [&](const auto& message) {
+            initializer_.on(message);
+            has_measurement = has_measurement || is_measurement(message);
           },
-          entry.heard);
-    } catch (const std::invalid_argument&) {  // left out: it was taken before
+          entry.message);
+    } catch (const std::invalid_argument&) {  // skipped: its caller has returned
     } catch (const NumericalError&) {
     }
   }
-  if (asks) {
+  if (has_measurement) {
     state_ = initializer_.state();
     asked_ = used_until_;
   }
@@ -113,7 +113,7 @@ std::vector<Message> StartSearch::waiting() const {
   std::vector<Message> messages;
   messages.reserve(by_arrival.size());
   for (const Entry* entry : by_arrival) {
-    messages.push_back(std::get<Message>(entry->heard));
+    messages.push_back(std::get<Message>(entry->message));
   }
   return messages;
 }
@@ -131,9 +131,9 @@ StartRun find_start(Initializer& initializer, const MessageLog& log,
   Stamp seen = search.asked();
   const auto look = [&] {
     const Initializer::State& state = search.state();
-    const bool is_news = run.steps.empty() || run.steps.back().state.status != state.status ||
-                         run.steps.back().state.hypotheses.size() != state.hypotheses.size();
-    if (search.asked() != std::exchange(seen, search.asked()) && is_news) {
+    const bool is_new = run.steps.empty() || run.steps.back().state.status != state.status ||
+                        run.steps.back().state.hypotheses.size() != state.hypotheses.size();
+    if (search.asked() != std::exchange(seen, search.asked()) && is_new) {
       run.steps.push_back({seen, state});
     }
   };

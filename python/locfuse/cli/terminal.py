@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What commands say on a terminal, and what they ask of folders first."""
+"""Output of the commands on a terminal, and checks of the paths they write to."""
 
 from __future__ import annotations
 
@@ -21,32 +21,34 @@ from rich.progress import (
 
 from locfuse.types import ConfigError
 
-# Where lines are not cut by a screen they are long enough for the widest table.
+# A file or a pipe does not cut lines: wide enough for the widest table.
 console = Console(width=None if sys.stdout.isatty() else 140)
 
 
 @contextmanager
 def progress(what: str) -> Iterator[tuple[Progress, TaskID]]:
+    """Show a progress bar on standard error; `onto` gives the function that moves it."""
     columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         yield bar, bar.add_task(what, total=None)
 
 
 def onto(bar: Progress, task: TaskID) -> Callable[[int, int], None]:
+    """Return a function of (done, total) that moves the bar."""
     return lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def check_file(file: Path, option: str) -> None:
-    """Refuse a file that cannot be made, before the work and not after it."""
+    """Raise ConfigError before the work if the file cannot be created."""
     if file.is_dir():
         raise ConfigError(f"{option} {file}: is a folder; expected a file")
     check_folder(file.parent, option)
 
 
 def check_folder(out: Path, option: str = "--out") -> None:
-    """Refuse a folder that cannot be made, before the work and not after it."""
+    """Raise ConfigError before the work if the folder cannot be created."""
     nearest_there = next(p for p in (out, *out.absolute().parents) if p.exists())
     if not nearest_there.is_dir():
-        raise ConfigError(f"{option} {out}: {nearest_there} is no folder")
+        raise ConfigError(f"{option} {out}: {nearest_there} is not a folder")
     if not os.access(nearest_there, os.W_OK):
-        raise ConfigError(f"{option} {out}: {nearest_there} must not be written")
+        raise ConfigError(f"{option} {out}: {nearest_there} is not writable")

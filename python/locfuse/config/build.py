@@ -50,7 +50,7 @@ def build_mcl_config(mcl: Mcl, seed: int) -> _core.MclConfig:
     if mcl.likelihood != "field":
         config.likelihood = _core.ScanLikelihood.BEAMS
     if mcl.likelihood == "zhang":
-        config.beam_model = _core.BeamModelConfig.zhang()
+        config.beam_model = _core.BeamModelConfig.gaussian_and_no_return()
     config.seed = seed if mcl.seed is None else mcl.seed
     return config
 

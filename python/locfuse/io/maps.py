@@ -210,7 +210,12 @@ def _pgm(data: bytes, path: Path) -> _Picture:
 
 
 def _png(data: bytes, path: Path) -> _Picture:
-    from PIL import Image, UnidentifiedImageError  # loads slowly, and most maps are PGM
+    try:  # loads slowly, and most maps are PGM
+        from PIL import Image, UnidentifiedImageError
+    except ModuleNotFoundError:
+        raise LogError(
+            f"{path}: a PNG needs the package Pillow: pip install 'locfuse[plots]'; a PGM does not"
+        ) from None
 
     too_large = (Image.DecompressionBombWarning, Image.DecompressionBombError)
     try:

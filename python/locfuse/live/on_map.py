@@ -34,7 +34,7 @@ class OnMap:
         config: RunConfig,
         world: Log,
         radios: Radios,
-        landmarks: _core.LandmarkSight | None,
+        landmarks: _core.LandmarkSensor | None,
         begin_ns: int,
         start: _core.PoseEstimate | None,
     ) -> None:

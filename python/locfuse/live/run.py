@@ -19,7 +19,7 @@ from locfuse.live.on_map import PATIENCE_NS, OnMap
 from locfuse.live.rows import Message, Row, Rows, effective_ns, told_covariance
 from locfuse.run.health import name_of, reason_of
 from locfuse.run.messages import landmark_sight
-from locfuse.run.start import matcher_of, told_start
+from locfuse.run.start import matcher_of, reported_start
 from locfuse.types import NANOSECONDS, ConfigError, FloatArray, Log, nearest
 
 MOST_HEARD = 5000  # messages that are kept for a run that takes over before there is a pose
@@ -76,7 +76,7 @@ class LiveSource:
     Attributes
     ----------
     name : str
-    heard_ns, fused_ns : int
+    received_ns, fused_ns : int
         Stamps of the last message, and of the last that was fused (None if none was).
     accepted : float
         Share of the last messages that was fused.
@@ -87,7 +87,7 @@ class LiveSource:
     """
 
     name: str
-    heard_ns: int
+    received_ns: int
     fused_ns: int | None
     accepted: float
     residual: float
@@ -181,7 +181,7 @@ class LiveRun:
                 PATIENCE_NS,
             )  # fmt: skip
 
-    def _landmarks(self) -> _core.LandmarkSight | None:
+    def _landmarks(self) -> _core.LandmarkSensor | None:
         world = self.world
         if "landmarks" not in world:
             return None
@@ -307,7 +307,7 @@ class LiveRun:
     def _told_start(self, stamp: int) -> _core.PoseEstimate:
         assert self._told is not None
         assert self._told != "truth"  # refused when it was made
-        return told_start(self._told, self.config.start_sigma, stamp)
+        return reported_start(self._told, self.config.start_sigma, stamp)
 
     # What is asked of it -------------------------------------------------------------------------
 
@@ -402,7 +402,7 @@ class LiveRun:
         if self._filter is None:
             return self._health_on_map()
         report = self._filter.health()
-        reason = reason_of(report.clue, report.source, self.names, self.config)
+        reason = reason_of(report.reason, report.source, self.names, self.config)
         if not self._filter.is_tracking:
             searching = "" if self._told is not None else self._filter.search().reason
             reason = searching or reason
@@ -414,7 +414,7 @@ class LiveRun:
             nothing = np.full(3, np.inf)
             return LiveHealth("initializing", "no scan and no odometry yet", 0.0, 1.0, nothing)
         report = self._on_map.health()
-        reason = reason_of(report.clue, report.source, self.names, self.config)
+        reason = reason_of(report.reason, report.source, self.names, self.config)
         state = report.state.name.lower()
         if state == "ambiguous" or (state == "initializing" and not self._on_map.found):
             reason = f"{self._on_map.places} places on the map fit"
@@ -427,13 +427,13 @@ class LiveRun:
         else:
             told = self._filter.sources
         return [
-            LiveSource(name_of(s.source, self.names), s.heard, s.fused, s.accepted, s.residual,
-                       s.sigma, s.test_ratio, s.faulty)
+            LiveSource(name_of(s.source, self.names), s.last_received, s.fused, s.accepted,
+                       s.residual, s.sigma, s.test_ratio, s.faulty)
             for s in told
         ]  # fmt: skip
 
     @property
-    def heard_ns(self) -> int | None:
+    def received_ns(self) -> int | None:
         """Newest stamp heard, nanoseconds."""
         return self._heard_ns
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pages that are looked at without a network: one file, pictures inside, light and dark."""
+"""Self-contained HTML pages: one file with the pictures inside, for light and dark themes."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
-# The policy forbids the browser to load anything: what is seen is what is in the file. Nor does it
-# execute anything but what the page was made with, which it knows by its hash.
+# The Content-Security-Policy lets the browser load nothing and execute only the script of the page,
+# which it identifies by its hash.
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -100,13 +100,13 @@ pre {{ background: var(--card); border: 1px solid var(--line); border-radius: 8p
 
 
 def page(title: str, body: str, script: str = "") -> str:
-    """Return a whole page; `body` is HTML, `title` text, `script` what the body may execute."""
+    """Return a whole page; `body` is HTML, `title` text, `script` all it may execute."""
     allowed = f"; script-src '{_hash(script)}'" if script else ""
     return _PAGE.format(title=escape(title), body=body, script=allowed)
 
 
 def _hash(script: str) -> str:
-    """Return the name by which a Content-Security-Policy knows a script."""
+    """Return the hash that identifies a script in a Content-Security-Policy."""
     digest = hashlib.sha256(script.encode("utf-8")).digest()
     return "sha256-" + base64.b64encode(digest).decode("ascii")
 
@@ -122,7 +122,7 @@ def picture(name: str, heading: str, caption: str, file: Path) -> str:
 
 
 def table(name: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table whose cells are escaped here, and only here."""
+    """Return a table; its cells are escaped here and nowhere else."""
     lines = ["<tr>" + "".join(f"<th>{escape(c)}</th>" for c in head) + "</tr>"]
     lines += ["<tr>" + "".join(f"<td>{escape(c)}</td>" for c in row) + "</tr>" for row in rows]
     body = "\n".join(lines)

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import yaml
-from matplotlib.figure import Figure
 
 from locfuse import _core
 from locfuse.eval.verdicts import (
@@ -22,17 +21,19 @@ from locfuse.eval.verdicts import (
     rejected_stretches,
     source_rank,
 )
-from locfuse.report import plot
 from locfuse.report.html_page import page, picture, table
-from locfuse.report.player import MOST_BYTES, pack, player_css, player_html, player_script
+from locfuse.report.palette import BAND_SIGMAS, ELLIPSE_SIGMAS
+from locfuse.report.pictures import NO_PICTURES, has_matplotlib
+from locfuse.report.player import MAX_BYTES, pack, player_css, player_html, player_script
 from locfuse.report.summary_cards import cards, counts_of
+from locfuse.report.text import VERDICT_LABELS, count, percent, start_ns
 from locfuse.types import NANOSECONDS, RunResult
 
 __all__ = ["write_report"]
 
-_MOST_STRETCHES = 8
-_MOST_PAGE_BYTES = 8_000_000  # what a mail still takes
-_PAGE_BYTES = 20_000  # of its head and of what is around the player's data
+_MAX_STRETCHES = 8
+_MAX_PAGE_BYTES = 8_000_000  # so that it can be sent by mail
+_PAGE_BYTES = 20_000  # of the head of the page and of the HTML around the player's data
 
 _CAPTIONS = {
     "path": (
@@ -43,8 +44,8 @@ _CAPTIONS = {
     ),
     "start": (
         "Start",
-        "How the pose was found from nothing: every pose that fitted when the doubt was widest, "
-        "with its probability, and the one that was left.",
+        "How the pose was found from nothing: every hypothesis when there were most, with its "
+        "probability, and the one that remained.",
     ),
     "errors": (
         "Errors",
@@ -54,8 +55,8 @@ _CAPTIONS = {
     ),
     "health": (
         "Health",
-        "How far the estimate was to be trusted, by itself: the background is the state, and "
-        "health.csv says why.",
+        "How far the estimate could be trusted, as the filter judged: the background is the "
+        "state, and health.csv has the reasons.",
     ),
     "nis": (
         "Innovations",
@@ -66,28 +67,28 @@ _CAPTIONS = {
     "outcomes": (
         "Rejected messages",
         "Each row is one anchor, landmark or source and time runs to the right: pale where "
-        "messages arrived, strong where the filter turned them down, full height where it turned "
-        "down all of them.",
+        "messages arrived, strong where the filter rejected them, full height where it rejected "
+        "all of them.",
     ),
 }
 
 
 def write_report(result: RunResult, out_dir: Path) -> Path:
-    """Write the pictures of a run and one page that plays it and shows them without a network.
+    """Write the pictures of a run and one page that replays it and works without a network.
 
     Parameters
     ----------
     result : RunResult
     out_dir : Path
-        Folder, made if absent. ``path.png``, ``nis.png``, ``outcomes.png``, ``report.html`` and,
-        with truth, ``errors.png`` are written; an ``errors.png`` of an earlier run is removed
-        where this run has none.
+        Folder, created if missing. ``report.html`` is written and, with matplotlib, ``path.png``,
+        ``nis.png``, ``outcomes.png``, where the run has them also ``errors.png`` (needs truth),
+        ``start.png`` and ``health.png``.
 
     Returns
     -------
     Path
-        Of ``report.html``, which holds player and pictures inside itself and is smaller than 8 MB:
-        of a long run the player shows thinned rows.
+        ``report.html`` with player and pictures inside it, smaller than 8 MB: the player decimates
+        the rows of a long run.
 
     Raises
     ------
@@ -96,25 +97,16 @@ def write_report(result: RunResult, out_dir: Path) -> Path:
     OSError
         If the folder cannot be written.
     """
-    figures: dict[str, Figure | None] = {
-        "path": plot.plot_path(result),
-        "start": plot.plot_start(result),
-        "outcomes": plot.plot_outcomes(result),
-        "errors": plot.plot_errors(result),
-        "health": plot.plot_health(result),
-        "nis": plot.plot_nis(result),
-    }
     out_dir.mkdir(parents=True, exist_ok=True)
+    files = _draw(result, out_dir)
     pictures: list[str] = []
-    for name, figure in figures.items():
-        file = out_dir / f"{name}.png"
-        if figure is None:
-            file.unlink(missing_ok=True)
-            if name not in ("start", "health"):  # most runs are told where they start
-                pictures.append(_missing(name, result))
-        else:
-            plot.save(figure, file)
+    for name, file in files.items():
+        if file is not None:
             pictures.append(_picture(name, file, result))
+        elif name not in ("start", "health"):  # most runs have neither
+            pictures.append(_missing(name, result))
+    if not files:
+        pictures.append(f'<p class="quiet">{escape(NO_PICTURES)}</p>')
 
     title = _title(result)
     heading = _heading(title, result)
@@ -134,10 +126,37 @@ def write_report(result: RunResult, out_dir: Path) -> Path:
     return file
 
 
+def _draw(result: RunResult, out_dir: Path) -> dict[str, Path | None]:
+    """Write the pictures and return their files; none where the run has nothing to draw.
+
+    Pictures of an earlier run are removed. Empty without matplotlib.
+    """
+    for name in _CAPTIONS:
+        (out_dir / f"{name}.png").unlink(missing_ok=True)
+    if not has_matplotlib():
+        return {}
+    from locfuse.report import plot
+
+    figures = {
+        "path": plot.plot_path(result),
+        "start": plot.plot_start(result),
+        "outcomes": plot.plot_outcomes(result),
+        "errors": plot.plot_errors(result),
+        "health": plot.plot_health(result),
+        "nis": plot.plot_nis(result),
+    }
+    files: dict[str, Path | None] = {}
+    for name, figure in figures.items():
+        files[name] = None if figure is None else out_dir / f"{name}.png"
+        if figure is not None:
+            plot.save(figure, out_dir / f"{name}.png")
+    return files
+
+
 def _player(result: RunResult, others_bytes: int) -> str:
     """Return the player with as much of the run as the page has room for."""
     others_bytes += len((player_script() + player_css()).encode("utf-8")) + _PAGE_BYTES
-    packed = pack(result, most_bytes=min(MOST_BYTES, _MOST_PAGE_BYTES - others_bytes))
+    packed = pack(result, max_bytes=min(MAX_BYTES, _MAX_PAGE_BYTES - others_bytes))
     return player_html([packed])
 
 
@@ -161,8 +180,8 @@ def _heading(title: str, result: RunResult) -> str:
 def _picture(name: str, file: Path, result: RunResult) -> str:
     heading, caption = _CAPTIONS[name]
     caption = caption.format(
-        sigmas=plot.ELLIPSE_SIGMAS,
-        band=plot.BAND_SIGMAS,
+        sigmas=ELLIPSE_SIGMAS,
+        band=BAND_SIGMAS,
         notable=100 * SUSPECT_SHARE,
         truth="" if result.truth is None else " against truth",
     )
@@ -181,26 +200,26 @@ def _missing(name: str, result: RunResult) -> str:
 
 def _counts_table(result: RunResult) -> str:
     counts = counts_of(result)
-    present = [v for v in plot.VERDICT_LABELS if any(row.get(v) for row in counts.values())]
-    present += sorted({v for row in counts.values() for v in row if v not in plot.VERDICT_LABELS})
+    present = [v for v in VERDICT_LABELS if any(row.get(v) for row in counts.values())]
+    present += sorted({v for row in counts.values() for v in row if v not in VERDICT_LABELS})
     nis = result.metrics.get("nis_mean") or {}
     head = ["source", *(v.replace("_", " ") for v in present), "total", "mean NIS", "expected NIS"]
     rows = [
         [
             source,
-            *(plot.count(verdicts.get(v, 0)) for v in present),
-            plot.count(sum(verdicts.values())),
+            *(count(verdicts.get(v, 0)) for v in present),
+            count(sum(verdicts.values())),
             "-" if nis.get(source) is None else f"{float(nis[source]):.3g}",
             _expected_nis(result, source),
         ]
         for source, verdicts in sorted(counts.items(), key=lambda item: source_rank(item[0]))
     ]
     meaning = "; ".join(
-        f"{v.replace('_', ' ')}: {plot.VERDICT_LABELS[v]}"
+        f"{v.replace('_', ' ')}: {VERDICT_LABELS[v]}"
         for v in present
-        if plot.VERDICT_LABELS.get(v, v) != v.replace("_", " ")
+        if VERDICT_LABELS.get(v, v) != v.replace("_", " ")
     )
-    lines = ['<h2 id="counts">What became of the messages</h2>']
+    lines = ['<h2 id="counts">Verdicts on the messages</h2>']
     if meaning:
         lines.append(f'<p class="quiet">{escape(meaning)}.</p>')
     return "\n".join([*lines, table("counts", head, rows)])
@@ -214,17 +233,16 @@ def _expected_nis(result: RunResult, source: str) -> str:
 
 
 def _rejected_table(result: RunResult) -> str:
-    heading = '<h2 id="rejected">Who was rejected</h2>\n'
+    heading = '<h2 id="rejected">Rejected by source</h2>\n'
     rows = [row for row in message_rows(result.outcomes) if row.rejected]
     if not rows:
         return heading + "<p>No message was rejected by the gate.</p>"
     rows.sort(key=lambda row: -row.rejected_share)
-    origin = plot.start_ns(result)
+    origin = start_ns(result)
     cells = [
         [
             row.label,
-            f"{plot.count(row.rejected)} of {plot.count(len(row.stamp_ns))} "
-            f"({plot.percent(row.rejected_share)})",
+            f"{count(row.rejected)} of {count(len(row.stamp_ns))} ({percent(row.rejected_share)})",
             _stretches(row, origin),
         ]
         for row in rows
@@ -240,7 +258,7 @@ def _switches_table(result: RunResult) -> str:
         return ""
     cells = []
     for row in rows.tolist():
-        after_s = (int(result.outcomes.stamp_ns[row]) - plot.start_ns(result)) / NANOSECONDS
+        after_s = (int(result.outcomes.stamp_ns[row]) - start_ns(result)) / NANOSECONDS
         why, covariances = str(result.outcomes.reason[row]).split(":", 1)
         before, after = (_sigmas(text) for text in re.findall(r"\[(.*?)\]", covariances))
         cells.append([f"{after_s:.1f} s", why, before, after])
@@ -259,16 +277,16 @@ def _sigmas(upper: str) -> str:
 def _stretches(row: MessageRow, origin_ns: int) -> str:
     """Return the longest stretches of rejections, in order of time."""
     stretches = rejected_stretches(row)
-    longest = sorted(stretches, key=lambda stretch: -stretch.messages)[:_MOST_STRETCHES]
+    longest = sorted(stretches, key=lambda stretch: -stretch.messages)[:_MAX_STRETCHES]
     texts = []
     for stretch in sorted(longest, key=lambda stretch: stretch.first_ns):
         first = (stretch.first_ns - origin_ns) / NANOSECONDS
         last = (stretch.last_ns - origin_ns) / NANOSECONDS
         when = f"{first:.1f}" if stretch.messages == 1 else f"{first:.1f} to {last:.1f}"
-        text = f"{when} s ({plot.count(stretch.messages)})"
+        text = f"{when} s ({count(stretch.messages)})"
         texts.append(text.replace(" ", "\N{NO-BREAK SPACE}"))
     left = len(stretches) - len(longest)
-    return ", ".join(texts) + (f" and {plot.count(left)} shorter ones" if left else "")
+    return ", ".join(texts) + (f" and {count(left)} shorter ones" if left else "")
 
 
 def _configuration(result: RunResult) -> str:

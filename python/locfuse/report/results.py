@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The folder that a run leaves behind: numbers for programs, a report for people."""
+"""Writes the results of a run into a folder: tables, metrics, pictures and the report."""
 
 from __future__ import annotations
 
@@ -16,22 +16,21 @@ from locfuse.types import RunResult
 
 
 def write_results(result: RunResult, folder: str | Path) -> Path:
-    """Write everything there is to know of a run.
+    """Write all results of a run.
 
     Parameters
     ----------
     result : RunResult
     folder : path
-        Made if it is not there; files of the same name are replaced.
+        Created if missing; files of the same name are replaced.
 
     Returns
     -------
     Path
-        Of ``report.html``. Beside it: ``config.yaml`` (effective), ``estimate.tum``, ``truth.tum``
-        (interpolated to the estimate's stamps, so any program compares the same pairs that
-        ``metrics.json`` does; only with truth), ``estimate.csv`` (with covariance),
-        ``outcomes.csv`` (one row per message), ``health.csv``,
-        ``metrics.json`` and the pictures.
+        ``report.html``. Beside it: ``config.yaml`` (effective), ``estimate.tum``, ``truth.tum``
+        (only with truth; interpolated to the estimate's stamps, the pairs that ``metrics.json``
+        compares), ``estimate.csv`` (with covariance), ``outcomes.csv`` (one row per message),
+        ``health.csv``, ``metrics.json`` and, with matplotlib, the pictures.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)

@@ -9,10 +9,10 @@ from typing import Any
 
 from locfuse.eval.consistency import band
 from locfuse.eval.readiness import WRONG_M
-from locfuse.report import plot
+from locfuse.report.text import count, percent
 from locfuse.types import RunResult
 
-_LEAST_IN_BAND = 0.90  # of the stamps; below 95 %, as neighbouring stamps err alike
+_MIN_IN_BAND = 0.90  # share of stamps; below 95 %, as errors of neighbouring stamps correlate
 
 
 def cards(result: RunResult) -> str:
@@ -35,10 +35,10 @@ def cards(result: RunResult) -> str:
         shown.append(_nees_card(metrics))
     if metrics.get("mcl") is not None:
         shown += _mcl_cards(metrics["mcl"])
-    share = f" ({plot.percent(fused / total)})" if total else ""
-    shown.append(_card(plot.count(fused), f"messages fused of {plot.count(total)}{share}"))
+    share = f" ({percent(fused / total)})" if total else ""
+    shown.append(_card(count(fused), f"messages fused of {count(total)}{share}"))
     if metrics.get("messages_per_second") is not None:
-        rate = plot.count(round(float(metrics["messages_per_second"])))
+        rate = count(round(float(metrics["messages_per_second"])))
         shown.append(_card(rate, "messages per second of computing"))
     if metrics.get("duration_s") is not None:
         shown.append(_card(_number(metrics["duration_s"], "s"), "length of the recording"))
@@ -49,14 +49,14 @@ def _nees_card(metrics: Mapping[str, Any]) -> str:
     mean, dof = float(metrics["nees_mean"]), int(metrics["nees_dof"])
     share = float(metrics["nees_in_band"])
     low, high = band(dof)
-    if low <= mean <= high and share >= _LEAST_IN_BAND:
+    if low <= mean <= high and share >= _MIN_IN_BAND:
         verdict = '<span class="good">consistent</span>'
     elif mean > dof:
         verdict = '<span class="bad">over-confident</span>'
     else:
         verdict = '<span class="bad">too cautious</span>'
     text = (
-        f"mean NEES, expected {dof}; {plot.percent(share)} of stamps inside their 95 % band "
+        f"mean NEES, expected {dof}; {percent(share)} of stamps inside their 95 % band "
         f"{low:.2g} to {high:.2g}"
     )
     return _card(f"{mean:.3g}", text, verdict)
@@ -65,15 +65,15 @@ def _nees_card(metrics: Mapping[str, Any]) -> str:
 def _mcl_cards(mcl: Mapping[str, Any]) -> list[str]:
     until = "never" if mcl["ready_s"] is None else _number(mcl["ready_s"], "s")
     cards = [
-        _card(plot.percent(mcl["ready_share"]), "time ready: one place on the map is certain"),
+        _card(percent(mcl["ready_share"]), "time ready: one place on the map is certain"),
         _card(until, "until it was ready"),
     ]
     wrong = mcl["ready_and_wrong_share"]
     if wrong is not None:
         verdict = '<span class="bad">wrong</span>' if wrong else '<span class="good">never</span>'
         text = f"of the time ready, more than {WRONG_M:g} m off"
-        cards.append(_card(plot.percent(wrong), text, verdict))
-    cards.append(_card(plot.count(round(mcl["particles_median"])), "particles (median)"))
+        cards.append(_card(percent(wrong), text, verdict))
+    cards.append(_card(count(round(mcl["particles_median"])), "particles (median)"))
     return cards
 
 

@@ -358,7 +358,7 @@ class Adapter:
         check_frame("the initial pose", row.frame, self._config.ros.frames.map)
         if self._live is None:
             raise MessageError(f"a pose was set, but {self._missing()}")
-        stamp = row.stamp_ns if self._live.heard_ns is None else self._live.heard_ns
+        stamp = row.stamp_ns if self._live.received_ns is None else self._live.received_ns
         pose = np.array([row.x, row.y, row.heading])
         variance = np.diag(row.covariance)
         if not (variance > 0.0).all():
@@ -460,7 +460,7 @@ class Adapter:
     def _diagnostics(self, now_ns: int) -> Publication:
         statuses = [health_status(self.health(now_ns))]
         if self._live is not None:
-            stamp = now_ns if self._live.heard_ns is None else self._live.heard_ns
+            stamp = now_ns if self._live.received_ns is None else self._live.received_ns
             statuses += [source_status(source, stamp) for source in self._live.sources()]
             statuses.append(self._counts())
         return encode.diagnostics(now_ns, statuses)

@@ -175,7 +175,7 @@ def source_status(source: LiveSource, now_ns: int) -> encode.Fields:
         "test_ratio": source.test_ratio,
         "accepted_share": source.accepted,
         "probability_faulty": source.faulty,
-        "heard_s_ago": (now_ns - source.heard_ns) / NANOSECONDS,
+        "heard_s_ago": (now_ns - source.received_ns) / NANOSECONDS,
         "fused_s_ago": "never" if fused is None else fused,
     }
     return encode.diagnostic_status(f"locfuse: {source.name}", level, message, values)

@@ -17,10 +17,11 @@ from typing import Any
 
 import yaml
 
-from locfuse import NumericalError, __version__, compiler, kernels
+from locfuse import NumericalError, __version__
 from locfuse.config.load import load_config
 from locfuse.config.safe_yaml import HALF_OF_A_PAIR
 from locfuse.config.schema import RunConfig
+from locfuse.core import compiler, kernels
 from locfuse.io.log_folder import SCHEMA, read_log, write_log
 from locfuse.io.log_yaml import load_yaml
 from locfuse.io.result_tables import write_estimate, write_outcomes

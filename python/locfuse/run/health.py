@@ -31,10 +31,10 @@ def health_of(
     record: _core.RunLog | _core.LocalizeRun, messages: Messages, config: RunConfig
 ) -> Health:
     """Return the health of a replayed `RecoveringEkf`, or of an `Mcl`."""
-    clues = list(_core.HealthClue)
+    reasons = list(_core.HealthReason)
     reason = [
-        reason_of(clues[clue], source, messages, config)
-        for clue, source in zip(record.health_clue.tolist(), record.health_source, strict=True)
+        reason_of(reasons[reason], source, messages, config)
+        for reason, source in zip(record.health_reason.tolist(), record.health_source, strict=True)
     ]
     return Health(
         stamp_ns=record.health_stamp_ns,
@@ -47,29 +47,29 @@ def health_of(
 
 
 def reason_of(
-    clue: _core.HealthClue, source: _core.NamedSource | None, names: Names, config: RunConfig
+    reason: _core.HealthReason, source: _core.NamedSource | None, names: Names, config: RunConfig
 ) -> str:
     """Return why a health is as it is, as a sentence; empty where there is nothing to say."""
-    sentence = _sentences(config.health.aiding_lost_s, config.health.limit_m)[clue]
+    sentence = _sentences(config.health.aiding_lost_s, config.health.limit_m)[reason]
     return sentence.format("" if source is None else name_of(source, names))
 
 
 @cache
-def _sentences(aiding_lost_s: float, limit_m: float) -> dict[_core.HealthClue, str]:
+def _sentences(aiding_lost_s: float, limit_m: float) -> dict[_core.HealthReason, str]:
     return {
-        _core.HealthClue.NONE: "",
-        _core.HealthClue.NO_ESTIMATE: "not started yet",
-        _core.HealthClue.SEVERAL_PLACES: "several poses fit",
-        _core.HealthClue.MEASUREMENTS: "measurements of several sources speak against the pose",
-        _core.HealthClue.SILENCE: f"nothing but odometry was fused for {aiding_lost_s:g} s or "
+        _core.HealthReason.NONE: "",
+        _core.HealthReason.NO_ESTIMATE: "not started yet",
+        _core.HealthReason.SEVERAL_PLACES: "several poses fit",
+        _core.HealthReason.MEASUREMENTS: "measurements of several sources speak against the pose",
+        _core.HealthReason.SILENCE: f"nothing but odometry was fused for {aiding_lost_s:g} s or "
                                   "longer",
-        _core.HealthClue.SOURCE_IS_WRONG: "{} is likely wrong as a whole",
-        _core.HealthClue.SOURCE_IS_SILENT: "no {} any more",
-        _core.HealthClue.NOISE_IS_LARGER: "innovations are larger than their sigmas",
-        _core.HealthClue.POSITION_IS_VAGUE: f"the position error is below {limit_m:g} m by even "
+        _core.HealthReason.SOURCE_IS_WRONG: "{} is likely wrong as a whole",
+        _core.HealthReason.SOURCE_IS_SILENT: "no {} any more",
+        _core.HealthReason.NOISE_IS_LARGER: "innovations are larger than their sigmas",
+        _core.HealthReason.POSITION_IS_VAGUE: f"the position error is below {limit_m:g} m by even "
                                             "chance at most",
-        _core.HealthClue.SCANS_DO_NOT_FIT: "scans fit the map hardly better than from elsewhere",
-        _core.HealthClue.LASER_IS_COVERED: "the laser sees something right before it",
+        _core.HealthReason.SCANS_DO_NOT_FIT: "scans fit the map hardly better than from elsewhere",
+        _core.HealthReason.LASER_IS_COVERED: "the laser sees something right before it",
     }  # fmt: skip
 
 

@@ -136,7 +136,7 @@ def mcl_on(
     grid: _core.OccupancyGrid,
     begin_ns: int,
     radios: tuple[_core.AnchorMap, list[_core.Tag]],
-    landmarks: _core.LandmarkSight | None,
+    landmarks: _core.LandmarkSensor | None,
     start: _core.PoseEstimate | None,
 ) -> _core.Mcl | _core.SwitchingMcl:
     """Return the estimator of ``mcl`` on a map, at a pose or, without one, anywhere in free space.

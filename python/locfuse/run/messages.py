@@ -293,21 +293,21 @@ def radios_of(
     return anchors, tags
 
 
-def landmarks_of(log: Log, messages: Messages) -> _core.LandmarkSight | None:
+def landmarks_of(log: Log, messages: Messages) -> _core.LandmarkSensor | None:
     """Return the landmarks that have a place, with the ids of the messages, and their sensor."""
     if "landmarks" not in log:
         return None
     return landmark_sight(log, messages.landmark_names)
 
 
-def landmark_sight(log: Log, names: list[str]) -> _core.LandmarkSight:
+def landmark_sight(log: Log, names: list[str]) -> _core.LandmarkSensor:
     """Return the landmarks of a log, whose ids are their places in `names`, and their sensor."""
     table = log["landmarks"]
     radius = table.get("radius_m", np.zeros(len(table["landmark"])))
     ids = _ids(names, table["landmark"]).tolist()
     rows = zip(ids, table["x_m"].tolist(), table["y_m"].tolist(), radius.tolist(), strict=True)
     known = _core.LandmarkMap([_core.Landmark(i, [x, y], r) for i, x, y, r in rows])
-    return _core.LandmarkSight(known, landmark_sensor_of(log))
+    return _core.LandmarkSensor(known, landmark_sensor_of(log))
 
 
 def landmark_sensor_of(log: Log) -> _core.Pose2:

@@ -54,7 +54,7 @@ def outcomes_of(
             reason[row] = f"left out: anchor {messages.anchor[row]} is likely wrong as a whole"
     late = (verdict == "stale") & (messages.stamp_ns >= start_ns)
     reason[late] = f"older than the history of {config.history_s:g} s"
-    if record.fallen_out:
+    if record.dropped_messages:
         reason[late] += f" or {config.history_messages} messages"
     used = (
         np.zeros(len(reason), bool) if used_until is None else messages.effective_ns <= used_until
@@ -91,7 +91,7 @@ def with_switches(outcomes: Outcomes, localization: Localization) -> Outcomes:
     count = len(localization.injections)
     empty = np.full(count, "")
     reason = [
-        f"{one.doubt.name.lower()}: covariance before {_upper(one.before)}, after "
+        f"{one.reason.name.lower()}: covariance before {_upper(one.before)}, after "
         f"{_upper(one.after)}"
         for one in localization.injections
     ]

@@ -178,7 +178,7 @@ def _fuse(
             **metrics(estimate, truth_of(log), outcomes, duration_s, wall_s),
             "interventions": int(record.interventions.sum()),
             "clock_jumps": record.jumps,
-            "fallen_out": record.fallen_out,
+            "dropped_messages": record.dropped_messages,
             "noise_factors": _noise_factors(config, record),
             "health": health_metrics(health, record.alarms, record.restarts),
         }
@@ -201,7 +201,7 @@ def _fuse(
         progress=None if progress is None and watch is None else told,
         used_until=used_until,
         clock_jump=_core.ClockJump[config.clock_jump.upper()],
-        most_messages=config.history_messages,
+        max_messages=config.history_messages,
         switches=_switches(config),
     )
     result = result_of(record, log, messages)
@@ -246,7 +246,7 @@ def _located(config: RunConfig, log: Log, localization: Localization) -> RunResu
     duration_s = (localization.end_ns - localization.begin_ns) / NANOSECONDS
     figures = {
         **metrics(estimate, truth_of(log), outcomes, duration_s, localization.wall_s),
-        **dict.fromkeys(("interventions", "clock_jumps", "fallen_out", "noise_factors")),
+        **dict.fromkeys(("interventions", "clock_jumps", "dropped_messages", "noise_factors")),
         "health": health_metrics(localization.health, alarms, alarms - int(lost[-1])),
     }
     outcomes = with_switches(outcomes, localization)

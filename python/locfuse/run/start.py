@@ -36,7 +36,7 @@ def start_of(config: RunConfig, truth: Trajectory | None, messages: Messages) ->
     if config.start == "auto":
         raise ConfigError("start is 'auto'; expected 'truth' or [x, y, heading_deg] here")
     if config.start != "truth":
-        return told_start(config.start, config.start_sigma, messages.begin_ns)
+        return reported_start(config.start, config.start_sigma, messages.begin_ns)
     if truth is None or truth.heading is None:
         lacks = "no truth.csv" if truth is None else "a truth.csv without headings"
         raise ConfigError(f"start is 'truth', but the log has {lacks}; "
@@ -57,7 +57,7 @@ def start_of(config: RunConfig, truth: Trajectory | None, messages: Messages) ->
     return _core.PoseEstimate(stamp, pose, _covariance(config.start_sigma))
 
 
-def told_start(
+def reported_start(
     start: tuple[float, float, float], sigma: StartSigma, stamp: int
 ) -> _core.PoseEstimate:
     """Return the start [x_m, y_m, heading_deg] of a configuration, at a stamp [ns]."""
@@ -140,7 +140,7 @@ def start_from_nothing(
     begin_ns: int,
     anchors: _core.AnchorMap,
     tags: Sequence[_core.Tag],
-    landmarks: _core.LandmarkSight | None = None,
+    landmarks: _core.LandmarkSensor | None = None,
 ) -> tuple[_core.PoseEkf, int, Start]:
     """Feed messages and scans to an `Initializer` until it is ready.
 

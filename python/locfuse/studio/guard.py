@@ -59,14 +59,14 @@ class Guard:
     ----------
     app : ASGI application
     token : str or None
-    most_bytes : int
+    max_bytes : int
         Of a request.
     """
 
-    def __init__(self, app: ASGIApp, token: str | None, most_bytes: int) -> None:
+    def __init__(self, app: ASGIApp, token: str | None, max_bytes: int) -> None:
         self.app = app
         self._token = token
-        self._most_bytes = most_bytes
+        self._max_bytes = max_bytes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on, or answer it with what is wrong."""
@@ -95,8 +95,8 @@ class Guard:
         elif not self._knows_token(scope, headers):
             return 401, "the token is missing or wrong; open the address that the studio printed"
         length = headers.get("content-length", "0")
-        if not length.isdecimal() or int(length) > self._most_bytes:
-            return 413, f"larger than {self._most_bytes / 1e9:g} GB, which is the most there can be"
+        if not length.isdecimal() or int(length) > self._max_bytes:
+            return 413, f"larger than {self._max_bytes / 1e9:g} GB, which is the most there can be"
         return None
 
     def _knows_token(self, scope: Scope, headers: dict[str, str]) -> bool:

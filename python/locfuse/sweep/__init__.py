@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sweeps: many trials of a configuration with keys that vary, on a laptop or on a cluster."""
+"""Sweeps: many trials of a configuration with varied keys, on this machine or a cluster."""
 
 from __future__ import annotations
 

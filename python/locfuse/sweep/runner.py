@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hands the trials of a sweep out in batches, and keeps what comes back."""
+"""Distributes the trials of a sweep in batches and collects their rows."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from locfuse.sweep.vary import Axis, Values, as_written, axes_of, with_values
 from locfuse.sweep.workers import ProcessPool, one_thread_each, processors
 from locfuse.types import ConfigError
 
-BATCH_S = 1.0  # that a batch lasts; a scheduler's few milliseconds do not count beside it
-MOST_IN_BATCH = 64
-AHEAD = 2  # batches for each worker: one that it runs, one that waits for it
-TRIES = 2  # of a trial alone, before it is to blame that its workers end
+BATCH_S = 1.0  # duration of a batch; large against the milliseconds of a scheduler
+MAX_IN_BATCH = 64
+AHEAD = 2  # batches per worker: one running, one waiting
+TRIES = 2  # runs of a trial alone before it is blamed for the end of its workers
 
 Progress = Callable[[int, int], None]
 
@@ -48,43 +48,43 @@ def run_trials(
     """Run a configuration many times, each time with another seed and other values.
 
     Trial k has the seed of the configuration plus k, and draws its values by k: the table does not
-    depend on the executor, on how many workers there are, or on who is done first. Every value is
-    checked before the first trial starts.
+    depend on the executor, the number of workers or the order in which they finish. Every value
+    is checked before the first trial starts.
 
     Parameters
     ----------
     config : RunConfig
     trials : int
-        In all. Lists and grids of several keys are combined, and taken in turn.
+        Number of trials. Lists and grids of several keys are combined and taken in turn.
     vary : mapping of dotted path to values, optional
         As `locfuse.sweep.vary.axes_of` takes them: ``{"simulation.ranges.sigma_m": "0.05..0.5"}``.
     executor : concurrent.futures.Executor, optional
-        Who runs them; such as that of `dask_cluster`. By default a pool of fresh processes of one
-        thread each; a script that uses it keeps its work below ``if __name__ == "__main__":``.
+        Runs the trials, e.g. of `dask_cluster`. By default a pool of new processes with one
+        thread each; a script that uses it needs ``if __name__ == "__main__":``.
     workers : int, optional
         Processes of that pool, or of the executor; by default one for each processor.
     base : Path, optional
         Folder that the configuration's paths are relative to.
     out : Path, optional
-        Folder for the table, written batch by batch; what is already there is not run again.
+        Folder for the table, written batch by batch; trials already in it are not run again.
         Needs pyarrow.
     recovered_m : float, optional
-        Below which position error [m] a trial has recovered from a fault; by default inside the
+        Position error [m] below which a trial has recovered from a fault; by default inside the
         ellipse that should hold 99 % of the errors.
     progress : callable, optional
-        Told (trials done, trials in all).
+        Called with (trials done, all trials).
 
     Returns
     -------
     Trials
-        A trial that went wrong is a row with its error.
+        A failed trial is a row with its error.
 
     Raises
     ------
     ConfigError
         If a key or a value is not allowed, or `out` holds another sweep.
     OSError
-        If the executor is gone. What came in until then is in `out`.
+        If the executor stops. Finished trials are in `out`.
 
     Examples
     --------
@@ -125,7 +125,7 @@ def run_trials(
     pending = deque(trial for trial in planned if trial.index not in done)
     if executor is not None:
         size = workers or getattr(executor, "_max_workers", None) or processors()
-        _Handing(work, executor, size, pending, keep).run()
+        _Submission(work, executor, size, pending, keep).run()
     elif pending:
         size = min(workers or processors(), len(pending))
         with one_thread_each():
@@ -136,7 +136,7 @@ def run_trials(
 
 
 def plan(config: RunConfig, axes: Sequence[Axis], trials: int) -> list[Trial]:
-    """Return what each trial is.
+    """Return seed and values of each trial.
 
     Raises
     ------
@@ -174,7 +174,7 @@ def _work(
 def _check(
     config: RunConfig, data: dict[str, Any], axes: Sequence[Axis], trials: Iterable[Trial]
 ) -> None:
-    """Raise ConfigError if values of a trial, or ends of what is drawn, are not allowed."""
+    """Raise ConfigError if values of a trial, or the limits of drawn values, are not allowed."""
     if config.simulation is None and config.log is None:
         raise ConfigError("the config names no 'log' and no 'simulation'; give one")
     for axis in axes:
@@ -186,7 +186,7 @@ def _check(
 
 
 def _about(config: RunConfig, work: Work, trials: int) -> dict[str, Any]:
-    """Return what tells a sweep from others."""
+    """Return what identifies a sweep."""
     reads = config.simulation is None or (
         config.simulation.map is not None and config.simulation.map.file is not None
     )
@@ -205,8 +205,8 @@ def _about(config: RunConfig, work: Work, trials: int) -> dict[str, Any]:
     }
 
 
-class _Handing:
-    """Hands trials to an executor until all have come back."""
+class _Submission:
+    """Submits trials to an executor until all are done."""
 
     def __init__(
         self,
@@ -233,14 +233,14 @@ class _Handing:
                 done, _ = wait(self._flying, return_when=FIRST_COMPLETED)
                 for future in done:
                     batch = self._flying.pop(future, None)
-                    if batch is not None:  # else the pool is a new one, and its trials suspects
+                    if batch is not None:  # else a new pool runs its trials as suspects
                         self._take(future, batch)
         finally:
             for future in self._flying:
                 future.cancel()
 
     def _hand_out(self) -> None:
-        # After a worker has ended nothing but suspects fly, one at a time: that tells which it was.
+        # After a worker has ended, the suspects run one at a time to find the one that ended it.
         most = 1 if self._suspects else AHEAD * self._size
         while (self._pending or self._suspects) and len(self._flying) < most:
             queue = self._suspects or self._pending
@@ -254,10 +254,10 @@ class _Handing:
             self._flying[future] = batch
 
     def _batch_size(self) -> int:
-        """Return how many go at once: fewer towards the end, so that all are done together."""
+        """Return the batch size: smaller towards the end, so that all workers finish together."""
         if self._suspects:
             return 1
-        return max(1, min(MOST_IN_BATCH, len(self._pending) // (2 * AHEAD * self._size)))
+        return max(1, min(MAX_IN_BATCH, len(self._pending) // (2 * AHEAD * self._size)))
 
     def _take(self, future: Future[list[Row]], batch: list[Trial]) -> None:
         try:
@@ -265,17 +265,17 @@ class _Handing:
         except ConfigError:
             raise
         except CancelledError:
-            raise OSError("the executor gave its work up; run the same again to go on") from None
+            raise OSError("the executor cancelled its work; run the same again to resume") from None
         except Exception as error:
             self._suspect(batch, error)
             if isinstance(error, BrokenExecutor):
                 self._renew()
             return
-        self._pending.extendleft(reversed(batch[len(rows) :]))  # for which there was no time
+        self._pending.extendleft(reversed(batch[len(rows) :]))  # not run in the time of the batch
         self._keep(rows)
 
     def _suspect(self, batch: list[Trial], error: Exception) -> None:
-        """Try again what may have ended a worker; a trial that does so alone has an error."""
+        """Try again what may have ended a worker; a trial that ends one alone gets an error."""
         if len(batch) > 1:
             self._suspects.extend(batch)
             return
@@ -289,11 +289,11 @@ class _Handing:
             self._keep([{**row, "error": f"its worker ended: {type(error).__name__}: {said}"}])
 
     def _renew(self) -> None:
-        raise OSError("the executor is broken: a worker ended; run the same again to go on")
+        raise OSError("the executor is broken: a worker ended; run the same again to resume")
 
 
-class _OnProcesses(_Handing):
-    """The same with a pool of its own, made anew when one of its processes has ended."""
+class _OnProcesses(_Submission):
+    """The same with its own pool, which is replaced when one of its processes has ended."""
 
     def __init__(
         self, work: Work, size: int, pending: deque[Trial], keep: Callable[[Sequence[Row]], None]
@@ -305,7 +305,7 @@ class _OnProcesses(_Handing):
         """Return when no trial is left."""
         try:
             super().run()
-        except BaseException:  # an interrupt, too, must not wait for trials under way
+        except BaseException:  # an interrupt must not wait for running trials either
             self._pool.end()
             raise
         self._pool.shutdown()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sweep in numbers: each score over all trials and by varied key, with confidence intervals."""
+"""Summary of a sweep: each score over all trials and by varied key, with confidence intervals."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from locfuse.sweep.vary import Axis
 from locfuse.types import FloatArray
 
 SLICES = 8  # of a key whose values are drawn, each with equally many trials
-LEAST_IN_SLICE = 6  # fewer have no interval of their median
-MOST_ERRORS = 10  # different ones that are told
+MIN_IN_SLICE = 6  # fewer have no interval of their median
+MAX_ERRORS = 10  # distinct errors that are listed
 BY_KEY = ("position_rmse_m", "position_max_m", "heading_rmse_deg", "nees_mean", *NIS, "nll",
           "recover_s")  # fmt: skip
 
@@ -54,7 +54,7 @@ class NeesBand:
     ----------
     mean : float64 array, shape (instants,)
     low, high : float
-        The two-sided 95 % band of each, which trials that are consistent keep.
+        The two-sided 95 % band of each, if the trials are consistent.
     dof, trials : int
     """
 
@@ -77,7 +77,7 @@ def groups_of(trials: Trials, axis: Axis) -> list[Group]:
         cells = dict.fromkeys(axis.cell(value) for value in axis.values)
         return [_group(axis, cell, np.flatnonzero(column == cell)) for cell in cells]
     order = np.argsort(column, kind="stable")
-    count = min(SLICES, max(len(order) // LEAST_IN_SLICE, 1))
+    count = min(SLICES, max(len(order) // MIN_IN_SLICE, 1))
     return [
         Group(axis, f"{column[rows[0]]:.4g} to {column[rows[-1]]:.4g}", float(column[rows[0]]),
               float(column[rows[-1]]), rows)
@@ -123,7 +123,7 @@ def known(trials: Trials, name: str) -> FloatArray:
 
 
 def score(values: FloatArray) -> dict[str, float | int | None]:
-    """Return a score over trials in numbers.
+    """Return the statistics of a score over trials.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def score(values: FloatArray) -> dict[str, float | int | None]:
 
 
 def summarize(trials: Trials) -> dict[str, Any]:
-    """Return a sweep in numbers, ready for JSON.
+    """Return the summary of a sweep, ready for JSON.
 
     Parameters
     ----------
@@ -218,4 +218,4 @@ def _failed(trials: Trials) -> dict[str, Any]:
 
 
 def _errors(trials: Trials) -> dict[str, int]:
-    return dict(Counter(trials["error"][trials.failed].tolist()).most_common(MOST_ERRORS))
+    return dict(Counter(trials["error"][trials.failed].tolist()).most_common(MAX_ERRORS))

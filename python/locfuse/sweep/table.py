@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rows of a sweep as columns, and the folder that holds them while it runs and after."""
+"""The table of a sweep, and the folder that stores it during and after the sweep."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from locfuse.types import ConfigError, FloatArray
 TABLE = "trials.parquet"
 ABOUT = "sweep.json"
 PARTS = "parts"
-MOST_PARTS = 200  # more are put into the table
-NOT_REPEATED = ("wall_s",)  # columns that another run of the same trial has otherwise
+MAX_PARTS = 200  # more are merged into the table
+NOT_REPEATED = ("wall_s",)  # columns that differ between runs of the same trial
 
 
 @dataclass(frozen=True)
 class Trials:
-    """What came out of the trials of a sweep, in order of their numbers.
+    """Results of the trials of a sweep, in order of their numbers.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Trials:
         return failed
 
     def some(self, rows: NDArray[Any]) -> Trials:
-        """Return some of the trials, chosen by a mask or by indices."""
+        """Return some of the trials, by mask or indices."""
         return Trials(self.axes, {name: column[rows] for name, column in self.columns.items()})
 
 
@@ -83,7 +83,7 @@ def _matrix(values: Sequence[Any]) -> FloatArray:
 
 
 def _kinds(axes: Sequence[Axis]) -> dict[str, str]:
-    """Return what each column holds, in order."""
+    """Return the type of each column, in order."""
     varied = {axis.key: axis.kind for axis in axes}
     scored = dict.fromkeys(SCORES, "float64")
     return {"trial": "int64", "seed": "int64", **varied, **scored, "nees_at": "nees_at",
@@ -91,17 +91,17 @@ def _kinds(axes: Sequence[Axis]) -> dict[str, str]:
 
 
 class Folder:
-    """A folder of a sweep: rows are added batch by batch, and survive whatever ends the program.
+    """A folder of a sweep: rows are added batch by batch and survive a crash.
 
-    ``sweep.json`` says which sweep it is. Each batch is a file of its own in ``parts``, there as a
-    whole or not at all; ``trials.parquet`` holds what was put together, in the end everything.
+    ``sweep.json`` identifies the sweep. Each batch is a file in ``parts``, written atomically;
+    ``trials.parquet`` holds the merged rows, in the end all of them.
 
     Parameters
     ----------
     path : Path
-        Made if it is not there.
+        Created if missing.
     about : dict
-        What tells this sweep from others, ready for JSON; ``trials`` may grow.
+        Identifies the sweep, ready for JSON; ``trials`` may grow.
     axes : sequence of Axis
 
     Raises
@@ -132,7 +132,7 @@ class Folder:
 
     @property
     def rows(self) -> list[Row]:
-        """All rows that it holds."""
+        """All rows of the folder."""
         return list(self._rows.values())
 
     def add(self, rows: Sequence[Row]) -> None:
@@ -142,11 +142,11 @@ class Folder:
         self._rows |= {row["trial"]: row for row in rows}
         self._write(rows, self._path / PARTS / f"{rows[0]['trial']:09d}.parquet")
         self._parts += 1
-        if self._parts > MOST_PARTS:
+        if self._parts > MAX_PARTS:
             self.put_together()
 
     def put_together(self) -> None:
-        """Write everything into the table, in order of the trials, and remove the parts."""
+        """Merge all rows into the table, in order of the trials, and remove the parts."""
         parts = sorted((self._path / PARTS).glob("*.parquet"))
         self._write([self._rows[k] for k in sorted(self._rows)], self._path / TABLE)
         for part in parts:
@@ -175,7 +175,7 @@ class Folder:
 
 
 def _claim(path: Path, about: dict[str, Any]) -> None:
-    """Make the folder that of a sweep, or check that it is."""
+    """Create the folder of the sweep, or check that it is of the same sweep."""
     file = path / ABOUT
     (path / PARTS).mkdir(parents=True, exist_ok=True)
     if file.is_file():
@@ -197,7 +197,7 @@ def _claim(path: Path, about: dict[str, Any]) -> None:
 
 
 def difference(found: Any, asked: Any, where: str = "") -> str | None:
-    """Return in which place two values of JSON differ first, in words; None if they are equal."""
+    """Return where two JSON values differ first, as text; None if they are equal."""
     if found == asked:
         return None
     if isinstance(found, dict) and isinstance(asked, dict):

@@ -29,7 +29,7 @@ from locfuse.run.run import load_log, run
 from locfuse.sweep.vary import Axis, with_values
 from locfuse.types import NANOSECONDS, ConfigError, Log, Outcomes, RunResult
 
-INSTANTS = 25  # of each trial at which its NEES is kept
+INSTANTS = 25  # of each trial, at which its NEES is kept
 COVERAGE = {f"coverage_{round(100 * level)}": level for level in LEVELS}
 HEALTH = tuple(f"health_{state}" for state in STATES.tolist())
 NIS = tuple(f"nis_{source}" for source in SOURCES)
@@ -45,7 +45,7 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Trial:
-    """Which one it is, counted from 0; the seed; the value of each axis."""
+    """Index from 0, seed, value of each axis."""
 
     index: int
     seed: int
@@ -54,7 +54,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Work:
-    """What all trials of a sweep have in common, as it goes to the workers.
+    """What all trials of a sweep have in common, as sent to the workers.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class Work:
 
 
 def run_batch(work: Work, trials: Sequence[Trial], budget_s: float) -> list[Row]:
-    """Run trials until a time is over, at least the first; return their rows.
+    """Run trials until the time is over, but at least one; return their rows.
 
     Raises
     ------
@@ -102,20 +102,20 @@ def _rows(work: Work, trials: Sequence[Trial], until: float) -> Iterator[Row]:
 
 
 def row_of(work: Work, trial: Trial) -> Row:
-    """Run a trial; what goes wrong is its row."""
+    """Run a trial; an error becomes part of its row."""
     row = empty_row(work.axes, trial)
     began = time.perf_counter()
     try:
         row |= scores(_result(work, trial), work.recovered_m)
     except Exception as error:
-        # A sweep is there to find what fails; one bad trial must not cost the other thousand.
+        # A sweep must survive a failing trial: failures are what it looks for.
         row["error"] = f"{type(error).__name__}: {' '.join(str(error).split())}"
     row["wall_s"] = time.perf_counter() - began
     return row
 
 
 def empty_row(axes: Sequence[Axis], trial: Trial) -> Row:
-    """Return the row of a trial of which nothing is known yet."""
+    """Return the row of a trial without results."""
     values = {a.key: a.cell(v) for a, v in zip(axes, trial.values, strict=True)}
     unknown = {**dict.fromkeys(SCORES), "nees_at": None, "error": None}
     return {"trial": trial.index, "seed": trial.seed, **values, **unknown}
@@ -123,7 +123,7 @@ def empty_row(axes: Sequence[Axis], trial: Trial) -> Row:
 
 def _result(work: Work, trial: Trial) -> RunResult:
     config = with_values(parse_config(work.data), work.data, work.axes, trial.values)
-    if config.mcl is not None:  # workers are as many as processors; more threads change no bit
+    if config.mcl is not None:  # one worker per processor; threads change no bit
         config = config.model_copy(update={"mcl": config.mcl.model_copy(update={"threads": 1})})
     log = None
     if config.simulation is None and config.log is not None:
@@ -133,12 +133,12 @@ def _result(work: Work, trial: Trial) -> RunResult:
 
 @lru_cache(maxsize=2)
 def _log(origin: str, base: str) -> Log:
-    """Return a recorded log, read once by a worker and not by every trial."""
+    """Return a recorded log, read once per worker."""
     return load_log(RunConfig.model_validate_json(origin), Path(base), 0)
 
 
 def scores(result: RunResult, recovered_m: float | None = None) -> Row:
-    """Return the columns of a run, those that it has.
+    """Return the columns that a run has.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def scores(result: RunResult, recovered_m: float | None = None) -> Row:
 
 
 def _nis(outcomes: Outcomes) -> Row:
-    """Return the mean NIS of each source per row of its innovations, which 1 is expected of."""
+    """Return the mean NIS of each source per innovation row; 1 is expected."""
     row = {}
     for source in SOURCES:
         fused = (outcomes.source == source) & (outcomes.verdict == "fused") & (outcomes.dof > 0)
@@ -197,7 +197,7 @@ def _against_truth(result: RunResult, errors: Errors, recovered_m: float | None)
 
 
 def fault_ends_ns(config: RunConfig) -> list[int]:
-    """Return when faults of the simulation end, and sources that were off are on again."""
+    """Return when faults of the simulation end and switched-off sources are on again."""
     faults = config.simulation.faults if isinstance(config.simulation, Scenario) else []
     ends = [getattr(fault, "to_s", getattr(fault, "at_s", None)) for fault in faults]
     ends += [off.until_s for off in config.switched_off]

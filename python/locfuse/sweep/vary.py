@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which keys of a configuration vary, and which values they take in which trial."""
+"""Varied keys of a configuration, and their values in each trial."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Values = str | Sequence[Any]
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _RANGE = re.compile(rf"({_NUMBER})\.\.({_NUMBER})(?::(\d*)(log)?)?")
-_DRAWS = 0x7661_7279  # keeps draws of varied keys apart from those of the simulation
+_DRAWS = 0x7661_7279  # separates draws of varied keys from those of the simulation
 
 
 @dataclass(frozen=True)
@@ -34,11 +34,11 @@ class Axis:
     key : str
         Dotted path into the configuration.
     values : tuple
-        Those of a list or a grid, which trials take in turn; empty where they are drawn.
+        Values of a list or grid, taken in turn by the trials; empty if values are drawn.
     low, high : float
-        Where they are drawn from; also of a grid. NaN of a list.
+        Limits of the drawn values, or of a grid; NaN for a list.
     log : bool
-        Evenly in the logarithm.
+        Uniform in the logarithm.
     whole : bool
         Whole numbers only, both ends included.
     """
@@ -61,23 +61,23 @@ class Axis:
 
     @property
     def ends(self) -> tuple[int | float, int | float]:
-        """Smallest and largest value that is drawn."""
+        """Smallest and largest drawn value."""
         return (int(self.low), int(self.high)) if self.whole else (self.low, self.high)
 
     def cell(self, value: Any) -> int | float | str:
-        """Return a value as it stands in the table."""
+        """Return a value as stored in the table."""
         if self.kind != "string":
             return int(value) if self.kind == "int64" else float(value)
         return value if isinstance(value, str) else json.dumps(value)
 
     def draw(self, seed: int, trial: int, place: int) -> int | float:
-        """Return the value that a trial draws; `place` is that of the axis among all."""
+        """Return the value that a trial draws; `place` is the index of the axis."""
         sequence = np.random.SeedSequence([seed, _DRAWS], spawn_key=(trial, place))
         return self._between(float(np.random.default_rng(sequence).random()))
 
     def _between(self, share: float) -> int | float:
         low, high = self.low, self.high
-        if self.whole and not self.values:  # so that both ends are as likely as the rest
+        if self.whole and not self.values:  # so that both ends are as probable as the rest
             low, high = low - 0.5, high + 0.5
         if self.log:
             low = max(low, 0.5 * self.low)
@@ -89,14 +89,14 @@ class Axis:
 
 
 def axes_of(config: RunConfig, vary: Mapping[str, Values]) -> tuple[Axis, ...]:
-    """Return what varies.
+    """Return the varied keys with their values.
 
     Parameters
     ----------
     config : RunConfig
     vary : mapping of dotted path to values
-        A sequence of values; or a text: ``a,b,c`` in the words of YAML, ``LOW..HIGH`` drawn evenly,
-        ``LOW..HIGH:log`` drawn evenly in the logarithm, ``LOW..HIGH:N`` a grid of N values,
+        A sequence of values; or a text: ``a,b,c`` as in YAML, ``LOW..HIGH`` drawn uniformly,
+        ``LOW..HIGH:log`` drawn uniformly in the logarithm, ``LOW..HIGH:N`` a grid of N values,
         ``LOW..HIGH:Nlog`` one in equal ratios.
 
     Raises
@@ -146,14 +146,14 @@ def _axis(config: RunConfig, key: str, values: Values) -> Axis:
 
 
 def _read(key: str, value: Any) -> Any:
-    """Return a value as JSON has it; a number of numpy is a number."""
+    """Return a value as JSON has it; numpy numbers become plain ones."""
     value = value.item() if isinstance(value, np.generic) else _plain(value)
     try:
         return json.loads(json.dumps(value, allow_nan=False))
     except (TypeError, ValueError):
         raise ConfigError(
-            f"{key}: the value {value!r} cannot stand in a configuration; expected numbers, texts, "
-            "lists or mappings"
+            f"{key}: the value {value!r} is not allowed in a configuration; expected "
+            "numbers, texts, lists or mappings"
         ) from None
 
 
@@ -170,7 +170,7 @@ def _listed(key: str, text: str) -> tuple[Any, ...]:
 
 
 def as_written(config: RunConfig) -> dict[str, Any]:
-    """Return a configuration as a file would say it, without the defaults where that is enough."""
+    """Return a configuration as in a file, without defaults if it stays the same."""
     short: dict[str, Any] = config.model_dump(mode="json", exclude_unset=True)
     try:
         if parse_config(short) == config:
@@ -198,7 +198,7 @@ def with_values(
     Raises
     ------
     ConfigError
-        If a value is not allowed: names key, value and what is.
+        If a value is not allowed; names key, value and what is expected.
     """
     changed = json.loads(json.dumps(data))
     for axis, value in zip(axes, values, strict=True):
@@ -208,7 +208,7 @@ def with_values(
 
 
 def _parents(config: RunConfig, key: str) -> list[Any]:
-    """Return what stands along a path, from the configuration to the value."""
+    """Return the nodes along a path, from the configuration to the value."""
     parts = key.split(".")
     found: list[Any] = [config]
     for place, part in enumerate(parts):
@@ -244,13 +244,13 @@ def _no_place(part: str, size: int) -> str:
 
 
 def _set(config: RunConfig, data: dict[str, Any], key: str, value: Any) -> None:
-    """Set a value; parents that were left to their defaults are written out on the way."""
+    """Set a value; parents that have their defaults are written out on the way."""
     parts = key.split(".")
     node: Any = data
     for part, inside in zip(parts[:-1], _parents(config, key)[1:-1], strict=True):
         place: Any = int(part) if isinstance(node, list) else part
         if isinstance(node, dict) and place not in node:
-            # A part of a model says nothing of the rest, a part of a dict or a list replaces it.
+            # A part of a model leaves its other keys alone; a part of a dict or list replaces them.
             node[place] = {} if isinstance(inside, BaseModel) else _plain(inside)
         node = node[place]
     node[int(parts[-1]) if isinstance(node, list) else parts[-1]] = value

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who runs the trials of a sweep: processes of this machine, or the workers of a cluster."""
+"""Workers of a sweep: processes of this machine, or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection
 from locfuse.types import ConfigError
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-PATIENCE_S = 10.0  # for a scheduler to answer, and a first worker to be there
+PATIENCE_S = 10.0  # timeout of the scheduler and of its first worker
 
 
 def processors() -> int:
@@ -26,10 +26,10 @@ def processors() -> int:
 
 
 class ProcessPool(ProcessPoolExecutor):
-    """A pool of fresh processes that never outlive the one that made it; see `one_thread_each`.
+    """A pool of new processes that never outlive their parent; see `one_thread_each`.
 
-    Each holds the far end of a line. When that is cut, whether by `end` or because this process was
-    killed, it ends at once, in the middle of a trial if need be.
+    Each holds the far end of a pipe. When the near end closes, by `end` or because this process was
+    killed, it exits at once, even within a trial.
 
     Parameters
     ----------
@@ -42,16 +42,16 @@ class ProcessPool(ProcessPoolExecutor):
         super().__init__(workers, context, initializer=_settle, initargs=(far_end,))
 
     def end(self) -> None:
-        """End the processes, whatever they are at."""
+        """End the processes at once."""
         self._line.close()
         self.shutdown(wait=False, cancel_futures=True)
 
 
 @contextmanager
 def one_thread_each() -> Iterator[None]:
-    """Let processes that are started meanwhile use one thread each, in libraries too.
+    """Limit processes started in this context to one thread each, also in libraries.
 
-    Those read the environment when they are loaded, which is before anything of ours runs there.
+    Libraries read the environment when they are loaded, before any code of ours runs.
     """
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
@@ -66,13 +66,13 @@ def one_thread_each() -> Iterator[None]:
 
 
 def _settle(line: Connection) -> None:
-    """Leave interrupts to the parent, and end with it."""
+    """Leave interrupts to the parent, and exit with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with, args=(line,), daemon=True).start()
 
 
 def _end_with(line: Connection) -> None:
-    line.poll(None)  # nothing is ever said, so this is the end of it
+    line.poll(None)  # nothing is ever sent: this returns when the pipe closes
     os._exit(1)
 
 
@@ -85,7 +85,7 @@ def dask_cluster(address: str, workers: int = 1) -> Iterator[tuple[Executor, int
     address : str
         Such as ``tcp://10.0.0.1:8786``.
     workers : int
-        So many are waited for, 10 s; those that come later work, too.
+        Minimum number, waited for up to 10 s; later ones work, too.
 
     Yields
     ------

@@ -15,7 +15,7 @@ using testing::in_band;
 constexpr int kRuns = 50;
 constexpr double kSigma = 0.1;  // of the ranges of the simulation [m]
 
-PoseEkf::Config told(double sigma, double messages) {
+PoseEkf::Config config_with(double sigma, double messages) {
   PoseEkf::Config config;
   config.range.sigma_m = sigma;
   config.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
@@ -25,7 +25,7 @@ PoseEkf::Config told(double sigma, double messages) {
 
 struct Ends {
   double nees = 0.0;    ///< mean over runs
-  double factor = 0.0;  ///< likewise
+  double factor = 0.0;  ///< of the variance
 };
 
 Ends ends_of(const PoseEkf::Config& config) {
@@ -44,35 +44,35 @@ Ends ends_of(const PoseEkf::Config& config) {
   return ends;
 }
 
-TEST(AdaptiveNoise, a_sigma_that_is_told_wrong_is_put_right) {
+TEST(AdaptiveNoise, a_wrong_reported_sigma_is_corrected) {
   for (const double wrong : {1.0 / 3.0, 1.0, 3.0}) {
-    const Ends ends = ends_of(told(wrong * kSigma, 200.0));
+    const Ends ends = ends_of(config_with(wrong * kSigma, 200.0));
     const double right = 1.0 / (wrong * wrong);
     EXPECT_NEAR(ends.factor / right, 1.0, 0.1) << wrong;
     EXPECT_TRUE(in_band(ends.nees, 3, kRuns, 0.99)) << wrong << ": " << ends.nees;
   }
 }
 
-TEST(AdaptiveNoise, without_it_a_sigma_that_is_told_wrong_shows) {
+TEST(AdaptiveNoise, without_it_a_wrong_reported_sigma_shows) {
   for (const double wrong : {1.0 / 3.0, 3.0}) {
-    const Ends ends = ends_of(told(wrong * kSigma, 0.0));
+    const Ends ends = ends_of(config_with(wrong * kSigma, 0.0));
     EXPECT_NEAR(ends.factor, 1.0, 1e-12);
     EXPECT_FALSE(in_band(ends.nees, 3, kRuns, 0.99)) << wrong << ": " << ends.nees;
   }
 }
 
 TEST(AdaptiveNoise, keeps_between_its_limits) {
-  PoseEkf::Config config = told(3.0 * kSigma, 50.0);
+  PoseEkf::Config config = config_with(3.0 * kSigma, 50.0);
   config.adaptive.least = 0.5;
   EXPECT_NEAR(ends_of(config).factor, 0.5, 0.01);
-  config = told(kSigma / 3.0, 50.0);
+  config = config_with(kSigma / 3.0, 50.0);
   config.adaptive.most = 2.0;
   EXPECT_NEAR(ends_of(config).factor, 2.0, 0.04);
 }
 
 TEST(AdaptiveNoise, what_is_not_fused_says_nothing) {
   const testing::Simulation run = testing::simulate(1, 1.0);
-  PoseEkf ekf(told(kSigma, 20.0), testing::hall(), testing::one_tag(), run.start);
+  PoseEkf ekf(config_with(kSigma, 20.0), testing::hall(), testing::one_tag(), run.start);
   const PoseEkf before = ekf;
   EXPECT_EQ(ekf.on(Range{run.start.stamp, 0, 0, 90.0, {}}).verdict, Verdict::kGated);
   EXPECT_EQ(ekf.adaptive().factor(Source::kRanges), 1.0);
@@ -81,7 +81,7 @@ TEST(AdaptiveNoise, what_is_not_fused_says_nothing) {
 
 TEST(AdaptiveNoise, each_kind_has_a_factor_of_its_own_and_a_model_of_the_callers_none) {
   const testing::Simulation run = testing::simulate(1, 1.0);
-  PoseEkf ekf(told(kSigma, 20.0), testing::hall(), testing::one_tag(), run.start);
+  PoseEkf ekf(config_with(kSigma, 20.0), testing::hall(), testing::one_tag(), run.start);
   const Pose2 at = ekf.current().pose;
   ekf.on(PositionFix{0, at.position(), 0.01 * Matrix<2, 2>::Identity()});
   EXPECT_LT(ekf.adaptive().factor(Source::kPositions), 1.0);  // no innovation at all

@@ -41,12 +41,12 @@ Range range_to(const AirEkf& ekf, Id anchor, Stamp stamp, double error) {
   return {stamp, 0, anchor, (Vector<3>(tag.x(), tag.y(), e.height - 0.1) - a).norm() + error, {}};
 }
 
-TEST(AirEkf, starts_where_it_is_told_with_what_height_and_pose_share) {
+TEST(AirEkf, starts_where_it_is_put_with_what_height_and_pose_share) {
   const AirEstimate start = start_at({1.0, 2.0, -kPi}, 3.0);
-  const AirEstimate told = testing::air_ekf({}, start).estimate();
-  expect_pose_near(told.pose, start.pose, 0.0);
-  EXPECT_EQ(told.height, 3.0);
-  expect_near(told.covariance, start.covariance, 1e-15);
+  const AirEstimate estimate = testing::air_ekf({}, start).estimate();
+  expect_pose_near(estimate.pose, start.pose, 0.0);
+  EXPECT_EQ(estimate.height, 3.0);
+  expect_near(estimate.covariance, start.covariance, 1e-15);
 }
 
 TEST(AirEkf, without_odometry_equals_the_linear_filter) {

@@ -14,7 +14,7 @@ constexpr int kRuns = 120;
 
 struct Consistency {
   double nees3 = 0.0;  ///< mean over the runs, of (x, y, height) at the end
-  double nees4 = 0.0;  ///< likewise, and of the heading
+  double nees4 = 0.0;  ///< the same, and of the heading
   double nis = 0.0;    ///< mean over all ranges
   int ranges = 0;
 };

@@ -61,15 +61,15 @@ class Robot {
     heading = normal(rng_, 0.05);
   }
 
-  /// What odometry tells of the next tenth of a second, which it drives in a hundred steps.
+  /// Odometry of the next tenth of a second, which it drives in a hundred steps.
   Pose2 drive(int step) {
     const double speed = 0.5;
     const double rate = 0.5 * std::sin(0.07 * step) + 0.25;
     constexpr int kParts = 100;
     const double dt = kStep_s / kParts;
-    double told_x = 0.0;
-    double told_y = 0.0;
-    double told_heading = 0.0;
+    double odometry_x = 0.0;
+    double odometry_y = 0.0;
+    double odometry_heading = 0.0;
     for (int i = 0; i < kParts; ++i) {
       const double turn = rate * dt + normal(rng_, 0.02 * std::sqrt((speed + rate) * dt));
       const double way = speed * dt + normal(rng_, 0.02 * std::sqrt(speed * dt));
@@ -79,12 +79,12 @@ class Robot {
       y += way * std::sin(along) + aside * std::cos(along);
       heading += turn;
       past_[written_++ % past_.size()] = {x, y, heading};
-      const double told_way = speed * dt / (1.0 + errors[0]);
-      told_x += told_way * std::cos(told_heading);
-      told_y += told_way * std::sin(told_heading);
-      told_heading += (rate + errors[3]) * dt / (1.0 + errors[2]);
+      const double odometry_way = speed * dt / (1.0 + errors[0]);
+      odometry_x += odometry_way * std::cos(odometry_heading);
+      odometry_y += odometry_way * std::sin(odometry_heading);
+      odometry_heading += (rate + errors[3]) * dt / (1.0 + errors[2]);
     }
-    return {told_x, told_y, told_heading};
+    return {odometry_x, odometry_y, odometry_heading};
   }
 
   /// A post as it was seen some time ago.
@@ -168,8 +168,8 @@ TEST(Calibration, learns_every_error_and_knows_how_well) {
   EXPECT_TRUE(in_band(result.nees_of_pose, 3, kRuns)) << result.nees_of_pose;
   EXPECT_TRUE(in_band(result.nees_of_all, 13, kRuns)) << result.nees_of_all;
   EXPECT_NEAR(result.nis, 1.0, 0.03);
-  // Travel askew and a sensor turned on the body look alike but for what was known before: what is
-  // left of the sensor's heading is at most 0.05 * 0.03 / hypot(0.05, 0.03).
+  // Travel askew and a sensor turned on the body look the same but for what was known before: what
+  // is left of the sensor's heading is at most 0.05 * 0.03 / hypot(0.05, 0.03).
   const double most[10] = {0.02, 0.035, 0.02, 0.01, 0.03, 0.03, 0.0257, 0.02, 0.01, 0.02};
   for (std::size_t k = 0; k < 10; ++k) {
     EXPECT_LT(result.sigma[k], most[k]) << k;

@@ -52,11 +52,11 @@ class Robot {
     past_.fill({x, y, heading});
   }
 
-  /// What odometry tells of the next tenth of a second, driven in a hundred steps.
+  /// Odometry of the next tenth of a second, driven in a hundred steps.
   Pose2 drive(int step, double speed = 1.0) {
     const double rate = speed > 0.0 ? 0.4 * std::sin(0.05 * step) + 0.15 : 0.0;
     constexpr double dt = 0.001;
-    Pose2 told;
+    Pose2 odometry;
     for (int i = 0; i < 100; ++i) {
       const double way = speed * dt + normal(rng_, 0.02 * std::sqrt(speed * dt));
       const double aside = normal(rng_, 0.02 * std::sqrt(speed * dt));
@@ -64,9 +64,9 @@ class Robot {
       y += way * std::sin(heading) + aside * std::cos(heading);
       heading += rate * dt + normal(rng_, 0.02 * std::sqrt((speed + std::abs(rate)) * dt));
       past_[written_++ % past_.size()] = {x, y, heading};
-      told.x += speed * dt * std::cos(told.heading);
-      told.y += speed * dt * std::sin(told.heading);
-      told.heading += rate * dt;
+      odometry.x += speed * dt * std::cos(odometry.heading);
+      odometry.y += speed * dt * std::sin(odometry.heading);
+      odometry.heading += rate * dt;
     }
     for (double& of_anchor : offset) {
       if (correlation_s_ > 0.0) {
@@ -74,7 +74,7 @@ class Robot {
         of_anchor = kept * of_anchor + normal(rng_, kSigmaOffset * std::sqrt(1.0 - kept * kept));
       }
     }
-    return told;
+    return odometry;
   }
 
   Range measure(Id anchor, Stamp stamp) {

@@ -105,14 +105,14 @@ TEST(Edge, a_covariance_that_is_not_known_has_the_sigma_of_the_config) {
   config.pose.sigma_m = 0.3;
   config.pose.sigma_heading_rad = 0.2;
   PoseEkf ekf = testing::ekf_at(kStart, config);
-  PoseEkf told = testing::ekf_at(kStart);
+  PoseEkf informed = testing::ekf_at(kStart);
   ekf.on(PositionFix{0, {1.1, 2.1}, Matrix<2, 2>::Zero(), {}});
-  told.on(PositionFix{0, {1.1, 2.1}, 0.3 * 0.3 * Matrix<2, 2>::Identity(), {}});
-  EXPECT_TRUE(testing::same_bits(ekf.belief(), told.belief()));
+  informed.on(PositionFix{0, {1.1, 2.1}, 0.3 * 0.3 * Matrix<2, 2>::Identity(), {}});
+  EXPECT_TRUE(testing::same_bits(ekf.belief(), informed.belief()));
   ekf.on(PoseObservation{0, {1.1, 2.1, 0.4}, -Matrix<3, 3>::Identity()});
   const Vector<3> variances(0.3 * 0.3, 0.3 * 0.3, 0.2 * 0.2);
-  told.on(PoseObservation{0, {1.1, 2.1, 0.4}, variances.asDiagonal()});
-  EXPECT_TRUE(testing::same_bits(ekf.belief(), told.belief()));
+  informed.on(PoseObservation{0, {1.1, 2.1, 0.4}, variances.asDiagonal()});
+  EXPECT_TRUE(testing::same_bits(ekf.belief(), informed.belief()));
 }
 
 TEST(Edge, a_pose_of_no_spread_at_all_is_believed_to_a_millimetre) {
@@ -124,18 +124,18 @@ TEST(Edge, a_pose_of_no_spread_at_all_is_believed_to_a_millimetre) {
 }
 
 TEST(Edge, an_initializer_starts_from_nothing_that_tells_nothing) {
-  const auto heard = [](const auto& message) {
+  const auto is_used = [](const auto& message) {
     Initializer start({}, {}, testing::hall(), testing::one_tag(), nullptr);
     start.on(message);
     return !start.state().hypotheses.empty();
   };
   const Matrix<2, 2> R = 0.04 * Matrix<2, 2>::Identity();
-  EXPECT_TRUE(heard(PositionFix{0, {1.0, 2.0}, R, {}}));
-  EXPECT_FALSE(heard(PositionFix{0, {1.0, 3e7}, R, {}}));
-  EXPECT_FALSE(heard(PositionFix{0, {1.0, 2.0}, Matrix<2, 2>::Zero(), {}}));
-  EXPECT_FALSE(heard(PoseObservation{0, kStart, Matrix<3, 3>::Zero()}));
-  EXPECT_FALSE(heard(PoseObservation{0, kStart, kMax * Matrix<3, 3>::Identity()}));
-  EXPECT_TRUE(heard(PoseObservation{0, kStart, kP}));
+  EXPECT_TRUE(is_used(PositionFix{0, {1.0, 2.0}, R, {}}));
+  EXPECT_FALSE(is_used(PositionFix{0, {1.0, 3e7}, R, {}}));
+  EXPECT_FALSE(is_used(PositionFix{0, {1.0, 2.0}, Matrix<2, 2>::Zero(), {}}));
+  EXPECT_FALSE(is_used(PoseObservation{0, kStart, Matrix<3, 3>::Zero()}));
+  EXPECT_FALSE(is_used(PoseObservation{0, kStart, kMax * Matrix<3, 3>::Identity()}));
+  EXPECT_TRUE(is_used(PoseObservation{0, kStart, kP}));
 }
 
 }  // namespace

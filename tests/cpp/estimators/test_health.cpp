@@ -39,7 +39,7 @@ struct Room {
       stamp += kStep;
       for (int i = 0; i < anchors; ++i) {
         const double noise = normal(rng, std::sqrt(kScale));
-        health.hear(anchor(i), stamp, of_residual(i < wrong ? by + noise : noise), kLimit, kSpan);
+        health.record(anchor(i), stamp, of_residual(i < wrong ? by + noise : noise), kLimit, kSpan);
       }
     }
   }
@@ -55,19 +55,19 @@ TEST(Health, is_ok_while_all_agree) {
   room.listen(600, 4, 0, 0.0);
   const HealthReport report = room.report();
   EXPECT_EQ(report.state, HealthState::kOk);
-  EXPECT_EQ(report.clue, HealthClue::kNone);
+  EXPECT_EQ(report.reason, HealthReason::kNone);
   EXPECT_LT(report.wrong, 1e-4);
   EXPECT_GT(report.within, 0.999);
 }
 
-TEST(Health, one_source_that_is_wrong_is_named_and_the_pose_believed) {
+TEST(Health, a_single_faulty_source_is_named_and_the_pose_trusted) {
   Room room;
   room.health.start(0);
   room.listen(100, 4, 0, 0.0);
   room.listen(600, 4, 1, 3.0);
   const HealthReport report = room.report();
   EXPECT_EQ(report.state, HealthState::kDegraded);
-  EXPECT_EQ(report.clue, HealthClue::kSourceIsWrong);
+  EXPECT_EQ(report.reason, HealthReason::kSourceIsWrong);
   ASSERT_TRUE(report.source);
   EXPECT_EQ(report.source->name, 0);
   EXPECT_TRUE(room.health.is_excluded(anchor(0)));
@@ -77,13 +77,13 @@ TEST(Health, one_source_that_is_wrong_is_named_and_the_pose_believed) {
   EXPECT_EQ(room.report().state, HealthState::kOk);
 }
 
-TEST(Health, several_at_once_speak_against_the_pose) {
+TEST(Health, several_at_once_contradict_the_pose) {
   Room room;
   room.health.start(0);
   room.listen(100, 4, 0, 0.0);
   room.listen(3, 4, 4, -3.0);
-  EXPECT_FALSE(room.health.is_lost());  // doubt has to last
-  EXPECT_EQ(room.report().clue, HealthClue::kMeasurements);
+  EXPECT_FALSE(room.health.is_lost());  // it must last
+  EXPECT_EQ(room.report().reason, HealthReason::kMeasurements);
   EXPECT_LT(room.report().within, 0.1);
   EXPECT_TRUE(std::isinf(room.report().protection.x()));
   room.listen(5, 4, 4, -3.0);
@@ -120,7 +120,7 @@ TEST(Health, without_measurements_trust_runs_out) {
   }
 }
 
-/// What it does when it is lost follows `is_lost`, what it tells follows the report.
+/// Behaviour follows `is_lost`, users see the report: they must agree.
 TEST(Health, silence_for_too_long_is_loss_until_sources_agree_again) {
   Room room;
   room.health.start(0);
@@ -129,7 +129,7 @@ TEST(Health, silence_for_too_long_is_loss_until_sources_agree_again) {
   room.health.advance(room.stamp);
   EXPECT_TRUE(room.health.is_lost());
   EXPECT_EQ(room.report().state, HealthState::kLost);
-  EXPECT_EQ(room.report().clue, HealthClue::kSilence);
+  EXPECT_EQ(room.report().reason, HealthReason::kSilence);
   EXPECT_GE(room.health.wrong(), 0.5);
   room.listen(100, 4, 3, 3.0);  // one that agrees, maybe since the filter has followed it
   EXPECT_TRUE(room.health.is_lost());
@@ -138,40 +138,40 @@ TEST(Health, silence_for_too_long_is_loss_until_sources_agree_again) {
   EXPECT_EQ(room.report().state, HealthState::kOk);
 }
 
-TEST(Health, a_kind_of_source_that_falls_silent_is_told) {
+TEST(Health, a_kind_of_source_that_falls_silent_is_reported) {
   Room room;
   room.health.start(0);
   for (int k = 0; k < 50; ++k) {
     room.listen(1, 3, 0, 0.0);
-    room.health.hear({Source::kPoses, NamedSource::kNameless}, room.stamp, of_residual(0.01),
-                     kLimit, kSpan);
+    room.health.record({Source::kPoses, NamedSource::kUnnamed}, room.stamp, of_residual(0.01),
+                       kLimit, kSpan);
   }
   EXPECT_EQ(room.report().state, HealthState::kOk);
   room.listen(50, 3, 0, 0.0);
   EXPECT_EQ(room.report().state, HealthState::kDegraded);
-  EXPECT_EQ(room.report().clue, HealthClue::kSourceIsSilent);
+  EXPECT_EQ(room.report().reason, HealthReason::kSourceIsSilent);
   EXPECT_EQ(room.report().source->kind, Source::kPoses);
 }
 
-TEST(Health, noise_that_is_larger_than_told_widens_the_levels) {
-  Room told;
-  Room untold;
-  told.health.start(0);
-  untold.health.start(0);
-  told.listen(300, 4, 0, 0.0);
+TEST(Health, noise_larger_than_reported_widens_the_levels) {
+  Room as_reported;
+  Room larger;
+  as_reported.health.start(0);
+  larger.health.start(0);
+  as_reported.listen(300, 4, 0, 0.0);
   for (int k = 0; k < 300; ++k) {
-    untold.stamp += kStep;
+    larger.stamp += kStep;
     for (int i = 0; i < 4; ++i) {
-      untold.health.hear(anchor(i), untold.stamp,
-                         of_residual(normal(untold.rng, 1.8 * std::sqrt(kScale))), kLimit, kSpan);
+      larger.health.record(anchor(i), larger.stamp,
+                           of_residual(normal(larger.rng, 1.8 * std::sqrt(kScale))), kLimit, kSpan);
     }
   }
-  EXPECT_NEAR(told.report().inflation, 1.0, 0.5);
-  EXPECT_GT(untold.report().inflation, 3.0);
-  EXPECT_GT(untold.report().protection.x(), 1.5 * told.report().protection.x());
+  EXPECT_NEAR(as_reported.report().inflation, 1.0, 0.5);
+  EXPECT_GT(larger.report().inflation, 3.0);
+  EXPECT_GT(larger.report().protection.x(), 1.5 * as_reported.report().protection.x());
 }
 
-/// Eq. (7) against a draw of a million.
+/// Eq. (7) against a million draws.
 TEST(Health, within_is_the_probability_of_an_ellipse_in_a_circle) {
   Health::Config config;
   config.limit_m = 0.7;
@@ -190,8 +190,8 @@ TEST(Health, within_is_the_probability_of_an_ellipse_in_a_circle) {
   EXPECT_NEAR(health.report({0, {}, P}).within, static_cast<double>(inside) / kDraws, 0.005);
 }
 
-/// Eq. (5) is Bayes' rule: bits and measurements drawn as the model has them give odds that are
-/// met.
+/// Eq. (5) is Bayes' rule: with bits and measurements drawn from the model the odds are
+/// calibrated.
 TEST(Health, the_probability_of_being_wrong_is_calibrated) {
   Health::Config config;
   config.mean_s_between_losses = 20.0;
@@ -211,9 +211,10 @@ TEST(Health, the_probability_of_being_wrong_is_calibrated) {
         const double r = uniform(rng, 0.0, 1.0) < share ? normal(rng, kSigma)
                                                         : uniform(rng, -0.5 * kSpan, 0.5 * kSpan);
         const double nis = r * r / (kSigma * kSigma);
-        health.hear(anchor(i), k * kStep,
-                    {nis > kLimit ? Verdict::kGated : Verdict::kFused, 1, nis, r, kSigma * kSigma},
-                    kLimit, kSpan);
+        health.record(
+            anchor(i), k * kStep,
+            {nis > kLimit ? Verdict::kGated : Verdict::kFused, 1, nis, r, kSigma * kSigma}, kLimit,
+            kSpan);
       }
     }
     said += health.wrong();
@@ -223,7 +224,7 @@ TEST(Health, the_probability_of_being_wrong_is_calibrated) {
   EXPECT_GT(wrong / kRuns, 0.05);
 }
 
-TEST(Health, counts_what_became_of_each_source) {
+TEST(Health, counts_the_outcomes_of_each_source) {
   Room room;
   room.health.start(0);
   room.listen(200, 3, 1, 5.0);
@@ -242,7 +243,7 @@ TEST(Health, counts_what_became_of_each_source) {
   EXPECT_NEAR(good.nis, 1.0, 0.7);
 }
 
-TEST(Health, started_anew_it_is_as_new) {
+TEST(Health, restarting_forgets_everything) {
   Room room;
   room.health.start(0);
   room.listen(100, 3, 3, -5.0);
@@ -255,8 +256,8 @@ TEST(Health, started_anew_it_is_as_new) {
   EXPECT_TRUE(room.health.sources().empty());
 }
 
-/// A fuzzer's risk of 1e-17 ended the program: 1 less a quarter of it is 1, whose quantile is
-/// infinite.
+/// A fuzzer's risk of 1e-17 ended the program: 1 minus a quarter of it rounds to 1, whose quantile
+/// is infinite.
 TEST(Health, levels_of_any_risk_are_finite_and_grow_as_it_shrinks) {
   double last = 0.0;
   for (const double risk : {0.1, 1e-2, 1e-3, 1e-9, 1e-17, 1e-100, 1e-300}) {
@@ -290,11 +291,11 @@ TEST(Health, bad_config_is_refused) {
                  "probability_found <= probability_lost");
 }
 
-TEST(Health, a_measurement_that_says_nothing_leaves_the_report_finite) {
+TEST(Health, a_measurement_without_information_leaves_the_report_finite) {
   Health health(Health::Config{});
   health.start(0, 0.0);
   for (int k = 1; k < 50; ++k) {
-    health.hear(anchor(0), k * kStep, {Verdict::kFused, 1, 9.0, 1e154, 1e307}, kLimit, kSpan);
+    health.record(anchor(0), k * kStep, {Verdict::kFused, 1, 9.0, 1e154, 1e307}, kLimit, kSpan);
   }
   const HealthReport report = health.report({50 * kStep, {}, 1e-6 * Matrix<3, 3>::Identity()});
   EXPECT_TRUE(std::isfinite(report.inflation));
@@ -314,7 +315,7 @@ TEST(Health, refuses_times_and_spans_that_leave_no_probability) {
   expect_refused([&] { health.start(std::numeric_limits<Stamp>::min(), 0.0); }, "stamp");
 }
 
-TEST(Health, a_start_that_is_refused_changes_nothing) {
+TEST(Health, a_refused_start_changes_nothing) {
   Room room;
   room.health.start(0);
   room.listen(20, 3, 0, 0.0);
@@ -328,7 +329,7 @@ TEST(Health, a_start_that_is_refused_changes_nothing) {
   room.health.advance(room.stamp + 1);
 }
 
-TEST(Health, refuses_an_estimate_of_a_stamp_that_is_none) {
+TEST(Health, refuses_an_estimate_at_an_invalid_stamp) {
   Health health(Health::Config{});
   health.start(-1000);
   expect_refused(
@@ -338,24 +339,24 @@ TEST(Health, refuses_an_estimate_of_a_stamp_that_is_none) {
       "stamp");
 }
 
-/// Nobody was heard within the time for which sources are remembered: their agreement was 0 / 0.
-TEST(Health, one_that_is_lost_and_hears_a_late_message_finds_itself_again) {
+/// No source published within the time for which sources are remembered: their agreement was 0 / 0.
+TEST(Health, recovers_from_lost_by_a_late_message) {
   Health health(Health::Config{});
   health.start(0);
   Stamp stamp = 610 * kStep;
   health.advance(stamp);
   ASSERT_TRUE(health.is_lost());
-  health.hear(anchor(0), stamp - 110 * kStep, of_residual(0.03), kLimit, kSpan);
+  health.record(anchor(0), stamp - 110 * kStep, of_residual(0.03), kLimit, kSpan);
   EXPECT_LE(health.wrong(), 1.0);
   for (int k = 0; k < 100; ++k) {
     stamp += kStep;
-    health.hear(anchor(k % 4), stamp, of_residual(0.03), kLimit, kSpan);
+    health.record(anchor(k % 4), stamp, of_residual(0.03), kLimit, kSpan);
   }
   EXPECT_FALSE(health.is_lost());
 }
 
 /// Rounding made it 1 + 2^-52: more than a limit of 1, so the source was excluded.
-TEST(Health, no_source_is_more_than_certainly_wrong) {
+TEST(Health, no_probability_of_a_faulty_source_exceeds_one) {
   Rng rng(3);
   for (int run = 0; run < 20000; ++run) {
     Health::Config config;
@@ -366,15 +367,14 @@ TEST(Health, no_source_is_more_than_certainly_wrong) {
     health.start(0);
     for (int k = 0; k < 14; ++k) {
       const double residual = std::sqrt(kScale * uniform(rng, 60.0, 1060.0));
-      health.hear(anchor(0), 0, of_residual(residual), kLimit, kSpan);
+      health.record(anchor(0), 0, of_residual(residual), kLimit, kSpan);
       ASSERT_LE(health.sources()[0].faulty, 1.0) << run;
       ASSERT_FALSE(health.is_excluded(anchor(0))) << run;
     }
   }
 }
 
-/// So few are wrong by themselves that a likelihood was divided by 0, or by what a double has no
-/// digits for.
+/// With so small an outlier share a likelihood was divided by 0 or by a denormal number.
 TEST(Health, refuses_a_share_that_leaves_no_likelihood) {
   Health::Config config;
   config.wrong_share = 5e-324;
@@ -382,11 +382,11 @@ TEST(Health, refuses_a_share_that_leaves_no_likelihood) {
 }
 
 /// The likelihood of a measurement that fits to the bit was infinite.
-TEST(Health, a_measurement_of_no_noise_leaves_probabilities) {
+TEST(Health, a_measurement_without_noise_leaves_valid_probabilities) {
   Health health(Health::Config{});
   health.start(0, 0.5);
-  health.hear({Source::kPoses, NamedSource::kNameless}, 0, {Verdict::kFused, 3, 0.0, 0.0, 1e-300},
-              kLimit, kSpan);
+  health.record({Source::kPoses, NamedSource::kUnnamed}, 0, {Verdict::kFused, 3, 0.0, 0.0, 1e-300},
+                kLimit, kSpan);
   EXPECT_GE(health.wrong(), 0.0);
   EXPECT_LE(health.wrong(), 1.0);
 }

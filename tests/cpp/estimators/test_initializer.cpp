@@ -30,7 +30,7 @@ struct Robot {
   testing::Rng rng{1};
   Stamp now = 0;
 
-  void hear(Initializer& initializer) {
+  void feed(Initializer& initializer) {
     for (const Tag& tag : tags) {
       const Vector<2> at = pose.act(tag.position.head<2>());
       for (const Anchor& anchor : anchors->anchors()) {
@@ -46,7 +46,7 @@ struct Robot {
     initializer.on(Increment{now, now + kTick, motion});
     pose = pose * motion;
     now += kTick;
-    hear(initializer);
+    feed(initializer);
   }
 };
 
@@ -58,7 +58,7 @@ Initializer initializer_of(const Robot& robot, const Initializer::Config& config
   return {config, estimator, robot.anchors, robot.tags, nullptr};
 }
 
-TEST(Initializer, has_nothing_to_say_before_it_has_heard_anything) {
+TEST(Initializer, has_nothing_to_say_before_the_first_message) {
   const Robot robot{{}, centred(), corners()};
   const Initializer initializer = initializer_of(robot);
   EXPECT_EQ(initializer.state().status, StartStatus::kWaiting);
@@ -148,7 +148,7 @@ TEST(Initializer, two_tags_know_the_heading_standing_still) {
   EXPECT_NEAR(angle_difference(initializer.estimator().pose().heading, 2.2), 0.0, 0.1);
 }
 
-/// Drives towards and away from a wall with two anchors; its mirror image hears the same.
+/// Drives towards and away from a wall with two anchors; its mirror image receives the same.
 Robot before_a_wall() {
   const auto wall = std::make_shared<const AnchorMap>(
       std::vector<Anchor>{{0, {0.0, 0.0, 1.0}}, {1, {6.0, 0.0, 1.0}}});

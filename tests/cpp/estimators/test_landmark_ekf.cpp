@@ -195,7 +195,7 @@ double nees_without_cross_covariance(std::uint64_t seed, bool with_it) {
       }
       const RangeBearingModel::Placed placed = model.place(belief.pose(body), z).value();
       const Matrix<2, 2> noise =
-          placed.by_sighting * model.noise(z) * placed.by_sighting.transpose();
+          placed.by_observation * model.noise(z) * placed.by_observation.transpose();
       const std::string name = std::to_string(*z.landmark);
       const Matrix<2, 2> own =
           placed.by_pose * belief.marginal(body) * placed.by_pose.transpose() + noise;
@@ -460,7 +460,7 @@ TEST(LandmarkEkf, an_unnamed_landmark_never_gets_a_name_that_is_taken) {
   EXPECT_EQ(ids, (std::vector<Id>{-5, -1, -20, -2}));
 }
 
-// One below the least of all numbers was to be the name of the next.
+// One below the smallest of all numbers was to be the name of the next.
 TEST(LandmarkEkf, any_number_is_a_name) {
   constexpr Id kLeast = std::numeric_limits<Id>::min();
   LandmarkEkf::Config config;

@@ -74,7 +74,7 @@ struct Errors {
   }
 };
 
-// Turned from cells into metres, it was symmetric but for rounding, and so was what came of it.
+// Rotated from cells to metres, they were symmetric only up to rounding.
 TEST(Mcl, covariances_are_symmetric_to_the_bit_on_a_turned_map) {
   const Drive run = drive(3, 1);
   Mcl mcl(config(), run.room.map, 0);
@@ -85,10 +85,10 @@ TEST(Mcl, covariances_are_symmetric_to_the_bit_on_a_turned_map) {
     EXPECT_TRUE(testing::is_covariance(hypothesis.estimate.covariance));
   }
   EXPECT_TRUE(testing::is_covariance(mcl.estimate().covariance));
-  EXPECT_TRUE(testing::is_covariance(mcl.spread().covariance));
+  EXPECT_TRUE(testing::is_covariance(mcl.overall_estimate().covariance));
 }
 
-// A step of 8e269 m, of a counter or a bit that flipped, made it infinite until the next start.
+// A step of 8e269 m, from a counter or a flipped bit, made it infinite until the next start.
 TEST(Mcl, a_step_beyond_all_limits_leaves_the_covariance_finite) {
   const Drive run = drive(3, 1);
   for (const double limit : {Limits{}.speed_mps, 1e12}) {
@@ -101,12 +101,12 @@ TEST(Mcl, a_step_beyond_all_limits_leaves_the_covariance_finite) {
     EXPECT_EQ(mcl.on(Increment{48'000'000'000, 96'000'000'000, {0.9, 0.9, 3.8}}).verdict,
               Verdict::kFused);
     EXPECT_TRUE(testing::is_covariance(mcl.estimate().covariance));
-    EXPECT_TRUE(testing::is_covariance(mcl.spread().covariance));
+    EXPECT_TRUE(testing::is_covariance(mcl.overall_estimate().covariance));
   }
 }
 
-// Only the best cluster was carried on, so that with what the others add it was no covariance.
-TEST(Mcl, what_all_particles_spread_over_is_carried_on_as_a_whole) {
+// Only the best cluster was propagated; with the share of the others it was not a covariance.
+TEST(Mcl, the_covariance_of_all_particles_is_propagated_as_a_whole) {
   const Drive run = drive(3, 1);
   Mcl mcl(config(), run.room.map, 0);
   PoseHypothesis vague = near(run.room.middle, 0.05, 1.5);
@@ -114,17 +114,17 @@ TEST(Mcl, what_all_particles_spread_over_is_carried_on_as_a_whole) {
   vague.probability = 0.6;
   sharp.probability = 0.4;
   mcl.start_at({vague, sharp});
-  const PoseEstimate here = mcl.spread();
+  const PoseEstimate here = mcl.overall_estimate();
   ASSERT_GT(here.covariance(2, 2), 0.5);
   mcl.on(Increment{0, 1'000'000'000, {30.0, 0.0, 0.0}});
-  const PoseEstimate there = mcl.spread();
+  const PoseEstimate there = mcl.overall_estimate();
   EXPECT_TRUE(testing::is_covariance(there.covariance)) << there.covariance;
-  // Whatever the heading is off by moves the end of the way sideways.
+  // A heading error moves the end of the path sideways.
   EXPECT_GT(there.covariance(1, 1) + there.covariance(0, 0), 900.0 * 0.5);
   EXPECT_NEAR(there.covariance(2, 2), here.covariance(2, 2), 0.1);
 }
 
-TEST(Mcl, tracks_to_centimetres_and_knows_how_well) {
+TEST(Mcl, tracks_to_centimetres_with_consistent_covariance) {
   Errors errors;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     const Drive run = drive(seed, 60);
@@ -146,12 +146,12 @@ TEST(Mcl, tracks_to_centimetres_and_knows_how_well) {
               errors.nees / errors.count);
   EXPECT_LE(rmse, 0.04);
   EXPECT_LE(heading, 1.0);
-  // Scans share the map's rounding, so it says less than it knows; never more.
+  // Scans share the map's rounding, so the covariance is conservative, never optimistic.
   EXPECT_LE(errors.nees / errors.count, 3.5);
   EXPECT_GE(errors.nees / errors.count, 0.3);
 }
 
-TEST(Mcl, tracks_by_how_far_beams_go_as_well) {
+TEST(Mcl, tracks_with_the_beam_model_as_well) {
   for (const bool zhang : {false, true}) {
     Errors errors;
     for (std::uint64_t seed = 1; seed <= 4; ++seed) {
@@ -159,7 +159,7 @@ TEST(Mcl, tracks_by_how_far_beams_go_as_well) {
       Mcl::Config by_beams = config(seed);
       by_beams.min_particles = by_beams.max_particles = 500;
       by_beams.likelihood = Mcl::Likelihood::kBeams;
-      by_beams.beam_model = zhang ? BeamModel::zhang() : BeamModel::Config{};
+      by_beams.beam_model = zhang ? BeamModel::gaussian_and_no_return() : BeamModel::Config{};
       Mcl mcl(by_beams, run.room.map, 0);
       mcl.start_at({near(run.truth[0], 0.2, 0.1)});
       for (std::size_t i = 0; i < run.scans.size(); ++i) {
@@ -176,7 +176,7 @@ TEST(Mcl, tracks_by_how_far_beams_go_as_well) {
   }
 }
 
-TEST(Mcl, finds_itself_anywhere_and_is_not_ready_before) {
+TEST(Mcl, localizes_globally_and_is_not_ready_before) {
   int found = 0;
   int ready_and_wrong = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
@@ -195,19 +195,19 @@ TEST(Mcl, finds_itself_anywhere_and_is_not_ready_before) {
         found += static_cast<int>(right && mcl.ready());
       }
     }
-    EXPECT_LT(mcl.belief().size, 2000);  // few are needed in the end
+    EXPECT_LT(mcl.belief().size, 2000);  // few are needed once it is localized
   }
   EXPECT_GE(found, 19);
   EXPECT_LE(ready_and_wrong, 12);  // of 1200
 }
 
-TEST(Mcl, finds_itself_again_after_it_was_carried_away) {
+TEST(Mcl, relocalizes_after_a_kidnapping) {
   int recovered = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     Drive run = drive(200 + seed, 120);
     Mcl::Config settings = config(seed);
     settings.max_particles = 5000;
-    settings.most_drop = 1.0;  // the map is exact, and the room so small that any place fits a bit
+    settings.most_drop = 1.0;  // the map is exact, and in so small a room any place fits a little
     Mcl mcl(settings, run.room.map, 0);
     mcl.start_at({near(run.truth[0], 0.2, 0.1)});
     for (std::size_t i = 0; i < run.scans.size(); ++i) {
@@ -224,7 +224,7 @@ TEST(Mcl, finds_itself_again_after_it_was_carried_away) {
   EXPECT_GE(recovered, 19);
 }
 
-/// A room that looks the same from two poses, and a robot that nobody told where it is.
+/// A room that looks the same from two poses, and a robot without a start.
 struct TwinRoom {
   TwinRoom() { testing::add_box(walls, {}, 8.0, 5.0); }
 
@@ -243,7 +243,7 @@ struct TwinRoom {
     }
   }
 
-  /// Whether both poses have that probability and are found so well.
+  /// Expects both poses among the hypotheses, within `off` and above `probability`.
   void expect_both(const Mcl& mcl, double off, double probability) const {
     for (const Pose2& fits : {pose, Pose2{0.0, 0.0, kPi} * pose}) {
       const bool there = std::any_of(
@@ -258,7 +258,7 @@ struct TwinRoom {
   Pose2 pose{-1.0, -1.0, 0.3};
 };
 
-TEST(Mcl, says_that_two_poses_fit_in_a_room_that_looks_the_same_from_both) {
+TEST(Mcl, reports_both_poses_of_a_symmetric_room) {
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     SCOPED_TRACE(seed);
     Rng rng(seed);
@@ -274,9 +274,9 @@ TEST(Mcl, says_that_two_poses_fit_in_a_room_that_looks_the_same_from_both) {
   }
 }
 
-// Resampled all together, one of the two died by chance within some metres, and the other was
+// With resampling across bins one of the two died by chance within some metres, and the other was
 // ready.
-TEST(Mcl, of_two_poses_that_fit_alike_none_dies_by_chance) {
+TEST(Mcl, of_two_poses_that_fit_equally_none_dies_by_chance) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     SCOPED_TRACE(seed);
     Rng rng(seed);
@@ -322,7 +322,7 @@ TEST(Mcl, a_copy_is_a_snapshot) {
   EXPECT_EQ(copy.belief().weight, mcl.belief().weight);
 }
 
-TEST(Mcl, a_scan_amid_a_motion_sees_its_share_of_the_arc) {
+TEST(Mcl, a_scan_during_an_increment_uses_its_part_of_the_arc) {
   const Drive run = drive(9, 1);
   Mcl mcl(config(), run.room.map, 0);
   mcl.start_at({near(run.truth[0], 1e-4, 1e-5)});
@@ -337,7 +337,7 @@ TEST(Mcl, a_scan_amid_a_motion_sees_its_share_of_the_arc) {
   EXPECT_LT(local(end.pose, run.truth[0] * arc(0.4, 0.0, 0.2)).norm(), 0.1);
 }
 
-TEST(Mcl, standing_still_the_same_scan_is_no_news) {
+TEST(Mcl, a_second_scan_without_motion_is_not_used) {
   const Drive run = drive(10, 1);
   Mcl mcl(config(), run.room.map, 0);
   LaserScan scan = run.scans[0];
@@ -350,7 +350,7 @@ TEST(Mcl, standing_still_the_same_scan_is_no_news) {
   EXPECT_EQ(mcl.on(scan).verdict, Verdict::kStale);
 }
 
-TEST(Mcl, a_body_that_was_just_started_reads_ten_scans_where_it_stands) {
+TEST(Mcl, after_a_start_ten_stationary_scans_are_used) {
   const Drive run = drive(10, 1);
   Mcl mcl(config(), run.room.map, 0);
   mcl.start_at({near(run.truth[1], 0.3, 0.1)});
@@ -364,7 +364,7 @@ TEST(Mcl, a_body_that_was_just_started_reads_ten_scans_where_it_stands) {
   EXPECT_LT(local(mcl.estimate().pose, run.truth[1]).head<2>().norm(), 0.1);
 }
 
-TEST(Mcl, draws_about_a_match_leave_the_belief_what_it_is) {
+TEST(Mcl, the_scan_matching_proposal_leaves_the_belief_unchanged) {
   Vector<3> apart = Vector<3>::Zero();
   Vector<3> wider = Vector<3>::Zero();
   constexpr int kRuns = 10;
@@ -393,7 +393,7 @@ TEST(Mcl, draws_about_a_match_leave_the_belief_what_it_is) {
   }
 }
 
-TEST(Mcl, takes_the_particles_that_it_gave) {
+TEST(Mcl, starts_with_its_own_particles) {
   const Drive run = drive(16, 1);
   Mcl mcl(config(), run.room.map, 0);
   Matrix<4, Eigen::Dynamic> columns(4, 3);
@@ -425,7 +425,7 @@ TEST(Mcl, ranges_and_fixes_and_poses_weigh_particles) {
   Mcl::Config settings = config();
   settings.max_particles = 20'000;
   Mcl mcl(settings, run.room.map, 0, anchors, {Tag{0, {0.0, 0.0, 1.0}}});
-  for (int epoch = 0; epoch < 3; ++epoch) {  // what few particles cannot hold is taken in pieces
+  for (int epoch = 0; epoch < 3; ++epoch) {  // few particles take in information in parts
     for (const Anchor& anchor : rows) {
       const Vector<3> tag(truth.x, truth.y, 1.0);
       EXPECT_EQ(mcl.on(Range{0, 0, anchor.id, (anchor.position - tag).norm(), 0.1}).verdict,
@@ -433,7 +433,7 @@ TEST(Mcl, ranges_and_fixes_and_poses_weigh_particles) {
     }
   }
   EXPECT_EQ(mcl.on(Range{0, 0, 99, 3.0, 0.1}).verdict, Verdict::kNotModelled);
-  // An anchor in the origin at the height of the tag was once taken for one that is not known.
+  // An anchor in the origin at the height of the tag was once taken for an unknown one.
   const auto origin = std::make_shared<const AnchorMap>(std::vector<Anchor>{{0, {0.0, 0.0, 1.0}}});
   Mcl at_origin(settings, run.room.map, 0, origin, {Tag{0, {0.0, 0.0, 1.0}}});
   EXPECT_EQ(at_origin.on(Range{0, 0, 0, 3.0, 0.1}).verdict, Verdict::kFused);
@@ -451,7 +451,7 @@ TEST(Mcl, ranges_and_fixes_and_poses_weigh_particles) {
   EXPECT_EQ(mcl.on(PoseObservation{0, truth, 0.01 * Matrix<3, 3>::Identity()}).verdict,
             Verdict::kFused);
   EXPECT_LT((mcl.estimate().pose.position() - truth.position()).norm(), 0.15);
-  // A fix of tag 1 is behind the body; one of a tag that nobody knows says nothing.
+  // A fix of tag 1 is behind the body; one of an unknown tag is not used.
   Mcl with_tag(settings, run.room.map, 0, nullptr, {Tag{1, {-1.0, 0.0, 0.0}}});
   with_tag.start_at({{{0, truth, 0.01 * Matrix<3, 3>::Identity()}, 1.0}});
   fix.position = truth.act({-1.0, 0.0});
@@ -471,8 +471,8 @@ TEST(Mcl, landmarks_weigh_particles_with_and_without_a_name) {
   for (int i = 0; i < 4; ++i) {
     posts.push_back({i, run.room.middle.act({i % 2 == 0 ? -4.0 : 4.0, i < 2 ? -3.0 : 2.0 + i})});
   }
-  const LandmarkSight sight{std::make_shared<const LandmarkMap>(posts), {0.2, 0.0, 0.3}};
-  const RangeBearingModel model({0.1, 0.05}, sight.sensor_in_body);
+  const LandmarkSensor sight{std::make_shared<const LandmarkMap>(posts), {0.2, 0.0, 0.3}};
+  const RangeBearingModel model({0.1, 0.05}, sight.T_body_sensor);
   for (const bool named : {true, false}) {
     Mcl::Config settings = config();
     settings.max_particles = 20'000;
@@ -510,7 +510,7 @@ TEST(Mcl, without_odometry_the_belief_spreads) {
   EXPECT_GT(mcl.estimate().covariance(0, 0), before);
 }
 
-TEST(Mcl, one_particle_is_a_belief_and_none_is_refused) {
+TEST(Mcl, one_particle_is_enough_and_none_is_refused) {
   const Drive run = drive(13, 3);
   Mcl::Config one = config();
   one.min_particles = one.max_particles = 1;
@@ -535,7 +535,7 @@ TEST(Mcl, bad_input_is_refused_and_changes_nothing) {
   scan.ranges.clear();
   EXPECT_EQ(mcl.on(scan).verdict, Verdict::kNotModelled);
   scan.ranges = {1.0, 0.0, 1e300};
-  EXPECT_EQ(mcl.on(scan).verdict, Verdict::kFused);  // another count of beams is a scan, too
+  EXPECT_EQ(mcl.on(scan).verdict, Verdict::kFused);  // the number of beams may change
   scan.geometry = nullptr;
   EXPECT_THROW(mcl.on(scan), std::invalid_argument);
   Increment wrong = run.increments[0];
@@ -586,7 +586,7 @@ TEST(Mcl, a_robot_off_the_map_or_in_a_wall_leaves_numbers_finite) {
   }
 }
 
-TEST(Mcl, one_particle_on_a_map_that_is_known_has_a_covariance) {
+TEST(Mcl, one_particle_on_an_exact_map_has_a_covariance) {
   const Drive run = drive(3, 1);
   Mcl::Config c = config();
   c.sigma_map_m = c.sigma_map_rad = 0.0;
@@ -595,7 +595,7 @@ TEST(Mcl, one_particle_on_a_map_that_is_known_has_a_covariance) {
   EXPECT_TRUE(testing::is_covariance(mcl.estimate().covariance));
 }
 
-/// What the way there added to a variance the way back took off, and more by rounding.
+/// The way back subtracted what the way there had added to a variance, and more by rounding.
 TEST(Mcl, a_long_way_there_and_back_leaves_a_covariance) {
   const Drive run = drive(3, 1);
   Mcl::Config c = config();
@@ -609,7 +609,7 @@ TEST(Mcl, a_long_way_there_and_back_leaves_a_covariance) {
   EXPECT_TRUE(testing::is_covariance(mcl.estimate().covariance));
 }
 
-TEST(Mcl, a_body_that_is_farther_off_the_map_than_an_integer_counts_reads_a_scan) {
+TEST(Mcl, a_scan_farther_off_the_map_than_an_integer_counts_is_accepted) {
   const Drive run = drive(3, 1);
   for (const Mcl::Likelihood likelihood : {Mcl::Likelihood::kField, Mcl::Likelihood::kBeams}) {
     Mcl::Config c = config();
@@ -643,7 +643,7 @@ TEST(Mcl, a_fix_of_a_variance_without_a_root_leaves_health_finite) {
   }
 }
 
-TEST(Mcl, without_outliers_what_fits_nowhere_is_weighed_alike) {
+TEST(Mcl, without_outliers_a_measurement_that_fits_nowhere_keeps_weights_equal) {
   const Drive run = drive(3, 1);
   Mcl::Config c = config();
   c.outlier_share = 0.0;
@@ -653,8 +653,8 @@ TEST(Mcl, without_outliers_what_fits_nowhere_is_weighed_alike) {
   EXPECT_NO_THROW(mcl.on(PositionFix{1, off, 0.01 * Matrix<2, 2>::Identity()}));
 }
 
-/// A match was used after particles had been moved, though it left no noise to draw from: the next
-/// scan moved them once more.
+/// A match without noise to draw from was detected only after particles had moved: the next scan
+/// moved them once more.
 TEST(Mcl, odometry_without_noise_moves_particles_once) {
   const Drive run = drive(3, 8);
   Mcl::Config c = config();

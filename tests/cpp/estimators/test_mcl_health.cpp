@@ -22,8 +22,8 @@ struct Robot {
   Pose2 pose;
   Mcl mcl;
   Stamp stamp = 0;
-  double cover = 0.0;  // share of the beams that something hides
-  bool blind = false;  // nothing comes back at all
+  double cover = 0.0;  // share of the beams that something covers
+  bool blind = false;  // no returns at all
 
   explicit Robot(std::uint64_t seed, const Mcl::Config& config = {})
       : rng(seed),
@@ -36,10 +36,10 @@ struct Robot {
   void step(int count) {
     for (int k = 0; k < count; ++k) {
       const Pose2 motion = arc(0.1, 0.0, 0.1);
-      const Pose2 told{motion.x + normal(rng, 0.005), motion.y + normal(rng, 0.002),
-                       motion.heading + normal(rng, 0.005)};
+      const Pose2 odometry{motion.x + normal(rng, 0.005), motion.y + normal(rng, 0.002),
+                           motion.heading + normal(rng, 0.005)};
       pose = pose * motion;
-      mcl.on(Increment{stamp, stamp + kStep, told});
+      mcl.on(Increment{stamp, stamp + kStep, odometry});
       stamp += kStep;
       look();
     }
@@ -69,7 +69,7 @@ struct Robot {
   }
 };
 
-TEST(MclHealth, is_initializing_until_it_is_found_and_then_ok) {
+TEST(MclHealth, is_initializing_until_it_converges_and_then_ok) {
   Robot robot(1);
   EXPECT_EQ(robot.mcl.health().state, HealthState::kInitializing);
   EXPECT_EQ(robot.mcl.health().wrong, 1.0);
@@ -92,7 +92,7 @@ TEST(MclHealth, is_initializing_until_it_is_found_and_then_ok) {
   EXPECT_NEAR(scans.interval, 0.2, 1e-9);
 }
 
-TEST(MclHealth, anywhere_in_a_room_that_looks_the_same_from_both_sides_it_is_ambiguous) {
+TEST(MclHealth, is_ambiguous_in_a_symmetric_room) {
   testing::Walls walls;
   testing::add_box(walls, {}, 8.0, 5.0);
   Mcl::Config config;
@@ -109,11 +109,11 @@ TEST(MclHealth, anywhere_in_a_room_that_looks_the_same_from_both_sides_it_is_amb
     mcl.on(scan);
   }
   EXPECT_EQ(mcl.health().state, HealthState::kAmbiguous);
-  EXPECT_EQ(mcl.health().clue, HealthClue::kSeveralPlaces);
+  EXPECT_EQ(mcl.health().reason, HealthReason::kSeveralPlaces);
   EXPECT_TRUE(std::isinf(mcl.health().protection.x()));
 }
 
-TEST(MclHealth, carried_off_it_is_lost_within_two_seconds_and_ok_once_it_is_found) {
+TEST(MclHealth, a_kidnapping_is_detected_within_two_seconds_and_health_recovers) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     Robot robot(seed);
     robot.step(100);
@@ -137,10 +137,10 @@ TEST(MclHealth, carried_off_it_is_lost_within_two_seconds_and_ok_once_it_is_foun
   }
 }
 
-/// Without being told that it is lost it took 97 to 176 steps.
-TEST(MclHealth, what_is_lost_looks_for_its_place) {
+/// Before particles used health it took 97 to 176 steps.
+TEST(MclHealth, lost_health_starts_recovery) {
   Mcl::Config config;
-  config.most_drop = 1e6;  // so that particles are not doubted by themselves
+  config.most_drop = 1e6;  // so that only health can declare it lost
   config.min_explained = 0.0;
   for (std::uint64_t seed = 1; seed <= 12; ++seed) {
     Robot robot(seed, config);
@@ -151,8 +151,8 @@ TEST(MclHealth, what_is_lost_looks_for_its_place) {
   }
 }
 
-/// The pose is right, and so it is not doubted; without the cover left out it was dragged to walls.
-TEST(MclHealth, a_cover_is_named_and_the_pose_believed) {
+/// With the covered returns in the scan the pose was dragged to walls.
+TEST(MclHealth, a_covered_laser_is_named_and_the_pose_trusted) {
   for (const double cover : {0.35, 1.0}) {
     Robot robot(4);
     robot.step(100);
@@ -162,7 +162,7 @@ TEST(MclHealth, a_cover_is_named_and_the_pose_believed) {
     robot.step(40);
     const HealthReport report = robot.mcl.health();
     EXPECT_EQ(report.state, hides_all ? HealthState::kDeadReckoning : HealthState::kDegraded);
-    EXPECT_EQ(report.clue, HealthClue::kLaserIsCovered);
+    EXPECT_EQ(report.reason, HealthReason::kLaserIsCovered);
     ASSERT_TRUE(report.source);
     EXPECT_EQ(report.source->kind, Source::kScans);
     EXPECT_LT(report.wrong, 0.01);
@@ -174,20 +174,19 @@ TEST(MclHealth, a_cover_is_named_and_the_pose_believed) {
   }
 }
 
-TEST(MclHealth, a_laser_that_sees_nothing_is_silent) {
+TEST(MclHealth, a_laser_without_returns_is_silent) {
   Robot robot(5);
   robot.step(100);
   robot.blind = true;
   robot.step(15);
   EXPECT_EQ(robot.mcl.health().state, HealthState::kDeadReckoning);
-  EXPECT_EQ(robot.mcl.health().clue, HealthClue::kSilence);
+  EXPECT_EQ(robot.mcl.health().reason, HealthReason::kSilence);
   robot.step(300);
   EXPECT_EQ(robot.mcl.health().state, HealthState::kLost);
 }
 
-/// Scans that are no news to particles are still looked at: nobody notices a robot carried off
-/// while its wheels stand otherwise.
-TEST(MclHealth, carried_off_while_it_stands_it_is_lost) {
+/// Health reads scans that weigh no particles, too.
+TEST(MclHealth, a_kidnapping_at_standstill_is_detected) {
   Robot robot(6);
   robot.step(100);
   for (int k = 0; k < 100; ++k) {
@@ -201,7 +200,7 @@ TEST(MclHealth, carried_off_while_it_stands_it_is_lost) {
   EXPECT_EQ(robot.mcl.health().state, HealthState::kLost);
 }
 
-/// No motion over no spacing was not a number, and so was the probability of being wrong.
+/// No motion over a spacing of 0 was NaN, and so was the probability of being wrong.
 TEST(MclHealth, every_scan_may_weigh_particles) {
   Mcl::Config config;
   config.spacing_m = config.spacing_heading_rad = 0.0;
@@ -214,7 +213,7 @@ TEST(MclHealth, every_scan_may_weigh_particles) {
   EXPECT_EQ(robot.mcl.health().state, HealthState::kOk);
 }
 
-TEST(MclHealth, poses_speak_by_their_innovations) {
+TEST(MclHealth, poses_are_recorded_by_their_innovations) {
   Robot robot(7);
   robot.step(60);
   PoseObservation z;

@@ -75,12 +75,12 @@ Consistency measure(Parts parts, double factor = 1.0) {
     PoseEkf ekf = ekf_at({0, body, sigma.cwiseAbs2().asDiagonal()}, config);
     body = retract(body, {normal(rng, 0.1), normal(rng, 0.1), normal(rng, 0.05)});
     for (int i = 0; i < 100; ++i) {
-      const Pose2 told = arc(0.05, 0.0, 0.025);
-      const Matrix<3, 3> Q = motion.propagate({}, told, 0.1).noise;
+      const Pose2 odometry = arc(0.05, 0.0, 0.025);
+      const Matrix<3, 3> Q = motion.propagate({}, odometry, 0.1).noise;
       const Vector<3> off =
           Q.llt().matrixL() * Vector<3>{normal(rng, 1.0), normal(rng, 1.0), normal(rng, 1.0)};
-      body = body * retract(told, off);
-      ekf.on(Increment{i * kStep, (i + 1) * kStep, told});
+      body = body * retract(odometry, off);
+      ekf.on(Increment{i * kStep, (i + 1) * kStep, odometry});
       for (const Landmark& post : posts()->landmarks()) {
         RangeBearing z = sighting(body, post, (i + 1) * kStep);
         *z.range += factor * normal(rng, 0.05);
@@ -112,7 +112,7 @@ TEST(PoseEkf, on_landmarks_errors_are_as_large_as_it_believes) {
   }
 }
 
-TEST(PoseEkf, on_landmarks_seen_thrice_as_badly_as_told_shows) {
+TEST(PoseEkf, on_landmarks_observed_thrice_as_badly_as_reported_shows) {
   const Consistency result = measure(Parts::kBoth, 3.0);
   EXPECT_FALSE(in_band(result.nees, 3, 50)) << result.nees;
   EXPECT_GT(result.nis, 5.0);
@@ -127,8 +127,8 @@ double information_of_turn(const PoseEkf& ekf, const Vector<2>& about) {
 }
 
 // One landmark leaves a turn about it open. A textbook EKF learns of it all the same, from
-// sightings linearized here and there, and ends sure of a wrong heading: NEES 37 of 3 in the
-// simulator of gadau2022.
+// sightings linearized here and there, and ends with a wrong heading and a small sigma: NEES 37 of
+// 3 in the simulator of gadau2022.
 TEST(PoseEkf, of_one_landmark_it_never_learns_how_the_world_is_turned) {
   const Landmark& post = posts()->landmarks().front();
   const Pose2 truth{-1.0, 2.0, 0.4};
@@ -169,7 +169,7 @@ TEST(PoseEkf, sightings_together_tell_where_each_alone_is_of_the_wrong_landmark)
   for (int k = 0; k < 12; ++k) {
     ring.push_back({k, 5.0 * Vector<2>(std::cos(k * kPi / 6.0), std::sin(k * kPi / 6.0))});
   }
-  ring.push_back({12, {2.0, 1.0}});  // the one that tells
+  ring.push_back({12, {2.0, 1.0}});  // the one that decides
   const auto map = std::make_shared<const LandmarkMap>(ring);
   const Vector<3> sigma(0.05, 0.05, 0.5);
   const Pose2 body{0.0, 0.0, 0.35};

@@ -117,32 +117,32 @@ TEST(PoseEkf, increments_in_shares_have_the_covariance_of_a_straight_whole) {
   expect_near(difference, Matrix<3, 3>(Matrix<3, 3>::Zero()), 1e-16);
 }
 
-/// After 4 s on an arc of 2 m and 1.2 rad, told in `messages` pieces.
-template <class Tell>
-PoseEstimate after_an_arc(int messages, const Tell& tell) {
+/// After 4 s on an arc of 2 m and 1.2 rad, sent in `messages` pieces.
+template <class Feed>
+PoseEstimate after_an_arc(int messages, const Feed& feed) {
   PoseEkf ekf = ekf_at(kStart, patient());
   for (int i = 0; i < messages; ++i) {
-    tell(ekf, 4 * kSecond * i / messages, 4 * kSecond * (i + 1) / messages);
+    feed(ekf, 4 * kSecond * i / messages, 4 * kSecond * (i + 1) / messages);
   }
   return ekf.estimate(4 * kSecond);
 }
 
-PoseEstimate told_in_increments(int messages) {
+PoseEstimate after_increments(int messages) {
   const Pose2 share = arc_share(arc(2.0, 0.0, 1.2), 1.0 / messages);
   return after_an_arc(messages, [&](PoseEkf& ekf, Stamp begin, Stamp end) {
     ekf.on(Increment{begin, end, share});
   });
 }
 
-PoseEstimate told_in_velocities(int messages) {
+PoseEstimate after_velocities(int messages) {
   return after_an_arc(messages, [](PoseEkf& ekf, Stamp begin, Stamp) {
     ekf.on(Velocity{begin, 0.5, 0.3});
   });
 }
 
 TEST(PoseEkf, the_same_drive_is_as_uncertain_at_any_message_rate) {
-  const PoseEstimate slow = told_in_increments(40);
-  for (const PoseEstimate& fast : {told_in_increments(4000), told_in_velocities(4000)}) {
+  const PoseEstimate slow = after_increments(40);
+  for (const PoseEstimate& fast : {after_increments(4000), after_velocities(4000)}) {
     expect_pose_near(fast.pose, slow.pose, 1e-12);
     // 10 Hz sees chords instead of arcs and leaves out what heading noise does within a step.
     EXPECT_NEAR(fast.covariance(2, 2), slow.covariance(2, 2), 1e-6);
@@ -152,13 +152,13 @@ TEST(PoseEkf, the_same_drive_is_as_uncertain_at_any_message_rate) {
 }
 
 TEST(PoseEkf, an_increment_and_the_velocity_of_its_arc_leave_the_same_belief) {
-  const PoseEstimate increments = told_in_increments(80);
-  const PoseEstimate velocities = told_in_velocities(80);
+  const PoseEstimate increments = after_increments(80);
+  const PoseEstimate velocities = after_velocities(80);
   expect_pose_near(velocities.pose, increments.pose, 1e-13);
   expect_near(velocities.covariance, increments.covariance, 1e-14);
 }
 
-TEST(PoseEkf, an_increment_heard_of_late_counts_with_the_share_that_is_left) {
+TEST(PoseEkf, an_increment_received_late_counts_with_the_share_that_is_left) {
   PoseEkf ekf = ekf_at(kStart);
   ekf.advance_to(at(0.25));  // it stood, for all it knew
   const Pose2 motion{1.0, 0.2, 0.8};
@@ -168,7 +168,7 @@ TEST(PoseEkf, an_increment_heard_of_late_counts_with_the_share_that_is_left) {
 
 TEST(PoseEkf, translation_and_rotation_follow_equation_6_of_ekim2020) {
   PoseEkf ekf = ekf_at(kStart);
-  ekf.on(Increment::from_trans_rot(0, kSecond, 0.8, 0.3));
+  ekf.on(Increment::from_drive_then_turn(0, kSecond, 0.8, 0.3));
   expect_pose_near(ekf.estimate().pose,
                    {1.0 + 0.8 * std::cos(0.5), 2.0 + 0.8 * std::sin(0.5), 0.5 + 0.3}, 1e-15);
 }
@@ -205,7 +205,7 @@ TEST(PoseEkf, after_an_increment_its_rate_is_held_and_then_it_stands) {
   expect_pose_near(ekf.estimate(9 * kSecond).pose, kStart * arc_share(motion, 1.5), 1e-14);
 }
 
-TEST(PoseEkf, what_an_increment_told_and_what_is_held_of_it_are_two_steps) {
+TEST(PoseEkf, what_an_increment_measured_and_what_is_held_of_it_are_two_steps) {
   PoseEkf at_once = ekf_at(kStart);
   at_once.on(Increment{0, kSecond, {1.0, 0.0, 0.6}});
   PoseEkf in_steps = at_once;
@@ -233,7 +233,7 @@ TEST(PoseEkf, spreads_from_the_end_of_the_hold_whatever_odometry_said_last) {
     }
   };
   PoseEkf ekf = ekf_at(kStart, config);
-  expect_spread(ekf, 2.5);  // never heard of odometry
+  expect_spread(ekf, 2.5);  // never received odometry
   ekf.on(Increment{0, kSecond, {0.5, 0.0, 0.2}});
   expect_spread(ekf, 1.5);
   ekf.on(Velocity{2 * kSecond, 0.5, 0.2});

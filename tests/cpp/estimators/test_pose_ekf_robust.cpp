@@ -146,7 +146,7 @@ TEST(RobustPoseEkf, refuses_what_has_no_long_side) {
                  "fuse them one by one");
 }
 
-// What the fix leaves in doubt was a difference of numbers 1e18 times as large.
+// The spread that the fix leaves was a difference of numbers 1e18 times as large.
 TEST(RobustPoseEkf, a_fix_after_an_exact_range_leaves_a_covariance) {
   PoseEkf::Config config;
   config.robust_position = NoiseKind::kCauchy;

@@ -89,11 +89,11 @@ struct Drive {
 
   void step(RecoveringEkf& ekf, const std::vector<Vector<2>>& posts) {
     const Pose2 motion = arc(0.04, 0.0, 0.03);
-    const Pose2 told{motion.x + normal(rng, 0.03 * std::sqrt(0.04)),
-                     motion.y + normal(rng, 0.01 * std::sqrt(0.04)),
-                     motion.heading + normal(rng, 0.02 * std::sqrt(0.04))};
+    const Pose2 odometry{motion.x + normal(rng, 0.03 * std::sqrt(0.04)),
+                         motion.y + normal(rng, 0.01 * std::sqrt(0.04)),
+                         motion.heading + normal(rng, 0.02 * std::sqrt(0.04))};
     truth = truth * motion;
-    ekf.on(Increment{stamp, stamp + kStep, told});
+    ekf.on(Increment{stamp, stamp + kStep, odometry});
     stamp += kStep;
     ekf.on_joint(look(posts));
   }
@@ -137,7 +137,7 @@ TEST(RecoveringEkf, notices_that_it_was_carried_off_and_finds_itself_again) {
     while (ekf.alarms() == 0 && ++steps < 20) {
       drive.step(ekf, kPosts);
     }
-    EXPECT_LE(steps, 7) << seed;  // half a second of doubt
+    EXPECT_LE(steps, 7) << seed;  // suspicion lasts half a second
     for (int k = 0; k < 30; ++k) {
       drive.step(ekf, kPosts);
     }
@@ -187,7 +187,7 @@ TEST(RecoveringEkf, notices_a_third_that_fits_nothing_where_two_fit) {
   while (ekf.alarms() == 0 && ++steps < 20) {
     drive.step(ekf, three);
   }
-  EXPECT_LT(steps, 15);  // half a second of them in doubt
+  EXPECT_LT(steps, 15);  // half a second of them under suspicion
   for (int k = 0; k < 20; ++k) {
     drive.step(ekf, three);
   }
@@ -242,7 +242,7 @@ TEST(RecoveringEkf, a_wrong_sighting_among_the_first_is_outvoted) {
 }
 
 /// A camera that reports one after the other: what is seen again says nothing new, a new name does.
-TEST(RecoveringEkf, names_told_at_different_stamps_are_evidence_each) {
+TEST(RecoveringEkf, names_at_different_stamps_are_evidence_each) {
   const std::vector<Vector<2>> square{{0.0, 0.0}, {8.0, 0.0}, {8.0, 8.0}, {0.0, 8.0}};
   RecoveringEkf ekf = robot_among(square);
   Drive drive(3);
@@ -310,8 +310,8 @@ TEST(RecoveringEkf, position_fixes_find_it_again_too) {
   EXPECT_LT(drive.off(ekf), 0.2);
 }
 
-/// A robot in a hall with four anchors that hears none of them for longer than `invalid_s`, while
-/// its wheels spin for half a minute: they tell a longer way, and straight on.
+/// A robot in a hall with four anchors that receives none of them for longer than `invalid_s`,
+/// while its wheels spin for half a minute: they report a longer way, and straight on.
 struct Outage {
   static constexpr double kBegins = 10.0;
   static constexpr double kEnds = 80.0;
@@ -327,19 +327,19 @@ struct Outage {
     ekf.start_at({0, truth, 0.01 * Matrix<3, 3>::Identity()});
   }
 
-  void step(bool hears, bool spins) {
+  void step(bool receives, bool spins) {
     const double home = wrap_angle(std::atan2(-truth.y, -truth.x) - truth.heading);
     const bool is_far = truth.position().norm() > 6.0;
     const Pose2 motion = arc(0.05, 0.0, is_far ? 0.15 * std::min(std::max(home, -1.0), 1.0) : 0.03);
     truth = truth * motion;
     const double turn = std::sqrt(0.0004 * 0.05 + 0.0009 * std::abs(motion.heading));
-    const Pose2 told{motion.x + normal(rng, 0.03 * std::sqrt(0.05)) + (spins ? 0.03 : 0.0),
-                     motion.y + normal(rng, 0.01 * std::sqrt(0.05)),
-                     (spins ? 0.0 : motion.heading) + normal(rng, turn)};
+    const Pose2 odometry{motion.x + normal(rng, 0.03 * std::sqrt(0.05)) + (spins ? 0.03 : 0.0),
+                         motion.y + normal(rng, 0.01 * std::sqrt(0.05)),
+                         (spins ? 0.0 : motion.heading) + normal(rng, turn)};
     const Stamp begin = steps++ * kStep;
-    ekf.on(Increment{begin, begin + kStep, told});
+    ekf.on(Increment{begin, begin + kStep, odometry});
     compare();
-    for (Id anchor = 0; hears && anchor < 4; ++anchor) {
+    for (Id anchor = 0; receives && anchor < 4; ++anchor) {
       ekf.on(testing::range_to(anchor, truth, begin + kStep, normal(rng, 0.1)));
       compare();
     }
@@ -396,7 +396,7 @@ TEST(RecoveringEkf, lost_by_silence_alone_it_goes_on_where_it_is) {
   }
 }
 
-TEST(RecoveringEkf, starts_where_it_is_told) {
+TEST(RecoveringEkf, starts_where_it_is_put) {
   RecoveringEkf ekf = robot_among(kPosts);
   const PoseEstimate start{0, {1.0, 2.0, 0.5}, 0.01 * Matrix<3, 3>::Identity()};
   ekf.start_at(start);
@@ -440,7 +440,7 @@ TEST(RecoveringEkf, what_a_search_cannot_use_is_fused_by_the_filter_alike) {
   EXPECT_EQ(robot.on(PositionFix{100 * kSecond, {2.3, -0.8}, P}).verdict, Verdict::kFused);
 }
 
-/// Told together they began another start, in the past.
+/// Given together they began another start, in the past.
 TEST(RecoveringEkf, stale_sightings_are_no_start) {
   Drive drive(1);
   drive.names = true;

@@ -12,13 +12,13 @@ namespace {
 
 using testing::expect_refused;
 using testing::Rng;
-using Doubt = SwitchingMcl::Doubt;
+using InjectionReason = SwitchingMcl::InjectionReason;
 
 constexpr auto kSecond = static_cast<Stamp>(kNanosecondsPerSecond);
 
 double distance(const Vector<2>& a, const Vector<2>& b) { return (a - b).norm(); }
 
-/// A room, a body that stands in its middle, and a laser that may be covered.
+/// A room, a robot that stands in its middle, and a laser that may be covered.
 class Standing {
  public:
   Standing() : room_(testing::random_room(rng_)), truth_(room_.middle) {}
@@ -29,7 +29,7 @@ class Standing {
     mcl.min_particles = mcl.max_particles = 2000;
     mcl.hold_s = 1e6;
     mcl.scouts = 0;
-    mcl.spacing_m = 0.0;  // a body that stands reads every scan
+    mcl.spacing_m = 0.0;  // every scan is used at standstill
     mcl.odometry.sigma_xy_per_sqrt_s = drift;
     mcl.odometry.sigma_heading_per_sqrt_s = 0.01;
     Mcl particles(mcl, room_.map, 0);
@@ -71,13 +71,13 @@ class Standing {
   Pose2 truth_;
 };
 
-TEST(SwitchingMcl, while_scans_leave_no_doubt_uwb_changes_no_bit) {
+TEST(SwitchingMcl, while_particles_are_certain_uwb_changes_no_bit) {
   Standing world;
   SwitchingMcl switching = world.estimator({}, 0.05);
   Mcl alone = switching.mcl();
   for (int i = 1; i <= 20; ++i) {
     const LaserScan z = world.scan(0.5 * i, false);
-    switching.on(world.fix(0.5 * i, {0.2, 0.1}));  // beside the truth, by less than counts
+    switching.on(world.fix(0.5 * i, {0.2, 0.1}));  // off by less than elsewhere_m
     switching.on(z);
     alone.on(z);
   }
@@ -86,7 +86,7 @@ TEST(SwitchingMcl, while_scans_leave_no_doubt_uwb_changes_no_bit) {
   EXPECT_EQ(switching.mcl().belief().weight, alone.belief().weight);
 }
 
-TEST(SwitchingMcl, where_particles_have_spread_the_pose_by_uwb_becomes_their_belief) {
+TEST(SwitchingMcl, injects_the_uwb_pose_where_particles_have_spread) {
   Standing world;
   SwitchingMcl switching = world.estimator();
   for (int i = 1; i <= 10 && switching.injections().empty(); ++i) {
@@ -95,14 +95,15 @@ TEST(SwitchingMcl, where_particles_have_spread_the_pose_by_uwb_becomes_their_bel
   }
   ASSERT_EQ(switching.injections().size(), 1U);
   const SwitchingMcl::Injection& event = switching.injections().front();
-  EXPECT_EQ(event.doubt, Doubt::kUncertain);
-  // sigma 0.4 per root of a second is 0.5 m after 1.6 s: at the scan of 2 s, and doubt lasts 2 s.
+  EXPECT_EQ(event.reason, InjectionReason::kUncertain);
+  // sigma 0.4 per root of a second is 0.5 m after 1.6 s: at the scan of 2 s, and doubt_s is 2 s.
   EXPECT_EQ(event.stamp, Standing::stamp(4.0));
   EXPECT_NEAR(event.before.sigma_position(), 0.4 * 2.0, 0.05);
   EXPECT_LT(event.after.sigma_position(), 0.12);
   const PoseEstimate now = switching.estimate();
   EXPECT_LT(distance(now.pose.position(), world.truth().position()), 0.15);
-  EXPECT_NEAR(switching.mcl().spread().sigma_position(), event.after.sigma_position(), 0.03);
+  EXPECT_NEAR(switching.mcl().overall_estimate().sigma_position(), event.after.sigma_position(),
+              0.03);
   EXPECT_EQ(now.stamp, event.stamp);
 }
 
@@ -120,7 +121,7 @@ std::size_t injections_in_ten_seconds(const SwitchingMcl::Config& config, double
   return switching.injections().size();
 }
 
-TEST(SwitchingMcl, does_not_switch_to_uwb_that_is_out_of_range_or_not_sure) {
+TEST(SwitchingMcl, does_not_switch_to_uwb_that_is_out_of_range_or_uncertain) {
   EXPECT_GE(injections_in_ten_seconds({}), 1U);
   EXPECT_EQ(injections_in_ten_seconds({}, 1.0), 0U);  // silent since then
   SwitchingMcl::Config strict;
@@ -142,7 +143,7 @@ TEST(SwitchingMcl, does_not_switch_to_uwb_whose_fixes_contradict_one_another) {
   }
 }
 
-TEST(SwitchingMcl, doubt_that_ends_in_time_switches_nothing) {
+TEST(SwitchingMcl, a_short_suspicion_does_not_switch) {
   Standing world;
   SwitchingMcl::Config patient;
   patient.sigma_unsure_m = 0.25;
@@ -152,15 +153,15 @@ TEST(SwitchingMcl, doubt_that_ends_in_time_switches_nothing) {
   double widest = 0.0;
   for (int i = 1; i <= 96; ++i) {
     switching.on(world.fix(0.5 * i));
-    switching.on(world.scan(0.5 * i, i % 24 > 0 && i % 24 < 8));  // sees again after 4 s
-    widest = std::max(widest, switching.mcl().spread().sigma_position());
+    switching.on(world.scan(0.5 * i, i % 24 > 0 && i % 24 < 8));  // uncovered after 4 s
+    widest = std::max(widest, switching.mcl().overall_estimate().sigma_position());
   }
   EXPECT_GT(widest, patient.sigma_unsure_m);
   EXPECT_TRUE(switching.injections().empty());
 }
 
-TEST(SwitchingMcl, doubt_lasts_until_particles_are_sure_again) {
-  // Between the two thresholds nothing begins, but what has begun goes on.
+TEST(SwitchingMcl, particles_are_suspect_until_they_are_certain_again) {
+  // Hysteresis: between the two thresholds the state stays.
   SwitchingMcl::Config wide;
   wide.sigma_unsure_m = 1.25;  // reached in 9.8 s
   wide.sigma_sure_m = 0.3;
@@ -170,7 +171,7 @@ TEST(SwitchingMcl, doubt_lasts_until_particles_are_sure_again) {
   EXPECT_EQ(injections_in_ten_seconds(wide), 2U);
 }
 
-TEST(SwitchingMcl, particles_that_are_sure_of_another_place_are_doubted) {
+TEST(SwitchingMcl, certain_particles_that_contradict_uwb_are_suspect) {
   Standing world;
   SwitchingMcl switching = world.estimator({}, 0.01);
   const Pose2 wrong = world.truth() * Pose2{1.2, 0.0, 0.0};
@@ -184,11 +185,11 @@ TEST(SwitchingMcl, particles_that_are_sure_of_another_place_are_doubted) {
     switching.on(world.scan(0.5 * i, true));
   }
   ASSERT_EQ(switching.injections().size(), 1U);
-  EXPECT_EQ(switching.injections().front().doubt, Doubt::kElsewhere);
+  EXPECT_EQ(switching.injections().front().reason, InjectionReason::kElsewhere);
   EXPECT_LT(distance(switching.estimate().pose.position(), world.truth().position()), 0.15);
 }
 
-TEST(SwitchingMcl, the_spread_is_that_of_all_clusters) {
+TEST(SwitchingMcl, the_overall_covariance_is_that_of_all_clusters) {
   Standing world;
   SwitchingMcl switching = world.estimator();
   Mcl two = switching.mcl();
@@ -196,7 +197,7 @@ TEST(SwitchingMcl, the_spread_is_that_of_all_clusters) {
   const PoseEstimate there = Standing::start(world.truth() * Pose2{2.0, 0.0, 0.0}, 0.05);
   two.start_at({{here, 0.5}, {there, 0.5}});
   EXPECT_LT(two.estimate().sigma_position(), 0.07);
-  EXPECT_NEAR(two.spread().sigma_position(), 1.0, 0.02);
+  EXPECT_NEAR(two.overall_estimate().sigma_position(), 1.0, 0.02);
 }
 
 TEST(Mcl, an_injected_pose_leaves_odometry_as_it_was) {
@@ -224,7 +225,7 @@ TEST(Mcl, a_share_of_the_particles_is_replaced) {
   EXPECT_LT(distance(mcl.hypotheses()[1].estimate.pose.position(), there.position()), 0.02);
 }
 
-TEST(Mcl, refuses_to_be_injected_what_is_no_pose) {
+TEST(Mcl, refuses_to_inject_an_invalid_pose) {
   Standing world;
   Mcl mcl = world.estimator().mcl();
   mcl.on(world.scan(1.0, false));
@@ -243,7 +244,7 @@ TEST(Mcl, refuses_to_be_injected_what_is_no_pose) {
   EXPECT_EQ(mcl.belief().x, before.belief().x);
 }
 
-TEST(SwitchingMcl, refuses_thresholds_that_would_fire_for_ever) {
+TEST(SwitchingMcl, refuses_thresholds_that_would_fire_again_and_again) {
   Standing world;
   const auto refused = [&](void (*change)(SwitchingMcl::Config&), const char* what) {
     SwitchingMcl::Config config;
@@ -275,8 +276,8 @@ TEST(SwitchingMcl, a_copy_is_a_snapshot) {
   EXPECT_EQ(copy.mcl().belief().x, switching.mcl().belief().x);
 }
 
-/// An age of less than a nanosecond let every scan of one stamp widen it, up to infinity.
-TEST(SwitchingMcl, widens_a_filter_once_at_a_time) {
+/// With an age of less than a nanosecond every scan of one stamp inflated it, up to infinity.
+TEST(SwitchingMcl, inflates_the_uwb_filter_once_per_stamp) {
   const Standing standing;
   SwitchingMcl::Config config;
   config.uwb_age_s = 1e-10;

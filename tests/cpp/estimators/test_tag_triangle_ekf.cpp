@@ -61,7 +61,7 @@ TEST(TagTriangleEkf, starts_from_three_fixes_in_any_order_and_fuses_the_sides) {
   EXPECT_EQ(ekf.sides().verdict, Verdict::kFused);
   EXPECT_EQ(ekf.sides().dof, 3);
   expect_pose_near(ekf.pose(), kPose, 1e-9);
-  // What the sides cannot tell stays as sure as the fixes: the mean of the three.
+  // What the sides do not measure keeps the sigma of the fixes: the mean of the three.
   const Matrix<2, 2> middle = (ekf.belief().P.block<2, 2>(0, 0) + ekf.belief().P.block<2, 2>(0, 2) +
                                ekf.belief().P.block<2, 2>(0, 4) + ekf.belief().P.block<2, 2>(2, 0) +
                                ekf.belief().P.block<2, 2>(2, 2) + ekf.belief().P.block<2, 2>(2, 4) +
@@ -159,8 +159,8 @@ TEST(TagTriangleEkf, equals_the_textbook_with_the_matrices_of_the_paper) {
 }
 
 TEST(TagTriangleEkf, the_way_it_goes_tells_the_heading_unless_that_is_taken_as_known) {
-  // It heads 0.1 rad further left than it was told, and one tag is located: only that it drives
-  // ahead, and where that leads, tells of it.
+  // It heads 0.1 rad further left than its odometry says, and one tag is located: only that it
+  // drives ahead, and where that leads, shows it.
   TagTriangleEkf::Config config;
   for (const bool is_known : {false, true}) {
     config.heading_is_known = is_known;

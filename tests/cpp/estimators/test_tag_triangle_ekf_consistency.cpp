@@ -27,7 +27,7 @@ Consistency measure(const Change& change, const TagConditioner::Config* conditio
     testing::Scrubber run;
     testing::drive(run, seed, 60.0);
     TagTriangleEkf::Config config;
-    // What a tag's velocity does on an eight is no random walk. With this one the mean NEES of
+    // What a tag's velocity does on an eight is not a random walk. With this one the mean NEES of
     // 4,000 other runs is 2.9; with 0.1 it is 2.7, with 0.05 it is 3.4.
     config.motion.sigma_velocity_per_sqrt_s = 0.07;
     config.gate_position = 1.0;

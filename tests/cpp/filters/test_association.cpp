@@ -218,7 +218,7 @@ TEST(Association, a_common_error_fools_the_nearest_neighbour_but_not_the_joint_t
     landmarks.emplace_back(i, 0.0);
     seen.emplace_back(i + 0.8, 0.0);
   }
-  landmarks.emplace_back(0.0, 2.0);  // one aside tells
+  landmarks.emplace_back(0.0, 2.0);  // one off the line decides
   seen.emplace_back(0.8, 2.0);
   const Eigen::MatrixXd P = 0.25 * Eigen::MatrixXd::Identity(2, 2);
   Pairings pairings = sightings(landmarks, seen);

@@ -33,8 +33,8 @@ TEST(GaussianBelief, of_a_pose_has_one_slot_named_body) {
   EXPECT_EQ(belief.angle_rows(), std::vector<int>{2});
 }
 
-// What ranges had told of a position, turned by a lever arm, was symmetric but for rounding, and a
-// start by it stayed so until the first update.
+// The covariance of a position by ranges, turned by a lever arm, was symmetric but for rounding,
+// and a start by it stayed so until the first update.
 TEST(GaussianBelief, a_covariance_that_is_symmetric_but_for_rounding_becomes_so_to_the_bit) {
   Matrix<3, 3> P = 2.0 * kI3;
   P(0, 1) = 0.1;

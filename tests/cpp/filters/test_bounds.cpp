@@ -47,8 +47,8 @@ TEST(Bounds, a_ceiling_scales_rows_so_that_correlations_stay) {
   step.jacobian = 1e3 * Matrix<3, 3>::Identity();
   predict(belief, step, belief.slot("body"));
   EXPECT_GT(belief.interventions, 0U);
-  EXPECT_EQ(std::sqrt(belief.P(0, 0)), kPositionBounds.most);
-  EXPECT_EQ(std::sqrt(belief.P(2, 2)), kHeadingBounds.most);
+  EXPECT_EQ(std::sqrt(belief.P(0, 0)), kPositionBounds.max);
+  EXPECT_EQ(std::sqrt(belief.P(2, 2)), kHeadingBounds.max);
   EXPECT_NEAR(correlation(), before, 1e-9);
   EXPECT_TRUE(is_covariance(belief.P));
 }
@@ -58,8 +58,8 @@ TEST(Bounds, a_floor_adds_noise_where_updates_left_none) {
   for (int i = 0; i < 20; ++i) {
     update(belief, seen(1e-9), belief.slot("body"), Gate());
   }
-  EXPECT_GE(std::sqrt(belief.P(0, 0)), kPositionBounds.least);
-  EXPECT_GE(std::sqrt(belief.P(2, 2)), kHeadingBounds.least);
+  EXPECT_GE(std::sqrt(belief.P(0, 0)), kPositionBounds.min);
+  EXPECT_GE(std::sqrt(belief.P(2, 2)), kHeadingBounds.min);
   EXPECT_GT(belief.interventions, 0U);
   EXPECT_TRUE(is_covariance(belief.P));
 }
@@ -80,9 +80,9 @@ TEST(Bounds, hold_for_every_kind_of_variable_and_for_beliefs_too_large_for_fixed
                                                        Eigen::MatrixXd::Identity(n, n), noise},
          slots, Gate());
   for (Eigen::Index row = 0; row < n; ++row) {
-    const double least = row == 2       ? kHeadingBounds.least
-                         : row == n - 1 ? kScalarBounds.least
-                                        : kPositionBounds.least;
+    const double least = row == 2       ? kHeadingBounds.min
+                         : row == n - 1 ? kScalarBounds.min
+                                        : kPositionBounds.min;
     EXPECT_NEAR(std::sqrt(belief.P(row, row)), least, 1e-3 * least) << row;
   }
   EXPECT_EQ(belief.interventions, static_cast<std::uint64_t>(n));
@@ -186,8 +186,8 @@ TEST(Bounds, a_belief_of_any_size_is_sound_after_any_sequence_of_steps_and_measu
         ASSERT_TRUE(testing::same_bits(belief.P, belief.P.transpose()));
         for (Eigen::Index row = 0; row < belief.x.size(); ++row) {
           const SigmaBounds& bounds = belief.variance_bounds()[static_cast<std::size_t>(row)];
-          ASSERT_GE(belief.P(row, row), bounds.least) << "seed " << seed << ", step " << i;
-          ASSERT_LE(belief.P(row, row), bounds.most) << "seed " << seed;
+          ASSERT_GE(belief.P(row, row), bounds.min) << "seed " << seed << ", step " << i;
+          ASSERT_LE(belief.P(row, row), bounds.max) << "seed " << seed;
         }
       }
     }

@@ -6,7 +6,11 @@
 #include <numeric>
 
 #include "locfuse/error.hpp"
+#include "locfuse/filters/clustering.hpp"
+#include "locfuse/filters/particle_bins.hpp"
 #include "locfuse/filters/particles.hpp"
+#include "locfuse/filters/resampling.hpp"
+#include "locfuse/filters/workers.hpp"
 #include "locfuse/math/chi_squared.hpp"
 #include "locfuse/math/counter_random.hpp"
 #include "support/expect.hpp"
@@ -238,7 +242,7 @@ TEST(Particles, resampled_by_bin_no_place_gains_or_loses) {
       EXPECT_GE(count[place], 1) << place;
     }
   }
-  // The square root of the weights tells how many: half of all weight is the last one's.
+  // The square root of the weights sets how many: half of all weight is the last one's.
   EXPECT_NEAR(count[kPlaces - 1], (500 - 20) * (1.0 - std::sqrt(0.5)), 25.0);
 }
 
@@ -307,7 +311,7 @@ TEST(Particles, points_stay_points_and_small_boxes_become_them) {
   EXPECT_EQ(belief.box[99], 0.0F);
 }
 
-TEST(Particles, draw_fresh_ones_that_weigh_what_they_are_told) {
+TEST(Particles, draw_fresh_ones_of_the_weight_asked_for) {
   ParticleBelief belief = all_at({1.0, 1.0, 0.0}, 100);
   ParticleBelief scratch;
   int drawn = 0;
@@ -398,7 +402,7 @@ TEST(Particles, refuse_to_be_none) {
   testing::expect_refused([&] { belief.resize(0); }, "0 particles");
 }
 
-/// It is no part of the most likely one, so that it may be more likely than that.
+/// It is not part of the most likely one, so that it may be more likely than that.
 TEST(Particles, one_of_no_weight_stays_so_however_likely_it_is) {
   for (const float better : {89.1F, 500.0F, 1e6F, std::numeric_limits<float>::quiet_NaN()}) {
     ParticleBelief belief = all_at({}, 2);

@@ -39,7 +39,7 @@ const std::vector<Vector<2>> kScattered{{0.0, 0.0}, {4.0, 1.0}, {1.5, 6.0}, {7.0
 
 double distance(const Pose2& a, const Pose2& b) { return local(a, b).norm(); }
 
-TEST(Constellation, two_landmarks_tell_the_pose_and_its_mirror_alone) {
+TEST(Constellation, two_landmarks_determine_the_pose_and_its_exchange) {
   const LandmarkMap map = map_of(kScattered);
   Rng rng(1);
   for (int trial = 0; trial < 200; ++trial) {
@@ -53,7 +53,7 @@ TEST(Constellation, two_landmarks_tell_the_pose_and_its_mirror_alone) {
   }
 }
 
-TEST(Constellation, a_name_leaves_one) {
+TEST(Constellation, an_id_leaves_one_pose) {
   const LandmarkMap map = map_of(kScattered);
   const Pose2 truth{1.0, 2.0, 0.5};
   SeenLandmark a = seen_from(truth, kScattered[0]);
@@ -68,15 +68,15 @@ TEST(Constellation, a_name_leaves_one) {
   EXPECT_TRUE(match_constellation(a, b, map, 0.999).empty());
 }
 
-TEST(Constellation, a_square_looks_the_same_from_four_sides) {
+TEST(Constellation, a_square_has_four_poses) {
   const LandmarkMap map = map_of({{0.0, 0.0}, {4.0, 0.0}, {4.0, 4.0}, {0.0, 4.0}});
   const Pose2 truth{1.0, 1.5, 0.3};
   const auto side =
       match_constellation(seen_from(truth, {0.0, 0.0}), seen_from(truth, {4.0, 0.0}), map, 0.999);
-  EXPECT_EQ(side.size(), 8U);  // four sides, each both ways round
+  EXPECT_EQ(side.size(), 8U);  // four sides in both directions
 }
 
-TEST(Constellation, errors_are_as_large_as_it_says_and_the_gate_keeps_its_share) {
+TEST(Constellation, errors_match_the_covariance_and_the_gate_its_probability) {
   const LandmarkMap map = map_of(kScattered);
   Rng rng(2);
   constexpr int kRuns = 4000;
@@ -98,7 +98,7 @@ TEST(Constellation, errors_are_as_large_as_it_says_and_the_gate_keeps_its_share)
   EXPECT_NEAR(static_cast<double>(found) / kRuns, 0.95, 3.0 * std::sqrt(0.95 * 0.05 / kRuns));
 }
 
-/// Density of the two positions by summing over poses on a grid.
+/// Compares the density of the two positions with a sum over poses on a grid.
 TEST(Constellation, evidence_is_the_integral_over_poses) {
   const std::vector<Vector<2>> pair{{0.0, 0.0}, {3.0, 0.0}};
   const LandmarkMap map = map_of(pair);
@@ -117,7 +117,7 @@ TEST(Constellation, evidence_is_the_integral_over_poses) {
            (2.0 * kPi * std::sqrt(seen.covariance.determinant()));
   };
   constexpr int kSide = 60;
-  constexpr double kSpan = 6.0;  // standard deviations, both ways
+  constexpr double kSpan = 6.0;  // standard deviations to both sides
   const Vector<3> sigma = matches[0].covariance.diagonal().cwiseSqrt();
   const Vector<3> step = sigma * (2.0 * kSpan / kSide);
   double sum = 0.0;
@@ -133,7 +133,7 @@ TEST(Constellation, evidence_is_the_integral_over_poses) {
   EXPECT_NEAR(matches[0].log_evidence, std::log(sum * step.prod()), 0.02);
 }
 
-TEST(Constellation, landmarks_in_one_place_tell_no_heading) {
+TEST(Constellation, landmarks_in_one_place_give_no_heading) {
   const Pose2 truth{0.0, 0.0, 0.0};
   const LandmarkMap twins = map_of({{2.0, 0.0}, {2.0, 0.0}});
   EXPECT_TRUE(
@@ -153,7 +153,7 @@ TEST(Constellation, landmarks_in_one_place_tell_no_heading) {
       "1.5");
 }
 
-TEST(Constellation, tells_no_pose_without_a_covariance) {
+TEST(Constellation, returns_no_pose_without_a_covariance) {
   const LandmarkMap map = map_of({{0.0, 0.0}, {1.0, 0.0}});
   for (const double variance : {1e-12, 1e-60, 1e-110, 1e-150}) {
     const Matrix<2, 2> R = variance * Matrix<2, 2>::Identity();

@@ -36,7 +36,7 @@ Vector<2> at(double range, double bearing) {
 
 Vector<2> centre_of(const Cylinder& cylinder) { return at(cylinder.range, cylinder.bearing); }
 
-/// What one disc looks like from the origin.
+/// Scan of one disc from the origin.
 LaserScan scan_of_one(const Disc& disc, Rng& rng, double sigma = 0.01, const Walls& walls = {}) {
   return scan_of({disc}, walls, {}, rng, sigma, turning_laser());
 }
@@ -57,7 +57,7 @@ int beams_on(const Disc& disc, const std::vector<Disc>& all, const Pose2& eye) {
   return count;
 }
 
-/// Where a robot among the cylinders of wells may be.
+/// Positions of a robot among the cylinders of wells.
 Pose2 among_cylinders(Rng& rng) {
   for (;;) {
     const Pose2 eye{uniform(rng, -3.8, 3.8), uniform(rng, -3.8, 3.8), uniform(rng, -kPi, kPi)};
@@ -86,7 +86,7 @@ TEST(CylinderDetector, finds_a_cylinder_exactly_without_noise) {
   }
 }
 
-TEST(CylinderDetector, a_cylinder_across_the_cut_is_one) {
+TEST(CylinderDetector, detects_a_cylinder_across_the_end_of_the_scan) {
   Rng rng(2);
   const std::vector<Cylinder> found =
       CylinderDetector().detect(scan_of_one({{-2.0, 0.0}, 0.5}, rng));
@@ -96,7 +96,7 @@ TEST(CylinderDetector, a_cylinder_across_the_cut_is_one) {
   EXPECT_NEAR(std::abs(found[0].bearing), kPi, 0.01);
 }
 
-TEST(CylinderDetector, a_laser_that_turns_clockwise_sees_the_same) {
+TEST(CylinderDetector, a_laser_that_turns_clockwise_gives_the_same) {
   Rng rng(3);
   LaserScan scan = scan_of_one({{1.5, 1.0}, 0.4}, rng);
   const std::vector<Cylinder> expected = CylinderDetector().detect(scan);
@@ -114,7 +114,7 @@ TEST(CylinderDetector, a_laser_that_turns_clockwise_sees_the_same) {
   EXPECT_EQ(found[0].last, 359 - expected[0].last);
 }
 
-TEST(CylinderDetector, a_beam_seen_twice_after_a_full_turn_counts_once) {
+TEST(CylinderDetector, beams_beyond_a_full_turn_count_once) {
   Rng rng(4);
   LaserScan scan = scan_of_one({{-2.0, 0.0}, 0.5}, rng);
   const std::vector<Cylinder> expected = CylinderDetector().detect(scan);
@@ -163,7 +163,7 @@ Errors errors_in_wells(const CylinderDetectorConfig& config, int scans) {
   return errors;
 }
 
-TEST(CylinderDetector, in_the_world_of_wells_none_is_missed_and_centres_are_good_to_5_mm) {
+TEST(CylinderDetector, detects_all_in_the_world_of_wells_with_centres_to_5_mm) {
   for (const double radius : {0.0, 1.0}) {
     const Errors errors = errors_in_wells(of_radius(radius), 500);
     EXPECT_EQ(errors.missed, 0) << radius;
@@ -175,7 +175,7 @@ TEST(CylinderDetector, in_the_world_of_wells_none_is_missed_and_centres_are_good
   }
 }
 
-TEST(CylinderDetector, a_wrong_radius_breaks_what_a_known_one_reaches) {
+TEST(CylinderDetector, a_wrong_radius_breaks_the_accuracy_of_a_known_one) {
   Rng rng(6);
   CylinderDetectorConfig wrong = of_radius(0.32);
   std::vector<double> with_right;
@@ -218,7 +218,7 @@ double nees(const CylinderDetectorConfig& config, double radius, double nearest,
   return sum / count;
 }
 
-TEST(CylinderDetector, errors_are_as_large_as_the_covariance_says) {
+TEST(CylinderDetector, errors_match_the_covariance) {
   // 99.9 % of the mean of 400 draws of two degrees of freedom: 2 +- 0.33; of three: 3 +- 0.40.
   for (const double radius : {0.2, 0.5, 1.0}) {
     EXPECT_NEAR(nees(of_radius(radius), radius, 0.5, radius < 0.3 ? 2.0 : 3.5), 2.0, 0.33)
@@ -227,7 +227,7 @@ TEST(CylinderDetector, errors_are_as_large_as_the_covariance_says) {
   }
 }
 
-TEST(CylinderDetector, errors_are_as_large_as_said_with_a_few_beams_on_thin_poles) {
+TEST(CylinderDetector, errors_match_the_covariance_with_few_beams_on_thin_poles) {
   for (const double radius : {0.03, 0.1}) {
     CylinderDetectorConfig config = of_radius(radius, 1);
     config.least_corner_evidence = -20.0;
@@ -254,7 +254,7 @@ TEST(CylinderDetector, a_pole_hit_by_one_beam_is_as_far_as_the_beam_and_its_radi
   EXPECT_TRUE(CylinderDetector().detect(scan).empty());
 }
 
-/// A room of 8 x 6 m with three boxes that stand free, at random.
+/// A room of 8 x 6 m with three free-standing boxes at random.
 Walls room(Rng& rng, const Pose2& middle) {
   Walls walls;
   add_box(walls, middle, 8.0, 6.0);
@@ -290,10 +290,10 @@ TEST(CylinderDetector, among_walls_and_corners_less_than_one_in_1000_scans_is_fa
   EXPECT_GT(false_ones(careless, 2000), 2);
 }
 
-TEST(CylinderDetector, hollow_arcs_are_none) {
+TEST(CylinderDetector, rejects_hollow_arcs) {
   Rng rng(8);
   LaserScan scan = scan_of_one({{2.0, 0.0}, 0.5}, rng);
-  for (int i = 0; i < 360; ++i) {  // the far side of the circle, as of a niche
+  for (int i = 0; i < 360; ++i) {  // the far side of the circle, as in a niche
     double& range = scan.ranges[static_cast<std::size_t>(i)];
     const double angle = (i - 180) * kPi / 180.0;
     range = 2.0 * 2.0 * std::cos(angle) - range;
@@ -302,11 +302,11 @@ TEST(CylinderDetector, hollow_arcs_are_none) {
   EXPECT_TRUE(CylinderDetector(of_radius(0.5)).detect(scan).empty());
 }
 
-TEST(CylinderDetector, a_cylinder_half_hidden_is_found_where_it_is) {
+TEST(CylinderDetector, locates_a_half_hidden_cylinder) {
   Rng rng(9);
   std::vector<double> errors;
   for (int k = 0; k < 50; ++k) {
-    Walls screen;  // hides all to the right
+    Walls screen;  // hides everything to the right
     screen.emplace_back(Vector<2>(1.0, -3.0), Vector<2>(1.0, uniform(rng, -0.05, 0.05)));
     const LaserScan scan = scan_of_one({{2.5, 0.0}, 0.5}, rng, 0.01, screen);
     for (const Cylinder& c : CylinderDetector(of_radius(0.5)).detect(scan)) {
@@ -318,7 +318,7 @@ TEST(CylinderDetector, a_cylinder_half_hidden_is_found_where_it_is) {
   EXPECT_LT(median(errors), 0.01);
 }
 
-TEST(CylinderDetector, a_cylinder_that_touches_a_wall_is_found_and_the_wall_is_not) {
+TEST(CylinderDetector, detects_a_cylinder_that_touches_a_wall_but_not_the_wall) {
   Rng rng(10);
   for (const double radius : {0.0, 0.3}) {
     int found = 0;
@@ -339,7 +339,7 @@ TEST(CylinderDetector, a_cylinder_that_touches_a_wall_is_found_and_the_wall_is_n
   }
 }
 
-/// Finds legs from near by, where there are no boxes.
+/// Detects legs at short range, in a place without boxes.
 CylinderDetectorConfig for_legs() {
   CylinderDetectorConfig config;
   config.least_corner_evidence = -20.0;
@@ -348,7 +348,7 @@ CylinderDetectorConfig for_legs() {
   return config;
 }
 
-TEST(CylinderDetector, legs_are_left_out_where_somebody_may_walk) {
+TEST(CylinderDetector, rejects_legs_if_configured) {
   Rng rng(11);
   CylinderDetectorConfig config = for_legs();
   const std::vector<Disc> legs{{{1.0, 0.12}, 0.06}, {{1.05, -0.12}, 0.06}, {{-1.0, 0.0}, 0.06}};
@@ -360,10 +360,10 @@ TEST(CylinderDetector, legs_are_left_out_where_somebody_may_walk) {
   EXPECT_LT(std::cos(found[0].bearing), -0.9);
 }
 
-TEST(CylinderDetector, one_leg_gives_away_another_that_shows_too_little) {
+TEST(CylinderDetector, rejects_a_leg_beside_one_too_thin_to_detect) {
   Rng rng(14);
   CylinderDetectorConfig config = for_legs();
-  // The other one is so far and thin that three beams meet it.
+  // The other one is so far and thin that only three beams hit it.
   const std::vector<Disc> legs{{{1.0, 0.12}, 0.06}, {{1.2, -0.25}, 0.02}};
   const LaserScan scan = scan_of(legs, {}, {}, rng, 0.003, turning_laser());
   EXPECT_EQ(CylinderDetector(config).detect(scan).size(), 1U);
@@ -373,9 +373,9 @@ TEST(CylinderDetector, one_leg_gives_away_another_that_shows_too_little) {
   EXPECT_EQ(CylinderDetector(config).detect(scan).size(), 1U);
 }
 
-TEST(CylinderDetector, no_beam_of_a_cylinder_comes_back_from_behind_where_it_touches) {
-  // The face of a box, and a beam on either side that meets what is beyond: a circle takes them for
-  // its ends, within four sigma of it but behind where a beam would touch it.
+TEST(CylinderDetector, rejects_beams_from_behind_the_tangent_point) {
+  // The face of a box, and a beam on either side that hits the background: a circle fits them as
+  // its ends, within four sigma but behind the tangent point.
   LaserScan scan{0, turning_laser(), std::vector<double>(360, std::nan(""))};
   const std::vector<double> ranges{5.22, 4.77, 4.77, 4.78, 4.77, 4.78, 5.17};
   for (std::size_t i = 0; i < ranges.size(); ++i) {
@@ -391,11 +391,11 @@ TEST(CylinderDetector, beams_without_return_within_an_arc_do_not_cut_it) {
   scan.ranges[182] = scan.ranges[183] = scan.geometry->range_max;
   const std::vector<Cylinder> found = CylinderDetector().detect(scan);
   ASSERT_EQ(found.size(), 1U);
-  EXPECT_GE(found[0].beams, 25);  // of 29, less the three
+  EXPECT_GE(found[0].beams, 25);  // of 29, without the three
   EXPECT_NEAR(found[0].range, 2.0, 0.03);
 }
 
-TEST(CylinderDetector, only_what_is_bright_counts_if_asked_for) {
+TEST(CylinderDetector, detects_only_bright_cylinders_if_configured) {
   Rng rng(13);
   LaserScan scan =
       scan_of({{{2.0, 0.0}, 0.2}, {{-2.0, 0.0}, 0.2}}, {}, {}, rng, 0.01, turning_laser());
@@ -413,24 +413,25 @@ TEST(CylinderDetector, only_what_is_bright_counts_if_asked_for) {
                  "one per beam");
 }
 
-TEST(CylinderDetector, finds_nothing_in_scans_that_say_nothing) {
+TEST(CylinderDetector, detects_nothing_in_empty_scans) {
   const CylinderDetector detector(of_radius(0.1, 1));
   LaserScan scan{0, turning_laser(), {}};
   EXPECT_TRUE(detector.detect(scan).empty());
-  for (const double nothing : {std::nan(""), 12.0, 1e6, 0.0}) {  // none, full scale, beyond, zero
+  for (const double nothing :
+       {std::nan(""), 12.0, 1e6, 0.0}) {  // no return, maximum range, beyond, zero
     scan.ranges.assign(360, nothing);
     EXPECT_TRUE(detector.detect(scan).empty()) << nothing;
     scan.ranges.assign(1, nothing);
     EXPECT_TRUE(detector.detect(scan).empty()) << nothing;
   }
-  scan.ranges.assign(1, 2.0);  // what is beside it nobody knows
+  scan.ranges.assign(1, 2.0);  // nothing is known beside it
   EXPECT_TRUE(detector.detect(scan).empty());
   scan.ranges.assign(360, 0.06);  // the robot stands within a landmark
   EXPECT_TRUE(detector.detect(scan).empty());
   EXPECT_TRUE(CylinderDetector().detect(scan).empty());
 }
 
-TEST(CylinderDetector, whatever_the_sizes_a_covariance_is_finite) {
+TEST(CylinderDetector, covariances_are_finite_at_any_size) {
   Rng rng(4);
   LaserScan scan = scan_of_one({{2.0, 1.0}, 0.4}, rng, 0.0);
   LaserGeometry far = *scan.geometry;
@@ -456,7 +457,7 @@ TEST(CylinderDetector, whatever_the_sizes_a_covariance_is_finite) {
   EXPECT_GE(found, 6);
 }
 
-/// The radius that takes `beams` beams of a step, seen by two of a range.
+/// Radius that fills `beams` steps at a range, hit by two beams.
 double radius_as_wide_as(double beams, double range, double step) {
   double low = 0.45 * range * step;
   double high = 5.0 * range * step;
@@ -469,9 +470,9 @@ double radius_as_wide_as(double beams, double range, double step) {
   return low;
 }
 
-// Where a pole is as wide as just three steps, two beams leave one bearing alone: squares of the
-// bearings lost all digits when the square of their mean was taken off.
-TEST(CylinderDetector, two_beams_at_any_width_are_told_with_a_covariance) {
+// Two beams on a pole of exactly three steps leave one bearing: subtracting the squared mean from
+// the squares of the bearings lost all digits.
+TEST(CylinderDetector, two_beams_at_any_width_have_a_covariance) {
   constexpr double kRange = 11.99;
   constexpr double kStep = 0.0232;
   const double widest = radius_as_wide_as(3.0, kRange, kStep);
@@ -494,9 +495,9 @@ TEST(CylinderDetector, two_beams_at_any_width_are_told_with_a_covariance) {
   }
 }
 
-// What alternates is cut in as many parts as it has beams, each within the one before: the stack
-// was full.
-TEST(CylinderDetector, a_scan_that_alternates_is_cut_however_deep) {
+// An alternating scan is cut into as many nested parts as it has beams: recursion overflowed the
+// stack.
+TEST(CylinderDetector, cuts_alternating_scans_without_recursion) {
   LaserGeometry geometry;
   geometry.angle_increment = 1e-6;
   geometry.range_max = 100.0;
@@ -515,7 +516,7 @@ TEST(CylinderDetector, a_scan_that_alternates_is_cut_however_deep) {
   expect_refused([&] { (void)detector.detect(alternating(200'000)); }, "200000", "at most 100000");
 }
 
-TEST(CylinderDetector, refuses_what_is_not_valid) {
+TEST(CylinderDetector, rejects_invalid_input) {
   const auto refused = [](auto change, const auto&... words) {
     CylinderDetectorConfig config;
     change(config);

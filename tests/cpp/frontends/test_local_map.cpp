@@ -69,7 +69,7 @@ double nees(double sigma, int beams, double share = 1.0) {
 constexpr double kLow = 2.40;
 constexpr double kHigh = 3.67;
 
-TEST(LocalMap, errors_are_as_large_as_the_covariance_says) {
+TEST(LocalMap, errors_match_the_covariance) {
   for (const auto& [sigma, beams] : {std::pair{0.003, 180}, {0.01, 180}, {0.01, 360}}) {
     const double found = nees(sigma, beams);
     EXPECT_GT(found, kLow) << sigma << " m, " << beams << " beams";
@@ -77,18 +77,18 @@ TEST(LocalMap, errors_are_as_large_as_the_covariance_says) {
   }
 }
 
-TEST(LocalMap, with_much_noise_the_covariance_is_too_small_by_a_tenth_in_sigma_at_most) {
-  // Over 1000 seeds: 3.4 where 3 is exact. Lines near corners are bent, and taken for straight.
+TEST(LocalMap, at_high_noise_sigmas_are_too_small_by_at_most_a_tenth) {
+  // Over 1000 seeds: 3.4 where 3 is exact. Lines near corners are bent, but assumed to be straight.
   const double found = nees(0.03, 180);
   EXPECT_GT(found, kLow);
   EXPECT_LT(found, 1.1 * 1.1 * kHigh);
 }
 
-TEST(LocalMap, the_band_refuses_a_covariance_that_forgets_the_noise_of_the_first_scan) {
+TEST(LocalMap, the_band_rejects_a_covariance_without_the_noise_of_the_first_scan) {
   EXPECT_GT(nees(0.01, 360, 0.5), kHigh);
 }
 
-TEST(LocalMap, comes_back_from_a_guess_20_cm_and_5_degrees_off) {
+TEST(LocalMap, converges_from_a_guess_20_cm_and_5_degrees_off) {
   for (std::uint64_t seed = 0; seed < 40; ++seed) {
     Rng rng(seed);
     const Pair pair = random_pair(rng);
@@ -103,7 +103,7 @@ TEST(LocalMap, comes_back_from_a_guess_20_cm_and_5_degrees_off) {
   }
 }
 
-TEST(LocalMap, searches_where_the_guess_is_poor_and_its_covariance_says_so) {
+TEST(LocalMap, searches_where_the_covariance_of_the_guess_is_large) {
   int right = 0;
   int right_without = 0;
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
@@ -122,7 +122,7 @@ TEST(LocalMap, searches_where_the_guess_is_poor_and_its_covariance_says_so) {
   EXPECT_LE(right_without, 10);
 }
 
-TEST(LocalMap, a_corridor_leaves_its_direction_to_the_prior) {
+TEST(LocalMap, along_a_corridor_the_prior_decides) {
   Walls corridor;
   testing::add_box(corridor, {0.0, 0.0, 0.7}, 200.0, 2.0);
   Rng rng(1);
@@ -139,7 +139,7 @@ TEST(LocalMap, a_corridor_leaves_its_direction_to_the_prior) {
   const Vector<3> along(std::cos(0.3), std::sin(0.3), 0.0);
   EXPECT_GT(std::abs(alone.weak_direction->dot(along)), 0.999);
   EXPECT_LT(along.dot(alone.information * along), 1e-6 * alone.information.trace());
-  EXPECT_NEAR(local(alone.pose, guess).dot(along), 0.0, 1e-3);  // does not slide
+  EXPECT_NEAR(local(alone.pose, guess).dot(along), 0.0, 1e-3);  // no motion along the corridor
 
   const ScanMatch match = map.match(scan, guess, diagonal(0.05, 0.05));
   ASSERT_TRUE(match.covariance);
@@ -150,7 +150,7 @@ TEST(LocalMap, a_corridor_leaves_its_direction_to_the_prior) {
   EXPECT_NEAR(match.pose.heading, motion.heading, 0.005);
 }
 
-TEST(LocalMap, thin_poles_without_a_line_are_met_as_points) {
+TEST(LocalMap, matches_thin_poles_as_points) {
   Walls poles;
   for (const Pose2 at : {Pose2{2.0, 0.5, 0.1},
                          {-1.0, 2.0, 0.4},
@@ -172,7 +172,7 @@ TEST(LocalMap, thin_poles_without_a_line_are_met_as_points) {
   EXPECT_NEAR(match.pose.heading, motion.heading, 0.005);
 }
 
-TEST(LocalMap, what_moved_between_the_scans_is_left_out) {
+TEST(LocalMap, ignores_objects_that_moved_between_the_scans) {
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
     Rng rng(seed);
     Pair pair = random_pair(rng);
@@ -186,7 +186,7 @@ TEST(LocalMap, what_moved_between_the_scans_is_left_out) {
   }
 }
 
-TEST(LocalMap, several_scans_see_more_than_one) {
+TEST(LocalMap, several_scans_cover_more_than_one) {
   Rng rng(5);
   const Pair pair = random_pair(rng);
   const auto half =
@@ -205,7 +205,7 @@ TEST(LocalMap, several_scans_see_more_than_one) {
   expect_pose_near(two.pose, now, 0.01);
 }
 
-TEST(LocalMap, a_laser_upside_down_sees_the_same) {
+TEST(LocalMap, a_laser_upside_down_gives_the_same) {
   Rng rng(3);
   const Pair pair = random_pair(rng);
   const auto upright = testing::laser();
@@ -218,7 +218,7 @@ TEST(LocalMap, a_laser_upside_down_sees_the_same) {
   expect_pose_near(LocalMap({{first, {}}}).match(second, pair.motion).pose, pair.motion, 0.01);
 }
 
-TEST(LocalMap, scans_of_another_beam_count_fit) {
+TEST(LocalMap, matches_scans_with_another_number_of_beams) {
   Rng rng(4);
   const Pair pair = random_pair(rng);
   const LocalMap map = seen_from(pair.walls, pair.first, rng, 0.01, 720);
@@ -227,7 +227,7 @@ TEST(LocalMap, scans_of_another_beam_count_fit) {
   expect_pose_near(map.match(coarse, pair.motion).pose, pair.motion, 0.02);
 }
 
-TEST(LocalMap, says_why_nothing_fits) {
+TEST(LocalMap, reports_why_nothing_matches) {
   Rng rng(6);
   const Pair pair = random_pair(rng);
   const LaserScan good = scan_from(pair.walls, pair.first, rng, 0.01);
@@ -253,14 +253,14 @@ TEST(LocalMap, says_why_nothing_fits) {
             ScanMatch::Reason::kTooFewMatches);
 }
 
-/// What only matches ends that have no neighbour, or no length along a wall, matches nothing.
+/// Ends without a neighbour, or without a length along a wall, do not match.
 TEST(LocalMap, ends_whose_noise_is_not_finite_match_nothing) {
   const double none = std::nan("");
   const auto laser =
       std::make_shared<const LaserGeometry>(LaserGeometry{{}, -kPi, 2.0 * kPi / 40.0, 0.05, 10.0});
   LaserScan single{0, laser, std::vector<double>(40, none)};
   single.ranges[20] = 0.1;
-  LaserScan ring{0, laser, {}};  // of points on no line, and once more 0.65 m further out
+  LaserScan ring{0, laser, {}};  // of points that are not on a line, and again 0.65 m further out
   LaserScan wider{0, laser, {}};
   for (int i = 0; i < 40; ++i) {
     const double range = i == 38 ? 2.7 : i % 4 != 0 ? 2.2 : 2.0;
@@ -285,7 +285,7 @@ TEST(LocalMap, a_scan_of_one_return_leaves_the_residuals_finite) {
   EXPECT_LT(match.rms, 0.05);
 }
 
-TEST(LocalMap, refuses_what_is_not_valid) {
+TEST(LocalMap, rejects_invalid_input) {
   Rng rng(7);
   const LaserScan scan = scan_from(random_pair(rng).walls, {}, rng, 0.01);
   const LocalMap map({{scan, {}}});

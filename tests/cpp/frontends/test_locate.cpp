@@ -12,17 +12,18 @@ namespace {
 using testing::Anchors;
 using testing::expect_near;
 using testing::Rng;
+using testing::view;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 PositionSolution locate_from(const Anchors& anchors, const std::vector<double>& ranges,
                              const LocateOptions& options = {}, double sigma = 0.1) {
-  return locate(anchors.table(), ranges.data(), anchors.sigmas(sigma).data(), options);
+  return locate(anchors.table(), view(ranges), view(anchors.sigmas(sigma)), options);
 }
 
 Anchors line_of_anchors() { return {{0.0, 0.0, 5.0, 0.0, 10.0, 0.0}, 2, {}}; }
 
-TEST(Locate, says_that_both_solvers_agree_on_good_ranges) {
+TEST(Locate, both_solvers_agree_on_good_ranges) {
   const Anchors anchors = testing::room();
   const Eigen::Vector2d truth(3.0, 4.0);
   for (const bool use_ceres : {true, false}) {
@@ -43,7 +44,7 @@ TEST(Locate, says_that_both_solvers_agree_on_good_ranges) {
 }
 
 // With an infinite weight the cost of a position was NaN.
-TEST(Locate, refuses_a_sigma_without_a_finite_weight) {
+TEST(Locate, rejects_a_sigma_without_a_finite_weight) {
   const Anchors anchors = testing::room();
   const std::vector<double> ranges = anchors.ranges_from(Eigen::Vector2d(3.0, 4.0));
   for (const double sigma : {1e-170, 1e-13, 1e13, 1e170}) {
@@ -52,8 +53,8 @@ TEST(Locate, refuses_a_sigma_without_a_finite_weight) {
   }
 }
 
-// The position that was told was NaN.
-TEST(Locate, refuses_a_height_whose_square_is_infinite) {
+// The position was NaN.
+TEST(Locate, rejects_a_height_whose_square_is_infinite) {
   Anchors anchors;
   for (const Vector<3>& place :
        {Vector<3>(0.0, 0.0, 1.0), Vector<3>(9.0, 0.0, 2.0), Vector<3>(0.0, 9.0, 3.0)}) {
@@ -61,22 +62,22 @@ TEST(Locate, refuses_a_height_whose_square_is_infinite) {
   }
   anchors.columns = 3;
   anchors.height = 1e200;
-  const double ranges[] = {5.0, 6.0, 7.0};
-  const double sigma[] = {0.1, 0.1, 0.1};
+  const Vector<3> ranges(5.0, 6.0, 7.0);
+  const Vector<3> sigma = Vector<3>::Constant(0.1);
   testing::expect_refused([&] { Multilateration<2>(anchors.table(), sigma, {}); }, "height");
   testing::expect_refused([&] { (void)locate(anchors.table(), ranges, sigma, {}); }, "height");
 }
 
-// What a last step was to gain could be more than there was, by rounding.
+// By rounding, the predicted decrease of the last step could exceed the cost.
 TEST(Locate, costs_are_not_negative_where_ranges_fit_to_the_bit) {
   testing::Rng rng(1);
   const double rows[] = {10.12, 12.35, 11.1, -10.04};
-  const double sigma[] = {0.5, 0.001};
+  const Vector<2> sigma(0.5, 0.001);
   for (int trial = 0; trial < 300; ++trial) {
     const Eigen::Vector2d truth = testing::random_pose(rng).position();
-    const double ranges[] = {(truth - Eigen::Vector2d(rows[0], rows[1])).norm(),
-                             (truth - Eigen::Vector2d(rows[2], rows[3])).norm()};
-    const PositionSolution found = locate({rows, 2, 2, {}}, ranges, sigma, {});
+    const Vector<2> ranges((truth - Eigen::Vector2d(rows[0], rows[1])).norm(),
+                           (truth - Eigen::Vector2d(rows[2], rows[3])).norm());
+    const PositionSolution found = locate({RowsView(rows, 2, 2), {}}, ranges, sigma, {});
     ASSERT_FALSE(found.hypotheses.empty());
     for (const PositionHypothesis& hypothesis : found.hypotheses) {
       EXPECT_GE(hypothesis.cost, 0.0) << trial;
@@ -84,7 +85,7 @@ TEST(Locate, costs_are_not_negative_where_ranges_fit_to_the_bit) {
   }
 }
 
-TEST(Locate, a_prior_that_leaves_no_digits_for_the_rest_leaves_it_open) {
+TEST(Locate, a_prior_beyond_double_precision_leaves_a_direction_open) {
   const Anchors anchors = testing::room();
   const std::vector<double> ranges = anchors.ranges_from(Eigen::Vector2d(3.0, 4.0));
   for (const double tight : {1e-3, 1e-6, 1e-9, 1e-12}) {
@@ -105,7 +106,7 @@ TEST(Locate, a_prior_that_leaves_no_digits_for_the_rest_leaves_it_open) {
   testing::expect_refused([&] { (void)locate_from(anchors, ranges, options); }, "prior", "1e-12");
 }
 
-// Made of eigenvectors, or of cofactors, it was symmetric but for rounding.
+// A covariance from eigenvectors, or from cofactors, was symmetric only to rounding.
 TEST(Locate, covariances_are_symmetric_to_the_bit) {
   const Anchors anchors = testing::room();
   for (int i = 0; i < 20; ++i) {
@@ -114,8 +115,8 @@ TEST(Locate, covariances_are_symmetric_to_the_bit) {
     const PositionSolution found = locate_from(anchors, ranges);
     ASSERT_EQ(found.status, PositionStatus::kUnique);
     EXPECT_TRUE(testing::is_covariance(found.hypotheses[0].covariance));
-    const Multilateration<2> solver(anchors.table(), anchors.sigmas(0.1).data(), {});
-    EXPECT_TRUE(testing::is_covariance(solver.solve(ranges.data()).covariance));
+    const Multilateration<2> solver(anchors.table(), view(anchors.sigmas(0.1)), {});
+    EXPECT_TRUE(testing::is_covariance(solver.solve(view(ranges)).covariance));
   }
 }
 
@@ -161,7 +162,7 @@ TEST(Locate, a_height_resolves_anchors_on_a_line_in_space) {
   }
 }
 
-TEST(Locate, says_what_is_missing) {
+TEST(Locate, reports_what_is_missing) {
   const Anchors one = {{1.0, 2.0}, 2, {}};
   EXPECT_NE(locate_from(one, {3.0}).reason.find("1 ranges"), std::string::npos);
   const Anchors none = {{}, 2, {}};
@@ -204,7 +205,7 @@ TEST(Locate, names_the_biased_range_and_alarms_at_the_stated_rate) {
   EXPECT_NEAR(alarms, 20, 2.576 * std::sqrt(20.0));
 }
 
-TEST(Locate, cannot_tell_which_range_is_wrong_with_one_to_spare) {
+TEST(Locate, cannot_identify_the_wrong_range_with_redundancy_one) {
   const Anchors anchors = {{0, 0, 10, 0, 3, 10}, 2, {}};
   std::vector<double> ranges = anchors.ranges_from(Eigen::Vector2d(4.0, 4.0));
   ranges[0] += 2.0;
@@ -224,7 +225,7 @@ TEST(Locate, ranges_that_contradict_each_other_by_100_m_are_inconsistent) {
   EXPECT_TRUE(found.hypotheses[0].position.allFinite());
 }
 
-TEST(Locate, refuses_ranges_priors_and_boxes_that_make_no_sense) {
+TEST(Locate, rejects_invalid_ranges_priors_and_boxes) {
   const Anchors anchors = testing::room();
   const std::vector<double> good = anchors.ranges_from(Eigen::Vector2d(3.0, 4.0));
   for (const double bad : {0.0, -1.5, std::nan(""), kInfinity}) {
@@ -243,24 +244,24 @@ TEST(Locate, refuses_ranges_priors_and_boxes_that_make_no_sense) {
 TEST(CramerRao, equals_values_computed_by_hand) {
   const Anchors anchors = {{10.0, 0.0, 0.0, 5.0}, 2, {}};
   const auto bound =
-      cramer_rao(anchors.table(), anchors.sigmas(0.1).data(), Eigen::RowVector2d(0.0, 0.0));
+      cramer_rao(anchors.table(), view(anchors.sigmas(0.1)), Eigen::RowVector2d(0.0, 0.0));
   expect_near(bound[0], 0.01 * Matrix<2, 2>::Identity(), 1e-15);
   EXPECT_NEAR(dilution(anchors.table(), Eigen::Vector2d(0.0, 0.0)).position, std::sqrt(2.0), 1e-15);
-  // An anchor 3 m above and 4 m aside: the plane sees 4/5 of its direction.
+  // An anchor 3 m above and 4 m aside: 4/5 of its direction is in the plane.
   const Anchors above = {{4.0, 0.0, 3.0, 0.0, 4.0, 3.0}, 3, 0.0};
   EXPECT_NEAR(
-      cramer_rao(above.table(), above.sigmas(0.1).data(), Eigen::RowVector2d(0.0, 0.0))[0](0, 0),
+      cramer_rao(above.table(), view(above.sigmas(0.1)), Eigen::RowVector2d(0.0, 0.0))[0](0, 0),
       0.01 / 0.64, 1e-15);
 }
 
 TEST(CramerRao, is_infinite_where_a_direction_is_open) {
   const Anchors anchors = line_of_anchors();
   const auto bound =
-      cramer_rao(anchors.table(), anchors.sigmas(0.1).data(), Eigen::RowVector2d(3.0, 0.0));
+      cramer_rao(anchors.table(), view(anchors.sigmas(0.1)), Eigen::RowVector2d(3.0, 0.0));
   EXPECT_EQ(bound[0](1, 1), kInfinity);
 }
 
-TEST(Locate, refuses_options_of_the_solvers_that_are_none) {
+TEST(Locate, rejects_invalid_solver_options) {
   const Anchors anchors = testing::room();
   const std::vector<double> ranges = anchors.ranges_from(Eigen::Vector2d(3.0, 4.0));
   LocateOptions options;

@@ -11,7 +11,7 @@ namespace {
 using testing::Rng;
 using testing::uniform;
 
-TEST(HeadingSearch, equals_the_papers_loops_and_its_look_ups_half_a_cell) {
+TEST(HeadingSearch, equals_the_loops_of_the_paper_and_look_ups_to_half_a_cell) {
   for (std::uint64_t seed = 0; seed < 10; ++seed) {
     Rng rng(seed);
     const testing::Room room = testing::random_room(rng);
@@ -21,7 +21,7 @@ TEST(HeadingSearch, equals_the_papers_loops_and_its_look_ups_half_a_cell) {
     const HeadingSearch found = heading_search(map, scan, body.position());
     const HeadingSearch looked_up = heading_search_by_lookup(map, scan, body.position());
     ASSERT_TRUE(found.heading && looked_up.heading);
-    double least = 1e300;
+    double smallest = 1e300;
     double heading = 0.0;
     for (int step = 0; step < 36; ++step) {
       const Pose2 turned{body.x, body.y, step * kPi / 18.0};
@@ -38,8 +38,8 @@ TEST(HeadingSearch, equals_the_papers_loops_and_its_look_ups_half_a_cell) {
         sum += map.occupied().nearest(end).distance;
         on_field = on_field && room.map->contains(end);
       }
-      if (sum < least) {
-        least = sum;
+      if (sum < smallest) {
+        smallest = sum;
         heading = turned.heading;
       }
       const auto k = static_cast<std::size_t>(step);
@@ -71,7 +71,7 @@ TEST(HeadingSearch, looks_up_beams_that_end_far_beyond_the_map) {
   EXPECT_EQ(*looked_up.heading, *found.heading);
 }
 
-TEST(HeadingSearch, says_why_it_finds_none) {
+TEST(HeadingSearch, reports_why_there_is_none) {
   Rng rng(1);
   const testing::Room room = testing::random_room(rng);
   const ScanMap map(room.map);
@@ -82,7 +82,7 @@ TEST(HeadingSearch, says_why_it_finds_none) {
   std::fill(scan.ranges.begin(), scan.ranges.end(), std::nan(""));
   EXPECT_EQ(heading_search(map, scan, room.middle.position()).reason,
             HeadingSearch::Reason::kNoReturns);
-  std::fill(scan.ranges.begin(), scan.ranges.end(), scan.geometry->range_max);  // full scale
+  std::fill(scan.ranges.begin(), scan.ranges.end(), scan.geometry->range_max);  // maximum range
   EXPECT_EQ(heading_search(map, scan, room.middle.position()).reason,
             HeadingSearch::Reason::kNoReturns);
   scan.ranges.clear();

@@ -24,7 +24,7 @@ TEST(ScanMap, kd_tree_equals_the_exact_field) {
   }
 }
 
-TEST(ScanMap, surface_leaves_out_the_inside_of_walls) {
+TEST(ScanMap, surface_excludes_the_inside_of_walls) {
   std::vector<Cell> cells(20 * 20, Cell::kFree);
   for (int row = 0; row < 20; ++row) {
     for (int column = 0; column < 8; ++column) {
@@ -61,7 +61,7 @@ TEST(ScanMap, lines_follow_slanted_walls_better_than_cells) {
   }
 }
 
-TEST(ScanMap, a_corner_shows_no_line) {
+TEST(ScanMap, a_corner_has_no_line) {
   const ScanMap map(
       testing::map_of({{{1.0, 1.0}, {3.0, 1.0}}, {{1.0, 1.0}, {1.0, 3.0}}}, 80, 80, 0.05, {}));
   const int corner = map.surface().nearest({1.0, 1.0}).target;
@@ -70,11 +70,11 @@ TEST(ScanMap, a_corner_shows_no_line) {
   EXPECT_EQ(line.run, 0.0);
 }
 
-TEST(ScanMap, refuses_to_do_without_a_map) {
+TEST(ScanMap, rejects_a_missing_map) {
   expect_refused([] { (void)ScanMap(nullptr); }, "ScanMap has no map");
 }
 
-TEST(ScanMap, refuses_a_map_without_walls_and_points_that_pcl_would_abort_on) {
+TEST(ScanMap, rejects_a_map_without_walls_and_points_that_pcl_would_abort_on) {
   const auto free =
       std::make_shared<const OccupancyGrid>(2, 2, 0.1, Pose2{}, std::vector<Cell>(4, Cell::kFree));
   expect_refused([&] { (void)ScanMap(free); }, "0 occupied cells");

@@ -21,7 +21,7 @@ constexpr Stamp kTenth = 100'000'000;
 
 Matrix<3, 3> covariance_of_step() { return Vector<3>(0.01, 0.005, 0.01).cwiseAbs2().asDiagonal(); }
 
-/// A circle of 0.8 m in a random room, 5 cm each tenth of a second, by wheels that are off.
+/// A circle of 0.8 m in a random room, 5 cm per tenth of a second, with noisy wheels.
 struct Drive {
   Drive(std::uint64_t seed, const ScanOdometryConfig& config) : rng(seed), odometry(config) {
     const Pose2 middle = testing::random_pose(rng, 1.0);
@@ -32,11 +32,12 @@ struct Drive {
   ScanMotion step() {
     const Pose2 motion = steps++ > 0 ? arc(0.05, 0.0, 0.0625) : Pose2{};
     truth = truth * motion;
-    const Pose2 told = retract(motion, {normal(rng, 0.01), normal(rng, 0.005), normal(rng, 0.01)});
+    const Pose2 reported =
+        retract(motion, {normal(rng, 0.01), normal(rng, 0.005), normal(rng, 0.01)});
     LaserScan scan = scan_from(walls, truth, rng, 0.01);
     scan.stamp = steps * kTenth;
-    wheels = steps > 1 ? wheels * told : wheels;
-    return odometry.on(scan, told, covariance_of_step());
+    wheels = steps > 1 ? wheels * reported : wheels;
+    return odometry.on(scan, reported, covariance_of_step());
   }
 
   Rng rng;
@@ -56,11 +57,11 @@ TEST(ScanOdometry, follows_a_circle_better_than_the_wheels) {
       Drive drive(seed, config);
       Pose2 sum;
       for (int k = 0; k < 100; ++k) {
-        const ScanMotion told = drive.step();
-        sum = sum * told.increment.motion;
-        expect_pose_near(sum, told.pose, 1e-9);
-        EXPECT_EQ(told.increment.stamp - told.increment.begin, k > 0 ? kTenth : 0);
-        EXPECT_EQ(told.match.converged, k > 0);
+        const ScanMotion result = drive.step();
+        sum = sum * result.increment.motion;
+        expect_pose_near(sum, result.pose, 1e-9);
+        EXPECT_EQ(result.increment.stamp - result.increment.begin, k > 0 ? kTenth : 0);
+        EXPECT_EQ(result.match.converged, k > 0);
       }
       const Vector<2> way = (inverse(drive.start) * drive.truth).position();
       ours = std::max(ours, (sum.position() - way).norm());
@@ -71,25 +72,25 @@ TEST(ScanOdometry, follows_a_circle_better_than_the_wheels) {
   }
 }
 
-/// Mean squared error of T_key_body in units of the covariance; of one scan after each key scan, as
-/// those of one key scan have its noise in common.
+/// Mean squared error of T_key_body in units of the covariance, for one scan after each key scan,
+/// as scans of one key scan share its noise.
 double nees_to_key(const ScanOdometryConfig& config) {
   double sum = 0.0;
   int count = 0;
   for (std::uint64_t seed = 0; seed < 40; ++seed) {
     Drive drive(seed, config);
     std::vector<Pose2> truth;
-    Stamp judged = 0;
+    Stamp compared = 0;
     for (int k = 0; k < 25; ++k) {
-      const ScanMotion told = drive.step();
+      const ScanMotion result = drive.step();
       truth.push_back(drive.truth);
-      EXPECT_TRUE(is_covariance(told.covariance));
-      const Pose2 key = truth[static_cast<std::size_t>(told.key / kTenth) - 1];
+      EXPECT_TRUE(is_covariance(result.covariance));
+      const Pose2 key = truth[static_cast<std::size_t>(result.key / kTenth) - 1];
       const Pose2 in_key = inverse(key) * drive.truth;
-      if (told.key != judged && std::hypot(in_key.x, in_key.y) > 0.12) {
-        const Vector<3> e = local(told.match.pose, in_key);
-        sum += e.dot(told.covariance.llt().solve(e));
-        judged = told.key;
+      if (result.key != compared && std::hypot(in_key.x, in_key.y) > 0.12) {
+        const Vector<3> e = local(result.match.pose, in_key);
+        sum += e.dot(result.covariance.llt().solve(e));
+        compared = result.key;
         ++count;
       }
     }
@@ -102,7 +103,7 @@ double nees_to_key(const ScanOdometryConfig& config) {
 constexpr double kLow = 2.52;
 constexpr double kHigh = 3.52;
 
-TEST(ScanOdometry, errors_since_a_single_key_scan_are_as_large_as_said) {
+TEST(ScanOdometry, errors_since_a_single_key_scan_match_the_covariance) {
   ScanOdometryConfig config;
   config.window_scans = 1;
   const double found = nees_to_key(config);
@@ -110,44 +111,43 @@ TEST(ScanOdometry, errors_since_a_single_key_scan_are_as_large_as_said) {
   EXPECT_LT(found, kHigh);
 }
 
-TEST(ScanOdometry, with_ten_key_scans_the_covariance_is_too_small_by_a_tenth_in_sigma_at_most) {
-  // Over 250 drives: 3.5 where 3 is exact. How the older scans lie to the newest is taken for
-  // known.
+TEST(ScanOdometry, with_ten_key_scans_sigmas_are_too_small_by_at_most_a_tenth) {
+  // Over 250 drives: 3.5 where 3 is exact, as the poses of older key scans are assumed to be known.
   const double found = nees_to_key({});
   EXPECT_GT(found, kLow);
   EXPECT_LT(found, 1.1 * 1.1 * kHigh);
 }
 
-TEST(ScanOdometry, along_a_corridor_it_goes_by_the_wheels) {
+TEST(ScanOdometry, along_a_corridor_it_follows_the_wheels) {
   testing::Walls corridor;
   testing::add_box(corridor, {0.0, 0.0, 0.0}, 400.0, 2.0);
   Rng rng(1);
   ScanOdometry odometry;
-  ScanMotion told;
+  ScanMotion result;
   for (int k = 0; k < 30; ++k) {
     LaserScan scan = scan_from(corridor, {0.1 * k, 0.2, 0.0}, rng, 0.01);
     scan.stamp = k;
-    told = odometry.on(scan, {0.11, 0.01, 0.01}, covariance_of_step());
+    result = odometry.on(scan, {0.11, 0.01, 0.01}, covariance_of_step());
   }
-  EXPECT_NEAR(told.pose.x, 29 * 0.11, 0.01);
-  EXPECT_NEAR(told.pose.y, 0.0, 0.02);
-  EXPECT_NEAR(told.pose.heading, 0.0, 0.01);
-  ASSERT_TRUE(told.match.weak_direction);
-  EXPECT_GT(std::abs(told.match.weak_direction->x()), 0.999);
-  EXPECT_GT(told.covariance(0, 0), 0.01 * 0.01);
-  EXPECT_LT(told.covariance(1, 1), 0.005 * 0.005);
+  EXPECT_NEAR(result.pose.x, 29 * 0.11, 0.01);
+  EXPECT_NEAR(result.pose.y, 0.0, 0.02);
+  EXPECT_NEAR(result.pose.heading, 0.0, 0.01);
+  ASSERT_TRUE(result.match.weak_direction);
+  EXPECT_GT(std::abs(result.match.weak_direction->x()), 0.999);
+  EXPECT_GT(result.covariance(0, 0), 0.01 * 0.01);
+  EXPECT_LT(result.covariance(1, 1), 0.005 * 0.005);
 }
 
-TEST(ScanOdometry, wheels_that_say_nothing_of_a_turn_do_not_hold_it_back) {
-  // On wean_hall the odometry stands still for a moment while the robot turns by 4 degrees. Taken
-  // at its word, to a millirad, it held the fit where it began.
+TEST(ScanOdometry, wheels_that_miss_a_turn_do_not_prevent_it) {
+  // On wean_hall odometry reports no motion for a moment while the robot turns by 4 degrees. With a
+  // sigma of a milliradian it kept the fit at its start.
   Drive drive(3, {});
   drive.step();
   const Pose2 turn{0.0, 0.0, 0.07};
   LaserScan scan = scan_from(drive.walls, drive.start * turn, drive.rng, 0.01);
   scan.stamp = 2 * kTenth;
-  const ScanMotion told = drive.odometry.on(scan, {}, Matrix<3, 3>::Zero());
-  EXPECT_NEAR(told.increment.motion.heading, 0.07, 0.003);
+  const ScanMotion result = drive.odometry.on(scan, {}, Matrix<3, 3>::Zero());
+  EXPECT_NEAR(result.increment.motion.heading, 0.07, 0.003);
 }
 
 TEST(ScanOdometry, without_returns_the_motion_is_that_of_the_wheels) {
@@ -160,42 +160,42 @@ TEST(ScanOdometry, without_returns_the_motion_is_that_of_the_wheels) {
   LaserScan scan = scan_from(drive.walls, drive.start, drive.rng, 0.01);
   scan.stamp = 2;
   const Pose2 motion{0.1, 0.0, 0.2};
-  ScanMotion told = drive.odometry.on(scan, motion, covariance_of_step());  // the first key scan
-  EXPECT_EQ(told.match.reason, ScanMatch::Reason::kTooFewMatches);
-  expect_pose_near(told.pose, motion, 1e-12);
-  Matrix<3, 3> least = covariance_of_step();
+  ScanMotion result = drive.odometry.on(scan, motion, covariance_of_step());  // the first key scan
+  EXPECT_EQ(result.match.reason, ScanMatch::Reason::kTooFewMatches);
+  expect_pose_near(result.pose, motion, 1e-12);
+  Matrix<3, 3> before = covariance_of_step();
   for (Stamp stamp = 3; stamp < 8; ++stamp) {
     silent.stamp = stamp;
-    told = drive.odometry.on(silent, motion, covariance_of_step());
-    EXPECT_EQ(told.match.reason, ScanMatch::Reason::kNoReturns);
-    EXPECT_EQ(told.key, 2);
-    expect_pose_near(told.increment.motion, motion, 1e-12);
-    EXPECT_TRUE(is_covariance(told.covariance));
-    EXPECT_GT((told.covariance - least).trace(), 0.0);
-    least = told.covariance;
+    result = drive.odometry.on(silent, motion, covariance_of_step());
+    EXPECT_EQ(result.match.reason, ScanMatch::Reason::kNoReturns);
+    EXPECT_EQ(result.key, 2);
+    expect_pose_near(result.increment.motion, motion, 1e-12);
+    EXPECT_TRUE(is_covariance(result.covariance));
+    EXPECT_GT((result.covariance - before).trace(), 0.0);
+    before = result.covariance;
   }
 }
 
-TEST(ScanOdometry, starts_a_new_map_where_a_scan_fits_nothing) {
+TEST(ScanOdometry, starts_a_new_map_where_a_scan_does_not_match) {
   Drive drive(5, {});
   drive.step();
   testing::Walls elsewhere;
   testing::add_box(elsewhere, {0.0, 0.0, 0.0}, 40.0, 30.0);
   testing::add_box(elsewhere, {3.0, 2.0, 0.0}, 1.0, 1.0);
-  ScanMotion told;
+  ScanMotion result;
   for (int k = 2; k < 4; ++k) {
     LaserScan scan =
         scan_from(elsewhere, {0.4 * k, 0.0, 0.0}, drive.rng, 0.01, testing::laser(360, 50));
     scan.stamp = k * kTenth;
-    told = drive.odometry.on(scan, {0.4, 0.0, 0.0}, covariance_of_step());
+    result = drive.odometry.on(scan, {0.4, 0.0, 0.0}, covariance_of_step());
   }
-  EXPECT_TRUE(told.match.converged);
-  EXPECT_EQ(told.key, 2 * kTenth);
-  EXPECT_GT(told.match.explained, 0.95);
-  EXPECT_NEAR(told.pose.x, 0.8, 0.02);
+  EXPECT_TRUE(result.match.converged);
+  EXPECT_EQ(result.key, 2 * kTenth);
+  EXPECT_GT(result.match.explained, 0.95);
+  EXPECT_NEAR(result.pose.x, 0.8, 0.02);
 }
 
-TEST(ScanOdometry, refuses_what_is_not_valid_and_stays_as_it_was) {
+TEST(ScanOdometry, rejects_invalid_input_and_stays_unchanged) {
   Drive drive(6, {});
   drive.step();
   ScanOdometry before = drive.odometry;
@@ -221,7 +221,7 @@ TEST(ScanOdometry, refuses_what_is_not_valid_and_stays_as_it_was) {
   config.window_scans = 0;
   expect_refused([&] { ScanOdometry{config}; }, "window_scans is 0", "1 or more");
   config = {};
-  config.window_m = 1e7;  // from as far away a scan would be refused, when others had been dropped
+  config.window_m = 1e7;  // a scan from that far would be refused, after others had been dropped
   expect_refused([&] { ScanOdometry{config}; }, "window_m is 1e+07", "less than a million");
   config = {};
   config.key_turn_rad = -1.0;

@@ -56,7 +56,7 @@ Consistency over_rooms(double sigma, bool exact, int rooms) {
   return found;
 }
 
-TEST(ScanRefine, errors_are_no_larger_than_said_and_not_half_of_it) {
+TEST(ScanRefine, errors_match_the_covariance_within_a_factor_of_two) {
   for (const bool exact : {false, true}) {
     for (const double sigma : {0.01, 0.03}) {
       const Consistency found = over_rooms(sigma, exact, 24);
@@ -69,7 +69,7 @@ TEST(ScanRefine, errors_are_no_larger_than_said_and_not_half_of_it) {
   }
 }
 
-TEST(ScanRefine, comes_back_from_a_guess_20_cm_and_5_degrees_off) {
+TEST(ScanRefine, converges_from_a_guess_20_cm_and_5_degrees_off) {
   int right = 0;
   for (std::uint64_t seed = 0; seed < 40; ++seed) {
     Rng rng(seed);
@@ -95,7 +95,7 @@ Walls corridor(double direction) {
           {-15.0 * along - across, 15.0 * along - across}};
 }
 
-TEST(ScanRefine, a_corridor_says_nothing_of_the_way_along_it) {
+TEST(ScanRefine, a_corridor_does_not_observe_the_position_along_it) {
   for (int i = 0; i < 20; ++i) {
     Rng rng(static_cast<std::uint64_t>(i));
     const double direction = i * kPi / 20.0 + (i % 4 == 0 ? 0.0 : uniform(rng, 0.0, 0.1));
@@ -121,8 +121,8 @@ TEST(ScanRefine, a_corridor_says_nothing_of_the_way_along_it) {
   }
 }
 
-TEST(ScanRefine, walls_along_the_grid_are_known_to_a_cell_not_better) {
-  // However many beams hit it, a wall along the grid was rounded to cells as one.
+TEST(ScanRefine, walls_along_the_grid_are_known_to_one_cell) {
+  // A wall along the grid was rounded to cells as a whole, however many beams hit it.
   const auto covariance_of = [](double angle) {
     Rng rng(9);
     Walls walls;
@@ -135,7 +135,7 @@ TEST(ScanRefine, walls_along_the_grid_are_known_to_a_cell_not_better) {
   EXPECT_LT(std::sqrt(covariance_of(0.4)(0, 0)), 0.005);
 }
 
-TEST(ScanRefine, says_why_it_fails_and_returns_the_guess) {
+TEST(ScanRefine, reports_why_it_fails_and_returns_the_guess) {
   Rng rng(1);
   const testing::Room room = testing::random_room(rng);
   const ScanMatcher matcher(room.map);
@@ -156,7 +156,7 @@ TEST(ScanRefine, says_why_it_fails_and_returns_the_guess) {
   expect_fails(room.middle, ScanMatch::Reason::kNoReturns);
 }
 
-TEST(ScanRefine, refuses_what_is_not_valid) {
+TEST(ScanRefine, rejects_invalid_input) {
   Rng rng(1);
   const testing::Room room = testing::random_room(rng);
   const ScanMatcher matcher(room.map);
@@ -170,13 +170,13 @@ TEST(ScanRefine, refuses_what_is_not_valid) {
   ScanMatcherConfig config;
   config.sigma_range_m = 0.0;
   expect_refused([&] { (void)ScanMatcher(room.map, config); }, "sigma_range_m is 0");
-  config.sigma_range_m = 1e5;  // explained was every beam, and those that only fill a group up
+  config.sigma_range_m = 1e5;  // every beam was explained, including padding
   expect_refused([&] { (void)ScanMatcher(room.map, config); }, "sigma_range_m is 100000");
   config = {};
   config.outlier_share = 5e-324;  // all hypotheses had an infinite cost
   expect_refused([&] { (void)ScanMatcher(room.map, config); }, "outlier_share");
   config = {};
-  config.max_iterations = 2147483647;  // steps that jump from cell to cell never ended
+  config.max_iterations = 2147483647;  // steps that alternate between cells never ended
   expect_refused([&] { (void)ScanMatcher(room.map, config); }, "max_iterations is 2.14748e+09");
 }
 

@@ -22,7 +22,7 @@ bool close(const Pose2& a, const Pose2& b) {
   return e.head<2>().norm() < 0.05 && std::abs(e.z()) < 0.02;
 }
 
-TEST(ScanSearch, finds_the_heading_from_nothing_and_never_says_ready_when_wrong) {
+TEST(ScanSearch, finds_the_heading_and_is_never_ready_when_wrong) {
   int ready = 0;
   for (std::uint64_t seed = 0; seed < 60; ++seed) {
     Rng rng(seed);
@@ -43,7 +43,7 @@ TEST(ScanSearch, finds_the_heading_from_nothing_and_never_says_ready_when_wrong)
   EXPECT_GE(ready, 58);
 }
 
-TEST(ScanSearch, a_fix_of_any_sigma_is_searched_where_the_map_is) {
+TEST(ScanSearch, searches_the_map_for_a_fix_of_any_sigma) {
   Rng rng(5);
   const testing::Room room = testing::random_room(rng);
   const ScanMatcher matcher(room.map);
@@ -76,7 +76,7 @@ TEST(ScanSearch, returns_both_headings_of_a_symmetric_room) {
     const Pose2 mirrored = retract(truth, {0.0, 0.0, kPi});
     int seen = 0;
     for (const ScanHypothesis& hypothesis : found.hypotheses) {
-      // The body sits off the laser's axis, so the mirrored scan is 10 cm off.
+      // The laser is mounted off the axis of the body, so the mirrored scan is 10 cm off.
       const Vector<3> a = local(hypothesis.match.pose, truth);
       const Vector<3> b = local(hypothesis.match.pose, mirrored);
       seen |= a.head<2>().norm() < 0.05 && std::abs(a.z()) < 0.02 ? 1 : 0;
@@ -132,7 +132,7 @@ TEST(ScanSearch, a_scan_of_another_place_is_not_ready) {
   EXPECT_EQ(ready, 0);
 }
 
-TEST(ScanSearch, says_why_there_is_none) {
+TEST(ScanSearch, reports_why_there_is_none) {
   Rng rng(1);
   const testing::Room room = testing::random_room(rng);
   const ScanMatcher matcher(room.map);
@@ -172,8 +172,8 @@ TEST(ScanSearch, any_covariance_has_a_window) {
             ScanSearch::Reason::kOutsideMap);
 }
 
-/// A beam of 1000 km on cells of 0.45 mm ends beyond the integers.
-TEST(ScanSearch, a_beam_that_ends_beyond_the_integers_ends_in_the_unknown) {
+/// A beam of 1000 km on cells of 0.45 mm ends beyond integers.
+TEST(ScanSearch, a_beam_that_ends_beyond_integers_ends_in_unknown_space) {
   constexpr int kSide = 100;
   std::vector<Cell> cells(kSide * kSide, Cell::kFree);
   for (std::size_t i = 0; i < kSide; ++i) {

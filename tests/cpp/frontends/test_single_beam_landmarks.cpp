@@ -14,7 +14,7 @@ using testing::Rng;
 using testing::scan_of;
 using testing::turning_laser;
 
-TEST(ClosestBeam, adds_the_radius_to_the_least_range) {
+TEST(ClosestBeam, adds_the_radius_to_the_shortest_range) {
   LaserScan scan{0, turning_laser(), std::vector<double>(360, std::nan(""))};
   scan.ranges[200] = 1.6;
   scan.ranges[201] = 1.5;
@@ -27,14 +27,14 @@ TEST(ClosestBeam, adds_the_radius_to_the_least_range) {
   EXPECT_EQ(closest_beam(scan, 203, 200, 0.25).beam, 200);
 }
 
-TEST(ClosestBeam, refuses_what_is_not_valid) {
+TEST(ClosestBeam, rejects_invalid_input) {
   const LaserScan scan{0, turning_laser(), {1.0, 2.0}};
   expect_refused([&] { (void)closest_beam(scan, 0, 2, 0.1); }, "last is beam 2", "the 2 of");
   expect_refused([&] { (void)closest_beam(scan, -1, 1, 0.1); }, "first is beam -1");
   expect_refused([&] { (void)closest_beam(scan, 0, 1, -0.1); }, "-0.1 m", ">= 0");
 }
 
-TEST(RecognizeLandmarks, tells_beams_of_what_is_seen_and_minus_one_of_the_rest) {
+TEST(RecognizeLandmarks, returns_beams_of_visible_landmarks_and_minus_one_for_others) {
   Rng rng(1);
   const std::vector<testing::Disc> discs{{{3.0, 0.0}, 0.5}, {{6.0, 0.0}, 0.4}, {{0.0, 2.0}, 0.3}};
   const LandmarkMap landmarks({{0, discs[0].centre, discs[0].radius},
@@ -52,7 +52,7 @@ TEST(RecognizeLandmarks, tells_beams_of_what_is_seen_and_minus_one_of_the_rest) 
   EXPECT_NEAR(seen[2].range, std::sqrt(5.0) - 0.3, 1e-3);
 }
 
-TEST(RecognizeLandmarks, a_landmark_around_the_laser_is_not_seen) {
+TEST(RecognizeLandmarks, a_landmark_around_the_laser_has_no_beam) {
   const LaserScan scan{0, turning_laser(), std::vector<double>(360, 0.2)};
   const std::vector<BeamLandmark> seen =
       recognize_landmarks(scan, {}, LandmarkMap({{0, {0.0, 0.0}, 0.3}, {1, {0.1, 0.0}, 0.1}}));
@@ -60,7 +60,7 @@ TEST(RecognizeLandmarks, a_landmark_around_the_laser_is_not_seen) {
   EXPECT_EQ(seen[1].beam, -1);
 }
 
-TEST(RecognizeLandmarks, refuses_what_is_not_valid) {
+TEST(RecognizeLandmarks, rejects_invalid_input) {
   const LaserScan scan{0, turning_laser(), {1.0}};
   expect_refused([&] { (void)recognize_landmarks(scan, {std::nan(""), 0.0, 0.0}, {}); }, "pose");
 }

@@ -11,6 +11,7 @@ namespace {
 using testing::Anchors;
 using testing::expect_near;
 using testing::Rng;
+using testing::view;
 
 template <int N>
 double squared_cost(const RangeLayout<N>& layout, const std::vector<double>& ranges,
@@ -28,9 +29,9 @@ template <int N>
 void expect_recovery(const Anchors& anchors, const Eigen::VectorXd& truth,
                      SquaredRangeWeights weights, double tolerance) {
   const std::vector<double> sigma = anchors.sigmas(0.1);
-  const RangeLayout<N> layout(anchors.table(), sigma.data());
+  const RangeLayout<N> layout(anchors.table(), view(sigma));
   const std::vector<double> ranges = anchors.ranges_from(truth);
-  const SquaredRangePosition<N> found = solve_squared_ranges<N>(layout, ranges.data(), weights);
+  const SquaredRangePosition<N> found = solve_squared_ranges<N>(layout, view(ranges), weights);
   ASSERT_EQ(found.count, 1);
   expect_near(Vector<N>(layout.centre + found.position[0]), truth, tolerance);
 }
@@ -62,15 +63,15 @@ TEST(SquaredRange, is_the_global_minimum_of_the_squared_problem) {
   for (int trial = 0; trial < 50; ++trial) {
     const Anchors anchors = testing::random_anchors(rng, 4, 2);
     const std::vector<double> sigma = anchors.sigmas(0.1);
-    const RangeLayout<2> layout(anchors.table(), sigma.data());
+    const RangeLayout<2> layout(anchors.table(), view(sigma));
     std::vector<double> ranges = anchors.ranges_from(testing::random_point(rng, 2));
     testing::add_noise(rng, 1.0, ranges);
-    const auto found = solve_squared_ranges<2>(layout, ranges.data());
+    const auto found = solve_squared_ranges<2>(layout, view(ranges));
     ASSERT_EQ(found.count, 1);
-    const double least = squared_cost<2>(layout, ranges, found.position[0]);
+    const double minimum = squared_cost<2>(layout, ranges, found.position[0]);
     for (double x = -20.0; x <= 20.0; x += 0.25) {
       for (double y = -20.0; y <= 20.0; y += 0.25) {
-        ASSERT_LE(least, squared_cost<2>(layout, ranges, {x, y}) * (1.0 + 1e-12));
+        ASSERT_LE(minimum, squared_cost<2>(layout, ranges, {x, y}) * (1.0 + 1e-12));
       }
     }
   }
@@ -79,10 +80,10 @@ TEST(SquaredRange, is_the_global_minimum_of_the_squared_problem) {
 TEST(SquaredRange, returns_both_sides_of_anchors_on_a_line) {
   const Anchors line = {{0.0, 0.0, 3.0, 4.0, 6.0, 8.0, 9.0, 12.0}, 2, {}};
   const std::vector<double> sigma = line.sigmas(0.1);
-  const RangeLayout<2> layout(line.table(), sigma.data());
+  const RangeLayout<2> layout(line.table(), view(sigma));
   const Eigen::Vector2d truth(7.0, 1.0);
   const std::vector<double> ranges = line.ranges_from(truth);
-  const auto found = solve_squared_ranges<2>(layout, ranges.data());
+  const auto found = solve_squared_ranges<2>(layout, view(ranges));
   ASSERT_EQ(found.count, 2);
   const Eigen::Vector2d u(0.6, 0.8);
   const Eigen::Vector2d mirrored = 2.0 * u.dot(truth) * u - truth;
@@ -97,37 +98,37 @@ TEST(SquaredRange, returns_nothing_where_a_whole_circle_fits) {
   const std::vector<double> ranges = {2.0, 2.0, 2.0};
   const Anchors point = {{1.0, 2.0, 1.0, 2.0, 1.0, 2.0}, 2, {}};
   const std::vector<double> sigma = point.sigmas(0.1);
-  EXPECT_EQ(
-      solve_squared_ranges<2>(RangeLayout<2>(point.table(), sigma.data()), ranges.data()).count, 0);
+  EXPECT_EQ(solve_squared_ranges<2>(RangeLayout<2>(point.table(), view(sigma)), view(ranges)).count,
+            0);
   const Anchors line = {{0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0}, 3, {}};
-  EXPECT_EQ(
-      solve_squared_ranges<3>(RangeLayout<3>(line.table(), sigma.data()), ranges.data()).count, 0);
+  EXPECT_EQ(solve_squared_ranges<3>(RangeLayout<3>(line.table(), view(sigma)), view(ranges)).count,
+            0);
 }
 
 TEST(SquaredRange, its_gain_is_the_derivative_of_the_position) {
   const Anchors anchors = testing::room();
   const std::vector<double> sigma = anchors.sigmas(0.1);
-  const RangeLayout<2> layout(anchors.table(), sigma.data());
+  const RangeLayout<2> layout(anchors.table(), view(sigma));
   const std::vector<double> ranges = anchors.ranges_from(Eigen::Vector2d(3.0, 4.0));
-  const auto x = solve_squared_ranges<2>(layout, ranges.data()).position[0];
+  const auto x = solve_squared_ranges<2>(layout, view(ranges)).position[0];
   RangeGain<2> gain;
-  ASSERT_TRUE(squared_range_gain<2>(layout, x, ranges.data(), SquaredRangeWeights::kEqual, gain));
+  ASSERT_TRUE(squared_range_gain<2>(layout, x, view(ranges), SquaredRangeWeights::kEqual, gain));
   for (std::size_t i = 0; i < ranges.size(); ++i) {
     std::vector<double> more = ranges;
     std::vector<double> less = ranges;
     more[i] += 1e-5;
     less[i] -= 1e-5;
-    const Vector<2> slope = (solve_squared_ranges<2>(layout, more.data()).position[0] -
-                             solve_squared_ranges<2>(layout, less.data()).position[0]) /
+    const Vector<2> slope = (solve_squared_ranges<2>(layout, view(more)).position[0] -
+                             solve_squared_ranges<2>(layout, view(less)).position[0]) /
                             2e-5;
     expect_near(Vector<2>(gain.col(static_cast<Eigen::Index>(i))), slope, 1e-6);
   }
 }
 
-TEST(RangeLayout, refuses_what_is_not_a_layout) {
+TEST(RangeLayout, rejects_invalid_layouts) {
   const auto refuse = [](const Anchors& anchors, double sigma, const auto&... words) {
     const std::vector<double> sigmas = anchors.sigmas(sigma);
-    testing::expect_refused([&] { validate(anchors.table(), sigmas.data()); }, words...);
+    testing::expect_refused([&] { validate(anchors.table(), view(sigmas)); }, words...);
   };
   refuse({{0.0, std::nan("")}, 2, {}}, 0.1, "anchor 0", "nan");
   refuse({{0.0, 1.0}, 2, {}}, 0.0, "sigma of range 0", "0.0");

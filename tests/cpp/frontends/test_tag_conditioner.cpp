@@ -25,7 +25,7 @@ TagConditioner::Config no_low_pass() {
 
 PositionFix fix(Stamp stamp, double x, double y, Id tag = 1) { return {stamp, {x, y}, kR, tag}; }
 
-TEST(TagConditioner, takes_the_bias_off_and_leaves_the_rest) {
+TEST(TagConditioner, removes_only_the_bias) {
   TagConditioner::Config config = no_low_pass();
   config.bias_x_m = 0.2;
   config.bias_y_m = -0.1;
@@ -55,7 +55,7 @@ TEST(TagConditioner, the_low_pass_is_that_of_first_order) {
   expect_near(once.on(fix(kSecond, 1.0, 0.5)).fix->position, fine, 1e-15);
 }
 
-TEST(TagConditioner, the_low_pass_lags_and_smooths_as_the_page_says) {
+TEST(TagConditioner, the_low_pass_lags_and_smooths_as_documented) {
   TagConditioner::Config config;
   config.cutoff_hz = 0.2;
   TagConditioner conditioner(config, kTags);
@@ -75,16 +75,17 @@ TEST(TagConditioner, the_low_pass_lags_and_smooths_as_the_page_says) {
   EXPECT_NEAR(square / 0.01, a / (2.0 - a), 0.03 * a / (2.0 - a));  // eq. (12)
 }
 
-TEST(TagConditioner, rejects_what_the_machine_cannot_have_done) {
+TEST(TagConditioner, rejects_jumps) {
   TagConditioner conditioner(no_low_pass(), kTags);
   conditioner.on(fix(0, 0.0, 0.0));
   EXPECT_EQ(conditioner.on(fix(kSecond, 2.3, 0.0)).verdict, TagVerdict::kJump);  // 1.4 + 0.8
   EXPECT_FALSE(conditioner.on(fix(kSecond, 2.3, 0.0)).fix);
-  EXPECT_EQ(conditioner.on(fix(2 * kSecond, 2.3, 0.0)).verdict, TagVerdict::kPassed);  // had time
+  EXPECT_EQ(conditioner.on(fix(2 * kSecond, 2.3, 0.0)).verdict,
+            TagVerdict::kPassed);  // reachable by now
   EXPECT_EQ(conditioner.on(fix(2 * kSecond, 30.0, 0.0, 2)).verdict, TagVerdict::kPassed);
 }
 
-TEST(TagConditioner, starts_anew_after_so_many_jumps_and_no_sooner) {
+TEST(TagConditioner, restarts_after_exactly_the_configured_jumps) {
   TagConditioner::Config config;
   config.restart_after = 3;
   TagConditioner conditioner(config, kTags);
@@ -92,21 +93,22 @@ TEST(TagConditioner, starts_anew_after_so_many_jumps_and_no_sooner) {
   const Stamp step = kSecond / 10;
   EXPECT_EQ(conditioner.on(fix(step, 9.0, 0.0)).verdict, TagVerdict::kJump);
   EXPECT_EQ(conditioner.on(fix(2 * step, 9.1, 0.0)).verdict, TagVerdict::kJump);
-  EXPECT_EQ(conditioner.on(fix(3 * step, 0.1, 0.0)).verdict, TagVerdict::kPassed);  // counts anew
+  EXPECT_EQ(conditioner.on(fix(3 * step, 0.1, 0.0)).verdict,
+            TagVerdict::kPassed);  // the count restarts
   EXPECT_EQ(conditioner.on(fix(4 * step, 9.0, 0.0)).verdict, TagVerdict::kJump);
   EXPECT_EQ(conditioner.on(fix(5 * step, 9.1, 0.0)).verdict, TagVerdict::kJump);
   const ConditionedFix out = conditioner.on(fix(6 * step, 9.2, 0.0));
   EXPECT_EQ(out.verdict, TagVerdict::kRestarted);
-  EXPECT_EQ(out.fix->position.x(), 9.2);  // the low-pass starts anew, too
+  EXPECT_EQ(out.fix->position.x(), 9.2);  // the low-pass restarts, too
   EXPECT_EQ(conditioner.on(fix(7 * step, 9.3, 0.0)).verdict, TagVerdict::kPassed);
 }
 
-// The low-pass added the difference to what was before, which took digits along.
-TEST(TagConditioner, starts_anew_where_it_restarts_whatever_was_before) {
+// The low-pass added the difference to the earlier value, which lost digits.
+TEST(TagConditioner, restarts_without_rounding_from_earlier_values) {
   TagConditioner::Config config;
   config.restart_after = 1;
   TagConditioner conditioner(config, kTags);
-  EXPECT_EQ(conditioner.on(fix(0, 1e308, 0.0)).verdict, TagVerdict::kJump);  // nobody is there
+  EXPECT_EQ(conditioner.on(fix(0, 1e308, 0.0)).verdict, TagVerdict::kJump);  // outside the bounds
   EXPECT_EQ(conditioner.on(fix(0, 9e11, -9e11)).verdict, TagVerdict::kPassed);
   const ConditionedFix out = conditioner.on(fix(1, 0.1, 0.2));
   EXPECT_EQ(out.verdict, TagVerdict::kRestarted);
@@ -116,7 +118,7 @@ TEST(TagConditioner, starts_anew_where_it_restarts_whatever_was_before) {
   expect_near(next, Vector<2>(0.1, 0.2), 1e-15);
 }
 
-TEST(TagConditioner, recognises_a_value_that_is_stuck_while_the_wheels_turn) {
+TEST(TagConditioner, rejects_a_frozen_value_while_the_robot_moves) {
   TagConditioner conditioner(no_low_pass(), kTags);
   conditioner.on(Velocity{0, 0.3, 0.0});
   EXPECT_EQ(conditioner.on(fix(0, 1.0, 0.0)).verdict, TagVerdict::kPassed);
@@ -129,7 +131,7 @@ TEST(TagConditioner, recognises_a_value_that_is_stuck_while_the_wheels_turn) {
   EXPECT_EQ(conditioner.on(fix(kSecond, 1.1, 0.0)).verdict, TagVerdict::kPassed);
 }
 
-TEST(TagConditioner, a_robot_that_stands_may_hear_the_same_again) {
+TEST(TagConditioner, accepts_repeated_values_at_rest) {
   TagConditioner conditioner(no_low_pass(), kTags);
   for (int i = 0; i < 20; ++i) {
     conditioner.on(Velocity{i * kSecond, 0.0, 0.0});
@@ -145,15 +147,15 @@ TEST(TagConditioner, a_turn_moves_a_tag_off_the_axis) {
   EXPECT_EQ(conditioner.on(fix(kSecond, 1.0, 0.0, 1)).verdict, TagVerdict::kPassed);
 }
 
-TEST(TagConditioner, a_velocity_is_not_believed_for_ever) {
+TEST(TagConditioner, a_velocity_times_out) {
   TagConditioner conditioner(no_low_pass(), kTags);
   conditioner.on(Velocity{0, 0.05, 0.0});
   conditioner.on(fix(0, 1.0, 0.0));
-  // 5 cm in the second that it is held, none after that.
+  // 5 cm within the timeout of a second, nothing after that.
   EXPECT_EQ(conditioner.on(fix(60 * kSecond, 1.0, 0.0)).verdict, TagVerdict::kPassed);
 }
 
-TEST(TagConditioner, knows_what_is_late_and_what_is_not_on_the_body) {
+TEST(TagConditioner, rejects_stale_fixes_and_unknown_tags) {
   TagConditioner conditioner({}, kTags);
   conditioner.on(fix(kSecond, 1.0, 0.0));
   EXPECT_EQ(conditioner.on(fix(0, 1.0, 0.0)).verdict, TagVerdict::kStale);
@@ -162,7 +164,7 @@ TEST(TagConditioner, knows_what_is_late_and_what_is_not_on_the_body) {
   expect_refused([&] { conditioner.on(fix(kSecond, std::nan(""), 0.0)); }, "nan");
 }
 
-TEST(TagConditioner, refuses_a_config_out_of_range) {
+TEST(TagConditioner, rejects_a_config_out_of_range) {
   const auto with = [](const auto& change) {
     return [=] {
       TagConditioner::Config config;

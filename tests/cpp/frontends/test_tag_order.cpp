@@ -26,7 +26,7 @@ std::vector<PositionFix> epoch(Rng& rng, double sigma, const std::vector<Tag>& t
   return fixes;
 }
 
-TEST(TagOrder, passes_the_right_order_as_often_as_it_says) {
+TEST(TagOrder, passes_the_right_order_with_the_given_probability) {
   constexpr int kRuns = 4000;
   int fits = 0;
   for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
@@ -36,7 +36,7 @@ TEST(TagOrder, passes_the_right_order_as_often_as_it_says) {
   EXPECT_NEAR(fits, 0.95 * kRuns, 3.0 * std::sqrt(0.95 * 0.05 * kRuns) + 0.005 * kRuns);
 }
 
-TEST(TagOrder, finds_every_swap_and_names_the_ids_that_fit) {
+TEST(TagOrder, finds_every_swap_and_the_ids_that_fit) {
   Rng rng(7);
   for (int run = 0; run < 200; ++run) {
     std::vector<PositionFix> fixes = epoch(rng, 0.01);
@@ -51,7 +51,7 @@ TEST(TagOrder, finds_every_swap_and_names_the_ids_that_fit) {
   }
 }
 
-TEST(TagOrder, cannot_tell_the_turns_of_an_equilateral_triangle_apart) {
+TEST(TagOrder, rotations_of_an_equilateral_triangle_are_ambiguous) {
   const double h = std::sqrt(0.75);
   const std::vector<Tag> even = {{1, {0.0, 0.0, 0.0}}, {2, {1.0, 0.0, 0.0}}, {3, {0.5, h, 0.0}}};
   Rng rng(3);
@@ -60,11 +60,11 @@ TEST(TagOrder, cannot_tell_the_turns_of_an_equilateral_triangle_apart) {
   fixes[1].tag = 3;
   fixes[2].tag = 1;
   EXPECT_EQ(tag_order(even, fixes).verdict, TagOrderVerdict::kFits);
-  std::swap(fixes[0].tag, fixes[1].tag);  // mirrored: all three turns would do
+  std::swap(fixes[0].tag, fixes[1].tag);  // mirrored: all three rotations fit
   EXPECT_EQ(tag_order(even, fixes).verdict, TagOrderVerdict::kAmbiguous);
 }
 
-TEST(TagOrder, a_fix_that_is_wrong_fits_in_no_order) {
+TEST(TagOrder, a_wrong_fix_fits_in_no_order) {
   Rng rng(5);
   std::vector<PositionFix> fixes = epoch(rng, 0.01);
   fixes[1].position.x() += 3.0;
@@ -73,14 +73,14 @@ TEST(TagOrder, a_fix_that_is_wrong_fits_in_no_order) {
   EXPECT_NE(to_string(order).find("nor in any other order"), std::string::npos);
 }
 
-TEST(TagOrder, says_little_where_the_noise_is_as_large_as_the_triangle) {
+TEST(TagOrder, is_ambiguous_where_noise_is_as_large_as_the_triangle) {
   Rng rng(6);
   std::vector<PositionFix> fixes = epoch(rng, 0.5);
   std::swap(fixes[0].tag, fixes[1].tag);
   EXPECT_EQ(tag_order(kTags, fixes).verdict, TagOrderVerdict::kFits);
 }
 
-TEST(TagOrder, refuses_what_is_no_epoch_of_three_tags) {
+TEST(TagOrder, rejects_epochs_that_are_not_of_three_tags) {
   Rng rng(1);
   const std::vector<PositionFix> good = epoch(rng, 0.01);
   expect_refused([&] { (void)tag_order({kTags[0], kTags[1]}, good); }, "2 tags and 3 fixes");

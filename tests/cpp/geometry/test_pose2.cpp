@@ -81,7 +81,7 @@ TEST(Arc, is_a_quarter_of_the_unit_circle) {
   expect_pose_near(arc(0.0, kPi / 2.0, kPi / 2.0), {-1.0, 1.0, kPi / 2.0}, 1e-15);
 }
 
-TEST(Arc, is_accurate_to_rounding_for_turns_of_any_smallness) {
+TEST(Arc, is_accurate_to_rounding_for_the_smallest_turns) {
   for (double turn = 1.0; turn > 1e-18; turn *= 0.7) {
     for (const double signed_turn : {turn, -turn}) {
       const long double a = signed_turn;
@@ -125,7 +125,7 @@ TEST(ArcShare, half_of_a_half_circle_is_a_quarter_circle) {
                    1e-15);
 }
 
-TEST(Pose2, half_of_a_motion_that_turned_all_around_is_no_farther_than_the_whole) {
+TEST(Pose2, half_of_a_full_turn_is_no_farther_than_the_whole) {
   EXPECT_LT(arc_share({1.0, 0.0, 2.0 * kPi}, 0.5).position().norm(), 1.0);
 }
 

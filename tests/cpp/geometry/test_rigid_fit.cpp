@@ -56,9 +56,9 @@ TEST(RigidFit, finds_poses_exactly_whatever_the_weights) {
   }
 }
 
-TEST(RigidFit, fits_nothing_where_digits_leave_no_covariance) {
-  // Points millimetres apart, a thousand kilometres from the body's origin: where that is and its
-  // heading are one thing to sixteen digits, whose covariance had positive variances all the same.
+TEST(RigidFit, does_not_fit_beyond_double_precision) {
+  // Points millimetres apart, a thousand kilometres from the body's origin: to sixteen digits its
+  // position and heading are fully correlated, yet the covariance had positive variances.
   Rng rng(6);
   int fitted = 0;
   int given_up = 0;
@@ -108,14 +108,14 @@ TEST(RigidFit, is_the_weighted_optimum) {
   }
 }
 
-TEST(RigidFit, a_point_that_is_sure_counts_more) {
+TEST(RigidFit, a_precise_point_counts_more) {
   Matrix<2, 3> world = kBody;
   world.col(0) += Vector<2>(0.0, 0.3);
-  const Matrix<2, 2> sure = 1e-8 * Matrix<2, 2>::Identity();
+  const Matrix<2, 2> precise = 1e-8 * Matrix<2, 2>::Identity();
   const Matrix<2, 2> vague = Matrix<2, 2>::Identity();
-  const RigidFit without = rigid_fit(Points(kBody), Points(world), {vague, sure, sure});
+  const RigidFit without = rigid_fit(Points(kBody), Points(world), {vague, precise, precise});
   expect_pose_near(without.pose, {0.0, 0.0, 0.0}, 1e-6);
-  const RigidFit with = rigid_fit(Points(kBody), Points(world), {sure, vague, vague});
+  const RigidFit with = rigid_fit(Points(kBody), Points(world), {precise, vague, vague});
   EXPECT_LT((with.pose.act(kBody.col(0)) - world.col(0)).norm(), 1e-6);
 }
 
@@ -126,7 +126,7 @@ struct Calibration {
 
 constexpr int kRuns = 400;
 
-Calibration calibrate(double told) {
+Calibration calibrate(double factor) {
   Calibration mean;
   for (int seed = 1; seed <= kRuns; ++seed) {
     Rng rng(static_cast<std::uint64_t>(seed));
@@ -139,8 +139,8 @@ Calibration calibrate(double told) {
     }
     const Vector<6> off = root * unit;
     const Matrix<2, 3> world = moved<3>(truth, kBody) + Eigen::Map<const Matrix<2, 3>>(off.data());
-    const Matrix<6, 6> told_C = told * C;
-    const RigidFit fit = rigid_fit(kBody, world, told_C);
+    const Matrix<6, 6> reported = factor * C;
+    const RigidFit fit = rigid_fit(kBody, world, reported);
     const Vector<3> error = local(truth, fit.pose);
     mean.nees += error.dot(fit.covariance.llt().solve(error)) / kRuns;
     mean.nis += fit.nis / kRuns;
@@ -149,21 +149,21 @@ Calibration calibrate(double told) {
 }
 
 TEST(RigidFit, covariance_and_misfit_are_calibrated_over_seeds) {
-  const Calibration honest = calibrate(1.0);
-  EXPECT_TRUE(in_band(honest.nees, 3, kRuns)) << honest.nees;
-  EXPECT_TRUE(in_band(honest.nis, 3, kRuns)) << honest.nis;
-  const Calibration boastful = calibrate(0.5);
-  EXPECT_FALSE(in_band(boastful.nees, 3, kRuns)) << boastful.nees;
-  EXPECT_FALSE(in_band(boastful.nis, 3, kRuns)) << boastful.nis;
+  const Calibration consistent = calibrate(1.0);
+  EXPECT_TRUE(in_band(consistent.nees, 3, kRuns)) << consistent.nees;
+  EXPECT_TRUE(in_band(consistent.nis, 3, kRuns)) << consistent.nis;
+  const Calibration overconfident = calibrate(0.5);
+  EXPECT_FALSE(in_band(overconfident.nees, 3, kRuns)) << overconfident.nees;
+  EXPECT_FALSE(in_band(overconfident.nis, 3, kRuns)) << overconfident.nis;
 }
 
-TEST(RigidFit, mirrored_points_are_never_taken_for_a_rotation) {
+TEST(RigidFit, mirrored_points_are_never_a_rotation) {
   Rng rng(31);
   const Matrix<6, 6> C = 1e-4 * Matrix<6, 6>::Identity();
   for (int i = 0; i < 500; ++i) {
     Matrix<2, 3> mirrored = kBody;
     mirrored.row(1) *= -1.0;
-    mirrored.col(0).y() += 0.2;  // so that it is no mirror image of itself
+    mirrored.col(0).y() += 0.2;  // so that it is not its own mirror image
     Matrix<2, 3> body = kBody;
     body.col(0).y() -= 0.2;
     Matrix<2, 3> world = moved<3>(testing::random_pose(rng), mirrored);
@@ -185,7 +185,7 @@ TEST(RigidFit, a_mirrored_equilateral_triangle_has_no_direction) {
   EXPECT_TRUE(std::isnan(fit.pose.heading));
 }
 
-TEST(RigidFit, points_on_a_line_are_no_reflection) {
+TEST(RigidFit, points_on_a_line_are_not_a_reflection) {
   const Matrix<2, 3> line = (Matrix<2, 3>() << 0.0, 1.0, 3.0, 0.0, 0.5, 1.5).finished();
   const Pose2 truth{3.0, -2.0, 2.5};
   const RigidFit fit = rigid_fit(line, moved<3>(truth, line), 1e-4 * Matrix<6, 6>::Identity());
@@ -199,7 +199,7 @@ TEST(RigidFit, points_that_coincide_in_world_have_no_direction) {
   EXPECT_EQ(fit.status, RigidFitStatus::kNoDirection);
 }
 
-TEST(RigidFit, leaves_no_covariance_that_is_none) {
+TEST(RigidFit, every_covariance_is_valid) {
   const Matrix<2, 2> body = (Matrix<2, 2>() << 0.1, 0.3, 0.2, -0.1).finished();
   const Matrix<2, 2> world = moved<2>({-1.0, -1.4, 0.644}, body);
   for (const double variance : {1e-16, 1e-200, 1e-320}) {
@@ -210,7 +210,7 @@ TEST(RigidFit, leaves_no_covariance_that_is_none) {
   }
 }
 
-TEST(RigidFit, refuses_what_is_no_body_or_no_covariance) {
+TEST(RigidFit, rejects_invalid_bodies_and_covariances) {
   const Points one = Points::Zero(2, 1);
   const auto fit = [](const Points& body, const Points& world, const Eigen::MatrixXd& C) {
     return [=] { (void)rigid_fit<Eigen::Dynamic>(body, world, C); };

@@ -10,7 +10,7 @@ namespace {
 
 using testing::expect_refused;
 
-/// Anchors whose x is their id, so that a look-up can be checked.
+/// Anchors whose x is their id, to check look-ups.
 AnchorMap map_of(const std::vector<Id>& ids) {
   std::vector<Anchor> anchors;
   for (const Id id : ids) {
@@ -52,7 +52,7 @@ TEST(AnchorMap, finds_negative_ids_and_the_ends_of_the_range) {
                {-2, 0, 1, 2, 4});
 }
 
-TEST(AnchorMap, knows_nobody_when_empty) { expect_finds(AnchorMap(), {}, {0, 1, -1}); }
+TEST(AnchorMap, finds_nothing_when_empty) { expect_finds(AnchorMap(), {}, {0, 1, -1}); }
 
 TEST(AnchorMap, lists_its_anchors_by_id) {
   const AnchorMap map = map_of({9, -3, 4});
@@ -62,11 +62,11 @@ TEST(AnchorMap, lists_its_anchors_by_id) {
   EXPECT_EQ(map.anchors()[2].id, 9);
 }
 
-TEST(AnchorMap, refuses_an_id_given_twice) {
+TEST(AnchorMap, rejects_an_id_given_twice) {
   expect_refused([] { (void)map_of({4, 17, 5, 17}); }, "anchor 17", "twice");
 }
 
-TEST(AnchorMap, refuses_numbers_that_make_no_anchor) {
+TEST(AnchorMap, rejects_invalid_anchors) {
   const double nan = std::nan("");
   const auto with = [](const Vector<3>& position, double offset, double scale) {
     (void)AnchorMap(std::vector<Anchor>{{6, position, offset, scale}});
@@ -79,7 +79,7 @@ TEST(AnchorMap, refuses_numbers_that_make_no_anchor) {
   expect_refused([&] { with(zero, 0.0, nan); }, "anchor 6", "nan");
 }
 
-TEST(AnchorMap, refuses_lengths_and_scales_whose_squares_are_no_numbers) {
+TEST(AnchorMap, rejects_lengths_and_scales_whose_squares_overflow) {
   expect_refused([] { AnchorMap({{6, {1e200, 0.0, 0.0}}}); }, "anchor 6", "1e12");
   expect_refused([] { AnchorMap({{6, {0.0, 0.0, 0.0}, 1e160}}); }, "anchor 6", "1e12");
   expect_refused([] { AnchorMap({{6, {0.0, 0.0, 0.0}, 0.0, 1e160}}); }, "anchor 6", "scale");

@@ -75,7 +75,7 @@ TEST(DistanceField, nearest_equals_brute_force_at_any_point) {
   }
 }
 
-TEST(DistanceField, look_up_is_right_within_half_a_diagonal_and_exact_off_the_field) {
+TEST(DistanceField, look_up_is_accurate_to_half_a_diagonal_and_exact_off_the_field) {
   Rng rng(5);
   const auto grid = random_map(rng, 40, 30, 0.02);
   const DistanceField field(grid, 0.5);
@@ -88,7 +88,7 @@ TEST(DistanceField, look_up_is_right_within_half_a_diagonal_and_exact_off_the_fi
   }
 }
 
-TEST(DistanceField, distances_beyond_the_field_are_right_within_three_cells) {
+TEST(DistanceField, distances_beyond_the_field_are_accurate_to_three_cells) {
   for (std::uint64_t seed = 0; seed < 10; ++seed) {
     Rng rng(seed);
     const auto grid = random_map(rng, 40, 30, 0.01);
@@ -107,7 +107,7 @@ TEST(DistanceField, distances_beyond_the_field_are_right_within_three_cells) {
   }
 }
 
-TEST(DistanceField, holds_what_is_asked_for_and_no_more) {
+TEST(DistanceField, holds_only_the_extras_asked_for) {
   Rng rng(2);
   const auto grid = random_map(rng, 50, 40, 0.02);
   const DistanceField plain(grid, 0.3);
@@ -120,12 +120,12 @@ TEST(DistanceField, holds_what_is_asked_for_and_no_more) {
                          far.distances().begin()));
 }
 
-TEST(DistanceField, refuses_to_do_without_a_map) {
+TEST(DistanceField, rejects_a_missing_map) {
   expect_refused([] { (void)DistanceField(nullptr); }, "DistanceField has no map");
   expect_refused([] { (void)DistanceField(nullptr, {1}, 0.0); }, "DistanceField has no map");
 }
 
-TEST(DistanceField, refuses_a_map_without_walls_and_points_that_are_none) {
+TEST(DistanceField, rejects_a_map_without_walls_and_invalid_points) {
   const auto empty =
       std::make_shared<const OccupancyGrid>(2, 2, 0.1, Pose2{}, std::vector<Cell>(4, Cell::kFree));
   expect_refused([&] { (void)DistanceField(empty); }, "0 occupied cells");
@@ -143,7 +143,7 @@ TEST(DistanceField, refuses_a_map_without_walls_and_points_that_are_none) {
   expect_refused([&] { (void)field.nearest({1e200, 0.0}); }, "1e9 cells");  // squares are infinite
 }
 
-TEST(DistanceField, a_point_that_is_none_has_the_target_next_to_the_corner) {
+TEST(DistanceField, nan_has_the_target_next_to_the_corner) {
   const auto grid = std::make_shared<const OccupancyGrid>(
       2, 1, 1.0, Pose2{}, std::vector{Cell::kOccupied, Cell::kOccupied});
   EXPECT_EQ(DistanceField(grid).nearest_in_field(std::nan(""), std::nan("")).target, 0);

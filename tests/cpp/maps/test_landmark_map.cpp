@@ -11,7 +11,7 @@ using testing::expect_refused;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-TEST(LandmarkMap, finds_by_id_whatever_the_ids_are) {
+TEST(LandmarkMap, finds_any_ids) {
   const LandmarkMap counted({{1, {2.0, 0.0}}, {0, {1.0, 0.0}}, {2, {3.0, 0.0}, 0.5}});
   EXPECT_EQ(counted.find(1)->position.x(), 2.0);
   EXPECT_EQ(counted.find(2)->radius, 0.5);
@@ -24,7 +24,7 @@ TEST(LandmarkMap, finds_by_id_whatever_the_ids_are) {
   EXPECT_EQ(named.landmarks().front().id, -5);
 }
 
-TEST(LandmarkMap, refuses_what_is_no_map) {
+TEST(LandmarkMap, rejects_invalid_maps) {
   expect_refused([] { LandmarkMap({{4, {0.0, 0.0}}, {4, {1.0, 0.0}}}); }, "landmark 4", "twice");
   expect_refused([] { LandmarkMap({{4, {kNan, 0.0}}}); }, "landmark 4", "finite");
   expect_refused([] { LandmarkMap({{4, {0.0, 0.0}, 0.0, kNan}}); }, "landmark 4", "finite");

@@ -41,8 +41,7 @@ TEST(OccupancyGrid, is_unknown_outside) {
 }
 
 TEST(OccupancyGrid, turns_with_its_origin) {
-  const OccupancyGrid grid =
-      three_by_two({1.0, 2.0, kPi / 2.0});  // columns go up, rows to the left
+  const OccupancyGrid grid = three_by_two({1.0, 2.0, kPi / 2.0});  // columns lead north, rows west
   expect_near(grid.center(1, 0), Vector<2>(0.75, 2.75), 1e-12);
   EXPECT_EQ(grid.at(Vector<2>(0.75, 2.75)), Cell::kOccupied);
   testing::Rng rng(3);
@@ -52,7 +51,7 @@ TEST(OccupancyGrid, turns_with_its_origin) {
   }
 }
 
-TEST(OccupancyGrid, refuses_what_makes_no_map) {
+TEST(OccupancyGrid, rejects_invalid_maps) {
   const auto make = [](int width, int height, double resolution, const Pose2& origin,
                        std::size_t cells) {
     (void)OccupancyGrid(width, height, resolution, origin, std::vector<Cell>(cells, Cell::kFree));

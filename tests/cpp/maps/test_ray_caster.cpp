@@ -58,7 +58,7 @@ TEST(RayCaster, slanted_beams_end_where_their_line_meets_the_wall) {
   }
 }
 
-TEST(RayCaster, no_beam_slips_through_the_corner_of_two_cells) {
+TEST(RayCaster, no_beam_passes_the_corner_of_two_cells) {
   const RayCaster diagonal = caster({"#...",  //
                                      ".#..",  //
                                      "..#.",  //
@@ -81,7 +81,7 @@ TEST(RayCaster, a_start_on_a_boundary_is_in_the_cell_of_the_higher_coordinate) {
   EXPECT_EQ(two.cast({1.5, 0.5}, 2.0, 0.0), 0.0);  // in the wall
 }
 
-/// Found by reading on after a fuzzer's finding: 0 times an infinite way to an edge was NaN.
+/// 0 times an infinite distance to an edge was NaN.
 TEST(RayCaster, a_beam_whose_slope_has_no_inverse_goes_along_the_axis) {
   const RayCaster wall = caster({"...#"});
   for (const double heading : {-1e-310, 0.0, 1e-310}) {
@@ -103,7 +103,7 @@ TEST(RayCaster, a_beam_may_come_from_outside_of_the_map) {
   EXPECT_EQ(caster({"#...", "....", "....", "...."}).cast({0.5, 0.5}, degrees(120.0), 9.0), kNoHit);
 }
 
-TEST(RayCaster, a_map_that_is_turned_is_seen_in_its_place) {
+TEST(RayCaster, casts_on_a_rotated_map) {
   std::string row(40, '.');
   row[30] = '#';
   const RayCaster turned = caster({row}, 0.1, {5.0, -2.0, kPi / 2.0});  // its x axis points north
@@ -138,7 +138,7 @@ RayCaster random_caster(Rng& rng, bool unknown_stops) {
                    unknown_stops);
 }
 
-/// Where a beam enters the nearest of all squares that stop it: slab by slab.
+/// Distance to the nearest square that stops a beam, by the slab method.
 double by_brute_force(const OccupancyGrid& grid, bool unknown_stops, const Vector<2>& p_world,
                       double heading) {
   const Vector<2> p = grid.to_grid(p_world);
@@ -186,7 +186,7 @@ TEST(RayCaster, equals_the_nearest_face_of_all_squares) {
   EXPECT_GT(hits, 500);
 }
 
-TEST(RayCaster, no_small_step_before_the_range_is_in_a_wall_and_the_next_one_is) {
+TEST(RayCaster, small_steps_enter_a_wall_only_at_the_range) {
   Rng rng(7);
   const RayCaster rays = random_caster(rng, false);
   const Pose2 laser{-1.0, 1.0, 0.3};
@@ -206,7 +206,7 @@ TEST(RayCaster, no_small_step_before_the_range_is_in_a_wall_and_the_next_one_is)
   }
 }
 
-TEST(RayCaster, skips_over_a_map_that_is_larger_than_it_counts_rings) {
+TEST(RayCaster, crosses_a_map_larger_than_its_count_of_rings) {
   std::vector<Cell> cells(1000 * 700, Cell::kFree);
   cells[1000 * 600 + 900] = Cell::kOccupied;
   const RayCaster rays(std::make_shared<const OccupancyGrid>(1000, 700, 1.0, Pose2{}, cells));
@@ -215,11 +215,11 @@ TEST(RayCaster, skips_over_a_map_that_is_larger_than_it_counts_rings) {
   EXPECT_EQ(rays.cast({0.5, 0.5}, angle + 0.002, kNoHit), kNoHit);
 }
 
-TEST(RayCaster, refuses_to_do_without_a_map) {
+TEST(RayCaster, rejects_a_missing_map) {
   expect_refused([] { (void)RayCaster(nullptr); }, "RayCaster has no map");
 }
 
-TEST(RayCaster, refuses_what_is_no_number) {
+TEST(RayCaster, rejects_numbers_that_are_not_finite) {
   const RayCaster rays = caster({".#"});
   const double nan = std::nan("");
   expect_refused([&] { (void)rays.cast({nan, 0.0}, 0.0, 1.0); }, "position is (nan");

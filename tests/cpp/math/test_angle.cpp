@@ -28,13 +28,13 @@ TEST(WrapAngle, changes_no_bit_of_what_is_wrapped_already) {
   }
 }
 
-TEST(WrapAngle, takes_pi_to_minus_pi) {
+TEST(WrapAngle, maps_pi_to_minus_pi) {
   EXPECT_EQ(wrap_angle(kPi), -kPi);
   EXPECT_EQ(wrap_angle(3.0 * kPi), -kPi);
   EXPECT_EQ(wrap_angle(-3.0 * kPi), -kPi);
 }
 
-TEST(WrapAngle, takes_the_neighbours_of_the_cut_to_its_other_side) {
+TEST(WrapAngle, wraps_the_neighbours_of_the_cut) {
   EXPECT_NEAR(wrap_angle(std::nextafter(kPi, 4.0)), -kPi, 1e-15);
   const double below = wrap_angle(std::nextafter(-kPi, -4.0));
   EXPECT_NEAR(below, kPi, 1e-15);
@@ -50,7 +50,7 @@ TEST(WrapAngle, removes_whole_turns_of_huge_angles_exactly) {
   }
 }
 
-TEST(WrapAngle, gives_nan_where_there_is_no_direction) {
+TEST(WrapAngle, gives_nan_for_infinite_angles) {
   EXPECT_TRUE(std::isnan(wrap_angle(std::nan(""))));
   EXPECT_TRUE(std::isnan(wrap_angle(kInfinity)));
   EXPECT_TRUE(std::isnan(wrap_angle(-kInfinity)));

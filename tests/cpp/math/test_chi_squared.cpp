@@ -30,7 +30,7 @@ TEST(ChiSquaredQuantile, spans_zero_to_infinity) {
   EXPECT_EQ(chi_squared_quantile(3, 1.0), std::numeric_limits<double>::infinity());
 }
 
-TEST(ChiSquaredQuantile, refuses_what_is_no_probability_or_no_dof) {
+TEST(ChiSquaredQuantile, rejects_invalid_probabilities_and_dof) {
   expect_refused([] { (void)chi_squared_quantile(0, 0.5); }, "dof is 0");
   expect_refused([] { (void)chi_squared_quantile(-2, 0.5); }, "dof is -2");
   expect_refused([] { (void)chi_squared_quantile(1, -0.25); }, "-0.25");

@@ -24,7 +24,7 @@ TEST(LogLikelihood, equals_a_value_computed_by_hand_with_correlated_noise) {
   EXPECT_NEAR(log_likelihood(lin), -0.5 * (2.0 + std::log(3.0) + 2.0 * std::log(2.0 * kPi)), 1e-14);
 }
 
-TEST(LogLikelihood, does_not_depend_on_whether_rows_are_counted_at_run_time) {
+TEST(LogLikelihood, is_the_same_for_run_time_sizes) {
   Linearization<Eigen::Dynamic, 3, 8> lin;
   lin.residual = Vector<2>(1.0, 2.0);
   lin.jacobian = Matrix<2, 3>::Zero();

@@ -12,7 +12,7 @@ namespace {
 constexpr auto kSecond = static_cast<Stamp>(kNanosecondsPerSecond);
 constexpr Limits kTight{2.0, 1.0, 50.0, 100.0};
 
-TEST(Limits, hold_to_the_last_bit) {
+TEST(Limits, are_exact_to_the_bit) {
   const auto above = [](double value) { return std::nextafter(value, 1e9); };
   EXPECT_TRUE(is_plausible(Velocity{0, -2.0, 1.0}, kTight));
   EXPECT_FALSE(is_plausible(Velocity{0, -above(2.0), 0.0}, kTight));
@@ -27,7 +27,7 @@ TEST(Limits, hold_to_the_last_bit) {
   EXPECT_TRUE(is_plausible(RangeBearing{0, 1, {}, 0.1, {}}, kTight));
 }
 
-TEST(Limits, an_increment_may_take_its_time_and_a_tenth_of_a_second_of_jitter) {
+TEST(Limits, an_increment_has_its_duration_and_a_tenth_of_a_second_of_jitter) {
   EXPECT_TRUE(is_plausible(Increment{0, kSecond, {2.1, 0.0, 1.05}}, kTight));
   EXPECT_FALSE(is_plausible(Increment{0, kSecond, {2.3, 0.0, 0.0}}, kTight));
   EXPECT_FALSE(is_plausible(Increment{0, kSecond, {0.0, 0.0, -1.2}}, kTight));

@@ -32,7 +32,7 @@ TEST(Message, everything_else_takes_effect_at_its_stamp) {
 }
 
 TEST(Increment, of_translation_and_rotation_drives_first_and_turns_then) {
-  const Increment u = Increment::from_trans_rot(1, 2, 0.5, 0.1);
+  const Increment u = Increment::from_drive_then_turn(1, 2, 0.5, 0.1);
   EXPECT_EQ(u.begin, 1);
   EXPECT_EQ(u.stamp, 2);
   EXPECT_EQ(u.motion.x, 0.5);

@@ -3,7 +3,7 @@
 #include <limits>
 
 #include "locfuse/messages/messages.hpp"
-#include "locfuse/messages/told_covariance.hpp"
+#include "locfuse/messages/reported_covariance.hpp"
 #include "support/expect.hpp"
 
 namespace locfuse {
@@ -16,7 +16,7 @@ const double kNan = std::nan("");
 
 Range range_of(double range, std::optional<double> sigma = {}) { return {0, 1, 2, range, sigma}; }
 
-TEST(Validate, passes_what_is_right) {
+TEST(Validate, accepts_valid_messages) {
   EXPECT_NO_THROW(validate(Velocity{0, -1.0, 2.0}));
   EXPECT_NO_THROW(validate(Increment{5, 5, {1.0, 0.0, 0.0}}));
   EXPECT_NO_THROW(validate(range_of(0.0)));
@@ -25,7 +25,7 @@ TEST(Validate, passes_what_is_right) {
   EXPECT_NO_THROW(validate(PoseObservation{0, {1.0, 2.0, 3.0}, Matrix<3, 3>::Identity()}));
 }
 
-TEST(Validate, refuses_stamps_whose_differences_would_overflow) {
+TEST(Validate, rejects_stamps_whose_differences_would_overflow) {
   constexpr Stamp kFirst = std::numeric_limits<Stamp>::min();
   const Matrix<2, 2> R = Matrix<2, 2>::Identity();
   const Matrix<3, 3> R3 = Matrix<3, 3>::Identity();
@@ -39,29 +39,29 @@ TEST(Validate, refuses_stamps_whose_differences_would_overflow) {
   EXPECT_NO_THROW(validate(Velocity{1 - kStampLimit, 0.0, 0.0}));
 }
 
-TEST(Validate, refuses_a_velocity_that_is_not_finite) {
+TEST(Validate, rejects_a_velocity_that_is_not_finite) {
   expect_refused([] { validate(Velocity{0, kNan, 0.0}); }, "forward", "nan");
   expect_refused([] { validate(Velocity{0, 0.0, -kInfinity}); }, "turn_rate", "-inf");
 }
 
-TEST(Validate, refuses_an_increment_that_is_not_finite) {
+TEST(Validate, rejects_an_increment_that_is_not_finite) {
   expect_refused([] { validate(Increment{0, 1, {kInfinity, 0.0, 0.0}}); }, "motion.x", "inf");
   expect_refused([] { validate(Increment{0, 1, {0.0, kNan, 0.0}}); }, "motion.y", "nan");
   expect_refused([] { validate(Increment{0, 1, {0.0, 0.0, kNan}}); }, "motion.heading", "nan");
 }
 
-TEST(Validate, refuses_an_increment_that_ends_before_it_begins) {
+TEST(Validate, rejects_an_increment_that_ends_before_it_begins) {
   expect_refused([] { validate(Increment{20, 13, {}}); }, "20", "13");
 }
 
-TEST(Validate, refuses_an_altitude_that_is_none) {
+TEST(Validate, rejects_an_invalid_altitude) {
   EXPECT_NO_THROW(validate(Altitude{0, -3.0, 0.1}));
   expect_refused([] { validate(Altitude{kStampLimit, 0.0, 0.1}); }, "stamp");
   expect_refused([] { validate(Altitude{0, kInfinity, 0.1}); }, "Altitude.height", "inf");
   expect_refused([] { validate(Altitude{0, 0.0, 1e-200}); }, "Altitude.sigma");  // squares to 0
 }
 
-TEST(Validate, an_elevation_is_of_space_alone) {
+TEST(Validate, accepts_an_elevation_only_in_space) {
   const RangeBearing up{0, 1, {}, {}, {}, -0.5 * kPi, 0.1};
   EXPECT_NO_THROW(validate_in_space(up));
   expect_refused([&] { validate(up); }, "elevation", "-1.57", "AirEkf");
@@ -72,13 +72,13 @@ TEST(Validate, an_elevation_is_of_space_alone) {
   expect_refused([] { validate_in_space(RangeBearing{0, 1, {}, {}, {}, 1.0, 0.0}); }, "sigma");
 }
 
-TEST(Validate, refuses_a_range_that_no_radio_can_measure) {
+TEST(Validate, rejects_a_range_that_no_radio_can_measure) {
   expect_refused([] { validate(range_of(-1.5)); }, "Range.range", "-1.5");
   expect_refused([] { validate(range_of(kNan)); }, "Range.range", "nan");
   expect_refused([] { validate(range_of(kInfinity)); }, "Range.range", "inf");
 }
 
-TEST(Validate, refuses_a_range_sigma_that_is_not_positive) {
+TEST(Validate, rejects_a_range_sigma_that_is_not_positive) {
   expect_refused([] { validate(range_of(1.0, 0.0)); }, "Range.sigma", "is 0");
   expect_refused([] { validate(range_of(1.0, -0.25)); }, "Range.sigma", "-0.25");
   expect_refused([] { validate(range_of(1.0, kNan)); }, "Range.sigma", "nan");
@@ -86,13 +86,13 @@ TEST(Validate, refuses_a_range_sigma_that_is_not_positive) {
   expect_refused([] { validate(range_of(1.0, 1e-200)); }, "Range.sigma", "1e-200");  // R is 0
 }
 
-TEST(Validate, refuses_a_position_that_is_not_finite) {
+TEST(Validate, rejects_a_position_that_is_not_finite) {
   const Matrix<2, 2> R = Matrix<2, 2>::Identity();
   expect_refused([&] { validate(PositionFix{0, {kNan, 0.0}, R}); }, "position.x", "nan");
   expect_refused([&] { validate(PositionFix{0, {0.0, kInfinity}, R}); }, "position.y", "inf");
 }
 
-TEST(Validate, refuses_a_position_covariance_that_is_none) {
+TEST(Validate, rejects_an_invalid_position_covariance) {
   const auto with = [](double a, double b, double c, double d) {
     validate(PositionFix{0, {0.0, 0.0}, (Matrix<2, 2>() << a, b, c, d).finished()});
   };
@@ -104,7 +104,7 @@ TEST(Validate, refuses_a_position_covariance_that_is_none) {
   expect_refused([&] { with(1.0, 0.0, 0.0, kNan); }, "PositionFix.covariance", "nan");
 }
 
-TEST(Validate, refuses_a_pose_that_is_not_finite) {
+TEST(Validate, rejects_a_pose_that_is_not_finite) {
   const Matrix<3, 3> R = Matrix<3, 3>::Identity();
   expect_refused([&] { validate(PoseObservation{0, {kNan, 0.0, 0.0}, R}); }, "pose.x", "nan");
   expect_refused([&] { validate(PoseObservation{0, {0.0, kNan, 0.0}, R}); }, "pose.y", "nan");
@@ -115,7 +115,7 @@ TEST(Validate, refuses_a_pose_that_is_not_finite) {
       "pose.heading", "inf");
 }
 
-TEST(Validate, refuses_a_pose_covariance_that_is_none) {
+TEST(Validate, rejects_an_invalid_pose_covariance) {
   Matrix<3, 3> R = Matrix<3, 3>::Identity();
   R(2, 2) = -0.125;
   expect_refused(
@@ -132,7 +132,7 @@ TEST(Validate, refuses_a_pose_covariance_that_is_none) {
       "PoseObservation.covariance", "0.375");
 }
 
-TEST(Messages, laser_scans_say_what_is_wrong_with_them) {
+TEST(Messages, errors_of_laser_scans_name_the_number) {
   const LaserGeometry good{{}, -1.0, 0.1, 0.1, 5.0};
   const auto geometry = [&](double LaserGeometry::*field, double value) {
     LaserGeometry wrong = good;
@@ -143,8 +143,8 @@ TEST(Messages, laser_scans_say_what_is_wrong_with_them) {
   expect_refused(geometry(&LaserGeometry::angle_min, std::nan("")), "angle_min [rad] is nan");
   expect_refused(geometry(&LaserGeometry::angle_increment, 0.0), "angle_increment [rad] is 0");
   expect_refused(geometry(&LaserGeometry::range_min, -1.0), "range_min [m] is -1");
-  // One that saw so far had ends of beams that were NaN in single precision: a search on a map
-  // looked at a cell of that index.
+  // With such a range the ends of beams were NaN in single precision, and a search read a cell of
+  // that index.
   expect_refused(geometry(&LaserGeometry::range_max, 1e300), "range_max [m] is 1e+300", "1e6");
   expect_refused(geometry(&LaserGeometry::range_max, 0.1), "range_max [m] is 0.1", "above");
   const auto shared = std::make_shared<const LaserGeometry>(good);
@@ -162,13 +162,13 @@ TEST(Messages, laser_scans_say_what_is_wrong_with_them) {
   expect_refused([&] { validate(LaserScan{0, shared, {1.0}, {HUGE_VAL}}); }, "intensities is inf");
 }
 
-TEST(Validate, refuses_a_sigma_whose_square_is_infinite) {
+TEST(Validate, rejects_a_sigma_whose_square_is_infinite) {
   expect_refused([] { validate(range_of(1.0, 1e160)); }, "Range.sigma", "1e+160");
-  expect_refused([] { check_least_sigma("least_sigma_m", 1e200); }, "least_sigma_m", "1e+200");
-  expect_refused([] { check_told_sigma("sigma_m", 1e200); }, "sigma_m", "1e+200");
+  expect_refused([] { check_min_sigma("least_sigma_m", 1e200); }, "least_sigma_m", "1e+200");
+  expect_refused([] { check_unknown_sigma("sigma_m", 1e200); }, "sigma_m", "1e+200");
 }
 
-TEST(Validate, refuses_a_covariance_whose_halves_differ_however_large_its_other_numbers_are) {
+TEST(Validate, rejects_a_covariance_whose_halves_differ_however_large_its_other_numbers_are) {
   PositionFix fix{0, {0.0, 0.0}, Matrix<2, 2>::Identity()};
   fix.covariance(0, 1) = 1e200;
   expect_refused([&] { validate(fix); }, "PositionFix.covariance");

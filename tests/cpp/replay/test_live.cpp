@@ -16,8 +16,8 @@ using testing::same_bits;
 
 RecoveringEkf unstarted() { return {{}, testing::hall(), testing::one_tag(), nullptr}; }
 
-/// Everything arrives at its stamp or up to 0.1 s later, so increments after the ranges on the way.
-MessageLog as_heard(const testing::Simulation& run) {
+/// Messages arrive at their stamp or up to 0.1 s later, so increments after the ranges during them.
+MessageLog with_latencies(const testing::Simulation& run) {
   testing::Rng rng(9);
   MessageLog log;
   for (const Message& message : run.messages) {
@@ -35,8 +35,8 @@ void expect_same(const PoseEstimate& a, const PoseEstimate& b) {
   EXPECT_TRUE(same_bits(a.covariance, b.covariance));
 }
 
-/// The pose of each stamp, as it was last known there.
-std::map<Stamp, PoseEstimate> heard_by(Live& live, const MessageLog& log) {
+/// The last estimate of each stamp.
+std::map<Stamp, PoseEstimate> poses_of(Live& live, const MessageLog& log) {
   std::map<Stamp, PoseEstimate> poses;
   for (const MessageLog::Arrival& arrival : log.arrivals()) {
     live.on(arrival.message);
@@ -49,9 +49,9 @@ std::map<Stamp, PoseEstimate> heard_by(Live& live, const MessageLog& log) {
 
 TEST(Live, starts_and_tracks_as_find_start_and_replay_do_with_the_log) {
   const testing::Simulation run = testing::simulate(3, 30.0);
-  const MessageLog log = as_heard(run);
+  const MessageLog log = with_latencies(run);
   Live live(unstarted());
-  const std::map<Stamp, PoseEstimate> poses = heard_by(live, log);
+  const std::map<Stamp, PoseEstimate> poses = poses_of(live, log);
 
   Initializer initializer = unstarted().initializer();
   const StartRun start = find_start(initializer, log, {});
@@ -75,11 +75,11 @@ TEST(Live, starts_and_tracks_as_find_start_and_replay_do_with_the_log) {
   EXPECT_NEAR(live.estimator().estimate().pose.x, run.x, 0.15);
 }
 
-TEST(Live, an_increment_that_comes_after_the_ranges_on_its_way_is_driven_before_them) {
+TEST(Live, an_increment_that_arrives_after_the_ranges_during_it_is_used_before_them) {
   const testing::Simulation run = testing::simulate(4, 10.0);
   StartSearch in_order(unstarted().initializer(), 0);
   StartSearch as_they_come(unstarted().initializer());
-  const MessageLog log = as_heard(run);
+  const MessageLog log = with_latencies(run);
   std::vector<Message> sorted;
   for (const MessageLog::Arrival& arrival : log.arrivals()) {
     sorted.push_back(arrival.message);
@@ -100,7 +100,7 @@ TEST(Live, an_increment_that_comes_after_the_ranges_on_its_way_is_driven_before_
               in_order.initializer().estimator().estimate());
 }
 
-TEST(StartSearch, leaves_out_what_comes_after_its_turn_and_keeps_what_it_has_not_used) {
+TEST(StartSearch, skips_late_messages_and_keeps_unused_ones) {
   StartSearch search(unstarted().initializer(), kSecond);
   search.on(Range{0, 0, 0, 4.0, {}});
   search.on(Range{2 * kSecond, 0, 0, 4.0, {}});
@@ -116,7 +116,7 @@ TEST(StartSearch, leaves_out_what_comes_after_its_turn_and_keeps_what_it_has_not
   EXPECT_EQ(search.used_until(), 2 * kSecond);
 }
 
-TEST(Live, tracks_from_a_pose_that_is_told) {
+TEST(Live, tracks_from_a_given_pose) {
   Live live(unstarted());
   EXPECT_FALSE(live.is_tracking());
   EXPECT_EQ(live.on(PositionFix{0, {1.0, 1.0}, Matrix<2, 2>::Identity()}).verdict,
@@ -156,14 +156,14 @@ Live found_on(const testing::Simulation& run, const Live::Options& options) {
   return live;
 }
 
-TEST(Live, a_clock_that_goes_back_begins_another_search_where_it_is_to_reset) {
+TEST(Live, a_clock_jump_starts_another_search_with_reset) {
   const testing::Simulation run = testing::simulate(5, 20.0);
   Live::Options options;
   options.timeline.clock_jump = ClockJump::kReset;
   Live live = found_on(run, options);
   ASSERT_TRUE(live.is_tracking());
   bool searched = false;
-  for (const Message& message : run.messages) {  // the recording begins again
+  for (const Message& message : run.messages) {  // the recording loops
     live.on(message);
     searched = searched || !live.is_tracking();
   }
@@ -173,7 +173,7 @@ TEST(Live, a_clock_that_goes_back_begins_another_search_where_it_is_to_reset) {
   EXPECT_NEAR(live.estimator().estimate().pose.x, run.x, 0.15);
 }
 
-TEST(Live, a_search_whose_clock_goes_back_begins_anew_unless_it_is_to_refuse) {
+TEST(Live, a_clock_jump_restarts_a_search_unless_refused) {
   Live::Options options;
   options.timeline.clock_jump = ClockJump::kReset;
   for (const bool resets : {false, true}) {
@@ -189,7 +189,7 @@ TEST(Live, a_search_whose_clock_goes_back_begins_anew_unless_it_is_to_refuse) {
   }
 }
 
-TEST(Live, reset_is_as_it_was_made) {
+TEST(Live, reset_returns_to_the_first_state) {
   const testing::Simulation run = testing::simulate(6, 20.0);
   Live live = found_on(run, {});
   live.enable(Source::kRanges, false);
@@ -211,8 +211,8 @@ TEST(Live, refuses_options_out_of_range) {
   testing::expect_refused([&] { Live(unstarted(), options); }, "patience");
 }
 
-/// A message that waited may tell of the jump: the timeline that others waited for is gone then.
-TEST(Live, a_clock_that_jumps_among_what_waited_begins_another_search) {
+/// A waiting message may signal the jump: the timeline of the others is gone then.
+TEST(Live, a_clock_jump_among_waiting_messages_starts_another_search) {
   Live::Options options;
   options.history = 0;
   options.patience = kSecond;
@@ -228,13 +228,13 @@ TEST(Live, a_clock_that_jumps_among_what_waited_begins_another_search) {
   EXPECT_EQ(live.jumps(), 1U);
 }
 
-TEST(Live, refuses_a_patience_that_no_stamp_is_less_than) {
+TEST(Live, refuses_a_patience_beyond_the_stamp_limit) {
   Live::Options options;
   options.patience = std::numeric_limits<Stamp>::max();
   testing::expect_refused([&] { Live(unstarted(), options); }, "patience");
 }
 
-TEST(Live, ranges_of_a_sigma_that_leaves_no_digits_do_not_stop_the_start) {
+TEST(Live, ranges_with_a_tiny_sigma_do_not_stop_the_start) {
   Live live(unstarted());
   Pose2 pose{2.0, -1.0, 0.4};
   for (Id anchor = 0; anchor < 4; ++anchor) {
@@ -254,7 +254,7 @@ TEST(Live, ranges_of_a_sigma_that_leaves_no_digits_do_not_stop_the_start) {
   EXPECT_TRUE(live.is_tracking());
 }
 
-/// Around it in all directions, so that they tell the pose at once.
+/// All around the robot, so that they determine the pose at once.
 std::shared_ptr<const LandmarkMap> posts() {
   return std::make_shared<const LandmarkMap>(
       std::vector<Landmark>{{0, {3.0, 0.0}}, {1, {0.0, 4.0}}, {2, {-2.0, 1.0}}});
@@ -277,8 +277,8 @@ std::vector<RangeBearing> look(Stamp stamp, const Pose2& pose) {
 
 PositionFix fix_at(Stamp stamp) { return {stamp, {0.0, 0.0}, Matrix<2, 2>::Identity()}; }
 
-/// A search found a place before it was reset: a jump of the clock was no longer as at first.
-TEST(Live, reset_is_as_it_was_made_where_it_was_made_tracking) {
+/// After a search and a reset, a clock jump was handled differently from the first time.
+TEST(Live, reset_returns_to_tracking_where_it_started_tracking) {
   const auto made = [] {
     RecoveringEkf robot = among_posts();
     robot.start_at({0, {0.0, 0.0, 0.0}, 0.01 * Matrix<3, 3>::Identity()});
@@ -311,40 +311,40 @@ TEST(Live, scans_are_a_source_that_may_be_off) {
   const auto geometry = std::make_shared<LaserGeometry>();
   geometry->angle_increment = 0.01;
   geometry->range_max = 10.0;
-  for (const bool hears : {true, false}) {
+  for (const bool enabled : {true, false}) {
     Live live(among_posts());
-    live.enable(Source::kScans, hears);
+    live.enable(Source::kScans, enabled);
     for (Id anchor = 0; anchor < 3; ++anchor) {
       live.on(testing::range_to(anchor, {2.0, -1.0, 0.4}, 0));
     }
     live.on(LaserScan{kSecond / 10, geometry, std::vector<double>(100, 1.0)});
     live.on(Velocity{kSecond, 0.0, 0.0});
-    EXPECT_EQ(live.search().hypotheses.empty(), !hears);  // a scan ends the epoch of ranges
+    EXPECT_EQ(live.search().hypotheses.empty(), !enabled);  // a scan ends the epoch of ranges
   }
 }
 
-TEST(StartSearch, a_clock_that_stands_makes_no_more_wait_than_there_is_room_for) {
+TEST(StartSearch, a_clock_that_stands_still_does_not_fill_the_memory) {
   StartSearch search(unstarted().initializer());
-  for (std::size_t k = 0; k < StartSearch::kMostWaiting + 10; ++k) {
+  for (std::size_t k = 0; k < StartSearch::kMaxWaiting + 10; ++k) {
     search.on(Range{0, 0, static_cast<Id>(k % 4), 10.0, {}});
-    ASSERT_LE(search.waiting().size(), StartSearch::kMostWaiting);
+    ASSERT_LE(search.waiting().size(), StartSearch::kMaxWaiting);
   }
   EXPECT_EQ(search.used_until(), 0);
   search.on(Range{kSecond, 0, 0, 10.0, {}});
   EXPECT_EQ(search.waiting().size(), 1U);
 }
 
-/// A filter takes such a heading; the search threw for it when the next, good message came, and
-/// forgot the rest of its stamp.
-TEST(Live, a_heading_of_any_size_is_one_to_start_with) {
+/// The filter accepts such a heading; the search threw at the next, valid message and forgot the
+/// rest of its stamp.
+TEST(Live, a_heading_of_any_size_starts_it) {
   Live live(unstarted());
   live.on(PoseObservation{0, {2.0, -1.0, 1e200}, 0.01 * Matrix<3, 3>::Identity()});
   EXPECT_NO_THROW(live.on(Range{kSecond, 0, 3, 10.0, {}}));
   EXPECT_FALSE(live.search().hypotheses.empty());
 }
 
-/// What told of the jump was fused before another message of it was refused.
-TEST(Live, a_clock_that_jumps_to_a_message_that_is_refused_has_jumped) {
+/// Messages that signal the jump were fused before another one of them was refused.
+TEST(Live, a_clock_jump_that_ends_in_a_refused_message_counts) {
   RecoveringEkf::Config config;
   config.estimator.adaptive.messages = 5;
   Live::Options options;

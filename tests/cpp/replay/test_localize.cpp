@@ -11,7 +11,7 @@ using testing::Rng;
 constexpr Stamp kStep = 200'000'000;
 constexpr int kSteps = 25;
 
-/// A drive on a circle in a room: an increment and a scan every 0.2 s, a fix now and then.
+/// A drive on a circle in a room: an increment and a scan every 0.2 s, sometimes a fix.
 struct Drive {
   testing::Room room;
   MessageLog log;
@@ -56,7 +56,7 @@ void expect_same(const LocalizeRun::Step& a, const LocalizeRun::Step& b) {
   EXPECT_EQ(a.ready, b.ready);
   EXPECT_EQ(a.sigma, b.sigma);
   EXPECT_EQ(a.health.state, b.health.state);
-  EXPECT_EQ(a.health.clue, b.health.clue);
+  EXPECT_EQ(a.health.reason, b.health.reason);
   EXPECT_EQ(a.health.wrong, b.health.wrong);
   EXPECT_EQ(a.health.within, b.health.within);
   EXPECT_TRUE(testing::same_bits(a.health.protection, b.health.protection));
@@ -77,25 +77,25 @@ TEST(Localize, equals_feeding_by_hand_bit_for_bit) {
     verdicts.push_back(by_hand.on(scan).verdict);
     steps.push_back({by_hand.estimate(), by_hand.hypotheses().front().probability,
                      by_hand.explained(), by_hand.belief().size, by_hand.ready(),
-                     by_hand.spread().sigma_position(), by_hand.health()});
+                     by_hand.overall_estimate().sigma_position(), by_hand.health()});
   }
 
   for (const int threads : {1, 2}) {
     Mcl mcl = mcl_for(run, threads);
-    const LocalizeRun told = localize(mcl, run.log, run.scans);
-    ASSERT_EQ(told.steps.size(), steps.size());
+    const LocalizeRun result = localize(mcl, run.log, run.scans);
+    ASSERT_EQ(result.steps.size(), steps.size());
     for (std::size_t i = 0; i < steps.size(); ++i) {
-      expect_same(told.steps[i], steps[i]);
-      EXPECT_EQ(told.scan_outcomes[i].verdict, verdicts[i]);
+      expect_same(result.steps[i], steps[i]);
+      EXPECT_EQ(result.scan_outcomes[i].verdict, verdicts[i]);
     }
-    ASSERT_EQ(told.outcomes.size(), arrivals.size());
-    for (const Outcome& outcome : told.outcomes) {
+    ASSERT_EQ(result.outcomes.size(), arrivals.size());
+    for (const Outcome& outcome : result.outcomes) {
       EXPECT_EQ(outcome.verdict, Verdict::kFused);
     }
   }
 }
 
-TEST(Localize, takes_late_messages_and_scans_where_they_belong) {
+TEST(Localize, fuses_late_messages_and_scans_where_they_belong) {
   const Drive run = drive();
   MessageLog late;
   for (const MessageLog::Arrival& arrival : run.log.arrivals()) {
@@ -108,22 +108,22 @@ TEST(Localize, takes_late_messages_and_scans_where_they_belong) {
   Mcl a = mcl_for(run);
   Mcl b = mcl_for(run);
   const LocalizeRun in_order = localize(a, run.log, run.scans);
-  const LocalizeRun told = localize(b, late, mixed);
-  ASSERT_EQ(told.steps.size(), in_order.steps.size());
-  for (std::size_t i = 0; i < told.steps.size(); ++i) {
-    expect_same(told.steps[i], in_order.steps[i]);
+  const LocalizeRun result = localize(b, late, mixed);
+  ASSERT_EQ(result.steps.size(), in_order.steps.size());
+  for (std::size_t i = 0; i < result.steps.size(); ++i) {
+    expect_same(result.steps[i], in_order.steps[i]);
   }
-  EXPECT_EQ(told.scan_outcomes[3].verdict, in_order.scan_outcomes[9].verdict);
+  EXPECT_EQ(result.scan_outcomes[3].verdict, in_order.scan_outcomes[9].verdict);
 }
 
 TEST(Localize, scans_before_the_start_are_stale_and_leave_no_step) {
   const Drive run = drive();
   Mcl::Config config;
   Mcl mcl(config, run.room.map, 3 * kStep);
-  const LocalizeRun told = localize(mcl, run.log, run.scans);
-  EXPECT_EQ(told.steps.size(), run.scans.size() - 3);
-  EXPECT_EQ(told.scan_outcomes[2].verdict, Verdict::kStale);
-  EXPECT_EQ(told.scan_outcomes[3].verdict, Verdict::kFused);
+  const LocalizeRun result = localize(mcl, run.log, run.scans);
+  EXPECT_EQ(result.steps.size(), run.scans.size() - 3);
+  EXPECT_EQ(result.scan_outcomes[2].verdict, Verdict::kStale);
+  EXPECT_EQ(result.scan_outcomes[3].verdict, Verdict::kFused);
 }
 
 TEST(Localize, steps_have_distinct_stamps_where_scans_are_faster_than_odometry) {
@@ -131,27 +131,28 @@ TEST(Localize, steps_have_distinct_stamps_where_scans_are_faster_than_odometry) 
   MessageLog slow;
   slow.add(Increment{0, 10 * kStep, arc(1.0, 0.0, 1.0)});
   Mcl mcl = mcl_for(run);
-  const LocalizeRun told = localize(mcl, slow, {run.scans.begin(), run.scans.begin() + kSteps / 2});
-  ASSERT_EQ(told.steps.size(), 2U);  // at the end of the increment, and after the scan behind it
-  EXPECT_EQ(told.steps[0].estimate.stamp, 10 * kStep);
-  EXPECT_EQ(told.steps[1].estimate.stamp, 11 * kStep);
+  const LocalizeRun result =
+      localize(mcl, slow, {run.scans.begin(), run.scans.begin() + kSteps / 2});
+  ASSERT_EQ(result.steps.size(), 2U);  // at the end of the increment, and after the scan behind it
+  EXPECT_EQ(result.steps[0].estimate.stamp, 10 * kStep);
+  EXPECT_EQ(result.steps[1].estimate.stamp, 11 * kStep);
 }
 
-TEST(Localize, tells_after_each_scan_how_much_is_done_and_what_came_out) {
+TEST(Localize, reports_progress_and_results_after_each_scan) {
   const Drive run = drive();
   Mcl mcl = mcl_for(run);
-  std::vector<std::size_t> told;
+  std::vector<std::size_t> reported;
   std::vector<double> seen;
   const LocalizeRun log =
       localize(mcl, run.log, run.scans, [&](std::size_t done, const LocalizeRun& so_far) {
-        told.push_back(done);
+        reported.push_back(done);
         seen.push_back(mcl.estimate().pose.x);
-        ASSERT_EQ(so_far.steps.size(), told.size());
+        ASSERT_EQ(so_far.steps.size(), reported.size());
         EXPECT_EQ(so_far.steps.back().estimate.pose.x, seen.back());
-        EXPECT_NE(so_far.scan_outcomes[told.size() - 1].verdict, Verdict::kIgnored);
+        EXPECT_NE(so_far.scan_outcomes[reported.size() - 1].verdict, Verdict::kIgnored);
       });
-  ASSERT_EQ(told.size(), run.scans.size());
-  EXPECT_EQ(told.front(), 2U);
+  ASSERT_EQ(reported.size(), run.scans.size());
+  EXPECT_EQ(reported.front(), 2U);
   for (std::size_t i = 0; i < seen.size(); ++i) {
     EXPECT_EQ(seen[i], log.steps[i].estimate.pose.x);
   }

@@ -7,7 +7,7 @@ namespace {
 
 Velocity velocity(Stamp stamp, double forward) { return {stamp, forward, 0.0}; }
 
-TEST(MessageLog, a_message_arrives_when_it_takes_effect_unless_told_otherwise) {
+TEST(MessageLog, a_message_arrives_when_it_takes_effect_by_default) {
   MessageLog log;
   log.add(velocity(5, 1.0));
   log.add(Increment{6, 9, {}});
@@ -39,7 +39,7 @@ TEST(MessageLog, sorts_any_number_of_columns_that_are_sorted_each) {
   for (int columns = 0; columns <= 9; ++columns) {
     MessageLog log;
     for (int column = 0; column < columns; ++column) {
-      for (int row = 0; row < 20; ++row) {  // all start at 0, each at a rate of its own
+      for (int row = 0; row < 20; ++row) {  // all start at 0, at different rates
         log.add(velocity(0, column), row * (column % 4 + 1));
       }
     }
@@ -57,7 +57,7 @@ TEST(MessageLog, sorts_any_number_of_columns_that_are_sorted_each) {
   }
 }
 
-TEST(MessageLog, takes_rows_whole_or_not_at_all_and_names_the_wrong_one) {
+TEST(MessageLog, adds_all_rows_or_none_and_names_the_wrong_one) {
   MessageLog log;
   log.add(velocity(1, 1.0));
   const auto row = [](std::size_t i) {

@@ -124,13 +124,13 @@ TEST(Replay, ends_where_the_last_increment_ends) {
   expect_same(run.estimates.back(), run.last);
 }
 
-TEST(Replay, records_each_stamp_once_with_all_that_was_known_of_it) {
+TEST(Replay, records_each_stamp_once_with_all_its_measurements) {
   const PoseEkf start = testing::ekf_at({1.0, 2.0, 0.5});
   MessageLog log;
   log.add(testing::range_to(0, {1.0, 2.0, 0.5}, kSecond, 0.05));
   log.add(testing::range_to(1, {1.0, 2.0, 0.5}, kSecond, 0.05));
   log.add(testing::range_to(2, {1.0, 2.0, 0.5}, 2 * kSecond, 0.05));
-  log.add(testing::range_to(0, {1.0, 2.0, 0.5}, 3 * kSecond, 90.0));  // gated: nothing is known
+  log.add(testing::range_to(0, {1.0, 2.0, 0.5}, 3 * kSecond, 90.0));  // gated
   const RunLog run = replay(start, log, {});
   ASSERT_EQ(run.estimates.size(), 3U);
   PoseEkf ekf = start;
@@ -161,7 +161,7 @@ TEST(Replay, an_empty_log_leaves_the_start) {
   expect_same(log.last, start.current());
 }
 
-TEST(Replay, what_it_shows_on_the_way_is_the_beginning_of_what_it_leaves_behind) {
+TEST(Replay, progress_shows_the_beginning_of_the_results) {
   MessageLog log;
   for (Stamp stamp = 0; stamp < 40'000; ++stamp) {
     log.add(Velocity{stamp, 0.1, 0.0});
@@ -186,7 +186,7 @@ TEST(Replay, what_it_shows_on_the_way_is_the_beginning_of_what_it_leaves_behind)
   EXPECT_EQ(whole.outcomes.size(), 40'000U);
 }
 
-TEST(Replay, records_health_after_a_clock_that_went_back) {
+TEST(Replay, records_health_after_a_clock_jump) {
   for (const ClockJump policy : {ClockJump::kContinue, ClockJump::kReset}) {
     RecoveringEkf robot({}, testing::hall(), testing::one_tag(), nullptr);
     robot.start_at({0, {1.0, 1.0, 0.0}, 0.01 * Matrix<3, 3>::Identity()});

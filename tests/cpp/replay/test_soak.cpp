@@ -2,7 +2,7 @@
 #include "support/endless_drive.hpp"
 #include "support/expect.hpp"
 
-/// An hour of what `./dev soak` does for a day.
+/// One hour of the drive that `./dev soak` runs for a day.
 namespace locfuse {
 namespace {
 
@@ -10,11 +10,11 @@ using testing::EndlessDrive;
 using testing::kSecond;
 
 struct Soaked {
-  std::size_t early = 0;  // most bytes held in the first half
+  std::size_t early = 0;  // maximum of bytes held in the first half
   std::size_t late = 0;   // and in the second
   std::size_t messages = 0;
   std::size_t stale = 0;
-  double worst = 0.0;  // position error at the end of a minute where it can be known [m]
+  double worst = 0.0;  // position error at the end of a minute where there is aid [m]
   int restarts = 0;
 };
 
@@ -31,7 +31,7 @@ Soaked soak(Stamp history, double seconds) {
       ++run.messages;
       timeline.on(message, sink);
     });
-    if (step % 100 == 0 && drive.is_known()) {  // a search for its place takes what it needs
+    if (step % 100 == 0 && drive.is_known()) {  // relocalizing needs memory of its own
       std::size_t& most = drive.seconds() <= 0.5 * seconds ? run.early : run.late;
       most = std::max(most, testing::held_bytes() - before);
     }
@@ -44,7 +44,7 @@ Soaked soak(Stamp history, double seconds) {
   return run;
 }
 
-TEST(Soak, holds_no_more_in_the_second_half_of_an_hour_and_keeps_its_place) {
+TEST(Soak, memory_stays_flat_for_an_hour_and_the_pose_stays_right) {
   const Soaked run = soak(kSecond, 3600.0);
   EXPECT_GT(run.messages, 480'000U);
   EXPECT_GT(run.stale, 100U);
@@ -53,7 +53,7 @@ TEST(Soak, holds_no_more_in_the_second_half_of_an_hour_and_keeps_its_place) {
   EXPECT_LE(run.late, run.early + 65'536) << "but for what buffers grow by at their fullest";
 }
 
-TEST(Soak, a_history_without_end_is_seen) {
+TEST(Soak, an_unbounded_history_is_detected) {
   const Soaked run = soak(7200 * kSecond, 40.0);
   EXPECT_GT(run.late, run.early + 100'000);
 }

@@ -16,13 +16,13 @@ namespace {
 using testing::kSecond;
 using testing::same_bits;
 
-const auto kDeaf = [](std::size_t, const Outcome&) {};
+const auto kNoSink = [](std::size_t, const Outcome&) {};
 
 PoseEkf ekf_for(const testing::Simulation& run) {
   return {{}, testing::hall(), testing::one_tag(), run.start};
 }
 
-/// A run with every kind of message, some at equal stamps, some that the filter will not fuse.
+/// A run with every kind of message, some at equal stamps, some that the filter rejects.
 testing::Simulation mixed_run(std::uint64_t seed) {
   testing::Simulation run = testing::simulate(seed, 15.0);
   testing::Rng rng(seed);
@@ -37,7 +37,7 @@ testing::Simulation mixed_run(std::uint64_t seed) {
   return run;
 }
 
-/// In the order in which they arrive if each is up to `delay` late.
+/// The messages in order of arrival with latencies of up to `delay`.
 std::vector<Message> shuffled(const std::vector<Message>& messages, std::uint64_t seed,
                               Stamp delay) {
   testing::Rng rng(seed);
@@ -80,18 +80,18 @@ TEST(Timeline, late_messages_leave_the_bits_and_outcomes_of_the_sorted_log) {
       expected[index] = sorted.on(late[index]);
     }
     Timeline<PoseEkf> timeline(ekf_for(run), kSecond / 2);
-    std::map<std::size_t, Outcome> heard;
+    std::map<std::size_t, Outcome> received;
     for (const Message& message : late) {
-      timeline.on(message, [&](std::size_t index, const Outcome& o) { heard[index] = o; });
+      timeline.on(message, [&](std::size_t index, const Outcome& o) { received[index] = o; });
     }
     EXPECT_TRUE(same_bits(timeline.estimator().belief(), sorted.belief())) << "seed " << seed;
     EXPECT_EQ(timeline.estimator().estimate().pose.x, sorted.estimate().pose.x);
-    ASSERT_EQ(heard.size(), expected.size());
+    ASSERT_EQ(received.size(), expected.size());
     for (const auto& [index, outcome] : expected) {
-      ASSERT_EQ(heard[index].verdict, outcome.verdict) << index;
-      ASSERT_EQ(heard[index].dof, outcome.dof) << index;
+      ASSERT_EQ(received[index].verdict, outcome.verdict) << index;
+      ASSERT_EQ(received[index].dof, outcome.dof) << index;
       if (outcome.dof > 0) {
-        ASSERT_EQ(heard[index].nis, outcome.nis) << index;
+        ASSERT_EQ(received[index].nis, outcome.nis) << index;
       }
     }
   }
@@ -109,7 +109,7 @@ TEST(Timeline, one_very_late_message_is_fused_where_it_belongs) {
     }
     Timeline<PoseEkf> timeline(ekf_for(run), 10 * kSecond);
     for (const Message& message : messages) {
-      timeline.on(message, kDeaf);
+      timeline.on(message, kNoSink);
     }
     EXPECT_TRUE(same_bits(timeline.estimator().belief(), sorted.belief())) << stamp;
   }
@@ -119,60 +119,60 @@ TEST(Timeline, a_message_older_than_the_history_is_stale_and_changes_no_bit) {
   const testing::Simulation run = testing::simulate(4, 5.0);
   Timeline<PoseEkf> timeline(ekf_for(run), kSecond);
   for (const Message& message : run.messages) {
-    timeline.on(message, kDeaf);
+    timeline.on(message, kNoSink);
   }
   const Stamp newest = 5 * kSecond;
   const GaussianBelief before = timeline.estimator().belief();
-  std::vector<std::pair<std::size_t, Verdict>> heard;
+  std::vector<std::pair<std::size_t, Verdict>> received;
   const auto sink = [&](std::size_t index, const Outcome& o) {
-    heard.emplace_back(index, o.verdict);
+    received.emplace_back(index, o.verdict);
   };
   timeline.on(testing::range_to(0, {}, newest - kSecond - 1), sink);
-  EXPECT_EQ(heard,
+  EXPECT_EQ(received,
             (std::vector<std::pair<std::size_t, Verdict>>{{run.messages.size(), Verdict::kStale}}));
   EXPECT_TRUE(same_bits(timeline.estimator().belief(), before));
 
-  heard.clear();
+  received.clear();
   timeline.on(PositionFix{newest - kSecond, {3.0, 0.0}, Matrix<2, 2>::Identity()}, sink);
-  ASSERT_GT(heard.size(), 1U);  // just inside: it and what followed
-  EXPECT_EQ(heard.front().first, run.messages.size() + 1);
-  EXPECT_NE(heard.front().second, Verdict::kStale);
+  ASSERT_GT(received.size(), 1U);  // just inside: it and what followed
+  EXPECT_EQ(received.front().first, run.messages.size() + 1);
+  EXPECT_NE(received.front().second, Verdict::kStale);
 }
 
-TEST(Timeline, the_sink_hears_again_of_what_followed_a_late_message) {
+TEST(Timeline, the_sink_receives_again_the_outcomes_after_a_late_message) {
   Timeline<PoseEkf> timeline(testing::ekf_at({}), kSecond);
-  std::vector<std::size_t> heard;
+  std::vector<std::size_t> received;
   std::vector<double> residuals;
   const auto sink = [&](std::size_t index, const Outcome& o) {
-    heard.push_back(index);
+    received.push_back(index);
     residuals.push_back(o.residual);
   };
   timeline.on(testing::range_to(0, {}, 100), sink);
   timeline.on(testing::range_to(1, {}, 300, 0.2), sink);
   timeline.on(testing::range_to(1, {}, 200, 0.2), sink);
-  EXPECT_EQ(heard, (std::vector<std::size_t>{0, 1, 2, 1}));
+  EXPECT_EQ(received, (std::vector<std::size_t>{0, 1, 2, 1}));
   EXPECT_NEAR(residuals[1], 0.2, 1e-12);
   EXPECT_NEAR(residuals[2], 0.2, 1e-12);
   EXPECT_LT(residuals[3], 0.15);  // the late one has explained part of it
 }
 
-TEST(Timeline, a_late_message_that_is_not_valid_is_passed_on_and_forgotten) {
+TEST(Timeline, an_invalid_late_message_throws_and_is_forgotten) {
   const testing::Simulation run = testing::simulate(5, 4.0);
   Timeline<PoseEkf> disturbed(ekf_for(run), kSecond);
   Timeline<PoseEkf> quiet(ekf_for(run), kSecond);
   for (std::size_t i = 0; i < run.messages.size(); ++i) {
-    disturbed.on(run.messages[i], kDeaf);
-    quiet.on(run.messages[i], kDeaf);
+    disturbed.on(run.messages[i], kNoSink);
+    quiet.on(run.messages[i], kNoSink);
     const Stamp now = effective_stamp(run.messages[i]);
     const Range late{now - kSecond / 3, 0, 0, -1.0, {}};
     const Range prompt{now, 0, 0, -1.0, {}};
-    EXPECT_THROW(disturbed.on(late, kDeaf), std::invalid_argument);
-    EXPECT_THROW(disturbed.on(prompt, kDeaf), std::invalid_argument);
+    EXPECT_THROW(disturbed.on(late, kNoSink), std::invalid_argument);
+    EXPECT_THROW(disturbed.on(prompt, kNoSink), std::invalid_argument);
     ASSERT_TRUE(same_bits(disturbed.estimator().belief(), quiet.estimator().belief())) << i;
   }
   const Message last = testing::range_to(0, {}, 4 * kSecond - kSecond / 2, 0.1);
-  disturbed.on(last, kDeaf);
-  quiet.on(last, kDeaf);
+  disturbed.on(last, kNoSink);
+  quiet.on(last, kNoSink);
   EXPECT_TRUE(same_bits(disturbed.estimator().belief(), quiet.estimator().belief()));
 }
 
@@ -180,20 +180,20 @@ TEST(Timeline, refuses_a_negative_history) {
   testing::expect_refused([] { Timeline<PoseEkf>(testing::ekf_at({}), -5); }, "-5");
 }
 
-// Once any history was taken, and one of 292 years less a newest stamp before 1970 overflowed.
-TEST(Timeline, refuses_a_history_that_no_two_stamps_are_apart) {
+// A history of 292 years overflowed with a newest stamp before 1970.
+TEST(Timeline, refuses_a_history_beyond_the_stamp_limit) {
   testing::expect_refused(
       [] { Timeline<PoseEkf>(testing::ekf_at({}), std::numeric_limits<Stamp>::max()); }, "2^62");
   Timeline<PoseEkf> longest(testing::ekf_at({}), kStampLimit);
-  longest.on(Velocity{2 - kStampLimit, 0.1, 0.0}, kDeaf);
-  longest.on(Velocity{1 - kStampLimit, 0.1, 0.0}, kDeaf);
+  longest.on(Velocity{2 - kStampLimit, 0.1, 0.0}, kNoSink);
+  longest.on(Velocity{1 - kStampLimit, 0.1, 0.0}, kNoSink);
 }
 
-/// Counts what it takes, and what it does not.
+/// Counts the messages that it fuses and those that it refuses.
 struct Careless {
-  int heard = 0;
+  int received = 0;
   Outcome on(const Message& message) {
-    ++heard;
+    ++received;
     if (std::holds_alternative<Range>(message)) {
       throw NumericalError("no ranges");
     }
@@ -201,17 +201,17 @@ struct Careless {
   }
 };
 
-TEST(Timeline, what_an_estimator_throws_for_leaves_no_trace_in_it) {
+TEST(Timeline, a_message_that_an_estimator_refuses_leaves_no_trace) {
   Timeline<Careless> timeline({}, kSecond);
   int good = 0;
   for (int k = 0; k < 100; ++k) {
     const Stamp stamp = k * kSecond / 10;
-    timeline.on(Velocity{stamp, 0.0, 0.0}, kDeaf);
+    timeline.on(Velocity{stamp, 0.0, 0.0}, kNoSink);
     ++good;
-    EXPECT_THROW(timeline.on(Range{stamp, 0, 0, 1.0, {}}, kDeaf), NumericalError);
-    ASSERT_EQ(timeline.estimator().heard, good);
-    EXPECT_THROW(timeline.on(Range{stamp - 1, 0, 0, 1.0, {}}, kDeaf), NumericalError);
-    ASSERT_EQ(timeline.estimator().heard, good);
+    EXPECT_THROW(timeline.on(Range{stamp, 0, 0, 1.0, {}}, kNoSink), NumericalError);
+    ASSERT_EQ(timeline.estimator().received, good);
+    EXPECT_THROW(timeline.on(Range{stamp - 1, 0, 0, 1.0, {}}, kNoSink), NumericalError);
+    ASSERT_EQ(timeline.estimator().received, good);
   }
 }
 

@@ -10,15 +10,14 @@
 #include "support/scrubber.hpp"
 #include "support/simulation.hpp"
 
-/// Clocks that jump, sources that stop, histories that overflow: for every estimator that a
-/// Timeline feeds.
+/// Clock jumps, sources that stop and full histories, for every estimator that a Timeline feeds.
 namespace locfuse {
 namespace {
 
 using testing::kSecond;
 using testing::same_bits;
 
-const auto kDeaf = [](std::size_t, const Outcome&) {};
+const auto kNoSink = [](std::size_t, const Outcome&) {};
 const Pose2 kStart{2.0, -1.0, 0.4};
 
 struct OfPoseEkf {
@@ -40,7 +39,7 @@ struct OfTagTriangleEkf {
   }
 };
 
-/// A drive with every kind of message; each estimator fuses those that it has a model of.
+/// A drive with every kind of message; each estimator fuses those that it models.
 std::vector<Message> drive(std::uint64_t seed, double seconds = 6.0) {
   testing::Simulation run = testing::simulate(seed, seconds);
   testing::Rng rng(seed);
@@ -80,7 +79,7 @@ std::vector<Message> late(const std::vector<Message>& messages, std::uint64_t se
 template <class Estimator>
 void feed(Timeline<Estimator>& timeline, const std::vector<Message>& messages) {
   for (const Message& message : messages) {
-    timeline.on(message, kDeaf);
+    timeline.on(message, kNoSink);
   }
 }
 
@@ -108,7 +107,7 @@ TYPED_TEST(TimelineOf, late_messages_leave_the_bits_of_the_sorted_log) {
   }
 }
 
-TYPED_TEST(TimelineOf, reset_is_a_fresh_one_to_the_bit) {
+TYPED_TEST(TimelineOf, reset_equals_a_new_one_to_the_bit) {
   Timeline timeline(TypeParam::make(), kSecond);
   timeline.enable(Source::kOdometry, false);
   feed(timeline, late(drive(1), 2, kSecond / 2));
@@ -120,13 +119,13 @@ TYPED_TEST(TimelineOf, reset_is_a_fresh_one_to_the_bit) {
   for (const Message& message : again) {
     timeline.on(message,
                 [&](std::size_t index, const Outcome&) { first = std::min(first, index); });
-    fresh.on(message, kDeaf);
+    fresh.on(message, kNoSink);
   }
   EXPECT_EQ(first, 0U) << "arrivals count from 0 again";
   EXPECT_TRUE(same_bits(timeline.estimator().belief(), fresh.estimator().belief()));
 }
 
-TYPED_TEST(TimelineOf, a_loop_of_the_recording_gives_the_bits_of_the_first_round) {
+TYPED_TEST(TimelineOf, a_looped_recording_gives_the_bits_of_the_first_round) {
   const std::vector<Message> round = drive(1);
   TimelineOptions options;
   options.clock_jump = ClockJump::kReset;
@@ -140,7 +139,7 @@ TYPED_TEST(TimelineOf, a_loop_of_the_recording_gives_the_bits_of_the_first_round
   }
 }
 
-TYPED_TEST(TimelineOf, a_clock_that_goes_back_is_refused_unless_told_otherwise) {
+TYPED_TEST(TimelineOf, a_clock_jump_is_refused_by_default) {
   const std::vector<Message> round = drive(1);
   Timeline timeline(TypeParam::make(), kSecond);
   feed(timeline, round);
@@ -155,20 +154,20 @@ TYPED_TEST(TimelineOf, a_clock_that_goes_back_is_refused_unless_told_otherwise) 
 
 TYPED_TEST(TimelineOf, a_source_that_stops_delays_no_other) {
   const std::vector<Message> all = drive(1);
-  std::vector<Message> rest;  // odometry falls silent in the middle
+  std::vector<Message> rest;  // odometry stops in the middle
   std::copy_if(all.begin(), all.end(), std::back_inserter(rest), [](const Message& m) {
     return source_of(m) != Source::kOdometry || effective_stamp(m) < 3 * kSecond;
   });
   Timeline timeline(TypeParam::make(), kSecond);
   for (const Message& message : rest) {
-    bool heard = false;
-    timeline.on(message, [&](std::size_t, const Outcome&) { heard = true; });
-    ASSERT_TRUE(heard) << "an outcome at once";
+    bool has_outcome = false;
+    timeline.on(message, [&](std::size_t, const Outcome&) { has_outcome = true; });
+    ASSERT_TRUE(has_outcome) << "an outcome at once";
   }
   EXPECT_GT(timeline.estimator().belief().stamp, 5 * kSecond);
 }
 
-TYPED_TEST(TimelineOf, a_source_that_is_off_is_as_if_it_had_said_nothing) {
+TYPED_TEST(TimelineOf, a_disabled_source_has_no_effect) {
   const std::vector<Message> all = drive(1);
   Timeline with(TypeParam::make(), kSecond);
   Timeline without(TypeParam::make(), kSecond);
@@ -181,7 +180,7 @@ TYPED_TEST(TimelineOf, a_source_that_is_off_is_as_if_it_had_said_nothing) {
       ignored += o.verdict == Verdict::kIgnored && source_of(message) == Source::kPositions ? 1 : 0;
     });
     if (!off || source_of(message) != Source::kPositions) {
-      without.on(message, kDeaf);
+      without.on(message, kNoSink);
     }
   }
   EXPECT_EQ(ignored, 2 * 5 * 2);
@@ -206,7 +205,7 @@ TYPED_TEST(TimelineOf, equal_stamps_and_steps_of_a_nanosecond_are_fused_in_order
     return effective_stamp(a) < effective_stamp(b);
   });
   for (const Message& message : messages) {
-    timeline.on(message, kDeaf);
+    timeline.on(message, kNoSink);
     expected.on(message);
   }
   EXPECT_TRUE(same_bits(timeline.estimator().belief(), expected.belief()));
@@ -237,19 +236,19 @@ TEST(Timeline, continues_from_the_same_pose_at_the_new_time) {
   EXPECT_TRUE(same_bits(timeline.estimator().belief(), expected.belief()));
 }
 
-TEST(Timeline, a_buffer_that_one_source_flushes_is_no_jump) {
+TEST(Timeline, a_buffer_flushed_by_one_source_is_not_a_jump) {
   Timeline timeline(testing::ekf_at(kStart), kSecond, with(ClockJump::kReset));
   feed(timeline, drive(1));
   const auto before = timeline.estimator().belief();
   for (int i = 0; i < 100; ++i) {
-    timeline.on(testing::range_to(0, kStart, i), kDeaf);
+    timeline.on(testing::range_to(0, kStart, i), kNoSink);
   }
   EXPECT_EQ(timeline.jumps(), 0U);
   EXPECT_TRUE(same_bits(timeline.estimator().belief(), before));
 }
 
-// Each of them was kept until another source spoke, however long that took.
-TEST(Timeline, of_a_source_that_stays_in_the_past_alone_only_the_latest_messages_are_kept) {
+// All of them were kept until another source published.
+TEST(Timeline, keeps_only_the_latest_stale_messages_of_a_single_source) {
   Timeline timeline(testing::ekf_at(kStart), kSecond, with(ClockJump::kReset));
   feed(timeline, drive(1));
   std::vector<std::size_t> arrivals;
@@ -261,23 +260,23 @@ TEST(Timeline, of_a_source_that_stays_in_the_past_alone_only_the_latest_messages
   arrivals.clear();
   timeline.on(Velocity{3000, 0.1, 0.0}, sink);
   EXPECT_EQ(timeline.jumps(), 1U);
-  ASSERT_GT(arrivals.size(), 100U) << "what told of the jump is fused";
-  EXPECT_LE(arrivals.size(), 514U) << "one is told twice: that it is stale, and what it became";
+  ASSERT_GT(arrivals.size(), 100U) << "the messages that signalled the jump are fused";
+  EXPECT_LE(arrivals.size(), 514U) << "one has two outcomes: stale, then fused";
   EXPECT_GT(*std::min_element(arrivals.begin(), arrivals.end()), last - 512);
 }
 
-TEST(Timeline, late_messages_among_good_ones_are_no_jump) {
+TEST(Timeline, late_messages_among_good_ones_are_not_a_jump) {
   Timeline timeline(testing::ekf_at(kStart), kSecond, with(ClockJump::kReset));
   feed(timeline, drive(1));
   for (int i = 0; i < 100; ++i) {
-    timeline.on(testing::range_to(0, kStart, i), kDeaf);
-    timeline.on(Velocity{i, 0.1, 0.0}, kDeaf);
-    timeline.on(Velocity{6 * kSecond + i, 0.1, 0.0}, kDeaf);
+    timeline.on(testing::range_to(0, kStart, i), kNoSink);
+    timeline.on(Velocity{i, 0.1, 0.0}, kNoSink);
+    timeline.on(Velocity{6 * kSecond + i, 0.1, 0.0}, kNoSink);
   }
   EXPECT_EQ(timeline.jumps(), 0U);
 }
 
-TEST(Timeline, after_a_jump_every_message_that_told_of_it_has_its_outcome) {
+TEST(Timeline, after_a_jump_every_message_that_signalled_it_has_its_outcome) {
   Timeline timeline(testing::ekf_at(kStart), kSecond, with(ClockJump::kReset));
   std::map<std::size_t, Verdict> last;
   const auto sink = [&](std::size_t index, const Outcome& o) { last[index] = o.verdict; };
@@ -292,20 +291,19 @@ TEST(Timeline, after_a_jump_every_message_that_told_of_it_has_its_outcome) {
   }
 }
 
-TEST(Timeline, refuses_to_continue_what_cannot) {
+TEST(Timeline, refuses_to_continue_an_estimator_that_cannot) {
   testing::expect_refused([] { Timeline(OfAirEkf::make(), kSecond, with(ClockJump::kContinue)); },
                           "kReset");
   TimelineOptions few;
-  few.most_messages = 10;
-  testing::expect_refused([&] { Timeline(OfPoseEkf::make(), kSecond, few); }, "most_messages",
-                          "10");
+  few.max_messages = 10;
+  testing::expect_refused([&] { Timeline(OfPoseEkf::make(), kSecond, few); }, "max_messages", "10");
 }
 
 // Bounds ------------------------------------------------------------------------------------------
 
-TEST(Timeline, holds_no_more_messages_than_it_may_and_counts_what_falls_out) {
+TEST(Timeline, drops_messages_beyond_the_maximum_and_counts_them) {
   TimelineOptions options;
-  options.most_messages = 512;
+  options.max_messages = 512;
   Timeline few(testing::ekf_at(kStart), 1000 * kSecond, options);
   Timeline all(testing::ekf_at(kStart), 1000 * kSecond);
   const std::vector<Message> messages = drive(1, 20.0);
@@ -313,21 +311,21 @@ TEST(Timeline, holds_no_more_messages_than_it_may_and_counts_what_falls_out) {
   feed(few, messages);
   feed(all, messages);
   EXPECT_TRUE(same_bits(few.estimator().belief(), all.estimator().belief()));
-  EXPECT_EQ(all.fallen_out(), 0U);
-  EXPECT_GE(few.fallen_out(), messages.size() - 512);
-  EXPECT_LT(few.fallen_out(), messages.size() - 256);
+  EXPECT_EQ(all.dropped_messages(), 0U);
+  EXPECT_GE(few.dropped_messages(), messages.size() - 512);
+  EXPECT_LT(few.dropped_messages(), messages.size() - 256);
 
   std::vector<Verdict> verdicts;
   const auto sink = [&](std::size_t, const Outcome& o) { verdicts.push_back(o.verdict); };
   few.on(testing::range_to(0, kStart, kSecond), sink);
   ASSERT_EQ(verdicts.size(), 1U);
   EXPECT_EQ(verdicts[0], Verdict::kStale) << "inside the history, but what followed is gone";
-  all.on(testing::range_to(0, kStart, kSecond), kDeaf);  // goes back all the way
+  all.on(testing::range_to(0, kStart, kSecond), kNoSink);  // fuses again all messages
   const Message recent = testing::range_to(1, kStart, 19 * kSecond, 3.0);
   Timeline twin(testing::ekf_at(kStart), 1000 * kSecond);
   feed(twin, messages);
-  few.on(recent, kDeaf);
-  twin.on(recent, kDeaf);
+  few.on(recent, kNoSink);
+  twin.on(recent, kNoSink);
   EXPECT_TRUE(same_bits(few.estimator().belief(), twin.estimator().belief()));
 }
 
@@ -356,13 +354,13 @@ TEST(Replay, switches_sources_by_arrival_and_records_it) {
   }
 }
 
-TEST(Timeline, a_clock_that_jumps_before_the_start_begins_anew) {
+TEST(Timeline, a_clock_jump_before_the_start_restarts) {
   TimelineOptions options;
   options.clock_jump = ClockJump::kContinue;
   options.jump_after = 1;
   Timeline<RecoveringEkf> timeline({{}, testing::hall(), testing::one_tag(), nullptr}, 0, options);
-  timeline.on(Velocity{kSecond, 0.0, 0.0}, kDeaf);
-  EXPECT_NO_THROW(timeline.on(Velocity{0, 0.0, 0.0}, kDeaf));
+  timeline.on(Velocity{kSecond, 0.0, 0.0}, kNoSink);
+  EXPECT_NO_THROW(timeline.on(Velocity{0, 0.0, 0.0}, kNoSink));
   EXPECT_EQ(timeline.jumps(), 1U);
 }
 

@@ -37,7 +37,7 @@ struct Disc {
       LaserGeometry{{}, -kPi, 2.0 * kPi / beams, 0.05, range_max});
 }
 
-/// What a laser at `eye` sees of discs and walls, with noise of `sigma` [m]; NaN beyond its reach.
+/// Scan of discs and walls from `eye` with noise of `sigma` [m]; NaN beyond the maximum range.
 [[nodiscard]] inline LaserScan scan_of(const std::vector<Disc>& discs, const Walls& walls,
                                        const Pose2& eye, Rng& rng, double sigma,
                                        std::shared_ptr<const LaserGeometry> geometry,

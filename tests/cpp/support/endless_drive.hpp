@@ -28,7 +28,7 @@ extern "C" std::size_t __sanitizer_get_current_allocated_bytes();
 
 namespace locfuse::testing {
 
-/// Bytes that the program has taken from the heap and not given back.
+/// Bytes of the heap in use.
 [[nodiscard]] inline std::size_t held_bytes() {
 #if LOCFUSE_ADDRESS_SANITIZER
   return __sanitizer_get_current_allocated_bytes();
@@ -38,14 +38,13 @@ namespace locfuse::testing {
 #endif
 }
 
-/// A robot that drives round the hall for as long as it is asked: odometry at 100 Hz, ranges to
-/// four anchors at 10 Hz each, a fix a second. Some ranges are too long, some fixes are far off,
-/// one range in a hundred is late by 0.3 s, one in a thousand by more than any history; every five
-/// minutes nothing but odometry comes for five seconds, and every `round` for 75 s, in which
-/// somebody carries the robot to the other side of the hall.
+/// A robot that circles in the hall without end: odometry at 100 Hz, ranges to four anchors at 10
+/// Hz each, a fix per second. Some ranges are too long, some fixes far off, one range in 100 is 0.3
+/// s late, one in 1000 later than any history. There is only odometry for 5 s every five minutes,
+/// and for 75 s every `round`, during which the robot is kidnapped to the other side of the hall.
 class EndlessDrive {
  public:
-  /// It is carried every `round` [s].
+  /// It is kidnapped every `round` [s].
   explicit EndlessDrive(std::uint64_t seed, double round = 1800.0) : rng_(seed), round_(round) {}
 
   [[nodiscard]] static PoseEstimate start() {
@@ -58,12 +57,12 @@ class EndlessDrive {
     const double now = seconds();
     return std::fmod(now, 300.0) > 295.0 || std::fmod(now, round_) > round_ - 75.0;
   }
-  /// Whether there is aid, and half a minute has passed since it was carried.
+  /// Whether there is aid, and the last kidnapping was half a minute ago.
   [[nodiscard]] bool is_known() const {
     return !is_blackout() && (seconds() < round_ || std::fmod(seconds(), round_) > 30.0);
   }
 
-  /// 10 ms pass: each message that arrives is given to `take`.
+  /// Advances by 10 ms: each message that arrives is passed to `take`.
   template <class Take>
   void step(const Take& take) {
     ++step_;
@@ -120,7 +119,7 @@ class EndlessDrive {
   std::vector<Delayed> delayed_;
 };
 
-/// What an endless drive is told to: a second of history, and another start after a blackout.
+/// Settings for an endless drive: a second of history, and relocalization after a blackout.
 [[nodiscard]] inline Timeline<RecoveringEkf> endless_timeline(Stamp history = kSecond) {
   RecoveringEkf::Config config;
   config.estimator.robust_range = NoiseKind::kOneSided;

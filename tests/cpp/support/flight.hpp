@@ -25,24 +25,24 @@ namespace locfuse::testing {
   return {{0, {14.0, 3.0}, 0.0, 9.0}, {1, {-5.0, -16.0}, 0.0, 0.5}};
 }
 
-/// Odometry and the climb rate told with it.
+/// Odometry with a climb rate.
 struct Driven {
   Increment motion;
   double climb_rate;
 };
 
 struct Flight {
-  AirEstimate start;  ///< what the body is told of its start
+  AirEstimate start;  ///< start of the filter
   std::vector<std::variant<Driven, Range, RangeBearing, Altitude>> messages;
-  double x, y, heading, height;  ///< where it is in the end
+  double x, y, heading, height;  ///< true pose at the end
 };
 
-/// What happens in a twentieth of a second.
+/// One step of 0.05 s.
 using Step = void (*)(Rng& rng, Flight& flight, Stamp begin, Stamp end, Vector<3>& velocity);
 
 constexpr double kTwentieth = 0.05;  // [s]
 
-/// The body moves as a told motion says, but for noise; the velocity is not used.
+/// The body moves by odometry plus noise; the velocity is not used.
 inline void by_odometry(Rng& rng, Flight& flight, Stamp begin, Stamp end, Vector<3>& /*velocity*/) {
   const double ahead = 0.04;
   const double turn = 0.03;
@@ -60,14 +60,14 @@ inline void by_odometry(Rng& rng, Flight& flight, Stamp begin, Stamp end, Vector
              climb});
 }
 
-/// Nobody says how it moves: white acceleration of 0.5 and, upwards, 0.3 m/s per sqrt(s), a heading
+/// Without odometry: white acceleration of 0.5 and, upwards, 0.3 m/s per sqrt(s), a heading
 /// that walks by 0.2 rad per sqrt(s).
 inline void by_itself(Rng& rng, Flight& flight, Stamp /*begin*/, Stamp /*end*/,
                       Vector<3>& velocity) {
   double* const place[] = {&flight.x, &flight.y, &flight.height};
   for (int axis = 0; axis < 3; ++axis) {
     const double sigma = axis == 2 ? 0.3 : 0.5;
-    // Of what the kick to the velocity does within the step, half goes with it and the rest is new.
+    // Half of the displacement within the step is correlated with the velocity, the rest is new.
     const double kick = normal(rng, sigma * std::sqrt(kTwentieth));
     const double rest = normal(rng, sigma * std::sqrt(std::pow(kTwentieth, 3) / 12.0));
     *place[axis] += kTwentieth * (velocity(axis) + 0.5 * kick) + rest;
@@ -76,8 +76,8 @@ inline void by_itself(Rng& rng, Flight& flight, Stamp /*begin*/, Stamp /*end*/,
   flight.heading += normal(rng, 0.2 * std::sqrt(kTwentieth));
 }
 
-/// A flight of `seconds`: ranges to all corners at 4 Hz, an altitude and sightings at 1 Hz. Written
-/// out in scalars, apart from locfuse's models.
+/// A flight of `seconds`: ranges to all corners at 4 Hz, an altitude and sightings at 1 Hz. In
+/// plain scalars, independent of locfuse's models.
 [[nodiscard]] inline Flight fly(std::uint64_t seed, double seconds, Step step) {
   Rng rng(seed);
   Flight flight;
@@ -128,7 +128,7 @@ inline void by_itself(Rng& rng, Flight& flight, Stamp /*begin*/, Stamp /*end*/,
   return flight;
 }
 
-/// The filter that knows the noise of such flights, and lets everything pass.
+/// A filter with the true noise of such flights, and without gates.
 [[nodiscard]] inline AirEkf::Config well_informed(AirMotion motion) {
   AirEkf::Config config;
   config.motion = motion;

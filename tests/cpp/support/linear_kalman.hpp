@@ -12,7 +12,7 @@ namespace locfuse::testing {
 using MatrixXl = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
 using VectorXl = Eigen::Matrix<long double, Eigen::Dynamic, 1>;
 
-/// The textbook's Kalman update, in long double and with inverses.
+/// Textbook Kalman update, in long double and with inverses.
 struct LinearKalman {
   Eigen::VectorXd x;
   Eigen::MatrixXd P;
@@ -39,7 +39,7 @@ struct LinearKalman {
           static_cast<double>(-0.5L * (nis + log_det))};
 }
 
-/// Columns of a local Jacobian put where their variables are in the whole belief.
+/// A local Jacobian with its columns at the places of its variables in the whole belief.
 [[nodiscard]] inline Eigen::MatrixXd spread(const Eigen::MatrixXd& H, const std::vector<int>& rows,
                                             Eigen::Index dimension) {
   Eigen::MatrixXd whole = Eigen::MatrixXd::Zero(H.rows(), dimension);

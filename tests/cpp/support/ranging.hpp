@@ -9,14 +9,21 @@
 
 namespace locfuse::testing {
 
-/// Anchors with the memory that AnchorTable points to.
+/// View of the numbers of a vector.
+[[nodiscard]] inline Eigen::Map<const Eigen::VectorXd> view(const std::vector<double>& numbers) {
+  return {numbers.data(), static_cast<Eigen::Index>(numbers.size())};
+}
+
+/// Anchors with the memory that AnchorTable views.
 struct Anchors {
   std::vector<double> rows;
   int columns = 2;
   std::optional<double> height = {};
 
   [[nodiscard]] int size() const { return static_cast<int>(rows.size()) / columns; }
-  [[nodiscard]] AnchorTable table() const { return {rows.data(), size(), columns, height}; }
+  [[nodiscard]] AnchorTable table() const {
+    return {RowsView(rows.data(), size(), columns), height};
+  }
   [[nodiscard]] std::vector<double> sigmas(double sigma) const {
     return std::vector<double>(static_cast<std::size_t>(size()), sigma);
   }

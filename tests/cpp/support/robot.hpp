@@ -23,13 +23,13 @@ constexpr Stamp kSecond = 1'000'000'000;
 /// Tag 0, off-centre.
 [[nodiscard]] inline std::vector<Tag> one_tag() { return {{0, {0.3, -0.2, 1.0}}}; }
 
-/// At `pose`, known to 0.1 m and 0.05 rad.
+/// An estimate at `pose` with sigmas of 0.1 m and 0.05 rad.
 [[nodiscard]] inline PoseEkf ekf_at(const Pose2& pose, const PoseEkf::Config& config = {}) {
   const Vector<3> variances(0.01, 0.01, 0.0025);
   return {config, hall(), one_tag(), {0, pose, variances.asDiagonal()}};
 }
 
-/// What tag 0 at `pose` would measure, and `error` more.
+/// The range that tag 0 measures at `pose`, plus `error`.
 [[nodiscard]] inline Range range_to(Id anchor, const Pose2& pose, Stamp stamp, double error = 0.0) {
   const Vector<2> tag = pose.act({0.3, -0.2});
   const Vector<3> a = hall()->anchors()[static_cast<std::size_t>(anchor)].position;

@@ -68,7 +68,7 @@ inline void add_box(Walls& walls, const Pose2& middle, double length, double wid
       LaserGeometry{{-0.05, 0.02, 0.1}, -kPi, 2.0 * kPi / beams, 0.1, range_max});
 }
 
-/// What the laser sees from `body`, with noise of `sigma` [m].
+/// Scan from `body` with noise of `sigma` [m].
 [[nodiscard]] inline LaserScan scan_from(const Walls& walls, const Pose2& body, Rng& rng,
                                          double sigma,
                                          std::shared_ptr<const LaserGeometry> geometry = laser(),
@@ -95,7 +95,7 @@ inline void add_box(Walls& walls, const Pose2& middle, double length, double wid
   return walls;
 }
 
-/// Such a room, turned and shifted against its map of 5 cm cells by `rng`.
+/// The same, turned and shifted at random against its map of 5 cm cells.
 struct Room {
   Walls walls;
   std::shared_ptr<const OccupancyGrid> map;

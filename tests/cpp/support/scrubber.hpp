@@ -12,7 +12,7 @@
 namespace locfuse::testing {
 
 /// A floor scrubber with three tags drives eights, as in celan2017: odometry at 7.5 Hz, fixes of
-/// all tags at 1 Hz. Written out in scalars, apart from locfuse's poses and models.
+/// all tags at 1 Hz. In plain scalars, independent of locfuse's poses and models.
 struct Scrubber {
   static constexpr double kTagX[3] = {0.6, -0.45, -0.45};
   static constexpr double kTagY[3] = {0.0, 0.25, -0.25};
@@ -24,8 +24,8 @@ struct Scrubber {
   double sigma_start_heading = 0.1;  ///< [rad]
 
   std::vector<Message> messages = {};  ///< in order of stamp
-  PoseEstimate start = {};             ///< what it is told of its start
-  double x = 0.0;                      ///< where it is in the end
+  PoseEstimate start = {};             ///< start of the filter
+  double x = 0.0;                      ///< true pose at the end
   double y = 0.0;
   double heading = 0.0;
   std::vector<std::array<double, 4>> truth = {};  ///< stamp [ns], x, y, heading after each message

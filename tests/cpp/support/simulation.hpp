@@ -10,7 +10,7 @@
 
 namespace locfuse::testing {
 
-/// Noise that is really there.
+/// True noise.
 struct SimulatedNoise {
   double range = 0.1;             ///< [m]
   double longitudinal = 0.03;     ///< [m / sqrt(m)]
@@ -22,15 +22,15 @@ struct SimulatedNoise {
 };
 
 struct Simulation {
-  PoseEstimate start;             ///< what the robot is told of its start
+  PoseEstimate start;             ///< start of the filter
   std::vector<Message> messages;  ///< in order of effective stamp
-  double x;                       ///< where it is in the end
+  double x;                       ///< true pose at the end
   double y;
   double heading;
 };
 
 /// A robot winds through the hall for `seconds`: increments at 20 Hz, ranges to all anchors at 5
-/// Hz. Written out in scalars, apart from locfuse's poses and models.
+/// Hz. In plain scalars, independent of locfuse's poses and models.
 [[nodiscard]] inline Simulation simulate(std::uint64_t seed, double seconds,
                                          const SimulatedNoise& noise = {}) {
   constexpr double kAnchors[4][3] = {
@@ -49,7 +49,7 @@ struct Simulation {
   for (Stamp i = 0; i < steps; ++i) {
     const double distance = 0.04;
     const double turn = 0.03 + 0.03 * std::sin(0.05 * static_cast<double>(i));
-    // It drives along its heading, then turns; the wheels see that with noise.
+    // It drives along its heading, then turns; odometry adds noise.
     run.x += distance * std::cos(run.heading);
     run.y += distance * std::sin(run.heading);
     run.heading += turn;

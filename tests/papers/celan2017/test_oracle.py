@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from papers.celan2017.oracle import best_causal
+from papers.celan2017.methods import best_causal
 
 
 def test_white_noise_on_a_constant_averages_away() -> None:
@@ -17,10 +17,10 @@ def test_white_noise_on_a_constant_averages_away() -> None:
         )
 
 
-def test_noise_that_stays_alike_does_not_and_an_offset_costs_nothing() -> None:
+def test_correlated_noise_does_not_and_an_offset_costs_nothing() -> None:
     rng = np.random.default_rng(2)
     truth = np.cumsum(rng.standard_normal(20_000))
     assert best_causal(truth + 7.0, truth, 5) < 1e-9
-    # Steps of truth and of noise are alike: no weights tell them apart.
+    # Steps of truth and of noise have the same spectrum: no weights separate them.
     both = truth + np.cumsum(rng.standard_normal(len(truth)))
     assert best_causal(both, truth, 5) > 10.0

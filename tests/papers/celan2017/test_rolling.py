@@ -9,15 +9,16 @@ import pytest
 from locfuse import _core
 from locfuse.eval.consistency import band
 from locfuse.types import FloatArray
-from papers.celan2017.antennas import Antennas, learn
-from papers.celan2017.rolling import (
+from papers.celan2017.methods import (
     SIGMA_SPEED_MPS,
     SIGMA_TURN_RADPS,
     SLIP_M,
     SPEED_MPS,
     SPEED_S,
     TURN_S,
+    Antennas,
     Rolling,
+    learn,
     rolled,
 )
 
@@ -47,8 +48,8 @@ def long_by(antennas: Antennas, tag: int, anchor: int, distance: float, beta: fl
 
 def range_at(pose: FloatArray, tag: int, anchor: int, noise: float = 0.0) -> _core.Range:
     distance, beta = sight(pose, tag, anchor)
-    told = distance + long_by(TRUE, tag, anchor, distance, beta) + noise
-    return _core.Range(0, tag, anchor, told, SIGMA_M)
+    measured = distance + long_by(TRUE, tag, anchor, distance, beta) + noise
+    return _core.Range(0, tag, anchor, measured, SIGMA_M)
 
 
 @pytest.mark.parametrize("outliers", [0, 12])

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from locfuse import _core
-from papers.celan2017 import trolley as module
-from papers.celan2017.trolley import FOLDER, Trolley, by_fixes, follow, trolley, trolley_claims
+from papers.celan2017 import claims as module
+from papers.celan2017.claims import trolley_claims
+from papers.celan2017.trolley import FOLDER, Trolley, by_fixes, follow, trolley
 from support_runs import CONFIGS
 
 DATA = (CONFIGS / FOLDER).resolve()
@@ -23,17 +24,17 @@ def of() -> Trolley:
     return trolley(DATA)
 
 
-def rmse(of: Trolley, by: str, told: str = "ranges", rate_hz: int = 10) -> tuple[float, float]:
-    off, _ = follow(of, by, told, rate_hz)
+def rmse(of: Trolley, by: str, given: str = "ranges", rate_hz: int = 10) -> tuple[float, float]:
+    off, _ = follow(of, by, given, rate_hz)
     return (float(np.sqrt(np.mean(np.sum(off[:, :2] ** 2, axis=1)))),
             float(np.rad2deg(np.sqrt(np.mean(off[:, 2] ** 2)))))  # fmt: skip
 
 
 @recorded
 def test_one_rigid_body_is_better_than_twelve_states(of: Trolley) -> None:
-    for told in ("ranges", "fixes"):
-        position, heading = rmse(of, "rigid", told)
-        theirs, their_heading = rmse(of, "twelve", told)
+    for given in ("ranges", "fixes"):
+        position, heading = rmse(of, "rigid", given)
+        theirs, their_heading = rmse(of, "twelve", given)
         assert position < 0.05
         assert heading < 4.5
         assert position < theirs < 0.06
@@ -44,7 +45,7 @@ def test_one_rigid_body_is_better_than_twelve_states(of: Trolley) -> None:
 def test_the_recording_is_shown_at_its_own_rate_too(
     of: Trolley, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Told every epoch, whose errors are alike, a filter grows surer and no better."""
+    """Fed every epoch, whose errors are correlated, a filter grows more certain and no better."""
     monkeypatch.setattr(module, "WAYS", (("ranges", "rigid"),))
     rows = {claim.id: claim.ours_median for claim in trolley_claims(CONFIGS)}
     for rate_hz in (100, 10, 1):
@@ -86,7 +87,7 @@ def test_ranges_that_keep_their_constant_errors_cost_position(of: Trolley) -> No
 
 
 @recorded
-def test_a_tag_that_few_anchors_hear_has_no_position(of: Trolley) -> None:
+def test_a_tag_in_range_of_few_anchors_has_no_position(of: Trolley) -> None:
     epoch = [z for z in of.epochs[0] if z.tag != 1 or z.anchor < 2]
     assert [fix.tag for fix in by_fixes(of, epoch) if isinstance(fix, _core.PositionFix)] == [0, 2]
 

@@ -16,7 +16,7 @@ from papers.celan2017.world import (
     CLEARANCE_M,
     DISTORTION_M,
     LAP_M,
-    LEAST_RANGES,
+    MIN_RANGES,
     OUTAGE_EVERY_S,
     OUTAGE_S,
     SIGMA_RANGE_M,
@@ -132,7 +132,7 @@ def test_the_laser_sees_the_floor_as_it_is_not_as_it_is_drawn(of: Lap) -> None:
     assert np.nanmax(scans["ranges_m"]) <= 6.0
 
 
-def test_radios_are_heard_near_the_master_and_err_more_behind_walls(of: Lap) -> None:
+def test_radios_are_received_near_the_master_and_err_more_behind_walls(of: Lap) -> None:
     inside, outside = [], []
     for one in (of, lap(1)):
         fixes = one.fixes
@@ -152,8 +152,8 @@ def test_radios_are_heard_near_the_master_and_err_more_behind_walls(of: Lap) -> 
     assert per_axis < SIGMA_RANGE_M, "five ranges are better than one"
 
 
-def heard(of: Lap) -> dict[tuple[int, str], set[str]]:
-    """Return which anchors each tag hears at each stamp."""
+def received(of: Lap) -> dict[tuple[int, str], set[str]]:
+    """Return which anchors each tag ranges to at each stamp."""
     found: dict[tuple[int, str], set[str]] = {}
     table = of.log["ranges"]
     for stamp, tag, anchor in zip(*(table[key].tolist() for key in ("stamp_ns", "tag", "anchor")),
@@ -162,9 +162,9 @@ def heard(of: Lap) -> dict[tuple[int, str], set[str]]:
     return found
 
 
-def test_walls_block_ranges_and_the_rtls_has_positions_where_it_hears_of_three(of: Lap) -> None:
+def test_walls_block_ranges_and_the_rtls_has_positions_where_it_receives_three(of: Lap) -> None:
     names = list(of.floor.anchors)
-    at_all, walls = heard(of), list(dict.fromkeys(of.floor.plan.walls))
+    at_all, walls = received(of), list(dict.fromkeys(of.floor.plan.walls))
     uwb_ns = np.unique([stamp for stamp, _ in at_all])
     pose = of.drive.pose_at(seconds(uwb_ns))
     for tag, lever in TAGS.items():
@@ -173,10 +173,10 @@ def test_walls_block_ranges_and_the_rtls_has_positions_where_it_hears_of_three(o
         for name in names:
             anchor = np.broadcast_to(of.floor.anchors[name][:2], (len(at), 2))
             open_to = (walls_between(at[:, :2], anchor, walls) < SILENT_WALLS) & within
-            told = [name in at_all.get((stamp, tag), set()) for stamp in uwb_ns.tolist()]
-            np.testing.assert_array_equal(told, open_to)
+            present = [name in at_all.get((stamp, tag), set()) for stamp in uwb_ns.tolist()]
+            np.testing.assert_array_equal(present, open_to)
     fixes = set(zip(of.fixes["stamp_ns"].tolist(), of.fixes["tag"].tolist(), strict=True))
-    assert fixes == {key for key, anchors in at_all.items() if len(anchors) >= LEAST_RANGES}
+    assert fixes == {key for key, anchors in at_all.items() if len(anchors) >= MIN_RANGES}
     assert {len(anchors) for anchors in at_all.values()} >= {1, 5}, "some through, some not"
 
 
@@ -184,10 +184,10 @@ def test_where_anchors_are_the_radios_are_silent_in_outages_alone() -> None:
     silent_s, outage_s = 0.0, 0.0
     for seed in range(4):
         of = lap(seed)
-        told = {stamp for stamp, _ in heard(of)}
+        present = {stamp for stamp, _ in received(of)}
         stamp_ns = stamps(UWB_HZ, of.duration_s)
         inside = of.floor.in_open_room(of.drive.pose_at(seconds(stamp_ns))[:, :2])
-        gone = [stamp for stamp in stamp_ns[inside].tolist() if stamp not in told]
+        gone = [stamp for stamp in stamp_ns[inside].tolist() if stamp not in present]
         out = [(one.from_s or 0.0, one.to_s or 0.0)
                for one in outages(of.duration_s, np.random.default_rng([seed, 1]).spawn(6)[5])
                if one.source == "ranges"]  # fmt: skip

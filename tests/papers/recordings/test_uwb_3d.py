@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from locfuse.types import FloatArray, Log, LogError
-from papers.recordings import uwb_3d as in_the_air
+from papers.recordings import uwb_3d
+from papers.scores import rms
 from support_flights import flat, on_a_spiral
 from support_runs import ROOT
 
@@ -20,25 +21,25 @@ CONFIGS = ROOT / "examples" / "configs"
 def recorded(name: str) -> tuple[Log, float]:
     """Return a recording and how long its ranges read, or skip the test if it is absent."""
     try:
-        log = in_the_air.recorded(CONFIGS, in_the_air.RECORDINGS[name])
+        log = uwb_3d.load_flight(CONFIGS, uwb_3d.RECORDINGS[name])
     except LogError as error:
         pytest.skip(str(error))
-    return log, float(np.mean(in_the_air.RECORDINGS[name].long))
+    return log, float(np.mean(uwb_3d.RECORDINGS[name].long))
 
 
 def errors(log: Log, offset: float, gate: float = 0.999) -> tuple[FloatArray, FloatArray]:
-    config = in_the_air.filter_config()
+    config = uwb_3d.filter_config()
     config.gate_range = gate
-    return in_the_air.errors_of(in_the_air.localize(log, offset, config), log)
+    return uwb_3d.errors_of(uwb_3d.localize(log, offset, config), log)
 
 
 def test_exact_ranges_are_followed_and_wrong_ones_are_not() -> None:
     log = on_a_spiral()
     followed, _ = errors(log, 0.1)
-    assert len(followed) == len(log["ranges"]["stamp_ns"]) - 3  # all, once each anchor was heard
-    assert in_the_air.rms(followed) < 0.05
-    assert in_the_air.rms(errors(log, 0.0)[0]) > 0.1
-    assert in_the_air.rms(errors(flat(log), 0.1)[0]) > 0.5
+    assert len(followed) == len(log["ranges"]["stamp_ns"]) - 3  # all, once each anchor has reported
+    assert rms(followed) < 0.05
+    assert rms(errors(log, 0.0)[0]) > 0.1
+    assert rms(errors(flat(log), 0.1)[0]) > 0.5
 
 
 def test_a_log_without_a_second_of_all_anchors_is_refused() -> None:
@@ -53,32 +54,32 @@ def test_a_log_without_a_second_of_all_anchors_is_refused() -> None:
 def test_a_rig_is_followed_in_space(name: str, limit: float) -> None:
     log, offset = recorded(name)
     error, _ = errors(log, offset)
-    assert in_the_air.rms(error) < limit
-    assert in_the_air.rms(errors(log, 0.0)[0]) > 1.5 * limit
-    assert in_the_air.rms(errors(flat(log), offset)[0]) > 2.0 * limit
-    assert in_the_air.rms(errors(log, offset, gate=1.0)[0]) > 1.5 * limit
+    assert rms(error) < limit
+    assert rms(errors(log, 0.0)[0]) > 1.5 * limit
+    assert rms(errors(flat(log), offset)[0]) > 2.0 * limit
+    assert rms(errors(log, offset, gate=1.0)[0]) > 1.5 * limit
 
 
 def test_a_drone_is_followed_in_space_where_anchors_have_heights_of_their_own() -> None:
     log, offset = recorded("drone seq3")
-    assert in_the_air.rms(errors(log, offset)[0]) < 0.4
-    assert in_the_air.rms(errors(log, 0.0)[0]) > 0.8
-    assert in_the_air.rms(errors(flat(log), offset)[0]) > 0.8
+    assert rms(errors(log, offset)[0]) < 0.4
+    assert rms(errors(log, 0.0)[0]) > 0.8
+    assert rms(errors(flat(log), offset)[0]) > 0.8
 
 
-def test_anchors_of_one_height_tell_where_a_drone_is_but_not_on_which_side_of_them() -> None:
+def test_anchors_of_one_height_determine_where_a_drone_is_but_not_on_which_side_of_them() -> None:
     log, offset = recorded("drone seq1")
     error, _ = errors(log, offset)
-    assert in_the_air.rms(error[:, :2]) < 0.3
-    assert in_the_air.rms(error[:, 2:]) > 1.0  # mirrored at the anchors' height, below the floor
-    flight = in_the_air.localize(log, offset, in_the_air.filter_config())
+    assert rms(error[:, :2]) < 0.3
+    assert rms(error[:, 2:]) > 1.0  # mirrored at the anchors' height, below the floor
+    flight = uwb_3d.localize(log, offset, uwb_3d.filter_config())
     assert flight.position[:, 2].min() < -0.5
 
 
 @pytest.mark.parametrize("configs", [None, "empty"])
 def test_rows_of_absent_recordings_say_why(configs: str | None, tmp_path: Path) -> None:
-    claims = in_the_air.air_claims(tmp_path / "configs" if configs else None, lambda *_: None)
-    assert len(claims) == len(in_the_air.RECORDINGS)
+    claims = uwb_3d.air_claims(lambda *_: None, tmp_path / "configs" if configs else None)
+    assert len(claims) == len(uwb_3d.RECORDINGS)
     assert all(claim.met is None and claim.note for claim in claims)
 
 
@@ -86,6 +87,6 @@ def test_rows_of_present_recordings_are_numbers() -> None:
     recorded("drone seq3")
     recorded("rig s5")
     recorded("head")
-    claims = in_the_air.air_claims(CONFIGS, lambda *_: None)
-    assert len(claims) == 5 * len(in_the_air.RECORDINGS)
+    claims = uwb_3d.air_claims(lambda *_: None, CONFIGS)
+    assert len(claims) == 5 * len(uwb_3d.RECORDINGS)
     assert all(claim.met and claim.ours_median is not None for claim in claims)

@@ -12,7 +12,7 @@ import pytest
 import locfuse as lf
 from locfuse.run.landmark_slam import map_landmarks
 from locfuse.types import NANOSECONDS, Log, LogError, wrap_angle
-from papers.recordings import victoria_park as on_trees
+from papers.recordings import draw_trees, victoria_park
 from papers.reproduce import draw
 from support_runs import CONFIGS, recording
 
@@ -54,24 +54,23 @@ def test_a_log_without_sightings_is_refused() -> None:
 @pytest.fixture(scope="module")
 def park() -> Log:
     recording("victoria-park")
-    return on_trees.recorded(CONFIGS, "trees")
+    return victoria_park.load_park(CONFIGS, "trees")
 
 
 def rms_to_gps(log: Log, config: lf.LandmarkEkfConfig) -> float:
-    off = on_trees.off_gps(log, map_landmarks(log, config, on_trees.start_of(log)))
+    off = victoria_park.off_gps(log, map_landmarks(log, config, victoria_park.start_of(log)))
     return float(np.sqrt(np.mean(off**2)))
 
 
 @pytest.mark.parametrize(("chain", "rmse_m"), [("trees", 4.0), ("laser", 5.0)])
-def test_victoria_park_is_mapped_to_6_m_of_gps_which_is_not_told(chain: str, rmse_m: float) -> None:
+def test_victoria_park_is_mapped_to_6_m_of_gps_which_is_not_used(chain: str, rmse_m: float) -> None:
     recording("victoria-park")
-    mapped = on_trees.mapped_by(CONFIGS, chain)
-    assert mapped.rmse_m < rmse_m < on_trees.REQUIRED_M
+    mapped = victoria_park.mapped_by(CONFIGS, chain)
+    assert mapped.rmse_m < rmse_m < victoria_park.REQUIRED_M
     assert 100 < len(mapped.mapping.landmark) < 400
     assert (mapped.detect_s > 0.0) == (chain == "laser")
-    [part] = [one for one, name in zip(on_trees.tree_parts(CONFIGS), on_trees.CHAINS, strict=True)
-              if name == chain]  # fmt: skip
-    rows = {row.id: row for row in part()}
+    parts = dict(zip(victoria_park.CHAINS, victoria_park.tree_parts(CONFIGS), strict=True))
+    rows = {row.id: row for row in parts[chain]()}
     assert rows[f"victoria_park_{chain}"].ours_median == mapped.rmse_m
     assert rows[f"victoria_park_{chain}_factor"].met
     assert all(row.met for row in rows.values())
@@ -86,14 +85,14 @@ def test_maps_of_trees_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def test_a_park_that_is_absent_is_two_rows_that_say_so(tmp_path: Path) -> None:
-    rows = [row for part in on_trees.tree_parts(tmp_path / "a/b/c") for row in part()]
+    rows = [row for part in victoria_park.tree_parts(tmp_path / "a/b/c") for row in part()]
     assert [row.id for row in rows] == ["victoria_park_trees", "victoria_park_laser"]
     assert all(row.met is None and "no such folder" in row.note for row in rows)
-    assert on_trees.draw_pictures(tmp_path / "a/b/c", tmp_path / "out") == []
+    assert draw_trees(tmp_path / "out", tmp_path / "a/b/c") == []
 
 
 def test_victoria_park_without_recognizing_trees_is_far_off(park: Log) -> None:
-    config = on_trees.truck()
+    config = victoria_park.truck()
     config.max_landmarks = 0
     assert rms_to_gps(park, config) > 60.0
 
@@ -102,6 +101,6 @@ def test_victoria_park_with_mirrored_bearings_is_far_off(park: Log) -> None:
     seen = park["landmark_sightings"]
     mirrored = {**seen, "bearing_rad": wrap_angle(-seen["bearing_rad"])}
     wrong = replace(park, tables={**park.tables, "landmark_sightings": mirrored})
-    config = on_trees.truck()
+    config = victoria_park.truck()
     config.max_landmarks = 200
     assert rms_to_gps(wrong, config) > 12.0

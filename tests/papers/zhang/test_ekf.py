@@ -13,8 +13,14 @@ from locfuse.sim.beams import cast
 from locfuse.sim.room import room_grid
 from locfuse.types import FloatArray, wrap_angle
 from papers.zhang import motion
-from papers.zhang.ekf import correct, expected_lines, line_jacobians
-from papers.zhang.lines import Lines, map_lines, scan_lines
+from papers.zhang.line_features import (
+    Lines,
+    correct,
+    expected_lines,
+    line_jacobians,
+    map_lines,
+    scan_lines,
+)
 from papers.zhang.world import BEAM_RAD, control_variance
 
 STEP = 1e-6

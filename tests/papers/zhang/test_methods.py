@@ -9,17 +9,20 @@ import pytest
 from locfuse.sim.beams import cast
 from locfuse.types import FloatArray, wrap_angle
 from papers.zhang import motion
-from papers.zhang.beams import PEAK, SHARE_MAXIMUM, SIGMA_M, RangeMap, log_likelihoods
-from papers.zhang.comparison import localizer
-from papers.zhang.energy import EnergyMap
-from papers.zhang.ours import settings
-from papers.zhang.paper import moving_obstacles
-from papers.zhang.particles import (
+from papers.zhang.experiments import localizer
+from papers.zhang.methods import moving_obstacles, settings
+from papers.zhang.particle_filter import (
     COUNT,
+    PEAK,
+    SHARE_MAXIMUM,
+    SIGMA_M,
+    EnergyMap,
+    RangeMap,
     anywhere,
     drawn_again,
     errors_of,
     is_free,
+    log_likelihoods,
     mean_pose,
     relative,
 )
@@ -33,7 +36,7 @@ def empty_world() -> World:
 
 
 def last_errors(method: str, of: World) -> FloatArray:
-    tracked = localizer(method, of, 1, told=True)
+    tracked = localizer(method, of, 1, known_start=True)
     errors = []
     for step in of.steps:
         tracked.on(step)
@@ -148,7 +151,7 @@ def test_without_the_correction_the_papers_method_finds_less(
         return count
 
     with_lines = found()
-    monkeypatch.setattr("papers.zhang.paper.correct", lambda pose, P, seen, walls: (pose, P))
+    monkeypatch.setattr("papers.zhang.methods.correct", lambda pose, P, seen, walls: (pose, P))
     assert with_lines >= 3 > found()
 
 
@@ -156,7 +159,7 @@ def test_a_scan_without_returns_moves_particles_and_weighs_none(empty_world: Wor
     step = empty_world.steps[0]
     blind = type(step)(step.stamp_ns, step.control, np.full(181, np.nan), step.scan, step.truth)
     for method in ("standard", "paper"):
-        tracked = localizer(method, empty_world, 1, told=True)
+        tracked = localizer(method, empty_world, 1, known_start=True)
         tracked.on(blind)
         assert errors_of(tracked.estimate(), step.truth)[0] < 0.1
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-import locfuse as lf
+import locfuse.core as lf
 
 SECOND = 1_000_000_000
 BEACONS = lf.LandmarkMap([lf.Landmark(7, [4.0, 3.0], height=5.0)])
@@ -20,7 +20,7 @@ def air_ekf(config: lf.AirEkfConfig | None = None) -> lf.AirEkf:
     anchors = lf.AnchorMap([lf.Anchor(1, [3.0, 0.0, 5.0]), lf.Anchor(2, [-4.0, 4.0, 0.0])])
     start = lf.AirEstimate(0, START.pose, 1.0, np.diag([0.1, 0.1, 0.1, 0.2]) ** 2)
     return lf.AirEkf(config or lf.AirEkfConfig(), anchors, [lf.Tag(0, [0.0, 0.0, 0.0])], start,
-                     lf.LandmarkSight(BEACONS))  # fmt: skip
+                     lf.LandmarkSensor(BEACONS))  # fmt: skip
 
 
 def test_every_message_is_fused() -> None:
@@ -73,7 +73,7 @@ def test_sightings_from_space_are_of_the_model() -> None:
 
 def test_only_what_flies_takes_an_elevation() -> None:
     z = lf.RangeBearing(0, 7, range=6.4, bearing=0.6, elevation=0.7)
-    sight = lf.LandmarkSight(lf.LandmarkMap([lf.Landmark(7, [4.0, 3.0])]))
+    sight = lf.LandmarkSensor(lf.LandmarkMap([lf.Landmark(7, [4.0, 3.0])]))
     anchors = lf.AnchorMap([])
     planar: list[Callable[[lf.RangeBearing], object]] = [
         lf.PoseEkf(lf.PoseEkfConfig(), anchors, [], START, sight).on,

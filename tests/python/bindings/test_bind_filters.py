@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import locfuse as lf
+import locfuse.core as lf
 
 
 def belief_of_three() -> tuple[lf.GaussianBelief, list[lf.Slot]]:

@@ -8,7 +8,7 @@ import copy
 import numpy as np
 import pytest
 
-import locfuse as lf
+import locfuse.core as lf
 
 
 def ekf_with(*known: lf.KnownLandmark) -> lf.LandmarkEkf:

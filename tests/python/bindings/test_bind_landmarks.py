@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-import locfuse as lf
+import locfuse.core as lf
 
 AROUND = lf.LaserGeometry(lf.Pose2(), -math.pi, math.pi / 180, 0.1, 12.0)
 ANGLE = -math.pi + np.arange(360) * math.pi / 180

@@ -49,7 +49,7 @@ def test_a_message_cannot_be_changed() -> None:
 
 
 def test_translation_then_rotation_is_equation_6_of_the_paper() -> None:
-    u = lf.Increment.from_trans_rot(begin=0, stamp=1, trans=0.5, rot=0.25)
+    u = lf.Increment.from_drive_then_turn(begin=0, stamp=1, trans=0.5, rot=0.25)
     assert (u.motion.x, u.motion.y, u.motion.heading) == (0.5, 0.0, 0.25)
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import locfuse as lf
+import locfuse.core as lf
 
 
 def truck(sigma_speed_mps: float = 0.0, sigma_steering_rad: float = 0.0) -> lf.AckermannVehicle:

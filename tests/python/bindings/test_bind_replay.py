@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import locfuse as lf
+import locfuse.core as lf
 
 STAMPS = np.arange(4, dtype=np.int64) * 100_000_000
 ONES = np.ones(4)

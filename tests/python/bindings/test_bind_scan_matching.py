@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import locfuse as lf
+import locfuse.core as lf
 from locfuse.types import FloatArray
 
 BEAMS = 180

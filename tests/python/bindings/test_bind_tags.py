@@ -8,7 +8,7 @@ import copy
 import numpy as np
 import pytest
 
-import locfuse as lf
+import locfuse.core as lf
 
 SECOND = 1_000_000_000
 TAGS = [lf.Tag(1, [0.6, 0.0, 1.0]), lf.Tag(2, [-0.3, 0.4, 1.0]), lf.Tag(3, [-0.3, -0.2, 1.0])]
@@ -162,7 +162,7 @@ def test_configuration_holds_the_sides_of_a_tape() -> None:
     config.sides_m = sides
     assert ekf(config).sides.verdict == lf.Verdict.IGNORED  # none was fused yet
     config.sides_m = sides + 0.1
-    with pytest.raises(ValueError, match=r"sides_m tells .* from tag 1 to tag 2"):
+    with pytest.raises(ValueError, match=r"sides_m has .* from tag 1 to tag 2"):
         ekf(config)
     flat = [lf.Tag(i, [0.5 * i, 0.0, 0.0]) for i in range(3)]
     with pytest.raises(ValueError, match="line"):

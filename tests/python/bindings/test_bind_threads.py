@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-import locfuse as lf
+import locfuse.core as lf
 
 ANGLES = np.linspace(-3.1, 3.1, 180)
 

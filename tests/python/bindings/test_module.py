@@ -13,14 +13,21 @@ import sys
 import pytest
 
 import locfuse
-from locfuse import _core
+from locfuse import _core, core, types
 from support_runs import ROOT
 
 
 def test_every_name_of_the_core_but_the_parser_is_public() -> None:
     names = {name for name in dir(_core) if not name.startswith("_")}
-    assert names - set(locfuse.__all__) == {"parse_table"}
-    assert all(hasattr(locfuse, name) for name in locfuse.__all__)
+    assert names - set(core.__all__) == {"parse_table"}
+    assert all(getattr(core, name) is getattr(_core, name) for name in core.__all__)
+
+
+def test_at_most_60_names_are_at_the_top() -> None:
+    assert len(locfuse.__all__) <= 60
+    assert "__version__" in locfuse.__all__
+    for name in set(locfuse.__all__) - {"__version__"}:
+        assert name in core.__all__ or hasattr(types, name)
 
 
 def test_the_version_is_that_of_the_build() -> None:
@@ -31,13 +38,13 @@ def test_the_version_is_that_of_the_build() -> None:
 
 
 def test_it_says_who_compiled_it_and_which_kernels_run() -> None:
-    assert re.match(r"(GCC|Clang) \d+\.\d+", locfuse.compiler())
+    assert re.match(r"(GCC|Clang) \d+\.\d+", core.compiler())
     said = subprocess.run(
-        [sys.executable, "-c", "import locfuse; print(locfuse.kernels())"],
+        [sys.executable, "-c", "import locfuse.core; print(locfuse.core.kernels())"],
         env={**os.environ, "LOCFUSE_PORTABLE": "1"}, capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert said.stdout == "portable\n"
-    assert locfuse.kernels() in ("avx2", "portable")
+    assert core.kernels() in ("avx2", "portable")
 
 
 WITH_EXAMPLES = [

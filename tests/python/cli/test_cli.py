@@ -14,10 +14,12 @@ import pytest
 import yaml
 
 import locfuse as package
+from locfuse.cli.app import COMMANDS, load
+from locfuse.cli.reproduce import checkout
 from locfuse.config.load import load_config, parse_config
 from support_runs import CONFIGS, EXAMPLES, locfuse, recording, room, rows_of, write_folder
 
-COMMANDS = (
+CALLS = (
     ("run",),
     ("check",),
     ("capsule",),
@@ -40,7 +42,7 @@ def config(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+@pytest.mark.parametrize("command", CALLS, ids=" ".join)
 def test_every_command_says_what_it_does(command: tuple[str, ...]) -> None:
     said = locfuse(*command, "--help")
     assert said.status == 0
@@ -50,7 +52,7 @@ def test_every_command_says_what_it_does(command: tuple[str, ...]) -> None:
 def test_all_commands_are_listed() -> None:
     said = locfuse("--help")
     assert said.status == 0
-    for command in {command[0] for command in COMMANDS}:
+    for command in {command[0] for command in CALLS}:
         assert re.search(rf"^\W*{command}\b", said.out, re.MULTILINE), command
 
 
@@ -143,7 +145,7 @@ def test_convert_says_where_the_logs_are(tmp_path: Path) -> None:
 def test_reproduce_prints_the_table_and_writes_the_rows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("papers.ekim2020.room.power_up_claims", lambda configs: [])
+    monkeypatch.setattr("papers.ekim2020.claims.power_up_claims", lambda configs: [])
     said = locfuse("reproduce", "ekim2020", "--seeds", 4, "--json", tmp_path / "rows.json")
     rows = json.loads((tmp_path / "rows.json").read_text())
     assert said.status == (1 if any(row["met"] is False for row in rows) else 0)
@@ -219,7 +221,7 @@ def test_results_that_cannot_be_written_are_one_sentence_with_the_place(
 def test_rows_that_cannot_be_written_are_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "no").write_text("")
     said = locfuse("reproduce", "ekim2020", "--seeds", 2, "--json", tmp_path / "no" / "rows.json")
-    assert said.sentence().endswith("no is no folder")
+    assert said.sentence().endswith("no is not a folder")
 
 
 @pytest.mark.parametrize(
@@ -276,3 +278,142 @@ def test_a_recording_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
     config = tmp_path / "run.yaml"
     config.write_text("log: {dataset: mrpt_office, path: nowhere}\n")
     assert "nowhere" in locfuse("run", config).sentence()
+
+
+# How it starts ------------------------------------------------------------------------------------
+
+
+def test_the_table_of_commands_says_what_their_modules_say() -> None:
+    folder = Path(package.__file__).parent / "cli"
+    helpers = {"__init__", "app", "inputs", "terminal"}
+    assert set(COMMANDS) == {path.stem for path in folder.glob("*.py")} - helpers
+    for name, line in COMMANDS.items():
+        assert load(name).help.splitlines()[0] == line
+        assert len(line) <= 65, "longer lines are cut on a screen of 80 columns"
+
+
+@pytest.mark.parametrize("option", ["--help", "--version"])
+def test_help_and_version_load_no_command(option: str) -> None:
+    code = ("import sys; from locfuse.cli.app import app; app(standalone_mode=False); "
+            "print(*sys.modules, file=sys.stderr)")  # fmt: skip
+    said = subprocess.run(
+        [sys.executable, "-c", code, option], capture_output=True, text=True, check=True
+    )
+    loaded = set(said.stderr.split())
+    assert "locfuse.cli.app" in loaded
+    heavy = {"matplotlib", "papers", "pydantic", "yaml", "rich", "rosbags", "nicegui"}
+    assert not heavy & loaded
+    assert {name for name in loaded if name.startswith("locfuse.cli.")} == {"locfuse.cli.app"}
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [("locfuse re", ["replay", "reproduce"]), ("locfuse run --se", ["--seed"]),
+     ("locfuse config d", ["dump"])],
+)  # fmt: skip
+def test_the_shell_completes_commands_and_options(typed: str, offered: list[str]) -> None:
+    said = subprocess.run(
+        [sys.executable, "-m", "locfuse"], capture_output=True, text=True, check=True,
+        env={**os.environ, "_LOCFUSE_COMPLETE": "complete_bash", "COMP_WORDS": typed,
+             "COMP_CWORD": str(len(typed.split()) - 1)},
+    )  # fmt: skip
+    assert said.stdout.split() == offered
+
+
+def test_completion_can_be_installed() -> None:
+    said = locfuse("--help")
+    assert "--install-completion" in said.out
+    assert "--show-completion" in said.out
+
+
+# What is not installed ----------------------------------------------------------------------------
+
+
+@pytest.fixture
+def no_matplotlib(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make imports of matplotlib fail, as they do where it is not installed."""
+    for name in [*sys.modules]:
+        if name.split(".")[0] in ("matplotlib", "PIL") or name.startswith("locfuse.report.plot"):
+            monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delattr("locfuse.report.plot", raising=False)
+    for name in ("matplotlib", "PIL"):  # which comes with it
+        monkeypatch.setitem(sys.modules, name, None)
+
+
+@pytest.mark.usefixtures("no_matplotlib")
+def test_a_run_without_matplotlib_writes_everything_but_pictures(
+    config: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "path.png").write_bytes(b"of an earlier run")
+    said = locfuse("run", config, "--out", out)
+    assert said.status == 0
+    assert said.out.count("pip install 'locfuse[plots]'") == 1
+    written = {path.name for path in out.iterdir()}
+    assert written == {"config.yaml", "estimate.tum", "truth.tum", "estimate.csv", "outcomes.csv",
+                       "health.csv", "metrics.json", "report.html"}  # fmt: skip
+    page = (out / "report.html").read_text()
+    assert "locfuse[plots]" in page
+    assert "<img" not in page
+    assert "LocfusePlayer" in page
+
+
+@pytest.mark.usefixtures("no_matplotlib")
+def test_a_film_without_matplotlib_is_one_sentence_before_the_work(
+    config: Path, tmp_path: Path
+) -> None:
+    said = locfuse("run", config, "--out", tmp_path / "out", "--film", tmp_path / "film.gif")
+    assert "pip install 'locfuse[plots]'" in said.sentence()
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.usefixtures("no_matplotlib")
+def test_check_and_sweep_without_matplotlib_say_how_to_add_pictures(
+    config: Path, tmp_path: Path
+) -> None:
+    said = locfuse("check", config, "--out", tmp_path / "check")
+    assert said.status == 0
+    assert said.out.count("locfuse[plots]") == 1
+    out = tmp_path / "sweep"
+    said = locfuse("sweep", config, "--trials", 2, "--workers", 1, "--out", out)
+    assert said.status == 0
+    assert said.out.count("locfuse[plots]") == 1
+    assert (out / "summary.json").is_file()
+    assert (out / "trials.parquet").is_file()
+    assert not list(out.glob("*.png"))
+
+
+@pytest.mark.usefixtures("no_matplotlib")
+def test_reproduce_without_matplotlib_is_one_sentence() -> None:
+    assert "pip install 'locfuse[plots]'" in locfuse("reproduce", "ekim2020").sentence()
+
+
+@pytest.mark.parametrize("missing", ["nicegui", "starlette.types"])
+def test_the_studio_without_its_extra_is_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, missing: str
+) -> None:
+    for name in [*sys.modules]:
+        if name.startswith("locfuse.studio"):
+            monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, missing, None)
+    said = locfuse("studio", "--folder", tmp_path / "studio", "--port", 8699)
+    assert "pip install 'locfuse[studio]'" in said.sentence()
+
+
+def test_reproduce_without_a_checkout_is_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("locfuse.cli.reproduce.__file__", str(tmp_path / "cli" / "reproduce.py"))
+    monkeypatch.chdir(tmp_path)
+    assert "needs a checkout of locfuse" in locfuse("reproduce", "ekim2020").sentence()
+
+
+def test_reproduce_finds_the_checkout_around_the_working_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "papers").mkdir()
+    (tmp_path / "papers" / "reproduce.py").write_text("")
+    (tmp_path / "below").mkdir()
+    monkeypatch.chdir(tmp_path / "below")
+    assert checkout() == tmp_path

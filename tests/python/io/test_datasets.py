@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from locfuse import DistanceField, OccupancyGrid, Pose2
 from locfuse.config.load import load_config
 from locfuse.config.schema import Calibration, Dataset
+from locfuse.core import DistanceField, OccupancyGrid, Pose2
 from locfuse.eval.errors import errors_against, interpolate
 from locfuse.eval.relations import relation_errors, relation_metrics
 from locfuse.io.datasets import CONVERTERS, convert

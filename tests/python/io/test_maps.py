@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -275,3 +276,16 @@ def test_published_maps_have_the_cells_that_their_pictures_show(
     assert grid.cells.shape == shape
     assert int((grid.cells == 100).sum()) == occupied
     assert int((grid.cells == 0).sum()) == free
+
+
+def test_a_png_without_pillow_is_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    (tmp_path / "map.png").write_bytes(b"\x89PNG\r\n\x1a\n")
+    (tmp_path / "map.yaml").write_text(
+        "{image: map.png, resolution: 0.1, origin: [0, 0, 0], negate: 0, "
+        "occupied_thresh: 0.65, free_thresh: 0.2}\n"
+    )
+    with pytest.raises(LogError, match=r"Pillow: pip install 'locfuse\[plots\]'"):
+        read_map(tmp_path / "map.yaml")

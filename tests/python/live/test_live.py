@@ -156,7 +156,7 @@ def test_a_recording_that_begins_again_is_followed_where_the_clock_may_jump() ->
 def test_a_source_that_is_off_is_ignored_and_a_wrong_name_is_refused() -> None:
     config, log = room()
     live, _ = live_of(config, log)
-    stamp = live.heard_ns
+    stamp = live.received_ns
     assert stamp is not None
     live.enable("ranges", False)
     assert live.on("ranges", a_range(stamp)) == "ignored"
@@ -170,7 +170,7 @@ def test_a_source_that_is_off_is_ignored_and_a_wrong_name_is_refused() -> None:
 def test_what_the_world_does_not_know_is_not_modelled_and_what_is_not_valid_is_refused() -> None:
     config, log = room()
     live, _ = live_of(config, log)
-    stamp = live.heard_ns
+    stamp = live.received_ns
     assert stamp is not None
     assert live.on("ranges", a_range(stamp, anchor="A9")) == "not_modelled"
     assert live.names.anchor_names[-1] == "A9"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a player is given: the numbers of the run, thinned where they are many, within its bytes."""
+"""Data of the player: the numbers of the run, decimated to its maximum of bytes."""
 
 from __future__ import annotations
 
@@ -108,10 +108,10 @@ def test_messages_are_those_of_the_run_with_reasons_in_words(room: RunResult) ->
     assert len(gated) > 3
     for k in gated.tolist():
         words = packed["reasons"][messages["reason"][k]]
-        told = words.replace("{nis}", f"{messages['nis'][k]:.4g}")
+        text = words.replace("{nis}", f"{messages['nis'][k]:.4g}")
         written = re.sub(r"^nis (\S+) > (\S+)$", r"NIS \1 above the gate of \2",
                          str(outcomes.reason[rows[k]]))  # fmt: skip
-        assert told == written
+        assert text == written
     assert packed["bands"]["1"] == band(1)
 
 
@@ -137,16 +137,16 @@ def test_a_log_without_its_messages_says_nothing_of_what_they_saw() -> None:
     assert np.isnan(seen_of(make_result())).all()
 
 
-@pytest.mark.parametrize("most_bytes", [40_000, 150_000, 1_000_000, 4_000_000])
-def test_any_run_stays_within_its_bytes(most_bytes: int) -> None:
+@pytest.mark.parametrize("max_bytes", [40_000, 150_000, 1_000_000, 4_000_000])
+def test_any_run_stays_within_its_bytes(max_bytes: int) -> None:
     result = make_result(n=20_000, every_source=True, rejected={"A2": (100.0, 300.0)})
     result = with_scans(result, 4000, 400)
-    packed = pack(result, particles=clouds(300, 2000), most_bytes=most_bytes)
+    packed = pack(result, particles=clouds(300, 2000), max_bytes=max_bytes)
     size = len(json.dumps(packed))
-    assert 0.8 * most_bytes < size <= most_bytes
+    assert 0.8 * max_bytes < size <= max_bytes
 
 
-def test_a_short_run_is_not_thinned() -> None:
+def test_a_short_run_is_not_decimated() -> None:
     result = with_scans(make_result(), 50, 90)
     packed = pack(result, particles=clouds(20, 500))
     for name in ("estimate", "truth", "errors", "messages", "scans", "particles"):
@@ -154,12 +154,12 @@ def test_a_short_run_is_not_thinned() -> None:
     assert packed["particles"]["xy"]["shape"] == [20 * 500, 2]
 
 
-def test_thinning_keeps_the_ends_the_rejected_and_the_largest_error() -> None:
+def test_decimation_keeps_the_ends_the_rejected_and_the_largest_error() -> None:
     result = make_result(n=5000, rejected={"A2": (100.0, 130.0)})
     position = result.estimate.position.copy()
     position[3217] += 5.0
     result = replace(result, estimate=replace(result.estimate, position=position))
-    packed = pack(result, most_bytes=150_000)
+    packed = pack(result, max_bytes=150_000)
     end = 499.9
     for name in ("estimate", "truth", "errors", "messages"):
         t = array(packed[name]["t"])
@@ -171,16 +171,16 @@ def test_thinning_keeps_the_ends_the_rejected_and_the_largest_error() -> None:
     assert 321.7 in array(packed["errors"]["t"])
 
 
-def test_thinned_messages_are_of_every_anchor() -> None:
-    packed = pack(make_result(n=5000), most_bytes=100_000)
+def test_decimated_messages_are_of_every_anchor() -> None:
+    packed = pack(make_result(n=5000), max_bytes=100_000)
     counts = np.bincount(array(packed["messages"]["who"]))
     assert len(counts) == 4
     assert counts.min() > 0.9 * counts.max()
 
 
-def test_more_rejected_ones_than_there_is_room_for_are_thinned_themselves() -> None:
+def test_more_rejected_ones_than_there_is_room_for_are_decimated_themselves() -> None:
     result = make_result(n=20_000, rejected=dict.fromkeys(("A1", "A2", "A3"), (0.0, 2000.0)))
-    packed = pack(result, most_bytes=60_000)
+    packed = pack(result, max_bytes=60_000)
     t = array(packed["messages"]["t"])
     assert (t[0], t[-1]) == (0.0, pytest.approx(1999.9))
     assert len(json.dumps(packed)) <= 60_000
@@ -191,7 +191,7 @@ def test_scans_are_whole_centimetres_and_coarser_before_they_are_fewer() -> None
     ranges = array(packed["ranges_cm"])
     assert ranges.shape == (100, 200)
     assert ranges[0].tolist() == list(range(200))  # nothing came back to beam 0
-    thin = pack(with_scans(make_result(n=20), 400, 400), most_bytes=200_000)["scans"]
+    thin = pack(with_scans(make_result(n=20), 400, 400), max_bytes=200_000)["scans"]
     assert thin["ranges_cm"]["shape"][0] == 400
     assert 90 <= thin["ranges_cm"]["shape"][1] < 400
     step = round(thin["angle_increment"] / 0.01)
@@ -220,9 +220,9 @@ def test_health_keeps_each_change_of_state() -> None:
         protection=np.zeros((n, 3)),
         reason=np.where(state == "lost", "measurements speak against the pose", ""),
     )
-    packed = pack(replace(make_result(), health=health), most_bytes=100_000)
-    t, told = array(packed["health"]["t"]), array(packed["health"]["state"])
-    lost = t[told == packed["health"]["states"].index("lost")]
+    packed = pack(replace(make_result(), health=health), max_bytes=100_000)
+    t, states = array(packed["health"]["t"]), array(packed["health"]["state"])
+    lost = t[states == packed["health"]["states"].index("lost")]
     assert len(t) < n
     assert lost.tolist() == pytest.approx([1000.1, 1000.3])
     assert [event["text"] for event in packed["events"]] == [
@@ -253,15 +253,15 @@ def test_a_large_map_becomes_coarser_until_it_fits() -> None:
     noise = rng.choice(np.array([FREE, OCCUPIED], np.int8), (1500, 1500))
     result = make_result(n=50)
     packed = pack(replace(result, log=replace(result.log, grid=GridMap(noise, 0.05))),
-                  most_bytes=120_000)  # fmt: skip
+                  max_bytes=120_000)  # fmt: skip
     assert packed["map"]["resolution_m"] > 0.05
     assert packed["map"]["width"] * packed["map"]["resolution_m"] >= 75.0
     assert len(json.dumps(packed)) <= 120_000
 
 
 def test_too_few_bytes_are_refused_with_what_it_takes() -> None:
-    with pytest.raises(ValueError, match="most_bytes is 900, but the map and the names"):
-        pack(make_result(), most_bytes=900)
+    with pytest.raises(ValueError, match="max_bytes is 900, but the map and the names"):
+        pack(make_result(), max_bytes=900)
 
 
 def test_a_run_without_truth_health_or_messages_is_packed() -> None:
@@ -272,7 +272,7 @@ def test_a_run_without_truth_health_or_messages_is_packed() -> None:
     assert packed["metrics"]["position_rmse_m"] is None
 
 
-def test_walls_of_a_simulation_and_radii_of_landmarks_are_told(room: RunResult) -> None:
+def test_walls_of_a_simulation_and_radii_of_landmarks_are_packed(room: RunResult) -> None:
     assert pack(room)["walls"] == [[2.0, 0.5, 2.0, 4.0]]
     table = {"landmark": np.array(["post"]), "x_m": np.array([1.0]), "y_m": np.array([2.0]),
              "radius_m": np.array([0.3])}  # fmt: skip
@@ -337,11 +337,12 @@ def test_a_page_allows_the_script_of_the_player_by_its_hash() -> None:
 def test_colours_are_those_of_the_pictures() -> None:
     light = re.search(r"light: \{(.*?)\n    \},", player_js(), re.DOTALL)
     assert light is not None
-    told = dict(re.findall(r'(\w+): "(#[0-9a-fA-F]{6})"', light[1]))
-    assert (told["truth"], told["rejected"], told["anchor"], told["wall"], told["unknown"]) == (
-        style.TRUTH, style.REJECTED, style.ANCHOR, style.MUTED, style.GRID)  # fmt: skip
-    assert told["band"] == style.ESTIMATE_PALE
+    colours = dict(re.findall(r'(\w+): "(#[0-9a-fA-F]{6})"', light[1]))
+    names = ("truth", "rejected", "anchor", "wall", "unknown")
+    assert [colours[name] for name in names] == [
+        style.TRUTH, style.REJECTED, style.ANCHOR, style.MUTED, style.GRID]  # fmt: skip
+    assert colours["band"] == style.ESTIMATE_PALE
     assert f'runs: ["{style.ESTIMATE}"' in light[1]
-    assert {name: told[name] for name in STATE_COLORS} == STATE_COLORS
+    assert {name: colours[name] for name in STATE_COLORS} == STATE_COLORS
     for colour in (style.ESTIMATE, style.REJECTED, style.ANCHOR):
         assert colour in player_css()

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,9 +14,10 @@ import pytest
 
 from locfuse.config.load import load_config
 from locfuse.io.tum import read_tum
+from locfuse.report.pictures import has_matplotlib, require_matplotlib
 from locfuse.report.results import write_results
 from locfuse.run.run import run
-from locfuse.types import RunResult, Trajectory
+from locfuse.types import ConfigError, RunResult, Trajectory
 from support_results import make_result
 from support_runs import room, rows_of, write_folder
 
@@ -145,3 +147,13 @@ def test_a_log_without_truth_leaves_nulls_and_no_truth(tmp_path: Path) -> None:
     assert found["counts"]["ranges"]["fused"] == 6
     assert not (out / "truth.tum").exists()
     assert (out / "report.html").is_file()
+
+
+def test_pictures_without_matplotlib_are_an_import_error_that_names_the_extra(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert not has_matplotlib()
+    with pytest.raises(ImportError, match=r"pip install 'locfuse\[plots\]'") as caught:
+        require_matplotlib()
+    assert isinstance(caught.value, ConfigError)

@@ -294,7 +294,7 @@ def test_the_command_says_what_differs(
 ) -> None:
     other = capsule.config.model_copy(update={"history_s": 0.0})
     changed = replace(capsule, config=other)
-    monkeypatch.setattr("locfuse.run.capsule.read_capsule", lambda _: changed)
+    monkeypatch.setattr("locfuse.cli.replay.read_capsule", lambda _: changed)
     said = locfuse("replay", path)
     assert said.status == 1
     assert "outcomes.csv: " in said.out

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import locfuse as lf
+import locfuse.core as lf
 from locfuse.config.load import parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.eval.consistency import band
@@ -20,7 +20,7 @@ from locfuse.run.messages import to_messages, truth_of
 from locfuse.run.run import load_log, run
 from locfuse.run.start import start_of
 from locfuse.types import Columns, ConfigError, FloatArray, Log, LogError, RunResult, Trajectory
-from papers.ekim2020.room import room_config
+from papers.ekim2020.world import room_config
 from support_runs import room, write_folder
 
 START = {"start": [3.0, 2.0, 0.0]}

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import locfuse as lf
+import locfuse.core as lf
 from locfuse.eval.consistency import band
 from locfuse.eval.dead_reckoning import dead_reckon
 from locfuse.eval.errors import interpolate
@@ -21,7 +21,7 @@ from locfuse.run.messages import truth_of
 from locfuse.run.scan_odometry import scan_odometry
 from locfuse.sim.beams import cast
 from locfuse.sim.maps import GENERATORS
-from locfuse.types import FREE, FloatArray, GridMap, LogError, Trajectory, wrap_angle
+from locfuse.types import FREE, FloatArray, GridMap, Log, LogError, Trajectory, wrap_angle
 from support_runs import recording
 
 SCAN_TO_SCAN = lf.ScanOdometryConfig(window_scans=1, key_distance_m=0.0, key_turn_rad=0.0)
@@ -80,7 +80,7 @@ def test_covariance_is_calibrated_on_simulated_floors(floor: str) -> None:
 # Logs ---------------------------------------------------------------------------------------------
 
 
-def small_log() -> lf.Log:
+def small_log() -> Log:
     """Return a drive of 2 s along x in a room; the wheels turn 0.02 rad each step of 5 cm."""
     rng = np.random.default_rng(3)
     cells = np.zeros((162, 202), dtype=np.int8)
@@ -89,7 +89,7 @@ def small_log() -> lf.Log:
     grid = GridMap(cells, 0.05)
     stamp_ns = np.arange(21) * 100_000_000
     scans = [seen_from(grid, lf.Pose2(4.0 + 0.05 * k, 4.0, 0.0), rng).ranges for k in range(21)]
-    return lf.Log(
+    return Log(
         tables={
             "odometry": {
                 "stamp_ns": stamp_ns,
@@ -121,7 +121,7 @@ def test_a_drive_by_scans_is_straight_though_the_wheels_turn() -> None:
         "v_mps": np.full(21, 0.5),
         "omega_radps": np.full(21, 0.2),
     }
-    again = scan_odometry(lf.Log(tables={**log.tables, "odometry": held}, laser=log.laser))
+    again = scan_odometry(Log(tables={**log.tables, "odometry": held}, laser=log.laser))
     np.testing.assert_allclose(again.position, path.position, atol=0.02)
 
 
@@ -130,14 +130,14 @@ def test_a_log_that_lacks_a_table_is_refused(lacking: str) -> None:
     log = small_log()
     tables = {name: table for name, table in log.tables.items() if name != lacking}
     with pytest.raises(LogError, match="needs odometry, scans and a laser"):
-        scan_odometry(lf.Log(tables=tables, laser=log.laser))
+        scan_odometry(Log(tables=tables, laser=log.laser))
 
 
 # Recordings ---------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
-def intel(tmp_path_factory: pytest.TempPathFactory) -> lf.Log:
+def intel(tmp_path_factory: pytest.TempPathFactory) -> Log:
     """Return the drive with all of its scans."""
     out = tmp_path_factory.mktemp("intel")
     test, mapping = (read_log(run) for run in convert("intel_lab", recording("intel-lab"), out))
@@ -145,12 +145,12 @@ def intel(tmp_path_factory: pytest.TempPathFactory) -> lf.Log:
         name: np.concatenate([test["scans"][name], mapping["scans"][name]])
         for name in ("stamp_ns", "ranges_m")
     }
-    return lf.Log(tables={**test.tables, "scans": columns}, laser=test.laser)
+    return Log(tables={**test.tables, "scans": columns}, laser=test.laser)
 
 
 @pytest.mark.parametrize("config", [SCAN_TO_SCAN, LOCAL_MAP], ids=["scan_to_scan", "local_map"])
 def test_the_intel_lab_is_driven_better_than_by_wheels(
-    intel: lf.Log, config: lf.ScanOdometryConfig
+    intel: Log, config: lf.ScanOdometryConfig
 ) -> None:
     by_wheels = dead_reckon(intel["odometry"])
     found = {}

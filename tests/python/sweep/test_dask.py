@@ -30,12 +30,12 @@ def test_a_cluster_that_loses_a_worker_gives_the_table_of_this_machine(tmp_path:
     command = [*inside(), sys.executable, str(support_dask.__file__), str(tmp_path)]
     said = subprocess.run(command, capture_output=True, text=True, timeout=500)
     assert said.returncode == 0, said.stderr
-    told = json.loads(said.stdout)
+    result = json.loads(said.stdout)
     trials = support_dask.TRIALS
-    assert told["threads"] == 2
-    assert told["alive"] == [False, True]
-    assert (told["trials"], told["failed"]) == (trials, 0)
-    assert 0 < told["killed_at"][0] < trials
+    assert result["threads"] == 2
+    assert result["alive"] == [False, True]
+    assert (result["trials"], result["failed"]) == (trials, 0)
+    assert 0 < result["killed_at"][0] < trials
     with ThreadPoolExecutor(1) as pool:
         again = run_trials(short_room(), trials, VARY, executor=pool, out=tmp_path / "out")
         expected = run_trials(short_room(), trials, VARY, executor=pool)
@@ -45,7 +45,9 @@ def test_a_cluster_that_loses_a_worker_gives_the_table_of_this_machine(tmp_path:
 def test_a_scheduler_that_does_not_answer_is_one_sentence(tmp_path: Path) -> None:
     config = tmp_path / "room.yaml"
     config.write_text("simulation: {duration_s: 2}\n")
-    impatient = "import locfuse.sweep.workers as w, locfuse.cli as c; w.PATIENCE_S = 0.5; c.main()"
+    impatient = (
+        "import locfuse.sweep.workers as w, locfuse.cli.app as c; w.PATIENCE_S = 0.5; c.main()"
+    )
     command = [*inside(), sys.executable, "-c", impatient, "sweep", str(config), "--trials", "2",
                "--dask", support_dask.ADDRESS, "--out", str(tmp_path / "out")]  # fmt: skip
     said = subprocess.run(command, capture_output=True, text=True, timeout=100)

@@ -92,9 +92,9 @@ def test_trials_that_fail_are_rows_among_others() -> None:
 
 def test_a_sweep_that_is_there_is_not_run_again_and_may_grow(tmp_path: Path) -> None:
     first = on_threads(out=tmp_path)
-    told: list[tuple[int, int]] = []
-    again = on_threads(out=tmp_path, progress=lambda done, total: told.append((done, total)))
-    assert told == [(TRIALS, TRIALS)]
+    calls: list[tuple[int, int]] = []
+    again = on_threads(out=tmp_path, progress=lambda done, total: calls.append((done, total)))
+    assert calls == [(TRIALS, TRIALS)]
     assert again["wall_s"].tolist() == first["wall_s"].tolist()
     more = on_threads(out=tmp_path, trials=TRIALS + 4)
     assert_same(more, on_threads(trials=TRIALS + 4))
@@ -142,10 +142,10 @@ def test_a_sweep_that_was_killed_goes_on_to_the_same_table(tmp_path: Path) -> No
     wait_for(lambda: not any(is_running(int(pid)) for pid in children))
 
     room_again = load_config(config)
-    told: list[int] = []
+    calls: list[int] = []
     resumed = run_trials(room_again, trials, VARY, workers=2, base=tmp_path, out=out,
-                         progress=lambda done, total: told.append(done))  # fmt: skip
-    assert told[0] == kept
+                         progress=lambda done, total: calls.append(done))  # fmt: skip
+    assert calls[0] == kept
     with ThreadPoolExecutor(1) as pool:
         assert_same(resumed, run_trials(room_again, trials, VARY, executor=pool, base=tmp_path))
 
@@ -238,8 +238,11 @@ class Broken(Executor):
 
 
 def test_an_executor_that_is_gone_is_one_sentence(tmp_path: Path) -> None:
-    for error, said in ((BrokenExecutor("gone"), "is broken"), (CancelledError(), "gave its work")):
-        with pytest.raises(OSError, match=f"{said}.*run the same again to go on"):
+    for error, said in (
+        (BrokenExecutor("gone"), "is broken"),
+        (CancelledError(), "cancelled its work"),
+    ):
+        with pytest.raises(OSError, match=f"{said}.*run the same again to resume"):
             run_trials(short_room(), 3, executor=Broken(error), out=tmp_path)
 
 

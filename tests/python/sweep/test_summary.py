@@ -33,10 +33,10 @@ WORD = Axis("a.word", ("left", "right"))
 AXES = (GRID, DRAW, WORD)
 
 
-def made(count: int, told: float = 1.0, failing: int = 0) -> Trials:
+def made(count: int, scale: float = 1.0, failing: int = 0) -> Trials:
     """Return trials whose position RMSE is that of the grid times 1 + k / count.
 
-    NEES are of errors `told` times as large as the covariance says; every `failing`-th one failed.
+    NEES are of errors `scale` times as large as the covariance says; every `failing`-th one failed.
     """
     rng = np.random.default_rng(4)
     rows: list[Row] = []
@@ -46,7 +46,7 @@ def made(count: int, told: float = 1.0, failing: int = 0) -> Trials:
         if failing and k % failing == 0:
             rows.append({**row, "error": "ValueError: broken", "wall_s": 0.1})
             continue
-        nees = told**2 * rng.chisquare(3, INSTANTS)
+        nees = scale**2 * rng.chisquare(3, INSTANTS)
         row |= {"position_rmse_m": values[0] * (1 + k / count), "position_max_m": 1.0,
                 "heading_rmse_deg": 2.0, "nees_mean": float(nees.mean()), "nees_dof": 3,
                 "nees_at": nees.tolist(), "wall_s": 0.1}  # fmt: skip
@@ -98,8 +98,8 @@ def test_draws_are_grouped_into_slices_that_hold_every_trial_once() -> None:
 
 
 def test_the_nees_of_a_consistent_filter_is_in_its_band_and_of_others_it_is_not() -> None:
-    for told, least, most in ((1.0, 0.8, 1.0), (1.5, 0.0, 0.0), (0.6, 0.0, 0.0)):
-        found = nees_band(made(200, told))
+    for scale, least, most in ((1.0, 0.8, 1.0), (1.5, 0.0, 0.0), (0.6, 0.0, 0.0)):
+        found = nees_band(made(200, scale))
         assert found is not None
         assert least <= found.inside <= most
 

@@ -69,7 +69,7 @@ def test_a_table_that_was_written_before_its_parts_were_removed_counts_once(tmp_
 
 
 def test_many_parts_are_put_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("locfuse.sweep.table.MOST_PARTS", 2)
+    monkeypatch.setattr("locfuse.sweep.table.MAX_PARTS", 2)
     folder = Folder(tmp_path, ABOUT_IT, AXES)
     for k in range(4):
         folder.add([row(k)])
@@ -120,7 +120,7 @@ def test_without_pyarrow_it_says_what_to_install(
         Folder(tmp_path, ABOUT_IT, AXES)
 
 
-def test_the_first_difference_is_told_in_words() -> None:
+def test_the_first_difference_is_reported() -> None:
     assert difference({"a": [1]}, {"a": [1]}) is None
     assert difference({"a": 1}, {"a": 1, "b": 2}) == "b is null instead of 2"
     assert difference(1, 2) == "content is 1 instead of 2"

@@ -110,7 +110,7 @@ def test_the_ends_of_faults_are_those_that_have_one() -> None:
     assert fault_ends_ns(config) == [4_000_000_000, 5_500_000_000]
 
 
-def test_time_to_recover_is_told_after_a_fault_and_by_the_limit_asked_for() -> None:
+def test_time_to_recover_is_reported_after_a_fault_and_by_the_limit_asked_for() -> None:
     slip = {"kind": "wheel_slip", "from_s": 5, "to_s": 8, "translation_factor": 3.0}
     config = room(simulation={"duration_s": 20.0, "faults": [slip]}, use=["odometry", "ranges"])
     result = run(config, seed=1)
@@ -124,11 +124,11 @@ def test_time_to_recover_is_told_after_a_fault_and_by_the_limit_asked_for() -> N
 def test_particles_run_on_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []
 
-    def told(config: RunConfig, *args: object, **kwargs: object) -> None:
+    def run_with(config: RunConfig, *args: object, **kwargs: object) -> None:
         seen.append(config.mcl.threads if config.mcl is not None else 0)
         raise ValueError("enough")
 
-    monkeypatch.setattr("locfuse.sweep.trial.run", told)
+    monkeypatch.setattr("locfuse.sweep.trial.run", run_with)
     row(parse_config({"simulation": {"map": {}, "laser": {}}, "mcl": {"threads": 4}}))
     assert seen == [1]
 

@@ -8,25 +8,25 @@
 
 namespace locfuse {
 
-/// Factors of the variances that measurements are told with, one for each kind, as their
+/// Factors of the variances that measurements are reported with, one for each kind, as their
 /// innovations say; docs/models/robust.md eq. (7).
 class AdaptiveNoise {
  public:
   struct Config {
-    double messages = 0.0;  ///< that are remembered, of each kind; 0: variances stay as told
+    double messages = 0.0;  ///< memory, in messages of each kind; 0: variances stay as reported
     double least = 0.1;     ///< factor of a variance
-    double most = 100.0;    ///< likewise
+    double most = 100.0;    ///< largest factor
   };
 
   /// Throws std::invalid_argument on a config out of range.
   explicit AdaptiveNoise(const Config& config);
 
   [[nodiscard]] bool is_on() const { return config_.messages > 0.0; }
-  /// Of the variance that is told.
+  /// Factor of the reported variance.
   [[nodiscard]] double factor(Source source) const { return factors_[index(source)]; }
   /// A measurement was compared; `variance` is det(R)^(1 / dof), with the factor. One that was not
   /// fused says nothing.
-  void hear(Source source, const Outcome& outcome, double variance);
+  void record(Source source, const Outcome& outcome, double variance);
 
  private:
   static std::size_t index(Source source) { return static_cast<std::size_t>(source); }

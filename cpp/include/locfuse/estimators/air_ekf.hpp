@@ -6,9 +6,20 @@
 #include <vector>
 
 #include "locfuse/estimators/held_motion.hpp"
-#include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/estimators/landmark_sensor.hpp"
+#include "locfuse/filters/belief.hpp"
+#include "locfuse/filters/gate.hpp"
+#include "locfuse/filters/noise_shape.hpp"
+#include "locfuse/filters/outcome.hpp"
+#include "locfuse/messages/limits.hpp"
+#include "locfuse/messages/message.hpp"
 #include "locfuse/models/measurement/altitude.hpp"
+#include "locfuse/models/measurement/pose.hpp"
+#include "locfuse/models/measurement/position.hpp"
+#include "locfuse/models/measurement/range.hpp"
+#include "locfuse/models/measurement/range_bearing.hpp"
 #include "locfuse/models/motion/constant_velocity.hpp"
+#include "locfuse/models/motion/odometry.hpp"
 
 namespace locfuse {
 
@@ -38,7 +49,7 @@ class AirEkf {
   struct Config {
     AirMotion motion = AirMotion::kOdometry;
     OdometryMotion::Config odometry;
-    double sigma_height_per_sqrt_s = 0.1;  ///< beside a climb rate that was told [m / sqrt(s)]
+    double sigma_height_per_sqrt_s = 0.1;  ///< beside the reported climb rate [m / sqrt(s)]
     ConstantVelocityMotion::Config constant_velocity;
     double sigma_start_velocity_mps = 1.0;  ///< of each axis, with constant velocity [m/s]
     double sigma_start_climb_mps = 0.5;     ///< [m/s]
@@ -49,18 +60,18 @@ class AirEkf {
     RangeBearingModel::Config landmark;
     RangeBearingModel::InSpace landmark_in_space;
     Limits limits;
-    double gate_range = 0.999;                         ///< probability that a good range passes
-    double gate_position = 0.999;                      ///< likewise for a position fix
-    double gate_pose = 0.999;                          ///< likewise for a pose
-    double gate_altitude = 0.999;                      ///< likewise for an altitude
-    double gate_landmark = 0.999;                      ///< likewise for a landmark that is seen
-    NoiseKind robust_range = NoiseKind::kGaussian;     ///< what noise of ranges looks like
-    NoiseKind robust_position = NoiseKind::kGaussian;  ///< likewise of position fixes
-    NoiseKind robust_pose = NoiseKind::kGaussian;      ///< likewise of poses
-    double robust_dof = 4.0;          ///< degrees of freedom where that is kStudentT
-    double robust_late_share = 0.05;  ///< of the ranges that are too long, where it is kOneSided
-    double hold_s = 1.0;  ///< how long the last motion is believed without new odometry [s]
-    double sigma_lost_xy_per_sqrt_s = 0.5;       ///< thereafter: standing, spreading [m / sqrt(s)]
+    double gate_range = 0.999;     ///< probability that an inlier range passes the gate
+    double gate_position = 0.999;  ///< the same for a position fix
+    double gate_pose = 0.999;      ///< the same for a pose
+    double gate_altitude = 0.999;  ///< the same for an altitude
+    double gate_landmark = 0.999;  ///< the same for a landmark observation
+    NoiseKind robust_range = NoiseKind::kGaussian;     ///< distribution of range noise
+    NoiseKind robust_position = NoiseKind::kGaussian;  ///< of position fixes
+    NoiseKind robust_pose = NoiseKind::kGaussian;      ///< of poses
+    double robust_dof = 4.0;                           ///< degrees of freedom of kStudentT
+    double robust_late_share = 0.05;  ///< share of ranges that are too long, for kOneSided
+    double hold_s = 1.0;              ///< odometry timeout: the last motion is held this long [s]
+    double sigma_lost_xy_per_sqrt_s = 0.5;       ///< process noise after the timeout [m / sqrt(s)]
     double sigma_lost_heading_per_sqrt_s = 0.5;  ///< [rad / sqrt(s)]
     double sigma_lost_height_per_sqrt_s = 0.5;   ///< [m / sqrt(s)]
   };
@@ -69,7 +80,7 @@ class AirEkf {
   /// std::invalid_argument on a config out of range or a start that is not finite and positive
   /// definite.
   AirEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags,
-         const AirEstimate& start, LandmarkSight landmarks = {});
+         const AirEstimate& start, LandmarkSensor landmarks = {});
 
   /// Odometry in the plane, and the climb rate [m/s] that goes with it for as long. Ignored with
   /// constant velocity.
@@ -89,7 +100,7 @@ class AirEkf {
   /// the stamp is beyond kStampLimit.
   void advance_to(Stamp stamp);
 
-  /// The belief carried to the end of what odometry has told: where it is now.
+  /// The belief carried to the end of the received odometry: where it is now.
   [[nodiscard]] AirEstimate estimate() const;
   /// The belief carried to `stamp`, which must not lie before it.
   [[nodiscard]] AirEstimate estimate(Stamp stamp) const;
@@ -106,8 +117,8 @@ class AirEkf {
   template <class Motion>
   Outcome take(const Motion& u, double climb_rate);
   void lift(Stamp stamp);
-  template <class Linearize>
-  Outcome correct(Stamp stamp, const Gate& gate, const NoiseShape& noise, Slots slots,
+  template <class Noise, class Linearize>
+  Outcome correct(Stamp stamp, const Gate& gate, const Noise& noise, Slots slots,
                   const Linearize& linearize);
 
   std::shared_ptr<const Recipe> recipe_;

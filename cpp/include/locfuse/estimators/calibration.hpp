@@ -31,19 +31,19 @@ class Calibration {
  public:
   /// How far off each may be at the start, as a standard deviation. 0: it is right, and no state.
   struct Config {
-    double sigma_scale = 0.0;                     ///< of the way that odometry tells
+    double sigma_scale = 0.0;                     ///< of the distance by odometry
     double sigma_direction_rad = 0.0;             ///< of travel
-    double sigma_turn_scale = 0.0;                ///< of the turn that odometry tells
+    double sigma_turn_scale = 0.0;                ///< of the turn by odometry
     double sigma_turn_bias_radps = 0.0;           ///< of a gyro
     double sigma_turn_bias_radps_per_sqrt_s = 0;  ///< by which that bias wanders
     double sigma_sensor_m = 0.0;                  ///< of the sensor's place, x and y
     double sigma_sensor_rad = 0.0;                ///< of the sensor's heading in body
     double sigma_range_offset_m = 0.0;            ///< of ranges to landmarks
-    double sigma_range_scale = 0.0;               ///< likewise
+    double sigma_range_scale = 0.0;               ///< of the range
     double sigma_delay_s = 0.0;                   ///< of sightings behind their stamps
     double sigma_anchor_offset_m = 0.0;           ///< of ranges, for each anchor of the map
-    double anchor_offset_correlation_s = 0.0;     ///< for which those stay alike; 0: for good
-    double sigma_anchor_scale = 0.0;              ///< likewise, added to the anchor's
+    double anchor_offset_correlation_s = 0.0;     ///< correlation time of those; 0: constant
+    double sigma_anchor_scale = 0.0;              ///< added to the anchor's
     double sigma_range_delay_s = 0.0;             ///< of all ranges behind their stamps
     bool consider = false;  ///< they are accounted for, and none is learnt (Schmidt)
   };
@@ -66,7 +66,7 @@ class Calibration {
   [[nodiscard]] bool has_odometry() const { return motion_slots_.size() > 1; }
   [[nodiscard]] std::vector<CalibratedError> errors(const GaussianBelief& belief) const;
 
-  /// What moves `motion_slots` for a motion that odometry told, eq. (1).
+  /// What moves `motion_slots` for a motion by odometry, eq. (1).
   [[nodiscard]] Propagation<Eigen::VectorXd, Eigen::Dynamic> propagate(const GaussianBelief& belief,
                                                                        const OdometryMotion& model,
                                                                        const Pose2& motion,
@@ -96,7 +96,7 @@ class Calibration {
       const RangeBearing& z, const Pose2& rate) const;
 
  private:
-  static constexpr int kCount = OdometryErrors::kCount + SightErrors::kCount;
+  static constexpr int kCount = OdometryErrors::kCount + LandmarkErrors::kCount;
   static constexpr int kNone = -1;
 
   struct State {

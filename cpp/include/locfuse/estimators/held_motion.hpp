@@ -31,11 +31,11 @@ class HeldMotion {
                 std::abs(motion_.heading) <= limits.turn_rate_radps * seconds && seconds > 0.0;
   }
 
-  /// Where what was told ends; of a velocity, when it was measured.
+  /// End of the last motion; of a velocity, when it was measured.
   [[nodiscard]] Stamp end() const { return end_; }
 
-  /// How fast it was told to go, in the body's frame per second; a displacement without duration,
-  /// or in less time than `limits` allow, tells no rate.
+  /// The last velocity by odometry, in the body's frame per second; a displacement without
+  /// duration, or in less time than `limits` allow, has no rate.
   [[nodiscard]] Pose2 rate() const {
     if (is_velocity_) {
       return motion_;
@@ -47,8 +47,8 @@ class HeldMotion {
     return {twist.x(), twist.y(), twist.z()};
   }
 
-  /// Goes from `from` to `to`: drive(motion, until) for what was told, which is believed for `hold`
-  /// beyond its end, lost(until) for the rest.
+  /// Goes from `from` to `to`: drive(motion, until) for the received motion, which is held for
+  /// `hold` beyond its end, lost(until) for the rest.
   template <class Drive, class Lost>
   void advance(Stamp from, Stamp to, Stamp hold, const Drive& drive, const Lost& lost) const {
     const Stamp driven = std::min(to, end_ + hold);
@@ -81,7 +81,7 @@ class HeldMotion {
   }
 
   Stamp begin_;
-  Stamp end_;     // of a told motion; of a held velocity: when it was measured
+  Stamp end_;     // of the last motion; of a held velocity: when it was measured
   Pose2 motion_;  // over begin to end; for a velocity per second
   bool is_velocity_ = true;
   bool has_rate_ = false;  // of an increment: it may go on like that

@@ -8,7 +8,10 @@
 #include <string>
 #include <vector>
 
+#include "locfuse/estimators/gaussian_sum.hpp"
+#include "locfuse/estimators/landmark_sensor.hpp"
 #include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/estimators/pose_estimate.hpp"
 #include "locfuse/frontends/scan_matcher.hpp"
 
 namespace locfuse {
@@ -25,7 +28,7 @@ enum class StartStatus : std::uint8_t {
 /// The belief is a Gaussian sum: one PoseEkf for every position that the first ranges allow (both
 /// sides of a line of anchors; all ranges, and all but each of them in turn) and
 /// every heading, weighed by how well each predicts what comes next. Scans on a map, ranges to
-/// other tags, and ranges after some motion tell the headings apart; docs/start.md.
+/// other tags, and ranges after some motion decide between headings; docs/start.md.
 ///
 /// Every `on` throws std::invalid_argument for a message that is not valid, and NumericalError for
 /// one that no filter can use; then nothing has changed. Of landmarks, anchors and tags that are
@@ -37,10 +40,10 @@ class Initializer {
     int headings = 36;                  ///< tried all around where no heading is known
     double wrong_share = 0.01;          ///< of the ranges, and of the positions, that say nothing
     double wrong_span_m = 20.0;         ///< what is wrong is wrong by anything up to this [m]
-    double spacing_m = 0.2;             ///< motion after which a scan is news again [m]
-    double spacing_heading_rad = 0.35;  ///< likewise a turn [rad]
+    double spacing_m = 0.2;             ///< motion after which a scan is used again [m]
+    double spacing_heading_rad = 0.35;  ///< or turn [rad]
     double sigma_map_m = 0.03;          ///< how well the map lies among the anchors [m]
-    double sigma_map_rad = 0.02;        ///< likewise turned [rad]
+    double sigma_map_rad = 0.02;        ///< and of its heading [rad]
     int standing_ranges = 10;           ///< ranges over one link that count before it has moved on
     double probability_ready = 0.999;   ///< that the pose given is the right one
     double sigma_xy_ready_m = 0.5;      ///< [m]
@@ -55,11 +58,11 @@ class Initializer {
     std::vector<Hypothesis> hypotheses;  ///< the likeliest first
   };
 
-  /// `matcher` may be null: then motion has to tell the heading. Throws std::invalid_argument on a
+  /// `matcher` may be null: then the heading needs motion. Throws std::invalid_argument on a
   /// config out of range.
   Initializer(const Config& config, const PoseEkf::Config& estimator,
               std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags,
-              std::shared_ptr<const ScanMatcher> matcher, LandmarkSight landmarks = {});
+              std::shared_ptr<const ScanMatcher> matcher, LandmarkSensor landmarks = {});
 
   void on(const Velocity& u);
   void on(const Increment& u);
@@ -73,24 +76,17 @@ class Initializer {
 
   [[nodiscard]] State state() const;
 
-  /// A filter that starts where it is told, with the odometry that was heard last.
+  /// A filter that starts at `start`, with the last odometry received.
   [[nodiscard]] PoseEkf started_at(const PoseEstimate& start) const;
   /// The filter to go on with. Throws std::invalid_argument unless the state is ready.
   [[nodiscard]] PoseEkf estimator() const;
 
  private:
-  struct Component {
-    PoseEkf ekf;
-    double log_weight;
-  };
-  struct Cluster {  // components that tell the same story, moment-matched
-    PoseEstimate estimate;
-    double log_weight;
-  };
-  struct Link {  // how often a tag heard an anchor without having moved on
+  using Component = internal::GaussianComponent;
+  struct Link {  // ranges between a tag and an anchor since the body last moved on
     Id tag;
     Id anchor;
-    int heard;
+    int count;
   };
 
   template <class Call>
@@ -114,13 +110,11 @@ class Initializer {
   void drive(const M& u);
   void moved(const Pose2& motion);
   [[nodiscard]] bool moved_on(const Pose2& motion) const;
-  void hear(const Range& z);
-  [[nodiscard]] int heard_before(const Range& z);
+  void weigh_range(const Range& z);
+  [[nodiscard]] int counted_before(const Range& z);
   void match(Stamp stamp, const ScanMatch& fit, double log_likelihood,
              std::vector<Component>& matched) const;
   void reduce();
-  [[nodiscard]] std::vector<Cluster> clusters(bool by_heading) const;
-  [[nodiscard]] Cluster cluster(const std::vector<std::size_t>& members) const;
 
   Config config_;
   PoseEkf::Config estimator_;

@@ -5,7 +5,17 @@
 #include <optional>
 #include <vector>
 
-#include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/estimators/held_motion.hpp"
+#include "locfuse/estimators/pose_estimate.hpp"
+#include "locfuse/filters/association.hpp"
+#include "locfuse/filters/belief.hpp"
+#include "locfuse/filters/gate.hpp"
+#include "locfuse/filters/outcome.hpp"
+#include "locfuse/messages/limits.hpp"
+#include "locfuse/messages/message.hpp"
+#include "locfuse/models/measurement/position.hpp"
+#include "locfuse/models/measurement/range_bearing.hpp"
+#include "locfuse/models/motion/odometry.hpp"
 
 namespace locfuse {
 
@@ -43,22 +53,22 @@ class LandmarkEkf {
     PositionModel::Config position;
     Limits limits;
     double gate_landmark = 0.999;  ///< probability that a sighting passes its landmark's gate
-    double gate_position = 0.999;  ///< likewise for a position fix
-    /// Likewise, wider: only a sighting that is outside this gate of every landmark is of a new
+    double gate_position = 0.999;  ///< the same for a position fix
+    /// The same, wider: only a sighting that is outside this gate of every landmark is of a new
     /// one. Between the two gates it is ambiguous, and dropped.
     double gate_new = 0.999999;
     int min_sightings = 3;          ///< that make a tentative landmark a confirmed one
     double confirm_within_s = 2.0;  ///< a tentative one is dropped this long after its first [s]
     int max_landmarks = 500;        ///< in the state; further ones are not added
     double hold_s = 1.0;            ///< as of a PoseEkf [s]
-    double sigma_lost_xy_per_sqrt_s = 0.5;       ///< likewise [m / sqrt(s)]
-    double sigma_lost_heading_per_sqrt_s = 0.5;  ///< likewise [rad / sqrt(s)]
+    double sigma_lost_xy_per_sqrt_s = 0.5;       ///< as of a PoseEkf [m / sqrt(s)]
+    double sigma_lost_heading_per_sqrt_s = 0.5;  ///< as of a PoseEkf [rad / sqrt(s)]
   };
 
-  /// Starts from `start`; `sensor_in_body` is T_body_sensor of what sees landmarks. Throws
+  /// Starts from `start`; `T_body_sensor` is the pose of the landmark sensor. Throws
   /// std::invalid_argument on a config out of range, a start that is not finite and positive
   /// definite, or landmarks that are given twice or have no valid position or covariance.
-  LandmarkEkf(const Config& config, const PoseEstimate& start, const Pose2& sensor_in_body = {},
+  LandmarkEkf(const Config& config, const PoseEstimate& start, const Pose2& T_body_sensor = {},
               const std::vector<KnownLandmark>& known = {});
 
   Outcome on(const Velocity& u);
@@ -82,7 +92,7 @@ class LandmarkEkf {
 
   /// The pose at the belief's own stamp.
   [[nodiscard]] PoseEstimate current() const;
-  /// The pose now: carried to the end of what odometry has told.
+  /// The pose now: carried to the end of the received odometry.
   [[nodiscard]] PoseEstimate estimate() const;
   /// The pose carried to `stamp`, which must not lie before the belief.
   [[nodiscard]] PoseEstimate estimate(Stamp stamp) const;
@@ -121,7 +131,7 @@ class LandmarkEkf {
   };
   using Sighting = Linearization<Eigen::Dynamic, 5, 2>;
 
-  static Recipe recipe_of(const Config& config, const Pose2& sensor_in_body);
+  static Recipe recipe_of(const Config& config, const Pose2& T_body_sensor);
   void add_known(const KnownLandmark& landmark);
   [[nodiscard]] int find(Id id) const;
   [[nodiscard]] Vector<2> position_of(const Track& track) const;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cmath>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -9,12 +8,13 @@
 #include "locfuse/estimators/adaptive_noise.hpp"
 #include "locfuse/estimators/calibration.hpp"
 #include "locfuse/estimators/held_motion.hpp"
+#include "locfuse/estimators/landmark_sensor.hpp"
+#include "locfuse/estimators/pose_estimate.hpp"
 #include "locfuse/filters/association.hpp"
 #include "locfuse/filters/belief.hpp"
 #include "locfuse/filters/gate.hpp"
-#include "locfuse/filters/kalman.hpp"
+#include "locfuse/filters/noise_shape.hpp"
 #include "locfuse/filters/outcome.hpp"
-#include "locfuse/filters/robust.hpp"
 #include "locfuse/maps/landmark_map.hpp"
 #include "locfuse/messages/limits.hpp"
 #include "locfuse/messages/message.hpp"
@@ -25,33 +25,6 @@
 #include "locfuse/models/motion/odometry.hpp"
 
 namespace locfuse {
-
-/// A pose at one instant, with the covariance of (x, y, heading).
-struct PoseEstimate {
-  Stamp stamp = 0;
-  Pose2 pose;
-  Matrix<3, 3> covariance = Matrix<3, 3>::Zero();
-
-  /// The larger half axis of the position's 1-sigma ellipse [m].
-  [[nodiscard]] double sigma_position() const {
-    const double a = covariance(0, 0);
-    const double b = covariance(1, 1);
-    return std::sqrt(0.5 * (a + b) + std::hypot(0.5 * (a - b), covariance(0, 1)));
-  }
-  [[nodiscard]] double sigma_heading() const { return std::sqrt(covariance(2, 2)); }
-};
-
-/// A pose that fits, and how likely it is beside the others.
-struct PoseHypothesis {
-  PoseEstimate estimate;
-  double probability = 0.0;
-};
-
-/// The landmarks that are known, and where on the body the sensor sits that sees them.
-struct LandmarkSight {
-  std::shared_ptr<const LandmarkMap> map;  ///< or null
-  Pose2 sensor_in_body;                    ///< T_body_sensor
-};
 
 /// Extended Kalman filter over (x, y, heading) in world: odometry predicts; ranges, positions,
 /// poses and landmarks correct (ekim2020, section 2.1; wells, eq. 12 to 14). Errors of odometry and
@@ -71,17 +44,17 @@ class PoseEkf {
     Calibration::Config calibration;
     Limits limits;
     AdaptiveNoise::Config adaptive;
-    double gate_range = 0.999;                         ///< probability that a good range passes
-    double gate_position = 0.999;                      ///< likewise for a position fix
-    double gate_pose = 0.999;                          ///< likewise for a pose
-    double gate_landmark = 0.999;                      ///< likewise for a landmark that is seen
-    NoiseKind robust_range = NoiseKind::kGaussian;     ///< what noise of ranges looks like
-    NoiseKind robust_position = NoiseKind::kGaussian;  ///< likewise of position fixes
-    NoiseKind robust_pose = NoiseKind::kGaussian;      ///< likewise of poses
-    double robust_dof = 4.0;          ///< degrees of freedom where that is kStudentT
-    double robust_late_share = 0.05;  ///< of the ranges that are too long, where it is kOneSided
-    double hold_s = 1.0;  ///< how long the last motion is believed without new odometry [s]
-    double sigma_lost_xy_per_sqrt_s = 0.5;       ///< thereafter: standing, spreading [m / sqrt(s)]
+    double gate_range = 0.999;     ///< probability that an inlier range passes the gate
+    double gate_position = 0.999;  ///< the same for a position fix
+    double gate_pose = 0.999;      ///< the same for a pose
+    double gate_landmark = 0.999;  ///< the same for a landmark observation
+    NoiseKind robust_range = NoiseKind::kGaussian;     ///< distribution of range noise
+    NoiseKind robust_position = NoiseKind::kGaussian;  ///< of position fixes
+    NoiseKind robust_pose = NoiseKind::kGaussian;      ///< of poses
+    double robust_dof = 4.0;                           ///< degrees of freedom of kStudentT
+    double robust_late_share = 0.05;  ///< share of ranges that are too long, for kOneSided
+    double hold_s = 1.0;              ///< odometry timeout: the last motion is held this long [s]
+    double sigma_lost_xy_per_sqrt_s = 0.5;       ///< process noise after the timeout [m / sqrt(s)]
     double sigma_lost_heading_per_sqrt_s = 0.5;  ///< [rad / sqrt(s)]
   };
 
@@ -91,7 +64,7 @@ class PoseEkf {
   /// Starts from `start`. Throws std::invalid_argument on a config out of range or a start that is
   /// not finite and positive definite.
   PoseEkf(const Config& config, const std::shared_ptr<const AnchorMap>& anchors,
-          std::vector<Tag> tags, const PoseEstimate& start, LandmarkSight landmarks = {});
+          std::vector<Tag> tags, const PoseEstimate& start, LandmarkSensor landmarks = {});
 
   /// The same filter, started anew: models and gates are shared, so this is cheap. Throws as the
   /// constructor does.
@@ -128,7 +101,7 @@ class PoseEkf {
 
   /// The belief at its own stamp.
   [[nodiscard]] PoseEstimate current() const;
-  /// The belief carried to the end of what odometry has told: the pose now.
+  /// The belief carried to the end of the received odometry: the pose now.
   [[nodiscard]] PoseEstimate estimate() const;
   /// The belief carried to `stamp`, which must not lie before it.
   [[nodiscard]] PoseEstimate estimate(Stamp stamp) const;
@@ -138,7 +111,7 @@ class PoseEkf {
     return recipe_->calibration.errors(belief_);
   }
 
-  /// Of the variances that measurements are told with, as their innovations say.
+  /// Factors of the reported variances, learnt from innovations.
   [[nodiscard]] const AdaptiveNoise& adaptive() const { return adaptive_; }
 
   [[nodiscard]] const GaussianBelief& belief() const { return belief_; }
@@ -171,9 +144,9 @@ class PoseEkf {
     Stamp hold;
   };
 
-  template <class Linearize>
-  Outcome correct(std::optional<Source> source, Stamp stamp, const Gate& gate,
-                  const NoiseShape& noise, Slots slots, const Linearize& linearize);
+  template <class Noise, class Linearize>
+  Outcome correct(std::optional<Source> source, Stamp stamp, const Gate& gate, const Noise& noise,
+                  Slots slots, const Linearize& linearize);
   Outcome correct_by(const Range& z, const Gate& gate);
   template <class Linearize>
   Outcome correct_by(const RangeBearing& z, Slots slots, const Linearize& linearize);

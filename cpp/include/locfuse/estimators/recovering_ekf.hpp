@@ -30,7 +30,7 @@ class RecoveringEkf {
   /// Not started. Throws std::invalid_argument on a config out of range.
   RecoveringEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
                 std::vector<Tag> tags, std::shared_ptr<const ScanMatcher> matcher,
-                LandmarkSight landmarks = {});
+                LandmarkSensor landmarks = {});
 
   /// Tracks from `start` on. Throws std::invalid_argument as a PoseEkf does.
   void start_at(const PoseEstimate& start);
@@ -65,7 +65,7 @@ class RecoveringEkf {
   [[nodiscard]] PoseEstimate estimate() const { return started().estimate(); }
   /// The same, tracking anew from `start`, as a PoseEkf does.
   [[nodiscard]] RecoveringEkf restarted(const PoseEstimate& start) const;
-  /// That starts it, having heard nothing.
+  /// The initializer at its beginning, without any message.
   [[nodiscard]] const Initializer& initializer() const { return recipe_->fresh; }
   /// How often it noticed that it was lost.
   [[nodiscard]] int alarms() const { return alarms_; }
@@ -81,7 +81,7 @@ class RecoveringEkf {
     Gate position_gate;
     Gate pose_gate;
     Gate landmark_gate;
-    Initializer fresh;  // that has heard nothing
+    Initializer fresh;  // without any message
   };
 
   template <class M>
@@ -91,13 +91,13 @@ class RecoveringEkf {
   template <class M>
   [[nodiscard]] Outcome fuse(const M& z);
   template <class M>
-  void hear(const M& z, const Outcome& outcome);
+  void record(const M& z, const Outcome& outcome);
   void listen();  // to what health says
   void decide();
-  template <class Tell>
-  [[nodiscard]] bool search(const Tell& tell);
+  template <class Feed>
+  [[nodiscard]] bool search(const Feed& feed);
   [[nodiscard]] const PoseEkf& started() const;
-  [[nodiscard]] Initializer fresh() const;  // that has heard the last odometry
+  [[nodiscard]] Initializer fresh() const;  // with the last odometry
 
   std::shared_ptr<const Recipe> recipe_;
   std::optional<Initializer> start_;  // while there is no place, or it is lost

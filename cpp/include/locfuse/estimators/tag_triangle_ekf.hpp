@@ -6,9 +6,16 @@
 #include <optional>
 #include <vector>
 
-#include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/estimators/pose_estimate.hpp"
+#include "locfuse/filters/belief.hpp"
+#include "locfuse/filters/gate.hpp"
+#include "locfuse/filters/outcome.hpp"
 #include "locfuse/geometry/rigid_fit.hpp"
+#include "locfuse/messages/limits.hpp"
+#include "locfuse/messages/message.hpp"
 #include "locfuse/models/measurement/point_distance.hpp"
+#include "locfuse/models/measurement/position.hpp"
+#include "locfuse/models/measurement/range.hpp"
 #include "locfuse/models/measurement/velocity.hpp"
 #include "locfuse/models/motion/constant_velocity.hpp"
 
@@ -31,16 +38,16 @@ class TagTriangleEkf {
     RangeModel::Config range;
     PositionModel::Config position;  ///< sigmas of fixes; it has no antenna
     Limits limits;
-    /// From tag 0 to 1, 1 to 2, 2 to 0 as a tape tells [m]: refused unless the tags in body agree.
+    /// From tag 0 to 1, 1 to 2, 2 to 0 by tape measure [m]: refused unless the tags in body agree.
     std::optional<Vector<3>> sides_m = {};
     /// Whether wheels turn to velocities in world by a heading without error, as in the paper; else
     /// by that of the tags, with its Jacobian.
     bool heading_is_known = false;
     double sigma_start_velocity_mps = 0.5;  ///< of each tag, each axis [m/s]
-    double gate_position = 0.999;           ///< probability that a good fix passes
-    double gate_velocity = 0.999;           ///< likewise for the velocities of the three tags
-    double gate_side = 1.0;                 ///< likewise for the three sides: they are always right
-    double gate_range = 0.999;              ///< likewise for a range
+    double gate_position = 0.999;           ///< probability that an inlier fix passes the gate
+    double gate_velocity = 0.999;           ///< the same for the velocities of the three tags
+    double gate_side = 1.0;                 ///< the same for the three sides: they are always right
+    double gate_range = 0.999;              ///< the same for a range
   };
 
   static constexpr int kTags = 3;
@@ -77,7 +84,7 @@ class TagTriangleEkf {
   /// the stamp is beyond kStampLimit.
   void advance_to(Stamp stamp);
 
-  /// The body on the tags, weighted with their covariance. Its nis tells how rigid they are.
+  /// The body on the tags, weighted with their covariance. Its nis measures how rigid they are.
   [[nodiscard]] RigidFit fit() const;
   /// The pose of that. Throws NumericalError if the tags prefer no heading, as does `estimate`.
   [[nodiscard]] Pose2 pose() const { return estimate().pose; }

@@ -28,7 +28,7 @@ using Assignment = std::vector<int>;
 /// Which landmark a sighting without a name is of.
 enum class Association : std::uint8_t {
   kNearest,  ///< the nearest, each by itself
-  kGlobal,   ///< the least sum over all sightings
+  kGlobal,   ///< minimum sum of NIS over all sightings
   kJoint,    ///< the largest set that fits jointly
 };
 
@@ -40,14 +40,14 @@ void compare(const Eigen::MatrixXd& P, double probability, Pairings& pairings);
 /// To each sighting its nearest landmark; if several want the same one, the nearest gets it.
 [[nodiscard]] Assignment nearest_neighbour(const Pairings& pairings);
 
-/// As many pairs as possible that use no landmark twice, and of those the least sum of NIS
+/// As many pairs as possible that use no landmark twice, and of those the minimum sum of NIS
 /// (Hungarian method). A NIS that is NaN, or too large to be summed, makes no pair.
 [[nodiscard]] Assignment global_nearest_neighbour(const Pairings& pairings);
 
 /// The largest set of pairs that fits jointly, all correlations counted, and of those the one with
-/// the least joint NIS: eq. (2), by branch and bound (Neira and Tardos, 2001). Where too much fits,
-/// it ends after trying 100,000 pairs: with the best set that it found, at least those pairs of
-/// `global_nearest_neighbour` that fit jointly one after the other.
+/// the minimum joint NIS: eq. (2), by branch and bound (Neira and Tardos, 2001). Where too much
+/// fits, it ends after trying 100,000 pairs: with the best set that it found, at least those pairs
+/// of `global_nearest_neighbour` that fit jointly one after the other.
 [[nodiscard]] Assignment joint_compatibility(const Eigen::MatrixXd& P, const Pairings& pairings,
                                              double probability);
 

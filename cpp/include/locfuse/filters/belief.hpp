@@ -35,12 +35,12 @@ enum class SlotKind : std::uint8_t {
 }
 
 /// Standard deviations between which the filter keeps a variable, in its own unit:
-/// docs/models/kalman.md. With less than `least` an update is lost to rounding beside the largest
-/// there are, and with more than `most` one with a sigma of 1 mm would be; a heading that is as
+/// docs/models/kalman.md. Below `min` an update is lost to rounding beside the largest
+/// there are, and above `max` one with a sigma of 1 mm would be; a heading that is as
 /// unknown is anywhere.
 struct SigmaBounds {
-  double least;
-  double most;
+  double min;
+  double max;
 };
 inline constexpr SigmaBounds kPositionBounds{1e-6, 1e4};  ///< [m], and velocities of points [m/s]
 inline constexpr SigmaBounds kHeadingBounds{1e-7, 10.0};  ///< [rad]
@@ -97,11 +97,11 @@ class GaussianBelief {
   [[nodiscard]] SlotKind kind(Slot slot) const { return variable(slot).kind; }
   [[nodiscard]] int dimension() const { return static_cast<int>(x.size()); }
 
-  /// Throws std::invalid_argument if the slot is no pose.
+  /// Throws std::invalid_argument if the slot is not a pose.
   [[nodiscard]] Pose2 pose(Slot slot) const {
     const Variable& v = variable(slot);
     if (v.kind != SlotKind::kPose2) {
-      throw std::invalid_argument("slot '" + v.name + "' is no pose");
+      throw std::invalid_argument("slot '" + v.name + "' is not a pose");
     }
     return {x(v.offset), x(v.offset + 1), x(v.offset + 2)};
   }

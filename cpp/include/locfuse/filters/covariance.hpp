@@ -86,7 +86,7 @@ class Covariance : public Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>> {
   }
   void reshape(Eigen::Index size, Eigen::Index stride) {
     stride_ = stride;
-    memory_.resize(static_cast<std::size_t>(stride * stride) + kLine - 1);
+    memory_.resize(static_cast<std::size_t>(stride * stride) + kNumbersPerCacheLine - 1);
     show(size);
   }
   void swap(Covariance& other) noexcept {
@@ -103,11 +103,11 @@ class Covariance : public Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>> {
   /// Where a cache line begins.
   double* first() noexcept {
     const auto address = reinterpret_cast<std::uintptr_t>(memory_.data());
-    const auto past = address / sizeof(double) % kLine;
-    return memory_.data() + (past == 0 ? 0 : kLine - past);
+    const auto past = address / sizeof(double) % kNumbersPerCacheLine;
+    return memory_.data() + (past == 0 ? 0 : kNumbersPerCacheLine - past);
   }
 
-  static constexpr std::size_t kLine = 8;  // numbers in a cache line
+  static constexpr std::size_t kNumbersPerCacheLine = 8;  // numbers in a cache line
 
   std::vector<double> memory_;
   Eigen::Index stride_ = 0;  // of columns

@@ -29,8 +29,8 @@ class Gate {
 
   /// Largest NIS that passes. Throws std::invalid_argument if `dof` is below 1.
   [[nodiscard]] double limit(int dof) const {
-    if (dof >= 1 && (dof <= kTabled || probability_ == 0.0)) {
-      return limits_[static_cast<std::size_t>(std::min(dof, kTabled))];
+    if (dof >= 1 && (dof <= kMaxTabledDof || probability_ == 0.0)) {
+      return limits_[static_cast<std::size_t>(std::min(dof, kMaxTabledDof))];
     }
     return chi_squared_quantile(dof, probability_);
   }
@@ -38,10 +38,10 @@ class Gate {
   [[nodiscard]] double probability() const { return probability_; }
 
  private:
-  static constexpr int kTabled = 32;
+  static constexpr int kMaxTabledDof = 32;
 
   double probability_ = 1.0;
-  std::array<double, kTabled + 1> limits_{};
+  std::array<double, kMaxTabledDof + 1> limits_{};
 };
 
 }  // namespace locfuse

@@ -10,12 +10,56 @@
 #include "locfuse/filters/belief.hpp"
 #include "locfuse/filters/gate.hpp"
 #include "locfuse/filters/outcome.hpp"
+#include "locfuse/filters/positive_definite.hpp"
 #include "locfuse/math/linearization.hpp"
 
 /// The extended Kalman filter: the only code that changes a GaussianBelief. One algebra, templated
-/// on sizes: it runs on fixed sizes without heap where the local variables are the whole belief,
-/// and on run-time sizes otherwise. Derivation: docs/models/kalman.md.
+/// on sizes: without heap at fixed sizes where the local variables are the whole belief, at
+/// run-time sizes otherwise. Derivation: docs/models/kalman.md.
 namespace locfuse {
+
+/// Moves the pose in `slot`: mean to `step.moved`, P to F P F' + Q with its cross-covariances.
+/// Throws NumericalError, belief untouched, if a result is not finite. Touches three rows and
+/// columns.
+void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slot);
+
+/// Moves the first variables of `slots`, as many as `step.moved` has, by a motion that depends on
+/// all of them: its Jacobian has a row for each that moves, a column for each. Eq. (13) and (14) of
+/// docs/models/kalman.md.
+///
+/// Throws NumericalError, belief untouched, if a result is not finite or a variance not positive,
+/// std::invalid_argument if sizes do not match. Touches as many rows and columns as move.
+void predict(GaussianBelief& belief, const Propagation<Eigen::VectorXd, Eigen::Dynamic>& step,
+             Slots slots);
+
+/// The same at fixed sizes: where `slots` are the whole belief, in order, it allocates nothing.
+template <int N>
+void predict(GaussianBelief& belief, const Propagation<Vector<N>, N>& step, Slots slots);
+
+/// Fuses a measurement, or gates it; eq. (1) to (6) of docs/models/kalman.md.
+///
+/// `slots` are the variables that the Jacobian's columns stand for, in order. The belief is updated
+/// whole or not at all. Throws NumericalError if S is not positive definite or a result is not
+/// finite, std::invalid_argument if the slots do not match the Jacobian or rows do not match.
+template <int M, int N, int MaxM>
+Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slots slots,
+               const Gate& gate);
+
+/// Turns the covariance of the pose in `slot` with its mean, which an update has moved away from
+/// `before`: eq. (15) of docs/models/kalman.md. Touches two rows and columns, or none where
+/// rounding would leave a variance that is not positive.
+void turn_with_mean(GaussianBelief& belief, Slot slot, const Vector<2>& before);
+
+/// Adds a variable g(y, v) that is a function of those in `slots`, y, and of noise v: `mean` is g,
+/// `jacobian` dg/dy, `noise` the covariance that v gives it. Eq. (11) and (12) of
+/// docs/models/kalman.md. The belief is changed whole or not at all.
+///
+/// Throws NumericalError if a number is not finite, or `noise` or the covariance of g not positive
+/// definite, std::invalid_argument on a name that is taken or sizes that do not match.
+Slot augment(GaussianBelief& belief, const std::string& name, SlotKind kind,
+             const Eigen::Ref<const Eigen::VectorXd>& mean,
+             const Eigen::Ref<const Eigen::MatrixXd>& jacobian,
+             const Eigen::Ref<const Eigen::MatrixXd>& noise, Slots slots);
 
 namespace internal {
 
@@ -88,112 +132,10 @@ void wrap_angles(X& x, const std::vector<int>& angle_rows) {
 [[noreturn]] void refuse_result();
 [[noreturn]] void refuse_prediction();
 
-void put_back(GaussianBelief& belief, Eigen::Index first, Eigen::Index count, bool few);
-
-/// Share of a variance that noise added to it is at least: less would be lost in its rounding, and
-/// with it what is left to keep P positive definite; eq. (19) and (20) of docs/models/kalman.md.
-inline constexpr double kDigits = 1e-13;
-
-/// Share below which what is left has few digits, and all of P is looked at.
-inline constexpr double kFewDigits = 10.0 * kDigits;
-
-/// Factor by which a variance may grow without noise before all of P is looked at.
-inline constexpr double kMuch = 100.0;
-
-inline constexpr double kLess = 1.0 - 0.5 * kDigits;  ///< of a diagonal: what rounding may take
-
-/// Of the first three rows, which are the pose if there is one: elimination without divisions.
-[[nodiscard]] inline bool is_pose_positive_definite(const Covariance& P) {
-  if (P.rows() < 3) {
-    return true;
-  }
-  const double a = P(0, 0) * kLess;
-  const double b = a * (P(1, 1) * kLess) - P(1, 0) * P(1, 0);
-  const double c = a * (P(2, 2) * kLess) - P(2, 0) * P(2, 0);
-  const double shared = a * P(2, 1) - P(1, 0) * P(2, 0);
-  return a > 0.0 && b > 0.0 && b * c > shared * shared;
-}
-
-/// Of all rows, which costs O(n^3).
-[[nodiscard]] bool is_positive_definite(const Covariance& P);
-
-/// Of each row of a Jacobian, the sum of J_ij^2 P_jj: how far apart what it adds up may be.
-template <class Jacobian, class Variances>
-[[nodiscard]] auto reach_of(const Jacobian& jacobian, const Variances& variances) {
-  return (jacobian.cwiseAbs2() * variances).eval();
-}
-
-/// Adds what variances of `moved`, whose Jacobian has that reach, need besides their `noise`, where
-/// they were those `before`. How many needed some.
-template <class P, class Reach, class Before, class Noise>
-std::uint64_t keep_noise(P& moved, const Reach& reach, const Before& before, const Noise& noise) {
-  std::uint64_t count = 0;
-  for (Eigen::Index i = 0; i < noise.size(); ++i) {
-    const double least = kDigits * (reach(i) + noise(i) - before(i));
-    if (noise(i) < least) {
-      moved(i, i) += least;
-      ++count;
-    }
-  }
-  return count;
-}
-
-/// Whether noise is less than that share of itself and of that reach, in any direction:
-/// R - share diag(R + reach) is not positive definite. Where its diagonal outweighs the rest, it
-/// is.
-template <class Noise, class Reach>
-[[nodiscard]] bool is_less_than(double share, const Noise& noise, const Reach& reach) {
-  bool outweighs = true;
-  for (Eigen::Index i = 0; i < reach.size(); ++i) {
-    const double rest = noise.row(i).cwiseAbs().sum() - noise(i, i);
-    outweighs = outweighs && noise(i, i) - rest >= share * (noise(i, i) + reach(i));
-  }
-  if (outweighs || reach.size() == 1) {
-    return !outweighs;
-  }
-  auto more = noise.eval();
-  more.diagonal() -= share * (noise.diagonal() + reach);
-  return more.llt().info() != Eigen::Success;
-}
-
-/// Whether an update may leave few digits of P along what is measured: of H P H', or of R.
-template <class Noise, class S, class Reach>
-[[nodiscard]] bool leaves_few_digits(const Noise& noise, const S& innovation, const Reach& reach) {
-  bool few = false;
-  for (Eigen::Index i = 0; i < reach.size(); ++i) {
-    few = few || innovation(i, i) - noise(i, i) < kFewDigits * reach(i);
-  }
-  return few || is_less_than(kFewDigits, noise, reach);
-}
-
-/// A measurement of that reach with noise that is not lost.
-template <class Lin, class Reach>
-[[nodiscard]] Lin with_noise_kept(Lin lin, const Reach& reach) {
-  lin.noise.diagonal() += kDigits * (lin.noise.diagonal() + reach);
-  return lin;
-}
-
 /// One intervention more, if it was fused.
 inline Outcome count_fused(GaussianBelief& belief, const Outcome& outcome) {
   belief.interventions += outcome.verdict == Verdict::kFused ? 1 : 0;
   return outcome;
-}
-
-/// Keeps the variances of `count` rows from `first` on between their bounds, and the pose's part
-/// of P positive definite, or where it may have `few` digits left all of it; eq. (17) and (18) of
-/// docs/models/kalman.md.
-inline void keep_in_bounds(GaussianBelief& belief, Eigen::Index first, Eigen::Index count,
-                           bool few = false) {
-  const std::vector<SigmaBounds>& bounds = belief.variance_bounds();
-  bool inside = true;
-  for (Eigen::Index row = first; row < first + count; ++row) {
-    const double variance = belief.P(row, row);
-    const SigmaBounds& of_row = bounds[static_cast<std::size_t>(row)];
-    inside = inside && variance >= of_row.least && variance <= of_row.most;
-  }
-  if (!inside || !is_pose_positive_definite(belief.P) || (few && !is_positive_definite(belief.P))) {
-    put_back(belief, first, count, few);
-  }
 }
 
 /// The update where the local variables are the whole belief, in order: x += K r and Joseph's form
@@ -252,48 +194,6 @@ void check_rows(const Lin& lin) {
 
 }  // namespace internal
 
-/// Fuses a measurement, or gates it; eq. (1) to (6) of docs/models/kalman.md.
-///
-/// `slots` are the variables that the Jacobian's columns stand for, in order. The belief is updated
-/// whole or not at all. Throws NumericalError if S is not positive definite or a result is not
-/// finite, std::invalid_argument if the slots do not match the Jacobian or rows do not match.
-template <int M, int N, int MaxM>
-Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slots slots,
-               const Gate& gate) {
-  if constexpr (M == Eigen::Dynamic) {
-    internal::check_rows(lin);
-  }
-  if constexpr (N != Eigen::Dynamic && MaxM != Eigen::Dynamic) {
-    if (belief.is_whole(slots, N) && belief.P.outerStride() == N &&
-        belief.considered_rows().empty()) {
-      const Eigen::Map<const Matrix<N, N>> P(belief.P.data());
-      const auto reach = internal::reach_of(lin.jacobian, P.diagonal());
-      if (internal::is_less_than(internal::kDigits, lin.noise, reach)) {
-        return internal::count_fused(
-            belief,
-            internal::update_whole(belief, internal::with_noise_kept(lin, reach), reach, gate));
-      }
-      return internal::update_whole(belief, lin, reach, gate);
-    }
-  }
-  return internal::update_part(belief, {lin.residual, lin.jacobian, lin.noise}, slots, gate);
-}
-
-/// Moves the pose in `slot`: mean to `step.moved`, P to F P F' + Q with its cross-covariances.
-/// Throws NumericalError, belief untouched, if a result is not finite.
-/// Touches three rows and columns.
-void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slot);
-
-/// Moves the first variables of `slots`, as many as `step.moved` has, by a motion that depends on
-/// all of them: its Jacobian has a row for each that moves, a column for each. Eq. (13) and (14) of
-/// docs/models/kalman.md.
-///
-/// Throws NumericalError, belief untouched, if a result is not finite or a variance not positive,
-/// std::invalid_argument if sizes do not match. Touches as many rows and columns as move.
-void predict(GaussianBelief& belief, const Propagation<Eigen::VectorXd, Eigen::Dynamic>& step,
-             Slots slots);
-
-/// The same at fixed sizes: where `slots` are the whole belief, in order, it allocates nothing.
 template <int N>
 void predict(GaussianBelief& belief, const Propagation<Vector<N>, N>& step, Slots slots) {
   static_assert(N != Eigen::Dynamic);
@@ -319,20 +219,53 @@ void predict(GaussianBelief& belief, const Propagation<Vector<N>, N>& step, Slot
   internal::keep_in_bounds(belief, 0, N, interventions > 0);
 }
 
-/// Turns the covariance of the pose in `slot` with its mean, which an update has moved away from
-/// `before`: eq. (15) of docs/models/kalman.md. Touches two rows and columns, or none where
-/// rounding would leave a variance that is not positive.
-void turn_with_mean(GaussianBelief& belief, Slot slot, const Vector<2>& before);
+template <int M, int N, int MaxM>
+Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slots slots,
+               const Gate& gate) {
+  if constexpr (M == Eigen::Dynamic) {
+    internal::check_rows(lin);
+  }
+  if constexpr (N != Eigen::Dynamic && MaxM != Eigen::Dynamic) {
+    if (belief.is_whole(slots, N) && belief.P.outerStride() == N &&
+        belief.considered_rows().empty()) {
+      const Eigen::Map<const Matrix<N, N>> P(belief.P.data());
+      const auto reach = internal::reach_of(lin.jacobian, P.diagonal());
+      if (internal::is_less_than(internal::GuardTuning::kMinNoiseShare, lin.noise, reach)) {
+        return internal::count_fused(
+            belief,
+            internal::update_whole(belief, internal::with_noise_kept(lin, reach), reach, gate));
+      }
+      return internal::update_whole(belief, lin, reach, gate);
+    }
+  }
+  return internal::update_part(belief, {lin.residual, lin.jacobian, lin.noise}, slots, gate);
+}
 
-/// Adds a variable g(y, v) that is a function of those in `slots`, y, and of noise v: `mean` is g,
-/// `jacobian` dg/dy, `noise` the covariance that v gives it. Eq. (11) and (12) of
-/// docs/models/kalman.md. The belief is changed whole or not at all.
-///
-/// Throws NumericalError if a number is not finite, or `noise` or the covariance of g not positive
-/// definite, std::invalid_argument on a name that is taken or sizes that do not match.
-Slot augment(GaussianBelief& belief, const std::string& name, SlotKind kind,
-             const Eigen::Ref<const Eigen::VectorXd>& mean,
-             const Eigen::Ref<const Eigen::MatrixXd>& jacobian,
-             const Eigen::Ref<const Eigen::MatrixXd>& noise, Slots slots);
-
+// Compiled once for the shapes that the estimators use: src/filters/kalman_*.cpp.
+extern template Outcome update(GaussianBelief&, const Linearization<1, 3>&, Slots, const Gate&);
+extern template Outcome update(GaussianBelief&, const Linearization<2, 3>&, Slots, const Gate&);
+extern template Outcome update(GaussianBelief&, const Linearization<Eigen::Dynamic, 3, 2>&, Slots,
+                               const Gate&);
+extern template Outcome update(GaussianBelief&, const Linearization<Eigen::Dynamic, 3, 3>&, Slots,
+                               const Gate&);
+extern template Outcome update(GaussianBelief&, const Linearization<Eigen::Dynamic, 3, 32>&, Slots,
+                               const Gate&);
+extern template Outcome update(GaussianBelief&, const Linearization<Eigen::Dynamic, 3>&, Slots,
+                               const Gate&);
+extern template Outcome update(GaussianBelief&, const Linearization<1, 4>&, Slots, const Gate&);
+extern template Outcome update(GaussianBelief&, const Linearization<1, 1>&, Slots, const Gate&);
+extern template Outcome update(GaussianBelief&, const Linearization<Eigen::Dynamic, 4, 3>&, Slots,
+                               const Gate&);
+extern template Outcome update(GaussianBelief&, const Linearization<Eigen::Dynamic, 5, 2>&, Slots,
+                               const Gate&);
+extern template Outcome update(GaussianBelief&, const Linearization<1, 12>&, Slots, const Gate&);
+extern template Outcome update(GaussianBelief&, const Linearization<3, 12>&, Slots, const Gate&);
+extern template Outcome update(GaussianBelief&, const Linearization<6, 12>&, Slots, const Gate&);
+extern template Outcome update(GaussianBelief&, const Linearization<Eigen::Dynamic, 12, 2>&, Slots,
+                               const Gate&);
+extern template Outcome update(GaussianBelief&, const Linearization<1, Eigen::Dynamic>&, Slots,
+                               const Gate&);
+extern template Outcome update(GaussianBelief&,
+                               const Linearization<Eigen::Dynamic, Eigen::Dynamic>&, Slots,
+                               const Gate&);
 }  // namespace locfuse

@@ -3,7 +3,6 @@
 
 #include <cmath>
 #include <cstdint>
-#include <functional>
 #include <vector>
 
 #include "locfuse/filters/workers.hpp"
@@ -28,7 +27,7 @@ struct ParticleBelief {
   int size = 0;                ///< without those
 
   /// Room for `count` particles, whose values are left as they are. Throws std::invalid_argument
-  /// unless 1 to kMost.
+  /// unless 1 to kMaxSize.
   void resize(int count);
 
   [[nodiscard]] Pose2 pose(std::size_t k) const {
@@ -51,7 +50,8 @@ struct ParticleBelief {
     box[k] = other.box[i];
   }
 
-  static constexpr int kMost = 1 << 28;
+  static constexpr int kMaxSize = 1 << 28;
+  static constexpr int kMost = kMaxSize;
 };
 
 /// A motion in the previous body frame with the covariance of (forward, left, heading): lengths in
@@ -66,57 +66,13 @@ void move(ParticleBelief& belief, const UncertainMotion& step, std::uint64_t key
 
 /// Multiplies weights by exp(share * log_likelihood[i]) and makes them sum to 1; eq. (2).
 ///
-/// `share` is the largest up to `most_share` that leaves `least_effective` of the particles, in the
+/// `share` is the largest up to `max_share` that leaves `min_effective` of the particles, in the
 /// sense of effective_size: where few particles stand for a wide belief, a likelihood that is
 /// narrower than their spacing says less than it seems to. Returns the share.
-double reweigh(ParticleBelief& belief, const std::vector<float>& log_likelihood, double most_share,
-               double least_effective);
+double reweigh(ParticleBelief& belief, const std::vector<float>& log_likelihood, double max_share,
+               double min_effective);
 
 /// 1 / sum of squared weights; eq. (3).
 [[nodiscard]] double effective_size(const ParticleBelief& belief);
-
-/// Particles drawn anew, beside those that are kept.
-struct FreshParticles {
-  int count = 0;
-  double probability = 0.0;                        ///< of all of them together
-  std::function<void(ParticleBelief&, int)> draw;  ///< sets the pose of particle k
-};
-
-/// Systematic ("low variance") resampling into `count` particles, of which the last ones are fresh;
-/// copies of one that stands for a box share it out, eq. (6). `scratch` is memory to reuse.
-void resample(ParticleBelief& belief, int count, const FreshParticles& fresh, std::uint64_t key,
-              ParticleBelief& scratch);
-
-/// Side of a bin by which particles are counted and put together.
-struct ParticleBins {
-  double side;      ///< [cells]
-  double headings;  ///< how many all around
-};
-
-/// Resampling that keeps the weight of every bin, so that places that are unlikely so far do not
-/// die by chance; eq. (7). A bin of weight W gets one particle at least and a share of the others
-/// as W^power; bins with less than `least` of all weight go. Where more are left than `count` it is
-/// `resample`.
-void resample_by_bin(ParticleBelief& belief, int count, const ParticleBins& bins, double power,
-                     double least, std::uint64_t key, ParticleBelief& scratch);
-
-/// Number of bins that hold particles of at least `least` of an equal share of weight.
-[[nodiscard]] int occupied_bins(const ParticleBelief& belief, const ParticleBins& bins,
-                                double least);
-
-/// Particles that keep the KL divergence below `error` with the probability that `quantile` of the
-/// normal distribution stands for, for `bins` occupied bins (Fox, 2003); eq. (4).
-[[nodiscard]] double kld_particles(int bins, double error, double quantile);
-
-/// Particles whose bins touch; bins with next to nothing in them belong to none.
-struct ParticleCluster {
-  double weight = 0.0;
-  Pose2 mean;               ///< circular in the heading [cells]
-  Matrix<3, 3> covariance;  ///< [cells, rad]
-};
-
-/// The heaviest first, at most `most` of them.
-[[nodiscard]] std::vector<ParticleCluster> clusters_of(const ParticleBelief& belief,
-                                                       const ParticleBins& bins, int most);
 
 }  // namespace locfuse

@@ -10,23 +10,23 @@ namespace locfuse {
 
 struct CylinderDetectorConfig {
   double sigma_range_m = 0.01;     ///< noise of one beam
-  double sigma_bearing_rad = 0.0;  ///< of its direction: width of the beam, quantization
-  double radius_m = 0.0;           ///< of all cylinders; 0: each has its own, found by the fit
-  double radius_min_m = 0.03;      ///< if it is found
-  double radius_max_m = 1.5;       ///< likewise
-  int least_beams = 7;             ///< on a cylinder
-  /// A depth step between two beams is an edge from six sigma and so many gaps between beams on.
+  double sigma_bearing_rad = 0.0;  ///< noise of its direction: width of the beam, quantization
+  double radius_m = 0.0;           ///< of all cylinders; 0: estimated for each
+  double radius_min_m = 0.03;      ///< minimum estimated radius
+  double radius_max_m = 1.5;       ///< maximum estimated radius
+  int least_beams = 7;             ///< minimum number of beams on a cylinder
+  /// Minimum depth step of an edge between two objects, in gaps between beams, beside six sigma.
   double jump_gaps = 6.0;
-  double misfit_probability = 0.99999;  ///< that the arc of a cylinder passes the chi-square gate
-  /// By how much the chi-square of a straight wall must be larger. What is too small to tell is a
-  /// cylinder if it stands alone and `radius_m` says its width; with 0 of any width in bounds.
+  double misfit_probability = 0.99999;  ///< with which the arc of a cylinder passes its gate
+  /// Minimum chi-square by which a straight wall fits worse. An arc too short for that is a
+  /// cylinder if it is isolated and as wide as `radius_m`; with 0 if its width is within bounds.
   double least_evidence = 25.0;
-  /// By how much that of a right-angled corner must be larger. Thin cylinders look like the corners
-  /// of boxes as small as they; -20 takes them all, for places without boxes.
+  /// Minimum chi-square by which a right-angled corner fits worse. Thin cylinders look like corners
+  /// of equally small boxes; -20 accepts them all, for places without boxes.
   double least_corner_evidence = 4.0;
-  double leg_radius_m = 0.12;    ///< a cylinder up to this next to anything as thin is a leg
-  double leg_distance_m = 0.0;   ///< between the two; 0: nobody walks here
-  double least_intensity = 0.0;  ///< one beam must be that bright; 0: of any brightness
+  double leg_radius_m = 0.12;   ///< maximum radius of a leg: a cylinder next to another thin object
+  double leg_distance_m = 0.0;  ///< maximum distance between the two; 0: no people
+  double least_intensity = 0.0;  ///< minimum intensity of a beam; 0: any
 };
 
 /// An upright cylinder in the plane of a laser.
@@ -34,15 +34,16 @@ struct Cylinder {
   double range = 0.0;    ///< of the centre, from the laser [m]
   double bearing = 0.0;  ///< of the centre, in the laser's frame [rad]
   double radius = 0.0;   ///< [m]
-  /// Of (range, bearing, radius). Zero in row and column of a radius that was given.
+  /// Of (range, bearing, radius); zero in row and column of a given radius.
   Matrix<3, 3> covariance = Matrix<3, 3>::Zero();
-  int first = 0;        ///< beam of its arc where the bearing is least; above `last` across the cut
-  int last = 0;         ///< beam where it is largest
-  int beams = 0;        ///< that the fit used
-  double misfit = 0.0;  ///< chi-square by degree of freedom; 0 if there is none
+  int first =
+      0;  ///< beam of its arc with the smallest bearing; above `last` across the end of the scan
+  int last = 0;         ///< beam with the largest bearing
+  int beams = 0;        ///< used by the fit
+  double misfit = 0.0;  ///< chi-square per degree of freedom; 0 without any
 };
 
-/// Finds cylinders in single scans. docs/models/cylinders.md.
+/// Detects cylinders in single scans. docs/models/cylinders.md.
 ///
 /// Immutable; `detect` may be called from several threads.
 class CylinderDetector {

@@ -11,13 +11,13 @@
 
 namespace locfuse {
 
-/// What is known of a position before: a Gaussian per axis, infinite sigma where nothing is.
+/// Prior of a position: a Gaussian per axis, with infinite sigma where nothing is known.
 struct AxisPrior {
   Eigen::VectorXd mean;   ///< [m]
   Eigen::VectorXd sigma;  ///< [m]
 };
 
-/// The position is inside: low <= x <= high per axis [m].
+/// Bounds of a position: low <= x <= high per axis [m].
 struct PositionBox {
   Eigen::VectorXd low;
   Eigen::VectorXd high;
@@ -27,47 +27,47 @@ struct LocateOptions {
   RangeLoss loss;
   PositionRules rules;
   SquaredRangeWeights weights = SquaredRangeWeights::kEqual;  ///< of SR-LS
-  bool use_ceres = true;  ///< maximum likelihood by Ceres; else by fit_ranges
+  bool use_ceres = true;  ///< maximum likelihood by Ceres and fit_ranges; else by fit_ranges alone
   CeresOptions ceres;
   std::optional<AxisPrior> prior;
   std::optional<PositionBox> box;
 };
 
-/// A position that fits.
+/// A position that fits the ranges.
 struct PositionHypothesis {
   Eigen::VectorXd position;        ///< [m]
   double cost = 0.0;               ///< eq. (14); chi-square without a loss
   Eigen::MatrixXd covariance;      ///< first order [m^2]; infinite diagonal if a direction is open
-  Eigen::VectorXd weak_direction;  ///< unit vector along which it is least certain
-  double weak_sigma = 0.0;         ///< along it [m]
+  Eigen::VectorXd weak_direction;  ///< unit vector of the largest uncertainty
+  double weak_sigma = 0.0;         ///< sigma along it [m]
 };
 
-/// SR-LS beside maximum likelihood on the same ranges: eq. (18).
+/// Comparison of SR-LS and maximum likelihood on the same ranges: eq. (18).
 struct SolverComparison {
   Eigen::VectorXd squared_range_position;    ///< [m]
-  Eigen::MatrixXd squared_range_covariance;  ///< its own, first order [m^2]
+  Eigen::MatrixXd squared_range_covariance;  ///< of SR-LS, first order [m^2]
   Eigen::VectorXd difference;                ///< maximum likelihood minus SR-LS [m]
   double statistic = 0.0;                    ///< squared, in units of its predicted covariance
-  int dof = 0;                               ///< 0 if there is nothing to compare with
-  double limit = 0.0;                        ///< largest statistic of good ranges
+  int dof = 0;                               ///< 0 if nothing can be compared
+  double limit = 0.0;                        ///< maximum statistic of good ranges
   [[nodiscard]] bool agree() const { return dof == 0 || statistic <= limit; }
 };
 
-/// The range whose removal explains a bad fit best: eq. (21).
+/// Range whose removal improves a bad fit most: eq. (21).
 struct RangeCulprit {
-  int index = -1;           ///< of the range
-  double statistic = 0.0;   ///< by how much its removal lowers the cost: chi-square of 1 dof
-  bool explains = false;    ///< the other ranges fit
-  Eigen::VectorXd without;  ///< position from the others [m]
+  int index = -1;           ///< index of the range
+  double statistic = 0.0;   ///< decrease of the cost by its removal: chi-square of 1 dof
+  bool explains = false;    ///< the remaining ranges fit
+  Eigen::VectorXd without;  ///< position from the remaining ranges [m]
 };
 
-/// All that one set of ranges says. Hypotheses are sorted by cost.
+/// Result of `locate`. Hypotheses are sorted by cost.
 struct PositionSolution {
   PositionStatus status = PositionStatus::kUnderdetermined;
   std::vector<PositionHypothesis> hypotheses;
   Eigen::VectorXd residuals;  ///< range minus distance from the best hypothesis [m]
-  double fit_limit = 0.0;     ///< largest cost of good ranges
-  int fit_dof = 0;            ///< ranges (and priors) beyond what a position needs
+  double fit_limit = 0.0;     ///< maximum cost of good ranges
+  int fit_dof = 0;            ///< ranges and priors beyond the unknowns of a position
   bool fit_tested = false;    ///< the cost is a chi-square variable: no loss
   std::optional<SolverComparison> comparison;
   std::optional<RangeCulprit> culprit;
@@ -81,10 +81,17 @@ struct PositionSolution {
   }
 };
 
-/// Both solvers on the ranges of one moment, and everything that fits:
-/// docs/models/multilateration.md. Throws std::invalid_argument on what `validate` refuses, ranges
-/// that are not 1e-12 to 1e12 m, priors or boxes of other dimensions, options out of range.
-[[nodiscard]] PositionSolution locate(const AnchorTable& anchors, const double* ranges,
-                                      const double* sigma, const LocateOptions& options = {});
+/// Position from the ranges of one epoch, one per anchor: SR-LS and maximum likelihood side by
+/// side, and every position that fits; docs/models/multilateration.md.
+///
+/// Our Newton's method decides: it brings a robust loss near the minimum, Ceres goes on from there,
+/// and Newton's last steps from Ceres' answer replace that answer unless they do not converge or
+/// cost more.
+///
+/// Throws std::invalid_argument if `validate` does, on a number of ranges other than that of the
+/// anchors, ranges outside 1e-12 to 1e12 m, priors or boxes of other dimensions, and options out of
+/// range.
+[[nodiscard]] PositionSolution locate(const AnchorTable& anchors, const RangesView& ranges,
+                                      const RangesView& sigma, const LocateOptions& options = {});
 
 }  // namespace locfuse

@@ -4,13 +4,14 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 
 #include "locfuse/frontends/range_fit.hpp"
 #include "locfuse/frontends/squared_range.hpp"
 
 namespace locfuse {
 
-/// What range-only positioning can say.
+/// Status of a position from ranges.
 enum class PositionStatus : std::uint8_t {
   kUnique,           ///< one position fits
   kInconsistent,     ///< one position fits best, but worse than the sigmas allow
@@ -21,64 +22,63 @@ enum class PositionStatus : std::uint8_t {
   kBadRange,         ///< a range is zero, negative or infinite; nothing was computed
 };
 
-/// How sure a single position has to be.
+/// Error probabilities of the decision for a single position.
 struct PositionRules {
-  /// Chance that of two positions the wrong one is returned alone: eq. (20).
+  /// Probability that the wrong one of two positions is returned alone: eq. (20).
   double wrong_side_probability = 1e-6;
-  /// Chance that a fit to good ranges is called inconsistent.
+  /// Probability that a fit to good ranges is called inconsistent.
   double false_alarm_probability = 1e-3;
 };
 
-/// Position at one moment.
+/// Position from the ranges of one epoch.
 template <int N>
 struct RangePosition {
   PositionStatus status = PositionStatus::kUnderdetermined;
-  Vector<N> position = Vector<N>::Zero();  ///< best fit; nothing if `has_position` is false [m]
+  Vector<N> position = Vector<N>::Zero();  ///< best fit; undefined unless `has_position` [m]
   Matrix<N, N> covariance = Matrix<N, N>::Zero();  ///< first order [m^2]
   double cost = 0.0;                               ///< eq. (14)
   bool has_position = false;
 };
 
-/// Distinct local minima of the cost, the best first.
+/// Distinct local minima of the cost, by increasing cost.
 template <int N>
 struct RangeMinima {
-  static constexpr int kMost = 8;
+  static constexpr int kCapacity = 8;
 
   int count = 0;
-  std::array<RangeFit<N>, kMost> fit;
+  std::array<RangeFit<N>, kCapacity> fit;
 
-  /// Keeps `found` unless it is there already.
+  /// Adds `found` unless a minimum within `resolution` [m] is there already.
   void add(const RangeFit<N>& found, double resolution);
 };
 
 namespace internal {
 
-/// Least of the costs below which eq. (19) excludes a second position; negative if none does.
+/// Cost below which eq. (19) excludes a second position; negative if there is none.
 template <int N>
 [[nodiscard]] double strong_below(const RangeLayout<N>& layout, double side_margin);
 
 /// Minima from SR-LS, its second solution, and the mirror image where `strong` does not exclude it.
 template <int N>
-[[nodiscard]] RangeMinima<N> find_minima(const RangeLayout<N>& layout, const double* ranges,
+[[nodiscard]] RangeMinima<N> find_minima(const RangeLayout<N>& layout, const RangesView& ranges,
                                          const RangeLoss& loss, double strong);
 
-/// Verdict on the best of the minima; neither how well the ranges fit it nor how far first order
-/// holds is looked at.
+/// Status of the best minimum, without a test of fit or of first order.
 template <int N>
 [[nodiscard]] PositionStatus judge(const RangeMinima<N>& minima, const RangeLayout<N>& layout,
-                                   const double* ranges, double side_margin);
+                                   const RangesView& ranges, double side_margin);
 
-/// Three sigmas along the least certain direction the cost does not rise by about nine: what fits
-/// is longer than the covariance says, or bent.
+/// Whether the cost three sigmas along the least certain direction does not rise by about nine: the
+/// region that fits is longer than the covariance, or bent.
 template <int N>
 [[nodiscard]] bool defies_first_order(const RangeFit<N>& fit, const RangeLayout<N>& layout,
-                                      const double* ranges, const RangeLoss& loss);
+                                      const RangesView& ranges, const RangeLoss& loss);
 
-/// The information leaves some direction with a sigma beyond `reach`.
+/// Whether the information leaves a direction with a sigma beyond `reach` [m].
 template <int N>
 [[nodiscard]] bool leaves_open(const Matrix<N, N>& information, double reach);
 
-/// The same number. Throws std::invalid_argument outside (0, 1).
+/// Returns its argument. Throws std::invalid_argument outside (0, 1).
 double checked_alarm(double false_alarm_probability);
 
 /// Square of the normal quantile: eq. (20). Throws std::invalid_argument outside (0, 0.5).
@@ -86,8 +86,8 @@ double checked_alarm(double false_alarm_probability);
 
 }  // namespace internal
 
-/// Range-only positioning over one set of anchors: SR-LS, then maximum likelihood, and the mirror
-/// image wherever it could fit as well. docs/models/multilateration.md. No heap.
+/// Range-only positioning over one set of anchors: SR-LS, then maximum likelihood, also from the
+/// mirror image where that could fit as well. docs/models/multilateration.md. No heap.
 template <int N>
 class Multilateration {
  public:
@@ -98,40 +98,40 @@ class Multilateration {
 
   /// Throws std::invalid_argument on what `validate` refuses, a probability outside (0, 1) or a
   /// table that is not for positions of N dimensions. Copies what it needs.
-  Multilateration(const AnchorTable& anchors, const double* sigma, const Config& config);
+  Multilateration(const AnchorTable& anchors, const RangesView& sigma, const Config& config);
 
-  /// One range per anchor [m]; NaN where it was not heard. Throws std::invalid_argument if one is
-  /// zero, negative or infinite.
-  [[nodiscard]] RangePosition<N> solve(const double* ranges) const;
+  /// Position from one range per anchor [m]; NaN where none was received. Throws
+  /// std::invalid_argument if a range is zero, negative or infinite, or their number is wrong.
+  [[nodiscard]] RangePosition<N> solve(const RangesView& ranges) const;
 
-  /// The same rules over other anchors; every range is a positive number.
+  /// Position over other anchors by the same rules; every range is a positive number.
   [[nodiscard]] RangePosition<N> solve_over(const RangeLayout<N>& layout,
-                                            const double* ranges) const {
+                                            const RangesView& ranges) const {
     return solve_on(layout, ranges, internal::strong_below<N>(layout, side_margin_));
   }
 
-  /// The anchors as they were given.
+  /// View of the anchors, as they were given.
   [[nodiscard]] AnchorTable table() const;
-  [[nodiscard]] const double* sigma() const { return sigma_.data(); }
+  [[nodiscard]] const Ranges& sigma() const { return sigma_; }
   [[nodiscard]] const RangeLayout<N>& layout() const { return layout_; }
   [[nodiscard]] const Config& config() const { return config_; }
-  /// Below this cost no other position can fit as well: eq. (19).
+  /// Cost below which no other position can fit as well: eq. (19).
   [[nodiscard]] double strong_below() const { return strong_below_; }
-  /// Least difference of costs that decides between two positions, eq. (20).
+  /// Minimum difference of costs that decides between two positions, eq. (20).
   [[nodiscard]] double side_margin() const { return side_margin_; }
-  /// Largest cost of good ranges by number of ranges, 0 to kMaxRanges.
+  /// Maximum cost of good ranges by number of ranges, 0 to kMaxRanges.
   [[nodiscard]] double cost_limit(int ranges) const {
     return cost_limit_.at(static_cast<std::size_t>(ranges));
   }
 
  private:
-  [[nodiscard]] RangePosition<N> solve_on(const RangeLayout<N>& layout, const double* ranges,
+  [[nodiscard]] RangePosition<N> solve_on(const RangeLayout<N>& layout, const RangesView& ranges,
                                           double strong) const;
 
   Config config_;
-  std::array<double, std::size_t{3} * kMaxRanges> rows_;
-  std::array<double, kMaxRanges> sigma_;
-  AnchorTable table_;
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, kMaxRanges, 3> rows_;
+  std::optional<double> height_;
+  Ranges sigma_;
   RangeLayout<N> layout_;
   double side_margin_;
   double strong_below_;

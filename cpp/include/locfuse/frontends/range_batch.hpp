@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstddef>
+#include <Eigen/Core>
+#include <optional>
 
 #include "locfuse/frontends/multilateration.hpp"
 
 namespace locfuse {
 
-/// What computes the positions of a batch.
+/// Solver of a batch.
 enum class RangeSolver {
   kMaximumLikelihood,     ///< SR-LS, then fit_ranges: the fast path
   kSquaredRange,          ///< SR-LS alone
@@ -15,22 +16,26 @@ enum class RangeSolver {
   kCeres,                 ///< SR-LS, then Ceres
 };
 
-/// Where the positions of many epochs go: arrays of the caller, one row per epoch. NaN in the rows
-/// of an epoch without a position, whose status says why.
+/// Views of the caller's arrays for positions, one row per epoch. An epoch without a position has
+/// NaN in its rows and a status that gives the reason.
+template <int N>
 struct PositionRows {
-  double* position = nullptr;    ///< N numbers per epoch [m]
-  double* covariance = nullptr;  ///< N x N numbers per epoch [m^2]
-  double* cost = nullptr;
-  PositionStatus* status = nullptr;
+  Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, N, Eigen::RowMajor>> position;        ///< [m]
+  Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, N * N, Eigen::RowMajor>> covariance;  ///< [m^2]
+  Eigen::Map<Eigen::VectorXd> cost;
+  Eigen::Map<Eigen::Matrix<PositionStatus, Eigen::Dynamic, 1>> status;
 };
 
-/// Positions of `epochs` rows of ranges, one per anchor [m], NaN where not heard. All epochs see
-/// the anchors of `solver`, or, if `anchors` is given, each its own table of the same shape.
+/// Positions of many epochs: `ranges` has one row per epoch and one column per anchor [m], NaN
+/// where none was received. All epochs use the anchors of `solver`, unless `anchors` gives each its
+/// own table of the same shape, one below the other.
 ///
 /// An epoch with a range that is zero, negative or infinite has the status kBadRange. Throws
-/// std::invalid_argument on anchors that are not finite, with the epoch.
+/// std::invalid_argument, with the epoch, on anchors that are not finite, and on views of other
+/// shapes.
 template <int N>
-void locate_batch(const Multilateration<N>& solver, RangeSolver method, const double* anchors,
-                  const double* ranges, std::size_t epochs, const PositionRows& out);
+void locate_batch(const Multilateration<N>& solver, RangeSolver method,
+                  const std::optional<RowsView>& anchors, const RowsView& ranges,
+                  PositionRows<N> out);
 
 }  // namespace locfuse

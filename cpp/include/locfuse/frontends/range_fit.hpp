@@ -7,22 +7,21 @@
 
 namespace locfuse {
 
-/// What a whitened residual z = (r - h) / sigma costs: eq. (15) of docs/models/multilateration.md.
+/// Loss of a whitened residual z = (r - h) / sigma: eq. (15) of docs/models/multilateration.md.
 enum class RangeLossKind {
   kNone,      ///< z^2
   kHuber,     ///< grows linearly beyond the scale, either way
   kCauchy,    ///< grows logarithmically beyond the scale, either way
-  kOneSided,  ///< Cauchy for ranges that read long (no line of sight), z^2 for those that read
-              ///< short
+  kOneSided,  ///< Cauchy for ranges that are too long (no line of sight), z^2 for those too short
 };
 
 struct RangeLoss {
   RangeLossKind kind = RangeLossKind::kNone;
   double scale = 0.0;  ///< in sigmas; 0: 95 % efficient on Gaussian noise (1.345 or 2.385)
 
-  /// The scale, or the one that 0 stands for.
+  /// The scale, or the default that 0 stands for.
   [[nodiscard]] double effective_scale() const;
-  /// rho'(z^2): by how much the loss trusts a range less than z^2 would.
+  /// rho'(z^2): weight of a range relative to least squares.
   [[nodiscard]] double weight(double z) const;
   /// rho(z^2).
   [[nodiscard]] double cost(double z) const;
@@ -31,11 +30,11 @@ struct RangeLoss {
 /// Throws std::invalid_argument unless the scale is 0 or 1e-3 to 1e6.
 void validate(const RangeLoss& loss);
 
-/// What is known of the position before: independent Gaussians per axis.
+/// Prior of a position: independent Gaussians per axis.
 template <int N>
 struct PositionPrior {
   Vector<N> mean = Vector<N>::Zero();         ///< relative to the layout's centre [m]
-  Vector<N> information = Vector<N>::Zero();  ///< 1 / sigma^2 per axis; 0: nothing is known
+  Vector<N> information = Vector<N>::Zero();  ///< 1 / sigma^2 per axis; 0: no prior
 };
 
 /// A local minimum of the cost.
@@ -46,13 +45,13 @@ struct RangeFit {
   Matrix<N, N> information = Matrix<N, N>::Zero();  ///< J' W R^-1 J with the prior's [1/m^2]
   int iterations = 0;
   bool converged = false;
-  bool saddle = false;  ///< the cost falls away in some direction
+  bool saddle = false;  ///< the cost decreases in some direction
 };
 
 /// Maximum likelihood from `start` by damped Newton steps of fixed size, no heap; robust losses by
 /// a graduated scale. `start` and `prior` are relative to the layout's centre.
 template <int N>
-[[nodiscard]] RangeFit<N> fit_ranges(const RangeLayout<N>& layout, const double* ranges,
+[[nodiscard]] RangeFit<N> fit_ranges(const RangeLayout<N>& layout, const RangesView& ranges,
                                      const Vector<N>& start, const RangeLoss& loss = {},
                                      const PositionPrior<N>& prior = {});
 
@@ -64,16 +63,16 @@ struct CeresOptions {
   double parameter_tolerance = 1e-10;  ///< relative change of the position
 };
 
-/// The same by Ceres: one residual block per range with its loss, analytic Jacobians.
+/// Maximum likelihood by Ceres: one residual block per range with its loss, analytic Jacobians.
 /// `termination`, if given, receives the reason that Ceres states.
 template <int N>
-[[nodiscard]] RangeFit<N> fit_ranges_ceres(const RangeLayout<N>& layout, const double* ranges,
+[[nodiscard]] RangeFit<N> fit_ranges_ceres(const RangeLayout<N>& layout, const RangesView& ranges,
                                            const Vector<N>& start, const RangeLoss& loss = {},
                                            const PositionPrior<N>& prior = {},
                                            const CeresOptions& options = {},
                                            std::string* termination = nullptr);
 
-/// d x / d r of the fit, one column per range: eq. (17).
+/// Gain d x / d r of the fit, one column per range: eq. (17). False if a direction is open.
 template <int N>
 [[nodiscard]] bool range_fit_gain(const RangeLayout<N>& layout, const RangeFit<N>& fit,
                                   RangeGain<N>& gain);

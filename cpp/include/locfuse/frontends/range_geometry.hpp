@@ -16,16 +16,17 @@ struct Dilution {
   double vertical = 0.0;    ///< z; 0 in the plane
 };
 
-/// eq. (22) of docs/models/multilateration.md. `point` has as many coordinates as positions have.
+/// Dilution of precision, eq. (22) of docs/models/multilateration.md. `point` has as many
+/// coordinates as positions have.
 [[nodiscard]] Dilution dilution(const AnchorTable& anchors, const Eigen::VectorXd& point);
 
-/// Cramer-Rao bound (J' R^-1 J)^-1 of a position from ranges at each point, eq. (22): the least
-/// covariance of any unbiased estimator [m^2]. Infinite on the diagonal where the ranges leave a
-/// direction open. `points` has one row per point.
+/// Cramer-Rao bound (J' R^-1 J)^-1 of a position from ranges at each point, eq. (22): lower bound
+/// of the covariance of unbiased estimators [m^2]. Infinite on the diagonal where the ranges leave
+/// a direction open. `points` has one row per point.
 ///
-/// Throws std::invalid_argument on what `validate` refuses or points that do not fit.
+/// Throws std::invalid_argument on what `validate` refuses or points of other dimensions.
 [[nodiscard]] std::vector<Eigen::MatrixXd> cramer_rao(const AnchorTable& anchors,
-                                                      const double* sigma,
+                                                      const RangesView& sigma,
                                                       const Eigen::MatrixXd& points);
 
 }  // namespace locfuse

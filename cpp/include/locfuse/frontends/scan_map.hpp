@@ -8,29 +8,29 @@
 
 namespace locfuse {
 
-/// A map made ready for laser scans. Immutable; share it by std::shared_ptr<const ScanMap>.
+/// Map prepared for laser scans. Immutable; share it by std::shared_ptr<const ScanMap>.
 ///
-/// Two distance fields: of the occupied cells, which the paper's search asks, and of the surface
-/// cells, those occupied cells that touch a free one, which a beam can hit; and a wall line through
-/// each surface cell and its neighbours. docs/models/scan_matching.md eq. (3).
+/// Two distance fields: of the occupied cells, for the heading search, and of the surface cells,
+/// those occupied cells that touch a free one, which a beam can hit; and a wall line through each
+/// surface cell and its neighbours. docs/models/scan_matching.md eq. (3).
 class ScanMap {
  public:
   /// Line n (p - point) = 0 in the field frame [cells]. The normal is zero where the cells around
-  /// show no line: at a thin pole, and at a corner, which has no run either.
+  /// are not on a line: at a thin pole, and at a corner, which also has no run.
   struct WallLine {
     Vector<2> point = Vector<2>::Zero();
     Vector<2> normal = Vector<2>::Zero();
-    /// Length of wall that was rounded to cells alike, and so is off alike [cells]: the cells that
-    /// the line is fitted to, or the straight run of cells it is in.
+    /// Length of wall that shares one rounding error [cells]: the cells that the line is fitted to,
+    /// or the straight run of cells it is in.
     double run = 0.0;
   };
 
-  /// The same in half the memory, for loops over beams.
+  /// WallLine in half the memory, for loops over beams.
   struct CompactLine {
     float x, y, nx, ny, run;
   };
 
-  /// How far off a wall, and off the map, an end point may be and still be of use [m].
+  /// Maximum distance of a used end point from a wall, and from the map [m].
   static constexpr double kMargin = 1.0;
 
   /// Throws std::invalid_argument if there is no map or it has no occupied cell.
@@ -48,7 +48,7 @@ class ScanMap {
   [[nodiscard]] const std::vector<CompactLine>& compact_lines() const { return compact_lines_; }
 
   /// Distance [m] from a point in world to the centre of the nearest occupied cell, by PCL's
-  /// kd-tree, whose points are single precision: exact to a micrometre on maps of 100 m.
+  /// kd-tree in single precision: exact to a micrometre on maps of 100 m.
   [[nodiscard]] double nearest_by_kdtree(const Vector<2>& p_world) const;
 
  private:

@@ -10,30 +10,30 @@ namespace locfuse {
 
 struct ScanOdometryConfig {
   LocalMapConfig map;
-  int window_scans = 10;        ///< key scans that make the local map; 1 is scan to scan
-  double window_m = 5.0;        ///< how far from the newest of them the others may be
-  double key_distance_m = 0.3;  ///< from the newest key scan, after which a scan becomes the next
-  double key_turn_rad = 0.3;    ///< likewise
-  /// That odometry is known to at best, whatever it says of itself: it is not told in the very
-  /// moment of the scan, and a robot that seems to stand may be on its way.
+  int window_scans = 10;        ///< key scans of the local map; 1 is scan to scan
+  double window_m = 5.0;        ///< maximum distance of the others from the newest
+  double key_distance_m = 0.3;  ///< from the newest key scan, from which on a scan becomes the next
+  double key_turn_rad = 0.3;    ///< the same as a turn
+  /// Minimum uncertainty of odometry, added to the reported one: odometry and scan are not taken at
+  /// the same moment.
   double least_sigma_m = 0.01;
-  double least_sigma_rad = 0.01;  ///< likewise
+  double least_sigma_rad = 0.01;
 };
 
-/// What a scan says of the motion.
+/// Motion from one scan.
 struct ScanMotion {
-  Increment increment;  ///< since the scan before; of no duration for the first one
-  Pose2 pose;           ///< T_start_body: increments from the first scan on
+  Increment increment;  ///< since the previous scan; of no duration for the first one
+  Pose2 pose;           ///< T_start_body: sum of the increments
 
-  /// Against the local map, in the body frame of the newest key scan, T_key_body. Of the first scan
-  /// there is none: kTooFewMatches.
+  /// Match against the local map, in the body frame of the newest key scan: T_key_body. The first
+  /// scan has none: kTooFewMatches.
   ScanMatch match;
-  Stamp key = 0;            ///< when that key scan was taken
-  Matrix<3, 3> covariance;  ///< of T_key_body; without a match what odometry alone says
+  Stamp key = 0;            ///< stamp of that key scan
+  Matrix<3, 3> covariance;  ///< of T_key_body; without a match from odometry alone
 };
 
-/// Motion of a body from its laser, without a map: each scan is fitted to the key scans driven
-/// through last, next to what odometry says. docs/models/scan_matching.md, "Without a map".
+/// Motion of a body from its laser, without a map: each scan is matched with the latest key scans,
+/// near the pose that odometry predicts. docs/models/scan_matching.md, "Without a map".
 ///
 /// A value: copying it is a snapshot.
 class ScanOdometry {
@@ -43,12 +43,12 @@ class ScanOdometry {
 
   [[nodiscard]] const ScanOdometryConfig& config() const { return config_; }
 
-  /// Next scan, with the motion since the one before as odometry tells it, and the covariance of
-  /// that (3x3, of (x, y, heading) in the body frame where it begins; zero if it did not move).
+  /// Processes the next scan, with the motion since the previous one by odometry and its covariance
+  /// (3x3, of (x, y, heading) in the body frame where the motion begins; zero if it did not move).
   ///
-  /// Where the scan does not fit, the motion is odometry's. Throws std::invalid_argument, and
+  /// Where the scan does not match, the motion is odometry's. Throws std::invalid_argument, and
   /// changes nothing, if scan, motion or covariance are not valid or the stamp is not later than
-  /// the one before.
+  /// the previous one.
   ScanMotion on(const LaserScan& scan, const Pose2& motion, const Matrix<3, 3>& covariance);
 
  private:
@@ -57,11 +57,11 @@ class ScanOdometry {
 
   ScanOdometryConfig config_;
   std::deque<PlacedScan> window_;  // T_start_body, the newest key scan last
-  LocalMap map_;                   // in the body frame of that
-  std::optional<Stamp> stamp_;     // of the scan before
+  LocalMap map_;                   // in the body frame of the newest key scan
+  std::optional<Stamp> stamp_;     // of the previous scan
   Stamp key_stamp_ = 0;
   Pose2 key_;                                   // T_start_key
-  Pose2 in_key_;                                // T_key_body of the scan before
+  Pose2 in_key_;                                // T_key_body of the previous scan
   Matrix<3, 3> driven_ = Matrix<3, 3>::Zero();  // covariance of odometry since the key scan
 };
 

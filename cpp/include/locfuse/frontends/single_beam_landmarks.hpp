@@ -6,30 +6,29 @@
 #include "locfuse/maps/landmark_map.hpp"
 #include "locfuse/messages/messages.hpp"
 
-/// Landmarks from one beam each, as two papers find them: to compare `CylinderDetector` with.
-/// docs/models/cylinders.md, "Single beams".
+/// Landmarks from one beam each, by the methods of two papers, for comparison with
+/// `CylinderDetector`; docs/models/cylinders.md, "Single beams".
 namespace locfuse {
 
-/// What the beam that stands for a landmark says; -1, -1 and 0 where no beam does.
+/// Beam that represents a landmark; -1, -1 and 0 if there is none.
 struct BeamLandmark {
   int beam = -1;
   double range = -1.0;   ///< [m]
   double bearing = 0.0;  ///< in the laser's frame [rad]
 };
 
-/// wells, equations 8 to 11: of the beams `first` to `last` the one with the least range, and the
-/// radius added to that: the centre, from the laser. `first` above `last` goes across the end of
-/// the scan.
+/// Shortest of the beams `first` to `last`, with the radius added to its range: the centre, from
+/// the laser (wells, equations 8 to 11). `first` above `last` goes across the end of the scan.
 ///
 /// Throws std::invalid_argument if the scan is not valid, a beam is not in it, or `radius` is not
 /// a finite number >= 0.
 [[nodiscard]] BeamLandmark closest_beam(const LaserScan& scan, int first, int last, double radius);
 
-/// gadau2022 Fig. 3: for each landmark in order of id, of the beams within its largest angle around
-/// where it is predicted, with a range that its surface can have there, the one with the least. The
-/// range is that to the surface, as the beam says it.
+/// For each landmark in order of id the shortest of the beams within its angle around its predicted
+/// bearing and with a range that its surface can have (gadau2022 Fig. 3). The range is that to the
+/// surface, as measured.
 ///
-/// `predicted` is T_world_body. A landmark that surrounds the laser is not seen. Throws
+/// `predicted` is T_world_body. A landmark that surrounds the laser has no beam. Throws
 /// std::invalid_argument if scan or pose are not valid.
 [[nodiscard]] std::vector<BeamLandmark> recognize_landmarks(const LaserScan& scan,
                                                             const Pose2& predicted,

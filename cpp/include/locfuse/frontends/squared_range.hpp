@@ -13,7 +13,7 @@ enum class SquaredRangeWeights {
   kVariance,  ///< SR-WLS: 1 / variance of the squared range, eq. (11)
 };
 
-/// Every global minimiser of squared-range least squares.
+/// Global minimizers of squared-range least squares.
 template <int N>
 struct SquaredRangePosition {
   int count = 0;  ///< 2 in the hard case (mirror images); 0 if a whole curve or surface fits
@@ -27,17 +27,17 @@ struct SquaredRangePosition {
 /// `ranges` holds one positive number [m] per anchor of the layout. N is 2 or 3.
 template <int N>
 [[nodiscard]] SquaredRangePosition<N> solve_squared_ranges(
-    const RangeLayout<N>& layout, const double* ranges,
+    const RangeLayout<N>& layout, const RangesView& ranges,
     SquaredRangeWeights weights = SquaredRangeWeights::kEqual);
 
-/// How the SR-LS position moves with each range: columns of d x / d r, eq. (12). False if the
+/// Gain of the SR-LS position: columns of d x / d r, eq. (12). False if the
 /// anchors do not fix a direction at `x`.
 template <int N>
 [[nodiscard]] bool squared_range_gain(const RangeLayout<N>& layout, const Vector<N>& x,
-                                      const double* ranges, SquaredRangeWeights weights,
+                                      const RangesView& ranges, SquaredRangeWeights weights,
                                       RangeGain<N>& gain);
 
-/// gain R gain': first-order covariance, eq. (13).
+/// First-order covariance gain R gain', eq. (13).
 template <int N>
 [[nodiscard]] Matrix<N, N> covariance_of(const RangeLayout<N>& layout, const RangeGain<N>& gain);
 

@@ -8,7 +8,7 @@
 
 namespace locfuse {
 
-/// Pose in the plane, or the transform it stands for: T_world_body maps body to world.
+/// Pose in the plane, or the transform that it represents: T_world_body maps body to world.
 /// Also used for motions: dx, dy, dheading in the previous body frame.
 struct Pose2 {
   double x = 0.0;        ///< [m]
@@ -47,8 +47,8 @@ struct Pose2 {
   return {to.x - from.x, to.y - from.y, angle_difference(to.heading, from.heading)};
 }
 
-/// Covariance of (x, y, heading) of `pose * motion` where P is that of `pose` and Q that of
-/// `motion` in the frame of `pose`: F P F' + G Q G'.
+/// Covariance of (x, y, heading) of `pose * motion`: F P F' + G Q G', with P of `pose` and Q of
+/// `motion` in the frame of `pose`.
 [[nodiscard]] inline Matrix<3, 3> covariance_after(const Pose2& pose, const Matrix<3, 3>& P,
                                                    const Pose2& motion, const Matrix<3, 3>& Q) {
   const double c = std::cos(pose.heading);
@@ -84,7 +84,7 @@ struct ArcTerms {
           wrap_angle(turn)};
 }
 
-/// The twist (forward, left, turn) whose arc is `motion`: SE(2) logarithm, by the short way round.
+/// Twist (forward, left, turn) whose arc is `motion`: SE(2) logarithm, with the shortest turn.
 [[nodiscard]] inline Vector<3> arc_twist(const Pose2& motion) {
   const double turn = wrap_angle(motion.heading);
   const internal::ArcTerms t = internal::arc_terms(turn);

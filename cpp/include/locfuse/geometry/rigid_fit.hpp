@@ -16,30 +16,40 @@
 
 namespace locfuse {
 
-/// How a rigid fit went.
+/// Outcome of a rigid fit.
 enum class RigidFitStatus : std::uint8_t {
   kFitted,
-  kMirrored,      ///< a reflection fits the points better; `pose` is the rotation that fits best
-  kNoDirection,   ///< the points in world prefer no heading: they coincide, or are a reflection
-  kNotConverged,  ///< no weighted optimum found, or none with a covariance
+  kMirrored,      ///< a reflection fits better; `pose` is the rotation that fits best
+  kNoDirection,   ///< the points in world determine no heading: they coincide, or are a reflection
+  kNotConverged,  ///< no weighted optimum, or none with a covariance
 };
 
-/// The pose of a rigid body whose points were measured in world.
+/// Pose of a rigid body from points measured in world.
 struct RigidFit {
   RigidFitStatus status = RigidFitStatus::kNoDirection;
   Pose2 pose{std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN(),
              std::numeric_limits<double>::quiet_NaN()};   ///< T_world_body
   Matrix<3, 3> covariance = Matrix<3, 3>::Zero();         ///< of (x, y, heading)
-  double nis = std::numeric_limits<double>::quiet_NaN();  ///< how badly they fit: r' C^-1 r
+  double nis = std::numeric_limits<double>::quiet_NaN();  ///< squared misfit r' C^-1 r
   int dof = 0;                                            ///< of nis: 2 n - 3
 };
 
 namespace internal {
 
+/// Constants of `rigid_fit`.
+struct RigidFitTuning {
+  /// Extent of the points below which they coincide [m], and the same as a share of their moments.
+  static constexpr double kMinExtent = 1e-9;
+  static constexpr double kMinShare = 1e-9;
+  /// Squared step below which the fit has converged, beside 1 plus the squared extent.
+  static constexpr double kConverged = 1e-18;
+  static constexpr int kMaxSteps = 50;
+};
+
 /// Rows of n points in the plane.
 constexpr int twice(int n) { return n == Eigen::Dynamic ? int(Eigen::Dynamic) : 2 * n; }
 
-/// What points say of a heading: eq. (2) of docs/models/rigid_fit.md, and (3) of a reflection.
+/// Moments that determine a heading: eq. (2) of docs/models/rigid_fit.md, and (3) of a reflection.
 struct Turn {
   Vector<2> rotation = Vector<2>::Zero();  // length times (cos, sin) of the heading
   Vector<2> reflection = Vector<2>::Zero();
@@ -77,7 +87,7 @@ void check_points(const Matrix<2, N>& body, const Matrix<2, N>& world) {
 
 }  // namespace internal
 
-/// The pose that takes points known in body to where they were measured in world, by least squares
+/// Pose that maps points known in body to their measured positions in world, by least squares
 /// weighted with the covariance of (x0, y0, x1, y1, ...) in world [m^2]; docs/models/rigid_fit.md.
 /// Starts from the closed form without weights, then Gauss-Newton. A reflection is never returned
 /// as a rotation.
@@ -88,15 +98,13 @@ template <int N>
 [[nodiscard]] RigidFit rigid_fit(const Matrix<2, N>& body, const Matrix<2, N>& world,
                                  const Matrix<internal::twice(N), internal::twice(N)>& covariance) {
   constexpr int kRows = internal::twice(N);
-  constexpr double kNowhere = 1e-9;  // [m], and as a share of what a heading could explain
-  constexpr double kConverged = 1e-18;
-  constexpr int kMostSteps = 50;
+  using Tuning = internal::RigidFitTuning;
   internal::check_points(body, world);
   const Eigen::Index n = body.cols();
   const Vector<2> body_centre = body.rowwise().mean();
   const Vector<2> world_centre = world.rowwise().mean();
   const internal::Turn turn = internal::turn_of(body, world, body_centre, world_centre);
-  if (!(turn.in_body > kNowhere * kNowhere)) {
+  if (!(turn.in_body > Tuning::kMinExtent * Tuning::kMinExtent)) {
     throw std::invalid_argument("the points of a rigid fit all lie in one place of the body (" +
                                 std::to_string(body_centre.x()) + ", " +
                                 std::to_string(body_centre.y()) + ") m, which leaves no heading");
@@ -115,7 +123,7 @@ template <int N>
   RigidFit fit;
   fit.dof = static_cast<int>(2 * n - 3);
   const double length = turn.rotation.norm();
-  if (!(length > kNowhere * std::sqrt(turn.in_body * turn.in_world))) {
+  if (!(length > Tuning::kMinShare * std::sqrt(turn.in_body * turn.in_world))) {
     return fit;
   }
   const double heading = std::atan2(turn.rotation.y(), turn.rotation.x());
@@ -125,7 +133,7 @@ template <int N>
   Matrix<kRows, 3> J(2 * n, 3);
   Vector<kRows> r(2 * n);
   Matrix<3, 3> information;
-  for (int step = 0; step < kMostSteps; ++step) {  // eq. (4) to (6)
+  for (int step = 0; step < Tuning::kMaxSteps; ++step) {  // eq. (4) to (6)
     for (Eigen::Index i = 0; i < n; ++i) {
       const Vector<2> expected = fit.pose.act(body.col(i));
       const Vector<2> arm = expected - fit.pose.position();
@@ -140,8 +148,8 @@ template <int N>
     if (!delta.allFinite()) {
       break;
     }
-    if (delta.squaredNorm() < kConverged * (1.0 + turn.in_world)) {
-      const bool is_mirrored = turn.reflection.norm() > (1.0 + kNowhere) * length;
+    if (delta.squaredNorm() < Tuning::kConverged * (1.0 + turn.in_world)) {
+      const bool is_mirrored = turn.reflection.norm() > (1.0 + Tuning::kMinShare) * length;
       fit.status = is_mirrored ? RigidFitStatus::kMirrored : RigidFitStatus::kFitted;
       fit.pose = retract(fit.pose, delta);
       break;
@@ -152,15 +160,14 @@ template <int N>
   const Matrix<3, 3> inverse = of_pose.solve(Matrix<3, 3>::Identity());
   const Matrix<3, 3> of_fit = 0.5 * (inverse + inverse.transpose());
   if (of_pose.info() != Eigen::Success || !is_covariance(of_fit)) {
-    fit.status =
-        RigidFitStatus::kNotConverged;  // weights or places further apart than digits reach
+    fit.status = RigidFitStatus::kNotConverged;  // beyond double precision
     return fit;
   }
   fit.covariance = of_fit;
   return fit;
 }
 
-/// The same where each point has a covariance of its own [m^2] and they share nothing.
+/// Rigid fit of points with independent covariances [m^2].
 [[nodiscard]] inline RigidFit rigid_fit(const Matrix<2, Eigen::Dynamic>& body,
                                         const Matrix<2, Eigen::Dynamic>& world,
                                         const std::vector<Matrix<2, 2>>& covariances) {

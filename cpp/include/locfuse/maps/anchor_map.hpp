@@ -8,15 +8,15 @@
 
 namespace locfuse {
 
-/// A fixed radio, and what is known of the ranges to it: z = scale * distance + offset.
+/// Fixed radio; ranges to it are z = scale * distance + offset.
 struct Anchor {
   Id id = 0;
   Vector<3> position = Vector<3>::Zero();  ///< in world [m]
-  double offset = 0.0;                     ///< constant part of its range error [m]
-  double scale = 1.0;                      ///< proportional part
+  double offset = 0.0;                     ///< constant range error [m]
+  double scale = 1.0;                      ///< proportional range error
 };
 
-/// The anchors, by id. Immutable; share it by std::shared_ptr<const AnchorMap>.
+/// Anchors by id. Immutable; share it by std::shared_ptr<const AnchorMap>.
 class AnchorMap {
  public:
   AnchorMap() = default;

@@ -11,33 +11,32 @@ namespace locfuse {
 
 /// Distance of each cell of a map to the nearest target cell, exact, by two passes of linear time.
 ///
-/// The targets are the occupied cells, or others that are given. The field reaches `margin` beyond
-/// the map on each side, so that an end point behind the last wall is seen as far from it.
-/// Distances are between centres of cells; docs/models/scan_matching.md eq. (1) and (2).
+/// Targets are the occupied cells, or given ones. The field extends by `margin` beyond the map on
+/// each side, for end points behind the outermost walls. Distances are between centres of cells;
+/// docs/models/scan_matching.md eq. (1) and (2).
 ///
-/// Beside the grid it takes 4 bytes a cell and 4 a target, and what is asked for besides.
+/// Memory beside the grid: 4 bytes per cell and 4 per target, plus `Extra`.
 class DistanceField {
  public:
-  /// What a field holds beside its distances.
+  /// Optional contents beside the distances.
   enum class Extra {
     kNone,
-    kNearestTargets,  ///< nearest_targets(): 4 bytes a cell more
-    kSurroundings,    ///< distances far beyond the field: 2.25 bytes a cell more
+    kNearestTargets,  ///< nearest_targets(): 4 bytes per cell
+    kSurroundings,    ///< distances far beyond the field: 2.25 bytes per cell
   };
 
-  /// A target, counted row by row, and how far away its centre is [m].
+  /// A target, numbered row by row, and the distance to its centre [m].
   struct Neighbour {
     int target = 0;
     double distance = 0.0;
   };
 
-  /// Throws std::invalid_argument if there is no map or no cell of it is occupied, if `margin` [m]
-  /// is not in [0, 1e4], or if a side of the field comes out longer than 2^24 cells or the field
-  /// larger than 2^30.
+  /// Throws std::invalid_argument without a map or on one without occupied cells, if `margin` [m]
+  /// is not in [0, 1e4], or if the field exceeds 2^24 cells per side or 2^30 cells.
   explicit DistanceField(const std::shared_ptr<const OccupancyGrid>& grid, double margin = 1.0,
                          Extra extra = Extra::kNone);
 
-  /// The targets are the cells where `is_target` (row by row) is not 0.
+  /// Field of the target cells where `is_target` (row by row) is not 0.
   DistanceField(const std::shared_ptr<const OccupancyGrid>& grid,
                 const std::vector<std::uint8_t>& is_target, double margin,
                 Extra extra = Extra::kNone);
@@ -53,15 +52,15 @@ class DistanceField {
     return {cell - row * width_ + 0.5, row + 0.5};
   }
 
-  /// Distance [m] to the nearest target, from the centre of the cell that holds the point: within
-  /// half a cell's diagonal. Beyond the field the distance is exact. Throws std::invalid_argument
-  /// unless the point is less than 1e9 cells from the map.
+  /// Distance [m] to the nearest target from the centre of the cell of the point: accurate to half
+  /// a cell's diagonal, exact beyond the field. Throws std::invalid_argument unless the point is
+  /// less than 1e9 cells from the map.
   [[nodiscard]] double distance(const Vector<2>& p_world) const;
 
-  /// The target nearest to the point, exact. Throws as distance() does.
+  /// Target nearest to the point, exact. Throws as distance() does.
   [[nodiscard]] Neighbour nearest(const Vector<2>& p_world) const;
 
-  /// The same in the field frame, in cells.
+  /// Target nearest to a point in the field frame, in cells.
   [[nodiscard]] Neighbour nearest_in_field(double x, double y) const;
 
   /// Point in the field frame, in cells.
@@ -73,13 +72,13 @@ class DistanceField {
   [[nodiscard]] int width() const { return width_; }
   [[nodiscard]] int height() const { return height_; }
   [[nodiscard]] int margin_cells() const { return margin_cells_; }
-  /// [cells]; kSurroundings come after the field, as wide and as high as it is on each side: row by
-  /// row, one value for kFarCells x kFarCells cells, right within three cells.
+  /// Distances [cells]. With kSurroundings those of an area of three times the size follow, row by
+  /// row, one value per kFarCells x kFarCells cells, accurate to three cells.
   [[nodiscard]] const std::vector<float>& distances() const { return distances_; }
   static constexpr int kFarCells = 4;
   [[nodiscard]] int far_width() const { return 3 * width_ / kFarCells + 1; }
   [[nodiscard]] int far_height() const { return 3 * height_ / kFarCells + 1; }
-  /// The target nearest to each cell; empty unless asked for.
+  /// Target nearest to each cell; empty without kNearestTargets.
   [[nodiscard]] const std::vector<std::int32_t>& nearest_targets() const { return nearest_; }
 
  private:

@@ -8,15 +8,15 @@
 
 namespace locfuse {
 
-/// Something fixed that a sensor recognizes: a pole, a trunk, a column.
+/// Fixed object that a sensor detects: a pole, a trunk, a column.
 struct Landmark {
   Id id = 0;
   Vector<2> position = Vector<2>::Zero();  ///< of its centre, in world [m]
   double radius = 0.0;                     ///< [m]
-  double height = 0.0;                     ///< [m], of what a body that flies sees
+  double height = 0.0;                     ///< of the point that a flying body observes [m]
 };
 
-/// The landmarks, by id. Immutable; share it by std::shared_ptr<const LandmarkMap>.
+/// Landmarks by id. Immutable; share it by std::shared_ptr<const LandmarkMap>.
 class LandmarkMap {
  public:
   LandmarkMap() = default;

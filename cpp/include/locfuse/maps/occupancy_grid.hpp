@@ -9,10 +9,10 @@
 
 namespace locfuse {
 
-/// What a map says of a cell; the numbers are those of ROS.
+/// State of a cell; the numbers are those of ROS.
 enum class Cell : std::int8_t { kUnknown = -1, kFree = 0, kOccupied = 100 };
 
-/// Square cells that are free, occupied or unknown. Immutable; share it by
+/// Grid of free, occupied and unknown square cells. Immutable; share it by
 /// std::shared_ptr<const OccupancyGrid>.
 ///
 /// The grid frame has its origin in the outer corner of cell (column 0, row 0), x along the
@@ -21,7 +21,7 @@ class OccupancyGrid {
  public:
   /// `cells` row by row, row 0 at the lowest y; `resolution` [m] per cell; `origin` is
   /// T_world_grid, in metres. Throws std::invalid_argument on an empty grid, on sizes that do not
-  /// fit, unless `resolution` is 1e-6 to 1e6, and unless the numbers of `origin` are within 1e9.
+  /// match, unless `resolution` is 1e-6 to 1e6, and unless the numbers of `origin` are within 1e9.
   OccupancyGrid(int width, int height, double resolution, const Pose2& origin,
                 std::vector<Cell> cells);
 

@@ -9,18 +9,18 @@
 
 namespace locfuse {
 
-/// How far beams go on a map until they enter an occupied cell.
+/// Ranges of beams on a map: distance to the first occupied cell.
 ///
-/// Exact: the first such cell on a beam's way, and the distance from the beam's start to where it
-/// enters the cell; each crossing is computed from the start, so that no error adds up. A beam that
-/// starts in an occupied cell has gone 0. Free cells and the outside of the map let beams pass, so
-/// one may start outside; unknown cells pass or stop them. Of the cells beside a corner that a beam
-/// goes through, rounding decides which one it touches; it does not slip between two that stop it.
+/// Exact: the distance from the start to where the beam enters the first occupied cell. Each
+/// crossing is computed from the start, so errors do not accumulate. The range from an occupied
+/// cell is 0. Beams pass free cells and the outside of the map, so they may start outside; unknown
+/// cells pass or stop them. Rounding decides which cell a beam through a corner touches, but it
+/// does not pass between two cells that stop it.
 ///
-/// Takes a byte a cell beside the grid.
+/// Takes one byte per cell beside the grid.
 class RayCaster {
  public:
-  /// Throws std::invalid_argument if there is no map.
+  /// Throws std::invalid_argument without a map.
   explicit RayCaster(const std::shared_ptr<const OccupancyGrid>& grid, bool unknown_stops = false);
 
   [[nodiscard]] const OccupancyGrid& grid() const { return *grid_; }
@@ -48,8 +48,8 @@ class RayCaster {
                                     double reach) const;
 
   std::shared_ptr<const OccupancyGrid> grid_;
-  /// Rings of cells around each that stop no beam, itself included, 255 at most; 0 if it stops
-  /// them.
+  /// Number of rings around each cell, itself included, that stop no beam: at most 255; 0 if it
+  /// stops them itself.
   std::vector<std::uint8_t> clear_;
 };
 

@@ -7,18 +7,18 @@
 
 namespace locfuse {
 
-/// A radio on the robot.
+/// Radio on the robot.
 struct Tag {
   Id id = 0;
   Vector<3> position = Vector<3>::Zero();  ///< in body: forward, left, up [m]
 };
 
-/// Where the radios of a robot are on its body.
+/// Radios of a robot and their positions on its body.
 class Tags {
  public:
   Tags() = default;
 
-  /// Throws std::invalid_argument if an id is there twice or a position is not finite.
+  /// Throws std::invalid_argument if an id is given twice or a position is not finite.
   explicit Tags(std::vector<Tag> tags);
 
   /// The tag of that id, or null.

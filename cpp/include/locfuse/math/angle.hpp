@@ -7,7 +7,7 @@ namespace locfuse {
 
 inline constexpr double kPi = 3.14159265358979323846;
 
-/// The same direction in [-pi, pi) [rad]. NaN and infinity give NaN.
+/// Angle wrapped to [-pi, pi) [rad]. NaN and infinity give NaN.
 [[nodiscard]] inline double wrap_angle(double angle) {
   if (angle >= -kPi && angle < kPi) {
     return angle;
@@ -16,7 +16,7 @@ inline constexpr double kPi = 3.14159265358979323846;
   return wrapped >= kPi ? -kPi : wrapped;
 }
 
-/// The turn that leads from `from` to `to` the short way, in [-pi, pi) [rad].
+/// Shortest turn from `from` to `to`, in [-pi, pi) [rad].
 [[nodiscard]] inline double angle_difference(double to, double from) {
   return wrap_angle(to - from);
 }

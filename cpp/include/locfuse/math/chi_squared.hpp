@@ -3,7 +3,7 @@
 
 namespace locfuse {
 
-/// Value that a chi-squared variable with `dof` degrees of freedom stays below with `probability`.
+/// Quantile of the chi-square distribution with `dof` degrees of freedom.
 /// Infinity at probability 1. Throws std::invalid_argument unless dof is at least 1 and
 /// `probability` in [0, 1].
 [[nodiscard]] double chi_squared_quantile(int dof, double probability);

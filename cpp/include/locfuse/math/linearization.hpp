@@ -10,10 +10,10 @@
 
 namespace locfuse {
 
-/// What a measurement says about the variables its physics depends on. Models make it; filters,
-/// gates, association, particle weights and smoothers read it; nothing else joins them.
+/// Linearized measurement of the variables that its physics depends on: the only interface between
+/// models, which make it, and filters, gates, association, particle weights and smoothers.
 ///
-/// M rows of measurement, N local variables; MaxM bounds a run-time M so that it needs no heap.
+/// M rows of measurement, N local variables; MaxM bounds a run-time M, which then needs no heap.
 template <int M, int N, int MaxM = M>
 struct Linearization {
   static constexpr int kVariables = N;
@@ -25,7 +25,7 @@ struct Linearization {
   Eigen::Matrix<double, M, M, Eigen::ColMajor, MaxM, MaxM> noise;   ///< R, positive definite
 };
 
-/// What a motion model says about one step of `Local`.
+/// One step of a motion model of `Local`.
 template <class Local, int N>
 struct Propagation {
   Local moved;            ///< f(x, u)
@@ -43,8 +43,8 @@ template <class Residual, class S>
   return factor.matrixL().solve(residual).squaredNorm();
 }
 
-/// Log likelihood of the measurement if the local variables are exactly where it was linearized: a
-/// particle's weight. Throws NumericalError unless R is positive definite.
+/// Log likelihood of the measurement at the point of linearization: a particle's weight. Throws
+/// NumericalError unless R is positive definite.
 template <int M, int N, int MaxM>
 [[nodiscard]] double log_likelihood(const Linearization<M, N, MaxM>& lin) {
   const auto factor = lin.noise.llt();

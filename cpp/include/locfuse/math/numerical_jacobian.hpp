@@ -5,7 +5,7 @@
 
 namespace locfuse {
 
-/// Jacobian of `f` at zero by central differences, for tests of one's own models.
+/// Jacobian of `f` at zero by central differences, to test own models.
 ///
 /// `f` takes an error-state vector (N) and returns a difference of outputs (M), angle rows wrapped:
 /// for a measurement `[&](delta) { return residual(x) - residual(retract(x, delta)); }`.

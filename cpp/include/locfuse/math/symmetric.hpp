@@ -7,9 +7,9 @@
 
 namespace locfuse {
 
-/// Whether a covariance is told once of two rows: both entries are the same but for 1e-9 of the two
-/// standard deviations, so that a large variance hides nothing of the others, and no square is
-/// infinite. False where a number that counts is none.
+/// Whether two entries of a covariance are symmetric: equal to 1e-9 of the two standard deviations,
+/// so that a large variance does not mask errors of the others, and no square overflows. False on
+/// NaN.
 template <class Derived>
 [[nodiscard]] bool is_symmetric(const Eigen::MatrixBase<Derived>& P, Eigen::Index i,
                                 Eigen::Index j) {
@@ -17,7 +17,7 @@ template <class Derived>
   return std::abs(P(i, j) - P(j, i)) <= 1e-9 * scale;
 }
 
-/// The same of all rows.
+/// Whether all entries are symmetric.
 template <class Derived>
 [[nodiscard]] bool is_symmetric(const Eigen::MatrixBase<Derived>& P) {
   for (Eigen::Index j = 0; j < P.cols(); ++j) {

@@ -11,12 +11,12 @@
 
 namespace locfuse {
 
-/// Every message there is: the one register of sensors in C++. Code that must know all of them
-/// visits it, so the compiler lists what a new one still lacks.
+/// Variant of all messages: the register of sensors in C++. Code that handles all of them visits
+/// it, so that the compiler reports where a new one is missing.
 using Message =
     std::variant<Velocity, Increment, Range, PositionFix, PoseObservation, RangeBearing>;
 
-/// When a message takes effect: its stamp, but the beginning of the motion for an Increment.
+/// Stamp at which a message takes effect: its own, or for an Increment the beginning of the motion.
 [[nodiscard]] inline Stamp effective_stamp(const Increment& message) { return message.begin; }
 template <class M>
 [[nodiscard]] Stamp effective_stamp(const M& message) {
@@ -26,13 +26,13 @@ template <class M>
   return std::visit([](const auto& m) { return effective_stamp(m); }, message);
 }
 
-/// When a message was taken, which is when it can be known at the earliest.
+/// Stamp of the measurement, the earliest at which it can be known.
 [[nodiscard]] inline Stamp stamp_of(const Message& message) {
   return std::visit([](const auto& m) { return m.stamp; }, message);
 }
 
-/// What a message comes from.
-/// Scans are no Message, as they find a start or weigh particles, but a source like the others.
+/// Kind of source of a message. Scans are a source, but not a Message: they initialize or weight
+/// particles.
 enum class Source : std::uint8_t { kOdometry, kRanges, kPositions, kPoses, kSightings, kScans };
 constexpr std::size_t kSources = 6;
 
@@ -43,7 +43,7 @@ constexpr std::size_t kSources = 6;
   return kOf[message.index()];
 }
 
-/// A message of a source whose stamps are late by `delay` [ns], at the stamp at which it was taken.
+/// Message of a source whose stamps are late by `delay` [ns], with corrected stamps.
 template <class M>
 [[nodiscard]] M earlier(M message, Stamp delay) {
   message.stamp -= delay;

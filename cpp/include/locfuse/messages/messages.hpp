@@ -11,11 +11,11 @@
 #include "locfuse/math/types.hpp"
 #include "locfuse/time.hpp"
 
-/// What sensors say: plain structs. `validate` throws std::invalid_argument with the value that is
-/// wrong; estimators call it on whatever they are given.
+/// Messages of sensors: plain structs. `validate` throws std::invalid_argument with the invalid
+/// value; estimators call it on every message.
 namespace locfuse {
 
-/// Name of an anchor, a tag or a landmark: the number that the hardware or the map gives it.
+/// Id of an anchor, a tag or a landmark: its number in the hardware or the map.
 using Id = std::int32_t;
 
 /// Wheel odometry as body velocities, held from `stamp` until the next message.
@@ -25,17 +25,17 @@ struct Velocity {
   double turn_rate = 0.0;  ///< [rad/s], counter-clockwise
 };
 
-/// Wheel odometry as the motion driven from `begin` to `stamp`.
+/// Wheel odometry as the motion from `begin` to `stamp`.
 ///
-/// It takes effect at `begin`: a measurement taken in between sees its share of the arc.
+/// It takes effect at `begin`: for a measurement in between its share of the arc counts.
 struct Increment {
   Stamp begin = 0;
   Stamp stamp = 0;
   Pose2 motion;  ///< T_body(begin)_body(stamp): dx, dy [m], dheading [rad]
 
-  /// ekim2020 eq. (6): drive `trans` [m] along the old heading, then turn by `rot` [rad].
-  [[nodiscard]] static Increment from_trans_rot(Stamp begin, Stamp stamp, double trans,
-                                                double rot) {
+  /// Motion of `trans` [m] along the old heading, then a turn by `rot` [rad]: ekim2020 eq. (6).
+  [[nodiscard]] static Increment from_drive_then_turn(Stamp begin, Stamp stamp, double trans,
+                                                      double rot) {
     return {begin, stamp, {trans, 0.0, rot}};
   }
 };
@@ -46,47 +46,47 @@ struct Range {
   Id tag = 0;
   Id anchor = 0;
   double range = 0.0;           ///< [m]
-  std::optional<double> sigma;  ///< [m]; without it the model's own sigma is used
+  std::optional<double> sigma;  ///< [m]; else that of the model
 };
 
-/// Position of an antenna or a tag on the body in the world, from GPS, an RTLS, multilateration.
+/// Position in world of an antenna or a tag on the body, from GPS, an RTLS or multilateration.
 struct PositionFix {
   Stamp stamp = 0;
   Vector<2> position = Vector<2>::Zero();          ///< [m]
-  Matrix<2, 2> covariance = Matrix<2, 2>::Zero();  ///< [m^2], as a driver tells it
-  std::optional<Id> tag = {};                      ///< without it, of the antenna
+  Matrix<2, 2> covariance = Matrix<2, 2>::Zero();  ///< [m^2], as reported by the driver
+  std::optional<Id> tag = {};                      ///< if empty, of the antenna
 };
 
 /// T_world_body from another localizer, such as AMCL or a scan matcher.
 struct PoseObservation {
   Stamp stamp = 0;
   Pose2 pose;
-  Matrix<3, 3> covariance = Matrix<3, 3>::Zero();  ///< of (x, y, heading), as a driver tells it
+  Matrix<3, 3> covariance =
+      Matrix<3, 3>::Zero();  ///< of (x, y, heading), as reported by the driver
 };
 
-/// Height of an altimeter on the body over z = 0 of the world. With a PositionFix of the same stamp
-/// it is a fix in space.
+/// Height of an altimeter on the body above z = 0 of the world. With a PositionFix of the same
+/// stamp it is a fix in 3D.
 struct Altitude {
   Stamp stamp = 0;
   double height = 0.0;  ///< [m]
   double sigma = 0.1;   ///< [m]
 };
 
-/// A landmark seen from a sensor on the body: how far away its centre is, in which direction, or
-/// both; of a body that flies also how high above the sensor's plane. A range is measured along the
-/// line of sight.
+/// Observation of a landmark by a sensor on the body: range, bearing or both of its centre; from a
+/// flying body also the elevation. The range is along the line of sight.
 struct RangeBearing {
   Stamp stamp = 0;
-  std::optional<Id> landmark;                  ///< without it, whichever fits
+  std::optional<Id> landmark;                  ///< if empty, by association
   std::optional<double> range;                 ///< [m]
   std::optional<double> bearing;               ///< from the sensor's x, counter-clockwise [rad]
-  std::optional<Matrix<2, 2>> covariance;      ///< of (range, bearing); else the model's own
+  std::optional<Matrix<2, 2>> covariance;      ///< of (range, bearing); else that of the model
   std::optional<double> elevation = {};        ///< of the line of sight, up [rad]
-  std::optional<double> sigma_elevation = {};  ///< [rad]; else the model's own
+  std::optional<double> sigma_elevation = {};  ///< [rad]; else that of the model
 };
 
-/// How a 2D laser sits on the body and sees: beam i leaves at angle_min + i * angle_increment.
-/// Every number is at most 1e6.
+/// Mount and beams of a 2D laser: beam i has the angle angle_min + i * angle_increment. The
+/// magnitude of every number is at most 1e6.
 struct LaserGeometry {
   Pose2 pose_in_body;            ///< T_body_laser
   double angle_min = 0.0;        ///< of the first beam, counter-clockwise from the laser's x [rad]
@@ -94,35 +94,34 @@ struct LaserGeometry {
   double range_min = 0.0;        ///< [m]
   double range_max = 0.0;        ///< [m]
 
-  /// Whether something was seen at this range; false for NaN.
+  /// Whether a range is a return; false for NaN.
   [[nodiscard]] bool is_return(double range) const {
     return range >= range_min && range < range_max;
   }
 };
 
-/// One turn of a 2D laser, as if measured in one moment.
+/// One turn of a 2D laser, as if measured at one moment.
 ///
-/// NaN is a beam without return. So is a range outside [range_min, range_max): many lasers report
-/// range_max where nothing came back.
+/// NaN, and every range outside [range_min, range_max), is a beam without return: many lasers
+/// report range_max for it.
 struct LaserScan {
   Stamp stamp = 0;
   std::shared_ptr<const LaserGeometry> geometry;
-  std::vector<double> ranges;  ///< [m]
-  std::vector<double> intensities =
-      {};  ///< of what came back, in the laser's own unit; may be empty
+  std::vector<double> ranges;            ///< [m]
+  std::vector<double> intensities = {};  ///< of the returns, in the unit of the laser; may be empty
 };
 
 void validate(const Velocity& message);
 void validate(const Increment& message);
 void validate(const Range& message);
-/// A covariance is symmetric positive definite, or says in the way of drivers what is not known:
-/// messages/told_covariance.hpp.
+/// The covariance must be symmetric positive definite, or mark unknown axes by a convention of
+/// drivers: messages/reported_covariance.hpp.
 void validate(const PositionFix& message);
 void validate(const PoseObservation& message);
 void validate(const Altitude& message);
-/// Of a sighting in the plane: one with an elevation is refused, its range is none of the plane.
+/// Observation in the plane: an elevation is refused, as its range is not in the plane.
 void validate(const RangeBearing& message);
-/// Of a sighting from a body that flies.
+/// Observation from a flying body.
 void validate_in_space(const RangeBearing& message);
 void validate(const LaserGeometry& geometry);
 void validate(const LaserScan& message);

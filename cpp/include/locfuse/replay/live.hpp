@@ -10,69 +10,70 @@
 
 namespace locfuse {
 
-/// A RecoveringEkf on a robot: messages as they arrive, from the first one on.
+/// A RecoveringEkf fed live, with messages as they arrive.
 ///
-/// It searches with a StartSearch until one place is left; from there a Timeline fuses, late
-/// messages where they belong. With the messages of a log in its order of arrival the estimates are
-/// those of `find_start` and `replay`, bit for bit, if none came later than `patience` while it
-/// searched.
+/// A StartSearch runs until a single hypothesis remains; from then on a Timeline fuses messages,
+/// late ones where they belong. Fed with a log in order of arrival, the estimates equal those of
+/// `find_start` and `replay`, bit for bit, if no message was later than `patience` during the
+/// search.
 class Live {
  public:
   struct Options {
-    Stamp history = 2'000'000'000;  ///< how late a message may be once it tracks [ns]
+    Stamp history = 2'000'000'000;  ///< how late a message may be while tracking [ns]
     TimelineOptions timeline = {};
-    Stamp patience = StartSearch::kPatience;  ///< likewise while it searches [ns]
+    Stamp patience = StartSearch::kPatience;  ///< how late it may be during the search [ns]
   };
 
-  /// Searches, or tracks if `estimator` has started. Throws std::invalid_argument on options out of
-  /// range.
+  /// Searches, or tracks if `estimator` has started. Throws std::invalid_argument on options out
+  /// of range.
   explicit Live(RecoveringEkf estimator) : Live(std::move(estimator), Options{}) {}
   Live(RecoveringEkf estimator, const Options& options);
 
-  /// What became of it: kIgnored while it searches and from a source that is off, kStale if it is
-  /// too late. Throws std::invalid_argument for a message that is not valid, which is forgotten.
+  /// Returns kIgnored during the search and for a source that is off, kStale for a message that is
+  /// too late. Throws std::invalid_argument for a message that is not valid, and forgets it.
   Outcome on(const Message& message);
-  /// Of use while it searches.
+  /// Used during the search only.
   void on(const LaserScan& scan);
 
-  /// Tracks from `start` on, whatever was known before. Throws std::invalid_argument as PoseEkf.
+  /// Tracks from `start` on and forgets what was known before. Throws std::invalid_argument as
+  /// PoseEkf does.
   void start_at(const PoseEstimate& start);
   /// Forgets the pose and searches anew.
   void relocalize();
-  /// As it was made.
+  /// Back to the state after construction.
   void reset();
-  /// Switches a source off, or on again: while it is off its messages are kIgnored.
+  /// Switches a source off or on: while it is off its messages are kIgnored.
   void enable(Source source, bool enabled);
 
   [[nodiscard]] bool is_tracking() const { return timeline_.has_value(); }
-  /// While it searches: one that has not started.
+  /// During the search one that has not started.
   [[nodiscard]] const RecoveringEkf& estimator() const {
     return timeline_ ? timeline_->estimator() : initial_;
   }
-  /// While it searches: how far that has come.
+  /// State of the search.
   [[nodiscard]] const Initializer::State& search() const { return search_.state(); }
-  /// How often the clock went back and it started anew or went on.
+  /// Clock jumps after which it restarted or continued.
   [[nodiscard]] std::size_t jumps() const { return jumps_; }
-  /// As of Timeline.
-  [[nodiscard]] std::size_t fallen_out() const;
+  /// See Timeline::dropped_messages.
+  [[nodiscard]] std::size_t dropped_messages() const;
 
  private:
   Outcome track(const Message& message);
   void follow_clock();
-  void look();
+  void check_search();
   void track_from(RecoveringEkf estimator);
 
   RecoveringEkf initial_;
   Options options_;
   StartSearch search_;
   std::optional<Timeline<RecoveringEkf>> timeline_;
-  bool found_ = false;  // by the search: a clock that jumps begins another
+  bool is_from_search_ = false;  // a clock jump then begins another search
   std::array<bool, kSources> disabled_{};
-  std::size_t told_ = 0;  // to the timeline
-  std::size_t late_in_a_row_ = 0;
+  std::size_t delivered_ = 0;  // messages to the timeline
+  std::size_t consecutive_late_ = 0;
   std::size_t jumps_ = 0;
-  std::size_t jumps_seen_ = 0;  // of the timeline
-  std::size_t fallen_out_ = 0;  // of timelines before
+  std::size_t timeline_jumps_ = 0;    // counted in jumps_
+  std::size_t dropped_messages_ = 0;  // of earlier timelines
 };
 
 }  // namespace locfuse

@@ -10,34 +10,34 @@
 
 namespace locfuse {
 
-/// How a localization on a map went.
+/// Results of a localization on a map.
 struct LocalizeRun {
-  struct Step {             // after a scan
-    PoseEstimate estimate;  ///< of the likeliest hypothesis
+  struct Step {             ///< after a scan
+    PoseEstimate estimate;  ///< likeliest hypothesis
     double probability;     ///< of that hypothesis
-    double explained;       ///< share of the scan's returns that end at a wall
+    double explained;       ///< share of the scan's returns that a wall explains
     int particles;
     bool ready;
-    double sigma;  ///< of all particles, in their worst direction [m]
+    double sigma;  ///< of all particles, largest half axis of their ellipse [m]
     HealthReport health;
   };
   std::vector<Outcome> outcomes;       ///< per message, in order of arrival
   std::vector<Outcome> scan_outcomes;  ///< per scan
-  std::vector<Step> steps;             ///< of distinct and increasing stamps; none of stale scans
+  std::vector<Step> steps;             ///< at increasing stamps; none for stale scans
 };
 
-/// Hears how many messages and scans are done, and what is recorded so far: of that only the last
-/// step can still change, where the next scan falls on its stamp.
+/// Receives the number of messages and scans done and the results so far, of which only the last
+/// step may still change, if the next scan has the same stamp.
 using LocalizeProgress = std::function<void(std::size_t, const LocalizeRun&)>;
 
-/// Feeds a log and scans to an Mcl in order of the stamps at which they take effect; at equal
-/// stamps messages come before scans, and both as they arrived. So a late message is used where it
-/// belongs, however late. `progress` is called after each scan and may look at the Mcl; the outcome
-/// of what is not done yet is a default one.
+/// Feeds a log and scans to an Mcl in order of effective stamps; at equal stamps messages come
+/// before scans, each in order of arrival. So late messages are fused where they belong, however
+/// late. `progress` is called after each scan and may read the Mcl; outcomes still to come are
+/// default ones.
 [[nodiscard]] LocalizeRun localize(Mcl& mcl, const MessageLog& log,
                                    const std::vector<LaserScan>& scans,
                                    const LocalizeProgress& progress = {});
-/// Likewise; the estimator's `injections` tell when UWB took over.
+/// The same; the estimator's `injections` show when UWB took over.
 [[nodiscard]] LocalizeRun localize(SwitchingMcl& mcl, const MessageLog& log,
                                    const std::vector<LaserScan>& scans,
                                    const LocalizeProgress& progress = {});

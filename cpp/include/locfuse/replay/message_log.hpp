@@ -13,7 +13,7 @@ namespace locfuse {
 class MessageLog {
  public:
   struct Arrival {
-    Stamp arrival;  ///< when the estimator hears of it [ns]
+    Stamp arrival;  ///< when the estimator receives it [ns]
     Message message;
   };
 
@@ -22,8 +22,8 @@ class MessageLog {
   /// Adds a message that arrives at `arrival` [ns]. Throws std::invalid_argument if not valid.
   void add(const Message& message, Stamp arrival);
 
-  /// Adds make(0) to make(rows - 1), each an Arrival: all of them, or none if one is not valid
-  /// (std::invalid_argument, which names the row).
+  /// Adds make(0) to make(rows - 1), each an Arrival. If one is not valid, adds none and throws
+  /// std::invalid_argument with its row.
   template <class Make>
   void add_rows(std::size_t rows, const Make& make) {
     const std::size_t before = arrivals_.size();
@@ -39,7 +39,7 @@ class MessageLog {
     }
   }
 
-  /// Sorts by arrival; messages of one instant stay in the order in which they were added.
+  /// Sorts by arrival; messages of equal arrival stay in the order in which they were added.
   void sort();
 
   [[nodiscard]] const std::vector<Arrival>& arrivals() const { return arrivals_; }

@@ -4,6 +4,7 @@
 #include <functional>
 #include <limits>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
 #include "locfuse/estimators/pose_ekf.hpp"
@@ -13,22 +14,22 @@
 
 namespace locfuse {
 
-/// What a replay leaves behind, or has recorded so far.
+/// Results of a replay, complete or so far.
 struct RunLog {
   std::vector<Outcome> outcomes;        ///< per message in order of arrival, after the last rewind
   std::vector<PoseEstimate> estimates;  ///< per distinct stamp, as known when time moved on
-  PoseEstimate last;                    ///< at the end of the log, or of what is done
-  std::vector<CalibratedError> errors;  ///< learnt by then
-  AdaptiveNoise adaptive{{}};           ///< factors of variances by then
-  std::vector<HealthReport> health;     ///< of a RecoveringEkf, ten times a second
-  std::vector<SourceStatus> sources;    ///< likewise, at the end of the log
-  int alarms = 0;                       ///< likewise: how often it was lost
-  int restarts = 0;                     ///< likewise: how often it then found another place
-  std::size_t jumps = 0;       ///< of the clock; estimates and health are of after the last
-  std::size_t fallen_out = 0;  ///< as of Timeline
+  PoseEstimate last;                    ///< at the end
+  std::vector<CalibratedError> errors;  ///< calibrated errors at the end
+  AdaptiveNoise adaptive{{}};           ///< variance factors at the end
+  std::vector<HealthReport> health;     ///< of a RecoveringEkf, ten per second
+  std::vector<SourceStatus> sources;    ///< of a RecoveringEkf, at the end
+  int alarms = 0;                       ///< how often a RecoveringEkf was lost
+  int restarts = 0;                     ///< how often it then relocalized elsewhere
+  std::size_t jumps = 0;                ///< of the clock; estimates and health are from the last on
+  std::size_t dropped_messages = 0;     ///< see Timeline
 };
 
-/// A source is switched off or on before the messages that arrive from `arrival` on.
+/// Switches a source off or on before the messages that arrive from `arrival` [ns] on.
 struct SourceSwitch {
   Stamp arrival = 0;
   Source source = Source::kOdometry;
@@ -37,12 +38,11 @@ struct SourceSwitch {
 
 struct ReplayOptions {
   Stamp history = 2'000'000'000;  ///< how late a message may be [ns]
-  bool record = true;             ///< keep outcomes and estimates, or only `last`
-  /// Called now and then with the number of messages done and what is recorded so far: outcomes of
-  /// those messages, which late ones may still change, and estimates, which nothing changes but a
-  /// jump of the clock.
+  bool record = true;             ///< keep outcomes, estimates and health, or only the end
+  /// Called every 16384 messages with the number of messages done and the results so far. Late
+  /// messages may still change outcomes; only a clock jump changes estimates.
   std::function<void(std::size_t, const RunLog&)> progress;
-  /// Messages that take effect up to this stamp were used for the start.
+  /// Messages that take effect up to this stamp were used for the start and stay kIgnored [ns].
   Stamp used_until = std::numeric_limits<Stamp>::min();
   TimelineOptions timeline = {};
   std::vector<SourceSwitch> switches = {};  ///< sorted by arrival
@@ -73,80 +73,114 @@ inline void keep_sources(RunLog& run, const RecoveringEkf& ekf) {
   run.restarts = ekf.restarts();
 }
 
+/// Records what a Timeline does with a log.
+template <class Estimator>
+class RunRecorder {
+ public:
+  RunRecorder(const Timeline<Estimator>& timeline, bool record, std::size_t messages)
+      : timeline_(timeline), record_(record) {
+    if (record) {
+      run_.outcomes.reserve(messages);
+      run_.estimates.reserve(messages + 1);
+      positions_.reserve(messages);
+    }
+  }
+
+  /// The next message of the log: kIgnored until an outcome is set.
+  void add_message() {
+    if (record_) {
+      run_.outcomes.emplace_back();
+    }
+  }
+  /// The timeline receives it next: the estimate so far is final if time moves on.
+  void before(const Message& message) {
+    if (record_) {
+      positions_.push_back(run_.outcomes.size() - 1);
+      if (effective_stamp(message) > tracker().belief().stamp) {
+        keep(tracker().current());
+        keep_health(run_, timeline_.estimator());
+      }
+    }
+  }
+  /// The outcome of a message, by its place among those that the timeline received.
+  void set_outcome(std::size_t index, const Outcome& outcome) {
+    if (record_) {
+      run_.outcomes[positions_[index]] = outcome;
+    }
+  }
+  /// After a clock jump what was recorded before has stamps of another time.
+  void after() {
+    if (timeline_.jumps() > run_.jumps) {
+      run_.jumps = timeline_.jumps();
+      run_.estimates.clear();
+      run_.health.clear();
+    }
+  }
+  /// The results so far.
+  const RunLog& update() {
+    run_.last = tracker().estimate();
+    run_.errors = tracker().errors();
+    run_.adaptive = tracker().adaptive();
+    run_.dropped_messages = timeline_.dropped_messages();
+    keep_sources(run_, timeline_.estimator());
+    return run_;
+  }
+  [[nodiscard]] RunLog finish() {
+    update();
+    if (record_) {
+      keep(tracker().current());
+      keep(run_.last);
+    }
+    return std::move(run_);
+  }
+
+ private:
+  [[nodiscard]] const PoseEkf& tracker() const { return tracker_of(timeline_.estimator()); }
+  void keep(const PoseEstimate& estimate) {
+    if (run_.estimates.empty() || estimate.stamp > run_.estimates.back().stamp) {
+      run_.estimates.push_back(estimate);
+    }
+  }
+
+  const Timeline<Estimator>& timeline_;
+  bool record_;
+  RunLog run_;
+  std::vector<std::size_t> positions_;  // in the log, of the messages that the timeline received
+};
+
 }  // namespace internal
 
-/// Feeds a sorted log to an estimator through a Timeline. The same input gives the same bits.
-/// Messages that were used for the start keep the verdict kIgnored.
+/// Feeds a log, sorted by arrival, to an estimator through a Timeline. The same input gives the
+/// same bits.
 template <class Estimator>
 [[nodiscard]] RunLog replay(const Estimator& start, const MessageLog& log,
                             const ReplayOptions& options) {
   constexpr std::size_t kProgressEvery = 1U << 14U;
-  RunLog run;
-  Timeline<Estimator> timeline(start, options.history, options.timeline);
-  auto switched = options.switches.begin();
   const std::vector<MessageLog::Arrival>& arrivals = log.arrivals();
-  if (options.record) {
-    run.outcomes.reserve(arrivals.size());
-    run.estimates.reserve(arrivals.size() + 1);
-  }
-  const auto tracker = [&]() -> const PoseEkf& {
-    return internal::tracker_of(timeline.estimator());
-  };
-  const auto keep = [&](const PoseEstimate& estimate) {
-    if (run.estimates.empty() || estimate.stamp > run.estimates.back().stamp) {
-      run.estimates.push_back(estimate);
-    }
-  };
-  const auto take_stock = [&] {
-    run.last = tracker().estimate();
-    run.errors = tracker().errors();
-    run.adaptive = tracker().adaptive();
-    run.fallen_out = timeline.fallen_out();
-    internal::keep_sources(run, timeline.estimator());
-  };
-  std::vector<std::size_t> delivered;  // its messages, as places among all
-  delivered.reserve(options.record ? arrivals.size() : 0);
+  Timeline<Estimator> timeline(start, options.history, options.timeline);
+  internal::RunRecorder<Estimator> recorder(timeline, options.record, arrivals.size());
   const auto sink = [&](std::size_t index, const Outcome& outcome) {
-    if (options.record) {
-      run.outcomes[delivered[index]] = outcome;
-    }
+    recorder.set_outcome(index, outcome);
   };
+  auto next_switch = options.switches.begin();
   for (std::size_t i = 0; i < arrivals.size(); ++i) {
     const Message& message = arrivals[i].message;
-    if (options.record) {
-      run.outcomes.emplace_back();
-    }
+    recorder.add_message();
     if (effective_stamp(message) <= options.used_until) {
       continue;
     }
-    if (options.record) {
-      delivered.push_back(i);
-      if (effective_stamp(message) > tracker().belief().stamp) {
-        keep(tracker().current());
-        internal::keep_health(run, timeline.estimator());
-      }
-    }
-    for (; switched != options.switches.end() && switched->arrival <= arrivals[i].arrival;
-         ++switched) {
-      timeline.enable(switched->source, switched->enabled);
+    recorder.before(message);
+    for (; next_switch != options.switches.end() && next_switch->arrival <= arrivals[i].arrival;
+         ++next_switch) {
+      timeline.enable(next_switch->source, next_switch->enabled);
     }
     timeline.on(message, sink);
-    if (timeline.jumps() > run.jumps) {
-      run.jumps = timeline.jumps();
-      run.estimates.clear();
-      run.health.clear();
-    }
+    recorder.after();
     if (options.progress && (i + 1) % kProgressEvery == 0) {
-      take_stock();
-      options.progress(i + 1, run);
+      options.progress(i + 1, recorder.update());
     }
   }
-  take_stock();
-  if (options.record) {
-    keep(tracker().current());
-    keep(run.last);
-  }
-  return run;
+  return recorder.finish();
 }
 
 }  // namespace locfuse

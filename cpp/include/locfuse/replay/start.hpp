@@ -12,46 +12,45 @@ namespace locfuse {
 
 /// Feeds an Initializer in order of effective stamps, whatever order messages and scans arrive in.
 ///
-/// What arrives waits until something has come that is `patience` younger: so an increment, which
-/// tells of a motion that has ended, is driven before the ranges that were taken on the way. At
-/// equal stamps odometry comes first and scans last, and the Initializer is asked when all of a
-/// stamp has been heard: what is of one instant belongs together. A message that the Initializer
-/// cannot use is left out. Of a clock that stands kMostWaiting messages are used, and what comes
-/// then is late until it goes on.
+/// Messages wait until one arrives that is `patience` newer: so an increment, which takes effect
+/// at its begin but arrives at its end, precedes the ranges measured during it. At equal stamps
+/// odometry comes first and scans last, and the Initializer's state is read once all messages of a
+/// stamp are in. A message that the Initializer refuses is skipped. If the clock stands still,
+/// kMaxWaiting messages of that stamp are used; later ones are late until it goes on.
 class StartSearch {
  public:
-  /// `patience` [ns]; 0 for what comes in order. Throws std::invalid_argument if it is negative.
+  /// `patience` [ns]; 0 for messages in order. Throws std::invalid_argument if it is negative.
   explicit StartSearch(Initializer initializer, Stamp patience = kPatience);
 
-  /// Throw std::invalid_argument for a message that is not valid. What comes after its turn is left
-  /// out, and what comes when it is ready only waits.
+  /// Throw std::invalid_argument for a message that is not valid. Late messages are skipped; once
+  /// it is ready, messages only wait.
   void on(const Message& message);
   void on(const LaserScan& scan);
-  /// Nothing more comes: what waits is used.
+  /// Uses all messages that wait: the log has ended.
   void finish();
 
-  /// Whether a message would be left out since it comes after its turn.
+  /// Whether a message would be skipped as late.
   [[nodiscard]] bool is_late(const Message& message) const;
   [[nodiscard]] bool is_ready() const { return state_.status == StartStatus::kReady; }
-  /// As it was when it was asked last, and after what stamp.
+  /// State of the Initializer when it was last read, and the stamp that was complete then [ns].
   [[nodiscard]] const Initializer::State& state() const { return state_; }
   [[nodiscard]] Stamp asked() const { return asked_; }
-  /// What takes effect up to this stamp has been used.
+  /// Messages that take effect up to this stamp have been used [ns].
   [[nodiscard]] Stamp used_until() const { return used_until_; }
   [[nodiscard]] const Initializer& initializer() const { return initializer_; }
   /// Messages that have not been used, in order of arrival.
   [[nodiscard]] std::vector<Message> waiting() const;
 
   static constexpr Stamp kPatience = 250'000'000;
-  static constexpr std::size_t kMostWaiting = 10'000;
+  static constexpr std::size_t kMaxWaiting = 10'000;
 
  private:
   struct Entry {
     Stamp stamp;
     std::size_t arrival;
-    std::variant<Message, LaserScan> heard;
-    [[nodiscard]] bool is_scan() const { return heard.index() == 1; }
-    [[nodiscard]] int turn() const;  // among those of one stamp
+    std::variant<Message, LaserScan> message;
+    [[nodiscard]] bool is_scan() const { return message.index() == 1; }
+    [[nodiscard]] int rank() const;  // among those of one stamp
     bool operator<(const Entry& other) const;
   };
 
@@ -69,17 +68,17 @@ class StartSearch {
   std::vector<Entry> waiting_;  // sorted
 };
 
-/// How a start went.
+/// Results of a search for the start.
 struct StartRun {
   struct Step {
     Stamp stamp;
     Initializer::State state;
   };
-  Stamp used_until = 0;     ///< messages that take effect up to this stamp were used
-  std::vector<Step> steps;  ///< whenever status or number of hypotheses changed
+  Stamp used_until = 0;     ///< messages that take effect up to this stamp were used [ns]
+  std::vector<Step> steps;  ///< at each change of status or number of hypotheses
 };
 
-/// Feeds a log and scans, in order of their stamps, until the initializer is ready or both end.
+/// Feeds a log and scans, in order of stamps, until the initializer is ready or both end.
 [[nodiscard]] StartRun find_start(Initializer& initializer, const MessageLog& log,
                                   const std::vector<LaserScan>& scans);
 

@@ -14,7 +14,9 @@ namespace locfuse {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kLeast = 1e-12;  // density of what a mixture excludes
+constexpr double kMinDensity = 1e-12;  // of a range that the mixture excludes
+constexpr double kMaxSigmas = 38.0;    // beyond, the density of a normal variable underflows
+constexpr double kMinDistance = 1e-9;  // [m]
 
 void in_range(const char* name, double value, double low, double high) {
   if (!(value >= low && value <= high)) {
@@ -56,11 +58,11 @@ const BeamModel::Config& BeamModel::checked(const Config& config) {
 BeamModel::BeamModel(const Config& config, const std::shared_ptr<const OccupancyGrid>& grid)
     : config_(normalized(checked(config))), caster_(internal::given(grid, "BeamModel")) {}
 
-Beams BeamModel::beams_of(const LaserScan& scan, int most) const {
+Beams BeamModel::beams_of(const LaserScan& scan, int max_beams) const {
   validate(scan);
   const LaserGeometry& geometry = *scan.geometry;
   const std::size_t count =
-      std::min(scan.ranges.size(), static_cast<std::size_t>(std::max(most, 0)));
+      std::min(scan.ranges.size(), static_cast<std::size_t>(std::max(max_beams, 0)));
   const double longest = std::min(geometry.range_max, config_.max_range_m);
   Beams beams{geometry.pose_in_body, {}, {}};
   for (std::size_t k = 0; k < count; ++k) {
@@ -70,7 +72,7 @@ Beams BeamModel::beams_of(const LaserScan& scan, int most) const {
       continue;
     }
     beams.angle.push_back(geometry.angle_min + static_cast<double>(i) * geometry.angle_increment);
-    beams.range.push_back(range < longest ? range : kInfinity);  // so is NaN
+    beams.range.push_back(range < longest ? range : kInfinity);  // NaN also becomes infinite
   }
   return beams;
 }
@@ -78,19 +80,19 @@ Beams BeamModel::beams_of(const LaserScan& scan, int most) const {
 double BeamModel::log_density(double range, double expected) const {
   const Config& c = config_;
   if (!(range >= 0.0 && range < c.max_range_m)) {
-    return std::log(std::max(c.maximum + (expected < c.max_range_m ? 0.0 : c.hit), kLeast));
+    return std::log(std::max(c.maximum + (expected < c.max_range_m ? 0.0 : c.hit), kMinDensity));
   }
   const double off = (range - expected) / c.sigma_hit_m;
   double density = c.random / c.max_range_m;
-  if (std::abs(off) < 38.0) {  // beyond it underflows; infinite where the map says nothing
+  if (std::abs(off) < kMaxSigmas) {  // infinite without a wall
     density += c.hit * std::exp(-0.5 * off * off) / (c.sigma_hit_m * std::sqrt(2.0 * kPi));
   }
   if (range < expected) {
-    const double before = std::clamp(expected, 1e-9, c.max_range_m);
+    const double before = std::clamp(expected, kMinDistance, c.max_range_m);
     density += c.shorter * c.shorter_per_m * std::exp(-c.shorter_per_m * range) /
                -std::expm1(-c.shorter_per_m * before);
   }
-  return std::log(std::max(density, kLeast));
+  return std::log(std::max(density, kMinDensity));
 }
 
 double BeamModel::log_likelihood(const Pose2& T_world_body, const Beams& beams) const {

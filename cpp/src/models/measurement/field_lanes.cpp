@@ -15,7 +15,7 @@ static_assert(8 % kLanes == 0);
 #if defined(__AVX2__)
 using Sums = Indices;
 #else
-struct Sums {  // in registers of their own: putting bytes together into lanes takes longer
+struct Sums {  // in scalar registers: packing bytes into lanes takes longer
   std::int32_t of[kLanes];
 };
 #endif
@@ -26,13 +26,13 @@ inline void add_costs(const CostTable& table, const Indices& column, const Indic
                       Sums& sums) {
 #if defined(__AVX2__)
   const __m256i at = reinterpret_cast<__m256i>(Indices(row * table.width + column));
-  // Four bytes at once, of which the first counts; the table has three more behind its end.
+  // Gathers four bytes, of which the first is used; the table is padded by three.
   const __m256i four = _mm256_i32gather_epi32(reinterpret_cast<const int*>(table.cells), at, 1);
   sums += reinterpret_cast<Indices>(_mm256_and_si256(four, _mm256_set1_epi32(0xFF)));
 #else
   Indices cell{};
 #if defined(__SSE2__)
-  if constexpr (kNarrow) {  // SSE2 has no product of four, but a sum of products of two halves
+  if constexpr (kNarrow) {  // SSE2 has no 32-bit product, but sums products of 16-bit halves
     const __m128i both = reinterpret_cast<__m128i>(Indices(row | (column << 16)));
     cell = reinterpret_cast<Indices>(_mm_madd_epi16(both, _mm_set1_epi32(table.width | (1 << 16))));
   } else {

@@ -6,7 +6,7 @@
 /// Many poses at once; see math/lanes.hpp.
 namespace locfuse::internal {
 
-/// Costs of cells, row by row, with a rim that no end point of a pose on the map leaves.
+/// Costs of cells, row by row, with a rim that contains all end points of poses on the map.
 struct CostTable {
   const std::uint8_t* cells;
   int width, height;  ///< with the rim

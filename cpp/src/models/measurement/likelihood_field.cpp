@@ -14,6 +14,24 @@
 namespace locfuse {
 namespace {
 
+/// Constants of LikelihoodField; docs/models/likelihood_field.md.
+struct LikelihoodFieldTuning {
+  /// Maximum number of cells, of one byte each: a quarter of a gigabyte.
+  static constexpr double kMaxCells = 1 << 28;
+  /// Cost of the least likely end point: largest number of a byte.
+  static constexpr double kMaxCost = 255.0;
+  /// Cost per end point of a pose off the map, more than any on it.
+  static constexpr int kOffMapCost = 256;
+  /// Distance within which a wall explains an end point [sigmas].
+  static constexpr double kExplainedSigmas = 1.25;
+  /// Sigma of the widest field, at most, over the one asked for.
+  static constexpr double kMaxOverWidest = 1.5;
+  /// Bytes behind the table, as look-ups read four.
+  static constexpr std::size_t kPadding = 3;
+};
+
+using Tuning = LikelihoodFieldTuning;
+
 internal::SumCosts summer() {
 #ifdef LOCFUSE_LANES_AVX2
   if (internal::has_avx2()) {
@@ -73,7 +91,7 @@ std::vector<LikelihoodField> LikelihoodField::doubling(
   do {
     fields.push_back(LikelihoodField(config, grid, distances));
     config.sigma_hit_m *= 2.0;
-  } while (config.sigma_hit_m < 1.5 * widest_m);
+  } while (config.sigma_hit_m < Tuning::kMaxOverWidest * widest_m);
   return fields;
 }
 
@@ -87,9 +105,8 @@ LikelihoodField::LikelihoodField(const Config& config, std::shared_ptr<const Occ
   check_density("clutter_per_m", config.clutter_per_m);
   check_density("unknown_per_m", config.unknown_per_m);
   const double resolution = map.resolution();
-  constexpr double kMostCells = 1 << 28;  // a quarter of a gigabyte each
   const double rim = std::floor(config.max_range_m / resolution) + 2.0;
-  if (!((map.width() + 2.0 * rim) * (map.height() + 2.0 * rim) <= kMostCells)) {
+  if (!((map.width() + 2.0 * rim) * (map.height() + 2.0 * rim) <= Tuning::kMaxCells)) {
     throw std::invalid_argument("max_range_m is " + std::to_string(config.max_range_m) + " m, or " +
                                 std::to_string(rim) +
                                 " cells, expected a field of at most 2^28 cells");
@@ -105,16 +122,16 @@ LikelihoodField::LikelihoodField(const Config& config, std::shared_ptr<const Occ
     return hit * std::exp(-0.5 * cells * cells / (sigma * sigma)) + random;
   };
   best_ = std::log(density(0.0));
-  unit_ = (best_ - std::log(random)) / 255.0;
+  unit_ = (best_ - std::log(random)) / Tuning::kMaxCost;
   const auto cost_of = [&](double value) {
     return static_cast<std::uint8_t>(
-        std::lround(std::clamp((best_ - std::log(value)) / unit_, 0.0, 255.0)));
+        std::lround(std::clamp((best_ - std::log(value)) / unit_, 0.0, Tuning::kMaxCost)));
   };
-  hit_cost_ = cost_of(density(1.25 * sigma) + config.clutter_per_m);
+  hit_cost_ = cost_of(density(Tuning::kExplainedSigmas * sigma) + config.clutter_per_m);
   const std::uint8_t unknown = cost_of(config.unknown_per_m);
-  const std::size_t behind = 3;  // look-ups of four bytes
-  costs_.assign(static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_) + behind,
-                unknown);
+  costs_.assign(
+      static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_) + Tuning::kPadding,
+      unknown);
   for (int row = 0; row < map.height(); ++row) {
     const std::size_t from = static_cast<std::size_t>(row + distances.margin_cells()) *
                                  static_cast<std::size_t>(distances.width()) +
@@ -133,7 +150,7 @@ LikelihoodField::LikelihoodField(const Config& config, std::shared_ptr<const Occ
   }
 }
 
-EndPoints LikelihoodField::end_points(const LaserScan& scan, int most) const {
+EndPoints LikelihoodField::end_points(const LaserScan& scan, int max_points) const {
   validate(scan);
   const LaserGeometry& geometry = *scan.geometry;
   const double longest = std::min(geometry.range_max, config_.max_range_m);
@@ -143,18 +160,19 @@ EndPoints LikelihoodField::end_points(const LaserScan& scan, int most) const {
       returns.push_back(i);
     }
   }
-  const std::size_t count = std::min(returns.size(), static_cast<std::size_t>(std::max(most, 0)));
+  const std::size_t count =
+      std::min(returns.size(), static_cast<std::size_t>(std::max(max_points, 0)));
   EndPoints points;
   points.x.reserve(count);
   points.y.reserve(count);
-  // A laser mounted far off the body must not see beyond the rim.
-  const double farthest = (static_cast<double>(rim_) - 1.0) * grid_->resolution();
+  // End points of a laser mounted far off the body may exceed the rim.
+  const double max_distance = (static_cast<double>(rim_) - 1.0) * grid_->resolution();
   for (std::size_t k = 0; k < count; ++k) {
     const std::size_t i = returns[(2 * k + 1) * returns.size() / (2 * count)];
     const double angle = geometry.angle_min + static_cast<double>(i) * geometry.angle_increment;
     const Vector<2> p = geometry.pose_in_body.act(
         {scan.ranges[i] * std::cos(angle), scan.ranges[i] * std::sin(angle)});
-    if (p.norm() < farthest) {
+    if (p.norm() < max_distance) {
       points.x.push_back(static_cast<float>(p.x() / grid_->resolution()));
       points.y.push_back(static_cast<float>(p.y() / grid_->resolution()));
     }
@@ -164,7 +182,7 @@ EndPoints LikelihoodField::end_points(const LaserScan& scan, int most) const {
 
 std::uint8_t LikelihoodField::cost(double x, double y) const {
   if (!(x >= -rim_ && y >= -rim_ && x < width_ - rim_ && y < height_ - rim_)) {
-    return costs_.front();  // unknown, as all of the rim; perhaps beyond the integers
+    return costs_.front();  // unknown, as the rim; the point may exceed integers
   }
   const int column = static_cast<int>(std::floor(x)) + rim_;
   const int row = static_cast<int>(std::floor(y)) + rim_;
@@ -186,8 +204,8 @@ void LikelihoodField::costs(const EndPoints& points, const float* x, const float
                             const float* s, int begin, int end, std::int32_t* sums) const {
   const internal::CostTable table{costs_.data(), width_, height_, rim_};
   const auto count = static_cast<int>(points.x.size());
-  summer()(table, points.x.data(), points.y.data(), count, {x, y, c, s}, begin, end, 256 * count,
-           sums);
+  summer()(table, points.x.data(), points.y.data(), count, {x, y, c, s}, begin, end,
+           Tuning::kOffMapCost * count, sums);
 }
 
 }  // namespace locfuse

@@ -13,8 +13,8 @@ PositionModel::PositionModel(const Config& config, std::vector<Tag> tags)
   if (!antenna_in_body_.allFinite()) {
     throw std::invalid_argument("position.antenna_forward_m and antenna_left_m must be finite");
   }
-  check_told_sigma("position.sigma_m", config.sigma_m);
-  check_least_sigma("position.least_sigma_m", config.least_sigma_m);
+  check_unknown_sigma("position.sigma_m", config.sigma_m);
+  check_min_sigma("position.least_sigma_m", config.least_sigma_m);
 }
 
 }  // namespace locfuse

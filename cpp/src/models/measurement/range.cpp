@@ -69,7 +69,7 @@ std::optional<Linearization<1, 2>> RangeModel::linearize_point(const Vector<2>& 
   if (tag == nullptr) {
     return std::nullopt;
   }
-  // A body without a heading that has the tag in its origin.
+  // A body without rotation whose tag is at that position.
   const Pose2 at{tag_in_world.x() - tag->position.x(), tag_in_world.y() - tag->position.y(), 0.0};
   const std::optional<Linearization<1, 3>> lin = linearize(at, z);
   if (!lin) {

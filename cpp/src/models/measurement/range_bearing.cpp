@@ -18,7 +18,7 @@ double variance_of(const char* name, double sigma) {
   return sigma * sigma;
 }
 
-/// The rows of those parts that a sighting has.
+/// Rows of the parts that an observation has.
 template <int N>
 Linearization<Eigen::Dynamic, N, 2> measured(const Linearization<2, N>& both,
                                              const RangeBearing& z) {
@@ -34,10 +34,10 @@ Linearization<Eigen::Dynamic, N, 2> measured(const Linearization<2, N>& both,
 
 }  // namespace
 
-RangeBearingModel::RangeBearingModel(const Config& config, const Pose2& sensor_in_body,
+RangeBearingModel::RangeBearingModel(const Config& config, const Pose2& T_body_sensor,
                                      const InSpace& in_space)
     : relative_variance_(config.sigma_range_relative * config.sigma_range_relative),
-      sensor_in_body_(sensor_in_body),
+      T_body_sensor_(T_body_sensor),
       sensor_up_(in_space.sensor_up_m),
       elevation_variance_(variance_of("sigma_elevation_rad", in_space.sigma_elevation_rad)) {
   if (!(std::isfinite(relative_variance_) && config.sigma_range_relative >= 0.0)) {
@@ -48,67 +48,67 @@ RangeBearingModel::RangeBearingModel(const Config& config, const Pose2& sensor_i
   const double range = variance_of("sigma_range_m", config.sigma_range_m);
   const double bearing = variance_of("sigma_bearing_rad", config.sigma_bearing_rad);
   covariance_ << range, 0.0, 0.0, bearing;  // a throw amid it would leave it half filled
-  if (!std::isfinite(sensor_in_body.x + sensor_in_body.y + sensor_in_body.heading + sensor_up_)) {
+  if (!std::isfinite(T_body_sensor.x + T_body_sensor.y + T_body_sensor.heading + sensor_up_)) {
     throw std::invalid_argument("the sensor of landmarks has a pose in body that is not finite");
   }
 }
 
 Vector<2> RangeBearingModel::predict(const Pose2& T_world_body, const Vector<2>& landmark) const {
-  const Vector<2> d = inverse(T_world_body * sensor_in_body_).act(landmark);
+  const Vector<2> d = inverse(T_world_body * T_body_sensor_).act(landmark);
   return {d.norm(), std::atan2(d.y(), d.x())};
 }
 
 std::optional<Linearization<Eigen::Dynamic, 3, 2>> RangeBearingModel::linearize(
     const Pose2& T_world_body, const Vector<2>& landmark, const RangeBearing& z) const {
-  const std::optional<Sight> sight = look(T_world_body, landmark);
-  if (!sight || (!z.range && !z.bearing)) {
+  const std::optional<Observation> seen = look(T_world_body, landmark);
+  if (!seen || (!z.range && !z.bearing)) {
     return std::nullopt;
   }
-  return measured<3>({residual(*sight, z), sight->by_pose, noise(z)}, z);
+  return measured<3>({residual(*seen, z), seen->by_pose, noise(z)}, z);
 }
 
 std::optional<Linearization<Eigen::Dynamic, 5, 2>> RangeBearingModel::linearize_with_landmark(
     const Pose2& T_world_body, const Vector<2>& landmark, const RangeBearing& z) const {
-  const std::optional<Sight> sight = look(T_world_body, landmark);
-  if (!sight || (!z.range && !z.bearing)) {
+  const std::optional<Observation> seen = look(T_world_body, landmark);
+  if (!seen || (!z.range && !z.bearing)) {
     return std::nullopt;
   }
   Matrix<2, 5> jacobian;
-  jacobian << sight->by_pose, sight->by_landmark;
-  return measured<5>({residual(*sight, z), jacobian, noise(z)}, z);
+  jacobian << seen->by_pose, seen->by_landmark;
+  return measured<5>({residual(*seen, z), jacobian, noise(z)}, z);
 }
 
-std::optional<Linearization<Eigen::Dynamic, 3 + SightErrors::kCount, 2>>
+std::optional<Linearization<Eigen::Dynamic, 3 + LandmarkErrors::kCount, 2>>
 RangeBearingModel::linearize_with_errors(const Pose2& T_world_body, const Vector<2>& landmark,
-                                         const RangeBearing& z, const SightErrors& errors,
+                                         const RangeBearing& z, const LandmarkErrors& errors,
                                          const Pose2& rate) const {
   const Pose2 then = T_world_body * arc(-errors.delay * rate.x, -errors.delay * rate.y,
                                         -errors.delay * rate.heading);
-  const Pose2 mount{sensor_in_body_.x + errors.mount.x, sensor_in_body_.y + errors.mount.y,
-                    sensor_in_body_.heading + errors.mount.heading};
-  std::optional<Sight> sight = look(then, mount, landmark);
-  if (!sight || (!z.range && !z.bearing)) {
+  const Pose2 mount{T_body_sensor_.x + errors.mount.x, T_body_sensor_.y + errors.mount.y,
+                    T_body_sensor_.heading + errors.mount.heading};
+  std::optional<Observation> seen = look(then, mount, landmark);
+  if (!seen || (!z.range && !z.bearing)) {
     return std::nullopt;
   }
-  const double distance = sight->expected.x();
+  const double distance = seen->expected.x();
   const double slope = 1.0 + errors.range_scale;
-  sight->expected.x() = slope * distance + errors.range_offset;
-  sight->by_pose.row(0) *= slope;
+  seen->expected.x() = slope * distance + errors.range_offset;
+  seen->by_pose.row(0) *= slope;
 
   const Vector<2> back = then.position() - T_world_body.position();
   const Vector<2> velocity = Pose2{0.0, 0.0, then.heading}.act({rate.x, rate.y});
   Matrix<2, 2> axes;  // of the body, in world
   axes << std::cos(then.heading), -std::sin(then.heading), std::sin(then.heading),
       std::cos(then.heading);
-  Matrix<2, 3 + SightErrors::kCount> jacobian;
-  jacobian.leftCols<3>() = sight->by_pose;
-  jacobian.col(2) += sight->by_pose.leftCols<2>() * Vector<2>(-back.y(), back.x());
-  jacobian.middleCols<2>(3) = sight->by_pose.leftCols<2>() * axes;
+  Matrix<2, 3 + LandmarkErrors::kCount> jacobian;
+  jacobian.leftCols<3>() = seen->by_pose;
+  jacobian.col(2) += seen->by_pose.leftCols<2>() * Vector<2>(-back.y(), back.x());
+  jacobian.middleCols<2>(3) = seen->by_pose.leftCols<2>() * axes;
   jacobian.col(5) << 0.0, -1.0;
   jacobian.col(6) << 1.0, 0.0;
   jacobian.col(7) << distance, 0.0;
-  jacobian.col(8) = -sight->by_pose * Vector<3>(velocity.x(), velocity.y(), rate.heading);
-  return measured<3 + SightErrors::kCount>({residual(*sight, z), jacobian, noise(z)}, z);
+  jacobian.col(8) = -seen->by_pose * Vector<3>(velocity.x(), velocity.y(), rate.heading);
+  return measured<3 + LandmarkErrors::kCount>({residual(*seen, z), jacobian, noise(z)}, z);
 }
 
 Vector<3> RangeBearingModel::predict(const Pose2& T_world_body, double height,
@@ -121,7 +121,7 @@ Vector<3> RangeBearingModel::predict(const Pose2& T_world_body, double height,
 std::optional<Linearization<Eigen::Dynamic, 4, 3>> RangeBearingModel::linearize(
     const Pose2& T_world_body, double height, const Vector<3>& landmark,
     const RangeBearing& z) const {
-  const std::optional<Sight> planar = look(T_world_body, landmark.head<2>());
+  const std::optional<Observation> planar = look(T_world_body, landmark.head<2>());
   if (!planar) {
     return std::nullopt;
   }
@@ -159,14 +159,14 @@ std::optional<RangeBearingModel::Placed> RangeBearingModel::place(const Pose2& T
   if (!z.range || !z.bearing) {
     return std::nullopt;
   }
-  const Pose2 sensor = T_world_body * sensor_in_body_;
+  const Pose2 sensor = T_world_body * T_body_sensor_;
   const double c = std::cos(sensor.heading + *z.bearing);
   const double s = std::sin(sensor.heading + *z.bearing);
   Placed placed;
   placed.position = sensor.position() + *z.range * Vector<2>(c, s);
   const Vector<2> arm = placed.position - T_world_body.position();
   placed.by_pose << 1.0, 0.0, -arm.y(), 0.0, 1.0, arm.x();
-  placed.by_sighting << c, -*z.range * s, s, *z.range * c;
+  placed.by_observation << c, -*z.range * s, s, *z.range * c;
   return placed;
 }
 

@@ -10,11 +10,14 @@
 namespace locfuse {
 namespace {
 
-constexpr double kLeastShare = 1e-9;  // of the axle's speed, that the wheel must have
-// Within these every result is finite.
-constexpr double kLeastBase = 1e-3;  // [m]
-constexpr double kMostLength = 1e3;  // [m]
-constexpr double kMost = 1e6;        // of a speed [m/s] and of sigmas
+/// Bounds within which every result is finite.
+struct AckermannLimits {
+  /// Minimum speed of the wheel as a share of that of the axle.
+  static constexpr double kMinShare = 1e-9;
+  static constexpr double kMinBase = 1e-3;    // [m]
+  static constexpr double kMaxLength = 1e3;   // [m]
+  static constexpr double kMaxSetting = 1e6;  // of speeds [m/s] and sigmas
+};
 
 void check(const char* name, double value, bool good, const char* expected) {
   if (!(std::isfinite(value) && good)) {
@@ -24,16 +27,17 @@ void check(const char* name, double value, bool good, const char* expected) {
 }
 
 struct Turn {
-  double curvature = 0.0;  // of the way of the middle of the rear axle, to the left [1/m]
-  double share = 1.0;      // of its speed, that the wheel has
+  double curvature = 0.0;  // of the path of the middle of the rear axle, to the left [1/m]
+  double share = 1.0;      // of its speed: speed of the wheel
 };
 
 Turn turn_of(const AckermannVehicle::Config& config, double wheel_speed, double steering) {
-  check("wheel_speed", wheel_speed, std::abs(wheel_speed) <= kMost, " between -1e6 and 1e6");
+  check("wheel_speed", wheel_speed, std::abs(wheel_speed) <= AckermannLimits::kMaxSetting,
+        " between -1e6 and 1e6");
   check("steering", steering, std::abs(steering) < 0.5 * kPi, " between -pi/2 and pi/2");
   const double curvature = std::tan(steering) / config.wheel_base_m;
   const double share = 1.0 - curvature * config.encoder_left_m;
-  if (!(share >= kLeastShare)) {
+  if (!(share >= AckermannLimits::kMinShare)) {
     throw std::invalid_argument("ackermann.steering is " + std::to_string(steering) +
                                 ": the turn is not about a point beyond the wheel at " +
                                 std::to_string(config.encoder_left_m) +
@@ -45,12 +49,15 @@ Turn turn_of(const AckermannVehicle::Config& config, double wheel_speed, double 
 }  // namespace
 
 AckermannVehicle::AckermannVehicle(const Config& config) : config_(config) {
-  const auto is_sigma = [](double sigma) { return sigma >= 0.0 && sigma <= kMost; };
+  const auto is_sigma = [](double sigma) {
+    return sigma >= 0.0 && sigma <= AckermannLimits::kMaxSetting;
+  };
   check("wheel_base_m", config.wheel_base_m,
-        config.wheel_base_m >= kLeastBase && config.wheel_base_m <= kMostLength,
+        config.wheel_base_m >= AckermannLimits::kMinBase &&
+            config.wheel_base_m <= AckermannLimits::kMaxLength,
         " between 1e-3 and 1e3");
-  check("encoder_left_m", config.encoder_left_m, std::abs(config.encoder_left_m) <= kMostLength,
-        " between -1e3 and 1e3");
+  check("encoder_left_m", config.encoder_left_m,
+        std::abs(config.encoder_left_m) <= AckermannLimits::kMaxLength, " between -1e3 and 1e3");
   check("sigma_speed_mps", config.sigma_speed_mps, is_sigma(config.sigma_speed_mps),
         " between 0 and 1e6");
   check("sigma_steering_rad", config.sigma_steering_rad, is_sigma(config.sigma_steering_rad),

@@ -16,9 +16,9 @@ double density_of(const std::string& name, double sigma) {
   return sigma * sigma;
 }
 
-/// A place and its rate, in these rows.
+/// Rows of a coordinate and its rate.
 struct Axis {
-  int place;
+  int coordinate;
   int rate;
   double density;
 };
@@ -49,11 +49,11 @@ Propagation<Eigen::VectorXd, Eigen::Dynamic> ConstantVelocityMotion::propagate(
       Eigen::MatrixXd::Zero(kVariables, kVariables)};
   for (const Axis& axis :
        {Axis{0, 4, velocity_per_s_}, Axis{1, 5, velocity_per_s_}, Axis{3, 6, climb_per_s_}}) {
-    step.moved(axis.place) += T * state(axis.rate);
-    step.jacobian(axis.place, axis.rate) = T;
-    step.noise(axis.place, axis.place) = axis.density * T * T * T / 3.0;
-    step.noise(axis.place, axis.rate) = axis.density * T * T / 2.0;
-    step.noise(axis.rate, axis.place) = axis.density * T * T / 2.0;
+    step.moved(axis.coordinate) += T * state(axis.rate);
+    step.jacobian(axis.coordinate, axis.rate) = T;
+    step.noise(axis.coordinate, axis.coordinate) = axis.density * T * T * T / 3.0;
+    step.noise(axis.coordinate, axis.rate) = axis.density * T * T / 2.0;
+    step.noise(axis.rate, axis.coordinate) = axis.density * T * T / 2.0;
     step.noise(axis.rate, axis.rate) = axis.density * T;
   }
   constexpr int kHeading = 2;

@@ -33,15 +33,15 @@ OdometryMotion::Corrected OdometryMotion::propagate(const Pose2& T_world_body, c
                                                     double seconds,
                                                     const OdometryErrors& errors) const {
   const double turn = (1.0 + errors.turn_scale) * motion.heading - errors.turn_bias * seconds;
-  // Turning more than was told, a body leaves its old heading by half of that.
+  // The direction of travel deviates by half of the unreported turn.
   const double aside = errors.direction + 0.5 * (turn - motion.heading);
-  const Vector<2> told = Pose2{0.0, 0.0, aside}.act(motion.position());
-  const Vector<2> way = (1.0 + errors.scale) * told;
+  const Vector<2> reported = Pose2{0.0, 0.0, aside}.act(motion.position());
+  const Vector<2> way = (1.0 + errors.scale) * reported;
   Corrected corrected;
   corrected.step = propagate(T_world_body, {way.x(), way.y(), turn}, seconds);
 
   const Pose2 turned{0.0, 0.0, T_world_body.heading};
-  const Vector<2> by_scale = turned.act(told);
+  const Vector<2> by_scale = turned.act(reported);
   const Vector<2> by_direction = turned.act({-way.y(), way.x()});
   corrected.by_errors.row(2) << 0.0, 0.0, motion.heading, -seconds;
   corrected.by_errors.topRows<2>() << by_scale, by_direction, 0.5 * motion.heading * by_direction,

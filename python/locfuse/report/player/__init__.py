@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run to watch in a browser: packed small by Python, played by plain JavaScript.
+"""Replays runs in a browser: packed as JSON by Python, played by plain JavaScript.
 
-`pack` makes of a run what JSON holds, `player_html` a fragment of a page that plays it without a
-network. ``player.js`` and ``player.css`` beside this file are all there is to serve elsewhere.
+`pack` returns a run as JSON, `player_html` a fragment of a page that plays it without a network.
+``player.js`` and ``player.css`` beside this file have no dependencies.
 """
 
 from __future__ import annotations
 
 from locfuse.report.player.html import player_css, player_html, player_js, player_script
-from locfuse.report.player.packing import MOST_BYTES, pack
+from locfuse.report.player.packing import MAX_BYTES, pack
 
-__all__ = ["MOST_BYTES", "pack", "player_css", "player_html", "player_js", "player_script"]
+__all__ = ["MAX_BYTES", "pack", "player_css", "player_html", "player_js", "player_script"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A player with its data as a fragment of a page that loads nothing."""
+"""The player with its data as an HTML fragment that loads nothing."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-# Shows every player of the page; `player` on its element is what a test or a console talks to.
+# Starts every player of the page; `element.player` is for tests and the console.
 _BEGIN = """
 for (const data of document.querySelectorAll("script.locfuse-runs")) {
   const element = data.previousElementSibling;
@@ -35,17 +35,17 @@ def _file(name: str) -> str:
 
 
 def player_script() -> str:
-    """Return what a page executes: the class, and the players of the page."""
+    """Return the script of a page: the class, and the start of the players of the page."""
     return player_js() + _BEGIN
 
 
 def player_html(packed: Sequence[dict[str, Any]]) -> str:
-    """Return a fragment of HTML that plays runs, one over the other.
+    """Return an HTML fragment that plays runs on top of one another.
 
     Parameters
     ----------
     packed : sequence of dict
-        As `pack` returns them; the first one's world is drawn.
+        From `pack`; the world of the first one is drawn.
 
     Returns
     -------
@@ -53,7 +53,7 @@ def player_html(packed: Sequence[dict[str, Any]]) -> str:
         With style, data and script inside; the script is `player_script`, which a page's
         Content-Security-Policy can allow by its hash.
     """
-    # No text of a user can end the element: JSON may write "<" as a number.
+    # Escaped, so that no text of a user can close the element.
     data = json.dumps(list(packed), separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     return (
         f"<style>\n{player_css()}</style>\n"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a player shows of a run, small enough for a page."""
+"""Packs a run for the player, decimated to fit a page."""
 
 from __future__ import annotations
 
@@ -12,19 +12,18 @@ from numpy.typing import NDArray
 
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
+from locfuse.report.decimation import stride
+from locfuse.report.palette import BAND_SIGMAS, ELLIPSE_SIGMAS
 from locfuse.report.player.messages import messages_part
 from locfuse.report.player.parts import Part, encoded, encoded_bytes, shares, table_part
 from locfuse.report.player.world import world_of
-from locfuse.report.plot.errors import BAND_SIGMAS
-from locfuse.report.plot.path import ELLIPSE_SIGMAS
-from locfuse.report.plot.text import seconds, start_ns
-from locfuse.report.plot.thinning import stride
+from locfuse.report.text import seconds, start_ns
 from locfuse.types import NANOSECONDS, FloatArray, Frame, Health, Log, RunResult, Trajectory
 
-MOST_BYTES = 4_000_000  # of a packed run as JSON
+MAX_BYTES = 4_000_000  # of a packed run as JSON
 
-_LEAST_BEAMS = 90  # to which a scan is thinned before scans are left out
-_LEAST_PARTICLES = 300  # to which a cloud is
+_MIN_BEAMS = 90  # per scan; beyond that whole scans are dropped
+_MIN_PARTICLES = 300  # per cloud; beyond that whole clouds are dropped
 _LEVELS = 65535  # of a coordinate of a particle
 _METRICS = ("position_rmse_m", "position_p95_m", "position_max_m", "heading_rmse_deg",
             "nees_mean", "nees_dof")  # fmt: skip
@@ -34,21 +33,21 @@ def pack(
     result: RunResult,
     *,
     particles: Sequence[Frame] | None = None,
-    most_bytes: int = MOST_BYTES,
+    max_bytes: int = MAX_BYTES,
     whole: bool = True,
 ) -> dict[str, Any]:
-    """Return what a player shows of a run, as JSON holds it.
+    """Return the data of a run for the player, ready for JSON.
 
     Parameters
     ----------
     result : RunResult
     particles : sequence of Frame, optional
         In order of time, instead of those of the run.
-    most_bytes : int
-        Of the JSON. What is too long is thinned evenly, never its ends, and what was rejected goes
-        last; the key ``of`` of each table says how many rows there were.
+    max_bytes : int
+        Maximum size of the JSON. Longer tables are decimated evenly; their ends stay, and rejected
+        messages are dropped last. The key ``of`` of each table is its number of rows before.
     whole : bool
-        False for a run that still computes.
+        False for a run that is still computing.
 
     Returns
     -------
@@ -60,12 +59,12 @@ def pack(
     ------
     ValueError
         If the run has neither estimates nor messages, or the map and the names alone take more
-        than `most_bytes`.
+        than `max_bytes`.
     """
     origin = start_ns(result)
     fixed = {
         "name": str(result.config.get("name") or result.log.description or "run"),
-        "start_ns": str(origin),  # more digits than numbers of JavaScript have
+        "start_ns": str(origin),  # as text: exceeds the integers of JavaScript
         "whole": whole,
         "start": 0.0,
         "end": _end_s(result, origin),
@@ -73,17 +72,17 @@ def pack(
         "band_sigmas": BAND_SIGMAS,
         "metrics": {key: result.metrics.get(key) for key in _METRICS},
         "events": _events(result, origin),
-        **world_of(result, most_bytes // 4),
+        **world_of(result, max_bytes // 4),
     }
     parts = _parts(result, result.frames if particles is None else particles, origin)
     words, parts["messages"] = messages_part(result, origin)
     fixed |= words
     dofs = np.unique(result.outcomes.dof[result.outcomes.dof > 0]).tolist()
     fixed["bands"] = {str(dof): band(dof) for dof in dofs}
-    left = most_bytes - len(json.dumps(fixed)) - 200 * (len(parts) + 1)
+    left = max_bytes - len(json.dumps(fixed)) - 200 * (len(parts) + 1)
     if left < 0:
-        raise ValueError(f"most_bytes is {most_bytes}, but the map and the names of this run alone "
-                         f"take {most_bytes - left}")  # fmt: skip
+        raise ValueError(f"max_bytes is {max_bytes}, but the map and the names of this run alone "
+                         f"take {max_bytes - left}")  # fmt: skip
     given = shares({name: part.wanted for name, part in parts.items()}, left)
     return fixed | {name: part.packed(given[name]) for name, part in parts.items()}
 
@@ -123,7 +122,7 @@ def _track(track: Trajectory, origin: int) -> Part:
 
 
 def _errors(result: RunResult, origin: int) -> Part:
-    """Return estimate minus truth, with the claimed sigmas; the largest error stays."""
+    """Return estimate minus truth, with the claimed sigmas; keeps the largest error."""
     assert result.truth is not None
     errors = errors_against(result.estimate, result.truth)
     n = len(errors)
@@ -157,16 +156,16 @@ def _health(health: Health, origin: int) -> Part:
 
 
 def _scans(log: Log, origin: int) -> Part:
-    """Return the scans in whole centimetres, 0 where nothing came back."""
+    """Return the scans in whole centimetres, 0 where a beam has no return."""
     laser, table = log.laser, log["scans"]
     assert laser is not None
     ranges: FloatArray = table["ranges_m"]
     n, beams = ranges.shape
     mount = [float(value) for value in laser["pose_in_body"]]
 
-    def packed(most_bytes: int) -> dict[str, Any]:
-        most = max(most_bytes * 3 // 4, 1)
-        fine = min(beams, max(_LEAST_BEAMS, (most // max(n, 1) - 8) // 2))
+    def packed(max_bytes: int) -> dict[str, Any]:
+        most = max(max_bytes * 3 // 4, 1)
+        fine = min(beams, max(_MIN_BEAMS, (most // max(n, 1) - 8) // 2))
         step = -(-beams // fine)
         shown = -(-beams // step)
         rows = stride(n, min(n, max(2, most // (2 * shown + 8))))
@@ -185,16 +184,16 @@ def _scans(log: Log, origin: int) -> Part:
 
 
 def _particles(frames: Sequence[Frame], origin: int) -> Part:
-    """Return clouds as whole steps of a box around them all."""
+    """Return particle clouds as 16-bit coordinates in a box around them all."""
     clouds = [frame.particles[:, :2] for frame in frames]
     sizes = np.array([len(cloud) for cloud in clouds])
     low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0)
     high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0)
     scale = np.where(high > low, high - low, 1.0) / _LEVELS
 
-    def packed(most_bytes: int) -> dict[str, Any]:
-        most = most_bytes * 3 // 16
-        each = max(_LEAST_PARTICLES, most // len(frames))
+    def packed(max_bytes: int) -> dict[str, Any]:
+        most = max_bytes * 3 // 16
+        each = max(_MIN_PARTICLES, most // len(frames))
         rows = stride(len(frames), max(2, most // int(max(1, np.minimum(sizes, each).mean()))))
         thin = [clouds[row][:: -(-len(clouds[row]) // each)] for row in rows]
         at = np.concatenate([np.round((cloud - low) / scale) for cloud in thin])
@@ -213,7 +212,7 @@ def _particles(frames: Sequence[Frame], origin: int) -> Part:
 
 
 def _events(result: RunResult, origin: int) -> list[dict[str, Any]]:
-    """Return what happened to the estimator: found its pose, was lost, UWB took over."""
+    """Return the events of the estimator: pose found, lost, switched to UWB."""
     events: list[tuple[int, str]] = []
     if result.start is not None:
         events.append((result.start.stamp_ns, "pose found from nothing"))

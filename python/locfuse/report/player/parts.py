@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arrays as JSON holds them, and how many bytes each table of a run may take."""
+"""Arrays as JSON, and how many bytes each table of a run may take."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.report.plot.thinning import stride
+from locfuse.report.decimation import stride
 
 _NAMES = {"f8": "f64", "f4": "f32", "u4": "u32", "u2": "u16", "u1": "u8"}
 _GOLDEN = 0.6180339887498949
@@ -19,14 +19,14 @@ _GOLDEN = 0.6180339887498949
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a run that takes as much room as it is given.
+    """A part of a run that can be decimated to a number of bytes.
 
     Attributes
     ----------
     wanted : int
-        Bytes of JSON that hold all of it.
+        Bytes of JSON without decimation.
     packed : callable
-        Given bytes, returns the part thinned to them.
+        Given a number of bytes, returns the part decimated to it.
     """
 
     wanted: int
@@ -34,19 +34,19 @@ class Part:
 
 
 def encoded(array: NDArray[Any]) -> dict[str, Any]:
-    """Return an array as base64 of its little-endian bytes, under the name of its type."""
+    """Return an array as base64 of its little-endian bytes, keyed by its type."""
     array = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
     name = _NAMES[array.dtype.str[1:]]
     return {name: base64.b64encode(array.tobytes()).decode("ascii"), "shape": list(array.shape)}
 
 
 def encoded_bytes(raw: int) -> int:
-    """Return how many bytes of base64 hold so many bytes."""
+    """Return the length of the base64 of so many bytes."""
     return 4 * -(-raw // 3)
 
 
 def shares(wanted: Mapping[str, int], total: int) -> dict[str, int]:
-    """Share bytes out: who wants least gets it whole, and all who get less get the same.
+    """Divide bytes fairly: small wishes are granted in full, the others get equal shares.
 
     Examples
     --------
@@ -61,26 +61,26 @@ def shares(wanted: Mapping[str, int], total: int) -> dict[str, int]:
 
 
 def table_part(columns: Mapping[str, NDArray[Any]], keep: NDArray[np.bool_]) -> Part:
-    """Return a table, ordered by time, of which some rows are worth more than others.
+    """Return a table, ordered by time, in which some rows have priority.
 
     Parameters
     ----------
     columns : mapping of str to arrays, shape (n, ...)
     keep : bool array, shape (n,)
-        Rows that go last, evenly; the first and the last row never go.
+        Rows that are dropped last, evenly; the first and the last row always stay.
     """
     n = len(keep)
     per_row = sum(column.itemsize * int(np.prod(column.shape[1:])) for column in columns.values())
 
-    def packed(most_bytes: int) -> dict[str, Any]:
-        rows = chosen(keep, most_bytes // max(encoded_bytes(per_row), 1))
+    def packed(max_bytes: int) -> dict[str, Any]:
+        rows = chosen(keep, max_bytes // max(encoded_bytes(per_row), 1))
         return {"of": n, **{name: encoded(column[rows]) for name, column in columns.items()}}
 
     return Part(n * encoded_bytes(per_row), packed)
 
 
 def chosen(keep: NDArray[np.bool_], most: int) -> NDArray[np.intp]:
-    """Return at most `most` rows, but two at least: the ends, those to keep, others evenly."""
+    """Return at most `most` rows, but at least two: the ends, those to keep, others evenly."""
     n = len(keep)
     if n <= max(most, 2):
         return np.arange(n, dtype=np.intp)

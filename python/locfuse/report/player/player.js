@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plays runs that locfuse.player.pack made: one global class, LocfusePlayer, no library, no network.
+// Plays runs packed by locfuse.report.player.pack: one global class, LocfusePlayer, no library, no network.
 //
 //   const player = new LocfusePlayer(element, [packed, ...], {controls: true, theme: "auto"});
 //   player.show([packed, ...]); player.play(2); player.pause(); player.step(-1); player.seek(12.5);
@@ -7,13 +7,13 @@
 //   player.show([...], true); player.grow([...], more); player.more, live; player.go_live()
 //   const off = player.on("time" | "play" | "pause" | "end", callback); player.destroy();
 //
-// Of runs that still compute `more` comes with `grow`, and the reader's place stays: play waits at
-// the end, or follows the newest while it is live, which it is until somebody pauses or seeks.
+// While runs are being computed, `grow` adds `more` and the view stays: play waits at the end, or
+// follows the newest row while live, until the user pauses or seeks.
 // Times are seconds since the first run's first message, lengths metres, angles radians.
 "use strict";
 
 globalThis.LocfusePlayer = (() => {
-  // Colours are those of locfuse.plot.style, and of the same hue where the page is dark.
+  // Colours of locfuse.report.palette; the same hues on a dark page.
   const PALETTES = {
     light: {
       ground: "#ffffff", ink: "#222222", muted: "#6b6b6b", grid: "#e4e4e4", unknown: "#e4e4e4",
@@ -144,7 +144,7 @@ globalThis.LocfusePlayer = (() => {
       for (let row = 0; row < source.length; row++) {
         const from = this.packed.sources[source[row]];
         if (from !== "scans" && TURNED_DOWN.includes(this.packed.verdicts[verdict[row]][0])) {
-          this.turned_down.push(row); // a scan without news is none
+          this.turned_down.push(row); // scans are not listed
         }
         if (dof[row] === 0 || !Number.isFinite(nis[row])) continue;
         const key = `${from}|${dof[row]}`;
@@ -159,7 +159,7 @@ globalThis.LocfusePlayer = (() => {
     source(row) { return this.packed.sources[this.messages.source[row]]; }
     who(row) { return this.packed.names[this.messages.who[row]]; }
 
-    // What became of a message, as people say it.
+    // The verdict on a message as a sentence.
     sentence(row) {
       const kind = {ranges: "anchor", landmark_sightings: "landmark"}[this.source(row)];
       const who = this.who(row);
@@ -225,7 +225,7 @@ globalThis.LocfusePlayer = (() => {
     return ((Math.round(255 * opacity) << 24) | (blue << 16) | (green << 8) | red) >>> 0;
   }
 
-  // The step of a grid or an axis, 1, 2 or 5 times a power of ten, that gives at most `most`.
+  // The step of a grid or axis, 1, 2 or 5 times a power of ten, that gives at most `most` lines.
   function nice_step(length, most) {
     const rough = length / Math.max(most, 1);
     const power = 10 ** Math.floor(Math.log10(rough));
@@ -265,7 +265,7 @@ globalThis.LocfusePlayer = (() => {
       image.src = map.png;
     }
 
-    // Sees what has come; who looks at a part of it goes on doing so.
+    // Takes in new rows; a view of a part stays where it is.
     grow() {
       this.box = this._box();
       if (this.fitted) this.fit();
@@ -289,7 +289,7 @@ globalThis.LocfusePlayer = (() => {
       context.putImageData(pixels, 0, 0);
     }
 
-    // What is worth seeing: paths, places, and the map unless it is far larger.
+    // The box of paths, places, and the map unless it is far larger.
     _box() {
       const box = {x0: Infinity, y0: Infinity, x1: -Infinity, y1: -Infinity};
       const add = (x, y) => {
@@ -379,7 +379,7 @@ globalThis.LocfusePlayer = (() => {
       const {player} = this;
       if (this.follow) {
         const pose = player.pose(player.runs.indexOf(player.shown()));
-        // A picture that stands still is easier to read: it moves where the robot nears its edge.
+        // A still picture is easier to read: it moves only when the robot nears its edge.
         const room = 0.3 * Math.min(this.width, this.height) / this.scale;
         if (pose && Math.max(Math.abs(pose.x - this.cx), Math.abs(pose.y - this.cy)) > room) {
           [this.cx, this.cy] = [pose.x, pose.y];
@@ -413,7 +413,7 @@ globalThis.LocfusePlayer = (() => {
       context.fillRect(0, 0, this.width, this.height);
       if (this.grid && layers.map) this._draw_map(context, packed.map); else this._draw_grid(context);
       context.lineCap = "round";
-      context.strokeStyle = palette.rejected; // as where they are drawn: they spoil ranges
+      context.strokeStyle = palette.rejected; // the colour of rejected ranges, which walls cause
       context.lineWidth = 3;
       context.beginPath();
       for (const [x1, y1, x2, y2] of packed.walls) {
@@ -548,8 +548,8 @@ globalThis.LocfusePlayer = (() => {
       return (px < -5 ? 1 : px > this.width + 5 ? 2 : 0) | (py < -5 ? 4 : py > this.height + 5 ? 8 : 0);
     }
 
-    // What was driven lately, strong over the pale path of all. Where the view stands still most of
-    // it is kept as a picture: of long lines smoothing takes the most time of a frame.
+    // The latest part of the path, strong over the pale whole path. While the view does not move, most
+    // of it is kept as a picture, as smoothing long lines takes most of the time of a frame.
     _draw_trails(context, ratio) {
       const {time, _printing} = this.player;
       const begin = _printing ? -Infinity : time - TRAIL_S;
@@ -806,7 +806,7 @@ globalThis.LocfusePlayer = (() => {
       this.grow();
     }
 
-    // Sees what has come; who looks at a part of the time goes on doing so.
+    // Takes in new rows; a view of a part of the time stays where it is.
     grow() {
       const {runs} = this.player;
       const rows = [];
@@ -825,7 +825,7 @@ globalThis.LocfusePlayer = (() => {
       const keys = new Set(runs.flatMap((run) => [...run.groups.keys()]));
       for (const key of keys) {
         const [source, dof] = key.split("|");
-        // Thousands of points each: over one another nobody could tell them apart.
+        // A strip for each run: thousands of points would hide one another.
         for (const run of runs.filter((one) => one.groups.has(key))) {
           const of = runs.length > 1 ? `${run.name}: ` : "";
           rows.push({kind: "nis", key, dof, run, height: runs.length > 1 ? 48 : 66,
@@ -868,11 +868,11 @@ globalThis.LocfusePlayer = (() => {
       this.end = this.start + length;
     }
 
-    // Turns the page where time goes beyond it; who only looks elsewhere may do so.
+    // Turns the page when the time moves beyond it, but not while the user looks elsewhere.
     _keep_up() {
       const {time} = this.player, length = this.end - this.start;
-      if (time === this.told) return;
-      this.told = time;
+      if (time === this.kept_up_to) return;
+      this.kept_up_to = time;
       if (time < this.start || time > this.end) this._begin(time - 0.1 * length, length);
     }
 
@@ -952,7 +952,7 @@ globalThis.LocfusePlayer = (() => {
       context.textAlign = "left";
     }
 
-    // Whose row it is of those that share a strip, as a mark of its colour at the left.
+    // Marks a row of a shared strip at the left with the colour of its run.
     _mark(context, run, top, height) {
       context.fillStyle = this.player.colour(this.player.runs.indexOf(run));
       context.fillRect(this.left - 6, top + 1, 4, height - 2);
@@ -966,11 +966,11 @@ globalThis.LocfusePlayer = (() => {
 
     _draw_health(context, top, row) {
       const {palette, runs} = this.player;
-      const told = runs.filter((run) => run.health && run.visible);
-      const each = row.height / Math.max(told.length, 1);
+      const shown = runs.filter((run) => run.health && run.visible);
+      const each = row.height / Math.max(shown.length, 1);
       context.save();
       this._clip(context, top, row);
-      told.forEach((run, k) => {
+      shown.forEach((run, k) => {
         const {t, state, within} = run.health;
         for (let a = 0; a < t.length;) {
           let b = a;
@@ -990,45 +990,45 @@ globalThis.LocfusePlayer = (() => {
         context.stroke();
       });
       context.restore();
-      const each_of = told.length > 1 ? " of each run" : "";
-      const label = `health${each_of}: ${this._states(told)}, and probability that it is within its limit`;
+      const each_of = shown.length > 1 ? " of each run" : "";
+      const label = `health${each_of}: ${this._states(shown)}, and probability that it is within its limit`;
       this._frame(context, top, row, label);
-      if (told.length > 1) {
-        told.forEach((run, k) => this._mark(context, run, top + k * each, each));
+      if (shown.length > 1) {
+        shown.forEach((run, k) => this._mark(context, run, top + k * each, each));
         return;
       }
       this._tick(context, top + 4, "1");
       this._tick(context, top + row.height - 4, "0");
     }
 
-    _states(told) {
-      const seen = new Set(told.flatMap((run) => [...new Set(run.health.state)]
+    _states(shown) {
+      const seen = new Set(shown.flatMap((run) => [...new Set(run.health.state)]
         .map((state) => run.health.states[state].replaceAll("_", " "))));
       return [...seen].join(", ");
     }
 
     _draw_turned_down(context, top, row) {
       const {palette, runs} = this.player;
-      const told = runs.filter((run) => run.visible);
-      const each = row.height / Math.max(told.length, 1);
+      const shown = runs.filter((run) => run.visible);
+      const each = row.height / Math.max(shown.length, 1);
       context.save();
       this._clip(context, top, row);
       context.fillStyle = palette.rejected;
       context.globalAlpha = 0.7;
-      told.forEach((run, k) => {
+      shown.forEach((run, k) => {
         for (const t of run.turned_down_t) context.fillRect(this.x(t) - 0.5, top + k * each, 1.2, each);
       });
       context.restore();
-      this._frame(context, top, row, `rejected messages${told.length > 1 ? " of each run" : ""}`);
-      if (told.length > 1) told.forEach((run, k) => this._mark(context, run, top + k * each, each));
+      this._frame(context, top, row, `rejected messages${shown.length > 1 ? " of each run" : ""}`);
+      if (shown.length > 1) shown.forEach((run, k) => this._mark(context, run, top + k * each, each));
     }
 
     _draw_error(context, top, row) {
       const {palette, runs} = this.player;
       const factor = row.component === 2 ? 180 / Math.PI : 1;
-      const told = runs.filter((run) => run.visible && run.errors);
+      const shown = runs.filter((run) => run.visible && run.errors);
       let most = 0, wide = [];
-      for (const {errors, packed} of told) {
+      for (const {errors, packed} of shown) {
         for (let k = 0; k < errors.t.length; k++) {
           most = Math.max(most, Math.abs(errors.error[3 * k + row.component] || 0) * factor);
           if (errors.sigma) wide.push(packed.band_sigmas * errors.sigma[3 * k + row.component] * factor);
@@ -1040,7 +1040,7 @@ globalThis.LocfusePlayer = (() => {
       const y = (value) => top + row.height / 2 - value / most * row.height / 2;
       context.save();
       this._clip(context, top, row);
-      const {errors: first, packed} = told[0] || {};
+      const {errors: first, packed} = shown[0] || {};
       if (first && first.sigma) {
         context.fillStyle = palette.band;
         context.beginPath();
@@ -1051,7 +1051,7 @@ globalThis.LocfusePlayer = (() => {
       }
       context.fillStyle = palette.muted;
       context.fillRect(this.left, y(0) - 0.5, this.width, 1);
-      for (const {errors} of told) {
+      for (const {errors} of shown) {
         context.strokeStyle = this.player.colour(runs.findIndex((run) => run.errors === errors));
         context.lineWidth = 1.2;
         context.beginPath();
@@ -1065,7 +1065,7 @@ globalThis.LocfusePlayer = (() => {
         context.stroke();
       }
       context.restore();
-      const of = told.length > 1 ? ` of ${packed.name}` : "";
+      const of = shown.length > 1 ? ` of ${packed.name}` : "";
       const sigmas = first && first.sigma ? ` in the ±${packed.band_sigmas} sigma band${of}` : "";
       this._frame(context, top, row, this.width < 520 ? row.label : row.label + sigmas);
       const tick = [1, 1.25, 2, 2.5, 4].map((parts) => nice_step(most, parts))
@@ -1075,7 +1075,7 @@ globalThis.LocfusePlayer = (() => {
 
     _draw_nis(context, top, row) {
       const {palette, runs} = this.player;
-      const told = row.run.visible ? [row.run] : [];
+      const shown = row.run.visible ? [row.run] : [];
       const [low, high] = (runs.find((run) => run.packed.bands[row.dof]) || runs[0]).packed.bands[row.dof];
       let most = 3 * high;
       for (const run of runs) for (const k of run.groups.get(row.key) || []) {
@@ -1088,7 +1088,7 @@ globalThis.LocfusePlayer = (() => {
       this._clip(context, top, row);
       context.fillStyle = palette.band;
       context.fillRect(this.left, y(high), this.width, y(low) - y(high));
-      for (const rejected of [false, true]) for (const run of told) {
+      for (const rejected of [false, true]) for (const run of shown) {
         context.fillStyle = rejected ? palette.rejected : this.player.colour(runs.indexOf(run));
         context.globalAlpha = rejected ? 0.95 : 0.6;
         const size = rejected ? 3 : 2;
@@ -1262,7 +1262,7 @@ globalThis.LocfusePlayer = (() => {
         while (now - this._frames[0] > 1000) this._frames.shift();
         const span = (now - this._frames[0]) / 1000;
         if (span > 0.2) this.frames_per_s = (this._frames.length - 1) / span;
-        // Live, it is at the newest by when more will have come.
+        // Live, it reaches the newest row when the next rows arrive.
         const speed = this.live ? Math.max(this.speed, this._pace) : this.speed;
         this.time = Math.min(this.time + passed * speed, this.live ? this.newest() : this.end);
         this._emit("time");
@@ -1272,7 +1272,7 @@ globalThis.LocfusePlayer = (() => {
       if (this.time < (this.live ? this.newest() : this.end)) this.redraw();
       else if (this.more) {
         this._last = undefined; // waits for it
-        this._tell();
+        this._update_texts();
       } else {
         this.pause();
         this._emit("end");
@@ -1295,9 +1295,9 @@ globalThis.LocfusePlayer = (() => {
       this._world.draw(ratio);
       this._strips.draw(ratio);
       const now = performance.now();
-      if (this.playing && now - this._told < 100) return; // faster than anybody reads
-      this._told = now;
-      this._tell();
+      if (this.playing && now - this._texts_at < 100) return; // faster than anybody reads
+      this._texts_at = now;
+      this._update_texts();
     }
 
     _paint() {
@@ -1346,13 +1346,13 @@ globalThis.LocfusePlayer = (() => {
       parts.now = make("table", {class: "lp-now"});
       parts.runs = make("div", {class: "lp-runs"});
       parts.layers = make("div", {class: "lp-layers", role: "group", "aria-label": "Layers"});
-      parts.news = make("ol", {class: "lp-news"});
+      parts.news = make("ol", {class: "lp-latest"});
       this.element.replaceChildren(make("div", {class: "lp-body"},
         make("div", {class: "lp-main"}, make("div", {class: "lp-stage"}, parts.world, zooms, parts.hint),
              parts.controls, parts.strips),
         make("div", {class: "lp-side"}, parts.runs, parts.layers, parts.whose, parts.state, parts.now,
              make("h3", {}, "Latest rejections and events"), parts.news,
-             parts.thinned = make("p", {class: "lp-thinned"}))));
+             parts.thinned = make("p", {class: "lp-decimated"}))));
       this.element.classList.add("locfuse-player");
       if (!this.options.controls) parts.controls.hidden = true;
       this._parts = parts;
@@ -1360,20 +1360,20 @@ globalThis.LocfusePlayer = (() => {
 
     _build_legend() {
       const {slider, thinned} = this._parts;
-      thinned.textContent = this._told_thinned();
+      thinned.textContent = this._decimation_note();
       slider.min = this.start;
       slider.max = this.end;
       this._set_speed(this.speed);
-      const hears = (...sources) =>
+      const has_source = (...sources) =>
         this.runs.some((run) => run.packed.sources.some((source) => sources.includes(source)));
       const has = {
         truth: this.runs[0].truth, trail: true, ellipse: this.runs.some((run) => run.estimate.covariance),
         scan: this.runs.some((run) => run.scans), particles: this.runs.some((run) => run.particles),
-        ranges: hears("ranges", "landmark_sightings"), fixes: hears("positions", "poses"),
+        ranges: has_source("ranges", "landmark_sightings"), fixes: has_source("positions", "poses"),
         map: this.runs[0].packed.map,
       };
       const offered = LAYERS.filter(([name]) => has[name]);
-      // What is the same stays: somebody may just be pressing it.
+      // Unchanged buttons stay: the user may be pressing one.
       const key = JSON.stringify([offered, this.runs.map((run) => run.name)]);
       if (key !== this._legend) this._make_legend(offered);
       this._legend = key;
@@ -1411,8 +1411,8 @@ globalThis.LocfusePlayer = (() => {
       }));
     }
 
-    // What of a long run is not here, as people say it.
-    _told_thinned() {
+    // Which part of a decimated run is shown.
+    _decimation_note() {
       const [run] = this.runs;
       const shares = ["estimate", "messages", "scans", "particles"].flatMap((name) => {
         const part = run[name];
@@ -1445,7 +1445,7 @@ globalThis.LocfusePlayer = (() => {
     }
 
     // Texts: the clock, the state, figures of now, the latest rejections.
-    _tell() {
+    _update_texts() {
       const {play, slider, clock: time, state, live} = this._parts;
       if (!this.more) live.remove();
       else if (!live.isConnected) time.after(live);
@@ -1466,13 +1466,13 @@ globalThis.LocfusePlayer = (() => {
       state.textContent = name && `Health: ${name.replaceAll("_", " ")}` +
         (run.health.reasons[run.health.reason[row]] ? `, ${run.health.reasons[run.health.reason[row]]}` : "");
       state.style.background = this.palette.states[name] || "";
-      this._tell_whose(run);
-      this._tell_now(run);
-      this._tell_news(run);
+      this._update_whose(run);
+      this._update_now(run);
+      this._update_latest(run);
     }
 
-    // Which of several runs state, figures and rejections are of.
-    _tell_whose(run) {
+    // The run that state, figures and rejections belong to.
+    _update_whose(run) {
       const {whose} = this._parts;
       whose.hidden = this.runs.length < 2;
       if (whose.hidden || whose.dataset.of === `${this.runs.indexOf(run)} ${this.version}`) return;
@@ -1482,7 +1482,7 @@ globalThis.LocfusePlayer = (() => {
       whose.replaceChildren(swatch, make("b", {}, run.name), " in figures, scan, ranges, rejections");
     }
 
-    _tell_now(run) {
+    _update_now(run) {
       const order = this.runs.indexOf(run);
       const pose = this.pose(order), truth = this.true_pose(order);
       const rows = [];
@@ -1507,19 +1507,19 @@ globalThis.LocfusePlayer = (() => {
       });
     }
 
-    _tell_news(run) {
+    _update_latest(run) {
       const last = row_at(run.turned_down_t, this.time);
       const event = run.events.filter(({t}) => t <= this.time).length;
       const key = `${this.runs.indexOf(run)} ${last} ${event} ${this.version}`;
-      if (key === this._news) return;
-      this._news = key;
+      if (key === this._latest) return;
+      this._latest = key;
       const lines = run.turned_down.slice(Math.max(last - 7, 0), last + 1)
         .map((row) => [run.messages.t[row], run.sentence(row)]);
       lines.push(...run.events.slice(0, event).slice(-4).map(({t, text}) => [t, text]));
       lines.sort((a, b) => b[0] - a[0]);
-      const told = lines.slice(0, 8).map(
+      const items = lines.slice(0, 8).map(
         ([t, text]) => make("li", {}, make("b", {}, `${t.toFixed(2)} s`), ` ${text}`));
-      this._parts.news.replaceChildren(...(told.length ? told : [make("li", {}, "none so far")]));
+      this._parts.news.replaceChildren(...(items.length ? items : [make("li", {}, "none so far")]));
     }
 
     // Input ---

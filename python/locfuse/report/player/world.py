@@ -1,24 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What stands still while a run is played: map, walls, anchors, landmarks, tags."""
+"""The static world of a run for the player: map, walls, anchors, landmarks, tags."""
 
 from __future__ import annotations
 
 import base64
-import io
+import struct
+import zlib
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from locfuse.types import FREE, OCCUPIED, UNKNOWN, Columns, GridMap, RunResult
 
-_GREY = {OCCUPIED: 0, FREE: 255}  # what is neither is unknown, 128
-_MOST_CELLS = 2000  # of a side of the map that is shown
-_MOST_PLACES = 2000
+_GREY = {OCCUPIED: 0, FREE: 255}  # unknown is 128
+_MAX_CELLS = 2000  # per side of the map
+_MAX_PLACES = 2000
 
 
 def world_of(result: RunResult, most_map_bytes: int) -> dict[str, Any]:
-    """Return the world of a run; its map takes at most so many bytes."""
+    """Return the world of a run, with a map of at most `most_map_bytes`."""
     log = result.log
     anchors = log.tables.get("anchors", {})
     landmarks = log.tables.get("landmarks", {})
@@ -34,15 +34,15 @@ def world_of(result: RunResult, most_map_bytes: int) -> dict[str, Any]:
     }
 
 
-def map_picture(grid: GridMap, most_bytes: int) -> dict[str, Any]:
-    """Return a map as a picture of at most so many bytes, and where it lies."""
+def map_picture(grid: GridMap, max_bytes: int) -> dict[str, Any]:
+    """Return a map as a PNG of at most `max_bytes`, and its resolution and origin."""
     grid = _known(grid)
     side = max(grid.cells.shape)
-    if side > _MOST_CELLS:
-        grid = grid.resampled(grid.resolution_m * side / _MOST_CELLS)
+    if side > _MAX_CELLS:
+        grid = grid.resampled(grid.resolution_m * side / _MAX_CELLS)
     png = _png(grid)
-    while len(png) > most_bytes and max(grid.cells.shape) > 1:
-        coarser = max(1.2, (len(png) / max(most_bytes, 1)) ** 0.5)
+    while len(png) > max_bytes and max(grid.cells.shape) > 1:
+        coarser = max(1.2, (len(png) / max(max_bytes, 1)) ** 0.5)
         grid = grid.resampled(coarser * grid.resolution_m)
         png = _png(grid)
     height, width = grid.cells.shape
@@ -51,7 +51,7 @@ def map_picture(grid: GridMap, most_bytes: int) -> dict[str, Any]:
 
 
 def _known(grid: GridMap) -> GridMap:
-    """Return the part of a map that reaches around all cells that are known."""
+    """Return the bounding box of the known cells of a map."""
     known = np.argwhere(grid.cells != UNKNOWN)
     if len(known) == 0:
         return grid
@@ -61,27 +61,35 @@ def _known(grid: GridMap) -> GridMap:
 
 
 def _png(grid: GridMap) -> str:
-    """Return a picture whose top row is that of the highest y, as a data URL."""
+    """Return the cells as the data URL of a grey PNG; its top row has the highest y."""
     grey = np.full(grid.cells.shape, 128, np.uint8)
     for cell, value in _GREY.items():
         grey[grid.cells == cell] = value
-    file = io.BytesIO()
-    Image.fromarray(grey[::-1]).save(file, format="png")
-    return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode("ascii")
+    height, width = grid.cells.shape
+    rows = np.pad(grey[::-1], ((0, 0), (1, 0)))  # each begins with its filter: none
+    png = b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in (
+            (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)),
+            (b"IDAT", zlib.compress(rows.tobytes(), 9)),
+            (b"IEND", b""),
+        )
+    )
+    return "data:image/png;base64," + base64.b64encode(png).decode("ascii")
 
 
 def _walls(result: RunResult) -> list[list[float]]:
-    """Return the walls that a simulation bends ranges around: x1, y1, x2, y2."""
+    """Return the walls that block ranges in a simulation: x1, y1, x2, y2 in metres."""
     scenario = result.config.get("simulation") or {}
     walls = [wall for fault in scenario.get("faults") or [] for wall in fault.get("walls") or []]
-    return [[float(v) for v in wall] for wall in walls[:_MOST_PLACES]]
+    return [[float(v) for v in wall] for wall in walls[:_MAX_PLACES]]
 
 
 def _places(table: Columns, name: str, third: str) -> dict[str, list[float]]:
-    """Return named points and what else is known of each: a height, or a radius."""
+    """Return named points: x, y and the column `third` (height or radius), in metres."""
     if not table:
         return {}
     more = table.get(third, np.zeros(len(table[name])))
-    columns = (table[key].tolist()[:_MOST_PLACES] for key in ("x_m", "y_m"))
-    rows = zip(*columns, more.tolist()[:_MOST_PLACES], strict=True)
-    return dict(zip(table[name].tolist()[:_MOST_PLACES], map(list, rows), strict=True))
+    columns = (table[key].tolist()[:_MAX_PLACES] for key in ("x_m", "y_m"))
+    rows = zip(*columns, more.tolist()[:_MAX_PLACES], strict=True)
+    return dict(zip(table[name].tolist()[:_MAX_PLACES], map(list, rows), strict=True))

@@ -1,33 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of one run: path, errors, NIS and the verdict on every message; and of a layout.
+"""Pictures of a run, of the layout of anchors and of a sweep; needs matplotlib.
 
 Each function takes a `RunResult`, `plot_layout` a `Layout`, and returns a free-standing matplotlib
-`Figure`; nothing touches pyplot or the process-wide settings. Long runs are thinned to what a
-picture can show, and never so that an extreme error or a rejected stretch disappears.
+`Figure`; nothing touches pyplot or process-wide settings. Long runs are decimated to what a
+picture can show, and never so that an extreme error or a stretch of rejections disappears.
 """
 
 from __future__ import annotations
 
-from locfuse.report.plot.errors import BAND_SIGMAS, plot_errors
+# ruff: noqa: E402
+from locfuse.report.pictures import require_matplotlib
+
+require_matplotlib()
+
+from locfuse.report.plot.errors import plot_errors
 from locfuse.report.plot.film import check_film, write_film
 from locfuse.report.plot.health import plot_health
 from locfuse.report.plot.layout import plot_layout
 from locfuse.report.plot.nis import plot_nis
 from locfuse.report.plot.outcomes import plot_outcomes
-from locfuse.report.plot.path import ELLIPSE_SIGMAS, plot_path
+from locfuse.report.plot.path import plot_path
 from locfuse.report.plot.start import plot_start
 from locfuse.report.plot.style import save
 from locfuse.report.plot.sweep import draw_sweep
-from locfuse.report.plot.text import VERDICT_LABELS, count, percent, start_ns
 
 __all__ = [
-    "BAND_SIGMAS",
-    "ELLIPSE_SIGMAS",
-    "VERDICT_LABELS",
     "check_film",
-    "count",
     "draw_sweep",
-    "percent",
     "plot_errors",
     "plot_health",
     "plot_layout",
@@ -36,6 +35,5 @@ __all__ = [
     "plot_path",
     "plot_start",
     "save",
-    "start_ns",
     "write_film",
 ]

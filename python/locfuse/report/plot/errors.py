@@ -11,10 +11,12 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from locfuse.eval.errors import errors_against
+from locfuse.report.decimation import keep_extremes
+from locfuse.report.palette import BAND_SIGMAS
 from locfuse.report.plot.style import (
     ESTIMATE,
     ESTIMATE_PALE,
-    MOST_POINTS,
+    MAX_POINTS,
     MUTED,
     Handle,
     legend,
@@ -22,11 +24,8 @@ from locfuse.report.plot.style import (
     time_axis,
     title,
 )
-from locfuse.report.plot.text import percent, seconds, start_ns
-from locfuse.report.plot.thinning import keep_extremes
+from locfuse.report.text import percent, seconds, start_ns
 from locfuse.types import FloatArray, RunResult
-
-BAND_SIGMAS = 3.0
 
 
 def plot_errors(result: RunResult) -> Figure | None:
@@ -40,7 +39,7 @@ def plot_errors(result: RunResult) -> Figure | None:
     -------
     Figure or None
         One axes per component, heading in degrees and only if truth has one. The lines are broken
-        where truth is silent. None without truth or where truth and estimate do not overlap in
+        where truth has gaps. None without truth or where truth and estimate do not overlap in
         time.
     """
     if result.truth is None or len(result.truth) == 0:
@@ -77,7 +76,7 @@ def _draw(
     bound: FloatArray | None,
     piece: NDArray[np.intp],
 ) -> None:
-    rows = keep_extremes(error, MOST_POINTS)
+    rows = keep_extremes(error, MAX_POINTS)
     breaks = np.flatnonzero(np.diff(piece[rows])) + 1
     at_s = np.insert(time_s[rows], breaks, np.nan)
     axes.axhline(0.0, color=MUTED, lw=0.8, zorder=1)

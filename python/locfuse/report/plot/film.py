@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Film of a localization on a map: particles, what is made of them, and where the body is."""
+"""Animation of a localization on a map: particles, estimate and truth."""
 
 from __future__ import annotations
 
@@ -43,21 +43,21 @@ from locfuse.types import (
     Trajectory,
 )
 
-_AFTER_S = 6.0  # shown once the pose is found
-_NEVER_S = 60.0  # shown if it never was
+_AFTER_S = 6.0  # shown after the pose is found
+_NEVER_S = 60.0  # shown if it never is
 _FRAMES_PER_S = 8
-_MOST_FRAMES = 120
-_LAST_FRAMES = 12  # for which the last one stays
+_MAX_FRAMES = 120
+_LAST_FRAMES = 12  # repetitions of the last frame
 _DPI = 64
 
 
 def write_film(result: RunResult, path: Path) -> Path:
-    """Localize again, look after each scan, and write what is seen as an animated GIF.
+    """Localize again and write the particles after each scan as an animated GIF.
 
     Parameters
     ----------
     result : RunResult
-        Of a configuration with ``mcl``, started as that says.
+        Of a configuration with ``mcl``.
     path : Path
         Ends in ``.gif``.
 
@@ -73,7 +73,7 @@ def write_film(result: RunResult, path: Path) -> Path:
     config = RunConfig.model_validate(dict(result.config))
     check_film(config, path)
     frames = record(config, result)
-    shown = frames[:: -(-len(frames) // _MOST_FRAMES)]
+    shown = frames[:: -(-len(frames) // _MAX_FRAMES)]
     shown += [frames[-1]] * _LAST_FRAMES
     stage = _Stage(result, frames[0].stamp_ns)
     writer = PillowWriter(fps=_FRAMES_PER_S)
@@ -86,12 +86,12 @@ def write_film(result: RunResult, path: Path) -> Path:
 
 
 def check_film(config: RunConfig, path: Path) -> None:
-    """Refuse what no film can be made of, before the work and not after it.
+    """Raise ConfigError before the work if no film can be made.
 
     Raises
     ------
     ConfigError
-        If the configuration has no ``mcl``, or the path another ending.
+        If the configuration has no ``mcl``, or the path does not end in ``.gif``.
     """
     if config.mcl is None:
         raise ConfigError("a film shows the particles of mcl; add 'mcl: {}' to the configuration")
@@ -131,7 +131,7 @@ class _Stage:
                           label="particle")  # fmt: skip
         legend(self.figure, [particle, self._estimate.handle, self._true.handle])
         self.figure.draw_without_rendering()
-        self.figure.set_layout_engine("none")  # or the picture would tremble
+        self.figure.set_layout_engine("none")  # a layout per frame would make the picture jitter
 
     def show(self, frame: Frame) -> None:
         self._cloud.set_offsets(frame.particles[:, :2])
@@ -144,7 +144,7 @@ class _Stage:
 
 
 class _Arrow:
-    """A dot or a ring with a line ahead: a pose."""
+    """A pose as a dot or ring with a line ahead."""
 
     def __init__(self, axes: Axes, colour: str, label: str, *, ring: bool) -> None:
         self._reach = 0.04 * float(np.ptp(axes.get_xlim()))
@@ -181,7 +181,7 @@ def _set(grid: GridMap) -> tuple[Figure, Axes]:
 
 
 def _pose_at(truth: Trajectory | None, stamp_ns: int) -> FloatArray | None:
-    """Return where the body was, None where nobody knows."""
+    """Return the true pose at a stamp; None where it is unknown."""
     if truth is None or truth.heading is None or len(truth) == 0:
         return None
     at, inside = interpolate(truth, np.array([stamp_ns], dtype=np.int64))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Picture of how far an estimate was to be trusted, over time."""
+"""Picture of health over time: probability of a small error, and protection levels."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from locfuse.report.plot.style import ESTIMATE, MUTED, Handle, legend, panels, time_axis, title
-from locfuse.report.plot.text import percent, seconds, start_ns
+from locfuse.report.text import percent, seconds, start_ns
 from locfuse.types import FloatArray, RunResult
 
 STATE_COLORS = {
@@ -34,7 +34,7 @@ def plot_health(result: RunResult) -> Figure | None:
     Returns
     -------
     Figure or None
-        The background is the state. None where the run has no health.
+        The background is the state. None if the run has no health.
     """
     health = result.health
     if health is None or len(health) == 0:
@@ -56,8 +56,7 @@ def plot_health(result: RunResult) -> Figure | None:
     finite = health.protection[:, :2][np.isfinite(health.protection[:, :2])]
     level.set_ylim(0.0, 1.15 * float(np.quantile(finite, 0.99)) if len(finite) else 1.0)
     level.set_ylabel("protection level [m]")
-    title(level, f"errors exceed these with probability {risk:g} at most; none where that cannot "
-                 "be said")  # fmt: skip
+    title(level, f"errors exceed these with at most probability {risk:g}; none where unknown")
     for axes in (within, level):
         draw_states(axes, time_s, health.state)
     time_axis(level, time_s)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names beside marks in the picture of the path, placed so that they cover little."""
+"""Labels beside marks, placed so that they cover little."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from locfuse.report.decimation import stride
 from locfuse.report.plot.style import REJECTED
-from locfuse.report.plot.thinning import stride
 from locfuse.types import FloatArray
 
 _Box: TypeAlias = tuple[float, float, float, float]  # left, bottom, right, top in pixels

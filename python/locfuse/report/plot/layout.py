@@ -15,6 +15,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from locfuse.check.layout import Layout
+from locfuse.report.decimation import stride
 from locfuse.report.plot.labels import Label, join_same_spot, place_labels
 from locfuse.report.plot.style import (
     ANCHOR,
@@ -29,12 +30,11 @@ from locfuse.report.plot.style import (
     new_figure,
     title,
 )
-from locfuse.report.plot.text import short
-from locfuse.report.plot.thinning import stride
 from locfuse.report.plot.world import box_around, draw_map
+from locfuse.report.text import short
 
-_MOST_NAMED = 60
-_MOST_POINTS = 20000
+_MAX_NAMED = 60
+_MAX_POINTS = 20000
 _STEPS = (0.7, 0.8, 0.9, 1.0, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0)
 _WIDE = 2.5  # ratio of dilutions from which the steps are those above
 
@@ -74,7 +74,7 @@ def plot_layout(layout: Layout) -> Figure:
     legend(figure, handles)
     labels = [Label(short(name), at[:2], INK) for name, at in
               zip(layout.names, layout.anchors, strict=True)]  # fmt: skip
-    if len(labels) > _MOST_NAMED:
+    if len(labels) > _MAX_NAMED:
         labels = []
     labels.append(Label("one more", layout.best[:2], REJECTED))
     place_labels(figure, axes, join_same_spot(labels), layout.hull)
@@ -119,7 +119,7 @@ def _draw_marks(axes: Axes, layout: Layout) -> list[Handle]:
         (line,) = axes.plot([x1, x2], [y1, y2], color=INK, lw=3.0, label="wall", zorder=3)
         handles += [line] if row == 0 else []
     if layout.path is not None and len(layout.path):
-        path = layout.path[stride(len(layout.path), _MOST_POINTS)]
+        path = layout.path[stride(len(layout.path), _MAX_POINTS)]
         handles += axes.plot(*path.T, color=INK, lw=1.0, ls=(0, (1, 1.5)), label="truth", zorder=4)
     if len(layout.hull) > 2:
         ring = np.vstack([layout.hull, layout.hull[:1]])

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from locfuse.eval.consistency import band, share_in_band
 from locfuse.eval.verdicts import source_rank
+from locfuse.report.decimation import keep_cloud
 from locfuse.report.plot.style import (
     DASHED,
     ESTIMATE,
     ESTIMATE_PALE,
+    MAX_POINTS,
     MEAN,
-    MOST_POINTS,
     MUTED,
     REJECTED,
     Handle,
@@ -27,12 +28,11 @@ from locfuse.report.plot.style import (
     time_axis,
     title,
 )
-from locfuse.report.plot.text import VERDICT_LABELS, count, percent, seconds, start_ns
-from locfuse.report.plot.thinning import keep_cloud
+from locfuse.report.text import VERDICT_LABELS, count, percent, seconds, start_ns
 from locfuse.types import FloatArray, RunResult
 
 _MEAN_BINS = 60
-_LEAST_PER_MEAN = 15
+_MIN_PER_MEAN = 15
 
 
 def plot_nis(result: RunResult) -> Figure:
@@ -88,7 +88,7 @@ def _draw(
         (gated, REJECTED, 3.0, 0.9, 3),
     ):
         rows = np.flatnonzero(chosen)
-        rows = rows[keep_cloud(nis[rows], MOST_POINTS)]
+        rows = rows[keep_cloud(nis[rows], MAX_POINTS)]
         axes.plot(
             time_s[rows],
             np.maximum(nis[rows], floor),
@@ -120,7 +120,7 @@ def _dot(colour: str, label: str) -> Line2D:
 
 def _binned_mean(time_s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the mean of `values` in equal slices of time; empty slices give NaN, a gap."""
-    slices = min(_MEAN_BINS, len(values) // _LEAST_PER_MEAN)
+    slices = min(_MEAN_BINS, len(values) // _MIN_PER_MEAN)
     if slices < 2 or time_s.max() == time_s.min():
         return np.empty(0), np.empty(0)
     low, high = float(time_s.min()), float(time_s.max())

@@ -24,7 +24,7 @@ from locfuse.report.plot.style import (
     sentence,
     time_axis,
 )
-from locfuse.report.plot.text import VERDICT_LABELS, count, percent, seconds, short, start_ns
+from locfuse.report.text import VERDICT_LABELS, count, percent, seconds, short, start_ns
 from locfuse.types import NANOSECONDS, FloatArray, RunResult, StampArray
 
 VERDICT_COLOURS = {
@@ -36,7 +36,7 @@ VERDICT_COLOURS = {
 }
 TIME_BINS = 600
 
-_LEAST_BAR = 0.3
+_MIN_BAR = 0.3
 
 
 def plot_outcomes(result: RunResult) -> Figure:
@@ -113,7 +113,7 @@ def _draw_row(
             continue
         seen.add(verdict)
         share = members / np.maximum(arrived, 1)
-        share = np.where(members > 0, np.maximum(share, _LEAST_BAR), 0.0)
+        share = np.where(members > 0, np.maximum(share, _MIN_BAR), 0.0)
         height = np.minimum(0.8 * share, base - (level - 0.4))
         _bars(axes, members > 0, left_s, right_s, base, height, colour)
         base = base - height

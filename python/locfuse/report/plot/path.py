@@ -13,6 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Ellipse, Patch
 
 from locfuse.eval.verdicts import SUSPECT_SHARE, MessageRow, message_rows
+from locfuse.report.decimation import evenly_along, stride
+from locfuse.report.palette import ELLIPSE_SIGMAS
 from locfuse.report.plot.labels import Label, join_same_spot, place_labels
 from locfuse.report.plot.style import (
     ANCHOR,
@@ -29,16 +31,13 @@ from locfuse.report.plot.style import (
     legend,
     new_figure,
 )
-from locfuse.report.plot.text import percent, short
-from locfuse.report.plot.thinning import evenly_along, stride
 from locfuse.report.plot.world import box_around, draw_map, drawable
+from locfuse.report.text import percent, short
 from locfuse.types import FloatArray, RunResult, Trajectory
 
-ELLIPSE_SIGMAS = 3.0
-
 _ELLIPSES = 30
-_MOST_PATH_POINTS = 20000
-_MOST_NAMED = 60
+_MAX_PATH_POINTS = 20000
+_MAX_NAMED = 60
 
 
 def plot_path(result: RunResult) -> Figure:
@@ -145,9 +144,9 @@ def _places(result: RunResult, stem: str, name: str) -> dict[str, FloatArray]:
 def _draw_tracks(axes: Axes, estimate: Trajectory, truth: Trajectory | None) -> list[Handle]:
     handles: list[Handle] = []
     if truth is not None and len(truth):
-        line = truth.position[stride(len(truth), _MOST_PATH_POINTS)]
+        line = truth.position[stride(len(truth), _MAX_PATH_POINTS)]
         handles += axes.plot(*line.T, color=TRUTH, lw=1.2, ls=DASHED, label="truth", zorder=3)
-    line = estimate.position[stride(len(estimate), _MOST_PATH_POINTS)]
+    line = estimate.position[stride(len(estimate), _MAX_PATH_POINTS)]
     handles += axes.plot(*line.T, color=ESTIMATE, lw=1.5, label="estimate", zorder=4)
     if estimate.covariance is not None:
         handles.append(_draw_ellipses(axes, estimate.position, estimate.covariance))
@@ -188,7 +187,7 @@ def _draw_anchors(
         if name in suspects:
             text = f"{short(name)}: {percent(rows[name].rejected_share)} rejected"
             labels.append(Label(text, at, REJECTED))
-        elif len(anchors) <= _MOST_NAMED:
+        elif len(anchors) <= _MAX_NAMED:
             labels.append(Label(short(name), at, INK))
     suspect_label = f"anchor, at least {100 * SUSPECT_SHARE:.0f} % rejected"
     for chosen, colour, label in (
@@ -222,6 +221,6 @@ def _draw_landmarks(
         return []
     xy = np.array(list(landmarks.values()))
     handles += axes.plot(*xy.T, marker="D", markersize=5, color=MUTED, ls="none", label="landmark")
-    if len(landmarks) > _MOST_NAMED:
+    if len(landmarks) > _MAX_NAMED:
         return []
     return [Label(short(name), at, MUTED) for name, at in landmarks.items()]

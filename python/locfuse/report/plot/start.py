@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Picture of a start from nothing: what fitted on the way, and the pose that was left."""
+"""Picture of global initialization: the hypotheses on the way, and the pose that remained."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from locfuse.report.plot.path import ELLIPSE_SIGMAS, draw_ellipse
+from locfuse.report.palette import ELLIPSE_SIGMAS
+from locfuse.report.plot.path import draw_ellipse
 from locfuse.report.plot.style import (
     ANCHOR,
     ESTIMATE,
@@ -26,11 +27,11 @@ from locfuse.report.plot.world import box_around, draw_map
 from locfuse.run.start import returns_of
 from locfuse.types import NANOSECONDS, OCCUPIED, FloatArray, Hypothesis, RunResult, Start
 
-_MOST_SHOWN = 60  # hypotheses of one moment
+_MAX_SHOWN = 60  # hypotheses of one moment
 
 
 def plot_start(result: RunResult) -> Figure | None:
-    """Draw the widest moment of doubt on the left and the start itself on the right.
+    """Draw the moment with the most hypotheses on the left and the start on the right.
 
     Parameters
     ----------
@@ -45,14 +46,14 @@ def plot_start(result: RunResult) -> Figure | None:
     start = result.start
     if start is None:
         return None
-    stamp, doubt = max(start.steps, key=lambda step: (len(step[1]), -step[0]))
+    stamp, widest = max(start.steps, key=lambda step: (len(step[1]), -step[0]))
     figure = new_figure(5.6)
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     found = (Hypothesis(start.pose, start.covariance, 1.0),)
     after = (stamp - start.stamp_ns) / NANOSECONDS + start.seconds
     handles: dict[str, Handle] = {}
     for axes, poses, seen_ns, text in (
-        (left, doubt, stamp, f"after {after:.3g} s: {_poses(len(doubt))}"),
+        (left, widest, stamp, f"after {after:.3g} s: {_poses(len(widest))}"),
         (right, found, start.stamp_ns, f"ready after {start.seconds:.3g} s"),
     ):
         dress(axes)
@@ -65,7 +66,7 @@ def plot_start(result: RunResult) -> Figure | None:
         for handle in _draw_poses(axes, poses, scan):
             handles[str(handle.get_label())] = handle
     left.set_ylabel("y in world [m]")
-    _limit(left, result, doubt)
+    _limit(left, result, widest)
     for axes in (left, right):
         for handle in _draw_world(axes, result, start):
             handles[str(handle.get_label())] = handle
@@ -79,7 +80,7 @@ def _poses(count: int) -> str:
 
 def _draw_poses(axes: Axes, poses: tuple[Hypothesis, ...], scan: FloatArray) -> list[Handle]:
     handles: list[Handle] = []
-    for one in poses[:_MOST_SHOWN]:
+    for one in poses[:_MAX_SHOWN]:
         x, y, heading = one.pose.tolist()
         c, s = np.cos(heading), np.sin(heading)
         if len(scan) and len(poses) <= 8:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the pictures have in common: colours, sizes, axes, legends, files."""
+"""What the pictures have in common: sizes, axes, legends, files."""
 
 from __future__ import annotations
 
@@ -14,30 +14,28 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from locfuse.report.palette import ANCHOR as ANCHOR
+from locfuse.report.palette import ESTIMATE as ESTIMATE
+from locfuse.report.palette import ESTIMATE_PALE as ESTIMATE_PALE
+from locfuse.report.palette import GRID as GRID
+from locfuse.report.palette import INK as INK
+from locfuse.report.palette import MEAN as MEAN
+from locfuse.report.palette import MUTED as MUTED
+from locfuse.report.palette import REJECTED as REJECTED
+from locfuse.report.palette import TRUTH as TRUTH
 from locfuse.types import FloatArray
 
 Handle: TypeAlias = Line2D | Patch
 
-# Okabe and Ito's palette: distinguishable with every common colour blindness.
-INK = "#222222"
-MUTED = "#6b6b6b"
-GRID = "#e4e4e4"
-ESTIMATE = "#0072B2"
-ESTIMATE_PALE = "#cfe3f1"
-TRUTH = "#222222"
-REJECTED = "#D55E00"
-ANCHOR = "#009E73"
-MEAN = "#222222"
-
 WIDTH_IN = 10.0
 DASHED = (0, (4, 2))
-MOST_POINTS = 4000  # of a line or cloud; a picture is 1300 pixels wide
+MAX_POINTS = 4000  # of a line or cloud; a picture is 1300 pixels wide
 
 _DPI = 130
 
 
 def new_figure(height_in: float) -> Figure:
-    """Return an empty figure of the common width whose parts make room for one another."""
+    """Return an empty figure of the common width with a constrained layout."""
     figure = Figure(figsize=(WIDTH_IN, height_in), dpi=_DPI)
     figure.set_layout_engine("constrained", w_pad=0.1, h_pad=0.08)
     figure.set_facecolor("white")
@@ -46,7 +44,7 @@ def new_figure(height_in: float) -> Figure:
 
 
 def sentence(text: str) -> Figure:
-    """Return a figure that says why there is no picture."""
+    """Return a figure with a sentence instead of a picture."""
     figure = new_figure(1.2)
     figure.text(0.5, 0.5, text, ha="center", va="center", fontsize=11, color=MUTED)
     return figure
@@ -75,7 +73,7 @@ def dress(axes: Axes) -> None:
 
 
 def title(axes: Axes, text: str) -> None:
-    """Write the sentence above an axes, as it is: names may hold signs of formulas."""
+    """Write the title of an axes literally: names may contain signs of formulas."""
     axes.set_title(text, loc="left", fontsize=9, color=INK, parse_math=False)
 
 

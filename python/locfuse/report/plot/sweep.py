@@ -17,13 +17,14 @@ from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
 
 from locfuse.eval.intervals import median_interval
 from locfuse.eval.scores import LEVELS
+from locfuse.report.decimation import keep_cloud
 from locfuse.report.plot.style import (
     ANCHOR,
     DASHED,
     ESTIMATE,
     ESTIMATE_PALE,
     INK,
-    MOST_POINTS,
+    MAX_POINTS,
     MUTED,
     REJECTED,
     Handle,
@@ -34,8 +35,7 @@ from locfuse.report.plot.style import (
     save,
     title,
 )
-from locfuse.report.plot.text import count, percent, short
-from locfuse.report.plot.thinning import keep_cloud
+from locfuse.report.text import count, percent, short
 from locfuse.sweep.summary import Group, calibration, groups_of, known, nees_band
 from locfuse.sweep.table import Trials
 from locfuse.sweep.vary import Axis
@@ -43,19 +43,19 @@ from locfuse.types import FloatArray
 
 ERRORS = (("position_rmse_m", "position RMSE [m]"), ("heading_rmse_deg", "heading RMSE [deg]"))
 CURVES = (ESTIMATE, REJECTED, ANCHOR, "#CC79A7", "#E69F00", INK, "#56B4E9", MUTED)
-MOST_CURVES = len(CURVES)  # of values with a curve each
-_MOST_TICKS = 12
+MAX_CURVES = len(CURVES)  # of values with a curve each
+_MAX_TICKS = 12
 _WIDE = 4.0  # ratio of errors from which their axis is logarithmic
 
 
 def draw_sweep(trials: Trials, folder: Path) -> list[Path]:
-    """Draw what there is to draw of a sweep into a folder; return the paths.
+    """Draw the pictures of a sweep into a folder; return their paths.
 
     Parameters
     ----------
     trials : Trials
     folder : Path
-        Made if it is not there.
+        Created if missing.
     """
     drawn = {f"error_{re.sub(r'[^0-9A-Za-z]+', '_', axis.key)}": plot_against(trials, axis)
              for axis in trials.axes}  # fmt: skip
@@ -82,7 +82,7 @@ def plot_against(trials: Trials, axis: Axis) -> Figure | None:
     Returns
     -------
     Figure or None
-        Numbers stand where they are, words side by side. None if no trial has an error.
+        Numbers at their values, texts side by side. None if no trial has an error.
     """
     shown = [(name, label) for name, label in ERRORS if len(known(trials, name))]
     if not shown:
@@ -96,7 +96,7 @@ def plot_against(trials: Trials, axis: Axis) -> Figure | None:
     _key_axis(column[-1], axis, groups)
     figure.align_ylabels(column)
     slices = f"{len(groups)} slices of {axis.key} with equally many trials"
-    title(column[0], _told(trials, f"by {axis.key}" if axis.values else slices))
+    title(column[0], _trial_counts(trials, f"by {axis.key}" if axis.values else slices))
     legend(figure, [
         Line2D([], [], color=MUTED, ls="none", marker="o", ms=4, alpha=0.6, label="a trial"),
         Patch(facecolor=ESTIMATE_PALE, label="5 % to 95 % of the trials"),
@@ -116,13 +116,13 @@ def _key_axis(axes: Axes, axis: Axis, groups: Sequence[Group]) -> None:
     if axis.log:
         axes.set_xscale("log")
         _plain(axes.xaxis)
-    if axis.values and len(groups) <= _MOST_TICKS:
+    if axis.values and len(groups) <= _MAX_TICKS:
         axes.set_xticks([g.low for g in groups], [f"{g.low:.3g}" for g in groups])
         axes.xaxis.set_minor_locator(NullLocator())
 
 
 def _plain(axis: XAxis | YAxis) -> None:
-    """Label a logarithmic axis with numbers as they are written in a configuration."""
+    """Label a logarithmic axis with plain numbers."""
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
@@ -150,7 +150,7 @@ def _draw_against(axes: Axes, trials: Trials, groups: Sequence[Group], name: str
             at = some[group.axis.key][np.isfinite(some[name])].astype(np.float64)
         middle.append(float(np.median(at)))
         found.append(values)
-        rows = keep_cloud(values, MOST_POINTS // len(groups))
+        rows = keep_cloud(values, MAX_POINTS // len(groups))
         axes.plot(_spread(at, groups)[rows], values[rows], ls="none", marker="o", ms=2.4, mew=0,
                   color=MUTED, alpha=0.5, zorder=2)  # fmt: skip
         low, high = np.quantile(values, [0.05, 0.95])
@@ -169,7 +169,7 @@ def _draw_against(axes: Axes, trials: Trials, groups: Sequence[Group], name: str
 
 
 def _spread(at: FloatArray, groups: Sequence[Group]) -> FloatArray:
-    """Return places beside one another for points that would hide one another."""
+    """Move points sideways that would hide one another."""
     if not groups[0].axis.values or len(at) < 2:
         return at
     aside = np.linspace(-1.0, 1.0, len(at))
@@ -183,7 +183,7 @@ def _spread(at: FloatArray, groups: Sequence[Group]) -> FloatArray:
 
 
 def plot_cdfs(trials: Trials) -> Figure | None:
-    """Draw which share of the trials has an error below a value.
+    """Draw the cumulative distributions of the errors over trials.
 
     Parameters
     ----------
@@ -223,16 +223,16 @@ def plot_cdfs(trials: Trials) -> Figure | None:
         axes.set_xlabel(label)
         axes.set_ylim(0.0, 1.02)
     row[0].set_ylabel("share of trials")
-    title(row[0], _told(trials, of))
+    title(row[0], _trial_counts(trials, of))
     legend(figure, handles)
     return figure
 
 
 def _curves(trials: Trials) -> tuple[list[tuple[str, Trials]], str]:
-    """Return what has a curve of its own, and of what they are."""
+    """Return the trials of each curve with its label, and what the curves are split by."""
     for axis in trials.axes:
         groups = groups_of(trials, axis)
-        if axis.values and 1 < len(groups) <= MOST_CURVES:
+        if axis.values and 1 < len(groups) <= MAX_CURVES:
             named = [(group.label, trials.some(group.rows)) for group in groups]
             return [(text, some) for text, some in named if len(some)], f"by {axis.key}"
     return [("all trials", trials)], ""
@@ -299,7 +299,7 @@ def plot_calibration(trials: Trials) -> Figure | None:
     dress(axes)
     axes.plot([0, 1], [0, 1], color=MUTED, lw=1.0, ls=DASHED, zorder=1)
     handles: list[Handle] = [Line2D([], [], color=MUTED, lw=1.0, ls=DASHED, label="as it says")]
-    least = 0.4
+    lowest = 0.4
     for place, ((text, some), color) in enumerate(zip(curves, CURVES, strict=False)):
         points = calibration(some)
         if not points:
@@ -307,13 +307,13 @@ def plot_calibration(trials: Trials) -> Figure | None:
         level, share, low, high = (
             np.array([point[key] for point in points]) for key in ("level", "share", "low", "high")
         )
-        least = min(least, float(low.min()))
+        lowest = min(lowest, float(low.min()))
         level = level + 0.003 * (place - 0.5 * (len(curves) - 1))  # so that intervals are seen
         axes.errorbar(level, share, [share - low, high - share], fmt="o-", ms=4, lw=1.4, capsize=3,
                       color=color, zorder=3)  # fmt: skip
         handles.append(Line2D([], [], color=color, lw=1.4, marker="o", ms=4, label=short(text)))
     axes.set_xlim(0.45, 1.02)
-    axes.set_ylim(least - 0.03, 1.03)
+    axes.set_ylim(lowest - 0.03, 1.03)
     axes.set_xticks(LEVELS, [f"{100 * level:g}" for level in LEVELS])
     axes.yaxis.set_major_formatter(lambda value, place: f"{100 * value:g}")
     axes.set_xlabel("errors that should be inside [%]")
@@ -321,12 +321,12 @@ def plot_calibration(trials: Trials) -> Figure | None:
     for x, y, side, text in ((0.02, 0.9, "left", "large"), (0.98, 0.05, "right", "small")):
         axes.text(x, y, f"covariance too {text}", fontsize=9, color=MUTED, ha=side,
                   transform=axes.transAxes)  # fmt: skip
-    title(axes, _told(trials, of))
+    title(axes, _trial_counts(trials, of))
     legend(figure, handles)
     return figure
 
 
-def _told(trials: Trials, of: str) -> str:
+def _trial_counts(trials: Trials, of: str) -> str:
     failed = int(trials.failed.sum())
     ended = f", {percent(failed / len(trials))} of them failed" if failed else ""
     return f"{count(len(trials))} trials{ended}" + (f", {of}" if of else "")

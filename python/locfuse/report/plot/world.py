@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What pictures of the world have in common: how much of it they show, and its map."""
+"""What pictures of the world have in common: limits and map."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from matplotlib.transforms import Affine2D
 
 from locfuse.types import OCCUPIED, UNKNOWN, FloatArray, GridMap
 
-_PIXELS = 1000  # about what is left for the axes of a picture
+_PIXELS = 1000  # approximate width of the axes of a picture
 
 
 def box_around(

@@ -16,7 +16,7 @@ TEST(AltitudeModel, is_the_height_of_the_altimeter) {
   EXPECT_NEAR(lin.noise(0), 0.04, 1e-17);
 }
 
-TEST(AltitudeModel, refuses_a_mount_that_is_not_finite) {
+TEST(AltitudeModel, rejects_a_mount_that_is_not_finite) {
   testing::expect_refused([] { AltitudeModel({std::numeric_limits<double>::infinity()}); },
                           "altimeter_up_m");
 }

@@ -27,24 +27,24 @@ LaserScan scan_of(std::vector<double> ranges) {
 }
 
 /// Integral of exp(log_density) over returns, and the mass of no return.
-double total(const BeamModel& model, double expected, double most) {
+double total(const BeamModel& model, double expected, double max_range) {
   double sum = std::exp(model.log_density(kInfinity, expected));
   const double step = 1e-4;
-  for (double z = 0.5 * step; z < most; z += step) {
+  for (double z = 0.5 * step; z < max_range; z += step) {
     sum += step * std::exp(model.log_density(z, expected));
   }
   return sum;
 }
 
-TEST(BeamModel, is_a_density_of_readings) {
+TEST(BeamModel, is_a_density_of_ranges) {
   const BeamModel model({0.7, 0.1, 0.1, 0.1, 0.1, 0.5, 12.0}, wall());
   for (const double expected : {1.0, 5.0, 11.0, kInfinity}) {
     EXPECT_NEAR(total(model, expected, 12.0), 1.0, 2e-4) << expected;
   }
-  EXPECT_NEAR(total(BeamModel(BeamModel::zhang(), wall()), 5.0, 30.0), 1.0, 1e-3);
+  EXPECT_NEAR(total(BeamModel(BeamModel::gaussian_and_no_return(), wall()), 5.0, 30.0), 1.0, 1e-3);
 }
 
-TEST(BeamModel, is_the_mixture_of_its_page) {
+TEST(BeamModel, is_the_documented_mixture) {
   const BeamModel model({0.7, 0.1, 0.15, 0.05, 0.1, 0.5, 12.0}, wall());
   const double hit = 0.7 / (0.1 * std::sqrt(2.0 * kPi));
   const double cut = 1.0 - std::exp(-0.5 * 5.0);
@@ -55,14 +55,15 @@ TEST(BeamModel, is_the_mixture_of_its_page) {
   EXPECT_NEAR(model.log_density(9.0, 5.0), std::log(0.05 / 12.0), 1e-12);
   EXPECT_NEAR(model.log_density(kInfinity, 5.0), std::log(0.15), 1e-12);
   EXPECT_NEAR(model.log_density(kInfinity, kInfinity), std::log(0.85), 1e-12);
-  EXPECT_NEAR(BeamModel(BeamModel::zhang(), wall()).log_density(9.0, 5.0), std::log(1e-12), 1e-9);
+  EXPECT_NEAR(BeamModel(BeamModel::gaussian_and_no_return(), wall()).log_density(9.0, 5.0),
+              std::log(1e-12), 1e-9);
 }
 
 TEST(BeamModel, sums_over_the_beams_of_a_laser_on_the_body) {
   const BeamModel model({}, wall());
   const LaserScan scan = scan_of({2.5, 13.0, 0.1, kNan});
   const Beams beams = model.beams_of(scan, 10);
-  ASSERT_EQ(beams.angle.size(), 3U);  // the third is nearer than the scanner sees
+  ASSERT_EQ(beams.angle.size(), 3U);  // the third is below range_min
   EXPECT_EQ(beams.range[2], kInfinity);
   const Pose2 body{2.0, 5.0, 0.0};  // the laser is at x = 2.5 m, the wall 2.5 m ahead
   const double expected = model.log_density(2.5, 2.5) +
@@ -72,7 +73,7 @@ TEST(BeamModel, sums_over_the_beams_of_a_laser_on_the_body) {
   EXPECT_GT(model.log_likelihood(body, beams), model.log_likelihood({1.5, 5.0, 0.0}, beams));
 }
 
-TEST(BeamModel, a_beam_that_passes_a_wall_is_unlikely_however_near_a_wall_it_ends) {
+TEST(BeamModel, a_beam_that_passes_a_wall_is_unlikely_wherever_it_ends) {
   auto two = std::vector<Cell>(100 * 100, Cell::kFree);
   for (std::size_t row = 0; row < 100; ++row) {
     two[row * 100 + 50] = two[row * 100 + 80] = Cell::kOccupied;
@@ -83,7 +84,7 @@ TEST(BeamModel, a_beam_that_passes_a_wall_is_unlikely_however_near_a_wall_it_end
             model.log_likelihood({5.5, 5.0, 0.0}, model.beams_of(scan_of({2.0}), 1)) - 3.0);
 }
 
-TEST(BeamModel, refuses_what_is_no_mixture) {
+TEST(BeamModel, rejects_invalid_mixtures) {
   EXPECT_THROW(BeamModel({0.0, 0.0, 0.0, 0.0}, wall()), std::invalid_argument);
   EXPECT_THROW(BeamModel({1.2, -0.2, 0.0, 0.0}, wall()), std::invalid_argument);
   EXPECT_THROW(BeamModel({kNan, 0.3, 0.0, 0.0}, wall()), std::invalid_argument);
@@ -93,13 +94,13 @@ TEST(BeamModel, refuses_what_is_no_mixture) {
   EXPECT_THROW(BeamModel({}, nullptr), std::invalid_argument);
 }
 
-TEST(BeamModel, weights_count_beside_one_another) {
+TEST(BeamModel, weights_are_normalized) {
   const BeamModel one({0.7, 0.1, 0.15, 0.05}, wall());
   const BeamModel half({0.35, 0.05, 0.075, 0.025}, wall());
   EXPECT_NEAR(one.log_density(4.9, 5.0), half.log_density(4.9, 5.0), 1e-12);
 }
 
-TEST(BeamModel, has_nothing_to_say_of_an_empty_scan) {
+TEST(BeamModel, an_empty_scan_has_no_beams) {
   const BeamModel model({}, wall());
   EXPECT_EQ(model.log_likelihood({2.0, 5.0, 0.0}, model.beams_of(scan_of({0.1, 0.1}), 5)), 0.0);
   EXPECT_TRUE(model.beams_of(scan_of({2.0}), 0).angle.empty());
@@ -114,7 +115,7 @@ TEST(BeamModel, densities_are_finite_for_any_range) {
   }
 }
 
-TEST(BeamModel, from_farther_off_the_map_than_cells_are_told_apart_all_beams_go_on) {
+TEST(BeamModel, too_far_from_the_map_no_beam_returns) {
   const BeamModel model({}, wall());
   Beams beams{{}, {0.1, 0.2}, {1.0, std::numeric_limits<double>::infinity()}};
   EXPECT_EQ(model.log_likelihood({1e20, 0.0, 0.0}, beams),

@@ -14,7 +14,7 @@ using testing::uniform;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-/// 60 x 40 cells of 10 cm: a wall at column 10, what is right of column 49 is not known.
+/// 60 x 40 cells of 10 cm: a wall at column 10, right of column 49 is unknown.
 std::shared_ptr<const OccupancyGrid> wall() {
   std::vector<Cell> cells(60 * 40, Cell::kFree);
   for (std::size_t row = 0; row < 40; ++row) {
@@ -26,7 +26,7 @@ std::shared_ptr<const OccupancyGrid> wall() {
   return std::make_shared<const OccupancyGrid>(60, 40, 0.1, Pose2{1.0, 2.0, 0.3}, cells);
 }
 
-TEST(LikelihoodField, is_a_gaussian_about_the_walls_clutter_before_them_and_a_share_of_anything) {
+TEST(LikelihoodField, is_a_mixture_of_walls_clutter_and_uniform) {
   const LikelihoodField field({0.15, 0.1, 20.0, 0.04, 0.01}, wall());
   const auto density = [](double distance) {
     return 0.9 / (0.15 * std::sqrt(2.0 * kPi)) *
@@ -43,12 +43,12 @@ TEST(LikelihoodField, is_a_gaussian_about_the_walls_clutter_before_them_and_a_sh
   EXPECT_LT(255.0 * field.unit(), 10.0);
 }
 
-TEST(LikelihoodField, an_end_before_a_wall_is_likelier_than_one_behind_it) {
+TEST(LikelihoodField, an_end_in_front_of_a_wall_is_likelier_than_one_behind_it) {
   const LikelihoodField field({}, wall());
   EXPECT_GT(field.log_density(35.0, 20.0), field.log_density(55.0, 20.0) + 2.0);
 }
 
-TEST(LikelihoodField, sums_what_single_end_points_cost) {
+TEST(LikelihoodField, sums_the_costs_of_single_end_points) {
   const LikelihoodField field({0.15, 0.1, 3.0}, wall());
   Rng rng(2);
   EndPoints points;
@@ -97,13 +97,13 @@ TEST(LikelihoodField, poses_off_the_map_cost_more_than_any_on_it) {
   EXPECT_LE(sums[5], 510);
 }
 
-TEST(LikelihoodField, takes_returns_evenly_and_nothing_else) {
+TEST(LikelihoodField, selects_returns_evenly) {
   const LikelihoodField field({0.15, 0.1, 5.0}, wall());
   const auto laser = std::make_shared<const LaserGeometry>(
       LaserGeometry{{0.5, 0.1, kPi / 2.0}, 0.0, -kPi / 8.0, 0.2, 30.0});
   const LaserScan scan{0, laser, {1.0, kNan, 0.1, 2.0, 6.0, 31.0, 3.0}};
   const EndPoints all = field.end_points(scan, 100);
-  ASSERT_EQ(all.x.size(), 3U);  // of 6 m and 31 m nothing, nor of what is nearer than range_min
+  ASSERT_EQ(all.x.size(), 3U);  // without those of 6 m and 31 m and below range_min
   // Beam 0 leaves along the body's y axis; the laser turns clockwise.
   EXPECT_NEAR(static_cast<double>(all.x[0]), 5.0, 1e-5);
   EXPECT_NEAR(static_cast<double>(all.y[0]), 11.0, 1e-5);
@@ -116,14 +116,14 @@ TEST(LikelihoodField, takes_returns_evenly_and_nothing_else) {
   EXPECT_TRUE(field.end_points({0, laser, {kNan, 99.0}}, 10).x.empty());
 }
 
-TEST(LikelihoodField, says_how_many_end_points_lie_at_a_wall) {
+TEST(LikelihoodField, counts_end_points_at_walls) {
   const LikelihoodField field({0.1, 0.1, 5.0}, wall());
   const EndPoints points{{-10.0F, -9.0F, 5.0F, -2.0F}, {0.0F, 3.0F, 0.0F, 1.0F}};
   EXPECT_EQ(field.explained(points.seen_from({20.5, 20.5, 0.0})), 0.5);
   EXPECT_EQ(field.explained({}), 0.0);
 }
 
-TEST(LikelihoodField, refuses_maps_and_settings_that_say_nothing) {
+TEST(LikelihoodField, rejects_invalid_maps_and_settings) {
   const auto full = std::make_shared<const OccupancyGrid>(2, 2, 0.1, Pose2{},
                                                           std::vector<Cell>(4, Cell::kOccupied));
   testing::expect_refused([&] { LikelihoodField({}, full); }, "0 free cells");
@@ -146,7 +146,7 @@ TEST(LikelihoodField, refuses_maps_and_settings_that_say_nothing) {
       "unknown_per_m is nan");
 }
 
-TEST(LikelihoodField, refuses_what_leaves_no_density_or_no_memory) {
+TEST(LikelihoodField, rejects_settings_without_density_or_beyond_memory) {
   for (const double sigma : {1e-200, 1e-310}) {
     testing::expect_refused([&] { LikelihoodField({sigma}, wall()); }, "sigma_hit_m");
   }
@@ -156,7 +156,7 @@ TEST(LikelihoodField, refuses_what_leaves_no_density_or_no_memory) {
   }
 }
 
-TEST(LikelihoodField, what_is_beyond_the_integers_is_unknown) {
+TEST(LikelihoodField, points_beyond_integers_are_unknown) {
   const LikelihoodField field({0.1, 0.05, 2.0}, wall());
   for (const double far : {kNan, 1e10, -1e300, 2147483646.0}) {
     EXPECT_EQ(field.log_density(far, 0.0), field.log_density(-1e3, 0.0)) << far;

@@ -37,11 +37,11 @@ TEST(PointDistanceModel, jacobian_matches_differences_from_1_mm_on) {
   }
 }
 
-TEST(PointDistanceModel, says_nothing_where_the_points_lie_together) {
+TEST(PointDistanceModel, is_empty_where_the_points_coincide) {
   EXPECT_FALSE(PointDistanceModel().linearize({1.0, 2.0}, {1.0, 2.0}, 0.5));
 }
 
-TEST(PointDistanceModel, refuses_a_sigma_that_is_none) {
+TEST(PointDistanceModel, rejects_an_invalid_sigma) {
   for (const double sigma : {0.0, -0.1, std::numeric_limits<double>::quiet_NaN(), 1e200}) {
     expect_refused([&] { (void)PointDistanceModel({sigma}); }, "side.sigma_m");
   }

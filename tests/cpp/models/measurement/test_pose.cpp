@@ -10,7 +10,7 @@ TEST(PoseModel, expects_the_pose_itself) {
   testing::expect_pose_near(expected, {1.0, 2.0, 3.0}, 0.0);
 }
 
-TEST(PoseModel, residual_is_measured_minus_expected_and_takes_the_short_way_round) {
+TEST(PoseModel, residual_is_measured_minus_expected_and_wrapped) {
   const Matrix<3, 3> R = Vector<3>(0.1, 0.2, 0.3).asDiagonal();
   const PoseObservation z{0, {1.5, 1.0, kPi - 0.1}, R};
   const auto lin = *PoseModel().linearize({1.0, 2.0, -kPi + 0.1}, z);

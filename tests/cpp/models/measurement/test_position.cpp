@@ -31,7 +31,7 @@ TEST(PositionModel, jacobian_matches_differences_with_and_without_a_lever_arm) {
   }
 }
 
-TEST(PositionModel, says_nothing_of_heading_without_a_lever_arm) {
+TEST(PositionModel, does_not_observe_the_heading_without_a_lever_arm) {
   const auto lin =
       *PositionModel().linearize({1.0, 2.0, 0.7}, {0, {1.0, 2.0}, Matrix<2, 2>::Identity()});
   EXPECT_EQ(lin.jacobian(0, 2), 0.0);
@@ -40,7 +40,7 @@ TEST(PositionModel, says_nothing_of_heading_without_a_lever_arm) {
 
 const std::vector<Tag> kTags = {{4, {2.0, 1.0, 0.7}}, {-1, {0.0, -3.0, 0.1}}};
 
-TEST(PositionModel, a_tag_is_a_lever_arm_of_its_own) {
+TEST(PositionModel, a_tag_has_its_own_lever_arm) {
   const PositionModel model({5.0, 5.0}, kTags);
   const PositionModel antenna({2.0, 1.0});
   const Pose2 pose{10.0, 20.0, kPi / 2.0};
@@ -56,7 +56,7 @@ TEST(PositionModel, a_tag_is_a_lever_arm_of_its_own) {
   }
 }
 
-TEST(PositionModel, says_nothing_of_an_unknown_tag) {
+TEST(PositionModel, is_empty_for_an_unknown_tag) {
   const PositionModel model({}, kTags);
   EXPECT_FALSE(model.linearize({}, {0, {1.0, 2.0}, Matrix<2, 2>::Identity(), 3}));
   EXPECT_FALSE(model.predict({}, 3));
@@ -70,7 +70,7 @@ TEST(PositionModel, of_a_point_is_the_point) {
   EXPECT_EQ(lin.noise, R);
 }
 
-TEST(PositionModel, refuses_tags_given_twice_and_without_a_place) {
+TEST(PositionModel, rejects_tags_given_twice_or_without_a_position) {
   expect_refused([] { (void)PositionModel({}, {{1}, {2}, {1}}); }, "tag 1", "twice");
   expect_refused(
       [] {
@@ -79,7 +79,7 @@ TEST(PositionModel, refuses_tags_given_twice_and_without_a_place) {
       "tag 7", "finite");
 }
 
-TEST(PositionModel, refuses_a_lever_arm_that_is_not_finite) {
+TEST(PositionModel, rejects_a_lever_arm_that_is_not_finite) {
   expect_refused([] { (void)PositionModel({std::nan(""), 0.0}); }, "antenna_forward_m");
   expect_refused([] { (void)PositionModel({0.0, std::nan("")}); }, "antenna_left_m");
 }

@@ -29,7 +29,7 @@ void expect_jacobian_at(const RangeModel& model, const Pose2& pose, double toler
 }
 
 TEST(RangeModel, equals_values_computed_by_hand) {
-  // The tag is at (1.5, 2, 1), so the anchor is 3 m, 4 m, 0 m away: 5 m, read as 1.1 * 5 + 0.3.
+  // The tag is at (1.5, 2, 1), so the anchor is 3 m, 4 m, 0 m away: 5 m, measured as 1.1 * 5 + 0.3.
   const RangeModel model({0.1, 0.02}, one_anchor({9, {4.5, 6.0, 1.0}, 0.3, 1.1}),
                          {{4, {0.5, 0.0, 1.0}}});
   const Pose2 pose{1.0, 2.0, 0.0};
@@ -80,7 +80,7 @@ TEST(RangeModel, jacobian_matches_differences_one_millimetre_from_the_anchor) {
   }
 }
 
-TEST(RangeModel, of_a_tag_that_is_a_variable_depends_on_its_place_alone) {
+TEST(RangeModel, linearize_point_depends_on_the_position_alone) {
   const RangeModel model({0.1, 0.02}, one_anchor({9, {4.5, 6.0, 2.0}, 0.3, 1.1}),
                          {{4, {0.5, -0.7, 1.0}}});
   testing::Rng rng(4);
@@ -103,18 +103,18 @@ TEST(RangeModel, of_a_tag_that_is_a_variable_depends_on_its_place_alone) {
   EXPECT_FALSE(model.linearize_point({0.0, 0.0}, range_of(6.0, 4, 8)));
 }
 
-TEST(RangeModel, says_nothing_of_the_plane_right_below_the_anchor) {
+TEST(RangeModel, does_not_observe_the_plane_right_below_the_anchor) {
   const RangeModel model({}, one_anchor({0, {3.0, 2.0, 4.0}}), {Tag{}});
   expect_near(model.linearize({3.0, 2.0, 1.0}, range_of(4.0))->jacobian,
               Matrix<1, 3>(Matrix<1, 3>::Zero()), 0.0);
 }
 
-TEST(RangeModel, has_nothing_to_say_where_the_tag_sits_on_the_anchor) {
+TEST(RangeModel, is_empty_where_the_tag_coincides_with_the_anchor) {
   const RangeModel model({}, one_anchor({0, {3.0, 2.0, 1.0}}), {{0, {0.0, 0.0, 1.0}}});
   EXPECT_FALSE(model.linearize({3.0, 2.0, 1.0}, range_of(0.0)).has_value());
 }
 
-TEST(RangeModel, has_nothing_to_say_of_an_unknown_anchor_or_tag) {
+TEST(RangeModel, is_empty_for_an_unknown_anchor_or_tag) {
   const RangeModel model({}, one_anchor({1, {3.0, 2.0, 1.0}}), {{2, Vector<3>::Zero()}});
   EXPECT_TRUE(model.linearize({}, range_of(1.0, 2, 1)).has_value());
   for (const Range& z : {range_of(1.0, 2, 0), range_of(1.0, 1, 1), range_of(1.0, 1, 2)}) {
@@ -123,7 +123,7 @@ TEST(RangeModel, has_nothing_to_say_of_an_unknown_anchor_or_tag) {
   }
 }
 
-TEST(RangeModel, each_anchor_and_tag_has_its_own_numbers) {
+TEST(RangeModel, uses_the_numbers_of_each_anchor_and_tag) {
   const auto anchors = std::make_shared<AnchorMap>(
       std::vector<Anchor>{{0, {10.0, 0.0, 0.0}, 0.5, 1.0}, {1, {0.0, 20.0, 0.0}, 0.0, 2.0}});
   const RangeModel model({}, anchors, {{0, {1.0, 0.0, 0.0}}, {1, {0.0, 4.0, 0.0}}});
@@ -131,7 +131,7 @@ TEST(RangeModel, each_anchor_and_tag_has_its_own_numbers) {
   EXPECT_NEAR(*model.predict({}, range_of(0.0, 1, 1)), 32.0, 1e-14);
 }
 
-TEST(RangeModel, the_message_s_own_sigma_rules_over_the_model_s) {
+TEST(RangeModel, the_sigma_of_a_message_overrides_that_of_the_model) {
   const RangeModel model({0.1, 0.02}, one_anchor({0, {5.0, 0.0, 0.0}, 0.7, 2.0}), {Tag{}});
   Range z = range_of(30.0);
   EXPECT_NEAR(model.linearize({}, z)->noise(0), 0.01 + 0.01, 1e-16);  // 0.1^2 + (0.02 * 5)^2
@@ -173,7 +173,7 @@ TEST(RangeModel, derivatives_by_pose_and_errors_match_differences) {
   }
 }
 
-TEST(RangeModel, refuses_a_config_without_noise) {
+TEST(RangeModel, rejects_a_config_without_noise) {
   const auto anchors = one_anchor({});
   const auto with = [&](double sigma, double relative) {
     (void)RangeModel({sigma, relative}, anchors, {});
@@ -188,7 +188,7 @@ TEST(RangeModel, refuses_a_config_without_noise) {
   EXPECT_NO_THROW(with(0.0, 0.1));
 }
 
-TEST(RangeModel, refuses_to_be_without_a_map_or_with_ambiguous_tags) {
+TEST(RangeModel, rejects_a_missing_map_and_ambiguous_tags) {
   expect_refused([] { (void)RangeModel({}, nullptr, {}); }, "AnchorMap");
   expect_refused(
       [] {

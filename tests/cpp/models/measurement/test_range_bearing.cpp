@@ -62,7 +62,7 @@ TEST(RangeBearingModel, jacobian_matches_differences) {
 TEST(RangeBearingModel, with_errors_equals_values_computed_by_hand) {
   // A second ago, before it had driven 2 m east and turned, it was at (1, 2) looking north.
   const RangeBearingModel model({0.1, 0.02}, {0.0, -0.3, 0.1});
-  const SightErrors errors{{0.0, -0.2, -0.1}, 0.25, 0.1, 1.0};
+  const LandmarkErrors errors{{0.0, -0.2, -0.1}, 0.25, 0.1, 1.0};
   const Pose2 then{1.0, 2.0, kPi / 2.0};
   const Pose2 rate{1.0, -2.0, 0.3};
   const auto lin = model.linearize_with_errors(then * arc(rate.x, rate.y, rate.heading), {4.5, 6.0},
@@ -110,7 +110,7 @@ TEST(RangeBearingModel, derivatives_by_pose_and_errors_match_differences) {
   }
 }
 
-TEST(RangeBearingModel, one_of_the_two_is_one_row_of_both) {
+TEST(RangeBearingModel, range_or_bearing_alone_is_one_row) {
   const RangeBearingModel model({}, kMount);
   const Pose2 pose{1.0, 2.0, 3.0};
   const Vector<2> landmark(-4.0, 1.0);
@@ -128,7 +128,7 @@ TEST(RangeBearingModel, one_of_the_two_is_one_row_of_both) {
   EXPECT_FALSE(model.linearize_both(pose, landmark, seen(2.0, {})).has_value());
 }
 
-TEST(RangeBearingModel, the_residual_of_a_bearing_takes_the_short_way_round) {
+TEST(RangeBearingModel, the_residual_of_a_bearing_is_wrapped) {
   const RangeBearingModel model({}, {});
   for (const double bearing : {-kPi, std::nextafter(kPi, 0.0), kPi - 0.01, -kPi + 0.01}) {
     const auto lin = model.linearize({}, {-2.0, 0.0}, seen({}, bearing));  // straight behind
@@ -142,7 +142,7 @@ TEST(RangeBearingModel, a_landmark_on_the_sensor_has_no_direction) {
   EXPECT_FALSE(model.linearize(pose, pose.act(kMount.position()), seen(0.0, 0.0)).has_value());
 }
 
-TEST(RangeBearingModel, a_landmark_is_placed_where_it_would_be_seen_so) {
+TEST(RangeBearingModel, place_inverts_predict) {
   const RangeBearingModel model({}, kMount);
   Rng rng(3);
   for (int i = 0; i < 100; ++i) {
@@ -156,18 +156,18 @@ TEST(RangeBearingModel, a_landmark_is_placed_where_it_would_be_seen_so) {
     expect_jacobian<2>(
         placed->by_pose,
         [&](const Pose2& p) { return model.place(p, seen(z.x(), z.y()))->position; }, pose);
-    const Matrix<2, 2> by_sighting = numerical_jacobian<2, 2>(
+    const Matrix<2, 2> by_observation = numerical_jacobian<2, 2>(
         [&](const Vector<2>& delta) {
           return Vector<2>(model.place(pose, seen(z.x() + delta.x(), z.y() + delta.y()))->position -
                            placed->position);
         },
         1e-6);
-    expect_near(placed->by_sighting, by_sighting, 1e-7);
+    expect_near(placed->by_observation, by_observation, 1e-7);
   }
   EXPECT_FALSE(model.place({}, seen(2.0, {})).has_value());
 }
 
-TEST(RangeBearingModel, ranges_may_err_the_more_the_longer_they_are) {
+TEST(RangeBearingModel, noise_of_a_range_may_grow_with_it) {
   const RangeBearingModel model({0.3, 0.02, 0.1}, {});
   const RangeBearing z = seen(4.0, 0.0);
   EXPECT_NEAR(model.noise(z)(0, 0), 0.09 + 0.16, 1e-15);
@@ -175,14 +175,14 @@ TEST(RangeBearingModel, ranges_may_err_the_more_the_longer_they_are) {
   EXPECT_NEAR(model.linearize({}, {5.0, 0.0}, seen({}, 0.0))->noise(0, 0), 0.0004, 1e-18);
 }
 
-TEST(RangeBearingModel, a_sighting_may_bring_its_own_covariance) {
+TEST(RangeBearingModel, an_observation_may_have_its_own_covariance) {
   RangeBearing z = seen(2.0, 0.0);
   z.covariance = (Matrix<2, 2>() << 0.04, 0.001, 0.001, 0.01).finished();
   const RangeBearingModel model;
   expect_near(model.linearize({}, {2.0, 0.0}, z)->noise, *z.covariance, 0.0);
 }
 
-TEST(RangeBearingModel, refuses_what_is_no_noise) {
+TEST(RangeBearingModel, rejects_invalid_noise) {
   expect_refused([] { RangeBearingModel({0.0, 0.02}, {}); }, "sigma_range_m", "0.0");
   expect_refused([] { RangeBearingModel({0.1, kNan}, {}); }, "sigma_bearing_rad", "nan");
   expect_refused([] { RangeBearingModel({1e200, 0.02}, {}); }, "sigma_range_m", "square");

@@ -22,7 +22,7 @@ RangeBearing seen(std::optional<double> range, std::optional<double> bearing,
   return {0, {}, range, bearing, {}, elevation, {}};
 }
 
-/// The Jacobian of the pose and the height is that by differences.
+/// Compares the Jacobian by pose and height with differences.
 void expect_jacobian_in_space(const RangeBearingModel& model, const Pose2& pose, double height,
                               const Vector<3>& landmark, double tolerance = 1e-7) {
   const Vector<3> here = model.predict(pose, height, landmark);
@@ -64,11 +64,11 @@ TEST(RangeBearingModel, jacobian_with_height_matches_differences) {
   for (const Pose2& pose : testing::poses_to_try()) {
     expect_jacobian_in_space(model, pose, uniform(rng, -20.0, 20.0), {3.0, -2.0, 1.5});
   }
-  // A decimetre beside what is 5 m below.
+  // A decimetre beside a landmark 5 m below.
   expect_jacobian_in_space(RangeBearingModel(), {3.1, -2.0, -kPi}, 6.5, {3.0, -2.0, 1.5}, 1e-6);
 }
 
-TEST(RangeBearingModel, in_space_any_parts_are_their_rows_of_all) {
+TEST(RangeBearingModel, in_space_any_parts_are_their_rows) {
   const RangeBearingModel model({}, kMount, {0.5, 0.03});
   const Pose2 pose{1.0, 2.0, 3.0};
   const Vector<3> landmark(-4.0, 1.0, 3.0);
@@ -100,7 +100,7 @@ TEST(RangeBearingModel, in_space_any_parts_are_their_rows_of_all) {
   }
 }
 
-TEST(RangeBearingModel, at_the_sensor_s_height_is_that_of_the_plane_to_the_bit) {
+TEST(RangeBearingModel, at_the_height_of_the_sensor_equals_the_plane_to_the_bit) {
   const RangeBearingModel model({}, kMount);
   for (const Pose2& pose : testing::poses_to_try()) {
     const auto plane = model.linearize(pose, {3.0, -2.0}, seen(4.0, 0.5, {}));
@@ -112,13 +112,13 @@ TEST(RangeBearingModel, at_the_sensor_s_height_is_that_of_the_plane_to_the_bit) 
   }
 }
 
-TEST(RangeBearingModel, what_is_straight_below_has_no_direction) {
+TEST(RangeBearingModel, a_landmark_straight_below_has_no_direction) {
   const Pose2 pose{3.0, -2.0, 1.0};
   EXPECT_FALSE(
       RangeBearingModel().linearize(pose, 5.0, {3.0, -2.0, 0.0}, seen(5.0, {}, {})).has_value());
 }
 
-TEST(RangeBearingModel, refuses_what_is_no_noise_or_mount_in_space) {
+TEST(RangeBearingModel, rejects_invalid_noise_and_mounts_in_space) {
   expect_refused([] { RangeBearingModel({}, {}, {0.0, 0.0}); }, "sigma_elevation_rad", "0.0");
   expect_refused([] { RangeBearingModel({}, {}, {kNan, 0.1}); }, "pose in body");
 }

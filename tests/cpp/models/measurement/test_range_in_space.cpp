@@ -21,7 +21,7 @@ RangeModel model_of(const Anchor& anchor, const Vector<3>& tag) {
 
 Range range_of(double range) { return {0, 0, 0, range, {}}; }
 
-/// The Jacobian of the pose and the height is that by differences.
+/// Compares the Jacobian by pose and height with differences.
 void expect_jacobian_in_space(const RangeModel& model, const Pose2& pose, double height,
                               double tolerance = 1e-7) {
   const double here = *model.predict(pose, height, range_of(0.0));
@@ -54,7 +54,7 @@ TEST(RangeModel, jacobian_with_height_matches_differences) {
   }
 }
 
-TEST(RangeModel, right_above_an_anchor_it_tells_the_height_alone) {
+TEST(RangeModel, right_above_an_anchor_observes_only_the_height) {
   const RangeModel model = model_of({0, {3.0, 2.0, 4.0}}, Vector<3>::Zero());
   const Pose2 above{3.0, 2.0, -kPi};
   expect_near(model.linearize(above, 9.0, range_of(5.0))->jacobian,
@@ -66,7 +66,7 @@ TEST(RangeModel, right_above_an_anchor_it_tells_the_height_alone) {
   EXPECT_FALSE(model.linearize(above, 4.0, range_of(0.0)).has_value());
 }
 
-TEST(RangeModel, at_height_zero_is_that_of_the_plane_to_the_bit) {
+TEST(RangeModel, at_height_zero_equals_the_plane_to_the_bit) {
   const RangeModel model = model_of({0, {3.0, -2.0, 2.5}, 0.2, 1.05}, {0.4, -0.3, 0.8});
   for (const Pose2& pose : testing::poses_to_try()) {
     const auto plane = model.linearize(pose, range_of(3.0));

@@ -21,7 +21,7 @@ TEST(VelocityModel, equals_values_computed_by_hand) {
   expect_near(v, Vector<2>(-0.5, 1.0), 1e-15);
 }
 
-TEST(VelocityModel, is_how_fast_the_place_of_a_point_on_an_arc_changes) {
+TEST(VelocityModel, is_the_derivative_of_a_point_on_an_arc) {
   Rng rng(3);
   for (int i = 0; i < 100; ++i) {
     const Pose2 pose = testing::random_pose(rng);
@@ -35,7 +35,7 @@ TEST(VelocityModel, is_how_fast_the_place_of_a_point_on_an_arc_changes) {
   }
 }
 
-TEST(VelocityModel, noise_is_that_of_the_wheels_shared_by_the_points) {
+TEST(VelocityModel, noise_of_the_wheels_is_shared_by_the_points) {
   const VelocityModel::Config config{0.2, 0.1, 0.3, 0.05};
   const VelocityModel model(config);
   Matrix<2, 3> points;
@@ -67,7 +67,7 @@ TEST(VelocityModel, noise_is_that_of_the_wheels_shared_by_the_points) {
   }
 }
 
-TEST(VelocityModel, refuses_sigmas_that_are_none) {
+TEST(VelocityModel, rejects_invalid_sigmas) {
   expect_refused([] { (void)VelocityModel({-0.1, 0.0, 0.0, 0.1}); }, "sigma_forward_mps", "-0.1");
   expect_refused([] { (void)VelocityModel({0.1, std::nan(""), 0.0, 0.1}); }, "sigma_lateral_mps");
   expect_refused([] { (void)VelocityModel({0.1, 0.0, -1.0, 0.1}); }, "sigma_turn_rate_radps");

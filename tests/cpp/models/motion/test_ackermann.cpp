@@ -17,7 +17,7 @@ constexpr double kLimit = 0.6;  // of steering [rad]
 
 AckermannVehicle truck() { return AckermannVehicle({2.83, 0.76, 0.2, 0.07}); }
 
-Vector<2> told(const AckermannVehicle& vehicle, double wheel_speed, double steering) {
+Vector<2> velocity_of(const AckermannVehicle& vehicle, double wheel_speed, double steering) {
   const Velocity u = vehicle.velocity(0, wheel_speed, steering);
   return {u.forward, u.turn_rate};
 }
@@ -37,13 +37,13 @@ TEST(AckermannVehicle, equals_values_computed_by_hand) {
               (Matrix<2, 2>() << 4.0 / 3.0, 5.0 / 3.0, 1.0 / 3.0, 5.0 / 3.0).finished(), 1e-15);
 }
 
-TEST(AckermannVehicle, straight_on_and_backwards_the_wheel_is_as_fast_as_the_axle) {
-  expect_near(told(truck(), 3.0, 0.0), Vector<2>(3.0, 0.0), 0.0);
-  expect_near(told(truck(), -3.0, 0.4), -told(truck(), 3.0, 0.4), 0.0);
-  expect_near(told(truck(), 0.0, 0.4), Vector<2>(0.0, 0.0), 0.0);
+TEST(AckermannVehicle, going_straight_the_wheel_is_as_fast_as_the_axle) {
+  expect_near(velocity_of(truck(), 3.0, 0.0), Vector<2>(3.0, 0.0), 0.0);
+  expect_near(velocity_of(truck(), -3.0, 0.4), -velocity_of(truck(), 3.0, 0.4), 0.0);
+  expect_near(velocity_of(truck(), 0.0, 0.4), Vector<2>(0.0, 0.0), 0.0);
 }
 
-TEST(AckermannVehicle, what_a_rigid_body_does_to_its_wheel_comes_back) {
+TEST(AckermannVehicle, inverts_the_motion_of_a_rigid_body) {
   testing::Rng rng(31);
   const AckermannVehicle vehicle = truck();
   for (int i = 0; i < 100; ++i) {
@@ -51,7 +51,7 @@ TEST(AckermannVehicle, what_a_rigid_body_does_to_its_wheel_comes_back) {
     const double steering = testing::uniform(rng, -kLimit, kLimit);
     const double turn_rate = forward * std::tan(steering) / vehicle.config().wheel_base_m;
     const double wheel = forward - turn_rate * vehicle.config().encoder_left_m;
-    expect_near(told(vehicle, wheel, steering), Vector<2>(forward, turn_rate), 1e-14);
+    expect_near(velocity_of(vehicle, wheel, steering), Vector<2>(forward, turn_rate), 1e-14);
   }
 }
 
@@ -62,7 +62,7 @@ TEST(AckermannVehicle, jacobian_matches_differences) {
     const double wheel = testing::uniform(rng, -5.0, 5.0);
     const double steering = testing::uniform(rng, -kLimit, kLimit);
     const Matrix<2, 2> differences = numerical_jacobian<2, 2>([&](const Vector<2>& delta) {
-      return told(vehicle, wheel + delta(0), steering + delta(1));
+      return velocity_of(vehicle, wheel + delta(0), steering + delta(1));
     });
     expect_near(vehicle.jacobian(wheel, steering), differences, 1e-7);
   }
@@ -73,22 +73,22 @@ TEST(AckermannVehicle, covariance_is_that_of_many_noisy_readings) {
   const AckermannVehicle vehicle({2.83, 0.76, 0.05, 0.01});
   const double wheel = 3.0;
   const double steering = 0.3;
-  const Vector<2> mean = told(vehicle, wheel, steering);
+  const Vector<2> mean = velocity_of(vehicle, wheel, steering);
   constexpr int kDraws = 100000;
   Matrix<2, 2> spread = Matrix<2, 2>::Zero();
   for (int i = 0; i < kDraws; ++i) {
-    const Vector<2> off =
-        told(vehicle, wheel + testing::normal(rng, 0.05), steering + testing::normal(rng, 0.01)) -
-        mean;
+    const Vector<2> off = velocity_of(vehicle, wheel + testing::normal(rng, 0.05),
+                                      steering + testing::normal(rng, 0.01)) -
+                          mean;
     spread += off * off.transpose() / kDraws;
   }
   const Matrix<2, 2> covariance = vehicle.covariance(wheel, steering);
   EXPECT_TRUE(testing::is_covariance(covariance));
   expect_near(covariance.cwiseQuotient(spread), Matrix<2, 2>::Ones(), 0.02);
-  EXPECT_EQ(vehicle.covariance(0.0, 0.0)(1, 1), 0.0);  // at rest steering turns nothing
+  EXPECT_EQ(vehicle.covariance(0.0, 0.0)(1, 1), 0.0);  // at rest steering has no effect
 }
 
-TEST(AckermannVehicle, refuses_a_wheel_that_does_not_tell_the_speed) {
+TEST(AckermannVehicle, rejects_a_wheel_that_does_not_determine_the_speed) {
   const AckermannVehicle vehicle({2.0, 1.0, 0.0, 0.0});
   const double pole = std::atan(2.0);
   for (const double steering : {pole, pole + 0.1}) {
@@ -97,12 +97,12 @@ TEST(AckermannVehicle, refuses_a_wheel_that_does_not_tell_the_speed) {
     expect_refused([&] { (void)vehicle.jacobian(1.0, steering); }, "steering");
     expect_refused([&] { (void)vehicle.covariance(1.0, steering); }, "steering");
   }
-  EXPECT_NEAR(vehicle.velocity(0, 1.0, -pole).forward, 0.5, 1e-15);  // there it is the outer one
+  EXPECT_NEAR(vehicle.velocity(0, 1.0, -pole).forward, 0.5, 1e-15);  // the outer wheel
   const AckermannVehicle right({2.0, -1.0, 0.0, 0.0});
   expect_refused([&] { (void)right.velocity(0, 1.0, -pole); }, "steering");
 }
 
-TEST(AckermannVehicle, refuses_readings_that_are_none) {
+TEST(AckermannVehicle, rejects_invalid_readings) {
   const AckermannVehicle vehicle = truck();
   expect_refused([&] { (void)vehicle.velocity(0, std::nan(""), 0.0); }, "wheel_speed", "nan");
   expect_refused([&] { (void)vehicle.velocity(0, 1.0, std::nan("")); }, "steering", "nan");
@@ -110,7 +110,7 @@ TEST(AckermannVehicle, refuses_readings_that_are_none) {
   expect_refused([&] { (void)vehicle.velocity(0, 1.0, 3.0); }, "steering", "3.0");
 }
 
-TEST(AckermannVehicle, refuses_a_vehicle_that_is_none) {
+TEST(AckermannVehicle, rejects_an_invalid_vehicle) {
   using Config = AckermannVehicle::Config;
   const double infinity = HUGE_VAL;
   expect_refused([] { (void)AckermannVehicle(Config{}); }, "wheel_base_m", "0.0");
@@ -127,11 +127,11 @@ TEST(AckermannVehicle, refuses_a_vehicle_that_is_none) {
   expect_refused([] { (void)truck().velocity(0, 1e300, 0.1); }, "wheel_speed", "1e6");
 }
 
-// Tiny bases and long arms, where the way of the wheel was no number, are refused; at the bounds of
-// what is not, everything is finite.
-TEST(AckermannVehicle, tells_nothing_that_is_not_finite) {
+// Tiny bases and long arms, where results were not finite, are refused; up to those bounds
+// everything is finite.
+TEST(AckermannVehicle, results_are_finite) {
   const double edge = std::nextafter(0.5 * kPi, 0.0);
-  int told = 0;
+  int accepted = 0;
   const auto try_one = [&](const AckermannVehicle::Config& config, double speed, double steering) {
     try {
       const AckermannVehicle vehicle(config);
@@ -139,7 +139,7 @@ TEST(AckermannVehicle, tells_nothing_that_is_not_finite) {
       EXPECT_TRUE(std::isfinite(u.forward) && std::isfinite(u.turn_rate));
       EXPECT_TRUE(vehicle.jacobian(speed, steering).allFinite());
       EXPECT_TRUE(vehicle.covariance(speed, steering).allFinite());
-      ++told;
+      ++accepted;
     } catch (const std::invalid_argument&) {  // refused
     }
   };
@@ -154,7 +154,7 @@ TEST(AckermannVehicle, tells_nothing_that_is_not_finite) {
       }
     }
   }
-  EXPECT_GT(told, 100);
+  EXPECT_GT(accepted, 100);
 }
 
 }  // namespace

@@ -35,7 +35,7 @@ TEST(ConstantVelocityMotion, equals_values_computed_by_hand) {
   expect_near(step.noise, Q, 1e-13);
 }
 
-TEST(ConstantVelocityMotion, two_steps_are_one) {
+TEST(ConstantVelocityMotion, two_steps_equal_one) {
   const ConstantVelocityMotion model({0.7, 0.3, 0.2});
   Rng rng(3);
   for (int i = 0; i < 100; ++i) {
@@ -53,7 +53,7 @@ TEST(ConstantVelocityMotion, two_steps_are_one) {
 }
 
 TEST(ConstantVelocityMotion, noise_is_that_of_white_acceleration) {
-  // The velocity walks in two hundred small steps; place and velocity then vary together as Q says.
+  // The velocity is a random walk of two hundred steps; position and velocity must vary as in Q.
   constexpr int kRuns = 4000;
   constexpr int kSteps = 200;
   const double sigma = 0.8;
@@ -96,7 +96,7 @@ TEST(PointMotion, is_the_same_for_each_axis_of_each_point) {
   expect_refused([] { (void)PointMotion({0.0}); }, "motion.sigma_velocity_per_sqrt_s", "0.0");
 }
 
-TEST(ConstantVelocityMotion, refuses_what_is_no_noise_or_no_state) {
+TEST(ConstantVelocityMotion, rejects_invalid_noise_and_states) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   expect_refused([] { ConstantVelocityMotion({0.0, 1.0, 1.0}); }, "sigma_velocity", "0.0");
   expect_refused([&] { ConstantVelocityMotion({1.0, nan, 1.0}); }, "sigma_climb", "nan");

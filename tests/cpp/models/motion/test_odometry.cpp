@@ -57,8 +57,9 @@ TEST(OdometryMotion, jacobian_matches_differences) {
   }
 }
 
-TEST(OdometryMotion, told_with_errors_equals_values_computed_by_hand) {
-  // 2 m ahead and a quarter turn in 0.5 s were told; it was 1.1 of that, and 0.2 of a turn less.
+TEST(OdometryMotion, with_errors_equals_values_computed_by_hand) {
+  // Reported are 2 m ahead and a quarter turn in 0.5 s; true are 1.1 times the distance and 0.2 rad
+  // less of a turn.
   const OdometryMotion model(all_sigmas());
   const OdometryErrors errors{0.1, 0.0, 0.0, 0.4};
   const Propagation<Pose2, 3> step =
@@ -70,7 +71,7 @@ TEST(OdometryMotion, told_with_errors_equals_values_computed_by_hand) {
   expect_pose_near(askew.moved, {1.0, 4.0, 0.0}, 1e-15);
 }
 
-TEST(OdometryMotion, told_without_errors_it_moves_as_told) {
+TEST(OdometryMotion, without_errors_it_is_the_reported_motion) {
   const OdometryMotion model(all_sigmas());
   testing::Rng rng(13);
   for (const Pose2& pose : testing::poses_to_try()) {
@@ -161,7 +162,7 @@ TEST(OdometryMotion, step_is_that_of_equations_6_and_7_of_ekim2020) {
   const double theta = 0.7;
   const double trans = 0.5;
   const double rot = -0.3;
-  const Pose2 motion = Increment::from_trans_rot(0, 1, trans, rot).motion;
+  const Pose2 motion = Increment::from_drive_then_turn(0, 1, trans, rot).motion;
   const Propagation<Pose2, 3> step =
       OdometryMotion(all_sigmas()).propagate({1.0, 2.0, theta}, motion, 0.1);
   expect_pose_near(step.moved,
@@ -174,14 +175,14 @@ TEST(OdometryMotion, step_is_that_of_equations_6_and_7_of_ekim2020) {
   expect_near(step.jacobian, A, 1e-15);
 }
 
-TEST(OdometryMotion, standing_adds_only_what_grows_with_time) {
+TEST(OdometryMotion, at_rest_only_noise_over_time_grows) {
   const OdometryMotion model(all_sigmas());
   const Matrix<3, 3> expected = Vector<3>(0.0025 * 3.0, 0.0025 * 3.0, 0.0036 * 3.0).asDiagonal();
   expect_near(model.propagate({0.0, 0.0, 0.0}, {}, 3.0).noise, expected, 1e-16);
   EXPECT_TRUE(OdometryMotion(OdometryMotion::Config{}).propagate({}, {}, 3.0).noise.isZero(0.0));
 }
 
-TEST(OdometryMotion, a_speed_told_wrong_lies_along_the_heading) {
+TEST(OdometryMotion, longitudinal_noise_over_time_is_along_the_heading) {
   OdometryMotion::Config config;
   config.sigma_longitudinal_per_sqrt_s = 0.1;
   const Matrix<3, 3> standing =
@@ -190,7 +191,7 @@ TEST(OdometryMotion, a_speed_told_wrong_lies_along_the_heading) {
   expect_near(standing, ahead, 1e-16);
 }
 
-TEST(OdometryMotion, refuses_sigmas_that_are_none) {
+TEST(OdometryMotion, rejects_invalid_sigmas) {
   OdometryMotion::Config config;
   const auto refused = [&](double& field, const char* name) {
     const double kept = field;

@@ -69,8 +69,8 @@ def test_there_is_no_error_picture_without_truth_or_overlap() -> None:
 def test_line_and_band_are_broken_where_truth_is_silent() -> None:
     result = make_result(n=200)
     assert result.truth is not None
-    heard = (np.arange(200) < 60) | (np.arange(200) >= 120)
-    truth = Trajectory(result.truth.stamp_ns[heard], result.truth.position[heard])
+    kept = (np.arange(200) < 60) | (np.arange(200) >= 120)
+    truth = Trajectory(result.truth.stamp_ns[kept], result.truth.position[kept])
     figure = plot.plot_errors(replace(result, truth=truth))
 
     assert figure is not None
@@ -83,7 +83,7 @@ def test_line_and_band_are_broken_where_truth_is_silent() -> None:
     assert spans == [pytest.approx((0.0, 5.9)), pytest.approx((12.0, 19.9))]
 
 
-def test_a_single_wild_error_survives_the_thinning_of_a_long_run() -> None:
+def test_a_single_wild_error_survives_the_decimation_of_a_long_run() -> None:
     result = make_result(n=30_000, anchors=())
     position = result.estimate.position.copy()
     position[12_345, 0] += 50.0

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from locfuse import cramer_rao
 from locfuse.check import Layout, check
 from locfuse.check.grid import known
 from locfuse.config.load import parse_config
+from locfuse.core import cramer_rao
 from locfuse.report import plot
 from locfuse.report.plot.style import ANCHOR, INK, REJECTED
 from locfuse.types import FREE, OCCUPIED, UNKNOWN, FloatArray, GridMap
@@ -71,7 +71,7 @@ def test_no_other_place_on_the_floor_helps_more_than_the_one_named(
     assert layout.mean[1] < layout.mean[0]
 
 
-def test_the_sentence_tells_the_place_and_what_it_gains() -> None:
+def test_the_sentence_states_the_place_and_the_gain() -> None:
     layout = layout_of({"A1": [0, 0, 0], "A2": [8, 0, 0], "A3": [4, 1, 0]})
     said = layout.sentence()
     assert f"({layout.best[0]:.2f}, {layout.best[1]:.2f}, 0.00)" in said

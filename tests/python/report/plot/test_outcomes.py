@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from locfuse.report import plot
 from locfuse.report.plot.outcomes import TIME_BINS, VERDICT_COLOURS
 from locfuse.report.plot.style import ESTIMATE_PALE, REJECTED
+from locfuse.report.text import VERDICT_LABELS
 from support_figures import corners, legend_of, texts
 from support_results import make_result
 
@@ -66,8 +67,8 @@ def test_height_of_a_mark_is_the_rejected_share_and_never_vanishes() -> None:
 
 def test_a_silent_anchor_leaves_a_gap_and_a_steady_one_none() -> None:
     result = make_result(n=300, anchors=("A",))
-    heard = (np.arange(300) < 100) | (np.arange(300) >= 200)
-    outcomes = replace(result.outcomes, **{k: v[heard] for k, v in vars(result.outcomes).items()})
+    kept = (np.arange(300) < 100) | (np.arange(300) >= 200)
+    outcomes = replace(result.outcomes, **{k: v[kept] for k, v in vars(result.outcomes).items()})
     boxes = sorted(_bars(plot.plot_outcomes(replace(result, outcomes=outcomes)), ESTIMATE_PALE))
 
     gaps = [b[0] - a[1] for a, b in pairwise(boxes)]
@@ -77,11 +78,11 @@ def test_a_silent_anchor_leaves_a_gap_and_a_steady_one_none() -> None:
 
 def test_every_other_verdict_has_its_own_colour_and_name() -> None:
     result = make_result(n=10, anchors=("A",))
-    others = [verdict for verdict in plot.VERDICT_LABELS if verdict != "fused"]
+    others = [verdict for verdict in VERDICT_LABELS if verdict != "fused"]
     verdict = np.array([*["fused"] * (10 - len(others)), *others])
     figure = plot.plot_outcomes(replace(result, outcomes=replace(result.outcomes, verdict=verdict)))
 
-    names = {plot.VERDICT_LABELS[verdict] for verdict in others}
+    names = {VERDICT_LABELS[verdict] for verdict in others}
     assert set(legend_of(figure)) == {"message arrived", *names}
     for colour in VERDICT_COLOURS.values():
         assert len(_bars(figure, colour)) == 1

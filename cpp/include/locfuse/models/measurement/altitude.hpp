@@ -10,7 +10,7 @@ namespace locfuse {
 class AltitudeModel {
  public:
   struct Config {
-    double altimeter_up_m = 0.0;  ///< over the body's origin [m]
+    double altimeter_up_m = 0.0;  ///< height above the body's origin [m]
   };
 
   AltitudeModel() = default;
@@ -21,7 +21,7 @@ class AltitudeModel {
   /// Expected measurement [m].
   [[nodiscard]] double predict(double height) const { return height + altimeter_up_; }
 
-  /// Jacobian with respect to the height of the body over z = 0 [m]: 1.
+  /// Jacobian with respect to the height of the body above z = 0 [m]: 1.
   [[nodiscard]] Linearization<1, 1> linearize(double height, const Altitude& z) const {
     Linearization<1, 1> lin;
     lin.residual(0) = z.height - predict(height);

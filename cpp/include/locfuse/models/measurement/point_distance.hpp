@@ -11,7 +11,7 @@ namespace locfuse {
 class PointDistanceModel {
  public:
   struct Config {
-    double sigma_m = 0.005;  ///< how well the distance is known [m]
+    double sigma_m = 0.005;  ///< of the known distance [m]
   };
 
   PointDistanceModel() : PointDistanceModel(Config{}) {}
@@ -24,12 +24,12 @@ class PointDistanceModel {
     return (b - a).norm();
   }
 
-  /// Jacobian with respect to (a, b), 1x4: eq. (2). Empty if the points lie together (no
+  /// Jacobian with respect to (a, b), 1x4: eq. (2). Empty if the points coincide (no
   /// direction).
   [[nodiscard]] std::optional<Linearization<1, 4>> linearize(const Vector<2>& a, const Vector<2>& b,
                                                              double distance) const {
     const double expected = predict(a, b);
-    if (!(expected > kNoDirection)) {
+    if (!(expected > kMinDistance)) {
       return std::nullopt;
     }
     const Vector<2> u = (b - a) / expected;
@@ -41,7 +41,7 @@ class PointDistanceModel {
   }
 
  private:
-  static constexpr double kNoDirection = 1e-9;  // [m]
+  static constexpr double kMinDistance = 1e-9;  // with a direction [m]
 
   double variance_;
 };

@@ -8,19 +8,19 @@
 #include "locfuse/maps/tags.hpp"
 #include "locfuse/math/linearization.hpp"
 #include "locfuse/messages/messages.hpp"
-#include "locfuse/messages/told_covariance.hpp"
+#include "locfuse/messages/reported_covariance.hpp"
 
 namespace locfuse {
 
-/// Position of an antenna on the body, or of one of its tags: h(x) = p + R(theta) lever;
+/// Position of an antenna or a tag on the body: h(x) = p + R(theta) lever;
 /// docs/models/position.md.
 class PositionModel {
  public:
   struct Config {
     double antenna_forward_m = 0.0;  ///< antenna in body [m]
     double antenna_left_m = 0.0;
-    double sigma_m = 0.0;         ///< of a fix without one of its own [m]; 0: it is not modelled
-    double least_sigma_m = 1e-3;  ///< of any fix: less is not believed [m]
+    double sigma_m = 0.0;         ///< of a fix without a reported covariance [m]; 0: not used
+    double least_sigma_m = 1e-3;  ///< minimum sigma of a fix [m]
   };
 
   PositionModel() = default;
@@ -29,8 +29,8 @@ class PositionModel {
   /// given twice.
   explicit PositionModel(const Config& config, std::vector<Tag> tags = {});
 
-  /// Where on the body a fix is taken [m]: at that tag, without one at the antenna. Empty if the
-  /// tag is unknown.
+  /// Lever arm of a fix in body [m]: of its tag, or without one of the antenna. Empty if the tag is
+  /// unknown.
   [[nodiscard]] std::optional<Vector<2>> lever(const std::optional<Id>& tag) const {
     if (!tag) {
       return antenna_in_body_;
@@ -39,7 +39,7 @@ class PositionModel {
     return known != nullptr ? std::optional<Vector<2>>(known->position.head<2>()) : std::nullopt;
   }
 
-  /// Expected measurement [m]: of the antenna, or of a tag; empty if that is unknown.
+  /// Expected measurement [m] of the antenna, or of a tag; empty if the tag is unknown.
   [[nodiscard]] Vector<2> predict(const Pose2& T_world_body) const {
     return T_world_body.act(antenna_in_body_);
   }
@@ -48,14 +48,14 @@ class PositionModel {
     return arm ? std::optional(T_world_body.act(*arm)) : std::nullopt;
   }
 
-  /// What is measured of a fix, and R of it.
-  [[nodiscard]] ToldNoise<2> noise(const PositionFix& z) const {
-    return told_noise<2>(z.covariance, Vector<2>::Constant(config_.sigma_m),
-                         Vector<2>::Constant(config_.least_sigma_m));
+  /// Measured axes of a fix, and R of them.
+  [[nodiscard]] ReportedNoise<2> noise(const PositionFix& z) const {
+    return reported_noise<2>(z.covariance, Vector<2>::Constant(config_.sigma_m),
+                             Vector<2>::Constant(config_.least_sigma_m));
   }
 
-  /// Jacobian with respect to (x, y, theta) of T_world_body, a row per axis that is measured. Empty
-  /// if none is, or the tag is unknown.
+  /// Jacobian with respect to (x, y, theta) of T_world_body, one row per measured axis. Empty if
+  /// there are none, or the tag is unknown.
   [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, 3, 2>> linearize(
       const Pose2& T_world_body, const PositionFix& z) const {
     const std::optional<Vector<2>> in_body = lever(z.tag);
@@ -69,7 +69,8 @@ class PositionModel {
     return measured_rows<2, 3>(z.position - expected, jacobian, noise(z));
   }
 
-  /// Of a point that is itself a variable: with respect to its place in world, 2 columns.
+  /// Linearization for a point that is itself a variable: with respect to its position in world,
+  /// 2 columns.
   [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, 2, 2>> linearize_point(
       const Vector<2>& point, const PositionFix& z) const {
     return measured_rows<2, 2>(z.position - point, Matrix<2, 2>::Identity(), noise(z));

@@ -14,28 +14,28 @@
 
 namespace locfuse {
 
-/// What ranges to an anchor tell wrong all the time, beyond what the map says.
+/// Systematic errors of the ranges to an anchor, beyond those of the map.
 struct RangeErrors {
   double offset = 0.0;  ///< [m]
   double scale = 0.0;   ///< added to the anchor's
-  double delay = 0.0;   ///< of a range behind its stamp [s]
+  double delay = 0.0;   ///< by which a range is older than its stamp [s]
 
   static constexpr int kCount = 3;
 };
 
-/// Range from a body-fixed tag to an anchor, both in 3D, the robot on the plane z = 0 or at a
-/// height over it.
+/// Range from a body-fixed tag to an anchor, both in 3D; the body is on the plane z = 0 or at a
+/// height above it.
 ///
 /// h(x) = scale * |anchor - (p + R(theta) tag)| + offset  [m]; docs/models/range.md eq. (1).
 class RangeModel {
  public:
-  /// R = sigma^2 + (sigma_relative * distance)^2 where the message brings no sigma of its own.
+  /// R = sigma^2 + (sigma_relative * distance)^2 where the message has no sigma.
   struct Config {
     double sigma_m = 0.1;         ///< [m]
     double sigma_relative = 0.0;  ///< share of the distance
   };
 
-  /// Throws std::invalid_argument on negative sigmas, both zero, duplicate tags, no map.
+  /// Throws std::invalid_argument on negative sigmas, both zero, duplicate tags, or without a map.
   RangeModel(const Config& config, std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags);
 
   /// Expected measurement [m]; empty if anchor or tag is unknown.
@@ -51,20 +51,21 @@ class RangeModel {
                                                              const Range& z) const {
     return look<3>(T_world_body, 0.0, z);
   }
-  /// With respect to (x, y, theta) and the height of the body over z = 0 [m], 1x4: eq. (5).
+  /// Jacobian with respect to (x, y, theta) and the height of the body above z = 0 [m], 1x4: eq.
+  /// (5).
   [[nodiscard]] std::optional<Linearization<1, 4>> linearize(const Pose2& T_world_body,
                                                              double height, const Range& z) const {
     return look<4>(T_world_body, height, z);
   }
 
-  /// With `errors`, on a body that moves by `rate` a second, in its own frame: with respect to
-  /// (x, y, theta) and the errors, 1x6: eq. (7) and (8). Empty as above.
+  /// Linearization with `errors`, on a body that moves by `rate` per second in its own frame:
+  /// Jacobian with respect to (x, y, theta) and the errors, 1x6, eq. (7) and (8). Empty as above.
   [[nodiscard]] std::optional<Linearization<1, 3 + RangeErrors::kCount>> linearize_with_errors(
       const Pose2& T_world_body, const Range& z, const RangeErrors& errors,
       const Pose2& rate) const;
 
-  /// Of a tag that is itself a variable: with respect to its place in the plane of the world, 1x2,
-  /// its height being that in body. Empty as above; eq. (6).
+  /// Linearization for a tag that is itself a variable: Jacobian with respect to its position in
+  /// the plane, 1x2, at its height in body; eq. (6). Empty as above.
   [[nodiscard]] std::optional<Linearization<1, 2>> linearize_point(const Vector<2>& tag_in_world,
                                                                    const Range& z) const;
 
@@ -72,7 +73,7 @@ class RangeModel {
   [[nodiscard]] const std::vector<Tag>& tags() const { return tags_.all(); }
 
  private:
-  static constexpr double kNoDirection = 1e-9;  // [m]
+  static constexpr double kMinDistance = 1e-9;  // with a direction [m]
 
   /// N columns: the pose, and the height if there is a fourth.
   template <int N>
@@ -84,8 +85,8 @@ class RangeModel {
     if (anchor == nullptr || tag == nullptr) {
       return std::nullopt;
     }
-    // Tag relative to the body's origin, turned into world; most robots carry it off-centre, but
-    // where they do not the trigonometry is saved.
+    // Tag relative to the body's origin, in the axes of the world; a centred tag needs no
+    // trigonometry.
     double arm_x = 0.0;
     double arm_y = 0.0;
     if (tag->position.x() != 0.0 || tag->position.y() != 0.0) {
@@ -101,7 +102,7 @@ class RangeModel {
       dz += height;
     }
     const double distance = std::sqrt(dx * dx + dy * dy + dz * dz);
-    if (distance < kNoDirection) {
+    if (distance < kMinDistance) {
       return std::nullopt;
     }
     const double slope = anchor->scale / distance;

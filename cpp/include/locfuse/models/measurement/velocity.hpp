@@ -7,16 +7,16 @@
 
 namespace locfuse {
 
-/// Velocities in world of points on a rigid body, as its wheels tell them: celan2017 eq. (5) to
-/// (10), differentiated; docs/models/velocity.md.
+/// Velocities in world of points on a rigid body from wheel odometry: celan2017 eq. (5) to (10),
+/// differentiated; docs/models/velocity.md.
 ///
-/// The heading is taken as known.
+/// The heading is assumed to be known.
 class VelocityModel {
  public:
-  /// What the wheels err by is shared by the points; what each errs by itself is not.
+  /// Errors of the twist are shared by all points; those of a point are independent.
   struct Config {
     double sigma_forward_mps = 0.02;      ///< [m/s]
-    double sigma_lateral_mps = 0.01;      ///< slip sideways [m/s]
+    double sigma_lateral_mps = 0.01;      ///< lateral slip [m/s]
     double sigma_turn_rate_radps = 0.02;  ///< [rad/s]
     double sigma_point_mps = 0.01;        ///< each point, each axis [m/s]
   };
@@ -37,8 +37,8 @@ class VelocityModel {
     return {c * forward - s * left, s * forward + c * left};
   }
 
-  /// With respect to the velocities themselves, `Size` / 2 of them, 1 a column of `points_in_body`:
-  /// the Jacobian is the identity, R is eq. (4).
+  /// Linearization with respect to the velocities of the points, one per column of
+  /// `points_in_body`: the Jacobian is the identity, R is eq. (4).
   template <int Size>
   [[nodiscard]] Linearization<Size, Size> linearize(
       const Vector<Size>& velocities, double heading, const Vector<3>& twist,

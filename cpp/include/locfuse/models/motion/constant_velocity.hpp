@@ -7,15 +7,15 @@
 
 namespace locfuse {
 
-/// A body that nobody measures the motion of: its velocity stays as it is but for white
-/// acceleration, its heading is a random walk.
+/// Motion of a body without odometry: constant velocity with white acceleration, random-walk
+/// heading.
 ///
 /// Derivation: docs/models/constant_velocity.md.
 class ConstantVelocityMotion {
  public:
   /// Square roots of spectral densities.
   struct Config {
-    double sigma_velocity_per_sqrt_s = 1.0;  ///< of each of the velocity's axes [m/s / sqrt(s)]
+    double sigma_velocity_per_sqrt_s = 1.0;  ///< of each axis of the velocity [m/s / sqrt(s)]
     double sigma_climb_per_sqrt_s = 0.5;     ///< of the climb rate [m/s / sqrt(s)]
     double sigma_heading_per_sqrt_s = 0.5;   ///< [rad / sqrt(s)]
   };
@@ -28,8 +28,7 @@ class ConstantVelocityMotion {
   /// Throws std::invalid_argument unless the sigmas are finite and positive.
   explicit ConstantVelocityMotion(const Config& config);
 
-  /// Those variables `seconds` later; eq. (2) and (3). Exact for any step: two halves are the
-  /// whole.
+  /// State `seconds` later; eq. (2) and (3). Exact for any step: two halves are equal to the whole.
   [[nodiscard]] Propagation<Eigen::VectorXd, Eigen::Dynamic> propagate(const Eigen::VectorXd& state,
                                                                        double seconds) const;
 
@@ -40,7 +39,7 @@ class ConstantVelocityMotion {
   double heading_per_s_ = 0.0;
 };
 
-/// Points that keep their velocity but for white acceleration: celan2017 eq. (2) and (3).
+/// Points of constant velocity with white acceleration: celan2017 eq. (2) and (3).
 ///
 /// Derivation: docs/models/constant_velocity.md.
 class PointMotion {
@@ -55,7 +54,7 @@ class PointMotion {
   explicit PointMotion(const Config& config);
 
   /// All positions, then all velocities, of `Size` / 4 points in the plane `seconds` later; eq. (2)
-  /// for each axis. Exact for any step: two halves are the whole.
+  /// for each axis. Exact for any step: two halves are equal to the whole.
   template <int Size>
   [[nodiscard]] Propagation<Vector<Size>, Size> propagate(const Vector<Size>& state,
                                                           double seconds) const {

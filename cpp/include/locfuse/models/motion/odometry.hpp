@@ -8,18 +8,18 @@
 
 namespace locfuse {
 
-/// What odometry tells wrong all the time.
+/// Systematic errors of odometry.
 struct OdometryErrors {
-  double scale = 0.0;       ///< the way is (1 + scale) times what is told
-  double direction = 0.0;   ///< of travel, seen from the heading, counter-clockwise [rad]
-  double turn_scale = 0.0;  ///< the turn is (1 + turn_scale) times what is told
-  double turn_bias = 0.0;   ///< turn that is told on top, as by a gyro [rad/s]
+  double scale = 0.0;       ///< the distance is (1 + scale) times the reported one
+  double direction = 0.0;   ///< of travel relative to the heading, counter-clockwise [rad]
+  double turn_scale = 0.0;  ///< the turn is (1 + turn_scale) times the reported one
+  double turn_bias = 0.0;   ///< turn rate reported in addition, as by a gyro [rad/s]
 
   static constexpr int kCount = 4;
 };
 
-/// Wheel odometry: a motion in the previous body frame, with noise that grows with the distance
-/// driven and the angle turned and so does not depend on the message rate.
+/// Wheel odometry: motion in the previous body frame. Its noise grows with the distance driven and
+/// the angle turned, so it does not depend on the message rate.
 ///
 /// Derivation: docs/models/odometry.md.
 class OdometryMotion {
@@ -30,9 +30,9 @@ class OdometryMotion {
     double sigma_lateral_per_sqrt_m = 0.01;       ///< [m / sqrt(m)]
     double sigma_heading_per_sqrt_m = 0.02;       ///< [rad / sqrt(m)]
     double sigma_heading_per_sqrt_rad = 0.03;     ///< [rad / sqrt(rad)]
-    double sigma_xy_per_sqrt_s = 0.0;             ///< at any speed, even standing [m / sqrt(s)]
-    double sigma_heading_per_sqrt_s = 0.0;        ///< likewise [rad / sqrt(s)]
-    double sigma_longitudinal_per_sqrt_s = 0.0;   ///< likewise along the heading [m / sqrt(s)]
+    double sigma_xy_per_sqrt_s = 0.0;             ///< at any speed, also at rest [m / sqrt(s)]
+    double sigma_heading_per_sqrt_s = 0.0;        ///< of the heading, also at rest [rad / sqrt(s)]
+    double sigma_longitudinal_per_sqrt_s = 0.0;   ///< along the heading, also at rest [m / sqrt(s)]
   };
 
   OdometryMotion() = default;
@@ -65,8 +65,8 @@ class OdometryMotion {
     return step;
   }
 
-  /// The same if the motion was told with `errors`, and the derivative of what is moved with
-  /// respect to them in their order; eq. (7) and (8).
+  /// Propagation by a motion that was reported with `errors`, and the derivative of the moved pose
+  /// with respect to them, in their order; eq. (7) and (8).
   struct Corrected {
     Propagation<Pose2, 3> step;
     Matrix<3, OdometryErrors::kCount> by_errors;

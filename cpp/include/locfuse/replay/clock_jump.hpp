@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "locfuse/messages/message.hpp"
+
+namespace locfuse {
+
+/// What to do when the clock of all messages goes back: a looped recording, a clock that was set.
+enum class ClockJump : std::uint8_t {
+  kRefuse,    ///< all messages are stale until the clock has caught up
+  kReset,     ///< restart from the estimator's first state
+  kContinue,  ///< continue from the same pose at the new time
+};
+
+namespace internal {
+
+/// A message with its place in a Timeline.
+struct TimelineEntry {
+  Stamp stamp;        ///< at which it takes effect [ns]
+  std::size_t index;  ///< order of arrival
+  Message message;
+};
+
+/// Detects a clock that went back: consecutive stale messages.
+class ClockJumpDetector {
+ public:
+  explicit ClockJumpDetector(std::size_t jump_after) : jump_after_(jump_after) {}
+
+  /// A message arrived in time: those before it were merely late.
+  void clear_stale() { stale_.clear(); }
+  /// A message of that source was fused.
+  void add_source(Source source) { sources_[static_cast<std::size_t>(source)] = true; }
+  /// Returns whether this stale message and those before it signal a jump: with several sources
+  /// they must come from at least two, as one alone may be late or have a clock of its own.
+  bool add_stale(const TimelineEntry& entry, std::size_t max_messages) {
+    stale_.push_back(entry);
+    const bool is_one_source =
+        std::none_of(stale_.begin(), stale_.end(), [&](const TimelineEntry& other) {
+          return source_of(other.message) != source_of(entry.message);
+        });
+    const bool has_several = std::count(sources_.begin(), sources_.end(), true) > 1;
+    if (stale_.size() >= jump_after_ && !(is_one_source && has_several)) {
+      return true;
+    }
+    if (stale_.size() >= std::max(jump_after_, max_messages)) {
+      stale_.erase(stale_.begin());
+    }
+    return false;
+  }
+  /// The messages that signalled the jump.
+  [[nodiscard]] std::vector<TimelineEntry> take_stale() { return std::exchange(stale_, {}); }
+  void reset() {
+    stale_.clear();
+    sources_ = {};
+  }
+
+ private:
+  std::size_t jump_after_;
+  std::vector<TimelineEntry> stale_;      // in a row
+  std::array<bool, kSources> sources_{};  // fused since the start or the last jump
+};
+
+}  // namespace internal
+
+}  // namespace locfuse
