@@ -64,7 +64,7 @@ def read_bag_file(data: bytes, folder: Path) -> None:
             cached.cache_clear()
 
 
-TYPE_CACHES = (wire.structure, wire.deserializer, wire._definition)
+TYPE_CACHES = (wire.deserializer, wire._definition)
 TARGETS = {"config": read_config, "log": read_log_part, "map": read_picture, "bag": read_bag_file}
 
 

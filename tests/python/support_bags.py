@@ -22,20 +22,20 @@ T0 = 1_700_000_000_000_000_000
 MS = 1_000_000
 KINDS = ("bag", "mcap", "db3")
 
-Told = tuple[int, Publication]
+Recorded = tuple[int, Publication]
 
 
-def write_messages(path: Path, told: Iterable[Told]) -> Path:
+def write_messages(path: Path, messages: Iterable[Recorded]) -> Path:
     """Write a bag of the kind that its name says; a .db3 becomes the folder of that name."""
     if path.suffix == ".db3":
-        return write_sqlite(path, told)
+        return write_sqlite(path, messages)
     with bag_sink(path) as sink:
-        for time_ns, publication in told:
+        for time_ns, publication in messages:
             sink.write(time_ns, publication)
     return path
 
 
-def write_sqlite(path: Path, told: Iterable[Told], **packing: Any) -> Path:
+def write_sqlite(path: Path, messages: Iterable[Recorded], **packing: Any) -> Path:
     """Write a folder of ROS 2 with a database; `packing` is how rosbags packs it."""
     from rosbags.rosbag2 import StoragePlugin, Writer
 
@@ -44,7 +44,7 @@ def write_sqlite(path: Path, told: Iterable[Told], **packing: Any) -> Path:
     if packing:
         writer.set_compression(**packing)
     with writer:
-        for time_ns, p in told:
+        for time_ns, p in messages:
             if p.topic not in known:
                 known[p.topic] = writer.add_connection(f"/{p.topic}", long(p.type),
                                                        typestore=store("cdr"))  # fmt: skip
@@ -52,14 +52,14 @@ def write_sqlite(path: Path, told: Iterable[Told], **packing: Any) -> Path:
     return path
 
 
-def drive(steps: int = 20, late_ns: int = 5 * MS) -> list[Told]:
-    """Return a robot that drives 0.1 m a step on a circle of 2 m, heard by two anchors.
+def drive(steps: int = 20, late_ns: int = 5 * MS) -> list[Recorded]:
+    """Return a robot that drives 0.1 m a step on a circle of 2 m, received by two anchors.
 
-    It tells odometry, a scan, ranges and its mounts, all recorded `late_ns` after their stamps.
+    It publishes odometry, a scan, ranges and its mounts, all recorded `late_ns` after their stamps.
     """
     mounts = [encode.transform(T0, "base_link", "laser", (0.2, 0.0, 0.0), 0.3),
               encode.transform(T0, "base_link", "radio", (0.1, 0.05, 0.0), 0.8)]  # fmt: skip
-    told: list[Told] = [(T0, encode.transforms(mounts, static=True))]
+    messages: list[Recorded] = [(T0, encode.transforms(mounts, static=True))]
     for k in range(steps):
         stamp, angle = T0 + 100 * MS * k, 0.05 * k
         pose = (2.0 * math.sin(angle), 2.0 - 2.0 * math.cos(angle), angle)
@@ -67,7 +67,7 @@ def drive(steps: int = 20, late_ns: int = 5 * MS) -> list[Told]:
                   for name, x, y in (("A", 5.0, 0.0), ("B", 0.0, 6.0))]  # fmt: skip
         scan = ScanRow(stamp, "laser", -1.0, 0.5, 0.1, 10.0, np.full(5, 1.0 + 0.001 * k), None)
         moving = (1.0, 0.5)
-        told += [
+        messages += [
             (stamp + late_ns, publication)
             for publication in (
                 encode.odometry("odom", stamp, pose, moving, "odom", "base_link"),
@@ -75,7 +75,7 @@ def drive(steps: int = 20, late_ns: int = 5 * MS) -> list[Told]:
                 encode.laser_scan("scan", scan),
             )
         ]
-    return told
+    return messages
 
 
 def world() -> Log:

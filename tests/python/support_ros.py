@@ -13,9 +13,9 @@ from locfuse.types import NANOSECONDS
 TIMES = {"ros1": ("secs", "nsecs"), "ros2": ("sec", "nanosec")}
 
 
-def message(told: Publication | Fields, ros: str = "ros2", **changes: Any) -> Any:
+def message(given: Publication | Fields, ros: str = "ros2", **changes: Any) -> Any:
     """Return a message of some fields; a change is named by its path, as ``pose__position``."""
-    made = _filled(told.fields if isinstance(told, Publication) else told, ros)
+    made = _filled(given.fields if isinstance(given, Publication) else given, ros)
     for path, value in changes.items():
         *parents, name = path.split("__")
         holder = made

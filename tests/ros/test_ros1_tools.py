@@ -13,7 +13,7 @@ import pytest
 from locfuse.config.load import parse_config
 from locfuse.io.log_folder import write_log
 from locfuse.io.rosbag.decode import odometry, ranges, scan, stamp_ns
-from locfuse.ros.dropped_messages import Lines
+from locfuse.ros.dropped_messages import SequenceGaps
 from locfuse.run.run import load_log
 from locfuse.types import ConfigError, Log
 from ros1_peer import Listener, connected_publisher, node, wait_for
@@ -71,14 +71,14 @@ def test_what_a_message_cannot_hold_is_refused() -> None:
 
 
 def test_gaps_in_sequence_numbers_are_reported_once() -> None:
-    lines = Lines("the network is too slow")
+    lines = SequenceGaps("the network is too slow")
     for number in (4_294_967_294, 4_294_967_295, 0, 1, 5):
-        lines.heard("/scan", "/laser", number)
+        lines.record("/scan", "/laser", number)
     assert lines.lost == 3
-    assert "3 messages of /scan from /laser were lost on the way (of 8)" in lines.news()[0]
-    assert lines.news() == []
-    lines.heard("/scan", "/laser", 0)  # restarted
-    lines.heard("/scan", "/other", 77)
+    assert "3 messages of /scan from /laser were lost on the way (of 8)" in lines.new_losses()[0]
+    assert lines.new_losses() == []
+    lines.record("/scan", "/laser", 0)  # restarted
+    lines.record("/scan", "/other", 77)
     assert lines.lost == 3
     assert lines.publishers("/scan") == ["/laser", "/other"]
 

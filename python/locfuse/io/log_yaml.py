@@ -148,7 +148,7 @@ def _triple(value: Any, where: str) -> tuple[float, ...]:
 
 
 def number(value: Any, where: str) -> float:
-    """Return a number that YAML told, or raise LogError."""
+    """Return a number from YAML, or raise LogError."""
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
     if isinstance(value, int) and abs(value) > sys.float_info.max:  # there may be no text of it
         raise LogError(f"{where} is out of bounds, expected a finite number")

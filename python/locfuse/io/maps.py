@@ -225,7 +225,7 @@ def _png(data: bytes, path: Path) -> _Picture:
             image = Image.open(io.BytesIO(data), formats=("PNG",))
             is_grey = image.mode.startswith("I")  # of 16 bits
             pixels = np.asarray(image if is_grey else image.convert("RGBA"))
-    except UnidentifiedImageError:  # which tells of a place in memory
+    except UnidentifiedImageError:  # its text names a memory address
         raise LogError(f"{path}: cannot be read: is no PNG") from None
     except (OSError, SyntaxError, ValueError, LookupError, *too_large) as error:
         raise LogError(f"{path}: cannot be read: {error}") from error

@@ -255,8 +255,8 @@ def read_mrpt_office(datasets: Path, config_files: Path | None = None) -> Log:
     replies: list[tuple[int, Reply]] = []
     motions: list[Triple] = []
     while reader.offset < len(reader.data) or not scans:
-        scan, heard = reader.one_of({("CSensoryFrame", 2): read_frame})
-        replies += [(len(scans), reply) for reply in heard if reply.distance != 0.0]
+        scan, measured = reader.one_of({("CSensoryFrame", 2): read_frame})
+        replies += [(len(scans), reply) for reply in measured if reply.distance != 0.0]
         scans.append(scan)
         motions.append(reader.one_of({("CActionCollection", 0): read_actions}))
 

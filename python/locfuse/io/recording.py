@@ -35,7 +35,7 @@ def read_recording(
     base : Path, optional
         Folder that ``ros.world`` is relative to.
     progress : callable, optional
-        Told (bytes read, bytes in all) of a bag.
+        Called with (bytes read, total bytes) of a bag.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def convert_recording(
     base : Path, optional
         Folder that ``ros.world`` is relative to.
     progress : callable, optional
-        Told (done, in all) while a bag is read or written.
+        Called with (done, total) while a bag is read or written.
 
     Returns
     -------

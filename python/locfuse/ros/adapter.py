@@ -20,14 +20,14 @@ from locfuse.io.rosbag.encode import Publication
 from locfuse.io.rosbag.frames import check_frame
 from locfuse.live import LiveHealth, LivePose, LiveRun
 from locfuse.ros.future_stamps import FUTURE_NS, PATIENCE_NS, EarlyMessage, EarlyMessages
-from locfuse.ros.publications import Odometry, Telling, health_status, source_status
+from locfuse.ros.publications import Odometry, PublicationBuilder, health_status, source_status
 from locfuse.ros.world import World
 from locfuse.types import NANOSECONDS, ConfigError, Log, nearest
 
 BACK_NS = NANOSECONDS  # a clock that goes back that far has jumped
-SILENT_NS = 5 * NANOSECONDS  # after which a topic that says nothing is told of
+SILENT_NS = 5 * NANOSECONDS  # after which a silent topic is reported
 CLOCKS = "are both machines' clocks set, and use_sim_time the same for all nodes?"
-SIMILAR = 3  # problems of one kind, each told once
+SIMILAR = 3  # problems of one kind, each reported once
 
 POSE = "geometry_msgs/PoseWithCovarianceStamped"
 TYPES: dict[str, tuple[str, ...]] = {
@@ -75,7 +75,7 @@ class Subscription:
 class Adapter:
     """Turns messages of either ROS into those of a `LiveRun`, and says what to publish.
 
-    It never raises for what a message says: that is a problem, told once in a sentence.
+    It never raises for what a message says: that is a problem, reported once in a sentence.
 
     Parameters
     ----------
@@ -102,18 +102,18 @@ class Adapter:
     >>> [s.topic for s in adapter.subscriptions if s.source == "ranges"]
     ['uwb']
     >>> [p.fields["status"][0]["message"] for p in adapter.tick(10**9)]
-    ['nothing has been heard yet']
+    ['nothing has been received yet']
     """
 
     def __init__(self, config: RunConfig, *, base: Path | None = None) -> None:
         self._config = config
         ros = config.ros
-        told = Log(tables={})
+        published = Log(tables={})
         if ros.world is not None:
-            told = read_world((Path() if base is None else base) / ros.world)
-        self._world = World(told, ros.frames.base)
-        self._live = LiveRun(config, told) if self._is_enough(told) else None
-        self._telling = Telling(ros)
+            published = read_world((Path() if base is None else base) / ros.world)
+        self._world = World(published, ros.frames.base)
+        self._live = LiveRun(config, published) if self._is_enough(published) else None
+        self._publications = PublicationBuilder(ros)
         self._of: dict[str, Callable[[Any, str], None]] = {
             "odometry": self._odometry,
             "scans": self._scan,
@@ -131,7 +131,7 @@ class Adapter:
         self.subscriptions = tuple(self._listens())
         self.announced = tuple(self._announces())
         self._problems: list[str] = []
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
         self._kinds: Counter[tuple[str, str]] = Counter()
         self.refused: Counter[str] = Counter()
         self._off: set[str] = set()
@@ -144,7 +144,7 @@ class Adapter:
         self._origin = self._config.ros.gps_origin
         self._first_ns: int | None = None  # of the clock
         self._now_ns: int | None = None
-        self._heard_ns: dict[str, int] = {}  # by the clock, per source
+        self._received_ns: dict[str, int] = {}  # by the clock, per source
         self._diagnosed_ns: int | None = None
         self._jumps = 0
         self._restarts = 0
@@ -170,19 +170,19 @@ class Adapter:
 
     def _announces(self) -> list[tuple[str, str, bool]]:
         topics = self._config.ros.topics
-        told = [("diagnostics", "diagnostic_msgs/DiagnosticArray", False)]
+        published = [("diagnostics", "diagnostic_msgs/DiagnosticArray", False)]
         if self._config.ros.publish_transform:
-            told.append(("tf", "tf2_msgs/TFMessage", False))
+            published.append(("tf", "tf2_msgs/TFMessage", False))
         for topic, kind, latched in (
             (topics.estimate, POSE, False),
             (topics.path, "nav_msgs/Path", False),
             (topics.start, POSE, True),
         ):
             if topic is not None:
-                told.append((topic, kind, latched))
-        return told
+                published.append((topic, kind, latched))
+        return published
 
-    # Hearing -------------------------------------------------------------------------------------
+    # Receiving -----------------------------------------------------------------------------------
 
     def on(self, source: str, topic: str, message: Any, now_ns: int) -> list[Publication]:
         """Take a message of one of the `subscriptions`.
@@ -199,9 +199,9 @@ class Adapter:
         -------
         list of Publication
         """
-        told = self._keep_time(now_ns)
-        self._heard_ns[source] = max(now_ns, self._heard_ns.get(source, 0))
-        return told + self._take(source, topic, message)
+        published = self._keep_time(now_ns)
+        self._received_ns[source] = max(now_ns, self._received_ns.get(source, 0))
+        return published + self._take(source, topic, message)
 
     def _take(self, source: str, topic: str, message: Any) -> list[Publication]:
         try:
@@ -218,17 +218,17 @@ class Adapter:
 
         Call it about ten times a second, with `now_ns` as for `on`.
         """
-        told = self._keep_time(now_ns)
+        published = self._keep_time(now_ns)
         self._look_for_silence(now_ns)
         self._look_for_early()
         if self._live is not None and (pose := self._live.pose()) is not None:
             if self._config.ros.estimate_at == "odometry":
-                told += self._telling.pose_again(pose)
-            told += self._telling.transform_again(now_ns)
+                published += self._publications.pose_again(pose)
+            published += self._publications.transform_again(now_ns)
         if self._diagnosed_ns is None or now_ns - self._diagnosed_ns >= NANOSECONDS:
             self._diagnosed_ns = now_ns
-            told.append(self._diagnostics(now_ns))
-        return told
+            published.append(self._diagnostics(now_ns))
+        return published
 
     def _keep_time(self, now_ns: int) -> list[Publication]:
         """Take what waited for this time, and notice a clock that goes back.
@@ -239,19 +239,19 @@ class Adapter:
             back = (self._now_ns - now_ns) / NANOSECONDS
             self._problem("clock", f"the clock went back by {back:.3g} s; clock_jump is "
                           f"{self._config.clock_jump!r}")  # fmt: skip
-            self._telling.clock_went_back()
+            self._publications.clock_went_back()
             for source, count in self._early.clear().items():
                 self.refused[source] += count
                 self._problem("early", f"{count} messages of {source} waited for a time that the "
                               "clock went back from, and are left out")  # fmt: skip
-            self._heard_ns = dict.fromkeys(self._heard_ns, now_ns)
+            self._received_ns = dict.fromkeys(self._received_ns, now_ns)
             self._first_ns = self._diagnosed_ns = None
             if self._config.clock_jump == "reset":
                 self.reset()
         self._now_ns = now_ns
         if self._first_ns is None and now_ns > 0:  # simulated time has begun
             self._first_ns = now_ns
-        return [told for one in self._early.due(now_ns) for told in self._take(*one[1:])]
+        return [published for one in self._early.due(now_ns) for published in self._take(*one[1:])]
 
     def _odometry(self, message: Any, topic: str) -> None:
         use = self._config.ros.odometry_from
@@ -268,8 +268,8 @@ class Adapter:
     def _check_body(self, frame: str) -> None:
         """Look once at a frame that odometry is of, and again when there are new transforms."""
         if frame not in self._bodies:
-            if told := self._world.same_body(frame):
-                self._problem("body", told)
+            if published := self._world.same_body(frame):
+                self._problem("body", published)
             self._bodies.add(frame)
 
     def _scan(self, message: Any, topic: str) -> None:
@@ -284,25 +284,25 @@ class Adapter:
         ros = self._config.ros
         if topic in self._range_topics:
             one = decode.range_of(message, ros.uwb_tag, self._range_topics[topic])
-            heard = [] if one is None else [one]
+            received = [] if one is None else [one]
         else:
-            heard = decode.ranges(
+            received = decode.ranges(
                 message,
                 ros.uwb_unit,
                 ros.uwb_tag,
                 lambda error: self._refuse("ranges", f"{topic}: {error}"),
             )
-        for row in heard:
+        for row in received:
             self._in_time(row.stamp_ns)
-        if heard and "anchors" not in self._world.log:
+        if received and "anchors" not in self._world.log:
             raise MessageError("ranges come, but no anchors are known; give anchors.csv in the "
                                "folder of ros.world, or publish them on "
                                f"{ros.topics.anchors}")  # fmt: skip
-        for tag, frame in {row.tag: row.frame for row in heard}.items():
+        for tag, frame in {row.tag: row.frame for row in received}.items():
             if self._world.add_tag(tag, frame):
                 self._rebuild()
         if self._live is not None:
-            for row in heard:
+            for row in received:
                 self._live.on("ranges", rows.range_row(row))
 
     def _pose(self, message: Any, topic: str) -> None:
@@ -340,12 +340,12 @@ class Adapter:
             self._rebuild()
 
     def _points(self, table: str) -> Callable[[Any, str], None]:
-        def heard(message: Any, topic: str) -> None:
+        def received(message: Any, topic: str) -> None:
             check_frame(table, message.header.frame_id, self._config.ros.frames.map)
             if self._world.add_points(table, *decode.points(message)):
                 self._rebuild()
 
-        return heard
+        return received
 
     def _transforms(self, message: Any, topic: str) -> None:
         self._world.add_transforms(decode.transforms(message))
@@ -353,7 +353,7 @@ class Adapter:
 
     def _initial_pose(self, message: Any, topic: str) -> None:
         row = decode.pose(message)
-        if self._telling.reported_start(row.stamp_ns):
+        if self._publications.is_own_start(row.stamp_ns):
             return  # our own
         check_frame("the initial pose", row.frame, self._config.ros.frames.map)
         if self._live is None:
@@ -390,24 +390,24 @@ class Adapter:
             self._live.go_on_from(before)
 
     def _anew(self) -> LiveRun:
-        """Return a run that has heard nothing, with the sources off that are."""
+        """Return a run that has received nothing, with the sources off that are."""
         live = LiveRun(self._config, self._world.log)
         for source in self._off:
             live.enable(source, False)
         return live
 
     def reset(self) -> None:
-        """Forget everything heard but the world: as at the start."""
+        """Forget everything received but the world: as at the start."""
         if self._live is not None:
             self._live = self._anew()
-        self._telling.forget()
+        self._publications.forget()
         self._clear()
 
     def relocalize(self) -> None:
         """Forget the pose and search it anew."""
         if self._live is not None:
             self._live.relocalize()
-        self._telling.start_is_open()
+        self._publications.start_is_open()
 
     def enable(self, source: str, enabled: bool) -> None:
         """Switch a source off, or on again.
@@ -424,7 +424,7 @@ class Adapter:
         if self._live is not None:
             self._live.enable(source, enabled)
 
-    # Telling -------------------------------------------------------------------------------------
+    # Publishing ----------------------------------------------------------------------------------
 
     def _say(self, source: str) -> list[Publication]:
         if self._live is None:
@@ -434,26 +434,26 @@ class Adapter:
             return []
         if self._live.restarts > self._restarts:
             self._restarts = self._live.restarts
-            self._telling.start_is_open()
+            self._publications.start_is_open()
         fused = self._config.ros.estimate_at == "fused"
         pose = self._live.fused() if fused else newest
         assert pose is not None
-        told = self._telling.pose(pose) + self._telling.start(newest)
+        published = self._publications.pose(pose) + self._publications.start(newest)
         if source == "odometry":
-            told += self._telling.transform(newest, self._driven)
-        return told
+            published += self._publications.transform(newest, self._driven)
+        return published
 
     def health(self, now_ns: int) -> LiveHealth:
         """Return how far the pose may be trusted; what has fallen silent is not."""
         nothing = np.full(3, np.inf)
         if self._live is None:
             return LiveHealth("initializing", self._missing(), 0.0, 1.0, nothing)
-        heard = [self._heard_ns[s] for s in (*SOURCES, "scans") if s in self._heard_ns]
-        if not heard:
-            return LiveHealth("initializing", "nothing has been heard yet", 0.0, 1.0, nothing)
-        silent = (now_ns - max(heard)) / NANOSECONDS
+        received = [self._received_ns[s] for s in (*SOURCES, "scans") if s in self._received_ns]
+        if not received:
+            return LiveHealth("initializing", "nothing has been received yet", 0.0, 1.0, nothing)
+        silent = (now_ns - max(received)) / NANOSECONDS
         if silent > self._config.health.aiding_lost_s:
-            return LiveHealth("lost", f"nothing has been heard for {silent:.3g} s", 0.0, 1.0,
+            return LiveHealth("lost", f"nothing has been received for {silent:.3g} s", 0.0, 1.0,
                               nothing)  # fmt: skip
         return self._live.health()
 
@@ -481,10 +481,10 @@ class Adapter:
         if self._first_ns is None or now_ns - self._first_ns < SILENT_NS:
             return
         for one in self.subscriptions:
-            if one.source == "odometry" and one.source not in self._heard_ns:
+            if one.source == "odometry" and one.source not in self._received_ns:
                 self._silent(one)
         measures = [s for s in self.subscriptions if s.source in (*SOURCES[1:], "scans")]
-        if measures and not any(s.source in self._heard_ns for s in measures):
+        if measures and not any(s.source in self._received_ns for s in measures):
             for one in measures:
                 self._silent(one)
         if self._live is None:
@@ -507,11 +507,11 @@ class Adapter:
         self._problem(f"refused {source}", sentence)
 
     def _problem(self, kind: str, sentence: str) -> None:
-        """Keep a sentence to be told, once; of one kind only the first few."""
-        kinds = (kind, "told")
-        if sentence in self._told or self._kinds[kinds] >= SIMILAR:
+        """Keep a sentence to report, once; of one kind only the first few."""
+        kinds = (kind, "published")
+        if sentence in self._reported or self._kinds[kinds] >= SIMILAR:
             return
-        self._told.add(sentence)
+        self._reported.add(sentence)
         self._kinds[kinds] += 1
         if self._kinds[kinds] == SIMILAR:
             sentence += " (others like it are counted in the diagnostics)"
@@ -519,5 +519,5 @@ class Adapter:
 
     def problems(self) -> list[str]:
         """Return sentences for the log that have not been returned before."""
-        told, self._problems = self._problems, []
-        return told
+        published, self._problems = self._problems, []
+        return published

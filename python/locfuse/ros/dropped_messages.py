@@ -10,7 +10,7 @@ _WRAP = 2**32  # sequence numbers are uint32
 
 
 @dataclass
-class Line:
+class SequenceGap:
     """Messages of one publisher on one topic."""
 
     received: int = 0
@@ -19,11 +19,11 @@ class Line:
 
 
 @dataclass
-class Lines:
+class SequenceGaps:
     """Counts messages by topic and publisher; gaps in their sequence numbers are lost messages.
 
     Either ROS throws away, without a word, what does not fit into a queue of a publisher or
-    subscriber. Publishers number what they publish, so the gaps tell.
+    subscriber. Publishers number their messages, so gaps show.
 
     Parameters
     ----------
@@ -32,22 +32,22 @@ class Lines:
 
     Examples
     --------
-    >>> lines = Lines("the network is too slow")
+    >>> gaps = SequenceGaps("the network is too slow")
     >>> for number in (1, 2, 6):
-    ...     lines.heard("/scan", "/laser", number)
-    >>> lines.news()
+    ...     gaps.record("/scan", "/laser", number)
+    >>> gaps.new_losses()
     ['3 messages of /scan from /laser were lost on the way (of 6): the network is too slow']
-    >>> lines.news()
+    >>> gaps.new_losses()
     []
     """
 
     advice: str
-    lines: dict[tuple[str, str], Line] = field(default_factory=dict)
-    _told: dict[tuple[str, str], int] = field(default_factory=dict)
+    lines: dict[tuple[str, str], SequenceGap] = field(default_factory=dict)
+    _reported: dict[tuple[str, str], int] = field(default_factory=dict)
 
-    def heard(self, topic: str, publisher: str, number: int | None) -> None:
+    def record(self, topic: str, publisher: str, number: int | None) -> None:
         """Count a message; its number is None where the type has no header."""
-        line = self.lines.setdefault((topic, publisher), Line())
+        line = self.lines.setdefault((topic, publisher), SequenceGap())
         line.received += 1
         if number is None:
             return
@@ -59,7 +59,7 @@ class Lines:
 
     @property
     def received(self) -> int:
-        """How many messages were heard."""
+        """Number of messages received."""
         return sum(line.received for line in self.lines.values())
 
     @property
@@ -68,10 +68,10 @@ class Lines:
         return sum(line.lost for line in self.lines.values())
 
     def publishers(self, topic: str) -> list[str]:
-        """Return who was heard on a topic."""
+        """Return the publishers of a topic."""
         return [publisher for name, publisher in self.lines if name == topic]
 
-    def news(
+    def new_losses(
         self, name_of: Callable[[str, str], str] = lambda topic, publisher: publisher
     ) -> list[str]:
         """Return a sentence for each publisher of whom more was lost since it was asked last.
@@ -83,8 +83,8 @@ class Lines:
         """
         sentences = []
         for (topic, publisher), line in self.lines.items():
-            if line.lost > self._told.get((topic, publisher), 0):
-                self._told[topic, publisher] = line.lost
+            if line.lost > self._reported.get((topic, publisher), 0):
+                self._reported[topic, publisher] = line.lost
                 sentences.append(
                     f"{line.lost} messages of {topic} from {name_of(topic, publisher)} were lost "
                     f"on the way (of {line.lost + line.received}): {self.advice}"

@@ -11,7 +11,7 @@ from locfuse.types import NANOSECONDS
 FUTURE_NS = NANOSECONDS // 2  # a stamp that much ahead of the clock waits for it
 PATIENCE_NS = 5 * NANOSECONDS  # a stamp that much ahead is wrong
 MOST = 5_000  # messages that wait
-LASTING = 10  # looks in a row at which some waited, of which people are told
+LASTING = 10  # checks in a row with waiting messages, then reported
 
 
 class EarlyMessage(Exception):  # noqa: N818 - no error: it waits
@@ -35,7 +35,7 @@ class EarlyMessages:
     """Keeps messages until they are due.
 
     Simulated time reaches a busy node later than the messages that were stamped by it. A clock of
-    another machine that is wrong by more than moments is another thing: that is told.
+    another machine that is wrong by more than moments is another problem, and reported.
 
     Examples
     --------

@@ -42,7 +42,7 @@ FIRST_NS = 1000 * NANOSECONDS  # where a log begins that begins at 0: to ROS, 0 
 
 
 class Step(NamedTuple):
-    """What is to be told next: `due_s` seconds after the begin, by a clock that shows `clock_ns`.
+    """What to publish next: `due_s` seconds after the begin, by a clock that shows `clock_ns`.
 
     Without a publication it is the clock itself.
     """
@@ -57,10 +57,10 @@ class LogPlayer:
 
     Parameters
     ----------
-    told : mapping
+    given : mapping
         Values of the `PARAMETERS`.
     warn : callable
-        Told a sentence where stamps are not those of the log.
+        Called with a sentence where stamps are not those of the log.
 
     Attributes
     ----------
@@ -75,22 +75,22 @@ class LogPlayer:
         If neither a configuration nor a log is named, or one of them cannot be read.
     """
 
-    def __init__(self, told: Mapping[str, Any], warn: Callable[[str], object]) -> None:
-        if not (told["config"] or told["log"]):
+    def __init__(self, given: Mapping[str, Any], warn: Callable[[str], object]) -> None:
+        if not (given["config"] or given["log"]):
             raise ConfigError("nothing to play; set log to a log folder, or config to a YAML that "
                               "names one")  # fmt: skip
-        config = load_config(told["config"]) if told["config"] else RunConfig()
-        if told["log"]:
-            config = config.model_copy(update={"log": told["log"], "simulation": None})
-        log = load_log(config, folder_of(told["config"]), config.seed)
-        self._speed, self._loop = told["speed"], told["loop"]
+        config = load_config(given["config"]) if given["config"] else RunConfig()
+        if given["log"]:
+            config = config.model_copy(update={"log": given["log"], "simulation": None})
+        log = load_log(config, folder_of(given["config"]), config.seed)
+        self._speed, self._loop = given["speed"], given["loop"]
         self._arrivals = list(with_transforms(in_order_of_arrival(log, config.ros), config.ros))
         if not self._arrivals:
             raise ConfigError("the log has no message that ros.topics has a topic for")
         self.world = static_of(log, config.ros)
-        told_by = {p.topic: p for _, p in self._arrivals} | {p.topic: p for p in self.world}
-        self.topics = list(told_by.values())
-        self._shift_ns = self._shift(told["clock"], warn)
+        by_topic = {p.topic: p for _, p in self._arrivals} | {p.topic: p for p in self.world}
+        self.topics = list(by_topic.values())
+        self._shift_ns = self._shift(given["clock"], warn)
 
     def _shift(self, clock: bool, warn: Callable[[str], object]) -> int:
         first_ns = self._arrivals[0].arrival_ns
@@ -103,7 +103,7 @@ class LogPlayer:
         return FIRST_NS
 
     def steps(self) -> Iterator[Step]:
-        """Yield what is to be told: the clock up to a message, then that; once, or for ever."""
+        """Yield what to publish: the clock up to a message, then it; once, or for ever."""
         tick_ns = max(TICK_NS, round(self._speed * TICK_S * NANOSECONDS))
         before_s = 0.0
         while True:
@@ -115,8 +115,8 @@ class LogPlayer:
                     if self._speed > 0.0:
                         due_s = before_s + (now_ns - first_ns) / NANOSECONDS / self._speed
                     yield Step(due_s, now_ns + self._shift_ns, None)
-                told = later(publication, self._shift_ns)
-                yield Step(due_s, now_ns + self._shift_ns, told)
+                given = later(publication, self._shift_ns)
+                yield Step(due_s, now_ns + self._shift_ns, given)
             if not self._loop:
                 return
             before_s = due_s
@@ -162,25 +162,25 @@ def static_of(log: Log, ros: Ros) -> list[Publication]:
     for frame, sensor in ((LASER, log.laser), (LANDMARK_SENSOR, log.landmark_sensor)):
         if sensor is not None:
             mounts.append(encode.transform(0, base, frame, tuple(sensor["pose_in_body"])))
-    told = [encode.transforms(mounts, static=True)] if mounts else []
+    given = [encode.transforms(mounts, static=True)] if mounts else []
     for stem, key, topic in (("anchors", "anchor", topics.anchors),
                              ("landmarks", "landmark", topics.landmarks)):  # fmt: skip
         if stem in log and topic is not None:
             table = log[stem]
             z = table.get("z_m", np.zeros(len(table["x_m"])))
             at = np.column_stack([table["x_m"], table["y_m"], z])
-            told.append(encode.named_points(topic, [str(name) for name in table[key]], at,
+            given.append(encode.named_points(topic, [str(name) for name in table[key]], at,
                                             table.get("radius_m"), map_frame))  # fmt: skip
     if log.grid is not None and topics.map is not None:
-        told.append(encode.occupancy_grid(topics.map, log.grid, map_frame))
-    return told
+        given.append(encode.occupancy_grid(topics.map, log.grid, map_frame))
+    return given
 
 
 def in_order_of_arrival(log: Log, ros: Ros) -> Iterator[Arrival]:
     """Yield the messages of a log as a robot would publish them.
 
     A message without an arrival of its own arrives at its stamp; of those that arrive at once
-    odometry comes first. Increments of odometry are told as the poses that they add up to, from
+    odometry comes first. Increments of odometry are published as the poses they add up to, from
     zero. What has no topic is left out.
 
     Parameters
@@ -206,7 +206,7 @@ def in_order_of_arrival(log: Log, ros: Ros) -> Iterator[Arrival]:
         "scans": (ros.topics.scans, _scans),
         "truth": (ros.topics.truth, _truth),
     }
-    lines = [_sorted(told(log, topic, ros)) for stem, (topic, told) in of_source.items()
+    lines = [_sorted(given(log, topic, ros)) for stem, (topic, given) in of_source.items()
              if stem in log and topic is not None]  # fmt: skip
     yield from heapq.merge(*lines, key=lambda arrival: arrival.arrival_ns)
 
@@ -231,9 +231,9 @@ def _odometry(log: Log, topic: str, ros: Ros) -> Iterator[Arrival]:
         elif row > 0:
             pose = pose * _core.Pose2(float(table["dx_m"][row]), float(table["dy_m"][row]),
                                       float(table["dheading_rad"][row]))  # fmt: skip
-        told = encode.odometry(topic, stamp, (pose.x, pose.y, pose.heading), velocity, frames.odom,
+        given = encode.odometry(topic, stamp, (pose.x, pose.y, pose.heading), velocity, frames.odom,
                                frames.base)  # fmt: skip
-        yield Arrival(arrival, told)
+        yield Arrival(arrival, given)
 
 
 def _ranges(log: Log, topic: str, ros: Ros) -> Iterator[Arrival]:
@@ -257,10 +257,10 @@ def _positions(log: Log, topic: str, ros: Ros) -> Iterator[Arrival]:
     table = log["positions"]
     tag = table.get("tag")
     for row, stamp, arrival in _rows(log, "positions"):
-        told = FixRow(stamp, float(table["x_m"][row]), float(table["y_m"][row]),
+        given = FixRow(stamp, float(table["x_m"][row]), float(table["y_m"][row]),
                       float(table["sigma_m"][row]), "" if tag is None else str(tag[row]),
                       ros.frames.map)  # fmt: skip
-        yield Arrival(arrival, encode.tag_position(topic, told))
+        yield Arrival(arrival, encode.tag_position(topic, given))
 
 
 def _poses(log: Log, topic: str, ros: Ros) -> Iterator[Arrival]:
@@ -269,9 +269,9 @@ def _poses(log: Log, topic: str, ros: Ros) -> Iterator[Arrival]:
         xy, heading = float(table["sigma_xy_m"][row]), float(table["sigma_heading_rad"][row])
         pose = (float(table["x_m"][row]), float(table["y_m"][row]),
                 float(table["heading_rad"][row]))  # fmt: skip
-        told = encode.pose_with_covariance(topic, stamp, pose, _variances(xy, heading),
+        given = encode.pose_with_covariance(topic, stamp, pose, _variances(xy, heading),
                                            ros.frames.map)  # fmt: skip
-        yield Arrival(arrival, told)
+        yield Arrival(arrival, given)
 
 
 def _variances(xy: float, heading: float) -> FloatArray:
@@ -284,11 +284,11 @@ def _sightings(log: Log, topic: str, ros: Ros) -> Iterator[Arrival]:
     frame = ros.frames.base if log.landmark_sensor is None else LANDMARK_SENSOR
     far, aside = table.get("sigma_range_m"), table.get("sigma_bearing_rad")
     for row, stamp, arrival in _rows(log, "landmark_sightings"):
-        told = SightingRow(stamp, str(table["landmark"][row]), float(table["range_m"][row]),
+        given = SightingRow(stamp, str(table["landmark"][row]), float(table["range_m"][row]),
                            float(table["bearing_rad"][row]),
                            None if far is None else float(far[row]),
                            None if aside is None else float(aside[row]), frame)  # fmt: skip
-        yield Arrival(arrival, encode.landmark_sightings(topic, [told]))
+        yield Arrival(arrival, encode.landmark_sightings(topic, [given]))
 
 
 def _scans(log: Log, topic: str, ros: Ros) -> Iterator[Arrival]:
@@ -297,10 +297,10 @@ def _scans(log: Log, topic: str, ros: Ros) -> Iterator[Arrival]:
         return
     bright = table.get("intensities")
     for row, stamp, arrival in _rows(log, "scans"):
-        told = ScanRow(stamp, LASER, laser["angle_min_rad"], laser["angle_increment_rad"],
+        given = ScanRow(stamp, LASER, laser["angle_min_rad"], laser["angle_increment_rad"],
                        laser["range_min_m"], laser["range_max_m"], table["ranges_m"][row],
                        None if bright is None else bright[row])  # fmt: skip
-        yield Arrival(arrival, encode.laser_scan(topic, told))
+        yield Arrival(arrival, encode.laser_scan(topic, given))
 
 
 def _truth(log: Log, topic: str, ros: Ros) -> Iterator[Arrival]:
@@ -309,9 +309,9 @@ def _truth(log: Log, topic: str, ros: Ros) -> Iterator[Arrival]:
     for row, stamp, arrival in _rows(log, "truth"):
         pose = (float(table["x_m"][row]), float(table["y_m"][row]),
                 0.0 if heading is None else float(heading[row]))  # fmt: skip
-        told = encode.odometry(topic, stamp, pose, (0.0, 0.0), frames.map, frames.base,
+        given = encode.odometry(topic, stamp, pose, (0.0, 0.0), frames.map, frames.base,
                                0.0 if z is None else float(z[row]))  # fmt: skip
-        yield Arrival(arrival, told)
+        yield Arrival(arrival, given)
 
 
 def with_transforms(arrivals: Iterable[Arrival], ros: Ros) -> Iterator[Arrival]:
@@ -323,8 +323,8 @@ def with_transforms(arrivals: Iterable[Arrival], ros: Ros) -> Iterator[Arrival]:
         fields = arrival.publication.fields
         pose = fields["pose"]["pose"]
         moved = {"translation": pose["position"], "rotation": pose["orientation"]}
-        told = {"header": fields["header"], "child_frame_id": ros.frames.base, "transform": moved}
-        yield Arrival(arrival.arrival_ns, encode.transforms([told]))
+        given = {"header": fields["header"], "child_frame_id": ros.frames.base, "transform": moved}
+        yield Arrival(arrival.arrival_ns, encode.transforms([given]))
 
 
 def later(publication: Publication, shift_ns: int) -> Publication:

@@ -20,7 +20,7 @@ from locfuse.config.load import load_config, parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.types import ConfigError, nearest
 
-# A node hears its messages: it has no log to read and none to simulate.
+# A node receives its messages: it has no log to read and none to simulate.
 NO_PARAMETERS = ("log", "simulation")
 LARGEST_INTEGER = 2**63 - 1  # of a parameter
 LARGEST = 1.7976931348623157e308
@@ -150,7 +150,7 @@ def config_of(
     for path_of_keys, value in _leaves(given):
         if path_of_keys[0] in NO_PARAMETERS:
             name = ".".join(path_of_keys)
-            raise ConfigError(f"{origin}: {name} is not for a node, which hears its messages")
+            raise ConfigError(f"{origin}: {name} is not for a node, which receives its messages")
         _put(nested, path_of_keys, _plain(value), origin)
     return parse_config(nested, origin)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a live run tells of itself: pose, path, map -> odom, the start, diagnostics."""
+"""What a live run publishes: pose, path, map -> odom, the start, diagnostics."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PATH_STEP_M = 0.05
 
 
 class Odometry:
-    """Poses of odometry of the last seconds, as it told them."""
+    """Poses of odometry of the last seconds, as it gave them."""
 
     def __init__(self) -> None:
         self._rows: deque[tuple[int, _core.Pose2]] = deque()
@@ -51,8 +51,8 @@ class Odometry:
         return before * part
 
 
-class Telling:
-    """Makes publications of what is known; remembers what was told.
+class PublicationBuilder:
+    """Builds publications, and remembers what was published.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class Telling:
         self.forget()
 
     def forget(self) -> None:
-        """Begin a new path; nothing has been told."""
+        """Begin a new path; nothing has been published."""
         self._last: LivePose | None = None
         self._path: deque[tuple[int, FloatArray]] = deque(maxlen=PATH_POSES)
         self._path_ns: int | None = None
@@ -74,28 +74,28 @@ class Telling:
         self._start_pose: LivePose | None = None
 
     def pose(self, pose: LivePose) -> list[Publication]:
-        """Tell a pose, and now and then the path; nothing if it is what was told last.
+        """Publish a pose, and now and then the path; nothing if it was the last one.
 
-        One that is carried to the end of odometry is told once for each stamp: what is fused on
-        top of it is in the next one, or in `pose_again`.
+        One that is carried to the end of odometry is published once for each stamp: what is
+        fused on top of it is in the next one, or in `pose_again`.
         """
-        told = self._last is not None and self._last.stamp_ns == pose.stamp_ns
-        if told and self._ros.estimate_at == "odometry":
+        published = self._last is not None and self._last.stamp_ns == pose.stamp_ns
+        if published and self._ros.estimate_at == "odometry":
             return []
         return self.pose_again(pose)
 
     def pose_again(self, pose: LivePose) -> list[Publication]:
-        """Tell a pose whose stamp may have been told; nothing if it is what was told last."""
+        """Publish a pose whose stamp may be known; nothing if it was the last one."""
         if self._last is not None and _same(self._last, pose):
             return []
         self._last = pose
-        told = []
+        published = []
         topics = self._ros.topics
         if topics.estimate is not None:
-            told.append(self._pose_on(topics.estimate, pose))
+            published.append(self._pose_on(topics.estimate, pose))
         if topics.path is not None:
-            told += self._grow_path(pose, topics.path)
-        return told
+            published += self._grow_path(pose, topics.path)
+        return published
 
     def _grow_path(self, pose: LivePose, topic: str) -> list[Publication]:
         if self._path:
@@ -111,7 +111,7 @@ class Telling:
         return [encode.path(topic, self._map, stamps, [one.tolist() for one in poses])]
 
     def transform(self, pose: LivePose, odometry: Odometry) -> list[Publication]:
-        """Tell where odom is in map, if odometry has been heard at the stamp of the pose."""
+        """Publish where odom is in map, if odometry has been received at the stamp of the pose."""
         at = odometry.at(pose.stamp_ns)
         if at is None or not self._ros.publish_transform:
             return []
@@ -120,7 +120,7 @@ class Telling:
         return self.transform_again(pose.stamp_ns)
 
     def transform_again(self, now_ns: int) -> list[Publication]:
-        """Tell the last map -> odom at a later stamp; nothing where that is not later."""
+        """Publish the last map -> odom at a later stamp; nothing where that is not later."""
         if self._map_to_odom is None:
             return []
         stamp = now_ns + round(self._ros.transform_ahead_s * NANOSECONDS)
@@ -131,12 +131,12 @@ class Telling:
                                                     self._map_to_odom)])]  # fmt: skip
 
     def clock_went_back(self) -> None:
-        """Forget the stamps of what was told: they are of another time."""
+        """Forget the published stamps: they are of another time."""
         self._transform_ns = self._path_ns = None
         self._path.clear()
 
     def start(self, pose: LivePose) -> list[Publication]:
-        """Tell another localizer where to start, latched; once for each start."""
+        """Publish where another localizer starts, latched; once for each start."""
         if self._ros.topics.start is None or self._start_pose is not None:
             return []
         self._start_pose = pose
@@ -147,11 +147,11 @@ class Telling:
                                            pose.covariance, self._map, latched)  # fmt: skip
 
     def start_is_open(self) -> None:
-        """Tell the next start, too."""
+        """Publish the next start, too."""
         self._start_pose = None
 
-    def reported_start(self, stamp_ns: int) -> bool:
-        """Return whether a start of this stamp is the one that was told from here."""
+    def is_own_start(self, stamp_ns: int) -> bool:
+        """Return whether a start of this stamp was published from here."""
         return self._start_pose is not None and self._start_pose.stamp_ns == stamp_ns
 
 

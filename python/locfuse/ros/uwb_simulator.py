@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A UWB system where there is none: true poses in, noisy ranges out.
 
-As the simulator of ekim2020, section 2.3, which hears ``gazebo/model_states``.
+As the simulator of ekim2020, section 2.3, subscribed to ``gazebo/model_states``.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ TRUTH_TYPES = ("nav_msgs/Odometry", "geometry_msgs/PoseStamped",
                "geometry_msgs/PoseWithCovarianceStamped", "gazebo_msgs/ModelStates")  # fmt: skip
 PARAMETERS = (
     Parameter("world", "text", "", None, None, "folder of anchors.csv and log.yaml with the tags"),
-    Parameter("model", "text", "", None, None, "name of the robot where truth tells of several"),
+    Parameter("model", "text", "", None, None, "name of the robot where truth has several"),
     Parameter("rate_hz", "float", 5.0, 0.01, 1000.0, "epochs per second"),
     Parameter("sigma_relative", "float", 0.015, 0.0, 1.0, "noise of a range, a share of it"),
     Parameter("sigma_m", "float", 0.0, 0.0, 1e3, "noise of any range [m], on top of that"),
@@ -113,8 +113,8 @@ class UwbSimulator:
                 sigma = math.hypot(self._sigma, self._relative * distance)
                 error, fails = self._rng.normal(0.0, sigma), self._rng.random() < self._loss
                 if distance <= self._reach and not fails:
-                    heard = max(0.0, distance + self._offset + float(error))
-                    rows.append(RangeRow(stamp_ns, tag, anchor, heard, sigma or None, ""))
+                    received = max(0.0, distance + self._offset + float(error))
+                    rows.append(RangeRow(stamp_ns, tag, anchor, received, sigma or None, ""))
         return rows
 
 
@@ -135,7 +135,7 @@ def uwb_of(log: Log, **options: Any) -> UwbSimulator:
 
 
 def true_pose(message: Any, model: str, now_ns: int) -> tuple[int, Pose]:
-    """Return the stamp [ns] and the pose (x, y, z, heading) that a message of the truth tells.
+    """Return the stamp [ns] and the pose (x, y, z, heading) of a message of the truth.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def true_pose(message: Any, model: str, now_ns: int) -> tuple[int, Pose]:
     Raises
     ------
     MessageError
-        If the message tells no pose, or none of that model.
+        If the message has no pose, or none of that model.
     """
     if hasattr(message, "name"):
         names = list(message.name)
@@ -161,7 +161,7 @@ def true_pose(message: Any, model: str, now_ns: int) -> tuple[int, Pose]:
             stamp, pose = stamp_ns(message.header.stamp), message.pose
             pose = getattr(pose, "pose", pose)
         except AttributeError as error:
-            raise MessageError(f"{type(message).__name__} tells no pose ({error})") from None
+            raise MessageError(f"{type(message).__name__} has no pose ({error})") from None
     at = pose.position
     numbers = (float(at.x), float(at.y), float(at.z), heading_of(pose.orientation))
     if not np.all(np.isfinite(numbers)):
@@ -190,11 +190,11 @@ class Epochs:
 
 
 class UwbSystem:
-    """Hears the truth and says which message of ranges to publish: the node without its ROS.
+    """Receives the truth and returns messages of ranges: the node without its ROS.
 
     Parameters
     ----------
-    told : mapping
+    given : mapping
         Values of the `PARAMETERS`.
 
     Attributes
@@ -208,15 +208,15 @@ class UwbSystem:
         If there is no world, or it has no anchors or tags, or others than ``UwbData`` can name.
     """
 
-    def __init__(self, told: Mapping[str, Any]) -> None:
-        if not told["world"]:
+    def __init__(self, given: Mapping[str, Any]) -> None:
+        if not given["world"]:
             raise ConfigError("world names no folder; expected one with anchors.csv and log.yaml")
-        world = read_world(told["world"])
+        world = read_world(given["world"])
         keys = ("sigma_m", "sigma_relative", "offset_m", "reach_m", "loss", "seed")
-        self._uwb = uwb_of(world, **{key: told[key] for key in keys})
-        self._epochs = Epochs(told["rate_hz"])
-        self._model = told["model"]
-        self._as_data, self._unit_m = told["format"] == "data", UNIT_M[told["unit"]]
+        self._uwb = uwb_of(world, **{key: given[key] for key in keys})
+        self._epochs = Epochs(given["rate_hz"])
+        self._model = given["model"]
+        self._as_data, self._unit_m = given["format"] == "data", UNIT_M[given["unit"]]
         if self._as_data:
             _check_for_data(world)
         self.type = "locfuse_msgs/UwbData" if self._as_data else "locfuse_msgs/UwbRanges"

@@ -17,7 +17,7 @@ class World:
 
     Parameters
     ----------
-    told : Log
+    given : Log
         What the folder of the world says; its messages are not used.
     base : str
         The body's frame.
@@ -25,12 +25,12 @@ class World:
     Attributes
     ----------
     log : Log
-        All that is known, replaced when there is news.
+        All that is known, replaced when that changes.
     """
 
-    def __init__(self, told: Log, base: str) -> None:
-        self._told = told
-        self.log = told
+    def __init__(self, given: Log, base: str) -> None:
+        self._given = given
+        self.log = given
         self._tree = FrameTree(base)
 
     def add_transforms(self, rows: list[TransformRow]) -> None:
@@ -42,16 +42,16 @@ class World:
         return self._tree.same_body(frame)
 
     def add_map(self, grid: GridMap) -> bool:
-        """Take a map; return whether it is news."""
-        if self._told.grid is not None or _same_map(self.log.grid, grid):
+        """Take a map; return whether it is new."""
+        if self._given.grid is not None or _same_map(self.log.grid, grid):
             return False
         self.log = replace(self.log, grid=grid)
         return True
 
     def add_points(self, table: str, names: list[str], at: FloatArray,
                    radii: FloatArray | None) -> bool:  # fmt: skip
-        """Take ``anchors`` or ``landmarks``, shape (n, 3); return whether they are news."""
-        if table in self._told or not names:
+        """Take ``anchors`` or ``landmarks``, shape (n, 3); return whether they are new."""
+        if table in self._given or not names:
             return False
         columns: dict[str, np.ndarray] = {table[:-1]: np.array(names)}
         columns |= {"x_m": at[:, 0].copy(), "y_m": at[:, 1].copy(), "z_m": at[:, 2].copy()}
@@ -63,7 +63,7 @@ class World:
         return True
 
     def add_tag(self, tag: str, frame: str) -> bool:
-        """Place a tag at its frame, or at the frame of its name; return whether it is news.
+        """Place a tag at its frame, or at the frame of its name; return whether it is new.
 
         Raises
         ------
@@ -90,20 +90,20 @@ class World:
         MessageError
             If nothing says where it sits, or it does not look into the plane.
         """
-        if self._told.laser is not None:
-            x, y, heading = map(float, self._told.laser["pose_in_body"])
+        if self._given.laser is not None:
+            x, y, heading = map(float, self._given.laser["pose_in_body"])
             return Mount(x, y, 0.0, heading), False
         return self._tree.mount(frame), self._tree.upside_down(frame)
 
     def add_landmark_sensor(self, frame: str) -> bool:
-        """Take where landmarks are seen from; return whether it is news.
+        """Take where landmarks are seen from; return whether it is new.
 
         Raises
         ------
         MessageError
             If nothing says where it sits.
         """
-        if self._told.landmark_sensor is not None or not frame:
+        if self._given.landmark_sensor is not None or not frame:
             return False
         mount = self._tree.mount(frame)
         sensor = {"pose_in_body": [mount.x, mount.y, mount.heading]}

@@ -17,7 +17,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from locfuse.config.schema import SOURCES
 from locfuse.ros.adapter import Adapter, Subscription
-from locfuse.ros.dropped_messages import Lines
+from locfuse.ros.dropped_messages import SequenceGaps
 from locfuse.types import ConfigError
 from locfuse_ros.declare import configure
 from locfuse_ros.fill import message_class, message_of
@@ -38,7 +38,7 @@ class Localizer(Node):
         super().__init__("locfuse", automatically_declare_parameters_from_overrides=True)
         config, base = configure(self)
         self._adapter = Adapter(config, base=base)
-        self._lines = Lines(ADVICE)
+        self._lines = SequenceGaps(ADVICE)
         self._names: dict[str, str] = {}
         self.once = Once(self)
         self._work: list[float] = []  # [ms] per message since the last report
@@ -67,7 +67,7 @@ class Localizer(Node):
         # Without a gid, as before Kilted, sequence numbers cannot be assigned to publishers.
         publisher = info.get("publisher_gid", {}).get("data", b"").hex()
         number = info["publication_sequence_number"] if publisher else None
-        self._lines.heard(topic, publisher, number)
+        self._lines.record(topic, publisher, number)
         began = time.perf_counter()
         self._handle(lambda now_ns: self._adapter.on(source, topic, message, now_ns))
         self._work.append(1e3 * (time.perf_counter() - began))
@@ -104,7 +104,7 @@ class Localizer(Node):
 
     def _report(self) -> None:
         """Report lost messages in the log and as diagnostics."""
-        losses = self._lines.news(self._name_of)
+        losses = self._lines.new_losses(self._name_of)
         if losses:
             self.get_logger().warning("; ".join(losses), throttle_duration_sec=LOSSES_S)
         for subscription, one in self._ins.items():

@@ -124,9 +124,9 @@ def test_plaza_begins_and_ends_as_published(logs: dict[str, Log]) -> None:
     chord = np.hypot(log["odometry"]["dx_m"][1:], log["odometry"]["dy_m"][1:])
     length = np.array([abs(float(row["dist"])) for row in driven])
     np.testing.assert_allclose(chord, length, rtol=0.01, atol=1e-6)
-    heard = rows_of(source / "plaza1_ranges.csv")
+    received = rows_of(source / "plaza1_ranges.csv")
     assert log["ranges"]["range_m"][[0, -1]].tolist() == [
-        float(heard[0]["range"]), float(heard[-1]["range"])
+        float(received[0]["range"]), float(received[-1]["range"])
     ]  # fmt: skip
 
 
@@ -163,15 +163,16 @@ def test_ieu_gazebo_has_the_rows_and_figures_of_its_notes(
 
 def test_ieu_gazebo_begins_and_ends_as_published(logs: dict[str, Log]) -> None:
     log, source = logs["run3"], recording("ieu-gazebo-uwb-lidar")
-    drive, heard = rows_of(source / "run3_odom.csv"), rows_of(source / "run3_ranges.csv")
+    drive, received = rows_of(source / "run3_odom.csv"), rows_of(source / "run3_ranges.csv")
     for row in (0, -1):
         assert log["odometry"]["stamp_ns"][row] == round(float(drive[row]["t"]) * 1e9)
         assert log["odometry"]["v_mps"][row] == float(drive[row]["v"])
         assert log["odometry"]["omega_radps"][row] == float(drive[row]["w"])
         assert log["truth"]["x_m"][row] == float(drive[row]["x"])
     assert log["ranges"]["anchor"][:4].tolist() == ["26955", "26952", "26959", "26954"]
-    assert log["ranges"]["range_m"][:4].tolist() == [float(heard[0][f"r{i}"]) for i in range(4)]
-    assert log["ranges"]["range_m"][-4:].tolist() == [float(heard[-1][f"r{i}"]) for i in range(4)]
+    assert log["ranges"]["range_m"][:4].tolist() == [float(received[0][f"r{i}"]) for i in range(4)]
+    last = [float(received[-1][f"r{i}"]) for i in range(4)]
+    assert log["ranges"]["range_m"][-4:].tolist() == last
 
 
 def test_mrpt_office_has_the_rows_and_figures_of_its_notes(logs: dict[str, Log]) -> None:
@@ -323,8 +324,8 @@ def test_lias_on_the_move_has_the_figures_of_its_notes(logs: dict[str, Log]) -> 
     errors = []
     for tag, lever in log.tags.items():
         rows = table["tag"] == tag
-        heard = {name: values[rows] for name, values in table.items()}
-        of_tag = replace(log, tags={tag: lever}, tables={**log.tables, "ranges": heard})
+        received = {name: values[rows] for name, values in table.items()}
+        of_tag = replace(log, tags={tag: lever}, tables={**log.tables, "ranges": received})
         errors += list(range_errors(of_tag).values())
     error = np.concatenate(errors)
     assert len(error) == 323514
@@ -545,7 +546,7 @@ def test_intel_lab_stamps_follow_the_recorded_times(logs: dict[str, Log]) -> Non
         ("truth", "loop", 0.044, 0.030, 0.038, 0.98),
     ],
 )
-def test_intel_lab_relations_are_better_met_where_rows_of_one_time_are_told_apart(
+def test_intel_lab_relations_are_better_met_where_rows_of_one_time_are_separated(
     logs: dict[str, Log], name: str, part: str, mean_m: float, std_m: float, median_m: float,
     mean_deg: float,
 ) -> None:  # fmt: skip
@@ -566,7 +567,7 @@ def test_rows_that_step_back_or_share_a_time_get_increasing_stamps() -> None:
     np.testing.assert_allclose(stamps, [1000.0, 1000.2, 1000.5, 1000.7975, 1000.8075], atol=1e-9)
 
 
-def test_a_time_with_all_its_digits_tells_rows_of_one_rounded_time_apart() -> None:
+def test_a_time_with_all_its_digits_separates_rows_of_one_rounded_time() -> None:
     recorded = np.array([1000.80, 1000.90, 1000.80, 12.3456, 1000.80])
     recorded_ns = np.rint(recorded * NANOSECONDS).astype(np.int64)
     times = [1000.7951, 1000.7990, 1000.8049, 1000.9049, 12.34562, 1000.85, 12.3457, 0.0]

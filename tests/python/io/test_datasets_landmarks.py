@@ -246,7 +246,7 @@ def test_acfr_carpark_has_the_rows_and_figures_of_its_notes(carpark: Log) -> Non
     assert "truth" not in carpark
     assert np.unique(carpark["positions"]["sigma_m"]).tolist() == [0.03]
     assert np.unique(carpark["landmarks"]["radius_m"]).tolist() == [0.03]
-    # The notes tell of the whole drive: 1.5 in a scan, none in 14 %.
+    # The notes are of the whole drive: 1.5 in a scan, none in 14 %.
     found = np.array([len(tape_in(carpark, row)) for row in range(281)])
     assert found.mean() == pytest.approx(1.80, abs=0.005)
     assert np.mean(found == 0) == pytest.approx(0.07, abs=0.005)
@@ -268,7 +268,7 @@ def gps_against_poles(log: Log, radius_m: float = 0.0, lag_s: float = 0.0) -> Fl
 
 
 def test_acfr_carpark_gps_is_where_its_laser_is(carpark: Log) -> None:
-    # The notes tell of the whole drive: 66 scans, 0.033 and 0.083 m, -2 and -1 cm, 0.017 m.
+    # The notes are of the whole drive: 66 scans, 0.033 and 0.083 m, -2 and -1 cm, 0.017 m.
     found = gps_against_poles(carpark)
     apart = np.hypot(found[:, 0], found[:, 1])
     assert len(found) == 45
@@ -389,11 +389,11 @@ def arcs_in(log: Log) -> FloatArray:
     centres = np.column_stack([places["x_m"], places["y_m"]])
     true, known = interpolate(truth_in(log), scans["stamp_ns"])
     track = reckoned(log, (1.850, 1.897, np.deg2rad(213.5)))
-    rough, told = interpolate(track, scans["stamp_ns"])
-    both = known & told
+    rough, given = interpolate(track, scans["stamp_ns"])
+    both = known & given
     assert rough.heading is not None
     poses = Trajectory(
-        scans["stamp_ns"][both], true.position[told[known]], rough.heading[known[told]]
+        scans["stamp_ns"][both], true.position[given[known]], rough.heading[known[given]]
     )
     forward, left, turned = laser["pose_in_body"]
     beams = laser["angle_min_rad"] + laser["angle_increment_rad"] * np.arange(660)

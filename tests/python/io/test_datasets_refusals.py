@@ -103,7 +103,7 @@ def test_a_missing_file_is_named_and_nothing_is_written(
     assert not (tmp_path / "out").exists()
 
 
-def test_an_anchor_that_is_missing_is_told_and_nothing_is_written(tmp_path: Path) -> None:
+def test_an_anchor_that_is_missing_is_reported_and_nothing_is_written(tmp_path: Path) -> None:
     folder = recording("ieu-gazebo-uwb-lidar")
     source = damaged(folder, tmp_path / "source", "home_anchors.csv", 3)
     with pytest.raises(LogError, match=r"home_anchors.csv: 3 anchors, .* columns of ranges, 4"):

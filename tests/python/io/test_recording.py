@@ -170,10 +170,10 @@ def test_a_world_that_is_not_there_is_named(robot: Path, tmp_path: Path) -> None
 def test_from_python_it_is_the_same_door(tmp_path: Path) -> None:
     written = convert_recording("log", write_folder(tmp_path / "log"), tmp_path / "one.bag")
     assert written == [tmp_path / "one.bag"]
-    told: list[tuple[int, int]] = []
-    log = read_recording(tmp_path / "one.bag", Ros(), progress=lambda *done: told.append(done))
+    given: list[tuple[int, int]] = []
+    log = read_recording(tmp_path / "one.bag", Ros(), progress=lambda *done: given.append(done))
     stamps = read_log(tmp_path / "log")["odometry"]["stamp_ns"]
     assert np.array_equal(log["odometry"]["stamp_ns"], stamps)
-    assert told[-1][0] == told[-1][1] > 0
+    assert given[-1][0] == given[-1][1] > 0
     with pytest.raises(ConfigError, match="did you mean 'log'"):
         convert_recording("lgo", tmp_path / "log", tmp_path / "x")

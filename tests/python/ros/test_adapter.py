@@ -48,44 +48,44 @@ def _later(table: Columns) -> Columns:
 
 
 class Robot:
-    """An adapter that hears a log, and what it said."""
+    """An adapter that receives a log, and what it published."""
 
     def __init__(self, config: RunConfig, log: Log, ros: str = "ros2", **options: Any) -> None:
         self.adapter = Adapter(config, **options)
         self.config, self.log, self.ros = config, log, ros
         self.of = {s.topic.lstrip("/"): s.source for s in self.adapter.subscriptions}
-        self.told: list[Publication] = []
+        self.published: list[Publication] = []
         self.problems: list[str] = []
 
-    def hear(self, told: Publication, now_ns: int, **changes: Any) -> None:
-        topic = told.topic.lstrip("/")
+    def receive(self, published: Publication, now_ns: int, **changes: Any) -> None:
+        topic = published.topic.lstrip("/")
         if topic in self.of:
-            made = message(told, self.ros, **changes)
-            self.told += self.adapter.on(self.of[topic], topic, made, now_ns)
+            made = message(published, self.ros, **changes)
+            self.published += self.adapter.on(self.of[topic], topic, made, now_ns)
             self.problems += self.adapter.problems()
 
     def learn(self) -> None:
-        """Hear of anchors, map and mounts."""
-        for told in static_of(self.log, self.config.ros):
-            self.hear(told, LATER)
+        """Receive anchors, map and mounts."""
+        for published in static_of(self.log, self.config.ros):
+            self.receive(published, LATER)
 
     def drive(self, begin_s: float = 0.0, end_s: float = 1e9, later_s: float = 0.0) -> None:
-        """Hear the messages of a part of the log, by a clock that ticks along."""
+        """Receive the messages of a part of the log, by a clock that ticks along."""
         tick = 0
         for arrival in in_order_of_arrival(self.log, self.config.ros):
             if begin_s <= (arrival.arrival_ns - LATER) / NANOSECONDS < end_s:
                 now = arrival.arrival_ns + round(later_s * NANOSECONDS)
-                self.hear(arrival.publication, now)
+                self.receive(arrival.publication, now)
                 if now >= tick:
                     tick = now + NANOSECONDS // 10
                     self.tick(now)
 
     def tick(self, now_ns: int) -> None:
-        self.told += self.adapter.tick(now_ns)
+        self.published += self.adapter.tick(now_ns)
         self.problems += self.adapter.problems()
 
     def said(self, topic: str) -> list[Fields]:
-        return [one.fields for one in self.told if one.topic == topic]
+        return [one.fields for one in self.published if one.topic == topic]
 
     def counts(self) -> Any:
         return self.said("diagnostics")[-1]["status"][-1]["values"]
@@ -94,8 +94,8 @@ class Robot:
         return dict(self.said("diagnostics")[-1]["status"][0])
 
 
-def stamps(told: list[Fields]) -> list[int]:
-    return [one["header"]["stamp"]["ns"] for one in told]
+def stamps(published: list[Fields]) -> list[int]:
+    return [one["header"]["stamp"]["ns"] for one in published]
 
 
 def pose_of(fields: Fields) -> list[float]:
@@ -106,15 +106,15 @@ def pose_of(fields: Fields) -> list[float]:
 
 @pytest.mark.parametrize("ros", ["ros1", "ros2"])
 @pytest.mark.parametrize("odometry_from", ["pose", "twist"])
-@pytest.mark.parametrize("start", ["auto", "told"])
+@pytest.mark.parametrize("start", ["auto", "published"])
 @pytest.mark.parametrize("first_range_s", [0.0, 1.0])
 def test_poses_are_those_of_the_run(
     ros: str, odometry_from: str, start: str, first_range_s: float
 ) -> None:
     """The first range places the tag: the run goes on from where it was."""
-    told = {"odometry_from": odometry_from, "estimate_at": "fused"}
-    config, log = room(ros=told)
-    if start == "told":
+    published = {"odometry_from": odometry_from, "estimate_at": "fused"}
+    config, log = room(ros=published)
+    if start == "published":
         truth = log["truth"]
         heading_deg = float(np.degrees(truth["heading_rad"][0]))
         at = (float(truth["x_m"][0]), float(truth["y_m"][0]), heading_deg)
@@ -169,13 +169,13 @@ def test_map_to_odom_leads_to_the_pose_and_never_goes_back_in_time() -> None:
     robot = Robot(config, log)
     robot.learn()
     robot.drive()
-    told = [one["transforms"][0] for one in robot.said("tf")]
-    times = stamps(told)
+    published = [one["transforms"][0] for one in robot.said("tf")]
+    times = stamps(published)
     assert all(after > before for before, after in pairwise(times))
-    assert told[-1]["header"]["frame_id"] == "map"
-    assert told[-1]["child_frame_id"] == "odom"
+    assert published[-1]["header"]["frame_id"] == "map"
+    assert published[-1]["child_frame_id"] == "odom"
     ahead = round(config.ros.transform_ahead_s * NANOSECONDS)
-    row = told[-20]
+    row = published[-20]
     poses = {s: one for one in robot.said("locfuse/pose") for s in stamps([one])}
     stamp = next(s for s in sorted(poses) if s >= row["header"]["stamp"]["ns"] - ahead)
     odometry = _poses_of_odometry(robot)
@@ -203,8 +203,8 @@ def test_a_folder_of_the_world_counts_more_than_topics(tmp_path: Path) -> None:
     config = config.model_copy(update={"ros": config.ros.model_copy(update={"world": "world"})})
     robot = Robot(config, log, base=tmp_path)
     wrong = {**log["anchors"], "x_m": log["anchors"]["x_m"] + 3.0}
-    for told in static_of(replace(log, tables={**log.tables, "anchors": wrong}), config.ros):
-        robot.hear(told, LATER)
+    for published in static_of(replace(log, tables={**log.tables, "anchors": wrong}), config.ros):
+        robot.receive(published, LATER)
     robot.drive()
     assert robot.health()["message"] == "ok"
 
@@ -232,7 +232,7 @@ def test_what_it_needs_and_does_not_get_is_named_once() -> None:
     assert "nothing comes on odom (nav_msgs/Odometry)" in text
     assert "nothing comes on uwb" in text
     assert "ros.topics.ranges" in text
-    assert robot.health()["message"] == "nothing has been heard yet"
+    assert robot.health()["message"] == "nothing has been received yet"
 
 
 def test_a_clock_that_falls_behind_for_a_moment_loses_nothing() -> None:
@@ -252,7 +252,7 @@ def test_a_clock_that_falls_behind_for_a_moment_loses_nothing() -> None:
     assert pose_of(robot.said("locfuse/pose")[-1]) == pose_of(same.said("locfuse/pose")[-1])
 
 
-def test_a_clock_that_stays_behind_is_told_and_loses_nothing() -> None:
+def test_a_clock_that_stays_behind_is_reported_and_loses_nothing() -> None:
     config, log = room()
     robot, same = Robot(config, log), Robot(config, log)
     for one, later_s in ((robot, -0.8), (same, 0.0)):
@@ -271,7 +271,7 @@ def test_what_waits_for_a_clock_that_stands_is_bounded() -> None:
     robot.learn()
     first = next(in_order_of_arrival(log, config.ros)).publication
     for _ in range(early.MOST + 7):
-        robot.hear(first, LATER - NANOSECONDS)
+        robot.receive(first, LATER - NANOSECONDS)
     assert robot.adapter.refused["odometry"] == 7
     assert "too many messages wait for the clock" in robot.problems[0]
 
@@ -286,14 +286,14 @@ def test_a_clock_that_begins_late_is_no_silence() -> None:
     assert any("nothing comes on odom" in problem for problem in robot.problems)
 
 
-def test_ranges_without_anchors_or_mounts_are_told_of() -> None:
+def test_ranges_without_anchors_or_mounts_are_reported() -> None:
     config, log = room()
     robot = Robot(config, log)
     robot.drive(end_s=2.0)
     assert len([p for p in robot.problems if "no anchors are known" in p]) == 1
-    for told in static_of(log, config.ros):
-        if told.topic == "anchors":
-            robot.hear(told, LATER)
+    for published in static_of(log, config.ros):
+        if published.topic == "anchors":
+            robot.receive(published, LATER)
     robot.drive(begin_s=2.0, end_s=4.0)
     assert any("tag sits" in p and "tf_static" in p for p in robot.problems)
     assert robot.said("locfuse/pose") == []
@@ -318,7 +318,7 @@ def test_odometry_of_another_name_is_the_body_s_unless_it_sits_elsewhere(
     robot.learn()
     robot.config = config  # of the driver of the wheels, who calls the body base_footprint
     if mount is not None:
-        robot.hear(encode.transforms([encode.transform(0, "base_link", "base_footprint", mount)],
+        robot.receive(encode.transforms([encode.transform(0, "base_link", "base_footprint", mount)],
                                      static=True), LATER)  # fmt: skip
     robot.drive(end_s=10.0)
     counts = {one["key"]: int(one["value"]) for one in robot.counts()}
@@ -357,7 +357,7 @@ def test_a_bad_message_is_one_sentence_and_loses_nothing(
     bad = next(publication for arrival_ns, publication in arrivals
                if publication.topic == topic and arrival_ns > now)  # fmt: skip
     for _ in range(50):
-        robot.hear(bad, now, **changes)
+        robot.receive(bad, now, **changes)
     robot.drive(begin_s=10.0)
     same.drive(begin_s=10.0)
     assert len(robot.problems) == 1
@@ -376,7 +376,7 @@ def test_silence_is_lost_and_ends_with_the_first_messages() -> None:
     robot.learn()
     robot.drive(end_s=10.0)
     robot.tick(LATER + 14 * NANOSECONDS)
-    assert "nothing has been heard for" in robot.health()["message"]
+    assert "nothing has been received for" in robot.health()["message"]
     assert robot.health()["level"] == 2
     robot.drive(begin_s=10.0, later_s=5.0)
     assert robot.health()["message"] == "ok"
@@ -387,25 +387,25 @@ def test_a_simulation_that_begins_again_is_followed() -> None:
     robot = Robot(config, log)
     robot.learn()
     robot.drive()
-    robot.told.clear()
+    robot.published.clear()
     robot.drive()
     assert any("clock went back" in p for p in robot.problems)
     assert robot.health()["message"] == "ok"
     assert min(stamps(robot.said("locfuse/pose"))) < LATER + 5 * NANOSECONDS
 
 
-def test_the_start_is_told_once_latched_and_again_after_another_search() -> None:
+def test_the_start_is_published_once_latched_and_again_after_another_search() -> None:
     config, log = room(ros={"topics": {"start": "initialpose"}})
     robot = Robot(config, log)
     robot.learn()
     robot.drive(end_s=10.0)
-    told = [one for one in robot.told if one.topic == "initialpose"]
-    assert len(told) == 1
-    assert told[0].latched
-    robot.hear(told[0], LATER + 10 * NANOSECONDS)  # what it said itself
+    published = [one for one in robot.published if one.topic == "initialpose"]
+    assert len(published) == 1
+    assert published[0].latched
+    robot.receive(published[0], LATER + 10 * NANOSECONDS)  # what it said itself
     robot.adapter.relocalize()
     robot.drive(begin_s=10.0)
-    assert len([one for one in robot.told if one.topic == "initialpose"]) == 2
+    assert len([one for one in robot.published if one.topic == "initialpose"]) == 2
     assert not robot.problems
 
 
@@ -423,17 +423,17 @@ def test_a_pose_that_is_set_is_taken_and_one_without_covariance_is_not() -> None
         "orientation": {"x": 0.0, "y": 0.0, "z": float(np.sin(truth["heading_rad"][row] / 2)),
                         "w": float(np.cos(truth["heading_rad"][row] / 2))},
     }  # fmt: skip
-    told: Fields = {"header": {"stamp": {"ns": LATER + NANOSECONDS}, "frame_id": "map"},
+    published: Fields = {"header": {"stamp": {"ns": LATER + NANOSECONDS}, "frame_id": "map"},
             "pose": {"pose": at, "covariance": np.zeros(36)}}  # fmt: skip
-    topic = Publication("initialpose", "geometry_msgs/PoseWithCovarianceStamped", told)
-    robot.hear(topic, LATER + NANOSECONDS)
+    topic = Publication("initialpose", "geometry_msgs/PoseWithCovarianceStamped", published)
+    robot.receive(topic, LATER + NANOSECONDS)
     assert any("no covariance" in p for p in robot.problems)
-    told["pose"]["covariance"] = np.diag([0.1, 0.1, 0.0, 0.0, 0.0, 0.1]).ravel()
-    robot.told.clear()
-    robot.hear(topic, LATER + NANOSECONDS)
+    published["pose"]["covariance"] = np.diag([0.1, 0.1, 0.0, 0.0, 0.0, 0.1]).ravel()
+    robot.published.clear()
+    robot.receive(topic, LATER + NANOSECONDS)
     assert len(robot.said("locfuse/pose")) == 1
-    told["header"]["frame_id"] = "odom"
-    robot.hear(topic, LATER + NANOSECONDS)
+    published["header"]["frame_id"] = "odom"
+    robot.receive(topic, LATER + NANOSECONDS)
     assert any("expected 'map'" in p for p in robot.problems)
 
 
@@ -457,9 +457,9 @@ def test_reset_forgets_all_but_the_world() -> None:
     robot.learn()
     robot.drive()
     robot.adapter.reset()
-    robot.told.clear()
+    robot.published.clear()
     robot.tick(LATER)
-    assert robot.health()["message"] == "nothing has been heard yet"
+    assert robot.health()["message"] == "nothing has been received yet"
     robot.drive()
     assert robot.health()["message"] == "ok"
 
@@ -485,12 +485,12 @@ FLOOR: dict[str, Any] = {
 }
 
 
-@pytest.mark.parametrize("told", ["folder", "topics"])
+@pytest.mark.parametrize("published", ["folder", "topics"])
 def test_particles_find_themselves_on_a_map_from_a_folder_or_a_topic(
-    told: str, tmp_path: Path
+    published: str, tmp_path: Path
 ) -> None:
     ros: dict[str, Any] = {"estimate_at": "fused"}
-    if told == "folder":
+    if published == "folder":
         ros["world"] = "world"
     config = parse_config({**FLOOR, "ros": ros})
     log = load_log(config, None, config.seed)
@@ -498,7 +498,7 @@ def test_particles_find_themselves_on_a_map_from_a_folder_or_a_topic(
     log = replace(log, tables=tables)
     write_log(log, tmp_path / "world")
     robot = Robot(config, log, base=tmp_path)
-    if told == "topics":
+    if published == "topics":
         robot.tick(LATER)
         assert "mcl waits for a map" in robot.health()["message"]
         robot.learn()
@@ -519,7 +519,7 @@ def test_one_spoilt_range_does_not_take_the_others_with_it() -> None:
     for arrival_ns, publication in in_order_of_arrival(log, config.ros):
         if publication.topic == "uwb":  # a driver that always has one that failed
             publication.fields["ranges"][0]["range"] = float("nan")
-        robot.hear(publication, arrival_ns)
+        robot.receive(publication, arrival_ns)
     robot.tick(LATER + 20 * NANOSECONDS)
     assert robot.health()["message"] == "ok"
     assert len(robot.problems) <= 3

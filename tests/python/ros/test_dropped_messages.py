@@ -3,51 +3,53 @@
 
 from __future__ import annotations
 
-from locfuse.ros.dropped_messages import Lines
+from locfuse.ros.dropped_messages import SequenceGaps
 
 
-def heard(*numbers: int | None) -> Lines:
-    lines = Lines("hurry")
+def received(*numbers: int | None) -> SequenceGaps:
+    lines = SequenceGaps("hurry")
     for number in numbers:
-        lines.heard("scan", "laser", number)
+        lines.record("scan", "laser", number)
     return lines
 
 
 def test_gaps_are_what_was_lost() -> None:
-    lines = heard(3, 4, 7, 8, 10)
+    lines = received(3, 4, 7, 8, 10)
     assert (lines.received, lines.lost) == (5, 3)
 
 
 def test_what_came_before_the_first_was_not_lost() -> None:
-    assert heard(1_000, 1_001).lost == 0
+    assert received(1_000, 1_001).lost == 0
 
 
 def test_numbers_that_begin_again_are_of_a_publisher_started_anew() -> None:
-    assert heard(500, 501, 1, 2).lost == 0
+    assert received(500, 501, 1, 2).lost == 0
 
 
 def test_numbers_go_on_after_the_largest() -> None:
-    assert heard(2**32 - 2, 2**32 - 1, 0, 2).lost == 1
+    assert received(2**32 - 2, 2**32 - 1, 0, 2).lost == 1
 
 
 def test_without_numbers_nothing_is_known_to_be_lost() -> None:
-    lines = heard(None, None)
+    lines = received(None, None)
     assert (lines.received, lines.lost) == (2, 0)
 
 
 def test_publishers_count_by_themselves() -> None:
-    lines = Lines("hurry")
+    lines = SequenceGaps("hurry")
     for publisher, number in (("a", 1), ("b", 50), ("a", 2), ("b", 52)):
-        lines.heard("scan", publisher, number)
+        lines.record("scan", publisher, number)
     assert lines.publishers("scan") == ["a", "b"]
-    assert lines.news(lambda topic, publisher: publisher.upper()) == [
+    assert lines.new_losses(lambda topic, publisher: publisher.upper()) == [
         "1 messages of scan from B were lost on the way (of 3): hurry"
     ]
 
 
-def test_news_are_told_once() -> None:
-    lines = heard(1, 3)
-    assert len(lines.news()) == 1
-    assert lines.news() == []
-    lines.heard("scan", "laser", 5)
-    assert lines.news() == ["2 messages of scan from laser were lost on the way (of 5): hurry"]
+def test_gaps_are_reported_once() -> None:
+    lines = received(1, 3)
+    assert len(lines.new_losses()) == 1
+    assert lines.new_losses() == []
+    lines.record("scan", "laser", 5)
+    assert lines.new_losses() == [
+        "2 messages of scan from laser were lost on the way (of 5): hurry"
+    ]

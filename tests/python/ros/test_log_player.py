@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A log that is told as a robot would."""
+"""A log that is given as a robot would."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ def drive(**simulation: Any) -> tuple[RunConfig, Log]:
 
 def test_messages_are_those_of_the_log_in_order_of_arrival() -> None:
     _, log = drive()
-    told = list(in_order_of_arrival(log, Ros()))
-    arrivals = [one.arrival_ns for one in told]
+    given = list(in_order_of_arrival(log, Ros()))
+    arrivals = [one.arrival_ns for one in given]
     assert arrivals == sorted(arrivals)
-    of = {topic: [message(one.publication) for one in told if one.publication.topic == topic]
+    of = {topic: [message(one.publication) for one in given if one.publication.topic == topic]
           for topic in ("odom", "uwb", "scan", "fix", "amcl_pose", "ground_truth")}  # fmt: skip
     assert len(of["odom"]) == len(log["odometry"]["stamp_ns"])
     assert len(of["scan"]) == len(log["scans"]["stamp_ns"])
@@ -60,7 +60,7 @@ def test_messages_are_those_of_the_log_in_order_of_arrival() -> None:
     assert [row.y for row in poses] == log["poses"]["y_m"].tolist()
 
 
-def test_increments_are_told_as_the_poses_they_add_up_to() -> None:
+def test_increments_are_published_as_the_poses_they_add_up_to() -> None:
     _, log = drive()
     rows = [decode.odometry(message(one.publication)) for one in in_order_of_arrival(log, Ros())
             if one.publication.topic == "odom"]  # fmt: skip
@@ -72,7 +72,7 @@ def test_increments_are_told_as_the_poses_they_add_up_to() -> None:
     assert rows[-1].heading == pytest.approx(np.remainder(turned + np.pi, 2 * np.pi) - np.pi)
 
 
-def test_velocities_are_told_as_they_are() -> None:
+def test_velocities_are_published_as_they_are() -> None:
     _, log = drive(odometry={"output": "velocities"})
     rows = [decode.odometry(message(one.publication), "twist")
             for one in in_order_of_arrival(log, Ros())
@@ -80,16 +80,16 @@ def test_velocities_are_told_as_they_are() -> None:
     assert [row.v for row in rows] == log["odometry"]["v_mps"].tolist()
 
 
-def test_what_arrives_late_is_told_late() -> None:
+def test_what_arrives_late_is_published_late() -> None:
     _, log = drive()
     late = {**log["ranges"], "arrival_ns": log["ranges"]["stamp_ns"] + NANOSECONDS}
-    told = in_order_of_arrival(Log({**log.tables, "ranges": late}, log.tags), Ros())
+    given = in_order_of_arrival(Log({**log.tables, "ranges": late}, log.tags), Ros())
     waits = {one.arrival_ns - one.publication.fields["ranges"][0]["header"]["stamp"]["ns"]
-             for one in told if one.publication.topic == "uwb"}  # fmt: skip
+             for one in given if one.publication.topic == "uwb"}  # fmt: skip
     assert waits == {NANOSECONDS}
 
 
-def test_what_has_no_topic_is_not_told() -> None:
+def test_what_has_no_topic_is_not_published() -> None:
     _, log = drive()
     ros = Ros.model_validate({"topics": {"scans": None, "ranges": "/uwb/all"}})
     topics = {one.publication.topic for one in in_order_of_arrival(log, ros)}
@@ -97,19 +97,19 @@ def test_what_has_no_topic_is_not_told() -> None:
     assert "/uwb/all" in topics
 
 
-def test_the_world_is_told_latched() -> None:
+def test_the_world_is_published_latched() -> None:
     _, log = drive()
-    told = {one.topic: one for one in static_of(log, Ros())}
-    assert set(told) == {"tf_static", "anchors", "map"}
-    assert all(one.latched for one in told.values())
-    frames = {row.child for row in decode.transforms(message(told["tf_static"]))}
+    given = {one.topic: one for one in static_of(log, Ros())}
+    assert set(given) == {"tf_static", "anchors", "map"}
+    assert all(one.latched for one in given.values())
+    frames = {row.child for row in decode.transforms(message(given["tf_static"]))}
     assert frames == {*log.tags, "laser"}
 
 
-def player(folder: Path, warned: list[str] | None = None, **told: Any) -> LogPlayer:
-    told = {"log": str(folder)} | told
+def player(folder: Path, warned: list[str] | None = None, **given: Any) -> LogPlayer:
+    given = {"log": str(folder)} | given
     said: list[str] = [] if warned is None else warned
-    return LogPlayer(values_of(PARAMETERS, told), said.append)
+    return LogPlayer(values_of(PARAMETERS, given), said.append)
 
 
 @pytest.fixture
@@ -119,7 +119,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "log"
 
 
-def test_the_clock_reaches_each_message_before_it_is_told(folder: Path) -> None:
+def test_the_clock_reaches_each_message_before_it_is_published(folder: Path) -> None:
     clock = 0
     steps = list(player(folder).steps())
     for step in steps:
@@ -130,9 +130,9 @@ def test_the_clock_reaches_each_message_before_it_is_told(folder: Path) -> None:
         else:
             assert step.clock_ns == max(clock, NOW)
     assert steps[-1].due_s == pytest.approx(5.0, abs=0.2)
-    told = [step for step in steps if step.publication is not None]
-    assert len([s for s in told if s.publication and s.publication.topic == "uwb"]) > 20
-    tf = [s.publication for s in told if s.publication and s.publication.topic == "tf"]
+    given = [step for step in steps if step.publication is not None]
+    assert len([s for s in given if s.publication and s.publication.topic == "uwb"]) > 20
+    tf = [s.publication for s in given if s.publication and s.publication.topic == "tf"]
     assert decode.transforms(message(tf[0]))[0].child == "base_link"
 
 
@@ -150,7 +150,7 @@ def test_a_loop_begins_anew_with_the_clock_of_the_log(folder: Path) -> None:
     assert twice[-1].due_s == pytest.approx(2.0 * once[-1].due_s)
 
 
-def test_a_log_that_begins_at_0_is_told_later_and_says_so(tmp_path: Path) -> None:
+def test_a_log_that_begins_at_0_is_published_later_and_says_so(tmp_path: Path) -> None:
     log = load_log(parse_config({"simulation": {"duration_s": 1.0}}), None, 1)
     write_log(log, tmp_path / "log")
     warned: list[str] = []

@@ -158,9 +158,9 @@ def test_values_of_a_small_node_are_refused_with_a_sentence(given: Any, words: s
 
 
 def test_values_of_a_small_node_have_defaults() -> None:
-    told = values_of(DECLARED, {"rate_hz": 7})
-    assert told == {"rate_hz": 7.0, "format": "ranges", "seed": 0, "clock": True}
-    assert isinstance(told["rate_hz"], float)
+    published = values_of(DECLARED, {"rate_hz": 7})
+    assert published == {"rate_hz": 7.0, "format": "ranges", "seed": 0, "clock": True}
+    assert isinstance(published["rate_hz"], float)
 
 
 def test_an_empty_text_stands_for_none() -> None:

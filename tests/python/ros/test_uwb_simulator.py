@@ -39,15 +39,15 @@ def test_ranges_without_noise_are_distances_of_the_turned_tag() -> None:
     assert row.range_m == pytest.approx(2.0)
 
 
-def test_noise_loss_offset_and_reach_are_as_told() -> None:
+def test_noise_loss_offset_and_reach_are_as_configured() -> None:
     uwb = UwbSimulator(ANCHORS, TAGS, sigma_m=0.1, offset_m=0.5, reach_m=20.0, loss=0.25, seed=1)
     rows = [row for _ in range(4_000) for row in uwb.ranges(NOW, 0.0, 0.0, 0.0)]
-    told = np.array([row.range_m for row in rows])
+    given = np.array([row.range_m for row in rows])
     assert {row.anchor for row in rows} == {"A"}
     assert {row.sigma_m for row in rows} == {0.1}
     assert abs(len(rows) - 3_000) < 4.0 * np.sqrt(4_000 * 0.25 * 0.75)
-    assert abs(told.mean() - 5.5) < 4.0 * 0.1 / np.sqrt(len(told))
-    assert told.std() == pytest.approx(0.1, rel=0.06)
+    assert abs(given.mean() - 5.5) < 4.0 * 0.1 / np.sqrt(len(given))
+    assert given.std() == pytest.approx(0.1, rel=0.06)
 
 
 def test_a_seed_gives_the_same_ranges_again() -> None:
@@ -75,13 +75,13 @@ def test_noise_is_a_share_of_the_distance() -> None:
     anchors = {"near": (2.0, 0.0, 0.0), "far": (40.0, 0.0, 0.0)}
     uwb = UwbSimulator(anchors, {"t": (0.0, 0.0, 0.0)}, sigma_m=0.0, sigma_relative=0.015, seed=1)
     epochs = [uwb.ranges(1, 0.0, 0.0, 0.0) for _ in range(4000)]
-    heard = np.array([[row.range_m for row in epoch] for epoch in epochs])
-    assert np.allclose(heard.mean(axis=0), [2.0, 40.0], rtol=0.002)
-    assert np.allclose(heard.std(axis=0), [0.03, 0.6], rtol=0.05)
+    measured = np.array([[row.range_m for row in epoch] for epoch in epochs])
+    assert np.allclose(measured.mean(axis=0), [2.0, 40.0], rtol=0.002)
+    assert np.allclose(measured.std(axis=0), [0.03, 0.6], rtol=0.05)
     assert [row.sigma_m for row in epochs[0]] == pytest.approx([0.03, 0.6])
 
 
-def test_what_fails_or_is_out_of_reach_is_not_heard_and_changes_nothing_else() -> None:
+def test_what_fails_or_is_out_of_reach_is_not_received_and_changes_nothing_else() -> None:
     anchors = {str(i): (float(i), 3.0, 1.0) for i in range(1, 200)}
     tags = {"t": (0.5, 0.0, 1.0)}
     all_of = UwbSimulator(anchors, tags, seed=2).ranges(1, 0.0, 0.0, np.pi / 2)
@@ -93,7 +93,7 @@ def test_what_fails_or_is_out_of_reach_is_not_heard_and_changes_nothing_else() -
     assert max(int(row.anchor) for row in some) <= 100
 
 
-def test_a_world_tells_where_its_uwb_system_is() -> None:
+def test_a_world_has_where_its_uwb_system_is() -> None:
     log = load_log(parse_config({"simulation": {"duration_s": 1.0}}), None, 1)
     rows = uwb_of(log, sigma_m=0.0).ranges(NOW, 1.0, 1.0, 0.0)
     assert [row.anchor for row in rows] == list(log["anchors"]["anchor"])
@@ -109,31 +109,31 @@ def test_epochs_follow_the_rate_and_a_clock_that_goes_back() -> None:
 def test_the_truth_of_gazebo_is_understood() -> None:
     turn = Message(x=0.0, y=0.0, z=0.0, w=1.0)
     floor, robot = (Message(position=Message(x=x, y=0.0, z=0.0), orientation=turn) for x in (0, 3))
-    told = Message(name=["floor", "robot"], pose=[floor, robot])
-    assert true_pose(told, "robot", 5) == (5, (3.0, 0.0, 0.0, 0.0))
+    given = Message(name=["floor", "robot"], pose=[floor, robot])
+    assert true_pose(given, "robot", 5) == (5, (3.0, 0.0, 0.0, 0.0))
     with pytest.raises(ValueError, match="no model 'robt' in the truth; did you mean 'robot'"):
-        true_pose(told, "robt", 5)
+        true_pose(given, "robt", 5)
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     anchors = {"1": [3.0, 4.0, 0.0], "2": [0.0, 4.0, 0.0]}
-    told = {"simulation": {"duration_s": 1.0, "anchors": anchors, "tags": {"tag": [0, 0, 0]}}}
-    write_log(load_log(parse_config(told), None, 1), tmp_path / "world")
+    given = {"simulation": {"duration_s": 1.0, "anchors": anchors, "tags": {"tag": [0, 0, 0]}}}
+    write_log(load_log(parse_config(given), None, 1), tmp_path / "world")
     return tmp_path / "world"
 
 
-def system(folder: Path, **told: Any) -> UwbSystem:
+def system(folder: Path, **given: Any) -> UwbSystem:
     exact = {"world": str(folder), "sigma_relative": 0.0}
-    return UwbSystem(values_of(PARAMETERS, exact | told))
+    return UwbSystem(values_of(PARAMETERS, exact | given))
 
 
 @pytest.mark.parametrize("ros", ["ros1", "ros2"])
-@pytest.mark.parametrize(("told", "unit"), [({}, "m"), ({"format": "data", "unit": "mm"}, "mm")])
+@pytest.mark.parametrize(("given", "unit"), [({}, "m"), ({"format": "data", "unit": "mm"}, "mm")])
 def test_the_truth_in_is_ranges_out_at_the_rate_asked_for(
-    folder: Path, ros: str, told: dict[str, Any], unit: str
+    folder: Path, ros: str, given: dict[str, Any], unit: str
 ) -> None:
-    uwb = system(folder, rate_hz=10.0, **told)
+    uwb = system(folder, rate_hz=10.0, **given)
     out = []
     for i in range(101):
         truth = encode.odometry("ground_truth", NOW + i * 10**7, (0.0, 0.0, 0.0), (0.0, 0.0),
@@ -152,7 +152,7 @@ def test_what_is_out_of_reach_is_no_message(folder: Path) -> None:
 
 
 def test_a_truth_without_a_pose_is_refused(folder: Path) -> None:
-    with pytest.raises(MessageError, match="tells no pose"):
+    with pytest.raises(MessageError, match="has no pose"):
         system(folder).on(message(encode.text("ground_truth", "here")), NOW)
 
 

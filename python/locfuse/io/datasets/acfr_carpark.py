@@ -33,7 +33,7 @@ def convert(source: Path, out: Path) -> list[Path]:
     Licence: none stated, openly published research data; for tests, not to be passed on.
 
     Quirks: the body's origin is the middle of the rear axle, the laser 3.78 m ahead of it and 0.5 m
-    to its left. GPS tells where the laser is, to 3 cm: it becomes ``positions`` of an antenna at
+    to its left. GPS gives where the laser is, to 3 cm: it becomes ``positions`` of an antenna at
     (3.78, 0.5) in the body. There is no truth, since without a true heading that is none of the
     body: compare an estimate's antenna with the positions, and leave them out of use. The laser was
     at (4.688, 0.836), heading 4.382 rad, at 46.598 s, fitted to three poles in one scan; on

@@ -31,7 +31,7 @@ def convert(source: Path, out: Path) -> list[Path]:
     have no line of sight and read up to 5 m long; the others read 0.07 m short. The published
     labels (LOS, NLOS) and powers have no place in a log.
     """
-    heard = read_source(
+    measured = read_source(
         source / "ranges.csv.gz",
         dict(tag_site="t", anchor="t", range="f", condition="t", rx_power="f", fp_power="f",
              noise_std="f"),
@@ -40,28 +40,28 @@ def convert(source: Path, out: Path) -> list[Path]:
     anchors = read_source(source / "anchors.csv", dict(anchor="t", x="f", y="f", z="f"))
     logs: dict[str, Log] = {}
     for name, x, y, z in zip(*sites.values(), strict=True):
-        rows = heard["tag_site"] == name
+        rows = measured["tag_site"] == name
         if not rows.any():
             raise LogError(f"{source / 'ranges.csv.gz'}: no range from tag site {name}")
-        ranges = _ranges({key: heard[key][rows] for key in ("anchor", "range")})
+        ranges = _ranges({key: measured[key][rows] for key in ("anchor", "range")})
         logs[f"site_{name}"] = _log(str(name), (x, y, z), ranges, anchors)
     for folder, log in logs.items():
         write_log(log, out / folder)
     return [out / folder for folder in logs]
 
 
-def _ranges(heard: Columns) -> Columns:
+def _ranges(measured: Columns) -> Columns:
     """Return the ranges of a site, the k-th of every anchor at k seconds."""
-    repeat: StampArray = np.zeros(len(heard["anchor"]), np.int64)
-    for anchor in np.unique(heard["anchor"]):
-        rows = heard["anchor"] == anchor
+    repeat: StampArray = np.zeros(len(measured["anchor"]), np.int64)
+    for anchor in np.unique(measured["anchor"]):
+        rows = measured["anchor"] == anchor
         repeat[rows] = np.arange(rows.sum())
     order = np.argsort(repeat, kind="stable")
     return {
         "stamp_ns": NANOSECONDS * repeat[order],
         "tag": np.full(len(order), TAG),
-        "anchor": heard["anchor"][order],
-        "range_m": heard["range"][order],
+        "anchor": measured["anchor"][order],
+        "range_m": measured["range"][order],
     }
 
 

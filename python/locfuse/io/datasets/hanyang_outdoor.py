@@ -44,7 +44,7 @@ def convert(source: Path, out: Path) -> list[Path]:
 def _read(source: Path, run: str) -> Log:
     path = source / f"{run}_ranges.csv.gz"
     place = dict.fromkeys(PLACE, "f")
-    heard = read_source(
+    measured = read_source(
         path, dict(t="s", anchor="t") | place | dict(range="f", rssi="f", rssi_fp="f")
     )
     true = read_source(
@@ -53,10 +53,10 @@ def _read(source: Path, run: str) -> Log:
     return Log(
         tables={
             "ranges": {
-                "stamp_ns": heard["t"],
-                "tag": np.full(len(heard["t"]), TAG),
-                "anchor": heard["anchor"],
-                "range_m": heard["range"],
+                "stamp_ns": measured["t"],
+                "tag": np.full(len(measured["t"]), TAG),
+                "anchor": measured["anchor"],
+                "range_m": measured["range"],
             },
             "truth": {
                 "stamp_ns": true["t"],
@@ -64,7 +64,7 @@ def _read(source: Path, run: str) -> Log:
                 "y_m": true["y"],
                 "heading_rad": wrap_angle(np.deg2rad(true["heading_deg"])),
             },
-            "anchors": _anchors(path, heard),
+            "anchors": _anchors(path, measured),
         },
         tags={TAG: (0.0, 0.0, TAG_HEIGHT_M)},
         description=f"Hanyang outdoor {run}: UWB ranges of one tag to four anchors, RTK GNSS",
@@ -72,12 +72,12 @@ def _read(source: Path, run: str) -> Log:
     )
 
 
-def _anchors(path: Path, heard: Columns) -> Columns:
-    """Return where each anchor is, which every range of it says alike."""
-    names, first, which = np.unique(heard["anchor"], return_index=True, return_inverse=True)
-    places = np.column_stack([heard[axis] for axis in PLACE])
+def _anchors(path: Path, measured: Columns) -> Columns:
+    """Return where each anchor is, the same in all of its ranges."""
+    names, first, which = np.unique(measured["anchor"], return_index=True, return_inverse=True)
+    places = np.column_stack([measured[axis] for axis in PLACE])
     moved = np.flatnonzero((places != places[first][which]).any(axis=1))
     if len(moved):
         row = int(moved[0])
-        raise row_error(path, row, f"anchor {heard['anchor'][row]} is not where it was before")
-    return {"anchor": names, **{f"{axis[1:]}_m": heard[axis][first] for axis in PLACE}}
+        raise row_error(path, row, f"anchor {measured['anchor'][row]} is not where it was before")
+    return {"anchor": names, **{f"{axis[1:]}_m": measured[axis][first] for axis in PLACE}}

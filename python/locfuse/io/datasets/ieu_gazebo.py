@@ -54,10 +54,10 @@ def _read(source: Path, run: str) -> Log:
     anchors = read_source(
         source / f"{run}_anchors.csv", dict(index="f", id="t", x="f", y="f", z="f")
     )
-    heard = read_source(source / f"{run}_ranges.csv", dict(t="s"), beams="r")
+    measured = read_source(source / f"{run}_ranges.csv", dict(t="s"), beams="r")
     scans = read_source(source / f"{run}_scans.csv.gz", dict(t="s"), beams="s")
     names = anchors["id"][np.argsort(anchors["index"])]
-    there = ~np.isnan(heard["beams"])
+    there = ~np.isnan(measured["beams"])
     if there.shape[1] != len(names):
         raise LogError(f"{source / run}_anchors.csv: {len(names)} anchors, expected as many as "
                        f"{run}_ranges.csv has columns of ranges, {there.shape[1]}")  # fmt: skip
@@ -70,10 +70,10 @@ def _read(source: Path, run: str) -> Log:
                 "omega_radps": drive["w"],
             },
             "ranges": {
-                "stamp_ns": heard["t"][row],
+                "stamp_ns": measured["t"][row],
                 "tag": np.full(len(row), TAG),
                 "anchor": names[column],
-                "range_m": heard["beams"][there],
+                "range_m": measured["beams"][there],
             },
             "scans": {"stamp_ns": scans["t"], "ranges_m": scans["beams"]},
             "truth": {

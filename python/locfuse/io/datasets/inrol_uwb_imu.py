@@ -28,7 +28,7 @@ def convert(source: Path, out: Path) -> list[Path]:
     Licence: GPL-3.0, the files as well as the publishers' code; this reader is our own.
 
     Quirks: the body is the IMU, its heading where its forward axis points in the plane; the tag
-    sits 1 cm above it. Each anchor is heard 21 times a second, several of them at one stamp; rows
+    sits 1 cm above it. Each anchor replies 21 times a second, several of them at one stamp; rows
     not in order of time are sorted. Ranges err by some centimetres by direction, and read up to 3 m
     long where something is in the way. The attitude of the anchors and the IMU are not used.
     """
@@ -40,7 +40,7 @@ def convert(source: Path, out: Path) -> list[Path]:
 
 
 def _read(source: Path, run: str) -> Log:
-    heard = read_source(
+    measured = read_source(
         source / f"{run}_uwb.csv.gz", dict(index="t", timestamp="s", anchor_id="t", r="f")
     )
     true = read_source(source / f"{run}_imu_pose.csv.gz", dict(timestamp="s") | POSE)
@@ -48,10 +48,10 @@ def _read(source: Path, run: str) -> Log:
     return Log(
         tables={
             "ranges": {
-                "stamp_ns": heard["timestamp"],
-                "tag": np.full(len(heard["r"]), TAG),
-                "anchor": heard["anchor_id"],
-                "range_m": heard["r"],
+                "stamp_ns": measured["timestamp"],
+                "tag": np.full(len(measured["r"]), TAG),
+                "anchor": measured["anchor_id"],
+                "range_m": measured["r"],
             },
             "truth": {
                 "stamp_ns": true["timestamp"],

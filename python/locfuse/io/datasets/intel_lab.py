@@ -51,7 +51,7 @@ def convert(source: Path, out: Path) -> list[Path]:
 
     Recorded times step back 629 times, by up to 0.9 s, and are rounded to 0.01 s after 1000 s.
     raw_index is the true order. Stamps are given in that order: to row k the k-th smallest time, at
-    least 0.01 s after the stamp before; none moves by more than 0.9 s. So they tell order and
+    least 0.01 s after the stamp before; none moves by more than 0.9 s. So they give order and
     duration, hardly speed. Scans and truth have the stamps of their rows. The times of the
     relations are not rounded; each is that of a row, and where several rows share a rounded time
     they are taken to be spread evenly over the 0.01 s, in their order. ``relations.csv`` has the

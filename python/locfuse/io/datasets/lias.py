@@ -46,17 +46,17 @@ def convert(source: Path, out: Path) -> list[Path]:
         dict(pose="t", session="t", site="t", nominal_deg="f", x="f", y="f", yaw_deg="f"),
     )
     links = {f"a{anchor}_t{tag}": "g" for anchor in ANCHORS for tag in TAGS}
-    heard = read_source(source / "static_ranges.csv.gz", dict(pose="t", t="s") | links)
+    measured = read_source(source / "static_ranges.csv.gz", dict(pose="t", t="s") | links)
     anchors = read_source(
         source / "anchors.csv", dict(session="t", anchor="t", x="f", y="f", z="f")
     )
     tags = read_source(source / "tags.csv", dict(session="t", tag="t", x="f", y="f", z="f"))
     logs: dict[str, Log] = {}
     for row, pose in enumerate(poses["pose"].tolist()):
-        rows = heard["pose"] == pose
+        rows = measured["pose"] == pose
         if not rows.any():
             raise LogError(f"{source / 'static_ranges.csv.gz'}: no row of pose {pose}")
-        here = {key: values[rows] for key, values in heard.items()}
+        here = {key: values[rows] for key, values in measured.items()}
         session = poses["session"][row]
         logs[pose] = _log(
             _at_rest({key: values[row] for key, values in poses.items()}, here),
@@ -79,7 +79,7 @@ def _of_session(table: Table, session: str, path: Path) -> Table:
 
 
 def _moving(source: Path, links: dict[str, str], anchors: Table, tags: Table) -> Log:
-    heard = read_source(source / f"dynamic_{MOVING}_ranges.csv.gz", dict(t="s") | links)
+    measured = read_source(source / f"dynamic_{MOVING}_ranges.csv.gz", dict(t="s") | links)
     truth = read_source(
         source / f"dynamic_{MOVING}_groundtruth.csv.gz",
         dict(t="s", x="f", y="f", z="f", yaw="f", q1="f", q2="f", q3="f", q4="f"),
@@ -92,16 +92,16 @@ def _moving(source: Path, links: dict[str, str], anchors: Table, tags: Table) ->
             "y_m": truth["y"][first],
             "heading_rad": wrap_angle(truth["yaw"][first]),
         },
-        heard,
+        measured,
         _of_session(anchors, MOVING_SESSION, source / "anchors.csv"),
         _of_session(tags, MOVING_SESSION, source / "tags.csv"),
         f"LIAS planar, session {MOVING_SESSION}, run {MOVING}: ranges of three tags on the move",
     )
 
 
-def _at_rest(pose: Mapping[str, Any], heard: Table) -> Columns:
+def _at_rest(pose: Mapping[str, Any], measured: Table) -> Columns:
     """Return the pose at every stamp of its ranges."""
-    stamp_ns = np.unique(heard["t"])
+    stamp_ns = np.unique(measured["t"])
     yaw = float(wrap_angle(np.deg2rad(pose["yaw_deg"])))
     return {
         "stamp_ns": stamp_ns,
@@ -111,14 +111,14 @@ def _at_rest(pose: Mapping[str, Any], heard: Table) -> Columns:
     }
 
 
-def _log(truth: Columns, heard: Table, anchors: Table, tags: Table, description: str) -> Log:
-    links = np.stack([heard[f"a{a}_t{t}"] for t in TAGS for a in ANCHORS], axis=1)
+def _log(truth: Columns, measured: Table, anchors: Table, tags: Table, description: str) -> Log:
+    links = np.stack([measured[f"a{a}_t{t}"] for t in TAGS for a in ANCHORS], axis=1)
     row, link = np.nonzero(~np.isnan(links))
     names = np.array([[str(t), str(a)] for t in TAGS for a in ANCHORS])
     return Log(
         tables={
             "ranges": {
-                "stamp_ns": heard["t"][row],
+                "stamp_ns": measured["t"][row],
                 "tag": names[link, 0],
                 "anchor": names[link, 1],
                 "range_m": links[row, link],

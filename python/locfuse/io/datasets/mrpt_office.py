@@ -117,13 +117,13 @@ def _odometry(source: Path, first_ns: int) -> Columns:
 
 
 def _ranges(source: Path) -> Columns:
-    heard = read_source(source / "ranges.csv", dict(frame="f", t="s", beacon="t", range="f"))
-    replied = heard["range"] != 0.0
+    measured = read_source(source / "ranges.csv", dict(frame="f", t="s", beacon="t", range="f"))
+    replied = measured["range"] != 0.0
     return {
-        "stamp_ns": heard["t"][replied],
+        "stamp_ns": measured["t"][replied],
         "tag": np.full(int(replied.sum()), TAG),
-        "anchor": heard["beacon"][replied],
-        "range_m": heard["range"][replied],
+        "anchor": measured["beacon"][replied],
+        "range_m": measured["range"][replied],
     }
 
 

@@ -27,7 +27,7 @@ def convert(source: Path, out: Path) -> list[Path]:
     on.
 
     Quirks: the truth is the tag's own pose, so the body is the tag; heading is where its forward
-    axis points in the plane. There is no odometry. Each anchor is heard 5 times a second, not in
+    axis points in the plane. There is no odometry. Each anchor is received 5 times a second, not in
     step, after a silence of some seconds at the beginning. Ranges read 0.16 m to 0.35 m long, by
     direction and distance. Up to 3 percent are gross errors. A negative range cannot be in a log
     and is left out: 27 of 3366 in seq1, 12 of 3841 in seq3, 1 of 5630 in seq5; with them go the
@@ -44,19 +44,19 @@ def convert(source: Path, out: Path) -> list[Path]:
 
 def _read(source: Path, run: str) -> Log:
     pose = dict.fromkeys(("x", "y", "z", "qx", "qy", "qz", "qw"), "f")
-    heard = read_source(
+    measured = read_source(
         source / f"{run}_ranges.csv.gz", dict(t="s", anchor="t", range="f", rx_power="f") | pose
     )
     true = read_source(source / f"{run}_groundtruth.csv.gz", dict(t="s") | pose)
     anchors = read_source(source / f"{run}_anchors.csv", dict(anchor="t") | pose)
-    kept = heard["range"] >= 0.0
+    kept = measured["range"] >= 0.0
     return Log(
         tables={
             "ranges": {
-                "stamp_ns": heard["t"][kept],
+                "stamp_ns": measured["t"][kept],
                 "tag": np.full(kept.sum(), TAG),
-                "anchor": heard["anchor"][kept],
-                "range_m": heard["range"][kept],
+                "anchor": measured["anchor"][kept],
+                "range_m": measured["range"][kept],
             },
             "truth": {
                 "stamp_ns": true["t"],

@@ -48,36 +48,36 @@ def convert(source: Path, out: Path) -> list[Path]:
         path = source / f"{run}_uwb.csv.gz"
         calibrated = "range_calib" in read_table(path).header
         columns = CALIBRATED if calibrated else {}
-        heard = read_source(
+        received = read_source(
             path, dict(time_s="s", from_id="t", to_id="t", range="f") | columns | POSE | TRUE
         )
         anchors = read_source(source / f"{run}_anchors.csv", dict(anchor="t", x="f", y="f", z="f"))
-        logs[run] = _log(run, heard, heard["range"], {}, anchors)
+        logs[run] = _log(run, received, received["range"], {}, anchors)
         if calibrated:
-            sigma = {"sigma_m": heard["std"]}
-            logs[f"{run}_calibrated"] = _log(run, heard, heard["range_calib"], sigma, anchors)
+            sigma = {"sigma_m": received["std"]}
+            logs[f"{run}_calibrated"] = _log(run, received, received["range_calib"], sigma, anchors)
     for run, log in logs.items():
         write_log(log, out / run)
     return [out / run for run in logs]
 
 
-def _log(run: str, heard: Columns, ranges: FloatArray, sigma: Columns, anchors: Columns) -> Log:
-    heading = heading_of(*(heard[key] for key in ("w", "rot_x", "rot_y", "rot_z")))
-    stamp_ns, first = np.unique(heard["time_s"], return_index=True)
+def _log(run: str, received: Columns, ranges: FloatArray, sigma: Columns, anchors: Columns) -> Log:
+    heading = heading_of(*(received[key] for key in ("w", "rot_x", "rot_y", "rot_z")))
+    stamp_ns, first = np.unique(received["time_s"], return_index=True)
     return Log(
         tables={
             "ranges": {
-                "stamp_ns": heard["time_s"],
-                "tag": heard["from_id"],
-                "anchor": heard["to_id"],
+                "stamp_ns": received["time_s"],
+                "tag": received["from_id"],
+                "anchor": received["to_id"],
                 "range_m": ranges,
                 **sigma,
             },
             "truth": {
                 "stamp_ns": stamp_ns,
-                "x_m": heard["x"][first],
-                "y_m": heard["y"][first],
-                "z_m": heard["z"][first],
+                "x_m": received["x"][first],
+                "y_m": received["y"][first],
+                "z_m": received["z"][first],
                 "heading_rad": heading[first],
             },
             "anchors": {
@@ -87,21 +87,21 @@ def _log(run: str, heard: Columns, ranges: FloatArray, sigma: Columns, anchors: 
                 "z_m": anchors["z"],
             },
         },
-        tags=_tags(heard, heading),
+        tags=_tags(received, heading),
         description=f"STAR-loc {run}: UWB ranges of a rig{', calibrated' if sigma else ''}, motion "
         "capture in 3D",
         licence=LICENCE,
     )
 
 
-def _tags(heard: Columns, heading: FloatArray) -> dict[str, tuple[float, float, float]]:
+def _tags(received: Columns, heading: FloatArray) -> dict[str, tuple[float, float, float]]:
     """Return where each tag is on average, in a body that turns with the rig but never tilts."""
-    away = [heard[f"tag_pos_{axis}"] - heard[axis] for axis in "xyz"]
+    away = [received[f"tag_pos_{axis}"] - received[axis] for axis in "xyz"]
     c, s = np.cos(heading), np.sin(heading)
     levelled = np.stack([c * away[0] + s * away[1], c * away[1] - s * away[0], away[2]], axis=1)
     means = {
-        str(tag): levelled[heard["from_id"] == tag].mean(axis=0)
-        for tag in np.unique(heard["from_id"])
+        str(tag): levelled[received["from_id"] == tag].mean(axis=0)
+        for tag in np.unique(received["from_id"])
     }
     return {
         tag: (round(float(x), 4), round(float(y), 4), round(float(z), 4))

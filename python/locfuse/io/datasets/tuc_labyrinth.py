@@ -21,7 +21,7 @@ def convert(source: Path, out: Path) -> list[Path]:
     ``datasets/Indoor_UWB``, as CSV: ``ranges.csv`` (t, anchor, range, anchor_x, anchor_y),
     ``wheel_odometry.csv`` (t, v_first, v_second, half_track), ``groundtruth.csv`` (t, x, y).
 
-    Licence: CC-BY-SA-4.0; keep the attribution and share what is derived alike.
+    Licence: CC-BY-SA-4.0; keep the attribution and share derived work under it.
 
     Quirks: planar, all heights 0; the tag is taken to be at the robot's origin. The origin's readme
     names the wheels the other way round and calls half the wheel distance the whole: dead reckoning
@@ -35,12 +35,12 @@ def convert(source: Path, out: Path) -> list[Path]:
     wheels = read_source(
         source / "wheel_odometry.csv", dict(t="s", v_first="f", v_second="f", half_track="f")
     )
-    heard = read_source(
+    measured = read_source(
         source / "ranges.csv", dict(t="s", anchor="t", range="f", anchor_x="f", anchor_y="f")
     )
     truth = read_source(source / "groundtruth.csv", dict(t="s", x="f", y="f"))
     left, right = wheels["v_first"], wheels["v_second"]
-    names, first = np.unique(heard["anchor"], return_index=True)
+    names, first = np.unique(measured["anchor"], return_index=True)
     log = Log(
         tables={
             "odometry": {
@@ -49,16 +49,16 @@ def convert(source: Path, out: Path) -> list[Path]:
                 "omega_radps": (right - left) / (2.0 * wheels["half_track"]),
             },
             "ranges": {
-                "stamp_ns": heard["t"],
-                "tag": np.full(len(heard["t"]), TAG),
-                "anchor": heard["anchor"],
-                "range_m": heard["range"],
+                "stamp_ns": measured["t"],
+                "tag": np.full(len(measured["t"]), TAG),
+                "anchor": measured["anchor"],
+                "range_m": measured["range"],
             },
             "truth": {"stamp_ns": truth["t"], "x_m": truth["x"], "y_m": truth["y"]},
             "anchors": {
                 "anchor": names,
-                "x_m": heard["anchor_x"][first],
-                "y_m": heard["anchor_y"][first],
+                "x_m": measured["anchor_x"][first],
+                "y_m": measured["anchor_y"][first],
                 "z_m": np.zeros(len(names)),
             },
         },

@@ -30,7 +30,7 @@ def convert(source: Path, out: Path) -> list[Path]:
     until the next row, as in a log: so dead reckoning ends 2.5 m and 14.5 degrees off. The robot
     travels 4.6 degrees to the right of its heading, always: the frame of the wheels is turned
     against that of laser and truth. The log is as recorded; a filter that takes the two frames for
-    one is 5 cm off to the side and too sure of itself. Errors of one tube stay alike from row to
+    one is 5 cm off to the side and overconfident. Errors of one tube stay similar from row to
     row. Rows whose motion capture is marked invalid, 172 of 6304, are left out of the truth.
     """
     ranges = {f"r{tube:02d}_m": "f" for tube in TUBES}

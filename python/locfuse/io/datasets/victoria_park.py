@@ -38,7 +38,7 @@ def convert(source: Path, out: Path) -> list[Path]:
     mean no return: four beams of five. Trees are sighted at their centre, and their bearing is
     turned to count from straight ahead; their diameters have no place in a log. There is no truth
     and no map: the GPS wanders by metres under trees, jumps and pauses for up to 51 s, so it is
-    written as ``positions`` of 2 m, a rough guess, and tells how good an estimate is only to a few
+    written as ``positions`` of 2 m, a rough guess, and shows how good an estimate is only to a few
     metres. Steering is that of the recalibrated copy. GPS counts from its first fix, where the
     truck heads for 38 degrees. Nineteen scans are missing; people and cars move about.
     """

@@ -13,31 +13,17 @@ from types import TracebackType
 from typing import Any, Protocol
 
 from locfuse.config.ros import plain
-from locfuse.io.rosbag.container import Connection
 from locfuse.io.rosbag.encode import Publication
 from locfuse.io.rosbag.optional_rosbags import need
-from locfuse.io.rosbag.pack import Values, pack
-from locfuse.io.rosbag.wire import defined, long, serializer, store, structure
+from locfuse.io.rosbag.wire import defined, long, serializer, store
 from locfuse.types import LogError
 
 
 class Sink(Protocol):
-    """What takes messages, and when they were told [ns]."""
-
-    def connection(self, topic: str, kind: str, latched: bool = False) -> Any:
-        """Return what messages of a type on a topic are put under."""
-
-    def put(self, connection: Any, time_ns: int, data: bytes) -> None:
-        """Write a message."""
-
-    def made(self, publication: Publication) -> bytes:
-        """Return a message as bytes."""
-
-    def packed(self, kind: str, count: int, values: Values) -> list[bytes]:
-        """Return many messages of a type as bytes."""
+    """What takes messages with the times at which they are recorded [ns]."""
 
     def write(self, time_ns: int, publication: Publication) -> None:
-        """Make a message and write it."""
+        """Write a message."""
 
 
 def check_bag(path: Path) -> None:
@@ -97,24 +83,12 @@ class _FileSink(ABC):
         finally:
             shutil.rmtree(self.folder, ignore_errors=True)
 
-    def connection(self, topic: str, kind: str, latched: bool = False) -> Any:
-        if (topic, kind) not in self.known:
-            self.known[topic, kind] = self._connect(f"/{plain(topic)}", kind, latched)
-        return self.known[topic, kind]
-
-    def put(self, connection: Any, time_ns: int, data: bytes) -> None:
-        self.writer.write(connection, time_ns, data)
-
-    def made(self, publication: Publication) -> bytes:
-        return serializer(self.encoding, publication.type)(publication.fields)
-
-    def packed(self, kind: str, count: int, values: Values) -> list[bytes]:
-        fields = structure(Connection("", kind, "", self.encoding))
-        return pack(fields, self.encoding, count, values)
-
     def write(self, time_ns: int, publication: Publication) -> None:
-        connection = self.connection(publication.topic, publication.type, publication.latched)
-        self.put(connection, time_ns, self.made(publication))
+        topic, kind = publication.topic, publication.type
+        if (topic, kind) not in self.known:
+            self.known[topic, kind] = self._connect(f"/{plain(topic)}", kind, publication.latched)
+        data = serializer(self.encoding, kind)(publication.fields)
+        self.writer.write(self.known[topic, kind], time_ns, data)
 
     @abstractmethod
     def _open(self) -> Any: ...

@@ -3,42 +3,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
-from operator import attrgetter, itemgetter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from locfuse.config.ros import Ros, plain
-from locfuse.io.log_folder import MAX_STAMP_NS
-from locfuse.io.rosbag import bag_checks as checks
-from locfuse.io.rosbag import bag_settings, decode, decode_many
-from locfuse.io.rosbag.bag_contents import Heard, logger
+from locfuse.io.log_folder import (
+    MAX_RANGE_M,
+    MAX_SPEED_MPS,
+    MAX_STAMP_NS,
+    MAX_TURN_RATE_RADPS,
+)
+from locfuse.io.rosbag import bag_settings, decode, rows
+from locfuse.io.rosbag.bag_contents import BagContents, Laser, logger
 from locfuse.io.rosbag.bag_log import log_of
 from locfuse.io.rosbag.bag_stream import Bag
 from locfuse.io.rosbag.bag_tables import tables_of
 from locfuse.io.rosbag.bag_warnings import nothing, say
 from locfuse.io.rosbag.columns import Blocks
 from locfuse.io.rosbag.container import Connection
-from locfuse.io.rosbag.decode import MessageError
-from locfuse.io.rosbag.decode_many import Said
+from locfuse.io.rosbag.decode import MessageError, RangeRow
 from locfuse.io.rosbag.frames import check_frame
 from locfuse.io.rosbag.optional_rosbags import NeedError
-from locfuse.io.rosbag.unpack import MisfitError, Structure, Unpacked, unpack
-from locfuse.io.rosbag.wire import broken, deserializer, structure
-from locfuse.types import Columns, Log, LogError
+from locfuse.io.rosbag.rows import Row
+from locfuse.io.rosbag.wire import broken, deserializer
+from locfuse.types import Log, LogError
 
 Progress = Callable[[int, int], None]
+Reader = Callable[[Any, str], Sequence[Row]]  # rows of a message on a topic
 
-BLOCK_MESSAGES, BLOCK_BYTES = 8192, 1 << 22  # that are unpacked at once
-NO_TIME = "it was recorded at {} ns, which is no time"
-NO_MESSAGE = "it cannot be unpacked ({})"
-MOST_TRANSFORMS = 20_000  # messages on tf that are looked through for a mount that tf_static lacks
+MAX_TRANSFORMS = 20_000  # messages on tf that are searched for a mount that tf_static lacks
 
 
 def read_bag(
@@ -47,21 +46,21 @@ def read_bag(
 ) -> Log:  # fmt: skip
     """Read a bag of either ROS as a log.
 
-    What cannot be used is left out and said, one sentence each, on the logger ``locfuse``: a
-    message that means nothing, a topic that was asked for and is not there, damage. Messages arrive
-    when they were recorded, but never before their stamp; where record times and stamps count from
-    other origins, they arrive at their stamps. ``docs/ros.md`` has the whole of it.
+    What cannot be used is left out with a warning on the logger ``locfuse``: an invalid message,
+    a configured topic that is missing, damage. Messages arrive when they were recorded, but never
+    before their stamp; where record times and stamps come from different clocks, they arrive at
+    their stamps. See ``docs/ros.md``.
 
     Parameters
     ----------
     path : str or Path
         A ``.bag`` of ROS 1, a ``.mcap``, or a ``.db3`` or folder of ROS 2.
     ros : Ros, optional
-        What is said on which topic; by default the usual names.
+        Topics and frames; by default the usual names.
     world : Log, optional
-        Anchors, landmarks, tags, mounts and map, which count more than what the bag says of them.
+        Anchors, landmarks, tags, mounts and map, which override those of the bag.
     progress : callable, optional
-        Told (bytes read, bytes in all).
+        Called with (bytes read, total bytes).
 
     Returns
     -------
@@ -70,292 +69,233 @@ def read_bag(
     Raises
     ------
     LogError
-        If there is no such bag, it holds no message that is asked for, or rosbags is missing.
+        If the bag does not exist or holds no usable message, or rosbags is missing.
     """
-    heard = Heard(Path(path), Ros() if ros is None else ros,
-                  Log(tables={}) if world is None else world)  # fmt: skip
-    bag = Bag(heard.path, progress)
-    reading = _Reading(heard)
-    reading.read(bag)
-    reading.find_mounts(bag)
+    contents = BagContents(Path(path), Ros() if ros is None else ros,
+                           Log(tables={}) if world is None else world)  # fmt: skip
+    bag = Bag(contents.path, progress)
+    reader = _BagReader(contents)
+    with np.errstate(all="ignore"):  # what overflows is rejected for the value it becomes
+        reader.read(bag)
+    reader.find_mounts(bag)
     for sentence in bag.damage:
         logger.warning(sentence)
-    log = log_of(heard, tables_of(heard))
+    log = log_of(contents, tables_of(contents))
     if log is None:
-        raise LogError(nothing(heard, bag))
-    say(heard, bag)
+        raise LogError(nothing(contents, bag))
+    say(contents, bag)
     return log
 
 
-class _Table(NamedTuple):
-    """A topic whose messages become rows: those of many at once, and why one of them does not."""
+class _BagReader:
+    """Decodes the messages of a bag into rows of tables and into what is known of the world."""
 
-    stem: str
-    said: Callable[[Unpacked], Said]
-    check: Callable[[Any, Heard], None]
-
-
-@dataclass
-class _Sender:
-    """A connection, how its messages are read, and those that wait for others to be unpacked with.
-
-    They wait as (number, record time [ns], bytes).
-    """
-
-    connection: Connection
-    structure: Structure
-    waiting: list[tuple[int, int, bytes]] = field(default_factory=list)
-
-
-class _LeftOut(NamedTuple):
-    """A message, or one of the things that it says, of which no row is made."""
-
-    number: int
-    topic: str
-    sender: _Sender
-    data: bytes
-
-
-@dataclass
-class _Block:
-    """What messages that waited together say: parts of tables, frames of tags, what is left out."""
-
-    tables: dict[str, list[Columns]] = field(default_factory=dict)
-    frames: list[tuple[int, str, str]] = field(default_factory=list)
-    left_out: list[_LeftOut] = field(default_factory=list)
-
-
-class _Reading:
-    """The messages of a bag on their way into tables.
-
-    Those that become rows wait until there are many; what is said of the world is taken at once.
-    """
-
-    def __init__(self, heard: Heard) -> None:
-        self.heard = heard
-        self.senders: dict[Connection, _Sender | None] = {}
-        topics = {key: plain(topic) for key, topic in vars(heard.ros.topics).items() if topic}
-        self.world: dict[str, Callable[[Any], None]] = {
-            "tf_static": self._transforms,
-            bag_settings.TOPIC: self._settings,
-            bag_settings.RELATIONS: self._relation,
+    def __init__(self, contents: BagContents) -> None:
+        self.contents = contents
+        self.deserializers: dict[Connection, Callable[[bytes], Any] | None] = {}
+        ros = contents.ros
+        topics = {key: plain(topic) for key, topic in vars(ros.topics).items() if topic}
+        self.readers: dict[str, tuple[str, Reader]] = {  # table and reader by topic
+            "tf_static": ("", self._transforms),
+            bag_settings.TOPIC: ("", self._settings),
+            bag_settings.RELATIONS: ("relations", self._relation),
         }
-        self.tables = {
-            plain(topic): _Table("ranges", partial(self._range_of, anchor),
-                                 partial(checks.range_of, anchor))
-            for topic, anchor in heard.ros.range_topics.items()
-        }  # fmt: skip
-        for table in (
-            _Table("odometry", self._odometry, checks.odometry),
-            _Table("scans", self._scans, checks.scan),
-            _Table("ranges", self._ranges, checks.ranges),
-            _Table("poses", self._poses, checks.pose),
-            _Table("positions", self._positions, checks.position),
-            _Table("truth", self._truth, checks.truth),
-            _Table("landmark_sightings", self._sightings, checks.sightings),
-        ):
-            if table.stem in topics:
-                self.tables[topics[table.stem]] = table
-        for key, take in (
-            ("map", self._map),
-            ("anchors", partial(self._points, "anchors")),
-            ("landmarks", partial(self._points, "landmarks")),
+        world: dict[str, Reader] = {"map": self._map, "anchors": partial(self._points, "anchors"),
+                                    "landmarks": partial(self._points, "landmarks")}  # fmt: skip
+        for key, reader in world.items():
+            if key in topics:
+                self.readers[topics[key]] = "", reader
+        for topic, anchor in ros.range_topics.items():
+            self.readers[plain(topic)] = "ranges", partial(self._range_of, anchor)
+        for key, reader in (
+            ("odometry", self._odometry),
+            ("scans", self._scan),
+            ("ranges", self._ranges),
+            ("poses", self._pose),
+            ("positions", self._position),
+            ("truth", self._truth),
+            ("landmark_sightings", self._sightings),
         ):
             if key in topics:
-                self.world[topics[key]] = take
+                self.readers[topics[key]] = key, reader
 
     def read(self, bag: Bag) -> None:
-        """Take all messages of the topics that count."""
-        number, full, room = 0, BLOCK_MESSAGES, BLOCK_BYTES
-        for connection, time_ns, data in bag.messages(self._wanted):
-            sender = self._sender(connection)
-            if sender is None:
+        """Read all messages of the topics that have a reader."""
+        unusable = broken()
+        for connection, time_ns, data in bag.messages(lambda c: c.topic in self.readers):
+            topic = connection.topic
+            deserialize = self._deserializer(connection)
+            if deserialize is None:
                 continue
             if not 0 <= time_ns < MAX_STAMP_NS:
-                self.heard.left_out(connection.topic, partial(NO_TIME.format, time_ns))
-            elif connection.topic not in self.tables:
-                self._take(sender, data)
-            else:
-                sender.waiting.append((number, time_ns, data))
-                number, room = number + 1, room - len(data)
-                if number == full or room <= 0:
-                    self._unpack()
-                    full, room = number + BLOCK_MESSAGES, BLOCK_BYTES
-        self._unpack()
+                self.contents.skip(topic, f"it was recorded at {time_ns} ns, which is no time")
+                continue
+            try:
+                message = deserialize(data)
+            except unusable as error:
+                self.contents.skip(topic, f"it cannot be unpacked ({error})")
+                continue
+            try:
+                self._read(topic, time_ns, message)
+            except (MessageError, LogError) as error:
+                self.contents.skip(topic, str(error))
+
+    def _read(self, topic: str, time_ns: int, message: Any) -> None:
+        stem, reader = self.readers[topic]
+        found = reader(message, topic)
+        for row in found:
+            if row.get("stamp_ns", 0) >= MAX_STAMP_NS:
+                raise MessageError(f"the stamp is {row['stamp_ns']} ns, which is beyond any time")
+        self.contents.count(topic, 1)
+        for row in found:
+            record = {} if stem == "relations" else {"record_ns": time_ns}
+            self.contents.tables.setdefault(stem, Blocks()).append({**record, **row})
 
     def find_mounts(self, bag: Bag) -> None:
-        """Look through tf for mounts that tf_static does not tell: ROS 1 may tell them there."""
-        heard = self.heard
-        frames = {heard.sight_frame, *heard.tag_frames.values()}
-        if heard.laser is not None:
-            frames.add(heard.laser.frame)
-        missing = {frame for frame in frames if frame and frame not in heard.tree}
-        if not missing or heard.settings or not any(c.topic == "tf" for c in bag.counts):
+        """Search tf for mounts that tf_static does not have: ROS 1 may publish them there."""
+        contents = self.contents
+        frames = {contents.sight_frame, *contents.tag_frames.values()}
+        if contents.laser is not None:
+            frames.add(contents.laser.frame)
+        missing = {frame for frame in frames if frame and frame not in contents.tree}
+        if not missing or contents.settings or not any(c.topic == "tf" for c in bag.counts):
             return
-        moving = plain(heard.ros.frames.odom), plain(heard.ros.frames.map)
+        moving = plain(contents.ros.frames.odom), plain(contents.ros.frames.map)
         unusable: tuple[type[Exception], ...] = (MessageError, *broken())
-        again = Bag(heard.path).messages(lambda connection: connection.topic == "tf")
-        for connection, _, data in islice(again, MOST_TRANSFORMS):
-            sender = self._sender(connection)
-            if sender is None or all(frame in heard.tree for frame in missing):
+        again = Bag(contents.path).messages(lambda connection: connection.topic == "tf")
+        for connection, _, data in islice(again, MAX_TRANSFORMS):
+            deserialize = self._deserializer(connection)
+            if deserialize is None or all(frame in contents.tree for frame in missing):
                 return
             with suppress(*unusable):
-                rows = decode.transforms(deserializer(connection)(data))
-                heard.tree.add(row for row in rows if row.parent not in moving)
+                found = decode.transforms(deserialize(data))
+                contents.tree.add(row for row in found if row.parent not in moving)
 
-    def _wanted(self, connection: Connection) -> bool:
-        return connection.topic in self.tables or connection.topic in self.world
-
-    def _sender(self, connection: Connection) -> _Sender | None:
-        """Return a connection; None, which is told, where nobody can read its messages."""
-        if connection not in self.senders:
-            self.senders[connection] = None
+    def _deserializer(self, connection: Connection) -> Callable[[bytes], Any] | None:
+        """Return the deserializer of a connection; None, with a warning, where there is none."""
+        if connection not in self.deserializers:
+            self.deserializers[connection] = None
             try:
-                self.senders[connection] = _Sender(connection, structure(connection))
+                self.deserializers[connection] = deserializer(connection)
             except NeedError:
                 raise
             except LogError as error:
-                self.heard.left_out(connection.topic, partial(str, error))
-        return self.senders[connection]
+                self.contents.skip(connection.topic, str(error))
+        return self.deserializers[connection]
 
-    # Messages that become rows ---------------------------------------------------------------
+    def _odometry(self, message: Any, _: str) -> list[Row]:
+        use = self.contents.odometry_from()
+        row = decode.odometry(message, use)
+        if row.child_frame:
+            self.contents.bodies.add(row.child_frame)
+        if use == "twist" and (abs(row.v) > MAX_SPEED_MPS or abs(row.omega) > MAX_TURN_RATE_RADPS):
+            raise MessageError(f"{row.v:g} m/s and {row.omega:g} rad/s, which no robot drives")
+        return [{"stamp_ns": row.stamp_ns, "x": row.x, "y": row.y, "heading": row.heading,
+                 "v_mps": row.v, "omega_radps": row.omega}]  # fmt: skip
 
-    def _unpack(self) -> None:
-        """Make rows of the messages that wait, in the order of the bag."""
-        block = _Block()
-        for sender in self.senders.values():
-            if sender is not None and sender.waiting:
-                with np.errstate(all="ignore"):  # what overflows is refused for what it becomes
-                    self._rows(sender, block)
-                sender.waiting = []
-        for stem, parts in block.tables.items():
-            self.heard.tables.setdefault(stem, Blocks()).add(_in_order(parts))
-        for _, tag, frame in sorted(block.frames, key=itemgetter(0)):
-            self.heard.tag_frames.setdefault(tag, frame)
-        for one in sorted(block.left_out, key=attrgetter("number")):
-            self.heard.left_out(one.topic, partial(self._why, one))
+    def _scan(self, message: Any, _: str) -> list[Row]:
+        row = decode.scan(message)
+        laser = Laser(*row[1:6], len(row.ranges), row.intensities is not None)
+        if self.contents.laser is None:
+            self.contents.laser = laser
+        elif laser != self.contents.laser:
+            raise MessageError("the scan has another frame, geometry or number of beams than the "
+                               "first: a log has one laser")  # fmt: skip
+        found: Row = {"stamp_ns": row.stamp_ns, "ranges_m": row.ranges}
+        return [found if row.intensities is None else {**found, "intensities": row.intensities}]
 
-    def _rows(self, sender: _Sender, block: _Block) -> None:
-        """Add what the messages of a connection say."""
-        numbers, times, data = zip(*sender.waiting, strict=True)
-        topic = sender.connection.topic
-        table, singly = self.tables[topic], f"{topic}, singly,"
-        useless = np.ones(len(data), bool)
-        for messages in unpack(sender.structure, sender.connection.encoding, data):
-            try:
-                said = table.said(messages)
-            except MisfitError:
-                continue
-            useless[messages.rows[said.good]] = False
-            self.heard.count(topic, int(said.good.sum()))
-            self.heard.count(singly, len(said.rows))
-            block.left_out += [_LeftOut(numbers[row], singly, sender, data[row])
-                               for row in messages.rows[said.spoilt].tolist()]  # fmt: skip
-            block.frames += [(numbers[messages.rows[row]], tag, frame)
-                             for row, tag, frame in said.frames]  # fmt: skip
-            if len(said.rows):
-                rows = messages.rows[said.rows]
-                came = {"number": np.array(numbers)[rows], "record_ns": np.array(times)[rows]}
-                block.tables.setdefault(table.stem, []).append(came | said.columns)
-        block.left_out += [_LeftOut(numbers[row], topic, sender, data[row])
-                           for row in np.flatnonzero(useless).tolist()]  # fmt: skip
+    def _ranges(self, message: Any, topic: str) -> list[Row]:
+        ros, errors = self.contents.ros, list[MessageError]()
+        found = decode.ranges(message, ros.uwb_unit, ros.uwb_tag, errors.append)
+        return self._range_rows(topic, found, errors)
 
-    def _why(self, one: _LeftOut) -> str:
-        """Return why a message means nothing."""
-        try:
-            message = deserializer(one.sender.connection)(one.data)
-        except LogError as error:
-            return str(error)
-        except broken() as error:
-            return NO_MESSAGE.format(error)
-        try:
-            self.tables[one.sender.connection.topic].check(message, self.heard)
-        except (ValueError, TypeError) as error:  # also MessageError
-            return str(error)
-        return f"its fields are of other kinds than {one.sender.connection.type} should have"
+    def _range_of(self, anchor: str, message: Any, topic: str) -> list[Row]:
+        row = decode.range_of(message, self.contents.ros.uwb_tag, anchor)
+        return self._range_rows(topic, [] if row is None else [row], [])
 
-    def _odometry(self, messages: Unpacked) -> Said:
-        bodies = messages.text("child_frame_id").names
-        self.heard.bodies.update(plain(name) for name in bodies if name)
-        return decode_many.odometry(messages, self.heard.odometry_from())
+    def _range_rows(
+        self, topic: str, found: list[RangeRow], errors: list[MessageError]
+    ) -> list[Row]:
+        """Return the usable ranges of a message; raise if there are only others."""
+        near = [row for row in found if row.range_m <= MAX_RANGE_M]
+        errors += [MessageError(f"a range of {row.range_m:g} m; are distances in mm? ros.uwb_unit "
+                                "says what they are")
+                   for row in found if row.range_m > MAX_RANGE_M]  # fmt: skip
+        if errors and not near:
+            raise errors[0]
+        single = f"{topic}, singly,"
+        for error in errors:
+            self.contents.skip(single, str(error))
+        self.contents.count(single, len(near))
+        for row in near:
+            self.contents.tag_frames.setdefault(row.tag, row.frame)
+        return [rows.range_row(row) | ({"sigma_m": np.nan} if row.sigma_m is None else {})
+                for row in near]  # fmt: skip
 
-    def _scans(self, messages: Unpacked) -> Said:
-        said = decode_many.scans(messages, self.heard.laser)
-        self.heard.laser = said.first
-        return said
+    def _pose(self, message: Any, _: str) -> list[Row]:
+        row = decode.pose(message)
+        check_frame("poses", row.frame, self.contents.ros.frames.map)
+        return [rows.pose_row(row, rows.log_sigmas_of(row.covariance))]
 
-    def _ranges(self, messages: Unpacked) -> Said:
-        ros = self.heard.ros
-        return decode_many.ranges(messages, ros.uwb_unit, ros.uwb_tag)
+    def _position(self, message: Any, _: str) -> list[Row]:
+        contents = self.contents
+        row = decode.fix(message, contents.origin or (0.0, 0.0, 0.0))
+        if row is None:
+            return []
+        if not hasattr(message, "latitude"):
+            check_frame("positions", row.frame, contents.ros.frames.map)
+        elif contents.origin is None:
+            contents.origin = float(message.latitude), float(message.longitude), 0.0
+            contents.warn("the map's origin is the first fix, at latitude "
+                          f"{contents.origin[0]!r} and longitude {contents.origin[1]!r}; "
+                          "ros.gps_origin says where it is")  # fmt: skip
+            return self._position(message, _)
+        return [rows.position_row(row)]
 
-    def _range_of(self, anchor: str, messages: Unpacked) -> Said:
-        return decode_many.range_of(messages, self.heard.ros.uwb_tag, anchor)
+    def _truth(self, message: Any, _: str) -> list[Row]:
+        row = decode.truth(message)
+        check_frame("poses of the reference", row.frame, self.contents.ros.frames.map)
+        return [{"stamp_ns": row.stamp_ns, "x_m": row.x, "y_m": row.y, "z_m": row.z,
+                 "heading_rad": row.heading}]  # fmt: skip
 
-    def _poses(self, messages: Unpacked) -> Said:
-        return decode_many.poses(messages, self.heard.ros.frames.map)
+    def _sightings(self, message: Any, _: str) -> list[Row]:
+        found = decode.sightings(message)
+        for row in found:
+            if self.contents.sight_frame is None:
+                self.contents.sight_frame = row.frame
+            if row.frame != self.contents.sight_frame:
+                raise MessageError(
+                    f"a sighting is in frame {row.frame!r}, the first in "
+                    f"{self.contents.sight_frame!r}: a log has one such sensor"
+                )
+        unknown = {"sigma_range_m": np.nan, "sigma_bearing_rad": np.nan}
+        return [rows.sighting_row(row) | (unknown if row.sigma_range_m is None else {})
+                for row in found]  # fmt: skip
 
-    def _positions(self, messages: Unpacked) -> Said:
-        heard = self.heard
-        said = decode_many.positions(messages, heard.ros.frames.map, heard.origin)
-        if heard.origin is None and said.first is not None:
-            heard.tell(f"the map's origin is the first fix, at latitude {said.first[0]!r} and "
-                       f"longitude {said.first[1]!r}; ros.gps_origin says where it is")  # fmt: skip
-            heard.origin = said.first
-        return said
+    def _transforms(self, message: Any, _: str) -> list[Row]:
+        self.contents.tree.add(decode.transforms(message))
+        return []
 
-    def _truth(self, messages: Unpacked) -> Said:
-        return decode_many.truth(messages, self.heard.ros.frames.map)
+    def _settings(self, message: Any, _: str) -> list[Row]:
+        self.contents.settings = bag_settings.settings_of(str(getattr(message, "data", "")))
+        return []
 
-    def _sightings(self, messages: Unpacked) -> Said:
-        said = decode_many.sightings(messages, self.heard.sight_frame)
-        self.heard.sight_frame = said.first
-        return said
-
-    # What is said of the world ---------------------------------------------------------------
-
-    def _take(self, sender: _Sender, data: bytes) -> None:
-        topic = sender.connection.topic
-        try:
-            self.world[topic](deserializer(sender.connection)(data))
-        except (MessageError, LogError) as error:
-            self.heard.left_out(topic, partial(str, error))
-        except broken() as error:
-            self.heard.left_out(topic, partial(NO_MESSAGE.format, error))
-        else:
-            self.heard.count(topic, 1)
-
-    def _transforms(self, message: Any) -> None:
-        self.heard.tree.add(decode.transforms(message))
-
-    def _settings(self, message: Any) -> None:
-        self.heard.settings = bag_settings.settings_of(str(getattr(message, "data", "")))
-
-    def _map(self, message: Any) -> None:
+    def _map(self, message: Any, _: str) -> list[Row]:
         grid = decode.grid(message)
-        check_frame("maps", decode.frame_of(message), self.heard.ros.frames.map)
-        self.heard.grid = grid
+        check_frame("maps", decode.frame_of(message), self.contents.ros.frames.map)
+        self.contents.grid = grid
+        return []
 
-    def _points(self, stem: str, message: Any) -> None:
-        """Take points; those of a name that came before are replaced."""
+    def _points(self, stem: str, message: Any, _: str) -> list[Row]:
+        """Read points, which replace those of an earlier message."""
         names, at, radii = decode.points(message)
-        check_frame(stem, decode.frame_of(message), self.heard.ros.frames.map)
-        points = self.heard.tables[stem] = Blocks()
+        check_frame(stem, decode.frame_of(message), self.contents.ros.frames.map)
+        points = self.contents.tables[stem] = Blocks()
         points.add({"name": np.array(names, np.str_), "x_m": at[:, 0], "y_m": at[:, 1],
                     "z_m": at[:, 2],
                     "radius_m": np.full(len(at), np.nan) if radii is None else radii})  # fmt: skip
+        return []
 
-    def _relation(self, message: Any) -> None:
-        begin, end, *moved = decode.relation(message)
-        row = {"begin_ns": np.array([begin]), "end_ns": np.array([end])}
-        motion = zip(("dx_m", "dy_m", "dheading_rad"), moved, strict=True)
-        row |= {name: np.array([value]) for name, value in motion}
-        self.heard.tables.setdefault("relations", Blocks()).add(row)
-
-
-def _in_order(parts: list[Columns]) -> Columns:
-    """Return rows of several connections in the order of their messages."""
-    if len(parts) > 1:
-        joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-        order = np.argsort(joined["number"], kind="stable")
-        parts = [{name: values[order] for name, values in joined.items()}]
-    return {name: values for name, values in parts[0].items() if name != "number"}
+    def _relation(self, message: Any, _: str) -> list[Row]:
+        names = ("begin_ns", "end_ns", "dx_m", "dy_m", "dheading_rad")
+        return [dict(zip(names, decode.relation(message), strict=True))]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a log says that no message says: told as text on a topic of its own."""
+"""What a log holds that no message holds, as text on a topic of its own."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ class Settings:
 
 def text_of(log: Log, shift_ns: int) -> str:
     """Return the text that `settings_of` reads."""
-    told = {"tags": {name: list(at) for name, at in log.tags.items()}, "laser": log.laser,
+    given = {"tags": {name: list(at) for name, at in log.tags.items()}, "laser": log.laser,
             "landmark_sensor": log.landmark_sensor, "map": log.map if log.grid else None,
             "description": log.description, "licence": log.licence}  # fmt: skip
     data = {
         "format": FORMAT,
         "shift_ns": shift_ns,
         "columns": {stem: list(table) for stem, table in log.tables.items()},
-        "log": {key: value for key, value in told.items() if value},
+        "log": {key: value for key, value in given.items() if value},
     }
     return yaml.safe_dump(data, sort_keys=False, allow_unicode=True, default_flow_style=None)
 

@@ -38,7 +38,7 @@ class Bag(Reading):
     path : Path
         A file, or a folder of ROS 2.
     progress : callable, optional
-        Told (bytes read, bytes in all).
+        Called with (bytes read, total bytes).
     """
 
     def __init__(self, path: Path, progress: Callable[[int, int], None] | None = None) -> None:
@@ -55,7 +55,7 @@ class Bag(Reading):
         """
         files = _files(self.path)
         self.size = sum(path.stat().st_size for path, _ in files)
-        self.before = self._told = 0
+        self.before = self._reported = 0
         self.counts, self.damage = Counter(), []
         for path, packing in files:
             yield from _unpacked(self, path, packing, wanted)
@@ -77,11 +77,11 @@ def _files(path: Path) -> list[tuple[Path, str]]:
         return [(path, "")]
     if not (path / "metadata.yaml").is_file():
         raise LogError(f"{path}: a folder without metadata.yaml is no bag; expected {KINDS}")
-    told = load_yaml(path / "metadata.yaml")
+    metadata = load_yaml(path / "metadata.yaml")
     try:
-        told = told["rosbag2_bagfile_information"]
-        names = [str(name) for name in told["relative_file_paths"]]
-        packing = str(told.get("compression_mode") or "").lower()
+        metadata = metadata["rosbag2_bagfile_information"]
+        names = [str(name) for name in metadata["relative_file_paths"]]
+        packing = str(metadata.get("compression_mode") or "").lower()
     except (KeyError, TypeError, AttributeError):
         raise LogError(f"{path / 'metadata.yaml'}: names no files, expected the "
                        "relative_file_paths of a ROS 2 bag") from None  # fmt: skip
@@ -118,7 +118,7 @@ def _unpack(packed: Path, file: Path) -> None:
 
 
 def _of_file(bag: Bag, path: Path, wanted: Wanted, packed: Path | None = None) -> Iterator[Message]:
-    """Yield the messages of one file, whose kind its first bytes tell."""
+    """Yield the messages of one file, whose kind its first bytes give."""
     with path.open("rb") as file:
         magic = file.read(16)
         reader = next((r for start, r in READERS.items() if magic.startswith(start)), None)

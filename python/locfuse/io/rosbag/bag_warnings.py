@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What people are told of a bag: what was left out, and what is not there."""
+"""Warnings about a bag: messages that were left out, and topics that are missing."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from locfuse.config.ros import plain
-from locfuse.io.rosbag.bag_contents import Heard
+from locfuse.io.rosbag.bag_contents import BagContents
 from locfuse.io.rosbag.bag_stream import Bag
 
 # What the standard messages of a topic are, for advice.
@@ -23,68 +23,68 @@ TYPES = {
 ONE_VOICE = ("odometry", "scans")  # of which two publishers at once are a mistake
 
 
-def say(heard: Heard, bag: Bag) -> None:
+def say(contents: BagContents, bag: Bag) -> None:
     """Say what was left out, and which topics were asked for by name but are not there."""
-    for topic, trouble in heard.trouble.items():
-        total = trouble.count + heard.counts.get(topic, 0)
-        heard.tell(f"{trouble.count} of {total} messages on {topic} are left "
-                       f"out: {trouble.first}")  # fmt: skip
-    _say_of_two_voices(heard, bag)
-    for key, topic in _silent(heard, bag):
-        if key in heard.ros.topics.model_fields_set:
-            advice = _advice(heard, key, bag) or f"; {_named(bag)}"
-            heard.tell(f"nothing on {topic}, where ros.topics.{key} is expected{advice}")
-        elif advice := _advice(heard, key, bag):
-            heard.tell(f"nothing on {topic}{advice}")
-    for topic in heard.ros.range_topics:
+    for topic, skipped in contents.skipped.items():
+        total = skipped.count + contents.counts.get(topic, 0)
+        contents.warn(f"{skipped.count} of {total} messages on {topic} are left "
+                       f"out: {skipped.first}")  # fmt: skip
+    _say_of_two_voices(contents, bag)
+    for key, topic in _silent(contents, bag):
+        if key in contents.ros.topics.model_fields_set:
+            advice = _advice(contents, key, bag) or f"; {_named(bag)}"
+            contents.warn(f"nothing on {topic}, where ros.topics.{key} is expected{advice}")
+        elif advice := _advice(contents, key, bag):
+            contents.warn(f"nothing on {topic}{advice}")
+    for topic in contents.ros.range_topics:
         if not any(c.topic == plain(topic) for c in bag.counts):
-            heard.tell(f"nothing on {plain(topic)}, where ros.range_topics "
+            contents.warn(f"nothing on {plain(topic)}, where ros.range_topics "
                            f"expects an anchor; {_named(bag)}")  # fmt: skip
 
 
-def _say_of_two_voices(heard: Heard, bag: Bag) -> None:
+def _say_of_two_voices(contents: BagContents, bag: Bag) -> None:
     """Say where several nodes, or bodies, are taken for one sensor."""
     for key in ONE_VOICE:
-        topic = plain(getattr(heard.ros.topics, key) or "")
+        topic = plain(getattr(contents.ros.topics, key) or "")
         nodes = sorted({c.publisher for c in bag.counts if c.topic == topic and c.publisher})
-        bodies = sorted(heard.bodies) if key == "odometry" else []
+        bodies = sorted(contents.bodies) if key == "odometry" else []
         for many, names in (("publishers", nodes), ("child frames", bodies)):
             if len(names) > 1:
-                heard.tell(f"{topic} has {len(names)} {many}, {' and '.join(names)}, whose "
+                contents.warn(f"{topic} has {len(names)} {many}, {' and '.join(names)}, whose "
                            "messages are taken for those of one sensor; give each a topic, or "
                            "record one")  # fmt: skip
 
 
-def _silent(heard: Heard, bag: Bag) -> Iterator[tuple[str, str]]:
+def _silent(contents: BagContents, bag: Bag) -> Iterator[tuple[str, str]]:
     there = {connection.topic for connection in bag.counts}
     for key in (*TYPES, "anchors", "landmarks", "truth"):
-        topic = getattr(heard.ros.topics, key)
+        topic = getattr(contents.ros.topics, key)
         if topic is not None and plain(topic) not in there:
             yield key, plain(topic)
 
 
-def _advice(heard: Heard, key: str, bag: Bag) -> str:
+def _advice(contents: BagContents, key: str, bag: Bag) -> str:
     """Return which topics have the type that one without messages should have."""
-    told = {plain(t) for t in vars(heard.ros.topics).values() if t is not None}
+    configured = {plain(t) for t in vars(contents.ros.topics).values() if t is not None}
     others = sorted(c.topic for c in bag.counts
-                    if c.type == TYPES.get(key) and c.topic not in told)  # fmt: skip
+                    if c.type == TYPES.get(key) and c.topic not in configured)  # fmt: skip
     if not others:
         return ""
     return f"; {' and '.join(others)} of that type ({TYPES[key]}) may be meant: " \
            f"set ros.topics.{key}"  # fmt: skip
 
 
-def nothing(heard: Heard, bag: Bag) -> str:
+def nothing(contents: BagContents, bag: Bag) -> str:
     """Return why there is no log, in a sentence."""
-    for topic, trouble in heard.trouble.items():
-        return (f"{heard.path}: no message can be used; {trouble.count} on {topic} are left "
-                f"out: {trouble.first}")  # fmt: skip
+    for topic, skipped in contents.skipped.items():
+        return (f"{contents.path}: no message can be used; {skipped.count} on {topic} are left "
+                f"out: {skipped.first}")  # fmt: skip
     for sentence in bag.damage:
         return sentence
-    for key, topic in _silent(heard, bag):
-        if advice := _advice(heard, key, bag):
-            return f"{heard.path}: nothing on {topic}{advice}"
-    return f"{heard.path}: no message on a topic that ros.topics names; {_named(bag)}"
+    for key, topic in _silent(contents, bag):
+        if advice := _advice(contents, key, bag):
+            return f"{contents.path}: nothing on {topic}{advice}"
+    return f"{contents.path}: no message on a topic that ros.topics names; {_named(bag)}"
 
 
 def _named(bag: Bag) -> str:

@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import islice
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,19 +17,17 @@ from numpy.typing import NDArray
 from locfuse import _core
 from locfuse.config.ros import Ros, Topics, plain
 from locfuse.io.log_folder import MESSAGES
-from locfuse.io.rosbag import bag_settings, encode, encode_many
-from locfuse.io.rosbag.bag_files import Sink, bag_sink
+from locfuse.io.rosbag import bag_settings, encode
+from locfuse.io.rosbag.bag_files import bag_sink
+from locfuse.io.rosbag.decode import FixRow, RangeRow, ScanRow, SightingRow, TruthRow
 from locfuse.io.rosbag.encode import Publication
 from locfuse.io.rosbag.increments import poses_of
-from locfuse.io.rosbag.pack import Values
 from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, LogError, RunResult
 
 Progress = Callable[[int, int], None]
 
-LAST_S = 2**31  # seconds since 1970 that a stamp of ROS can tell
-TELL_EVERY = 1000  # messages between two calls of progress
-BLOCK = 1024  # messages of a topic that are packed at once
-TRANSFORMS = "tf2_msgs/TFMessage"
+END_S = 2**31  # seconds since 1970 at which the time of ROS ends
+PROGRESS_EVERY = 1000  # messages between two calls of progress
 LASER_FRAME, SIGHT_FRAME = "laser", "landmark_sensor"
 
 
@@ -35,11 +35,11 @@ def write_bag(
     source: Log | RunResult, path: str | Path, ros: Ros | None = None,
     progress: Progress | None = None,
 ) -> None:  # fmt: skip
-    """Write a log as a bag that `read_bag` reads back, and what a run made of it.
+    """Write a log, or a run with its log, as a bag that `read_bag` reads back.
 
     Poses of odometry come back within an ulp, and ranges of scans as float32; what was read from a
-    bag comes back bit for bit, as does the rest. Of a run there are besides the pose with its
-    covariance, the path, the transform from map to odom, and health as diagnostics.
+    bag comes back bit for bit, as does the rest. A run adds the pose with its covariance, the path,
+    the transform from map to odom, and health as diagnostics.
 
     Parameters
     ----------
@@ -47,79 +47,40 @@ def write_bag(
     path : str or Path
         Ends in ``.bag`` (ROS 1) or ``.mcap`` (ROS 2); a file of that name is replaced.
     ros : Ros, optional
-        What is said on which topic; by default the usual names.
+        Topics and frames; by default the usual names.
     progress : callable, optional
-        Told (messages written, messages in all).
+        Called with (messages written, total messages).
 
     Raises
     ------
     LogError
         If the path ends in something else, a stamp is beyond the year 2038, or rosbags is missing.
     """
-    streams = _Telling(source, Ros() if ros is None else ros).streams()
+    streams = _BagStreams(source, Ros() if ros is None else ros).all()
     times = np.concatenate([stream.times for stream in streams])
     which = np.repeat(np.arange(len(streams)), [len(stream.times) for stream in streams])
     order = np.argsort(times, kind="stable")
-    tell = progress or (lambda done, of: None)
+    report = progress or (lambda done, total: None)
     with bag_sink(Path(path)) as sink:
-        told = [stream.told(sink) for stream in streams]
-        for done in range(0, len(order), TELL_EVERY):
-            tell(done, len(order))
-            rows = order[done : done + TELL_EVERY]
+        for done in range(0, len(order), PROGRESS_EVERY):
+            report(done, len(order))
+            rows = order[done : done + PROGRESS_EVERY]
             for time_ns, stream in zip(times[rows].tolist(), which[rows].tolist(), strict=True):
-                connection, data = next(told[stream])
-                sink.put(connection, time_ns, data)
-    tell(len(order), len(order))
-
-
-class _Stream(Protocol):
-    """Messages in order of the times at which they are told [ns]."""
-
-    times: NDArray[np.int64]
-
-    def told(self, sink: Sink) -> Iterator[tuple[Any, bytes]]:
-        """Yield each with what it is put under."""
+                sink.write(time_ns, next(streams[stream].publications))
+    report(len(order), len(order))
 
 
 @dataclass
-class _Few:
-    """Messages that are made one by one."""
+class _Stream:
+    """Publications in order of the times at which they are recorded [ns]."""
 
     times: NDArray[np.int64]
-    publications: Iterable[Publication]
-
-    def told(self, sink: Sink) -> Iterator[tuple[Any, bytes]]:
-        for one in self.publications:
-            yield sink.connection(one.topic, one.type, one.latched), sink.made(one)
+    publications: Iterator[Publication]
 
 
 @dataclass
-class _Many:
-    """Messages of a table: `tell` makes values to pack of some rows, and of how many each has."""
-
-    topic: str
-    kind: str
-    table: Columns
-    times: NDArray[np.int64]
-    tell: Callable[[Columns, NDArray[np.int64]], Values]
-    firsts: NDArray[np.int64]  # rows at which messages begin, and the end of the last one
-
-    def told(self, sink: Sink) -> Iterator[tuple[Any, bytes]]:
-        connection = sink.connection(self.topic, self.kind)
-        for begin in range(0, len(self.times), BLOCK):
-            firsts = self.firsts[begin : begin + BLOCK + 1]
-            part = {name: values[firsts[0] : firsts[-1]] for name, values in self.table.items()}
-            values = self.tell(part, np.diff(firsts))
-            for data in sink.packed(self.kind, len(firsts) - 1, values):
-                yield connection, data
-
-
-# What is told ----------------------------------------------------------------------------------
-
-
-@dataclass
-class _Telling:
-    """A log, and perhaps a run along it, as publications in order of time."""
+class _BagStreams:
+    """The publications of a log, and perhaps of a run on it."""
 
     source: Log | RunResult
     ros: Ros
@@ -138,9 +99,9 @@ class _Telling:
         first = min(int(values.min()) for values in spans)
         last = max(int(values.max()) for values in spans)
         self.shift = 0 if first >= NANOSECONDS else (1 - first // NANOSECONDS) * NANOSECONDS
-        if (last + self.shift) // NANOSECONDS >= LAST_S:
-            raise LogError(f"a stamp of {last // NANOSECONDS} s cannot be told by ROS, whose time "
-                           f"ends {LAST_S} s after it began")  # fmt: skip
+        if (last + self.shift) // NANOSECONDS >= END_S:
+            raise LogError(f"a stamp of {last // NANOSECONDS} s is beyond the time of ROS, which "
+                           f"ends {END_S} s after it began")  # fmt: skip
         self.begin = first + self.shift
         self.frames = self._sensor_frames()
         self._driven = _driven(self.log["odometry"]) if "odometry" in self.log else {}
@@ -158,31 +119,31 @@ class _Telling:
         return {tag: f"tag/{tag}" if plain(tag) in taken or not plain(tag) else plain(tag)
                 for tag in self.log.tags}  # fmt: skip
 
-    def streams(self) -> list[_Stream]:
-        """Return all that is told; at one time in this order."""
+    def all(self) -> list[_Stream]:
+        """Return all streams; messages of one time are written in this order."""
         head = list(self._head())
-        found: list[_Stream] = [_Few(np.full(len(head), self.begin), head)]
-        tell: dict[str, Callable[[Columns], Iterator[_Stream]]] = {
+        found = [_Stream(np.full(len(head), self.begin), iter(head))]
+        streams: dict[str, Callable[[Columns], Iterator[_Stream]]] = {
             "odometry": self._odometry, "ranges": self._ranges, "positions": self._positions,
             "poses": self._poses, "landmark_sightings": self._sightings, "scans": self._scans,
             "truth": self._truth,
         }  # fmt: skip
-        for stem, teller in tell.items():
+        for stem, make in streams.items():
             if stem in self.log and len(self.log[stem]["stamp_ns"]):
                 more = self._driven if stem == "odometry" else {}
-                found += teller(self._heard(stem, {**self.log[stem], **more}))
+                found += make(self._timed(stem, {**self.log[stem], **more}))
         if self.result is not None:
             found += [*self._estimates(self.result), *self._health(self.result)]
         return found
 
-    def _heard(self, stem: str, table: dict[str, NDArray[Any]]) -> Columns:
-        """Return a table in the bag's time and in order of `received_ns`, its arrival there."""
+    def _timed(self, stem: str, table: dict[str, NDArray[Any]]) -> Columns:
+        """Return a table in the bag's time and in order of `record_ns`, its arrival there."""
         stamp = table["stamp_ns"] + self.shift
         arrival = table.pop("arrival_ns", None) if stem in MESSAGES else None
-        heard = stamp if arrival is None else arrival + self.shift
-        table |= {"stamp_ns": stamp, "received_ns": heard}
-        if (np.diff(heard) < 0).any():
-            order = np.argsort(heard, kind="stable")
+        record = stamp if arrival is None else arrival + self.shift
+        table |= {"stamp_ns": stamp, "record_ns": record}
+        if (np.diff(record) < 0).any():
+            order = np.argsort(record, kind="stable")
             table = {name: values[order] for name, values in table.items()}
         return table
 
@@ -250,21 +211,29 @@ class _Telling:
     # Sensors
 
     def _odometry(self, table: Columns) -> Iterator[_Stream]:
+        topic = self._topic("odometry")
         odom, base = plain(self.ros.frames.odom), plain(self.ros.frames.base)
-        yield _each(self._topic("odometry"), "nav_msgs/Odometry", table,
-                    lambda part: encode_many.odometry(part, odom, base))  # fmt: skip
-        yield _each("tf", TRANSFORMS, table, lambda part: encode_many.transforms(part, odom, base))
+        yield _Stream(table["record_ns"], (
+            encode.odometry(topic, stamp, (x, y, heading), (v, omega), odom, base)
+            for stamp, x, y, heading, v, omega in _rows(table, "x", "y", "heading", "v", "omega")
+        ))  # fmt: skip
+        poses = np.column_stack([table["x"], table["y"], table["heading"]])
+        yield _transforms(table["record_ns"], table["stamp_ns"], odom, base, poses)
 
     def _ranges(self, table: Columns) -> Iterator[_Stream]:
-        yield _together(
-            self._topic("ranges"), "locfuse_msgs/UwbRanges", table,
-            lambda part, counts: encode_many.ranges(part, counts, self.frames),
-        )  # fmt: skip
+        topic = self._topic("ranges")
+        table = {"sigma_m": np.zeros(len(table["tag"])), **table}
+        rows = (RangeRow._make((*row, self.frames.get(row[1], "")))
+                for row in _rows(table, "tag", "anchor", "range_m", "sigma_m"))  # fmt: skip
+        yield _together(table["record_ns"], partial(encode.uwb_ranges, topic), rows)
 
     def _positions(self, table: Columns) -> Iterator[_Stream]:
-        frame = plain(self.ros.frames.map)
-        yield _each(self._topic("positions"), "locfuse_msgs/TagPosition", table,
-                    lambda part: encode_many.positions(part, frame))  # fmt: skip
+        topic, frame = self._topic("positions"), plain(self.ros.frames.map)
+        table = {"tag": np.full(len(table["x_m"]), ""), **table}
+        yield _Stream(table["record_ns"], (
+            encode.tag_position(topic, FixRow._make((*row, frame)))
+            for row in _rows(table, "x_m", "y_m", "sigma_m", "tag")
+        ))  # fmt: skip
 
     def _poses(self, table: Columns) -> Iterator[_Stream]:
         xy, turn = table["sigma_xy_m"], table["sigma_heading_rad"]
@@ -272,44 +241,49 @@ class _Telling:
         variances = np.column_stack([xy * xy, xy * xy, turn * turn])
         variances[xy == -1.0] = -1.0, 0.0, 0.0
         covariance[:, range(3), range(3)] = variances
-        yield self._with_covariance(self._topic("poses"), {
-            "stamp_ns": table["stamp_ns"], "received_ns": table["received_ns"], "x": table["x_m"],
-            "y": table["y_m"], "heading": table["heading_rad"],
-            "covariance": covariance})  # fmt: skip
+        poses = np.column_stack([table["x_m"], table["y_m"], table["heading_rad"]])
+        yield self._with_covariance(self._topic("poses"), table["record_ns"], table["stamp_ns"],
+                                    poses, covariance)  # fmt: skip
 
-    def _with_covariance(self, topic: str, table: Columns) -> _Stream:
-        return _each(topic, "geometry_msgs/PoseWithCovarianceStamped", table,
-                     lambda part: encode_many.poses(part, plain(self.ros.frames.map)))  # fmt: skip
+    def _with_covariance(
+        self, topic: str, times: NDArray[np.int64], stamps: NDArray[np.int64], poses: FloatArray,
+        covariances: FloatArray,
+    ) -> _Stream:  # fmt: skip
+        frame = plain(self.ros.frames.map)
+        rows = zip(stamps.tolist(), poses.tolist(), covariances, strict=True)
+        return _Stream(times, (encode.pose_with_covariance(topic, stamp, pose, covariance, frame)
+                               for stamp, pose, covariance in rows))  # fmt: skip
 
     def _sightings(self, table: Columns) -> Iterator[_Stream]:
+        topic = self._topic("landmark_sightings")
         frame = SIGHT_FRAME if self.log.landmark_sensor else plain(self.ros.frames.base)
-        yield _together(
-            self._topic("landmark_sightings"), "locfuse_msgs/LandmarkSightings", table,
-            lambda part, counts: encode_many.sightings(part, counts, frame),
-        )  # fmt: skip
+        none = np.zeros(len(table["stamp_ns"]))
+        table = {"sigma_range_m": none, "sigma_bearing_rad": none, **table}
+        names = ("landmark", "range_m", "bearing_rad", "sigma_range_m", "sigma_bearing_rad")
+        rows = (SightingRow._make((*row, frame)) for row in _rows(table, *names))
+        yield _together(table["record_ns"], partial(encode.landmark_sightings, topic), rows)
 
     def _scans(self, table: Columns) -> Iterator[_Stream]:
-        laser = self.log.laser
+        laser, topic = self.log.laser, self._topic("scans")
         if laser is None:
-            raise LogError("the log has scans without laser, so a bag cannot tell their geometry")
+            raise LogError("the log has scans without laser, so a bag cannot have their geometry")
         geometry = (laser["angle_min_rad"], laser["angle_increment_rad"], laser["range_min_m"],
                     laser["range_max_m"])  # fmt: skip
-        yield _each(self._topic("scans"), "sensor_msgs/LaserScan", table,
-                    lambda part: encode_many.scans(part, geometry, LASER_FRAME))  # fmt: skip
+        bright = table.get("intensities", [None] * len(table["stamp_ns"]))
+        rows = zip(table["stamp_ns"].tolist(), table["ranges_m"], bright, strict=True)
+        yield _Stream(table["record_ns"], (
+            encode.laser_scan(topic, ScanRow(stamp, LASER_FRAME, *geometry, ranges, intensities))
+            for stamp, ranges, intensities in rows
+        ))  # fmt: skip
 
     def _truth(self, table: Columns) -> Iterator[_Stream]:
-        topic, frame = self._topic("truth"), plain(self.ros.frames.map)
-        unknown = np.full(len(table["x_m"]), math.nan)
-        told = {"stamp_ns": table["stamp_ns"], "received_ns": table["stamp_ns"], "x": table["x_m"],
-                "y": table["y_m"], "z": table.get("z_m", np.zeros(len(unknown))),
-                "heading": table.get("heading_rad", unknown)}  # fmt: skip
-        turned = ~np.isnan(told["heading"])
-        base = plain(self.ros.frames.base)
-        yield _each(topic, "nav_msgs/Odometry", {name: v[turned] for name, v in told.items()},
-                    lambda part: encode_many.odometry(part, frame, base))  # fmt: skip
-        yield _each(topic, "geometry_msgs/PointStamped",
-                    {name: values[~turned] for name, values in told.items()},
-                    lambda part: encode_many.points(part, frame))  # fmt: skip
+        topic, n = self._topic("truth"), len(table["x_m"])
+        frame, base = plain(self.ros.frames.map), plain(self.ros.frames.base)
+        table = {"z_m": np.zeros(n), "heading_rad": np.full(n, math.nan), **table}
+        yield _Stream(table["stamp_ns"], (
+            encode.truth(topic, TruthRow._make((*row, frame)), base)
+            for row in _rows(table, "x_m", "y_m", "z_m", "heading_rad")
+        ))  # fmt: skip
 
     # What the run made of it
 
@@ -319,17 +293,13 @@ class _Telling:
         poses = np.column_stack([track.position, heading])
         if self.ros.topics.estimate is not None:
             none = np.zeros((len(stamp), 3, 3))
-            yield self._with_covariance(plain(self.ros.topics.estimate), {
-                "stamp_ns": stamp, "received_ns": stamp, "x": poses[:, 0], "y": poses[:, 1],
-                "heading": heading,
-                "covariance": none if track.covariance is None else track.covariance,
-            })  # fmt: skip
+            yield self._with_covariance(
+                plain(self.ros.topics.estimate), stamp, stamp, poses,
+                none if track.covariance is None else track.covariance,
+            )  # fmt: skip
         in_odom = self._in_odom(track.stamp_ns)
         moved = np.array(list(map(encode.map_to_odom, poses.tolist(), in_odom))).reshape(-1, 3)
-        table = {"stamp_ns": stamp, "received_ns": stamp, "x": moved[:, 0], "y": moved[:, 1],
-                 "heading": moved[:, 2]}  # fmt: skip
-        yield _each("tf", TRANSFORMS, table, lambda part: encode_many.transforms(
-            part, plain(frames.map), plain(frames.odom)))  # fmt: skip
+        yield _transforms(stamp, stamp, plain(frames.map), plain(frames.odom), moved)
 
     def _in_odom(self, stamps: NDArray[np.int64]) -> list[list[float]]:
         """Return the body's pose in odom at other stamps; without odometry it stays at 0."""
@@ -340,8 +310,8 @@ class _Telling:
             found[:, 0] = np.interp(*after, self._driven["x"])
             found[:, 1] = np.interp(*after, self._driven["y"])
             found[:, 2] = np.interp(*after, np.unwrap(self._driven["heading"]))
-        told: list[list[float]] = found.tolist()
-        return told
+        poses: list[list[float]] = found.tolist()
+        return poses
 
     def _health(self, result: RunResult) -> Iterator[_Stream]:
         health = result.health
@@ -349,30 +319,35 @@ class _Telling:
             return
         stamps = health.stamp_ns + self.shift
 
-        def told() -> Iterator[Publication]:
+        def publications() -> Iterator[Publication]:
             for row, stamp in enumerate(stamps.tolist()):
                 status = encode.health_status(str(health.state[row]), str(health.reason[row]),
                                               float(health.within[row]), float(health.wrong[row]),
                                               health.protection[row].tolist())  # fmt: skip
                 yield encode.diagnostics(stamp, [status])
 
-        yield _Few(stamps, told())
+        yield _Stream(stamps, publications())
 
 
-def _each(topic: str, kind: str, table: Columns, tell: Callable[[Columns], Values]) -> _Many:
-    """Return a message for each row."""
-    heard = table["received_ns"]
-    return _Many(topic, kind, table, heard, lambda part, _: tell(part), np.arange(len(heard) + 1))
+def _rows(table: Columns, *names: str) -> Iterator[tuple[Any, ...]]:
+    """Return the stamps and some columns of a table row by row."""
+    return zip(*(table[name].tolist() for name in ("stamp_ns", *names)), strict=True)
+
+
+def _transforms(
+    times: NDArray[np.int64], stamps: NDArray[np.int64], parent: str, child: str, poses: FloatArray
+) -> _Stream:  # fmt: skip
+    rows = zip(stamps.tolist(), poses.tolist(), strict=True)
+    return _Stream(times, (encode.transforms([encode.transform(stamp, parent, child, pose)])
+                           for stamp, pose in rows))  # fmt: skip
 
 
 def _together(
-    topic: str, kind: str, table: Columns,
-    tell: Callable[[Columns, NDArray[np.int64]], Values],
-) -> _Many:  # fmt: skip
-    """Return a message for all rows that are heard at once."""
-    heard = table["received_ns"]
-    firsts = np.flatnonzero(np.diff(heard, prepend=heard[0] - 1, append=heard[-1] + 1))
-    return _Many(topic, kind, table, heard[firsts[:-1]], tell, firsts)
+    times: NDArray[np.int64], publish: Callable[[list[Any]], Publication], rows: Iterator[Any]
+) -> _Stream:
+    """Return a message for all rows that are recorded at once."""
+    at, counts = np.unique(times, return_counts=True)
+    return _Stream(at, (publish(list(islice(rows, count))) for count in counts.tolist()))
 
 
 def _headings(result: RunResult) -> FloatArray:

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from locfuse.types import Columns
 
+BLOCK_ROWS = 2048  # after which rows become arrays
+
 
 class Blocks:
-    """Rows of a table as they come: blocks of them, with the same columns.
+    """Rows of a table in the order they arrive, held as blocks of arrays with the same columns.
 
     Examples
     --------
@@ -26,23 +28,43 @@ class Blocks:
 
     def __init__(self) -> None:
         self._blocks: list[dict[str, NDArray[Any]]] = []
+        self._rows: list[Mapping[str, Any]] = []
         self._count = 0
 
     def __len__(self) -> int:
         return self._count
 
     def add(self, columns: Columns) -> None:
-        """Add rows."""
+        """Add arrays of rows."""
+        self._pack()
         self._blocks.append(dict(columns))
         self._count += length(columns)
 
+    def append(self, row: Mapping[str, Any]) -> None:
+        """Add one row: integers in columns that end in ``_ns``, else floats, texts or arrays."""
+        self._rows.append(row)
+        self._count += 1
+        if len(self._rows) >= BLOCK_ROWS:
+            self._pack()
+
+    def _pack(self) -> None:
+        rows, self._rows = self._rows, []
+        if rows:
+            self._blocks.append({
+                name: np.array([row[name] for row in rows],
+                               np.int64 if name.endswith("_ns") else None)
+                for name in rows[0]
+            })  # fmt: skip
+
     def lag_ns(self) -> float:
         """Return the median of `record_ns` minus `stamp_ns`."""
+        self._pack()
         lags = [block["record_ns"] - block["stamp_ns"] for block in self._blocks]
         return float(np.median(np.concatenate(lags)))
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Return the columns; the blocks are gone then, so that they are not held twice."""
+        self._pack()
         blocks, self._blocks, self._count = self._blocks, [], 0
         return {name: np.concatenate([block.pop(name) for block in blocks])
                 for name in list(blocks[0])}  # fmt: skip

@@ -25,7 +25,7 @@ class Connection(NamedTuple):
 
     `topic` has no leading slash; `type` is as ``nav_msgs/Odometry``; `definition` is the text that
     defines the type, empty where the bag has none; `encoding` is ``ros1`` or ``cdr``; `publisher`
-    is the node that told them, empty where the bag does not say, as those of ROS 2.
+    is the node that published them, empty where the bag does not say, as those of ROS 2.
     """
 
     topic: str
@@ -47,7 +47,7 @@ class Reading:
     Attributes
     ----------
     progress : callable, optional
-        Told (bytes read, bytes in all).
+        Called with (bytes read, total bytes).
     size : int
         Bytes it has.
     counts : Counter of Connection
@@ -66,13 +66,13 @@ class Reading:
     damage: list[str] = field(default_factory=list)
     before: int = 0
     share: float = 1.0
-    _told: int = 0
+    _reported: int = 0
 
     def at(self, position: int) -> None:
-        """Tell how far in its file the reader is."""
+        """Report how far in its file the reader is."""
         done = self.before + int(self.share * position)
-        if self.progress is not None and (done >= self._told + BLOCK or done == self.size):
-            self._told = done
+        if self.progress is not None and (done >= self._reported + BLOCK or done == self.size):
+            self._reported = done
             self.progress(done, self.size)
 
     def damaged(self, path: Path, where: int | str, what: str) -> None:
@@ -100,8 +100,8 @@ def exactly(file: BinaryIO, size: int) -> bytes:
 
 def words(error: Exception) -> str:
     """Return what an error says, on one line and not too long."""
-    told = f"no field {error}" if isinstance(error, KeyError) else str(error)
-    return " ".join(told.split())[:LONGEST_REASON]
+    reason = f"no field {error}" if isinstance(error, KeyError) else str(error)
+    return " ".join(reason.split())[:LONGEST_REASON]
 
 
 def text(data: bytes) -> str:

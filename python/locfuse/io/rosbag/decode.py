@@ -261,24 +261,24 @@ def scan(message: Any) -> ScanRow:
         If it is no LaserScan, its stamp is 0, it has no beam, or its geometry is none.
     """
     header = message.header
-    told = np.asarray(message.ranges, np.float32)
+    given = np.asarray(message.ranges, np.float32)
     bright = np.asarray(message.intensities, np.float32)
     geometry = tuple(decimal(getattr(message, key)) for key in
                      ("angle_min", "angle_increment", "range_min", "range_max"))  # fmt: skip
     stamp = _stamped(header)
     start, increment, nearest, farthest = geometry
     _finite((start, "angle_min"), (increment, "angle_increment"))
-    if len(told) == 0:
+    if len(given) == 0:
         raise MessageError("the scan has no beam")
     if increment == 0.0:
         raise MessageError("angle_increment is 0, expected the angle between two beams")
     if not 0.0 <= nearest < farthest < math.inf:
         raise MessageError(f"range_min and range_max are {nearest:g} and {farthest:g}, expected "
                            "0 <= range_min < range_max")  # fmt: skip
-    if len(bright) not in (0, len(told)):
-        raise MessageError(f"the scan has {len(told)} ranges and {len(bright)} intensities; "
+    if len(bright) not in (0, len(given)):
+        raise MessageError(f"the scan has {len(given)} ranges and {len(bright)} intensities; "
                            "expected as many, or none")  # fmt: skip
-    ranges = within(decimals(told), nearest, farthest)
+    ranges = within(decimals(given), nearest, farthest)
     intensities = within(bright.astype(np.float64), 0.0, FLOAT_MAX) if len(bright) else None
     return ScanRow(stamp, plain(header.frame_id), start, increment, nearest, farthest, ranges,
                    intensities)  # fmt: skip
@@ -291,7 +291,7 @@ def within(values: FloatArray, low: float, high: float) -> FloatArray:
     return values
 
 
-@lru_cache(4096)  # a scan's geometry is told with each scan
+@lru_cache(4096)  # each scan repeats its geometry
 def decimal(value: float | np.float32) -> float:
     """Return the shortest decimal that is nearest to a float32: 0.1 for 0.10000000149."""
     single = np.float32(value)
@@ -318,7 +318,7 @@ def ranges(
     message: Any,
     unit: str = "m",
     tag: str = "tag",
-    spoilt: Callable[[MessageError], None] | None = None,
+    on_error: Callable[[MessageError], None] | None = None,
 ) -> list[RangeRow]:
     """Return what a UwbRanges, a UwbRange or a UwbData says.
 
@@ -330,8 +330,8 @@ def ranges(
         ``m`` or ``mm``, of the distances of a UwbData.
     tag : str
         Name of the tag where the message has none.
-    spoilt : callable, optional
-        Told what is wrong with a single range, which is then left out; without it, that is raised.
+    on_error : callable, optional
+        Called with the error of a single range, which is left out; by default it is raised.
 
     Raises
     ------
@@ -348,7 +348,7 @@ def ranges(
     [('tag', '7', 1.5)]
     """
     if hasattr(message, "destination_id"):
-        return _uwb_data(message, unit, tag, spoilt)
+        return _uwb_data(message, unit, tag, on_error)
     if hasattr(message, "anchor"):
         return [_uwb_range(message, tag, 0, "")]
     if not hasattr(message, "ranges") or (len(message.ranges) and
@@ -358,20 +358,20 @@ def ranges(
     outer = stamp_ns(message.header.stamp)
     frame = message.header.frame_id
     each = (partial(_uwb_range, one, tag, outer, frame) for one in message.ranges)
-    return _each(each, spoilt)
+    return _each(each, on_error)
 
 
 def _each(
-    rows: Iterable[Callable[[], RangeRow | None]], spoilt: Callable[[MessageError], None] | None
+    rows: Iterable[Callable[[], RangeRow | None]], on_error: Callable[[MessageError], None] | None
 ) -> list[RangeRow]:
     found = []
     for make in rows:
         try:
             row = make()
         except MessageError as error:
-            if spoilt is None:
+            if on_error is None:
                 raise
-            spoilt(error)
+            on_error(error)
         else:
             if row is not None:
                 found.append(row)
@@ -388,20 +388,20 @@ def _uwb_range(message: Any, tag: str, outer: int, frame: str) -> RangeRow:
     if not 0.0 <= sigma < math.inf:
         raise MessageError(f"the sigma of the range to {anchor} is {sigma:g}; expected > 0, or 0 "
                            "where it is not known")  # fmt: skip
-    return RangeRow(stamp, message.tag or tag, anchor, distance, sigma or None,
+    return RangeRow(stamp, str(message.tag) or tag, anchor, distance, sigma or None,
                     plain(message.header.frame_id or frame))  # fmt: skip
 
 
 def _uwb_data(
-    message: Any, unit: str, tag: str, spoilt: Callable[[MessageError], None] | None
+    message: Any, unit: str, tag: str, on_error: Callable[[MessageError], None] | None
 ) -> list[RangeRow]:
     ids, distances, stamps = message.destination_id, message.distance, message.stamp
     if not len(ids) == len(distances) == len(stamps):
         raise MessageError(f"destination_id, distance and stamp have {len(ids)}, {len(distances)} "
                            f"and {len(stamps)} elements; expected as many of each")  # fmt: skip
 
-    def row(anchor: Any, told: Any, stamp: Any) -> RangeRow | None:
-        distance = float(told) * UNIT_M[unit]
+    def row(anchor: Any, given: Any, stamp: Any) -> RangeRow | None:
+        distance = float(given) * UNIT_M[unit]
         _distance(distance, f"the distance to {int(anchor)}")
         if distance == 0.0:
             return None
@@ -410,7 +410,7 @@ def _uwb_data(
         return RangeRow(at, tag, str(int(anchor)), distance, None, "")
 
     each = zip(ids, distances, stamps, strict=True)
-    return _each((partial(row, *one) for one in each), spoilt)
+    return _each((partial(row, *one) for one in each), on_error)
 
 
 @_is("sensor_msgs/Range")
@@ -443,12 +443,12 @@ def pose(message: Any) -> PoseRow:
     """
     header, at = message.header, message.pose.pose.position
     x, y, orientation = float(at.x), float(at.y), message.pose.pose.orientation
-    told = np.array(message.pose.covariance, np.float64)
+    given = np.array(message.pose.covariance, np.float64)
     stamp = _stamped(header)
     _finite((x, "pose.position.x"), (y, "pose.position.y"))
-    if told.size != 36:
-        raise MessageError(f"the covariance has {told.size} elements, expected 36")
-    covariance = told.reshape(6, 6)[PLANAR]
+    if given.size != 36:
+        raise MessageError(f"the covariance has {given.size} elements, expected 36")
+    covariance = given.reshape(6, 6)[PLANAR]
     if np.isnan(covariance).any():
         raise MessageError("the covariance holds NaN; expected -1 first where it is not known")
     return PoseRow(stamp, plain(header.frame_id), x, y, heading_of(orientation), covariance)
@@ -463,12 +463,12 @@ def truth(message: Any) -> TruthRow:
     MessageError
         If it is none of them, its stamp is 0, or a number is not finite.
     """
-    header, told = message.header, getattr(message, "point", None)
+    header, given = message.header, getattr(message, "point", None)
     orientation = None
-    if told is None:
+    if given is None:
         at = message.pose if hasattr(message.pose, "position") else message.pose.pose
-        told, orientation = at.position, at.orientation
-    x, y, z = float(told.x), float(told.y), float(told.z)
+        given, orientation = at.position, at.orientation
+    x, y, z = float(given.x), float(given.y), float(given.z)
     stamp = _stamped(header)
     _finite((x, "x"), (y, "y"), (z, "z"))
     heading = math.nan if orientation is None else heading_of(orientation)

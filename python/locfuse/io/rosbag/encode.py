@@ -126,8 +126,8 @@ def pose_with_covariance(
 
     Examples
     --------
-    >>> told = pose_with_covariance("pose", 5, (1.0, 2.0, 0.0), np.eye(3), "map")
-    >>> told.fields["pose"]["pose"]["position"], told.fields["pose"]["covariance"][35]
+    >>> given = pose_with_covariance("pose", 5, (1.0, 2.0, 0.0), np.eye(3), "map")
+    >>> given.fields["pose"]["pose"]["position"], given.fields["pose"]["covariance"][35]
     ({'x': 1.0, 'y': 2.0, 'z': 0.0}, np.float64(1.0))
     """
     fields = {
@@ -141,10 +141,10 @@ def path(
     topic: str, frame: str, stamps_ns: Iterable[int], poses: Iterable[Sequence[float]]
 ) -> Publication:
     """Return a nav_msgs/Path of poses (x, y, heading), stamped as its last one."""
-    told = [{"header": header(stamp, frame), "pose": _pose(*pose)}
+    given = [{"header": header(stamp, frame), "pose": _pose(*pose)}
             for stamp, pose in zip(stamps_ns, poses, strict=True)]  # fmt: skip
-    last = told[-1]["header"]["stamp"]["ns"] if told else 0
-    return Publication(topic, "nav_msgs/Path", {"header": header(last, frame), "poses": told})
+    last = given[-1]["header"]["stamp"]["ns"] if given else 0
+    return Publication(topic, "nav_msgs/Path", {"header": header(last, frame), "poses": given})
 
 
 def transform(
@@ -178,9 +178,9 @@ def diagnostic_status(
     name: str, level: int, message: str, values: Mapping[str, object], hardware: str = ""
 ) -> Fields:
     """Return a diagnostic_msgs/DiagnosticStatus."""
-    told = [{"key": key, "value": _text(value)} for key, value in values.items()]
+    given = [{"key": key, "value": _text(value)} for key, value in values.items()]
     return {"level": level, "name": name, "message": message, "hardware_id": hardware,
-            "values": told}  # fmt: skip
+            "values": given}  # fmt: skip
 
 
 def _text(value: object) -> str:
@@ -190,7 +190,7 @@ def _text(value: object) -> str:
 def health_status(
     state: str, reason: str, within: float, wrong: float, protection: Sequence[float]
 ) -> Fields:
-    """Return the status that tells of a health report.
+    """Return the status of a health report.
 
     Parameters
     ----------
@@ -282,23 +282,23 @@ def laser_scan(topic: str, row: ScanRow) -> Publication:
 
 def uwb_ranges(topic: str, rows: Sequence[RangeRow]) -> Publication:
     """Return a locfuse_msgs/UwbRanges, stamped as its last range."""
-    told = [{"header": header(row.stamp_ns, row.frame), "tag": row.tag, "anchor": row.anchor,
+    given = [{"header": header(row.stamp_ns, row.frame), "tag": row.tag, "anchor": row.anchor,
              "range": row.range_m, "sigma": row.sigma_m or 0.0} for row in rows]  # fmt: skip
     last = rows[-1] if rows else None
     fields = {"header": header(last.stamp_ns, last.frame) if last else header(0, ""),
-              "ranges": told}  # fmt: skip
+              "ranges": given}  # fmt: skip
     return Publication(topic, "locfuse_msgs/UwbRanges", fields)
 
 
 def landmark_sightings(topic: str, rows: Sequence[SightingRow]) -> Publication:
     """Return a locfuse_msgs/LandmarkSightings, stamped as its last sighting."""
-    told = [{"header": header(row.stamp_ns, row.frame), "landmark": row.landmark,
+    given = [{"header": header(row.stamp_ns, row.frame), "landmark": row.landmark,
              "range": row.range_m, "bearing": row.bearing_rad,
              "sigma_range": row.sigma_range_m or 0.0,
              "sigma_bearing": row.sigma_bearing_rad or 0.0} for row in rows]  # fmt: skip
     last = rows[-1] if rows else None
     fields = {"header": header(last.stamp_ns, last.frame) if last else header(0, ""),
-              "sightings": told}  # fmt: skip
+              "sightings": given}  # fmt: skip
     return Publication(topic, "locfuse_msgs/LandmarkSightings", fields)
 
 
@@ -309,6 +309,6 @@ def tag_position(topic: str, row: FixRow) -> Publication:
     return Publication(topic, "locfuse_msgs/TagPosition", fields)
 
 
-def text(topic: str, told: str) -> Publication:
+def text(topic: str, given: str) -> Publication:
     """Return a std_msgs/String, latched."""
-    return Publication(topic, "std_msgs/String", {"data": told}, latched=True)
+    return Publication(topic, "std_msgs/String", {"data": given}, latched=True)

@@ -35,7 +35,7 @@ class _Quaternion(NamedTuple):
 
 
 class FrameTree:
-    """Static transforms between frames, as they were heard.
+    """Static transforms between frames, as they were received.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class FrameTree:
             If no static transforms lead from the frame to the body: names both.
         """
         row = self._rows.get(plain(frame))
-        if row is not None and row.parent == self.base:  # as it was told, to the last bit
+        if row is not None and row.parent == self.base:  # as published, to the last bit
             return Mount(row.x, row.y, row.z, heading_of(_Quaternion(*row.quaternion)))
         pose = self._pose(frame)
         heading = float(_core.wrap_angle(math.atan2(pose[1, 0], pose[0, 0])))
@@ -96,7 +96,7 @@ class FrameTree:
         return up < 0.0
 
     def same_body(self, frame: str) -> str:
-        """Return what to tell of odometry of a frame, nothing where that is the body's.
+        """Return a warning about odometry of a frame, nothing where that is the body's.
 
         Drivers call the body ``base_footprint``, ``base_link``, ``base``: a name that nothing
         places elsewhere is taken for another of the body's.

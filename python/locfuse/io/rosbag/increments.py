@@ -43,7 +43,7 @@ def increments_of(poses: FloatArray) -> FloatArray:
 
     Differences of rounded numbers are rounded themselves, and a million of them add up to other
     last digits. So each increment leads from where those before it lead to, and is moved until it
-    ends at the pose that was told; where no increment does, at its neighbour.
+    ends at the pose that was given; where no increment does, at its neighbour.
 
     Parameters
     ----------
@@ -76,12 +76,12 @@ def increments_of(poses: FloatArray) -> FloatArray:
     return found
 
 
-def _steps(begins: FloatArray, told: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _steps(begins: FloatArray, given: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return increments (n, 3) from poses to others, and where they lead to, which is near."""
-    ends = told.copy()
+    ends = given.copy()
     motion = np.empty_like(ends)
     c, s = (np.array(list(map(turn, begins[:, 2].tolist()))) for turn in (math.cos, math.sin))
-    rows = np.arange(len(told))
+    rows = np.arange(len(given))
     for _ in range(TRIES):
         begin, end, cos, sin = begins[rows], ends[rows], c[rows], s[rows]
         dx, dy = _straight(begin, cos, sin, end)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,7 +11,9 @@ import numpy as np
 
 from locfuse import _core
 from locfuse.io.rosbag.decode import (
+    NOT_MEASURED_M,
     FixRow,
+    MessageError,
     OdometryRow,
     PoseRow,
     RangeRow,
@@ -18,6 +21,7 @@ from locfuse.io.rosbag.decode import (
     SightingRow,
 )
 from locfuse.io.rosbag.frames import Mount
+from locfuse.types import FloatArray
 
 Row = dict[str, Any]
 
@@ -68,15 +72,15 @@ def laser_of(row: ScanRow, mount: Mount, upside_down: bool = False) -> dict[str,
 
 def scan_row(row: ScanRow, laser: Mapping[str, Any]) -> Row:
     """Return a scan with the geometry of its laser."""
-    told = {"stamp_ns": row.stamp_ns, "ranges_m": row.ranges, "laser": laser}
-    return told if row.intensities is None else {**told, "intensities": row.intensities}
+    found = {"stamp_ns": row.stamp_ns, "ranges_m": row.ranges, "laser": laser}
+    return found if row.intensities is None else {**found, "intensities": row.intensities}
 
 
 def range_row(row: RangeRow) -> Row:
     """Return a range; without ``sigma_m`` where that is not known."""
-    told: Row = {"stamp_ns": row.stamp_ns, "tag": row.tag, "anchor": row.anchor,
+    found: Row = {"stamp_ns": row.stamp_ns, "tag": row.tag, "anchor": row.anchor,
                  "range_m": row.range_m}  # fmt: skip
-    return told if row.sigma_m is None else {**told, "sigma_m": row.sigma_m}
+    return found if row.sigma_m is None else {**found, "sigma_m": row.sigma_m}
 
 
 def position_row(row: FixRow) -> Row:
@@ -85,9 +89,9 @@ def position_row(row: FixRow) -> Row:
             "sigma_m": row.sigma_m}  # fmt: skip
 
 
-def pose_row(row: PoseRow) -> Row:
-    """Return a pose with one sigma of its position and one of its heading; -1 if not known."""
-    xy, heading = sigmas_of(row.covariance)
+def pose_row(row: PoseRow, sigmas: tuple[float, float] | None = None) -> Row:
+    """Return a pose with the `sigmas` of position and heading, by default `sigmas_of`."""
+    xy, heading = sigmas_of(row.covariance) if sigmas is None else sigmas
     return {
         "stamp_ns": row.stamp_ns,
         "x_m": row.x,
@@ -99,7 +103,7 @@ def pose_row(row: PoseRow) -> Row:
 
 
 def sigmas_of(covariance: Any) -> tuple[float, float]:
-    """Return sigmas of position and heading of a covariance (3, 3); (-1, -1) if it tells of none.
+    """Return sigmas of position and heading of a covariance (3, 3); (-1, -1) if it has none.
 
     Examples
     --------
@@ -112,10 +116,28 @@ def sigmas_of(covariance: Any) -> tuple[float, float]:
     return float(np.sqrt(variance[:2].mean())), float(np.sqrt(variance[2]))
 
 
+def log_sigmas_of(covariance: FloatArray) -> tuple[float, float]:
+    """Return sigmas as a log keeps them: 0 for a covariance of 0, -1 if it is marked as unknown.
+
+    Raises
+    ------
+    MessageError
+        If variances are neither positive nor marked as unknown.
+    """
+    xy, heading = 0.5 * (covariance[0, 0] + covariance[1, 1]), covariance[2, 2]
+    if covariance[0, 0] == -1.0:
+        return -1.0, -1.0
+    if covariance.any() and not (xy > 0.0 and heading > 0.0):
+        raise MessageError(f"the variances of x, y and heading are {covariance[0, 0]:g}, "
+                           f"{covariance[1, 1]:g} and {heading:g}; expected > 0, or all 0 or -1 "
+                           "first where they are not known")  # fmt: skip
+    return (min(math.sqrt(xy), NOT_MEASURED_M), min(math.sqrt(heading), NOT_MEASURED_M))
+
+
 def sighting_row(row: SightingRow) -> Row:
     """Return a landmark seen; without sigmas where they are not known."""
-    told: Row = {"stamp_ns": row.stamp_ns, "landmark": row.landmark, "range_m": row.range_m,
+    found: Row = {"stamp_ns": row.stamp_ns, "landmark": row.landmark, "range_m": row.range_m,
                  "bearing_rad": row.bearing_rad}  # fmt: skip
     if row.sigma_range_m is None:
-        return told
-    return {**told, "sigma_range_m": row.sigma_range_m, "sigma_bearing_rad": row.sigma_bearing_rad}
+        return found
+    return {**found, "sigma_range_m": row.sigma_range_m, "sigma_bearing_rad": row.sigma_bearing_rad}

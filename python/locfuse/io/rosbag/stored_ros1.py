@@ -138,11 +138,11 @@ def _record(
     wanted: Wanted,
 ) -> Iterator[Message]:
     if op == CONNECTION:
-        told = _fields(body)
-        topic = told.get(b"topic", fields[b"topic"])
+        given = _fields(body)
+        topic = given.get(b"topic", fields[b"topic"])
         known[_number(fields, b"conn")] = Connection(
-            plain(text(topic)), text(told[b"type"]), text(told[b"message_definition"]), "ros1",
-            publisher=text(told.get(b"callerid", b"")),
+            plain(text(topic)), text(given[b"type"]), text(given[b"message_definition"]), "ros1",
+            publisher=text(given.get(b"callerid", b"")),
         )  # fmt: skip
     elif op == MESSAGE:
         connection = known.get(_number(fields, b"conn"))

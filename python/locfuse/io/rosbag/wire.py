@@ -13,7 +13,6 @@ import numpy as np
 
 from locfuse.io.rosbag.container import Connection, short
 from locfuse.io.rosbag.optional_rosbags import need
-from locfuse.io.rosbag.unpack import STRUCTURE, TEXT, Node, Structure
 from locfuse.types import NANOSECONDS, LogError
 
 NO_PACKAGE = {
@@ -62,32 +61,16 @@ def long(name: str) -> str:
 
 
 @cache
-def structure(connection: Connection) -> Structure:
-    """Return the fields of the messages of a connection, for `locfuse.io.rosbag.unpack.unpack`.
-
-    By the bag's own definition; by ROS's where it has none.
-
-    Raises
-    ------
-    LogError
-        If the bag has no definition of the type and there is none here, or it is no definition.
-    """
-    try:
-        return _structure(_definition(connection), long(connection.type), connection.encoding)
-    except KeyError as error:
-        raise _unusable(connection, error) from error
-
-
-@cache
 def deserializer(connection: Connection) -> Callable[[bytes], Any]:
-    """Return what makes a message of the bytes of a connection.
+    """Return the function that deserializes the messages of a connection.
 
-    What it makes raises one of `broken()` where bytes are not what the definition says.
+    It uses the bag's own definition of the type, or that of ROS where the bag has none, and raises
+    one of `broken()` where bytes do not fit it.
 
     Raises
     ------
     LogError
-        As `structure`.
+        If neither the bag nor ROS defines the type, or the definition cannot be used.
     """
     name = long(connection.type)
     types = store(connection.encoding)
@@ -132,24 +115,6 @@ def _unusable(connection: Connection, error: Exception) -> LogError:
     return LogError(f"the definition of {connection.type} cannot be used ({error})")
 
 
-def _structure(definition: Mapping[str, Any], name: str, encoding: str) -> Structure:
-    nodes = need("rosbags.interfaces").Nodetype
-
-    def node(told: Any) -> Node:
-        kind, what = told
-        if kind == nodes.BASE:
-            return Node(TEXT if what[0] == "string" else _dtype(what[0]))
-        if kind == nodes.NAME:
-            return Node(STRUCTURE, _structure(definition, what, encoding))
-        element, length = what
-        return node(element)._replace(length=length if kind == nodes.ARRAY else -1)
-
-    return tuple(
-        (field, node(told)) for field, told in definition[name][1]
-        if encoding != "ros1" or field != "structure_needs_at_least_one_member"
-    )  # fmt: skip
-
-
 def _dtype(name: str) -> np.dtype[Any]:
     return np.dtype({"byte": "u1", "char": "u1", "octet": "u1", "float128": "V16"}.get(name, name))
 
@@ -161,6 +126,7 @@ def broken() -> tuple[type[Exception], ...]:
     return (of_rosbags, struct.error, ValueError, IndexError, AssertionError)
 
 
+@cache
 def serializer(encoding: str, name: str) -> Callable[[Mapping[str, Any]], bytes]:
     """Return the function that serializes the fields of a message as `encode` returns them."""
     types = store(encoding)
@@ -185,13 +151,13 @@ def _filler(encoding: str, name: str) -> Callable[[Any], Any]:
     if name in ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"):
         return _time(store(encoding).types[name])
     kind = store(encoding).types[name]
-    parts = [(field, *_part(encoding, told)) for field, told in store(encoding).fielddefs[name][1]]
+    parts = {field: _part(encoding, type_) for field, type_ in store(encoding).fielddefs[name][1]}
+    makers = {field: make for field, (make, _) in parts.items()}
+    defaults = {field: default() for field, (_, default) in parts.items()}  # nobody changes them
 
     def fill(fields: Any) -> Any:
-        return kind(**{
-            field: make(fields[field]) if field in fields else default()
-            for field, make, default in parts
-        })  # fmt: skip
+        given = {field: makers[field](value) for field, value in fields.items() if field in makers}
+        return kind(**{**defaults, **given})
 
     return fill
 
@@ -204,10 +170,10 @@ def _time(kind: Callable[..., Any]) -> Callable[[Any], Any]:
     return fill
 
 
-def _part(encoding: str, told: Any) -> tuple[Callable[[Any], Any], Callable[[], Any]]:
+def _part(encoding: str, published: Any) -> tuple[Callable[[Any], Any], Callable[[], Any]]:
     """Return what makes a field of what is said, and what makes it of nothing."""
     nodes = need("rosbags.interfaces").Nodetype
-    node, what = told
+    node, what = published
     if node == nodes.BASE:
         return _base(what[0])
     if node == nodes.NAME:

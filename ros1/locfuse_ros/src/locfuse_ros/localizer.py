@@ -16,7 +16,7 @@ from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 from locfuse.config.schema import SOURCES, RunConfig
 from locfuse.ros.adapter import Adapter
-from locfuse.ros.dropped_messages import Lines
+from locfuse.ros.dropped_messages import SequenceGaps
 from locfuse.ros.parameters import Parameter, config_of, folder_of, parameters, values_of
 from locfuse_ros.fill import message_class, message_of
 from locfuse_ros.node import run_node
@@ -42,7 +42,7 @@ class Localizer:
     def __init__(self, adapter: Adapter) -> None:
         self._adapter = adapter
         self._lock = threading.RLock()  # rospy calls from a thread per connection
-        self._lines = Lines(ADVICE)
+        self._lines = SequenceGaps(ADVICE)
         self._multiple_publishers: set[str] = set()
         self._work_s: deque[float] = deque(maxlen=WORKED)
         # Advertised before the first message, so that subscribers are connected by then.
@@ -69,7 +69,7 @@ class Localizer:
             number = getattr(getattr(message, "header", None), "seq", None)
             with self._lock:
                 began = time.perf_counter()
-                self._lines.heard(topic, publisher, number)
+                self._lines.record(topic, publisher, number)
                 self._handle(lambda now_ns: self._adapter.on(source, topic, message, now_ns))
                 if source in SINGLE_PUBLISHER:
                     self._expect_one_publisher(topic)
@@ -102,7 +102,7 @@ class Localizer:
     def _report(self) -> None:
         """Report lost messages in the log and as diagnostics."""
         with self._lock:
-            losses = self._lines.news()
+            losses = self._lines.new_losses()
             values = [
                 {
                     "key": f"{topic} from {publisher}",

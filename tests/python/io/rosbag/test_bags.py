@@ -26,7 +26,7 @@ from support_bags import (
     KINDS,
     MS,
     T0,
-    Told,
+    Recorded,
     differences,
     drive,
     full_log,
@@ -87,10 +87,10 @@ def test_a_message_never_arrives_before_its_stamp(
 
 
 def test_the_paper_s_topics_and_a_topic_per_anchor_are_ranges(tmp_path: Path) -> None:
-    told = [message for message in drive() if message[1].topic != "uwb"]
+    given = [message for message in drive() if message[1].topic != "uwb"]
     for k in range(20):
         stamp = {"ns": T0 + 100 * MS * k}
-        told.append(
+        given.append(
             (
                 stamp["ns"],
                 encode.Publication(
@@ -100,12 +100,12 @@ def test_the_paper_s_topics_and_a_topic_per_anchor_are_ranges(tmp_path: Path) ->
                 ),
             )
         )
-        told.append((stamp["ns"], encode.Publication("north", "sensor_msgs/Range", {
+        given.append((stamp["ns"], encode.Publication("north", "sensor_msgs/Range", {
             "header": {"stamp": stamp, "frame_id": "radio"}, "min_range": 0.0, "max_range": 90.0,
             "range": 2.3})))  # fmt: skip
     ros = Ros.model_validate({"topics": {"ranges": "/uwb_data_topic"}, "uwb_unit": "mm",
                               "uwb_tag": "radio", "range_topics": {"/north": "N"}})  # fmt: skip
-    log = read_bag(write_messages(tmp_path / "d.bag", told), ros)
+    log = read_bag(write_messages(tmp_path / "d.bag", given), ros)
     assert set(zip(log["ranges"]["anchor"].tolist(), log["ranges"]["range_m"].tolist(),
                    strict=True)) == {("7", 1.5), ("N", 2.3)}  # fmt: skip
     assert log.tags == {"radio": (0.1, 0.05, 0.8)}  # the frame that is called as the tag
@@ -114,11 +114,11 @@ def test_the_paper_s_topics_and_a_topic_per_anchor_are_ranges(tmp_path: Path) ->
 def test_fixes_are_metres_from_the_first_or_from_the_origin(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    told = [(T0 + k, encode.Publication("fix", "sensor_msgs/NavSatFix", {
+    given = [(T0 + k, encode.Publication("fix", "sensor_msgs/NavSatFix", {
         "header": encode.header(T0 + k, "gps"), "latitude": 48.0 + 1e-5 * k, "longitude": 11.0,
         "position_covariance": [0.25, 0, 0, 0, 0.25, 0, 0, 0, 1.0],
         "position_covariance_type": 2})) for k in range(3)]  # fmt: skip
-    path = write_messages(tmp_path / "d.mcap", told)
+    path = write_messages(tmp_path / "d.mcap", given)
     log = read_bag(path)
     assert log["positions"]["y_m"] == pytest.approx([0.0, 1.112, 2.224], abs=1e-3)
     assert log["positions"]["sigma_m"].tolist() == [0.5, 0.5, 0.5]
@@ -131,19 +131,19 @@ def test_fixes_are_metres_from_the_first_or_from_the_origin(
 
 def test_a_laser_head_down_counts_its_angles_clockwise(tmp_path: Path) -> None:
     head_down = {"x": 1.0, "y": 0.0, "z": 0.0, "w": 0.0}
-    told = drive()
-    told[0][1].fields["transforms"][0]["transform"]["rotation"] = head_down
-    log = read_bag(write_messages(tmp_path / "d.mcap", told), world=world())
+    given = drive()
+    given[0][1].fields["transforms"][0]["transform"]["rotation"] = head_down
+    log = read_bag(write_messages(tmp_path / "d.mcap", given), world=world())
     assert log.laser is not None
     assert (log.laser["angle_min_rad"], log.laser["angle_increment_rad"]) == (1.0, -0.5)
 
 
 def test_mounts_may_come_on_tf_as_in_ros_1(tmp_path: Path) -> None:
-    told = drive()
-    mounts = told.pop(0)[1].fields["transforms"]
+    given = drive()
+    mounts = given.pop(0)[1].fields["transforms"]
     drifting = encode.transform(T0, "odom", "base_link", (9.0, 9.0, 0.0))
-    told[3:3] = [(T0, encode.transforms([drifting])), (T0, encode.transforms(mounts))]
-    log = read_bag(write_messages(tmp_path / "d.bag", told), world=world())
+    given[3:3] = [(T0, encode.transforms([drifting])), (T0, encode.transforms(mounts))]
+    log = read_bag(write_messages(tmp_path / "d.bag", given), world=world())
     assert log.laser is not None
     assert log.laser["pose_in_body"] == [0.2, 0.0, 0.0]
     assert log.tags == {"tag": (0.1, 0.05, 0.8)}
@@ -152,17 +152,17 @@ def test_mounts_may_come_on_tf_as_in_ros_1(tmp_path: Path) -> None:
 def test_where_landmarks_are_seen_from_is_read_off_the_transforms(tmp_path: Path) -> None:
     mount = encode.transform(T0, "base_link", "eye", (0.3, 0.0, 0.5))
     seen = SightingRow(T0, "oak", 3.0, 0.1, None, None, "eye")
-    told = [(T0, encode.transforms([mount], static=True)),
+    given = [(T0, encode.transforms([mount], static=True)),
             (T0, encode.landmark_sightings("sightings", [seen]))]  # fmt: skip
-    log = read_bag(write_messages(tmp_path / "d.mcap", told))
+    log = read_bag(write_messages(tmp_path / "d.mcap", given))
     assert log.landmark_sensor == {"pose_in_body": [0.3, 0.0, 0.5]}
     assert list(log["landmark_sightings"]) == ["stamp_ns", "landmark", "range_m", "bearing_rad"]
 
 
 def test_what_the_world_says_counts_more_than_topics(tmp_path: Path) -> None:
     there = np.array([[9.0, 9.0, 9.0]])
-    told = [*drive(), (T0, encode.named_points("anchors", ["A"], there, None, "map"))]
-    path = write_messages(tmp_path / "d.mcap", told)
+    given = [*drive(), (T0, encode.named_points("anchors", ["A"], there, None, "map"))]
+    path = write_messages(tmp_path / "d.mcap", given)
     assert read_bag(path)["anchors"]["x_m"].tolist() == [9.0]
     laser = {"pose_in_body": [1.0, 2.0, 3.0], "angle_min_rad": 0.0, "angle_increment_rad": 1.0,
              "range_min_m": 0.0, "range_max_m": 1.0}  # fmt: skip
@@ -176,11 +176,11 @@ def test_what_the_world_says_counts_more_than_topics(tmp_path: Path) -> None:
 
 def test_the_configuration_of_the_paper_reads_a_robot_with_its_topics(tmp_path: Path) -> None:
     ros = load_config(CONFIGS / "ros_ekim2020.yaml").ros
-    told = [(T0 + k * MS, encode.Publication("uwb_data_topic", "locfuse_msgs/UwbData", {
+    given = [(T0 + k * MS, encode.Publication("uwb_data_topic", "locfuse_msgs/UwbData", {
         "destination_id": [1], "distance": [2.5], "stamp": [{"ns": T0 + k * MS}]}))
         for k in range(3)]  # fmt: skip
-    told.append((T0, encode.pose_with_covariance("amcl_pose", T0, (1, 2, 0), np.eye(3), "map")))
-    log = read_bag(write_messages(tmp_path / "d.bag", told), ros)
+    given.append((T0, encode.pose_with_covariance("amcl_pose", T0, (1, 2, 0), np.eye(3), "map")))
+    log = read_bag(write_messages(tmp_path / "d.bag", given), ros)
     assert log["ranges"]["range_m"].tolist() == [2.5] * 3
     assert len(log["poses"]["x_m"]) == 1
 
@@ -200,7 +200,7 @@ def test_memory_does_not_grow_with_what_is_not_read(kind: str, tmp_path: Path) -
     image = {"height": 1024, "width": 1024, "step": 1024, "encoding": "mono8", "data": noise}
     small = {"frame_id": "imu"}
 
-    def told(images: int, imus: int) -> Iterator[Told]:
+    def given(images: int, imus: int) -> Iterator[Recorded]:
         yield from drive(200)
         for k in range(images):
             yield T0 + k, encode.Publication("image", "sensor_msgs/Image", image)
@@ -209,7 +209,7 @@ def test_memory_does_not_grow_with_what_is_not_read(kind: str, tmp_path: Path) -
 
     peaks = []
     for images, imus in ((0, 0), (120, 20_000)):
-        path = write_messages(tmp_path / f"{images}.{kind}", told(images, imus))
+        path = write_messages(tmp_path / f"{images}.{kind}", given(images, imus))
         size = sum(p.stat().st_size for p in ([path] if path.is_file() else path.iterdir()))
         out = subprocess.run([sys.executable, "-c", MEASURE, str(path)], capture_output=True,
                              text=True, check=True).stdout.split()  # fmt: skip
@@ -247,7 +247,7 @@ def test_a_bag_read_as_the_other_kind_s_bag_is_the_same_log(tmp_path: Path) -> N
     assert differences(*logs) == []
 
 
-@pytest.mark.parametrize("leave", ["sigma_m", "arrival", "radius", "heading", "nothing heard"])
+@pytest.mark.parametrize("leave", ["sigma_m", "arrival", "radius", "heading", "nothing measured"])
 def test_columns_that_may_be_left_out_stay_out_and_others_in(leave: str, tmp_path: Path) -> None:
     log = full_log(arrival=leave != "arrival")
     tables: Any = {stem: dict(table) for stem, table in log.tables.items()}
@@ -259,7 +259,7 @@ def test_columns_that_may_be_left_out_stay_out_and_others_in(leave: str, tmp_pat
     elif leave == "heading":
         del tables["truth"]["heading_rad"]
         del tables["truth"]["z_m"]
-    elif leave == "nothing heard":
+    elif leave == "nothing measured":
         tables["ranges"] = {name: values[:0] for name, values in tables["ranges"].items()}
         velocities = {"stamp_ns": np.array([0, MS]), "v_mps": np.array([0.1, -0.3]),
                       "omega_radps": np.array([1 / 3, 0.7])}  # fmt: skip
@@ -272,7 +272,7 @@ def test_columns_that_may_be_left_out_stay_out_and_others_in(leave: str, tmp_pat
     }
 
 
-def test_stamps_from_before_1970_and_0_are_told_later_and_come_back(tmp_path: Path) -> None:
+def test_stamps_from_before_1970_and_0_are_published_later_and_come_back(tmp_path: Path) -> None:
     stamp = np.array([-3_500_000_001, 0, 5])
     table = {"stamp_ns": stamp, "x_m": np.ones(3), "y_m": np.ones(3), "sigma_m": np.ones(3)}
     log = Log(tables={"positions": table})
@@ -280,10 +280,10 @@ def test_stamps_from_before_1970_and_0_are_told_later_and_come_back(tmp_path: Pa
     assert differences(log, read_bag(tmp_path / "one.bag")) == []
 
 
-def test_a_stamp_that_ros_cannot_tell_is_refused(tmp_path: Path) -> None:
+def test_a_stamp_beyond_the_time_of_ros_is_rejected(tmp_path: Path) -> None:
     stamp = np.array([2**31 * 1_000_000_000])
     table = {"stamp_ns": stamp, "x_m": np.ones(1), "y_m": np.ones(1), "sigma_m": np.ones(1)}
-    with pytest.raises(LogError, match="a stamp of 2147483648 s cannot be told by ROS"):
+    with pytest.raises(LogError, match="a stamp of 2147483648 s is beyond the time of ROS"):
         write_bag(Log(tables={"positions": table}), tmp_path / "one.bag")
     assert list(tmp_path.iterdir()) == []
 
@@ -316,8 +316,8 @@ def test_topics_and_frames_are_those_of_the_configuration(tmp_path: Path) -> Non
 
 
 def test_a_position_s_tag_without_place_is_only_a_name(tmp_path: Path) -> None:
-    told = [(T0, encode.tag_position("fix", FixRow(T0, 1.0, 2.0, 0.1, "hat", "map")))]
-    log = read_bag(write_messages(tmp_path / "d.mcap", told))
+    given = [(T0, encode.tag_position("fix", FixRow(T0, 1.0, 2.0, 0.1, "hat", "map")))]
+    log = read_bag(write_messages(tmp_path / "d.mcap", given))
     assert log["positions"]["tag"].tolist() == ["hat"]
     assert log.tags == {}
 
@@ -355,8 +355,8 @@ def test_what_a_run_made_of_a_log_is_in_its_bag(tmp_path: Path) -> None:
     result = run(parse_config({"simulation": {"duration_s": 5}}), seed=3)
     path = tmp_path / "one.mcap"
     write_bag(result, path)
-    told = messages_of(path)
-    poses = told["/locfuse/pose"]
+    given = messages_of(path)
+    poses = given["/locfuse/pose"]
     assert len(poses) == len(result.estimate)
     last = poses[-1].pose
     x, y = result.estimate.position[-1]
@@ -365,13 +365,13 @@ def test_what_a_run_made_of_a_log_is_in_its_bag(tmp_path: Path) -> None:
     assert np.array_equal(last.covariance.reshape(6, 6)[np.ix_((0, 1, 5), (0, 1, 5))],
                           result.estimate.covariance[-1])  # fmt: skip
     assert result.health is not None
-    assert len(told["/diagnostics"]) == len(result.health)
-    assert told["/diagnostics"][-1].status[0].message == (
+    assert len(given["/diagnostics"]) == len(result.health)
+    assert given["/diagnostics"][-1].status[0].message == (
         str(result.health.reason[-1]) or str(result.health.state[-1])
     )
-    (path_told,) = told["/locfuse/path"]
-    assert len(path_told.poses) == pytest.approx(10, abs=1)
-    assert path_told.header.frame_id == "map"
+    (path_message,) = given["/locfuse/path"]
+    assert len(path_message.poses) == pytest.approx(10, abs=1)
+    assert path_message.header.frame_id == "map"
 
 
 def test_map_to_odom_and_odom_to_base_make_the_estimate(tmp_path: Path) -> None:
@@ -416,14 +416,14 @@ def messages_of(path: Path) -> dict[str, list[Any]]:
 @PATHS
 def test_rosbags_reads_every_message_that_we_write(kind: str, tmp_path: Path) -> None:
     write_bag(full_log(arrival=False), tmp_path / f"one.{kind}")
-    told = messages_of(tmp_path / f"one.{kind}")
-    assert set(told) == {
+    given = messages_of(tmp_path / f"one.{kind}")
+    assert set(given) == {
         "/odom", "/uwb", "/fix", "/amcl_pose", "/sightings", "/scan", "/ground_truth", "/map",
         "/anchors", "/landmarks", "/tf", "/tf_static", "/locfuse/log", "/locfuse/relations",
     }  # fmt: skip
-    assert [len(told[t]) for t in ("/odom", "/uwb", "/scan", "/map")] == [40, 10, 10, 1]
-    assert told["/map"][0].info.width == 5
-    frames = {one.child_frame_id for one in told["/tf_static"][0].transforms}
+    assert [len(given[t]) for t in ("/odom", "/uwb", "/scan", "/map")] == [40, 10, 10, 1]
+    assert given["/map"][0].info.width == 5
+    frames = {one.child_frame_id for one in given["/tf_static"][0].transforms}
     assert frames == {"front", "tag/laser", "silent", "laser", "landmark_sensor"}
 
 

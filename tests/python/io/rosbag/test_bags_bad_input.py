@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What robots record that means nothing: left out, told in one sentence, the rest is kept."""
+"""What robots record that means nothing: left out, given in one sentence, the rest is kept."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from locfuse.types import GridMap, Log, LogError
 from support_bags import MS, T0, drive, full_log, sentences, world, write_messages
 
 HOUR = 3600 * 1_000_000_000
-Told = tuple[int, Publication]
+Recorded = tuple[int, Publication]
 Edit = Callable[[Publication], Publication]
 
 
@@ -53,20 +53,20 @@ def deep(fields: Any) -> Any:
 
 def _settings(**changes: Any) -> str:
     """Return what a bag says of its log, changed."""
-    told = {"format": 1, "shift_ns": 0, "columns": {}, "log": {}}
-    return yaml.safe_dump(told | changes)
+    given = {"format": 1, "shift_ns": 0, "columns": {}, "log": {}}
+    return yaml.safe_dump(given | changes)
 
 
-def edited(topic: str, every: int = 4, **changes: Any) -> list[Told]:
+def edited(topic: str, every: int = 4, **changes: Any) -> list[Recorded]:
     """Return `drive` with each fourth message on a topic changed."""
-    told, number = [], 0
+    given, number = [], 0
     for time_ns, publication in drive():
         if publication.topic == topic:
             if number % every == 0:
                 publication = changed(publication, **changes)
             number += 1
-        told.append((time_ns, publication))
-    return told
+        given.append((time_ns, publication))
+    return given
 
 
 @pytest.mark.parametrize(
@@ -91,11 +91,11 @@ def test_a_message_that_means_nothing_is_left_out_and_the_others_kept(
     caplog: pytest.LogCaptureFixture,
 ) -> None:  # fmt: skip
     every = 4
-    told = edited(topic, every, **changes)
+    given = edited(topic, every, **changes)
     if "ranges" in changes and topic == "scan":  # the first counts
-        told = told[1:]
-        told = [*drive(1), *told]
-    path = write_messages(tmp_path / "d.mcap", told)
+        given = given[1:]
+        given = [*drive(1), *given]
+    path = write_messages(tmp_path / "d.mcap", given)
     log = read_bag(path, world=world())
     whole = read_bag(write_messages(tmp_path / "whole.mcap", drive()), world=world())
     lost = len(set(whole[stem]["stamp_ns"].tolist()) - set(log[stem]["stamp_ns"].tolist()))
@@ -107,13 +107,13 @@ def test_a_message_that_means_nothing_is_left_out_and_the_others_kept(
         assert set(whole[other]["stamp_ns"].tolist()) == set(log[other]["stamp_ns"].tolist())
 
 
-def only(publications: list[Publication]) -> list[Told]:
+def only(publications: list[Publication]) -> list[Recorded]:
     return [(T0 + k, publication) for k, publication in enumerate(publications)]
 
 
 def pose(frame: str = "map", covariance: Any = None) -> Publication:
-    told = np.eye(3) if covariance is None else covariance
-    return encode.pose_with_covariance("amcl_pose", T0, (1.0, 2.0, 0.0), told, frame)
+    given = np.eye(3) if covariance is None else covariance
+    return encode.pose_with_covariance("amcl_pose", T0, (1.0, 2.0, 0.0), given, frame)
 
 
 BAD = {
@@ -163,7 +163,7 @@ BAD = {
 
 @pytest.mark.parametrize("case", BAD)
 @pytest.mark.parametrize("kind", ["bag", "mcap"])
-def test_what_is_wrong_is_told_with_its_topic(
+def test_what_is_wrong_is_reported_with_its_topic(
     case: str, kind: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     publications, said = BAD[case]
@@ -183,12 +183,12 @@ def _fix() -> Any:
     return FixRow(T0, 1.0, 2.0, 0.1, "", "map")
 
 
-def body_called(name: str, mount: tuple[float, float, float] | None) -> list[Told]:
-    told = [(t, changed(p, child_frame_id=name) if p.topic == "odom" else p) for t, p in drive()]
+def body_called(name: str, mount: tuple[float, float, float] | None) -> list[Recorded]:
+    given = [(t, changed(p, child_frame_id=name) if p.topic == "odom" else p) for t, p in drive()]
     if mount is not None:
         transform = encode.transform(T0, "base_link", name, mount)
-        told.insert(0, (T0, encode.transforms([transform], static=True)))
-    return told
+        given.insert(0, (T0, encode.transforms([transform], static=True)))
+    return given
 
 
 @pytest.mark.parametrize(("mount", "said"), [
@@ -206,25 +206,25 @@ def test_odometry_of_another_name_is_the_body_s_unless_it_sits_elsewhere(
     path = write_messages(tmp_path / "d.mcap", body_called("wheels", mount))
     log = read_bag(path, world=world())
     assert ("odometry" in log) == (mount is None or mount == (0.0, 0.0, 0.0))
-    told = sentences(caplog)
-    assert len(told) == (0 if said is None else 1)
-    assert said is None or said in told[0]
+    given = sentences(caplog)
+    assert len(given) == (0 if said is None else 1)
+    assert said is None or said in given[0]
 
 
-def test_odometry_of_two_bodies_on_one_topic_is_told(
+def test_odometry_of_two_bodies_on_one_topic_is_reported(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     at_rest = (0.0, 0.0, 0.0)
-    told = sorted([*body_called("wheels", at_rest), *drive()], key=lambda one: one[0])
-    read_bag(write_messages(tmp_path / "d.mcap", told), world=world())
+    given = sorted([*body_called("wheels", at_rest), *drive()], key=lambda one: one[0])
+    read_bag(write_messages(tmp_path / "d.mcap", given), world=world())
     assert any("odom has 2 child frames, base_link and wheels, whose" in s for s in
                sentences(caplog))  # fmt: skip
 
 
-def test_two_nodes_on_a_topic_of_ros_1_are_told(
+def test_two_nodes_on_a_topic_of_ros_1_are_reported(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """A bag of ROS 1 says which node told what."""
+    """A bag of ROS 1 says which node given what."""
     path = write_messages(tmp_path / "d.bag", drive())
     two = tmp_path / "two.bag"
     with Reader(path) as reader, Writer(two) as writer:
@@ -262,8 +262,8 @@ def test_a_topic_that_was_asked_for_and_is_not_there_is_named(
 def test_a_topic_of_the_right_type_under_another_name_is_advised(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    told = [(t, replace(p, topic="wheels/odom") if p.topic == "odom" else p) for t, p in drive()]
-    path = write_messages(tmp_path / "d.mcap", told)
+    given = [(t, replace(p, topic="wheels/odom") if p.topic == "odom" else p) for t, p in drive()]
+    path = write_messages(tmp_path / "d.mcap", given)
     assert "odometry" not in read_bag(path, world=world())
     assert sentences(caplog) == [
         f"{path}: nothing on odom; wheels/odom of that type (nav_msgs/Odometry) may be meant: set "
@@ -283,12 +283,12 @@ def test_a_bag_of_which_nothing_can_be_used_says_why(tmp_path: Path) -> None:
     path = write_messages(tmp_path / "f.mcap", [])
     with pytest.raises(LogError, match="the bag is empty"):
         read_bag(path)
-    told = [(T0, replace(drive()[1][1], topic="wheels"))]
+    given = [(T0, replace(drive()[1][1], topic="wheels"))]
     with pytest.raises(LogError, match=r"wheels of that type .* set ros.topics.odometry"):
-        read_bag(write_messages(tmp_path / "g.mcap", told))
+        read_bag(write_messages(tmp_path / "g.mcap", given))
 
 
-def test_a_mount_that_nothing_tells_is_named_with_what_to_do(
+def test_a_mount_that_is_not_published_is_named_with_what_to_do(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = write_messages(tmp_path / "d.mcap", drive()[1:])
@@ -308,9 +308,9 @@ def test_landmarks_whose_sensor_is_nowhere_are_seen_from_the_body(
 ) -> None:
     rows = [SightingRow(T0, "oak", 3.0, 0.1, None, None, "eye")]
     other = [SightingRow(T0 + 1, "oak", 3.0, 0.1, 0.1, 0.1, "ear")]
-    told = only([encode.landmark_sightings("sightings", rows),
+    given = only([encode.landmark_sightings("sightings", rows),
                  encode.landmark_sightings("sightings", other)])  # fmt: skip
-    log = read_bag(write_messages(tmp_path / "d.mcap", told))
+    log = read_bag(write_messages(tmp_path / "d.mcap", given))
     assert log.landmark_sensor is None
     assert len(log["landmark_sightings"]["stamp_ns"]) == 1
     said = " ".join(sentences(caplog))
@@ -321,12 +321,12 @@ def test_landmarks_whose_sensor_is_nowhere_are_seen_from_the_body(
 def test_stamps_of_the_future_arrive_when_stamped_and_those_of_another_day_are_left_out(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    told = drive(32)
+    given = drive(32)
     for row, ahead in ((1, 3_000 * MS), (4, 2 * HOUR)):
-        time_ns, publication = told[row]
+        time_ns, publication = given[row]
         stamp = {"ns": time_ns - 5 * MS + ahead}
-        told[row] = (time_ns, changed(publication, header__stamp=stamp))
-    path = write_messages(tmp_path / "d.mcap", told)
+        given[row] = (time_ns, changed(publication, header__stamp=stamp))
+    path = write_messages(tmp_path / "d.mcap", given)
     log = read_bag(path, world=world())
     odometry = log["odometry"]
     assert len(odometry["stamp_ns"]) == 30  # one is gone, and one has the stamp of another
@@ -337,11 +337,11 @@ def test_stamps_of_the_future_arrive_when_stamped_and_those_of_another_day_are_l
     assert "1 messages of odometry have the stamp of another and are left out" in twice
 
 
-def test_a_recorder_with_another_clock_tells_no_arrival(
+def test_a_recorder_with_another_clock_gives_no_arrival(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    told = drive(late_ns=9 * HOUR)
-    path = write_messages(tmp_path / "d.mcap", told)
+    given = drive(late_ns=9 * HOUR)
+    path = write_messages(tmp_path / "d.mcap", given)
     log = read_bag(path, world=world())
     assert all("arrival_ns" not in log[stem] for stem in ("odometry", "ranges", "scans"))
     assert sentences(caplog) == [
@@ -353,13 +353,13 @@ def test_a_recorder_with_another_clock_tells_no_arrival(
 def test_odometry_that_is_set_anew_is_no_motion(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    told = []
+    given = []
     for time_ns, publication in drive():
         if publication.topic == "odom" and time_ns > T0 + 1_000 * MS:
             x = publication.fields["pose"]["pose"]["position"]["x"]
             publication = changed(publication, pose__pose__position__x=x + 500.0)
-        told.append((time_ns, publication))
-    path = write_messages(tmp_path / "d.mcap", told)
+        given.append((time_ns, publication))
+    path = write_messages(tmp_path / "d.mcap", given)
     log = read_bag(path, world=world())
     driven = np.hypot(log["odometry"]["dx_m"], log["odometry"]["dy_m"])[1:]
     assert driven.max() < 0.11
@@ -421,16 +421,16 @@ def test_types_that_nobody_knows_are_passed_over_unless_they_are_asked_for(
     assert "messages on odd are left out: the definition of odd_msgs/Odd cannot be used" in said
 
 
-def test_a_type_of_the_same_name_with_another_field_is_told(
+def test_a_type_of_the_same_name_with_another_field_is_reported(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Another package's message, or an older one: it told an error of Python for some fields."""
+    """Another package's message, or an older one: it given an error of Python for some fields."""
     whole, path = tmp_path / "whole.bag", tmp_path / "odd.bag"
     write_bag(full_log(), whole)
     with Reader(whole) as reader:
-        told = [(c, t, bytes(data)) for c, t, data in reader.messages()]
+        given = [(c, t, bytes(data)) for c, t, data in reader.messages()]
     complete = set(read_bag(whole).tables)
-    texts = {c.topic: c.msgdef.data for c, _, _ in told}
+    texts = {c.topic: c.msgdef.data for c, _, _ in given}
     outcomes = set()
     for topic, text in texts.items():
         for field in re.finditer(r"^\S+ (\w+)$", text, re.MULTILINE):
@@ -439,9 +439,9 @@ def test_a_type_of_the_same_name_with_another_field_is_told(
                 known = {
                     c: writer.add_connection(c.topic, c.msgtype, md5sum="0" * 32,
                                              msgdef=other if c.topic == topic else c.msgdef.data)
-                    for c in dict.fromkeys(c for c, _, _ in told)
+                    for c in dict.fromkeys(c for c, _, _ in given)
                 }  # fmt: skip
-                for connection, time_ns, data in told:
+                for connection, time_ns, data in given:
                     writer.write(known[connection], time_ns, data)
             caplog.clear()
             is_whole = set(read_bag(path).tables) == complete
@@ -473,7 +473,7 @@ def test_bytes_that_are_not_what_their_type_says_are_left_out(
 
 
 @pytest.mark.parametrize("kind", ["bag", "mcap"])
-def test_what_could_be_read_of_a_cut_bag_is_kept_and_told(
+def test_what_could_be_read_of_a_cut_bag_is_kept_and_reported(
     kind: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     whole = write_messages(tmp_path / f"whole.{kind}", drive(6000 if kind == "mcap" else 400))
@@ -525,7 +525,7 @@ def test_without_rosbags_the_error_names_the_extra(
     path = write_messages(tmp_path / "d.mcap", drive())
     from locfuse.io.rosbag import wire
 
-    for cached in (wire.store, wire.broken, wire.structure, wire.deserializer, wire._definition,
+    for cached in (wire.store, wire.broken, wire.serializer, wire.deserializer, wire._definition,
                    wire._filler):  # fmt: skip
         cached.cache_clear()
     monkeypatch.setitem(sys.modules, "rosbags", None)
@@ -551,8 +551,8 @@ def test_what_a_bag_lacks_is_named_by_where_a_bag_has_it(
     path = write_messages(tmp_path / "d.mcap", drive())
     with pytest.raises(LogError, match=r"no anchors; add anchors\.csv to the folder that ros\.wor"):
         run(parse_config({"log": str(path), "start": [0, 0, 0]}))
-    told = [(t, p) for t, p in drive() if p.topic != "uwb"]
-    path = write_messages(tmp_path / "wheels.mcap", told)
+    given = [(t, p) for t, p in drive() if p.topic != "uwb"]
+    path = write_messages(tmp_path / "wheels.mcap", given)
     run(parse_config({"log": str(path), "start": [0, 0, 0], "use": ["odometry", "ranges"]}))
     assert "use names ranges, but the log has none; is ros.topics.ranges its topic?" in (
         caplog.messages)  # fmt: skip

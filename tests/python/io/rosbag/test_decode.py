@@ -20,8 +20,8 @@ ROS = pytest.mark.parametrize("ros", list(TIMES))
 
 
 def odometry(ros: str = "ros2", **changes: Any) -> Any:
-    told = encode.odometry("odom", STAMP, (1.0, 2.0, 0.5), (0.3, -0.2), "/odom", "/base", 0.25)
-    return message(told, ros, **changes)
+    given = encode.odometry("odom", STAMP, (1.0, 2.0, 0.5), (0.3, -0.2), "/odom", "/base", 0.25)
+    return message(given, ros, **changes)
 
 
 def scan(ros: str = "ros2", **changes: Any) -> Any:
@@ -32,8 +32,8 @@ def scan(ros: str = "ros2", **changes: Any) -> Any:
 
 def pose(ros: str = "ros2", **changes: Any) -> Any:
     covariance = np.array([[1.0, 0.1, 0.2], [0.1, 2.0, 0.3], [0.2, 0.3, 3.0]])
-    told = encode.pose_with_covariance("p", STAMP, (1.0, 2.0, -3.0), covariance, "map")
-    return message(told, ros, **changes)
+    given = encode.pose_with_covariance("p", STAMP, (1.0, 2.0, -3.0), covariance, "map")
+    return message(given, ros, **changes)
 
 
 def uwb(ros: str = "ros2", **changes: Any) -> Any:
@@ -58,8 +58,8 @@ def sighted(ros: str = "ros2", **changes: Any) -> Any:
 
 def grid(**changes: Any) -> Any:
     cells = np.array([[0, 100, -1], [100, 0, 0]], np.int8)
-    told = encode.occupancy_grid("map", GridMap(cells, 0.05, (1.0, -2.0, 0.25)), "map")
-    return message(told, **changes)
+    given = encode.occupancy_grid("map", GridMap(cells, 0.05, (1.0, -2.0, 0.25)), "map")
+    return message(given, **changes)
 
 
 def satellite(**changes: Any) -> Any:
@@ -70,9 +70,9 @@ def satellite(**changes: Any) -> Any:
 
 
 def named(**changes: Any) -> Any:
-    told = encode.named_points("a", ["A", "B"], np.array([[0.0, 1, 2], [3, 4, 5]]),
+    given = encode.named_points("a", ["A", "B"], np.array([[0.0, 1, 2], [3, 4, 5]]),
                                np.array([0.5, 0.25]), "map")  # fmt: skip
-    return message(told, **changes)
+    return message(given, **changes)
 
 
 # What they say ---------------------------------------------------------------------------------
@@ -106,8 +106,8 @@ def test_a_scan_comes_back_at_the_decimals_the_laser_counted(ros: str) -> None:
 
 
 def test_what_a_laser_cannot_have_measured_is_no_return() -> None:
-    told = np.array([0.05, 0.1, 10.0, 10.5, np.inf, -np.inf, np.nan, 0.0], np.float32)
-    row = decode.scan(scan(ranges=told, intensities=np.zeros(0)))
+    given = np.array([0.05, 0.1, 10.0, 10.5, np.inf, -np.inf, np.nan, 0.0], np.float32)
+    row = decode.scan(scan(ranges=given, intensities=np.zeros(0)))
     assert np.isnan(row.ranges).tolist() == [True, False, False, True, True, True, True, True]
     assert row.ranges[1:3].tolist() == [0.1, 10.0]
     assert row.intensities is None
@@ -116,9 +116,9 @@ def test_what_a_laser_cannot_have_measured_is_no_return() -> None:
 def test_single_floats_become_short_decimals_only_where_they_mean_the_same() -> None:
     rng = np.random.default_rng(3)
     single = np.concatenate([np.round(rng.uniform(0, 60, 500), 3), rng.uniform(0, 60, 500)])
-    told = single.astype(np.float32)
-    wide = decode.decimals(told)
-    assert np.array_equal(wide.astype(np.float32), told)  # nothing is lost
+    given = single.astype(np.float32)
+    wide = decode.decimals(given)
+    assert np.array_equal(wide.astype(np.float32), given)  # nothing is lost
     assert np.array_equal(wide[:500], single[:500])  # and millimetres are those
     assert np.array_equal(decode.decimals(wide.astype(np.float32)), wide)
     assert decode.decimal(np.float32(0.05)) == 0.05
@@ -132,10 +132,10 @@ def test_ranges_name_tag_and_anchor(ros: str) -> None:
 
 
 def test_a_range_without_stamp_or_frame_of_its_own_has_that_of_all() -> None:
-    told = uwb()
-    told.ranges[1].header = message(encode.header(0, ""))
-    told.header.frame_id = "/uwb"
-    assert decode.ranges(told)[1] == (STAMP, "tag", "B", 3.0, None, "uwb")
+    given = uwb()
+    given.ranges[1].header = message(encode.header(0, ""))
+    given.header.frame_id = "/uwb"
+    assert decode.ranges(given)[1] == (STAMP, "tag", "B", 3.0, None, "uwb")
 
 
 @ROS
@@ -298,7 +298,7 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
     "a cell of 101": (lambda: decode.grid(grid(data=[0, 0, 0, 0, 0, 101])),
                       "a cell of the map is 101"),
     "points without places": (lambda: decode.points(named(points=[])), "2 names, 0 points"),
-    "points called alike": (lambda: decode.points(named(names=["A", "A"])),
+    "points of one name": (lambda: decode.points(named(names=["A", "A"])),
                             "'A' is empty or there"),
     "a radius of 0": (lambda: decode.points(named(radii=[0.5, 0.0])), "a radius is not positive"),
     "half a sigma": (lambda: decode.sightings(message(sighted().sightings[0].__dict__ | {
@@ -325,7 +325,7 @@ def test_single_ranges_that_are_wrong_name_their_anchor() -> None:
                          ({"sigma": math.nan}, "the sigma of the range to B is nan"),
                          ({"anchor": ""}, "a range has no anchor"),
                          ({"header": message(encode.header(0, ""))}, "stamp is 0")):  # fmt: skip
-        told = uwb(header=message(encode.header(0, "")))
-        vars(told.ranges[1]).update(change)
+        given = uwb(header=message(encode.header(0, "")))
+        vars(given.ranges[1]).update(change)
         with pytest.raises(MessageError, match=said):
-            decode.ranges(told)
+            decode.ranges(given)

@@ -18,9 +18,9 @@ def test_every_heading_survives_its_quaternion_bit_for_bit() -> None:
     headings = [*rng.uniform(-math.pi, math.pi, 5000), *(10.0 ** rng.uniform(-300, 0, 500)), 0.0,
                 -math.pi, math.nextafter(math.pi, 0.0), math.pi / 2, -math.pi / 2]  # fmt: skip
     for heading in headings:
-        told = message(encode.quaternion(float(heading)))
-        assert decode.heading_of(told) == heading
-        assert told.z**2 + told.w**2 == pytest.approx(1.0, abs=1e-14)
+        given = message(encode.quaternion(float(heading)))
+        assert decode.heading_of(given) == heading
+        assert given.z**2 + given.w**2 == pytest.approx(1.0, abs=1e-14)
 
 
 def test_half_an_angle_and_back_would_not_do() -> None:
@@ -51,9 +51,9 @@ def test_a_covariance_sits_where_ros_keeps_x_y_and_yaw() -> None:
 
 
 def test_a_path_has_the_stamp_of_its_last_pose() -> None:
-    told = encode.path("path", "map", [1, 2], [(0, 0, 0), (1, 2, 0)])
-    assert told.fields["header"] == {"stamp": {"ns": 2}, "frame_id": "map"}
-    assert [p["header"]["stamp"]["ns"] for p in told.fields["poses"]] == [1, 2]
+    given = encode.path("path", "map", [1, 2], [(0, 0, 0), (1, 2, 0)])
+    assert given.fields["header"] == {"stamp": {"ns": 2}, "frame_id": "map"}
+    assert [p["header"]["stamp"]["ns"] for p in given.fields["poses"]] == [1, 2]
     assert encode.path("path", "map", [], []).fields["poses"] == []
 
 
@@ -62,9 +62,9 @@ def test_a_path_has_the_stamp_of_its_last_pose() -> None:
     [("ok", encode.OK), ("degraded", encode.WARN), ("lost", encode.ERROR), ("new", encode.WARN)],
 )
 def test_health_is_a_status_of_diagnostics(state: str, level: int) -> None:
-    told = encode.health_status(state, "no anchor A any more", 0.25, 0.5, (1.0, math.inf, 0.1))
-    assert (told["level"], told["message"]) == (level, "no anchor A any more")
-    values = {pair["key"]: pair["value"] for pair in told["values"]}
+    given = encode.health_status(state, "no anchor A any more", 0.25, 0.5, (1.0, math.inf, 0.1))
+    assert (given["level"], given["message"]) == (level, "no anchor A any more")
+    values = {pair["key"]: pair["value"] for pair in given["values"]}
     assert values["within"] == "0.25"
     assert values["protection_y_m"] == "inf"
 

@@ -39,10 +39,10 @@ def test_a_mount_may_lie_on_another_branch() -> None:
     assert found.mount("base_footprint") == pytest.approx((0.0, 0.0, -0.1, 0.0))
 
 
-def test_a_mount_told_at_once_keeps_every_bit() -> None:
+def test_a_mount_published_at_once_keeps_every_bit() -> None:
     heading = 0.1 + 0.2
-    told = encode.transform(1, "base_link", "laser", (0.1, 0.7, heading), 0.3)
-    found = tree(*transforms(message(told)))
+    given = encode.transform(1, "base_link", "laser", (0.1, 0.7, heading), 0.3)
+    found = tree(*transforms(message(given)))
     assert found.mount("laser") == (0.1, 0.7, 0.3, heading)
 
 

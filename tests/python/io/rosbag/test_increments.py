@@ -20,7 +20,7 @@ def drive(seed: int, speed: float = 0.02, n: int = 3000) -> FloatArray:
     return np.column_stack([x, y, heading])
 
 
-def test_an_increment_is_told_in_the_body_before_it() -> None:
+def test_an_increment_is_given_in_the_body_before_it() -> None:
     poses = np.array([[1.0, 2.0, math.pi / 2], [1.0, 3.0, math.pi / 2], [0.5, 3.0, -math.pi / 2]])
     motion = increments_of(poses)
     assert motion[0] == pytest.approx([1.0, 2.0, math.pi / 2])
@@ -31,7 +31,7 @@ def test_an_increment_is_told_in_the_body_before_it() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("speed", [1e-5, 0.02, 5.0])
-def test_once_told_increments_come_back_bit_for_bit(seed: int, speed: float) -> None:
+def test_once_written_increments_come_back_bit_for_bit(seed: int, speed: float) -> None:
     poses = drive(seed, speed)
     motion = increments_of(poses)
     again = poses_of(motion)

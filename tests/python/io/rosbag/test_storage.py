@@ -21,10 +21,10 @@ from locfuse.types import LogError
 from support_bags import KINDS, MS, T0, drive, sentences, world, write_messages, write_sqlite
 
 STEPS = 400  # fill several chunks
-TOLD = Counter({"odom": STEPS, "uwb": STEPS, "scan": STEPS, "tf_static": 1})
+WRITTEN = Counter({"odom": STEPS, "uwb": STEPS, "scan": STEPS, "tf_static": 1})
 
 
-def heard(path: Path) -> tuple[Counter[str], list[str]]:
+def measured(path: Path) -> tuple[Counter[str], list[str]]:
     """Return how many messages of each topic are read, and what was damaged."""
     bag = Bag(path)
     found = Counter(connection.topic for connection, _, _ in bag.messages(lambda _: True))
@@ -46,8 +46,8 @@ def file_of(path: Path) -> Path:
 def test_every_message_is_read_with_its_record_time_and_type(
     kind: str, bags: dict[str, Path]
 ) -> None:
-    assert heard(bags[kind]) == (TOLD, [])
-    assert heard(file_of(bags[kind])) == (TOLD, [])
+    assert measured(bags[kind]) == (WRITTEN, [])
+    assert measured(file_of(bags[kind])) == (WRITTEN, [])
     bag = Bag(bags[kind])
     first = next(m for m in bag.messages(lambda c: c.topic == "odom"))
     assert (first[0].type, first[1]) == ("nav_msgs/Odometry", T0 + 5_000_000)
@@ -61,16 +61,16 @@ def test_only_what_is_wanted_is_read_and_the_rest_is_known_of(
     bag = Bag(bags[kind])
     topics = {c.topic for c, _, _ in bag.messages(lambda c: c.topic == "uwb")}
     assert topics == {"uwb"}
-    assert {c.topic for c in bag.counts} == set(TOLD)
+    assert {c.topic for c in bag.counts} == set(WRITTEN)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_progress_ends_with_all_of_the_bag(kind: str, bags: dict[str, Path]) -> None:
-    told: list[tuple[int, int]] = []
-    for _ in Bag(bags[kind], lambda *done: told.append(done)).messages(lambda _: True):
+    given: list[tuple[int, int]] = []
+    for _ in Bag(bags[kind], lambda *done: given.append(done)).messages(lambda _: True):
         pass
-    assert told == sorted(told)
-    assert told[-1][0] == told[-1][1] == file_of(bags[kind]).stat().st_size
+    assert given == sorted(given)
+    assert given[-1][0] == given[-1][1] == file_of(bags[kind]).stat().st_size
 
 
 @pytest.mark.parametrize("packing", ["bz2", "lz4"])
@@ -88,7 +88,7 @@ def test_packed_chunks_of_ros_1_are_unpacked(
         }
         for connection, time_ns, data in reader.messages():
             writer.write(known[connection.id], time_ns, data)
-    assert heard(tmp_path / "packed.bag") == (TOLD, [])
+    assert measured(tmp_path / "packed.bag") == (WRITTEN, [])
 
 
 @pytest.mark.parametrize("mode", ["FILE", "MESSAGE"])
@@ -97,7 +97,7 @@ def test_packed_folders_of_ros_2_are_unpacked(mode: str, tmp_path: Path) -> None
 
     path = write_sqlite(tmp_path / "packed", drive(STEPS), mode=CompressionMode[mode],
                         fmt=CompressionFormat.ZSTD)  # fmt: skip
-    assert heard(path) == (TOLD, [])
+    assert measured(path) == (WRITTEN, [])
 
 
 @pytest.mark.parametrize("kind", ["bag", "mcap"])
@@ -108,12 +108,12 @@ def test_a_bag_that_is_cut_off_is_read_up_to_there(
     data = bags[kind].read_bytes()
     path = tmp_path / f"cut.{kind}"
     path.write_bytes(data[: int(share * len(data))])
-    found, damage = heard(path)
+    found, damage = measured(path)
     (said,) = damage
     assert said.startswith(f"{path} is damaged at ")
     assert f"the {found.total()} messages before are kept" in said
     if kind == "bag":  # whose chunks are not packed, so that half a chunk is worth something
-        assert found.total() > 0.9 * share * TOLD.total() - 50
+        assert found.total() > 0.9 * share * WRITTEN.total() - 50
 
 
 def test_no_length_of_a_bag_is_a_traceback(tmp_path: Path, bags: dict[str, Path]) -> None:
@@ -123,11 +123,11 @@ def test_no_length_of_a_bag_is_a_traceback(tmp_path: Path, bags: dict[str, Path]
             path = tmp_path / f"cut.{kind}"
             path.write_bytes(data[:length])
             try:
-                found, damage = heard(path)
+                found, damage = measured(path)
             except LogError:
-                assert length < 32  # not enough to tell what it is
+                assert length < 32  # not enough to know what it is
             else:
-                assert found == TOLD or len(damage) == 1
+                assert found == WRITTEN or len(damage) == 1
 
 
 def test_no_changed_byte_of_a_bag_is_a_traceback(tmp_path: Path, bags: dict[str, Path]) -> None:
@@ -139,7 +139,7 @@ def test_no_changed_byte_of_a_bag_is_a_traceback(tmp_path: Path, bags: dict[str,
             path.write_bytes(data)
             data[at] = before
             try:
-                heard(path)
+                measured(path)
             except LogError:
                 assert at < 32
 
@@ -154,7 +154,7 @@ def test_a_chunk_that_is_damaged_is_left_and_the_next_read(
     path = tmp_path / "odd.mcap"
     path.write_bytes(data)
     stamps = [time_ns for _, time_ns, _ in Bag(path).messages(lambda c: c.topic == "odom")]
-    _, damage = heard(path)
+    _, damage = measured(path)
     assert len(damage) == 1
     assert "a chunk cannot be unpacked" in damage[0]
     assert (stamps[0], stamps[-1]) == (T0 + 5 * MS, T0 + (5 + 100 * 2999) * MS)
@@ -168,9 +168,9 @@ def test_a_bag_that_was_never_closed_is_read(tmp_path: Path) -> None:
     data[at : at + 8] = bytes(8)
     path = tmp_path / "active.bag"
     path.write_bytes(data)
-    found, damage = heard(path)
-    assert found == TOLD
-    assert damage == [f"{path} is damaged at its end (it was never closed); the {TOLD.total()} "
+    found, damage = measured(path)
+    assert found == WRITTEN
+    assert damage == [f"{path} is damaged at its end (it was never closed); the {WRITTEN.total()} "
                       "messages before are kept"]  # fmt: skip
 
 
@@ -182,8 +182,8 @@ def test_a_database_that_is_damaged_is_read_up_to_there(
     data[middle : middle + 40_000] = b"\xff" * 40_000
     path = tmp_path / "odd.db3"
     path.write_bytes(data)
-    found, damage = heard(path)
-    assert 0 < found.total() < TOLD.total()
+    found, damage = measured(path)
+    assert 0 < found.total() < WRITTEN.total()
     assert f"the {found.total()} messages before are kept" in damage[0]
 
 
@@ -218,7 +218,7 @@ def test_a_folder_whose_metadata_is_wrong_is_said_in_a_sentence(tmp_path: Path) 
             list(Bag(tmp_path).messages(lambda _: True))
 
 
-def test_a_bag_is_told_from_a_log_folder(tmp_path: Path, bags: dict[str, Path]) -> None:
+def test_a_bag_is_distinguished_from_a_log_folder(tmp_path: Path, bags: dict[str, Path]) -> None:
     assert all(is_bag(path) for path in bags.values())
     assert not is_bag(tmp_path)
     assert not is_bag(tmp_path / "absent")
@@ -229,8 +229,8 @@ def test_types_are_named_as_people_name_them() -> None:
 
 
 def test_a_topic_may_have_two_publishers_and_two_types(tmp_path: Path) -> None:
-    told = drive(3) + [(T0, encode.text("odom", "not odometry"))]
-    found, damage = heard(write_messages(tmp_path / "two.bag", told))
+    given = drive(3) + [(T0, encode.text("odom", "not odometry"))]
+    found, damage = measured(write_messages(tmp_path / "two.bag", given))
     assert (found["odom"], damage) == (4, [])
 
 
@@ -244,8 +244,8 @@ def test_a_packed_message_that_is_damaged_is_left_out(
     with closing(sqlite3.connect(file_of(path))) as base:
         base.execute("UPDATE messages SET data = x'28b52ffd00' WHERE id = 3")
         base.commit()
-    found, damage = heard(path)
-    assert (found, damage) == (TOLD, [])
+    found, damage = measured(path)
+    assert (found, damage) == (WRITTEN, [])
     assert len(read_bag(path, world=world())["ranges"]["stamp_ns"]) == 2 * (STEPS - 1)
     (said,) = sentences(caplog)
     assert f"1 of {STEPS} messages on uwb are left out: it cannot be unpacked" in said
@@ -260,8 +260,8 @@ def test_a_chunk_that_grows_when_it_is_unpacked_is_not(
     for size in (999, 1000):
         assert stored.decompressed(pack[packing](bytes(size)), packing, None) == bytes(size)
         assert stored.decompressed(pack[packing](bytes(size)), packing, size) == bytes(size)
-    for told in (None, 999, 1001, 5_000_000):
+    for given in (None, 999, 1001, 5_000_000):
         with pytest.raises(stored.CutError, match=r"more than|expected"):
-            stored.decompressed(pack[packing](bytes(5_000_000)), packing, told)
+            stored.decompressed(pack[packing](bytes(5_000_000)), packing, given)
     with pytest.raises(stored.CutError, match="cannot be unpacked"):
         stored.decompressed(pack[packing](bytes(999))[:-8], packing, None)

@@ -28,11 +28,11 @@ def test_every_message_of_ours_is_defined() -> None:
 @ENCODINGS
 def test_fields_make_bytes_and_bytes_messages(encoding: str) -> None:
     row = RangeRow(1_700_000_000_000_000_001, "t", "A", 1.1, 0.1, "radio")
-    told = encode.uwb_ranges("uwb", [row, row])
-    data = bytes(serializer(encoding, told.type)(told.fields))
-    text, _ = defined(encoding, told.type)
+    given = encode.uwb_ranges("uwb", [row, row])
+    data = bytes(serializer(encoding, given.type)(given.fields))
+    text, _ = defined(encoding, given.type)
     for definition in (text, ""):  # by the bag's own, or by ours
-        message: Any = deserializer(Connection("uwb", told.type, definition, encoding))(data)
+        message: Any = deserializer(Connection("uwb", given.type, definition, encoding))(data)
         assert [one.anchor for one in message.ranges] == ["A", "A"]
         assert message.ranges[0].range == 1.1
         assert message.ranges[0].header.stamp.nanosec == 1
