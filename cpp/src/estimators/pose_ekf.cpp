@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "locfuse/estimators/pose_ekf.hpp"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -9,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "estimators/innovation.hpp"
 #include "estimators/recipe.hpp"
 
 namespace locfuse {
@@ -30,9 +30,7 @@ auto nearest(const GaussianBelief& belief, const LandmarkMap& map, const Lineari
     if (!lin) {
       continue;
     }
-    using Noise = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 2, 2>;
-    const Noise S = lin->jacobian * P * lin->jacobian.transpose() + lin->noise;
-    if (const double nis = squared_mahalanobis(lin->residual, S); nis < least) {
+    if (const double nis = internal::nis_of(*lin, P); nis < least) {
       least = nis;
       found = lin;
     }
@@ -40,18 +38,10 @@ auto nearest(const GaussianBelief& belief, const LandmarkMap& map, const Lineari
   return found;
 }
 
-/// Of up to kMaxJoint rows: one decomposition for all sizes known at run time.
-double determinant_at_run_time(const Eigen::Ref<const Eigen::MatrixXd>& noise) {
-  constexpr int kMaxRows = PoseEkf::kMaxJoint;
-  return Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMaxRows, kMaxRows>(
-             noise)
-      .determinant();
-}
-
 template <class Noise>
 double determinant_of(const Noise& noise) {
   if constexpr (Noise::RowsAtCompileTime == Eigen::Dynamic) {
-    return determinant_at_run_time(noise);
+    return internal::determinant_of(noise);
   } else {
     return noise.determinant();
   }

@@ -203,11 +203,11 @@ TEST(Robust, leaves_a_covariance_however_far_off_a_measurement_is) {
 
 TEST(Robust, doubt_stays_below_the_ceiling) {
   GaussianBelief belief = GaussianBelief::of_pose(
-      0, {}, Vector<3>(1.0, 1.0, std::pow(kHeadingBounds.most, 2)).asDiagonal());
-  const Linearization<1, 3> lin{Vector<1>(5.0 * kHeadingBounds.most), Matrix<1, 3>(0.0, 0.0, 1.0),
-                                Matrix<1, 1>(0.25 * std::pow(kHeadingBounds.most, 2))};
+      0, {}, Vector<3>(1.0, 1.0, std::pow(kHeadingBounds.max, 2)).asDiagonal());
+  const Linearization<1, 3> lin{Vector<1>(5.0 * kHeadingBounds.max), Matrix<1, 3>(0.0, 0.0, 1.0),
+                                Matrix<1, 1>(0.25 * std::pow(kHeadingBounds.max, 2))};
   update(belief, lin, belief.slot("body"), Gate(), cauchy());
-  EXPECT_EQ(std::sqrt(belief.P(2, 2)), kHeadingBounds.most);
+  EXPECT_EQ(std::sqrt(belief.P(2, 2)), kHeadingBounds.max);
   EXPECT_EQ(belief.interventions, 1U);
 }
 
