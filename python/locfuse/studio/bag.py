@@ -21,6 +21,6 @@ def write_bag_of(folder: str, name: str, said: Connection) -> None:
         write_bag(run(config, base=Path(folder)), part, config.ros)
         os.replace(part, Path(folder, name))
         said.send("")
-    except Exception as error:  # it is told to who asked for it
+    except Exception as error:  # reported to the caller
         part.unlink(missing_ok=True)
         said.send(" ".join(str(error).split()) or type(error).__name__)

@@ -90,7 +90,7 @@ def coverage(
 ) -> Coverage:
     """Return dilution of precision and anchors in view.
 
-    What one anchor tells is remembered: when one of them moves, only that is computed anew.
+    The information of each anchor is cached: when one moves, only its part is recomputed.
 
     Parameters
     ----------
@@ -102,13 +102,13 @@ def coverage(
         Where it knows nothing there is no floor.
     """
     cells = floor.rows * floor.columns
-    told, seen = np.zeros((3, cells)), np.zeros(cells, np.uint8)
+    total, seen = np.zeros((3, cells)), np.zeros(cells, np.uint8)
     around = tuple(tuple(wall) for wall in walls)
     for x, y, z in anchors.values():
         of_one, in_view = _of_anchor((float(x), float(y), float(z)), around, floor)
-        told += of_one
+        total += of_one
         seen += in_view
-    hdop = dilution(told.T)
+    hdop = dilution(total.T)
     if grid is not None:
         hdop[~known(grid, floor.points())] = np.nan
     shape = (floor.rows, floor.columns)
@@ -119,14 +119,14 @@ def coverage(
 def _of_anchor(
     anchor: tuple[float, float, float], walls: tuple[Wall, ...], floor: Floor
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Return what ranges to an anchor tell (3, cells), and from where it is in view."""
+    """Return the information of ranges to an anchor (3, cells), and the cells that see it."""
     points = floor.points()
-    told = information(np.array([anchor]), points, floor.height_m)[:, 0].T.copy()
+    total = information(np.array([anchor]), points, floor.height_m)[:, 0].T.copy()
     if not walls:
-        return told, np.ones(len(points), np.bool_)
+        return total, np.ones(len(points), np.bool_)
     in_view = walls_between(points, np.broadcast_to(anchor[:2], points.shape), walls) == 0
-    told[:, ~in_view] = 0.0
-    return told, in_view
+    total[:, ~in_view] = 0.0
+    return total, in_view
 
 
 def packed(found: Coverage) -> bytes:

@@ -148,7 +148,7 @@ class Draft:
 
 
 def _section(default: Any, *, in_list: bool) -> Any:
-    if isinstance(default, BaseModel):  # a member of a union is told by its tag
+    if isinstance(default, BaseModel):  # the tag identifies the member of a union
         return {tag: getattr(default, tag) for tag in ("shape", "kind") if hasattr(default, tag)}
     if default is None:
         return [] if in_list else {}

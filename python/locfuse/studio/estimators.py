@@ -89,10 +89,10 @@ def _can(choice: Choice, data: Data, config: RunConfig) -> bool:
         return False
     if choice.key.startswith("mcl"):
         return True
-    heard = {source for source in SOURCES if getattr(simulation, source) is not None}
+    simulated = {source for source in SOURCES if getattr(simulation, source) is not None}
     if with_choice.cylinders is not None:
-        heard.add("landmark_sightings")
-    used = [source for source in with_choice.use if source in heard]
+        simulated.add("landmark_sightings")
+    used = [source for source in with_choice.use if source in simulated]
     wanted = list(with_choice.use) if choice.key != "all" else used
     return set(wanted) <= set(used) and (choice.key != "all" or len(used) > 2)
 

@@ -48,7 +48,7 @@ class Field:
 
 
 def fields_of(model: type[BaseModel]) -> list[Field]:
-    """Return the keys of a model, but for the tag that tells it from others."""
+    """Return the keys of a model, except the tag that identifies it."""
     return [field_of(model, name) for name in model.model_fields if name not in ("shape", "kind")]
 
 

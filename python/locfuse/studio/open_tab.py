@@ -142,7 +142,7 @@ class OpenTab:
             return _sentence(error)
         self._page.changed()
         self._page.tabs.value = "World"
-        self._page.tell(f"{file.name} is the scene now", good=True)
+        self._page.notify(f"{file.name} is the scene now", good=True)
         return ""
 
     async def _open_log(self, path: Path) -> str:
@@ -180,7 +180,7 @@ class OpenTab:
         self._page.tabs.value = "World"
         return ""
 
-    def heard(self, said: dict[str, Any]) -> None:
+    def on_event(self, said: dict[str, Any]) -> None:
         """Go on with a file that was uploaded."""
         kind, name = str(said["kind"]), str(said["name"])
         if said["do"] == "uploading":

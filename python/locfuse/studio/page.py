@@ -50,7 +50,7 @@ class StudioPage:
             for name, tab in (("World", self.world), ("Run", self.run), ("Open", self.open)):
                 with ui.tab_panel(name).style("padding:0; height:100%; overflow:hidden"):
                     tab.build()
-        ui.on("studio", lambda event: self.heard(event.args))
+        ui.on("studio", lambda event: self.on_event(event.args))
         ui.timer(_LOOK_S, self.refresh)
         if self.studio.notice:
             ui.notify(
@@ -106,7 +106,7 @@ class StudioPage:
                     name.error = str(error)
                 else:
                     dialog.close()
-                    self.tell(f"saved as {file.name}", good=True)
+                    self.notify(f"saved as {file.name}", good=True)
 
             name.on("keydown.enter", lambda: save())
             name.on_value_change(lambda: lose.set_visibility(False))
@@ -121,22 +121,22 @@ class StudioPage:
 
     # What happens ----------------------------------------------------------------------------
 
-    def heard(self, said: dict[str, Any]) -> None:
-        """Do what the drawing board, a key or an upload tells of."""
+    def on_event(self, said: dict[str, Any]) -> None:
+        """Handle an event of the drawing board, a key or an upload."""
         try:
             if said["do"] == "undo":
                 self.studio.scene.undo()
             elif said["do"] == "redo":
                 self.studio.scene.redo()
             elif said["do"] in ("uploading", "uploaded"):
-                self.open.heard(said)
+                self.open.on_event(said)
             else:
-                self.world.heard(said)
+                self.world.on_event(said)
         except RefusedError as error:
-            self.tell("; ".join(problem.message for problem in error.problems))
+            self.notify("; ".join(problem.message for problem in error.problems))
             self._world_seen = -1  # the page shows what it tried; show what is
         except (KeyError, IndexError, TypeError, ValueError):
-            self.tell("that is not there any more")
+            self.notify("that is not there any more")
             self._world_seen = -1
         self.changed()
 
@@ -144,7 +144,7 @@ class StudioPage:
         """Keep the scene and show what is new."""
         wrong = self.studio.keep()
         if wrong:
-            self.tell(wrong)
+            self.notify(wrong)
         self.refresh()
 
     def refresh(self) -> None:
@@ -160,7 +160,7 @@ class StudioPage:
             self._seen = (scene.version, runner.version)
             self.run.refresh()
 
-    def tell(self, text: str, *, good: bool = False) -> None:
+    def notify(self, text: str, *, good: bool = False) -> None:
         """Show a sentence for a while."""
         ui.notify(
             text,
@@ -177,6 +177,6 @@ class StudioPage:
         if problems:
             self.studio.scene.load_text(before)
         else:
-            self.tell(f"{name} is the scene now", good=True)
+            self.notify(f"{name} is the scene now", good=True)
         self.changed()
         return f"{name}: {'; '.join(map(str, problems))}" if problems else ""

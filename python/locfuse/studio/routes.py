@@ -115,12 +115,12 @@ def _make_bag(folder: Path) -> None:
     if (folder / BAG).exists():
         return
     context = multiprocessing.get_context("spawn")
-    heard, said = context.Pipe(duplex=False)
+    receiver, said = context.Pipe(duplex=False)
     process = context.Process(target=write_bag_of, args=(str(folder), BAG, said), daemon=True)
     process.start()
     said.close()
     try:
-        wrong = heard.recv()
+        wrong = receiver.recv()
     except EOFError:
         wrong = "the process that makes the bag ended without a word"
     process.join()
@@ -151,7 +151,7 @@ def _uploads(router: APIRouter, studio: Studio) -> None:
 
 
 def _take(studio: Studio, kind: str, name: str, file: Path, request: Request) -> dict[str, Any]:
-    """Keep an uploaded file; return what the page is told."""
+    """Keep an uploaded file; return the answer for the page."""
     if kind == "log":
         return {"path": _log(studio, name, file)}
     if kind == "scene":

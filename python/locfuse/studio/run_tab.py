@@ -81,7 +81,7 @@ class RunTab:
         try:
             run = studio.runner.start(studio.scene, chosen, studio.base)
         except (ValueError, OSError) as error:
-            self._page.tell(str(error))
+            self._page.notify(str(error))
             return
         self._shown = []
         self._awaited = {(run.number, part.key) for part in run.parts}

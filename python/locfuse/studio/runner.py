@@ -184,7 +184,7 @@ class Runner:
     def _begin(self, run: Run) -> None:
         # Spawned, not forked: the server has threads, and a run must not inherit their locks.
         context = multiprocessing.get_context("spawn")
-        heard, said = context.Pipe(duplex=False)
+        receiver, said = context.Pipe(duplex=False)
         folders = tuple(str(run.folder_of(part.key)) for part in run.parts)
         job = Job(folders, tuple(part.name for part in run.parts))
         self._cancelled = False
@@ -192,13 +192,13 @@ class Runner:
         self._process.start()
         said.close()
         self._watch = threading.Thread(
-            target=self._listen, args=(run, heard, self._process), daemon=True
+            target=self._listen, args=(run, receiver, self._process), daemon=True
         )
         self._watch.start()
 
-    def _listen(self, run: Run, heard: Connection, process: SpawnProcess) -> None:
+    def _listen(self, run: Run, receiver: Connection, process: SpawnProcess) -> None:
         try:
-            while (message := heard.recv()) is not None:
+            while (message := receiver.recv()) is not None:
                 self._hear(run, run.parts[message[0]], *message[1:])
         except (EOFError, OSError):
             pass  # it ended before its last word
@@ -209,7 +209,7 @@ class Runner:
                 part.state = "cancelled" if self._cancelled else "failed"
                 part.error = "" if self._cancelled else _how(process.exitcode)
                 self._cancelled = self._cancelled or part.state == "failed"
-        heard.close()
+        receiver.close()
         run.write()
         self.version += 1
 

@@ -51,7 +51,7 @@ class Scene:
 
     A value that does not fit is kept beside the document, with its message, until it is changed,
     or other changes make it fit; then both become part of the document. A text that does not fit
-    is kept likewise. Whoever shows the scene asks `version` whether anything is new.
+    is kept the same way. Whoever shows the scene asks `version` whether anything is new.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ class Scene:
             data = read_yaml(text, "the text")
             config = checked(data)
         except YamlError as error:
-            what = str(error).split(": ", 1)[1]  # the place is told by the line
+            what = str(error).split(": ", 1)[1]  # the line names the place
             self.text, self.text_problems = text, (Problem((), what, error.line),)
         except RefusedError as error:
             self.text = text

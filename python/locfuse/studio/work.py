@@ -47,17 +47,17 @@ def work(job: Job, said: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends it
     results: dict[int, RunResult] = {}
     for index, folder in enumerate(job.folders):
-        with _told(index, Path(folder), said):
+        with _reporting(index, Path(folder), said):
             results[index] = _shown(index, Path(folder), job.names[index], said)
     for index, result in results.items():
-        with _told(index, Path(job.folders[index]), said):
+        with _reporting(index, Path(job.folders[index]), said):
             write_results(result, job.folders[index])
             said.send((index, "done"))
     said.send(None)
 
 
 @contextmanager
-def _told(index: int, folder: Path, said: Connection) -> Iterator[None]:
+def _reporting(index: int, folder: Path, said: Connection) -> Iterator[None]:
     """Say what went wrong: whatever it is, the others can still run."""
     try:
         yield
@@ -71,13 +71,13 @@ def _told(index: int, folder: Path, said: Connection) -> Iterator[None]:
 
 def _shown(index: int, folder: Path, name: str, said: Connection) -> RunResult:
     """Run an estimator and write what the player shows of it, on the way as well."""
-    told = -1.0
+    reported = -1.0
     due = time.perf_counter() + _LEAST_S
 
     def progress(done: int, total: int) -> None:
-        nonlocal told
-        if total and done / total - told >= _LEAST_STEP:
-            told = done / total
+        nonlocal reported
+        if total and done / total - reported >= _LEAST_STEP:
+            reported = done / total
             said.send((index, "progress", done, total))
 
     def watch(so_far: Callable[[], RunResult]) -> None:

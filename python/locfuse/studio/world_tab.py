@@ -163,8 +163,8 @@ class WorldTab:
 
     # What happens ----------------------------------------------------------------------------
 
-    def heard(self, said: dict[str, Any]) -> None:
-        """Do what the drawing board tells of."""
+    def on_event(self, said: dict[str, Any]) -> None:
+        """Handle an event of the drawing board."""
         scene, do = self._page.studio.scene, said["do"]
         what: Key = tuple(said["what"]) if isinstance(said.get("what"), list) else ()
         if do == "add":
@@ -272,7 +272,7 @@ class WorldTab:
     def _take_away(self) -> None:
         if self._chosen is not None:
             short = self._chosen[: 3 if self._chosen[0] == "nlos" else 2]
-            self._page.heard({"do": "remove", "what": list(short)})
+            self._page.on_event({"do": "remove", "what": list(short)})
 
 
 def _called(what: Key) -> str:

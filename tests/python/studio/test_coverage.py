@@ -93,7 +93,7 @@ def test_what_is_packed_is_what_was_found() -> None:
     dop = head["best"] * (head["none"] / head["best"]) ** ((level - 0.5) / 253.0)
     np.testing.assert_allclose(dop[known], found.hdop[known], rtol=0.01)
     assert np.all(found.hdop[~known] == 20.0)
-    assert not known[0].any()  # between the two, ranges tell nothing across
+    assert not known[0].any()  # between the two, ranges have no information across
     assert head["worst"] == 20.0
     assert found.hdop.min() > BEST
 

@@ -53,10 +53,10 @@ def test_a_newer_scene_ends_what_is_computed_and_drops_what_waits(
     grounds: Grounds, tmp_path: Path
 ) -> None:
     grounds.begin()
-    told: dict[float, Any] = {}
+    found: dict[float, Any] = {}
 
     def ask(side_m: float) -> None:
-        told[side_m] = grounds.of(large(side_m), tmp_path)
+        found[side_m] = grounds.of(large(side_m), tmp_path)
 
     askers = [threading.Thread(target=ask, args=(side_m,)) for side_m in (200.0, 210.0, 220.0)]
     for asker in askers:
@@ -69,14 +69,14 @@ def test_a_newer_scene_ends_what_is_computed_and_drops_what_waits(
     assert found == ground_of(scene(5), tmp_path)
     for asker in askers:
         asker.join(20)
-    assert told == dict.fromkeys((200.0, 210.0, 220.0))
+    assert found == dict.fromkeys((200.0, 210.0, 220.0))
     assert time.monotonic() - began < 30.0
 
 
 def test_who_asks_the_same_waits_for_the_same(grounds: Grounds, tmp_path: Path) -> None:
-    told: list[Any] = []
+    found: list[Any] = []
     askers = [
-        threading.Thread(target=lambda: told.append(grounds.of(scene(6), tmp_path)))
+        threading.Thread(target=lambda: found.append(grounds.of(scene(6), tmp_path)))
         for _ in range(4)
     ]
     for asker in askers:
@@ -84,17 +84,19 @@ def test_who_asks_the_same_waits_for_the_same(grounds: Grounds, tmp_path: Path) 
     for asker in askers:
         asker.join(60)
 
-    assert told == [ground_of(scene(6), tmp_path)] * 4
+    assert found == [ground_of(scene(6), tmp_path)] * 4
 
 
-def test_a_process_that_was_killed_is_told_and_replaced(grounds: Grounds, tmp_path: Path) -> None:
+def test_a_process_that_was_killed_is_reported_and_replaced(
+    grounds: Grounds, tmp_path: Path
+) -> None:
     grounds.begin()
-    told: list[Any] = []
-    asker = threading.Thread(target=lambda: told.append(grounds.of(large(200.0), tmp_path)))
+    found: list[Any] = []
+    asker = threading.Thread(target=lambda: found.append(grounds.of(large(200.0), tmp_path)))
     asker.start()
     time.sleep(0.5)
     grounds.close()
     asker.join(20)
 
-    assert "is there memory enough" in told[0]["message"]
+    assert "is there memory enough" in found[0]["message"]
     assert grounds.of(scene(5), tmp_path) == ground_of(scene(5), tmp_path)

@@ -179,7 +179,7 @@ def test_a_run_whose_process_dies_is_one_sentence(runner: Runner) -> None:
     assert not runner.busy
 
 
-def test_what_goes_wrong_in_one_estimator_is_told_and_the_others_run(runner: Runner) -> None:
+def test_what_goes_wrong_in_one_estimator_is_reported_and_the_others_run(runner: Runner) -> None:
     wall = {"walls": [[4.0, 5.0, 6.0, 5.0]]}
     path = {"shape": "points", "points_m": [[5.0, 2.0], [5.0, 8.0]]}
     through_a_wall = {"simulation": {"map": wall, "path": path, "duration_s": 30}}

@@ -106,17 +106,17 @@ def test_undo_goes_back_to_the_first_step_and_no_further() -> None:
     ],
     ids=lambda v: dotted(v) if isinstance(v, tuple) else "",
 )
-def test_a_wrong_value_is_told_at_its_key_and_changes_nothing(
+def test_a_wrong_value_is_reported_at_its_key_and_changes_nothing(
     key: Key, value: Any, message: str
 ) -> None:
     scene = paper()
     before = scene.text
 
-    told = scene.set(key, value)
+    problem = scene.set(key, value)
 
-    assert told is not None
-    assert message in told
-    assert scene.waiting[key].message == told
+    assert problem is not None
+    assert message in problem
+    assert scene.waiting[key].message == problem
     assert scene.text == before
     assert read_again(scene) == scene.config
 
@@ -201,7 +201,7 @@ def test_what_defaults_say_is_written_out_where_a_part_of_it_is_set() -> None:
         ("name: !!bool 3\n", None, "not valid YAML"),
     ],
 )  # fmt: skip
-def test_a_wrong_text_is_kept_and_told_in_its_line_and_the_scene_stays(
+def test_a_wrong_text_is_kept_and_reported_in_its_line_and_the_scene_stays(
     text: str, line: int | None, message: str
 ) -> None:
     scene = paper()

@@ -47,7 +47,7 @@ def test_the_way_that_is_drawn_is_the_truth_of_the_simulation(simulation: dict[s
     assert (drawn["map"] is None) == ("map" not in simulation)
 
 
-def test_a_way_through_a_wall_is_drawn_and_told() -> None:
+def test_a_way_through_a_wall_is_drawn_and_reported() -> None:
     path = {"shape": "points", "points_m": [[5.0, 2.0], [5.0, 8.0]]}
     walls = {"walls": [[4.0, 5.0, 6.0, 5.0]]}
 

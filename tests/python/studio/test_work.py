@@ -40,7 +40,7 @@ def test_looks_at_a_run_take_a_tenth_of_its_time_and_come_once_a_second_at_most(
     monkeypatch.setattr(work, "load_config", lambda path: None)
     monkeypatch.setattr(work, "_write_play", write)
     monkeypatch.setattr(work, "run", run)
-    heard, said = Pipe(duplex=False)
+    receiver, said = Pipe(duplex=False)
 
     work._shown(3, tmp_path, "name", said)
 
@@ -48,8 +48,8 @@ def test_looks_at_a_run_take_a_tenth_of_its_time_and_come_once_a_second_at_most(
     assert len(looks) > 10
     assert min(gaps) >= between_s - 1e-6
     assert max(gaps) <= between_s + 0.02
-    told = []
-    while heard.poll():
-        told.append(heard.recv()[:2])
-    assert told.count((3, "grown")) == len(looks)
-    assert told[-1] == (3, "shown")
+    messages = []
+    while receiver.poll():
+        messages.append(receiver.recv()[:2])
+    assert messages.count((3, "grown")) == len(looks)
+    assert messages[-1] == (3, "shown")

@@ -53,7 +53,7 @@ def test_a_wrong_text_does_not_replace_the_kept_scene(tmp_path: Path) -> None:
     assert Studio(tmp_path / "studio").scene.config.seed == 5
 
 
-def test_a_scene_file_that_somebody_broke_is_told_and_not_lost(tmp_path: Path) -> None:
+def test_a_scene_file_that_somebody_broke_is_reported_and_not_lost(tmp_path: Path) -> None:
     folder = tmp_path / "studio"
     folder.mkdir()
     (folder / "scene.yaml").write_text("simulation: {duration_s: -1}\n")
@@ -142,7 +142,7 @@ def test_scenes_are_saved_under_names_that_locfuse_run_takes(workspace: Workspac
             workspace.save(scene, name)
 
 
-def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
 
     with pytest.raises(ConfigError, match=r"--folder .* cannot be made"):

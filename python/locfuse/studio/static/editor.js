@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The drawing board: shows a world, lets a mouse or a keyboard change it, and tells what was done.
+// The drawing board: shows a world, lets a mouse or a keyboard change it, and reports what was done.
 //
-//   const editor = new SceneEditor(element, tell);  // tell({do: "move", what: ["anchor", "A1"], ...})
+//   const editor = new SceneEditor(element, emit);  // emit({do: "move", what: ["anchor", "A1"], ...})
 //   editor.show(world); editor.ground({map, way, start}); editor.use("anchor"); editor.mode("dop");
 //   editor.dop_ms  // from the mouse to the painted picture, of the last drags, milliseconds
 "use strict";
@@ -29,8 +29,8 @@ globalThis.SceneEditor = (() => {
   };
 
   return class SceneEditor {
-    constructor(element, tell) {
-      this.tell = tell;
+    constructor(element, emit) {
+      this.emit = emit;
       this.canvas = document.createElement("canvas");
       this.canvas.className = "studio-canvas";
       this.canvas.tabIndex = 0;
@@ -241,14 +241,14 @@ globalThis.SceneEditor = (() => {
         this.drag = fixed ? null : {what, from: at, to: null};
       } else if (this.tool === "erase") {
         const what = this._hit(px, py);
-        if (what) this.tell({do: "remove", what: what.slice(0, what[0] === "nlos" ? 3 : 2)});
+        if (what) this.emit({do: "remove", what: what.slice(0, what[0] === "nlos" ? 3 : 2)});
       } else if (this.tool === "wall" || this.tool === "nlos") {
         this.drawn = [at, at];
         this.drag = {wall: true};
       } else if (this.tool === "path") {
         this._path_point(px, py, at);
       } else {
-        this.tell({do: "add", what: this.tool, x: at[0], y: at[1]});
+        this.emit({do: "add", what: this.tool, x: at[0], y: at[1]});
       }
       if (this.drag) this.canvas.setPointerCapture(event.pointerId);
       event.preventDefault();
@@ -281,12 +281,12 @@ globalThis.SceneEditor = (() => {
       this.drag = null;
       if (drag && drag.what && drag.to) {
         this._keep(drag.what, drag.to); // it stays there until the server has answered
-        this.tell({do: "move", what: drag.what, x: drag.to[0], y: drag.to[1]});
+        this.emit({do: "move", what: drag.what, x: drag.to[0], y: drag.to[1]});
       }
       if (drag && drag.wall) {
         const wall = this.drawn.flat();
         this.drawn = [];
-        this.tell({do: "wall", wall, nlos: this.tool === "nlos"});
+        this.emit({do: "wall", wall, nlos: this.tool === "nlos"});
       }
       this._paint();
     }
@@ -317,7 +317,7 @@ globalThis.SceneEditor = (() => {
       const points = this.drawn;
       if (this.tool !== "path" || points.length < 2) return;
       this.drawn = [];
-      this.tell({do: "path", points, closed});
+      this.emit({do: "path", points, closed});
     }
 
     _zoom(event) {
@@ -338,14 +338,14 @@ globalThis.SceneEditor = (() => {
       else if (event.key === "Enter") this._end_path(false);
       else if (event.key === "f") { this.touched = false; this.fit(); }
       else if (this.chosen && ["Delete", "Backspace"].includes(event.key)) {
-        this.tell({do: "remove", what: this.chosen.slice(0, this.chosen[0] === "nlos" ? 3 : 2)});
+        this.emit({do: "remove", what: this.chosen.slice(0, this.chosen[0] === "nlos" ? 3 : 2)});
       } else if (this.chosen && event.key in arrows) {
         const at = this._at(this.chosen);
         if (!at) return;
         const step = event.shiftKey ? 1 : SNAP_M, [dx, dy] = arrows[event.key];
         const to = [at[0] + dx * step, at[1] + dy * step].map((v) => Math.round(v * 1000) / 1000);
         this._keep(this.chosen, to);
-        this.tell({do: "move", what: this.chosen, x: to[0], y: to[1]});
+        this.emit({do: "move", what: this.chosen, x: to[0], y: to[1]});
       } else return;
       event.preventDefault();
       this._paint();
@@ -404,8 +404,8 @@ globalThis.SceneEditor = (() => {
     _choose(what, quiet = false) {
       const changed = JSON.stringify(what) !== JSON.stringify(this.chosen);
       this.chosen = what;
-      if (changed && !quiet) this.tell({do: "select", what});
-      if (changed && quiet) this.tell({do: "select", what: null});
+      if (changed && !quiet) this.emit({do: "select", what});
+      if (changed && quiet) this.emit({do: "select", what: null});
     }
 
     _tell_status() {

@@ -44,7 +44,7 @@ globalThis.studio = {
     this._due = !this.editor.seen();
     if (this._due) return;
     this._broken_off = new AbortController();
-    const telling = setTimeout(() => this.editor.computing(true), SOON_MS);
+    const timer = setTimeout(() => this.editor.computing(true), SOON_MS);
     try {
       const answer = await fetch("studio/ground", {signal: this._broken_off.signal});
       if (asked !== this._ground || !answer.ok) return;
@@ -52,7 +52,7 @@ globalThis.studio = {
       this.editor.ground(found);
       emitEvent("studio", {do: "ground", message: found.message || "", counts: found.counts || null});
     } catch { /* another was asked for; or the server is gone, which the page says by itself */ } finally {
-      clearTimeout(telling);
+      clearTimeout(timer);
       if (asked === this._ground) this.editor.computing(false);
     }
   },
