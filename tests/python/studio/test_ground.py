@@ -87,9 +87,7 @@ def test_who_asks_the_same_waits_for_the_same(grounds: Grounds, tmp_path: Path) 
     assert found == [ground_of(scene(6), tmp_path)] * 4
 
 
-def test_a_process_that_was_killed_is_reported_and_replaced(
-    grounds: Grounds, tmp_path: Path
-) -> None:
+def test_a_killed_process_is_reported_and_replaced(grounds: Grounds, tmp_path: Path) -> None:
     grounds.begin()
     found: list[Any] = []
     asker = threading.Thread(target=lambda: found.append(grounds.of(large(200.0), tmp_path)))
