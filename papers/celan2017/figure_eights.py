@@ -181,7 +181,7 @@ def errors_of(of: Ride, found: Trajectory) -> FloatArray:
 
 
 def bound_of(of: Ride) -> FloatArray:
-    """Return the least RMSE of x, y [m] and heading [rad] of a ride, shape (3,)."""
+    """Return the minimum RMSE of x, y [m] and heading [rad] of a ride, shape (3,)."""
     P = covariance_bounds(of.drive, of.odometry["stamp_ns"], of.fixes, SIGMA_START)
     return np.asarray(np.sqrt(np.diagonal(P.mean(axis=0))))
 

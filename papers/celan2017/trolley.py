@@ -24,7 +24,7 @@ FOLDER = Path("../../../shared/data/lias-planar")  # from examples/configs
 MOVING, SESSION = "fast", "session 8.14"
 RATE_HZ = 100  # of the recording
 RATES_HZ = (RATE_HZ, 10, 1)  # as recorded, and decimated
-# Tags are read turned by this against the body's heading: it leaves the least scatter at rest.
+# Tags are read turned by this against the body's heading: it minimizes the scatter at rest.
 TURNS_RAD = np.arange(0.0, 0.21, 0.02)
 NOISE = 2.0  # sigma of a range over its scatter at rest: successive errors are correlated
 # Its motion is not measured, at 0.4 m/s and up to 1 rad/s: a random walk as far and as much.

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Localization on cylinders found in raw scans of recordings.
 
-A `CylinderDetector` finds them, nobody names them, a `PoseEkf` puts those of a scan together with
+A `CylinderDetector` finds them without names, a `PoseEkf` associates those of a scan with
 the map jointly and drives by the wheels in between. Noise and offsets are what the publishers of
 the recordings state, nothing is fitted to an error.
 """

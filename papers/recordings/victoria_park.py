@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mapping while localizing in Victoria Park, from trees that nobody has surveyed, without GPS.
+"""Mapping while localizing in Victoria Park, from trees that are not surveyed, without GPS.
 
 Two chains: trees that the dataset's own detector found and its publishers pass on, and trees that
 our `CylinderDetector` finds in the raw scans.

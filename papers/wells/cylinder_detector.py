@@ -291,7 +291,7 @@ def _judge(
 
 
 def errors_at_bound(found: Found) -> FloatArray:
-    """Return one draw per centre of the error [m] of what reaches the Cramer-Rao bound."""
+    """Return one draw per centre of the error [m] at the Cramer-Rao bound."""
     root = np.linalg.cholesky(np.array(found.bound_m2))
     normal = np.random.default_rng(0).standard_normal((len(root), 2, 1))
     errors: FloatArray = np.hypot(*(root @ normal)[..., 0].T)

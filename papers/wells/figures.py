@@ -49,7 +49,7 @@ _LOOKS = (
     {"lw": 1.2, "color": REJECTED},
     {"lw": 1.2, "color": ESTIMATE},
 )
-_CLOSE_M = 0.5  # half the side of what the second panel shows
+_CLOSE_M = 0.5  # half the side of the second panel
 
 
 def plot_paths(

@@ -71,7 +71,7 @@ def _sets(of: World, known_start: bool, shown: tuple[int, ...]) -> Iterator[list
         yield row
 
 
-ARROW = 0.045  # of a heading, as a share of what is shown
+ARROW = 0.045  # of a heading, as a fraction of the panel
 COLOURS = (REJECTED, ANCHOR, ESTIMATE)
 
 

@@ -104,7 +104,7 @@ def errors_of(pose: FloatArray, truth: FloatArray) -> FloatArray:
 SIGMA_M = 0.2  # of a reading about its expectation: laser, map and a particle's share of the space
 SHARE_GAUSSIAN = 0.95  # lambda_g
 SHARE_MAXIMUM = 1.0 - SHARE_GAUSSIAN  # lambda_d
-PEAK = float(np.log(SHARE_GAUSSIAN / (SIGMA_M * np.sqrt(2.0 * np.pi))))  # of what is as expected
+PEAK = float(np.log(SHARE_GAUSSIAN / (SIGMA_M * np.sqrt(2.0 * np.pi))))  # of a reading as expected
 
 
 class RangeMap:
