@@ -5,6 +5,7 @@
 
 #include "bindings.hpp"
 #include "locfuse/estimators/health.hpp"
+#include "locfuse/filters/gate.hpp"
 
 namespace py = pybind11;
 using locfuse::Health;
