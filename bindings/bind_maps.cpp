@@ -201,7 +201,7 @@ ValueError
 Examples
 --------
 >>> import numpy as np
->>> from locfuse import OccupancyGrid, Pose2, RayCaster
+>>> from locfuse.core import OccupancyGrid, Pose2, RayCaster
 >>> cells = np.zeros((20, 40), dtype=np.int8)
 >>> cells[:, 30] = 100
 >>> caster = RayCaster(OccupancyGrid(cells, 0.1))

@@ -81,7 +81,7 @@ ValueError
 Examples
 --------
 >>> import numpy as np
->>> import locfuse as lf
+>>> import locfuse.core as lf
 >>> belief = lf.GaussianBelief()
 >>> rate = belief.add("rate", lf.SlotKind.SCALAR, [1.0], [[0.04]])
 >>> lf.predict(belief, lf.BodyPropagation([0.5], [[0.5]], [[0.03]]), [rate])
@@ -159,7 +159,7 @@ ValueError
 Examples
 --------
 >>> import math
->>> from locfuse import AckermannConfig, AckermannVehicle
+>>> from locfuse.core import AckermannConfig, AckermannVehicle
 >>> vehicle = AckermannVehicle(AckermannConfig(wheel_base_m=2.0, encoder_left_m=1.0))
 >>> u = vehicle.velocity(0, wheel_speed=1.5, steering=math.atan(0.5))
 >>> round(u.forward, 9), round(u.turn_rate, 9)

@@ -314,7 +314,7 @@ ValueError
 
 Examples
 --------
->>> import numpy as np, locfuse
+>>> import numpy as np, locfuse.core
 >>> anchors = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
 >>> ranges = np.hypot(*(anchors - [3.0, 4.0]).T)
 >>> solution = locfuse.locate(anchors, ranges, sigma=0.1)
@@ -356,7 +356,7 @@ ValueError
 
 Examples
 --------
->>> import numpy as np, locfuse
+>>> import numpy as np, locfuse.core
 >>> anchors = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
 >>> truth = np.array([[3.0, 4.0], [6.0, 1.0]])
 >>> ranges = np.linalg.norm(truth[:, None] - anchors, axis=2)
@@ -386,9 +386,9 @@ array, shape (k, d, d)
 
 Examples
 --------
->>> import numpy as np, locfuse
+>>> import numpy as np, locfuse.core
 >>> anchors = np.array([[10.0, 0.0], [0.0, 10.0]])
->>> locfuse.cramer_rao(anchors, [[0.0, 0.0]], 0.1).round(6).tolist()
+>>> locfuse.core.cramer_rao(anchors, [[0.0, 0.0]], 0.1).round(6).tolist()
 [[[0.01, 0.0], [0.0, 0.01]]]
 )";
 

@@ -66,7 +66,7 @@ Examples
 A room of 8 x 6 m, seen from its middle and from 0.2 m further on:
 
 >>> import numpy as np
->>> from locfuse import LaserGeometry, LaserScan, LocalMap, Pose2
+>>> from locfuse.core import LaserGeometry, LaserScan, LocalMap, Pose2
 >>> angle = np.pi / 180 * (np.arange(360) + 0.5)
 >>> around = LaserGeometry(Pose2(), angle[0], np.pi / 180, range_min=0.1, range_max=10.0)
 >>> def seen_at(x):

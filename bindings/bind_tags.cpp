@@ -98,7 +98,7 @@ ValueError
 Examples
 --------
 >>> import numpy as np
->>> from locfuse import rigid_fit
+>>> from locfuse.core import rigid_fit
 >>> fit = rigid_fit([[1, 0], [-1, 0]], [[2, 4], [2, 2]], 0.01 * np.eye(4))
 >>> round(fit.pose.x, 6), round(fit.pose.y, 6), round(fit.pose.heading, 6)
 (2.0, 3.0, 1.570796)
@@ -320,7 +320,7 @@ ValueError
 Examples
 --------
 >>> import numpy as np
->>> from locfuse import *
+>>> from locfuse.core import *
 >>> tags = [Tag(1, [0.6, 0, 1]), Tag(2, [-0.3, 0.2, 1]), Tag(3, [-0.3, -0.2, 1])]
 >>> start = PoseEstimate(0, Pose2(3, 2, 0), np.diag([0.2, 0.2, 0.1]) ** 2)
 >>> ekf = TagTriangleEkf(TagTriangleEkfConfig(), tags, start)

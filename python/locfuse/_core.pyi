@@ -37,20 +37,20 @@ __all__: list[str] = [
     "CylinderDetectorConfig",
     "Dilution",
     "DistanceField",
-    "InjectionReason",
     "Gate",
     "GaussianBelief",
     "HeadingSearch",
     "HeadingSearchReason",
     "Health",
-    "HealthReason",
     "HealthConfig",
+    "HealthReason",
     "HealthReport",
     "HealthState",
     "Increment",
     "Initializer",
     "InitializerConfig",
     "Injection",
+    "InjectionReason",
     "KnownLandmark",
     "Landmark",
     "LandmarkEkf",
@@ -722,7 +722,7 @@ class RayCaster:
     Examples
     --------
     >>> import numpy as np
-    >>> from locfuse import OccupancyGrid, Pose2, RayCaster
+    >>> from locfuse.core import OccupancyGrid, Pose2, RayCaster
     >>> cells = np.zeros((20, 40), dtype=np.int8)
     >>> cells[:, 30] = 100
     >>> caster = RayCaster(OccupancyGrid(cells, 0.1))
@@ -1128,7 +1128,7 @@ class LocalMap:
     A room of 8 x 6 m, seen from its middle and from 0.2 m further on:
 
     >>> import numpy as np
-    >>> from locfuse import LaserGeometry, LaserScan, LocalMap, Pose2
+    >>> from locfuse.core import LaserGeometry, LaserScan, LocalMap, Pose2
     >>> angle = np.pi / 180 * (np.arange(360) + 0.5)
     >>> around = LaserGeometry(Pose2(), angle[0], np.pi / 180, range_min=0.1, range_max=10.0)
     >>> def seen_at(x):
@@ -1529,7 +1529,7 @@ class AckermannVehicle:
     Examples
     --------
     >>> import math
-    >>> from locfuse import AckermannConfig, AckermannVehicle
+    >>> from locfuse.core import AckermannConfig, AckermannVehicle
     >>> vehicle = AckermannVehicle(AckermannConfig(wheel_base_m=2.0, encoder_left_m=1.0))
     >>> u = vehicle.velocity(0, wheel_speed=1.5, steering=math.atan(0.5))
     >>> round(u.forward, 9), round(u.turn_rate, 9)
@@ -1629,7 +1629,7 @@ class BodyPropagation:
     Examples
     --------
     >>> import numpy as np
-    >>> import locfuse as lf
+    >>> import locfuse.core as lf
     >>> belief = lf.GaussianBelief()
     >>> rate = belief.add("rate", lf.SlotKind.SCALAR, [1.0], [[0.04]])
     >>> lf.predict(belief, lf.BodyPropagation([0.5], [[0.5]], [[0.03]]), [rate])
@@ -3583,14 +3583,14 @@ class SourceStatus:
         Stamp of the last message fused [ns], or None.
         """
     @property
-    def last_received(self) -> int:
-        """
-        Stamp of the last message received [ns].
-        """
-    @property
     def interval(self) -> float:
         """
         Mean interval between messages [s].
+        """
+    @property
+    def last_received(self) -> int:
+        """
+        Stamp of the last message received [ns].
         """
     @property
     def nis(self) -> float:
@@ -3621,8 +3621,6 @@ class HealthReport:
     """
     def __repr__(self) -> str: ...
     @property
-    def reason(self) -> HealthReason: ...
-    @property
     def inflation(self) -> float:
         """
         Factor on the covariance from innovations larger than modelled.
@@ -3632,6 +3630,8 @@ class HealthReport:
         """
         Protection levels of x [m], y [m] and heading [rad], (3,): |error| exceeds them at most with probability `risk`; infinite if no bound is known.
         """
+    @property
+    def reason(self) -> HealthReason: ...
     @property
     def source(self) -> NamedSource | None:
         """
@@ -3785,7 +3785,7 @@ class Health:
     Examples
     --------
     >>> import numpy as np
-    >>> from locfuse import *
+    >>> from locfuse.core import *
     >>> anchors = AnchorMap([Anchor(1, [0, 0, 0]), Anchor(2, [8, 0, 0]), Anchor(3, [4, 6, 0])])
     >>> start = PoseEstimate(0, Pose2(3, 2, 0), 0.01 * np.eye(3))
     >>> ekf = PoseEkf(PoseEkfConfig(), anchors, [Tag(0, [0, 0, 0])], start)
@@ -4940,7 +4940,7 @@ class TagTriangleEkf:
     Examples
     --------
     >>> import numpy as np
-    >>> from locfuse import *
+    >>> from locfuse.core import *
     >>> tags = [Tag(1, [0.6, 0, 1]), Tag(2, [-0.3, 0.2, 1]), Tag(3, [-0.3, -0.2, 1])]
     >>> start = PoseEstimate(0, Pose2(3, 2, 0), np.diag([0.2, 0.2, 0.1]) ** 2)
     >>> ekf = TagTriangleEkf(TagTriangleEkfConfig(), tags, start)
@@ -5129,14 +5129,14 @@ class RunLog:
     @property
     def dof(self) -> numpy.typing.NDArray[numpy.int64]: ...
     @property
-    def errors(self) -> list[CalibratedError]:
-        """
-        A CalibratedError for each error that is a state, at the end of the log.
-        """
-    @property
     def dropped_messages(self) -> int:
         """
         Messages inside the history that were dropped because there were too many.
+        """
+    @property
+    def errors(self) -> list[CalibratedError]:
+        """
+        A CalibratedError for each error that is a state, at the end of the log.
         """
     @property
     def health_reason(self) -> numpy.typing.NDArray[numpy.uint8]:
@@ -5436,14 +5436,14 @@ class Live:
         Discards the current state and tracks from a PoseEstimate.
         """
     @property
-    def errors(self) -> list[CalibratedError]:
-        """
-        A CalibratedError for each error that is a state.
-        """
-    @property
     def dropped_messages(self) -> int:
         """
         Messages inside the history that were dropped because there were too many.
+        """
+    @property
+    def errors(self) -> list[CalibratedError]:
+        """
+        A CalibratedError for each error that is a state.
         """
     @property
     def is_tracking(self) -> bool: ...
@@ -5547,9 +5547,9 @@ def cramer_rao(
 
     Examples
     --------
-    >>> import numpy as np, locfuse
+    >>> import numpy as np, locfuse.core
     >>> anchors = np.array([[10.0, 0.0], [0.0, 10.0]])
-    >>> locfuse.cramer_rao(anchors, [[0.0, 0.0]], 0.1).round(6).tolist()
+    >>> locfuse.core.cramer_rao(anchors, [[0.0, 0.0]], 0.1).round(6).tolist()
     [[[0.01, 0.0], [0.0, 0.01]]]
     """
 
@@ -5666,7 +5666,7 @@ def locate(
 
     Examples
     --------
-    >>> import numpy as np, locfuse
+    >>> import numpy as np, locfuse.core
     >>> anchors = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
     >>> ranges = np.hypot(*(anchors - [3.0, 4.0]).T)
     >>> solution = locfuse.locate(anchors, ranges, sigma=0.1)
@@ -5722,7 +5722,7 @@ def locate_batch(
 
     Examples
     --------
-    >>> import numpy as np, locfuse
+    >>> import numpy as np, locfuse.core
     >>> anchors = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
     >>> truth = np.array([[3.0, 4.0], [6.0, 1.0]])
     >>> ranges = np.linalg.norm(truth[:, None] - anchors, axis=2)
@@ -5912,7 +5912,7 @@ def rigid_fit(
     Examples
     --------
     >>> import numpy as np
-    >>> from locfuse import rigid_fit
+    >>> from locfuse.core import rigid_fit
     >>> fit = rigid_fit([[1, 0], [-1, 0]], [[2, 4], [2, 2]], 0.01 * np.eye(4))
     >>> round(fit.pose.x, 6), round(fit.pose.y, 6), round(fit.pose.heading, 6)
     (2.0, 3.0, 1.570796)
