@@ -15,7 +15,7 @@ git ls-files '*.hpp' '*.cpp' | step xargs clang-format --dry-run --Werror
 git ls-files '*CMakeLists.txt' '*.cmake' | step xargs "$bin/gersemi" --check
 step "$bin/ruff" format --check --quiet .
 step "$bin/ruff" check --quiet .
-step env MYPYPATH=scripts "$bin/mypy" python/locfuse scripts papers examples/python benchmarks/run.py benchmarks/rows.py benchmarks/python tests/python tests/papers
+step "$bin/mypy" python/locfuse scripts papers examples/python benchmarks/run.py benchmarks/rows.py benchmarks/python tests/python tests/papers
 # By itself: the packages for ROS 1 and ROS 2 have the same name.
 step env MYPYPATH=ros1/locfuse_ros/src:tests/ros "$bin/mypy" ros1/locfuse_ros/src/locfuse_ros \
   tests/ros/conftest.py tests/ros/namespace.py tests/ros/other_driver.py tests/ros/ros1_peer.py tests/ros/soak_ros1.py tests/ros/test_ros1_*.py

@@ -29,6 +29,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 import locfuse.core
+from configuration_page import CONFIGURATION, SECTIONS, configuration_page
 from locfuse.cli.app import COMMANDS, app, load
 from locfuse.config import ros, scenario, schema
 from locfuse.config.base import Strict
@@ -39,7 +40,6 @@ from locfuse.run.run import run
 from papers.claims import Claim
 from papers.ekim2020.world import RECORDINGS
 from papers.reproduce import PAPERS
-from scripts.configuration_page import CONFIGURATION, SECTIONS, configuration_page
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
