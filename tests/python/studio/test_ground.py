@@ -53,10 +53,10 @@ def test_a_newer_scene_ends_what_is_computed_and_drops_what_waits(
     grounds: Grounds, tmp_path: Path
 ) -> None:
     grounds.begin()
-    found: dict[float, Any] = {}
+    answers: dict[float, Any] = {}
 
     def ask(side_m: float) -> None:
-        found[side_m] = grounds.of(large(side_m), tmp_path)
+        answers[side_m] = grounds.of(large(side_m), tmp_path)
 
     askers = [threading.Thread(target=ask, args=(side_m,)) for side_m in (200.0, 210.0, 220.0)]
     for asker in askers:
@@ -69,7 +69,7 @@ def test_a_newer_scene_ends_what_is_computed_and_drops_what_waits(
     assert found == ground_of(scene(5), tmp_path)
     for asker in askers:
         asker.join(20)
-    assert found == dict.fromkeys((200.0, 210.0, 220.0))
+    assert answers == dict.fromkeys((200.0, 210.0, 220.0))
     assert time.monotonic() - began < 30.0
 
 
