@@ -129,7 +129,7 @@ TEST(GaussianBelief, refuses_handles_it_never_gave) {
     expect_refused([&] { (void)belief.offset(Slot{id}); }, "slot " + std::to_string(id));
     expect_refused([&] { (void)belief.kind(Slot{id}); }, "slot " + std::to_string(id));
   }
-  expect_refused([&] { (void)belief.pose(belief.slot("left")); }, "no pose");
+  expect_refused([&] { (void)belief.pose(belief.slot("left")); }, "not a pose");
 }
 
 TEST(GaussianBelief, refuses_to_remove_what_is_not_there) {

@@ -352,7 +352,7 @@ TEST(Predict, refuses_to_move_a_point) {
   Rng rng(9);
   GaussianBelief belief = random_large_belief(rng);
   const Matrix<3, 3> I = Matrix<3, 3>::Identity();
-  expect_refused([&] { predict(belief, {{}, I, I}, belief.slot("a")); }, "'a'", "no pose");
+  expect_refused([&] { predict(belief, {{}, I, I}, belief.slot("a")); }, "'a'", "not a pose");
 }
 
 TEST(Kalman, refuses_a_motion_and_a_measurement_of_nothing) {

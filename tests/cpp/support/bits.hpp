@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Core>
 #include <cstring>
 
 #include "locfuse/filters/belief.hpp"
@@ -15,14 +15,6 @@ namespace locfuse::testing {
 
 [[nodiscard]] inline bool same_bits(const GaussianBelief& a, const GaussianBelief& b) {
   return a.stamp == b.stamp && same_bits(a.x, b.x) && same_bits(a.P, b.P);
-}
-
-/// Symmetric to the bit, and every eigenvalue positive.
-[[nodiscard]] inline bool is_covariance(const Eigen::MatrixXd& P) {
-  return same_bits(P, P.transpose()) &&
-         Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(P, Eigen::EigenvaluesOnly)
-                 .eigenvalues()
-                 .minCoeff() > 0.0;
 }
 
 }  // namespace locfuse::testing

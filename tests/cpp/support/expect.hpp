@@ -25,24 +25,12 @@ void expect_refused(const Call& call, const Words&... words) {
   }
 }
 
-inline void expect_pose_near(const Pose2& actual, const Pose2& expected, double tolerance) {
-  EXPECT_NEAR(actual.x, expected.x, tolerance);
-  EXPECT_NEAR(actual.y, expected.y, tolerance);
-  EXPECT_NEAR(angle_difference(actual.heading, expected.heading), 0.0, tolerance);
-  EXPECT_GE(actual.heading, -kPi);
-  EXPECT_LT(actual.heading, kPi);
-}
+void expect_pose_near(const Pose2& actual, const Pose2& expected, double tolerance);
 
 /// Largest difference of two matrices is within `tolerance`.
-template <class A, class B>
-void expect_near(const Eigen::MatrixBase<A>& actual, const Eigen::MatrixBase<B>& expected,
-                 double tolerance) {
-  ASSERT_EQ(actual.rows(), expected.rows());
-  ASSERT_EQ(actual.cols(), expected.cols());
-  const double difference = (actual - expected).cwiseAbs().maxCoeff();
-  EXPECT_TRUE(difference <= tolerance) << "differs by " << difference << ", actual\n"
-                                       << actual << "\nexpected\n"
-                                       << expected;
-}
+void expect_near(const Eigen::MatrixXd& actual, const Eigen::MatrixXd& expected, double tolerance);
+
+/// Symmetric to the bit, and every eigenvalue positive.
+[[nodiscard]] bool is_covariance(const Eigen::MatrixXd& P);
 
 }  // namespace locfuse::testing
