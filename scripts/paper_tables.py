@@ -26,12 +26,12 @@ from papers.page import (  # noqa: E402
 )
 
 ROWS, PAGE, README = ROOT / "docs/papers.json", ROOT / "docs/papers.md", ROOT / "README.md"
-BEGIN, END = "<!-- rows of the papers, by scripts/papers.py -->", "<!-- end of these rows -->"
+BEGIN, END = "<!-- rows of the papers, by scripts/paper_tables.py -->", "<!-- end of these rows -->"
 
 TOP = """# Five papers, repeated
 
 `locfuse reproduce all` writes this as one page with pictures, and `papers.json` beside it, of
-which `scripts/papers.py` makes these tables. To check that a machine gets the same:
+which `scripts/paper_tables.py` makes these tables. To check that a machine gets the same:
 `locfuse reproduce all --quick --compare docs/papers.json`.
 
 ![The page: the five papers, and what the first reports above our figures](images/papers_page.png)
@@ -54,7 +54,7 @@ def main() -> int:
              if not file.exists() or file.read_text(encoding="utf-8") != text]  # fmt: skip
     if "--check" in sys.argv:
         for file in stale:
-            print(f"{file.name} is not what scripts/papers.py makes of docs/papers.json; run it")
+            print(f"{file.name} is not what scripts/paper_tables.py makes of docs/papers.json; run it")
         return 1 if stale else 0
     for file in stale:
         file.write_text(wanted[file], encoding="utf-8")

@@ -190,7 +190,7 @@ BAD_CONFIGS: dict[str, tuple[str, list[str]]] = {
     "no anchors": ("simulation: {anchors: {}}", ["simulation", "anchors", "empty"]),
     "poses without noise": ("simulation: {poses: {sigma_xy_m: 0}}",
                             ["simulation.poses.sigma_xy_m is 0", "sigma > 0"]),
-    "no YAML": ("start: [", ["no YAML", "line"]),
+    "not valid YAML": ("start: [", ["not valid YAML", "line"]),
     "empty": ("", ["empty"]),
 }  # fmt: skip
 

@@ -131,7 +131,7 @@ def test_the_run_so_far_cannot_be_asked_for_later() -> None:
     kept: list[Callable[[], lf.RunLog]] = []
     lf.replay(make_ekf(), drive(20_000)[0], progress=lambda _, so_far: kept.append(so_far))
 
-    with pytest.raises(RuntimeError, match="after progress had returned"):
+    with pytest.raises(RuntimeError, match="after the progress callback had returned"):
         kept[0]()
 
 

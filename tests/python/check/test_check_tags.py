@@ -275,7 +275,7 @@ def test_the_start_is_compared_with_the_tag_that_was_located() -> None:
         ({"uwb_sigma_m": 0.001}, "error", "all of UWB together leaves"),
         ({"uwb_sigma_m": 0.02}, "warning", "driving UWB's filter states"),
         ({"uwb_nis": 0.01}, "error", "it would never be of use"),
-        ({"uwb_nis": 0.5}, "warning", "UWB that is right is refused"),
+        ({"uwb_nis": 0.5}, "warning", "correct UWB is rejected"),
         ({"uwb_nis": 10.0}, "error", "it would always be of use"),
         ({"doubt_s": 1e4}, "error", "the log has 40 s"),
         ({"elsewhere_m": 0.001}, "error", "take over all the time"),

@@ -45,7 +45,7 @@ PAIRS: dict[str, tuple[type[BaseModel], type[Any], str]] = {
     "Estimator": (Estimator, _core.PoseEkfConfig, "estimators/pose_ekf.hpp"),
     "Health": (Health, _core.HealthConfig, "estimators/health.hpp"),
     "Initializer": (Initializer, _core.InitializerConfig, "estimators/initializer.hpp"),
-    "Mcl": (Mcl, _core.MclConfig, "estimators/mcl.hpp"),
+    "Mcl": (Mcl, _core.MclConfig, "estimators/mcl_config.hpp"),
     "Switch": (Switch, _core.SwitchingMclConfig, "estimators/switching_mcl.hpp"),
     "LikelihoodField": (
         LikelihoodField,
@@ -80,7 +80,8 @@ def declared_fields(header: str, struct: str = "Config") -> set[str]:
     text = (ROOT / "cpp" / "include" / "locfuse" / header).read_text(encoding="utf-8")
     body = re.search(rf"struct {struct} \{{(.*?)\n *\}};", text, re.DOTALL)
     assert body is not None, f"{header} declares no {struct}"
-    return set(re.findall(r"^\s*[\w:]+ (\w+)(?:\s=\s[^;]+|\{[^;]+\})?;", body[1], re.MULTILINE))
+    fields = body[1].partition(" static ")[0]  # named defaults may follow
+    return set(re.findall(r"^\s*[\w:]+ (\w+)(?:\s=\s[^;]+|\{[^;]+\})?;", fields, re.MULTILINE))
 
 
 def leaves(model: type[BaseModel], prefix: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
@@ -130,7 +131,8 @@ def test_schema_binding_and_header_have_the_same_fields(name: str) -> None:
     beside = BESIDE.get(name, set())
     bound = bound_fields(struct)
     assert set(model.model_fields) - ours == bound - beside, f"{name}: schema and binding"
-    declared = declared_fields(header, "Limits" if name == "Limits" else "Config")
+    named = {"Limits": "Limits", "Mcl": "MclConfig"}
+    declared = declared_fields(header, named.get(name, "Config"))
     assert declared == bound_fields(struct), f"{name}: header and binding differ"
 
 

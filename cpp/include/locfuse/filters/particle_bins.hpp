@@ -5,7 +5,7 @@
 
 namespace locfuse {
 
-/// Size of the bins in which particles are counted and clustered.
+/// Size of the bins in which particles are counted and clustered; docs/models/particles.md.
 struct ParticleBins {
   double side;      ///< [cells]
   double headings;  ///< how many all around
