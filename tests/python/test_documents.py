@@ -277,7 +277,7 @@ def test_relative_links_hit_a_file_and_a_heading(page: Path) -> None:
 
 @pytest.mark.parametrize("page", [*PAGES, ROOT / "CHANGELOG.md"], ids=name_of)
 def test_files_of_the_repository_that_are_named_exist(page: Path) -> None:
-    folders = "cpp|python|bindings|tests|scripts|examples|benchmarks|docs|cmake"
+    folders = "cpp|python|papers|bindings|tests|scripts|examples|benchmarks|docs|cmake"
     for name in re.findall(rf"`((?:{folders})/[\w./-]+)`", prose_of(page)):
         assert (ROOT / name).exists(), f"{page}: {name}"
 

@@ -78,9 +78,9 @@ def bound_fields(struct: type[Any]) -> set[str]:
 
 def declared_fields(header: str, struct: str = "Config") -> set[str]:
     text = (ROOT / "cpp" / "include" / "locfuse" / header).read_text(encoding="utf-8")
-    body = re.search(rf"struct {struct} \{{(.*?)\n *\}};", text, re.DOTALL)
+    body = re.search(rf"^( *)struct {struct} \{{(.*?)\n\1\}};", text, re.DOTALL | re.MULTILINE)
     assert body is not None, f"{header} declares no {struct}"
-    fields = body[1].partition(" static ")[0]  # named defaults may follow
+    fields = body[2].partition(" static ")[0]  # named defaults may follow
     return set(re.findall(r"^\s*[\w:]+ (\w+)(?:\s=\s[^;]+|\{[^;]+\})?;", fields, re.MULTILINE))
 
 

@@ -9,7 +9,7 @@
 
 namespace locfuse {
 
-/// Particles drawn anew, beside those that are kept.
+/// Particles drawn anew, beside those that are kept; docs/models/particles.md.
 struct FreshParticles {
   int count = 0;
   double probability = 0.0;                        ///< of all of them together
