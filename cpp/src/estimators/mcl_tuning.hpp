@@ -15,7 +15,7 @@ struct ParticleFilterTuning {
   /// Heading side over position side of the box that such a particle stands for [rad / m].
   static constexpr double kBoxTurnPerMetre = 2.0;
   /// Exponent of a bin's weight in its number of particles, and the weight below which a bin is
-  /// dropped; eq. (7) of docs/models/particles.md.
+  /// dropped; equation 7 of the page on particles.
   static constexpr double kBinPower = 0.5;
   static constexpr double kMinBinWeight = 1e-9;
   /// Pending motion beyond which particles move without waiting for a measurement [m], [rad].
@@ -59,7 +59,7 @@ struct RecoveryTuning {
   static constexpr double kClimbTurnPerMetre = 0.5;
 };
 
-/// Section "Scans" of docs/health.md.
+/// Section "Scans" of the page on health.
 struct MclHealthTuning {
   /// Returns nearer than this, where the map has no wall, come from something that covers the
   /// laser [m].

@@ -34,7 +34,7 @@ class BeamModel {
     double max_range_m = 30.0;   ///< longer ranges count as no return [m]
   };
 
-  /// Mixture of a Gaussian about the distance on the map and beams without return: zhang eq. (7)
+  /// Mixture of a Gaussian about the distance on the map and beams without return: zhang equation 7
   /// and (8).
   [[nodiscard]] static Config gaussian_and_no_return() {
     Config config;
