@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "locfuse/estimators/landmark_ekf.hpp"
+#include "locfuse/filters/kalman.hpp"
 #include "locfuse/replay/replay.hpp"
 #include "support/consistency.hpp"
 #include "support/expect.hpp"
