@@ -54,7 +54,7 @@ def main() -> int:
              if not file.exists() or file.read_text(encoding="utf-8") != text]  # fmt: skip
     if "--check" in sys.argv:
         for file in stale:
-            print(f"{file.name} is not what scripts/paper_tables.py makes of docs/papers.json; run it")
+            print(f"{file.name} is out of date: run scripts/paper_tables.py")
         return 1 if stale else 0
     for file in stale:
         file.write_text(wanted[file], encoding="utf-8")
