@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Cholesky>
+
 #include "bindings.hpp"
 #include "locfuse/math/symmetric.hpp"
 #include "locfuse/models/measurement/pose.hpp"

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Cholesky>
+
 #include "checks.hpp"
 #include "codec.hpp"
 #include "locfuse/frontends/locate.hpp"

@@ -2,6 +2,7 @@
 // The proposal of FastSLAM 2.0: draws particles from odometry and a scan match together.
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 

@@ -117,7 +117,9 @@ Matrix<3, 3> MclRecipe::world_per_cell() const {
 Vector<2> MclRecipe::free_cell(double uniform) const {
   const std::int32_t cell =
       free[static_cast<std::size_t>(uniform * static_cast<double>(free.size()))];
-  return {static_cast<double>(cell % grid().width()), static_cast<double>(cell / grid().width())};
+  const std::int32_t column = cell % grid().width();
+  const std::int32_t row = cell / grid().width();
+  return {static_cast<double>(column), static_cast<double>(row)};
 }
 
 void MclRecipe::draw_free(ParticleBelief& belief, int k, std::uint64_t key) const {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "locfuse/filters/kalman.hpp"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "locfuse/filters/positive_definite.hpp"
 
+#include <Eigen/Cholesky>
 #include <array>
 #include <cmath>
 #include <vector>

@@ -182,9 +182,9 @@ template <int N>
 AnchorTable own_table(const Multilateration<N>& solver, const RowsView& anchors,
                       Eigen::Index epoch) {
   const AnchorTable common = solver.table();
-  const AnchorTable own{RowsView(anchors.data() + epoch * common.size() * anchors.cols(),
-                                 common.size(), anchors.cols()),
-                        common.height};
+  AnchorTable own{RowsView(anchors.data() + epoch * common.size() * anchors.cols(), common.size(),
+                           anchors.cols()),
+                  common.height};
   expect_finite(own, epoch);
   return own;
 }

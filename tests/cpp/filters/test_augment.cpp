@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Cholesky>
 #include <cmath>
 
 #include "locfuse/filters/kalman.hpp"

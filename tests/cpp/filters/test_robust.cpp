@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Eigenvalues>
 #include <cmath>
 
 #include "locfuse/filters/robust.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <array>
 #include <cmath>
 

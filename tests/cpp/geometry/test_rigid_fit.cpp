@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Cholesky>
 #include <cmath>
 
 #include "locfuse/geometry/rigid_fit.hpp"
