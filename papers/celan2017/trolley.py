@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from locfuse import _core
 from locfuse.eval.errors import interpolate
-from locfuse.io.datasets import convert
 from locfuse.io.log_folder import read_log
 from locfuse.run.messages import truth_of
 from locfuse.types import FloatArray, Log, LogError, StampArray, Trajectory
 from papers.celan2017.methods import Antennas, Rolling, learn
+from papers.datasets import convert
 
 FOLDER = Path("../../../shared/data/lias-planar")  # from examples/configs
 MOVING, SESSION = "fast", "session 8.14"

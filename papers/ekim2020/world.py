@@ -13,11 +13,11 @@ import numpy as np
 from locfuse import _core
 from locfuse.config.load import load_config, parse_config
 from locfuse.config.schema import Dataset, RunConfig
-from locfuse.io.datasets import convert
 from locfuse.io.log_folder import read_log
 from locfuse.run.messages import truth_of
 from locfuse.run.run import load_log
 from locfuse.types import FloatArray, Log
+from papers.datasets import convert
 
 PATHS = ("circle", "eight", "square", "star", "waypoints")
 RECORDINGS = {

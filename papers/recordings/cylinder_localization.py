@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from locfuse import _core
 from locfuse.eval.errors import interpolate
-from locfuse.io.datasets.source import TRUCK
 from locfuse.run.start import scans_of
 from locfuse.types import NANOSECONDS, FloatArray, Log, LogError, StampArray, Trajectory
 from papers.claims import Claim, absent, share
+from papers.datasets.source import TRUCK
 from papers.recorded import load_recording
 from papers.scores import rms
 

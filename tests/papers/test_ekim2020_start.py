@@ -20,9 +20,9 @@ import pytest
 from scipy.optimize import minimize
 
 import locfuse.core as lf
-from locfuse.io.datasets import convert
 from locfuse.io.log_folder import read_log
 from locfuse.types import FloatArray, wrap_angle
+from papers.datasets import convert
 from support_runs import DATA
 
 GAZEBO = DATA / "ieu-gazebo-uwb-lidar"

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from locfuse.eval.errors import interpolate
 from locfuse.io.csv_table import read_bytes
-from locfuse.io.datasets import convert
-from locfuse.io.datasets.source import arc
 from locfuse.io.log_folder import read_log
 from locfuse.run.messages import truth_of
 from locfuse.types import NANOSECONDS, FloatArray, Log, StampArray, Trajectory, wrap_angle
+from papers.datasets import convert
+from papers.datasets.source import arc
 from support_runs import recording
 
 

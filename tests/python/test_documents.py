@@ -34,10 +34,10 @@ from locfuse.cli.app import COMMANDS, app, load
 from locfuse.config import ros, scenario, schema
 from locfuse.config.base import Strict
 from locfuse.config.load import load_config, parse_config
-from locfuse.io.datasets import CONVERTERS
 from locfuse.report.results import write_results
 from locfuse.run.run import run
 from papers.claims import Claim
+from papers.datasets import CONVERTERS
 from papers.ekim2020.world import RECORDINGS
 from papers.reproduce import PAPERS
 

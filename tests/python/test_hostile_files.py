@@ -20,10 +20,10 @@ from locfuse.io import csv_table
 from locfuse.io.log_folder import read_log, read_log_file, write_log
 from locfuse.io.log_yaml import read_log_yaml
 from locfuse.io.maps import read_map
-from locfuse.io.rawlog import Reader
 from locfuse.io.rosbag.bag_settings import settings_of
 from locfuse.io.rosbag.decode import MessageError
 from locfuse.types import ConfigError, GridMap, Log, LogError, shown
+from papers.datasets.rawlog import Reader
 from support_pictures import MAP, png_of
 
 # Measure ---------------------------------------------------------------------------------------

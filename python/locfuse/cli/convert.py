@@ -10,7 +10,6 @@ import typer
 
 from locfuse.cli.terminal import console, onto, progress
 from locfuse.config.load import load_config
-from locfuse.io.datasets import CONVERTERS
 from locfuse.io.recording import convert_recording
 
 app = typer.Typer(add_completion=False)
@@ -19,7 +18,7 @@ app = typer.Typer(add_completion=False)
 @app.command()
 def convert(
     kind: Annotated[
-        str, typer.Argument(help=f"Type of SOURCE: log, bag, or one of: {', '.join(CONVERTERS)}.")
+        str, typer.Argument(help="Type of SOURCE: log, bag, or a data set of docs/recordings.md.")
     ],
     source: Annotated[
         Path, typer.Argument(help="Log folder, bag, or folder of the recording as published.")

@@ -3,15 +3,13 @@
 
 from __future__ import annotations
 
-import importlib
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from locfuse.io.checkout import import_papers
 from locfuse.report.pictures import require_matplotlib
-from locfuse.types import ConfigError
 
 app = typer.Typer(add_completion=False)
 
@@ -39,22 +37,6 @@ def reproduce(
     ] = None,
 ) -> None:
     """Run a paper's experiments and compare them with its claims."""
-    root = checkout()
-    if root is None:
-        raise ConfigError(
-            "locfuse reproduce needs a checkout of locfuse, as its experiments are not installed; "
-            "call it inside one"
-        )
     require_matplotlib()  # which the modules of the papers import
-    if str(root) not in sys.path:
-        sys.path.insert(0, str(root))
-    command = importlib.import_module("papers.cli").reproduce_command
+    command = import_papers("cli", "'locfuse reproduce'").reproduce_command
     command(paper, seeds, json_file, pictures, quick, out, compare)
-
-
-def checkout() -> Path | None:
-    """Return the checkout around the working folder or this file; None if there is none."""
-    for folder in (Path.cwd(), *Path.cwd().parents, *Path(__file__).resolve().parents):
-        if (folder / "papers" / "reproduce.py").is_file():
-            return folder
-    return None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of whichever kind: log folders, bags, and what others published."""
+"""Recordings of any kind: log folders, bags, and published data sets."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from locfuse.config.ros import Ros
-from locfuse.io.datasets import CONVERTERS, convert
+from locfuse.io.checkout import import_papers
 from locfuse.io.log_folder import read_log, read_world, write_log
 from locfuse.io.rosbag.bags import is_bag, read_bag, write_bag
 from locfuse.types import ConfigError, Log, LogError, nearest
@@ -16,7 +16,7 @@ Progress = Callable[[int, int], None]
 
 BAGS = (".bag", ".mcap")  # how files end that are written as bags
 FILES = (".db3", ".csv", ".tum", ".yaml", ".yml", ".zip", ".gz", ".rawlog", ".rrd")  # and others
-OWN = ("log", "bag")  # kinds of recordings that are no published data set
+OWN = ("log", "bag")  # kinds of recordings other than published data sets
 
 
 def read_recording(
@@ -64,7 +64,8 @@ def convert_recording(
     Parameters
     ----------
     kind : str
-        A key of `CONVERTERS`, ``log`` for a log folder, or ``bag``.
+        ``log`` for a log folder, ``bag``, or a data set of docs/recordings.md, whose converters
+        are part of a checkout.
     source : str or Path
     out : str or Path
         A folder; of a log or a bag also a file that ends in ``.bag`` (ROS 1) or ``.mcap`` (ROS 2).
@@ -83,20 +84,17 @@ def convert_recording(
     Raises
     ------
     ConfigError
-        If there is no such kind.
+        If there is no such kind, or no checkout that has it.
     LogError
         If the source cannot be read, or `out` cannot be what was asked for.
     """
-    kinds = [*CONVERTERS, *OWN]
-    if kind.replace("-", "_") not in kinds:
-        raise ConfigError(f"unknown data set {kind!r}; {nearest(kind.replace('-', '_'), kinds)}")
     out = Path(out)
     _check_out(out)
     if kind not in OWN:
         if out.suffix in BAGS:
             raise LogError(f"{out}: a data set becomes log folders; 'locfuse convert log' makes "
                            "bags of them")  # fmt: skip
-        return convert(kind, source, out)
+        return convert_dataset(kind, source, out)
     if (kind == "bag") != is_bag(Path(source)):
         if Path(source).exists():
             other = "bag" if kind == "log" else "log"
@@ -109,6 +107,19 @@ def convert_recording(
     else:
         write_log(log, out)
     return [out]
+
+
+def convert_dataset(kind: str, source: str | Path, out: str | Path) -> list[Path]:
+    """Convert a published data set to log folders by its converter in a checkout.
+
+    Raises ConfigError where there is no such data set or no checkout, LogError as the converter.
+    """
+    datasets = import_papers("datasets", f"'convert {kind}', which is neither log nor bag,")
+    kinds, key = [*datasets.CONVERTERS, *OWN], kind.replace("-", "_")
+    if key not in datasets.CONVERTERS:
+        raise ConfigError(f"unknown data set {kind!r}; {nearest(key, kinds)}")
+    folders: list[Path] = datasets.convert(key, source, out)
+    return folders
 
 
 def _check_out(out: Path) -> None:

@@ -17,9 +17,8 @@ from locfuse.config.build import build_estimator_config, build_recovering_config
 from locfuse.config.schema import SOURCES, Dataset, RunConfig
 from locfuse.eval.metrics import metrics
 from locfuse.eval.readiness import readiness
-from locfuse.io.datasets import convert
 from locfuse.io.log_folder import read_log
-from locfuse.io.recording import read_recording
+from locfuse.io.recording import convert_dataset, read_recording
 from locfuse.run.cylinders import with_cylinders
 from locfuse.run.health import health_metrics, health_of
 from locfuse.run.mcl import Localization, Stopwatch, localize, with_poses_of
@@ -350,8 +349,8 @@ def load_log(config: RunConfig, base: Path | None, seed: int) -> Log:
     if isinstance(config.log, Dataset):
         source = (base / config.log.path).resolve()
         with tempfile.TemporaryDirectory() as out:
-            folders = {folder.name: folder for folder in convert(config.log.dataset, source,
-                                                                 Path(out) / "log")}  # fmt: skip
+            converted = convert_dataset(config.log.dataset, source, Path(out) / "log")
+            folders = {folder.name: folder for folder in converted}
             name = config.log.run or next(iter(folders))
             if name not in folders:
                 raise ConfigError(f"log.run: no run {name!r}; {nearest(name, folders)}")

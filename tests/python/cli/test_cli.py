@@ -15,8 +15,8 @@ import yaml
 
 import locfuse as package
 from locfuse.cli.app import COMMANDS, load
-from locfuse.cli.reproduce import checkout
 from locfuse.config.load import load_config, parse_config
+from locfuse.io.checkout import checkout
 from support_runs import CONFIGS, EXAMPLES, locfuse, recording, room, rows_of, write_folder
 
 CALLS = (
@@ -401,12 +401,15 @@ def test_the_studio_without_its_extra_is_one_sentence(
     assert "pip install 'locfuse[studio]'" in said.sentence()
 
 
-def test_reproduce_without_a_checkout_is_one_sentence(
+def test_what_needs_a_checkout_says_so_in_one_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("locfuse.cli.reproduce.__file__", str(tmp_path / "cli" / "reproduce.py"))
+    monkeypatch.setattr("locfuse.io.checkout.__file__", str(tmp_path / "io" / "checkout.py"))
     monkeypatch.chdir(tmp_path)
     assert "needs a checkout of locfuse" in locfuse("reproduce", "ekim2020").sentence()
+    for kind in ("plaza", "lgo"):
+        said = locfuse("convert", kind, tmp_path, tmp_path / "out").sentence()
+        assert f"'convert {kind}', which is neither log nor bag, needs a checkout" in said
 
 
 def test_reproduce_finds_the_checkout_around_the_working_folder(

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from locfuse.io.datasets import convert
 from locfuse.io.log_folder import read_log
 from locfuse.run.messages import truth_of
 from locfuse.run.position import Epochs, Fix, in_one_plane, positions, read_epochs, write_fixes
 from locfuse.types import ConfigError, FloatArray, LogError
+from papers.datasets import convert
 from support_runs import Said, locfuse, recording, rows_of
 
 # Distances from (3, 4): 3-4-5 and its like, all at the height of the tag.

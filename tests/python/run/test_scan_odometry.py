@@ -15,13 +15,13 @@ from locfuse.eval.consistency import band
 from locfuse.eval.dead_reckoning import dead_reckon
 from locfuse.eval.errors import interpolate
 from locfuse.eval.relations import relation_errors, relation_metrics
-from locfuse.io.datasets import convert
 from locfuse.io.log_folder import read_log
 from locfuse.run.messages import truth_of
 from locfuse.run.scan_odometry import scan_odometry
 from locfuse.sim.beams import cast
 from locfuse.sim.maps import GENERATORS
 from locfuse.types import FREE, FloatArray, GridMap, Log, LogError, Trajectory, wrap_angle
+from papers.datasets import convert
 from support_runs import recording
 
 SCAN_TO_SCAN = lf.ScanOdometryConfig(window_scans=1, key_distance_m=0.0, key_turn_rad=0.0)

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
 
-from locfuse.io.datasets import (
+from locfuse.types import ConfigError, LogError, nearest, no_folder
+from papers.datasets import (
     acfr_carpark,
     ghent,
     hanyang_outdoor,
@@ -27,7 +28,6 @@ from locfuse.io.datasets import (
     victoria_park,
     wean_hall,
 )
-from locfuse.types import ConfigError, LogError, nearest, no_folder
 
 Converter: TypeAlias = Callable[[Path, Path], list[Path]]
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.io.datasets.source import check_map, copy_map, read_source, with_start
 from locfuse.io.log_folder import write_log
-from locfuse.io.rawlog import read_gridmap, read_mrpt_office
 from locfuse.types import Columns, Log, LogError, wrap_angle
+from papers.datasets.rawlog import read_gridmap, read_mrpt_office
+from papers.datasets.source import check_map, copy_map, read_source, with_start
 
 NAME = "uwb_ro-localization_demo"
 TAG = "antenna"

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from locfuse.io.datasets.source import (
+from locfuse.io.log_folder import write_log
+from locfuse.types import Log
+from papers.datasets.source import (
     TRUCK_LASER,
     positions,
     read_source,
     truck_odometry,
     truck_scans,
 )
-from locfuse.io.log_folder import write_log
-from locfuse.types import Log
 
 SIGMA_GPS_M = 2.0
 

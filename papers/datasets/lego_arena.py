@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.io.datasets.source import (
+from locfuse.io.log_folder import write_log
+from locfuse.types import Columns, FloatArray, Log, LogError, StampArray
+from papers.datasets.source import (
     arc,
     landmarks,
     later_than_before,
     read_words,
     with_start,
 )
-from locfuse.io.log_folder import write_log
-from locfuse.types import Columns, FloatArray, Log, LogError, StampArray
 
 BEAMS = 660
 STEP_RAD = 0.006135923151543

@@ -12,13 +12,13 @@ import pytest
 from numpy.typing import NDArray
 
 from locfuse.eval.errors import errors_against, interpolate
-from locfuse.io.datasets import convert
-from locfuse.io.datasets.source import (
+from locfuse.types import NANOSECONDS, FloatArray, Log, LogError, Trajectory, wrap_angle
+from papers.datasets import convert
+from papers.datasets.source import (
     TRUCK,
     TRUCK_LASER,
     truck_odometry,
 )
-from locfuse.types import NANOSECONDS, FloatArray, Log, LogError, Trajectory, wrap_angle
 from support_recordings import (
     carried,
     converted,

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from locfuse.io.datasets.source import check_map, copy_map, read_source, runs_of
 from locfuse.io.log_folder import write_log
 from locfuse.types import Log, LogError, wrap_angle
+from papers.datasets.source import check_map, copy_map, read_source, runs_of
 
 WITHOUT_MAP = ("home",)  # driven in another world
 TAG = "tag"

@@ -18,9 +18,6 @@ from locfuse.config.schema import Calibration, Dataset
 from locfuse.core import DistanceField, OccupancyGrid, Pose2
 from locfuse.eval.errors import errors_against, interpolate
 from locfuse.eval.relations import relation_errors, relation_metrics
-from locfuse.io.datasets import CONVERTERS, convert
-from locfuse.io.datasets.intel_lab import rows_at, stamps_of
-from locfuse.io.datasets.source import increments, read_source
 from locfuse.io.log_folder import read_log
 from locfuse.run.messages import truth_of
 from locfuse.run.run import run
@@ -35,6 +32,9 @@ from locfuse.types import (
     Trajectory,
     wrap_angle,
 )
+from papers.datasets import CONVERTERS, convert
+from papers.datasets.intel_lab import rows_at, stamps_of
+from papers.datasets.source import increments, read_source
 from support_runs import CONFIGS, recording, require_recording_of, rows_of
 
 FOLDERS = {

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from locfuse.io.datasets.source import read_source
 from locfuse.io.log_folder import write_log
 from locfuse.types import Log
+from papers.datasets.source import read_source
 
 TAG = "tag"
 

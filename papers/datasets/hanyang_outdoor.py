@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from locfuse.io.datasets.source import read_source, row_error, runs_of
 from locfuse.io.log_folder import write_log
 from locfuse.types import Columns, Log, wrap_angle
+from papers.datasets.source import read_source, row_error, runs_of
 
 TAG = "tag"
 TAG_HEIGHT_M = 1.0

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from locfuse.io.datasets import convert
-from locfuse.io.datasets.source import heading_of
 from locfuse.io.log_folder import read_log
 from locfuse.types import NANOSECONDS, FloatArray, Log, LogError
+from papers.datasets import convert
+from papers.datasets.source import heading_of
 from support_recordings import converted, robust_sigma, rows_in
 from support_runs import recording
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from locfuse.io.datasets.source import FREE_THRESH, increments, read_source, truth
 from locfuse.io.log_folder import write_log
 from locfuse.io.maps import read_map
 from locfuse.types import Log
+from papers.datasets.source import FREE_THRESH, increments, read_source, truth
 
 LASER = {
     "pose_in_body": [0.0039, 0.0, float(np.pi / 2.0)],

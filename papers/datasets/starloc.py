@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from locfuse.io.csv_table import read_table
-from locfuse.io.datasets.source import heading_of, read_source, runs_of
 from locfuse.io.log_folder import write_log
 from locfuse.types import Columns, FloatArray, Log
+from papers.datasets.source import heading_of, read_source, runs_of
 
 CALIBRATED = dict(range_calib="f", std="f", fpp1="f", fpp2="f")
 POSE = dict.fromkeys(("x", "y", "z", "w", "rot_x", "rot_y", "rot_z"), "f")

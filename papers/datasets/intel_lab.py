@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.io.datasets.source import FREE_THRESH, increments, read_source, row_error, truth
 from locfuse.io.log_folder import write_log
 from locfuse.io.maps import read_map
 from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, StampArray, wrap_angle
+from papers.datasets.source import FREE_THRESH, increments, read_source, row_error, truth
 
 NO_RETURN_M = 81.83
 STEP_NS = 10_000_000  # the recorded times have this resolution for most of the run

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.io.datasets.source import landmarks, later_than_before, read_words, runs_of, truth
 from locfuse.io.log_folder import write_log
 from locfuse.types import Columns, Log, LogError, StampArray
+from papers.datasets.source import landmarks, later_than_before, read_words, runs_of, truth
 
 
 def convert(source: Path, out: Path) -> list[Path]:

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse.io.csv_table import parse, read_bytes
-from locfuse.io.datasets.source import FREE_THRESH, increments, read_source, runs_of, truth
 from locfuse.io.log_folder import write_log
 from locfuse.io.maps import read_map
 from locfuse.types import GridMap, Log, LogError
+from papers.datasets.source import FREE_THRESH, increments, read_source, runs_of, truth
 
 BEAMS = 180
 NO_RETURN_CM = 8183.0  # or 8191; no real return is longer than 54 m

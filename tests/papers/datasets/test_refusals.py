@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from locfuse.io.datasets import convert
 from locfuse.types import LogError
+from papers.datasets import convert
 from support_recordings import damaged
 from support_runs import recording
 

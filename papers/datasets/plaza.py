@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from locfuse.io.datasets.source import arc, read_source, runs_of, with_start
 from locfuse.io.log_folder import write_log
 from locfuse.types import Log, LogError, wrap_angle
+from papers.datasets.source import arc, read_source, runs_of, with_start
 
 
 def convert(source: Path, out: Path) -> list[Path]:

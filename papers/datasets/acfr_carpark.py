@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from locfuse.io.datasets.source import (
+from locfuse.io.log_folder import write_log
+from locfuse.types import Log, LogError
+from papers.datasets.source import (
     TRUCK_LASER,
     landmarks,
     positions,
@@ -15,8 +17,6 @@ from locfuse.io.datasets.source import (
     truck_odometry,
     truck_scans,
 )
-from locfuse.io.log_folder import write_log
-from locfuse.types import Log, LogError
 
 POLE_RADIUS_M = 0.03
 SIGMA_GPS_M = 0.03

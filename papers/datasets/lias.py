@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.io.datasets.source import read_source
 from locfuse.io.log_folder import write_log
 from locfuse.types import Columns, Log, LogError, wrap_angle
+from papers.datasets.source import read_source
 
 ANCHORS, TAGS = range(8), range(3)
 MOVING = "fast"

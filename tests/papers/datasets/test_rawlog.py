@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from locfuse.io.rawlog import read_gridmap, read_mrpt_office
 from locfuse.types import Log, LogError
+from papers.datasets.rawlog import read_gridmap, read_mrpt_office
 
 DATASETS = Path("/usr/share/mrpt/datasets")
 NAME = "uwb_ro-localization_demo"

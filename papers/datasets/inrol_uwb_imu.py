@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from locfuse.io.datasets.source import heading_of, read_source, runs_of
 from locfuse.io.log_folder import write_log
 from locfuse.types import Log
+from papers.datasets.source import heading_of, read_source, runs_of
 
 TAG = "tag"
 TAG_OVER_IMU_M = 0.01
