@@ -24,19 +24,9 @@ _MOST_ROWS = 20000
 class Fits:
     """Positions of one tag from its ranges alone, epoch by epoch.
 
-    Attributes
-    ----------
-    tag : str
-    height : float
-        Of the tag, metres.
-    stamp_ns : int64 array, shape (n,)
-    ranges : float64 array, shape (n, m)
-        Corrected as the configuration says, NaN where missing; interpolated if ranges are to one
-        anchor at a time.
-    position : float64 array, shape (n, 2)
-        Of the tag in world, NaN where the ranges fix none.
-    residual : float64 array, shape (n, m)
-        Range minus distance.
+    Metres. `ranges` (n, m) are corrected as configured, NaN where missing, and interpolated if to
+    one anchor at a time. `position` (n, 2) is the tag's in world, NaN where the ranges fix none;
+    `residual` (n, m) is range minus distance; `height` is the tag's; `stamp_ns` is (n,).
     """
 
     tag: str
@@ -51,15 +41,8 @@ class Fits:
 class Residuals:
     """Range minus distance, row by row.
 
-    Attributes
-    ----------
-    against : str
-        What the distance was taken from, for people.
-    anchor : int array, shape (n,)
-    distance, value : float64 arrays, shape (n,)
-        Metres.
-    freedom : float
-        Share of the scatter that the fit left over; 1 against truth.
+    `against` says for people what the distance was taken from. Arrays are (n,), distances
+    in metres. `freedom` is the share of the scatter that the fit left over; 1 against truth.
     """
 
     against: str
@@ -71,13 +54,7 @@ class Residuals:
 
 @dataclass(frozen=True)
 class Context:
-    """A configuration with its log.
-
-    Attributes
-    ----------
-    config : RunConfig
-    log : Log
-    """
+    """A configuration with its log."""
 
     config: RunConfig
     log: Log

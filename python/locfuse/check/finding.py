@@ -14,19 +14,10 @@ SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 class Finding:
     """One thing that a check found.
 
-    Attributes
-    ----------
-    severity : str
-        ``error``: the run fails or is wrong; ``warning``: it is probably worse than it need be;
-        ``note``: worth knowing, no fault.
-    what : str
-        One sentence with the numbers.
-    where : str
-        Key of the configuration, or file of the log.
-    advice : str
-        What to do; empty for notes that ask for nothing.
-    rule : str
-        Name of the check, as in docs/check.md.
+    `severity` ``error``: the run fails or is wrong; ``warning``: it is probably worse than it need
+    be; ``note``: worth knowing, no fault. `what` is one sentence with the numbers, `where` a key of
+    the configuration or a file of the log, `advice` what to do, empty for notes that ask for
+    nothing, `rule` the name of the check, as in docs/check.md.
     """
 
     severity: Severity

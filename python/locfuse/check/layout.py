@@ -149,17 +149,8 @@ def _one_more(context: Context) -> tuple[FloatArray, FloatArray, FloatArray]:
 def information(anchors: FloatArray, points: FloatArray, height: float) -> FloatArray:
     """Return the information of each range at each point, for a unit sigma.
 
-    Parameters
-    ----------
-    anchors : float64 array, shape (m, 3)
-    points : float64 array, shape (k, 2)
-    height : float
-        Of the tag, metres.
-
-    Returns
-    -------
-    float64 array, shape (k, m, 3)
-        u u' of the direction u in the plane, as xx, xy, yy.
+    `anchors` (m, 3), `points` (k, 2) and `height` of the tag in metres. The result (k, m, 3) is
+    u u' of the direction u in the plane, as xx, xy, yy.
     """
     off = points[:, None, :] - anchors[None, :, :2]
     square = np.sum(off**2, axis=2) + (anchors[:, 2] - height) ** 2

@@ -86,17 +86,8 @@ def located(
 ) -> tuple[FloatArray, FloatArray]:
     """Return positions (n, 2) in the plane of a known height, and their covariances (n, 2, 2).
 
-    A position is NaN where not exactly one fits.
-
-    Parameters
-    ----------
-    anchors : float64 array, shape (m, 3)
-    ranges : float64 array, shape (n, m)
-        NaN where missing.
-    sigma : float
-        Of a range, metres.
-    height : float
-        Of the tag, metres.
+    A position is NaN where not exactly one fits. `anchors` (m, 3), `ranges` (n, m), NaN where
+    missing, `sigma` of a range and `height` of the tag are in metres.
     """
     found = _core.locate_batch(anchors, ranges, sigma, height=height)
     status = _core.PositionStatus

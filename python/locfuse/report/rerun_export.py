@@ -33,10 +33,7 @@ _REJECTED_VERDICTS = ("gated", "not_modelled", "implausible")
 def check_rerun(path: Path) -> None:
     """Raise ConfigError before the work if the recording cannot be written.
 
-    Raises
-    ------
-    ConfigError
-        If the path does not end in ``.rrd``, or rerun is not installed.
+    The path must end in ``.rrd``, and rerun must be installed.
     """
     if path.suffix.lower() != ".rrd":
         raise ConfigError(f"{path}: a rerun recording needs a name that ends in .rrd")

@@ -18,19 +18,7 @@ VERDICT_LABELS = {
 def start_ns(result: RunResult) -> int:
     """Return the stamp that pictures and tables call 0 s: the first message or estimate.
 
-    Parameters
-    ----------
-    result : RunResult
-
-    Returns
-    -------
-    int
-        Nanoseconds.
-
-    Raises
-    ------
-    ValueError
-        If the run has neither estimates nor messages.
+    In nanoseconds. Raises ValueError if the run has neither estimates nor messages.
     """
     firsts = [int(s.min()) for s in (result.estimate.stamp_ns, result.outcomes.stamp_ns) if len(s)]
     if not firsts:

@@ -36,11 +36,7 @@ FIGURES = (
 def compared(names: Sequence[str], metrics: Sequence[Mapping[str, Any]]) -> str:
     """Return a table of HTML: a row for each figure, a column for each run.
 
-    Parameters
-    ----------
-    names : sequence of str
-    metrics : sequence of mappings
-        As of ``metrics.json``.
+    `metrics` are as of ``metrics.json``.
     """
     lines = ["<tr><th></th>" + "".join(f"<th>{escape(name)}</th>" for name in names) + "</tr>"]
     for figure in FIGURES:

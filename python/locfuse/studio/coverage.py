@@ -29,14 +29,7 @@ Wall = tuple[float, float, float, float]
 class Floor:
     """Where to look: points on a grid from a corner on.
 
-    Attributes
-    ----------
-    low : (x, y)
-        The first point, metres.
-    step_m : float
-    columns, rows : int
-    height_m : float
-        Of the tag.
+    `low` is the first point, metres; `height_m` is the tag's.
     """
 
     low: tuple[float, float]
@@ -56,13 +49,8 @@ class Floor:
 class Coverage:
     """What anchors give over a floor.
 
-    Attributes
-    ----------
-    floor : Floor
-    hdop : float64 array, shape (rows, columns)
-        Error of a position over error of a range, at most 20; NaN where the map has no floor.
-    seen : uint8 array, shape (rows, columns)
-        Anchors in view.
+    Arrays are (rows, columns). `hdop` is the error of a position over the error of a range, at most
+    20, NaN where the map has no floor; `seen` counts the anchors in view.
     """
 
     floor: Floor

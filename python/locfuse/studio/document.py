@@ -59,10 +59,8 @@ def dotted(key: Key) -> str:
 def checked(data: Any) -> RunConfig:
     """Return the configuration that a document is.
 
-    Raises
-    ------
-    RefusedError
-        With each problem at the key that caused it, where the schema says which that is.
+    Raises RefusedError with each problem at the key that caused it, where the schema says which
+    that is.
     """
     if not isinstance(data, dict):
         raise RefusedError([Problem((), f"holds {type(data).__name__}; expected keys and values")])

@@ -162,10 +162,7 @@ def key_of(what: Key) -> Key:
 def rename(scene: Scene, what: Key, name: str) -> None:
     """Give an anchor or a landmark another name, wherever it is named.
 
-    Raises
-    ------
-    RefusedError
-        If the name is taken or empty.
+    Raises RefusedError if the name is taken or empty.
     """
     group = key_of(what)[:-1]
     old = str(what[1])

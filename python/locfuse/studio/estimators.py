@@ -16,15 +16,8 @@ _EKF = tuple(source for source in SOURCES if source != "odometry")
 class Choice:
     """An estimator to choose.
 
-    Attributes
-    ----------
-    key : str
-        Name of its folder.
-    name : str
-    what : str
-        What it does, in a sentence.
-    change : callable
-        Makes a scene's draft the configuration that it is run with.
+    `key` is the name of its folder, `what` a sentence on what it does; `change` makes a scene's
+    draft the configuration that it is run with.
     """
 
     key: str

@@ -46,12 +46,8 @@ _MOST_ROWS = 10  # of a text that is seen at once
 class Forms:
     """The forms of a page: they write into a scene, and show what it says.
 
-    Parameters
-    ----------
-    scene : callable
-        Returns the scene, which may be another one by now.
-    changed : callable
-        Called after anything was set, fitting or not.
+    `scene` returns the scene, which may be another one by now. `changed` is called after anything
+    was set, fitting or not.
     """
 
     def __init__(self, scene: Callable[[], Scene], changed: Callable[[], None]) -> None:

@@ -33,10 +33,8 @@ def is_loopback(host: str) -> bool:
 def check_address(host: str, token: str | None) -> None:
     """Refuse to be open to others without a token.
 
-    Raises
-    ------
-    ConfigError
-        If the host is not this machine alone and there is no token, or a token is short.
+    Raises ConfigError if the host is not this machine alone and there is no token, or a token is
+    short.
     """
     if token is not None and len(token) < LEAST_TOKEN:
         raise ConfigError(f"--token: {len(token)} characters; expected at least {LEAST_TOKEN}")
@@ -53,14 +51,7 @@ class Guard:
     A token may come as ``?token=...``, which is kept as a cookie of the browser, or as
     ``Authorization: Bearer ...``. Without a token only names of this machine are answered: else
     another site could make its own name point here. A request that another site's page makes is
-    refused in any case.
-
-    Parameters
-    ----------
-    app : ASGI application
-    token : str or None
-    max_bytes : int
-        Of a request.
+    refused in any case, and so is one larger than `max_bytes`.
     """
 
     def __init__(self, app: ASGIApp, token: str | None, max_bytes: int) -> None:

@@ -30,20 +30,10 @@ _END_S = 5.0  # that a process is given to end by itself
 class Part:
     """One estimator of a run.
 
-    Attributes
-    ----------
-    key, name : str
-        As of the `Choice`; the key is its folder, too.
-    state : str
-        ``waiting``, ``running``, ``writing`` the report, ``done``, ``failed`` or ``cancelled``.
-    share : float
-        Of the work that is done, 0 to 1.
-    error : str
-        Why it failed.
-    grown : int
-        How often there was more of it to watch.
-    metrics : dict
-        What ``metrics.json`` holds, from ``writing`` on: never of a part of a run.
+    `key`, also its folder, and `name` are as of the `Choice`. `state` is ``waiting``, ``running``,
+    ``writing`` the report, ``done``, ``failed`` (`error` says why) or ``cancelled``. `share` of the
+    work is done, 0 to 1; `grown` counts how often there was more of it to watch. `metrics` is that
+    of ``metrics.json``, from ``writing`` on: never of a part of a run.
     """
 
     key: str
@@ -101,10 +91,7 @@ class Run:
 class Runner:
     """The runs of a workspace, of which one at a time is under way.
 
-    Parameters
-    ----------
-    folder : Path
-        Where each run has a folder of its number; runs of before are found there.
+    Each run has a folder of its number in `folder`; runs of before are found there.
     """
 
     def __init__(self, folder: Path) -> None:

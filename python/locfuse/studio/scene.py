@@ -49,25 +49,13 @@ class Waiting:
 class Scene:
     """A document that is a valid configuration at any time, and what was tried in vain.
 
-    A value that does not fit is kept beside the document, with its message, until it is changed,
-    or other changes make it fit; then both become part of the document. A text that does not fit
-    is kept the same way. Whoever shows the scene asks `version` whether anything is new.
+    A value that does not fit is kept beside the document, with its message, until it is changed, or
+    other changes make it fit; then both become part of the document. A text that does not fit is
+    kept the same way. Whoever shows the scene asks `version` whether anything is new.
 
-    Attributes
-    ----------
-    data : dict
-        The document. Never changed in place.
-    config : RunConfig
-        The same, read.
-    waiting : dict of Key to Waiting
-    text : str
-        The YAML text as typed, or made from the document.
-    good_text : str
-        That of the document.
-    text_problems : tuple of Problem
-        What is wrong with the text, if it is not that of the document.
-    version : int
-        Counts the changes, refused ones included.
+    `data` is the document, never changed in place, and `config` the same, read. `text` is the YAML
+    as typed, or made from the document; `good_text` is that of the document, `text_problems` what
+    is wrong with `text` if it differs. `version` counts the changes, refused ones included.
     """
 
     def __init__(self, data: Data | None = None) -> None:
@@ -93,10 +81,7 @@ class Scene:
     def edit(self, change: Callable[[Draft], None]) -> None:
         """Change several keys in one step.
 
-        Raises
-        ------
-        RefusedError
-            If the result is no configuration; the scene stays as it was.
+        Raises RefusedError if the result is no configuration; the scene stays as it was.
         """
         draft = Draft(self.data, self.config)
         change(draft)
@@ -126,10 +111,7 @@ class Scene:
     def replace(self, data: Data) -> None:
         """Take another document, in one step that can be undone.
 
-        Raises
-        ------
-        RefusedError
-            If it is no configuration.
+        Raises RefusedError if it is no configuration.
         """
         config = checked(data)
         self.waiting = {}

@@ -20,11 +20,8 @@ def make_app(folder: Path, config: Path | None, token: str | None) -> tuple[Any,
     """Return the ASGI application of a studio, and the `Studio` that it shows.
 
     The folder must be nobody else's: the scene that is kept there may be another one after this.
-
-    Raises
-    ------
-    ConfigError
-        If the extra is not installed, the folder cannot be used, or the configuration is none.
+    Raises ConfigError if the extra is not installed, the folder cannot be used, or the
+    configuration is none.
     """
     # NiceGUI would keep a folder of its own where the command was called.
     os.environ.setdefault("NICEGUI_STORAGE_PATH", str(folder.absolute() / ".nicegui"))
@@ -62,22 +59,10 @@ def serve(
 ) -> None:
     """Serve the studio until it is interrupted.
 
-    Parameters
-    ----------
-    folder : Path
-        In which everything is kept.
-    config : Path or None
-        The scene to begin with, instead of the one that was left.
-    host, port, token
-        Anything but this machine alone needs a token.
-    ready : callable
-        Called with what should be known of the scene, or "", once nothing stands against serving
-        any more.
-
-    Raises
-    ------
-    ConfigError
-        As `make_app`, if folder or port are in use, or if others could reach it without a token.
+    `folder` keeps everything; `config` is the scene to begin with, instead of the one that was
+    left. `ready` is called with what should be known of the scene, or "", once nothing stands
+    against serving any more. Raises ConfigError as `make_app`, if folder or port are in use, or if
+    others than this machine alone could reach it without a token.
     """
     check_address(host, token)
     # What is kept in the folder is touched only once nobody else can be using it, and nothing

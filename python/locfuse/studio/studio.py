@@ -14,17 +14,9 @@ from locfuse.studio.workspace import Workspace
 class Studio:
     """A scene that is kept as it changes, and the runs of its folder.
 
-    Parameters
-    ----------
-    folder : Path
-    config : Path, optional
-        Taken as the scene; its file stays as it is. A scene that it replaces, and that is saved
-        under no name, is set aside under one of its own; `notice` says which.
-
-    Raises
-    ------
-    ConfigError
-        If the folder cannot be used, or the configuration is none.
+    `config` is taken as the scene; its file stays as it is. A scene that it replaces, and that is
+    saved under no name, is set aside under one of its own; `notice` says which. Raises ConfigError
+    if the folder cannot be used, or the configuration is none.
     """
 
     def __init__(self, folder: Path, config: Path | None = None) -> None:
@@ -50,10 +42,7 @@ class Studio:
     def keep(self) -> str:
         """Write the scene, if it is another one than what was written last.
 
-        Returns
-        -------
-        str
-            What kept it from being written; it is tried again then.
+        Returns what kept it from being written; it is tried again then.
         """
         if self._kept == self.scene.version:
             return ""

@@ -51,12 +51,8 @@ def world_of(scene: Scene) -> dict[str, Any]:
 def ground_of(config: RunConfig, base: Path) -> dict[str, Any]:
     """Return the map and the way that the robot drives, or has driven; may take seconds.
 
-    With a ``message`` if it cannot drive that way.
-
-    Raises
-    ------
-    ConfigError, LogError
-        If the map or the log cannot be read or made, or the robot cannot drive on it.
+    With a ``message`` if it cannot drive that way. Raises ConfigError or LogError if the map or the
+    log cannot be read or made, or the robot cannot drive on it.
     """
     return _ground(config.model_dump_json(include={"simulation", "log", "ros", "seed"}), base)
 
@@ -109,10 +105,7 @@ def log_of(config: RunConfig, base: Path) -> Log:
 def replaying(scene: Scene, path: str, name: str, base: Path) -> Data:
     """Return the document that replays a log as a scene would, once the log has been read.
 
-    Raises
-    ------
-    ConfigError, LogError, RefusedError
-        If it cannot be read as that.
+    Raises ConfigError, LogError or RefusedError if it cannot be read as that.
     """
     draft = Draft(scene.data, scene.config)
     for key in ("simulation", "description"):

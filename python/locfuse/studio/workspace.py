@@ -32,16 +32,9 @@ class NameTakenError(ConfigError):
 class Workspace:
     """Folder of a studio; made if it is not there.
 
-    Attributes
-    ----------
-    folder : Path
-        Holds ``scene.yaml``, which is the scene as it is now, further scenes under their names,
-        and the folders ``maps``, ``logs`` and ``runs``. Paths in scenes are relative to it.
-
-    Raises
-    ------
-    ConfigError
-        If the folder cannot be made or written.
+    It holds ``scene.yaml``, which is the scene as it is now, further scenes under their names, and
+    the folders ``maps``, ``logs`` and ``runs``. Paths in scenes are relative to it. Raises
+    ConfigError if it cannot be made or written.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -78,20 +71,9 @@ class Workspace:
     def save(self, scene: Scene, name: str, *, replace: bool = False) -> Path:
         """Write a scene under a name.
 
-        Parameters
-        ----------
-        scene : Scene
-        name : str
-            Of the file; what no file can be named with becomes "-".
-        replace : bool
-            Whether another scene of that name may be lost.
-
-        Raises
-        ------
-        NameTakenError
-            If another scene is saved under that name.
-        ConfigError
-            If the name cannot be that of a file, or is the current scene's.
+        What no file can be named with becomes "-" in `name`. Raises NameTakenError if another scene
+        is saved under that name, unless `replace` lets it be lost, and ConfigError if the name
+        cannot be that of a file, or is the current scene's.
         """
         file = self.folder / f"{_file_name(name.removesuffix('.yaml'))}.yaml"
         if file.name == CURRENT:
@@ -104,16 +86,8 @@ class Workspace:
     def set_aside(self) -> str:
         """Keep the scene as it was left under a name of its own, before another replaces it.
 
-        Returns
-        -------
-        str
-            Name of its file, which is one of the saved scenes; "" if nothing would be lost: it is
-            empty, or saved already.
-
-        Raises
-        ------
-        ConfigError
-            If it cannot be read.
+        Returns the name of its file, which is one of the saved scenes; "" if nothing would be lost:
+        it is empty, or saved already. Raises ConfigError if it cannot be read.
         """
         current = self.folder / CURRENT
         if not current.is_file():
@@ -147,10 +121,7 @@ class Workspace:
     def taken_from(self, file: Path) -> Data:
         """Return the document of a configuration anywhere, with paths relative to this folder.
 
-        Raises
-        ------
-        ConfigError
-            As `load_config`.
+        Raises ConfigError as `load_config`.
         """
         load_config(file)
         data: Data = read_yaml(file.read_text(encoding="utf-8"), str(file))
@@ -163,25 +134,9 @@ class Workspace:
     ) -> tuple[str, GridMap]:
         """Keep a picture as a map: white is free, black a wall, grey unknown.
 
-        Parameters
-        ----------
-        name : str
-            Of the file: PNG or PGM.
-        picture : bytes
-        resolution_m : float
-            Side of a pixel.
-        origin : (x, y)
-            Of the lower left corner in world, metres.
-
-        Returns
-        -------
-        (str, GridMap)
-            Path of its YAML file, relative to the folder.
-
-        Raises
-        ------
-        LogError
-            If it is no picture that a map can be made of.
+        `name` is that of the file: PNG or PGM. `resolution_m` is the side of a pixel, `origin` the
+        lower left corner in world, metres. Returns the path of the YAML file, relative to the
+        folder, and the map. Raises LogError if it is no picture that a map can be made of.
         """
         stem, ending = _file_name(Path(name).stem), Path(name).suffix.lower()
         if ending not in (".png", ".pgm"):
@@ -201,10 +156,7 @@ class Workspace:
     def take_world(self, scene: Scene, log: Log, name: str) -> None:
         """Give a simulated scene the map, anchors and landmarks of a log.
 
-        Raises
-        ------
-        LogError
-            If the log has none of them.
+        Raises LogError if the log has none of them.
         """
         found = {stem: log.tables[stem] for stem in ("anchors", "landmarks") if stem in log}
         if not found and log.grid is None:
@@ -233,15 +185,7 @@ class Workspace:
     def add_log(self, name: str, upload: Path) -> str:
         """Keep an uploaded log: a bag, or a zip of a log folder.
 
-        Returns
-        -------
-        str
-            Its path, relative to the folder.
-
-        Raises
-        ------
-        LogError
-            If it is neither.
+        Returns its path, relative to the folder. Raises LogError if it is neither.
         """
         stem, ending = _file_name(Path(name).stem), Path(name).suffix.lower()
         if ending in BAGS:

@@ -29,14 +29,8 @@ BY_KEY = ("position_rmse_m", "position_max_m", "heading_rmse_deg", "nees_mean", 
 class Group:
     """Trials of about one value of a key.
 
-    Attributes
-    ----------
-    axis : Axis
-    label : str
-    low, high : float
-        Smallest and largest value of a slice; both are the value where it is a number; else NaN.
-    rows : int array
-        Which trials.
+    `low` and `high` are the smallest and largest value of a slice; both are the value where it is a
+    number, else NaN. `rows` are the indices of its trials.
     """
 
     axis: Axis
@@ -50,12 +44,8 @@ class Group:
 class NeesBand:
     """Mean NEES of all trials, at instants from the first to the last stamp that was compared.
 
-    Attributes
-    ----------
-    mean : float64 array, shape (instants,)
-    low, high : float
-        The two-sided 95 % band of each, if the trials are consistent.
-    dof, trials : int
+    `mean` has shape (instants,); `low` and `high` are the two-sided 95 % band of each, if the
+    trials are consistent.
     """
 
     mean: FloatArray
@@ -125,16 +115,9 @@ def known(trials: Trials, name: str) -> FloatArray:
 def score(values: FloatArray) -> dict[str, float | int | None]:
     """Return the statistics of a score over trials.
 
-    Parameters
-    ----------
-    values : float64 array, shape (n,)
-        n >= 1, finite.
-
-    Returns
-    -------
-    dict
-        ``n``; ``mean`` and ``median``, each with ``_low`` and ``_high`` of its 95 % interval (None
-        for a median of fewer than six); ``p05``, ``p95``, ``min``, ``max`` of the values.
+    `values` (n,) are finite, n >= 1. The keys: ``n``; ``mean`` and ``median``, each with ``_low``
+    and ``_high`` of its 95 % interval (None for a median of fewer than six); ``p05``, ``p95``,
+    ``min``, ``max`` of the values.
     """
     mean_low, mean_high = mean_interval(values)
     of_median = median_interval(values)

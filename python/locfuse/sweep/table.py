@@ -96,18 +96,9 @@ class Folder:
     ``sweep.json`` identifies the sweep. Each batch is a file in ``parts``, written atomically;
     ``trials.parquet`` holds the merged rows, in the end all of them.
 
-    Parameters
-    ----------
-    path : Path
-        Created if missing.
-    about : dict
-        Identifies the sweep, ready for JSON; ``trials`` may grow.
-    axes : sequence of Axis
-
-    Raises
-    ------
-    ConfigError
-        If the folder holds another sweep, or what is in it cannot be read, or pyarrow is missing.
+    `path` is created if missing. `about` identifies the sweep, ready for JSON; ``trials`` may grow.
+    Raises ConfigError if the folder holds another sweep, or what is in it cannot be read, or
+    pyarrow is missing.
     """
 
     def __init__(self, path: Path, about: dict[str, Any], axes: Sequence[Axis]) -> None:

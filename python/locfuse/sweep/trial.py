@@ -56,17 +56,9 @@ class Trial:
 class Work:
     """What all trials of a sweep have in common, as sent to the workers.
 
-    Attributes
-    ----------
-    data : dict
-        The configuration as written.
-    axes : tuple of Axis
-    base : str
-        Folder that the configuration's paths are relative to.
-    recovered_m : float or None
-        Below which position error it has recovered; None: inside of its covariance.
-    version : str
-        Of the library that hands the trials out.
+    `data` is the configuration as written, `base` the folder that its paths are relative to.
+    `recovered_m` is the position error below which it has recovered; None: inside its covariance.
+    `version` is that of the library that hands the trials out.
     """
 
     data: dict[str, Any]
@@ -79,10 +71,7 @@ class Work:
 def run_batch(work: Work, trials: Sequence[Trial], budget_s: float) -> list[Row]:
     """Run trials until the time is over, but at least one; return their rows.
 
-    Raises
-    ------
-    ConfigError
-        If the library is of another version than the one that hands the trials out.
+    Raises ConfigError if the library is of another version than the one that hands the trials out.
     """
     from locfuse import __version__
 
@@ -140,11 +129,8 @@ def _log(origin: str, base: str) -> Log:
 def scores(result: RunResult, recovered_m: float | None = None) -> Row:
     """Return the columns that a run has.
 
-    Parameters
-    ----------
-    result : RunResult
-    recovered_m : float, optional
-        Below which position error it has recovered from a fault; else inside its covariance.
+    It has recovered from a fault below the position error `recovered_m`; None: inside its
+    covariance.
     """
     said = result.metrics
     same = ("position_rmse_m", "position_p95_m", "position_max_m", "heading_rmse_deg", "nees_mean",

@@ -29,18 +29,9 @@ _DRAWS = 0x7661_7279  # separates draws of varied keys from those of the simulat
 class Axis:
     """A key that varies.
 
-    Attributes
-    ----------
-    key : str
-        Dotted path into the configuration.
-    values : tuple
-        Values of a list or grid, taken in turn by the trials; empty if values are drawn.
-    low, high : float
-        Limits of the drawn values, or of a grid; NaN for a list.
-    log : bool
-        Uniform in the logarithm.
-    whole : bool
-        Whole numbers only, both ends included.
+    `key` is a dotted path into the configuration. `values` of a list or grid are taken in turn by
+    the trials; empty if values are drawn. `low` and `high` limit the drawn values, or a grid; NaN
+    for a list. `log`: uniform in the logarithm. `whole`: whole numbers only, both ends included.
     """
 
     key: str
@@ -91,18 +82,10 @@ class Axis:
 def axes_of(config: RunConfig, vary: Mapping[str, Values]) -> tuple[Axis, ...]:
     """Return the varied keys with their values.
 
-    Parameters
-    ----------
-    config : RunConfig
-    vary : mapping of dotted path to values
-        A sequence of values; or a text: ``a,b,c`` as in YAML, ``LOW..HIGH`` drawn uniformly,
-        ``LOW..HIGH:log`` drawn uniformly in the logarithm, ``LOW..HIGH:N`` a grid of N values,
-        ``LOW..HIGH:Nlog`` one in equal ratios.
-
-    Raises
-    ------
-    ConfigError
-        If there is no such key, or its values cannot be read.
+    `vary` gives for each dotted path a sequence of values, or a text: ``a,b,c`` as in YAML,
+    ``LOW..HIGH`` drawn uniformly, ``LOW..HIGH:log`` drawn uniformly in the logarithm,
+    ``LOW..HIGH:N`` a grid of N values, ``LOW..HIGH:Nlog`` one in equal ratios. Raises ConfigError
+    if there is no such key, or its values cannot be read.
 
     Examples
     --------
@@ -186,19 +169,8 @@ def with_values(
 ) -> RunConfig:
     """Return a configuration with other values.
 
-    Parameters
-    ----------
-    config : RunConfig
-    data : dict
-        The same `as_written`.
-    axes : sequence of Axis
-    values : sequence
-        One for each axis.
-
-    Raises
-    ------
-    ConfigError
-        If a value is not allowed; names key, value and what is expected.
+    `data` is `config` `as_written`; `values` has one for each axis. Raises ConfigError, with key,
+    value and what is expected, if a value is not allowed.
     """
     changed = json.loads(json.dumps(data))
     for axis, value in zip(axes, values, strict=True):

@@ -30,10 +30,6 @@ class ProcessPool(ProcessPoolExecutor):
 
     Each holds the far end of a pipe. When the near end closes, by `end` or because this process was
     killed, it exits at once, even within a trial.
-
-    Parameters
-    ----------
-    workers : int
     """
 
     def __init__(self, workers: int) -> None:

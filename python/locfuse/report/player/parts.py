@@ -21,12 +21,7 @@ _GOLDEN = 0.6180339887498949
 class Part:
     """A part of a run that can be decimated to a number of bytes.
 
-    Attributes
-    ----------
-    wanted : int
-        Bytes of JSON without decimation.
-    packed : callable
-        Given a number of bytes, returns the part decimated to it.
+    `wanted` is its bytes of JSON without decimation; `packed` returns it decimated to given bytes.
     """
 
     wanted: int
@@ -63,11 +58,8 @@ def shares(wanted: Mapping[str, int], total: int) -> dict[str, int]:
 def table_part(columns: Mapping[str, NDArray[Any]], keep: NDArray[np.bool_]) -> Part:
     """Return a table, ordered by time, in which some rows have priority.
 
-    Parameters
-    ----------
-    columns : mapping of str to arrays, shape (n, ...)
-    keep : bool array, shape (n,)
-        Rows that are dropped last, evenly; the first and the last row always stay.
+    Columns are (n, ...). Rows in `keep` (n,) are dropped last, evenly; the first and the last row
+    always stay.
     """
     n = len(keep)
     per_row = sum(column.itemsize * int(np.prod(column.shape[1:])) for column in columns.values())

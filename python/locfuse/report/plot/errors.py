@@ -31,16 +31,8 @@ from locfuse.types import FloatArray, RunResult
 def plot_errors(result: RunResult) -> Figure | None:
     """Draw the errors of x, y and heading over time with the 3-sigma bands the estimator claims.
 
-    Parameters
-    ----------
-    result : RunResult
-
-    Returns
-    -------
-    Figure or None
-        One axes per component, heading in degrees and only if truth has one. The lines are broken
-        where truth has gaps. None without truth or where truth and estimate do not overlap in
-        time.
+    One axes per component, heading in degrees and only if truth has one. The lines are broken where
+    truth has gaps. None without truth or where truth and estimate do not overlap in time.
     """
     if result.truth is None or len(result.truth) == 0:
         return None

@@ -88,10 +88,7 @@ def write_film(result: RunResult, path: Path) -> Path:
 def check_film(config: RunConfig, path: Path) -> None:
     """Raise ConfigError before the work if no film can be made.
 
-    Raises
-    ------
-    ConfigError
-        If the configuration has no ``mcl``, or the path does not end in ``.gif``.
+    The configuration must have an ``mcl``, and the path must end in ``.gif``.
     """
     if config.mcl is None:
         raise ConfigError("a film shows the particles of mcl; add 'mcl: {}' to the configuration")

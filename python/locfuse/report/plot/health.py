@@ -27,14 +27,7 @@ STATE_COLORS = {
 def plot_health(result: RunResult) -> Figure | None:
     """Draw the probability that the error is below the limit, and the protection levels.
 
-    Parameters
-    ----------
-    result : RunResult
-
-    Returns
-    -------
-    Figure or None
-        The background is the state. None if the run has no health.
+    The background is the state. None if the run has no health.
     """
     health = result.health
     if health is None or len(health) == 0:

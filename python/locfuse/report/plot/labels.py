@@ -25,12 +25,7 @@ _GAPS_PT = (8.0, 16.0, 26.0)
 class Label:
     """A text that belongs to a point of the plane.
 
-    Attributes
-    ----------
-    text : str
-    xy : float64 array, shape (2,)
-        Metres.
-    colour : str
+    `xy` has shape (2,), metres.
     """
 
     text: str
@@ -57,14 +52,7 @@ def join_same_spot(labels: Sequence[Label]) -> list[Label]:
 def place_labels(figure: Figure, axes: Axes, labels: Sequence[Label], path: FloatArray) -> None:
     """Write each label beside its mark, at the side where it covers least.
 
-    Parameters
-    ----------
-    figure : Figure
-        Everything else must have been drawn.
-    axes : Axes
-    labels : sequence of Label
-    path : float64 array, shape (n, 2)
-        Line to keep clear of, metres.
+    Everything else must have been drawn. `path` (n, 2) is a line to keep clear of, metres.
     """
     figure.draw_without_rendering()  # settles the layout, so that metres become pixels
     pixel = figure.dpi / 72.0

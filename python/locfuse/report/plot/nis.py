@@ -38,15 +38,8 @@ _MIN_PER_MEAN = 15
 def plot_nis(result: RunResult) -> Figure:
     """Draw the normalised innovation squared of each source over time, with its 95 % band.
 
-    Parameters
-    ----------
-    result : RunResult
-
-    Returns
-    -------
-    Figure
-        One axes per source and number of degrees of freedom, logarithmic; values below an axes lie
-        on its lower edge. A sentence instead if no message was compared with a prediction.
+    One axes per source and number of degrees of freedom, logarithmic; values below an axes lie on
+    its lower edge. A sentence instead if no message was compared with a prediction.
     """
     outcomes = result.outcomes
     compared = np.isfinite(outcomes.nis) & (outcomes.dof > 0)

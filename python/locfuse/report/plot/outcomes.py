@@ -42,17 +42,10 @@ _MIN_BAR = 0.3
 def plot_outcomes(result: RunResult) -> Figure:
     """Draw which messages were rejected when: one row per anchor or source.
 
-    Parameters
-    ----------
-    result : RunResult
-
-    Returns
-    -------
-    Figure
-        Time runs to the right. Pale: messages arrived. Strong: some were not fused; the height is
-        their share in that slice of time (at least 30 % of the row, so that a single one is seen).
-        At the right of each row stand the rejected share and the number of messages. Lines across
-        all rows: UWB took over from scans.
+    Time runs to the right. Pale: messages arrived. Strong: some were not fused; the height is their
+    share in that slice of time (at least 30 % of the row, so that a single one is seen). At the
+    right of each row stand the rejected share and the number of messages. Lines across all rows:
+    UWB took over from scans.
     """
     rows = message_rows(result.outcomes)
     if not rows:

@@ -43,20 +43,8 @@ _MAX_NAMED = 60
 def plot_path(result: RunResult) -> Figure:
     """Draw estimate with 3-sigma ellipses, truth, anchors, landmarks and map in the world frame.
 
-    Parameters
-    ----------
-    result : RunResult
-
-    Returns
-    -------
-    Figure
-        One axes, equal scales, metres. Anchors with at least 10 % of their ranges rejected are
-        marked and carry that share.
-
-    Raises
-    ------
-    ValueError
-        If the estimate is empty.
+    One axes, equal scales, metres. Anchors with at least 10 % of their ranges rejected are marked
+    and carry that share. Raises ValueError if the estimate is empty.
     """
     estimate = result.estimate
     if len(estimate) == 0:
@@ -93,24 +81,9 @@ def plot_path(result: RunResult) -> Figure:
 def ellipse_axes(covariance: FloatArray, sigmas: float) -> tuple[float, float, float]:
     """Return the axes of the covariance ellipse of a planar position.
 
-    Parameters
-    ----------
-    covariance : float64 array, shape (2, 2)
-        Square metres.
-    sigmas : float
-        Half axes in standard deviations.
-
-    Returns
-    -------
-    major, minor : float
-        Full lengths of the axes, metres.
-    angle : float
-        Direction of the major axis, radians from x towards y.
-
-    Raises
-    ------
-    ValueError
-        If the shape differs or an eigenvalue is negative beyond rounding.
+    `covariance` (2, 2) is in square metres; half axes are `sigmas` standard deviations. Returns the
+    full major and minor lengths, metres, and the major direction, radians from x towards y. Raises
+    ValueError if the shape differs or an eigenvalue is negative beyond rounding.
     """
     if covariance.shape != (2, 2):
         raise ValueError(f"covariance has shape {covariance.shape}, expected (2, 2)")

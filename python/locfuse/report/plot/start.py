@@ -33,15 +33,8 @@ _MAX_SHOWN = 60  # hypotheses of one moment
 def plot_start(result: RunResult) -> Figure | None:
     """Draw the moment with the most hypotheses on the left and the start on the right.
 
-    Parameters
-    ----------
-    result : RunResult
-
-    Returns
-    -------
-    Figure or None
-        Two axes over the map and the anchors: each pose that fitted as an arrow with its ellipse,
-        the scan as seen from it. None if the run was not started from nothing.
+    Two axes over the map and the anchors: each pose that fitted as an arrow with its ellipse, the
+    scan as seen from it. None if the run was not started from nothing.
     """
     start = result.start
     if start is None:

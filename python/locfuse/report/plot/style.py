@@ -97,13 +97,7 @@ def legend(figure: Figure, handles: Sequence[Handle]) -> None:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG, without version marks, so that equal runs give equal files.
-
-    Parameters
-    ----------
-    figure : Figure
-    path : Path
-    """
+    """Write a figure as PNG, without version marks, so that equal runs give equal files."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")  # shown as an empty box
         figure.savefig(path, format="png", dpi=_DPI, metadata={"Software": None})

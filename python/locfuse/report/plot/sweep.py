@@ -51,11 +51,7 @@ _WIDE = 4.0  # ratio of errors from which their axis is logarithmic
 def draw_sweep(trials: Trials, folder: Path) -> list[Path]:
     """Draw the pictures of a sweep into a folder; return their paths.
 
-    Parameters
-    ----------
-    trials : Trials
-    folder : Path
-        Created if missing.
+    `folder` is created if missing.
     """
     drawn = {f"error_{re.sub(r'[^0-9A-Za-z]+', '_', axis.key)}": plot_against(trials, axis)
              for axis in trials.axes}  # fmt: skip
@@ -73,16 +69,8 @@ def draw_sweep(trials: Trials, folder: Path) -> list[Path]:
 def plot_against(trials: Trials, axis: Axis) -> Figure | None:
     """Draw errors against a varied key: median with its interval, spread, each trial as a point.
 
-    Parameters
-    ----------
-    trials : Trials
-    axis : Axis
-        One of its own.
-
-    Returns
-    -------
-    Figure or None
-        Numbers at their values, texts side by side. None if no trial has an error.
+    `axis` is one of the trials' own. Numbers stand at their values, texts side by side. None if no
+    trial has an error.
     """
     shown = [(name, label) for name, label in ERRORS if len(known(trials, name))]
     if not shown:
@@ -185,16 +173,9 @@ def _spread(at: FloatArray, groups: Sequence[Group]) -> FloatArray:
 def plot_cdfs(trials: Trials) -> Figure | None:
     """Draw the cumulative distributions of the errors over trials.
 
-    Parameters
-    ----------
-    trials : Trials
-
-    Returns
-    -------
-    Figure or None
-        Position RMSE, largest position error and heading RMSE, a curve for each value of the first
-        key with up to eight of them. Trials that failed count as larger than anything. None if no
-        trial has an error.
+    Position RMSE, largest position error and heading RMSE, a curve for each value of the first key
+    with up to eight of them. Trials that failed count as larger than anything. None if no trial has
+    an error.
     """
     scores = (("position_rmse_m", "position RMSE [m]"),
               ("position_max_m", "largest position error [m]"),
@@ -241,14 +222,7 @@ def _curves(trials: Trials) -> tuple[list[tuple[str, Trials]], str]:
 def plot_nees(trials: Trials) -> Figure | None:
     """Draw the mean NEES of all trials over the drive, against the band of consistent ones.
 
-    Parameters
-    ----------
-    trials : Trials
-
-    Returns
-    -------
-    Figure or None
-        None if no trial has a NEES.
+    None if no trial has a NEES.
     """
     found = nees_band(trials)
     if found is None:
@@ -281,15 +255,8 @@ def plot_nees(trials: Trials) -> Figure | None:
 def plot_calibration(trials: Trials) -> Figure | None:
     """Draw which share of errors is inside the ellipsoid that should hold a nominal share.
 
-    Parameters
-    ----------
-    trials : Trials
-
-    Returns
-    -------
-    Figure or None
-        A curve for each value of the first key with up to eight of them; above the diagonal the
-        covariance is too large, below it too small. None if no trial has a covariance to judge.
+    A curve for each value of the first key with up to eight of them; above the diagonal the
+    covariance is too large, below it too small. None if no trial has a covariance to judge.
     """
     if not calibration(trials):
         return None
