@@ -359,18 +359,10 @@ class Hypothesis:
 class Start:
     """How a run that was started from nothing found its pose.
 
-    Attributes
-    ----------
-    stamp_ns : int
-        When it was ready.
-    seconds : float
-        From the first message to there.
-    pose, covariance : float64 arrays, shapes (3,) and (3, 3)
-        Of (x, y, heading), metres and radians.
-    steps : tuple of (stamp_ns, tuple of Hypothesis)
-        What fitted whenever that changed, the last being the start itself.
-    used_scans : bool
-        Whether there were scans and a map to match them with.
+    It was ready at `stamp_ns`, `seconds` after the first message, with `pose` and `covariance` of
+    (x, y, heading), metres and radians. `steps` are (stamp_ns, hypotheses): what fitted whenever
+    that changed, the last being the start itself. `used_scans`: there were scans and a map to
+    match.
     """
 
     stamp_ns: int
@@ -414,14 +406,8 @@ class Health:
 class Frame:
     """What an `Mcl` believed after a scan.
 
-    Attributes
-    ----------
-    stamp_ns : int
-    particles : float64 array, shape (n, 4)
-        x, y [m], heading [rad], weight; of a large cloud, evenly chosen ones.
-    pose : float64 array, shape (3,)
-        Estimate.
-    ready : bool
+    `particles`, shape (n, 4), are x, y [m], heading [rad], weight; of a large cloud, evenly chosen
+    ones. `pose`, shape (3,), is the estimate.
     """
 
     stamp_ns: int

@@ -95,16 +95,9 @@ def build_anchors(
 ) -> _core.AnchorMap:
     """Return the map of the anchors in a log.
 
-    Parameters
-    ----------
-    table : columns ``anchor``, ``x_m``, ``y_m``, ``z_m``, or None for no anchors
-    names : names in order of id
-    errors : what is known of the ranges to an anchor, by name; ``all`` for those not named
-
-    Raises
-    ------
-    ConfigError
-        If `errors` names an anchor that is not in the table.
+    `names` is in order of id; `errors` is by anchor name, with ``all`` for those not named. No
+    table means no anchors. Raises ConfigError where `errors` names an anchor that is not in the
+    table.
     """
     known = [] if table is None else [str(name) for name in table["anchor"]]
     for name in errors:

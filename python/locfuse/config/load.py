@@ -63,18 +63,9 @@ def load_config(path: str | Path) -> RunConfig:
 
 
 def read_yaml(text: str, origin: str = "config") -> Any:
-    """Parse a YAML text.
+    """Parse a YAML text; `origin` is named in errors.
 
-    Parameters
-    ----------
-    text : str
-    origin : str
-        Named in errors.
-
-    Raises
-    ------
-    YamlError
-        If it is not valid YAML, gives a key twice, or is empty.
+    Raises YamlError where the text is not valid YAML, gives a key twice, or is empty.
     """
     try:
         data = yaml.load(text, _Loader)

@@ -21,12 +21,8 @@ class OnMap:
     """An `Mcl`, or a `SwitchingMcl`, fed in order of effective stamps.
 
     What arrives waits until odometry has come that far, or for a quarter of a second: then a scan
-    finds the motion up to it, as `localize` sees to on a log.
-
-    Attributes
-    ----------
-    found : bool
-        Whether one place was left at some time, or the start was given.
+    finds the motion up to it, as `localize` sees to on a log. `found` says whether one place was
+    left at some time, or the start was given.
     """
 
     def __init__(

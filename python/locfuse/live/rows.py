@@ -33,10 +33,7 @@ def effective_ns(message: Message) -> int:
 class Rows:
     """Makes messages of rows; knows the names and their ids, and where odometry has come to.
 
-    Attributes
-    ----------
-    anchor_names, tag_names, landmark_names : list of str
-        In order of id; those of the world first, then others as they are received.
+    Names are in order of id; those of the world first, then others as they are received.
     """
 
     def __init__(self, config: RunConfig, world: Log) -> None:

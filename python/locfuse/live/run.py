@@ -29,13 +29,8 @@ MAX_KEPT = 5000  # messages that are kept for a run that takes over before there
 class LivePose:
     """Where the robot is, as known now.
 
-    Attributes
-    ----------
-    stamp_ns : int
-    pose : float64 array, shape (3,)
-        x [m], y [m] and heading [rad] in world.
-    covariance : float64 array, shape (3, 3)
-        Of the same, position error in world.
+    `pose` is x [m], y [m] and heading [rad] in world, shape (3,); `covariance`, shape (3, 3), is of
+    the same, position error in world.
     """
 
     stamp_ns: int
@@ -47,19 +42,11 @@ class LivePose:
 class LiveHealth:
     """How far the pose may be trusted, as known now.
 
-    Attributes
-    ----------
-    state : str
-        ``initializing``, ``ok``, ``degraded``, ``ambiguous``, ``dead_reckoning`` or ``lost``.
-    reason : str
-        Why, in a sentence; empty where all is well.
-    within : float
-        Probability that the position error is below ``health.limit_m``.
-    wrong : float
-        Probability that the robot is somewhere else.
-    protection : float64 array, shape (3,)
-        |error| in x [m], y [m] and heading [rad] exceeds these with ``health.risk`` at most;
-        infinite where that cannot be said.
+    `state` is ``initializing``, ``ok``, ``degraded``, ``ambiguous``, ``dead_reckoning`` or
+    ``lost``; `reason` says why, in a sentence, and is empty where all is well. `within` is the
+    probability that the position error is below ``health.limit_m``, `wrong` that the robot is
+    somewhere else. |error| in x [m], y [m] and heading [rad] exceeds `protection`, shape (3,), with
+    ``health.risk`` at most; infinite where that cannot be said.
     """
 
     state: str
@@ -73,17 +60,10 @@ class LiveHealth:
 class LiveSource:
     """What became of the messages of a source: a sensor, an anchor, a landmark.
 
-    Attributes
-    ----------
-    name : str
-    received_ns, fused_ns : int
-        Stamps of the last message, and of the last that was fused (None if none was).
-    accepted : float
-        Share of the last messages that was fused.
-    residual, sigma, test_ratio : float
-        Of the last innovation: its first row, that row's sigma, and its NIS over the gate's limit.
-    faulty : float
-        Probability that the source is wrong as a whole, if the pose is right.
+    The stamps are of the last message, and of the last fused one (None if none was); `accepted` is
+    the share of the last messages that was fused. `residual`, `sigma` and `test_ratio` are of the
+    last innovation: its first row, that row's sigma, and its NIS over the gate's limit. `faulty` is
+    the probability that the source is wrong as a whole, if the pose is right.
     """
 
     name: str
@@ -103,25 +83,10 @@ class LiveRun:
     stamps, bit for bit, if nothing came later than a quarter of a second while it searched its
     start.
 
-    Parameters
-    ----------
-    config : RunConfig
-        Its ``log``, ``simulation`` and ``switched_off`` are not used.
-    world : Log
-        Anchors, landmarks, tags, mounts and map; its messages are not used.
-
-    Attributes
-    ----------
-    names : Rows
-        ``anchor_names``, ``tag_names`` and ``landmark_names`` in order of id.
-    counts : Counter
-        How many messages became what: by (source, verdict).
-
-    Raises
-    ------
-    ConfigError
-        If the start is ``truth``, which no robot knows, or the world does not have what the
-        configuration needs.
+    Not used are ``log``, ``simulation`` and ``switched_off`` of `config`, and the messages of
+    `world`. `names` holds names in order of id; `counts` how many messages became what, by
+    (source, verdict). Raises ConfigError where the start is ``truth``, or the world lacks what
+    `config` needs.
 
     Examples
     --------
@@ -316,10 +281,7 @@ class LiveRun:
     def start_at(self, start: LivePose) -> None:
         """Go on from a pose that somebody knows, whatever was known before.
 
-        Raises
-        ------
-        ValueError
-            If the pose or its covariance is not valid; nothing changes then.
+        Raises ValueError where the pose or its covariance is not valid; nothing changes then.
         """
         estimate = _core.PoseEstimate(start.stamp_ns, _core.Pose2(*start.pose.tolist()),
                                       start.covariance)  # fmt: skip
@@ -335,11 +297,8 @@ class LiveRun:
     def go_on_from(self, before: LiveRun) -> None:
         """Continue from a run of another world: from its pose, or with its latest messages.
 
-        Parameters
-        ----------
-        before : LiveRun
-            Of the same configuration. While it tracks its pose is taken, at the end of its
-            odometry; until then this run is fed the latest messages of that one.
+        `before` has the same configuration. While it tracks its pose is taken, at the end of its
+        odometry; until then this run is fed the latest messages of that one.
         """
         pose = before.pose()
         if pose is None:
@@ -365,10 +324,7 @@ class LiveRun:
     def enable(self, source: str, enabled: bool) -> None:
         """Switch a source off, or on again; what was fused stays.
 
-        Raises
-        ------
-        ConfigError
-            If there is no such source, or the configuration does not use it.
+        Raises ConfigError where there is no such source, or the configuration does not use it.
         """
         known = [*self.config.use, "scans"]
         if source not in known:

@@ -71,18 +71,9 @@ class Capsule:
 class Difference:
     """Where a file of the result is first another one.
 
-    Attributes
-    ----------
-    file : str
-    line : int
-        Counting from 1.
-    lines : int
-        How many lines differ in all.
-    stamp_s : str
-        Of that line; empty without one.
-    was, found : mapping of column to text
-        What differs in that line, in the capsule and now; a line that is not in both, or has more
-        columns in one of them, is one column ``line``.
+    `line` counts from 1; `lines` is how many differ in all; `stamp_s` is empty for a line without
+    one. `was` (in the capsule) and `found` (now) map columns that differ to their text; a line that
+    is not in both, or has more columns in one of them, is one column ``line``.
     """
 
     file: str

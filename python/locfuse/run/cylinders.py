@@ -17,22 +17,9 @@ from locfuse.types import Log, LogError
 def with_cylinders(log: Log, config: RunConfig) -> Log:
     """Return the log with the cylinders in its scans, if the configuration asks for them.
 
-    Parameters
-    ----------
-    log : Log
-    config : RunConfig
-
-    Returns
-    -------
-    Log
-        With a table ``landmark_sightings`` without names, each with the sigmas of its fit, and the
-        laser as the sensor of landmarks; the log itself without ``cylinders``.
-
-    Raises
-    ------
-    LogError
-        If the log has no scans, no landmarks, sightings of its own, or no intensities where
-        ``least_intensity`` asks for them.
+    They are ``landmark_sightings`` without names, each with the sigmas of its fit, and the laser is
+    the sensor of landmarks. Raises LogError where the log has no scans, no landmarks, sightings of
+    its own, or no intensities where ``least_intensity`` asks for them.
     """
     if config.cylinders is None:
         return log

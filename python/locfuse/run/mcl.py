@@ -89,10 +89,7 @@ class Localization:
 def messages_for(config: RunConfig, log: Log) -> Messages:
     """Return the messages that the `Mcl` takes: odometry alone where the pose EKF has the others.
 
-    Raises
-    ------
-    LogError
-        If the log has no scans or no map, or has none of these messages.
+    Raises LogError where the log has no scans or no map, or has none of these messages.
     """
     if config.mcl is None:
         raise ValueError("the config has no mcl")
@@ -113,13 +110,8 @@ def mcl_of(
     """Return the estimator at its start: at a pose, or anywhere in free space (``start: auto``).
 
     With ``mcl.switch`` a filter of ranges and positions runs in parallel, from the same start.
-
-    Raises
-    ------
-    ConfigError
-        If the start is ``truth`` and the log has none, or none with a heading.
-    ValueError
-        If the map has no free or no occupied cell.
+    Raises ConfigError where the start is ``truth`` and the log has none, or none with a heading,
+    and ValueError where the map has no free or no occupied cell.
     """
     assert config.mcl is not None
     grid = grid_of(log)
@@ -141,10 +133,7 @@ def mcl_on(
 ) -> _core.Mcl | _core.SwitchingMcl:
     """Return the estimator of ``mcl`` on a map, at a pose or, without one, anywhere in free space.
 
-    Raises
-    ------
-    ValueError
-        If the map has no free or no occupied cell.
+    Raises ValueError where the map has no free or no occupied cell.
     """
     assert config.mcl is not None
     settings = build_mcl_config(config.mcl, config.seed)

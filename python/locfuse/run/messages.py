@@ -30,19 +30,10 @@ from locfuse.types import (
 class Messages:
     """The messages of a log, ready for replay, and the source, names and row of each.
 
-    Attributes
-    ----------
-    log : MessageLog
-        Sorted by arrival.
-    stamp_ns, effective_ns, source, tag, anchor : arrays, shape (n,)
-        In the same order; names for people. A landmark's name stands in `anchor`. An increment
-        takes effect when its motion begins, all else at its stamp.
-    row : int array, shape (n,)
-        Of each in the log's table of its source.
-    anchor_names, tag_names, landmark_names : list of str
-        Name of each id.
-    begin_ns, end_ns : int
-        First effective stamp and last stamp.
+    All is sorted by arrival; arrays have shape (n,). `row` is the row in the log's table of that
+    source. A landmark's name stands in `anchor`; lists of names are in order of id. An increment
+    takes effect when its motion begins, all else at its stamp; `begin_ns` is the first effective
+    stamp, `end_ns` the last stamp.
     """
 
     log: _core.MessageLog
@@ -63,11 +54,7 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
     """Turn the tables that a configuration uses into messages, in order of arrival.
 
     The first row of odometry increments is a motion from before the log: only its stamp is used.
-
-    Raises
-    ------
-    LogError
-        If nothing is left to fuse, or ranges come without anchors or tags.
+    Raises LogError where nothing is left to fuse, or ranges come without anchors or tags.
     """
     tables: dict[str, Mapping[str, NDArray[Any]]] = {
         source: _undelayed(source, log[source], config.delays_s.get(source, 0.0))
@@ -128,17 +115,8 @@ def cut_off(
 ) -> tuple[Log, Messages]:
     """Return a log and its messages as if it had ended at a stamp.
 
-    Parameters
-    ----------
-    log : Log
-    messages : Messages
-        Of that log.
-    until_ns : int
-        Of truth, and of all else that is not named here, what has a later stamp is left out.
-    received : bool array, shape (n,)
-        Which messages stay.
-    scans : bool array, optional
-        Which scans stay.
+    `received` and `scans` are bool arrays, shape (n,), of which messages and which scans stay. Of
+    truth, and of all else that they do not name, what has a later stamp is left out.
     """
     rows: dict[str, NDArray[Any]] = {
         source: np.sort(messages.row[received & (messages.source == source)])
@@ -282,10 +260,7 @@ def radios_of(
 ) -> tuple[_core.AnchorMap, list[_core.Tag]]:
     """Return the anchors and the tags that have a place, with the ids of the messages.
 
-    Raises
-    ------
-    ConfigError
-        If the configuration names an anchor that the log does not have.
+    Raises ConfigError where the configuration names an anchor that the log does not have.
     """
     anchors = build_anchors(log.tables.get("anchors"), messages.anchor_names, config.anchors)
     tags = [_core.Tag(i, list(log.tags[name])) for i, name in enumerate(messages.tag_names)
@@ -318,17 +293,10 @@ def landmark_sensor_of(log: Log) -> _core.Pose2:
 
 @dataclass(frozen=True)
 class Instant:
-    """Unnamed landmark observations of one stamp, and the odometry since the one before.
+    """Unnamed landmark observations of one stamp [ns], and the odometry since the one before.
 
-    Attributes
-    ----------
-    stamp : int
-        Nanoseconds.
-    driven : list of Velocity
-        Those with stamps up to it.
-    seen : list of RangeBearing
-    rows : int array
-        Of what is seen, in the log's sightings.
+    `driven` has the velocities with stamps up to it; `rows` are those of `seen` in the log's
+    sightings.
     """
 
     stamp: int
@@ -340,10 +308,7 @@ class Instant:
 def instants_of(log: Log) -> Iterator[Instant]:
     """Yield the instants of a log at which landmarks are seen.
 
-    Raises
-    ------
-    LogError
-        If it has no sightings, or its odometry is not velocities.
+    Raises LogError where it has no sightings, or its odometry is not velocities.
     """
     seen, odometry = log.tables.get("landmark_sightings"), log.tables.get("odometry")
     if seen is None or odometry is None or "v_mps" not in odometry:

@@ -32,17 +32,9 @@ AXES = ("x", "y", "z")
 class Epochs:
     """Ranges that were measured together, one row per epoch.
 
-    Attributes
-    ----------
-    names : list of str, length m
-        Anchors, in the order of the columns.
-    anchors : float64 array, shape (m, 3)
-        Where they are, metres.
-    stamp_ns : int64 array, shape (n,)
-        Of the first range of each epoch.
-    tag : array of str, shape (n,)
-    ranges, sigma : float64 arrays, shape (n, m)
-        Metres; NaN where an anchor has no range.
+    `names` and `anchors` (metres, shape (m, 3)) are in the order of the columns; `stamp_ns`, shape
+    (n,), is of the first range of each epoch, `tag` has shape (n,). `ranges` and `sigma`, shape
+    (n, m), are in metres; NaN where an anchor has no range.
     """
 
     names: list[str]

@@ -139,13 +139,7 @@ def warn_missing_sources(config: RunConfig, log: Log) -> None:
 class _Started:
     """A pose EKF at its start.
 
-    Attributes
-    ----------
-    filter : RecoveringEkf
-    stamp_ns : int
-    used_until : int or None
-        Stamp up to which messages were used to find the start; None if it was given.
-    found : Start or None
+    Messages up to `used_until` were used to find the start; None if it was given.
     """
 
     filter: _core.RecoveringEkf

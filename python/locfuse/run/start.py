@@ -28,10 +28,7 @@ from locfuse.types import (
 def start_of(config: RunConfig, truth: Trajectory | None, messages: Messages) -> _core.PoseEstimate:
     """Return where the estimator starts, and when.
 
-    Raises
-    ------
-    ConfigError
-        If the start is ``truth`` and the log has none, or none with a heading.
+    Raises ConfigError where the start is ``truth`` and the log has none, or none with a heading.
     """
     if config.start == "auto":
         raise ConfigError("start is 'auto'; expected 'truth' or [x, y, heading_deg] here")
@@ -128,10 +125,7 @@ def grid_of(log: Log) -> _core.OccupancyGrid | None:
 def matcher_of(log: Log) -> _core.ScanMatcher | None:
     """Return a scan matcher on the map of a log, or None where it has no map.
 
-    Raises
-    ------
-    ValueError
-        If no cell of the map is occupied.
+    Raises ValueError where no cell of the map is occupied.
     """
     grid = grid_of(log)
     return None if grid is None else _core.ScanMatcher(grid)
@@ -148,15 +142,8 @@ def start_from_nothing(
 ) -> tuple[_core.PoseEkf, int, Start]:
     """Feed messages and scans to an `Initializer` until it is ready.
 
-    Returns
-    -------
-    PoseEkf, int, Start
-        The filter at the start, the stamp up to which messages were used, and how it went.
-
-    Raises
-    ------
-    LogError
-        If the log ends before one pose is left; the text says what is missing.
+    Returns the filter at the start, the stamp up to which messages were used, and how it went.
+    Raises LogError where the log ends before one pose is left; the text says what is missing.
     """
     scans = scans_of(log)
     matcher = matcher_of(log) if scans else None

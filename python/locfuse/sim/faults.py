@@ -41,13 +41,8 @@ TOUCHING = 1e-9  # share of the line of sight; closer to an end than this is no 
 class World:
     """What is true, for faults that depend on where things are.
 
-    Attributes
-    ----------
-    drive : Drive
-    tags : mapping of name to (x, y, z) in body, metres
-    anchors : mapping of name to (x, y, z) in world, metres
-    odometry_ns : int64 array, shape (n,)
-        Stamps between which odometry reports motions; empty without odometry.
+    `tags` are (x, y, z) in body and `anchors` in world, metres, by name; `odometry_ns`, shape (n,),
+    are the stamps between which odometry reports motions, empty without odometry.
     """
 
     drive: Drive
@@ -61,15 +56,9 @@ def with_faults(
     faults: Sequence[tuple[Fault, np.random.Generator]],
     world: World,
 ) -> dict[str, Columns]:
-    """Return the tables after all faults, in their order.
+    """Return the tables, by sensor, after all faults, in their order; `tables` is not changed.
 
-    Parameters
-    ----------
-    tables : mapping of sensor to columns
-        Not changed.
-    faults : sequence of (Fault, numpy Generator)
-        Those of the laser are left to it: they act on what it sees. Kidnappings are in the drive.
-    world : World
+    Faults of the laser are left to it: they act on what it sees. Kidnappings are in the drive.
     """
     result = dict(tables)
     keep = {source: np.ones(len(table["stamp_ns"]), np.bool_) for source, table in tables.items()}
@@ -97,18 +86,10 @@ def with_faults(
 def walls_between(
     tag: FloatArray, anchor: FloatArray, walls: Iterable[tuple[float, float, float, float]]
 ) -> NDArray[np.int64]:
-    """Return how many walls each line of sight crosses.
+    """Return how many walls each line of sight crosses, shape (n,).
 
-    Parameters
-    ----------
-    tag, anchor : float64 arrays, shape (n, 2)
-        x and y in world, metres.
-    walls : sequence of (x1, y1, x2, y2)
-        Metres. The ends belong to the wall; a line that runs along a wall does not cross it.
-
-    Returns
-    -------
-    int64 array, shape (n,)
+    `tag` and `anchor` are x and y in world, metres, shape (n, 2); `walls` are (x1, y1, x2, y2),
+    metres. The ends belong to the wall; a line that runs along a wall does not cross it.
     """
     sight = anchor - tag
     crossed = np.zeros(len(tag), np.int64)

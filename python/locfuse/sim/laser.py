@@ -45,23 +45,9 @@ def scans(
 ) -> Columns:
     """Return what the laser sees at each stamp, all beams at that instant.
 
-    Parameters
-    ----------
-    drive : Drive
-    stamp_ns : int64 array, shape (n,)
-    grid : GridMap
-    sensor : LaserSensor
-    rng : numpy Generator
-    faults : sequence of (Glass, People, MaxRange or Covered, numpy Generator)
-        Each draws from its own; none changes the noise of a beam.
-    discs : (float64 array, shape (k, 2), float), optional
-        Middles and radius of discs that stand in the way, metres.
-
-    Returns
-    -------
-    columns
-        n rows of ranges_m, shape (n, beams): metres to where each beam enters an occupied cell,
-        plus noise; NaN where there was no return.
+    `discs` are middles, shape (k, 2), and radius of what stands in the way, metres. Each fault
+    draws from its own generator; none changes the noise of a beam. ``ranges_m``, shape (n, beams),
+    is metres to where each beam enters an occupied cell, plus noise; NaN where there was no return.
     """
     seen = geometry(sensor)
     x, y, heading = seen["pose_in_body"]
@@ -98,18 +84,7 @@ def scans(
 
 
 def covered(stamp_ns: StampArray, sensor: LaserSensor, fault: Covered) -> NDArray[np.bool_]:
-    """Return which beams a cover hides at which stamps.
-
-    Parameters
-    ----------
-    stamp_ns : int64 array, shape (n,)
-    sensor : LaserSensor
-    fault : Covered
-
-    Returns
-    -------
-    bool array, shape (n, beams)
-    """
+    """Return which beams a cover hides at which stamps, shape (n, beams)."""
     after = np.mod(_beams(sensor) - np.deg2rad(fault.from_deg), 2.0 * np.pi)
     after = np.where(after > 2.0 * np.pi - _ROUNDING_RAD, 0.0, after)
     hidden = after <= np.deg2rad(fault.to_deg - fault.from_deg) + _ROUNDING_RAD

@@ -203,16 +203,11 @@ def zhang(rng: np.random.Generator, size_m: Size, resolution_m: float) -> GridMa
 
 @dataclass(frozen=True)
 class FloorPlan:
-    """Where walls run and doors are on a floor of an office building.
+    """Where walls run and doors are on a floor of an office building, metres.
 
-    Attributes
-    ----------
-    walls : list of (x1, y1, x2, y2)
-        Inside of the outer ones, with gaps for doors, metres.
-    rooms : list of (x1, y1, x2, y2)
-        Corners of each, those of the open one first.
-    doors : list of (x, y)
-        Middle of each room's door to a hallway.
+    `walls` (x1, y1, x2, y2) are those inside of the outer ones, with gaps for doors; `rooms` are
+    corners (x1, y1, x2, y2), the open room's first; `doors` (x, y) are the middles of each room's
+    door to a hallway.
     """
 
     walls: list[Segment]

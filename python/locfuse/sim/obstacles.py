@@ -16,24 +16,10 @@ TURN_PER_SQRT_S = 0.5  # standard deviation of a walker's turning, rad/sqrt(s)
 
 
 def clearness(grid: GridMap, glass: Glass, rng: np.random.Generator) -> FloatArray:
-    """Return the probability with which a beam passes each cell.
+    """Return the probability with which a beam passes each cell, 0 where there is no glass.
 
-    Parameters
-    ----------
-    grid : GridMap
-    glass : Glass
-    rng : numpy Generator
-        Chooses the share of the walls.
-
-    Returns
-    -------
-    float64 array, shape (height, width)
-        0 where there is no glass.
-
-    Raises
-    ------
-    ConfigError
-        If a pane touches no wall of the map.
+    The shape is (height, width); `rng` chooses the share of the walls. Raises ConfigError where a
+    pane touches no wall of the map.
     """
     walls = grid.cells == OCCUPIED
     clear = np.zeros(walls.shape, np.bool_)
@@ -58,23 +44,9 @@ def walk(
 ) -> FloatArray:
     """Return where people are on their random walks through the free space.
 
-    Parameters
-    ----------
-    grid : GridMap
-    people : People
-    seconds : float64 array, shape (n,)
-        When, none before 0; the walks begin there.
-    rng : numpy Generator
-
-    Returns
-    -------
-    float64 array, shape (n, people, 2)
-        x and y in world, metres. All are in the largest part of the map that has room for them.
-
-    Raises
-    ------
-    ConfigError
-        If there is no room for them.
+    The result, shape (n, people, 2), is x and y in world, metres, at each of `seconds`, none before
+    0, where the walks begin. All are in the largest part of the map that has room for them; raises
+    ConfigError where there is none.
     """
     room = largest_part(room_for(grid, people.radius_m))
     places = np.argwhere(room)
@@ -108,22 +80,11 @@ def walk(
 def hidden_by(
     people: FloatArray, radius_m: float, start: FloatArray, direction: FloatArray
 ) -> FloatArray:
-    """Return how far beams go until they enter a disc.
+    """Return how far beams go until they enter a disc, shape (n, b), metres.
 
-    Parameters
-    ----------
-    people : float64 array, shape (n, p, 2)
-        Middles of p discs at each of n instants, metres.
-    radius_m : float
-    start : float64 array, shape (n, 2)
-        Where the beams of each instant begin.
-    direction : float64 array, shape (n, b)
-        Their headings in world, radians.
-
-    Returns
-    -------
-    float64 array, shape (n, b)
-        Metres; infinite where no disc is met, 0 inside of one.
+    `people`, shape (n, p, 2), are middles of p discs at each of n instants, `start`, shape (n, 2),
+    is where the beams of each begin, metres, and `direction`, shape (n, b), their headings in
+    world, radians. Infinite where no disc is met, 0 inside of one.
     """
     nearest = np.full(direction.shape, np.inf)
     c, s = np.cos(direction), np.sin(direction)

@@ -22,22 +22,9 @@ def room_grid(
     The point (0, 0) is the middle of a cell: walls whose coordinates are multiples of the
     resolution run through the middle of their cells, whose faces stand half a cell before them.
 
-    Parameters
-    ----------
-    room_m : (width, depth)
-        Between its walls' lines, from (0, 0), metres.
-    walls : sequence of (x1, y1, x2, y2)
-        Further walls; what lies outside of the room is cut off.
-    resolution_m : float
-
-    Returns
-    -------
-    GridMap
-
-    Raises
-    ------
-    ValueError
-        If a side or the resolution is not positive.
+    `room_m` is (width, depth) between its walls' lines, from (0, 0); `walls` are further ones,
+    (x1, y1, x2, y2), cut off where they leave the room; all metres. Raises ValueError where a side
+    or the resolution is not positive.
 
     Examples
     --------
@@ -60,17 +47,9 @@ def room_grid(
 
 
 def touched(grid: GridMap, walls: Sequence[Segment]) -> NDArray[np.bool_]:
-    """Return which cells of a map walls touch.
+    """Return which cells of a map walls touch, shape (height, width).
 
-    Parameters
-    ----------
-    grid : GridMap
-    walls : sequence of (x1, y1, x2, y2)
-        In world, metres.
-
-    Returns
-    -------
-    bool array, shape (height, width)
+    `walls` are (x1, y1, x2, y2) in world, metres.
     """
     # Both are turned into the map's axes and neither is shifted: on a room's own grid a line along
     # the edges or over the corners of cells is then compared with the numbers it was given by.

@@ -147,13 +147,7 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
 def true_drive(scenario: Scenario, seed: int, grid: GridMap | None = None) -> Drive:
     """Return where the robot of `simulate` is in truth, without simulating anything else.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    seed : int
-        Of the generator that `simulate` is given.
-    grid : GridMap, optional
-        As of `grid_of`.
+    `seed` is of the generator that `simulate` is given; `grid` is as of `grid_of`.
     """
     (for_path,) = np.random.default_rng(seed).spawn(1)
     drive = plan(scenario.path, scenario.room_m, scenario.duration_s, for_path, grid)
@@ -179,12 +173,8 @@ def _landmark_sensor(scenario: Scenario) -> dict[str, list[float]] | None:
 def grid_of(scenario: Scenario, base: Path | None = None) -> GridMap | None:
     """Return the map of a scenario, read from its file or made; None without one.
 
-    Raises
-    ------
-    LogError
-        If the file cannot be read.
-    ConfigError
-        If what was asked for cannot be made, as of a room that is too small.
+    Raises LogError where the file cannot be read, and ConfigError where what was asked for cannot
+    be made, as of a room that is too small.
     """
     if scenario.map is None:
         return None
@@ -206,12 +196,7 @@ def grid_of(scenario: Scenario, base: Path | None = None) -> GridMap | None:
 def check_way(scenario: Scenario, grid: GridMap | None, truth: Columns) -> None:
     """Raise ConfigError if a map or the room does not allow the way that a robot drives.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    grid : GridMap or None
-    truth : columns
-        ``stamp_ns``, ``x_m``, ``y_m``.
+    `truth` has the columns ``stamp_ns``, ``x_m`` and ``y_m``.
     """
     if grid is not None:
         _check_on_map(grid, truth)

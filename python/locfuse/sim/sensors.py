@@ -25,14 +25,7 @@ from locfuse.types import NANOSECONDS, Columns, FloatArray, StampArray, wrap_ang
 def stamps(rate_hz: float, duration_s: float) -> StampArray:
     """Return the stamps of a sensor from 0 to the duration, both included.
 
-    Parameters
-    ----------
-    rate_hz, duration_s : float
-
-    Returns
-    -------
-    int64 array, shape (n,)
-        round(k * 1e9 / rate) nanoseconds.
+    The k-th is round(k * 1e9 / rate) nanoseconds.
     """
     ticks = np.arange(int(duration_s * rate_hz) + 2)
     with np.errstate(over="ignore"):  # the one after the last may be beyond all integers
@@ -46,19 +39,9 @@ def seconds(stamp_ns: StampArray) -> FloatArray:
 
 
 def point_in_world(pose: FloatArray, point_in_body: tuple[float, float, float]) -> FloatArray:
-    """Return where a point of the body is.
+    """Return where a point of the body (forward, left, up) is in world, shape (n, 3), metres.
 
-    Parameters
-    ----------
-    pose : float64 array, shape (n, 3)
-        x, y [m] and heading [rad].
-    point_in_body : (x, y, z)
-        Forward, left, up, metres.
-
-    Returns
-    -------
-    float64 array, shape (n, 3)
-        x, y, z in world, metres; the body moves on z = 0.
+    `pose`, shape (n, 3), is x, y [m] and heading [rad]; the body moves on z = 0.
     """
     forward, left, up = point_in_body
     c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
@@ -74,15 +57,8 @@ def point_in_world(pose: FloatArray, point_in_body: tuple[float, float, float]) 
 def relative_poses(pose: FloatArray) -> FloatArray:
     """Return each pose in the body frame of the one before.
 
-    Parameters
-    ----------
-    pose : float64 array, shape (n, 3)
-        x, y [m] and heading [rad] in world.
-
-    Returns
-    -------
-    float64 array, shape (n - 1, 3)
-        dx, dy [m], dheading [rad in -pi to pi].
+    `pose`, shape (n, 3), is x, y [m] and heading [rad] in world; the result, shape (n - 1, 3), is
+    dx, dy [m], dheading [rad in -pi to pi].
     """
     dx, dy = np.diff(pose[:, 0]), np.diff(pose[:, 1])
     c, s = np.cos(pose[:-1, 2]), np.sin(pose[:-1, 2])
@@ -92,15 +68,8 @@ def relative_poses(pose: FloatArray) -> FloatArray:
 def forward_and_turn(motion: FloatArray) -> FloatArray:
     """Return arc length and turn of motions: rows 1 and 3 of the SE(2) logarithm.
 
-    Parameters
-    ----------
-    motion : float64 array, shape (n, 3)
-        dx, dy [m], dheading [rad].
-
-    Returns
-    -------
-    float64 array, shape (n, 2)
-        Metres forward, radians. The lateral row, which is zero on an arc, is left out.
+    `motion`, shape (n, 3), is dx, dy [m], dheading [rad]; the result, shape (n, 2), is metres
+    forward and radians. The lateral row, which is zero on an arc, is left out.
     """
     half = 0.5 * motion[:, 2]
     forward = np.cos(half) / sinc(half) * motion[:, 0] + half * motion[:, 1]
@@ -201,17 +170,7 @@ def poses(
 ) -> Columns:
     """Return true poses plus white noise, as if another localizer had found them.
 
-    Parameters
-    ----------
-    drive : Drive
-    stamp_ns : int64 array, shape (n,)
-    sensor : PoseSensor
-    rng : numpy Generator
-
-    Returns
-    -------
-    columns
-        n rows of x_m, y_m, heading_rad, and the sigmas they were drawn with.
+    The columns are x_m, y_m, heading_rad, and the sigmas they were drawn with.
     """
     sigma_heading = np.deg2rad(sensor.sigma_heading_deg)
     sigma = np.array([sensor.sigma_xy_m, sensor.sigma_xy_m, sigma_heading])
@@ -274,19 +233,8 @@ def sightings(
 ) -> Columns:
     """Return range and bearing to each landmark in view, from a sensor on the body.
 
-    Parameters
-    ----------
-    drive : Drive
-    stamp_ns : int64 array, shape (n,)
-    landmarks : mapping of name to (x, y) in world, metres
-    sensor : SightingSensor
-    rng : numpy Generator
-
-    Returns
-    -------
-    columns
-        Rows of landmark (empty if unnamed), range_m, bearing_rad, by stamp and landmark. A range
-        that noise would take below zero is zero.
+    `landmarks` are (x, y) in world, metres, by name. Rows of landmark (empty if unnamed), range_m
+    and bearing_rad are by stamp and landmark. A range that noise would take below zero is zero.
     """
     pose = drive.pose_at(seconds(stamp_ns))
     forward, left, turn_deg = sensor.pose_in_body
@@ -312,13 +260,7 @@ def sightings(
 
 
 def truth(drive: Drive, stamp_ns: StampArray) -> Columns:
-    """Return the true poses: n rows of x_m, y_m, heading_rad.
-
-    Parameters
-    ----------
-    drive : Drive
-    stamp_ns : int64 array, shape (n,)
-    """
+    """Return the true poses: n rows of x_m, y_m, heading_rad."""
     pose = drive.pose_at(seconds(stamp_ns))
     return {
         "stamp_ns": stamp_ns,

@@ -18,49 +18,21 @@ Cells = NDArray[np.bool_]
 def cell_of(grid: GridMap, point: FloatArray) -> NDArray[np.int64]:
     """Return the (row, column) of points, also beyond the edges of the map.
 
-    Parameters
-    ----------
-    grid : GridMap
-    point : float64 array, shape (n, 2)
-        x and y in world, metres.
-
-    Returns
-    -------
-    int64 array, shape (n, 2)
+    `point`, shape (n, 2), is x and y in world, metres.
     """
     cell: NDArray[np.int64] = np.floor(grid.to_grid(point)[:, ::-1]).astype(np.int64)
     return cell
 
 
 def middle_of(grid: GridMap, cell: NDArray[np.int64]) -> FloatArray:
-    """Return the middles of cells in world.
-
-    Parameters
-    ----------
-    grid : GridMap
-    cell : int64 array, shape (n, 2)
-        Row and column.
-
-    Returns
-    -------
-    float64 array, shape (n, 2)
-        x and y, metres.
-    """
+    """Return the middles of cells, (row, column), shape (n, 2), as x and y in world, metres."""
     return grid.to_world(cell[:, ::-1].astype(np.float64) + 0.5)
 
 
 def room_for(grid: GridMap, radius_m: float) -> Cells:
-    """Return the cells in whose middle a disc touches free cells only.
+    """Return the cells in whose middle a disc touches free cells only, shape (height, width).
 
-    Parameters
-    ----------
-    grid : GridMap
-    radius_m : float
-
-    Returns
-    -------
-    bool array, shape (height, width)
-        What lies outside of the map is not free.
+    What lies outside of the map is not free.
     """
     radius = radius_m / grid.resolution_m
     reach = int(np.ceil(radius + 0.5)) - 1  # rows that the disc can enter on either side
@@ -83,15 +55,7 @@ def room_for(grid: GridMap, radius_m: float) -> Cells:
 def steps_from(room: Cells, cell: tuple[int, int]) -> NDArray[np.int64]:
     """Return how many steps lead from one cell to each, over edges between cells with room.
 
-    Parameters
-    ----------
-    room : bool array, shape (height, width)
-    cell : (row, column)
-
-    Returns
-    -------
-    int64 array, shape (height, width)
-        -1 where no way leads.
+    The shape is (height, width), `cell` is (row, column); -1 where no way leads.
     """
     wide = np.pad(room, 1)
     width = wide.shape[1]
@@ -162,18 +126,9 @@ def way(
 ) -> Iterator[FloatArray]:
     """Yield the points at which a way from cell to cell turns, the end included, not the start.
 
-    Parameters
-    ----------
-    grid : GridMap
-    room : bool array, shape (height, width)
-        Where the way may lead; it must join the two.
-    here, there : int64 arrays, shape (2,)
-        Row and column.
-
-    Yields
-    ------
-    float64 array, shape (2,)
-        x and y in world, metres; each is seen from the one before, past what has no room.
+    `room`, shape (height, width), is where the way may lead; it must join `here` and `there`, both
+    (row, column). Points are x and y in world, metres, shape (2,); each is seen from the one
+    before, past what has no room.
     """
     walls = GridMap(np.where(room, FREE, OCCUPIED).astype(np.int8), grid.resolution_m, grid.origin)
     yield from _corners(walls, _way(room, here, there))

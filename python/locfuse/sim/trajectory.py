@@ -44,18 +44,9 @@ def drive_on(
     """Return poses after driving on arcs; exact, also where the turn rate is zero.
 
     An arc of length L and turn a has a chord of length L sinc(a / 2) in direction heading + a / 2.
-
-    Parameters
-    ----------
-    pose : float64 array, shape (..., 3)
-        x, y [m] and heading [rad] at the start.
-    seconds, speed, turn_rate : array_like, shape (...)
-        s, m/s forward, rad/s counter-clockwise.
-
-    Returns
-    -------
-    float64 array, shape (..., 3)
-        Headings are not wrapped.
+    `pose`, shape (..., 3), is x, y [m] and heading [rad] at the start, the rest, shape (...), s,
+    m/s forward and rad/s counter-clockwise. Headings of the result, shape (..., 3), are not
+    wrapped.
     """
     turn = np.multiply(seconds, turn_rate)
     chord = np.multiply(seconds, speed) * sinc(0.5 * turn)
@@ -69,21 +60,10 @@ def drive_on(
 class Drive:
     """Motions one after another; the last one goes on for ever.
 
-    Attributes
-    ----------
-    start : float64 array, shape (n,)
-        When each motion starts, seconds, strictly increasing.
-    speed : float64 array, shape (n,)
-        Forward, m/s.
-    turn_rate : float64 array, shape (n,)
-        Counter-clockwise, rad/s.
-    start_pose : float64 array, shape (n, 3)
-        x, y [m] and heading [rad] in world where each motion starts.
-
-    Raises
-    ------
-    ValueError
-        If shapes disagree, there is no motion, or the starts do not increase.
+    `start` [s], strictly increasing, `speed` [m/s] forward and `turn_rate` [rad/s]
+    counter-clockwise have shape (n,); `start_pose`, shape (n, 3), is x, y [m] and heading [rad] in
+    world at each start. Raises ValueError where shapes disagree, there is no motion, or the starts
+    do not increase.
 
     Examples
     --------
@@ -111,22 +91,10 @@ class Drive:
             raise ValueError(f"Drive.start must increase strictly; row {row} does not")
 
     def pose_at(self, t: ArrayLike) -> FloatArray:
-        """Return the true poses at given times.
+        """Return the true poses at times [s] in any order.
 
-        Parameters
-        ----------
-        t : array_like, shape (n,)
-            Seconds, in any order, none before the first motion.
-
-        Returns
-        -------
-        float64 array, shape (n, 3)
-            x, y [m] and heading [rad, in -pi to pi] in world.
-
-        Raises
-        ------
-        ValueError
-            If a time lies before the first motion or is not a number.
+        The result, shape (n, 3), is x, y [m] and heading [rad, in -pi to pi] in world. Raises
+        ValueError where a time lies before the first motion or is not a number.
         """
         times = np.atleast_1d(np.asarray(t, dtype=np.float64))
         if not np.all(times >= self.start[0]):
@@ -143,19 +111,9 @@ class Drive:
 def drive_of(start_pose: Motion, motions: Sequence[Motion], *, repeat: int = 1) -> Drive:
     """Return the drive that makes motions one after another, beginning at 0 s.
 
-    Parameters
-    ----------
-    start_pose : (x, y, heading)
-        Metres and radians.
-    motions : sequence of (seconds, speed, turn rate)
-        s, m/s, rad/s.
-    repeat : int
-        How often to make them; they must then lead back to the start.
-
-    Raises
-    ------
-    ValueError
-        If a motion lasts no time.
+    `start_pose` is (x, y, heading), metres and radians; `motions` are (seconds, speed, turn rate),
+    s, m/s, rad/s, made `repeat` times; they must lead back to the start where that is more than
+    once. Raises ValueError where a motion lasts no time.
     """
     seconds, speed, turn_rate = np.array(motions, dtype=np.float64).reshape(-1, 3).T
     start = np.concatenate([[0.0], np.cumsum(seconds)])
@@ -176,13 +134,8 @@ def drive_of(start_pose: Motion, motions: Sequence[Motion], *, repeat: int = 1) 
 def carried(drive: Drive, at_s: float, to: Motion) -> Drive:
     """Return the drive that is interrupted: from an instant on it goes on from another pose.
 
-    Parameters
-    ----------
-    drive : Drive
-    at_s : float
-        When, not before the first motion.
-    to : (x, y, heading)
-        Where to, metres and radians; speeds and turn rates stay what they were.
+    `at_s` is not before the first motion; `to` is (x, y, heading), metres and radians. Speeds and
+    turn rates stay what they were.
     """
     pose = drive.pose_at([at_s])[0]
     after = int(np.searchsorted(drive.start, at_s, side="right"))
@@ -301,18 +254,8 @@ def there_and_back(
 ) -> tuple[Drive, float]:
     """Return the drive from point to point that ends as it began, and how long it takes.
 
-    It turns in place the short way, drives straight, and stands at the end.
-
-    Parameters
-    ----------
-    points : sequence of float64 arrays, shape (2,)
-        x and y in world, metres; the last is the first.
-    speed_mps, turn_rate_radps, stand_s : float
-
-    Raises
-    ------
-    ValueError
-        If the last point is not the first, or there are less than three.
+    It turns in place the short way, drives straight, and stands at the end. `points` are x and y in
+    world, metres. Raises ValueError where the last is not the first, or there are less than three.
     """
     if len(points) < 3 or not np.array_equal(points[0], points[-1]):
         raise ValueError(f"{len(points)} points, expected three or more, the last being the first")
