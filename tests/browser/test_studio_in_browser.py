@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 import urllib.error
+import urllib.parse
 import urllib.request
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
@@ -38,6 +39,7 @@ from selenium.webdriver.common.keys import Keys  # noqa: E402
 CONFIGS = Path(__file__).resolve().parents[2] / "examples" / "configs"
 PAPER = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0), (5.0, 0.0)]
 START_S = 60.0
+TOKEN = "a long secret"
 ANCHORS = "Object.keys(studio.editor.world.anchors).length"
 
 
@@ -62,7 +64,7 @@ class Served:
         self.start()
 
     def start(self) -> None:
-        command = [sys.executable, "-m", "locfuse", "studio", *self._arguments,
+        command = [sys.executable, "-m", "locfuse", "studio", *self._arguments, "--token", TOKEN,
                    "--folder", str(self.folder), "--port", str(self.port)]  # fmt: skip
         self._log = (self.folder.parent / "server.log").open("a+")
         self._process = subprocess.Popen(command, stdout=self._log, stderr=subprocess.STDOUT)
@@ -82,7 +84,8 @@ class Served:
         return True
 
     def get(self, path: str, **headers: str) -> bytes:
-        request = urllib.request.Request(self.address + path, headers=headers)
+        known = {"Authorization": f"Bearer {TOKEN}"} | headers
+        request = urllib.request.Request(self.address + path, headers=known)
         with urllib.request.urlopen(request, timeout=20) as answer:
             content: bytes = answer.read()
         return content
@@ -113,8 +116,8 @@ class Page:
         self.served = served
         browser.screen(1366, 768)
 
-    def open(self, query: str = "") -> Page:
-        self.browser.open(self.served.address + query)
+    def open(self) -> Page:
+        self.browser.open(f"{self.served.address}?{urllib.parse.urlencode({'token': TOKEN})}")
         self.browser.wait("window.studio && studio.editor && studio.editor.world", 30)
         return self
 
@@ -860,31 +863,35 @@ def test_it_is_visible_within_two_seconds_and_makes_no_external_request(
     assert page.browser.console() == []
 
 
-def test_with_a_token_nothing_is_answered_without_it(
+def test_nothing_is_answered_without_the_token(
     browser: Browser, serve: Callable[..., Served]
 ) -> None:
-    served = serve("--token", "a long secret")
+    served = serve()
     for path in ("", "studio/scene.yaml", "studio/static/editor.js", "_nicegui_ws/socket.io/"):
         with pytest.raises(urllib.error.HTTPError, match="401"):
-            served.get(path)
-    assert b"simulation" in served.get("studio/scene.yaml", Authorization="Bearer a long secret")
+            served.get(path, Authorization="")
+    assert b"simulation" in served.get("studio/scene.yaml")
 
-    page = Page(browser, served).open("?token=a+long+secret")
+    page = Page(browser, served).open()
 
     assert "token" not in browser.run("return location.href")
     page.draw_anchors()
     page.until_scene(lambda scene: len(scene["simulation"]["anchors"]) == 5)
-    browser.driver.delete_all_cookies()
 
 
-def test_without_a_token_it_does_not_listen_on_the_network(tmp_path: Path) -> None:
+def test_without_one_given_the_token_is_random_and_printed(tmp_path: Path) -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
     command = [sys.executable, "-m", "locfuse", "studio", "--folder", str(tmp_path / "studio"),
-               "--host", "0.0.0.0"]  # fmt: skip
+               "--port", str(port)]  # fmt: skip
     clean = {k: v for k, v in os.environ.items() if "TOKEN" not in k}
-    ended = subprocess.run(
-        command, capture_output=True, text=True, timeout=START_S, env=clean, check=False
-    )
-
-    assert ended.returncode == 1
-    assert "give a --token" in ended.stderr
-    assert not (tmp_path / "studio").exists()
+    tokens = set()
+    for _ in range(2):
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=clean) as process:
+            assert process.stdout is not None
+            line = process.stdout.readline()
+            process.send_signal(signal.SIGINT)
+        tokens.add(line.partition("token=")[2].strip())
+    assert min(map(len, tokens)) >= 32
+    assert len(tokens) == 2

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import secrets
 from pathlib import Path
 from typing import Annotated
 from urllib.parse import urlencode
@@ -21,12 +22,11 @@ def studio(
         Path | None, typer.Argument(help="YAML file of the first scene; it is not changed.")
     ] = None,
     folder: Annotated[Path, typer.Option(help="Folder of scenes and runs.")] = Path("studio"),
-    host: Annotated[
-        str, typer.Option(help="Address; any other than this machine's own needs a token.")
-    ] = "127.0.0.1",
+    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port.", min=1, max=65535)] = 8642,
     token: Annotated[
-        str | None, typer.Option(help="Access token.", envvar="LOCFUSE_STUDIO_TOKEN")
+        str | None,
+        typer.Option(help="Access token; default: a random one.", envvar="LOCFUSE_STUDIO_TOKEN"),
     ] = None,
 ) -> None:
     """Draw a world in the browser and run estimators in it."""
@@ -38,10 +38,11 @@ def studio(
         ) from None
 
     name = f"[{host}]" if ":" in host else host
-    query = f"/?{urlencode({'token': token})}" if token else "/"
+    token = token or secrets.token_urlsafe(24)
+    query = urlencode({"token": token})
 
     def report(notice: str) -> None:
-        for line in (notice, f"http://{name}:{port}{query}"):
+        for line in (notice, f"http://{name}:{port}/?{query}"):
             if line:
                 console.print(f"studio: {line}", soft_wrap=True, markup=False, highlight=False)
 

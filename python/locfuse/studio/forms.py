@@ -162,7 +162,7 @@ class Forms:
         model = field.model
         refusals: list[Callable[[Key, Any], None]] = []  # it is below the header it belongs to
         box = ui.expansion(field.label).classes("st-sub st-wide").props("dense")
-        box.props(f'data-testid="{dotted(key)}"')
+        box.props["data-testid"] = dotted(key)
         with box.add_slot("header"), ui.element("div").classes("st-row st-full"):
             if field.optional:
                 self._switch(field, key, lambda key, value: refusals[0](key, value))
@@ -181,7 +181,8 @@ class Forms:
         scene is another one.
         """
         label = ui.label().classes("st-note st-wrong st-wide").style("margin:0 8px")
-        label.props(f'data-testid="{name}-refused"').set_visibility(False)
+        label.props["data-testid"] = f"{name}-refused"
+        label.set_visibility(False)
         of: list[Any] = [None]
 
         def say(message: str | None) -> None:
@@ -210,7 +211,8 @@ class Forms:
                 attempt(key, {} if on else None)
 
         element = ui.switch(on_change=lambda e: flip(e.value)).props("dense")
-        element.props(f'data-testid="{dotted(key)}-on" aria-label="{field.label}"')
+        element.props["data-testid"] = f"{dotted(key)}-on"
+        element.props["aria-label"] = field.label
         element.on("click.stop", lambda: None)
 
         def show() -> None:
@@ -259,7 +261,8 @@ class Forms:
                 with ui.element("div").classes("st-fields"):
                     select = ui.select(list(SHAPES), label="shape", value=path.shape,
                                        on_change=lambda e: choose(e.value))  # fmt: skip
-                    select.props(f'dense outlined options-dense data-testid="{dotted(key)}.shape"')
+                    select.props("dense outlined options-dense")
+                    select.props["data-testid"] = f"{dotted(key)}.shape"
                     select.classes("st-wide")
                 self.fields(SHAPES[path.shape], key)
 

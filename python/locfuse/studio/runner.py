@@ -14,7 +14,9 @@ from dataclasses import asdict, dataclass, field
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field, TypeAdapter, ValidationError
 
 from locfuse.studio.document import moved_to, text_of
 from locfuse.studio.estimators import Choice, variant
@@ -22,6 +24,8 @@ from locfuse.studio.scene import Scene
 from locfuse.studio.work import CONFIG, FAILED, PLAY, Job, work
 
 ABOUT = "run.json"
+KEY = "^[a-z][a-z0-9_]{0,39}$"  # a folder of its own below that of the run, whatever the file has
+STATE = "^(waiting|running|writing|done|failed|cancelled)$"
 ENDED = ("done", "failed", "cancelled")
 _END_S = 5.0  # that a process is given to end by itself
 
@@ -36,10 +40,10 @@ class Part:
     of ``metrics.json``, from ``writing`` on: never of a part of a run.
     """
 
-    key: str
+    key: Annotated[str, Field(pattern=KEY)]
     name: str
-    state: str = "waiting"
-    share: float = 0.0
+    state: Annotated[str, Field(pattern=STATE)] = "waiting"
+    share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     error: str = ""
     grown: int = 0
     metrics: dict[str, Any] = field(default_factory=dict)
@@ -218,8 +222,8 @@ class Runner:
 
 def _clear(folder: Path) -> None:
     """Leave of an estimator that was ended on its way what can be watched, and its scene."""
-    for file in folder.iterdir():
-        if file.name not in (CONFIG, PLAY, FAILED):
+    for file in () if folder.is_symlink() else folder.iterdir():
+        if file.name not in (CONFIG, PLAY, FAILED) and not file.is_dir():
             file.unlink()
 
 
@@ -230,18 +234,29 @@ def _how(exitcode: int | None) -> str:
 
 
 def _found_in(folder: Path) -> list[Run]:
-    """Return the runs of before; those that were under way when the server ended are cancelled."""
+    """Return the runs of before; those that were under way when the server ended are cancelled.
+
+    The folder may come from elsewhere: what is no run of ours is left alone.
+    """
     found = []
     for about in sorted(folder.glob(f"*/{ABOUT}")):
         try:
             said = json.loads(about.read_text(encoding="utf-8"))
-            parts = [Part(**part) for part in said["parts"]]
-            run = Run(int(about.parent.name), said["name"], about.parent, said["began"], parts)
-        except (OSError, ValueError, TypeError, KeyError):
+            parts = _PARTS.validate_json(json.dumps(said["parts"]), strict=True)
+            run = Run(int(about.parent.name), str(said["name"]), about.parent,
+                      float(said["began"]), parts)  # fmt: skip
+            time.localtime(run.began)
+        except (OSError, ValueError, TypeError, KeyError, OverflowError, ValidationError):
             continue  # it is no run of ours, or of another version
+        folders = [run.folder, *(run.folder_of(part.key) for part in parts)]
+        if any(place.is_symlink() or not place.is_dir() for place in folders):
+            continue
         for part in run.parts:
             if part.state not in ENDED:
                 _clear(run.folder_of(part.key))
                 part.state = "cancelled"
         found.append(run)
     return found
+
+
+_PARTS = TypeAdapter(list[Part])

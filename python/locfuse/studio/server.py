@@ -11,12 +11,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
 
-from locfuse.studio.guard import Guard, check_address
+from locfuse.studio.guard import Guard, check_token
 from locfuse.studio.workspace import MOST_BYTES, Workspace
 from locfuse.types import ConfigError
 
 
-def make_app(folder: Path, config: Path | None, token: str | None) -> tuple[Any, Any]:
+def make_app(folder: Path, config: Path | None, token: str) -> tuple[Any, Any]:
     """Return the ASGI application of a studio, and the `Studio` that it shows.
 
     The folder must be nobody else's: the scene that is kept there may be another one after this.
@@ -46,7 +46,7 @@ def make_app(folder: Path, config: Path | None, token: str | None) -> tuple[Any,
 
     ui.run_with(app, title="locfuse studio", dark=None, tailwind=False, reconnect_timeout=30.0,
                 show_welcome_message=False)  # fmt: skip
-    return Guard(app, token, MOST_BYTES + 1_000_000), studio
+    return Guard(app, token, MOST_BYTES + 1_000_000, "/studio/upload"), studio
 
 
 def serve(
@@ -54,7 +54,7 @@ def serve(
     config: Path | None,
     host: str,
     port: int,
-    token: str | None,
+    token: str,
     ready: Callable[[str], None] = lambda notice: None,
 ) -> None:
     """Serve the studio until it is interrupted.
@@ -62,9 +62,9 @@ def serve(
     `folder` keeps everything; `config` is the scene to begin with, instead of the one that was
     left. `ready` is called with what should be known of the scene, or "", once nothing stands
     against serving any more. Raises ConfigError as `make_app`, if folder or port are in use, or if
-    others than this machine alone could reach it without a token.
+    the token is short.
     """
-    check_address(host, token)
+    check_token(token)
     # What is kept in the folder is touched only once nobody else can be using it, and nothing
     # is left that could keep this server from serving it.
     with _alone_in(Workspace(folder).folder), _listening(host, port) as sock:

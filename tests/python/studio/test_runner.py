@@ -260,6 +260,53 @@ def test_figures_of_a_run_are_kept_before_its_report_is_written(runner: Runner) 
     assert found.can_be_watched("as_set")
 
 
+@pytest.mark.parametrize(
+    "key",
+    ["VICTIM", "../../../victim", "..", "", ".", "a/b", "a\n", "A", 'y" innerHTML="<img src=q>', 7],
+)
+def test_a_key_that_is_no_plain_name_is_not_read_and_nothing_is_deleted(
+    tmp_path: Path, key: Any
+) -> None:
+    victim = tmp_path / "victim"
+    victim.mkdir()
+    (victim / "precious.txt").write_text("precious")
+    (tmp_path / "runs/001").mkdir(parents=True)
+    part = {"key": str(victim) if key == "VICTIM" else key, "name": "x", "state": "running"}
+    about = {"name": "x", "began": 0.0, "parts": [part]}
+    (tmp_path / "runs/001/run.json").write_text(json.dumps(about))
+
+    assert Runner(tmp_path / "runs").runs == []
+    assert (victim / "precious.txt").read_text() == "precious"
+
+
+@pytest.mark.parametrize("link", ["001", "001/as_set"])
+def test_a_run_that_is_a_link_to_elsewhere_is_not_read(tmp_path: Path, link: str) -> None:
+    victim = tmp_path / "victim"
+    (victim / "as_set").mkdir(parents=True)
+    about = {"name": "x", "began": 0.0, "parts": [{"key": "as_set", "name": "x"}]}
+    for folder in (victim, victim / "as_set"):
+        (folder / "precious.txt").write_text("precious")
+    place = tmp_path / "runs" / link
+    place.parent.mkdir(parents=True)
+    place.symlink_to(victim)
+    (tmp_path / "runs/001/run.json").write_text(json.dumps(about))
+
+    assert Runner(tmp_path / "runs").runs == []
+    assert len(list(victim.rglob("precious.txt"))) == 2
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"state": "x onclick=alert(1)"}, {"share": 2.0}, {"share": "1"}, {"metrics": []}],
+)
+def test_what_no_studio_writes_is_no_run(tmp_path: Path, wrong: dict[str, Any]) -> None:
+    (tmp_path / "001/as_set").mkdir(parents=True)
+    about = {"name": "x", "began": 0.0, "parts": [{"key": "as_set", "name": "x"} | wrong]}
+    (tmp_path / "001/run.json").write_text(json.dumps(about))
+
+    assert Runner(tmp_path).runs == []
+
+
 def test_a_run_is_deleted_with_its_folder_and_its_number_is_not_used_again(runner: Runner) -> None:
     first = ended(runner)
     second = ended(runner)

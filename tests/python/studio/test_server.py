@@ -25,8 +25,6 @@ def taken() -> Iterator[int]:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--host", "0.0.0.0"), "give a --token"),
-        (("--host", "robot.local"), "give a --token"),
         (("--token", "short"), "at least 8"),
         (("absent.yaml",), "cannot be read"),
         (("--host", "203.0.113.7", "--token", "a long secret"), "cannot be served there"),
