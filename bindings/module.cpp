@@ -5,7 +5,29 @@
 
 namespace py = pybind11;
 
-PYBIND11_MODULE(_core, m) {
+namespace {
+
+/// Pickling by protocol 0 or 1, which Python gives every class, would end the process in pybind11.
+void refuse_pickling(const py::module_& m) {
+  for (const auto& [name, value] : m.attr("__dict__").cast<py::dict>()) {
+    if (!py::isinstance<py::type>(value) ||
+        py::detail::get_type_info(reinterpret_cast<PyTypeObject*>(value.ptr())) == nullptr) {
+      continue;  // enumerations and exceptions are Python's own
+    }
+    const auto refuse = [](const py::object& self, const py::args&) {
+      throw py::type_error("cannot pickle '" +
+                           py::str(py::type::of(self).attr("__name__")).cast<std::string>() +
+                           "' object");
+    };
+    for (const char* method : {"__reduce__", "__reduce_ex__"}) {
+      py::setattr(value, method, py::cpp_function(refuse, py::is_method(value)));
+    }
+  }
+}
+
+}  // namespace
+
+PYBIND11_MODULE(_core_in_main_interpreter, m) {
   m.doc() = "The C++ core of locfuse; use it through `import locfuse`.";
   m.attr("__version__") = LOCFUSE_VERSION;
   py::register_exception<locfuse::NumericalError>(m, "NumericalError", PyExc_ArithmeticError);
@@ -36,4 +58,15 @@ PYBIND11_MODULE(_core, m) {
   bind_replay(m);
   bind_live(m);
   bind_text(m);
+  refuse_pickling(m);
+}
+
+/// Before pybind11 asks for its own state, which waits for ever in another interpreter.
+extern "C" PYBIND11_EXPORT PyObject* PyInit__core() {
+  if (PyInterpreterState_Get() != PyInterpreterState_Main()) {
+    PyErr_SetString(PyExc_ImportError,
+                    "locfuse works in the main interpreter only, not in a sub-interpreter");
+    return nullptr;
+  }
+  return PyInit__core_in_main_interpreter();
 }

@@ -97,7 +97,7 @@ def cpp(build: Path, name: str) -> Iterable[str]:
     """Yield executables with filters, by the compile commands of a build folder."""
     executables: dict[Path, str] = {}
     for entry in json.loads((build / "compile_commands.json").read_text()):
-        target = re.search(r"CMakeFiles/(test_\w+)\.dir/", entry["command"])
+        target = re.search(r" -o \S*CMakeFiles/(test_\w+)\.dir/", entry["command"])
         if target:
             executables[Path(entry["file"]).resolve()] = target[1]
     filters = defaultdict(list)

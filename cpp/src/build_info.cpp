@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "locfuse/build_info.hpp"
 
+#include "locfuse/math/alignment.hpp"
 #include "math/processor.hpp"
 
 namespace locfuse {
+
+template <>
+const char internal::EigenOptions::expected = 0;
 
 std::string compiler() {
 #if defined(__clang__)

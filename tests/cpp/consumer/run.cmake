@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-# cmake -D WAY=<installed|as_subdirectory> ... -P run.cmake: configures, builds and runs the consumer.
+# cmake -D WAY=<installed|as_subdirectory|with_other_options> ... -P run.cmake: configures, builds and
+# runs the consumer.
 function(run)
   execute_process(COMMAND ${ARGV} COMMAND_ECHO STDOUT COMMAND_ERROR_IS_FATAL ANY)
 endfunction()
 
 file(REMOVE_RECURSE ${WORK_DIR})
-if(WAY STREQUAL "installed")
+if(WAY MATCHES "^(installed|with_other_options)$")
   run(${CMAKE_COMMAND} --install ${LOCFUSE_BINARY_DIR} --prefix ${WORK_DIR}/built --component cpp)
   file(RENAME ${WORK_DIR}/built ${WORK_DIR}/prefix) # absolute paths of the first prefix must not be used
   set(where -D CMAKE_PREFIX_PATH=${WORK_DIR}/prefix)
@@ -20,7 +21,7 @@ elseif(WAY STREQUAL "as_subdirectory")
     -DLOCFUSE_WERROR=${WERROR}
   )
 else()
-  message(FATAL_ERROR "WAY is '${WAY}', expected installed or as_subdirectory")
+  message(FATAL_ERROR "WAY is '${WAY}', expected installed, as_subdirectory or with_other_options")
 endif()
 
 run(
@@ -35,5 +36,40 @@ run(
   -D CMAKE_CXX_COMPILER_LAUNCHER=${CXX_LAUNCHER}
   ${where}
 )
-run(${CMAKE_COMMAND} --build ${WORK_DIR})
-run(${WORK_DIR}/consumer)
+if(NOT WAY STREQUAL "with_other_options")
+  run(${CMAKE_COMMAND} --build ${WORK_DIR})
+  run(${WORK_DIR}/consumer)
+  return()
+endif()
+
+set(refusal ThisCodeAndLocfuseAreCompiledWithDifferentEigenAlignment)
+file(STRINGS ${WORK_DIR}/option_sets.txt option_sets)
+set(index 0)
+set(refused)
+foreach(options IN LISTS option_sets)
+  set(target consumer_with_${index})
+  execute_process(
+    COMMAND ${CMAKE_COMMAND} --build ${WORK_DIR} --target ${target}
+    RESULT_VARIABLE failed
+    OUTPUT_VARIABLE output
+    ERROR_VARIABLE output
+  )
+  if(NOT failed)
+    execute_process(COMMAND ${WORK_DIR}/${target} RESULT_VARIABLE failed)
+    message(STATUS "${options}: links, and returns ${failed}")
+    if(failed)
+      message(SEND_ERROR "a consumer compiled with ${options} is wrong")
+    endif()
+  elseif(output MATCHES "undefined reference[^\n]*${refusal}")
+    message(STATUS "${options}: refused by the linker")
+    list(APPEND refused "${options}")
+  else()
+    message(SEND_ERROR "a consumer compiled with ${options} does not build:\n${output}")
+  endif()
+  math(EXPR index "${index} + 1")
+endforeach()
+foreach(options IN ITEMS -DEIGEN_MAX_ALIGN_BYTES=32 -DEIGEN_DONT_ALIGN -D_GLIBCXX_DEBUG)
+  if(NOT options IN_LIST refused)
+    message(SEND_ERROR "a consumer compiled with ${options} was not refused")
+  endif()
+endforeach()

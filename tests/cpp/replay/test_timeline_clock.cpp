@@ -139,6 +139,40 @@ TYPED_TEST(TimelineOf, a_looped_recording_gives_the_bits_of_the_first_round) {
   }
 }
 
+TYPED_TEST(TimelineOf, one_stamp_far_ahead_makes_no_others_stale) {
+  constexpr Stamp kHours = 10'000 * kSecond;
+  std::vector<Message> messages = drive(1);
+  Timeline expected(TypeParam::make(), kSecond);
+  feed(expected, messages);
+  const PositionFix ahead{
+      messages.size() / 2 * 1'000'000 + kHours, {2.0, -1.0}, Matrix<2, 2>::Identity(), {}};
+  const auto middle = messages.begin() + static_cast<std::ptrdiff_t>(messages.size() / 2);
+  messages.insert(middle, {ahead, ahead});  // twice in a row, by one of several sources
+  Timeline timeline(TypeParam::make(), kSecond);
+  std::map<Verdict, int> verdicts;
+  for (const Message& message : messages) {
+    timeline.on(message, [&](std::size_t, const Outcome& outcome) { ++verdicts[outcome.verdict]; });
+  }
+  EXPECT_EQ(verdicts[Verdict::kStale], 0);
+  EXPECT_GE(verdicts[Verdict::kIgnored], 2);
+  EXPECT_TRUE(same_bits(timeline.estimator().belief(), expected.estimator().belief()));
+}
+
+TYPED_TEST(TimelineOf, a_clock_that_goes_far_ahead_loses_no_message) {
+  std::vector<Message> messages = drive(1);
+  const std::size_t half = messages.size() / 2;
+  for (std::size_t i = half; i < messages.size(); ++i) {
+    messages[i] = earlier(messages[i], -100 * kSecond);
+  }
+  auto expected = TypeParam::make();
+  for (const Message& message : messages) {
+    expected.on(message);
+  }
+  Timeline timeline(TypeParam::make(), kSecond);
+  feed(timeline, messages);
+  EXPECT_TRUE(same_bits(timeline.estimator().belief(), expected.belief()));
+}
+
 TYPED_TEST(TimelineOf, a_clock_jump_is_refused_by_default) {
   const std::vector<Message> round = drive(1);
   Timeline timeline(TypeParam::make(), kSecond);
@@ -234,6 +268,31 @@ TEST(Timeline, continues_from_the_same_pose_at_the_new_time) {
   feed(timeline, after);
   EXPECT_EQ(timeline.jumps(), 1U);
   EXPECT_TRUE(same_bits(timeline.estimator().belief(), expected.belief()));
+}
+
+TEST(Timeline, waits_for_one_more_message_of_a_source_that_comes_rarely) {
+  Timeline timeline(testing::ekf_at(kStart), kSecond);
+  std::map<std::size_t, Verdict> verdicts;
+  const auto sink = [&](std::size_t index, const Outcome& outcome) {
+    verdicts[index] = outcome.verdict;
+  };
+  for (Stamp k = 0; k < 6; ++k) {  // each is far ahead of the one before
+    timeline.on(PositionFix{k * 10 * kSecond, {2.0, -1.0}, Matrix<2, 2>::Identity(), {}}, sink);
+  }
+  for (std::size_t index = 0; index < 5; ++index) {
+    EXPECT_EQ(verdicts[index], Verdict::kFused) << index;
+  }
+}
+
+TEST(Timeline, follows_the_only_source_left_after_a_pause) {
+  Timeline timeline(testing::ekf_at(kStart), kSecond);
+  feed(timeline, drive(1));
+  Verdict last = Verdict::kIgnored;
+  for (Stamp k = 0; k < 20; ++k) {
+    timeline.on(PositionFix{(600 + k) * kSecond, {2.0, -1.0}, Matrix<2, 2>::Identity(), {}},
+                [&](std::size_t, const Outcome& outcome) { last = outcome.verdict; });
+    EXPECT_EQ(last == Verdict::kIgnored, k < 19) << k;
+  }
 }
 
 TEST(Timeline, a_buffer_flushed_by_one_source_is_not_a_jump) {

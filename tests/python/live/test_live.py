@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from locfuse import _core
 from locfuse.config.load import parse_config
 from locfuse.config.schema import SOURCES, RunConfig
 from locfuse.live import LivePose, LiveRun
@@ -213,3 +214,19 @@ def test_particles_with_a_given_start_have_protection_levels() -> None:
     health = live.health()
     assert health.state == "ok"
     assert np.all(np.isfinite(health.protection))
+
+
+def test_one_stamp_a_century_ahead_silences_nothing() -> None:
+    second = 10**9
+    for jump in (_core.ClockJump.REFUSE, _core.ClockJump.RESET, _core.ClockJump.CONTINUE):
+        live = _core.Live(_core.RecoveringEkf(_core.RecoveringEkfConfig()), clock_jump=jump)
+        live.start_at(_core.PoseEstimate(0, _core.Pose2(1.0, 2.0, 0.0), 0.01 * np.eye(3)))
+        stamps = [k * second // 10 for k in range(1, 30)]
+        stamps.insert(5, 4 * 10**18)
+        verdicts = [
+            live.on(_core.PositionFix(stamp, np.array([1.0, 2.0]), 0.01 * np.eye(2))).verdict
+            for stamp in stamps
+        ]
+        assert verdicts.pop(5) == _core.Verdict.IGNORED
+        assert set(verdicts) == {_core.Verdict.FUSED}
+        assert live.current().stamp == stamps[-1]

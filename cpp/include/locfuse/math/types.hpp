@@ -3,6 +3,8 @@
 
 #include <Eigen/Core>
 
+#include "locfuse/math/alignment.hpp"
+
 namespace locfuse {
 
 template <int N>

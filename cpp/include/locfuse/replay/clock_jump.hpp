@@ -28,7 +28,7 @@ struct TimelineEntry {
   Message message;
 };
 
-/// Detects a clock that went back: consecutive stale messages.
+/// Detects a clock that went back, by consecutive stale messages, or far ahead.
 class ClockJumpDetector {
  public:
   explicit ClockJumpDetector(std::size_t jump_after) : jump_after_(jump_after) {}
@@ -54,16 +54,43 @@ class ClockJumpDetector {
     }
     return false;
   }
+  /// Holds a message that is stamped far ahead of all others, and returns whether those held show
+  /// that the clock went on: two sources have it, or twice the only one. Where others have
+  /// fallen silent, `jump_after` in a row do. One wrong stamp so makes no others stale.
+  bool add_ahead(const TimelineEntry& entry) {
+    const auto is_further = [&](const TimelineEntry& other) {
+      return other.stamp > entry.stamp && other.stamp - entry.stamp > kFarAhead;
+    };
+    ahead_.erase(std::remove_if(ahead_.begin(), ahead_.end(), is_further), ahead_.end());
+    ahead_.push_back(entry);
+    const bool is_one_source =
+        std::all_of(ahead_.begin(), ahead_.end(), [&](const TimelineEntry& other) {
+          return source_of(other.message) == source_of(entry.message);
+        });
+    const bool has_several = std::count(sources_.begin(), sources_.end(), true) > 1;
+    return ahead_.size() >=
+           (is_one_source && has_several ? std::max(jump_after_, kAgreeing) : kAgreeing);
+  }
+  void clear_ahead() { ahead_.clear(); }
+  /// The messages that showed that the clock went on.
+  [[nodiscard]] std::vector<TimelineEntry> take_ahead() { return std::exchange(ahead_, {}); }
   /// The messages that signalled the jump.
   [[nodiscard]] std::vector<TimelineEntry> take_stale() { return std::exchange(stale_, {}); }
   void reset() {
     stale_.clear();
+    ahead_.clear();
     sources_ = {};
   }
 
+  /// Beyond which a message is far ahead of all before it [ns].
+  static constexpr Stamp kFarAhead = 5'000'000'000;
+
  private:
+  static constexpr std::size_t kAgreeing = 2;
+
   std::size_t jump_after_;
   std::vector<TimelineEntry> stale_;      // in a row
+  std::vector<TimelineEntry> ahead_;      // in a row, none far ahead of the next
   std::array<bool, kSources> sources_{};  // fused since the start or the last jump
 };
 

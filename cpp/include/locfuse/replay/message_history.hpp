@@ -30,6 +30,11 @@ class MessageHistory {
            (stamp < entries_.back().stamp - length_ || stamp < forgotten_until_);
   }
 
+  /// Whether a message is more than a time [ns] after all before it.
+  [[nodiscard]] bool is_ahead(Stamp stamp, Stamp by) const {
+    return !entries_.empty() && stamp > entries_.back().stamp && stamp - entries_.back().stamp > by;
+  }
+
   void clear() {
     entries_.clear();
     snapshots_used_ = 0;

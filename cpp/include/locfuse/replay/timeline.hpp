@@ -60,8 +60,12 @@ template <class Estimator>
 /// A late message inside the history is fused where it belongs: the snapshot before it is restored
 /// and what followed is fused again, so the belief equals, bit for bit, that of the sorted log. A
 /// message older than the history is kStale. A late message costs those after it and at most 16
-/// more; one in order allocates nothing once the history has filled. A source that stops publishing
-/// delays no other.
+/// more, so at most what the history holds, which max_messages bounds; one in order allocates
+/// nothing once the history has filled. A source that stops publishing delays no other.
+///
+/// A message stamped more than 5 s after all before it is kIgnored and held until the next one. If
+/// that is as late, from another source where there are several, both are fused; else it is
+/// dropped.
 template <class Estimator>
 class Timeline {
  public:
@@ -103,7 +107,10 @@ class Timeline {
     } else if (history_.is_stale(entry.stamp)) {
       sink(entry.index, Outcome{Verdict::kStale});
       watch_clock(entry, sink);
+    } else if (history_.is_ahead(entry.stamp, internal::ClockJumpDetector::kFarAhead)) {
+      hold(entry, sink);
     } else {
+      detector_.clear_ahead();
       detector_.clear_stale();
       fuse(entry, sink);
       detector_.add_source(source);
@@ -155,11 +162,29 @@ class Timeline {
     }
     const std::vector<Entry> after = detector_.take_stale();
     follow_jump(after);
+    fuse_all(after, sink);
+  }
+
+  /// Keeps a message that is far ahead until others show that it is right.
+  template <class Sink>
+  void hold(const Entry& entry, Sink& sink) {
+    std::visit([](const auto& message) { validate(message); }, entry.message);
+    sink(entry.index, Outcome{Verdict::kIgnored});
+    if (detector_.add_ahead(entry)) {
+      detector_.clear_stale();
+      fuse_all(detector_.take_ahead(), sink);
+    }
+  }
+
+  /// Fuses messages that waited. What the estimator throws for one is passed on after the others.
+  template <class Sink>
+  void fuse_all(const std::vector<Entry>& waiting, Sink& sink) {
     std::exception_ptr refused;
-    for (const Entry& e : after) {
+    for (const Entry& e : waiting) {
       try {
         if (!history_.is_stale(e.stamp)) {
           fuse(e, sink);
+          detector_.add_source(source_of(e.message));
         }
       } catch (...) {
         refused = std::current_exception();
