@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # cmake -D WAY=<installed|as_subdirectory|with_other_options> ... -P run.cmake: configures, builds and
 # runs the consumer.
+cmake_minimum_required(VERSION 3.25)
+
 function(run)
   execute_process(COMMAND ${ARGV} COMMAND_ECHO STDOUT COMMAND_ERROR_IS_FATAL ANY)
 endfunction()

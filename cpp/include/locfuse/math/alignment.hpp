@@ -13,15 +13,15 @@ constexpr bool kCheckedContainers = false;
 
 /// What decides where members of public types lie and who frees their memory. The library defines
 /// this for the options that it was compiled with; code with others, such as -march=native, does
-/// not link: define EIGEN_MAX_ALIGN_BYTES as the library has it, or compile both alike.
-template <int max_align_bytes, int max_static_align_bytes, int storage_order,
+/// not link: compile both alike.
+template <int heap_align_bytes, int max_static_align_bytes, int storage_order,
           bool checked_containers, typename Index>
 struct ThisCodeAndLocfuseAreCompiledWithDifferentEigenAlignmentSeeDocsInstall {
   static const char expected;
 };
 
 using EigenOptions = ThisCodeAndLocfuseAreCompiledWithDifferentEigenAlignmentSeeDocsInstall<
-    EIGEN_MAX_ALIGN_BYTES, EIGEN_MAX_STATIC_ALIGN_BYTES, EIGEN_DEFAULT_MATRIX_STORAGE_ORDER_OPTION,
+    EIGEN_DEFAULT_ALIGN_BYTES, EIGEN_MAX_STATIC_ALIGN_BYTES, EIGEN_DEFAULT_MATRIX_STORAGE_ORDER_OPTION,
     kCheckedContainers, Eigen::Index>;
 
 namespace {
