@@ -16,6 +16,7 @@ from rich.table import Table
 from locfuse.cli.inputs import ConfigFile
 from locfuse.cli.terminal import check_folder, console, onto, progress
 from locfuse.config.load import load_config
+from locfuse.io.whole import whole_file
 from locfuse.report.pictures import NO_PICTURES, has_matplotlib
 from locfuse.sweep import Trials, dask_cluster, run_trials, summarize
 from locfuse.types import ConfigError
@@ -69,7 +70,8 @@ def sweep(
             recovered_m=recovered_m, progress=onto(bar, task),
         )  # fmt: skip
     summary = summarize(found)
-    (out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
+    with whole_file(out / "summary.json") as part:
+        part.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
     _print_sweep(found, summary)
     if has_matplotlib():
         from locfuse.report.plot import draw_sweep

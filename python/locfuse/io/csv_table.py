@@ -7,6 +7,7 @@ import gzip
 import io
 import itertools
 import os
+import re
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -16,10 +17,12 @@ from typing import Any
 from numpy.typing import NDArray
 
 from locfuse._core import parse_table
+from locfuse.io.whole import whole_file
 from locfuse.types import NANOSECONDS, FloatArray, LogError, StampArray
 
 MOST_UNPACKED = 1 << 30  # bytes
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+_NEEDS_QUOTES = re.compile(r'[,"\r\n]')
 
 
 @dataclass(frozen=True)
@@ -131,9 +134,20 @@ def number_texts(values: FloatArray) -> list[str]:
 
 
 def write_table(path: Path, header: Sequence[str], columns: Iterable[Sequence[str]]) -> None:
-    """Write columns of text as CSV."""
-    rows = map(",".join, zip(*columns, strict=True))
-    path.write_text("\n".join([",".join(header), *rows, ""]), encoding="utf-8", newline="\n")
+    """Write columns of text as CSV, whole or not at all; texts are quoted where RFC 4180 says."""
+    rows = map(",".join, zip(*map(_quoted, columns), strict=True))
+    text = "\n".join([",".join(_quoted(header)), *rows, ""])
+    with whole_file(path) as file:
+        file.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _quoted(texts: Sequence[str]) -> Sequence[str]:
+    if not _NEEDS_QUOTES.search("\0".join(texts)):
+        return texts
+    return [
+        '"' + text.replace('"', '""') + '"' if _NEEDS_QUOTES.search(text) else text
+        for text in texts
+    ]
 
 
 def _rows(data: bytes) -> Iterator[tuple[int, bytes]]:

@@ -21,6 +21,7 @@ from locfuse.io.csv_table import (
 )
 from locfuse.io.log_yaml import checked, read_log_yaml, write_log_yaml
 from locfuse.io.maps import read_map, write_map
+from locfuse.io.whole import INCOMPLETE, whole_folder
 from locfuse.types import (
     FARTHEST_M,
     NANOSECONDS,
@@ -174,17 +175,17 @@ def write_log(log: Log, folder: str | Path) -> None:
     columns = {stem: _checked_for_writing(stem, log[stem]) for stem in log.tables}
     _check_set(columns, settings, "log")
     names = {f"{stem}.csv" for stem in columns} | ({"log.yaml"} if settings else set())
-    folder.mkdir(parents=True, exist_ok=True)
-    for path in sorted(folder.iterdir()):
+    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
         if _is_log_file(path) and path.name not in names:
             raise LogError(f"{path}: not part of the log to be written; choose another folder")
-    for stem, table in columns.items():
-        header = [name for key in table for name in _file_names(key, table)]
-        write_table(folder / f"{stem}.csv", header, _texts(table))
-    if settings:
-        write_log_yaml(folder / "log.yaml", settings)
-    if log.grid is not None:
-        write_map(log.grid, folder / settings["map"])
+    with whole_folder(folder) as stage:
+        for stem, table in columns.items():
+            header = [name for key in table for name in _file_names(key, table)]
+            write_table(stage / f"{stem}.csv", header, _texts(table))
+        if settings:
+            write_log_yaml(stage / "log.yaml", settings)
+        if log.grid is not None:
+            write_map(log.grid, stage / settings["map"])
 
 
 def _is_log_file(path: Path) -> bool:
@@ -193,6 +194,8 @@ def _is_log_file(path: Path) -> bool:
 
 def _find_tables(folder: Path) -> dict[str, Path]:
     """Return the files of the schema that are there, in its order; refuse other CSV files."""
+    if (folder / INCOMPLETE).exists():
+        raise LogError(f"{folder}: was not written to its end; write it again ({INCOMPLETE})")
     found: dict[str, Path] = {}
     for path in sorted(folder.iterdir()):
         stem = path.name.removesuffix(".gz").removesuffix(".csv")

@@ -13,6 +13,7 @@ import yaml
 
 from locfuse.config.safe_yaml import StrictYamlLoader
 from locfuse.io.csv_table import read_bytes
+from locfuse.io.whole import whole_file
 from locfuse.types import YAML_ERRORS, LogError, nearest, shown
 
 KEYS = ("tags", "laser", "landmark_sensor", "map", "description", "licence")
@@ -80,7 +81,8 @@ def write_log_yaml(path: Path, settings: Mapping[str, Any]) -> None:
     if "tags" in plain:
         plain["tags"] = {name: list(position) for name, position in plain["tags"].items()}
     text = yaml.safe_dump(plain, sort_keys=False, allow_unicode=True, default_flow_style=None)
-    path.write_text(text, encoding="utf-8", newline="\n")
+    with whole_file(path) as file:
+        file.write_text(text, encoding="utf-8", newline="\n")
 
 
 def checked(settings: Any, where: str) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from locfuse.io.csv_table import line_of_row, number_texts, parse, read_bytes, stamp_texts
+from locfuse.io.whole import whole_file
 from locfuse.types import FloatArray, LogError, Trajectory
 
 NORM_TOLERANCE = 0.01  # files with three decimals pass
@@ -76,7 +77,8 @@ def write_tum(path: str | Path, trajectory: Trajectory) -> None:
         strict=True,
     )
     lines = [f"{stamp} {px} {py} 0 0 0 {qz} {qw}\n" for stamp, px, py, qz, qw in rows]
-    Path(path).write_text("".join(lines), encoding="utf-8", newline="\n")
+    with whole_file(path) as file:
+        file.write_text("".join(lines), encoding="utf-8", newline="\n")
 
 
 def _texts(values: FloatArray) -> list[str]:

@@ -73,6 +73,9 @@ _CAPTIONS = {
 }
 
 
+PICTURES = tuple(f"{name}.png" for name in _CAPTIONS)
+
+
 def write_report(result: RunResult, out_dir: Path) -> Path:
     """Write the pictures of a run and one page that replays it and works without a network.
 

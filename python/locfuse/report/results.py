@@ -11,8 +11,11 @@ import yaml
 from locfuse.eval.errors import interpolate
 from locfuse.io.result_tables import write_estimate, write_health, write_outcomes
 from locfuse.io.tum import write_tum
-from locfuse.report.report import write_report
+from locfuse.io.whole import whole_folder
+from locfuse.report.report import PICTURES, write_report
 from locfuse.types import RunResult
+
+OWNED = ("truth.tum", "health.csv", *PICTURES)  # of an earlier run, if this one has none
 
 
 def write_results(result: RunResult, folder: str | Path) -> Path:
@@ -22,7 +25,7 @@ def write_results(result: RunResult, folder: str | Path) -> Path:
     ----------
     result : RunResult
     folder : path
-        Created if missing; files of the same name are replaced.
+        Created if missing; files of the same name are replaced, all of them or none.
 
     Returns
     -------
@@ -32,21 +35,24 @@ def write_results(result: RunResult, folder: str | Path) -> Path:
         compares), ``estimate.csv`` (with covariance), ``outcomes.csv`` (one row per message),
         ``health.csv``, ``metrics.json`` and, with matplotlib, the pictures.
     """
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    with whole_folder(folder, OWNED) as stage:
+        _write(result, stage)
+        report = write_report(result, stage)
+    return Path(folder) / report.name
+
+
+def _write(result: RunResult, folder: Path) -> None:
+    """Write all but the report and its pictures into an empty folder."""
     text = yaml.safe_dump(dict(result.config), sort_keys=False)
     (folder / "config.yaml").write_text(text, encoding="utf-8")
     write_tum(folder / "estimate.tum", result.estimate)
-    (folder / "truth.tum").unlink(missing_ok=True)
     if result.truth is not None:
         at, _ = interpolate(result.truth, result.estimate.stamp_ns)
         if len(at) > 0:
             write_tum(folder / "truth.tum", at)
     write_estimate(folder / "estimate.csv", result.estimate)
     write_outcomes(folder / "outcomes.csv", result.outcomes)
-    (folder / "health.csv").unlink(missing_ok=True)
     if result.health is not None:
         write_health(folder / "health.csv", result.health)
     metrics = json.dumps(dict(result.metrics), indent=1, allow_nan=False)
     (folder / "metrics.json").write_text(metrics + "\n", encoding="utf-8")
-    return write_report(result, folder)

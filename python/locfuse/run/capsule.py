@@ -25,6 +25,7 @@ from locfuse.core import compiler, kernels
 from locfuse.io.log_folder import SCHEMA, read_log, write_log
 from locfuse.io.log_yaml import load_yaml
 from locfuse.io.result_tables import write_estimate, write_outcomes
+from locfuse.io.whole import whole_file
 from locfuse.run.run import Progress, load_log, run
 from locfuse.types import ConfigError, Log, LogError
 
@@ -178,7 +179,7 @@ def write_capsule(capsule: Capsule, path: str | Path) -> None:
         about = json.dumps(dict(capsule.about), indent=1) + "\n"
         for name, text in {ABOUT: about, CONFIG: config, **capsule.result}.items():
             (unpacked / name).write_text(text, encoding="utf-8", newline="\n")
-        with zipfile.ZipFile(path, "w") as archive:
+        with whole_file(path) as part, zipfile.ZipFile(part, "w") as archive:
             for name in FILES:
                 if (unpacked / name).exists():
                     info = zipfile.ZipInfo(name, _AS_OLD_AS_ZIP)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import multiprocessing
-import os
 import shutil
 import threading
 import time
@@ -18,6 +17,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, TypeAdapter, ValidationError
 
+from locfuse.io.whole import whole_file
 from locfuse.studio.document import moved_to, text_of
 from locfuse.studio.estimators import Choice, variant
 from locfuse.studio.scene import Scene
@@ -87,9 +87,8 @@ class Run:
         """Write what is known of it beside its results, whole or not at all."""
         about = {"name": self.name, "began": self.began, "parts": [asdict(p) for p in self.parts]}
         text = json.dumps(about, indent=1, allow_nan=False)
-        part = self.folder / f".{ABOUT}"
-        part.write_text(text + "\n", encoding="utf-8")
-        os.replace(part, self.folder / ABOUT)
+        with whole_file(self.folder / ABOUT) as part:
+            part.write_text(text + "\n", encoding="utf-8")
 
 
 class Runner:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import gzip
 import json
-import os
 import signal
 import time
 import traceback
@@ -16,6 +15,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from locfuse.config.load import load_config
+from locfuse.io.whole import whole_file
 from locfuse.report.player import pack
 from locfuse.report.results import write_results
 from locfuse.run.run import run
@@ -102,6 +102,5 @@ def _write_play(result: RunResult, folder: Path, name: str, *, whole: bool) -> N
     """Write what the player shows, in the place of what was there."""
     named = replace(result, config={**result.config, "name": name})
     text = json.dumps(pack(named, whole=whole), separators=(",", ":"))
-    part = folder / f".{PLAY}"
-    part.write_bytes(gzip.compress(text.encode(), 6, mtime=0))
-    os.replace(part, folder / PLAY)
+    with whole_file(folder / PLAY) as part:
+        part.write_bytes(gzip.compress(text.encode(), 6, mtime=0))

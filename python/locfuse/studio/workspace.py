@@ -6,7 +6,6 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import tempfile
 import time
 import zipfile
 import zlib
@@ -14,6 +13,7 @@ from pathlib import Path
 
 from locfuse.config.load import load_config, read_yaml
 from locfuse.io.maps import YAML, read_map, write_map
+from locfuse.io.whole import whole_file
 from locfuse.studio.document import Data, Draft, moved_to, text_of
 from locfuse.studio.scene import EMPTY, Scene
 from locfuse.types import Columns, ConfigError, GridMap, Log, LogError
@@ -248,9 +248,5 @@ def _file_name(name: str) -> str:
 
 
 def _write(file: Path, text: str) -> None:
-    with tempfile.NamedTemporaryFile(
-        "w", encoding="utf-8", dir=file.parent, prefix=".", delete=False
-    ) as part:
-        part.write(text)
-    os.chmod(part.name, 0o644)
-    os.replace(part.name, file)
+    with whole_file(file) as part:
+        part.write_text(text, encoding="utf-8")

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from locfuse.io.whole import whole_file
 from locfuse.sweep.trial import INSTANTS, SCORES, Row
 from locfuse.sweep.vary import Axis
 from locfuse.types import ConfigError, FloatArray
@@ -182,9 +182,8 @@ def _claim(path: Path, about: dict[str, Any]) -> None:
                 f"{path} holds this sweep with {found['trials']} trials; ask for at least as many, "
                 "or choose another folder"
             )
-    beside = file.with_suffix(".tmp")
-    beside.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
-    os.replace(beside, file)
+    with whole_file(file) as part:
+        part.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
 
 
 def difference(found: Any, asked: Any, where: str = "") -> str | None:

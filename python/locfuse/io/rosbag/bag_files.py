@@ -16,6 +16,7 @@ from locfuse.config.ros import plain
 from locfuse.io.rosbag.encode import Publication
 from locfuse.io.rosbag.optional_rosbags import need
 from locfuse.io.rosbag.wire import defined, long, serializer, store
+from locfuse.io.whole import PART, sync
 from locfuse.types import LogError
 
 
@@ -61,7 +62,7 @@ class _FileSink(ABC):
         store(self.encoding)  # says what is missing before anything is made
         path.parent.mkdir(parents=True, exist_ok=True)
         self.path = path
-        self.folder = Path(mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+        self.folder = Path(mkdtemp(prefix=PART, dir=path.parent))
         self.known: dict[tuple[str, str], Any] = {}
         self.writer: Any = None
 
@@ -79,6 +80,7 @@ class _FileSink(ABC):
         try:
             self.writer.close()
             if kind is None:
+                sync(self._made())
                 os.replace(self._made(), self.path)
         finally:
             shutil.rmtree(self.folder, ignore_errors=True)

@@ -22,6 +22,7 @@ from locfuse.io.rosbag.bag_files import bag_sink
 from locfuse.io.rosbag.decode import FixRow, RangeRow, ScanRow, SightingRow, TruthRow
 from locfuse.io.rosbag.encode import Publication
 from locfuse.io.rosbag.increments import poses_of
+from locfuse.io.whole import naming
 from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, LogError, RunResult
 
 Progress = Callable[[int, int], None]
@@ -61,7 +62,7 @@ def write_bag(
     which = np.repeat(np.arange(len(streams)), [len(stream.times) for stream in streams])
     order = np.argsort(times, kind="stable")
     report = progress or (lambda done, total: None)
-    with bag_sink(Path(path)) as sink:
+    with naming(Path(path)), bag_sink(Path(path)) as sink:
         for done in range(0, len(order), PROGRESS_EVERY):
             report(done, len(order))
             rows = order[done : done + PROGRESS_EVERY]

@@ -16,6 +16,7 @@ from matplotlib.text import Text
 from locfuse import _core
 from locfuse.config.schema import RunConfig
 from locfuse.eval.errors import interpolate
+from locfuse.io.whole import whole_file
 from locfuse.report.plot.style import (
     ANCHOR,
     ESTIMATE,
@@ -78,7 +79,7 @@ def write_film(result: RunResult, path: Path) -> Path:
     stage = _Stage(result, frames[0].stamp_ns)
     writer = PillowWriter(fps=_FRAMES_PER_S)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with writer.saving(stage.figure, str(path), _DPI):
+    with whole_file(path) as part, writer.saving(stage.figure, str(part), _DPI):
         for frame in shown:
             stage.show(frame)
             writer.grab_frame()
