@@ -8,8 +8,8 @@ from pathlib import Path
 
 import typer
 from rich import box
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from locfuse.cli.terminal import check_file, check_folder, console, onto, progress
 from locfuse.types import ConfigError, nearest
@@ -77,7 +77,7 @@ def reproduce_command(
     if before is not None:
         found = differences(before, repeated)
         for sentence in found:
-            console.print(sentence, soft_wrap=True, markup=False)
+            console.print(sentence, soft_wrap=True)
         console.print(f"{len(found)} rows differ from {compare}", soft_wrap=True)
         raise typer.Exit(1 if found else 0)
     if any(one.error or any(row["met"] is False for row in one.claims) for one in repeated):
@@ -101,9 +101,9 @@ def _all(out: Path, seeds: dict[str, int], quick: bool) -> list[Repeated]:
         missed = [row["claim"] for row in required if row["met"] is False]
         console.print(
             f"{one.paper:12} {one.error or f'{len(required) - len(missed)} of {len(required)} met'}"
-            f", {one.seeds} seeds, {one.seconds:.0f} s", markup=False)  # fmt: skip
+            f", {one.seeds} seeds, {one.seconds:.0f} s")  # fmt: skip
         for claim in missed:
-            console.print(f"{'':12} missed: {claim}", soft_wrap=True, markup=False)
+            console.print(f"{'':12} missed: {claim}", soft_wrap=True)
     return repeated
 
 
@@ -115,7 +115,7 @@ def _one(paper: str, seeds: int, pictures: Path | None, out: Path | None, quick:
     console.print(_table(one))
     for row in one.claims:
         if row["met"] is None:
-            console.print(f"{row['claim']}: skipped: {row['note']}", soft_wrap=True, markup=False)
+            console.print(f"{row['claim']}: skipped: {row['note']}", soft_wrap=True)
     if out is not None:
         write_page([one], out, quick)
     if folder is not None:
@@ -133,20 +133,21 @@ def _table(one: Repeated) -> Table:
     judged, own = judge(FIVE.get(one.paper, Paper(one.paper, "", "", 0, 0)), one.claims)
     for of in judged:
         said = of.statement
-        text = escape(f"{of.heading} ({said.where}): {said.reports}")
+        text = f"{of.heading} ({said.where}): {said.reports}."
         colour = {True: "green", False: "red", None: "dim"}[of.so]
-        remark = f"[dim]: {escape(said.remark)}[/]" if said.remark else ""
-        table.add_row(f"[bold]{text}.[/] [{colour}]{of.verdict}[/]{remark}")
+        remark = f": {said.remark}" if said.remark else ""
+        verdict = of.verdict, colour
+        table.add_row(Text.assemble((text, "bold"), " ", verdict, (remark, "dim")))
         for row in of.rows:
             _add(table, row)
         table.add_section()
     if judged and own:
-        table.add_row(f"[bold]{OURS}[/]")
+        table.add_row(Text(OURS, "bold"))
     for row in own:
         _add(table, row)
     return table
 
 
 def _add(table: Table, row: Row) -> None:
-    claim, *cells, note = map(escape, cells_of(row))
-    table.add_row(f"{claim} [dim]{note}[/]" if note else claim, *cells)
+    claim, *cells, note = cells_of(row)
+    table.add_row(Text.assemble(f"{claim} ", (note, "dim")) if note else claim, *cells)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import importlib
 import logging
+import signal
 import sys
 from typing import Annotated, Any
 
@@ -52,17 +53,33 @@ app = typer.Typer(cls=LazyGroup, no_args_is_help=True, pretty_exceptions_enable=
                   rich_markup_mode=None, help="Localization for mobile robots.")  # fmt: skip
 
 
+class _Notes(logging.Formatter):
+    """Writes what is logged on one line."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        from locfuse.cli.terminal import visible  # loads rich, which help does without
+
+        return visible(" ".join(super().format(record).split()))
+
+
 def main() -> None:
-    """Run the command line; errors become one sentence and exit status 1."""
+    """Run the command line; errors become one sentence and exit status 1.
+
+    On SIGTERM it ends as after an error, so that no temporary file stays.
+    """
     notes = logging.StreamHandler(sys.stderr)
-    notes.setFormatter(logging.Formatter("locfuse: %(message)s"))
+    notes.setFormatter(_Notes("locfuse: %(message)s"))
     logging.getLogger("locfuse").addHandler(notes)
+    before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     try:
         app(prog_name="locfuse")
     except (ValueError, NumericalError, OSError, MemoryError) as error:
-        print("locfuse:", *str(error).split(), file=sys.stderr)
+        from locfuse.cli.terminal import visible
+
+        print("locfuse:", visible(" ".join(str(error).split())) or "out of memory", file=sys.stderr)
         sys.exit(1)
     finally:
+        signal.signal(signal.SIGTERM, before)
         logging.getLogger("locfuse").removeHandler(notes)
 
 

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.markup import escape
+from rich.text import Text
 
 from locfuse.check import SEVERITIES, Finding
 from locfuse.check import check as check_config
 from locfuse.cli.inputs import ConfigFile, LogPath, with_log
-from locfuse.cli.terminal import check_folder, console
+from locfuse.cli.terminal import check_folder, console, visible
 from locfuse.config.load import load_config
 from locfuse.report.pictures import NO_PICTURES, has_matplotlib
 
@@ -47,14 +47,14 @@ def check(
             save(plot_layout(result.layout), out / "layout.png")
             console.print(f"picture: {out / 'layout.png'}", soft_wrap=True)
         else:
-            console.print(NO_PICTURES, soft_wrap=True, markup=False)
+            console.print(NO_PICTURES, soft_wrap=True)
     if result.failed:
         raise typer.Exit(1)
 
 
 def _print_finding(finding: Finding) -> None:
-    colour = _COLOURS[finding.severity]
-    text = escape(f"{finding.what} [{finding.where}]")
-    console.print(f"[{colour}]{finding.severity:8}[/] {text}", soft_wrap=True, highlight=False)
+    severity = f"{finding.severity:8}", _COLOURS[finding.severity]
+    text = visible(f" {finding.what} [{finding.where}]")
+    console.print(Text.assemble(severity, text), soft_wrap=True, highlight=False)
     if finding.advice:
-        console.print(f"{'':8} -> {finding.advice}", soft_wrap=True, markup=False, highlight=False)
+        console.print(f"{'':8} -> {finding.advice}", soft_wrap=True, highlight=False)

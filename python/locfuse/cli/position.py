@@ -10,7 +10,6 @@ from typing import Annotated
 
 import typer
 from rich import box
-from rich.markup import escape
 from rich.table import Table
 
 from locfuse.cli.terminal import console
@@ -73,10 +72,10 @@ def _fixes_table(fixes: list[Fix]) -> Table:
     agree = {True: "yes", False: "NO", None: "-"}
     for fix in fixes[:_ROWS]:
         stamp = f"{fix.stamp_ns / NANOSECONDS:.3f}"
-        verdict = (escape(fix.status), agree[fix.agree], _metres(fix.residual_rms),
-                   escape((fix.culprit or "-") + "?" * (fix.explained is False)))  # fmt: skip
+        verdict = (fix.status, agree[fix.agree], _metres(fix.residual_rms),
+                   (fix.culprit or "-") + "?" * (fix.explained is False))  # fmt: skip
         at = [*fix.position.tolist()] or [[math.nan] * d]
-        table.add_row(stamp, escape(fix.tag), *map(_metres, at[0]), _metres(fix.sigma), *verdict)
+        table.add_row(stamp, fix.tag, *map(_metres, at[0]), _metres(fix.sigma), *verdict)
         for other in at[1:]:
             table.add_row("", "or", *map(_metres, other))
     return table

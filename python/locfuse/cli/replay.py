@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from locfuse import __version__
-from locfuse.cli.terminal import onto, progress
+from locfuse.cli.terminal import console, onto, progress
 from locfuse.core import compiler
 from locfuse.run.capsule import machine, read_capsule, replay_capsule
 
@@ -25,15 +26,16 @@ def replay(
     with progress("messages") as (bar, task):
         differences = replay_capsule(packed, onto(bar, task))
     made = packed.about
-    print(f"made by locfuse {made['version']} ({made['compiler']}) on {made['machine']}")
-    print(f"run by locfuse {__version__} ({compiler()}) on {machine()}")
+    say = partial(console.print, soft_wrap=True, highlight=False)
+    say(f"made by locfuse {made['version']} ({made['compiler']}) on {made['machine']}")
+    say(f"run by locfuse {__version__} ({compiler()}) on {machine()}")
     for d in differences:
         when = f" ({d.stamp_s} s)" if d.stamp_s else ""
-        print(f"{d.file}: {d.lines} lines differ, the first is line {d.line}{when}")
+        say(f"{d.file}: {d.lines} lines differ, the first is line {d.line}{when}")
         for column, was in d.was.items():
-            print(f"  {column}: was {was or 'nothing'}, is {d.found[column] or 'nothing'}")
+            say(f"  {column}: was {was or 'nothing'}, is {d.found[column] or 'nothing'}")
     if differences and made["machine"] != machine():
-        print("the last bits may depend on processor and C library")
+        say("the last bits may depend on processor and C library")
     if differences:
         raise typer.Exit(1)
-    print(f"the same bit for bit: {', '.join(packed.result)}")
+    say(f"the same bit for bit: {', '.join(packed.result)}")

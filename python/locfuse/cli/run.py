@@ -64,7 +64,7 @@ def run(
     _print_metrics(result)
     console.print(f"report: {report}", soft_wrap=True)
     if not has_matplotlib():
-        console.print(NO_PICTURES, soft_wrap=True, markup=False)
+        console.print(NO_PICTURES, soft_wrap=True)
     if film is not None:
         from locfuse.report.plot import write_film
 

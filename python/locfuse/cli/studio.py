@@ -44,6 +44,6 @@ def studio(
     def report(notice: str) -> None:
         for line in (notice, f"http://{name}:{port}/?{query}"):
             if line:
-                console.print(f"studio: {line}", soft_wrap=True, markup=False, highlight=False)
+                console.print(f"studio: {line}", soft_wrap=True, highlight=False)
 
     serve(folder, config, host, port, token, report)

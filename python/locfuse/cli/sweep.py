@@ -10,7 +10,6 @@ from typing import Annotated, Any
 
 import typer
 from rich import box
-from rich.markup import escape
 from rich.table import Table
 
 from locfuse.cli.inputs import ConfigFile
@@ -79,7 +78,7 @@ def sweep(
         for path in draw_sweep(found, out):
             console.print(f"picture: {path}", soft_wrap=True)
     else:
-        console.print(NO_PICTURES, soft_wrap=True, markup=False)
+        console.print(NO_PICTURES, soft_wrap=True)
     console.print(f"table: {out / 'trials.parquet'}", soft_wrap=True)
 
 
@@ -107,7 +106,7 @@ def _print_sweep(trials: Trials, summary: dict[str, Any]) -> None:
         highlight=False,
     )
     for error, count in failed["errors"].items():
-        console.print(f"{count:6}  {error}", soft_wrap=True, markup=False, highlight=False)
+        console.print(f"{count:6}  {error}", soft_wrap=True, highlight=False)
 
 
 def _scores_table(title: str, scores: dict[str, Any]) -> Table:
@@ -124,7 +123,7 @@ def _scores_table(title: str, scores: dict[str, Any]) -> Table:
 
 
 def _key_table(key: str, rows: list[dict[str, Any]]) -> Table:
-    table = Table(title=f"{escape(key)}: medians", box=box.SIMPLE_HEAD, padding=(0, 1),
+    table = Table(title=f"{key}: medians", box=box.SIMPLE_HEAD, padding=(0, 1),
                   pad_edge=False)  # fmt: skip
     shown = ("position_rmse_m", "heading_rmse_deg", "nees_mean", "nll")
     table.add_column("value", no_wrap=True)
@@ -133,7 +132,7 @@ def _key_table(key: str, rows: list[dict[str, Any]]) -> Table:
     for row in rows:
         scores = [_with_interval(row["scores"].get(name), "median") for name in shown]
         failed = str(row["failed"]["count"])
-        table.add_row(escape(row["value"]), str(row["trials"]), failed, *scores)
+        table.add_row(row["value"], str(row["trials"]), failed, *scores)
     return table
 
 
@@ -141,5 +140,5 @@ def _with_interval(of: dict[str, Any] | None, what: str) -> str:
     if of is None:
         return "-"
     low, high = of[f"{what}_low"], of[f"{what}_high"]
-    interval = "" if low is None else escape(f" [{low:.3g}..{high:.3g}]")
+    interval = "" if low is None else f" [{low:.3g}..{high:.3g}]"
     return f"{of[what]:.4g}{interval}"

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Output of the commands on a terminal, and checks of the paths they write to."""
+"""Output of the commands on a terminal, and checks of the paths they write to.
+
+Names, titles and paths come from files of anyone: whatever is printed is text, and no command to
+the terminal.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.progress import (
@@ -18,11 +23,31 @@ from rich.progress import (
     TextColumn,
     TimeRemainingColumn,
 )
+from rich.text import Text
 
 from locfuse.types import ConfigError
 
+
+def visible(text: str) -> str:
+    r"""Return a text on one line, with control and other invisible characters escaped.
+
+    Examples
+    --------
+    >>> print(visible("A\x1b[2J"))
+    A\x1b[2J
+    """
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+class _Terminal(Console):
+    """A console whose texts, also those in tables, are `visible` and have no markup."""
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        return super().render_str(visible(text), **options)
+
+
 # A file or a pipe does not cut lines: wide enough for the widest table.
-console = Console(width=None if sys.stdout.isatty() else 140)
+console = _Terminal(width=None if sys.stdout.isatty() else 140, markup=False, emoji=False)
 
 
 @contextmanager

@@ -20,7 +20,7 @@ from locfuse._core import parse_table
 from locfuse.io.whole import whole_file
 from locfuse.types import NANOSECONDS, FloatArray, LogError, StampArray
 
-MOST_UNPACKED = 1 << 30  # bytes
+MOST_UNPACKED = 1 << 30  # bytes that a packed file of anyone becomes: tables, capsules, bags
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _NEEDS_QUOTES = re.compile(r'[,"\r\n]')
 
@@ -70,8 +70,7 @@ def read_bytes(path: Path) -> bytes:
     LogError
         If it is missing, no file, or cannot be read or unpacked.
     """
-    if os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path)):
-        raise LogError(f"{path}: is a device or a pipe; expected a file")
+    refuse_device(path)
     try:
         data = path.read_bytes()
         data = unpacked(data) if path.suffix == ".gz" else data
@@ -82,6 +81,12 @@ def read_bytes(path: Path) -> bytes:
     except (OSError, EOFError, ValueError, zlib.error) as error:  # a name may be none
         raise LogError(f"{path}: cannot be read: {error}") from error
     return data.removeprefix(BYTE_ORDER_MARK)
+
+
+def refuse_device(path: Path) -> None:
+    """Raise LogError for what is there and neither file nor folder: reading it may never end."""
+    if os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path)):
+        raise LogError(f"{path}: is a device or a pipe; expected a file")
 
 
 def unpacked(data: bytes) -> bytes:

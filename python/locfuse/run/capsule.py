@@ -22,12 +22,13 @@ from locfuse.config.load import load_config
 from locfuse.config.safe_yaml import HALF_OF_A_PAIR
 from locfuse.config.schema import RunConfig
 from locfuse.core import compiler, kernels
+from locfuse.io.csv_table import MOST_UNPACKED, refuse_device
 from locfuse.io.log_folder import SCHEMA, read_log, write_log
 from locfuse.io.log_yaml import load_yaml
 from locfuse.io.result_tables import write_estimate, write_outcomes
 from locfuse.io.whole import whole_file
 from locfuse.run.run import Progress, load_log, run
-from locfuse.types import ConfigError, Log, LogError
+from locfuse.types import ConfigError, Log, LogError, shown
 
 FORMAT = 1
 ABOUT, CONFIG, ESTIMATE, OUTCOMES, ERROR = ("capsule.json", "config.yaml", "estimate.csv",
@@ -35,8 +36,7 @@ ABOUT, CONFIG, ESTIMATE, OUTCOMES, ERROR = ("capsule.json", "config.yaml", "esti
 LOG_FILES = (*(f"{stem}.csv" for stem in SCHEMA), "log.yaml", "map.yaml", "map.pgm")
 FILES = (ABOUT, CONFIG, ESTIMATE, OUTCOMES, ERROR, *(f"log/{name}" for name in LOG_FILES))
 
-# A capsule may come from a stranger: beyond these it is not unpacked.
-MOST_BYTES = 1 << 30
+# A capsule may come from a stranger: beyond these and MOST_UNPACKED it is not unpacked.
 MOST_BYTES_OF_TEXT = 1 << 18  # of what is YAML or JSON
 DEEPEST = 20  # of nested YAML
 _BEGIN = (yaml.BlockMappingStartToken, yaml.BlockSequenceStartToken, yaml.FlowMappingStartToken,
@@ -125,7 +125,9 @@ def make_capsule(
     seed = config.seed if seed is None else seed
     log = load_log(config, base, seed) if log is None else log
     log = replace(log, map=None if log.grid is None else "map.yaml")
-    config = config.model_copy(update={"log": "log", "simulation": None, "seed": seed})
+    ros = config.ros.model_copy(update={"world": None})
+    own = {"log": "log", "simulation": None, "seed": seed, "ros": ros}
+    config = config.model_copy(update=own)
     result = _result_of(config, log, progress)
     about = {
         "format": FORMAT,
@@ -215,6 +217,9 @@ def read_capsule(path: str | Path) -> Capsule:
             if _hash_of(result) != about["result"]:
                 raise LogError("its result is not the one that it was made with")
             config, log = load_config(unpacked / CONFIG), read_log(unpacked / "log")
+            named = {"log": config.log, "simulation": config.simulation, "world": config.ros.world}
+            if named != {"log": "log", "simulation": None, "world": None}:
+                raise LogError(f"{CONFIG} names {shown(named)}, expected only the log 'log'")
         except FileNotFoundError:
             raise LogError(f"{path}: no such file") from None
         except IsADirectoryError:
@@ -269,7 +274,8 @@ def _first(file: str, was: str, found: str) -> Iterator[Difference]:
 
 def _unpack(path: Path, folder: Path) -> None:
     """Unpack the files of a capsule; nothing is written but what has a name of `FILES`."""
-    left = MOST_BYTES
+    refuse_device(path)
+    left = MOST_UNPACKED
     with zipfile.ZipFile(path) as archive:
         names = archive.namelist()
         for info in archive.infolist():

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import re
 import zipfile
 from dataclasses import replace
@@ -179,7 +180,7 @@ def test_a_bomb_is_not_unpacked(
     bomb = packed({**files_of(path), "config.yaml": b" " * (1 << 20)}, tmp_path / "bomb.zip")
     with pytest.raises(LogError, match=r"'config\.yaml' has 1048576 bytes, expected at most"):
         read_capsule(bomb)
-    monkeypatch.setattr("locfuse.run.capsule.MOST_BYTES", 10_000)
+    monkeypatch.setattr("locfuse.run.capsule.MOST_UNPACKED", 10_000)
     with pytest.raises(LogError, match="bytes, expected at most"):
         read_capsule(path)
 
@@ -245,6 +246,53 @@ def test_what_is_wrong_inside_is_said(
     assert str(error.value).startswith(f"{odd}: ")
     assert said in str(error.value)
     assert "/tmp" not in str(error.value).removeprefix(str(odd))
+
+
+@pytest.mark.parametrize(
+    ("line", "evil"),
+    [
+        (b"log: log", b"log: /etc"),
+        (b"log: log", b"log: ../log"),
+        (b"log: log", b"log: {dataset: plaza, path: /etc}"),
+        (b"world: null", b"world: ../world"),
+        (b"log: log\nsimulation: null", b"log: null\nsimulation: {map: {image: /etc/passwd}}"),
+    ],
+    ids=["root", "beside", "data set", "world", "simulation"],
+)
+def test_a_configuration_that_leads_out_of_the_capsule_is_refused(
+    path: Path, tmp_path: Path, line: bytes, evil: bytes
+) -> None:
+    files = files_of(path)
+    assert line in files["config.yaml"]
+    files["config.yaml"] = files["config.yaml"].replace(line, evil, 1)
+    with pytest.raises((LogError, ConfigError), match=r"out\.zip: config.yaml(: | names \{'log')"):
+        read_capsule(packed(files, tmp_path / "out.zip"))
+
+
+def test_a_world_beside_the_configuration_is_not_named_in_the_capsule(tmp_path: Path) -> None:
+    write_folder(tmp_path / "log")
+    config = parse_config({"log": "log", "start": "truth", "ros": {"world": "world"}})
+    write_capsule(make_capsule(config, base=tmp_path), tmp_path / "c.zip")
+    assert replay_capsule(read_capsule(tmp_path / "c.zip")) == []
+
+
+def test_a_link_is_unpacked_as_the_text_that_it_is(path: Path, tmp_path: Path) -> None:
+    secret = tmp_path / "secret.csv"
+    secret.write_text("stamp_s,x_m,y_m\n0,0,0\n")
+    with zipfile.ZipFile(path, "a") as archive:
+        info = zipfile.ZipInfo("log/truth.csv")
+        if info.filename in archive.namelist():
+            info.filename = "log/relations.csv"
+        info.create_system, info.external_attr = 3, 0o120777 << 16
+        archive.writestr(info, str(secret))
+    with pytest.raises(LogError, match=r"line 1: unknown column '/"):
+        read_capsule(path)
+
+
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "run.zip")
+    with pytest.raises(LogError, match=r"run\.zip: is a device or a pipe; expected a file"):
+        read_capsule(tmp_path / "run.zip")
 
 
 def test_other_ways_of_packing_are_refused(path: Path, tmp_path: Path) -> None:

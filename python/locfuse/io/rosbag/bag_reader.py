@@ -37,6 +37,7 @@ from locfuse.types import Log, LogError
 Progress = Callable[[int, int], None]
 Reader = Callable[[Any, str], Sequence[Row]]  # rows of a message on a topic
 
+MAX_DEFINITIONS = 1 << 17  # letters of all that are used: 15,000 fields take 20 s
 MAX_TRANSFORMS = 20_000  # messages on tf that are searched for a mount that tf_static lacks
 
 
@@ -93,6 +94,7 @@ class _BagReader:
     def __init__(self, contents: BagContents) -> None:
         self.contents = contents
         self.deserializers: dict[Connection, Callable[[bytes], Any] | None] = {}
+        self.letters = 0  # of definitions
         ros = contents.ros
         topics = {key: plain(topic) for key, topic in vars(ros.topics).items() if topic}
         self.readers: dict[str, tuple[str, Reader]] = {  # table and reader by topic
@@ -173,15 +175,19 @@ class _BagReader:
 
     def _deserializer(self, connection: Connection) -> Callable[[bytes], Any] | None:
         """Return the deserializer of a connection; None, with a warning, where there is none."""
-        if connection not in self.deserializers:
-            self.deserializers[connection] = None
+        kind = connection._replace(topic="", publisher="")
+        if kind not in self.deserializers:
+            self.deserializers[kind] = None
             try:
-                self.deserializers[connection] = deserializer(connection)
+                self.letters += len(kind.definition)
+                if self.letters > MAX_DEFINITIONS:
+                    raise LogError(f"types are defined by more than {MAX_DEFINITIONS} letters")
+                self.deserializers[kind] = deserializer(kind)
             except NeedError:
                 raise
             except LogError as error:
                 self.contents.skip(connection.topic, str(error))
-        return self.deserializers[connection]
+        return self.deserializers[kind]
 
     def _odometry(self, message: Any, _: str) -> list[Row]:
         use = self.contents.odometry_from()

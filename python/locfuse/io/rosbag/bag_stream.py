@@ -7,6 +7,7 @@ of one that is damaged or was never closed everything before the damage is read.
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -21,7 +22,6 @@ from locfuse.io.rosbag.container import (
     Message,
     Reading,
     Wanted,
-    decompressed,
     zstd,
 )
 from locfuse.types import LogError
@@ -57,6 +57,7 @@ class Bag(Reading):
         self.size = sum(path.stat().st_size for path, _ in files)
         self.before = self._reported = 0
         self.counts, self.damage = Counter(), []
+        self.unpacked = self.described = 0
         for path, packing in files:
             yield from _unpacked(self, path, packing, wanted)
             self.before += path.stat().st_size
@@ -65,8 +66,9 @@ class Bag(Reading):
 
 
 def is_bag(path: Path) -> bool:
-    """Return whether a path is not that of a log folder: a file, or a folder of a ROS 2 bag."""
-    return path.is_file() or (path / "metadata.yaml").is_file()
+    """Return whether a path is not that of a log folder: no folder, or one of a ROS 2 bag."""
+    is_other = os.path.exists(path) and not os.path.isdir(path)
+    return is_other or os.path.isfile(path / "metadata.yaml")
 
 
 def _files(path: Path) -> list[tuple[Path, str]]:
@@ -75,6 +77,8 @@ def _files(path: Path) -> list[tuple[Path, str]]:
         raise LogError(f"{path}: no such bag; expected {KINDS}")
     if path.is_file():
         return [(path, "")]
+    if not path.is_dir():
+        raise LogError(f"{path}: is a device or a pipe; expected {KINDS}")
     if not (path / "metadata.yaml").is_file():
         raise LogError(f"{path}: a folder without metadata.yaml is no bag; expected {KINDS}")
     metadata = load_yaml(path / "metadata.yaml")
@@ -89,6 +93,8 @@ def _files(path: Path) -> list[tuple[Path, str]]:
     for file in files:
         if not file.is_file():
             raise LogError(f"{path}: {file.name}, which metadata.yaml names, is not there")
+    if len(set(files)) < len(files):
+        raise LogError(f"{path}: metadata.yaml names a file twice")
     return [(file, "" if packing == "none" else packing) for file in files]
 
 
@@ -96,22 +102,28 @@ def _unpacked(bag: Bag, path: Path, packing: str, wanted: Wanted) -> Iterator[Me
     if packing == "file":
         with TemporaryDirectory() as folder:
             file = Path(folder) / path.stem
-            _unpack(path, file)
+            _unpack(bag, path, file)
             yield from _of_file(bag, file, wanted, packed=path)
     elif packing == "message":
         for connection, time_ns, data in _of_file(bag, path, wanted):
             with suppress(CutError):  # packed bytes are no message either
-                data = decompressed(data, "zstd", None)
+                data = bag.unpack(data, "zstd")
             yield connection, time_ns, data
     else:
         yield from _of_file(bag, path, wanted)
 
 
-def _unpack(packed: Path, file: Path) -> None:
+def _unpack(bag: Bag, packed: Path, file: Path) -> None:
     library = zstd()
     try:
         with library.open(packed, "rb") as source, file.open("wb") as target:
             while block := source.read(BLOCK):
+                bag.unpacked += len(block)
+                if bag.unpacked > bag.may_unpack():
+                    raise LogError(
+                        f"{packed}: unpacks to more than {bag.may_unpack()} bytes; if it is a bag "
+                        "of yours, unpack it with zstd -d and give the file"
+                    )
                 target.write(block)
     except (EOFError, OSError, library.ZstdError) as error:
         raise LogError(f"{packed}: cannot be unpacked ({error})") from error

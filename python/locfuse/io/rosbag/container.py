@@ -13,10 +13,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
+from locfuse.io.csv_table import MOST_UNPACKED
 from locfuse.io.rosbag.optional_rosbags import need
 
 BLOCK = 1 << 20
-LONGEST_CHUNK = 1 << 30  # bytes that one may have when it is unpacked
+MOST_TIMES = 100  # that a bag which is larger than MOST_UNPACKED may grow when it is unpacked
+LONGEST_NAME = 1000  # letters of a topic, type, encoding or publisher
+MOST_DESCRIBED = 1 << 28  # letters of all connections, each counted with 1000 more
+MOST_DAMAGES = 10  # that are reported
 LONGEST_REASON = 200  # letters; some errors quote what they could not read
 
 
@@ -58,6 +62,8 @@ class Reading:
         Bytes of the files before the one that is read.
     share : float
         Of the bytes of that file that are bytes of the bag.
+    unpacked, described : int
+        Bytes that were unpacked, and letters of connections, as `MOST_DESCRIBED` counts them.
     """
 
     progress: Callable[[int, int], None] | None = None
@@ -66,6 +72,8 @@ class Reading:
     damage: list[str] = field(default_factory=list)
     before: int = 0
     share: float = 1.0
+    unpacked: int = 0
+    described: int = 0
     _reported: int = 0
 
     def at(self, position: int) -> None:
@@ -79,7 +87,40 @@ class Reading:
         """Remember that something could not be read."""
         at = f"at byte {where} of {path.stat().st_size}" if isinstance(where, int) else where
         read = sum(self.counts.values())
-        self.damage.append(f"{path} is damaged {at} ({what}); the {read} messages before are kept")
+        if len(self.damage) < MOST_DAMAGES:
+            self.damage.append(f"{path} is damaged {at} ({what}); the {read} messages before are "
+                               "kept")  # fmt: skip
+
+    def may_unpack(self) -> int:
+        """Return to how many bytes all of a bag may unpack."""
+        return max(MOST_UNPACKED, MOST_TIMES * self.size)
+
+    def unpack(self, data: bytes, packing: str, size: int | None = None) -> bytes:
+        """Return an unpacked chunk; `size` is that which it must have."""
+        found, left = data, self.may_unpack() - self.unpacked
+        if packing not in ("none", ""):
+            most = max(0, min(MOST_UNPACKED, left, left if size is None else size))
+            found = decompressed(data, packing, most)
+            self.unpacked += len(found)
+            if len(found) > left:
+                raise CutError(f"the bag unpacks to more than {self.may_unpack()} bytes")
+            if len(found) > most:
+                raise CutError(f"a chunk of more than {most} bytes")
+        if size is not None and len(found) != size:
+            raise CutError(f"a chunk of {len(found)} bytes, expected {size}")
+        return found
+
+    def connect(self, known: dict[int, Connection], number: int, found: Connection) -> None:
+        """Remember the connection of a number; CutError where names or connections are endless."""
+        if known.get(number) == found:
+            return
+        names = (found.topic, found.type, found.encoding, found.publisher)
+        if max(map(len, names)) > LONGEST_NAME:
+            raise CutError(f"a name of {max(map(len, names))} letters")
+        self.described += 1000 + sum(map(len, names)) + len(found.definition)
+        if self.described > MOST_DESCRIBED:
+            raise CutError(f"more than {MOST_DESCRIBED} letters of connections")
+        known[number] = found
 
 
 class CutError(Exception):
@@ -92,7 +133,9 @@ def left(file: BinaryIO) -> int:
 
 
 def exactly(file: BinaryIO, size: int) -> bytes:
-    """Return so many bytes; CutError where there are less."""
+    """Return so many bytes; CutError where there are less, or more than `MOST_UNPACKED`."""
+    if size > MOST_UNPACKED:
+        raise CutError(f"a record of {size} bytes")
     if left(file) < size:
         raise CutError(f"{size} bytes were to follow, there are {left(file)}")
     return file.read(size)
@@ -109,10 +152,8 @@ def text(data: bytes) -> str:
     return data.decode("utf-8", "replace")
 
 
-def decompressed(data: bytes, packing: str, size: int | None) -> bytes:
-    """Return a chunk; `size` is that which it must have."""
-    if packing in ("none", ""):
-        return _whole(data, size)
+def decompressed(data: bytes, packing: str, most: int) -> bytes:
+    """Return a chunk, or its first ``most + 1`` bytes."""
     if packing == "bz2":
         unpacker: Any = bz2.BZ2Decompressor()
     elif packing == "lz4":
@@ -121,21 +162,12 @@ def decompressed(data: bytes, packing: str, size: int | None) -> bytes:
         unpacker = zstd().ZstdDecompressor()
     else:
         raise CutError(f"a chunk is packed by {packing}, expected bz2, lz4 or zstd")
-    most = LONGEST_CHUNK if size is None else min(size, LONGEST_CHUNK)
     try:
         found = bytes(unpacker.decompress(data, max_length=most + 1))
     except (OSError, EOFError, ValueError, RuntimeError, zstd().ZstdError) as error:
         raise CutError(f"a chunk cannot be unpacked: {error}") from error
     if len(found) <= most and not unpacker.eof:
         raise CutError("a chunk cannot be unpacked: it ends too early")
-    if len(found) > most:
-        raise CutError(f"a chunk of more than {most} bytes")
-    return _whole(found, size)
-
-
-def _whole(found: bytes, size: int | None) -> bytes:
-    if size is not None and len(found) != size:
-        raise CutError(f"a chunk of {len(found)} bytes, expected {size}")
     return found
 
 

@@ -17,7 +17,6 @@ from locfuse.io.rosbag.container import (
     Message,
     Reading,
     Wanted,
-    decompressed,
     exactly,
     left,
     short,
@@ -38,9 +37,9 @@ _U64 = struct.Struct("<Q").unpack_from
 
 @dataclass
 class _Known:
-    """Schemas (name, encoding, text) and channels of a file, by their number."""
+    """Schemas (connections without a topic) and channels of a file, by their number."""
 
-    schemas: dict[int, tuple[str, str, str]] = field(default_factory=dict)
+    schemas: dict[int, Connection] = field(default_factory=dict)
     channels: dict[int, Connection] = field(default_factory=dict)
 
 
@@ -78,13 +77,13 @@ def _chunk_of_mcap(
     """Yield the messages of a chunk; one that is damaged is left, and the next one read."""
     at = file.tell()
     whole = length <= left(file)
-    data = file.read(min(length, left(file)))
+    data = exactly(file, min(length, left(file)))
     try:
         _, _, size, checksum = _MCAP_CHUNK(data)
         packing, rest = _string(data, 28)
         body = data[rest + 8 :]
         if whole or packing == "":
-            found = decompressed(body, packing, size if whole else None)
+            found = bag.unpack(body, packing, size if whole else None)
             if whole and checksum and zlib.crc32(found) != checksum:
                 raise CutError("a chunk's checksum is another")
             yield from _mcap_records(bag, found, known, wanted)
@@ -123,14 +122,15 @@ def _mcap_record(
         name, at = _string(data, 2)
         encoding, at = _string(data, at)
         text, _ = _string(data, at)
-        known.schemas[_U16(data)[0]] = (name, encoding, text)
+        bag.connect(known.schemas, _U16(data)[0], Connection("", short(name), text, "",
+                                                             encoding == "ros2idl"))  # fmt: skip
     else:
         number, schema = _U16(data)[0], _U16(data, 2)[0]
         topic, at = _string(data, 4)
         encoding, _ = _string(data, at)
-        name, kind, text = known.schemas.get(schema, ("", "", ""))
-        known.channels[number] = Connection(plain(topic), short(name), text, encoding,
-                                            kind == "ros2idl")  # fmt: skip
+        described = known.schemas.get(schema, Connection("", "", "", ""))
+        found = described._replace(topic=plain(topic), encoding=encoding)
+        bag.connect(known.channels, number, found)
 
 
 def _string(data: bytes, at: int) -> tuple[str, int]:

@@ -15,7 +15,6 @@ from locfuse.io.rosbag.container import (
     Message,
     Reading,
     Wanted,
-    decompressed,
     exactly,
     left,
     text,
@@ -100,11 +99,11 @@ def _chunk_of_ros1(
 ) -> Iterator[Message]:
     """Yield the messages of a chunk; one that is damaged is left, and the next one read."""
     at = file.tell()
-    data = file.read(min(length, left(file)))
+    data = exactly(file, min(length, left(file)))
     packing = fields[b"compression"].decode("ascii", "replace")
     try:
         if len(data) == length or packing == "none":
-            yield from _records(bag, decompressed(data, packing, None), known, wanted)
+            yield from _records(bag, bag.unpack(data, packing), known, wanted)
     except (CutError, KeyError, struct.error) as error:
         if len(data) == length:
             bag.damaged(path, at, words(error))
@@ -140,10 +139,10 @@ def _record(
     if op == CONNECTION:
         given = _fields(body)
         topic = given.get(b"topic", fields[b"topic"])
-        known[_number(fields, b"conn")] = Connection(
+        bag.connect(known, _number(fields, b"conn"), Connection(
             plain(text(topic)), text(given[b"type"]), text(given[b"message_definition"]), "ros1",
             publisher=text(given.get(b"callerid", b"")),
-        )  # fmt: skip
+        ))  # fmt: skip
     elif op == MESSAGE:
         connection = known.get(_number(fields, b"conn"))
         if connection is None:

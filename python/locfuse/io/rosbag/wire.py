@@ -15,6 +15,7 @@ from locfuse.io.rosbag.container import Connection, short
 from locfuse.io.rosbag.optional_rosbags import need
 from locfuse.types import NANOSECONDS, LogError
 
+LONGEST_ARRAY = 1000  # of fixed length, of messages or texts
 NO_PACKAGE = {
     # of tf2_msgs, which rosbags does not count as one of ROS 1
     "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n",
@@ -78,9 +79,11 @@ def deserializer(connection: Connection) -> Callable[[bytes], Any]:
         typesys = need("rosbags.typesys")
         types = typesys.get_typestore(typesys.Stores.EMPTY)
         try:
-            types.register(_definition(connection))
+            fields = _definition(connection)
+            _check_arrays(fields, name)
+            types.register(fields)
             types.get_msgdef(name)
-        except (typesys.TypesysError, KeyError, ValueError) as error:
+        except (typesys.TypesysError, KeyError, ValueError, RecursionError) as error:
             raise _unusable(connection, error) from error
     else:
         _definition(connection)
@@ -106,9 +109,36 @@ def _definition(connection: Connection) -> Mapping[str, Any]:
     try:
         found = (typesys.get_types_from_idl(connection.definition) if connection.is_idl else
                  typesys.get_types_from_msg(connection.definition, name))  # fmt: skip
-    except (typesys.TypesysError, KeyError, ValueError) as error:
+    except (typesys.TypesysError, KeyError, ValueError, RecursionError) as error:
         raise _unusable(connection, error) from error
     return {**typesys.get_typestore(typesys.Stores.EMPTY).fielddefs, **found}
+
+
+def _check_arrays(fields: Mapping[str, Any], name: str) -> None:
+    """Raise ValueError where a short definition or message is long when it is read.
+
+    rosbags writes code for each element of an array of fixed length that is not of numbers, and of
+    elements without bytes a message may have any number.
+    """
+    nodes = need("rosbags.interfaces").Nodetype
+
+    @cache
+    def is_empty(name: str) -> bool:
+        found = [has_no_bytes(*kind) for _, kind in fields[name][1]]  # each is checked
+        return all(found)
+
+    def has_no_bytes(node: Any, what: Any) -> bool:
+        if node in (nodes.BASE, nodes.NAME):
+            return bool(node == nodes.NAME and is_empty(what))
+        (inner, element), length = what
+        if inner == nodes.NAME and is_empty(element):
+            raise ValueError(f"an array of {short(element)}, which has no fields")
+        is_fixed = node == nodes.ARRAY
+        if is_fixed and length > LONGEST_ARRAY and (inner == nodes.NAME or element[0] == "string"):
+            raise ValueError(f"an array of {length} elements, expected at most {LONGEST_ARRAY}")
+        return is_fixed and not length
+
+    is_empty(name)
 
 
 def _unusable(connection: Connection, error: Exception) -> LogError:

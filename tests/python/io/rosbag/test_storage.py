@@ -4,18 +4,22 @@
 from __future__ import annotations
 
 import bz2
+import os
 import sqlite3
 from collections import Counter
 from contextlib import closing
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
+from locfuse.io.recording import read_recording
 from locfuse.io.rosbag import container as stored
 from locfuse.io.rosbag import encode
 from locfuse.io.rosbag.bag_stream import Bag, is_bag
 from locfuse.io.rosbag.bags import read_bag
-from locfuse.io.rosbag.container import short
+from locfuse.io.rosbag.container import Connection, CutError, Reading, short
 from locfuse.io.rosbag.optional_rosbags import need
 from locfuse.types import LogError
 from support_bags import KINDS, MS, T0, drive, sentences, world, write_messages, write_sqlite
@@ -36,6 +40,10 @@ def measured(path: Path) -> tuple[Counter[str], list[str]]:
 def bags(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("bags")
     return {kind: write_messages(folder / f"drive.{kind}", drive(STEPS)) for kind in KINDS}
+
+
+def is_on(topic: str, connection: Connection) -> bool:
+    return connection.topic == topic
 
 
 def file_of(path: Path) -> Path:
@@ -255,13 +263,137 @@ def test_a_packed_message_that_is_damaged_is_left_out(
 def test_a_chunk_that_grows_when_it_is_unpacked_is_not(
     packing: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stored, "LONGEST_CHUNK", 1000)
+    monkeypatch.setattr(stored, "MOST_UNPACKED", 1000)
     pack = {"bz2": bz2.compress, "lz4": need("lz4.frame").compress, "zstd": stored.zstd().compress}
     for size in (999, 1000):
-        assert stored.decompressed(pack[packing](bytes(size)), packing, None) == bytes(size)
-        assert stored.decompressed(pack[packing](bytes(size)), packing, size) == bytes(size)
+        assert Reading().unpack(pack[packing](bytes(size)), packing, None) == bytes(size)
+        assert Reading().unpack(pack[packing](bytes(size)), packing, size) == bytes(size)
     for given in (None, 999, 1001, 5_000_000):
-        with pytest.raises(stored.CutError, match=r"more than|expected"):
-            stored.decompressed(pack[packing](bytes(5_000_000)), packing, given)
-    with pytest.raises(stored.CutError, match="cannot be unpacked"):
-        stored.decompressed(pack[packing](bytes(999))[:-8], packing, None)
+        with pytest.raises(CutError, match=r"more than|expected"):
+            Reading().unpack(pack[packing](bytes(5_000_000)), packing, given)
+    with pytest.raises(CutError, match="cannot be unpacked"):
+        Reading().unpack(pack[packing](bytes(999))[:-8], packing, None)
+
+
+def test_chunks_together_may_unpack_to_a_measure(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stored, "MOST_UNPACKED", 1000)
+    packed = stored.zstd().compress(bytes(900))
+    for size, chunks in ((5, 1), (30, 3)):  # a larger bag may grow a hundred times
+        bag = Reading(size=size)
+        for _ in range(chunks):
+            bag.unpack(packed, "zstd")
+        for _ in range(3):
+            with pytest.raises(CutError, match=f"unpacks to more than {max(1000, 100 * size)}"):
+                bag.unpack(packed, "zstd")
+        assert bag.unpacked < 100 * size + 1000
+
+
+def test_a_packed_file_that_grows_is_refused_and_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stored, "MOST_UNPACKED", 1 << 20)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    folder = tmp_path / "bag"
+    folder.mkdir()
+    (folder / "metadata.yaml").write_text(
+        "rosbag2_bagfile_information: {relative_file_paths: [a.db3.zstd], compression_mode: FILE}"
+    )
+    (folder / "a.db3.zstd").write_bytes(stored.zstd().compress(bytes(9 << 20)))
+    with pytest.raises(LogError, match=r"a\.db3\.zstd: unpacks to more than 1048576 bytes"):
+        read_bag(folder)
+    assert list(tmp_path.iterdir()) == [folder]
+
+
+def test_names_and_connections_are_not_endless(monkeypatch: pytest.MonkeyPatch) -> None:
+    known: dict[int, Connection] = {}
+    odometry = Connection("odom", "nav_msgs/Odometry", "x" * 500, "cdr")
+    monkeypatch.setattr(stored, "MOST_DESCRIBED", 4 * 1600)
+    bag = Reading()
+    with pytest.raises(CutError, match="a name of 1001 letters"):
+        bag.connect(known, 1, odometry._replace(topic="o" * 1001))
+    for _ in range(100):  # each chunk may describe it again
+        bag.connect(known, 1, odometry)
+    for number in (2, 3, 4):
+        bag.connect(known, number, odometry)
+    with pytest.raises(CutError, match="more than 6400 letters of connections"):
+        bag.connect(known, 5, odometry)
+    assert list(known) == [1, 2, 3, 4]
+
+
+def test_damage_in_many_places_is_reported_for_some(tmp_path: Path) -> None:
+    (tmp_path / "odd").touch()
+    bag = Reading()
+    for at in range(1000):
+        bag.damaged(tmp_path / "odd", at, "odd")
+    assert len(bag.damage) == 10
+
+
+TOPICS = "TABLE topics(id INTEGER, name TEXT, type TEXT, serialization_format TEXT)"
+MESSAGES = "TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)"
+ENDLESS = "WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x+1 FROM c) SELECT x AS"
+
+
+@pytest.mark.parametrize(
+    ("tables", "said"),
+    [
+        ((TOPICS, f"VIEW messages AS {ENDLESS} rowid, 1 AS topic_id, x AS timestamp, "
+                  "x'00' AS data FROM c"), "messages is computed"),
+        ((f"VIEW topics AS {ENDLESS} id, hex(zeroblob(100000)) AS name, '' AS type, "
+          "'' AS serialization_format FROM c", MESSAGES), "topics is computed"),
+        ((TOPICS, MESSAGES, "VIEW message_definitions AS SELECT 1 AS topic_type"),
+         "message_definitions is computed"),
+        ((TOPICS, MESSAGES.replace("BLOB", "AS (zeroblob(900000000))")), "messages is computed"),
+        (("VIRTUAL TABLE topics USING fts5(id)", MESSAGES), "topics is computed"),
+    ],
+    ids=["endless messages", "endless topics", "definitions", "a column", "a module"],
+)  # fmt: skip
+def test_a_database_whose_rows_are_computed_is_refused(
+    tables: tuple[str, ...], said: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "odd.db3"
+    with closing(sqlite3.connect(path)) as base:
+        for table in tables:
+            base.execute(f"CREATE {table}")
+        if TOPICS in tables:
+            base.execute("INSERT INTO topics VALUES(1, '/odom', 'nav_msgs/msg/Odometry', 'cdr')")
+        base.commit()
+    with pytest.raises(LogError, match=f"{path}: cannot be read .{said}, as a view is; expected"):
+        list(Bag(path).messages(lambda _: True))
+
+
+def test_a_database_that_gives_rows_without_end_is_read_up_to_a_measure(tmp_path: Path) -> None:
+    """Pages that point to one another give a page of rows again and again."""
+    path = tmp_path / "odd.db3"
+    with closing(sqlite3.connect(path)) as base:
+        base.execute("PRAGMA page_size = 512")
+        base.execute(f"CREATE {TOPICS}")
+        base.execute(f"CREATE {MESSAGES}")
+        base.executemany("INSERT INTO topics VALUES(?, ?, 'std_msgs/msg/Empty', 'cdr')",
+                         [(1, "/odom"), (2, "/tf")])  # fmt: skip
+        base.executemany("INSERT INTO messages VALUES(?, 1, 0, ?)",
+                         [(row, bytes(100)) for row in range(20_000)])  # fmt: skip
+        base.commit()
+    data = bytearray(path.read_bytes())
+    inner = [at for at in range(512, len(data), 512) if data[at] == 5][:6]
+    for at, following in pairwise(inner):
+        for k in range(int.from_bytes(data[at + 3 : at + 5], "big")):
+            cell = at + int.from_bytes(data[at + 12 + 2 * k : at + 14 + 2 * k], "big")
+            data[cell : cell + 4] = (following // 512 + 1).to_bytes(4, "big")
+    path.write_bytes(data)
+    for wanted, said in (("odom", "its rows have more bytes than the file"),
+                         ("tf", "its pages lead in a circle")):  # fmt: skip
+        bag = Bag(path)
+        list(bag.messages(partial(is_on, wanted)))
+        assert said in bag.damage[0]
+
+
+def test_a_pipe_and_a_file_that_is_named_twice_are_no_bag(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "odd.db3")
+    with pytest.raises(LogError, match=r"odd\.db3: is a device or a pipe; expected a \.bag of ROS"):
+        read_recording(tmp_path / "odd.db3")
+    (tmp_path / "a.db3").touch()
+    (tmp_path / "metadata.yaml").write_text(
+        "rosbag2_bagfile_information: {relative_file_paths: [a.db3, b/a.db3]}"
+    )
+    with pytest.raises(LogError, match="names a file twice"):
+        read_recording(tmp_path)

@@ -3,16 +3,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from locfuse.io.rosbag import encode
+from locfuse.io.rosbag.bags import read_bag
 from locfuse.io.rosbag.container import Connection
 from locfuse.io.rosbag.decode import RangeRow
 from locfuse.io.rosbag.wire import defined, definitions, deserializer, long, serializer
 from locfuse.types import LogError
+from support_bags import drive, world, write_messages
 
 ENCODINGS = pytest.mark.parametrize("encoding", ["ros1", "cdr"])
 
@@ -68,3 +71,34 @@ def test_what_cannot_be_understood_is_said() -> None:
 
 def test_a_type_has_a_long_name() -> None:
     assert long("nav_msgs/Odometry") == long("nav_msgs/msg/Odometry") == "nav_msgs/msg/Odometry"
+
+
+SEPARATOR = "=" * 80
+
+
+@pytest.mark.parametrize(
+    ("definition", "said"),
+    [
+        ("string[999999999] x\n", "an array of 999999999 elements, expected at most 1000"),
+        (f"a/B[1001] x\n{SEPARATOR}\nMSG: a/B\nint8 x\n", "an array of 1001 elements"),
+        (f"a/B[] x\n{SEPARATOR}\nMSG: a/B\n", "an array of a/B, which has no fields"),
+        (f"a/B[] x\n{SEPARATOR}\nMSG: a/B\nint8[0] x\n", "an array of a/B, which has no fields"),
+        ("a/A x\n", "recursion"),
+    ],
+    ids=["texts", "messages", "empty", "of nothing", "itself"],
+)
+@ENCODINGS
+def test_a_definition_that_grows_when_read_is_refused(
+    encoding: str, definition: str, said: str
+) -> None:
+    with pytest.raises(LogError, match=rf"the definition of a/A cannot be used \(.*{said}"):
+        deserializer(Connection("a", "a/A", definition, encoding))
+
+
+def test_definitions_without_end_are_not_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_messages(tmp_path / "drive.bag", drive(4))
+    monkeypatch.setattr("locfuse.io.rosbag.bag_reader.MAX_DEFINITIONS", 100)
+    with pytest.raises(LogError, match="types are defined by more than 100 letters"):
+        read_bag(path, world=world())
