@@ -23,6 +23,8 @@ Point3: TypeAlias = tuple[float, float, float]
 Segment: TypeAlias = tuple[float, float, float, float]
 Source: TypeAlias = Literal["odometry", "ranges", "poses", "positions", "landmark_sightings"]
 
+MAX_MESSAGES = 5_000_000  # of one sensor: a day of wheels at 50 Hz
+MAX_BEAMS = 200_000_000  # 1.6 GB
 MAX_CELLS = 10_000  # along one side of a grid
 
 
@@ -730,6 +732,28 @@ class Scenario(Strict):
                 raise ValueError(
                     f"between two odometry rows at {self.odometry.rate_hz} Hz the path turns "
                     f"{turn:.3g} rad; expected less than half a turn (a higher rate_hz)"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _fits_into_memory(self) -> Scenario:
+        fixes = len(self.positions.tags) or 1 if self.positions is not None else 1
+        each = {  # messages, or beams, of one instant
+            "odometry": 1, "ranges": len(self.anchors) * len(self.tags), "poses": 1,
+            "positions": fixes, "landmark_sightings": len(self.landmarks), "laser": 1,
+        }  # fmt: skip
+        for name, count in each.items():
+            sensor = getattr(self, name)
+            if sensor is None:
+                continue
+            messages = self.duration_s * sensor.rate_hz * count
+            beams = messages * getattr(sensor, "beams", 0)
+            if messages > MAX_MESSAGES or beams > MAX_BEAMS:
+                what = f"{messages:.3g} messages" + (f" with {beams:.3g} beams" if beams else "")
+                raise ValueError(
+                    f"duration_s {self.duration_s:g} and {name}.rate_hz {sensor.rate_hz:g} make "
+                    f"{what}; expected at most {MAX_MESSAGES:.0e}"
+                    + (f" with {MAX_BEAMS:.0e}" if beams else "")
                 )
         return self
 

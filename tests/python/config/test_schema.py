@@ -39,6 +39,7 @@ from locfuse.config.schema import (
     RunConfig,
     Switch,
 )
+from locfuse.types import ConfigError
 from support_runs import ROOT, room
 
 PAIRS: dict[str, tuple[type[BaseModel], type[Any], str]] = {
@@ -333,3 +334,22 @@ def test_a_switch_needs_something_to_switch_to() -> None:
 def test_poses_of_mcl_must_be_used() -> None:
     with pytest.raises(ValueError, match="add 'poses' to use"):
         parse_config({"mcl": {"poses_hz": 2}, "use": ["odometry", "ranges"]})
+
+
+@pytest.mark.parametrize(
+    ("scene", "named"),
+    [
+        ({"duration_s": 1e9}, r"duration_s 1e\+09 and odometry.rate_hz 30 make 3e\+10 messages"),
+        ({"duration_s": 10, "odometry": {"rate_hz": 1e6}}, r"odometry.rate_hz 1e\+06"),
+        ({"duration_s": 1e5, "ranges": {"rate_hz": 50}}, "ranges.rate_hz 50"),
+        (
+            {"map": {}, "laser": {"beams": 100_000, "rate_hz": 50}},
+            r"3000 messages with 3e\+08 beam",
+        ),
+    ],
+)
+def test_a_drive_that_does_not_fit_into_memory_is_refused(
+    scene: dict[str, Any], named: str
+) -> None:
+    with pytest.raises(ConfigError, match=named):
+        parse_config({"simulation": scene})
