@@ -17,18 +17,9 @@ ALIGNMENTS = ("none", "se2", "sim2")
 class Ape:
     """Absolute position errors and the alignment behind them.
 
-    Attributes
-    ----------
-    error : float64 array, shape (n,)
-        Distances between matched positions, metres.
-    rmse, mean, median, p95, max : float
-        Metres.
-    matched : int
-        Pairs of poses.
-    alignment : str
-        ``none``, ``se2`` or ``sim2``.
-    scale, rotation, translation : float, float, array of shape (2,)
-        Applied to the estimate: scale * R(rotation) p + translation; radians and metres.
+    `error` (n,) are distances between the `matched` pairs of positions; it and its statistics are
+    in metres. `alignment` is ``none``, ``se2`` or ``sim2``; it takes a position p of the estimate
+    to scale * R(rotation) p + translation, in radians and metres.
     """
 
     error: FloatArray
@@ -100,9 +91,7 @@ def associate(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Match each pose of the shorter trajectory with the nearest in time of the longer.
 
-    Returns
-    -------
-    rows of a, rows of b : int arrays of the same length
+    Returns the rows of `a` and those of `b`, pair by pair.
     """
     if len(a) > len(b):
         of_b, of_a = associate(b, a, max_difference_s)
@@ -121,21 +110,8 @@ def associate(
 def umeyama(p: FloatArray, q: FloatArray, with_scale: bool) -> tuple[float, float, FloatArray]:
     """Return scale, rotation and translation that bring p closest to q (Umeyama, 1991), in 2D.
 
-    Parameters
-    ----------
-    p, q : float64 arrays, shape (n, 2)
-
-    Returns
-    -------
-    scale : float
-    rotation : float
-        Radians.
-    translation : float64 array, shape (2,)
-
-    Raises
-    ------
-    ValueError
-        If all points of p, or all of q, are the same: every rotation fits.
+    `p` and `q` have shape (n, 2); the rotation is in radians. Raises ValueError if all points of
+    `p`, or all of `q`, are the same: every rotation fits.
     """
     p_mean, q_mean = p.mean(axis=0), q.mean(axis=0)
     p0, q0 = p - p_mean, q - q_mean

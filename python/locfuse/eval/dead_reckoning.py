@@ -22,14 +22,8 @@ _LEAST_SPREAD_M = 0.3
 class Track:
     """Where something on the robot was, as one source reports it.
 
-    Attributes
-    ----------
-    name : str
-        File of the log, for people.
-    path : Trajectory
-        In world.
-    lever : tuple of 2 floats
-        Which point of the body moves along it, metres.
+    `name` is the file of the log, for people; `path` is in world. `lever` [m] is the point of the
+    body that moves along it.
     """
 
     name: str
@@ -41,16 +35,9 @@ class Track:
 class Alignment:
     """How one path lies on another.
 
-    Attributes
-    ----------
-    angle : float
-        Turn that lays the first on the second, radians.
-    scale : float
-        Length of the second over length of the first.
-    rms : float
-        What is left over, metres.
-    spread : float
-        Root mean square extent of the second about its centre, metres.
+    `angle` [rad] lays the first on the second; `scale` is length of the second over length of the
+    first. `rms` [m] is what is left over, `spread` [m] the root mean square extent of the second
+    about its centre.
     """
 
     angle: float

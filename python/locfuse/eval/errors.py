@@ -52,25 +52,9 @@ def interpolate(
 ) -> tuple[Trajectory, NDArray[np.bool_]]:
     """Interpolate positions linearly and headings along the shorter arc.
 
-    Parameters
-    ----------
-    track : Trajectory
-    stamp_ns : int64 array, shape (n,)
-        Strictly increasing.
-    longest_gap_s : float
-        Between rows of the track that are further apart nothing is interpolated.
-
-    Returns
-    -------
-    at : Trajectory
-        At those stamps that lie on the track; without covariance.
-    inside : bool array, shape (n,)
-        Which stamps those are.
-
-    Raises
-    ------
-    ValueError
-        If the track is empty.
+    Nothing is interpolated between rows further apart than `longest_gap_s`. Returns the poses,
+    without covariance, at those of the strictly increasing stamps (n,) that lie on the track, and a
+    mask (n,) of those stamps. Raises ValueError if the track is empty.
     """
     if len(track) == 0:
         raise ValueError("the track is empty; expected at least one pose")

@@ -19,21 +19,9 @@ def readiness(
 ) -> dict[str, Any]:
     """Sum up when an estimator was ready, in numbers.
 
-    Parameters
-    ----------
-    estimate : Trajectory
-        n rows.
-    ready : bool array, shape (n,)
-    begin_ns : int
-        When it was started.
-    truth : Trajectory or None
-
-    Returns
-    -------
-    dict
-        ``ready_share`` of the estimates; ``ready_s`` from the start to the first that is ready,
-        None without; ``ready_and_wrong_share`` of the ready ones that are more than 0.5 m off, None
-        where none can be compared.
+    `ready` (n,) marks rows of `estimate`. ``ready_share`` is of all estimates; ``ready_s`` from
+    `begin_ns`, the start, to the first that is ready, None without; ``ready_and_wrong_share`` of
+    the ready ones that are more than 0.5 m off, None where none can be compared.
     """
     certain = rows_of(estimate, ready)
     wrong = None

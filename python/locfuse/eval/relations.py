@@ -21,16 +21,9 @@ LOOP_S = 60.0  # above it the robot came back: a loop
 class RelationErrors:
     """By how much the relative poses of a trajectory differ from reference relations.
 
-    Attributes
-    ----------
-    row : int array, shape (n,)
-        Rows of the relations that were compared.
-    seconds : float64 array, shape (n,)
-        Between both ends of a relation, never negative.
-    translation : float64 array, shape (n,)
-        Distance between both relative positions, metres.
-    rotation : float64 array, shape (n,)
-        Absolute difference of both relative headings, radians in [0, pi].
+    All have shape (n,); `row` are the rows of the relations that were compared. `seconds` between
+    both ends are never negative; `translation` is the distance between both relative positions [m],
+    `rotation` the absolute difference of both relative headings, radians in [0, pi].
     """
 
     row: NDArray[np.intp]

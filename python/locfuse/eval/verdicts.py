@@ -29,13 +29,8 @@ class Stretch:
 class MessageRow:
     """All messages of one source, or of one anchor for ranges, or of one landmark that is named.
 
-    Attributes
-    ----------
-    source, anchor : str
-        The anchor is the landmark for sightings; empty for sources that have neither.
-    stamp_ns : int64 array, shape (n,)
-        In order of time, which may differ from the order of delivery; n is at least 1.
-    verdict : array of str, shape (n,)
+    `anchor` is the landmark for sightings, and empty for sources that have neither. `stamp_ns` and
+    `verdict` (n,), n at least 1, are in order of time, which may differ from the order of delivery.
     """
 
     source: str
@@ -71,15 +66,8 @@ class MessageRow:
 def message_rows(outcomes: Outcomes) -> list[MessageRow]:
     """Split messages by source and, for ranges, by anchor.
 
-    Parameters
-    ----------
-    outcomes : Outcomes
-
-    Returns
-    -------
-    list of MessageRow
-        Odometry, ranges, positions, poses, scans, then others; anchors in natural order (A2 before
-        A10). No row is empty. Switches are not messages.
+    Odometry is first, then ranges, positions, poses, scans, others; anchors are in natural order
+    (A2 before A10). No row is empty. Switches are not messages.
     """
     if not np.any(outcomes.source != "switch"):
         return []
@@ -102,10 +90,6 @@ def message_rows(outcomes: Outcomes) -> list[MessageRow]:
 
 def rejected_stretches(row: MessageRow) -> list[Stretch]:
     """Return the unbroken series of rejected messages, in order of time.
-
-    Parameters
-    ----------
-    row : MessageRow
 
     Examples
     --------

@@ -29,15 +29,8 @@ _NEEDS_QUOTES = re.compile(r'[,"\r\n]')
 class CsvTable:
     """A file whose header is read and whose rows are not yet.
 
-    Attributes
-    ----------
-    path : Path
-        For error messages.
-    data : bytes
-        The whole file, unpacked.
-    header : tuple of str
-    first_line : int
-        Line of the first row, counting from 1.
+    `path` is for error messages; `data` is the whole file, unpacked. `first_line` is the line of
+    the first row, counting from 1.
     """
 
     path: Path
@@ -65,10 +58,7 @@ def parse(data: bytes, kinds: str, delimiter: str, first_line: int, path: Path) 
 def read_bytes(path: Path) -> bytes:
     """Return a file, unpacked if its name ends in ``.gz``, without a byte order mark.
 
-    Raises
-    ------
-    LogError
-        If it is missing, no file, or cannot be read or unpacked.
+    Raises LogError if it is missing, no file, or cannot be read or unpacked.
     """
     refuse_device(path)
     try:
@@ -101,10 +91,7 @@ def unpacked(data: bytes) -> bytes:
 def read_table(path: Path) -> CsvTable:
     """Read a file and its header.
 
-    Raises
-    ------
-    LogError
-        If the file cannot be read, has no header, or names a column twice.
+    Raises LogError if the file cannot be read, has no header, or names a column twice.
     """
     data = read_bytes(path)
     line, text = next(_rows(data), (0, b""))

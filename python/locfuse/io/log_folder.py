@@ -231,16 +231,7 @@ def _check_set(tables: Mapping[str, Columns], settings: Mapping[str, Any], where
 def read_log_file(path: Path, stem: str) -> Columns:
     """Read one file of a log folder, whatever it is called and wherever it is.
 
-    Parameters
-    ----------
-    path : Path
-    stem : str
-        Which file of the format it is: a key of `SCHEMA`.
-
-    Raises
-    ------
-    LogError
-        As `read_log`.
+    `stem` says which file of the format it is: a key of `SCHEMA`. Raises LogError as `read_log`.
     """
     file = read_table(path)
     form = _form(stem, file.header, f"{path}, line {file.first_line - 1}")

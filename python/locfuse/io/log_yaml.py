@@ -49,10 +49,8 @@ _Loader.add_constructor("tag:yaml.org,2002:map", _mapping)
 def read_log_yaml(path: Path) -> dict[str, Any]:
     """Read the settings that `Log` holds besides its tables, checked; absent keys are absent.
 
-    Raises
-    ------
-    LogError
-        If the file cannot be read or a key is unknown, given twice or of the wrong type.
+    Raises LogError if the file cannot be read or a key is unknown, given twice or of the wrong
+    type.
     """
     found = load_yaml(path)
     return checked({} if found is None else found, str(path))
@@ -61,10 +59,7 @@ def read_log_yaml(path: Path) -> dict[str, Any]:
 def load_yaml(path: Path) -> Any:
     """Return what a YAML file holds, its keys as texts.
 
-    Raises
-    ------
-    LogError
-        If the file cannot be read, is no YAML or gives a key twice.
+    Raises LogError if the file cannot be read, is no YAML or gives a key twice.
     """
     data = read_bytes(path)
     try:

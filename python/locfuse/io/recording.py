@@ -140,10 +140,7 @@ def _check_out(out: Path) -> None:
 def check_other(source: str | Path, out: Path) -> None:
     """Refuse to write over what is read.
 
-    Raises
-    ------
-    LogError
-        If both are the same file or folder.
+    Raises LogError if both are the same file or folder.
     """
     if out.exists() and out.samefile(source):
         raise LogError(f"{out}: is the recording itself; give what is written another name")

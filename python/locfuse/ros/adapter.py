@@ -51,18 +51,9 @@ QUEUES = {"odometry": 500, "ranges": 500, "scans": 50}
 class Subscription:
     """A topic to listen to.
 
-    Attributes
-    ----------
-    topic : str
-        Without leading slash where it is relative to the node's namespace.
-    source : str
-        What it is: hand it to `Adapter.on`.
-    types : tuple of str
-        Types that it may have, as ``nav_msgs/Odometry``; the first is the usual one.
-    latched : bool
-        Whether what was published before counts: ``transient_local`` in ROS 2.
-    queue : int
-        How many messages may wait.
+    `topic` has no leading slash where it is relative to the node's namespace; `source` goes to
+    `Adapter.on`. The first of `types`, as ``nav_msgs/Odometry``, is the usual one. If `latched`,
+    what was published before counts: ``transient_local`` in ROS 2. `queue` messages may wait.
     """
 
     topic: str
@@ -75,25 +66,10 @@ class Subscription:
 class Adapter:
     """Turns messages of either ROS into those of a `LiveRun`, and says what to publish.
 
-    It never raises for what a message says: that is a problem, reported once in a sentence.
-
-    Parameters
-    ----------
-    config : RunConfig
-        As `locfuse run` takes it; ``ros`` names topics and frames.
-    base : Path, optional
-        Folder that ``ros.world`` is relative to.
-
-    Attributes
-    ----------
-    subscriptions : tuple of Subscription
-    announced : tuple of (topic, type, latched)
-        What it may ask to publish.
-
-    Raises
-    ------
-    ConfigError, LogError
-        If the configuration cannot be used on a robot, or the world cannot be read.
+    It never raises for what a message says: that is a problem, reported once in a sentence. In
+    `config`, as `locfuse run` takes it, ``ros`` names topics and frames; ``ros.world`` is relative
+    to `base`. `announced` is what it may ask to publish: (topic, type, latched). Raises ConfigError
+    or LogError if the configuration cannot be used on a robot, or the world cannot be read.
 
     Examples
     --------
@@ -412,10 +388,7 @@ class Adapter:
     def enable(self, source: str, enabled: bool) -> None:
         """Switch a source off, or on again.
 
-        Raises
-        ------
-        ConfigError
-            If there is no such source, or the configuration does not use it.
+        Raises ConfigError if there is no such source, or the configuration does not use it.
         """
         known = [s for s in (*SOURCES, "scans") if s in {one.source for one in self.subscriptions}]
         if source not in known:

@@ -23,12 +23,8 @@ class SequenceGaps:
     """Counts messages by topic and publisher; gaps in their sequence numbers are lost messages.
 
     Either ROS throws away, without a word, what does not fit into a queue of a publisher or
-    subscriber. Publishers number their messages, so gaps show.
-
-    Parameters
-    ----------
-    advice : str
-        What to look at where something was lost.
+    subscriber. Publishers number their messages, so gaps show. `advice` is what to look at where
+    something was lost.
 
     Examples
     --------
@@ -76,10 +72,7 @@ class SequenceGaps:
     ) -> list[str]:
         """Return a sentence for each publisher of whom more was lost since it was asked last.
 
-        Parameters
-        ----------
-        name_of : callable, optional
-            Gives, of a topic and a publisher, its name for people.
+        `name_of` gives, of a topic and a publisher, its name for people.
         """
         sentences = []
         for (topic, publisher), line in self.lines.items():

@@ -55,24 +55,9 @@ class Step(NamedTuple):
 class LogPlayer:
     """Says what is to be published when: the node without its ROS.
 
-    Parameters
-    ----------
-    given : mapping
-        Values of the `PARAMETERS`.
-    warn : callable
-        Called with a sentence where stamps are not those of the log.
-
-    Attributes
-    ----------
-    world : list of Publication
-        What is known from the start, latched.
-    topics : list of Publication
-        One of each topic.
-
-    Raises
-    ------
-    ConfigError, LogError
-        If neither a configuration nor a log is named, or one of them cannot be read.
+    `given` are values of the `PARAMETERS`; `warn` is called with a sentence where stamps are not
+    those of the log. `world` is known from the start, latched; `topics` has one of each topic.
+    Raises ConfigError or LogError if neither configuration nor log is named, or one cannot be read.
     """
 
     def __init__(self, given: Mapping[str, Any], warn: Callable[[str], object]) -> None:
@@ -182,12 +167,6 @@ def in_order_of_arrival(log: Log, ros: Ros) -> Iterator[Arrival]:
     A message without an arrival of its own arrives at its stamp; of those that arrive at once
     odometry comes first. Increments of odometry are published as the poses they add up to, from
     zero. What has no topic is left out.
-
-    Parameters
-    ----------
-    log : Log
-    ros : Ros
-        Topics and frames.
 
     Examples
     --------

@@ -42,21 +42,10 @@ _WORDS: Mapping[str, str] = {
 class Parameter:
     """A parameter of a node.
 
-    Attributes
-    ----------
-    name : str
-        Keys of the configuration, joined by dots: ``estimator.gate_range``.
-    kind : str
-        ``bool``, ``int``, ``float``, ``text``, ``texts``, ``floats``; ``any`` where several will
-        do; ``yaml`` for what no parameter can hold, as YAML in a text.
-    value : bool, int, float, str, list or None
-        What the configuration says; None where it says nothing.
-    low, high : float or None
-        Least and largest value, both allowed; None without bound.
-    description : str
-        What it means, and in what unit.
-    choices : tuple of str
-        The only texts that are allowed, if any.
+    `name` joins keys of the configuration by dots. `kind` is ``bool``, ``int``, ``float``,
+    ``text``, ``texts``, ``floats``, ``any`` where several will do, or ``yaml`` for what only YAML
+    in a text can hold. `value` is None where the configuration says nothing, `low` and `high`, both
+    allowed, without bound; `choices`, if any, are the only texts; `description` has the unit.
     """
 
     name: str
@@ -90,15 +79,8 @@ class Parameter:
 def parameters(config: RunConfig) -> list[Parameter]:
     """Return every parameter that a node has, with the values of a configuration.
 
-    Parameters
-    ----------
-    config : RunConfig
-
-    Returns
-    -------
-    list of Parameter
-        In the order of the configuration. Those of a part that is not there, as of ``mcl``, have
-        the value None, and so have those whose value is none.
+    They are in the order of the configuration. Those of a part that is not there, as of ``mcl``,
+    have the value None, and so have those whose value is none.
 
     Examples
     --------
@@ -119,21 +101,9 @@ def config_of(
 ) -> RunConfig:
     """Return the configuration that parameters make, over that of a file.
 
-    Parameters
-    ----------
-    given : mapping of name to value
-        Names with dots, as in ROS 2, or mappings in mappings, as ROS 1 has them. An empty text
-        stands for none, which parameters cannot say.
-    path : path, optional
-        A YAML file as ``locfuse run`` takes it; its log or simulation is left aside.
-    origin : str
-        Named in errors.
-
-    Raises
-    ------
-    ConfigError
-        If a parameter is unknown (names the nearest one), has a value that is not allowed, or the
-        file is wrong.
+    `given` has dotted names, as in ROS 2, or is nested, as in ROS 1; an empty text stands for none.
+    The log or simulation of the file at `path` is left aside; errors name `origin`. Raises
+    ConfigError if one is unknown (names the nearest one), a value not allowed or the file wrong.
 
     Examples
     --------
@@ -160,19 +130,9 @@ def values_of(
 ) -> dict[str, Any]:
     """Return the values of the parameters of a small node by name.
 
-    Parameters
-    ----------
-    known : sequence of Parameter
-        Of the kinds ``bool``, ``int``, ``float`` and ``text``, with what holds where nothing is
-        given.
-    given : mapping of name to value
-    origin : str
-        Named in errors.
-
-    Raises
-    ------
-    ConfigError
-        If a parameter is unknown (names the nearest one), or of another type or range.
+    The `known` are of kinds ``bool``, ``int``, ``float`` and ``text``; their values hold where
+    nothing is given. `origin` is named in errors. Raises ConfigError if a parameter is unknown
+    (names the nearest one), or of another type or range.
 
     Examples
     --------

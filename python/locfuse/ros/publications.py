@@ -52,12 +52,7 @@ class Odometry:
 
 
 class PublicationBuilder:
-    """Builds publications, and remembers what was published.
-
-    Parameters
-    ----------
-    ros : Ros
-    """
+    """Builds publications, and remembers what was published."""
 
     def __init__(self, ros: Ros) -> None:
         self._ros = ros

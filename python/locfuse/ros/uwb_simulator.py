@@ -42,25 +42,10 @@ PARAMETERS = (
 class UwbSimulator:
     """Noisy ranges from a true pose, as a UWB system at known places measures them.
 
-    Parameters
-    ----------
-    anchors, tags : mapping of name to (x, y, z)
-        In the map and in the body, metres.
-    sigma_m, sigma_relative : float
-        Standard deviation of the noise: hypot(sigma_m, sigma_relative * distance).
-    offset_m : float
-        By how much ranges are too long.
-    reach_m : float
-        Anchors further away than this do not answer.
-    loss : float
-        Share of rangings that fail.
-    seed : int
-        Of noise and failures: the same poses give the same ranges.
-
-    Raises
-    ------
-    ConfigError
-        If there is no anchor or no tag, or a number is out of bounds.
+    `anchors` are in the map, `tags` in the body, (x, y, z) in metres. Noise has the standard
+    deviation hypot(sigma_m, sigma_relative * distance); ranges are `offset_m` too long, anchors
+    beyond `reach_m` do not answer, a share `loss` fails. The same `seed` and poses give the same
+    ranges. Raises ConfigError if there is no anchor or no tag, or a number is out of bounds.
 
     Examples
     --------
@@ -121,10 +106,7 @@ class UwbSimulator:
 def uwb_of(log: Log, **options: Any) -> UwbSimulator:
     """Return the UWB system of a log's world; options are those of `UwbSimulator`.
 
-    Raises
-    ------
-    ConfigError
-        As `UwbSimulator`.
+    Raises ConfigError as `UwbSimulator`.
     """
     anchors: dict[str, Point] = {}
     if "anchors" in log:
@@ -137,19 +119,9 @@ def uwb_of(log: Log, **options: Any) -> UwbSimulator:
 def true_pose(message: Any, model: str, now_ns: int) -> tuple[int, Pose]:
     """Return the stamp [ns] and the pose (x, y, z, heading) of a message of the truth.
 
-    Parameters
-    ----------
-    message : nav_msgs/Odometry, geometry_msgs/PoseStamped or PoseWithCovarianceStamped, or
-        gazebo_msgs/ModelStates, which has no stamp
-    model : str
-        Name of the robot among models.
-    now_ns : int
-        Stamp of what has none.
-
-    Raises
-    ------
-    MessageError
-        If the message has no pose, or none of that model.
+    `message` is a nav_msgs/Odometry, geometry_msgs/PoseStamped or PoseWithCovarianceStamped, or a
+    gazebo_msgs/ModelStates, in which the robot is `model`; it has no stamp, so `now_ns` is taken.
+    Raises MessageError if the message has no pose, or none of that model.
     """
     if hasattr(message, "name"):
         names = list(message.name)
@@ -192,20 +164,9 @@ class Epochs:
 class UwbSystem:
     """Receives the truth and returns messages of ranges: the node without its ROS.
 
-    Parameters
-    ----------
-    given : mapping
-        Values of the `PARAMETERS`.
-
-    Attributes
-    ----------
-    type : str
-        Of its messages.
-
-    Raises
-    ------
-    ConfigError, LogError
-        If there is no world, or it has no anchors or tags, or others than ``UwbData`` can name.
+    `given` are values of the `PARAMETERS`; `type` is that of its messages. Raises ConfigError or
+    LogError if there is no world, or it has no anchors or tags, or others than ``UwbData`` can
+    name.
     """
 
     def __init__(self, given: Mapping[str, Any]) -> None:

@@ -15,17 +15,8 @@ from locfuse.types import Columns, FloatArray, GridMap, Log
 class World:
     """Anchors, landmarks, tags, mounts and map; what a folder says counts more than a topic.
 
-    Parameters
-    ----------
-    given : Log
-        What the folder of the world says; its messages are not used.
-    base : str
-        The body's frame.
-
-    Attributes
-    ----------
-    log : Log
-        All that is known, replaced when that changes.
+    `given` is what the folder of the world says, its messages are not used; `base` is the body's
+    frame. `log` is all that is known, replaced when that changes.
     """
 
     def __init__(self, given: Log, base: str) -> None:
@@ -65,10 +56,7 @@ class World:
     def add_tag(self, tag: str, frame: str) -> bool:
         """Place a tag at its frame, or at the frame of its name; return whether it is new.
 
-        Raises
-        ------
-        MessageError
-            If nothing says where it sits.
+        Raises MessageError if nothing says where it sits.
         """
         if tag in self.log.tags:
             return False
@@ -85,10 +73,7 @@ class World:
     def laser_mount(self, frame: str) -> tuple[Mount, bool]:
         """Return where the laser of a scan sits, and whether head down.
 
-        Raises
-        ------
-        MessageError
-            If nothing says where it sits, or it does not look into the plane.
+        Raises MessageError if nothing says where it sits, or it does not look into the plane.
         """
         if self._given.laser is not None:
             x, y, heading = map(float, self._given.laser["pose_in_body"])
@@ -98,10 +83,7 @@ class World:
     def add_landmark_sensor(self, frame: str) -> bool:
         """Take where landmarks are seen from; return whether it is new.
 
-        Raises
-        ------
-        MessageError
-            If nothing says where it sits.
+        Raises MessageError if nothing says where it sits.
         """
         if self._given.landmark_sensor is not None or not frame:
             return False

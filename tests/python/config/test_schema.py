@@ -344,7 +344,7 @@ def test_poses_of_mcl_must_be_used() -> None:
         ({"duration_s": 1e5, "ranges": {"rate_hz": 50}}, "ranges.rate_hz 50"),
         (
             {"map": {}, "laser": {"beams": 100_000, "rate_hz": 50}},
-            r"3000 messages with 3e\+08 beam",
+            r"3e\+03 messages with 3e\+08 beams",
         ),
     ],
 )

@@ -44,14 +44,9 @@ class SkippedMessages:
 class BagContents:
     """What has been read from a bag so far.
 
-    Attributes
-    ----------
-    tables : dict of Blocks
-        Rows as they came, with stamps and record times of the bag.
-    skipped, counts : dict
-        What was left out and how many messages were used, by topic.
-    world : Log
-        What is known besides, which counts more.
+    `tables` are rows as they came, with stamps and record times of the bag; `world` is known
+    besides and counts more. By topic, `skipped` is what was left out, `counts` how many messages
+    were used.
     """
 
     path: Path

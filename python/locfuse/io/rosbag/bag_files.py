@@ -30,10 +30,7 @@ class Sink(Protocol):
 def check_bag(path: Path) -> None:
     """Refuse a name of a bag that cannot be written, before the work and not after it.
 
-    Raises
-    ------
-    LogError
-        If it ends neither in ``.bag`` nor in ``.mcap``, or rosbags is missing.
+    Raises LogError if it ends neither in ``.bag`` nor in ``.mcap``, or rosbags is missing.
     """
     if path.suffix not in (".bag", ".mcap"):
         raise LogError(f"{path}: ends in {path.suffix!r}; a bag is written as .bag (ROS 1) or "
@@ -44,10 +41,7 @@ def check_bag(path: Path) -> None:
 def bag_sink(path: Path) -> AbstractContextManager[Sink]:
     """Return what writes publications into a bag, which is there once its block has ended.
 
-    Raises
-    ------
-    LogError
-        As `check_bag`.
+    Raises LogError as `check_bag`.
     """
     check_bag(path)
     return _Ros1Sink(path) if path.suffix == ".bag" else _McapSink(path)

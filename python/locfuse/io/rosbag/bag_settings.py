@@ -24,14 +24,8 @@ FORMAT = 1
 class Settings:
     """What a bag that was written from a log says besides messages.
 
-    Attributes
-    ----------
-    shift_ns : int
-        By which stamps of the bag are later than those of the log: ROS has none before 1970, and
-        takes 0 for none at all.
-    columns : mapping of table to columns
-    log : mapping
-        What ``log.yaml`` holds.
+    Stamps of the bag are `shift_ns` later than those of the log: ROS has none before 1970, and
+    takes 0 for none at all. `columns` are those of each table; `log` is what ``log.yaml`` holds.
     """
 
     shift_ns: int = 0
@@ -56,10 +50,7 @@ def text_of(log: Log, shift_ns: int) -> str:
 def settings_of(text: str) -> Settings:
     """Read what `text_of` wrote.
 
-    Raises
-    ------
-    MessageError
-        If it is something else.
+    Raises MessageError if it is something else.
     """
     try:
         data = yaml.load(text, StrictYamlLoader)

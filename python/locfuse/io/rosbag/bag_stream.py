@@ -33,12 +33,7 @@ READERS = {one.MAGIC: one.messages for one in (stored_ros1, stored_mcap, stored_
 class Bag(Reading):
     """A bag.
 
-    Parameters
-    ----------
-    path : Path
-        A file, or a folder of ROS 2.
-    progress : callable, optional
-        Called with (bytes read, total bytes).
+    `path` is a file, or a folder of ROS 2; `progress` is called with (bytes read, total bytes).
     """
 
     def __init__(self, path: Path, progress: Callable[[int, int], None] | None = None) -> None:

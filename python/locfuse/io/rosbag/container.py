@@ -48,22 +48,10 @@ Message = tuple[Connection, int, bytes]
 class Reading:
     """A bag that is being read.
 
-    Attributes
-    ----------
-    progress : callable, optional
-        Called with (bytes read, total bytes).
-    size : int
-        Bytes it has.
-    counts : Counter of Connection
-        Messages seen, wanted or not.
-    damage : list of str
-        What could not be read, one sentence each.
-    before : int
-        Bytes of the files before the one that is read.
-    share : float
-        Of the bytes of that file that are bytes of the bag.
-    unpacked, described : int
-        Bytes that were unpacked, and letters of connections, as `MOST_DESCRIBED` counts them.
+    `progress` is called with (bytes read, total bytes); `size` is in bytes. `counts` are messages
+    seen, wanted or not; `damage` has a sentence for each thing that could not be read. `before` are
+    bytes of the files before the one that is read, of whose bytes a `share` are the bag's;
+    `unpacked` bytes and `described` letters of connections count as in `MOST_DESCRIBED`.
     """
 
     progress: Callable[[int, int], None] | None = None

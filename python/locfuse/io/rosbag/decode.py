@@ -163,10 +163,7 @@ class TransformRow(NamedTuple):
 def stamp_ns(stamp: Any) -> int:
     """Return a stamp of ROS 1 (``secs``, ``nsecs``) or ROS 2 (``sec``, ``nanosec``) [ns]; 0 is 0.
 
-    Raises
-    ------
-    MessageError
-        If it has neither, or its nanoseconds are no part of a second.
+    Raises MessageError if it has neither, or its nanoseconds are no part of a second.
 
     Examples
     --------
@@ -230,11 +227,7 @@ def heading_of(quaternion: Any) -> float:
     """Return where the x axis of a body points that a quaternion turns, in the plane [rad].
 
     Its length does not matter. Without roll and pitch this undoes `encode.quaternion` bit for bit.
-
-    Raises
-    ------
-    MessageError
-        If it has no length, as one that was never set, or is not finite.
+    Raises MessageError if it has no length, as one that was never set, or is not finite.
     """
     x, y, z, w = (float(quaternion.x), float(quaternion.y), float(quaternion.z),
                   float(quaternion.w))  # fmt: skip
@@ -417,10 +410,7 @@ def _uwb_data(
 def range_of(message: Any, tag: str, anchor: str) -> RangeRow | None:
     """Return what a sensor_msgs/Range says, on a topic of one anchor; None out of its reach.
 
-    Raises
-    ------
-    MessageError
-        If it is no Range, its stamp is 0, or its range negative or NaN.
+    Raises MessageError if it is no Range, its stamp is 0, or its range negative or NaN.
     """
     header, distance = message.header, decimal(message.range)
     nearest, farthest = decimal(message.min_range), decimal(message.max_range)
@@ -458,10 +448,7 @@ def pose(message: Any) -> PoseRow:
 def truth(message: Any) -> TruthRow:
     """Return what a reference says: a nav_msgs/Odometry, PoseStamped or PointStamped.
 
-    Raises
-    ------
-    MessageError
-        If it is none of them, its stamp is 0, or a number is not finite.
+    Raises MessageError if it is none of them, its stamp is 0, or a number is not finite.
     """
     header, given = message.header, getattr(message, "point", None)
     orientation = None
@@ -479,10 +466,7 @@ def truth(message: Any) -> TruthRow:
 def relation(message: Any) -> tuple[int, int, float, float, float]:
     """Return begin, end, dx, dy and dheading of a nav_msgs/Path of two poses, the first at 0.
 
-    Raises
-    ------
-    MessageError
-        If it is no such path.
+    Raises MessageError if it is no such path.
     """
     (first, last) = message.poses
     at = last.pose.position
@@ -496,16 +480,9 @@ def relation(message: Any) -> tuple[int, int, float, float, float]:
 def fix(message: Any, origin: Origin | None = None) -> FixRow | None:
     """Return what a sensor_msgs/NavSatFix or a locfuse_msgs/TagPosition says; None without a fix.
 
-    Parameters
-    ----------
-    message : sensor_msgs/NavSatFix or locfuse_msgs/TagPosition
-    origin : (latitude_deg, longitude_deg, heading_deg), optional
-        Of the map, its x axis that much counter-clockwise from east; only a NavSatFix needs it.
-
-    Raises
-    ------
-    MessageError
-        If it is something else, its stamp is 0, or a number out of bounds or not finite.
+    `origin` of the map is (latitude_deg, longitude_deg, heading_deg), its x axis that much
+    counter-clockwise from east; only a NavSatFix needs it. Raises MessageError if the message is
+    something else, its stamp is 0, or a number out of bounds or not finite.
     """
     if hasattr(message, "position") and hasattr(message, "tag"):
         return _tag_position(message)
@@ -546,10 +523,8 @@ def _tag_position(message: Any) -> FixRow:
 def sightings(message: Any) -> list[SightingRow]:
     """Return what a LandmarkSightings or a LandmarkSighting says.
 
-    Raises
-    ------
-    MessageError
-        If it is something else, a stamp is 0, a number not finite, or a range negative.
+    Raises MessageError if it is something else, a stamp is 0, a number not finite, or a range
+    negative.
     """
     if hasattr(message, "bearing"):
         return [_sighting(message, 0, "")]
@@ -624,11 +599,8 @@ def grid(message: Any) -> GridMap:
 def points(message: Any) -> tuple[list[str], FloatArray, FloatArray | None]:
     """Return names, points (n, 3) and radii (n,) or None of a locfuse_msgs/NamedPoints.
 
-    Raises
-    ------
-    MessageError
-        If it is something else, lengths differ, a name is empty or there twice, or a number is not
-        finite or a radius not positive.
+    Raises MessageError if it is something else, lengths differ, a name is empty or there twice, or
+    a number is not finite or a radius not positive.
     """
     names = [str(name) for name in message.names]
     at = np.array([[p.x, p.y, p.z] for p in message.points], np.float64).reshape(-1, 3)
@@ -651,10 +623,7 @@ def points(message: Any) -> tuple[list[str], FloatArray, FloatArray | None]:
 def transforms(message: Any) -> list[TransformRow]:
     """Return what a tf2_msgs/TFMessage or a geometry_msgs/TransformStamped says.
 
-    Raises
-    ------
-    MessageError
-        If it is something else, a frame has no name, or a transform is none.
+    Raises MessageError if it is something else, a frame has no name, or a transform is none.
     """
     several = message.transforms if hasattr(message, "transforms") else [message]
     return [_transform(one) for one in several]
@@ -678,10 +647,7 @@ def _transform(message: Any) -> TransformRow:
 def frame_of(message: Any) -> str:
     """Return the frame that a message is in.
 
-    Raises
-    ------
-    MessageError
-        If it has no header.
+    Raises MessageError if it has no header.
     """
     return str(message.header.frame_id)
 

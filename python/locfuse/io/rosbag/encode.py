@@ -34,14 +34,8 @@ LEVELS: Mapping[str, int] = {"ok": OK, "degraded": WARN, "dead_reckoning": WARN,
 class Publication:
     """What to publish where.
 
-    Attributes
-    ----------
-    topic : str
-    type : str
-        As ``geometry_msgs/PoseWithCovarianceStamped``, in either ROS.
-    fields : dict
-    latched : bool
-        Whether who subscribes later wants it, too: ``transient_local`` in ROS 2.
+    `type` is as ``geometry_msgs/PoseWithCovarianceStamped``, in either ROS. If `latched`, who
+    subscribes later wants it, too: ``transient_local`` in ROS 2.
     """
 
     topic: str
@@ -113,16 +107,8 @@ def pose_with_covariance(
 ) -> Publication:
     """Return a geometry_msgs/PoseWithCovarianceStamped.
 
-    Parameters
-    ----------
-    topic : str
-    stamp_ns : int
-    pose : (x, y, heading)
-        Metres and radians, in `frame`.
-    covariance : array, shape (3, 3)
-    frame : str
-    latched : bool
-        As the start of an AMCL.
+    `pose` is (x, y, heading) in `frame`, metres and radians; `covariance` has shape (3, 3). It is
+    `latched` as the start of an AMCL.
 
     Examples
     --------
@@ -192,16 +178,9 @@ def health_status(
 ) -> Fields:
     """Return the status of a health report.
 
-    Parameters
-    ----------
-    state : str
-        ``ok``, ``degraded``, ``dead_reckoning``, ``lost`` and so on.
-    reason : str
-        Why it is not ``ok``, in words.
-    within, wrong : float
-        Probability that the position error is below the limit; that the robot is elsewhere.
-    protection : (x_m, y_m, heading_rad)
-        Protection levels.
+    `state` is ``ok``, ``degraded``, ``dead_reckoning``, ``lost`` and so on; `reason` says in words
+    why it is not ``ok``. `within` and `wrong` are probabilities that the position error is below
+    the limit and that the robot is elsewhere; `protection` levels are (x_m, y_m, heading_rad).
     """
     x, y, heading = map(float, protection)
     values = {"state": state, "within": float(within), "wrong": float(wrong), "protection_x_m": x,

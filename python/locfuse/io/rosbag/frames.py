@@ -37,10 +37,7 @@ class _Quaternion(NamedTuple):
 class FrameTree:
     """Static transforms between frames, as they were received.
 
-    Parameters
-    ----------
-    base : str
-        The body's frame.
+    `base` is the body's frame.
 
     Examples
     --------
@@ -68,10 +65,7 @@ class FrameTree:
     def mount(self, frame: str) -> Mount:
         """Return where a frame sits on the body, and where its x axis points in the plane.
 
-        Raises
-        ------
-        MessageError
-            If no static transforms lead from the frame to the body: names both.
+        Raises MessageError if no static transforms lead from the frame to the body: names both.
         """
         row = self._rows.get(plain(frame))
         if row is not None and row.parent == self.base:  # as published, to the last bit
@@ -83,10 +77,7 @@ class FrameTree:
     def upside_down(self, frame: str) -> bool:
         """Return whether a sensor of the plane hangs head down, so that angles count clockwise.
 
-        Raises
-        ------
-        MessageError
-            As `mount`; or if the sensor does not look into the plane.
+        Raises MessageError as `mount`; or if the sensor does not look into the plane.
         """
         up = float(self._pose(frame)[2, 2])
         if abs(up) < LEAST_UPRIGHT:
@@ -99,12 +90,8 @@ class FrameTree:
         """Return a warning about odometry of a frame, nothing where that is the body's.
 
         Drivers call the body ``base_footprint``, ``base_link``, ``base``: a name that nothing
-        places elsewhere is taken for another of the body's.
-
-        Raises
-        ------
-        MessageError
-            If static transforms place the frame elsewhere on the body.
+        places elsewhere is taken for another of the body's. Raises MessageError if static
+        transforms place the frame elsewhere on the body.
         """
         if plain(frame) in ("", self.base):
             return ""
@@ -155,10 +142,7 @@ class FrameTree:
 def check_frame(what: str, found: str, expected: str) -> None:
     """Refuse a message in another frame; one that names none is taken at its word.
 
-    Raises
-    ------
-    MessageError
-        If the names differ by more than a leading slash.
+    Raises MessageError if the names differ by more than a leading slash.
 
     Examples
     --------

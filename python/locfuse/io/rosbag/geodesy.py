@@ -22,15 +22,9 @@ def to_plane(
     """Return x and y [m] in the map of a point of WGS 84.
 
     The plane touches the ellipsoid's normal direction at the origin, at the point's own altitude:
-    so a distance on a hill is that on the hill, and heights of the two need not agree.
-
-    Parameters
-    ----------
-    latitude, longitude : float
-        Degrees.
-    altitude : float
-        Metres above the ellipsoid.
-    origin : (latitude_deg, longitude_deg, heading_deg)
+    so a distance on a hill is that on the hill, and heights of the two need not agree. `latitude`
+    and `longitude` are in degrees, `altitude` in metres above the ellipsoid; `origin` is
+    (latitude_deg, longitude_deg, heading_deg).
 
     Examples
     --------

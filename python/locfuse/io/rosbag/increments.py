@@ -16,15 +16,8 @@ TRIES = 8
 def poses_of(motion: FloatArray) -> FloatArray:
     """Return the poses that increments lead to, one after another, from the origin on.
 
-    Parameters
-    ----------
-    motion : float64 array, shape (n, 3)
-        dx, dy [m] and dheading [rad] in the body at the row before; of the first row, in odom.
-
-    Returns
-    -------
-    float64 array, shape (n, 3)
-        x, y and heading in odom.
+    `motion` (n, 3) is dx, dy [m] and dheading [rad] in the body at the row before; of the first
+    row, in odom. The poses (n, 3) are x, y and heading in odom.
     """
     found = []
     x = y = heading = 0.0
@@ -43,17 +36,9 @@ def increments_of(poses: FloatArray) -> FloatArray:
 
     Differences of rounded numbers are rounded themselves, and a million of them add up to other
     last digits. So each increment leads from where those before it lead to, and is moved until it
-    ends at the pose that was given; where no increment does, at its neighbour.
-
-    Parameters
-    ----------
-    poses : float64 array, shape (n, 3)
-        x, y and heading in odom.
-
-    Returns
-    -------
-    float64 array, shape (n, 3)
-        dx, dy, dheading; the first row leads from odom's origin to the first pose.
+    ends at the pose that was given; where no increment does, at its neighbour. `poses` (n, 3) are
+    x, y and heading in odom; the first row of the increments (n, 3), dx, dy, dheading, leads from
+    odom's origin to the first pose.
 
     Examples
     --------

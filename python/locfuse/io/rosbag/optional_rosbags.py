@@ -16,10 +16,7 @@ class NeedError(LogError):
 def need(module: str) -> Any:
     """Import a module of rosbags, or one that comes with it.
 
-    Raises
-    ------
-    NeedError
-        If it is not installed.
+    Raises NeedError if it is not installed.
     """
     try:
         return importlib.import_module(module)

@@ -29,10 +29,7 @@ Row = dict[str, Any]
 class Wheels:
     """Makes increments of the poses of odometry, or takes its velocities.
 
-    Parameters
-    ----------
-    use : str
-        ``pose`` or ``twist``, as `ros.odometry_from`.
+    `use` is ``pose`` or ``twist``, as `ros.odometry_from`.
     """
 
     def __init__(self, use: str) -> None:
@@ -119,10 +116,7 @@ def sigmas_of(covariance: Any) -> tuple[float, float]:
 def log_sigmas_of(covariance: FloatArray) -> tuple[float, float]:
     """Return sigmas as a log keeps them: 0 for a covariance of 0, -1 if it is marked as unknown.
 
-    Raises
-    ------
-    MessageError
-        If variances are neither positive nor marked as unknown.
+    Raises MessageError if variances are neither positive nor marked as unknown.
     """
     xy, heading = 0.5 * (covariance[0, 0] + covariance[1, 1]), covariance[2, 2]
     if covariance[0, 0] == -1.0:

@@ -34,10 +34,7 @@ def definitions() -> Mapping[str, str]:
 def store(encoding: str) -> Any:
     """Return the types that either ROS has, and ours; `encoding` is ``ros1`` or ``cdr``.
 
-    Raises
-    ------
-    LogError
-        If rosbags is not installed.
+    Raises LogError if rosbags is not installed.
     """
     typesys = need("rosbags.typesys")
     stores = typesys.Stores
@@ -66,12 +63,8 @@ def deserializer(connection: Connection) -> Callable[[bytes], Any]:
     """Return the function that deserializes the messages of a connection.
 
     It uses the bag's own definition of the type, or that of ROS where the bag has none, and raises
-    one of `broken()` where bytes do not fit it.
-
-    Raises
-    ------
-    LogError
-        If neither the bag nor ROS defines the type, or the definition cannot be used.
+    one of `broken()` where bytes do not fit it. Raises LogError if neither the bag nor ROS defines
+    the type, or the definition cannot be used.
     """
     name = long(connection.type)
     types = store(connection.encoding)
