@@ -6,8 +6,19 @@
 
 namespace locfuse {
 
-template <>
-const char internal::EigenOptions::expected = 0;
+namespace internal {
+
+template <int heap_align_bytes, int max_static_align_bytes, int storage_order,
+          bool checked_containers, typename Index>
+const char ThisCodeAndLocfuseAreCompiledWithDifferentEigenAlignmentSeeDocsInstall<
+    heap_align_bytes, max_static_align_bytes, storage_order, checked_containers, Index>::expected =
+    0;
+
+template struct ThisCodeAndLocfuseAreCompiledWithDifferentEigenAlignmentSeeDocsInstall<
+    EIGEN_DEFAULT_ALIGN_BYTES, EIGEN_MAX_STATIC_ALIGN_BYTES,
+    EIGEN_DEFAULT_MATRIX_STORAGE_ORDER_OPTION, kCheckedContainers, Eigen::Index>;
+
+}  // namespace internal
 
 std::string compiler() {
 #if defined(__clang__)

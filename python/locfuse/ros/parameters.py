@@ -103,7 +103,7 @@ def config_of(
 
     `given` has dotted names, as in ROS 2, or is nested, as in ROS 1; an empty text stands for none.
     The log or simulation of the file at `path` is left aside; errors name `origin`. Raises
-    ConfigError if one is unknown (names the nearest one), a value not allowed or the file wrong.
+    ConfigError if a name is unknown (names the nearest), a value not allowed, or the file wrong.
 
     Examples
     --------

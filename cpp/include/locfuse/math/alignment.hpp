@@ -21,8 +21,8 @@ struct ThisCodeAndLocfuseAreCompiledWithDifferentEigenAlignmentSeeDocsInstall {
 };
 
 using EigenOptions = ThisCodeAndLocfuseAreCompiledWithDifferentEigenAlignmentSeeDocsInstall<
-    EIGEN_DEFAULT_ALIGN_BYTES, EIGEN_MAX_STATIC_ALIGN_BYTES, EIGEN_DEFAULT_MATRIX_STORAGE_ORDER_OPTION,
-    kCheckedContainers, Eigen::Index>;
+    EIGEN_DEFAULT_ALIGN_BYTES, EIGEN_MAX_STATIC_ALIGN_BYTES,
+    EIGEN_DEFAULT_MATRIX_STORAGE_ORDER_OPTION, kCheckedContainers, Eigen::Index>;
 
 namespace {
 [[gnu::used]] const char* const eigen_options = &EigenOptions::expected;
