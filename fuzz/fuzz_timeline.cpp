@@ -5,7 +5,7 @@
 #include "worlds.hpp"
 
 /// Timeline with messages in any order: without clock jumps its belief equals bit for bit that
-/// after the sorted messages, except those rejected or older than the history.
+/// after the sorted messages, except those rejected, older than the history or far ahead.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace locfuse;
   const PoseEkf fresh({}, testing::hall(), testing::one_tag(), fuzz::start(),
@@ -21,18 +21,25 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     return 0;
   }
   now = 0;
-  std::vector<Message> accepted;
-  Stamp newest = -kStampLimit;
-  while (!io.empty() && accepted.size() < 400) {
-    const auto message = fuzz::read<Message>(io, now);
-    const Stamp stamp = effective_stamp(message);
-    const bool returned =
-        fuzz::returns([&] { timeline->on(message, [](std::size_t, const Outcome&) {}); });
+  std::vector<Message> messages;
+  std::vector<Verdict> verdicts;  // the last of each
+  while (!io.empty() && messages.size() < 400) {
+    messages.push_back(fuzz::read<Message>(io, now));
+    verdicts.push_back(Verdict::kIgnored);
+    bool is_confirmed = false;  // what was held as far ahead
+    const auto sink = [&](std::size_t index, const Outcome& outcome) {
+      is_confirmed =
+          is_confirmed || (index + 1 < messages.size() && verdicts[index] == Verdict::kIgnored &&
+                           outcome.verdict != Verdict::kIgnored);
+      verdicts[index] = outcome.verdict;
+    };
+    const bool returned = fuzz::returns([&] { timeline->on(messages.back(), sink); });
     fuzz::require_sound(timeline->estimator().belief());
-    if (returned && (accepted.empty() || stamp >= newest ||
-                     (stamp > -kStampLimit && newest - stamp <= history))) {
-      accepted.push_back(message);
-      newest = std::max(newest, stamp);
+    if (!returned && is_confirmed) {
+      return 0;  // which of them was refused is not known
+    }
+    if (!returned) {
+      verdicts.back() = Verdict::kIgnored;
     }
   }
   if (timeline->jumps() > 0) {
@@ -40,6 +47,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     fuzz::require(testing::same_bits(timeline->estimator().belief(), fresh.belief()),
                   "reset restores the initial state");
     return 0;
+  }
+  std::vector<Message> accepted;
+  for (std::size_t i = 0; i < messages.size(); ++i) {
+    if (verdicts[i] != Verdict::kIgnored && verdicts[i] != Verdict::kStale) {
+      accepted.push_back(messages[i]);
+    }
   }
   std::stable_sort(accepted.begin(), accepted.end(), [](const Message& a, const Message& b) {
     return effective_stamp(a) < effective_stamp(b);
