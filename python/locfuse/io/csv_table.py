@@ -81,11 +81,14 @@ def refuse_device(path: Path) -> None:
 
 def unpacked(data: bytes) -> bytes:
     """Return what gzip packed; raise ValueError if that is more than `MOST_UNPACKED`."""
+    found = io.BytesIO()
     with gzip.open(io.BytesIO(data)) as packed:
-        found = packed.read(MOST_UNPACKED + 1)
-    if len(found) > MOST_UNPACKED:
-        raise ValueError(f"it unpacks to more than {MOST_UNPACKED} bytes; unpack it beforehand")
-    return found
+        while block := packed.read(1 << 20):  # asked for all, it takes the memory at once
+            if found.tell() + len(block) > MOST_UNPACKED:
+                raise ValueError(f"it unpacks to more than {MOST_UNPACKED} bytes; unpack it "
+                                 "beforehand")  # fmt: skip
+            found.write(block)
+    return found.getvalue()
 
 
 def read_table(path: Path) -> CsvTable:

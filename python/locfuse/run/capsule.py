@@ -225,10 +225,12 @@ def read_capsule(path: str | Path) -> Capsule:
         except IsADirectoryError:
             raise LogError(f"{path}: is a folder; expected a capsule") from None
         except (ConfigError, LogError) as error:
-            raise type(error)(f"{path}: {str(error).replace(f'{unpacked}/', '')}") from error
+            kind = ConfigError if isinstance(error, ConfigError) else LogError
+            raise kind(f"{path}: {str(error).replace(f'{unpacked}/', '')}") from error
         except (OSError, EOFError, ValueError, RuntimeError, struct.error, zlib.error,
-                zipfile.BadZipFile) as error:  # fmt: skip
-            raise LogError(f"{path}: no capsule, or damaged ({error})") from error
+                zipfile.BadZipFile, yaml.YAMLError) as error:  # fmt: skip
+            said = " ".join(str(error).split())
+            raise LogError(f"{path}: no capsule, or damaged ({said})") from error
         return Capsule(about, config, log, result)
 
 

@@ -98,7 +98,12 @@ def _unpacked(bag: Bag, path: Path, packing: str, wanted: Wanted) -> Iterator[Me
         with TemporaryDirectory() as folder:
             file = Path(folder) / path.stem
             _unpack(bag, path, file)
-            yield from _of_file(bag, file, wanted, packed=path)
+            try:
+                yield from _of_file(bag, file, wanted, packed=path)
+            except LogError as error:
+                raise LogError(str(error).replace(str(file), str(path))) from error
+            finally:
+                bag.damage = [said.replace(str(file), str(path)) for said in bag.damage]
     elif packing == "message":
         for connection, time_ns, data in _of_file(bag, path, wanted):
             with suppress(CutError):  # packed bytes are no message either

@@ -10,6 +10,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -150,13 +151,18 @@ def decompressed(data: bytes, packing: str, most: int) -> bytes:
         unpacker = zstd().ZstdDecompressor()
     else:
         raise CutError(f"a chunk is packed by {packing}, expected bz2, lz4 or zstd")
-    try:
-        found = bytes(unpacker.decompress(data, max_length=most + 1))
+    found, given = BytesIO(), data
+    try:  # in blocks, as lz4 takes the memory of all that it may return
+        while not unpacker.eof and found.tell() <= most:
+            room = min(BLOCK, most + 1 - found.tell())
+            block = unpacker.decompress(given, max_length=room)
+            if not block and not unpacker.eof and (unpacker.needs_input or not given):
+                raise CutError("a chunk cannot be unpacked: it ends too early")
+            found.write(block)
+            given = b""
     except (OSError, EOFError, ValueError, RuntimeError, zstd().ZstdError) as error:
         raise CutError(f"a chunk cannot be unpacked: {error}") from error
-    if len(found) <= most and not unpacker.eof:
-        raise CutError("a chunk cannot be unpacked: it ends too early")
-    return found
+    return found.getvalue()
 
 
 def zstd() -> Any:

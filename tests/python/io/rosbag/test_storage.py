@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 import bz2
+import gzip
 import os
 import sqlite3
+import tracemalloc
 from collections import Counter
 from contextlib import closing
 from functools import partial
@@ -14,6 +16,7 @@ from pathlib import Path
 
 import pytest
 
+from locfuse.io.csv_table import unpacked
 from locfuse.io.recording import read_recording
 from locfuse.io.rosbag import container as stored
 from locfuse.io.rosbag import encode
@@ -273,6 +276,21 @@ def test_a_chunk_that_grows_when_it_is_unpacked_is_not(
             Reading().unpack(pack[packing](bytes(5_000_000)), packing, given)
     with pytest.raises(CutError, match="cannot be unpacked"):
         Reading().unpack(pack[packing](bytes(999))[:-8], packing, None)
+
+
+@pytest.mark.parametrize("packing", ["bz2", "lz4", "zstd", "gz"])
+def test_a_small_chunk_takes_little_memory(packing: str) -> None:
+    """What may be unpacked, 1 GiB, is not asked for beforehand."""
+    pack = {"bz2": bz2.compress, "lz4": need("lz4.frame").compress, "zstd": stored.zstd().compress,
+            "gz": gzip.compress}[packing]  # fmt: skip
+    for size in (0, 100, 3 << 20):
+        packed = pack(bytes(size))
+        tracemalloc.start()
+        found = unpacked(packed) if packing == "gz" else Reading().unpack(packed, packing)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert found == bytes(size)
+        assert peak < 50 << 20
 
 
 def test_chunks_together_may_unpack_to_a_measure(monkeypatch: pytest.MonkeyPatch) -> None:
