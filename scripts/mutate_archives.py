@@ -37,8 +37,8 @@ from locfuse.run.capsule import make_capsule, read_capsule, write_capsule
 from locfuse.run.run import load_log
 from locfuse.types import ConfigError, LogError
 
-MOST_BYTES = 1 << 30
-MOST_SECONDS = 10
+MAX_BYTES = 1 << 30
+MAX_SECONDS = 10
 GOOD = ("read", "refused")
 ENDS = (*GOOD, "broken")  # by exit status of the process that reads
 CALLS = ("os.exec", "os.fork", "os.kill", "os.posix_spawn", "os.system", "socket.connect",
@@ -169,9 +169,9 @@ def _limited(work: Callable[[], None], allowed: Path) -> int:
             broken.append(f"{event} {given}")
 
     taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (taken + MOST_BYTES,) * 2)
-    resource.setrlimit(resource.RLIMIT_CPU, (MOST_SECONDS,) * 2)
-    signal.alarm(30 * MOST_SECONDS)
+    resource.setrlimit(resource.RLIMIT_AS, (taken + MAX_BYTES,) * 2)
+    resource.setrlimit(resource.RLIMIT_CPU, (MAX_SECONDS,) * 2)
+    signal.alarm(30 * MAX_SECONDS)
     sys.addaudithook(watch)
     status = 0
     try:

@@ -152,7 +152,7 @@ def test_a_picture_that_is_a_pipe_is_refused_and_not_waited_for(tmp_path: Path) 
 def test_a_small_file_that_unpacks_to_a_huge_one_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(csv_table, "MOST_UNPACKED", 1 << 20)
+    monkeypatch.setattr(csv_table, "MAX_UNPACKED", 1 << 20)
     path = tmp_path / "truth.csv.gz"
     for spare, refused in ((0, False), (1, True)):
         text = b"stamp_s,x_m,y_m\n0,0,0\n"

@@ -44,7 +44,7 @@ def _endless() -> None:
 def test_what_breaks_is_noticed(
     work: Callable[[], None], how: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("mutate_archives.MOST_SECONDS", 1)
+    monkeypatch.setattr("mutate_archives.MAX_SECONDS", 1)
     monkeypatch.chdir(tmp_path)
     assert outcome(work, tmp_path) == how
 

@@ -16,8 +16,8 @@ from locfuse.eval.dead_reckoning import Track, align, at_times, dead_reckon, lev
 from locfuse.run.messages import truth_of
 from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, StampArray, Trajectory
 
-_LEAST_EPOCHS = 10
-_MOST_ROWS = 20000
+_MIN_EPOCHS = 10
+_MAX_ROWS = 20000
 
 
 @dataclass(frozen=True)
@@ -245,7 +245,7 @@ class Context:
             stamp, ranges = grouped(rows, index, distance, len(self.anchors))
             found, _ = located(self.anchors, ranges, self.typical_sigma, height=self.height)
             good = np.isfinite(found[:, 0])
-            if np.count_nonzero(good) >= _LEAST_EPOCHS:
+            if np.count_nonzero(good) >= _MIN_EPOCHS:
                 at, ranges = found[good], ranges[good]
                 left = residuals_of(self.anchors, ranges, at, self.height)
                 return Fits(self.main_tag, self.height, stamp[good], ranges, at, left)
@@ -286,7 +286,7 @@ class Context:
             return None
         stamp = self.fits.stamp_ns
         inside = (stamp >= self.truth.stamp_ns[0]) & (stamp <= self.truth.stamp_ns[-1])
-        if np.count_nonzero(inside) < _LEAST_EPOCHS:
+        if np.count_nonzero(inside) < _MIN_EPOCHS:
             return None
         x, y, _ = self.log.tags[self.fits.tag]
         poses = at_times(self.truth, stamp[inside])
@@ -332,8 +332,8 @@ class Context:
         if truth.heading is None:
             rows &= np.hypot(levers[:, 0], levers[:, 1]) < 0.05
         chosen = np.flatnonzero(rows)
-        chosen = chosen[:: max(1, len(chosen) // _MOST_ROWS)]
-        if len(chosen) < _LEAST_EPOCHS:
+        chosen = chosen[:: max(1, len(chosen) // _MAX_ROWS)]
+        if len(chosen) < _MIN_EPOCHS:
             return None
         part = {key: values[chosen] for key, values in table.items()}
         poses, lever = at_times(truth, at[chosen]), levers[chosen]

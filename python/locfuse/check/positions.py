@@ -11,7 +11,7 @@ from locfuse.types import NANOSECONDS, Columns, FloatArray, StampArray
 
 EPOCH_S = 0.25  # ranges of one tag within this time count as taken at once
 BRIDGED_S = 1.5
-MOST_EPOCHS = 1500
+MAX_EPOCHS = 1500
 
 
 def dop(bound: FloatArray) -> FloatArray:
@@ -55,7 +55,7 @@ def epochs(
     first = np.searchsorted(group, np.arange(index + 1))
     last = np.searchsorted(group, np.arange(index + 1), side="right") - 1
     middle: StampArray = stamp[first] + (stamp[last] - stamp[first]) // 2
-    thin = np.unique(np.linspace(0, index, min(index + 1, MOST_EPOCHS)).astype(np.intp))
+    thin = np.unique(np.linspace(0, index, min(index + 1, MAX_EPOCHS)).astype(np.intp))
     return middle[thin], ranges[thin]
 
 
@@ -67,7 +67,7 @@ def interpolated(
     Parameters and returns as of `epochs`; NaN between ranges that are more than `BRIDGED_S` apart.
     """
     stamp = np.unique(table["stamp_ns"])
-    stamp = stamp[np.unique(np.linspace(0, len(stamp) - 1, MOST_EPOCHS).astype(np.intp))]
+    stamp = stamp[np.unique(np.linspace(0, len(stamp) - 1, MAX_EPOCHS).astype(np.intp))]
     ranges = np.full((len(stamp), anchors), np.nan)
     for index in range(anchors):
         known, first = np.unique(table["stamp_ns"][anchor == index], return_index=True)

@@ -24,7 +24,7 @@ from locfuse.eval.dead_reckoning import (
 )
 from locfuse.types import NANOSECONDS, FloatArray, Trajectory, wrap_angle
 
-_LEAST_GAIN = 0.5  # another reading of the odometry must leave at most so much over
+_MIN_GAIN = 0.5  # another reading of the odometry must leave at most so much over
 _STRAIGHT = 0.1  # share of its extent that a path may be off without being judged
 _FIRST_M = 4.0
 _SHIFTS_S = np.arange(-15, 16) * 0.1
@@ -57,7 +57,7 @@ def turn_direction(context: Context) -> Iterator[Finding]:
             continue
         trials = {k: compare(dead_reckon(table, k), track) for k in _TURNS}
         best = min(trials, key=lambda k: rms(trials[k]))
-        if rms(trials[best]) < _LEAST_GAIN * rms(as_is):
+        if rms(trials[best]) < _MIN_GAIN * rms(as_is):
             yield error(f"odometry {_TURNS[best]}: against {track.name} it is off by "
                         f"{rms(trials[best]):.2g} m so, by {rms(as_is):.2g} m as it is",
                         "odometry.csv" if track.name != "ranges.csv" else

@@ -17,10 +17,10 @@ from locfuse.check.positions import dop, residuals_of
 from locfuse.types import NANOSECONDS, FloatArray
 
 _SCATTER = 1.4826  # standard deviation over median absolute deviation of a Gaussian
-_MOST_SWAPS = 3
-_MOST_ANCHORS = 24
+_MAX_SWAPS = 3
+_MAX_ANCHORS = 24
 _SOME_EPOCHS = 300
-_LEAST_ROWS = 20
+_MIN_ROWS = 20
 _RISES_M = np.arange(-12, 13) * 0.25
 
 
@@ -72,7 +72,7 @@ def _sides(context: Context) -> FloatArray:
 
 
 def _repeats(values: FloatArray) -> bool:
-    return len(values) >= _LEAST_ROWS and _longest_run(values) >= 20
+    return len(values) >= _MIN_ROWS and _longest_run(values) >= 20
 
 
 def _longest_run(values: FloatArray) -> int:
@@ -93,7 +93,7 @@ def anchors_swapped(context: Context) -> Iterator[Finding]:
     by_truth = list(_swapped_by_truth(context))
     if by_truth:
         yield from by_truth
-    elif context.fits is not None and len(context.names) <= _MOST_ANCHORS:
+    elif context.fits is not None and len(context.names) <= _MAX_ANCHORS:
         yield from _swapped_by_fit(context, context.fits)
 
 
@@ -103,7 +103,7 @@ def _swapped_by_fit(context: Context, fits: Fits) -> Iterator[Finding]:
     order = np.arange(len(context.names))
     before = best = _misfit(context.anchors, ranges, fits.height)
     swaps: list[str] = []
-    for _ in range(_MOST_SWAPS):
+    for _ in range(_MAX_SWAPS):
         trials = _trials(context, fits, ranges, order)
         after, pair = min(trials)
         if after > 0.6 * best or best - after < 0.02:
@@ -192,7 +192,7 @@ def _medians(context: Context, residuals: Residuals) -> dict[int, float]:
     found = {}
     for index in range(len(context.names)):
         mine = residuals.value[residuals.anchor == index]
-        if len(mine) >= _LEAST_ROWS:
+        if len(mine) >= _MIN_ROWS:
             found[index] = float(np.median(mine))
     return found
 
@@ -263,7 +263,7 @@ def _explained(context: Context) -> Explained | None:
     if fits is None:
         return None
     rows = np.flatnonzero(np.isfinite(fits.ranges).sum(axis=1) >= 4)
-    if len(rows) < _LEAST_ROWS:
+    if len(rows) < _MIN_ROWS:
         return None
     ranges = fits.ranges[rows[:: max(1, len(rows) // _SOME_EPOCHS)]]
 

@@ -19,7 +19,7 @@ from locfuse.types import NANOSECONDS, Columns, FloatArray
 _ONE_PLACE_M = 0.05
 _LINE = 0.05  # width over length below which tags count as on one line
 _EPOCHS = 500  # that are looked at
-_CLEARLY, _MOST_NIS = 2.0, 6.0  # times as well in another order; of three rows, half of all
+_CLEARLY, _MAX_NIS = 2.0, 6.0  # times as well in another order; of three rows, half of all
 _CORRELATED = 10.0  # consecutive fixes with correlated errors
 _FROZEN = 3  # fixes in a row
 _SILENT_S, _SILENT_PERIODS = 5.0, 10.0
@@ -77,7 +77,7 @@ def _swapped(context: Context, table: Columns, source: str) -> Finding | None:
         except ValueError:  # in one place or line, which has a finding of its own
             continue
         best = min(nis, key=lambda ids: nis[ids])
-        if nis[0, 1, 2] < _CLEARLY * nis[best] or nis[0, 1, 2] < _MOST_NIS:
+        if nis[0, 1, 2] < _CLEARLY * nis[best] or nis[0, 1, 2] < _MAX_NIS:
             continue
         similar = [ids for ids in nis if nis[ids] < _CLEARLY * nis[best]]
         wrong = ", ".join(f"{names[k]} is {names[right]}"

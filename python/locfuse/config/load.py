@@ -14,7 +14,7 @@ from locfuse.config.safe_yaml import StrictYamlLoader
 from locfuse.config.schema import RunConfig
 from locfuse.types import YAML_ERRORS, ConfigError, nearest, shown
 
-MOST_SENTENCES = 20
+MAX_SENTENCES = 20
 
 
 class _Loader(StrictYamlLoader):
@@ -108,9 +108,9 @@ def parse_config(data: Any, origin: str = "config") -> RunConfig:
         return RunConfig.model_validate(data)
     except ValidationError as error:
         errors = error.errors(include_url=False)
-        sentences = [_sentence(origin, e) for e in errors[:MOST_SENTENCES]]
-        if len(errors) > MOST_SENTENCES:
-            sentences.append(f"and {len(errors) - MOST_SENTENCES} more")
+        sentences = [_sentence(origin, e) for e in errors[:MAX_SENTENCES]]
+        if len(errors) > MAX_SENTENCES:
+            sentences.append(f"and {len(errors) - MAX_SENTENCES} more")
         raise ConfigError("; ".join(sentences)) from None
 
 

@@ -12,10 +12,10 @@ import numpy as np
 from locfuse.types import NANOSECONDS, Columns, FloatArray, StampArray, Trajectory
 
 WINDOW_S = 30.0
-MOST_WINDOWS = 20
+MAX_WINDOWS = 20
 
-_LEAST_ROWS = 8
-_LEAST_SPREAD_M = 0.3
+_MIN_ROWS = 8
+_MIN_SPREAD_M = 0.3
 
 
 @dataclass(frozen=True)
@@ -92,12 +92,12 @@ def windows(reference: Track, other: Trajectory) -> Iterator[StampArray]:
     rows = np.flatnonzero(inside)
     number = (stamp[rows] - stamp[rows[0]]) // int(WINDOW_S * NANOSECONDS)
     chosen = np.unique(number)
-    thin = np.linspace(0, len(chosen) - 1, min(len(chosen), MOST_WINDOWS)).astype(np.intp)
+    thin = np.linspace(0, len(chosen) - 1, min(len(chosen), MAX_WINDOWS)).astype(np.intp)
     for window in chosen[np.unique(thin)]:
         members = rows[number == window]
         at = reference.path.position[members]
         extent = np.sqrt(np.sum(np.var(at, axis=0)))
-        if len(members) >= _LEAST_ROWS and extent > _LEAST_SPREAD_M:
+        if len(members) >= _MIN_ROWS and extent > _MIN_SPREAD_M:
             yield stamp[members]
 
 

@@ -20,7 +20,7 @@ from locfuse._core import parse_table
 from locfuse.io.whole import whole_file
 from locfuse.types import NANOSECONDS, FloatArray, LogError, StampArray
 
-MOST_UNPACKED = 1 << 30  # bytes that a packed file of anyone becomes: tables, capsules, bags
+MAX_UNPACKED = 1 << 30  # bytes that a packed file of anyone becomes: tables, capsules, bags
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _NEEDS_QUOTES = re.compile(r'[,"\r\n]')
 
@@ -80,12 +80,12 @@ def refuse_device(path: Path) -> None:
 
 
 def unpacked(data: bytes) -> bytes:
-    """Return what gzip packed; raise ValueError if that is more than `MOST_UNPACKED`."""
+    """Return what gzip packed; raise ValueError if that is more than `MAX_UNPACKED`."""
     found = io.BytesIO()
     with gzip.open(io.BytesIO(data)) as packed:
         while block := packed.read(1 << 20):  # asked for all, it takes the memory at once
-            if found.tell() + len(block) > MOST_UNPACKED:
-                raise ValueError(f"it unpacks to more than {MOST_UNPACKED} bytes; unpack it "
+            if found.tell() + len(block) > MAX_UNPACKED:
+                raise ValueError(f"it unpacks to more than {MAX_UNPACKED} bytes; unpack it "
                                  "beforehand")  # fmt: skip
             found.write(block)
     return found.getvalue()

@@ -22,7 +22,7 @@ from locfuse.config.load import load_config
 from locfuse.config.safe_yaml import HALF_OF_A_PAIR
 from locfuse.config.schema import RunConfig
 from locfuse.core import compiler, kernels
-from locfuse.io.csv_table import MOST_UNPACKED, refuse_device
+from locfuse.io.csv_table import MAX_UNPACKED, refuse_device
 from locfuse.io.log_folder import SCHEMA, read_log, write_log
 from locfuse.io.log_yaml import load_yaml
 from locfuse.io.result_tables import write_estimate, write_outcomes
@@ -36,8 +36,8 @@ ABOUT, CONFIG, ESTIMATE, OUTCOMES, ERROR = ("capsule.json", "config.yaml", "esti
 LOG_FILES = (*(f"{stem}.csv" for stem in SCHEMA), "log.yaml", "map.yaml", "map.pgm")
 FILES = (ABOUT, CONFIG, ESTIMATE, OUTCOMES, ERROR, *(f"log/{name}" for name in LOG_FILES))
 
-# A capsule may come from a stranger: beyond these and MOST_UNPACKED it is not unpacked.
-MOST_BYTES_OF_TEXT = 1 << 18  # of what is YAML or JSON
+# A capsule may come from a stranger: beyond these and MAX_UNPACKED it is not unpacked.
+MAX_BYTES_OF_TEXT = 1 << 18  # of what is YAML or JSON
 DEEPEST = 20  # of nested YAML
 _BEGIN = (yaml.BlockMappingStartToken, yaml.BlockSequenceStartToken, yaml.FlowMappingStartToken,
           yaml.FlowSequenceStartToken)  # fmt: skip
@@ -277,7 +277,7 @@ def _first(file: str, was: str, found: str) -> Iterator[Difference]:
 def _unpack(path: Path, folder: Path) -> None:
     """Unpack the files of a capsule; nothing is written but what has a name of `FILES`."""
     refuse_device(path)
-    left = MOST_UNPACKED
+    left = MAX_UNPACKED
     with zipfile.ZipFile(path) as archive:
         names = archive.namelist()
         for info in archive.infolist():
@@ -287,7 +287,7 @@ def _unpack(path: Path, folder: Path) -> None:
             if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                 raise LogError(f"no capsule: {name!r} is not packed as one packs")
             is_short = name.endswith((".yaml", ".json", ".txt"))
-            most = min(left, MOST_BYTES_OF_TEXT) if is_short else left
+            most = min(left, MAX_BYTES_OF_TEXT) if is_short else left
             if info.file_size > most:
                 raise LogError(f"{name!r} has {info.file_size} bytes, expected at most {most}")
             data = archive.read(info)  # never more than the size it says

@@ -35,8 +35,8 @@ from locfuse.types import (
     Trajectory,
 )
 
-_MOST_FRAMES = 700  # of a run, so that a long one stays small: a minute at ten scans a second
-_MOST_PARTICLES = 2000  # of a frame
+_MAX_FRAMES = 700  # of a run, so that a long one stays small: a minute at ten scans a second
+_MAX_PARTICLES = 2000  # of a frame
 _LIKELY = 0.01  # probability from which a pose is reported as a hypothesis
 
 
@@ -268,7 +268,7 @@ def frame_of(mcl: _core.Mcl | _core.SwitchingMcl) -> Frame:
     """Return the present estimate, with a copy of at most 2000 particles."""
     now = mcl.estimate()
     particles = (mcl.mcl if isinstance(mcl, _core.SwitchingMcl) else mcl).particles
-    step = -(-len(particles) // _MOST_PARTICLES)
+    step = -(-len(particles) // _MAX_PARTICLES)
     pose = np.array([now.pose.x, now.pose.y, now.pose.heading])
     return Frame(now.stamp, particles[::step].copy(), pose, mcl.ready)
 
@@ -286,7 +286,7 @@ class _Frames:
         if self._scans % self._each == 0:
             self.frames.append(frame_of(self._mcl))
         self._scans += 1
-        if len(self.frames) > _MOST_FRAMES:
+        if len(self.frames) > _MAX_FRAMES:
             self.frames = self.frames[::2]
             self._each *= 2
 

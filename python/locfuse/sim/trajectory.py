@@ -27,7 +27,7 @@ from locfuse.types import FloatArray, GridMap, wrap_angle
 
 Motion: TypeAlias = tuple[float, float, float]
 
-_LEAST_S = 1e-9  # shorter motions are rounding: stamps are nanoseconds
+_MIN_S = 1e-9  # shorter motions are rounding: stamps are nanoseconds
 
 
 def sinc(angle: ArrayLike) -> FloatArray:
@@ -291,4 +291,4 @@ def _leg(length: float, turn: float, speed: float, rate: float) -> list[Motion]:
     """Return a turn in place the short way, then a straight."""
     turn = float(wrap_angle(turn))
     steps = [(abs(turn) / rate, 0.0, math.copysign(rate, turn)), (length / speed, speed, 0.0)]
-    return [step for step in steps if step[0] > _LEAST_S]
+    return [step for step in steps if step[0] > _MIN_S]

@@ -19,7 +19,7 @@ from locfuse.sim.faults import walls_between
 from locfuse.types import FloatArray, GridMap
 
 STEP_M = 0.05
-MOST_CELLS = 60_000  # of larger floors the cells are larger
+MAX_CELLS = 60_000  # of larger floors the cells are larger
 BEST = 0.5  # no three anchors do better
 
 Wall = tuple[float, float, float, float]
@@ -64,7 +64,7 @@ def floor_of(scenario: Scenario, grid: GridMap | None, step_m: float = STEP_M) -
     if scenario.map is not None and scenario.map.file is not None and grid is not None:
         low, high = bounds(grid) or (low, high)
     width, depth = (high - low).tolist()
-    step_m = max(step_m, (width * depth / MOST_CELLS) ** 0.5)
+    step_m = max(step_m, (width * depth / MAX_CELLS) ** 0.5)
     height = next(iter(scenario.tags.values()), (0.0, 0.0, 0.0))[2]
     return Floor((float(low[0]), float(low[1])), step_m, round(width / step_m) + 1,
                  round(depth / step_m) + 1, height)  # fmt: skip

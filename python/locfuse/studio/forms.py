@@ -40,7 +40,7 @@ BEGINNINGS: dict[str, dict[str, Any]] = {
 }
 
 
-_MOST_ROWS = 10  # of a text that is seen at once
+_MAX_ROWS = 10  # of a text that is seen at once
 
 
 class Forms:
@@ -79,7 +79,7 @@ class Forms:
         if element.value != wanted:
             element.value = wanted
         if field.kind == "yaml":
-            element.props["rows"] = min(_MOST_ROWS, 1 + str(wanted).count("\n"))
+            element.props["rows"] = min(_MAX_ROWS, 1 + str(wanted).count("\n"))
         if hasattr(element, "error"):
             element.error = None if waiting is None else waiting.message
 

@@ -18,7 +18,7 @@ from locfuse.config.schema import RunConfig
 from locfuse.studio.view import ground_of
 
 TROUBLE = (ValueError, OSError, NumericalError, MemoryError)
-_LEAST_S = 1.0  # that what nobody waits for any more may take: a new process takes longer
+_MIN_S = 1.0  # that what nobody waits for any more may take: a new process takes longer
 _LOOK_S = 0.05  # between looks whether anybody still waits
 
 
@@ -86,7 +86,7 @@ class Grounds:
         try:
             pipe.send((question.text, base))
             while not pipe.poll(_LOOK_S):
-                if question is not self._newest and time.monotonic() - began > _LEAST_S:
+                if question is not self._newest and time.monotonic() - began > _MIN_S:
                     self.close()
                     return None
             found: dict[str, Any] = pipe.recv()

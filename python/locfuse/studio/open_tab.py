@@ -13,7 +13,7 @@ from locfuse.config.schema import RunConfig
 from locfuse.studio.document import RefusedError
 from locfuse.studio.drawing import use_map
 from locfuse.studio.view import log_of, replaying
-from locfuse.studio.workspace import BAGS, MOST_BYTES
+from locfuse.studio.workspace import BAGS, MAX_BYTES
 from locfuse.types import ConfigError, LogError
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ class OpenTab:
         self._upload(
             "log",
             ",".join((*BAGS, ".zip")),
-            f"or upload a bag, or a .zip of a folder, of up to {MOST_BYTES / 1e9:g} GB",
+            f"or upload a bag, or a .zip of a folder, of up to {MAX_BYTES / 1e9:g} GB",
         )
 
     def _maps(self) -> None:

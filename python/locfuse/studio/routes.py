@@ -21,7 +21,7 @@ from locfuse.studio.ground import TROUBLE
 from locfuse.studio.studio import Studio
 from locfuse.studio.view import coverage_of, replaying
 from locfuse.studio.work import PLAY
-from locfuse.studio.workspace import MOST_BYTES
+from locfuse.studio.workspace import MAX_BYTES
 from locfuse.types import ConfigError, LogError
 
 FILES = ("report.html", "config.yaml", "scene.yaml", "estimate.tum", "truth.tum", "estimate.csv",
@@ -137,9 +137,9 @@ def _uploads(router: APIRouter, studio: Studio) -> None:
             with file.open("wb") as out:
                 async for chunk in request.stream():
                     size += len(chunk)
-                    if size > MOST_BYTES:
+                    if size > MAX_BYTES:
                         return _wrong(
-                            f"{name} is larger than {MOST_BYTES / 1e9:g} GB, which is "
+                            f"{name} is larger than {MAX_BYTES / 1e9:g} GB, which is "
                             "the most there can be; give its path on this machine"
                         )
                     out.write(chunk)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from locfuse.studio.page import StudioPage
 
 _PLAYER = "studio-player"
-_MOST_SHOWN = 6  # runs over one another
+_MAX_SHOWN = 6  # runs over one another
 _DOWNLOADS = {"report.html": "Report", "scene.yaml": "Config", "estimate.tum": "Trajectory (TUM)",
               "drive.mcap": "Bag (.mcap)"}  # fmt: skip
 _UNDER_WAY = ("waiting", "running")
@@ -203,7 +203,7 @@ class RunTab:
 
     def _watch(self, at: tuple[int, str], on: bool) -> None:
         if on and at not in self._shown:
-            self._shown = [*self._shown, at][-_MOST_SHOWN:]
+            self._shown = [*self._shown, at][-_MAX_SHOWN:]
         elif not on and at in self._shown:
             self._shown.remove(at)
         self._play()

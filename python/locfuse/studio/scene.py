@@ -23,7 +23,7 @@ from locfuse.studio.document import (
     value_at,
 )
 
-_MOST_STEPS = 500  # that can be undone
+_MAX_STEPS = 500  # that can be undone
 
 EMPTY: Data = {
     "name": "scene",
@@ -186,7 +186,7 @@ class Scene:
         if data == self.data and text in (None, self.good_text):
             self.text = self.good_text
             return
-        self._past = [*self._past[1 - _MOST_STEPS :], (self.data, self.good_text)]
+        self._past = [*self._past[1 - _MAX_STEPS :], (self.data, self.good_text)]
         self._future = []
         self.data, self.config = data, config
         self.text = self.good_text = text_of(data) if text is None else text

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from locfuse.studio.guard import Guard, check_token
-from locfuse.studio.workspace import MOST_BYTES, Workspace
+from locfuse.studio.workspace import MAX_BYTES, Workspace
 from locfuse.types import ConfigError
 
 
@@ -46,7 +46,7 @@ def make_app(folder: Path, config: Path | None, token: str) -> tuple[Any, Any]:
 
     ui.run_with(app, title="locfuse studio", dark=None, tailwind=False, reconnect_timeout=30.0,
                 show_welcome_message=False)  # fmt: skip
-    return Guard(app, token, MOST_BYTES + 1_000_000, "/studio/upload"), studio
+    return Guard(app, token, MAX_BYTES + 1_000_000, "/studio/upload"), studio
 
 
 def serve(

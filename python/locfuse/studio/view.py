@@ -21,8 +21,8 @@ from locfuse.studio.scene import Scene
 from locfuse.studio.workspace import places
 from locfuse.types import NANOSECONDS, ConfigError, FloatArray, GridMap, Log
 
-_MOST_POINTS = 3000  # of the way that is drawn
-_MOST_MAP_BYTES = 2_000_000
+_MAX_POINTS = 3000  # of the way that is drawn
+_MAX_MAP_BYTES = 2_000_000
 
 
 def world_of(scene: Scene) -> dict[str, Any]:
@@ -65,7 +65,7 @@ def _ground(text: str, base: Path) -> dict[str, Any]:
     grid = grid_of(config.simulation, base)
     drive = true_drive(config.simulation, config.seed, grid)
     duration_s = config.simulation.duration_s
-    time_s = np.linspace(0.0, duration_s, min(_MOST_POINTS, 2 + int(10 * duration_s)))
+    time_s = np.linspace(0.0, duration_s, min(_MAX_POINTS, 2 + int(10 * duration_s)))
     way = drive.pose_at(time_s)
     stamp_ns = np.round(time_s * NANOSECONDS).astype(np.int64)
     try:
@@ -81,7 +81,7 @@ def _ground_of_log(log: Log) -> dict[str, Any]:
     truth = log.tables.get("truth")
     way = np.empty((0, 3))
     if truth is not None:
-        rows = np.unique(np.linspace(0, len(truth["x_m"]) - 1, _MOST_POINTS).astype(np.intp))
+        rows = np.unique(np.linspace(0, len(truth["x_m"]) - 1, _MAX_POINTS).astype(np.intp))
         heading = truth.get("heading_rad", np.zeros(len(truth["x_m"])))
         way = np.column_stack([truth["x_m"][rows], truth["y_m"][rows], heading[rows]])
     named: dict[str, dict[str, list[float]]] = {}
@@ -121,7 +121,7 @@ def replaying(scene: Scene, path: str, name: str, base: Path) -> Data:
 def _drawn(grid: GridMap | None, way: FloatArray) -> dict[str, Any]:
     at = np.round(way, 3)
     return {
-        "map": None if grid is None else map_picture(grid, _MOST_MAP_BYTES),
+        "map": None if grid is None else map_picture(grid, _MAX_MAP_BYTES),
         "way": at[:, :2].tolist(),
         "start": at[0].tolist() if len(at) else None,
     }

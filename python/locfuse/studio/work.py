@@ -24,8 +24,8 @@ from locfuse.types import RunResult
 PLAY = "play.json.gz"
 CONFIG = "scene.yaml"
 FAILED = "error.txt"
-_LEAST_STEP = 0.005  # of the whole, between two words on progress
-_LEAST_S = 1.0  # between two looks at a run that computes
+_MIN_STEP = 0.005  # of the whole, between two words on progress
+_MIN_S = 1.0  # between two looks at a run that computes
 _SHARE = 0.1  # of the time of a run that looks may take
 
 
@@ -72,11 +72,11 @@ def _reporting(index: int, folder: Path, said: Connection) -> Iterator[None]:
 def _shown(index: int, folder: Path, name: str, said: Connection) -> RunResult:
     """Run an estimator and write what the player shows of it, on the way as well."""
     reported = -1.0
-    due = time.perf_counter() + _LEAST_S
+    due = time.perf_counter() + _MIN_S
 
     def progress(done: int, total: int) -> None:
         nonlocal reported
-        if total and done / total - reported >= _LEAST_STEP:
+        if total and done / total - reported >= _MIN_STEP:
             reported = done / total
             said.send((index, "progress", done, total))
 
@@ -88,7 +88,7 @@ def _shown(index: int, folder: Path, name: str, said: Connection) -> RunResult:
         _write_play(so_far(), folder, name, whole=False)
         said.send((index, "grown"))
         ended = time.perf_counter()
-        due = ended + max(_LEAST_S, (ended - began) * (1.0 / _SHARE - 1.0))
+        due = ended + max(_MIN_S, (ended - began) * (1.0 / _SHARE - 1.0))
 
     said.send((index, "progress", 0, 1))
     config = load_config(folder / CONFIG)

@@ -20,8 +20,8 @@ from locfuse.types import Columns, ConfigError, GridMap, Log, LogError
 
 CURRENT = "scene.yaml"
 BAGS = (".bag", ".mcap", ".db3")
-MOST_BYTES = 1_000_000_000  # of an upload
-MOST_UNPACKED = 4_000_000_000  # of a zipped log
+MAX_BYTES = 1_000_000_000  # of an upload
+MAX_UNPACKED = 4_000_000_000  # of a zipped log
 _KEPT = re.compile(r"[^\w.+-]+")
 
 
@@ -230,8 +230,8 @@ def _unpack(file: Path, out: Path) -> None:
     """Unpack the files of a zip into one folder: those of its only folder, if it is that."""
     with zipfile.ZipFile(file) as packed:
         files = [info for info in packed.infolist() if not info.is_dir()]
-        if sum(info.file_size for info in files) > MOST_UNPACKED:
-            raise zipfile.BadZipFile(f"it holds more than {MOST_UNPACKED / 1e9:g} GB")
+        if sum(info.file_size for info in files) > MAX_UNPACKED:
+            raise zipfile.BadZipFile(f"it holds more than {MAX_UNPACKED / 1e9:g} GB")
         out.mkdir(parents=True)
         for info in files:
             # A name alone: no file of a zip may end up outside of the folder.

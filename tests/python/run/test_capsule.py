@@ -180,7 +180,7 @@ def test_a_bomb_is_not_unpacked(
     bomb = packed({**files_of(path), "config.yaml": b" " * (1 << 20)}, tmp_path / "bomb.zip")
     with pytest.raises(LogError, match=r"'config\.yaml' has 1048576 bytes, expected at most"):
         read_capsule(bomb)
-    monkeypatch.setattr("locfuse.run.capsule.MOST_UNPACKED", 10_000)
+    monkeypatch.setattr("locfuse.run.capsule.MAX_UNPACKED", 10_000)
     with pytest.raises(LogError, match="bytes, expected at most"):
         read_capsule(path)
 

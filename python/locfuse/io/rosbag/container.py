@@ -14,14 +14,14 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
-from locfuse.io.csv_table import MOST_UNPACKED
+from locfuse.io.csv_table import MAX_UNPACKED
 from locfuse.io.rosbag.optional_rosbags import need
 
 BLOCK = 1 << 20
-MOST_TIMES = 100  # that a bag which is larger than MOST_UNPACKED may grow when it is unpacked
+MAX_TIMES = 100  # that a bag which is larger than MAX_UNPACKED may grow when it is unpacked
 LONGEST_NAME = 1000  # letters of a topic, type, encoding or publisher
-MOST_DESCRIBED = 1 << 28  # letters of all connections, each counted with 1000 more
-MOST_DAMAGES = 10  # that are reported
+MAX_DESCRIBED = 1 << 28  # letters of all connections, each counted with 1000 more
+MAX_DAMAGES = 10  # that are reported
 LONGEST_REASON = 200  # letters; some errors quote what they could not read
 
 
@@ -52,7 +52,7 @@ class Reading:
     `progress` is called with (bytes read, total bytes); `size` is in bytes. `counts` are messages
     seen, wanted or not; `damage` has a sentence for each thing that could not be read. `before` are
     bytes of the files before the one that is read, of whose bytes a `share` are the bag's;
-    `unpacked` bytes and `described` letters of connections count as in `MOST_DESCRIBED`.
+    `unpacked` bytes and `described` letters of connections count as in `MAX_DESCRIBED`.
     """
 
     progress: Callable[[int, int], None] | None = None
@@ -76,19 +76,19 @@ class Reading:
         """Remember that something could not be read."""
         at = f"at byte {where} of {path.stat().st_size}" if isinstance(where, int) else where
         read = sum(self.counts.values())
-        if len(self.damage) < MOST_DAMAGES:
+        if len(self.damage) < MAX_DAMAGES:
             self.damage.append(f"{path} is damaged {at} ({what}); the {read} messages before are "
                                "kept")  # fmt: skip
 
     def may_unpack(self) -> int:
         """Return to how many bytes all of a bag may unpack."""
-        return max(MOST_UNPACKED, MOST_TIMES * self.size)
+        return max(MAX_UNPACKED, MAX_TIMES * self.size)
 
     def unpack(self, data: bytes, packing: str, size: int | None = None) -> bytes:
         """Return an unpacked chunk; `size` is that which it must have."""
         found, left = data, self.may_unpack() - self.unpacked
         if packing not in ("none", ""):
-            most = max(0, min(MOST_UNPACKED, left, left if size is None else size))
+            most = max(0, min(MAX_UNPACKED, left, left if size is None else size))
             found = decompressed(data, packing, most)
             self.unpacked += len(found)
             if len(found) > left:
@@ -107,8 +107,8 @@ class Reading:
         if max(map(len, names)) > LONGEST_NAME:
             raise CutError(f"a name of {max(map(len, names))} letters")
         self.described += 1000 + sum(map(len, names)) + len(found.definition)
-        if self.described > MOST_DESCRIBED:
-            raise CutError(f"more than {MOST_DESCRIBED} letters of connections")
+        if self.described > MAX_DESCRIBED:
+            raise CutError(f"more than {MAX_DESCRIBED} letters of connections")
         known[number] = found
 
 
@@ -122,8 +122,8 @@ def left(file: BinaryIO) -> int:
 
 
 def exactly(file: BinaryIO, size: int) -> bytes:
-    """Return so many bytes; CutError where there are less, or more than `MOST_UNPACKED`."""
-    if size > MOST_UNPACKED:
+    """Return so many bytes; CutError where there are less, or more than `MAX_UNPACKED`."""
+    if size > MAX_UNPACKED:
         raise CutError(f"a record of {size} bytes")
     if left(file) < size:
         raise CutError(f"{size} bytes were to follow, there are {left(file)}")

@@ -36,7 +36,7 @@ PLANAR = np.ix_((0, 1, 5), (0, 1, 5))
 FREE_UP_TO, OCCUPIED_FROM = 19, 66
 FLOAT_MAX = float(np.finfo(np.float64).max)
 UNIT_M = {"m": 1.0, "mm": 1e-3}
-LEAST_LENGTH = 1e-12  # squared, of a quaternion that was set
+MIN_LENGTH = 1e-12  # squared, of a quaternion that was set
 NOT_MEASURED_M = 1e6  # a sigma of infinity, as a log can have it
 
 
@@ -232,7 +232,7 @@ def heading_of(quaternion: Any) -> float:
     x, y, z, w = (float(quaternion.x), float(quaternion.y), float(quaternion.z),
                   float(quaternion.w))  # fmt: skip
     length = x * x + y * y + z * z + w * w
-    if not LEAST_LENGTH < length < math.inf:
+    if not MIN_LENGTH < length < math.inf:
         raise MessageError(f"the orientation ({x:g}, {y:g}, {z:g}, {w:g}) is no rotation; "
                            "expected a quaternion of length 1")  # fmt: skip
     if x == 0.0 and y == 0.0:
@@ -637,7 +637,7 @@ def _transform(message: Any) -> TransformRow:
     quaternion = (float(turned.x), float(turned.y), float(turned.z), float(turned.w))
     where = (float(at.x), float(at.y), float(at.z))
     length = sum(part * part for part in quaternion)
-    if not (all(map(math.isfinite, where)) and LEAST_LENGTH < length < math.inf):
+    if not (all(map(math.isfinite, where)) and MIN_LENGTH < length < math.inf):
         raise MessageError(f"the transform from {child} to {parent} is none: translation {where}, "
                            f"rotation {quaternion}")  # fmt: skip
     return TransformRow(parent, child, *where, quaternion)

@@ -14,7 +14,7 @@ from locfuse.config.ros import plain
 from locfuse.io.rosbag.decode import MessageError, TransformRow, heading_of
 from locfuse.types import FloatArray
 
-LEAST_UPRIGHT = 0.94  # cosine of 20 degrees: what is tilted more is no sensor of a plane
+MIN_UPRIGHT = 0.94  # cosine of 20 degrees: what is tilted more is no sensor of a plane
 SAME_M, SAME_RAD = 1e-3, 1e-3  # up to which two frames of the plane are one
 
 
@@ -80,7 +80,7 @@ class FrameTree:
         Raises MessageError as `mount`; or if the sensor does not look into the plane.
         """
         up = float(self._pose(frame)[2, 2])
-        if abs(up) < LEAST_UPRIGHT:
+        if abs(up) < MIN_UPRIGHT:
             tilt = np.degrees(np.arccos(abs(up)))
             raise MessageError(f"{plain(frame)} is tilted by {tilt:.0f} deg against {self.base}; "
                                "expected a sensor that looks into the plane")  # fmt: skip

@@ -266,7 +266,7 @@ def test_a_packed_message_that_is_damaged_is_left_out(
 def test_a_chunk_that_grows_when_it_is_unpacked_is_not(
     packing: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stored, "MOST_UNPACKED", 1000)
+    monkeypatch.setattr(stored, "MAX_UNPACKED", 1000)
     pack = {"bz2": bz2.compress, "lz4": need("lz4.frame").compress, "zstd": stored.zstd().compress}
     for size in (999, 1000):
         assert Reading().unpack(pack[packing](bytes(size)), packing, None) == bytes(size)
@@ -294,7 +294,7 @@ def test_a_small_chunk_takes_little_memory(packing: str) -> None:
 
 
 def test_chunks_together_may_unpack_to_a_measure(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stored, "MOST_UNPACKED", 1000)
+    monkeypatch.setattr(stored, "MAX_UNPACKED", 1000)
     packed = stored.zstd().compress(bytes(900))
     for size, chunks in ((5, 1), (30, 3)):  # a larger bag may grow a hundred times
         bag = Reading(size=size)
@@ -309,7 +309,7 @@ def test_chunks_together_may_unpack_to_a_measure(monkeypatch: pytest.MonkeyPatch
 def test_a_packed_file_that_grows_is_refused_and_leaves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stored, "MOST_UNPACKED", 1 << 20)
+    monkeypatch.setattr(stored, "MAX_UNPACKED", 1 << 20)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     folder = tmp_path / "bag"
     folder.mkdir()
@@ -325,7 +325,7 @@ def test_a_packed_file_that_grows_is_refused_and_leaves_nothing(
 def test_names_and_connections_are_not_endless(monkeypatch: pytest.MonkeyPatch) -> None:
     known: dict[int, Connection] = {}
     odometry = Connection("odom", "nav_msgs/Odometry", "x" * 500, "cdr")
-    monkeypatch.setattr(stored, "MOST_DESCRIBED", 4 * 1600)
+    monkeypatch.setattr(stored, "MAX_DESCRIBED", 4 * 1600)
     bag = Reading()
     with pytest.raises(CutError, match="a name of 1001 letters"):
         bag.connect(known, 1, odometry._replace(topic="o" * 1001))
