@@ -144,8 +144,7 @@ TYPED_TEST(TimelineOf, one_stamp_far_ahead_makes_no_others_stale) {
   std::vector<Message> messages = drive(1);
   Timeline expected(TypeParam::make(), kSecond);
   feed(expected, messages);
-  const PositionFix ahead{
-      messages.size() / 2 * 1'000'000 + kHours, {2.0, -1.0}, Matrix<2, 2>::Identity(), {}};
+  const PositionFix ahead{kHours, {2.0, -1.0}, Matrix<2, 2>::Identity(), {}};
   const auto middle = messages.begin() + static_cast<std::ptrdiff_t>(messages.size() / 2);
   messages.insert(middle, {ahead, ahead});  // twice in a row, by one of several sources
   Timeline timeline(TypeParam::make(), kSecond);
