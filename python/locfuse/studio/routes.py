@@ -18,6 +18,7 @@ from locfuse.report.player import player_css, player_js
 from locfuse.studio.bag import write_bag_of
 from locfuse.studio.coverage import packed
 from locfuse.studio.ground import TROUBLE
+from locfuse.studio.guard import MAX_BODY
 from locfuse.studio.studio import Studio
 from locfuse.studio.view import coverage_of, replaying
 from locfuse.studio.work import PLAY
@@ -29,6 +30,10 @@ FILES = ("report.html", "config.yaml", "scene.yaml", "estimate.tum", "truth.tum"
 BAG = "drive.mcap"
 STATIC = {"editor.js": "text/javascript", "coverage.js": "text/javascript",
           "studio.js": "text/javascript", "studio.css": "text/css"}  # fmt: skip
+_MOST = {"log": MAX_BYTES, "map": 64_000_000, "scene": MAX_BODY}  # only a log is not read whole
+# A report may come from elsewhere: its script must not be one of the studio's page.
+_ALONE = ("sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; "
+          "style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'")  # fmt: skip
 _ODD_PLACES = 1e9  # metres: no mouse means that
 
 
@@ -66,7 +71,8 @@ def _world(router: APIRouter, studio: Studio) -> None:
                      for name, (x, y) in (await request.json())["moved"].items()
                      if abs(float(x)) < _ODD_PLACES and abs(float(y)) < _ODD_PLACES}  # fmt: skip
             found = coverage_of(studio.scene, moved, studio.base)
-        except (ValueError, TypeError, KeyError, AttributeError, OSError) as error:
+        except (ValueError, TypeError, KeyError, AttributeError, OSError,
+                RecursionError) as error:  # fmt: skip
             return _wrong(error)
         content = b"" if found is None else packed(found)
         return Response(content, media_type="application/octet-stream")
@@ -87,27 +93,29 @@ def _world(router: APIRouter, studio: Studio) -> None:
 def _runs(router: APIRouter, studio: Studio) -> None:
     @router.get("/runs/{number}/{key}/{name}")
     def file(number: int, key: str, name: str) -> Response:
-        found = [(run.folder_of(key), part.state) for run in studio.runner.runs
+        found = [(run, part.state) for run in studio.runner.runs
                  for part in run.parts if (run.number, part.key) == (number, key)]  # fmt: skip
         if not found:
             return _not_there(f"run {number}")
-        folder, state = found[0]
-        if name == "play.json" and (folder / PLAY).exists():
+        run, state = found[0]
+        if name == "play.json" and (play := run.file_of(key, PLAY)):
             # Read at once: another takes its place while its run computes.
-            return Response((folder / PLAY).read_bytes(), media_type="application/json", headers={
+            return Response(play.read_bytes(), media_type="application/json", headers={
                 "Content-Encoding": "gzip", "Cache-Control": "no-store"})  # fmt: skip
         if state != "done" and name != "scene.yaml":
             return _not_there(f"{name} of a run that is {state}")
         if name == BAG:
             try:
-                _make_bag(folder)
+                _make_bag(run.folder_of(key))
             except TROUBLE as error:
                 return _wrong(error)
-        if name not in (*FILES, BAG) or not (folder / name).exists():
+        path = run.file_of(key, name) if name in (*FILES, BAG) else None
+        if path is None:
             return _not_there(name)
         if name == "report.html":
-            return FileResponse(folder / name, media_type="text/html")
-        return FileResponse(folder / name, filename=f"{key}-{name}")
+            return FileResponse(path, media_type="text/html", headers={
+                "Content-Security-Policy": _ALONE})  # fmt: skip
+        return FileResponse(path, filename=f"{key}-{name}")
 
 
 def _make_bag(folder: Path) -> None:
@@ -131,17 +139,17 @@ def _make_bag(folder: Path) -> None:
 def _uploads(router: APIRouter, studio: Studio) -> None:
     @router.post("/upload")
     async def upload(request: Request, kind: str, name: str) -> Response:
+        if kind not in _MOST:
+            return _wrong(f"unknown kind of upload {kind!r}")
         with tempfile.TemporaryDirectory(dir=studio.base, prefix=".upload-") as folder:
             file = Path(folder, "file")
             size = 0
             with file.open("wb") as out:
                 async for chunk in request.stream():
                     size += len(chunk)
-                    if size > MAX_BYTES:
-                        return _wrong(
-                            f"{name} is larger than {MAX_BYTES / 1e9:g} GB, which is "
-                            "the most there can be; give its path on this machine"
-                        )
+                    if size > _MOST[kind]:
+                        return _wrong(f"{name} is larger than {_MOST[kind] / 1e6:g} MB; give its "
+                                      "path on this machine", 413)  # fmt: skip
                     out.write(chunk)
             try:
                 said = await run_in_threadpool(_take, studio, kind, name, file, request)
@@ -159,8 +167,6 @@ def _take(studio: Studio, kind: str, name: str, file: Path, request: Request) ->
             return {"text": file.read_text(encoding="utf-8")}
         except UnicodeDecodeError:
             raise ConfigError(f"{name}: is no text, so no YAML") from None
-    if kind != "map":
-        raise ConfigError(f"unknown kind of upload {kind!r}")
     query = request.query_params
     numbers = {key: _number(query.get(key, ""), key) for key in ("resolution", "x", "y")}
     if not 0.0 < numbers["resolution"] <= 100.0:
@@ -189,8 +195,8 @@ def _number(text: str, key: str) -> float:
         raise ConfigError(f"{key} is {text!r}; expected a number") from None
 
 
-def _wrong(error: object) -> Response:
-    return JSONResponse({"error": " ".join(str(error).split())}, status_code=400)
+def _wrong(error: object, status: int = 400) -> Response:
+    return JSONResponse({"error": " ".join(str(error).split())}, status_code=status)
 
 
 def _not_there(what: str) -> Response:

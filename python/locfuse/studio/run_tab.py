@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
-from locfuse.studio.compare import compared
+from locfuse.studio.compare import FIGURES, compared, value_of
 from locfuse.studio.estimators import Choice, choices
 from locfuse.studio.javascript import call
 from locfuse.studio.runner import Part, Run
@@ -186,7 +186,7 @@ class RunTab:
                 box.classes("st-name").props(f'data-testid="watch-{run.number}-{part.key}"')
             else:
                 ui.label(part.name).classes("st-name")
-            rmse = part.metrics.get("position_rmse_m")
+            rmse = value_of(FIGURES[0], part.metrics)
             if part.state in ("done", "writing") and rmse is not None:
                 ui.label(f"{rmse:.3f} m").style("white-space:nowrap")
             elif part.state != "done":

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import json
 import multiprocessing
+import os
+import re
 import shutil
 import threading
 import time
@@ -15,19 +17,29 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import AfterValidator, Field, TypeAdapter, ValidationError
 
+from locfuse.config.load import expected
 from locfuse.io.whole import whole_file
-from locfuse.studio.document import moved_to, text_of
+from locfuse.studio.compare import FIGURES, value_of
+from locfuse.studio.document import dotted, moved_to, text_of
 from locfuse.studio.estimators import Choice, variant
 from locfuse.studio.scene import Scene
 from locfuse.studio.work import CONFIG, FAILED, PLAY, Job, work
+from locfuse.studio.workspace import is_own
+from locfuse.types import shown
 
 ABOUT = "run.json"
-KEY = "^[a-z][a-z0-9_]{0,39}$"  # a folder of its own below that of the run, whatever the file has
 STATE = "^(waiting|running|writing|done|failed|cancelled)$"
 ENDED = ("done", "failed", "cancelled")
 _END_S = 5.0  # that a process is given to end by itself
+
+
+def plain_name(text: str) -> str:
+    """Return a text that can only name a folder below another; raise ValueError else."""
+    if not re.fullmatch("[a-z][a-z0-9_]{0,39}", text):
+        raise ValueError(f"{shown(text)} is no plain name; expected letters a-z, digits and _")
+    return text
 
 
 @dataclass
@@ -40,7 +52,7 @@ class Part:
     of ``metrics.json``, from ``writing`` on: never of a part of a run.
     """
 
-    key: Annotated[str, Field(pattern=KEY)]
+    key: Annotated[str, AfterValidator(plain_name)]
     name: str
     state: Annotated[str, Field(pattern=STATE)] = "waiting"
     share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
@@ -79,9 +91,14 @@ class Run:
         """Return where the results of one estimator are."""
         return self.folder / key
 
+    def file_of(self, key: str, name: str) -> Path | None:
+        """Return a file of one estimator; None if there is none, or it is a link."""
+        file = self.folder_of(key) / name
+        return file if is_own(file) else None
+
     def can_be_watched(self, key: str) -> bool:
         """Whether there is something to play of an estimator."""
-        return (self.folder_of(key) / PLAY).exists()
+        return self.file_of(key, PLAY) is not None
 
     def write(self) -> None:
         """Write what is known of it beside its results, whole or not at all."""
@@ -94,12 +111,13 @@ class Run:
 class Runner:
     """The runs of a workspace, of which one at a time is under way.
 
-    Each run has a folder of its number in `folder`; runs of before are found there.
+    Each run has a folder of its number in `folder`; runs of before are found there. `unread` says
+    what there is no run of ours.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.runs: list[Run] = _found_in(folder)
+        self.runs, self.unread = _found_in(folder)
         self.version = 0
         self._process: SpawnProcess | None = None
         self._cancelled = False
@@ -134,6 +152,8 @@ class Runner:
         if scene.waiting or scene.text_problems:
             raise ValueError("the scene has values that do not fit; mend or undo them first")
         number = 1 + max((run.number for run in self.runs), default=0)
+        while os.path.lexists(self.folder / f"{number:03}"):
+            number += 1  # what is no run of ours is not touched
         parts = [Part(choice.key, choice.name) for choice in chosen]
         run = Run(number, scene.config.name, self.folder / f"{number:03}", time.time(), parts)
         for choice in chosen:
@@ -221,7 +241,7 @@ class Runner:
 
 def _clear(folder: Path) -> None:
     """Leave of an estimator that was ended on its way what can be watched, and its scene."""
-    for file in () if folder.is_symlink() else folder.iterdir():
+    for file in folder.iterdir():
         if file.name not in (CONFIG, PLAY, FAILED) and not file.is_dir():
             file.unlink()
 
@@ -232,30 +252,56 @@ def _how(exitcode: int | None) -> str:
     return f"the process of the run ended without a result (exit status {exitcode})"
 
 
-def _found_in(folder: Path) -> list[Run]:
-    """Return the runs of before; those that were under way when the server ended are cancelled.
+def _found_in(folder: Path) -> tuple[list[Run], list[str]]:
+    """Return the runs of before, and why others are none; the folder may come from elsewhere.
 
-    The folder may come from elsewhere: what is no run of ours is left alone.
+    Those that were under way when the server ended are cancelled.
     """
-    found = []
-    for about in sorted(folder.glob(f"*/{ABOUT}")):
-        try:
-            said = json.loads(about.read_text(encoding="utf-8"))
-            parts = _PARTS.validate_json(json.dumps(said["parts"]), strict=True)
-            run = Run(int(about.parent.name), str(said["name"]), about.parent,
-                      float(said["began"]), parts)  # fmt: skip
-            time.localtime(run.began)
-        except (OSError, ValueError, TypeError, KeyError, OverflowError, ValidationError):
-            continue  # it is no run of ours, or of another version
-        folders = [run.folder, *(run.folder_of(part.key) for part in parts)]
-        if any(place.is_symlink() or not place.is_dir() for place in folders):
+    found, unread = [], []
+    for place in sorted(folder.iterdir()):
+        if not os.path.lexists(place / ABOUT):
             continue
-        for part in run.parts:
-            if part.state not in ENDED:
-                _clear(run.folder_of(part.key))
-                part.state = "cancelled"
-        found.append(run)
-    return found
+        try:
+            run = _read(place)
+        except ValidationError as error:
+            wrong = error.errors(include_url=False)[0]
+            unread.append(f"{place.name}: {dotted(wrong['loc'])}: {expected(wrong)}")
+        except (OSError, ValueError) as error:
+            unread.append(f"{place.name}: {error}")
+        else:
+            for part in run.parts:
+                if part.state not in ENDED:
+                    _clear(run.folder_of(part.key))
+                    part.state = "cancelled"
+            found.append(run)
+    return found, unread
 
 
-_PARTS = TypeAdapter(list[Part])
+def _read(folder: Path) -> Run:
+    """Return the run that a folder holds. Raises ValueError if it is none of ours."""
+    if not re.fullmatch("[0-9]{3,9}", folder.name) or folder.name != f"{int(folder.name):03}":
+        raise ValueError("is no number of a run")
+    if folder.is_symlink() or not is_own(folder / ABOUT):
+        raise ValueError(f"it, or its {ABOUT}, is a link")
+    about = _ABOUT.validate_json((folder / ABOUT).read_bytes(), strict=True)
+    for part in about.parts:
+        if (folder / part.key).is_symlink() or not (folder / part.key).is_dir():
+            raise ValueError(f"{part.key} is no folder")
+        try:
+            for figure in FIGURES:
+                value_of(figure, part.metrics)
+        except (AttributeError, KeyError, TypeError, ValueError, OverflowError):
+            raise ValueError(f"{part.key}: metrics are no figures") from None
+    return Run(int(folder.name), about.name, folder, about.began, about.parts)
+
+
+@dataclass
+class _About:
+    """What stands in `ABOUT`."""
+
+    name: str
+    began: Annotated[float, Field(ge=0.0, le=1e11)]
+    parts: list[Part]
+
+
+_ABOUT = TypeAdapter(_About)

@@ -85,7 +85,13 @@ def serve(
 
 def _alone_in(folder: Path) -> IO[str]:
     """Keep the folder from being used by two servers, of which the last would win."""
-    lock = (folder / ".lock").open("w")
+    try:
+        # Neither emptied nor followed: the folder may come from elsewhere.
+        lock = os.fdopen(os.open(folder / ".lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644))
+    except OSError as error:
+        raise ConfigError(
+            f"--folder {folder}: its .lock cannot be opened ({error.strerror}); remove it"
+        ) from None
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:

@@ -31,6 +31,9 @@ class Studio:
             self.scene.replace(taken)
         self.grounds = Grounds()
         self.runner = Runner(self.workspace.folder / "runs")
+        if unread := self.runner.unread:
+            ignored = f"runs/{unread[0]}" + (f"; {len(unread) - 1} more" if unread[1:] else "")
+            self.notice = "; ".join(filter(None, (self.notice, f"not read: {ignored}")))
         self._kept = -1
         self.keep()
 

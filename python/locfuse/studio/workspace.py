@@ -40,7 +40,10 @@ class Workspace:
     def __init__(self, folder: Path) -> None:
         self.folder = folder.absolute()
         try:
-            for name in ("maps", "logs", "runs"):
+            for name in ("maps", "logs", "runs", ".nicegui"):
+                if (self.folder / name).is_symlink():
+                    raise ConfigError(f"--folder {folder}: {name} is a link, which could lead out "
+                                      "of it; put a folder there")  # fmt: skip
                 (self.folder / name).mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise ConfigError(f"--folder {folder}: cannot be made ({error.strerror})") from None
@@ -53,8 +56,10 @@ class Workspace:
         """Return the scene as it was left, and what is wrong with its file, if anything is."""
         file = self.folder / CURRENT
         scene = Scene()
-        if not file.exists():
+        if not os.path.lexists(file):
             return scene, ""
+        if not is_own(file):
+            return scene, f"{CURRENT} is a link or no file, and was not read"
         try:
             text = file.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
@@ -78,7 +83,9 @@ class Workspace:
         file = self.folder / f"{_file_name(name.removesuffix('.yaml'))}.yaml"
         if file.name == CURRENT:
             raise ConfigError(f"{CURRENT} is what the studio keeps by itself; give another name")
-        if not replace and file.exists() and file.read_bytes() != scene.good_text.encode():
+        text = scene.good_text.encode()
+        taken = os.path.lexists(file) and not (is_own(file) and file.read_bytes() == text)
+        if taken and not replace:
             raise NameTakenError(f"{file.name} is another scene, which would be lost")
         _write(file, scene.good_text)
         return file
@@ -90,7 +97,7 @@ class Workspace:
         it is empty, or saved already. Raises ConfigError if it cannot be read.
         """
         current = self.folder / CURRENT
-        if not current.is_file():
+        if not is_own(current):
             return ""
         try:
             left = current.read_bytes()
@@ -109,12 +116,15 @@ class Workspace:
         return [f.stem for f in sorted(self._saved(), key=lambda f: -f.stat().st_mtime)]
 
     def _saved(self) -> list[Path]:
-        return [f for f in self.folder.glob("*.yaml") if f.name != CURRENT and f.is_file()]
+        return [f for f in self.folder.glob("*.yaml") if f.name != CURRENT and is_own(f)]
 
     def load(self, name: str) -> str:
         """Return the text of a saved scene."""
+        file = self.folder / f"{_file_name(name)}.yaml"
+        if not is_own(file):
+            raise ConfigError(f"{name}: there is no such scene, or it is a link")
         try:
-            return (self.folder / f"{_file_name(name)}.yaml").read_text(encoding="utf-8")
+            return file.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise ConfigError(f"{name}: cannot be read ({error})") from None
 
@@ -214,10 +224,15 @@ class Workspace:
     def _free(self, file: Path) -> Path:
         """Return a name that is not taken: scenes may still use the files of older ones."""
         number, found = 1, file
-        while found.exists() or found.with_suffix(".yaml").exists():
+        while os.path.lexists(found) or os.path.lexists(found.with_suffix(".yaml")):
             number += 1
             found = file.with_stem(f"{file.stem}-{number}")
         return found
+
+
+def is_own(file: Path) -> bool:
+    """Return whether there is a file that is no link, which could lead out of the folder."""
+    return file.is_file() and not file.is_symlink()
 
 
 def places(table: Columns, name: str, axes: str) -> dict[str, list[float]]:

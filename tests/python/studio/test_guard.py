@@ -70,6 +70,7 @@ def test_a_token_that_is_guessed_soon_is_refused() -> None:
 def test_pages_of_other_sites_are_not_answered() -> None:
     assert status(origin="http://evil.example", **KNOWN) == 403
     assert status(origin="null", **KNOWN) == 403
+    assert status(origin="http://[", **KNOWN) == 403
     assert status(origin="http://127.0.0.1:9999", **KNOWN) == 403
     assert status(origin="http://127.0.0.1:8642", **KNOWN) == 200
 

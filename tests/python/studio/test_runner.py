@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import multiprocessing
 import os
 import signal
 import time
@@ -19,6 +20,8 @@ from locfuse.io.maps import write_map
 from locfuse.report.results import write_results
 from locfuse.run.run import run
 from locfuse.sim.room import room_grid
+from locfuse.studio.bag import write_bag_of
+from locfuse.studio.document import text_of
 from locfuse.studio.estimators import CHOICES, choices, variant
 from locfuse.studio.runner import Run, Runner
 from locfuse.studio.scene import Scene
@@ -275,7 +278,11 @@ def test_a_key_that_is_no_plain_name_is_not_read_and_nothing_is_deleted(
     about = {"name": "x", "began": 0.0, "parts": [part]}
     (tmp_path / "runs/001/run.json").write_text(json.dumps(about))
 
-    assert Runner(tmp_path / "runs").runs == []
+    runner = Runner(tmp_path / "runs")
+
+    assert runner.runs == []
+    assert [said.partition(": ")[0] for said in runner.unread] == ["001"]
+    assert "parts.0.key" in runner.unread[0]
     assert (victim / "precious.txt").read_text() == "precious"
 
 
@@ -290,21 +297,86 @@ def test_a_run_that_is_a_link_to_elsewhere_is_not_read(tmp_path: Path, link: str
     place.parent.mkdir(parents=True)
     place.symlink_to(victim)
     (tmp_path / "runs/001/run.json").write_text(json.dumps(about))
+    before = sorted(victim.rglob("*"))
 
-    assert Runner(tmp_path / "runs").runs == []
-    assert len(list(victim.rglob("precious.txt"))) == 2
+    runner = Runner(tmp_path / "runs")
+    assert runner.runs == []
+    assert len(runner.unread) == 1
+
+    made = begin(runner, SHORT, "odometry")
+    runner.wait(WAIT_S)
+
+    assert made.folder == tmp_path / "runs/002"
+    assert sorted(victim.rglob("*")) == before
+
+
+@pytest.mark.parametrize("name", ["run.json", "odometry/play.json.gz", "odometry/report.html"])
+def test_a_file_of_a_run_that_is_a_link_is_not_followed(runner: Runner, name: str) -> None:
+    made = ended(runner)
+    (made.folder / name).rename(runner.folder.parent / "elsewhere")
+    (made.folder / name).symlink_to(runner.folder.parent / "elsewhere")
+
+    again = Runner(runner.folder)
+
+    if name == "run.json":
+        assert again.unread == ["001: it, or its run.json, is a link"]
+    else:
+        assert again.runs[0].file_of("odometry", Path(name).name) is None
+        assert again.runs[0].can_be_watched("odometry") == (name != "odometry/play.json.gz")
+
+
+def test_a_bag_is_not_written_through_a_link(tmp_path: Path) -> None:
+    (tmp_path / "precious").write_text("precious")
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run/scene.yaml").write_text(text_of(SHORT))
+    for name in (".part-drive.mcap", "drive.mcap"):
+        (tmp_path / "run" / name).symlink_to(tmp_path / "precious")
+    receiver, said = multiprocessing.Pipe(duplex=False)
+
+    write_bag_of(str(tmp_path / "run"), "drive.mcap", said)
+
+    assert receiver.recv() == ""
+    assert (tmp_path / "precious").read_text() == "precious"
+    assert not (tmp_path / "run/drive.mcap").is_symlink()
 
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"state": "x onclick=alert(1)"}, {"share": 2.0}, {"share": "1"}, {"metrics": []}],
+    [
+        {"state": "x onclick=alert(1)"},
+        {"share": 2.0},
+        {"share": "1"},
+        {"metrics": []},
+        {"metrics": {"position_rmse_m": "<b>"}},
+        {"metrics": {"counts": [1]}},
+        {"name": "\ud800"},
+    ],
 )
 def test_what_no_studio_writes_is_no_run(tmp_path: Path, wrong: dict[str, Any]) -> None:
     (tmp_path / "001/as_set").mkdir(parents=True)
     about = {"name": "x", "began": 0.0, "parts": [{"key": "as_set", "name": "x"} | wrong]}
     (tmp_path / "001/run.json").write_text(json.dumps(about))
 
-    assert Runner(tmp_path).runs == []
+    runner = Runner(tmp_path)
+
+    assert runner.runs == []
+    assert len(runner.unread) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [("001", "[" * 100_000), ("001", '{"name": "x", "began": NaN, "parts": []}'),
+     ("-1", '{"name": "x", "began": 0, "parts": []}'),
+     ("0001", '{"name": "x", "began": 0, "parts": []}')],
+)  # fmt: skip
+def test_a_file_of_anything_is_no_run(tmp_path: Path, name: str, text: str) -> None:
+    (tmp_path / name).mkdir()
+    (tmp_path / name / "run.json").write_text(text)
+
+    runner = Runner(tmp_path)
+
+    assert runner.runs == []
+    assert len(runner.unread) == 1
 
 
 def test_a_run_is_deleted_with_its_folder_and_its_number_is_not_used_again(runner: Runner) -> None:

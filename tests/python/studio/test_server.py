@@ -70,6 +70,16 @@ def test_a_folder_in_use_is_refused_and_the_scene_stays(kept: Path) -> None:
     assert (kept / "scene.yaml").read_text() == "name: of hours\nsimulation: {}\n"
 
 
+def test_a_lock_that_is_a_link_is_not_emptied(kept: Path) -> None:
+    (kept / ".lock").symlink_to(kept.parent / "other.yaml")
+
+    said = locfuse("studio", "--folder", kept, "--port", "1")
+
+    assert said.status == 1
+    assert "its .lock cannot be opened" in said.err
+    assert (kept.parent / "other.yaml").read_text() == "simulation: {duration_s: 3}\n"
+
+
 def test_a_configuration_that_is_none_is_refused(tmp_path: Path) -> None:
     (tmp_path / "bad.yaml").write_text("simulation: {duration_s: -1}\n")
 

@@ -149,6 +149,49 @@ def test_a_folder_that_cannot_be_made_is_reported(tmp_path: Path) -> None:
         Workspace(tmp_path / "file")
 
 
+@pytest.mark.parametrize("name", ["maps", "logs", "runs"])
+def test_a_folder_that_is_a_link_is_refused(tmp_path: Path, name: str) -> None:
+    (tmp_path / "studio").mkdir()
+    (tmp_path / "studio" / name).symlink_to(tmp_path)
+
+    with pytest.raises(ConfigError, match=f"{name} is a link"):
+        Workspace(tmp_path / "studio")
+
+
+def test_links_are_neither_read_nor_written_through(tmp_path: Path) -> None:
+    secret = tmp_path / "secret.yaml"
+    secret.write_text("name: secret\n")
+    Workspace(tmp_path / "studio")
+    for name in ("scene.yaml", "saved.yaml"):
+        (tmp_path / "studio" / name).symlink_to(secret)
+    (tmp_path / "studio/maps/floor.png").symlink_to(tmp_path / "planted")
+
+    studio = Studio(tmp_path / "studio")
+
+    assert studio.notice == "scene.yaml is a link or no file, and was not read"
+    assert studio.workspace.saved() == []
+    with pytest.raises(ConfigError, match="is a link"):
+        studio.workspace.load("saved")
+    with pytest.raises(NameTakenError):
+        studio.workspace.save(studio.scene, "saved")
+    studio.workspace.save(studio.scene, "saved", replace=True)
+    assert studio.workspace.add_map("floor.png", png(), 0.1, (0.0, 0.0))[0] == "maps/floor-2.yaml"
+    assert not (tmp_path / "planted").exists()
+    assert secret.read_text() == "name: secret\n"
+    assert "secret" not in studio.scene.text
+
+
+def test_runs_that_are_not_read_are_reported(tmp_path: Path) -> None:
+    for number in ("001", "002"):
+        (tmp_path / "studio/runs" / number).mkdir(parents=True)
+        (tmp_path / "studio/runs" / number / "run.json").write_text("{")
+
+    notice = Studio(tmp_path / "studio").notice
+
+    assert notice.startswith("not read: runs/001: ")
+    assert notice.endswith("; 1 more")
+
+
 def test_a_picture_becomes_a_map(workspace: Workspace) -> None:
     path, grid = workspace.add_map("Floor 1.png", png(), 0.1, (-1.0, 2.0))
 
