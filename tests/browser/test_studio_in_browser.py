@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import gzip
+import json
 import os
 import re
 import signal
@@ -652,6 +654,9 @@ def test_runs_are_compared_and_everything_can_be_had(
     for wrong in ("runs/9/odometry/scene.yaml", "runs/1/odometry/run.json", "runs/1/x/scene.yaml"):
         with pytest.raises(urllib.error.HTTPError, match="404"):
             page.served.get(f"studio/{wrong}")
+    browser.open(f"{page.served.address}studio/runs/1/odometry/report.html")
+    browser.wait("document.querySelector('.locfuse-player').player.duration > 0")
+    assert browser.console() == []
 
 
 def test_a_closed_browser_and_a_server_that_ends_lose_nothing(page: Page) -> None:
@@ -861,6 +866,52 @@ def test_it_is_visible_within_two_seconds_and_makes_no_external_request(
         url for url in asked if not re.match(rf"(http|ws)://127.0.0.1:{page.served.port}/", url)
     ] == []
     assert page.browser.console() == []
+
+
+HOSTILE = """x" innerHTML="<img src=q onerror=hacked=1>'><script>hacked=1</script>${hacked=1}"""
+
+
+def test_names_are_shown_as_text_whatever_they_hold(
+    browser: Browser, serve: Callable[..., Served], tmp_path: Path
+) -> None:
+    folder = tmp_path / "studio"
+    (folder / "runs/001/as_set").mkdir(parents=True)
+    (folder / "runs/002").mkdir()
+    (folder / "runs/001/as_set/report.html").write_text(
+        "<script>fetch('../../../scene.yaml').then(a => document.title = a.status,"
+        " () => document.title = 'refused')</script>"
+    )
+    packed = {"name": HOSTILE, "whole": True}
+    (folder / "runs/001/as_set/play.json.gz").write_bytes(
+        gzip.compress(json.dumps(packed).encode())
+    )
+    part: dict[str, Any] = {"key": "as_set", "name": HOSTILE, "state": "done", "error": HOSTILE,
+                            "metrics": {"position_rmse_m": 0.5}}  # fmt: skip
+    for number, key in (("001", "as_set"), ("002", HOSTILE)):
+        about = {"name": HOSTILE, "began": 0, "parts": [part | {"key": key}]}
+        (folder / "runs" / number / "run.json").write_text(json.dumps(about))
+    scene = {"name": HOSTILE, "description": HOSTILE, "simulation": {
+        "duration_s": 5, "anchors": {HOSTILE: [1.0, 1.0, 0.0]},
+        "landmarks": {HOSTILE: [5.0, 5.0]}}}  # fmt: skip
+    for name in ("scene.yaml", f"{HOSTILE.replace('/', '')}.yaml"):
+        (folder / name).write_text(yaml.safe_dump(scene))
+
+    page = Page(browser, serve()).open()
+    for place in ((1.0, 1.0), (5.0, 5.0)):
+        page.press(place)
+        page.shows("chosen-name", HOSTILE)
+    page.click("tab-open")
+    page.upload("scene", folder / f"{HOSTILE.replace('/', '')}.yaml")
+    page.wait_for_notification("is the scene now")
+    page.click("tab-run")
+    browser.wait("document.querySelector('.st-table')")
+
+    shown = str(browser.run("return document.body.innerText"))
+    assert shown.count(HOSTILE) >= 4
+    assert browser.run("return window.hacked") is None
+    assert browser.run("return document.querySelector('img[src=q]')") is None
+    browser.driver.get(page.served.address + "studio/runs/1/as_set/report.html")
+    browser.wait("document.title === 'refused' || document.title === '403'")
 
 
 def test_nothing_is_answered_without_the_token(

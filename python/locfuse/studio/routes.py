@@ -148,8 +148,9 @@ def _uploads(router: APIRouter, studio: Studio) -> None:
                 async for chunk in request.stream():
                     size += len(chunk)
                     if size > _MOST[kind]:
-                        return _wrong(f"{name} is larger than {_MOST[kind] / 1e6:g} MB; give its "
-                                      "path on this machine", 413)  # fmt: skip
+                        advice = "scale it down" if kind == "map" else "give its path instead"
+                        return _wrong(f"{name} is larger than {_MOST[kind] / 1e6:g} MB; {advice}",
+                                      413)  # fmt: skip
                     out.write(chunk)
             try:
                 said = await run_in_threadpool(_take, studio, kind, name, file, request)
