@@ -30,11 +30,8 @@ FILES = ("report.html", "config.yaml", "scene.yaml", "estimate.tum", "truth.tum"
 BAG = "drive.mcap"
 STATIC = {"editor.js": "text/javascript", "coverage.js": "text/javascript",
           "studio.js": "text/javascript", "studio.css": "text/css"}  # fmt: skip
-_LIMITS = {
-    "log": MAX_BYTES,
-    "map": 64_000_000,
-    "scene": MAX_BODY,
-}  # only a log is not read whole
+# Only a log is not held in memory.
+_MAX_UPLOAD = {"log": MAX_BYTES, "map": 64_000_000, "scene": MAX_BODY}
 # A report may come from elsewhere: its script must not be one of the studio's page.
 _ALONE = ("sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; "
           "style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'")  # fmt: skip
@@ -143,7 +140,7 @@ def _make_bag(folder: Path) -> None:
 def _uploads(router: APIRouter, studio: Studio) -> None:
     @router.post("/upload")
     async def upload(request: Request, kind: str, name: str) -> Response:
-        if kind not in _LIMITS:
+        if kind not in _MAX_UPLOAD:
             return _wrong(f"unknown kind of upload {kind!r}")
         with tempfile.TemporaryDirectory(dir=studio.base, prefix=".upload-") as folder:
             file = Path(folder, "file")
@@ -151,10 +148,10 @@ def _uploads(router: APIRouter, studio: Studio) -> None:
             with file.open("wb") as out:
                 async for chunk in request.stream():
                     size += len(chunk)
-                    if size > _LIMITS[kind]:
+                    if size > _MAX_UPLOAD[kind]:
+                        most = f"{name} is larger than {_MAX_UPLOAD[kind] / 1e6:g} MB"
                         advice = "scale it down" if kind == "map" else "give its path instead"
-                        return _wrong(f"{name} is larger than {_LIMITS[kind] / 1e6:g} MB; {advice}",
-                                      413)  # fmt: skip
+                        return _wrong(f"{most}; {advice}", 413)
                     out.write(chunk)
             try:
                 said = await run_in_threadpool(_take, studio, kind, name, file, request)
