@@ -59,7 +59,7 @@ class ClockJumpDetector {
   /// fallen silent, `jump_after` in a row do. One wrong stamp so makes no others stale.
   bool add_ahead(const TimelineEntry& entry) {
     const auto is_further = [&](const TimelineEntry& other) {
-      return other.stamp > entry.stamp && other.stamp - entry.stamp > kFarAhead;
+      return other.stamp > entry.stamp + kFarAhead;
     };
     ahead_.erase(std::remove_if(ahead_.begin(), ahead_.end(), is_further), ahead_.end());
     ahead_.push_back(entry);

@@ -32,7 +32,7 @@ class MessageHistory {
 
   /// Whether a message is more than a time [ns] after all before it.
   [[nodiscard]] bool is_ahead(Stamp stamp, Stamp by) const {
-    return !entries_.empty() && stamp > entries_.back().stamp && stamp - entries_.back().stamp > by;
+    return !entries_.empty() && stamp > entries_.back().stamp + by;
   }
 
   void clear() {
