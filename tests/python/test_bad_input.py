@@ -211,7 +211,6 @@ def test_a_bad_config_is_refused_in_one_sentence_that_names_file_and_key(
     ("config", "part"),
     [
         ("start_sigma: {xy_m: 1.0e-200}\nsimulation: {duration_s: 1}\n", "covariance"),
-        ("simulation: {duration_s: 1.0e+9, odometry: {rate_hz: 1.0e+6}}\n", "allocate"),
         ("estimator: {range: {sigma_m: 1.0e+200}}\nsimulation: {duration_s: 1}\n", "finite"),
         ("start: [1.0e+308, 1.0e+308, 0]\nsimulation: {duration_s: 1}\n", "finite"),
     ],
