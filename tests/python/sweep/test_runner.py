@@ -152,7 +152,7 @@ def test_a_sweep_that_was_killed_goes_on_to_the_same_table(tmp_path: Path) -> No
 
 def test_an_interrupt_ends_it_at_once_and_nothing_runs_on(tmp_path: Path) -> None:
     config = tmp_path / "room.yaml"
-    config.write_text("simulation: {duration_s: 200000}\n")  # a trial of minutes
+    config.write_text("simulation: {duration_s: 150000}\n")  # a trial of minutes
     command = [sys.executable, "-m", "locfuse", "sweep", str(config), "--trials=8", "--workers=1",
                f"--out={tmp_path / 'out'}"]  # fmt: skip
     # As from a terminal: what a shell starts in the background ignores interrupts.
