@@ -23,15 +23,24 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCE = ROOT / "tests" / "python" / "support_faults.c"
-KINDS = {"full disk": errno.ENOSPC, "input or output": errno.EIO, "kill": 0}
-SCENE = "name: {name}\nseed: {seed}\nsimulation: {{duration_s: 2}}\n"
-# What a command writes anew over results of before, and what both are compared by.
+KINDS = {
+    "full disk": errno.ENOSPC,
+    "input or output": errno.EIO,
+    "kill": 0,
+    "read-only": errno.EROFS,
+    "no permission": errno.EACCES,
+}
+SCENE = "name: {name}\nseed: {seed}\nsimulation: {{duration_s: 2, map: {{}}}}\n"
+# What a command writes anew over results of before; "studio" saves a scene.
 COMMANDS: dict[str, tuple[str, ...]] = {
     "run": ("run", "{config}", "--out", "{out}"),
     "convert": ("convert", "log", "{log}", "{out}"),
     "bag": ("convert", "log", "{log}", "{out}/drive.mcap"),
     "capsule": ("capsule", "{config}", "--out", "{out}/run.zip"),
+    "sweep": ("sweep", "{same}", "--out", "{out}", "--trials", "{trials}", "--workers", "1"),
+    "studio": (),
 }
+RESUMED = ("sweep",)  # what may be written in part, and is completed by the same command
 
 
 def preloaded(arguments: Sequence[str]) -> int:
@@ -69,7 +78,22 @@ def content(folder: Path) -> dict[str, bytes]:
     }
 
 
-def command_of(name: str, values: dict[str, Path], fault: tuple[int, int] | None, said: Path,
+def save_scene(values: dict[str, object]) -> None:
+    """Save the scene of a configuration as the studio does, in its words for what goes wrong."""
+    from locfuse.studio.scene import Scene
+    from locfuse.studio.workspace import Workspace
+    from locfuse.types import ConfigError
+
+    try:
+        scene = Scene()
+        scene.load_text(Path(str(values["config"])).read_text())
+        Workspace(Path(str(values["out"]))).save(scene, "hall", replace=True)
+    except (ConfigError, OSError) as error:
+        os.write(2, f"locfuse: {error}\n".encode())
+        raise SystemExit(1) from None
+
+
+def command_of(name: str, values: dict[str, object], fault: tuple[int, int] | None, said: Path,
                counted: Path | None = None) -> int:  # fmt: skip
     """Call a command in a copy of this process, with a fault or with none; return its status."""
     library = ctypes.CDLL(None)
@@ -83,7 +107,10 @@ def command_of(name: str, values: dict[str, Path], fault: tuple[int, int] | None
         os.dup2(file, 2)
         library.faults_arm(*(fault or (10**9, 0)))
         try:
-            app.main()
+            if name == "studio":
+                save_scene(values)
+            else:
+                app.main()
         finally:
             calls = library.faults_calls()
             library.faults_arm(-1, 0)
@@ -101,8 +128,10 @@ def check(name: str, count: int, folder: Path) -> list[str]:
     logs = {}
     for which in ("old", "new"):
         logs[which] = folder / f"log-{which}"
-        values = {"config": folder / f"{which}.yaml", "log": logs[which], "out": folder / which}
-        write_log_of(values["config"], logs[which])
+        config = folder / f"{which}.yaml"
+        values: dict[str, object] = {"config": config, "log": logs[which], "out": folder / which,
+                                     "same": folder / "old.yaml", "trials": 1 + seed}  # fmt: skip
+        write_log_of(config, logs[which])
         (folder / which).mkdir()
         if command_of(name, values, None, folder / "said", folder / "calls") != 0:
             return [f"{name} fails without a fault: {(folder / 'said').read_text()}"]
@@ -116,13 +145,20 @@ def check(name: str, count: int, folder: Path) -> list[str]:
         n = 1 + index * calls // count
         shutil.rmtree(out, ignore_errors=True)
         shutil.copytree(folder / "old", out)
-        values = {"config": folder / "new.yaml", "log": logs["new"], "out": out}
+        values = {**values, "out": out}
         status = command_of(name, values, (n, KINDS[kind]), folder / "said")
         statuses[status] += 1
         said = (folder / "said").read_text().strip()
         found = comparable(content(out))
         is_marked = "incomplete.txt" in found
         is_whole = found in (results["old"], results["new"])
+        if name in RESUMED:
+            is_whole = all(found[k] in (results["old"].get(k), results["new"].get(k, found[k]))
+                           for k in found)  # fmt: skip
+            again = command_of(name, values, None, folder / "said again")
+            if again != 0 or comparable(content(out)) != results["new"]:
+                wrong.append(f"{name}, {kind} at call {n}: is not resumed, status {again}: "
+                             f"{(folder / 'said again').read_text()[-200:]}")  # fmt: skip
         what = f"{name}, {kind} at call {n} of {calls}, status {status}"
         if not is_whole and not is_marked:
             names = sorted(k for k in found if found[k] != results["old"].get(k))
@@ -133,7 +169,7 @@ def check(name: str, count: int, folder: Path) -> list[str]:
             wrong.append(f"{what}: {said[-200:]}")
         if kind != "kill" and status == 1 and "locfuse:" not in said:
             wrong.append(f"{what}: no sentence: {said[-200:]}")
-        if kind != "kill" and status == 1 and "Errno" in said and "'" not in said:
+        if kind != "kill" and status == 1 and str(out) not in said:
             wrong.append(f"{what}: names no file: {said[-200:]}")
     if statuses[1] + statuses[-signal.SIGKILL] < count // 2:
         wrong.append(f"{name}: faults have no effect, exit statuses {dict(statuses)}")
@@ -143,8 +179,8 @@ def check(name: str, count: int, folder: Path) -> list[str]:
 
 
 def comparable(files: dict[str, bytes]) -> dict[str, bytes]:
-    """Leave out what two equal runs do not share: times in metrics and in the report."""
-    names_only = ("metrics.json", "report.html")
+    """Leave out what two equal runs do not share: times in metrics, report and tables of sweeps."""
+    names_only = ("metrics.json", "report.html", "summary.json", ".parquet")
     return {name: b"" if name.endswith(names_only) else data
             for name, data in files.items()}  # fmt: skip
 
@@ -166,7 +202,8 @@ def main() -> int:
     chosen = parser.parse_args()
     if not hasattr(ctypes.CDLL(None), "faults_arm"):
         return preloaded(sys.argv[1:])
-    for module in ("cli.app", "cli.run", "cli.convert", "cli.capsule", "report.plot"):
+    for module in ("cli.app", "cli.run", "cli.convert", "cli.capsule", "cli.sweep", "report.plot",
+                   "studio.workspace"):  # fmt: skip
         importlib.import_module(f"locfuse.{module}")  # once, for all that are forked
 
     wrong: list[str] = []

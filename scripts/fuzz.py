@@ -29,6 +29,7 @@ from passed import Passed, digest_of
 ROOT = Path(__file__).resolve().parent.parent
 WORK = ROOT / "build/fuzz"
 KEPT = ROOT / "fuzz/kept"
+DICTIONARY = ROOT / "fuzz/dictionary.py"
 KEPT_BYTES = 256  # of an input
 FILES = ("config", "log", "map", "bag")
 IN_CI = bool(os.environ.get("CI"))  # where the same state gives the same result, by a fixed seed
@@ -85,6 +86,7 @@ def fuzz(target: str, programs: Path, seconds: int) -> Result:
         begin(target, found)
     findings.mkdir(parents=True, exist_ok=True)
     log = WORK / f"{target}.log"
+    known = words(target)
     result = Result(target, 0, 0, 0.0, False, "")
     while result.seconds < seconds and not result.failed:
         with log.open("w") as output:
@@ -92,6 +94,7 @@ def fuzz(target: str, programs: Path, seconds: int) -> Result:
                 [
                     *command(target, programs),
                     *OPTIONS,
+                    *known,
                     f"-max_total_time={math.ceil(seconds - result.seconds)}",
                     f"-artifact_prefix={findings / target}-",
                     str(found),
@@ -114,6 +117,16 @@ def fuzz(target: str, programs: Path, seconds: int) -> Result:
             tail[-3000:],
         )
     return result
+
+
+def words(target: str) -> list[str]:
+    """Write the dictionary of a target that reads files; return the option that names it."""
+    if target not in FILES:
+        return []
+    file = WORK / f"{target}.dict"
+    of_target = [sys.executable, str(DICTIONARY), target]
+    file.write_bytes(subprocess.run(of_target, capture_output=True, check=True).stdout)
+    return [f"-dict={file}"]
 
 
 def keep(target: str, programs: Path) -> int:
@@ -154,7 +167,7 @@ def state(target: str, programs: Path, seconds: int) -> str:
     settings = repr((target, seconds, OPTIONS, ENVIRONMENT, sys.version))
     if target in FILES:
         settings += repr(sorted(f"{package.name} {package.version}" for package in distributions()))
-        files.append(ROOT / "fuzz/fuzz_files.py")
+        files += [ROOT / "fuzz/fuzz_files.py", DICTIONARY]
         package = ROOT / "python/locfuse"
         files += sorted(
             path

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import importlib
 import logging
+import os
 import signal
 import sys
 from typing import Annotated, Any
@@ -76,11 +77,18 @@ def main() -> None:
     except (ValueError, NumericalError, OSError, MemoryError) as error:
         from locfuse.cli.terminal import visible
 
-        print("locfuse:", visible(" ".join(str(error).split())) or "out of memory", file=sys.stderr)
+        said = " ".join(_text_of(error).split())
+        print("locfuse:", visible(said) or "out of memory", file=sys.stderr)
         sys.exit(1)
     finally:
         signal.signal(signal.SIGTERM, before)
         logging.getLogger("locfuse").removeHandler(notes)
+
+
+def _text_of(error: BaseException) -> str:
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        return f"{os.fsdecode(error.filename)}: {error.strerror}"
+    return str(error)
 
 
 def _version(wanted: bool) -> None:

@@ -8,8 +8,10 @@ import os
 import secrets
 import shutil
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+
+from locfuse.types import ConfigError
 
 INCOMPLETE = "incomplete.txt"
 PART, _STAGE = ".part-", ".writing-"
@@ -97,6 +99,23 @@ def _locked(folder: Path, how: int = 0) -> Iterator[None]:
         yield
     finally:
         os.close(opened)
+
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Hold a folder, made if missing, so that nobody else holds it.
+
+    Raises ConfigError if another program does.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with ExitStack() as held:
+        try:
+            held.enter_context(_locked(folder, fcntl.LOCK_NB))
+        except BlockingIOError:
+            raise ConfigError(
+                f"{folder}: another program is writing it; wait for it, or choose another folder"
+            ) from None
+        yield
 
 
 def sync(path: Path) -> None:

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from locfuse.config.schema import RunConfig
+from locfuse.io.whole import alone_in
 from locfuse.sweep.table import Folder, Trials, trials_of
 from locfuse.sweep.trial import Row, Trial, Work, empty_row, run_batch
 from locfuse.sweep.vary import Axis, Values, as_written, axes_of, with_values
@@ -82,7 +83,7 @@ def run_trials(
     Raises
     ------
     ConfigError
-        If a key or a value is not allowed, or `out` holds another sweep.
+        If a key or a value is not allowed, or `out` holds another sweep, or is being written.
     OSError
         If the executor stops. Finished trials are in `out`.
 
@@ -107,7 +108,24 @@ def run_trials(
     work = _work(config, axes, base, recovered_m)
     planned = plan(config, axes, trials)
     _check(config, work.data, axes, planned)
-    folder = None if out is None else Folder(out, _about(config, work, trials), axes)
+    if out is None:
+        return trials_of(_rows(work, planned, None, executor, workers, progress), axes)
+    with alone_in(out):
+        folder = Folder(out, _about(config, work, trials), axes)
+        rows = _rows(work, planned, folder, executor, workers, progress)
+        folder.put_together()
+    return trials_of(rows, axes)
+
+
+def _rows(
+    work: Work,
+    planned: Sequence[Trial],
+    folder: Folder | None,
+    executor: Executor | None,
+    workers: int | None,
+    progress: Progress | None,
+) -> list[Row]:
+    """Return the rows of all trials, of which those of the folder are there already."""
     rows = [] if folder is None else folder.rows
     done = {row["trial"] for row in rows}
     count = len(done)
@@ -119,7 +137,7 @@ def run_trials(
         if folder is not None:
             folder.add(found)
         if progress is not None:
-            progress(count, trials)
+            progress(count, len(planned))
 
     keep([])
     pending = deque(trial for trial in planned if trial.index not in done)
@@ -130,9 +148,7 @@ def run_trials(
         size = min(workers or processors(), len(pending))
         with one_thread_each():
             _OnProcesses(work, size, pending, keep).run()
-    if folder is not None:
-        folder.put_together()
-    return trials_of(rows, axes)
+    return rows
 
 
 def plan(config: RunConfig, axes: Sequence[Axis], trials: int) -> list[Trial]:

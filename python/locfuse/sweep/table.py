@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.io.whole import whole_file
+from locfuse.io.whole import PART, whole_file
 from locfuse.sweep.trial import INSTANTS, SCORES, Row
 from locfuse.sweep.vary import Axis
 from locfuse.types import ConfigError, FloatArray
@@ -20,6 +20,7 @@ from locfuse.types import ConfigError, FloatArray
 TABLE = "trials.parquet"
 ABOUT = "sweep.json"
 PARTS = "parts"
+BATCHES = "[0-9]*.parquet"  # in there; what a program that was killed left has another name
 MAX_PARTS = 200  # more are merged into the table
 NOT_REPEATED = ("wall_s",)  # columns that differ between runs of the same trial
 
@@ -91,9 +92,9 @@ def _kinds(axes: Sequence[Axis]) -> dict[str, str]:
 
 
 class Folder:
-    """A folder of a sweep: rows are added batch by batch and survive a crash.
+    """A folder of a sweep, of one program at a time: rows are added batch by batch, and stay.
 
-    ``sweep.json`` identifies the sweep. Each batch is a file in ``parts``, written atomically;
+    ``sweep.json`` identifies the sweep. Each batch is a file in ``parts``, written whole;
     ``trials.parquet`` holds the merged rows, in the end all of them.
 
     `path` is created if missing. `about` identifies the sweep, ready for JSON; ``trials`` may grow.
@@ -116,7 +117,9 @@ class Folder:
         self._schema = pa.schema([(name, types[kind]) for name, kind in _kinds(axes).items()])
         self._path = path
         _claim(path, about)
-        files = [*sorted((path / PARTS).glob("*.parquet")), path / TABLE]
+        for left in (path / PARTS).glob(f"{PART}*"):
+            left.unlink()
+        files = [*sorted((path / PARTS).glob(BATCHES)), path / TABLE]
         found = [row for file in files if file.is_file() for row in self._read(file)]
         self._rows: dict[int, Row] = {row["trial"]: row for row in found}
         self._parts = len(files) - 1
@@ -138,7 +141,7 @@ class Folder:
 
     def put_together(self) -> None:
         """Merge all rows into the table, in order of the trials, and remove the parts."""
-        parts = sorted((self._path / PARTS).glob("*.parquet"))
+        parts = sorted((self._path / PARTS).glob(BATCHES))
         self._write([self._rows[k] for k in sorted(self._rows)], self._path / TABLE)
         for part in parts:
             part.unlink()
@@ -147,9 +150,8 @@ class Folder:
     def _write(self, rows: Sequence[Row], file: Path) -> None:
         import pyarrow as pa
 
-        beside = file.with_suffix(".tmp")
-        self._parquet.write_table(pa.Table.from_pylist(list(rows), schema=self._schema), beside)
-        beside.replace(file)
+        with whole_file(file) as part:
+            self._parquet.write_table(pa.Table.from_pylist(list(rows), schema=self._schema), part)
 
     def _read(self, file: Path) -> list[Row]:
         try:

@@ -20,6 +20,7 @@ import pytest
 
 import support_sweep
 from locfuse.config.load import load_config
+from locfuse.io.whole import alone_in
 from locfuse.sweep import Trials, run_trials
 from locfuse.types import ConfigError
 from support_runs import room
@@ -244,6 +245,16 @@ def test_an_executor_that_is_gone_is_one_sentence(tmp_path: Path) -> None:
     ):
         with pytest.raises(OSError, match=f"{said}.*run the same again to resume"):
             run_trials(short_room(), 3, executor=Broken(error), out=tmp_path)
+
+
+def test_two_programs_do_not_write_one_sweep(tmp_path: Path) -> None:
+    with (
+        ThreadPoolExecutor(1) as pool,
+        alone_in(tmp_path / "out"),
+        pytest.raises(ConfigError, match="another program is writing it"),
+    ):
+        run_trials(short_room(), TRIALS, VARY, executor=pool, out=tmp_path / "out")
+    assert list((tmp_path / "out").iterdir()) == []
 
 
 def test_an_executor_that_runs_nothing_gives_rows_with_its_error() -> None:

@@ -54,8 +54,9 @@ def test_what_was_added_is_there_again(tmp_path: Path) -> None:
 
 def test_a_batch_that_was_being_written_is_not_there(tmp_path: Path) -> None:
     Folder(tmp_path, ABOUT_IT, AXES).add([row(0)])
-    (tmp_path / PARTS / "000000001.tmp").write_bytes(b"PAR1")
+    (tmp_path / PARTS / ".part-1a2b3c4d.parquet").write_bytes(b"PAR1")
     assert Folder(tmp_path, ABOUT_IT, AXES).rows == [row(0)]
+    assert [file.name for file in (tmp_path / PARTS).iterdir()] == ["000000000.parquet"]
 
 
 def test_a_table_that_was_written_before_its_parts_were_removed_counts_once(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
 
 from locfuse.eval.intervals import median_interval
 from locfuse.eval.scores import LEVELS
+from locfuse.io.whole import whole_file
 from locfuse.report.decimation import keep_cloud
 from locfuse.report.plot.style import (
     ANCHOR,
@@ -62,7 +63,8 @@ def draw_sweep(trials: Trials, folder: Path) -> list[Path]:
     for name, figure in drawn.items():
         if figure is not None:
             paths.append(folder / f"{name}.png")
-            save(figure, paths[-1])
+            with whole_file(paths[-1]) as part:
+                save(figure, part)
     return paths
 
 

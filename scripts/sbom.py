@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Write what the package consists of as a CycloneDX bill of materials: ``sbom.py FILE``.
+
+Its components are the Python packages that locfuse needs to run, as installed here, the Debian
+packages of the libraries that its extension loads, and of the headers that are compiled into it.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from pathlib import Path
+
+from cyclonedx.model.bom import Bom
+from cyclonedx.model.component import Component, ComponentType
+from cyclonedx.output.json import JsonV1Dot6
+from packageurl import PackageURL
+from packaging.requirements import Requirement
+
+from locfuse import _core
+
+HEADERS = ("libeigen3-dev", "libboost-dev", "libflann-dev")
+BUILD = ("pybind11",)  # headers, too
+
+
+def needed(names: list[str]) -> Iterator[Distribution]:
+    """Yield the distributions that some need, themselves included, each once."""
+    seen: set[str] = set()
+    while names:
+        name = names.pop().lower().replace("_", "-")
+        if name in seen:
+            continue
+        seen.add(name)
+        try:
+            found = distribution(name)
+        except PackageNotFoundError:
+            sys.exit(f"{name} is not installed; ./dev setup installs it")
+        yield found
+        for text in found.requires or []:
+            requirement = Requirement(text)
+            if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
+                names.append(requirement.name)
+
+
+def said(*command: str) -> str:
+    """Return the output of a command."""
+    return subprocess.run(command, capture_output=True, text=True, check=False).stdout
+
+
+def loaded(library: str) -> list[str]:
+    """Return the Debian packages of the libraries that one loads, in order of their names."""
+    paths = {str(Path(path).resolve()) for path in re.findall(r"=> (/\S+)", said("ldd", library))}
+    # What /lib was before it became a link to /usr/lib is found by its old name only.
+    owners = {path: said("dpkg", "-S", path) or said("dpkg", "-S", path.removeprefix("/usr"))
+              for path in paths}  # fmt: skip
+    if strange := sorted(path for path, owner in owners.items() if not owner):
+        sys.exit(f"no Debian package has {', '.join(strange)}")
+    return sorted({owner.split(":")[0] for owner in owners.values()})
+
+
+def component(name: str, version: str, url: PackageURL) -> Component:
+    """Return a library as a component."""
+    return Component(name=name, version=version, purl=url, bom_ref=str(url),
+                     type=ComponentType.LIBRARY)  # fmt: skip
+
+
+def bill() -> Bom:
+    """Return the bill of materials of the package as it is installed."""
+    ours, *others = needed(["locfuse"])
+    root = component("locfuse", ours.version, PackageURL("pypi", None, "locfuse", ours.version))
+    bom = Bom()
+    bom.metadata.component = root
+    parts = [
+        component(part.name, part.version, PackageURL("pypi", None, part.name, part.version))
+        for part in (*others, *map(distribution, BUILD))
+    ]
+    for name in (*loaded(_core.__file__), *HEADERS):
+        version = said("dpkg-query", "-W", "-f", "${Version}", name)
+        parts.append(component(name, version, PackageURL("deb", "debian", name, version)))
+    for part in parts:
+        bom.components.add(part)
+    bom.register_dependency(root, parts)
+    return bom
+
+
+if __name__ == "__main__":
+    found = bill()
+    JsonV1Dot6(found).output_to_file(sys.argv[1], allow_overwrite=True, indent=1)
+    print(f"{len(found.components)} components: {sys.argv[1]}")
