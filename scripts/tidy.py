@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Check sources by clang-tidy, except those that have passed as they are.
 
-Usage: tidy.py FOLDER_WITH_COMPILE_COMMANDS SOURCE ... A source that has passed is known by its
-text, the text of everything it includes, and the settings of clang-tidy; see passed.py.
+Usage: tidy.py FOLDER_WITH_COMPILE_COMMANDS SOURCE ... Sources of one room with the same flags are
+checked as one, which goes through their headers once: so no two of them may define the same name.
+What has passed is known by its text, the text of everything it includes, and the settings of
+clang-tidy; see passed.py.
 """
 
 from __future__ import annotations
@@ -12,37 +14,83 @@ import os
 import shlex
 import subprocess
 import sys
+from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
 from pathlib import Path
 
 from passed import Passed, digest_of
 
 ROOT = Path(__file__).resolve().parent.parent
+MAX_TOGETHER = 10
+OWN_IN_EACH = "Tuning"  # alias that many sources have
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Sources that are checked as one file, and how that is compiled."""
+
+    file: Path
+    sources: list[Path]
+    flags: list[str]
+
+    def write(self) -> None:
+        """Write the file, which includes them."""
+        lines = []
+        for number, source in enumerate(self.sources):
+            lines += [f"#define {OWN_IN_EACH} {OWN_IN_EACH}{number}",
+                      f'#include "{source}"  // NOLINT', f"#undef {OWN_IN_EACH}"]  # fmt: skip
+        self.file.write_text("\n".join(lines) + "\n")
+
+    @property
+    def name(self) -> str:
+        """What is printed of it."""
+        first = self.sources[0].relative_to(ROOT)
+        return str(first) if len(self.sources) == 1 else f"{len(self.sources)} from {first} on"
+
+
+def batches_of(build: Path, sources: list[Path]) -> list[Batch]:
+    """Return sources by room and flags, the largest batches first."""
+    alike: defaultdict[tuple[Path, tuple[str, ...]], list[Path]] = defaultdict(list)
+    seen = set()
+    for entry in json.loads((build / "compile_commands.json").read_text()):
+        source = Path(entry["file"])
+        if source not in sources:
+            continue
+        command = shlex.split(entry["command"])
+        flags = tuple(command[1 : command.index("-o")])
+        if (source, flags) not in seen:
+            seen.add((source, flags))
+            alike[source.parent, flags].append(source)
+    batches: list[Batch] = []
+    for (_, words), files in alike.items():
+        parts = -(-len(files) // MAX_TOGETHER)
+        for part in range(parts):
+            file = build / f"tidy_{len(batches)}.cpp"
+            batches.append(Batch(file.resolve(), sorted(files)[part::parts], list(words)))
+    return sorted(batches, key=lambda batch: -len(batch.sources))
 
 
 def main() -> int:
     """Check all, print what clang-tidy finds, and return 1 if it found something."""
-    build, *sources = sys.argv[1:]
-    commands = {
-        str(Path(entry["file"]).relative_to(ROOT)): (
-            shlex.split(entry["command"]),
-            entry["directory"],
-        )
-        for entry in json.loads((Path(build) / "compile_commands.json").read_text())
-        if Path(entry["file"]).is_relative_to(ROOT)
-    }
+    build = Path(sys.argv[1])
+    sources = [ROOT / name for name in sys.argv[2:]]
     version = subprocess.run(["clang-tidy", "--version"], capture_output=True, check=True).stdout
     settings = version + (ROOT / ".clang-tidy").read_bytes()
     passed = Passed("tidy")
+    batches = batches_of(build, sources)
+    missing = set(sources) - {source for batch in batches for source in batch.sources}
+    if missing:
+        sys.exit(f"not in {build}/compile_commands.json: {sorted(map(str, missing))}")
 
-    def digest(source: str) -> str:
-        words, folder = commands[source]
-        flags = " ".join(words).replace(str(ROOT), "").encode()
-        return digest_of(settings + flags, included(words, folder))
+    def digest(batch: Batch) -> str:
+        batch.write()
+        flags = " ".join(batch.flags).replace(str(ROOT), "").encode()
+        return digest_of(settings + flags, included(batch))
 
-    def check(source: str, mark: str) -> tuple[str, str]:
+    def check(batch: Batch, mark: str) -> tuple[str, str]:
         done = subprocess.run(
-            ["clang-tidy", "-p", build, "--quiet", "--extra-arg=-std=c++17", source],
+            ["clang-tidy", "--quiet", batch.file, "--", *batch.flags, "-std=c++17"],
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,  # counts what it does not report
             text=True,
@@ -54,26 +102,32 @@ def main() -> int:
 
     failed = False
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        marks = dict(zip(sources, pool.map(digest, sources), strict=True))
-        changed = {source: mark for source, mark in marks.items() if not passed.has(mark)}
-        print(f"clang-tidy: {len(sources) - len(changed)} of {len(sources)} have passed before")
-        running = {pool.submit(check, source, mark): source for source, mark in changed.items()}
+        marks = list(pool.map(digest, batches))
+        changed = [
+            (batch, mark)
+            for batch, mark in zip(batches, marks, strict=True)
+            if not passed.has(mark)
+        ]
+        print(f"clang-tidy: {len(batches) - len(changed)} of {len(batches)} have passed before")
+        running = {pool.submit(check, batch, mark): batch for batch, mark in changed}
         for count, done in enumerate(as_completed(running), 1):
             verdict, output = done.result()
             failed |= verdict != "ok"
             print(
-                f"[{count}/{len(changed)}] {running[done]}: {verdict}\n{output}", end="", flush=True
+                f"[{count}/{len(changed)}] {running[done].name}: {verdict}\n{output}",
+                end="",
+                flush=True,
             )
     return 1 if failed else 0
 
 
-def included(words: list[str], folder: str) -> list[Path]:
-    """Return a source and everything that it includes, with the system's headers."""
-    compiler = words.index("-o") if "-o" in words else len(words)
+def included(batch: Batch) -> list[Path]:
+    """Return the sources of a batch and everything that they include, with the system's headers."""
     rule = subprocess.run(
-        [*words[:compiler], "-M", words[-1]], cwd=folder, capture_output=True, text=True, check=True
+        ["c++", *batch.flags, "-M", batch.file], capture_output=True, text=True, check=True
     )
-    return [Path(folder, word) for word in rule.stdout.split(":", 1)[1].split() if word != "\\"]
+    files = rule.stdout.split(":", 1)[1].split()
+    return [Path(word) for word in files if word not in ("\\", str(batch.file))]
 
 
 if __name__ == "__main__":

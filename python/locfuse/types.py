@@ -41,6 +41,8 @@ class ConfigError(ValueError):
 # impossible dates, numbers and characters, and brackets without end.
 YAML_ERRORS = (ValueError, LookupError, AttributeError, TypeError, ArithmeticError, RecursionError)
 
+MAX_REASON = 200  # letters; some errors of other libraries quote what they could not read
+
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel = 2
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 100
@@ -67,6 +69,12 @@ def shown(value: object) -> str:
         return _SHORT.repr(value)
     except ValueError:
         return "an integer of too many digits"
+
+
+def words(error: BaseException) -> str:
+    """Return what an error says, on one line and not too long."""
+    reason = f"no field {error}" if isinstance(error, KeyError) else str(error)
+    return " ".join(reason.split())[:MAX_REASON]
 
 
 def no_folder(path: Path) -> str:

@@ -60,6 +60,16 @@ def test_yaml_that_grows_when_read_is_refused_at_once(
     assert len(str(caught.value)) < 2000
 
 
+def test_yaml_of_megabytes_is_refused_at_once(tmp_path: Path) -> None:
+    text = "tags:\n" + "".join(f"  t{i}: [0, 0, 1]\n" for i in range(150_000))
+    for name, read, kind in (("log.yaml", read_log_yaml, LogError),
+                             ("config.yaml", load_config, ConfigError),
+                             ("map.yaml", read_map, LogError)):  # fmt: skip
+        (tmp_path / name).write_text(text)
+        with pytest.raises(kind, match=rf"{name}.*characters of YAML, expected at most 2000000"):
+            read(tmp_path / name)
+
+
 def test_keys_may_be_merged_up_to_a_measure() -> None:
     both = f"a: {KEYS}\nb: {{<<: [*many, *many], own: 2}}"
     assert len(read_yaml(both)["b"]) == 501

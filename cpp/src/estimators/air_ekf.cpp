@@ -15,9 +15,7 @@
 namespace locfuse {
 namespace {
 
-using Transaction = internal::Transaction<3>;
-
-constexpr internal::AlwaysGaussian kGaussian;
+using AirTransaction = internal::Transaction<3>;
 
 double variance_of(const char* name, double sigma) {
   internal::sigma_in_bounds(name, sigma);
@@ -130,7 +128,7 @@ Outcome AirEkf::take(const Motion& u, double climb_rate) {
   if (recipe_->config.motion == AirMotion::kConstantVelocity) {
     return {Verdict::kIgnored};
   }
-  Transaction transaction(belief_, u.stamp);
+  AirTransaction transaction(belief_, u.stamp);
   lift(effective_stamp(u));
   const Outcome outcome =
       transaction.close(internal::take<Eigen::Dynamic>(*recipe_, odometry_, body_, belief_, u));
@@ -146,7 +144,7 @@ Outcome AirEkf::correct(Stamp stamp, const Gate& gate, const Noise& noise, Slots
   if (stamp < belief_.stamp) {
     return {Verdict::kStale};
   }
-  Transaction transaction(belief_, stamp);
+  AirTransaction transaction(belief_, stamp);
   advance_to(stamp);
   const auto lin = linearize();
   return transaction.close(lin ? internal::fuse(belief_, *lin, slots, gate, noise)
@@ -176,7 +174,7 @@ Outcome AirEkf::on(const Altitude& z) {
   if (!is_plausible(z, recipe_->config.limits)) {
     return {Verdict::kImplausible};
   }
-  return correct(z.stamp, recipe_->altitude_gate, kGaussian, height_,
+  return correct(z.stamp, recipe_->altitude_gate, internal::kGaussian, height_,
                  [&] { return std::optional(recipe_->altitude.linearize(height(), z)); });
 }
 
@@ -198,7 +196,7 @@ Outcome AirEkf::on(const RangeBearing& z) {
   using Sighting = std::optional<Linearization<Eigen::Dynamic, 4, 3>>;
   Vector<2> before = Vector<2>::Zero();
   const Outcome outcome =
-      correct(z.stamp, recipe_->landmark_gate, kGaussian, place_, [&]() -> Sighting {
+      correct(z.stamp, recipe_->landmark_gate, internal::kGaussian, place_, [&]() -> Sighting {
         if (landmark == nullptr) {
           return std::nullopt;
         }

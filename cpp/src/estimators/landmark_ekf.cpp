@@ -14,7 +14,7 @@
 namespace locfuse {
 namespace {
 
-using Transaction = internal::Transaction<Eigen::Dynamic>;
+using MapTransaction = internal::Transaction<Eigen::Dynamic>;
 
 int at_least(int least, const char* name, int value) {
   if (value < least) {
@@ -114,7 +114,7 @@ Outcome LandmarkEkf::on(const PositionFix& z) {
   if (z.stamp < belief_.stamp) {
     return {Verdict::kStale};
   }
-  Transaction transaction(belief_, z.stamp);
+  MapTransaction transaction(belief_, z.stamp);
   advance_to(z.stamp);
   const auto lin = recipe_->position.linearize(pose(), z);
   return transaction.close(lin ? update(belief_, *lin, body_, recipe_->position_gate)
@@ -150,7 +150,7 @@ std::vector<Outcome> LandmarkEkf::on_joint(const std::vector<RangeBearing>& sigh
   if (sightings.empty() || sightings.front().stamp < belief_.stamp) {
     return outcomes;
   }
-  Transaction transaction(belief_, sightings.front().stamp);
+  MapTransaction transaction(belief_, sightings.front().stamp);
   advance_to(sightings.front().stamp);
   const std::vector<int> tracks = associated(sightings, association);
   std::vector<bool> seen(tracks_.size(), false);

@@ -17,8 +17,6 @@ using internal::Transaction;
 
 namespace {
 
-constexpr internal::AlwaysGaussian kGaussian;
-
 /// A sighting of the landmark with the smallest NIS under the belief, if there is one.
 template <class Linearize>
 auto nearest(const GaussianBelief& belief, const LandmarkMap& map, const Linearize& linearize) {
@@ -110,8 +108,8 @@ Outcome PoseEkf::correct(std::optional<Source> source, Stamp stamp, const Gate& 
 template <class Linearize>
 Outcome PoseEkf::correct_by(const RangeBearing& z, Slots slots, const Linearize& linearize) {
   Vector<2> before = Vector<2>::Zero();
-  const Outcome outcome = correct(Source::kSightings, z.stamp, recipe_->landmark_gate, kGaussian,
-                                  slots, [&](const Pose2& pose) {
+  const Outcome outcome = correct(Source::kSightings, z.stamp, recipe_->landmark_gate,
+                                  internal::kGaussian, slots, [&](const Pose2& pose) {
                                     before = pose.position();
                                     return linearize(pose);
                                   });
@@ -279,7 +277,7 @@ Outcome PoseEkf::on(const Message& message) {
 }
 
 Outcome PoseEkf::fuse(Stamp stamp, const Linearization<Eigen::Dynamic, 3>& lin, const Gate& gate) {
-  return correct(std::nullopt, stamp, gate, kGaussian, body_,
+  return correct(std::nullopt, stamp, gate, internal::kGaussian, body_,
                  [&](const Pose2& /*pose*/) { return std::optional(lin); });
 }
 
@@ -298,7 +296,7 @@ Outcome PoseEkf::on_joint(const std::vector<Range>& epoch) {
         "robust_range, or errors of anchors as states, fuse them one by one");
   }
   return correct(
-      Source::kRanges, epoch.front().stamp, recipe_->range_gate, kGaussian, body_,
+      Source::kRanges, epoch.front().stamp, recipe_->range_gate, internal::kGaussian, body_,
       [&](const Pose2& pose) {
         using Joint = Linearization<Eigen::Dynamic, 3, kMaxJoint>;
         const auto n = static_cast<Eigen::Index>(epoch.size());

@@ -55,6 +55,7 @@ NoiseShape noise_of(const char* name, NoiseKind kind, const Config& config) {
 
 /// Stands for noise that no config can make anything but Gaussian.
 struct AlwaysGaussian {};
+inline constexpr AlwaysGaussian kGaussian;
 
 template <class Lin>
 Outcome fuse(GaussianBelief& belief, const Lin& lin, Slots slots, const Gate& gate,

@@ -9,10 +9,6 @@
 namespace locfuse::internal {
 namespace {
 
-// Every so many directions are computed exactly, the others by rotation from the one before:
-// accurate to 1e-14 in a tenth of the time.
-constexpr std::size_t kExactDirections = 64;
-
 // Minimum distance between the end points of two beams [cells].
 constexpr double kMinSpacing = 1e-6;
 

@@ -153,7 +153,7 @@ std::optional<Edge> edge_of(const Sweep& sweep, int end, int side, const Circle&
   return Edge{between.normalized(), static_cast<double>(side)};
 }
 
-struct Normal {
+struct CircleNormal {
   Matrix<3, 3> information = Matrix<3, 3>::Zero();
   Vector<3> gradient = Vector<3>::Zero();
   double misfit = 0.0;
@@ -166,7 +166,7 @@ struct Normal {
 };
 
 /// Adds the beams of a run; in scalars, as this is the hot loop.
-void add_beams(Normal& normal, const Sweep& sweep, const Run& run, const Circle& circle,
+void add_beams(CircleNormal& normal, const Sweep& sweep, const Run& run, const Circle& circle,
                const BeamNoise& noise) {
   double xx = 0.0, xy = 0.0, yy = 0.0, x = 0.0, y = 0.0, n = 0.0;
   Vector<3> gradient = Vector<3>::Zero();
@@ -193,7 +193,7 @@ void add_beams(Normal& normal, const Sweep& sweep, const Run& run, const Circle&
   normal.gradient += gradient;
 }
 
-void add_edge(Normal& normal, const Edge& edge, const Circle& circle, double step,
+void add_edge(CircleNormal& normal, const Edge& edge, const Circle& circle, double step,
               const BeamNoise& noise) {
   const double across = -edge.side * cross(edge.along, circle.centre);
   const double far = edge.along.dot(circle.centre);
@@ -204,7 +204,7 @@ void add_edge(Normal& normal, const Edge& edge, const Circle& circle, double ste
 }
 
 /// Step that solves the normal equations; of x and y alone if the radius is known.
-std::optional<Vector<3>> step_of(const Normal& normal, bool radius_known) {
+std::optional<Vector<3>> step_of(const CircleNormal& normal, bool radius_known) {
   Vector<3> step = Vector<3>::Zero();
   if (radius_known) {
     const Eigen::LLT<Matrix<2, 2>> solver(normal.information.topLeftCorner<2, 2>());
@@ -222,7 +222,7 @@ std::optional<Vector<3>> step_of(const Normal& normal, bool radius_known) {
   return step.allFinite() ? std::optional<Vector<3>>(step) : std::nullopt;
 }
 
-Matrix<3, 3> covariance_of(const Matrix<3, 3>& information, bool radius_known) {
+Matrix<3, 3> circle_covariance(const Matrix<3, 3>& information, bool radius_known) {
   Matrix<3, 3> P = Matrix<3, 3>::Zero();
   if (radius_known) {
     P.topLeftCorner<2, 2>() =
@@ -376,7 +376,7 @@ bool passes(const Ray& ray, const Circle& circle, double margin) {
 std::optional<CircleFit> fit_circle(const Sweep& sweep, const Run& run, const Circle& start,
                                     bool radius_known, const BeamNoise& noise) {
   Circle circle = start;
-  Normal normal;
+  CircleNormal normal;
   std::optional<Edge> edges[2];
   for (int k = 0; k < Tuning::kMaxIterations; ++k) {
     normal = {};
@@ -409,7 +409,7 @@ std::optional<CircleFit> fit_circle(const Sweep& sweep, const Run& run, const Ci
     return std::nullopt;
   }
   return CircleFit{circle,
-                   covariance_of(normal.information, radius_known),
+                   circle_covariance(normal.information, radius_known),
                    normal.misfit,
                    dof,
                    edges[0].has_value(),

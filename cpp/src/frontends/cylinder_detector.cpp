@@ -13,6 +13,7 @@
 #include "frontends/circle_fit.hpp"
 #include "locfuse/math/angle.hpp"
 #include "locfuse/math/chi_squared.hpp"
+#include "math/refuse.hpp"
 
 namespace locfuse {
 namespace {
@@ -89,9 +90,7 @@ struct CylinderDetectorTuning {
 using Tuning = CylinderDetectorTuning;
 
 [[noreturn]] void refuse(const char* what, double value, const std::string& expected) {
-  std::ostringstream text;
-  text << "CylinderDetectorConfig." << what << " is " << value << ", expected " << expected;
-  throw std::invalid_argument(text.str());
+  internal::refuse(std::string("CylinderDetectorConfig.") + what, value, expected);
 }
 
 void require(const char* what, double value, double min) {

@@ -10,12 +10,14 @@
 #include <utility>
 
 #include "frontends/local_map_fit.hpp"
+#include "math/refuse.hpp"
 
 namespace locfuse {
 namespace {
 
 using internal::LinePoint;
 using internal::Prior;
+using internal::refuse;
 
 /// Constants of LocalMap; docs/models/scan_matching.md, "Without a map".
 struct LocalMapTuning {
@@ -34,12 +36,6 @@ struct LocalMapTuning {
 };
 
 using Tuning = LocalMapTuning;
-
-[[noreturn]] void refuse(const char* what, double value, const char* expected) {
-  std::ostringstream text;
-  text << what << " is " << value << ", expected " << expected;
-  throw std::invalid_argument(text.str());
-}
 
 void require_length(const char* what, double value, double max, const char* expected) {
   if (!(value >= Tuning::kMinLength && value <= max)) {

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "math/median.hpp"
+
 namespace locfuse::internal {
 namespace {
 
@@ -52,9 +54,6 @@ struct LocalMapFitTuning {
 
 using Tuning = LocalMapFitTuning;
 
-/// Standard deviation of a normal variable over the median of its magnitude.
-constexpr double kSigmaPerMedian = 1.4826;
-
 /// End of a beam and its match.
 struct Pair {
   Vector<2> off;     // from the match to the end
@@ -67,7 +66,7 @@ struct Pair {
 };
 
 /// Normal equations over (x, y, heading).
-struct Normal {
+struct MapNormal {
   Matrix<3, 3> H = Matrix<3, 3>::Zero();
   Vector<3> g = Vector<3>::Zero();
   double lever = 0.0;  // sum of weighted squared distances to the body
@@ -116,7 +115,7 @@ class Fitting {
       const bool subsample = kernel > Tuning::kSubsampledKernelSigmas * sigma &&
                              beams_.size() >= Tuning::kMinSubsampledBeams;
       pair_up(kernel, subsample ? Tuning::kSubsampleStride : 1);
-      const Normal normal = accumulate(kernel);
+      const MapNormal normal = accumulate(kernel);
       if (normal.matches < Tuning::kMinMatches) {
         return ended(ScanMatch::Reason::kTooFewMatches);
       }
@@ -212,10 +211,10 @@ class Fitting {
     return std::max(*at, inlier);
   }
 
-  Normal accumulate(double kernel) {
+  MapNormal accumulate(double kernel) {
     const double c = kernel / (std::sqrt(2.0) * config_.sigma_range_m);
     const double bound = trimmed();
-    Normal normal;
+    MapNormal normal;
     for (const Pair& pair : pairs_) {
       if (pair.squared <= bound) {
         const double damping = 1.0 + pair.squared / (c * c);
@@ -225,8 +224,8 @@ class Fitting {
     return normal;
   }
 
-  Normal accumulate_inliers() {
-    Normal normal;
+  MapNormal accumulate_inliers() {
+    MapNormal normal;
     for (const Pair& pair : pairs_) {
       if (pair.squared <= Tuning::kInlierSigmas * Tuning::kInlierSigmas * scale_ * scale_) {
         normal.add(pair, 1.0 / (scale_ * scale_ * pair.variance));
@@ -235,7 +234,7 @@ class Fitting {
     return normal;
   }
 
-  double step(const Normal& normal, double damping) {
+  double step(const MapNormal& normal, double damping) {
     const Observed observed = normal.observed_part();
     const Vector<3> moved = damping * newton_step(observed, prior_, match_.pose);
     match_.pose = retract(match_.pose, observed.per_scale.cwiseProduct(moved));
@@ -267,7 +266,7 @@ class Fitting {
 
   ScanMatch finished() {
     pair_up(floor(), 1);
-    const Normal normal = accumulate_inliers();
+    const MapNormal normal = accumulate_inliers();
     if (normal.matches < Tuning::kMinMatches) {
       return ended(ScanMatch::Reason::kTooFewMatches);
     }

@@ -13,6 +13,7 @@
 #include "frontends/scan_refine.hpp"
 #include "frontends/scan_search.hpp"
 #include "maps/given.hpp"
+#include "math/refuse.hpp"
 
 namespace locfuse {
 namespace {
@@ -20,12 +21,7 @@ namespace {
 using internal::Beams;
 using internal::Fit;
 using internal::Prior;
-
-[[noreturn]] void refuse(const char* what, double value, const char* expected) {
-  std::ostringstream text;
-  text << what << " is " << value << ", expected " << expected;
-  throw std::invalid_argument(text.str());
-}
+using internal::refuse;
 
 void require_share(const char* what, double value) {
   if (!(value >= 1e-12 && value < 1.0)) {

@@ -8,19 +8,16 @@
 #include <vector>
 
 #include "locfuse/math/symmetric.hpp"
+#include "math/refuse.hpp"
 
 namespace locfuse {
 namespace {
 
+using internal::refuse;
+
 constexpr double kMaxWindow = 1e6;   // bound of the poses that LocalMap takes [m]
 constexpr double kMinSigma = 1e-6;   // of odometry [m], [rad]
 constexpr double kRounding = 1e-12;  // magnitude of a negative eigenvalue that may be 0
-
-[[noreturn]] void refuse(const char* what, double value, const char* expected) {
-  std::ostringstream text;
-  text << what << " is " << value << ", expected " << expected;
-  throw std::invalid_argument(text.str());
-}
 
 ScanOdometryConfig checked(const ScanOdometryConfig& config) {
   if (config.window_scans < 1) {

@@ -5,6 +5,8 @@
 #include <array>
 #include <cmath>
 
+#include "math/median.hpp"
+
 namespace locfuse::internal {
 namespace {
 
@@ -67,18 +69,15 @@ struct ScanRefineTuning {
 
 using Tuning = ScanRefineTuning;
 
-/// Standard deviation of a normal variable over the median of its magnitude.
-constexpr double kSigmaPerMedian = 1.4826;
-
 /// Normal equations over (x, y, heading, offset); docs/models/scan_matching.md.
-struct Normal {
+struct ScanNormal {
   Matrix<4, 4> H = Matrix<4, 4>::Zero();
   Vector<4> g = Vector<4>::Zero();
   double lever = 0.0;  // sum of weighted squared distances to the body
   double weight = 0.0;
 };
 
-using Line = ScanMap::CompactLine;
+using CompactLine = ScanMap::CompactLine;
 
 /// Wall lines matched with the end points, and their residuals.
 class Walls {
@@ -91,9 +90,9 @@ class Walls {
   }
 
   /// Takes the first `count` targets.
-  void gather(const std::vector<Line>& lines, std::size_t count) {
+  void gather(const std::vector<CompactLine>& lines, std::size_t count) {
     for (std::size_t i = 0; i < count; ++i) {
-      const Line& line = lines[static_cast<std::size_t>(targets[i])];
+      const CompactLine& line = lines[static_cast<std::size_t>(targets[i])];
       x_[i] = line.x;
       y_[i] = line.y;
       nx_[i] = line.nx;
@@ -136,7 +135,7 @@ class Refinement {
     double kernel = capture;
     bool narrow = false;
     for (fit_.iterations = 1; fit_.iterations <= max_iterations; ++fit_.iterations) {
-      const Normal normal = accumulate(
+      const ScanNormal normal = accumulate(
           kernel, false, !narrow && kernel > Tuning::kSubsampledKernel ? subsampled_ : all_);
       if (matches_ < Tuning::kMinMatches) {
         return ended(ScanMatch::Reason::kTooFewMatches);
@@ -194,7 +193,7 @@ class Refinement {
 
   /// Normal equations of eq. (4) and (5), weighted by eq. (6) and a smooth kernel, or, if `hard`,
   /// with full weight within `kernel`.
-  Normal accumulate(double kernel, bool hard, const BeamColumns& columns) {
+  ScanNormal accumulate(double kernel, bool hard, const BeamColumns& columns) {
     const double reach = std::min(std::max(Tuning::kReachKernels * kernel, Tuning::kMinReach),
                                   static_cast<double>(field_.margin_cells()));
     const Vector<2> laser = Pose2{0.0, 0.0, fit_.pose.heading}.act(beams_.laser);
@@ -215,8 +214,8 @@ class Refinement {
     return normal_of(sums);
   }
 
-  Normal normal_of(const LaneSums& sums) {
-    Normal normal;
+  ScanNormal normal_of(const LaneSums& sums) {
+    ScanNormal normal;
     normal.H << sums.xx, sums.xy, sums.xt, -sums.x,  //
         sums.xy, sums.yy, sums.yt, -sums.y,          //
         sums.xt, sums.yt, sums.tt, -sums.t,          //
@@ -231,7 +230,7 @@ class Refinement {
   }
 
   /// Eq. (7): the scan's information on the pose, the offset eliminated.
-  [[nodiscard]] static Observed reduce(const Normal& normal) {
+  [[nodiscard]] static Observed reduce(const ScanNormal& normal) {
     const Vector<3> h = normal.H.block<3, 1>(0, 3);
     return observed(normal.H.topLeftCorner<3, 3>() - h * h.transpose() / normal.H(3, 3),
                     normal.g.head<3>() - h * (normal.g(3) / normal.H(3, 3)),
@@ -239,7 +238,7 @@ class Refinement {
   }
 
   /// One step over the directions that scan or prior observe. Returns its length [cells].
-  double step(const Normal& normal, double damping) {
+  double step(const ScanNormal& normal, double damping) {
     const Observed reduced = reduce(normal);
     const Vector<3> moved = damping * newton_step(reduced, prior_, fit_.pose);
     const Vector<3> delta = reduced.per_scale.cwiseProduct(moved);
@@ -321,7 +320,7 @@ class Refinement {
   }
 
   const DistanceField& field_;
-  const std::vector<Line>& lines_;
+  const std::vector<CompactLine>& lines_;
   const Beams& beams_;
   const Prior& prior_;
   bool exact_;

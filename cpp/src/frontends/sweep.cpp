@@ -4,14 +4,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "frontends/beams.hpp"
 #include "locfuse/math/angle.hpp"
 
 namespace locfuse::internal {
 namespace {
-
-// Every so many directions are computed exactly, the others by rotation from the one before:
-// accurate to 1e-14 in a tenth of the time.
-constexpr std::size_t kExactDirections = 64;
 
 // Maximum number of beams of a turn, and the deviation of a closed turn from 2 pi [steps].
 constexpr double kMaxBeamsAround = 1e6;

@@ -7,11 +7,13 @@
 #include <string>
 #include <utility>
 
+#include "maps/max_length.hpp"
+
 namespace locfuse {
 namespace {
 
-constexpr double kMaxLength = 1e12;  // magnitude of coordinates and lengths [m]
-constexpr double kMinScale = 1e-6;   // of ranges
+using internal::kMaxLength;
+constexpr double kMinScale = 1e-6;  // of ranges
 constexpr double kMaxScale = 1e6;
 
 }  // namespace

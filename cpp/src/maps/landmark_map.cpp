@@ -7,10 +7,12 @@
 #include <string>
 #include <utility>
 
+#include "maps/max_length.hpp"
+
 namespace locfuse {
 namespace {
 
-constexpr double kMaxLength = 1e12;  // magnitude of coordinates and lengths [m]
+using internal::kMaxLength;
 
 }  // namespace
 

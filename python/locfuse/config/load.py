@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from locfuse.config.safe_yaml import StrictYamlLoader
 from locfuse.config.schema import RunConfig
-from locfuse.types import YAML_ERRORS, ConfigError, nearest, shown
+from locfuse.types import YAML_ERRORS, ConfigError, nearest, shown, words
 
 MAX_SENTENCES = 20
 
@@ -73,7 +73,7 @@ def read_yaml(text: str, origin: str = "config") -> Any:
         mark = getattr(error, "problem_mark", None)
         line = None if mark is None else mark.line + 1
         where = origin if line is None else f"{origin}, line {line}"
-        what = getattr(error, "problem", None) or " ".join(str(error).split())
+        what = getattr(error, "problem", None) or words(error)
         raise YamlError(f"{where}: is not valid YAML ({what})", line) from None
     except YAML_ERRORS as error:
         raise YamlError(f"{origin}: is not valid YAML ({error})", None) from None

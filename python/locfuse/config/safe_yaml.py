@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""SafeLoader with limits on merge keys and number length."""
+"""SafeLoader with limits on size, merge keys and number length."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 import yaml
 
+MAX_LETTERS = 2_000_000  # some 20 s and 300 MB
 MAX_NUMBER_LENGTH = 300  # characters: still printable, and a float as powers of 60
 MAX_MERGED_KEYS = 1000  # per mapping, nested merges included
 _NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
@@ -17,7 +18,12 @@ HALF_OF_A_PAIR = re.compile("[\ud800-\udfff]")
 
 
 class StrictYamlLoader(yaml.SafeLoader):
-    """SafeLoader with limits on merge keys and number length, without unpaired surrogates."""
+    """SafeLoader with limits on size, merge keys and number length, without unpaired surrogates."""
+
+    def __init__(self, text: str | bytes) -> None:
+        if len(text) > MAX_LETTERS:
+            raise yaml.YAMLError(f"{len(text)} characters of YAML, expected at most {MAX_LETTERS}")
+        super().__init__(text)
 
     def compose_scalar_node(self, anchor: Any) -> yaml.ScalarNode:
         node: yaml.ScalarNode = super().compose_scalar_node(anchor)

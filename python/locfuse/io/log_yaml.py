@@ -14,7 +14,7 @@ import yaml
 from locfuse.config.safe_yaml import StrictYamlLoader
 from locfuse.io.csv_table import read_bytes
 from locfuse.io.whole import whole_file
-from locfuse.types import YAML_ERRORS, LogError, nearest, shown
+from locfuse.types import YAML_ERRORS, LogError, nearest, shown, words
 
 KEYS = ("tags", "laser", "landmark_sensor", "map", "description", "licence")
 LASER_KEYS = (
@@ -65,7 +65,7 @@ def load_yaml(path: Path) -> Any:
     try:
         return yaml.load(data, _Loader)
     except yaml.YAMLError as error:
-        raise LogError(f"{path}: {' '.join(str(error).split())}") from error
+        raise LogError(f"{path}: {words(error)}") from error
     except YAML_ERRORS as error:
         raise LogError(f"{path}, {error}") from error
 

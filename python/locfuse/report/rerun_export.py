@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against, interpolate
+from locfuse.io.whole import whole_file
 from locfuse.report.palette import ANCHOR, ELLIPSE_SIGMAS, ESTIMATE, MUTED, REJECTED, TRUTH
 from locfuse.report.player.messages import seen_of
 from locfuse.report.text import start_ns
@@ -63,8 +64,14 @@ def write_rerun(result: RunResult, path: Path) -> Path:
     check_rerun(path)
     rr = _library()
     path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_file(path) as part:
+        _write(rr, result, part)
+    return path
+
+
+def _write(rr: Any, result: RunResult, part: Path) -> None:
     stream = rr.RecordingStream("locfuse")
-    stream.save(path, default_blueprint=_blueprint(rr, result))
+    stream.save(part, default_blueprint=_blueprint(rr, result))
     stream.send_recording_name(str(result.config.get("name") or "run"))
     writer = _Writer(rr, stream, start_ns(result))
     writer.world(result.log)
@@ -83,7 +90,6 @@ def write_rerun(result: RunResult, path: Path) -> Path:
     writer.messages(result)
     stream.flush()
     stream.disconnect()
-    return path
 
 
 def _library() -> Any:

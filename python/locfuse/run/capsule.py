@@ -28,7 +28,7 @@ from locfuse.io.log_yaml import load_yaml
 from locfuse.io.result_tables import write_estimate, write_outcomes
 from locfuse.io.whole import whole_file
 from locfuse.run.run import Progress, load_log, run
-from locfuse.types import ConfigError, Log, LogError, shown
+from locfuse.types import ConfigError, Log, LogError, shown, words
 
 FORMAT = 1
 ABOUT, CONFIG, ESTIMATE, OUTCOMES, ERROR = ("capsule.json", "config.yaml", "estimate.csv",
@@ -229,8 +229,7 @@ def read_capsule(path: str | Path) -> Capsule:
             raise kind(f"{path}: {str(error).replace(f'{unpacked}/', '')}") from error
         except (OSError, EOFError, ValueError, RuntimeError, struct.error, zlib.error,
                 zipfile.BadZipFile, yaml.YAMLError) as error:  # fmt: skip
-            said = " ".join(str(error).split())
-            raise LogError(f"{path}: no capsule, or damaged ({said})") from error
+            raise LogError(f"{path}: no capsule, or damaged ({words(error)})") from error
         return Capsule(about, config, log, result)
 
 

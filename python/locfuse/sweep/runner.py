@@ -24,7 +24,7 @@ from locfuse.sweep.table import Folder, Trials, trials_of
 from locfuse.sweep.trial import Row, Trial, Work, empty_row, run_batch
 from locfuse.sweep.vary import Axis, Values, as_written, axes_of, with_values
 from locfuse.sweep.workers import ProcessPool, one_thread_each, processors
-from locfuse.types import ConfigError
+from locfuse.types import ConfigError, words
 
 BATCH_S = 1.0  # duration of a batch; large against the milliseconds of a scheduler
 MAX_IN_BATCH = 64
@@ -300,7 +300,7 @@ class _Submission:
             if self._tries[trial.index] < TRIES:
                 self._suspects.append(trial)
                 continue
-            said = " ".join(str(error).split())
+            said = words(error)
             row = empty_row(self._work.axes, trial)
             self._keep([{**row, "error": f"its worker ended: {type(error).__name__}: {said}"}])
 

@@ -196,6 +196,16 @@ def test_a_size_that_lies_does_not_help(path: Path, tmp_path: Path) -> None:
         read_capsule(tmp_path / "lies.zip")
 
 
+def test_of_a_name_of_kilobytes_only_a_part_is_shown(path: Path, tmp_path: Path) -> None:
+    data = bytearray(packed(files_of(path), path).read_bytes())
+    at = data.index(b"PK\x03\x04")
+    data[at + 26 : at + 28] = (30_000).to_bytes(2, "little")  # length of the name in its header
+    (tmp_path / "long.zip").write_bytes(data + b"\0" * 30_000)
+    with pytest.raises(LogError, match=r"long\.zip: no capsule, or damaged") as error:
+        read_capsule(tmp_path / "long.zip")
+    assert len(str(error.value)) < 500
+
+
 def test_yaml_that_grows_is_refused(path: Path, tmp_path: Path) -> None:
     rows = [
         "a0: &a0 [x]",

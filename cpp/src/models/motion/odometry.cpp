@@ -9,7 +9,7 @@
 namespace locfuse {
 namespace {
 
-double variance_of(const char* name, double sigma) {
+double variance_in_bounds(const char* name, double sigma) {
   internal::sigma_in_bounds(std::string("odometry.") + name, sigma);
   return sigma * sigma;
 }
@@ -17,17 +17,20 @@ double variance_of(const char* name, double sigma) {
 }  // namespace
 
 OdometryMotion::OdometryMotion(const Config& config)
-    : longitudinal_per_m_(
-          variance_of("sigma_longitudinal_per_sqrt_m", config.sigma_longitudinal_per_sqrt_m)),
-      lateral_per_m_(variance_of("sigma_lateral_per_sqrt_m", config.sigma_lateral_per_sqrt_m)),
-      heading_per_m_(variance_of("sigma_heading_per_sqrt_m", config.sigma_heading_per_sqrt_m)),
+    : longitudinal_per_m_(variance_in_bounds("sigma_longitudinal_per_sqrt_m",
+                                             config.sigma_longitudinal_per_sqrt_m)),
+      lateral_per_m_(
+          variance_in_bounds("sigma_lateral_per_sqrt_m", config.sigma_lateral_per_sqrt_m)),
+      heading_per_m_(
+          variance_in_bounds("sigma_heading_per_sqrt_m", config.sigma_heading_per_sqrt_m)),
       heading_per_rad_(
-          variance_of("sigma_heading_per_sqrt_rad", config.sigma_heading_per_sqrt_rad)),
-      longitudinal_per_s_(
-          variance_of("sigma_longitudinal_per_sqrt_s", config.sigma_longitudinal_per_sqrt_s) +
-          variance_of("sigma_xy_per_sqrt_s", config.sigma_xy_per_sqrt_s)),
-      xy_per_s_(variance_of("sigma_xy_per_sqrt_s", config.sigma_xy_per_sqrt_s)),
-      heading_per_s_(variance_of("sigma_heading_per_sqrt_s", config.sigma_heading_per_sqrt_s)) {}
+          variance_in_bounds("sigma_heading_per_sqrt_rad", config.sigma_heading_per_sqrt_rad)),
+      longitudinal_per_s_(variance_in_bounds("sigma_longitudinal_per_sqrt_s",
+                                             config.sigma_longitudinal_per_sqrt_s) +
+                          variance_in_bounds("sigma_xy_per_sqrt_s", config.sigma_xy_per_sqrt_s)),
+      xy_per_s_(variance_in_bounds("sigma_xy_per_sqrt_s", config.sigma_xy_per_sqrt_s)),
+      heading_per_s_(
+          variance_in_bounds("sigma_heading_per_sqrt_s", config.sigma_heading_per_sqrt_s)) {}
 
 OdometryMotion::Corrected OdometryMotion::propagate(const Pose2& T_world_body, const Pose2& motion,
                                                     double seconds,

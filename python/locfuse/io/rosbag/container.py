@@ -22,7 +22,6 @@ MAX_TIMES = 100  # that a bag which is larger than MAX_UNPACKED may grow when it
 LONGEST_NAME = 1000  # letters of a topic, type, encoding or publisher
 MAX_DESCRIBED = 1 << 28  # letters of all connections, each counted with 1000 more
 MAX_DAMAGES = 10  # that are reported
-LONGEST_REASON = 200  # letters; some errors quote what they could not read
 
 
 class Connection(NamedTuple):
@@ -128,12 +127,6 @@ def exactly(file: BinaryIO, size: int) -> bytes:
     if left(file) < size:
         raise CutError(f"{size} bytes were to follow, there are {left(file)}")
     return file.read(size)
-
-
-def words(error: Exception) -> str:
-    """Return what an error says, on one line and not too long."""
-    reason = f"no field {error}" if isinstance(error, KeyError) else str(error)
-    return " ".join(reason.split())[:LONGEST_REASON]
 
 
 def text(data: bytes) -> str:

@@ -21,8 +21,8 @@ from locfuse.io.rosbag.container import (
     left,
     short,
     text,
-    words,
 )
+from locfuse.types import words
 
 MAGIC = b"\x89MCAP0\r\n"
 _U32 = struct.Struct("<I").unpack_from

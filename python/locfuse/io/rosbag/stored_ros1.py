@@ -18,9 +18,8 @@ from locfuse.io.rosbag.container import (
     exactly,
     left,
     text,
-    words,
 )
-from locfuse.types import LogError
+from locfuse.types import LogError, words
 
 MAGIC = b"#ROSBAG V"
 LONGEST_HEADER = 1 << 24  # bytes of a record's header; more is damage

@@ -18,9 +18,8 @@ from locfuse.io.rosbag.container import (
     Wanted,
     short,
     text,
-    words,
 )
-from locfuse.types import LogError
+from locfuse.types import LogError, words
 
 MAGIC = b"SQLite format 3\x00"
 
