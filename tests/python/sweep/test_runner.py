@@ -22,6 +22,7 @@ import support_sweep
 from locfuse.config.load import load_config
 from locfuse.io.whole import alone_in
 from locfuse.sweep import Trials, run_trials
+from locfuse.sweep.table import BATCHES
 from locfuse.types import ConfigError
 from support_runs import room
 from support_sweep import VARY, assert_same, short_room
@@ -132,13 +133,13 @@ def test_a_sweep_that_was_killed_goes_on_to_the_same_table(tmp_path: Path) -> No
     command = [sys.executable, "-m", "locfuse", "sweep", str(config), f"--trials={trials}",
                "--workers=2", f"--out={out}", *vary]  # fmt: skip
     started = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    wait_for(lambda: started.poll() is not None or any((out / "parts").glob("*.parquet")))
+    wait_for(lambda: started.poll() is not None or any((out / "parts").glob(BATCHES)))
     children = Path(f"/proc/{started.pid}/task/{started.pid}/children").read_text().split()
     assert started.poll() is None, "it was done before it could be killed"
     started.send_signal(signal.SIGKILL)
     started.wait()
     assert not (out / "trials.parquet").exists()
-    kept = sum(len(pq.read_table(part)) for part in (out / "parts").glob("*.parquet"))
+    kept = sum(len(pq.read_table(part)) for part in (out / "parts").glob(BATCHES))
     assert 0 < kept < trials
     wait_for(lambda: not any(is_running(int(pid)) for pid in children))
 

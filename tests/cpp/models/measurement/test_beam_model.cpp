@@ -61,9 +61,10 @@ TEST(BeamModel, is_the_documented_mixture) {
 
 TEST(BeamModel, sums_over_the_beams_of_a_laser_on_the_body) {
   const BeamModel model({}, wall());
-  const LaserScan scan = scan_of({2.5, 13.0, 0.1, kNan});
+  const LaserScan scan = scan_of({2.5, 12.0, 0.1, kNan});  // range_max is 12 m
   const Beams beams = model.beams_of(scan, 10);
   ASSERT_EQ(beams.angle.size(), 3U);  // the third is below range_min
+  EXPECT_EQ(beams.range[1], kInfinity);
   EXPECT_EQ(beams.range[2], kInfinity);
   const Pose2 body{2.0, 5.0, 0.0};  // the laser is at x = 2.5 m, the wall 2.5 m ahead
   const double expected = model.log_density(2.5, 2.5) +
