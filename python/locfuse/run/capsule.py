@@ -26,7 +26,7 @@ from locfuse.io.csv_table import MAX_UNPACKED, refuse_device
 from locfuse.io.log_folder import SCHEMA, read_log, write_log
 from locfuse.io.log_yaml import load_yaml
 from locfuse.io.result_tables import write_estimate, write_outcomes
-from locfuse.io.whole import whole_file
+from locfuse.io.whole import naming, whole_file
 from locfuse.run.run import Progress, load_log, run
 from locfuse.types import ConfigError, Log, LogError, shown, words
 
@@ -174,20 +174,21 @@ def write_capsule(capsule: Capsule, path: str | Path) -> None:
     LogError
         If `write_log` cannot write the log.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        unpacked = Path(folder)
-        write_log(capsule.log, unpacked / "log")
-        config = yaml.safe_dump(capsule.config.model_dump(mode="json"), sort_keys=False)
-        about = json.dumps(dict(capsule.about), indent=1) + "\n"
-        for name, text in {ABOUT: about, CONFIG: config, **capsule.result}.items():
-            (unpacked / name).write_text(text, encoding="utf-8", newline="\n")
+    config = yaml.safe_dump(capsule.config.model_dump(mode="json"), sort_keys=False)
+    about = json.dumps(dict(capsule.about), indent=1) + "\n"
+    texts = {ABOUT: about, CONFIG: config, **capsule.result}
+    with naming(Path(path)), tempfile.TemporaryDirectory() as folder:
+        write_log(capsule.log, Path(folder) / "log")
+        contents = {name: text.encode() for name, text in texts.items()}
+        for file in Path(folder, "log").iterdir():
+            contents[f"log/{file.name}"] = file.read_bytes()
         with whole_file(path) as part, zipfile.ZipFile(part, "w") as archive:
             for name in FILES:
-                if (unpacked / name).exists():
+                if name in contents:
                     info = zipfile.ZipInfo(name, _AS_OLD_AS_ZIP)
                     info.compress_type, info.create_system = zipfile.ZIP_DEFLATED, 3
                     info.external_attr = 0o644 << 16
-                    archive.writestr(info, (unpacked / name).read_bytes(), compresslevel=9)
+                    archive.writestr(info, contents[name], compresslevel=9)
 
 
 def read_capsule(path: str | Path) -> Capsule:
