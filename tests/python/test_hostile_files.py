@@ -60,6 +60,14 @@ def test_yaml_that_grows_when_read_is_refused_at_once(
     assert len(str(caught.value)) < 2000
 
 
+@pytest.mark.parametrize("header", ["x" * 200_000, "stamp_s," + ",".join(["y" * 50_000] * 2)])
+def test_of_a_column_of_kilobytes_only_a_part_is_shown(header: str, tmp_path: Path) -> None:
+    (tmp_path / "anchors.csv").write_text(header + "\n1\n")
+    with pytest.raises(LogError, match=r"anchors\.csv, line 1: ") as error:
+        read_log_file(tmp_path / "anchors.csv", "anchors")
+    assert len(str(error.value)) < 1000
+
+
 def test_yaml_of_megabytes_is_refused_at_once(tmp_path: Path) -> None:
     text = "tags:\n" + "".join(f"  t{i}: [0, 0, 1]\n" for i in range(150_000))
     for name, read, kind in (("log.yaml", read_log_yaml, LogError),

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from locfuse._core import parse_table
 from locfuse.io.whole import whole_file
-from locfuse.types import NANOSECONDS, FloatArray, LogError, StampArray
+from locfuse.types import NANOSECONDS, FloatArray, LogError, StampArray, shown
 
 MAX_UNPACKED = 1 << 30  # bytes that a packed file of anyone becomes: tables, capsules, bags
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
@@ -104,7 +104,7 @@ def read_table(path: Path) -> CsvTable:
     given: set[str] = set()
     for name in names:
         if name in given:
-            raise LogError(f"{path}, line {line}: column {name!r} is named twice")
+            raise LogError(f"{path}, line {line}: column {shown(name)} is named twice")
         given.add(name)
     return CsvTable(path, data, names, line + 1)
 

@@ -275,7 +275,7 @@ def _form(stem: str, header: Sequence[str], where: str) -> tuple[str, ...]:
             known = [_shown(n) for n in dict.fromkeys(sum(SCHEMA[stem], ()) + extra)]
             if name in known:
                 raise LogError(f"{where}: column {name!r} does not go with {', '.join(form)}")
-            raise LogError(f"{where}: unknown column {name!r}; {nearest(name, known)}")
+            raise LogError(f"{where}: unknown column {shown(name)}; {nearest(name, known)}")
     for name in form:
         if name not in given:
             raise LogError(f"{where}: column {_shown(name)!r} is missing")
@@ -467,7 +467,7 @@ def _check_name(text: str, where: str) -> None:
     if re.search(r'[,"\x00-\x1f]', text) or text.startswith("#") or text != text.strip(" \t"):
         raise LogError(f"{where}: the name {text!r} cannot be written")
     if len(text.encode("utf-8", "replace")) > LONGEST_NAME:
-        raise LogError(f"{where}: the name {text!r} is longer than {LONGEST_NAME} bytes")
+        raise LogError(f"{where}: the name {shown(text)} is longer than {LONGEST_NAME} bytes")
 
 
 def _texts(table: Columns) -> Iterator[list[str]]:
