@@ -86,7 +86,7 @@ def fuzz(target: str, programs: Path, seconds: int) -> Result:
         begin(target, found)
     findings.mkdir(parents=True, exist_ok=True)
     log = WORK / f"{target}.log"
-    known = words(target)
+    dictionary = dictionary_option(target)
     result = Result(target, 0, 0, 0.0, False, "")
     while result.seconds < seconds and not result.failed:
         with log.open("w") as output:
@@ -94,7 +94,7 @@ def fuzz(target: str, programs: Path, seconds: int) -> Result:
                 [
                     *command(target, programs),
                     *OPTIONS,
-                    *known,
+                    *dictionary,
                     f"-max_total_time={math.ceil(seconds - result.seconds)}",
                     f"-artifact_prefix={findings / target}-",
                     str(found),
@@ -119,7 +119,7 @@ def fuzz(target: str, programs: Path, seconds: int) -> Result:
     return result
 
 
-def words(target: str) -> list[str]:
+def dictionary_option(target: str) -> list[str]:
     """Write the dictionary of a target that reads files; return the option that names it."""
     if target not in FILES:
         return []

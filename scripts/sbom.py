@@ -45,20 +45,26 @@ def needed(names: list[str]) -> Iterator[Distribution]:
                 names.append(requirement.name)
 
 
-def said(*command: str) -> str:
-    """Return the output of a command."""
-    return subprocess.run(command, capture_output=True, text=True, check=False).stdout
+def said(*command: str, check: bool = True) -> str:
+    """Return the output of a command, which must succeed unless `check` is False."""
+    return subprocess.run(command, capture_output=True, text=True, check=check).stdout
+
+
+def owner_of(path: str) -> str:
+    """Return the Debian package that a file is of.
+
+    What /lib was before it became a link to /usr/lib is found by its old name only.
+    """
+    for name in (path, path.removeprefix("/usr")):
+        if found := said("dpkg", "-S", name, check=False):
+            return found.split(":")[0]
+    sys.exit(f"no Debian package has {path}")
 
 
 def loaded(library: str) -> list[str]:
     """Return the Debian packages of the libraries that one loads, in order of their names."""
     paths = {str(Path(path).resolve()) for path in re.findall(r"=> (/\S+)", said("ldd", library))}
-    # What /lib was before it became a link to /usr/lib is found by its old name only.
-    owners = {path: said("dpkg", "-S", path) or said("dpkg", "-S", path.removeprefix("/usr"))
-              for path in paths}  # fmt: skip
-    if strange := sorted(path for path, owner in owners.items() if not owner):
-        sys.exit(f"no Debian package has {', '.join(strange)}")
-    return sorted({owner.split(":")[0] for owner in owners.values()})
+    return sorted({owner_of(path) for path in paths})
 
 
 def component(name: str, version: str, url: PackageURL) -> Component:

@@ -32,7 +32,7 @@ class Batch:
 
     file: Path
     sources: list[Path]
-    flags: list[str]
+    flags: tuple[str, ...]
 
     def write(self) -> None:
         """Write the file, which includes them."""
@@ -51,23 +51,18 @@ class Batch:
 
 def batches_of(build: Path, sources: list[Path]) -> list[Batch]:
     """Return sources by room and flags, the largest batches first."""
-    alike: defaultdict[tuple[Path, tuple[str, ...]], list[Path]] = defaultdict(list)
-    seen = set()
+    grouped: defaultdict[tuple[Path, tuple[str, ...]], set[Path]] = defaultdict(set)
     for entry in json.loads((build / "compile_commands.json").read_text()):
         source = Path(entry["file"])
-        if source not in sources:
-            continue
-        command = shlex.split(entry["command"])
-        flags = tuple(command[1 : command.index("-o")])
-        if (source, flags) not in seen:
-            seen.add((source, flags))
-            alike[source.parent, flags].append(source)
+        if source in sources:
+            command = shlex.split(entry["command"])
+            grouped[source.parent, tuple(command[1 : command.index("-o")])].add(source)
     batches: list[Batch] = []
-    for (_, words), files in alike.items():
+    for (_, flags), files in grouped.items():
         parts = -(-len(files) // MAX_TOGETHER)
         for part in range(parts):
             file = build / f"tidy_{len(batches)}.cpp"
-            batches.append(Batch(file.resolve(), sorted(files)[part::parts], list(words)))
+            batches.append(Batch(file.resolve(), sorted(files)[part::parts], flags))
     return sorted(batches, key=lambda batch: -len(batch.sources))
 
 

@@ -2,8 +2,11 @@
 #pragma once
 
 #include <algorithm>
+#include <limits>
 
 namespace locfuse::internal {
+
+inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Cell of a coordinate, clamped to the grid; 0 for NaN, by the order of the arguments.
 [[nodiscard]] inline int clamped_cell(double coordinate, int size) {

@@ -30,7 +30,7 @@ constexpr double kBoundFactor = 1.000001;
 constexpr double kBoundMargin = 1e-6;
 
 constexpr float kNoTarget = std::numeric_limits<float>::infinity();
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+using internal::kInfinity;
 
 std::vector<std::uint8_t> occupied_cells(const OccupancyGrid& grid) {
   std::vector<std::uint8_t> occupied(grid.cells().size());

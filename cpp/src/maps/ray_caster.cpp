@@ -13,7 +13,7 @@
 namespace locfuse {
 namespace {
 
-constexpr double kNever = std::numeric_limits<double>::infinity();
+using internal::kInfinity;
 /// Limits of RayCaster.
 struct RayCasterLimits {
   static constexpr int kMaxRings = 255;  // largest number of a byte
@@ -35,16 +35,16 @@ struct Axis {
   Axis(double from, double towards, int cells)
       : start(from),
         along(std::abs(towards) < RayCasterLimits::kMinSlope ? 0.0 : towards),
-        per_cell(along == 0.0 ? kNever : 1.0 / along),
+        per_cell(along == 0.0 ? kInfinity : 1.0 / along),
         size(cells) {}
 
   [[nodiscard]] bool rises() const { return along >= 0.0; }
   [[nodiscard]] double enters() const {
-    return along == 0.0 ? -kNever : at_edge(rises() ? 0 : size);
+    return along == 0.0 ? -kInfinity : at_edge(rises() ? 0 : size);
   }
   [[nodiscard]] double leaves() const {
     if (along == 0.0) {
-      return start >= 0.0 && start < size ? kNever : -kNever;
+      return start >= 0.0 && start < size ? kInfinity : -kInfinity;
     }
     return at_edge(rises() ? size : 0);
   }
@@ -139,7 +139,7 @@ double RayCaster::range_from(const Vector<2>& start, double heading, double max_
   const double reach = max_range / grid_->resolution() + 1.0;
   const double range = cells_to_hit(start, along, reach) * grid_->resolution();
   if (range > max_range) {
-    return kNever;
+    return kInfinity;
   }
   return range;
 }
@@ -154,7 +154,7 @@ double RayCaster::cells_to_hit(const Vector<2>& start, const Vector<2>& along, d
   double travelled = std::max({0.0, x.enters(), y.enters()});
   const double end = std::min({reach, x.leaves(), y.leaves()});
   if (!(travelled <= end)) {
-    return kNever;
+    return kInfinity;
   }
   int column = internal::clamped_cell(x.start + travelled * x.along, x.size);
   int row = internal::clamped_cell(y.start + travelled * y.along, y.size);
@@ -178,7 +178,7 @@ double RayCaster::cells_to_hit(const Vector<2>& start, const Vector<2>& along, d
     column = sideways ? column + (x.rises() ? rings : -rings) : beside_x;
     row = sideways ? beside_y : row + (y.rises() ? rings : -rings);
   }
-  return kNever;
+  return kInfinity;
 }
 
 }  // namespace locfuse

@@ -179,16 +179,15 @@ def write_capsule(capsule: Capsule, path: str | Path) -> None:
     texts = {ABOUT: about, CONFIG: config, **capsule.result}
     with naming(Path(path)), tempfile.TemporaryDirectory() as folder:
         write_log(capsule.log, Path(folder) / "log")
-        contents = {name: text.encode() for name, text in texts.items()}
-        for file in Path(folder, "log").iterdir():
-            contents[f"log/{file.name}"] = file.read_bytes()
         with whole_file(path) as part, zipfile.ZipFile(part, "w") as archive:
             for name in FILES:
-                if name in contents:
+                file = Path(folder, name)
+                if name in texts or file.exists():
+                    data = texts[name].encode() if name in texts else file.read_bytes()
                     info = zipfile.ZipInfo(name, _AS_OLD_AS_ZIP)
                     info.compress_type, info.create_system = zipfile.ZIP_DEFLATED, 3
                     info.external_attr = 0o644 << 16
-                    archive.writestr(info, contents[name], compresslevel=9)
+                    archive.writestr(info, data, compresslevel=9)
 
 
 def read_capsule(path: str | Path) -> Capsule:

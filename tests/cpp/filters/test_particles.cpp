@@ -405,6 +405,19 @@ TEST(Particles, refuse_to_be_none) {
 /// It is not part of the most likely one, so that it may be more likely than that.
 TEST(Particles, one_of_no_weight_stays_so_however_likely_it_is) {
   for (const float better : {89.1F, 500.0F, 1e6F, std::numeric_limits<float>::quiet_NaN()}) {
+    ParticleBelief belief = all_at({}, 2);
+    belief.weight[0] = 0.0F;
+    belief.weight[1] = 1.0F;
+    std::vector<float> log_likelihood(belief.x.size(), 0.0F);
+    log_likelihood[0] = better;
+    reweigh(belief, log_likelihood, 1.0, 1.0);
+    EXPECT_EQ(belief.weight[0], 0.0F) << better;
+    EXPECT_EQ(belief.weight[1], 1.0F) << better;
+  }
+}
+
+TEST(Particles, one_of_no_weight_leaves_the_ratio_of_the_others_as_it_is) {
+  for (const float better : {89.1F, 500.0F, 1e6F, std::numeric_limits<float>::quiet_NaN()}) {
     ParticleBelief belief = all_at({}, 3);
     belief.weight[0] = 0.0F;
     belief.weight[1] = 0.5F;

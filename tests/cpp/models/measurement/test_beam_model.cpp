@@ -61,10 +61,9 @@ TEST(BeamModel, is_the_documented_mixture) {
 
 TEST(BeamModel, sums_over_the_beams_of_a_laser_on_the_body) {
   const BeamModel model({}, wall());
-  const LaserScan scan = scan_of({2.5, 12.0, 0.1, kNan});  // range_max is 12 m
+  const LaserScan scan = scan_of({2.5, 13.0, 0.1, kNan});
   const Beams beams = model.beams_of(scan, 10);
   ASSERT_EQ(beams.angle.size(), 3U);  // the third is below range_min
-  EXPECT_EQ(beams.range[1], kInfinity);
   EXPECT_EQ(beams.range[2], kInfinity);
   const Pose2 body{2.0, 5.0, 0.0};  // the laser is at x = 2.5 m, the wall 2.5 m ahead
   const double expected = model.log_density(2.5, 2.5) +
@@ -72,6 +71,13 @@ TEST(BeamModel, sums_over_the_beams_of_a_laser_on_the_body) {
                           model.log_density(kInfinity, 2.5 / std::cos(0.3));
   EXPECT_NEAR(model.log_likelihood(body, beams), expected, 1e-9);
   EXPECT_GT(model.log_likelihood(body, beams), model.log_likelihood({1.5, 5.0, 0.0}, beams));
+}
+
+TEST(BeamModel, a_beam_of_exactly_the_largest_range_has_no_return) {
+  const BeamModel model({}, wall());
+  const Beams beams = model.beams_of(scan_of({std::nextafter(12.0, 0.0), 12.0}), 10);
+  EXPECT_EQ(beams.range[0], std::nextafter(12.0, 0.0));
+  EXPECT_EQ(beams.range[1], kInfinity);
 }
 
 TEST(BeamModel, a_beam_that_passes_a_wall_is_unlikely_wherever_it_ends) {
