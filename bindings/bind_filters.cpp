@@ -51,6 +51,7 @@ void bind_filters(py::module_& m) {
                     "Normalized innovation squared r' S^-1 r; NaN if the message was not compared.")
       .def_readonly("dof", &Outcome::dof, "Rows of the innovation.")
       .def_readonly("residual", &Outcome::residual, "First row of the innovation.")
+      .def_readonly("limit", &Outcome::limit, "Largest `nis` that the gate passes.")
       .def_property_readonly("log_likelihood", &Outcome::log_likelihood, "log N(r; 0, S).")
       .def_readonly("interventions", &Outcome::interventions,
                     "Number of variances clamped to their bounds.")

@@ -104,6 +104,7 @@ Examples
            "one, or is gated if that is uncertain. Returns one Outcome each, NOT_MODELLED if the "
            "result would not be finite.")
       .def("advance_to", &LandmarkEkf::advance_to, py::arg("stamp"))
+      .def("current", &LandmarkEkf::current, "PoseEstimate at the stamp of the belief.")
       .def("estimate", py::overload_cast<>(&LandmarkEkf::estimate, py::const_),
            "PoseEstimate propagated to the end of the latest odometry.")
       .def("estimate", py::overload_cast<locfuse::Stamp>(&LandmarkEkf::estimate, py::const_),

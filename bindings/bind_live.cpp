@@ -93,10 +93,17 @@ ValueError
       .def_property_readonly(
           "errors",
           [](const Live& live) {
-            return live.is_tracking() ? live.estimator().estimator()->errors()
-                                      : std::vector<locfuse::CalibratedError>{};
+            const locfuse::PoseEkf* ekf = live.estimator().estimator();
+            return ekf != nullptr ? ekf->errors() : std::vector<locfuse::CalibratedError>{};
           },
-          "A CalibratedError for each error that is a state.")
+          "A CalibratedError for each error that is a state of a PoseEkf.")
+      .def_property_readonly(
+          "landmarks",
+          [](const Live& live) {
+            const auto* ekf = std::get_if<locfuse::LandmarkEkf>(live.estimator().tracker());
+            return ekf != nullptr ? ekf->landmarks() : std::vector<locfuse::LandmarkEstimate>{};
+          },
+          "The map of a LandmarkEkf: one LandmarkEstimate per landmark.")
       .def_property_readonly(
           "restarts", [](const Live& live) { return live.estimator().restarts(); },
           "Number of relocalizations after being lost.")

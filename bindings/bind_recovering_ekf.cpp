@@ -11,13 +11,19 @@ void bind_recovering_ekf(py::module_& m) {
   py::class_<Config>(m, "RecoveringEkfConfig",
                      "Filter, initialization and health of a RecoveringEkf.")
       .def(py::init<>())
-      .def_readwrite("estimator", &Config::estimator)
+      .def_readwrite("estimator", &Config::estimator,
+                     "PoseEkfConfig of the hypotheses of a start, and of the filter.")
+      .def_readwrite("tracker", &Config::tracker,
+                     "LandmarkEkfConfig or TagTriangleEkfConfig of another filter, or None.")
+      .def_readwrite("known", &Config::known,
+                     "List of KnownLandmark that a LandmarkEkf begins with.")
       .def_readwrite("start", &Config::start)
       .def_readwrite("health", &Config::health)
       .def_readwrite("restart", &Config::restart, "Whether to relocalize while lost.");
-  py::class_<RecoveringEkf>(m, "RecoveringEkf",
-                            R"(PoseEkf that initializes itself, detects when it is lost, and
-relocalizes (docs/health.md).
+  py::class_<RecoveringEkf>(
+      m, "RecoveringEkf",
+      R"(Filter that initializes itself, detects when it is lost, and relocalizes
+(docs/health.md): a PoseEkf, or what `RecoveringEkfConfig.tracker` asks for.
 
 During initialization and while lost, landmark observations of one stamp, ranges, fixes and poses
 start hypotheses until a single one remains.
@@ -63,8 +69,13 @@ True
            py::arg("landmarks") = py::none())
       .def("start_at", &RecoveringEkf::start_at, py::arg("start"),
            "Tracks from a PoseEstimate.\n\nRaises\n------\nValueError\n    As a PoseEkf does.")
-      .def("start_with", &RecoveringEkf::start_with, py::arg("ekf"),
-           "Tracks with a PoseEkf that is already initialized.")
+      .def(
+          "start_with",
+          [](RecoveringEkf& ekf, const locfuse::PoseEkf& started) { ekf.start_with(started); },
+          py::arg("ekf"), "Tracks with a PoseEkf that is already initialized.")
+      .def("start_from", &RecoveringEkf::start_from, py::arg("found"),
+           "Tracks from the pose that an Initializer has found.\n\nRaises\n------\nValueError\n"
+           "    Unless it is READY.")
       .def("on", py::overload_cast<const locfuse::Velocity&>(&RecoveringEkf::on),
            py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Increment&>(&RecoveringEkf::on),
@@ -81,6 +92,12 @@ True
       .def("on_joint", &RecoveringEkf::on_joint, py::arg("sightings"),
            py::arg_v("association", locfuse::Association::kJoint, "Association.JOINT"),
            "Processes landmark observations of one stamp. Returns one Outcome each.")
+      .def("current", &RecoveringEkf::current,
+           "PoseEstimate at the stamp of the belief. Raises RuntimeError until it has started.")
+      .def(
+          "estimate", &RecoveringEkf::estimate,
+          "PoseEstimate propagated to the end of the latest odometry. Raises RuntimeError until it "
+          "has started.")
       .def("state", &RecoveringEkf::state,
            "READY while tracking; otherwise the progress of the search with its hypotheses.")
       .def_property_readonly("is_lost", &RecoveringEkf::is_lost,
@@ -95,8 +112,14 @@ True
           [](const RecoveringEkf& ekf) {
             return ekf.estimator() == nullptr ? std::nullopt : std::optional(*ekf.estimator());
           },
-          "Copy of the PoseEkf, or None before the first start. While lost, the filter at the "
-          "previous pose.")
+          "Copy of the PoseEkf, or None before the first start and with another tracker. While "
+          "lost, the filter at the previous pose.")
+      .def(
+          "tracker",
+          [](const RecoveringEkf& ekf) {
+            return ekf.has_started() ? std::optional(*ekf.tracker()) : std::nullopt;
+          },
+          "Copy of the filter of any kind, or None before the first start.")
       .def("__repr__", [](const RecoveringEkf& ekf) {
         return "RecoveringEkf(" + std::string(ekf.is_lost() ? "lost" : "tracking") + ", " +
                std::to_string(ekf.alarms()) + " alarms)";

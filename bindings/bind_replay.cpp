@@ -208,6 +208,12 @@ void bind_replay(py::module_& m) {
                                return column_of<double>(r.outcomes,
                                                         [](const auto& o) { return o.nis; });
                              })
+      .def_property_readonly(
+          "limit",
+          [](const RunLog& r) {
+            return column_of<double>(r.outcomes, [](const auto& o) { return o.limit; });
+          },
+          "Largest `nis` that the gate passes.")
       .def_property_readonly("residual",
                              [](const RunLog& r) {
                                return column_of<double>(r.outcomes,
@@ -232,6 +238,8 @@ void bind_replay(py::module_& m) {
       .def_readonly("last", &RunLog::last, "The estimate at the end of the log.")
       .def_readonly("errors", &RunLog::errors,
                     "A CalibratedError for each error that is a state, at the end of the log.")
+      .def_readonly("landmarks", &RunLog::landmarks,
+                    "The map of a LandmarkEkf, a LandmarkEstimate each, at the end of the log.")
       .def(
           "noise_factor",
           [](const RunLog& r, locfuse::Source source) { return r.adaptive.factor(source); },

@@ -288,6 +288,9 @@ void bind_ekf(py::module_& m) {
       .def_readwrite("heading_is_known", &Config::heading_is_known,
                      "Whether the heading that rotates wheel velocities is taken as exact, as in "
                      "the paper; otherwise that of the tags is used, with its Jacobian.")
+      .def_readwrite("holds_sides", &Config::holds_sides,
+                     "Whether fixes and ranges are followed by the sides, once for all of a stamp, "
+                     "where there has been no odometry for a second.")
       .def_readwrite("sigma_start_velocity_mps", &Config::sigma_start_velocity_mps)
       .def_readwrite("gate_position", &Config::gate_position,
                      "Probability that an inlier fix passes.")
@@ -350,13 +353,15 @@ Examples
            "Fuses one message; a message that is not fused leaves the estimator unchanged. After "
            "odometry the sides of the triangle are fused.")
       .def("hold_sides", &TagTriangleEkf::hold_sides,
-           "Fuses the three sides at the current belief; for use without odometry.")
+           "Fuses the three sides at the current belief; for use without odometry and without "
+           "`holds_sides`.")
       .def("advance_to", &TagTriangleEkf::advance_to, py::arg("stamp"))
       .def("fit", &TagTriangleEkf::fit,
            "RigidFit of the body to the tags; its `nis` measures their rigidity.")
       .def("pose", &TagTriangleEkf::pose)
+      .def("current", &TagTriangleEkf::current, "PoseEstimate at the stamp of the belief.")
       .def("estimate", py::overload_cast<>(&TagTriangleEkf::estimate, py::const_),
-           "PoseEstimate at the stamp of the belief.")
+           "PoseEstimate propagated to the end of the latest odometry.")
       .def("estimate", py::overload_cast<Stamp>(&TagTriangleEkf::estimate, py::const_),
            py::arg("stamp"),
            "PoseEstimate propagated to `stamp` [ns], which must not precede the belief.")

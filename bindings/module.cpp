@@ -49,11 +49,11 @@ PYBIND11_MODULE(_core_in_main_interpreter, m) {
   bind_air_ekf(m);
   bind_initializer(m);
   bind_landmark_ekf(m);
+  bind_tags(m);
   bind_health(m);
   bind_recovering_ekf(m);
   bind_mcl(m);
   bind_switching_mcl(m);
-  bind_tags(m);
   bind_message_log(m);
   bind_replay(m);
   bind_live(m);

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from locfuse.config import ros, scenario, schema
-from locfuse.config.base import Strict, description
+from locfuse.config.base import Strict, description, is_tag
 
 CONFIGURATION = Path(__file__).parents[1] / "docs" / "configuration.md"
 SECTIONS: dict[str, type[Strict]] = {
@@ -23,7 +23,11 @@ SECTIONS: dict[str, type[Strict]] = {
     "### `health`": schema.Health,
     "### `anchors`": schema.RangeError,
     "## `cylinders`": schema.Cylinders,
+    "## `scan_odometry`": schema.ScanOdometry,
     "## `estimator`": schema.Estimator,
+    "### `estimator.landmark_slam`": schema.LandmarkSlam,
+    "### `estimator.tag_triangle`": schema.TagTriangle,
+    "### `estimator.tag_triangle.velocity`": schema.TagVelocity,
     "### `estimator.odometry`": schema.Odometry,
     "### `estimator.range`": schema.Range,
     "### `estimator.position`": schema.Position,
@@ -93,7 +97,7 @@ def _rows(model: type[Strict], lines: Iterator[str]) -> Iterator[str]:
         old[key] = default, allowed
         line = next(lines, None)
     for key in model.model_fields:
-        if key not in ("shape", "kind"):  # which the heading names
+        if not is_tag(model, key):  # which the heading names
             default, allowed = old.get(f"`{key}`", ("", ""))
             text, unit = description(model, key)
             yield f"| `{key}` | {default} | {unit or '-'} | {allowed} | {text.removesuffix('.')} |"

@@ -411,6 +411,31 @@ class Health:
 
 
 @dataclass(frozen=True)
+class MappedLandmarks:
+    """Landmarks as an estimator that maps them knows them at the end, in order of discovery.
+
+    Attributes
+    ----------
+    name : array of str, shape (n,)
+        ``new1``, ``new2`` ... where no sighting named them.
+    position : float64 array, shape (n, 2)
+        Metres in world.
+    covariance : float64 array, shape (n, 2, 2)
+        Zero where the position was given as exact.
+    sightings : int64 array, shape (n,)
+        How many were fused.
+    """
+
+    name: NDArray[np.str_]
+    position: FloatArray
+    covariance: FloatArray
+    sightings: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.name)
+
+
+@dataclass(frozen=True)
 class Frame:
     """What an `Mcl` believed after a scan.
 
@@ -443,7 +468,9 @@ class RunResult:
     start : Start or None
         How ``start: auto`` went.
     health : Health or None
-        Of a pose EKF.
+        Of an EKF.
+    landmarks : MappedLandmarks or None
+        Of an estimator that maps.
     frames : tuple of Frame
         With ``mcl``, particles on the way, evenly chosen of a long run; else empty.
     """
@@ -457,3 +484,4 @@ class RunResult:
     start: Start | None = None
     health: Health | None = None
     frames: tuple[Frame, ...] = ()
+    landmarks: MappedLandmarks | None = None

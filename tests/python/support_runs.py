@@ -16,7 +16,7 @@ import pytest
 
 from locfuse.cli.app import main
 from locfuse.config.load import load_config, parse_config
-from locfuse.config.schema import RunConfig
+from locfuse.config.schema import Dataset, RunConfig
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIGS = ROOT / "examples" / "configs"
@@ -65,11 +65,8 @@ def require_recording_of(example: str) -> None:
             pytest.skip("the Debian package mrpt-common is not installed")
     elif example.startswith("ros_"):
         pytest.skip(f"{example} names no log: it is for a robot's own")
-    elif load_config(CONFIGS / example).simulation is None:
-        named = {"ieu_gazebo": "ieu-gazebo-uwb-lidar", "tuc_labyrinth": "tuc-labyrinth",
-                 "plaza_online": "plaza"}  # fmt: skip
-        stem = example.removesuffix(".yaml")
-        recording(named.get(stem, stem))
+    elif isinstance(log := load_config(CONFIGS / example).log, Dataset):
+        recording(Path(log.path).name)
 
 
 def room(**changes: Any) -> RunConfig:

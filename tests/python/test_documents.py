@@ -32,7 +32,7 @@ import locfuse.core
 from configuration_page import CONFIGURATION, SECTIONS, configuration_page
 from locfuse.cli.app import COMMANDS, app, load
 from locfuse.config import ros, scenario, schema
-from locfuse.config.base import Strict
+from locfuse.config.base import Strict, is_tag
 from locfuse.config.load import load_config, parse_config
 from locfuse.report.results import write_results
 from locfuse.run.run import run
@@ -402,13 +402,15 @@ UNITS = {
 
 def fields_of(model: type[BaseModel]) -> dict[str, FieldInfo]:
     """Return the fields of a model but for the tag that its heading names."""
-    return {k: f for k, f in model.model_fields.items() if k not in ("shape", "kind")}
+    return {k: f for k, f in model.model_fields.items() if not is_tag(model, k)}
 
 
 def unit_of(key: str) -> str | None:
     """Return the unit that a key spells; None if it spells none."""
     if key.endswith("_radps_per_sqrt_s"):
         return "rad/s/√s"
+    if key in ("sigma_velocity_per_sqrt_s", "sigma_climb_per_sqrt_s"):
+        return "m/s/√s"
     ending = next((ending for ending in UNITS if key.endswith(ending)), None)
     if ending is None:
         return None

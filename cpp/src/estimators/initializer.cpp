@@ -494,7 +494,7 @@ void Initializer::weigh(Component& component, const M& z,
 
 Initializer::Component Initializer::component(const PoseEstimate& start, double log_weight) const {
   PoseEkf ekf = prototype_.restarted(start);
-  if (const std::optional<Message> rest = control_ ? from(*control_, start.stamp) : std::nullopt) {
+  if (const std::optional<Message> rest = odometry_from(start.stamp)) {
     ekf.on(*rest);
   }
   return {std::move(ekf), log_weight};
@@ -678,6 +678,10 @@ Initializer::State Initializer::state() const {
     state.status = StartStatus::kReady;
   }
   return state;
+}
+
+std::optional<Message> Initializer::odometry_from(Stamp stamp) const {
+  return control_ ? from(*control_, stamp) : std::nullopt;
 }
 
 PoseEkf Initializer::started_at(const PoseEstimate& start) const {

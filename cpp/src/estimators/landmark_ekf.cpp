@@ -204,8 +204,7 @@ Pairings LandmarkEkf::candidates(const std::vector<RangeBearing>& sightings) con
       }
       const std::optional<Sighting> lin = linearize(track, z);
       const Outcome outcome = lin ? compare(track, *lin) : Outcome{};
-      if (!lin || !std::isfinite(outcome.nis) ||
-          outcome.nis > recipe_->landmark_gate.limit(outcome.dof)) {
+      if (!lin || !std::isfinite(outcome.nis) || outcome.nis > outcome.limit) {
         continue;
       }
       Pairing pairing{static_cast<int>(k), {lin->residual, {}, lin->noise}, {0, 1, 2}, outcome.nis};
@@ -262,7 +261,7 @@ Outcome LandmarkEkf::unexplained(const RangeBearing& z, std::vector<bool>& seen)
   }
   const auto index = static_cast<std::size_t>(match.track);
   Track& track = tracks_[index];
-  const bool fits = match.outcome.nis <= recipe_->landmark_gate.limit(2);
+  const bool fits = match.outcome.nis <= match.outcome.limit;
   if (track.confirmed || seen[index] || !fits) {
     match.outcome.verdict = Verdict::kGated;
     return match.outcome;
@@ -391,11 +390,24 @@ Outcome LandmarkEkf::compare(const Track& track, const Sighting& lin) const {
   outcome.nis = factor.matrixL().solve(lin.residual).squaredNorm();
   outcome.residual = lin.residual(0);
   outcome.scale = std::exp(2.0 * factor.matrixLLT().diagonal().array().log().mean());
+  outcome.limit = recipe_->landmark_gate.limit(outcome.dof);
   return outcome;
 }
 
 void LandmarkEkf::advance_to(Stamp stamp) {
   internal::advance(*recipe_, odometry_, body_, belief_, stamp);
+}
+
+LandmarkEkf LandmarkEkf::continued_at(Stamp stamp) const {
+  check_stamp(stamp);
+  LandmarkEkf other = *this;
+  other.advance_to(std::max(belief_.stamp, odometry_.end()));
+  other.belief_.stamp = stamp;
+  other.odometry_ = HeldMotion(stamp);
+  for (Track& track : other.tracks_) {
+    track.first_seen = stamp;
+  }
+  return other;
 }
 
 PoseEstimate LandmarkEkf::current() const {

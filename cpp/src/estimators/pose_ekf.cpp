@@ -129,7 +129,13 @@ Outcome PoseEkf::on(const Increment& u) {
 
 Outcome PoseEkf::on(const Range& z) { return correct_by(z, recipe_->range_gate); }
 
-Outcome PoseEkf::weigh(const Range& z) { return correct_by(z, Gate::closed()); }
+Outcome PoseEkf::weigh(const Range& z) {
+  Outcome outcome = correct_by(z, Gate::closed());
+  if (outcome.dof > 0) {
+    outcome.limit = recipe_->range_gate.limit(outcome.dof);
+  }
+  return outcome;
+}
 
 Outcome PoseEkf::correct_by(const Range& z, const Gate& gate) {
   validate(z);

@@ -9,21 +9,13 @@
 namespace locfuse {
 namespace {
 
-template <class Recipe>
-const Gate& gate_of(const Recipe& recipe, const Range& /*z*/) {
-  return recipe.range_gate;
+template <class Call>
+auto of(Tracker& tracker, const Call& call) {
+  return std::visit(call, tracker);
 }
-template <class Recipe>
-const Gate& gate_of(const Recipe& recipe, const PositionFix& /*z*/) {
-  return recipe.position_gate;
-}
-template <class Recipe>
-const Gate& gate_of(const Recipe& recipe, const PoseObservation& /*z*/) {
-  return recipe.pose_gate;
-}
-template <class Recipe>
-const Gate& gate_of(const Recipe& recipe, const RangeBearing& /*z*/) {
-  return recipe.landmark_gate;
+template <class Call>
+auto of(const Tracker& tracker, const Call& call) {
+  return std::visit(call, tracker);
 }
 
 }  // namespace
@@ -31,15 +23,41 @@ const Gate& gate_of(const Recipe& recipe, const RangeBearing& /*z*/) {
 RecoveringEkf::RecoveringEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
                              std::vector<Tag> tags, std::shared_ptr<const ScanMatcher> matcher,
                              LandmarkSensor landmarks)
-    : recipe_(std::make_shared<const Recipe>(
-          Recipe{config, Gate(config.estimator.gate_range), Gate(config.estimator.gate_position),
-                 Gate(config.estimator.gate_pose), Gate(config.estimator.gate_landmark),
-                 Initializer(config.start, config.estimator, std::move(anchors), std::move(tags),
-                             std::move(matcher), std::move(landmarks))})),
+    : recipe_(std::make_shared<const Recipe>(Recipe{
+          config,
+          Initializer(config.start, config.estimator, anchors, tags, std::move(matcher), landmarks),
+          anchors, tags, landmarks.T_body_sensor,
+          config.restart &&
+              !(config.tracker && std::holds_alternative<LandmarkEkf::Config>(*config.tracker))})),
       start_(recipe_->fresh),
-      health_(config.health) {}
+      health_(config.health) {
+  (void)tracker_at({0, {}, Matrix<3, 3>::Identity()}, recipe_->fresh);  // checks
+}
 
-void RecoveringEkf::start_at(const PoseEstimate& start) { start_with(fresh().started_at(start)); }
+void RecoveringEkf::start_at(const PoseEstimate& start) { start_with(tracker_at(start, fresh())); }
+
+void RecoveringEkf::start_from(const Initializer& found) {
+  start_with(tracker_at(found.estimator().current(), found));
+}
+
+/// A filter that starts at `start`, with the last odometry of a search.
+Tracker RecoveringEkf::tracker_at(const PoseEstimate& start, const Initializer& found) const {
+  const Config& config = recipe_->config;
+  if (!config.tracker) {
+    return found.started_at(start);
+  }
+  Tracker tracker = [&]() -> Tracker {
+    if (const auto* mapping = std::get_if<LandmarkEkf::Config>(&*config.tracker)) {
+      return LandmarkEkf(*mapping, start, recipe_->T_body_sensor, config.known);
+    }
+    return TagTriangleEkf(std::get<TagTriangleEkf::Config>(*config.tracker), recipe_->tags, start,
+                          recipe_->anchors);
+  }();
+  if (const std::optional<Message> rest = found.odometry_from(start.stamp)) {
+    of(tracker, [&](auto& ekf) { return ekf.on(*rest); });
+  }
+  return tracker;
+}
 
 Initializer RecoveringEkf::fresh() const {
   Initializer anew = recipe_->fresh;
@@ -51,16 +69,34 @@ Initializer RecoveringEkf::fresh() const {
 
 RecoveringEkf RecoveringEkf::restarted(const PoseEstimate& start) const {
   RecoveringEkf other = *this;
-  other.start_with(started().restarted(start));
+  other.start_with(of(started(), [&](const auto& ekf) -> Tracker {
+    if constexpr (std::is_same_v<std::decay_t<decltype(ekf)>, LandmarkEkf>) {
+      return ekf.continued_at(start.stamp);
+    } else {
+      return ekf.restarted(start);
+    }
+  }));
   other.control_.reset();
   return other;
 }
 
-const PoseEkf& RecoveringEkf::started() const {
-  if (!ekf_) {
+const Tracker& RecoveringEkf::started() const {
+  if (!tracker_) {
     throw std::logic_error("the RecoveringEkf has not started; call start_at before");
   }
-  return *ekf_;
+  return *tracker_;
+}
+
+PoseEstimate RecoveringEkf::current() const {
+  return of(started(), [](const auto& ekf) { return ekf.current(); });
+}
+
+PoseEstimate RecoveringEkf::estimate() const {
+  return of(started(), [](const auto& ekf) { return ekf.estimate(); });
+}
+
+const GaussianBelief& RecoveringEkf::belief() const {
+  return *of(started(), [](const auto& ekf) { return &ekf.belief(); });
 }
 
 Outcome RecoveringEkf::on(const Velocity& u) { return drive(u); }
@@ -85,9 +121,9 @@ Outcome RecoveringEkf::on(const LaserScan& z) {
 template <class M>
 Outcome RecoveringEkf::drive(const M& u) {
   Outcome outcome{Verdict::kIgnored};
-  if (ekf_) {
-    outcome = ekf_->on(u);
-    health_.advance(ekf_->belief().stamp);
+  if (tracker_) {
+    outcome = of(*tracker_, [&](auto& ekf) { return ekf.on(u); });
+    health_.advance(belief().stamp);
     listen();
   }
   (void)search([&](Initializer& start) { start.on(u); });
@@ -99,16 +135,22 @@ template <class M>
 Outcome RecoveringEkf::fuse(const M& z) {
   if constexpr (std::is_same_v<M, Range>) {
     if (health_.is_excluded(named_source_of(z))) {
-      return ekf_->weigh(z);
+      return of(*tracker_, [&](auto& ekf) {
+        if constexpr (std::is_same_v<std::decay_t<decltype(ekf)>, LandmarkEkf>) {
+          return ekf.on(z);  // which has no ranges
+        } else {
+          return ekf.weigh(z);
+        }
+      });
     }
   }
-  return ekf_->on(z);
+  return of(*tracker_, [&](auto& ekf) { return ekf.on(z); });
 }
 
 template <class M>
 Outcome RecoveringEkf::correct(const M& z) {
   Outcome outcome{Verdict::kIgnored};
-  if (ekf_) {
+  if (tracker_) {
     outcome = fuse(z);
     record(z, outcome);
     listen();
@@ -123,8 +165,14 @@ std::vector<Outcome> RecoveringEkf::on_joint(const std::vector<RangeBearing>& si
                                              Association association) {
   internal::validate_together("sightings of one instant", sightings);
   std::vector<Outcome> outcomes(sightings.size(), Outcome{Verdict::kIgnored});
-  if (ekf_) {
-    outcomes = ekf_->on_joint(sightings, association);
+  if (tracker_) {
+    outcomes = of(*tracker_, [&](auto& ekf) {
+      if constexpr (std::is_same_v<std::decay_t<decltype(ekf)>, TagTriangleEkf>) {
+        return outcomes;  // it has no landmarks
+      } else {
+        return ekf.on_joint(sightings, association);
+      }
+    });
     for (std::size_t i = 0; i < sightings.size(); ++i) {
       record(sightings[i], outcomes[i]);
     }
@@ -156,7 +204,7 @@ bool RecoveringEkf::search(const Feed& feed) {
     feed(*start_);
     return true;
   } catch (const std::exception&) {
-    if (!ekf_) {
+    if (!tracker_) {
       throw;
     }
     start_ = fresh();
@@ -166,8 +214,10 @@ bool RecoveringEkf::search(const Feed& feed) {
 
 template <class M>
 void RecoveringEkf::record(const M& z, const Outcome& outcome) {
-  health_.record(named_source_of(z), z.stamp, outcome,
-                 outcome.dof > 0 ? gate_of(*recipe_, z).limit(outcome.dof) : 1.0,
+  if (outcome.verdict == Verdict::kFused && outcome.dof == 0) {
+    return;  // a landmark that is new says nothing of the pose
+  }
+  health_.record(named_source_of(z), z.stamp, outcome, outcome.dof > 0 ? outcome.limit : 1.0,
                  health_.outlier_volume(z));
 }
 
@@ -176,7 +226,7 @@ void RecoveringEkf::listen() {
   const bool was_lost = std::exchange(was_lost_, health_.is_lost());
   if (was_lost_ && !was_lost) {
     ++alarms_;
-    if (recipe_->config.restart) {
+    if (recipe_->restarts) {
       start_ = fresh();
     }
   } else if (!was_lost_) {
@@ -191,18 +241,18 @@ void RecoveringEkf::decide() {
     return;
   }
   try {
-    PoseEkf found = start_->started_at(now.hypotheses.front().estimate);
-    restarts_ += ekf_ ? 1 : 0;
+    Tracker found = tracker_at(now.hypotheses.front().estimate, *start_);
+    restarts_ += tracker_ ? 1 : 0;
     start_with(std::move(found));
-    health_.start(ekf_->current().stamp, 1.0 - recipe_->config.start.probability_ready);
+    health_.start(belief().stamp, 1.0 - recipe_->config.start.probability_ready);
   } catch (const std::exception&) {
     start_ = fresh();
   }
 }
 
-void RecoveringEkf::start_with(PoseEkf ekf) {
-  ekf_ = std::move(ekf);
-  health_.start(ekf_->current().stamp);
+void RecoveringEkf::start_with(Tracker tracker) {
+  tracker_ = std::move(tracker);
+  health_.start(belief().stamp);
   start_.reset();
   was_lost_ = false;
 }
@@ -211,12 +261,12 @@ Initializer::State RecoveringEkf::state() const {
   if (start_) {
     return start_->state();
   }
-  return {StartStatus::kReady, {}, {{ekf_->estimate(), 1.0}}};
+  return {StartStatus::kReady, {}, {{estimate(), 1.0}}};
 }
 
 HealthReport RecoveringEkf::health() const {
-  if (ekf_) {
-    return health_.report(ekf_->current());
+  if (tracker_) {
+    return health_.report(current());
   }
   HealthReport report;
   if (start_->state().status == StartStatus::kAmbiguous) {

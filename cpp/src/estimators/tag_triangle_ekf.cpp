@@ -24,6 +24,7 @@ constexpr int kHalf = kVariables / 2;
 constexpr double kMinSideSigma = 1e-4;    // [m]; finer than that 12 variables are not kept positive
 constexpr double kMinHeightShare = 0.05;  // height of the triangle as a share of its longest side
 constexpr double kMaxTapeSigmas = 3.0;
+constexpr Stamp kOdometryTimeout = 1'000'000'000;  // without odometry for longer the sides are due
 
 using Triangle = Matrix<2, kTags>;
 template <int M>
@@ -207,41 +208,47 @@ struct TagTriangleEkf::Recipe {
   std::vector<Slot> slots;
 };
 
-/// Puts the belief back, bit for bit, unless the message was fused.
+/// Puts everything back, bit for bit, unless the message was fused.
 class TagTriangleEkf::Transaction {
  public:
-  explicit Transaction(GaussianBelief& belief)
-      : belief_(&belief),
-        counted_(belief),
-        stamp_(belief.stamp),
-        interventions_(belief.interventions),
-        x_(belief.x),
-        P_(belief.P) {}
+  explicit Transaction(TagTriangleEkf& ekf)
+      : ekf_(&ekf),
+        counted_(ekf.belief_),
+        stamp_(ekf.belief_.stamp),
+        interventions_(ekf.belief_.interventions),
+        x_(ekf.belief_.x),
+        P_(ekf.belief_.P),
+        sides_(ekf.sides_),
+        sides_due_(ekf.sides_due_) {}
   Transaction(const Transaction&) = delete;
   Transaction& operator=(const Transaction&) = delete;
   ~Transaction() {
-    if (belief_ != nullptr) {
-      belief_->stamp = stamp_;
-      belief_->interventions = interventions_;
-      belief_->x = x_;
-      belief_->P = P_;
+    if (ekf_ != nullptr) {
+      ekf_->belief_.stamp = stamp_;
+      ekf_->belief_.interventions = interventions_;
+      ekf_->belief_.x = x_;
+      ekf_->belief_.P = P_;
+      ekf_->sides_ = sides_;
+      ekf_->sides_due_ = sides_due_;
     }
   }
   [[nodiscard]] Outcome close(Outcome outcome) {
     if (outcome.verdict == Verdict::kFused) {
-      belief_ = nullptr;
+      ekf_ = nullptr;
       outcome.interventions = static_cast<int>(counted_.interventions - interventions_);
     }
     return outcome;
   }
 
  private:
-  GaussianBelief* belief_;
+  TagTriangleEkf* ekf_;
   const GaussianBelief& counted_;
   Stamp stamp_;
   std::uint64_t interventions_;
   Vector<kVariables> x_;
   Matrix<kVariables, kVariables> P_;
+  Outcome sides_;
+  bool sides_due_;
 };
 
 TagTriangleEkf::TagTriangleEkf(std::shared_ptr<const Recipe> recipe, Stamp stamp,
@@ -278,20 +285,27 @@ TagTriangleEkf::TagTriangleEkf(std::shared_ptr<const Recipe> recipe, Stamp stamp
   belief_ = GaussianBelief(belief);  // a copy has its columns side by side, as fixed sizes need it
 }
 
-TagTriangleEkf::TagTriangleEkf(const Config& config, const std::vector<Tag>& tags,
-                               const PoseEstimate& start, std::shared_ptr<const AnchorMap> anchors)
+TagTriangleEkf::TagTriangleEkf(const std::shared_ptr<const Recipe>& recipe,
+                               const PoseEstimate& start)
     : TagTriangleEkf(
-          std::make_shared<const Recipe>(config, tags, std::move(anchors)), start.stamp,
+          recipe, start.stamp,
           [&] {
             (void)GaussianBelief::of_pose(start.stamp, start.pose, start.covariance);  // checks
             Vector<6> positions;
-            const Triangle body = triangle_of(tags);
             for (int i = 0; i < kTags; ++i) {
-              positions.segment<2>(2 * i) = start.pose.act(body.col(i));
+              positions.segment<2>(2 * i) = start.pose.act(recipe->body.col(i));
             }
             return positions;
           }(),
-          covariance_of(triangle_of(tags), start, config.side.sigma_m)) {}
+          covariance_of(recipe->body, start, recipe->config.side.sigma_m)) {}
+
+TagTriangleEkf::TagTriangleEkf(const Config& config, const std::vector<Tag>& tags,
+                               const PoseEstimate& start, std::shared_ptr<const AnchorMap> anchors)
+    : TagTriangleEkf(std::make_shared<const Recipe>(config, tags, std::move(anchors)), start) {}
+
+TagTriangleEkf TagTriangleEkf::restarted(const PoseEstimate& start) const {
+  return {recipe_, start};
+}
 
 TagTriangleEkf::TagTriangleEkf(const Config& config, const std::vector<Tag>& tags,
                                const std::vector<PositionFix>& start,
@@ -318,11 +332,18 @@ Outcome TagTriangleEkf::correct(Stamp stamp, const Gate& gate, const Linearize& 
   if (stamp < belief_.stamp) {
     return {Verdict::kStale};
   }
-  Transaction transaction(belief_);
+  Transaction transaction(*this);
   advance_to(stamp);
   const auto lin = linearize();
-  return transaction.close(lin ? update(belief_, *lin, recipe_->slots, gate)
-                               : Outcome{Verdict::kNotModelled});
+  const Outcome outcome =
+      lin ? update(belief_, *lin, recipe_->slots, gate) : Outcome{Verdict::kNotModelled};
+  sides_due_ = sides_due_ || lacks_odometry();
+  return transaction.close(outcome);
+}
+
+bool TagTriangleEkf::lacks_odometry() const {
+  return recipe_->config.holds_sides &&
+         (!odometry_until_ || belief_.stamp > *odometry_until_ + kOdometryTimeout);
 }
 
 Outcome TagTriangleEkf::on(const PositionFix& z) {
@@ -345,13 +366,23 @@ Outcome TagTriangleEkf::on(const PositionFix& z) {
   });
 }
 
-Outcome TagTriangleEkf::on(const Range& z) {
+Outcome TagTriangleEkf::on(const Range& z) { return correct_by(z, recipe_->range_gate); }
+
+Outcome TagTriangleEkf::weigh(const Range& z) {
+  Outcome outcome = correct_by(z, Gate::closed());
+  if (outcome.dof > 0) {
+    outcome.limit = recipe_->range_gate.limit(outcome.dof);
+  }
+  return outcome;
+}
+
+Outcome TagTriangleEkf::correct_by(const Range& z, const Gate& gate) {
   validate(z);
   if (!is_plausible(z, recipe_->config.limits)) {
     return {Verdict::kImplausible};
   }
   const int tag = recipe_->find(z.tag);
-  return correct(z.stamp, recipe_->range_gate, [&]() -> std::optional<Rows<1>> {
+  return correct(z.stamp, gate, [&]() -> std::optional<Rows<1>> {
     const auto lin = tag < 0 ? std::nullopt : recipe_->range.linearize_point(position(tag), z);
     return lin ? std::optional(placed(*lin, 2 * tag)) : std::nullopt;
   });
@@ -400,7 +431,7 @@ Outcome TagTriangleEkf::take(Stamp begin, Stamp end, const Vector<3>& twist) {
   if (end < belief_.stamp) {
     return {Verdict::kStale};
   }
-  Transaction transaction(belief_);
+  Transaction transaction(*this);
   advance_to(begin);
   const RigidFit body = fit();
   if (!std::isfinite(body.pose.heading)) {
@@ -421,6 +452,7 @@ Outcome TagTriangleEkf::take(Stamp begin, Stamp end, const Vector<3>& twist) {
   const Outcome outcome = update(belief_, rows, recipe_->slots, recipe_->velocity_gate);
   if (outcome.verdict == Verdict::kFused) {
     (void)hold_sides();
+    odometry_until_ = end;
   }
   return transaction.close(outcome);
 }
@@ -438,6 +470,7 @@ Matrix<1, 6> TagTriangleEkf::heading_by_tags(const Pose2& pose) const {
 }
 
 Outcome TagTriangleEkf::hold_sides() {
+  sides_due_ = false;
   Rows<kTags> rows;
   rows.jacobian.setZero();
   rows.noise.setZero();
@@ -459,6 +492,9 @@ void TagTriangleEkf::advance_to(Stamp stamp) {
   if (stamp <= belief_.stamp) {
     return;
   }
+  if (sides_due_) {
+    (void)hold_sides();
+  }
   const Vector<kVariables> x = belief_.x;
   predict(belief_, recipe_->motion.propagate<kVariables>(x, seconds_between(belief_.stamp, stamp)),
           recipe_->slots);
@@ -474,7 +510,12 @@ RigidFit TagTriangleEkf::fit() const {
   return rigid_fit(recipe_->body, world, P);
 }
 
-PoseEstimate TagTriangleEkf::estimate() const {
+PoseEstimate TagTriangleEkf::current() const {
+  if (sides_due_) {
+    TagTriangleEkf held = *this;
+    (void)held.hold_sides();
+    return held.current();
+  }
   const RigidFit body = fit();
   if (body.status == RigidFitStatus::kNoDirection || body.status == RigidFitStatus::kNotConverged) {
     throw NumericalError("the three tags prefer no heading of the body");
@@ -482,11 +523,15 @@ PoseEstimate TagTriangleEkf::estimate() const {
   return {belief_.stamp, body.pose, body.covariance};
 }
 
+PoseEstimate TagTriangleEkf::estimate() const {
+  return estimate(std::max(belief_.stamp, odometry_until_.value_or(belief_.stamp)));
+}
+
 PoseEstimate TagTriangleEkf::estimate(Stamp stamp) const {
   internal::check_not_before(belief_.stamp, stamp);
   TagTriangleEkf ahead = *this;
   ahead.advance_to(stamp);
-  return ahead.estimate();
+  return ahead.current();
 }
 
 }  // namespace locfuse

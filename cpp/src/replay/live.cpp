@@ -56,7 +56,7 @@ void Live::check_search() {
     return;
   }
   RecoveringEkf started = initial_;
-  started.start_with(search_.initializer().estimator());
+  started.start_from(search_.initializer());
   is_from_search_ = true;
   track_from(std::move(started));
   const std::vector<Message> waiting = search_.waiting();  // a copy: search_ may change
@@ -123,7 +123,7 @@ void Live::reset() {
   relocalize();
   dropped_messages_ = jumps_ = 0;
   disabled_ = {};
-  if (initial_.estimator() != nullptr) {
+  if (initial_.has_started()) {
     track_from(initial_);
   }
 }

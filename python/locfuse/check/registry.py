@@ -23,6 +23,7 @@ from locfuse.check.layout import Layout, layout_of
 from locfuse.config.schema import RunConfig
 from locfuse.run.cylinders import with_cylinders
 from locfuse.run.run import load_log
+from locfuse.run.scan_odometry import with_scan_odometry
 from locfuse.types import ConfigError, Log, LogError
 
 Rule: TypeAlias = Callable[[Context], Iterator[Finding]]
@@ -128,7 +129,7 @@ def check(config: RunConfig, log: Log | None = None, *, base: Path | None = None
     """
     try:
         log = load_log(config, base, config.seed) if log is None else log
-        log = with_cylinders(log, config)
+        log = with_scan_odometry(with_cylinders(log, config), config)
     except LogError as problem:
         return CheckResult([_unreadable(problem, "log")], None)
     except ConfigError as problem:

@@ -58,10 +58,11 @@ def messages_without_use(context: Context) -> Iterator[Finding]:
 
 
 def _scans_are_used(context: Context) -> bool:
-    """Return whether scans are used: by `mcl`, for `cylinders`, or by a start that has a map."""
+    """Return whether a filter, a front end, or a start that has a map uses scans."""
     log, config = context.log, context.config
     starts = config.start == "auto" and log.laser is not None and log.grid is not None
-    return config.mcl is not None or config.cylinders is not None or starts
+    makers = config.mcl, config.cylinders, config.scan_odometry
+    return starts or any(part is not None for part in makers)
 
 
 def rates_and_gaps(context: Context) -> Iterator[Finding]:

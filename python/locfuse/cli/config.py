@@ -3,11 +3,17 @@
 
 from __future__ import annotations
 
+import json
+from typing import Annotated
+
 import typer
 import yaml
 
 from locfuse.cli.inputs import ConfigFile
+from locfuse.config.base import changed_keys
+from locfuse.config.json_schema import json_schema
 from locfuse.config.load import load_config
+from locfuse.config.schema import RunConfig
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 
@@ -18,7 +24,20 @@ def config() -> None:
 
 
 @app.command()
-def dump(config: ConfigFile) -> None:
-    """Print the effective configuration: every key with its value."""
-    text = yaml.safe_dump(load_config(config).model_dump(mode="json"), sort_keys=False)
+def dump(
+    config: ConfigFile,
+    every: Annotated[
+        bool, typer.Option("--all", help="Print keys at their defaults, too.")
+    ] = False,
+) -> None:
+    """Print what a configuration changes, or all of its effective values."""
+    loaded = load_config(config)
+    values = loaded.model_dump(mode="json") if every else changed_keys(loaded)
+    text = yaml.safe_dump(values, sort_keys=False, default_flow_style=None, width=100)
     print(text, end="")
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON schema of configurations, by which editors complete and check them."""
+    print(json.dumps(json_schema(RunConfig), indent=1))

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import re
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, model_validator
 
@@ -32,11 +33,43 @@ class Strict(BaseModel):
         return data
 
 
+def is_tag(model: type[BaseModel], key: str) -> bool:
+    """Return whether a key only says which model of several it is: it has a single value."""
+    annotation = model.model_fields[key].annotation
+    return get_origin(annotation) is Literal and len(get_args(annotation)) == 1
+
+
 def description(model: type[BaseModel], key: str) -> tuple[str, str]:
     """Return the text of a key of the schema, in Markdown, and its unit; empty if it has none."""
     text = " ".join((model.model_fields[key].description or "").split())
     unit = re.search(r" \[([^\[\]]+)\]\.$", text)
     return (text, "") if unit is None else (text[: unit.start()] + ".", unit[1])
+
+
+def plain_text(text: str) -> str:
+    """Return a description without links and code quotes, in one line."""
+    return re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", " ".join(text.split())).replace("`", "")
+
+
+def changed_keys(model: BaseModel) -> dict[str, Any]:
+    """Return what differs from the defaults, as YAML has it; it loads as the same model."""
+    found: dict[str, Any] = {}
+    for key, field in type(model).model_fields.items():
+        value = getattr(model, key)
+        default = None if field.is_required() else field.get_default(call_default_factory=True)
+        if field.is_required() or is_tag(type(model), key) or value != default:
+            found[key] = _changed(value)
+    return found
+
+
+def _changed(value: Any) -> Any:
+    if isinstance(value, BaseModel):
+        return changed_keys(value)
+    if isinstance(value, Mapping):
+        return {key: _changed(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_changed(item) for item in value]
+    return value
 
 
 def meaning(model: type[BaseModel], key: str) -> tuple[str, str]:
@@ -49,4 +82,4 @@ def meaning(model: type[BaseModel], key: str) -> tuple[str, str]:
     ('Epochs per second.', 'Hz')
     """
     text, unit = description(model, key)
-    return re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text).replace("`", ""), unit
+    return plain_text(text), unit

@@ -21,11 +21,35 @@ from locfuse.config.schema import (
 )
 from locfuse.types import Columns, ConfigError, nearest
 
+_OTHER_KINDS = ("kind", "landmark_slam", "tag_triangle")
+
 
 def build_estimator_config(estimator: Estimator) -> _core.PoseEkfConfig:
-    """Return the C++ struct with every value of `estimator`."""
+    """Return the C++ struct of a pose EKF with every value of `estimator`."""
     config = _core.PoseEkfConfig()
-    _fill(config, estimator)
+    _fill(config, estimator, leave=_OTHER_KINDS)
+    return config
+
+
+def build_landmark_config(estimator: Estimator) -> _core.LandmarkEkfConfig:
+    """Return the C++ struct with every value of `estimator` that maps landmarks."""
+    config = _core.LandmarkEkfConfig()
+    _copy(config, estimator, ("gate_landmark", "gate_position", "hold_s",
+                              "sigma_lost_xy_per_sqrt_s", "sigma_lost_heading_per_sqrt_s"),
+          ("odometry", "landmark", "position", "limits"))  # fmt: skip
+    _fill(config, estimator.landmark_slam, leave=("use_map",))
+    return config
+
+
+def build_triangle_config(estimator: Estimator) -> _core.TagTriangleEkfConfig:
+    """Return the C++ struct with every value of `estimator` for three tags."""
+    config, triangle = _core.TagTriangleEkfConfig(), estimator.tag_triangle
+    _copy(config, estimator, ("gate_range", "gate_position"), ("range", "position", "limits"))
+    _copy(config, triangle, ("heading_is_known", "sigma_start_velocity_mps", "gate_velocity",
+                             "gate_side"), ("velocity",))  # fmt: skip
+    config.motion.sigma_velocity_per_sqrt_s = triangle.sigma_velocity_per_sqrt_s
+    config.side.sigma_m = triangle.sigma_side_m
+    config.holds_sides = True
     return config
 
 
@@ -66,6 +90,10 @@ def build_recovering_config(config: RunConfig) -> _core.RecoveringEkfConfig:
     """Return a filter that starts by itself and reports when it is lost, as a run configures it."""
     recovering = _core.RecoveringEkfConfig()
     recovering.estimator = build_estimator_config(config.estimator)
+    if config.estimator.kind == "landmark_slam":
+        recovering.tracker = build_landmark_config(config.estimator)
+    elif config.estimator.kind == "tag_triangle":
+        recovering.tracker = build_triangle_config(config.estimator)
     recovering.start = build_initializer_config(config.initializer)
     recovering.health = build_health_config(config.health)
     recovering.restart = config.when_lost == "restart"
@@ -88,6 +116,15 @@ def _fill(struct: Any, model: BaseModel, leave: tuple[str, ...] = ()) -> None:
             setattr(struct, name, type(getattr(struct, name))[value.upper()])
         else:
             setattr(struct, name, value)
+
+
+def _copy(
+    struct: Any, model: BaseModel, values: tuple[str, ...], sections: tuple[str, ...]
+) -> None:
+    for name in values:
+        setattr(struct, name, getattr(model, name))
+    for name in sections:
+        _fill(getattr(struct, name), getattr(model, name))
 
 
 def build_anchors(

@@ -16,7 +16,7 @@ Longitude: TypeAlias = Annotated[float, Field(ge=-180.0, le=180.0)]
 
 SUBSCRIBED = ("odometry", "scans", "ranges", "poses", "positions", "landmark_sightings", "map",
          "anchors", "landmarks", "initial_pose", "truth")  # fmt: skip
-PUBLISHED = ("estimate", "path", "start")
+PUBLISHED = ("estimate", "path", "start", "mapped")
 
 
 class Topics(Strict):
@@ -52,6 +52,8 @@ class Topics(Strict):
     """Published latched once a start without a prior is `ready`: PoseWithCovarianceStamped for
     AMCL, usually `initialpose`.
     """
+    mapped: Name | None = "locfuse/landmarks"
+    """Published latched by an estimator that maps: locfuse_msgs/NamedPoints."""
 
     @model_validator(mode="after")
     def _one_meaning(self) -> Topics:

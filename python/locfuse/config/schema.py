@@ -24,6 +24,13 @@ Limit: TypeAlias = Annotated[float, Field(gt=0.0, le=1e12)]
 GateProbability: TypeAlias = Annotated[float, Field(gt=0.0, le=1.0)]
 Source: TypeAlias = Literal["odometry", "ranges", "positions", "poses", "landmark_sightings"]
 SOURCES: tuple[Source, ...] = ("odometry", "ranges", "positions", "poses", "landmark_sightings")
+Kind: TypeAlias = Literal["pose", "landmark_slam", "tag_triangle"]
+# What an estimator of each kind fuses; it ignores the rest.
+FUSES: dict[Kind, tuple[Source, ...]] = {
+    "pose": SOURCES,
+    "landmark_slam": ("odometry", "positions", "landmark_sightings"),
+    "tag_triangle": ("odometry", "ranges", "positions"),
+}
 
 
 class Odometry(Strict):
@@ -181,6 +188,13 @@ class Calibration(Strict):
 
 
 Bounded = Annotated[float, Field(ge=0.0, le=1e9)]  # its square is finite
+_OF_POSE = ("calibration", "adaptive", "robust_range", "robust_position", "robust_pose")
+# Settings of `Estimator` that a kind does not have.
+LEFT_OUT: dict[Kind, tuple[str, ...]] = {
+    "pose": ("landmark_slam", "tag_triangle"),
+    "landmark_slam": ("tag_triangle", *_OF_POSE),
+    "tag_triangle": ("landmark_slam", *_OF_POSE),
+}
 
 
 class Cylinders(Strict):
@@ -225,9 +239,70 @@ class Cylinders(Strict):
         return self
 
 
-class Estimator(Strict):
-    """The pose EKF; ``PoseEkfConfig`` in C++."""
+class LandmarkSlam(Strict):
+    """How `landmark_slam` maps; with `estimator`, ``LandmarkEkfConfig`` in C++."""
 
+    use_map: bool = True
+    """Take the landmarks of the log as known and exact; false: all are mapped."""
+    gate_new: GateProbability = 0.999999
+    """Probability that a good sighting passes a wider gate, outside of which it is of a new
+    landmark; between the two gates it is rejected. At least `gate_landmark`.
+    """
+    min_sightings: Annotated[int, Field(ge=1, le=10**9)] = 3
+    """Number of sightings that confirm a landmark without a name."""
+    confirm_within_s: Positive = 2.0
+    """Time from its first sighting after which an unconfirmed landmark is dropped [s]."""
+    max_landmarks: Annotated[int, Field(ge=0, le=10**6)] = 500
+    """Maximum number of landmarks that are mapped."""
+
+
+class TagVelocity(Strict):
+    """Noise of the velocities that odometry gives tags; ``VelocityConfig`` in C++."""
+
+    sigma_forward_mps: NonNegative = 0.02
+    """Forward speed of the wheels, common to all tags [m/s]."""
+    sigma_lateral_mps: NonNegative = 0.01
+    """Speed to the side, common to all tags [m/s]."""
+    sigma_turn_rate_radps: NonNegative = 0.02
+    """Turn rate of the wheels, common to all tags [rad/s]."""
+    sigma_point_mps: Positive = 0.01
+    """Of each tag and axis by itself [m/s]."""
+
+
+class TagTriangle(Strict):
+    """What `tag_triangle` needs; with `estimator`, ``TagTriangleEkfConfig`` in C++."""
+
+    sigma_velocity_per_sqrt_s: Positive = 0.2
+    """White acceleration of each tag [m/s/√s]."""
+    velocity: TagVelocity = Field(default_factory=TagVelocity)
+    """Noise of the tags' velocities by odometry."""
+    sigma_side_m: Annotated[float, Field(ge=1e-4, le=1e6)] = 0.005
+    """Sigma of the sides of the triangle [m]."""
+    heading_is_known: bool = False
+    """Turn odometry into the world by a heading without error, as in the paper."""
+    sigma_start_velocity_mps: Positive = 0.5
+    """Sigma of the tags' velocities at the start [m/s]."""
+    gate_velocity: GateProbability = 0.999
+    """Probability that good odometry passes its gate; 1: no gate."""
+    gate_side: GateProbability = 1.0
+    """Probability that the sides pass their gate; 1: no gate."""
+
+
+class ScanOdometry(Strict):
+    """Odometry from scans; ``LocalMapConfig`` in C++."""
+
+    sigma_range_m: Annotated[float, Field(ge=1e-6, le=10.0)] = 0.01
+    """Range noise of one beam [m]."""
+
+
+class Estimator(Strict):
+    """An EKF: its kind, and its settings; ``PoseEkfConfig`` in C++ for `pose`."""
+
+    kind: Kind = "pose"
+    """Estimator. `pose`: of position and heading; `landmark_slam`: [maps landmarks while it
+    localizes](models/landmark_ekf.md); `tag_triangle`: [positions and velocities of three
+    tags](models/tag_triangle_ekf.md).
+    """
     odometry: Odometry = Field(default_factory=Odometry)
     """Noise of odometry."""
     range: Range = Field(default_factory=Range)
@@ -268,6 +343,29 @@ class Estimator(Strict):
     """Position process noise after the odometry timeout; the robot is assumed to stand [m/√s]."""
     sigma_lost_heading_per_sqrt_s: LostSigma = 0.5
     """Heading process noise after the odometry timeout [rad/√s]."""
+    landmark_slam: LandmarkSlam = Field(default_factory=LandmarkSlam)
+    """Settings of `landmark_slam` alone."""
+    tag_triangle: TagTriangle = Field(default_factory=TagTriangle)
+    """Settings of `tag_triangle` alone."""
+
+    @model_validator(mode="after")
+    def _settings_of_the_kind(self) -> Estimator:
+        for key in LEFT_OUT[self.kind]:
+            default = type(self).model_fields[key].get_default(call_default_factory=True)
+            if getattr(self, key) != default:
+                of = "pose" if key in _OF_POSE else key
+                raise ValueError(f"{key} is set, but it belongs to kind {of!r}, and kind is "
+                                 f"{self.kind!r}; remove it, or change kind")  # fmt: skip
+        return self
+
+    @model_validator(mode="after")
+    def _new_is_wider(self) -> Estimator:
+        if self.kind == "landmark_slam" and self.landmark_slam.gate_new < self.gate_landmark:
+            raise ValueError(
+                f"landmark_slam.gate_new is {self.landmark_slam.gate_new} and gate_landmark is "
+                f"{self.gate_landmark}; expected gate_landmark <= gate_new"
+            )
+        return self
 
 
 class Health(Strict):
@@ -654,12 +752,16 @@ class RunConfig(Strict):
     """Known errors of the ranges to an anchor; `all` holds for anchors that are not named."""
     cylinders: Cylinders | None = None
     """Detect round objects in the scans as landmark observations."""
+    scan_odometry: ScanOdometry | None = None
+    """Make the odometry [of scans](models/scan_matching.md#as-the-odometry-of-a-run), with the
+    wheels, if there are any, as a guess.
+    """
     estimator: Estimator = Field(default_factory=Estimator)
-    """Pose EKF."""
+    """EKF that fuses everything but scans."""
     health: Health = Field(default_factory=Health)
     """Monitor of [how far the estimate may be trusted](health.md)."""
     when_lost: Literal["restart", "go_on"] = "restart"
-    """What a pose EKF does once it is lost: relocalize, or continue."""
+    """What an EKF does once it is lost: relocalize, or continue; `landmark_slam` continues."""
     mcl: Mcl | None = None
     """Fuse scans on the map of the log, too: [Localize on a map](localize.md)."""
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
@@ -719,6 +821,32 @@ class RunConfig(Strict):
             raise ValueError(
                 "mcl.switch needs ranges or positions, which use leaves out; add them to use, or "
                 "remove the switch"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _odometry_of_scans_is_used(self) -> RunConfig:
+        if self.scan_odometry is not None and "odometry" not in self.use:
+            raise ValueError(
+                "scan_odometry makes odometry, which use leaves out; add 'odometry' to use, or "
+                "remove it"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _kind_can_do_it(self) -> RunConfig:
+        kind = self.estimator.kind
+        if kind == "pose":
+            return self
+        if self.mcl is not None:
+            raise ValueError(
+                f"both mcl and estimator.kind {kind!r} are given; expected one of them"
+            )
+        unused = [source for source in self.use if source not in FUSES[kind]]
+        if unused and self.use != list(SOURCES):
+            raise ValueError(
+                f"use names {unused}, which estimator.kind {kind!r} does not fuse; expected some "
+                f"of {list(FUSES[kind])}"
             )
         return self
 

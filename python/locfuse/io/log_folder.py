@@ -68,6 +68,7 @@ SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
         ("landmark", "x_m", "y_m", "radius_m"),
         ("landmark", "x_m", "y_m", "z_m"),
         ("landmark", "x_m", "y_m", "z_m", "radius_m"),
+        ("landmark", "x_m", "y_m", "cov_x_x", "cov_x_y", "cov_y_y"),
     ),
 }
 MESSAGES = ("odometry", "ranges", "positions", "poses", "landmark_sightings", "scans")
@@ -321,6 +322,8 @@ def _problems(stem: str, table: Columns) -> Iterator[Problem]:
         yield from _bad_increments(table)
     if stem in MAY_NOT_KNOW:
         yield from _bad_sigmas(table)
+    if "cov_x_x" in table:
+        yield from _bad_covariances(table)
 
 
 def _bad_values(stem: str, name: str, values: NDArray[Any]) -> Iterator[Problem]:
@@ -366,6 +369,15 @@ def _bad_sigmas(table: Columns) -> Iterator[Problem]:
     unknown = (together == -1.0).all(axis=1) | (together == 0.0).all(axis=1)
     for name, values in sigmas.items():
         yield from _first((values <= 0.0) & ~unknown, f"{name} is not positive", values)
+
+
+def _bad_covariances(table: Columns) -> Iterator[Problem]:
+    """Yield covariances that are neither positive definite nor all 0: exact."""
+    xx, xy, yy = (table[name] for name in ("cov_x_x", "cov_x_y", "cov_y_y"))
+    with np.errstate(over="ignore"):  # what is infinite is no covariance, too
+        good = (xx > 0.0) & (yy > 0.0) & (xy * xy < xx * yy)
+    exact = (xx == 0.0) & (xy == 0.0) & (yy == 0.0)
+    yield from _first(~good & ~exact, "the covariance is not positive definite", xx)
 
 
 def _bad_increments(table: Columns) -> Iterator[Problem]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from locfuse.io.csv_table import number_texts, stamp_texts, write_table
-from locfuse.types import FloatArray, Health, Outcomes, Trajectory
+from locfuse.types import FloatArray, Health, MappedLandmarks, Outcomes, Trajectory
 
 
 def write_estimate(path: Path, estimate: Trajectory) -> None:
@@ -42,6 +42,14 @@ def write_outcomes(path: Path, outcomes: Outcomes) -> None:
         outcomes.reason.tolist(),
     ]
     write_table(path, header, columns)
+
+
+def write_landmarks(path: Path, landmarks: MappedLandmarks) -> None:
+    """Write ``landmarks.csv`` of a log folder: the map, which another run may begin with."""
+    position, covariance = landmarks.position, landmarks.covariance
+    numbers = [*position.T, covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]]
+    header = ["landmark", "x_m", "y_m", "cov_x_x", "cov_x_y", "cov_y_y"]
+    write_table(path, header, [landmarks.name.tolist(), *map(number_texts, numbers)])
 
 
 def write_health(path: Path, health: Health) -> None:

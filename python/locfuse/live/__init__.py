@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A live run: messages arrive one by one, as on a robot."""
 
-from locfuse.live.run import LiveHealth, LivePose, LiveRun, LiveSource
+from locfuse.live.rows import Row
+from locfuse.live.run import MAX_KEPT, LiveHealth, LivePose, LiveRun, LiveSource
 
-__all__ = ["LiveHealth", "LivePose", "LiveRun", "LiveSource"]
+__all__ = ["MAX_KEPT", "LiveHealth", "LivePose", "LiveRun", "LiveSource", "Row"]

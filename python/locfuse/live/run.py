@@ -12,15 +12,16 @@ from locfuse import _core
 from locfuse.config.build import (
     build_anchors,
     build_cylinder_detector,
-    build_recovering_config,
 )
 from locfuse.config.schema import RunConfig
 from locfuse.live.on_map import PATIENCE_NS, OnMap
 from locfuse.live.rows import Message, Row, Rows, effective_ns, reported_covariance
 from locfuse.run.health import name_of, reason_of
 from locfuse.run.messages import landmark_sight
-from locfuse.run.start import given_start, matcher_of
-from locfuse.types import NANOSECONDS, ConfigError, FloatArray, Log, nearest
+from locfuse.run.scan_odometry import scan_drive
+from locfuse.run.start import given_start
+from locfuse.run.tracker import mapped_landmarks, recovering_ekf
+from locfuse.types import NANOSECONDS, ConfigError, FloatArray, Log, MappedLandmarks, nearest
 
 MAX_KEPT = 5000  # messages that are kept for a run that takes over before there is a pose
 
@@ -126,6 +127,7 @@ class LiveRun:
             [_core.Tag(i, list(world.tags[name])) for i, name in enumerate(self.names.tag_names)],
         )
         self._given = None if config.start == "auto" else config.start
+        self._scan_drive = None if config.scan_odometry is None else scan_drive(config)
         self._held: list[Message] = []
         self._driven: Row = {}  # the last odometry
         self._received: deque[tuple[str, Row]] = deque(maxlen=MAX_KEPT)  # while it searches
@@ -136,23 +138,24 @@ class LiveRun:
         self._begin_ns: int | None = None
         self._filter: _core.Live | None = None
         if config.mcl is None or config.mcl.poses_hz is not None:
-            matcher = matcher_of(world) if self._given is None else None
             self._filter = _core.Live(
-                _core.RecoveringEkf(build_recovering_config(config), *self._radios, matcher,
-                                    self._landmarks()),
+                recovering_ekf(config, self._world_of_landmarks(), self.names.landmark_names,
+                               *self._radios, matches_scans=self._given is None),
                 round(config.history_s * NANOSECONDS),
                 _core.ClockJump[config.clock_jump.upper()],
                 config.history_messages,
                 PATIENCE_NS,
             )  # fmt: skip
 
-    def _landmarks(self) -> _core.LandmarkSensor | None:
+    def _world_of_landmarks(self) -> Log:
+        """Return the world, seen by the laser where cylinders in its scans are landmarks."""
         world = self.world
-        if "landmarks" not in world:
-            return None
-        if self._cylinders is not None and world.laser is not None:
-            world = replace(world, landmark_sensor={"pose_in_body": world.laser["pose_in_body"]})
-        return landmark_sight(world, self.names.landmark_names)
+        if self._cylinders is None or world.laser is None:
+            return world
+        return replace(world, landmark_sensor={"pose_in_body": world.laser["pose_in_body"]})
+
+    def _landmarks(self) -> _core.LandmarkSensor:
+        return landmark_sight(self._world_of_landmarks(), self.names.landmark_names)
 
     # Received -----------------------------------------------------------------------------------
 
@@ -185,7 +188,7 @@ class LiveRun:
         elif source not in self.config.use or source in self._disabled:
             verdict = _core.Verdict.IGNORED
         else:
-            verdict = self._on_message(self.names.message(source, row))
+            verdict = self._on_row(source, row)
         self._received_ns = stamp if self._received_ns is None else max(stamp, self._received_ns)
         word = verdict.name.lower()
         self.counts[source, word] += 1
@@ -197,6 +200,13 @@ class LiveRun:
             return self._filter.is_tracking
         return self._on_map is not None and self._on_map.found and self._map_pose is not None
 
+    def _on_row(self, source: str, row: Row) -> _core.Verdict:
+        message = self.names.message(source, row)
+        if self._scan_drive is not None and isinstance(message, _core.Velocity | _core.Increment):
+            self._scan_drive.on_wheels(message)
+            return _core.Verdict.IGNORED
+        return self._on_message(message)
+
     def _on_message(self, message: Message) -> _core.Verdict:
         of_odometry = isinstance(message, _core.Velocity | _core.Increment)
         if self.config.mcl is not None and (self._filter is None or of_odometry):
@@ -207,6 +217,10 @@ class LiveRun:
         scan = self.names.scan(row)
         if "scans" in self._disabled:
             return _core.Verdict.IGNORED
+        if self._scan_drive is not None and "odometry" in self.config.use:
+            motion = self._scan_drive.on_scan(scan)
+            if motion is not None and "odometry" not in self._disabled:
+                self._on_message(motion)
         if self._cylinders is not None:
             for one in self._cylinders.detect(scan):
                 sigmas = np.sqrt(np.diag(one.covariance)[:2])
@@ -389,6 +403,11 @@ class LiveRun:
                        s.residual, s.sigma, s.test_ratio, s.faulty)
             for s in statuses
         ]  # fmt: skip
+
+    def landmarks(self) -> MappedLandmarks | None:
+        """Return the map of an estimator that maps, as known now; None of any other."""
+        found = [] if self._filter is None else self._filter.landmarks
+        return mapped_landmarks(self.config, found, self.names.landmark_names)
 
     @property
     def received_ns(self) -> int | None:

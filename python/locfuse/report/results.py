@@ -9,13 +9,23 @@ from pathlib import Path
 import yaml
 
 from locfuse.eval.errors import interpolate
-from locfuse.io.result_tables import write_estimate, write_health, write_outcomes
+from locfuse.io.result_tables import (
+    write_estimate,
+    write_health,
+    write_landmarks,
+    write_outcomes,
+)
 from locfuse.io.tum import write_tum
 from locfuse.io.whole import whole_folder
 from locfuse.report.report import PICTURES, write_report
 from locfuse.types import RunResult
 
-OWNED = ("truth.tum", "health.csv", *PICTURES)  # of an earlier run, if this one has none
+OWNED = (
+    "truth.tum",
+    "health.csv",
+    "landmarks.csv",
+    *PICTURES,
+)  # of an earlier run, if this one has none
 
 
 def write_results(result: RunResult, folder: str | Path) -> Path:
@@ -33,7 +43,8 @@ def write_results(result: RunResult, folder: str | Path) -> Path:
         ``report.html``. Beside it: ``config.yaml`` (effective), ``estimate.tum``, ``truth.tum``
         (only with truth; interpolated to the estimate's stamps, the pairs that ``metrics.json``
         compares), ``estimate.csv`` (with covariance), ``outcomes.csv`` (one row per message),
-        ``health.csv``, ``metrics.json`` and, with matplotlib, the pictures.
+        ``health.csv``, ``landmarks.csv`` (of an estimator that maps), ``metrics.json`` and, with
+        matplotlib, the pictures.
     """
     with whole_folder(folder, OWNED) as stage:
         _write(result, stage)
@@ -54,5 +65,7 @@ def _write(result: RunResult, folder: Path) -> None:
     write_outcomes(folder / "outcomes.csv", result.outcomes)
     if result.health is not None:
         write_health(folder / "health.csv", result.health)
+    if result.landmarks is not None:
+        write_landmarks(folder / "landmarks.csv", result.landmarks)
     metrics = json.dumps(dict(result.metrics), indent=1, allow_nan=False)
     (folder / "metrics.json").write_text(metrics + "\n", encoding="utf-8")

@@ -35,6 +35,10 @@ def cards(result: RunResult) -> str:
         shown.append(_nees_card(metrics))
     if metrics.get("mcl") is not None:
         shown += _mcl_cards(metrics["mcl"])
+    if metrics.get("mapping") is not None:
+        shown.append(_card(count(metrics["mapping"]["landmarks"]), "landmarks in the map"))
+        if metrics["mapping"]["rmse_m"] is not None:
+            shown.append(_card(_number(metrics["mapping"]["rmse_m"], "m"), "landmark RMSE"))
     share = f" ({percent(fused / total)})" if total else ""
     shown.append(_card(count(fused), f"messages fused of {count(total)}{share}"))
     if metrics.get("messages_per_second") is not None:

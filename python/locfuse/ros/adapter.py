@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,10 +18,11 @@ from locfuse.io.rosbag import decode, encode, rows
 from locfuse.io.rosbag.decode import MessageError
 from locfuse.io.rosbag.encode import Publication
 from locfuse.io.rosbag.frames import check_frame
-from locfuse.live import LiveHealth, LivePose, LiveRun
+from locfuse.live import MAX_KEPT, LiveHealth, LivePose, LiveRun, Row
 from locfuse.ros.future_stamps import FUTURE_NS, PATIENCE_NS, EarlyMessage, EarlyMessages
 from locfuse.ros.publications import Odometry, PublicationBuilder, health_status, source_status
 from locfuse.ros.world import World
+from locfuse.run.tracker import TRIANGLE
 from locfuse.types import NANOSECONDS, ConfigError, Log, nearest
 
 BACK_NS = NANOSECONDS  # a clock that goes back that far has jumped
@@ -125,11 +126,13 @@ class Adapter:
         self._jumps = 0
         self._restarts = 0
         self._early = EarlyMessages()
+        self._waiting: deque[tuple[str, Row]] = deque(maxlen=MAX_KEPT)
 
     def _listens(self) -> list[Subscription]:
         config = self._config
         wanted = set(config.use) | {"map", "anchors", "landmarks", "initial_pose"}
-        if config.mcl is not None or config.cylinders is not None or config.start == "auto":
+        makers = config.mcl, config.cylinders, config.scan_odometry
+        if config.start == "auto" or any(part is not None for part in makers):
             wanted.add("scans")
         listens = [
             Subscription(plain(topic), source, types, source in LATCHED, QUEUES.get(source, 100))
@@ -153,6 +156,7 @@ class Adapter:
             (topics.estimate, POSE, False),
             (topics.path, "nav_msgs/Path", False),
             (topics.start, POSE, True),
+            (topics.mapped if self._maps else None, "locfuse_msgs/NamedPoints", True),
         ):
             if topic is not None:
                 published.append((topic, kind, latched))
@@ -204,6 +208,8 @@ class Adapter:
         if self._diagnosed_ns is None or now_ns - self._diagnosed_ns >= NANOSECONDS:
             self._diagnosed_ns = now_ns
             published.append(self._diagnostics(now_ns))
+            if self._maps and self._live is not None:
+                published += self._publications.mapped(self._live.landmarks(), now_ns)
         return published
 
     def _keep_time(self, now_ns: int) -> list[Publication]:
@@ -235,11 +241,10 @@ class Adapter:
         self._check_body(row.child_frame)
         self._in_time(row.stamp_ns)
         self._driven.add(row)
-        if self._live is not None:
-            self._live.on("odometry", self._wheels.row(row))
-            if self._live.jumps > self._jumps:
-                self._jumps = self._live.jumps
-                self._wheels = rows.Wheels(use)
+        self._feed("odometry", self._wheels.row(row))
+        if self._live is not None and self._live.jumps > self._jumps:
+            self._jumps = self._live.jumps
+            self._wheels = rows.Wheels(use)
 
     def _check_body(self, frame: str) -> None:
         """Look once at a frame that odometry is of, and again when there are new transforms."""
@@ -277,16 +282,14 @@ class Adapter:
         for tag, frame in {row.tag: row.frame for row in received}.items():
             if self._world.add_tag(tag, frame):
                 self._rebuild()
-        if self._live is not None:
-            for row in received:
-                self._live.on("ranges", rows.range_row(row))
+        for row in received:
+            self._feed("ranges", rows.range_row(row))
 
     def _pose(self, message: Any, topic: str) -> None:
         row = decode.pose(message)
         check_frame("poses", row.frame, self._config.ros.frames.map)
         self._in_time(row.stamp_ns)
-        if self._live is not None:
-            self._live.on("poses", rows.pose_row(row))
+        self._feed("poses", rows.pose_row(row))
 
     def _position(self, message: Any, topic: str) -> None:
         if self._origin is None and hasattr(message, "latitude") and message.status.status >= 0:
@@ -297,8 +300,7 @@ class Adapter:
         self._in_time(row.stamp_ns)
         if row.tag and self._world.add_tag(row.tag, row.frame):
             self._rebuild()
-        if self._live is not None:
-            self._live.on("positions", rows.position_row(row))
+        self._feed("positions", rows.position_row(row))
 
     def _sightings(self, message: Any, topic: str) -> None:
         seen = decode.sightings(message)
@@ -306,9 +308,8 @@ class Adapter:
             self._in_time(row.stamp_ns)
         if seen and self._world.add_landmark_sensor(seen[0].frame):
             self._rebuild()
-        if self._live is not None:
-            for row in seen:
-                self._live.on("landmark_sightings", rows.sighting_row(row))
+        for row in seen:
+            self._feed("landmark_sightings", rows.sighting_row(row))
 
     def _map(self, message: Any, topic: str) -> None:
         check_frame("the map", message.header.frame_id, self._config.ros.frames.map)
@@ -351,11 +352,28 @@ class Adapter:
 
     # The run -------------------------------------------------------------------------------------
 
+    @property
+    def _maps(self) -> bool:
+        return self._config.estimator.kind == "landmark_slam"
+
+    def _feed(self, source: str, row: Row) -> None:
+        """Give a row to the run; without one it waits, unless that is for a map."""
+        if self._live is not None:
+            self._live.on(source, row)
+        elif self._config.mcl is None:
+            self._waiting.append((source, row))
+
     def _is_enough(self, world: Log) -> bool:
-        return world.grid is not None or self._config.mcl is None
+        if self._config.mcl is not None:
+            return world.grid is not None
+        return self._config.estimator.kind != "tag_triangle" or len(world.tags) >= TRIANGLE
 
     def _missing(self) -> str:
-        return f"mcl waits for a map on {self._config.ros.topics.map}, or in the folder ros.world"
+        if self._config.mcl is not None:
+            return (f"mcl waits for a map on {self._config.ros.topics.map}, or in the folder "
+                    "ros.world")  # fmt: skip
+        known = list(self._world.log.tags)
+        return f"tag_triangle waits for positions or ranges of {TRIANGLE} tags, it knows {known}"
 
     def _rebuild(self) -> None:
         """Go on with a run that knows the world as it is now, from where the last one was."""
@@ -364,6 +382,8 @@ class Adapter:
         before, self._live = self._live, self._anew()
         if before is not None:
             self._live.go_on_from(before)
+        while self._waiting:
+            self._live.on(*self._waiting.popleft())
 
     def _anew(self) -> LiveRun:
         """Return a run that has received nothing, with the sources off that are."""

@@ -11,7 +11,7 @@ from locfuse.io.rosbag import encode
 from locfuse.io.rosbag.decode import OdometryRow
 from locfuse.io.rosbag.encode import Publication
 from locfuse.live import LiveHealth, LivePose, LiveSource
-from locfuse.types import NANOSECONDS, FloatArray
+from locfuse.types import NANOSECONDS, FloatArray, MappedLandmarks
 
 KEPT_NS = 5 * NANOSECONDS  # of odometry
 PATH_POSES = 4000
@@ -67,6 +67,13 @@ class PublicationBuilder:
         self._map_to_odom: tuple[float, float, float] | None = None
         self._transform_ns: int | None = None
         self._start_pose: LivePose | None = None
+
+    def mapped(self, landmarks: MappedLandmarks | None, now_ns: int) -> list[Publication]:
+        """Publish the landmarks that were mapped; nothing if there is none yet."""
+        topic = self._ros.topics.mapped
+        if topic is None or landmarks is None or len(landmarks) == 0:
+            return []
+        return [encode.mapped_landmarks(plain(topic), landmarks, self._map, now_ns)]
 
     def pose(self, pose: LivePose) -> list[Publication]:
         """Publish a pose, and now and then the path; nothing if it was the last one.

@@ -18,12 +18,13 @@ def with_cylinders(log: Log, config: RunConfig) -> Log:
     """Return the log with the cylinders in its scans, if the configuration asks for them.
 
     They are ``landmark_sightings`` without names, each with the sigmas of its fit, and the laser is
-    the sensor of landmarks. Raises LogError where the log has no scans, no landmarks, sightings of
-    its own, or no intensities where ``least_intensity`` asks for them.
+    the sensor of landmarks. Raises LogError where the log has no scans, no landmarks and they
+    are not mapped, sightings of its own, or no intensities where ``least_intensity`` asks for them.
     """
     if config.cylinders is None:
         return log
-    for table in ("scans", "landmarks"):
+    is_mapped = config.estimator.kind == "landmark_slam"
+    for table in ("scans",) if is_mapped else ("scans", "landmarks"):
         if table not in log:
             raise LogError(f"cylinders are detected in scans and identified by landmarks, but "
                            f"the log has no {table}; {how_to_add(log, table)}, or leave "

@@ -67,7 +67,8 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
                        f"the config uses {list(config.use)}")  # fmt: skip
     _check_clocks(tables)
     anchor_names, tag_names = _names(log, tables)
-    landmark_names = _landmark_names(log, tables.get("landmark_sightings"))
+    is_mapped = config.estimator.kind == "landmark_slam"
+    landmark_names = _landmark_names(log, tables.get("landmark_sightings"), is_mapped)
     messages = _core.MessageLog()
     parts: list[dict[str, Any]] = []
     for source, table in tables.items():
@@ -101,6 +102,7 @@ def absent(config: RunConfig, log: Log) -> list[str]:
     """Return the sources that ``use`` names, that nothing makes and the log has no message of."""
     made = {"poses"} if config.mcl is not None and config.mcl.poses_hz is not None else set()
     made |= {"landmark_sightings"} if config.cylinders is not None else set()
+    made |= {"odometry"} if config.scan_odometry is not None else set()
     return [source for source in config.use
             if source not in made and (source not in log or not len(log[source]["stamp_ns"]))
             ]  # fmt: skip
@@ -192,11 +194,15 @@ def _names(
     return anchors, tags
 
 
-def _landmark_names(log: Log, sightings: Mapping[str, NDArray[Any]] | None) -> list[str]:
-    """Return landmark names in order of id: those with a place first."""
+def _landmark_names(
+    log: Log, sightings: Mapping[str, NDArray[Any]] | None, is_mapped: bool
+) -> list[str]:
+    """Return landmark names in order of id: those with a place first, unless they are mapped."""
     names = [str(name) for name in log["landmarks"]["landmark"]] if "landmarks" in log else []
     if sightings is None:
         return names
+    if is_mapped:
+        return names + sorted(set(sightings["landmark"].tolist()) - {""} - set(names))
     if not names:
         raise LogError("the log has landmark_sightings but no landmarks; "
                        f"{how_to_add(log, 'landmarks')}, or leave 'landmark_sightings' out of use"
@@ -268,15 +274,31 @@ def radios_of(
     return anchors, tags
 
 
-def landmarks_of(log: Log, messages: Messages) -> _core.LandmarkSensor | None:
+def landmarks_of(log: Log, messages: Messages) -> _core.LandmarkSensor:
     """Return the landmarks that have a place, with the ids of the messages, and their sensor."""
-    if "landmarks" not in log:
-        return None
     return landmark_sight(log, messages.landmark_names)
+
+
+def known_landmarks(log: Log, names: list[str]) -> list[_core.KnownLandmark]:
+    """Return the landmarks of a log as a `LandmarkEkf` begins with them; ids as in `names`.
+
+    Those without a covariance, or with one of 0, are exact.
+    """
+    if "landmarks" not in log:
+        return []
+    table = log["landmarks"]
+    ids = _ids(names, table["landmark"]).tolist()
+    exact = np.zeros(len(ids))
+    xx, xy, yy = (table.get(name, exact) for name in ("cov_x_x", "cov_x_y", "cov_y_y"))
+    covariance = np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2)
+    places = zip(ids, table["x_m"].tolist(), table["y_m"].tolist(), covariance, strict=True)
+    return [_core.KnownLandmark(i, [x, y], P if P[0, 0] > 0.0 else None) for i, x, y, P in places]
 
 
 def landmark_sight(log: Log, names: list[str]) -> _core.LandmarkSensor:
     """Return the landmarks of a log, whose ids are their places in `names`, and their sensor."""
+    if "landmarks" not in log:
+        return _core.LandmarkSensor(_core.LandmarkMap([]), landmark_sensor_of(log))
     table = log["landmarks"]
     radius = table.get("radius_m", np.zeros(len(table["landmark"])))
     ids = _ids(names, table["landmark"]).tolist()

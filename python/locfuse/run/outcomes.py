@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse import _core
-from locfuse.config.schema import RunConfig
+from locfuse.config.schema import FUSES, SOURCES, RunConfig
 from locfuse.run.mcl import Localization
 from locfuse.run.messages import Messages
 from locfuse.types import Log, Outcomes, StampArray
@@ -33,25 +33,22 @@ def outcomes_of(
     start_ns: int,
     used_until: int | None = None,
 ) -> Outcomes:
-    """Return the verdicts of a pose EKF that started at `start_ns`.
+    """Return the verdicts of an EKF that started at `start_ns`.
 
     What takes effect up to `used_until` [ns] was used to find the start.
     """
     verdict = VERDICTS[record.verdict]
     nis, dof = record.nis, record.dof
-    reason = _reasons(messages, verdict, log, start_ns)
-    gates = {
-        "ranges": _core.Gate(config.estimator.gate_range),
-        "positions": _core.Gate(config.estimator.gate_position),
-        "poses": _core.Gate(config.estimator.gate_pose),
-        "landmark_sightings": _core.Gate(config.estimator.gate_landmark),
-    }
+    of_tags = config.estimator.kind == "tag_triangle"
+    reason = _reasons(messages, verdict, log, start_ns, is_of_tags=of_tags)
     for row in np.flatnonzero(verdict == "gated"):
-        limit = gates[str(messages.source[row])].limit(int(dof[row]))
+        limit = record.limit[row]
         if nis[row] > limit:
             reason[row] = f"nis {nis[row]:.4g} > {limit:.4g}"
-        else:
+        elif messages.source[row] == "ranges":
             reason[row] = f"left out: anchor {messages.anchor[row]} is likely wrong as a whole"
+        else:
+            reason[row] = "ambiguous: too near a landmark for a new one"
     late = (verdict == "stale") & (messages.stamp_ns >= start_ns)
     reason[late] = f"older than the history of {config.history_s:g} s"
     if record.dropped_messages:
@@ -60,6 +57,10 @@ def outcomes_of(
         np.zeros(len(reason), bool) if used_until is None else messages.effective_ns <= used_until
     )
     reason[(verdict == "ignored") & ~used] = "source disabled"
+    kind = config.estimator.kind
+    for source in set(SOURCES) - set(FUSES[kind]):
+        is_unused = (verdict == "ignored") & (messages.source == source)
+        reason[is_unused] = f"{kind} does not fuse {source}"
     for row in np.flatnonzero(record.interventions):
         reason[row] = f"variances put back into their bounds: {record.interventions[row]}"
     return Outcomes(
@@ -129,9 +130,14 @@ def _with(outcomes: Outcomes, others: Outcomes) -> Outcomes:
 
 
 def _reasons(
-    messages: Messages, verdict: NDArray[np.str_], log: Log, start_ns: int
+    messages: Messages,
+    verdict: NDArray[np.str_],
+    log: Log,
+    start_ns: int,
+    *,
+    is_of_tags: bool = False,
 ) -> NDArray[np.object_]:
-    """Return the reasons that do not depend on the estimator."""
+    """Return the reasons that hardly depend on the estimator."""
     reason = np.full(len(verdict), "", dtype=object)
     placed = set(log["anchors"]["anchor"].tolist()) if "anchors" in log else set()
     for row in np.flatnonzero(verdict == "not_modelled"):
@@ -139,6 +145,10 @@ def _reasons(
             reason[row] = _why_nothing_is_seen(str(messages.anchor[row]), log)
         elif messages.source[row] == "positions" and messages.tag[row] not in ("", *log.tags):
             reason[row] = f"unknown tag {messages.tag[row]}"
+        elif messages.source[row] == "positions" and is_of_tags and messages.tag[row] == "":
+            reason[row] = "names no tag, and tag_triangle fuses positions of tags"
+        elif messages.source[row] == "odometry":
+            reason[row] = "a motion without duration has no velocity"
         elif messages.source[row] in ("positions", "poses"):
             kind = str(messages.source[row])[:-1]
             reason[row] = f"has no usable sigma; set estimator.{kind}.sigma_m"
@@ -157,6 +167,8 @@ def _reasons(
 
 def _why_nothing_is_seen(landmark: str, log: Log) -> str:
     """Return why a sighting of a landmark, or one without a name, fits no model."""
+    if "landmarks" not in log:
+        return "not mapped: range or bearing is missing, or there are max_landmarks"
     if landmark and landmark not in log["landmarks"]["landmark"]:
         return f"unknown landmark {landmark}"
     return f"landmark {landmark}".strip() + " at the sensor: no direction"

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from locfuse import _core
-from locfuse.config.build import build_estimator_config, build_recovering_config
 from locfuse.config.schema import SOURCES, Dataset, RunConfig
 from locfuse.eval.metrics import metrics
 from locfuse.eval.readiness import readiness
@@ -32,7 +31,9 @@ from locfuse.run.messages import (
     truth_of,
 )
 from locfuse.run.outcomes import outcomes_of, outcomes_of_mcl, with_scans, with_switches
-from locfuse.run.start import matcher_of, start_from_nothing, start_of
+from locfuse.run.scan_odometry import with_scan_odometry
+from locfuse.run.start import start_from_nothing, start_of
+from locfuse.run.tracker import mapped_landmarks, mapping_metrics, recovering_ekf
 from locfuse.sim.scenario import simulate
 from locfuse.types import (
     NANOSECONDS,
@@ -106,7 +107,7 @@ def run(
     if log is None:
         log = load_log(config, base, config.seed)
     warn_missing_sources(config, log)
-    log = with_cylinders(log, config)
+    log = with_scan_odometry(with_cylinders(log, config), config)
     if config.mcl is None:
         return _fuse(config, log, start, progress, watch)
     localization = localize(config, log, start=start, progress=progress,
@@ -137,7 +138,7 @@ def warn_missing_sources(config: RunConfig, log: Log) -> None:
 
 @dataclass(frozen=True)
 class _Started:
-    """A pose EKF at its start.
+    """An EKF at its start.
 
     Messages up to `used_until` were used to find the start; None if it was given.
     """
@@ -191,22 +192,19 @@ def _fuse(
 def _start(
     config: RunConfig, log: Log, messages: Messages, start: _core.PoseEstimate | None
 ) -> _Started:
-    """Return the pose EKF at a given start, or at the one that the configuration asks for."""
+    """Return the EKF at a given start, or at the one that the configuration asks for."""
     anchors, tags = radios_of(log, messages, config)
     landmarks = landmarks_of(log, messages)
+    recovering = recovering_ekf(config, log, messages.landmark_names, anchors, tags)
     used_until, found = None, None
     if start is None and config.start == "auto":
-        ekf, used_until, found = start_from_nothing(config, log, messages.log, messages.begin_ns,
-                                                    anchors, tags, landmarks)  # fmt: skip
+        initializer, used_until, found = start_from_nothing(
+            config, log, messages.log, messages.begin_ns, anchors, tags, landmarks
+        )
+        recovering.start_from(initializer)
     else:
-        start = start_of(config, truth_of(log), messages) if start is None else start
-        ekf = _core.PoseEkf(build_estimator_config(config.estimator), anchors, tags, start,
-                            landmarks)  # fmt: skip
-    stamp_ns = ekf.belief.stamp
-    recovering = _core.RecoveringEkf(build_recovering_config(config), anchors, tags,
-                                     matcher_of(log), landmarks)  # fmt: skip
-    recovering.start_with(ekf)
-    return _Started(recovering, stamp_ns, used_until, found)
+        recovering.start_at(start_of(config, truth_of(log), messages) if start is None else start)
+    return _Started(recovering, recovering.current().stamp, used_until, found)
 
 
 def _fused(
@@ -218,7 +216,7 @@ def _fused(
     wall_s: float,
     localization: Localization | None,
 ) -> RunResult:
-    """Return the run of a pose EKF from the record of its replay."""
+    """Return the run of an EKF from the record of its replay."""
     poses = record.poses
     estimate = Trajectory(record.stamp_ns, poses[:, :2].copy(), poses[:, 2].copy(),
                           record.covariances)  # fmt: skip
@@ -228,6 +226,7 @@ def _fused(
         wall_s += localization.wall_s
     duration_s = (messages.end_ns - messages.begin_ns) / NANOSECONDS
     health = health_of(record, messages, config)
+    landmarks = mapped_landmarks(config, record.landmarks, messages.landmark_names)
     figures = {
         **metrics(estimate, truth_of(log), outcomes, duration_s, wall_s),
         "interventions": int(record.interventions.sum()),
@@ -235,10 +234,11 @@ def _fused(
         "dropped_messages": record.dropped_messages,
         "noise_factors": _noise_factors(config, record),
         "health": health_metrics(health, record.alarms, record.restarts),
+        **mapping_metrics(config, log, landmarks),
     }
     result = _result(config, log, estimate, outcomes, figures, started.found, localization,
                      record.errors, messages.anchor_names)  # fmt: skip
-    return replace(result, health=health)
+    return replace(result, health=health, landmarks=landmarks)
 
 
 def _beginning(log: Log, messages: Messages, done: int) -> tuple[Log, Messages]:

@@ -139,10 +139,10 @@ def start_from_nothing(
     anchors: _core.AnchorMap,
     tags: Sequence[_core.Tag],
     landmarks: _core.LandmarkSensor | None = None,
-) -> tuple[_core.PoseEkf, int, Start]:
+) -> tuple[_core.Initializer, int, Start]:
     """Feed messages and scans to an `Initializer` until it is ready.
 
-    Returns the filter at the start, the stamp up to which messages were used, and how it went.
+    Returns it, the stamp up to which messages were used, and how it went.
     Raises LogError where the log ends before one pose is left; the text says what is missing.
     """
     scans = scans_of(log)
@@ -160,7 +160,6 @@ def start_from_nothing(
     if state.status != _core.StartStatus.READY:
         raise LogError(f"start is 'auto', but the log ends before one pose is left: "
                        f"{state.reason}; set start: [x, y, heading_deg]")  # fmt: skip
-    ekf = initializer.estimator()
     best = state.hypotheses[0].estimate
     start = Start(
         stamp_ns=best.stamp,
@@ -170,7 +169,7 @@ def start_from_nothing(
         steps=tuple((step.stamp, hypotheses_of(step.state.hypotheses)) for step in run.steps),
         used_scans=matcher is not None,
     )
-    return ekf, run.used_until, start
+    return initializer, run.used_until, start
 
 
 def _pose(estimate: _core.PoseEstimate) -> FloatArray:

@@ -6,7 +6,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from locfuse.config.schema import SOURCES, RunConfig
+from locfuse.config.schema import LEFT_OUT, SOURCES, Kind, RunConfig
+from locfuse.run.tracker import TRIANGLE
 from locfuse.studio.document import Data, Draft, RefusedError, checked
 
 _EKF = tuple(source for source in SOURCES if source != "odometry")
@@ -26,8 +27,18 @@ class Choice:
     change: Callable[[Draft], None]
 
 
+def _set_kind(draft: Draft, kind: Kind) -> None:
+    """Change the kind of the EKF, and leave out what belongs to others."""
+    if draft.get(("estimator", "kind")) == kind:
+        return
+    for key in LEFT_OUT[kind]:
+        draft.remove(("estimator", key))
+    draft.set(("estimator", "kind"), kind)
+
+
 def _uses(*sources: str) -> Callable[[Draft], None]:
     def change(draft: Draft) -> None:
+        _set_kind(draft, "pose")
         draft.set(("use",), ["odometry", *sources])
         draft.set(("mcl",), None)
         if "landmark_sightings" not in sources:
@@ -36,11 +47,27 @@ def _uses(*sources: str) -> Callable[[Draft], None]:
     return change
 
 
+def _maps(draft: Draft) -> None:
+    _set_kind(draft, "landmark_slam")
+    draft.set(("use",), list(SOURCES))
+    draft.set(("mcl",), None)
+    draft.set(("estimator", "landmark_slam", "use_map"), False)
+
+
+def _three_tags(draft: Draft) -> None:
+    _set_kind(draft, "tag_triangle")
+    draft.set(("use",), list(SOURCES))
+    draft.set(("mcl",), None)
+    draft.set(("cylinders",), None)
+
+
 def _particles(draft: Draft) -> None:
+    _set_kind(draft, "pose")
     draft.set(("mcl",), {**(draft.get(("mcl",)) or {}), "poses_hz": None, "switch": None})
 
 
 def _particles_and_ekf(draft: Draft) -> None:
+    _set_kind(draft, "pose")
     poses_hz = (draft.get(("mcl",)) or {}).get("poses_hz") or 2.0
     draft.set(("mcl",), {**(draft.get(("mcl",)) or {}), "poses_hz": poses_hz, "switch": None})
     if "poses" not in draft.get(("use",)):
@@ -58,6 +85,12 @@ CHOICES = (
     Choice("odometry_landmarks", "odometry + landmarks",
            "Pose EKF of odometry and sightings of landmarks.", _uses("landmark_sightings")),
     Choice("all", "all sources", "Pose EKF of everything but scans.", _uses(*_EKF)),
+    Choice("tag_triangle", "three tags",
+           "Positions and velocities of three tags: odometry, ranges and positions of tags.",
+           _three_tags),
+    Choice("landmark_slam", "mapping",
+           "Landmarks are mapped while it localizes on them; none is known before.",
+           _maps),
     Choice("mcl", "particles", "Monte Carlo localization: scans on the map, and the rest.",
            _particles),
     Choice("mcl_ekf", "particles + EKF", "Poses of the particles go into the pose EKF.",
@@ -85,6 +118,11 @@ def _can(choice: Choice, data: Data, config: RunConfig) -> bool:
     simulated = {source for source in SOURCES if getattr(simulation, source) is not None}
     if with_choice.cylinders is not None:
         simulated.add("landmark_sightings")
+    if choice.key == "tag_triangle":
+        of_tags = simulation.positions is not None and simulation.positions.tags
+        return len(simulation.tags) == TRIANGLE and ("ranges" in simulated or bool(of_tags))
+    if choice.key == "landmark_slam":
+        return "landmark_sightings" in simulated
     used = [source for source in with_choice.use if source in simulated]
     wanted = list(with_choice.use) if choice.key != "all" else used
     return set(wanted) <= set(used) and (choice.key != "all" or len(used) > 2)

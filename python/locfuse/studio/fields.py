@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 import yaml
 from pydantic import BaseModel
 
-from locfuse.config.base import meaning
+from locfuse.config.base import is_tag, meaning
 from locfuse.types import YAML_ERRORS
 
 _UNITS = ("_per_sqrt_rad", "_per_sqrt_m", "_per_sqrt_s", "_per_m", "_radps", "_mps", "_deg",
@@ -49,7 +49,7 @@ class Field:
 
 def fields_of(model: type[BaseModel]) -> list[Field]:
     """Return the keys of a model, except the tag that identifies it."""
-    return [field_of(model, name) for name in model.model_fields if name not in ("shape", "kind")]
+    return [field_of(model, name) for name in model.model_fields if not is_tag(model, name)]
 
 
 def field_of(model: type[BaseModel], name: str) -> Field:

@@ -76,6 +76,17 @@ std::vector<Message> late(const std::vector<Message>& messages, std::uint64_t se
   return order;
 }
 
+/// The order of fusion: by effective stamp, at equal ones odometry first.
+std::vector<Message> in_order(std::vector<Message> messages) {
+  std::stable_sort(messages.begin(), messages.end(), [](const auto& a, const auto& b) {
+    const auto key = [](const Message& m) {
+      return std::make_pair(effective_stamp(m), source_of(m) != Source::kOdometry);
+    };
+    return key(a) < key(b);
+  });
+  return messages;
+}
+
 template <class Estimator>
 void feed(Timeline<Estimator>& timeline, const std::vector<Message>& messages) {
   for (const Message& message : messages) {
@@ -91,10 +102,7 @@ TYPED_TEST_SUITE(TimelineOf, Estimators, );  // the comma is ISO C++17: names ar
 TYPED_TEST(TimelineOf, late_messages_leave_the_bits_of_the_sorted_log) {
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
     const std::vector<Message> order = late(drive(seed), 50 + seed, kSecond / 2);
-    std::vector<Message> sorted = order;
-    std::stable_sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) {
-      return effective_stamp(a) < effective_stamp(b);
-    });
+    const std::vector<Message> sorted = in_order(order);
     auto expected = TypeParam::make();
     std::map<Verdict, int> verdicts;
     for (const Message& message : sorted) {
@@ -237,8 +245,8 @@ TYPED_TEST(TimelineOf, equal_stamps_and_steps_of_a_nanosecond_are_fused_in_order
   std::stable_sort(messages.begin(), messages.end(), [](const auto& a, const auto& b) {
     return effective_stamp(a) < effective_stamp(b);
   });
-  for (const Message& message : messages) {
-    timeline.on(message, kNoSink);
+  feed(timeline, messages);
+  for (const Message& message : in_order(messages)) {
     expected.on(message);
   }
   EXPECT_TRUE(same_bits(timeline.estimator().belief(), expected.belief()));

@@ -595,11 +595,16 @@ KNOWN = {
     "gadau_line.yaml": ["implausible_start"],  # on purpose
     "gadau_near.yaml": ["ineffective_gates", "implausible_start"],
     "gadau_pentagon.yaml": ["ineffective_gates", "implausible_start"],
+    # Tags that are 0.28 m apart show a heading to a third of a radian; noise is white to a check.
+    "lias_triangle.yaml": ["unobservable_states", "sigma_against_the_scatter"],
     "mrpt_office.yaml": ["outliers_by_anchor"],  # beacon 1 is wrong by up to 13 m
     "plaza.yaml": ["duplicate_rows"],  # two ranges stand there twice
     "plaza_online.yaml": ["duplicate_rows", "ranges_with_a_common_error"],  # 7 %, and learnt
 }
 WITHOUT_RADIO = (
+    "celan_triangle.yaml",
+    "slam_posts.yaml",
+    "victoria_park.yaml",
     "rooms_mcl.yaml",
     "wells.yaml",
     "wells_clean.yaml",
@@ -665,6 +670,8 @@ RECORDED = [
     for e in EXAMPLES
     if load_config(CONFIGS / e).simulation is None
     and e != "plaza_online.yaml"  # ranges of plaza.yaml that are uncorrected show no swap
+    and e != "victoria_park.yaml"  # no anchors
+    and e != "lias_triangle.yaml"  # 28 pairs of 323,000 ranges: minutes
 ]
 
 

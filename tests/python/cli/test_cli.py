@@ -32,6 +32,7 @@ CALLS = (
     ("studio",),
     ("config",),
     ("config", "dump"),
+    ("config", "schema"),
 )
 
 
@@ -123,12 +124,41 @@ def test_a_dumped_config_loads_back_and_gives_the_same_metrics(tmp_path: Path) -
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_every_example_is_dumped_with_every_key(name: str) -> None:
-    said = locfuse("config", "dump", CONFIGS / name)
+    said = locfuse("config", "dump", CONFIGS / name, "--all")
     assert said.status == 0
     data = yaml.safe_load(said.out)
     assert set(data) == set(room().model_dump())
     assert set(data["estimator"]) == set(room().estimator.model_dump())
     assert parse_config(data) == load_config(CONFIGS / name)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_what_an_example_changes_is_that_example(name: str) -> None:
+    said = locfuse("config", "dump", CONFIGS / name)
+    assert said.status == 0
+    data = yaml.safe_load(said.out)
+    assert parse_config(data) == load_config(CONFIGS / name)
+    for key in set(data) - {"simulation", "mcl", "cylinders"}:  # where a value says it is there
+        less = {**data}
+        del less[key]
+        assert parse_config(less) != load_config(CONFIGS / name), key
+
+
+def test_the_schema_for_editors_has_every_key_with_its_text() -> None:
+    said = locfuse("config", "schema")
+    assert said.status == 0
+    found = json.loads(said.out)
+    assert list(found["properties"]) == list(room().model_dump())
+    estimator = found["$defs"]["Estimator"]
+    assert estimator["additionalProperties"] is False
+    assert list(estimator["properties"]) == list(room().estimator.model_dump())
+    assert estimator["properties"]["kind"]["enum"] == ["pose", "landmark_slam", "tag_triangle"]
+    gate = estimator["properties"]["gate_range"]
+    assert (gate["default"], gate["exclusiveMinimum"], gate["maximum"]) == (0.999, 0.0, 1.0)
+    texts = [field["description"] for part in (found, *found["$defs"].values())
+             for field in part["properties"].values() if "description" in field]  # fmt: skip
+    assert len(texts) > 300
+    assert not [text for text in texts if "](" in text or "\n" in text or "`" in text]
 
 
 def test_convert_says_where_the_logs_are(tmp_path: Path) -> None:

@@ -17,8 +17,10 @@ from locfuse.config.build import (
     build_estimator_config,
     build_health_config,
     build_initializer_config,
+    build_landmark_config,
     build_mcl_config,
     build_switching_config,
+    build_triangle_config,
 )
 from locfuse.config.load import parse_config
 from locfuse.config.schema import (
@@ -37,6 +39,7 @@ from locfuse.config.schema import (
     Position,
     Range,
     RunConfig,
+    ScanOdometry,
     Switch,
 )
 from locfuse.types import ConfigError
@@ -68,7 +71,8 @@ PAIRS: dict[str, tuple[type[BaseModel], type[Any], str]] = {
     "Limits": (Limits, _core.Limits, "messages/limits.hpp"),
 }
 OF_THE_RUN = {
-    "Mcl": {"poses_hz", "switch", "seed", "likelihood"}
+    "Estimator": {"kind", "landmark_slam", "tag_triangle"},
+    "Mcl": {"poses_hz", "switch", "seed", "likelihood"},
 }  # keys that say more, or other things, than the struct
 BESIDE = {"Mcl": {"health"}}  # of the struct, which a configuration has beside it
 
@@ -353,3 +357,100 @@ def test_a_drive_that_does_not_fit_into_memory_is_refused(
 ) -> None:
     with pytest.raises(ConfigError, match=named):
         parse_config({"simulation": scene})
+
+
+# Kinds beside `pose`: each field of the struct, and the key of `estimator` that sets it.
+SHARED = ("gate_position", "limits", "position")
+KINDS: dict[str, tuple[type[Any], Callable[[Estimator], Any], dict[str, str]]] = {
+    "landmark_slam": (_core.LandmarkEkfConfig, build_landmark_config, {
+        **{name: name for name in (*SHARED, "odometry", "landmark", "gate_landmark", "hold_s",
+                                   "sigma_lost_xy_per_sqrt_s", "sigma_lost_heading_per_sqrt_s")},
+        **{name: f"landmark_slam.{name}" for name in ("gate_new", "min_sightings",
+                                                      "confirm_within_s", "max_landmarks")},
+    }),
+    "tag_triangle": (_core.TagTriangleEkfConfig, build_triangle_config, {
+        **{name: name for name in (*SHARED, "range", "gate_range")},
+        **{name: f"tag_triangle.{name}" for name in ("velocity", "heading_is_known",
+                                                     "sigma_start_velocity_mps", "gate_velocity",
+                                                     "gate_side")},
+        "motion": "tag_triangle.sigma_velocity_per_sqrt_s",
+        "side": "tag_triangle.sigma_side_m",
+        "sides_m": "",  # tags have their places from the log
+        "holds_sides": "",  # always
+    }),
+}  # fmt: skip
+INSIDE = {"motion": "sigma_velocity_per_sqrt_s", "side": "sigma_m"}  # the field that the key sets
+OTHER: dict[str, Any] = {
+    "gate_landmark": 0.9, "gate_new": 0.9995, "min_sightings": 7, "max_landmarks": 7,
+    "heading_is_known": True, "limits": {"speed_mps": 3.0}, "position": {"sigma_m": 0.625},
+    "odometry": {"sigma_xy_per_sqrt_s": 0.625}, "landmark": {"sigma_range_m": 0.625},
+    "range": {"sigma_m": 0.625}, "velocity": {"sigma_point_mps": 0.625},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_field_of_a_kind_has_its_key(kind: str) -> None:
+    struct, build, keys = KINDS[kind]
+    assert set(keys) == bound_fields(struct)
+    ours = {key.removeprefix(f"{kind}.") for key in keys.values() if key.startswith(f"{kind}.")}
+    assert ours == set(getattr(Estimator(), kind).model_dump()) - {"use_map"}
+    built = build(Estimator(kind=kind))  # type: ignore[arg-type]
+    for name in set(keys) - {"holds_sides"}:
+        mine, theirs = getattr(built, name), getattr(struct(), name)
+        inside = bound_fields(type(theirs))
+        assert mine == theirs or {n: getattr(mine, n) for n in inside} == {
+            n: getattr(theirs, n) for n in inside
+        }
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [(kind, name) for kind in KINDS for name, key in KINDS[kind][2].items() if key],
+)
+def test_every_key_of_a_kind_reaches_its_struct(kind: str, name: str) -> None:
+    _, build, keys = KINDS[kind]
+    value = OTHER.get(name, 0.625)
+    text = nested(tuple(keys[name].split(".")), value)
+    built = getattr(build(Estimator.model_validate({"kind": kind, **text})), name)
+    if isinstance(value, dict):
+        (inner, expected), *_ = value.items()
+        assert getattr(built, inner) == expected
+    else:
+        assert (getattr(built, INSIDE[name]) if name in INSIDE else built) == value
+
+
+@pytest.mark.parametrize(
+    ("kind", "key"),
+    [(kind, key) for kind, (_, _, keys) in KINDS.items() for key in keys.values()
+     if key.startswith(f"{kind}.") and key != "tag_triangle.velocity"
+     and key != "tag_triangle.heading_is_known"]
+    + [("tag_triangle", f"tag_triangle.velocity.{name}") for name in
+       ("sigma_forward_mps", "sigma_lateral_mps", "sigma_turn_rate_radps", "sigma_point_mps")],
+)  # fmt: skip
+def test_a_kind_refuses_in_the_schema_what_its_core_refuses(kind: str, key: str) -> None:
+    start = _core.PoseEstimate(0, _core.Pose2(), np.eye(3))
+    tags = [_core.Tag(k, at) for k, at in enumerate([[1, 0, 0], [0, 1, 0], [-1, 0, 0]])]
+
+    def makes(estimator: Estimator) -> Any:
+        config = KINDS[kind][1](estimator)
+        if isinstance(config, _core.LandmarkEkfConfig):
+            return _core.LandmarkEkf(config, start)
+        return _core.TagTriangleEkf(config, tags, start)
+
+    refused = 0
+    for value in (-1, 0, 1e-5, 1e-4, 0.5, 1, 2, 1e7, math.inf, math.nan):
+        number = int(value) if value in (-1, 0, 1, 2) else value
+        text = {"kind": kind, **nested(tuple(key.split(".")), number)}
+        try:
+            estimator = Estimator.model_validate(text)
+        except ValidationError:
+            refused += 1
+            continue
+        makes(estimator)  # what the schema allows the core allows
+    assert refused
+
+
+def test_scan_odometry_has_the_default_of_the_struct() -> None:
+    assert ScanOdometry().sigma_range_m == _core.LocalMapConfig().sigma_range_m
+    with pytest.raises(ValueError, match="odometry, which use leaves out"):
+        parse_config({"scan_odometry": {}, "use": ["ranges"]})

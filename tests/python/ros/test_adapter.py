@@ -18,13 +18,12 @@ from locfuse.io.rosbag import encode
 from locfuse.io.rosbag.decode import heading_of, stamp_ns
 from locfuse.io.rosbag.encode import Fields, Publication
 from locfuse.ros import future_stamps as early
-from locfuse.ros.adapter import Adapter
 from locfuse.ros.log_player import in_order_of_arrival, static_of
 from locfuse.run.run import load_log, run
-from locfuse.types import NANOSECONDS, Columns, ConfigError, Log
+from locfuse.types import NANOSECONDS, ConfigError, Log
+from support_robot import LATER, Robot, later, pose_of, stamps
 from support_ros import message
 
-LATER = 1000 * NANOSECONDS  # drivers stamp with a clock that has begun long ago
 ROOM: dict[str, Any] = {
     "simulation": {
         "path": {"shape": "eight", "radius_m": 2.0},
@@ -39,69 +38,7 @@ ROOM: dict[str, Any] = {
 def room(**changes: Any) -> tuple[RunConfig, Log]:
     config = parse_config({**ROOM, **changes})
     log = load_log(config, None, config.seed)
-    tables = {name: _later(table) for name, table in log.tables.items()}
-    return config, replace(log, tables=tables)
-
-
-def _later(table: Columns) -> Columns:
-    return {key: values + LATER if key.endswith("_ns") else values for key, values in table.items()}
-
-
-class Robot:
-    """An adapter that receives a log, and what it published."""
-
-    def __init__(self, config: RunConfig, log: Log, ros: str = "ros2", **options: Any) -> None:
-        self.adapter = Adapter(config, **options)
-        self.config, self.log, self.ros = config, log, ros
-        self.of = {s.topic.lstrip("/"): s.source for s in self.adapter.subscriptions}
-        self.published: list[Publication] = []
-        self.problems: list[str] = []
-
-    def receive(self, published: Publication, now_ns: int, **changes: Any) -> None:
-        topic = published.topic.lstrip("/")
-        if topic in self.of:
-            made = message(published, self.ros, **changes)
-            self.published += self.adapter.on(self.of[topic], topic, made, now_ns)
-            self.problems += self.adapter.problems()
-
-    def learn(self) -> None:
-        """Receive anchors, map and mounts."""
-        for published in static_of(self.log, self.config.ros):
-            self.receive(published, LATER)
-
-    def drive(self, begin_s: float = 0.0, end_s: float = 1e9, later_s: float = 0.0) -> None:
-        """Receive the messages of a part of the log, by a clock that ticks along."""
-        tick = 0
-        for arrival in in_order_of_arrival(self.log, self.config.ros):
-            if begin_s <= (arrival.arrival_ns - LATER) / NANOSECONDS < end_s:
-                now = arrival.arrival_ns + round(later_s * NANOSECONDS)
-                self.receive(arrival.publication, now)
-                if now >= tick:
-                    tick = now + NANOSECONDS // 10
-                    self.tick(now)
-
-    def tick(self, now_ns: int) -> None:
-        self.published += self.adapter.tick(now_ns)
-        self.problems += self.adapter.problems()
-
-    def said(self, topic: str) -> list[Fields]:
-        return [one.fields for one in self.published if one.topic == topic]
-
-    def counts(self) -> Any:
-        return self.said("diagnostics")[-1]["status"][-1]["values"]
-
-    def health(self) -> Fields:
-        return dict(self.said("diagnostics")[-1]["status"][0])
-
-
-def stamps(published: list[Fields]) -> list[int]:
-    return [one["header"]["stamp"]["ns"] for one in published]
-
-
-def pose_of(fields: Fields) -> list[float]:
-    made = message(fields)
-    at = made.pose.pose
-    return [at.position.x, at.position.y, heading_of(at.orientation)]
+    return config, later(log)
 
 
 @pytest.mark.parametrize("ros", ["ros1", "ros2"])
@@ -494,8 +431,7 @@ def test_particles_find_themselves_on_a_map_from_a_folder_or_a_topic(
         ros["world"] = "world"
     config = parse_config({**FLOOR, "ros": ros})
     log = load_log(config, None, config.seed)
-    tables = {name: _later(table) for name, table in log.tables.items()}
-    log = replace(log, tables=tables)
+    log = later(log)
     write_log(log, tmp_path / "world")
     robot = Robot(config, log, base=tmp_path)
     if published == "topics":
@@ -525,3 +461,28 @@ def test_one_spoilt_range_does_not_take_the_others_with_it() -> None:
     assert len(robot.problems) <= 3
     assert all("the range to" in problem for problem in robot.problems)
     assert robot.adapter.refused["ranges"] > 100
+
+
+@pytest.mark.parametrize("ros", ["ros1", "ros2"])
+def test_odometry_of_scans_is_that_of_the_run(ros: str) -> None:
+    """Without wheels; a topic has ranges of single precision."""
+    world = {key: value for key, value in FLOOR.items() if key != "mcl"}
+    made = parse_config(world)
+    log = later(load_log(made, None, made.seed))
+    x, y, heading = (float(log["truth"][key][0]) for key in ("x_m", "y_m", "heading_rad"))
+    tables = {"scans": log["scans"], "truth": log["truth"]}
+    log = replace(log, tables=tables)
+    config = parse_config({"scan_odometry": {}, "start": [x, y, float(np.degrees(heading))],
+                           "ros": {"estimate_at": "fused"}})  # fmt: skip
+    robot = Robot(config, log, ros)
+    robot.learn()
+    robot.drive()
+    estimate = run(config, log).estimate
+    last = {stamp: one for one in robot.said("locfuse/pose") for stamp in stamps([one])}
+    same = [row for row, stamp in enumerate(estimate.stamp_ns.tolist()) if stamp in last]
+    assert len(same) > 0.9 * len(estimate)
+    for row in same:
+        found = pose_of(last[int(estimate.stamp_ns[row])])
+        assert found[:2] == pytest.approx(estimate.position[row].tolist(), abs=1e-3)
+    end = pose_of(robot.said("locfuse/pose")[-1])
+    assert np.hypot(end[0] - log["truth"]["x_m"][-1], end[1] - log["truth"]["y_m"][-1]) < 0.3

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,17 +12,20 @@ import pytest
 from numpy.typing import NDArray
 
 import locfuse.core as lf
+from locfuse.config.load import parse_config
 from locfuse.eval.consistency import band
 from locfuse.eval.dead_reckoning import dead_reckon
 from locfuse.eval.errors import interpolate
 from locfuse.eval.relations import relation_errors, relation_metrics
 from locfuse.io.log_folder import read_log
 from locfuse.run.messages import truth_of
-from locfuse.run.scan_odometry import scan_odometry
+from locfuse.run.run import run
+from locfuse.run.scan_odometry import scan_odometry, with_scan_odometry
 from locfuse.sim.beams import cast
 from locfuse.sim.maps import GENERATORS
 from locfuse.types import FREE, FloatArray, GridMap, Log, LogError, Trajectory, wrap_angle
 from papers.datasets import convert
+from support_live import assert_same
 from support_runs import recording
 
 SCAN_TO_SCAN = lf.ScanOdometryConfig(window_scans=1, key_distance_m=0.0, key_turn_rad=0.0)
@@ -219,3 +223,70 @@ def test_other_lasers_are_followed_with_better_headings_than_by_wheels(
             print(f"{dataset}, {seconds:g} s, {name}: {off:.3f} m, {turned:.2f} deg")
         assert found["local map"][0] < metres
         assert found["local map"][1] < min(degrees, found["wheels"][1])
+
+
+# As the odometry of a run ------------------------------------------------------------------------
+
+
+def test_a_run_takes_its_odometry_from_scans_with_and_without_wheels() -> None:
+    log = small_log()
+    config = parse_config({"scan_odometry": {}, "start": [0, 0, 0]})
+    for tables in (log.tables, {"scans": log["scans"]}):
+        result = run(config, Log(tables=dict(tables), laser=log.laser))
+        assert result.estimate.heading is not None
+        np.testing.assert_allclose(result.estimate.position[-1], [1.0, 0.0], atol=0.02)
+        assert abs(result.estimate.heading[-1]) < 0.02
+        assert result.metrics["counts"]["odometry"] == {"fused": 21}
+
+
+def test_it_is_the_same_live_and_late_scans_are_left_out() -> None:
+    config = parse_config({"scan_odometry": {}, "start": [0, 0, 0]})
+    log = small_log()
+    assert_same(config, log, least=0.8)
+    scans = log["scans"]
+    late = {**scans, "arrival_ns": scans["stamp_ns"].copy()}
+    late["arrival_ns"][5] += 250_000_000
+    late_log = Log(tables={**log.tables, "scans": late}, laser=log.laser)
+    result = run(config, late_log)
+    np.testing.assert_allclose(result.estimate.position[-1], [1.0, 0.0], atol=0.02)
+    assert result.metrics["counts"]["odometry"] == {"fused": 20}
+    assert_same(config, late_log, least=0.7)
+
+
+def test_scan_odometry_without_scans_is_one_sentence() -> None:
+    config = parse_config({"scan_odometry": {}, "start": [0, 0, 0]})
+    with pytest.raises(LogError, match="needs scans and a laser"):
+        run(config, Log(tables={"odometry": small_log()["odometry"]}))
+
+
+@pytest.mark.parametrize(
+    # Bounds of the mean errors over 10 s: metres with wheels and without, degrees. A long hallway
+    # shows no scan how far it has come along.
+    ("dataset", "folder", "metres", "alone", "degrees"),
+    [
+        ("mrpt_office", "mrpt-uwb-lidar", 0.09, 0.09, 1.2),
+        ("turtlebot4_mac", "turtlebot4-mac", 0.06, 0.06, 1.2),
+        ("wean_hall", "wean-hall", 0.24, 0.8, 1.6),
+    ],
+)
+def test_the_odometry_of_a_run_follows_recordings_without_wheels(
+    dataset: str, folder: str, metres: float, alone: float, degrees: float, tmp_path: Path
+) -> None:
+    log = read_log(convert(dataset, recording(folder), tmp_path)[-1])
+    truth = truth_of(log)
+    assert truth is not None
+    config = parse_config({"scan_odometry": {}, "start": [0, 0, 0]})
+    blind = replace(log, tables={name: table for name, table in log.tables.items()
+                                 if name != "odometry"})  # fmt: skip
+    found = {
+        name: relative_errors(
+            dead_reckon(with_scan_odometry(each, config)["odometry"]), truth, 10.0
+        )
+        for name, each in (("with wheels", log), ("without", blind))
+    }
+    found["wheels"] = relative_errors(dead_reckon(log["odometry"]), truth, 10.0)
+    for name, (off, turned) in found.items():
+        print(f"{dataset}, 10 s, {name}: {off:.3f} m, {turned:.2f} deg")
+    for name, most in (("with wheels", metres), ("without", alone)):
+        assert found[name][0] < most
+        assert found[name][1] < min(degrees, found["wheels"][1])

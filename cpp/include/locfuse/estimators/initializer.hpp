@@ -76,6 +76,8 @@ class Initializer {
 
   [[nodiscard]] State state() const;
 
+  /// The last odometry received, or what of it is after `stamp`; none without any.
+  [[nodiscard]] std::optional<Message> odometry_from(Stamp stamp) const;
   /// A filter that starts at `start`, with the last odometry received.
   [[nodiscard]] PoseEkf started_at(const PoseEstimate& start) const;
   /// The filter to go on with. Throws std::invalid_argument unless the state is ready.

@@ -90,6 +90,10 @@ class LandmarkEkf {
   /// std::invalid_argument if the stamp is beyond kStampLimit.
   void advance_to(Stamp stamp);
 
+  /// The same map and the same pose, that of `estimate`, on a clock that now shows `stamp`. Throws
+  /// std::invalid_argument if the stamp is beyond kStampLimit.
+  [[nodiscard]] LandmarkEkf continued_at(Stamp stamp) const;
+
   /// The pose at the belief's own stamp.
   [[nodiscard]] PoseEstimate current() const;
   /// The pose now: carried to the end of the received odometry.

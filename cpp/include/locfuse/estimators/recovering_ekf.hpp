@@ -7,21 +7,26 @@
 
 #include "locfuse/estimators/health.hpp"
 #include "locfuse/estimators/initializer.hpp"
+#include "locfuse/estimators/tracker.hpp"
 
 namespace locfuse {
 
-/// A PoseEkf that starts by itself, notices when it is lost, and starts anew.
+/// A Tracker that starts by itself, notices when it is lost, and starts anew.
 ///
 /// Until it has started an Initializer takes the messages: landmarks seen together, ranges, fixes
 /// and poses start hypotheses until one wins. While it tracks, a Health listens. Lost, it goes on
 /// as it was, but another Initializer begins beside it: whichever explains first what is measured
-/// is believed. Derivation: docs/health.md.
+/// is believed. Derivation: docs/health.md. A LandmarkEkf, whose map is relative to where it began,
+/// is not started anew.
 ///
 /// A cheap value. Every `on` throws std::invalid_argument for a message that is not valid.
 class RecoveringEkf {
  public:
   struct Config {
+    /// Of the hypotheses of a start, and of what tracks from then on unless `tracker` is another.
     PoseEkf::Config estimator;
+    std::optional<std::variant<LandmarkEkf::Config, TagTriangleEkf::Config>> tracker;
+    std::vector<KnownLandmark> known;  ///< landmarks that a LandmarkEkf begins with
     Initializer::Config start;
     Health::Config health;
     bool restart = true;  ///< whether it looks for another place while it is lost
@@ -35,7 +40,9 @@ class RecoveringEkf {
   /// Tracks from `start` on. Throws std::invalid_argument as a PoseEkf does.
   void start_at(const PoseEstimate& start);
   /// Tracks on with a filter that somebody else has started.
-  void start_with(PoseEkf ekf);
+  void start_with(Tracker tracker);
+  /// Tracks from where a search has come. Throws std::invalid_argument unless it is ready.
+  void start_from(const Initializer& found);
 
   /// What became of it; kIgnored until it has started.
   Outcome on(const Velocity& u);
@@ -52,18 +59,26 @@ class RecoveringEkf {
   std::vector<Outcome> on_joint(const std::vector<RangeBearing>& sightings,
                                 Association association = Association::kJoint);
 
+  /// Whether a Timeline gives it the sightings of one stamp together.
+  [[nodiscard]] bool fuses_jointly() const {
+    return tracker_ && std::holds_alternative<LandmarkEkf>(*tracker_);
+  }
+
   /// kReady while it tracks; otherwise how far the start has come.
   [[nodiscard]] Initializer::State state() const;
   /// Whether there is no estimate to be trusted.
-  [[nodiscard]] bool is_lost() const { return !ekf_ || health_.is_lost(); }
+  [[nodiscard]] bool is_lost() const { return !tracker_ || health_.is_lost(); }
+  [[nodiscard]] bool has_started() const { return tracker_.has_value(); }
   /// How far its estimate may be trusted.
   [[nodiscard]] HealthReport health() const;
   [[nodiscard]] const std::vector<SourceStatus>& sources() const { return health_.sources(); }
   /// The belief at its own stamp, and carried to the end of odometry. Throw std::logic_error unless
   /// it has started.
-  [[nodiscard]] PoseEstimate current() const { return started().current(); }
-  [[nodiscard]] PoseEstimate estimate() const { return started().estimate(); }
-  /// The same, tracking anew from `start`, as a PoseEkf does.
+  [[nodiscard]] PoseEstimate current() const;
+  [[nodiscard]] PoseEstimate estimate() const;
+  [[nodiscard]] const GaussianBelief& belief() const;
+  /// The same, tracking anew from `start`, as a PoseEkf does. A LandmarkEkf keeps its map and its
+  /// pose, and takes the stamp alone.
   [[nodiscard]] RecoveringEkf restarted(const PoseEstimate& start) const;
   /// The initializer at its beginning, without any message.
   [[nodiscard]] const Initializer& initializer() const { return recipe_->fresh; }
@@ -71,17 +86,19 @@ class RecoveringEkf {
   [[nodiscard]] int alarms() const { return alarms_; }
   /// How often it then found another place.
   [[nodiscard]] int restarts() const { return restarts_; }
-  /// The filter, or null until it has started. While it is lost, that of the place it had.
-  [[nodiscard]] const PoseEkf* estimator() const { return ekf_ ? &*ekf_ : nullptr; }
+  /// What tracks, or null until it has started. While it is lost, that of the place it had.
+  [[nodiscard]] const Tracker* tracker() const { return tracker_ ? &*tracker_ : nullptr; }
+  /// The same if it is a PoseEkf, else null.
+  [[nodiscard]] const PoseEkf* estimator() const { return std::get_if<PoseEkf>(tracker()); }
 
  private:
   struct Recipe {  // what never changes, shared by all snapshots
     Config config;
-    Gate range_gate;
-    Gate position_gate;
-    Gate pose_gate;
-    Gate landmark_gate;
     Initializer fresh;  // without any message
+    std::shared_ptr<const AnchorMap> anchors;
+    std::vector<Tag> tags;
+    Pose2 T_body_sensor;  // of landmarks
+    bool restarts;        // whether it looks for another place while it is lost
   };
 
   template <class M>
@@ -96,12 +113,13 @@ class RecoveringEkf {
   void decide();
   template <class Feed>
   [[nodiscard]] bool search(const Feed& feed);
-  [[nodiscard]] const PoseEkf& started() const;
+  [[nodiscard]] const Tracker& started() const;
   [[nodiscard]] Initializer fresh() const;  // with the last odometry
+  [[nodiscard]] Tracker tracker_at(const PoseEstimate& start, const Initializer& found) const;
 
   std::shared_ptr<const Recipe> recipe_;
   std::optional<Initializer> start_;  // while there is no place, or it is lost
-  std::optional<PoseEkf> ekf_;
+  std::optional<Tracker> tracker_;
   Health health_;
   std::optional<Message> control_;  // the last odometry
   bool was_lost_ = false;

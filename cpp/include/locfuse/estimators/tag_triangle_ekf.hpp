@@ -43,6 +43,9 @@ class TagTriangleEkf {
     /// Whether wheels turn to velocities in world by a heading without error, as in the paper; else
     /// by that of the tags, with its Jacobian.
     bool heading_is_known = false;
+    /// Whether fixes and ranges are followed by the sides, once for all of a stamp, where there has
+    /// been no odometry for a second; else only odometry is.
+    bool holds_sides = false;
     double sigma_start_velocity_mps = 0.5;  ///< of each tag, each axis [m/s]
     double gate_position = 0.999;           ///< probability that an inlier fix passes the gate
     double gate_velocity = 0.999;           ///< the same for the velocities of the three tags
@@ -74,10 +77,14 @@ class TagTriangleEkf {
   Outcome on(const Increment& u);
   /// Of a tag to an anchor.
   Outcome on(const Range& z);
+  /// Poses and sightings are kIgnored.
   Outcome on(const Message& message);
 
+  /// What `on` would compare, but fuses nothing: kGated in place of kFused.
+  Outcome weigh(const Range& z);
+
   /// Fuses the three sides at the belief's own stamp, as one measurement: for who has no odometry,
-  /// which does so by itself.
+  /// which does so by itself, and does not let `holds_sides` do it.
   Outcome hold_sides();
 
   /// Carries the belief to `stamp`. Earlier stamps change nothing. Throws std::invalid_argument if
@@ -87,11 +94,16 @@ class TagTriangleEkf {
   /// The body on the tags, weighted with their covariance. Its nis measures how rigid they are.
   [[nodiscard]] RigidFit fit() const;
   /// The pose of that. Throws NumericalError if the tags prefer no heading, as does `estimate`.
-  [[nodiscard]] Pose2 pose() const { return estimate().pose; }
+  [[nodiscard]] Pose2 pose() const { return current().pose; }
   /// The belief at its own stamp.
+  [[nodiscard]] PoseEstimate current() const;
+  /// The belief carried to the end of the received odometry: the pose now.
   [[nodiscard]] PoseEstimate estimate() const;
   /// The belief carried to `stamp`, which must not lie before it.
   [[nodiscard]] PoseEstimate estimate(Stamp stamp) const;
+
+  /// The same filter, started anew. Throws as the constructor does.
+  [[nodiscard]] TagTriangleEkf restarted(const PoseEstimate& start) const;
 
   /// What became of the sides the last time.
   [[nodiscard]] const Outcome& sides() const { return sides_; }
@@ -107,15 +119,20 @@ class TagTriangleEkf {
 
   TagTriangleEkf(std::shared_ptr<const Recipe> recipe, Stamp stamp, const Vector<6>& positions,
                  const Matrix<6, 6>& covariance);
+  TagTriangleEkf(const std::shared_ptr<const Recipe>& recipe, const PoseEstimate& start);
+  Outcome correct_by(const Range& z, const Gate& gate);
   template <class Linearize>
   Outcome correct(Stamp stamp, const Gate& gate, const Linearize& linearize);
   Outcome take(Stamp begin, Stamp end, const Vector<3>& twist);
+  [[nodiscard]] bool lacks_odometry() const;
   [[nodiscard]] Matrix<1, 6> heading_by_tags(const Pose2& pose) const;
   [[nodiscard]] Vector<2> position(int tag) const { return belief_.x.segment<2>(2 * tag); }
 
   std::shared_ptr<const Recipe> recipe_;
   GaussianBelief belief_;
   Outcome sides_;
+  bool sides_due_ = false;               // before time moves on
+  std::optional<Stamp> odometry_until_;  // end of the last motion
 };
 
 }  // namespace locfuse

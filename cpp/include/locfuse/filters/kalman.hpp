@@ -116,7 +116,8 @@ Outcome compare(const Lin& lin, const Cross& PHt, const S& innovation, const Gat
       K = factor.solve(PHt.transpose()).transpose();
     }
   }
-  outcome.verdict = outcome.nis > gate.limit(outcome.dof) ? Verdict::kGated : Verdict::kFused;
+  outcome.limit = gate.limit(outcome.dof);
+  outcome.verdict = outcome.nis > outcome.limit ? Verdict::kGated : Verdict::kFused;
   return outcome;
 }
 

@@ -24,6 +24,7 @@ struct Outcome {
   double nis = std::numeric_limits<double>::quiet_NaN();       ///< r' S^-1 r
   double residual = std::numeric_limits<double>::quiet_NaN();  ///< first row of r
   double scale = std::numeric_limits<double>::quiet_NaN();     ///< det(S)^(1/dof)
+  double limit = std::numeric_limits<double>::quiet_NaN();     ///< largest nis that its gate passes
   int interventions = 0;  ///< variances that were put back into their bounds on the way
 
   /// log N(r; 0, S).

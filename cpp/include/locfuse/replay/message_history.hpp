@@ -4,6 +4,10 @@
 #include <algorithm>
 #include <cstddef>
 #include <limits>
+#include <optional>
+#include <type_traits>
+#include <utility>
+#include <variant>
 #include <vector>
 
 #include "locfuse/filters/outcome.hpp"
@@ -11,8 +15,17 @@
 
 namespace locfuse::internal {
 
+/// Whether an estimator may fuse the sightings of one instant as one measurement.
+template <class Estimator, class = void>
+constexpr bool kMayFuseJointly = false;
+template <class Estimator>
+constexpr bool kMayFuseJointly<
+    Estimator, std::void_t<decltype(std::declval<const Estimator&>().fuses_jointly())>> = true;
+
 /// Fused messages in order, with snapshots of the estimator every kSnapshotInterval of them, from
-/// which a late message and those after it are fused again.
+/// which a late message and those after it are fused again. Where the estimator fuses jointly, so
+/// do the sightings of one stamp between two other messages: each that arrives fuses all of them
+/// again.
 template <class Estimator>
 class MessageHistory {
  public:
@@ -37,16 +50,18 @@ class MessageHistory {
 
   void clear() {
     entries_.clear();
+    joint_begin_.reset();
     snapshots_used_ = 0;
     forgotten_until_ = std::numeric_limits<Stamp>::min();
   }
 
   /// Fuses a message where it belongs. `sink(index, outcome)` receives the outcome of each message
-  /// fused. What the estimator throws is passed on, and the message is forgotten.
+  /// fused. What the estimator throws is passed on, and the message is forgotten. A sighting that
+  /// is fused jointly may wait for the next one, if that is of the same stamp for sure.
   template <class Sink>
-  void fuse(const TimelineEntry& entry, Estimator& estimator, Sink& sink) {
-    if (entries_.empty() || entry.stamp >= entries_.back().stamp) {
-      append(entry, estimator, sink);
+  void fuse(const TimelineEntry& entry, Estimator& estimator, Sink& sink, bool may_wait) {
+    if (entries_.empty() || !precedes(entry, entries_.back())) {
+      append(entry, estimator, sink, may_wait);
     } else {
       insert(entry, estimator, sink);
     }
@@ -74,19 +89,27 @@ class MessageHistory {
   };
 
   template <class Sink>
-  void append(const TimelineEntry& entry, Estimator& estimator, Sink& sink) {
-    const bool has_snapshot =  // taken before a message here that was refused
-        snapshots_used_ > 0 && last_snapshot().position == entries_.size();
-    if (entries_.size() % kSnapshotInterval == 0 && !has_snapshot) {
+  void append(const TimelineEntry& entry, Estimator& estimator, Sink& sink, bool may_wait) {
+    const bool joins = joins_last(entry, estimator);
+    if (!joins &&
+        (snapshots_used_ == 0 || entries_.size() >= last_snapshot().position + kSnapshotInterval)) {
       take_snapshot(entries_.size(), estimator);
     }
-    try {
-      sink(entry.index, estimator.on(entry.message));
-    } catch (...) {  // the estimator may have changed
-      fuse_again(entries_.size(), estimator, sink);
-      throw;
+    if (is_joint(entry, estimator)) {
+      if (!joins) {
+        joint_begin_ = entries_.size();
+        before_joint_ = estimator;
+      }
+      append_joint(entry, estimator, sink, may_wait);
+    } else {
+      try {
+        sink(entry.index, estimator.on(entry.message));
+      } catch (...) {  // the estimator may have changed
+        fuse_again(entries_.size(), estimator, sink);
+        throw;
+      }
+      entries_.push_back(entry);
     }
-    entries_.push_back(entry);
     if (entries_.size() >= kSnapshotInterval * kSnapshotInterval) {
       drop_expired();
     }
@@ -94,17 +117,77 @@ class MessageHistory {
 
   template <class Sink>
   void insert(const TimelineEntry& entry, Estimator& estimator, Sink& sink) {
-    const auto later = [](Stamp stamp, const TimelineEntry& e) { return stamp < e.stamp; };
-    const auto place = std::upper_bound(entries_.begin(), entries_.end(), entry.stamp, later);
+    const auto place = std::upper_bound(entries_.begin(), entries_.end(), entry, precedes);
     const auto position = static_cast<std::size_t>(place - entries_.begin());
     entries_.insert(place, entry);
+    const std::size_t first = begin_of_joint(position, estimator);
+    joint_begin_.reset();  // what is before it changes
     try {
-      fuse_again(position, estimator, sink);
+      fuse_again(first, estimator, sink);
     } catch (...) {
       entries_.erase(entries_.begin() + static_cast<std::ptrdiff_t>(position));
-      fuse_again(position, estimator, sink);
+      fuse_again(first, estimator, sink);
       throw;
     }
+  }
+
+  /// Adds a sighting to those of its instant, the last ones, and fuses all of them.
+  template <class Sink>
+  void append_joint(const TimelineEntry& entry, Estimator& estimator, Sink& sink, bool may_wait) {
+    validate(std::get<RangeBearing>(entry.message));
+    entries_.push_back(entry);
+    if (may_wait) {
+      return;
+    }
+    const std::size_t first = begin_of_joint(entries_.size() - 1, estimator);
+    const auto fuse_them = [&] {
+      if (joint_begin_ == first) {
+        estimator = *before_joint_;
+        fuse_from(first, first, estimator, sink);
+      } else {
+        fuse_again(first, estimator, sink);
+      }
+    };
+    try {
+      fuse_them();
+    } catch (...) {
+      entries_.pop_back();
+      fuse_them();
+      throw;
+    }
+  }
+
+  /// The order of fusion; those that are equal are fused as they arrive.
+  [[nodiscard]] static bool precedes(const TimelineEntry& a, const TimelineEntry& b) {
+    const auto is_measurement = [](const TimelineEntry& e) {
+      return source_of(e.message) != Source::kOdometry;
+    };
+    return a.stamp != b.stamp ? a.stamp < b.stamp : is_measurement(a) < is_measurement(b);
+  }
+
+  [[nodiscard]] static bool is_joint(const TimelineEntry& entry, const Estimator& estimator) {
+    if constexpr (kMayFuseJointly<Estimator>) {
+      return estimator.fuses_jointly() && std::holds_alternative<RangeBearing>(entry.message);
+    } else {
+      return false;
+    }
+  }
+
+  [[nodiscard]] bool joins_last(const TimelineEntry& entry, const Estimator& estimator) const {
+    return is_joint(entry, estimator) && !entries_.empty() &&
+           entries_.back().stamp == entry.stamp && is_joint(entries_.back(), estimator);
+  }
+
+  /// The first of the sightings that are one measurement with that of a position.
+  [[nodiscard]] std::size_t begin_of_joint(std::size_t position, const Estimator& estimator) const {
+    std::size_t first = position;
+    if (is_joint(entries_[position], estimator)) {
+      while (first > 0 && entries_[first - 1].stamp == entries_[position].stamp &&
+             is_joint(entries_[first - 1], estimator)) {
+        --first;
+      }
+    }
+    return first;
   }
 
   /// Restores the snapshot before a position and fuses what follows; the sink receives outcomes
@@ -114,17 +197,46 @@ class MessageHistory {
     while (snapshots_used_ > 1 && last_snapshot().position > position) {
       --snapshots_used_;
     }
-    std::size_t next = last_snapshot().position;
     estimator = last_snapshot().estimator;
-    for (; next < entries_.size(); ++next) {
-      if (next % kSnapshotInterval == 0 && next > last_snapshot().position) {
+    fuse_from(last_snapshot().position, position, estimator, sink);
+  }
+
+  /// Fuses entries from `next` on; the sink receives outcomes from `position` on.
+  template <class Sink>
+  void fuse_from(std::size_t next, std::size_t position, Estimator& estimator, Sink& sink) {
+    while (next < entries_.size()) {
+      if (next >= last_snapshot().position + kSnapshotInterval) {
         take_snapshot(next, estimator);
+      }
+      if constexpr (kMayFuseJointly<Estimator>) {
+        if (is_joint(entries_[next], estimator)) {
+          next = fuse_joint(next, position, estimator, sink);
+          continue;
+        }
       }
       const Outcome outcome = estimator.on(entries_[next].message);
       if (next >= position) {
         sink(entries_[next].index, outcome);
       }
+      ++next;
     }
+  }
+
+  /// Fuses the sightings of one instant; returns where they end.
+  template <class Sink>
+  std::size_t fuse_joint(std::size_t first, std::size_t position, Estimator& estimator,
+                         Sink& sink) {
+    std::vector<RangeBearing> sightings;
+    std::size_t end = first;
+    while (end < entries_.size() && entries_[end].stamp == entries_[first].stamp &&
+           is_joint(entries_[end], estimator)) {
+      sightings.push_back(std::get<RangeBearing>(entries_[end++].message));
+    }
+    const std::vector<Outcome> outcomes = estimator.on_joint(sightings);
+    for (std::size_t i = std::max(first, position); i < end; ++i) {
+      sink(entries_[i].index, outcomes[i - first]);
+    }
+    return end;
   }
 
   [[nodiscard]] const Snapshot& last_snapshot() const { return snapshots_[snapshots_used_ - 1]; }
@@ -158,6 +270,11 @@ class MessageHistory {
       forgotten_until_ = entries_[dropped - 1].stamp;
     }
     entries_.erase(entries_.begin(), entries_.begin() + static_cast<std::ptrdiff_t>(dropped));
+    if (joint_begin_ && *joint_begin_ >= dropped) {
+      *joint_begin_ -= dropped;
+    } else {
+      joint_begin_.reset();
+    }
     std::rotate(snapshots_.begin(), snapshots_.begin() + static_cast<std::ptrdiff_t>(snapshot),
                 snapshots_.begin() + static_cast<std::ptrdiff_t>(snapshots_used_));
     snapshots_used_ -= snapshot;
@@ -168,10 +285,11 @@ class MessageHistory {
 
   Stamp length_;
   Stamp forgotten_until_ = std::numeric_limits<Stamp>::min();
-  std::vector<TimelineEntry>
-      entries_;  // by (stamp, arrival); the oldest at a multiple of kSnapshotInterval
-  std::vector<Snapshot> snapshots_;  // the first snapshots_used_ are valid
+  std::vector<TimelineEntry> entries_;  // sorted; the oldest has a snapshot
+  std::vector<Snapshot> snapshots_;     // the first snapshots_used_ are valid
   std::size_t snapshots_used_ = 0;
+  std::optional<std::size_t> joint_begin_;  // of the last sightings that are fused jointly
+  std::optional<Estimator> before_joint_;   // the estimator there
 };
 
 }  // namespace locfuse::internal

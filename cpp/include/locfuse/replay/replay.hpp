@@ -19,14 +19,15 @@ struct RunLog {
   std::vector<Outcome> outcomes;        ///< per message in order of arrival, after the last rewind
   std::vector<PoseEstimate> estimates;  ///< per distinct stamp, as known when time moved on
   PoseEstimate last;                    ///< at the end
-  std::vector<CalibratedError> errors;  ///< calibrated errors at the end
-  AdaptiveNoise adaptive{{}};           ///< variance factors at the end
-  std::vector<HealthReport> health;     ///< of a RecoveringEkf, ten per second
-  std::vector<SourceStatus> sources;    ///< of a RecoveringEkf, at the end
-  int alarms = 0;                       ///< how often a RecoveringEkf was lost
-  int restarts = 0;                     ///< how often it then relocalized elsewhere
-  std::size_t jumps = 0;                ///< of the clock; estimates and health are from the last on
-  std::size_t dropped_messages = 0;     ///< see Timeline
+  std::vector<CalibratedError> errors;  ///< calibrated errors of a PoseEkf, at the end
+  AdaptiveNoise adaptive{{}};           ///< variance factors of a PoseEkf, at the end
+  std::vector<LandmarkEstimate> landmarks;  ///< the map of a LandmarkEkf, at the end
+  std::vector<HealthReport> health;         ///< of a RecoveringEkf, ten per second
+  std::vector<SourceStatus> sources;        ///< of a RecoveringEkf, at the end
+  int alarms = 0;                           ///< how often a RecoveringEkf was lost
+  int restarts = 0;                         ///< how often it then relocalized elsewhere
+  std::size_t jumps = 0;             ///< of the clock; estimates and health are from the last on
+  std::size_t dropped_messages = 0;  ///< see Timeline
 };
 
 /// Switches a source off or on before the messages that arrive from `arrival` [ns] on.
@@ -50,27 +51,38 @@ struct ReplayOptions {
 
 namespace internal {
 
-inline const PoseEkf& tracker_of(const PoseEkf& ekf) { return ekf; }
-inline const PoseEkf& tracker_of(const RecoveringEkf& ekf) {
-  if (ekf.estimator() == nullptr) {
+inline void check_started(const PoseEkf& /*ekf*/) {}
+inline void check_started(const RecoveringEkf& ekf) {
+  if (!ekf.has_started()) {
     throw std::invalid_argument("the RecoveringEkf has not started; replay needs start_at before");
   }
-  return *ekf.estimator();
 }
 
 inline void keep_health(RunLog& /*run*/, const PoseEkf& /*ekf*/) {}
 inline void keep_health(RunLog& run, const RecoveringEkf& ekf) {
   constexpr Stamp kEvery = 100'000'000;
-  if (run.health.empty() || ekf.estimator()->belief().stamp - run.health.back().stamp >= kEvery) {
+  if (run.health.empty() || ekf.belief().stamp - run.health.back().stamp >= kEvery) {
     run.health.push_back(ekf.health());
   }
 }
 
-inline void keep_sources(RunLog& /*run*/, const PoseEkf& /*ekf*/) {}
-inline void keep_sources(RunLog& run, const RecoveringEkf& ekf) {
+inline void keep_learnt(RunLog& run, const PoseEkf& ekf) {
+  run.errors = ekf.errors();
+  run.adaptive = ekf.adaptive();
+}
+inline void keep_learnt(RunLog& run, const LandmarkEkf& ekf) { run.landmarks = ekf.landmarks(); }
+inline void keep_learnt(RunLog& /*run*/, const TagTriangleEkf& /*ekf*/) {}
+inline void keep_learnt(RunLog& run, const RecoveringEkf& ekf) {
+  std::visit([&](const auto& tracker) { keep_learnt(run, tracker); }, *ekf.tracker());
   run.sources = ekf.sources();
   run.alarms = ekf.alarms();
   run.restarts = ekf.restarts();
+}
+
+/// Whether both are sightings, of one stamp.
+inline bool are_seen_together(const Message& message, const Message& next) {
+  return std::holds_alternative<RangeBearing>(message) &&
+         std::holds_alternative<RangeBearing>(next) && stamp_of(message) == stamp_of(next);
 }
 
 /// Records what a Timeline does with a log.
@@ -79,6 +91,7 @@ class RunRecorder {
  public:
   RunRecorder(const Timeline<Estimator>& timeline, bool record, std::size_t messages)
       : timeline_(timeline), record_(record) {
+    check_started(estimator());
     if (record) {
       run_.outcomes.reserve(messages);
       run_.estimates.reserve(messages + 1);
@@ -96,9 +109,9 @@ class RunRecorder {
   void before(const Message& message) {
     if (record_) {
       positions_.push_back(run_.outcomes.size() - 1);
-      if (effective_stamp(message) > tracker().belief().stamp) {
-        keep(tracker().current());
-        keep_health(run_, timeline_.estimator());
+      if (effective_stamp(message) > estimator().belief().stamp) {
+        keep(estimator().current());
+        keep_health(run_, estimator());
       }
     }
   }
@@ -118,24 +131,22 @@ class RunRecorder {
   }
   /// The results so far.
   const RunLog& update() {
-    run_.last = tracker().estimate();
-    run_.errors = tracker().errors();
-    run_.adaptive = tracker().adaptive();
+    run_.last = estimator().estimate();
     run_.dropped_messages = timeline_.dropped_messages();
-    keep_sources(run_, timeline_.estimator());
+    keep_learnt(run_, estimator());
     return run_;
   }
   [[nodiscard]] RunLog finish() {
     update();
     if (record_) {
-      keep(tracker().current());
+      keep(estimator().current());
       keep(run_.last);
     }
     return std::move(run_);
   }
 
  private:
-  [[nodiscard]] const PoseEkf& tracker() const { return tracker_of(timeline_.estimator()); }
+  [[nodiscard]] const Estimator& estimator() const { return timeline_.estimator(); }
   void keep(const PoseEstimate& estimate) {
     if (run_.estimates.empty() || estimate.stamp > run_.estimates.back().stamp) {
       run_.estimates.push_back(estimate);
@@ -174,7 +185,11 @@ template <class Estimator>
          ++next_switch) {
       timeline.enable(next_switch->source, next_switch->enabled);
     }
-    timeline.on(message, sink);
+    const bool switches_next = i + 1 < arrivals.size() && next_switch != options.switches.end() &&
+                               next_switch->arrival <= arrivals[i + 1].arrival;
+    const bool may_wait = i + 1 < arrivals.size() && !switches_next &&
+                          internal::are_seen_together(message, arrivals[i + 1].message);
+    timeline.on(message, sink, may_wait);
     recorder.after();
     if (options.progress && (i + 1) % kProgressEvery == 0) {
       options.progress(i + 1, recorder.update());

@@ -40,14 +40,14 @@ template <class Estimator, class = void>
 constexpr bool kSearches = false;
 template <class Estimator>
 constexpr bool
-    kSearches<Estimator, std::void_t<decltype(std::declval<const Estimator&>().estimator())>> =
+    kSearches<Estimator, std::void_t<decltype(std::declval<const Estimator&>().has_started())>> =
         true;
 
 /// Whether there is a pose to continue from.
 template <class Estimator>
 [[nodiscard]] bool has_started(const Estimator& estimator) {
   if constexpr (kSearches<Estimator>) {
-    return estimator.estimator() != nullptr;
+    return estimator.has_started();
   } else {
     return true;
   }
@@ -55,7 +55,8 @@ template <class Estimator>
 
 }  // namespace internal
 
-/// Feeds an estimator in order of (effective stamp, arrival), whatever order messages arrive in.
+/// Feeds an estimator in order of effective stamps, whatever order messages arrive in; at equal
+/// stamps odometry comes first, and the rest in order of arrival.
 ///
 /// A late message inside the history is fused where it belongs: the snapshot before it is restored
 /// and what followed is fused again, so the belief equals, bit for bit, that of the sorted log. A
@@ -97,9 +98,10 @@ class Timeline {
 
   /// Takes the next message. `sink(index, outcome)` receives the outcome of every message fused, or
   /// fused again; `index` counts arrivals from 0. What the estimator throws for a message is passed
-  /// on, and that message is forgotten.
+  /// on, and that message is forgotten. `may_wait`: the next message is a sighting of the same
+  /// stamp as this one, so that an estimator that fuses them jointly does so once, then.
   template <class Sink>
-  void on(const Message& message, Sink&& sink) {
+  void on(const Message& message, Sink&& sink, bool may_wait = false) {
     const Entry entry{effective_stamp(message), arrivals_++, message};
     const Source source = source_of(message);
     if (disabled_[static_cast<std::size_t>(source)]) {
@@ -112,7 +114,7 @@ class Timeline {
     } else {
       detector_.clear_ahead();
       detector_.clear_stale();
-      fuse(entry, sink);
+      fuse(entry, sink, may_wait);
       detector_.add_source(source);
     }
   }
@@ -142,8 +144,8 @@ class Timeline {
   using History = internal::MessageHistory<Estimator>;
 
   template <class Sink>
-  void fuse(const Entry& entry, Sink& sink) {
-    history_.fuse(entry, estimator_, sink);
+  void fuse(const Entry& entry, Sink& sink, bool may_wait = false) {
+    history_.fuse(entry, estimator_, sink, may_wait);
     if (history_.size() > options_.max_messages) {
       dropped_messages_ += history_.drop_oldest();
     }

@@ -40,7 +40,7 @@ def write_bag(
 
     Poses of odometry come back within an ulp, and ranges of scans as float32; what was read from a
     bag comes back bit for bit, as does the rest. A run adds the pose with its covariance, the path,
-    the transform from map to odom, and health as diagnostics.
+    the transform from map to odom, health as diagnostics, and the landmarks that it mapped.
 
     Parameters
     ----------
@@ -171,6 +171,9 @@ class _BagStreams:
                 yield self._relation(row, frame)
         if self.result is not None and self.ros.topics.path is not None:
             yield self._path(self.result, frame)
+        if self.result is not None and self.result.landmarks is not None and self.ros.topics.mapped:
+            yield encode.mapped_landmarks(plain(self.ros.topics.mapped), self.result.landmarks,
+                                          frame, self.begin)  # fmt: skip
 
     def _mounts(self) -> list[encode.Fields]:
         base = plain(self.ros.frames.base)

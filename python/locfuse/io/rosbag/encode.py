@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from locfuse import _core
 from locfuse.io.rosbag.decode import FixRow, RangeRow, ScanRow, SightingRow, TruthRow
-from locfuse.types import FloatArray, GridMap
+from locfuse.types import FloatArray, GridMap, MappedLandmarks
 
 Fields: TypeAlias = dict[str, Any]
 
@@ -208,6 +208,14 @@ def named_points(
               "points": [_point(*row) for row in np.asarray(at).tolist()],
               "radii": np.zeros(0) if radii is None else np.asarray(radii, np.float64)}  # fmt: skip
     return Publication(topic, "locfuse_msgs/NamedPoints", fields, latched=True)
+
+
+def mapped_landmarks(
+    topic: str, landmarks: MappedLandmarks, frame: str, stamp_ns: int
+) -> Publication:
+    """Return a locfuse_msgs/NamedPoints, latched, of landmarks that were mapped; z is 0."""
+    at = np.column_stack([landmarks.position, np.zeros(len(landmarks))])
+    return named_points(topic, landmarks.name.tolist(), at, None, frame, stamp_ns)
 
 
 def occupancy_grid(topic: str, grid: GridMap, frame: str, stamp_ns: int = 0) -> Publication:

@@ -298,6 +298,7 @@ globalThis.LocfusePlayer = (() => {
         box.y0 = Math.min(box.y0, y); box.y1 = Math.max(box.y1, y);
       };
       for (const run of this.player.runs) {
+        for (const [x, y] of run.packed.mapped || []) add(x, y);
         for (const track of [run.estimate, run.truth]) {
           if (track) for (let k = 0; k < track.t.length; k++) add(track.x[k], track.y[k]);
         }
@@ -729,15 +730,26 @@ globalThis.LocfusePlayer = (() => {
       const {player} = this;
       const order = player.runs.indexOf(run);
       const pose = player.pose(order), truth = order === 0 ? player.true_pose(0) : null;
+      if (player.layers.ellipse) this._draw_mapped(context, run, player.colour(order));
       if (pose && player.layers.ellipse && run.estimate.covariance) {
-        this._draw_ellipse(context, run, pose, player.colour(order));
+        const covariance = run.estimate.covariance.subarray(3 * pose.row, 3 * pose.row + 3);
+        this._draw_ellipse(context, run, pose, covariance, player.colour(order));
       }
       if (truth && player.layers.truth) this._draw_arrow(context, truth, player.palette.truth, true);
       if (pose && player.layers.trail) this._draw_arrow(context, pose, player.colour(order), false);
     }
 
-    _draw_ellipse(context, run, pose, colour) {
-      const [xx, xy, yy] = run.estimate.covariance.subarray(3 * pose.row, 3 * pose.row + 3);
+    _draw_mapped(context, run, colour) {
+      for (const [x, y, ...covariance] of run.packed.mapped || []) {
+        this._draw_ellipse(context, run, {x, y}, covariance, colour);
+        context.beginPath();
+        context.arc(this.sx(x), this.sy(y), 2.5, 0, 2 * Math.PI);
+        context.fillStyle = colour;
+        context.fill();
+      }
+    }
+
+    _draw_ellipse(context, run, pose, [xx, xy, yy], colour) {
       const middle = (xx + yy) / 2, spread = Math.hypot((xx - yy) / 2, xy);
       const axis = (variance) => Math.min(
         run.packed.ellipse_sigmas * Math.sqrt(Math.max(variance, 0)) * this.scale, 1e5);

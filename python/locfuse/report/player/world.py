@@ -10,7 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from locfuse.types import FREE, OCCUPIED, UNKNOWN, Columns, GridMap, RunResult
+from locfuse.types import (
+    FREE,
+    OCCUPIED,
+    UNKNOWN,
+    Columns,
+    GridMap,
+    MappedLandmarks,
+    RunResult,
+)
 
 _GREY = {OCCUPIED: 0, FREE: 255}  # unknown is 128
 _MAX_CELLS = 2000  # per side of the map
@@ -27,6 +35,7 @@ def world_of(result: RunResult, most_map_bytes: int) -> dict[str, Any]:
         "walls": _walls(result),
         "anchors": _places(anchors, "anchor", "z_m"),
         "landmarks": _places(landmarks, "landmark", "radius_m"),
+        "mapped": _mapped(result.landmarks),
         "tags": {name: [float(v) for v in at] for name, at in log.tags.items()},
         "landmark_sensor": None
         if log.landmark_sensor is None
@@ -83,6 +92,15 @@ def _walls(result: RunResult) -> list[list[float]]:
     scenario = result.config.get("simulation") or {}
     walls = [wall for fault in scenario.get("faults") or [] for wall in fault.get("walls") or []]
     return [[float(v) for v in wall] for wall in walls[:_MAX_PLACES]]
+
+
+def _mapped(landmarks: MappedLandmarks | None) -> list[list[float]]:
+    """Return mapped landmarks: x, y [m] and the covariance xx, xy, yy [m^2] of each."""
+    if landmarks is None:
+        return []
+    covariance = landmarks.covariance.reshape(-1, 4)[:, [0, 1, 3]]
+    rows: list[list[float]] = np.column_stack([landmarks.position, covariance]).tolist()
+    return rows[:_MAX_PLACES]
 
 
 def _places(table: Columns, name: str, third: str) -> dict[str, list[float]]:

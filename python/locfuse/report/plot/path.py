@@ -33,7 +33,7 @@ from locfuse.report.plot.style import (
 )
 from locfuse.report.plot.world import box_around, draw_map, drawable
 from locfuse.report.text import percent, short
-from locfuse.types import FloatArray, RunResult, Trajectory
+from locfuse.types import FloatArray, MappedLandmarks, RunResult, Trajectory
 
 _ELLIPSES = 30
 _MAX_PATH_POINTS = 20000
@@ -43,8 +43,9 @@ _MAX_NAMED = 60
 def plot_path(result: RunResult) -> Figure:
     """Draw estimate with 3-sigma ellipses, truth, anchors, landmarks and map in the world frame.
 
-    One axes, equal scales, metres. Anchors with at least 10 % of their ranges rejected are marked
-    and carry that share. Raises ValueError if the estimate is empty.
+    One axes, equal scales, metres. Landmarks that were mapped have ellipses, too. Anchors with at
+    least 10 % of their ranges rejected are marked and carry that share. Raises ValueError if the
+    estimate is empty.
     """
     estimate = result.estimate
     if len(estimate) == 0:
@@ -54,6 +55,8 @@ def plot_path(result: RunResult) -> Figure:
     shown = [estimate.position, *anchors.values(), *landmarks.values()]
     if result.truth is not None:
         shown.append(result.truth.position)
+    if result.landmarks is not None:
+        shown.append(result.landmarks.position)
     low, high = box_around(np.vstack(shown), 0.07, 0.4, 0.9)
     figure = new_figure(0.94 * WIDTH_IN * (high - low)[1] / (high - low)[0] + 0.95)
     axes = figure.add_subplot()
@@ -73,6 +76,8 @@ def plot_path(result: RunResult) -> Figure:
     labels += _draw_landmarks(axes, handles, landmarks)
     for at, radius in zip(landmarks.values(), _radii(result), strict=False):
         axes.add_patch(Circle((at[0], at[1]), radius, facecolor=GRID, edgecolor=MUTED, zorder=0))
+    if result.landmarks is not None:
+        labels += _draw_map_of_landmarks(axes, handles, result.landmarks, set(landmarks))
     legend(figure, handles)
     place_labels(figure, axes, join_same_spot(labels), estimate.position)
     return figure
@@ -185,6 +190,23 @@ def _radii(result: RunResult) -> list[float]:
     table = result.log.tables.get("landmarks", {})
     radii: list[float] = table["radius_m"].tolist() if "radius_m" in table else []
     return radii
+
+
+def _draw_map_of_landmarks(
+    axes: Axes, handles: list[Handle], mapped: MappedLandmarks, named: set[str]
+) -> list[Label]:
+    """Draw mapped landmarks with 3-sigma ellipses; those in `named` have their labels already."""
+    if len(mapped) == 0:
+        return []
+    handles += axes.plot(*mapped.position.T, marker="o", markersize=4, color=ESTIMATE, ls="none",
+                         label="mapped landmark", zorder=7)  # fmt: skip
+    for at, covariance in zip(mapped.position, mapped.covariance, strict=True):
+        draw_ellipse(axes, at, covariance, ELLIPSE_SIGMAS, facecolor="none", edgecolor=ESTIMATE,
+                     lw=0.8, zorder=6)  # fmt: skip
+    if len(mapped) > _MAX_NAMED:
+        return []
+    places = zip(mapped.name.tolist(), mapped.position, strict=True)
+    return [Label(short(name), at, ESTIMATE) for name, at in places if name not in named]
 
 
 def _draw_landmarks(

@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "locfuse/estimators/recovering_ekf.hpp"
+#include "locfuse/replay/live.hpp"
+#include "support/expect.hpp"
+#include "support/random.hpp"
+#include "support/scrubber.hpp"
+
+namespace locfuse {
+namespace {
+
+using testing::expect_refused;
+using testing::kSecond;
+using testing::same_bits;
+
+const Matrix<2, 2> kR = 0.01 * Matrix<2, 2>::Identity();
+
+RecoveringEkf::Config triangle_config() {
+  RecoveringEkf::Config config;
+  TagTriangleEkf::Config tracker;
+  tracker.holds_sides = true;
+  config.tracker = tracker;
+  return config;
+}
+
+RecoveringEkf three_tags() {
+  return {triangle_config(), std::make_shared<const AnchorMap>(), testing::triangle(), nullptr};
+}
+
+/// Fixes of all tags of a body that stands.
+std::vector<PositionFix> fixes_at(const Pose2& pose, Stamp stamp, testing::Rng& rng) {
+  std::vector<PositionFix> fixes;
+  for (int tag = 0; tag < 3; ++tag) {
+    const Vector<2> at = pose.act({testing::Scrubber::kTagX[tag], testing::Scrubber::kTagY[tag]});
+    fixes.push_back({stamp, at + Vector<2>(testing::normal(rng, 0.1), testing::normal(rng, 0.1)),
+                     kR, 10 + tag});
+  }
+  return fixes;
+}
+
+TEST(RecoveringEkfKinds, three_tags_are_found_from_nothing_and_tracked) {
+  testing::Rng rng(3);
+  const Pose2 truth{4.0, -2.0, 1.0};
+  Live live(three_tags());
+  for (int step = 0; step < 60 && !live.is_tracking(); ++step) {
+    for (const PositionFix& z : fixes_at(truth, step * kSecond / 5, rng)) {
+      (void)live.on(z);
+    }
+  }
+  ASSERT_TRUE(live.is_tracking());
+  ASSERT_TRUE(std::holds_alternative<TagTriangleEkf>(*live.estimator().tracker()));
+  EXPECT_EQ(live.estimator().estimator(), nullptr);
+  EXPECT_EQ(live.estimator().belief().dimension(), 12);
+  const Vector<3> off = local(live.estimator().estimate().pose, truth);
+  EXPECT_LT(off.head<2>().norm(), 0.2);
+  EXPECT_LT(std::abs(off.z()), 0.3);
+}
+
+TEST(RecoveringEkfKinds, three_tags_carried_away_are_lost_and_found) {
+  testing::Rng rng(4);
+  RecoveringEkf ekf = three_tags();
+  Pose2 truth{4.0, -2.0, 1.0};
+  ekf.start_at({0, truth, 0.01 * Matrix<3, 3>::Identity()});
+  for (int step = 1; step < 200; ++step) {
+    if (step == 50) {
+      truth = {-8.0, 6.0, -2.0};
+    }
+    for (const PositionFix& z : fixes_at(truth, step * kSecond / 5, rng)) {
+      (void)ekf.on(z);
+    }
+  }
+  EXPECT_EQ(ekf.alarms(), 1);
+  EXPECT_EQ(ekf.restarts(), 1);
+  EXPECT_LT(local(ekf.current().pose, truth).head<2>().norm(), 0.3);
+  EXPECT_FALSE(ekf.is_lost());
+}
+
+TEST(RecoveringEkfKinds, a_map_is_not_thrown_away_by_a_filter_that_is_lost) {
+  RecoveringEkf::Config config;
+  config.tracker = LandmarkEkf::Config{};
+  config.known = {{0, {2.0, 0.0}, {}}, {1, {0.0, 2.0}, {}}, {2, {-2.0, 0.0}, {}}};
+  RecoveringEkf ekf(config, std::make_shared<const AnchorMap>(), {}, nullptr);
+  ekf.start_at({0, {}, 1e-4 * Matrix<3, 3>::Identity()});
+  ASSERT_TRUE(ekf.fuses_jointly());
+  for (int step = 1; step < 300; ++step) {  // ranges that no pose explains
+    for (Id id = 0; id < 3; ++id) {
+      RangeBearing z;
+      z.stamp = step * kSecond / 10;
+      z.landmark = id;
+      z.range = 30.0 + id;
+      z.bearing = 0.0;
+      (void)ekf.on(z);
+    }
+  }
+  EXPECT_GE(ekf.alarms(), 1);
+  EXPECT_EQ(ekf.restarts(), 0);
+  EXPECT_EQ(std::get<LandmarkEkf>(*ekf.tracker()).landmarks().size(), 3U);
+}
+
+TEST(RecoveringEkfKinds, another_clock_keeps_the_map_and_the_pose) {
+  RecoveringEkf::Config config;
+  config.tracker = LandmarkEkf::Config{};
+  RecoveringEkf ekf(config, std::make_shared<const AnchorMap>(), {}, nullptr);
+  ekf.start_at({10 * kSecond, {1.0, 2.0, 0.5}, 1e-4 * Matrix<3, 3>::Identity()});
+  RangeBearing z;
+  z.stamp = 10 * kSecond;
+  z.landmark = 7;
+  z.range = 3.0;
+  z.bearing = 0.1;
+  ASSERT_EQ(ekf.on(z).verdict, Verdict::kFused);
+  PoseEstimate now = ekf.estimate();
+  now.stamp = 2 * kSecond;
+  const RecoveringEkf other = ekf.restarted(now);
+  EXPECT_EQ(other.belief().stamp, 2 * kSecond);
+  EXPECT_EQ(other.belief().x, ekf.belief().x);
+  EXPECT_EQ(Eigen::MatrixXd(other.belief().P), Eigen::MatrixXd(ekf.belief().P));
+
+  RecoveringEkf tags = three_tags();
+  tags.start_at({10 * kSecond, {1.0, 2.0, 0.5}, 0.01 * Matrix<3, 3>::Identity()});
+  PoseEstimate there = tags.estimate();
+  there.stamp = 2 * kSecond;
+  EXPECT_EQ(tags.restarted(there).current().stamp, 2 * kSecond);
+}
+
+TEST(RecoveringEkfKinds, a_tracker_that_cannot_be_is_refused_at_once) {
+  expect_refused(
+      [] { RecoveringEkf(triangle_config(), std::make_shared<const AnchorMap>(), {}, nullptr); },
+      "expected 3");
+}
+
+TEST(TagTriangleEkf, sides_are_fused_by_themselves_where_there_is_no_odometry) {
+  testing::Rng rng(5);
+  const Pose2 truth{1.0, 1.0, 0.3};
+  const PoseEstimate start{0, truth, 0.04 * Matrix<3, 3>::Identity()};
+  TagTriangleEkf::Config config;
+  config.holds_sides = true;
+  TagTriangleEkf by_itself(config, testing::triangle(), start);
+  TagTriangleEkf by_hand = by_itself;
+  for (int step = 1; step < 20; ++step) {
+    for (const PositionFix& z : fixes_at(truth, step * kSecond / 5, rng)) {
+      ASSERT_EQ(by_itself.on(z).verdict, by_hand.on(z).verdict);
+    }
+    const PoseEstimate now = by_itself.current();
+    (void)by_hand.hold_sides();
+    EXPECT_EQ(now.pose.x, by_hand.current().pose.x);
+    EXPECT_EQ(now.covariance, by_hand.current().covariance);
+  }
+  by_itself.advance_to(10 * kSecond);
+  by_hand.advance_to(10 * kSecond);
+  EXPECT_TRUE(same_bits(by_itself.belief(), by_hand.belief()));
+}
+
+TEST(TagTriangleEkf, a_message_that_is_not_fused_leaves_sides_that_are_due) {
+  testing::Rng rng(6);
+  const Pose2 truth{1.0, 1.0, 0.3};
+  TagTriangleEkf::Config config;
+  config.holds_sides = true;
+  TagTriangleEkf ekf(config, testing::triangle(),
+                     PoseEstimate{0, truth, 0.04 * Matrix<3, 3>::Identity()});
+  for (const PositionFix& z : fixes_at(truth, kSecond, rng)) {
+    ASSERT_EQ(ekf.on(z).verdict, Verdict::kFused);
+  }
+  const TagTriangleEkf before = ekf;
+  ASSERT_EQ(ekf.on(PositionFix{2 * kSecond, {90.0, 90.0}, kR, 10}).verdict, Verdict::kGated);
+  EXPECT_TRUE(same_bits(ekf.belief(), before.belief()));
+  EXPECT_EQ(ekf.current().covariance, before.current().covariance);
+}
+
+TEST(TagTriangleEkf, weighs_a_range_as_it_would_fuse_it) {
+  TagTriangleEkf ekf({}, testing::triangle(),
+                     PoseEstimate{0, {3.0, 4.0, 0.1}, 0.01 * Matrix<3, 3>::Identity()},
+                     testing::hall());
+  const TagTriangleEkf before = ekf;
+  TagTriangleEkf fused = ekf;
+  const Id anchor = testing::hall()->anchors().front().id;
+  const Range z{0, 10, anchor, 5.0, 5.0};
+  const Outcome weighed = ekf.weigh(z);
+  EXPECT_EQ(weighed.verdict, Verdict::kGated);
+  EXPECT_TRUE(same_bits(ekf.belief(), before.belief()));
+  const Outcome outcome = fused.on(z);
+  EXPECT_EQ(outcome.nis, weighed.nis);
+  EXPECT_EQ(outcome.limit, weighed.limit);
+  EXPECT_GT(weighed.limit, 10.0);
+}
+
+}  // namespace
+}  // namespace locfuse

@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every kind of estimator is reached from every door, on the same path: the same poses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from locfuse.check import check
+from locfuse.config.load import parse_config
+from locfuse.config.schema import FUSES, SOURCES, Kind, RunConfig
+from locfuse.io.log_folder import read_log_file
+from locfuse.io.rosbag.bag_reader import read_bag
+from locfuse.io.rosbag.bag_writer import write_bag
+from locfuse.report.player.world import world_of
+from locfuse.report.results import write_results
+from locfuse.run.capsule import make_capsule, replay_capsule
+from locfuse.run.run import load_log, run
+from locfuse.studio.document import checked
+from locfuse.studio.estimators import choices, variant
+from locfuse.sweep.runner import run_trials
+from locfuse.types import ConfigError, Log, LogError, RunResult
+from support_live import assert_same, live_of
+from support_robot import Robot, later, pose_of, stamps
+
+WHEELS = {"sigma_longitudinal_per_sqrt_m": 0.05, "sigma_heading_per_sqrt_m": 0.03}
+POSTS = {"A": [4, 4], "B": [10, 2], "C": [16, 4], "D": [18, 10], "E": [16, 16], "F": [10, 18],
+         "G": [4, 16], "H": [2, 10]}  # fmt: skip
+TAGS = {"front": [0.5, 0, 1], "left": [-0.4, 0.3, 1], "right": [-0.4, -0.3, 1]}
+WORLDS: Mapping[str, dict[str, Any]] = {
+    "pose": {"simulation": {"duration_s": 20.0}},
+    "landmark_slam": {
+        "simulation": {
+            "room_m": [20, 20],
+            "path": {"shape": "circle", "speed_mps": 1.5, "radius_m": 6, "center_m": [10, 10]},
+            "duration_s": 60.0,
+            "odometry": WHEELS,
+            "ranges": None,
+            "poses": None,
+            "landmarks": POSTS,
+            "landmark_sightings": {"landmarks": "unnamed", "range_max_m": 6},
+        },
+        "start_sigma": {"xy_m": 0.01, "heading_deg": 0.5},
+        "estimator": {
+            "odometry": WHEELS,
+            "landmark": {"sigma_range_m": 0.05, "sigma_bearing_rad": 0.0175},
+            "landmark_slam": {"use_map": False},
+        },
+    },
+    "tag_triangle": {
+        "simulation": {
+            "path": {"shape": "eight", "speed_mps": 0.31, "radius_m": 1.4},
+            "duration_s": 60.0,
+            "odometry": {"rate_hz": 7.5},
+            "tags": TAGS,
+            "ranges": {"rate_hz": 1},
+            "poses": None,
+            "positions": {"rate_hz": 1, "sigma_xy_m": 0.12, "tags": list(TAGS)},
+        },
+    },
+}  # fmt: skip
+KINDS = list(FUSES)
+
+
+@cache
+def driven(kind: Kind) -> tuple[RunConfig, Log]:
+    """Return a run of that kind with its log; its start is given, as live."""
+    world = {**WORLDS[kind], "seed": 5}
+    world["estimator"] = {**world.get("estimator", {}), "kind": kind}
+    config = parse_config(world)
+    log = load_log(config, None, config.seed)
+    x, y, heading = (float(log["truth"][key][0]) for key in ("x_m", "y_m", "heading_rad"))
+    start = {"start": [x, y, float(np.degrees(heading))], "simulation": None}
+    return parse_config({**world, **start}), log
+
+
+@cache
+def result_of(kind: Kind) -> RunResult:
+    return run(*driven(kind))
+
+
+def test_every_kind_has_a_world() -> None:
+    assert list(WORLDS) == KINDS
+    assert all(set(sources) <= set(SOURCES) for sources in FUSES.values())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_run(kind: Kind) -> None:
+    result = result_of(kind)
+    assert result.metrics["position_rmse_m"] < 0.3
+    assert result.metrics["nees_in_band"] > 0.8
+    assert result.health is not None
+    assert np.mean(result.health.state == "ok") > 0.8
+    fused = set(result.outcomes.source[result.outcomes.verdict == "fused"].tolist())
+    assert fused == {source for source in FUSES[kind] if source in result.log}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_live(kind: Kind) -> None:
+    assert_same(*driven(kind))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_late_messages_give_the_bits_of_the_sorted_log(kind: Kind) -> None:
+    config, log = driven(kind)
+    tables = dict(log.tables)
+    for source in ("ranges", "positions", "poses", "landmark_sightings"):
+        if source in tables:
+            stamp = tables[source]["stamp_ns"]
+            is_late = stamp // 200_000_000 % 5 == 0
+            arrival = stamp + np.where(is_late, 500_000_000, 0)
+            tables[source] = {**tables[source], "arrival_ns": arrival}
+    late = replace(log, tables=tables)
+    expected = run(config, log).estimate
+    found = run(config, late).estimate
+    assert found.covariance is not None
+    assert expected.covariance is not None
+    assert found.position[-1].tolist() == expected.position[-1].tolist()
+    assert np.array_equal(found.covariance[-1], expected.covariance[-1])
+    assert_same(config, late, least=0.5)
+
+
+@pytest.mark.parametrize("ros", ["ros1", "ros2"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_nodes(kind: Kind, ros: str) -> None:
+    config, log = driven(kind)
+    config = config.model_copy(
+        update={"ros": config.ros.model_copy(update={"estimate_at": "fused"})}
+    )
+    log = later(log)
+    robot = Robot(config, log, ros)
+    robot.learn()
+    robot.drive()
+    estimate = run(config, log).estimate
+    assert estimate.heading is not None
+    last = {stamp: one for one in robot.said("locfuse/pose") for stamp in stamps([one])}
+    same = [row for row, stamp in enumerate(estimate.stamp_ns.tolist()) if stamp in last]
+    assert len(same) > 0.8 * len(estimate)
+    for row in same:
+        x, y, heading = pose_of(last[int(estimate.stamp_ns[row])])
+        assert [x, y] == pytest.approx(estimate.position[row].tolist(), abs=1e-9)
+        assert heading == pytest.approx(estimate.heading[row], abs=1e-9)
+    assert not robot.problems
+
+
+@pytest.mark.parametrize("bag", ["drive.bag", "drive.mcap"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_bags(kind: Kind, bag: str, tmp_path: Path) -> None:
+    config, result = driven(kind)[0], result_of(kind)
+    write_bag(result, tmp_path / bag, config.ros)
+    again = run(config, read_bag(tmp_path / bag, config.ros)).estimate
+    assert again.position[-1].tolist() == pytest.approx(
+        result.estimate.position[-1].tolist(), abs=1e-6
+    )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_check_sweep_and_capsule(kind: Kind) -> None:
+    config, log = driven(kind)
+    assert not [f for f in check(config, log).findings if f.severity == "error"]
+    assert replay_capsule(make_capsule(config, log)) == []
+    world = {**WORLDS[kind], "estimator": {**WORLDS[kind].get("estimator", {}), "kind": kind}}
+    trials = run_trials(parse_config(world), 2, {"estimator.gate_position": [0.99, 0.999]},
+                        workers=1)  # fmt: skip
+    assert len(trials) == 2
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_studio(kind: Kind) -> None:
+    """Its choice runs, and choosing another afterwards leaves nothing of it."""
+    data = {key: value for key, value in WORLDS[kind].items() if key != "estimator"}
+    config = checked(data)
+    offered = {choice.key: choice for choice in choices(data, config)}
+    if kind == "pose":
+        assert "tag_triangle" not in offered
+        assert "landmark_slam" not in offered
+        return
+    chosen = checked(variant(offered[kind], data, config))
+    assert chosen.estimator.kind == kind
+    assert run(chosen).metrics["position_rmse_m"] < 1.0
+    back = checked(variant(offered["odometry"], variant(offered[kind], data, config), chosen))
+    assert back.estimator == config.estimator
+
+
+def test_a_map_is_written_drawn_and_known_in_the_next_drive(tmp_path: Path) -> None:
+    config, log = driven("landmark_slam")
+    result = result_of("landmark_slam")
+    assert result.landmarks is not None
+    assert len(result.landmarks) == len(POSTS)
+    assert result.metrics["mapping"]["landmarks"] == len(POSTS)
+    assert len(world_of(result, 10_000)["mapped"]) == len(POSTS)
+    write_results(result, tmp_path / "out")
+    mapped = read_log_file(tmp_path / "out" / "landmarks.csv", "landmarks")
+    known = replace(log, tables={**log.tables, "landmarks": mapped})
+    again = parse_config({**config.model_dump(mode="json", exclude_defaults=True),
+                          "estimator": {**WORLDS["landmark_slam"]["estimator"],
+                                        "kind": "landmark_slam", "landmark_slam": {}}})  # fmt: skip
+    second = run(again, known)
+    assert second.landmarks is not None
+    assert second.landmarks.name.tolist() == mapped["landmark"].tolist()
+    before = result.landmarks.covariance.trace(axis1=1, axis2=2)
+    assert np.all(second.landmarks.covariance.trace(axis1=1, axis2=2) < before)
+
+
+def test_named_landmarks_are_scored_against_those_of_the_log() -> None:
+    world = dict(WORLDS["landmark_slam"])
+    sightings = {**world["simulation"]["landmark_sightings"], "landmarks": "named"}
+    world["simulation"] = {**world["simulation"], "landmark_sightings": sightings}
+    world["estimator"] = {**world["estimator"], "kind": "landmark_slam"}
+    result = run(parse_config(world))
+    assert result.landmarks is not None
+    assert sorted(result.landmarks.name.tolist()) == sorted(POSTS)
+    assert result.metrics["mapping"]["rmse_m"] < 0.5
+
+
+def test_a_live_run_returns_its_map() -> None:
+    config, log = driven("landmark_slam")
+    live, _ = live_of(config, log)
+    landmarks = live.landmarks()
+    expected = result_of("landmark_slam").landmarks
+    assert landmarks is not None
+    assert expected is not None
+    assert landmarks.position.tolist() == expected.position.tolist()
+    assert live_of(*driven("pose"))[0].landmarks() is None
+
+
+def test_what_a_kind_does_not_fuse_is_ignored_with_a_reason() -> None:
+    config, log = driven("tag_triangle")
+    rows = {key: values[::30] for key, values in log["truth"].items()}
+    sigmas = np.full(len(rows["stamp_ns"]), 0.1)
+    poses = {**rows, "sigma_xy_m": sigmas, "sigma_heading_rad": sigmas}
+    with_poses = run(config, replace(log, tables={**log.tables, "poses": poses}))
+    is_pose = with_poses.outcomes.source == "poses"
+    assert set(with_poses.outcomes.verdict[is_pose].tolist()) == {"ignored"}
+    assert set(with_poses.outcomes.reason[is_pose].tolist()) == {"tag_triangle does not fuse poses"}
+    last = result_of("tag_triangle").estimate
+    assert with_poses.estimate.position[-1].tolist() == last.position[-1].tolist()
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"estimator": {"kind": "tag_triangl"}}, "did you mean 'tag_triangle'"),
+        ({"estimator": {"kind": "tag_triangle", "calibration": {"sigma_scale": 0.1}}},
+         "calibration is set, but it belongs to kind 'pose'"),
+        ({"estimator": {"tag_triangle": {"sigma_side_m": 0.1}}}, "belongs to kind 'tag_triangle'"),
+        ({"estimator": {"kind": "landmark_slam"}, "use": ["poses"]}, "does not fuse"),
+        ({"estimator": {"kind": "landmark_slam"}, "mcl": {}}, "expected one of them"),
+        ({"estimator": {"kind": "landmark_slam", "landmark_slam": {"gate_new": 0.9}}},
+         "expected gate_landmark <= gate_new"),
+    ],
+)  # fmt: skip
+def test_a_configuration_that_no_kind_fits_is_refused(changes: dict[str, Any], says: str) -> None:
+    with pytest.raises(ConfigError, match=says):
+        parse_config(changes)
+
+
+@pytest.mark.parametrize(
+    ("tags", "says"),
+    [
+        ({"a": (0.5, 0.0, 1.0)}, "needs 3 tags"),
+        ({"a": (0.5, 0.0, 1.0), "b": (0.0, 0.0, 1.0), "c": (-0.5, 0.0, 1.0)}, "line"),
+    ],
+)
+def test_tags_that_make_no_triangle_are_refused(
+    tags: dict[str, tuple[float, float, float]], says: str
+) -> None:
+    config, log = driven("tag_triangle")
+    tables = {name: table for name, table in log.tables.items() if name == "odometry"}
+    with pytest.raises(LogError, match=says):
+        run(config, replace(log, tables=tables, tags=tags))
