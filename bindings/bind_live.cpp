@@ -84,6 +84,14 @@ ValueError
           "PoseEstimate propagated to the end of the latest odometry. Raises RuntimeError while "
           "searching.")
       .def(
+          "current_in_space", [](const Live& live) { return live.estimator().current_in_space(); },
+          "AirEstimate at the stamp of the last message, or None of a filter in the plane. Raises "
+          "RuntimeError while searching.")
+      .def(
+          "estimate_in_space",
+          [](const Live& live) { return live.estimator().estimate_in_space(); },
+          "The same propagated to the end of the latest odometry.")
+      .def(
           "health", [](const Live& live) { return live.estimator().health(); },
           "HealthReport of the estimate.")
       .def_property_readonly(

@@ -13,8 +13,12 @@ void bind_recovering_ekf(py::module_& m) {
       .def(py::init<>())
       .def_readwrite("estimator", &Config::estimator,
                      "PoseEkfConfig of the hypotheses of a start, and of the filter.")
-      .def_readwrite("tracker", &Config::tracker,
-                     "LandmarkEkfConfig or TagTriangleEkfConfig of another filter, or None.")
+      .def_readwrite(
+          "tracker", &Config::tracker,
+          "LandmarkEkfConfig, TagTriangleEkfConfig or AirEkfConfig of another filter, or "
+          "None.")
+      .def_readwrite("start_height", &Config::start_height, "Height at which an AirEkf begins [m].")
+      .def_readwrite("sigma_start_height", &Config::sigma_start_height, "Its sigma [m].")
       .def_readwrite("known", &Config::known,
                      "List of KnownLandmark that a LandmarkEkf begins with.")
       .def_readwrite("start", &Config::start)

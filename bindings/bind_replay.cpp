@@ -196,6 +196,23 @@ void bind_replay(py::module_& m) {
       .def_property_readonly(
           "covariances", [](const RunLog& r) { return covariances_of(r.estimates); }, "(n, 3, 3).")
       .def_property_readonly(
+          "heights",
+          [](const RunLog& r) {
+            return column_of<double>(r.in_space, [](const auto& e) { return e.height; });
+          },
+          "Heights of the estimates of an AirEkf [m], (n,); else empty.")
+      .def_property_readonly(
+          "covariances_in_space",
+          [](const RunLog& r) {
+            std::vector<double> rows;
+            rows.reserve(16 * r.in_space.size());
+            for (const locfuse::AirEstimate& e : r.in_space) {
+              rows.insert(rows.end(), e.covariance.data(), e.covariance.data() + 16);
+            }
+            return to_numpy(std::move(rows), {static_cast<py::ssize_t>(r.in_space.size()), 4, 4});
+          },
+          "Of (x, y, heading, height), (n, 4, 4); else empty.")
+      .def_property_readonly(
           "verdict", [](const RunLog& r) { return verdicts_of(r.outcomes); },
           "Index into Verdict, one per message in order of arrival.")
       .def_property_readonly("dof",

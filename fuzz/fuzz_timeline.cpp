@@ -54,9 +54,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       accepted.push_back(messages[i]);
     }
   }
-  std::stable_sort(accepted.begin(), accepted.end(), [](const Message& a, const Message& b) {
-    return effective_stamp(a) < effective_stamp(b);
-  });
+  fuzz::sort_for_fusion(accepted);
   PoseEkf sorted = fresh;
   for (const Message& message : accepted) {
     sorted.on(message);

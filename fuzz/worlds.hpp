@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "locfuse/estimators/pose_ekf.hpp"
@@ -35,6 +37,15 @@ void code(Io& io, PoseEstimate& start) {
   code(io, start.stamp, now);
   code(io, start.pose, 30.0);
   code(io, start.covariance, 10.0);
+}
+
+/// Messages in the order in which a Timeline fuses them.
+inline void sort_for_fusion(std::vector<Message>& messages) {
+  const auto key = [](const Message& m) {
+    return std::make_pair(effective_stamp(m), source_of(m) != Source::kOdometry);
+  };
+  std::stable_sort(messages.begin(), messages.end(),
+                   [&](const Message& a, const Message& b) { return key(a) < key(b); });
 }
 
 template <class Io>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <deque>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
@@ -208,6 +209,11 @@ void write_estimators(const std::filesystem::path& folder) {
     begin_recovering(live, true, settings(false));
     Input in_order(folder / "timeline" / name);
     in_order.message(Stamp{2'000'000'000}).part(TimelineOptions{});
+    std::deque<Input> trackers;
+    for (std::uint8_t kind = 0; kind < 4; ++kind) {
+      trackers.emplace_back(folder / "trackers" / (name + std::to_string(kind)));
+      trackers.back().choice(kind).message(Stamp{2'000'000'000}).part(TimelineOptions{});
+    }
     Input mcl(folder / "mcl" / name);
     mcl.flag(true).choice(0).start(start()).number(1.0, 0.0, 1.0);
     Input switching(folder / "switching_mcl" / name);
@@ -222,6 +228,9 @@ void write_estimators(const std::filesystem::path& folder) {
     }
     for (const Message& message : late(stream.messages)) {
       in_order.message(message);
+      for (Input& input : trackers) {
+        input.message(message);
+      }
       live.choice(4).message(message);
     }
   }

@@ -28,6 +28,8 @@ SECTIONS: dict[str, type[Strict]] = {
     "### `estimator.landmark_slam`": schema.LandmarkSlam,
     "### `estimator.tag_triangle`": schema.TagTriangle,
     "### `estimator.tag_triangle.velocity`": schema.TagVelocity,
+    "### `estimator.air`": schema.Air,
+    "### `estimator.air.constant_velocity`": schema.ConstantVelocity,
     "### `estimator.odometry`": schema.Odometry,
     "### `estimator.range`": schema.Range,
     "### `estimator.position`": schema.Position,

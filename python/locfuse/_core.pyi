@@ -4339,12 +4339,28 @@ class RecoveringEkfConfig:
     @restart.setter
     def restart(self, arg0: bool) -> None: ...
     @property
-    def tracker(self) -> LandmarkEkfConfig | TagTriangleEkfConfig | None:
+    def sigma_start_height(self) -> float:
         """
-        LandmarkEkfConfig or TagTriangleEkfConfig of another filter, or None.
+        Its sigma [m].
+        """
+    @sigma_start_height.setter
+    def sigma_start_height(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def start_height(self) -> float:
+        """
+        Height at which an AirEkf begins [m].
+        """
+    @start_height.setter
+    def start_height(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def tracker(self) -> LandmarkEkfConfig | TagTriangleEkfConfig | AirEkfConfig | None:
+        """
+        LandmarkEkfConfig, TagTriangleEkfConfig or AirEkfConfig of another filter, or None.
         """
     @tracker.setter
-    def tracker(self, arg0: LandmarkEkfConfig | TagTriangleEkfConfig | None) -> None: ...
+    def tracker(
+        self, arg0: LandmarkEkfConfig | TagTriangleEkfConfig | AirEkfConfig | None
+    ) -> None: ...
 
 class RecoveringEkf:
     """
@@ -4454,7 +4470,7 @@ class RecoveringEkf:
         """
         READY while tracking; otherwise the progress of the search with its hypotheses.
         """
-    def tracker(self) -> PoseEkf | LandmarkEkf | TagTriangleEkf | None:
+    def tracker(self) -> PoseEkf | LandmarkEkf | TagTriangleEkf | AirEkf | None:
         """
         Copy of the filter of any kind, or None before the first start.
         """
@@ -5188,6 +5204,11 @@ class RunLog:
         (n, 3, 3).
         """
     @property
+    def covariances_in_space(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Of (x, y, heading, height), (n, 4, 4); else empty.
+        """
+    @property
     def dof(self) -> numpy.typing.NDArray[numpy.int64]: ...
     @property
     def dropped_messages(self) -> int:
@@ -5218,6 +5239,11 @@ class RunLog:
     def health_state(self) -> numpy.typing.NDArray[numpy.uint8]:
         """
         Index into HealthState, (k,).
+        """
+    @property
+    def heights(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Heights of the estimates of an AirEkf [m], (n,); else empty.
         """
     @property
     def interventions(self) -> numpy.typing.NDArray[numpy.int64]:
@@ -5459,6 +5485,10 @@ class Live:
         """
         PoseEstimate at the stamp of the last message. Raises RuntimeError while searching.
         """
+    def current_in_space(self) -> AirEstimate | None:
+        """
+        AirEstimate at the stamp of the last message, or None of a filter in the plane. Raises RuntimeError while searching.
+        """
     def enable(self, source: Source, enabled: bool) -> None:
         """
         Enables or disables a Source; messages of a disabled source are IGNORED.
@@ -5466,6 +5496,10 @@ class Live:
     def estimate(self) -> PoseEstimate:
         """
         PoseEstimate propagated to the end of the latest odometry. Raises RuntimeError while searching.
+        """
+    def estimate_in_space(self) -> AirEstimate | None:
+        """
+        The same propagated to the end of the latest odometry.
         """
     def health(self) -> HealthReport:
         """

@@ -97,16 +97,23 @@ class Trajectory:
         Radians in [-pi, pi); None where only positions are known.
     covariance : float64 array, shape (n, 3, 3), or None
         Of (x, y, heading), position error in world; None where unknown.
+    height : float64 array, shape (n,), or None
+        Metres over z = 0 of the world; None in the plane.
+    height_variance : float64 array, shape (n,), or None
+        Square metres.
     """
 
     stamp_ns: StampArray
     position: FloatArray
     heading: FloatArray | None = None
     covariance: FloatArray | None = None
+    height: FloatArray | None = None
+    height_variance: FloatArray | None = None
 
     def __post_init__(self) -> None:
         n = len(self.stamp_ns)
-        expected = {"position": (n, 2), "heading": (n,), "covariance": (n, 3, 3)}
+        expected = {"position": (n, 2), "heading": (n,), "covariance": (n, 3, 3), "height": (n,),
+                    "height_variance": (n,)}  # fmt: skip
         for name, shape in expected.items():
             value = getattr(self, name)
             if value is not None and value.shape != shape:
@@ -121,11 +128,11 @@ class Trajectory:
 
 def rows_of(track: Trajectory, rows: NDArray[Any]) -> Trajectory:
     """Return some rows of a trajectory, chosen by a mask or by indices that increase."""
+    columns = (track.heading, track.covariance, track.height, track.height_variance)
     return Trajectory(
         track.stamp_ns[rows],
         track.position[rows],
-        None if track.heading is None else track.heading[rows],
-        None if track.covariance is None else track.covariance[rows],
+        *(None if column is None else column[rows] for column in columns),
     )
 
 

@@ -53,6 +53,18 @@ WORLDS: Mapping[str, dict[str, Any]] = {
             "landmark_slam": {"use_map": False},
         },
     },
+    "air": {
+        "simulation": {
+            "path": {"shape": "circle", "speed_mps": 0.8, "radius_m": 3},
+            "duration_s": 30.0,
+            "anchors": {"A": [0, 0, 0.2], "B": [10, 0, 3.5], "C": [10, 10, 0.3], "D": [0, 10, 3.8],
+                        "E": [5, 0, 2], "F": [5, 10, 1]},
+            "tags": {"tag": [0, 0, 0]},
+            "ranges": {"rate_hz": 10, "sigma_m": 0.1, "sigma_relative": 0},
+            "poses": None,
+        },
+        "estimator": {"air": {"motion": "odometry"}},
+    },
     "tag_triangle": {
         "simulation": {
             "path": {"shape": "eight", "speed_mps": 0.31, "radius_m": 1.4},
@@ -86,7 +98,7 @@ def result_of(kind: Kind) -> RunResult:
 
 
 def test_every_kind_has_a_world() -> None:
-    assert list(WORLDS) == KINDS
+    assert set(WORLDS) == set(KINDS)
     assert all(set(sources) <= set(SOURCES) for sources in FUSES.values())
 
 
@@ -181,6 +193,8 @@ def test_studio(kind: Kind) -> None:
         assert "tag_triangle" not in offered
         assert "landmark_slam" not in offered
         return
+    data = {**data, "start": list(driven(kind)[0].start)}
+    config = checked(data)
     chosen = checked(variant(offered[kind], data, config))
     assert chosen.estimator.kind == kind
     assert run(chosen).metrics["position_rmse_m"] < 1.0
@@ -230,6 +244,47 @@ def test_a_live_run_returns_its_map() -> None:
     assert live_of(*driven("pose"))[0].landmarks() is None
 
 
+def test_heights_are_written_drawn_scored_and_published(tmp_path: Path) -> None:
+    config, log = driven("air")
+    result = result_of("air")
+    assert result.estimate.height is not None
+    assert result.estimate.height_variance is not None
+    off = result.estimate.height[-100:]
+    sigma = np.sqrt(result.estimate.height_variance[-100:])
+    assert np.all(np.abs(off) < 4.0 * sigma)
+    assert np.all(sigma < 0.2)
+    write_results(result, tmp_path / "out")
+    assert (tmp_path / "out" / "height.png").is_file()
+    header, *rows = (tmp_path / "out" / "estimate.csv").read_text().splitlines()
+    assert header.split(",")[-2:] == ["z_m", "cov_z_z"]
+    assert float(rows[-1].split(",")[-2]) == result.estimate.height[-1]
+    tum = (tmp_path / "out" / "estimate.tum").read_text().splitlines()[-1].split()
+    assert float(tum[3]) == result.estimate.height[-1]
+    live, _ = live_of(config, log)
+    pose = live.pose()
+    assert pose is not None
+    assert pose.height == pytest.approx(result.estimate.height[-1], abs=0.05)
+    robot = Robot(config, later(log))
+    robot.learn()
+    robot.drive()
+    last = robot.said("locfuse/pose")[-1]["pose"]
+    assert last["pose"]["position"]["z"] == pytest.approx(pose.height, abs=0.15)
+    assert last["covariance"][14] == pytest.approx(pose.height_variance, rel=0.5)
+    assert live_of(*driven("pose"))[0].pose().height is None  # type: ignore[union-attr]
+
+
+def test_a_flight_starts_at_the_height_of_the_reference() -> None:
+    config, log = driven("air")
+    truth = {**log["truth"], "z_m": np.full(len(log["truth"]["x_m"]), 0.4)}
+    ranges = log["ranges"]
+    flying = replace(log, tables={**log.tables, "truth": truth, "ranges": ranges})
+    free = config.model_copy(update={"start": "truth"})
+    result = run(free, flying)
+    assert result.estimate.height is not None
+    assert result.metrics["height_rmse_m"] > 0.0
+    assert result.estimate.height[0] == pytest.approx(0.4, abs=0.3)
+
+
 def test_what_a_kind_does_not_fuse_is_ignored_with_a_reason() -> None:
     config, log = driven("tag_triangle")
     rows = {key: values[::30] for key, values in log["truth"].items()}
@@ -250,6 +305,8 @@ def test_what_a_kind_does_not_fuse_is_ignored_with_a_reason() -> None:
         ({"estimator": {"kind": "tag_triangle", "calibration": {"sigma_scale": 0.1}}},
          "calibration is set, but it belongs to kind 'pose'"),
         ({"estimator": {"tag_triangle": {"sigma_side_m": 0.1}}}, "belongs to kind 'tag_triangle'"),
+        ({"estimator": {"kind": "air"}, "start": "auto"}, "finds no height"),
+        ({"estimator": {"kind": "air", "adaptive": {"messages": 20}}}, "belongs to kind 'pose'"),
         ({"estimator": {"kind": "landmark_slam"}, "use": ["poses"]}, "does not fuse"),
         ({"estimator": {"kind": "landmark_slam"}, "mcl": {}}, "expected one of them"),
         ({"estimator": {"kind": "landmark_slam", "landmark_slam": {"gate_new": 0.9}}},
@@ -275,3 +332,28 @@ def test_tags_that_make_no_triangle_are_refused(
     tables = {name: table for name, table in log.tables.items() if name == "odometry"}
     with pytest.raises(LogError, match=says):
         run(config, replace(log, tables=tables, tags=tags))
+
+
+def test_check_names_what_a_kind_ignores_and_what_it_lacks() -> None:
+    world = {"simulation": {"duration_s": 5.0, "tags": TAGS}, "estimator": {"kind": "tag_triangle"}}
+    said = [f for f in check(parse_config(world)).findings if f.rule == "messages_without_use"]
+    assert [f.severity for f in said] == ["warning"]
+    assert "poses, which are ignored: tag_triangle does not fuse poses" in said[0].what
+    (stopped,) = [f for f in check(parse_config({**world, "simulation": {"duration_s": 5.0}}))
+                  .findings if f.severity == "error"]  # fmt: skip
+    assert "needs 3 tags" in stopped.what
+    flying = {"simulation": {"duration_s": 5.0}, "estimator": {"kind": "air"}}
+    (ignored,) = [
+        f for f in check(parse_config(flying)).findings if f.rule == "messages_without_use"
+    ]
+    assert "takes no odometry" in ignored.what
+
+
+def test_a_run_warns_of_what_it_ignores(caplog: pytest.LogCaptureFixture) -> None:
+    flying = {"simulation": {"duration_s": 2.0}, "estimator": {"kind": "air"}}
+    result = run(parse_config(flying))
+    assert "the log has odometry, which are ignored: air.motion is constant_velocity" in caplog.text
+    of_odometry = result.outcomes.source == "odometry"
+    assert set(result.outcomes.reason[of_odometry].tolist()) == {
+        "air.motion is constant_velocity, which takes no odometry"
+    }

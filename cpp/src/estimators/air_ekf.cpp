@@ -151,12 +151,22 @@ Outcome AirEkf::correct(Stamp stamp, const Gate& gate, const Noise& noise, Slots
                                : Outcome{Verdict::kNotModelled});
 }
 
-Outcome AirEkf::on(const Range& z) {
+Outcome AirEkf::on(const Range& z) { return correct_by(z, recipe_->range_gate); }
+
+Outcome AirEkf::weigh(const Range& z) {
+  Outcome outcome = correct_by(z, Gate::closed());
+  if (outcome.dof > 0) {
+    outcome.limit = recipe_->range_gate.limit(outcome.dof);
+  }
+  return outcome;
+}
+
+Outcome AirEkf::correct_by(const Range& z, const Gate& gate) {
   validate(z);
   if (!is_plausible(z, recipe_->config.limits)) {
     return {Verdict::kImplausible};
   }
-  return correct(z.stamp, recipe_->range_gate, recipe_->range_noise, place_,
+  return correct(z.stamp, gate, recipe_->range_noise, place_,
                  [&] { return recipe_->range.linearize(pose(), height(), z); });
 }
 
@@ -244,13 +254,28 @@ void AirEkf::advance_to(Stamp stamp) {
   belief_.stamp = stamp;
 }
 
+AirEkf AirEkf::continued_at(Stamp stamp) const {
+  check_stamp(stamp);
+  AirEkf other = *this;
+  other.advance_to(std::max(belief_.stamp, odometry_.end()));
+  other.belief_.stamp = stamp;
+  other.odometry_ = HeldMotion(stamp);
+  other.climb_rate_ = 0.0;
+  return other;
+}
+
+AirEstimate AirEkf::current() const {
+  return {belief_.stamp, pose(), height(), belief_.marginal(place_)};
+}
+
 AirEstimate AirEkf::estimate() const { return estimate(std::max(belief_.stamp, odometry_.end())); }
 
 AirEstimate AirEkf::estimate(Stamp stamp) const {
   internal::check_not_before(belief_.stamp, stamp);
   AirEkf ahead = *this;
   ahead.advance_to(stamp);
-  return {stamp, ahead.pose(), ahead.height(), ahead.belief_.marginal(place_)};
+  ahead.belief_.stamp = stamp;
+  return ahead.current();
 }
 
 }  // namespace locfuse

@@ -1,13 +1,49 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "locfuse/estimators/recovering_ekf.hpp"
 
+#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
 #include "estimators/recipe.hpp"
+#include "locfuse/error.hpp"
+#include "locfuse/math/angle.hpp"
 
 namespace locfuse {
 namespace {
+
+const PoseEstimate& planar(const PoseEstimate& estimate) { return estimate; }
+PoseEstimate planar(const AirEstimate& estimate) {
+  return {estimate.stamp, estimate.pose, estimate.covariance.topLeftCorner<3, 3>()};
+}
+
+/// Where three tags are whose heading nobody knows: after a long silence their triangle is lost.
+PoseEstimate without_heading(const GaussianBelief& belief) {
+  constexpr int kTags = TagTriangleEkf::kTags;
+  PoseEstimate estimate{belief.stamp, {}, Matrix<3, 3>::Identity()};
+  Vector<2> middle = Vector<2>::Zero();
+  for (int tag = 0; tag < kTags; ++tag) {
+    middle += belief.x.segment<2>(2 * tag) / kTags;
+  }
+  const double spread = 1.0 + 2.0 * belief.P.diagonal().head<2 * kTags>().maxCoeff();  // [m^2]
+  estimate.pose = {middle.x(), middle.y(), 0.0};
+  estimate.covariance.diagonal() << spread, spread, kPi * kPi / 3.0;  // any heading
+  return estimate;
+}
+
+/// What an estimator says of the pose, now or at its belief's stamp.
+template <class Ekf>
+PoseEstimate pose_of(const Ekf& ekf, bool now) {
+  if constexpr (std::is_same_v<Ekf, TagTriangleEkf>) {
+    try {
+      return now ? ekf.estimate() : ekf.current();
+    } catch (const NumericalError&) {
+      return without_heading(ekf.belief());
+    }
+  } else {
+    return planar(now ? ekf.estimate() : ekf.current());
+  }
+}
 
 template <class Call>
 auto of(Tracker& tracker, const Call& call) {
@@ -26,9 +62,9 @@ RecoveringEkf::RecoveringEkf(const Config& config, std::shared_ptr<const AnchorM
     : recipe_(std::make_shared<const Recipe>(Recipe{
           config,
           Initializer(config.start, config.estimator, anchors, tags, std::move(matcher), landmarks),
-          anchors, tags, landmarks.T_body_sensor,
-          config.restart &&
-              !(config.tracker && std::holds_alternative<LandmarkEkf::Config>(*config.tracker))})),
+          std::move(anchors), std::move(tags), std::move(landmarks),
+          config.restart && (!config.tracker ||
+                             std::holds_alternative<TagTriangleEkf::Config>(*config.tracker))})),
       start_(recipe_->fresh),
       health_(config.health) {
   (void)tracker_at({0, {}, Matrix<3, 3>::Identity()}, recipe_->fresh);  // checks
@@ -48,7 +84,13 @@ Tracker RecoveringEkf::tracker_at(const PoseEstimate& start, const Initializer& 
   }
   Tracker tracker = [&]() -> Tracker {
     if (const auto* mapping = std::get_if<LandmarkEkf::Config>(&*config.tracker)) {
-      return LandmarkEkf(*mapping, start, recipe_->T_body_sensor, config.known);
+      return LandmarkEkf(*mapping, start, recipe_->landmarks.T_body_sensor, config.known);
+    }
+    if (const auto* air = std::get_if<AirEkf::Config>(&*config.tracker)) {
+      AirEstimate in_space{start.stamp, start.pose, config.start_height};
+      in_space.covariance.topLeftCorner<3, 3>() = start.covariance;
+      in_space.covariance(3, 3) = config.sigma_start_height * config.sigma_start_height;
+      return AirEkf(*air, recipe_->anchors, recipe_->tags, in_space, recipe_->landmarks);
     }
     return TagTriangleEkf(std::get<TagTriangleEkf::Config>(*config.tracker), recipe_->tags, start,
                           recipe_->anchors);
@@ -70,7 +112,8 @@ Initializer RecoveringEkf::fresh() const {
 RecoveringEkf RecoveringEkf::restarted(const PoseEstimate& start) const {
   RecoveringEkf other = *this;
   other.start_with(of(started(), [&](const auto& ekf) -> Tracker {
-    if constexpr (std::is_same_v<std::decay_t<decltype(ekf)>, LandmarkEkf>) {
+    using Ekf = std::decay_t<decltype(ekf)>;
+    if constexpr (std::is_same_v<Ekf, LandmarkEkf> || std::is_same_v<Ekf, AirEkf>) {
       return ekf.continued_at(start.stamp);
     } else {
       return ekf.restarted(start);
@@ -88,11 +131,21 @@ const Tracker& RecoveringEkf::started() const {
 }
 
 PoseEstimate RecoveringEkf::current() const {
-  return of(started(), [](const auto& ekf) { return ekf.current(); });
+  return of(started(), [](const auto& ekf) { return pose_of(ekf, false); });
 }
 
 PoseEstimate RecoveringEkf::estimate() const {
-  return of(started(), [](const auto& ekf) { return ekf.estimate(); });
+  return of(started(), [](const auto& ekf) { return pose_of(ekf, true); });
+}
+
+std::optional<AirEstimate> RecoveringEkf::current_in_space() const {
+  const auto* ekf = std::get_if<AirEkf>(&started());
+  return ekf != nullptr ? std::optional(ekf->current()) : std::nullopt;
+}
+
+std::optional<AirEstimate> RecoveringEkf::estimate_in_space() const {
+  const auto* ekf = std::get_if<AirEkf>(&started());
+  return ekf != nullptr ? std::optional(ekf->estimate()) : std::nullopt;
 }
 
 const GaussianBelief& RecoveringEkf::belief() const {
@@ -167,8 +220,13 @@ std::vector<Outcome> RecoveringEkf::on_joint(const std::vector<RangeBearing>& si
   std::vector<Outcome> outcomes(sightings.size(), Outcome{Verdict::kIgnored});
   if (tracker_) {
     outcomes = of(*tracker_, [&](auto& ekf) {
-      if constexpr (std::is_same_v<std::decay_t<decltype(ekf)>, TagTriangleEkf>) {
+      using Ekf = std::decay_t<decltype(ekf)>;
+      if constexpr (std::is_same_v<Ekf, TagTriangleEkf>) {
         return outcomes;  // it has no landmarks
+      } else if constexpr (std::is_same_v<Ekf, AirEkf>) {
+        std::transform(sightings.begin(), sightings.end(), outcomes.begin(),
+                       [&](const RangeBearing& z) { return ekf.on(z); });
+        return outcomes;
       } else {
         return ekf.on_joint(sightings, association);
       }

@@ -282,7 +282,7 @@ TagTriangleEkf::TagTriangleEkf(std::shared_ptr<const Recipe> recipe, Stamp stamp
     slots.push_back(belief.add("tag" + std::to_string(i) + ".velocity", SlotKind::kPoint2,
                                Vector<2>::Zero(), sigma * sigma * Matrix<2, 2>::Identity()));
   }
-  belief_ = GaussianBelief(belief);  // a copy has its columns side by side, as fixed sizes need it
+  belief_ = std::move(belief);
 }
 
 TagTriangleEkf::TagTriangleEkf(const std::shared_ptr<const Recipe>& recipe,

@@ -28,6 +28,16 @@ from locfuse.types import ConfigError, Log, LogError
 
 Rule: TypeAlias = Callable[[Context], Iterator[Finding]]
 
+# Those that take the height of a tag for known: not of what flies.
+PLANAR: tuple[Rule, ...] = (
+    tags.tags_inconsistent_with_ranges,
+    ranges.anchors_swapped,
+    ranges.ranges_with_a_common_error,
+    ranges.anchor_errors,
+    ranges.outliers_by_anchor,
+    ranges.sigma_against_the_scatter,
+    ranges.tag_height_mismatch,
+)
 RULES: tuple[Rule, ...] = (
     log_of.run_errors,
     log_of.sources_without_messages,
@@ -135,7 +145,9 @@ def check(config: RunConfig, log: Log | None = None, *, base: Path | None = None
     except ConfigError as problem:
         return CheckResult([_unreadable(problem, "config")], None)
     context = Context(config, log)
-    found = [replace(finding, rule=rule.__name__) for rule in RULES for finding in rule(context)]
+    is_flying = config.estimator.kind == "air" and config.mcl is None
+    rules = [rule for rule in RULES if not (is_flying and rule in PLANAR)]
+    found = [replace(finding, rule=rule.__name__) for rule in rules for finding in rule(context)]
     if log.origin == "bag":
         found = [_of_bag(finding) for finding in found]
     found.sort(key=lambda finding: SEVERITIES.index(finding.severity))

@@ -10,11 +10,12 @@ import numpy as np
 from locfuse.check.context import Context
 from locfuse.check.finding import Finding, error, note, warning
 from locfuse.check.grid import on_map
-from locfuse.config.schema import SOURCES
+from locfuse.config.schema import SOURCES, ignored_by
 from locfuse.eval.dead_reckoning import legs
 from locfuse.run.mcl import messages_for
-from locfuse.run.messages import absent, to_messages
+from locfuse.run.messages import absent, radios_of, to_messages
 from locfuse.run.start import start_of
+from locfuse.run.tracker import recovering_ekf
 from locfuse.types import NANOSECONDS, OCCUPIED, Columns, ConfigError, LogError, StampArray
 
 _FAR_M = 1e5  # coordinates beyond are of a map projection
@@ -28,6 +29,9 @@ def run_errors(context: Context) -> Iterator[Finding]:
         messages = to_messages(context.log, context.config)
         if context.config.start != "auto":
             start_of(context.config, context.truth, messages)
+        if context.config.estimator.kind == "tag_triangle":
+            recovering_ekf(context.config, context.log, messages.landmark_names,
+                           *radios_of(context.log, messages, context.config))  # fmt: skip
     except ConfigError as problem:
         yield error(str(problem), "start", "without a start there is no run")
     except LogError as problem:
@@ -48,6 +52,11 @@ def sources_without_messages(context: Context) -> Iterator[Finding]:
 
 def messages_without_use(context: Context) -> Iterator[Finding]:
     """Name sources of the log that no filter will see."""
+    if context.config.mcl is None:
+        for source, why in ignored_by(context.config.estimator).items():
+            if context.used(source) is not None:
+                yield warning(f"the log has {source}, which are ignored: {why}", "estimator.kind",
+                              f"choose another kind, or leave {source} out of use")  # fmt: skip
     for source in SOURCES:
         table = context.table(source)
         if table is not None and source not in context.config.use:

@@ -21,7 +21,7 @@ from locfuse.config.schema import (
 )
 from locfuse.types import Columns, ConfigError, nearest
 
-_OTHER_KINDS = ("kind", "landmark_slam", "tag_triangle")
+_OTHER_KINDS = ("kind", "landmark_slam", "tag_triangle", "air")
 
 
 def build_estimator_config(estimator: Estimator) -> _core.PoseEkfConfig:
@@ -50,6 +50,19 @@ def build_triangle_config(estimator: Estimator) -> _core.TagTriangleEkfConfig:
     config.motion.sigma_velocity_per_sqrt_s = triangle.sigma_velocity_per_sqrt_s
     config.side.sigma_m = triangle.sigma_side_m
     config.holds_sides = True
+    return config
+
+
+def build_air_config(estimator: Estimator) -> _core.AirEkfConfig:
+    """Return the C++ struct with every value of `estimator` for a body that flies."""
+    config, air = _core.AirEkfConfig(), estimator.air
+    names = [name for name in type(estimator).model_fields
+             if name not in (*_OTHER_KINDS, "calibration", "adaptive")]  # fmt: skip
+    leave = [name for name in type(estimator).model_fields if name not in names]
+    _fill(config, estimator, leave=tuple(leave))
+    _fill(config, air, leave=("motion", "start_height_m", "sigma_start_height_m", "sensor_up_m"))
+    config.motion = _core.AirMotion[air.motion.upper()]
+    config.landmark_in_space.sensor_up_m = air.sensor_up_m
     return config
 
 
@@ -94,6 +107,10 @@ def build_recovering_config(config: RunConfig) -> _core.RecoveringEkfConfig:
         recovering.tracker = build_landmark_config(config.estimator)
     elif config.estimator.kind == "tag_triangle":
         recovering.tracker = build_triangle_config(config.estimator)
+    elif config.estimator.kind == "air":
+        recovering.tracker = build_air_config(config.estimator)
+        recovering.start_height = config.estimator.air.start_height_m
+        recovering.sigma_start_height = config.estimator.air.sigma_start_height_m
     recovering.start = build_initializer_config(config.initializer)
     recovering.health = build_health_config(config.health)
     recovering.restart = config.when_lost == "restart"

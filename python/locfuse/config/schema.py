@@ -24,12 +24,13 @@ Limit: TypeAlias = Annotated[float, Field(gt=0.0, le=1e12)]
 GateProbability: TypeAlias = Annotated[float, Field(gt=0.0, le=1.0)]
 Source: TypeAlias = Literal["odometry", "ranges", "positions", "poses", "landmark_sightings"]
 SOURCES: tuple[Source, ...] = ("odometry", "ranges", "positions", "poses", "landmark_sightings")
-Kind: TypeAlias = Literal["pose", "landmark_slam", "tag_triangle"]
+Kind: TypeAlias = Literal["pose", "landmark_slam", "tag_triangle", "air"]
 # What an estimator of each kind fuses; it ignores the rest.
 FUSES: dict[Kind, tuple[Source, ...]] = {
     "pose": SOURCES,
     "landmark_slam": ("odometry", "positions", "landmark_sightings"),
     "tag_triangle": ("odometry", "ranges", "positions"),
+    "air": SOURCES,
 }
 
 
@@ -191,9 +192,10 @@ Bounded = Annotated[float, Field(ge=0.0, le=1e9)]  # its square is finite
 _OF_POSE = ("calibration", "adaptive", "robust_range", "robust_position", "robust_pose")
 # Settings of `Estimator` that a kind does not have.
 LEFT_OUT: dict[Kind, tuple[str, ...]] = {
-    "pose": ("landmark_slam", "tag_triangle"),
-    "landmark_slam": ("tag_triangle", *_OF_POSE),
-    "tag_triangle": ("landmark_slam", *_OF_POSE),
+    "pose": ("landmark_slam", "tag_triangle", "air"),
+    "landmark_slam": ("tag_triangle", "air", *_OF_POSE),
+    "tag_triangle": ("landmark_slam", "air", *_OF_POSE),
+    "air": ("landmark_slam", "tag_triangle", "calibration", "adaptive"),
 }
 
 
@@ -288,6 +290,40 @@ class TagTriangle(Strict):
     """Probability that the sides pass their gate; 1: no gate."""
 
 
+class ConstantVelocity(Strict):
+    """Motion that nobody measures; ``ConstantVelocityConfig`` in C++."""
+
+    sigma_velocity_per_sqrt_s: Positive = 1.0
+    """White acceleration along x and y [m/s/√s]."""
+    sigma_climb_per_sqrt_s: Positive = 0.5
+    """White acceleration upwards [m/s/√s]."""
+    sigma_heading_per_sqrt_s: Positive = 0.5
+    """Random walk of the heading [rad/√s]."""
+
+
+class Air(Strict):
+    """What `air` needs; with `estimator`, ``AirEkfConfig`` in C++."""
+
+    motion: Literal["odometry", "constant_velocity"] = "constant_velocity"
+    """What carries the body: odometry in the plane, or its velocity, where nobody measures it."""
+    constant_velocity: ConstantVelocity = Field(default_factory=ConstantVelocity)
+    """How the velocity changes; for `constant_velocity`."""
+    sigma_height_per_sqrt_s: DriftSigma = 0.1
+    """Random walk of the height; for `odometry` [m/√s]."""
+    sigma_lost_height_per_sqrt_s: LostSigma = 0.5
+    """The same after the odometry timeout [m/√s]."""
+    start_height_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
+    """Height at the start; with `start: truth` that of the reference, if it has one [m]."""
+    sigma_start_height_m: Annotated[float, Field(gt=0.0, le=1e9)] = 0.3
+    """Sigma of that height [m]."""
+    sigma_start_velocity_mps: Positive = 1.0
+    """Sigma of each axis of the velocity at the start; for `constant_velocity` [m/s]."""
+    sigma_start_climb_mps: Positive = 0.5
+    """Sigma of the climb rate at the start; for `constant_velocity` [m/s]."""
+    sensor_up_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
+    """Height of the landmark sensor over the body's origin [m]."""
+
+
 class ScanOdometry(Strict):
     """Odometry from scans; ``LocalMapConfig`` in C++."""
 
@@ -301,7 +337,7 @@ class Estimator(Strict):
     kind: Kind = "pose"
     """Estimator. `pose`: of position and heading; `landmark_slam`: [maps landmarks while it
     localizes](models/landmark_ekf.md); `tag_triangle`: [positions and velocities of three
-    tags](models/tag_triangle_ekf.md).
+    tags](models/tag_triangle_ekf.md); `air`: [position, heading and height](air.md).
     """
     odometry: Odometry = Field(default_factory=Odometry)
     """Noise of odometry."""
@@ -347,6 +383,8 @@ class Estimator(Strict):
     """Settings of `landmark_slam` alone."""
     tag_triangle: TagTriangle = Field(default_factory=TagTriangle)
     """Settings of `tag_triangle` alone."""
+    air: Air = Field(default_factory=Air)
+    """Settings of `air` alone."""
 
     @model_validator(mode="after")
     def _settings_of_the_kind(self) -> Estimator:
@@ -366,6 +404,16 @@ class Estimator(Strict):
                 f"{self.gate_landmark}; expected gate_landmark <= gate_new"
             )
         return self
+
+
+def ignored_by(estimator: Estimator) -> dict[Source, str]:
+    """Return why an estimator ignores a source, for each one that it does not fuse."""
+    kind = estimator.kind
+    why = {source: f"{kind} does not fuse {source}"
+           for source in SOURCES if source not in FUSES[kind]}  # fmt: skip
+    if kind == "air" and estimator.air.motion == "constant_velocity":
+        why["odometry"] = "air.motion is constant_velocity, which takes no odometry"
+    return why
 
 
 class Health(Strict):
@@ -761,7 +809,9 @@ class RunConfig(Strict):
     health: Health = Field(default_factory=Health)
     """Monitor of [how far the estimate may be trusted](health.md)."""
     when_lost: Literal["restart", "go_on"] = "restart"
-    """What an EKF does once it is lost: relocalize, or continue; `landmark_slam` continues."""
+    """What an EKF does once it is lost: relocalize, or continue; `landmark_slam` and `air`
+    continue.
+    """
     mcl: Mcl | None = None
     """Fuse scans on the map of the log, too: [Localize on a map](localize.md)."""
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
@@ -841,6 +891,11 @@ class RunConfig(Strict):
         if self.mcl is not None:
             raise ValueError(
                 f"both mcl and estimator.kind {kind!r} are given; expected one of them"
+            )
+        if kind == "air" and self.start == "auto":
+            raise ValueError(
+                "start is 'auto', which finds no height; with estimator.kind 'air' set start: "
+                "[x, y, heading_deg] and estimator.air.start_height_m"
             )
         unused = [source for source in self.use if source not in FUSES[kind]]
         if unused and self.use != list(SOURCES):

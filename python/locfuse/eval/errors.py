@@ -28,6 +28,8 @@ class Errors:
         Radians in [-pi, pi); None where truth or estimate has no heading.
     sigma : float64 array, shape (n, 3), or None
         Standard deviations of x, y, heading that the estimator claims.
+    height : float64 array, shape (n,), or None
+        Metres; None where truth or estimate has no height.
     nees : float64 array, shape (n,), or None
         Normalised estimation error squared, e' P^-1 e (Bar-Shalom, Li and Kirubarajan, 2001, eq.
         5.4.2-3), of `dof` components; None without covariance.
@@ -42,6 +44,7 @@ class Errors:
     sigma: FloatArray | None
     nees: FloatArray | None
     dof: int
+    height: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.row)
@@ -50,7 +53,7 @@ class Errors:
 def interpolate(
     track: Trajectory, stamp_ns: StampArray, longest_gap_s: float = LONGEST_GAP_S
 ) -> tuple[Trajectory, NDArray[np.bool_]]:
-    """Interpolate positions linearly and headings along the shorter arc.
+    """Interpolate positions and heights linearly, and headings along the shorter arc.
 
     Nothing is interpolated between rows further apart than `longest_gap_s`. Returns the poses,
     without covariance, at those of the strictly increasing stamps (n,) that lie on the track, and a
@@ -75,7 +78,10 @@ def interpolate(
     if track.heading is not None:
         turn = wrap_angle(track.heading[after] - track.heading[before])
         heading = wrap_angle(track.heading[before] + share * turn)
-    return Trajectory(stamps, position, heading), inside
+    height = None
+    if track.height is not None:
+        height = track.height[before] + share * (track.height[after] - track.height[before])
+    return Trajectory(stamps, position, heading, height=height), inside
 
 
 def errors_against(estimate: Trajectory, truth: Trajectory) -> Errors:
@@ -103,7 +109,10 @@ def errors_against(estimate: Trajectory, truth: Trajectory) -> Errors:
         sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         error = position if heading is None else np.column_stack([position, heading])
         nees = _mahalanobis(error, covariance[:, :dof, :dof])
-    return Errors(np.flatnonzero(inside), at.stamp_ns, position, heading, sigma, nees, dof)
+    height = None
+    if at.height is not None and estimate.height is not None:
+        height = estimate.height[inside] - at.height
+    return Errors(np.flatnonzero(inside), at.stamp_ns, position, heading, sigma, nees, dof, height)
 
 
 def _mahalanobis(error: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -22,6 +22,9 @@ def write_estimate(path: Path, estimate: Trajectory) -> None:
         for column in range(row, 3):
             header.append(f"cov_{names[row]}_{names[column]}")
             columns.append(estimate.covariance[:, row, column])
+    if estimate.height is not None and estimate.height_variance is not None:
+        header += ["z_m", "cov_z_z"]
+        columns += [estimate.height, estimate.height_variance]
     write_table(path, header, [stamp_texts(estimate.stamp_ns), *map(number_texts, columns)])
 
 

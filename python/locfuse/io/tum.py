@@ -58,8 +58,8 @@ def write_tum(path: str | Path, trajectory: Trajectory) -> None:
     """Write a trajectory as a TUM file, for this library's evaluation and for others'.
 
     Stamps have 9 decimals and are exact; positions and quaternions read back as the same float64.
-    z is 0. Without a heading the quaternion is the identity: such a file reads back with heading 0.
-    Covariance is not part of the format.
+    z is the height, 0 in the plane. Without a heading the quaternion is the identity: such a file
+    reads back with heading 0. Covariance is not part of the format.
 
     Raises
     ------
@@ -67,16 +67,19 @@ def write_tum(path: str | Path, trajectory: Trajectory) -> None:
         If a position or heading is not finite.
     """
     x, y = trajectory.position.T
+    z = np.zeros(len(trajectory)) if trajectory.height is None else trajectory.height
     half = np.zeros(len(trajectory)) if trajectory.heading is None else trajectory.heading / 2.0
-    for name, values in (("x", x), ("y", y), ("heading", half)):
+    for name, values in (("x", x), ("y", y), ("z", z), ("heading", half)):
         for row in np.flatnonzero(~np.isfinite(values))[:1]:
             raise ValueError(f"{name} of pose {row} is {values[row]}, expected a finite number")
     rows = zip(
         stamp_texts(trajectory.stamp_ns),
-        *map(_texts, (x, y, np.sin(half), np.cos(half))),
+        *map(_texts, (x, y, z, np.sin(half), np.cos(half))),
         strict=True,
     )
-    lines = [f"{stamp} {px} {py} 0 0 0 {qz} {qw}\n" for stamp, px, py, qz, qw in rows]
+    is_flat = trajectory.height is None
+    lines = [f"{stamp} {px} {py} {0 if is_flat else pz} 0 0 {qz} {qw}\n"
+             for stamp, px, py, pz, qz, qw in rows]  # fmt: skip
     with whole_file(path) as file:
         file.write_text("".join(lines), encoding="utf-8", newline="\n")
 

@@ -31,12 +31,15 @@ class LivePose:
     """Where the robot is, as known now.
 
     `pose` is x [m], y [m] and heading [rad] in world, shape (3,); `covariance`, shape (3, 3), is of
-    the same, position error in world.
+    the same, position error in world. Of a body that flies `height` is over z = 0 [m],
+    `height_variance` in m^2.
     """
 
     stamp_ns: int
     pose: FloatArray
     covariance: FloatArray
+    height: float | None = None
+    height_variance: float | None = None
 
 
 @dataclass(frozen=True)
@@ -354,7 +357,9 @@ class LiveRun:
         """Return where the robot is, carried to the end of odometry; None while it searches."""
         if not self._is_found:
             return None
-        return self._pose_on_map() if self._filter is None else _pose(self._filter.estimate())
+        if self._filter is None:
+            return self._pose_on_map()
+        return _pose(self._filter.estimate(), self._filter.estimate_in_space())
 
     def fused(self) -> LivePose | None:
         """Return the pose that `run` records: at the stamp of the newest message that took effect.
@@ -363,7 +368,9 @@ class LiveRun:
         """
         if not self._is_found:
             return None
-        return self._pose_on_map() if self._filter is None else _pose(self._filter.current())
+        if self._filter is None:
+            return self._pose_on_map()
+        return _pose(self._filter.current(), self._filter.current_in_space())
 
     def _pose_on_map(self) -> LivePose:
         assert self._map_pose is not None
@@ -425,6 +432,9 @@ class LiveRun:
         return 0 if self._filter is None else self._filter.jumps
 
 
-def _pose(estimate: _core.PoseEstimate) -> LivePose:
+def _pose(estimate: _core.PoseEstimate, in_space: _core.AirEstimate | None = None) -> LivePose:
     pose = np.array([estimate.pose.x, estimate.pose.y, estimate.pose.heading])
-    return LivePose(estimate.stamp, pose, estimate.covariance)
+    if in_space is None:
+        return LivePose(estimate.stamp, pose, estimate.covariance)
+    return LivePose(estimate.stamp, pose, estimate.covariance, in_space.height,
+                    float(in_space.covariance[3, 3]))  # fmt: skip

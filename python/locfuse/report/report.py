@@ -53,6 +53,10 @@ _CAPTIONS = {
         "filter leaves the band in about 0.3 % of the stamps, and a band far wider than the error "
         "is too cautious.",
     ),
+    "height": (
+        "Height",
+        "Height over z = 0 of the world against its {band:g}-sigma band.",
+    ),
     "health": (
         "Health",
         "How far the estimate could be trusted, as the filter judged: the background is the "
@@ -85,7 +89,7 @@ def write_report(result: RunResult, out_dir: Path) -> Path:
     out_dir : Path
         Folder, created if missing. ``report.html`` is written and, with matplotlib, ``path.png``,
         ``nis.png``, ``outcomes.png``, where the run has them also ``errors.png`` (needs truth),
-        ``start.png`` and ``health.png``.
+        ``start.png``, ``height.png`` and ``health.png``.
 
     Returns
     -------
@@ -106,7 +110,7 @@ def write_report(result: RunResult, out_dir: Path) -> Path:
     for name, file in files.items():
         if file is not None:
             pictures.append(_picture(name, file, result))
-        elif name not in ("start", "health"):  # most runs have neither
+        elif name not in ("start", "health", "height"):  # most runs have none
             pictures.append(_missing(name, result))
     if not files:
         pictures.append(f'<p class="quiet">{escape(NO_PICTURES)}</p>')
@@ -145,6 +149,7 @@ def _draw(result: RunResult, out_dir: Path) -> dict[str, Path | None]:
         "start": plot.plot_start(result),
         "outcomes": plot.plot_outcomes(result),
         "errors": plot.plot_errors(result),
+        "height": plot.plot_height(result),
         "health": plot.plot_health(result),
         "nis": plot.plot_nis(result),
     }

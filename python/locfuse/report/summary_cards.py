@@ -31,6 +31,8 @@ def cards(result: RunResult) -> str:
             shown.append(_card(_number(metrics[key], "m"), text))
     if metrics.get("heading_rmse_deg") is not None:
         shown.append(_card(_number(metrics["heading_rmse_deg"], "deg"), "heading RMSE"))
+    if metrics.get("height_rmse_m") is not None:
+        shown.append(_card(_number(metrics["height_rmse_m"], "m"), "height RMSE"))
     if metrics.get("nees_mean") is not None:
         shown.append(_nees_card(metrics))
     if metrics.get("mcl") is not None:

@@ -145,8 +145,11 @@ class PublicationBuilder:
         return [self._pose_on(self._ros.topics.start, pose, latched=True)]
 
     def _pose_on(self, topic: str, pose: LivePose, latched: bool = False) -> Publication:
+        height = None
+        if pose.height is not None and pose.height_variance is not None:
+            height = pose.height, pose.height_variance
         return encode.pose_with_covariance(topic, pose.stamp_ns, pose.pose.tolist(),
-                                           pose.covariance, self._map, latched)  # fmt: skip
+                                           pose.covariance, self._map, latched, height)  # fmt: skip
 
     def start_is_open(self) -> None:
         """Publish the next start, too."""

@@ -302,8 +302,10 @@ def landmark_sight(log: Log, names: list[str]) -> _core.LandmarkSensor:
     table = log["landmarks"]
     radius = table.get("radius_m", np.zeros(len(table["landmark"])))
     ids = _ids(names, table["landmark"]).tolist()
-    rows = zip(ids, table["x_m"].tolist(), table["y_m"].tolist(), radius.tolist(), strict=True)
-    known = _core.LandmarkMap([_core.Landmark(i, [x, y], r) for i, x, y, r in rows])
+    height = table.get("z_m", np.zeros(len(ids)))
+    columns = (values.tolist() for values in (table["x_m"], table["y_m"], radius, height))
+    known = _core.LandmarkMap([_core.Landmark(i, [x, y], r, z)
+                               for i, x, y, r, z in zip(ids, *columns, strict=True)])  # fmt: skip
     return _core.LandmarkSensor(known, landmark_sensor_of(log))
 
 
@@ -386,5 +388,8 @@ def truth_of(log: Log) -> Trajectory | None:
     table = log["truth"]
     heading = table.get("heading_rad")
     return Trajectory(
-        table["stamp_ns"], np.column_stack([table["x_m"], table["y_m"]]).astype(float), heading
+        table["stamp_ns"],
+        np.column_stack([table["x_m"], table["y_m"]]).astype(float),
+        heading,
+        height=table.get("z_m"),
     )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse import _core
-from locfuse.config.schema import FUSES, SOURCES, RunConfig
+from locfuse.config.schema import RunConfig, ignored_by
 from locfuse.run.mcl import Localization
 from locfuse.run.messages import Messages
 from locfuse.types import Log, Outcomes, StampArray
@@ -57,10 +57,8 @@ def outcomes_of(
         np.zeros(len(reason), bool) if used_until is None else messages.effective_ns <= used_until
     )
     reason[(verdict == "ignored") & ~used] = "source disabled"
-    kind = config.estimator.kind
-    for source in set(SOURCES) - set(FUSES[kind]):
-        is_unused = (verdict == "ignored") & (messages.source == source)
-        reason[is_unused] = f"{kind} does not fuse {source}"
+    for source, why in ignored_by(config.estimator).items():
+        reason[(verdict == "ignored") & (messages.source == source)] = why
     for row in np.flatnonzero(record.interventions):
         reason[row] = f"variances put back into their bounds: {record.interventions[row]}"
     return Outcomes(

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from locfuse import _core
-from locfuse.config.schema import SOURCES, Dataset, RunConfig
+from locfuse.config.schema import SOURCES, Dataset, RunConfig, ignored_by
 from locfuse.eval.metrics import metrics
 from locfuse.eval.readiness import readiness
 from locfuse.io.log_folder import read_log
@@ -32,7 +32,7 @@ from locfuse.run.messages import (
 )
 from locfuse.run.outcomes import outcomes_of, outcomes_of_mcl, with_scans, with_switches
 from locfuse.run.scan_odometry import with_scan_odometry
-from locfuse.run.start import start_from_nothing, start_of
+from locfuse.run.start import start_from_nothing, start_height, start_of
 from locfuse.run.tracker import mapped_landmarks, mapping_metrics, recovering_ekf
 from locfuse.sim.scenario import simulate
 from locfuse.types import (
@@ -128,12 +128,16 @@ def _of_mcl(
 
 
 def warn_missing_sources(config: RunConfig, log: Log) -> None:
-    """Warn of sources that ``use`` names and the log does not have."""
+    """Warn of sources that the estimator ignores, and that ``use`` names and the log lacks."""
+    if config.mcl is None:
+        for source, why in ignored_by(config.estimator).items():
+            if source in config.use and len(log.tables.get(source, {}).get("stamp_ns", ())):
+                _logger.warning("the log has %s, which are ignored: %s", source, why)
     if config.use == list(SOURCES):  # whatever there is
         return
-    for source in absent(config, log):
-        bag = f"; is ros.topics.{source} its topic?" if log.origin == "bag" else ""
-        _logger.warning("use names %s, but the log has none%s", source, bag)
+    for lacking in absent(config, log):
+        bag = f"; is ros.topics.{lacking} its topic?" if log.origin == "bag" else ""
+        _logger.warning("use names %s, but the log has none%s", lacking, bag)
 
 
 @dataclass(frozen=True)
@@ -195,7 +199,11 @@ def _start(
     """Return the EKF at a given start, or at the one that the configuration asks for."""
     anchors, tags = radios_of(log, messages, config)
     landmarks = landmarks_of(log, messages)
-    recovering = recovering_ekf(config, log, messages.landmark_names, anchors, tags)
+    truth, height = truth_of(log), None
+    if start is None and config.start == "truth" and config.estimator.kind == "air":
+        height = start_height(truth, messages)
+    recovering = recovering_ekf(config, log, messages.landmark_names, anchors, tags,
+                                start_height=height)  # fmt: skip
     used_until, found = None, None
     if start is None and config.start == "auto":
         initializer, used_until, found = start_from_nothing(
@@ -203,7 +211,7 @@ def _start(
         )
         recovering.start_from(initializer)
     else:
-        recovering.start_at(start_of(config, truth_of(log), messages) if start is None else start)
+        recovering.start_at(start_of(config, truth, messages) if start is None else start)
     return _Started(recovering, recovering.current().stamp, used_until, found)
 
 
@@ -220,6 +228,9 @@ def _fused(
     poses = record.poses
     estimate = Trajectory(record.stamp_ns, poses[:, :2].copy(), poses[:, 2].copy(),
                           record.covariances)  # fmt: skip
+    if len(record.heights):
+        estimate = replace(estimate, height=record.heights,
+                           height_variance=record.covariances_in_space[:, 3, 3].copy())  # fmt: skip
     outcomes = outcomes_of(messages, record, log, config, started.stamp_ns, started.used_until)
     if localization is not None:
         outcomes = with_scans(outcomes, localization, log)

@@ -54,6 +54,15 @@ def start_of(config: RunConfig, truth: Trajectory | None, messages: Messages) ->
     return _core.PoseEstimate(stamp, pose, _covariance(config.start_sigma))
 
 
+def start_height(truth: Trajectory | None, messages: Messages) -> float | None:
+    """Return the height of the reference at the start, metres; None where it has none."""
+    if truth is None or truth.height is None:
+        return None
+    stamp = max(int(truth.stamp_ns[0]), messages.begin_ns)
+    at, _ = interpolate(truth, np.array([stamp], dtype=np.int64))
+    return float(at.height[0]) if at.height is not None and len(at) else None
+
+
 def given_start(
     start: tuple[float, float, float], sigma: StartSigma, stamp: int
 ) -> _core.PoseEstimate:

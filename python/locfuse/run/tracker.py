@@ -28,10 +28,12 @@ def recovering_ekf(
     tags: Sequence[_core.Tag],
     *,
     matches_scans: bool = True,
+    start_height: float | None = None,
 ) -> _core.RecoveringEkf:
     """Return the EKF that a configuration asks for, in a world; it has not started.
 
-    Ids of landmarks are their places in `landmark_names`. Raises LogError where the world does not
+    Ids of landmarks are their places in `landmark_names`; `start_height` [m] overrides that of the
+    configuration. Raises LogError where the world does not
     have what the kind needs.
     """
     kind = config.estimator.kind
@@ -41,6 +43,8 @@ def recovering_ekf(
     settings = build_recovering_config(config)
     if kind == "landmark_slam" and config.estimator.landmark_slam.use_map:
         settings.known = known_landmarks(world, landmark_names)
+    if start_height is not None:
+        settings.start_height = start_height
     try:
         return _core.RecoveringEkf(settings, anchors, list(tags),
                                    matcher_of(world) if matches_scans else None,

@@ -10,6 +10,7 @@ from locfuse.config.schema import LEFT_OUT, SOURCES, Kind, RunConfig
 from locfuse.run.tracker import TRIANGLE
 from locfuse.studio.document import Data, Draft, RefusedError, checked
 
+_OF_SEVERAL_HEIGHTS_M = 1.0  # by which anchors differ that give a height
 _EKF = tuple(source for source in SOURCES if source != "odometry")
 
 
@@ -54,6 +55,13 @@ def _maps(draft: Draft) -> None:
     draft.set(("estimator", "landmark_slam", "use_map"), False)
 
 
+def _air(draft: Draft) -> None:
+    _set_kind(draft, "air")
+    draft.set(("use",), list(SOURCES))
+    draft.set(("mcl",), None)
+    draft.set(("cylinders",), None)
+
+
 def _three_tags(draft: Draft) -> None:
     _set_kind(draft, "tag_triangle")
     draft.set(("use",), list(SOURCES))
@@ -88,6 +96,7 @@ CHOICES = (
     Choice("tag_triangle", "three tags",
            "Positions and velocities of three tags: odometry, ranges and positions of tags.",
            _three_tags),
+    Choice("air", "in the air", "Position, heading and height of a body that flies level.", _air),
     Choice("landmark_slam", "mapping",
            "Landmarks are mapped while it localizes on them; none is known before.",
            _maps),
@@ -123,6 +132,9 @@ def _can(choice: Choice, data: Data, config: RunConfig) -> bool:
         return len(simulation.tags) == TRIANGLE and ("ranges" in simulated or bool(of_tags))
     if choice.key == "landmark_slam":
         return "landmark_sightings" in simulated
+    if choice.key == "air":
+        heights = [place[2] for place in simulation.anchors.values()]
+        return "ranges" in simulated and max(heights) - min(heights) > _OF_SEVERAL_HEIGHTS_M
     used = [source for source in with_choice.use if source in simulated]
     wanted = list(with_choice.use) if choice.key != "all" else used
     return set(wanted) <= set(used) and (choice.key != "all" or len(used) > 2)

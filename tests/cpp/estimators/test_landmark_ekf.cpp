@@ -667,5 +667,32 @@ TEST(LandmarkEkf, late_messages_of_a_replay_are_fused_where_they_belong) {
   EXPECT_TRUE(same(in_order.estimator(), late.estimator()));
 }
 
+/// Where a matrix has room to grow depends on its size alone: else sums are rounded otherwise.
+TEST(LandmarkEkf, goes_on_with_the_same_bits_after_it_was_put_back_into_a_larger_one) {
+  const auto place = [](int i) { return Vector<2>(4.0 + 2.0 * i, (i % 3) - 1.0); };
+  LandmarkEkf larger({}, {0, kStart, 0.01 * kI3}, kMount);
+  for (int i = 0; i < 30; ++i) {
+    larger.on(named(sight(kStart, place(i)), i));
+  }
+  for (int landmarks = 0; landmarks < 20; ++landmarks) {
+    LandmarkEkf grown({}, {0, kStart, 0.01 * kI3}, kMount);
+    for (int i = 0; i < landmarks; ++i) {
+      grown.on(named(sight(kStart, place(i)), i));
+    }
+    LandmarkEkf put_back = larger;
+    put_back = grown;
+    for (int step = 1; step < 10; ++step) {
+      std::vector<RangeBearing> seen;
+      for (int i = 0; i <= landmarks; ++i) {
+        const Pose2 at{kStart.x + 0.01 * step, kStart.y, kStart.heading};
+        seen.push_back(named(sight(at, place(i), step * kSecond), i));
+      }
+      grown.on_joint(seen);
+      put_back.on_joint(seen);
+    }
+    EXPECT_TRUE(same(grown, put_back)) << landmarks << " landmarks";
+  }
+}
+
 }  // namespace
 }  // namespace locfuse

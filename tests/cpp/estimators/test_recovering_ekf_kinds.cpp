@@ -100,6 +100,49 @@ TEST(RecoveringEkfKinds, a_map_is_not_thrown_away_by_a_filter_that_is_lost) {
   EXPECT_EQ(std::get<LandmarkEkf>(*ekf.tracker()).landmarks().size(), 3U);
 }
 
+TEST(RecoveringEkfKinds, a_flight_has_its_height_and_is_not_started_anew) {
+  RecoveringEkf::Config config;
+  AirEkf::Config air;
+  air.motion = AirMotion::kConstantVelocity;
+  config.tracker = air;
+  config.start_height = 1.0;
+  config.sigma_start_height = 0.5;
+  const std::vector<Vector<3>> corners{{0, 0, 0.2}, {8, 0, 4.0}, {8, 8, 0.3}, {0, 8, 3.5}};
+  std::vector<Anchor> anchors;
+  for (const Vector<3>& corner : corners) {
+    anchors.push_back({static_cast<Id>(anchors.size()), corner});
+  }
+  RecoveringEkf ekf(config, std::make_shared<const AnchorMap>(anchors), {{0, {0, 0, 0}}}, nullptr);
+  EXPECT_THROW((void)ekf.current_in_space(), std::logic_error);
+  ekf.start_at({0, {3.0, 4.0, 0.0}, 0.09 * Matrix<3, 3>::Identity()});
+  testing::Rng rng(7);
+  const Vector<3> truth(3.2, 3.9, 1.4);
+  const auto range_to = [&](int anchor, const Vector<3>& from, int step) {
+    const double distance = (from - corners[static_cast<std::size_t>(anchor)]).norm();
+    return Range{step * kSecond / 10, 0, anchor, distance + testing::normal(rng, 0.05), 0.05};
+  };
+  for (int step = 1; step <= 50; ++step) {
+    for (int anchor = 0; anchor < 4; ++anchor) {
+      (void)ekf.on(range_to(anchor, truth, step));
+    }
+  }
+  ASSERT_TRUE(ekf.current_in_space());
+  EXPECT_NEAR(ekf.current_in_space()->height, truth.z(), 0.2);
+  EXPECT_EQ(ekf.current_in_space()->pose.x, ekf.current().pose.x);
+  EXPECT_EQ(ekf.estimate_in_space()->covariance.topLeftCorner(3, 3), ekf.estimate().covariance);
+  PoseEstimate other = ekf.estimate();
+  other.stamp = 2 * kSecond;
+  EXPECT_EQ(ekf.restarted(other).current_in_space()->height, ekf.estimate_in_space()->height);
+  for (int step = 51; step <= 200; ++step) {  // carried away: it goes on, as nothing finds a height
+    for (int anchor = 0; anchor < 4; ++anchor) {
+      (void)ekf.on(range_to(anchor, {60.0, 60.0, 1.0}, step));
+    }
+  }
+  EXPECT_EQ(ekf.alarms(), 1);
+  EXPECT_EQ(ekf.restarts(), 0);
+  EXPECT_FALSE(three_tags().has_started());
+}
+
 TEST(RecoveringEkfKinds, another_clock_keeps_the_map_and_the_pose) {
   RecoveringEkf::Config config;
   config.tracker = LandmarkEkf::Config{};
@@ -123,6 +166,21 @@ TEST(RecoveringEkfKinds, another_clock_keeps_the_map_and_the_pose) {
   PoseEstimate there = tags.estimate();
   there.stamp = 2 * kSecond;
   EXPECT_EQ(tags.restarted(there).current().stamp, 2 * kSecond);
+}
+
+TEST(RecoveringEkfKinds, three_tags_whose_triangle_is_lost_have_a_pose_that_says_so) {
+  testing::Rng rng(9);
+  RecoveringEkf ekf = three_tags();
+  const Pose2 truth{4.0, -2.0, 1.0};
+  ekf.start_at({0, truth, 0.01 * Matrix<3, 3>::Identity()});
+  for (int hours = 1; hours < 1000; hours *= 2) {  // no message in between
+    RecoveringEkf silent = ekf;
+    (void)silent.on(Velocity{hours * 3600 * kSecond, 0.0, 0.0});
+    const PoseEstimate now = silent.current();
+    EXPECT_TRUE(testing::is_covariance(now.covariance)) << hours;
+    EXPECT_GT(now.sigma_position(), 10.0) << hours;
+    EXPECT_TRUE(std::isfinite(silent.health().wrong)) << hours;
+  }
 }
 
 TEST(RecoveringEkfKinds, a_tracker_that_cannot_be_is_refused_at_once) {

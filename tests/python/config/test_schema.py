@@ -14,6 +14,7 @@ from pydantic import BaseModel, ValidationError
 
 from locfuse import _core
 from locfuse.config.build import (
+    build_air_config,
     build_estimator_config,
     build_health_config,
     build_initializer_config,
@@ -71,7 +72,7 @@ PAIRS: dict[str, tuple[type[BaseModel], type[Any], str]] = {
     "Limits": (Limits, _core.Limits, "messages/limits.hpp"),
 }
 OF_THE_RUN = {
-    "Estimator": {"kind", "landmark_slam", "tag_triangle"},
+    "Estimator": {"kind", "landmark_slam", "tag_triangle", "air"},
     "Mcl": {"poses_hz", "switch", "seed", "likelihood"},
 }  # keys that say more, or other things, than the struct
 BESIDE = {"Mcl": {"health"}}  # of the struct, which a configuration has beside it
@@ -378,9 +379,28 @@ KINDS: dict[str, tuple[type[Any], Callable[[Estimator], Any], dict[str, str]]] =
         "sides_m": "",  # tags have their places from the log
         "holds_sides": "",  # always
     }),
+    "air": (_core.AirEkfConfig, build_air_config, {
+        **{name: name for name in Estimator.model_fields
+           if name not in (*OF_THE_RUN["Estimator"], "calibration", "adaptive")},
+        **{name: f"air.{name}" for name in ("motion", "constant_velocity",
+                                            "sigma_height_per_sqrt_s",
+                                            "sigma_lost_height_per_sqrt_s",
+                                            "sigma_start_velocity_mps", "sigma_start_climb_mps")},
+        "landmark_in_space": "air.sensor_up_m",
+        "altitude": "", "gate_altitude": "",  # no message of a run
+    }),
 }  # fmt: skip
-INSIDE = {"motion": "sigma_velocity_per_sqrt_s", "side": "sigma_m"}  # the field that the key sets
+INSIDE = {
+    ("tag_triangle", "motion"): "sigma_velocity_per_sqrt_s",
+    ("tag_triangle", "side"): "sigma_m",
+    ("air", "landmark_in_space"): "sensor_up_m",
+}  # the field that the key sets
+# Keys of a kind that are of the start, or of the run, or differ from the struct on purpose.
+BESIDE_KIND = {"use_map", "start_height_m", "sigma_start_height_m"}
 OTHER: dict[str, Any] = {
+    "air.motion": "odometry", "constant_velocity": {"sigma_climb_per_sqrt_s": 0.625},
+    "robust_range": "cauchy", "robust_position": "cauchy", "robust_pose": "cauchy",
+    "robust_dof": 6.5, "pose": {"sigma_m": 0.625},
     "gate_landmark": 0.9, "gate_new": 0.9995, "min_sightings": 7, "max_landmarks": 7,
     "heading_is_known": True, "limits": {"speed_mps": 3.0}, "position": {"sigma_m": 0.625},
     "odometry": {"sigma_xy_per_sqrt_s": 0.625}, "landmark": {"sigma_range_m": 0.625},
@@ -393,9 +413,9 @@ def test_every_field_of_a_kind_has_its_key(kind: str) -> None:
     struct, build, keys = KINDS[kind]
     assert set(keys) == bound_fields(struct)
     ours = {key.removeprefix(f"{kind}.") for key in keys.values() if key.startswith(f"{kind}.")}
-    assert ours == set(getattr(Estimator(), kind).model_dump()) - {"use_map"}
+    assert ours == set(getattr(Estimator(), kind).model_dump()) - BESIDE_KIND
     built = build(Estimator(kind=kind))  # type: ignore[arg-type]
-    for name in set(keys) - {"holds_sides"}:
+    for name in set(keys) - {"holds_sides"} - ({"motion"} if kind == "air" else set()):
         mine, theirs = getattr(built, name), getattr(struct(), name)
         inside = bound_fields(type(theirs))
         assert mine == theirs or {n: getattr(mine, n) for n in inside} == {
@@ -409,21 +429,23 @@ def test_every_field_of_a_kind_has_its_key(kind: str) -> None:
 )
 def test_every_key_of_a_kind_reaches_its_struct(kind: str, name: str) -> None:
     _, build, keys = KINDS[kind]
-    value = OTHER.get(name, 0.625)
+    value = OTHER.get(f"{kind}.{name}", OTHER.get(name, 0.625))
     text = nested(tuple(keys[name].split(".")), value)
     built = getattr(build(Estimator.model_validate({"kind": kind, **text})), name)
     if isinstance(value, dict):
         (inner, expected), *_ = value.items()
         assert getattr(built, inner) == expected
     else:
-        assert (getattr(built, INSIDE[name]) if name in INSIDE else built) == value
+        found = getattr(built, INSIDE[kind, name]) if (kind, name) in INSIDE else built
+        assert (found.name.lower() if isinstance(value, str) else found) == value
 
 
 @pytest.mark.parametrize(
     ("kind", "key"),
     [(kind, key) for kind, (_, _, keys) in KINDS.items() for key in keys.values()
      if key.startswith(f"{kind}.") and key != "tag_triangle.velocity"
-     and key != "tag_triangle.heading_is_known"]
+     and key not in ("tag_triangle.heading_is_known", "air.motion", "air.constant_velocity",
+                     "air.sensor_up_m")]
     + [("tag_triangle", f"tag_triangle.velocity.{name}") for name in
        ("sigma_forward_mps", "sigma_lateral_mps", "sigma_turn_rate_radps", "sigma_point_mps")],
 )  # fmt: skip
@@ -435,6 +457,9 @@ def test_a_kind_refuses_in_the_schema_what_its_core_refuses(kind: str, key: str)
         config = KINDS[kind][1](estimator)
         if isinstance(config, _core.LandmarkEkfConfig):
             return _core.LandmarkEkf(config, start)
+        if isinstance(config, _core.AirEkfConfig):
+            there = _core.AirEstimate(0, _core.Pose2(), 0.0, np.eye(4))
+            return _core.AirEkf(config, _core.AnchorMap([]), [], there)
         return _core.TagTriangleEkf(config, tags, start)
 
     refused = 0

@@ -100,6 +100,15 @@ class AirEkf {
   /// the stamp is beyond kStampLimit.
   void advance_to(Stamp stamp);
 
+  /// What `on` would compare, but fuses nothing: kGated in place of kFused.
+  Outcome weigh(const Range& z);
+
+  /// The same place and velocity, those of `estimate`, on a clock that now shows `stamp`. Throws
+  /// std::invalid_argument if the stamp is beyond kStampLimit.
+  [[nodiscard]] AirEkf continued_at(Stamp stamp) const;
+
+  /// The belief at its own stamp.
+  [[nodiscard]] AirEstimate current() const;
   /// The belief carried to the end of the received odometry: where it is now.
   [[nodiscard]] AirEstimate estimate() const;
   /// The belief carried to `stamp`, which must not lie before it.
@@ -117,6 +126,7 @@ class AirEkf {
   template <class Motion>
   Outcome take(const Motion& u, double climb_rate);
   void lift(Stamp stamp);
+  Outcome correct_by(const Range& z, const Gate& gate);
   template <class Noise, class Linearize>
   Outcome correct(Stamp stamp, const Gate& gate, const Noise& noise, Slots slots,
                   const Linearize& linearize);

@@ -17,7 +17,7 @@ namespace locfuse {
 /// and poses start hypotheses until one wins. While it tracks, a Health listens. Lost, it goes on
 /// as it was, but another Initializer begins beside it: whichever explains first what is measured
 /// is believed. Derivation: docs/health.md. A LandmarkEkf, whose map is relative to where it began,
-/// is not started anew.
+/// and an AirEkf, for whose height there is no search, are not started anew.
 ///
 /// A cheap value. Every `on` throws std::invalid_argument for a message that is not valid.
 class RecoveringEkf {
@@ -25,8 +25,11 @@ class RecoveringEkf {
   struct Config {
     /// Of the hypotheses of a start, and of what tracks from then on unless `tracker` is another.
     PoseEkf::Config estimator;
-    std::optional<std::variant<LandmarkEkf::Config, TagTriangleEkf::Config>> tracker;
+    std::optional<std::variant<LandmarkEkf::Config, TagTriangleEkf::Config, AirEkf::Config>>
+        tracker;
     std::vector<KnownLandmark> known;  ///< landmarks that a LandmarkEkf begins with
+    double start_height = 0.0;         ///< at which an AirEkf begins [m]
+    double sigma_start_height = 0.3;   ///< [m]
     Initializer::Config start;
     Health::Config health;
     bool restart = true;  ///< whether it looks for another place while it is lost
@@ -77,8 +80,12 @@ class RecoveringEkf {
   [[nodiscard]] PoseEstimate current() const;
   [[nodiscard]] PoseEstimate estimate() const;
   [[nodiscard]] const GaussianBelief& belief() const;
+  /// The place in space of an AirEkf at the belief's stamp, and carried to the end of odometry;
+  /// empty with any other.
+  [[nodiscard]] std::optional<AirEstimate> current_in_space() const;
+  [[nodiscard]] std::optional<AirEstimate> estimate_in_space() const;
   /// The same, tracking anew from `start`, as a PoseEkf does. A LandmarkEkf keeps its map and its
-  /// pose, and takes the stamp alone.
+  /// pose, an AirEkf its place and velocity, and takes the stamp alone.
   [[nodiscard]] RecoveringEkf restarted(const PoseEstimate& start) const;
   /// The initializer at its beginning, without any message.
   [[nodiscard]] const Initializer& initializer() const { return recipe_->fresh; }
@@ -97,8 +104,8 @@ class RecoveringEkf {
     Initializer fresh;  // without any message
     std::shared_ptr<const AnchorMap> anchors;
     std::vector<Tag> tags;
-    Pose2 T_body_sensor;  // of landmarks
-    bool restarts;        // whether it looks for another place while it is lost
+    LandmarkSensor landmarks;
+    bool restarts;  // whether it looks for another place while it is lost
   };
 
   template <class M>

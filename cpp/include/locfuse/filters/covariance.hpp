@@ -12,7 +12,8 @@
 namespace locfuse {
 
 /// Square matrix with room to grow: an Eigen::Map of memory that it owns. Adding rows and columns
-/// one after the other copies each entry a bounded number of times.
+/// one after the other copies each entry a bounded number of times. How it lies in memory depends
+/// on its size alone, so that what is computed with a copy is the same to the bit.
 class Covariance : public Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>> {
  public:
   using View = Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
@@ -44,13 +45,13 @@ class Covariance : public Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>> {
   /// Appends rows and columns of zeros.
   void grow(Eigen::Index count) {
     const Eigen::Index size = rows();
-    if (size + count > stride_) {
+    if (stride_of(size + count) != stride_) {
       Covariance larger;
-      larger.reshape(size + count, std::max(size + count, roomy(stride_)));
+      larger.reshape(size + count);
       larger.topLeftCorner(size, size) = *this;
       swap(larger);
     } else {
-      reshape(size + count, stride_);
+      reshape(size + count);
     }
     rightCols(count).setZero();
     bottomRows(count).setZero();
@@ -59,6 +60,7 @@ class Covariance : public Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>> {
   /// Takes out `count` rows and columns from `first` on.
   void remove(Eigen::Index first, Eigen::Index count) {
     const Eigen::Index size = rows();
+    const Eigen::Index stride = stride_of(size - count);  // at most that of now
     double* to = data();
     for (Eigen::Index column = 0; column < size; ++column) {
       if (column >= first && column < first + count) {
@@ -67,26 +69,33 @@ class Covariance : public Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>> {
       const double* from = data() + column * stride_;
       std::copy(from, from + first, to);
       std::copy(from + first + count, from + size, to + first);
-      to += stride_;
+      to += stride;
     }
-    reshape(size - count, stride_);
+    reshape(size - count);
   }
 
  private:
-  /// Half as much again; of large ones an odd number of cache lines, or the entries of a row would
-  /// compete for the same places in the cache.
-  static Eigen::Index roomy(Eigen::Index stride) {
-    const Eigen::Index larger = stride + stride / 2;
-    return larger < 64 ? larger : larger / 16 * 16 + 8;
+  /// Small ones have no room, of the others each step is half as much again; of large ones an odd
+  /// number of cache lines, or the entries of a row would compete for the same places in the cache.
+  static Eigen::Index stride_of(Eigen::Index size) {
+    if (size <= kSmall) {
+      return size;
+    }
+    Eigen::Index stride = kSmall;
+    while (stride < size) {
+      const Eigen::Index larger = stride + stride / 2;
+      stride = larger < 64 ? larger : larger / 16 * 16 + 8;
+    }
+    return stride;
   }
   template <class Values>
   void assign(const Values& values) {
-    reshape(values.rows(), std::max(values.rows(), stride_));
+    reshape(values.rows());
     View::operator=(values);
   }
-  void reshape(Eigen::Index size, Eigen::Index stride) {
-    stride_ = stride;
-    memory_.resize(static_cast<std::size_t>(stride * stride) + kNumbersPerCacheLine - 1);
+  void reshape(Eigen::Index size) {
+    stride_ = stride_of(size);
+    memory_.resize(static_cast<std::size_t>(stride_ * stride_) + kNumbersPerCacheLine - 1);
     show(size);
   }
   void swap(Covariance& other) noexcept {
@@ -108,6 +117,7 @@ class Covariance : public Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>> {
   }
 
   static constexpr std::size_t kNumbersPerCacheLine = 8;  // numbers in a cache line
+  static constexpr Eigen::Index kSmall = 16;
 
   std::vector<double> memory_;
   Eigen::Index stride_ = 0;  // of columns

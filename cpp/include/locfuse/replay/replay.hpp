@@ -3,7 +3,9 @@
 
 #include <functional>
 #include <limits>
+#include <optional>
 #include <stdexcept>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -18,6 +20,7 @@ namespace locfuse {
 struct RunLog {
   std::vector<Outcome> outcomes;        ///< per message in order of arrival, after the last rewind
   std::vector<PoseEstimate> estimates;  ///< per distinct stamp, as known when time moved on
+  std::vector<AirEstimate> in_space;    ///< of an AirEkf: the same with heights, else empty
   PoseEstimate last;                    ///< at the end
   std::vector<CalibratedError> errors;  ///< calibrated errors of a PoseEkf, at the end
   AdaptiveNoise adaptive{{}};           ///< variance factors of a PoseEkf, at the end
@@ -72,12 +75,17 @@ inline void keep_learnt(RunLog& run, const PoseEkf& ekf) {
 }
 inline void keep_learnt(RunLog& run, const LandmarkEkf& ekf) { run.landmarks = ekf.landmarks(); }
 inline void keep_learnt(RunLog& /*run*/, const TagTriangleEkf& /*ekf*/) {}
+inline void keep_learnt(RunLog& /*run*/, const AirEkf& /*ekf*/) {}
 inline void keep_learnt(RunLog& run, const RecoveringEkf& ekf) {
   std::visit([&](const auto& tracker) { keep_learnt(run, tracker); }, *ekf.tracker());
   run.sources = ekf.sources();
   run.alarms = ekf.alarms();
   run.restarts = ekf.restarts();
 }
+
+/// Whether an estimator may know a height.
+template <class Estimator>
+constexpr bool kMayBeInSpace = std::is_same_v<Estimator, RecoveringEkf>;
 
 /// Whether both are sightings, of one stamp.
 inline bool are_seen_together(const Message& message, const Message& next) {
@@ -110,7 +118,7 @@ class RunRecorder {
     if (record_) {
       positions_.push_back(run_.outcomes.size() - 1);
       if (effective_stamp(message) > estimator().belief().stamp) {
-        keep(estimator().current());
+        keep_current();
         keep_health(run_, estimator());
       }
     }
@@ -126,6 +134,7 @@ class RunRecorder {
     if (timeline_.jumps() > run_.jumps) {
       run_.jumps = timeline_.jumps();
       run_.estimates.clear();
+      run_.in_space.clear();
       run_.health.clear();
     }
   }
@@ -139,17 +148,35 @@ class RunRecorder {
   [[nodiscard]] RunLog finish() {
     update();
     if (record_) {
-      keep(estimator().current());
-      keep(run_.last);
+      keep_current();
+      if (keep(run_.last)) {
+        if constexpr (kMayBeInSpace<Estimator>) {
+          keep_in_space(estimator().estimate_in_space());
+        }
+      }
     }
     return std::move(run_);
   }
 
  private:
   [[nodiscard]] const Estimator& estimator() const { return timeline_.estimator(); }
-  void keep(const PoseEstimate& estimate) {
-    if (run_.estimates.empty() || estimate.stamp > run_.estimates.back().stamp) {
+  void keep_current() {
+    if (keep(estimator().current())) {
+      if constexpr (kMayBeInSpace<Estimator>) {
+        keep_in_space(estimator().current_in_space());
+      }
+    }
+  }
+  bool keep(const PoseEstimate& estimate) {
+    const bool is_new = run_.estimates.empty() || estimate.stamp > run_.estimates.back().stamp;
+    if (is_new) {
       run_.estimates.push_back(estimate);
+    }
+    return is_new;
+  }
+  void keep_in_space(const std::optional<AirEstimate>& estimate) {
+    if (estimate) {
+      run_.in_space.push_back(*estimate);
     }
   }
 

@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import islice
+from itertools import islice, repeat
 from pathlib import Path
 from typing import Any
 
@@ -251,12 +251,15 @@ class _BagStreams:
 
     def _with_covariance(
         self, topic: str, times: NDArray[np.int64], stamps: NDArray[np.int64], poses: FloatArray,
-        covariances: FloatArray,
+        covariances: FloatArray, heights: Iterable[tuple[float, float]] | None = None,
     ) -> _Stream:  # fmt: skip
         frame = plain(self.ros.frames.map)
-        rows = zip(stamps.tolist(), poses.tolist(), covariances, strict=True)
-        return _Stream(times, (encode.pose_with_covariance(topic, stamp, pose, covariance, frame)
-                               for stamp, pose, covariance in rows))  # fmt: skip
+        flat = repeat(None, len(stamps)) if heights is None else heights
+        rows = zip(stamps.tolist(), poses.tolist(), covariances, flat, strict=True)
+        return _Stream(times, (
+            encode.pose_with_covariance(topic, stamp, pose, covariance, frame, height=height)
+            for stamp, pose, covariance, height in rows
+        ))  # fmt: skip
 
     def _sightings(self, table: Columns) -> Iterator[_Stream]:
         topic = self._topic("landmark_sightings")
@@ -300,6 +303,8 @@ class _BagStreams:
             yield self._with_covariance(
                 plain(self.ros.topics.estimate), stamp, stamp, poses,
                 none if track.covariance is None else track.covariance,
+                None if track.height is None or track.height_variance is None
+                else zip(track.height.tolist(), track.height_variance.tolist(), strict=True),
             )  # fmt: skip
         in_odom = self._in_odom(track.stamp_ns)
         moved = np.array(list(map(encode.map_to_odom, poses.tolist(), in_odom))).reshape(-1, 3)

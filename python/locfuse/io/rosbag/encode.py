@@ -104,11 +104,12 @@ def pose_with_covariance(
     covariance: ArrayLike,
     frame: str,
     latched: bool = False,
+    height: tuple[float, float] | None = None,
 ) -> Publication:
     """Return a geometry_msgs/PoseWithCovarianceStamped.
 
     `pose` is (x, y, heading) in `frame`, metres and radians; `covariance` has shape (3, 3). It is
-    `latched` as the start of an AMCL.
+    `latched` as the start of an AMCL. `height` is z [m] and its variance, 0 in the plane.
 
     Examples
     --------
@@ -116,9 +117,13 @@ def pose_with_covariance(
     >>> given.fields["pose"]["pose"]["position"], given.fields["pose"]["covariance"][35]
     ({'x': 1.0, 'y': 2.0, 'z': 0.0}, np.float64(1.0))
     """
+    full = planar_covariance(covariance)
+    if height is not None:
+        full[14] = height[1]
     fields = {
         "header": header(stamp_ns, frame),
-        "pose": {"pose": _pose(*pose), "covariance": planar_covariance(covariance)},
+        "pose": {"pose": _pose(pose[0], pose[1], pose[2], 0.0 if height is None else height[0]),
+                 "covariance": full},
     }  # fmt: skip
     return Publication(topic, "geometry_msgs/PoseWithCovarianceStamped", fields, latched)
 

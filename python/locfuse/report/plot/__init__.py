@@ -16,6 +16,7 @@ require_matplotlib()
 from locfuse.report.plot.errors import plot_errors
 from locfuse.report.plot.film import check_film, write_film
 from locfuse.report.plot.health import plot_health
+from locfuse.report.plot.height import plot_height
 from locfuse.report.plot.layout import plot_layout
 from locfuse.report.plot.nis import plot_nis
 from locfuse.report.plot.outcomes import plot_outcomes
@@ -29,6 +30,7 @@ __all__ = [
     "draw_sweep",
     "plot_errors",
     "plot_health",
+    "plot_height",
     "plot_layout",
     "plot_nis",
     "plot_outcomes",
