@@ -152,7 +152,12 @@ def test_the_schema_for_editors_has_every_key_with_its_text() -> None:
     estimator = found["$defs"]["Estimator"]
     assert estimator["additionalProperties"] is False
     assert list(estimator["properties"]) == list(room().estimator.model_dump())
-    assert estimator["properties"]["kind"]["enum"] == ["pose", "landmark_slam", "tag_triangle", "air"]
+    assert estimator["properties"]["kind"]["enum"] == [
+        "pose",
+        "landmark_slam",
+        "tag_triangle",
+        "air",
+    ]
     gate = estimator["properties"]["gate_range"]
     assert (gate["default"], gate["exclusiveMinimum"], gate["maximum"]) == (0.999, 0.0, 1.0)
     texts = [field["description"] for part in (found, *found["$defs"].values())
