@@ -26,8 +26,8 @@ from locfuse.studio.document import checked
 from locfuse.studio.estimators import choices, variant
 from locfuse.sweep.runner import run_trials
 from locfuse.types import ConfigError, Log, LogError, RunResult
+from support_adapter import Robot, later, pose_of, stamps
 from support_live import assert_same, live_of
-from support_robot import Robot, later, pose_of, stamps
 
 WHEELS = {"sigma_longitudinal_per_sqrt_m": 0.05, "sigma_heading_per_sqrt_m": 0.03}
 POSTS = {"A": [4, 4], "B": [10, 2], "C": [16, 4], "D": [18, 10], "E": [16, 16], "F": [10, 18],

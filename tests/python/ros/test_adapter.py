@@ -21,7 +21,7 @@ from locfuse.ros import future_stamps as early
 from locfuse.ros.log_player import in_order_of_arrival, static_of
 from locfuse.run.run import load_log, run
 from locfuse.types import NANOSECONDS, ConfigError, Log
-from support_robot import LATER, Robot, later, pose_of, stamps
+from support_adapter import LATER, Robot, later, pose_of, stamps
 from support_ros import message
 
 ROOM: dict[str, Any] = {
