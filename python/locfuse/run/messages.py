@@ -282,7 +282,9 @@ def landmarks_of(log: Log, messages: Messages) -> _core.LandmarkSensor:
 def known_landmarks(log: Log, names: list[str]) -> list[_core.KnownLandmark]:
     """Return the landmarks of a log as a `LandmarkEkf` begins with them; ids as in `names`.
 
-    Those without a covariance, or with one of 0, are exact.
+    Those without a covariance, or with one of 0, are exact. A table does not have correlations, and
+    a map is mostly turned and shifted as a whole: n covariances are taken n times, which bounds
+    them together whatever their correlations are (P <= n diag(P_11, ..., P_nn)).
     """
     if "landmarks" not in log:
         return []
@@ -290,7 +292,8 @@ def known_landmarks(log: Log, names: list[str]) -> list[_core.KnownLandmark]:
     ids = _ids(names, table["landmark"]).tolist()
     exact = np.zeros(len(ids))
     xx, xy, yy = (table.get(name, exact) for name in ("cov_x_x", "cov_x_y", "cov_y_y"))
-    covariance = np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2)
+    uncertain = int(np.count_nonzero(xx > 0.0))
+    covariance = uncertain * np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2)
     places = zip(ids, table["x_m"].tolist(), table["y_m"].tolist(), covariance, strict=True)
     return [_core.KnownLandmark(i, [x, y], P if P[0, 0] > 0.0 else None) for i, x, y, P in places]
 
