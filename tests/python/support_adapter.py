@@ -6,12 +6,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import pytest
+
 from locfuse.config.schema import RunConfig
 from locfuse.io.rosbag.decode import heading_of
 from locfuse.io.rosbag.encode import Fields, Publication
 from locfuse.ros.adapter import Adapter
 from locfuse.ros.log_player import in_order_of_arrival, static_of
-from locfuse.types import NANOSECONDS, Columns, Log
+from locfuse.types import NANOSECONDS, Columns, Log, Trajectory
 from support_ros import message
 
 LATER = 1000 * NANOSECONDS  # drivers stamp with a clock that has begun long ago
@@ -82,3 +84,16 @@ def pose_of(fields: Fields) -> list[float]:
     made = message(fields)
     at = made.pose.pose
     return [at.position.x, at.position.y, heading_of(at.orientation)]
+
+
+def assert_poses_are(robot: Robot, estimate: Trajectory, least: float) -> None:
+    """Compare the poses published with a run's; `least` of its stamps must have one."""
+    assert estimate.heading is not None
+    last = {stamp: one for one in robot.said("locfuse/pose") for stamp in stamps([one])}
+    same = [row for row, stamp in enumerate(estimate.stamp_ns.tolist()) if stamp in last]
+    assert len(same) > least * len(estimate)
+    for row in same:
+        x, y, heading = pose_of(last[int(estimate.stamp_ns[row])])
+        assert [x, y] == pytest.approx(estimate.position[row].tolist(), abs=1e-9)
+        assert heading == pytest.approx(estimate.heading[row], abs=1e-9)
+    assert not robot.problems

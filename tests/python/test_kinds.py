@@ -26,7 +26,7 @@ from locfuse.studio.document import checked
 from locfuse.studio.estimators import choices, variant
 from locfuse.sweep.runner import run_trials
 from locfuse.types import ConfigError, Log, LogError, RunResult
-from support_adapter import Robot, later, pose_of, stamps
+from support_adapter import Robot, assert_poses_are, later
 from support_live import assert_same, live_of
 
 WHEELS = {"sigma_longitudinal_per_sqrt_m": 0.05, "sigma_heading_per_sqrt_m": 0.03}
@@ -149,16 +149,7 @@ def test_nodes(kind: Kind, ros: str) -> None:
     robot = Robot(config, log, ros)
     robot.learn()
     robot.drive()
-    estimate = run(config, log).estimate
-    assert estimate.heading is not None
-    last = {stamp: one for one in robot.said("locfuse/pose") for stamp in stamps([one])}
-    same = [row for row, stamp in enumerate(estimate.stamp_ns.tolist()) if stamp in last]
-    assert len(same) > 0.8 * len(estimate)
-    for row in same:
-        x, y, heading = pose_of(last[int(estimate.stamp_ns[row])])
-        assert [x, y] == pytest.approx(estimate.position[row].tolist(), abs=1e-9)
-        assert heading == pytest.approx(estimate.heading[row], abs=1e-9)
-    assert not robot.problems
+    assert_poses_are(robot, run(config, log).estimate, least=0.8)
 
 
 @pytest.mark.parametrize("bag", ["drive.bag", "drive.mcap"])

@@ -56,10 +56,7 @@ def build_triangle_config(estimator: Estimator) -> _core.TagTriangleEkfConfig:
 def build_air_config(estimator: Estimator) -> _core.AirEkfConfig:
     """Return the C++ struct with every value of `estimator` for a body that flies."""
     config, air = _core.AirEkfConfig(), estimator.air
-    names = [name for name in type(estimator).model_fields
-             if name not in (*_OTHER_KINDS, "calibration", "adaptive")]  # fmt: skip
-    leave = [name for name in type(estimator).model_fields if name not in names]
-    _fill(config, estimator, leave=tuple(leave))
+    _fill(config, estimator, leave=(*_OTHER_KINDS, "calibration", "adaptive"))
     _fill(config, air, leave=("motion", "start_height_m", "sigma_start_height_m", "sensor_up_m"))
     config.motion = _core.AirMotion[air.motion.upper()]
     config.landmark_in_space.sensor_up_m = air.sensor_up_m

@@ -21,7 +21,7 @@ from locfuse.ros import future_stamps as early
 from locfuse.ros.log_player import in_order_of_arrival, static_of
 from locfuse.run.run import load_log, run
 from locfuse.types import NANOSECONDS, ConfigError, Log
-from support_adapter import LATER, Robot, later, pose_of, stamps
+from support_adapter import LATER, Robot, assert_poses_are, later, pose_of, stamps
 from support_ros import message
 
 ROOM: dict[str, Any] = {
@@ -70,16 +70,7 @@ def test_poses_are_those_of_the_run(
     robot = Robot(config, log, ros)
     robot.learn()
     robot.drive()
-    estimate = run(config, log).estimate
-    assert estimate.heading is not None
-    last = {stamp: one for one in robot.said("locfuse/pose") for stamp in stamps([one])}
-    same = [row for row, stamp in enumerate(estimate.stamp_ns.tolist()) if stamp in last]
-    assert len(same) > 0.9 * len(estimate)
-    for row in same:
-        x, y, heading = pose_of(last[int(estimate.stamp_ns[row])])
-        assert [x, y] == pytest.approx(estimate.position[row].tolist(), abs=1e-9)
-        assert heading == pytest.approx(estimate.heading[row], abs=1e-9)
-    assert not robot.problems
+    assert_poses_are(robot, run(config, log).estimate, least=0.9)
 
 
 def test_it_is_ok_soon_and_knows_where_it_is() -> None:
