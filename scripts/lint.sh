@@ -24,7 +24,8 @@ step env MYPYPATH=tests/browser "$bin/mypy" tests/browser/*.py
 step "$bin/codespell"
 step "$bin/lint-imports" --no-logo
 step sh scripts/stubs.sh "$bin" --check
-# Without precompiled headers, which are of another compiler than clang-tidy.
+# Without precompiled headers, which are of another compiler than clang-tidy, and source by source.
 cmake -S . -B build/lint -G Ninja -DCMAKE_BUILD_TYPE=Debug -DCMAKE_EXPORT_COMPILE_COMMANDS=ON \
-  -DLOCFUSE_BUILD_TESTS=OFF -DLOCFUSE_BUILD_EXAMPLES=OFF -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON >/dev/null
+  -DLOCFUSE_BUILD_TESTS=OFF -DLOCFUSE_BUILD_EXAMPLES=OFF -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON \
+  -DLOCFUSE_UNITY_BUILD=OFF >/dev/null
 git ls-files 'cpp/src/*.cpp' | step xargs "$bin/python" scripts/tidy.py build/lint

@@ -23,7 +23,6 @@ from passed import Passed, digest_of
 
 ROOT = Path(__file__).resolve().parent.parent
 MAX_TOGETHER = 10
-OWN_IN_EACH = "Tuning"  # alias that many sources have
 
 
 @dataclass(frozen=True)
@@ -36,11 +35,9 @@ class Batch:
 
     def write(self) -> None:
         """Write the file, which includes them."""
-        lines = []
-        for number, source in enumerate(self.sources):
-            lines += [f"#define {OWN_IN_EACH} {OWN_IN_EACH}{number}",
-                      f'#include "{source}"  // NOLINT', f"#undef {OWN_IN_EACH}"]  # fmt: skip
-        self.file.write_text("\n".join(lines) + "\n")
+        self.file.write_text(
+            "".join(f'#include "{source}"  // NOLINT\n' for source in self.sources)
+        )
 
     @property
     def name(self) -> str:

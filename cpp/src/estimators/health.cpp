@@ -16,8 +16,6 @@
 namespace locfuse {
 namespace {
 
-using Tuning = internal::HealthTuning;
-
 double odds_of(double probability) { return probability / (1.0 - probability); }
 
 double between(const char* name, double value, double low, double high) {
@@ -59,7 +57,8 @@ const Health::Config& checked(const Health::Config& c) {
 double quantile_of(double risk) {
   // The lower tail: 1 minus a small risk rounds to 1.
   const double tail = std::max(0.25 * risk, std::numeric_limits<double>::min());
-  return -boost::math::quantile(boost::math::students_t(Tuning::kDegreesOfFreedom), tail);
+  return -boost::math::quantile(boost::math::students_t(internal::HealthTuning::kDegreesOfFreedom),
+                                tail);
 }
 
 /// Probability that a zero-mean Gaussian position stays within `radius`, eq. (7) of docs/health.md.
@@ -101,15 +100,15 @@ void Health::start(Stamp stamp, double wrong) {
   sources_.clear();
   latest_ = 0;
   excluded_ = 0;
-  explained_ = Tuning::kInitialExplained;
-  by_chance_ = Tuning::kInitialByChance;
+  explained_ = internal::HealthTuning::kInitialExplained;
+  by_chance_ = internal::HealthTuning::kInitialByChance;
   covered_ = 0.0;
   scans_contradict_ = false;
 }
 
 double Health::faulty_share(const NamedSource& source) const {
   if (source.kind == Source::kScans) {
-    return Tuning::kUsualCover;
+    return internal::HealthTuning::kUsualCover;
   }
   const bool is_sensor = source.kind == Source::kSightings && source.name == NamedSource::kUnnamed;
   return is_sensor ? config_.faulty_share_unnamed : config_.faulty_share;
@@ -141,8 +140,8 @@ void Health::advance(Stamp stamp) {
   }
   const double seconds = seconds_between(stamp_, stamp);
   stamp_ = stamp;
-  odds_ =
-      std::min(odds_ + (1.0 + odds_) * seconds / config_.mean_s_between_losses, Tuning::kMaxOdds);
+  odds_ = std::min(odds_ + (1.0 + odds_) * seconds / config_.mean_s_between_losses,
+                   internal::HealthTuning::kMaxOdds);
   if (is_out_of_date(stamp_)) {
     odds_ = std::max(odds_, odds_lost_);
     suspect_since_ = suspect_since_.value_or(stamp_);
@@ -186,7 +185,7 @@ void Health::record(const NamedSource& source, Stamp stamp, const Outcome& outco
 void Health::record(const ScanEvidence& scan) {
   advance(scan.stamp);
   SourceStatus& status = status_of({Source::kScans, NamedSource::kUnnamed}, scan.stamp);
-  const bool is_clear = scan.covered < Tuning::kBlindingCover;
+  const bool is_clear = scan.covered < internal::HealthTuning::kBlindingCover;
   receive(status, scan.stamp, is_clear);
   weigh_cover(status, scan);
   if (is_clear) {
@@ -198,10 +197,13 @@ void Health::record(const ScanEvidence& scan) {
 
 /// A scan with more cover than usual contradicts the laser.
 void Health::weigh_cover(SourceStatus& status, const ScanEvidence& scan) const {
-  const double excess = (scan.covered - covered_ - Tuning::kCoverExcess) / Tuning::kCoverSigma;
+  const double excess = (scan.covered - covered_ - internal::HealthTuning::kCoverExcess) /
+                        internal::HealthTuning::kCoverSigma;
   const double nats =
-      scan.novelty * std::min(std::max(excess, -Tuning::kMaxScanGain), Tuning::kMaxScanGain);
-  const double odds = std::min(odds_of(status.faulty) * std::exp(nats), Tuning::kMaxScanOdds);
+      scan.novelty * std::min(std::max(excess, -internal::HealthTuning::kMaxScanGain),
+                              internal::HealthTuning::kMaxScanGain);
+  const double odds =
+      std::min(odds_of(status.faulty) * std::exp(nats), internal::HealthTuning::kMaxScanOdds);
   status.faulty = odds / (1.0 + odds);
 }
 
@@ -211,18 +213,21 @@ void Health::weigh(SourceStatus& status, const ScanEvidence& scan) {
   // A pose that a search found fits better than a random one.
   const double by_chance = lost_ ? 0.5 * (explained_ + by_chance_) : by_chance_;
   const double contrast = std::max(explained_ - by_chance, 0.0);
-  const double middle = by_chance + Tuning::kBreakEven * (explained_ - by_chance);
+  const double middle = by_chance + internal::HealthTuning::kBreakEven * (explained_ - by_chance);
   const double clear = 1.0 - scan.covered;
-  const double variance = Tuning::kShareSigma * Tuning::kShareSigma +
-                          middle * (1.0 - middle) / (scan.independent * clear);
+  const double variance =
+      internal::HealthTuning::kShareSigma * internal::HealthTuning::kShareSigma +
+      middle * (1.0 - middle) / (scan.independent * clear);
   const double support = clear * contrast * (scan.explained - middle) / variance;
-  const double max_support = Tuning::kSupportShare * Tuning::kMaxScanGain;
+  const double max_support =
+      internal::HealthTuning::kSupportShare * internal::HealthTuning::kMaxScanGain;
   const double nats =
-      scan.novelty * std::min(std::max(support, -Tuning::kMaxScanGain), max_support);
+      scan.novelty *
+      std::min(std::max(support, -internal::HealthTuning::kMaxScanGain), max_support);
   status.residual = scan.explained - explained_;
   status.sigma = std::sqrt(variance);
   status.test_ratio = (explained_ - scan.explained) / std::max(0.5 * contrast, 1e-3);
-  const double max_odds = std::max(odds_, Tuning::kMaxScanOdds);
+  const double max_odds = std::max(odds_, internal::HealthTuning::kMaxScanOdds);
   odds_ = std::min(odds_ * std::exp(-nats), max_odds);
   scans_contradict_ = nats < 0.0;
 }
@@ -230,8 +235,9 @@ void Health::weigh(SourceStatus& status, const ScanEvidence& scan) {
 /// Learns what is usual while the pose is right, and slowly where scans fit worse: that may be a
 /// wrong place.
 void Health::learn_usual(const SourceStatus& status, const ScanEvidence& scan) {
-  const double weight = odds_ < odds_found_ ? Tuning::kScanWeight * scan.novelty : 0.0;
-  const double worse = scan.explained < explained_ ? Tuning::kWorseScanWeight : 1.0;
+  const double weight =
+      odds_ < odds_found_ ? internal::HealthTuning::kScanWeight * scan.novelty : 0.0;
+  const double worse = scan.explained < explained_ ? internal::HealthTuning::kWorseScanWeight : 1.0;
   explained_ += weight * worse * (scan.explained - explained_);
   by_chance_ += weight * (scan.by_chance - by_chance_);
   covered_ += weight * (1.0 - status.faulty) * (scan.covered - covered_);
@@ -242,10 +248,11 @@ void Health::receive(SourceStatus& status, Stamp stamp, bool is_fused) {
   const double stays = std::max(1.0 - seconds / config_.faulty_s, 0.0);
   const double usual = faulty_share(status.source);
   status.faulty = usual + stays * (status.faulty - usual);
-  status.interval +=
-      (status.interval > 0.0 ? Tuning::kSourceWeight : 1.0) * (seconds - status.interval);
+  status.interval += (status.interval > 0.0 ? internal::HealthTuning::kSourceWeight : 1.0) *
+                     (seconds - status.interval);
   status.last_received = std::max(status.last_received, stamp);
-  status.accepted += Tuning::kSourceWeight * ((is_fused ? 1.0 : 0.0) - status.accepted);
+  status.accepted +=
+      internal::HealthTuning::kSourceWeight * ((is_fused ? 1.0 : 0.0) - status.accepted);
   if (is_fused) {
     status.fused = status.last_received;
     fused_ = std::max(fused_, stamp);
@@ -260,20 +267,24 @@ void Health::weigh(SourceStatus& status, const Outcome& outcome, double outlier_
     const double peak = outcome.dof == 1   ? 1.0 / std::sqrt(volume)
                         : outcome.dof == 2 ? 1.0 / volume
                                            : std::pow(volume, -0.5 * outcome.dof);
-    fits = std::exp(-0.5 * outcome.nis) * (std::min(outlier_volume * peak, Tuning::kMaxPeak) + 2.0);
+    fits = std::exp(-0.5 * outcome.nis) *
+           (std::min(outlier_volume * peak, internal::HealthTuning::kMaxPeak) + 2.0);
   }
   const double wrong = config_.wrong_share;
   const double elsewhere = 1.0 - config_.chance_share + config_.chance_share * fits;
   const double good = 1.0 - status.faulty;
   if (outcome.dof > 0) {
-    const double ratio = std::min(outcome.nis / outcome.dof, Tuning::kMaxMeanNis);
-    status.nis += Tuning::kSourceWeight * good * (ratio - status.nis);
-    nis_ += Tuning::kOverallWeight * good * (ratio - nis_);
-    scale_ += Tuning::kOverallWeight * good * (std::min(outcome.scale, kNotMeasured) - scale_);
+    const double ratio = std::min(outcome.nis / outcome.dof, internal::HealthTuning::kMaxMeanNis);
+    status.nis += internal::HealthTuning::kSourceWeight * good * (ratio - status.nis);
+    nis_ += internal::HealthTuning::kOverallWeight * good * (ratio - nis_);
+    scale_ += internal::HealthTuning::kOverallWeight * good *
+              (std::min(outcome.scale, kNotMeasured) - scale_);
   }
   double faulty = elsewhere;
-  if (status.source.kind == Source::kRanges && outcome.nis > Tuning::kSignificantNis) {
-    faulty *= 2.0 * (outcome.residual > 0.0 ? Tuning::kLongShare : 1.0 - Tuning::kLongShare);
+  if (status.source.kind == Source::kRanges &&
+      outcome.nis > internal::HealthTuning::kSignificantNis) {
+    faulty *= 2.0 * (outcome.residual > 0.0 ? internal::HealthTuning::kLongShare
+                                            : 1.0 - internal::HealthTuning::kLongShare);
   }
   const double right = good * ((1.0 - wrong) * fits + wrong) + status.faulty * faulty;
   status.faulty = std::min(status.faulty * (faulty / right), 1.0);
@@ -281,7 +292,7 @@ void Health::weigh(SourceStatus& status, const Outcome& outcome, double outlier_
   if (lost_ && ratio < 1.0) {
     ratio = 1.0 - agreement() * (1.0 - ratio);
   }
-  odds_ = std::min(odds_ * ratio, Tuning::kMaxOdds);
+  odds_ = std::min(odds_ * ratio, internal::HealthTuning::kMaxOdds);
   update_state();
 }
 
@@ -325,7 +336,7 @@ bool Health::is_excluded(const NamedSource& source) const {
 
 /// Eq. (8) of docs/health.md: attributes too large innovations to the pose.
 double Health::inflation(const PoseEstimate& estimate) const {
-  const double excess = std::max(nis_ - 1.0 - Tuning::kNisTolerance, 0.0);
+  const double excess = std::max(nis_ - 1.0 - internal::HealthTuning::kNisTolerance, 0.0);
   const double sigma = estimate.sigma_position();
   return 1.0 + excess * std::max(scale_ / (sigma * sigma), 1.0);
 }
@@ -335,8 +346,8 @@ HealthReport Health::report(const PoseEstimate& estimate) const {
   HealthReport report;
   report.stamp = std::max(stamp_, estimate.stamp);
   const double since = seconds_between(stamp_, report.stamp);
-  double odds =
-      std::min(odds_ + (1.0 + odds_) * since / config_.mean_s_between_losses, Tuning::kMaxOdds);
+  double odds = std::min(odds_ + (1.0 + odds_) * since / config_.mean_s_between_losses,
+                         internal::HealthTuning::kMaxOdds);
   if (is_out_of_date(report.stamp)) {
     odds = std::max(odds, odds_lost_);
   }
@@ -365,7 +376,8 @@ void Health::find_state(HealthReport& report) const {
     report.state = HealthState::kDeadReckoning;
     report.reason = HealthReason::kSilence;
     for (const SourceStatus& status : sources_) {
-      if (status.source.kind == Source::kScans && status.faulty > Tuning::kFaultySource) {
+      if (status.source.kind == Source::kScans &&
+          status.faulty > internal::HealthTuning::kFaultySource) {
         report.reason = HealthReason::kLaserIsCovered;
         report.source = status.source;
       }
@@ -385,7 +397,7 @@ void Health::find_degradation(HealthReport& report) const {
   }
   if (report.within < 0.5) {
     report.reason = HealthReason::kPositionIsVague;
-  } else if (nis_ > Tuning::kLargeNis) {
+  } else if (nis_ > internal::HealthTuning::kLargeNis) {
     report.reason = HealthReason::kNoiseIsLarger;
   }
   const auto end = sources_.end();
@@ -394,9 +406,10 @@ void Health::find_degradation(HealthReport& report) const {
     auto status = first;
     for (; status != end && status->source.kind == first->source.kind; ++status) {
       const double since = seconds_between(status->last_received, report.stamp);
-      is_silent = is_silent && since > std::max(config_.aiding_lost_s,
-                                                Tuning::kSilentIntervals * status->interval);
-      if (status->faulty > Tuning::kFaultySource) {
+      is_silent = is_silent &&
+                  since > std::max(config_.aiding_lost_s,
+                                   internal::HealthTuning::kSilentIntervals * status->interval);
+      if (status->faulty > internal::HealthTuning::kFaultySource) {
         report.reason = status->source.kind == Source::kScans ? HealthReason::kLaserIsCovered
                                                               : HealthReason::kSourceIsWrong;
         report.source = status->source;

@@ -13,18 +13,17 @@
 namespace locfuse::internal {
 namespace {
 
-using Tuning = MclHealthTuning;
-
-const Gate kAcceptanceGate(Tuning::kGateConfidence);
+const Gate kAcceptanceGate(MclHealthTuning::kGateConfidence);
 
 /// Poses of the laser in cells at which a scan is evaluated: that of the estimate, then random
 /// ones in free space, which show what fits by chance.
-std::array<Pose2, 1 + Tuning::kChancePoses> laser_poses(const MclRecipe& recipe, const LaserScan& z,
-                                                        const Pose2& here) {
+std::array<Pose2, 1 + MclHealthTuning::kChancePoses> laser_poses(const MclRecipe& recipe,
+                                                                 const LaserScan& z,
+                                                                 const Pose2& here) {
   const double per_cell = 1.0 / recipe.grid().resolution();
-  std::array<Pose2, 1 + Tuning::kChancePoses> poses{recipe.to_cells(here)};
-  const std::uint64_t key =
-      random_bits(recipe.config.seed ^ Tuning::kChanceKey, static_cast<std::uint64_t>(z.stamp));
+  std::array<Pose2, 1 + MclHealthTuning::kChancePoses> poses{recipe.to_cells(here)};
+  const std::uint64_t key = random_bits(recipe.config.seed ^ MclHealthTuning::kChanceKey,
+                                        static_cast<std::uint64_t>(z.stamp));
   for (std::uint64_t k = 1; k < poses.size(); ++k) {
     const Vector<2> corner = recipe.free_cell(random_uniform(key, 2 * k));
     poses[k] = {corner.x() + 0.5, corner.y() + 0.5, 2.0 * kPi * random_uniform(key, 2 * k + 1)};
@@ -39,7 +38,7 @@ std::array<Pose2, 1 + Tuning::kChancePoses> laser_poses(const MclRecipe& recipe,
 
 /// Counts of a scan's returns.
 struct Counts {
-  std::array<int, 1 + Tuning::kChancePoses> explained{};  // by a wall, per pose
+  std::array<int, 1 + MclHealthTuning::kChancePoses> explained{};  // by a wall, per pose
   int returns = 0;
   int covered = 0;
   double squares = 0.0;  // sum of squared ranges [m^2]
@@ -63,7 +62,7 @@ Counts count_returns(const MclRecipe& recipe, const LikelihoodField& field, cons
     }
     ++counts.returns;
     counts.squares += range * range;
-    const bool is_near = range < std::max(Tuning::kCoverDistance, geometry.range_min);
+    const bool is_near = range < std::max(MclHealthTuning::kCoverDistance, geometry.range_min);
     const double angle = geometry.angle_min + static_cast<double>(i) * geometry.angle_increment;
     const Vector<2> end = range * per_cell * Vector<2>(std::cos(angle), std::sin(angle));
     for (std::size_t k = 0; k < poses.size(); ++k) {
@@ -94,8 +93,9 @@ void MclHealth::restart(Stamp stamp, bool is_active) {
 void MclHealth::add_motion(const Pose2& motion) {
   const MclConfig& config = recipe_->config;
   travelled_ +=
-      motion.position().norm() / std::max(config.spacing_m, Tuning::kMinScanSpacing) +
-      std::abs(motion.heading) / std::max(config.spacing_heading_rad, Tuning::kMinScanSpacing);
+      motion.position().norm() / std::max(config.spacing_m, MclHealthTuning::kMinScanSpacing) +
+      std::abs(motion.heading) /
+          std::max(config.spacing_heading_rad, MclHealthTuning::kMinScanSpacing);
 }
 
 ScanEvidence MclHealth::evidence_of(const LaserScan& z, const PoseEstimate& here) const {
@@ -108,7 +108,7 @@ ScanEvidence MclHealth::evidence_of(const LaserScan& z, const PoseEstimate& here
   const auto clear = static_cast<double>(std::max(counts.returns - counts.covered, 1));
   evidence.explained = counts.explained[0] / clear;
   for (std::size_t k = 1; k < counts.explained.size(); ++k) {
-    evidence.by_chance += counts.explained[k] / (clear * Tuning::kChancePoses);
+    evidence.by_chance += counts.explained[k] / (clear * MclHealthTuning::kChancePoses);
   }
   evidence.covered =
       counts.returns > 0 ? static_cast<double>(counts.covered) / counts.returns : 0.0;
@@ -125,8 +125,9 @@ ScanEvidence MclHealth::evidence_of(const LaserScan& z, const PoseEstimate& here
 
 void MclHealth::report_scan(ScanEvidence evidence) {
   if (evidence.independent > 0.0) {
-    const double waited =
-        last_scan_ ? seconds_between(*last_scan_, evidence.stamp) / Tuning::kStationaryPeriod : 1.0;
+    const double waited = last_scan_ ? seconds_between(*last_scan_, evidence.stamp) /
+                                           MclHealthTuning::kStationaryPeriod
+                                     : 1.0;
     evidence.novelty *= std::min(travelled_ + std::max(waited, 0.0), 1.0);
     last_scan_ = evidence.stamp;
     travelled_ = 0.0;
@@ -136,12 +137,13 @@ void MclHealth::report_scan(ScanEvidence evidence) {
 
 std::optional<LaserScan> MclHealth::without_cover(const LaserScan& z,
                                                   const ScanEvidence& evidence) {
-  if (!(evidence.covered > Tuning::kRemovedCover)) {
+  if (!(evidence.covered > MclHealthTuning::kRemovedCover)) {
     return std::nullopt;
   }
   LaserScan clear = z;
   for (double& range : clear.ranges) {
-    range = range < Tuning::kCoverDistance ? std::numeric_limits<double>::quiet_NaN() : range;
+    range =
+        range < MclHealthTuning::kCoverDistance ? std::numeric_limits<double>::quiet_NaN() : range;
   }
   return clear;
 }
@@ -165,7 +167,7 @@ HealthReport MclHealth::report(double probability, const PoseEstimate& estimate,
   HealthReport report;
   if (!is_active_) {
     report.stamp = estimate.stamp;
-    if (has_scan && chosen < Tuning::kMinProbabilityChosen) {
+    if (has_scan && chosen < MclHealthTuning::kMinProbabilityChosen) {
       report.state = HealthState::kAmbiguous;
       report.reason = HealthReason::kSeveralPlaces;
     }
@@ -178,7 +180,7 @@ HealthReport MclHealth::report(double probability, const PoseEstimate& estimate,
   if (!(report.wrong < 0.5 * config.risk)) {
     report.protection.setConstant(std::numeric_limits<double>::infinity());
   }
-  if (report.state != HealthState::kLost && chosen < Tuning::kMinProbabilityChosen) {
+  if (report.state != HealthState::kLost && chosen < MclHealthTuning::kMinProbabilityChosen) {
     const bool is_lost = report.wrong > config.probability_lost;
     report.state = is_lost ? HealthState::kLost : HealthState::kAmbiguous;
     report.reason = HealthReason::kSeveralPlaces;

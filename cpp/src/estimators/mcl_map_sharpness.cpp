@@ -8,8 +8,6 @@
 
 namespace locfuse::internal {
 
-using Tuning = MapSharpnessTuning;
-
 void MapSharpness::reset() {
   evidence_.clear();
   explained_ = 0.0;
@@ -34,8 +32,8 @@ bool MapSharpness::update(const EndPoints& points, const PoseEstimate& here,
   }
   level_ = fitting < level_ ? level_ - 1 : fitting;
   explained_ = recipe_->fields.back().explained(seen);
-  mean_explained_ += Tuning::kExplainedWeight * (explained_ - mean_explained_);
-  return level_ <= likeliest && spread < Tuning::kSettledSigma * sigma_hit();
+  mean_explained_ += MapSharpnessTuning::kExplainedWeight * (explained_ - mean_explained_);
+  return level_ <= likeliest && spread < MapSharpnessTuning::kSettledSigma * sigma_hit();
 }
 
 /// Averages the mean log density of end points under each field.
@@ -50,11 +48,13 @@ void MapSharpness::average_evidence(const EndPoints& seen, std::size_t count) {
   }
   for (std::size_t l = 0; l < evidence_.size(); ++l) {
     const double now = sums[l] / static_cast<double>(count);
-    evidence_[l] = first ? now : evidence_[l] + Tuning::kEvidenceWeight * (now - evidence_[l]);
+    evidence_[l] =
+        first ? now : evidence_[l] + MapSharpnessTuning::kEvidenceWeight * (now - evidence_[l]);
   }
   const double now = *std::max_element(evidence_.begin(), evidence_.end());
   usual_evidence_ =
-      first ? now : usual_evidence_ + Tuning::kUsualEvidenceWeight * (now - usual_evidence_);
+      first ? now
+            : usual_evidence_ + MapSharpnessTuning::kUsualEvidenceWeight * (now - usual_evidence_);
 }
 
 bool MapSharpness::fit_is_nominal() const {

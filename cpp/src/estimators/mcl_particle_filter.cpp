@@ -11,8 +11,6 @@
 namespace locfuse::internal {
 namespace {
 
-using Tuning = ParticleFilterTuning;
-
 /// Appends a motion to one with its covariance, in the frame where that one began.
 void extend(UncertainMotion& so_far, const OdometryMotion& model, const Pose2& motion,
             double seconds) {
@@ -28,7 +26,7 @@ PoseEstimate carried(const PoseEstimate& from, const UncertainMotion& by, Stamp 
   const double summed = from.covariance.topLeftCorner<2, 2>().trace() +
                         to.covariance.topLeftCorner<2, 2>().trace() +
                         by.motion.position().squaredNorm() * from.covariance(2, 2);
-  to.covariance.diagonal().head<2>().array() += Tuning::kVarianceRounding * summed;
+  to.covariance.diagonal().head<2>().array() += ParticleFilterTuning::kVarianceRounding * summed;
   return to;
 }
 
@@ -63,12 +61,13 @@ void ParticleFilter::reset(Stamp stamp, int particles) {
 
 void ParticleFilter::start_anywhere(Stamp stamp, RandomKeys& keys) {
   const int max_particles = recipe_->config.max_particles;
-  reset(stamp, max_particles < Tuning::kMaxGlobalDraws / Tuning::kGlobalDraws
-                   ? Tuning::kGlobalDraws * max_particles
-                   : std::max(max_particles, Tuning::kMaxGlobalDraws));
+  reset(stamp,
+        max_particles < ParticleFilterTuning::kMaxGlobalDraws / ParticleFilterTuning::kGlobalDraws
+            ? ParticleFilterTuning::kGlobalDraws * max_particles
+            : std::max(max_particles, ParticleFilterTuning::kMaxGlobalDraws));
   const std::uint64_t key = keys.next();
   // Boxes of side a, and of turn_per_cell a in the heading, fill free space and all headings.
-  belief_.turn_per_cell = Tuning::kBoxTurnPerMetre * recipe_->grid().resolution();
+  belief_.turn_per_cell = ParticleFilterTuning::kBoxTurnPerMetre * recipe_->grid().resolution();
   const double space = 2.0 * kPi * static_cast<double>(recipe_->free.size()) / belief_.size;
   const auto box = static_cast<float>(std::cbrt(space / belief_.turn_per_cell));
   recipe_->workers->share(belief_.size, 1, [&](int from, int to) {
@@ -139,8 +138,8 @@ void ParticleFilter::add_motion(const OdometryMotion& model, const Pose2& motion
 }
 
 bool ParticleFilter::is_propagation_due() const {
-  return pending_.motion.position().norm() > Tuning::kMaxPendingDistance ||
-         std::abs(pending_.motion.heading) > Tuning::kMaxPendingTurn;
+  return pending_.motion.position().norm() > ParticleFilterTuning::kMaxPendingDistance ||
+         std::abs(pending_.motion.heading) > ParticleFilterTuning::kMaxPendingTurn;
 }
 
 UncertainMotion ParticleFilter::pending_in_cells() const {
@@ -193,8 +192,8 @@ void ParticleFilter::resample(const Resampling& how, RandomKeys& keys) {
   if (belief_.size > config.max_particles ||
       effective_size(belief_) < config.resample_below * belief_.size) {
     if (how.by_bin) {
-      resample_by_bin(belief_, target_, recipe_->bins(), Tuning::kBinPower, Tuning::kMinBinWeight,
-                      keys.next(), scratch_);
+      resample_by_bin(belief_, target_, recipe_->bins(), ParticleFilterTuning::kBinPower,
+                      ParticleFilterTuning::kMinBinWeight, keys.next(), scratch_);
     } else {
       locfuse::resample(belief_, target_, {}, keys.next(), scratch_);
     }
@@ -225,9 +224,10 @@ void ParticleFilter::adapt_size() {
   if (config.min_particles < config.max_particles) {
     const double wanted = kld_particles(occupied_bins(belief_, recipe_->bins(), 0.0),
                                         config.kld_error, config.kld_quantile);
-    target_ = static_cast<int>(std::min(std::max({wanted, Tuning::kMinShrinkage * target_,
-                                                  static_cast<double>(config.min_particles)}),
-                                        static_cast<double>(config.max_particles)));
+    target_ =
+        static_cast<int>(std::min(std::max({wanted, ParticleFilterTuning::kMinShrinkage * target_,
+                                            static_cast<double>(config.min_particles)}),
+                                  static_cast<double>(config.max_particles)));
   }
 }
 
@@ -241,13 +241,13 @@ void ParticleFilter::replace_half(int count, std::function<void(ParticleBelief&,
 
 void ParticleFilter::cluster() {
   const std::vector<ParticleCluster> clusters =
-      clusters_of(belief_, recipe_->bins(), Tuning::kMaxClusters);
+      clusters_of(belief_, recipe_->bins(), ParticleFilterTuning::kMaxClusters);
   hypotheses_.clear();
   const MclConfig& config = recipe_->config;
   const Matrix<3, 3> to_metres = recipe_->world_per_cell();
   const Vector<3> map_sigma(config.sigma_map_m, config.sigma_map_m, config.sigma_map_rad);
   const Matrix<3, 3> map_covariance =
-      map_sigma.cwiseMax(Tuning::kMinClusterSigma).cwiseAbs2().asDiagonal();
+      map_sigma.cwiseMax(ParticleFilterTuning::kMinClusterSigma).cwiseAbs2().asDiagonal();
   for (const ParticleCluster& cluster : clusters) {
     const Matrix<3, 3> P = to_metres * cluster.covariance * to_metres.transpose() + map_covariance;
     hypotheses_.push_back(

@@ -9,8 +9,6 @@
 
 namespace locfuse::internal {
 
-using Tuning = RecoveryTuning;
-
 void ParticleRecovery::propagate(const Pose2& motion_in_cells, RandomKeys& keys) {
   if (candidates_.size > 0) {
     move(candidates_, {motion_in_cells, Matrix<3, 3>::Zero()}, keys.next(), *recipe_->workers);
@@ -46,7 +44,7 @@ std::vector<std::size_t> ParticleRecovery::test_candidates(const UsedScan& scan,
   const MclConfig& config = recipe_->config;
   const bool first = candidates_.size != config.scouts;
   if (first) {
-    gain_.assign(static_cast<std::size_t>(config.scouts), Tuning::kMinGain);
+    gain_.assign(static_cast<std::size_t>(config.scouts), RecoveryTuning::kMinGain);
     candidates_.resize(config.scouts);
   } else {
     hill_climb(scan.points, sharpness.field(), candidates_, filter, keys);
@@ -57,13 +55,13 @@ std::vector<std::size_t> ParticleRecovery::test_candidates(const UsedScan& scan,
   for (std::size_t k = 0; k < gain_.size(); ++k) {
     if (!first) {
       const double now = scan.share * (static_cast<double>(log_likelihood[k]) - scan.best);
-      gain_[k] = Tuning::kGainMemory * gain_[k] +
+      gain_[k] = RecoveryTuning::kGainMemory * gain_[k] +
                  std::min(std::max(now, -config.most_gain), config.most_gain);
     }
     const Vector<3> off = local(candidates_.pose(k), tracked);
     const bool is_tracked = off.head<2>().norm() < config.bin_m / recipe_->grid().resolution() &&
                             std::abs(off.z()) < 2.0 * kPi / config.bin_headings;
-    if (is_tracked || gain_[k] <= Tuning::kMinGain) {
+    if (is_tracked || gain_[k] <= RecoveryTuning::kMinGain) {
       rejected.push_back(k);
     }
   }
@@ -87,7 +85,7 @@ void ParticleRecovery::promote_winner(std::vector<std::size_t>& rejected, double
 void ParticleRecovery::promote_candidates(std::size_t first, int count, double sigma_hit,
                                           ParticleFilter& filter, RandomKeys& keys) const {
   const double cells = sigma_hit / recipe_->grid().resolution();
-  const Vector<3> sigma(cells, cells, Tuning::kClimbTurnPerMetre * sigma_hit);
+  const Vector<3> sigma(cells, cells, RecoveryTuning::kClimbTurnPerMetre * sigma_hit);
   const std::uint64_t key = keys.next();
   const auto draw = [&](ParticleBelief& belief, int k) {
     const Pose2 place = candidates_.pose(first + static_cast<std::size_t>(k % count));
@@ -124,10 +122,10 @@ ParticleBelief ParticleRecovery::draw_candidates(const EndPoints& points, int co
 /// log likelihoods in the filter's memory.
 void ParticleRecovery::hill_climb(const EndPoints& points, const LikelihoodField& field,
                                   ParticleBelief& pool, ParticleFilter& filter, RandomKeys& keys) {
-  constexpr std::size_t kDraws = Tuning::kClimbDraws;
+  constexpr std::size_t kDraws = RecoveryTuning::kClimbDraws;
   const double cells = field.config().sigma_hit_m / recipe_->grid().resolution();
-  const double turn = Tuning::kClimbTurnPerMetre * field.config().sigma_hit_m;
-  tries_.resize(Tuning::kClimbDraws * pool.size);
+  const double turn = RecoveryTuning::kClimbTurnPerMetre * field.config().sigma_hit_m;
+  tries_.resize(RecoveryTuning::kClimbDraws * pool.size);
   for (std::size_t k = 0; k < static_cast<std::size_t>(tries_.size); ++k) {
     tries_.put(k, pool, k / kDraws);
   }

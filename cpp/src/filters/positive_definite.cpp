@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "locfuse/filters/positive_definite.hpp"
 
-#include <Eigen/Cholesky>
+#include <Eigen/Core>
 #include <array>
 #include <cmath>
 #include <vector>
@@ -52,7 +52,7 @@ bool is_positive_definite(const Covariance& P) {
   const auto has_factor = [&P](Eigen::Ref<MatrixXd> A) {
     A = P;
     A.diagonal() *= GuardTuning::kAfterRounding;
-    return Eigen::LLT<Eigen::Ref<MatrixXd>>(A).info() == Eigen::Success;
+    return factorize(A);
   };
   const Index n = P.rows();
   if (n > kMaxRowsOnStack) {

@@ -54,8 +54,6 @@ struct CircleFitTuning {
   static constexpr int kCornerPasses = 2;
 };
 
-using Tuning = CircleFitTuning;
-
 /// Sums of the points of a run.
 struct Moments {
   double n = 0.0;
@@ -113,7 +111,7 @@ Line line_of(const Matrix<2, 2>& scatter) {
 /// Variance of the end of a beam across a line with the projector onto its normal.
 double variance_across(const Ray& ray, const Matrix<2, 2>& projector, const BeamNoise& noise) {
   const double along = ray.along.dot(projector * ray.along);
-  const double share = std::max(along, Tuning::kMinGrazing);
+  const double share = std::max(along, CircleFitTuning::kMinGrazing);
   const double sideways = ray.range * noise.bearing;
   return noise.range * noise.range * share + sideways * sideways * (1.0 - along);
 }
@@ -129,7 +127,7 @@ Matrix<2, 2> turned(const Matrix<2, 2>& m) {
 double right_angle_misfit(const Matrix<2, 2>& left, const Matrix<2, 2>& right, const Ray& ray,
                           const BeamNoise& noise) {
   Line line = line_of(left + turned(right));
-  for (int pass = 0; pass < Tuning::kCornerPasses; ++pass) {  // noise depends on the lines
+  for (int pass = 0; pass < CircleFitTuning::kCornerPasses; ++pass) {  // noise depends on the lines
     const double of_left = variance_across(ray, line.projector, noise);
     const double of_right = variance_across(ray, turned(line.projector), noise);
     line = line_of(left / of_left + turned(right) / of_right);
@@ -146,7 +144,7 @@ struct Edge {
 std::optional<Edge> edge_of(const Sweep& sweep, int end, int side, const Circle& circle,
                             const BeamNoise& noise) {
   if (!sweep.has(end + side) ||
-      !passes(sweep[end + side], circle, Tuning::kPassSigmas * noise.range)) {
+      !passes(sweep[end + side], circle, CircleFitTuning::kPassSigmas * noise.range)) {
     return std::nullopt;
   }
   const Vector<2> between = sweep[end].along + sweep[end + side].along;
@@ -236,7 +234,7 @@ Matrix<3, 3> circle_covariance(const Matrix<3, 3>& information, bool radius_know
 /// Moves a circle by a limited step; returns its length.
 double move(Circle& circle, const Vector<3>& step) {
   const double length = step.norm();
-  const double max_length = Tuning::kMaxStepRadii * circle.radius;
+  const double max_length = CircleFitTuning::kMaxStepRadii * circle.radius;
   const double share = length > max_length ? max_length / length : 1.0;
   circle.centre += share * step.head<2>();
   circle.radius += share * step.z();
@@ -254,7 +252,7 @@ struct Bearings {
 Bearings bearings_of(const Sweep& sweep, const Run& run, const Circle& guess,
                      const BeamNoise& noise) {
   const auto is_free = [&](int j) {
-    return sweep.has(j) && passes(sweep[j], guess, Tuning::kPassSigmas * noise.range);
+    return sweep.has(j) && passes(sweep[j], guess, CircleFitTuning::kPassSigmas * noise.range);
   };
   const bool free_first = is_free(run.first - 1);
   const bool free_last = is_free(run.last + 1);
@@ -264,8 +262,8 @@ Bearings bearings_of(const Sweep& sweep, const Run& run, const Circle& guess,
   const double high = free_last ? std::min(half, seen + sweep.step - half) : half;
   // Rounding may make an empty interval negative. With more beams than the width allows, the beams
   // themselves are wide, and the edges may be anywhere in a step.
-  const double width = high - low > -Tuning::kRoundingSteps * sweep.step
-                           ? std::max(high - low, Tuning::kMinBearingSteps * sweep.step)
+  const double width = high - low > -CircleFitTuning::kRoundingSteps * sweep.step
+                           ? std::max(high - low, CircleFitTuning::kMinBearingSteps * sweep.step)
                            : sweep.step;
   return {0.5 * (low + high), width, free_first, free_last};
 }
@@ -280,8 +278,9 @@ Vector<2> range_and_misfit(const Sweep& sweep, const Run& run, const Circle& gue
   for (int j = run.first; j <= run.last; ++j) {
     if (sweep[j].returned()) {
       const double off = (j - run.first) * sweep.step - turn;
-      const double u = std::clamp(guess.centre.norm() * std::sin(off), -Tuning::kMaxOffsetRadii * R,
-                                  Tuning::kMaxOffsetRadii * R);
+      const double u =
+          std::clamp(guess.centre.norm() * std::sin(off), -CircleFitTuning::kMaxOffsetRadii * R,
+                     CircleFitTuning::kMaxOffsetRadii * R);
       const double range = sweep[j].range * std::cos(off) + std::sqrt(R * R - u * u);
       sum += range;
       squares += range * range;
@@ -332,7 +331,7 @@ std::optional<Circle> algebraic_circle(const Sweep& sweep, const Run& run) {
   solver.computeDirect(M);
   const Vector<3> best = solver.eigenvectors().col(0);
   const double a = best.z() / (2.0 * std::sqrt(spread));
-  if (std::abs(a) < Tuning::kMinCurvature) {
+  if (std::abs(a) < CircleFitTuning::kMinCurvature) {
     return std::nullopt;
   }
   const Vector<2> from_mean = -best.head<2>() / (2.0 * a);
@@ -344,7 +343,7 @@ Circle circle_behind(const Sweep& sweep, const Run& run, double radius) {
   const Vector<2> b = sweep[run.last].end();
   const Vector<2> middle = 0.5 * (a + b);
   const double half = 0.5 * (b - a).norm();
-  if (half < Tuning::kMinLength) {
+  if (half < CircleFitTuning::kMinLength) {
     return {middle + radius * sweep[run.first].along, radius};
   }
   Vector<2> behind = Vector<2>(a.y() - b.y(), b.x() - a.x()) / (2.0 * half);
@@ -357,14 +356,14 @@ Offset offset_of(const Ray& ray, const Circle& circle, const BeamNoise& noise) {
   const double per_radius = 1.0 / circle.radius;
   const double u = cross(ray.along, circle.centre) * per_radius;
   // At the edge a beam hits anywhere within half a gap, or misses.
-  const double edge =
-      std::clamp(0.5 * noise.step * ray.range * per_radius, Tuning::kMinEdge, Tuning::kMaxEdge);
+  const double edge = std::clamp(0.5 * noise.step * ray.range * per_radius,
+                                 CircleFitTuning::kMinEdge, CircleFitTuning::kMaxEdge);
   const double across = std::min(u * u, 1.0 - edge);
   const double v = noise.range * noise.range;
   const double sideways = ray.range * noise.bearing;
   const double bent = 0.5 * v * across * per_radius;  // second order: noise along a tangent
   const Vector<2> from = ray.end() - circle.centre;
-  const double length = std::max(from.norm(), Tuning::kMinLength);
+  const double length = std::max(from.norm(), CircleFitTuning::kMinLength);
   return {length - circle.radius - bent,
           v * (1.0 - across) + sideways * sideways * across + 2.0 * bent * bent, from / length};
 }
@@ -378,7 +377,7 @@ std::optional<CircleFit> fit_circle(const Sweep& sweep, const Run& run, const Ci
   Circle circle = start;
   CircleNormal normal;
   std::optional<Edge> edges[2];
-  for (int k = 0; k < Tuning::kMaxIterations; ++k) {
+  for (int k = 0; k < CircleFitTuning::kMaxIterations; ++k) {
     normal = {};
     add_beams(normal, sweep, run, circle, noise);
     edges[0] = edge_of(sweep, run.first, -1, circle, noise);
@@ -393,10 +392,10 @@ std::optional<CircleFit> fit_circle(const Sweep& sweep, const Run& run, const Ci
       return std::nullopt;
     }
     const double moved = move(circle, *step);
-    if (!(circle.radius > Tuning::kMinRadius) || circle.centre.norm() <= circle.radius) {
+    if (!(circle.radius > CircleFitTuning::kMinRadius) || circle.centre.norm() <= circle.radius) {
       return std::nullopt;  // the laser is not inside a cylinder
     }
-    if (moved < Tuning::kConvergedSigmas * noise.range) {
+    if (moved < CircleFitTuning::kConvergedSigmas * noise.range) {
       break;
     }
   }
@@ -426,10 +425,10 @@ std::optional<CircleFit> fit_few(const Sweep& sweep, const Run& run, double radi
   Matrix<2, 2> squares = Matrix<2, 2>::Zero();
   double total = 0.0;
   double misfit = std::numeric_limits<double>::infinity();
-  for (int k = 0; k < Tuning::kBearings; ++k) {
-    const double off = may.width * ((k + 0.5) / Tuning::kBearings - 0.5);
+  for (int k = 0; k < CircleFitTuning::kBearings; ++k) {
+    const double off = may.width * ((k + 0.5) / CircleFitTuning::kBearings - 0.5);
     const Vector<2> found = range_and_misfit(sweep, run, guess, may.middle + off, noise);
-    const double weight = std::exp(-0.5 * std::min(found.y(), Tuning::kMaxMisfit));
+    const double weight = std::exp(-0.5 * std::min(found.y(), CircleFitTuning::kMaxMisfit));
     const Vector<2> at(found.x() - middle.x(), off);
     misfit = std::min(misfit, found.y());
     total += weight;
@@ -439,8 +438,9 @@ std::optional<CircleFit> fit_few(const Sweep& sweep, const Run& run, double radi
   mean /= total;
   Matrix<2, 2> P = squares / total - mean * mean.transpose();
   P(0, 0) += noise.range * noise.range / run.beams();
-  P(1, 1) += noise.bearing * noise.bearing +
-             may.width * may.width / (12.0 * Tuning::kBearings * Tuning::kBearings);
+  P(1, 1) +=
+      noise.bearing * noise.bearing +
+      may.width * may.width / (12.0 * CircleFitTuning::kBearings * CircleFitTuning::kBearings);
   mean += middle;
   const Matrix<2, 2> axes = axes_at(sweep[run.first], mean.y());
   Matrix<2, 2> to_plane = axes;
@@ -457,7 +457,7 @@ std::optional<CircleFit> fit_few(const Sweep& sweep, const Run& run, double radi
 
 double line_misfit(const Sweep& sweep, const Run& run, const BeamNoise& noise) {
   Line line{};
-  for (int pass = 0; pass < Tuning::kLinePasses; ++pass) {
+  for (int pass = 0; pass < CircleFitTuning::kLinePasses; ++pass) {
     Moments moments;
     const Vector<2> origin = sweep[run.first].end();  // sums of squares stay small
     for (int j = run.first; j <= run.last; ++j) {
@@ -482,7 +482,7 @@ Corner best_corner(const Sweep& sweep, const Run& run, const BeamNoise& noise) {
   }
   Corner best{std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
   Moments before;
-  const int stride = 1 + run.beams() / Tuning::kCorners;
+  const int stride = 1 + run.beams() / CircleFitTuning::kCorners;
   for (int j = run.first; j < run.last; ++j) {
     if (!sweep[j].returned()) {
       continue;

@@ -23,8 +23,6 @@ struct ConstellationTuning {
   static constexpr double kMinDistanceShare = 0.5;
 };
 
-using Tuning = ConstellationTuning;
-
 /// Linearized measurement of one landmark: eq. (3) of
 /// docs/models/constellation.md.
 struct Row {
@@ -76,7 +74,7 @@ std::optional<ConstellationMatch> fit(const std::array<const SeenLandmark*, 2>& 
                                                       seen[1]->covariance.llt()};
   Pose2 pose = laid_over(*seen[0], *seen[1], known[0], known[1]);
   Matrix<3, 3> information;
-  for (int step = 0; step < Tuning::kSteps; ++step) {
+  for (int step = 0; step < ConstellationTuning::kSteps; ++step) {
     information.setZero();
     Vector<3> gradient = Vector<3>::Zero();
     for (std::size_t i = 0; i < 2; ++i) {
@@ -111,7 +109,7 @@ std::vector<ConstellationMatch> match_constellation(const SeenLandmark& a, const
   const double apart = between.norm();
   const double variance = between.dot((a.covariance + b.covariance) * between) / (apart * apart);
   std::vector<ConstellationMatch> matches;
-  if (!(apart > Tuning::kMinDistanceSigmas * std::sqrt(variance))) {
+  if (!(apart > ConstellationTuning::kMinDistanceSigmas * std::sqrt(variance))) {
     return matches;
   }
   for (const Landmark& of_a : map.landmarks()) {
@@ -123,8 +121,9 @@ std::vector<ConstellationMatch> match_constellation(const SeenLandmark& a, const
         continue;
       }
       const double known = (of_b.position - of_a.position).norm();
-      if ((known - apart) * (known - apart) > Tuning::kPairGateFactor * limit * variance ||
-          known < Tuning::kMinDistanceShare * apart) {
+      if ((known - apart) * (known - apart) >
+              ConstellationTuning::kPairGateFactor * limit * variance ||
+          known < ConstellationTuning::kMinDistanceShare * apart) {
         continue;
       }
       if (const auto match = fit({&a, &b}, {of_a.position, of_b.position}, limit)) {

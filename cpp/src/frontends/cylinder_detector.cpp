@@ -87,8 +87,6 @@ struct CylinderDetectorTuning {
   static constexpr double kThroughBearingSigmas = 2.0;
 };
 
-using Tuning = CylinderDetectorTuning;
-
 [[noreturn]] void refuse(const char* what, double value, const std::string& expected) {
   internal::refuse(std::string("CylinderDetectorConfig.") + what, value, expected);
 }
@@ -122,7 +120,7 @@ CylinderDetectorConfig checked(const CylinderDetectorConfig& config) {
 }
 
 Jump jump_of(const CylinderDetectorConfig& config) {
-  return {Tuning::kJumpSigmas * config.sigma_range_m, config.jump_gaps};
+  return {CylinderDetectorTuning::kJumpSigmas * config.sigma_range_m, config.jump_gaps};
 }
 
 /// Half the angle that a circle fills, seen from the laser.
@@ -236,7 +234,7 @@ void Search::cut(const Run& whole, int& begin) {
       begin = run.first + 1;
     }
     const Farthest farthest = farthest_of(run);
-    if (std::abs(farthest.behind) >= Tuning::kChordSigmas * noise_.range) {
+    if (std::abs(farthest.behind) >= CylinderDetectorTuning::kChordSigmas * noise_.range) {
       left.push_back({{farthest.at, run.last}, farthest.behind > 0.0});
       left.push_back({{run.first, farthest.at}, false});
     }
@@ -259,7 +257,7 @@ Search::Farthest Search::farthest_of(const Run& run) const {
 void Search::consider(Run run) {
   run.first = std::max(run.first, begin_);
   run.last = std::min(run.last, end_ - 1);
-  if (run.beams() < std::min(config_.least_beams, Tuning::kMaxSparseBeams)) {
+  if (run.beams() < std::min(config_.least_beams, CylinderDetectorTuning::kMaxSparseBeams)) {
     return;
   }
   const std::optional<CircleFit> fit = fit_grown(run);
@@ -289,12 +287,12 @@ void Search::add(const Cylinder& cylinder) {
 std::optional<CircleFit> Search::fit_grown(Run& run) const {
   std::optional<Circle> from = start(run);
   std::optional<CircleFit> found = from ? fit(run, *from) : std::nullopt;
-  for (int k = 0; k < Tuning::kMaxRounds && found; ++k) {
+  for (int k = 0; k < CylinderDetectorTuning::kMaxRounds && found; ++k) {
     const Circle circle = found->circle;
     if (!trim(run, circle) && !grow(run, circle)) {
       break;
     }
-    found = returns(run) < std::min(config_.least_beams, Tuning::kMaxSparseBeams)
+    found = returns(run) < std::min(config_.least_beams, CylinderDetectorTuning::kMaxSparseBeams)
                 ? std::nullopt
                 : fit(run, circle);
   }
@@ -302,8 +300,9 @@ std::optional<CircleFit> Search::fit_grown(Run& run) const {
 }
 
 std::optional<CircleFit> Search::fit(const Run& run, const Circle& from) const {
-  if (radius_known_ && (run.beams() <= Tuning::kMaxSparseBeams ||
-                        half_angle(from) < Tuning::kSparseHalfWidth * sweep_.step)) {
+  if (radius_known_ &&
+      (run.beams() <= CylinderDetectorTuning::kMaxSparseBeams ||
+       half_angle(from) < CylinderDetectorTuning::kSparseHalfWidth * sweep_.step)) {
     return fit_few(sweep_, run, config_.radius_m, noise_);
   }
   return fit_circle(sweep_, run, from, radius_known_, noise_);
@@ -316,15 +315,16 @@ bool Search::may_be_one(const Run& run) const {
   const Vector<2> a = sweep_[run.first].end();
   const Vector<2> chord = sweep_[run.last].end() - a;
   const double half = 0.5 * chord.norm();
-  const double slack = Tuning::kChordSigmas * noise_.range +
-                       Tuning::kChordGaps * sweep_.step * sweep_[run.first].range;
+  const double slack = CylinderDetectorTuning::kChordSigmas * noise_.range +
+                       CylinderDetectorTuning::kChordGaps * sweep_.step * sweep_[run.first].range;
   if (half > R + slack) {
     return false;
   }
   const double height = R - std::sqrt(std::max(R * R - half * half, 0.0));
   const Vector<2> middle = sweep_[(run.first + run.last) / 2].end() - a;
-  return run.beams() <= Tuning::kMaxSparseBeams ||
-         cross(chord, middle) / (2.0 * half) > Tuning::kMinHeightShare * height - slack;
+  return run.beams() <= CylinderDetectorTuning::kMaxSparseBeams ||
+         cross(chord, middle) / (2.0 * half) >
+             CylinderDetectorTuning::kMinHeightShare * height - slack;
 }
 
 std::optional<Circle> Search::start(const Run& run) const {
@@ -333,17 +333,17 @@ std::optional<Circle> Search::start(const Run& run) const {
                            : std::nullopt;
   }
   const Ray& middle = sweep_[(run.first + run.last) / 2];
-  if (run.beams() > Tuning::kMaxSparseBeams) {
+  if (run.beams() > CylinderDetectorTuning::kMaxSparseBeams) {
     std::optional<Circle> circle = algebraic_circle(sweep_, run);
     const bool bulges = circle && middle.returned() && !passes(middle, *circle, 0.0);
-    if (bulges && circle->radius < Tuning::kMaxStartRadii * config_.radius_max_m) {
+    if (bulges && circle->radius < CylinderDetectorTuning::kMaxStartRadii * config_.radius_max_m) {
       return circle;
     }
     if (config_.least_evidence > 0.0) {
       return std::nullopt;  // flat or hollow
     }
   }
-  const double width = std::min(run.beams() * sweep_.step, Tuning::kMaxStartAngle);
+  const double width = std::min(run.beams() * sweep_.step, CylinderDetectorTuning::kMaxStartAngle);
   const double range = sweep_[run.first].range;
   return circle_behind(sweep_, run, range * std::sin(0.5 * width));
 }
@@ -353,12 +353,12 @@ bool Search::trim(Run& run, const Circle& circle) const {
     const internal::Offset offset = offset_of(sweep_[j], circle, noise_);
     return offset.distance * offset.distance / offset.variance;
   };
-  if (run.beams() <= Tuning::kMaxSparseBeams) {
+  if (run.beams() <= CylinderDetectorTuning::kMaxSparseBeams) {
     return false;
   }
   const double first = worst(run.first);
   const double last = worst(run.last);
-  if (std::max(first, last) <= Tuning::kBeamGate) {
+  if (std::max(first, last) <= CylinderDetectorTuning::kBeamGate) {
     return false;
   }
   int& end = first > last ? run.first : run.last;
@@ -376,14 +376,16 @@ bool Search::grow(Run& run, const Circle& circle) const {
 
 bool Search::grow(int& end, int side, const Circle& circle) const {
   const int from = end;
-  for (int j = end + side; std::abs(j - end) <= Tuning::kMaxGapBeams + 1; j += side) {
+  for (int j = end + side; std::abs(j - end) <= CylinderDetectorTuning::kMaxGapBeams + 1;
+       j += side) {
     if (!sweep_.has(j) || j < begin_ || j >= end_ ||
-        std::abs(cross(sweep_[j].along, circle.centre)) > Tuning::kGrowRadii * circle.radius) {
+        std::abs(cross(sweep_[j].along, circle.centre)) >
+            CylinderDetectorTuning::kGrowRadii * circle.radius) {
       break;
     }
     if (sweep_[j].returned()) {
       const internal::Offset offset = offset_of(sweep_[j], circle, noise_);
-      if (offset.distance * offset.distance > Tuning::kBeamGate * offset.variance) {
+      if (offset.distance * offset.distance > CylinderDetectorTuning::kBeamGate * offset.variance) {
         break;
       }
       end = j;
@@ -414,23 +416,24 @@ bool Search::passes_gate(const CircleFit& fit) const {
   if (fit.dof == 0) {
     return true;
   }
-  const int known = std::min(fit.dof, Tuning::kGates - 1);
+  const int known = std::min(fit.dof, CylinderDetectorTuning::kGates - 1);
   return fit.misfit <= gates_[static_cast<std::size_t>(known)] * fit.dof / known;
 }
 
 /// Whether a straight wall, or two that meet, fit clearly worse.
 bool Search::stands_out(const Run& run, const CircleFit& fit) const {
-  if (run.beams() <= Tuning::kMaxSparseBeams) {
+  if (run.beams() <= CylinderDetectorTuning::kMaxSparseBeams) {
     return is_alone(run, fit);
   }
   const internal::Corner corner = best_corner(sweep_, run, noise_);
   if (corner.right < fit.misfit + config_.least_corner_evidence ||
-      corner.any < fit.misfit - Tuning::kAnyCornerMargin) {
+      corner.any < fit.misfit - CylinderDetectorTuning::kAnyCornerMargin) {
     return false;
   }
   const double evidence = line_misfit(sweep_, run, noise_) - fit.misfit;
-  return evidence >= std::max(config_.least_evidence, Tuning::kMinShapeEvidence) ||
-         (evidence > Tuning::kAloneShare * expected_evidence(run, fit) - Tuning::kAloneSlack &&
+  return evidence >= std::max(config_.least_evidence, CylinderDetectorTuning::kMinShapeEvidence) ||
+         (evidence > CylinderDetectorTuning::kAloneShare * expected_evidence(run, fit) -
+                         CylinderDetectorTuning::kAloneSlack &&
           is_alone(run, fit));
 }
 
@@ -438,7 +441,8 @@ bool Search::stands_out(const Run& run, const CircleFit& fit) const {
 bool Search::is_as_wide(const Run& run, const CircleFit& fit) const {
   const double width = 2.0 * half_angle(fit.circle) / sweep_.step;
   const double blur =
-      2.0 * noise_.bearing / sweep_.step + (only_bright_ ? Tuning::kBrightBlur : Tuning::kBlur);
+      2.0 * noise_.bearing / sweep_.step +
+      (only_bright_ ? CylinderDetectorTuning::kBrightBlur : CylinderDetectorTuning::kBlur);
   return !radius_known_ || (run.beams() - 1 <= width + blur && run.beams() + 1 >= width - blur);
 }
 
@@ -461,14 +465,17 @@ double Search::expected_evidence(const Run& run, const CircleFit& fit) const {
 bool Search::seen_through(int end, int side, const Circle& circle) const {
   const double reach = half_angle(circle) / sweep_.step;
   const double slack =
-      circle.centre.norm() * (0.5 * sweep_.step + Tuning::kThroughBearingSigmas * noise_.bearing) +
-      Tuning::kThroughSigmas * noise_.range;
+      circle.centre.norm() *
+          (0.5 * sweep_.step + CylinderDetectorTuning::kThroughBearingSigmas * noise_.bearing) +
+      CylinderDetectorTuning::kThroughSigmas * noise_.range;
   for (int k = 1; k <= 2.0 * reach && sweep_.has(end + side * k); ++k) {
     const Ray& ray = sweep_[end + side * k];
-    if (std::abs(cross(ray.along, circle.centre)) > Tuning::kThroughRadii * circle.radius - slack) {
+    if (std::abs(cross(ray.along, circle.centre)) >
+        CylinderDetectorTuning::kThroughRadii * circle.radius - slack) {
       return false;
     }
-    if (ray.returned() && passes(ray, circle, Tuning::kThroughSigmas * noise_.range)) {
+    if (ray.returned() &&
+        passes(ray, circle, CylinderDetectorTuning::kThroughSigmas * noise_.range)) {
       return true;
     }
   }
@@ -478,13 +485,14 @@ bool Search::seen_through(int end, int side, const Circle& circle) const {
 /// Whether a beam of the arc came back from behind its tangent point. Not tested for a given
 /// radius, which may be rough, and the tangent point with it.
 bool Search::ends_behind(const Run& run, const Circle& circle) const {
-  if (radius_known_ || run.beams() <= Tuning::kMaxSparseBeams) {
+  if (radius_known_ || run.beams() <= CylinderDetectorTuning::kMaxSparseBeams) {
     return false;
   }
   const double touches =
       std::sqrt(std::max(circle.centre.squaredNorm() - circle.radius * circle.radius, 0.0));
   for (int j = run.first; j <= run.last; ++j) {
-    if (sweep_[j].returned() && sweep_[j].range > touches + Tuning::kBehindSigmas * noise_.range) {
+    if (sweep_[j].returned() &&
+        sweep_[j].range > touches + CylinderDetectorTuning::kBehindSigmas * noise_.range) {
       return true;
     }
   }
@@ -565,7 +573,7 @@ void remove_legs(std::vector<Cylinder>& cylinders, std::vector<Vector<2>> thin,
 CylinderDetector::CylinderDetector(const CylinderDetectorConfig& config)
     : config_(checked(config)) {
   gates_.push_back(0.0);
-  for (int dof = 1; dof < Tuning::kGates; ++dof) {
+  for (int dof = 1; dof < CylinderDetectorTuning::kGates; ++dof) {
     gates_.push_back(chi_squared_quantile(dof, config_.misfit_probability));
   }
 }
@@ -576,9 +584,10 @@ std::vector<Cylinder> CylinderDetector::detect(const LaserScan& scan) const {
         "LaserScan.intensities is empty, expected one per beam as "
         "CylinderDetectorConfig.least_intensity is above 0");
   }
-  if (scan.ranges.size() > Tuning::kMaxBeams) {
+  if (scan.ranges.size() > CylinderDetectorTuning::kMaxBeams) {
     throw std::invalid_argument("LaserScan.ranges has " + std::to_string(scan.ranges.size()) +
-                                " beams, expected at most " + std::to_string(Tuning::kMaxBeams));
+                                " beams, expected at most " +
+                                std::to_string(CylinderDetectorTuning::kMaxBeams));
   }
   const Sweep sweep = sweep_of(scan, config_.least_intensity, jump_of(config_));
   std::vector<Vector<2>> thin;

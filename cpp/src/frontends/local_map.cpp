@@ -35,17 +35,15 @@ struct LocalMapTuning {
   static constexpr double kMaxCells = 400.0;
 };
 
-using Tuning = LocalMapTuning;
-
 void require_length(const char* what, double value, double max, const char* expected) {
-  if (!(value >= Tuning::kMinLength && value <= max)) {
+  if (!(value >= LocalMapTuning::kMinLength && value <= max)) {
     refuse(what, value, expected);
   }
 }
 
 LocalMapConfig checked(const LocalMapConfig& config) {
   require_length("LocalMapConfig.sigma_range_m", config.sigma_range_m, 10.0, "1e-6 to 10");
-  require_length("LocalMapConfig.max_distance_m", config.max_distance_m, Tuning::kMaxLength,
+  require_length("LocalMapConfig.max_distance_m", config.max_distance_m, LocalMapTuning::kMaxLength,
                  "1e-6 to 1e6");
   if (!(config.trimmed_share >= 0.0 && config.trimmed_share < 1.0)) {
     refuse("LocalMapConfig.trimmed_share", config.trimmed_share, "at least 0 and less than 1");
@@ -61,7 +59,7 @@ LocalMapConfig checked(const LocalMapConfig& config) {
 
 void require_pose(const char* what, const Pose2& pose) {
   for (const double value : {pose.x, pose.y, pose.heading}) {
-    if (!(std::abs(value) < Tuning::kMaxLength)) {
+    if (!(std::abs(value) < LocalMapTuning::kMaxLength)) {
       refuse(what, value, "numbers less than a million");
     }
   }
@@ -69,7 +67,7 @@ void require_pose(const char* what, const Pose2& pose) {
 
 std::vector<LinePoint> lines_of(const LaserScan& scan, double sigma) {
   std::vector<LinePoint> lines = internal::line_points(scan, sigma);
-  if (!(scan.geometry->range_max < Tuning::kMaxLength)) {
+  if (!(scan.geometry->range_max < LocalMapTuning::kMaxLength)) {
     refuse("range_max [m]", scan.geometry->range_max, "less than a million");
   }
   return lines;
@@ -94,7 +92,8 @@ std::shared_ptr<const OccupancyGrid> raster_of(const std::vector<LinePoint>& poi
     low = low.cwiseMin(point.end);
     high = high.cwiseMax(point.end);
   }
-  const double cell = std::max(Tuning::kMinCell, (high - low).maxCoeff() / Tuning::kMaxCells);
+  const double cell =
+      std::max(LocalMapTuning::kMinCell, (high - low).maxCoeff() / LocalMapTuning::kMaxCells);
   const Eigen::Vector2i size = ((high - low) / cell).array().floor().matrix().cast<int>();
   const int width = size.x() + 1;
   const int height = size.y() + 1;
@@ -132,9 +131,9 @@ std::optional<Pose2> searched(const std::vector<LinePoint>& points, const LaserS
 
 /// Whether the uncertainty of a guess exceeds the errors from which the fit converges.
 bool is_poor(const Matrix<3, 3>& covariance) {
-  const Vector<3> off = Tuning::kGuessSigmas * covariance.diagonal().cwiseSqrt();
-  return off.x() > Tuning::kCaptureDistance || off.y() > Tuning::kCaptureDistance ||
-         off.z() > Tuning::kCaptureTurn;
+  const Vector<3> off = LocalMapTuning::kGuessSigmas * covariance.diagonal().cwiseSqrt();
+  return off.x() > LocalMapTuning::kCaptureDistance || off.y() > LocalMapTuning::kCaptureDistance ||
+         off.z() > LocalMapTuning::kCaptureTurn;
 }
 
 }  // namespace

@@ -52,8 +52,6 @@ struct LocalMapFitTuning {
   static constexpr double kMaxStep = 1e3;
 };
 
-using Tuning = LocalMapFitTuning;
-
 /// End of a beam and its match.
 struct Pair {
   Vector<2> off;     // from the match to the end
@@ -93,7 +91,7 @@ struct MapNormal {
   }
 
   [[nodiscard]] Observed observed_part() const {
-    return observed(H, g, std::max(std::sqrt(lever / weight), Tuning::kMinTypicalRange));
+    return observed(H, g, std::max(std::sqrt(lever / weight), LocalMapFitTuning::kMinTypicalRange));
   }
 };
 
@@ -109,32 +107,32 @@ class Fitting {
 
   ScanMatch run() {
     const double sigma = config_.sigma_range_m;
-    double kernel = Tuning::kFirstKernelShare * config_.max_distance_m;
+    double kernel = LocalMapFitTuning::kFirstKernelShare * config_.max_distance_m;
     bool narrow = false;
     for (match_.iterations = 1; match_.iterations <= config_.max_iterations; ++match_.iterations) {
-      const bool subsample = kernel > Tuning::kSubsampledKernelSigmas * sigma &&
-                             beams_.size() >= Tuning::kMinSubsampledBeams;
-      pair_up(kernel, subsample ? Tuning::kSubsampleStride : 1);
+      const bool subsample = kernel > LocalMapFitTuning::kSubsampledKernelSigmas * sigma &&
+                             beams_.size() >= LocalMapFitTuning::kMinSubsampledBeams;
+      pair_up(kernel, subsample ? LocalMapFitTuning::kSubsampleStride : 1);
       const MapNormal normal = accumulate(kernel);
-      if (normal.matches < Tuning::kMinMatches) {
+      if (normal.matches < LocalMapFitTuning::kMinMatches) {
         return ended(ScanMatch::Reason::kTooFewMatches);
       }
-      const bool damped = match_.iterations > Tuning::kFullSteps;
-      const double moved = step(normal, damped ? Tuning::kDamping : 1.0);
-      if (narrow &&
-          moved <
-              (damped ? Tuning::kConvergedHalfStepSigmas : Tuning::kConvergedStepSigmas) * sigma) {
+      const bool damped = match_.iterations > LocalMapFitTuning::kFullSteps;
+      const double moved = step(normal, damped ? LocalMapFitTuning::kDamping : 1.0);
+      if (narrow && moved < (damped ? LocalMapFitTuning::kConvergedHalfStepSigmas
+                                    : LocalMapFitTuning::kConvergedStepSigmas) *
+                                sigma) {
         return finished();
       }
-      if (!(moved < Tuning::kMaxStep)) {
+      if (!(moved < LocalMapFitTuning::kMaxStep)) {
         return ended(ScanMatch::Reason::kNoConvergence);
       }
       narrow = narrow || kernel <= floor();
       if (narrow) {
         estimate_scale();
       }
-      if (narrow || moved < Tuning::kSettledKernelShare * kernel) {
-        kernel = std::max(Tuning::kKernelShrink * kernel, floor());
+      if (narrow || moved < LocalMapFitTuning::kSettledKernelShare * kernel) {
+        kernel = std::max(LocalMapFitTuning::kKernelShrink * kernel, floor());
       }
     }
     match_.iterations = config_.max_iterations;
@@ -144,7 +142,7 @@ class Fitting {
  private:
   /// Narrowest kernel: of an end point beside a line through as many ends [m].
   [[nodiscard]] double floor() const {
-    return Tuning::kMinKernelSigmas * scale_ * std::sqrt(2.0) * config_.sigma_range_m;
+    return LocalMapFitTuning::kMinKernelSigmas * scale_ * std::sqrt(2.0) * config_.sigma_range_m;
   }
 
   /// Matches the ends of the beams; searches again once the pose has moved.
@@ -158,7 +156,7 @@ class Fitting {
       places_.emplace_back(match_.pose.position() + turn * beams_[i].end);
     }
     if (found_.size() != places_.size() ||
-        moved_since_ > Tuning::kRematchSigmas * config_.sigma_range_m) {
+        moved_since_ > LocalMapFitTuning::kRematchSigmas * config_.sigma_range_m) {
       cloud_.nearest(places_, found_);
       moved_since_ = 0.0;
     }
@@ -174,10 +172,10 @@ class Fitting {
                  const Matrix<2, 2>& turn, double kernel) {
     const Vector<2> off = end - wall.foot;
     const double reach =
-        std::min(Tuning::kReachKernels * kernel + wall.gap, config_.max_distance_m);
+        std::min(LocalMapFitTuning::kReachKernels * kernel + wall.gap, config_.max_distance_m);
     const bool lines = wall.normal.squaredNorm() > 0.5 && beam.normal.squaredNorm() > 0.5;
     if (off.squaredNorm() > reach * reach ||
-        (lines && wall.normal.dot(turn * beam.normal) < Tuning::kMinNormalCosine)) {
+        (lines && wall.normal.dot(turn * beam.normal) < LocalMapFitTuning::kMinNormalCosine)) {
       return;
     }
     Pair pair{off, wall.normal, turn * beam.end,
@@ -201,7 +199,8 @@ class Fitting {
       squares_.push_back(pair.squared);
     }
     const double kept = (1.0 - config_.trimmed_share) * static_cast<double>(squares_.size());
-    const double inlier = Tuning::kInlierSigmas * Tuning::kInlierSigmas * scale_ * scale_;
+    const double inlier =
+        LocalMapFitTuning::kInlierSigmas * LocalMapFitTuning::kInlierSigmas * scale_ * scale_;
     const auto last = static_cast<std::size_t>(kept);
     if (last >= squares_.size()) {
       return std::numeric_limits<double>::infinity();
@@ -227,7 +226,8 @@ class Fitting {
   MapNormal accumulate_inliers() {
     MapNormal normal;
     for (const Pair& pair : pairs_) {
-      if (pair.squared <= Tuning::kInlierSigmas * Tuning::kInlierSigmas * scale_ * scale_) {
+      if (pair.squared <=
+          LocalMapFitTuning::kInlierSigmas * LocalMapFitTuning::kInlierSigmas * scale_ * scale_) {
         normal.add(pair, 1.0 / (scale_ * scale_ * pair.variance));
       }
     }
@@ -267,11 +267,11 @@ class Fitting {
   ScanMatch finished() {
     pair_up(floor(), 1);
     const MapNormal normal = accumulate_inliers();
-    if (normal.matches < Tuning::kMinMatches) {
+    if (normal.matches < LocalMapFitTuning::kMinMatches) {
       return ended(ScanMatch::Reason::kTooFewMatches);
     }
     const Observed observed = normal.observed_part();
-    if (!(step(normal, 1.0) < Tuning::kMaxStep)) {
+    if (!(step(normal, 1.0) < LocalMapFitTuning::kMaxStep)) {
       return ended(ScanMatch::Reason::kNoConvergence);
     }
     match_.information = observed.information;
@@ -290,8 +290,9 @@ class Fitting {
     double count = 0.0;
     for (const Pair& pair : pairs_) {
       const double e2 = pair.squared * pair.variance;
-      if (e2 <= Tuning::kExplainedDistance * Tuning::kExplainedDistance ||
-          pair.squared <= Tuning::kInlierSigmas * Tuning::kInlierSigmas * scale_ * scale_) {
+      if (e2 <= LocalMapFitTuning::kExplainedDistance * LocalMapFitTuning::kExplainedDistance ||
+          pair.squared <= LocalMapFitTuning::kInlierSigmas * LocalMapFitTuning::kInlierSigmas *
+                              scale_ * scale_) {
         sum += e2;
         count += 1.0;
       }

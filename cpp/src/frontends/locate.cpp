@@ -32,8 +32,6 @@ struct LocateTuning {
   static constexpr int kMinRedundancy = 2;
 };
 
-using Tuning = LocateTuning;
-
 std::string text_of(const Eigen::VectorXd& values) {
   std::string text = "(";
   for (Eigen::Index k = 0; k < values.size(); ++k) {
@@ -155,7 +153,7 @@ class Locator {
   }
 
   void try_start(const Vector<N>& start) {
-    minima_.add(fit(layout_, ranges_, start), Tuning::kResolution * layout_.largest_sigma);
+    minima_.add(fit(layout_, ranges_, start), LocateTuning::kResolution * layout_.largest_sigma);
   }
 
   void find_minima() {
@@ -209,10 +207,10 @@ class Locator {
           (ranges_[i] * ranges_[i] - layout_.squared_distance(Vector<N>::Zero(), i)) / layout_.size;
     }
     const double radius = std::sqrt(std::max(radius_squared, 0.0));
-    for (int k = 0; k < Tuning::kSamplesAround; ++k) {
-      const double angle = 2.0 * kPi * (k + 0.5) / Tuning::kSamplesAround;
+    for (int k = 0; k < LocateTuning::kSamplesAround; ++k) {
+      const double angle = 2.0 * kPi * (k + 0.5) / LocateTuning::kSamplesAround;
       for (int tilt = -1; tilt <= (N == 3 ? 1 : -1); ++tilt) {
-        const double along = N == 3 ? Tuning::kSampleTilt * tilt : 0.0;
+        const double along = N == 3 ? LocateTuning::kSampleTilt * tilt : 0.0;
         const double around = std::sqrt(1.0 - along * along);
         Vector<N> direction = Vector<N>::Zero();
         direction(0) = around * std::cos(angle);
@@ -252,7 +250,8 @@ class Locator {
       hypothesis.position = layout_.centre + found.position;
       hypothesis.cost = found.cost;
       hypothesis.weak_direction = eigen.eigenvectors().col(0);
-      const bool open = !(smallest > Tuning::kMinInformationShare * eigen.eigenvalues()(N - 1));
+      const bool open =
+          !(smallest > LocateTuning::kMinInformationShare * eigen.eigenvalues()(N - 1));
       hypothesis.weak_sigma = open ? kInfinity : 1.0 / std::sqrt(smallest);
       hypothesis.covariance = Matrix<N, N>(Vector<N>::Constant(kInfinity).asDiagonal());
       for (int k = 0; open && k < N * N; ++k) {
@@ -345,7 +344,7 @@ class Locator {
       const Eigen::SelfAdjointEigenSolver<Matrix<N, N>> eigen(covariance);
       const Vector<N> along = eigen.eigenvectors().transpose() * comparison.difference;
       for (int k = N - dof; k < N; ++k) {
-        if (eigen.eigenvalues()(k) > Tuning::kMinVarianceShare * eigen.eigenvalues()(N - 1)) {
+        if (eigen.eigenvalues()(k) > LocateTuning::kMinVarianceShare * eigen.eigenvalues()(N - 1)) {
           comparison.statistic += along(k) * along(k) / eigen.eigenvalues()(k);
           ++comparison.dof;
         }
@@ -357,7 +356,7 @@ class Locator {
 
   /// Finds the culprit by removing each range in turn.
   void find_culprit() {
-    if (layout_.size - N < Tuning::kMinRedundancy) {
+    if (layout_.size - N < LocateTuning::kMinRedundancy) {
       return;
     }
     RangeCulprit culprit;

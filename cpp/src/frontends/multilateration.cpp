@@ -31,8 +31,6 @@ struct MultilaterationTuning {
   static constexpr double kMaxRise = 2.0;
 };
 
-using Tuning = MultilaterationTuning;
-
 template <int N>
 double largest_of(const RangeLayout<N>& layout, const RangesView& ranges) {
   double largest = 0.0;
@@ -113,8 +111,8 @@ double checked_alarm(double false_alarm_probability) {
 
 template <int N>
 double strong_below(const RangeLayout<N>& layout, double side_margin) {
-  const double reach =
-      2.0 * Tuning::kSecondPositionShare * std::sqrt(layout.spread(0)) / layout.largest_sigma;
+  const double reach = 2.0 * MultilaterationTuning::kSecondPositionShare *
+                       std::sqrt(layout.spread(0)) / layout.largest_sigma;
   if (!(reach * reach > side_margin)) {
     return -1.0;
   }
@@ -126,7 +124,7 @@ template <int N>
 bool leaves_open(const Matrix<N, N>& information, double reach) {
   const double trace = information.trace();
   const double min_information =
-      std::max(1.0 / (reach * reach), Tuning::kMinInformationShare * trace);
+      std::max(1.0 / (reach * reach), MultilaterationTuning::kMinInformationShare * trace);
   // det / (trace / (N - 1))^(N - 1) is a lower bound of the smallest eigenvalue.
   if constexpr (N == 2) {
     if (information.determinant() > min_information * trace) {
@@ -145,7 +143,7 @@ template <int N>
 RangeMinima<N> find_minima(const RangeLayout<N>& layout, const RangesView& ranges,
                            const RangeLoss& loss, double strong) {
   RangeMinima<N> minima;
-  const double resolution = Tuning::kResolution * layout.largest_sigma;
+  const double resolution = MultilaterationTuning::kResolution * layout.largest_sigma;
   const SquaredRangePosition<N> start = solve_squared_ranges<N>(layout, ranges);
   for (int j = 0; j < start.count; ++j) {
     minima.add(fit_ranges<N>(layout, ranges, start.position[static_cast<std::size_t>(j)], loss),
@@ -174,16 +172,17 @@ template <int N>
 bool defies_first_order(const RangeFit<N>& fit, const RangeLayout<N>& layout,
                         const RangesView& ranges, const RangeLoss& loss) {
   const Eigen::SelfAdjointEigenSolver<Matrix<N, N>> eigen(fit.information);
-  const Vector<N> reach =
-      Tuning::kTestSigmas / std::sqrt(eigen.eigenvalues()(0)) * eigen.eigenvectors().col(0);
+  const Vector<N> reach = MultilaterationTuning::kTestSigmas / std::sqrt(eigen.eigenvalues()(0)) *
+                          eigen.eigenvectors().col(0);
   for (const double side : {-1.0, 1.0}) {
     double cost = 0.0;
     for (int i = 0; i < layout.size; ++i) {
       const double h = std::sqrt(layout.squared_distance(fit.position + side * reach, i));
       cost += loss.cost((ranges[i] - h) / layout.sigma[static_cast<std::size_t>(i)]);
     }
-    const double share = (cost - fit.cost) / (Tuning::kTestSigmas * Tuning::kTestSigmas);
-    if (!(share > Tuning::kMinRise && share < Tuning::kMaxRise)) {
+    const double share = (cost - fit.cost) /
+                         (MultilaterationTuning::kTestSigmas * MultilaterationTuning::kTestSigmas);
+    if (!(share > MultilaterationTuning::kMinRise && share < MultilaterationTuning::kMaxRise)) {
       return true;
     }
   }

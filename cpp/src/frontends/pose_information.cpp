@@ -30,8 +30,6 @@ struct PoseInformationTuning {
   static constexpr double kMaxInformation = 1e200;
 };
 
-using Tuning = PoseInformationTuning;
-
 /// Smallest solution of A x = b where A may leave directions open, at which b is zero.
 Vector<3> solve(const Matrix<3, 3>& A, const Vector<3>& b, bool open) {
   if (!open) {
@@ -41,7 +39,9 @@ Vector<3> solve(const Matrix<3, 3>& A, const Vector<3>& b, bool open) {
   Vector<3> x = eigen.eigenvectors().transpose() * b;
   for (int i = 0; i < 3; ++i) {
     const double lambda = eigen.eigenvalues()(i);
-    x(i) = lambda > Tuning::kMinEigenvalueShare * eigen.eigenvalues()(2) ? x(i) / lambda : 0.0;
+    x(i) = lambda > PoseInformationTuning::kMinEigenvalueShare * eigen.eigenvalues()(2)
+               ? x(i) / lambda
+               : 0.0;
   }
   return eigen.eigenvectors() * x;
 }
@@ -54,11 +54,12 @@ Observed observed(const Matrix<3, 3>& information, const Vector<3>& gradient, do
       left.per_scale.asDiagonal() * information * left.per_scale.asDiagonal();
   // The product of the larger two eigenvalues is at most a quarter of the squared trace.
   const double trace = scaled.trace();
-  if (4.0 * scaled.determinant() > Tuning::kWeakShare * trace * trace * trace) {
+  if (4.0 * scaled.determinant() > PoseInformationTuning::kWeakShare * trace * trace * trace) {
     return left;
   }
   const Solver3 eigen(scaled);
-  for (int i = 0; i < 2 && eigen.eigenvalues()(i) < Tuning::kWeakShare * eigen.eigenvalues()(2);
+  for (int i = 0;
+       i < 2 && eigen.eigenvalues()(i) < PoseInformationTuning::kWeakShare * eigen.eigenvalues()(2);
        ++i) {
     const Vector<3> v = eigen.eigenvectors().col(i);
     const Vector<3> row = v.cwiseQuotient(left.per_scale);
@@ -81,12 +82,13 @@ Vector<3> newton_step(const Observed& scan, const Prior& prior, const Pose2& pos
 
 std::optional<Matrix<3, 3>> covariance_of(const Matrix<3, 3>& information) {
   const double place = 1.0 / std::sqrt(std::max(information(0, 0) + information(1, 1),
-                                                Tuning::kMinScaleInformation));
-  const double turn = 1.0 / std::sqrt(std::max(information(2, 2), Tuning::kMinScaleInformation));
+                                                PoseInformationTuning::kMinScaleInformation));
+  const double turn =
+      1.0 / std::sqrt(std::max(information(2, 2), PoseInformationTuning::kMinScaleInformation));
   const Vector<3> scale(place, place, turn);
   const Matrix<3, 3> unit = scale.asDiagonal() * information * scale.asDiagonal();
   const Solver3 eigen(unit);
-  if (eigen.eigenvalues()(0) <= Tuning::kMinEigenvalueShare) {
+  if (eigen.eigenvalues()(0) <= PoseInformationTuning::kMinEigenvalueShare) {
     return {};
   }
   const Vector<3> inverse = eigen.eigenvalues().cwiseInverse();
@@ -108,7 +110,8 @@ void require_covariance(const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
   }
   const Eigen::MatrixXd information =
       factor.solve(Eigen::MatrixXd::Identity(covariance.rows(), covariance.cols()));
-  if (!information.allFinite() || information.cwiseAbs().maxCoeff() > Tuning::kMaxInformation) {
+  if (!information.allFinite() ||
+      information.cwiseAbs().maxCoeff() > PoseInformationTuning::kMaxInformation) {
     refuse("is too small for its inverse to be finite");
   }
 }

@@ -37,8 +37,6 @@ struct RangeFitTuning {
   static constexpr double kCauchyScale = 2.385;
 };
 
-using Tuning = RangeFitTuning;
-
 /// Loss of z with rho' and rho'' as functions of z^2, eq. (15) of docs/models/multilateration.md.
 struct LossValue {
   double rho;
@@ -98,7 +96,7 @@ Expansion<N> expand(const RangeLayout<N>& layout, const RangesView& ranges, doub
     const auto slot = static_cast<std::size_t>(i);
     const Vector<N> d = x - layout.offset(i);
     const double h = std::sqrt(d.squaredNorm() + layout.height_squared[slot]);
-    const double inverse = h > Tuning::kMinDistance ? 1.0 / h : 0.0;
+    const double inverse = h > RangeFitTuning::kMinDistance ? 1.0 / h : 0.0;
     const Vector<N> u = inverse * d;
     const double error = h - ranges[i];
     double weight = layout.information[slot];
@@ -140,7 +138,7 @@ Expansion<N> expand(const RangeLayout<N>& layout, const RangesView& ranges, doub
 /// Solves A x = b; false unless the symmetric A is clearly positive definite.
 bool solve_positive(const Matrix<2, 2>& A, const Vector<2>& b, Vector<2>& x) {
   const double determinant = A(0, 0) * A(1, 1) - A(1, 0) * A(1, 0);
-  if (!(A(0, 0) > 0.0 && determinant > Tuning::kMinPivot * A(0, 0) * A(1, 1))) {
+  if (!(A(0, 0) > 0.0 && determinant > RangeFitTuning::kMinPivot * A(0, 0) * A(1, 1))) {
     return false;
   }
   const double inverse = 1.0 / determinant;
@@ -155,7 +153,8 @@ bool solve_positive(const Matrix<3, 3>& A, const Vector<3>& b, Vector<3>& x) {
   const double c21 = A(2, 1) - l20 * A(1, 0);
   const double l21 = c21 / d1;
   const double d2 = A(2, 2) - l20 * A(2, 0) - l21 * c21;
-  if (!(A(0, 0) > 0.0 && d1 > Tuning::kMinPivot * A(1, 1) && d2 > Tuning::kMinPivot * A(2, 2))) {
+  if (!(A(0, 0) > 0.0 && d1 > RangeFitTuning::kMinPivot * A(1, 1) &&
+        d2 > RangeFitTuning::kMinPivot * A(2, 2))) {
     return false;
   }
   const double y1 = b(1) - l10 * b(0);
@@ -172,7 +171,7 @@ bool step_of(const Expansion<N>& at, double damping, Vector<N>& step) {
   if (damping == 0.0 && solve_positive(at.hessian, Vector<N>(-at.gradient), step)) {
     return true;
   }
-  const double ridge = std::max(damping, Tuning::kMinRidge) * at.gauss_newton.trace();
+  const double ridge = std::max(damping, RangeFitTuning::kMinRidge) * at.gauss_newton.trace();
   const Matrix<N, N> damped = at.gauss_newton + ridge * Matrix<N, N>::Identity();
   (void)solve_positive(damped, Vector<N>(-at.gradient), step);
   return false;
@@ -185,28 +184,30 @@ RangeFit<N> descend(const RangeLayout<N>& layout, const RangesView& ranges, cons
   fit.position = start;
   Expansion<N> at = expand<N, kKind>(layout, ranges, scale, prior, start);
   double damping = 0.0;
-  while (fit.iterations < Tuning::kMaxIterations && !fit.converged) {
+  while (fit.iterations < RangeFitTuning::kMaxIterations && !fit.converged) {
     ++fit.iterations;
     Vector<N> step = Vector<N>::Zero();
     const bool newton = step_of<N>(at, damping, step);
     const double gain = -at.gradient.dot(step);
     const Vector<N> next = fit.position + step;
-    if (gain <= std::max(Tuning::kConvergedDecrease, Tuning::kConvergedShare * at.cost)) {
+    if (gain <=
+        std::max(RangeFitTuning::kConvergedDecrease, RangeFitTuning::kConvergedShare * at.cost)) {
       fit.position = next;
-      fit.converged = newton || damping <= Tuning::kFirstDamping;
+      fit.converged = newton || damping <= RangeFitTuning::kFirstDamping;
       Vector<N> unused;
       fit.saddle = !newton && !solve_positive(at.hessian, at.gradient, unused);
       at.cost = std::max(at.cost - gain, 0.0);
-      damping *= Tuning::kDampingDecay;
+      damping *= RangeFitTuning::kDampingDecay;
       continue;
     }
     const Expansion<N> there = expand<N, kKind>(layout, ranges, scale, prior, next);
     if (there.cost <= at.cost) {
       fit.position = next;
       at = there;
-      damping = damping <= Tuning::kNoDamping ? 0.0 : Tuning::kDampingDecay * damping;
+      damping =
+          damping <= RangeFitTuning::kNoDamping ? 0.0 : RangeFitTuning::kDampingDecay * damping;
     } else {
-      damping = std::max(Tuning::kFirstDamping, Tuning::kDampingGrowth * damping);
+      damping = std::max(RangeFitTuning::kFirstDamping, RangeFitTuning::kDampingGrowth * damping);
     }
   }
   fit.cost = at.cost;
@@ -220,7 +221,7 @@ RangeFit<N> descend_graduated(const RangeLayout<N>& layout, const RangesView& ra
   RangeFit<N> fit;
   fit.position = start;
   int iterations = 0;
-  for (const double widening : Tuning::kWidenings) {
+  for (const double widening : RangeFitTuning::kWidenings) {
     fit = descend<N, kKind>(layout, ranges, fit.position, widening * scale, prior);
     iterations += fit.iterations;
   }
@@ -241,7 +242,7 @@ double RangeLoss::effective_scale() const {
   if (scale > 0.0) {
     return scale;
   }
-  return kind == RangeLossKind::kHuber ? Tuning::kHuberScale : Tuning::kCauchyScale;
+  return kind == RangeLossKind::kHuber ? RangeFitTuning::kHuberScale : RangeFitTuning::kCauchyScale;
 }
 
 double RangeLoss::weight(double z) const { return loss_of(*this, z).slope; }
@@ -270,14 +271,14 @@ template <int N>
 bool range_fit_gain(const RangeLayout<N>& layout, const RangeFit<N>& fit, RangeGain<N>& gain) {
   gain.resize(N, layout.size);
   const Eigen::LDLT<Matrix<N, N>> factor(fit.information);
-  if (!factor.isPositive() || !(factor.rcond() > Tuning::kMinPivot)) {
+  if (!factor.isPositive() || !(factor.rcond() > RangeFitTuning::kMinPivot)) {
     return false;
   }
   for (int i = 0; i < layout.size; ++i) {
     const auto slot = static_cast<std::size_t>(i);
     const Vector<N> d = fit.position - layout.offset(i);
     const double h = std::sqrt(d.squaredNorm() + layout.height_squared[slot]);
-    gain.col(i) = (h > Tuning::kMinDistance ? layout.information[slot] / h : 0.0) * d;
+    gain.col(i) = (h > RangeFitTuning::kMinDistance ? layout.information[slot] / h : 0.0) * d;
   }
   gain = factor.solve(gain).eval();
   return true;

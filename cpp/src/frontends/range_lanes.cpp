@@ -28,8 +28,6 @@ struct RangeLanesTuning {
   static constexpr int kCapacity = 64;
 };
 
-using Tuning = RangeLanesTuning;
-
 using Lanes = double __attribute__((vector_size(kLanes * sizeof(double))));
 
 inline void square_root(const Lanes& x, Lanes& root) {
@@ -124,7 +122,7 @@ inline void start(const LaneLayout& layout, const Lanes* range, Lanes (&x)[3], L
   const Lanes level = sum / static_cast<double>(layout.size);
   Lanes alpha = {};
   Lanes y[3] = {};
-  for (int step = 0; step <= Tuning::kSecularSteps; ++step) {
+  for (int step = 0; step <= RangeLanesTuning::kSecularSteps; ++step) {
     Lanes gap = -level - slope * alpha;
     Lanes fall = {};
     for (int k = 0; k < N; ++k) {
@@ -208,7 +206,7 @@ inline void newton(const LaneLayout& layout, const Lanes* range, Lanes (&x)[3],
 
 template <int N>
 void solve(const LaneLayout& layout, const double* ranges, LaneResult& result) {
-  Lanes range[Tuning::kCapacity];
+  Lanes range[RangeLanesTuning::kCapacity];
   Lanes shortest = Lanes{} + 1.0;
   for (int i = 0; i < layout.size; ++i) {
     for (int l = 0; l < kLanes; ++l) {
@@ -223,7 +221,7 @@ void solve(const LaneLayout& layout, const double* ranges, LaneResult& result) {
   Lanes cost;
   Lanes decrease;
   Lanes positive;
-  for (int step = 0; step < Tuning::kNewtonSteps; ++step) {
+  for (int step = 0; step < RangeLanesTuning::kNewtonSteps; ++step) {
     newton<N>(layout, range, x, jacobian, cost, decrease, positive);
   }
   Lanes covariance[6] = {};
@@ -232,8 +230,8 @@ void solve(const LaneLayout& layout, const double* ranges, LaneResult& result) {
   for (int l = 0; l < kLanes; ++l) {
     // False where a number is NaN, too.
     result.solved[l] = shortest[l] > 0.0 && inside[l] > 0.0 && positive[l] > 0.0 &&
-                       decrease[l] >= 0.0 && decrease[l] <= Tuning::kConvergedDecrease &&
-                       cost[l] < layout.strong_below && pivot[l] > Tuning::kMinPivot;
+                       decrease[l] >= 0.0 && decrease[l] <= RangeLanesTuning::kConvergedDecrease &&
+                       cost[l] < layout.strong_below && pivot[l] > RangeLanesTuning::kMinPivot;
     result.cost[l] = cost[l] > decrease[l] ? cost[l] - decrease[l] : 0.0;
     for (int k = 0; k < N; ++k) {
       result.position[k][l] = x[k][l];

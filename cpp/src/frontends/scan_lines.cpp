@@ -34,8 +34,6 @@ struct ScanLinesTuning {
   static constexpr double kMinAcrossShare = 0.25;
 };
 
-using Tuning = ScanLinesTuning;
-
 /// Ends of beams in the order of the scan.
 class Ends {
  public:
@@ -49,7 +47,8 @@ class Ends {
     const Vector<2> end = at(i);
     LinePoint point{
         end, end, Vector<2>::Zero(), sigma_ * sigma_, beams_.range[i] * beams_.step, nearer_gap(i)};
-    const double limit = Tuning::kGapGrowth * point.gap + Tuning::kGapSigmas * sigma_;
+    const double limit =
+        ScanLinesTuning::kGapGrowth * point.gap + ScanLinesTuning::kGapSigmas * sigma_;
     Vector<2> mean = Vector<2>::Zero();
     Matrix<2, 2> scatter = Matrix<2, 2>::Zero();
     const auto add = [&](std::size_t j) {
@@ -85,9 +84,9 @@ class Ends {
   /// Whether the end of beam j belongs to a line through that of beam i.
   [[nodiscard]] bool near(std::size_t i, std::size_t j) const {
     const std::size_t apart = i < j ? j - i : i - j;
-    return apart <= Tuning::kMinReachBeams ||
-           (apart <= Tuning::kMaxReachBeams &&
-            (at(j) - at(i)).norm() < Tuning::kReachSigmas * sigma_);
+    return apart <= ScanLinesTuning::kMinReachBeams ||
+           (apart <= ScanLinesTuning::kMaxReachBeams &&
+            (at(j) - at(i)).norm() < ScanLinesTuning::kReachSigmas * sigma_);
   }
 
   /// Fits the line through `mean` (relative to the end) along the largest spread, if there is one.
@@ -97,9 +96,10 @@ class Ends {
     const double spread = std::hypot(half, scatter(0, 1));
     const double along = 0.5 * scatter.trace() + spread;
     const double across = 0.5 * scatter.trace() - spread;
-    const double noise = Tuning::kFlatSigmas * Tuning::kFlatSigmas * sigma_ * sigma_;
-    if (across >
-        std::min(std::max(noise, Tuning::kFlatShare * along), Tuning::kMaxFlatness * along)) {
+    const double noise =
+        ScanLinesTuning::kFlatSigmas * ScanLinesTuning::kFlatSigmas * sigma_ * sigma_;
+    if (across > std::min(std::max(noise, ScanLinesTuning::kFlatShare * along),
+                          ScanLinesTuning::kMaxFlatness * along)) {
       return;
     }
     const double direction = 0.5 * std::atan2(scatter(0, 1), half);
@@ -109,7 +109,7 @@ class Ends {
     point.foot += normal * normal.dot(mean);
     point.normal = into > 0.0 ? Vector<2>(-normal) : normal;
     point.variance = across > noise ? across * count / (count - 2.0)
-                                    : point.variance * std::max(Tuning::kMinAcrossShare,
+                                    : point.variance * std::max(ScanLinesTuning::kMinAcrossShare,
                                                                 into * into / beam.squaredNorm());
   }
 

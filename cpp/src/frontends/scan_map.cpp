@@ -67,8 +67,6 @@ struct WallLineTuning {
   static constexpr double kMaxPoleSpread = 0.8;
 };
 
-using Tuning = WallLineTuning;
-
 /// Direction from a cell to the free space around it; near zero in a wall that is free on both
 /// sides.
 Vector<2> to_free(const OccupancyGrid& grid, int column, int row) {
@@ -90,8 +88,9 @@ class LineFit {
     for (int i = 0; i < surface.targets(); ++i) {
       facing_.push_back(to_free(surface.grid(), cell(i).x(), cell(i).y()));
     }
-    for (int k = 0; k <= 2 * Tuning::kReach * Tuning::kReach; ++k) {
-      weights_.push_back(std::exp(-0.5 * k / (Tuning::kWeightSigma * Tuning::kWeightSigma)));
+    for (int k = 0; k <= 2 * WallLineTuning::kReach * WallLineTuning::kReach; ++k) {
+      weights_.push_back(
+          std::exp(-0.5 * k / (WallLineTuning::kWeightSigma * WallLineTuning::kWeightSigma)));
     }
   }
 
@@ -100,8 +99,8 @@ class LineFit {
     Matrix<2, 2> scatter = Matrix<2, 2>::Zero();
     double weight = 0.0;
     int cells = 0;
-    for (int dy = -Tuning::kReach; dy <= Tuning::kReach; ++dy) {
-      for (int dx = -Tuning::kReach; dx <= Tuning::kReach; ++dx) {
+    for (int dy = -WallLineTuning::kReach; dy <= WallLineTuning::kReach; ++dy) {
+      for (int dx = -WallLineTuning::kReach; dx <= WallLineTuning::kReach; ++dx) {
         if (same_side(target, dx, dy)) {
           const int squared = dx * dx + dy * dy;
           const double w = weights_[static_cast<std::size_t>(squared)];
@@ -119,13 +118,16 @@ class LineFit {
     const double spread = std::hypot(half, scatter(0, 1));
     const double long_axis = 0.5 * scatter.trace() + spread;
     const double short_axis = 0.5 * scatter.trace() - spread;
-    ScanMap::WallLine line{surface_.center(target) + mean, Vector<2>::Zero(),
-                           scatter.trace() < Tuning::kMaxPoleSpread ? Tuning::kFittedCells : 0.0};
-    if (cells >= Tuning::kMinCells && short_axis < Tuning::kMaxFlatness * long_axis) {
+    ScanMap::WallLine line{
+        surface_.center(target) + mean, Vector<2>::Zero(),
+        scatter.trace() < WallLineTuning::kMaxPoleSpread ? WallLineTuning::kFittedCells : 0.0};
+    if (cells >= WallLineTuning::kMinCells &&
+        short_axis < WallLineTuning::kMaxFlatness * long_axis) {
       const double along = 0.5 * std::atan2(scatter(0, 1), half);
       line.normal = {-std::sin(along), std::cos(along)};
       const Eigen::Vector2i step = grid_direction(line.normal);
-      line.run = std::max(Tuning::kFittedCells, 1.0 + run_to(target, step) + run_to(target, -step));
+      line.run = std::max(WallLineTuning::kFittedCells,
+                          1.0 + run_to(target, step) + run_to(target, -step));
     }
     return line;
   }
@@ -147,7 +149,7 @@ class LineFit {
   /// Number of contiguous surface cells from the target on in one direction.
   [[nodiscard]] int run_to(int target, const Eigen::Vector2i& step) const {
     int cells = 0;
-    while (cells < Tuning::kMaxRun &&
+    while (cells < WallLineTuning::kMaxRun &&
            same_side(target, (cells + 1) * step.x(), (cells + 1) * step.y())) {
       ++cells;
     }
@@ -168,7 +170,7 @@ class LineFit {
     }
     const Vector<2>& here = facing_[static_cast<std::size_t>(target)];
     const Vector<2>& there = facing_[static_cast<std::size_t>(surface_.nearest_targets()[at])];
-    return here.dot(there) >= -Tuning::kOppositeProduct;
+    return here.dot(there) >= -WallLineTuning::kOppositeProduct;
   }
 
   const DistanceField& surface_;

@@ -67,8 +67,6 @@ struct ScanMatcherTuning {
   static constexpr double kMinSigma = 0.5;
 };
 
-using Tuning = ScanMatcherTuning;
-
 /// Covariance of (x, y, ...) in world as information in the field frame, in cells.
 template <int N>
 Matrix<N, N> information_in_field(const Matrix<N, N>& covariance, const OccupancyGrid& grid) {
@@ -101,14 +99,14 @@ struct Candidate {
 /// Whether two fits are one pose found twice, or two that the scan does not distinguish.
 bool same_place(const Fit& a, const Fit& b, const Prior& prior) {
   const Vector<3> off = local(a.pose, b.pose);
-  if (off.head<2>().norm() < Tuning::kDuplicateDistance &&
-      std::abs(off.z()) < Tuning::kDuplicateTurn) {
+  if (off.head<2>().norm() < ScanMatcherTuning::kDuplicateDistance &&
+      std::abs(off.z()) < ScanMatcherTuning::kDuplicateTurn) {
     return true;
   }
   const Matrix<3, 3> information = 0.25 * (a.information + b.information) + 0.5 * prior.information;
-  return off.head<2>().norm() < Tuning::kSimilarDistance &&
-         std::abs(off.z()) < Tuning::kSimilarTurn &&
-         off.dot(information * off) < Tuning::kSimilarSquared;
+  return off.head<2>().norm() < ScanMatcherTuning::kSimilarDistance &&
+         std::abs(off.z()) < ScanMatcherTuning::kSimilarTurn &&
+         off.dot(information * off) < ScanMatcherTuning::kSimilarSquared;
 }
 
 std::vector<Fit> distinct_fits(const std::vector<Fit>& fits, const Prior& prior) {
@@ -135,7 +133,7 @@ std::vector<Candidate> ranked(const ScanMap& map, const ScanMatcherConfig& confi
                               const Beams& beams, const std::vector<Fit>& fits,
                               const Prior& prior) {
   std::vector<Candidate> candidates;
-  double sigma = Tuning::kMinSigma;
+  double sigma = ScanMatcherTuning::kMinSigma;
   for (int round = 0; round < 2; ++round) {
     candidates.clear();
     for (const Fit& fit : fits) {
@@ -213,7 +211,7 @@ ScanMatch ScanMatcher::refine(const LaserScan& scan, const Pose2& guess,
     fit.reason = ScanMatch::Reason::kOutsideMap;
   } else {
     fit = internal::refine_around(*map_, config_, beams, prior,
-                                  Tuning::kRefineCapture / grid.resolution());
+                                  ScanMatcherTuning::kRefineCapture / grid.resolution());
   }
   return internal::to_match(fit, grid, margin, guess, prior);
 }
@@ -233,7 +231,8 @@ ScanSearch ScanMatcher::search(const LaserScan& scan, const Vector<2>& position,
   }
   Prior prior{internal::to_field({position.x(), position.y(), 0.0}, grid, margin)};
   prior.information.topLeftCorner<2, 2>() = information_in_field(covariance, grid);
-  const Vector<2> half_window = Tuning::kWindowSigmas * sigmas_in_field(covariance, grid);
+  const Vector<2> half_window =
+      ScanMatcherTuning::kWindowSigmas * sigmas_in_field(covariance, grid);
   found.reason = ScanSearch::Reason::kOutsideMap;
   const Vector<2> low = prior.mean.position() - half_window;
   const Vector<2> high = prior.mean.position() + half_window;
@@ -246,7 +245,8 @@ ScanSearch ScanMatcher::search(const LaserScan& scan, const Vector<2>& position,
   ScanMatcherConfig looked_up = config_;
   looked_up.exact_neighbours = false;
   for (const Pose2& start : internal::coarse_minima(*map_, beams, prior, half_window)) {
-    const Fit fit = internal::refine(*map_, looked_up, beams, start, prior, Tuning::kSearchCapture);
+    const Fit fit =
+        internal::refine(*map_, looked_up, beams, start, prior, ScanMatcherTuning::kSearchCapture);
     if (fit.reason == ScanMatch::Reason::kConverged) {
       fits.push_back(fit);
     }
@@ -258,8 +258,8 @@ ScanSearch ScanMatcher::search(const LaserScan& scan, const Vector<2>& position,
   }
   if (config_.exact_neighbours) {
     for (Fit& fit : fits) {
-      const Fit exact =
-          internal::refine(*map_, config_, beams, fit.pose, prior, Tuning::kExactCapture);
+      const Fit exact = internal::refine(*map_, config_, beams, fit.pose, prior,
+                                         ScanMatcherTuning::kExactCapture);
       fit = exact.reason == ScanMatch::Reason::kConverged ? exact : fit;
     }
   }

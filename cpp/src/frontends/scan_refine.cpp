@@ -67,8 +67,6 @@ struct ScanRefineTuning {
   static constexpr double kRetryTurn = 0.06;
 };
 
-using Tuning = ScanRefineTuning;
-
 /// Normal equations over (x, y, heading, offset); docs/models/scan_matching.md.
 struct ScanNormal {
   Matrix<4, 4> H = Matrix<4, 4>::Zero();
@@ -125,9 +123,9 @@ class Refinement {
         sigma_beam_(config.sigma_range_m / map.grid().resolution()),
         start_(start),
         all_(columns_of(beams)),
-        subsampled_(columns_of(beams, Tuning::kSubsampleStride)) {
+        subsampled_(columns_of(beams, ScanRefineTuning::kSubsampleStride)) {
     fit_.pose = start;
-    set_map_variance(Tuning::kCellSigma * Tuning::kCellSigma);
+    set_map_variance(ScanRefineTuning::kCellSigma * ScanRefineTuning::kCellSigma);
     walls_.resize(all_.x.size());
   }
 
@@ -135,27 +133,29 @@ class Refinement {
     double kernel = capture;
     bool narrow = false;
     for (fit_.iterations = 1; fit_.iterations <= max_iterations; ++fit_.iterations) {
-      const ScanNormal normal = accumulate(
-          kernel, false, !narrow && kernel > Tuning::kSubsampledKernel ? subsampled_ : all_);
-      if (matches_ < Tuning::kMinMatches) {
+      const ScanNormal normal =
+          accumulate(kernel, false,
+                     !narrow && kernel > ScanRefineTuning::kSubsampledKernel ? subsampled_ : all_);
+      if (matches_ < ScanRefineTuning::kMinMatches) {
         return ended(ScanMatch::Reason::kTooFewMatches);
       }
-      const bool damped = fit_.iterations > Tuning::kFullSteps;
-      const double moved = step(normal, damped ? Tuning::kDamping : 1.0);
+      const bool damped = fit_.iterations > ScanRefineTuning::kFullSteps;
+      const double moved = step(normal, damped ? ScanRefineTuning::kDamping : 1.0);
       if (!inside()) {
         return ended(ScanMatch::Reason::kOutsideMap);
       }
-      if (narrow && moved < (damped ? Tuning::kConvergedHalfStep : Tuning::kConvergedStep)) {
-        estimate_sigma(Tuning::kMaxMapSigma);
+      if (narrow && moved < (damped ? ScanRefineTuning::kConvergedHalfStep
+                                    : ScanRefineTuning::kConvergedStep)) {
+        estimate_sigma(ScanRefineTuning::kMaxMapSigma);
         step(accumulate(floor(), false, all_), 1.0);
         return finished();
       }
       if (!narrow && kernel <= floor()) {
         narrow = true;
-        estimate_sigma(Tuning::kMaxMapSigmaWhileRough);
+        estimate_sigma(ScanRefineTuning::kMaxMapSigmaWhileRough);
       }
-      if (narrow || moved < Tuning::kSettledKernelShare * kernel) {
-        kernel = std::max(Tuning::kKernelShrink * kernel, floor());
+      if (narrow || moved < ScanRefineTuning::kSettledKernelShare * kernel) {
+        kernel = std::max(ScanRefineTuning::kKernelShrink * kernel, floor());
       }
     }
     fit_.iterations = max_iterations;
@@ -163,7 +163,7 @@ class Refinement {
   }
 
  private:
-  [[nodiscard]] double floor() const { return Tuning::kMinKernelSigmas * fit_.sigma; }
+  [[nodiscard]] double floor() const { return ScanRefineTuning::kMinKernelSigmas * fit_.sigma; }
 
   void set_map_variance(double variance) {
     map_variance_ = variance;
@@ -194,8 +194,9 @@ class Refinement {
   /// Normal equations of eq. (4) and (5), weighted by eq. (6) and a smooth kernel, or, if `hard`,
   /// with full weight within `kernel`.
   ScanNormal accumulate(double kernel, bool hard, const BeamColumns& columns) {
-    const double reach = std::min(std::max(Tuning::kReachKernels * kernel, Tuning::kMinReach),
-                                  static_cast<double>(field_.margin_cells()));
+    const double reach =
+        std::min(std::max(ScanRefineTuning::kReachKernels * kernel, ScanRefineTuning::kMinReach),
+                 static_cast<double>(field_.margin_cells()));
     const Vector<2> laser = Pose2{0.0, 0.0, fit_.pose.heading}.act(beams_.laser);
     const LanePose pose{static_cast<float>(std::cos(fit_.pose.heading)),
                         static_cast<float>(std::sin(fit_.pose.heading)),
@@ -220,9 +221,12 @@ class Refinement {
         sums.xy, sums.yy, sums.yt, -sums.y,          //
         sums.xt, sums.yt, sums.tt, -sums.t,          //
         -sums.x, -sums.y, -sums.t,
-        sums.w + 1.0 / (Tuning::kSurfaceOffsetSigma * Tuning::kSurfaceOffsetSigma);
+        sums.w +
+            1.0 / (ScanRefineTuning::kSurfaceOffsetSigma * ScanRefineTuning::kSurfaceOffsetSigma);
     normal.g << sums.xe, sums.ye, sums.te,
-        fit_.offset / (Tuning::kSurfaceOffsetSigma * Tuning::kSurfaceOffsetSigma) - sums.e;
+        fit_.offset /
+                (ScanRefineTuning::kSurfaceOffsetSigma * ScanRefineTuning::kSurfaceOffsetSigma) -
+            sums.e;
     normal.lever = sums.lever;
     normal.weight = sums.w;
     matches_ = static_cast<std::size_t>(sums.matches);
@@ -249,11 +253,11 @@ class Refinement {
 
   /// Estimates the map's errors: variance of the residuals without outliers, minus beam noise.
   void estimate_sigma(double max_sigma) {
-    std::array<int, Tuning::kBins> histogram{};
+    std::array<int, ScanRefineTuning::kBins> histogram{};
     int count = 0;
     for_each_match([&](float e, float) {
-      if (std::abs(e) < Tuning::kHistogramReach) {
-        ++histogram[static_cast<std::size_t>(std::abs(e) * Tuning::kBinsPerCell)];
+      if (std::abs(e) < ScanRefineTuning::kHistogramReach) {
+        ++histogram[static_cast<std::size_t>(std::abs(e) * ScanRefineTuning::kBinsPerCell)];
         ++count;
       }
     });
@@ -261,10 +265,10 @@ class Refinement {
     for (int below = histogram[0]; 2 * below < count; below += histogram[++middle]) {
     }
     const double median =
-        (static_cast<double>(middle) + 0.5) / static_cast<double>(Tuning::kBinsPerCell);
+        (static_cast<double>(middle) + 0.5) / static_cast<double>(ScanRefineTuning::kBinsPerCell);
     const double bound =
-        Tuning::kInlierSigmas *
-        std::max(kSigmaPerMedian * median, std::hypot(Tuning::kMinMapSigma, sigma_beam_));
+        ScanRefineTuning::kInlierSigmas *
+        std::max(kSigmaPerMedian * median, std::hypot(ScanRefineTuning::kMinMapSigma, sigma_beam_));
     double runs = 0.0;
     double sum = 0.0;
     for_each_match([&](float e, float correlated) {
@@ -275,11 +279,13 @@ class Refinement {
       }
     });
     const double free = std::max(runs - 4.0, 0.0);  // four variables are fitted
-    const double variance =
-        (Tuning::kPriorRuns * Tuning::kLineSigma * Tuning::kLineSigma + std::max(sum, 0.0)) /
-        (Tuning::kPriorRuns + free);
-    set_map_variance(std::min(std::max(variance, Tuning::kMinMapSigma * Tuning::kMinMapSigma),
-                              max_sigma * max_sigma));
+    const double variance = (ScanRefineTuning::kPriorRuns * ScanRefineTuning::kLineSigma *
+                                 ScanRefineTuning::kLineSigma +
+                             std::max(sum, 0.0)) /
+                            (ScanRefineTuning::kPriorRuns + free);
+    set_map_variance(std::min(
+        std::max(variance, ScanRefineTuning::kMinMapSigma * ScanRefineTuning::kMinMapSigma),
+        max_sigma * max_sigma));
   }
 
   template <class Each>
@@ -298,13 +304,15 @@ class Refinement {
   }
 
   Fit finished() {
-    const Observed reduced = reduce(accumulate(Tuning::kInlierSigmas * fit_.sigma, true, all_));
-    if (matches_ < Tuning::kMinMatches) {
+    const Observed reduced =
+        reduce(accumulate(ScanRefineTuning::kInlierSigmas * fit_.sigma, true, all_));
+    if (matches_ < ScanRefineTuning::kMinMatches) {
       return ended(ScanMatch::Reason::kTooFewMatches);
     }
     fit_.information = reduced.information;
     fit_.weak = reduced.weak;
-    const double bound = std::max(Tuning::kExplainedCells, Tuning::kInlierSigmas * fit_.sigma);
+    const double bound =
+        std::max(ScanRefineTuning::kExplainedCells, ScanRefineTuning::kInlierSigmas * fit_.sigma);
     double sum = 0.0;
     double count = 0.0;
     for_each_match([&](float e, float) {
@@ -345,8 +353,9 @@ Fit refine(const ScanMap& map, const ScanMatcherConfig& config, const Beams& bea
 Fit refine_around(const ScanMap& map, const ScanMatcherConfig& config, const Beams& beams,
                   const Prior& prior, double capture) {
   Fit best = refine(map, config, beams, prior.mean, prior, capture);
-  for (const double turn : {Tuning::kRetryTurn, -Tuning::kRetryTurn}) {
-    if (best.reason == ScanMatch::Reason::kConverged && best.explained >= Tuning::kGoodExplained) {
+  for (const double turn : {ScanRefineTuning::kRetryTurn, -ScanRefineTuning::kRetryTurn}) {
+    if (best.reason == ScanMatch::Reason::kConverged &&
+        best.explained >= ScanRefineTuning::kGoodExplained) {
       break;
     }
     const Pose2 start = retract(prior.mean, {0.0, 0.0, turn});

@@ -35,8 +35,6 @@ struct ScanSearchTuning {
   static constexpr float kOutsideCost = 2.0F;
 };
 
-using Tuning = ScanSearchTuning;
-
 /// Subset of the beams in single precision.
 struct CoarseBeams {
   std::vector<float> x, y, range;
@@ -45,7 +43,7 @@ struct CoarseBeams {
 CoarseBeams subset_of(const Beams& beams) {
   CoarseBeams subset;
   const std::size_t count = beams.x.size();
-  const std::size_t wanted = std::min(Tuning::kCoarseBeams, count);
+  const std::size_t wanted = std::min(ScanSearchTuning::kCoarseBeams, count);
   for (std::size_t i = 0; i < wanted; ++i) {
     const std::size_t k = i * count / wanted;
     subset.x.push_back(static_cast<float>(beams.x[k]));
@@ -72,7 +70,8 @@ class CoarseCost {
 
   void set_steps(double heading_step, double step) {
     for (std::size_t i = 0; i < beams_.range.size(); ++i) {
-      const double tolerance = Tuning::kToleranceCells + Tuning::kStepDiagonal * step +
+      const double tolerance = ScanSearchTuning::kToleranceCells +
+                               ScanSearchTuning::kStepDiagonal * step +
                                0.5 * heading_step * static_cast<double>(beams_.range[i]);
       per_tolerance_[i] =
           static_cast<float>(1.0 / std::min(tolerance, field_.margin_cells() - 1.0));
@@ -127,9 +126,9 @@ struct Grid {
 
   [[nodiscard]] float at(int h, int iy, int ix) const {
     if (iy < 0 || iy >= steps[1] || ix < 0 || ix >= steps[0]) {
-      return Tuning::kOutsideCost;
+      return ScanSearchTuning::kOutsideCost;
     }
-    const int row = (h + Tuning::kHeadings) % Tuning::kHeadings * steps[1] + iy;
+    const int row = (h + ScanSearchTuning::kHeadings) % ScanSearchTuning::kHeadings * steps[1] + iy;
     const int node = row * steps[0] + ix;
     return cost[static_cast<std::size_t>(node)];
   }
@@ -142,8 +141,8 @@ Grid grid_over(const DistanceField& field, const Vector<2>& mean, const Vector<2
     const double size = axis == 0 ? field.width() : field.height();
     const double low = std::clamp(mean(axis) - half_window(axis), 0.0, size);
     const double half_width = 0.5 * (std::clamp(mean(axis) + half_window(axis), 0.0, size) - low);
-    const int half =
-        std::min(static_cast<int>(std::ceil(half_width / Tuning::kMinStep)), Tuning::kMaxSteps / 2);
+    const int half = std::min(static_cast<int>(std::ceil(half_width / ScanSearchTuning::kMinStep)),
+                              ScanSearchTuning::kMaxSteps / 2);
     grid.steps[static_cast<std::size_t>(axis)] = 2 * half + 1;
     grid.step(axis) = half > 0 ? half_width / half : 0.0;
     grid.first(axis) = low;
@@ -158,17 +157,17 @@ double mahalanobis(const Prior& prior, const Pose2& pose) {
 }
 
 void fill(Grid& grid, CoarseCost& coarse, const Prior& prior) {
-  const int nodes = Tuning::kHeadings * grid.steps[0] * grid.steps[1];
+  const int nodes = ScanSearchTuning::kHeadings * grid.steps[0] * grid.steps[1];
   grid.cost.reserve(static_cast<std::size_t>(nodes));
-  for (int h = 0; h < Tuning::kHeadings; ++h) {
-    coarse.turn(h * 2.0 * kPi / Tuning::kHeadings);
+  for (int h = 0; h < ScanSearchTuning::kHeadings; ++h) {
+    coarse.turn(h * 2.0 * kPi / ScanSearchTuning::kHeadings);
     for (int iy = 0; iy < grid.steps[1]; ++iy) {
       for (int ix = 0; ix < grid.steps[0]; ++ix) {
         const double x = grid.first.x() + ix * grid.step.x();
         const double y = grid.first.y() + iy * grid.step.y();
         const bool in_window = mahalanobis(prior, {x, y, prior.mean.heading}) <=
-                               Tuning::kWindowSigmas * Tuning::kWindowSigmas;
-        grid.cost.push_back(in_window ? coarse.at(x, y) : Tuning::kOutsideCost);
+                               ScanSearchTuning::kWindowSigmas * ScanSearchTuning::kWindowSigmas;
+        grid.cost.push_back(in_window ? coarse.at(x, y) : ScanSearchTuning::kOutsideCost);
       }
     }
   }
@@ -192,22 +191,22 @@ struct Node {
 
 std::vector<Node> minima_of(const Grid& grid) {
   std::vector<Node> minima;
-  for (int h = 0; h < Tuning::kHeadings; ++h) {
+  for (int h = 0; h < ScanSearchTuning::kHeadings; ++h) {
     for (int iy = 0; iy < grid.steps[1]; ++iy) {
       for (int ix = 0; ix < grid.steps[0]; ++ix) {
         if (is_minimum(grid, h, iy, ix)) {
           minima.push_back(
               {grid.at(h, iy, ix),
                {grid.first.x() + ix * grid.step.x(), grid.first.y() + iy * grid.step.y(),
-                h * 2.0 * kPi / Tuning::kHeadings}});
+                h * 2.0 * kPi / ScanSearchTuning::kHeadings}});
         }
       }
     }
   }
   std::sort(minima.begin(), minima.end(),
             [](const Node& a, const Node& b) { return a.cost < b.cost; });
-  if (minima.size() > Tuning::kMaxMinima) {
-    minima.resize(Tuning::kMaxMinima);
+  if (minima.size() > ScanSearchTuning::kMaxMinima) {
+    minima.resize(ScanSearchTuning::kMaxMinima);
   }
   return minima;
 }
@@ -215,7 +214,7 @@ std::vector<Node> minima_of(const Grid& grid) {
 /// Best of the 27 nodes around, a step away each.
 Node best_around(CoarseCost& coarse, const Node& start, double heading_step,
                  const Vector<2>& step) {
-  Node best{Tuning::kOutsideCost, start.pose};
+  Node best{ScanSearchTuning::kOutsideCost, start.pose};
   for (int h = -1; h <= 1; ++h) {
     const double heading = start.pose.heading + h * heading_step;
     coarse.turn(heading);
@@ -242,9 +241,9 @@ std::vector<Pose2> separate(std::vector<Node> minima, double heading_step) {
     const Pose2 pose{node.pose.x, node.pose.y, wrap_angle(node.pose.heading)};
     const bool duplicate = std::any_of(poses.begin(), poses.end(), [&](const Pose2& other) {
       const Vector<3> off = local(pose, other);
-      return off.head<2>().norm() < Tuning::kMinStep && std::abs(off.z()) < heading_step;
+      return off.head<2>().norm() < ScanSearchTuning::kMinStep && std::abs(off.z()) < heading_step;
     });
-    if (!duplicate && node.cost <= minima.front().cost + Tuning::kMaxExcessCost) {
+    if (!duplicate && node.cost <= minima.front().cost + ScanSearchTuning::kMaxExcessCost) {
       poses.push_back(pose);
     }
   }
@@ -258,7 +257,7 @@ std::vector<Pose2> coarse_minima(const ScanMap& map, const Beams& beams, const P
   const CoarseBeams subset = subset_of(beams);
   CoarseCost coarse(map.surface(), subset);
   Grid grid = grid_over(map.surface(), prior.mean.position(), half_window);
-  double heading_step = 2.0 * kPi / Tuning::kHeadings;
+  double heading_step = 2.0 * kPi / ScanSearchTuning::kHeadings;
   Vector<2> step = grid.step;
   coarse.set_steps(heading_step, step.maxCoeff());
   fill(grid, coarse, prior);
@@ -270,7 +269,7 @@ std::vector<Pose2> coarse_minima(const ScanMap& map, const Beams& beams, const P
     for (Node& node : minima) {
       node = best_around(coarse, node, heading_step, step);
     }
-  } while (step.maxCoeff() > Tuning::kMinStep);
+  } while (step.maxCoeff() > ScanSearchTuning::kMinStep);
   return separate(std::move(minima), heading_step);
 }
 

@@ -22,8 +22,6 @@ struct SquaredRangeTuning {
   static constexpr double kConverged = 1e-12;
 };
 
-using Tuning = SquaredRangeTuning;
-
 /// Frame in which A'WA is diagonal: eq. (5) of docs/models/multilateration.md.
 template <int N>
 struct Frame {
@@ -90,7 +88,7 @@ Secular<N> secular_of(const Matrix<N, N>& axes, const Vector<N>& spread, const V
   secular.level = sum / total;
   secular.slope = 0.5 / total;
   secular.lower = -secular.stiffness(0);
-  secular.rounding = Tuning::kFlat * magnitude * std::sqrt(spread(N - 1) / total);
+  secular.rounding = SquaredRangeTuning::kFlat * magnitude * std::sqrt(spread(N - 1) / total);
   return secular;
 }
 
@@ -138,7 +136,7 @@ double root(const Secular<N>& secular) {
   if (secular.lower == 0.0) {
     alpha = secular.stiffness(N - 1);  // flat anchors: the interval starts here
   }
-  for (int i = 0; i < Tuning::kMaxSteps; ++i) {
+  for (int i = 0; i < SquaredRangeTuning::kMaxSteps; ++i) {
     double length = 0.0;
     double fall = 0.0;
     for (int k = 0; k < N; ++k) {
@@ -151,7 +149,8 @@ double root(const Secular<N>& secular) {
     (gap > 0.0 ? low : high) = alpha;
     const double newton = gap / (2.0 * fall + secular.slope);
     double next = alpha + newton;
-    if (next == alpha || std::abs(newton) <= Tuning::kConverged * (alpha - secular.lower)) {
+    if (next == alpha ||
+        std::abs(newton) <= SquaredRangeTuning::kConverged * (alpha - secular.lower)) {
       return std::max(next, secular.lower);  // a further step would be rounding
     }
     if (!(next > low && next < high)) {
@@ -174,7 +173,7 @@ bool solve_hard_case(const Secular<N>& secular, SquaredRangePosition<N>& found) 
   found.position[0].setZero();
   for (int k = 0; k < N; ++k) {
     const double left = secular.stiffness(k) + secular.lower;
-    if (left <= Tuning::kFlat * secular.stiffness(N - 1)) {
+    if (left <= SquaredRangeTuning::kFlat * secular.stiffness(N - 1)) {
       if (std::abs(secular.g(k)) > secular.rounding) {
         return false;
       }
@@ -202,7 +201,7 @@ SquaredRangePosition<N> minimise(Secular<N>& secular) {
     if (solve_hard_case<N>(secular, found)) {
       return found;
     }
-    if (secular.stiffness(0) <= Tuning::kFlat * secular.stiffness(N - 1)) {
+    if (secular.stiffness(0) <= SquaredRangeTuning::kFlat * secular.stiffness(N - 1)) {
       secular.g(0) = 0.0;  // flat anchors and a position among them
     }
   }

@@ -31,10 +31,9 @@ Matrix<2, N> moved(const Pose2& pose, const Matrix<2, N>& body) {
 
 TEST(RigidFit, equals_values_computed_by_hand) {
   // Two points two metres apart, turned by a right angle, each with 0.1 m along both axes.
-  const Matrix<2, 2> body = (Matrix<2, 2>() << 1.0, -1.0, 0.0, 0.0).finished();
-  const Matrix<2, 2> world = (Matrix<2, 2>() << 2.0, 2.0, 4.1, 1.9).finished();
-  const Matrix<4, 4> C = 0.01 * Matrix<4, 4>::Identity();
-  const RigidFit fit = rigid_fit(body, world, C);
+  const Points body = (Matrix<2, 2>() << 1.0, -1.0, 0.0, 0.0).finished();
+  const Points world = (Matrix<2, 2>() << 2.0, 2.0, 4.1, 1.9).finished();
+  const RigidFit fit = rigid_fit<Eigen::Dynamic>(body, world, 0.01 * Matrix<4, 4>::Identity());
   EXPECT_EQ(fit.status, RigidFitStatus::kFitted);
   expect_pose_near(fit.pose, {2.0, 3.0, kPi / 2.0}, 1e-12);
   expect_near(fit.covariance, Vector<3>(0.005, 0.005, 0.005).asDiagonal().toDenseMatrix(), 1e-12);
@@ -66,10 +65,11 @@ TEST(RigidFit, does_not_fit_beyond_double_precision) {
   for (int i = 0; i < 5000; ++i) {
     const Vector<2> far =
         std::pow(10.0, testing::uniform(rng, 4.5, 7.0)) * testing::random_matrix(rng, 2, 1);
-    const Matrix<2, 2> body = (0.01 * testing::random_matrix(rng, 2, 2)).colwise() + far;
+    const Points body = (0.01 * testing::random_matrix(rng, 2, 2)).colwise() + far;
     const double sigma = 0.1;
-    const RigidFit fit = rigid_fit<2>(body, moved<2>(testing::random_pose(rng), body),
-                                      sigma * sigma * Matrix<4, 4>::Identity());
+    const RigidFit fit =
+        rigid_fit<Eigen::Dynamic>(body, moved<Eigen::Dynamic>(testing::random_pose(rng), body),
+                                  sigma * sigma * Matrix<4, 4>::Identity());
     if (fit.status == RigidFitStatus::kNotConverged) {
       ++given_up;
     } else if (fit.status == RigidFitStatus::kFitted) {
@@ -201,11 +201,11 @@ TEST(RigidFit, points_that_coincide_in_world_have_no_direction) {
 }
 
 TEST(RigidFit, every_covariance_is_valid) {
-  const Matrix<2, 2> body = (Matrix<2, 2>() << 0.1, 0.3, 0.2, -0.1).finished();
-  const Matrix<2, 2> world = moved<2>({-1.0, -1.4, 0.644}, body);
+  const Points body = (Matrix<2, 2>() << 0.1, 0.3, 0.2, -0.1).finished();
+  const Points world = moved<Eigen::Dynamic>({-1.0, -1.4, 0.644}, body);
   for (const double variance : {1e-16, 1e-200, 1e-320}) {
-    const Matrix<4, 4> C = Vector<4>(variance, 1.0, 1.0, 1.0).asDiagonal();
-    const RigidFit fit = rigid_fit(body, world, C);
+    const Eigen::MatrixXd C = Vector<4>(variance, 1.0, 1.0, 1.0).asDiagonal();
+    const RigidFit fit = rigid_fit<Eigen::Dynamic>(body, world, C);
     EXPECT_TRUE(fit.covariance.allFinite()) << variance;
     EXPECT_TRUE(fit.status != RigidFitStatus::kFitted || fit.covariance(2, 2) > 1e-3) << variance;
   }

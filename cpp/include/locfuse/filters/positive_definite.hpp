@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Cholesky>
+#include <Eigen/Core>
 #include <cstdint>
 
 #include "locfuse/filters/belief.hpp"
 #include "locfuse/filters/covariance.hpp"
+#include "locfuse/math/symmetric.hpp"
 
 /// Guards of the Kalman filter against rounding: they keep P positive definite and its variances
 /// between bounds. Derivation: docs/models/kalman.md, section "Bounds".
@@ -76,7 +77,7 @@ template <class Noise, class Reach>
   }
   auto more = noise.eval();
   more.diagonal() -= share * (noise.diagonal() + reach);
-  return more.llt().info() != Eigen::Success;
+  return !factorize(more);
 }
 
 /// Whether an update may leave few digits of P along what is measured: of H P H', or of R.

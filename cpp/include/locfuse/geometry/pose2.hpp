@@ -49,17 +49,8 @@ struct Pose2 {
 
 /// Covariance of (x, y, heading) of `pose * motion`: F P F' + G Q G', with P of `pose` and Q of
 /// `motion` in the frame of `pose`.
-[[nodiscard]] inline Matrix<3, 3> covariance_after(const Pose2& pose, const Matrix<3, 3>& P,
-                                                   const Pose2& motion, const Matrix<3, 3>& Q) {
-  const double c = std::cos(pose.heading);
-  const double s = std::sin(pose.heading);
-  Matrix<3, 3> F = Matrix<3, 3>::Identity();
-  F.topRightCorner<2, 1>() << -(s * motion.x + c * motion.y), c * motion.x - s * motion.y;
-  Matrix<3, 3> G = Matrix<3, 3>::Identity();
-  G.topLeftCorner<2, 2>() << c, -s, s, c;
-  const Matrix<3, 3> sum = F * P * F.transpose() + G * Q * G.transpose();
-  return 0.5 * (sum + sum.transpose());
-}
+[[nodiscard]] Matrix<3, 3> covariance_after(const Pose2& pose, const Matrix<3, 3>& P,
+                                            const Pose2& motion, const Matrix<3, 3>& Q);
 
 namespace internal {
 /// sin(a)/a and (1-cos(a))/a, exact to rounding through a = 0.

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <cmath>
 
@@ -30,10 +29,16 @@ template <class Derived>
   return true;
 }
 
+/// Cholesky's factor L in place of the lower half of P = L L'. False, and P is overwritten in part,
+/// where it is not positive definite. Compiled once, unlike P.llt(), which is compiled for each
+/// size.
+[[nodiscard]] bool factorize(Eigen::Ref<Eigen::MatrixXd> P);
+
 /// Whether a matrix is finite, symmetric and positive definite.
 template <class Derived>
 [[nodiscard]] bool is_covariance(const Eigen::MatrixBase<Derived>& P) {
-  return P.allFinite() && is_symmetric(P) && P.eval().llt().info() == Eigen::Success;
+  typename Derived::PlainObject factor = P;
+  return P.allFinite() && is_symmetric(P) && factorize(factor);
 }
 
 }  // namespace locfuse

@@ -30,8 +30,6 @@ struct LikelihoodFieldTuning {
   static constexpr std::size_t kPadding = 3;
 };
 
-using Tuning = LikelihoodFieldTuning;
-
 internal::SumCosts summer() {
 #ifdef LOCFUSE_LANES_AVX2
   if (internal::has_avx2()) {
@@ -91,7 +89,7 @@ std::vector<LikelihoodField> LikelihoodField::doubling(
   do {
     fields.push_back(LikelihoodField(config, grid, distances));
     config.sigma_hit_m *= 2.0;
-  } while (config.sigma_hit_m < Tuning::kMaxOverWidest * widest_m);
+  } while (config.sigma_hit_m < LikelihoodFieldTuning::kMaxOverWidest * widest_m);
   return fields;
 }
 
@@ -106,7 +104,8 @@ LikelihoodField::LikelihoodField(const Config& config, std::shared_ptr<const Occ
   check_density("unknown_per_m", config.unknown_per_m);
   const double resolution = map.resolution();
   const double rim = std::floor(config.max_range_m / resolution) + 2.0;
-  if (!((map.width() + 2.0 * rim) * (map.height() + 2.0 * rim) <= Tuning::kMaxCells)) {
+  if (!((map.width() + 2.0 * rim) * (map.height() + 2.0 * rim) <=
+        LikelihoodFieldTuning::kMaxCells)) {
     throw std::invalid_argument("max_range_m is " + std::to_string(config.max_range_m) + " m, or " +
                                 std::to_string(rim) +
                                 " cells, expected a field of at most 2^28 cells");
@@ -122,16 +121,17 @@ LikelihoodField::LikelihoodField(const Config& config, std::shared_ptr<const Occ
     return hit * std::exp(-0.5 * cells * cells / (sigma * sigma)) + random;
   };
   best_ = std::log(density(0.0));
-  unit_ = (best_ - std::log(random)) / Tuning::kMaxCost;
+  unit_ = (best_ - std::log(random)) / LikelihoodFieldTuning::kMaxCost;
   const auto cost_of = [&](double value) {
-    return static_cast<std::uint8_t>(
-        std::lround(std::clamp((best_ - std::log(value)) / unit_, 0.0, Tuning::kMaxCost)));
+    return static_cast<std::uint8_t>(std::lround(
+        std::clamp((best_ - std::log(value)) / unit_, 0.0, LikelihoodFieldTuning::kMaxCost)));
   };
-  hit_cost_ = cost_of(density(Tuning::kExplainedSigmas * sigma) + config.clutter_per_m);
+  hit_cost_ =
+      cost_of(density(LikelihoodFieldTuning::kExplainedSigmas * sigma) + config.clutter_per_m);
   const std::uint8_t unknown = cost_of(config.unknown_per_m);
-  costs_.assign(
-      static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_) + Tuning::kPadding,
-      unknown);
+  costs_.assign(static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_) +
+                    LikelihoodFieldTuning::kPadding,
+                unknown);
   for (int row = 0; row < map.height(); ++row) {
     const std::size_t from = static_cast<std::size_t>(row + distances.margin_cells()) *
                                  static_cast<std::size_t>(distances.width()) +
@@ -205,7 +205,7 @@ void LikelihoodField::costs(const EndPoints& points, const float* x, const float
   const internal::CostTable table{costs_.data(), width_, height_, rim_};
   const auto count = static_cast<int>(points.x.size());
   summer()(table, points.x.data(), points.y.data(), count, {x, y, c, s}, begin, end,
-           Tuning::kOffMapCost * count, sums);
+           LikelihoodFieldTuning::kOffMapCost * count, sums);
 }
 
 }  // namespace locfuse
