@@ -71,20 +71,20 @@ std::size_t at(int row, int column, int width) {
 
 double square(double value) { return value * value; }
 
-/// Parabola (y - row)^2 + height, the lowest one from y = from / per on. Without the division,
-/// which would dominate the run time.
-struct Parabola {
-  double row;
-  double height;
-  double from;
-  double per;
-};
-
 }  // namespace
 
 /// Lower envelope of parabolas (Felzenszwalb and Huttenlocher, 2012).
 class DistanceField::Envelope {
  public:
+  /// Parabola (y - row)^2 + height, the lowest one from y = from / per on. Without the division,
+  /// which would dominate the run time.
+  struct Parabola {
+    double row;
+    double height;
+    double from;
+    double per;
+  };
+
   /// Builds it from the distances to the target of each row. At least one row must have a target.
   void build(int rows, const float* distances) {
     parabolas_.clear();
@@ -212,7 +212,7 @@ void DistanceField::fill_columns() {
 void DistanceField::fill_column(int column, float* distances, Envelope& envelope) {
   envelope.build(height_, distances);
   for (int row = 0; row < height_; ++row) {
-    const Parabola& lowest = envelope.lowest_at(row);
+    const auto& lowest = envelope.lowest_at(row);
     distances[row] = static_cast<float>(std::sqrt(square(lowest.row - row) + lowest.height));
     if (!nearest_.empty()) {
       // Targets keep distance 0 and their number, whichever columns are done.
@@ -246,7 +246,7 @@ void DistanceField::fill_far() {
       envelope.build(height_, &block[at(k, 0, height_)]);
       for (int row = 0; row < far_height(); ++row) {
         const double y = (row + 0.5) * kFarCells - height_ - 0.5;  // rows are counted at centres
-        const Parabola& lowest = envelope.lowest_at(y);
+        const auto& lowest = envelope.lowest_at(y);
         distances_[field + at(row, first + k, far_width())] =
             static_cast<float>(std::sqrt(square(lowest.row - y) + lowest.height));
       }
