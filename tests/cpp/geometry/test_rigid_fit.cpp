@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "locfuse/geometry/rigid_fit.hpp"
+#include "locfuse/math/symmetric.hpp"
 #include "support/consistency.hpp"
 #include "support/expect.hpp"
 #include "support/random.hpp"
