@@ -1,19 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
 # With LOCFUSE_UNITY_BUILD, compiles the sources of a target together, up to `count` of one folder as
 # one: no two sources of a folder define the same name. Sources with options of their own stay alone,
-# and so do those with SKIP_UNITY_BUILD_INCLUSION.
+# and so do those with SKIP_UNITY_BUILD_INCLUSION. Unlike CMake's own, the files that include them
+# name no absolute path, so that a compiler cache knows them in any folder.
 function(locfuse_compile_together target count)
+  if(NOT LOCFUSE_UNITY_BUILD)
+    return()
+  endif()
   get_target_property(sources ${target} SOURCES)
   list(FILTER sources EXCLUDE REGEX "^\\$<")
+  set(groups)
   foreach(source IN LISTS sources)
+    set(own)
+    foreach(property IN ITEMS COMPILE_OPTIONS COMPILE_DEFINITIONS SKIP_UNITY_BUILD_INCLUSION)
+      get_source_file_property(value ${source} ${property})
+      list(APPEND own ${value})
+    endforeach()
+    list(REMOVE_ITEM own NOTFOUND)
+    if(own)
+      continue()
+    endif()
     get_filename_component(folder ${source} DIRECTORY)
-    string(MAKE_C_IDENTIFIER "in_${folder}" folder)
-    math(EXPR group "0${${folder}} / ${count}")
-    math(EXPR ${folder} "0${${folder}} + 1")
-    set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${folder}_${group})
+    string(MAKE_C_IDENTIFIER "together_${folder}" folder)
+    math(EXPR number "0${${folder}_count} / ${count}")
+    math(EXPR ${folder}_count "0${${folder}_count} + 1")
+    list(APPEND groups ${folder}_${number})
+    string(APPEND text_of_${folder}_${number} "#include \"${source}\"\n")
+    set_source_files_properties(${source} PROPERTIES HEADER_FILE_ONLY ON)
   endforeach()
-  set_target_properties(
-    ${target}
-    PROPERTIES UNITY_BUILD ${LOCFUSE_UNITY_BUILD} UNITY_BUILD_MODE GROUP
-  )
+  list(REMOVE_DUPLICATES groups)
+  foreach(group IN LISTS groups)
+    file(CONFIGURE OUTPUT ${group}.cpp CONTENT "${text_of_${group}}" @ONLY)
+    target_sources(${target} PRIVATE ${CMAKE_CURRENT_BINARY_DIR}/${group}.cpp)
+  endforeach()
+  target_include_directories(${target} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
 endfunction()
