@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # With LOCFUSE_UNITY_BUILD, compiles the sources of a target together, up to `count` of one folder as
-# one: no two sources of a folder define the same name. Sources with options of their own stay alone,
-# and so do those with SKIP_UNITY_BUILD_INCLUSION. Unlike CMake's own, the files that include them
-# name no absolute path, so that a compiler cache knows them in any folder.
+# one: no two of them define the same name, or each has a namespace of its own. Sources with options
+# of their own stay alone, and so do those with SKIP_UNITY_BUILD_INCLUSION. Unlike CMake's own, the
+# files that include them name no absolute path, so that a compiler cache knows them in any folder.
 function(locfuse_compile_together target count)
   if(NOT LOCFUSE_UNITY_BUILD)
     return()

@@ -7,7 +7,7 @@
 #include "support/expect.hpp"
 #include "support/simulation.hpp"
 
-namespace locfuse {
+namespace locfuse::test_adaptive_noise {
 namespace {
 
 using testing::in_band;
@@ -117,4 +117,4 @@ TEST(AdaptiveNoise, stays_a_number_where_a_determinant_rounds_below_zero) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_adaptive_noise

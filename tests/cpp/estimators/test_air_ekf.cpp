@@ -8,7 +8,7 @@
 #include "support/linear_kalman.hpp"
 #include "support/simulation.hpp"
 
-namespace locfuse {
+namespace locfuse::test_air_ekf {
 namespace {
 
 using testing::at;
@@ -296,4 +296,4 @@ TEST(AirEkf, refuses_settings_and_starts_that_are_none) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_air_ekf

@@ -5,7 +5,7 @@
 #include "support/expect.hpp"
 #include "support/flight.hpp"
 
-namespace locfuse {
+namespace locfuse::test_air_ekf_consistency {
 namespace {
 
 using testing::in_band;
@@ -104,4 +104,4 @@ TEST(AirEkf, sensors_that_are_taken_for_being_elsewhere_on_the_body_show) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_air_ekf_consistency

@@ -9,7 +9,7 @@
 #include "support/expect.hpp"
 #include "support/random.hpp"
 
-namespace locfuse {
+namespace locfuse::test_calibration {
 namespace {
 
 using testing::expect_refused;
@@ -275,4 +275,4 @@ TEST(Calibration, a_bias_that_wanders_is_never_known_for_good) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_calibration

@@ -9,7 +9,7 @@
 #include "support/random.hpp"
 #include "support/robot.hpp"
 
-namespace locfuse {
+namespace locfuse::test_calibration_ranges {
 namespace {
 
 using testing::in_band;
@@ -268,4 +268,4 @@ TEST(RangeCalibration, without_anchors_no_offset_wanders) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_calibration_ranges

@@ -11,7 +11,7 @@
 
 /// What every estimator does with messages that no robot can mean, and with covariances that are
 /// none: one edge for all of them.
-namespace locfuse {
+namespace locfuse::test_edge {
 namespace {
 
 using testing::kSecond;
@@ -139,4 +139,4 @@ TEST(Edge, an_initializer_starts_from_nothing_that_tells_nothing) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_edge

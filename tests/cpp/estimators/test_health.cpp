@@ -9,7 +9,7 @@
 #include "support/expect.hpp"
 #include "support/random.hpp"
 
-namespace locfuse {
+namespace locfuse::test_health {
 namespace {
 
 using testing::expect_refused;
@@ -393,4 +393,4 @@ TEST(Health, a_measurement_without_noise_leaves_valid_probabilities) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_health

@@ -9,7 +9,7 @@
 #include "support/expect.hpp"
 #include "support/simulation.hpp"
 
-namespace locfuse {
+namespace locfuse::test_initializer {
 namespace {
 
 using testing::kSecond;
@@ -390,4 +390,4 @@ TEST(Initializer, takes_no_notice_of_landmarks_that_are_not_on_the_map) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_initializer

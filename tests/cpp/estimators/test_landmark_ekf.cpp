@@ -11,7 +11,7 @@
 #include "support/random.hpp"
 #include "support/robot.hpp"
 
-namespace locfuse {
+namespace locfuse::test_landmark_ekf {
 namespace {
 
 using testing::expect_near;
@@ -695,4 +695,4 @@ TEST(LandmarkEkf, goes_on_with_the_same_bits_after_it_was_put_back_into_a_larger
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_landmark_ekf

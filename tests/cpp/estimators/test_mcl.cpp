@@ -7,7 +7,7 @@
 #include "support/expect.hpp"
 #include "support/rooms.hpp"
 
-namespace locfuse {
+namespace locfuse::test_mcl {
 namespace {
 
 using testing::Rng;
@@ -671,4 +671,4 @@ TEST(Mcl, odometry_without_noise_moves_particles_once) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_mcl

@@ -7,7 +7,7 @@
 #include "locfuse/estimators/mcl.hpp"
 #include "support/rooms.hpp"
 
-namespace locfuse {
+namespace locfuse::test_mcl_health {
 namespace {
 
 using testing::normal;
@@ -231,4 +231,4 @@ TEST(MclHealth, poses_are_recorded_by_their_innovations) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_mcl_health

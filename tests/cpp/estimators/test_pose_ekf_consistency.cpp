@@ -6,7 +6,7 @@
 #include "support/expect.hpp"
 #include "support/simulation.hpp"
 
-namespace locfuse {
+namespace locfuse::test_pose_ekf_consistency {
 namespace {
 
 using testing::in_band;
@@ -78,4 +78,4 @@ TEST(PoseEkf, trusting_ranges_ten_times_too_little_shows) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_pose_ekf_consistency

@@ -8,7 +8,7 @@
 #include "support/expect.hpp"
 #include "support/random.hpp"
 
-namespace locfuse {
+namespace locfuse::test_pose_ekf_landmarks {
 namespace {
 
 using testing::in_band;
@@ -249,4 +249,4 @@ TEST(Initializer, sightings_choose_among_the_poses_that_fit) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_pose_ekf_landmarks

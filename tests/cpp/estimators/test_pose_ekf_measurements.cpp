@@ -7,7 +7,7 @@
 #include "support/linear_kalman.hpp"
 #include "support/robot.hpp"
 
-namespace locfuse {
+namespace locfuse::test_pose_ekf_measurements {
 namespace {
 
 using testing::ekf_at;
@@ -221,4 +221,4 @@ TEST(PoseEkf, a_copy_is_a_snapshot) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_pose_ekf_measurements

@@ -5,7 +5,7 @@
 #include "support/expect.hpp"
 #include "support/robot.hpp"
 
-namespace locfuse {
+namespace locfuse::test_pose_ekf_odometry {
 namespace {
 
 using testing::at;
@@ -279,4 +279,4 @@ TEST(PoseEkf, a_motion_of_nanoseconds_is_not_held_on_faster_than_a_robot_is) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_pose_ekf_odometry

@@ -6,7 +6,7 @@
 #include "support/expect.hpp"
 #include "support/robot.hpp"
 
-namespace locfuse {
+namespace locfuse::test_pose_ekf_refusals {
 namespace {
 
 using testing::ekf_at;
@@ -206,4 +206,4 @@ TEST(PoseEkf, refuses_a_start_that_is_none) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_pose_ekf_refusals

@@ -7,7 +7,7 @@
 #include "support/expect.hpp"
 #include "support/simulation.hpp"
 
-namespace locfuse {
+namespace locfuse::test_pose_ekf_robust {
 namespace {
 
 using testing::expect_refused;
@@ -169,4 +169,4 @@ TEST(RobustPoseEkf, a_fix_after_an_exact_range_leaves_a_covariance) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_pose_ekf_robust

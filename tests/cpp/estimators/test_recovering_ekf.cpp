@@ -12,7 +12,7 @@
 #include "support/random.hpp"
 #include "support/robot.hpp"
 
-namespace locfuse {
+namespace locfuse::test_recovering_ekf {
 namespace {
 
 using testing::expect_refused;
@@ -467,4 +467,4 @@ TEST(RecoveringEkf, stale_sightings_are_no_start) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_recovering_ekf

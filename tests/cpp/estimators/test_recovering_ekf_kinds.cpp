@@ -9,7 +9,7 @@
 #include "support/random.hpp"
 #include "support/scrubber.hpp"
 
-namespace locfuse {
+namespace locfuse::test_recovering_ekf_kinds {
 namespace {
 
 using testing::expect_refused;
@@ -245,4 +245,4 @@ TEST(TagTriangleEkf, weighs_a_range_as_it_would_fuse_it) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_recovering_ekf_kinds

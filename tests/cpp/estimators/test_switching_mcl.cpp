@@ -7,7 +7,7 @@
 #include "support/expect.hpp"
 #include "support/rooms.hpp"
 
-namespace locfuse {
+namespace locfuse::test_switching_mcl {
 namespace {
 
 using testing::expect_refused;
@@ -315,4 +315,4 @@ TEST(SwitchingMcl, remembers_the_last_thousand_injections) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_switching_mcl

@@ -7,7 +7,7 @@
 #include "support/linear_kalman.hpp"
 #include "support/scrubber.hpp"
 
-namespace locfuse {
+namespace locfuse::test_tag_triangle_ekf {
 namespace {
 
 using testing::expect_near;
@@ -474,4 +474,4 @@ TEST(TagTriangleEkf, keeps_the_triangle_over_ten_thousand_updates) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_tag_triangle_ekf

@@ -6,7 +6,7 @@
 #include "support/expect.hpp"
 #include "support/scrubber.hpp"
 
-namespace locfuse {
+namespace locfuse::test_tag_triangle_ekf_consistency {
 namespace {
 
 using testing::in_band;
@@ -88,4 +88,4 @@ TEST(TagTriangleEkf, is_too_sure_behind_a_low_pass) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_tag_triangle_ekf_consistency

@@ -6,7 +6,7 @@
 #include "locfuse/messages/limits.hpp"
 #include "support/expect.hpp"
 
-namespace locfuse {
+namespace locfuse::test_limits {
 namespace {
 
 constexpr auto kSecond = static_cast<Stamp>(kNanosecondsPerSecond);
@@ -54,4 +54,4 @@ TEST(Limits, are_finite_and_positive) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_limits

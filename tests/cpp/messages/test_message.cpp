@@ -5,7 +5,7 @@
 
 #include "locfuse/messages/message.hpp"
 
-namespace locfuse {
+namespace locfuse::test_message {
 namespace {
 
 TEST(Message, an_increment_takes_effect_where_it_begins) {
@@ -41,4 +41,4 @@ TEST(Increment, of_translation_and_rotation_drives_first_and_turns_then) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_message

@@ -6,7 +6,7 @@
 #include "locfuse/messages/reported_covariance.hpp"
 #include "support/expect.hpp"
 
-namespace locfuse {
+namespace locfuse::test_messages {
 namespace {
 
 using testing::expect_refused;
@@ -181,4 +181,4 @@ TEST(Validate, rejects_a_covariance_whose_halves_differ_however_large_its_other_
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_messages

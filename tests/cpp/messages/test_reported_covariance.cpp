@@ -9,7 +9,7 @@
 #include "locfuse/messages/reported_covariance.hpp"
 #include "support/expect.hpp"
 
-namespace locfuse {
+namespace locfuse::test_reported_covariance {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -99,4 +99,4 @@ TEST(ReportedCovariance, a_variance_whose_root_underflows_is_the_minimum) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_reported_covariance

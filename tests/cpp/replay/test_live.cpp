@@ -8,7 +8,7 @@
 #include "support/expect.hpp"
 #include "support/simulation.hpp"
 
-namespace locfuse {
+namespace locfuse::test_live {
 namespace {
 
 using testing::kSecond;
@@ -370,4 +370,4 @@ TEST(Live, a_clock_jump_that_ends_in_a_refused_message_counts) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_live

@@ -3,7 +3,7 @@
 #include "support/expect.hpp"
 #include "support/rooms.hpp"
 
-namespace locfuse {
+namespace locfuse::test_localize {
 namespace {
 
 using testing::Rng;
@@ -159,4 +159,4 @@ TEST(Localize, reports_progress_and_results_after_each_scan) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_localize

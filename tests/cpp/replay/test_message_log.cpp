@@ -2,7 +2,7 @@
 #include "locfuse/replay/message_log.hpp"
 #include "support/expect.hpp"
 
-namespace locfuse {
+namespace locfuse::test_message_log {
 namespace {
 
 Velocity velocity(Stamp stamp, double forward) { return {stamp, forward, 0.0}; }
@@ -79,4 +79,4 @@ TEST(MessageLog, refuses_messages_that_are_not_valid) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_message_log

@@ -6,7 +6,7 @@
 #include "support/expect.hpp"
 #include "support/simulation.hpp"
 
-namespace locfuse {
+namespace locfuse::test_replay {
 namespace {
 
 using testing::kSecond;
@@ -208,4 +208,4 @@ TEST(Replay, records_health_after_a_clock_jump) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_replay

@@ -3,7 +3,7 @@
 #include "support/expect.hpp"
 
 /// One hour of the drive that `./dev soak` runs for a day.
-namespace locfuse {
+namespace locfuse::test_soak {
 namespace {
 
 using testing::EndlessDrive;
@@ -59,4 +59,4 @@ TEST(Soak, an_unbounded_history_is_detected) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_soak

@@ -10,7 +10,7 @@
 #include "support/expect.hpp"
 #include "support/simulation.hpp"
 
-namespace locfuse {
+namespace locfuse::test_timeline {
 namespace {
 
 using testing::kSecond;
@@ -216,4 +216,4 @@ TEST(Timeline, a_message_that_an_estimator_refuses_leaves_no_trace) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_timeline

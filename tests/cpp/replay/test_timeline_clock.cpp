@@ -11,7 +11,7 @@
 #include "support/simulation.hpp"
 
 /// Clock jumps, sources that stop and full histories, for every estimator that a Timeline feeds.
-namespace locfuse {
+namespace locfuse::test_timeline_clock {
 namespace {
 
 using testing::kSecond;
@@ -431,4 +431,4 @@ TEST(Timeline, a_clock_jump_before_the_start_restarts) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_timeline_clock

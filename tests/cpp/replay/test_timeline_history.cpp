@@ -7,7 +7,7 @@
 #include "support/expect.hpp"
 #include "support/random.hpp"
 
-namespace locfuse {
+namespace locfuse::test_timeline_history {
 namespace {
 
 const auto kNoSink = [](std::size_t, const Outcome&) {};
@@ -150,4 +150,4 @@ TEST(Timeline, a_late_message_costs_little_more_than_those_after_it) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_timeline_history

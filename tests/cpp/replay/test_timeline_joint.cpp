@@ -13,7 +13,7 @@
 #include "support/random.hpp"
 #include "support/scrubber.hpp"
 
-namespace locfuse {
+namespace locfuse::test_timeline_joint {
 namespace {
 
 using testing::kSecond;
@@ -171,4 +171,4 @@ TEST(TimelineJoint, at_one_stamp_odometry_comes_first) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_timeline_joint

@@ -4,7 +4,7 @@
 #include "locfuse/models/measurement/altitude.hpp"
 #include "support/expect.hpp"
 
-namespace locfuse {
+namespace locfuse::test_altitude {
 namespace {
 
 TEST(AltitudeModel, is_the_height_of_the_altimeter) {
@@ -22,4 +22,4 @@ TEST(AltitudeModel, rejects_a_mount_that_is_not_finite) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_altitude

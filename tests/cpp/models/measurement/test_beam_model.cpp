@@ -5,7 +5,7 @@
 #include "locfuse/models/measurement/beam_model.hpp"
 #include "support/expect.hpp"
 
-namespace locfuse {
+namespace locfuse::test_beam_model {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -130,4 +130,4 @@ TEST(BeamModel, too_far_from_the_map_no_beam_returns) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_beam_model

@@ -6,7 +6,7 @@
 #include "support/expect.hpp"
 #include "support/random.hpp"
 
-namespace locfuse {
+namespace locfuse::test_likelihood_field {
 namespace {
 
 using testing::Rng;
@@ -165,4 +165,4 @@ TEST(LikelihoodField, points_beyond_integers_are_unknown) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_likelihood_field

@@ -6,7 +6,7 @@
 #include "support/expect.hpp"
 #include "support/random.hpp"
 
-namespace locfuse {
+namespace locfuse::test_point_distance {
 namespace {
 
 using testing::expect_near;
@@ -48,4 +48,4 @@ TEST(PointDistanceModel, rejects_an_invalid_sigma) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_point_distance

@@ -2,7 +2,7 @@
 #include "locfuse/models/measurement/pose.hpp"
 #include "support/jacobian.hpp"
 
-namespace locfuse {
+namespace locfuse::test_pose {
 namespace {
 
 TEST(PoseModel, expects_the_pose_itself) {
@@ -27,4 +27,4 @@ TEST(PoseModel, jacobian_matches_differences) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_pose

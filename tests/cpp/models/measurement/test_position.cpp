@@ -4,7 +4,7 @@
 #include "locfuse/models/measurement/position.hpp"
 #include "support/jacobian.hpp"
 
-namespace locfuse {
+namespace locfuse::test_position {
 namespace {
 
 using testing::expect_near;
@@ -85,4 +85,4 @@ TEST(PositionModel, rejects_a_lever_arm_that_is_not_finite) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_position

@@ -5,7 +5,7 @@
 #include "locfuse/models/measurement/range.hpp"
 #include "support/jacobian.hpp"
 
-namespace locfuse {
+namespace locfuse::test_range {
 namespace {
 
 using testing::expect_jacobian;
@@ -203,4 +203,4 @@ TEST(RangeModel, rejects_a_missing_map_and_ambiguous_tags) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_range

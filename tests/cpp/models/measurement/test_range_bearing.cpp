@@ -5,7 +5,7 @@
 #include "locfuse/models/measurement/range_bearing.hpp"
 #include "support/jacobian.hpp"
 
-namespace locfuse {
+namespace locfuse::test_range_bearing {
 namespace {
 
 using testing::expect_jacobian;
@@ -191,4 +191,4 @@ TEST(RangeBearingModel, rejects_invalid_noise) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_range_bearing

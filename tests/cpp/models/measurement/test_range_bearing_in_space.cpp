@@ -5,7 +5,7 @@
 #include "locfuse/models/measurement/range_bearing.hpp"
 #include "support/jacobian.hpp"
 
-namespace locfuse {
+namespace locfuse::test_range_bearing_in_space {
 namespace {
 
 using testing::expect_near;
@@ -124,4 +124,4 @@ TEST(RangeBearingModel, rejects_invalid_noise_and_mounts_in_space) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_range_bearing_in_space

@@ -5,7 +5,7 @@
 #include "locfuse/models/measurement/range.hpp"
 #include "support/jacobian.hpp"
 
-namespace locfuse {
+namespace locfuse::test_range_in_space {
 namespace {
 
 using testing::expect_near;
@@ -79,4 +79,4 @@ TEST(RangeModel, at_height_zero_equals_the_plane_to_the_bit) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_range_in_space

@@ -7,7 +7,7 @@
 #include "support/expect.hpp"
 #include "support/random.hpp"
 
-namespace locfuse {
+namespace locfuse::test_velocity {
 namespace {
 
 using testing::expect_near;
@@ -80,4 +80,4 @@ TEST(VelocityModel, rejects_invalid_sigmas) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_velocity
