@@ -75,17 +75,23 @@ may replay it at once.
       .def(
           "add_velocities",
           [](SharedLog& log, const Stamps& stamps, const Column<double>& forward,
-             const Column<double>& turn_rate, const std::optional<Stamps>& arrival) {
+             const Column<double>& turn_rate, const std::optional<Stamps>& arrival,
+             const std::optional<Column<double>>& left) {
             const Column<Stamp> stamp = checked_stamps("stamp_ns", stamps);
             expect_shape("forward", forward, stamp.size());
             expect_shape("turn_rate", turn_rate, stamp.size());
+            if (left) {
+              expect_shape("left", *left, stamp.size());
+            }
             add_rows(log, stamp, arrival,
-                     [&, t = stamp.data(), v = forward.data(),
-                      w = turn_rate.data()](py::ssize_t i) -> Message {
-                       return locfuse::Velocity{t[i], v[i], w[i]};
+                     [&, t = stamp.data(), v = forward.data(), w = turn_rate.data(),
+                      sideways = left ? left->data() : nullptr](py::ssize_t i) -> Message {
+                       return locfuse::Velocity{t[i], v[i], w[i],
+                                                sideways != nullptr ? sideways[i] : 0.0};
                      });
           },
-          py::arg("stamp_ns"), py::arg("forward"), py::arg("turn_rate"), no_arrival)
+          py::arg("stamp_ns"), py::arg("forward"), py::arg("turn_rate"), no_arrival,
+          py::arg("left") = py::none())
       .def(
           "add_increments",
           [](SharedLog& log, const Stamps& begins, const Stamps& stamps,

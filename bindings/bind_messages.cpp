@@ -46,23 +46,26 @@ void bind_laser(py::module_& m) {
   py::class_<LaserGeometry, std::shared_ptr<LaserGeometry>>(
       m, "LaserGeometry",
       "Mounting and beams of a 2D laser: beam i points at angle_min + i * angle_increment [rad] "
-      "from the laser's x axis; `pose_in_body` is T_body_laser; ranges [m].")
+      "from the laser's x axis, `time_increment` [s] after the one before; `pose_in_body` is "
+      "T_body_laser; ranges [m].")
       .def(py::init([](const Pose2& pose_in_body, double angle_min, double angle_increment,
-                       double range_min, double range_max) {
-             return std::make_shared<LaserGeometry>(checked(
-                 LaserGeometry{pose_in_body, angle_min, angle_increment, range_min, range_max}));
+                       double range_min, double range_max, double time_increment) {
+             return std::make_shared<LaserGeometry>(checked(LaserGeometry{
+                 pose_in_body, angle_min, angle_increment, range_min, range_max, time_increment}));
            }),
            py::arg("pose_in_body"), py::arg("angle_min"), py::arg("angle_increment"),
-           py::arg("range_min"), py::arg("range_max"))
+           py::arg("range_min"), py::arg("range_max"), py::arg("time_increment") = 0.0)
       .def_readonly("pose_in_body", &LaserGeometry::pose_in_body)
       .def_readonly("angle_min", &LaserGeometry::angle_min)
       .def_readonly("angle_increment", &LaserGeometry::angle_increment)
       .def_readonly("range_min", &LaserGeometry::range_min)
-      .def_readonly("range_max", &LaserGeometry::range_max);
+      .def_readonly("range_max", &LaserGeometry::range_max)
+      .def_readonly("time_increment", &LaserGeometry::time_increment);
   py::class_<LaserScan>(
       m, "LaserScan",
-      "One scan of a 2D laser: `ranges` (beams,) [m], NaN without return. Ranges outside "
-      "[range_min, range_max) do not count as returns: many lasers report range_max if there is "
+      "One scan of a 2D laser, `stamp` [ns] that of its middle beam: `ranges` (beams,) [m], NaN "
+      "without return. Ranges outside (range_min, range_max) do not count as returns: many lasers "
+      "report range_max if there is "
       "none. `intensities` (beams,) in the unit of the laser; empty if not reported.")
       .def(py::init([](Stamp stamp, std::shared_ptr<LaserGeometry> geometry,
                        const Column<double>& ranges,
@@ -109,18 +112,20 @@ void bind_messages(py::module_& m) {
       .finalize();
   py::class_<Velocity>(m, "Velocity",
                        "Wheel odometry as body velocities, constant from `stamp` [ns] until the "
-                       "next message: `forward` [m/s], `turn_rate` [rad/s].")
-      .def(py::init([](Stamp stamp, double forward, double turn_rate) {
-             return checked(Velocity{stamp, forward, turn_rate});
+                       "next message: `forward` [m/s], `turn_rate` [rad/s], and `left` [m/s] of "
+                       "wheels that roll sideways, too.")
+      .def(py::init([](Stamp stamp, double forward, double turn_rate, double left) {
+             return checked(Velocity{stamp, forward, turn_rate, left});
            }),
-           py::arg("stamp"), py::arg("forward"), py::arg("turn_rate"))
+           py::arg("stamp"), py::arg("forward"), py::arg("turn_rate"), py::arg("left") = 0.0)
       .def_readonly("stamp", &Velocity::stamp)
       .def_readonly("forward", &Velocity::forward)
       .def_readonly("turn_rate", &Velocity::turn_rate)
+      .def_readonly("left", &Velocity::left)
       .def("__repr__", [](const Velocity& v) {
         std::ostringstream text;
         text << "Velocity(stamp=" << v.stamp << ", forward=" << v.forward
-             << ", turn_rate=" << v.turn_rate << ")";
+             << ", turn_rate=" << v.turn_rate << ", left=" << v.left << ")";
         return text.str();
       });
   py::class_<Increment>(m, "Increment",

@@ -290,17 +290,20 @@ class Source(enum.Enum):
 
 class Velocity:
     """
-    Wheel odometry as body velocities, constant from `stamp` [ns] until the next message: `forward` [m/s], `turn_rate` [rad/s].
+    Wheel odometry as body velocities, constant from `stamp` [ns] until the next message: `forward` [m/s], `turn_rate` [rad/s], and `left` [m/s] of wheels that roll sideways, too.
     """
     def __init__(
         self,
         stamp: typing.SupportsInt | typing.SupportsIndex,
         forward: typing.SupportsFloat | typing.SupportsIndex,
         turn_rate: typing.SupportsFloat | typing.SupportsIndex,
+        left: typing.SupportsFloat | typing.SupportsIndex = 0.0,
     ) -> None: ...
     def __repr__(self) -> str: ...
     @property
     def forward(self) -> float: ...
+    @property
+    def left(self) -> float: ...
     @property
     def stamp(self) -> int: ...
     @property
@@ -449,7 +452,7 @@ class RangeBearing:
 
 class LaserGeometry:
     """
-    Mounting and beams of a 2D laser: beam i points at angle_min + i * angle_increment [rad] from the laser's x axis; `pose_in_body` is T_body_laser; ranges [m].
+    Mounting and beams of a 2D laser: beam i points at angle_min + i * angle_increment [rad] from the laser's x axis, `time_increment` [s] after the one before; `pose_in_body` is T_body_laser; ranges [m].
     """
     def __init__(
         self,
@@ -458,6 +461,7 @@ class LaserGeometry:
         angle_increment: typing.SupportsFloat | typing.SupportsIndex,
         range_min: typing.SupportsFloat | typing.SupportsIndex,
         range_max: typing.SupportsFloat | typing.SupportsIndex,
+        time_increment: typing.SupportsFloat | typing.SupportsIndex = 0.0,
     ) -> None: ...
     @property
     def angle_increment(self) -> float: ...
@@ -469,10 +473,12 @@ class LaserGeometry:
     def range_max(self) -> float: ...
     @property
     def range_min(self) -> float: ...
+    @property
+    def time_increment(self) -> float: ...
 
 class LaserScan:
     """
-    One scan of a 2D laser: `ranges` (beams,) [m], NaN without return. Ranges outside [range_min, range_max) do not count as returns: many lasers report range_max if there is none. `intensities` (beams,) in the unit of the laser; empty if not reported.
+    One scan of a 2D laser, `stamp` [ns] that of its middle beam: `ranges` (beams,) [m], NaN without return. Ranges outside (range_min, range_max) do not count as returns: many lasers report range_max if there is none. `intensities` (beams,) in the unit of the laser; empty if not reported.
     """
     def __init__(
         self,
@@ -5169,6 +5175,7 @@ class MessageLog:
         forward: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
         turn_rate: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
         arrival_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64] | None = None,
+        left: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
     ) -> None: ...
     def sort(self) -> None:
         """

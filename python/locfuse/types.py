@@ -288,7 +288,8 @@ class Log:
         are ``arrival_s``, ``begin_s`` and ``end_s``; names (tag, anchor, landmark) are arrays of
         str; the beams of ``scans`` are one column ``ranges_m`` of shape (n, beams), NaN where there
         was no return, and perhaps ``intensities`` of the same shape, NaN where none is known;
-        everything else is float64. Absent files are absent keys.
+        where scans differ, ``beams`` of a row count, and its ``angle_min_rad`` and
+        ``angle_increment_rad``; everything else is float64. Absent files are absent keys.
     tags : mapping of tag name to (x, y, z)
         Tag positions in the body frame, metres.
     laser : mapping or None
@@ -317,6 +318,19 @@ class Log:
 
     def __contains__(self, stem: str) -> bool:
         return stem in self.tables
+
+    def scan_geometry(self, row: int) -> tuple[Mapping[str, Any], int]:
+        """Return `laser` as it was for a row of ``scans``, and how many beams that has.
+
+        Raises LogError where the log has no laser.
+        """
+        if self.laser is None:
+            raise LogError("the log has scans, but nothing is known of the laser")
+        scans = self.tables["scans"]
+        if "beams" not in scans:
+            return self.laser, scans["ranges_m"].shape[1]
+        own = {key: float(scans[key][row]) for key in ("angle_min_rad", "angle_increment_rad")}
+        return {**self.laser, **own}, int(scans["beams"][row])
 
     def __getitem__(self, stem: str) -> Columns:
         return self.tables[stem]

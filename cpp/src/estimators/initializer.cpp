@@ -45,7 +45,7 @@ constexpr const char* kNoneKnown = "no range between a known tag and a known anc
 /// The rest of what odometry last said, from `stamp` on; empty where nothing is left.
 std::optional<Message> from(const Message& control, Stamp stamp) {
   if (const Velocity* held = std::get_if<Velocity>(&control)) {
-    return Velocity{std::max(held->stamp, stamp), held->forward, held->turn_rate};
+    return Velocity{std::max(held->stamp, stamp), held->forward, held->turn_rate, held->left};
   }
   const Increment& last = std::get<Increment>(control);
   if (last.begin >= stamp) {
@@ -247,7 +247,7 @@ void Initializer::on(const Velocity& u) {
     const Velocity* last = control_ ? std::get_if<Velocity>(&*control_) : nullptr;
     if (last != nullptr && u.stamp > last->stamp) {
       const double seconds = std::min(seconds_between(last->stamp, u.stamp), estimator_.hold_s);
-      moved(arc(last->forward * seconds, 0.0, last->turn_rate * seconds));
+      moved(arc(last->forward * seconds, last->left * seconds, last->turn_rate * seconds));
     }
     drive(u);
   });

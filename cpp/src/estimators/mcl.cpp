@@ -249,6 +249,11 @@ Outcome Mcl::on(const LaserScan& z) {
   if (!advance_unless_stale(z.stamp)) {
     return {Verdict::kStale};
   }
+  const std::optional<LaserScan> turned = as_of_stamp(z, odometry_.rate().heading);
+  return take(turned ? *turned : z);
+}
+
+Outcome Mcl::take(const LaserScan& z) {
   const ScanEvidence before = evidence_of_prediction(z);
   const std::optional<LaserScan> uncovered = internal::MclHealth::without_cover(z, before);
   const LaserScan& scan = uncovered ? *uncovered : z;

@@ -393,7 +393,7 @@ Outcome TagTriangleEkf::on(const Velocity& u) {
   if (!is_plausible(u, recipe_->config.limits)) {
     return {Verdict::kImplausible};
   }
-  return take(u.stamp, u.stamp, {u.forward, 0.0, u.turn_rate});
+  return take(u.stamp, u.stamp, {u.forward, u.left, u.turn_rate});
 }
 
 Outcome TagTriangleEkf::on(const Increment& u) {

@@ -58,7 +58,7 @@ void TagConditioner::drive_to(Stamp stamp) {
   const double seconds = seconds_between(held_->stamp, until);
   for (Track& track : tracks_) {
     const Vector<2> velocity(held_->forward - held_->turn_rate * track.lever.y(),
-                             held_->turn_rate * track.lever.x());
+                             held_->left + held_->turn_rate * track.lever.x());
     track.driven += seconds * velocity.norm();
   }
   held_->stamp = until;

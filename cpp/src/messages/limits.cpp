@@ -28,7 +28,7 @@ void validate(const Limits& limits) {
 }
 
 bool is_plausible(const Velocity& message, const Limits& limits) {
-  return std::abs(message.forward) <= limits.speed_mps &&
+  return std::hypot(message.forward, message.left) <= limits.speed_mps &&
          std::abs(message.turn_rate) <= limits.turn_rate_radps;
 }
 

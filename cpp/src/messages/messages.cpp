@@ -80,10 +80,28 @@ void check_min_sigma(const char* name, double sigma) {
   }
 }
 
+std::optional<LaserScan> as_of_stamp(const LaserScan& scan, double turn_rate) {
+  const double turn = turn_rate * scan.geometry->time_increment;  // from one beam to the next
+  const double whole = turn * (static_cast<double>(scan.ranges.size()) - 1.0);
+  if (turn == 0.0 || !(std::abs(whole) < kPi)) {
+    return std::nullopt;
+  }
+  LaserGeometry geometry = *scan.geometry;
+  geometry.angle_min -= 0.5 * whole;
+  geometry.angle_increment += turn;
+  geometry.time_increment = 0.0;
+  if (geometry.angle_increment == 0.0) {
+    return std::nullopt;
+  }
+  return LaserScan{scan.stamp, std::make_shared<const LaserGeometry>(geometry), scan.ranges,
+                   scan.intensities};
+}
+
 void validate(const Velocity& message) {
   check_stamp(message.stamp);
   require_finite("Velocity.forward [m/s]", message.forward);
   require_finite("Velocity.turn_rate [rad/s]", message.turn_rate);
+  require_finite("Velocity.left [m/s]", message.left);
 }
 
 void validate(const Increment& message) {
@@ -176,6 +194,10 @@ void validate(const LaserGeometry& geometry) {
   require_scan_size("LaserGeometry.range_max [m]", geometry.range_max);
   if (geometry.range_max <= geometry.range_min) {
     refuse("LaserGeometry.range_max [m]", geometry.range_max, "a number above range_min");
+  }
+  require_scan_size("LaserGeometry.time_increment [s]", geometry.time_increment);
+  if (geometry.time_increment < 0.0) {
+    refuse("LaserGeometry.time_increment [s]", geometry.time_increment, "a number >= 0");
   }
 }
 

@@ -58,7 +58,8 @@ def dead_reckon(odometry: Columns, turn: float = 1.0) -> Trajectory:
     else:
         dt = np.diff(stamp, prepend=stamp[:1]) / NANOSECONDS
         held = np.concatenate([[0], np.arange(len(stamp) - 1)])
-        dx, dy = odometry["v_mps"][held] * dt, np.zeros(len(stamp))
+        left = odometry.get("v_left_mps", np.zeros(len(stamp)))
+        dx, dy = odometry["v_mps"][held] * dt, left[held] * dt
         dheading = turn * odometry["omega_radps"][held] * dt
         heading = np.cumsum(dheading)
         before = heading - 0.5 * dheading

@@ -34,12 +34,14 @@ from locfuse.types import (
     shown,
 )
 
+GEOMETRY = ("beams", "angle_min_rad", "angle_increment_rad")  # of each scan, where they differ
 # Which headers each file may have. ranges_m stands for the beams r0, r1, ... of a scan, intensities
 # for i0, i1, ...
 SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
     "odometry": (
         ("stamp_s", "dx_m", "dy_m", "dheading_rad"),
         ("stamp_s", "v_mps", "omega_radps"),
+        ("stamp_s", "v_mps", "v_left_mps", "omega_radps"),
     ),
     "ranges": (
         ("stamp_s", "tag", "anchor", "range_m"),
@@ -54,7 +56,12 @@ SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
         ("stamp_s", "landmark", "range_m", "bearing_rad"),
         ("stamp_s", "landmark", "range_m", "bearing_rad", "sigma_range_m", "sigma_bearing_rad"),
     ),
-    "scans": (("stamp_s", "ranges_m"), ("stamp_s", "ranges_m", "intensities")),
+    "scans": (
+        ("stamp_s", "ranges_m"),
+        ("stamp_s", "ranges_m", "intensities"),
+        ("stamp_s", *GEOMETRY, "ranges_m"),
+        ("stamp_s", *GEOMETRY, "ranges_m", "intensities"),
+    ),
     "truth": (
         ("stamp_s", "x_m", "y_m"),
         ("stamp_s", "x_m", "y_m", "heading_rad"),
@@ -354,7 +361,12 @@ def _bad_values(stem: str, name: str, values: NDArray[Any]) -> Iterator[Problem]
         yield from _first(lowest < 0.0, "a range is negative", lowest)
         for row in np.flatnonzero(highest > MAX_RANGE_M):
             yield int(row), f"a range of {highest[row]:g} m; is the file in m?"
-    elif name == "v_mps":
+    elif name == "beams":
+        bad = (values < 1.0) | (values != np.floor(values))
+        yield from _first(bad, "the number of beams is not a positive integer", values)
+    elif name == "angle_increment_rad":
+        yield from _first(values == 0.0, "angle_increment_rad is 0")
+    elif name in ("v_mps", "v_left_mps"):
         for row in np.flatnonzero(np.abs(values) > MAX_SPEED_MPS):
             yield int(row), f"{values[row]:g} m/s; is the file in m and s?"
     elif name == "omega_radps":
@@ -382,6 +394,8 @@ def _bad_covariances(table: Columns) -> Iterator[Problem]:
 
 def _bad_increments(table: Columns) -> Iterator[Problem]:
     seconds = np.diff(table["stamp_ns"]) / NANOSECONDS
+    if len(seconds):
+        seconds = np.maximum(seconds, seconds.mean())  # messages in packets are no leaps
     with np.errstate(over="ignore"):  # what is infinite is too fast, too
         speed = np.hypot(table["dx_m"], table["dy_m"])[1:] / seconds
         turn_rate = np.abs(table["dheading_rad"])[1:] / seconds

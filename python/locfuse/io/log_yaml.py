@@ -125,16 +125,19 @@ def _landmark_sensor(value: Any, where: str) -> dict[str, Any]:
 
 def _laser(value: Any, where: str) -> dict[str, Any]:
     where = f"{where}: laser"
-    _all_keys(value, LASER_KEYS, where)
+    optional = [key for key in ("time_increment_s",) if isinstance(value, Mapping) and key in value]
+    _all_keys(value, (*LASER_KEYS, *optional), where)
     laser: dict[str, Any] = {
         "pose_in_body": list(_triple(value["pose_in_body"], f"{where}.pose_in_body"))
     }
-    laser |= {key: number(value[key], f"{where}.{key}") for key in LASER_KEYS[1:]}
+    laser |= {key: number(value[key], f"{where}.{key}") for key in (*LASER_KEYS[1:], *optional)}
     if laser["angle_increment_rad"] == 0.0:
         raise LogError(f"{where}.angle_increment_rad is 0, expected another number")
     if not 0.0 <= laser["range_min_m"] < laser["range_max_m"]:
         found = f"{laser['range_min_m']:g} and {laser['range_max_m']:g}"
         raise LogError(f"{where}: range_min_m and range_max_m are {found}, expected 0 <= min < max")
+    if laser.get("time_increment_s", 0.0) < 0.0:
+        raise LogError(f"{where}.time_increment_s is negative, expected 0 or more")
     return laser
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,8 @@ from locfuse.io.csv_table import line_of_row, number_texts, parse, read_bytes, s
 from locfuse.io.whole import whole_file
 from locfuse.types import FloatArray, LogError, Trajectory
 
+logger = logging.getLogger(__name__)
+
 NORM_TOLERANCE = 0.01  # files with three decimals pass
 
 
@@ -18,7 +21,9 @@ def read_tum(path: str | Path) -> Trajectory:
     """Read a TUM file; its poses are projected to the plane.
 
     Position is (x, y); heading is the yaw of the quaternion, so z, roll and pitch are dropped.
-    Stamps are exact to the nanosecond. Blank lines and lines that start with ``#`` are skipped.
+    Stamps are exact to the nanosecond. Of poses with the same stamp the first counts, and a warning
+    on the logger ``locfuse`` says how many there were. Blank lines and lines that start with ``#``
+    are skipped.
 
     Parameters
     ----------
@@ -33,15 +38,15 @@ def read_tum(path: str | Path) -> Trajectory:
     Raises
     ------
     LogError
-        If the file is missing or empty, a line is not 8 finite numbers, stamps do not increase
-        strictly, or a quaternion is not of norm 1.
+        If the file is missing or empty, a line is not 8 finite numbers, a stamp lies before the
+        last one, or a quaternion is not of norm 1.
     """
     path = Path(path)
     data = read_bytes(path)
     stamp_ns, x, y, _z, qx, qy, qz, qw = parse(data, "sfffffff", " ", 1, path)
     if len(stamp_ns) == 0:
         raise LogError(f"{path}: no pose, expected lines of stamp_s x y z qx qy qz qw")
-    for row in np.flatnonzero(np.diff(stamp_ns) <= 0)[:1] + 1:
+    for row in np.flatnonzero(np.diff(stamp_ns) < 0)[:1] + 1:
         line = line_of_row(data, 1, row)
         before, stamp = stamp_texts(stamp_ns[row - 1 : row + 1])
         raise LogError(f"{path}, line {line}: stamp {stamp} does not come after {before}")
@@ -51,7 +56,11 @@ def read_tum(path: str | Path) -> Trajectory:
         raise LogError(f"{path}, line {line}: quaternion of norm {norm[row]:g}, expected 1")
     heading = np.arctan2(2.0 * (qw * qz + qx * qy), qw**2 + qx**2 - qy**2 - qz**2)
     heading[heading >= np.pi] = -np.pi
-    return Trajectory(stamp_ns, np.column_stack([x, y]), heading)
+    first = np.concatenate([[True], np.diff(stamp_ns) > 0])
+    if not first.all():
+        logger.warning("%s: %d poses have the stamp of the one before and are left out", path,
+                       np.count_nonzero(~first))  # fmt: skip
+    return Trajectory(stamp_ns[first], np.column_stack([x, y])[first], heading[first])
 
 
 def write_tum(path: str | Path, trajectory: Trajectory) -> None:

@@ -10,7 +10,7 @@ from locfuse.config.schema import RunConfig
 from locfuse.live.rows import Message, effective_ns
 from locfuse.run.mcl import mcl_on
 from locfuse.run.start import grid_of
-from locfuse.types import ConfigError, Log
+from locfuse.types import NANOSECONDS, ConfigError, Log
 
 PATIENCE_NS = 250_000_000
 
@@ -21,8 +21,9 @@ class OnMap:
     """An `Mcl`, or a `SwitchingMcl`, fed in order of effective stamps.
 
     What arrives waits until odometry has come that far, or for a quarter of a second: then a scan
-    finds the motion up to it, as `localize` sees to on a log. `found` says whether one place was
-    left at some time, or the start was given.
+    finds the motion up to it, as `localize` sees to on a log. Scans come when their turn is over,
+    which odometry does not wait for: so all wait as long as the latest scan so far, up to
+    ``history_s``. `found` says whether one place was left at some time, or the start was given.
     """
 
     def __init__(
@@ -43,7 +44,12 @@ class OnMap:
         self._waiting: list[tuple[int, bool, int, Message | _core.LaserScan]] = []
         self._arrivals = 0
         self._newest_ns = begin_ns
-        self._odometry_ns: int | None = None
+        self._odometry_ns: int | None = None  # end of the newest motion
+        self._driven_ns: int | None = None  # where it begins
+        self._max_lateness_ns = round(config.history_s * NANOSECONDS)
+        self._lateness_ns: int | None = (
+            None  # of the latest scan, behind that; None before the first
+        )
 
     def on(self, item: Message | _core.LaserScan) -> list[_core.PoseEstimate]:
         """Take a message or a scan; return the estimates after scans whose turn it is now."""
@@ -51,12 +57,19 @@ class OnMap:
         stamp = item.stamp if isinstance(item, _core.LaserScan) else effective_ns(item)
         if isinstance(item, _core.Increment | _core.Velocity):
             self._odometry_ns = max(item.stamp, self._odometry_ns or item.stamp)
+            self._driven_ns = max(stamp, self._driven_ns or stamp)
+        elif is_scan:
+            late_ns = 0 if self._driven_ns is None else max(0, self._driven_ns - stamp)
+            self._lateness_ns = min(max(self._lateness_ns or 0, late_ns), self._max_lateness_ns)
         self._newest_ns = max(self._newest_ns, stamp)
         heapq.heappush(self._waiting, (stamp, is_scan, self._arrivals, item))
         self._arrivals += 1
-        due = self._newest_ns - PATIENCE_NS - 1
-        if self._odometry_ns is not None:
-            due = max(due, self._odometry_ns)
+        due = self._newest_ns - max(PATIENCE_NS, self._lateness_ns or 0) - 1
+        if self._odometry_ns is not None and self._driven_ns is not None:
+            if self._lateness_ns == 0:
+                due = max(due, self._odometry_ns)
+            elif self._lateness_ns is not None:
+                due = max(due, self._driven_ns - self._lateness_ns)
         estimates = []
         while self._waiting and self._waiting[0][0] <= due:
             now = heapq.heappop(self._waiting)[3]

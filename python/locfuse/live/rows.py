@@ -76,16 +76,20 @@ class Rows:
         if laser is None:
             raise ValueError("a scan came, but nothing is known of the laser; add 'laser' to the "
                              "log.yaml of the world")  # fmt: skip
+        if "beams" in row:  # of a log in which scans differ
+            laser = {**laser, **{key: row[key] for key in ("angle_min_rad", "angle_increment_rad")}}
         if self._geometry is None or self._geometry[0] != laser:
             self._geometry = (laser, laser_geometry(laser))
-        bright = row.get("intensities")
+        beams = int(row["beams"]) if "beams" in row else None
+        bright = row["intensities"][:beams] if row.get("intensities") is not None else None
         known = bright is not None and bool(np.all(np.isfinite(bright)))
-        return _core.LaserScan(int(row["stamp_ns"]), self._geometry[1], row["ranges_m"],
+        return _core.LaserScan(int(row["stamp_ns"]), self._geometry[1], row["ranges_m"][:beams],
                                bright if known else None)  # fmt: skip
 
     def _odometry(self, stamp: int, row: Row) -> Message:
         if "v_mps" in row:
-            return _core.Velocity(stamp, float(row["v_mps"]), float(row["omega_radps"]))
+            return _core.Velocity(stamp, float(row["v_mps"]), float(row["omega_radps"]),
+                                  float(row.get("v_left_mps", 0.0)))  # fmt: skip
         before, motion = self._odometry_ns, _core.Pose2()
         if before is not None and before < stamp:
             motion = _core.Pose2(*(float(row[key]) for key in ("dx_m", "dy_m", "dheading_rad")))

@@ -187,7 +187,9 @@ class _Writer:
         assert at.heading is not None
         ranges: FloatArray = table["ranges_m"][inside]
         x, y, mount = (float(value) for value in laser["pose_in_body"])
-        beam = laser["angle_min_rad"] + laser["angle_increment_rad"] * np.arange(ranges.shape[1])
+        first, step = (table.get(key, np.full(len(inside), laser[key]))[inside, None]
+                       for key in ("angle_min_rad", "angle_increment_rad"))  # fmt: skip
+        beam = first + step * np.arange(ranges.shape[1])
         angle = at.heading[:, None] + mount + beam
         c, s = np.cos(at.heading)[:, None], np.sin(at.heading)[:, None]
         px = at.position[:, :1] + c * x - s * y + ranges * np.cos(angle)

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,16 +18,20 @@ from locfuse.io.log_folder import read_world
 from locfuse.io.rosbag import decode, encode, rows
 from locfuse.io.rosbag.decode import MessageError
 from locfuse.io.rosbag.encode import Publication
+from locfuse.io.rosbag.fixes import Fixes, unplaced
 from locfuse.io.rosbag.frames import check_frame
 from locfuse.live import MAX_KEPT, LiveHealth, LivePose, LiveRun, Row
-from locfuse.ros.future_stamps import FUTURE_NS, PATIENCE_NS, EarlyMessage, EarlyMessages
+from locfuse.ros.future_stamps import FUTURE_NS, LASTING, PATIENCE_NS, EarlyMessage, EarlyMessages
 from locfuse.ros.publications import Odometry, PublicationBuilder, health_status, source_status
 from locfuse.ros.world import World
+from locfuse.run.missing_inputs import sigma_key
+from locfuse.run.start import given_start
 from locfuse.run.tracker import TRIANGLE
 from locfuse.types import NANOSECONDS, ConfigError, Log, nearest
 
 BACK_NS = NANOSECONDS  # a clock that goes back that far has jumped
 SILENT_NS = 5 * NANOSECONDS  # after which a silent topic is reported
+TRANSFORMS_NS = NANOSECONDS // 2  # within which static transforms come
 CLOCKS = "are both machines' clocks set, and use_sim_time the same for all nodes?"
 SIMILAR = 3  # problems of one kind, each reported once
 
@@ -116,9 +121,10 @@ class Adapter:
         self._clear()
 
     def _clear(self) -> None:
-        self._wheels = rows.Wheels(self._config.ros.odometry_from)
+        self._wheels = self._new_wheels()
         self._driven = Odometry()
-        self._origin = self._config.ros.gps_origin
+        self._fixes = Fixes(self._config.ros.gps_origin)
+        self._antennas: set[str] = set()  # frames of fixes that nothing placed
         self._first_ns: int | None = None  # of the clock
         self._now_ns: int | None = None
         self._received_ns: dict[str, int] = {}  # by the clock, per source
@@ -126,6 +132,8 @@ class Adapter:
         self._jumps = 0
         self._restarts = 0
         self._early = EarlyMessages()
+        self._takes_early = False
+        self._behind: Counter[str] = Counter()  # messages in a row that are too old, by topic
         self._waiting: deque[tuple[str, Row]] = deque(maxlen=MAX_KEPT)
 
     def _listens(self) -> list[Subscription]:
@@ -201,6 +209,7 @@ class Adapter:
         published = self._keep_time(now_ns)
         self._look_for_silence(now_ns)
         self._look_for_early()
+        self._look_for_antennas(now_ns)
         if self._live is not None and (pose := self._live.pose()) is not None:
             if self._config.ros.estimate_at == "odometry":
                 published += self._publications.pose_again(pose)
@@ -233,18 +242,25 @@ class Adapter:
         self._now_ns = now_ns
         if self._first_ns is None and now_ns > 0:  # simulated time has begun
             self._first_ns = now_ns
-        return [published for one in self._early.due(now_ns) for published in self._take(*one[1:])]
+        self._takes_early = True  # which waited, so that they say nothing of a clock that is behind
+        due = self._early.due(now_ns)
+        published = [given for one in due for given in self._take(*one[1:])]
+        self._takes_early = False
+        return published
 
     def _odometry(self, message: Any, topic: str) -> None:
         use = self._config.ros.odometry_from
         row = decode.odometry(message, use)
         self._check_body(row.child_frame)
-        self._in_time(row.stamp_ns)
+        self._in_time(row.stamp_ns, topic)
         self._driven.add(row)
         self._feed("odometry", self._wheels.row(row))
         if self._live is not None and self._live.jumps > self._jumps:
             self._jumps = self._live.jumps
-            self._wheels = rows.Wheels(use)
+            self._wheels = self._new_wheels()
+
+    def _new_wheels(self) -> rows.Wheels:
+        return rows.Wheels(self._config.ros.odometry_from, partial(self._problem, "odometry"))
 
     def _check_body(self, frame: str) -> None:
         """Look once at a frame that odometry is of, and again when there are new transforms."""
@@ -255,8 +271,10 @@ class Adapter:
 
     def _scan(self, message: Any, topic: str) -> None:
         row = decode.scan(message)
-        self._in_time(row.stamp_ns)
-        mount, upside_down = self._world.laser_mount(row.frame)
+        self._in_time(row.stamp_ns, topic)
+        mount, upside_down = self._world.laser_mount(row.frame, row.angle_increment)
+        if row.saturated is not None:
+            self._problem("saturated", decode.saturated_readings([row.saturated]))
         if self._live is not None:
             laser = rows.laser_of(row, mount, upside_down)
             self._live.on("scans", rows.scan_row(row, laser))
@@ -274,7 +292,7 @@ class Adapter:
                 lambda error: self._refuse("ranges", f"{topic}: {error}"),
             )
         for row in received:
-            self._in_time(row.stamp_ns)
+            self._in_time(row.stamp_ns, topic)
         if received and "anchors" not in self._world.log:
             raise MessageError("ranges come, but no anchors are known; give anchors.csv in the "
                                "folder of ros.world, or publish them on "
@@ -288,24 +306,51 @@ class Adapter:
     def _pose(self, message: Any, topic: str) -> None:
         row = decode.pose(message)
         check_frame("poses", row.frame, self._config.ros.frames.map)
-        self._in_time(row.stamp_ns)
-        self._feed("poses", rows.pose_row(row))
+        self._in_time(row.stamp_ns, topic)
+        found = rows.pose_row(row)
+        self._look_at_sigma("poses", topic, found["sigma_xy_m"])
+        self._feed("poses", found)
 
     def _position(self, message: Any, topic: str) -> None:
-        if self._origin is None and hasattr(message, "latitude") and message.status.status >= 0:
-            self._origin = (float(message.latitude), float(message.longitude), 0.0)
-        row = decode.fix(message, self._origin)
-        if row is None:
+        now = decode.fix(message, self._fixes.origin or (0.0, 0.0, 0.0))
+        if now is None:
             return
-        self._in_time(row.stamp_ns)
-        if row.tag and self._world.add_tag(row.tag, row.frame):
-            self._rebuild()
-        self._feed("positions", rows.position_row(row))
+        self._in_time(now.stamp_ns, topic)
+        of_antenna = hasattr(message, "latitude")
+        if of_antenna:
+            self._wait_for_transforms(now.frame)
+        else:
+            check_frame("positions", now.frame, self._config.ros.frames.map)
+        for row in self._fixes.rows(message):
+            if of_antenna and self._world.is_antenna(row.frame):
+                row = row._replace(tag=row.frame)
+            elif of_antenna and row.frame:
+                self._antennas.add(row.frame)
+            if row.tag and self._world.add_tag(row.tag, row.frame):
+                self._rebuild()
+            self._look_at_sigma("positions", topic, row.sigma_m)
+            self._feed("positions", rows.position_row(row))
+        if self._fixes.sentence:
+            self._problem("origin", self._fixes.sentence)
+
+    def _wait_for_transforms(self, frame: str) -> None:
+        """Keep what came before the transforms, which are latched, but come in any order."""
+        if self._first_ns is None or not frame or self._world.is_placed(frame):
+            return
+        if self._now_ns is not None and self._now_ns < self._first_ns + TRANSFORMS_NS:
+            raise EarlyMessage(self._first_ns + TRANSFORMS_NS + FUTURE_NS)
+
+    def _look_at_sigma(self, source: str, topic: str, sigma: float) -> None:
+        key = sigma_key(source, self._config.estimator)
+        if sigma <= 0.0 and key:
+            self._problem(
+                "sigma", f"messages on {topic} bring no sigma and are not used; set {key}"
+            )
 
     def _sightings(self, message: Any, topic: str) -> None:
         seen = decode.sightings(message)
         for row in seen:
-            self._in_time(row.stamp_ns)
+            self._in_time(row.stamp_ns, topic)
         if seen and self._world.add_landmark_sensor(seen[0].frame):
             self._rebuild()
         for row in seen:
@@ -329,26 +374,40 @@ class Adapter:
         self._bodies.clear()
 
     def _initial_pose(self, message: Any, topic: str) -> None:
-        row = decode.pose(message)
+        row = decode.pose(message, is_stamped=False)
         if self._publications.is_own_start(row.stamp_ns):
             return  # our own
         check_frame("the initial pose", row.frame, self._config.ros.frames.map)
         if self._live is None:
             raise MessageError(f"a pose was set, but {self._missing()}")
-        stamp = row.stamp_ns if self._live.received_ns is None else self._live.received_ns
-        pose = np.array([row.x, row.y, row.heading])
-        variance = np.diag(row.covariance)
-        if not (variance > 0.0).all():
-            raise MessageError("the initial pose has no covariance; expected variances > 0")
-        self._live.start_at(LivePose(stamp, pose, row.covariance))
+        stamp = self._live.received_ns or row.stamp_ns or self._now_ns or 0
+        variance, covariance = np.diag(row.covariance), row.covariance
+        if not covariance.any() or variance[0] == -1.0:
+            self._problem("initial pose", f"the pose on {topic} has no covariance; start_sigma of "
+                          "the configuration is taken for it")  # fmt: skip
+            start = row.x, row.y, float(np.degrees(row.heading))
+            covariance = given_start(start, self._config.start_sigma, stamp).covariance
+        elif not (variance > 0.0).all():
+            raise MessageError("the variances of x, y and heading are not positive; expected > 0, "
+                               "or all 0 where they are not known")  # fmt: skip
+        self._live.start_at(LivePose(stamp, np.array([row.x, row.y, row.heading]), covariance))
 
-    def _in_time(self, stamp_ns: int) -> None:
-        ahead_ns = stamp_ns - self._now_ns if self._now_ns else 0
+    def _in_time(self, stamp_ns: int, topic: str) -> None:
+        if not self._now_ns:
+            return
+        ahead_ns = stamp_ns - self._now_ns
         if ahead_ns > PATIENCE_NS:
             raise MessageError(f"the stamp is {ahead_ns / NANOSECONDS:.3g} s ahead of the clock; "
                                f"{CLOCKS}")  # fmt: skip
         if ahead_ns > FUTURE_NS:
             raise EarlyMessage(stamp_ns)
+        behind_s = -ahead_ns / NANOSECONDS
+        limit_s = max(self._config.history_s, FUTURE_NS / NANOSECONDS)
+        too_old = behind_s > limit_s and not self._takes_early
+        self._behind[topic] = self._behind[topic] + 1 if too_old else 0
+        if self._behind[topic] == LASTING:
+            self._problem("behind", f"messages on {topic} are stamped {behind_s:.6g} s before the "
+                          f"clock, and come too late to be used; {CLOCKS}")  # fmt: skip
 
     # The run -------------------------------------------------------------------------------------
 
@@ -482,6 +541,15 @@ class Adapter:
                 self._silent(one)
         if self._live is None:
             self._problem("map", self._missing())
+
+    def _look_for_antennas(self, now_ns: int) -> None:
+        """Say of which frames of fixes no static transform has come, which had time to."""
+        if self._first_ns is None or now_ns - self._first_ns < SILENT_NS:
+            return
+        for frame in sorted(self._antennas):
+            if not self._world.is_placed(frame):
+                self._problem("antenna", unplaced(frame, self._config.ros.frames.base))
+        self._antennas.clear()
 
     def _look_for_early(self) -> None:
         topic = self._early.last()

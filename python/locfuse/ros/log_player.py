@@ -203,10 +203,12 @@ def _rows(log: Log, stem: str) -> Iterator[tuple[int, int, int]]:
 
 def _odometry(log: Log, topic: str, ros: Ros) -> Iterator[Arrival]:
     table, frames = log["odometry"], ros.frames
-    pose, velocity = _core.Pose2(0.0, 0.0, 0.0), (0.0, 0.0)
+    pose, velocity = _core.Pose2(0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    left = table.get("v_left_mps")
     for row, stamp, arrival in _rows(log, "odometry"):
         if "dx_m" not in table:
-            velocity = float(table["v_mps"][row]), float(table["omega_radps"][row])
+            velocity = (float(table["v_mps"][row]), float(table["omega_radps"][row]),
+                        0.0 if left is None else float(left[row]))  # fmt: skip
         elif row > 0:
             pose = pose * _core.Pose2(float(table["dx_m"][row]), float(table["dy_m"][row]),
                                       float(table["dheading_rad"][row]))  # fmt: skip
@@ -276,9 +278,11 @@ def _scans(log: Log, topic: str, ros: Ros) -> Iterator[Arrival]:
         return
     bright = table.get("intensities")
     for row, stamp, arrival in _rows(log, "scans"):
-        given = ScanRow(stamp, LASER, laser["angle_min_rad"], laser["angle_increment_rad"],
-                       laser["range_min_m"], laser["range_max_m"], table["ranges_m"][row],
-                       None if bright is None else bright[row])  # fmt: skip
+        own, beams = log.scan_geometry(row)
+        given = ScanRow(stamp, LASER, own["angle_min_rad"], own["angle_increment_rad"],
+                       own["range_min_m"], own["range_max_m"], table["ranges_m"][row, :beams],
+                       None if bright is None else bright[row, :beams], None,
+                       own.get("time_increment_s", 0.0))  # fmt: skip
         yield Arrival(arrival, encode.laser_scan(topic, given))
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from locfuse.io.rosbag.decode import MessageError, TransformRow
+from locfuse.io.rosbag.fixes import is_beside
 from locfuse.io.rosbag.frames import FrameTree, Mount
 from locfuse.types import Columns, FloatArray, GridMap, Log
 
@@ -70,14 +71,25 @@ class World:
                            f"the log.yaml of ros.world, or publish the frame "
                            f"{frame or tag} on tf_static")  # fmt: skip
 
-    def laser_mount(self, frame: str) -> tuple[Mount, bool]:
+    def is_antenna(self, frame: str) -> bool:
+        """Return whether fixes of a frame are of an antenna beside the body's origin."""
+        return is_beside(frame, self._tree)
+
+    def is_placed(self, frame: str) -> bool:
+        """Return whether static transforms lead from a frame to the body."""
+        return frame in self._tree
+
+    def laser_mount(self, frame: str, increment: float) -> tuple[Mount, bool]:
         """Return where the laser of a scan sits, and whether head down.
+
+        `increment` is the angle between two beams, as the scan has it [rad].
 
         Raises MessageError if nothing says where it sits, or it does not look into the plane.
         """
         if self._given.laser is not None:
             x, y, heading = map(float, self._given.laser["pose_in_body"])
-            return Mount(x, y, 0.0, heading), False
+            flipped = self._tree.is_flipped(frame, increment, self._given.laser)
+            return Mount(x, y, 0.0, heading), flipped
         return self._tree.mount(frame), self._tree.upside_down(frame)
 
     def add_landmark_sensor(self, frame: str) -> bool:

@@ -241,7 +241,8 @@ def _add(
         effective = begin
         messages.add_increments(begin, stamp, motion, arrival)
     elif source == "odometry":
-        messages.add_velocities(stamp, table["v_mps"], table["omega_radps"], arrival)
+        messages.add_velocities(stamp, table["v_mps"], table["omega_radps"], arrival,
+                                table.get("v_left_mps"))  # fmt: skip
     elif source == "ranges":
         tag, anchor = _ids(tag_names, table["tag"]), _ids(anchor_names, table["anchor"])
         messages.add_ranges(stamp, tag, anchor, table["range_m"], table.get("sigma_m"), arrival)

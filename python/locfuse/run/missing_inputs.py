@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from locfuse.config.schema import Estimator
 from locfuse.types import Log
 
 _FOLDER = "the folder that ros.world names"
@@ -56,3 +57,12 @@ def where_named(log: Log, what: str) -> str:
     'log.yaml'
     """
     return _FILES[what] if log.origin == "folder" else f"the {log.origin}"
+
+
+def sigma_key(source: str, estimator: Estimator) -> str:
+    """Return the key that gives messages of a source a sigma where they bring none, if it is 0."""
+    if source == "positions" and estimator.position.sigma_m == 0.0:
+        return "estimator.position.sigma_m"
+    if source == "poses" and estimator.pose.sigma_m == 0.0:
+        return "estimator.pose.sigma_m"
+    return ""

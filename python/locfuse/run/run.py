@@ -30,6 +30,7 @@ from locfuse.run.messages import (
     to_messages,
     truth_of,
 )
+from locfuse.run.missing_inputs import sigma_key
 from locfuse.run.outcomes import outcomes_of, outcomes_of_mcl, with_scans, with_switches
 from locfuse.run.scan_odometry import with_scan_odometry
 from locfuse.run.start import start_from_nothing, start_height, start_of
@@ -133,6 +134,12 @@ def warn_missing_sources(config: RunConfig, log: Log) -> None:
         for source, why in ignored_by(config.estimator).items():
             if source in config.use and len(log.tables.get(source, {}).get("stamp_ns", ())):
                 _logger.warning("the log has %s, which are ignored: %s", source, why)
+    for source, column in (("positions", "sigma_m"), ("poses", "sigma_xy_m")):
+        sigmas = log.tables.get(source, {}).get(column, np.zeros(0))
+        unknown, key = int(np.sum(sigmas <= 0.0)), sigma_key(source, config.estimator)
+        if unknown and key and source in config.use and config.mcl is None:
+            _logger.warning("%d of %d %s bring no sigma and are not used; set %s", unknown,
+                            len(sigmas), source, key)  # fmt: skip
     if config.use == list(SOURCES):  # whatever there is
         return
     for lacking in absent(config, log):

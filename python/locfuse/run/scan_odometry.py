@@ -56,7 +56,7 @@ class ScanDrive:
         self._drive_to(begin)
         self._wheels_ns = message.stamp
         if isinstance(message, _core.Velocity):
-            self._rate = np.array([message.forward, 0.0, message.turn_rate])
+            self._rate = np.array([message.forward, message.left, message.turn_rate])
         else:
             self._rate = _twist(message.motion, (message.stamp - begin) / NANOSECONDS)
             self._moved = self._moved * message.motion
@@ -160,9 +160,10 @@ def _wheels_of(log: Log) -> Iterator[tuple[int, Wheels]]:
     stamps = table["stamp_ns"].tolist()
     if "v_mps" in table:
         arrived = table.get("arrival_ns", table["stamp_ns"]).tolist()
-        velocities = table["v_mps"].tolist(), table["omega_radps"].tolist()
-        for stamp, arrival, v, omega in zip(stamps, arrived, *velocities, strict=True):
-            yield arrival, _core.Velocity(stamp, v, omega)
+        left = table.get("v_left_mps", np.zeros(len(stamps)))
+        velocities = (column.tolist() for column in (table["v_mps"], table["omega_radps"], left))
+        for stamp, arrival, *velocity in zip(stamps, arrived, *velocities, strict=True):
+            yield arrival, _core.Velocity(stamp, *velocity)
         return
     begins = [*stamps[:1], *stamps[:-1]]
     arrived = table["arrival_ns"].tolist() if "arrival_ns" in table else begins

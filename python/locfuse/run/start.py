@@ -104,15 +104,18 @@ def scans_of(log: Log) -> list[_core.LaserScan]:
     """
     if "scans" not in log or log.laser is None:
         return []
-    geometry = laser_geometry(log.laser)
-    table = log["scans"]
-    stamps, ranges = table["stamp_ns"].tolist(), table["ranges_m"]
-    bright = table.get("intensities", np.empty((len(stamps), 0)))
-    known = [bool(np.all(np.isfinite(row))) for row in bright]
-    return [
-        _core.LaserScan(stamp, geometry, ranges[row], bright[row] if known[row] else None)
-        for row, stamp in enumerate(stamps)
-    ]
+    geometries: dict[tuple[float, float], _core.LaserGeometry] = {}
+    found = []
+    for row, stamp in enumerate(log["scans"]["stamp_ns"].tolist()):
+        laser, beams = log.scan_geometry(row)
+        key = laser["angle_min_rad"], laser["angle_increment_rad"]
+        if key not in geometries:
+            geometries[key] = laser_geometry(laser)
+        bright = log["scans"]["intensities"][row, :beams] if "intensities" in log["scans"] else None
+        known = bright is not None and bool(np.all(np.isfinite(bright)))
+        found.append(_core.LaserScan(stamp, geometries[key], log["scans"]["ranges_m"][row, :beams],
+                                     bright if known else None))  # fmt: skip
+    return found
 
 
 def laser_geometry(laser: Mapping[str, Any]) -> _core.LaserGeometry:
@@ -123,6 +126,7 @@ def laser_geometry(laser: Mapping[str, Any]) -> _core.LaserGeometry:
         angle_increment=float(laser["angle_increment_rad"]),
         range_min=float(laser["range_min_m"]),
         range_max=float(laser["range_max_m"]),
+        time_increment=float(laser.get("time_increment_s", 0.0)),
     )
 
 
@@ -193,9 +197,9 @@ def hypotheses_of(found: Sequence[_core.PoseHypothesis]) -> tuple[Hypothesis, ..
 
 def returns_of(log: Log, stamp: int) -> FloatArray:
     """Return the end points in body, (n, 2) [m], of the scan nearest to an instant."""
-    table, laser = log["scans"], log.laser
-    assert laser is not None
-    ranges = table["ranges_m"][int(np.argmin(np.abs(table["stamp_ns"] - stamp)))]
+    row = int(np.argmin(np.abs(log["scans"]["stamp_ns"] - stamp)))
+    laser, beams = log.scan_geometry(row)
+    ranges = log["scans"]["ranges_m"][row, :beams]
     angle = laser["angle_min_rad"] + laser["angle_increment_rad"] * np.arange(len(ranges))
     x, y, heading = laser["pose_in_body"]
     hit = np.isfinite(ranges) & (ranges > 0.0) & (ranges < laser["range_max_m"])

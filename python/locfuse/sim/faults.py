@@ -234,6 +234,7 @@ def _wheel_slip(table: Columns, fault: WheelSlip, epoch: FloatArray) -> Columns:
         "dy_m": translation,
         "dheading_rad": rotation,
         "v_mps": translation,
+        "v_left_mps": translation,
         "omega_radps": rotation,
     }
     return {
@@ -259,7 +260,8 @@ def _slip_episodes(
     )
     lasted = np.where(end > begin, end - begin, 1.0)
     factor = 1.0 + (fault.translation_factor - 1.0) * inside / lasted
-    moved = {name: factor * table[name] for name in ("dx_m", "dy_m", "v_mps") if name in table}
+    moved = {name: factor * table[name] for name in ("dx_m", "dy_m", "v_mps", "v_left_mps")
+             if name in table}  # fmt: skip
     if "dx_m" in table:
         moved["dheading_rad"] = wrap_angle(table["dheading_rad"] + more)
     else:

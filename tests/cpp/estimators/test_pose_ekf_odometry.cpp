@@ -54,6 +54,14 @@ TEST(PoseEkf, holds_a_velocity_on_the_exact_arc_however_often_it_is_asked) {
   expect_pose_near(ekf.pose(), expected, 1e-13);
 }
 
+TEST(PoseEkf, holds_a_velocity_sideways_as_an_increment_of_the_same_motion) {
+  PoseEkf held = ekf_at(kStart, patient());
+  held.on(Velocity{0, 0.5, 0.8, -0.3});
+  PoseEkf moved = ekf_at(kStart, patient());
+  moved.on(Increment{0, 2 * kSecond, arc(1.0, -0.6, 1.6)});
+  expect_pose_near(held.estimate(2 * kSecond).pose, moved.estimate(2 * kSecond).pose, 1e-13);
+}
+
 TEST(PoseEkf, a_velocity_rules_from_its_stamp_on) {
   PoseEkf ekf = ekf_at({}, patient());
   ekf.on(Velocity{0, 1.0, 0.0});

@@ -17,6 +17,8 @@ TEST(Limits, are_exact_to_the_bit) {
   EXPECT_TRUE(is_plausible(Velocity{0, -2.0, 1.0}, kTight));
   EXPECT_FALSE(is_plausible(Velocity{0, -above(2.0), 0.0}, kTight));
   EXPECT_FALSE(is_plausible(Velocity{0, 0.0, above(1.0)}, kTight));
+  EXPECT_TRUE(is_plausible(Velocity{0, 1.4, 0.0, -1.4}, kTight));
+  EXPECT_FALSE(is_plausible(Velocity{0, 1.5, 0.0, 1.5}, kTight));
   EXPECT_TRUE(is_plausible(Range{0, 0, 0, 50.0, {}}, kTight));
   EXPECT_FALSE(is_plausible(Range{0, 0, 0, above(50.0), {}}, kTight));
   EXPECT_TRUE(is_plausible(PositionFix{0, {60.0, -80.0}, {}}, kTight));

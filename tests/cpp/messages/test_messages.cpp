@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cmath>
 #include <limits>
+#include <memory>
+#include <vector>
 
 #include "locfuse/messages/messages.hpp"
 #include "locfuse/messages/reported_covariance.hpp"
@@ -42,6 +44,36 @@ TEST(Validate, rejects_stamps_whose_differences_would_overflow) {
 TEST(Validate, rejects_a_velocity_that_is_not_finite) {
   expect_refused([] { validate(Velocity{0, kNan, 0.0}); }, "forward", "nan");
   expect_refused([] { validate(Velocity{0, 0.0, -kInfinity}); }, "turn_rate", "-inf");
+  expect_refused([] { validate(Velocity{0, 0.0, 0.0, kNan}); }, "left", "nan");
+}
+
+TEST(LaserGeometry, a_range_at_a_limit_is_no_return) {
+  const LaserGeometry geometry{{}, 0.0, 0.1, 0.0, 10.0};
+  EXPECT_FALSE(geometry.is_return(0.0));
+  EXPECT_TRUE(geometry.is_return(1e-9));
+  EXPECT_TRUE(geometry.is_return(std::nextafter(10.0, 0.0)));
+  EXPECT_FALSE(geometry.is_return(10.0));
+  EXPECT_FALSE(geometry.is_return(kNan));
+}
+
+TEST(LaserScan, beams_are_turned_by_what_the_body_turned_until_their_time) {
+  // A wall of the world at the angle of the beam plus what the body has turned since the stamp.
+  const auto geometry =
+      std::make_shared<const LaserGeometry>(LaserGeometry{{}, -1.0, 0.02, 0.1, 10.0, 0.001});
+  const LaserScan scan{7, geometry, std::vector<double>(101, 2.0), {}};
+  const double turn_rate = 1.5;
+  const auto turned = as_of_stamp(scan, turn_rate);
+  ASSERT_TRUE(turned);
+  EXPECT_EQ(turned->stamp, 7);
+  EXPECT_EQ(turned->ranges, scan.ranges);
+  for (int i : {0, 30, 50, 100}) {
+    const double beam = geometry->angle_min + i * geometry->angle_increment;
+    const double since_stamp = (i - 50) * geometry->time_increment;
+    EXPECT_NEAR(turned->geometry->angle_min + i * turned->geometry->angle_increment,
+                beam + turn_rate * since_stamp, 1e-12);
+  }
+  EXPECT_FALSE(as_of_stamp(*turned, turn_rate)) << "they are of one time now";
+  EXPECT_FALSE(as_of_stamp(scan, 0.0));
 }
 
 TEST(Validate, rejects_an_increment_that_is_not_finite) {

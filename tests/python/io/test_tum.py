@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from pathlib import Path
 
@@ -73,7 +74,7 @@ def test_poses_in_space_are_projected_to_their_yaw(tmp_path: Path) -> None:
         ("# only a note\n", "no pose"),
         ("0 0 0 0 0 0 0 1\n1 0 0 0 0 0 1\n", "line 2"),
         ("0 0 0 0 0 0 0 1\n1 0 nan 0 0 0 0 1\n", "line 2"),
-        ("0 0 0 0 0 0 0 1\n\n0 0 0 0 0 0 0 1\n", "line 3: stamp 0.000000000 does not come after"),
+        ("1 0 0 0 0 0 0 1\n\n0 0 0 0 0 0 0 1\n", "line 3: stamp 0.000000000 does not come after"),
         ("1 0 0 0 0 0 0 1\n0 0 0 0 0 0 0 1\n", "line 2"),
         ("0 0 0 0 0 0 0 0\n", "line 1: quaternion of norm 0"),
         ("0 0 0 0 0 0 0 1\n1 0 0 0 0 0 1 1\n", "line 2: quaternion of norm 1.41421"),
@@ -85,6 +86,16 @@ def test_a_file_that_is_no_trajectory_is_refused_by_line(
     with pytest.raises(LogError, match=r"path\.tum") as caught:
         read_tum(path_of(tmp_path, text))
     assert where in str(caught.value)
+
+
+def test_of_poses_with_one_stamp_the_first_counts(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    text = "".join(f"{stamp} {x} 0 0 0 0 0 1\n" for stamp, x in ((1, 0), (2, 1), (2, 5), (3, 2)))
+    with caplog.at_level(logging.WARNING):
+        track = read_tum(path_of(tmp_path, text))
+    assert track.position[:, 0].tolist() == [0.0, 1.0, 2.0]
+    assert "1 poses have the stamp of the one before" in caplog.text
 
 
 def test_a_pose_that_is_not_finite_is_not_written(tmp_path: Path) -> None:

@@ -146,13 +146,30 @@ def test_what_particles_know_is_reported_in_words() -> None:
     assert np.all(np.isinf(health.protection))
 
 
-def test_particles_with_a_given_start_have_protection_levels() -> None:
+def particles_from_the_truth() -> tuple[RunConfig, Log, LivePose]:
     capsule = read_capsule(GOLDEN / "mcl.zip")
     start = start_of(capsule.config, truth_of(capsule.log),
                      to_messages(capsule.log, capsule.config))  # fmt: skip
     at = np.array([start.pose.x, start.pose.y, start.pose.heading])
     config = capsule.config.model_copy(update={"start": "auto"})
-    live, _ = live_of(config, capsule.log, LivePose(start.stamp, at, start.covariance))
+    return config, capsule.log, LivePose(start.stamp, at, start.covariance)
+
+
+@pytest.mark.parametrize("late_ns", [50_000_000, 150_000_000, 400_000_000])
+def test_scans_that_come_when_their_turn_is_over_are_used_where_they_belong(late_ns: int) -> None:
+    config, log, start = particles_from_the_truth()
+    table = {**log["scans"], "arrival_ns": log["scans"]["stamp_ns"] + late_ns}
+    late = replace(log, tables={**log.tables, "scans": table})
+    _, poses = live_of(config, late, start)
+    _, on_time = live_of(config, log, start)
+    shared = sorted(poses.keys() & on_time.keys())
+    assert len(shared) >= len(on_time) - 3 > 10  # one shows how late they are, the last may wait
+    for stamp in shared:
+        assert poses[stamp].pose == pytest.approx(on_time[stamp].pose, abs=0.1)
+
+
+def test_particles_with_a_given_start_have_protection_levels() -> None:
+    live, _ = live_of(*particles_from_the_truth())
     health = live.health()
     assert health.state == "ok"
     assert np.all(np.isfinite(health.protection))

@@ -337,7 +337,7 @@ def test_the_start_is_published_once_latched_and_again_after_another_search() ->
     assert not robot.problems
 
 
-def test_a_pose_that_is_set_is_taken_and_one_without_covariance_is_not() -> None:
+def test_a_pose_that_is_set_is_taken_unless_its_covariance_or_frame_is_wrong() -> None:
     config, log = room(use=["odometry", "ranges"])
     robot = Robot(config, log)
     robot.learn()
@@ -352,10 +352,10 @@ def test_a_pose_that_is_set_is_taken_and_one_without_covariance_is_not() -> None
                         "w": float(np.cos(truth["heading_rad"][row] / 2))},
     }  # fmt: skip
     published: Fields = {"header": {"stamp": {"ns": LATER + NANOSECONDS}, "frame_id": "map"},
-            "pose": {"pose": at, "covariance": np.zeros(36)}}  # fmt: skip
+            "pose": {"pose": at, "covariance": np.diag([0.1] * 5 + [0.0]).ravel()}}  # fmt: skip
     topic = Publication("initialpose", "geometry_msgs/PoseWithCovarianceStamped", published)
     robot.receive(topic, LATER + NANOSECONDS)
-    assert any("no covariance" in p for p in robot.problems)
+    assert any("variances of x, y and heading are not positive" in p for p in robot.problems)
     published["pose"]["covariance"] = np.diag([0.1, 0.1, 0.0, 0.0, 0.0, 0.1]).ravel()
     robot.published.clear()
     robot.receive(topic, LATER + NANOSECONDS)

@@ -18,7 +18,7 @@ class HeldMotion {
 
   void take(const Velocity& u) {
     begin_ = end_ = u.stamp;
-    motion_ = {u.forward, 0.0, u.turn_rate};
+    motion_ = {u.forward, u.left, u.turn_rate};
     is_velocity_ = true;
   }
   void take(const Increment& u, const Limits& limits) {
@@ -69,7 +69,7 @@ class HeldMotion {
   [[nodiscard]] Pose2 motion(Stamp from, Stamp to) const {
     if (is_velocity_) {
       const double seconds = seconds_between(from, to);
-      return arc(motion_.x * seconds, 0.0, motion_.heading * seconds);
+      return arc(motion_.x * seconds, motion_.y * seconds, motion_.heading * seconds);
     }
     if (from == begin_ && to == end_) {
       return motion_;

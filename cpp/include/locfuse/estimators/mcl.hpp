@@ -105,6 +105,7 @@ class Mcl {
   void propagate_particles(const LaserScan* scan = nullptr);
   [[nodiscard]] bool has_moved() const;
   [[nodiscard]] ScanEvidence evidence_of_prediction(const LaserScan& z) const;
+  Outcome take(const LaserScan& z);
   [[nodiscard]] Verdict verdict_on(const EndPoints& points, const ScanEvidence& evidence) const;
   internal::UsedScan weigh_and_resample(const LaserScan& scan, const EndPoints& points);
   void update_tracking();

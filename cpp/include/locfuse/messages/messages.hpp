@@ -23,6 +23,7 @@ struct Velocity {
   Stamp stamp = 0;
   double forward = 0.0;    ///< [m/s]
   double turn_rate = 0.0;  ///< [rad/s], counter-clockwise
+  double left = 0.0;       ///< [m/s], of wheels that roll sideways, too
 };
 
 /// Wheel odometry as the motion from `begin` to `stamp`.
@@ -93,16 +94,17 @@ struct LaserGeometry {
   double angle_increment = 0.0;  ///< [rad], negative if the laser turns clockwise
   double range_min = 0.0;        ///< [m]
   double range_max = 0.0;        ///< [m]
+  double time_increment = 0.0;   ///< from one beam to the next [s]; 0: all at once
 
   /// Whether a range is a return; false for NaN.
   [[nodiscard]] bool is_return(double range) const {
-    return range >= range_min && range < range_max;
+    return range > range_min && range < range_max;
   }
 };
 
-/// One turn of a 2D laser, as if measured at one moment.
+/// One turn of a 2D laser; `stamp` is that of its middle.
 ///
-/// NaN, and every range outside [range_min, range_max), is a beam without return: many lasers
+/// NaN, and every range outside (range_min, range_max), is a beam without return: many lasers
 /// report range_max for it.
 struct LaserScan {
   Stamp stamp = 0;
@@ -110,6 +112,10 @@ struct LaserScan {
   std::vector<double> ranges;            ///< [m]
   std::vector<double> intensities = {};  ///< of the returns, in the unit of the laser; may be empty
 };
+
+/// The scan as if measured at its stamp, by a body that turns at a rate [rad/s]; empty where that is
+/// the same.
+[[nodiscard]] std::optional<LaserScan> as_of_stamp(const LaserScan& scan, double turn_rate);
 
 void validate(const Velocity& message);
 void validate(const Increment& message);

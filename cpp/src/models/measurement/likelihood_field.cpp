@@ -156,7 +156,7 @@ EndPoints LikelihoodField::end_points(const LaserScan& scan, int max_points) con
   const double longest = std::min(geometry.range_max, config_.max_range_m);
   std::vector<std::size_t> returns;
   for (std::size_t i = 0; i < scan.ranges.size(); ++i) {
-    if (scan.ranges[i] >= geometry.range_min && scan.ranges[i] < longest) {  // false for NaN
+    if (scan.ranges[i] > geometry.range_min && scan.ranges[i] < longest) {  // false for NaN
       returns.push_back(i);
     }
   }

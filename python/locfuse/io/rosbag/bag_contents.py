@@ -11,8 +11,8 @@ from typing import NamedTuple
 from locfuse.config.ros import Ros, plain
 from locfuse.io.rosbag.bag_settings import Settings
 from locfuse.io.rosbag.columns import Blocks
+from locfuse.io.rosbag.fixes import Fixes
 from locfuse.io.rosbag.frames import FrameTree
-from locfuse.io.rosbag.geodesy import Origin
 from locfuse.types import GridMap, Log
 
 logger = logging.getLogger(__name__)
@@ -21,14 +21,17 @@ LONGEST = 300  # letters of a reason
 
 
 class Laser(NamedTuple):
-    """Geometry of scans [m, rad]; `bright` is whether they have intensities."""
+    """Geometry of scans [m, rad]: of the first one, its reach that of all.
+
+    `bright` is whether that one has intensities.
+    """
 
     frame: str
     angle_min: float
     angle_increment: float
     range_min: float
     range_max: float
-    beams: int
+    time_increment: float
     bright: bool
 
 
@@ -53,20 +56,22 @@ class BagContents:
     ros: Ros
     world: Log
     tree: FrameTree = field(init=False)
-    origin: Origin | None = field(init=False)
+    fixes: Fixes = field(init=False)
     tables: dict[str, Blocks] = field(default_factory=dict)
     skipped: dict[str, SkippedMessages] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
     settings: Settings | None = None
     grid: GridMap | None = None
     laser: Laser | None = None
+    saturated: set[float] = field(default_factory=set)  # readings taken for no return [m]
     tag_frames: dict[str, str] = field(default_factory=dict)
     sight_frame: str | None = None
+    antennas: set[str] = field(default_factory=set)  # frames of fixes
     bodies: set[str] = field(default_factory=set)  # frames that odometry is of
 
     def __post_init__(self) -> None:
         self.tree = FrameTree(self.ros.frames.base)
-        self.origin = self.ros.gps_origin
+        self.fixes = Fixes(self.ros.gps_origin)
 
     def odometry_from(self) -> str:
         """Return which half of odometry counts: ``pose`` or ``twist``."""

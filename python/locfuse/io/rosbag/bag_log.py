@@ -23,7 +23,7 @@ def log_of(contents: BagContents, tables: dict[str, Columns]) -> Log | None:
         if stem in world:
             tables[stem] = dict(world[stem])
     tags = {**_tags(contents, described.get("tags", {}), world), **world.tags}
-    laser = _laser(contents, described.get("laser"), world)
+    laser = _laser(contents, tables.get("scans", {}), described.get("laser"), world)
     if laser is None and "scans" in tables:
         tables.pop("scans")
     if "odometry" in tables and not _are_of_body(contents):
@@ -45,19 +45,21 @@ def log_of(contents: BagContents, tables: dict[str, Columns]) -> Log | None:
     )
 
 
-def _laser(contents: BagContents, described: Any, world: Log) -> Any:
+def _laser(contents: BagContents, scans: Columns, described: Any, world: Log) -> Any:
     if contents.laser is None:
         return described or world.laser
-    frame, start, increment, nearest, farthest, *_ = contents.laser
+    frame, start, increment, nearest, farthest, each, _ = contents.laser
     geometry = {"angle_min_rad": start, "angle_increment_rad": increment,
                 "range_min_m": nearest, "range_max_m": farthest}  # fmt: skip
-    if described is not None and all(decimal(described[key]) == value
+    if each:
+        geometry["time_increment_s"] = each
+    if described is not None and all(decimal(described.get(key, 0.0)) == value
                                 for key, value in geometry.items()):  # fmt: skip
         return dict(described)
     try:
         if world.laser is not None:
             pose = list(world.laser["pose_in_body"])
-            flipped = frame in contents.tree and contents.tree.upside_down(frame)
+            flipped = contents.tree.is_flipped(frame, increment, world.laser)
         else:
             x, y, _, heading = contents.tree.mount(frame)
             pose, flipped = [x, y, heading], contents.tree.upside_down(frame)
@@ -66,6 +68,9 @@ def _laser(contents: BagContents, described: Any, world: Log) -> Any:
         return None
     if flipped:
         geometry |= {"angle_min_rad": -start, "angle_increment_rad": -increment}
+        for name in ("angle_min_rad", "angle_increment_rad"):
+            if name in scans:
+                scans[name] = -scans[name]
     return {"pose_in_body": pose, **geometry}
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
@@ -78,6 +79,7 @@ def read_bag(
     reader = _BagReader(contents)
     with np.errstate(all="ignore"):  # what overflows is rejected for the value it becomes
         reader.read(bag)
+    reader.finish_positions()
     reader.find_mounts(bag)
     for sentence in bag.damage:
         logger.warning(sentence)
@@ -153,10 +155,19 @@ class _BagReader:
             record = {} if stem == "relations" else {"record_ns": time_ns}
             self.contents.tables.setdefault(stem, Blocks()).append({**record, **row})
 
+    def finish_positions(self) -> None:
+        """Take the fix that waited for another, and say where the map begins."""
+        fixes = self.contents.fixes
+        for row in fixes.last_row():
+            found = {"record_ns": row.stamp_ns, **rows.position_row(row), "frame": row.frame}
+            self.contents.tables.setdefault("positions", Blocks()).append(found)
+        if fixes.sentence:
+            self.contents.warn(fixes.sentence)
+
     def find_mounts(self, bag: Bag) -> None:
         """Search tf for mounts that tf_static does not have: ROS 1 may publish them there."""
         contents = self.contents
-        frames = {contents.sight_frame, *contents.tag_frames.values()}
+        frames = {contents.sight_frame, *contents.tag_frames.values(), *contents.antennas}
         if contents.laser is not None:
             frames.add(contents.laser.frame)
         missing = {frame for frame in frames if frame and frame not in contents.tree}
@@ -194,21 +205,34 @@ class _BagReader:
         row = decode.odometry(message, use)
         if row.child_frame:
             self.contents.bodies.add(row.child_frame)
-        if use == "twist" and (abs(row.v) > MAX_SPEED_MPS or abs(row.omega) > MAX_TURN_RATE_RADPS):
-            raise MessageError(f"{row.v:g} m/s and {row.omega:g} rad/s, which no robot drives")
+        speed = math.hypot(row.v, row.left)
+        if use == "twist" and (speed > MAX_SPEED_MPS or abs(row.omega) > MAX_TURN_RATE_RADPS):
+            raise MessageError(f"{speed:g} m/s and {row.omega:g} rad/s, which no robot drives")
         return [{"stamp_ns": row.stamp_ns, "x": row.x, "y": row.y, "heading": row.heading,
-                 "v_mps": row.v, "omega_radps": row.omega}]  # fmt: skip
+                 "v_mps": row.v, "v_left_mps": row.left, "omega_radps": row.omega}]  # fmt: skip
 
     def _scan(self, message: Any, _: str) -> list[Row]:
         row = decode.scan(message)
-        laser = Laser(*row[1:6], len(row.ranges), row.intensities is not None)
-        if self.contents.laser is None:
-            self.contents.laser = laser
-        elif laser != self.contents.laser:
-            raise MessageError("the scan has another frame, geometry or number of beams than the "
-                               "first: a log has one laser")  # fmt: skip
-        found: Row = {"stamp_ns": row.stamp_ns, "ranges_m": row.ranges}
-        return [found if row.intensities is None else {**found, "intensities": row.intensities}]
+        laser = Laser(*row[1:6], row.time_increment, row.intensities is not None)
+        before = self.contents.laser
+        if before is None:
+            before = laser
+        elif laser.frame != before.frame:
+            raise MessageError(f"the scan is in frame {laser.frame!r}, the first in "
+                               f"{before.frame!r}: a log has one laser")  # fmt: skip
+        self.contents.laser = before._replace(
+            range_min=min(before.range_min, laser.range_min),
+            range_max=max(before.range_max, laser.range_max),
+        )
+        if row.saturated is not None:
+            self.contents.saturated.add(row.saturated)
+        found: Row = {"stamp_ns": row.stamp_ns, "beams": float(len(row.ranges)),
+                      "angle_min_rad": row.angle_min, "angle_increment_rad": row.angle_increment,
+                      "ranges_m": row.ranges}  # fmt: skip
+        if before.bright:
+            unknown = np.full(len(row.ranges), np.nan)
+            found["intensities"] = unknown if row.intensities is None else row.intensities
+        return [found]
 
     def _ranges(self, message: Any, topic: str) -> list[Row]:
         ros, errors = self.contents.ros, list[MessageError]()
@@ -245,18 +269,12 @@ class _BagReader:
 
     def _position(self, message: Any, _: str) -> list[Row]:
         contents = self.contents
-        row = decode.fix(message, contents.origin or (0.0, 0.0, 0.0))
-        if row is None:
-            return []
-        if not hasattr(message, "latitude"):
-            check_frame("positions", row.frame, contents.ros.frames.map)
-        elif contents.origin is None:
-            contents.origin = float(message.latitude), float(message.longitude), 0.0
-            contents.warn("the map's origin is the first fix, at latitude "
-                          f"{contents.origin[0]!r} and longitude {contents.origin[1]!r}; "
-                          "ros.gps_origin says where it is")  # fmt: skip
-            return self._position(message, _)
-        return [rows.position_row(row)]
+        found = contents.fixes.rows(message)
+        if hasattr(message, "latitude"):
+            contents.antennas.add(plain(message.header.frame_id))
+        else:
+            check_frame("positions", message.header.frame_id, contents.ros.frames.map)
+        return [rows.position_row(row) | {"frame": row.frame} for row in found]
 
     def _truth(self, message: Any, _: str) -> list[Row]:
         row = decode.truth(message)

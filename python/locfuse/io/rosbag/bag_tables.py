@@ -10,15 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse.io.log_folder import (
+    GEOMETRY,
     INCREASING,
-    MAX_SPEED_MPS,
-    MAX_TURN_RATE_RADPS,
     MAY_BE_EMPTY,
     MESSAGES,
     NAMES,
 )
+from locfuse.io.rosbag import restarts
 from locfuse.io.rosbag.bag_contents import BagContents
 from locfuse.io.rosbag.columns import length
+from locfuse.io.rosbag.decode import saturated_readings
+from locfuse.io.rosbag.fixes import is_beside, unplaced
 from locfuse.io.rosbag.increments import increments_of
 from locfuse.types import NANOSECONDS, FloatArray
 
@@ -53,12 +55,19 @@ def _own_clock(contents: BagContents) -> bool:
     """Return whether record times count from the origin of the stamps."""
     if contents.settings is not None:
         return True
-    lags = [
-        rows.lag_ns() for stem, rows in contents.tables.items() if stem in MESSAGES and len(rows)
-    ]
-    lag = float(np.median(lags)) if lags else 0.0
-    if abs(lag) <= OTHER_CLOCK_NS:
+    lags = {
+        stem: rows.lag_ns()
+        for stem, rows in contents.tables.items()
+        if stem in MESSAGES and len(rows)
+    }
+    if not lags or any(abs(lag) <= OTHER_CLOCK_NS for lag in lags.values()):
+        for stem, lag in lags.items():
+            if lag > AHEAD_NS:
+                contents.warn(f"{stem} are stamped {lag / NANOSECONDS:.6g} s before they were "
+                              "recorded, and come too late to be used where that is more than "
+                              "history_s; do the clocks agree?")  # fmt: skip
         return True
+    lag = float(np.median(list(lags.values())))
     contents.warn(f"was recorded {lag / NANOSECONDS:.6g} s after the stamps of its messages, by "
                "another clock; so messages arrive at their stamps")  # fmt: skip
     return False
@@ -114,28 +123,32 @@ def _increasing(contents: BagContents, stem: str, raw: Columns) -> Columns:
 def _table_odometry(contents: BagContents, raw: Columns) -> Columns:
     stamp = raw["stamp_ns"]
     times = {"arrival_ns": raw["arrival_ns"]} if "arrival_ns" in raw else {}
+    velocity = np.column_stack([raw["v_mps"], raw["v_left_mps"], raw["omega_radps"]])
+    velocity[~np.isfinite(velocity)] = 0.0
     if contents.odometry_from() == "twist":
-        return {"stamp_ns": stamp, "v_mps": raw["v_mps"], "omega_radps": raw["omega_radps"],
-                **times}  # fmt: skip
-    motion = _without_jumps(contents, stamp, np.column_stack([raw["x"], raw["y"], raw["heading"]]))
+        table = {"stamp_ns": stamp, "v_mps": velocity[:, 0].copy()}
+        if velocity[:, 1].any() or contents.had_column("odometry", "v_left_mps"):
+            table["v_left_mps"] = velocity[:, 1].copy()
+        return {**table, "omega_radps": velocity[:, 2].copy(), **times}
+    poses = np.column_stack([raw["x"], raw["y"], raw["heading"]])
+    motion = _without_jumps(contents, stamp, poses, velocity)
     return {"stamp_ns": stamp, "dx_m": motion[:, 0].copy(), "dy_m": motion[:, 1].copy(),
             "dheading_rad": motion[:, 2].copy(), **times}  # fmt: skip
 
 
-def _without_jumps(contents: BagContents, stamp: NDArray[Any], poses: FloatArray) -> FloatArray:
-    """Return increments; where odometry was set anew the body did not move."""
+def _without_jumps(
+    contents: BagContents, stamp: NDArray[Any], poses: FloatArray, velocity: FloatArray
+) -> FloatArray:
+    """Return increments; where odometry was set anew, those of its velocities."""
     motion = increments_of(poses)
-    seconds = np.maximum(np.diff(stamp, prepend=stamp[:1] - NANOSECONDS) / NANOSECONDS, 1e-9)
-    fast = np.hypot(motion[:, 0], motion[:, 1]) / seconds > MAX_SPEED_MPS
-    fast |= np.abs(motion[:, 2]) / seconds > MAX_TURN_RATE_RADPS
-    fast[:1] = False
-    if fast.any():
-        first = int(np.argmax(fast))
-        contents.warn(f"odometry jumps {int(fast.sum())} times, first by "
-                   f"{np.hypot(*motion[first, :2]):.3g} m at "
-                   f"{stamp[first] / NANOSECONDS:.3f} s; it was set anew, so no motion is "
-                   "taken there")  # fmt: skip
-        motion[fast] = 0.0
+    found = restarts.rows_of_leaps(stamp, poses, velocity, motion)
+    if len(found):
+        first = found[0]
+        contents.warn(restarts.sentence(int(stamp[first]), motion[first], len(found)))
+    for row in found.tolist():
+        seconds = int(stamp[row] - stamp[row - 1]) / NANOSECONDS
+        by = restarts.motion_by_velocity(seconds, velocity[row - 1], velocity[row])
+        motion[row] = by.x, by.y, by.heading
     return motion
 
 
@@ -162,8 +175,25 @@ def _known_sigmas(
 
 
 def _table_positions(contents: BagContents, raw: Columns) -> Columns:
+    frames = raw.pop("frame")
+    for frame in sorted(contents.antennas):
+        if is_beside(frame, contents.tree):
+            raw["tag"] = np.where((raw["tag"] == "") & (frames == frame), frame, raw["tag"])
+            contents.tag_frames[frame] = frame
+        elif frame and frame not in contents.tree:
+            contents.warn(unplaced(frame, contents.tree.base))
     if (raw["tag"] == "").all() and not contents.had_column("positions", "tag"):
         raw.pop("tag")
+    return raw
+
+
+def _table_scans(contents: BagContents, raw: Columns) -> Columns:
+    """Return scans, each with its own geometry where that is not the same for all."""
+    if contents.saturated:
+        contents.warn(saturated_readings(contents.saturated))
+    own = {name: raw[name] for name in GEOMETRY}
+    if all((values == values[0]).all() for values in own.values()):
+        return {name: values for name, values in raw.items() if name not in own}
     return raw
 
 
@@ -202,6 +232,7 @@ FINISHED: dict[str, Callable[[BagContents, Columns], Columns]] = {
     "ranges": _table_ranges,
     "landmark_sightings": _table_landmark_sightings,
     "positions": _table_positions,
+    "scans": _table_scans,
     "truth": _table_truth,
     "anchors": _table_anchors,
     "landmarks": _table_landmarks,

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import islice, repeat
+from itertools import islice, repeat, starmap
 from pathlib import Path
 from typing import Any
 
@@ -271,17 +271,20 @@ class _BagStreams:
         yield _together(table["record_ns"], partial(encode.landmark_sightings, topic), rows)
 
     def _scans(self, table: Columns) -> Iterator[_Stream]:
-        laser, topic = self.log.laser, self._topic("scans")
-        if laser is None:
+        if self.log.laser is None:
             raise LogError("the log has scans without laser, so a bag cannot have their geometry")
-        geometry = (laser["angle_min_rad"], laser["angle_increment_rad"], laser["range_min_m"],
-                    laser["range_max_m"])  # fmt: skip
-        bright = table.get("intensities", [None] * len(table["stamp_ns"]))
-        rows = zip(table["stamp_ns"].tolist(), table["ranges_m"], bright, strict=True)
-        yield _Stream(table["record_ns"], (
-            encode.laser_scan(topic, ScanRow(stamp, LASER_FRAME, *geometry, ranges, intensities))
-            for stamp, ranges, intensities in rows
-        ))  # fmt: skip
+        topic, bright = self._topic("scans"), table.get("intensities")
+
+        def scan(row: int, stamp: int) -> encode.Publication:
+            laser, beams = self.log.scan_geometry(row)
+            return encode.laser_scan(topic, ScanRow(
+                stamp, LASER_FRAME, laser["angle_min_rad"], laser["angle_increment_rad"],
+                laser["range_min_m"], laser["range_max_m"], table["ranges_m"][row, :beams],
+                None if bright is None else bright[row, :beams], None,
+                laser.get("time_increment_s", 0.0),
+            ))  # fmt: skip
+
+        yield _Stream(table["record_ns"], starmap(scan, enumerate(table["stamp_ns"].tolist())))
 
     def _truth(self, table: Columns) -> Iterator[_Stream]:
         topic, n = self._topic("truth"), len(table["x_m"])
@@ -365,7 +368,8 @@ def _headings(result: RunResult) -> FloatArray:
 
 
 def _driven(odometry: Columns) -> dict[str, NDArray[Any]]:
-    """Return pose in odom, forward speed and turn rate (n,) at the stamps of odometry."""
+    """Return pose in odom, speeds forward and left, and turn rate (n,) at odometry's stamps."""
+    left = odometry.get("v_left_mps", np.zeros(len(odometry["stamp_ns"])))
     seconds = np.diff(odometry["stamp_ns"]) / NANOSECONDS
     if "dx_m" in odometry:
         names = ("dx_m", "dy_m", "dheading_rad")
@@ -374,15 +378,15 @@ def _driven(odometry: Columns) -> dict[str, NDArray[Any]]:
                     for name in ("dx_m", "dheading_rad"))  # fmt: skip
     else:
         v, omega = odometry["v_mps"], odometry["omega_radps"]
-        poses = _arcs(v, omega, seconds)
-    return {"x": poses[:, 0], "y": poses[:, 1], "heading": poses[:, 2], "v": v, "omega": omega}
+        poses = _arcs(np.column_stack([v, left, omega]), seconds)
+    return {"x": poses[:, 0], "y": poses[:, 1], "heading": poses[:, 2], "v": v, "omega": omega,
+            "left": left}  # fmt: skip
 
 
-def _arcs(v: FloatArray, omega: FloatArray, seconds: FloatArray) -> FloatArray:
+def _arcs(velocity: FloatArray, seconds: FloatArray) -> FloatArray:
     """Return the poses (n, 3) that velocities lead to, each held until the next one's stamp."""
     pose, found = _core.Pose2(), [(0.0, 0.0, 0.0)]
-    for forward, turn in zip((v[:-1] * seconds).tolist(), (omega[:-1] * seconds).tolist(),
-                             strict=True):  # fmt: skip
-        pose = pose * _core.arc(forward, 0.0, turn)
+    for motion in (velocity[:-1] * seconds[:, None]).tolist():
+        pose = pose * _core.arc(*motion)
         found.append((pose.x, pose.y, pose.heading))
     return np.array(found)

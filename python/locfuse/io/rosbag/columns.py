@@ -50,11 +50,8 @@ class Blocks:
     def _pack(self) -> None:
         rows, self._rows = self._rows, []
         if rows:
-            self._blocks.append({
-                name: np.array([row[name] for row in rows],
-                               np.int64 if name.endswith("_ns") else None)
-                for name in rows[0]
-            })  # fmt: skip
+            self._blocks.append({name: _stacked(name, [row[name] for row in rows])
+                                 for name in rows[0]})  # fmt: skip
 
     def lag_ns(self) -> float:
         """Return the median of `record_ns` minus `stamp_ns`."""
@@ -66,8 +63,24 @@ class Blocks:
         """Return the columns; the blocks are gone then, so that they are not held twice."""
         self._pack()
         blocks, self._blocks, self._count = self._blocks, [], 0
-        return {name: np.concatenate([block.pop(name) for block in blocks])
+        return {name: np.concatenate(_as_wide([block.pop(name) for block in blocks]))
                 for name in list(blocks[0])}  # fmt: skip
+
+
+def _stacked(name: str, values: list[Any]) -> NDArray[Any]:
+    """Return values as one array; arrays of different length end in NaN."""
+    if isinstance(values[0], np.ndarray) and len({len(value) for value in values}) > 1:
+        return np.concatenate(_as_wide([value[None] for value in values]))
+    return np.array(values, np.int64 if name.endswith("_ns") else None)
+
+
+def _as_wide(blocks: list[NDArray[Any]]) -> list[NDArray[Any]]:
+    """Return arrays of rows that are all as wide as the widest, with NaN where they were not."""
+    if blocks[0].ndim == 1 or len({block.shape[1] for block in blocks}) == 1:
+        return blocks
+    widest = max(block.shape[1] for block in blocks)
+    return [np.pad(block, ((0, 0), (0, widest - block.shape[1])), constant_values=np.nan)
+            for block in blocks]  # fmt: skip
 
 
 def length(columns: Mapping[str, NDArray[Any]]) -> int:

@@ -36,6 +36,11 @@ PLANAR = np.ix_((0, 1, 5), (0, 1, 5))
 FREE_UP_TO, OCCUPIED_FROM = 19, 66
 FLOAT_MAX = float(np.finfo(np.float64).max)
 UNIT_M = {"m": 1.0, "mm": 1e-3}
+MAX_SWEEP_S = 1.0  # of one turn of a laser
+NO_LIMIT_M = 1e4  # the range_max of a laser that states an infinite one: no laser sees as far
+JUST_BELOW = 0.998  # of range_max, from where drivers mean no return
+SHARED = 8  # beams of one reading, from which on it may be a counter that ended
+GAP = 0.5  # of that reading, which nothing else may exceed
 MIN_LENGTH = 1e-12  # squared, of a quaternion that was set
 NOT_MEASURED_M = 1e6  # a sigma of infinity, as a log can have it
 
@@ -78,10 +83,15 @@ class OdometryRow(NamedTuple):
     frame: str
     child_frame: str
     z: float = 0.0
+    left: float = 0.0
 
 
 class ScanRow(NamedTuple):
-    """A turn of a laser: `ranges` [m] and `intensities`, float64 (beams,), NaN for no return."""
+    """A turn of a laser: `ranges` [m] and `intensities`, float64 (beams,), NaN for no return.
+
+    `stamp_ns` is that of the middle beam; `saturated` [m] is a reading that many beams share, taken
+    for no return, where there is one; `time_increment` [s] is from one beam to the next.
+    """
 
     stamp_ns: int
     frame: str
@@ -91,6 +101,13 @@ class ScanRow(NamedTuple):
     range_max: float
     ranges: FloatArray
     intensities: FloatArray | None
+    saturated: float | None = None
+    time_increment: float = 0.0
+
+
+def half_sweep_ns(beams: int, time_increment: float) -> int:
+    """Return the time from the first beam of a scan, the stamp of its message, to its middle."""
+    return round(0.5 * (beams - 1) * time_increment * NANOSECONDS)
 
 
 class RangeRow(NamedTuple):
@@ -212,15 +229,17 @@ def odometry(message: Any, use: str = "pose") -> OdometryRow:
     header, child = message.header, message.child_frame_id
     pose, twist = message.pose.pose, message.twist.twist
     at, v, omega = pose.position, float(twist.linear.x), float(twist.angular.z)
+    left = float(twist.linear.y)
     x, y, z = float(at.x), float(at.y), float(at.z)
     stamp = _stamped(header)
     if use == "pose":
         _finite((x, "pose.position.x"), (y, "pose.position.y"))
         heading = heading_of(pose.orientation)
     else:
-        _finite((v, "twist.linear.x"), (omega, "twist.angular.z"))
+        _finite((v, "twist.linear.x"), (left, "twist.linear.y"), (omega, "twist.angular.z"))
         heading = math.nan
-    return OdometryRow(stamp, x, y, heading, v, omega, plain(header.frame_id), plain(child), z)
+    return OdometryRow(stamp, x, y, heading, v, omega, plain(header.frame_id), plain(child), z,
+                       left)  # fmt: skip
 
 
 def heading_of(quaternion: Any) -> float:
@@ -244,9 +263,11 @@ def heading_of(quaternion: Any) -> float:
 def scan(message: Any) -> ScanRow:
     """Return what a sensor_msgs/LaserScan says.
 
-    Ranges outside [range_min, range_max] are no returns, nor is what is not finite. A float32
-    stands for the shortest decimal that it is nearest to: of a laser that counts millimetres
-    come millimetres.
+    No returns are readings up to range_min, and from range_max on or just below; what is not
+    finite; and the highest reading of a scan where many beams share it, far from all others: a
+    counter that ended. A range_max that is infinite is no limit. A float32 stands for the shortest
+    decimal that it is nearest to: of a laser that counts millimetres come millimetres. A
+    time_increment by which a turn would take longer than a second is none.
 
     Raises
     ------
@@ -265,16 +286,45 @@ def scan(message: Any) -> ScanRow:
         raise MessageError("the scan has no beam")
     if increment == 0.0:
         raise MessageError("angle_increment is 0, expected the angle between two beams")
-    if not 0.0 <= nearest < farthest < math.inf:
+    if not 0.0 <= nearest < farthest or math.isinf(nearest):
         raise MessageError(f"range_min and range_max are {nearest:g} and {farthest:g}, expected "
                            "0 <= range_min < range_max")  # fmt: skip
+    farthest = min(farthest, max(NO_LIMIT_M, 2.0 * nearest))
     if len(bright) not in (0, len(given)):
         raise MessageError(f"the scan has {len(given)} ranges and {len(bright)} intensities; "
                            "expected as many, or none")  # fmt: skip
-    ranges = within(decimals(given), nearest, farthest)
+    ranges = within(decimals(given), math.nextafter(nearest, math.inf), JUST_BELOW * farthest)
+    saturated = _saturated(ranges)
+    if saturated is not None:
+        ranges[ranges == saturated] = math.nan
     intensities = within(bright.astype(np.float64), 0.0, FLOAT_MAX) if len(bright) else None
-    return ScanRow(stamp, plain(header.frame_id), start, increment, nearest, farthest, ranges,
-                   intensities)  # fmt: skip
+    each = decimal(getattr(message, "time_increment", 0.0))
+    if not 0.0 <= each * len(ranges) <= MAX_SWEEP_S:
+        each = 0.0
+    return ScanRow(stamp + half_sweep_ns(len(ranges), each), plain(header.frame_id), start,
+                   increment, nearest, farthest, ranges, intensities, saturated, each)  # fmt: skip
+
+
+def _saturated(ranges: FloatArray) -> float | None:
+    """Return the highest reading where it is what a driver writes for no return.
+
+    Returns of one surface differ by a beam's noise, and those of a room fill the way up to the
+    farthest; a counter that ended repeats its last number, with a gap below.
+    """
+    there = ranges[np.isfinite(ranges)]
+    if len(there) < SHARED:
+        return None
+    highest = there.max()
+    others = there[there < highest]
+    if len(there) - len(others) < SHARED or not len(others):
+        return None
+    return float(highest) if others.max() < GAP * highest else None
+
+
+def saturated_readings(found: Iterable[float]) -> str:
+    """Return a sentence on readings that were taken for no return."""
+    readings = " and ".join(f"{reading:g} m" for reading in sorted(found))
+    return f"many beams of a scan read exactly {readings}, far from all others: no return"
 
 
 def within(values: FloatArray, low: float, high: float) -> FloatArray:
@@ -423,18 +473,19 @@ def range_of(message: Any, tag: str, anchor: str) -> RangeRow | None:
 
 
 @_is("geometry_msgs/PoseWithCovarianceStamped")
-def pose(message: Any) -> PoseRow:
+def pose(message: Any, *, is_stamped: bool = True) -> PoseRow:
     """Return what a geometry_msgs/PoseWithCovarianceStamped says.
 
     Raises
     ------
     MessageError
-        If it is something else, its stamp is 0, a number is NaN, or the orientation no rotation.
+        If it is something else, its stamp is 0 though it `is_stamped`, a number is NaN, or the
+        orientation no rotation.
     """
     header, at = message.header, message.pose.pose.position
     x, y, orientation = float(at.x), float(at.y), message.pose.pose.orientation
     given = np.array(message.pose.covariance, np.float64)
-    stamp = _stamped(header)
+    stamp = _stamped(header) if is_stamped else stamp_ns(header.stamp)
     _finite((x, "pose.position.x"), (y, "pose.position.y"))
     if given.size != 36:
         raise MessageError(f"the covariance has {given.size} elements, expected 36")

@@ -17,7 +17,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from locfuse import _core
-from locfuse.io.rosbag.decode import FixRow, RangeRow, ScanRow, SightingRow, TruthRow
+from locfuse.io.rosbag.decode import (
+    FixRow,
+    RangeRow,
+    ScanRow,
+    SightingRow,
+    TruthRow,
+    half_sweep_ns,
+)
 from locfuse.types import FloatArray, GridMap, MappedLandmarks
 
 Fields: TypeAlias = dict[str, Any]
@@ -242,9 +249,9 @@ def odometry(
     child_frame: str,
     z: float = 0.0,
 ) -> Publication:
-    """Return a nav_msgs/Odometry of a pose (x, y, heading) and a velocity (v, omega)."""
-    (x, y, heading), (v, omega) = pose, velocity
-    twist = {"linear": _point(v, 0.0), "angular": _point(0.0, 0.0, omega)}
+    """Return a nav_msgs/Odometry of a pose (x, y, heading) and a velocity (v, omega[, left])."""
+    (x, y, heading), (v, omega, *left) = pose, velocity
+    twist = {"linear": _point(v, *(left or [0.0])), "angular": _point(0.0, 0.0, omega)}
     fields = {"header": header(stamp_ns, frame), "child_frame_id": child_frame,
               "pose": {"pose": _pose(x, y, heading, z)}, "twist": {"twist": twist}}  # fmt: skip
     return Publication(topic, "nav_msgs/Odometry", fields)
@@ -265,9 +272,11 @@ def laser_scan(topic: str, row: ScanRow) -> Publication:
     ranges[np.isnan(ranges)] = np.inf
     bright = np.zeros(0) if row.intensities is None else row.intensities
     last = row.angle_min + row.angle_increment * (len(ranges) - 1)
-    fields = {"header": header(row.stamp_ns, row.frame), "angle_min": row.angle_min,
-              "angle_max": last, "angle_increment": row.angle_increment,
-              "range_min": row.range_min, "range_max": row.range_max, "ranges": ranges,
+    first_ns = row.stamp_ns - half_sweep_ns(len(ranges), row.time_increment)
+    fields = {"header": header(first_ns, row.frame), "angle_min": row.angle_min,
+              "time_increment": row.time_increment, "angle_max": last,
+              "angle_increment": row.angle_increment, "range_min": row.range_min,
+              "range_max": row.range_max, "ranges": ranges,
               "intensities": bright.astype(np.float32)}  # fmt: skip
     return Publication(topic, "sensor_msgs/LaserScan", fields)
 

@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from locfuse import _core
+from locfuse.io.rosbag import restarts
 from locfuse.io.rosbag.decode import (
     NOT_MEASURED_M,
     FixRow,
@@ -21,7 +22,7 @@ from locfuse.io.rosbag.decode import (
     SightingRow,
 )
 from locfuse.io.rosbag.frames import Mount
-from locfuse.types import FloatArray
+from locfuse.types import NANOSECONDS, FloatArray
 
 Row = dict[str, Any]
 
@@ -29,24 +30,31 @@ Row = dict[str, Any]
 class Wheels:
     """Makes increments of the poses of odometry, or takes its velocities.
 
-    `use` is ``pose`` or ``twist``, as `ros.odometry_from`.
+    `use` is ``pose`` or ``twist``, as `ros.odometry_from`; `on_leap` is called with a sentence
+    where odometry was set anew.
     """
 
-    def __init__(self, use: str) -> None:
+    def __init__(self, use: str, on_leap: Callable[[str], None] = lambda _: None) -> None:
         self._use = use
+        self._on_leap = on_leap
         self._before: OdometryRow | None = None
+        self._rate = np.zeros(2)  # of the motion before [m/s, rad/s]
+        self._is_known = False
 
     def row(self, now: OdometryRow) -> Row:
         """Return the row of a message; of the first one only the stamp says something."""
         if self._use == "twist":
-            return {"stamp_ns": now.stamp_ns, "v_mps": now.v, "omega_radps": now.omega}
+            found = {"stamp_ns": now.stamp_ns, "v_mps": now.v, "omega_radps": now.omega}
+            return found if now.left == 0.0 else {**found, "v_left_mps": now.left}
         before = self._before
         if before is None or now.stamp_ns > before.stamp_ns:
             self._before = now
         moved = _core.Pose2()
         if before is not None and now.stamp_ns > before.stamp_ns:
             was = _core.Pose2(before.x, before.y, before.heading)
-            moved = was.inverse() * _core.Pose2(now.x, now.y, now.heading)
+            moved = self._without_leap(
+                before, now, was.inverse() * _core.Pose2(now.x, now.y, now.heading)
+            )
         return {
             "stamp_ns": now.stamp_ns,
             "dx_m": moved.x,
@@ -54,16 +62,38 @@ class Wheels:
             "dheading_rad": moved.heading,
         }
 
+    def _without_leap(
+        self, before: OdometryRow, now: OdometryRow, moved: _core.Pose2
+    ) -> _core.Pose2:
+        seconds = (now.stamp_ns - before.stamp_ns) / NANOSECONDS
+        velocity = np.array([[row.v, row.left, row.omega] for row in (before, now)])
+        velocity[~np.isfinite(velocity)] = 0.0
+        moving = np.column_stack([np.hypot(velocity[:, 0], velocity[:, 1]), np.abs(velocity[:, 2])])
+        self._is_known = self._is_known or bool(moving.any())
+        rates = np.maximum(moving.max(axis=0), self._rate)
+        size = np.array([math.hypot(moved.x, moved.y), abs(moved.heading)])
+        self._rate = size / (seconds + restarts.JITTER_S)
+        motion = np.array([moved.x, moved.y, moved.heading])
+        leapt = restarts.leaps(np.array([seconds]), motion[None],
+                               np.array([[now.x, now.y, now.heading]]), rates[None],
+                               np.array([self._is_known]))  # fmt: skip
+        if not leapt[0]:
+            return moved
+        self._on_leap(restarts.sentence(now.stamp_ns, motion))
+        return restarts.motion_by_velocity(seconds, velocity[0], velocity[1])
+
 
 def laser_of(row: ScanRow, mount: Mount, upside_down: bool = False) -> dict[str, Any]:
     """Return the geometry of a scan as `Log.laser` has it; head down, angles count clockwise."""
     sign = -1.0 if upside_down else 1.0
+    timed = {"time_increment_s": row.time_increment} if row.time_increment else {}
     return {
         "pose_in_body": [mount.x, mount.y, mount.heading],
         "angle_min_rad": sign * row.angle_min,
         "angle_increment_rad": sign * row.angle_increment,
         "range_min_m": row.range_min,
         "range_max_m": row.range_max,
+        **timed,
     }
 
 

@@ -18,7 +18,16 @@ from locfuse.report.player.messages import messages_part
 from locfuse.report.player.parts import Part, encoded, encoded_bytes, shares, table_part
 from locfuse.report.player.world import world_of
 from locfuse.report.text import seconds, start_ns
-from locfuse.types import NANOSECONDS, FloatArray, Frame, Health, Log, RunResult, Trajectory
+from locfuse.types import (
+    NANOSECONDS,
+    Columns,
+    FloatArray,
+    Frame,
+    Health,
+    Log,
+    RunResult,
+    Trajectory,
+)
 
 MAX_BYTES = 4_000_000  # of a packed run as JSON
 
@@ -159,7 +168,7 @@ def _scans(log: Log, origin: int) -> Part:
     """Return the scans in whole centimetres, 0 where a beam has no return."""
     laser, table = log.laser, log["scans"]
     assert laser is not None
-    ranges: FloatArray = table["ranges_m"]
+    ranges = _alike(table)
     n, beams = ranges.shape
     mount = [float(value) for value in laser["pose_in_body"]]
 
@@ -175,12 +184,27 @@ def _scans(log: Log, origin: int) -> Part:
             "of": n,
             "t": encoded(seconds(table["stamp_ns"][rows], origin)),
             "ranges_cm": encoded(np.where(hit, np.round(100.0 * part), 0.0).astype(np.uint16)),
-            "angle_min": float(laser["angle_min_rad"]),
-            "angle_increment": float(laser["angle_increment_rad"]) * step,
+            "angle_min": float(table.get("angle_min_rad", [laser["angle_min_rad"]])[0]),
+            "angle_increment": step
+            * float(table.get("angle_increment_rad", [laser["angle_increment_rad"]])[0]),
             "mount": mount,
         }
 
     return Part(encoded_bytes(n * (2 * beams + 8)), packed)
+
+
+def _alike(scans: Columns) -> FloatArray:
+    """Return ranges with the geometry of the first scan: of others the beam that is nearest."""
+    ranges: FloatArray = scans["ranges_m"]
+    if "beams" not in scans:
+        return ranges
+    count = int(scans["beams"][0])
+    start, step = scans["angle_min_rad"], scans["angle_increment_rad"]
+    angle = start[0] + step[0] * np.arange(count)
+    beam = np.rint((angle - start[:, None]) / step[:, None]).astype(np.intp)
+    there = (beam >= 0) & (beam < scans["beams"][:, None])
+    nearest = np.take_along_axis(ranges, np.clip(beam, 0, ranges.shape[1] - 1), axis=1)
+    return np.where(there, nearest, np.nan)
 
 
 def _particles(frames: Sequence[Frame], origin: int) -> Part:

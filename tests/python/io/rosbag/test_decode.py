@@ -81,7 +81,8 @@ def named(**changes: Any) -> Any:
 @ROS
 def test_odometry_is_pose_and_twist(ros: str) -> None:
     row = decode.odometry(odometry(ros))
-    assert row == (STAMP, 1.0, 2.0, 0.5, 0.3, -0.2, "odom", "base", 0.25)
+    assert row == (STAMP, 1.0, 2.0, 0.5, 0.3, -0.2, "odom", "base", 0.25, 0.0)
+    assert decode.odometry(odometry(ros, twist__twist__linear__y=0.4)).left == 0.4
 
 
 def test_of_odometry_only_the_half_that_is_used_is_checked() -> None:
@@ -106,11 +107,46 @@ def test_a_scan_comes_back_at_the_decimals_the_laser_counted(ros: str) -> None:
 
 
 def test_what_a_laser_cannot_have_measured_is_no_return() -> None:
-    given = np.array([0.05, 0.1, 10.0, 10.5, np.inf, -np.inf, np.nan, 0.0], np.float32)
+    nothing = [0.05, 0.1, 9.99, 10.0, 10.5, np.inf, -np.inf, np.nan, 0.0, -1.0]
+    given = np.array([0.101, 9.97, *nothing], np.float32)
     row = decode.scan(scan(ranges=given, intensities=np.zeros(0)))
-    assert np.isnan(row.ranges).tolist() == [True, False, False, True, True, True, True, True]
-    assert row.ranges[1:3].tolist() == [0.1, 10.0]
+    assert row.ranges[:2].tolist() == [0.101, 9.97]
+    assert np.isnan(row.ranges[2:]).all()
     assert row.intensities is None
+    assert row.saturated is None
+
+
+def test_a_reading_that_many_beams_share_far_from_all_others_is_no_return() -> None:
+    near = np.linspace(1.0, 4.0, 40)
+    wall = np.full(20, 4.1)
+
+    def read(ranges: Any) -> ScanRow:
+        given = np.array(ranges, np.float32)
+        return decode.scan(scan(ranges=given, intensities=np.zeros(0), range_max=100.0))
+
+    ended = read([*near, *[65.535] * 8])
+    assert ended.saturated == 65.535
+    assert np.isnan(ended.ranges[40:]).all()
+    assert not np.isnan(ended.ranges[:40]).any()
+    for ranges in ([*near, *wall], [*near, *[65.535] * 7], wall, [*near, 50.0, *[65.535] * 9]):
+        row = read(ranges)
+        assert row.saturated is None
+        assert not np.isnan(row.ranges).any()
+
+
+def test_a_scan_is_stamped_as_its_middle_beam() -> None:
+    each = 0.001
+    row = decode.scan(
+        scan(ranges=np.full(101, 2.0, np.float32), intensities=np.zeros(0), time_increment=each)
+    )
+    assert (row.stamp_ns, row.time_increment) == (STAMP + 50_000_000, each)
+    again = decode.scan(message(encode.laser_scan("scan", row)))
+    assert (again.stamp_ns, again.time_increment) == (row.stamp_ns, each)
+    for odd in (1.0, -0.1, math.nan):  # a turn of a hundred seconds
+        row = decode.scan(
+            scan(ranges=np.full(101, 2.0, np.float32), intensities=np.zeros(0), time_increment=odd)
+        )
+        assert (row.stamp_ns, row.time_increment) == (STAMP, 0.0)
 
 
 def test_single_floats_become_short_decimals_only_where_they_mean_the_same() -> None:

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Positions of a GPS or of tags: where the map begins, and which antenna they are of."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from locfuse.io.log_folder import MAX_SPEED_MPS
+from locfuse.io.rosbag import decode
+from locfuse.io.rosbag.decode import FixRow
+from locfuse.io.rosbag.frames import FrameTree
+from locfuse.io.rosbag.geodesy import Origin
+from locfuse.types import NANOSECONDS
+
+FAR_SIGMAS = 5.0  # beyond which two fixes do not agree
+UNKNOWN_SIGMA_M = 10.0  # of a fix that brings none
+
+
+class Fixes:
+    """Makes rows of fixes; the first that the next one agrees with is the origin of the map.
+
+    Unless `origin` is given. Receivers may publish zeros or the place where they were last on
+    before they know better: two fixes agree that a vehicle can go between. `sentence` says, from
+    then on, which origin it is.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Message
+    >>> def at(latitude, second):
+    ...     return Message(header=Message(stamp=Message(sec=second, nanosec=0), frame_id="gps"),
+    ...         status=Message(status=0), latitude=latitude, longitude=8.4, altitude=0.0,
+    ...         position_covariance=[1.0] * 9, position_covariance_type=2)
+    >>> fixes = Fixes(None)
+    >>> fixes.rows(at(0.0, 1)), fixes.rows(at(49.0, 2))
+    ([], [])
+    >>> [round(row.y, 1) for row in fixes.rows(at(49.00001, 3))]
+    [0.0, 1.1]
+    """
+
+    def __init__(self, origin: Origin | None) -> None:
+        self.origin = origin
+        self.sentence = ""
+        self._first: Any = None  # a fix that waits for one that agrees
+
+    def rows(self, message: Any) -> list[FixRow]:
+        """Return what a NavSatFix or TagPosition says, and the fix before it if that waited.
+
+        Raises MessageError as `decode.fix`; a fix that the next one does not agree with is lost.
+        """
+        if self.origin is not None or not hasattr(message, "latitude"):
+            row = decode.fix(message, self.origin)
+            return [] if row is None else [row]
+        if decode.fix(message, (0.0, 0.0, 0.0)) is None:
+            return []
+        first, self._first = self._first, message
+        if first is None or not _agree(first, message):
+            return []
+        return self._begin_at(first, message)
+
+    def last_row(self) -> list[FixRow]:
+        """Return the fix that still waits when no other comes."""
+        first, self._first = self._first, None
+        return [] if first is None else self._begin_at(first)
+
+    def _begin_at(self, first: Any, *others: Any) -> list[FixRow]:
+        self._first = None
+        self.origin = (float(first.latitude), float(first.longitude), 0.0)
+        self.sentence = (
+            f"the map's origin is the first fix, at latitude {self.origin[0]!r} and longitude "
+            f"{self.origin[1]!r}; ros.gps_origin says where it is"
+        )
+        rows = (decode.fix(message, self.origin) for message in (first, *others))
+        return [row for row in rows if row is not None]
+
+
+def is_beside(frame: str, tree: FrameTree) -> bool:
+    """Return whether static transforms place an antenna beside the body's origin.
+
+    Its fixes are then those of a tag that is named after the frame.
+    """
+    if not frame or frame not in tree:
+        return False
+    mount = tree.mount(frame)
+    return mount.x != 0.0 or mount.y != 0.0
+
+
+def unplaced(frame: str, base: str) -> str:
+    """Return a sentence on fixes of a frame that nothing places on the body."""
+    return (
+        f"positions are of {frame!r}, which no static transform places on {base!r}: they are taken "
+        "for those of its origin, or of the antenna where estimator.position says"
+    )
+
+
+def _agree(first: Any, second: Any) -> bool:
+    there = decode.fix(second, (float(first.latitude), float(first.longitude), 0.0))
+    here = decode.fix(first, (float(first.latitude), float(first.longitude), 0.0))
+    assert here is not None
+    assert there is not None
+    seconds = abs(there.stamp_ns - here.stamp_ns) / NANOSECONDS
+    sigma = math.hypot(*(UNKNOWN_SIGMA_M if row.sigma_m <= 0.0 else row.sigma_m
+                         for row in (here, there)))  # fmt: skip
+    return math.hypot(there.x, there.y) <= MAX_SPEED_MPS * seconds + FAR_SIGMAS * sigma
