@@ -11,6 +11,7 @@ import typer
 from locfuse.cli.inputs import ConfigFile, LogPath, Seed, read_log, with_log
 from locfuse.cli.terminal import check_file, check_folder, console, onto, progress
 from locfuse.config.load import load_config
+from locfuse.eval.trust import sentence, was_lost
 from locfuse.io.recording import check_other
 from locfuse.io.rosbag.bags import check_bag, write_bag
 from locfuse.report.pictures import NO_PICTURES, has_matplotlib
@@ -37,6 +38,9 @@ def run(
     rerun: Annotated[
         Path | None, typer.Option(help="Also write a .rrd for the rerun viewer.")
     ] = None,
+    fail_if_lost: Annotated[
+        bool, typer.Option("--fail-if-lost", help="Exit with status 3 if it was ever lost.")
+    ] = False,
 ) -> None:
     """Localize along a log or a simulated drive and write a report."""
     parsed = load_config(config)
@@ -75,6 +79,13 @@ def run(
         console.print(f"bag: {bag}", soft_wrap=True)
     if rerun is not None:
         console.print(f"rerun: {write_rerun(result, rerun)}", soft_wrap=True)
+    if result.health is None or not len(result.health):
+        return
+    console.print(f"health: {sentence(result.health)}", soft_wrap=True)
+    if result.health.state[-1] != "ok" or was_lost(result.health):
+        console.print(f"locfuse check {config} looks for what is wrong", soft_wrap=True)
+    if fail_if_lost and was_lost(result.health):
+        raise typer.Exit(3)
 
 
 def _print_metrics(result: RunResult) -> None:

@@ -9,8 +9,9 @@ from typing import Any
 
 from locfuse.eval.consistency import band
 from locfuse.eval.readiness import WRONG_M
+from locfuse.eval.trust import sentence, shares, was_lost
 from locfuse.report.text import count, percent
-from locfuse.types import RunResult
+from locfuse.types import Health, RunResult
 
 _MIN_IN_BAND = 0.90  # share of stamps; below 95 %, as errors of neighbouring stamps correlate
 
@@ -35,6 +36,8 @@ def cards(result: RunResult) -> str:
         shown.append(_card(_number(metrics["height_rmse_m"], "m"), "height RMSE"))
     if metrics.get("nees_mean") is not None:
         shown.append(_nees_card(metrics))
+    if result.health is not None and len(result.health):
+        shown.append(_health_card(result.health))
     if metrics.get("mcl") is not None:
         shown += _mcl_cards(metrics["mcl"])
     if metrics.get("mapping") is not None:
@@ -49,6 +52,14 @@ def cards(result: RunResult) -> str:
     if metrics.get("duration_s") is not None:
         shown.append(_card(_number(metrics["duration_s"], "s"), "length of the recording"))
     return '<div class="cards">\n' + "\n".join(shown) + "\n</div>"
+
+
+def _health_card(health: Health) -> str:
+    share = shares(health).get("ok", 0.0)
+    good = health.state[-1] == "ok" and not was_lost(health)
+    word = "lost at times" if was_lost(health) else str(health.state[-1]).replace("_", " ")
+    verdict = f'<span class="{"good" if good else "bad"}">{"ok" if good else word}</span>'
+    return _card(percent(share), f"of the time ok; {sentence(health)}", verdict)
 
 
 def _nees_card(metrics: Mapping[str, Any]) -> str:

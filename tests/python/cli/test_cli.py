@@ -78,6 +78,25 @@ def test_run_writes_the_folder_and_says_where(config: Path, tmp_path: Path) -> N
     assert f"{metrics['position_rmse_m']:.6g}" in said.out
 
 
+LOST = """
+simulation: {duration_s: 30, poses: null, faults: [{kind: kidnap, at_s: 10, to: [8, 2, 90]}]}
+"""
+
+
+def test_run_says_what_health_was_and_fails_where_asked_to(config: Path, tmp_path: Path) -> None:
+    said = locfuse("run", config, "--out", tmp_path / "out", "--fail-if-lost")
+    assert said.status == 0
+    assert re.search(r"^health: ok .* at the end ok$", said.out, re.MULTILINE)
+    assert "locfuse check" not in said.out
+    config.write_text(LOST)
+    for options, status in (((), 0), (("--fail-if-lost",), 3)):
+        said = locfuse("run", config, "--out", tmp_path / "out", *options)
+        assert said.status == status
+        assert re.search(r"^health: .*lost .* of the time; at the end ", said.out, re.MULTILINE)
+        assert f"locfuse check {config} looks for what is wrong" in said.out
+    assert "lost at times" in (tmp_path / "out" / "report.html").read_text()
+
+
 def test_a_log_given_by_hand_replaces_that_of_the_config(tmp_path: Path) -> None:
     path = tmp_path / "run.yaml"
     path.write_text("start: truth\n")
