@@ -13,7 +13,7 @@ from locfuse.config.build import (
     build_anchors,
     build_cylinder_detector,
 )
-from locfuse.config.schema import RunConfig
+from locfuse.config.schema import SOURCES, RunConfig
 from locfuse.live.on_map import PATIENCE_NS, OnMap
 from locfuse.live.rows import Message, Row, Rows, effective_ns, reported_covariance
 from locfuse.run.health import name_of, reason_of
@@ -177,21 +177,32 @@ class LiveRun:
         Raises
         ------
         ValueError
-            If a value is not valid; the row is forgotten.
+            If there is no such source, a column is missing, or a value is not valid; the row is
+            forgotten.
         """
-        stamp = int(row["stamp_ns"])
-        if not self._is_found:
+        if source not in (*SOURCES, "scans"):
+            raise ValueError(
+                f"there is no source {source!r}; {nearest(source, (*SOURCES, 'scans'))}"
+            )
+        is_searching = not self._is_found
+        try:
+            stamp = int(row["stamp_ns"])
+            if source == "scans":
+                verdict = self._on_scan(row)
+            elif source not in self.config.use or source in self._disabled:
+                verdict = _core.Verdict.IGNORED
+            else:
+                verdict = self._on_row(source, row)
+        except KeyError as error:
+            raise ValueError(f"a row of {source} has no {error}; it has {', '.join(row)}") from None
+        except TypeError as error:
+            raise ValueError(f"a row of {source} has a value of another type: {error}") from None
+        if is_searching:
             self._received.append((source, row))
         elif self._received:
             self._received.clear()
         if source == "odometry":
             self._driven = row
-        if source == "scans":
-            verdict = self._on_scan(row)
-        elif source not in self.config.use or source in self._disabled:
-            verdict = _core.Verdict.IGNORED
-        else:
-            verdict = self._on_row(source, row)
         self._received_ns = stamp if self._received_ns is None else max(stamp, self._received_ns)
         word = verdict.name.lower()
         self.counts[source, word] += 1

@@ -19,7 +19,7 @@ from locfuse.run.messages import to_messages, truth_of
 from locfuse.run.run import load_log
 from locfuse.run.start import start_of
 from locfuse.types import ConfigError, Log
-from support_live import arrivals, assert_same, live_of
+from support_live import arrivals, assert_same, live_of, world_of
 
 GOLDEN = Path(__file__).parents[2] / "golden"
 ROOM: dict[str, Any] = {
@@ -189,3 +189,29 @@ def test_one_stamp_a_century_ahead_silences_nothing() -> None:
         assert verdicts.pop(5) == _core.Verdict.IGNORED
         assert set(verdicts) == {_core.Verdict.FUSED}
         assert live.current().stamp == stamps[-1]
+
+
+@pytest.mark.parametrize(
+    ("source", "changes", "words"),
+    [
+        ("range", {}, ["no source 'range'", "did you mean 'ranges'"]),
+        ("ranges", {"anchor": None}, ["ranges", "'anchor'", "range_m"]),
+        ("ranges", {"stamp_ns": None}, ["'stamp_ns'"]),
+        ("ranges", {"range_m": [1.0, 2.0]}, ["another type"]),
+        ("ranges", {"range_m": "far"}, ["far"]),
+        ("ranges", {"range_m": -1.0}, ["range", "-1"]),
+    ],
+)
+def test_a_row_that_cannot_be_used_is_refused_and_forgotten(
+    source: str, changes: dict[str, Any], words: list[str]
+) -> None:
+    config, log = room()
+    live = LiveRun(config, replace(log, tables=world_of(log)))
+    row = {k: value for k, value in {**a_range(1000), **changes}.items() if value is not None}
+    with pytest.raises(ValueError, match=words[0]) as caught:
+        live.on(source, row)
+    assert all(word in str(caught.value) for word in words)
+    assert not live.counts
+    later = LiveRun(config, replace(log, tables=world_of(log)))
+    later.go_on_from(live)  # is fed what that received
+    assert not later.counts
