@@ -8,6 +8,7 @@ of one that is damaged or was never closed everything before the damage is read.
 from __future__ import annotations
 
 import os
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -27,6 +28,7 @@ from locfuse.io.rosbag.container import (
 from locfuse.types import LogError
 
 KINDS = "a .bag of ROS 1, a .mcap, or a .db3 or folder of ROS 2"
+STORED = r"\.(mcap|db3)(\.zstd)?$"  # names of files in a folder of ROS 2
 READERS = {one.MAGIC: one.messages for one in (stored_ros1, stored_mcap, stored_sqlite)}
 
 
@@ -53,6 +55,11 @@ class Bag(Reading):
         self.before = self._reported = 0
         self.counts, self.damage = Counter(), []
         self.unpacked = self.described = 0
+        if self.path.is_dir() and not (self.path / "metadata.yaml").is_file():
+            self.damage.append(
+                f"{self.path}: has no metadata.yaml, as its recorder was stopped; its {len(files)} "
+                "files are read in the order of their numbers"
+            )
         for path, packing in files:
             yield from _unpacked(self, path, packing, wanted)
             self.before += path.stat().st_size
@@ -63,7 +70,18 @@ class Bag(Reading):
 def is_bag(path: Path) -> bool:
     """Return whether a path is not that of a log folder: no folder, or one of a ROS 2 bag."""
     is_other = os.path.exists(path) and not os.path.isdir(path)
-    return is_other or os.path.isfile(path / "metadata.yaml")
+    return is_other or os.path.isfile(path / "metadata.yaml") or bool(_without_metadata(path))
+
+
+def _without_metadata(folder: Path) -> list[Path]:
+    """Return the files of a bag whose recorder was stopped before it wrote metadata, by number."""
+    if not os.path.isdir(folder):
+        return []
+    there = sorted(folder.iterdir())
+    if any(path.name.endswith((".csv", ".csv.gz")) or path.name == "log.yaml" for path in there):
+        return []  # a log folder
+    found = [path for path in there if re.search(STORED, path.name)]
+    return sorted(found, key=lambda path: [int(n) for n in re.findall(r"\d+", path.name)])
 
 
 def _files(path: Path) -> list[tuple[Path, str]]:
@@ -75,7 +93,10 @@ def _files(path: Path) -> list[tuple[Path, str]]:
     if not path.is_dir():
         raise LogError(f"{path}: is a device or a pipe; expected {KINDS}")
     if not (path / "metadata.yaml").is_file():
-        raise LogError(f"{path}: a folder without metadata.yaml is no bag; expected {KINDS}")
+        if found := _without_metadata(path):
+            return [(file, "file" if file.suffix == ".zstd" else "") for file in found]
+        raise LogError(f"{path}: a folder without metadata.yaml, .mcap and .db3 is no bag; "
+                       f"expected {KINDS}")  # fmt: skip
     metadata = load_yaml(path / "metadata.yaml")
     try:
         metadata = metadata["rosbag2_bagfile_information"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import bz2
 import gzip
+import logging
 import os
 import sqlite3
 import tracemalloc
@@ -20,7 +21,7 @@ from locfuse.io.csv_table import unpacked
 from locfuse.io.recording import read_recording
 from locfuse.io.rosbag import container as stored
 from locfuse.io.rosbag import encode
-from locfuse.io.rosbag.bag_stream import Bag, is_bag
+from locfuse.io.rosbag.bag_stream import Bag, _files, is_bag
 from locfuse.io.rosbag.bags import read_bag
 from locfuse.io.rosbag.container import Connection, CutError, Reading, short
 from locfuse.io.rosbag.optional_rosbags import need
@@ -210,7 +211,7 @@ def test_what_is_no_bag_is_said_in_a_sentence(tmp_path: Path) -> None:
         ("text.mcap", "begins with b'hello'"),
         ("old.bag", "#ROSBAG V1.2, expected #ROSBAG V2.0"),
         ("odd.db3", "cannot be read"),
-        ("folder", "a folder without metadata.yaml is no bag"),
+        ("folder", "a folder without metadata.yaml, .mcap and .db3 is no bag"),
     ):
         with pytest.raises(LogError) as error:
             list(Bag(tmp_path / name).messages(lambda _: True))
@@ -227,6 +228,26 @@ def test_a_folder_whose_metadata_is_wrong_is_said_in_a_sentence(tmp_path: Path) 
         (tmp_path / "metadata.yaml").write_text(text)
         with pytest.raises(LogError, match=said):
             list(Bag(tmp_path).messages(lambda _: True))
+
+
+def test_a_folder_whose_recorder_was_stopped_is_read_in_the_order_of_its_files(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    messages = drive(24)
+    folder = tmp_path / "stopped"
+    folder.mkdir()
+    for number in range(12):  # of which 10 and 11 come last
+        write_messages(folder / f"drive_{number}.mcap", messages[number::12])
+    whole = read_bag(write_messages(tmp_path / "whole.mcap", messages))
+    with caplog.at_level(logging.WARNING):
+        found = read_bag(folder)
+    assert "has no metadata.yaml" in caplog.text
+    assert is_bag(folder)
+    assert found["odometry"]["stamp_ns"].tolist() == whole["odometry"]["stamp_ns"].tolist()
+    names = [path.name for path, _ in _files(folder)]
+    assert names == [f"drive_{number}.mcap" for number in range(12)]
+    (folder / "odometry.csv").write_text("stamp_s,v_mps,omega_radps\n")
+    assert not is_bag(folder)
 
 
 def test_a_bag_is_distinguished_from_a_log_folder(tmp_path: Path, bags: dict[str, Path]) -> None:
