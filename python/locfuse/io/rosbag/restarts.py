@@ -15,7 +15,7 @@ from locfuse.types import NANOSECONDS, FloatArray
 JITTER_S = 0.1  # of stamps: messages that come in a packet are no leap
 MARGIN = 3.0  # times the fastest of what is known, that a body may have moved between two messages
 MIN_LEAP = np.array([0.3, 0.3])  # m and rad: less may be a curb or a wheel that slips
-MIN_LEAP_HOME = np.array([0.05, 0.05])  # to exactly (0, 0, 0), where drivers begin
+MIN_LEAP_HOME = np.array([0.05, 0.05])  # to exactly (0, 0, 0), where drivers begin; no margin then
 HOME = 1e-6  # m and rad: at most that far from it
 UNKNOWN_RATE = np.array([5.0, 3.0])  # m/s and rad/s that a body may reach whose driver states none
 LIMITS = np.array([MAX_SPEED_MPS, MAX_TURN_RATE_RADPS])
@@ -41,7 +41,7 @@ def leaps(
     size = np.column_stack([np.hypot(motion[:, 0], motion[:, 1]), np.abs(motion[:, 2])])
     home = np.all(np.abs(pose) <= HOME, axis=1, keepdims=True)
     lasted = (seconds + JITTER_S)[:, None]
-    reach = MARGIN * rates * lasted + np.where(home, MIN_LEAP_HOME, MIN_LEAP)
+    reach = np.where(home, 1.0, MARGIN) * rates * lasted + np.where(home, MIN_LEAP_HOME, MIN_LEAP)
     reach += np.where(is_known[:, None] | home, 0.0, UNKNOWN_RATE * lasted)
     return np.asarray(((size > reach) | (size > LIMITS * lasted)).any(axis=1))
 
