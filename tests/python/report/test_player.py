@@ -198,6 +198,20 @@ def test_scans_are_whole_centimetres_and_coarser_before_they_are_fewer() -> None
     assert array(thin["ranges_cm"])[0].tolist() == list(range(0, 400, step))
 
 
+def test_scans_that_differ_are_shown_as_the_first_one_counts() -> None:
+    result = with_scans(make_result(), 3, 200)
+    scans = dict(result.log["scans"])
+    scans["beams"] = np.array([200.0, 100.0, 200.0])
+    scans["angle_min_rad"] = np.array([-1.0, -1.0, -0.99])
+    scans["angle_increment_rad"] = np.array([0.01, 0.02, 0.01])
+    log = replace(result.log, tables={**result.log.tables, "scans": scans})
+    ranges = array(pack(replace(result, log=log))["scans"]["ranges_cm"])
+    assert ranges.shape == (3, 200)
+    assert ranges[0].tolist() == list(range(200))
+    assert ranges[1, ::2].tolist() == list(range(100))  # at twice the angle between beams
+    assert ranges[2].tolist() == [0, 0, *range(1, 199)]  # one beam later
+
+
 def test_particles_are_where_they_were_to_a_millimetre() -> None:
     frames = clouds(12, 700)
     packed = pack(make_result(), particles=frames)["particles"]

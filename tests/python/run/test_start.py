@@ -18,7 +18,7 @@ from locfuse.report.plot import plot_start
 from locfuse.report.plot.style import MUTED
 from locfuse.report.results import write_results
 from locfuse.run.run import load_log, run
-from locfuse.run.start import scans_of
+from locfuse.run.start import returns_of, scans_of
 from locfuse.types import FloatArray, GridMap, Log, LogError, RunResult, Start
 from support_figures import colours_at
 from support_runs import CONFIGS, recording, write_folder
@@ -263,3 +263,21 @@ def test_recordings_end_as_accurate_as_when_started_from_truth(
     assert auto.start is not None
     assert auto.start.seconds <= seconds
     assert rmse_of_second_half(auto) <= 1.05 * rmse_of_second_half(run(config, log))
+
+
+def test_scans_that_differ_have_their_own_geometry() -> None:
+    ranges = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, np.nan]])
+    table = {"stamp_ns": np.array([10, 20]), "beams": np.array([3.0, 2.0]),
+             "angle_min_rad": np.array([-1.0, 0.5]), "angle_increment_rad": np.array([0.1, -0.2]),
+             "ranges_m": ranges, "intensities": ranges}  # fmt: skip
+    laser = {"pose_in_body": [0.0, 0.0, 0.0], "angle_min_rad": 0.0, "angle_increment_rad": 1.0,
+             "range_min_m": 0.1, "range_max_m": 10.0, "time_increment_s": 0.001}  # fmt: skip
+    first, second = scans_of(Log({"scans": table}, laser=laser))
+    assert first.ranges.tolist() == [1.0, 2.0, 3.0]
+    assert (second.ranges.tolist(), second.intensities.tolist()) == ([4.0, 5.0], [4.0, 5.0])
+    assert (second.geometry.angle_min, second.geometry.angle_increment) == (0.5, -0.2)
+    assert second.geometry.time_increment == 0.001
+    ends = returns_of(Log({"scans": table}, laser=laser), 20)
+    angles = np.array([0.5, 0.3])
+    expected = np.array([[4.0], [5.0]]) * np.column_stack([np.cos(angles), np.sin(angles)])
+    np.testing.assert_allclose(ends, expected)
