@@ -25,8 +25,9 @@ class Fits:
     """Positions of one tag from its ranges alone, epoch by epoch.
 
     Metres. `ranges` (n, m) are corrected as configured, NaN where missing, and interpolated if to
-    one anchor at a time. `position` (n, 2) is the tag's in world, NaN where the ranges fix none;
-    `residual` (n, m) is range minus distance; `height` is the tag's; `stamp_ns` is (n,).
+    one anchor at a time. `position` (n, 2) is the tag's in world, by the ranges that agree;
+    `explained` (n,) is whether enough of them do. `residual` (n, m) is range minus distance;
+    `height` is the tag's; `stamp_ns` is (n,).
     """
 
     tag: str
@@ -35,6 +36,7 @@ class Fits:
     ranges: FloatArray
     position: FloatArray
     residual: FloatArray
+    explained: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,7 @@ class Residuals:
 
     `against` says for people what the distance was taken from. Arrays are (n,), distances
     in metres. `freedom` is the share of the scatter that the fit left over; 1 against truth.
+    `contradictory` is the share of moments left out as no position explains them; 0 against truth.
     """
 
     against: str
@@ -50,6 +53,7 @@ class Residuals:
     distance: FloatArray
     value: FloatArray
     freedom: float
+    contradictory: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -243,12 +247,14 @@ class Context:
         distance = self.corrected(rows)
         for grouped in (epochs, interpolated):
             stamp, ranges = grouped(rows, index, distance, len(self.anchors))
-            found, _ = located(self.anchors, ranges, self.typical_sigma, height=self.height)
+            found, _, explained = located(self.anchors, ranges, self.typical_sigma,
+                                         height=self.height)  # fmt: skip
             good = np.isfinite(found[:, 0])
             if np.count_nonzero(good) >= _MIN_EPOCHS:
                 at, ranges = found[good], ranges[good]
                 left = residuals_of(self.anchors, ranges, at, self.height)
-                return Fits(self.main_tag, self.height, stamp[good], ranges, at, left)
+                return Fits(self.main_tag, self.height, stamp[good], ranges, at, left,
+                            explained[good])  # fmt: skip
         return None
 
     @cached_property
@@ -284,13 +290,14 @@ class Context:
         """
         if self.fits is None or self.truth is None or len(self.truth) < 2:
             return None
-        stamp = self.fits.stamp_ns
-        inside = (stamp >= self.truth.stamp_ns[0]) & (stamp <= self.truth.stamp_ns[-1])
+        stamp, truth = self.fits.stamp_ns, self.truth
+        inside = (stamp >= truth.stamp_ns[0]) & (stamp <= truth.stamp_ns[-1])
+        inside &= self.fits.explained
         if np.count_nonzero(inside) < _MIN_EPOCHS:
             return None
         x, y, _ = self.log.tags[self.fits.tag]
-        poses = at_times(self.truth, stamp[inside])
-        fixed = levered(poses, (x, y) if self.truth.heading is not None else (0.0, 0.0))
+        poses = at_times(truth, stamp[inside])
+        fixed = levered(poses, (x, y) if truth.heading is not None else (0.0, 0.0))
         moved = self.fits.position[inside]
         before = float(np.median(np.linalg.norm(moved - fixed, axis=1)))
         fit = align(moved, fixed)
@@ -305,24 +312,26 @@ class Context:
     @cached_property
     def residuals(self) -> Residuals | None:
         """Ranges against the truth where it is known, else against positions from ranges."""
-        if self.frame_of_truth is None and self.truth is not None:
-            found = self._against_truth(self.truth)
+        if self.frame_of_truth is None:
+            found = self.against_truth()
             if found is not None:
                 return found
         if self.fits is None:
             return None
-        received = np.isfinite(self.fits.residual)
-        epoch, anchor = np.nonzero(received)
-        free = 1.0 - 2.0 * len(self.fits.position) / len(epoch)
+        explained = self.fits.explained
+        epoch, anchor = np.nonzero(np.isfinite(self.fits.residual) & explained[:, None])
+        free = 1.0 - 2.0 * np.count_nonzero(explained) / max(len(epoch), 1)
         value = self.fits.residual[epoch, anchor]
         distance = self.fits.ranges[epoch, anchor] - value
-        return Residuals("the best position of each moment", anchor, distance, value, free)
+        return Residuals("the best position of each moment", anchor, distance, value, free,
+                         1.0 - float(np.mean(explained)))  # fmt: skip
 
     def against_truth(self, shift_ns: int = 0) -> Residuals | None:
         """Return ranges against the truth, whose clock reads `shift_ns` more; None without."""
-        return None if self.truth is None else self._against_truth(self.truth, shift_ns)
+        truth = self.truth
+        return None if truth is None else self._against_truth(truth, shift_ns)
 
-    def _against_truth(self, truth: Trajectory, shift_ns: int = 0) -> Residuals | None:
+    def _against_truth(self, truth: Trajectory, shift_ns: int) -> Residuals | None:
         table = self.used("ranges")
         if table is None or len(truth) < 2:
             return None

@@ -81,19 +81,60 @@ def interpolated(
     return stamp, ranges
 
 
+def limit_of(sigma: float) -> float:
+    """Return the residual beyond which no noise of this sigma explains a range, metres.
+
+    Walls and bodies lengthen ranges by some decimetres, and a sigma may be given too small.
+    """
+    return max(5.0 * sigma, 0.3)
+
+
 def located(
     anchors: FloatArray, ranges: FloatArray, sigma: float, *, height: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return positions (n, 2) in the plane of a known height, and their covariances (n, 2, 2).
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Return positions in the plane of a known height, their covariances, and whether ranges agree.
 
-    A position is NaN where not exactly one fits. `anchors` (m, 3), `ranges` (n, m), NaN where
-    missing, `sigma` of a range and `height` of the tag are in metres.
+    Where the ranges of a moment contradict one another, the worst are left out until the others
+    agree, at least two more than are left out; without such others all count. `anchors` (m, 3),
+    `ranges` (n, m), NaN where missing, `sigma` of a range and `height` of the tag are in metres.
+    Positions (n, 2) are NaN where not exactly one fits, covariances are (n, 2, 2).
     """
+    position, covariance, _ = _fitted(anchors, ranges, sigma, height)
+    explained = _agree(anchors, ranges, sigma, position, height)
+    rest, rows = ranges.copy(), np.flatnonzero(~explained)
+    for left_out in range(1, len(anchors)):
+        rows = rows[np.isfinite(ranges[rows]).sum(axis=1) >= 2 * left_out + 2]
+        trials = np.repeat(rest[rows, None, :], len(anchors), axis=1)
+        trials[:, np.eye(len(anchors), dtype=np.bool_)] = np.nan
+        *_, cost = _fitted(anchors, trials.reshape(-1, len(anchors)), sigma, height)
+        cost = np.where(np.isnan(rest[rows]), np.inf, cost.reshape(rest[rows].shape))
+        rest[rows, np.argmin(cost, axis=1)] = np.nan
+        at, spread, _ = _fitted(anchors, rest[rows], sigma, height)
+        agree = _agree(anchors, rest[rows], sigma, at, height)
+        found, rows = rows[agree], rows[~agree]
+        position[found], covariance[found], explained[found] = at[agree], spread[agree], True
+    return position, covariance, explained
+
+
+def _fitted(
+    anchors: FloatArray, ranges: FloatArray, sigma: float, height: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the positions by least squares, their covariances and costs, infinite without one."""
     found = _core.locate_batch(anchors, ranges, sigma, height=height)
     status = _core.PositionStatus
     several = np.isin(found.status, [int(status.AMBIGUOUS), int(status.UNDERDETERMINED)])
     position: FloatArray = np.where(several[:, None], np.nan, found.position)
-    return position, found.covariance
+    cost: FloatArray = np.where(np.isfinite(position[:, 0]), found.cost, np.inf)
+    return position, found.covariance.copy(), cost
+
+
+def _agree(
+    anchors: FloatArray, ranges: FloatArray, sigma: float, position: FloatArray, height: float
+) -> NDArray[np.bool_]:
+    """Return at which moments no range is off from the position by more than noise explains."""
+    off = np.abs(residuals_of(anchors, ranges, position, height)) > limit_of(sigma)
+    good: NDArray[np.bool_] = np.isfinite(position[:, 0]) & ~np.any(off, axis=1)
+    return good
 
 
 def residuals_of(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from locfuse import _core
 from locfuse.check.context import Context, Fits, Residuals
 from locfuse.check.finding import Finding, error, note, warning
-from locfuse.check.positions import dop, residuals_of
+from locfuse.check.positions import dop, limit_of, residuals_of
 from locfuse.types import NANOSECONDS, FloatArray
 
 _SCATTER = 1.4826  # standard deviation over median absolute deviation of a Gaussian
@@ -21,6 +21,8 @@ _MAX_SWAPS = 3
 _MAX_ANCHORS = 24
 _SOME_EPOCHS = 300
 _MIN_ROWS = 20
+_SOME, _MANY = 0.05, 0.1  # outliers that are too many of one anchor, and of all
+_AT_THE_TAG = "keep gate_range below 1; is the tag behind a body or beside metal?"
 _RISES_M = np.arange(-12, 13) * 0.25
 
 
@@ -112,7 +114,7 @@ def _swapped_by_fit(context: Context, fits: Fits) -> Iterator[Finding]:
         swaps.append(" or, fitting as well, ".join([_named(context, pair), *equal]))
         best = after
         order[list(pair)] = order[list(pair)[::-1]]
-    if swaps:
+    if swaps and best < limit_of(context.typical_sigma):
         yield error(f"exchanging {' and '.join(swaps)} makes the ranges fit: residual {best:.3f} m "
                     f"instead of {before:.3f} m", "anchors.csv",
                     "exchange the names, or find out what else the two have in common"
@@ -295,8 +297,11 @@ def anchor_errors(context: Context) -> Iterator[Finding]:
     if len(medians) < 3:
         return
     common = float(np.median(list(medians.values())))
+    limit = limit_of(context.typical_sigma)
     for index, value in medians.items():
         mine = residuals.value[residuals.anchor == index]
+        if _has_outliers(mine, limit):
+            continue  # which `outliers_by_anchor` reports
         if abs(value - common) > max(0.15, 3.0 * context.typical_sigma, 0.5 * _scatter(mine)):
             name = context.names[index]
             yield warning(f"ranges to {name} read {value - common:+.2g} m against the others: "
@@ -305,19 +310,43 @@ def anchor_errors(context: Context) -> Iterator[Finding]:
 
 
 def outliers_by_anchor(context: Context) -> Iterator[Finding]:
-    """Name anchors with many ranges that no noise explains."""
+    """Name anchors with many ranges that no noise explains; if most have, what they share."""
     residuals = context.residuals
     if residuals is None:
         return
-    limit = max(5.0 * context.typical_sigma, 0.3)
-    for index, median in _medians(context, residuals).items():
-        mine = residuals.value[residuals.anchor == index]
-        share = float(np.mean(np.abs(mine - min(median, limit, key=abs)) > limit))
-        if share > 0.1:
-            yield warning(f"{100 * share:.0f} % of the ranges to {context.names[index]} are off by "
-                          f"more than {limit:.2g} m from {residuals.against} (up to "
-                          f"{np.abs(mine).max():.3g} m)", "ranges.csv",
-                          "keep gate_range below 1; is there a wall in between?")  # fmt: skip
+    limit = limit_of(context.typical_sigma)
+    against = f"off by more than {limit:.2g} m from {residuals.against}"
+    off = {k: _off(residuals.value[residuals.anchor == k], limit)
+           for k in _medians(context, residuals)}  # fmt: skip
+    share = {k: float(np.mean(off[k] > limit)) for k in off}
+    typical = sorted(share.values())[(len(share) - 1) // 2] if share else 0.0
+    if residuals.contradictory > _MANY:
+        yield warning(f"in {100 * residuals.contradictory:.0f} % of the moments the ranges "
+                      f"contradict one another by more than {limit:.2g} m, and no single anchor "
+                      "explains it", "ranges.csv", _AT_THE_TAG)  # fmt: skip
+    elif typical > _MANY:
+        shares = ", ".join(f"{100 * share[k]:.0f} % to {context.names[k]}" for k in share)
+        yield warning(f"ranges to most anchors are often {against}: {shares}; no single anchor "
+                      "explains it", "ranges.csv", _AT_THE_TAG)  # fmt: skip
+    # Where several ranges are wrong at once, leaving out one of them fits by chance, now and then.
+    least = max(_SOME, 2.0 * typical, residuals.contradictory)
+    for k in (k for k in share if share[k] > least):
+        yield warning(f"{100 * share[k]:.0f} % of the ranges to {context.names[k]} are {against} "
+                      f"(up to {off[k].max():.3g} m)", "ranges.csv",
+                      "keep gate_range below 1; is there a wall in between?")  # fmt: skip
+
+
+def _has_outliers(value: FloatArray, limit: float) -> bool:
+    """Return whether residuals are good or outliers, and no offset makes most of them good."""
+    median = float(np.median(value))
+    good, shifted = (float(np.mean(np.abs(value - by) <= limit)) for by in (0.0, median))
+    return abs(median) > limit and good > _SOME and shifted < 0.5
+
+
+def _off(value: FloatArray, limit: float) -> FloatArray:
+    """Return how far residuals are from what an anchor's good ones have in common."""
+    good = value[np.abs(value) <= limit] if _has_outliers(value, limit) else value
+    return np.abs(value - np.clip(np.median(good), -limit, limit))
 
 
 def sigma_against_the_scatter(context: Context) -> Iterator[Finding]:

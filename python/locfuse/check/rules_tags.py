@@ -267,7 +267,7 @@ def _path_by_ranges(
         return np.empty(0, np.int64), np.empty((0, 3))
     stamp, ranges = epochs(mine, context.index(mine["anchor"]), context.corrected(mine),
                            len(context.anchors))  # fmt: skip
-    at, covariance = located(context.anchors, ranges, context.typical_sigma,
+    at, covariance, _ = located(context.anchors, ranges, context.typical_sigma,
                              height=context.log.tags[name][2])  # fmt: skip
     sigma = np.sqrt(0.5 * np.trace(covariance, axis1=1, axis2=2))
     good = np.isfinite(at[:, 0]) & np.isfinite(sigma)

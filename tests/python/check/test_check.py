@@ -640,6 +640,61 @@ def test_every_swap_is_named_with_and_without_truth(pair: tuple[int, int]) -> No
             assert f"exchanging {names[0]} with {names[1]} " in finding.what
 
 
+def wrong_ranges(to: str, share: float, seed: int) -> Callable[[Tables], object]:
+    """Let a share of the ranges to an anchor read tens of metres."""
+
+    def edit(tables: Tables) -> None:
+        rng, table = np.random.default_rng(seed), tables["ranges"]
+        rows = (table["anchor"] == to) & (rng.random(len(table["anchor"])) < share)
+        table["range_m"][rows] = rng.uniform(20.0, 40.0, np.count_nonzero(rows))
+
+    return edit
+
+
+def body_before_the_tag(share: float, seed: int) -> Callable[[Tables], object]:
+    """Lengthen each range by up to 6 m in a share of the moments."""
+
+    def edit(tables: Tables) -> None:
+        rng, table = np.random.default_rng(seed), tables["ranges"]
+        _, moment = np.unique(table["stamp_ns"], return_inverse=True)
+        shaded = (rng.random(moment.max() + 1) < share)[moment]
+        table["range_m"] += shaded * rng.uniform(0.0, 6.0, len(moment))
+
+    return edit
+
+
+@pytest.mark.parametrize("blind", [[], [without("truth")]], ids=["truth", "no truth"])
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.6])
+def test_an_anchor_with_wrong_ranges_is_blamed_alone(share: float, blind: list[Any]) -> None:
+    for seed, name in enumerate(["A1", "A3", "A5"]):
+        edit = both(wrong_ranges(name, share, seed), *blind)
+        findings = [f for f in checked(healthy(seed=seed), edit).findings
+                    if f.severity != "note" and f.rule != "invalid_ranges"]  # fmt: skip
+        (finding,) = findings
+        assert finding.rule == "outliers_by_anchor"
+        assert f"% of the ranges to {name} are off" in finding.what
+        assert float(finding.what.split()[0]) == pytest.approx(100.0 * share, abs=5.0)
+
+
+def test_of_four_anchors_the_wrong_one_is_blamed_without_truth() -> None:
+    four = {name: ANCHORS[name] for name in ("A1", "A2", "A3", "A4")}
+    for seed in range(3):
+        edit = both(wrong_ranges("A2", 0.4, seed), without("truth"))
+        result = checked(healthy(seed=seed, simulation__anchors=four), edit)
+        (finding,) = found(result, "outliers_by_anchor")
+        assert "of the ranges to A2 are off" in finding.what
+
+
+@pytest.mark.parametrize("blind", [[], [without("truth")]], ids=["truth", "no truth"])
+def test_a_body_before_the_tag_is_no_fault_of_the_anchors(blind: list[Any]) -> None:
+    for seed in range(3):
+        result = checked(healthy(seed=seed), both(body_before_the_tag(0.3, seed), *blind))
+        (alarm,) = [f for f in result.findings if f.severity != "note"]
+        assert (alarm.rule, alarm.where) == ("outliers_by_anchor", "ranges.csv")
+        assert "no single anchor explains" in alarm.what
+        assert "behind a body" in alarm.advice
+
+
 @pytest.mark.parametrize("edit", [None, without("truth")], ids=["truth", "no truth"])
 def test_an_offset_is_not_taken_for_a_height_nor_a_height_for_an_offset(
     edit: Callable[[Tables], object] | None,
