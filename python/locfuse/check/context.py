@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse.check.grid import bounds
+from locfuse.check.headings import heading_error
 from locfuse.check.positions import epochs, interpolated, located, residuals_of
 from locfuse.config.schema import SOURCES, Estimator, Mcl, RangeError, RunConfig
 from locfuse.eval.dead_reckoning import Track, align, at_times, dead_reckon, levered
@@ -102,6 +103,16 @@ class Context:
     def truth(self) -> Trajectory | None:
         """Reference trajectory."""
         return None if self.table("truth") is None else truth_of(self.log)
+
+    @cached_property
+    def placed_truth(self) -> Trajectory | None:
+        """Reference trajectory, without headings if odometry contradicts them grossly."""
+        truth = self.truth
+        if truth is None or len(truth) < 2 or truth.heading is None:
+            return truth
+        found = heading_error(self.odometry, Track("truth.csv", truth))
+        is_wrong = found is not None and found.is_gross
+        return Trajectory(truth.stamp_ns, truth.position, None) if is_wrong else truth
 
     @cached_property
     def extent(self) -> float:
@@ -288,9 +299,9 @@ class Context:
         Judged by positions from ranges: the frames differ if a rigid motion lays them on the truth
         three times better, and they are off by more than the scatter without it.
         """
-        if self.fits is None or self.truth is None or len(self.truth) < 2:
+        if self.fits is None or self.placed_truth is None or len(self.placed_truth) < 2:
             return None
-        stamp, truth = self.fits.stamp_ns, self.truth
+        stamp, truth = self.fits.stamp_ns, self.placed_truth
         inside = (stamp >= truth.stamp_ns[0]) & (stamp <= truth.stamp_ns[-1])
         inside &= self.fits.explained
         if np.count_nonzero(inside) < _MIN_EPOCHS:
@@ -328,7 +339,7 @@ class Context:
 
     def against_truth(self, shift_ns: int = 0) -> Residuals | None:
         """Return ranges against the truth, whose clock reads `shift_ns` more; None without."""
-        truth = self.truth
+        truth = self.placed_truth
         return None if truth is None else self._against_truth(truth, shift_ns)
 
     def _against_truth(self, truth: Trajectory, shift_ns: int) -> Residuals | None:

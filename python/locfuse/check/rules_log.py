@@ -223,7 +223,10 @@ def _follows_in_degrees(table: Columns) -> bool:
     move = at[rows[:, 1]] - at[rows[:, 0]]
     course = np.arctan2(move[:, 1], move[:, 0])
     heading = table["heading_rad"][rows[:, 0]]
-    agree = [abs(np.mean(np.exp(1j * (course - h)))) for h in (heading, np.radians(heading))]
+    agree = [
+        max(abs(np.mean(np.exp(1j * (course - sense * h)))) for sense in (1.0, -1.0))  # a compass
+        for h in (heading, np.radians(heading))
+    ]
     return bool(agree[1] > 0.8 and agree[1] > agree[0] + 0.2)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from locfuse.check.context import Context
 from locfuse.check.finding import Finding, error, note, warning
+from locfuse.check.headings import heading_error
 from locfuse.eval.dead_reckoning import (
     Alignment,
     Track,
@@ -17,7 +18,6 @@ from locfuse.eval.dead_reckoning import (
     at_times,
     compare,
     dead_reckon,
-    legs,
     levered,
     rms,
     spread,
@@ -104,19 +104,22 @@ def scale_of_the_odometry(context: Context) -> Iterator[Finding]:
 
 def heading_against_the_course(context: Context) -> Iterator[Finding]:
     """Compare the heading of truth or poses with the course that odometry drives."""
-    if context.odometry is None:
-        return
     for track in context.references:
-        if track.path.heading is None:
+        found = heading_error(context.odometry, track)
+        if found is None:
             continue
-        off = _heading_offset(context, track)
-        if off is not None and abs(off) > math.radians(20.0):
-            yield error(
-                f"{track.name} reports a heading {math.degrees(off):.0f} deg from the one in "
-                "which odometry drives",
-                f"odometry.csv or {track.name}",
-                _axes(off),
-            )
+        off = math.degrees(found.offset)
+        if found.is_clockwise:
+            yield error(f"{track.name} reports headings that turn clockwise, as a compass does: "
+                        f"{off:.0f} deg minus the heading in which the robot drives",
+                        f"{track.name}, heading_rad",
+                        f"write {off:.0f} deg minus each, in radians: heading is counter-clockwise "
+                        "from the x axis")  # fmt: skip
+            continue
+        report = error if found.is_gross else warning
+        yield report(f"{track.name} reports a heading {off:.0f} deg from the one in which odometry "
+                     "drives", f"odometry.csv or {track.name}", _axes(found.offset)
+                     )  # fmt: skip
 
 
 def _axes(off: float) -> str:
@@ -125,29 +128,6 @@ def _axes(off: float) -> str:
     if abs(abs(off) - math.pi / 2.0) < math.radians(20.0):
         return "x is forward and y is left; heading is counter-clockwise from x, not from north"
     return "heading is counter-clockwise from the x axis of world; mind the magnetic declination"
-
-
-def _heading_offset(context: Context, track: Track) -> float | None:
-    """Return the mean of measured minus driven heading, radians; None if they disagree."""
-    assert context.odometry is not None
-    path, steps = track.path, []
-    stamp = path.stamp_ns
-    inside = (stamp >= context.odometry.stamp_ns[0]) & (stamp <= context.odometry.stamp_ns[-1])
-    rows = np.flatnonzero(inside)
-    if len(rows) < 2:
-        return None
-    measured, driven = at_times(path, stamp[rows]), at_times(context.odometry, stamp[rows])
-    point = levered(driven, track.lever)
-    for begin, end in legs(measured[:, :2]):
-        moved = point[end] - point[begin]
-        if np.linalg.norm(moved) > 0.2:
-            course = np.arctan2(*(measured[end, :2] - measured[begin, :2])[::-1])
-            body = np.arctan2(*moved[::-1]) - driven[begin, 2]
-            steps.append(course - body - measured[begin, 2])
-    if len(steps) < 3:
-        return None
-    mean = np.mean(np.exp(1j * np.array(steps)))
-    return -float(np.angle(mean)) if abs(mean) > 0.8 else None
 
 
 def clock_of_the_odometry(context: Context) -> Iterator[Finding]:

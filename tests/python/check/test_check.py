@@ -695,6 +695,74 @@ def test_a_body_before_the_tag_is_no_fault_of_the_anchors(blind: list[Any]) -> N
         assert "behind a body" in alarm.advice
 
 
+def as_a_compass(stem: str, axis: float = np.pi / 2.0) -> Callable[[Tables], object]:
+    """Let headings turn clockwise from an axis."""
+
+    def edit(tables: Tables) -> None:
+        heading = axis - tables[stem]["heading_rad"]
+        tables[stem]["heading_rad"] = (heading + np.pi) % (2.0 * np.pi) - np.pi
+
+    return edit
+
+
+def with_poses(seed: int, shape: str = "eight", **changes: Any) -> dict[str, Any]:
+    return healthy(seed=seed, simulation__path={"shape": shape, "speed_mps": 0.4},
+                   simulation__poses={"rate_hz": 2}, start="truth",
+                   use=["odometry", "ranges", "poses"], **changes)  # fmt: skip
+
+
+@pytest.mark.parametrize("stem", ["poses", "truth"])
+@pytest.mark.parametrize("shape", ["eight", "waypoints", "square", "circle"])
+def test_headings_of_a_compass_are_named(stem: str, shape: str) -> None:
+    for seed in range(3):
+        data = with_poses(seed, shape, simulation__tags={"mast": [0.4, 0.2, 1.1]})
+        (alarm,) = [f for f in checked(data, as_a_compass(stem)).findings if f.severity != "note"]
+        assert (alarm.rule, alarm.severity) == ("heading_against_the_course", "error")
+        assert alarm.where == f"{stem}.csv, heading_rad"
+        assert "turn clockwise" in alarm.what
+        axis = float(alarm.advice.removeprefix("write ").split(" deg minus each")[0])
+        assert axis == pytest.approx(90.0, abs=4.0)
+
+
+def test_headings_of_a_compass_are_named_without_odometry_and_in_degrees() -> None:
+    data = with_poses(1)
+    data["use"].remove("odometry")
+    (finding,) = found(checked(data, as_a_compass("poses")), "heading_against_the_course")
+    assert finding.what.startswith("poses.csv reports headings that turn clockwise")
+    assert not found(checked(data), "heading_against_the_course")
+
+    def in_degrees(tables: Tables) -> None:
+        as_a_compass("truth")(tables)
+        tables["truth"]["heading_rad"] = np.degrees(tables["truth"]["heading_rad"]) % 360.0
+
+    assert "degrees?" in found(checked(HEALTHY, in_degrees), "angles_in_degrees")[0].what
+
+
+@pytest.mark.parametrize("stem", ["poses", "truth"])
+@pytest.mark.parametrize(
+    ("off_deg", "severity", "said"),
+    [
+        (6.0, "warning", "declination"),
+        (-12.0, "warning", "declination"),
+        (90.0, "error", "not from north"),
+        (-90.0, "error", "not from north"),
+        (180.0, "error", "that of the back"),
+    ],
+)
+def test_a_constant_offset_of_the_heading_is_named(
+    stem: str, off_deg: float, severity: str, said: str
+) -> None:
+    for seed in range(3):
+        edit = shifted(stem, "heading_rad", float(np.radians(off_deg)))
+        result = checked(with_poses(seed, "waypoints"), edit)
+        (finding,) = found(result, "heading_against_the_course")
+        assert finding.severity == severity
+        assert finding.what.startswith(f"{stem}.csv reports a heading ")
+        named = float(finding.what.split(" a heading ")[1].split()[0])
+        assert abs((named - off_deg + 180.0) % 360.0 - 180.0) < 2.5
+        assert said in finding.advice
+
+
 @pytest.mark.parametrize("edit", [None, without("truth")], ids=["truth", "no truth"])
 def test_an_offset_is_not_taken_for_a_height_nor_a_height_for_an_offset(
     edit: Callable[[Tables], object] | None,
