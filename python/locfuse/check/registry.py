@@ -45,6 +45,7 @@ RULES: tuple[Rule, ...] = (
     log_of.unknown_names,
     log_of.rates_and_gaps,
     log_of.messages_too_late,
+    log_of.units_of_stamps,
     log_of.duplicate_rows,
     log_of.coordinates_of_a_projection,
     log_of.angles_in_degrees,

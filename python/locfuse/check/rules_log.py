@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -19,6 +20,11 @@ from locfuse.run.tracker import recovering_ekf
 from locfuse.types import NANOSECONDS, OCCUPIED, Columns, ConfigError, LogError, StampArray
 
 _FAR_M = 1e5  # coordinates beyond are of a map projection
+# A robot that creeps has wheels or a radio that report every second all the same; none drives
+# 180 km/h, nor do positions that jump, and that often.
+_SLOW_HZ, _SLOW_MPS = 1.0, 0.05
+_FAST_HZ, _FAST_MPS = 1000.0, 50.0
+_USUAL_HZ = 10.0  # within a factor of 30, so that the unit is the nearest power of 1000
 
 
 def run_errors(context: Context) -> Iterator[Finding]:
@@ -118,6 +124,60 @@ def messages_too_late(context: Context) -> Iterator[Finding]:
                           f"{context.config.history_s:g} s late (up to {late.max():.3g} s) and are "
                           "lost", "history_s",
                           f"set history_s to {1.2 * late.max():.2g} or more")  # fmt: skip
+
+
+def units_of_stamps(context: Context) -> Iterator[Finding]:
+    """Name stamps in another unit: of all sources by rate and speed, of one by what it spans."""
+    tables: dict[str, Columns | None] = {source: context.used(source) for source in SOURCES}
+    tables["truth"] = context.table("truth")
+    stamps = {name: np.unique(table["stamp_ns"]) / NANOSECONDS
+              for name, table in tables.items() if table is not None}  # fmt: skip
+    stamps = {name: at for name, at in stamps.items() if len(at) > 2}
+    if not stamps:
+        return
+    # Ranges come in bursts, and a robot may be off for an hour: neither is the rate.
+    rate = max(1.0 / float(np.quantile(np.diff(at), 0.9)) for at in stamps.values())
+    speed = _speed(context)
+    thousands = round(math.log(_USUAL_HZ / rate, 1000.0))
+    if speed is not None and (
+        (rate < _SLOW_HZ and speed < _SLOW_MPS) or (rate > _FAST_HZ and speed > _FAST_MPS)
+    ):
+        off = max(thousands, 1) if rate < _SLOW_HZ else min(thousands, -1)
+        yield warning(f"the robot drives {speed:.2g} m/s, and its fastest source has {rate:.2g} "
+                      f"messages a second: {_unit(off)}", "stamp_s", _factor(off))  # fmt: skip
+        return
+    spans = {name: float(at[-1] - at[0]) for name, at in stamps.items()}
+    usual = sorted(spans.values())[(len(spans) - 1) // 2]
+    for name, span in spans.items():
+        off = round(math.log(span / usual, 1000.0))
+        if off != 0 and abs(span / usual / 1000.0**off - 1.0) < 0.1:
+            yield warning(f"{name}.csv spans {span:.3g} s, other sources {usual:.3g} s: "
+                          f"{_unit(off)}", f"{name}.csv, stamp_s", _factor(off))  # fmt: skip
+
+
+def _speed(context: Context) -> float | None:
+    """Return the median speed over legs of the robot's path, m/s; None if it hardly moves."""
+    table, paths = context.used("odometry"), [track.path for track in context.references]
+    if table is not None and "dx_m" in table and context.odometry is not None:
+        paths.insert(0, context.odometry)  # velocities tell no distance that the stamps do not
+    for path in paths:
+        rows = np.array(list(legs(path.position)), dtype=np.intp).reshape(-1, 2)
+        if len(rows) >= 3:
+            move = path.position[rows[:, 1]] - path.position[rows[:, 0]]
+            taken = (path.stamp_ns[rows[:, 1]] - path.stamp_ns[rows[:, 0]]) / NANOSECONDS
+            return float(np.median(np.hypot(*move.T) / taken))
+    return None
+
+
+def _unit(thousands: int) -> str:
+    if thousands < 0:
+        return f"are stamps {1000**-thousands} times too small?"
+    return f"{('milli', 'micro', 'nano')[min(thousands, 3) - 1]}seconds taken for seconds?"
+
+
+def _factor(thousands: int) -> str:
+    way = "divide" if thousands > 0 else "multiply"
+    return f"write seconds: {way} stamp_s by {1000 ** abs(thousands)}"
 
 
 def duplicate_rows(context: Context) -> Iterator[Finding]:

@@ -94,7 +94,9 @@ def scale_of_the_odometry(context: Context) -> Iterator[Finding]:
         scale = float(np.median([a.scale for a in found]))
         measured = f"by {track.name} the robot drives {scale:.4g} times what odometry reports"
         if not 0.02 < scale < 50.0:
-            yield error(f"{measured}: millimetres?", "odometry.csv", "write metres")
+            unit = "centimetres" if -2.5 < math.log10(scale) < 2.5 else "millimetres"
+            which = "odometry.csv" if scale < 1.0 else track.name
+            yield error(f"{measured}: {unit}?", which, "write metres")
         elif not 0.85 < scale < 1.18:
             yield warning(measured, "odometry.csv", "calibrate the wheels, or check the gear ratio")
         else:
@@ -160,9 +162,9 @@ def _rate_misfit(odometry: Trajectory, track: Track, shift_s: float) -> tuple[fl
     room = round(_SHIFTS_S[-1] * NANOSECONDS) + step
     begin = max(int(path.stamp_ns[0]), int(odometry.stamp_ns[0]) + room)
     end = min(int(path.stamp_ns[-1]), int(odometry.stamp_ns[-1]) - room)
-    stamp = np.arange(begin, end, step, dtype=np.int64)
-    if len(stamp) < 20 or len(path) < len(stamp) / 2:
+    if not 20 * step <= end - begin < 2 * len(path) * step:
         return None
+    stamp = np.arange(begin, end, step, dtype=np.int64)
     measured = np.diff(at_times(path, stamp)[:, 2])
     driven = np.diff(at_times(odometry, stamp + round(shift_s * NANOSECONDS))[:, 2])
     off = wrap_angle(measured - driven)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
@@ -13,8 +14,8 @@ from numpy.typing import NDArray
 from locfuse import _core
 from locfuse.check.context import Context, Fits, Residuals
 from locfuse.check.finding import Finding, error, note, warning
-from locfuse.check.positions import dop, limit_of, residuals_of
-from locfuse.types import NANOSECONDS, FloatArray
+from locfuse.check.positions import EPOCH_S, dop, limit_of, residuals_of
+from locfuse.types import NANOSECONDS, Columns, FloatArray
 
 _SCATTER = 1.4826  # standard deviation over median absolute deviation of a Gaussian
 _MAX_SWAPS = 3
@@ -33,14 +34,33 @@ def units_of_ranges(context: Context) -> Iterator[Finding]:
         return
     typical = float(np.median(table["range_m"]))
     ratio = typical / context.extent
-    if ratio > 30.0:
+    longer, shorter = _triangles(context, table)
+    unit = "centimetres" if abs(math.log10(2.0 * ratio)) < 2.5 else "millimetres"
+    if ratio > 30.0 or (longer and ratio > 10.0):
         yield error(f"ranges are typically {typical:.4g} m, the anchors span {context.extent:.3g} m"
-                    f" ({ratio:.3g} times): millimetres?", "ranges.csv, range_m",
+                    f" ({ratio:.3g} times): {unit}?", "ranges.csv, range_m",
                     "write ranges in metres")  # fmt: skip
-    elif ratio < 0.005:
+    elif ratio < 0.005 or (shorter and ratio < 0.1):
         yield error(f"ranges are typically {typical:.3g} m, the anchors span {context.extent:.4g} m"
-                    ": are the anchors in millimetres?", "anchors.csv",
+                    f": are the anchors in {unit}?", "anchors.csv",
                     "write anchors in metres")  # fmt: skip
+
+
+def _triangles(context: Context, table: Columns) -> tuple[bool, bool]:
+    """Return whether most ranges of a moment are too long, or short, for a triangle with anchors.
+
+    Wherever the tag is, two ranges differ by less than their anchors are apart, and add up to more.
+    """
+    rows = np.flatnonzero(context.placed)
+    rows = rows[np.lexsort((table["stamp_ns"][rows], table["tag"][rows]))]
+    of, length = context.index(table["anchor"][rows]), table["range_m"][rows]
+    apart = np.linalg.norm(np.diff(context.anchors[of], axis=0), axis=1)
+    near = (apart > 0.0) & (np.diff(table["stamp_ns"][rows]) < EPOCH_S * NANOSECONDS)
+    if np.count_nonzero(near) < _MIN_ROWS:
+        return False, False
+    differ, add_up = np.abs(np.diff(length)), length[1:] + length[:-1]
+    return (float(np.mean(differ[near] > apart[near])) > 0.5,
+            float(np.mean(add_up[near] < apart[near])) > 0.5)  # fmt: skip
 
 
 def invalid_ranges(context: Context) -> Iterator[Finding]:

@@ -763,6 +763,78 @@ def test_a_constant_offset_of_the_heading_is_named(
         assert said in finding.advice
 
 
+def retimed(factor: float, *stems: str) -> Callable[[Tables], object]:
+    """Multiply all stamps, or those of some tables."""
+
+    def edit(tables: Tables) -> None:
+        for stem in stems or tables:
+            if "stamp_ns" in tables[stem]:
+                stamp = tables[stem]["stamp_ns"] * factor
+                tables[stem]["stamp_ns"] = np.rint(stamp).astype(np.int64)
+
+    return edit
+
+
+@pytest.mark.parametrize("blind", [[], [without("truth")]], ids=["truth", "no truth"])
+@pytest.mark.parametrize("output", ["increments", "velocities"])
+@pytest.mark.parametrize(
+    ("factor", "said", "advice"),
+    [
+        (1e3, "milliseconds taken for seconds?", "divide stamp_s by 1000"),
+        (1e6, "microseconds taken for seconds?", "divide stamp_s by 1000000"),
+        (1e-3, "are stamps 1000 times too small?", "multiply stamp_s by 1000"),
+    ],
+)
+def test_stamps_in_another_unit_are_named(
+    factor: float, said: str, advice: str, output: str, blind: list[Any]
+) -> None:
+    for seed in range(2):
+        data = healthy(seed=seed, simulation__odometry={"output": output})
+        (finding,) = found(checked(data, both(retimed(factor), *blind)), "units_of_stamps")
+        assert said in finding.what
+        assert finding.where == "stamp_s"
+        assert advice in finding.advice
+        speed = float(finding.what.removeprefix("the robot drives ").split()[0])
+        assert speed == pytest.approx(0.4 / factor, rel=0.2)
+
+
+def test_stamps_of_one_source_in_another_unit_are_named() -> None:
+    result = checked(with_poses(2), retimed(1e3, "ranges"))
+    (finding,) = found(result, "units_of_stamps")
+    assert finding.where == "ranges.csv, stamp_s"
+    assert "milliseconds" in finding.what
+
+
+def test_a_sparse_log_of_a_standing_robot_has_no_wrong_unit() -> None:
+    standing = {"shape": "circle", "center_m": [6, 4], "radius_m": 0.1, "speed_mps": 0.01}
+    for factor in (300.0, 1e-3):
+        result = checked(healthy(simulation__path=standing), retimed(factor))
+        assert not found(result, "units_of_stamps")
+
+
+@pytest.mark.parametrize(
+    ("stem", "columns", "factor", "rule", "said", "where"),
+    [
+        ("ranges", ["range_m"], 1e2, "units_of_ranges", "centimetres?", "ranges.csv, range_m"),
+        ("ranges", ["range_m"], 1e3, "units_of_ranges", "millimetres?", "ranges.csv, range_m"),
+        ("anchors", ["x_m", "y_m", "z_m"], 1e2, "units_of_ranges", "centimetres?", "anchors.csv"),
+        ("anchors", ["x_m", "y_m", "z_m"], 1e3, "units_of_ranges", "millimetres?", "anchors.csv"),
+        ("odometry", ["dx_m", "dy_m"], 1e2, "scale_of_the_odometry", "centimetres?",
+         "odometry.csv"),
+        ("odometry", ["dx_m", "dy_m"], 1e3, "scale_of_the_odometry", "millimetres?",
+         "odometry.csv"),
+    ],
+)  # fmt: skip
+def test_lengths_in_another_unit_are_named(
+    stem: str, columns: list[str], factor: float, rule: str, said: str, where: str
+) -> None:
+    for seed in range(3):
+        edit = both(*(scaled(stem, column, factor) for column in columns))
+        (finding,) = found(checked(healthy(seed=seed), edit), rule)
+        assert said in finding.what
+        assert finding.where == where
+
+
 @pytest.mark.parametrize("edit", [None, without("truth")], ids=["truth", "no truth"])
 def test_an_offset_is_not_taken_for_a_height_nor_a_height_for_an_offset(
     edit: Callable[[Tables], object] | None,
