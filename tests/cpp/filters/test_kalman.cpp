@@ -312,6 +312,21 @@ TEST(Predict, at_fixed_sizes_equals_that_of_several_variables) {
     EXPECT_EQ(fixed.x, dynamic.x);
     EXPECT_NEAR(fixed.x(4), 3.5 - 2.0 * kPi, 1e-15);
   }
+  // Slots in another order than the belief's are not its whole state as it lies in memory.
+  GaussianBelief fixed = random_pose_belief(rng);
+  fixed.add("a", SlotKind::kPoint2, Vector<2>(1.0, 2.0), Matrix<2, 2>::Identity());
+  fixed.P = random_covariance(rng, 5);
+  GaussianBelief dynamic = fixed;
+  const std::vector<Slot> swapped = {fixed.slot("a"), fixed.slot("body")};
+  const Matrix<5, 5> F = random_matrix(rng, 5, 5);
+  const Vector<5> moved(1.0, 2.0, 3.0, 4.0, 0.5);
+  const Matrix<5, 5> Q = random_covariance(rng, 5);
+  predict(fixed, Propagation<Vector<5>, 5>{moved, F, Q}, swapped);
+  predict(dynamic, Propagation<Eigen::VectorXd, Dynamic>{moved, F, Q}, swapped);
+  EXPECT_EQ(fixed.x, dynamic.x);
+  EXPECT_EQ(fixed.x, (Vector<5>(3.0, 4.0, 0.5, 1.0, 2.0)));
+  expect_near(fixed.P, dynamic.P, 1e-13);
+
   GaussianBelief belief = random_pose_belief(rng);
   const GaussianBelief before = belief;
   const Slot body = belief.slot("body");
