@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import heapq
+from collections import deque
 
 from locfuse import _core
 from locfuse.config.schema import RunConfig
@@ -13,6 +14,7 @@ from locfuse.run.start import grid_of
 from locfuse.types import NANOSECONDS, ConfigError, Log
 
 PATIENCE_NS = 250_000_000
+LATEST = 20  # scans by which the lateness of the next is known
 
 Radios = tuple[_core.AnchorMap, list[_core.Tag]]
 
@@ -22,7 +24,7 @@ class OnMap:
 
     What arrives waits until odometry has come that far, or for a quarter of a second: then a scan
     finds the motion up to it, as `localize` sees to on a log. Scans come when their turn is over,
-    which odometry does not wait for: so all wait as long as the latest scan so far, up to
+    which odometry does not wait for: so all wait as long as the latest of the last scans, up to
     ``history_s``. `found` says whether one place was left at some time, or the start was given.
     """
 
@@ -47,9 +49,7 @@ class OnMap:
         self._odometry_ns: int | None = None  # end of the newest motion
         self._driven_ns: int | None = None  # where it begins
         self._max_lateness_ns = round(config.history_s * NANOSECONDS)
-        self._lateness_ns: int | None = (
-            None  # of the latest scan, behind that; None before the first
-        )
+        self._late_ns: deque[int] = deque(maxlen=LATEST)  # of scans behind that
 
     def on(self, item: Message | _core.LaserScan) -> list[_core.PoseEstimate]:
         """Take a message or a scan; return the estimates after scans whose turn it is now."""
@@ -60,16 +60,15 @@ class OnMap:
             self._driven_ns = max(stamp, self._driven_ns or stamp)
         elif is_scan:
             late_ns = 0 if self._driven_ns is None else max(0, self._driven_ns - stamp)
-            self._lateness_ns = min(max(self._lateness_ns or 0, late_ns), self._max_lateness_ns)
+            if late_ns <= self._max_lateness_ns:
+                self._late_ns.append(late_ns)
         self._newest_ns = max(self._newest_ns, stamp)
         heapq.heappush(self._waiting, (stamp, is_scan, self._arrivals, item))
         self._arrivals += 1
-        due = self._newest_ns - max(PATIENCE_NS, self._lateness_ns or 0) - 1
-        if self._odometry_ns is not None and self._driven_ns is not None:
-            if self._lateness_ns == 0:
-                due = max(due, self._odometry_ns)
-            elif self._lateness_ns is not None:
-                due = max(due, self._driven_ns - self._lateness_ns)
+        late_ns = max(self._late_ns, default=0)
+        due = self._newest_ns - max(PATIENCE_NS, late_ns) - 1
+        if self._odometry_ns is not None and self._driven_ns is not None and self._late_ns:
+            due = max(due, self._driven_ns - late_ns if late_ns else self._odometry_ns)
         estimates = []
         while self._waiting and self._waiting[0][0] <= due:
             now = heapq.heappop(self._waiting)[3]
@@ -78,6 +77,12 @@ class OnMap:
                 self.found = self.found or self._mcl.ready
                 estimates.append(self._mcl.estimate())
         return estimates
+
+    def go_on_from(self, before: OnMap) -> None:
+        """Take what still waits for its turn in the one before."""
+        for _, _, _, item in sorted(before._waiting, key=lambda one: one[2]):
+            self.on(item)
+        self._late_ns.extend(before._late_ns)
 
     @property
     def ready(self) -> bool:

@@ -335,6 +335,8 @@ class LiveRun:
         else:
             self.names.go_on_from(before.names)
             self.start_at(pose)
+            if self._on_map is not None and before._on_map is not None:
+                self._on_map.go_on_from(before._on_map)
             if "v_mps" in before._driven:  # which is held until the next one
                 self.on("odometry", before._driven)
 

@@ -88,8 +88,9 @@ class World:
         """
         if self._given.laser is not None:
             x, y, heading = map(float, self._given.laser["pose_in_body"])
-            flipped = self._tree.is_flipped(frame, increment, self._given.laser)
-            return Mount(x, y, 0.0, heading), flipped
+            return Mount(x, y, 0.0, heading), (
+                float(self._given.laser["angle_increment_rad"]) * increment < 0.0
+            )
         return self._tree.mount(frame), self._tree.upside_down(frame)
 
     def add_landmark_sensor(self, frame: str) -> bool:

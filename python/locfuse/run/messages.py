@@ -347,6 +347,7 @@ def instants_of(log: Log) -> Iterator[Instant]:
     velocities = [
         _core.Velocity(*row)
         for row in zip(*(odometry[name].tolist() for name in ("stamp_ns", "v_mps", "omega_radps")),
+                       odometry.get("v_left_mps", np.zeros(len(odometry["v_mps"]))).tolist(),
                        strict=True)
     ]  # fmt: skip
     sightings = [

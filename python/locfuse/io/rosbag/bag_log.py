@@ -59,7 +59,7 @@ def _laser(contents: BagContents, scans: Columns, described: Any, world: Log) ->
     try:
         if world.laser is not None:
             pose = list(world.laser["pose_in_body"])
-            flipped = contents.tree.is_flipped(frame, increment, world.laser)
+            flipped = float(world.laser["angle_increment_rad"]) * increment < 0.0  # head down
         else:
             x, y, _, heading = contents.tree.mount(frame)
             pose, flipped = [x, y, heading], contents.tree.upside_down(frame)

@@ -142,12 +142,12 @@ def _without_jumps(
     """Return increments; where odometry was set anew, those of its velocities."""
     motion = increments_of(poses)
     found = restarts.rows_of_leaps(stamp, poses, velocity, motion)
-    if len(found):
+    if found:
         first = found[0]
         contents.warn(restarts.sentence(int(stamp[first]), motion[first], len(found)))
-    for row in found.tolist():
+    for row in found:
         seconds = int(stamp[row] - stamp[row - 1]) / NANOSECONDS
-        by = restarts.motion_by_velocity(seconds, velocity[row - 1], velocity[row])
+        by = restarts.motion_by_velocity(seconds, velocity[row - 1 : row + 1])
         motion[row] = by.x, by.y, by.heading
     return motion
 

@@ -218,8 +218,9 @@ class _BagStreams:
         topic = self._topic("odometry")
         odom, base = plain(self.ros.frames.odom), plain(self.ros.frames.base)
         yield _Stream(table["record_ns"], (
-            encode.odometry(topic, stamp, (x, y, heading), (v, omega), odom, base)
-            for stamp, x, y, heading, v, omega in _rows(table, "x", "y", "heading", "v", "omega")
+            encode.odometry(topic, stamp, (x, y, heading), (v, omega, left), odom, base)
+            for stamp, x, y, heading, v, omega, left in
+            _rows(table, "x", "y", "heading", "v", "omega", "left")
         ))  # fmt: skip
         poses = np.column_stack([table["x"], table["y"], table["heading"]])
         yield _transforms(table["record_ns"], table["stamp_ns"], odom, base, poses)

@@ -229,14 +229,15 @@ def odometry(message: Any, use: str = "pose") -> OdometryRow:
     header, child = message.header, message.child_frame_id
     pose, twist = message.pose.pose, message.twist.twist
     at, v, omega = pose.position, float(twist.linear.x), float(twist.angular.z)
-    left = float(twist.linear.y)
+    left = float(twist.linear.y)  # NaN where a driver does not measure it
+    left = left if math.isfinite(left) else 0.0
     x, y, z = float(at.x), float(at.y), float(at.z)
     stamp = _stamped(header)
     if use == "pose":
         _finite((x, "pose.position.x"), (y, "pose.position.y"))
         heading = heading_of(pose.orientation)
     else:
-        _finite((v, "twist.linear.x"), (left, "twist.linear.y"), (omega, "twist.angular.z"))
+        _finite((v, "twist.linear.x"), (omega, "twist.angular.z"))
         heading = math.nan
     return OdometryRow(stamp, x, y, heading, v, omega, plain(header.frame_id), plain(child), z,
                        left)  # fmt: skip

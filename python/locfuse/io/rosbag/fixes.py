@@ -8,7 +8,7 @@ from typing import Any
 
 from locfuse.io.log_folder import MAX_SPEED_MPS
 from locfuse.io.rosbag import decode
-from locfuse.io.rosbag.decode import FixRow
+from locfuse.io.rosbag.decode import FixRow, MessageError
 from locfuse.io.rosbag.frames import FrameTree
 from locfuse.io.rosbag.geodesy import Origin
 from locfuse.types import NANOSECONDS
@@ -20,9 +20,9 @@ UNKNOWN_SIGMA_M = 10.0  # of a fix that brings none
 class Fixes:
     """Makes rows of fixes; the first that the next one agrees with is the origin of the map.
 
-    Unless `origin` is given. Receivers may publish zeros or the place where they were last on
-    before they know better: two fixes agree that a vehicle can go between. `sentence` says, from
-    then on, which origin it is.
+    Unless `origin` is given. Receivers may publish zeros, or once the place where they were last
+    on, before they know better: two fixes agree that a vehicle can go between. `sentence` says,
+    from then on, which origin it is.
 
     Examples
     --------
@@ -32,7 +32,7 @@ class Fixes:
     ...         status=Message(status=0), latitude=latitude, longitude=8.4, altitude=0.0,
     ...         position_covariance=[1.0] * 9, position_covariance_type=2)
     >>> fixes = Fixes(None)
-    >>> fixes.rows(at(0.0, 1)), fixes.rows(at(49.0, 2))
+    >>> fixes.rows(at(48.0, 1)), fixes.rows(at(49.0, 2))
     ([], [])
     >>> [round(row.y, 1) for row in fixes.rows(at(49.00001, 3))]
     [0.0, 1.1]
@@ -46,13 +46,16 @@ class Fixes:
     def rows(self, message: Any) -> list[FixRow]:
         """Return what a NavSatFix or TagPosition says, and the fix before it if that waited.
 
-        Raises MessageError as `decode.fix`; a fix that the next one does not agree with is lost.
+        Raises MessageError as `decode.fix`, and for zeros before there is an origin; a fix that the
+        next one does not agree with is lost.
         """
         if self.origin is not None or not hasattr(message, "latitude"):
             row = decode.fix(message, self.origin)
             return [] if row is None else [row]
         if decode.fix(message, (0.0, 0.0, 0.0)) is None:
             return []
+        if message.latitude == 0.0 and message.longitude == 0.0:
+            raise MessageError("latitude and longitude are 0, as of a receiver without a fix")
         first, self._first = self._first, message
         if first is None or not _agree(first, message):
             return []

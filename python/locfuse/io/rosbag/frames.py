@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -85,16 +85,6 @@ class FrameTree:
             raise MessageError(f"{plain(frame)} is tilted by {tilt:.0f} deg against {self.base}; "
                                "expected a sensor that looks into the plane")  # fmt: skip
         return up < 0.0
-
-    def is_flipped(self, frame: str, increment: float, laser: Mapping[str, Any]) -> bool:
-        """Return whether a laser hangs head down whose place on the body a world says.
-
-        Either the transforms say so, or the world's angles count against the `increment` of a scan.
-        Raises MessageError as `upside_down`.
-        """
-        if frame in self and self.upside_down(frame):
-            return True
-        return float(laser["angle_increment_rad"]) * increment < 0.0
 
     def same_body(self, frame: str) -> str:
         """Return a warning about odometry of a frame, nothing where that is the body's.

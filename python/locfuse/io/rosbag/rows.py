@@ -38,8 +38,7 @@ class Wheels:
         self._use = use
         self._on_leap = on_leap
         self._before: OdometryRow | None = None
-        self._rate = np.zeros(2)  # of the motion before [m/s, rad/s]
-        self._is_known = False
+        self._leaps = restarts.Leaps()
 
     def row(self, now: OdometryRow) -> Row:
         """Return the row of a message; of the first one only the stamp says something."""
@@ -68,19 +67,12 @@ class Wheels:
         seconds = (now.stamp_ns - before.stamp_ns) / NANOSECONDS
         velocity = np.array([[row.v, row.left, row.omega] for row in (before, now)])
         velocity[~np.isfinite(velocity)] = 0.0
-        moving = np.column_stack([np.hypot(velocity[:, 0], velocity[:, 1]), np.abs(velocity[:, 2])])
-        self._is_known = self._is_known or bool(moving.any())
-        rates = np.maximum(moving.max(axis=0), self._rate)
-        size = np.array([math.hypot(moved.x, moved.y), abs(moved.heading)])
-        self._rate = size / (seconds + restarts.JITTER_S)
         motion = np.array([moved.x, moved.y, moved.heading])
-        leapt = restarts.leaps(np.array([seconds]), motion[None],
-                               np.array([[now.x, now.y, now.heading]]), rates[None],
-                               np.array([self._is_known]))  # fmt: skip
-        if not leapt[0]:
+        pose = np.array([now.x, now.y, now.heading])
+        if not self._leaps.is_leap(seconds, motion, pose, velocity):
             return moved
         self._on_leap(restarts.sentence(now.stamp_ns, motion))
-        return restarts.motion_by_velocity(seconds, velocity[0], velocity[1])
+        return restarts.motion_by_velocity(seconds, velocity)
 
 
 def laser_of(row: ScanRow, mount: Mount, upside_down: bool = False) -> dict[str, Any]:

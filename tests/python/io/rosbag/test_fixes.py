@@ -30,7 +30,10 @@ def fix(second: float, latitude: float, longitude: float = 8.4, status: int = 0)
 
 def test_the_first_of_two_that_agree_is_the_origin() -> None:
     fixes = Fixes(None)
-    assert fixes.rows(fix(0.0, 0.0, 0.0)) == []  # zeros before the first fix
+    for second in (0.0, 0.2):  # zeros before the first fix
+        with pytest.raises(MessageError, match="latitude and longitude are 0"):
+            fixes.rows(fix(second, 0.0, 0.0))
+    assert fixes.rows(fix(0.5, 48.0)) == []  # where it was switched off
     assert fixes.rows(fix(1.0, 49.0)) == []
     assert not fixes.sentence
     first, second = fixes.rows(fix(2.0, 49.0 + 10.0 / 111_200.0))

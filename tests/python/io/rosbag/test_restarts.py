@@ -18,7 +18,7 @@ from locfuse.types import NANOSECONDS, FloatArray
 def leaps_of(seconds: FloatArray, poses: FloatArray, velocity: FloatArray) -> list[int]:
     """Return the rows of leaps of a whole drive, which are those message by message."""
     stamp = np.round(seconds * NANOSECONDS).astype(np.int64)
-    found = rows_of_leaps(stamp, poses, velocity, increments_of(poses)).tolist()
+    found = rows_of_leaps(stamp, poses, velocity, increments_of(poses))
     said: list[str] = []
     wheels, one_by_one = Wheels("pose", said.append), []
     for row, (at, (x, y, heading), (v, left, omega)) in enumerate(
@@ -29,7 +29,7 @@ def leaps_of(seconds: FloatArray, poses: FloatArray, velocity: FloatArray) -> li
         if len(said) > before:
             one_by_one.append(row)
     assert one_by_one == found
-    return [int(row) for row in found]
+    return found
 
 
 def straight(
@@ -96,3 +96,40 @@ def test_messages_in_a_packet_are_no_leap() -> None:
     velocity[:, 0] = 1.0
     assert leaps_of(seconds, poses, velocity) == []
     assert leaps_of(seconds, poses, np.zeros_like(velocity)) == []
+
+
+@pytest.mark.parametrize("stated", [True, False])
+@pytest.mark.parametrize("away", [30.0, -5.0])
+def test_one_message_that_is_wrong_costs_no_more_than_itself(stated: bool, away: float) -> None:
+    seconds, poses = straight(0.5)
+    poses[100] = (away, 0.0, 0.0) if away > 0.0 else (0.0, 0.0, 0.0)
+    velocity = np.zeros_like(poses)
+    velocity[:, 0] = 0.5 if stated else 0.0
+    assert leaps_of(seconds, poses, velocity) == [100, 101]
+
+
+@pytest.mark.parametrize("stated", [(1, 1), (1, 0), (0, 1)])
+@pytest.mark.parametrize("rate_hz", [1.0, 2.0, 5.0])
+def test_what_a_robot_does_between_two_messages_is_no_leap(
+    stated: tuple[int, int], rate_hz: float
+) -> None:
+    """It starts, drives a second, turns on the spot by 90 degrees, again and again."""
+    fine = np.arange(0.0, 60.0, 0.05)
+    turns = (fine % 4.0) >= 2.0
+    v, omega = np.where(turns, 0.0, 1.0), np.where(turns, math.pi / 4.0, 0.0)
+    heading = np.cumsum(omega) * 0.05
+    x, y = np.cumsum(v * np.cos(heading)) * 0.05, np.cumsum(v * np.sin(heading)) * 0.05
+    every = round(20.0 / rate_hz)
+    wrapped = (heading + math.pi) % (2.0 * math.pi) - math.pi
+    poses = np.column_stack([x, y, wrapped])[7::every]
+    velocity = np.column_stack([stated[0] * v, 0.0 * v, stated[1] * omega])[7::every]
+    assert leaps_of(fine[7::every], poses, velocity) == []
+
+
+def test_a_robot_may_drive_while_its_driver_is_silent() -> None:
+    seconds, poses = straight(0.5, count=20)
+    seconds[10:] += 5.0
+    poses[10:, 0] += 2.0
+    velocity = np.zeros_like(poses)
+    velocity[:, 0] = np.where((seconds > 0.1) & (seconds < 0.3), 0.5, 0.0)
+    assert leaps_of(seconds, poses, velocity) == []
