@@ -31,18 +31,31 @@ PoseEstimate without_heading(const GaussianBelief& belief) {
   return estimate;
 }
 
-/// What an estimator says of the pose, now or at its belief's stamp.
-template <class Ekf>
-PoseEstimate pose_of(const Ekf& ekf, bool now) {
+/// What `estimate` says of an estimator's pose.
+template <class Ekf, class Estimate>
+PoseEstimate pose_of(const Ekf& ekf, const Estimate& estimate) {
   if constexpr (std::is_same_v<Ekf, TagTriangleEkf>) {
     try {
-      return now ? ekf.estimate() : ekf.current();
+      return estimate(ekf);
     } catch (const NumericalError&) {
       return without_heading(ekf.belief());
     }
   } else {
-    return planar(now ? ekf.estimate() : ekf.current());
+    return planar(estimate(ekf));
   }
+}
+
+/// The estimate at a stamp that may be that of the belief.
+template <class Ekf>
+auto estimate_at(const Ekf& ekf, Stamp stamp) {
+  return stamp > ekf.belief().stamp ? ekf.estimate(stamp) : ekf.current();
+}
+
+/// The estimate at the end of odometry, but not before `stamp`.
+template <class Ekf>
+auto estimate_from(const Ekf& ekf, Stamp stamp) {
+  auto now = ekf.estimate();
+  return stamp > now.stamp ? ekf.estimate(stamp) : now;
 }
 
 template <class Call>
@@ -130,22 +143,31 @@ const Tracker& RecoveringEkf::started() const {
   return *tracker_;
 }
 
+Stamp RecoveringEkf::stamp() const {
+  const Stamp believed = belief().stamp;
+  return newest_ - believed >= kReportEvery ? newest_ : believed;
+}
+
 PoseEstimate RecoveringEkf::current() const {
-  return of(started(), [](const auto& ekf) { return pose_of(ekf, false); });
+  return of(started(), [at = stamp()](const auto& ekf) {
+    return pose_of(ekf, [at](const auto& one) { return estimate_at(one, at); });
+  });
 }
 
 PoseEstimate RecoveringEkf::estimate() const {
-  return of(started(), [](const auto& ekf) { return pose_of(ekf, true); });
+  return of(started(), [at = stamp()](const auto& ekf) {
+    return pose_of(ekf, [at](const auto& one) { return estimate_from(one, at); });
+  });
 }
 
 std::optional<AirEstimate> RecoveringEkf::current_in_space() const {
   const auto* ekf = std::get_if<AirEkf>(&started());
-  return ekf != nullptr ? std::optional(ekf->current()) : std::nullopt;
+  return ekf != nullptr ? std::optional(estimate_at(*ekf, stamp())) : std::nullopt;
 }
 
 std::optional<AirEstimate> RecoveringEkf::estimate_in_space() const {
   const auto* ekf = std::get_if<AirEkf>(&started());
-  return ekf != nullptr ? std::optional(ekf->estimate()) : std::nullopt;
+  return ekf != nullptr ? std::optional(estimate_from(*ekf, stamp())) : std::nullopt;
 }
 
 const GaussianBelief& RecoveringEkf::belief() const {
@@ -205,6 +227,7 @@ Outcome RecoveringEkf::correct(const M& z) {
   Outcome outcome{Verdict::kIgnored};
   if (tracker_) {
     outcome = fuse(z);
+    newest_ = std::max(newest_, z.stamp);
     record(z, outcome);
     listen();
   }
@@ -232,6 +255,7 @@ std::vector<Outcome> RecoveringEkf::on_joint(const std::vector<RangeBearing>& si
       }
     });
     for (std::size_t i = 0; i < sightings.size(); ++i) {
+      newest_ = std::max(newest_, sightings[i].stamp);
       record(sightings[i], outcomes[i]);
     }
     listen();
@@ -310,7 +334,8 @@ void RecoveringEkf::decide() {
 
 void RecoveringEkf::start_with(Tracker tracker) {
   tracker_ = std::move(tracker);
-  health_.start(belief().stamp);
+  newest_ = belief().stamp;
+  health_.start(newest_);
   start_.reset();
   was_lost_ = false;
 }

@@ -378,6 +378,7 @@ class LiveRun:
         """Return the pose that `run` records: at the stamp of the newest message that took effect.
 
         An increment takes effect when its motion begins, so this lags behind `pose` by up to one.
+        Where none has changed the estimate for 0.1 s it is carried to the newest one, fused or not.
         """
         if not self._is_found:
             return None

@@ -75,6 +75,49 @@ TEST(Live, starts_and_tracks_as_find_start_and_replay_do_with_the_log) {
   EXPECT_NEAR(live.estimator().estimate().pose.x, run.x, 0.15);
 }
 
+/// Fixes at 10 Hz; from 10 s on they are metres away and all gated.
+MessageLog fixes_that_are_gated_from_10_s_on(unsigned seed) {
+  testing::Rng rng(seed);
+  MessageLog log;
+  for (int k = 0; k < 700; ++k) {
+    const Vector<2> at = k < 100 ? Vector<2>(5.0, 5.0) : Vector<2>(14.0, 22.0);
+    const Vector<2> error(testing::normal(rng, 0.1), testing::normal(rng, 0.1));
+    log.add(PositionFix{k * (kSecond / 10), at + error, 0.01 * Matrix<2, 2>::Identity()});
+  }
+  return log;
+}
+
+TEST(Live, what_is_not_corrected_any_more_grows_vague_and_lost_and_replay_says_it_to_the_end) {
+  for (unsigned seed = 0; seed < 5; ++seed) {
+    const MessageLog log = fixes_that_are_gated_from_10_s_on(seed);
+    RecoveringEkf started = unstarted();
+    started.start_at({0, {5.0, 5.0, 0.0}, 0.01 * Matrix<3, 3>::Identity()});
+    const RunLog run = replay(started, log, {});
+    const Stamp end = 699 * (kSecond / 10);
+    ASSERT_EQ(run.estimates.size(), 700U);
+    EXPECT_EQ(run.estimates.back().stamp, end);
+    expect_same(run.estimates.back(), run.last);
+    EXPECT_GT(run.last.sigma_position(), 3.0);  // 0.5 m / sqrt(s), for a minute
+
+    Live live{started};
+    const std::map<Stamp, PoseEstimate> poses = poses_of(live, log);
+    for (const PoseEstimate& estimate : run.estimates) {
+      expect_same(poses.at(estimate.stamp), estimate);
+    }
+
+    std::map<HealthState, double> since;
+    for (const HealthReport& report : run.health) {
+      since.emplace(report.state, seconds_between(0, report.stamp));
+    }
+    EXPECT_EQ(run.health.back().stamp, end);
+    EXPECT_EQ(run.health.back().state, HealthState::kLost);
+    EXPECT_EQ(run.health.back().within, live.estimator().health().within);
+    EXPECT_NEAR(since.at(HealthState::kDegraded), 10.0, 0.15);
+    EXPECT_NEAR(since.at(HealthState::kDeadReckoning), 12.0, 0.15);
+    EXPECT_NEAR(since.at(HealthState::kLost), 64.0, 2.0);
+  }
+}
+
 TEST(Live, an_increment_that_arrives_after_the_ranges_during_it_is_used_before_them) {
   const testing::Simulation run = testing::simulate(4, 10.0);
   StartSearch in_order(unstarted().initializer(), 0);

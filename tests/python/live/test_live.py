@@ -16,7 +16,7 @@ from locfuse.config.schema import RunConfig
 from locfuse.live import LivePose, LiveRun
 from locfuse.run.capsule import read_capsule
 from locfuse.run.messages import to_messages, truth_of
-from locfuse.run.run import load_log
+from locfuse.run.run import load_log, run
 from locfuse.run.start import start_of
 from locfuse.types import ConfigError, Log
 from support_live import arrivals, assert_same, live_of, world_of
@@ -33,6 +33,19 @@ ROOM: dict[str, Any] = {
 def test_poses_are_those_of_the_run(start: Any) -> None:
     config = parse_config({**ROOM, "start": start})
     assert_same(config, load_log(config, None, config.seed))
+
+
+def test_what_is_all_gated_is_reported_as_by_the_run() -> None:
+    place = np.array([(5.0, 5.0)] * 50 + [(14.0, 22.0)] * 100)
+    log = Log({"positions": {"stamp_ns": np.arange(150) * 10**8, "x_m": place[:, 0],
+                             "y_m": place[:, 1], "sigma_m": np.full(150, 0.1)}})  # fmt: skip
+    config = parse_config({"start": [5.0, 5.0, 0.0]})
+    assert_same(config, log)
+    health = run(config, log).health
+    assert health is not None
+    live, _ = live_of(config, log)
+    assert live.health().state == health.state[-1] == "dead_reckoning"
+    assert live.health().within == health.within[-1]
 
 
 def test_late_messages_are_fused_where_they_belong() -> None:

@@ -227,6 +227,26 @@ def test_messages_that_overtake_one_another_are_fused_by_their_stamps() -> None:
     np.testing.assert_allclose(late.estimate.position[-1], in_time.estimate.position[-1], atol=1e-4)
 
 
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_run_whose_fixes_are_all_gated_reports_to_the_end_of_its_log(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    place = np.array([(5.0, 5.0)] * 100 + [(14.0, 22.0)] * 600) + 0.1 * rng.normal(size=(700, 2))
+    log = Log({"positions": {"stamp_ns": np.arange(700) * 10**8, "x_m": place[:, 0],
+                             "y_m": place[:, 1], "sigma_m": np.full(700, 0.1)}})  # fmt: skip
+    result = run(parse_config({"start": [5.0, 5.0, 0.0]}), log)
+    estimate, health = result.estimate, result.health
+    assert estimate.covariance is not None
+    assert health is not None
+    assert estimate.stamp_ns.tolist() == log["positions"]["stamp_ns"].tolist()
+    assert np.all(np.diff(estimate.covariance[100:, 0, 0]) > 0.0)  # it grows vague
+    assert int(health.stamp_ns[-1]) == 699 * 10**8
+    first = {s: health.stamp_ns[health.state == s][0] / 1e9 for s in np.unique(health.state)}
+    assert first["degraded"] == pytest.approx(10.0, abs=0.15)
+    assert first["dead_reckoning"] == pytest.approx(12.0, abs=0.15)
+    assert first["lost"] == pytest.approx(64.0, abs=2.0)
+    assert health.state[-1] == "lost"
+
+
 def test_messages_later_than_the_history_are_stale_and_change_no_bit() -> None:
     config = delayed(0.5).model_copy(update={"history_s": 0.1})
     log = load_log(config, None, 2)

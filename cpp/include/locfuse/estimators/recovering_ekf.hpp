@@ -22,6 +22,10 @@ namespace locfuse {
 /// A cheap value. Every `on` throws std::invalid_argument for a message that is not valid.
 class RecoveringEkf {
  public:
+  /// A belief that no message has changed for this long is carried to the last one, so that an
+  /// estimate that is not corrected any more grows vague in sight of everybody [ns].
+  static constexpr Stamp kReportEvery = 100'000'000;
+
   struct Config {
     /// Of the hypotheses of a start, and of what tracks from then on unless `tracker` is another.
     PoseEkf::Config estimator;
@@ -75,13 +79,16 @@ class RecoveringEkf {
   /// How far its estimate may be trusted.
   [[nodiscard]] HealthReport health() const;
   [[nodiscard]] const std::vector<SourceStatus>& sources() const { return health_.sources(); }
-  /// The belief at its own stamp, and carried to the end of odometry. Throw std::logic_error unless
-  /// it has started.
+  /// The stamp of `current` [ns]: that of the belief, or of the last measurement where for
+  /// kReportEvery none has changed the belief. Throws std::logic_error unless it has started.
+  [[nodiscard]] Stamp stamp() const;
+  /// The belief at `stamp()`, and carried to the end of odometry. Throw std::logic_error unless it
+  /// has started.
   [[nodiscard]] PoseEstimate current() const;
   [[nodiscard]] PoseEstimate estimate() const;
   [[nodiscard]] const GaussianBelief& belief() const;
-  /// The place in space of an AirEkf at the belief's stamp, and carried to the end of odometry;
-  /// empty with any other.
+  /// The place in space of an AirEkf at `stamp()`, and carried to the end of odometry; empty with
+  /// any other.
   [[nodiscard]] std::optional<AirEstimate> current_in_space() const;
   [[nodiscard]] std::optional<AirEstimate> estimate_in_space() const;
   /// The same, tracking anew from `start`, as a PoseEkf does. A LandmarkEkf keeps its map and its
@@ -129,6 +136,7 @@ class RecoveringEkf {
   std::optional<Tracker> tracker_;
   Health health_;
   std::optional<Message> control_;  // the last odometry
+  Stamp newest_ = 0;                // of the measurements received while it tracked, fused or not
   bool was_lost_ = false;
   int alarms_ = 0;
   int restarts_ = 0;

@@ -61,11 +61,22 @@ inline void check_started(const RecoveringEkf& ekf) {
   }
 }
 
+/// The stamp of an estimator's `current`.
+inline Stamp stamp_of_current(const PoseEkf& ekf) { return ekf.belief().stamp; }
+inline Stamp stamp_of_current(const RecoveringEkf& ekf) { return ekf.stamp(); }
+
 inline void keep_health(RunLog& /*run*/, const PoseEkf& /*ekf*/) {}
 inline void keep_health(RunLog& run, const RecoveringEkf& ekf) {
-  constexpr Stamp kEvery = 100'000'000;
-  if (run.health.empty() || ekf.belief().stamp - run.health.back().stamp >= kEvery) {
+  if (run.health.empty() || ekf.stamp() - run.health.back().stamp >= RecoveringEkf::kReportEvery) {
     run.health.push_back(ekf.health());
+  }
+}
+
+/// The last word of a run that ends while nothing is fused.
+inline void keep_last_health(RunLog& /*run*/, const PoseEkf& /*ekf*/) {}
+inline void keep_last_health(RunLog& run, const RecoveringEkf& ekf) {
+  if (ekf.stamp() > ekf.belief().stamp) {
+    keep_health(run, ekf);
   }
 }
 
@@ -117,7 +128,7 @@ class RunRecorder {
   void before(const Message& message) {
     if (record_) {
       positions_.push_back(run_.outcomes.size() - 1);
-      if (effective_stamp(message) > estimator().belief().stamp) {
+      if (effective_stamp(message) > stamp_of_current(estimator())) {
         keep_current();
         keep_health(run_, estimator());
       }
@@ -149,6 +160,7 @@ class RunRecorder {
     update();
     if (record_) {
       keep_current();
+      keep_last_health(run_, estimator());
       if (keep(run_.last)) {
         if constexpr (kMayBeInSpace<Estimator>) {
           keep_in_space(estimator().estimate_in_space());
