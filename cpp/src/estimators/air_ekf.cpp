@@ -259,7 +259,7 @@ AirEkf AirEkf::continued_at(Stamp stamp) const {
   AirEkf other = *this;
   other.advance_to(std::max(belief_.stamp, odometry_.end()));
   other.belief_.stamp = stamp;
-  other.odometry_ = HeldMotion(stamp);
+  other.odometry_ = odometry_.restarted(stamp);
   other.climb_rate_ = 0.0;
   return other;
 }

@@ -493,9 +493,9 @@ void Initializer::weigh(Component& component, const M& z,
 }
 
 Initializer::Component Initializer::component(const PoseEstimate& start, double log_weight) const {
-  PoseEkf ekf = prototype_.restarted(start);
-  if (const std::optional<Message> rest = odometry_from(start.stamp)) {
-    ekf.on(*rest);
+  PoseEkf ekf = started_at(start);
+  if (!control_) {  // one that is switched on stands
+    ekf.on(Velocity{start.stamp, 0.0, 0.0});
   }
   return {std::move(ekf), log_weight};
 }
@@ -636,7 +636,7 @@ void Initializer::match(Stamp stamp, const ScanMatch& fit, double log_likelihood
 
 void Initializer::reduce() {
   const double best = internal::reduce(
-      components_, [this](const PoseEstimate& start) { return started_at(start); });
+      components_, [this](const PoseEstimate& start) { return component(start, 0.0).ekf; });
   log_before_ -= best;
   log_nowhere_ -= best;
 }
@@ -685,7 +685,13 @@ std::optional<Message> Initializer::odometry_from(Stamp stamp) const {
 }
 
 PoseEkf Initializer::started_at(const PoseEstimate& start) const {
-  return component(start, 0.0).ekf;
+  PoseEkf ekf = prototype_.restarted(start);
+  if (const std::optional<Message> rest = odometry_from(start.stamp)) {
+    ekf.on(*rest);
+  } else if (control_) {  // which has ended: it stands until odometry says more
+    ekf.on(Velocity{start.stamp, 0.0, 0.0});
+  }
+  return ekf;
 }
 
 PoseEkf Initializer::estimator() const {

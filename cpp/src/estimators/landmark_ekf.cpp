@@ -403,7 +403,7 @@ LandmarkEkf LandmarkEkf::continued_at(Stamp stamp) const {
   LandmarkEkf other = *this;
   other.advance_to(std::max(belief_.stamp, odometry_.end()));
   other.belief_.stamp = stamp;
-  other.odometry_ = HeldMotion(stamp);
+  other.odometry_ = odometry_.restarted(stamp);
   for (Track& track : other.tracks_) {
     track.first_seen = stamp;
   }

@@ -77,7 +77,7 @@ PoseEkf PoseEkf::restarted(const PoseEstimate& start) const {
   other.belief_ = GaussianBelief::of_pose(start.stamp, start.pose, start.covariance);
   other.body_ = other.belief_.slot("body");
   recipe_->calibration.add_to(other.belief_);
-  other.odometry_ = HeldMotion(start.stamp);
+  other.odometry_ = odometry_.restarted(start.stamp);
   return other;
 }
 

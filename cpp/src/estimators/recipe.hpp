@@ -195,6 +195,28 @@ inline void move(GaussianBelief& belief, Slot body, const OdometryMotion& model,
   belief.stamp = stamp;
 }
 
+/// How far a robot may go that never says how it moves; docs/filter.md.
+struct UnknownMotionTuning {
+  /// Sigma of its speed over sigma_lost_xy_per_sqrt_s: 1 m/s for the default of 0.5, so that one
+  /// that walks or drives at 2 m/s is at two sigma [1 / sqrt(s)].
+  static constexpr double kSpeedSigma = 2.0;
+};
+
+/// Moves a body whose odometry was never received: at an unknown speed, which lasts as long as one
+/// that odometry reports, and by the random walk of a body whose odometry is lost.
+template <class Recipe>
+void wander(const Recipe& recipe, GaussianBelief& belief, Slot body, Stamp stamp) {
+  const double seconds = seconds_between(belief.stamp, stamp);
+  const double lasts = std::min(seconds, static_cast<double>(recipe.hold) / kNanosecondsPerSecond);
+  const double way =
+      UnknownMotionTuning::kSpeedSigma * recipe.config.sigma_lost_xy_per_sqrt_s * lasts;
+  Propagation<Pose2, 3> step = recipe.lost.propagate(belief.pose(body), Pose2{}, seconds);
+  step.noise(0, 0) += way * way;
+  step.noise(1, 1) += way * way;
+  predict(belief, step, body);
+  belief.stamp = stamp;
+}
+
 /// Whether some errors of odometry may be states of that recipe.
 template <class Recipe, class = void>
 constexpr bool kCalibrates = false;
@@ -230,6 +252,10 @@ void advance(const Recipe& recipe, const HeldMotion& odometry, Slot body, Gaussi
       predict(belief, recipe.calibration.wander(belief, seconds_between(belief.stamp, stamp)),
               recipe.calibration.wandering_slots());
     }
+  }
+  if (!odometry.is_received()) {
+    wander(recipe, belief, body, stamp);
+    return;
   }
   odometry.advance(
       belief.stamp, stamp, recipe.hold,

@@ -376,7 +376,7 @@ class Estimator(Strict):
     hold_s: Positive = 1.0
     """Odometry timeout: the last motion is extrapolated for this time [s]."""
     sigma_lost_xy_per_sqrt_s: LostSigma = 0.5
-    """Position process noise after the odometry timeout; the robot is assumed to stand [m/√s]."""
+    """Position process noise after the odometry timeout, or where there never is any [m/√s]."""
     sigma_lost_heading_per_sqrt_s: LostSigma = 0.5
     """Heading process noise after the odometry timeout [rad/√s]."""
     landmark_slam: LandmarkSlam = Field(default_factory=LandmarkSlam)

@@ -339,6 +339,7 @@ TEST(LandmarkEkf, a_named_landmark_is_placed_where_it_is_seen) {
 
 TEST(LandmarkEkf, a_tentative_landmark_is_counted_and_then_corrects) {
   LandmarkEkf ekf = ekf_at(kStart);
+  ekf.on(Velocity{0, 0.0, 0.0});
   const Vector<2> place(4.0, 5.0);
   for (int i = 0; i < 3; ++i) {
     const Matrix<3, 3> before = ekf.current().covariance;

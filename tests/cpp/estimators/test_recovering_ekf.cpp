@@ -150,6 +150,65 @@ TEST(RecoveringEkf, notices_that_it_was_carried_off_and_finds_itself_again) {
   EXPECT_TRUE(in_band(nees / kRuns, 3, kRuns)) << nees / kRuns;
 }
 
+/// A tag alone: ranges to the corners of a hall at 10 Hz, and no odometry.
+struct Walk {
+  Vector<2> place{5.0, 5.0};
+  Stamp stamp = 0;
+  Rng rng;
+  std::shared_ptr<const AnchorMap> hall = std::make_shared<const AnchorMap>(std::vector<Anchor>{
+      {0, {0.0, 0.0, 0.0}}, {1, {20.0, 0.0, 0.0}}, {2, {20.0, 40.0, 0.0}}, {3, {0.0, 40.0, 0.0}}});
+
+  explicit Walk(unsigned seed) : rng(seed) {}
+
+  [[nodiscard]] RecoveringEkf started_at(const Vector<2>& start) const {
+    RecoveringEkf ekf({}, hall, {{0, Vector<3>::Zero()}}, nullptr);
+    ekf.start_at({0, {start.x(), start.y(), 0.0}, 0.01 * Matrix<3, 3>::Identity()});
+    return ekf;
+  }
+
+  /// One anchor reads `wrong` metres too long.
+  void step(RecoveringEkf& ekf, double speed, double wrong = 0.0) {
+    place.x() += place.x() < 15.0 ? 0.1 * speed : 0.0;
+    place.y() += place.x() < 15.0 ? 0.0 : 0.1 * speed;
+    stamp += kStep;
+    for (const Anchor& anchor : hall->anchors()) {
+      const double range = (place - anchor.position.head<2>()).norm() + normal(rng, 0.1);
+      ekf.on(Range{stamp, 0, anchor.id, range + (anchor.id == 1 ? wrong : 0.0), {}});
+    }
+  }
+
+  [[nodiscard]] double off(const RecoveringEkf& ekf) const {
+    return (ekf.current().pose.position() - place).norm();
+  }
+};
+
+TEST(RecoveringEkf, follows_a_robot_that_never_says_how_it_moves) {
+  for (const double speed : {0.0, 0.5, 2.0, 3.0}) {
+    for (unsigned seed = 0; seed < 5; ++seed) {
+      Walk walk(seed);
+      RecoveringEkf ekf = walk.started_at(walk.place);
+      for (int k = 0; k < 120; ++k) {
+        walk.step(ekf, speed);
+        ASSERT_LT(walk.off(ekf), 0.6) << speed << " m/s, seed " << seed << ", step " << k;
+      }
+      EXPECT_EQ(ekf.alarms(), 0) << speed;
+    }
+  }
+}
+
+/// The wrong variant: what stands as odometry says is not followed.
+TEST(RecoveringEkf, odometry_that_says_that_it_stands_is_believed) {
+  Walk walk(1);
+  RecoveringEkf ekf = walk.started_at(walk.place);
+  double most = 0.0;
+  for (int k = 0; k < 20; ++k) {
+    ekf.on(Velocity{walk.stamp, 0.0, 0.0});
+    walk.step(ekf, 2.0);
+    most = std::max(most, walk.off(ekf));
+  }
+  EXPECT_GT(most, 1.0);
+}
+
 TEST(RecoveringEkf, a_share_of_wrong_sightings_raises_no_alarm) {
   RecoveringEkf ekf = robot_among(kPosts);
   Drive drive(5);

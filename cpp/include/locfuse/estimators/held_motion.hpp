@@ -13,15 +13,27 @@ namespace locfuse {
 /// What odometry said last: a motion, or a velocity that holds until it says more.
 class HeldMotion {
  public:
-  /// Standing from `start` on.
+  /// No odometry yet: standing from `start` on, as far as anybody knows.
   explicit HeldMotion(Stamp start) : begin_(start), end_(start) {}
 
+  /// Standing from `start` on, by the same odometry.
+  [[nodiscard]] HeldMotion restarted(Stamp start) const {
+    HeldMotion other(start);
+    other.is_received_ = is_received_;
+    return other;
+  }
+
+  /// Whether there ever was odometry. Without any there is nothing to hold.
+  [[nodiscard]] bool is_received() const { return is_received_; }
+
   void take(const Velocity& u) {
+    is_received_ = true;
     begin_ = end_ = u.stamp;
     motion_ = {u.forward, u.left, u.turn_rate};
     is_velocity_ = true;
   }
   void take(const Increment& u, const Limits& limits) {
+    is_received_ = true;
     begin_ = u.begin;
     end_ = u.stamp;
     motion_ = u.motion;
@@ -84,6 +96,7 @@ class HeldMotion {
   Stamp end_;     // of the last motion; of a held velocity: when it was measured
   Pose2 motion_;  // over begin to end; for a velocity per second
   bool is_velocity_ = true;
+  bool is_received_ = false;
   bool has_rate_ = false;  // of an increment: it may go on like that
 };
 
