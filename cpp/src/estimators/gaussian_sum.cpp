@@ -95,7 +95,8 @@ double reduce(std::vector<GaussianComponent>& components,
     } else {
       const PoseEstimate both = combined({{std::exp(twin->log_weight), twin->ekf.current()},
                                           {std::exp(next.log_weight), next.ekf.current()}});
-      *twin = {filter_at(both), log_sum(twin->log_weight, next.log_weight)};
+      twin->ekf = filter_at(both);
+      twin->log_weight = log_sum(twin->log_weight, next.log_weight);
     }
   }
   components = std::move(kept);

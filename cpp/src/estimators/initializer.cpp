@@ -6,15 +6,19 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <iomanip>
 #include <iterator>
 #include <limits>
+#include <sstream>
 #include <stdexcept>
+#include <type_traits>
 #include <utility>
 
 #include "estimators/outlier.hpp"
 #include "locfuse/error.hpp"
 #include "locfuse/frontends/constellation.hpp"
 #include "locfuse/frontends/multilateration.hpp"
+#include "locfuse/math/chi_squared.hpp"
 
 namespace locfuse {
 namespace {
@@ -38,6 +42,17 @@ struct InitializerTuning {
   /// Sigma of a component's heading, in steps between headings: the sum of such Gaussians is flat
   /// to 1 %.
   static constexpr double kHeadingSigmaSteps = 0.6;
+  /// Probability that measurements with the noise that is told scatter no more than those that make
+  /// the search begin anew with more noise: one right start in a thousand is delayed.
+  static constexpr double kUsualScatter = 0.999;
+  /// The same of those whose weights and covariances are taken for too sure.
+  static constexpr double kReadyScatter = 0.99;
+  /// Measurements that tell the noise: of fewer a single one behind a wall may be the reason.
+  static constexpr int kScatterRows = 8;
+  /// Links whose ranges make a position more than a guess: with two it has a mirror image.
+  static constexpr std::size_t kPlaceLinks = 3;
+  /// Sigmas that a position must have changed by to have changed.
+  static constexpr double kMovedSigmas = 3.0;
 };
 
 constexpr const char* kNoneKnown = "no range between a known tag and a known anchor";
@@ -144,6 +159,27 @@ TagRanges most_ranges(const std::vector<Range>& epoch, const std::vector<Tag>& t
     }
   }
   return most;
+}
+
+/// Whether a measurement is likelier one of the right pose than one that says nothing.
+bool is_inlier(const Outcome& outcome, double wrong_share, double log_anything) {
+  return std::log1p(-wrong_share) + outcome.log_likelihood() > std::log(wrong_share) + log_anything;
+}
+
+/// Whether measurements with the noise that is told would scatter less, with that probability.
+bool exceeds(const internal::Scatter& scatter, double probability) {
+  return scatter.rows >= InitializerTuning::kScatterRows && scatter.nis > scatter.rows &&
+         scatter.nis > chi_squared_quantile(scatter.rows, probability);
+}
+
+/// Variance of the noise over that which is told, where it is likely larger.
+double excess(const internal::Scatter& scatter) {
+  return exceeds(scatter, InitializerTuning::kReadyScatter) ? scatter.nis / scatter.rows : 1.0;
+}
+
+void add(internal::Scatter& scatter, const Outcome& outcome) {
+  scatter.nis += outcome.nis;
+  scatter.rows += outcome.dof;
 }
 
 /// Where a tag may be, in world.
@@ -302,8 +338,9 @@ void Initializer::on(const Range& z) {
     }
     if (!components_.empty()) {
       weigh_range(z);
+      check_noise(&Component::ranges, range_noise_);
     } else if (is_known(z)) {
-      epoch_.push_back(z);
+      epoch_.push_back(widened(z));
     } else if (epoch_.empty()) {
       waiting_for_ = kNoneKnown;
     }
@@ -324,26 +361,85 @@ bool Initializer::ends_epoch(const Range& z) const {
 }
 
 void Initializer::weigh_range(const Range& z) {
+  if (is_adrift()) {
+    follow_place();
+  }
   // What a radio reads wrong while it stands is wrong again next time: it is evidence once, and
-  // averaging has an end.
+  // averaging has an end, unless it may have moved for all that anybody knows.
   const int before = counted_before(z);
-  if (before < config_.standing_ranges) {
-    weigh(z, before == 0 ? std::optional(log_anything(z, config_.wrong_span_m)) : std::nullopt);
+  if (before < config_.standing_ranges || is_adrift()) {
+    const bool fits =
+        weigh(widened(z),
+              before == 0 ? std::optional(log_anything(z, config_.wrong_span_m)) : std::nullopt);
+    if (Link* link = link_of(z)) {
+      link->fits = fits;
+    }
     reduce();
   }
+}
+
+/// Without odometry the likeliest component shows that the body has moved on.
+void Initializer::follow_place() {
+  const PoseEstimate here = components_.front().ekf.current();
+  const double least = config_.spacing_m + InitializerTuning::kMovedSigmas * here.sigma_position();
+  if ((here.pose.position() - ranged_at_).norm() > least) {
+    ranged_at_ = here.pose.position();
+    links_.clear();
+  }
+}
+
+/// With the noise by which ranges were found to scatter.
+Range Initializer::widened(Range z) const {
+  if (range_noise_ > 1.0) {
+    const RangeModel::Config& noise = estimator_.range;
+    const double sigma = std::hypot(noise.sigma_m, noise.sigma_relative * z.range);
+    z.sigma = std::sqrt(range_noise_) * z.sigma.value_or(sigma);
+  }
+  return z;
+}
+
+/// Begins anew with more noise where the best component does not explain how measurements scatter:
+/// then its weight and its covariance are not to be believed. docs/start.md, eq. (3).
+void Initializer::check_noise(Scatter Component::*of, double& factor) {
+  const Scatter& scatter = components_.front().*of;
+  if (exceeds(scatter, InitializerTuning::kUsualScatter)) {
+    factor *= scatter.nis / scatter.rows;
+    begin_anew();
+  }
+}
+
+/// Forgets what was measured, but not the odometry and how measurements scatter.
+void Initializer::begin_anew() {
+  components_.clear();
+  epoch_.clear();
+  sightings_.clear();
+  log_before_ = 0.0;
+  log_nowhere_ = -std::numeric_limits<double>::infinity();
+  links_.clear();
+  since_sightings_ = {};
+  most_sightings_ = 0;
+  named_.clear();
+  since_ranges_m_ = 0.0;
+  scanned_ = false;
+  waiting_for_ = "measurements scatter more than their sigmas say";
 }
 
 int Initializer::counted_before(const Range& z) {
   if (!is_known(z)) {
     return 0;
   }
-  for (Link& link : links_) {
-    if (link.tag == z.tag && link.anchor == z.anchor) {
-      return std::exchange(link.count, std::min(link.count, InitializerTuning::kMaxLinkCount) + 1);
-    }
+  if (Link* link = link_of(z)) {
+    return std::exchange(link->count, std::min(link->count, InitializerTuning::kMaxLinkCount) + 1);
   }
   links_.push_back({z.tag, z.anchor, 1});
   return 0;
+}
+
+Initializer::Link* Initializer::link_of(const Range& z) {
+  const auto link = std::find_if(links_.begin(), links_.end(), [&](const Link& one) {
+    return one.tag == z.tag && one.anchor == z.anchor;
+  });
+  return link != links_.end() ? &*link : nullptr;
 }
 
 // Positions, poses, scans -------------------------------------------------------------------------
@@ -354,17 +450,31 @@ void Initializer::on(const PositionFix& z) {
     return;
   }
   attempt([&] {
-    if (!components_.empty()) {
-      weigh(z, log_anything(z, config_.wrong_span_m));
-      reduce();
-      return;
-    }
     const PositionModel model(estimator_.position, tags_);
     const std::optional<Vector<2>> lever = model.lever(z.tag);
-    if (const ReportedNoise<2> noise = model.noise(z); lever && noise.rows == 2) {
-      add_positions(z.position, noise.noise, *lever, 0.0, z.stamp);
+    const ReportedNoise<2> noise = model.noise(z);
+    if (lever && noise.rows == 2) {
+      best_fix_ = std::min(best_fix_, std::sqrt(noise.noise.diagonal().maxCoeff()));
+    }
+    if (!components_.empty()) {
+      (void)weigh(widened(z), log_anything(z, config_.wrong_span_m));
+      reduce();
+      check_noise(&Component::positions, position_noise_);
+    } else if (lever && noise.rows == 2) {
+      add_positions(z.position, position_noise_ * noise.noise, *lever, 0.0, z.stamp);
     }
   });
+}
+
+/// With the noise by which fixes were found to scatter.
+PositionFix Initializer::widened(PositionFix z) const {
+  if (position_noise_ > 1.0) {
+    const ReportedNoise<2> noise = PositionModel(estimator_.position, tags_).noise(z);
+    if (noise.rows == 2) {
+      z.covariance = position_noise_ * noise.noise;
+    }
+  }
+  return z;
 }
 
 void Initializer::on(const PoseObservation& z) {
@@ -374,7 +484,7 @@ void Initializer::on(const PoseObservation& z) {
   }
   attempt([&] {
     if (!components_.empty()) {
-      weigh(z, log_anything(z, config_.wrong_span_m));
+      (void)weigh(z, log_anything(z, config_.wrong_span_m));
       reduce();
       return;
     }
@@ -415,7 +525,7 @@ void Initializer::see(const RangeBearing& z) {
   if (!is_news) {
     return;
   }
-  weigh(z, log_anything(z, config_.wrong_span_m));
+  (void)weigh(z, log_anything(z, config_.wrong_span_m));
   log_nowhere_ += log_by_chance(z);
   add_constellations();
   if (!components_.empty()) {
@@ -461,7 +571,8 @@ void Initializer::add_constellations() {
       found.push_back(component(estimate, prior + match.log_evidence + log_area));
       for (std::size_t k = 0; k + 1 < sightings_.size(); ++k) {
         if (k != i) {
-          weigh(found.back(), sightings_[k], log_anything(sightings_[k], config_.wrong_span_m));
+          (void)weigh(found.back(), sightings_[k],
+                      log_anything(sightings_[k], config_.wrong_span_m));
         }
       }
     }
@@ -476,25 +587,39 @@ void Initializer::add_constellations() {
                      std::make_move_iterator(found.end()));
 }
 
+/// Whether the likeliest component took it.
 template <class M>
-void Initializer::weigh(const M& z, const std::optional<double>& log_outlier) {
-  for (Component& component : components_) {
-    weigh(component, z, log_outlier);
+bool Initializer::weigh(const M& z, const std::optional<double>& log_outlier) {
+  bool fits = false;
+  for (std::size_t i = 0; i < components_.size(); ++i) {
+    const bool is_fused = weigh(components_[i], z, log_outlier);
+    fits = i == 0 ? is_fused : fits;
   }
+  return fits;
 }
 
 template <class M>
-void Initializer::weigh(Component& component, const M& z,
+bool Initializer::weigh(Component& component, const M& z,
                         const std::optional<double>& log_outlier) const {
   const Outcome outcome = component.ekf.on(z);
   if (log_outlier && outcome.dof > 0) {
     component.log_weight += log_density(outcome, config_.wrong_share, *log_outlier);
   }
+  if constexpr (std::is_same_v<M, Range> || std::is_same_v<M, PositionFix>) {
+    if (outcome.dof > 0 &&
+        is_inlier(outcome, config_.wrong_share, log_anything(z, config_.wrong_span_m))) {
+      add(component.all, outcome);
+      if (log_outlier) {
+        add(std::is_same_v<M, Range> ? component.ranges : component.positions, outcome);
+      }
+    }
+  }
+  return outcome.verdict == Verdict::kFused;
 }
 
 Initializer::Component Initializer::component(const PoseEstimate& start, double log_weight) const {
   PoseEkf ekf = started_at(start);
-  if (!control_) {  // one that is switched on stands
+  if (!control_ && !moves_) {  // one that is switched on stands
     ekf.on(Velocity{start.stamp, 0.0, 0.0});
   }
   return {std::move(ekf), log_weight};
@@ -647,15 +772,41 @@ Initializer::State Initializer::state() const {
     state.reason = waiting_for_;
     return state;
   }
-  const std::vector<internal::GaussianCluster> all = internal::clusters(components_, true);
-  double total = log_nowhere_;
+  state = state_of(internal::clusters(components_, true));
+  if (state.status == StartStatus::kReady &&
+      state.hypotheses.front().estimate.sigma_heading() > sigma_heading_ready()) {
+    state.status = StartStatus::kWaiting;
+    state.reason = matcher_ == nullptr
+                       ? "the heading is not known yet: drive on, or give a map and scans"
+                       : "the heading is not known yet: no scan that fits the map; drive on";
+  }
+  return state;
+}
+
+Initializer::State Initializer::place() const {
+  const auto fit = static_cast<std::size_t>(
+      std::count_if(links_.begin(), links_.end(), [](const Link& link) { return link.fits; }));
+  if (components_.empty() || fit < InitializerTuning::kPlaceLinks || 2 * fit <= links_.size()) {
+    State state;
+    state.reason = waiting_for_;
+    return state;
+  }
+  return state_of(internal::clusters(components_, false));
+}
+
+/// What is known of `all` but of their headings.
+Initializer::State Initializer::state_of(const std::vector<internal::GaussianCluster>& all) const {
+  State state;
+  const double noise = excess(components_.front().all);
+  double total = log_nowhere_ / noise;
   for (const internal::GaussianCluster& one : all) {
-    total = log_sum(total, one.log_weight);
+    total = log_sum(total, one.log_weight / noise);
   }
   for (const internal::GaussianCluster& one : all) {
-    const double probability = std::exp(one.log_weight - total);
+    const double probability = std::exp(one.log_weight / noise - total);
     if (probability >= InitializerTuning::kMinProbability) {
       state.hypotheses.push_back({one.estimate, probability});
+      state.hypotheses.back().estimate.covariance *= noise;
     }
   }
   if (state.hypotheses.empty()) {
@@ -668,16 +819,30 @@ Initializer::State Initializer::state() const {
     state.reason = state.hypotheses.size() == 1
                        ? "one pose fits, perhaps by chance"
                        : std::to_string(state.hypotheses.size()) + " poses fit";
-  } else if (best.estimate.sigma_position() > config_.sigma_xy_ready_m) {
-    state.reason = "the position is not known well enough yet";
-  } else if (best.estimate.sigma_heading() > config_.sigma_heading_ready_rad) {
-    state.reason = matcher_ == nullptr
-                       ? "the heading is not known yet: drive on, or give a map and scans"
-                       : "the heading is not known yet: no scan that fits the map; drive on";
+  } else if (best.estimate.sigma_position() > sigma_xy_ready()) {
+    std::ostringstream reason;
+    reason << "the position is not known well enough yet: its sigma is " << std::setprecision(2)
+           << best.estimate.sigma_position() << " m, more than " << sigma_xy_ready()
+           << " m (initializer.sigma_xy_ready_m)";
+    state.reason = reason.str();
   } else {
     state.status = StartStatus::kReady;
   }
   return state;
+}
+
+/// A source of positions that are far off one by one cannot give what is asked of better ones: then
+/// a start as good as one of them, and true to its covariance, is what there is.
+double Initializer::sigma_xy_ready() const {
+  return std::isfinite(best_fix_)
+             ? std::max(config_.sigma_xy_ready_m, std::sqrt(position_noise_) * best_fix_)
+             : config_.sigma_xy_ready_m;
+}
+
+/// Odometry and fixes of sigma s end at a heading whose sigma grows with the fourth root of s.
+double Initializer::sigma_heading_ready() const {
+  return config_.sigma_heading_ready_rad *
+         std::sqrt(std::sqrt(sigma_xy_ready() / config_.sigma_xy_ready_m));
 }
 
 std::optional<Message> Initializer::odometry_from(Stamp stamp) const {

@@ -118,6 +118,8 @@ Initializer RecoveringEkf::fresh() const {
   Initializer anew = recipe_->fresh;
   if (control_) {
     anew.on(*control_);
+  } else if (tracker_ && !recipe_->config.tracker) {
+    anew.expect_motion();
   }
   return anew;
 }
@@ -318,7 +320,10 @@ void RecoveringEkf::listen() {
 
 /// Of a place that no filter can start from the search has nothing: another one begins.
 void RecoveringEkf::decide() {
-  const Initializer::State now = start_->state();
+  Initializer::State now = start_->state();
+  if (now.status != StartStatus::kReady && tracker_ && !control_ && !recipe_->config.tracker) {
+    now = start_->place();  // a heading that nothing tells is not waited for
+  }
   if (now.status != StartStatus::kReady) {
     return;
   }

@@ -484,7 +484,7 @@ class Initializer(Strict):
     probability_ready: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.999
     """Minimum probability of the pose for `ready`."""
     sigma_xy_ready_m: Positive = 0.5
-    """Maximum position sigma for `ready` [m]."""
+    """Maximum position sigma for `ready`, or that of the best fix where it is larger [m]."""
     sigma_heading_ready_rad: Positive = 0.087
     """Maximum heading sigma for `ready` [rad]."""
 

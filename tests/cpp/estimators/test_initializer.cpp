@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <Eigen/Cholesky>
 #include <cmath>
+#include <functional>
 
 #include "locfuse/error.hpp"
 #include "locfuse/estimators/initializer.hpp"
@@ -136,6 +137,108 @@ TEST(Initializer, errs_as_much_as_it_believes_once_it_is_ready) {
   const double nees = nees_after(5.0, kRuns);
   EXPECT_GE(nees, chi_squared_quantile(3 * kRuns, 0.005) / kRuns);
   EXPECT_LE(nees, chi_squared_quantile(3 * kRuns, 0.995) / kRuns);
+}
+
+/// A start of a drive of up to a minute: when it was ready, and how wrong it was then.
+struct Start {
+  double seconds = -1.0;
+  double nees = 0.0;
+};
+
+Start start_of(Robot robot, Initializer initializer, double step_m,
+               const std::function<void(Robot&, Initializer&)>& measure) {
+  for (int i = 0; i < 600; ++i) {
+    const Pose2 motion{step_m, 0.0, i > 60 && i < 76 ? -0.1 : 0.0};
+    const double turn_sigma =
+        std::sqrt(4e-4 * step_m + 9e-4 * std::abs(motion.heading));  // as OdometryMotion has it
+    initializer.on(Increment{robot.now,
+                             robot.now + kTick,
+                             {motion.x + testing::normal(robot.rng, 0.03 * std::sqrt(step_m)), 0.0,
+                              motion.heading + testing::normal(robot.rng, turn_sigma)}});
+    robot.pose = robot.pose * motion;
+    robot.now += kTick;
+    measure(robot, initializer);
+    if (initializer.state().status == StartStatus::kReady) {
+      const PoseEstimate found = initializer.estimator().estimate();
+      const Vector<3> error = local(robot.pose, found.pose);
+      return {seconds_between(0, robot.now), error.dot(found.covariance.llt().solve(error))};
+    }
+  }
+  return {};
+}
+
+/// Of a robot that stands outside the hull of its anchors, 12 m from the next one.
+Start start_outside(int seed, double sigma, double told) {
+  const auto far = std::make_shared<const AnchorMap>(std::vector<Anchor>{{0, {10.0, 10.0, 2.0}},
+                                                                         {1, {18.0, 10.0, 2.0}},
+                                                                         {2, {18.0, 18.0, 2.0}},
+                                                                         {3, {10.0, 18.0, 0.5}}});
+  Robot robot{{3.0, 1.0, 0.5 * kPi}, {{0, {0.0, 0.0, 0.3}}}, far, sigma};
+  robot.rng.seed(static_cast<unsigned>(seed));
+  PoseEkf::Config estimator;
+  estimator.range.sigma_m = told;
+  return start_of(robot, {{}, estimator, far, robot.tags, nullptr}, 0.04,
+                  [](Robot& one, Initializer& initializer) { one.feed(initializer); });
+}
+
+/// Outside the hull a heading and a place that are both wrong explain much: what is told of the
+/// noise decides whether they are believed.
+TEST(Initializer, is_not_sure_of_a_start_that_ranges_do_not_fit) {
+  constexpr int kSeeds = 100;
+  constexpr double kWrong = 40.0;  // chance: one in 1e8
+  int wrong = 0;
+  int ready = 0;
+  double seconds = 0.0;
+  for (int seed = 1; seed <= kSeeds; ++seed) {
+    const Start start = start_outside(seed, 0.2, 0.1);
+    wrong += start.nees > kWrong ? 1 : 0;
+    ready += start.seconds > 0.0 ? 1 : 0;
+    seconds += start_outside(seed, 0.2, 0.2).seconds / kSeeds;
+  }
+  EXPECT_EQ(wrong, 0);
+  EXPECT_GT(ready, 90);
+  EXPECT_LT(seconds, 5.0);  // where the noise is as it is told nothing is waited for
+}
+
+/// Fixes of `sigma` at 1 Hz, of a robot that drives at 1.5 m/s.
+Start start_by_fixes(int seed, double sigma) {
+  Robot robot{{30.0, -20.0, 0.3 * seed}, centred(), std::make_shared<const AnchorMap>()};
+  robot.rng.seed(static_cast<unsigned>(seed));
+  const Matrix<2, 2> R = sigma * sigma * Matrix<2, 2>::Identity();
+  return start_of(robot, initializer_of(robot), 0.15, [&](Robot& one, Initializer& initializer) {
+    if (one.now % kSecond == 0) {
+      const Vector<2> error(testing::normal(one.rng, sigma), testing::normal(one.rng, sigma));
+      initializer.on(PositionFix{one.now, one.pose.position() + error, R});
+    }
+  });
+}
+
+TEST(Initializer, is_ready_by_fixes_that_are_metres_off_and_errs_as_much_as_it_believes) {
+  constexpr int kSeeds = 100;
+  for (const double sigma : {1.0, 2.0, 3.0}) {
+    double nees = 0.0;
+    for (int seed = 1; seed <= kSeeds; ++seed) {
+      const Start start = start_by_fixes(seed, sigma);
+      ASSERT_GT(start.seconds, 0.0) << sigma << " m, " << seed;
+      EXPECT_LT(start.nees, 30.0) << sigma << " m, " << seed;
+      nees += start.nees / kSeeds;
+    }
+    EXPECT_GE(nees, chi_squared_quantile(3 * kSeeds, 0.005) / kSeeds) << sigma;
+    EXPECT_LE(nees, chi_squared_quantile(3 * kSeeds, 0.995) / kSeeds) << sigma;
+  }
+}
+
+TEST(Initializer, names_the_key_that_a_position_is_too_vague_for) {
+  Robot robot{{3.0, 4.0, 1.0}, centred(), corners(), 0.0};
+  Initializer::Config config;
+  config.sigma_xy_ready_m = 0.01;
+  Initializer initializer = initializer_of(robot, config);
+  for (int i = 0; i < 20; ++i) {
+    robot.step(initializer, {0.05, 0.0, 0.0});
+  }
+  EXPECT_NE(initializer.state().reason.find("more than 0.01 m (initializer.sigma_xy_ready_m)"),
+            std::string::npos)
+      << initializer.state().reason;
 }
 
 TEST(Initializer, two_tags_know_the_heading_standing_still) {

@@ -209,6 +209,32 @@ TEST(RecoveringEkf, odometry_that_says_that_it_stands_is_believed) {
   EXPECT_GT(most, 1.0);
 }
 
+TEST(RecoveringEkf, comes_back_without_odometry_to_where_ranges_say_that_it_is) {
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    for (const double wrong : {0.0, 12.0}) {
+      Walk walk(seed);
+      RecoveringEkf ekf = walk.started_at({5.0, 30.0});  // which is wrong
+      for (int k = 0; k < 30; ++k) {
+        walk.step(ekf, 1.5, wrong);
+      }
+      EXPECT_EQ(ekf.restarts(), 1) << seed;
+      EXPECT_LT(walk.off(ekf), 0.6) << seed << ", an anchor is " << wrong << " m wrong";
+      EXPECT_GT(ekf.current().covariance(2, 2), 1.0) << "nothing tells the heading";
+    }
+  }
+}
+
+TEST(RecoveringEkf, two_anchors_do_not_say_on_which_side_of_them_it_is) {
+  Walk walk(3);
+  walk.hall = std::make_shared<const AnchorMap>(
+      std::vector<Anchor>{{0, {0.0, 0.0, 0.0}}, {1, {20.0, 0.0, 0.0}}});
+  RecoveringEkf ekf = walk.started_at({5.0, 30.0});
+  for (int k = 0; k < 50; ++k) {
+    walk.step(ekf, 1.0);
+  }
+  EXPECT_EQ(ekf.restarts(), 0);
+}
+
 TEST(RecoveringEkf, a_share_of_wrong_sightings_raises_no_alarm) {
   RecoveringEkf ekf = robot_among(kPosts);
   Drive drive(5);

@@ -247,6 +247,44 @@ def test_a_run_whose_fixes_are_all_gated_reports_to_the_end_of_its_log(seed: int
     assert health.state[-1] == "lost"
 
 
+def walk_log(speed: float, seed: int) -> tuple[Log, FloatArray]:
+    """Return ranges to the corners of a hall, at 10 Hz and without odometry, and where they are."""
+    way = np.arange(0.0, 40.0, 0.1 * speed)
+    place = np.column_stack([5.0 + np.minimum(way, 10.0), 5.0 + np.maximum(way - 10.0, 0.0)])
+    corners = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 40.0], [0.0, 40.0]])
+    distance = np.linalg.norm(place[:, None] - corners, axis=2)
+    noise = 0.1 * np.random.default_rng(seed).normal(size=distance.shape)
+    names = ["A0", "A1", "A2", "A3"]
+    ranges = {"stamp_ns": np.repeat(np.arange(len(way)) * 10**8, 4),
+              "tag": np.full(4 * len(way), "t"), "anchor": np.tile(names, len(way)),
+              "range_m": (distance + noise).ravel()}  # fmt: skip
+    anchors = {"anchor": np.array(names), "x_m": corners[:, 0], "y_m": corners[:, 1],
+               "z_m": np.zeros(4)}  # fmt: skip
+    return Log({"ranges": ranges, "anchors": anchors}, tags={"t": (0.0, 0.0, 0.0)}), place
+
+
+@pytest.mark.parametrize("speed", [0.5, 1.4, 2.0])
+@pytest.mark.parametrize("start", [[5.0, 5.0, 0.0], [5.0, 30.0, 0.0]])
+def test_ranges_alone_are_followed_and_found_again(speed: float, start: list[float]) -> None:
+    for seed in range(3):
+        log, place = walk_log(speed, seed)
+        estimate = run(parse_config({"start": start}), log).estimate
+        at = np.searchsorted(estimate.stamp_ns, np.arange(len(place)) * 10**8, side="right") - 1
+        off = np.linalg.norm(estimate.position[at] - place, axis=1)
+        assert off[0 if start[1] == 5.0 else 30 :].max() < 0.7
+
+
+@pytest.mark.parametrize("sigma_m", [1.0, 2.0, 3.0])
+def test_fixes_that_are_metres_off_start_a_run(sigma_m: float) -> None:
+    config = parse_config({"start": "auto", "simulation": {
+        "path": {"shape": "square", "side_m": 60, "speed_mps": 1.5, "center_m": [50, 50]},
+        "room_m": [100, 100], "duration_s": 60, "poses": None, "ranges": None,
+        "positions": {"rate_hz": 1, "sigma_xy_m": sigma_m},
+    }})  # fmt: skip
+    for seed in range(3):
+        assert run(config, seed=seed).metrics["start_s"] < 45.0
+
+
 def test_messages_later_than_the_history_are_stale_and_change_no_bit() -> None:
     config = delayed(0.5).model_copy(update={"history_s": 0.1})
     log = load_log(config, None, 2)

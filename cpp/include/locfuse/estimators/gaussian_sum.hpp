@@ -10,10 +10,19 @@
 /// The Gaussian sum of an Initializer: weighted pose filters. Derivation: docs/start.md.
 namespace locfuse::internal {
 
+/// How far measurements were from what a filter expected.
+struct Scatter {
+  double nis = 0.0;  ///< sum
+  int rows = 0;      ///< that it is of
+};
+
 /// One Gaussian of the sum, a filter of its own.
 struct GaussianComponent {
   PoseEkf ekf;
   double log_weight;
+  Scatter ranges = {};     ///< of those that decided between components
+  Scatter positions = {};  ///< of position fixes
+  Scatter all = {};        ///< of both, and of ranges that decided nothing
 };
 
 /// Components that agree, moment-matched.

@@ -46,7 +46,8 @@ class Initializer {
     double sigma_map_rad = 0.02;        ///< and of its heading [rad]
     int standing_ranges = 10;           ///< ranges over one link that count before it has moved on
     double probability_ready = 0.999;   ///< that the pose given is the right one
-    double sigma_xy_ready_m = 0.5;      ///< [m]
+    /// Sigma of the position at a start, or that of one position fix where it is larger [m]
+    double sigma_xy_ready_m = 0.5;
     double sigma_heading_ready_rad = 0.087;  ///< [rad]
   };
 
@@ -64,6 +65,9 @@ class Initializer {
               std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags,
               std::shared_ptr<const ScanMatcher> matcher, LandmarkSensor landmarks = {});
 
+  /// Takes the robot for one that moves and never says how, until there is odometry: `place`.
+  void expect_motion() { moves_ = true; }
+
   void on(const Velocity& u);
   void on(const Increment& u);
   void on(const Range& z);
@@ -75,6 +79,10 @@ class Initializer {
   void on(const Message& message);
 
   [[nodiscard]] State state() const;
+  /// The same of the position alone, with any heading: what ranges say of a robot of whose motion
+  /// nothing was ever received. Ready once three links fit that were not its first position, and
+  /// most do.
+  [[nodiscard]] State place() const;
 
   /// The last odometry received, or what of it is after `stamp`; none without any.
   [[nodiscard]] std::optional<Message> odometry_from(Stamp stamp) const;
@@ -85,10 +93,12 @@ class Initializer {
 
  private:
   using Component = internal::GaussianComponent;
+  using Scatter = internal::Scatter;
   struct Link {  // ranges between a tag and an anchor since the body last moved on
     Id tag;
     Id anchor;
     int count;
+    bool fits = false;  // the last range fitted the likeliest component
   };
 
   template <class Call>
@@ -105,15 +115,25 @@ class Initializer {
                      const Vector<2>& tag_in_body, double log_weight, Stamp stamp);
   [[nodiscard]] Component component(const PoseEstimate& start, double log_weight) const;
   template <class M>
-  void weigh(const M& z, const std::optional<double>& log_outlier);
+  bool weigh(const M& z, const std::optional<double>& log_outlier);
   template <class M>
-  void weigh(Component& component, const M& z, const std::optional<double>& log_outlier) const;
+  bool weigh(Component& component, const M& z, const std::optional<double>& log_outlier) const;
   template <class M>
   void drive(const M& u);
   void moved(const Pose2& motion);
   [[nodiscard]] bool moved_on(const Pose2& motion) const;
   void weigh_range(const Range& z);
+  [[nodiscard]] bool is_adrift() const { return moves_ && !control_; }
+  void follow_place();
+  [[nodiscard]] Link* link_of(const Range& z);
   [[nodiscard]] int counted_before(const Range& z);
+  [[nodiscard]] Range widened(Range z) const;
+  [[nodiscard]] PositionFix widened(PositionFix z) const;
+  void check_noise(Scatter Component::*of, double& factor);
+  void begin_anew();
+  [[nodiscard]] State state_of(const std::vector<internal::GaussianCluster>& all) const;
+  [[nodiscard]] double sigma_xy_ready() const;
+  [[nodiscard]] double sigma_heading_ready() const;
   void match(Stamp stamp, const ScanMatch& fit, double log_likelihood,
              std::vector<Component>& matched) const;
   void reduce();
@@ -139,7 +159,12 @@ class Initializer {
   std::size_t most_sightings_ = 0;  // of one stamp since then
   std::set<Id> named_;              // that were seen since then
   double since_ranges_m_ = 0.0;
+  Vector<2> ranged_at_ = Vector<2>::Zero();  // where links_ began, without odometry
   bool scanned_ = false;
+  bool moves_ = false;
+  double range_noise_ = 1.0;     // variance of ranges over that which is told, as they scatter
+  double position_noise_ = 1.0;  // the same of position fixes
+  double best_fix_ = std::numeric_limits<double>::infinity();  // sigma of the best one [m]
   std::string waiting_for_ = "no range, position or pose yet, and no two landmarks at once";
 };
 
