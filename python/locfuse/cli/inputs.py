@@ -9,7 +9,7 @@ from typing import Annotated, TypeAlias
 import typer
 
 from locfuse.cli.terminal import onto, progress
-from locfuse.config.schema import RunConfig
+from locfuse.config.schema import RunConfig, places_antennas
 from locfuse.io.recording import read_recording
 from locfuse.types import Log
 
@@ -27,7 +27,8 @@ Seed: TypeAlias = Annotated[
 def read_log(log: Path, config: RunConfig, base: Path) -> Log:
     """Return the log folder or bag of `--log`."""
     with progress("bytes") as (bar, task):
-        return read_recording(log, config.ros, base, onto(bar, task))
+        return read_recording(log, config.ros, base, onto(bar, task),
+                              antennas=places_antennas(config.estimator))  # fmt: skip
 
 
 def with_log(config: RunConfig, log: Path, base: Path) -> RunConfig:

@@ -406,6 +406,15 @@ class Estimator(Strict):
         return self
 
 
+def places_antennas(estimator: Estimator) -> bool:
+    """Return whether fixes of an antenna that transforms place count as those of a tag there.
+
+    Not where the configuration says where it is, or the kind knows no such tags.
+    """
+    antenna = estimator.position.antenna_forward_m, estimator.position.antenna_left_m
+    return estimator.kind in ("pose", "air") and not any(antenna)
+
+
 def ignored_by(estimator: Estimator) -> dict[Source, str]:
     """Return why an estimator ignores a source, for each one that it does not fuse."""
     kind = estimator.kind

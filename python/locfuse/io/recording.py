@@ -24,6 +24,8 @@ def read_recording(
     ros: Ros | None = None,
     base: Path | None = None,
     progress: Progress | None = None,
+    *,
+    antennas: bool = True,
 ) -> Log:
     """Read a log folder or a bag.
 
@@ -36,6 +38,8 @@ def read_recording(
         Folder that ``ros.world`` is relative to.
     progress : callable, optional
         Called with (bytes read, total bytes) of a bag.
+    antennas : bool
+        As of `read_bag`.
 
     Raises
     ------
@@ -48,7 +52,7 @@ def read_recording(
     world = None
     if ros is not None and ros.world is not None:
         world = read_world((Path() if base is None else base) / ros.world)
-    return read_bag(path, ros, world, progress)
+    return read_bag(path, ros, world, progress, antennas=antennas)
 
 
 def convert_recording(

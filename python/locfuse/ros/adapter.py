@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from locfuse.config.ros import plain
-from locfuse.config.schema import SOURCES, RunConfig
+from locfuse.config.schema import SOURCES, RunConfig, places_antennas
 from locfuse.io.log_folder import read_world
 from locfuse.io.rosbag import decode, encode, rows
 from locfuse.io.rosbag.decode import MessageError
@@ -124,6 +124,7 @@ class Adapter:
         self._wheels = self._new_wheels()
         self._driven = Odometry()
         self._fixes = Fixes(self._config.ros.gps_origin)
+        self._fixes_wait = False  # for transforms
         self._antennas: set[str] = set()  # frames of fixes that nothing placed
         self._first_ns: int | None = None  # of the clock
         self._now_ns: int | None = None
@@ -323,7 +324,10 @@ class Adapter:
             check_frame("positions", now.frame, self._config.ros.frames.map)
         for row in self._fixes.rows(message):
             if of_antenna and self._world.is_antenna(row.frame):
-                row = row._replace(tag=row.frame)
+                if places_antennas(self._config.estimator):
+                    row = row._replace(tag=row.frame)
+                else:
+                    self._problem("antenna", self._world.overridden(row.frame))
             elif of_antenna and row.frame:
                 self._antennas.add(row.frame)
             if row.tag and self._world.add_tag(row.tag, row.frame):
@@ -335,9 +339,11 @@ class Adapter:
 
     def _wait_for_transforms(self, frame: str) -> None:
         """Keep what came before the transforms, which are latched, but come in any order."""
-        if self._first_ns is None or not frame or self._world.is_placed(frame):
+        if self._first_ns is None or self._now_ns is None or not frame:
             return
-        if self._now_ns is not None and self._now_ns < self._first_ns + TRANSFORMS_NS:
+        is_early = self._now_ns < self._first_ns + TRANSFORMS_NS and not self._takes_early
+        if is_early and (self._fixes_wait or not self._world.is_placed(frame)):
+            self._fixes_wait = True  # so that those after it do not come before
             raise EarlyMessage(self._first_ns + TRANSFORMS_NS + FUTURE_NS)
 
     def _look_at_sigma(self, source: str, topic: str, sigma: float) -> None:
@@ -438,7 +444,13 @@ class Adapter:
         """Go on with a run that knows the world as it is now, from where the last one was."""
         if not self._is_enough(self._world.log):
             return
-        before, self._live = self._live, self._anew()
+        before = self._live
+        try:
+            self._live = self._anew()
+        except ValueError:
+            if before is not None:
+                self._world.log = before.world  # goes on as it was
+            raise
         if before is not None:
             self._live.go_on_from(before)
         while self._waiting:

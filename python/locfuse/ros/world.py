@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from locfuse.io.rosbag.decode import MessageError, TransformRow
-from locfuse.io.rosbag.fixes import is_beside
+from locfuse.io.rosbag.fixes import is_beside, overridden
 from locfuse.io.rosbag.frames import FrameTree, Mount
 from locfuse.types import Columns, FloatArray, GridMap, Log
 
@@ -74,6 +74,10 @@ class World:
     def is_antenna(self, frame: str) -> bool:
         """Return whether fixes of a frame are of an antenna beside the body's origin."""
         return is_beside(frame, self._tree)
+
+    def overridden(self, frame: str) -> str:
+        """As of `fixes.overridden`."""
+        return overridden(frame, self._tree)
 
     def is_placed(self, frame: str) -> bool:
         """Return whether static transforms lead from a frame to the body."""

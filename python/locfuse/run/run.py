@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from locfuse import _core
-from locfuse.config.schema import SOURCES, Dataset, RunConfig, ignored_by
+from locfuse.config.schema import SOURCES, Dataset, RunConfig, ignored_by, places_antennas
 from locfuse.eval.metrics import metrics
 from locfuse.eval.readiness import readiness
 from locfuse.io.log_folder import read_log
@@ -368,5 +368,6 @@ def load_log(config: RunConfig, base: Path | None, seed: int) -> Log:
                 raise ConfigError(f"log.run: no run {name!r}; {nearest(name, folders)}")
             return read_log(folders[name])
     if config.log is not None:
-        return read_recording(base / config.log, config.ros, base)
+        return read_recording(base / config.log, config.ros, base,
+                              antennas=places_antennas(config.estimator))  # fmt: skip
     raise ConfigError("the config names no 'log' and no 'simulation'; give one, or --log DIR")

@@ -198,7 +198,7 @@ def test_scans_are_whole_centimetres_and_coarser_before_they_are_fewer() -> None
     assert array(thin["ranges_cm"])[0].tolist() == list(range(0, 400, step))
 
 
-def test_scans_that_differ_are_shown_as_the_first_one_counts() -> None:
+def test_scans_that_differ_are_shown_as_the_widest_counts() -> None:
     result = with_scans(make_result(), 3, 200)
     scans = dict(result.log["scans"])
     scans["beams"] = np.array([200.0, 100.0, 200.0])

@@ -283,12 +283,10 @@ def test_odometry_in_packets_is_no_jump(
     assert not any("jump" in s for s in found.said)
 
 
-@pytest.mark.parametrize("door", DOORS)
-def test_an_antenna_sits_where_transforms_place_it(
-    door: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def circle_of_an_antenna(ahead: float, placed: float) -> tuple[list[Recorded], np.ndarray]:
+    """Drive with RTK fixes of an antenna, which transforms place ahead of the body; and truth."""
     rng = np.random.default_rng(0)
-    drive: list[Recorded] = [mount("gps_link", 1.0, 0.0, 0.5)]
+    drive: list[Recorded] = [mount("gps_link", placed, 0.0, 0.5)]
     truth = []
     for k in range(800):
         turn = 0.15 * k / 20
@@ -296,13 +294,52 @@ def test_an_antenna_sits_where_transforms_place_it(
         drive.append(odometry(k / 20, (x, y, turn), v=0.3, omega=0.15))
         truth.append((k / 20, x, y))
         if k % 4 == 0:
-            east, north = (x + math.cos(turn), y + math.sin(turn)) + 0.02 * rng.normal(size=2)
+            point = x + ahead * math.cos(turn), y + ahead * math.sin(turn)
+            east, north = point + 0.02 * rng.normal(size=2)
             drive.append(fix(k / 20, degrees_north(north), 8.4 + east / 73_170.0, "gps_link", 0.02))
-    config = {"start": [0, 0, 0], "ros": {"gps_origin": [49.0, 8.4, 0.0]}}
-    found = through(door, config, drive, tmp_path, caplog)
-    assert found.rmse(np.array(truth), since_s=5.0) < 0.02
+    return drive, np.array(truth)
+
+
+ORIGIN = {"start": [0, 0, 0], "ros": {"gps_origin": [49.0, 8.4, 0.0]}}
+
+
+@pytest.mark.parametrize("door", DOORS)
+def test_an_antenna_sits_where_transforms_place_it(
+    door: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    drive, truth = circle_of_an_antenna(1.0, 1.0)
+    found = through(door, ORIGIN, drive, tmp_path, caplog)
+    assert found.rmse(truth, since_s=5.0) < 0.02
     assert found.states[-1] == "ok"
     assert not found.said
+
+
+@pytest.mark.parametrize("door", ["ros2", "bag"])
+@pytest.mark.parametrize("kind", ["pose", "landmark_slam"])
+def test_where_the_configuration_places_an_antenna_counts_more(
+    door: str, kind: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    drive, truth = circle_of_an_antenna(1.0, 0.2)
+    estimator = {"kind": kind, "position": {"antenna_forward_m": 1.0}}
+    found = through(door, {**ORIGIN, "estimator": estimator}, drive, tmp_path, caplog)
+    assert found.rmse(truth, since_s=5.0) < 0.02
+    assert sum("'gps_link' at (0.2, 0) m" in s for s in found.said) == 1
+
+
+def test_transforms_that_come_late_do_not_move_the_map(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    drive = [odometry(0.05 * k, (0.5 * k, 0.0, 0.0), v=10.0) for k in range(200)]
+    drive += [fix(0.1 * k, degrees_north(1.0 * k), 8.4, "gps_link", 0.02) for k in range(100)]
+    stamp = T0 + 270_000_000
+    at = encode.transform(stamp, "base_link", "gps_link", (0.5, 0.0, 0.0))
+    drive.append((stamp, encode.transforms([at], static=True)))
+    origins = []
+    for door in ("ros1", "bag"):
+        said = through(door, {"start": "auto"}, drive, tmp_path, caplog).said
+        (origin,) = (s for s in said if "the map's origin is" in s)
+        origins.append(origin[origin.index("at latitude") :])
+    assert origins[0] == origins[1]
 
 
 @pytest.mark.parametrize("door", ["ros1", "bag"])

@@ -67,6 +67,7 @@ class BagContents:
     tag_frames: dict[str, str] = field(default_factory=dict)
     sight_frame: str | None = None
     antennas: set[str] = field(default_factory=set)  # frames of fixes
+    places_antennas: bool = True
     bodies: set[str] = field(default_factory=set)  # frames that odometry is of
 
     def __post_init__(self) -> None:

@@ -44,7 +44,7 @@ MAX_TRANSFORMS = 20_000  # messages on tf that are searched for a mount that tf_
 
 def read_bag(
     path: str | Path, ros: Ros | None = None, world: Log | None = None,
-    progress: Progress | None = None,
+    progress: Progress | None = None, *, antennas: bool = True,
 ) -> Log:  # fmt: skip
     """Read a bag of either ROS as a log.
 
@@ -63,6 +63,9 @@ def read_bag(
         Anchors, landmarks, tags, mounts and map, which override those of the bag.
     progress : callable, optional
         Called with (bytes read, total bytes).
+    antennas : bool
+        Whether fixes of an antenna that static transforms place beside the body's origin become
+        those of a tag of its frame's name.
 
     Returns
     -------
@@ -74,7 +77,8 @@ def read_bag(
         If the bag does not exist or holds no usable message, or rosbags is missing.
     """
     contents = BagContents(Path(path), Ros() if ros is None else ros,
-                           Log(tables={}) if world is None else world)  # fmt: skip
+                           Log(tables={}) if world is None else world,
+                           places_antennas=antennas)  # fmt: skip
     bag = Bag(contents.path, progress)
     reader = _BagReader(contents)
     with np.errstate(all="ignore"):  # what overflows is rejected for the value it becomes

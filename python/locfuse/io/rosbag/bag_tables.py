@@ -20,7 +20,7 @@ from locfuse.io.rosbag import restarts
 from locfuse.io.rosbag.bag_contents import BagContents
 from locfuse.io.rosbag.columns import length
 from locfuse.io.rosbag.decode import saturated_readings
-from locfuse.io.rosbag.fixes import is_beside, unplaced
+from locfuse.io.rosbag.fixes import is_beside, overridden, unplaced
 from locfuse.io.rosbag.increments import increments_of
 from locfuse.types import NANOSECONDS, FloatArray
 
@@ -177,7 +177,9 @@ def _known_sigmas(
 def _table_positions(contents: BagContents, raw: Columns) -> Columns:
     frames = raw.pop("frame")
     for frame in sorted(contents.antennas):
-        if is_beside(frame, contents.tree):
+        if is_beside(frame, contents.tree) and not contents.places_antennas:
+            contents.warn(overridden(frame, contents.tree))
+        elif is_beside(frame, contents.tree):
             raw["tag"] = np.where((raw["tag"] == "") & (frames == frame), frame, raw["tag"])
             contents.tag_frames[frame] = frame
         elif frame and frame not in contents.tree:

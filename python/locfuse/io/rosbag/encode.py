@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from locfuse import _core
 from locfuse.io.rosbag.decode import (
+    MAX_SWEEP_S,
     FixRow,
     RangeRow,
     ScanRow,
@@ -272,9 +273,10 @@ def laser_scan(topic: str, row: ScanRow) -> Publication:
     ranges[np.isnan(ranges)] = np.inf
     bright = np.zeros(0) if row.intensities is None else row.intensities
     last = row.angle_min + row.angle_increment * (len(ranges) - 1)
-    first_ns = row.stamp_ns - half_sweep_ns(len(ranges), row.time_increment)
+    each = row.time_increment if row.time_increment * len(ranges) <= MAX_SWEEP_S else 0.0
+    first_ns = row.stamp_ns - half_sweep_ns(len(ranges), each)
     fields = {"header": header(first_ns, row.frame), "angle_min": row.angle_min,
-              "time_increment": row.time_increment, "angle_max": last,
+              "time_increment": each, "angle_max": last,
               "angle_increment": row.angle_increment, "range_min": row.range_min,
               "range_max": row.range_max, "ranges": ranges,
               "intensities": bright.astype(np.float32)}  # fmt: skip

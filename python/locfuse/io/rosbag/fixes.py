@@ -96,6 +96,15 @@ def unplaced(frame: str, base: str) -> str:
     )
 
 
+def overridden(frame: str, tree: FrameTree) -> str:
+    """Return a sentence on a place of an antenna that something else counts more than."""
+    at = tree.mount(frame)
+    return (
+        f"static transforms place the antenna {frame!r} at ({at.x:.3g}, {at.y:.3g}) m; "
+        "estimator.position.antenna_forward_m and antenna_left_m count instead"
+    )
+
+
 def _agree(first: Any, second: Any) -> bool:
     there = decode.fix(second, (float(first.latitude), float(first.longitude), 0.0))
     here = decode.fix(first, (float(first.latitude), float(first.longitude), 0.0))

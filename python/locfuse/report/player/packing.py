@@ -168,7 +168,9 @@ def _scans(log: Log, origin: int) -> Part:
     """Return the scans in whole centimetres, 0 where a beam has no return."""
     laser, table = log.laser, log["scans"]
     assert laser is not None
-    ranges = _alike(table)
+    widest = int(np.argmax(table["beams"])) if "beams" in table else 0
+    geometry, _ = log.scan_geometry(widest)
+    ranges = _alike(table, widest)
     n, beams = ranges.shape
     mount = [float(value) for value in laser["pose_in_body"]]
 
@@ -184,23 +186,22 @@ def _scans(log: Log, origin: int) -> Part:
             "of": n,
             "t": encoded(seconds(table["stamp_ns"][rows], origin)),
             "ranges_cm": encoded(np.where(hit, np.round(100.0 * part), 0.0).astype(np.uint16)),
-            "angle_min": float(table.get("angle_min_rad", [laser["angle_min_rad"]])[0]),
-            "angle_increment": step
-            * float(table.get("angle_increment_rad", [laser["angle_increment_rad"]])[0]),
+            "angle_min": float(geometry["angle_min_rad"]),
+            "angle_increment": step * float(geometry["angle_increment_rad"]),
             "mount": mount,
         }
 
     return Part(encoded_bytes(n * (2 * beams + 8)), packed)
 
 
-def _alike(scans: Columns) -> FloatArray:
-    """Return ranges with the geometry of the first scan: of others the beam that is nearest."""
+def _alike(scans: Columns, row: int) -> FloatArray:
+    """Return ranges with the geometry of one scan: of others the beam that is nearest."""
     ranges: FloatArray = scans["ranges_m"]
     if "beams" not in scans:
         return ranges
-    count = int(scans["beams"][0])
+    count = int(scans["beams"][row])
     start, step = scans["angle_min_rad"], scans["angle_increment_rad"]
-    angle = start[0] + step[0] * np.arange(count)
+    angle = start[row] + step[row] * np.arange(count)
     beam = np.rint((angle - start[:, None]) / step[:, None]).astype(np.intp)
     there = (beam >= 0) & (beam < scans["beams"][:, None])
     nearest = np.take_along_axis(ranges, np.clip(beam, 0, ranges.shape[1] - 1), axis=1)
