@@ -57,7 +57,7 @@ PAPER = Paper(
     "semi-autonomous floor scrubber",
     "Three UWB tags on one body, and a switch that rescues a lost laser localizer.",
     seeds=20,
-    quick_seeds=3,
+    quick_seeds=5,
     statements=(
         Statement(
             "V.A, Table II, Fig. 9", "a lap of 200 m by odometry",

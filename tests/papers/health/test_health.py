@@ -129,14 +129,17 @@ def test_wrong_fixes_after_a_blackout_do_no_harm(way: str) -> None:
     assert hurt.distance[-1] == pytest.approx(healthy.distance[-1], abs=0.05)
 
 
-def test_rows_count_each_loss_once() -> None:
-    rows = [*health_claims(1, lambda done, total: None)]  # what they must show: ./dev papers
+def test_rows_keep_what_is_asked() -> None:
+    rows = [*health_claims(3, lambda done, total: None)]
+    # Wheels that slip turn the pose faster than scans follow; docs/health.md. Of two losses in
+    # drives with unmodelled noise there is no median.
+    few = {"trust_scans_false", "trust_scans_wheels_slip_and_nobody_knows_delay"}
+    assert {row.id for row in rows if row.met is not True} <= few
     losses = {row.id: row.note for row in rows if row.id.endswith("_missed")}
     of = {key: int(losses[f"trust{key}_missed"].split("of ")[1].split(";")[0])
           for key in ("", "_scans", "_set")}  # fmt: skip
     assert of["_set"] == of[""] + of["_scans"]
-    assert len({row.id for row in rows}) == len(rows)
-    assert len([*blackout_claims(1)]) == 2 * len(WAYS)
+    assert len([*blackout_claims(2)]) == 2 * len(WAYS)
 
 
 def test_solvers_disagree_where_an_anchor_is_wrong_and_not_where_the_pose_is() -> None:
