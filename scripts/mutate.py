@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Change one operator at a time in the filters and models, and count which changes tests notice.
 
-Usage: mutate.py [--count N] [--seed S] [--out FILE] [SOURCE ...]. Works on a copy, build/mutation.
-A change that does not compile is not counted; one that no test notices survives and is printed with
-its line. The score is the share of those noticed.
+Usage: mutate.py [--count N] [--seed S] [--jobs N] [--out FILE] [SOURCE ...]. Works on copies in
+build/mutation, of the library up to the filters and of the tests of both rooms. A change that does
+not compile is not counted; one that no test notices survives and is printed with its line, unless
+scripts/mutants_explained.txt says why it makes no difference. The score is the share of those
+noticed among all others.
 """
 
 from __future__ import annotations
@@ -13,13 +15,16 @@ import re
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from queue import SimpleQueue
 from typing import NamedTuple
 
 import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
-COPY = ROOT / "build" / "mutation"
+COPIES = ROOT / "build" / "mutation"
+EXPLAINED = ROOT / "scripts" / "mutants_explained.txt"
 TESTS = ("test_filters", "test_models")
 ROOMS = (
     "cpp/src/filters",
@@ -72,42 +77,86 @@ def mutants_of(source: str) -> list[Mutant]:
     return found
 
 
-def build() -> bool:
-    """Build the tests of the copy."""
-    done = subprocess.run(
-        ["cmake", "--build", COPY / "build", "--target", *TESTS], capture_output=True, check=False
-    )
-    return done.returncode == 0
+def key_of(mutant: Mutant) -> str:
+    """Return what names a change as long as its line is the same, wherever that stands."""
+    line = (ROOT / mutant.source).read_text().splitlines()[mutant.line]
+    end = mutant.column + len(mutant.before)
+    changed = f"{line[: mutant.column]}[{mutant.before} => {mutant.after}]{line[end:]}"
+    return f"{mutant.source}: {changed.strip()}"
 
 
-def notices() -> bool:
-    """Return whether a test of the copy fails, or does not end."""
-    for test in TESTS:
-        command = [str(COPY / "build/tests/cpp" / test), "--gtest_fail_fast", "--gtest_brief=1"]
+def explained() -> dict[str, str]:
+    """Return the reason for each change that makes no difference."""
+    reasons: dict[str, str] = {}
+    waiting: list[str] = []
+    for line in EXPLAINED.read_text().splitlines():
+        if line.startswith("  "):
+            reasons.update(dict.fromkeys(waiting, line.strip()))
+            waiting = []
+        elif line and not line.startswith("#"):
+            waiting.append(line)
+    return reasons
+
+
+class Copy:
+    """A copy of the sources, built once, in which one change at a time is tried."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        for part in ("cpp", "cmake", "tests/cpp"):
+            shutil.rmtree(folder / part, ignore_errors=True)
+            shutil.copytree(ROOT / part, folder / part)
+        shutil.copy(ROOT / "CMakeLists.txt", folder)
+        library = folder / "cpp" / "CMakeLists.txt"
+        above = re.compile(r"^ *src/(frontends|estimators|replay)/\w+\.cpp\n", re.MULTILINE)
+        library.write_text(above.sub("", library.read_text()))
+        subprocess.run(
+            ["cmake", "-S", folder, "-B", folder / "build", "-G", "Ninja",
+             "-DCMAKE_BUILD_TYPE=Debug", "-DCMAKE_CXX_FLAGS_DEBUG=-O1 -g0",
+             "-DLOCFUSE_BUILD_EXAMPLES=OFF", "-DLOCFUSE_UNITY_BUILD=OFF"],
+            capture_output=True, check=True,
+        )  # fmt: skip
+        if not all(self.build(test) and self.passes(test) for test in TESTS):
+            raise SystemExit("the tests of the unchanged sources do not build or pass")
+
+    def build(self, test: str) -> bool:
+        """Build a test; return whether it compiles."""
+        folder = str(self.folder / "build")
+        command = ["cmake", "--build", folder, "--target", test, "--parallel", "1"]
+        return subprocess.run(command, capture_output=True, check=False).returncode == 0
+
+    def passes(self, test: str) -> bool:
+        """Return whether a test passes in time."""
+        command = [
+            str(self.folder / "build/tests/cpp" / test),
+            "--gtest_fail_fast",
+            "--gtest_brief=1",
+        ]
         try:
             done = subprocess.run(command, capture_output=True, timeout=TIMEOUT_S, check=False)
         except subprocess.TimeoutExpired:
-            return True
-        if done.returncode != 0:
-            return True
-    return False
+            return False
+        return done.returncode == 0
 
-
-def verdict_of(mutant: Mutant) -> str:
-    """Return 'noticed', 'survived' or 'does not compile'."""
-    path = COPY / mutant.source
-    text = path.read_text()
-    lines = text.splitlines(keepends=True)
-    line = lines[mutant.line]
-    end = mutant.column + len(mutant.before)
-    lines[mutant.line] = line[: mutant.column] + mutant.after + line[end:]
-    path.write_text("".join(lines))
-    try:
-        if not build():
-            return "does not compile"
-        return "noticed" if notices() else "survived"
-    finally:
-        path.write_text(text)
+    def verdict_of(self, mutant: Mutant) -> str:
+        """Return 'noticed', 'survived' or 'does not compile'."""
+        path = self.folder / mutant.source
+        text = path.read_text()
+        lines = text.splitlines(keepends=True)
+        line = lines[mutant.line]
+        end = mutant.column + len(mutant.before)
+        lines[mutant.line] = line[: mutant.column] + mutant.after + line[end:]
+        path.write_text("".join(lines))
+        own = "test_filters" if "/filters/" in mutant.source else "test_models"
+        try:
+            for test in sorted(TESTS, key=lambda name: name != own):
+                if not self.build(test):
+                    return "does not compile"
+                if not self.passes(test):
+                    return "noticed"
+            return "survived"
+        finally:
+            path.write_text(text)
 
 
 def main() -> int:
@@ -115,6 +164,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path)
     parser.add_argument("sources", nargs="*")
     chosen = parser.parse_args()
@@ -126,32 +176,33 @@ def main() -> int:
     )
     every = [mutant for source in sources for mutant in mutants_of(source)]
     order = np.random.default_rng(chosen.seed).permutation(len(every))[: chosen.count]
-    for folder in ("cpp", "cmake", "tests/cpp"):
-        shutil.copytree(ROOT / folder, COPY / folder, dirs_exist_ok=True)
-    shutil.copy(ROOT / "CMakeLists.txt", COPY)
-    subprocess.run(
-        ["cmake", "-S", COPY, "-B", COPY / "build", "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Debug",
-         "-DCMAKE_CXX_FLAGS_DEBUG=-O1 -g0", "-DLOCFUSE_BUILD_EXAMPLES=OFF"],
-        capture_output=True, check=True,
-    )  # fmt: skip
-    if not build() or notices():
-        sys.exit("the tests of the unchanged sources do not build or pass")
-    counts = {"noticed": 0, "survived": 0, "does not compile": 0}
-    report = []
-    for index in order:
+    copies: SimpleQueue[Copy] = SimpleQueue()
+    for job in range(chosen.jobs):
+        copies.put(Copy(COPIES / str(job)))
+    reasons = explained()
+    report: list[str] = []
+    counts = {"noticed": 0, "survived": 0, "explained": 0, "does not compile": 0}
+
+    def attempt(index: int) -> None:
         mutant = every[index]
-        verdict = verdict_of(mutant)
+        copy = copies.get()
+        try:
+            verdict = copy.verdict_of(mutant)
+        finally:
+            copies.put(copy)
+        key = key_of(mutant)
+        if verdict == "survived" and key in reasons:
+            verdict = "explained"
         counts[verdict] += 1
-        source = (ROOT / mutant.source).read_text().splitlines()[mutant.line].strip()
-        report.append(
-            f"{verdict}: {mutant.source}:{mutant.line + 1}: {mutant.before!r} -> {mutant.after!r} "
-            f"in: {source}"
-        )
+        report.append(f"{verdict}: {mutant.line + 1}: {key}")
         print(report[-1], flush=True)
         if chosen.out is not None:
             chosen.out.write_text("\n".join(report) + "\n")
+
+    with ThreadPoolExecutor(chosen.jobs) as pool:
+        list(pool.map(attempt, order))
     tried = counts["noticed"] + counts["survived"]
-    print(f"{len(every)} changes, {tried} tried: {counts}; score {counts['noticed'] / tried:.3f}")
+    print(f"{len(every)} changes, {tried} count: {counts}; score {counts['noticed'] / tried:.3f}")
     return 0
 
 
