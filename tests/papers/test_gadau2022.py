@@ -44,8 +44,8 @@ def nees_of(path: str, seeds: int) -> float:
 def test_noise_of_the_speed_lies_along_the_heading_also_where_robots_turn_in_place(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    low, high = band(3, 150)
-    assert low < nees_of("star", 150) < high
+    low, high = band(3, 300)
+    assert low < nees_of("star", 300) < high
 
     def as_wide_across() -> _core.PoseEkfConfig:
         config = filter_config()
@@ -58,7 +58,7 @@ def test_noise_of_the_speed_lies_along_the_heading_also_where_robots_turn_in_pla
         return config
 
     monkeypatch.setattr(methods, "filter_config", as_wide_across)
-    assert nees_of("star", 150) < low
+    assert nees_of("star", 300) < low
 
 
 @pytest.mark.parametrize("path", RAY_PATHS)

@@ -113,8 +113,8 @@ struct LaserScan {
   std::vector<double> intensities = {};  ///< of the returns, in the unit of the laser; may be empty
 };
 
-/// The scan as if measured at its stamp, by a body that turns at a rate [rad/s]; empty where that is
-/// the same.
+/// The scan as if measured at its stamp, by a body that turns at a rate [rad/s]; empty where that
+/// is the same.
 [[nodiscard]] std::optional<LaserScan> as_of_stamp(const LaserScan& scan, double turn_rate);
 
 void validate(const Velocity& message);

@@ -30,9 +30,9 @@ def fix(second: float, latitude: float, longitude: float = 8.4, status: int = 0)
 
 def test_the_first_of_two_that_agree_is_the_origin() -> None:
     fixes = Fixes(None)
-    for second in (0.0, 0.2):  # zeros before the first fix
+    for at in (0.0, 0.2):  # zeros before the first fix
         with pytest.raises(MessageError, match="latitude and longitude are 0"):
-            fixes.rows(fix(second, 0.0, 0.0))
+            fixes.rows(fix(at, 0.0, 0.0))
     assert fixes.rows(fix(0.5, 48.0)) == []  # where it was switched off
     assert fixes.rows(fix(1.0, 49.0)) == []
     assert not fixes.sentence
