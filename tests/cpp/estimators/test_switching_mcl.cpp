@@ -39,6 +39,7 @@ class Standing {
     by_uwb.estimator.hold_s = 1e6;
     RecoveringEkf uwb(by_uwb, std::make_shared<AnchorMap>(), {}, nullptr);
     uwb.start_at(start(truth_, 0.05));
+    uwb.on(Velocity{0, 0.0, 0.0});  // it stands, as odometry says
     return {config, particles, uwb};
   }
 
