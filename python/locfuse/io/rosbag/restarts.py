@@ -35,6 +35,7 @@ class Leaps:
         self._leap: FloatArray | None = None  # the last motion, per second, if it was one
         self._is_known = np.zeros(2, np.bool_)
 
+    @np.errstate(over="ignore", invalid="ignore")  # what overflows has leapt
     def is_leap(
         self, seconds: float, motion: FloatArray, pose: FloatArray, velocity: FloatArray
     ) -> bool:

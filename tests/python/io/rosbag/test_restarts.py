@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -133,3 +134,11 @@ def test_a_robot_may_drive_while_its_driver_is_silent() -> None:
     velocity = np.zeros_like(poses)
     velocity[:, 0] = np.where((seconds > 0.1) & (seconds < 0.3), 0.5, 0.0)
     assert leaps_of(seconds, poses, velocity) == []
+
+
+def test_a_pose_beyond_all_numbers_is_a_leap_without_a_warning() -> None:
+    seconds, poses = straight(0.5, count=20)
+    poses[10, 0], poses[12, 1] = 1e300, -1e308
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert leaps_of(seconds, poses, np.zeros_like(poses)) == [10, 11, 12, 13]
