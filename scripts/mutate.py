@@ -105,7 +105,8 @@ class Copy:
         self.folder = folder
         for part in ("cpp", "cmake", "tests/cpp"):
             shutil.rmtree(folder / part, ignore_errors=True)
-            shutil.copytree(ROOT / part, folder / part)
+            # As new, so that nothing is left of a change in whose middle it was stopped.
+            shutil.copytree(ROOT / part, folder / part, copy_function=shutil.copy)
         shutil.copy(ROOT / "CMakeLists.txt", folder)
         library = folder / "cpp" / "CMakeLists.txt"
         above = re.compile(r"^ *src/(frontends|estimators|replay)/\w+\.cpp\n", re.MULTILINE)
