@@ -78,6 +78,8 @@ LandmarkEkf::LandmarkEkf(const Config& config, const PoseEstimate& start,
       body_(belief_.slot("body")),
       odometry_(start.stamp) {
   check_stamp(start.stamp);
+  // Whatever maps has odometry: until that comes it stands, or the first landmarks would be vague.
+  odometry_.take(Velocity{start.stamp, 0.0, 0.0});
   for (const KnownLandmark& landmark : known) {
     add_known(landmark);
   }

@@ -10,7 +10,7 @@
 #include "support/expect.hpp"
 #include "support/random.hpp"
 
-namespace locfuse {
+namespace locfuse::test_association {
 namespace {
 
 using testing::random_covariance;
@@ -295,4 +295,4 @@ TEST(JointCompatibility, ends_in_time_however_many_fit) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_association

@@ -6,7 +6,7 @@
 #include "support/expect.hpp"
 #include "support/random.hpp"
 
-namespace locfuse {
+namespace locfuse::test_augment {
 namespace {
 
 using testing::expect_near;
@@ -176,4 +176,4 @@ TEST(Augment, refuses_a_covariance_without_digits_and_leaves_the_belief) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_augment

@@ -5,7 +5,7 @@
 #include "support/expect.hpp"
 #include "support/random.hpp"
 
-namespace locfuse {
+namespace locfuse::test_belief {
 namespace {
 
 using testing::expect_near;
@@ -187,4 +187,4 @@ TEST(GaussianBelief, refuses_variances_without_a_square) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_belief

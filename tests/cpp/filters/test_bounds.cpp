@@ -6,7 +6,7 @@
 #include "support/expect.hpp"
 #include "support/random.hpp"
 
-namespace locfuse {
+namespace locfuse::test_bounds {
 namespace {
 
 using testing::is_covariance;
@@ -247,4 +247,4 @@ TEST(Bounds, what_is_seen_again_and_again_leaves_digits_of_what_is_known_of_it) 
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_bounds

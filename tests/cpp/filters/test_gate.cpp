@@ -5,7 +5,7 @@
 #include "locfuse/filters/gate.hpp"
 #include "support/expect.hpp"
 
-namespace locfuse {
+namespace locfuse::test_gate {
 namespace {
 
 TEST(Gate, has_no_limit_for_nothing_compared) {
@@ -44,4 +44,4 @@ TEST(Gate, closed_lets_nothing_through_however_many_rows) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_gate

@@ -6,7 +6,7 @@
 #include "support/linear_kalman.hpp"
 #include "support/random.hpp"
 
-namespace locfuse {
+namespace locfuse::test_kalman {
 namespace {
 
 using Eigen::Dynamic;
@@ -381,4 +381,4 @@ TEST(Kalman, refuses_a_motion_and_a_measurement_of_nothing) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_kalman

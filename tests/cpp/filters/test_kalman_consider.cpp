@@ -6,7 +6,7 @@
 #include "support/linear_kalman.hpp"
 #include "support/random.hpp"
 
-namespace locfuse {
+namespace locfuse::test_kalman_consider {
 namespace {
 
 using testing::MatrixXl;
@@ -107,4 +107,4 @@ TEST(Consider, rows_follow_when_another_variable_is_removed_and_copies_keep_thei
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_kalman_consider

@@ -6,7 +6,7 @@
 #include "support/expect.hpp"
 #include "support/random.hpp"
 
-namespace locfuse {
+namespace locfuse::test_kalman_robustness {
 namespace {
 
 using testing::is_covariance;
@@ -239,4 +239,4 @@ TEST(Update, recovers_where_a_covariance_exceeds_the_digits_of_a_double) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_kalman_robustness

@@ -16,7 +16,7 @@
 #include "support/expect.hpp"
 #include "support/random.hpp"
 
-namespace locfuse {
+namespace locfuse::test_particles {
 namespace {
 
 using testing::Rng;
@@ -480,4 +480,4 @@ TEST(Workers, share_as_many_as_an_integer_counts) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_particles

@@ -6,7 +6,7 @@
 #include "support/expect.hpp"
 #include "support/random.hpp"
 
-namespace locfuse {
+namespace locfuse::test_robust {
 namespace {
 
 using testing::expect_refused;
@@ -225,4 +225,4 @@ TEST(Robust, refuses_what_it_cannot_be) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_robust

@@ -9,7 +9,7 @@
 
 #include "locfuse/filters/workers.hpp"
 
-namespace locfuse {
+namespace locfuse::test_workers {
 namespace {
 
 /// Whether all of a loop is done, once.
@@ -43,4 +43,4 @@ TEST(Workers, a_forked_child_works_by_itself_and_ends) {  // it waited for helpe
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_workers
