@@ -30,7 +30,7 @@ inline std::pair<double, double> sums_of(const std::vector<float>& values, int s
           std::accumulate(squares.begin(), squares.end(), 0.0)};
 }
 
-/// exp(x) for x <= 0, to 4e-7 of itself and 1e-7 more for each unit of x, without a branch:
+/// exp(x) for x <= 0, to 4e-6 of itself and 1e-7 more for each unit of x, without a branch:
 /// compilers make lanes of it. 1 above, and next to nothing for NaN.
 inline float exp_of(float x) {
   const float y = std::max(-126.0F, 1.4426950F * std::min(x, 0.0F));

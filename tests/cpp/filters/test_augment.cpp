@@ -64,6 +64,8 @@ TEST(Augment, a_wrong_call_changes_no_bit) {
   expect_refused([&] { add("a", zero, Gx, I); }, "'a'", "already");
   expect_refused([&] { add("c", zero, Gx.leftCols(2), I); }, "'c'", "2 x 2");
   expect_refused([&] { add("c", zero, Gx, Matrix<3, 3>::Identity()); }, "3 x 3");
+  expect_refused([&] { add("c", zero, Gx, Matrix<2, 3>::Zero()); }, "2 x 3");
+  expect_refused([&] { add("c", zero, Gx, Matrix<3, 2>::Zero()); }, "3 x 2");
   expect_refused([&] { add("c", Vector<3>::Zero(), Gx, I); }, "a mean of 3");
   EXPECT_THROW(add("c", Vector<2>(std::nan(""), 0.0), Gx, I), NumericalError);
   EXPECT_THROW(add("c", zero, std::nan("") * Gx, I), NumericalError);
