@@ -42,12 +42,12 @@ struct InitializerTuning {
   /// Sigma of a component's heading, in steps between headings: the sum of such Gaussians is flat
   /// to 1 %.
   static constexpr double kHeadingSigmaSteps = 0.6;
-  /// Probability that measurements with the noise that is told scatter no more than those that make
+  /// Probability that measurements of the stated noise scatter no more than those that make
   /// the search begin anew with more noise: one right start in a thousand is delayed.
   static constexpr double kUsualScatter = 0.999;
   /// The same of those whose weights and covariances are taken for too sure.
   static constexpr double kReadyScatter = 0.99;
-  /// Measurements that tell the noise: of fewer a single one behind a wall may be the reason.
+  /// Measurements that show the noise: of fewer a single one behind a wall may be the reason.
   static constexpr int kScatterRows = 8;
   /// Links whose ranges make a position more than a guess: with two it has a mirror image.
   static constexpr std::size_t kPlaceLinks = 3;
@@ -166,13 +166,13 @@ bool is_inlier(const Outcome& outcome, double wrong_share, double log_anything) 
   return std::log1p(-wrong_share) + outcome.log_likelihood() > std::log(wrong_share) + log_anything;
 }
 
-/// Whether measurements with the noise that is told would scatter less, with that probability.
+/// Whether measurements of the stated noise would scatter less, with that probability.
 bool exceeds(const internal::Scatter& scatter, double probability) {
   return scatter.rows >= InitializerTuning::kScatterRows && scatter.nis > scatter.rows &&
          scatter.nis > chi_squared_quantile(scatter.rows, probability);
 }
 
-/// Variance of the noise over that which is told, where it is likely larger.
+/// Variance of the noise over the stated one, where it is likely larger.
 double excess(const internal::Scatter& scatter) {
   return exceeds(scatter, InitializerTuning::kReadyScatter) ? scatter.nis / scatter.rows : 1.0;
 }

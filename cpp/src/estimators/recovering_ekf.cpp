@@ -322,7 +322,7 @@ void RecoveringEkf::listen() {
 void RecoveringEkf::decide() {
   Initializer::State now = start_->state();
   if (now.status != StartStatus::kReady && tracker_ && !control_ && !recipe_->config.tracker) {
-    now = start_->place();  // a heading that nothing tells is not waited for
+    now = start_->place();  // a heading that nothing measures is not waited for
   }
   if (now.status != StartStatus::kReady) {
     return;

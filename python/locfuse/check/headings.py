@@ -32,7 +32,7 @@ class HeadingError:
 
 
 def heading_error(odometry: Trajectory | None, track: Track) -> HeadingError | None:
-    """Return how the headings of a track are wrong, None if they are right or nothing tells.
+    """Return how the headings of a track are wrong, None if they are right or nothing shows them.
 
     The driven heading is that of odometry, laid on the track stretch by stretch. Without odometry
     it is the course: the robot may drive backwards, but hardly so that this looks like a compass.
@@ -75,7 +75,7 @@ def _by_odometry(
 
 
 def _by_course(path: Trajectory) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """Return the same from the course, which tells no offset: its sigma is infinite."""
+    """Return the same from the course, which shows no offset: its sigma is infinite."""
     assert path.heading is not None
     pairs = np.array(list(legs(path.position)), dtype=np.intp).reshape(-1, 2)
     move = path.position[pairs[:, 1]] - path.position[pairs[:, 0]]

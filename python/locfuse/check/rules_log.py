@@ -159,7 +159,7 @@ def _speed(context: Context) -> float | None:
     """Return the median speed over legs of the robot's path, m/s; None if it hardly moves."""
     table, paths = context.used("odometry"), [track.path for track in context.references]
     if table is not None and "dx_m" in table and context.odometry is not None:
-        paths.insert(0, context.odometry)  # velocities tell no distance that the stamps do not
+        paths.insert(0, context.odometry)  # velocities give no distance that the stamps do not
     for path in paths:
         rows = np.array(list(legs(path.position)), dtype=np.intp).reshape(-1, 2)
         if len(rows) >= 3:

@@ -162,7 +162,7 @@ class Initializer {
   Vector<2> ranged_at_ = Vector<2>::Zero();  // where links_ began, without odometry
   bool scanned_ = false;
   bool moves_ = false;
-  double range_noise_ = 1.0;     // variance of ranges over that which is told, as they scatter
+  double range_noise_ = 1.0;     // variance of ranges over the stated one, as they scatter
   double position_noise_ = 1.0;  // the same of position fixes
   double best_fix_ = std::numeric_limits<double>::infinity();  // sigma of the best one [m]
   std::string waiting_for_ = "no range, position or pose yet, and no two landmarks at once";

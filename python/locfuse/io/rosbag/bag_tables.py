@@ -147,7 +147,7 @@ def _without_jumps(
         contents.warn(restarts.sentence(int(stamp[first]), motion[first], len(found)))
     for row in found:
         seconds = int(stamp[row] - stamp[row - 1]) / NANOSECONDS
-        by = restarts.motion_by_velocity(seconds, velocity[row - 1 : row + 1])
+        by = restarts.motion_by_velocity(seconds, velocity[row - 1 : row + 1].tolist())
         motion[row] = by.x, by.y, by.heading
     return motion
 

@@ -57,24 +57,36 @@ class Fixes:
         if message.latitude == 0.0 and message.longitude == 0.0:
             raise MessageError("latitude and longitude are 0, as of a receiver without a fix")
         first, self._first = self._first, message
-        if first is None or not _agree(first, message):
+        found = [] if first is None else _rows_from(first, message)
+        if not found or not _agree(*found):
             return []
-        return self._begin_at(first, message)
+        self._begin_at(first)
+        return found
 
     def last_row(self) -> list[FixRow]:
         """Return the fix that still waits when no other comes."""
-        first, self._first = self._first, None
-        return [] if first is None else self._begin_at(first)
+        if self._first is None:
+            return []
+        found = _rows_from(self._first)
+        self._begin_at(self._first)
+        return found
 
-    def _begin_at(self, first: Any, *others: Any) -> list[FixRow]:
-        self._first = None
-        self.origin = (float(first.latitude), float(first.longitude), 0.0)
+    def _begin_at(self, first: Any) -> None:
+        self._first, self.origin = None, _origin_at(first)
         self.sentence = (
             f"the map's origin is the first fix, at latitude {self.origin[0]!r} and longitude "
             f"{self.origin[1]!r}; ros.gps_origin says where it is"
         )
-        rows = (decode.fix(message, self.origin) for message in (first, *others))
-        return [row for row in rows if row is not None]
+
+
+def _origin_at(message: Any) -> Origin:
+    return float(message.latitude), float(message.longitude), 0.0
+
+
+def _rows_from(first: Any, *others: Any) -> list[FixRow]:
+    """Return fixes in a map whose origin is the first."""
+    rows = (decode.fix(message, _origin_at(first)) for message in (first, *others))
+    return [row for row in rows if row is not None]
 
 
 def is_beside(frame: str, tree: FrameTree) -> bool:
@@ -105,11 +117,8 @@ def overridden(frame: str, tree: FrameTree) -> str:
     )
 
 
-def _agree(first: Any, second: Any) -> bool:
-    there = decode.fix(second, (float(first.latitude), float(first.longitude), 0.0))
-    here = decode.fix(first, (float(first.latitude), float(first.longitude), 0.0))
-    assert here is not None
-    assert there is not None
+def _agree(here: FixRow, there: FixRow) -> bool:
+    """Return whether a vehicle can go from one fix, the origin, to another."""
     seconds = abs(there.stamp_ns - here.stamp_ns) / NANOSECONDS
     sigma = math.hypot(*(UNKNOWN_SIGMA_M if row.sigma_m <= 0.0 else row.sigma_m
                          for row in (here, there)))  # fmt: skip

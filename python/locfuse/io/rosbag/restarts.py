@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from collections.abc import Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +17,17 @@ from locfuse.types import NANOSECONDS, FloatArray
 JITTER_S = 0.1  # of stamps: messages that come in a packet are no leap
 STEADY_S = 0.3  # for how long a velocity bounds the motion; afterwards it may have been any
 MARGIN = 3.0  # times the fastest of what is known, that a body may have moved between two messages
-MIN_LEAP = np.array([0.3, 0.3])  # m and rad: less may be a curb or a wheel that slips
-MIN_LEAP_HOME = np.array([0.05, 0.05])  # to exactly (0, 0, 0), where drivers begin; no margin then
+MIN_LEAP = 0.3  # m and rad: less may be a curb or a wheel that slips
+MIN_LEAP_HOME = 0.05  # m and rad, to exactly (0, 0, 0), where drivers begin; no margin then
 HOME = 1e-6  # m and rad: at most that far from it
-UNKNOWN_RATE = np.array([5.0, 3.0])  # m/s and rad/s that a body may reach where nothing states one
-LIMITS = np.array([MAX_SPEED_MPS, MAX_TURN_RATE_RADPS])
+UNKNOWN_RATE = (5.0, 3.0)  # m/s and rad/s that a body may reach where nothing states one
+LIMITS = (MAX_SPEED_MPS, MAX_TURN_RATE_RADPS)
+
+Motion: TypeAlias = Sequence[float]  # x or forward, y or left, around
 
 
 class Leaps:
-    """Tells, message by message, motion of the body from poses of odometry that leap.
+    """Distinguishes, message by message, motion of the body from poses of odometry that leap.
 
     A body goes on about as fast as the velocities of both messages say, or the motion before. A
     velocity that was never other than 0, along or around, is not stated. What goes on like the last
@@ -31,13 +35,12 @@ class Leaps:
     """
 
     def __init__(self) -> None:
-        self._rate = np.zeros(2)  # of the last motion that was none [m/s, rad/s]
-        self._leap: FloatArray | None = None  # the last motion, per second, if it was one
-        self._is_known = np.zeros(2, np.bool_)
+        self._rate = [0.0, 0.0]  # of the last motion that was none [m/s, rad/s]
+        self._leap: list[float] | None = None  # the last motion, per second, if it was one
+        self._is_known = [False, False]
 
-    @np.errstate(over="ignore", invalid="ignore")  # what overflows has leapt
     def is_leap(
-        self, seconds: float, motion: FloatArray, pose: FloatArray, velocity: FloatArray
+        self, seconds: float, motion: Motion, pose: Motion, velocity: Sequence[Motion]
     ) -> bool:
         """Take the next message and return whether its pose leapt.
 
@@ -45,29 +48,31 @@ class Leaps:
         ----------
         seconds : float
             Since the message before [s].
-        motion, pose : ndarray (3,)
+        motion, pose : sequence of 3 float
             Since then, in the body, and now in odom: x [m], y [m], heading [rad].
-        velocity : ndarray (2, 3)
+        velocity : two sequences of 3 float
             Forward [m/s], left [m/s] and turn rate [rad/s] of the message before and of this one.
         """
-        stated = _sizes(velocity)
-        self._is_known |= stated.any(axis=0)
-        size, lasted = _sizes(motion[None])[0], seconds + JITTER_S
-        rate = np.maximum(stated.max(axis=0), self._rate)
-        if np.all(np.abs(pose) <= HOME):
-            reach = rate * lasted + MIN_LEAP_HOME
-        else:
-            unknown = np.where(self._is_known, max(seconds - STEADY_S, 0.0), lasted)
-            reach = MARGIN * rate * lasted + MIN_LEAP + UNKNOWN_RATE * unknown
-        now = motion / lasted
-        goes_on = self._leap is not None and bool(
-            np.linalg.norm(now - self._leap) <= 0.5 * np.linalg.norm(self._leap)
+        lasted = seconds + JITTER_S
+        at_home = max(map(abs, pose)) <= HOME
+        too_far = beyond = False
+        size = _sizes(motion)
+        for axis, stated in enumerate(map(max, *map(_sizes, velocity))):
+            self._is_known[axis] = self._is_known[axis] or stated > 0.0
+            unknown = max(seconds - STEADY_S, 0.0) if self._is_known[axis] else lasted
+            most = max(stated, self._rate[axis]) * lasted
+            reach = (most + MIN_LEAP_HOME if at_home
+                     else MARGIN * most + MIN_LEAP + UNKNOWN_RATE[axis] * unknown)  # fmt: skip
+            beyond = beyond or size[axis] > reach
+            too_far = too_far or size[axis] > LIMITS[axis] * lasted
+        now = [part / lasted for part in motion]
+        goes_on = self._leap is not None and (
+            math.dist(now, self._leap) <= 0.5 * math.hypot(*self._leap)
         )
-        too_far = bool(np.any(size > LIMITS * lasted))
-        is_leap = too_far or (bool(np.any(size > reach)) and not goes_on)
+        is_leap = too_far or (beyond and not goes_on)
         self._leap = now if is_leap else None
         if not is_leap:
-            self._rate = size / lasted
+            self._rate = [size[0] / lasted, size[1] / lasted]
         return is_leap
 
 
@@ -79,30 +84,31 @@ def rows_of_leaps(
     `velocity` (n, 3) is forward [m/s], left [m/s] and turn rate [rad/s] at `stamp` [ns].
     """
     leaps = Leaps()
-    seconds = np.diff(stamp, prepend=stamp[:1]) / NANOSECONDS
+    seconds = (np.diff(stamp) / NANOSECONDS).tolist()
+    moved, at, velocities = motion.tolist(), poses.tolist(), velocity.tolist()
     return [row for row in range(1, len(stamp))
-            if leaps.is_leap(float(seconds[row]), motion[row], poses[row],
-                             velocity[row - 1 : row + 1])]  # fmt: skip
+            if leaps.is_leap(seconds[row - 1], moved[row], at[row],
+                             velocities[row - 1 : row + 1])]  # fmt: skip
 
 
-def motion_by_velocity(seconds: float, velocity: FloatArray) -> _core.Pose2:
-    """Return the motion between two messages by the mean of their velocities (2, 3).
+def motion_by_velocity(seconds: float, velocity: Sequence[Motion]) -> _core.Pose2:
+    """Return the motion between two messages by the mean of their velocities.
 
     None where that is beyond any robot: it is in other units.
     """
-    mean = velocity.mean(axis=0)
-    if np.any(_sizes(mean[None]) > LIMITS):
+    mean = [0.5 * (before + now) for before, now in zip(*velocity, strict=True)]
+    if any(size > limit for size, limit in zip(_sizes(mean), LIMITS, strict=True)):
         return _core.Pose2()
-    return _core.arc(*(seconds * mean).tolist())
+    return _core.arc(*(seconds * part for part in mean))
 
 
-def _sizes(motion: FloatArray) -> FloatArray:
-    """Return how far and how much around (n, 2) motions (n, 3) lead."""
-    return np.column_stack([np.hypot(motion[:, 0], motion[:, 1]), np.abs(motion[:, 2])])
+def _sizes(motion: Motion) -> tuple[float, float]:
+    """Return how far and how much around a motion leads."""
+    return math.hypot(motion[0], motion[1]), abs(motion[2])
 
 
-def sentence(stamp_ns: int, motion: FloatArray, count: int = 1) -> str:
+def sentence(stamp_ns: int, motion: Motion, count: int = 1) -> str:
     """Return what is said of odometry that leapt by a motion, first at a stamp."""
-    return (f"odometry jumps {count} times, first by {np.hypot(*motion[:2]):.3g} m and "
-            f"{np.degrees(motion[2]):.3g} deg at {stamp_ns / NANOSECONDS:.3f} s; it was set anew, "
-            "so the motion there is that of its velocities")  # fmt: skip
+    return (f"odometry jumps {count} times, first by {math.hypot(*motion[:2]):.3g} m and "
+            f"{math.degrees(motion[2]):.3g} deg at {stamp_ns / NANOSECONDS:.3f} s; it was set "
+            "anew, so the motion there is that of its velocities")  # fmt: skip

@@ -65,10 +65,9 @@ class Wheels:
         self, before: OdometryRow, now: OdometryRow, moved: _core.Pose2
     ) -> _core.Pose2:
         seconds = (now.stamp_ns - before.stamp_ns) / NANOSECONDS
-        velocity = np.array([[row.v, row.left, row.omega] for row in (before, now)])
-        velocity[~np.isfinite(velocity)] = 0.0
-        motion = np.array([moved.x, moved.y, moved.heading])
-        pose = np.array([now.x, now.y, now.heading])
+        velocity = [[part if math.isfinite(part) else 0.0 for part in (row.v, row.left, row.omega)]
+                    for row in (before, now)]  # fmt: skip
+        motion, pose = (moved.x, moved.y, moved.heading), (now.x, now.y, now.heading)
         if not self._leaps.is_leap(seconds, motion, pose, velocity):
             return moved
         self._on_leap(restarts.sentence(now.stamp_ns, motion))
