@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from locfuse.config.load import parse_config
+from locfuse.io.rosbag.publications import in_order_of_arrival, world_of
 from locfuse.ros.adapter import Adapter
-from locfuse.ros.log_player import in_order_of_arrival, static_of
 from locfuse.run.run import load_log, run
 from support_ros import message
 
@@ -37,7 +37,7 @@ def test_through_the_adapter(benchmark: Any) -> None:
     def setup() -> tuple[tuple[Adapter], dict[str, Any]]:
         adapter = Adapter(config)
         of = {s.topic.lstrip("/"): s.source for s in adapter.subscriptions}
-        for static in static_of(log, config.ros):
+        for static in world_of(log, config.ros):
             adapter.on(of[static.topic.lstrip("/")], static.topic, message(static), later)
         return (adapter,), {}
 

@@ -11,8 +11,8 @@ import pytest
 from locfuse.config.schema import RunConfig
 from locfuse.io.rosbag.decode import heading_of
 from locfuse.io.rosbag.encode import Fields, Publication
+from locfuse.io.rosbag.publications import in_order_of_arrival, world_of
 from locfuse.ros.adapter import Adapter
-from locfuse.ros.log_player import in_order_of_arrival, static_of
 from locfuse.types import NANOSECONDS, Columns, Log, Trajectory
 from support_ros import message
 
@@ -48,7 +48,7 @@ class Robot:
 
     def learn(self) -> None:
         """Receive anchors, map and mounts."""
-        for published in static_of(self.log, self.config.ros):
+        for published in world_of(self.log, self.config.ros):
             self.receive(published, LATER)
 
     def drive(self, begin_s: float = 0.0, end_s: float = 1e9, later_s: float = 0.0) -> None:

@@ -19,7 +19,7 @@ import yaml
 
 from locfuse.config.ros import Ros
 from locfuse.io.rosbag.encode import Publication
-from locfuse.ros.log_player import in_order_of_arrival, later, static_of
+from locfuse.io.rosbag.publications import in_order_of_arrival, world_of
 from locfuse.types import Log
 
 T = TypeVar("T")
@@ -176,12 +176,12 @@ class Robot:
     def __init__(self, log: Log, ros: Ros, world: bool = True) -> None:
         from rosgraph_msgs.msg import Clock
 
-        self.arrivals = list(in_order_of_arrival(log, ros))
-        self._world = static_of(log, ros) if world else []
+        self._log, self._ros = log, ros
+        self._world = world_of(log, ros) if world else []
         self._publishers: dict[str, Any] = {}
         self._clock = self._publisher("/clock", Clock, latch=False)
         for publication in self._world:
-            self.publish(publication, 0)
+            self.publish(publication)
         self.now_ns = self.FIRST_NS
         self.set_clock(self.now_ns)
 
@@ -193,8 +193,8 @@ class Robot:
             warnings.simplefilter("ignore", SyntaxWarning)  # no queue: no message is lost here
             return rospy.Publisher(topic, kind, latch=latch, queue_size=None, tcp_nodelay=True)
 
-    def publish(self, publication: Publication, shift_ns: int = FIRST_NS) -> None:
-        """Publish a message of a log, shifted in time."""
+    def publish(self, publication: Publication) -> None:
+        """Publish a message of a log."""
         from locfuse_ros.fill import message_class, message_of
 
         if publication.topic not in self._publishers:
@@ -203,7 +203,7 @@ class Robot:
                 publication.topic, kind, publication.latched
             )
         self._publishers[publication.topic].publish(
-            message_of(publication.type, later(publication, shift_ns).fields)
+            message_of(publication.type, publication.fields)
         )
 
     def publish_message(self, topic: str, message: Any) -> None:
@@ -223,7 +223,7 @@ class Robot:
         """Wait for a subscriber of each topic."""
         from locfuse_ros.fill import message_class
 
-        kinds = {publication.topic: publication.type for _, publication in self.arrivals}
+        kinds = {one.topic: one.type for _, one in in_order_of_arrival(self._log, self._ros)}
         for topic in topics:
             if topic not in self._publishers:
                 self._publishers[topic] = self._publisher(
@@ -242,17 +242,18 @@ class Robot:
     ) -> None:
         """Publish arrivals in [begin_s, end_s), except on silent topics."""
         shift_ns = self.FIRST_NS + round(shift_s * 1e9)
+        arrivals = [one for one in in_order_of_arrival(self._log, self._ros, shift_ns)
+                    if begin_s * 1e9 <= one.arrival_ns - shift_ns < end_s * 1e9
+                    and one.publication.topic != "tf"]  # fmt: skip
         began, first = time.monotonic(), None
-        for arrival_ns, publication in self.arrivals:
-            if not begin_s * 1e9 <= arrival_ns < end_s * 1e9:
-                continue
+        for arrival_ns, publication in arrivals:
             first = arrival_ns if first is None else first
             due = began + (arrival_ns - first) / 1e9 / speed
             time.sleep(max(0.0, due - time.monotonic()))
-            if arrival_ns + shift_ns != self.now_ns:
-                self.set_clock(arrival_ns + shift_ns)
+            if arrival_ns != self.now_ns:
+                self.set_clock(arrival_ns)
             if publication.topic not in silent:
-                self.publish(publication, shift_ns)
+                self.publish(publication)
 
     def close(self) -> None:
         """Unregister all publishers."""

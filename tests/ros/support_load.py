@@ -17,7 +17,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from locfuse import _core
 from locfuse.config.ros import Ros
 from locfuse.io.rosbag import decode, encode
-from locfuse.ros.log_player import in_order_of_arrival, static_of
+from locfuse.io.rosbag.publications import in_order_of_arrival, world_of
 from locfuse.run.run import load_log
 from locfuse.types import NANOSECONDS, Log
 from locfuse_ros.fill import message_class, message_of, time_of
@@ -98,7 +98,7 @@ class FastRobot:
 
     def publish_world(self) -> None:
         """Publish mounts, anchors and map, latched."""
-        for publication in static_of(self.log, Ros()):
+        for publication in world_of(self.log, Ros()):
             self.peer.publish(publication)
 
     def drive(self, seconds: float) -> float:
@@ -220,7 +220,7 @@ def _lap_of(log: Log, singly: bool) -> list[tuple[int, str, Any, _core.Pose2 | N
     """Return arrival, topic, message and, for odometry, the pose since the start of the lap."""
     found = []
     for at_ns, publication in in_order_of_arrival(log, Ros()):
-        if publication.topic == "ground_truth":
+        if publication.topic in ("ground_truth", "tf"):
             continue
         if publication.topic == "uwb" and singly:
             found += [(at_ns, "uwb", message_of("locfuse_msgs/UwbRange", one), None)

@@ -17,7 +17,7 @@ from locfuse.config.ros import Ros
 from locfuse.config.schema import RunConfig
 from locfuse.eval.errors import errors_against
 from locfuse.io.rosbag import decode, encode
-from locfuse.ros.log_player import Arrival, in_order_of_arrival, static_of
+from locfuse.io.rosbag.publications import Arrival, in_order_of_arrival, world_of
 from locfuse.run.run import load_log
 from locfuse.types import NANOSECONDS, Log, Trajectory
 from support_ros2 import Peer, Process
@@ -101,7 +101,7 @@ class Robot:
 
     def publish_world(self) -> None:
         """Publish mounts, anchors and map, latched."""
-        for publication in static_of(self.log, self.ros):
+        for publication in world_of(self.log, self.ros):
             self.peer.publish(publication)
 
     def drive(
@@ -119,7 +119,7 @@ class Robot:
         began = time.monotonic()
         start_ns = EPOCH_NS + round(begin_s * NANOSECONDS)
         for one in map(change, in_order_of_arrival(self.log, self.ros)):
-            if not wanted(one) or one.publication.topic in silent:
+            if not wanted(one) or one.publication.topic in {"tf", *silent}:
                 continue
             due = began + (one.arrival_ns - start_ns) / NANOSECONDS / self.rate
             self.peer.spin(max(0.0, due - time.monotonic()))
@@ -138,7 +138,8 @@ class Robot:
         self._announced = True
         self.set_time(EPOCH_NS)
         kinds = {one.publication.topic: one.publication.type
-                 for one in in_order_of_arrival(self.log, self.ros)}  # fmt: skip
+                 for one in in_order_of_arrival(self.log, self.ros)
+                 if one.publication.topic != "tf"}  # fmt: skip
         for topic, kind in {"clock": "rosgraph_msgs/Clock", **kinds}.items():
             self.peer.wait_until_matched(topic, kind)
 

@@ -16,7 +16,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from locfuse.io.log_folder import read_log, write_log
 from locfuse.io.rosbag import decode, encode
-from locfuse.ros.log_player import Arrival
+from locfuse.io.rosbag.publications import Arrival
 from locfuse.run.run import load_log, run
 from locfuse.types import NANOSECONDS, Log, wrap_angle
 from support_logs import as_messages_hold_it

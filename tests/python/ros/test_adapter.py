@@ -17,8 +17,8 @@ from locfuse.io.log_folder import write_log
 from locfuse.io.rosbag import encode
 from locfuse.io.rosbag.decode import heading_of, stamp_ns
 from locfuse.io.rosbag.encode import Fields, Publication
+from locfuse.io.rosbag.publications import in_order_of_arrival, world_of
 from locfuse.ros import future_stamps as early
-from locfuse.ros.log_player import in_order_of_arrival, static_of
 from locfuse.run.run import load_log, run
 from locfuse.types import NANOSECONDS, ConfigError, Log
 from support_adapter import LATER, Robot, assert_poses_are, later, pose_of, stamps
@@ -131,7 +131,7 @@ def test_a_folder_of_the_world_counts_more_than_topics(tmp_path: Path) -> None:
     config = config.model_copy(update={"ros": config.ros.model_copy(update={"world": "world"})})
     robot = Robot(config, log, base=tmp_path)
     wrong = {**log["anchors"], "x_m": log["anchors"]["x_m"] + 3.0}
-    for published in static_of(replace(log, tables={**log.tables, "anchors": wrong}), config.ros):
+    for published in world_of(replace(log, tables={**log.tables, "anchors": wrong}), config.ros):
         robot.receive(published, LATER)
     robot.drive()
     assert robot.health()["message"] == "ok"
@@ -219,7 +219,7 @@ def test_ranges_without_anchors_or_mounts_are_reported() -> None:
     robot = Robot(config, log)
     robot.drive(end_s=2.0)
     assert len([p for p in robot.problems if "no anchors are known" in p]) == 1
-    for published in static_of(log, config.ros):
+    for published in world_of(log, config.ros):
         if published.topic == "anchors":
             robot.receive(published, LATER)
     robot.drive(begin_s=2.0, end_s=4.0)

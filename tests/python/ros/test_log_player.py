@@ -15,13 +15,8 @@ from locfuse.config.ros import Ros
 from locfuse.config.schema import RunConfig
 from locfuse.io.log_folder import write_log
 from locfuse.io.rosbag import decode
-from locfuse.ros.log_player import (
-    FIRST_NS,
-    PARAMETERS,
-    LogPlayer,
-    in_order_of_arrival,
-    static_of,
-)
+from locfuse.io.rosbag.publications import in_order_of_arrival, world_of
+from locfuse.ros.log_player import FIRST_NS, PARAMETERS, LogPlayer
 from locfuse.ros.parameters import values_of
 from locfuse.run.run import load_log
 from locfuse.types import NANOSECONDS, ConfigError, Log
@@ -83,7 +78,7 @@ def test_velocities_are_published_as_they_are() -> None:
 def test_what_arrives_late_is_published_late() -> None:
     _, log = drive()
     late = {**log["ranges"], "arrival_ns": log["ranges"]["stamp_ns"] + NANOSECONDS}
-    given = in_order_of_arrival(Log({**log.tables, "ranges": late}, log.tags), Ros())
+    given = in_order_of_arrival(Log({**log.tables, "ranges": late}, log.tags, log.laser), Ros())
     waits = {one.arrival_ns - one.publication.fields["ranges"][0]["header"]["stamp"]["ns"]
              for one in given if one.publication.topic == "uwb"}  # fmt: skip
     assert waits == {NANOSECONDS}
@@ -99,7 +94,7 @@ def test_what_has_no_topic_is_not_published() -> None:
 
 def test_the_world_is_published_latched() -> None:
     _, log = drive()
-    given = {one.topic: one for one in static_of(log, Ros())}
+    given = {one.topic: one for one in world_of(log, Ros())}
     assert set(given) == {"tf_static", "anchors", "map"}
     assert all(one.latched for one in given.values())
     frames = {row.child for row in decode.transforms(message(given["tf_static"]))}

@@ -4,32 +4,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
-from functools import partial
-from itertools import islice, repeat, starmap
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse import _core
-from locfuse.config.ros import Ros, Topics, plain
-from locfuse.io.log_folder import MESSAGES
+from locfuse.config.ros import Ros, plain
 from locfuse.io.rosbag import bag_settings, encode
 from locfuse.io.rosbag.bag_files import bag_sink
-from locfuse.io.rosbag.decode import FixRow, RangeRow, ScanRow, SightingRow, TruthRow
 from locfuse.io.rosbag.encode import Publication
-from locfuse.io.rosbag.increments import poses_of
+from locfuse.io.rosbag.publications import (
+    LogPublications,
+    Stream,
+    in_order,
+    transforms,
+    with_covariance,
+)
 from locfuse.io.whole import naming
-from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, LogError, RunResult
+from locfuse.types import NANOSECONDS, FloatArray, Log, LogError, RunResult
 
 Progress = Callable[[int, int], None]
 
 END_S = 2**31  # seconds since 1970 at which the time of ROS ends
 PROGRESS_EVERY = 1000  # messages between two calls of progress
-LASER_FRAME, SIGHT_FRAME = "laser", "landmark_sensor"
 
 
 def write_bag(
@@ -58,42 +56,23 @@ def write_bag(
         If the path ends in something else, a stamp is beyond the year 2038, or rosbags is missing.
     """
     streams = _BagStreams(source, Ros() if ros is None else ros).all()
-    times = np.concatenate([stream.times for stream in streams])
-    which = np.repeat(np.arange(len(streams)), [len(stream.times) for stream in streams])
-    order = np.argsort(times, kind="stable")
+    total = sum(len(stream.times) for stream in streams)
     report = progress or (lambda done, total: None)
     with naming(Path(path)), bag_sink(Path(path)) as sink:
-        for done in range(0, len(order), PROGRESS_EVERY):
-            report(done, len(order))
-            rows = order[done : done + PROGRESS_EVERY]
-            for time_ns, stream in zip(times[rows].tolist(), which[rows].tolist(), strict=True):
-                sink.write(time_ns, next(streams[stream].publications))
-    report(len(order), len(order))
+        for done, arrival in enumerate(in_order(streams)):
+            if done % PROGRESS_EVERY == 0:
+                report(done, total)
+            sink.write(*arrival)
+    report(total, total)
 
 
-@dataclass
-class _Stream:
-    """Publications in order of the times at which they are recorded [ns]."""
-
-    times: NDArray[np.int64]
-    publications: Iterator[Publication]
-
-
-@dataclass
 class _BagStreams:
     """The publications of a log, and perhaps of a run on it."""
 
-    source: Log | RunResult
-    ros: Ros
-    log: Log = field(init=False)
-    shift: int = field(init=False)
-    begin: int = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.log = self.source.log if isinstance(self.source, RunResult) else self.source
-        self.result = self.source if isinstance(self.source, RunResult) else None
-        tables = self.log.tables.values()
-        spans = [values for table in tables for name, values in table.items()
+    def __init__(self, source: Log | RunResult, ros: Ros) -> None:
+        self.log = source.log if isinstance(source, RunResult) else source
+        self.result = source if isinstance(source, RunResult) else None
+        spans = [values for table in self.log.tables.values() for name, values in table.items()
                  if name.endswith("_ns") and len(values)]  # fmt: skip
         if self.result is not None:
             spans.append(self.result.estimate.stamp_ns)
@@ -104,102 +83,36 @@ class _BagStreams:
             raise LogError(f"a stamp of {last // NANOSECONDS} s is beyond the time of ROS, which "
                            f"ends {END_S} s after it began")  # fmt: skip
         self.begin = first + self.shift
-        self.frames = self._sensor_frames()
-        self._driven = _driven(self.log["odometry"]) if "odometry" in self.log else {}
+        topics = {key: name and plain(name) for key, name in ros.topics}
+        self.ros = ros.model_copy(update={"topics": ros.topics.model_copy(update=topics)})
+        self.given = LogPublications(self.log, self.ros, self.shift, everything=True)
 
-    def _sensor_frames(self) -> dict[str, str]:
-        """Return the frame of each tag: its name, if no other frame is called so."""
-        frames = self.ros.frames
-        taken = {
-            plain(frames.map),
-            plain(frames.odom),
-            plain(frames.base),
-            LASER_FRAME,
-            SIGHT_FRAME,
-        }
-        return {tag: f"tag/{tag}" if plain(tag) in taken or not plain(tag) else plain(tag)
-                for tag in self.log.tags}  # fmt: skip
-
-    def all(self) -> list[_Stream]:
+    def all(self) -> list[Stream]:
         """Return all streams; messages of one time are written in this order."""
         head = list(self._head())
-        found = [_Stream(np.full(len(head), self.begin), iter(head))]
-        streams: dict[str, Callable[[Columns], Iterator[_Stream]]] = {
-            "odometry": self._odometry, "ranges": self._ranges, "positions": self._positions,
-            "poses": self._poses, "landmark_sightings": self._sightings, "scans": self._scans,
-            "truth": self._truth,
-        }  # fmt: skip
-        for stem, make in streams.items():
-            if stem in self.log and len(self.log[stem]["stamp_ns"]):
-                more = self._driven if stem == "odometry" else {}
-                found += make(self._timed(stem, {**self.log[stem], **more}))
+        found = [Stream(np.full(len(head), self.begin), iter(head)), *self.given.messages()]
         if self.result is not None:
             found += [*self._estimates(self.result), *self._health(self.result)]
         return found
 
-    def _timed(self, stem: str, table: dict[str, NDArray[Any]]) -> Columns:
-        """Return a table in the bag's time and in order of `record_ns`, its arrival there."""
-        stamp = table["stamp_ns"] + self.shift
-        arrival = table.pop("arrival_ns", None) if stem in MESSAGES else None
-        record = stamp if arrival is None else arrival + self.shift
-        table |= {"stamp_ns": stamp, "record_ns": record}
-        if (np.diff(record) < 0).any():
-            order = np.argsort(record, kind="stable")
-            table = {name: values[order] for name, values in table.items()}
-        return table
-
-    def _topic(self, key: str) -> str:
-        """Return where a table goes: where it is expected, or where it would be by default."""
-        return plain(getattr(self.ros.topics, key) or getattr(Topics(), key))
-
     # At the beginning
 
     def _head(self) -> Iterator[Publication]:
-        frame = plain(self.ros.frames.map)
         yield encode.text(bag_settings.TOPIC, bag_settings.text_of(self.log, self.shift))
-        if mounts := self._mounts():
-            yield encode.transforms(mounts, static=True)
-        if self.log.grid is not None:
-            yield encode.occupancy_grid(self._topic("map"), self.log.grid, frame,
-                                        self.begin)  # fmt: skip
-        for stem, name in (("anchors", "anchor"), ("landmarks", "landmark")):
-            if stem in self.log:
-                yield self._points(stem, name, frame)
+        yield from self.given.world(self.begin)
         if "relations" in self.log:
             columns = (values.tolist() for values in self.log["relations"].values())
-            for row in zip(*columns, strict=True):
-                yield self._relation(row, frame)
+            for begin, end, *motion in zip(*columns, strict=True):
+                yield encode.path(bag_settings.RELATIONS, self.given.map,
+                                  (begin + self.shift, end + self.shift),
+                                  [(0.0, 0.0, 0.0), motion])  # fmt: skip
         if self.result is not None and self.ros.topics.path is not None:
-            yield self._path(self.result, frame)
+            yield self._path(self.result, self.ros.topics.path)
         if self.result is not None and self.result.landmarks is not None and self.ros.topics.mapped:
-            yield encode.mapped_landmarks(plain(self.ros.topics.mapped), self.result.landmarks,
-                                          frame, self.begin)  # fmt: skip
+            yield encode.mapped_landmarks(self.ros.topics.mapped, self.result.landmarks,
+                                          self.given.map, self.begin)  # fmt: skip
 
-    def _mounts(self) -> list[encode.Fields]:
-        base = plain(self.ros.frames.base)
-        found = [encode.transform(self.begin, base, self.frames[tag], (x, y, 0.0), z)
-                 for tag, (x, y, z) in self.log.tags.items()]  # fmt: skip
-        for frame, sensor in (
-            (LASER_FRAME, self.log.laser),
-            (SIGHT_FRAME, self.log.landmark_sensor),
-        ):
-            if sensor is not None:
-                found.append(encode.transform(self.begin, base, frame, sensor["pose_in_body"]))
-        return found
-
-    def _points(self, stem: str, name: str, frame: str) -> Publication:
-        table = self.log[stem]
-        at = np.column_stack([table["x_m"], table["y_m"],
-                              table.get("z_m", np.zeros(len(table["x_m"])))])  # fmt: skip
-        return encode.named_points(self._topic(stem), table[name].tolist(), at,
-                                   table.get("radius_m"), frame, self.begin)  # fmt: skip
-
-    def _relation(self, row: tuple[Any, ...], frame: str) -> Publication:
-        begin, end, *motion = row
-        return encode.path(bag_settings.RELATIONS, frame, (begin + self.shift, end + self.shift),
-                           [(0.0, 0.0, 0.0), motion])  # fmt: skip
-
-    def _path(self, result: RunResult, frame: str) -> Publication:
+    def _path(self, result: RunResult, topic: str) -> Publication:
         """Return the whole path, so that it is there wherever in the bag somebody looks."""
         track = result.estimate
         rows, last = [], -math.inf
@@ -209,124 +122,39 @@ class _BagStreams:
                 last = stamp
         poses = np.column_stack([track.position, _headings(result)])[rows]
         stamps = track.stamp_ns[rows] + self.shift
-        return encode.path(plain(self.ros.topics.path or ""), frame, stamps.tolist(),
-                           poses.tolist())  # fmt: skip
-
-    # Sensors
-
-    def _odometry(self, table: Columns) -> Iterator[_Stream]:
-        topic = self._topic("odometry")
-        odom, base = plain(self.ros.frames.odom), plain(self.ros.frames.base)
-        yield _Stream(table["record_ns"], (
-            encode.odometry(topic, stamp, (x, y, heading), (v, omega, left), odom, base)
-            for stamp, x, y, heading, v, omega, left in
-            _rows(table, "x", "y", "heading", "v", "omega", "left")
-        ))  # fmt: skip
-        poses = np.column_stack([table["x"], table["y"], table["heading"]])
-        yield _transforms(table["record_ns"], table["stamp_ns"], odom, base, poses)
-
-    def _ranges(self, table: Columns) -> Iterator[_Stream]:
-        topic = self._topic("ranges")
-        table = {"sigma_m": np.zeros(len(table["tag"])), **table}
-        rows = (RangeRow._make((*row, self.frames.get(row[1], "")))
-                for row in _rows(table, "tag", "anchor", "range_m", "sigma_m"))  # fmt: skip
-        yield _together(table["record_ns"], partial(encode.uwb_ranges, topic), rows)
-
-    def _positions(self, table: Columns) -> Iterator[_Stream]:
-        topic, frame = self._topic("positions"), plain(self.ros.frames.map)
-        table = {"tag": np.full(len(table["x_m"]), ""), **table}
-        yield _Stream(table["record_ns"], (
-            encode.tag_position(topic, FixRow._make((*row, frame)))
-            for row in _rows(table, "x_m", "y_m", "sigma_m", "tag")
-        ))  # fmt: skip
-
-    def _poses(self, table: Columns) -> Iterator[_Stream]:
-        xy, turn = table["sigma_xy_m"], table["sigma_heading_rad"]
-        covariance = np.zeros((len(xy), 3, 3))
-        variances = np.column_stack([xy * xy, xy * xy, turn * turn])
-        variances[xy == -1.0] = -1.0, 0.0, 0.0
-        covariance[:, range(3), range(3)] = variances
-        poses = np.column_stack([table["x_m"], table["y_m"], table["heading_rad"]])
-        yield self._with_covariance(self._topic("poses"), table["record_ns"], table["stamp_ns"],
-                                    poses, covariance)  # fmt: skip
-
-    def _with_covariance(
-        self, topic: str, times: NDArray[np.int64], stamps: NDArray[np.int64], poses: FloatArray,
-        covariances: FloatArray, heights: Iterable[tuple[float, float]] | None = None,
-    ) -> _Stream:  # fmt: skip
-        frame = plain(self.ros.frames.map)
-        flat = repeat(None, len(stamps)) if heights is None else heights
-        rows = zip(stamps.tolist(), poses.tolist(), covariances, flat, strict=True)
-        return _Stream(times, (
-            encode.pose_with_covariance(topic, stamp, pose, covariance, frame, height=height)
-            for stamp, pose, covariance, height in rows
-        ))  # fmt: skip
-
-    def _sightings(self, table: Columns) -> Iterator[_Stream]:
-        topic = self._topic("landmark_sightings")
-        frame = SIGHT_FRAME if self.log.landmark_sensor else plain(self.ros.frames.base)
-        none = np.zeros(len(table["stamp_ns"]))
-        table = {"sigma_range_m": none, "sigma_bearing_rad": none, **table}
-        names = ("landmark", "range_m", "bearing_rad", "sigma_range_m", "sigma_bearing_rad")
-        rows = (SightingRow._make((*row, frame)) for row in _rows(table, *names))
-        yield _together(table["record_ns"], partial(encode.landmark_sightings, topic), rows)
-
-    def _scans(self, table: Columns) -> Iterator[_Stream]:
-        if self.log.laser is None:
-            raise LogError("the log has scans without laser, so a bag cannot have their geometry")
-        topic, bright = self._topic("scans"), table.get("intensities")
-
-        def scan(row: int, stamp: int) -> encode.Publication:
-            laser, beams = self.log.scan_geometry(row)
-            return encode.laser_scan(topic, ScanRow(
-                stamp, LASER_FRAME, laser["angle_min_rad"], laser["angle_increment_rad"],
-                laser["range_min_m"], laser["range_max_m"], table["ranges_m"][row, :beams],
-                None if bright is None else bright[row, :beams], None,
-                laser.get("time_increment_s", 0.0),
-            ))  # fmt: skip
-
-        yield _Stream(table["record_ns"], starmap(scan, enumerate(table["stamp_ns"].tolist())))
-
-    def _truth(self, table: Columns) -> Iterator[_Stream]:
-        topic, n = self._topic("truth"), len(table["x_m"])
-        frame, base = plain(self.ros.frames.map), plain(self.ros.frames.base)
-        table = {"z_m": np.zeros(n), "heading_rad": np.full(n, math.nan), **table}
-        yield _Stream(table["stamp_ns"], (
-            encode.truth(topic, TruthRow._make((*row, frame)), base)
-            for row in _rows(table, "x_m", "y_m", "z_m", "heading_rad")
-        ))  # fmt: skip
+        return encode.path(topic, self.given.map, stamps.tolist(), poses.tolist())
 
     # What the run made of it
 
-    def _estimates(self, result: RunResult) -> Iterator[_Stream]:
-        track, frames = result.estimate, self.ros.frames
+    def _estimates(self, result: RunResult) -> Iterator[Stream]:
+        track = result.estimate
         stamp, heading = track.stamp_ns + self.shift, _headings(result)
         poses = np.column_stack([track.position, heading])
         if self.ros.topics.estimate is not None:
             none = np.zeros((len(stamp), 3, 3))
-            yield self._with_covariance(
-                plain(self.ros.topics.estimate), stamp, stamp, poses,
+            yield with_covariance(
+                self.ros.topics.estimate, self.given.map, stamp, stamp, poses,
                 none if track.covariance is None else track.covariance,
                 None if track.height is None or track.height_variance is None
                 else zip(track.height.tolist(), track.height_variance.tolist(), strict=True),
             )  # fmt: skip
         in_odom = self._in_odom(track.stamp_ns)
         moved = np.array(list(map(encode.map_to_odom, poses.tolist(), in_odom))).reshape(-1, 3)
-        yield _transforms(stamp, stamp, plain(frames.map), plain(frames.odom), moved)
+        yield transforms(stamp, stamp, self.given.map, self.given.odom, moved)
 
     def _in_odom(self, stamps: NDArray[np.int64]) -> list[list[float]]:
         """Return the body's pose in odom at other stamps; without odometry it stays at 0."""
         found = np.zeros((len(stamps), 3))
-        if self._driven:
+        if self.given.driven:
             at = self.log["odometry"]["stamp_ns"]
             after = (stamps - at[0]).astype(float), (at - at[0]).astype(float)
-            found[:, 0] = np.interp(*after, self._driven["x"])
-            found[:, 1] = np.interp(*after, self._driven["y"])
-            found[:, 2] = np.interp(*after, np.unwrap(self._driven["heading"]))
+            found[:, 0] = np.interp(*after, self.given.driven["x"])
+            found[:, 1] = np.interp(*after, self.given.driven["y"])
+            found[:, 2] = np.interp(*after, np.unwrap(self.given.driven["heading"]))
         poses: list[list[float]] = found.tolist()
         return poses
 
-    def _health(self, result: RunResult) -> Iterator[_Stream]:
+    def _health(self, result: RunResult) -> Iterator[Stream]:
         health = result.health
         if health is None:
             return
@@ -339,55 +167,9 @@ class _BagStreams:
                                               health.protection[row].tolist())  # fmt: skip
                 yield encode.diagnostics(stamp, [status])
 
-        yield _Stream(stamps, publications())
-
-
-def _rows(table: Columns, *names: str) -> Iterator[tuple[Any, ...]]:
-    """Return the stamps and some columns of a table row by row."""
-    return zip(*(table[name].tolist() for name in ("stamp_ns", *names)), strict=True)
-
-
-def _transforms(
-    times: NDArray[np.int64], stamps: NDArray[np.int64], parent: str, child: str, poses: FloatArray
-) -> _Stream:  # fmt: skip
-    rows = zip(stamps.tolist(), poses.tolist(), strict=True)
-    return _Stream(times, (encode.transforms([encode.transform(stamp, parent, child, pose)])
-                           for stamp, pose in rows))  # fmt: skip
-
-
-def _together(
-    times: NDArray[np.int64], publish: Callable[[list[Any]], Publication], rows: Iterator[Any]
-) -> _Stream:
-    """Return a message for all rows that are recorded at once."""
-    at, counts = np.unique(times, return_counts=True)
-    return _Stream(at, (publish(list(islice(rows, count))) for count in counts.tolist()))
+        yield Stream(stamps, publications())
 
 
 def _headings(result: RunResult) -> FloatArray:
     found = result.estimate.heading
     return np.zeros(len(result.estimate)) if found is None else found
-
-
-def _driven(odometry: Columns) -> dict[str, NDArray[Any]]:
-    """Return pose in odom, speeds forward and left, and turn rate (n,) at odometry's stamps."""
-    left = odometry.get("v_left_mps", np.zeros(len(odometry["stamp_ns"])))
-    seconds = np.diff(odometry["stamp_ns"]) / NANOSECONDS
-    if "dx_m" in odometry:
-        names = ("dx_m", "dy_m", "dheading_rad")
-        poses = poses_of(np.column_stack([odometry[name] for name in names]))
-        v, omega = (np.concatenate([[0.0], odometry[name][1:] / seconds])
-                    for name in ("dx_m", "dheading_rad"))  # fmt: skip
-    else:
-        v, omega = odometry["v_mps"], odometry["omega_radps"]
-        poses = _arcs(np.column_stack([v, left, omega]), seconds)
-    return {"x": poses[:, 0], "y": poses[:, 1], "heading": poses[:, 2], "v": v, "omega": omega,
-            "left": left}  # fmt: skip
-
-
-def _arcs(velocity: FloatArray, seconds: FloatArray) -> FloatArray:
-    """Return the poses (n, 3) that velocities lead to, each held until the next one's stamp."""
-    pose, found = _core.Pose2(), [(0.0, 0.0, 0.0)]
-    for motion in (velocity[:-1] * seconds[:, None]).tolist():
-        pose = pose * _core.arc(*motion)
-        found.append((pose.x, pose.y, pose.heading))
-    return np.array(found)
