@@ -19,8 +19,8 @@ from locfuse.sim.faults import World, walls_between, with_faults
 from locfuse.sim.maps import FloorPlan, floor_plan, furnished
 from locfuse.sim.space import cell_of, largest_part, middle_of, room_for, steps_from, way
 from locfuse.sim.trajectory import Drive, there_and_back
-from locfuse.sim.warp import Shift, bend, bent
 from locfuse.types import Columns, FloatArray, GridMap, Log
+from papers.celan2017.warp import Shift, bend, bent
 
 Cell: TypeAlias = NDArray[np.int64]  # row and column
 

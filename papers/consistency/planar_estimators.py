@@ -15,12 +15,13 @@ from locfuse.config.build import build_recovering_config
 from locfuse.config.load import parse_config
 from locfuse.config.schema import RunConfig, StartSigma
 from locfuse.eval.errors import interpolate
-from locfuse.run.messages import instants_of, radios_of, to_messages, truth_of
+from locfuse.run.messages import radios_of, to_messages, truth_of
 from locfuse.run.run import load_log, run
-from locfuse.run.start import drawn_start
 from locfuse.types import FloatArray, Log, RunResult, Trajectory
 from papers.consistency.sample import Sample, pose_nees, with_sigmas_times
+from papers.recordings.landmark_mapping import instants_of
 from papers.recordings.map_localization import drawn, simulated
+from papers.starts import drawn_start
 
 WHEELS = {
     "sigma_longitudinal_per_sqrt_m": 0.03,

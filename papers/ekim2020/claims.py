@@ -14,7 +14,6 @@ from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
 from locfuse.run.messages import to_messages, truth_of
 from locfuse.run.run import run
-from locfuse.run.start import drawn_start
 from locfuse.sim.scenario import simulate
 from locfuse.types import FloatArray, Log, LogError
 from papers.claims import Claim, Paper, Progress, Statement, absent, claim_of, share
@@ -52,6 +51,7 @@ from papers.ekim2020.world import (
 )
 from papers.recordings.reference_alignment import OFFICE_FRAMES, settled_truth
 from papers.scores import rms
+from papers.starts import drawn_start
 
 _PATHS = ("circle", "eight", "square", "star", "waypoints")
 _SIZES = ("2d_5", "2d_8", "3d_5", "3d_8")

@@ -25,7 +25,6 @@ from locfuse.report.plot.style import (
 )
 from locfuse.run.messages import to_messages, truth_of
 from locfuse.run.run import run
-from locfuse.run.start import drawn_start
 from locfuse.sim.scenario import simulate
 from locfuse.types import FloatArray, LogError
 from papers.ekim2020.experiments import (
@@ -38,6 +37,7 @@ from papers.ekim2020.experiments import (
 from papers.ekim2020.world import room_config, square_room
 from papers.figures import save_figures
 from papers.scores import rms
+from papers.starts import drawn_start
 
 
 def draw_figures(folder: Path, configs: Path | None) -> list[Path]:

@@ -16,13 +16,14 @@ from locfuse.config.load import parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.eval.consistency import band
 from locfuse.eval.errors import errors_against
-from locfuse.run.messages import instants_of, landmarks_of, to_messages, trajectory_of, truth_of
+from locfuse.run.messages import landmarks_of, to_messages, trajectory_of, truth_of
 from locfuse.run.run import run
 from locfuse.run.start import start_of
 from locfuse.types import Log, LogError, Trajectory
 from papers.claims import Claim, Progress, absent, claim_of, claims_of, consistent
 from papers.recorded import load_recording
 from papers.recordings.cylinder_localization import cylinder_parts
+from papers.recordings.landmark_mapping import instants_of
 from papers.recordings.victoria_park import tree_parts
 from papers.scores import rms
 

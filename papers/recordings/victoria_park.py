@@ -17,11 +17,11 @@ import numpy as np
 
 from locfuse import _core
 from locfuse.eval.errors import interpolate
-from locfuse.run.landmark_slam import LandmarkMapping, map_landmarks
 from locfuse.run.start import scans_of
 from locfuse.types import NANOSECONDS, FloatArray, Log, LogError, Trajectory
 from papers.claims import Claim, absent
 from papers.recorded import load_recording
+from papers.recordings.landmark_mapping import LandmarkMapping, map_landmarks
 from papers.scores import rms
 
 ANTENNA_M = (3.78, 0.5)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -18,7 +18,6 @@ from locfuse.run.missing_inputs import how_to_add, where_named
 from locfuse.types import (
     NANOSECONDS,
     Columns,
-    FloatArray,
     Log,
     LogError,
     StampArray,
@@ -317,63 +316,6 @@ def landmark_sensor_of(log: Log) -> _core.Pose2:
     """Return the pose of the landmark sensor in body."""
     mount = log.landmark_sensor
     return _core.Pose2() if mount is None else _core.Pose2(*map(float, mount["pose_in_body"]))
-
-
-@dataclass(frozen=True)
-class Instant:
-    """Unnamed landmark observations of one stamp [ns], and the odometry since the one before.
-
-    `driven` has the velocities with stamps up to it; `rows` are those of `seen` in the log's
-    sightings.
-    """
-
-    stamp: int
-    driven: list[_core.Velocity]
-    seen: list[_core.RangeBearing]
-    rows: NDArray[np.intp]
-
-
-def instants_of(log: Log) -> Iterator[Instant]:
-    """Yield the instants of a log at which landmarks are seen.
-
-    Raises LogError where it has no sightings, or its odometry is not velocities.
-    """
-    seen, odometry = log.tables.get("landmark_sightings"), log.tables.get("odometry")
-    if seen is None or odometry is None or "v_mps" not in odometry:
-        raise LogError(
-            "seeing landmarks needs landmark_sightings.csv, and odometry.csv with v_mps and "
-            f"omega_radps; the log has {sorted(log.tables)}"
-        )
-    velocities = [
-        _core.Velocity(*row)
-        for row in zip(*(odometry[name].tolist() for name in ("stamp_ns", "v_mps", "omega_radps")),
-                       odometry.get("v_left_mps", np.zeros(len(odometry["v_mps"]))).tolist(),
-                       strict=True)
-    ]  # fmt: skip
-    sightings = [
-        _core.RangeBearing(stamp, None, _number(distance), _number(bearing), covariance)
-        for stamp, distance, bearing, covariance in zip(
-            *(seen[name].tolist() for name in ("stamp_ns", "range_m", "bearing_rad")),
-            _covariances(seen),
-            strict=True,
-        )
-    ]
-    stamps, group = np.unique(seen["stamp_ns"], return_inverse=True)
-    rows = np.split(np.argsort(group, kind="stable"), np.cumsum(np.bincount(group))[:-1])
-    until = np.searchsorted(odometry["stamp_ns"], stamps, side="right").tolist()
-    for stamp, these, begin, end in zip(stamps.tolist(), rows, [0, *until], until, strict=False):
-        yield Instant(stamp, velocities[begin:end], [sightings[row] for row in these], these)
-
-
-def _covariances(seen: Columns) -> list[FloatArray | None]:
-    if "sigma_range_m" not in seen:
-        return [None] * len(seen["stamp_ns"])
-    sigmas = np.column_stack([seen["sigma_range_m"], seen["sigma_bearing_rad"]])
-    return [np.diag(sigma**2) for sigma in sigmas]
-
-
-def _number(value: float) -> float | None:
-    return None if np.isnan(value) else value
 
 
 def trajectory_of(estimates: list[_core.PoseEstimate]) -> Trajectory:

@@ -78,25 +78,6 @@ def _covariance(sigma: StartSigma) -> FloatArray:
     return covariance
 
 
-def drawn_start(
-    config: RunConfig,
-    truth: Trajectory | None,
-    messages: Messages,
-    seed: int,
-    sigma_factor: float = 1.0,
-) -> _core.PoseEstimate:
-    """Return a start as wrong as its covariance says: that of `start_of` plus a draw.
-
-    Its covariance is that of the draw times `sigma_factor` squared.
-    """
-    start = start_of(config, truth, messages)
-    rng = np.random.default_rng([seed, 1])
-    dx, dy, turn = rng.standard_normal(3) * np.sqrt(np.diag(start.covariance))
-    pose = _core.Pose2(start.pose.x + dx, start.pose.y + dy,
-                       _core.wrap_angle(start.pose.heading + turn))  # fmt: skip
-    return _core.PoseEstimate(start.stamp, pose, sigma_factor**2 * start.covariance)
-
-
 def scans_of(log: Log) -> list[_core.LaserScan]:
     """Return the scans of a log as messages; none where it has no scans.
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import locfuse as lf
-from locfuse.run.landmark_slam import map_landmarks
 from locfuse.types import NANOSECONDS, Log, LogError, wrap_angle
 from papers.recordings import draw_trees, victoria_park
+from papers.recordings.landmark_mapping import map_landmarks
 from papers.reproduce import draw
 from support_runs import CONFIGS, recording
 

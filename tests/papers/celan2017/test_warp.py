@@ -8,8 +8,8 @@ import pytest
 
 from locfuse.sim.room import room_grid
 from locfuse.sim.space import cell_of, largest_part
-from locfuse.sim.warp import bend, bent
 from locfuse.types import FREE, OCCUPIED, FloatArray
+from papers.celan2017.warp import bend, bent
 
 AROUND, RIGHT = (0.0, 0.0, 50.0, 25.0), (36.0, 0.0, 43.0, 7.0)
 
