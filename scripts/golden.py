@@ -10,13 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from locfuse.config.load import load_config
-from locfuse.run.capsule import (
-    Capsule,
-    differences,
-    make_capsule,
-    read_capsule,
-    write_capsule,
-)
+from locfuse.run.capsule import Capsule, differences, make_capsule, read_capsule, write_capsule
 from locfuse.types import ConfigError
 
 GOLDEN = Path(__file__).resolve().parent.parent / "tests" / "golden"

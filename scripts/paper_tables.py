@@ -14,16 +14,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[0] = str(ROOT)  # otherwise `papers` is this file
 
-from papers.page import (  # noqa: E402
-    FIVE,
-    HEAD,
-    OURS,
-    PAPERS_IN_ORDER,
-    Repeated,
-    cells_of,
-    judge,
-    read_rows,
-)
+from papers.page import FIVE, HEAD, OURS, PAPERS_IN_ORDER, Repeated, cells_of, judge, read_rows  # noqa: E402
 
 ROWS, PAGE, README = ROOT / "docs/papers.json", ROOT / "docs/papers.md", ROOT / "README.md"
 BEGIN, END = "<!-- rows of the papers, by scripts/paper_tables.py -->", "<!-- end of these rows -->"

@@ -52,10 +52,7 @@ def hall(seed: int = 3) -> Hall:
     truth = np.column_stack(circle).astype(np.float64)
     angles = np.linspace(-np.pi, np.pi, BEAMS, endpoint=False)
     seen = cast(
-        grid,
-        np.repeat(truth[:, :2], BEAMS, axis=0),
-        (truth[:, 2:] + angles).ravel(),
-        50.0,
+        grid, np.repeat(truth[:, :2], BEAMS, axis=0), (truth[:, 2:] + angles).ravel(), 50.0
     ).reshape(POSES, BEAMS)
     off = rng.uniform(-1.0, 1.0, (POSES, 3)) * [0.2, 0.2, np.deg2rad(5.0)]
     row, column = np.nonzero(cells == FREE)

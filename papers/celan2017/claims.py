@@ -9,12 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from locfuse.eval.consistency import band
-from locfuse.types import (
-    FloatArray,
-    LogError,
-    Trajectory,
-    wrap_angle,
-)
+from locfuse.types import FloatArray, LogError, Trajectory, wrap_angle
 from papers.celan2017.experiments import LOST_M, NEAR_M, SETUPS, Run, end_m, laps, longest_lost_s
 from papers.celan2017.figure_eights import (
     FUSED,

@@ -64,11 +64,7 @@ def _read(source: Path, run: str) -> Log:
     row, column = np.nonzero(there)
     return Log(
         tables={
-            "odometry": {
-                "stamp_ns": drive["t"],
-                "v_mps": drive["v"],
-                "omega_radps": drive["w"],
-            },
+            "odometry": {"stamp_ns": drive["t"], "v_mps": drive["v"], "omega_radps": drive["w"]},
             "ranges": {
                 "stamp_ns": measured["t"][row],
                 "tag": np.full(len(row), TAG),

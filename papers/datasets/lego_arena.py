@@ -11,13 +11,7 @@ from numpy.typing import NDArray
 
 from locfuse.io.log_folder import write_log
 from locfuse.types import Columns, FloatArray, Log, LogError, StampArray
-from papers.datasets.source import (
-    arc,
-    landmarks,
-    later_than_before,
-    read_words,
-    with_start,
-)
+from papers.datasets.source import arc, landmarks, later_than_before, read_words, with_start
 
 BEAMS = 660
 STEP_RAD = 0.006135923151543

@@ -9,13 +9,7 @@ import numpy as np
 
 from locfuse.io.log_folder import write_log
 from locfuse.types import Log
-from papers.datasets.source import (
-    TRUCK_LASER,
-    positions,
-    read_source,
-    truck_odometry,
-    truck_scans,
-)
+from papers.datasets.source import TRUCK_LASER, positions, read_source, truck_odometry, truck_scans
 
 SIGMA_GPS_M = 2.0
 

@@ -5,14 +5,7 @@ from papers.claims import Judged, Paper, Statement, judge
 from papers.page.cells import HEAD, OURS, cells_of, figure_of
 from papers.page.compare import differences
 from papers.page.html import PAGE, page_of
-from papers.page.repeated import (
-    FIVE,
-    PAPERS_IN_ORDER,
-    ROWS,
-    Repeated,
-    read_rows,
-    write_rows,
-)
+from papers.page.repeated import FIVE, PAPERS_IN_ORDER, ROWS, Repeated, read_rows, write_rows
 from papers.page.runs import repeat, repeat_all, seeds_of, stages, write_page
 
 __all__ = [

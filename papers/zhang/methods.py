@@ -211,10 +211,7 @@ class OurMcl:
     """
 
     def __init__(
-        self,
-        grid: GridMap,
-        config: _core.MclConfig,
-        start: _core.PoseEstimate | None = None,
+        self, grid: GridMap, config: _core.MclConfig, start: _core.PoseEstimate | None = None
     ) -> None:
         self._mcl = _core.Mcl(config, grid.occupancy_grid())
         if start is not None:

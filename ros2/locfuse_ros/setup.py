@@ -22,6 +22,6 @@ setup(
             "localize = locfuse_ros.localize:main",
             "replay_log = locfuse_ros.replay_log:main",
             "simulate_uwb = locfuse_ros.simulate_uwb:main",
-        ],
+        ]
     },
 )

@@ -575,10 +575,7 @@ def test_what_there_is_of_a_cancelled_run_can_be_watched(slow: Page) -> None:
 
 
 def test_60_s_of_2000_particles_play_at_30_frames_a_second(
-    browser: Browser,
-    serve: Callable[..., Served],
-    tmp_path: Path,
-    measured: Callable[[str], None],
+    browser: Browser, serve: Callable[..., Served], tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     config = load_config(CONFIGS / "hallways_mcl_uwb.yaml").model_dump(mode="json")
     config["simulation"]["duration_s"] = 60

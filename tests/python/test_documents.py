@@ -107,9 +107,7 @@ def table_under(path: Path, heading: str) -> list[list[str]]:
 
 
 @pytest.mark.parametrize(
-    "page",
-    [p for p in PAGES if any(b.language == "python" for b in blocks_of(p))],
-    ids=name_of,
+    "page", [p for p in PAGES if any(b.language == "python" for b in blocks_of(p))], ids=name_of
 )
 def test_python_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

@@ -11,14 +11,7 @@ import pytest
 from locfuse.sim.space import cell_of, middle_of
 from locfuse.types import GridMap
 
-CELLS = np.array(
-    [
-        [0, 0, 0, 0],
-        [0, 100, 0, -1],
-        [-1, 0, 0, 0],
-    ],
-    np.int8,
-)
+CELLS = np.array([[0, 0, 0, 0], [0, 100, 0, -1], [-1, 0, 0, 0]], np.int8)
 
 
 def turned(degrees: float = 90.0) -> GridMap:

@@ -122,10 +122,7 @@ def words(peer: Peer, says: str) -> None:
 def test_a_map_that_is_not_latched_is_reported(peer: Peer) -> None:
     peer.start("localize", STARTS)
     offered(peer, "map", "nav_msgs/OccupancyGrid")
-    words(
-        peer,
-        "its durability is lower than this node requests, transient_local",
-    )
+    words(peer, "its durability is lower than this node requests, transient_local")
 
 
 def test_a_subscriber_with_incompatible_qos_is_reported(peer: Peer) -> None:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import ModuleType
 from typing import TypeAlias
 
 from locfuse.check import rules_anchors as anchors
@@ -38,60 +39,18 @@ PLANAR: tuple[Rule, ...] = (
     ranges.sigma_against_the_scatter,
     ranges.tag_height_mismatch,
 )
-RULES: tuple[Rule, ...] = (
-    log_of.run_errors,
-    log_of.sources_without_messages,
-    log_of.messages_without_use,
-    log_of.unknown_names,
-    log_of.rates_and_gaps,
-    log_of.messages_too_late,
-    log_of.units_of_stamps,
-    log_of.duplicate_rows,
-    log_of.coordinates_of_a_projection,
-    log_of.angles_in_degrees,
-    log_of.unused_maps,
-    config_of.ineffective_gates,
-    config_of.implausible_sigmas,
-    config_of.unused_config_sigma,
-    config_of.unknown_anchors,
-    config_of.zero_lever_arms,
-    config_of.implausible_start,
-    switch.ineffective_switch,
-    anchors.anchors_in_one_place,
-    anchors.anchors_in_one_line,
-    anchors.anchors_in_one_plane,
-    anchors.tags_on_the_floor,
-    anchors.unobservable_states,
-    anchors.geometry_where_the_robot_is,
-    anchors.start_outside_floors,
-    tags.tags_in_one_place,
-    tags.tags_inconsistent_with_fixes,
-    tags.tags_inconsistent_with_ranges,
-    tags.frozen_fixes,
-    tags.silent_tags,
-    landmarks.landmarks_in_one_place,
-    landmarks.unknown_landmarks,
-    landmarks.too_few_landmarks,
-    landmarks.ambiguous_landmarks,
-    landmarks.undetected_cylinders,
-    landmarks.mismatched_radii,
-    ranges.units_of_ranges,
-    ranges.invalid_ranges,
-    ranges.anchors_swapped,
-    ranges.ranges_with_a_common_error,
-    ranges.anchor_errors,
-    ranges.outliers_by_anchor,
-    ranges.sigma_against_the_scatter,
-    ranges.tag_height_mismatch,
-    ranges.frame_of_the_truth,
-    ranges.clock_of_the_ranges,
-    ranges.precision_to_expect,
-    motion.turn_direction,
-    motion.scale_of_the_odometry,
-    motion.heading_against_the_course,
-    motion.clock_of_the_odometry,
-    motion.start_against_the_first_metres,
-)
+
+
+def _rules_of(module: ModuleType) -> Iterator[Rule]:
+    """Yield the checks of a module in its order: its public functions that yield findings."""
+    for name, rule in vars(module).items():
+        yields = getattr(rule, "__annotations__", {}).get("return") == "Iterator[Finding]"
+        if yields and not name.startswith("_"):
+            yield rule
+
+
+MODULES = (log_of, config_of, switch, anchors, tags, landmarks, ranges, motion)
+RULES: tuple[Rule, ...] = tuple(rule for module in MODULES for rule in _rules_of(module))
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Any, Literal, get_args, get_origin
+from types import UnionType
+from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, model_validator
 
@@ -13,7 +14,12 @@ from locfuse.types import nearest, shown
 
 
 class Strict(BaseModel):
-    """A configuration that refuses unknown keys, NaN and infinity, and never changes once made."""
+    """A configuration that refuses unknown keys, NaN and infinity, and never changes once made.
+
+    `fixed` are constants of the C++ struct that are no keys; as such a value one is left out.
+    """
+
+    fixed: ClassVar[Mapping[str, float]] = {}
 
     model_config = ConfigDict(
         extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
@@ -23,6 +29,12 @@ class Strict(BaseModel):
     @classmethod
     def _known_keys(cls, data: Any) -> Any:
         if isinstance(data, dict):
+            fixed = {key for key in data if key in cls.fixed}
+            for key in fixed:
+                if isinstance(data[key], bool) or data[key] != cls.fixed[key]:
+                    raise ValueError(f"{key} is {shown(data[key])}, but is fixed at "
+                                     f"{cls.fixed[key]:g}; remove it")  # fmt: skip
+            data = {key: value for key, value in data.items() if key not in fixed}
             for key, value in data.items():
                 if key not in cls.model_fields:
                     advice = nearest(str(key), cls.model_fields)
@@ -37,6 +49,15 @@ def is_tag(model: type[BaseModel], key: str) -> bool:
     """Return whether a key only says which model of several it is: it has a single value."""
     annotation = model.model_fields[key].annotation
     return get_origin(annotation) is Literal and len(get_args(annotation)) == 1
+
+
+def options(annotation: Any) -> list[Any]:
+    """Return what a type may be: the members of a union, without what annotates them."""
+    if get_origin(annotation) is Annotated:
+        return options(get_args(annotation)[0])
+    if get_origin(annotation) in (Union, UnionType):
+        return [option for member in get_args(annotation) for option in options(member)]
+    return [annotation]
 
 
 def description(model: type[BaseModel], key: str) -> tuple[str, str]:

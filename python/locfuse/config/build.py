@@ -45,8 +45,7 @@ def build_triangle_config(estimator: Estimator) -> _core.TagTriangleEkfConfig:
     """Return the C++ struct with every value of `estimator` for three tags."""
     config, triangle = _core.TagTriangleEkfConfig(), estimator.tag_triangle
     _copy(config, estimator, ("gate_range", "gate_position"), ("range", "position", "limits"))
-    _copy(config, triangle, ("heading_is_known", "sigma_start_velocity_mps", "gate_velocity",
-                             "gate_side"), ("velocity",))  # fmt: skip
+    _copy(config, triangle, ("heading_is_known", "gate_velocity"), ("velocity",))
     config.motion.sigma_velocity_per_sqrt_s = triangle.sigma_velocity_per_sqrt_s
     config.side.sigma_m = triangle.sigma_side_m
     config.holds_sides = True

@@ -639,10 +639,7 @@ LaserFault: TypeAlias = Glass | People | MaxRange | Covered
 SensorFault: TypeAlias = (
     Nlos | Bias | Wander | Outliers | Dropouts | Latency | WheelSlip | SlipEpisodes | LaserFault
 )
-Fault: TypeAlias = Annotated[
-    SensorFault | Kidnap,
-    Field(discriminator="kind"),
-]
+Fault: TypeAlias = Annotated[SensorFault | Kidnap, Field(discriminator="kind")]
 
 
 def _require_interval(from_s: float, to_s: float) -> None:

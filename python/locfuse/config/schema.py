@@ -8,7 +8,7 @@ test compares the two.
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
@@ -112,14 +112,12 @@ class Limits(Strict):
 class Adaptive(Strict):
     """Variances that follow innovations, 0 for none; ``AdaptiveNoise::Config`` in C++."""
 
+    fixed: ClassVar = {"least": 0.1, "most": 100.0}
+
     messages: NonNegative = 0.0
     """Number of messages in the memory; 0: off, else at least 5: 200 for a sensor of constant
     quality, fewer if it varies.
     """
-    least: Annotated[float, Field(gt=0.0, le=1.0)] = 0.1
-    """Minimum factor of the reported variance."""
-    most: Annotated[float, Field(ge=1.0)] = 100.0
-    """Maximum factor of the reported variance."""
 
     @model_validator(mode="after")
     def _more_than_an_echo(self) -> Adaptive:
@@ -202,6 +200,8 @@ LEFT_OUT: dict[Kind, tuple[str, ...]] = {
 class Cylinders(Strict):
     """Pillars, poles and trunks in the scans; ``CylinderDetectorConfig`` in C++."""
 
+    fixed: ClassVar = {"jump_gaps": 6.0, "misfit_probability": 0.99999, "leg_radius_m": 0.12}
+
     sigma_range_m: Annotated[float, Field(ge=1e-6, le=1e9)] = 0.01
     """Range noise of one beam [m]."""
     sigma_bearing_rad: Bounded = 0.0
@@ -214,18 +214,12 @@ class Cylinders(Strict):
     """Maximum fitted radius; at least `radius_min_m` [m]."""
     least_beams: Annotated[int, Field(ge=1, le=10**9)] = 7
     """Minimum number of beams on a cylinder."""
-    jump_gaps: Annotated[float, Field(ge=1.0, le=1e9)] = 6.0
-    """A depth step is an edge if it exceeds six sigma plus this many gaps between beams."""
-    misfit_probability: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.99999
-    """Probability that the arc of a cylinder passes the chi-square gate."""
     least_evidence: Bounded = 25.0
     """Minimum by which the chi-square of a straight wall exceeds that of the cylinder."""
     least_corner_evidence: Annotated[float, Field(ge=-1e9, le=1e9)] = 4.0
     """Minimum by which the chi-square of a right-angled corner exceeds it; -20 for places without
     boxes.
     """
-    leg_radius_m: Bounded = 0.12
-    """Maximum radius of a leg: two thin cylinders side by side are legs [m]."""
     leg_distance_m: Bounded = 0.0
     """Maximum distance between two legs; 0: nobody walks here [m]."""
     least_intensity: Bounded = 0.0
@@ -244,6 +238,8 @@ class Cylinders(Strict):
 class LandmarkSlam(Strict):
     """How `landmark_slam` maps; with `estimator`, ``LandmarkEkfConfig`` in C++."""
 
+    fixed: ClassVar = {"confirm_within_s": 2.0}
+
     use_map: bool = True
     """Take the landmarks of the log as known and exact; false: all are mapped."""
     gate_new: GateProbability = 0.999999
@@ -252,8 +248,6 @@ class LandmarkSlam(Strict):
     """
     min_sightings: Annotated[int, Field(ge=1, le=10**9)] = 3
     """Number of sightings that confirm a landmark without a name."""
-    confirm_within_s: Positive = 2.0
-    """Time from its first sighting after which an unconfirmed landmark is dropped [s]."""
     max_landmarks: Annotated[int, Field(ge=0, le=10**6)] = 500
     """Maximum number of landmarks that are mapped."""
 
@@ -274,6 +268,8 @@ class TagVelocity(Strict):
 class TagTriangle(Strict):
     """What `tag_triangle` needs; with `estimator`, ``TagTriangleEkfConfig`` in C++."""
 
+    fixed: ClassVar = {"sigma_start_velocity_mps": 0.5, "gate_side": 1.0}
+
     sigma_velocity_per_sqrt_s: Positive = 0.2
     """White acceleration of each tag [m/s/√s]."""
     velocity: TagVelocity = Field(default_factory=TagVelocity)
@@ -282,12 +278,8 @@ class TagTriangle(Strict):
     """Sigma of the sides of the triangle [m]."""
     heading_is_known: bool = False
     """Turn odometry into the world by a heading without error, as in the paper."""
-    sigma_start_velocity_mps: Positive = 0.5
-    """Sigma of the tags' velocities at the start [m/s]."""
     gate_velocity: GateProbability = 0.999
     """Probability that good odometry passes its gate; 1: no gate."""
-    gate_side: GateProbability = 1.0
-    """Probability that the sides pass their gate; 1: no gate."""
 
 
 class ConstantVelocity(Strict):
@@ -304,22 +296,19 @@ class ConstantVelocity(Strict):
 class Air(Strict):
     """What `air` needs; with `estimator`, ``AirEkfConfig`` in C++."""
 
+    fixed: ClassVar = {"sigma_lost_height_per_sqrt_s": 0.5, "sigma_start_velocity_mps": 1.0,
+             "sigma_start_climb_mps": 0.5}  # fmt: skip
+
     motion: Literal["odometry", "constant_velocity"] = "constant_velocity"
     """What carries the body: odometry in the plane, or its velocity, where nobody measures it."""
     constant_velocity: ConstantVelocity = Field(default_factory=ConstantVelocity)
     """How the velocity changes; for `constant_velocity`."""
     sigma_height_per_sqrt_s: DriftSigma = 0.1
     """Random walk of the height; for `odometry` [m/√s]."""
-    sigma_lost_height_per_sqrt_s: LostSigma = 0.5
-    """The same after the odometry timeout [m/√s]."""
     start_height_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
     """Height at the start; with `start: truth` that of the reference, if it has one [m]."""
     sigma_start_height_m: Annotated[float, Field(gt=0.0, le=1e9)] = 0.3
     """Sigma of that height [m]."""
-    sigma_start_velocity_mps: Positive = 1.0
-    """Sigma of each axis of the velocity at the start; for `constant_velocity` [m/s]."""
-    sigma_start_climb_mps: Positive = 0.5
-    """Sigma of the climb rate at the start; for `constant_velocity` [m/s]."""
     sensor_up_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
     """Height of the landmark sensor over the body's origin [m]."""
 
@@ -333,6 +322,8 @@ class ScanOdometry(Strict):
 
 class Estimator(Strict):
     """An EKF: its kind, and its settings; ``PoseEkfConfig`` in C++ for `pose`."""
+
+    fixed: ClassVar = {"robust_dof": 4.0, "robust_late_share": 0.05}
 
     kind: Kind = "pose"
     """Estimator. `pose`: of position and heading; `landmark_slam`: [maps landmarks while it
@@ -369,10 +360,6 @@ class Estimator(Strict):
     """Noise distribution of position fixes."""
     robust_pose: Literal["gaussian", "student_t", "cauchy"] = "gaussian"
     """Noise distribution of poses."""
-    robust_dof: Annotated[float, Field(ge=1.0, le=1e6)] = 4.0
-    """Degrees of freedom of `student_t`: fewer have heavier tails."""
-    robust_late_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.05
-    """Fraction of ranges that read too long, for `one_sided`."""
     hold_s: Positive = 1.0
     """Odometry timeout: the last motion is extrapolated for this time [s]."""
     sigma_lost_xy_per_sqrt_s: LostSigma = 0.5
@@ -428,68 +415,30 @@ def ignored_by(estimator: Estimator) -> dict[Source, str]:
 class Health(Strict):
     """Monitor of how far an estimate may be trusted; ``HealthConfig`` in C++."""
 
+    fixed: ClassVar = {"mean_s_between_losses": 14400.0, "wrong_share": 0.02,
+             "wrong_span_m": 20.0, "chance_share": 0.4, "faulty_share": 0.1,
+             "faulty_share_unnamed": 1e-06, "faulty_s": 10.0, "exclude_above": 0.999,
+             "probability_lost": 0.5, "probability_found": 0.1, "doubt_s": 0.5,
+             "invalid_s": 60.0}  # fmt: skip
+
     limit_m: Positive = 1.0
     """Position error whose probability `within` reports [m]."""
     risk: Annotated[float, Field(gt=0.0, lt=0.5)] = 0.01
     """Probability that an error exceeds its protection level."""
-    mean_s_between_losses: Annotated[float, Field(gt=1e-3, lt=1e12)] = 14400.0
-    """Mean time between two losses of the pose [s]."""
-    wrong_share: Annotated[float, Field(gt=1e-9, lt=1.0)] = 0.02
-    """Fraction of independent outliers among the measurements."""
-    wrong_span_m: Annotated[float, Field(gt=1e-6, lt=1e12)] = 20.0
-    """Outliers are uniform over this span [m]."""
-    chance_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.4
-    """Fraction of measurements that fit a wrong pose by chance."""
-    faulty_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.1
-    """Fraction of the time in which a source as a whole is faulty."""
-    faulty_share_unnamed: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-6
-    """Fraction of the time in which a sensor of unnamed landmarks is faulty."""
-    faulty_s: Positive = 10.0
-    """Mean duration of a source fault [s]."""
-    exclude_above: Annotated[float, Field(gt=0.0, le=1.0)] = 0.999
-    """Ranges of a source that is faulty with a higher probability than this are not fused."""
-    probability_lost: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.5
-    """Probability of a wrong pose above which the estimate is lost."""
-    probability_found: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.1
-    """Probability of a wrong pose below which it is no longer lost; at most `probability_lost`."""
-    doubt_s: Positive = 0.5
-    """Time above `probability_lost` until the estimate is declared lost [s]."""
     aiding_lost_s: Positive = 2.0
     """Time without a fused measurement until the state is dead reckoning [s]."""
-    invalid_s: Positive = 60.0
-    """Time without a fused measurement until the state is lost [s]."""
-
-    @model_validator(mode="after")
-    def _found_ends_lost(self) -> Health:
-        if self.probability_found > self.probability_lost:
-            raise ValueError(
-                f"probability_found is {self.probability_found} and probability_lost is "
-                f"{self.probability_lost}; expected probability_found <= probability_lost"
-            )
-        return self
 
 
 class Initializer(Strict):
     """What a start from nothing asks for; ``InitializerConfig`` in C++."""
 
-    epoch_s: Annotated[float, Field(gt=0.0, lt=3600.0)] = 0.2
-    """Ranges within this time are combined into the first position [s]."""
-    headings: Annotated[int, Field(gt=3, le=360)] = 36
-    """Number of headings tried where none is known."""
-    wrong_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.01
-    """Fraction of ranges and positions that are outliers."""
-    wrong_span_m: Positive = 20.0
-    """Outliers are uniform over this span [m]."""
-    spacing_m: Positive = 0.2
-    """Minimum distance driven between two scans that are used [m]."""
-    spacing_heading_rad: Positive = 0.35
-    """Minimum angle turned between two scans that are used [rad]."""
+    fixed: ClassVar = {"epoch_s": 0.2, "headings": 36, "wrong_share": 0.01, "wrong_span_m": 20.0,
+             "spacing_m": 0.2, "spacing_heading_rad": 0.35, "standing_ranges": 10}  # fmt: skip
+
     sigma_map_m: Annotated[float, Field(gt=0.0, lt=1000.0)] = 0.03
     """Position uncertainty of the map relative to the anchors [m]."""
     sigma_map_rad: Annotated[float, Field(gt=0.0, lt=10.0)] = 0.02
     """Heading uncertainty of the map relative to the anchors [rad]."""
-    standing_ranges: Annotated[int, Field(gt=0, le=1_000_000_000)] = 10
-    """Maximum number of ranges per link that count while the robot stands."""
     probability_ready: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.999
     """Minimum probability of the pose for `ready`."""
     sigma_xy_ready_m: Positive = 0.5
@@ -597,6 +546,12 @@ class Mcl(Strict):
     they go to a filter of their own, by `estimator` and `initializer`, which rescues them.
     """
 
+    fixed: ClassVar = {"kld_error": 0.05, "kld_quantile": 2.33, "effective_share": 0.2,
+             "outlier_share": 0.01, "resample_below": 0.5, "most_drop": 1.5,
+             "min_explained": 0.75, "scouts": 64, "scout_draws": 20000,
+             "most_gain": 2.0, "sigma_lost_xy_per_sqrt_s": 0.5,
+             "sigma_lost_heading_per_sqrt_s": 0.5, "bin_m": 0.5, "bin_headings": 24}  # fmt: skip
+
     poses_hz: Rate | None = None
     """Rate at which estimates are given to the pose EKF as poses, which fuses everything else;
     default: they are the estimate of the run [Hz].
@@ -607,63 +562,28 @@ class Mcl(Strict):
     """Minimum number of particles."""
     max_particles: Annotated[int, Field(ge=1, le=2**28)] = 5000
     """Maximum number of particles, used while searching; at least `min_particles`."""
-    kld_error: Annotated[float, Field(ge=1e-6, le=1.0)] = 0.05
-    """Maximum error of the particle distribution (Kullback-Leibler divergence), which sets the
-    number of particles.
-    """
-    kld_quantile: Annotated[float, Field(ge=0.0, le=10.0)] = 2.33
-    """Normal quantile of the probability that this error is kept: 99 %."""
     beams: Annotated[int, Field(ge=1, le=100_000)] = 60
     """Number of returns of a scan that are used, evenly spaced."""
     independent_beams: Annotated[float, Field(ge=1e-3, le=1e6)] = 10.0
     """Number of independent beams that they count as, since neighbours share errors of the map."""
     independent_beams_searching: Annotated[float, Field(ge=1e-3, le=1e6)] = 2.0
     """Number of independent beams while several hypotheses remain: fewer discard none early."""
-    effective_share: Probability = 0.2
-    """Minimum effective fraction of the particles after a measurement."""
-    outlier_share: Annotated[float, Field(ge=0.0, le=0.999)] = 0.01
-    """Fraction of ranges, positions and poses that are outliers."""
-    resample_below: Probability = 0.5
-    """Effective fraction of the particles below which they are resampled."""
     refine_up_to: Annotated[int, Field(ge=0, le=2**28)] = 0
     """Use the scan-matching proposal when at most this many particles are active."""
     spacing_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.1
     """Minimum distance driven between two scans that are used [m]."""
     spacing_heading_rad: Annotated[float, Field(ge=0.0, le=1e6)] = 0.05
     """Minimum angle turned between two scans that are used [rad]."""
-    most_drop: Annotated[float, Field(ge=0.0, le=1e6)] = 1.5
-    """Tracking is declared lost when the mean log-likelihood per beam drops this far below its
-    running average [nats].
-    """
-    min_explained: Probability = 0.75
-    """Tracking is declared lost when the map explains a smaller fraction of the returns of ten
-    scans.
-    """
-    scouts: Annotated[int, Field(ge=0, le=100_000)] = 64
-    """Number of recovery particles, which look for the robot elsewhere."""
-    scout_draws: Annotated[int, Field(ge=0, le=2**28)] = 20_000
-    """Number of poses drawn per scan to choose them from; at least `scouts`."""
-    most_gain: Annotated[float, Field(ge=0.1, le=1e6)] = 2.0
-    """Maximum log-likelihood that a recovery particle gains over the estimate by one scan [nats].
-    """
     kidnapping_probability: Annotated[float, Field(ge=0.0, le=0.5)] = 1e-4
     """Prior probability of kidnapping, which a recovery particle must outweigh."""
     hold_s: Annotated[float, Field(ge=1e-9, le=1e9)] = 1.0
     """Odometry timeout: the last motion is extrapolated for this time [s]."""
-    sigma_lost_xy_per_sqrt_s: Annotated[float, Field(ge=0.0, le=1e6)] = 0.5
-    """Position process noise after the odometry timeout; the robot is assumed to stand [m/√s]."""
-    sigma_lost_heading_per_sqrt_s: Annotated[float, Field(ge=0.0, le=1e6)] = 0.5
-    """Heading process noise after the odometry timeout [rad/√s]."""
     probability_ready: Annotated[float, Field(ge=0.5, le=1.0)] = 0.999
     """Minimum probability of the best hypothesis for `ready`."""
     sigma_xy_ready_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.5
     """Maximum position sigma for `ready` [m]."""
     sigma_heading_ready_rad: Annotated[float, Field(ge=0.0, le=10.0)] = 0.17
     """Maximum heading sigma for `ready` [rad]."""
-    bin_m: Annotated[float, Field(ge=1e-3, le=1e6)] = 0.5
-    """Side of the position bins that cluster particles [m]."""
-    bin_headings: Annotated[int, Field(ge=1, le=3600)] = 24
-    """Number of heading bins that cluster particles."""
     sigma_map_m: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.03
     """Position uncertainty of the map, which scans cannot reduce [m]."""
     sigma_map_rad: Annotated[float, Field(ge=0.0, le=10.0)] = 0.005
@@ -699,7 +619,6 @@ class Mcl(Strict):
     def _least_and_most(self) -> Mcl:
         for least, most, low, high in (
             ("min_particles", "max_particles", self.min_particles, self.max_particles),
-            ("scouts", "scout_draws", self.scouts, self.scout_draws),
             ("field.sigma_hit_m", "sigma_widest_m", self.field.sigma_hit_m, self.sigma_widest_m),
         ):
             if low > high:
@@ -758,8 +677,7 @@ def _start(value: Any) -> Any:
 
 
 Origin: TypeAlias = Annotated[
-    Annotated[Name, Tag("folder")] | Annotated[Dataset, Tag("dataset")],
-    Discriminator(_origin_kind),
+    Annotated[Name, Tag("folder")] | Annotated[Dataset, Tag("dataset")], Discriminator(_origin_kind)
 ]
 Start: TypeAlias = Annotated[
     Literal["truth", "auto"] | tuple[float, float, float], BeforeValidator(_start)

@@ -36,10 +36,7 @@ class Ape:
 
 
 def ape(
-    estimate: Trajectory,
-    truth: Trajectory,
-    alignment: str = "none",
-    max_difference_s: float = 0.01,
+    estimate: Trajectory, truth: Trajectory, alignment: str = "none", max_difference_s: float = 0.01
 ) -> Ape:
     """Match two trajectories by stamp, align if asked, and measure distances.
 

@@ -109,10 +109,7 @@ def relative_errors(
 
 
 def recovery(
-    estimate: Trajectory,
-    errors: Errors,
-    ends_ns: Iterable[int],
-    limit_m: float | None = None,
+    estimate: Trajectory, errors: Errors, ends_ns: Iterable[int], limit_m: float | None = None
 ) -> tuple[float | None, int]:
     """Return how long it takes from the ends of faults until the position error is back.
 

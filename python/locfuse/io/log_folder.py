@@ -12,13 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.io.csv_table import (
-    CsvTable,
-    number_texts,
-    read_table,
-    stamp_texts,
-    write_table,
-)
+from locfuse.io.csv_table import CsvTable, number_texts, read_table, stamp_texts, write_table
 from locfuse.io.log_yaml import checked, read_log_yaml, write_log_yaml
 from locfuse.io.maps import read_map, write_map
 from locfuse.io.whole import INCOMPLETE, whole_folder

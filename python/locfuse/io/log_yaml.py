@@ -17,13 +17,7 @@ from locfuse.io.whole import whole_file
 from locfuse.types import YAML_ERRORS, LogError, nearest, shown, words
 
 KEYS = ("tags", "laser", "landmark_sensor", "map", "description", "licence")
-LASER_KEYS = (
-    "pose_in_body",
-    "angle_min_rad",
-    "angle_increment_rad",
-    "range_min_m",
-    "range_max_m",
-)
+LASER_KEYS = ("pose_in_body", "angle_min_rad", "angle_increment_rad", "range_min_m", "range_max_m")
 LANDMARK_SENSOR_KEYS = ("pose_in_body",)
 
 

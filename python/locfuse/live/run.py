@@ -9,10 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from locfuse import _core
-from locfuse.config.build import (
-    build_anchors,
-    build_cylinder_detector,
-)
+from locfuse.config.build import build_anchors, build_cylinder_detector
 from locfuse.config.schema import SOURCES, RunConfig
 from locfuse.live.on_map import PATIENCE_NS, OnMap
 from locfuse.live.rows import Message, Row, Rows, effective_ns, reported_covariance

@@ -53,10 +53,7 @@ _CAPTIONS = {
         "filter leaves the band in about 0.3 % of the stamps, and a band far wider than the error "
         "is too cautious.",
     ),
-    "height": (
-        "Height",
-        "Height over z = 0 of the world against its {band:g}-sigma band.",
-    ),
+    "height": ("Height", "Height over z = 0 of the world against its {band:g}-sigma band."),
     "health": (
         "Health",
         "How far the estimate could be trusted, as the filter judged: the background is the "

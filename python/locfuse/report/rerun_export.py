@@ -16,15 +16,7 @@ from locfuse.io.whole import whole_file
 from locfuse.report.palette import ANCHOR, ELLIPSE_SIGMAS, ESTIMATE, MUTED, REJECTED, TRUTH
 from locfuse.report.player.messages import seen_of
 from locfuse.report.text import start_ns
-from locfuse.types import (
-    ConfigError,
-    FloatArray,
-    GridMap,
-    Log,
-    RunResult,
-    StampArray,
-    Trajectory,
-)
+from locfuse.types import ConfigError, FloatArray, GridMap, Log, RunResult, StampArray, Trajectory
 
 _SCAN = "#B0407F"
 _ARROW_M = 0.5

@@ -9,12 +9,7 @@ from pathlib import Path
 import yaml
 
 from locfuse.eval.errors import interpolate
-from locfuse.io.result_tables import (
-    write_estimate,
-    write_health,
-    write_landmarks,
-    write_outcomes,
-)
+from locfuse.io.result_tables import write_estimate, write_health, write_landmarks, write_outcomes
 from locfuse.io.tum import write_tum
 from locfuse.io.whole import whole_folder
 from locfuse.report.report import PICTURES, write_report

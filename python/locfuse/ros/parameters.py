@@ -15,7 +15,7 @@ import yaml
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from locfuse.config.base import meaning
+from locfuse.config.base import meaning, options
 from locfuse.config.load import load_config, parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.types import ConfigError, nearest
@@ -190,7 +190,7 @@ def _put(nested: dict[str, Any], path: Sequence[str], value: Any, origin: str) -
             raise ConfigError(f"{origin}: {name} is below {key}, which is {below!r}; set one")
         nested, model = below, _inside(model, key)
     field = getattr(model, "model_fields", {}).get(last)
-    if field is not None and value == "" and NoneType in _options(field.annotation):
+    if field is not None and value == "" and NoneType in options(field.annotation):
         value = None
     if field is not None and isinstance(value, str) and _kind(field) == "yaml":
         try:
@@ -214,7 +214,7 @@ def _inside(model: Any, key: str) -> Any:
     field = getattr(model, "model_fields", {}).get(key)
     if field is None:
         return None
-    return next((o for o in _options(field.annotation) if _is_model(o)), None)
+    return next((o for o in options(field.annotation) if _is_model(o)), None)
 
 
 def _of_model(model: type[BaseModel], value: Any, prefix: str) -> Iterator[Parameter]:
@@ -222,7 +222,7 @@ def _of_model(model: type[BaseModel], value: Any, prefix: str) -> Iterator[Param
         if not prefix and key in NO_PARAMETERS:
             continue
         inner = None if value is None else getattr(value, key)
-        part = next((o for o in _options(field.annotation) if _is_model(o)), None)
+        part = next((o for o in options(field.annotation) if _is_model(o)), None)
         if part is not None:
             yield from _of_model(part, inner, f"{prefix}{key}.")
         elif _mapping(field) is not None:
@@ -258,7 +258,7 @@ def _of_field(
         value = yaml.safe_dump(plain, default_flow_style=True).strip()
     if kind == "int" and value is not None and value > LARGEST_INTEGER:
         raise ConfigError(f"{prefix}{key} is {value}; a parameter holds up to {LARGEST_INTEGER}")
-    choices = tuple(c for o in _options(field.annotation) if get_origin(o) is Literal
+    choices = tuple(c for o in options(field.annotation) if get_origin(o) is Literal
                     for c in get_args(o))  # fmt: skip
     return Parameter(prefix + key, kind, value, low, high, _description(model, key), choices)
 
@@ -268,33 +268,24 @@ def _description(model: type[BaseModel], key: str) -> str:
     return f"{text} [{unit}]" if unit else text
 
 
-def _options(annotation: Any) -> list[Any]:
-    """Return what a type may be: the members of a union, without what annotates them."""
-    if get_origin(annotation) is Annotated:
-        return _options(get_args(annotation)[0])
-    if get_origin(annotation) in (Union, UnionType):
-        return [option for member in get_args(annotation) for option in _options(member)]
-    return [annotation]
-
-
 def _is_model(option: Any) -> bool:
     return isinstance(option, type) and issubclass(option, BaseModel)
 
 
 def _mapping(field: FieldInfo) -> Any:
     """Return the type of a mapping, None for anything else."""
-    return next((o for o in _options(field.annotation) if get_origin(o) is dict), None)
+    return next((o for o in options(field.annotation) if get_origin(o) is dict), None)
 
 
 def _kind(field: FieldInfo) -> str:
-    options = [o for o in _options(field.annotation) if o is not NoneType]
-    if len(options) != 1:
+    found = [o for o in options(field.annotation) if o is not NoneType]
+    if len(found) != 1:
         return "any"
-    (option,) = options
+    (option,) = found
     if get_origin(option) is Literal:
         return "text"
     if get_origin(option) in (list, tuple):
-        item = _options(get_args(option)[0])[0]
+        item = options(get_args(option)[0])[0]
         if _is_model(item):
             return "yaml"
         return "floats" if item is float else "texts"

@@ -15,14 +15,7 @@ from locfuse import _core
 from locfuse.config.build import build_anchors
 from locfuse.config.schema import SOURCES, RunConfig
 from locfuse.run.missing_inputs import how_to_add, where_named
-from locfuse.types import (
-    NANOSECONDS,
-    Columns,
-    Log,
-    LogError,
-    StampArray,
-    Trajectory,
-)
+from locfuse.types import NANOSECONDS, Columns, Log, LogError, StampArray, Trajectory
 
 
 @dataclass(frozen=True)

@@ -52,9 +52,7 @@ class World:
 
 
 def with_faults(
-    tables: Mapping[str, Columns],
-    faults: Sequence[tuple[Fault, np.random.Generator]],
-    world: World,
+    tables: Mapping[str, Columns], faults: Sequence[tuple[Fault, np.random.Generator]], world: World
 ) -> dict[str, Columns]:
     """Return the tables, by sensor, after all faults, in their order; `tables` is not changed.
 
@@ -192,11 +190,7 @@ def _outliers(table: Columns, fault: Outliers, rng: np.random.Generator) -> Colu
         return {**table, "range_m": np.where(hit, table["range_m"] + error, table["range_m"])}
     x = table["x_m"] + fault.magnitude_m * np.cos(direction)
     y = table["y_m"] + fault.magnitude_m * np.sin(direction)
-    return {
-        **table,
-        "x_m": np.where(hit, x, table["x_m"]),
-        "y_m": np.where(hit, y, table["y_m"]),
-    }
+    return {**table, "x_m": np.where(hit, x, table["x_m"]), "y_m": np.where(hit, y, table["y_m"])}
 
 
 def _dropped(table: Columns, fault: Dropouts, rng: np.random.Generator) -> Mask:

@@ -262,9 +262,4 @@ def sightings(
 def truth(drive: Drive, stamp_ns: StampArray) -> Columns:
     """Return the true poses: n rows of x_m, y_m, heading_rad."""
     pose = drive.pose_at(seconds(stamp_ns))
-    return {
-        "stamp_ns": stamp_ns,
-        "x_m": pose[:, 0],
-        "y_m": pose[:, 1],
-        "heading_rad": pose[:, 2],
-    }
+    return {"stamp_ns": stamp_ns, "x_m": pose[:, 0], "y_m": pose[:, 1], "heading_rad": pose[:, 2]}

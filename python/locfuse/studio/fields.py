@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from types import NoneType
+from typing import Any, Literal, get_args, get_origin
 
 import yaml
 from pydantic import BaseModel
 
-from locfuse.config.base import is_tag, meaning
+from locfuse.config.base import is_tag, meaning, options
 from locfuse.types import YAML_ERRORS
 
 _UNITS = ("_per_sqrt_rad", "_per_sqrt_m", "_per_sqrt_s", "_per_m", "_radps", "_mps", "_deg",
@@ -63,7 +63,7 @@ def field_of(model: type[BaseModel], name: str) -> Field:
     ('number', 'rate', 'Hz')
     """
     text, unit = meaning(model, name)
-    every = _members(model.model_fields[name].annotation)
+    every = options(model.model_fields[name].annotation)
     members = [member for member in every if member is not NoneType]
     kind, choices, section = _kind(members)
     return Field(name, kind, label_of(name), unit, text, choices,
@@ -85,7 +85,7 @@ def _kind(members: list[Any]) -> tuple[str, tuple[str, ...], type[BaseModel] | N
     if get_origin(member) is Literal:
         return "choice", get_args(member), None
     if get_origin(member) in (list, tuple):
-        items = [option for item in get_args(member) for option in _members(item)]
+        items = [option for item in get_args(member) for option in options(item)]
         if all(item is float for item in items):
             return "numbers", (), None
         if len(items) == 1 and get_origin(items[0]) is Literal:
@@ -95,15 +95,6 @@ def _kind(members: list[Any]) -> tuple[str, tuple[str, ...], type[BaseModel] | N
         (),
         None,
     )
-
-
-def _members(annotation: Any) -> list[Any]:
-    """Return what a type may be: the members of a union, without what annotates them."""
-    if get_origin(annotation) is Annotated:
-        return _members(get_args(annotation)[0])
-    if get_origin(annotation) in (Union, UnionType):
-        return [option for member in get_args(annotation) for option in _members(member)]
-    return [annotation]
 
 
 def shown(field: Field, value: Any) -> str:

@@ -29,9 +29,7 @@ def subscriber_qos(latched: bool, queue: int) -> QoSProfile:
             durability=DurabilityPolicy.TRANSIENT_LOCAL,
         )
     return QoSProfile(
-        depth=queue,
-        reliability=ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.VOLATILE,
+        depth=queue, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE
     )
 
 

@@ -14,11 +14,7 @@ from numpy.typing import NDArray
 from locfuse.eval.errors import errors_against, interpolate
 from locfuse.types import NANOSECONDS, FloatArray, Log, LogError, Trajectory, wrap_angle
 from papers.datasets import convert
-from papers.datasets.source import (
-    TRUCK,
-    TRUCK_LASER,
-    truck_odometry,
-)
+from papers.datasets.source import TRUCK, TRUCK_LASER, truck_odometry
 from support_recordings import (
     carried,
     converted,

@@ -174,8 +174,7 @@ def test_models_give_what_the_filter_fuses() -> None:
     velocity = lf.VelocityModel(config)
     lin = velocity.linearize(np.zeros(6), 0.7, [0.3, 0.0, 0.2], BODY)
     np.testing.assert_allclose(
-        lin.residual,
-        np.ravel([lf.VelocityModel.predict(0.7, [0.3, 0.0, 0.2], at) for at in BODY]),
+        lin.residual, np.ravel([lf.VelocityModel.predict(0.7, [0.3, 0.0, 0.2], at) for at in BODY])
     )
     side = lf.PointDistanceModel(lf.PointDistanceConfig())
     assert side.linearize([0, 0], [0, 0], 1.0) is None

@@ -20,14 +20,7 @@ from locfuse.config.load import load_config, parse_config
 from locfuse.io.log_folder import write_log
 from locfuse.run.run import load_log
 from locfuse.types import FloatArray, Log
-from support_runs import (
-    CONFIGS,
-    EXAMPLES,
-    ROOT,
-    locfuse,
-    require_recording_of,
-    write_folder,
-)
+from support_runs import CONFIGS, EXAMPLES, ROOT, locfuse, require_recording_of, write_folder
 
 Tables = dict[str, dict[str, Any]]
 

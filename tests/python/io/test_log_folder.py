@@ -10,13 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from locfuse.config.scenario import (
-    Latency,
-    OdometrySensor,
-    PositionSensor,
-    RangeSensor,
-    Scenario,
-)
+from locfuse.config.scenario import Latency, OdometrySensor, PositionSensor, RangeSensor, Scenario
 from locfuse.io.log_folder import MESSAGES, SCHEMA, read_log, write_log
 from locfuse.sim.scenario import simulate
 from locfuse.types import GridMap, Log, LogError

@@ -25,11 +25,7 @@ from support_adapter import LATER, Robot, assert_poses_are, later, pose_of, stam
 from support_ros import message
 
 ROOM: dict[str, Any] = {
-    "simulation": {
-        "path": {"shape": "eight", "radius_m": 2.0},
-        "duration_s": 20.0,
-        "poses": None,
-    },
+    "simulation": {"path": {"shape": "eight", "radius_m": 2.0}, "duration_s": 20.0, "poses": None},
     "start": "auto",
     "seed": 3,
 }

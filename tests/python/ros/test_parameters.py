@@ -11,13 +11,7 @@ import yaml
 
 from locfuse.config.load import load_config, parse_config
 from locfuse.config.schema import RunConfig
-from locfuse.ros.parameters import (
-    LARGEST_INTEGER,
-    Parameter,
-    config_of,
-    parameters,
-    values_of,
-)
+from locfuse.ros.parameters import LARGEST_INTEGER, Parameter, config_of, parameters, values_of
 from locfuse.types import ConfigError
 
 ROOT = Path(__file__).parents[3]

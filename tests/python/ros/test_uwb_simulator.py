@@ -15,14 +15,7 @@ from locfuse.io.log_folder import write_log
 from locfuse.io.rosbag import decode, encode
 from locfuse.io.rosbag.decode import MessageError
 from locfuse.ros.parameters import values_of
-from locfuse.ros.uwb_simulator import (
-    PARAMETERS,
-    Epochs,
-    UwbSimulator,
-    UwbSystem,
-    true_pose,
-    uwb_of,
-)
+from locfuse.ros.uwb_simulator import PARAMETERS, Epochs, UwbSimulator, UwbSystem, true_pose, uwb_of
 from locfuse.run.run import load_log
 from locfuse.types import ConfigError
 from support_ros import message

@@ -27,13 +27,15 @@ FIELDS = list(Cylinders.model_fields)
 
 def test_every_setting_is_one_of_the_detectors_with_its_default() -> None:
     default = _core.CylinderDetectorConfig()
-    assert {name for name in dir(default) if not name.startswith("_")} == set(FIELDS)
+    every = {name for name in dir(default) if not name.startswith("_")}
+    assert every == {*FIELDS, *Cylinders.fixed}
+    assert {name: getattr(default, name) for name in Cylinders.fixed} == Cylinders.fixed
     assert Cylinders().model_dump() == {name: getattr(default, name) for name in FIELDS}
 
 
 @pytest.mark.parametrize("name", FIELDS)
 def test_a_setting_reaches_the_detector(name: str) -> None:
-    value: Any = 3 if name == "least_beams" else 1.25 if name != "misfit_probability" else 0.5
+    value: Any = 3 if name == "least_beams" else 1.25
     config = build_cylinder_detector(Cylinders(**{name: value})).config
     others = {field: getattr(Cylinders(), field) for field in FIELDS if field != name}
     assert {field: getattr(config, field) for field in FIELDS} == {**others, name: value}

@@ -199,14 +199,8 @@ def test_a_run_of_a_simulation_with_a_laser_has_scans_and_grid(tmp_path: Path) -
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "nothing to see": ({"laser": {}}, "a laser needs something to see; add 'map: {}'"),
     "order": ({"laser": {"range_min_m": 4.0}}, "range_min_m is 4.0 and range_max_m is 3.5"),
-    "one beam": (
-        {"laser": {"beams": 1}},
-        "laser.beams: expected at least 2",
-    ),
-    "view": (
-        {"laser": {"field_of_view_deg": 361.0}},
-        "laser.field_of_view_deg: expected at most",
-    ),
+    "one beam": ({"laser": {"beams": 1}}, "laser.beams: expected at least 2"),
+    "view": ({"laser": {"field_of_view_deg": 361.0}}, "laser.field_of_view_deg: expected at most"),
     "both": ({"map": {"file": "a.yaml", "resolution_m": 0.1}}, "nothing for resolution_m"),
     "too fine": ({"map": {"resolution_m": 1e-6}}, "which makes 1e\\+07 cells"),
 }

@@ -38,11 +38,7 @@ def test_a_diagonal_wall_takes_every_cell_that_its_line_enters() -> None:
 
     # Between y = 0.5 and 1.5 the line spans x = 1 to 2, then up to 4; the corner (4, 2.5) is in
     # two cells.
-    assert inside.tolist() == [
-        [100, 100, 0, 0, 0],
-        [0, 100, 100, 100, 0],
-        [0, 0, 0, 100, 0],
-    ]
+    assert inside.tolist() == [[100, 100, 0, 0, 0], [0, 100, 100, 100, 0], [0, 0, 0, 100, 0]]
 
 
 def test_walls_cover_the_cells_of_dense_samples_of_their_lines() -> None:

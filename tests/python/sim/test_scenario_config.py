@@ -58,10 +58,7 @@ NLOS = {"kind": "nlos", "walls": [[0.0, 0.0, 1.0, 1.0]], "extra_m": 0.3}
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "unknown key": ({"duration": 3}, "unknown key .duration.; did you mean .duration_s."),
     "unknown path": ({"path": {"shape": "spiral"}}, "'circle', 'eight', 'square', 'star'"),
-    "key of another path": (
-        {"path": {"shape": "circle", "side_m": 2.0}},
-        "unknown key .side_m.",
-    ),
+    "key of another path": ({"path": {"shape": "circle", "side_m": 2.0}}, "unknown key .side_m."),
     "unknown fault": ({"faults": [{"kind": "gremlin"}]}, "'nlos', 'bias', 'wander', 'outliers'"),
     "not a number": ({"duration_s": math.nan}, "finite number"),
     "infinite": ({"tags": {"t": [0, 0, math.inf]}}, "finite number"),
@@ -174,9 +171,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "slip without odometry": (
         {
             "odometry": None,
-            "faults": [
-                {"kind": "wheel_slip", "from_s": 1, "to_s": 2, "translation_factor": 1.5},
-            ],
+            "faults": [{"kind": "wheel_slip", "from_s": 1, "to_s": 2, "translation_factor": 1.5}],
         },
         "acts on odometry, which is switched off",
     ),

@@ -22,9 +22,7 @@ from locfuse.types import Columns, FloatArray, wrap_angle
 from support_statistics import assert_standard_normal
 
 QUIET = OdometrySensor(
-    sigma_longitudinal_per_sqrt_m=0.0,
-    sigma_heading_per_sqrt_m=0.0,
-    sigma_heading_per_sqrt_rad=0.0,
+    sigma_longitudinal_per_sqrt_m=0.0, sigma_heading_per_sqrt_m=0.0, sigma_heading_per_sqrt_rad=0.0
 )
 STRAIGHT = drive_of((0.0, 0.0, 0.0), [(1e6, 1.0, 0.0)])
 TURNING = drive_of((0.0, 0.0, 0.0), [(1e6, 0.0, 1.0)])

@@ -14,14 +14,7 @@ from locfuse.sim.maps import rooms
 from locfuse.sim.space import cell_of, largest_part, middle_of, roam, room_for, steps_from
 from locfuse.types import ConfigError, GridMap
 
-MAZE = np.array(
-    [
-        [1, 1, 1, 0, 1],
-        [0, 0, 1, 0, 1],
-        [1, 1, 1, 0, 1],
-    ],
-    np.bool_,
-)
+MAZE = np.array([[1, 1, 1, 0, 1], [0, 0, 1, 0, 1], [1, 1, 1, 0, 1]], np.bool_)
 
 
 def test_cells_and_their_middles_are_found_on_a_map_that_is_turned() -> None:

@@ -14,12 +14,7 @@ from typing import Any
 import numpy as np
 
 from locfuse.config.ros import Ros, plain
-from locfuse.io.log_folder import (
-    MAX_RANGE_M,
-    MAX_SPEED_MPS,
-    MAX_STAMP_NS,
-    MAX_TURN_RATE_RADPS,
-)
+from locfuse.io.log_folder import MAX_RANGE_M, MAX_SPEED_MPS, MAX_STAMP_NS, MAX_TURN_RATE_RADPS
 from locfuse.io.rosbag import bag_settings, decode, rows
 from locfuse.io.rosbag.bag_contents import BagContents, Laser, logger
 from locfuse.io.rosbag.bag_log import log_of

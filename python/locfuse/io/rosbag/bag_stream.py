@@ -17,14 +17,7 @@ from tempfile import TemporaryDirectory
 
 from locfuse.io.log_yaml import load_yaml
 from locfuse.io.rosbag import stored_mcap, stored_ros1, stored_sqlite
-from locfuse.io.rosbag.container import (
-    BLOCK,
-    CutError,
-    Message,
-    Reading,
-    Wanted,
-    zstd,
-)
+from locfuse.io.rosbag.container import BLOCK, CutError, Message, Reading, Wanted, zstd
 from locfuse.types import LogError
 
 KINDS = "a .bag of ROS 1, a .mcap, or a .db3 or folder of ROS 2"

@@ -9,13 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.io.log_folder import (
-    GEOMETRY,
-    INCREASING,
-    MAY_BE_EMPTY,
-    MESSAGES,
-    NAMES,
-)
+from locfuse.io.log_folder import GEOMETRY, INCREASING, MAY_BE_EMPTY, MESSAGES, NAMES
 from locfuse.io.rosbag import restarts
 from locfuse.io.rosbag.bag_contents import BagContents
 from locfuse.io.rosbag.columns import length

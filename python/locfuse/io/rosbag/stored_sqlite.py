@@ -10,15 +10,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from locfuse.config.ros import plain
-from locfuse.io.rosbag.container import (
-    Connection,
-    CutError,
-    Message,
-    Reading,
-    Wanted,
-    short,
-    text,
-)
+from locfuse.io.rosbag.container import Connection, CutError, Message, Reading, Wanted, short, text
 from locfuse.types import LogError, words
 
 MAGIC = b"SQLite format 3\x00"

@@ -18,7 +18,7 @@ from locfuse.types import NANOSECONDS, LogError
 LONGEST_ARRAY = 1000  # of fixed length, of messages or texts
 NO_PACKAGE = {
     # of tf2_msgs, which rosbags does not count as one of ROS 1
-    "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n",
+    "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n"
 }
 
 

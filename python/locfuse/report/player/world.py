@@ -10,15 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from locfuse.types import (
-    FREE,
-    OCCUPIED,
-    UNKNOWN,
-    Columns,
-    GridMap,
-    MappedLandmarks,
-    RunResult,
-)
+from locfuse.types import FREE, OCCUPIED, UNKNOWN, Columns, GridMap, MappedLandmarks, RunResult
 
 _GREY = {OCCUPIED: 0, FREE: 255}  # unknown is 128
 _MAX_CELLS = 2000  # per side of the map

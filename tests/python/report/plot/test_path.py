@@ -73,10 +73,7 @@ def test_ellipses_are_spread_over_the_way_and_not_piled_up_where_the_robot_waits
 
 @pytest.mark.parametrize(
     ("covariance", "said"),
-    [
-        (np.eye(3), r"\(3, 3\), expected \(2, 2\)"),
-        (np.diag([1.0, -0.5]), "eigenvalue -0.5"),
-    ],
+    [(np.eye(3), r"\(3, 3\), expected \(2, 2\)"), (np.diag([1.0, -0.5]), "eigenvalue -0.5")],
 )
 def test_ellipse_of_what_is_no_planar_covariance_is_refused(
     covariance: FloatArray, said: str
