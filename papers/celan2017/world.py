@@ -18,7 +18,7 @@ from locfuse.sim import laser, sensors
 from locfuse.sim.faults import World, walls_between, with_faults
 from locfuse.sim.maps import FloorPlan, floor_plan, furnished
 from locfuse.sim.space import cell_of, largest_part, middle_of, room_for, steps_from, way
-from locfuse.sim.trajectory import Drive, there_and_back
+from locfuse.sim.trajectory import Drive, drive_of, legs
 from locfuse.types import Columns, FloatArray, GridMap, Log
 from papers.celan2017.warp import Shift, bend, bent
 
@@ -392,3 +392,18 @@ def tag_poses(fixes: Columns) -> Iterator[_core.PoseObservation]:
                               np.array([z.covariance for z in epoch]))  # fmt: skip
         if fit.status == _core.RigidFitStatus.FITTED:
             yield _core.PoseObservation(stamp, fit.pose, fit.covariance)
+
+
+def there_and_back(
+    points: Sequence[FloatArray], speed_mps: float, turn_rate_radps: float, stand_s: float
+) -> tuple[Drive, float]:
+    """Return the drive from point to point that ends as it began, and how long it takes.
+
+    It turns in place the short way, drives straight, and stands at the end. `points` are x and y in
+    world, metres. Raises ValueError where the last is not the first, or there are less than three.
+    """
+    if len(points) < 3 or not np.array_equal(points[0], points[-1]):
+        raise ValueError(f"{len(points)} points, expected three or more, the last being the first")
+    start, motions, back = legs(np.array(points), speed_mps, turn_rate_radps)
+    motions += [*back, (stand_s, 0.0, 0.0)]
+    return drive_of(start, motions), sum(seconds for seconds, _, _ in motions)

@@ -31,7 +31,23 @@ MAX_CELLS = 10_000  # along one side of a grid
 # Paths ---------------------------------------------------------------------------------------
 
 
-class Circle(Strict):
+class Centred(Strict):
+    """A path around a place."""
+
+    center_m: Point2 = (5.0, 5.0)
+    """Centre (x, y) in world [m]."""
+
+
+class Straight(Strict):
+    """Straight legs, and turns in place between them."""
+
+    speed_mps: Positive = 0.22
+    """Speed on straights [m/s]."""
+    turn_rate_radps: Positive = 1.0
+    """Turn rate when turning in place [rad/s]."""
+
+
+class Circle(Centred):
     """Counter-clockwise without end; starts at the easternmost point, heading north.
 
     At a speed of 0 the robot stands there.
@@ -40,13 +56,11 @@ class Circle(Strict):
     shape: Literal["circle"] = "circle"
     speed_mps: NonNegative = 0.22
     """Speed on the arc; 0: the robot stands [m/s]."""
-    center_m: Point2 = (5.0, 5.0)
-    """Centre (x, y) in world [m]."""
     radius_m: Positive = 3.0
     """Radius of the circle [m]."""
 
 
-class Eight(Strict):
+class Eight(Centred):
     """Two circles side by side that touch in the centre: left turn, right turn.
 
     Starts in the centre, heading north, on the western circle.
@@ -55,39 +69,25 @@ class Eight(Strict):
     shape: Literal["eight"] = "eight"
     speed_mps: Positive = 0.22
     """Speed [m/s]."""
-    center_m: Point2 = (5.0, 5.0)
-    """Centre (x, y) in world [m]."""
     radius_m: Positive = 2.0
     """Radius of each circle [m]."""
 
 
-class Square(Strict):
+class Square(Straight, Centred):
     """Straight sides, quarter turns in place to the left; starts south-west, heading east."""
 
     shape: Literal["square"] = "square"
-    speed_mps: Positive = 0.22
-    """Speed on straights [m/s]."""
-    turn_rate_radps: Positive = 1.0
-    """Turn rate when turning in place [rad/s]."""
-    center_m: Point2 = (5.0, 5.0)
-    """Centre (x, y) in world [m]."""
     side_m: Positive = 6.0
     """Side of the square [m]."""
 
 
-class Star(Strict):
+class Star(Straight, Centred):
     """Star polygon {points / (points - 1) / 2}: straight strokes, turns in place to the left.
 
     Five points are the pentagram. Starts at the northern tip; the tips lie on `radius_m`.
     """
 
     shape: Literal["star"] = "star"
-    speed_mps: Positive = 0.22
-    """Speed on straights [m/s]."""
-    turn_rate_radps: Positive = 1.0
-    """Turn rate when turning in place [rad/s]."""
-    center_m: Point2 = (5.0, 5.0)
-    """Centre (x, y) in world [m]."""
     radius_m: Positive = 4.0
     """Distance of the tips from the centre [m]."""
     points: Annotated[int, Field(ge=5, le=1000)] = 5
@@ -101,41 +101,31 @@ class Star(Strict):
         return points
 
 
-class Polygon(Strict):
+class Polygon(Straight, Centred):
     """Regular polygon: straight sides, turns in place to the left.
 
     Starts at the northern corner; the corners lie on `radius_m`. A `Square` stands on a side.
     """
 
     shape: Literal["polygon"] = "polygon"
-    speed_mps: Positive = 0.22
-    """Speed on straights [m/s]."""
-    turn_rate_radps: Positive = 1.0
-    """Turn rate when turning in place [rad/s]."""
-    center_m: Point2 = (5.0, 5.0)
-    """Centre (x, y) in world [m]."""
     radius_m: Positive = 4.0
     """Distance of the corners from the centre [m]."""
     corners: Annotated[int, Field(ge=3, le=1000)] = 5
     """Number of corners."""
 
 
-class Waypoints(Strict):
+class Waypoints(Straight):
     """Random points of the room, one after another: turn in place the short way, drive straight.
 
     They are drawn evenly from the room less `margin_m` at each wall, as many as the duration needs.
     """
 
     shape: Literal["waypoints"] = "waypoints"
-    speed_mps: Positive = 0.22
-    """Speed on straights [m/s]."""
-    turn_rate_radps: Positive = 1.0
-    """Turn rate when turning in place [rad/s]."""
     margin_m: NonNegative = 1.0
     """Minimum distance from each wall [m]."""
 
 
-class Roam(Strict):
+class Roam(Straight):
     """Random places of the map, one after another, on ways that keep `clearance_m` from walls.
 
     Turns in place the short way, drives straight. Only the largest part of the free space that has
@@ -143,25 +133,17 @@ class Roam(Strict):
     """
 
     shape: Literal["roam"] = "roam"
-    speed_mps: Positive = 0.22
-    """Speed on straights [m/s]."""
-    turn_rate_radps: Positive = 1.0
-    """Turn rate when turning in place [rad/s]."""
     clearance_m: NonNegative = 0.3
     """Minimum distance from cells that are not free, less half the diagonal of a cell [m]."""
 
 
-class Points(Strict):
+class Points(Straight):
     """Given points, one after another: turn in place the short way, drive straight.
 
     At the last one the robot stands; if `closed` it drives on to the first one, lap after lap.
     """
 
     shape: Literal["points"] = "points"
-    speed_mps: Positive = 0.22
-    """Speed on straights [m/s]."""
-    turn_rate_radps: Positive = 1.0
-    """Turn rate when turning in place [rad/s]."""
     points_m: Annotated[list[Point2], Field(min_length=2)]
     """Points in world, in the room (or on the map of a `file`), each different from the one before
     [m].
@@ -193,8 +175,7 @@ Path: TypeAlias = Annotated[
 class OdometrySensor(Strict):
     """Wheel odometry, with variances that grow with the distance driven and the angle turned.
 
-    ``increments`` are motions since the row before; ``velocities`` are forward speed and turn rate
-    held until the row after. `turn_bias_radps` is added to the turn rate, as by a gyro.
+    ``increments`` are motions since the row before; ``velocities`` hold until the row after.
     """
 
     rate_hz: Rate = 30.0
@@ -234,10 +215,7 @@ class RangeSensor(Strict):
 
 
 class PoseSensor(Strict):
-    """Stand-in for another localizer such as AMCL: the true pose plus white noise.
-
-    The default is a position RMSE of 6 cm over both axes.
-    """
+    """Stand-in for another localizer such as AMCL: the true pose plus white noise."""
 
     rate_hz: Rate = 2.0
     """Poses per second [Hz]."""
@@ -268,11 +246,7 @@ class PositionSensor(Strict):
 
 
 class SightingSensor(Strict):
-    """Range and bearing to every landmark in view, whatever stands in between.
-
-    `pose_in_body` is x and y in metres and the heading in degrees; the field of view is centred
-    straight ahead of the sensor. Landmarks are ``named``, or not.
-    """
+    """Range and bearing to every landmark in view, whatever stands in between."""
 
     rate_hz: Rate = 5.0
     """Epochs per second [Hz]."""
@@ -291,13 +265,9 @@ class SightingSensor(Strict):
 
 
 class LaserSensor(Strict):
-    """2D laser scanner: beams evenly spread over a field of view that is centred straight ahead.
+    """2D laser scanner: beams evenly spread over a field of view, from its right edge on.
 
-    `pose_in_body` is x and y in metres and the heading in degrees. The first and the last beam
-    stand on the edges of the field of view, but for a full turn, where the last one stands a step
-    before the first. They run counter-clockwise, of a scanner that is mounted `upside_down`
-    clockwise, from the left edge on. What is nearer than `range_min_m` or farther than
-    `range_max_m` gives no return, and any other beam none with probability `dropout`.
+    Of one that is mounted `upside_down` they run clockwise from the left edge on.
     """
 
     rate_hz: Rate = 5.0
@@ -515,12 +485,7 @@ class WheelSlip(Strict):
 
 
 class SlipEpisodes(Strict):
-    """Odometry slips every now and then, whether the robot moves or not.
-
-    Times between episodes and their lengths are exponentially distributed with means `every_s` and
-    `lasting_s`. While one lasts, odometry reports its translation times `translation_factor`, and
-    `turn_radps` more of turning, to the left or to the right by even chance.
-    """
+    """Odometry slips every now and then, whether the robot moves or not."""
 
     kind: Literal["slip_episodes"] = "slip_episodes"
     every_s: Annotated[float, Field(ge=0.1, le=1e9)]

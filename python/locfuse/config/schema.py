@@ -538,12 +538,10 @@ class Switch(Strict):
 
 
 class Mcl(Strict):
-    """Monte Carlo localization; ``MclConfig`` in C++, but for four keys.
+    """Monte Carlo localization; ``MclConfig`` in C++.
 
-    `likelihood` is by which scans weigh particles: ``zhang`` is the beam model with the mixture of
-    that paper in place of `beam_model`. `poses_hz` makes its estimates the poses of a pose EKF.
-    Without a `seed` it is the run's. With a `switch` ranges and positions do not weigh particles:
-    they go to a filter of their own, by `estimator` and `initializer`, which rescues them.
+    With a `switch` ranges and positions go to a filter of their own, by `estimator` and
+    `initializer`, which rescues the particles.
     """
 
     fixed: ClassVar = {"kld_error": 0.05, "kld_quantile": 2.33, "effective_share": 0.2,
@@ -696,13 +694,9 @@ class SwitchedOff(Strict):
 
 
 class RunConfig(Strict):
-    """One run, from messages to a pose.
+    """One run, from the messages of a log or a simulation to a pose.
 
-    Messages come from ``simulation``, or from ``log``: a log folder, or a dataset to convert.
-    Paths are relative to the configuration's file. ``anchors`` says what is known of the ranges to
-    an anchor, by name; ``all`` holds for those not named. With ``mcl`` scans are fused, too;
-    with ``cylinders`` round objects in them are landmark observations. ``when_lost`` says what a
-    pose EKF does once it is lost.
+    Paths are relative to the configuration's file.
     """
 
     name: str = "run"

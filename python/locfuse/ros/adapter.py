@@ -18,7 +18,7 @@ from locfuse.io.log_folder import read_world
 from locfuse.io.rosbag import decode, encode, rows
 from locfuse.io.rosbag.decode import MessageError
 from locfuse.io.rosbag.encode import Publication
-from locfuse.io.rosbag.fixes import Fixes, unplaced
+from locfuse.io.rosbag.fixes import Fixes, is_beside, overridden, unplaced
 from locfuse.io.rosbag.frames import check_frame
 from locfuse.live import MAX_KEPT, LiveHealth, LivePose, LiveRun, Row
 from locfuse.ros.future_stamps import FUTURE_NS, LASTING, PATIENCE_NS, EarlyMessage, EarlyMessages
@@ -266,7 +266,7 @@ class Adapter:
     def _check_body(self, frame: str) -> None:
         """Look once at a frame that odometry is of, and again when there are new transforms."""
         if frame not in self._bodies:
-            if published := self._world.same_body(frame):
+            if published := self._world.tree.same_body(frame):
                 self._problem("body", published)
             self._bodies.add(frame)
 
@@ -323,11 +323,11 @@ class Adapter:
         else:
             check_frame("positions", now.frame, self._config.ros.frames.map)
         for row in self._fixes.rows(message):
-            if of_antenna and self._world.is_antenna(row.frame):
+            if of_antenna and is_beside(row.frame, self._world.tree):
                 if places_antennas(self._config.estimator):
                     row = row._replace(tag=row.frame)
                 else:
-                    self._problem("antenna", self._world.overridden(row.frame))
+                    self._problem("antenna", overridden(row.frame, self._world.tree))
             elif of_antenna and row.frame:
                 self._antennas.add(row.frame)
             if row.tag and self._world.add_tag(row.tag, row.frame):
@@ -342,7 +342,7 @@ class Adapter:
         if self._first_ns is None or self._now_ns is None or not frame:
             return
         is_early = self._now_ns < self._first_ns + TRANSFORMS_NS and not self._takes_early
-        if is_early and (self._fixes_wait or not self._world.is_placed(frame)):
+        if is_early and (self._fixes_wait or frame not in self._world.tree):
             self._fixes_wait = True  # so that those after it do not come before
             raise EarlyMessage(self._first_ns + TRANSFORMS_NS + FUTURE_NS)
 
@@ -559,7 +559,7 @@ class Adapter:
         if self._first_ns is None or now_ns - self._first_ns < SILENT_NS:
             return
         for frame in sorted(self._antennas):
-            if not self._world.is_placed(frame):
+            if frame not in self._world.tree:
                 self._problem("antenna", unplaced(frame, self._config.ros.frames.base))
         self._antennas.clear()
 

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from locfuse.io.rosbag.decode import MessageError, TransformRow
-from locfuse.io.rosbag.fixes import is_beside, overridden
 from locfuse.io.rosbag.frames import FrameTree, Mount
 from locfuse.types import Columns, FloatArray, GridMap, Log
 
@@ -17,21 +16,17 @@ class World:
     """Anchors, landmarks, tags, mounts and map; what a folder says counts more than a topic.
 
     `given` is what the folder of the world says, its messages are not used; `base` is the body's
-    frame. `log` is all that is known, replaced when that changes.
+    frame. `log` is all that is known, replaced when that changes; `tree` holds the frames.
     """
 
     def __init__(self, given: Log, base: str) -> None:
         self._given = given
         self.log = given
-        self._tree = FrameTree(base)
+        self.tree = FrameTree(base)
 
     def add_transforms(self, rows: list[TransformRow]) -> None:
         """Take static transforms."""
-        self._tree.add(rows)
-
-    def same_body(self, frame: str) -> str:
-        """As of `FrameTree`."""
-        return self._tree.same_body(frame)
+        self.tree.add(rows)
 
     def add_map(self, grid: GridMap) -> bool:
         """Take a map; return whether it is new."""
@@ -62,26 +57,14 @@ class World:
         if tag in self.log.tags:
             return False
         for name in (frame, tag):
-            if name and name in self._tree:
-                mount = self._tree.mount(name)
+            if name and name in self.tree:
+                mount = self.tree.mount(name)
                 tags = {**self.log.tags, tag: (mount.x, mount.y, mount.z)}
                 self.log = replace(self.log, tags=tags)
                 return True
         raise MessageError(f"nothing says where on the body tag {tag} sits; give it in 'tags' of "
                            f"the log.yaml of ros.world, or publish the frame "
                            f"{frame or tag} on tf_static")  # fmt: skip
-
-    def is_antenna(self, frame: str) -> bool:
-        """Return whether fixes of a frame are of an antenna beside the body's origin."""
-        return is_beside(frame, self._tree)
-
-    def overridden(self, frame: str) -> str:
-        """As of `fixes.overridden`."""
-        return overridden(frame, self._tree)
-
-    def is_placed(self, frame: str) -> bool:
-        """Return whether static transforms lead from a frame to the body."""
-        return frame in self._tree
 
     def laser_mount(self, frame: str, increment: float) -> tuple[Mount, bool]:
         """Return where the laser of a scan sits, and whether head down.
@@ -95,7 +78,7 @@ class World:
             return Mount(x, y, 0.0, heading), (
                 float(self._given.laser["angle_increment_rad"]) * increment < 0.0
             )
-        return self._tree.mount(frame), self._tree.upside_down(frame)
+        return self.tree.mount(frame), self.tree.upside_down(frame)
 
     def add_landmark_sensor(self, frame: str) -> bool:
         """Take where landmarks are seen from; return whether it is new.
@@ -104,7 +87,7 @@ class World:
         """
         if self._given.landmark_sensor is not None or not frame:
             return False
-        mount = self._tree.mount(frame)
+        mount = self.tree.mount(frame)
         sensor = {"pose_in_body": [mount.x, mount.y, mount.heading]}
         if self.log.landmark_sensor == sensor:
             return False

@@ -249,31 +249,16 @@ def _along(points: Iterator[FloatArray], path: Waypoints | Roam, duration_s: flo
     return drive_of(begin, motions)
 
 
-def there_and_back(
-    points: Sequence[FloatArray], speed_mps: float, turn_rate_radps: float, stand_s: float
-) -> tuple[Drive, float]:
-    """Return the drive from point to point that ends as it began, and how long it takes.
-
-    It turns in place the short way, drives straight, and stands at the end. `points` are x and y in
-    world, metres. Raises ValueError where the last is not the first, or there are less than three.
-    """
-    if len(points) < 3 or not np.array_equal(points[0], points[-1]):
-        raise ValueError(f"{len(points)} points, expected three or more, the last being the first")
-    start, motions, back = _legs(np.array(points), speed_mps, turn_rate_radps)
-    motions += [*back, (stand_s, 0.0, 0.0)]
-    return drive_of(start, motions), sum(seconds for seconds, _, _ in motions)
-
-
 def _through(path: Points, duration_s: float) -> Drive:
     """Return the drive through given points, which ends at the last one or goes on in laps."""
     points = np.array([*path.points_m, *path.points_m[: int(path.closed)]])
-    start, motions, back = _legs(points, path.speed_mps, path.turn_rate_radps)
+    start, motions, back = legs(points, path.speed_mps, path.turn_rate_radps)
     if path.closed:
         return _laps(start, motions + back, duration_s)
     return drive_of(start, [*motions, (1.0, 0.0, 0.0)])
 
 
-def _legs(
+def legs(
     points: FloatArray, speed: float, rate: float
 ) -> tuple[Motion, list[Motion], list[Motion]]:
     """Return the start, the motions from point to point, and the turn to the first heading."""

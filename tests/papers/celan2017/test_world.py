@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from locfuse.sim.faults import walls_between
 from locfuse.sim.sensors import point_in_world, seconds, stamps
 from locfuse.sim.space import cell_of, room_for
-from locfuse.sim.trajectory import there_and_back
 from locfuse.types import OCCUPIED, wrap_angle
 from papers.celan2017.world import (
     CLEARANCE_M,
@@ -33,6 +32,7 @@ from papers.celan2017.world import (
     lap,
     outages,
     stops,
+    there_and_back,
     wheels,
 )
 
@@ -197,3 +197,21 @@ def test_where_anchors_are_the_radios_are_silent_in_outages_alone() -> None:
         outage_s += sum(end - begin for begin, end in out)
     assert silent_s > 0.0
     assert 0.3 < outage_s / (4 * 900.0) / (OUTAGE_S / (OUTAGE_S + OUTAGE_EVERY_S)) < 3.0
+
+
+def test_a_round_trip_ends_as_it_began_and_stands() -> None:
+    points = [np.array(p) for p in ([1.0, 1.0], [3.0, 1.0], [3.0, 2.0], [1.0, 1.0])]
+    drive, duration_s = there_and_back(points, 0.5, 1.0, 2.0)
+    length = 2.0 + 1.0 + np.sqrt(5.0)
+    turns = 0.5 * np.pi + 2.0 * np.pi - 0.5 * np.pi  # all to the left, once around
+    assert duration_s == pytest.approx(length / 0.5 + turns + 2.0)
+    ends = drive.pose_at([0.0, duration_s - 2.0, duration_s])
+    np.testing.assert_allclose(ends, [[1.0, 1.0, 0.0]] * 3, atol=1e-12)
+    at = drive.pose_at(np.linspace(0.0, duration_s, 2000))[:, :2]
+    assert all(np.hypot(*(at - point).T).min() < 0.01 for point in points)
+
+
+def test_a_trip_that_does_not_come_back_is_no_round_trip() -> None:
+    points = [np.array(p) for p in ([1.0, 1.0], [3.0, 1.0], [3.0, 2.0])]
+    with pytest.raises(ValueError, match="3 points, expected three or more, the last being"):
+        there_and_back(points, 0.5, 1.0, 2.0)

@@ -13,6 +13,7 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 from locfuse import _core
+from locfuse.config.base import Strict
 from locfuse.config.build import (
     build_air_config,
     build_estimator_config,
@@ -46,7 +47,7 @@ from locfuse.config.schema import (
 from locfuse.types import ConfigError
 from support_runs import ROOT, room
 
-PAIRS: dict[str, tuple[type[BaseModel], type[Any], str]] = {
+PAIRS: dict[str, tuple[type[Strict], type[Any], str]] = {
     "Estimator": (Estimator, _core.PoseEkfConfig, "estimators/pose_ekf.hpp"),
     "Health": (Health, _core.HealthConfig, "estimators/health.hpp"),
     "Initializer": (Initializer, _core.InitializerConfig, "estimators/initializer.hpp"),

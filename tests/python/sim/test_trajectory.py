@@ -20,7 +20,7 @@ from locfuse.config.scenario import (
     Waypoints,
 )
 from locfuse.sim.maps import rooms
-from locfuse.sim.trajectory import Drive, drive_of, plan, sinc, there_and_back
+from locfuse.sim.trajectory import Drive, drive_of, plan, sinc
 from locfuse.types import wrap_angle
 
 ROOM = (10.0, 10.0)
@@ -320,21 +320,3 @@ def test_points_in_one_line_make_no_turn_of_a_rounding_error() -> None:
     rng = np.random.default_rng(1).spawn(7)[0]
     drive = plan(Roam(speed_mps=0.5), (12.0, 9.0), 60.0, rng, grid)
     assert np.diff(drive.start).min() > 1e-9
-
-
-def test_a_round_trip_ends_as_it_began_and_stands() -> None:
-    points = [np.array(p) for p in ([1.0, 1.0], [3.0, 1.0], [3.0, 2.0], [1.0, 1.0])]
-    drive, duration_s = there_and_back(points, 0.5, 1.0, 2.0)
-    length = 2.0 + 1.0 + np.sqrt(5.0)
-    turns = 0.5 * np.pi + 2.0 * np.pi - 0.5 * np.pi  # all to the left, once around
-    assert duration_s == pytest.approx(length / 0.5 + turns + 2.0)
-    ends = drive.pose_at([0.0, duration_s - 2.0, duration_s])
-    np.testing.assert_allclose(ends, [[1.0, 1.0, 0.0]] * 3, atol=1e-12)
-    at = drive.pose_at(np.linspace(0.0, duration_s, 2000))[:, :2]
-    assert all(np.hypot(*(at - point).T).min() < 0.01 for point in points)
-
-
-def test_a_trip_that_does_not_come_back_is_no_round_trip() -> None:
-    points = [np.array(p) for p in ([1.0, 1.0], [3.0, 1.0], [3.0, 2.0])]
-    with pytest.raises(ValueError, match="3 points, expected three or more, the last being"):
-        there_and_back(points, 0.5, 1.0, 2.0)

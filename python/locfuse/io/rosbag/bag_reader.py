@@ -264,7 +264,7 @@ class _BagReader:
     def _pose(self, message: Any, _: str) -> list[Row]:
         row = decode.pose(message)
         check_frame("poses", row.frame, self.contents.ros.frames.map)
-        return [rows.pose_row(row, rows.log_sigmas_of(row.covariance))]
+        return [rows.pose_row(row)]
 
     def _position(self, message: Any, _: str) -> list[Row]:
         contents = self.contents

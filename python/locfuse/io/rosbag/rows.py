@@ -7,8 +7,6 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import numpy as np
-
 from locfuse import _core
 from locfuse.io.rosbag import restarts
 from locfuse.io.rosbag.decode import (
@@ -107,9 +105,9 @@ def position_row(row: FixRow) -> Row:
             "sigma_m": row.sigma_m}  # fmt: skip
 
 
-def pose_row(row: PoseRow, sigmas: tuple[float, float] | None = None) -> Row:
-    """Return a pose with the `sigmas` of position and heading, by default `sigmas_of`."""
-    xy, heading = sigmas_of(row.covariance) if sigmas is None else sigmas
+def pose_row(row: PoseRow) -> Row:
+    """Return a pose with its sigmas; MessageError as of `sigmas_of`."""
+    xy, heading = sigmas_of(row.covariance)
     return {
         "stamp_ns": row.stamp_ns,
         "x_m": row.x,
@@ -120,22 +118,8 @@ def pose_row(row: PoseRow, sigmas: tuple[float, float] | None = None) -> Row:
     }
 
 
-def sigmas_of(covariance: Any) -> tuple[float, float]:
-    """Return sigmas of position and heading of a covariance (3, 3); (-1, -1) if it has none.
-
-    Examples
-    --------
-    >>> sigmas_of(np.diag([0.04, 0.04, 0.01])), sigmas_of(np.zeros((3, 3)))
-    ((0.2, 0.1), (-1.0, -1.0))
-    """
-    variance = np.diag(covariance)
-    if not (variance > 0.0).all():
-        return -1.0, -1.0
-    return float(np.sqrt(variance[:2].mean())), float(np.sqrt(variance[2]))
-
-
-def log_sigmas_of(covariance: FloatArray) -> tuple[float, float]:
-    """Return sigmas as a log keeps them: 0 for a covariance of 0, -1 if it is marked as unknown.
+def sigmas_of(covariance: FloatArray) -> tuple[float, float]:
+    """Return sigmas of position and heading: 0 of a covariance of 0, -1 of one marked as unknown.
 
     Raises MessageError if variances are neither positive nor marked as unknown.
     """
