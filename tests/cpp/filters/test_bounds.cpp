@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "locfuse/filters/kalman.hpp"
+#include "locfuse/filters/positive_definite.hpp"
 #include "support/expect.hpp"
 #include "support/random.hpp"
 
@@ -244,6 +245,17 @@ TEST(Bounds, what_is_seen_again_and_again_leaves_digits_of_what_is_known_of_it) 
     see_again_and_again<1>(seed, 1.0, 0.1);
     see_again_and_again<2>(seed, 1.0, 0.1);
   }
+}
+
+TEST(Bounds, few_digits_are_left_by_little_of_the_state_or_by_little_noise) {
+  const Vector<2> reach(1.0, 1.0);
+  const Matrix<2, 2> one = Matrix<2, 2>::Identity();
+  const double little = 0.1 * internal::GuardTuning::kFewDigitsShare;
+  EXPECT_FALSE(internal::leaves_few_digits(one, Matrix<2, 2>(2.0 * one), reach));
+  const Matrix<2, 2> seen = Vector<2>(1.0 + little, 2.0).asDiagonal();
+  EXPECT_TRUE(internal::leaves_few_digits(one, seen, reach));
+  const Matrix<2, 2> noise = Vector<2>(little, 1.0).asDiagonal();
+  EXPECT_TRUE(internal::leaves_few_digits(noise, Matrix<2, 2>(noise + one), reach));
 }
 
 }  // namespace

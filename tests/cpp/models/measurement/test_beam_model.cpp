@@ -55,6 +55,7 @@ TEST(BeamModel, is_the_documented_mixture) {
   EXPECT_NEAR(model.log_density(9.0, 5.0), std::log(0.05 / 12.0), 1e-12);
   EXPECT_NEAR(model.log_density(kInfinity, 5.0), std::log(0.15), 1e-12);
   EXPECT_NEAR(model.log_density(kInfinity, kInfinity), std::log(0.85), 1e-12);
+  EXPECT_NEAR(model.log_density(kInfinity, 12.0), std::log(0.85), 1e-12);  // out of its reach
   EXPECT_NEAR(BeamModel(BeamModel::gaussian_and_no_return(), wall()).log_density(9.0, 5.0),
               std::log(1e-12), 1e-9);
 }

@@ -123,6 +123,29 @@ TEST(LikelihoodField, counts_end_points_at_walls) {
   EXPECT_EQ(field.explained({}), 0.0);
 }
 
+TEST(LikelihoodField, end_points_turn_and_move_with_the_body) {
+  Rng rng(3);
+  for (int i = 0; i < 20; ++i) {
+    const Pose2 pose{uniform(rng, -5.0, 5.0), uniform(rng, -5.0, 5.0), uniform(rng, -3.0, 3.0)};
+    const Vector<2> at(uniform(rng, -9.0, 9.0), uniform(rng, -9.0, 9.0));
+    const EndPoints points{{static_cast<float>(at.x())}, {static_cast<float>(at.y())}};
+    const EndPoints seen = points.seen_from(pose);
+    EXPECT_NEAR(seen.x[0], pose.act(at).x(), 1e-5);
+    EXPECT_NEAR(seen.y[0], pose.act(at).y(), 1e-5);
+  }
+}
+
+TEST(LikelihoodField, fields_double_in_width_up_to_the_widest) {
+  const std::vector<LikelihoodField> fields =
+      LikelihoodField::doubling({0.05, 0.1, 5.0}, wall(), 0.4);
+  ASSERT_EQ(fields.size(), 4U);
+  for (std::size_t i = 0; i < fields.size(); ++i) {
+    const LikelihoodField own({0.05 * std::pow(2.0, static_cast<double>(i)), 0.1, 5.0}, wall());
+    EXPECT_EQ(fields[i].config().sigma_hit_m, own.config().sigma_hit_m) << i;
+    EXPECT_EQ(fields[i].log_density(12.5, 17.5), own.log_density(12.5, 17.5)) << i;
+  }
+}
+
 TEST(LikelihoodField, rejects_invalid_maps_and_settings) {
   const auto full = std::make_shared<const OccupancyGrid>(2, 2, 0.1, Pose2{},
                                                           std::vector<Cell>(4, Cell::kOccupied));

@@ -187,6 +187,9 @@ TEST(RangeBearingModel, rejects_invalid_noise) {
   expect_refused([] { RangeBearingModel({0.1, kNan}, {}); }, "sigma_bearing_rad", "nan");
   expect_refused([] { RangeBearingModel({1e200, 0.02}, {}); }, "sigma_range_m", "square");
   expect_refused([] { RangeBearingModel({0.1, 1e200}, {}); }, "sigma_bearing_rad", "square");
+  for (const double share : {-0.1, kNan, 1e200}) {
+    expect_refused([share] { RangeBearingModel({0.1, 0.02, share}, {}); }, "sigma_range_relative");
+  }
   expect_refused([] { RangeBearingModel({}, {kNan, 0.0, 0.0}); }, "pose in body");
 }
 
