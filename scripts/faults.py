@@ -2,7 +2,8 @@
 """Let the n-th write of a command fail or kill it, and check that results are whole or absent.
 
 Usage: faults.py [--count N] [COMMAND ...]. COMMAND is one of those of `COMMANDS`; N the faults for
-each, spread over all its calls that change a file: a full disk, an input or output error, SIGKILL.
+each, spread over all its calls that change a file: a full disk, an input or output error, SIGKILL,
+a clock that is set back by a day.
 """
 
 from __future__ import annotations
@@ -29,11 +30,19 @@ KINDS = {
     "kill": 0,
     "read-only": errno.EROFS,
     "no permission": errno.EACCES,
+    "clock set back": -1,
 }
 SCENE = "name: {name}\nseed: {seed}\nsimulation: {{duration_s: 2, map: {{}}}}\n"
+MAPPED = (
+    "name: {name}\nseed: {seed}\n"
+    "estimator: {{kind: landmark_slam, landmark_slam: {{use_map: false}}}}\n"
+    "simulation: {{duration_s: 4, ranges: null, poses: null, landmarks: {{A: [5, 5], B: [9, 6]}},\n"
+    "  landmark_sightings: {{}}}}\n"
+)
 # What a command writes anew over results of before; "studio" saves a scene.
 COMMANDS: dict[str, tuple[str, ...]] = {
     "run": ("run", "{config}", "--out", "{out}"),
+    "map": ("run", "{mapped}", "--out", "{out}"),
     "convert": ("convert", "log", "{log}", "{out}"),
     "bag": ("convert", "log", "{log}", "{out}/drive.mcap"),
     "capsule": ("capsule", "{config}", "--out", "{out}/run.zip"),
@@ -124,12 +133,14 @@ def check(name: str, count: int, folder: Path) -> list[str]:
     """Return what is wrong with a command under `count` faults."""
     for which, seed in (("old", 1), ("new", 2)):
         (folder / f"{which}.yaml").write_text(SCENE.format(name=which, seed=seed))
+        (folder / f"{which}-mapped.yaml").write_text(MAPPED.format(name=which, seed=seed))
     results = {}
     logs = {}
     for which in ("old", "new"):
         logs[which] = folder / f"log-{which}"
         config = folder / f"{which}.yaml"
         values: dict[str, object] = {"config": config, "log": logs[which], "out": folder / which,
+                                     "mapped": folder / f"{which}-mapped.yaml",
                                      "same": folder / "old.yaml", "trials": 1 + seed}  # fmt: skip
         write_log_of(config, logs[which])
         if which == "new" and name in RESUMED:
@@ -168,13 +179,15 @@ def check(name: str, count: int, folder: Path) -> list[str]:
             wrong.append(f"{what}: neither old nor new: {names}")
         if status == 0 and found != results["new"]:
             wrong.append(f"{what}: says that it went well")
+        if kind == "clock set back" and (status != 0 or found != results["new"]):
+            wrong.append(f"{what}: a clock is nothing to results: {said[-200:]}")
         if kind != "kill" and status not in (0, 1):
             wrong.append(f"{what}: {said[-200:]}")
         if kind != "kill" and status == 1 and "locfuse:" not in said:
             wrong.append(f"{what}: no sentence: {said[-200:]}")
         if kind != "kill" and status == 1 and "/" not in said:
             wrong.append(f"{what}: names no file: {said[-200:]}")
-    if statuses[1] + statuses[-signal.SIGKILL] < count // 2:
+    if statuses[1] + statuses[-signal.SIGKILL] < count // len(KINDS) * (len(KINDS) - 1) // 2:
         wrong.append(f"{name}: faults have no effect, exit statuses {dict(statuses)}")
     print(f"{name}: {count} faults over {calls} calls, statuses {dict(statuses)}, "
           f"{len(wrong)} wrong", flush=True)  # fmt: skip

@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler for the faults")
-@pytest.mark.parametrize("command", ["run", "convert", "bag", "capsule", "sweep", "studio"])
+@pytest.mark.parametrize("command", ["run", "map", "convert", "bag", "capsule", "sweep", "studio"])
 def test_results_are_whole_or_absent_whatever_call_fails(command: str) -> None:
     done = subprocess.run(
         [sys.executable, ROOT / "scripts/faults.py", "--count", "6", command],
