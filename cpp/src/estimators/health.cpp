@@ -94,6 +94,7 @@ void Health::start(Stamp stamp, double wrong) {
   stamp_ = fused_ = stamp;
   odds_ = odds_of(wrong);
   nis_ = 1.0;
+  outliers_ = config_.wrong_share;
   scale_ = 0.0;
   lost_ = false;
   suspect_since_.reset();
@@ -270,14 +271,20 @@ void Health::weigh(SourceStatus& status, const Outcome& outcome, double outlier_
     fits = std::exp(-0.5 * outcome.nis) *
            (std::min(outlier_volume * peak, internal::HealthTuning::kMaxPeak) + 2.0);
   }
-  const double wrong = config_.wrong_share;
+  const double wrong = std::max(outliers_, config_.wrong_share);
   const double elsewhere = 1.0 - config_.chance_share + config_.chance_share * fits;
   const double good = 1.0 - status.faulty;
+  const double outlier = wrong / ((1.0 - wrong) * fits + wrong);  // if pose and source are right
+  if (odds_ < odds_found_) {
+    outliers_ += internal::HealthTuning::kOutlierWeight * good * (outlier - outliers_);
+    outliers_ = std::min(outliers_, internal::HealthTuning::kMaxOutlierShare);
+  }
   if (outcome.dof > 0) {
+    const double inlier = good * (1.0 - outlier);
     const double ratio = std::min(outcome.nis / outcome.dof, internal::HealthTuning::kMaxMeanNis);
-    status.nis += internal::HealthTuning::kSourceWeight * good * (ratio - status.nis);
-    nis_ += internal::HealthTuning::kOverallWeight * good * (ratio - nis_);
-    scale_ += internal::HealthTuning::kOverallWeight * good *
+    status.nis += internal::HealthTuning::kSourceWeight * inlier * (ratio - status.nis);
+    nis_ += internal::HealthTuning::kOverallWeight * inlier * (ratio - nis_);
+    scale_ += internal::HealthTuning::kOverallWeight * inlier *
               (std::min(outcome.scale, kNotMeasured) - scale_);
   }
   double faulty = elsewhere;

@@ -15,8 +15,12 @@ struct HealthTuning {
   static constexpr double kMaxMeanNis = 10.0;  ///< per row, of one message in the mean
   static constexpr double kMaxPeak = 1e100;    ///< likelihood over that of an outlier
 
+  /// @name Outliers by themselves, eq. (13)
+  static constexpr double kOutlierWeight = 1.0 / 512.0;  ///< of a message in their share
+  static constexpr double kMaxOutlierShare = 0.3;        ///< that is held for chance
+
   /// @name Reasons for kDegraded
-  static constexpr double kFaultySource = 0.5;      ///< minimum probability that a source is wrong
+  static constexpr double kFaultySource = 0.9;      ///< minimum probability that a source is wrong
   static constexpr double kLargeNis = 2.0;          ///< minimum mean NIS per row
   static constexpr double kSilentIntervals = 10.0;  ///< minimum silence, in mean message intervals
 

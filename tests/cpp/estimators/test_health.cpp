@@ -78,6 +78,61 @@ TEST(Health, a_single_faulty_source_is_named_and_the_pose_trusted) {
   EXPECT_EQ(room.report().state, HealthState::kOk);
 }
 
+/// Each range reads 3 m long by itself, with a probability.
+struct Reflections : Room {
+  double share = 0.1;
+
+  /// Ranges of four anchors at a pose that is off by `off` along each of them; those below `wrong`
+  /// are off by 3 m. Returns the share of the steps in which one anchor was named.
+  double listen_on(int steps, int wrong = 0, double off = 0.0) {
+    int named = 0;
+    for (int k = 0; k < steps; ++k) {
+      stamp += kStep;
+      for (int i = 0; i < 4; ++i) {
+        const double by = uniform(rng, 0.0, 1.0) < share ? 3.0 : 0.0;
+        const double residual = (i < wrong ? 3.0 : by) + (i % 2 == 0 ? off : -off);
+        const double noise = normal(rng, std::sqrt(kScale));
+        health.record(anchor(i), stamp, of_residual(residual + noise), kLimit, kSpan);
+      }
+      named += report().reason == HealthReason::kSourceIsWrong ? 1 : 0;
+    }
+    return static_cast<double>(named) / steps;
+  }
+};
+
+TEST(Health, outliers_of_all_sources_are_no_fault_of_one) {
+  for (const double share : {0.0, 0.05, 0.1}) {
+    Reflections hall;
+    hall.share = share;
+    hall.health.start(0);
+    hall.listen_on(600);
+    EXPECT_LT(hall.listen_on(36'000), 0.01) << share;
+    EXPECT_LT(hall.report().wrong, 1e-3) << share;
+    EXPECT_LT(hall.report().inflation, 1.5) << share;  // they are gated
+  }
+}
+
+TEST(Health, a_faulty_source_is_named_among_outliers) {
+  Reflections hall;
+  hall.health.start(0);
+  hall.listen_on(600);
+  hall.listen_on(50, 1);
+  EXPECT_GT(hall.listen_on(200, 1), 0.99);
+  EXPECT_EQ(hall.report().source->name, 0);
+  EXPECT_TRUE(hall.health.is_excluded(anchor(0)));
+}
+
+TEST(Health, a_wrong_pose_is_noticed_among_outliers) {
+  for (std::uint64_t seed = 0; seed < 50; ++seed) {
+    Reflections hall;
+    hall.rng.seed(seed);
+    hall.health.start(0);
+    hall.listen_on(600);
+    hall.listen_on(20, 0, 2.0);
+    EXPECT_TRUE(hall.health.is_lost()) << seed;
+  }
+}
+
 TEST(Health, several_at_once_contradict_the_pose) {
   Room room;
   room.health.start(0);

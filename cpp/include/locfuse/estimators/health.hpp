@@ -118,7 +118,7 @@ class Health {
     double limit_m = 1.0;                    ///< alert limit of `HealthReport::within` [m]
     double risk = 0.01;                      ///< that an error exceeds its protection level
     double mean_s_between_losses = 14400.0;  ///< mean time between losses of the pose [s]
-    double wrong_share = 0.02;               ///< fraction of independent outliers
+    double wrong_share = 0.02;               ///< fraction of independent outliers, at least
     double wrong_span_m = 20.0;              ///< outliers are uniform over this span [m]
     double chance_share = 0.4;  ///< fraction of measurements that fit a wrong pose by chance
     double faulty_share = 0.1;  ///< share of the time that a source is wrong as a whole
@@ -187,6 +187,7 @@ class Health {
   Stamp stamp_ = 0;
   Stamp fused_ = 0;                // last measurement fused
   double odds_ = 0.0;              // of a wrong pose
+  double outliers_ = 0.0;          // share of independent outliers, as messages say
   double scale_ = 0.0;             // mean variance of an innovation
   double nis_ = 1.0;               // mean per degree of freedom, of all sources
   double explained_ = 0.0;         // usual ScanEvidence::explained
