@@ -280,11 +280,10 @@ void Health::weigh(SourceStatus& status, const Outcome& outcome, double outlier_
     outliers_ = std::min(outliers_, internal::HealthTuning::kMaxOutlierShare);
   }
   if (outcome.dof > 0) {
-    const double inlier = good * (1.0 - outlier);
     const double ratio = std::min(outcome.nis / outcome.dof, internal::HealthTuning::kMaxMeanNis);
-    status.nis += internal::HealthTuning::kSourceWeight * inlier * (ratio - status.nis);
-    nis_ += internal::HealthTuning::kOverallWeight * inlier * (ratio - nis_);
-    scale_ += internal::HealthTuning::kOverallWeight * inlier *
+    status.nis += internal::HealthTuning::kSourceWeight * good * (1.0 - outlier) * (ratio - status.nis);
+    nis_ += internal::HealthTuning::kOverallWeight * good * (ratio - nis_);
+    scale_ += internal::HealthTuning::kOverallWeight * good *
               (std::min(outcome.scale, kNotMeasured) - scale_);
   }
   double faulty = elsewhere;
@@ -370,6 +369,13 @@ HealthReport Health::report(const PoseEstimate& estimate) const {
   return report;
 }
 
+PoseEstimate Health::doubted(PoseEstimate estimate, double wrong) const {
+  const double position = config_.wrong_span_m * config_.wrong_span_m / 3.0;
+  const Vector<3> anywhere(position, position, kPi * kPi / 3.0);
+  estimate.covariance.diagonal() += wrong * anywhere;
+  return estimate;
+}
+
 void Health::find_state(HealthReport& report) const {
   report.source.reset();
   const Stamp silence = report.stamp - fused_;
@@ -404,7 +410,9 @@ void Health::find_degradation(HealthReport& report) const {
   }
   if (report.within < 0.5) {
     report.reason = HealthReason::kPositionIsVague;
-  } else if (nis_ > internal::HealthTuning::kLargeNis) {
+  } else if (nis_ > internal::HealthTuning::kLargeNis +
+                        internal::HealthTuning::kMaxMeanNis * outliers_ ||
+             outliers_ > internal::HealthTuning::kManyOutliers) {
     report.reason = HealthReason::kNoiseIsLarger;
   }
   const auto end = sources_.end();

@@ -18,9 +18,10 @@ struct HealthTuning {
   /// @name Outliers by themselves, eq. (13)
   static constexpr double kOutlierWeight = 1.0 / 512.0;  ///< of a message in their share
   static constexpr double kMaxOutlierShare = 0.3;        ///< that is held for chance
+  static constexpr double kManyOutliers = 0.15;  ///< share above which noise is too large
 
   /// @name Reasons for kDegraded
-  static constexpr double kFaultySource = 0.9;      ///< minimum probability that a source is wrong
+  static constexpr double kFaultySource = 0.75;     ///< minimum probability that a source is wrong
   static constexpr double kLargeNis = 2.0;          ///< minimum mean NIS per row
   static constexpr double kSilentIntervals = 10.0;  ///< minimum silence, in mean message intervals
 

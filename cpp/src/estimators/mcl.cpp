@@ -409,14 +409,20 @@ Outcome Mcl::on(const PositionFix& z) { return weigh_by(recipe_->position, z); }
 
 Outcome Mcl::on(const PoseObservation& z) { return weigh_by(recipe_->pose, z); }
 
-PoseEstimate Mcl::estimate() const { return filter_.predicted(filter_.best().estimate, odometry_); }
+PoseEstimate Mcl::estimate() const {
+  const HealthReport report = health();
+  return report.state == HealthState::kLost ? health_.doubted(believed(), report.wrong)
+                                            : believed();
+}
+
+PoseEstimate Mcl::believed() const { return filter_.predicted(filter_.best().estimate, odometry_); }
 
 PoseEstimate Mcl::overall_estimate() const {
   return filter_.predicted(filter_.overall(), odometry_);
 }
 
 HealthReport Mcl::health() const {
-  return health_.report(filter_.best().probability, estimate(), tracking_.has_scan);
+  return health_.report(filter_.best().probability, believed(), tracking_.has_scan);
 }
 
 }  // namespace locfuse

@@ -150,16 +150,22 @@ Stamp RecoveringEkf::stamp() const {
   return newest_ - believed >= kReportEvery ? newest_ : believed;
 }
 
-PoseEstimate RecoveringEkf::current() const {
+PoseEstimate RecoveringEkf::believed() const {
   return of(started(), [at = stamp()](const auto& ekf) {
     return pose_of(ekf, [at](const auto& one) { return estimate_at(one, at); });
   });
 }
 
+PoseEstimate RecoveringEkf::current() const { return doubted(believed()); }
+
 PoseEstimate RecoveringEkf::estimate() const {
-  return of(started(), [at = stamp()](const auto& ekf) {
+  return doubted(of(started(), [at = stamp()](const auto& ekf) {
     return pose_of(ekf, [at](const auto& one) { return estimate_from(one, at); });
-  });
+  }));
+}
+
+PoseEstimate RecoveringEkf::doubted(const PoseEstimate& estimate) const {
+  return health_.is_lost() ? health_.doubted(estimate, health_.wrong()) : estimate;
 }
 
 std::optional<AirEstimate> RecoveringEkf::current_in_space() const {
@@ -354,7 +360,7 @@ Initializer::State RecoveringEkf::state() const {
 
 HealthReport RecoveringEkf::health() const {
   if (tracker_) {
-    return health_.report(current());
+    return health_.report(believed());
   }
   HealthReport report;
   if (start_->state().status == StartStatus::kAmbiguous) {

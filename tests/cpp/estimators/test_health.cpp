@@ -108,8 +108,17 @@ TEST(Health, outliers_of_all_sources_are_no_fault_of_one) {
     hall.listen_on(600);
     EXPECT_LT(hall.listen_on(36'000), 0.01) << share;
     EXPECT_LT(hall.report().wrong, 1e-3) << share;
-    EXPECT_LT(hall.report().inflation, 1.5) << share;  // they are gated
+    EXPECT_EQ(hall.report().reason, HealthReason::kNone) << share;
   }
+}
+
+TEST(Health, more_outliers_are_noise_that_is_larger_than_its_sigma) {
+  Reflections hall;
+  hall.share = 0.25;
+  hall.health.start(0);
+  hall.listen_on(6'000);
+  EXPECT_EQ(hall.report().state, HealthState::kDegraded);
+  EXPECT_GT(hall.report().inflation, 1.5);
 }
 
 TEST(Health, a_faulty_source_is_named_among_outliers) {

@@ -150,6 +150,32 @@ TEST(RecoveringEkf, notices_that_it_was_carried_off_and_finds_itself_again) {
   EXPECT_TRUE(in_band(nees / kRuns, 3, kRuns)) << nees / kRuns;
 }
 
+TEST(RecoveringEkf, what_it_reports_while_it_is_lost_says_so) {
+  RecoveringEkf::Config settings = config();
+  settings.restart = false;
+  for (unsigned seed = 0; seed < 50; ++seed) {
+    RecoveringEkf ekf{settings, std::make_shared<const AnchorMap>(), {}, nullptr,
+                      {map_of(kPosts), {}}};
+    Drive drive(seed);
+    ekf.start_at({0, drive.truth, 0.01 * Matrix<3, 3>::Identity()});
+    for (int k = 0; k < 50; ++k) {
+      drive.step(ekf, kPosts);
+    }
+    const double sigma = ekf.current().sigma_position();
+    EXPECT_LT(sigma, 0.1) << seed;
+    drive.carry_off();
+    for (int k = 0; k < 20; ++k) {
+      drive.step(ekf, kPosts);
+    }
+    ASSERT_TRUE(ekf.is_lost()) << seed;
+    for (const PoseEstimate& lost : {ekf.current(), ekf.estimate()}) {
+      const Vector<3> off = local(lost.pose, drive.truth);
+      EXPECT_LT(off.dot(lost.covariance.inverse() * off), 4.0) << seed;
+    }
+    EXPECT_LT(ekf.estimator()->estimate().sigma_position(), 0.5) << seed;  // the belief stays
+  }
+}
+
 /// A tag alone: ranges to the corners of a hall at 10 Hz, and no odometry.
 struct Walk {
   Vector<2> place{5.0, 5.0};

@@ -63,7 +63,8 @@ class Mcl {
   /// An unnamed one weighs each particle by the landmark that fits it best.
   Outcome on(const RangeBearing& z);
 
-  /// The likeliest cluster, carried to where odometry ends.
+  /// The likeliest cluster, carried to where odometry ends; while it is lost with a covariance that
+  /// says so, Health::doubted.
   [[nodiscard]] PoseEstimate estimate() const;
   /// The same pose with the covariance of all particles about their mean, whatever their cluster.
   [[nodiscard]] PoseEstimate overall_estimate() const;
@@ -98,6 +99,7 @@ class Mcl {
     double turned = 0.0;        // the same [rad]
   };
 
+  [[nodiscard]] PoseEstimate believed() const;
   void restart(Stamp stamp, bool anywhere);
   void advance_to(Stamp stamp);
   [[nodiscard]] bool advance_unless_stale(Stamp stamp);

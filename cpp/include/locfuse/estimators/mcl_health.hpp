@@ -39,6 +39,9 @@ class MclHealth {
   void record(const Message& z, Outcome outcome);
 
   [[nodiscard]] bool is_lost() const { return health_.is_lost(); }
+  [[nodiscard]] PoseEstimate doubted(const PoseEstimate& estimate, double wrong) const {
+    return health_.doubted(estimate, wrong);
+  }
   /// `probability` is that of the likeliest cluster, whose `estimate` it is.
   [[nodiscard]] HealthReport report(double probability, const PoseEstimate& estimate,
                                     bool has_scan) const;

@@ -15,7 +15,7 @@ namespace locfuse {
 ///
 /// Until it has started an Initializer takes the messages: landmarks seen together, ranges, fixes
 /// and poses start hypotheses until one wins. While it tracks, a Health listens. Lost, it goes on
-/// as it was, but another Initializer begins beside it: whichever explains first what is measured
+/// as it was, with a covariance that says so, but another Initializer begins beside it: whichever explains first what is measured
 /// is believed. Derivation: docs/health.md. A LandmarkEkf, whose map is relative to where it began,
 /// and an AirEkf, for whose height there is no search, are not started anew.
 ///
@@ -82,8 +82,8 @@ class RecoveringEkf {
   /// The stamp of `current` [ns]: that of the belief, or of the last measurement where for
   /// kReportEvery none has changed the belief. Throws std::logic_error unless it has started.
   [[nodiscard]] Stamp stamp() const;
-  /// The belief at `stamp()`, and carried to the end of odometry. Throw std::logic_error unless it
-  /// has started.
+  /// The belief at `stamp()`, and carried to the end of odometry; while it is lost with a covariance
+  /// that says so, Health::doubted. Throw std::logic_error unless it has started.
   [[nodiscard]] PoseEstimate current() const;
   [[nodiscard]] PoseEstimate estimate() const;
   [[nodiscard]] const GaussianBelief& belief() const;
@@ -127,6 +127,8 @@ class RecoveringEkf {
   void decide();
   template <class Feed>
   [[nodiscard]] bool search(const Feed& feed);
+  [[nodiscard]] PoseEstimate believed() const;
+  [[nodiscard]] PoseEstimate doubted(const PoseEstimate& estimate) const;
   [[nodiscard]] const Tracker& started() const;
   [[nodiscard]] Initializer fresh() const;  // with the last odometry
   [[nodiscard]] Tracker tracker_at(const PoseEstimate& start, const Initializer& found) const;
