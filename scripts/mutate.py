@@ -3,7 +3,8 @@
 
 Usage: mutate.py [--count N] [--seed S] [--jobs N] [--out FILE] [SOURCE ...]. Works on copies in
 build/mutation, of the library up to the filters and of the tests of both rooms. A change that does
-not compile is not counted; one that no test notices survives and is printed with its line, unless
+not compile is not counted; one that no test, sanitized as in CI, notices survives and is printed
+with its line, unless
 scripts/mutants_explained.txt says why it makes no difference. The score is the share of those
 noticed among all others.
 """
@@ -44,7 +45,10 @@ SWAPS = {
     "std::cos(": "std::sin(", "std::sqrt(": "(", ".transpose()": "", "(!": "(", " -": " ",
     "0.5": "1.0", "2.0": "1.0",
 }  # fmt: skip
-SKIPPED = re.compile(r"^\s*(//|#|\*|static_assert|template|using |throw )|LOCFUSE_|noexcept\(")
+SKIPPED = re.compile(
+    r"^\s*(//|#|\*|static_assert|template|using |throw )|LOCFUSE_|noexcept\("
+    r"|^\s+double \w+ = [^;]+;\s+///<"  # a default, which tests/python/config compares
+)
 
 
 class Mutant(NamedTuple):
@@ -113,7 +117,7 @@ class Copy:
         library.write_text(above.sub("", library.read_text()))
         subprocess.run(
             ["cmake", "-S", folder, "-B", folder / "build", "-G", "Ninja",
-             "-DCMAKE_BUILD_TYPE=Debug", "-DCMAKE_CXX_FLAGS_DEBUG=-O1 -g0",
+             "-DCMAKE_BUILD_TYPE=Debug", "-DCMAKE_CXX_FLAGS_DEBUG=-O1 -g0 -D_GLIBCXX_ASSERTIONS -fsanitize=address",
              "-DLOCFUSE_BUILD_EXAMPLES=OFF", "-DLOCFUSE_UNITY_BUILD=OFF"],
             capture_output=True, check=True,
         )  # fmt: skip

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <cmath>
 
 #include "locfuse/filters/kalman.hpp"
@@ -245,6 +246,24 @@ TEST(Bounds, what_is_seen_again_and_again_leaves_digits_of_what_is_known_of_it) 
     see_again_and_again<1>(seed, 1.0, 0.1);
     see_again_and_again<2>(seed, 1.0, 0.1);
   }
+}
+
+TEST(Bounds, a_pose_is_positive_definite_if_its_eigenvalues_are) {
+  testing::Rng rng(5);
+  int definite = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const Matrix<3, 3> A = testing::random_matrix(rng, 3, 3);
+    Covariance P;
+    P = (A + A.transpose() + testing::uniform(rng, -1.0, 3.0) * Matrix<3, 3>::Identity()).eval();
+    const double least =
+        Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(P).eigenvalues().minCoeff();
+    if (std::abs(least) > 1e-9) {
+      EXPECT_EQ(internal::is_pose_positive_definite(P), least > 0.0) << P;
+      definite += least > 0.0 ? 1 : 0;
+    }
+  }
+  EXPECT_GT(definite, 200);
+  EXPECT_LT(definite, 1800);
 }
 
 TEST(Bounds, few_digits_are_left_by_little_of_the_state_or_by_little_noise) {
