@@ -117,7 +117,8 @@ class Copy:
         library.write_text(above.sub("", library.read_text()))
         subprocess.run(
             ["cmake", "-S", folder, "-B", folder / "build", "-G", "Ninja",
-             "-DCMAKE_BUILD_TYPE=Debug", "-DCMAKE_CXX_FLAGS_DEBUG=-O1 -g0 -D_GLIBCXX_ASSERTIONS -fsanitize=address",
+             "-DCMAKE_BUILD_TYPE=Debug",
+             "-DCMAKE_CXX_FLAGS_DEBUG=-O1 -g0 -D_GLIBCXX_ASSERTIONS -fsanitize=address",
              "-DLOCFUSE_BUILD_EXAMPLES=OFF", "-DLOCFUSE_UNITY_BUILD=OFF"],
             capture_output=True, check=True,
         )  # fmt: skip
