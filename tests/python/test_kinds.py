@@ -249,8 +249,8 @@ def test_heights_are_written_drawn_scored_and_published(tmp_path: Path) -> None:
     write_results(result, tmp_path / "out")
     assert (tmp_path / "out" / "height.png").is_file()
     header, *rows = (tmp_path / "out" / "estimate.csv").read_text().splitlines()
-    assert header.split(",")[-2:] == ["z_m", "cov_z_z"]
-    assert float(rows[-1].split(",")[-2]) == result.estimate.height[-1]
+    assert header.split(",")[-3:] == ["z_m", "cov_z_z", "state"]
+    assert float(rows[-1].split(",")[-3]) == result.estimate.height[-1]
     tum = (tmp_path / "out" / "estimate.tum").read_text().splitlines()[-1].split()
     assert float(tum[3]) == result.estimate.height[-1]
     live, _ = live_of(config, log)

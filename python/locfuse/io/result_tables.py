@@ -11,8 +11,8 @@ from locfuse.io.csv_table import number_texts, stamp_texts, write_table
 from locfuse.types import FloatArray, Health, MappedLandmarks, Outcomes, Trajectory
 
 
-def write_estimate(path: Path, estimate: Trajectory) -> None:
-    """Write ``estimate.csv``: poses with their covariance, every bit of them."""
+def write_estimate(path: Path, estimate: Trajectory, health: Health | None = None) -> None:
+    """Write ``estimate.csv``: poses with covariance, every bit of them, and the state of health."""
     assert estimate.heading is not None
     assert estimate.covariance is not None
     header = ["stamp_s", "x_m", "y_m", "heading_rad"]
@@ -25,25 +25,23 @@ def write_estimate(path: Path, estimate: Trajectory) -> None:
     if estimate.height is not None and estimate.height_variance is not None:
         header += ["z_m", "cov_z_z"]
         columns += [estimate.height, estimate.height_variance]
-    write_table(path, header, [stamp_texts(estimate.stamp_ns), *map(number_texts, columns)])
+    texts = [stamp_texts(estimate.stamp_ns), *map(number_texts, columns)]
+    if health is not None and len(health):
+        last = np.searchsorted(health.stamp_ns, estimate.stamp_ns, side="right") - 1
+        header.append("state")
+        texts.append(health.state[np.maximum(last, 0)].tolist())
+    write_table(path, header, texts)
 
 
 def write_outcomes(path: Path, outcomes: Outcomes) -> None:
     """Write ``outcomes.csv``: what became of each message, every bit of it."""
     header = ["stamp_s", "source", "tag", "anchor", "verdict", "nis", "dof", "log_likelihood",
               "residual", "reason"]  # fmt: skip
-    columns = [
-        stamp_texts(outcomes.stamp_ns),
-        outcomes.source.tolist(),
-        outcomes.tag.tolist(),
-        outcomes.anchor.tolist(),
-        outcomes.verdict.tolist(),
-        number_texts(outcomes.nis),
-        [str(dof) for dof in outcomes.dof.tolist()],
-        number_texts(outcomes.log_likelihood),
-        number_texts(outcomes.residual),
-        outcomes.reason.tolist(),
-    ]
+    words = (outcomes.source, outcomes.tag, outcomes.anchor, outcomes.verdict)
+    columns = [stamp_texts(outcomes.stamp_ns), *(word.tolist() for word in words),
+               number_texts(outcomes.nis), [str(dof) for dof in outcomes.dof.tolist()],
+               number_texts(outcomes.log_likelihood), number_texts(outcomes.residual),
+               outcomes.reason.tolist()]  # fmt: skip
     write_table(path, header, columns)
 
 

@@ -63,12 +63,13 @@ def read_tum(path: str | Path) -> Trajectory:
     return Trajectory(stamp_ns[first], np.column_stack([x, y])[first], heading[first])
 
 
-def write_tum(path: str | Path, trajectory: Trajectory) -> None:
+def write_tum(path: str | Path, trajectory: Trajectory, comment: str = "") -> None:
     """Write a trajectory as a TUM file, for this library's evaluation and for others'.
 
     Stamps have 9 decimals and are exact; positions and quaternions read back as the same float64.
     z is the height, 0 in the plane. Without a heading the quaternion is the identity: such a file
-    reads back with heading 0. Covariance is not part of the format.
+    reads back with heading 0. Covariance is not part of the format. A `comment` of one line comes
+    first, after ``#``.
 
     Raises
     ------
@@ -90,7 +91,9 @@ def write_tum(path: str | Path, trajectory: Trajectory) -> None:
     lines = [f"{stamp} {px} {py} {0 if is_flat else pz} 0 0 {qz} {qw}\n"
              for stamp, px, py, pz, qz, qw in rows]  # fmt: skip
     with whole_file(path) as file:
-        file.write_text("".join(lines), encoding="utf-8", newline="\n")
+        file.write_text(
+            "".join([*[f"# {comment}\n"] * bool(comment), *lines]), encoding="utf-8", newline="\n"
+        )
 
 
 def _texts(values: FloatArray) -> list[str]:

@@ -9,18 +9,15 @@ from pathlib import Path
 import yaml
 
 from locfuse.eval.errors import interpolate
+from locfuse.eval.trust import sentence
 from locfuse.io.result_tables import write_estimate, write_health, write_landmarks, write_outcomes
 from locfuse.io.tum import write_tum
 from locfuse.io.whole import whole_folder
 from locfuse.report.report import PICTURES, write_report
 from locfuse.types import RunResult
 
-OWNED = (
-    "truth.tum",
-    "health.csv",
-    "landmarks.csv",
-    *PICTURES,
-)  # of an earlier run, if this one has none
+# Of an earlier run, if this one has none.
+OWNED = ("truth.tum", "health.csv", "landmarks.csv", *PICTURES)
 
 
 def write_results(result: RunResult, folder: str | Path) -> Path:
@@ -51,12 +48,13 @@ def _write(result: RunResult, folder: Path) -> None:
     """Write all but the report and its pictures into an empty folder."""
     text = yaml.safe_dump(dict(result.config), sort_keys=False)
     (folder / "config.yaml").write_text(text, encoding="utf-8")
-    write_tum(folder / "estimate.tum", result.estimate)
+    trust = sentence(result.health) if result.health is not None and len(result.health) else ""
+    write_tum(folder / "estimate.tum", result.estimate, trust)
     if result.truth is not None:
         at, _ = interpolate(result.truth, result.estimate.stamp_ns)
         if len(at) > 0:
             write_tum(folder / "truth.tum", at)
-    write_estimate(folder / "estimate.csv", result.estimate)
+    write_estimate(folder / "estimate.csv", result.estimate, result.health)
     write_outcomes(folder / "outcomes.csv", result.outcomes)
     if result.health is not None:
         write_health(folder / "health.csv", result.health)

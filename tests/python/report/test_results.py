@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -94,6 +95,18 @@ def test_the_covariance_reads_back_bit_for_bit(result: RunResult, folder: Path) 
     assert [float(row["heading_rad"]) for row in rows] == estimate.heading.tolist()
     assert [row["stamp_s"] for row in rows[:2]] == ["0.000000000", "0.033333333"]
     assert (np.linalg.eigvalsh(found) > 0.0).all()
+
+
+def test_each_pose_has_the_state_of_health_at_its_stamp(result: RunResult, folder: Path) -> None:
+    assert result.health is not None
+    states = dict(zip(result.health.stamp_ns.tolist(), result.health.state.tolist(), strict=True))
+    found = [row["state"] for row in rows_of(folder / "estimate.csv")]
+    stamps = result.estimate.stamp_ns.tolist()
+    assert {s: state for s, state in zip(stamps, found, strict=True) if s in states} == {
+        s: states[s] for s in stamps if s in states
+    }
+    first = (folder / "estimate.tum").read_text().splitlines()[0]
+    assert re.fullmatch(r"# ok .* of the time; at the end .*", first)
 
 
 def test_the_trajectories_are_at_the_same_stamps(result: RunResult, folder: Path) -> None:
