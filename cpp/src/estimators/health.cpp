@@ -281,7 +281,8 @@ void Health::weigh(SourceStatus& status, const Outcome& outcome, double outlier_
   }
   if (outcome.dof > 0) {
     const double ratio = std::min(outcome.nis / outcome.dof, internal::HealthTuning::kMaxMeanNis);
-    status.nis += internal::HealthTuning::kSourceWeight * good * (1.0 - outlier) * (ratio - status.nis);
+    status.nis +=
+        internal::HealthTuning::kSourceWeight * good * (1.0 - outlier) * (ratio - status.nis);
     nis_ += internal::HealthTuning::kOverallWeight * good * (ratio - nis_);
     scale_ += internal::HealthTuning::kOverallWeight * good *
               (std::min(outcome.scale, kNotMeasured) - scale_);

@@ -18,7 +18,7 @@ struct HealthTuning {
   /// @name Outliers by themselves, eq. (13)
   static constexpr double kOutlierWeight = 1.0 / 512.0;  ///< of a message in their share
   static constexpr double kMaxOutlierShare = 0.3;        ///< that is held for chance
-  static constexpr double kManyOutliers = 0.15;  ///< share above which noise is too large
+  static constexpr double kManyOutliers = 0.15;          ///< share above which noise is too large
 
   /// @name Reasons for kDegraded
   static constexpr double kFaultySource = 0.75;     ///< minimum probability that a source is wrong

@@ -154,8 +154,8 @@ TEST(RecoveringEkf, what_it_reports_while_it_is_lost_says_so) {
   RecoveringEkf::Config settings = config();
   settings.restart = false;
   for (unsigned seed = 0; seed < 50; ++seed) {
-    RecoveringEkf ekf{settings, std::make_shared<const AnchorMap>(), {}, nullptr,
-                      {map_of(kPosts), {}}};
+    RecoveringEkf ekf{
+        settings, std::make_shared<const AnchorMap>(), {}, nullptr, {map_of(kPosts), {}}};
     Drive drive(seed);
     ekf.start_at({0, drive.truth, 0.01 * Matrix<3, 3>::Identity()});
     for (int k = 0; k < 50; ++k) {

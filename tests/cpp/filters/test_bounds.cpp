@@ -255,8 +255,7 @@ TEST(Bounds, a_pose_is_positive_definite_if_its_eigenvalues_are) {
     const Matrix<3, 3> A = testing::random_matrix(rng, 3, 3);
     Covariance P;
     P = (A + A.transpose() + testing::uniform(rng, -1.0, 3.0) * Matrix<3, 3>::Identity()).eval();
-    const double least =
-        Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(P).eigenvalues().minCoeff();
+    const double least = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(P).eigenvalues().minCoeff();
     if (std::abs(least) > 1e-9) {
       EXPECT_EQ(internal::is_pose_positive_definite(P), least > 0.0) << P;
       definite += least > 0.0 ? 1 : 0;

@@ -156,7 +156,8 @@ class Health {
   /// std::invalid_argument, as do all methods that take a stamp, beyond +-kStampLimit.
   [[nodiscard]] HealthReport report(const PoseEstimate& estimate) const;
   /// The estimate of a robot that is lost: with probability `wrong` it is anywhere within
-  /// wrong_span_m to either side, at any heading; the covariance is that of both together, eq. (14).
+  /// wrong_span_m to either side, at any heading; the covariance is that of both together, eq.
+  /// (14).
   [[nodiscard]] PoseEstimate doubted(PoseEstimate estimate, double wrong) const;
   /// Probability that the pose is wrong.
   [[nodiscard]] double wrong() const { return odds_ / (1.0 + odds_); }

@@ -15,9 +15,10 @@ namespace locfuse {
 ///
 /// Until it has started an Initializer takes the messages: landmarks seen together, ranges, fixes
 /// and poses start hypotheses until one wins. While it tracks, a Health listens. Lost, it goes on
-/// as it was, with a covariance that says so, but another Initializer begins beside it: whichever explains first what is measured
-/// is believed. Derivation: docs/health.md. A LandmarkEkf, whose map is relative to where it began,
-/// and an AirEkf, for whose height there is no search, are not started anew.
+/// as it was, with a covariance that says so, but another Initializer begins beside it: whichever
+/// explains first what is measured is believed. Derivation: docs/health.md. A LandmarkEkf, whose
+/// map is relative to where it began, and an AirEkf, for whose height there is no search, are not
+/// started anew.
 ///
 /// A cheap value. Every `on` throws std::invalid_argument for a message that is not valid.
 class RecoveringEkf {
@@ -82,8 +83,8 @@ class RecoveringEkf {
   /// The stamp of `current` [ns]: that of the belief, or of the last measurement where for
   /// kReportEvery none has changed the belief. Throws std::logic_error unless it has started.
   [[nodiscard]] Stamp stamp() const;
-  /// The belief at `stamp()`, and carried to the end of odometry; while it is lost with a covariance
-  /// that says so, Health::doubted. Throw std::logic_error unless it has started.
+  /// The belief at `stamp()`, and carried to the end of odometry; while it is lost with a
+  /// covariance that says so, Health::doubted. Throw std::logic_error unless it has started.
   [[nodiscard]] PoseEstimate current() const;
   [[nodiscard]] PoseEstimate estimate() const;
   [[nodiscard]] const GaussianBelief& belief() const;
