@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Change one operator at a time in the filters and models, and count which changes tests notice.
 
-Usage: mutate.py [--count N] [--seed S] [--jobs N] [--out FILE] [SOURCE ...]. Works on copies in
+Usage: mutate.py [--count N] [--seed S] [--jobs N] [--out FILE] [--again FILE] [SOURCE ...]. With
+`--again` only what survived in an earlier FILE is tried. Works on copies in
 build/mutation, of the library up to the filters and of the tests of both rooms. A change that does
 not compile is not counted; one that no test, sanitized as in CI, notices survives and is printed
 with its line, unless
@@ -172,6 +173,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--again", type=Path)
     parser.add_argument("sources", nargs="*")
     chosen = parser.parse_args()
     sources = chosen.sources or sorted(
@@ -182,6 +184,10 @@ def main() -> int:
     )
     every = [mutant for source in sources for mutant in mutants_of(source)]
     order = np.random.default_rng(chosen.seed).permutation(len(every))[: chosen.count]
+    if chosen.again is not None:
+        lines = chosen.again.read_text().splitlines()
+        names = {line.split(": ", 2)[2] for line in lines if line.startswith("survived")}
+        order = np.array([i for i, mutant in enumerate(every) if key_of(mutant) in names])
     copies: SimpleQueue[Copy] = SimpleQueue()
     for job in range(chosen.jobs):
         copies.put(Copy(COPIES / str(job)))
