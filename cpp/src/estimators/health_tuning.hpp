@@ -21,7 +21,7 @@ struct HealthTuning {
   static constexpr double kManyOutliers = 0.15;          ///< share above which noise is too large
 
   /// @name Reasons for kDegraded
-  static constexpr double kFaultySource = 0.75;     ///< minimum probability that a source is wrong
+  static constexpr double kFaultySource = 0.85;     ///< minimum probability that a source is wrong
   static constexpr double kLargeNis = 2.0;          ///< minimum mean NIS per row
   static constexpr double kSilentIntervals = 10.0;  ///< minimum silence, in mean message intervals
 

@@ -169,7 +169,7 @@ def health_status(health: LiveHealth) -> encode.Fields:
 def source_status(source: LiveSource, now_ns: int) -> encode.Fields:
     """Return the status of one source: how much of it is fused, and since when it is silent."""
     level, message = encode.OK, "fused"
-    if source.faulty > 0.75:
+    if source.faulty > 0.85:
         level, message = encode.WARN, "likely wrong as a whole"
     elif source.accepted < 0.5:
         level, message = encode.WARN, f"{100.0 * source.accepted:.0f} % of the last were fused"

@@ -112,7 +112,7 @@ TEST(Live, what_is_not_corrected_any_more_grows_vague_and_lost_and_replay_says_i
     EXPECT_EQ(run.health.back().stamp, end);
     EXPECT_EQ(run.health.back().state, HealthState::kLost);
     EXPECT_EQ(run.health.back().within, live.estimator().health().within);
-    EXPECT_NEAR(since.at(HealthState::kDegraded), 10.0, 0.15);
+    EXPECT_NEAR(since.at(HealthState::kDegraded), 10.1, 0.15);  // by the third
     EXPECT_NEAR(since.at(HealthState::kDeadReckoning), 12.0, 0.15);
     EXPECT_NEAR(since.at(HealthState::kLost), 64.0, 2.0);
   }
