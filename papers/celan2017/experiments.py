@@ -135,7 +135,7 @@ def follow(lap: Lap, setup: Setup, seed: int) -> Run:
     """Replay a lap by a set-up."""
     start = marked_start(lap, seed)
     given = list(messages(lap, setup))
-    stamps, found = [], []
+    stamps, found, spread = [], [], []
     begin = time.perf_counter()
     estimator = setup.make(lap, start, seed)
     for is_scan, message in given:
@@ -144,6 +144,7 @@ def follow(lap: Lap, setup: Setup, seed: int) -> Run:
         if is_scan:
             stamps.append(message.stamp)
             found.append(estimator.estimate())
+            spread.append(_spread(estimator, found[-1]))
     wall_s = time.perf_counter() - begin
     stamp_ns = np.array(stamps, np.int64)
     truth = lap.drive.pose_at(seconds(stamp_ns))
@@ -153,13 +154,23 @@ def follow(lap: Lap, setup: Setup, seed: int) -> Run:
         stamp_ns,
         truth,
         estimate,
-        np.array([e.covariance for e in found]),
+        np.array(spread),
         np.asarray(np.hypot(*(estimate[:, :2] - drawn).T)),
         lap.floor.in_open_room(truth[:, :2]),
         lap.duration_s,
         wall_s,
         tuple(estimator.injections) if isinstance(estimator, _core.SwitchingMcl) else (),
     )
+
+
+def _spread(estimator: Estimator, estimate: _core.PoseEstimate) -> FloatArray:
+    """Return the covariance of particles, without what being lost adds: docs/health.md (14)."""
+    if isinstance(estimator, _core.Mcl | _core.SwitchingMcl):
+        health, span = estimator.health(), _core.HealthConfig().wrong_span_m
+        if health.state == _core.HealthState.LOST:
+            anywhere = np.array([span**2 / 3.0, span**2 / 3.0, np.pi**2 / 3.0])
+            return np.asarray(estimate.covariance - health.wrong * np.diag(anywhere))
+    return np.asarray(estimate.covariance)
 
 
 def marked_start(lap: Lap, seed: int) -> _core.PoseEstimate:
