@@ -2,10 +2,9 @@
 """Change one operator at a time in the filters and models, and count which changes tests notice.
 
 Usage: mutate.py [--count N] [--seed S] [--jobs N] [--out FILE] [--again FILE] [SOURCE ...]. With
-`--again` only what survived in an earlier FILE is tried. Works on copies in
-build/mutation, of the library up to the filters and of the tests of both rooms. A change that does
-not compile is not counted; one that no test, sanitized as in CI, notices survives and is printed
-with its line, unless
+`--again` only what survived in an earlier FILE is tried. Works on copies in build/mutation, of the
+library up to the filters and of the tests of both rooms. A change that does not compile is not
+counted; one that no test, sanitized as in CI, notices survives and is printed with its line, unless
 scripts/mutants_explained.txt says why it makes no difference. The score is the share of those
 noticed among all others.
 """

@@ -13,6 +13,7 @@ import numpy as np
 from locfuse.config.load import load_config
 from locfuse.config.schema import RunConfig
 from locfuse.eval.errors import errors_against
+from locfuse.eval.verdicts import series_of
 from locfuse.run.run import load_log, run
 from locfuse.types import NANOSECONDS, Log, LogError, RunResult
 from papers.claims import Claim, Progress, absent, claims_of
@@ -68,10 +69,7 @@ def honesty(result: RunResult) -> Honesty:
     beyond = (off > result.health.protection[row, :dof]).any(axis=1)
     is_ok = result.health.state[row] == "ok"
     sure = (off > 3.0 * errors.sigma[:, :dof]).any(axis=1) & is_ok
-    longest = now = 0.0
-    for is_sure, seconds in zip(sure.tolist(), lasts.tolist(), strict=True):
-        now = now + seconds if is_sure else 0.0
-        longest = max(longest, now)
+    longest = max((float(lasts[a:b].sum()) for a, b in series_of(sure)), default=0.0)
     total = float(lasts.sum())
     return Honesty(float(np.mean(errors.nees)), dof, 100.0 * float(lasts @ beyond) / total,
                    100.0 * float(lasts @ sure) / total, longest)  # fmt: skip

@@ -410,9 +410,9 @@ Outcome Mcl::on(const PositionFix& z) { return weigh_by(recipe_->position, z); }
 Outcome Mcl::on(const PoseObservation& z) { return weigh_by(recipe_->pose, z); }
 
 PoseEstimate Mcl::estimate() const {
-  const HealthReport report = health();
-  return report.state == HealthState::kLost ? health_.doubted(believed(), report.wrong)
-                                            : believed();
+  const PoseEstimate here = believed();
+  const HealthReport report = report_of(here);
+  return report.state == HealthState::kLost ? health_.doubted(here, report.wrong) : here;
 }
 
 PoseEstimate Mcl::believed() const { return filter_.predicted(filter_.best().estimate, odometry_); }
@@ -421,8 +421,10 @@ PoseEstimate Mcl::overall_estimate() const {
   return filter_.predicted(filter_.overall(), odometry_);
 }
 
-HealthReport Mcl::health() const {
-  return health_.report(filter_.best().probability, believed(), tracking_.has_scan);
+HealthReport Mcl::health() const { return report_of(believed()); }
+
+HealthReport Mcl::report_of(const PoseEstimate& here) const {
+  return health_.report(filter_.best().probability, here, tracking_.has_scan);
 }
 
 }  // namespace locfuse

@@ -29,7 +29,7 @@ class Strict(BaseModel):
     @classmethod
     def _known_keys(cls, data: Any) -> Any:
         if isinstance(data, dict):
-            fixed = {key for key in data if key in cls.fixed}
+            fixed = [key for key in data if key in cls.fixed]
             for key in fixed:
                 if isinstance(data[key], bool) or data[key] != cls.fixed[key]:
                     raise ValueError(f"{key} is {shown(data[key])}, but is fixed at "

@@ -153,9 +153,9 @@ class UwbSystem:
             raise ConfigError("world names no folder; expected one with anchors.csv and log.yaml")
         world = read_world(given["world"])
         keys = ("sigma_m", "sigma_relative", "offset_m", "reach_m", "loss", "seed")
-        table = world.tables.get("anchors", {"anchor": np.empty(0, np.str_)})
-        places = zip(*(table.get(k, table["anchor"]) for k in ("x_m", "y_m", "z_m")), strict=True)
-        anchors = dict(zip(table["anchor"].tolist(), places, strict=True))
+        names = ("anchor", "x_m", "y_m", "z_m")
+        columns = [world["anchors"][n].tolist() for n in names] if "anchors" in world else []
+        anchors = {name: at for name, *at in zip(*columns, strict=True)}
         self._uwb = UwbSimulator(anchors, world.tags, **{key: given[key] for key in keys})
         self._epochs = Epochs(given["rate_hz"])
         self._model = given["model"]

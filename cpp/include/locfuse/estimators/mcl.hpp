@@ -100,6 +100,7 @@ class Mcl {
   };
 
   [[nodiscard]] PoseEstimate believed() const;
+  [[nodiscard]] HealthReport report_of(const PoseEstimate& here) const;
   void restart(Stamp stamp, bool anywhere);
   void advance_to(Stamp stamp);
   [[nodiscard]] bool advance_unless_stale(Stamp stamp);
