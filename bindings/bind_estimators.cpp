@@ -149,6 +149,10 @@ void bind_estimators(py::module_& m) {
       .def_readwrite("robust_dof", &Config::robust_dof, "Degrees of freedom of STUDENT_T noise.")
       .def_readwrite("robust_late_share", &Config::robust_late_share,
                      "Fraction of ranges that read long under ONE_SIDED noise.")
+      .def_readwrite(
+          "correlation_s", &Config::correlation_s,
+          "Correlation time of the errors of each source, of which it is learnt how much "
+          "is correlated; 0: errors are independent.")
       .def_readwrite("hold_s", &Config::hold_s,
                      "Timeout of odometry [s]: how long the last motion is extrapolated.")
       .def_readwrite("sigma_lost_xy_per_sqrt_s", &Config::sigma_lost_xy_per_sqrt_s)

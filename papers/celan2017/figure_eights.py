@@ -124,6 +124,7 @@ def rigid(of: Ride) -> Trajectory:
     What wheels get wrong all the time are states.
     """
     config = _core.PoseEkfConfig()
+    config.correlation_s = 0.0  # simulated errors are independent
     config.odometry.sigma_longitudinal_per_sqrt_m = SIGMA_LONGITUDINAL
     config.odometry.sigma_lateral_per_sqrt_m = 0.1 * SIGMA_LONGITUDINAL
     config.odometry.sigma_heading_per_sqrt_m = SIGMA_PER_SQRT_M

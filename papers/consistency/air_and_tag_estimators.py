@@ -66,6 +66,7 @@ def air_ekf(motion: _core.AirMotion, seed: int, factor: float) -> Sample:
 def _air_config(motion: _core.AirMotion, factor: float) -> _core.AirEkfConfig:
     config = _core.AirEkfConfig()
     config.motion = motion
+    config.correlation_s = 0.0  # simulated errors are independent
     config.odometry.sigma_longitudinal_per_sqrt_m = 0.03 * factor
     config.odometry.sigma_lateral_per_sqrt_m = 0.01 * factor
     config.odometry.sigma_heading_per_sqrt_m = 0.02 * factor

@@ -71,6 +71,7 @@ def config_of(scene: Mapping[str, Any], seed: int, calibration: Mapping[str, flo
                 "position": lever,
                 "landmark": {"sigma_range_m": 0.05, "sigma_bearing_rad": float(np.deg2rad(1.0))},
                 "calibration": dict(calibration),
+                "correlation_s": 0,  # simulated errors are independent
                 **gates,
             },
             "seed": seed,

@@ -52,6 +52,7 @@ def room_config(path: str, duration_s: float = 120.0) -> RunConfig:
                 "range": {"sigma_m": 0.0, "sigma_relative": 0.015},
                 "gate_range": 1.0,
                 "gate_pose": 1.0,
+                "correlation_s": 0,  # simulated errors are independent
             },
         }
     )

@@ -44,6 +44,7 @@ def sightings_of(found: list[_core.Cylinder], stamp: int) -> list[_core.RangeBea
 def filter_config() -> _core.PoseEkfConfig:
     """Return the filter that knows the noise: that of the speed lies along the heading."""
     config = _core.PoseEkfConfig()
+    config.correlation_s = 0.0  # simulated errors are independent
     rate = NANOSECONDS / STEP_NS
     config.odometry.sigma_longitudinal_per_sqrt_m = 0.0
     config.odometry.sigma_lateral_per_sqrt_m = 0.0

@@ -96,7 +96,8 @@ def _simulated(names: str, seeds: int) -> Iterator[Claim]:
                         "odometry": {"sigma_lateral_per_sqrt_m": 0.01},
                     },
                     "estimator": {
-                        "landmark": {"sigma_range_m": 0.05, "sigma_bearing_rad": np.deg2rad(1.0)}
+                        "correlation_s": 0,  # simulated errors are independent
+                        "landmark": {"sigma_range_m": 0.05, "sigma_bearing_rad": np.deg2rad(1.0)},
                     },
                     "seed": seed,
                 }

@@ -20,6 +20,7 @@ class OurEkf:
     def __init__(self, start: FloatArray) -> None:
         self.cylinders = 0  # found in the last scan
         config = _core.PoseEkfConfig()
+        config.correlation_s = 0.0  # simulated errors are independent
         config.odometry.sigma_longitudinal_per_sqrt_m = 0.05
         config.odometry.sigma_lateral_per_sqrt_m = 0.01
         config.odometry.sigma_heading_per_sqrt_m = 0.01

@@ -2674,6 +2674,13 @@ class PoseEkfConfig:
     robust_position: NoiseKind
     def __init__(self) -> None: ...
     @property
+    def correlation_s(self) -> float:
+        """
+        Correlation time of the errors of each source, of which it is learnt how much is correlated; 0: errors are independent.
+        """
+    @correlation_s.setter
+    def correlation_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
     def gate_landmark(self) -> float: ...
     @gate_landmark.setter
     def gate_landmark(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
@@ -2971,6 +2978,13 @@ class AirEkfConfig:
     robust_pose: NoiseKind
     robust_position: NoiseKind
     def __init__(self) -> None: ...
+    @property
+    def correlation_s(self) -> float:
+        """
+        As of PoseEkfConfig.
+        """
+    @correlation_s.setter
+    def correlation_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def gate_altitude(self) -> float: ...
     @gate_altitude.setter

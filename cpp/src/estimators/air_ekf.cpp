@@ -22,6 +22,8 @@ double variance_of(const char* name, double sigma) {
   return sigma * sigma;
 }
 
+constexpr Source kAltitudes = Source::kScans;  // of no other source of it: it takes no scans
+
 Matrix<1, 1> scalar(double value) { return Matrix<1, 1>(value); }
 
 /// The height of a start, with what it shares with the pose.
@@ -99,6 +101,7 @@ AirEkf::AirEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
       odometry_(start.stamp) {
   check_stamp(start.stamp);
   validate(config.limits);
+  internal::check_correlation(config.correlation_s);
   const double velocity =
       internal::positive("sigma_start_velocity_mps", config.sigma_start_velocity_mps);
   const double climb = internal::positive("sigma_start_climb_mps", config.sigma_start_climb_mps);
@@ -106,6 +109,9 @@ AirEkf::AirEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
     moving_.push_back(belief_.add("velocity", SlotKind::kPoint2, Vector<2>::Zero(),
                                   velocity * velocity * Matrix<2, 2>::Identity()));
     moving_.push_back(belief_.add("climb", SlotKind::kScalar, scalar(0.0), scalar(climb * climb)));
+  }
+  if (config.correlation_s > 0.0) {
+    belief_.correlated.reserve(belief_.dimension());
   }
 }
 
@@ -166,8 +172,10 @@ Outcome AirEkf::correct_by(const Range& z, const Gate& gate) {
   if (!is_plausible(z, recipe_->config.limits)) {
     return {Verdict::kImplausible};
   }
-  return correct(z.stamp, gate, recipe_->range_noise, place_,
-                 [&] { return recipe_->range.linearize(pose(), height(), z); });
+  return correct(z.stamp, gate, recipe_->range_noise, place_, [&] {
+    return internal::of_source(recipe_->config, recipe_->range.linearize(pose(), height(), z),
+                               Source::kRanges, z.anchor);
+  });
 }
 
 Outcome AirEkf::on(const PositionFix& z) {
@@ -175,8 +183,10 @@ Outcome AirEkf::on(const PositionFix& z) {
   if (!is_plausible(z, recipe_->config.limits)) {
     return {Verdict::kImplausible};
   }
-  return correct(z.stamp, recipe_->position_gate, recipe_->position_noise, body_,
-                 [&] { return recipe_->position.linearize(pose(), z); });
+  return correct(z.stamp, recipe_->position_gate, recipe_->position_noise, body_, [&] {
+    return internal::of_source(recipe_->config, recipe_->position.linearize(pose(), z),
+                               Source::kPositions);
+  });
 }
 
 Outcome AirEkf::on(const Altitude& z) {
@@ -184,8 +194,10 @@ Outcome AirEkf::on(const Altitude& z) {
   if (!is_plausible(z, recipe_->config.limits)) {
     return {Verdict::kImplausible};
   }
-  return correct(z.stamp, recipe_->altitude_gate, internal::kGaussian, height_,
-                 [&] { return std::optional(recipe_->altitude.linearize(height(), z)); });
+  return correct(z.stamp, recipe_->altitude_gate, internal::kGaussian, height_, [&] {
+    return internal::of_source(recipe_->config,
+                               std::optional(recipe_->altitude.linearize(height(), z)), kAltitudes);
+  });
 }
 
 Outcome AirEkf::on(const PoseObservation& z) {
@@ -193,8 +205,9 @@ Outcome AirEkf::on(const PoseObservation& z) {
   if (!is_plausible(z, recipe_->config.limits)) {
     return {Verdict::kImplausible};
   }
-  return correct(z.stamp, recipe_->pose_gate, recipe_->pose_noise, body_,
-                 [&] { return recipe_->pose.linearize(pose(), z); });
+  return correct(z.stamp, recipe_->pose_gate, recipe_->pose_noise, body_, [&] {
+    return internal::of_source(recipe_->config, recipe_->pose.linearize(pose(), z), Source::kPoses);
+  });
 }
 
 Outcome AirEkf::on(const RangeBearing& z) {
@@ -212,7 +225,9 @@ Outcome AirEkf::on(const RangeBearing& z) {
         }
         before = pose().position();
         const Vector<3> place(landmark->position.x(), landmark->position.y(), landmark->height);
-        return recipe_->landmark.linearize(pose(), height(), place, z);
+        return internal::of_source(recipe_->config,
+                                   recipe_->landmark.linearize(pose(), height(), place, z),
+                                   Source::kSightings, landmark->id);
       });
   if (outcome.verdict == Verdict::kFused && z.bearing) {
     turn_with_mean(belief_, body_, before);

@@ -228,6 +228,12 @@ std::vector<Fit> positions(const TagRanges& epoch_ranges, int left_out) {
   return fits;
 }
 
+/// A start compares hypotheses by what the filter of independent errors says of each.
+PoseEkf::Config independent(PoseEkf::Config config) {
+  config.correlation_s = 0.0;
+  return config;
+}
+
 }  // namespace
 
 Initializer::Initializer(const Config& config, const PoseEkf::Config& estimator,
@@ -239,8 +245,10 @@ Initializer::Initializer(const Config& config, const PoseEkf::Config& estimator,
       tags_(std::move(tags)),
       matcher_(std::move(matcher)),
       gate_(estimator.gate_pose),
-      prototype_(estimator, anchors_, tags_, {0, {}, Matrix<3, 3>::Identity()},
-                 std::move(landmarks)) {
+      prototype_(independent(estimator), anchors_, tags_, {0, {}, Matrix<3, 3>::Identity()},
+                 landmarks),
+      tracker_(estimator, anchors_, tags_, {0, {}, Matrix<3, 3>::Identity()},
+               std::move(landmarks)) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   in_range("epoch_s", config.epoch_s, 0.0, 3600.0);
   in_range("headings", config.headings, 3.0, 361.0);
@@ -618,7 +626,7 @@ bool Initializer::weigh(Component& component, const M& z,
 }
 
 Initializer::Component Initializer::component(const PoseEstimate& start, double log_weight) const {
-  PoseEkf ekf = started_at(start);
+  PoseEkf ekf = started(prototype_, start);
   if (!control_ && !moves_) {  // one that is switched on stands
     ekf.on(Velocity{start.stamp, 0.0, 0.0});
   }
@@ -850,7 +858,11 @@ std::optional<Message> Initializer::odometry_from(Stamp stamp) const {
 }
 
 PoseEkf Initializer::started_at(const PoseEstimate& start) const {
-  PoseEkf ekf = prototype_.restarted(start);
+  return started(tracker_, start);
+}
+
+PoseEkf Initializer::started(const PoseEkf& prototype, const PoseEstimate& start) const {
+  PoseEkf ekf = prototype.restarted(start);
   if (const std::optional<Message> rest = odometry_from(start.stamp)) {
     ekf.on(*rest);
   } else if (control_) {  // which has ended: it stands until odometry says more

@@ -209,7 +209,12 @@ Pairings LandmarkEkf::candidates(const std::vector<RangeBearing>& sightings) con
       if (!lin || !std::isfinite(outcome.nis) || outcome.nis > outcome.limit) {
         continue;
       }
-      Pairing pairing{static_cast<int>(k), {lin->residual, {}, lin->noise}, {0, 1, 2}, outcome.nis};
+      Pairing pairing;
+      pairing.landmark = static_cast<int>(k);
+      pairing.rows = {0, 1, 2};
+      pairing.nis = outcome.nis;
+      pairing.lin.residual = lin->residual;
+      pairing.lin.noise = lin->noise;
       pairing.lin.jacobian = lin->jacobian.leftCols(track.slot ? 5 : 3);
       if (track.slot) {
         const int row = belief_.offset(*track.slot);

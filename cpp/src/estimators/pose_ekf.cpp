@@ -68,7 +68,11 @@ PoseEkf::PoseEkf(const Config& config, const std::shared_ptr<const AnchorMap>& a
       adaptive_(config.adaptive) {
   check_stamp(start.stamp);
   validate(config.limits);
+  internal::check_correlation(config.correlation_s);
   recipe_->calibration.add_to(belief_);
+  if (config.correlation_s > 0.0) {
+    belief_.correlated.reserve(belief_.dimension());
+  }
 }
 
 PoseEkf PoseEkf::restarted(const PoseEstimate& start) const {
@@ -77,6 +81,7 @@ PoseEkf PoseEkf::restarted(const PoseEstimate& start) const {
   other.belief_ = GaussianBelief::of_pose(start.stamp, start.pose, start.covariance);
   other.body_ = other.belief_.slot("body");
   recipe_->calibration.add_to(other.belief_);
+  other.belief_.correlated = belief_.correlated.restarted();
   other.odometry_ = odometry_.restarted(start.stamp);
   return other;
 }
@@ -144,13 +149,18 @@ Outcome PoseEkf::correct_by(const Range& z, const Gate& gate) {
   }
   const Calibration& calibration = recipe_->calibration;
   if (const std::vector<Slot>* slots = calibration.slots_of(z.anchor)) {
-    return correct(Source::kRanges, z.stamp, gate, recipe_->range_noise, *slots,
-                   [&](const Pose2& /*pose*/) {
-                     return calibration.linearize(belief_, recipe_->range, z, odometry_.rate());
-                   });
+    return correct(
+        Source::kRanges, z.stamp, gate, recipe_->range_noise, *slots, [&](const Pose2& /*pose*/) {
+          return internal::of_source(
+              recipe_->config, calibration.linearize(belief_, recipe_->range, z, odometry_.rate()),
+              Source::kRanges, z.anchor);
+        });
   }
   return correct(Source::kRanges, z.stamp, gate, recipe_->range_noise, body_,
-                 [&](const Pose2& pose) { return recipe_->range.linearize(pose, z); });
+                 [&](const Pose2& pose) {
+                   return internal::of_source(recipe_->config, recipe_->range.linearize(pose, z),
+                                              Source::kRanges, z.anchor);
+                 });
 }
 
 Outcome PoseEkf::on(const PositionFix& z) {
@@ -159,7 +169,10 @@ Outcome PoseEkf::on(const PositionFix& z) {
     return {Verdict::kImplausible};
   }
   return correct(Source::kPositions, z.stamp, recipe_->position_gate, recipe_->position_noise,
-                 body_, [&](const Pose2& pose) { return recipe_->position.linearize(pose, z); });
+                 body_, [&](const Pose2& pose) {
+                   return internal::of_source(recipe_->config, recipe_->position.linearize(pose, z),
+                                              Source::kPositions);
+                 });
 }
 
 Outcome PoseEkf::on(const PoseObservation& z) {
@@ -168,7 +181,10 @@ Outcome PoseEkf::on(const PoseObservation& z) {
     return {Verdict::kImplausible};
   }
   return correct(Source::kPoses, z.stamp, recipe_->pose_gate, recipe_->pose_noise, body_,
-                 [&](const Pose2& pose) { return recipe_->pose.linearize(pose, z); });
+                 [&](const Pose2& pose) {
+                   return internal::of_source(recipe_->config, recipe_->pose.linearize(pose, z),
+                                              Source::kPoses);
+                 });
 }
 
 Outcome PoseEkf::on(const RangeBearing& z) {
@@ -187,7 +203,9 @@ Outcome PoseEkf::on(const RangeBearing& z) {
   }
   return correct_by(z, body_, [&](const Pose2& pose) {
     return nearest(belief_, *recipe_->landmarks, [&](const Landmark& landmark) {
-      return recipe_->landmark.linearize(pose, landmark.position, z);
+      return internal::of_source(recipe_->config,
+                                 recipe_->landmark.linearize(pose, landmark.position, z),
+                                 Source::kSightings, landmark.id);
     });
   });
 }
@@ -203,11 +221,14 @@ Outcome PoseEkf::on(const RangeBearing& z, const Landmark* landmark) {
   }
   if (z.range && z.bearing) {
     return correct_by(z, body_, [&](const Pose2& pose) {
-      return model.linearize_both(pose, landmark->position, z);
+      return internal::of_source(recipe_->config, model.linearize_both(pose, landmark->position, z),
+                                 Source::kSightings, landmark->id);
     });
   }
-  return correct_by(
-      z, body_, [&](const Pose2& pose) { return model.linearize(pose, landmark->position, z); });
+  return correct_by(z, body_, [&](const Pose2& pose) {
+    return internal::of_source(recipe_->config, model.linearize(pose, landmark->position, z),
+                               Source::kSightings, landmark->id);
+  });
 }
 
 /// What a sighting says of the body and of those errors that are states.
@@ -215,12 +236,12 @@ std::optional<Linearization<Eigen::Dynamic, Eigen::Dynamic>> PoseEkf::sight(
     const Landmark& landmark, const RangeBearing& z) const {
   if (recipe_->calibration.is_empty()) {
     const auto lin = recipe_->landmark.linearize(pose(), landmark.position, z);
-    return lin ? std::optional<Linearization<Eigen::Dynamic, Eigen::Dynamic>>(
-                     {lin->residual, lin->jacobian, lin->noise})
-               : std::nullopt;
+    return lin ? std::optional(internal::any_size(*lin)) : std::nullopt;
   }
-  return recipe_->calibration.linearize(belief_, recipe_->landmark, landmark.position, z,
-                                        odometry_.rate());
+  return internal::of_source(recipe_->config,
+                             recipe_->calibration.linearize(belief_, recipe_->landmark,
+                                                            landmark.position, z, odometry_.rate()),
+                             Source::kSightings, landmark.id);
 }
 
 std::vector<Outcome> PoseEkf::on_joint(const std::vector<RangeBearing>& sightings,
@@ -310,6 +331,8 @@ Outcome PoseEkf::on_joint(const std::vector<Range>& epoch) {
         joint.residual.resize(n);
         joint.jacobian.resize(n, 3);
         joint.noise.setZero(n, n);
+        joint.correlation.time_s = recipe_->config.correlation_s;
+        joint.correlation.kind = static_cast<std::size_t>(Source::kRanges);
         Eigen::Index rows = 0;
         for (const Range& z : epoch) {
           const bool plausible = is_plausible(z, recipe_->config.limits);
@@ -317,6 +340,8 @@ Outcome PoseEkf::on_joint(const std::vector<Range>& epoch) {
             joint.residual(rows) = lin->residual(0);
             joint.jacobian.row(rows) = lin->jacobian;
             joint.noise(rows, rows) = lin->noise(0);
+            joint.correlation.sources[static_cast<std::size_t>(rows)] =
+                internal::source_of(Source::kRanges, z.anchor);
             ++rows;
           }
         }
@@ -332,7 +357,7 @@ void PoseEkf::advance_to(Stamp stamp) {
 }
 
 PoseEstimate PoseEkf::current() const {
-  return {belief_.stamp, pose(), Matrix<3, 3>(belief_.P.topLeftCorner<3, 3>())};
+  return {belief_.stamp, pose(), belief_.marginal_of_first<3>()};
 }
 
 PoseEstimate PoseEkf::estimate() const {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <iterator>
+#include <numeric>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -18,6 +19,7 @@
 #include "locfuse/filters/outcome.hpp"
 #include "locfuse/filters/robust.hpp"
 #include "locfuse/messages/limits.hpp"
+#include "locfuse/messages/message.hpp"
 #include "locfuse/messages/messages.hpp"
 #include "locfuse/models/motion/odometry.hpp"
 
@@ -51,6 +53,34 @@ NoiseShape noise_of(const char* name, NoiseKind kind, const Config& config) {
                                 "ranges have a long side");
   }
   return NoiseShape({kind, config.robust_dof, config.robust_late_share});
+}
+
+/// Names the errors of one row of what a source measures; those of its next rows follow.
+inline std::uint64_t source_of(Source kind, Id id) {
+  constexpr unsigned kBitsOfRow = 2;
+  constexpr unsigned kBitsOfId = 32;
+  return ((static_cast<std::uint64_t>(kind) << kBitsOfId) | static_cast<std::uint32_t>(id))
+         << kBitsOfRow;
+}
+
+/// The same measurement, which says of whose errors its own are the next.
+template <class Config, class Lin>
+std::optional<Lin> of_source(const Config& config, std::optional<Lin> lin, Source kind, Id id = 0) {
+  if (lin) {
+    lin->correlation.time_s = config.correlation_s;
+    static_assert(kSources <= kErrorKinds);
+    lin->correlation.kind = static_cast<std::size_t>(kind);
+    std::iota(lin->correlation.sources.begin(), lin->correlation.sources.end(),
+              source_of(kind, id));
+  }
+  return lin;
+}
+
+inline void check_correlation(double correlation_s) {
+  if (!(correlation_s >= 0.0 && std::isfinite(correlation_s))) {
+    throw std::invalid_argument("correlation_s is " + std::to_string(correlation_s) +
+                                ", expected 0 for independent errors, or more");
+  }
 }
 
 /// Stands for noise that no config can make anything but Gaussian.
@@ -154,6 +184,7 @@ class Transaction {
     } else {
       x_ = belief.x.template head<3>();
       P_ = belief.P.template leftCols<3>();
+      correlated_ = belief.correlated.moving();
     }
   }
   Transaction(const Transaction&) = delete;
@@ -167,6 +198,7 @@ class Transaction {
       belief_->x.template head<3>() = x_;
       belief_->P.template topRows<3>() = P_.transpose();
       belief_->P.template leftCols<3>() = P_;
+      belief_->correlated.restore(correlated_);
     }
   }
   [[nodiscard]] Outcome close(Outcome outcome) {
@@ -184,6 +216,9 @@ class Transaction {
   std::uint64_t interventions_;
   Vector<3> x_;
   Matrix<Rows, 3> P_;
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, Rows,
+                Rows + CorrelatedErrors::kMaxRows>
+      correlated_;
   std::optional<GaussianBelief> whole_;
 };
 

@@ -50,6 +50,7 @@ Slot GaussianBelief::add(const std::string& name, SlotKind kind,
   x.conservativeResize(offset + size);
   x.tail(size) = mean;
   P.grow(size);
+  correlated.grow(size, Eigen::MatrixXd(size, 0), {});
   P.bottomRightCorner(size, size) = 0.5 * covariance + 0.5 * covariance.transpose();
   find_rows();
   for (const int row : angle_rows()) {
@@ -67,6 +68,7 @@ void GaussianBelief::remove(Slot slot) {
   x.segment(start, after) = rest;
   x.conservativeResize(start + after);
   P.remove(start, size);
+  correlated.remove(start, size);
   Layout& layout = own_layout();
   for (auto later = layout.variables.erase(layout.variables.begin() + index);
        later != layout.variables.end(); ++later) {
@@ -137,7 +139,10 @@ Eigen::VectorXd GaussianBelief::mean(Slots slots) const { return x(rows(slots));
 
 Eigen::MatrixXd GaussianBelief::marginal(Slots slots) const {
   const std::vector<int> chosen = rows(slots);
-  return P(chosen, chosen);
+  if (correlated.is_empty()) {
+    return P(chosen, chosen);
+  }
+  return with_excess<Eigen::Dynamic>(P(chosen, chosen), correlated.excess()(chosen, chosen));
 }
 
 }  // namespace locfuse

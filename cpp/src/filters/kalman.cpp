@@ -3,6 +3,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <stdexcept>
 #include <string>
@@ -102,6 +103,7 @@ Outcome update_rows(GaussianBelief& belief,
     internal::refuse_result();
   }
   belief.x = x_new;
+  internal::take_correlated(belief, lin, K, S, rows.data());
   internal::wrap_angles(belief.x, belief.angle_rows());
   internal::keep_in_bounds(belief, 0, size, few);
   return outcome;
@@ -179,6 +181,8 @@ void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slo
   belief.interventions += interventions;
   belief.P.block<3, 3>(row, row) = 0.5 * (P_new + P_new.transpose());
   belief.x.segment<3>(row) = moved;
+  const std::array<int, 3> rows{row, row + 1, row + 2};
+  belief.correlated.move(step.jacobian, rows.data());
   internal::keep_in_bounds(belief, row, 3);
 }
 
@@ -201,6 +205,10 @@ void turn_with_mean(GaussianBelief& belief, Slot slot, const Vector<2>& before) 
     belief.P.block<1, 2>(other, row) = belief.P.block<2, 1>(row, other).transpose();
   }
   belief.P.block<2, 2>(row, row) = 0.5 * (own + own.transpose());
+  Matrix<3, 3> turned = Matrix<3, 3>::Identity();
+  turned.block<2, 1>(0, 2) = turn;
+  const std::array<int, 3> rows{row, row + 1, row + 2};
+  belief.correlated.move(turned, rows.data());
   const bool few =
       (own.diagonal().array() > internal::GuardTuning::kMaxGrowth * variances.array()).any();
   internal::keep_in_bounds(belief, row, 2, few);
@@ -247,6 +255,7 @@ void predict(GaussianBelief& belief, const Propagation<VectorXd, Eigen::Dynamic>
     }
     belief.x(rows[static_cast<std::size_t>(i)]) = step.moved(i);
   }
+  belief.correlated.move(step.jacobian, rows.data());
   internal::wrap_angles(belief.x, belief.angle_rows());
   for (Index i = 0; i < moving; ++i) {
     internal::keep_in_bounds(belief, rows[static_cast<std::size_t>(i)], 1);
@@ -281,7 +290,10 @@ Slot augment(GaussianBelief& belief, const std::string& name, SlotKind kind,
   if (!positive || !mean.allFinite() || !cross.allFinite() || !own.allFinite()) {
     throw NumericalError("slot '" + name + "' would not be finite with positive noise");
   }
+  CorrelatedErrors correlated = belief.correlated;
+  correlated.grow(size, jacobian, rows);
   const Slot added = belief.add(name, kind, mean, 0.5 * own + 0.5 * own.transpose());
+  belief.correlated = std::move(correlated);
   belief.P.bottomLeftCorner(size, cross.cols()) = cross;
   belief.P.topRightCorner(cross.cols(), size) = cross.transpose();
   internal::keep_in_bounds(

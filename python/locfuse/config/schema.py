@@ -187,7 +187,8 @@ class Calibration(Strict):
 
 
 Bounded = Annotated[float, Field(ge=0.0, le=1e9)]  # its square is finite
-_OF_POSE = ("calibration", "adaptive", "robust_range", "robust_position", "robust_pose")
+_OF_POSE = ("calibration", "adaptive", "correlation_s", "robust_range", "robust_position",
+            "robust_pose")  # fmt: skip
 # Settings of `Estimator` that a kind does not have.
 LEFT_OUT: dict[Kind, tuple[str, ...]] = {
     "pose": ("landmark_slam", "tag_triangle", "air"),
@@ -360,6 +361,8 @@ class Estimator(Strict):
     """Noise distribution of position fixes."""
     robust_pose: Literal["gaussian", "student_t", "cauchy"] = "gaussian"
     """Noise distribution of poses."""
+    correlation_s: NonNegative = 10.0
+    """How long errors of a source stay; which part does is learnt. 0: they are independent [s]."""
     hold_s: Positive = 1.0
     """Odometry timeout: the last motion is extrapolated for this time [s]."""
     sigma_lost_xy_per_sqrt_s: LostSigma = 0.5

@@ -17,6 +17,7 @@ constexpr double kSigma = 0.1;  // of the ranges of the simulation [m]
 
 PoseEkf::Config config_with(double sigma, double messages) {
   PoseEkf::Config config;
+  config.correlation_s = 0.0;  // its errors are independent
   config.range.sigma_m = sigma;
   config.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
   config.adaptive.messages = messages;

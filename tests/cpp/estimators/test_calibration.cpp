@@ -41,6 +41,7 @@ Calibration::Config everything() {
 
 PoseEkf::Config config_of(const Calibration::Config& calibration) {
   PoseEkf::Config config;
+  config.correlation_s = 0.0;  // its errors are independent
   config.odometry = {0.02, 0.02, 0.02, 0.02, 0.0, 0.0};
   config.landmark = {0.02, 0.01};
   config.gate_landmark = 1.0;

@@ -24,6 +24,7 @@ constexpr double kSigmaDelay = 0.1;
 
 PoseEkf::Config config_of(double offset, double scale, double delay) {
   PoseEkf::Config config;
+  config.correlation_s = 0.0;  // its errors are independent
   config.odometry = {0.02, 0.02, 0.02, 0.02, 0.0, 0.0};
   config.range.sigma_m = 0.05;
   config.gate_range = 1.0;

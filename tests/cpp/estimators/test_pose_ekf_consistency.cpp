@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <Eigen/Cholesky>
+#include <array>
+#include <cmath>
 
 #include "locfuse/estimators/pose_ekf.hpp"
 #include "support/consistency.hpp"
@@ -16,6 +18,7 @@ constexpr int kRuns = 50;
 /// The filter that knows the noise of the simulation, and lets every range pass.
 PoseEkf::Config well_informed() {
   PoseEkf::Config config;
+  config.correlation_s = 0.0;  // its errors are independent
   config.range.sigma_m = 0.1;
   config.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
   config.gate_range = 1.0;
@@ -75,6 +78,54 @@ TEST(PoseEkf, trusting_ranges_ten_times_too_little_shows) {
   const Consistency result = measure(config);
   EXPECT_FALSE(in_band(result.nees, 3, kRuns)) << result.nees;
   EXPECT_FALSE(in_band(result.nis, 1, result.ranges)) << result.nis;
+}
+
+/// Mean over 60 runs of 100 s of the NEES of 3 at the end, where errors of ranges keep half of
+/// their variance over a correlation time.
+double nees_where_errors_last(double seconds, double told, double correlation_s) {
+  PoseEkf::Config config = well_informed();
+  config.correlation_s = correlation_s;
+  config.range.sigma_m = 0.1 * std::sqrt(seconds > 0.0 ? 2.0 : 1.0) * told;
+  constexpr int kSeeds = 60;
+  double sum = 0.0;
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    testing::Simulation run = testing::simulate(seed, 100.0);
+    testing::Rng rng(1000 + seed);
+    std::array<double, 4> lasting{};
+    for (double& error : lasting) {
+      error = testing::normal(rng, 0.1);
+    }
+    const double kept = seconds > 0.0 ? std::exp(-0.2 / seconds) : 0.0;
+    PoseEkf ekf(config, testing::hall(), testing::one_tag(), run.start);
+    for (Message& message : run.messages) {
+      if (Range* z = std::get_if<Range>(&message); z != nullptr && seconds > 0.0) {
+        double& error = lasting.at(static_cast<std::size_t>(z->anchor));
+        error = kept * error + std::sqrt(1.0 - kept * kept) * testing::normal(rng, 0.1);
+        z->range += error;
+      }
+      ekf.on(message);
+    }
+    const PoseEstimate end = ekf.estimate();
+    const Vector<3> error = local({run.x, run.y, wrap_angle(run.heading)}, end.pose);
+    sum += error.dot(end.covariance.llt().solve(error)) / kSeeds;
+  }
+  return sum;
+}
+
+TEST(PoseEkf, errors_that_last_are_known_to) {
+  constexpr double kDefault = PoseEkf::Config{}.correlation_s;
+  for (const double seconds : {1.0, 5.0, 20.0}) {
+    const double with = nees_where_errors_last(seconds, 1.0, kDefault);
+    const double without = nees_where_errors_last(seconds, 1.0, 0.0);
+    EXPECT_TRUE(with > 1.5 && with < 4.5) << seconds << " s: " << with << " of 3";
+    EXPECT_GT(without, 2.0 * with) << seconds << " s: " << without << " of 3";
+    const double told_half = nees_where_errors_last(seconds, 0.5, kDefault);
+    EXPECT_TRUE(told_half > 1.5 && told_half < 6.0) << seconds << " s: " << told_half << " of 3";
+  }
+  const double independent = nees_where_errors_last(0.0, 1.0, kDefault);
+  EXPECT_TRUE(independent > 1.5 && independent < 3.6) << independent << " of 3";
+  const double told_half = nees_where_errors_last(0.0, 0.5, kDefault);
+  EXPECT_TRUE(told_half > 1.5 && told_half < 5.0) << told_half << " of 3";
 }
 
 }  // namespace

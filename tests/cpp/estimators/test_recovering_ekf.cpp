@@ -37,6 +37,7 @@ std::shared_ptr<const LandmarkMap> map_of(const std::vector<Vector<2>>& position
 RecoveringEkf::Config config() {
   RecoveringEkf::Config c;
   c.estimator.landmark = {kSigmaRange, kSigmaBearing};
+  c.estimator.correlation_s = 0.0;  // its errors are independent
   return c;
 }
 
@@ -427,7 +428,13 @@ struct Outage {
   static constexpr double kBegins = 10.0;
   static constexpr double kEnds = 80.0;
 
-  RecoveringEkf ekf{RecoveringEkf::Config{}, testing::hall(), testing::one_tag(), nullptr};
+  static RecoveringEkf::Config settings() {
+    RecoveringEkf::Config c;
+    c.estimator.correlation_s = 0.0;  // its errors are independent
+    return c;
+  }
+
+  RecoveringEkf ekf{settings(), testing::hall(), testing::one_tag(), nullptr};
   Rng rng;
   Pose2 truth;
   int steps = 0;

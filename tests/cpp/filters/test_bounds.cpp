@@ -265,6 +265,19 @@ TEST(Bounds, a_pose_is_positive_definite_if_its_eigenvalues_are) {
   EXPECT_LT(definite, 1800);
 }
 
+TEST(Bounds, correlations_above_one_are_widened_no_more_than_they_need) {
+  for (const double above : {1e-9, 1e-5, 1e-2}) {
+    GaussianBelief belief = GaussianBelief::of_pose(0, {}, Matrix<3, 3>::Identity());
+    belief.P(0, 1) = belief.P(1, 0) = 1.0 + above;
+    internal::keep_in_bounds(belief, 0, 3, true);
+    EXPECT_TRUE(internal::is_positive_definite(belief.P)) << above;
+    EXPECT_GT(belief.P(0, 0), 1.0 + above);
+    EXPECT_LT(belief.P(0, 0), 1.0 + 12.0 * above);
+    EXPECT_EQ(belief.P(0, 1), 1.0 + above);
+    EXPECT_EQ(belief.interventions, 1U);
+  }
+}
+
 TEST(Bounds, few_digits_are_left_by_little_of_the_state_or_by_little_noise) {
   const Vector<2> reach(1.0, 1.0);
   const Matrix<2, 2> one = Matrix<2, 2>::Identity();

@@ -98,6 +98,44 @@ TEST(Robust, tails_are_those_of_student) {
   }
 }
 
+/// At its scale clean noise leaves a filter as sure as it says: eq. (7) of docs/models/robust.md.
+TEST(Robust, is_as_wide_as_clean_noise_allows) {
+  for (const NoiseKind kind : {NoiseKind::kStudentT, NoiseKind::kCauchy}) {
+    const NoiseShape shape({kind, 4.0, 0.05});
+    double squares = 0.0;
+    double slopes = 0.0;
+    for (int i = -4000; i <= 4000; ++i) {
+      const double r = i / 500.0;
+      double total = 0.0;
+      double score = 0.0;
+      double curvature = 0.0;
+      for (const NoiseShape::Part& part : shape) {
+        const double share =
+            std::exp(part.log_share - 0.5 * r * r / part.variance) / std::sqrt(part.variance);
+        total += share;
+        score += share * r / part.variance;
+        curvature += share * (1.0 / part.variance - r * r / (part.variance * part.variance));
+      }
+      score /= total;
+      const double of_clean = std::exp(-0.5 * r * r);
+      squares += of_clean * score * score;
+      slopes += of_clean * (curvature / total + score * score);
+    }
+    EXPECT_NEAR(squares / slopes, 1.0, 1e-3);
+  }
+}
+
+TEST(Robust, shares_of_one_sided_noise_are_all_there_is) {
+  double all = 0.0;
+  double late = 0.0;
+  for (const NoiseShape::Part& part : NoiseShape({NoiseKind::kOneSided, 4.0, 0.1})) {
+    all += std::exp(part.log_share);
+    late += part.mean > 0.0 ? std::exp(part.log_share) : 0.0;
+  }
+  EXPECT_NEAR(all, 1.0, 1e-12);
+  EXPECT_NEAR(late, 0.1, 1e-12);
+}
+
 TEST(Robust, gaussian_noise_is_the_plain_update_bit_for_bit) {
   testing::Rng rng(1);
   GaussianBelief plain = some_belief(rng);

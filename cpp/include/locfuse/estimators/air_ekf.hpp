@@ -70,6 +70,7 @@ class AirEkf {
     NoiseKind robust_pose = NoiseKind::kGaussian;      ///< of poses
     double robust_dof = 4.0;                           ///< degrees of freedom of kStudentT
     double robust_late_share = 0.05;  ///< share of ranges that are too long, for kOneSided
+    double correlation_s = 10.0;      ///< as of PoseEkf [s]
     double hold_s = 1.0;              ///< odometry timeout: the last motion is held this long [s]
     double sigma_lost_xy_per_sqrt_s = 0.5;       ///< process noise after the timeout [m / sqrt(s)]
     double sigma_lost_heading_per_sqrt_s = 0.5;  ///< [rad / sqrt(s)]

@@ -92,6 +92,7 @@ class Initializer {
   [[nodiscard]] PoseEkf estimator() const;
 
  private:
+  [[nodiscard]] PoseEkf started(const PoseEkf& prototype, const PoseEstimate& start) const;
   using Component = internal::GaussianComponent;
   using Scatter = internal::Scatter;
   struct Link {  // ranges between a tag and an anchor since the body last moved on
@@ -145,6 +146,7 @@ class Initializer {
   std::shared_ptr<const ScanMatcher> matcher_;
   Gate gate_;          // of a scan's pose
   PoseEkf prototype_;  // what every component is made from
+  PoseEkf tracker_;    // what is started at the end
 
   std::vector<Component> components_;
   std::vector<Range> epoch_;             // the ranges of the first position

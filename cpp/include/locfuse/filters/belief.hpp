@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
 #include <cstdint>
@@ -9,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "locfuse/filters/correlated_errors.hpp"
 #include "locfuse/filters/covariance.hpp"
 #include "locfuse/geometry/pose2.hpp"
 #include "locfuse/math/types.hpp"
@@ -105,9 +107,18 @@ class GaussianBelief {
     }
     return {x(v.offset), x(v.offset + 1), x(v.offset + 2)};
   }
-  /// Mean and covariance of some variables, in the order asked for.
+  /// Mean and covariance of some variables, in the order asked for; with what correlated errors
+  /// add to P.
   [[nodiscard]] Eigen::VectorXd mean(Slots slots) const;
   [[nodiscard]] Eigen::MatrixXd marginal(Slots slots) const;
+  /// That of the first N variables.
+  template <int N>
+  [[nodiscard]] Matrix<N, N> marginal_of_first() const {
+    const Matrix<N, N> own = P.template topLeftCorner<N, N>();
+    return correlated.is_empty()
+               ? own
+               : with_excess<N>(own, correlated.excess().template topLeftCorner<N, N>());
+  }
 
   /// Rows of all these slots, in order.
   [[nodiscard]] std::vector<int> rows(Slots slots) const;
@@ -135,7 +146,8 @@ class GaussianBelief {
 
   Stamp stamp = 0;
   Eigen::VectorXd x;                ///< mean, angles wrapped
-  Covariance P;                     ///< of the error state
+  Covariance P;                     ///< of the error state, were all errors independent
+  CorrelatedErrors correlated;      ///< what those that are not add to it
   std::uint64_t interventions = 0;  ///< how often the filter put a variance back into its bounds
 
  private:
@@ -172,6 +184,13 @@ class GaussianBelief {
   }
   Layout& own_layout();
   void find_rows();
+  /// Their sum, or the first where rounding left no covariance.
+  template <int N>
+  [[nodiscard]] static Matrix<N, N> with_excess(const Matrix<N, N>& own,
+                                                const Matrix<N, N>& excess) {
+    const Matrix<N, N> all = own + 0.5 * (excess + excess.transpose());
+    return all.llt().info() == Eigen::Success ? all : own;
+  }
 
   std::shared_ptr<Layout> layout_ = std::make_shared<Layout>();  // written only while not shared
 };

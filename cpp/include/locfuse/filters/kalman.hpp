@@ -2,6 +2,8 @@
 #pragma once
 
 #include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <string>
 #include <vector>
@@ -133,6 +135,31 @@ void wrap_angles(X& x, const std::vector<int>& angle_rows) {
 [[noreturn]] void refuse_result();
 [[noreturn]] void refuse_prediction();
 
+/// What correlated errors do in an update by that gain, eq. (21) to (26); `rows` are those that the
+/// Jacobian has columns for.
+template <class Lin, class Cross, class S>
+void take_correlated(GaussianBelief& belief, const Lin& lin, const Cross& gain, const S& innovation,
+                     const int* rows) {
+  if (belief.correlated.is_empty() && !(lin.correlation.time_s > 0.0)) {
+    return;
+  }
+  const Cross transposed = lin.jacobian.transpose();
+  belief.correlated.take(
+      {gain, transposed, rows, lin.residual, lin.noise, innovation, lin.correlation.time_s,
+       lin.correlation.kind, lin.correlation.sources.data()},
+      belief.stamp);
+}
+
+/// 0, 1, 2 and so on.
+template <int N>
+inline constexpr auto kRowsOfWhole = [] {
+  std::array<int, N> rows{};
+  for (int i = 0; i < N; ++i) {
+    rows[static_cast<std::size_t>(i)] = i;
+  }
+  return rows;
+}();
+
 /// One intervention more, if it was fused.
 inline Outcome count_fused(GaussianBelief& belief, const Outcome& outcome) {
   belief.interventions += outcome.verdict == Verdict::kFused ? 1 : 0;
@@ -166,6 +193,7 @@ Outcome update_whole(GaussianBelief& belief, const Linearization<M, N, MaxM>& li
   x = x_new;
   wrap_angles(x, belief.angle_rows());
   P = 0.5 * (A + A.transpose());
+  take_correlated(belief, lin, K, S, kRowsOfWhole<N>.data());
   // Three rows are looked at always.
   keep_in_bounds(belief, 0, N, N != 3 && leaves_few_digits(lin.noise, S, reach));
   return outcome;
@@ -179,6 +207,18 @@ Outcome update_whole(GaussianBelief& belief, const Linearization<M, N, MaxM>& li
 Outcome update_part(GaussianBelief& belief,
                     const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin, Slots slots,
                     const Gate& gate);
+
+/// The same, of run-time sizes.
+template <int M, int N, int MaxM>
+Linearization<Eigen::Dynamic, Eigen::Dynamic> any_size(const Linearization<M, N, MaxM>& lin) {
+  Linearization<Eigen::Dynamic, Eigen::Dynamic> any{lin.residual, lin.jacobian, lin.noise, {}};
+  any.correlation.time_s = lin.residual.size() <= 3 ? lin.correlation.time_s : 0.0;
+  any.correlation.kind = lin.correlation.kind;
+  std::copy_n(lin.correlation.sources.begin(),
+              std::min(any.correlation.sources.size(), lin.correlation.sources.size()),
+              any.correlation.sources.begin());
+  return any;
+}
 
 /// Throws std::invalid_argument unless the Jacobian has a column for each variable.
 void check_columns(std::size_t variables, Eigen::Index columns);
@@ -215,6 +255,7 @@ void predict(GaussianBelief& belief, const Propagation<Vector<N>, N>& step, Slot
   }
   belief.interventions += interventions;
   P = 0.5 * (moved + moved.transpose());
+  belief.correlated.move(step.jacobian, internal::kRowsOfWhole<N>.data());
   belief.x = step.moved;
   internal::wrap_angles(belief.x, belief.angle_rows());
   internal::keep_in_bounds(belief, 0, N, interventions > 0);
@@ -239,7 +280,7 @@ Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slo
       return internal::update_whole(belief, lin, reach, gate);
     }
   }
-  return internal::update_part(belief, {lin.residual, lin.jacobian, lin.noise}, slots, gate);
+  return internal::update_part(belief, internal::any_size(lin), slots, gate);
 }
 
 // Compiled once for the shapes that the estimators use: src/filters/kalman_*.cpp.

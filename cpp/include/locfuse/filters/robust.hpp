@@ -70,7 +70,7 @@ Outcome update_robust(GaussianBelief& belief, const Linearization<M, N, MaxM>& l
       return fuse_moment_matched(belief, lin, slots, gate, shape, PHt, R(lin.jacobian * PHt));
     }
   }
-  return update_robust_part(belief, {lin.residual, lin.jacobian, lin.noise}, slots, gate, shape);
+  return update_robust_part(belief, any_size(lin), slots, gate, shape);
 }
 
 }  // namespace internal

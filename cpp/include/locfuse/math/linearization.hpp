@@ -2,13 +2,33 @@
 #pragma once
 
 #include <Eigen/Cholesky>
+#include <array>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 
 #include "locfuse/error.hpp"
 #include "locfuse/math/angle.hpp"
 #include "locfuse/math/types.hpp"
 
 namespace locfuse {
+
+/// Kinds of measurements that are told apart where it is learnt how correlated their errors are.
+inline constexpr std::size_t kErrorKinds = 6;
+
+/// Of whose errors those of a measurement of so many rows are the next.
+template <int Rows>
+struct ErrorCorrelation {
+  double time_s = 0.0;   ///< correlation time; 0: its errors have nothing to do with any others
+  std::size_t kind = 0;  ///< below kErrorKinds
+  std::array<std::uint64_t, Rows> sources = {};  ///< for each row
+};
+
+/// Rows that have a source, of so many at most.
+[[nodiscard]] constexpr int rows_with_source(int most) {
+  constexpr int kOfPose = 3;
+  return most > 0 ? most : kOfPose;
+}
 
 /// Linearized measurement of the variables that its physics depends on: the only interface between
 /// models, which make it, and filters, gates, association, particle weights and smoothers.
@@ -19,10 +39,12 @@ struct Linearization {
   static constexpr int kVariables = N;
   static constexpr int kJacobianStorage =
       (M == 1 && N != 1) ? int(Eigen::RowMajor) : int(Eigen::ColMajor);
+  static constexpr int kSources = rows_with_source(MaxM);
 
   Eigen::Matrix<double, M, 1, Eigen::ColMajor, MaxM, 1> residual;  ///< z minus h(x), angles wrapped
   Eigen::Matrix<double, M, N, kJacobianStorage, MaxM, N> jacobian;  ///< d h / d(error state)
   Eigen::Matrix<double, M, M, Eigen::ColMajor, MaxM, MaxM> noise;   ///< R, positive definite
+  ErrorCorrelation<kSources> correlation = {};
 };
 
 /// One step of a motion model of `Local`.

@@ -185,7 +185,9 @@ TEST(RangeBearingModel, an_observation_may_have_its_own_covariance) {
 TEST(RangeBearingModel, rejects_invalid_noise) {
   expect_refused([] { RangeBearingModel({0.0, 0.02}, {}); }, "sigma_range_m", "0.0");
   expect_refused([] { RangeBearingModel({0.1, kNan}, {}); }, "sigma_bearing_rad", "nan");
-  expect_refused([] { RangeBearingModel({1e200, 0.02}, {}); }, "sigma_range_m", "square");
+  for (const double sigma : {1e200, 1e-200}) {
+    expect_refused([sigma] { RangeBearingModel({sigma, 0.02}, {}); }, "sigma_range_m", "square");
+  }
   expect_refused([] { RangeBearingModel({0.1, 1e200}, {}); }, "sigma_bearing_rad", "square");
   for (const double share : {-0.1, kNan, 1e200}) {
     expect_refused([share] { RangeBearingModel({0.1, 0.02, share}, {}); }, "sigma_range_relative");

@@ -1,0 +1,276 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/filters/correlated_errors.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace locfuse {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+
+/// How it is learnt how much of an error is correlated; docs/models/kalman.md, eq. (25) and (26).
+struct CorrelationTuning {
+  /// Share of a source's errors that are correlated over the correlation of its innovations: the
+  /// filter follows such errors, which takes half of them out of its innovations.
+  static constexpr double kShareOverInnovations = 2.0;
+  static constexpr double kMemory = 4000.0;        ///< innovations, of each kind
+  static constexpr double kMinCorrelation = 0.3;   ///< of two innovations that are compared
+  static constexpr double kMaxInnovation = 3.0;    ///< in sigma; larger ones count as this
+  static constexpr double kMinInnovations = 20.0;  ///< before a factor is learnt
+};
+
+constexpr int kMaxJoint = 32;  // rows of one measurement
+using Small =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMaxJoint, kMaxJoint>;
+using SmallColumn = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kMaxJoint, 1>;
+
+}  // namespace
+
+double CorrelatedErrors::Statistics::share() const {
+  if (pairs < 1.0 || !(squares > 0.0)) {
+    return 1.0;
+  }
+  const double correlation = products / squares + 1.0 / std::sqrt(pairs);  // one sigma more
+  return std::clamp(CorrelationTuning::kShareOverInnovations * correlation, 0.0, 1.0);
+}
+
+double CorrelatedErrors::Statistics::factor() const {
+  return innovations < CorrelationTuning::kMinInnovations ? 1.0 : std::max(1.0, nis / innovations);
+}
+
+void CorrelatedErrors::move(const Eigen::Ref<const MatrixXd>& jacobian, const int* rows) {
+  if (is_empty()) {
+    return;
+  }
+  const Index moving = jacobian.rows();
+  const Index all = jacobian.cols();
+  Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor> few;  // no heap where it is a pose
+  std::array<double, 3> pose;
+  if (all > 3) {
+    few.resize(all);
+  }
+  double* before = all > 3 ? few.data() : pose.data();
+  auto table = this->table();
+  const auto turn = [&](const auto& at) {
+    for (Index k = 0; k < all; ++k) {
+      before[k] = at(rows[k]);
+    }
+    for (Index i = 0; i < moving; ++i) {
+      double sum = 0.0;
+      for (Index k = 0; k < all; ++k) {
+        sum += jacobian(i, k) * before[k];
+      }
+      at(rows[i]) = sum;
+    }
+  };
+  for (Index column = 0; column < used(); ++column) {
+    turn([&](int row) -> double& { return table(row, column); });
+  }
+  for (Index row = 0; row < variables_; ++row) {
+    turn([&](int column) -> double& { return table(row, column); });
+  }
+}
+
+void CorrelatedErrors::take(const Fused& fused, Stamp stamp) {
+  const Index size = fused.gain.rows();
+  const Index m = fused.gain.cols();
+  const bool correlated = fused.correlation_s > 0.0 && m <= kMaxJoint;
+  if (is_empty() && !correlated) {
+    return;
+  }
+  if (is_empty()) {
+    variables_ = size;
+    memory_.assign(static_cast<std::size_t>(size * (size + 1)), 0.0);
+  }
+  std::array<Index, kMaxJoint> columns;
+  if (correlated) {
+    for (Index i = 0; i < m; ++i) {
+      columns[static_cast<std::size_t>(i)] = column_of(fused.sources[i], stamp);
+    }
+    for (Index i = 0; i < m; ++i) {
+      const Index column = columns[static_cast<std::size_t>(i)];
+      Row& row = rows_[static_cast<std::size_t>(column)];
+      if (row.is_used) {  // not before in this measurement
+        row.kept = std::exp(-seconds_between(row.stamp, stamp) / fused.correlation_s);
+        row.stamp = stamp;
+        row.is_used = false;
+        table().col(size + column) *= row.kept;
+      }
+    }
+  }
+  contract(fused);
+  if (correlated) {
+    add(fused, columns.data());
+  }
+}
+
+/// (I - K H) from the left of all, and from the right of D.
+void CorrelatedErrors::contract(const Fused& fused) {
+  const Index size = fused.gain.rows();
+  const Index m = fused.gain.cols();
+  const Index parts = fused.transposed.rows();
+  std::array<double, kMaxJoint> few;
+  std::vector<double> many(m > kMaxJoint ? static_cast<std::size_t>(m) : 0);
+  double* seen = many.empty() ? few.data() : many.data();
+  auto table = this->table();
+  const auto apply = [&](const auto& at) {
+    for (Index j = 0; j < m; ++j) {
+      seen[j] = 0.0;
+      for (Index k = 0; k < parts; ++k) {
+        seen[j] += fused.transposed(k, j) * at(fused.rows[k]);
+      }
+    }
+    for (Index j = 0; j < m; ++j) {
+      for (Index i = 0; i < size; ++i) {
+        at(i) -= fused.gain(i, j) * seen[j];
+      }
+    }
+  };
+  for (Index column = 0; column < used(); ++column) {
+    apply([&](Index row) -> double& { return table(row, column); });
+  }
+  for (Index row = 0; row < size; ++row) {
+    apply([&](Index column) -> double& { return table(row, column); });
+  }
+}
+
+/// What the errors of a measurement add, beyond what the filter takes them for.
+void CorrelatedErrors::add(const Fused& fused, const Index* columns) {
+  const Index size = fused.gain.rows();
+  const Index m = fused.gain.cols();
+  const double factor = of_kind_[fused.kind].factor();
+  const double share = of_kind_[fused.kind].share();
+  const Eigen::LLT<Small> root(fused.noise);
+  if (root.info() != Eigen::Success) {
+    return;
+  }
+  const Small L = root.matrixL();
+  auto table = this->table();
+  auto moved = table.col(used());  // by an error of one sigma
+  const double root_of_share = std::sqrt(share * factor);
+  for (Index j = 0; j < m; ++j) {
+    auto cross = table.col(size + columns[j]);
+    for (Index i = 0; i < size; ++i) {
+      moved(i) = 0.0;
+      for (Index k = j; k < m; ++k) {
+        moved(i) += fused.gain(i, k) * L(k, j);
+      }
+    }
+    for (Index a = 0; a < size; ++a) {
+      for (Index b = 0; b < size; ++b) {
+        table(a, b) += (factor - 1.0) * moved(a) * moved(b) -
+                       root_of_share * (cross(a) * moved(b) + moved(a) * cross(b));
+      }
+    }
+    cross -= root_of_share * moved;
+  }
+  learn(fused, columns);
+}
+
+/// The column of the errors of a source, which is new where it has none.
+Index CorrelatedErrors::column_of(std::uint64_t source, Stamp stamp) {
+  const auto known = std::find_if(rows_.begin(), rows_.end(),
+                                  [&](const Row& row) { return row.source == source; });
+  if (known != rows_.end()) {
+    known->is_used = true;
+    return known - rows_.begin();
+  }
+  const Row added{source, stamp, 1.0, std::numeric_limits<double>::quiet_NaN(), true};
+  Index column = static_cast<Index>(rows_.size());
+  if (column < kMaxRows) {
+    rows_.push_back(added);
+    memory_.resize(static_cast<std::size_t>(variables_ * (used() + 1)));
+  } else {
+    const auto oldest =
+        std::min_element(rows_.begin(), rows_.end(), [](const Row& a, const Row& b) {
+          return a.is_used != b.is_used ? b.is_used : a.stamp < b.stamp;
+        });
+    *oldest = added;
+    column = oldest - rows_.begin();
+  }
+  table().col(variables_ + column).setZero();
+  return column;
+}
+
+void CorrelatedErrors::reserve(Index variables) {
+  rows_.reserve(kMaxRows);
+  memory_.reserve(static_cast<std::size_t>(variables * (variables + kMaxRows + 1)));
+}
+
+/// Compares innovations with those before, and keeps them.
+void CorrelatedErrors::learn(const Fused& fused, const Index* columns) {
+  const Index m = fused.gain.cols();
+  SmallColumn whitened = fused.residual;
+  const Eigen::LLT<Small> factor(fused.innovation);
+  factor.matrixL().solveInPlace(whitened);
+  Statistics& known = of_kind_[fused.kind];
+  constexpr double kKept = 1.0 - 1.0 / CorrelationTuning::kMemory;
+  for (Index i = 0; i < m; ++i) {
+    const double now = std::clamp(whitened(i), -CorrelationTuning::kMaxInnovation,
+                                  CorrelationTuning::kMaxInnovation);
+    Row& row = rows_[static_cast<std::size_t>(columns[i])];
+    known.nis = kKept * known.nis + now * now;
+    known.innovations = kKept * known.innovations + 1.0;
+    if (!std::isnan(row.innovation) && row.kept > CorrelationTuning::kMinCorrelation) {
+      const double both = 0.5 * (now * now + row.innovation * row.innovation);
+      known.products = kKept * known.products + row.kept * now * row.innovation;
+      known.squares = kKept * known.squares + row.kept * row.kept * both;
+      known.pairs = kKept * known.pairs + row.kept * row.kept;
+    }
+    row.innovation = now;
+  }
+}
+
+void CorrelatedErrors::grow(Index count, const Eigen::Ref<const MatrixXd>& jacobian,
+                            const std::vector<int>& rows) {
+  if (is_empty()) {
+    return;
+  }
+  const MatrixXd before = table();
+  const Index size = variables_;
+  const Index columns = before.cols() - size;
+  variables_ += count;
+  memory_.assign(static_cast<std::size_t>(variables_ * (used() + 1)), 0.0);
+  auto after = table();
+  after.topLeftCorner(size, size) = before.leftCols(size);
+  after.topRightCorner(size, columns) = before.rightCols(columns);
+  if (!rows.empty()) {
+    const MatrixXd cross = jacobian * before(rows, Eigen::all);
+    after.bottomLeftCorner(count, size) = cross.leftCols(size);
+    after.bottomRightCorner(count, columns) = cross.rightCols(columns);
+    after.block(0, size, size, count) = cross.leftCols(size).transpose();
+    after.block(size, size, count, count) = cross(Eigen::all, rows) * jacobian.transpose();
+  }
+}
+
+void CorrelatedErrors::remove(Index first, Index count) {
+  if (is_empty()) {
+    return;
+  }
+  const MatrixXd before = table();
+  std::vector<Index> rows;
+  std::vector<Index> columns;
+  for (Index i = 0; i < before.cols(); ++i) {
+    if (i < first || i >= first + count) {
+      columns.push_back(i);
+      if (i < variables_) {
+        rows.push_back(i);
+      }
+    }
+  }
+  variables_ -= count;
+  memory_.resize(static_cast<std::size_t>(variables_ * (used() + 1)));
+  table() = before(rows, columns);
+}
+
+CorrelatedErrors CorrelatedErrors::restarted() const {
+  CorrelatedErrors anew;
+  anew.of_kind_ = of_kind_;
+  return anew;
+}
+
+}  // namespace locfuse
