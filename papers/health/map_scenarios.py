@@ -14,6 +14,7 @@ from locfuse.types import FREE, NANOSECONDS, OCCUPIED, Log
 from papers.health.scenarios import (
     DURATION_S,
     SLIPS,
+    WHEELS,
     Scenario,
     carried_off,
     drives_of,
@@ -46,7 +47,7 @@ def config_of(seed: int, *faults: dict[str, Any]) -> RunConfig:
             },
             "start": "truth",
             "start_sigma": {"xy_m": 0.2, "heading_deg": 5.0},
-            "mcl": {},
+            "mcl": {"odometry": WHEELS},
         }
     )
 

@@ -37,13 +37,13 @@ FUSES: dict[Kind, tuple[Source, ...]] = {
 class Odometry(Strict):
     """Noise of wheel odometry; ``OdometryConfig`` in C++."""
 
-    sigma_longitudinal_per_sqrt_m: DriftSigma = 0.03
+    sigma_longitudinal_per_sqrt_m: DriftSigma = 0.1
     """Along the motion, per distance driven [m/√m]."""
-    sigma_lateral_per_sqrt_m: DriftSigma = 0.01
+    sigma_lateral_per_sqrt_m: DriftSigma = 0.05
     """Across the motion, per distance driven [m/√m]."""
     sigma_heading_per_sqrt_m: DriftSigma = 0.02
     """Heading, per distance driven [rad/√m]."""
-    sigma_heading_per_sqrt_rad: DriftSigma = 0.03
+    sigma_heading_per_sqrt_rad: DriftSigma = 0.1
     """Heading, per angle turned [rad/√rad]."""
     sigma_xy_per_sqrt_s: DriftSigma = 0.0
     """Position, at any speed and at rest [m/√s]."""
@@ -129,9 +129,9 @@ class Adaptive(Strict):
 class Landmark(Strict):
     """Noise of sightings that bring no sigmas of their own; ``RangeBearingConfig`` in C++."""
 
-    sigma_range_m: Positive = 0.1
+    sigma_range_m: Positive = 0.3
     """Sigma of the range to a landmark [m]."""
-    sigma_bearing_rad: Positive = 0.02
+    sigma_bearing_rad: Positive = 0.05
     """Sigma of its bearing [rad]."""
     sigma_range_relative: NonNegative = 0.0
     """Fraction of the range, added to `sigma_range_m`."""
@@ -189,8 +189,7 @@ class Calibration(Strict):
 Bounded = Annotated[float, Field(ge=0.0, le=1e9)]  # its square is finite
 _OF_POSE = ("calibration", "adaptive", "correlation_s", "robust_range", "robust_position",
             "robust_pose")  # fmt: skip
-# Settings of `Estimator` that a kind does not have.
-LEFT_OUT: dict[Kind, tuple[str, ...]] = {
+LEFT_OUT: dict[Kind, tuple[str, ...]] = {  # settings of `Estimator` that a kind does not have
     "pose": ("landmark_slam", "tag_triangle", "air"),
     "landmark_slam": ("tag_triangle", "air", *_OF_POSE),
     "tag_triangle": ("landmark_slam", "air", *_OF_POSE),
@@ -389,10 +388,9 @@ class Estimator(Strict):
     @model_validator(mode="after")
     def _new_is_wider(self) -> Estimator:
         if self.kind == "landmark_slam" and self.landmark_slam.gate_new < self.gate_landmark:
-            raise ValueError(
-                f"landmark_slam.gate_new is {self.landmark_slam.gate_new} and gate_landmark is "
-                f"{self.gate_landmark}; expected gate_landmark <= gate_new"
-            )
+            raise ValueError(f"landmark_slam.gate_new is {self.landmark_slam.gate_new} and "
+                             f"gate_landmark is {self.gate_landmark}; expected gate_landmark <= "
+                             "gate_new")  # fmt: skip
         return self
 
 

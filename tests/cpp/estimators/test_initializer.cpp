@@ -56,6 +56,7 @@ std::vector<Tag> centred() { return {{0, {0.0, 0.0, 1.0}}}; }
 Initializer initializer_of(const Robot& robot, const Initializer::Config& config = {}) {
   PoseEkf::Config estimator;
   estimator.range.sigma_m = 0.05;
+  estimator.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
   return {config, estimator, robot.anchors, robot.tags, nullptr};
 }
 
@@ -177,6 +178,7 @@ Start start_outside(int seed, double sigma, double told) {
   robot.rng.seed(static_cast<unsigned>(seed));
   PoseEkf::Config estimator;
   estimator.range.sigma_m = told;
+  estimator.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
   return start_of(robot, {{}, estimator, far, robot.tags, nullptr}, 0.04,
                   [](Robot& one, Initializer& initializer) { one.feed(initializer); });
 }

@@ -315,7 +315,9 @@ TEST(LandmarkEkf, is_a_pose_ekf_where_all_landmarks_are_exact) {
 
 TEST(LandmarkEkf, a_landmark_known_with_a_covariance_is_improved) {
   const Vector<2> place(4.0, 5.0);
-  LandmarkEkf ekf = ekf_at(kStart, {}, {{7, place + Vector<2>(0.2, 0.0), 0.09 * kI2}});
+  LandmarkEkf::Config config;
+  config.landmark = {0.1, 0.02};
+  LandmarkEkf ekf = ekf_at(kStart, config, {{7, place + Vector<2>(0.2, 0.0), 0.09 * kI2}});
   ASSERT_EQ(ekf.on(named(sight(kStart, place), 7)).verdict, Verdict::kFused);
   const LandmarkEstimate landmark = ekf.landmarks().front();
   EXPECT_LT((landmark.position - place).norm(), 0.05);

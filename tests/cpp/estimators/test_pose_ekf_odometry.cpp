@@ -128,7 +128,9 @@ TEST(PoseEkf, increments_in_shares_have_the_covariance_of_a_straight_whole) {
 /// After 4 s on an arc of 2 m and 1.2 rad, sent in `messages` pieces.
 template <class Feed>
 PoseEstimate after_an_arc(int messages, const Feed& feed) {
-  PoseEkf ekf = ekf_at(kStart, patient());
+  PoseEkf::Config config = patient();
+  config.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
+  PoseEkf ekf = ekf_at(kStart, config);
   for (int i = 0; i < messages; ++i) {
     feed(ekf, 4 * kSecond * i / messages, 4 * kSecond * (i + 1) / messages);
   }

@@ -37,6 +37,7 @@ std::shared_ptr<const LandmarkMap> map_of(const std::vector<Vector<2>>& position
 RecoveringEkf::Config config() {
   RecoveringEkf::Config c;
   c.estimator.landmark = {kSigmaRange, kSigmaBearing};
+  c.estimator.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
   c.estimator.correlation_s = 0.0;  // its errors are independent
   return c;
 }
@@ -431,6 +432,7 @@ struct Outage {
   static RecoveringEkf::Config settings() {
     RecoveringEkf::Config c;
     c.estimator.correlation_s = 0.0;  // its errors are independent
+    c.estimator.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
     return c;
   }
 

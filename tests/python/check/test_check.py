@@ -125,6 +125,7 @@ def among(posts: dict[str, list[float]], named: bool = True, **changes: Any) -> 
     sightings = {"landmarks": "named" if named else "unnamed", "rate_hz": 2}
     return healthy(simulation__landmarks=posts, simulation__landmark_sightings=sightings,
                    simulation__ranges=None, simulation__duration_s=20,
+                   estimator__landmark__sigma_range_m=0.1,
                    use=["odometry", "landmark_sightings"], **changes)  # fmt: skip
 
 

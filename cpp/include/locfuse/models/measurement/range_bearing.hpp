@@ -28,8 +28,8 @@ class RangeBearingModel {
   /// R = diag(sigma_range_m^2 + (sigma_range_relative * range)^2, sigma_bearing_rad^2) where the
   /// message has no covariance; `range` is the measured one.
   struct Config {
-    double sigma_range_m = 0.1;         ///< [m]
-    double sigma_bearing_rad = 0.02;    ///< [rad]
+    double sigma_range_m = 0.3;         ///< [m]
+    double sigma_bearing_rad = 0.05;    ///< [rad]
     double sigma_range_relative = 0.0;  ///< share of the range, as for a camera
   };
 

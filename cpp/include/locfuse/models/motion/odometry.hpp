@@ -24,15 +24,16 @@ struct OdometryErrors {
 /// Derivation: docs/models/odometry.md.
 class OdometryMotion {
  public:
-  /// Standard deviations of a random walk over distance and turn.
+  /// Standard deviations of a random walk over distance and turn. The defaults are of wheels of
+  /// which nothing is known; those of a good robot slip a third as much.
   struct Config {
-    double sigma_longitudinal_per_sqrt_m = 0.03;  ///< [m / sqrt(m)]
-    double sigma_lateral_per_sqrt_m = 0.01;       ///< [m / sqrt(m)]
-    double sigma_heading_per_sqrt_m = 0.02;       ///< [rad / sqrt(m)]
-    double sigma_heading_per_sqrt_rad = 0.03;     ///< [rad / sqrt(rad)]
-    double sigma_xy_per_sqrt_s = 0.0;             ///< at any speed, also at rest [m / sqrt(s)]
-    double sigma_heading_per_sqrt_s = 0.0;        ///< of the heading, also at rest [rad / sqrt(s)]
-    double sigma_longitudinal_per_sqrt_s = 0.0;   ///< along the heading, also at rest [m / sqrt(s)]
+    double sigma_longitudinal_per_sqrt_m = 0.1;  ///< [m / sqrt(m)]
+    double sigma_lateral_per_sqrt_m = 0.05;      ///< [m / sqrt(m)]
+    double sigma_heading_per_sqrt_m = 0.02;      ///< [rad / sqrt(m)]
+    double sigma_heading_per_sqrt_rad = 0.1;     ///< [rad / sqrt(rad)]
+    double sigma_xy_per_sqrt_s = 0.0;            ///< at any speed, also at rest [m / sqrt(s)]
+    double sigma_heading_per_sqrt_s = 0.0;       ///< of the heading, also at rest [rad / sqrt(s)]
+    double sigma_longitudinal_per_sqrt_s = 0.0;  ///< along the heading, also at rest [m / sqrt(s)]
   };
 
   OdometryMotion() = default;
