@@ -47,6 +47,8 @@ def filter_rows(m: Measured) -> Iterator[Row]:
     yield _at_most("C++, a step: models, filter / Joseph reference", m["bench/models_and_filter"],
                    reference, 1.1)  # fmt: skip
     yield _at_most("C++, a step: PoseEkf::on / Joseph reference", ours, reference, 2.0)
+    yield _at_most("C++, a step: errors correlated / independent, PoseEkf::on",
+                   m["bench/correlated_on"], ours, 2.0)  # fmt: skip
     yield _faster("C++, a step: Orocos BFL / PoseEkf::on", m, "bench/pose_ekf_on",
                   "bench/orocos_bfl", 15.0)  # fmt: skip
     for what, name in (("with health: RecoveringEkf", "recovering_ekf"),

@@ -126,6 +126,7 @@ PoseEkf::Config ekf_config() {
   PoseEkf::Config config;
   config.odometry = motion_config();
   config.range = {Circle::kSigmaRange, 0.0};
+  config.correlation_s = 0.0;
   return config;
 }
 
@@ -152,6 +153,14 @@ std::size_t run_messages(const Circle& in, Ekf& ekf, const PoseEkf& started,
 std::size_t run_pose_ekf(const Circle& in, std::vector<double>& out) {
   static const PoseEkf fresh(ekf_config(), anchor_map(), {{0, {0, 0, 0}}}, start_estimate(in));
   PoseEkf ekf = fresh;
+  return run_messages(in, ekf, ekf, out);
+}
+
+/// The same with errors of each anchor that are correlated.
+std::size_t run_correlated(const Circle& in, std::vector<double>& out) {
+  PoseEkf::Config config = ekf_config();
+  config.correlation_s = PoseEkf::Config{}.correlation_s;
+  PoseEkf ekf(config, anchor_map(), {{0, {0, 0, 0}}}, start_estimate(in));
   return run_messages(in, ekf, ekf, out);
 }
 
@@ -208,6 +217,7 @@ void bench(benchmark::State& state, const Run& run) {
 BENCHMARK_CAPTURE(bench, reference_joseph, run_reference);
 BENCHMARK_CAPTURE(bench, models_and_filter, run_functions);
 BENCHMARK_CAPTURE(bench, pose_ekf_on, run_pose_ekf);
+BENCHMARK_CAPTURE(bench, correlated_on, run_correlated);
 BENCHMARK_CAPTURE(bench, recovering_ekf_on, run_recovering_ekf);
 BENCHMARK_CAPTURE(bench, offsets_on, run_offsets);
 BENCHMARK_CAPTURE(bench, wandering_on, run_wandering);

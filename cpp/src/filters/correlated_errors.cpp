@@ -73,6 +73,9 @@ void CorrelatedErrors::move(const Eigen::Ref<const MatrixXd>& jacobian, const in
   for (Index row = 0; row < variables_; ++row) {
     turn([&](int column) -> double& { return table(row, column); });
   }
+  if (!std::isfinite(excess().sum())) {  // beyond what numbers hold: as if nothing had been fused
+    *this = restarted();
+  }
 }
 
 void CorrelatedErrors::take(const Fused& fused, Stamp stamp) {
@@ -105,6 +108,9 @@ void CorrelatedErrors::take(const Fused& fused, Stamp stamp) {
   contract(fused);
   if (correlated) {
     add(fused, columns.data());
+  }
+  if (!std::isfinite(excess().sum())) {  // beyond what numbers hold: as if nothing had been fused
+    *this = restarted();
   }
 }
 

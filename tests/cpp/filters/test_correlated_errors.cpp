@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <Eigen/LU>
+#include <array>
+#include <cmath>
 #include <map>
 
 #include "locfuse/filters/kalman.hpp"
@@ -226,6 +228,20 @@ TEST(CorrelatedErrors, are_learnt_from_innovations) {
   const auto [still_independent, twice] = learn(0.0, 2.0);
   EXPECT_LT(still_independent, 0.15);
   EXPECT_GT(twice, 2.5);
+}
+
+TEST(CorrelatedErrors, beyond_what_numbers_hold_are_forgotten) {
+  Standing one;
+  one.measure(0.0, 1, 0.1);
+  Propagation<Pose2, 3> step{{}, Matrix<3, 3>::Identity(), Matrix<3, 3>::Identity()};
+  step.jacobian(0, 2) = 1e200;
+  one.belief.correlated.move(step.jacobian, std::array<int, 3>{0, 1, 2}.data());
+  one.belief.correlated.move(1e200 * step.jacobian, std::array<int, 3>{0, 1, 2}.data());
+  EXPECT_TRUE(one.belief.correlated.is_empty());
+  EXPECT_EQ(one.reported(), one.belief.P(0, 0));
+  one.measure(0.0, 1, 0.1);
+  EXPECT_FALSE(one.belief.correlated.is_empty());
+  EXPECT_TRUE(std::isfinite(one.reported()));
 }
 
 TEST(CorrelatedErrors, of_many_sources_are_those_that_were_fused_last) {
