@@ -25,13 +25,13 @@ LIMIT_M = 1.0  # farther off is lost
 Scenario = Callable[[int], tuple[RunConfig, Log]]  # of a seed
 SLIPS = {"kind": "slip_episodes", "every_s": 30.0, "lasting_s": 1.0, "translation_factor": 2.0,
          "turn_radps": 0.3}  # fmt: skip
-# E[T^2] = 2 of lengths T with mean 1, over 30 s.
 WHEELS = {  # those of the simulation
     "sigma_longitudinal_per_sqrt_m": 0.03,
     "sigma_lateral_per_sqrt_m": 0.01,
     "sigma_heading_per_sqrt_m": 0.02,
     "sigma_heading_per_sqrt_rad": 0.03,
 }
+# E[T^2] = 2 of lengths T with mean 1, over 30 s.
 SLIP_NOISE = {"sigma_heading_per_sqrt_s": 0.3 * np.sqrt(2.0 / 30.0),
               "sigma_xy_per_sqrt_s": 0.22 * np.sqrt(2.0 / 30.0)}  # fmt: skip
 

@@ -101,7 +101,6 @@ AirEkf::AirEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
       odometry_(start.stamp) {
   check_stamp(start.stamp);
   validate(config.limits);
-  internal::check_correlation(config.correlation_s);
   const double velocity =
       internal::positive("sigma_start_velocity_mps", config.sigma_start_velocity_mps);
   const double climb = internal::positive("sigma_start_climb_mps", config.sigma_start_climb_mps);
@@ -110,9 +109,7 @@ AirEkf::AirEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
                                   velocity * velocity * Matrix<2, 2>::Identity()));
     moving_.push_back(belief_.add("climb", SlotKind::kScalar, scalar(0.0), scalar(climb * climb)));
   }
-  if (config.correlation_s > 0.0) {
-    belief_.correlated.reserve(belief_.dimension());
-  }
+  internal::expect_correlated(belief_, config.correlation_s);
 }
 
 Outcome AirEkf::on(const Velocity& u, double climb_rate) { return take(u, climb_rate); }

@@ -68,11 +68,8 @@ PoseEkf::PoseEkf(const Config& config, const std::shared_ptr<const AnchorMap>& a
       adaptive_(config.adaptive) {
   check_stamp(start.stamp);
   validate(config.limits);
-  internal::check_correlation(config.correlation_s);
   recipe_->calibration.add_to(belief_);
-  if (config.correlation_s > 0.0) {
-    belief_.correlated.reserve(belief_.dimension());
-  }
+  internal::expect_correlated(belief_, config.correlation_s);
 }
 
 PoseEkf PoseEkf::restarted(const PoseEstimate& start) const {

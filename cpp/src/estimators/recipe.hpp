@@ -76,10 +76,14 @@ std::optional<Lin> of_source(const Config& config, std::optional<Lin> lin, Sourc
   return lin;
 }
 
-inline void check_correlation(double correlation_s) {
+/// Makes room for what correlated errors add to a belief that has all its variables.
+inline void expect_correlated(GaussianBelief& belief, double correlation_s) {
   if (!(correlation_s >= 0.0 && std::isfinite(correlation_s))) {
     throw std::invalid_argument("correlation_s is " + std::to_string(correlation_s) +
                                 ", expected 0 for independent errors, or more");
+  }
+  if (correlation_s > 0.0) {
+    belief.correlated.reserve(belief.dimension());
   }
 }
 
@@ -216,8 +220,9 @@ class Transaction {
   std::uint64_t interventions_;
   Vector<3> x_;
   Matrix<Rows, 3> P_;
-  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, Rows,
-                Rows + CorrelatedErrors::kMaxRows>
+  static constexpr int kMaxCorrelated =
+      Rows == Eigen::Dynamic ? Eigen::Dynamic : Rows + int(CorrelatedErrors::kMaxRows);
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, Rows, kMaxCorrelated>
       correlated_;
   std::optional<GaussianBelief> whole_;
 };

@@ -73,9 +73,6 @@ void CorrelatedErrors::move(const Eigen::Ref<const MatrixXd>& jacobian, const in
   for (Index row = 0; row < variables_; ++row) {
     turn([&](int column) -> double& { return table(row, column); });
   }
-  if (!std::isfinite(excess().sum())) {  // beyond what numbers hold: as if nothing had been fused
-    *this = restarted();
-  }
 }
 
 void CorrelatedErrors::take(const Fused& fused, Stamp stamp) {
@@ -109,7 +106,9 @@ void CorrelatedErrors::take(const Fused& fused, Stamp stamp) {
   if (correlated) {
     add(fused, columns.data());
   }
-  if (!std::isfinite(excess().sum())) {  // beyond what numbers hold: as if nothing had been fused
+  // Beyond what numbers hold it is as if nothing had been fused. Not in `move`, which a transaction
+  // may put back.
+  if (!std::isfinite(excess().sum())) {
     *this = restarted();
   }
 }

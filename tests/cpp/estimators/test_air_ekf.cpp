@@ -49,6 +49,26 @@ TEST(AirEkf, starts_where_it_is_put_with_what_height_and_pose_share) {
   expect_near(estimate.covariance, start.covariance, 1e-15);
 }
 
+TEST(AirEkf, moves_by_odometry_among_more_anchors_than_are_remembered) {
+  std::vector<Anchor> anchors;
+  for (Id id = 0; id < 100; ++id) {
+    anchors.push_back({id, {10.0 * std::cos(id), 10.0 * std::sin(id), 0.1 * id}});
+  }
+  const AirEkf::Config config = testing::well_informed(AirMotion::kOdometry);
+  AirEkf ekf = testing::air_ekf(config, start_at({}, 3.0), anchors);
+  for (Stamp k = 1; k <= 300; ++k) {
+    const Stamp now = k * kSecond / 10;
+    ASSERT_EQ(ekf.on(Increment{now - kSecond / 10, now, {0.01, 0.0, 0.0}}).verdict,
+              Verdict::kFused);
+    const Vector<3> at = anchors[static_cast<std::size_t>(k % 100)].position;
+    const AirEstimate here = ekf.estimate(now);
+    const Vector<2> tag = here.pose.act({0.3, -0.2});
+    const double range = (Vector<3>(tag.x(), tag.y(), here.height - 0.1) - at).norm();
+    ASSERT_EQ(ekf.on(Range{now, 0, static_cast<Id>(k % 100), range, {}}).verdict, Verdict::kFused);
+    ASSERT_TRUE(ekf.estimate().covariance.allFinite());
+  }
+}
+
 TEST(AirEkf, without_odometry_equals_the_linear_filter) {
   // Positions, altitudes and headings are linear, and so is a constant velocity.
   AirEkf ekf = flying(AirMotion::kConstantVelocity);

@@ -82,10 +82,10 @@ TEST(PoseEkf, trusting_ranges_ten_times_too_little_shows) {
 
 /// Mean over 60 runs of 100 s of the NEES of 3 at the end, where errors of ranges keep half of
 /// their variance over a correlation time.
-double nees_where_errors_last(double seconds, double told, double correlation_s) {
+double nees_where_errors_last(double seconds, double reported, double correlation_s) {
   PoseEkf::Config config = well_informed();
   config.correlation_s = correlation_s;
-  config.range.sigma_m = 0.1 * std::sqrt(seconds > 0.0 ? 2.0 : 1.0) * told;
+  config.range.sigma_m = 0.1 * std::sqrt(seconds > 0.0 ? 2.0 : 1.0) * reported;
   constexpr int kSeeds = 60;
   double sum = 0.0;
   for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
@@ -112,6 +112,20 @@ double nees_where_errors_last(double seconds, double told, double correlation_s)
   return sum;
 }
 
+TEST(PoseEkf, what_is_gated_leaves_the_reported_covariance_as_it_was) {
+  const testing::Simulation run = testing::simulate(1, 20.0);
+  PoseEkf ekf(PoseEkf::Config{}, testing::hall(), testing::one_tag(), run.start);
+  for (const Message& message : run.messages) {
+    ekf.on(message);
+    const Stamp later = ekf.estimate().stamp + 100'000'000;
+    const PoseEkf before = ekf;
+    ASSERT_EQ(ekf.on(Range{later, 0, 0, 90.0, {}}).verdict, Verdict::kGated);
+    ASSERT_EQ(ekf.current().covariance, before.current().covariance);
+    ASSERT_EQ(ekf.estimate(later).covariance, before.estimate(later).covariance);
+  }
+  EXPECT_FALSE(ekf.belief().correlated.is_empty());
+}
+
 TEST(PoseEkf, errors_that_last_are_known_to) {
   constexpr double kDefault = PoseEkf::Config{}.correlation_s;
   for (const double seconds : {1.0, 5.0, 20.0}) {
@@ -119,13 +133,14 @@ TEST(PoseEkf, errors_that_last_are_known_to) {
     const double without = nees_where_errors_last(seconds, 1.0, 0.0);
     EXPECT_TRUE(with > 1.5 && with < 4.5) << seconds << " s: " << with << " of 3";
     EXPECT_GT(without, 2.0 * with) << seconds << " s: " << without << " of 3";
-    const double told_half = nees_where_errors_last(seconds, 0.5, kDefault);
-    EXPECT_TRUE(told_half > 1.5 && told_half < 6.0) << seconds << " s: " << told_half << " of 3";
+    const double reported_half = nees_where_errors_last(seconds, 0.5, kDefault);
+    EXPECT_TRUE(reported_half > 1.5 && reported_half < 6.0)
+        << seconds << " s: " << reported_half << " of 3";
   }
   const double independent = nees_where_errors_last(0.0, 1.0, kDefault);
   EXPECT_TRUE(independent > 1.5 && independent < 3.6) << independent << " of 3";
-  const double told_half = nees_where_errors_last(0.0, 0.5, kDefault);
-  EXPECT_TRUE(told_half > 1.5 && told_half < 5.0) << told_half << " of 3";
+  const double reported_half = nees_where_errors_last(0.0, 0.5, kDefault);
+  EXPECT_TRUE(reported_half > 1.5 && reported_half < 5.0) << reported_half << " of 3";
 }
 
 }  // namespace

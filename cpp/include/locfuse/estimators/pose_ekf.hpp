@@ -53,8 +53,8 @@ class PoseEkf {
     NoiseKind robust_pose = NoiseKind::kGaussian;      ///< of poses
     double robust_dof = 4.0;                           ///< degrees of freedom of kStudentT
     double robust_late_share = 0.05;  ///< share of ranges that are too long, for kOneSided
-    /// How long errors of an anchor, a landmark or any other source are alike, if they are, which
-    /// is learnt; 0: they are independent [s].
+    /// Correlation time of the errors of an anchor, a landmark or any other source; how much of
+    /// them is correlated is learnt. 0: they are independent [s].
     double correlation_s = 10.0;
     double hold_s = 1.0;  ///< odometry timeout: the last motion is held this long [s]
     double sigma_lost_xy_per_sqrt_s = 0.5;       ///< process noise after the timeout [m / sqrt(s)]

@@ -184,12 +184,12 @@ class GaussianBelief {
   }
   Layout& own_layout();
   void find_rows();
-  /// Their sum, or the first where rounding left no covariance.
+  /// Their sum, or the first where it is no covariance.
   template <int N>
   [[nodiscard]] static Matrix<N, N> with_excess(const Matrix<N, N>& own,
                                                 const Matrix<N, N>& excess) {
     const Matrix<N, N> all = own + 0.5 * (excess + excess.transpose());
-    return all.llt().info() == Eigen::Success ? all : own;
+    return all.allFinite() && all.llt().info() == Eigen::Success ? all : own;
   }
 
   std::shared_ptr<Layout> layout_ = std::make_shared<Layout>();  // written only while not shared

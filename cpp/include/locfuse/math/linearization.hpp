@@ -13,7 +13,7 @@
 
 namespace locfuse {
 
-/// Kinds of measurements that are told apart where it is learnt how correlated their errors are.
+/// Kinds of measurements, for each of which it is learnt how correlated its errors are.
 inline constexpr std::size_t kErrorKinds = 6;
 
 /// Of whose errors those of a measurement of so many rows are the next.
