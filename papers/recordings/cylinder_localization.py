@@ -3,7 +3,7 @@
 
 A `CylinderDetector` finds them without names, a `PoseEkf` associates those of a scan with
 the map jointly and drives by the wheels in between. Noise and offsets are what the publishers of
-the recordings state, nothing is fitted to an error.
+the recordings and makers of the lasers state, nothing is fitted to an error.
 """
 
 from __future__ import annotations
@@ -190,10 +190,11 @@ def compared(
 
 
 def park_config(log: Log) -> _core.PoseEkfConfig:
-    """Return the noise that the recording's notes have: 0.1 m, 1 degree, 0.2 m/s, 4 degrees.
+    """Return the noise of the laser, and what the recording's notes have: 0.2 m/s, 4 degrees.
 
-    The last two are of each reading of the truck; docs/models/ackermann.md, eq. (6), at its mean
-    speed. It does not slip aside.
+    These are of each reading of the truck; docs/models/ackermann.md, eq. (6), at its mean speed. It
+    does not slip aside. The notes' 0.1 m and 1 degree of a pole have room for errors that last,
+    which the filter knows.
     """
     stamps, speed = log["odometry"]["stamp_ns"], float(np.mean(np.abs(log["odometry"]["v_mps"])))
     seconds = float(np.median(np.diff(stamps))) / NANOSECONDS
@@ -211,8 +212,8 @@ def park_config(log: Log) -> _core.PoseEkfConfig:
     config.odometry.sigma_lateral_per_sqrt_m = 0.0
     config.odometry.sigma_heading_per_sqrt_m = float(sigma[1])
     config.odometry.sigma_heading_per_sqrt_rad = 0.0
-    config.landmark.sigma_range_m = 0.1
-    config.landmark.sigma_bearing_rad = float(np.deg2rad(1.0))
+    config.landmark.sigma_range_m = POLES.sigma_range_m
+    config.landmark.sigma_bearing_rad = POLES.sigma_bearing_rad
     return config
 
 
@@ -384,7 +385,8 @@ def arena_config() -> _core.PoseEkfConfig:
     """Return the noise that the lectures have: 200 mm and 15 degrees, 0.35 of a way, 0.6 of a turn.
 
     Each wheel errs by 0.35 of its way in each step, and by 0.6 of the other's excess. As
-    random walks, for its steps of 4 cm or 0.15 rad on wheels 173 mm apart.
+    random walks, for its steps of 4 cm or 0.15 rad on wheels 173 mm apart. A laser that errs by 15
+    mm has 200 mm for what lasts, so errors count as independent.
     """
     way_m, turn_rad, apart_m = 0.04, 0.15, 0.173
     config = _core.PoseEkfConfig()
@@ -394,6 +396,7 @@ def arena_config() -> _core.PoseEkfConfig:
     config.odometry.sigma_heading_per_sqrt_rad = 0.6 * np.sqrt(2.0 * turn_rad)
     config.landmark.sigma_range_m = 0.2
     config.landmark.sigma_bearing_rad = float(np.deg2rad(15.0))
+    config.correlation_s = 0.0
     return config
 
 

@@ -27,11 +27,10 @@ from papers.recordings.landmark_mapping import instants_of
 from papers.recordings.victoria_park import tree_parts
 from papers.scores import rms
 
-# A laser: its noise is twice what the publishers state, for errors of one tube are correlated
-# for seconds. The robot is known to travel askew; lasers are mounted within a centimetre or two of
-# the drawing, and report late.
+# A laser: its noise is what the publishers state. The robot is known to travel askew; lasers are
+# mounted within a centimetre or two of the drawing, and report late.
 TUBES = {
-    "landmark": {"sigma_range_m": 0.060, "sigma_bearing_rad": 0.052},
+    "landmark": {"sigma_range_m": 0.030, "sigma_bearing_rad": 0.026},
     "calibration": {"sigma_direction_rad": 0.1, "sigma_sensor_m": 0.02, "sigma_delay_s": 0.1},
 }
 # A camera that reads barcodes: residuals of 0.08 to 0.13 m and 0.006 to 0.011 rad are stated, which

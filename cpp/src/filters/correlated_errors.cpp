@@ -28,6 +28,18 @@ using Small =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMaxJoint, kMaxJoint>;
 using SmallColumn = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kMaxJoint, 1>;
 
+/// Of a belief of a pose in the plane: sizes that the compiler knows take half the time.
+bool is_whole_pose(const int* rows) { return rows[0] == 0 && rows[1] == 1 && rows[2] == 2; }
+
+/// L of L L' = R, empty unless that is positive definite. One row, as of a range, is a square root.
+Small root_of(const Eigen::Ref<const MatrixXd>& R) {
+  if (R.rows() == 1) {
+    return Small::Constant(1, 1, std::sqrt(R(0, 0)));
+  }
+  const Eigen::LLT<Small> factor(R);
+  return factor.info() == Eigen::Success ? Small(factor.matrixL()) : Small();
+}
+
 }  // namespace
 
 double CorrelatedErrors::Statistics::share() const {
@@ -48,30 +60,36 @@ void CorrelatedErrors::move(const Eigen::Ref<const MatrixXd>& jacobian, const in
   }
   const Index moving = jacobian.rows();
   const Index all = jacobian.cols();
-  Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor> few;  // no heap where it is a pose
-  std::array<double, 3> pose;
-  if (all > 3) {
-    few.resize(all);
+  if (variables_ == 3 && moving == 3 && all == 3 && is_whole_pose(rows)) {
+    const Eigen::Matrix3d F = jacobian;
+    Eigen::Map<Eigen::Matrix3Xd> whole(memory_.data(), 3, used());
+    for (Index column = 0; column < used(); ++column) {
+      whole.col(column) = F * whole.col(column);
+    }
+    Eigen::Map<Eigen::Matrix3d> D(memory_.data());
+    D = D * F.transpose();
+    return;
   }
-  double* before = all > 3 ? few.data() : pose.data();
-  auto table = this->table();
-  const auto turn = [&](const auto& at) {
+  std::array<double, 3> few;  // no heap where it is a pose
+  std::vector<double> many(all > 3 ? static_cast<std::size_t>(all) : 0);
+  double* before = all > 3 ? many.data() : few.data();
+  const auto turn = [&](double* first, Index step) {
     for (Index k = 0; k < all; ++k) {
-      before[k] = at(rows[k]);
+      before[k] = first[rows[k] * step];
     }
     for (Index i = 0; i < moving; ++i) {
       double sum = 0.0;
       for (Index k = 0; k < all; ++k) {
         sum += jacobian(i, k) * before[k];
       }
-      at(rows[i]) = sum;
+      first[rows[i] * step] = sum;
     }
   };
   for (Index column = 0; column < used(); ++column) {
-    turn([&](int row) -> double& { return table(row, column); });
+    turn(memory_.data() + column * variables_, 1);
   }
   for (Index row = 0; row < variables_; ++row) {
-    turn([&](int column) -> double& { return table(row, column); });
+    turn(memory_.data() + row, variables_);
   }
 }
 
@@ -118,28 +136,39 @@ void CorrelatedErrors::contract(const Fused& fused) {
   const Index size = fused.gain.rows();
   const Index m = fused.gain.cols();
   const Index parts = fused.transposed.rows();
+  if (m == 1 && size == 3 && parts == 3 && is_whole_pose(fused.rows)) {
+    const Eigen::Map<const Eigen::Vector3d> gain(fused.gain.data());
+    const Eigen::Map<const Eigen::Vector3d> seen(fused.transposed.data());
+    Eigen::Map<Eigen::Matrix3Xd> all(memory_.data(), 3, used());
+    for (Index column = 0; column < used(); ++column) {
+      all.col(column) -= gain * seen.dot(all.col(column));
+    }
+    Eigen::Map<Eigen::Matrix3d> D(memory_.data());
+    const Eigen::Vector3d right = D * seen;
+    D.noalias() -= right * gain.transpose();
+    return;
+  }
   std::array<double, kMaxJoint> few;
   std::vector<double> many(m > kMaxJoint ? static_cast<std::size_t>(m) : 0);
   double* seen = many.empty() ? few.data() : many.data();
-  auto table = this->table();
-  const auto apply = [&](const auto& at) {
+  const auto apply = [&](double* first, Index step) {
     for (Index j = 0; j < m; ++j) {
       seen[j] = 0.0;
       for (Index k = 0; k < parts; ++k) {
-        seen[j] += fused.transposed(k, j) * at(fused.rows[k]);
+        seen[j] += fused.transposed(k, j) * first[fused.rows[k] * step];
       }
     }
     for (Index j = 0; j < m; ++j) {
       for (Index i = 0; i < size; ++i) {
-        at(i) -= fused.gain(i, j) * seen[j];
+        first[i * step] -= fused.gain(i, j) * seen[j];
       }
     }
   };
   for (Index column = 0; column < used(); ++column) {
-    apply([&](Index row) -> double& { return table(row, column); });
+    apply(memory_.data() + column * size, 1);
   }
   for (Index row = 0; row < size; ++row) {
-    apply([&](Index column) -> double& { return table(row, column); });
+    apply(memory_.data() + row, size);
   }
 }
 
@@ -149,14 +178,23 @@ void CorrelatedErrors::add(const Fused& fused, const Index* columns) {
   const Index m = fused.gain.cols();
   const double factor = of_kind_[fused.kind].factor();
   const double share = of_kind_[fused.kind].share();
-  const Eigen::LLT<Small> root(fused.noise);
-  if (root.info() != Eigen::Success) {
+  const Small L = root_of(fused.noise);
+  if (L.size() == 0) {
     return;
   }
-  const Small L = root.matrixL();
+  const double root_of_share = std::sqrt(share * factor);
+  if (m == 1 && size == 3) {
+    Eigen::Map<Eigen::Matrix3d> D(memory_.data());
+    Eigen::Map<Eigen::Vector3d> cross(memory_.data() + 3 * (3 + columns[0]));
+    const Eigen::Vector3d moved = Eigen::Map<const Eigen::Vector3d>(fused.gain.data()) * L(0, 0);
+    const Eigen::Matrix3d both = cross * moved.transpose();
+    D += ((factor - 1.0) * moved) * moved.transpose() - root_of_share * (both + both.transpose());
+    cross -= root_of_share * moved;
+    learn(fused, columns);
+    return;
+  }
   auto table = this->table();
   auto moved = table.col(used());  // by an error of one sigma
-  const double root_of_share = std::sqrt(share * factor);
   for (Index j = 0; j < m; ++j) {
     auto cross = table.col(size + columns[j]);
     for (Index i = 0; i < size; ++i) {
@@ -210,8 +248,12 @@ void CorrelatedErrors::reserve(Index variables) {
 void CorrelatedErrors::learn(const Fused& fused, const Index* columns) {
   const Index m = fused.gain.cols();
   SmallColumn whitened = fused.residual;
-  const Eigen::LLT<Small> factor(fused.innovation);
-  factor.matrixL().solveInPlace(whitened);
+  if (m == 1) {
+    whitened(0) /= std::sqrt(fused.innovation(0, 0));
+  } else {
+    const Eigen::LLT<Small> factor(fused.innovation);
+    factor.matrixL().solveInPlace(whitened);
+  }
   Statistics& known = of_kind_[fused.kind];
   constexpr double kKept = 1.0 - 1.0 / CorrelationTuning::kMemory;
   for (Index i = 0; i < m; ++i) {

@@ -152,7 +152,15 @@ def test_the_switch_acts_in_the_hall_alone(runs: dict[str, Run]) -> None:
     assert np.hypot(*runs["hall_switch"].end[:2]) < 0.15
 
 
-def test_uwb_that_comes_back_certain_of_a_wrong_place_overrules_no_laser(
+class IndependentErrors(_core.RecoveringEkfConfig):
+    """Of a filter that takes errors that last for independent ones."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.estimator.correlation_s = 0.0
+
+
+def test_uwb_that_comes_back_is_not_certain_of_a_wrong_place(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """After ten minutes out of reach its filter was certain of a place 19 m off."""
@@ -162,6 +170,9 @@ def test_uwb_that_comes_back_certain_of_a_wrong_place_overrules_no_laser(
     assert run.off_m.max() < 0.5
     monkeypatch.setitem(SWITCH, "elsewhere_m", 1.0)
     monkeypatch.setitem(SWITCH, "elsewhere_rad", 0.5)
+    ready_to_overrule = follow(of, SETUPS["lidar_switch"], 16)
+    assert ready_to_overrule.off_m.max() < 0.5
+    monkeypatch.setattr(_core, "RecoveringEkfConfig", IndependentErrors)
     overruled = follow(of, SETUPS["lidar_switch"], 16)
     assert overruled.injections[0].reason == _core.InjectionReason.ELSEWHERE
     assert overruled.off_m.max() > 5.0
