@@ -158,9 +158,12 @@ std::size_t run_pose_ekf(const Circle& in, std::vector<double>& out) {
 
 /// The same with errors of each anchor that are correlated.
 std::size_t run_correlated(const Circle& in, std::vector<double>& out) {
-  PoseEkf::Config config = ekf_config();
-  config.correlation_s = PoseEkf::Config{}.correlation_s;
-  PoseEkf ekf(config, anchor_map(), {{0, {0, 0, 0}}}, start_estimate(in));
+  static const PoseEkf fresh = [&] {
+    PoseEkf::Config config = ekf_config();
+    config.correlation_s = PoseEkf::Config{}.correlation_s;
+    return PoseEkf(config, anchor_map(), {{0, {0, 0, 0}}}, start_estimate(in));
+  }();
+  PoseEkf ekf = fresh;
   return run_messages(in, ekf, ekf, out);
 }
 

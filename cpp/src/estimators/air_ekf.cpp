@@ -171,7 +171,7 @@ Outcome AirEkf::correct_by(const Range& z, const Gate& gate) {
   }
   return correct(z.stamp, gate, recipe_->range_noise, place_, [&] {
     return internal::of_source(recipe_->config, recipe_->range.linearize(pose(), height(), z),
-                               Source::kRanges, z.anchor);
+                               Source::kRanges, internal::link_of(z));
   });
 }
 

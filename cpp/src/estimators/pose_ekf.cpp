@@ -150,13 +150,13 @@ Outcome PoseEkf::correct_by(const Range& z, const Gate& gate) {
         Source::kRanges, z.stamp, gate, recipe_->range_noise, *slots, [&](const Pose2& /*pose*/) {
           return internal::of_source(
               recipe_->config, calibration.linearize(belief_, recipe_->range, z, odometry_.rate()),
-              Source::kRanges, z.anchor);
+              Source::kRanges, internal::link_of(z));
         });
   }
   return correct(Source::kRanges, z.stamp, gate, recipe_->range_noise, body_,
                  [&](const Pose2& pose) {
                    return internal::of_source(recipe_->config, recipe_->range.linearize(pose, z),
-                                              Source::kRanges, z.anchor);
+                                              Source::kRanges, internal::link_of(z));
                  });
 }
 
@@ -338,7 +338,7 @@ Outcome PoseEkf::on_joint(const std::vector<Range>& epoch) {
             joint.jacobian.row(rows) = lin->jacobian;
             joint.noise(rows, rows) = lin->noise(0);
             joint.correlation.sources[static_cast<std::size_t>(rows)] =
-                internal::source_of(Source::kRanges, z.anchor);
+                internal::source_of(Source::kRanges, internal::link_of(z));
             ++rows;
           }
         }

@@ -57,10 +57,16 @@ NoiseShape noise_of(const char* name, NoiseKind kind, const Config& config) {
 
 /// Names the errors of one row of what a source measures; those of its next rows follow.
 inline std::uint64_t source_of(Source kind, Id id) {
-  constexpr unsigned kBitsOfRow = 2;
   constexpr unsigned kBitsOfId = 32;
   return ((static_cast<std::uint64_t>(kind) << kBitsOfId) | static_cast<std::uint32_t>(id))
          << kBitsOfRow;
+}
+
+/// Names an anchor and a tag together: what stands between the two, and the antennas of both, make
+/// their errors. Another tag of a body sees another part of it.
+inline Id link_of(const Range& z) {
+  constexpr unsigned kBitsOfAnchor = 20;
+  return z.anchor ^ static_cast<Id>(static_cast<std::uint32_t>(z.tag) << kBitsOfAnchor);
 }
 
 /// The same measurement, which says of whose errors its own are the next.
@@ -189,6 +195,7 @@ class Transaction {
       x_ = belief.x.template head<3>();
       P_ = belief.P.template leftCols<3>();
       correlated_ = belief.correlated.moving();
+      stood_ = belief.correlated.stood();
     }
   }
   Transaction(const Transaction&) = delete;
@@ -202,7 +209,7 @@ class Transaction {
       belief_->x.template head<3>() = x_;
       belief_->P.template topRows<3>() = P_.transpose();
       belief_->P.template leftCols<3>() = P_;
-      belief_->correlated.restore(correlated_);
+      belief_->correlated.restore(correlated_, stood_);
     }
   }
   [[nodiscard]] Outcome close(Outcome outcome) {
@@ -224,6 +231,7 @@ class Transaction {
       Rows == Eigen::Dynamic ? Eigen::Dynamic : Rows + int(CorrelatedErrors::kMaxRows);
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, Rows, kMaxCorrelated>
       correlated_;
+  double stood_ = 0.0;
   std::optional<GaussianBelief> whole_;
 };
 
@@ -240,6 +248,11 @@ struct UnknownMotionTuning {
   /// Sigma of its speed over sigma_lost_xy_per_sqrt_s: 1 m/s for the default of 0.5, so that one
   /// that walks or drives at 2 m/s is at two sigma [1 / sqrt(s)].
   static constexpr double kSpeedSigma = 2.0;
+};
+
+/// When what makes errors last changes; docs/models/kalman.md.
+struct StandingTuning {
+  static constexpr double kSpeed = 0.1;  ///< [m/s + rad/s] of a robot that crawls
 };
 
 /// Moves a body whose odometry was never received: at an unknown speed, which lasts as long as one
@@ -267,6 +280,11 @@ constexpr bool kCalibrates<Recipe, std::void_t<decltype(Recipe::calibration)>> =
 template <class Recipe>
 void drive(const Recipe& recipe, GaussianBelief& belief, Slot body, const Pose2& motion,
            Stamp stamp) {
+  if (!(recipe.config.odometry.sigma_xy_per_sqrt_s > 0.0)) {  // or it may move at rest
+    const double way = std::hypot(motion.x, motion.y) + std::abs(motion.heading);
+    belief.correlated.stand(
+        std::max(0.0, seconds_between(belief.stamp, stamp) - way / StandingTuning::kSpeed));
+  }
   if constexpr (kCalibrates<Recipe>) {
     if (recipe.calibration.has_odometry()) {
       const double seconds = seconds_between(belief.stamp, stamp);

@@ -23,6 +23,8 @@ struct CorrelationTuning {
   static constexpr double kMinInnovations = 20.0;  ///< before a factor is learnt
 };
 
+constexpr double kKept = 1.0 - 1.0 / CorrelationTuning::kMemory;
+
 constexpr int kMaxJoint = 32;  // rows of one measurement
 using Small =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMaxJoint, kMaxJoint>;
@@ -40,14 +42,35 @@ Small root_of(const Eigen::Ref<const MatrixXd>& R) {
   return factor.info() == Eigen::Success ? Small(factor.matrixL()) : Small();
 }
 
+/// What all sources of a kind have in common, in one row of what each measures.
+std::uint64_t common_of(std::uint64_t source) {
+  constexpr std::uint64_t kEveryId = 0xFFFFFFFFULL << kBitsOfRow;
+  return source | kEveryId;
+}
+
 }  // namespace
 
+void CorrelatedErrors::Pairs::add(const Row& before, double now) {
+  if (std::isnan(before.innovation) || before.kept <= CorrelationTuning::kMinCorrelation) {
+    return;
+  }
+  const double both = 0.5 * (now * now + before.innovation * before.innovation);
+  products = kKept * products + before.kept * now * before.innovation;
+  squares = kKept * squares + before.kept * before.kept * both;
+  count = kKept * count + before.kept * before.kept;
+}
+
 double CorrelatedErrors::Statistics::share() const {
-  if (pairs < 1.0 || !(squares > 0.0)) {
+  if (moving.count < 1.0 || !(moving.squares > 0.0)) {
     return 1.0;
   }
-  const double correlation = products / squares + 1.0 / std::sqrt(pairs);  // one sigma more
+  const double correlation = std::max(
+      standing.correlation(), moving.correlation() + 1.0 / std::sqrt(moving.count));  // one sigma
   return std::clamp(CorrelationTuning::kShareOverInnovations * correlation, 0.0, 1.0);
+}
+
+double CorrelatedErrors::Statistics::common_of(double share) const {
+  return std::clamp(CorrelationTuning::kShareOverInnovations * of_all.correlation(), 0.0, share);
 }
 
 double CorrelatedErrors::Statistics::factor() const {
@@ -104,20 +127,15 @@ void CorrelatedErrors::take(const Fused& fused, Stamp stamp) {
     variables_ = size;
     memory_.assign(static_cast<std::size_t>(size * (size + 1)), 0.0);
   }
-  std::array<Index, kMaxJoint> columns;
+  std::array<Columns, kMaxJoint> columns;
   if (correlated) {
     for (Index i = 0; i < m; ++i) {
-      columns[static_cast<std::size_t>(i)] = column_of(fused.sources[i], stamp);
+      columns[static_cast<std::size_t>(i)] = {column_of(fused.sources[i], stamp),
+                                              column_of(common_of(fused.sources[i]), stamp)};
     }
     for (Index i = 0; i < m; ++i) {
-      const Index column = columns[static_cast<std::size_t>(i)];
-      Row& row = rows_[static_cast<std::size_t>(column)];
-      if (row.is_used) {  // not before in this measurement
-        row.kept = std::exp(-seconds_between(row.stamp, stamp) / fused.correlation_s);
-        row.stamp = stamp;
-        row.is_used = false;
-        table().col(size + column) *= row.kept;
-      }
+      bring_to(stamp, columns[static_cast<std::size_t>(i)].own, fused.correlation_s);
+      bring_to(stamp, columns[static_cast<std::size_t>(i)].common, fused.correlation_s);
     }
   }
   contract(fused);
@@ -128,6 +146,21 @@ void CorrelatedErrors::take(const Fused& fused, Stamp stamp) {
   // may put back.
   if (!std::isfinite(excess().sum())) {
     *this = restarted();
+  }
+}
+
+/// What is left of the errors of a row, at the stamp of what is fused now.
+void CorrelatedErrors::bring_to(Stamp stamp, Index column, double correlation_s) {
+  Row& row = rows_[static_cast<std::size_t>(column)];
+  if (row.is_used) {  // not before in this measurement
+    const double lasted = seconds_between(row.stamp, stamp);
+    const double stood = stood_s_ - row.stood;
+    row.kept = std::exp(std::min(0.0, (stood - lasted) / correlation_s));
+    row.has_stood = stood > 0.5 * lasted;
+    row.stamp = stamp;
+    row.stood = stood_s_;
+    row.is_used = false;
+    table().col(variables_ + column) *= row.kept;
   }
 }
 
@@ -173,30 +206,36 @@ void CorrelatedErrors::contract(const Fused& fused) {
 }
 
 /// What the errors of a measurement add, beyond what the filter takes them for.
-void CorrelatedErrors::add(const Fused& fused, const Index* columns) {
+void CorrelatedErrors::add(const Fused& fused, const Columns* columns) {
   const Index size = fused.gain.rows();
   const Index m = fused.gain.cols();
-  const double factor = of_kind_[fused.kind].factor();
-  const double share = of_kind_[fused.kind].share();
+  const Statistics& known = of_kind_[fused.kind];
+  const double factor = known.factor();
+  const double share = known.share();
+  const double common = known.common_of(share);
   const Small L = root_of(fused.noise);
   if (L.size() == 0) {
     return;
   }
-  const double root_of_share = std::sqrt(share * factor);
+  const double of_own = std::sqrt((share - common) * factor);
+  const double of_common = std::sqrt(common * factor);
   if (m == 1 && size == 3) {
     Eigen::Map<Eigen::Matrix3d> D(memory_.data());
-    Eigen::Map<Eigen::Vector3d> cross(memory_.data() + 3 * (3 + columns[0]));
+    Eigen::Map<Eigen::Vector3d> own(memory_.data() + 3 * (3 + columns[0].own));
+    Eigen::Map<Eigen::Vector3d> all(memory_.data() + 3 * (3 + columns[0].common));
     const Eigen::Vector3d moved = Eigen::Map<const Eigen::Vector3d>(fused.gain.data()) * L(0, 0);
-    const Eigen::Matrix3d both = cross * moved.transpose();
-    D += ((factor - 1.0) * moved) * moved.transpose() - root_of_share * (both + both.transpose());
-    cross -= root_of_share * moved;
+    const Eigen::Matrix3d both = (of_own * own + of_common * all) * moved.transpose();
+    D += ((factor - 1.0) * moved) * moved.transpose() - (both + both.transpose());
+    own -= of_own * moved;
+    all -= of_common * moved;
     learn(fused, columns);
     return;
   }
   auto table = this->table();
   auto moved = table.col(used());  // by an error of one sigma
   for (Index j = 0; j < m; ++j) {
-    auto cross = table.col(size + columns[j]);
+    auto own = table.col(size + columns[j].own);
+    auto all = table.col(size + columns[j].common);
     for (Index i = 0; i < size; ++i) {
       moved(i) = 0.0;
       for (Index k = j; k < m; ++k) {
@@ -206,10 +245,12 @@ void CorrelatedErrors::add(const Fused& fused, const Index* columns) {
     for (Index a = 0; a < size; ++a) {
       for (Index b = 0; b < size; ++b) {
         table(a, b) += (factor - 1.0) * moved(a) * moved(b) -
-                       root_of_share * (cross(a) * moved(b) + moved(a) * cross(b));
+                       (of_own * own(a) + of_common * all(a)) * moved(b) -
+                       moved(a) * (of_own * own(b) + of_common * all(b));
       }
     }
-    cross -= root_of_share * moved;
+    own -= of_own * moved;
+    all -= of_common * moved;
   }
   learn(fused, columns);
 }
@@ -222,7 +263,8 @@ Index CorrelatedErrors::column_of(std::uint64_t source, Stamp stamp) {
     known->is_used = true;
     return known - rows_.begin();
   }
-  const Row added{source, stamp, 1.0, std::numeric_limits<double>::quiet_NaN(), true};
+  const Row added{source, stamp, stood_s_, 1.0, std::numeric_limits<double>::quiet_NaN(),
+                  source, false, true};
   Index column = static_cast<Index>(rows_.size());
   if (column < kMaxRows) {
     rows_.push_back(added);
@@ -245,7 +287,7 @@ void CorrelatedErrors::reserve(Index variables) {
 }
 
 /// Compares innovations with those before, and keeps them.
-void CorrelatedErrors::learn(const Fused& fused, const Index* columns) {
+void CorrelatedErrors::learn(const Fused& fused, const Columns* columns) {
   const Index m = fused.gain.cols();
   SmallColumn whitened = fused.residual;
   if (m == 1) {
@@ -255,20 +297,22 @@ void CorrelatedErrors::learn(const Fused& fused, const Index* columns) {
     factor.matrixL().solveInPlace(whitened);
   }
   Statistics& known = of_kind_[fused.kind];
-  constexpr double kKept = 1.0 - 1.0 / CorrelationTuning::kMemory;
   for (Index i = 0; i < m; ++i) {
     const double now = std::clamp(whitened(i), -CorrelationTuning::kMaxInnovation,
                                   CorrelationTuning::kMaxInnovation);
-    Row& row = rows_[static_cast<std::size_t>(columns[i])];
     known.nis = kKept * known.nis + now * now;
     known.innovations = kKept * known.innovations + 1.0;
-    if (!std::isnan(row.innovation) && row.kept > CorrelationTuning::kMinCorrelation) {
-      const double both = 0.5 * (now * now + row.innovation * row.innovation);
-      known.products = kKept * known.products + row.kept * now * row.innovation;
-      known.squares = kKept * known.squares + row.kept * row.kept * both;
-      known.pairs = kKept * known.pairs + row.kept * row.kept;
+    Row& own = rows_[static_cast<std::size_t>(columns[i].own)];
+    Row& all = rows_[static_cast<std::size_t>(columns[i].common)];
+    (own.has_stood ? known.standing : known.moving).add(own, now);
+    if (all.of != fused.sources[i]) {
+      known.of_all.add(all, now);
     }
-    row.innovation = now;
+    for (Row* row : {&own, &all}) {
+      row->innovation = now;
+      row->of = fused.sources[i];
+      row->kept = 1.0;  // for the next row of this measurement
+    }
   }
 }
 

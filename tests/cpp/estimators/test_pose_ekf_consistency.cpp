@@ -6,6 +6,7 @@
 #include "locfuse/estimators/pose_ekf.hpp"
 #include "support/consistency.hpp"
 #include "support/expect.hpp"
+#include "support/robot.hpp"
 #include "support/simulation.hpp"
 
 namespace locfuse::test_pose_ekf_consistency {
@@ -81,8 +82,9 @@ TEST(PoseEkf, trusting_ranges_ten_times_too_little_shows) {
 }
 
 /// Mean over 60 runs of 100 s of the NEES of 3 at the end, where errors of ranges keep half of
-/// their variance over a correlation time.
-double nees_where_errors_last(double seconds, double reported, double correlation_s) {
+/// their variance over a correlation time, each for itself or all alike.
+double nees_where_errors_last(double seconds, double reported, double correlation_s,
+                              bool are_common = false) {
   PoseEkf::Config config = well_informed();
   config.correlation_s = correlation_s;
   config.range.sigma_m = 0.1 * std::sqrt(seconds > 0.0 ? 2.0 : 1.0) * reported;
@@ -99,8 +101,10 @@ double nees_where_errors_last(double seconds, double reported, double correlatio
     PoseEkf ekf(config, testing::hall(), testing::one_tag(), run.start);
     for (Message& message : run.messages) {
       if (Range* z = std::get_if<Range>(&message); z != nullptr && seconds > 0.0) {
-        double& error = lasting.at(static_cast<std::size_t>(z->anchor));
-        error = kept * error + std::sqrt(1.0 - kept * kept) * testing::normal(rng, 0.1);
+        double& error = lasting.at(are_common ? 0 : static_cast<std::size_t>(z->anchor));
+        if (!are_common || z->anchor == 0) {
+          error = kept * error + std::sqrt(1.0 - kept * kept) * testing::normal(rng, 0.1);
+        }
         z->range += error;
       }
       ekf.on(message);
@@ -141,6 +145,56 @@ TEST(PoseEkf, errors_that_last_are_known_to) {
   EXPECT_TRUE(independent > 1.5 && independent < 3.6) << independent << " of 3";
   const double reported_half = nees_where_errors_last(0.0, 0.5, kDefault);
   EXPECT_TRUE(reported_half > 1.5 && reported_half < 5.0) << reported_half << " of 3";
+}
+
+TEST(PoseEkf, errors_that_all_anchors_share_are_known_to) {
+  constexpr double kDefault = PoseEkf::Config{}.correlation_s;
+  for (const double seconds : {1.0, 5.0, 20.0}) {
+    const double with = nees_where_errors_last(seconds, 1.0, kDefault, true);
+    EXPECT_TRUE(with > 1.5 && with < 5.0) << seconds << " s: " << with << " of 3";
+    const double reported_half = nees_where_errors_last(seconds, 0.5, kDefault, true);
+    EXPECT_TRUE(reported_half > 1.5 && reported_half < 9.0)
+        << seconds << " s: " << reported_half << " of 3";
+  }
+}
+
+/// Mean over 60 runs of 300 s of the NEES of the position at the end, of a robot that stands where
+/// half of the variance of each range is an error that stays.
+double nees_of_standing(double correlation_s) {
+  PoseEkf::Config config = well_informed();
+  config.correlation_s = correlation_s;
+  config.range.sigma_m = 0.1 * std::sqrt(2.0);
+  constexpr int kSeeds = 60;
+  double sum = 0.0;
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    testing::Rng rng(seed);
+    const Pose2 truth{2.0 + testing::normal(rng, 0.1), -1.0 + testing::normal(rng, 0.1), 0.4};
+    const PoseEstimate start{0, {2.0, -1.0, 0.4}, Vector<3>(0.01, 0.01, 0.01).asDiagonal()};
+    std::array<double, 4> stays{};
+    for (double& error : stays) {
+      error = testing::normal(rng, 0.1);
+    }
+    PoseEkf ekf(config, testing::hall(), testing::one_tag(), start);
+    for (int k = 1; k <= 1500; ++k) {
+      const Stamp stamp = k * testing::kSecond / 5;
+      ekf.on(Velocity{stamp, 0.0, 0.0});
+      for (Id anchor = 0; anchor < 4; ++anchor) {
+        const double error = stays.at(static_cast<std::size_t>(anchor)) + testing::normal(rng, 0.1);
+        ekf.on(testing::range_to(anchor, truth, stamp, error));
+      }
+    }
+    const PoseEstimate end = ekf.estimate();
+    const Vector<2> error = end.pose.position() - truth.position();
+    sum +=
+        error.dot(Matrix<2, 2>(end.covariance.topLeftCorner<2, 2>()).llt().solve(error)) / kSeeds;
+  }
+  return sum;
+}
+
+TEST(PoseEkf, a_robot_that_stands_is_not_surer_for_it) {
+  const double with = nees_of_standing(PoseEkf::Config{}.correlation_s);
+  EXPECT_TRUE(with > 0.3 && with < 4.0) << with << " of 2";
+  EXPECT_GT(nees_of_standing(0.0), 20.0);
 }
 
 }  // namespace

@@ -34,24 +34,34 @@ class Together {
     all_.topLeftCorner(size_, size_) += Q;
   }
 
-  /// Of `sources`, by a gain and with the part `share` of R times `factor` correlated.
-  void fuse(const MatrixXd& K, const AnyLinearization& lin, double share, double factor,
-            Stamp stamp) {
+  /// How errors of a kind are taken to be.
+  struct Parts {
+    double share = 0.0;
+    double common = 0.0;  // of that
+    double factor = 1.0;
+  };
+  /// Of `sources`, by a gain and with those parts of R correlated.
+  void fuse(const MatrixXd& K, const AnyLinearization& lin, const Parts& parts, Stamp stamp) {
     const Index m = lin.noise.rows();
-    MatrixXd T = MatrixXd::Identity(all_.rows() + m, all_.rows() + m);
+    MatrixXd T = MatrixXd::Identity(all_.rows() + 2 * m, all_.rows() + 2 * m);
     T.topLeftCorner(size_, size_) -= K * lin.jacobian;
-    const MatrixXd L = MatrixXd(lin.noise.llt().matrixL()) * std::sqrt(share * factor);
+    const MatrixXd L = MatrixXd(lin.noise.llt().matrixL()) * std::sqrt(parts.factor);
     for (Index i = 0; i < m; ++i) {
-      const Index at = row_of(lin.correlation.sources[static_cast<std::size_t>(i)], stamp);
-      T.block(0, at, size_, 1) -= K * L.col(i);
+      const std::uint64_t source = lin.correlation.sources[static_cast<std::size_t>(i)];
+      T.block(0, row_of(source, stamp), size_, 1) -=
+          std::sqrt(parts.share - parts.common) * K * L.col(i);
+      T.block(0, row_of(source % 4 + kOfAll, stamp), size_, 1) -=
+          std::sqrt(parts.common) * K * L.col(i);
     }
     const MatrixXd kept = T.topLeftCorner(all_.rows(), all_.rows());
     all_ = (kept * all_ * kept.transpose()).eval();
     all_.topLeftCorner(size_, size_) +=
-        K * (factor * lin.noise - L * L.transpose()) * K.transpose();
+        K * (parts.factor * lin.noise - parts.share * L * L.transpose()) * K.transpose();
   }
 
  private:
+  static constexpr std::uint64_t kOfAll = 1'000'000;
+
   Index row_of(std::uint64_t source, Stamp stamp) {
     if (rows_.count(source) == 0) {
       const Index at = all_.rows();
@@ -115,8 +125,9 @@ void expect_together(testing::Rng& rng, const std::vector<std::string>& more) {
       lin.correlation.sources[i] = first + i;
     }
     const MatrixXd K = gain_of(belief, lin);
-    const double share = is_correlated ? belief.correlated.share(lin.correlation.kind) : 0.0;
-    const double factor = is_correlated ? belief.correlated.factor(lin.correlation.kind) : 1.0;
+    const std::size_t kind = lin.correlation.kind;
+    const Together::Parts parts{belief.correlated.share(kind), belief.correlated.common(kind),
+                                belief.correlated.factor(kind)};
     if (step % 7 == 6 && m == 2 && more.empty()) {  // the same in a type of known size
       const Linearization<2, 3> fixed{
           lin.residual,
@@ -128,7 +139,7 @@ void expect_together(testing::Rng& rng, const std::vector<std::string>& more) {
       ASSERT_EQ(update(belief, lin, slots, Gate()).verdict, Verdict::kFused);
     }
     if (is_correlated) {
-      together.fuse(K, lin, share, factor, belief.stamp);
+      together.fuse(K, lin, parts, belief.stamp);
     } else {
       MatrixXd I_KH = MatrixXd::Identity(size, size) - K * lin.jacobian;
       together.move(I_KH, K * lin.noise * K.transpose());
@@ -228,6 +239,46 @@ TEST(CorrelatedErrors, are_learnt_from_innovations) {
   const auto [still_independent, twice] = learn(0.0, 2.0);
   EXPECT_LT(still_independent, 0.15);
   EXPECT_GT(twice, 2.5);
+}
+
+TEST(CorrelatedErrors, of_all_sources_are_learnt_from_innovations_of_different_ones) {
+  const auto learn = [](double sigma_common) {
+    testing::Rng rng(1);
+    Standing one;
+    double x = 0.0;
+    double common = testing::normal(rng, sigma_common);
+    for (int k = 0; k < 3000; ++k) {
+      const double kept = std::exp(-0.1);
+      common = kept * common + std::sqrt(1.0 - kept * kept) * testing::normal(rng, sigma_common);
+      x += testing::normal(rng, 0.01);
+      Propagation<Pose2, 3> step{
+          {one.belief.x(0), 0.0, 0.0}, Matrix<3, 3>::Identity(), 1e-4 * Matrix<3, 3>::Identity()};
+      predict(one.belief, step, one.body);
+      const double own = std::sqrt(0.01 - sigma_common * sigma_common);
+      one.measure(x + common + testing::normal(rng, own), static_cast<std::uint64_t>(4 * (k % 3)),
+                  0.1);
+    }
+    return one;
+  };
+  const Standing of_each = learn(0.0);
+  const Standing of_all = learn(0.09);
+  EXPECT_LT(of_each.belief.correlated.common(0), 0.15);
+  EXPECT_GT(of_all.belief.correlated.common(0), 0.5);
+  EXPECT_LE(of_all.belief.correlated.common(0), of_all.belief.correlated.share(0));
+  EXPECT_EQ(of_all.belief.correlated.common(1), 0.0);
+  EXPECT_GT(of_all.reported(), 2.0 * of_each.reported());
+}
+
+TEST(CorrelatedErrors, last_as_long_as_the_body_stands) {
+  Standing stands;
+  Standing moves;
+  for (int k = 0; k < 100; ++k) {
+    stands.belief.correlated.stand(1.0);
+    stands.measure(0.0, 1, 1.0);
+    moves.measure(0.0, 1, 1.0);
+  }
+  EXPECT_NEAR(stands.reported(), 0.01, 1e-3);
+  EXPECT_LT(moves.reported(), 0.002);
 }
 
 TEST(CorrelatedErrors, beyond_what_numbers_hold_are_forgotten) {

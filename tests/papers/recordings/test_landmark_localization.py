@@ -52,7 +52,7 @@ def test_tubes_are_enough_with_and_without_names() -> None:
         update={"estimator": config.estimator.model_copy(update={"calibration": Calibration()})}
     )
     assert named["nees_mean"] < 3.7
-    assert run(plain, log).metrics["nees_mean"] > 5.0
+    assert run(plain, log).metrics["nees_mean"] > 1.5 * named["nees_mean"]
 
 
 @pytest.mark.parametrize("name", ["MRCLAM robot 1", "MRCLAM robot 3", "MRCLAM robot 5"])

@@ -36,6 +36,10 @@ class CorrelatedErrors {
   /// which are the first, and a column for each.
   void move(const Eigen::Ref<const Eigen::MatrixXd>& jacobian, const int* rows);
 
+  /// So much of the time that passes the body stood: errors last as long as what makes them does
+  /// not change.
+  void stand(double seconds) { stood_s_ += seconds; }
+
   /// What an update used.
   struct Fused {
     Eigen::Ref<const Eigen::MatrixXd> gain;        ///< K, a row for each variable of the belief
@@ -59,42 +63,64 @@ class CorrelatedErrors {
   /// The same that was learnt, and nothing of what was fused: of a belief that starts anew.
   [[nodiscard]] CorrelatedErrors restarted() const;
 
-  /// All that `move` changes, to be put back by `restore`.
+  /// All that `move` and `stand` change, to be put back by `restore`.
   [[nodiscard]] auto moving() const { return table().leftCols(used()); }
+  [[nodiscard]] double stood() const { return stood_s_; }
   template <class Table>
-  void restore(const Table& moving) {
+  void restore(const Table& moving, double stood) {
     table().leftCols(used()) = moving;
+    stood_s_ = stood;
   }
 
   /// The share of the variance of a kind of measurement that is correlated, and the factor of all
   /// of it, as its innovations say; eq. (25) and (26).
   [[nodiscard]] double share(std::size_t kind) const { return of_kind_[kind].share(); }
+  /// Of that share, what all sources of the kind have in common.
+  [[nodiscard]] double common(std::size_t kind) const {
+    return of_kind_[kind].common_of(of_kind_[kind].share());
+  }
   [[nodiscard]] double factor(std::size_t kind) const { return of_kind_[kind].factor(); }
 
  private:
   struct Row {
-    std::uint64_t source;
-    Stamp stamp;        // of when it was fused last
-    double kept;        // of that error, at the stamp of what is fused now
-    double innovation;  // of then, of variance 1 as the filter sees it
-    bool is_used;       // by what is fused now
+    std::uint64_t source;  // or what all of a kind have in common
+    Stamp stamp;           // of when it was fused last
+    double stood;          // until then
+    double kept;           // of that error, at the stamp of what is fused now
+    double innovation;     // of then, of variance 1 as the filter sees it
+    std::uint64_t of;      // the source of that
+    bool has_stood;        // the body, since
+    bool is_used;          // by what is fused now
+  };
+  struct Pairs {
+    double products = 0.0;  // of successive innovations
+    double squares = 0.0;   // what they would be if all were correlated
+    double count = 0.0;
+    void add(const Row& before, double now);
+    [[nodiscard]] double correlation() const { return squares > 0.0 ? products / squares : 0.0; }
   };
   struct Statistics {
-    double products = 0.0;  // of successive innovations of a source
-    double squares = 0.0;   // what they would be if all were correlated
-    double pairs = 0.0;
+    Pairs moving;    // of one source
+    Pairs standing;  // which take up what lasts: it is there where it is seen, not absent if not
+    Pairs of_all;    // of different sources
     double nis = 0.0;
     double innovations = 0.0;
     [[nodiscard]] double share() const;
+    [[nodiscard]] double common_of(double share) const;
     [[nodiscard]] double factor() const;
   };
   [[nodiscard]] Eigen::Index used() const {
     return variables_ + static_cast<Eigen::Index>(rows_.size());
   }
+  struct Columns {
+    Eigen::Index own;     // of a source
+    Eigen::Index common;  // of all of its kind
+  };
   [[nodiscard]] Eigen::Index column_of(std::uint64_t source, Stamp stamp);
+  void bring_to(Stamp stamp, Eigen::Index column, double correlation_s);
   void contract(const Fused& fused);
-  void add(const Fused& fused, const Eigen::Index* columns);
-  void learn(const Fused& fused, const Eigen::Index* columns);
+  void add(const Fused& fused, const Columns* columns);
+  void learn(const Fused& fused, const Columns* columns);
 
   /// D, then for each row cov(error of the state, its own), eq. (21), then one column of room.
   [[nodiscard]] Eigen::Map<Eigen::MatrixXd> table() {
@@ -105,6 +131,7 @@ class CorrelatedErrors {
   }
 
   Eigen::Index variables_ = 0;
+  double stood_s_ = 0.0;
   std::vector<double> memory_;  // of the table, whose columns follow each other
   std::vector<Row> rows_;
   std::array<Statistics, kErrorKinds> of_kind_;

@@ -16,6 +16,9 @@ namespace locfuse {
 /// Kinds of measurements, for each of which it is learnt how correlated its errors are.
 inline constexpr std::size_t kErrorKinds = 6;
 
+/// The lowest bits of the name of a source number the rows of what it measures.
+inline constexpr unsigned kBitsOfRow = 2;
+
 /// Of whose errors those of a measurement of so many rows are the next.
 template <int Rows>
 struct ErrorCorrelation {
