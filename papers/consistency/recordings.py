@@ -26,6 +26,11 @@ MAX_SURE = 1.0  # % of the time `ok` with an error beyond 3 sigma
 MAX_SURE_S = 3.0  # of it in one piece
 GAP_NS = 2 * NANOSECONDS  # a pose does not stand for longer
 READY = ("ieu_gazebo", "mrpt_office", "plaza", "tuc_labyrinth", "lias_triangle", "starloc_rig")
+IN_SPACE = {  # dataset and folder
+    "yard": ("hanyang_outdoor", "hanyang-outdoor"),
+    "drone 1": ("rcv_uwb_drone", "rcv-uwb-drone"),
+    "inrol": ("inrol_uwb_imu", "inrol-uwb-imu"),
+}
 
 
 @dataclass(frozen=True)
@@ -87,6 +92,10 @@ def _runs(configs: Path) -> Mapping[str, Callable[[], tuple[RunConfig, Log]]]:
     landmarks, maps = landmark_localization.RECORDINGS, map_localization.RECORDINGS
     return {
         **{name: partial(_ready, configs, name) for name in READY},
+        **{f"{name}, defaults": partial(_with_defaults, configs, name) for name in READY},
+        **{f"{name}, in space, defaults":
+           partial(load_recording, configs, *origin, estimator={"kind": "air"})
+           for name, origin in IN_SPACE.items()},
         **{f"{name}, named landmarks": partial(landmark_localization.recorded, configs, name)
            for name in landmarks},
         **{f"{name}, defaults": partial(load_recording, configs, *landmarks[name][:3])
@@ -101,6 +110,13 @@ def _runs(configs: Path) -> Mapping[str, Callable[[], tuple[RunConfig, Log]]]:
 def _ready(configs: Path, name: str) -> tuple[RunConfig, Log]:
     config = load_config(configs / f"{name}.yaml")
     return config, load_log(config, configs, config.seed)
+
+
+def _with_defaults(configs: Path, name: str) -> tuple[RunConfig, Log]:
+    """Return the same without what it says of the estimator, but its kind."""
+    config, log = _ready(configs, name)
+    kind = type(config.estimator)(kind=config.estimator.kind)
+    return config.model_copy(update={"estimator": kind}), log
 
 
 def _rows(name: str, load: Callable[[], tuple[RunConfig, Log]]) -> Iterator[Claim]:

@@ -69,7 +69,11 @@ def config_of(duration_s: float = DURATION_S, **simulation: Any) -> RunConfig:
                 "ranges": {"rate_hz": 5.0, "sigma_m": 0.1, "sigma_relative": 0.0},
                 **simulation,
             },
-            "estimator": {"odometry": WHEELS, "correlation_s": 0},  # as simulated
+            "estimator": {  # as simulated
+                "odometry": WHEELS,
+                "range": {"sigma_m": 0.1},
+                "correlation_s": 0,
+            },
         }
     )
 

@@ -95,6 +95,11 @@ def _simulated(names: str, seeds: int) -> Iterator[Claim]:
                         "odometry": {"sigma_lateral_per_sqrt_m": 0.01},
                     },
                     "estimator": {
+                        "odometry": {
+                            "sigma_longitudinal_per_sqrt_m": 0.03,
+                            "sigma_lateral_per_sqrt_m": 0.01,
+                            "sigma_heading_per_sqrt_rad": 0.03,
+                        },
                         "correlation_s": 0,  # simulated errors are independent
                         "landmark": {"sigma_range_m": 0.05, "sigma_bearing_rad": np.deg2rad(1.0)},
                     },

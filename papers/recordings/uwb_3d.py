@@ -87,6 +87,7 @@ def load_flight(configs: Path | None, recording: Recording) -> Log:
 def filter_config() -> _core.AirEkfConfig:
     """Return the settings, the same for all recordings: constant velocity and all else as it is."""
     config = _core.AirEkfConfig()
+    config.range.sigma_m = 0.1
     config.motion = _core.AirMotion.CONSTANT_VELOCITY
     return config
 

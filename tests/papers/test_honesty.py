@@ -14,7 +14,10 @@ from locfuse.run.run import run
 from locfuse.types import RunResult
 from papers.consistency.recordings import READY, honesty, recorded_claims
 
-SETTINGS = {"odometry": {"sigma_lateral_per_sqrt_m": 0.01}, "range": {"sigma_relative": 0.015}}
+SETTINGS = {
+    "odometry": {"sigma_lateral_per_sqrt_m": 0.01},
+    "range": {"sigma_m": 0.1, "sigma_relative": 0.015},
+}
 
 
 @pytest.fixture(scope="module")

@@ -63,7 +63,7 @@ WORLDS: Mapping[str, dict[str, Any]] = {
             "ranges": {"rate_hz": 10, "sigma_m": 0.1, "sigma_relative": 0},
             "poses": None,
         },
-        "estimator": {"air": {"motion": "odometry"}},
+        "estimator": {"range": {"sigma_m": 0.1}, "air": {"motion": "odometry"}},
     },
     "tag_triangle": {
         "simulation": {

@@ -56,7 +56,7 @@ class Odometry(Strict):
 class Range(Strict):
     """Noise of ranges that bring no sigma of their own; ``RangeConfig`` in C++."""
 
-    sigma_m: NonNegative = 0.1
+    sigma_m: NonNegative = 0.3
     """Absolute part [m]."""
     sigma_relative: NonNegative = 0.0
     """Fraction of the distance; not both 0."""

@@ -433,6 +433,7 @@ struct Outage {
     RecoveringEkf::Config c;
     c.estimator.correlation_s = 0.0;  // its errors are independent
     c.estimator.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
+    c.estimator.range.sigma_m = 0.1;
     return c;
   }
 

@@ -140,7 +140,9 @@ TEST(Timeline, a_message_older_than_the_history_is_stale_and_changes_no_bit) {
 }
 
 TEST(Timeline, the_sink_receives_again_the_outcomes_after_a_late_message) {
-  Timeline<PoseEkf> timeline(testing::ekf_at({}), kSecond);
+  PoseEkf::Config config;
+  config.range.sigma_m = 0.1;
+  Timeline<PoseEkf> timeline(testing::ekf_at({}, config), kSecond);
   std::vector<std::size_t> received;
   std::vector<double> residuals;
   const auto sink = [&](std::size_t index, const Outcome& o) {

@@ -26,10 +26,13 @@ from support_ros import message
 
 ROOM: dict[str, Any] = {
     "simulation": {"path": {"shape": "eight", "radius_m": 2.0}, "duration_s": 20.0, "poses": None},
-    "estimator": {"odometry": {  # that of the simulation
-        "sigma_longitudinal_per_sqrt_m": 0.03, "sigma_lateral_per_sqrt_m": 0.01,
-        "sigma_heading_per_sqrt_rad": 0.03,
-    }},
+    "estimator": {  # that of the simulation
+        "odometry": {
+            "sigma_longitudinal_per_sqrt_m": 0.03, "sigma_lateral_per_sqrt_m": 0.01,
+            "sigma_heading_per_sqrt_rad": 0.03,
+        },
+        "range": {"sigma_m": 0.1},
+    },
     "start": "auto",
     "seed": 3,
 }  # fmt: skip

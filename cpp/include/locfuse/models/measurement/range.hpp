@@ -31,7 +31,7 @@ class RangeModel {
  public:
   /// R = sigma^2 + (sigma_relative * distance)^2 where the message has no sigma.
   struct Config {
-    double sigma_m = 0.1;         ///< [m]
+    double sigma_m = 0.3;         ///< [m]
     double sigma_relative = 0.0;  ///< share of the distance
   };
 
