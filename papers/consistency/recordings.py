@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -100,9 +101,11 @@ def _runs(configs: Path) -> Mapping[str, Callable[[], tuple[RunConfig, Log]]]:
            for name in landmarks},
         **{f"{name}, defaults": partial(load_recording, configs, *landmarks[name][:3])
            for name in landmarks},
-        **{f"{name}, particles": partial(map_localization.recorded, configs, name)
+        **{f"{name}, particles": partial(_on_map, configs, name) for name in maps},
+        **{f"{name}, particles, defaults": partial(_on_map, configs, name, mcl={})
            for name in maps},
-        **{f"{name}, particles, defaults": partial(map_localization.recorded, configs, name, mcl={})
+        **{f"{name}, particles in the EKF":
+           partial(_on_map, configs, name, mcl={"poses_hz": 2}, use=["odometry", "poses"])
            for name in maps},
     }  # fmt: skip
 
@@ -117,6 +120,13 @@ def _with_defaults(configs: Path, name: str) -> tuple[RunConfig, Log]:
     config, log = _ready(configs, name)
     kind = type(config.estimator)(kind=config.estimator.kind)
     return config.model_copy(update={"estimator": kind}), log
+
+
+def _on_map(configs: Path, name: str, **keys: Any) -> tuple[RunConfig, Log]:
+    """Return a run by particles, with a reference that lies where the map does."""
+    config, log = map_localization.recorded(configs, name, **keys)
+    moved = map_localization.ON_ITS_MAP.get(name)
+    return config, moved(log) if moved else log
 
 
 def _rows(name: str, load: Callable[[], tuple[RunConfig, Log]]) -> Iterator[Claim]:
