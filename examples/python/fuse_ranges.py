@@ -11,6 +11,6 @@ start = lf.PoseEstimate(0, lf.Pose2(3, 2, 0), np.diag([0.5, 0.5, 0.1]) ** 2)
 ekf = lf.PoseEkf(lf.PoseEkfConfig(), anchors, tags, start)
 ekf.on(lf.Increment(begin=0, stamp=100_000_000, motion=lf.Pose2(0.05, 0, 0)))  # nanoseconds
 for anchor, range_m in enumerate([3.63, 5.52, 4.22]):
-    print(ekf.on(lf.Range(100_000_000, tag=0, anchor=anchor, range=range_m)))
+    print(ekf.on(lf.Range(100_000_000, tag=0, anchor=anchor, range=range_m, sigma=0.1)))
 now = ekf.estimate()
 print(now.pose, "+-", np.sqrt(np.diag(now.covariance)).round(3))
