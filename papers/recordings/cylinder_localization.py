@@ -3,7 +3,7 @@
 
 A `CylinderDetector` finds them without names, a `PoseEkf` associates those of a scan with
 the map jointly and drives by the wheels in between. Noise and offsets are what the publishers of
-the recordings and makers of the lasers state, nothing is fitted to an error.
+the recordings state, for a pole of the car park what its detector counts for the laser.
 """
 
 from __future__ import annotations

@@ -85,7 +85,7 @@ def load_flight(configs: Path | None, recording: Recording) -> Log:
 
 
 def filter_config() -> _core.AirEkfConfig:
-    """Return the settings, the same for all recordings: constant velocity and all else as it is."""
+    """Return the settings, the same for all: constant velocity, ranges of 0.1 m, else defaults."""
     config = _core.AirEkfConfig()
     config.range.sigma_m = 0.1
     config.motion = _core.AirMotion.CONSTANT_VELOCITY

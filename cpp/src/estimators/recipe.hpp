@@ -57,7 +57,6 @@ NoiseShape noise_of(const char* name, NoiseKind kind, const Config& config) {
 
 /// Names the errors of one row of what a source measures; those of its next rows follow.
 inline std::uint64_t source_of(Source kind, Id id) {
-  constexpr unsigned kBitsOfId = 32;
   return ((static_cast<std::uint64_t>(kind) << kBitsOfId) | static_cast<std::uint32_t>(id))
          << kBitsOfRow;
 }

@@ -35,17 +35,19 @@ bool is_whole_pose(const int* rows) { return rows[0] == 0 && rows[1] == 1 && row
 
 /// L of L L' = R, empty unless that is positive definite. One row, as of a range, is a square root.
 Small root_of(const Eigen::Ref<const MatrixXd>& R) {
-  if (R.rows() == 1) {
+  if (R.rows() == 1 && R(0, 0) > 0.0) {
     return Small::Constant(1, 1, std::sqrt(R(0, 0)));
   }
   const Eigen::LLT<Small> factor(R);
   return factor.info() == Eigen::Success ? Small(factor.matrixL()) : Small();
 }
 
-/// What all sources of a kind have in common, in one row of what each measures.
+/// Names what all sources of a kind have in common, in one row of what each measures: an id beyond
+/// any of theirs.
 std::uint64_t common_of(std::uint64_t source) {
-  constexpr std::uint64_t kEveryId = 0xFFFFFFFFULL << kBitsOfRow;
-  return source | kEveryId;
+  constexpr std::uint64_t kEveryId = ((1ULL << kBitsOfId) - 1ULL) << kBitsOfRow;
+  constexpr std::uint64_t kNoSource = 1ULL << 63U;
+  return source | kEveryId | kNoSource;
 }
 
 }  // namespace

@@ -82,7 +82,7 @@ TEST(PoseEkf, trusting_ranges_ten_times_too_little_shows) {
 }
 
 /// Mean over 60 runs of 100 s of the NEES of 3 at the end, where errors of ranges keep half of
-/// their variance over a correlation time, each for itself or all alike.
+/// their variance over a correlation time, independent between anchors or common to all.
 double nees_where_errors_last(double seconds, double reported, double correlation_s,
                               bool are_common = false) {
   PoseEkf::Config config = well_informed();

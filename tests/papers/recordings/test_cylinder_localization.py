@@ -133,10 +133,10 @@ def sharp() -> lf.PoseEkfConfig:
     """Return the noise of the sensors themselves, without what is always wrong in the same way."""
     config = cylinders.arena_config()
     config.odometry = lf.OdometryConfig()
-    config.odometry.sigma_longitudinal_per_sqrt_m = 0.02
+    config.odometry.sigma_longitudinal_per_sqrt_m = 0.03
     config.odometry.sigma_lateral_per_sqrt_m = 0.01
-    config.odometry.sigma_heading_per_sqrt_m = 0.01
-    config.odometry.sigma_heading_per_sqrt_rad = 0.02
+    config.odometry.sigma_heading_per_sqrt_m = 0.02
+    config.odometry.sigma_heading_per_sqrt_rad = 0.03
     config.landmark.sigma_range_m, config.landmark.sigma_bearing_rad = 0.05, 0.02
     return config
 

@@ -16,7 +16,8 @@ namespace locfuse {
 /// Kinds of measurements, for each of which it is learnt how correlated its errors are.
 inline constexpr std::size_t kErrorKinds = 6;
 
-/// The lowest bits of the name of a source number the rows of what it measures.
+/// The name of a source ends with its id, and that with the number of the row of what it measures.
+inline constexpr unsigned kBitsOfId = 32;
 inline constexpr unsigned kBitsOfRow = 2;
 
 /// Of whose errors those of a measurement of so many rows are the next.
