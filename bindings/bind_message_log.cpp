@@ -95,21 +95,31 @@ may replay it at once.
       .def(
           "add_increments",
           [](SharedLog& log, const Stamps& begins, const Stamps& stamps,
-             const Column<double>& motion, const std::optional<Stamps>& arrival) {
+             const Column<double>& motion, const std::optional<Stamps>& arrival,
+             const std::optional<Column<double>>& variance) {
             const Column<Stamp> stamp = checked_stamps("stamp_ns", stamps);
             const Column<Stamp> begin = checked_stamps("begin_ns", begins);
             expect_shape("begin_ns", begin, stamp.size());
             expect_shape("motion", motion, stamp.size(), 3);
-            add_rows(
-                log, stamp, arrival,
-                [&, b = begin.data(), t = stamp.data(),
-                 u = motion.data()](py::ssize_t i) -> Message {
-                  return locfuse::Increment{b[i], t[i], {u[3 * i], u[3 * i + 1], u[3 * i + 2]}};
-                });
+            if (variance) {
+              expect_shape("variance", *variance, stamp.size(), 3);
+            }
+            add_rows(log, stamp, arrival,
+                     [&, b = begin.data(), t = stamp.data(), u = motion.data(),
+                      s = variance ? variance->data() : nullptr](py::ssize_t i) -> Message {
+                       locfuse::Increment motion_of_row{
+                           b[i], t[i], {u[3 * i], u[3 * i + 1], u[3 * i + 2]}};
+                       if (s != nullptr && !std::isnan(s[3 * i])) {
+                         motion_of_row.variance = Eigen::Map<const locfuse::Vector<3>>(s + 3 * i);
+                       }
+                       return motion_of_row;
+                     });
           },
           py::arg("begin_ns"), py::arg("stamp_ns"), py::arg("motion"), no_arrival,
+          py::arg("variance") = py::none(),
           "Motions (n, 3) from begin_ns to stamp_ns: dx, dy [m], dheading [rad] in the body frame "
-          "at begin_ns.")
+          "at begin_ns; their variances (n, 3), or those of a row of NaN, default to those of the "
+          "model.")
       .def(
           "add_ranges",
           [](SharedLog& log, const Stamps& stamps, const Ids& tags, const Ids& anchors,

@@ -21,6 +21,7 @@ using locfuse::PositionFix;
 using locfuse::Range;
 using locfuse::RangeBearing;
 using locfuse::Stamp;
+using locfuse::Vector;
 using locfuse::Velocity;
 
 namespace {
@@ -130,11 +131,13 @@ void bind_messages(py::module_& m) {
       });
   py::class_<Increment>(m, "Increment",
                         "Wheel odometry as the motion from `begin` to `stamp` [ns]: a Pose2 in the "
-                        "body frame at `begin`.")
-      .def(py::init([](Stamp begin, Stamp stamp, const Pose2& motion) {
-             return checked(Increment{begin, stamp, motion});
+                        "body frame at `begin`. `variance` of its dx, dy [m^2] and dheading "
+                        "[rad^2] defaults to that of the model.")
+      .def(py::init([](Stamp begin, Stamp stamp, const Pose2& motion,
+                       const std::optional<Vector<3>>& variance) {
+             return checked(Increment{begin, stamp, motion, variance});
            }),
-           py::arg("begin"), py::arg("stamp"), py::arg("motion"))
+           py::arg("begin"), py::arg("stamp"), py::arg("motion"), py::arg("variance") = py::none())
       .def_static(
           "from_drive_then_turn", &Increment::from_drive_then_turn, py::arg("begin"),
           py::arg("stamp"), py::arg("trans"), py::arg("rot"),
@@ -142,12 +145,24 @@ void bind_messages(py::module_& m) {
       .def_readonly("begin", &Increment::begin)
       .def_readonly("stamp", &Increment::stamp)
       .def_readonly("motion", &Increment::motion)
+      .def_readonly("variance", &Increment::variance)
       .def("__repr__", [](const Increment& u) {
         std::ostringstream text;
         text << "Increment(begin=" << u.begin << ", stamp=" << u.stamp << ", motion=(" << u.motion.x
              << ", " << u.motion.y << ", " << u.motion.heading << "))";
         return text.str();
       });
+  py::class_<locfuse::Imu>(m, "Imu",
+                           "Angular rate [rad/s] and specific force [m/s^2] (at rest 9.81 upwards; "
+                           "None without an accelerometer) in the axes of the sensor, (3,) each.")
+      .def(py::init([](Stamp stamp, const Vector<3>& angular_rate,
+                       const std::optional<Vector<3>>& specific_force) {
+             return checked(locfuse::Imu{stamp, angular_rate, specific_force});
+           }),
+           py::arg("stamp"), py::arg("angular_rate"), py::arg("specific_force") = py::none())
+      .def_readonly("stamp", &locfuse::Imu::stamp)
+      .def_readonly("angular_rate", &locfuse::Imu::angular_rate)
+      .def_readonly("specific_force", &locfuse::Imu::specific_force);
   py::class_<Range>(m, "Range",
                     "Distance [m] between a tag on the body and an anchor in the world. `sigma` "
                     "[m] defaults to that of the model.")

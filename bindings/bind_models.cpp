@@ -219,10 +219,13 @@ void bind_models(py::module_& m) {
   py::class_<OdometryMotion>(m, "OdometryMotion", "Wheel odometry; docs/models/odometry.md.")
       .def(py::init<const OdometryConfig&>(), py::arg("config"))
       .def("propagate",
-           py::overload_cast<const Pose2&, const Pose2&, double>(&OdometryMotion::propagate,
-                                                                 py::const_),
+           py::overload_cast<const Pose2&, const Pose2&, double,
+                             const std::optional<locfuse::Vector<3>>&>(&OdometryMotion::propagate,
+                                                                       py::const_),
            py::arg("T_world_body"), py::arg("motion"), py::arg("seconds"),
-           "Pose after `motion` (a Pose2 in the previous body frame), which took `seconds`.");
+           py::arg("variance") = py::none(),
+           "Pose after `motion` (a Pose2 in the previous body frame), which took `seconds`. "
+           "`variance` of its dx, dy and dheading replaces that of the model.");
 
   using RangeConfig = RangeModel::Config;
   py::class_<RangeConfig>(

@@ -12,6 +12,7 @@
 /// Binding functions, one per topic; module.cpp calls them in order.
 void bind_math(pybind11::module_& m);
 void bind_geometry(pybind11::module_& m);
+void bind_gyro_odometry(pybind11::module_& m);
 void bind_messages(pybind11::module_& m);
 void bind_maps(pybind11::module_& m);
 void bind_scan_matching(pybind11::module_& m);

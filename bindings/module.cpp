@@ -47,6 +47,7 @@ PYBIND11_MODULE(_core_in_main_interpreter, m) {
   bind_filters(m);
   bind_estimators(m);
   bind_air_ekf(m);
+  bind_gyro_odometry(m);
   bind_initializer(m);
   bind_landmark_ekf(m);
   bind_tags(m);

@@ -56,6 +56,23 @@ void code(Io& io, Increment& m, Stamp& now) {
   code(io, m.begin, now);
   code(io, m.stamp, now);
   code(io, m.motion, 1.0);
+  code_optional(io, m.variance, [&](Vector<3>& variance) {
+    for (double& one : variance) {
+      code(io, one, 0.0, 1.0);
+    }
+  });
+}
+template <class Io>
+void code(Io& io, Imu& m, Stamp& now) {
+  code(io, m.stamp, now);
+  for (double& rate : m.angular_rate) {
+    code(io, rate, -10.0, 10.0);
+  }
+  code_optional(io, m.specific_force, [&](Vector<3>& force) {
+    for (double& one : force) {
+      code(io, one, -20.0, 20.0);
+    }
+  });
 }
 template <class Io>
 void code(Io& io, Range& m, Stamp& now) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "locfuse/estimators/air_ekf.hpp"
+#include "locfuse/estimators/gyro_odometry.hpp"
 #include "locfuse/estimators/landmark_ekf.hpp"
 #include "locfuse/estimators/tag_triangle_ekf.hpp"
 #include "locfuse/frontends/scan_matcher.hpp"
@@ -98,6 +99,18 @@ void code_settings(Io& io, TagTriangleEkf::Config& c) {
         &c.velocity.sigma_point_mps, &c.side.sigma_m, &c.sigma_start_velocity_mps, &c.gate_position,
         &c.gate_velocity, &c.gate_side, &c.gate_range},
        0.0, 1.0);
+}
+
+template <class Io>
+void code_settings(Io& io, GyroOdometry::Config& c) {
+  code_settings(io, c.odometry);
+  code(io,
+       {&c.sigma_turn_per_sqrt_s, &c.sigma_bias_radps, &c.sigma_bias_radps_per_sqrt_s,
+        &c.sigma_scale, &c.sigma_turn_scale},
+       0.0, 1.0);
+  bool is_average = c.turn == GyroOdometry::Turn::kAverage;
+  code(io, is_average);
+  c.turn = is_average ? GyroOdometry::Turn::kAverage : GyroOdometry::Turn::kWeighted;
 }
 
 template <class Io>

@@ -278,6 +278,19 @@ void write_scans(const std::filesystem::path& folder) {
   }
 }
 
+/// A gyro with a bias beside wheels that stand, drive, and slip.
+void write_gyro_odometry(const std::filesystem::path& folder) {
+  Input gyro(folder / "gyro_odometry" / "slip");
+  gyro.settings<GyroOdometry::Config>(false);
+  for (int k = 0; k < 60; ++k) {
+    const Stamp now = k * testing::kSecond / 20;
+    const double turn = k < 20 || k > 40 ? 0.0 : 0.02;
+    gyro.choice(0).message(Imu{now, {0.0, 0.0, 0.02}, Vector<3>(0.0, 0.0, 9.81)});
+    gyro.choice(2).message(
+        Increment{now, now + testing::kSecond / 20, {k < 20 ? 0.0 : 0.05, 0.0, turn}});
+  }
+}
+
 /// Three consistent anchors, of which one then becomes inconsistent, and scans.
 void write_health(const std::filesystem::path& folder) {
   Input health(folder / "health" / "anchors");
@@ -387,6 +400,7 @@ int main(int argc, char** argv) {
   locfuse::fuzz::write_estimators(argv[1]);
   locfuse::fuzz::write_scans(argv[1]);
   locfuse::fuzz::write_flights(argv[1]);
+  locfuse::fuzz::write_gyro_odometry(argv[1]);
   locfuse::fuzz::write_health(argv[1]);
   locfuse::fuzz::write_ranges(argv[1]);
   locfuse::fuzz::write_maps(argv[1]);

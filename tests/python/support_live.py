@@ -20,7 +20,7 @@ from locfuse.types import Log
 def arrivals(log: Log) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield the rows of a log in order of arrival: messages before scans, as `run` takes them."""
     rows = []
-    for order, source in enumerate((*SOURCES, "scans")):
+    for order, source in enumerate(("imu", *SOURCES, "scans")):
         if source not in log:
             continue
         table = log[source]

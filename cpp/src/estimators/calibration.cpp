@@ -174,13 +174,12 @@ std::optional<Linearization<1, Eigen::Dynamic>> Calibration::linearize(const Gau
   return lin;
 }
 
-Propagation<Eigen::VectorXd, Eigen::Dynamic> Calibration::propagate(const GaussianBelief& belief,
-                                                                    const OdometryMotion& model,
-                                                                    const Pose2& motion,
-                                                                    double seconds) const {
+Propagation<Eigen::VectorXd, Eigen::Dynamic> Calibration::propagate(
+    const GaussianBelief& belief, const OdometryMotion& model, const Pose2& motion, double seconds,
+    const std::optional<Vector<3>>& variance) const {
   const std::array<double, kCount> e = values(belief);
   const OdometryMotion::Corrected corrected =
-      model.propagate(belief.pose(slots_[0]), motion, seconds, {e[0], e[1], e[2], e[3]});
+      model.propagate(belief.pose(slots_[0]), motion, seconds, {e[0], e[1], e[2], e[3]}, variance);
   const auto size = static_cast<Index>(2 + motion_slots_.size());
   Propagation<Eigen::VectorXd, Eigen::Dynamic> step{
       belief.mean(motion_slots_), MatrixXd::Identity(size, size), MatrixXd::Zero(size, size)};

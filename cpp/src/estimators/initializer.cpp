@@ -70,7 +70,11 @@ std::optional<Message> from(const Message& control, Stamp stamp) {
     return std::nullopt;
   }
   const double left = seconds_between(stamp, last.stamp) / seconds_between(last.begin, last.stamp);
-  return Increment{stamp, last.stamp, arc_share(last.motion, left)};
+  Increment rest{stamp, last.stamp, arc_share(last.motion, left)};
+  if (last.variance) {
+    rest.variance = left * *last.variance;
+  }
+  return rest;
 }
 
 double in_range(const char* name, double value, double low, double high) {

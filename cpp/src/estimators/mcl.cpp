@@ -182,8 +182,10 @@ void Mcl::advance_to(Stamp stamp) {
   check_stamp(stamp);
   odometry_.advance(
       filter_.stamp(), stamp, recipe_->hold,
-      [&](const Pose2& motion, Stamp until) { drive(recipe_->motion, motion, until); },
-      [&](Stamp until) { drive(recipe_->lost, Pose2{}, until); });
+      [&](const Pose2& motion, Stamp until, const std::optional<Vector<3>>& variance) {
+        drive(recipe_->motion, motion, until, variance);
+      },
+      [&](Stamp until) { drive(recipe_->lost, Pose2{}, until, {}); });
 }
 
 bool Mcl::advance_unless_stale(Stamp stamp) {
@@ -194,8 +196,9 @@ bool Mcl::advance_unless_stale(Stamp stamp) {
   return !is_stale;
 }
 
-void Mcl::drive(const OdometryMotion& model, const Pose2& motion, Stamp until) {
-  filter_.add_motion(model, motion, until);
+void Mcl::drive(const OdometryMotion& model, const Pose2& motion, Stamp until,
+                const std::optional<Vector<3>>& variance) {
+  filter_.add_motion(model, motion, until, variance);
   tracking_.travelled += motion.position().norm();
   tracking_.turned += std::abs(motion.heading);
   health_.add_motion(motion);
@@ -238,7 +241,7 @@ Outcome Mcl::on(const Increment& u) {
   }
   advance_to(u.begin);
   if (u.begin == u.stamp) {  // a displacement without duration
-    drive(recipe_->motion, u.motion, u.stamp);
+    drive(recipe_->motion, u.motion, u.stamp, u.variance);
   }
   odometry_.take(u, recipe_->config.limits);
   return {Verdict::kFused};

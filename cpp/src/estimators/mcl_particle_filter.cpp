@@ -13,8 +13,8 @@ namespace {
 
 /// Appends a motion to one with its covariance, in the frame where that one began.
 void extend(UncertainMotion& so_far, const OdometryMotion& model, const Pose2& motion,
-            double seconds) {
-  const Propagation<Pose2, 3> step = model.propagate(so_far.motion, motion, seconds);
+            double seconds, const std::optional<Vector<3>>& variance = {}) {
+  const Propagation<Pose2, 3> step = model.propagate(so_far.motion, motion, seconds, variance);
   so_far.motion = step.moved;
   so_far.covariance = step.jacobian * so_far.covariance * step.jacobian.transpose() + step.noise;
 }
@@ -132,8 +132,9 @@ void ParticleFilter::inject(const PoseEstimate& pose, double share, RandomKeys& 
   cluster();
 }
 
-void ParticleFilter::add_motion(const OdometryMotion& model, const Pose2& motion, Stamp until) {
-  extend(pending_, model, motion, seconds_between(stamp_, until));
+void ParticleFilter::add_motion(const OdometryMotion& model, const Pose2& motion, Stamp until,
+                                const std::optional<Vector<3>>& variance) {
+  extend(pending_, model, motion, seconds_between(stamp_, until), variance);
   stamp_ = until;
 }
 
@@ -274,8 +275,8 @@ PoseEstimate ParticleFilter::predicted(const PoseEstimate& from, const HeldMotio
   Stamp at = stamp_;
   odometry.advance(
       stamp_, now, recipe_->hold,
-      [&](const Pose2& motion, Stamp until) {
-        extend(ahead, recipe_->motion, motion, seconds_between(at, until));
+      [&](const Pose2& motion, Stamp until, const std::optional<Vector<3>>& variance) {
+        extend(ahead, recipe_->motion, motion, seconds_between(at, until), variance);
         at = until;
       },
       [&](Stamp until) {

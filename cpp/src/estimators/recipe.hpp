@@ -236,9 +236,9 @@ class Transaction {
 
 /// Moves the body and its belief's stamp.
 inline void move(GaussianBelief& belief, Slot body, const OdometryMotion& model,
-                 const Pose2& motion, Stamp stamp) {
+                 const Pose2& motion, Stamp stamp, const std::optional<Vector<3>>& variance = {}) {
   const double seconds = seconds_between(belief.stamp, stamp);
-  predict(belief, model.propagate(belief.pose(body), motion, seconds), body);
+  predict(belief, model.propagate(belief.pose(body), motion, seconds, variance), body);
   belief.stamp = stamp;
 }
 
@@ -278,7 +278,7 @@ constexpr bool kCalibrates<Recipe, std::void_t<decltype(Recipe::calibration)>> =
 /// Moves the body, and the errors that are states, by odometry.
 template <class Recipe>
 void drive(const Recipe& recipe, GaussianBelief& belief, Slot body, const Pose2& motion,
-           Stamp stamp) {
+           Stamp stamp, const std::optional<Vector<3>>& variance) {
   if (!(recipe.config.odometry.sigma_xy_per_sqrt_s > 0.0)) {  // or it may move at rest
     const double way = std::hypot(motion.x, motion.y) + std::abs(motion.heading);
     belief.correlated.stand(
@@ -287,13 +287,14 @@ void drive(const Recipe& recipe, GaussianBelief& belief, Slot body, const Pose2&
   if constexpr (kCalibrates<Recipe>) {
     if (recipe.calibration.has_odometry()) {
       const double seconds = seconds_between(belief.stamp, stamp);
-      predict(belief, recipe.calibration.propagate(belief, recipe.motion, motion, seconds),
+      predict(belief,
+              recipe.calibration.propagate(belief, recipe.motion, motion, seconds, variance),
               recipe.calibration.motion_slots());
       belief.stamp = stamp;
       return;
     }
   }
-  move(belief, body, recipe.motion, motion, stamp);
+  move(belief, body, recipe.motion, motion, stamp, variance);
 }
 
 /// Carries a belief to `stamp` with what odometry says. Earlier stamps change nothing.
@@ -316,7 +317,9 @@ void advance(const Recipe& recipe, const HeldMotion& odometry, Slot body, Gaussi
   }
   odometry.advance(
       belief.stamp, stamp, recipe.hold,
-      [&](const Pose2& motion, Stamp until) { drive(recipe, belief, body, motion, until); },
+      [&](const Pose2& motion, Stamp until, const std::optional<Vector<3>>& variance) {
+        drive(recipe, belief, body, motion, until, variance);
+      },
       [&](Stamp until) { move(belief, body, recipe.lost, Pose2{}, until); });
 }
 
@@ -335,7 +338,7 @@ Outcome take(const Recipe& recipe, HeldMotion& odometry, Slot body, GaussianBeli
   if constexpr (std::is_same_v<Motion, Increment>) {
     advance(recipe, odometry, body, belief, u.begin);
     if (u.begin == u.stamp) {  // a displacement without duration
-      drive(recipe, belief, body, u.motion, u.stamp);
+      drive(recipe, belief, body, u.motion, u.stamp, u.variance);
     }
     odometry.take(u, recipe.config.limits);
   } else {

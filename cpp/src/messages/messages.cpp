@@ -12,6 +12,9 @@ namespace locfuse {
 namespace {
 
 constexpr double kMaxScanNumber = 1e6;  // of a laser's geometry
+constexpr double kMaxVariance = 1e12;   // of a motion [m^2, rad^2]
+constexpr double kMaxRate = 1e3;        // of an inertial sensor [rad/s]
+constexpr double kMaxForce = 1e5;       // [m/s^2]
 
 [[noreturn]] void refuse(const char* what, double value, const char* expected) {
   std::ostringstream text;
@@ -114,6 +117,27 @@ void validate(const Increment& message) {
     throw std::invalid_argument("Increment ends at " + std::to_string(message.stamp) +
                                 " ns, before it begins at " + std::to_string(message.begin) +
                                 " ns");
+  }
+  if (message.variance) {
+    for (const double variance : *message.variance) {
+      if (!(variance >= 0.0 && variance <= kMaxVariance)) {
+        refuse("Increment.variance [m^2, rad^2]", variance, "0 to 1e12");
+      }
+    }
+  }
+}
+
+void validate(const Imu& message) {
+  check_stamp(message.stamp);
+  for (const double rate : message.angular_rate) {
+    if (!(std::abs(rate) <= kMaxRate)) {
+      refuse("Imu.angular_rate [rad/s]", rate, "a finite number from -1000 to 1000");
+    }
+  }
+  for (const double force : message.specific_force.value_or(Vector<3>::Zero())) {
+    if (!(std::abs(force) <= kMaxForce)) {
+      refuse("Imu.specific_force [m/s^2]", force, "a finite number from -1e5 to 1e5");
+    }
   }
 }
 

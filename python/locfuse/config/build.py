@@ -113,6 +113,15 @@ def build_recovering_config(config: RunConfig) -> _core.RecoveringEkfConfig:
     return recovering
 
 
+def build_gyro_config(config: RunConfig) -> _core.GyroOdometryConfig:
+    """Return the C++ struct with every value of ``imu``, and the wheels of ``estimator``."""
+    gyro = _core.GyroOdometryConfig()
+    _fill(gyro, config.imu)
+    wheels = config.estimator if config.mcl is None else config.mcl
+    _fill(gyro.odometry, wheels.odometry)
+    return gyro
+
+
 def build_cylinder_detector(cylinders: Cylinders) -> _core.CylinderDetector:
     """Return a detector with every value of `cylinders`."""
     return _core.CylinderDetector(_core.CylinderDetectorConfig(**cylinders.model_dump()))

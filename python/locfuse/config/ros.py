@@ -14,9 +14,25 @@ from locfuse.config.scenario import Name, Rate
 Latitude: TypeAlias = Annotated[float, Field(ge=-90.0, le=90.0)]
 Longitude: TypeAlias = Annotated[float, Field(ge=-180.0, le=180.0)]
 
-SUBSCRIBED = ("odometry", "scans", "ranges", "poses", "positions", "landmark_sightings", "map",
-         "anchors", "landmarks", "initial_pose", "truth")  # fmt: skip
+SUBSCRIBED = ("odometry", "imu", "scans", "ranges", "poses", "positions", "landmark_sightings",
+         "map", "anchors", "landmarks", "initial_pose", "truth")  # fmt: skip
 PUBLISHED = ("estimate", "path", "start", "mapped")
+POSE = "geometry_msgs/PoseWithCovarianceStamped"
+# What may come on the topic of a source; the first is the usual one.
+TYPES: dict[str, tuple[str, ...]] = {
+    "odometry": ("nav_msgs/Odometry",),
+    "imu": ("sensor_msgs/Imu",),
+    "scans": ("sensor_msgs/LaserScan",),
+    "ranges": ("locfuse_msgs/UwbRanges", "locfuse_msgs/UwbRange", "locfuse_msgs/UwbData"),
+    "poses": (POSE,),
+    "positions": ("sensor_msgs/NavSatFix", "locfuse_msgs/TagPosition"),
+    "landmark_sightings": ("locfuse_msgs/LandmarkSightings", "locfuse_msgs/LandmarkSighting"),
+    "map": ("nav_msgs/OccupancyGrid",),
+    "anchors": ("locfuse_msgs/NamedPoints",),
+    "landmarks": ("locfuse_msgs/NamedPoints",),
+    "initial_pose": (POSE,),
+    "transforms": ("tf2_msgs/TFMessage",),
+}
 
 
 class Topics(Strict):
@@ -24,6 +40,8 @@ class Topics(Strict):
 
     odometry: Name | None = "odom"
     """nav_msgs/Odometry."""
+    imu: Name | None = "imu"
+    """sensor_msgs/Imu."""
     scans: Name | None = "scan"
     """sensor_msgs/LaserScan."""
     ranges: Name | None = "uwb"

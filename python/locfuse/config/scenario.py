@@ -245,6 +245,25 @@ class PositionSensor(Strict):
     """
 
 
+class ImuSensor(Strict):
+    """Gyro and accelerometer on the body, however mounted, which like wheels feel no kidnapping."""
+
+    rate_hz: Rate = 100.0
+    """Samples per second [Hz]."""
+    sigma_rate_radps_per_sqrt_hz: NonNegative = 0.001
+    """White noise of the gyro [rad/s/√Hz]."""
+    bias_radps: float = 0.01
+    """Bias of the gyro about each axis at the start [rad/s]."""
+    bias_walk_radps_per_sqrt_s: NonNegative = 1e-5
+    """Random walk of the bias [rad/s/√s]."""
+    scale: float = 0.0
+    """Scale error of the gyro."""
+    sigma_force_mps2: NonNegative = 0.05
+    """Noise of the accelerometer per sample [m/s²]."""
+    mount_deg: Point3 = (0.0, 0.0, 0.0)
+    """Roll, pitch and yaw of the sensor in body [deg]."""
+
+
 class SightingSensor(Strict):
     """Range and bearing to every landmark in view, whatever stands in between."""
 
@@ -660,6 +679,8 @@ class Scenario(Strict):
     """Stand-in for another localizer."""
     positions: PositionSensor | None = None
     """GPS-like fixes; off by default."""
+    imu: ImuSensor | None = None
+    """Gyro and accelerometer; off by default."""
     landmark_sightings: SightingSensor | None = None
     """Ranges and bearings to landmarks; off by default. Needs `landmarks`."""
     laser: LaserSensor | None = None

@@ -22,8 +22,9 @@ DriftSigma: TypeAlias = Annotated[float, Field(ge=0.0, le=1e6)]
 LostSigma: TypeAlias = Annotated[float, Field(gt=0.0, le=1e6)]
 Limit: TypeAlias = Annotated[float, Field(gt=0.0, le=1e12)]
 GateProbability: TypeAlias = Annotated[float, Field(gt=0.0, le=1.0)]
-Source: TypeAlias = Literal["odometry", "ranges", "positions", "poses", "landmark_sightings"]
+Source: TypeAlias = Literal["odometry", "ranges", "positions", "poses", "landmark_sightings", "imu"]
 SOURCES: tuple[Source, ...] = ("odometry", "ranges", "positions", "poses", "landmark_sightings")
+USABLE: tuple[Source, ...] = (*SOURCES, "imu")  # which goes into odometry
 Kind: TypeAlias = Literal["pose", "landmark_slam", "tag_triangle", "air"]
 # What an estimator of each kind fuses; it ignores the rest.
 FUSES: dict[Kind, tuple[Source, ...]] = {
@@ -318,6 +319,20 @@ class ScanOdometry(Strict):
 
     sigma_range_m: Annotated[float, Field(ge=1e-6, le=10.0)] = 0.01
     """Range noise of one beam [m]."""
+
+
+class Imu(Strict):
+    """Gyro and wheels together; ``GyroOdometryConfig`` in C++."""
+
+    fixed: ClassVar = {"sigma_bias_radps_per_sqrt_s": 1e-4, "sigma_scale": 0.01,
+             "sigma_turn_scale": 0.05}  # fmt: skip
+
+    turn: Literal["weighted", "average"] = "weighted"
+    """Turn by wheels and gyro: by their variances, or the mean of both, as zhang has it."""
+    sigma_turn_per_sqrt_s: Positive = 0.002
+    """White noise of the gyro: heading error after a second [rad/√s]."""
+    sigma_bias_radps: Positive = 0.1
+    """Sigma of the gyro's bias at the start [rad/s]."""
 
 
 class Estimator(Strict):
@@ -716,7 +731,7 @@ class RunConfig(Strict):
     """Uncertainty of the start pose."""
     initializer: Initializer = Field(default_factory=Initializer)
     """Settings of the search for the start pose."""
-    use: Annotated[list[Source], Field(min_length=1)] = Field(default_factory=lambda: list(SOURCES))
+    use: Annotated[list[Source], Field(min_length=1)] = Field(default_factory=lambda: list(USABLE))
     """Sources that are fused; messages of the others are left out."""
     anchors: dict[Name, RangeError] = Field(default_factory=dict)
     """Known errors of the ranges to an anchor; `all` holds for anchors that are not named."""
@@ -726,6 +741,8 @@ class RunConfig(Strict):
     """Make the odometry [of scans](models/scan_matching.md#as-the-odometry-of-a-run), with the
     wheels, if there are any, as a guess.
     """
+    imu: Imu = Field(default_factory=Imu)
+    """How [a gyro and wheels](models/gyro_odometry.md) measure turns, where there is a gyro."""
     estimator: Estimator = Field(default_factory=Estimator)
     """EKF that fuses everything but scans."""
     health: Health = Field(default_factory=Health)
@@ -819,8 +836,8 @@ class RunConfig(Strict):
                 "start is 'auto', which finds no height; with estimator.kind 'air' set start: "
                 "[x, y, heading_deg] and estimator.air.start_height_m"
             )
-        unused = [source for source in self.use if source not in FUSES[kind]]
-        if unused and self.use != list(SOURCES):
+        unused = [source for source in self.use if source not in (*FUSES[kind], "imu")]
+        if unused and self.use != list(USABLE):
             raise ValueError(
                 f"use names {unused}, which estimator.kind {kind!r} does not fuse; expected some "
                 f"of {list(FUSES[kind])}"

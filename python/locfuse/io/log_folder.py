@@ -29,6 +29,8 @@ from locfuse.types import (
 )
 
 GEOMETRY = ("beams", "angle_min_rad", "angle_increment_rad")  # of each scan, where they differ
+RATES = ("wx_radps", "wy_radps", "wz_radps")  # of an IMU, in its axes
+FORCES = ("ax_mps2", "ay_mps2", "az_mps2")
 # Which headers each file may have. ranges_m stands for the beams r0, r1, ... of a scan, intensities
 # for i0, i1, ...
 SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
@@ -56,6 +58,7 @@ SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
         ("stamp_s", *GEOMETRY, "ranges_m"),
         ("stamp_s", *GEOMETRY, "ranges_m", "intensities"),
     ),
+    "imu": (("stamp_s", *RATES), ("stamp_s", *RATES, *FORCES)),
     "truth": (
         ("stamp_s", "x_m", "y_m"),
         ("stamp_s", "x_m", "y_m", "heading_rad"),
@@ -72,9 +75,9 @@ SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
         ("landmark", "x_m", "y_m", "cov_x_x", "cov_x_y", "cov_y_y"),
     ),
 }
-MESSAGES = ("odometry", "ranges", "positions", "poses", "landmark_sightings", "scans")
+MESSAGES = ("odometry", "ranges", "positions", "poses", "landmark_sightings", "scans", "imu")
 OF_THE_WORLD = ("anchors", "landmarks")
-MAY_BE_EMPTY = ("ranges", "positions", "poses", "landmark_sightings", "scans")
+MAY_BE_EMPTY = MESSAGES[1:]
 INCREASING = ("odometry", "truth")  # strictly; other messages may come in any order
 NAMES = ("tag", "anchor", "landmark")
 MAY_BE_NAMELESS = (("landmark_sightings", "landmark"), ("positions", "tag"))
@@ -87,6 +90,7 @@ IN_MEMORY = {f"{key}_s": f"{key}_ns" for key in ("stamp", "arrival", "begin", "e
 MAX_SPEED_MPS = 100.0
 MAX_TURN_RATE_RADPS = 100.0
 MAX_RANGE_M = 100_000.0
+MAX_FORCE_MPS2 = 10_000.0
 MAX_STAMP_NS = 1 << 62  # the difference of two fits into 64 bits
 
 LONGEST_NAME = 255  # bytes
@@ -363,7 +367,10 @@ def _bad_values(stem: str, name: str, values: NDArray[Any]) -> Iterator[Problem]
     elif name in ("v_mps", "v_left_mps"):
         for row in np.flatnonzero(np.abs(values) > MAX_SPEED_MPS):
             yield int(row), f"{values[row]:g} m/s; is the file in m and s?"
-    elif name == "omega_radps":
+    elif name in FORCES:
+        for row in np.flatnonzero(np.abs(values) > MAX_FORCE_MPS2):
+            yield int(row), f"{values[row]:g} m/s^2; is the file in m/s^2?"
+    elif name in ("omega_radps", *RATES):
         for row in np.flatnonzero(np.abs(values) > MAX_TURN_RATE_RADPS):
             yield int(row), f"{values[row]:g} rad/s; is the file in rad and s?"
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from locfuse import _core
-from locfuse.config.schema import SOURCES, RunConfig
+from locfuse.config.schema import USABLE, RunConfig
+from locfuse.io.log_folder import FORCES, RATES
 from locfuse.run.start import laser_geometry
 from locfuse.types import NANOSECONDS, FloatArray, Log
 
@@ -47,7 +48,7 @@ class Rows:
             for names in (self.anchor_names, self.tag_names, self.landmark_names)
         ]
         self._delay_ns: dict[str, int] = {
-            s: round(config.delays_s.get(s, 0.0) * NANOSECONDS) for s in SOURCES
+            s: round(config.delays_s.get(s, 0.0) * NANOSECONDS) for s in USABLE
         }
         self._odometry_ns: int | None = None
         self._of: dict[str, Callable[[int, Row], Message]] = {
@@ -69,6 +70,12 @@ class Rows:
     def forget_odometry(self) -> None:
         """Begin motion anew: the next increment covers a motion from before."""
         self._odometry_ns = None
+
+    def imu(self, row: Row) -> _core.Imu:
+        """Return a sample of an inertial sensor."""
+        rate = [float(row[name]) for name in RATES]
+        force = [float(row[name]) for name in FORCES] if FORCES[0] in row else None
+        return _core.Imu(int(row["stamp_ns"]) - self._delay_ns["imu"], rate, force)
 
     def scan(self, row: Row) -> _core.LaserScan:
         """Return a row of scans, with ``laser`` where its geometry is not that of the world."""

@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from locfuse import _core
-from locfuse.config.build import build_anchors, build_cylinder_detector
-from locfuse.config.schema import SOURCES, RunConfig
+from locfuse.config.build import build_anchors, build_cylinder_detector, build_gyro_config
+from locfuse.config.schema import USABLE, RunConfig
 from locfuse.live.on_map import PATIENCE_NS, OnMap
 from locfuse.live.rows import Message, Row, Rows, effective_ns, reported_covariance
+from locfuse.run.gyro import uses_gyro
 from locfuse.run.health import name_of, reason_of
 from locfuse.run.messages import landmark_sight
 from locfuse.run.scan_odometry import scan_drive
@@ -128,6 +129,7 @@ class LiveRun:
         )
         self._given = None if config.start == "auto" else config.start
         self._scan_drive = None if config.scan_odometry is None else scan_drive(config)
+        self._gyro: _core.GyroOdometry | None = None  # from its first sample on
         self._held: list[Message] = []
         self._driven: Row = {}  # the last odometry
         self._received: deque[tuple[str, Row]] = deque(maxlen=MAX_KEPT)  # while it searches
@@ -177,9 +179,9 @@ class LiveRun:
             If there is no such source, a column is missing, or a value is not valid; the row is
             forgotten.
         """
-        if source not in (*SOURCES, "scans"):
+        if source not in (*USABLE, "scans"):
             raise ValueError(
-                f"there is no source {source!r}; {nearest(source, (*SOURCES, 'scans'))}"
+                f"there is no source {source!r}; {nearest(source, (*USABLE, 'scans'))}"
             )
         is_searching = not self._is_found
         try:
@@ -212,6 +214,12 @@ class LiveRun:
         return self._on_map is not None and self._on_map.found and self._map_pose is not None
 
     def _on_row(self, source: str, row: Row) -> _core.Verdict:
+        if source == "imu":
+            if self._gyro is None and uses_gyro(self.config):
+                self._gyro = _core.GyroOdometry(build_gyro_config(self.config))
+            if self._gyro is not None:
+                self._gyro.on(self.names.imu(row))
+            return _core.Verdict.IGNORED
         message = self.names.message(source, row)
         if self._scan_drive is not None and isinstance(message, _core.Velocity | _core.Increment):
             self._scan_drive.on_wheels(message)
@@ -220,6 +228,11 @@ class LiveRun:
 
     def _on_message(self, message: Message) -> _core.Verdict:
         of_odometry = isinstance(message, _core.Velocity | _core.Increment)
+        if self._gyro is not None and isinstance(message, _core.Velocity | _core.Increment):
+            moved = self._gyro.on(message)
+            if moved is None:
+                return _core.Verdict.IGNORED
+            message = moved.increment
         if self.config.mcl is not None and (self._filter is None or of_odometry):
             self._into_map(message)
         return _core.Verdict.IGNORED if self._filter is None else self._into_filter(message)
@@ -331,6 +344,7 @@ class LiveRun:
                 self.on(source, row)
         else:
             self.names.go_on_from(before.names)
+            self._gyro = before._gyro
             self.start_at(pose)
             if self._on_map is not None and before._on_map is not None:
                 self._on_map.go_on_from(before._on_map)

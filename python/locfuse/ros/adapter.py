@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from locfuse.config.ros import plain
+from locfuse.config.ros import POSE, TYPES, plain
 from locfuse.config.schema import SOURCES, RunConfig, places_antennas
 from locfuse.io.log_folder import read_world
 from locfuse.io.rosbag import decode, encode, rows
@@ -35,22 +35,8 @@ TRANSFORMS_NS = NANOSECONDS // 2  # within which static transforms come
 CLOCKS = "are both machines' clocks set, and use_sim_time the same for all nodes?"
 SIMILAR = 3  # problems of one kind, each reported once
 
-POSE = "geometry_msgs/PoseWithCovarianceStamped"
-TYPES: dict[str, tuple[str, ...]] = {
-    "odometry": ("nav_msgs/Odometry",),
-    "scans": ("sensor_msgs/LaserScan",),
-    "ranges": ("locfuse_msgs/UwbRanges", "locfuse_msgs/UwbRange", "locfuse_msgs/UwbData"),
-    "poses": (POSE,),
-    "positions": ("sensor_msgs/NavSatFix", "locfuse_msgs/TagPosition"),
-    "landmark_sightings": ("locfuse_msgs/LandmarkSightings", "locfuse_msgs/LandmarkSighting"),
-    "map": ("nav_msgs/OccupancyGrid",),
-    "anchors": ("locfuse_msgs/NamedPoints",),
-    "landmarks": ("locfuse_msgs/NamedPoints",),
-    "initial_pose": (POSE,),
-    "transforms": ("tf2_msgs/TFMessage",),
-}
 LATCHED = ("map", "anchors", "landmarks", "transforms")
-QUEUES = {"odometry": 500, "ranges": 500, "scans": 50}
+QUEUES = {"odometry": 500, "imu": 2000, "ranges": 500, "scans": 50}
 
 
 @dataclass(frozen=True)
@@ -98,6 +84,7 @@ class Adapter:
         self._publications = PublicationBuilder(ros)
         self._of: dict[str, Callable[[Any, str], None]] = {
             "odometry": self._odometry,
+            "imu": self._imu,
             "scans": self._scan,
             "ranges": self._ranges,
             "poses": self._pose,
@@ -269,6 +256,11 @@ class Adapter:
             if published := self._world.tree.same_body(frame):
                 self._problem("body", published)
             self._bodies.add(frame)
+
+    def _imu(self, message: Any, topic: str) -> None:
+        row = decode.imu(message)
+        self._in_time(row.stamp_ns, topic)
+        self._feed("imu", rows.imu_row(row))
 
     def _scan(self, message: Any, topic: str) -> None:
         row = decode.scan(message)

@@ -136,11 +136,18 @@ def _undelayed(source: str, table: Columns, delay_s: float) -> Columns:
     delay = round(delay_s * NANOSECONDS)
     if delay == 0:
         return table
-    stamp = table["stamp_ns"]
-    takes_effect = stamp
-    if source == "odometry" and "dx_m" in table:
-        takes_effect = np.concatenate([stamp[:1], stamp[:-1]])
-    return {**table, "stamp_ns": stamp - delay, "arrival_ns": table.get("arrival_ns", takes_effect)}
+    effective = _effective(source, table)
+    begins = {"begin_ns": effective - delay} if "begin_ns" in table else {}
+    return {**table, "stamp_ns": table["stamp_ns"] - delay, **begins,
+            "arrival_ns": table.get("arrival_ns", effective)}  # fmt: skip
+
+
+def _effective(source: str, table: Columns) -> StampArray:
+    """Return when the messages of a table take effect."""
+    stamp: StampArray = table["stamp_ns"]
+    if source != "odometry" or "dx_m" not in table:
+        return stamp
+    return table.get("begin_ns", np.concatenate([stamp[:1], stamp[:-1]]))
 
 
 def _check_clocks(tables: Mapping[str, Mapping[str, NDArray[Any]]]) -> None:
@@ -225,13 +232,12 @@ def _add(
 ) -> dict[str, Any]:
     """Add one table; return its stamps, effective stamps and arrivals."""
     stamp, arrival = table["stamp_ns"], table.get("arrival_ns")
-    effective = stamp
+    effective = _effective(source, table)
     if source == "odometry" and "dx_m" in table:
-        begin = np.concatenate([stamp[:1], stamp[:-1]])
         motion = np.column_stack([table["dx_m"], table["dy_m"], table["dheading_rad"]])
-        motion[:1] = 0.0
-        effective = begin
-        messages.add_increments(begin, stamp, motion, arrival)
+        if "begin_ns" not in table:
+            motion[:1] = 0.0
+        messages.add_increments(effective, stamp, motion, arrival, table.get("variance"))
     elif source == "odometry":
         messages.add_velocities(stamp, table["v_mps"], table["omega_radps"], arrival,
                                 table.get("v_left_mps"))  # fmt: skip

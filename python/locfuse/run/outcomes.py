@@ -158,6 +158,10 @@ def _reasons(
             reason[row] = "tag on the anchor: no direction"
     for row in np.flatnonzero(verdict == "implausible"):
         reason[row] = IMPLAUSIBLE[str(messages.source[row])]
+    if "slipped" in log.tables.get("odometry", {}):
+        driven = np.flatnonzero(messages.source == "odometry")
+        slips = driven[log["odometry"]["slipped"][messages.row[driven]]]
+        reason[slips] = "wheels slip, by the gyro: its turn counts, and the way less"
     reason[verdict == "ignored"] = "used for the start"
     reason[(verdict == "stale") & (messages.stamp_ns < start_ns)] = "before the start"
     return reason

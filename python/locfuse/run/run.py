@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 
 from locfuse import _core
-from locfuse.config.schema import SOURCES, Dataset, RunConfig, ignored_by, places_antennas
+from locfuse.config.schema import USABLE, Dataset, RunConfig, ignored_by, places_antennas
 from locfuse.eval.metrics import metrics
 from locfuse.eval.readiness import readiness
 from locfuse.io.log_folder import read_log
 from locfuse.io.recording import convert_dataset, read_recording
 from locfuse.run.cylinders import with_cylinders
+from locfuse.run.gyro import with_gyro, without_gyro
 from locfuse.run.health import health_metrics, health_of
 from locfuse.run.mcl import Localization, Stopwatch, localize, with_poses_of
 from locfuse.run.messages import (
@@ -108,7 +109,7 @@ def run(
     if log is None:
         log = load_log(config, base, config.seed)
     warn_missing_sources(config, log)
-    log = with_scan_odometry(with_cylinders(log, config), config)
+    log = with_gyro(with_scan_odometry(with_cylinders(log, config), config), config)
     if config.mcl is None:
         return _fuse(config, log, start, progress, watch)
     localization = localize(config, log, start=start, progress=progress,
@@ -140,7 +141,7 @@ def warn_missing_sources(config: RunConfig, log: Log) -> None:
         if unknown and key and source in config.use and config.mcl is None:
             _logger.warning("%d of %d %s bring no sigma and are not used; set %s", unknown,
                             len(sigmas), source, key)  # fmt: skip
-    if config.use == list(SOURCES):  # whatever there is
+    if config.use == list(USABLE):  # whatever there is
         return
     for lacking in absent(config, log):
         bag = f"; is ros.topics.{lacking} its topic?" if log.origin == "bag" else ""
@@ -317,7 +318,7 @@ def _result(
     truth = truth_of(log)
     return RunResult(
         config=config.model_dump(mode="json"),
-        log=log,
+        log=without_gyro(log),
         estimate=estimate,
         truth=truth,
         outcomes=outcomes,

@@ -152,7 +152,7 @@ def scan_drive(config: RunConfig) -> ScanDrive:
     return ScanDrive(noise, _core.ScanOdometryConfig(map=local))
 
 
-def _wheels_of(log: Log) -> Iterator[tuple[int, Wheels]]:
+def wheels_of(log: Log) -> Iterator[tuple[int, Wheels]]:
     """Yield the odometry of a log with its times of arrival."""
     table: Columns = log.tables.get("odometry", {})
     if not table:
@@ -182,7 +182,7 @@ def _odometry_of(log: Log, drive: ScanDrive) -> Columns:
         raise LogError("odometry of scans needs scans and a laser, but the log has none; "
                        f"{how_to_add(log, 'scans')}, or leave 'scan_odometry' out")  # fmt: skip
     arrived = log["scans"].get("arrival_ns", log["scans"]["stamp_ns"]).tolist()
-    items: list[Item] = [(arrival, 0, wheels) for arrival, wheels in _wheels_of(log)]
+    items: list[Item] = [(arrival, 0, wheels) for arrival, wheels in wheels_of(log)]
     items += [(arrival, 1, scan) for arrival, scan in zip(arrived, scans, strict=True)]
     rows: list[tuple[int, int, float, float, float]] = []
     for arrival, _, item in sorted(items, key=lambda entry: entry[:2]):

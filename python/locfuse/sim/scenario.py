@@ -30,7 +30,7 @@ from locfuse.types import (
 def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = None) -> Log:
     """Return the log of a simulated drive.
 
-    Path, odometry, ranges, poses, positions, faults, laser and sightings draw from children of
+    Path, odometry, ranges, poses, positions, faults, laser, sightings and IMU draw from children of
     `rng`, always spawned in that order: switching one off changes no bit of the others.
 
     Parameters
@@ -46,8 +46,9 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
     -------
     Log
         With tables ``odometry``, ``ranges``, ``poses``, ``positions``, ``landmark_sightings``,
-        ``scans`` (those that are switched on), ``truth`` at every stamp of any of them, dropped out
-        or not, ``anchors`` and ``landmarks``; and with the grid, if there is a map.
+        ``scans``, ``imu`` (those that are switched on), ``truth`` at every stamp of any of them
+        but ``imu``, dropped out or not, ``anchors`` and ``landmarks``; and with the grid, if there
+        is a map.
 
     Raises
     ------
@@ -63,8 +64,8 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
     >>> len(log["ranges"]["range_m"])  # 5 anchors, 6 epochs
     30
     """
-    for_path, for_odometry, for_ranges, for_poses, for_positions, *others = rng.spawn(8)
-    for_faults, for_laser, for_sightings = others
+    for_path, for_odometry, for_ranges, for_poses, for_positions, *others = rng.spawn(9)
+    for_faults, for_laser, for_sightings, for_imu = others
     grid = grid_of(scenario, base)
     driven = plan(scenario.path, scenario.room_m, scenario.duration_s, for_path, grid)
     drive = _kidnapped(driven, scenario)
@@ -100,6 +101,10 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
             drive, epochs["landmark_sightings"], scenario.landmarks, scenario.landmark_sightings,
             for_sightings,
         )  # fmt: skip
+    if scenario.imu is not None:
+        measured["imu"] = sensors.imu(
+            driven, sensors.stamps(scenario.imu.rate_hz, scenario.duration_s), scenario.imu, for_imu
+        )
     odometry_ns = epochs.get("odometry", np.empty(0, np.int64))
     world = World(drive, scenario.tags, scenario.anchors, odometry_ns)
     faults = list(zip(scenario.faults, for_faults.spawn(len(scenario.faults)), strict=True))

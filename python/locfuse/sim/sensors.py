@@ -12,14 +12,18 @@ from collections.abc import Mapping
 import numpy as np
 
 from locfuse.config.scenario import (
+    ImuSensor,
     OdometrySensor,
     PoseSensor,
     PositionSensor,
     RangeSensor,
     SightingSensor,
 )
+from locfuse.io.log_folder import FORCES, RATES
 from locfuse.sim.trajectory import Drive, sinc
 from locfuse.types import NANOSECONDS, Columns, FloatArray, StampArray, wrap_angle
+
+GRAVITY_MPS2 = 9.81
 
 
 def stamps(rate_hz: float, duration_s: float) -> StampArray:
@@ -257,6 +261,39 @@ def sightings(
         "range_m": distance[row, column],
         "bearing_rad": bearing[row, column],
     }
+
+
+def imu(drive: Drive, stamp_ns: StampArray, sensor: ImuSensor, rng: np.random.Generator) -> Columns:
+    """Return rates and forces in the axes of the sensor, from the poses half a sample around."""
+    step = 1.0 / sensor.rate_hz
+    t = seconds(stamp_ns)
+    ahead, here, behind = (drive.pose_at(np.maximum(t + k * step, t[0])) for k in (0.5, 0.0, -0.5))
+    span = t + 0.5 * step - np.maximum(t - 0.5 * step, t[0])
+    rate, force = np.zeros((2, len(t), 3))
+    rate[:, 2] = (1.0 + sensor.scale) * wrap_angle(ahead[:, 2] - behind[:, 2]) / span
+    acceleration = (ahead + behind - 2.0 * here)[:, :2] / (0.5 * step) ** 2
+    acceleration[t < 0.5 * step] = 0.0
+    c, s = np.cos(here[:, 2]), np.sin(here[:, 2])
+    force[:, 0] = c * acceleration[:, 0] + s * acceleration[:, 1]
+    force[:, 1] = c * acceleration[:, 1] - s * acceleration[:, 0]
+    force[:, 2] = GRAVITY_MPS2
+    walk = sensor.bias_walk_radps_per_sqrt_s * np.sqrt(step) * rng.standard_normal(rate.shape)
+    white = sensor.sigma_rate_radps_per_sqrt_hz * np.sqrt(sensor.rate_hz)
+    rate = rate @ _turned(sensor.mount_deg) + sensor.bias_radps + np.cumsum(walk, axis=0)
+    rate += white * rng.standard_normal(rate.shape)
+    force = force @ _turned(sensor.mount_deg)
+    force += sensor.sigma_force_mps2 * rng.standard_normal(force.shape)
+    return {"stamp_ns": stamp_ns, **dict(zip(RATES, rate.T.copy(), strict=True)),
+            **dict(zip(FORCES, force.T.copy(), strict=True))}  # fmt: skip
+
+
+def _turned(mount_deg: tuple[float, float, float]) -> FloatArray:
+    """Return the axes of a sensor in body, a column each, by roll, pitch and yaw [deg]."""
+    (cr, cp, cy), (sr, sp, sy) = (f(np.deg2rad(mount_deg)) for f in (np.cos, np.sin))
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
+    about_y = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
+    about_z = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
+    return np.asarray(about_z @ about_y @ about_x)
 
 
 def truth(drive: Drive, stamp_ns: StampArray) -> Columns:

@@ -67,10 +67,9 @@ class Calibration {
   [[nodiscard]] std::vector<CalibratedError> errors(const GaussianBelief& belief) const;
 
   /// What moves `motion_slots` for a motion by odometry, eq. (1).
-  [[nodiscard]] Propagation<Eigen::VectorXd, Eigen::Dynamic> propagate(const GaussianBelief& belief,
-                                                                       const OdometryMotion& model,
-                                                                       const Pose2& motion,
-                                                                       double seconds) const;
+  [[nodiscard]] Propagation<Eigen::VectorXd, Eigen::Dynamic> propagate(
+      const GaussianBelief& belief, const OdometryMotion& model, const Pose2& motion,
+      double seconds, const std::optional<Vector<3>>& variance) const;
 
   /// Whether the offsets of anchors change with time.
   [[nodiscard]] bool has_wandering() const { return correlation_s_ > 0.0 && !offsets_.empty(); }

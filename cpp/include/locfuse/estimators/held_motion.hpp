@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "locfuse/geometry/pose2.hpp"
 #include "locfuse/messages/limits.hpp"
@@ -30,6 +31,7 @@ class HeldMotion {
     is_received_ = true;
     begin_ = end_ = u.stamp;
     motion_ = {u.forward, u.left, u.turn_rate};
+    variance_.reset();
     is_velocity_ = true;
   }
   void take(const Increment& u, const Limits& limits) {
@@ -37,6 +39,7 @@ class HeldMotion {
     begin_ = u.begin;
     end_ = u.stamp;
     motion_ = u.motion;
+    variance_ = u.variance;
     is_velocity_ = false;
     const double seconds = seconds_between(begin_, end_);
     has_rate_ = motion_.position().norm() <= limits.speed_mps * seconds &&
@@ -59,17 +62,17 @@ class HeldMotion {
     return {twist.x(), twist.y(), twist.z()};
   }
 
-  /// Goes from `from` to `to`: drive(motion, until) for the received motion, which is held for
-  /// `hold` beyond its end, lost(until) for the rest.
+  /// Goes from `from` to `to`: drive(motion, until, variance) for the received motion, which is
+  /// held for `hold` beyond its end, lost(until) for the rest.
   template <class Drive, class Lost>
   void advance(Stamp from, Stamp to, Stamp hold, const Drive& drive, const Lost& lost) const {
     const Stamp driven = std::min(to, end_ + hold);
     if (driven > from) {
       if (!is_velocity_ && from < end_ && driven > end_) {
-        drive(motion(from, end_), end_);
+        drive(motion(from, end_), end_, variance(from, end_));
         from = end_;
       }
-      drive(motion(from, driven), driven);
+      drive(motion(from, driven), driven, variance(from, driven));
       from = driven;
     }
     if (to > from) {
@@ -78,6 +81,14 @@ class HeldMotion {
   }
 
  private:
+  /// The share of the variance that the motion brought; beyond its end nobody measured it.
+  [[nodiscard]] std::optional<Vector<3>> variance(Stamp from, Stamp to) const {
+    if (!variance_ || to > end_ || begin_ == end_) {
+      return std::nullopt;
+    }
+    return *variance_ * (seconds_between(from, to) / seconds_between(begin_, end_));
+  }
+
   [[nodiscard]] Pose2 motion(Stamp from, Stamp to) const {
     if (is_velocity_) {
       const double seconds = seconds_between(from, to);
@@ -95,6 +106,7 @@ class HeldMotion {
   Stamp begin_;
   Stamp end_;     // of the last motion; of a held velocity: when it was measured
   Pose2 motion_;  // over begin to end; for a velocity per second
+  std::optional<Vector<3>> variance_;  // over begin to end
   bool is_velocity_ = true;
   bool is_received_ = false;
   bool has_rate_ = false;  // of an increment: it may go on like that

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "locfuse/estimators/health.hpp"
@@ -104,7 +105,8 @@ class Mcl {
   void restart(Stamp stamp, bool anywhere);
   void advance_to(Stamp stamp);
   [[nodiscard]] bool advance_unless_stale(Stamp stamp);
-  void drive(const OdometryMotion& model, const Pose2& motion, Stamp until);
+  void drive(const OdometryMotion& model, const Pose2& motion, Stamp until,
+             const std::optional<Vector<3>>& variance);
   void propagate_particles(const LaserScan* scan = nullptr);
   [[nodiscard]] bool has_moved() const;
   [[nodiscard]] ScanEvidence evidence_of_prediction(const LaserScan& z) const;

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -49,8 +50,9 @@ class ParticleFilter {
   void inject(const PoseEstimate& pose, double share, RandomKeys& keys);
 
   /// @name Propagate
-  /// Appends a motion that ends at `until`.
-  void add_motion(const OdometryMotion& model, const Pose2& motion, Stamp until);
+  /// Appends a motion that ends at `until`, with its variance where that is known.
+  void add_motion(const OdometryMotion& model, const Pose2& motion, Stamp until,
+                  const std::optional<Vector<3>>& variance = {});
   [[nodiscard]] bool has_pending_motion() const { return belief_.stamp != stamp_; }
   /// Whether the pending motion is so long that its Gaussian no longer fits.
   [[nodiscard]] bool is_propagation_due() const;

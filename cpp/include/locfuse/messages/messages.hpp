@@ -33,12 +33,23 @@ struct Increment {
   Stamp begin = 0;
   Stamp stamp = 0;
   Pose2 motion;  ///< T_body(begin)_body(stamp): dx, dy [m], dheading [rad]
+  /// Of dx, dy [m^2] and dheading [rad^2], as white noise from one to the next; else that of the
+  /// model, by distance and turn.
+  std::optional<Vector<3>> variance = {};
 
   /// Motion of `trans` [m] along the old heading, then a turn by `rot` [rad]: ekim2020 eq. (6).
   [[nodiscard]] static Increment from_drive_then_turn(Stamp begin, Stamp stamp, double trans,
                                                       double rot) {
     return {begin, stamp, {trans, 0.0, rot}};
   }
+};
+
+/// What an inertial sensor on the body measures, in its own axes.
+struct Imu {
+  Stamp stamp = 0;
+  Vector<3> angular_rate = Vector<3>::Zero();  ///< [rad/s]
+  /// Acceleration less gravity [m/s^2]: at rest 9.81 upwards. Empty without an accelerometer.
+  std::optional<Vector<3>> specific_force = {};
 };
 
 /// Distance between a tag on the body and an anchor in the world.
@@ -119,6 +130,7 @@ struct LaserScan {
 
 void validate(const Velocity& message);
 void validate(const Increment& message);
+void validate(const Imu& message);
 void validate(const Range& message);
 /// The covariance must be symmetric positive definite, or mark unknown axes by a convention of
 /// drivers: messages/reported_covariance.hpp.

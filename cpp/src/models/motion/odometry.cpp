@@ -32,16 +32,16 @@ OdometryMotion::OdometryMotion(const Config& config)
       heading_per_s_(
           variance_in_bounds("sigma_heading_per_sqrt_s", config.sigma_heading_per_sqrt_s)) {}
 
-OdometryMotion::Corrected OdometryMotion::propagate(const Pose2& T_world_body, const Pose2& motion,
-                                                    double seconds,
-                                                    const OdometryErrors& errors) const {
+OdometryMotion::Corrected OdometryMotion::propagate(
+    const Pose2& T_world_body, const Pose2& motion, double seconds, const OdometryErrors& errors,
+    const std::optional<Vector<3>>& variance) const {
   const double turn = (1.0 + errors.turn_scale) * motion.heading - errors.turn_bias * seconds;
   // The direction of travel deviates by half of the unreported turn.
   const double aside = errors.direction + 0.5 * (turn - motion.heading);
   const Vector<2> reported = Pose2{0.0, 0.0, aside}.act(motion.position());
   const Vector<2> way = (1.0 + errors.scale) * reported;
   Corrected corrected;
-  corrected.step = propagate(T_world_body, {way.x(), way.y(), turn}, seconds);
+  corrected.step = propagate(T_world_body, {way.x(), way.y(), turn}, seconds, variance);
 
   const Pose2 turned{0.0, 0.0, T_world_body.heading};
   const Vector<2> by_scale = turned.act(reported);

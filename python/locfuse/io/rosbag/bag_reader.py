@@ -112,6 +112,7 @@ class _BagReader:
             self.readers[plain(topic)] = "ranges", partial(self._range_of, anchor)
         for key, reader in (
             ("odometry", self._odometry),
+            ("imu", lambda message, _: [rows.imu_row(decode.imu(message))]),
             ("scans", self._scan),
             ("ranges", self._ranges),
             ("poses", self._pose),

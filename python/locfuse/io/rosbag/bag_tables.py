@@ -22,7 +22,7 @@ Columns = dict[str, NDArray[Any]]
 
 OTHER_CLOCK_NS = 3600 * NANOSECONDS  # record times this far from stamps are of another clock
 AHEAD_NS = NANOSECONDS  # stamps this far after the recording are said
-ORDER = ("odometry", "ranges", "positions", "poses", "landmark_sightings", "scans", "truth",
+ORDER = ("odometry", "ranges", "positions", "poses", "landmark_sightings", "scans", "imu", "truth",
          "relations", "anchors", "landmarks")  # fmt: skip
 
 

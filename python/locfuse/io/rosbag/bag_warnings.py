@@ -5,20 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from locfuse.config import ros
 from locfuse.config.ros import plain
 from locfuse.io.rosbag.bag_contents import BagContents
 from locfuse.io.rosbag.bag_stream import Bag
 
-# What the standard messages of a topic are, for advice.
-TYPES = {
-    "odometry": "nav_msgs/Odometry",
-    "scans": "sensor_msgs/LaserScan",
-    "ranges": "locfuse_msgs/UwbRanges",
-    "poses": "geometry_msgs/PoseWithCovarianceStamped",
-    "positions": "sensor_msgs/NavSatFix",
-    "landmark_sightings": "locfuse_msgs/LandmarkSightings",
-    "map": "nav_msgs/OccupancyGrid",
-}
+# The usual messages of a topic, for advice.
+TYPES = {key: ros.TYPES[key][0] for key in ("odometry", "imu", "scans", "ranges", "poses",
+                                            "positions", "landmark_sightings", "map")}  # fmt: skip
 
 ONE_VOICE = ("odometry", "scans")  # of which two publishers at once are a mistake
 

@@ -86,6 +86,14 @@ class OdometryRow(NamedTuple):
     left: float = 0.0
 
 
+class ImuRow(NamedTuple):
+    """Three rates of a gyro [rad/s] and, where there is one, forces of an accelerometer [m/s^2]."""
+
+    stamp_ns: int
+    rate: tuple[float, ...]
+    force: tuple[float, ...] | None
+
+
 class ScanRow(NamedTuple):
     """A turn of a laser: `ranges` [m] and `intensities`, float64 (beams,), NaN for no return.
 
@@ -241,6 +249,24 @@ def odometry(message: Any, use: str = "pose") -> OdometryRow:
         heading = math.nan
     return OdometryRow(stamp, x, y, heading, v, omega, plain(header.frame_id), plain(child), z,
                        left)  # fmt: skip
+
+
+@_is("sensor_msgs/Imu")
+def imu(message: Any) -> ImuRow:
+    """Return what a sensor_msgs/Imu says; a covariance of -1 first marks what is not measured.
+
+    Raises MessageError if it is no Imu, its stamp is 0, it has no gyro, or a number is not finite.
+    """
+    rate, force = (tuple(float(getattr(vector, axis)) for axis in "xyz")
+                   for vector in (message.angular_velocity, message.linear_acceleration)
+                   )  # fmt: skip
+    stamp = _stamped(message.header)
+    if float(message.angular_velocity_covariance[0]) == -1.0:
+        raise MessageError("angular_velocity is marked as not measured (covariance -1)")
+    _finite(*((value, f"angular_velocity.{axis}") for value, axis in zip(rate, "xyz", strict=True)))
+    known = float(message.linear_acceleration_covariance[0]) != -1.0
+    known = known and all(map(math.isfinite, force))
+    return ImuRow(stamp, rate, force if known else None)
 
 
 def heading_of(quaternion: Any) -> float:

@@ -20,6 +20,7 @@ from locfuse import _core
 from locfuse.io.rosbag.decode import (
     MAX_SWEEP_S,
     FixRow,
+    ImuRow,
     RangeRow,
     ScanRow,
     SightingRow,
@@ -256,6 +257,17 @@ def odometry(
     fields = {"header": header(stamp_ns, frame), "child_frame_id": child_frame,
               "pose": {"pose": _pose(x, y, heading, z)}, "twist": {"twist": twist}}  # fmt: skip
     return Publication(topic, "nav_msgs/Odometry", fields)
+
+
+def imu(topic: str, row: ImuRow, frame: str) -> Publication:
+    """Return a sensor_msgs/Imu without orientation; covariances are not known."""
+    unknown = np.concatenate([[-1.0], np.zeros(8)])
+    fields = {"header": header(row.stamp_ns, frame), "orientation": quaternion(0.0),
+              "orientation_covariance": unknown, "angular_velocity": _point(*row.rate),
+              "angular_velocity_covariance": np.zeros(9),
+              "linear_acceleration": _point(*(row.force or (0.0, 0.0, 0.0))),
+              "linear_acceleration_covariance": np.zeros(9) if row.force else unknown}  # fmt: skip
+    return Publication(topic, "sensor_msgs/Imu", fields)
 
 
 def truth(topic: str, row: TruthRow, child_frame: str) -> Publication:

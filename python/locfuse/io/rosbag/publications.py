@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from locfuse import _core
 from locfuse.config.ros import Ros, Topics, plain
-from locfuse.io.log_folder import MESSAGES
+from locfuse.io.log_folder import FORCES, MESSAGES, RATES
 from locfuse.io.rosbag import encode
-from locfuse.io.rosbag.decode import FixRow, RangeRow, ScanRow, SightingRow, TruthRow
+from locfuse.io.rosbag.decode import FixRow, ImuRow, RangeRow, ScanRow, SightingRow, TruthRow
 from locfuse.io.rosbag.encode import Publication
 from locfuse.io.rosbag.increments import poses_of
 from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, LogError
@@ -108,9 +108,9 @@ class LogPublications:
         Raises LogError where scans have no geometry.
         """
         streams: dict[str, Callable[[str, Columns], Iterator[Stream]]] = {
-            "odometry": self._odometry, "ranges": self._ranges, "positions": self._positions,
-            "poses": self._poses, "landmark_sightings": self._sightings, "scans": self._scans,
-            "truth": self._truth,
+            "imu": self._imu, "odometry": self._odometry, "ranges": self._ranges,
+            "positions": self._positions, "poses": self._poses,
+            "landmark_sightings": self._sightings, "scans": self._scans, "truth": self._truth,
         }  # fmt: skip
         found: list[Stream] = []
         for stem, make in streams.items():
@@ -214,6 +214,13 @@ class LogPublications:
             ))  # fmt: skip
 
         yield Stream(table["record_ns"], starmap(scan, enumerate(table["stamp_ns"].tolist())))
+
+    def _imu(self, topic: str, table: Columns) -> Iterator[Stream]:
+        force = FORCES if FORCES[0] in table else ()
+        yield Stream(table["record_ns"], (
+            encode.imu(topic, ImuRow(stamp, tuple(row[:3]), tuple(row[3:]) or None), self._base)
+            for stamp, *row in _rows(table, *RATES, *force)
+        ))  # fmt: skip
 
     def _truth(self, topic: str, table: Columns) -> Iterator[Stream]:
         n = len(table["x_m"])

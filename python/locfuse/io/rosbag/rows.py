@@ -8,10 +8,12 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from locfuse import _core
+from locfuse.io.log_folder import FORCES, RATES
 from locfuse.io.rosbag import restarts
 from locfuse.io.rosbag.decode import (
     NOT_MEASURED_M,
     FixRow,
+    ImuRow,
     MessageError,
     OdometryRow,
     PoseRow,
@@ -90,6 +92,12 @@ def scan_row(row: ScanRow, laser: Mapping[str, Any]) -> Row:
     """Return a scan with the geometry of its laser."""
     found = {"stamp_ns": row.stamp_ns, "ranges_m": row.ranges, "laser": laser}
     return found if row.intensities is None else {**found, "intensities": row.intensities}
+
+
+def imu_row(row: ImuRow) -> Row:
+    """Return a sample of an IMU; without an accelerometer forces of 0, which show no vertical."""
+    return {"stamp_ns": row.stamp_ns, **dict(zip(RATES, row.rate, strict=True)),
+            **dict(zip(FORCES, row.force or (0.0, 0.0, 0.0), strict=True))}  # fmt: skip
 
 
 def range_row(row: RangeRow) -> Row:

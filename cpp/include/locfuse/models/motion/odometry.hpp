@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <optional>
 
 #include "locfuse/geometry/pose2.hpp"
 #include "locfuse/math/linearization.hpp"
@@ -42,8 +43,10 @@ class OdometryMotion {
   explicit OdometryMotion(const Config& config);
 
   /// T_world_body after `motion` (previous body frame), which took `seconds`; eq. (1) to (4).
-  [[nodiscard]] Propagation<Pose2, 3> propagate(const Pose2& T_world_body, const Pose2& motion,
-                                                double seconds) const {
+  /// `variance` of the motion's dx, dy and dheading, where it is known, replaces eq. (3).
+  [[nodiscard]] Propagation<Pose2, 3> propagate(
+      const Pose2& T_world_body, const Pose2& motion, double seconds,
+      const std::optional<Vector<3>>& variance = {}) const {
     const double c = std::cos(T_world_body.heading);
     const double s = std::sin(T_world_body.heading);
     const double dx = c * motion.x - s * motion.y;
@@ -55,11 +58,15 @@ class OdometryMotion {
     step.moved = {T_world_body.x + dx, T_world_body.y + dy,
                   wrap_angle(T_world_body.heading + motion.heading)};
     step.jacobian << 1.0, 0.0, -dy, 0.0, 1.0, dx, 0.0, 0.0, 1.0;
-    const double along = longitudinal_per_m_ * distance + longitudinal_per_s_ * seconds;
-    const double across = lateral_per_m_ * distance + xy_per_s_ * seconds;
+    double along = longitudinal_per_m_ * distance + longitudinal_per_s_ * seconds;
+    double across = lateral_per_m_ * distance + xy_per_s_ * seconds;
+    double heading = heading_per_m_ * distance + heading_per_rad_ * turn + heading_per_s_ * seconds;
+    if (variance) {
+      along = variance->x();
+      across = variance->y();
+      heading = variance->z();
+    }
     const double xy = c * s * (along - across);
-    const double heading =
-        heading_per_m_ * distance + heading_per_rad_ * turn + heading_per_s_ * seconds;
     step.noise << c * c * along + s * s * across, xy, 0.0,  //
         xy, s * s * along + c * c * across, 0.0,            //
         0.0, 0.0, heading;
@@ -73,7 +80,8 @@ class OdometryMotion {
     Matrix<3, OdometryErrors::kCount> by_errors;
   };
   [[nodiscard]] Corrected propagate(const Pose2& T_world_body, const Pose2& motion, double seconds,
-                                    const OdometryErrors& errors) const;
+                                    const OdometryErrors& errors,
+                                    const std::optional<Vector<3>>& variance = {}) const;
 
  private:
   // Variances per metre, radian and second.

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <pybind11/native_enum.h>
+
+#include "alone.hpp"
+#include "bindings.hpp"
+#include "locfuse/estimators/gyro_odometry.hpp"
+#include "numpy.hpp"
+
+namespace py = pybind11;
+using locfuse::GyroOdometry;
+using locfuse::Imu;
+using locfuse::Stamp;
+using locfuse::Vector;
+
+namespace {
+
+template <class Message>
+std::optional<GyroOdometry::Motion> turned(GyroOdometry& odometry, const Message& message) {
+  const Alone alone(&odometry);
+  return odometry.on(message);
+}
+
+void add_samples(GyroOdometry& odometry, const Integers<Stamp>& stamps, const Column<double>& rates,
+         const std::optional<Column<double>>& forces) {
+  const Column<Stamp> stamp = checked("stamp_ns", stamps, "64-bit nanoseconds");
+  expect_shape("angular_rate", rates, stamp.size(), 3);
+  if (forces) {
+    expect_shape("specific_force", *forces, stamp.size(), 3);
+  }
+  const Stamp* t = stamp.data();
+  const double* w = rates.data();
+  const double* a = forces ? forces->data() : nullptr;
+  const py::ssize_t rows = stamp.size();
+  const Alone alone(&odometry);
+  for (py::ssize_t i = 0; i < rows; ++i) {
+    Imu z{t[i], Eigen::Map<const Vector<3>>(w + 3 * i)};
+    if (a != nullptr) {
+      z.specific_force = Eigen::Map<const Vector<3>>(a + 3 * i);
+    }
+    odometry.on(z);
+  }
+}
+
+}  // namespace
+
+void bind_gyro_odometry(py::module_& m) {
+  using Config = GyroOdometry::Config;
+  using GyroTurn = GyroOdometry::Turn;
+  using GyroVerdict = GyroOdometry::Verdict;
+  using GyroMotion = GyroOdometry::Motion;
+  py::native_enum<GyroTurn>(m, "GyroTurn", "enum.Enum", "How a turn is made of wheels and gyro.")
+      .value("WEIGHTED", GyroTurn::kWeighted, "By their variances.")
+      .value("AVERAGE", GyroTurn::kAverage, "The mean of both: zhang eq. (5).")
+      .finalize();
+  py::native_enum<GyroVerdict>(m, "GyroVerdict", "enum.Enum", "Outcome of a motion.")
+      .value("TURNED", GyroVerdict::kTurned, "The turn is of wheels and gyro.")
+      .value("SLIPPED", GyroVerdict::kSlipped, "They contradict each other: the turn is the gyro's.")
+      .value("NO_GYRO", GyroVerdict::kNoGyro, "No sample near: the motion of the wheels as it came.")
+      .finalize();
+  py::class_<Config>(m, "GyroOdometryConfig", "Settings of a GyroOdometry.")
+      .def(py::init<>())
+      .def_readwrite("turn", &Config::turn)
+      .def_readwrite("sigma_turn_per_sqrt_s", &Config::sigma_turn_per_sqrt_s,
+                     "White noise of the gyro [rad / sqrt(s)].")
+      .def_readwrite("sigma_bias_radps", &Config::sigma_bias_radps,
+                     "Of its bias at the start [rad/s].")
+      .def_readwrite("sigma_bias_radps_per_sqrt_s", &Config::sigma_bias_radps_per_sqrt_s,
+                     "Random walk of the bias [rad/s / sqrt(s)].")
+      .def_readwrite("sigma_scale", &Config::sigma_scale, "Of the gyro's scale.")
+      .def_readwrite("sigma_turn_scale", &Config::sigma_turn_scale,
+                     "Of the scale of the wheels' turn.")
+      .def_readwrite("odometry", &Config::odometry, "Noise of the wheels, an OdometryConfig.");
+  py::class_<GyroMotion>(m, "GyroMotion", "A motion whose turn is by wheels and gyro.")
+      .def_readonly("verdict", &GyroMotion::verdict)
+      .def_readonly("increment", &GyroMotion::increment);
+  py::class_<GyroOdometry>(
+      m, "GyroOdometry",
+      R"(Odometry whose turn is measured by wheels and a gyro together; docs/models/gyro_odometry.md.
+
+Feed messages in order of arrival. The gyro's bias and the scale of the wheels' turn are learnt from
+their differences; where the two contradict each other wheels slip, and the turn is the gyro's. With
+an accelerometer the turn is that about the vertical, however the sensor is mounted.
+
+Parameters
+----------
+config : GyroOdometryConfig
+
+Raises
+------
+ValueError
+    If a sigma is out of bounds, or a message is not valid.
+
+Examples
+--------
+>>> from locfuse.core import GyroOdometry, GyroOdometryConfig, Imu, Increment, Pose2
+>>> odometry = GyroOdometry(GyroOdometryConfig())
+>>> for k in range(10):
+...     odometry.on(Imu(k * 10**7, [0.0, 0.0, 0.5], [0.0, 0.0, 9.81]))
+>>> motion = odometry.on(Increment(0, 10**8, Pose2(0.1, 0.0, 0.05)))
+>>> motion.verdict.name, round(motion.increment.motion.heading, 3)
+('TURNED', 0.05)
+)")
+      .def(py::init<const Config&>(), py::arg("config"))
+      .def(
+          "on",
+          [](GyroOdometry& odometry, const Imu& z) {
+            const Alone alone(&odometry);
+            odometry.on(z);
+          },
+          py::arg("z"), "Takes a sample; one that is not newer than the last is dropped.")
+      .def("on", &turned<locfuse::Velocity>, py::arg("u"),
+           "Returns the motion since the velocity before; None for the first one and after a "
+           "pause of a second.")
+      .def("on", &turned<locfuse::Increment>, py::arg("u"), "Returns the motion with its turn by both.")
+      .def("add", &add_samples, py::arg("stamp_ns"), py::arg("angular_rate"),
+           py::arg("specific_force") = py::none(),
+           "Takes samples, a row each: (n,), (n, 3) [rad/s] and (n, 3) [m/s^2].")
+      .def_property_readonly("bias", &GyroOdometry::bias,
+                             "Of the gyro about the vertical, as known now [rad/s].")
+      .def_property_readonly("sigma_bias", &GyroOdometry::sigma_bias, "[rad/s].");
+}
