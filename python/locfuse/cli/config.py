@@ -4,16 +4,21 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Annotated
 
 import typer
 import yaml
 
+from locfuse.check.proposal import proposal
 from locfuse.cli.inputs import ConfigFile
+from locfuse.cli.terminal import visible
 from locfuse.config.base import changed_keys
 from locfuse.config.json_schema import json_schema
 from locfuse.config.load import load_config
 from locfuse.config.schema import RunConfig
+from locfuse.io.whole import whole_file
+from locfuse.types import ConfigError
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 
@@ -35,6 +40,21 @@ def dump(
     values = loaded.model_dump(mode="json") if every else changed_keys(loaded)
     text = yaml.safe_dump(values, sort_keys=False, default_flow_style=None, width=100)
     print(text, end="")
+
+
+@app.command()
+def init(
+    log: Annotated[Path, typer.Option(help="Log folder or bag.")],
+    out: Annotated[Path, typer.Option(help="File to write.")] = Path("config.yaml"),
+) -> None:
+    """Write a configuration for a recording: the keys that matter, and where values come from."""
+    if out.exists():
+        raise ConfigError(f"{out}: is there already; name another file with --out")
+    text = proposal(log, out.parent)
+    with whole_file(out) as file:
+        file.write_text(text, encoding="utf-8")
+    print(text, end="")
+    print(f"\nwrote {visible(str(out))}; next: locfuse run {visible(str(out))} --out out/run")
 
 
 @app.command()

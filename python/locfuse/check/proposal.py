@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A configuration for a recording: the keys that matter, and where each value comes from."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from locfuse.check.registry import check
+from locfuse.config.load import parse_config
+from locfuse.config.ros import TYPES, Ros, Topics, plain
+from locfuse.io.recording import read_recording
+from locfuse.io.rosbag.bag_stream import Bag, is_bag
+from locfuse.types import NANOSECONDS, Columns, Log
+
+MIN_RANGES = 20  # of a tag and an anchor, to see their scatter
+MAX_PERIOD_S = 1.0  # between them
+LEAST_SIGMA_M = 0.02
+# Sources whose types say what they are: poses may be of anybody, points of anything.
+BY_TYPE = ("odometry", "imu", "scans", "ranges", "positions", "landmark_sightings", "map")
+Lines = Iterator[tuple[str, Any, str]]  # key with its sections, value, where it comes from
+
+
+def proposal(path: Path, base: Path) -> str:
+    """Return the YAML of a configuration for a log folder or a bag, with comments.
+
+    `base` is the folder in which the configuration will be. What `check` finds stands at the end.
+    Raises LogError as `read_recording`.
+    """
+    topics = dict(_topics(path)) if is_bag(path) else {}
+    ros = Ros(topics=Topics(**{key: topic for key, (topic, _) in topics.items()}))
+    log = read_recording(path, ros, base)
+    lines = [("log", _relative(path, base), "what this is for; --log names another"),
+             *_keys(log),
+             *((f"ros.topics.{key}", *found) for key, found in topics.items())]  # fmt: skip
+    text = "".join(_written(lines))
+    config = parse_config(yaml.safe_load(text))
+    found = [f for f in check(config, log).findings if f.severity != "note"]
+    problems = "".join(f"# {f.severity}: {f.what} ({f.where}): {f.advice}\n" for f in found)
+    return text + (f"\n# What `locfuse check` says of it:\n{problems}" if problems else "")
+
+
+def _keys(log: Log) -> Lines:
+    truth = log.tables.get("truth", {})
+    is_known = "heading_rad" in truth and len(truth["stamp_ns"]) > 0
+    why = "found: the recording has a reference" if is_known else "found without a prior"
+    yield "start", "truth" if is_known else "auto", why
+    if len(log.tables.get("scans", {}).get("stamp_ns", ())):
+        if log.grid is not None:
+            yield "mcl", {}, "found: scans and a map, so particles localize on it"
+        elif "odometry" not in log:
+            yield "scan_odometry", {}, "found: scans and no odometry"
+    ranges = log.tables.get("ranges", {})
+    if len(ranges.get("stamp_ns", ())) and "sigma_m" not in ranges:
+        sigma, links = _scatter(ranges)
+        section = "mcl" if log.grid is not None and "scans" in log else "estimator"
+        if links:
+            yield (f"{section}.range.sigma_m", max(LEAST_SIGMA_M, float(f"{sigma:.2g}")),
+                   f"found: how {links} pairs of tag and anchor scatter")  # fmt: skip
+        else:
+            yield f"{section}.range.sigma_m", 0.3, "a guess: too few ranges to see their scatter"
+    for source, key, guess in (("positions", "sigma_m", 0.5), ("poses", "sigma_xy_m", 0.2)):
+        sigmas = log.tables.get(source, {}).get(key, np.ones(1))
+        if np.any(sigmas <= 0.0):
+            why = f"a guess: {np.mean(sigmas <= 0.0):.0%} of the {source} bring no sigma"
+            yield f"estimator.{source[:-1]}.sigma_m", guess, why
+
+
+def _scatter(ranges: Columns) -> tuple[float, int]:
+    """Return the sigma of ranges by their second differences, and of how many pairs it is.
+
+    Motion adds little to them at some ranges a second, outliers nothing to their median.
+    """
+    sigmas = []
+    links = np.char.add(np.char.add(ranges["tag"], "\n"), ranges["anchor"])
+    for link in np.unique(links):
+        mine = links == link
+        order = np.argsort(ranges["stamp_ns"][mine], kind="stable")
+        stamp, value = ranges["stamp_ns"][mine][order], ranges["range_m"][mine][order]
+        if len(value) >= MIN_RANGES and np.median(np.diff(stamp)) < MAX_PERIOD_S * NANOSECONDS:
+            sigmas.append(1.4826 * np.median(np.abs(np.diff(value, 2))) / np.sqrt(6.0))
+    return (float(np.median(sigmas)), len(sigmas)) if sigmas else (0.0, 0)
+
+
+def _topics(path: Path) -> Iterator[tuple[str, tuple[str, str]]]:
+    """Yield the topics that a bag has in place of the usual ones, by their types."""
+    bag = Bag(path)
+    for _ in bag.messages(lambda _: False):
+        pass
+    by_type: dict[str, dict[str, int]] = defaultdict(dict)
+    for connection, count in bag.counts.items():
+        kind = connection.type.replace("/msg/", "/")
+        by_type[kind][connection.topic] = by_type[kind].get(connection.topic, 0) + count
+    usual = {key: plain(topic) for key, topic in vars(Topics()).items() if topic}
+    there = {topic for topics in by_type.values() for topic in topics}
+    for key in BY_TYPE:
+        types = TYPES[key]
+        found = {topic: count for kind in types for topic, count in by_type[kind].items()
+                 if topic not in usual.values()}  # fmt: skip
+        if usual[key] in there or not found:
+            continue
+        most = max(found, key=lambda topic: found[topic])
+        others = f", not {', '.join(sorted(set(found) - {most}))}" if len(found) > 1 else ""
+        yield key, (most, f"found: {' or '.join(types)}{others}")
+
+
+def _relative(path: Path, base: Path) -> str:
+    path, base = path.resolve(), base.resolve()
+    return str(path.relative_to(base)) if path.is_relative_to(base) else str(path)
+
+
+def _written(lines: list[tuple[str, Any, str]]) -> Iterator[str]:
+    """Yield YAML with a comment for each value; keys of a section must follow one another."""
+    open_sections: list[str] = []
+    for key, value, why in sorted(lines, key=lambda line: line[0].split(".")[:-1]):
+        *sections, last = key.split(".")
+        for depth, section in enumerate(sections):
+            if open_sections[depth : depth + 1] != [section]:
+                del open_sections[depth:]
+                open_sections.append(section)
+                yield f"{'  ' * depth}{section}:\n"
+        text = yaml.safe_dump(value, default_flow_style=True, width=1000).replace("\n...", "")
+        yield f"{'  ' * len(sections)}{last}: {text.strip()}  # {why}\n"
