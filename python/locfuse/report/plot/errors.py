@@ -13,17 +13,7 @@ from numpy.typing import NDArray
 from locfuse.eval.errors import errors_against
 from locfuse.report.decimation import keep_extremes
 from locfuse.report.palette import BAND_SIGMAS
-from locfuse.report.plot.style import (
-    ESTIMATE,
-    ESTIMATE_PALE,
-    MAX_POINTS,
-    MUTED,
-    Handle,
-    legend,
-    panels,
-    time_axis,
-    title,
-)
+from locfuse.report.plot import style
 from locfuse.report.text import percent, seconds, start_ns
 from locfuse.types import FloatArray, RunResult
 
@@ -43,21 +33,23 @@ def plot_errors(result: RunResult) -> Figure | None:
     scales = [1.0, 1.0, float(np.degrees(1.0))]
     if errors.heading is not None:
         components.append(("heading", "deg", np.degrees(errors.heading)))
-    figure, column = panels(len(components), 2.1)
+    figure, column = style.panels(len(components), 2.1)
     time_s = seconds(errors.stamp_ns, start_ns(result))
     piece = np.cumsum(np.diff(errors.row, prepend=errors.row[0]) > 1, dtype=np.intp)
     for k, (axes, (name, unit, error)) in enumerate(zip(column, components, strict=True)):
         bound = None if errors.sigma is None else BAND_SIGMAS * scales[k] * errors.sigma[:, k]
         _draw(axes, time_s, error, bound, piece)
-        title(axes, _summary(name, unit, error, bound))
+        style.title(axes, _summary(name, unit, error, bound))
         axes.set_ylabel(f"{name} error [{unit}]")
-    time_axis(column[-1], time_s)
+    style.time_axis(column[-1], time_s)
     figure.align_ylabels(column)
-    handles: list[Handle] = [Line2D([], [], color=ESTIMATE, lw=1.0, label="estimate minus truth")]
+    handles: list[style.Handle] = [
+        Line2D([], [], color=style.ESTIMATE, lw=1.0, label="estimate minus truth")
+    ]
     if errors.sigma is not None:
         label = f"±{BAND_SIGMAS:g} sigma claimed by the estimator"
-        handles.append(Patch(facecolor=ESTIMATE_PALE, label=label))
-    legend(figure, handles)
+        handles.append(Patch(facecolor=style.ESTIMATE_PALE, label=label))
+    style.legend(figure, handles)
     return figure
 
 
@@ -68,15 +60,15 @@ def _draw(
     bound: FloatArray | None,
     piece: NDArray[np.intp],
 ) -> None:
-    rows = keep_extremes(error, MAX_POINTS)
+    rows = keep_extremes(error, style.MAX_POINTS)
     breaks = np.flatnonzero(np.diff(piece[rows])) + 1
     at_s = np.insert(time_s[rows], breaks, np.nan)
-    axes.axhline(0.0, color=MUTED, lw=0.8, zorder=1)
-    axes.plot(at_s, np.insert(error[rows], breaks, np.nan), color=ESTIMATE, lw=1.0)
+    axes.axhline(0.0, color=style.MUTED, lw=0.8, zorder=1)
+    axes.plot(at_s, np.insert(error[rows], breaks, np.nan), color=style.ESTIMATE, lw=1.0)
     top = float(np.max(np.abs(error)))
     if bound is not None:
         edge = np.insert(bound[rows], breaks, np.nan)
-        axes.fill_between(at_s, -edge, edge, color=ESTIMATE_PALE, linewidth=0, zorder=0)
+        axes.fill_between(at_s, -edge, edge, color=style.ESTIMATE_PALE, linewidth=0, zorder=0)
         # An unknown start may claim kilometres: the band may leave the picture, the error not.
         top = max(top, float(np.quantile(bound, 0.95)))
     top = 1.12 * max(top, 1e-6)

@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.animation import PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
@@ -17,20 +17,8 @@ from locfuse import _core
 from locfuse.config.schema import RunConfig
 from locfuse.eval.errors import interpolate
 from locfuse.io.whole import whole_file
-from locfuse.report.plot.style import (
-    ANCHOR,
-    ESTIMATE,
-    GRID,
-    INK,
-    MUTED,
-    REJECTED,
-    TRUTH,
-    WIDTH_IN,
-    dress,
-    legend,
-    new_figure,
-)
-from locfuse.report.plot.world import box_around, draw_map, drawable
+from locfuse.report.plot import style
+from locfuse.report.plot.world import box_around, draw_map, drawable, world_figure
 from locfuse.run.mcl import frame_of, mcl_of, messages_for
 from locfuse.run.start import scans_of
 from locfuse.types import (
@@ -39,7 +27,6 @@ from locfuse.types import (
     ConfigError,
     FloatArray,
     Frame,
-    GridMap,
     RunResult,
     Trajectory,
 )
@@ -117,17 +104,24 @@ class _Stage:
         assert result.log.grid is not None
         self._truth = result.truth
         self._origin_ns = origin_ns
-        self.figure, axes = _set(result.log.grid)
-        self._cloud: PathCollection = axes.scatter([], [], s=7.0, color=ESTIMATE, alpha=0.6,
-                                                   linewidths=0, zorder=3)  # fmt: skip
-        self._true = _Arrow(axes, TRUTH, "truth", ring=True)
-        self._estimate = _Arrow(axes, REJECTED, "estimate", ring=False)
-        self._clock: Text = axes.set_title("0.0 s", loc="right", fontsize=16, color=INK, pad=10)
-        self._status: Text = axes.set_title("ambiguous", loc="left", fontsize=16, pad=10,
-                                            fontweight="bold")  # fmt: skip
-        particle = Line2D([], [], ls="none", marker="o", markersize=4, color=ESTIMATE,
-                          label="particle")  # fmt: skip
-        legend(self.figure, [particle, self._estimate.handle, self._true.handle])
+        grid = result.log.grid
+        known = grid.to_world(np.argwhere(grid.cells != UNKNOWN)[:, ::-1].astype(float))
+        low, high = box_around(known, 0.02, 0.4, 0.9)
+        self.figure, axes = world_figure(low, high, 1.5)
+        axes.grid(visible=False)
+        draw_map(axes, drawable(grid, float((high - low)[0])))
+        self._cloud: PathCollection = axes.scatter(
+            [], [], s=7.0, color=style.ESTIMATE, alpha=0.6, linewidths=0, zorder=3
+        )
+        self._true = _Arrow(axes, style.TRUTH, "truth", ring=True)
+        self._estimate = _Arrow(axes, style.REJECTED, "estimate", ring=False)
+        look: dict[str, Any] = {"fontsize": 16, "pad": 10}
+        self._clock: Text = axes.set_title("0.0 s", loc="right", color=style.INK, **look)
+        self._status: Text = axes.set_title("ambiguous", loc="left", fontweight="bold", **look)
+        particle = Line2D(
+            [], [], ls="none", marker="o", ms=4, color=style.ESTIMATE, label="particle"
+        )
+        style.legend(self.figure, [particle, self._estimate.handle, self._true.handle])
         self.figure.draw_without_rendering()
         self.figure.set_layout_engine("none")  # a layout per frame would make the picture jitter
 
@@ -138,7 +132,7 @@ class _Stage:
         seconds = (frame.stamp_ns - self._origin_ns) / NANOSECONDS
         self._clock.set_text(f"{seconds:.1f} s")
         self._status.set_text("ready" if frame.ready else "ambiguous")
-        self._status.set_color(ANCHOR if frame.ready else REJECTED)
+        self._status.set_color(style.ANCHOR if frame.ready else style.REJECTED)
 
 
 class _Arrow:
@@ -146,11 +140,12 @@ class _Arrow:
 
     def __init__(self, axes: Axes, colour: str, label: str, *, ring: bool) -> None:
         self._reach = 0.04 * float(np.ptp(axes.get_xlim()))
-        size, fill, edge = (14, "none", colour) if ring else (9, colour, "white")
         (self._line,) = axes.plot([], [], color=colour, lw=2.5, zorder=5)
-        (self.handle,) = axes.plot([], [], ls="none", marker="o", markersize=size, label=label,
-                                   markerfacecolor=fill, markeredgecolor=edge,
-                                   markeredgewidth=2.0 if ring else 1.0, zorder=6)  # fmt: skip
+        size, fill, edge, width = (14, "none", colour, 2.0) if ring else (9, colour, "white", 1.0)
+        nowhere = np.empty((0, 2))
+        (self.handle,) = style.marks(
+            axes, nowhere, "o", size, fill, label, mec=edge, mew=width, zorder=6
+        )
 
     def point(self, pose: FloatArray | None) -> None:
         if pose is None:
@@ -161,21 +156,6 @@ class _Arrow:
         ahead = x + self._reach * np.cos(heading), y + self._reach * np.sin(heading)
         self._line.set_data([x, ahead[0]], [y, ahead[1]])
         self.handle.set_data([x], [y])
-
-
-def _set(grid: GridMap) -> tuple[Figure, Axes]:
-    """Return a figure of the known part of a map, with equal scales."""
-    known = grid.to_world(np.argwhere(grid.cells != UNKNOWN)[:, ::-1].astype(float))
-    low, high = box_around(known, 0.02, 0.4, 0.9)
-    width, height = (high - low).tolist()
-    figure = new_figure(0.94 * WIDTH_IN * height / width + 1.5)
-    axes = figure.add_subplot()
-    dress(axes)
-    axes.grid(visible=False)
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-    axes.set(xlabel="x in world [m]", ylabel="y in world [m]")
-    draw_map(axes, drawable(grid, width), ("white", GRID, MUTED), zorder=0)
-    return figure, axes
 
 
 def _pose_at(truth: Trajectory | None, stamp_ns: int) -> FloatArray | None:

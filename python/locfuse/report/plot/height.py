@@ -10,18 +10,7 @@ from matplotlib.patches import Patch
 
 from locfuse.report.decimation import stride
 from locfuse.report.palette import BAND_SIGMAS
-from locfuse.report.plot.style import (
-    DASHED,
-    ESTIMATE,
-    ESTIMATE_PALE,
-    MAX_POINTS,
-    TRUTH,
-    Handle,
-    legend,
-    panels,
-    time_axis,
-    title,
-)
+from locfuse.report.plot import style
 from locfuse.report.text import seconds, start_ns
 from locfuse.types import RunResult, rows_of
 
@@ -33,27 +22,27 @@ def plot_height(result: RunResult) -> Figure | None:
     """
     if result.estimate.height is None or len(result.estimate) == 0:
         return None
-    estimate = rows_of(result.estimate, stride(len(result.estimate), MAX_POINTS))
+    estimate = rows_of(result.estimate, stride(len(result.estimate), style.MAX_POINTS))
     assert estimate.height is not None
-    figure, (axes,) = panels(1, 3.0)
+    figure, (axes,) = style.panels(1, 3.0)
     time_s = seconds(estimate.stamp_ns, start_ns(result))
-    handles: list[Handle] = [Line2D([], [], color=ESTIMATE, lw=1.0, label="estimate")]
+    handles: list[style.Handle] = [Line2D([], [], color=style.ESTIMATE, lw=1.0, label="estimate")]
     if estimate.height_variance is not None:
         band = BAND_SIGMAS * np.sqrt(estimate.height_variance)
         axes.fill_between(time_s, estimate.height - band, estimate.height + band,
-                          color=ESTIMATE_PALE, lw=0.0)  # fmt: skip
-        handles.append(Patch(facecolor=ESTIMATE_PALE, label=f"±{BAND_SIGMAS:g} sigma"))
-    axes.plot(time_s, estimate.height, color=ESTIMATE, lw=1.0)
+                          color=style.ESTIMATE_PALE, lw=0.0)  # fmt: skip
+        handles.append(Patch(facecolor=style.ESTIMATE_PALE, label=f"±{BAND_SIGMAS:g} sigma"))
+    axes.plot(time_s, estimate.height, color=style.ESTIMATE, lw=1.0)
     truth = result.truth
     if truth is not None and truth.height is not None and len(truth):
-        rows = rows_of(truth, stride(len(truth), MAX_POINTS))
+        rows = rows_of(truth, stride(len(truth), style.MAX_POINTS))
         assert rows.height is not None
-        axes.plot(seconds(rows.stamp_ns, start_ns(result)), rows.height, color=TRUTH, lw=1.0,
-                  ls=DASHED)  # fmt: skip
-        handles.append(Line2D([], [], color=TRUTH, lw=1.0, ls=DASHED, label="truth"))
+        axes.plot(seconds(rows.stamp_ns, start_ns(result)), rows.height, color=style.TRUTH, lw=1.0,
+                  ls=style.DASHED)  # fmt: skip
+        handles.append(Line2D([], [], color=style.TRUTH, lw=1.0, ls=style.DASHED, label="truth"))
     error = result.metrics.get("height_rmse_m")
-    title(axes, "height over z = 0" + ("" if error is None else f": RMSE {error:.3g} m"))
+    style.title(axes, "height over z = 0" + ("" if error is None else f": RMSE {error:.3g} m"))
     axes.set_ylabel("height [m]")
-    time_axis(axes, time_s)
-    legend(figure, handles)
+    style.time_axis(axes, time_s)
+    style.legend(figure, handles)
     return figure

@@ -16,21 +16,9 @@ from matplotlib.ticker import MaxNLocator
 
 from locfuse.check.layout import Layout
 from locfuse.report.decimation import stride
+from locfuse.report.plot import style
 from locfuse.report.plot.labels import Label, join_same_spot, place_labels
-from locfuse.report.plot.style import (
-    ANCHOR,
-    DASHED,
-    INK,
-    MUTED,
-    REJECTED,
-    WIDTH_IN,
-    Handle,
-    dress,
-    legend,
-    new_figure,
-    title,
-)
-from locfuse.report.plot.world import box_around, draw_map
+from locfuse.report.plot.world import box_around, draw_map, world_figure
 from locfuse.report.text import short
 
 _MAX_NAMED = 60
@@ -56,27 +44,20 @@ def plot_layout(layout: Layout) -> Figure:
     """
     floor = np.array([[layout.x[0], layout.y[0]], [layout.x[-1], layout.y[-1]]])
     low, high = box_around(np.vstack([floor, layout.anchors[:, :2]]), 0.05, 0.3, 0.9)
-    figure = new_figure(0.8 * WIDTH_IN * (high - low)[1] / (high - low)[0] + 1.3)
-    axes = figure.add_subplot()
-    dress(axes)
+    figure, axes = world_figure(low, high, 1.3, 0.8)
     axes.grid(visible=False)
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
-    axes.set_aspect("equal", adjustable="box")
-    axes.set_xlabel("x in world [m]")
-    axes.set_ylabel("y in world [m]")
-    title(axes, f"Tag at {layout.height:g} m. One more anchor at {layout.gain()}")
+    style.title(axes, f"Tag at {layout.height:g} m. One more anchor at {layout.gain()}")
     bar = figure.colorbar(_draw_dilution(axes, layout), ax=axes, shrink=0.85, pad=0.02)
     bar.set_label("error of a position / error of a range (HDOP)", fontsize=10)
     bar.ax.yaxis.set_major_formatter("{x:.3g}")
-    bar.ax.tick_params(labelsize=9, color=MUTED, labelcolor=INK)
+    bar.ax.tick_params(labelsize=9, color=style.MUTED, labelcolor=style.INK)
     handles = _draw_marks(axes, layout)
-    legend(figure, handles)
-    labels = [Label(short(name), at[:2], INK) for name, at in
-              zip(layout.names, layout.anchors, strict=True)]  # fmt: skip
+    style.legend(figure, handles)
+    places = zip(layout.names, layout.anchors[:, :2], strict=True)
+    labels = [Label(short(name), at, style.INK) for name, at in places]
     if len(labels) > _MAX_NAMED:
         labels = []
-    labels.append(Label("one more", layout.best[:2], REJECTED))
+    labels.append(Label("one more", layout.best[:2], style.REJECTED))
     place_labels(figure, axes, join_same_spot(labels), layout.hull)
     return figure
 
@@ -91,7 +72,7 @@ def _draw_dilution(axes: Axes, layout: Layout) -> QuadContourSet:
     lines = axes.contour(
         layout.x, layout.y, shown, levels=levels[1:-1], colors="white", linewidths=0.8, zorder=1
     )
-    axes.clabel(lines, fmt="%g", fontsize=8, colors=INK, inline=True)
+    axes.clabel(lines, fmt="%g", fontsize=8, colors=style.INK, inline=True)
     return filled
 
 
@@ -110,27 +91,26 @@ def _rounded(value: float, way: int) -> float:
     return float(np.floor(value * 100.0 + 0.5 * (1 + way) + 0.1 * way) / 100.0)
 
 
-def _draw_marks(axes: Axes, layout: Layout) -> list[Handle]:
-    handles: list[Handle] = []
+def _draw_marks(axes: Axes, layout: Layout) -> list[style.Handle]:
+    handles: list[style.Handle] = []
     if layout.grid is not None:
-        draw_map(axes, layout.grid, ("none", "none", INK), zorder=3)
-        handles.append(Patch(facecolor=INK, label="occupied in the map"))
+        draw_map(axes, layout.grid, ("none", "none", style.INK), zorder=3)
+        handles.append(Patch(facecolor=style.INK, label="occupied in the map"))
     for row, (x1, y1, x2, y2) in enumerate(layout.walls.tolist()):
-        (line,) = axes.plot([x1, x2], [y1, y2], color=INK, lw=3.0, label="wall", zorder=3)
+        (line,) = axes.plot([x1, x2], [y1, y2], color=style.INK, lw=3.0, label="wall", zorder=3)
         handles += [line] if row == 0 else []
     if layout.path is not None and len(layout.path):
         path = layout.path[stride(len(layout.path), _MAX_POINTS)]
-        handles += axes.plot(*path.T, color=INK, lw=1.0, ls=(0, (1, 1.5)), label="truth", zorder=4)
+        dotted: dict[str, Any] = {"ls": (0, (1, 1.5)), "lw": 1.0, "color": style.INK}
+        handles += axes.plot(*path.T, label="truth", zorder=4, **dotted)
     if len(layout.hull) > 2:
         ring = np.vstack([layout.hull, layout.hull[:1]])
-        handles += axes.plot(*ring.T, color=ANCHOR, lw=1.2, ls=DASHED, label="hull of the anchors",
-                             zorder=5, clip_on=False)  # fmt: skip
-    marks = (
-        (layout.anchors[:, :2], "^", 10, ANCHOR, "anchor"),
-        (layout.best[None, :2], "*", 16, REJECTED, "best place for one more"),
-    )
-    for at, marker, size, colour, label in marks:
-        handles += axes.plot(*at.T, marker=marker, markersize=size, markerfacecolor=colour,
-                             markeredgecolor="white", ls="none", label=label, zorder=8,
-                             clip_on=False)  # fmt: skip
+        dashed: dict[str, Any] = {"ls": style.DASHED, "lw": 1.2, "color": style.ANCHOR}
+        handles += axes.plot(
+            *ring.T, label="hull of the anchors", zorder=5, clip_on=False, **dashed
+        )
+    anchors, best = layout.anchors[:, :2], layout.best[:2]
+    handles += style.marks(axes, anchors, "^", 10, style.ANCHOR, "anchor", clip_on=False)
+    text = "best place for one more"
+    handles += style.marks(axes, best, "*", 16, style.REJECTED, text, clip_on=False)
     return handles

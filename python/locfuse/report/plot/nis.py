@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -13,21 +15,7 @@ from numpy.typing import NDArray
 from locfuse.eval.consistency import band, share_in_band
 from locfuse.eval.verdicts import source_rank
 from locfuse.report.decimation import keep_cloud
-from locfuse.report.plot.style import (
-    DASHED,
-    ESTIMATE,
-    ESTIMATE_PALE,
-    MAX_POINTS,
-    MEAN,
-    MUTED,
-    REJECTED,
-    Handle,
-    legend,
-    panels,
-    sentence,
-    time_axis,
-    title,
-)
+from locfuse.report.plot import style
 from locfuse.report.text import VERDICT_LABELS, count, percent, seconds, start_ns
 from locfuse.types import FloatArray, RunResult
 
@@ -43,11 +31,11 @@ def plot_nis(result: RunResult) -> Figure:
     """
     outcomes = result.outcomes
     compared = np.isfinite(outcomes.nis) & (outcomes.dof > 0)
-    groups = set(zip(outcomes.source[compared].tolist(), outcomes.dof[compared].tolist(),
-                     strict=True))  # fmt: skip
+    sources, dofs = outcomes.source[compared].tolist(), outcomes.dof[compared].tolist()
+    groups = set(zip(sources, dofs, strict=True))
     if not groups:
-        return sentence("No message was compared with a prediction, so there is no NIS.")
-    figure, column = panels(len(groups), 2.5)
+        return style.sentence("No message was compared with a prediction, so there is no NIS.")
+    figure, column = style.panels(len(groups), 2.5)
     time_s = seconds(outcomes.stamp_ns, start_ns(result))
     gated = outcomes.verdict == "gated"
     ordered = sorted(groups, key=lambda group: (source_rank(group[0]), *group))
@@ -55,16 +43,17 @@ def plot_nis(result: RunResult) -> Figure:
         member = compared & (outcomes.source == source) & (outcomes.dof == dof)
         nis, bad = outcomes.nis[member], gated[member]
         _draw(axes, time_s[member], nis, bad, dof)
-        title(axes, _summary(source, dof, nis, bad))
-    time_axis(column[-1], time_s[compared])
+        style.title(axes, _summary(source, dof, nis, bad))
+    style.time_axis(column[-1], time_s[compared])
     figure.align_ylabels(column)
-    handles: list[Handle] = [_dot(ESTIMATE, VERDICT_LABELS["fused"])]
+    handles: list[style.Handle] = [_dot(style.ESTIMATE, VERDICT_LABELS["fused"])]
     if (gated & compared).any():
-        handles.append(_dot(REJECTED, VERDICT_LABELS["gated"]))
-    handles.append(Line2D([], [], color=MEAN, lw=1.4, label="mean of fused"))
-    handles.append(Line2D([], [], color=MUTED, lw=1.0, ls=DASHED, label="expected mean"))
-    handles.append(Patch(facecolor=ESTIMATE_PALE, label="two-sided 95 % band"))
-    legend(figure, handles)
+        handles.append(_dot(style.REJECTED, VERDICT_LABELS["gated"]))
+    dashed: dict[str, Any] = {"color": style.MUTED, "lw": 1.0, "ls": style.DASHED}
+    handles.append(Line2D([], [], color=style.MEAN, lw=1.4, label="mean of fused"))
+    handles.append(Line2D([], [], label="expected mean", **dashed))
+    handles.append(Patch(facecolor=style.ESTIMATE_PALE, label="two-sided 95 % band"))
+    style.legend(figure, handles)
     return figure
 
 
@@ -74,26 +63,23 @@ def _draw(
     low, high = band(dof)
     floor = low / 3.0
     axes.set_yscale("log")
-    axes.axhspan(low, high, color=ESTIMATE_PALE, linewidth=0, zorder=0)
-    axes.axhline(dof, color=MUTED, lw=1.0, ls=DASHED, zorder=1)
+    axes.axhspan(low, high, color=style.ESTIMATE_PALE, linewidth=0, zorder=0)
+    axes.axhline(dof, color=style.MUTED, lw=1.0, ls=style.DASHED, zorder=1)
     for chosen, colour, size, alpha, order in (
-        (~gated, ESTIMATE, 2.2, 0.65, 2),
-        (gated, REJECTED, 3.0, 0.9, 3),
+        (~gated, style.ESTIMATE, 2.2, 0.65, 2),
+        (gated, style.REJECTED, 3.0, 0.9, 3),
     ):
         rows = np.flatnonzero(chosen)
-        rows = rows[keep_cloud(nis[rows], MAX_POINTS)]
-        axes.plot(
-            time_s[rows],
-            np.maximum(nis[rows], floor),
-            ls="none",
-            marker="o",
-            markersize=size,
-            markeredgewidth=0,
-            color=colour,
-            alpha=alpha,
-            zorder=order,
-        )
-    axes.plot(*_binned_mean(time_s[~gated], nis[~gated]), color=MEAN, lw=1.4, zorder=4)
+        rows = rows[keep_cloud(nis[rows], style.MAX_POINTS)]
+        dots: dict[str, Any] = {
+            "ms": size,
+            "mew": 0,
+            "color": colour,
+            "alpha": alpha,
+            "zorder": order,
+        }
+        axes.plot(time_s[rows], np.maximum(nis[rows], floor), "o", **dots)
+    axes.plot(*_binned_mean(time_s[~gated], nis[~gated]), color=style.MEAN, lw=1.4, zorder=4)
     axes.set_ylim(floor, max(3.0 * high, 1.6 * float(nis.max())))
     axes.set_ylabel("NIS")
 

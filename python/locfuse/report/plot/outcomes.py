@@ -11,24 +11,12 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from locfuse.eval.verdicts import MessageRow, message_rows
-from locfuse.report.plot.style import (
-    ANCHOR,
-    ESTIMATE_PALE,
-    INK,
-    MUTED,
-    REJECTED,
-    Handle,
-    dress,
-    legend,
-    new_figure,
-    sentence,
-    time_axis,
-)
+from locfuse.report.plot import style
 from locfuse.report.text import VERDICT_LABELS, count, percent, seconds, short, start_ns
 from locfuse.types import NANOSECONDS, FloatArray, RunResult, StampArray
 
 VERDICT_COLOURS = {
-    "gated": REJECTED,
+    "gated": style.REJECTED,
     "not_modelled": "#CC79A7",
     "stale": "#E69F00",
     "ignored": "#8c8c8c",
@@ -49,41 +37,41 @@ def plot_outcomes(result: RunResult) -> Figure:
     """
     rows = message_rows(result.outcomes)
     if not rows:
-        return sentence("The run received no message.")
-    figure = new_figure(0.34 * len(rows) + 1.6)
+        return style.sentence("The run received no message.")
+    figure = style.new_figure(0.34 * len(rows) + 1.6)
     axes = figure.add_subplot()
-    dress(axes)
+    style.dress(axes)
     axes.grid(visible=False, axis="y")
     first, last = int(result.outcomes.stamp_ns.min()), int(result.outcomes.stamp_ns.max())
     last = max(last, first + NANOSECONDS)
     seen: set[str] = set()
     for level, row in enumerate(rows):
         seen |= _draw_row(axes, level, row, first, last, start_ns(result))
-        colour = REJECTED if row.suspect else INK if row.rejected else MUTED
+        colour = style.REJECTED if row.suspect else style.INK if row.rejected else style.MUTED
         _beside(axes, level, 58, percent(row.rejected_share), colour, bold=row.suspect)
-        _beside(axes, level, 118, count(len(row.stamp_ns)), MUTED)
-    _beside(axes, -0.75, 58, "rejected", MUTED)
-    _beside(axes, -0.75, 118, "messages", MUTED)
+        _beside(axes, level, 118, count(len(row.stamp_ns)), style.MUTED)
+    _beside(axes, -0.75, 58, "rejected", style.MUTED)
+    _beside(axes, -0.75, 118, "messages", style.MUTED)
     axes.set_ylim(len(rows) - 0.5, -0.5)
     axes.set_yticks(range(len(rows)))
     axes.set_yticklabels([short(row.label) for row in rows], parse_math=False)
     axes.tick_params(axis="y", length=0)
     for name, row in zip(axes.get_yticklabels(), rows, strict=True):
         if row.suspect:
-            name.set_color(REJECTED)
+            name.set_color(style.REJECTED)
             name.set_fontweight("bold")
-    time_axis(axes, seconds(np.array([first, last]), start_ns(result)))
-    handles: list[Handle] = [Patch(facecolor=ESTIMATE_PALE, label="message arrived")]
+    style.time_axis(axes, seconds(np.array([first, last]), start_ns(result)))
+    handles: list[style.Handle] = [Patch(facecolor=style.ESTIMATE_PALE, label="message arrived")]
     switched = result.outcomes.stamp_ns[result.outcomes.source == "switch"]
     for at in seconds(switched, start_ns(result)).tolist():
-        mark = axes.axvline(at, color=ANCHOR, lw=1.6, label="UWB took over")
+        mark = axes.axvline(at, color=style.ANCHOR, lw=1.6, label="UWB took over")
         handles[1:] = [mark]
     handles += [
         Patch(facecolor=colour, label=VERDICT_LABELS[verdict])
         for verdict, colour in VERDICT_COLOURS.items()
         if verdict in seen
     ]
-    legend(figure, handles)
+    style.legend(figure, handles)
     return figure
 
 
@@ -98,7 +86,7 @@ def _draw_row(
     left_s, right_s = left_s + shift_s, right_s + shift_s
     base = np.full(TIME_BINS, level + 0.4)
     whole = np.full(TIME_BINS, 0.8)
-    _bars(axes, arrived > 0, left_s, right_s, base, whole, ESTIMATE_PALE)
+    _bars(axes, arrived > 0, left_s, right_s, base, whole, style.ESTIMATE_PALE)
     seen: set[str] = set()
     for verdict, colour in VERDICT_COLOURS.items():
         members = np.bincount(slices[row.verdict == verdict], minlength=TIME_BINS)

@@ -15,23 +15,9 @@ from matplotlib.patches import Circle, Ellipse, Patch
 from locfuse.eval.verdicts import SUSPECT_SHARE, MessageRow, message_rows
 from locfuse.report.decimation import evenly_along, stride
 from locfuse.report.palette import ELLIPSE_SIGMAS
+from locfuse.report.plot import style
 from locfuse.report.plot.labels import Label, join_same_spot, place_labels
-from locfuse.report.plot.style import (
-    ANCHOR,
-    DASHED,
-    ESTIMATE,
-    GRID,
-    INK,
-    MUTED,
-    REJECTED,
-    TRUTH,
-    WIDTH_IN,
-    Handle,
-    dress,
-    legend,
-    new_figure,
-)
-from locfuse.report.plot.world import box_around, draw_map, drawable
+from locfuse.report.plot.world import box_around, draw_map, drawable, world_figure
 from locfuse.report.text import percent, short
 from locfuse.types import FloatArray, MappedLandmarks, RunResult, Trajectory
 
@@ -58,27 +44,20 @@ def plot_path(result: RunResult) -> Figure:
     if result.landmarks is not None:
         shown.append(result.landmarks.position)
     low, high = box_around(np.vstack(shown), 0.07, 0.4, 0.9)
-    figure = new_figure(0.94 * WIDTH_IN * (high - low)[1] / (high - low)[0] + 0.95)
-    axes = figure.add_subplot()
-    dress(axes)
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
-    axes.set_aspect("equal", adjustable="box")
-    axes.set_xlabel("x in world [m]")
-    axes.set_ylabel("y in world [m]")
-
+    figure, axes = world_figure(low, high, 0.95)
     if result.log.grid is not None:
-        draw_map(axes, drawable(result.log.grid, (high - low)[0]), ("white", GRID, MUTED), zorder=0)
+        draw_map(axes, drawable(result.log.grid, (high - low)[0]))
         axes.grid(visible=False)
     handles = _draw_tracks(axes, estimate, result.truth)
     rows = {row.anchor: row for row in message_rows(result.outcomes) if row.anchor}
     labels = _draw_anchors(axes, handles, anchors, rows)
     labels += _draw_landmarks(axes, handles, landmarks)
-    for at, radius in zip(landmarks.values(), _radii(result), strict=False):
-        axes.add_patch(Circle((at[0], at[1]), radius, facecolor=GRID, edgecolor=MUTED, zorder=0))
+    radii = result.log.tables.get("landmarks", {}).get("radius_m", np.empty(0)).tolist()
+    for (x, y), radius in zip(landmarks.values(), radii, strict=False):
+        axes.add_patch(Circle((x, y), radius, fc=style.GRID, ec=style.MUTED, zorder=0))
     if result.landmarks is not None:
         labels += _draw_map_of_landmarks(axes, handles, result.landmarks, set(landmarks))
-    legend(figure, handles)
+    style.legend(figure, handles)
     place_labels(figure, axes, join_same_spot(labels), estimate.position)
     return figure
 
@@ -100,12 +79,12 @@ def ellipse_axes(covariance: FloatArray, sigmas: float) -> tuple[float, float, f
 
 
 def draw_ellipse(
-    axes: Axes, at: FloatArray, covariance: FloatArray, sigmas: float, **style: Any
+    axes: Axes, at: FloatArray, covariance: FloatArray, sigmas: float, **look: Any
 ) -> Ellipse:
-    """Draw the covariance ellipse (2, 2) of a position (2,), as `style` says, and return it."""
+    """Draw the covariance ellipse (2, 2) of a position (2,), as `look` says, and return it."""
     major, minor, angle = ellipse_axes(covariance, sigmas)
     x, y = at.tolist()
-    ellipse = Ellipse((x, y), major, minor, angle=float(np.degrees(angle)), **style)
+    ellipse = Ellipse((x, y), major, minor, angle=float(np.degrees(angle)), **look)
     axes.add_patch(ellipse)
     return ellipse
 
@@ -119,33 +98,25 @@ def _places(result: RunResult, stem: str, name: str) -> dict[str, FloatArray]:
     return dict(zip(table[name].tolist(), xy, strict=True))
 
 
-def _draw_tracks(axes: Axes, estimate: Trajectory, truth: Trajectory | None) -> list[Handle]:
-    handles: list[Handle] = []
+def _draw_tracks(axes: Axes, estimate: Trajectory, truth: Trajectory | None) -> list[style.Handle]:
+    handles: list[style.Handle] = []
     if truth is not None and len(truth):
         line = truth.position[stride(len(truth), _MAX_PATH_POINTS)]
-        handles += axes.plot(*line.T, color=TRUTH, lw=1.2, ls=DASHED, label="truth", zorder=3)
+        dashed: dict[str, Any] = {"color": style.TRUTH, "lw": 1.2, "ls": style.DASHED}
+        handles += axes.plot(*line.T, label="truth", zorder=3, **dashed)
     line = estimate.position[stride(len(estimate), _MAX_PATH_POINTS)]
-    handles += axes.plot(*line.T, color=ESTIMATE, lw=1.5, label="estimate", zorder=4)
+    handles += axes.plot(*line.T, color=style.ESTIMATE, lw=1.5, label="estimate", zorder=4)
     if estimate.covariance is not None:
         handles.append(_draw_ellipses(axes, estimate.position, estimate.covariance))
-    ends = ((0, "o", 8, "white", "start"), (-1, "s", 10, "none", "end"))
-    for row, marker, size, fill, label in ends:
-        handles += axes.plot(
-            *estimate.position[row],
-            marker=marker,
-            markersize=size,
-            markerfacecolor=fill,
-            markeredgecolor=ESTIMATE,
-            markeredgewidth=2.0,
-            ls="none",
-            label=label,
-            zorder=6,
-        )
+    edge: dict[str, Any] = {"mec": style.ESTIMATE, "mew": 2.0, "zorder": 6}
+    first, last = estimate.position[[0, -1]]
+    handles += style.marks(axes, first, "o", 8, "white", "start", **edge)
+    handles += style.marks(axes, last, "s", 10, "none", "end", **edge)
     return handles
 
 
 def _draw_ellipses(axes: Axes, position: FloatArray, covariance: FloatArray) -> Patch:
-    face, edge = to_rgba(ESTIMATE, 0.13), to_rgba(ESTIMATE, 0.75)
+    face, edge = to_rgba(style.ESTIMATE, 0.13), to_rgba(style.ESTIMATE, 0.75)
     for row in evenly_along(position, _ELLIPSES):
         draw_ellipse(axes, position[row], covariance[row, :2, :2], ELLIPSE_SIGMAS, facecolor=face,
                      edgecolor=edge, linewidth=0.7, zorder=2)  # fmt: skip
@@ -154,7 +125,7 @@ def _draw_ellipses(axes: Axes, position: FloatArray, covariance: FloatArray) -> 
 
 def _draw_anchors(
     axes: Axes,
-    handles: list[Handle],
+    handles: list[style.Handle],
     anchors: Mapping[str, FloatArray],
     rows: Mapping[str, MessageRow],
 ) -> list[Label]:
@@ -164,58 +135,45 @@ def _draw_anchors(
     for name, at in anchors.items():
         if name in suspects:
             text = f"{short(name)}: {percent(rows[name].rejected_share)} rejected"
-            labels.append(Label(text, at, REJECTED))
+            labels.append(Label(text, at, style.REJECTED))
         elif len(anchors) <= _MAX_NAMED:
-            labels.append(Label(short(name), at, INK))
+            labels.append(Label(short(name), at, style.INK))
     suspect_label = f"anchor, at least {100 * SUSPECT_SHARE:.0f} % rejected"
-    for chosen, colour, label in (
-        ([at for name, at in anchors.items() if name not in suspects], ANCHOR, "anchor"),
-        ([anchors[name] for name in suspects], REJECTED, suspect_label),
-    ):
-        if chosen:
-            handles += axes.plot(
-                *np.array(chosen).T,
-                marker="^",
-                markersize=9,
-                markerfacecolor=colour,
-                markeredgecolor="white",
-                ls="none",
-                label=label,
-                zorder=8,
-            )
+    good = [at for name, at in anchors.items() if name not in suspects]
+    bad = [anchors[name] for name in suspects]
+    if good:
+        handles += style.marks(axes, np.array(good), "^", 9, style.ANCHOR, "anchor")
+    if bad:
+        handles += style.marks(axes, np.array(bad), "^", 9, style.REJECTED, suspect_label)
     return labels
 
 
-def _radii(result: RunResult) -> list[float]:
-    table = result.log.tables.get("landmarks", {})
-    radii: list[float] = table["radius_m"].tolist() if "radius_m" in table else []
-    return radii
-
-
 def _draw_map_of_landmarks(
-    axes: Axes, handles: list[Handle], mapped: MappedLandmarks, named: set[str]
+    axes: Axes, handles: list[style.Handle], mapped: MappedLandmarks, named: set[str]
 ) -> list[Label]:
     """Draw mapped landmarks with 3-sigma ellipses; those in `named` have their labels already."""
     if len(mapped) == 0:
         return []
-    handles += axes.plot(*mapped.position.T, marker="o", markersize=4, color=ESTIMATE, ls="none",
-                         label="mapped landmark", zorder=7)  # fmt: skip
+    colour = style.ESTIMATE
+    handles += style.marks(
+        axes, mapped.position, "o", 4, colour, "mapped landmark", mec=colour, zorder=7
+    )
+    outline: dict[str, Any] = {"facecolor": "none", "edgecolor": colour, "lw": 0.8, "zorder": 6}
     for at, covariance in zip(mapped.position, mapped.covariance, strict=True):
-        draw_ellipse(axes, at, covariance, ELLIPSE_SIGMAS, facecolor="none", edgecolor=ESTIMATE,
-                     lw=0.8, zorder=6)  # fmt: skip
+        draw_ellipse(axes, at, covariance, ELLIPSE_SIGMAS, **outline)
     if len(mapped) > _MAX_NAMED:
         return []
     places = zip(mapped.name.tolist(), mapped.position, strict=True)
-    return [Label(short(name), at, ESTIMATE) for name, at in places if name not in named]
+    return [Label(short(name), at, colour) for name, at in places if name not in named]
 
 
 def _draw_landmarks(
-    axes: Axes, handles: list[Handle], landmarks: Mapping[str, FloatArray]
+    axes: Axes, handles: list[style.Handle], landmarks: Mapping[str, FloatArray]
 ) -> list[Label]:
     if not landmarks:
         return []
     xy = np.array(list(landmarks.values()))
-    handles += axes.plot(*xy.T, marker="D", markersize=5, color=MUTED, ls="none", label="landmark")
+    handles += axes.plot(*xy.T, "D", ms=5, color=style.MUTED, label="landmark")
     if len(landmarks) > _MAX_NAMED:
         return []
-    return [Label(short(name), at, MUTED) for name, at in landmarks.items()]
+    return [Label(short(name), at, style.MUTED) for name, at in landmarks.items()]

@@ -6,7 +6,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -57,6 +57,14 @@ def panels(count: int, each_in: float) -> tuple[Figure, list[Axes]]:
     for axes in column:
         dress(axes)
     return figure, column
+
+
+def marks(
+    axes: Axes, at: FloatArray, marker: str, size: float, colour: str, label: str, **look: Any
+) -> list[Line2D]:
+    """Draw points (n, 2) as marks with a white edge, or as `look` says; return their handle."""
+    look = {"mec": "white", "zorder": 8, **look}
+    return axes.plot(*at.T, marker, ms=size, mfc=colour, ls="none", label=label, **look)
 
 
 def dress(axes: Axes) -> None:

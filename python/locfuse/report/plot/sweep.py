@@ -19,23 +19,7 @@ from locfuse.eval.intervals import median_interval
 from locfuse.eval.scores import LEVELS
 from locfuse.io.whole import whole_file
 from locfuse.report.decimation import keep_cloud
-from locfuse.report.plot.style import (
-    ANCHOR,
-    DASHED,
-    ESTIMATE,
-    ESTIMATE_PALE,
-    INK,
-    MAX_POINTS,
-    MUTED,
-    REJECTED,
-    Handle,
-    dress,
-    legend,
-    new_figure,
-    panels,
-    save,
-    title,
-)
+from locfuse.report.plot import style
 from locfuse.report.text import count, percent, short
 from locfuse.sweep.summary import Group, calibration, groups_of, known, nees_band
 from locfuse.sweep.table import Trials
@@ -43,7 +27,16 @@ from locfuse.sweep.vary import Axis
 from locfuse.types import FloatArray
 
 ERRORS = (("position_rmse_m", "position RMSE [m]"), ("heading_rmse_deg", "heading RMSE [deg]"))
-CURVES = (ESTIMATE, REJECTED, ANCHOR, "#CC79A7", "#E69F00", INK, "#56B4E9", MUTED)
+CURVES = (
+    style.ESTIMATE,
+    style.REJECTED,
+    style.ANCHOR,
+    "#CC79A7",
+    "#E69F00",
+    style.INK,
+    "#56B4E9",
+    style.MUTED,
+)
 MAX_CURVES = len(CURVES)  # of values with a curve each
 _MAX_TICKS = 12
 _WIDE = 4.0  # ratio of errors from which their axis is logarithmic
@@ -64,7 +57,7 @@ def draw_sweep(trials: Trials, folder: Path) -> list[Path]:
         if figure is not None:
             paths.append(folder / f"{name}.png")
             with whole_file(paths[-1]) as part:
-                save(figure, part)
+                style.save(figure, part)
     return paths
 
 
@@ -77,20 +70,20 @@ def plot_against(trials: Trials, axis: Axis) -> Figure | None:
     shown = [(name, label) for name, label in ERRORS if len(known(trials, name))]
     if not shown:
         return None
-    figure, column = panels(len(shown), 2.9)
+    figure, column = style.panels(len(shown), 2.9)
     groups = groups_of(trials, axis)
     for axes, (name, label) in zip(column, shown, strict=True):
         _draw_against(axes, trials, groups, name)
         axes.set_ylabel(label)
-        _scale(axes, known(trials, name))
+        _scale(axes.yaxis, known(trials, name))
     _key_axis(column[-1], axis, groups)
     figure.align_ylabels(column)
     slices = f"{len(groups)} slices of {axis.key} with equally many trials"
-    title(column[0], _trial_counts(trials, f"by {axis.key}" if axis.values else slices))
-    legend(figure, [
-        Line2D([], [], color=MUTED, ls="none", marker="o", ms=4, alpha=0.6, label="a trial"),
-        Patch(facecolor=ESTIMATE_PALE, label="5 % to 95 % of the trials"),
-        Line2D([], [], color=ESTIMATE, lw=1.6, marker="o", ms=4,
+    style.title(column[0], _trial_counts(trials, f"by {axis.key}" if axis.values else slices))
+    style.legend(figure, [
+        Line2D([], [], color=style.MUTED, ls="none", marker="o", ms=4, alpha=0.6, label="a trial"),
+        Patch(facecolor=style.ESTIMATE_PALE, label="5 % to 95 % of the trials"),
+        Line2D([], [], color=style.ESTIMATE, lw=1.6, marker="o", ms=4,
                label="median and its 95 % interval"),
     ])  # fmt: skip
     return figure
@@ -118,14 +111,15 @@ def _plain(axis: XAxis | YAxis) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def _scale(axes: Axes, values: FloatArray) -> None:
+def _scale(axis: XAxis | YAxis, values: FloatArray) -> None:
     """Choose the axis of errors: logarithmic where a linear one hides the small ones."""
     low, high = np.quantile(values, [0.05, 1.0])
+    name = axis.axis_name
     if low > 0.0 and high / low > _WIDE:
-        axes.set_yscale("log")
-        _plain(axes.yaxis)
+        axis.axes.set(**{f"{name}scale": "log"})
+        _plain(axis)
     else:
-        axes.set_ylim(bottom=0.0)
+        axis.axes.set(**{f"{name}lim": (0.0, None)})
 
 
 def _draw_against(axes: Axes, trials: Trials, groups: Sequence[Group], name: str) -> None:
@@ -140,22 +134,22 @@ def _draw_against(axes: Axes, trials: Trials, groups: Sequence[Group], name: str
             at = some[group.axis.key][np.isfinite(some[name])].astype(np.float64)
         middle.append(float(np.median(at)))
         found.append(values)
-        rows = keep_cloud(values, MAX_POINTS // len(groups))
+        rows = keep_cloud(values, style.MAX_POINTS // len(groups))
         axes.plot(_spread(at, groups)[rows], values[rows], ls="none", marker="o", ms=2.4, mew=0,
-                  color=MUTED, alpha=0.5, zorder=2)  # fmt: skip
+                  color=style.MUTED, alpha=0.5, zorder=2)  # fmt: skip
         low, high = np.quantile(values, [0.05, 0.95])
         if np.isnan(group.low) or group.low == group.high:
             axes.errorbar(middle[-1], low, [[0.0], [high - low]], fmt="none", elinewidth=16,
-                          ecolor=ESTIMATE_PALE, zorder=1)  # fmt: skip
+                          ecolor=style.ESTIMATE_PALE, zorder=1)  # fmt: skip
         else:
-            axes.fill_between([group.low, group.high], low, high, color=ESTIMATE_PALE, lw=0,
+            axes.fill_between([group.low, group.high], low, high, color=style.ESTIMATE_PALE, lw=0,
                               zorder=1)  # fmt: skip
     x, median = np.array(middle), np.array([np.median(values) for values in found])
     ends = [median_interval(v) or (m, m) for v, m in zip(found, median, strict=True)]
     below, above = np.array(ends).T
     words = all(np.isnan(group.low) for group in groups)
     axes.errorbar(x, median, [median - below, above - median], fmt="o" if words else "o-", ms=4,
-                  color=ESTIMATE, lw=1.6, capsize=4, zorder=4)  # fmt: skip
+                  color=style.ESTIMATE, lw=1.6, capsize=4, zorder=4)  # fmt: skip
 
 
 def _spread(at: FloatArray, groups: Sequence[Group]) -> FloatArray:
@@ -186,28 +180,23 @@ def plot_cdfs(trials: Trials) -> Figure | None:
     if not shown:
         return None
     curves, of = _curves(trials)
-    figure = new_figure(4.2)
+    figure = style.new_figure(4.2)
     row = list(figure.subplots(1, len(shown), sharey=True, squeeze=False)[0])
-    handles: list[Handle] = []
+    handles: list[style.Handle] = []
     for axes, (name, label) in zip(row, shown, strict=True):
-        dress(axes)
+        style.dress(axes)
         handles = []
         for (text, some), color in zip(curves, CURVES, strict=False):
             values = np.sort(known(some, name))
             share = np.arange(1, len(values) + 1) / len(some)
             axes.step(values, share, where="post", color=color, lw=1.5)
             handles.append(Line2D([], [], color=color, lw=1.5, label=short(text)))
-        low, high = np.quantile(known(trials, name), [0.05, 1.0])
-        if low > 0.0 and high / low > _WIDE:
-            axes.set_xscale("log")
-            _plain(axes.xaxis)
-        else:
-            axes.set_xlim(left=0.0)
+        _scale(axes.xaxis, known(trials, name))
         axes.set_xlabel(label)
         axes.set_ylim(0.0, 1.02)
     row[0].set_ylabel("share of trials")
-    title(row[0], _trial_counts(trials, of))
-    legend(figure, handles)
+    style.title(row[0], _trial_counts(trials, of))
+    style.legend(figure, handles)
     return figure
 
 
@@ -229,13 +218,11 @@ def plot_nees(trials: Trials) -> Figure | None:
     found = nees_band(trials)
     if found is None:
         return None
-    figure = new_figure(3.6)
-    axes = figure.subplots()
-    dress(axes)
+    figure, (axes,) = style.panels(1, 2.7)
     share = np.linspace(0.0, 100.0, len(found.mean))
-    axes.axhspan(found.low, found.high, color=ESTIMATE_PALE, lw=0, zorder=0)
-    axes.axhline(found.dof, color=MUTED, lw=1.0, ls=DASHED, zorder=1)
-    axes.plot(share, found.mean, "o-", color=ESTIMATE, lw=1.4, ms=4, zorder=3)
+    axes.axhspan(found.low, found.high, color=style.ESTIMATE_PALE, lw=0, zorder=0)
+    axes.axhline(found.dof, color=style.MUTED, lw=1.0, ls=style.DASHED, zorder=1)
+    axes.plot(share, found.mean, "o-", color=style.ESTIMATE, lw=1.4, ms=4, zorder=3)
     if found.mean.max() > 10.0 * found.dof:
         axes.set_yscale("log")
         axes.yaxis.set_major_formatter("{x:g}")
@@ -244,12 +231,13 @@ def plot_nees(trials: Trials) -> Figure | None:
     axes.set_xlabel("part of the drive [%]")
     axes.set_ylabel("mean NEES")
     inside = round(found.inside * len(found.mean))
-    title(axes, f"{count(found.trials)} trials: {inside} of {len(found.mean)} instants inside the "
-                f"band {found.low:.3g} to {found.high:.3g}, where 95 % should be")  # fmt: skip
-    legend(figure, [
-        Line2D([], [], color=ESTIMATE, lw=1.4, marker="o", ms=4, label="mean over trials"),
-        Line2D([], [], color=MUTED, lw=1.0, ls=DASHED, label="expected"),
-        Patch(facecolor=ESTIMATE_PALE, label="two-sided 95 % band of the mean"),
+    where = f"band {found.low:.3g} to {found.high:.3g}, where 95 % should be"
+    instants = f"{inside} of {len(found.mean)} instants inside the {where}"
+    style.title(axes, f"{count(found.trials)} trials: {instants}")
+    style.legend(figure, [
+        Line2D([], [], color=style.ESTIMATE, lw=1.4, marker="o", ms=4, label="mean over trials"),
+        Line2D([], [], color=style.MUTED, lw=1.0, ls=style.DASHED, label="expected"),
+        Patch(facecolor=style.ESTIMATE_PALE, label="two-sided 95 % band of the mean"),
     ])  # fmt: skip
     return figure
 
@@ -263,11 +251,11 @@ def plot_calibration(trials: Trials) -> Figure | None:
     if not calibration(trials):
         return None
     curves, of = _curves(trials)
-    figure = new_figure(4.6)
-    axes = figure.subplots()
-    dress(axes)
-    axes.plot([0, 1], [0, 1], color=MUTED, lw=1.0, ls=DASHED, zorder=1)
-    handles: list[Handle] = [Line2D([], [], color=MUTED, lw=1.0, ls=DASHED, label="as it says")]
+    figure, (axes,) = style.panels(1, 3.7)
+    axes.plot([0, 1], [0, 1], color=style.MUTED, lw=1.0, ls=style.DASHED, zorder=1)
+    handles: list[style.Handle] = [
+        Line2D([], [], color=style.MUTED, lw=1.0, ls=style.DASHED, label="as it says")
+    ]
     lowest = 0.4
     for place, ((text, some), color) in enumerate(zip(curves, CURVES, strict=False)):
         points = calibration(some)
@@ -288,10 +276,10 @@ def plot_calibration(trials: Trials) -> Figure | None:
     axes.set_xlabel("errors that should be inside [%]")
     axes.set_ylabel("errors that are [%]")
     for x, y, side, text in ((0.02, 0.9, "left", "large"), (0.98, 0.05, "right", "small")):
-        axes.text(x, y, f"covariance too {text}", fontsize=9, color=MUTED, ha=side,
+        axes.text(x, y, f"covariance too {text}", fontsize=9, color=style.MUTED, ha=side,
                   transform=axes.transAxes)  # fmt: skip
-    title(axes, _trial_counts(trials, of))
-    legend(figure, handles)
+    style.title(axes, _trial_counts(trials, of))
+    style.legend(figure, handles)
     return figure
 
 

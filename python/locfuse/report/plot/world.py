@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What pictures of the world have in common: limits and map."""
+"""What pictures of the world have in common: limits, axes and map."""
 
 from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
 from matplotlib.transforms import Affine2D
 
+from locfuse.report.plot import style
 from locfuse.types import OCCUPIED, UNKNOWN, FloatArray, GridMap
 
 _PIXELS = 1000  # approximate width of the axes of a picture
@@ -30,6 +32,22 @@ def box_around(
     return low - grow, high + grow
 
 
+def world_figure(
+    low: FloatArray, high: FloatArray, more_in: float, share: float = 0.94
+) -> tuple[Figure, Axes]:
+    """Return a figure with axes of the world between two corners [m], its scales equal.
+
+    The axes take a `share` of its width; it is `more_in` higher than they are.
+    """
+    width, height = (high - low).tolist()
+    figure = style.new_figure(share * style.WIDTH_IN * height / width + more_in)
+    axes = figure.add_subplot()
+    style.dress(axes)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    axes.set(xlabel="x in world [m]", ylabel="y in world [m]")
+    return figure, axes
+
+
 def drawable(grid: GridMap, width_m: float) -> GridMap:
     """Return the map in cells of at least a pixel of a picture of that width.
 
@@ -39,7 +57,12 @@ def drawable(grid: GridMap, width_m: float) -> GridMap:
     return grid if grid.resolution_m >= pixel_m else grid.resampled(pixel_m)
 
 
-def draw_map(axes: Axes, grid: GridMap, colours: tuple[str, str, str], zorder: float) -> None:
+def draw_map(
+    axes: Axes,
+    grid: GridMap,
+    colours: tuple[str, str, str] = ("white", style.GRID, style.MUTED),
+    zorder: float = 0,
+) -> None:
     """Draw free, unknown and occupied cells, and leave the limits of the axes as they are."""
     height, width = grid.cells.shape
     x, y, yaw = grid.origin
