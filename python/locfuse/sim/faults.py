@@ -13,20 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.config.scenario import (
-    Bias,
-    Dropouts,
-    Fault,
-    Kidnap,
-    LaserFault,
-    Latency,
-    Nlos,
-    Outliers,
-    SlipEpisodes,
-    Wander,
-    WheelSlip,
-    fault_source,
-)
+from locfuse.config import scenario
 from locfuse.sim.sensors import point_in_world, seconds
 from locfuse.sim.trajectory import Drive
 from locfuse.types import NANOSECONDS, Columns, FloatArray, StampArray, wrap_angle
@@ -34,6 +21,8 @@ from locfuse.types import NANOSECONDS, Columns, FloatArray, StampArray, wrap_ang
 Points = Mapping[str, tuple[float, float, float]]
 Mask = NDArray[np.bool_]
 
+MOVED = ("dx_m", "dy_m", "v_mps", "v_left_mps")  # columns of odometry
+TURNED = ("dheading_rad", "omega_radps")
 TOUCHING = 1e-9  # share of the line of sight; closer to an end than this is no crossing
 
 
@@ -52,7 +41,9 @@ class World:
 
 
 def with_faults(
-    tables: Mapping[str, Columns], faults: Sequence[tuple[Fault, np.random.Generator]], world: World
+    tables: Mapping[str, Columns],
+    faults: Sequence[tuple[scenario.Fault, np.random.Generator]],
+    world: World,
 ) -> dict[str, Columns]:
     """Return the tables, by sensor, after all faults, in their order; `tables` is not changed.
 
@@ -60,19 +51,31 @@ def with_faults(
     """
     result = dict(tables)
     keep = {source: np.ones(len(table["stamp_ns"]), np.bool_) for source, table in tables.items()}
+    epoch = seconds(world.odometry_ns)
     for fault, child in faults:
-        if isinstance(fault, LaserFault | Kidnap):
+        if isinstance(fault, scenario.LaserFault | scenario.Kidnap):
             continue
-        source = fault_source(fault)
-        if isinstance(fault, Dropouts):
-            keep[source] &= ~_dropped(result[source], fault, child)
-        elif isinstance(fault, Nlos):
-            through = _walls_of(result[source], fault, world)
-            result[source] = _nlos(result[source], fault, through, child)
+        source = scenario.fault_source(fault)
+        table = result[source]
+        if isinstance(fault, scenario.Dropouts):
+            keep[source] &= ~_dropped(table, fault, child)
+        elif isinstance(fault, scenario.Nlos):
+            through = _walls_of(table, fault, world)
+            result[source] = _nlos(table, fault, through, child)
             if fault.silent_walls is not None:
                 keep[source] &= through < fault.silent_walls
+        elif isinstance(fault, scenario.Bias):
+            result[source] = _bias(table, fault)
+        elif isinstance(fault, scenario.Wander):
+            result[source] = _wander(table, fault, child)
+        elif isinstance(fault, scenario.Outliers):
+            result[source] = _outliers(table, fault, child)
+        elif isinstance(fault, scenario.Latency):
+            result[source] = _latency(table, fault, child)
+        elif isinstance(fault, scenario.WheelSlip):
+            result[source] = _wheel_slip(table, fault, epoch)
         else:
-            result[source] = _changed(result[source], fault, world, child)
+            result[source] = _slip_episodes(table, fault, epoch, child)
     return {
         source: table
         if keep[source].all()
@@ -113,27 +116,7 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
-def _changed(
-    table: Columns,
-    fault: Bias | Wander | Outliers | Latency | WheelSlip | SlipEpisodes,
-    world: World,
-    rng: np.random.Generator,
-) -> Columns:
-    if isinstance(fault, Bias):
-        return _bias(table, fault)
-    if isinstance(fault, Wander):
-        return _wander(table, fault, rng)
-    if isinstance(fault, Outliers):
-        return _outliers(table, fault, rng)
-    if isinstance(fault, Latency):
-        return _latency(table, fault, rng)
-    epoch = seconds(world.odometry_ns)
-    if isinstance(fault, WheelSlip):
-        return _wheel_slip(table, fault, epoch)
-    return _slip_episodes(table, fault, epoch, rng)
-
-
-def _walls_of(table: Columns, fault: Nlos, world: World) -> NDArray[np.int64]:
+def _walls_of(table: Columns, fault: scenario.Nlos, world: World) -> NDArray[np.int64]:
     """Return how many walls of a fault each range goes through."""
     pose = world.drive.pose_at(seconds(table["stamp_ns"]))
     tag = np.empty((len(pose), 2))
@@ -145,7 +128,7 @@ def _walls_of(table: Columns, fault: Nlos, world: World) -> NDArray[np.int64]:
 
 
 def _nlos(
-    table: Columns, fault: Nlos, through: NDArray[np.int64], rng: np.random.Generator
+    table: Columns, fault: scenario.Nlos, through: NDArray[np.int64], rng: np.random.Generator
 ) -> Columns:
     extra = np.full(len(through), fault.extra_m)
     if fault.sigma_m > 0.0:
@@ -156,14 +139,14 @@ def _nlos(
     return {**table, "range_m": long}
 
 
-def _bias(table: Columns, fault: Bias) -> Columns:
+def _bias(table: Columns, fault: scenario.Bias) -> Columns:
     biased = np.maximum(fault.scale * table["range_m"] + fault.offset_m, 0.0)
     if fault.anchor is not None:
         biased = np.where(table["anchor"] == fault.anchor, biased, table["range_m"])
     return {**table, "range_m": biased}
 
 
-def _wander(table: Columns, fault: Wander, rng: np.random.Generator) -> Columns:
+def _wander(table: Columns, fault: scenario.Wander, rng: np.random.Generator) -> Columns:
     drawn = rng.standard_normal(len(table["stamp_ns"]))
     error = np.empty(len(drawn))
     for anchor in np.unique(table["anchor"]):
@@ -180,7 +163,7 @@ def _wander(table: Columns, fault: Wander, rng: np.random.Generator) -> Columns:
     return {**table, "range_m": np.maximum(table["range_m"] + fault.sigma_m * error, 0.0)}
 
 
-def _outliers(table: Columns, fault: Outliers, rng: np.random.Generator) -> Columns:
+def _outliers(table: Columns, fault: scenario.Outliers, rng: np.random.Generator) -> Columns:
     n = len(table["stamp_ns"])
     hit = rng.random(n) < fault.probability
     direction = rng.uniform(-np.pi, np.pi, n)
@@ -193,7 +176,7 @@ def _outliers(table: Columns, fault: Outliers, rng: np.random.Generator) -> Colu
     return {**table, "x_m": np.where(hit, x, table["x_m"]), "y_m": np.where(hit, y, table["y_m"])}
 
 
-def _dropped(table: Columns, fault: Dropouts, rng: np.random.Generator) -> Mask:
+def _dropped(table: Columns, fault: scenario.Dropouts, rng: np.random.Generator) -> Mask:
     stamp_ns = table["stamp_ns"]
     lost = rng.random(len(stamp_ns)) < (1.0 if fault.probability is None else fault.probability)
     if fault.from_s is not None and fault.to_s is not None:
@@ -204,7 +187,7 @@ def _dropped(table: Columns, fault: Dropouts, rng: np.random.Generator) -> Mask:
     return lost
 
 
-def _latency(table: Columns, fault: Latency, rng: np.random.Generator) -> Columns:
+def _latency(table: Columns, fault: scenario.Latency, rng: np.random.Generator) -> Columns:
     delay_s = fault.delay_s + fault.jitter_s * rng.random(len(table["stamp_ns"]))
     delay_ns = np.rint(delay_s * NANOSECONDS).astype(np.int64)
     return {**table, "arrival_ns": table.get("arrival_ns", table["stamp_ns"]) + delay_ns}
@@ -217,28 +200,19 @@ def _reported_between(table: Columns, epoch: FloatArray) -> tuple[FloatArray, Fl
     return epoch[:-1], epoch[1:]  # velocities from the stamp on
 
 
-def _wheel_slip(table: Columns, fault: WheelSlip, epoch: FloatArray) -> Columns:
+def _wheel_slip(table: Columns, fault: scenario.WheelSlip, epoch: FloatArray) -> Columns:
     begin, end = _reported_between(table, epoch)
     inside = np.maximum(np.minimum(end, fault.to_s) - np.maximum(begin, fault.from_s), 0.0)
     share = np.divide(inside, end - begin, out=np.zeros_like(end), where=end > begin)
     translation = 1.0 + (fault.translation_factor - 1.0) * share
     rotation = 1.0 + (fault.rotation_factor - 1.0) * share
-    factors = {
-        "dx_m": translation,
-        "dy_m": translation,
-        "dheading_rad": rotation,
-        "v_mps": translation,
-        "v_left_mps": translation,
-        "omega_radps": rotation,
-    }
-    return {
-        **table,
-        **{name: factor * table[name] for name, factor in factors.items() if name in table},
-    }
+    factors = dict.fromkeys(MOVED, translation) | dict.fromkeys(TURNED, rotation)
+    slipped = {name: factor * table[name] for name, factor in factors.items() if name in table}
+    return {**table, **slipped}
 
 
 def _slip_episodes(
-    table: Columns, fault: SlipEpisodes, epoch: FloatArray, rng: np.random.Generator
+    table: Columns, fault: scenario.SlipEpisodes, epoch: FloatArray, rng: np.random.Generator
 ) -> Columns:
     # Time slipped and angle turned since the beginning are straight between an episode's ends.
     time, slipped, turned = [0.0], [0.0], [0.0]
@@ -254,8 +228,7 @@ def _slip_episodes(
     )
     lasted = np.where(end > begin, end - begin, 1.0)
     factor = 1.0 + (fault.translation_factor - 1.0) * inside / lasted
-    moved = {name: factor * table[name] for name in ("dx_m", "dy_m", "v_mps", "v_left_mps")
-             if name in table}  # fmt: skip
+    moved = {name: factor * table[name] for name in MOVED if name in table}
     if "dx_m" in table:
         moved["dheading_rad"] = wrap_angle(table["dheading_rad"] + more)
     else:

@@ -2,7 +2,9 @@
 """Worlds to drive in, made from a seed: rooms, hallways, a warehouse, a laboratory, an office.
 
 All have the frame of a room: the origin in the south-west corner, in the middle of its cell; a wall
-all around that is one cell thick; and free space of one piece.
+all around that is one cell thick; and free space of one piece. Each is made from a random
+generator, (width, depth) and the side of a cell, at most `COARSEST_M`, all metres, and raises
+ValueError where size or resolution are out of bounds.
 """
 
 from __future__ import annotations
@@ -36,18 +38,7 @@ def rooms(rng: np.random.Generator, size_m: Size, resolution_m: float) -> GridMa
 
     The floor is cut in two, each part again, until rooms are shorter than twice `ROOM_M`.
 
-    Parameters
-    ----------
-    rng : numpy Generator
-    size_m : (width, depth)
-        At least 3 m x 3 m.
-    resolution_m : float
-        At most `COARSEST_M`.
-
-    Raises
-    ------
-    ValueError
-        If the size or the resolution is out of bounds.
+    Its size is at least 3 m x 3 m.
 
     Examples
     --------
@@ -85,18 +76,7 @@ def hallways(rng: np.random.Generator, size_m: Size, resolution_m: float) -> Gri
 
     Along a hallway few features distinguish places: recesses of doors, and the junctions.
 
-    Parameters
-    ----------
-    rng : numpy Generator
-    size_m : (width, depth)
-        At least 8 m x 4 m, or 4 m x 8 m.
-    resolution_m : float
-        At most `COARSEST_M`.
-
-    Raises
-    ------
-    ValueError
-        If the size or the resolution is out of bounds.
+    Its size is at least 8 m x 4 m, or 4 m x 8 m.
     """
     turned = size_m[1] > size_m[0]
     length, depth = size_m[::-1] if turned else size_m
@@ -129,18 +109,7 @@ def warehouse(rng: np.random.Generator, size_m: Size, resolution_m: float) -> Gr
     The seed decides the width of the aisles and where pallets stand; the aisles are equally wide,
     and crossed where shelves would be longer than 15 m.
 
-    Parameters
-    ----------
-    rng : numpy Generator
-    size_m : (width, depth)
-        At least 10 m x 10 m.
-    resolution_m : float
-        At most `COARSEST_M`.
-
-    Raises
-    ------
-    ValueError
-        If the size or the resolution is out of bounds.
+    Its size is at least 10 m x 10 m.
     """
     _check("warehouse", size_m, resolution_m, (10.0, 10.0))
     width, depth = size_m
@@ -170,18 +139,7 @@ def zhang(rng: np.random.Generator, size_m: Size, resolution_m: float) -> GridMa
     text gives neither size nor plan. Assumed are a hallway in the south, two rooms with a door each
     to it and one between them, and a table in every part, which the seed places.
 
-    Parameters
-    ----------
-    rng : numpy Generator
-    size_m : (width, depth)
-        At least 8 m x 8 m.
-    resolution_m : float
-        At most `COARSEST_M`.
-
-    Raises
-    ------
-    ValueError
-        If the size or the resolution is out of bounds.
+    Its size is at least 8 m x 8 m.
     """
     _check("zhang", size_m, resolution_m, (8.0, 8.0))
     width, depth = size_m
@@ -225,16 +183,7 @@ def floor_plan(rng: np.random.Generator, size_m: Size) -> FloorPlan:
     The open room, `OPEN_M` square, is in the south-east. The seed decides where it is, how wide the
     other rooms are, to which hallway those in the middle open, and where their doors are.
 
-    Parameters
-    ----------
-    rng : numpy Generator
-    size_m : (width, depth)
-        At least 40 m x 21 m.
-
-    Raises
-    ------
-    ValueError
-        If the size is out of bounds.
+    The size, (width, depth) in metres, is at least 40 m x 21 m; raises ValueError if it is less.
     """
     _check("floor", size_m, COARSEST_M, (40.0, 3.0 * OPEN_M))
     width, depth = size_m
@@ -263,18 +212,7 @@ def floor(rng: np.random.Generator, size_m: Size, resolution_m: float) -> GridMa
 
     The open room has a cupboard at its southern wall.
 
-    Parameters
-    ----------
-    rng : numpy Generator
-    size_m : (width, depth)
-        At least 40 m x 21 m.
-    resolution_m : float
-        At most `COARSEST_M`.
-
-    Raises
-    ------
-    ValueError
-        If the size or the resolution is out of bounds.
+    Its size is at least 40 m x 21 m.
     """
     _check("floor", size_m, resolution_m, (40.0, 3.0 * OPEN_M))
     return furnished(floor_plan(rng, size_m), rng, size_m, resolution_m)

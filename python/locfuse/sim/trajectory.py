@@ -11,17 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from locfuse.config.scenario import (
-    Circle,
-    Eight,
-    Path,
-    Points,
-    Polygon,
-    Roam,
-    Square,
-    Star,
-    Waypoints,
-)
+from locfuse.config import scenario
 from locfuse.sim.space import roam
 from locfuse.types import FloatArray, GridMap, wrap_angle
 
@@ -155,7 +145,7 @@ def carried(drive: Drive, at_s: float, to: Motion) -> Drive:
 
 
 def plan(
-    path: Path,
+    path: scenario.Path,
     room_m: tuple[float, float],
     duration_s: float,
     rng: np.random.Generator,
@@ -179,43 +169,43 @@ def plan(
     ValueError
         If there is no map to roam, or no room on it.
     """
-    if isinstance(path, Circle):
+    if isinstance(path, scenario.Circle):
         x, y = path.center_m
         start = (x + path.radius_m, y, 0.5 * math.pi)
         return drive_of(start, [(duration_s, path.speed_mps, path.speed_mps / path.radius_m)])
-    if isinstance(path, Eight):
+    if isinstance(path, scenario.Eight):
         rate = path.speed_mps / path.radius_m
         lap = 2.0 * math.pi / rate
         loop = [(lap, path.speed_mps, rate), (lap, path.speed_mps, -rate)]
         return _laps((*path.center_m, 0.5 * math.pi), loop, duration_s)
-    if isinstance(path, Square):
+    if isinstance(path, scenario.Square):
         x, y = (c - 0.5 * path.side_m for c in path.center_m)
-        loop = _strokes(4, path.side_m, 0.5 * math.pi, path)
+        turn = 0.5 * math.pi
+        loop = _strokes(4, path.side_m, turn, path.speed_mps, path.turn_rate_radps)
         return _laps((x, y, 0.0), loop, duration_s)
-    if isinstance(path, Star | Polygon):
+    if isinstance(path, scenario.Star | scenario.Polygon):
         x, y = path.center_m
-        points, around = (
-            (path.points, (path.points - 1) // 2) if isinstance(path, Star) else (path.corners, 1)
-        )
+        if isinstance(path, scenario.Star):
+            points, around = path.points, (path.points - 1) // 2
+        else:
+            points, around = path.corners, 1
         turn = 2.0 * math.pi * around / points  # from one stroke to the next
-        loop = _strokes(points, 2.0 * path.radius_m * math.sin(0.5 * turn), turn, path)
+        side = 2.0 * path.radius_m * math.sin(0.5 * turn)
+        loop = _strokes(points, side, turn, path.speed_mps, path.turn_rate_radps)
         heading = float(wrap_angle(math.pi + 0.5 * turn))  # along the chord from the northern tip
         return _laps((x, y + path.radius_m, heading), loop, duration_s)
-    if isinstance(path, Waypoints):
+    if isinstance(path, scenario.Waypoints):
         return _along(_random_points(path, room_m, rng), path, duration_s)
-    if isinstance(path, Points):
+    if isinstance(path, scenario.Points):
         return _through(path, duration_s)
     if grid is None:
         raise ValueError("a roaming robot needs a map, got none")
     return _along(roam(grid, path, rng), path, duration_s)
 
 
-def _strokes(
-    strokes: int, length: float, turn: float, path: Square | Star | Polygon
-) -> list[Motion]:
+def _strokes(strokes: int, length: float, turn: float, speed: float, rate: float) -> list[Motion]:
     """Return the motions once around: a stroke, a turn in place to the left, and so on."""
-    rate = path.turn_rate_radps
-    return [(length / path.speed_mps, path.speed_mps, 0.0), (turn / rate, 0.0, rate)] * strokes
+    return [(length / speed, speed, 0.0), (turn / rate, 0.0, rate)] * strokes
 
 
 def _laps(start_pose: Motion, loop: Sequence[Motion], duration_s: float) -> Drive:
@@ -224,7 +214,7 @@ def _laps(start_pose: Motion, loop: Sequence[Motion], duration_s: float) -> Driv
 
 
 def _random_points(
-    path: Waypoints, room_m: tuple[float, float], rng: np.random.Generator
+    path: scenario.Waypoints, room_m: tuple[float, float], rng: np.random.Generator
 ) -> Iterator[FloatArray]:
     low = np.full(2, path.margin_m)
     high = np.array(room_m) - path.margin_m
@@ -232,7 +222,9 @@ def _random_points(
         yield rng.uniform(low, high)
 
 
-def _along(points: Iterator[FloatArray], path: Waypoints | Roam, duration_s: float) -> Drive:
+def _along(
+    points: Iterator[FloatArray], path: scenario.Waypoints | scenario.Roam, duration_s: float
+) -> Drive:
     """Return the drive from point to point: turn in place the short way, drive straight."""
     position, target = next(points), next(points)
     heading = math.atan2(*(target - position)[::-1])
@@ -249,7 +241,7 @@ def _along(points: Iterator[FloatArray], path: Waypoints | Roam, duration_s: flo
     return drive_of(begin, motions)
 
 
-def _through(path: Points, duration_s: float) -> Drive:
+def _through(path: scenario.Points, duration_s: float) -> Drive:
     """Return the drive through given points, which ends at the last one or goes on in laps."""
     points = np.array([*path.points_m, *path.points_m[: int(path.closed)]])
     start, motions, back = legs(points, path.speed_mps, path.turn_rate_radps)
