@@ -11,7 +11,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from locfuse.cli.terminal import check_file, check_folder, console, onto, progress
+from locfuse.cli.terminal import check_file, check_folder, console, progress
 from locfuse.types import ConfigError, nearest
 from papers.claims import Row
 from papers.page import (
@@ -94,8 +94,8 @@ def _before(file: Path, paper: str) -> list[Repeated]:
 
 def _all(out: Path, seeds: dict[str, int], quick: bool) -> list[Repeated]:
     """Repeat the five papers; print one line each, and what they missed."""
-    with progress("papers") as (bar, task):
-        repeated = repeat_all(out, seeds, quick, onto(bar, task))
+    with progress("papers") as moved:
+        repeated = repeat_all(out, seeds, quick, moved)
     for one in repeated:
         required = [row for row in one.claims if row["required"] != "-"]
         missed = [row["claim"] for row in required if row["met"] is False]
@@ -110,8 +110,8 @@ def _all(out: Path, seeds: dict[str, int], quick: bool) -> list[Repeated]:
 def _one(paper: str, seeds: int, pictures: Path | None, out: Path | None, quick: bool) -> Repeated:
     """Repeat one; print its rows and write what is asked for."""
     folder = pictures if out is None else out / paper
-    with progress("runs") as (bar, task):
-        *_, one = stages(paper, seeds, folder, onto(bar, task))
+    with progress("runs") as moved:
+        *_, one = stages(paper, seeds, folder, moved)
     console.print(_table(one))
     for row in one.claims:
         if row["met"] is None:

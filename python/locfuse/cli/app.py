@@ -32,8 +32,13 @@ COMMANDS = {
 
 
 def load(name: str) -> Any:
-    """Import the module of a command and return the command."""
-    return typer.main.get_command(importlib.import_module(f"locfuse.cli.{name}").app)
+    """Import the module of a command, a function of its name or an `app`; return the command."""
+    module = importlib.import_module(f"locfuse.cli.{name}")
+    command = getattr(module, "app", None)
+    if command is None:
+        command = typer.Typer(add_completion=False)
+        command.command()(getattr(module, name))
+    return typer.main.get_command(command)
 
 
 class LazyGroup(TyperGroup):

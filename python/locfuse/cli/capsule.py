@@ -9,14 +9,11 @@ from typing import Annotated
 import typer
 
 from locfuse.cli.inputs import ConfigFile, LogPath, Seed, read_log
-from locfuse.cli.terminal import check_file, console, onto, progress
+from locfuse.cli.terminal import check_file, console, progress
 from locfuse.config.load import load_config
 from locfuse.run.capsule import make_capsule, write_capsule
 
-app = typer.Typer(add_completion=False)
 
-
-@app.command()
 def capsule(
     config: ConfigFile,
     log: LogPath = None,
@@ -27,10 +24,8 @@ def capsule(
     parsed = load_config(config)
     recorded = None if log is None else read_log(log, parsed, config.parent)
     check_file(out, "--out")
-    with progress("messages") as (bar, task):
-        made = make_capsule(
-            parsed, recorded, base=config.parent, seed=seed, progress=onto(bar, task)
-        )
+    with progress("messages") as moved:
+        made = make_capsule(parsed, recorded, base=config.parent, seed=seed, progress=moved)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_capsule(made, out)
     for name, text in made.result.items():

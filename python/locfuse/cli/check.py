@@ -16,11 +16,9 @@ from locfuse.cli.terminal import check_folder, console, visible
 from locfuse.config.load import load_config
 from locfuse.report.pictures import NO_PICTURES, has_matplotlib
 
-app = typer.Typer(add_completion=False)
 _COLOURS = {"error": "red", "warning": "yellow", "note": "dim"}
 
 
-@app.command()
 def check(
     config: ConfigFile,
     log: LogPath = None,

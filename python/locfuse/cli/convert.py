@@ -8,14 +8,11 @@ from typing import Annotated
 
 import typer
 
-from locfuse.cli.terminal import console, onto, progress
+from locfuse.cli.terminal import console, progress
 from locfuse.config.load import load_config
 from locfuse.io.recording import convert_recording
 
-app = typer.Typer(add_completion=False)
 
-
-@app.command()
 def convert(
     kind: Annotated[
         str, typer.Argument(help="Type of SOURCE: log, bag, or a data set of docs/recordings.md.")
@@ -33,7 +30,7 @@ def convert(
     """Convert between bags, log folders and published recordings."""
     ros = None if config is None else load_config(config).ros
     base = None if config is None else config.parent
-    with progress("done") as (bar, task):
-        written = convert_recording(kind, source, out, ros, base, onto(bar, task))
+    with progress("done") as moved:
+        written = convert_recording(kind, source, out, ros, base, moved)
     for path in written:
         console.print(str(path), soft_wrap=True)

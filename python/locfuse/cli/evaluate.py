@@ -13,10 +13,7 @@ from locfuse.cli.terminal import console
 from locfuse.eval.ape import ape
 from locfuse.io.tum import read_tum
 
-app = typer.Typer(add_completion=False)
 
-
-@app.command()
 def evaluate(
     estimate: Annotated[Path, typer.Argument(help="TUM file.")],
     truth: Annotated[Path, typer.Argument(help="TUM file.")],

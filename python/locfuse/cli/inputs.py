@@ -8,7 +8,7 @@ from typing import Annotated, TypeAlias
 
 import typer
 
-from locfuse.cli.terminal import onto, progress
+from locfuse.cli.terminal import progress
 from locfuse.config.schema import RunConfig, places_antennas
 from locfuse.io.recording import read_recording
 from locfuse.types import Log
@@ -26,8 +26,8 @@ Seed: TypeAlias = Annotated[
 
 def read_log(log: Path, config: RunConfig, base: Path) -> Log:
     """Return the log folder or bag of `--log`."""
-    with progress("bytes") as (bar, task):
-        return read_recording(log, config.ros, base, onto(bar, task),
+    with progress("bytes") as moved:
+        return read_recording(log, config.ros, base, moved,
                               antennas=places_antennas(config.estimator))  # fmt: skip
 
 

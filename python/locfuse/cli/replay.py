@@ -10,21 +10,18 @@ from typing import Annotated
 import typer
 
 from locfuse import __version__
-from locfuse.cli.terminal import console, onto, progress
+from locfuse.cli.terminal import console, progress
 from locfuse.core import compiler
 from locfuse.run.capsule import machine, read_capsule, replay_capsule
 
-app = typer.Typer(add_completion=False)
 
-
-@app.command()
 def replay(
     file: Annotated[Path, typer.Argument(help="Capsule, as written by `locfuse capsule`.")],
 ) -> None:
     """Run a capsule again and compare the results bit for bit."""
     packed = read_capsule(file)
-    with progress("messages") as (bar, task):
-        differences = replay_capsule(packed, onto(bar, task))
+    with progress("messages") as moved:
+        differences = replay_capsule(packed, moved)
     made = packed.about
     say = partial(console.print, soft_wrap=True, highlight=False)
     say(f"made by locfuse {made['version']} ({made['compiler']}) on {made['machine']}")

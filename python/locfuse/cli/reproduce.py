@@ -11,10 +11,7 @@ import typer
 from locfuse.io.checkout import import_papers
 from locfuse.report.pictures import require_matplotlib
 
-app = typer.Typer(add_completion=False)
 
-
-@app.command()
 def reproduce(
     paper: Annotated[str, typer.Argument(help="Paper or experiment, or all for the five papers.")],
     seeds: Annotated[

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from locfuse.cli.inputs import ConfigFile, LogPath, Seed, read_log, with_log
-from locfuse.cli.terminal import check_file, check_folder, console, onto, progress
+from locfuse.cli.terminal import check_file, check_folder, console, progress
 from locfuse.config.load import load_config
 from locfuse.eval.trust import sentence, was_lost
 from locfuse.io.recording import check_other
@@ -20,10 +20,7 @@ from locfuse.report.results import write_results
 from locfuse.run.run import run as run_config
 from locfuse.types import RunResult
 
-app = typer.Typer(add_completion=False)
 
-
-@app.command()
 def run(
     config: ConfigFile,
     log: LogPath = None,
@@ -60,10 +57,8 @@ def run(
     if rerun is not None:
         check_rerun(rerun)
         check_file(rerun, "--rerun")
-    with progress("messages") as (shown, task):
-        result = run_config(
-            parsed, recorded, base=config.parent, seed=seed, progress=onto(shown, task)
-        )
+    with progress("messages") as moved:
+        result = run_config(parsed, recorded, base=config.parent, seed=seed, progress=moved)
     report = write_results(result, out)
     _print_metrics(result)
     console.print(f"report: {report}", soft_wrap=True)
@@ -74,8 +69,8 @@ def run(
 
         console.print(f"film: {write_film(result, film)}", soft_wrap=True)
     if bag is not None:
-        with progress("messages") as (shown, task):
-            write_bag(result, bag, parsed.ros, onto(shown, task))
+        with progress("messages") as moved:
+            write_bag(result, bag, parsed.ros, moved)
         console.print(f"bag: {bag}", soft_wrap=True)
     if rerun is not None:
         console.print(f"rerun: {write_rerun(result, rerun)}", soft_wrap=True)

@@ -13,10 +13,7 @@ import typer
 from locfuse.cli.terminal import console
 from locfuse.types import ConfigError
 
-app = typer.Typer(add_completion=False)
 
-
-@app.command()
 def studio(
     config: Annotated[
         Path | None, typer.Argument(help="YAML file of the first scene; it is not changed.")

@@ -13,17 +13,14 @@ from rich import box
 from rich.table import Table
 
 from locfuse.cli.inputs import ConfigFile
-from locfuse.cli.terminal import check_folder, console, onto, progress
+from locfuse.cli.terminal import check_folder, console, progress
 from locfuse.config.load import load_config
-from locfuse.io.whole import whole_file
+from locfuse.io.whole import write_whole
 from locfuse.report.pictures import NO_PICTURES, has_matplotlib
 from locfuse.sweep import Trials, dask_cluster, run_trials, summarize
 from locfuse.types import ConfigError
 
-app = typer.Typer(add_completion=False)
 
-
-@app.command()
 def sweep(
     config: ConfigFile,
     trials: Annotated[
@@ -63,14 +60,13 @@ def sweep(
         executor = None
         if dask is not None:
             executor, workers = stack.enter_context(dask_cluster(dask))
-        bar, task = stack.enter_context(progress("trials"))
+        moved = stack.enter_context(progress("trials"))
         found = run_trials(
             parsed, trials, values, executor=executor, workers=workers, base=config.parent, out=out,
-            recovered_m=recovered_m, progress=onto(bar, task),
+            recovered_m=recovered_m, progress=moved,
         )  # fmt: skip
     summary = summarize(found)
-    with whole_file(out / "summary.json") as part:
-        part.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
+    write_whole(out / "summary.json", json.dumps(summary, indent=1) + "\n")
     _print_sweep(found, summary)
     if has_matplotlib():
         from locfuse.report.plot import draw_sweep

@@ -15,14 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
 from locfuse.types import ConfigError
@@ -51,16 +44,12 @@ console = _Terminal(width=None if sys.stdout.isatty() else 140, markup=False, em
 
 
 @contextmanager
-def progress(what: str) -> Iterator[tuple[Progress, TaskID]]:
-    """Show a progress bar on standard error; `onto` gives the function that moves it."""
+def progress(what: str) -> Iterator[Callable[[int, int], None]]:
+    """Show a progress bar on standard error; yield a function of (done, total) that moves it."""
     columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        yield bar, bar.add_task(what, total=None)
-
-
-def onto(bar: Progress, task: TaskID) -> Callable[[int, int], None]:
-    """Return a function of (done, total) that moves the bar."""
-    return lambda done, total: bar.update(task, completed=done, total=total)
+        task = bar.add_task(what, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def check_file(file: Path, option: str) -> None:

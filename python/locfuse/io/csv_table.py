@@ -17,7 +17,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from locfuse._core import parse_table
-from locfuse.io.whole import whole_file
+from locfuse.io.whole import write_whole
 from locfuse.types import NANOSECONDS, FloatArray, LogError, StampArray, shown
 
 MAX_UNPACKED = 1 << 30  # bytes that a packed file of anyone becomes: tables, capsules, bags
@@ -132,8 +132,7 @@ def write_table(path: Path, header: Sequence[str], columns: Iterable[Sequence[st
     """Write columns of text as CSV, whole or not at all; texts are quoted where RFC 4180 says."""
     rows = map(",".join, zip(*map(_quoted, columns), strict=True))
     text = "\n".join([",".join(_quoted(header)), *rows, ""])
-    with whole_file(path) as file:
-        file.write_text(text, encoding="utf-8", newline="\n")
+    write_whole(path, text)
 
 
 def _quoted(texts: Sequence[str]) -> Sequence[str]:

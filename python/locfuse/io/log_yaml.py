@@ -13,7 +13,7 @@ import yaml
 
 from locfuse.config.safe_yaml import StrictYamlLoader
 from locfuse.io.csv_table import read_bytes
-from locfuse.io.whole import whole_file
+from locfuse.io.whole import write_whole
 from locfuse.types import YAML_ERRORS, LogError, nearest, shown, words
 
 KEYS = ("tags", "laser", "landmark_sensor", "map", "description", "licence")
@@ -70,8 +70,7 @@ def write_log_yaml(path: Path, settings: Mapping[str, Any]) -> None:
     if "tags" in plain:
         plain["tags"] = {name: list(position) for name, position in plain["tags"].items()}
     text = yaml.safe_dump(plain, sort_keys=False, allow_unicode=True, default_flow_style=None)
-    with whole_file(path) as file:
-        file.write_text(text, encoding="utf-8", newline="\n")
+    write_whole(path, text)
 
 
 def checked(settings: Any, where: str) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from locfuse.io.csv_table import read_bytes
 from locfuse.io.log_yaml import load_yaml, number
-from locfuse.io.whole import whole_file
+from locfuse.io.whole import whole_file, write_whole
 from locfuse.types import (
     FARTHEST_M,
     FREE,
@@ -108,8 +108,7 @@ def write_map(grid: GridMap, path: str | Path) -> None:
         file.write_bytes(f"P5\n{width} {height}\n255\n".encode() + shades[::-1].tobytes())
     origin = tuple(float(part) for part in grid.origin)
     text = YAML.format(image=image.name, resolution=float(grid.resolution_m), origin=origin)
-    with whole_file(path) as file:
-        file.write_text(text, encoding="utf-8", newline="\n")
+    write_whole(path, text)
 
 
 def _checked(found: Any, where: str) -> dict[str, Any]:

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from locfuse.io.csv_table import line_of_row, number_texts, parse, read_bytes, stamp_texts
-from locfuse.io.whole import whole_file
-from locfuse.types import FloatArray, LogError, Trajectory
+from locfuse.io.whole import write_whole
+from locfuse.types import LogError, Trajectory
 
 logger = logging.getLogger(__name__)
 
@@ -82,19 +82,9 @@ def write_tum(path: str | Path, trajectory: Trajectory, comment: str = "") -> No
     for name, values in (("x", x), ("y", y), ("z", z), ("heading", half)):
         for row in np.flatnonzero(~np.isfinite(values))[:1]:
             raise ValueError(f"{name} of pose {row} is {values[row]}, expected a finite number")
-    rows = zip(
-        stamp_texts(trajectory.stamp_ns),
-        *map(_texts, (x, y, z, np.sin(half), np.cos(half))),
-        strict=True,
-    )
+    columns = map(number_texts, (x, y, z, np.sin(half), np.cos(half)))
+    rows = zip(stamp_texts(trajectory.stamp_ns), *columns, strict=True)
     is_flat = trajectory.height is None
     lines = [f"{stamp} {px} {py} {0 if is_flat else pz} 0 0 {qz} {qw}\n"
              for stamp, px, py, pz, qz, qw in rows]  # fmt: skip
-    with whole_file(path) as file:
-        file.write_text(
-            "".join([*[f"# {comment}\n"] * bool(comment), *lines]), encoding="utf-8", newline="\n"
-        )
-
-
-def _texts(values: FloatArray) -> list[str]:
-    return number_texts(np.ascontiguousarray(values))
+    write_whole(path, "".join([*[f"# {comment}\n"] * bool(comment), *lines]))

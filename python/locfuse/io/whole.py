@@ -36,6 +36,12 @@ def whole_file(path: str | Path) -> Iterator[Path]:
             part.unlink(missing_ok=True)
 
 
+def write_whole(path: str | Path, text: str) -> None:
+    """Write a text as `whole_file` does, in UTF-8."""
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8", newline="\n")
+
+
 @contextmanager
 def whole_folder(folder: str | Path, owned: Collection[str] = ()) -> Iterator[Path]:
     """Yield an empty folder to write, whose files then take their places in `folder` together.

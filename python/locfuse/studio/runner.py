@@ -20,7 +20,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field, TypeAdapter, ValidationError
 
 from locfuse.config.load import expected
-from locfuse.io.whole import whole_file
+from locfuse.io.whole import write_whole
 from locfuse.studio.compare import FIGURES, value_of
 from locfuse.studio.document import dotted, moved_to, text_of
 from locfuse.studio.estimators import Choice, variant
@@ -103,9 +103,7 @@ class Run:
     def write(self) -> None:
         """Write what is known of it beside its results, whole or not at all."""
         about = {"name": self.name, "began": self.began, "parts": [asdict(p) for p in self.parts]}
-        text = json.dumps(about, indent=1, allow_nan=False)
-        with whole_file(self.folder / ABOUT) as part:
-            part.write_text(text + "\n", encoding="utf-8")
+        write_whole(self.folder / ABOUT, json.dumps(about, indent=1, allow_nan=False) + "\n")
 
 
 class Runner:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from locfuse.config.load import load_config, read_yaml
 from locfuse.io.maps import YAML, read_map, write_map
-from locfuse.io.whole import whole_file
+from locfuse.io.whole import write_whole
 from locfuse.studio.document import Data, Draft, moved_to, text_of
 from locfuse.studio.scene import EMPTY, Scene
 from locfuse.types import Columns, ConfigError, GridMap, Log, LogError
@@ -71,7 +71,7 @@ class Workspace:
     def keep(self, scene: Scene) -> None:
         """Write the scene as it is now, whole or not at all."""
         text = scene.text if not scene.text_problems else scene.good_text
-        _write(self.folder / CURRENT, text)
+        write_whole(self.folder / CURRENT, text)
 
     def save(self, scene: Scene, name: str, *, replace: bool = False) -> Path:
         """Write a scene under a name.
@@ -87,7 +87,7 @@ class Workspace:
         taken = os.path.lexists(file) and not (is_own(file) and file.read_bytes() == text)
         if taken and not replace:
             raise NameTakenError(f"{file.name} is another scene, which would be lost")
-        _write(file, scene.good_text)
+        write_whole(file, scene.good_text)
         return file
 
     def set_aside(self) -> str:
@@ -260,8 +260,3 @@ def _file_name(name: str) -> str:
     if not kept:
         raise ConfigError(f"{name!r} cannot be the name of a file; expected letters or digits")
     return kept[:80]
-
-
-def _write(file: Path, text: str) -> None:
-    with whole_file(file) as part:
-        part.write_text(text, encoding="utf-8")

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.io.whole import PART, whole_file
+from locfuse.io.whole import PART, whole_file, write_whole
 from locfuse.sweep.trial import INSTANTS, SCORES, Row
 from locfuse.sweep.vary import Axis
 from locfuse.types import ConfigError, FloatArray
@@ -184,8 +184,7 @@ def _claim(path: Path, about: dict[str, Any]) -> None:
                 f"{path} holds this sweep with {found['trials']} trials; ask for at least as many, "
                 "or choose another folder"
             )
-    with whole_file(file) as part:
-        part.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+    write_whole(file, json.dumps(about, indent=1) + "\n")
 
 
 def difference(found: Any, asked: Any, where: str = "") -> str | None:
