@@ -30,8 +30,7 @@ from locfuse.config.load import parse_config
 from locfuse.io.log_folder import read_log, write_log
 from locfuse.io.rosbag.bag_stream import Bag
 from locfuse.io.rosbag.bags import read_bag, write_bag
-from locfuse.io.rosbag.container import zstd
-from locfuse.io.rosbag.optional_rosbags import need
+from locfuse.io.rosbag.container import need, zstd
 from locfuse.io.rosbag.wire import store
 from locfuse.run.capsule import make_capsule, read_capsule, write_capsule
 from locfuse.run.run import load_log

@@ -5,26 +5,18 @@ from __future__ import annotations
 
 import os
 import shutil
-from abc import ABC, abstractmethod
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import mkdtemp
-from types import TracebackType
-from typing import Any, Protocol
+from typing import Any
 
 from locfuse.config.ros import plain
+from locfuse.io.rosbag.container import need
 from locfuse.io.rosbag.encode import Publication
-from locfuse.io.rosbag.optional_rosbags import need
 from locfuse.io.rosbag.wire import defined, long, serializer, store
 from locfuse.io.whole import PART, sync
 from locfuse.types import LogError
-
-
-class Sink(Protocol):
-    """What takes messages with the times at which they are recorded [ns]."""
-
-    def write(self, time_ns: int, publication: Publication) -> None:
-        """Write a message."""
 
 
 def check_bag(path: Path) -> None:
@@ -38,97 +30,63 @@ def check_bag(path: Path) -> None:
     need("rosbags")
 
 
-def bag_sink(path: Path) -> AbstractContextManager[Sink]:
-    """Return what writes publications into a bag, which is there once its block has ended.
+class Sink:
+    """Writes messages with the times at which they are recorded [ns], by a writer of rosbags."""
 
-    Raises LogError as `check_bag`.
-    """
-    check_bag(path)
-    return _Ros1Sink(path) if path.suffix == ".bag" else _McapSink(path)
-
-
-class _FileSink(ABC):
-    """Writes beside the file and moves it there when it is whole."""
-
-    encoding = ""
-
-    def __init__(self, path: Path) -> None:
-        store(self.encoding)  # says what is missing before anything is made
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self.path = path
-        self.folder = Path(mkdtemp(prefix=PART, dir=path.parent))
+    def __init__(self, encoding: str, writer: Any) -> None:
+        self.encoding, self.writer = encoding, writer
         self.known: dict[tuple[str, str], Any] = {}
-        self.writer: Any = None
-
-    def __enter__(self) -> _FileSink:
-        self.writer = self._open()
-        self.writer.open()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        try:
-            self.writer.close()
-            if kind is None:
-                sync(self._made())
-                os.replace(self._made(), self.path)
-        finally:
-            shutil.rmtree(self.folder, ignore_errors=True)
 
     def write(self, time_ns: int, publication: Publication) -> None:
+        """Write a message."""
         topic, kind = publication.topic, publication.type
         if (topic, kind) not in self.known:
-            self.known[topic, kind] = self._connect(f"/{plain(topic)}", kind, publication.latched)
+            offered = self._offered(kind, publication.latched)
+            self.known[topic, kind] = self.writer.add_connection(
+                f"/{plain(topic)}", long(kind), **offered
+            )
         data = serializer(self.encoding, kind)(publication.fields)
         self.writer.write(self.known[topic, kind], time_ns, data)
 
-    @abstractmethod
-    def _open(self) -> Any: ...
-
-    @abstractmethod
-    def _made(self) -> Path: ...
-
-    @abstractmethod
-    def _connect(self, topic: str, kind: str, latched: bool) -> Any: ...
-
-
-class _Ros1Sink(_FileSink):
-    encoding = "ros1"
-
-    def _open(self) -> Any:
-        return need("rosbags.rosbag1").Writer(self._made())
-
-    def _made(self) -> Path:
-        return self.folder / "made.bag"
-
-    def _connect(self, topic: str, kind: str, latched: bool) -> Any:
-        text, digest = defined(self.encoding, kind)
-        return self.writer.add_connection(topic, long(kind), msgdef=text, md5sum=digest,
-                                          callerid="/locfuse", latching=int(latched))  # fmt: skip
+    def _offered(self, kind: str, latched: bool) -> dict[str, Any]:
+        """Return what a connection says besides its topic and type."""
+        if self.encoding == "cdr":
+            return {"typestore": store("cdr"), "offered_qos_profiles": [_quality(latched)]}
+        text, digest = defined("ros1", kind)
+        latching = int(latched)
+        return {"msgdef": text, "md5sum": digest, "callerid": "/locfuse", "latching": latching}
 
 
-class _McapSink(_FileSink):
-    encoding = "cdr"
+@contextmanager
+def bag_sink(path: Path) -> Iterator[Sink]:
+    """Yield what writes publications into a bag, which is there once its block has ended.
 
-    def _open(self) -> Any:
-        rosbag2 = need("rosbags.rosbag2")
-        writer = rosbag2.Writer(self.folder / "made", version=rosbag2.Writer.VERSION_LATEST,
-                                storage_plugin=rosbag2.StoragePlugin.MCAP)  # fmt: skip
-        writer.set_compression(rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD)
-        return writer
+    It is written beside the file and moved there when it is whole. Raises LogError as `check_bag`.
+    """
+    check_bag(path)
+    encoding = "ros1" if path.suffix == ".bag" else "cdr"
+    store(encoding)  # says what is missing before anything is made
+    path.parent.mkdir(parents=True, exist_ok=True)
+    folder = Path(mkdtemp(prefix=PART, dir=path.parent))
+    try:
+        if encoding == "ros1":
+            made, writer = folder / "made.bag", need("rosbags.rosbag1").Writer(folder / "made.bag")
+        else:
+            made, writer = folder / "made" / "made.mcap", _mcap_writer(folder / "made")
+        with writer:
+            yield Sink(encoding, writer)
+        sync(made)
+        os.replace(made, path)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
-    def _made(self) -> Path:
-        return self.folder / "made" / "made.mcap"
 
-    def _connect(self, topic: str, kind: str, latched: bool) -> Any:
-        return self.writer.add_connection(
-            topic, long(kind), typestore=store(self.encoding),
-            offered_qos_profiles=[_quality(latched)],
-        )  # fmt: skip
+def _mcap_writer(folder: Path) -> Any:
+    rosbag2 = need("rosbags.rosbag2")
+    writer = rosbag2.Writer(folder, version=rosbag2.Writer.VERSION_LATEST,
+                            storage_plugin=rosbag2.StoragePlugin.MCAP)  # fmt: skip
+    writer.set_compression(rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD)
+    return writer
 
 
 def _quality(latched: bool) -> Any:

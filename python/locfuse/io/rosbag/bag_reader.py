@@ -22,10 +22,9 @@ from locfuse.io.rosbag.bag_stream import Bag
 from locfuse.io.rosbag.bag_tables import tables_of
 from locfuse.io.rosbag.bag_warnings import nothing, say
 from locfuse.io.rosbag.columns import Blocks
-from locfuse.io.rosbag.container import Connection
+from locfuse.io.rosbag.container import Connection, NeedError
 from locfuse.io.rosbag.decode import MessageError, RangeRow
 from locfuse.io.rosbag.frames import check_frame
-from locfuse.io.rosbag.optional_rosbags import NeedError
 from locfuse.io.rosbag.rows import Row
 from locfuse.io.rosbag.wire import broken, deserializer
 from locfuse.types import Log, LogError

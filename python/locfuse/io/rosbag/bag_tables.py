@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,7 @@ def tables_of(contents: BagContents) -> dict[str, Columns]:
         raw = contents.tables.pop(stem).columns()
         if "record_ns" in raw:
             raw = _timed(contents, stem, raw, own_clock)
-        tables[stem] = FINISHED.get(stem, _as_it_is)(contents, raw)
+        tables[stem] = FINISHED[stem](contents, raw) if stem in FINISHED else raw
     described = contents.settings.columns if contents.settings else {}
     for stem, names in described.items():
         if stem in tables:
@@ -146,17 +147,8 @@ def _without_jumps(
     return motion
 
 
-def _table_ranges(contents: BagContents, raw: Columns) -> Columns:
-    return _known_sigmas(contents, "ranges", raw, ("sigma_m",))
-
-
-def _table_landmark_sightings(contents: BagContents, raw: Columns) -> Columns:
-    names = ("sigma_range_m", "sigma_bearing_rad")
-    return _known_sigmas(contents, "landmark_sightings", raw, names)
-
-
 def _known_sigmas(
-    contents: BagContents, stem: str, raw: Columns, names: tuple[str, ...]
+    stem: str, names: tuple[str, ...], contents: BagContents, raw: Columns
 ) -> Columns:
     """Return a table with sigmas where all rows have them, else without."""
     unknown = np.isnan(raw[names[0]])
@@ -219,14 +211,12 @@ def _table_relations(contents: BagContents, raw: Columns) -> Columns:
     return {**raw, "begin_ns": raw["begin_ns"] - shift, "end_ns": raw["end_ns"] - shift}
 
 
-def _as_it_is(_: BagContents, raw: Columns) -> Columns:
-    return raw
-
-
 FINISHED: dict[str, Callable[[BagContents, Columns], Columns]] = {
     "odometry": _table_odometry,
-    "ranges": _table_ranges,
-    "landmark_sightings": _table_landmark_sightings,
+    "ranges": partial(_known_sigmas, "ranges", ("sigma_m",)),
+    "landmark_sightings": partial(
+        _known_sigmas, "landmark_sightings", ("sigma_range_m", "sigma_bearing_rad")
+    ),
     "positions": _table_positions,
     "scans": _table_scans,
     "truth": _table_truth,

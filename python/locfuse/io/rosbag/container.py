@@ -1,27 +1,45 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all kinds of bags have in common: connections, progress, damage, packed chunks."""
+"""What all kinds of bags have in common: packages, connections, progress, damage, chunks."""
 
 from __future__ import annotations
 
 import bz2
+import importlib
 import os
 import re
+import struct
 import sys
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 from locfuse.io.csv_table import MAX_UNPACKED
-from locfuse.io.rosbag.optional_rosbags import need
+from locfuse.types import LogError, words
 
 BLOCK = 1 << 20
 MAX_TIMES = 100  # that a bag which is larger than MAX_UNPACKED may grow when it is unpacked
 LONGEST_NAME = 1000  # letters of a topic, type, encoding or publisher
 MAX_DESCRIBED = 1 << 28  # letters of all connections, each counted with 1000 more
 MAX_DAMAGES = 10  # that are reported
+
+
+class NeedError(LogError):
+    """A package is missing; the text names the extra that brings it."""
+
+
+def need(module: str) -> Any:
+    """Import a module of rosbags, or one that comes with it.
+
+    Raises NeedError if it is not installed.
+    """
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        raise NeedError(f"bags need the package rosbags: pip install 'locfuse[bags]' "
+                        f"(there is no module {error.name})") from error  # fmt: skip
 
 
 class Connection(NamedTuple):
@@ -42,6 +60,7 @@ class Connection(NamedTuple):
 
 Wanted = Callable[[Connection], bool]
 Message = tuple[Connection, int, bytes]
+Records = Callable[[bytes, bool], Iterator[Message]]
 
 
 @dataclass
@@ -115,6 +134,9 @@ class CutError(Exception):
     """A record ends before its end, or cannot be one."""
 
 
+BROKEN = (CutError, KeyError, IndexError, struct.error)  # what reading damaged records raises
+
+
 def left(file: BinaryIO) -> int:
     """Return how many bytes follow: a length that is damaged may be any."""
     return os.fstat(file.fileno()).st_size - file.tell()
@@ -127,6 +149,23 @@ def exactly(file: BinaryIO, size: int) -> bytes:
     if left(file) < size:
         raise CutError(f"{size} bytes were to follow, there are {left(file)}")
     return file.read(size)
+
+
+def chunk(bag: Reading, path: Path, file: BinaryIO, size: int, read: Records) -> Iterator[Message]:
+    """Yield the messages of a chunk; one that is damaged is left, and the next one read.
+
+    `read` yields those of its bytes, of which it also gets whether they are all.
+    """
+    at, whole = file.tell(), size <= left(file)
+    data = exactly(file, min(size, left(file)))
+    try:
+        yield from read(data, whole)
+    except BROKEN as error:
+        if whole:
+            bag.damaged(path, at, words(error))
+            return
+    if not whole:
+        raise CutError(f"a chunk of {size} bytes was to follow, there are {len(data)}")
 
 
 def text(data: bytes) -> str:

@@ -299,10 +299,8 @@ def uwb_ranges(topic: str, rows: Sequence[RangeRow]) -> Publication:
     """Return a locfuse_msgs/UwbRanges, stamped as its last range."""
     given = [{"header": header(row.stamp_ns, row.frame), "tag": row.tag, "anchor": row.anchor,
              "range": row.range_m, "sigma": row.sigma_m or 0.0} for row in rows]  # fmt: skip
-    last = rows[-1] if rows else None
-    fields = {"header": header(last.stamp_ns, last.frame) if last else header(0, ""),
-              "ranges": given}  # fmt: skip
-    return Publication(topic, "locfuse_msgs/UwbRanges", fields)
+    head = given[-1]["header"] if given else header(0, "")
+    return Publication(topic, "locfuse_msgs/UwbRanges", {"header": head, "ranges": given})
 
 
 def landmark_sightings(topic: str, rows: Sequence[SightingRow]) -> Publication:
@@ -311,10 +309,10 @@ def landmark_sightings(topic: str, rows: Sequence[SightingRow]) -> Publication:
              "range": row.range_m, "bearing": row.bearing_rad,
              "sigma_range": row.sigma_range_m or 0.0,
              "sigma_bearing": row.sigma_bearing_rad or 0.0} for row in rows]  # fmt: skip
-    last = rows[-1] if rows else None
-    fields = {"header": header(last.stamp_ns, last.frame) if last else header(0, ""),
-              "sightings": given}  # fmt: skip
-    return Publication(topic, "locfuse_msgs/LandmarkSightings", fields)
+    head = given[-1]["header"] if given else header(0, "")
+    return Publication(
+        topic, "locfuse_msgs/LandmarkSightings", {"header": head, "sightings": given}
+    )
 
 
 def tag_position(topic: str, row: FixRow) -> Publication:

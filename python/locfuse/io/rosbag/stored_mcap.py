@@ -7,16 +7,19 @@ import struct
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
 from locfuse.config.ros import plain
 from locfuse.io.rosbag.container import (
+    BROKEN,
     Connection,
     CutError,
     Message,
     Reading,
     Wanted,
+    chunk,
     exactly,
     left,
     short,
@@ -58,41 +61,30 @@ def messages(bag: Reading, path: Path, file: BinaryIO, wanted: Wanted) -> Iterat
             if op == DATA_END:
                 return
             if op == MCAP_CHUNK:
-                yield from _chunk_of_mcap(bag, path, file, length, known, wanted)
+                yield from chunk(bag, path, file, length, partial(_chunk, bag, known, wanted))
             elif op in (SCHEMA, CHANNEL, MCAP_MESSAGE):
                 yield from _mcap_record(bag, op, exactly(file, length), known, wanted)
             elif length > left(file):
                 raise CutError(f"a record of {length} bytes")
             else:
                 file.seek(length, 1)
-    except (CutError, struct.error, IndexError) as error:
+    except BROKEN as error:
         bag.damaged(path, at, words(error))
         return
     bag.damaged(path, "at its end", "it was never closed")
 
 
-def _chunk_of_mcap(
-    bag: Reading, path: Path, file: BinaryIO, length: int, known: _Known, wanted: Wanted
+def _chunk(
+    bag: Reading, known: _Known, wanted: Wanted, data: bytes, whole: bool
 ) -> Iterator[Message]:
-    """Yield the messages of a chunk; one that is damaged is left, and the next one read."""
-    at = file.tell()
-    whole = length <= left(file)
-    data = exactly(file, min(length, left(file)))
-    try:
-        _, _, size, checksum = _MCAP_CHUNK(data)
-        packing, rest = _string(data, 28)
-        body = data[rest + 8 :]
-        if whole or packing == "":
-            found = bag.unpack(body, packing, size if whole else None)
-            if whole and checksum and zlib.crc32(found) != checksum:
-                raise CutError("a chunk's checksum is another")
-            yield from _mcap_records(bag, found, known, wanted)
-    except (CutError, struct.error, IndexError) as error:
-        if whole:
-            bag.damaged(path, at, words(error))
-            return
-    if not whole:
-        raise CutError(f"a chunk of {length} bytes was to follow, there are {len(data)}")
+    """Yield the messages of a chunk; what is left of a packed one cannot be unpacked."""
+    _, _, size, checksum = _MCAP_CHUNK(data)
+    packing, rest = _string(data, 28)
+    if whole or packing == "":
+        found = bag.unpack(data[rest + 8 :], packing, size if whole else None)
+        if whole and checksum and zlib.crc32(found) != checksum:
+            raise CutError("a chunk's checksum is another")
+        yield from _mcap_records(bag, found, known, wanted)
 
 
 def _mcap_records(bag: Reading, data: bytes, known: _Known, wanted: Wanted) -> Iterator[Message]:

@@ -5,16 +5,19 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
 from locfuse.config.ros import plain
 from locfuse.io.rosbag.container import (
+    BROKEN,
     Connection,
     CutError,
     Message,
     Reading,
     Wanted,
+    chunk,
     exactly,
     left,
     text,
@@ -23,6 +26,9 @@ from locfuse.types import LogError, words
 
 MAGIC = b"#ROSBAG V"
 LONGEST_HEADER = 1 << 24  # bytes of a record's header; more is damage
+
+Known = dict[int, Connection]  # by their numbers
+Fields = dict[bytes, bytes]  # of the header of a record, by their names
 
 _U32 = struct.Struct("<I").unpack_from
 _TIME = struct.Struct("<II").unpack
@@ -34,7 +40,7 @@ def messages(bag: Reading, path: Path, file: BinaryIO, wanted: Wanted) -> Iterat
     version = file.readline(32).strip()
     if version != b"#ROSBAG V2.0":
         raise LogError(f"{path}: {version.decode('ascii', 'replace')}, expected #ROSBAG V2.0")
-    known: dict[int, Connection] = {}
+    known: Known = {}
     closed = False
     at = file.tell()
     try:
@@ -45,16 +51,18 @@ def messages(bag: Reading, path: Path, file: BinaryIO, wanted: Wanted) -> Iterat
             op = _number(fields, b"op")
             (length,) = _U32(exactly(file, 4))
             if op == CHUNK:
-                yield from _chunk_of_ros1(bag, path, file, fields, length, known, wanted)
+                packing = fields[b"compression"].decode("ascii", "replace")
+                records = partial(_records, bag, known, wanted, packing)
+                yield from chunk(bag, path, file, length, records)
             elif op in (MESSAGE, CONNECTION):
-                yield from _record(bag, fields, op, exactly(file, length), known, wanted)
+                yield from _record(bag, known, wanted, fields, exactly(file, length))
             elif length > left(file):
                 raise CutError(f"{length} bytes were to follow, there are {left(file)}")
             else:
                 if op == BAG_HEADER:
                     closed = 0 < _number(fields, b"index_pos") <= path.stat().st_size
                 file.seek(length, 1)
-    except (CutError, KeyError, struct.error) as error:
+    except BROKEN as error:
         bag.damaged(path, at, words(error))
         return
     if not closed:
@@ -70,8 +78,8 @@ def _header(file: BinaryIO, head: bytes) -> bytes:
     return exactly(file, length)
 
 
-def _fields(data: bytes) -> dict[bytes, bytes]:
-    found: dict[bytes, bytes] = {}
+def _fields(data: bytes) -> Fields:
+    found: Fields = {}
     at = 0
     while at < len(data):
         (length,) = _U32(data, at)
@@ -83,38 +91,17 @@ def _fields(data: bytes) -> dict[bytes, bytes]:
     return found
 
 
-def _number(fields: dict[bytes, bytes], name: bytes) -> int:
+def _number(fields: Fields, name: bytes) -> int:
     return int.from_bytes(fields[name], "little")
 
 
-def _chunk_of_ros1(
-    bag: Reading,
-    path: Path,
-    file: BinaryIO,
-    fields: dict[bytes, bytes],
-    length: int,
-    known: dict[int, Connection],
-    wanted: Wanted,
-) -> Iterator[Message]:
-    """Yield the messages of a chunk; one that is damaged is left, and the next one read."""
-    at = file.tell()
-    data = exactly(file, min(length, left(file)))
-    packing = fields[b"compression"].decode("ascii", "replace")
-    try:
-        if len(data) == length or packing == "none":
-            yield from _records(bag, bag.unpack(data, packing), known, wanted)
-    except (CutError, KeyError, struct.error) as error:
-        if len(data) == length:
-            bag.damaged(path, at, words(error))
-            return
-    if len(data) < length:
-        raise CutError(f"a chunk of {length} bytes was to follow, there are {len(data)}")
-
-
 def _records(
-    bag: Reading, data: bytes, known: dict[int, Connection], wanted: Wanted
+    bag: Reading, known: Known, wanted: Wanted, packing: str, data: bytes, whole: bool
 ) -> Iterator[Message]:
-    at = 0
+    """Yield the messages of a chunk; what is left of a packed one cannot be unpacked."""
+    if not whole and packing != "none":
+        return
+    at, data = 0, bag.unpack(data, packing)
     while at < len(data):
         (length,) = _U32(data, at)
         end = at + 4 + length
@@ -124,17 +111,13 @@ def _records(
             raise CutError(f"{size} bytes were to follow, there are {len(data) - end - 4}")
         body = data[end + 4 : end + 4 + size]
         at = end + 4 + size
-        yield from _record(bag, fields, _number(fields, b"op"), body, known, wanted)
+        yield from _record(bag, known, wanted, fields, body)
 
 
 def _record(
-    bag: Reading,
-    fields: dict[bytes, bytes],
-    op: int,
-    body: bytes,
-    known: dict[int, Connection],
-    wanted: Wanted,
+    bag: Reading, known: Known, wanted: Wanted, fields: Fields, body: bytes
 ) -> Iterator[Message]:
+    op = _number(fields, b"op")
     if op == CONNECTION:
         given = _fields(body)
         topic = given.get(b"topic", fields[b"topic"])

@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from locfuse.io.rosbag.container import Connection, short
-from locfuse.io.rosbag.optional_rosbags import need
+from locfuse.io.rosbag.container import Connection, need, short
 from locfuse.types import NANOSECONDS, LogError
 
 LONGEST_ARRAY = 1000  # of fixed length, of messages or texts
@@ -138,10 +137,6 @@ def _unusable(connection: Connection, error: Exception) -> LogError:
     return LogError(f"the definition of {connection.type} cannot be used ({error})")
 
 
-def _dtype(name: str) -> np.dtype[Any]:
-    return np.dtype({"byte": "u1", "char": "u1", "octet": "u1", "float128": "V16"}.get(name, name))
-
-
 @cache
 def broken() -> tuple[type[Exception], ...]:
     """Return what deserializers raise where bytes are not what their type says."""
@@ -171,9 +166,14 @@ def defined(encoding: str, name: str) -> tuple[str, str]:
 @cache
 def _filler(encoding: str, name: str) -> Callable[[Any], Any]:
     """Return what makes a message of rosbags of its fields; those that are left out are 0."""
-    if name in ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"):
-        return _time(store(encoding).types[name])
     kind = store(encoding).types[name]
+    if name in ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"):
+
+        def of_ns(fields: Any) -> Any:
+            seconds, rest = divmod(fields.get("ns", 0), NANOSECONDS)
+            return kind(sec=seconds, nanosec=rest)
+
+        return of_ns
     parts = {field: _part(encoding, type_) for field, type_ in store(encoding).fielddefs[name][1]}
     makers = {field: make for field, (make, _) in parts.items()}
     defaults = {field: default() for field, (_, default) in parts.items()}  # nobody changes them
@@ -185,20 +185,14 @@ def _filler(encoding: str, name: str) -> Callable[[Any], Any]:
     return fill
 
 
-def _time(kind: Callable[..., Any]) -> Callable[[Any], Any]:
-    def fill(fields: Any) -> Any:
-        seconds, rest = divmod(fields.get("ns", 0), NANOSECONDS)
-        return kind(sec=seconds, nanosec=rest)
-
-    return fill
-
-
 def _part(encoding: str, published: Any) -> tuple[Callable[[Any], Any], Callable[[], Any]]:
     """Return what makes a field of what is said, and what makes it of nothing."""
     nodes = need("rosbags.interfaces").Nodetype
     node, what = published
     if node == nodes.BASE:
-        return _base(what[0])
+        number = float if what[0].startswith("float") else int
+        make: Callable[..., Any] = {"string": str, "bool": bool}.get(what[0], number)
+        return make, make
     if node == nodes.NAME:
         fill = _filler(encoding, what)
         return fill, lambda: fill({})
@@ -208,16 +202,7 @@ def _part(encoding: str, published: Any) -> tuple[Callable[[Any], Any], Callable
         return lambda several: [fill(one) for one in several], list
     if element[0] == "string":
         return lambda several: [str(one) for one in several], list
-    dtype = _dtype(element[0])
+    odd = {"byte": "u1", "char": "u1", "octet": "u1", "float128": "V16"}
+    dtype: np.dtype[Any] = np.dtype(odd.get(element[0], element[0]))
     size = length if node == nodes.ARRAY else 0
     return lambda several: np.asarray(several, dtype), lambda: np.zeros(size, dtype)
-
-
-def _base(name: str) -> tuple[Callable[[Any], Any], Callable[[], Any]]:
-    if name == "string":
-        return str, str
-    if name == "bool":
-        return bool, bool
-    if name.startswith("float"):
-        return float, float
-    return int, int

@@ -23,8 +23,7 @@ from locfuse.io.rosbag import container as stored
 from locfuse.io.rosbag import encode
 from locfuse.io.rosbag.bag_stream import Bag, _files, is_bag
 from locfuse.io.rosbag.bags import read_bag
-from locfuse.io.rosbag.container import Connection, CutError, Reading, short
-from locfuse.io.rosbag.optional_rosbags import need
+from locfuse.io.rosbag.container import Connection, CutError, Reading, need, short
 from locfuse.types import LogError
 from support_bags import KINDS, MS, T0, drive, sentences, world, write_messages, write_sqlite
 
