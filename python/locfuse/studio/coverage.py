@@ -58,13 +58,13 @@ class Coverage:
     seen: NDArray[np.uint8]
 
 
-def floor_of(scenario: Scenario, grid: GridMap | None, step_m: float = STEP_M) -> Floor:
+def floor_of(scenario: Scenario, grid: GridMap | None) -> Floor:
     """Return the floor of a scenario: that of its map, or its room."""
     low, high = np.zeros(2), np.array(scenario.room_m)
     if scenario.map is not None and scenario.map.file is not None and grid is not None:
         low, high = bounds(grid) or (low, high)
     width, depth = (high - low).tolist()
-    step_m = max(step_m, (width * depth / MAX_CELLS) ** 0.5)
+    step_m = max(STEP_M, (width * depth / MAX_CELLS) ** 0.5)
     height = next(iter(scenario.tags.values()), (0.0, 0.0, 0.0))[2]
     return Floor((float(low[0]), float(low[1])), step_m, round(width / step_m) + 1,
                  round(depth / step_m) + 1, height)  # fmt: skip
@@ -80,14 +80,8 @@ def coverage(
 
     The information of each anchor is cached: when one moves, only its part is recomputed.
 
-    Parameters
-    ----------
-    anchors : mapping of name to (x, y, z)
-    walls : sequence of (x1, y1, x2, y2)
-        Ranges through them count for nothing.
-    floor : Floor
-    grid : GridMap, optional
-        Where it knows nothing there is no floor.
+    `anchors` are (x, y, z) by name; ranges through `walls`, (x1, y1, x2, y2), count for nothing;
+    where `grid` knows nothing there is no floor.
     """
     cells = floor.rows * floor.columns
     total, seen = np.zeros((3, cells)), np.zeros(cells, np.uint8)

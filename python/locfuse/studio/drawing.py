@@ -87,13 +87,9 @@ def draw_path(scene: Scene, points: Sequence[Sequence[float]], *, closed: bool =
 def move(scene: Scene, what: Key, x: float, y: float) -> None:
     """Move what was dragged to a place; an anchor keeps its height.
 
-    Parameters
-    ----------
-    scene : Scene
-    what : Key
-        As `world_of` names it: ``("anchor", name)``, ``("landmark", name)``,
-        ``("wall", index, end)``, ``("nlos", fault, index, end)``, ``("point", index)`` of the
-        path, or ``("center",)`` of it.
+    `what` is as `world_of` names it: ``("anchor", name)``, ``("landmark", name)``, ``("wall",
+    index, end)``, ``("nlos", fault, index, end)``, ``("point", index)`` of the path, or
+    ``("center",)`` of it.
     """
 
     def change(draft: Draft) -> None:

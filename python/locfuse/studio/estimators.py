@@ -55,18 +55,14 @@ def _maps(draft: Draft) -> None:
     draft.set(("estimator", "landmark_slam", "use_map"), False)
 
 
-def _air(draft: Draft) -> None:
-    _set_kind(draft, "air")
-    draft.set(("use",), list(SOURCES))
-    draft.set(("mcl",), None)
-    draft.set(("cylinders",), None)
+def _of_kind(kind: Kind) -> Callable[[Draft], None]:
+    def change(draft: Draft) -> None:
+        _set_kind(draft, kind)
+        draft.set(("use",), list(SOURCES))
+        draft.set(("mcl",), None)
+        draft.set(("cylinders",), None)
 
-
-def _three_tags(draft: Draft) -> None:
-    _set_kind(draft, "tag_triangle")
-    draft.set(("use",), list(SOURCES))
-    draft.set(("mcl",), None)
-    draft.set(("cylinders",), None)
+    return change
 
 
 def _particles(draft: Draft) -> None:
@@ -95,8 +91,9 @@ CHOICES = (
     Choice("all", "all sources", "Pose EKF of everything but scans.", _uses(*_EKF)),
     Choice("tag_triangle", "three tags",
            "Positions and velocities of three tags: odometry, ranges and positions of tags.",
-           _three_tags),
-    Choice("air", "in the air", "Position, heading and height of a body that flies level.", _air),
+           _of_kind("tag_triangle")),
+    Choice("air", "in the air", "Position, heading and height of a body that flies level.",
+           _of_kind("air")),
     Choice("landmark_slam", "mapping",
            "Landmarks are mapped while it localizes on them; none is known before.",
            _maps),

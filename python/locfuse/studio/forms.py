@@ -14,14 +14,15 @@ from locfuse.studio.document import Key, dotted, plain, value_at
 from locfuse.studio.fields import Field, field_of, fields_of, label_of, read, shown
 from locfuse.studio.scene import Scene
 
-SHAPES: dict[str, type[BaseModel]] = {
-    member.model_fields["shape"].default: member
-    for member in get_args(get_args(scenario.Path)[0])
-}  # fmt: skip
-FAULTS: dict[str, type[BaseModel]] = {
-    member.model_fields["kind"].default: member
-    for member in get_args(get_args(scenario.Fault)[0])
-}  # fmt: skip
+
+def _members(union: Any, tag: str) -> dict[str, type[BaseModel]]:
+    """Return the members of a union by what their tag says."""
+    members = get_args(get_args(union)[0])
+    return {member.model_fields[tag].default: member for member in members}
+
+
+SHAPES = _members(scenario.Path, "shape")
+FAULTS = _members(scenario.Fault, "kind")
 # What is required and has no default begins with something that does what its name says.
 BEGINNINGS: dict[str, dict[str, Any]] = {
     "nlos": {"walls": [[4.0, 5.0, 6.0, 5.0]], "extra_m": 0.5, "sigma_m": 0.2},

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import signal
 import threading
 import time
@@ -16,6 +15,7 @@ from typing import Any
 from locfuse import NumericalError
 from locfuse.config.schema import RunConfig
 from locfuse.studio.view import ground_of
+from locfuse.studio.work import spawned
 
 TROUBLE = (ValueError, OSError, NumericalError, MemoryError)
 _MIN_S = 1.0  # that what nobody waits for any more may take: a new process takes longer
@@ -46,10 +46,7 @@ class Grounds:
     def of(self, config: RunConfig, base: Path) -> dict[str, Any] | None:
         """Return map and way of a scene, with a ``message`` if there are none.
 
-        Returns
-        -------
-        dict or None
-            None if another scene was asked for before this one was done.
+        None if another scene was asked for before this one was done.
         """
         if config.simulation is None:  # a log that was read is known to this process
             return answer(config, base)
@@ -96,12 +93,7 @@ class Grounds:
 
     def _ready(self) -> Connection:
         if self._process is None or self._pipe is None or not self._process.is_alive():
-            # Spawned, not forked: the server has threads, and this must not inherit their locks.
-            context = multiprocessing.get_context("spawn")
-            self._pipe, theirs = context.Pipe()
-            self._process = context.Process(target=_answer_all, args=(theirs,), daemon=True)
-            self._process.start()
-            theirs.close()
+            self._pipe, self._process = spawned(_answer_all, duplex=True)
         return self._pipe
 
 

@@ -87,8 +87,10 @@ class OpenTab:
 
             async def go() -> None:
                 field.error = None
-                said = await action(Path((field.value or "").strip()).expanduser())
-                field.error = said or None
+                try:
+                    await action(Path((field.value or "").strip()).expanduser())
+                except _WRONG as error:
+                    field.error = _sentence(error)
 
             field.on("keydown.enter", go)
             ui.button("Open", on_click=go).props(f'unelevated no-caps data-testid="{name}-go"')
@@ -133,52 +135,41 @@ class OpenTab:
         if not self._saved.error:
             self._page.tabs.value = "World"
 
-    async def _open_file(self, file: Path) -> str:
-        if not file.name:
-            return "expected the path of a file"
-        try:
-            self._page.studio.scene.replace(self._page.studio.workspace.taken_from(file))
-        except _WRONG as error:
-            return _sentence(error)
+    def _opened(self) -> None:
         self._page.changed()
         self._page.tabs.value = "World"
-        self._page.notify(f"{file.name} is the scene now", good=True)
-        return ""
 
-    async def _open_log(self, path: Path) -> str:
+    async def _open_file(self, file: Path) -> None:
+        if not file.name:
+            raise ValueError("expected the path of a file")
+        self._page.studio.scene.replace(self._page.studio.workspace.taken_from(file))
+        self._opened()
+        self._page.notify(f"{file.name} is the scene now", good=True)
+
+    async def _open_log(self, path: Path) -> None:
         """Make a scene that replays a log."""
         if not path.name:
-            return "expected the path of a log folder or a bag"
-        return await self._use_log(str(path.absolute()), path.stem)
+            raise ValueError("expected the path of a log folder or a bag")
+        await self._use_log(str(path.absolute()), path.stem)
 
-    async def _use_log(self, path: str, name: str) -> str:
+    async def _use_log(self, path: str, name: str) -> None:
         studio = self._page.studio
-        try:
-            data = await run.io_bound(replaying, studio.scene, path, name, studio.base)
-        except _WRONG as error:
-            return _sentence(error)
+        data = await run.io_bound(replaying, studio.scene, path, name, studio.base)
         assert data is not None
         studio.scene.replace(data)
-        self._page.changed()
-        self._page.tabs.value = "World"
-        return ""
+        self._opened()
 
-    async def _take_world(self, path: Path) -> str:
+    async def _take_world(self, path: Path) -> None:
         """Give the scene the map, anchors and landmarks of a log."""
         studio = self._page.studio
         if not path.name:
-            return "expected the path of a log folder or a bag"
+            raise ValueError("expected the path of a log folder or a bag")
         if studio.scene.config.simulation is None:
-            return "this scene replays a log; make a new one first"
-        try:
-            log = await run.io_bound(log_of, RunConfig(log=str(path.absolute())), studio.base)
-            assert log is not None
-            studio.workspace.take_world(studio.scene, log, path.stem)
-        except _WRONG as error:
-            return _sentence(error)
-        self._page.changed()
-        self._page.tabs.value = "World"
-        return ""
+            raise ValueError("this scene replays a log; make a new one first")
+        log = await run.io_bound(log_of, RunConfig(log=str(path.absolute())), studio.base)
+        assert log is not None
+        studio.workspace.take_world(studio.scene, log, path.stem)
+        self._opened()
 
     def on_event(self, said: dict[str, Any]) -> None:
         """Go on with a file that was uploaded."""
@@ -208,7 +199,11 @@ class OpenTab:
         return ""
 
     async def _uploaded_log(self, path: str, name: str) -> None:
-        self._say("log", await self._use_log(path, Path(name).stem))
+        try:
+            await self._use_log(path, Path(name).stem)
+            self._say("log", "")
+        except _WRONG as error:
+            self._say("log", _sentence(error))
 
     def _say(self, kind: str, text: str, *, wrong: bool = True) -> None:
         """Say below an upload what becomes of it; nothing once it is there."""

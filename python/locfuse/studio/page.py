@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from typing import Any
 
@@ -159,6 +160,11 @@ class StudioPage:
         if self._seen != (scene.version, runner.version):
             self._seen = (scene.version, runner.version)
             self.run.refresh()
+
+    def call(self, function: str, *arguments: Any) -> None:
+        """Call a function of the page's ``studio``, once there is one."""
+        texts = ", ".join(json.dumps(argument) for argument in arguments)
+        ui.run_javascript(f"studio.{function}({texts})")
 
     def notify(self, text: str, *, good: bool = False) -> None:
         """Show a sentence for a while."""

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import tempfile
 from collections.abc import Callable
 from importlib import resources
@@ -15,21 +14,19 @@ from fastapi.responses import FileResponse, JSONResponse, Response
 from starlette.concurrency import run_in_threadpool
 
 from locfuse.report.player import player_css, player_js
-from locfuse.studio.bag import write_bag_of
 from locfuse.studio.coverage import packed
 from locfuse.studio.ground import TROUBLE
 from locfuse.studio.guard import MAX_BODY
 from locfuse.studio.studio import Studio
 from locfuse.studio.view import coverage_of, replaying
-from locfuse.studio.work import PLAY
+from locfuse.studio.work import PLAY, spawned, write_bag_of
 from locfuse.studio.workspace import MAX_BYTES
 from locfuse.types import ConfigError, LogError
 
 FILES = ("report.html", "config.yaml", "scene.yaml", "estimate.tum", "truth.tum", "estimate.csv",
          "outcomes.csv", "metrics.json")  # fmt: skip
 BAG = "drive.mcap"
-STATIC = {"editor.js": "text/javascript", "coverage.js": "text/javascript",
-          "studio.js": "text/javascript", "studio.css": "text/css"}  # fmt: skip
+STATIC = ("editor.js", "coverage.js", "studio.js", "studio.css")
 # Only a log is not held in memory.
 _MAX_UPLOAD = {"log": MAX_BYTES, "map": 64_000_000, "scene": MAX_BODY}
 # A report may come from elsewhere: its script must not be one of the studio's page.
@@ -53,14 +50,13 @@ def _static(router: APIRouter) -> None:
 
     @router.get("/static/{name}")
     def static(name: str) -> Response:
-        kind = STATIC.get(name) or {"player.js": "text/javascript", "player.css": "text/css"}.get(
-            name
-        )
-        if kind is None:
+        if name in made:
+            text = made[name]()
+        elif name in STATIC:
+            text = resources.files("locfuse.studio").joinpath("static", name).read_text("utf-8")
+        else:
             return _not_there(name)
-        text = made[name]() if name in made else (
-            resources.files("locfuse.studio").joinpath("static", name).read_text("utf-8")
-        )  # fmt: skip
+        kind = "text/css" if name.endswith(".css") else "text/javascript"
         return Response(text, media_type=kind, headers={"Cache-Control": "no-cache"})
 
 
@@ -123,11 +119,7 @@ def _make_bag(folder: Path) -> None:
     """Write the bag of a run, by a process of its own: the run is made again, bit for bit."""
     if (folder / BAG).exists():
         return
-    context = multiprocessing.get_context("spawn")
-    receiver, said = context.Pipe(duplex=False)
-    process = context.Process(target=write_bag_of, args=(str(folder), BAG, said), daemon=True)
-    process.start()
-    said.close()
+    receiver, process = spawned(write_bag_of, str(folder), BAG)
     try:
         wrong = receiver.recv()
     except EOFError:

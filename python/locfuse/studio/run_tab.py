@@ -10,12 +10,12 @@ from nicegui import ui
 
 from locfuse.studio.compare import FIGURES, compared, value_of
 from locfuse.studio.estimators import Choice, choices
-from locfuse.studio.javascript import call
 from locfuse.studio.runner import Part, Run
 
 if TYPE_CHECKING:
     from locfuse.studio.page import StudioPage
 
+At = tuple[int, str]  # number of a run, and key of one of its parts
 _PLAYER = "studio-player"
 _MAX_SHOWN = 6  # runs over one another
 _DOWNLOADS = {"report.html": "Report", "scene.yaml": "Config", "estimate.tum": "Trajectory (TUM)",
@@ -32,12 +32,12 @@ class RunTab:
         self._page = page
         self._chosen: dict[str, bool] = {"as_set": True}
         self._offered: list[Choice] = []
-        self._shown: list[tuple[int, str]] = []
+        self._shown: list[At] = []
         self._played: tuple[list[str], bool] | None = None
         self._compared: list[tuple[int, str, str]] = []
-        self._listed: list[tuple[int, str, str, bool, bool]] = []
-        self._bars: dict[tuple[int, str], Any] = {}
-        self._awaited: set[tuple[int, str]] = set()
+        self._listed: list[tuple[At, str, bool, bool]] = []
+        self._bars: dict[At, Any] = {}
+        self._awaited: set[At] = set()
 
     def build(self) -> None:
         """Build the tab."""
@@ -104,12 +104,10 @@ class RunTab:
             if wrong
             else ""
         )
-        for run in studio.runner.runs:
-            for part in run.parts:
-                at = (run.number, part.key)
-                if at in self._awaited and run.can_be_watched(part.key):
-                    self._awaited.discard(at)
-                    self._shown.append(at)
+        for at, run, part in self._every():
+            if at in self._awaited and run.can_be_watched(part.key):
+                self._awaited.discard(at)
+                self._shown.append(at)
         self._show_runs()
         self._play()
 
@@ -121,42 +119,35 @@ class RunTab:
                     box = ui.checkbox(
                         choice.name,
                         value=self._chosen.get(choice.key, False),
-                        on_change=lambda e, key=choice.key: self._choose(key, e.value),
+                        on_change=lambda e, key=choice.key: self._chosen.update({key: e.value}),
                     )
                     box.props(f'dense data-testid="choice-{choice.key}"')
                     with box:
                         ui.tooltip(choice.what).props("delay=400")
 
-    def _choose(self, key: str, on: bool) -> None:
-        self._chosen[key] = on
-
     # Runs ------------------------------------------------------------------------------------
 
     def _show_runs(self) -> None:
         """Show the runs; while nothing but their progress is new, only that."""
-        runs = self._page.studio.runner.runs
         listed = [
-            (
-                run.number,
-                part.key,
-                part.state,
-                run.can_be_watched(part.key),
-                (run.number, part.key) in self._shown,
-            )
-            for run in runs
-            for part in run.parts
+            (at, part.state, run.can_be_watched(part.key), at in self._shown)
+            for at, run, part in self._every()
         ]
         if listed != self._listed:
             self._listed = listed
             self._bars = {}
             self._runs.clear()
             with self._runs:
-                for run in reversed(runs):
+                for run in reversed(self._page.studio.runner.runs):
                     self._show_run(run)
-        for run in runs:
-            for part in run.parts:
-                if (run.number, part.key) in self._bars:
-                    self._bars[run.number, part.key].value = part.share
+        for at, _, part in self._every():
+            if at in self._bars:
+                self._bars[at].value = part.share
+
+    def _every(self) -> list[tuple[At, Run, Part]]:
+        """Return the parts of all runs, oldest first."""
+        runs = self._page.studio.runner.runs
+        return [((run.number, part.key), run, part) for run in runs for part in run.parts]
 
     def _show_run(self, run: Run) -> None:
         with ui.element("div").style("margin-bottom:10px"):
@@ -201,7 +192,7 @@ class RunTab:
             ui.label(part.error).classes("st-note st-wrong").style("margin:2px 0").props(
                 f'data-testid="error-{part.key}"')  # fmt: skip
 
-    def _watch(self, at: tuple[int, str], on: bool) -> None:
+    def _watch(self, at: At, on: bool) -> None:
         if on and at not in self._shown:
             self._shown = [*self._shown, at][-_MAX_SHOWN:]
         elif not on and at in self._shown:
@@ -218,18 +209,15 @@ class RunTab:
 
             def delete() -> None:
                 dialog.close()
-                self._delete(run)
+                self._shown = [at for at in self._shown if at[0] != run.number]
+                self._page.studio.runner.delete(run)
+                self.refresh()
 
             with ui.row().style("justify-content:flex-end; width:100%"):
                 ui.button("Keep", on_click=dialog.close).props("flat no-caps autofocus")
                 ui.button("Delete", color="negative", on_click=delete).props(
                     'unelevated no-caps data-testid="delete-it"'
                 )
-
-    def _delete(self, run: Run) -> None:
-        self._shown = [at for at in self._shown if at[0] != run.number]
-        self._page.studio.runner.delete(run)
-        self.refresh()
 
     # What is watched -------------------------------------------------------------------------
 
@@ -239,22 +227,20 @@ class RunTab:
         urls = [f"studio/runs/{run.number}/{part.key}/play.json?{part.grown}"
                 for run, part in parts]  # fmt: skip
         more = any(
-            part.state in _UNDER_WAY and (run.number, part.key) in (*self._shown, *self._awaited)
-            for run in self._page.studio.runner.runs
-            for part in run.parts
+            part.state in _UNDER_WAY and at in (*self._shown, *self._awaited)
+            for at, _, part in self._every()
         )
         if (urls, more) != self._played:
             self._played = (urls, more)
             self._empty.set_visibility(not parts)
-            call("play", _PLAYER, urls, more)
+            self._page.call("play", _PLAYER, urls, more)
         compared = [(run.number, part.key, part.state) for run, part in parts]
         if compared != self._compared:
             self._compared = compared
             self._compare(parts)
 
     def _parts(self) -> list[tuple[Run, Part]]:
-        found = {(run.number, part.key): (run, part) for run in self._page.studio.runner.runs
-                 for part in run.parts}  # fmt: skip
+        found = {at: (run, part) for at, run, part in self._every()}
         return [found[at] for at in self._shown if at in found]
 
     def _compare(self, parts: list[tuple[Run, Part]]) -> None:

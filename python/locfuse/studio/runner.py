@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 import os
 import re
 import shutil
@@ -25,7 +24,7 @@ from locfuse.studio.compare import FIGURES, value_of
 from locfuse.studio.document import dotted, moved_to, text_of
 from locfuse.studio.estimators import Choice, variant
 from locfuse.studio.scene import Scene
-from locfuse.studio.work import CONFIG, FAILED, PLAY, Job, work
+from locfuse.studio.work import CONFIG, FAILED, PLAY, Job, spawned, work
 from locfuse.studio.workspace import is_own
 from locfuse.types import shown
 
@@ -65,15 +64,7 @@ class Part:
 class Run:
     """A scene run with some estimators.
 
-    Attributes
-    ----------
-    number : int
-    name : str
-        Of the scene.
-    folder : Path
-    began : float
-        Seconds since 1970.
-    parts : list of Part
+    `name` is that of the scene; it began `began` seconds after 1970.
     """
 
     number: int
@@ -131,17 +122,8 @@ class Runner:
 
         Each estimator has a folder with ``scene.yaml``, of which ``locfuse run`` makes the same.
 
-        Parameters
-        ----------
-        scene : Scene
-        chosen : sequence of Choice
-        base : Path
-            Folder that the scene's paths are relative to.
-
-        Raises
-        ------
-        ValueError
-            If nothing is chosen, a run is under way, or the scene has values that do not fit.
+        The scene's paths are relative to `base`. Raises ValueError if nothing is chosen, a run is
+        under way, or the scene has values that do not fit.
         """
         if self.busy:
             raise ValueError("a run is under way; wait for it, or cancel it")
@@ -190,15 +172,10 @@ class Runner:
         self.wait(2.0 * _END_S)  # what is done, too, is written once its process has ended
 
     def _begin(self, run: Run) -> None:
-        # Spawned, not forked: the server has threads, and a run must not inherit their locks.
-        context = multiprocessing.get_context("spawn")
-        receiver, said = context.Pipe(duplex=False)
         folders = tuple(str(run.folder_of(part.key)) for part in run.parts)
         job = Job(folders, tuple(part.name for part in run.parts))
         self._cancelled = False
-        self._process = context.Process(target=work, args=(job, said), daemon=True)
-        self._process.start()
-        said.close()
+        receiver, self._process = spawned(work, job)
         self._watch = threading.Thread(
             target=self._listen, args=(run, receiver, self._process), daemon=True
         )

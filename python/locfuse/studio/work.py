@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a process of its own does for the studio: run each estimator, keep what comes out."""
+"""What processes of their own do for the studio: run each estimator, keep what comes out."""
 
 from __future__ import annotations
 
 import gzip
 import json
+import multiprocessing
 import signal
 import time
 import traceback
@@ -12,9 +13,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
+from typing import Any
 
 from locfuse.config.load import load_config
+from locfuse.io.rosbag.bags import write_bag
 from locfuse.io.whole import whole_file
 from locfuse.report.player import pack
 from locfuse.report.results import write_results
@@ -35,6 +39,21 @@ class Job:
 
     folders: tuple[str, ...]
     names: tuple[str, ...]
+
+
+def spawned(
+    target: Callable[..., None], *arguments: Any, duplex: bool = False
+) -> tuple[Connection, SpawnProcess]:
+    """Start a process whose last argument is one end of a pipe; return the other end and it.
+
+    Spawned, not forked: the server has threads, and a process must not inherit their locks.
+    """
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe(duplex)
+    process = context.Process(target=target, args=(*arguments, theirs), daemon=True)
+    process.start()
+    theirs.close()
+    return ours, process
 
 
 def work(job: Job, said: Connection) -> None:
@@ -104,3 +123,14 @@ def _write_play(result: RunResult, folder: Path, name: str, *, whole: bool) -> N
     text = json.dumps(pack(named, whole=whole), separators=(",", ":"))
     with whole_file(folder / PLAY) as part:
         part.write_bytes(gzip.compress(text.encode(), 6, mtime=0))
+
+
+def write_bag_of(folder: str, name: str, said: Connection) -> None:
+    """Run the configuration of a folder and write a bag there; send what went wrong, or ''."""
+    try:
+        config = load_config(Path(folder, CONFIG))
+        with whole_file(Path(folder, name)) as part:
+            write_bag(run(config, base=Path(folder)), part, config.ros)
+        said.send("")
+    except Exception as error:  # reported to the caller
+        said.send(" ".join(str(error).split()) or type(error).__name__)

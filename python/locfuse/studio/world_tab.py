@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
@@ -13,7 +12,6 @@ from locfuse.studio import drawing
 from locfuse.studio.document import Key
 from locfuse.studio.fields import Field, field_of
 from locfuse.studio.forms import Forms
-from locfuse.studio.javascript import call
 from locfuse.studio.view import world_of
 
 if TYPE_CHECKING:
@@ -76,7 +74,7 @@ class WorldTab:
             ui.tooltip("What the floor shows").props('anchor="center right" self="center left"')
             with ui.menu():
                 for mode, text in MODES.items():
-                    ui.menu_item(text, lambda mode=mode: self._show(mode))
+                    ui.menu_item(text, lambda mode=mode: self._javascript(f'mode("{mode}")'))
         button.props('data-testid="coverage"')
         fit = ui.button(icon="fit_screen", color=None, on_click=lambda: self._javascript("fit()"))
         fit.props('flat dense aria-label="Show all"')
@@ -90,10 +88,7 @@ class WorldTab:
             button.classes(
                 add="st-on" if name == tool else "", remove="" if name == tool else "st-on"
             )
-        self._javascript(f"use({json.dumps(tool)})")
-
-    def _show(self, mode: str) -> None:
-        self._javascript(f"mode({json.dumps(mode)})")
+        self._javascript(f'use("{tool}")')
 
     def _javascript(self, expression: str) -> None:
         ui.run_javascript(f"studio.editor && studio.editor.{expression}")
@@ -203,10 +198,10 @@ class WorldTab:
         self._verdict.text = "\n".join(map(str, problems)) or "This is the scene."
         self._verdict.classes(add="st-bad" if problems else "", remove="" if problems else "st-bad")
         if self._mounted:
-            call("show", world)
+            self._page.call("show", world)
         else:
             self._mounted = True
-            call("mount", _BOARD, world)
+            self._page.call("mount", _BOARD, world)
 
     def _tell_ground(self, said: dict[str, Any]) -> None:
         """Show what keeps a simulation from being driven, or what a log holds."""
@@ -267,7 +262,8 @@ class WorldTab:
             "nlos": ("x1_m", "y1_m", "x2_m", "y2_m"),
         }.get(str(what[0]), ("x_m", "y_m"))
         for index, name in enumerate(names):
-            self._chosen_forms.field(_place_field(name), (*key, index))
+            place = Field(name, "number", name.removesuffix("_m"), "m", "")
+            self._chosen_forms.field(place, (*key, index))
 
     def _take_away(self) -> None:
         if self._chosen is not None:
@@ -280,7 +276,3 @@ def _called(what: Key) -> str:
     if what[0] in ("anchor", "landmark"):
         return f"{kind} {what[1]}"
     return kind if what[0] != "point" else f"{kind}, {int(what[1]) + 1}"
-
-
-def _place_field(name: str) -> Field:
-    return Field(name, "number", name.removesuffix("_m"), "m", "")

@@ -20,12 +20,11 @@ from locfuse.io.maps import write_map
 from locfuse.report.results import write_results
 from locfuse.run.run import run
 from locfuse.sim.room import room_grid
-from locfuse.studio.bag import write_bag_of
 from locfuse.studio.document import text_of
 from locfuse.studio.estimators import CHOICES, choices, variant
 from locfuse.studio.runner import Run, Runner
 from locfuse.studio.scene import Scene
-from locfuse.studio.work import PLAY
+from locfuse.studio.work import PLAY, write_bag_of
 
 CHOICE = {choice.key: choice for choice in CHOICES}
 SHORT: dict[str, Any] = {"name": "short", "simulation": {"duration_s": 10.0}}
