@@ -12,8 +12,7 @@ from locfuse.types import UNKNOWN, FloatArray, GridMap
 def on_map(grid: GridMap, points: FloatArray) -> NDArray[np.bool_]:
     """Return which points of shape (n, 2) lie on the map."""
     cell = grid.to_grid(points)
-    within: NDArray[np.bool_] = np.all((cell >= 0.0) & (cell < grid.cells.shape[::-1]), axis=1)
-    return within
+    return np.asarray(np.all((cell >= 0.0) & (cell < grid.cells.shape[::-1]), axis=1))
 
 
 def known(grid: GridMap, points: FloatArray, around: float = 0.3) -> NDArray[np.bool_]:
@@ -29,8 +28,7 @@ def known(grid: GridMap, points: FloatArray, around: float = 0.3) -> NDArray[np.
     total = np.pad(np.cumsum(np.cumsum(grid.cells != UNKNOWN, axis=0), axis=1), (1, 0))
     (x1, y1), (x2, y2) = low.T, high.T
     seen = total[y2, x2] - total[y1, x2] - total[y2, x1] + total[y1, x1]
-    most: NDArray[np.bool_] = 2 * seen > (2 * reach + 1) ** 2
-    return most
+    return np.asarray(2 * seen > (2 * reach + 1) ** 2)
 
 
 def bounds(grid: GridMap) -> tuple[FloatArray, FloatArray] | None:

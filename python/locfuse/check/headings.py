@@ -77,8 +77,8 @@ def _by_odometry(
 def _by_course(path: Trajectory) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """Return the same from the course, which shows no offset: its sigma is infinite."""
     assert path.heading is not None
-    pairs = np.array(list(legs(path.position)), dtype=np.intp).reshape(-1, 2)
-    move = path.position[pairs[:, 1]] - path.position[pairs[:, 0]]
+    begin, end = legs(path.position).T
+    move = path.position[end] - path.position[begin]
     course: FloatArray = np.arctan2(move[:, 1], move[:, 0])
     enough = np.full(len(course), float(len(course) >= 5))
-    return path.heading[pairs[:, 0]], course, enough, np.inf
+    return path.heading[begin], course, enough, np.inf

@@ -164,5 +164,4 @@ def dilution(found: FloatArray) -> FloatArray:
     """Return the root of the trace of the inverse of information (..., 3), at most `WORST`."""
     xx, xy, yy = np.moveaxis(found, -1, 0)
     determinant = np.maximum(xx * yy - xy**2, 1e-12)
-    value: FloatArray = np.minimum(np.sqrt((xx + yy) / determinant), WORST)
-    return value
+    return np.asarray(np.minimum(np.sqrt((xx + yy) / determinant), WORST))

@@ -17,8 +17,7 @@ MAX_EPOCHS = 1500
 def dop(bound: FloatArray) -> FloatArray:
     """Return the root of the trace of each bound, infinite where the bound is."""
     trace = np.trace(bound, axis1=1, axis2=2)
-    value: FloatArray = np.sqrt(np.where(np.isfinite(trace) & (trace >= 0.0), trace, np.inf))
-    return value
+    return np.sqrt(np.where(np.isfinite(trace) & (trace >= 0.0), trace, np.inf))
 
 
 def epochs(
@@ -26,21 +25,9 @@ def epochs(
 ) -> tuple[StampArray, FloatArray]:
     """Group the ranges of one tag into moments with each anchor at most once.
 
-    Parameters
-    ----------
-    table : columns with ``stamp_ns``, sorted
-    anchor : int array, shape (n,)
-        Index of the anchor of each row.
-    distance : float64 array, shape (n,)
-    anchors : int
-        How many there are.
-
-    Returns
-    -------
-    stamp_ns : int64 array, shape (k,)
-        Mean stamp of each moment.
-    ranges : float64 array, shape (k, anchors)
-        NaN where an anchor was not received.
+    `table` has ``stamp_ns``, sorted; `anchor` (n,) is the index, below `anchors`, of that of each
+    row, and `distance` (n,) its range. Returns the mean stamp of each moment (k,), and its ranges
+    (k, anchors), NaN where an anchor was not received.
     """
     stamp = table["stamp_ns"]
     group = np.zeros(len(stamp), np.intp)
@@ -133,8 +120,7 @@ def _agree(
 ) -> NDArray[np.bool_]:
     """Return at which moments no range is off from the position by more than noise explains."""
     off = np.abs(residuals_of(anchors, ranges, position, height)) > limit_of(sigma)
-    good: NDArray[np.bool_] = np.isfinite(position[:, 0]) & ~np.any(off, axis=1)
-    return good
+    return np.asarray(np.isfinite(position[:, 0]) & ~np.any(off, axis=1))
 
 
 def residuals_of(
@@ -142,5 +128,4 @@ def residuals_of(
 ) -> FloatArray:
     """Return range minus distance, NaN where either is unknown."""
     reach = np.linalg.norm(position[:, None, :] - anchors[None, :, :2], axis=2)
-    left: FloatArray = ranges - np.hypot(reach, anchors[:, 2] - height)
-    return left
+    return np.asarray(ranges - np.hypot(reach, anchors[:, 2] - height))

@@ -224,8 +224,7 @@ def inside_hull(points: FloatArray, corners: FloatArray) -> NDArray[np.bool_]:
     off = points[:, None, :] - ring[None]
     side = edge[:, 0] * off[..., 1] - edge[:, 1] * off[..., 0]
     size = np.linalg.norm(edge, axis=1) * 1e-9
-    inside: NDArray[np.bool_] = np.all(side >= -size, axis=1)
-    return inside
+    return np.asarray(np.all(side >= -size, axis=1))
 
 
 def start_outside_floors(context: Context) -> Iterator[Finding]:

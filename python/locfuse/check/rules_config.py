@@ -42,7 +42,7 @@ def _gate(context: Context, key: str, source: str) -> Iterator[Finding]:
     sigmas = math.sqrt(_core.chi_squared_quantile(1, probability))
     metres = sigmas * _sigma_of(context, source)
     text = (f"{where} {probability:g}: {source} beyond {sigmas:.1f} sigma are rejected, "
-            f"{_metres(metres)} from a pose that is known exactly")  # fmt: skip
+            f"{metres:.3g} m from a pose that is known exactly")  # fmt: skip
     if probability > _NEVER:
         yield warning(f"{text}; it is so close to 1 that it cannot bind", where,
                       "set a probability such as 0.999")  # fmt: skip
@@ -74,10 +74,6 @@ def _sigma_key(context: Context, source: str) -> str:
     if source == "ranges" and not brings:
         return f"{context.section}.range"
     return f"{source}.csv"
-
-
-def _metres(value: float) -> str:
-    return f"{value:.3g} m"
 
 
 def implausible_sigmas(context: Context) -> Iterator[Finding]:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from locfuse.check.context import Context
 from locfuse.check.finding import Finding, error, note, warning
@@ -213,10 +214,8 @@ def mismatched_radii(context: Context) -> Iterator[Finding]:
                       f"{seen}", f"{_FILE}, radius_m", "measure a landmark")  # fmt: skip
 
 
-def _similar(radii: FloatArray, other: float) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    same: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
-    same = np.abs(radii - other) <= _SIMILAR * np.maximum(radii, other)
-    return same
+def _similar(radii: FloatArray, other: float) -> NDArray[np.bool_]:
+    return np.asarray(np.abs(radii - other) <= _SIMILAR * np.maximum(radii, other))
 
 
 def _span(radii: FloatArray) -> str:

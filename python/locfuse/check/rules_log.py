@@ -161,10 +161,10 @@ def _speed(context: Context) -> float | None:
     if table is not None and "dx_m" in table and context.odometry is not None:
         paths.insert(0, context.odometry)  # velocities give no distance that the stamps do not
     for path in paths:
-        rows = np.array(list(legs(path.position)), dtype=np.intp).reshape(-1, 2)
-        if len(rows) >= 3:
-            move = path.position[rows[:, 1]] - path.position[rows[:, 0]]
-            taken = (path.stamp_ns[rows[:, 1]] - path.stamp_ns[rows[:, 0]]) / NANOSECONDS
+        begin, end = legs(path.position).T
+        if len(begin) >= 3:
+            move = path.position[end] - path.position[begin]
+            taken = (path.stamp_ns[end] - path.stamp_ns[begin]) / NANOSECONDS
             return float(np.median(np.hypot(*move.T) / taken))
     return None
 
@@ -277,12 +277,12 @@ def angles_in_degrees(context: Context) -> Iterator[Finding]:
 def _follows_in_degrees(table: Columns) -> bool:
     """Return whether headings follow the course of their own positions if taken as degrees."""
     at = np.column_stack([table["x_m"], table["y_m"]])
-    rows = np.array(list(legs(at)), dtype=np.intp).reshape(-1, 2)
-    if len(rows) < 5:
+    begin, end = legs(at).T
+    if len(begin) < 5:
         return False
-    move = at[rows[:, 1]] - at[rows[:, 0]]
+    move = at[end] - at[begin]
     course = np.arctan2(move[:, 1], move[:, 0])
-    heading = table["heading_rad"][rows[:, 0]]
+    heading = table["heading_rad"][begin]
     agree = [
         max(abs(np.mean(np.exp(1j * (course - sense * h)))) for sense in (1.0, -1.0))  # a compass
         for h in (heading, np.radians(heading))

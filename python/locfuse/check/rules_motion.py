@@ -39,13 +39,6 @@ _TURNS = {
 }
 
 
-def _independent(context: Context) -> Iterator[Track]:
-    """Yield the references that share a frame with the anchors, the best first."""
-    for track in context.references:
-        if track.name != "truth.csv" or context.frame_of_truth is None:
-            yield track
-
-
 def turn_direction(context: Context) -> Iterator[Finding]:
     """Report odometry that turns the wrong way or in another unit, or a mirrored anchor map."""
     table = context.used("odometry")
@@ -178,7 +171,9 @@ def start_against_the_first_metres(context: Context) -> Iterator[Finding]:
     start = context.config.start
     if isinstance(start, str) or context.odometry is None:
         return
-    for track in _independent(context):
+    for track in context.references:
+        if track.name == "truth.csv" and context.frame_of_truth is not None:
+            continue
         found = _first_metres(context, track)
         if found is None:
             continue

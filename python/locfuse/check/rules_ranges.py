@@ -15,6 +15,7 @@ from locfuse import _core
 from locfuse.check.context import Context, Fits, Residuals
 from locfuse.check.finding import Finding, error, note, warning
 from locfuse.check.positions import EPOCH_S, dop, limit_of, residuals_of
+from locfuse.eval.verdicts import series_of
 from locfuse.types import NANOSECONDS, Columns, FloatArray
 
 _SCATTER = 1.4826  # standard deviation over median absolute deviation of a Gaussian
@@ -72,7 +73,9 @@ def invalid_ranges(context: Context) -> Iterator[Finding]:
     if zero > 0.0:
         yield warning(f"{100 * zero:.3g} % of the ranges are exactly 0: a radio's way to say that "
                       "it received nothing", "ranges.csv", "drop them when recording")  # fmt: skip
-    reach = 3.0 * float(np.hypot(*_sides(context)))
+    assert context.floor is not None
+    reach = 3.0 * float(np.hypot(*(context.floor[1] - context.floor[0])))
+    moves = context.odometry is not None and np.ptp(context.odometry.position, axis=0).max() > 1.0
     for name in context.names:
         mine = table["range_m"][table["anchor"] == name]
         far = float(np.mean(mine > reach)) if len(mine) else 0.0
@@ -81,33 +84,15 @@ def invalid_ranges(context: Context) -> Iterator[Finding]:
                           f"three times across the floor (up to {mine.max():.4g} m)",
                           "ranges.csv", "find the multipath, and keep gate_range below 1"
                           )  # fmt: skip
-        if _repeats(mine) and _moves(context):
+        if moves and len(mine) >= _MIN_ROWS and _longest_run(mine) >= 20:
             yield warning(f"ranges to {name} repeat one number for {_longest_run(mine)} rows while "
                           "the robot drives", "ranges.csv",
                           "the radio sends old values; restart it")  # fmt: skip
 
 
-def _sides(context: Context) -> FloatArray:
-    assert context.floor is not None
-    low, high = context.floor
-    return high - low
-
-
-def _repeats(values: FloatArray) -> bool:
-    return len(values) >= _MIN_ROWS and _longest_run(values) >= 20
-
-
 def _longest_run(values: FloatArray) -> int:
-    """Return how many equal values follow one another at most."""
-    edges = np.flatnonzero(np.diff(values) != 0.0)
-    bounds = np.concatenate([[-1], edges, [len(values) - 1]])
-    return int(np.diff(bounds).max()) if len(values) else 0
-
-
-def _moves(context: Context) -> bool:
-    if context.odometry is None:
-        return False
-    return float(np.ptp(context.odometry.position, axis=0).max()) > 1.0
+    """Return how many equal values follow one another at most; there is at least one."""
+    return 1 + max((end - first for first, end in series_of(np.diff(values) == 0.0)), default=0)
 
 
 def anchors_swapped(context: Context) -> Iterator[Finding]:

@@ -14,6 +14,7 @@ from locfuse import _core
 from locfuse.check.context import Context
 from locfuse.check.finding import Finding, error, warning
 from locfuse.check.positions import BRIDGED_S, epochs, located
+from locfuse.eval.verdicts import series_of
 from locfuse.types import NANOSECONDS, Columns, FloatArray
 
 _ONE_PLACE_M = 0.05
@@ -46,8 +47,8 @@ def tags_in_one_place(context: Context) -> Iterator[Finding]:
 
 def tags_inconsistent_with_fixes(context: Context) -> Iterator[Finding]:
     """Name swapped ids of tags, else pairs that are not as far apart as on the body."""
-    table = _of_tags(context)
-    if table is None:
+    table = context.used("positions")
+    if table is None or "tag" not in table:
         return
     swapped = _swapped(context, table, "positions.csv")
     if swapped is not None:
@@ -184,10 +185,8 @@ def _frozen(context: Context) -> Iterator[_Frozen]:
 
 def _longest_same(at: FloatArray) -> tuple[int, int]:
     """Return the first and last row of the longest run of equal rows of (n, 2)."""
-    edges = np.flatnonzero(np.any(np.diff(at, axis=0) != 0.0, axis=1)) + 1
-    bounds = np.concatenate([[0], edges, [len(at)]])
-    longest = int(np.argmax(np.diff(bounds)))
-    return int(bounds[longest]), int(bounds[longest + 1]) - 1
+    runs = series_of(np.all(np.diff(at, axis=0) == 0.0, axis=1))
+    return max(runs, key=lambda run: run[1] - run[0], default=(0, 0))
 
 
 def silent_tags(context: Context) -> Iterator[Finding]:
@@ -222,12 +221,6 @@ def _silence(
                       f"tags are received ({source})", f"{source}.csv",
                       "look at its battery and its mount; the heading rests on the others"
                       )  # fmt: skip
-
-
-def _of_tags(context: Context) -> Columns | None:
-    """Return the positions of named tags."""
-    table = context.used("positions")
-    return table if table is not None and "tag" in table else None
 
 
 def _by_ranges(context: Context) -> Columns | None:

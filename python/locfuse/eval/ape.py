@@ -40,18 +40,9 @@ def ape(
 ) -> Ape:
     """Match two trajectories by stamp, align if asked, and measure distances.
 
-    Parameters
-    ----------
-    estimate, truth : Trajectory
-    alignment : {"none", "se2", "sim2"}
-        Move the estimate onto the truth with least squares, rigidly or also with a scale.
-    max_difference_s : float
-        Stamps that differ by more are not matched.
-
-    Raises
-    ------
-    ValueError
-        If fewer than two poses match, or `alignment` is not known.
+    `alignment` is ``none``, ``se2`` or ``sim2``: move the estimate onto the truth with least
+    squares, rigidly or also with a scale. Stamps that differ by more than `max_difference_s` are
+    not matched. Raises ValueError if fewer than two poses match, or `alignment` is not known.
     """
     if alignment not in ALIGNMENTS:
         raise ValueError(f"alignment is {alignment!r}, expected one of {', '.join(ALIGNMENTS)}")

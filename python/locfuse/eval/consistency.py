@@ -17,19 +17,8 @@ def band(dof: int, count: int = 1, probability: float = PROBABILITY) -> tuple[fl
     The sum of N values of n degrees of freedom has N n of them (Bar-Shalom, Li and Kirubarajan,
     2001, section 5.4.2).
 
-    Parameters
-    ----------
-    dof : int
-        Degrees of freedom of one value.
-    count : int
-        Values averaged.
-    probability : float
-        That a consistent mean lies inside.
-
-    Raises
-    ------
-    ValueError
-        If `dof` or `count` is below 1, or `probability` not inside (0, 1).
+    Each has `dof` degrees of freedom; `probability` is that a consistent mean lies inside. Raises
+    ValueError if `dof` or `count` is below 1, or `probability` not inside (0, 1).
 
     Examples
     --------
@@ -45,9 +34,9 @@ def band(dof: int, count: int = 1, probability: float = PROBABILITY) -> tuple[fl
     return low / count, high / count
 
 
-def share_in_band(values: FloatArray, dof: int, probability: float = PROBABILITY) -> float:
+def share_in_band(values: FloatArray, dof: int) -> float:
     """Return the share of single values inside their two-sided band; NaN if there are none."""
     if len(values) == 0:
         return float("nan")
-    low, high = band(dof, 1, probability)
+    low, high = band(dof)
     return float(np.mean((values >= low) & (values <= high)))

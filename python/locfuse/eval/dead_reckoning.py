@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from locfuse.types import NANOSECONDS, Columns, FloatArray, StampArray, Trajectory
 
@@ -135,10 +136,11 @@ def spread(alignments: list[Alignment]) -> float:
     return float(np.sqrt(np.mean([a.spread**2 for a in alignments])))
 
 
-def legs(at: FloatArray, length: float = 0.6) -> Iterator[tuple[int, int]]:
-    """Yield rows between which a path of shape (n, 2) has come `length` metres far."""
-    begin = 0
+def legs(at: FloatArray, length: float = 0.6) -> NDArray[np.intp]:
+    """Return rows (k, 2) between which a path of shape (n, 2) has come `length` metres far."""
+    begin, found = 0, []
     for row in range(len(at)):
         if math.hypot(at[row, 0] - at[begin, 0], at[row, 1] - at[begin, 1]) >= length:
-            yield begin, row
+            found.append((begin, row))
             begin = row
+    return np.array(found, np.intp).reshape(-1, 2)

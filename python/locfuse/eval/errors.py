@@ -87,15 +87,7 @@ def interpolate(
 def errors_against(estimate: Trajectory, truth: Trajectory) -> Errors:
     """Compare an estimate with truth interpolated to its stamps.
 
-    Parameters
-    ----------
-    estimate, truth : Trajectory
-        In the same frame: nothing is aligned.
-
-    Returns
-    -------
-    Errors
-        Empty where the two do not overlap in time.
+    Both are in the same frame: nothing is aligned. Empty where the two do not overlap in time.
     """
     at, inside = interpolate(truth, estimate.stamp_ns)
     position = estimate.position[inside] - at.position
@@ -119,5 +111,4 @@ def _mahalanobis(error: FloatArray, covariance: FloatArray) -> FloatArray:
     if len(error) == 0:
         return np.empty(0)
     solved = np.linalg.solve(covariance, error[:, :, np.newaxis])[:, :, 0]
-    squared: FloatArray = np.einsum("ni,ni->n", error, solved)
-    return squared
+    return np.asarray(np.einsum("ni,ni->n", error, solved))

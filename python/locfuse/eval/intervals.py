@@ -20,11 +20,7 @@ def mean_interval(values: FloatArray, seed: int = 0) -> tuple[float, float]:
     The same values give the same interval: resamples are drawn by a seed (B. Efron and R. J.
     Tibshirani, An Introduction to the Bootstrap, 1993, chapter 13).
 
-    Parameters
-    ----------
-    values : float64 array, shape (n,)
-        n >= 1.
-    seed : int
+    `values` have shape (n,), n >= 1.
 
     Examples
     --------
@@ -50,9 +46,7 @@ def median_interval(values: FloatArray) -> tuple[float, float] | None:
 
     None for fewer than six values, the smallest and largest of which hold it with less than 95 %.
 
-    Parameters
-    ----------
-    values : float64 array, shape (n,)
+    `values` have shape (n,).
 
     Examples
     --------
@@ -103,5 +97,4 @@ def _binomial_cdf(n: int, p: float) -> FloatArray:
     choose = factorial[n] - factorial - factorial[::-1]
     with np.errstate(divide="ignore"):
         log = choose + k * np.log(p) + (n - k) * np.log1p(-p)
-    below: FloatArray = np.minimum(np.cumsum(np.exp(log)), 1.0)
-    return below
+    return np.asarray(np.minimum(np.cumsum(np.exp(log)), 1.0))

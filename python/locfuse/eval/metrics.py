@@ -22,24 +22,12 @@ def metrics(
 ) -> dict[str, Any]:
     """Sum up a run in numbers.
 
-    Parameters
-    ----------
-    estimate : Trajectory
-        With heading and covariance.
-    truth : Trajectory or None
-        Interpolated to the estimate's stamps; nothing is aligned.
-    outcomes : Outcomes
-    duration_s : float
-        Of the log.
-    wall_s : float
-        That the filter took.
+    `estimate` has heading and covariance; truth is interpolated to its stamps, and nothing is
+    aligned. `duration_s` is that of the log, `wall_s` what the filter took.
 
-    Returns
-    -------
-    dict
-        Ready for JSON. Errors are None without truth. ``nees_in_band`` is the share of stamps whose
-        NEES lies inside the two-sided 95 % band, ``nis_mean`` is over fused messages, ``rejected``
-        counts gated ranges by anchor.
+    The result is ready for JSON. Errors are None without truth. ``nees_in_band`` is the share of
+    stamps whose NEES lies inside the two-sided 95 % band, ``nis_mean`` is over fused messages,
+    ``rejected`` counts gated ranges by anchor.
     """
     sources = sorted(set(outcomes.source.tolist()))
     return {

@@ -118,22 +118,10 @@ def relation_errors(
 def relations_along(track: Trajectory, seconds: float) -> Columns:
     """Return the relations between poses of a trajectory that are some seconds apart.
 
-    Parameters
-    ----------
-    track : Trajectory
-        With headings; interpolated.
-    seconds : float
-        Between both ends of a relation, and from the begin of one to that of the next.
-
-    Returns
-    -------
-    mapping of column name to array
-        As `relation_errors` takes them; none where the trajectory has a gap.
-
-    Raises
-    ------
-    ValueError
-        If the trajectory is empty or has no headings, or `seconds` is not positive.
+    The track has headings and is interpolated; there is no relation where it has a gap. `seconds`
+    are between both ends of a relation, and from the begin of one to that of the next. The columns
+    are as `relation_errors` takes them. Raises ValueError if the trajectory is empty or has no
+    headings, or `seconds` is not positive.
 
     Examples
     --------
@@ -170,18 +158,10 @@ def relations_along(track: Trajectory, seconds: float) -> Columns:
 def relation_metrics(errors: RelationErrors) -> dict[str, dict[str, Any]]:
     """Sum up errors of relations in numbers, short ones and loops apart.
 
-    Parameters
-    ----------
-    errors : RelationErrors
-
-    Returns
-    -------
-    dict
-        Ready for JSON: ``all``, ``short`` (less than 5 s) and ``loop`` (more than 60 s), each with
-        ``count``, and mean, standard deviation and median of the absolute errors:
-        ``translation_mean_m``, ``translation_std_m``, ``translation_median_m``,
-        ``rotation_mean_deg``, ``rotation_std_deg``, ``rotation_median_deg``; None where the count
-        is 0.
+    Ready for JSON: ``all``, ``short`` (less than 5 s) and ``loop`` (more than 60 s), each with
+    ``count``, and mean, standard deviation and median of the absolute errors:
+    ``translation_mean_m``, ``translation_std_m``, ``translation_median_m``, ``rotation_mean_deg``,
+    ``rotation_std_deg``, ``rotation_median_deg``; None where the count is 0.
     """
     chosen = {
         "all": np.ones(len(errors), np.bool_),

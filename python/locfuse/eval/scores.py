@@ -27,22 +27,9 @@ def negative_log_likelihood(estimate: Trajectory, errors: Errors) -> FloatArray:
     Lower is better. It is least where P is the covariance that the errors have, so it asks for
     small errors and for an honest covariance at once.
 
-    Parameters
-    ----------
-    estimate : Trajectory
-        With covariance.
-    errors : Errors
-        Of that estimate.
-
-    Returns
-    -------
-    float64 array, shape (n,)
-        Nats, one for each compared stamp; of a density in metres and radians.
-
-    Raises
-    ------
-    ValueError
-        If there is no covariance.
+    `estimate` has covariance, and `errors` are its own. The result, shape (n,), has one number for
+    each compared stamp: nats, of a density in metres and radians. Raises ValueError if there is no
+    covariance.
 
     Examples
     --------
@@ -55,24 +42,14 @@ def negative_log_likelihood(estimate: Trajectory, errors: Errors) -> FloatArray:
     if errors.nees is None:
         raise ValueError("the estimate has no covariance; expected one for each row")
     volume = np.linalg.slogdet(2.0 * np.pi * _covariance(estimate, errors, errors.dof))[1]
-    value: FloatArray = 0.5 * (errors.nees + volume)
-    return value
+    return np.asarray(0.5 * (errors.nees + volume))
 
 
 def coverage(errors: Errors, levels: Sequence[float] = LEVELS) -> FloatArray:
     """Return the share of errors inside the ellipsoid that should hold each level of them.
 
-    Parameters
-    ----------
-    errors : Errors
-        With `nees`; at least one row.
-    levels : sequence of float
-        Nominal shares, each inside (0, 1).
-
-    Returns
-    -------
-    float64 array, shape (levels,)
-        A consistent estimate gives the levels themselves.
+    `errors` have `nees` and at least one row; `levels` are nominal shares, each inside (0, 1). The
+    result has their shape; a consistent estimate gives the levels themselves.
     """
     if errors.nees is None or len(errors) == 0:
         raise ValueError("no errors with a covariance; expected at least one")
@@ -116,21 +93,9 @@ def recovery(
     It is back where it stays for a second, or to the end, inside the ellipse that holds 99 % of a
     consistent estimate's errors, or, where one is given, below `limit_m`.
 
-    Parameters
-    ----------
-    estimate : Trajectory
-    errors : Errors
-        Of that estimate.
-    ends_ns : iterable of int
-        When faults ended. Those behind the last compared stamp do not count.
-    limit_m : float, optional
-
-    Returns
-    -------
-    longest : float or None
-        Seconds, of those after which it came back; None if there is none.
-    never : int
-        After how many it did not.
+    `errors` are those of `estimate`, `ends_ns` when faults ended; those behind the last compared
+    stamp do not count. Returns the longest time in seconds of those after which it came back, None
+    if there is none, and after how many it did not.
     """
     calm = _calm(estimate, errors, limit_m)
     taken = [_back(errors, calm, end) for end in ends_ns
@@ -141,14 +106,12 @@ def recovery(
 
 def _calm(estimate: Trajectory, errors: Errors, limit_m: float | None) -> NDArray[np.bool_]:
     if limit_m is not None:
-        below: NDArray[np.bool_] = np.hypot(*errors.position.T) <= limit_m
-        return below
+        return np.asarray(np.hypot(*errors.position.T) <= limit_m)
     if errors.nees is None:
         raise ValueError("the estimate has no covariance; expected one, or a limit in metres")
     solved = np.linalg.solve(_covariance(estimate, errors, 2), errors.position[:, :, None])
     nees = np.einsum("ni,nij->n", errors.position, solved)
-    calm: NDArray[np.bool_] = nees <= _core.chi_squared_quantile(2, CALM_LEVEL)
-    return calm
+    return np.asarray(nees <= _core.chi_squared_quantile(2, CALM_LEVEL))
 
 
 def _back(errors: Errors, calm: NDArray[np.bool_], end_ns: int) -> float | None:
