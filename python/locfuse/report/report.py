@@ -5,22 +5,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
 from html import escape
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
+from pydantic_core import to_jsonable_python
 
 from locfuse import _core
-from locfuse.eval.verdicts import (
-    SUSPECT_SHARE,
-    MessageRow,
-    message_rows,
-    rejected_stretches,
-    source_rank,
-)
+from locfuse.eval import verdicts
 from locfuse.report.html_page import page, picture, table
 from locfuse.report.palette import BAND_SIGMAS, ELLIPSE_SIGMAS
 from locfuse.report.pictures import NO_PICTURES, has_matplotlib
@@ -80,26 +73,11 @@ PICTURES = tuple(f"{name}.png" for name in _CAPTIONS)
 def write_report(result: RunResult, out_dir: Path) -> Path:
     """Write the pictures of a run and one page that replays it and works without a network.
 
-    Parameters
-    ----------
-    result : RunResult
-    out_dir : Path
-        Folder, created if missing. ``report.html`` is written and, with matplotlib, ``path.png``,
-        ``nis.png``, ``outcomes.png``, where the run has them also ``errors.png`` (needs truth),
-        ``start.png``, ``height.png`` and ``health.png``.
-
-    Returns
-    -------
-    Path
-        ``report.html`` with player and pictures inside it, smaller than 8 MB: the player decimates
-        the rows of a long run.
-
-    Raises
-    ------
-    ValueError
-        If the estimate is empty.
-    OSError
-        If the folder cannot be written.
+    The folder is created if missing. ``report.html`` is written and, with matplotlib, ``path.png``,
+    ``nis.png``, ``outcomes.png``, where the run has them also ``errors.png`` (needs truth),
+    ``start.png``, ``height.png`` and ``health.png``. Returns ``report.html`` with player and
+    pictures inside it, smaller than 8 MB: the player decimates the rows of a long run. Raises
+    ValueError if the estimate is empty, OSError if the folder cannot be written.
     """
     out_dir.mkdir(parents=True, exist_ok=True)
     files = _draw(result, out_dir)
@@ -112,18 +90,10 @@ def write_report(result: RunResult, out_dir: Path) -> Path:
     if not files:
         pictures.append(f'<p class="quiet">{escape(NO_PICTURES)}</p>')
 
-    title = _title(result)
+    title = str(result.config.get("name") or "Localization run")
     heading = _heading(title, result)
-    below = "\n".join(
-        [
-            cards(result),
-            *pictures,
-            _counts_table(result),
-            _rejected_table(result),
-            _switches_table(result),
-            _configuration(result),
-        ]
-    )
+    tables = _counts_table(result), _rejected_table(result), _switches_table(result)
+    below = "\n".join([cards(result), *pictures, *tables, _configuration(result)])
     body = "\n".join([heading, _player(result, len((heading + below).encode("utf-8"))), below])
     file = out_dir / "report.html"
     file.write_text(page(title, body, player_script()), encoding="utf-8")
@@ -141,17 +111,17 @@ def _draw(result: RunResult, out_dir: Path) -> dict[str, Path | None]:
         return {}
     from locfuse.report import plot
 
-    figures = {
-        "path": plot.plot_path(result),
-        "start": plot.plot_start(result),
-        "outcomes": plot.plot_outcomes(result),
-        "errors": plot.plot_errors(result),
-        "height": plot.plot_height(result),
-        "health": plot.plot_health(result),
-        "nis": plot.plot_nis(result),
-    }
     files: dict[str, Path | None] = {}
-    for name, figure in figures.items():
+    for name, draw in (
+        ("path", plot.plot_path),
+        ("start", plot.plot_start),
+        ("outcomes", plot.plot_outcomes),
+        ("errors", plot.plot_errors),
+        ("height", plot.plot_height),
+        ("health", plot.plot_health),
+        ("nis", plot.plot_nis),
+    ):
+        figure = draw(result)
         files[name] = None if figure is None else out_dir / f"{name}.png"
         if figure is not None:
             plot.save(figure, out_dir / f"{name}.png")
@@ -163,10 +133,6 @@ def _player(result: RunResult, others_bytes: int) -> str:
     others_bytes += len((player_script() + player_css()).encode("utf-8")) + _PAGE_BYTES
     packed = pack(result, max_bytes=min(MAX_BYTES, _MAX_PAGE_BYTES - others_bytes))
     return player_html([packed])
-
-
-def _title(result: RunResult) -> str:
-    return str(result.config.get("name") or "Localization run")
 
 
 def _heading(title: str, result: RunResult) -> str:
@@ -187,7 +153,7 @@ def _picture(name: str, file: Path, result: RunResult) -> str:
     caption = caption.format(
         sigmas=ELLIPSE_SIGMAS,
         band=BAND_SIGMAS,
-        notable=100 * SUSPECT_SHARE,
+        notable=100 * verdicts.SUSPECT_SHARE,
         truth="" if result.truth is None else " against truth",
     )
     return picture(name, heading, caption, file)
@@ -212,12 +178,12 @@ def _counts_table(result: RunResult) -> str:
     rows = [
         [
             source,
-            *(count(verdicts.get(v, 0)) for v in present),
-            count(sum(verdicts.values())),
+            *(count(counted.get(v, 0)) for v in present),
+            count(sum(counted.values())),
             "-" if nis.get(source) is None else f"{float(nis[source]):.3g}",
             _expected_nis(result, source),
         ]
-        for source, verdicts in sorted(counts.items(), key=lambda item: source_rank(item[0]))
+        for source, counted in sorted(counts.items(), key=lambda of: verdicts.source_rank(of[0]))
     ]
     meaning = "; ".join(
         f"{v.replace('_', ' ')}: {VERDICT_LABELS[v]}"
@@ -239,7 +205,7 @@ def _expected_nis(result: RunResult, source: str) -> str:
 
 def _rejected_table(result: RunResult) -> str:
     heading = '<h2 id="rejected">Rejected by source</h2>\n'
-    rows = [row for row in message_rows(result.outcomes) if row.rejected]
+    rows = [row for row in verdicts.message_rows(result.outcomes) if row.rejected]
     if not rows:
         return heading + "<p>No message was rejected by the gate.</p>"
     rows.sort(key=lambda row: -row.rejected_share)
@@ -279,9 +245,9 @@ def _sigmas(upper: str) -> str:
     return f"{of.sigma_position:.2f} m, {math.degrees(of.sigma_heading):.1f} deg"
 
 
-def _stretches(row: MessageRow, origin_ns: int) -> str:
+def _stretches(row: verdicts.MessageRow, origin_ns: int) -> str:
     """Return the longest stretches of rejections, in order of time."""
-    stretches = rejected_stretches(row)
+    stretches = verdicts.rejected_stretches(row)
     longest = sorted(stretches, key=lambda stretch: -stretch.messages)[:_MAX_STRETCHES]
     texts = []
     for stretch in sorted(longest, key=lambda stretch: stretch.first_ns):
@@ -295,22 +261,9 @@ def _stretches(row: MessageRow, origin_ns: int) -> str:
 
 
 def _configuration(result: RunResult) -> str:
-    text = yaml.safe_dump(
-        _plain(result.config), sort_keys=False, allow_unicode=True, default_flow_style=None
+    # Arrays have lists; other things of Python their texts.
+    plain = to_jsonable_python(
+        dict(result.config), fallback=lambda value: getattr(value, "tolist", value.__str__)()
     )
+    text = yaml.safe_dump(plain, sort_keys=False, allow_unicode=True, default_flow_style=None)
     return f"<details><summary>Effective configuration</summary><pre>{escape(text)}</pre></details>"
-
-
-def _plain(value: Any) -> Any:
-    """Return the value built of what YAML can write: dict, list, str, number, bool, None."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if value is None or isinstance(value, bool | int | float | str):
-        return value
-    return str(value)

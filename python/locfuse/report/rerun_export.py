@@ -36,28 +36,15 @@ def check_rerun(path: Path) -> None:
 def write_rerun(result: RunResult, path: Path) -> Path:
     """Write a run for the rerun viewer.
 
-    Parameters
-    ----------
-    result : RunResult
-    path : Path
-        Ends in ``.rrd``. Below ``world`` are map, anchors, landmarks, truth, estimate with its
-        ellipse, scan, ranges and particles; ``nis``, ``health`` and ``error`` are curves and
-        ``messages`` lists the rejected ones with their reasons.
-
-    Returns
-    -------
-    Path
-
-    Raises
-    ------
-    ConfigError
-        As `check_rerun`.
+    The path ends in ``.rrd``; it is returned. Below ``world`` are map, anchors, landmarks, truth,
+    estimate with its ellipse, scan, ranges and particles; ``nis``, ``health`` and ``error`` are
+    curves and ``messages`` lists the rejected ones with their reasons. Raises ConfigError as
+    `check_rerun`.
     """
     check_rerun(path)
-    rr = _library()
     path.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(path) as part:
-        _write(rr, result, part)
+        _write(_library(), result, part)
     return path
 
 
@@ -115,7 +102,7 @@ class _Writer:
 
     def world(self, log: Log) -> None:
         rr = self._rr
-        self._stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        self._always("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
         if log.grid is not None:
             self._map(log.grid)
         for stem, name, colour in (("anchors", "anchor", ANCHOR), ("landmarks", "landmark", MUTED)):
@@ -125,7 +112,7 @@ class _Writer:
             z = table.get("z_m", np.zeros(len(table[name])))
             at = np.column_stack([table["x_m"], table["y_m"], z])
             points = rr.Points3D(at, labels=table[name].tolist(), colors=_rgb(colour), radii=0.08)
-            self._stream.log(f"world/{stem}", points, static=True)
+            self._always(f"world/{stem}", points)
 
     def _map(self, grid: GridMap) -> None:
         height, width = grid.cells.shape
@@ -139,20 +126,18 @@ class _Writer:
             quaternion=self._rr.Quaternion(xyzw=[0.0, 0.0, np.sin(yaw / 2.0), np.cos(yaw / 2.0)]),
             colormap=self._rr.components.Colormap.RvizMap,
         )  # fmt: skip
-        self._stream.log("world/map", drawn, static=True)
+        self._always("world/map", drawn)
 
     def track(self, entity: str, track: Trajectory, colour: str) -> None:
         rr, at = self._rr, _flat(track.position)
         path = rr.LineStrips3D([at], colors=_rgb(colour), radii=0.01)
-        self._stream.log(f"{entity}/path", path, static=True)
-        self._stream.log(entity, rr.Points3D.from_fields(colors=_rgb(colour), radii=0.1),
-                         static=True)  # fmt: skip
+        self._always(f"{entity}/path", path)
+        self._always(entity, rr.Points3D.from_fields(colors=_rgb(colour), radii=0.1))
         self._send(entity, track.stamp_ns, rr.Points3D.columns(positions=at))
         if track.heading is None:
             return
         ahead = _flat(_ARROW_M * np.column_stack([np.cos(track.heading), np.sin(track.heading)]))
-        self._stream.log(f"{entity}/heading", rr.Arrows3D.from_fields(colors=_rgb(colour)),
-                         static=True)  # fmt: skip
+        self._always(f"{entity}/heading", rr.Arrows3D.from_fields(colors=_rgb(colour)))
         self._send(f"{entity}/heading", track.stamp_ns,
                    rr.Arrows3D.columns(origins=at, vectors=ahead))  # fmt: skip
 
@@ -187,15 +172,15 @@ class _Writer:
         px = at.position[:, :1] + c * x - s * y + ranges * np.cos(angle)
         py = at.position[:, 1:] + s * x + c * y + ranges * np.sin(angle)
         hit = np.isfinite(ranges) & (ranges > 0.0) & (ranges < laser["range_max_m"])
-        self._clouds("world/scan", at.stamp_ns, np.column_stack([px[hit], py[hit]]),
-                     hit.sum(axis=1), _SCAN)  # fmt: skip
+        points = np.column_stack([px[hit], py[hit]])
+        self._clouds("world/scan", _SCAN, at.stamp_ns, points, hit.sum(axis=1))
 
     def particles(self, result: RunResult) -> None:
         if result.frames:
             stamps = np.array([frame.stamp_ns for frame in result.frames], np.int64)
             points = np.concatenate([frame.particles[:, :2] for frame in result.frames])
             sizes = np.array([len(frame.particles) for frame in result.frames])
-            self._clouds("world/particles", stamps, points, sizes, ESTIMATE)
+            self._clouds("world/particles", ESTIMATE, stamps, points, sizes)
 
     def ranges(self, result: RunResult) -> None:
         """Send each range as a circle around its anchor at the height of the tag."""
@@ -215,7 +200,7 @@ class _Writer:
             radius = np.sqrt(np.maximum(seen[rows] ** 2 - up**2, 0.0))
             colour = np.where(np.isin(outcomes.verdict[rows], _REJECTED_VERDICTS)[:, None],
                               _rgb(REJECTED), _rgb(ANCHOR))  # fmt: skip
-            entity = f"world/ranges/{self._part(name)}"
+            entity = f"world/ranges/{self._rr.escape_entity_path_part(name)}"
             self._outlines(entity, None)  # static colours would hide those of the rows
             self._send(entity, outcomes.stamp_ns[rows], self._rr.Ellipsoids3D.columns(
                 centers=np.tile([anchor[0], anchor[1], 0.0], (len(rows), 1)),
@@ -227,15 +212,13 @@ class _Writer:
         """Send NIS by source and degrees of freedom, with its 95 % band."""
         outcomes = result.outcomes
         compared = np.isfinite(outcomes.nis) & (outcomes.dof > 0)
-        groups = set(zip(outcomes.source[compared].tolist(), outcomes.dof[compared].tolist(),
-                         strict=True))  # fmt: skip
-        for source, dof in sorted(groups):
+        sources, dofs = outcomes.source[compared].tolist(), outcomes.dof[compared].tolist()
+        for source, dof in sorted(set(zip(sources, dofs, strict=True))):
             rows = np.flatnonzero(compared & (outcomes.source == source) & (outcomes.dof == dof))
             entity = f"nis/{source}_{dof}"
-            points = self._rr.SeriesPoints(colors=_rgb(ESTIMATE), marker_sizes=2.0)
-            self._stream.log(entity, points, static=True)
-            self._curve(entity, outcomes.stamp_ns[rows], outcomes.nis[rows])
+            self._always(entity, self._rr.SeriesPoints(colors=_rgb(ESTIMATE), marker_sizes=2.0))
             stamps = outcomes.stamp_ns[rows]
+            self._curve(entity, stamps, outcomes.nis[rows])
             ends = np.array([stamps.min(), stamps.max()])
             for name, limit in zip(("low", "high"), band(dof), strict=True):
                 self._curve(f"{entity}_band_{name}", ends, np.full(2, limit))
@@ -279,21 +262,18 @@ class _Writer:
             colors=None if colour is None else _rgb(colour),
             fill_mode=self._rr.components.FillMode.MajorWireframe,
         )
-        self._stream.log(entity, style, static=True)
+        self._always(entity, style)
 
     def _clouds(
-        self,
-        entity: str,
-        stamp_ns: StampArray,
-        points: FloatArray,
-        sizes: NDArray[np.int64],
-        colour: str,
+        self, entity: str, colour: str, at: StampArray, points: FloatArray, sizes: NDArray[np.int64]
     ) -> None:
         """Send point clouds: `sizes` says how many of the points belong to each stamp."""
-        self._stream.log(entity, self._rr.Points3D.from_fields(colors=_rgb(colour), radii=0.03),
-                         static=True)  # fmt: skip
+        self._always(entity, self._rr.Points3D.from_fields(colors=_rgb(colour), radii=0.03))
         columns = self._rr.Points3D.columns(positions=_flat(points)).partition(lengths=sizes)
-        self._send(entity, stamp_ns, columns)
+        self._send(entity, at, columns)
+
+    def _always(self, entity: str, what: Any) -> None:
+        self._stream.log(entity, what, static=True)
 
     def _curve(self, entity: str, stamp_ns: StampArray, values: FloatArray) -> None:
         self._send(entity, stamp_ns, self._rr.Scalars.columns(scalars=values))
@@ -301,9 +281,6 @@ class _Writer:
     def _send(self, entity: str, stamp_ns: StampArray, columns: Any) -> None:
         since = (stamp_ns - self._origin_ns).astype("timedelta64[ns]")
         self._stream.send_columns(entity, [self._rr.TimeColumn("time", duration=since)], columns)
-
-    def _part(self, name: str) -> str:
-        return str(self._rr.escape_entity_path_part(name))
 
 
 def _flat(xy: FloatArray) -> NDArray[np.float32]:

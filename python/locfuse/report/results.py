@@ -23,20 +23,12 @@ OWNED = ("truth.tum", "health.csv", "landmarks.csv", *PICTURES)
 def write_results(result: RunResult, folder: str | Path) -> Path:
     """Write all results of a run.
 
-    Parameters
-    ----------
-    result : RunResult
-    folder : path
-        Created if missing; files of the same name are replaced, all of them or none.
-
-    Returns
-    -------
-    Path
-        ``report.html``. Beside it: ``config.yaml`` (effective), ``estimate.tum``, ``truth.tum``
-        (only with truth; interpolated to the estimate's stamps, the pairs that ``metrics.json``
-        compares), ``estimate.csv`` (with covariance), ``outcomes.csv`` (one row per message),
-        ``health.csv``, ``landmarks.csv`` (of an estimator that maps), ``metrics.json`` and, with
-        matplotlib, the pictures.
+    The folder is created if missing; files of the same name are replaced, all of them or none.
+    Returns ``report.html``. Beside it: ``config.yaml`` (effective), ``estimate.tum``, ``truth.tum``
+    (only with truth; interpolated to the estimate's stamps, the pairs that ``metrics.json``
+    compares), ``estimate.csv`` (with covariance), ``outcomes.csv`` (one row per message),
+    ``health.csv``, ``landmarks.csv`` (of an estimator that maps), ``metrics.json`` and, with
+    matplotlib, the pictures.
     """
     with whole_folder(folder, OWNED) as stage:
         _write(result, stage)

@@ -23,17 +23,15 @@ def cards(result: RunResult) -> str:
     total = sum(sum(verdicts.values()) for verdicts in counts.values())
     fused = sum(verdicts.get("fused", 0) for verdicts in counts.values())
     shown: list[str] = []
-    for key, text in (
-        ("position_rmse_m", "position RMSE"),
-        ("position_p95_m", "position error, 95th percentile"),
-        ("position_max_m", "largest position error"),
+    for key, unit, text in (
+        ("position_rmse_m", "m", "position RMSE"),
+        ("position_p95_m", "m", "position error, 95th percentile"),
+        ("position_max_m", "m", "largest position error"),
+        ("heading_rmse_deg", "deg", "heading RMSE"),
+        ("height_rmse_m", "m", "height RMSE"),
     ):
         if metrics.get(key) is not None:
-            shown.append(_card(_number(metrics[key], "m"), text))
-    if metrics.get("heading_rmse_deg") is not None:
-        shown.append(_card(_number(metrics["heading_rmse_deg"], "deg"), "heading RMSE"))
-    if metrics.get("height_rmse_m") is not None:
-        shown.append(_card(_number(metrics["height_rmse_m"], "m"), "height RMSE"))
+            shown.append(_card(_number(metrics[key], unit), text))
     if metrics.get("nees_mean") is not None:
         shown.append(_nees_card(metrics))
     if result.health is not None and len(result.health):
@@ -101,8 +99,7 @@ def _card(value: str, text: str, note: str = "") -> str:
 
 def counts_of(result: RunResult) -> Mapping[str, Mapping[str, int]]:
     """Return how many messages of each source had each verdict."""
-    counts: Mapping[str, Mapping[str, int]] = result.metrics.get("counts") or {}
-    return counts
+    return result.metrics.get("counts") or {}
 
 
 def _number(value: float, unit: str) -> str:

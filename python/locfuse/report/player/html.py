@@ -21,17 +21,13 @@ for (const data of document.querySelectorAll("script.locfuse-runs")) {
 @cache
 def player_js() -> str:
     """Return the JavaScript of the class ``LocfusePlayer``."""
-    return _file("player.js")
+    return Path(__file__).with_name("player.js").read_text(encoding="utf-8")
 
 
 @cache
 def player_css() -> str:
     """Return the style of a player."""
-    return _file("player.css")
-
-
-def _file(name: str) -> str:
-    return Path(__file__).with_name(name).read_text(encoding="utf-8")
+    return Path(__file__).with_name("player.css").read_text(encoding="utf-8")
 
 
 def player_script() -> str:
@@ -42,16 +38,8 @@ def player_script() -> str:
 def player_html(packed: Sequence[dict[str, Any]]) -> str:
     """Return an HTML fragment that plays runs on top of one another.
 
-    Parameters
-    ----------
-    packed : sequence of dict
-        From `pack`; the world of the first one is drawn.
-
-    Returns
-    -------
-    str
-        With style, data and script inside; the script is `player_script`, which a page's
-        Content-Security-Policy can allow by its hash.
+    They are from `pack`; the world of the first one is drawn. Style, data and script are inside;
+    the script is `player_script`, which a page's Content-Security-Policy can allow by its hash.
     """
     # Escaped, so that no text of a user can close the element.
     data = json.dumps(list(packed), separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")

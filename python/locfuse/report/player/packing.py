@@ -18,16 +18,7 @@ from locfuse.report.player.messages import messages_part
 from locfuse.report.player.parts import Part, encoded, encoded_bytes, shares, table_part
 from locfuse.report.player.world import world_of
 from locfuse.report.text import seconds, start_ns
-from locfuse.types import (
-    NANOSECONDS,
-    Columns,
-    FloatArray,
-    Frame,
-    Health,
-    Log,
-    RunResult,
-    Trajectory,
-)
+from locfuse.types import NANOSECONDS, Columns, FloatArray, Frame, Health, RunResult, Trajectory
 
 MAX_BYTES = 4_000_000  # of a packed run as JSON
 
@@ -71,12 +62,13 @@ def pack(
         than `max_bytes`.
     """
     origin = start_ns(result)
+    stamps = [s for s in (result.estimate.stamp_ns, result.outcomes.stamp_ns) if len(s)]
     fixed = {
         "name": str(result.config.get("name") or result.log.description or "run"),
         "start_ns": str(origin),  # as text: exceeds the integers of JavaScript
         "whole": whole,
         "start": 0.0,
-        "end": _end_s(result, origin),
+        "end": (max(int(s.max()) for s in stamps) - origin) / NANOSECONDS,
         "ellipse_sigmas": ELLIPSE_SIGMAS,
         "band_sigmas": BAND_SIGMAS,
         "metrics": {key: result.metrics.get(key) for key in _METRICS},
@@ -96,11 +88,6 @@ def pack(
     return fixed | {name: part.packed(given[name]) for name, part in parts.items()}
 
 
-def _end_s(result: RunResult, origin: int) -> float:
-    last = max(int(s.max()) for s in (result.estimate.stamp_ns, result.outcomes.stamp_ns) if len(s))
-    return (last - origin) / NANOSECONDS
-
-
 def _parts(result: RunResult, particles: Sequence[Frame], origin: int) -> dict[str, Part]:
     parts = {"estimate": _track(result.estimate, origin)}
     if result.truth is not None and len(result.truth):
@@ -109,7 +96,7 @@ def _parts(result: RunResult, particles: Sequence[Frame], origin: int) -> dict[s
     if result.health is not None and len(result.health):
         parts["health"] = _health(result.health, origin)
     if "scans" in result.log and result.log.laser is not None:
-        parts["scans"] = _scans(result.log, origin)
+        parts["scans"] = _scans(result, origin)
     if particles:
         parts["particles"] = _particles(particles, origin)
     return parts
@@ -164,12 +151,12 @@ def _health(health: Health, origin: int) -> Part:
                 lambda most: names | table.packed(most - len(json.dumps(names))))  # fmt: skip
 
 
-def _scans(log: Log, origin: int) -> Part:
+def _scans(result: RunResult, origin: int) -> Part:
     """Return the scans in whole centimetres, 0 where a beam has no return."""
-    laser, table = log.laser, log["scans"]
+    laser, table = result.log.laser, result.log["scans"]
     assert laser is not None
     widest = int(np.argmax(table["beams"])) if "beams" in table else 0
-    geometry, _ = log.scan_geometry(widest)
+    geometry, _ = result.log.scan_geometry(widest)
     ranges = _alike(table, widest)
     n, beams = ranges.shape
     mount = [float(value) for value in laser["pose_in_body"]]

@@ -13,10 +13,9 @@ from locfuse.report.pictures import require_matplotlib
 
 require_matplotlib()
 
-from locfuse.report.plot.errors import plot_errors
+from locfuse.report.plot.errors import plot_errors, plot_height
 from locfuse.report.plot.film import check_film, write_film
 from locfuse.report.plot.health import plot_health
-from locfuse.report.plot.height import plot_height
 from locfuse.report.plot.layout import plot_layout
 from locfuse.report.plot.nis import plot_nis
 from locfuse.report.plot.outcomes import plot_outcomes

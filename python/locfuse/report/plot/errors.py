@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Picture of the errors over time, inside or outside the band that the estimator claims."""
+"""Pictures over time of the errors, and of the height, with the bands the estimator claims."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from locfuse.eval.errors import errors_against
-from locfuse.report.decimation import keep_extremes
+from locfuse.report.decimation import keep_extremes, stride
 from locfuse.report.palette import BAND_SIGMAS
 from locfuse.report.plot import style
 from locfuse.report.text import percent, seconds, start_ns
-from locfuse.types import FloatArray, RunResult
+from locfuse.types import FloatArray, RunResult, rows_of
 
 
 def plot_errors(result: RunResult) -> Figure | None:
@@ -81,3 +81,36 @@ def _summary(name: str, unit: str, error: FloatArray, bound: FloatArray | None) 
     if bound is not None:
         text += f", outside the band {percent(float(np.mean(np.abs(error) > bound)))}"
     return text
+
+
+def plot_height(result: RunResult) -> Figure | None:
+    """Draw the height with its 3-sigma band, and that of truth if it has one.
+
+    None for an estimate in the plane.
+    """
+    if result.estimate.height is None or len(result.estimate) == 0:
+        return None
+    estimate = rows_of(result.estimate, stride(len(result.estimate), style.MAX_POINTS))
+    assert estimate.height is not None
+    figure, (axes,) = style.panels(1, 3.0)
+    time_s = seconds(estimate.stamp_ns, start_ns(result))
+    handles: list[style.Handle] = [Line2D([], [], color=style.ESTIMATE, lw=1.0, label="estimate")]
+    if estimate.height_variance is not None:
+        band = BAND_SIGMAS * np.sqrt(estimate.height_variance)
+        axes.fill_between(time_s, estimate.height - band, estimate.height + band,
+                          color=style.ESTIMATE_PALE, lw=0.0)  # fmt: skip
+        handles.append(Patch(facecolor=style.ESTIMATE_PALE, label=f"±{BAND_SIGMAS:g} sigma"))
+    axes.plot(time_s, estimate.height, color=style.ESTIMATE, lw=1.0)
+    truth = result.truth
+    if truth is not None and truth.height is not None and len(truth):
+        rows = rows_of(truth, stride(len(truth), style.MAX_POINTS))
+        assert rows.height is not None
+        axes.plot(seconds(rows.stamp_ns, start_ns(result)), rows.height, color=style.TRUTH, lw=1.0,
+                  ls=style.DASHED)  # fmt: skip
+        handles.append(Line2D([], [], color=style.TRUTH, lw=1.0, ls=style.DASHED, label="truth"))
+    error = result.metrics.get("height_rmse_m")
+    style.title(axes, "height over z = 0" + ("" if error is None else f": RMSE {error:.3g} m"))
+    axes.set_ylabel("height [m]")
+    style.time_axis(axes, time_s)
+    style.legend(figure, handles)
+    return figure

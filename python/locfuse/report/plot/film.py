@@ -42,21 +42,8 @@ _DPI = 64
 def write_film(result: RunResult, path: Path) -> Path:
     """Localize again and write the particles after each scan as an animated GIF.
 
-    Parameters
-    ----------
-    result : RunResult
-        Of a configuration with ``mcl``.
-    path : Path
-        Ends in ``.gif``.
-
-    Returns
-    -------
-    Path
-
-    Raises
-    ------
-    ConfigError
-        As `check_film`.
+    The configuration of the run has ``mcl``, and the path ends in ``.gif``; it is returned. Raises
+    ConfigError as `check_film`.
     """
     config = RunConfig.model_validate(dict(result.config))
     check_film(config, path)

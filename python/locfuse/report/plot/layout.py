@@ -32,15 +32,8 @@ _PALE_TO_BLUE = ListedColormap(colormaps["Blues"](np.linspace(0.0, 0.7, 256)))
 def plot_layout(layout: Layout) -> Figure:
     """Draw the horizontal dilution of precision over the floor, and what it comes from.
 
-    Parameters
-    ----------
-    layout : Layout
-
-    Returns
-    -------
-    Figure
-        Axes of the floor with equal scales, metres, and a bar of colours. Places where ranges fix
-        no position, or to worse than 20 times a range, are darkest.
+    The axes of the floor have equal scales, metres, and a bar of colours. Places where ranges fix
+    no position, or to worse than 20 times a range, are darkest.
     """
     floor = np.array([[layout.x[0], layout.y[0]], [layout.x[-1], layout.y[-1]]])
     low, high = box_around(np.vstack([floor, layout.anchors[:, :2]]), 0.05, 0.3, 0.9)

@@ -161,8 +161,7 @@ def _spread(at: FloatArray, groups: Sequence[Group]) -> FloatArray:
         return at + 0.022 * aside
     low, high = min(g.low for g in groups), max(g.high for g in groups)
     if groups[0].axis.log:
-        wide: FloatArray = at * (high / low) ** (0.005 * aside)
-        return wide
+        return at * (high / low) ** (0.005 * aside)
     return at + 0.005 * (high - low) * aside
 
 
