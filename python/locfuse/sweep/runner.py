@@ -6,14 +6,8 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    wait,
-)
+from concurrent import futures
+from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -39,7 +33,7 @@ def run_trials(
     trials: int,
     vary: Mapping[str, Values] | None = None,
     *,
-    executor: Executor | None = None,
+    executor: futures.Executor | None = None,
     workers: int | None = None,
     base: Path | None = None,
     out: Path | None = None,
@@ -121,7 +115,7 @@ def _rows(
     work: Work,
     planned: Sequence[Trial],
     folder: Folder | None,
-    executor: Executor | None,
+    executor: futures.Executor | None,
     workers: int | None,
     progress: Progress | None,
 ) -> list[Row]:
@@ -154,10 +148,7 @@ def _rows(
 def plan(config: RunConfig, axes: Sequence[Axis], trials: int) -> list[Trial]:
     """Return seed and values of each trial.
 
-    Raises
-    ------
-    ConfigError
-        If there are more combinations of lists and grids than trials.
+    Raises ConfigError if there are more combinations of lists and grids than trials.
     """
     listed = [axis for axis in axes if axis.values]
     combinations = math.prod(len(axis.values) for axis in listed)
@@ -221,88 +212,81 @@ def _about(config: RunConfig, work: Work, trials: int) -> dict[str, Any]:
     }
 
 
+@dataclass
 class _Submission:
     """Submits trials to an executor until all are done."""
 
-    def __init__(
-        self,
-        work: Work,
-        executor: Executor,
-        size: int,
-        pending: deque[Trial],
-        keep: Callable[[Sequence[Row]], None],
-    ) -> None:
-        self._work = work
-        self._executor = executor
-        self._size = size
-        self._pending = pending
-        self._keep = keep
-        self._flying: dict[Future[list[Row]], list[Trial]] = {}
-        self._suspects: deque[Trial] = deque()
-        self._tries: dict[int, int] = {}
+    work: Work
+    executor: futures.Executor
+    size: int
+    pending: deque[Trial]
+    keep: Callable[[Sequence[Row]], None]
+    flying: dict[futures.Future[list[Row]], list[Trial]] = field(default_factory=dict)
+    suspects: deque[Trial] = field(default_factory=deque)
+    tries: dict[int, int] = field(default_factory=dict)
 
     def run(self) -> None:
         """Return when no trial is left."""
         try:
-            while self._pending or self._suspects or self._flying:
+            while self.pending or self.suspects or self.flying:
                 self._hand_out()
-                done, _ = wait(self._flying, return_when=FIRST_COMPLETED)
+                done, _ = futures.wait(self.flying, return_when=futures.FIRST_COMPLETED)
                 for future in done:
-                    batch = self._flying.pop(future, None)
+                    batch = self.flying.pop(future, None)
                     if batch is not None:  # else a new pool runs its trials as suspects
                         self._take(future, batch)
         finally:
-            for future in self._flying:
+            for future in self.flying:
                 future.cancel()
 
     def _hand_out(self) -> None:
         # After a worker has ended, the suspects run one at a time to find the one that ended it.
-        most = 1 if self._suspects else AHEAD * self._size
-        while (self._pending or self._suspects) and len(self._flying) < most:
-            queue = self._suspects or self._pending
+        most = 1 if self.suspects else AHEAD * self.size
+        while (self.pending or self.suspects) and len(self.flying) < most:
+            queue = self.suspects or self.pending
             batch = [queue.popleft() for _ in range(self._batch_size())]
             try:
-                future = self._executor.submit(run_batch, self._work, batch, BATCH_S)
-            except BrokenExecutor:
+                future = self.executor.submit(run_batch, self.work, batch, BATCH_S)
+            except futures.BrokenExecutor:
                 queue.extendleft(reversed(batch))
                 self._renew()
                 continue
-            self._flying[future] = batch
+            self.flying[future] = batch
 
     def _batch_size(self) -> int:
         """Return the batch size: smaller towards the end, so that all workers finish together."""
-        if self._suspects:
+        if self.suspects:
             return 1
-        return max(1, min(MAX_IN_BATCH, len(self._pending) // (2 * AHEAD * self._size)))
+        return max(1, min(MAX_IN_BATCH, len(self.pending) // (2 * AHEAD * self.size)))
 
-    def _take(self, future: Future[list[Row]], batch: list[Trial]) -> None:
+    def _take(self, future: futures.Future[list[Row]], batch: list[Trial]) -> None:
         try:
             rows = future.result()
         except ConfigError:
             raise
-        except CancelledError:
+        except futures.CancelledError:
             raise OSError("the executor cancelled its work; run the same again to resume") from None
         except Exception as error:
             self._suspect(batch, error)
-            if isinstance(error, BrokenExecutor):
+            if isinstance(error, futures.BrokenExecutor):
                 self._renew()
             return
-        self._pending.extendleft(reversed(batch[len(rows) :]))  # not run in the time of the batch
-        self._keep(rows)
+        self.pending.extendleft(reversed(batch[len(rows) :]))  # not run in the time of the batch
+        self.keep(rows)
 
     def _suspect(self, batch: list[Trial], error: Exception) -> None:
         """Try again what may have ended a worker; a trial that ends one alone gets an error."""
         if len(batch) > 1:
-            self._suspects.extend(batch)
+            self.suspects.extend(batch)
             return
         for trial in batch:
-            self._tries[trial.index] = self._tries.get(trial.index, 0) + 1
-            if self._tries[trial.index] < TRIES:
-                self._suspects.append(trial)
+            self.tries[trial.index] = self.tries.get(trial.index, 0) + 1
+            if self.tries[trial.index] < TRIES:
+                self.suspects.append(trial)
                 continue
             said = words(error)
-            row = empty_row(self._work.axes, trial)
-            self._keep([{**row, "error": f"its worker ended: {type(error).__name__}: {said}"}])
+            row = empty_row(self.work.axes, trial)
+            self.keep([{**row, "error": f"its worker ended: {type(error).__name__}: {said}"}])
 
     def _renew(self) -> None:
         raise OSError("the executor is broken: a worker ended; run the same again to resume")
@@ -327,8 +311,8 @@ class _OnProcesses(_Submission):
         self._pool.shutdown()
 
     def _renew(self) -> None:
-        self._suspects.extend(trial for batch in self._flying.values() for trial in batch)
-        self._flying.clear()
+        self.suspects.extend(trial for batch in self.flying.values() for trial in batch)
+        self.flying.clear()
         self._pool.end()
-        self._pool = ProcessPool(self._size)
-        self._executor = self._pool
+        self._pool = ProcessPool(self.size)
+        self.executor = self._pool

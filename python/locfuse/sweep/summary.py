@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -95,15 +95,14 @@ def nees_band(trials: Trials) -> NeesBand | None:
 
 def calibration(trials: Trials) -> list[dict[str, float]]:
     """Return, for each nominal level, the share of errors inside, with the interval over trials."""
-    return list(_calibration(trials))
-
-
-def _calibration(trials: Trials) -> Iterator[dict[str, float]]:
+    found = []
     for name, level in COVERAGE.items():
         shares = known(trials, name)
         if len(shares):
             low, high = mean_interval(shares)
-            yield {"level": level, "share": float(shares.mean()), "low": low, "high": high}
+            share = float(shares.mean())
+            found.append({"level": level, "share": share, "low": low, "high": high})
+    return found
 
 
 def known(trials: Trials, name: str) -> FloatArray:
@@ -140,17 +139,10 @@ def score(values: FloatArray) -> dict[str, float | int | None]:
 def summarize(trials: Trials) -> dict[str, Any]:
     """Return the summary of a sweep, ready for JSON.
 
-    Parameters
-    ----------
-    trials : Trials
-
-    Returns
-    -------
-    dict
-        ``trials``; ``failed`` (``count``, ``share`` with its exact interval, ``errors``: the most
-        frequent ones); ``scores`` by name, as `score`, those that any trial has; ``calibration``;
-        ``nees``: its band and which share of instants is inside; ``by_key``: failures and the most
-        important scores for each value of a varied key, or each slice of the values drawn.
+    The keys: ``trials``; ``failed`` (``count``, ``share`` with its exact interval, ``errors``: the
+    most frequent ones); ``scores`` by name, as `score`, those that any trial has; ``calibration``;
+    ``nees``: its band and which share of instants is inside; ``by_key``: failures and the most
+    important scores for each value of a varied key, or each slice of the values drawn.
 
     Examples
     --------
@@ -164,10 +156,11 @@ def summarize(trials: Trials) -> dict[str, Any]:
     (3, 0, 3)
     """
     nees = nees_band(trials)
+    errors = Counter(trials["error"][trials.failed].tolist()).most_common(MAX_ERRORS)
     return {
         "trials": len(trials),
         "interval": PROBABILITY,
-        "failed": {**_failed(trials), "errors": _errors(trials)},
+        "failed": {**_failed(trials), "errors": dict(errors)},
         "scores": _scores(trials, SCORES),
         "calibration": calibration(trials),
         "nees": None
@@ -198,7 +191,3 @@ def _failed(trials: Trials) -> dict[str, Any]:
         return {"count": 0, "share": None, "low": None, "high": None}
     low, high = share_interval(count, len(trials))
     return {"count": count, "share": count / len(trials), "low": low, "high": high}
-
-
-def _errors(trials: Trials) -> dict[str, int]:
-    return dict(Counter(trials["error"][trials.failed].tolist()).most_common(MAX_ERRORS))

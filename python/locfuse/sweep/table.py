@@ -51,8 +51,7 @@ class Trials:
     @property
     def failed(self) -> NDArray[np.bool_]:
         """Which trials ended with an error."""
-        failed: NDArray[np.bool_] = self.columns["error"] != ""
-        return failed
+        return np.asarray(self.columns["error"] != "")
 
     def some(self, rows: NDArray[Any]) -> Trials:
         """Return some of the trials, by mask or indices."""

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -80,14 +80,13 @@ def run_batch(work: Work, trials: Sequence[Trial], budget_s: float) -> list[Row]
             f"a worker runs locfuse {__version__}, but here it is {work.version}; install the same "
             "on all machines"
         )
-    return list(_rows(work, trials, time.perf_counter() + budget_s))
-
-
-def _rows(work: Work, trials: Sequence[Trial], until: float) -> Iterator[Row]:
-    for place, trial in enumerate(trials):
-        if place > 0 and time.perf_counter() > until:
-            return
-        yield row_of(work, trial)
+    rows: list[Row] = []
+    until = time.perf_counter() + budget_s
+    for trial in trials:
+        if rows and time.perf_counter() > until:
+            break
+        rows.append(row_of(work, trial))
+    return rows
 
 
 def row_of(work: Work, trial: Trial) -> Row:

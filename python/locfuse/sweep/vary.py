@@ -160,8 +160,7 @@ def as_written(config: RunConfig) -> dict[str, Any]:
             return short
     except ConfigError:
         pass
-    full: dict[str, Any] = config.model_dump(mode="json")
-    return full
+    return config.model_dump(mode="json")
 
 
 def with_values(
@@ -196,7 +195,8 @@ def _parents(config: RunConfig, key: str) -> list[Any]:
             found.append(node[part])
         elif isinstance(node, list | tuple):
             if not (part.isdecimal() and int(part) < len(node)):
-                raise ConfigError(f"{key}: {where}{_no_place(part, len(node))}")
+                known = f"expected 0 to {len(node) - 1}" if node else "it is empty"
+                raise ConfigError(f"{key}: {where}no place {part!r}; {known}")
             found.append(node[int(part)])
         elif node is None:
             raise ConfigError(f"{key}: {where}is not set in the configuration; set it there first")
@@ -209,10 +209,6 @@ def _unknown(part: str, known: Any) -> str:
     if not known:
         return f"unknown key {part!r}; it is empty"
     return f"unknown key {part!r}; {nearest(part, known)}"
-
-
-def _no_place(part: str, size: int) -> str:
-    return f"no place {part!r}; " + (f"expected 0 to {size - 1}" if size else "it is empty")
 
 
 def _set(config: RunConfig, data: dict[str, Any], key: str, value: Any) -> None:

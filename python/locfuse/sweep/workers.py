@@ -76,25 +76,9 @@ def _end_with(line: Connection) -> None:
 def dask_cluster(address: str, workers: int = 1) -> Iterator[tuple[Executor, int]]:
     """Connect to the scheduler of a Dask cluster.
 
-    Parameters
-    ----------
-    address : str
-        Such as ``tcp://10.0.0.1:8786``.
-    workers : int
-        Minimum number, waited for up to 10 s; later ones work, too.
-
-    Yields
-    ------
-    executor : Executor
-    threads : int
-        Of all workers together.
-
-    Raises
-    ------
-    ConfigError
-        If distributed is not installed.
-    OSError
-        If no scheduler answers, or it has fewer workers.
+    `address` is such as ``tcp://10.0.0.1:8786``. At least `workers` are waited for up to 10 s;
+    later ones work, too. Yields an executor, and the threads of all workers together. Raises
+    ConfigError if distributed is not installed, OSError if no scheduler answers, or it has fewer.
     """
     try:
         from distributed import Client
