@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from locfuse.io.checkout import import_papers
+from locfuse.io.recording import import_papers
 from locfuse.report.pictures import require_matplotlib
 
 

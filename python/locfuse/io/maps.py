@@ -92,11 +92,7 @@ def read_map(path: str | Path, free_thresh: float | None = None) -> GridMap:
 def write_map(grid: GridMap, path: str | Path) -> None:
     """Write a map that `read_map` reads back bit for bit: a YAML file and a PGM beside it.
 
-    Parameters
-    ----------
-    grid : GridMap
-    path : str or Path
-        Of the YAML file; the picture has its name, but for the ending ``.pgm``.
+    `path` is that of the YAML file; the picture has its name, but for the ending ``.pgm``.
     """
     path = Path(path)
     shades = np.empty(grid.cells.shape, np.uint8)

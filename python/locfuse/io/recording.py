@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import importlib
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from locfuse.config.ros import Ros
-from locfuse.io.checkout import import_papers
 from locfuse.io.log_folder import read_log, read_world, write_log
 from locfuse.io.rosbag.bags import is_bag, read_bag, write_bag
 from locfuse.types import ConfigError, Log, LogError, nearest
@@ -29,22 +31,9 @@ def read_recording(
 ) -> Log:
     """Read a log folder or a bag.
 
-    Parameters
-    ----------
-    path : str or Path
-    ros : Ros, optional
-        What a bag says where; by default the usual topics.
-    base : Path, optional
-        Folder that ``ros.world`` is relative to.
-    progress : callable, optional
-        Called with (bytes read, total bytes) of a bag.
-    antennas : bool
-        As of `read_bag`.
-
-    Raises
-    ------
-    LogError
-        As `read_log`, `read_world` or `read_bag`.
+    `ros` is what a bag says where, by default the usual topics; ``ros.world`` is relative to
+    `base`. `progress` is called with (bytes read, total bytes) of a bag; `antennas` is as of
+    `read_bag`. Raises LogError as `read_log`, `read_world` or `read_bag`.
     """
     path = Path(path)
     if not is_bag(path):
@@ -124,6 +113,27 @@ def convert_dataset(kind: str, source: str | Path, out: str | Path) -> list[Path
         raise ConfigError(f"unknown data set {kind!r}; {nearest(key, kinds)}")
     folders: list[Path] = datasets.convert(key, source, out)
     return folders
+
+
+def checkout() -> Path | None:
+    """Return the checkout around the working folder or this file; None if there is none."""
+    for folder in (Path.cwd(), *Path.cwd().parents, *Path(__file__).resolve().parents):
+        if (folder / "papers" / "reproduce.py").is_file():
+            return folder
+    return None
+
+
+def import_papers(module: str, needed_for: str) -> Any:
+    """Import a module of `papers`. Raises ConfigError where there is no checkout."""
+    root = checkout()
+    if root is None:
+        raise ConfigError(
+            f"{needed_for} needs a checkout of locfuse, as papers/ is not installed; "
+            "call it inside one"
+        )
+    if str(root) not in sys.path:
+        sys.path.insert(0, str(root))
+    return importlib.import_module(f"papers.{module}")
 
 
 def _check_out(out: Path) -> None:

@@ -25,21 +25,9 @@ def read_tum(path: str | Path) -> Trajectory:
     on the logger ``locfuse`` says how many there were. Blank lines and lines that start with ``#``
     are skipped.
 
-    Parameters
-    ----------
-    path : str or Path
-        A name that ends in ``.gz`` is unpacked.
-
-    Returns
-    -------
-    Trajectory
-        With heading, without covariance.
-
-    Raises
-    ------
-    LogError
-        If the file is missing or empty, a line is not 8 finite numbers, a stamp lies before the
-        last one, or a quaternion is not of norm 1.
+    The trajectory has headings and no covariance; a file whose name ends in ``.gz`` is unpacked.
+    Raises LogError if the file is missing or empty, a line is not 8 finite numbers, a stamp lies
+    before the last one, or a quaternion is not of norm 1.
     """
     path = Path(path)
     data = read_bytes(path)
@@ -71,10 +59,7 @@ def write_tum(path: str | Path, trajectory: Trajectory, comment: str = "") -> No
     reads back with heading 0. Covariance is not part of the format. A `comment` of one line comes
     first, after ``#``.
 
-    Raises
-    ------
-    ValueError
-        If a position or heading is not finite.
+    Raises ValueError if a position or heading is not finite.
     """
     x, y = trajectory.position.T
     z = np.zeros(len(trajectory)) if trajectory.height is None else trajectory.height

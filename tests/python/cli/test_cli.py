@@ -16,7 +16,7 @@ import yaml
 import locfuse as package
 from locfuse.cli.app import COMMANDS, load
 from locfuse.config.load import load_config, parse_config
-from locfuse.io.checkout import checkout
+from locfuse.io.recording import checkout
 from support_runs import CONFIGS, EXAMPLES, locfuse, recording, room, rows_of, write_folder
 
 CALLS = (
@@ -458,7 +458,7 @@ def test_the_studio_without_its_extra_is_one_sentence(
 def test_what_needs_a_checkout_says_so_in_one_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("locfuse.io.checkout.__file__", str(tmp_path / "io" / "checkout.py"))
+    monkeypatch.setattr("locfuse.io.recording.__file__", str(tmp_path / "io" / "recording.py"))
     monkeypatch.chdir(tmp_path)
     assert "needs a checkout of locfuse" in locfuse("reproduce", "ekim2020").sentence()
     for kind in ("plaza", "lgo"):

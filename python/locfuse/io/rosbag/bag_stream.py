@@ -38,10 +38,7 @@ class Bag(Reading):
     def messages(self, wanted: Wanted) -> Iterator[Message]:
         """Yield connection, record time [ns] and bytes of the messages that are wanted.
 
-        Raises
-        ------
-        LogError
-            If there is no such bag, or it is none.
+        Raises LogError if there is no such bag, or it is none.
         """
         files = _files(self.path)
         self.size = sum(path.stat().st_size for path, _ in files)

@@ -11,16 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse.config.ros import Ros, plain
-from locfuse.io.rosbag import bag_settings, encode
+from locfuse.io.rosbag import bag_settings, encode, publications
 from locfuse.io.rosbag.bag_files import bag_sink
 from locfuse.io.rosbag.encode import Publication
-from locfuse.io.rosbag.publications import (
-    LogPublications,
-    Stream,
-    in_order,
-    transforms,
-    with_covariance,
-)
 from locfuse.io.whole import naming
 from locfuse.types import NANOSECONDS, FloatArray, Log, LogError, RunResult
 
@@ -59,7 +52,7 @@ def write_bag(
     total = sum(len(stream.times) for stream in streams)
     report = progress or (lambda done, total: None)
     with naming(Path(path)), bag_sink(Path(path)) as sink:
-        for done, arrival in enumerate(in_order(streams)):
+        for done, arrival in enumerate(publications.in_order(streams)):
             if done % PROGRESS_EVERY == 0:
                 report(done, total)
             sink.write(*arrival)
@@ -85,12 +78,13 @@ class _BagStreams:
         self.begin = first + self.shift
         topics = {key: name and plain(name) for key, name in ros.topics}
         self.ros = ros.model_copy(update={"topics": ros.topics.model_copy(update=topics)})
-        self.given = LogPublications(self.log, self.ros, self.shift, everything=True)
+        self.given = publications.LogPublications(self.log, self.ros, self.shift, everything=True)
 
-    def all(self) -> list[Stream]:
+    def all(self) -> list[publications.Stream]:
         """Return all streams; messages of one time are written in this order."""
         head = list(self._head())
-        found = [Stream(np.full(len(head), self.begin), iter(head)), *self.given.messages()]
+        begin = publications.Stream(np.full(len(head), self.begin), iter(head))
+        found = [begin, *self.given.messages()]
         if self.result is not None:
             found += [*self._estimates(self.result), *self._health(self.result)]
         return found
@@ -126,13 +120,13 @@ class _BagStreams:
 
     # What the run made of it
 
-    def _estimates(self, result: RunResult) -> Iterator[Stream]:
+    def _estimates(self, result: RunResult) -> Iterator[publications.Stream]:
         track = result.estimate
         stamp, heading = track.stamp_ns + self.shift, _headings(result)
         poses = np.column_stack([track.position, heading])
         if self.ros.topics.estimate is not None:
             none = np.zeros((len(stamp), 3, 3))
-            yield with_covariance(
+            yield publications.with_covariance(
                 self.ros.topics.estimate, self.given.map, stamp, stamp, poses,
                 none if track.covariance is None else track.covariance,
                 None if track.height is None or track.height_variance is None
@@ -140,7 +134,7 @@ class _BagStreams:
             )  # fmt: skip
         in_odom = self._in_odom(track.stamp_ns)
         moved = np.array(list(map(encode.map_to_odom, poses.tolist(), in_odom))).reshape(-1, 3)
-        yield transforms(stamp, stamp, self.given.map, self.given.odom, moved)
+        yield publications.transforms(stamp, stamp, self.given.map, self.given.odom, moved)
 
     def _in_odom(self, stamps: NDArray[np.int64]) -> list[list[float]]:
         """Return the body's pose in odom at other stamps; without odometry it stays at 0."""
@@ -151,23 +145,22 @@ class _BagStreams:
             found[:, 0] = np.interp(*after, self.given.driven["x"])
             found[:, 1] = np.interp(*after, self.given.driven["y"])
             found[:, 2] = np.interp(*after, np.unwrap(self.given.driven["heading"]))
-        poses: list[list[float]] = found.tolist()
-        return poses
+        return found.tolist()
 
-    def _health(self, result: RunResult) -> Iterator[Stream]:
+    def _health(self, result: RunResult) -> Iterator[publications.Stream]:
         health = result.health
         if health is None:
             return
         stamps = health.stamp_ns + self.shift
 
-        def publications() -> Iterator[Publication]:
+        def statuses() -> Iterator[Publication]:
             for row, stamp in enumerate(stamps.tolist()):
                 status = encode.health_status(str(health.state[row]), str(health.reason[row]),
                                               float(health.within[row]), float(health.wrong[row]),
                                               health.protection[row].tolist())  # fmt: skip
                 yield encode.diagnostics(stamp, [status])
 
-        yield Stream(stamps, publications())
+        yield publications.Stream(stamps, statuses())
 
 
 def _headings(result: RunResult) -> FloatArray:

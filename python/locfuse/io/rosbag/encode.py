@@ -17,16 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from locfuse import _core
-from locfuse.io.rosbag.decode import (
-    MAX_SWEEP_S,
-    FixRow,
-    ImuRow,
-    RangeRow,
-    ScanRow,
-    SightingRow,
-    TruthRow,
-    half_sweep_ns,
-)
+from locfuse.io.rosbag import decode
 from locfuse.types import FloatArray, GridMap, MappedLandmarks
 
 Fields: TypeAlias = dict[str, Any]
@@ -174,12 +165,10 @@ def map_to_odom(in_map: Sequence[float], in_odom: Sequence[float]) -> tuple[floa
     return found.x, found.y, found.heading
 
 
-def diagnostic_status(
-    name: str, level: int, message: str, values: Mapping[str, object], hardware: str = ""
-) -> Fields:
+def diagnostic_status(name: str, level: int, message: str, values: Mapping[str, object]) -> Fields:
     """Return a diagnostic_msgs/DiagnosticStatus."""
     given = [{"key": key, "value": _text(value)} for key, value in values.items()]
-    return {"level": level, "name": name, "message": message, "hardware_id": hardware,
+    return {"level": level, "name": name, "message": message, "hardware_id": "",
             "values": given}  # fmt: skip
 
 
@@ -259,7 +248,7 @@ def odometry(
     return Publication(topic, "nav_msgs/Odometry", fields)
 
 
-def imu(topic: str, row: ImuRow, frame: str) -> Publication:
+def imu(topic: str, row: decode.ImuRow, frame: str) -> Publication:
     """Return a sensor_msgs/Imu without orientation; covariances are not known."""
     unknown = np.concatenate([[-1.0], np.zeros(8)])
     fields = {"header": header(row.stamp_ns, frame), "orientation": quaternion(0.0),
@@ -270,7 +259,7 @@ def imu(topic: str, row: ImuRow, frame: str) -> Publication:
     return Publication(topic, "sensor_msgs/Imu", fields)
 
 
-def truth(topic: str, row: TruthRow, child_frame: str) -> Publication:
+def truth(topic: str, row: decode.TruthRow, child_frame: str) -> Publication:
     """Return a nav_msgs/Odometry of a reference; without a heading a geometry_msgs/PointStamped."""
     if math.isnan(row.heading):
         fields = {"header": header(row.stamp_ns, row.frame), "point": _point(row.x, row.y, row.z)}
@@ -279,14 +268,14 @@ def truth(topic: str, row: TruthRow, child_frame: str) -> Publication:
                     child_frame, row.z)  # fmt: skip
 
 
-def laser_scan(topic: str, row: ScanRow) -> Publication:
+def laser_scan(topic: str, row: decode.ScanRow) -> Publication:
     """Return a sensor_msgs/LaserScan; no return is infinity, an unknown intensity NaN."""
     ranges: NDArray[np.float32] = row.ranges.astype(np.float32)
     ranges[np.isnan(ranges)] = np.inf
     bright = np.zeros(0) if row.intensities is None else row.intensities
     last = row.angle_min + row.angle_increment * (len(ranges) - 1)
-    each = row.time_increment if row.time_increment * len(ranges) <= MAX_SWEEP_S else 0.0
-    first_ns = row.stamp_ns - half_sweep_ns(len(ranges), each)
+    each = row.time_increment if row.time_increment * len(ranges) <= decode.MAX_SWEEP_S else 0.0
+    first_ns = row.stamp_ns - decode.half_sweep_ns(len(ranges), each)
     fields = {"header": header(first_ns, row.frame), "angle_min": row.angle_min,
               "time_increment": each, "angle_max": last,
               "angle_increment": row.angle_increment, "range_min": row.range_min,
@@ -295,7 +284,7 @@ def laser_scan(topic: str, row: ScanRow) -> Publication:
     return Publication(topic, "sensor_msgs/LaserScan", fields)
 
 
-def uwb_ranges(topic: str, rows: Sequence[RangeRow]) -> Publication:
+def uwb_ranges(topic: str, rows: Sequence[decode.RangeRow]) -> Publication:
     """Return a locfuse_msgs/UwbRanges, stamped as its last range."""
     given = [{"header": header(row.stamp_ns, row.frame), "tag": row.tag, "anchor": row.anchor,
              "range": row.range_m, "sigma": row.sigma_m or 0.0} for row in rows]  # fmt: skip
@@ -303,7 +292,7 @@ def uwb_ranges(topic: str, rows: Sequence[RangeRow]) -> Publication:
     return Publication(topic, "locfuse_msgs/UwbRanges", {"header": head, "ranges": given})
 
 
-def landmark_sightings(topic: str, rows: Sequence[SightingRow]) -> Publication:
+def landmark_sightings(topic: str, rows: Sequence[decode.SightingRow]) -> Publication:
     """Return a locfuse_msgs/LandmarkSightings, stamped as its last sighting."""
     given = [{"header": header(row.stamp_ns, row.frame), "landmark": row.landmark,
              "range": row.range_m, "bearing": row.bearing_rad,
@@ -315,7 +304,7 @@ def landmark_sightings(topic: str, rows: Sequence[SightingRow]) -> Publication:
     )
 
 
-def tag_position(topic: str, row: FixRow) -> Publication:
+def tag_position(topic: str, row: decode.FixRow) -> Publication:
     """Return a locfuse_msgs/TagPosition."""
     fields = {"header": header(row.stamp_ns, row.frame), "tag": row.tag,
               "position": _point(row.x, row.y), "sigma": row.sigma_m}  # fmt: skip

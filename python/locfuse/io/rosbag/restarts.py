@@ -44,14 +44,9 @@ class Leaps:
     ) -> bool:
         """Take the next message and return whether its pose leapt.
 
-        Parameters
-        ----------
-        seconds : float
-            Since the message before [s].
-        motion, pose : sequence of 3 float
-            Since then, in the body, and now in odom: x [m], y [m], heading [rad].
-        velocity : two sequences of 3 float
-            Forward [m/s], left [m/s] and turn rate [rad/s] of the message before and of this one.
+        `seconds` have passed since the message before. `motion` since then, in the body, and
+        `pose` now, in odom, are x [m], y [m] and heading [rad]; `velocity` has forward [m/s], left
+        [m/s] and turn rate [rad/s] of the message before and of this one.
         """
         lasted = seconds + JITTER_S
         at_home = max(map(abs, pose)) <= HOME

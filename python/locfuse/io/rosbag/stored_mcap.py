@@ -113,9 +113,9 @@ def _mcap_record(
     elif op == SCHEMA:
         name, at = _string(data, 2)
         encoding, at = _string(data, at)
-        text, _ = _string(data, at)
-        bag.connect(known.schemas, _U16(data)[0], Connection("", short(name), text, "",
-                                                             encoding == "ros2idl"))  # fmt: skip
+        definition, _ = _string(data, at)
+        found = Connection("", short(name), definition, "", encoding == "ros2idl")
+        bag.connect(known.schemas, _U16(data)[0], found)
     else:
         number, schema = _U16(data)[0], _U16(data, 2)[0]
         topic, at = _string(data, 4)
