@@ -323,5 +323,4 @@ def _beside(marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return the cells that are marked or touch a marked one, corners included."""
     wide = np.pad(marked, 1)
     rows = wide[:-2] | wide[1:-1] | wide[2:]
-    grown: NDArray[np.bool_] = rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]
-    return grown
+    return rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]

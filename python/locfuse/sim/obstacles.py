@@ -73,8 +73,7 @@ def walk(
         way[k] = at
     before = np.minimum((seconds / step).astype(np.int64), count - 1)
     share = (seconds / step - before)[:, None, None]
-    between: FloatArray = (1.0 - share) * way[before] + share * way[before + 1]
-    return between
+    return np.asarray((1.0 - share) * way[before] + share * way[before + 1])
 
 
 def hidden_by(

@@ -20,8 +20,7 @@ def cell_of(grid: GridMap, point: FloatArray) -> NDArray[np.int64]:
 
     `point`, shape (n, 2), is x and y in world, metres.
     """
-    cell: NDArray[np.int64] = np.floor(grid.to_grid(point)[:, ::-1]).astype(np.int64)
-    return cell
+    return np.floor(grid.to_grid(point)[:, ::-1]).astype(np.int64)
 
 
 def middle_of(grid: GridMap, cell: NDArray[np.int64]) -> FloatArray:
@@ -90,21 +89,8 @@ def roam(grid: GridMap, path: Roam, rng: np.random.Generator) -> Iterator[FloatA
     Random places of the largest part that has room for the robot, joined by ways of the fewest
     steps from cell to cell, which are drawn straight as far as there is room.
 
-    Parameters
-    ----------
-    grid : GridMap
-    path : Roam
-    rng : numpy Generator
-
-    Yields
-    ------
-    float64 array, shape (2,)
-        x and y in world, metres.
-
-    Raises
-    ------
-    ConfigError
-        If the map has no two places for the robot.
+    Yields x and y in world, metres, shape (2,). Raises ConfigError if the map has no two places for
+    the robot.
     """
     room = largest_part(room_for(grid, path.clearance_m))
     places = np.argwhere(room)

@@ -153,21 +153,9 @@ def plan(
 ) -> Drive:
     """Return the drive along a path of a scenario, long enough for its duration.
 
-    Parameters
-    ----------
-    path : Circle, Eight, Square, Star, Polygon, Waypoints, Points or Roam
-    room_m : (width, depth)
-        Where random waypoints may lie: from (0, 0) to (width, depth), less their margin.
-    duration_s : float
-    rng : numpy Generator
-        Used by random waypoints and by roaming only.
-    grid : GridMap, optional
-        Where to roam.
-
-    Raises
-    ------
-    ValueError
-        If there is no map to roam, or no room on it.
+    Random waypoints lie from (0, 0) to `room_m`, (width, depth), less their margin; they and
+    roaming use `rng`, and `grid` is where to roam. Raises ValueError if there is no map to roam, or
+    no room on it.
     """
     if isinstance(path, scenario.Circle):
         x, y = path.center_m
