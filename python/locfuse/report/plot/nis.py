@@ -65,20 +65,12 @@ def _draw(
     axes.set_yscale("log")
     axes.axhspan(low, high, color=style.ESTIMATE_PALE, linewidth=0, zorder=0)
     axes.axhline(dof, color=style.MUTED, lw=1.0, ls=style.DASHED, zorder=1)
-    for chosen, colour, size, alpha, order in (
-        (~gated, style.ESTIMATE, 2.2, 0.65, 2),
-        (gated, style.REJECTED, 3.0, 0.9, 3),
-    ):
+    good: dict[str, Any] = {"color": style.ESTIMATE, "ms": 2.2, "alpha": 0.65, "zorder": 2}
+    bad: dict[str, Any] = {"color": style.REJECTED, "ms": 3.0, "alpha": 0.9, "zorder": 3}
+    for chosen, look in ((~gated, good), (gated, bad)):
         rows = np.flatnonzero(chosen)
         rows = rows[keep_cloud(nis[rows], style.MAX_POINTS)]
-        dots: dict[str, Any] = {
-            "ms": size,
-            "mew": 0,
-            "color": colour,
-            "alpha": alpha,
-            "zorder": order,
-        }
-        axes.plot(time_s[rows], np.maximum(nis[rows], floor), "o", **dots)
+        axes.plot(time_s[rows], np.maximum(nis[rows], floor), "o", mew=0, **look)
     axes.plot(*_binned_mean(time_s[~gated], nis[~gated]), color=style.MEAN, lw=1.4, zorder=4)
     axes.set_ylim(floor, max(3.0 * high, 1.6 * float(nis.max())))
     axes.set_ylabel("NIS")
