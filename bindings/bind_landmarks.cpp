@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <pybind11/native_enum.h>
+
 #include <sstream>
 
 #include "bindings.hpp"
@@ -10,17 +12,29 @@ using locfuse::BeamLandmark;
 using locfuse::Cylinder;
 using locfuse::CylinderDetector;
 using locfuse::CylinderDetectorConfig;
+using locfuse::CylinderMethod;
 using Unlocked = py::call_guard<py::gil_scoped_release>;
 
 namespace {
 
 void bind_detector_config(py::module_& m) {
+  py::native_enum<CylinderMethod>(m, "CylinderMethod", "enum.IntEnum",
+                                  "How a CylinderDetector finds cylinders and their centres.")
+      .value("ARCS", CylinderMethod::kArcs, "a circle is fitted to all beams of a cylinder")
+      .value("CLOSEST_BEAM", CylinderMethod::kClosestBeam,
+             "found by arcs; the centre lies `radius_m` behind the shortest beam (wells)")
+      .value("CONE", CylinderMethod::kCone,
+             "the shortest beam of a cone as wide as a cylinder of `radius_m` (gadau2022); tests "
+             "no shape")
+      .finalize();
   const CylinderDetectorConfig d;
   py::class_<CylinderDetectorConfig> config(m, "CylinderDetectorConfig",
                                             R"(Settings of a CylinderDetector.
 
 Parameters
 ----------
+method : CylinderMethod
+    How cylinders are found and their centres computed.
 sigma_range_m, sigma_bearing_rad : float
     Noise of the length and of the direction (beam width, quantization) of one beam.
 radius_m : float
@@ -46,18 +60,28 @@ least_intensity : float
     Minimum intensity of at least one beam; 0: any.
 )");
   config
-      .def(py::init([](double sigma_range_m, double sigma_bearing_rad, double radius_m,
-                       double radius_min_m, double radius_max_m, int least_beams, double jump_gaps,
-                       double misfit_probability, double least_evidence,
+      .def(py::init([](CylinderMethod method, double sigma_range_m, double sigma_bearing_rad,
+                       double radius_m, double radius_min_m, double radius_max_m, int least_beams,
+                       double jump_gaps, double misfit_probability, double least_evidence,
                        double least_corner_evidence, double leg_radius_m, double leg_distance_m,
                        double least_intensity) {
-             return CylinderDetectorConfig{
-                 sigma_range_m,  sigma_bearing_rad,     radius_m,     radius_min_m,
-                 radius_max_m,   least_beams,           jump_gaps,    misfit_probability,
-                 least_evidence, least_corner_evidence, leg_radius_m, leg_distance_m,
-                 least_intensity};
+             return CylinderDetectorConfig{method,
+                                           sigma_range_m,
+                                           sigma_bearing_rad,
+                                           radius_m,
+                                           radius_min_m,
+                                           radius_max_m,
+                                           least_beams,
+                                           jump_gaps,
+                                           misfit_probability,
+                                           least_evidence,
+                                           least_corner_evidence,
+                                           leg_radius_m,
+                                           leg_distance_m,
+                                           least_intensity};
            }),
-           py::kw_only(), py::arg("sigma_range_m") = d.sigma_range_m,
+           py::kw_only(), py::arg_v("method", d.method, "CylinderMethod.ARCS"),
+           py::arg("sigma_range_m") = d.sigma_range_m,
            py::arg("sigma_bearing_rad") = d.sigma_bearing_rad, py::arg("radius_m") = d.radius_m,
            py::arg("radius_min_m") = d.radius_min_m, py::arg("radius_max_m") = d.radius_max_m,
            py::arg("least_beams") = d.least_beams, py::arg("jump_gaps") = d.jump_gaps,
@@ -66,6 +90,7 @@ least_intensity : float
            py::arg("least_corner_evidence") = d.least_corner_evidence,
            py::arg("leg_radius_m") = d.leg_radius_m, py::arg("leg_distance_m") = d.leg_distance_m,
            py::arg("least_intensity") = d.least_intensity)
+      .def_readonly("method", &CylinderDetectorConfig::method)
       .def_readonly("sigma_range_m", &CylinderDetectorConfig::sigma_range_m)
       .def_readonly("sigma_bearing_rad", &CylinderDetectorConfig::sigma_bearing_rad)
       .def_readonly("radius_m", &CylinderDetectorConfig::radius_m)
@@ -90,7 +115,7 @@ void bind_detector(py::module_& m) {
       .def_readonly("radius", &Cylinder::radius, "Metres.")
       .def_readonly("covariance", &Cylinder::covariance,
                     "Covariance of (range, bearing, radius) [m, rad, m], shape (3, 3); row and "
-                    "column of a fixed radius are zero.")
+                    "column of a fixed radius are zero. Mean squared error of a single beam's.")
       .def_readonly(
           "first", &Cylinder::first,
           "First beam of the arc by bearing; larger than `last` across the end of the scan.")

@@ -22,6 +22,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
          -30.0, 30.0);
     code(io, config.misfit_probability, 0.0, 1.0);
     code(io, config.least_beams);
+    std::uint8_t method = 0;
+    code(io, method, 3);
+    config.method = static_cast<CylinderMethod>(method);
   }
   Stamp now = 0;
   Pose2 predicted;

@@ -35,6 +35,7 @@ __all__: list[str] = [
     "Cylinder",
     "CylinderDetector",
     "CylinderDetectorConfig",
+    "CylinderMethod",
     "Dilution",
     "DistanceField",
     "Gate",
@@ -1340,12 +1341,23 @@ class ScanOdometry:
     @property
     def config(self) -> ScanOdometryConfig: ...
 
+class CylinderMethod(enum.IntEnum):
+    """
+    How a CylinderDetector finds cylinders and their centres.
+    """
+
+    ARCS = ...
+    CLOSEST_BEAM = ...
+    CONE = ...
+
 class CylinderDetectorConfig:
     """
     Settings of a CylinderDetector.
 
     Parameters
     ----------
+    method : CylinderMethod
+        How cylinders are found and their centres computed.
     sigma_range_m, sigma_bearing_rad : float
         Noise of the length and of the direction (beam width, quantization) of one beam.
     radius_m : float
@@ -1373,6 +1385,7 @@ class CylinderDetectorConfig:
     def __init__(
         self,
         *,
+        method: CylinderMethod = ...,
         sigma_range_m: typing.SupportsFloat | typing.SupportsIndex = 0.01,
         sigma_bearing_rad: typing.SupportsFloat | typing.SupportsIndex = 0.0,
         radius_m: typing.SupportsFloat | typing.SupportsIndex = 0.0,
@@ -1401,6 +1414,8 @@ class CylinderDetectorConfig:
     def leg_distance_m(self) -> float: ...
     @property
     def leg_radius_m(self) -> float: ...
+    @property
+    def method(self) -> CylinderMethod: ...
     @property
     def misfit_probability(self) -> float: ...
     @property
@@ -1432,7 +1447,7 @@ class Cylinder:
     @property
     def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 3]"]:
         """
-        Covariance of (range, bearing, radius) [m, rad, m], shape (3, 3); row and column of a fixed radius are zero.
+        Covariance of (range, bearing, radius) [m, rad, m], shape (3, 3); row and column of a fixed radius are zero. Mean squared error of a single beam's.
         """
     @property
     def first(self) -> int:

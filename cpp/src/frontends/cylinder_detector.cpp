@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "frontends/circle_fit.hpp"
+#include "frontends/closest_beam.hpp"
 #include "locfuse/math/angle.hpp"
 #include "locfuse/math/chi_squared.hpp"
 #include "math/refuse.hpp"
@@ -85,6 +86,15 @@ struct CylinderDetectorTuning {
   static constexpr double kThroughRadii = 0.9;
   static constexpr double kThroughSigmas = 3.0;
   static constexpr double kThroughBearingSigmas = 2.0;
+
+  // Cones.
+  /// Beams beside a cone that must not end as far as its cylinder.
+  static constexpr int kBeamsBeside = 2;
+  /// Margin between them and the cone [standard deviations of its bearing], and of their ranges.
+  static constexpr double kBesideSigmas = 3.0;
+  static constexpr double kBesideRangeSigmas = 6.0;
+  /// Where the centre lies between two beams: by two points the mean square is that of all places.
+  static constexpr double kBetweenBeams = 0.288675134594813;  // 1 / sqrt(12)
 };
 
 [[noreturn]] void refuse(const char* what, double value, const std::string& expected) {
@@ -96,6 +106,14 @@ void require(const char* what, double value, double min) {
   if (!(value >= min && value <= kMax)) {
     std::ostringstream expected;
     expected << "a number >= " << min << " and <= " << kMax;
+    refuse(what, value, expected.str());
+  }
+}
+
+void require_unused(const char* what, double value, double unused) {
+  if (value != unused) {
+    std::ostringstream expected;
+    expected << unused << ", as method cone does not use it: leave it out, or use another method";
     refuse(what, value, expected.str());
   }
 }
@@ -115,6 +133,15 @@ CylinderDetectorConfig checked(const CylinderDetectorConfig& config) {
   require("least_intensity", config.least_intensity, 0.0);
   if (!(config.misfit_probability > 0.0 && config.misfit_probability < 1.0)) {
     refuse("misfit_probability", config.misfit_probability, "a probability between 0 and 1");
+  }
+  if (config.method != CylinderMethod::kArcs && config.radius_m == 0.0) {
+    refuse("radius_m", 0.0, "> 0, as a single beam does not determine the radius: use method arcs");
+  }
+  if (config.method == CylinderMethod::kCone) {
+    const CylinderDetectorConfig d;
+    require_unused("least_evidence", config.least_evidence, d.least_evidence);
+    require_unused("least_corner_evidence", config.least_corner_evidence, d.least_corner_evidence);
+    require_unused("leg_distance_m", config.leg_distance_m, d.leg_distance_m);
   }
   return config;
 }
@@ -165,6 +192,16 @@ class Search {
     return std::move(found_);
   }
 
+  /// The shortest beam of each cone that stands free.
+  std::vector<Cylinder> cones() {
+    for (int j = 0; j < sweep_.size(); ++j) {
+      if (const std::optional<Cylinder> cylinder = cone_at(j)) {
+        add(*cylinder);
+      }
+    }
+    return std::move(found_);
+  }
+
  private:
   struct Farthest {  // point of a run from its chord
     int at;
@@ -194,6 +231,9 @@ class Search {
   [[nodiscard]] bool seen_through(int end, int side, const Circle& circle) const;
   [[nodiscard]] bool is_positive(const Matrix<3, 3>& covariance) const;
   [[nodiscard]] Cylinder to_cylinder(const Run& run, const CircleFit& fit) const;
+  [[nodiscard]] Cylinder by_closest_beam(const Run& run, const CircleFit& fit) const;
+  [[nodiscard]] std::optional<Cylinder> cone_at(int j) const;
+  [[nodiscard]] bool goes_on(int j, int reach, double from, double to) const;
   [[nodiscard]] bool ends_behind(const Run& run, const Circle& circle) const;
   [[nodiscard]] bool is_thin(const Run& run) const;
   [[nodiscard]] int returns(const Run& run) const;
@@ -264,7 +304,9 @@ void Search::consider(Run run) {
   if (!fit || !fit->covariance.allFinite() || !is_cylinder(run, *fit)) {
     return;
   }
-  const Cylinder cylinder = to_cylinder(run, *fit);
+  const Cylinder cylinder = config_.method == CylinderMethod::kClosestBeam
+                                ? by_closest_beam(run, *fit)
+                                : to_cylinder(run, *fit);
   if (is_positive(cylinder.covariance)) {
     add(cylinder);
     begin_ = run.last + 1;
@@ -539,6 +581,98 @@ Cylinder Search::to_cylinder(const Run& run, const CircleFit& fit) const {
   return cylinder;
 }
 
+/// The centre by the shortest beam, with its error about the fitted circle at the two bearings that
+/// stand for the fit's: docs/models/cylinders.md eq. (7) and (9).
+Cylinder Search::by_closest_beam(const Run& run, const CircleFit& fit) const {
+  Cylinder cylinder = to_cylinder(run, fit);
+  const double distance = cylinder.range;
+  const double sigma = std::sqrt(cylinder.covariance(1, 1));
+  const Ray* nearest = &sweep_[run.first];
+  std::vector<double> left;
+  std::vector<double> right;
+  for (int j = run.first; j <= run.last; ++j) {
+    const Ray& ray = sweep_[j];
+    if (ray.returned()) {
+      nearest = ray.range < nearest->range ? &ray : nearest;
+      const double offset =
+          std::asin(std::clamp(cross(fit.circle.centre, ray.along) / distance, -1.0, 1.0));
+      left.push_back(offset - sigma);
+      right.push_back(offset + sigma);
+    }
+  }
+  cylinder.range = nearest->range + config_.radius_m;
+  cylinder.bearing = std::atan2(nearest->along.y(), nearest->along.x());
+  const double of_fit = cylinder.covariance(0, 0);
+  cylinder.covariance.topLeftCorner<2, 2>() =
+      0.5 * (closest_beam_error(distance, config_.radius_m, left, noise_) +
+             closest_beam_error(distance, config_.radius_m, right, noise_));
+  cylinder.covariance(0, 0) += of_fit;
+  return cylinder;
+}
+
+/// Whether one of the beams beyond `reach` ends between two ranges, on either side.
+bool Search::goes_on(int j, int reach, double from, double to) const {
+  for (int k = reach + 1; k <= reach + CylinderDetectorTuning::kBeamsBeside; ++k) {
+    for (const int at : {j - k, j + k}) {
+      if (sweep_.has(at) && sweep_[at].returned() && sweep_[at].range >= from &&
+          sweep_[at].range <= to) {
+        return true;
+      }
+    }
+  }
+  return false;
+}
+
+/// Cylinder whose shortest beam is `j`: no other in the cone of the cylinder behind it is shorter,
+/// enough end as far as its surface, and those beside the cone do not. The cone must be in view.
+std::optional<Cylinder> Search::cone_at(int j) const {
+  const Ray& nearest = sweep_[j];
+  if (!nearest.returned()) {
+    return std::nullopt;
+  }
+  Cylinder cylinder;
+  cylinder.range = nearest.range + config_.radius_m;
+  cylinder.radius = config_.radius_m;
+  const internal::Cone cone = internal::cone_of(cylinder.range, config_.radius_m);
+  const int reach = static_cast<int>(cone.half_angle / sweep_.step);
+  if (!sweep_.has(j - reach) || !sweep_.has(j + reach)) {
+    return std::nullopt;
+  }
+  Run hits{j, j};
+  bool bright = false;
+  std::vector<double> offsets;
+  for (int i = j - reach; i <= j + reach; ++i) {
+    const Ray& ray = sweep_[i];
+    if (ray.range < nearest.range || (ray.range == nearest.range && i < j)) {
+      return std::nullopt;
+    }
+    if (ray.range <= cone.max_range) {
+      hits = {std::min(hits.first, i), i};
+      bright = bright || ray.bright;
+      ++cylinder.beams;
+    }
+    offsets.push_back((i - j + CylinderDetectorTuning::kBetweenBeams) * sweep_.step);
+  }
+  if (cylinder.beams < config_.least_beams || (only_bright_ && !bright)) {
+    return std::nullopt;
+  }
+  // Between beams on either side of the centre the two are not correlated.
+  cylinder.covariance.diagonal().head<2>() =
+      closest_beam_error(cylinder.range, config_.radius_m, offsets, noise_).diagonal();
+  const double margin =
+      CylinderDetectorTuning::kBesideSigmas * std::sqrt(cylinder.covariance(1, 1));
+  if (goes_on(j, reach + static_cast<int>(std::ceil(std::min(margin, kPi) / sweep_.step)),
+              nearest.range,
+              cone.max_range + CylinderDetectorTuning::kBesideRangeSigmas * noise_.range) ||
+      !is_positive(cylinder.covariance)) {
+    return std::nullopt;
+  }
+  cylinder.bearing = std::atan2(nearest.along.y(), nearest.along.x());
+  cylinder.first = sweep_[hits.first].beam;
+  cylinder.last = sweep_[hits.last].beam;
+  return cylinder;
+}
+
 /// Removes thin cylinders next to each other or to another thin piece: legs of people.
 void remove_legs(std::vector<Cylinder>& cylinders, std::vector<Vector<2>> thin,
                  const CylinderDetectorConfig& config) {
@@ -591,7 +725,9 @@ std::vector<Cylinder> CylinderDetector::detect(const LaserScan& scan) const {
   }
   const Sweep sweep = sweep_of(scan, config_.least_intensity, jump_of(config_));
   std::vector<Vector<2>> thin;
-  std::vector<Cylinder> cylinders = Search(config_, gates_, sweep).cylinders(thin);
+  Search search(config_, gates_, sweep);
+  std::vector<Cylinder> cylinders =
+      config_.method == CylinderMethod::kCone ? search.cones() : search.cylinders(thin);
   if (config_.leg_distance_m > 0.0) {
     remove_legs(cylinders, std::move(thin), config_);
   }

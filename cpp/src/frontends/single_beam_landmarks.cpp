@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "frontends/closest_beam.hpp"
 #include "locfuse/math/angle.hpp"
 
 namespace locfuse {
@@ -55,14 +56,12 @@ BeamLandmark recognize(const LaserScan& scan, const Pose2& laser, const Landmark
     return {};
   }
   const double bearing = std::atan2(to.y(), to.x());
-  const double largest_angle = std::asin(landmark.radius / distance);
-  const double min_range = distance - landmark.radius;
-  const double max_range = std::sqrt(distance * distance - landmark.radius * landmark.radius);
+  const internal::Cone cone = internal::cone_of(distance, landmark.radius);
   BeamLandmark nearest;
   for (int i = 0; i < static_cast<int>(scan.ranges.size()); ++i) {
     const BeamLandmark beam = beam_of(scan, i);
-    if (std::abs(angle_difference(beam.bearing, bearing)) <= largest_angle &&
-        beam.range >= min_range && beam.range <= max_range) {
+    if (std::abs(angle_difference(beam.bearing, bearing)) <= cone.half_angle &&
+        cone.has(beam.range)) {
       keep_nearer(nearest, beam);
     }
   }

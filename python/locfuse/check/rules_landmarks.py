@@ -228,7 +228,9 @@ def _radii_of_arcs(context: Context) -> FloatArray:
     cylinders = context.config.cylinders
     assert cylinders is not None
     scans = scans_of(context.log)
-    detector = build_cylinder_detector(cylinders.model_copy(update={"radius_m": 0.0}))
+    detector = build_cylinder_detector(
+        cylinders.model_copy(update={"method": "arcs", "radius_m": 0.0})
+    )
     found = [
         one for scan in scans[:: max(1, len(scans) // _SCANS)] for one in detector.detect(scan)
     ]

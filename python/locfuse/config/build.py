@@ -124,7 +124,9 @@ def build_gyro_config(config: RunConfig) -> _core.GyroOdometryConfig:
 
 def build_cylinder_detector(cylinders: Cylinders) -> _core.CylinderDetector:
     """Return a detector with every value of `cylinders`."""
-    return _core.CylinderDetector(_core.CylinderDetectorConfig(**cylinders.model_dump()))
+    method = _core.CylinderMethod[cylinders.method.upper()]
+    settings = {**cylinders.model_dump(), "method": method}
+    return _core.CylinderDetector(_core.CylinderDetectorConfig(**settings))
 
 
 def _fill(struct: Any, model: BaseModel, leave: tuple[str, ...] = ()) -> None:

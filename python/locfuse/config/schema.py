@@ -203,6 +203,10 @@ class Cylinders(Strict):
 
     fixed: ClassVar = {"jump_gaps": 6.0, "misfit_probability": 0.99999, "leg_radius_m": 0.12}
 
+    method: Literal["arcs", "closest_beam", "cone"] = "arcs"
+    """Detection. `arcs`: a circle is fitted to the beams; `closest_beam`: the centre is `radius_m`
+    behind the shortest of them; `cone`: [by the shortest alone](models/cylinders.md), no walls.
+    """
     sigma_range_m: Annotated[float, Field(ge=1e-6, le=1e9)] = 0.01
     """Range noise of one beam [m]."""
     sigma_bearing_rad: Bounded = 0.0
@@ -233,6 +237,12 @@ class Cylinders(Strict):
                 f"radius_min_m is {self.radius_min_m} and radius_max_m is {self.radius_max_m}; "
                 "expected radius_min_m <= radius_max_m"
             )
+        if self.method != "arcs" and self.radius_m == 0.0:
+            raise ValueError(f"method {self.method} needs radius_m, which one beam does not "
+                             "determine; set it, or use method: arcs")  # fmt: skip
+        for key in ("least_evidence", "least_corner_evidence", "leg_distance_m"):
+            if self.method == "cone" and getattr(self, key) != type(self).model_fields[key].default:
+                raise ValueError(f"method cone does not use {key}; leave it out")
         return self
 
 

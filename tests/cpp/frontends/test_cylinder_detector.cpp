@@ -235,6 +235,148 @@ TEST(CylinderDetector, errors_match_the_covariance_with_few_beams_on_thin_poles)
   }
 }
 
+CylinderDetectorConfig by(CylinderMethod method, double radius, int least_beams = 7) {
+  CylinderDetectorConfig config = of_radius(radius, least_beams);
+  config.method = method;
+  return config;
+}
+
+TEST(CylinderDetector, errors_of_single_beams_match_the_covariance) {
+  for (const CylinderMethod method : {CylinderMethod::kClosestBeam, CylinderMethod::kCone}) {
+    for (const double radius : {0.2, 0.5, 1.0}) {
+      for (const double sigma : {0.001, 0.01}) {
+        CylinderDetectorConfig config = by(method, radius);
+        config.sigma_range_m = sigma;
+        const double farthest = radius < 0.3 ? 2.0 : 3.5;
+        EXPECT_NEAR(nees(config, radius, 0.5, farthest, sigma), 2.0, 0.33)
+            << radius << " " << sigma << " " << static_cast<int>(method);
+      }
+    }
+  }
+}
+
+TEST(CylinderDetector, a_covariance_of_single_beams_for_less_noise_is_too_small) {
+  for (const CylinderMethod method : {CylinderMethod::kClosestBeam, CylinderMethod::kCone}) {
+    CylinderDetectorConfig config = by(method, 0.5);
+    config.sigma_range_m = 0.007;
+    EXPECT_GT(nees(config, 0.5, 0.5, 3.5), 2.33);
+  }
+}
+
+// Without noise the shortest beam is the one next to the centre: half a step away at most.
+TEST(CylinderDetector, the_closest_beam_points_at_the_centre_as_well_as_beams_can) {
+  Rng rng(7);
+  for (const CylinderMethod method : {CylinderMethod::kClosestBeam, CylinderMethod::kCone}) {
+    CylinderDetectorConfig config = by(method, 0.5);
+    config.sigma_range_m = 1e-4;
+    double squared = 0.0;
+    constexpr int kScans = 200;
+    for (int k = 0; k < kScans; ++k) {
+      const double bearing = uniform(rng, -kPi, kPi);
+      const auto found =
+          CylinderDetector(config).detect(scan_of_one({at(2.5, bearing), 0.5}, rng, 0.0));
+      ASSERT_EQ(found.size(), 1U);
+      EXPECT_NEAR(found[0].range, 2.5, 1e-3);
+      EXPECT_DOUBLE_EQ(found[0].radius, 0.5);
+      const double off = angle_difference(found[0].bearing, bearing);
+      EXPECT_LT(std::abs(off), 0.5 * kPi / 180.0 + 1e-9);
+      squared += off * off;
+      if (method == CylinderMethod::kCone) {
+        EXPECT_NEAR(std::sqrt(found[0].covariance(1, 1)), kPi / 180.0 / std::sqrt(12.0), 2e-4);
+      }
+    }
+    EXPECT_NEAR(std::sqrt(squared / kScans), kPi / 180.0 / std::sqrt(12.0), 0.0006);
+  }
+}
+
+TEST(CylinderDetector, closest_beams_are_those_of_the_arcs) {
+  Rng rng(5);
+  const std::vector<Disc> discs = cylinders_of_wells();
+  const CylinderDetector arcs(of_radius(1.0));
+  const CylinderDetector beams(by(CylinderMethod::kClosestBeam, 1.0));
+  for (int k = 0; k < 100; ++k) {
+    const LaserScan scan = scan_of(discs, {}, among_cylinders(rng), rng, 0.01, turning_laser());
+    const std::vector<Cylinder> expected = arcs.detect(scan);
+    const std::vector<Cylinder> found = beams.detect(scan);
+    ASSERT_EQ(found.size(), expected.size());
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      const BeamLandmark beam = closest_beam(scan, expected[i].first, expected[i].last, 1.0);
+      EXPECT_DOUBLE_EQ(found[i].range, beam.range);
+      EXPECT_NEAR(angle_difference(found[i].bearing, beam.bearing), 0.0, 1e-12);
+      EXPECT_GT(found[i].covariance(1, 1), expected[i].covariance(1, 1));
+    }
+  }
+}
+
+// A predicted pose that is right has the cones of gadau2022 where ours are.
+TEST(CylinderDetector, cones_name_the_beams_of_the_papers_rule_at_the_true_pose) {
+  Rng rng(9);
+  const std::vector<Disc> discs = {{{2.0, 1.0}, 0.3}, {{-1.5, 2.0}, 0.3}, {{0.0, -2.5}, 0.3}};
+  std::vector<Landmark> marks;
+  for (const Disc& disc : discs) {
+    marks.push_back({static_cast<int>(marks.size()), disc.centre, disc.radius});
+  }
+  CylinderDetectorConfig config = by(CylinderMethod::kCone, 0.3, 4);
+  config.sigma_range_m = 1e-4;
+  for (int k = 0; k < 100; ++k) {
+    const Pose2 eye{uniform(rng, -0.5, 0.5), uniform(rng, -0.5, 0.5), uniform(rng, -kPi, kPi)};
+    const LaserScan scan = scan_of(discs, {}, eye, rng, 0.0, turning_laser());
+    const std::vector<Cylinder> found = CylinderDetector(config).detect(scan);
+    const std::vector<BeamLandmark> rule = recognize_landmarks(scan, eye, LandmarkMap(marks));
+    ASSERT_EQ(found.size(), rule.size());
+    for (const BeamLandmark& beam : rule) {
+      EXPECT_EQ(std::count_if(found.begin(), found.end(),
+                              [&](const Cylinder& c) {
+                                return c.range == beam.range + 0.3 &&
+                                       std::abs(angle_difference(c.bearing, beam.bearing)) < 1e-12;
+                              }),
+                1);
+    }
+  }
+}
+
+TEST(CylinderDetector, cones_leave_out_walls_and_wider_and_half_seen_cylinders) {
+  Rng rng(3);
+  const CylinderDetector detector(by(CylinderMethod::kCone, 0.3));
+  EXPECT_EQ(detector.detect(scan_of_one({{2.0, 0.0}, 0.3}, rng)).size(), 1U);
+  EXPECT_TRUE(detector.detect(scan_of_one({{2.0, 0.0}, 0.6}, rng)).empty());
+  Walls room;
+  add_box(room, {0.3, -0.2, 0.1}, 8.0, 6.0);
+  EXPECT_TRUE(detector.detect(scan_of({}, room, {}, rng, 0.01, turning_laser())).empty());
+  // Half of it lies behind another, which it is beside in view.
+  const std::vector<Disc> two = {{{1.0, 0.35}, 0.3}, {{2.0, 0.0}, 0.3}};
+  for (const Cylinder& c : detector.detect(scan_of(two, {}, {}, rng, 0.01, turning_laser()))) {
+    EXPECT_LT(c.range, 1.2);
+  }
+}
+
+TEST(CylinderDetector, closest_beams_of_a_clockwise_laser_and_of_half_hidden_cylinders_are_honest) {
+  Rng rng(4);
+  const CylinderDetector detector(by(CylinderMethod::kClosestBeam, 0.5));
+  double sum = 0.0;
+  int count = 0;
+  for (int k = 0; k < 200; ++k) {
+    // A plate hides the right half of it.
+    const Vector<2> centre = at(2.5, 0.3 + 0.01 * k);
+    const Vector<2> aside = at(1.2, 0.3 + 0.01 * k - 0.35);
+    LaserScan scan = scan_of({{centre, 0.5}, {aside, 0.4}}, {}, {}, rng, 0.01, turning_laser());
+    LaserGeometry turned = *scan.geometry;
+    turned.angle_min += 359.0 * turned.angle_increment;
+    turned.angle_increment = -turned.angle_increment;
+    scan.geometry = std::make_shared<const LaserGeometry>(turned);
+    std::reverse(scan.ranges.begin(), scan.ranges.end());
+    for (const Cylinder& c : detector.detect(scan)) {
+      if ((centre_of(c) - centre).norm() < 0.6) {
+        const Vector<2> e(c.range - 2.5, angle_difference(c.bearing, 0.3 + 0.01 * k));
+        sum += e.dot(c.covariance.topLeftCorner<2, 2>().llt().solve(e));
+        ++count;
+      }
+    }
+  }
+  EXPECT_GT(count, 150);
+  EXPECT_NEAR(sum / count, 2.0, 0.5);
+}
+
 TEST(CylinderDetector, a_covariance_for_half_the_noise_is_too_small) {
   CylinderDetectorConfig config = of_radius(0.5);
   config.sigma_range_m = 0.008;
@@ -531,6 +673,16 @@ TEST(CylinderDetector, rejects_invalid_input) {
   refused([](auto& c) { c.misfit_probability = 1.0; }, "misfit_probability is 1",
           "between 0 and 1");
   refused([](auto& c) { c.least_intensity = HUGE_VAL; }, "least_intensity is inf");
+  refused([](auto& c) { c.method = CylinderMethod::kClosestBeam; }, "radius_m is 0", "method arcs");
+  refused([](auto& c) { c.method = CylinderMethod::kCone; }, "radius_m is 0", "method arcs");
+  for (double CylinderDetectorConfig::*unused :
+       {&CylinderDetectorConfig::least_evidence, &CylinderDetectorConfig::least_corner_evidence,
+        &CylinderDetectorConfig::leg_distance_m}) {
+    CylinderDetectorConfig config = by(CylinderMethod::kCone, 0.3);
+    EXPECT_NO_THROW(CylinderDetector{config});
+    config.*unused = 1.5;
+    expect_refused([&] { CylinderDetector{config}; }, "is 1.5", "method cone does not use it");
+  }
   LaserScan scan{0, turning_laser(), {1.0, -2.0}};
   expect_refused([&] { (void)CylinderDetector().detect(scan); }, "ranges [m] is -2");
 }

@@ -129,14 +129,15 @@ def among(posts: dict[str, list[float]], named: bool = True, **changes: Any) -> 
                    use=["odometry", "landmark_sightings"], **changes)  # fmt: skip
 
 
-def among_discs(radius_m: float = 0.3, **simulation: Any) -> dict[str, Any]:
+def among_discs(radius_m: float = 0.3, method: str = "arcs", **simulation: Any) -> dict[str, Any]:
     """Return a robot that finds discs of 0.3 m in its scans."""
     laser = {"rate_hz": 2, "beams": 360, "sigma_m": 0.01}
     inside = {f"simulation__{name}": value for name, value in simulation.items()}
     return healthy(simulation__landmarks=POSTS, simulation__landmark_radius_m=0.3,
                    simulation__laser=laser, simulation__map={}, simulation__ranges=None,
                    simulation__duration_s=20, use=["odometry", "landmark_sightings"],
-                   cylinders={"radius_m": radius_m, "least_beams": 3}, **inside)  # fmt: skip
+                   cylinders={"radius_m": radius_m, "least_beams": 3, "method": method},
+                   **inside)  # fmt: skip
 
 
 def only(stem: str, column: str) -> Callable[[Tables], object]:
@@ -442,6 +443,9 @@ MISCONFIGURED: dict[str, tuple[str, str, str, dict[str, Any], Any]] = {
     "cylinders of another radius than those that are seen": (
         "mismatched_radii", "warning", "fitted with a free radius have",
         among_discs(radius_m=0.6), None),
+    "closest beams of cylinders of another radius": (
+        "mismatched_radii", "warning", "fitted with a free radius have",
+        among_discs(radius_m=0.6, method="closest_beam"), None),
     "cylinders of another radius than those of the map": (
         "mismatched_radii", "warning", "cylinders.radius_m is 0.6 m, the landmarks of",
         among_discs(radius_m=0.6), None),

@@ -19,18 +19,24 @@ from locfuse.run.cylinders import with_cylinders
 from locfuse.run.run import load_log, run
 from locfuse.sim.scenario import simulate
 from locfuse.types import ConfigError, Log, LogError
+from support_live import assert_same
 from support_runs import ROOT
 
 CONFIGS = ROOT / "examples" / "configs"
-FIELDS = list(Cylinders.model_fields)
+FIELDS = [name for name in Cylinders.model_fields if name != "method"]
+METHODS = ("arcs", "closest_beam", "cone")
 
 
 def test_every_setting_is_one_of_the_detectors_with_its_default() -> None:
     default = _core.CylinderDetectorConfig()
     every = {name for name in dir(default) if not name.startswith("_")}
-    assert every == {*FIELDS, *Cylinders.fixed}
+    assert every == {"method", *FIELDS, *Cylinders.fixed}
+    assert {method.name.lower() for method in _core.CylinderMethod} == set(METHODS)
+    assert Cylinders().method == default.method.name.lower()
     assert {name: getattr(default, name) for name in Cylinders.fixed} == Cylinders.fixed
-    assert Cylinders().model_dump() == {name: getattr(default, name) for name in FIELDS}
+    assert Cylinders().model_dump(exclude={"method"}) == {
+        name: getattr(default, name) for name in FIELDS
+    }
 
 
 @pytest.mark.parametrize("name", FIELDS)
@@ -73,6 +79,47 @@ def test_the_schema_refuses_what_the_detector_refuses_and_nothing_else(name: str
         except ValidationError:
             schema = False
         assert schema == core, value
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", FIELDS)
+def test_the_schema_refuses_what_a_method_has_no_use_for_as_the_detector_does(
+    method: str, name: str
+) -> None:
+    values: dict[str, Any] = {"radius_m": 0.3, name: 3 if name == "least_beams" else 0.5}
+    values["radius_m"] *= name != "radius_m"
+    settings = {**values, "method": method}
+    chosen = _core.CylinderMethod[method.upper()]
+    unused = {"least_evidence", "least_corner_evidence", "leg_distance_m"}
+    if method != "arcs" and (name == "radius_m" or (method == "cone" and name in unused)):
+        with pytest.raises(ValidationError, match=name):
+            Cylinders(**settings)
+        with pytest.raises(ValueError, match=name):
+            _core.CylinderDetector(_core.CylinderDetectorConfig(**values, method=chosen))
+    else:
+        config = build_cylinder_detector(Cylinders(**settings)).config
+        assert (config.method, getattr(config, name)) == (chosen, values[name])
+
+
+@pytest.mark.parametrize("method", ["closest_beam", "cone"])
+@pytest.mark.parametrize("ready", ["wells_clean", "gadau_discs"])
+def test_single_beams_locate_in_a_run_and_live_and_say_how_well(ready: str, method: str) -> None:
+    config = load_config(CONFIGS / f"{ready}.yaml")
+    assert config.cylinders is not None
+    log = load_log(config, CONFIGS, config.seed)
+    arcs = run(config, log).metrics
+    sharp = with_cylinders(log, config)["landmark_sightings"]["sigma_bearing_rad"]
+    other = config.cylinders.model_copy(update={"method": method})
+    config = config.model_copy(update={"cylinders": other})
+    figures = run(config, log).metrics
+    assert 1.5 * arcs["position_rmse_m"] < figures["position_rmse_m"] < 0.02
+    assert figures["heading_rmse_deg"] < 0.6
+    assert 1.0 < figures["nees_mean"] < 5.0
+    assert figures["nees_in_band"] > 0.85
+    assert_same(config, log)
+    # With the sigmas of arcs the same beams would be believed far too much.
+    seen = with_cylinders(log, config)["landmark_sightings"]["sigma_bearing_rad"]
+    assert np.median(seen) > 3.0 * np.median(sharp)
 
 
 @pytest.mark.parametrize(
@@ -179,6 +226,12 @@ def test_brightness_that_the_log_does_not_tell_is_one_sentence() -> None:
     [
         ({"cylinders": {}, "use": ["odometry"]}, "add them to use"),
         ({"cylinders": {"radius": 1}}, "did you mean 'radius_m'"),
+        ({"cylinders": {"method": "cone"}}, "method cone needs radius_m"),
+        ({"cylinders": {"method": "arc"}}, "did you mean 'arcs'"),
+        (
+            {"cylinders": {"method": "cone", "radius_m": 1, "leg_distance_m": 1}},
+            "method cone does not use leg_distance_m",
+        ),
         ({"cylinders": {"radius_min_m": 2}}, "expected radius_min_m <= radius_max_m"),
         (
             {"cylinders": {}, "simulation": {"landmarks": {"A": [1, 1]}, "landmark_sightings": {}}},

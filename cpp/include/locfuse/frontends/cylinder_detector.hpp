@@ -8,7 +8,20 @@
 
 namespace locfuse {
 
+/// How a cylinder is found in a scan, and its centre computed.
+enum class CylinderMethod {
+  kArcs,         ///< a circle is fitted to all its beams
+  kClosestBeam,  ///< found as by kArcs; the centre is `radius_m` behind its shortest beam (wells)
+  /// The shortest beam of a cone as wide as a cylinder of `radius_m` behind it (gadau2022, without
+  /// a predicted pose). Shape is not tested: for places without walls and boxes.
+  kCone,
+};
+
+/// `kClosestBeam` and `kCone` need `radius_m`. `kCone` refuses `least_evidence`,
+/// `least_corner_evidence` and `leg_distance_m` that differ from their defaults: it has no use for
+/// them.
 struct CylinderDetectorConfig {
+  CylinderMethod method = CylinderMethod::kArcs;
   double sigma_range_m = 0.01;     ///< noise of one beam
   double sigma_bearing_rad = 0.0;  ///< noise of its direction: width of the beam, quantization
   double radius_m = 0.0;           ///< of all cylinders; 0: estimated for each
@@ -34,13 +47,14 @@ struct Cylinder {
   double range = 0.0;    ///< of the centre, from the laser [m]
   double bearing = 0.0;  ///< of the centre, in the laser's frame [rad]
   double radius = 0.0;   ///< [m]
-  /// Of (range, bearing, radius); zero in row and column of a given radius.
+  /// Of (range, bearing, radius); zero in row and column of a given radius. The mean squared error
+  /// where the centre is that of a single beam, which has a bias: eq. (9).
   Matrix<3, 3> covariance = Matrix<3, 3>::Zero();
   int first =
       0;  ///< beam of its arc with the smallest bearing; above `last` across the end of the scan
   int last = 0;         ///< beam with the largest bearing
   int beams = 0;        ///< used by the fit
-  double misfit = 0.0;  ///< chi-square per degree of freedom; 0 without any
+  double misfit = 0.0;  ///< chi-square per degree of freedom; 0 without any, and with kCone
 };
 
 /// Detects cylinders in single scans. docs/models/cylinders.md.
