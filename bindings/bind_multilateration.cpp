@@ -60,7 +60,7 @@ locfuse::RangeLoss loss_of(const std::string& name, std::optional<double> scale)
 
 RangeSolver solver_of(const std::string& name) {
   constexpr std::array<std::pair<const char*, RangeSolver>, 4> kSolvers = {
-      {{"ml", RangeSolver::kMaximumLikelihood},
+      {{"newton", RangeSolver::kNewton},
        {"srls", RangeSolver::kSquaredRange},
        {"srwls", RangeSolver::kWeightedSquaredRange},
        {"ceres", RangeSolver::kCeres}}};
@@ -111,8 +111,9 @@ PositionSolution locate(const Column<double>& anchors, const Column<double>& ran
                         const std::optional<Pair>& box, const std::string& weights,
                         const std::string& ml, double wrong_side_probability,
                         double false_alarm_probability, int max_iterations) {
-  constexpr std::array<std::pair<const char*, bool>, 2> kFits = {
-      {{"ceres", true}, {"fast", false}}};
+  using locfuse::RangeMl;
+  constexpr std::array<std::pair<const char*, RangeMl>, 3> kFits = {
+      {{"newton", RangeMl::kNewton}, {"ceres", RangeMl::kCeres}, {"both", RangeMl::kBoth}}};
   using Weights = locfuse::SquaredRangeWeights;
   constexpr std::array<std::pair<const char*, Weights>, 2> kWeights = {
       {{"equal", Weights::kEqual}, {"variance", Weights::kVariance}}};
@@ -123,7 +124,7 @@ PositionSolution locate(const Column<double>& anchors, const Column<double>& ran
   options.loss = loss_of(loss, loss_scale);
   options.rules = {wrong_side_probability, false_alarm_probability};
   options.weights = choose("weights", weights, kWeights);
-  options.use_ceres = choose("ml", ml, kFits);
+  options.ml = choose("ml", ml, kFits);
   options.ceres.max_iterations = max_iterations;
   if (prior) {
     options.prior = {prior->first, prior->second};
@@ -206,6 +207,7 @@ void bind_position(py::module_& m, const char* name) {
 }
 
 void bind_solution(py::module_& m) {
+  using locfuse::MlComparison;
   using locfuse::PositionHypothesis;
   using locfuse::RangeCulprit;
   using locfuse::SolverComparison;
@@ -234,6 +236,16 @@ void bind_solution(py::module_& m) {
       .def_readonly("dof", &SolverComparison::dof, "0 if they cannot be compared.")
       .def_readonly("limit", &SolverComparison::limit, "Largest statistic of inlier ranges.")
       .def_property_readonly("agree", &SolverComparison::agree);
+  py::class_<MlComparison>(m, "MlComparison",
+                           "How far apart the two solvers of maximum likelihood end.")
+      .def_readonly("ceres_position", &MlComparison::ceres_position,
+                    "Minimum of Ceres nearest to the best of `hypotheses`, shape (d,) [m].")
+      .def_readonly("ceres_covariance", &MlComparison::ceres_covariance,
+                    "First order, at that minimum, shape (d, d) [m^2].")
+      .def_readonly("ceres_cost", &MlComparison::ceres_cost)
+      .def_readonly("distance", &MlComparison::distance, "Between the two [m].")
+      .def_readonly("sigmas", &MlComparison::sigmas,
+                    "The same in standard deviations of the covariance of the best hypothesis.");
   py::class_<RangeCulprit>(m, "RangeCulprit", "Range whose removal improves a bad fit most.")
       .def_readonly("index", &RangeCulprit::index, "Index of the range.")
       .def_readonly("statistic", &RangeCulprit::statistic,
@@ -270,6 +282,8 @@ void bind_solution(py::module_& m) {
       .def_readonly("fit_limit", &PositionSolution::fit_limit, "Largest cost of inlier ranges.")
       .def_readonly("fit_dof", &PositionSolution::fit_dof)
       .def_readonly("comparison", &PositionSolution::comparison)
+      .def_readonly("ml_comparison", &PositionSolution::ml_comparison,
+                    "Newton against Ceres, with `ml` 'both' where each found a minimum; else None.")
       .def_readonly("culprit", &PositionSolution::culprit)
       .def_readonly("dop", &PositionSolution::dop)
       .def_readonly("iterations", &PositionSolution::iterations)
@@ -299,8 +313,11 @@ box : (low, high), optional
     Corners of a box that contains the position [m].
 weights : {'equal', 'variance'}
     SR-LS or SR-WLS.
-ml : {'ceres', 'fast'}
-    Solver of maximum likelihood.
+ml : {'newton', 'ceres', 'both'}
+    Whose minimum and covariance of maximum likelihood are returned: our Newton steps' or Ceres'.
+    'both' returns ours, and in `ml_comparison` how far from it Ceres ends.
+max_iterations : int
+    Maximum number of steps that Ceres takes.
 
 Returns
 -------
@@ -339,8 +356,8 @@ sigma : float or array, shape (m,)
     Standard deviation of the ranges [m].
 height : float, optional
     Known height of the tag [m].
-solver : {'ml', 'srls', 'srwls', 'ceres'}
-    Maximum likelihood started by SR-LS, SR-LS or SR-WLS alone, or Ceres.
+solver : {'newton', 'ceres', 'srls', 'srwls'}
+    Maximum likelihood by our Newton steps or by Ceres, both from SR-LS, or SR-LS or SR-WLS alone.
 loss, loss_scale
     As in `locate`.
 
@@ -455,13 +472,13 @@ void bind_multilateration(py::module_& m) {
   m.def("locate", &locate, py::arg("anchors"), py::arg("ranges"), py::arg("sigma") = 0.1,
         py::kw_only(), py::arg("height") = py::none(), py::arg("loss") = "none",
         py::arg("loss_scale") = py::none(), py::arg("prior") = py::none(),
-        py::arg("box") = py::none(), py::arg("weights") = "equal", py::arg("ml") = "ceres",
+        py::arg("box") = py::none(), py::arg("weights") = "equal", py::arg("ml") = "newton",
         py::arg("wrong_side_probability") = rules.wrong_side_probability,
         py::arg("false_alarm_probability") = rules.false_alarm_probability,
         py::arg("max_iterations") = locfuse::CeresOptions{}.max_iterations, kLocateDoc);
   m.def("locate_batch", &locate_batch, py::arg("anchors"), py::arg("ranges"),
         py::arg("sigma") = 0.1, py::kw_only(), py::arg("height") = py::none(),
-        py::arg("solver") = "ml", py::arg("loss") = "none", py::arg("loss_scale") = py::none(),
+        py::arg("solver") = "newton", py::arg("loss") = "none", py::arg("loss_scale") = py::none(),
         py::arg("wrong_side_probability") = rules.wrong_side_probability,
         py::arg("false_alarm_probability") = rules.false_alarm_probability, kBatchDoc);
   m.def("cramer_rao", &cramer_rao, py::arg("anchors"), py::arg("points"), py::arg("sigma") = 0.1,

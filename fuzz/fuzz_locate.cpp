@@ -40,8 +40,8 @@ void solve(const fuzz::Reader& io, const AnchorTable& table, const std::vector<d
     fuzz::require(found.has_position, "a unique solution has a position");
     fuzz::require_covariance(io, found.covariance);
   }
-  for (const RangeSolver method : {RangeSolver::kSquaredRange, RangeSolver::kWeightedSquaredRange,
-                                   RangeSolver::kMaximumLikelihood}) {
+  for (const RangeSolver method :
+       {RangeSolver::kSquaredRange, RangeSolver::kWeightedSquaredRange, RangeSolver::kNewton}) {
     std::vector<Vector<N>> position(epochs);
     std::vector<Matrix<N, N>> covariance(epochs);
     std::vector<double> cost(epochs);
@@ -55,11 +55,11 @@ void solve(const fuzz::Reader& io, const AnchorTable& table, const std::vector<d
     for (std::size_t i = 0; i < epochs; ++i) {
       if (status[i] == PositionStatus::kUnique) {
         fuzz::require(position[i].allFinite(), "a position of a batch is finite");
-        if (method == RangeSolver::kMaximumLikelihood) {
+        if (method == RangeSolver::kNewton) {
           fuzz::require_covariance(io, covariance[i]);
         }
       }
-      if (io.plausible() && method == RangeSolver::kMaximumLikelihood &&
+      if (io.plausible() && method == RangeSolver::kNewton &&
           status[i] != PositionStatus::kBadRange) {
         require_equal_to_single<N>(solver.solve(epoch_ranges(i)), status[i], position[i]);
       }
@@ -100,7 +100,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   code(io, loss, 4);
   options.loss.kind = static_cast<RangeLossKind>(loss);
   code(io, options.loss.scale, 0.0, 5.0);
-  code(io, options.use_ceres);
+  std::uint8_t ml = 0;
+  code(io, ml, 3);
+  options.ml = static_cast<RangeMl>(ml);
   bool weighted = false;
   code(io, weighted);
   options.weights = weighted ? SquaredRangeWeights::kVariance : SquaredRangeWeights::kEqual;

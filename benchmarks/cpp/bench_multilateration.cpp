@@ -137,7 +137,7 @@ void batch(benchmark::State& state, const Input<N>& in) {
   std::vector<double> cost(kTrials);
   std::vector<locfuse::PositionStatus> status(kTrials);
   for (auto _ : state) {
-    locfuse::locate_batch<N>(solver, locfuse::RangeSolver::kMaximumLikelihood, {},
+    locfuse::locate_batch<N>(solver, locfuse::RangeSolver::kNewton, {},
                              locfuse::RowsView(in.ranges.data(), kTrials, in.size),
                              {{position.data(), kTrials, N},
                               {covariance.data(), kTrials, N * N},

@@ -108,7 +108,7 @@ def refined_errors(log: Log) -> FloatArray:
     matcher = matcher_of(log)
     assert matcher is not None
     errors = []
-    for scan, true, position, covariance in _scans_and_fixes(log, "ml"):
+    for scan, true, position, covariance in _scans_and_fixes(log, "newton"):
         pose = matcher.search(scan, position, covariance).hypotheses[0].match.pose
         errors.append(float(np.hypot(pose.x - true[0], pose.y - true[1])))
     return np.array(errors)

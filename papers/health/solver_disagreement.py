@@ -70,7 +70,7 @@ def _of_drive(name: str, seed: int) -> Iterator[tuple[bool, bool, bool]]:
     drive = drive_of(run(config, log))
     for stamp, anchors, ranges in _epochs(log):
         row = int(np.searchsorted(drive.health.stamp_ns, stamp, side="right")) - 1
-        compared = locate(anchors, ranges, SIGMA_M, ml="fast").comparison
+        compared = locate(anchors, ranges, SIGMA_M).comparison
         if row >= 0 and compared is not None:
             yield (not compared.agree, drive.health.state[row] == "ok",
                    bool(drive.distance[row] > LIMIT_M))  # fmt: skip

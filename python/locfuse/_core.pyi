@@ -77,6 +77,7 @@ __all__: list[str] = [
     "Mcl",
     "MclConfig",
     "MessageLog",
+    "MlComparison",
     "Multilateration",
     "NamedSource",
     "NoiseKind",
@@ -2180,6 +2181,33 @@ class SolverComparison:
         Squared Mahalanobis norm of the difference under its predicted covariance.
         """
 
+class MlComparison:
+    """
+    How far apart the two solvers of maximum likelihood end.
+    """
+    @property
+    def ceres_cost(self) -> float: ...
+    @property
+    def ceres_covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]"]:
+        """
+        First order, at that minimum, shape (d, d) [m^2].
+        """
+    @property
+    def ceres_position(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, 1]"]:
+        """
+        Minimum of Ceres nearest to the best of `hypotheses`, shape (d,) [m].
+        """
+    @property
+    def distance(self) -> float:
+        """
+        Between the two [m].
+        """
+    @property
+    def sigmas(self) -> float:
+        """
+        The same in standard deviations of the covariance of the best hypothesis.
+        """
+
 class RangeCulprit:
     """
     Range whose removal improves a bad fit most.
@@ -2247,6 +2275,11 @@ class PositionSolution:
         """
     @property
     def iterations(self) -> int: ...
+    @property
+    def ml_comparison(self) -> MlComparison | None:
+        """
+        Newton against Ceres, with `ml` 'both' where each found a minimum; else None.
+        """
     @property
     def position(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, 1]"] | None:
         """
@@ -5943,7 +5976,7 @@ def locate(
     ]
     | None = None,
     weights: str = "equal",
-    ml: str = "ceres",
+    ml: str = "newton",
     wrong_side_probability: typing.SupportsFloat | typing.SupportsIndex = 1e-06,
     false_alarm_probability: typing.SupportsFloat | typing.SupportsIndex = 0.001,
     max_iterations: typing.SupportsInt | typing.SupportsIndex = 50,
@@ -5971,8 +6004,11 @@ def locate(
         Corners of a box that contains the position [m].
     weights : {'equal', 'variance'}
         SR-LS or SR-WLS.
-    ml : {'ceres', 'fast'}
-        Solver of maximum likelihood.
+    ml : {'newton', 'ceres', 'both'}
+        Whose minimum and covariance of maximum likelihood are returned: our Newton steps' or Ceres'.
+        'both' returns ours, and in `ml_comparison` how far from it Ceres ends.
+    max_iterations : int
+        Maximum number of steps that Ceres takes.
 
     Returns
     -------
@@ -6006,7 +6042,7 @@ def locate_batch(
     | typing.Annotated[numpy.typing.ArrayLike, numpy.float64] = 0.1,
     *,
     height: typing.SupportsFloat | typing.SupportsIndex | None = None,
-    solver: str = "ml",
+    solver: str = "newton",
     loss: str = "none",
     loss_scale: typing.SupportsFloat | typing.SupportsIndex | None = None,
     wrong_side_probability: typing.SupportsFloat | typing.SupportsIndex = 1e-06,
@@ -6025,8 +6061,8 @@ def locate_batch(
         Standard deviation of the ranges [m].
     height : float, optional
         Known height of the tag [m].
-    solver : {'ml', 'srls', 'srwls', 'ceres'}
-        Maximum likelihood started by SR-LS, SR-LS or SR-WLS alone, or Ceres.
+    solver : {'newton', 'ceres', 'srls', 'srwls'}
+        Maximum likelihood by our Newton steps or by Ceres, both from SR-LS, or SR-LS or SR-WLS alone.
     loss, loss_scale
         As in `locate`.
 

@@ -47,8 +47,8 @@ def test_without_the_ready_configurations_only_simulated_rows_are_left() -> None
 
 def test_a_solver_with_a_wrong_sigma_fails_the_consistency() -> None:
     drawn = trials(LAYOUTS["2D, 5 anchors"], 0.1, 1, 2000)
-    _, nees = rmse_over_bound(drawn, 0.1, "ml")
-    _, bold = rmse_over_bound(drawn, 0.05, "ml")
+    _, nees = rmse_over_bound(drawn, 0.1, "newton")
+    _, bold = rmse_over_bound(drawn, 0.05, "newton")
     assert abs(nees.mean() - 2.0) < 0.2
     assert bold.mean() > 6.0
 
@@ -56,7 +56,7 @@ def test_a_solver_with_a_wrong_sigma_fails_the_consistency() -> None:
 def test_noise_free_ranges_give_the_place_to_a_nanometre() -> None:
     for name, anchors in LAYOUTS.items():
         drawn = trials(anchors, 1e-12, 5, 500)
-        for solver in ("ml", "ceres", "srls", "srwls"):
+        for solver in ("newton", "ceres", "srls", "srwls"):
             found = lf.locate_batch(anchors, drawn.ranges, 0.1, solver=solver)
             error = np.linalg.norm(found.position - drawn.points, axis=1)
             assert error.max() < 1e-9, (name, solver)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "locfuse/frontends/locate.hpp"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
@@ -15,6 +16,7 @@ namespace locfuse {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 /// Constants of `locate`; docs/models/multilateration.md eq. (18) to (21).
 struct LocateTuning {
@@ -127,33 +129,13 @@ class Locator {
   }
 
  private:
-  RangeFit<N> fit(const RangeLayout<N>& layout, const RangesView& ranges, const Vector<N>& start,
-                  std::string* termination = nullptr) const {
-    PositionPrior<N> prior = prior_;
-    prior.mean += layout_.centre - layout.centre;
-    // Our solver graduates the scale of a robust loss; Ceres continues from there.
-    const bool robust = options_.loss.kind != RangeLossKind::kNone;
-    if (!options_.use_ceres) {
-      return fit_ranges<N>(layout, ranges, start, options_.loss, prior);
-    }
-    const Vector<N> near =
-        robust ? fit_ranges<N>(layout, ranges, start, options_.loss, prior).position : start;
-    RangeFit<N> by_ceres = fit_ranges_ceres<N>(layout, ranges, near, options_.loss, prior,
-                                               options_.ceres, termination);
-    // Ceres converges slowly on large residuals; Newton's last steps separate minima.
-    const RangeFit<N> finished =
-        fit_ranges<N>(layout, ranges, by_ceres.position, options_.loss, prior);
-    by_ceres.saddle = finished.saddle;
-    if (finished.converged && finished.cost <= by_ceres.cost) {
-      by_ceres.position = finished.position;
-      by_ceres.information = finished.information;
-      by_ceres.cost = finished.cost;
-    }
-    return by_ceres;
+  RangeFit<N> fit(const Vector<N>& start, std::string* termination = nullptr) const {
+    return fit_ranges_by<N>(options_.ml, layout_, ranges_, start, options_.loss, prior_,
+                            options_.ceres, termination);
   }
 
   void try_start(const Vector<N>& start) {
-    minima_.add(fit(layout_, ranges_, start), LocateTuning::kResolution * layout_.largest_sigma);
+    minima_.add(fit(start), LocateTuning::kResolution * layout_.largest_sigma);
   }
 
   void find_minima() {
@@ -269,10 +251,7 @@ class Locator {
 
   void report_best() {
     const RangeFit<N>& best = minima_.fit[0];
-    std::string termination = "converged: our own solver";
-    const RangeFit<N> again = fit(layout_, ranges_, start_of_best(), &termination);
-    solution_.iterations = again.iterations;
-    solution_.termination = termination;
+    solution_.iterations = fit(start_of_best(), &solution_.termination).iterations;
     solution_.residuals.resize(layout_.size);
     for (int i = 0; i < layout_.size; ++i) {
       solution_.residuals(i) = ranges_[i] - std::sqrt(layout_.squared_distance(best.position, i));
@@ -449,6 +428,33 @@ class Locator {
   PositionSolution solution_;
 };
 
+PositionSolution locate_by(const AnchorTable& anchors, const RangesView& ranges,
+                           const RangesView& sigma, const LocateOptions& options) {
+  if (anchors.dimensions() == 2) {
+    return Locator<2>(anchors, ranges, sigma, options).run();
+  }
+  return Locator<3>(anchors, ranges, sigma, options).run();
+}
+
+/// Compares the best of ours with the nearest of Ceres.
+std::optional<MlComparison> compare_ml(const PositionSolution& ours,
+                                       const PositionSolution& ceres) {
+  std::optional<MlComparison> nearest;
+  for (const PositionHypothesis& other : ceres.hypotheses) {
+    if (ours.hypotheses.empty()) {
+      break;
+    }
+    const PositionHypothesis& best = ours.hypotheses.front();
+    const Eigen::VectorXd apart = other.position - best.position;
+    if (!nearest || apart.norm() < nearest->distance) {
+      const double squared =
+          best.covariance.allFinite() ? apart.dot(best.covariance.llt().solve(apart)) : kNan;
+      nearest = {other.position, other.covariance, other.cost, apart.norm(), std::sqrt(squared)};
+    }
+  }
+  return nearest;
+}
+
 }  // namespace
 
 PositionSolution locate(const AnchorTable& anchors, const RangesView& ranges,
@@ -456,10 +462,13 @@ PositionSolution locate(const AnchorTable& anchors, const RangesView& ranges,
   validate(anchors, sigma);
   check_ranges(ranges, anchors.size());
   check_options(options, anchors.dimensions());
-  if (anchors.dimensions() == 2) {
-    return Locator<2>(anchors, ranges, sigma, options).run();
+  PositionSolution solution = locate_by(anchors, ranges, sigma, options);
+  if (options.ml == RangeMl::kBoth) {
+    LocateOptions by_ceres = options;
+    by_ceres.ml = RangeMl::kCeres;
+    solution.ml_comparison = compare_ml(solution, locate_by(anchors, ranges, sigma, by_ceres));
   }
-  return Locator<3>(anchors, ranges, sigma, options).run();
+  return solution;
 }
 
 }  // namespace locfuse

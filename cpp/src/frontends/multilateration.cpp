@@ -141,13 +141,14 @@ bool leaves_open(const Matrix<N, N>& information, double reach) {
 
 template <int N>
 RangeMinima<N> find_minima(const RangeLayout<N>& layout, const RangesView& ranges,
-                           const RangeLoss& loss, double strong) {
+                           const RangeLoss& loss, double strong, RangeMl ml) {
   RangeMinima<N> minima;
   const double resolution = MultilaterationTuning::kResolution * layout.largest_sigma;
   const SquaredRangePosition<N> start = solve_squared_ranges<N>(layout, ranges);
   for (int j = 0; j < start.count; ++j) {
-    minima.add(fit_ranges<N>(layout, ranges, start.position[static_cast<std::size_t>(j)], loss),
-               resolution);
+    minima.add(
+        fit_ranges_by<N>(ml, layout, ranges, start.position[static_cast<std::size_t>(j)], loss),
+        resolution);
   }
   if (start.count != 1 || minima.count == 0 ||
       (minima.fit[0].cost < strong && !minima.fit[0].saddle)) {
@@ -160,10 +161,13 @@ RangeMinima<N> find_minima(const RangeLayout<N>& layout, const RangesView& range
   if (first.saddle) {
     minima.count = 0;
     const double step = excess<N>(layout, ranges, among);
-    minima.add(fit_ranges<N>(layout, ranges, Vector<N>(among + step * off), loss), resolution);
-    minima.add(fit_ranges<N>(layout, ranges, Vector<N>(among - step * off), loss), resolution);
+    minima.add(fit_ranges_by<N>(ml, layout, ranges, Vector<N>(among + step * off), loss),
+               resolution);
+    minima.add(fit_ranges_by<N>(ml, layout, ranges, Vector<N>(among - step * off), loss),
+               resolution);
   } else {
-    minima.add(fit_ranges<N>(layout, ranges, Vector<N>(among - beside * off), loss), resolution);
+    minima.add(fit_ranges_by<N>(ml, layout, ranges, Vector<N>(among - beside * off), loss),
+               resolution);
   }
   return minima;
 }
@@ -255,7 +259,7 @@ RangePosition<N> Multilateration<N>::solve(const RangesView& ranges) const {
     received(count++) = i;
   }
   if (count == layout_.size) {
-    return solve_on(layout_, ranges, strong_below_);
+    return solve_on(layout_, ranges, strong_below_, RangeMl::kNewton);
   }
   received.conservativeResize(count);
   Ranges without_gaps(count);
@@ -267,9 +271,10 @@ RangePosition<N> Multilateration<N>::solve(const RangesView& ranges) const {
 
 template <int N>
 RangePosition<N> Multilateration<N>::solve_on(const RangeLayout<N>& layout,
-                                              const RangesView& ranges, double strong) const {
+                                              const RangesView& ranges, double strong,
+                                              RangeMl ml) const {
   RangePosition<N> result;
-  const RangeMinima<N> minima = internal::find_minima<N>(layout, ranges, config_.loss, strong);
+  const RangeMinima<N> minima = internal::find_minima<N>(layout, ranges, config_.loss, strong, ml);
   result.status = internal::judge<N>(minima, layout, ranges, side_margin_);
   if (minima.count == 0) {
     return result;
@@ -311,7 +316,7 @@ RangePosition<N> Multilateration<N>::solve_on(const RangeLayout<N>& layout,
                                                 const RangesView&, const RangeLoss&);        \
   template bool internal::leaves_open<N>(const Matrix<N, N>&, double);                       \
   template RangeMinima<N> internal::find_minima<N>(const RangeLayout<N>&, const RangesView&, \
-                                                   const RangeLoss&, double);                \
+                                                   const RangeLoss&, double, RangeMl);       \
   template PositionStatus internal::judge<N>(const RangeMinima<N>&, const RangeLayout<N>&,   \
                                              const RangesView&, double);
 LOCFUSE_INSTANTIATE(2)

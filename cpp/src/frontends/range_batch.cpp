@@ -13,9 +13,6 @@ namespace locfuse {
 
 namespace {
 
-// Increase of the cost, absolute and relative, at which a position by Ceres is still the same one.
-constexpr double kCeresCostTolerance = 1e-6;
-
 /// The ranges of one epoch that were received, and their anchors.
 struct Received {
   RangeIndices row;
@@ -83,27 +80,6 @@ RangePosition<N> by_squares(const RangeLayout<N>& layout, const RangesView& rang
 }
 
 template <int N>
-RangePosition<N> by_ceres(const Multilateration<N>& solver, const RangeLayout<N>& layout,
-                          const RangesView& ranges) {
-  RangePosition<N> result = solver.solve_over(layout, ranges);
-  const SquaredRangePosition<N> start = solve_squared_ranges<N>(layout, ranges);
-  if (start.count == 0) {
-    return result;
-  }
-  const bool robust = solver.config().loss.kind != RangeLossKind::kNone;
-  const Vector<N> near =
-      robust || start.count > 1 ? Vector<N>(result.position - layout.centre) : start.position[0];
-  const RangeFit<N> fit = fit_ranges_ceres<N>(layout, ranges, near, solver.config().loss);
-  if (fit.converged && fit.cost <= result.cost + kCeresCostTolerance * (1.0 + result.cost)) {
-    result.position = layout.centre + fit.position;
-    result.cost = fit.cost;
-  } else if (!fit.converged) {
-    result.status = PositionStatus::kNotConverged;
-  }
-  return result;
-}
-
-template <int N>
 RangePosition<N> solve_one(const Multilateration<N>& solver, RangeSolver method,
                            const RangeLayout<N>& layout, const RangesView& ranges) {
   switch (method) {
@@ -112,8 +88,8 @@ RangePosition<N> solve_one(const Multilateration<N>& solver, RangeSolver method,
     case RangeSolver::kWeightedSquaredRange:
       return by_squares<N>(layout, ranges, SquaredRangeWeights::kVariance);
     case RangeSolver::kCeres:
-      return by_ceres<N>(solver, layout, ranges);
-    case RangeSolver::kMaximumLikelihood:
+      return solver.solve_over(layout, ranges, RangeMl::kCeres);
+    case RangeSolver::kNewton:
       break;
   }
   return solver.solve_over(layout, ranges);
@@ -201,7 +177,7 @@ void solve_epoch(const Multilateration<N>& solver, RangeSolver method,
     return;
   }
   if (!anchors && received.range.size() == ranges.cols()) {
-    write<N>(method == RangeSolver::kMaximumLikelihood
+    write<N>(method == RangeSolver::kNewton
                  ? solver.solve(received.range)
                  : solve_one<N>(solver, method, solver.layout(), received.range),
              epoch, out);
@@ -228,7 +204,7 @@ Eigen::Index solve_groups(const Multilateration<N>& solver, const RowsView& rang
       if (found.solved[lane]) {
         write<N>(solver, found, lane, each, out);
       } else {
-        solve_epoch<N>(solver, RangeSolver::kMaximumLikelihood, {}, ranges, each, out);
+        solve_epoch<N>(solver, RangeSolver::kNewton, {}, ranges, each, out);
       }
     }
   }
@@ -266,7 +242,7 @@ void locate_batch(const Multilateration<N>& solver, RangeSolver method,
                   const std::optional<RowsView>& anchors, const RowsView& ranges,
                   PositionRows<N> out) {
   check_shapes<N>(solver, anchors, ranges, out);
-  const bool by_groups = !anchors && method == RangeSolver::kMaximumLikelihood &&
+  const bool by_groups = !anchors && method == RangeSolver::kNewton &&
                          solver.config().loss.kind == RangeLossKind::kNone &&
                          solver.strong_below() > 0.0;
   Eigen::Index epoch = by_groups ? solve_groups<N>(solver, ranges, out) : 0;

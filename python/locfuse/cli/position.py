@@ -15,6 +15,7 @@ from rich.table import Table
 from locfuse.cli.terminal import console
 from locfuse.run.position import (
     LOSSES,
+    MLS,
     SOLVERS,
     Fix,
     in_one_plane,
@@ -40,6 +41,9 @@ def position(
         float, typer.Option(help="Sigma of a range in metres, where the file has none.")
     ] = 0.1,
     loss: Annotated[str, typer.Option(help=f"One of: {', '.join(LOSSES)}.")] = "none",
+    ml: Annotated[
+        str, typer.Option(help=f"Maximum likelihood of --solver both: {', '.join(MLS)}.")
+    ] = "newton",
     epoch: Annotated[
         float, typer.Option(help="Maximum duration of an epoch in seconds.", min=0.0)
     ] = 0.0,
@@ -47,11 +51,15 @@ def position(
 ) -> None:
     """Locate tags from ranges alone, each epoch by itself."""
     epochs = read_epochs(anchors, ranges, sigma, epoch)
-    fixes = positions(epochs, height=height, solver=solver, loss=loss)
+    fixes = positions(epochs, height=height, solver=solver, loss=loss, ml=ml)
     console.print(_fixes_table(fixes))
     counts = Counter(fix.status for fix in fixes)
     console.print(", ".join(f"{status} {count}" for status, count in counts.items()) or "no range",
                   highlight=False)  # fmt: skip
+    apart = [(fix.ml_distance, fix.ml_sigmas) for fix in fixes if fix.ml_distance >= 0.0]
+    if apart:
+        console.print("Newton and Ceres end up to {:.2g} m apart, {:.2g} sigma".format(*max(apart)),
+                      highlight=False)  # fmt: skip
     if height is None and in_one_plane(epochs):
         console.print("all anchors lie in one plane, and a position fits on either side of it: "
                       "use --height to select one", soft_wrap=True)  # fmt: skip

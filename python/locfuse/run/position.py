@@ -23,7 +23,8 @@ from locfuse.types import (
     nearest,
 )
 
-SOLVERS = ("both", "ml", "ceres", "srls", "srwls")
+SOLVERS = ("both", "newton", "ceres", "srls", "srwls")
+MLS = ("newton", "ceres", "both")
 LOSSES = ("none", "huber", "cauchy", "one_sided")
 AXES = ("x", "y", "z")
 
@@ -66,6 +67,9 @@ class Fix:
         Whether SR-LS and maximum likelihood agree; None where only one was asked.
     difference : float
         Between the two, in its own standard deviations; NaN where only one was asked.
+    ml_distance, ml_sigmas : float
+        Between the minima of Newton and of Ceres, metres and standard deviations; NaN where only
+        one was asked.
     residual : float64 array, shape (k, m)
         Range minus distance at each position, metres; NaN where an anchor has no range.
     culprit : str
@@ -89,6 +93,8 @@ class Fix:
     culprit: str
     culprit_test: float
     explained: bool | None = None
+    ml_distance: float = float("nan")
+    ml_sigmas: float = float("nan")
 
     @property
     def residual_rms(self) -> float:
@@ -157,8 +163,9 @@ def read_epochs(
 
 
 def positions(
-    epochs: Epochs, *, height: float | None = None, solver: str = "both", loss: str = "none"
-) -> list[Fix]:
+    epochs: Epochs, *, height: float | None = None, solver: str = "both", loss: str = "none",
+    ml: str = "newton",
+) -> list[Fix]:  # fmt: skip
     """Return where the tag was at each epoch.
 
     Parameters
@@ -168,35 +175,42 @@ def positions(
         Of the tag, metres: positions in the plane. Without it they are in space.
     solver : str
         ``both`` runs SR-LS and maximum likelihood, compares them and looks for every other position
-        that fits; ``ml``, ``ceres``, ``srls`` and ``srwls`` give the position of that one alone.
+        that fits; ``newton``, ``ceres``, ``srls`` and ``srwls`` give the position of that alone.
     loss : str
         Of maximum likelihood: ``none``, ``huber``, ``cauchy`` or ``one_sided``.
+    ml : str
+        Whose maximum likelihood is returned where `solver` is ``both``: ``newton`` or ``ceres``;
+        ``both`` returns that of ``newton``, and how far from it Ceres ends.
 
     Raises
     ------
     ConfigError
-        If there is no such solver or loss, or the height is not a finite number.
+        If there is no such solver, loss or `ml`, or the height is not a finite number.
     """
-    for key, value, known in (("solver", solver, SOLVERS), ("loss", loss, LOSSES)):
+    for key, value, known in (("solver", solver, SOLVERS), ("loss", loss, LOSSES), ("ml", ml, MLS)):
         if value not in known:
             raise ConfigError(f"{key} is {value!r}; {nearest(value, known)}")
     if height is not None and not np.isfinite(height):
         raise ConfigError(f"height is {height}, expected a finite number")
+    if solver != "both" and ml != "newton":
+        raise ConfigError(f"ml is {ml!r}, which solver {solver} alone does not use; leave it out")
     if solver != "both" and len(epochs) > 0:
         return _alone(epochs, height, solver, loss)
-    return [_compared(epochs, row, height, loss) for row in range(len(epochs))]
+    return [_compared(epochs, row, height, loss, ml) for row in range(len(epochs))]
 
 
-def _compared(epochs: Epochs, row: int, height: float | None, loss: str) -> Fix:
+def _compared(epochs: Epochs, row: int, height: float | None, loss: str, ml: str) -> Fix:
     """Return the position of an epoch by both solvers."""
     measured = np.flatnonzero(~np.isnan(epochs.ranges[row]))
     anchors, ranges = epochs.anchors[measured], epochs.ranges[row, measured]
-    solution = _core.locate(anchors, ranges, epochs.sigma[row, measured], height=height, loss=loss)
+    solution = _core.locate(anchors, ranges, epochs.sigma[row, measured], height=height, loss=loss,
+                            ml=ml)  # fmt: skip
     d = 3 if height is None else 2
     position = np.array([h.position for h in solution.hypotheses]).reshape(-1, d)
     culprit, compared = solution.culprit, solution.comparison
     if compared is not None and compared.dof == 0:
         compared = None
+    apart = solution.ml_comparison
     return Fix(
         stamp_ns=int(epochs.stamp_ns[row]),
         tag=str(epochs.tag[row]),
@@ -211,6 +225,8 @@ def _compared(epochs: Epochs, row: int, height: float | None, loss: str) -> Fix:
         culprit="" if culprit is None else epochs.names[measured[culprit.index]],
         culprit_test=float("nan") if culprit is None else culprit.statistic,
         explained=None if culprit is None else culprit.explains,
+        ml_distance=float("nan") if apart is None else apart.distance,
+        ml_sigmas=float("nan") if apart is None else apart.sigmas,
     )
 
 
@@ -272,7 +288,8 @@ def write_fixes(fixes: Sequence[Fix], names: Sequence[str], path: str | Path) ->
     d = max((fix.position.shape[1] for fix in fixes), default=2)
     covariances = [(i, j) for i in range(d) for j in range(i, d)]
     header = ["stamp_s", "tag", "status", "reason", "agree", "difference", "culprit",
-              "culprit_test", "explained", "hypothesis", "hypotheses", "cost", "residual_rms_m",
+              "culprit_test", "explained", "ml_distance_m", "ml_sigmas", "hypothesis",
+              "hypotheses", "cost", "residual_rms_m",
               *(f"{axis}_m" for axis in AXES[:d]),
               *(f"cov_{AXES[i]}_{AXES[j]}" for i, j in covariances),
               *(f"residual_{name}_m" for name in names)]  # fmt: skip
@@ -289,7 +306,7 @@ def _rows(
     when = stamp_texts(np.array([fix.stamp_ns], dtype=np.int64))
     difference, test = _texts(fix.difference, fix.culprit_test)
     shared = [*when, fix.tag, fix.status, reason, words[fix.agree], difference, fix.culprit, test]
-    shared.append(words[fix.explained])
+    shared += [words[fix.explained], *_texts(fix.ml_distance, fix.ml_sigmas)]
     count = len(fix.position)
     if count == 0:
         blank = 2 + d + len(covariances) + anchors

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -26,9 +28,9 @@ Anchors line_of_anchors() { return {{0.0, 0.0, 5.0, 0.0, 10.0, 0.0}, 2, {}}; }
 TEST(Locate, both_solvers_agree_on_good_ranges) {
   const Anchors anchors = testing::room();
   const Eigen::Vector2d truth(3.0, 4.0);
-  for (const bool use_ceres : {true, false}) {
+  for (const RangeMl ml : {RangeMl::kNewton, RangeMl::kCeres, RangeMl::kBoth}) {
     LocateOptions options;
-    options.use_ceres = use_ceres;
+    options.ml = ml;
     const PositionSolution found = locate_from(anchors, anchors.ranges_from(truth), options);
     ASSERT_EQ(found.status, PositionStatus::kUnique);
     EXPECT_TRUE(found.reason.empty());
@@ -41,6 +43,90 @@ TEST(Locate, both_solvers_agree_on_good_ranges) {
     EXPECT_LT(found.residuals.cwiseAbs().maxCoeff(), 1e-9);
     EXPECT_NEAR(found.dop->position, std::sqrt(found.hypotheses[0].covariance.trace()) / 0.1, 1e-9);
   }
+}
+
+/// Position and covariance of `fit`, from the origin of the layout.
+template <class Fit>
+void expect_is(const PositionHypothesis& found, const RangeLayout<2>& layout, const Fit& fit) {
+  EXPECT_EQ(found.position, layout.centre + fit.position);
+  EXPECT_EQ(found.cost, fit.cost);
+  expect_near(found.covariance, Matrix<2, 2>(fit.information.inverse()), 1e-9);
+}
+
+TEST(Locate, returns_minimum_and_covariance_of_the_solver_that_is_named) {
+  Rng rng(12);
+  const Anchors anchors = testing::room();
+  const std::vector<double> sigma = anchors.sigmas(0.3);
+  const RangeLayout<2> layout(anchors.table(), view(sigma));
+  int differing = 0;
+  for (int trial = 0; trial < 50; ++trial) {
+    std::vector<double> ranges = anchors.ranges_from(testing::random_point(rng, 2));
+    testing::add_noise(rng, 0.3, ranges);
+    const Vector<2> start = solve_squared_ranges<2>(layout, view(ranges)).position[0];
+    const RangeFit<2> ours = fit_ranges<2>(layout, view(ranges), start);
+    const RangeFit<2> ceres = fit_ranges_ceres<2>(layout, view(ranges), start);
+    LocateOptions options;
+    expect_is(locate_from(anchors, ranges, options, 0.3).hypotheses.at(0), layout, ours);
+    options.ml = RangeMl::kCeres;
+    expect_is(locate_from(anchors, ranges, options, 0.3).hypotheses.at(0), layout, ceres);
+    options.ml = RangeMl::kBoth;
+    const PositionSolution both = locate_from(anchors, ranges, options, 0.3);
+    expect_is(both.hypotheses.at(0), layout, ours);
+    ASSERT_TRUE(both.ml_comparison);
+    EXPECT_EQ(both.ml_comparison->ceres_position, layout.centre + ceres.position);
+    EXPECT_EQ(both.ml_comparison->ceres_cost, ceres.cost);
+    const Vector<2> apart = ceres.position - ours.position;
+    EXPECT_NEAR(both.ml_comparison->distance, apart.norm(), 1e-14);
+    EXPECT_NEAR(both.ml_comparison->sigmas, std::sqrt(apart.dot(ours.information * apart)), 1e-9);
+    EXPECT_LT(both.ml_comparison->sigmas, 1e-3);
+    differing += apart.isZero(0.0) ? 0 : 1;
+  }
+  EXPECT_GT(differing, 40);  // else nothing was told apart
+}
+
+TEST(Locate, a_ceres_that_is_stopped_early_says_so_and_ours_does_not_finish_it) {
+  const Anchors anchors = testing::room();
+  std::vector<double> ranges = anchors.ranges_from(Eigen::Vector2d(3.0, 4.0));
+  ranges[0] += 2.0;
+  LocateOptions options;
+  options.ml = RangeMl::kCeres;
+  options.ceres.max_iterations = 1;
+  const PositionSolution found = locate_from(anchors, ranges, options, 1.0);
+  EXPECT_EQ(found.status, PositionStatus::kNotConverged);
+  EXPECT_NE(found.reason.find("Maximum number of iterations"), std::string::npos) << found.reason;
+  options.ml = RangeMl::kBoth;
+  const PositionSolution both = locate_from(anchors, ranges, options, 1.0);
+  EXPECT_EQ(both.status, PositionStatus::kUnique);
+  EXPECT_EQ(both.ml_comparison->ceres_position, found.hypotheses.at(0).position);
+  EXPECT_GT(both.ml_comparison->distance, 1e-4);
+}
+
+// In a flat valley Ceres takes all its steps.
+TEST(Locate, both_solvers_say_the_same_over_layouts_and_noise) {
+  Rng rng(13);
+  int stopped = 0;
+  for (int trial = 0; trial < 600; ++trial) {
+    const int columns = 2 + trial % 2;
+    const Anchors anchors = testing::random_anchors(rng, columns + 1 + trial % 4, columns);
+    const double sigma = trial % 3 == 0 ? 1.0 : 0.1;
+    std::vector<double> ranges = anchors.ranges_from(testing::random_point(rng, columns));
+    testing::add_noise(rng, sigma, ranges);
+    if (!std::all_of(ranges.begin(), ranges.end(), [](double range) { return range > 0.0; })) {
+      continue;
+    }
+    LocateOptions options;
+    const PositionSolution ours = locate_from(anchors, ranges, options, sigma);
+    options.ml = RangeMl::kCeres;
+    const PositionSolution ceres = locate_from(anchors, ranges, options, sigma);
+    EXPECT_NE(ours.status, PositionStatus::kNotConverged) << trial;
+    if (ceres.status == PositionStatus::kNotConverged) {
+      ++stopped;
+      continue;
+    }
+    EXPECT_EQ(ours.status, ceres.status) << trial << ours.reason << " / " << ceres.reason;
+    EXPECT_EQ(ours.hypotheses.size(), ceres.hypotheses.size()) << trial;
+  }
+  EXPECT_LE(stopped, 3);
 }
 
 // With an infinite weight the cost of a position was NaN.
@@ -89,9 +175,9 @@ TEST(Locate, a_prior_beyond_double_precision_leaves_a_direction_open) {
   const Anchors anchors = testing::room();
   const std::vector<double> ranges = anchors.ranges_from(Eigen::Vector2d(3.0, 4.0));
   for (const double tight : {1e-3, 1e-6, 1e-9, 1e-12}) {
-    for (const bool use_ceres : {false, true}) {
+    for (const RangeMl ml : {RangeMl::kNewton, RangeMl::kCeres}) {
       LocateOptions options;
-      options.use_ceres = use_ceres;
+      options.ml = ml;
       options.prior = {Eigen::Vector2d(3.0, 4.0), Eigen::Vector2d(2.0, tight)};
       const PositionSolution found = locate_from(anchors, ranges, options);
       const bool has_digits = tight > 1e-8;
@@ -186,7 +272,6 @@ TEST(Locate, names_the_biased_range_and_alarms_at_the_stated_rate) {
   Rng rng(8);
   const Anchors anchors = {{0, 0, 10, 0, 10, 10, 0, 10, 5, 0, 5, 10}, 2, {}};
   LocateOptions options;
-  options.use_ceres = false;
   options.rules.false_alarm_probability = 0.01;
   int named = 0;
   int alarms = 0;

@@ -37,7 +37,7 @@ struct FourTimes {
     for (int k = 0; k < 4; ++k) {
       ranges.insert(ranges.end(), epoch.begin(), epoch.end());
     }
-    locate_batch<N>(solver, RangeSolver::kMaximumLikelihood, {},
+    locate_batch<N>(solver, RangeSolver::kNewton, {},
                     RowsView(ranges.data(), 4, solver.layout().size),
                     {{position.data(), 4, N},
                      {covariance.data(), 4, N * N},
@@ -136,7 +136,7 @@ Located located(const Multilateration<2>& solver, const std::vector<double>& ran
   Located all{std::vector<double>(2 * epochs), std::vector<double>(4 * epochs),
               std::vector<double>(epochs), std::vector<PositionStatus>(epochs)};
   const auto rows = static_cast<Eigen::Index>(epochs);
-  locate_batch<2>(solver, RangeSolver::kMaximumLikelihood, {},
+  locate_batch<2>(solver, RangeSolver::kNewton, {},
                   RowsView(ranges.data(), rows, solver.layout().size),
                   {{all.position.data(), rows, 2},
                    {all.covariance.data(), rows, 4},
@@ -179,7 +179,7 @@ TEST(LocateBatch, marks_an_epoch_with_a_bad_range) {
   double covariance[4];
   double cost = 0.0;
   PositionStatus status = PositionStatus::kUnique;
-  locate_batch<2>(solver, RangeSolver::kMaximumLikelihood, {}, RowsView(ranges.data(), 1, 5),
+  locate_batch<2>(solver, RangeSolver::kNewton, {}, RowsView(ranges.data(), 1, 5),
                   {{position, 1, 2}, {covariance, 1, 4}, {&cost, 1}, {&status, 1}});
   EXPECT_EQ(status, PositionStatus::kBadRange);
   EXPECT_TRUE(std::isnan(position[0]) && std::isnan(cost));

@@ -28,7 +28,7 @@ def noisy(anchors: np.ndarray, sigma: float, seed: int, n: int) -> tuple[np.ndar
 
 
 @pytest.mark.parametrize("anchors", [ROOM, CUBE], ids=["2d", "3d"])
-@pytest.mark.parametrize("solver", ["ml", "ceres"])
+@pytest.mark.parametrize("solver", ["newton", "ceres"])
 def test_maximum_likelihood_equals_scipy(anchors: np.ndarray, solver: str) -> None:
     points, ranges = noisy(anchors, 0.1, 1, 20)
     batch = lf.locate_batch(anchors, ranges, 0.1, solver=solver)
@@ -39,6 +39,41 @@ def test_maximum_likelihood_equals_scipy(anchors: np.ndarray, solver: str) -> No
 
         peer = least_squares(residuals, point, xtol=1e-12, ftol=1e-12)
         np.testing.assert_allclose(position, peer.x, atol=1e-6)
+
+
+@pytest.mark.parametrize("loss", ["none", "huber", "one_sided"])
+def test_a_batch_by_ceres_has_its_minimum_and_covariance(loss: str) -> None:
+    _, ranges = noisy(ROOM, 0.3, 4, 50)
+    batch = lf.locate_batch(ROOM, ranges, 0.3, solver="ceres", loss=loss)
+    ours = lf.locate_batch(ROOM, ranges, 0.3, solver="newton", loss=loss)
+    for k, row in enumerate(ranges):
+        best = lf.locate(ROOM, row, 0.3, ml="ceres", loss=loss).hypotheses[0]
+        np.testing.assert_array_equal(batch.position[k], best.position)
+        if batch.status[k] == UNIQUE:
+            np.testing.assert_allclose(batch.covariance[k], best.covariance, rtol=1e-9, atol=1e-15)
+    assert np.all(batch.status == ours.status)
+    unique = batch.status == UNIQUE
+    assert np.mean(unique) > 0.8
+    assert np.mean(batch.covariance[unique] != ours.covariance[unique]) > 0.5
+    np.testing.assert_allclose(batch.position, ours.position, atol=1e-4)
+
+
+def test_both_returns_ours_and_says_how_far_ceres_ends() -> None:
+    _, ranges = noisy(ROOM, 0.3, 5, 1)
+    both, ours, ceres = (
+        lf.locate(ROOM, ranges[0], 0.3, ml=ml) for ml in ("both", "newton", "ceres")
+    )
+    mine, theirs, compared = ours.hypotheses[0], ceres.hypotheses[0], both.ml_comparison
+    for same in (lf.locate(ROOM, ranges[0], 0.3), both):
+        np.testing.assert_array_equal(same.hypotheses[0].position, mine.position)
+        np.testing.assert_array_equal(same.hypotheses[0].covariance, mine.covariance)
+    assert compared is not None
+    np.testing.assert_array_equal(compared.ceres_position, theirs.position)
+    np.testing.assert_array_equal(compared.ceres_covariance, theirs.covariance)
+    assert compared.distance == pytest.approx(np.linalg.norm(mine.position - theirs.position))
+    assert 0.0 < compared.sigmas < 1e-3
+    assert ours.ml_comparison is None
+    assert ceres.ml_comparison is None
 
 
 @pytest.mark.parametrize("solver", ["srls", "srwls"])

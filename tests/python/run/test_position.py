@@ -192,13 +192,14 @@ NOTHING = {
 
 
 def test_every_position_that_fits_has_a_row(tmp_path: Path) -> None:
-    write_fixes([fix(), fix(**NOTHING)], ["A", "B", "C"], tmp_path / "out.csv")
+    write_fixes([fix(ml_distance=0.25), fix(**NOTHING)], ["A", "B", "C"], tmp_path / "out.csv")
 
     first, second, third = rows_of(tmp_path / "out.csv")
     assert first == {
         "stamp_s": "1.500000000", "tag": "t", "status": "ambiguous",
         "reason": "two; or 'more'; fit", "agree": "yes", "difference": "0.5", "culprit": "",
-        "culprit_test": "", "explained": "", "hypothesis": "1", "hypotheses": "2", "cost": "1.25",
+        "culprit_test": "", "explained": "", "ml_distance_m": "0.25", "ml_sigmas": "",
+        "hypothesis": "1", "hypotheses": "2", "cost": "1.25",
         "residual_rms_m": repr(float(np.sqrt(0.125))), "x_m": "1.0", "y_m": "2.0",
         "cov_x_x": "0.01", "cov_x_y": "0.002", "cov_y_y": "0.04",
         "residual_A_m": "0.3", "residual_B_m": "", "residual_C_m": "-0.4",
@@ -221,11 +222,41 @@ def test_a_fix_without_a_position_has_no_error_and_no_residual() -> None:
 # Positions -----------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("ml", ["newton", "ceres", "both"])
+def test_ml_names_whose_minimum_is_returned(ml: str, tmp_path: Path) -> None:
+    ranges = MEASURED.replace("A,5", "A,5.3").replace("C,4", "C,3.8")
+    epochs = read_epochs(*files(tmp_path, ranges), sigma_m=0.3)
+    (one,) = positions(epochs, height=1.0, ml=ml)
+    alone = {name: positions(epochs, height=1.0, solver=name)[0] for name in ("newton", "ceres")}
+    mine, other = (alone["ceres"], alone["newton"]) if ml == "ceres" else alone.values()
+    np.testing.assert_allclose(one.position, mine.position, rtol=0.0, atol=1e-13)
+    np.testing.assert_allclose(one.covariance, mine.covariance, rtol=1e-12)
+    apart = float(np.linalg.norm(mine.position - other.position))
+    assert 1e-11 < apart < 1e-4  # else the two could not be told apart
+    if ml == "both":
+        assert one.ml_distance == pytest.approx(apart, rel=1e-3)
+        at = mine.position[0] - other.position[0]
+        sigmas = np.sqrt(at @ np.linalg.solve(mine.covariance[0], at))
+        assert one.ml_sigmas == pytest.approx(sigmas, rel=1e-3)
+    else:
+        assert math.isnan(one.ml_distance)
+        assert math.isnan(one.ml_sigmas)
+
+
+def test_the_command_says_how_far_newton_and_ceres_are_apart(tmp_path: Path) -> None:
+    ranges = MEASURED.replace("A,5", "A,5.3")
+    said = said_of(tmp_path, ranges, "--height", 1, "--ml", "both", "--out", tmp_path / "out.csv")
+    (row,) = rows_of(tmp_path / "out.csv")
+    apart, sigmas = float(row["ml_distance_m"]), float(row["ml_sigmas"])
+    assert f"Newton and Ceres end up to {apart:.2g} m apart, {sigmas:.2g} sigma" in said.out
+    assert "Ceres" not in said_of(tmp_path, ranges, "--height", 1).out
+
+
 def located(tmp_path: Path, ranges: str, anchors: str = PLANE, **options: Any) -> list[Fix]:
     return positions(read_epochs(*files(tmp_path, ranges, anchors)), **options)
 
 
-@pytest.mark.parametrize("solver", ["both", "ml", "ceres", "srls", "srwls"])
+@pytest.mark.parametrize("solver", ["both", "newton", "ceres", "srls", "srwls"])
 def test_exact_ranges_give_the_position_in_the_plane(solver: str, tmp_path: Path) -> None:
     (one,) = located(tmp_path, MEASURED, height=1.0, solver=solver)
 
@@ -236,7 +267,7 @@ def test_exact_ranges_give_the_position_in_the_plane(solver: str, tmp_path: Path
     assert (one.agree, one.culprit) == (True if solver == "both" else None, "")
 
 
-@pytest.mark.parametrize("solver", ["both", "ml", "ceres", "srls", "srwls"])
+@pytest.mark.parametrize("solver", ["both", "newton", "ceres", "srls", "srwls"])
 def test_exact_ranges_give_the_position_in_space(solver: str, tmp_path: Path) -> None:
     (one,) = located(tmp_path, MEASURED_IN_SPACE, SPACE, solver=solver)
 
@@ -367,7 +398,9 @@ def test_a_long_table_says_that_it_is_cut(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "expected"),
     [
-        (["--solver", "gps"], "solver is 'gps'; expected both, ml"),
+        (["--solver", "gps"], "solver is 'gps'; expected both, newton"),
+        (["--ml", "seres"], "ml is 'seres'; did you mean 'ceres'"),
+        (["--ml", "ceres", "--solver", "srls"], "ml is 'ceres', which solver srls alone"),
         (["--loss", "cauchi"], "did you mean 'cauchy'"),
         (["--sigma", "0"], "sigma is 0.0, expected > 0"),
         (["--height", "nan"], "height is nan"),
@@ -400,7 +433,7 @@ def errors_of(dataset: str, folder: str, height: float, out: Path, loss: str) ->
             for name, (x, y, _) in log.tags.items()
         }
         epochs = read_epochs(path / "anchors.csv", path / "ranges.csv")
-        fixes = positions(epochs, height=height, solver="ml", loss=loss)
+        fixes = positions(epochs, height=height, solver="newton", loss=loss)
         errors += [np.hypot(*(f.position[0] - tag[f.tag])) for f in fixes if len(f.position)]
     return np.array(errors)
 

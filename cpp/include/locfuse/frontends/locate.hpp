@@ -27,7 +27,7 @@ struct LocateOptions {
   RangeLoss loss;
   PositionRules rules;
   SquaredRangeWeights weights = SquaredRangeWeights::kEqual;  ///< of SR-LS
-  bool use_ceres = true;  ///< maximum likelihood by Ceres and fit_ranges; else by fit_ranges alone
+  RangeMl ml = RangeMl::kNewton;
   CeresOptions ceres;
   std::optional<AxisPrior> prior;
   std::optional<PositionBox> box;
@@ -53,6 +53,15 @@ struct SolverComparison {
   [[nodiscard]] bool agree() const { return dof == 0 || statistic <= limit; }
 };
 
+/// How far apart the two solvers of maximum likelihood end: `RangeMl::kBoth`.
+struct MlComparison {
+  Eigen::VectorXd ceres_position;    ///< minimum of Ceres that is nearest to our best [m]
+  Eigen::MatrixXd ceres_covariance;  ///< first order, at that minimum [m^2]
+  double ceres_cost = 0.0;           ///< eq. (14)
+  double distance = 0.0;             ///< between that and our best minimum [m]
+  double sigmas = 0.0;  ///< the same in standard deviations of our covariance; NaN if that is open
+};
+
 /// Range whose removal improves a bad fit most: eq. (21).
 struct RangeCulprit {
   int index = -1;           ///< index of the range
@@ -70,6 +79,7 @@ struct PositionSolution {
   int fit_dof = 0;            ///< ranges and priors beyond the unknowns of a position
   bool fit_tested = false;    ///< the cost is a chi-square variable: no loss
   std::optional<SolverComparison> comparison;
+  std::optional<MlComparison> ml_comparison;  ///< with kBoth, if both solvers found a minimum
   std::optional<RangeCulprit> culprit;
   std::optional<Dilution> dop;
   int iterations = 0;
@@ -84,9 +94,8 @@ struct PositionSolution {
 /// Position from the ranges of one epoch, one per anchor: SR-LS and maximum likelihood side by
 /// side, and every position that fits; docs/models/multilateration.md.
 ///
-/// Our Newton's method decides: it brings a robust loss near the minimum, Ceres goes on from there,
-/// and Newton's last steps from Ceres' answer replace that answer unless they do not converge or
-/// cost more.
+/// Positions, costs and covariances are those of the solver that `LocateOptions::ml` names. The
+/// leave-one-out search for a culprit is always by `fit_ranges`.
 ///
 /// Throws std::invalid_argument if `validate` does, on a number of ranges other than that of the
 /// anchors, ranges outside 1e-12 to 1e12 m, priors or boxes of other dimensions, and options out of

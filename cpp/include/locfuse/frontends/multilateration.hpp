@@ -61,7 +61,8 @@ template <int N>
 /// Minima from SR-LS, its second solution, and the mirror image where `strong` does not exclude it.
 template <int N>
 [[nodiscard]] RangeMinima<N> find_minima(const RangeLayout<N>& layout, const RangesView& ranges,
-                                         const RangeLoss& loss, double strong);
+                                         const RangeLoss& loss, double strong,
+                                         RangeMl ml = RangeMl::kNewton);
 
 /// Status of the best minimum, without a test of fit or of first order.
 template <int N>
@@ -105,9 +106,9 @@ class Multilateration {
   [[nodiscard]] RangePosition<N> solve(const RangesView& ranges) const;
 
   /// Position over other anchors by the same rules; every range is a positive number.
-  [[nodiscard]] RangePosition<N> solve_over(const RangeLayout<N>& layout,
-                                            const RangesView& ranges) const {
-    return solve_on(layout, ranges, internal::strong_below<N>(layout, side_margin_));
+  [[nodiscard]] RangePosition<N> solve_over(const RangeLayout<N>& layout, const RangesView& ranges,
+                                            RangeMl ml = RangeMl::kNewton) const {
+    return solve_on(layout, ranges, internal::strong_below<N>(layout, side_margin_), ml);
   }
 
   /// View of the anchors, as they were given.
@@ -126,7 +127,7 @@ class Multilateration {
 
  private:
   [[nodiscard]] RangePosition<N> solve_on(const RangeLayout<N>& layout, const RangesView& ranges,
-                                          double strong) const;
+                                          double strong, RangeMl ml) const;
 
   Config config_;
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, kMaxRanges, 3> rows_;

@@ -10,10 +10,10 @@ namespace locfuse {
 
 /// Solver of a batch.
 enum class RangeSolver {
-  kMaximumLikelihood,     ///< SR-LS, then fit_ranges: the fast path
+  kNewton,                ///< maximum likelihood by fit_ranges, from SR-LS: the fast path
   kSquaredRange,          ///< SR-LS alone
   kWeightedSquaredRange,  ///< SR-WLS alone
-  kCeres,                 ///< SR-LS, then Ceres
+  kCeres,                 ///< maximum likelihood by Ceres, from SR-LS
 };
 
 /// Views of the caller's arrays for positions, one row per epoch. An epoch without a position has

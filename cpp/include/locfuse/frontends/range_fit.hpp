@@ -72,6 +72,23 @@ template <int N>
                                            const CeresOptions& options = {},
                                            std::string* termination = nullptr);
 
+/// Solver of maximum likelihood.
+enum class RangeMl {
+  kNewton,  ///< `fit_ranges`: position and covariance are ours
+  kCeres,   ///< `fit_ranges_ceres`: position and covariance are those of Ceres
+  kBoth,    ///< as kNewton; `locate` also says how far from it Ceres ends
+};
+
+/// One of the two fits. Ceres starts where `fit_ranges` ends under a robust loss, which that
+/// reaches by graduated scales, else at `start`; `saddle` is always found by `fit_ranges`.
+template <int N>
+[[nodiscard]] RangeFit<N> fit_ranges_by(RangeMl ml, const RangeLayout<N>& layout,
+                                        const RangesView& ranges, const Vector<N>& start,
+                                        const RangeLoss& loss = {},
+                                        const PositionPrior<N>& prior = {},
+                                        const CeresOptions& options = {},
+                                        std::string* termination = nullptr);
+
 /// Gain d x / d r of the fit, one column per range: eq. (17). False if a direction is open.
 template <int N>
 [[nodiscard]] bool range_fit_gain(const RangeLayout<N>& layout, const RangeFit<N>& fit,
